@@ -1,0 +1,36 @@
+//! isoflop: scaling-law experiments for autoregressive motion generation.
+//!
+//! Data flows one way, and the modules stand in that order:
+//!
+//! `Sweep → RunSpec → RunRecord → IsoFlopPoint → Minimum → Law → Prediction`
+//!
+//! | module | what it turns into what |
+//! | --- | --- |
+//! | [`sweep`] | a YAML file into a checked [`sweep::Sweep`] |
+//! | [`plan`] | a sweep into priced runs, and cells dropped with their reasons |
+//! | [`motion`] | joints into features and back; the procedural source |
+//! | [`data`] | a folder or the generator into clips with captions |
+//! | [`text`] | captions into frozen embeddings |
+//! | [`tokenizer`] | clips into discrete codes |
+//! | [`ops`], [`model`], [`train`] | codes and text into a trained model and its loss |
+//! | [`schedule`] | a plan into finished jobs, one process a run |
+//! | [`record`] | a finished run into a row of a table |
+//! | [`laws`] | rows into minima, power laws and loss laws |
+//! | [`predict`] | laws and a budget into a configuration |
+//! | [`figures`], [`export`] | tables and laws into SVG, PNG and notebooks |
+
+pub mod data;
+pub mod export;
+pub mod figures;
+pub mod laws;
+pub mod model;
+pub mod motion;
+pub mod ops;
+pub mod plan;
+pub mod predict;
+pub mod record;
+pub mod schedule;
+pub mod sweep;
+pub mod text;
+pub mod tokenizer;
+pub mod train;
