@@ -1,0 +1,149 @@
+//! [`ResultsFolder`]: where everything of a sweep lies, and what state each job is in.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::run_record::RunRecord;
+use crate::tokenizer::TokenizerMetrics;
+
+/// Why a run has no record.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Failure {
+    /// One sentence.
+    pub reason: String,
+    /// The last lines that the worker wrote.
+    pub last_lines: Vec<String>,
+}
+
+/// How far a job is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JobState {
+    /// Its record is there.
+    Done,
+    /// It ended with a failure, and is tried again only when asked for.
+    Failed,
+    /// It left a checkpoint to go on from.
+    Started,
+    /// Nothing is there.
+    Missing,
+}
+
+/// The folder of one sweep: `results/<name>`.
+#[derive(Clone, Debug)]
+pub struct ResultsFolder {
+    root: PathBuf,
+}
+
+impl ResultsFolder {
+    /// The folder at `root`, which need not exist.
+    pub fn new(root: impl Into<PathBuf>) -> Self {
+        Self { root: root.into() }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The sweep's name: that of the folder.
+    pub fn name(&self) -> String {
+        let full = fs::canonicalize(&self.root).unwrap_or_else(|_| self.root.clone());
+        full.file_name().map_or_else(|| "sweep".into(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// `name` in the folder: `laws.json`, `runs.parquet`, `figures`.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.root.join(name)
+    }
+
+    /// The folder of a run.
+    pub fn run(&self, run_id: &str) -> PathBuf {
+        self.root.join("runs").join(run_id)
+    }
+
+    /// The folder of a tokenizer.
+    pub fn tokenizer(&self, tokenizer_id: &str) -> PathBuf {
+        self.root.join("tokenizers").join(tokenizer_id)
+    }
+
+    /// The codes of a data set.
+    pub fn tokens(&self, tokenizer_id: &str) -> PathBuf {
+        self.tokenizer(tokenizer_id).join("tokens.safetensors")
+    }
+
+    /// The embedded captions of a data set.
+    pub fn text(&self, text_id: &str) -> PathBuf {
+        self.root.join("text").join(format!("{text_id}.safetensors"))
+    }
+
+    /// How far a run is.
+    pub fn run_state(&self, run_id: &str) -> JobState {
+        let folder = self.run(run_id);
+        if folder.join("record.json").exists() {
+            JobState::Done
+        } else if folder.join("failure.json").exists() {
+            JobState::Failed
+        } else if folder.join("checkpoint").exists() {
+            JobState::Started
+        } else {
+            JobState::Missing
+        }
+    }
+
+    /// How far a tokenizer is: its metrics are written last.
+    pub fn tokenizer_state(&self, tokenizer_id: &str) -> JobState {
+        let folder = self.tokenizer(tokenizer_id);
+        if folder.join("metrics.json").exists() {
+            JobState::Done
+        } else if folder.join("failure.json").exists() {
+            JobState::Failed
+        } else {
+            JobState::Missing
+        }
+    }
+
+    /// The record of a finished run; `None` where it has none.
+    pub fn record(&self, run_id: &str) -> io::Result<Option<RunRecord>> {
+        read_if_there(&self.run(run_id).join("record.json"))
+    }
+
+    /// The failure of a run that ended with one.
+    pub fn failure(&self, job: &Path) -> io::Result<Option<Failure>> {
+        read_if_there(&job.join("failure.json"))
+    }
+
+    /// The metrics of a finished tokenizer.
+    pub fn metrics(&self, tokenizer_id: &str) -> io::Result<Option<TokenizerMetrics>> {
+        read_if_there(&self.tokenizer(tokenizer_id).join("metrics.json"))
+    }
+
+    /// Metrics of every finished tokenizer that lies here, by vocabulary.
+    pub fn all_metrics(&self) -> io::Result<Vec<TokenizerMetrics>> {
+        let folder = self.root.join("tokenizers");
+        if !folder.exists() {
+            return Ok(Vec::new());
+        }
+        let mut metrics: Vec<TokenizerMetrics> = Vec::new();
+        for entry in fs::read_dir(folder)? {
+            metrics.extend(read_if_there::<TokenizerMetrics>(&entry?.path().join("metrics.json"))?);
+        }
+        metrics.sort_by_key(|m| (m.n_vocab, m.tokenizer_id.clone()));
+        Ok(metrics)
+    }
+}
+
+/// Reads a JSON file; a missing one is `None`, a broken one an error that names it.
+pub fn read_if_there<T: serde::de::DeserializeOwned>(path: &Path) -> io::Result<Option<T>> {
+    match fs::read(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(io::Error::new(error.kind(), format!("{}: {error}", path.display()))),
+        Ok(bytes) => serde_json::from_slice(&bytes).map(Some).map_err(|error| {
+            let advice = "remove it to have it made again";
+            io::Error::other(format!("{} is damaged ({error}); {advice}", path.display()))
+        }),
+    }
+}

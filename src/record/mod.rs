@@ -1,0 +1,10 @@
+//! What a finished run leaves behind: its record, and the table of all records.
+
+pub mod atomic;
+mod folder;
+pub mod mapped;
+mod run_record;
+pub mod table;
+
+pub use folder::{Failure, JobState, ResultsFolder, read_if_there};
+pub use run_record::RunRecord;
