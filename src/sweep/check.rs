@@ -1,0 +1,276 @@
+//! What types alone cannot say: every impossible setting, with its path and how to mend it.
+
+use super::condition::Condition;
+use super::presets;
+use super::problem::Problem;
+use super::read::nearest;
+use super::repeated;
+use super::spec::{Axis, Clips, DataSource, ModelList, Sweep, TokenizerKind, VocabSpec};
+use crate::data::FRAMES_PER_TOKEN;
+use crate::tokenizer::{levels_for, nominal_sizes};
+
+/// All problems of a sweep whose types are right.
+pub fn check(sweep: &Sweep) -> Vec<Problem> {
+    [
+        name(sweep),
+        data(sweep),
+        models(sweep),
+        vocab(sweep),
+        budgets(sweep),
+        zip(sweep),
+        repeated::check(sweep),
+        exclude(sweep),
+        train(sweep),
+        tokenizer(sweep),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+fn name(sweep: &Sweep) -> Vec<Problem> {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    let good =
+        !sweep.name.is_empty() && sweep.name.chars().all(allowed) && !sweep.name.starts_with('.');
+    let mut problems = Vec::new();
+    if !good {
+        problems.push(
+            Problem::value("name", format!("`{}` cannot name a folder", sweep.name))
+                .with_help("use letters, digits, `-`, `_` and `.`"),
+        );
+    }
+    if sweep.seeds.is_empty() {
+        problems.push(Problem::value("seeds", "no seed, so no run").with_help("seeds: [0]"));
+    }
+    problems
+}
+
+fn data(sweep: &Sweep) -> Vec<Problem> {
+    let data = &sweep.data;
+    let mut problems = Vec::new();
+    if data.source == DataSource::HumanMl3d && data.path.is_none() {
+        problems.push(
+            Problem::value("data", "`source: humanml3d` needs a `path`")
+                .with_help("path: the folder that holds new_joint_vecs, texts and train.txt"),
+        );
+    }
+    if data.clips == Clips::Count(0) {
+        problems.push(Problem::value("data.clips", "no clip to train on"));
+    }
+    if data.val_clips == 0 || data.test_clips == 0 {
+        problems.push(Problem::value("data", "`val_clips` and `test_clips` must be at least 1"));
+    }
+    if sweep.text.max_tokens == 0 || sweep.text.dim == 0 {
+        problems.push(Problem::value("text", "`dim` and `max_tokens` must be at least 1"));
+    }
+    problems
+}
+
+fn models(sweep: &Sweep) -> Vec<Problem> {
+    match &sweep.grid.models {
+        ModelList::Preset(name) if presets::models(name).is_none() => {
+            vec![
+                Problem::value("grid.models", format!("no preset is named `{name}`"))
+                    .with_help(nearest(name, &presets::NAMES)),
+            ]
+        }
+        ModelList::Preset(_) => Vec::new(),
+        ModelList::Rule(rule) if rule.d_model.is_empty() || rule.head_dim == 0 => {
+            vec![Problem::value("grid.models", "the rule makes no model")]
+        }
+        ModelList::Rule(rule) if rule.width_per_layer == 0 => {
+            vec![Problem::value("grid.models.width_per_layer", "must be at least 1")]
+        }
+        ModelList::List(list) if list.is_empty() => {
+            vec![Problem::value("grid.models", "no model, so no run")]
+        }
+        _ => every_model(sweep),
+    }
+}
+
+fn every_model(sweep: &Sweep) -> Vec<Problem> {
+    let models = crate::plan::models(&sweep.grid.models);
+    models
+        .iter()
+        .enumerate()
+        .filter_map(|(i, model)| {
+            let (d, h) = (model.d_model, model.n_head);
+            let wrong = if model.n_layer == 0 || h == 0 || d == 0 || model.d_ff == Some(0) {
+                "n_layer, n_head, d_model and d_ff must be at least 1".to_string()
+            } else if d % h != 0 {
+                format!("{h} heads do not divide a width of {d}")
+            } else if d / h % 2 != 0 {
+                format!("heads of {} channels: RoPE turns pairs, so the number must be even", d / h)
+            } else {
+                return None;
+            };
+            Some(Problem::value(model_path(&sweep.grid.models, i), wrong))
+        })
+        .collect()
+}
+
+/// Where the model of an index stands: in a list, or as a width of a rule.
+pub(super) fn model_path(models: &ModelList, i: usize) -> String {
+    match models {
+        ModelList::Rule(_) => format!("grid.models.d_model[{i}]"),
+        _ => format!("grid.models[{i}]"),
+    }
+}
+
+fn vocab(sweep: &Sweep) -> Vec<Problem> {
+    let grid = &sweep.grid;
+    if grid.vocab.is_empty() {
+        return vec![Problem::value("grid.vocab", "no vocabulary, so no run")];
+    }
+    let wrong = |(i, entry): (usize, &VocabSpec)| {
+        let path = format!("grid.vocab[{i}]");
+        match (entry, sweep.tokenizer.kind) {
+            (VocabSpec::Size(n), TokenizerKind::Fsq) if levels_for(*n).is_none() => {
+                let known: Vec<String> = nominal_sizes().map(|n| n.to_string()).collect();
+                let message = format!("ScaMo gives no levels for {n} codes");
+                let help = format!("one of {}, or {{levels: [8, 4, 4]}}", known.join(", "));
+                Some(Problem::value(path, message).with_help(help))
+            }
+            (VocabSpec::Levels(_), TokenizerKind::Vq) => {
+                Some(Problem::value(path, "levels belong to `kind: fsq`; vq wants a number"))
+            }
+            (VocabSpec::Levels(spec), _) if spec.levels.is_empty() => {
+                Some(Problem::value(path, "no level, so no code"))
+            }
+            (VocabSpec::Levels(spec), _) if spec.levels.iter().any(|l| *l < 2) => {
+                Some(Problem::value(path, "a level holds at least 2 values"))
+            }
+            (entry, _) if codes(entry).is_none_or(|codes| codes > MOST_CODES) => {
+                Some(Problem::value(path, format!("more than {MOST_CODES} codes")))
+            }
+            (VocabSpec::Size(n), TokenizerKind::Vq) if *n < 2 => {
+                Some(Problem::value(path, "a vocabulary holds at least 2 codes"))
+            }
+            _ => None,
+        }
+    };
+    grid.vocab.iter().enumerate().filter_map(wrong).collect()
+}
+
+/// Codes beyond which a vocabulary is taken for a slip of the pen.
+const MOST_CODES: usize = 1 << 24;
+
+/// V as it is written; `None` where it is too large to count.
+fn codes(entry: &VocabSpec) -> Option<usize> {
+    match entry {
+        VocabSpec::Size(n) => Some(*n),
+        VocabSpec::Levels(spec) => spec.levels.iter().try_fold(1usize, |n, l| n.checked_mul(*l)),
+    }
+}
+
+/// FLOPs beyond which a budget is taken for a slip of the pen.
+const LARGEST_BUDGET: f64 = 1e30;
+
+fn budgets(sweep: &Sweep) -> Vec<Problem> {
+    if sweep.grid.budgets.is_empty() {
+        return vec![Problem::value("grid.budgets", "no budget, so no run")];
+    }
+    let listed = |path: &'static str, budgets: &[f64]| -> Vec<Problem> {
+        let possible = |budget: f64| budget > 0.0 && budget <= LARGEST_BUDGET;
+        let wrong = budgets.iter().enumerate().filter(|(_, budget)| !possible(**budget));
+        wrong
+            .map(|(i, budget)| {
+                Problem::value(format!("{path}[{i}]"), format!("a budget of {budget:e} FLOPs"))
+                    .with_help(format!("above 0 and at most {LARGEST_BUDGET:e}"))
+            })
+            .collect()
+    };
+    let mut problems = listed("grid.budgets", &sweep.grid.budgets);
+    problems.extend(listed("predict.budgets", &sweep.predict.budgets));
+    problems
+}
+
+fn zip(sweep: &Sweep) -> Vec<Problem> {
+    let grid = &sweep.grid;
+    let length = |axis: &Axis| match axis {
+        Axis::Models => crate::plan::models(&grid.models).len(),
+        Axis::Vocab => grid.vocab.len(),
+        Axis::Budgets => grid.budgets.len(),
+    };
+    let mut seen = Vec::new();
+    let mut problems = Vec::new();
+    for (i, group) in grid.zip.iter().enumerate() {
+        let path = format!("grid.zip[{i}]");
+        let lengths: Vec<usize> = group.iter().map(length).collect();
+        if lengths.windows(2).any(|pair| pair[0] != pair[1]) {
+            let message = format!("zipped axes have lengths {lengths:?}");
+            problems.push(Problem::value(path.clone(), message));
+        }
+        if group.iter().any(|axis| seen.contains(axis)) {
+            problems.push(Problem::value(path, "an axis stands in two groups"));
+        }
+        seen.extend(group.iter().copied());
+    }
+    problems
+}
+
+fn exclude(sweep: &Sweep) -> Vec<Problem> {
+    let parsed = sweep.grid.exclude.iter().enumerate();
+    parsed
+        .filter_map(|(i, text)| {
+            let message = Condition::parse(text).err()?;
+            Some(Problem::value(format!("grid.exclude[{i}]"), message))
+        })
+        .collect()
+}
+
+fn train(sweep: &Sweep) -> Vec<Problem> {
+    let train = &sweep.train;
+    let share = |x: f64| (0.0..=1.0).contains(&x);
+    let rules = [
+        (share(train.schedule.warmup), "train.schedule.warmup", "a share lies between 0 and 1"),
+        (
+            share(train.schedule.final_share),
+            "train.schedule.final_share",
+            "a share lies between 0 and 1",
+        ),
+        (train.betas.len() == 2, "train.betas", "AdamW has two betas"),
+        (
+            train.betas.iter().all(|b| (0.0..1.0).contains(b)),
+            "train.betas",
+            "a beta lies in [0, 1)",
+        ),
+        (train.lr.coefficient > 0.0 && train.lr.max > 0.0, "train.lr", "a rate is above 0"),
+        (train.batch.min > 0, "train.batch.min", "at least one token a step"),
+        (train.batch.max >= train.batch.min, "train.batch.max", "must not be below `min`"),
+        (train.min_steps > 0, "train.min_steps", "at least one step"),
+        (train.weight_decay >= 0.0, "train.weight_decay", "must not be negative"),
+        (train.clip_norm >= 0.0, "train.clip_norm", "must not be negative; 0 for none"),
+        (train.epsilon >= 0.0, "train.epsilon", "must not be negative"),
+        (
+            (0.0..=1e9).contains(&train.checkpoint_s),
+            "train.checkpoint_s",
+            "seconds, between 0 and 1e9",
+        ),
+        (sweep.model.rope_base > 0.0, "model.rope_base", "must be above 0"),
+        (sweep.model.ffn_multiple > 0, "model.ffn_multiple", "must be at least 1"),
+        (sweep.model.motion_slots > 2, "model.motion_slots", "must be at least 3"),
+        (!sweep.fit.minima.is_empty(), "fit.minima", "at least one kind of minimum"),
+    ];
+    let wrong = rules.into_iter().filter(|(good, ..)| !good);
+    wrong.map(|(_, path, message)| Problem::value(path, message)).collect()
+}
+
+fn tokenizer(sweep: &Sweep) -> Vec<Problem> {
+    let tokenizer = &sweep.tokenizer;
+    let rules = [
+        (tokenizer.width > 0, "tokenizer.width", "at least one channel"),
+        (tokenizer.depth > 0, "tokenizer.depth", "at least one block"),
+        (tokenizer.position_weight >= 0.0, "tokenizer.position_weight", "must not be negative"),
+        (tokenizer.steps > 0, "tokenizer.steps", "at least one step"),
+        (tokenizer.batch > 0, "tokenizer.batch", "at least one window"),
+        (
+            tokenizer.window > 0 && tokenizer.window.is_multiple_of(FRAMES_PER_TOKEN),
+            "tokenizer.window",
+            "frames come in fours",
+        ),
+        (tokenizer.lr > 0.0, "tokenizer.lr", "a rate is above 0"),
+    ];
+    let wrong = rules.into_iter().filter(|(good, ..)| !good);
+    wrong.map(|(_, path, message)| Problem::value(path, message)).collect()
+}

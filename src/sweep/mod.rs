@@ -1,0 +1,18 @@
+//! Sweep files: YAML into a checked [`Sweep`].
+
+mod check;
+mod choice;
+pub mod condition;
+mod locate;
+mod number;
+mod overrides;
+pub mod presets;
+mod problem;
+mod read;
+mod repeated;
+mod spec;
+mod taken_out;
+
+pub use problem::{Problem, SweepErrors};
+pub use read::{parse, read};
+pub use spec::*;

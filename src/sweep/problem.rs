@@ -1,0 +1,110 @@
+//! What is wrong with a sweep file, shown where it stands.
+
+use std::collections::HashMap;
+use std::fmt::Write;
+use std::ops::Range;
+
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+
+use super::locate::{self, Place};
+
+/// One thing wrong with a sweep file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    /// The entry, as `grid.models[1].n_head`; empty for the file as a whole.
+    pub path: String,
+    pub message: String,
+    /// How to mend it.
+    pub help: Option<String>,
+    /// Whether the key is at fault and not its value.
+    pub at_key: bool,
+    /// The `--set` that it stems from, and not the file.
+    pub setting: Option<String>,
+    /// Where the file stops being YAML.
+    pub byte: Option<usize>,
+}
+
+impl Problem {
+    /// A value that will not do.
+    pub fn value(path: impl Into<String>, message: impl Into<String>) -> Self {
+        Self {
+            path: path.into(),
+            message: message.into(),
+            help: None,
+            at_key: false,
+            setting: None,
+            byte: None,
+        }
+    }
+
+    /// The same with advice.
+    pub fn with_help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+/// Everything wrong with a sweep file, all at once.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", self.render(false))]
+pub struct SweepErrors {
+    pub file: String,
+    pub source_text: String,
+    pub problems: Vec<Problem>,
+}
+
+impl SweepErrors {
+    /// The problems with file, line and caret; coloured where `colour` says so.
+    pub fn render(&self, colour: bool) -> String {
+        let places = locate::places(&self.source_text);
+        let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
+        let mut text = String::new();
+        let placed = self.problems.iter().map(|problem| (self.span(problem, &places), problem));
+        let mut placed: Vec<_> = placed.collect();
+        placed.sort_by_key(|(span, _)| span.as_ref().map(|span| span.start));
+        for (span, problem) in placed {
+            let _ = writeln!(text, "{}", renderer.render(&[self.group(problem, span)]));
+        }
+        let n = self.problems.len();
+        let _ = write!(text, "{}: {n} problem{}", self.file, if n == 1 { "" } else { "s" });
+        text
+    }
+
+    /// The bytes at fault; `None` for what stands nowhere in the file.
+    fn span(&self, problem: &Problem, places: &HashMap<String, Place>) -> Option<Range<usize>> {
+        if problem.setting.is_some() {
+            return None;
+        }
+        if let Some(byte) = problem.byte {
+            let text = &self.source_text;
+            return Some(text.floor_char_boundary(byte)..text.ceil_char_boundary(byte + 1));
+        }
+        let place = places.get(&problem.path)?;
+        Some(if problem.at_key { place.key.clone() } else { place.value.clone() })
+    }
+
+    fn group<'a>(&'a self, problem: &'a Problem, span: Option<Range<usize>>) -> Group<'a> {
+        let title = Level::ERROR.primary_title(problem.message.as_str());
+        let group = match span {
+            None => title.element(Level::NOTE.message(self.nowhere(problem))),
+            Some(span) => {
+                let mark = AnnotationKind::Primary.span(span);
+                let snippet = Snippet::source(&self.source_text).path(&self.file);
+                title.element(snippet.annotation(mark))
+            }
+        };
+        match &problem.help {
+            Some(help) => group.element(Level::HELP.message(help.as_str())),
+            None => group,
+        }
+    }
+
+    /// The place in words, for what stands in no line: a missing key, or a `--set`.
+    fn nowhere(&self, problem: &Problem) -> String {
+        match (&problem.setting, problem.path.as_str()) {
+            (Some(setting), _) => format!("in --set {setting}"),
+            (None, "") => format!("in {}", self.file),
+            (None, path) => format!("at {path} in {}", self.file),
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! From text to a checked [`Sweep`], with every problem found at once.
+
+use std::path::Path;
+
+use serde_yaml::Value;
+
+use super::check::check;
+use super::overrides;
+use super::problem::{Problem, SweepErrors};
+use super::spec::Sweep;
+use super::taken_out::TakenOut;
+
+/// Reads a sweep file, with `path=value` settings laid over it.
+pub fn read(path: &Path, settings: &[String]) -> Result<Sweep, SweepErrors> {
+    let file = path.display().to_string();
+    match std::fs::read_to_string(path) {
+        Ok(text) => parse(&file, &text, settings),
+        Err(error) => Err(SweepErrors {
+            problems: vec![Problem::value("", format!("cannot read {file}: {error}"))],
+            source_text: String::new(),
+            file,
+        }),
+    }
+}
+
+/// [`read`] for a text at hand; `file` is its name in messages.
+pub fn parse(file: &str, text: &str, settings: &[String]) -> Result<Sweep, SweepErrors> {
+    gather(text, settings).map_err(|problems| SweepErrors {
+        file: file.to_string(),
+        source_text: text.to_string(),
+        problems,
+    })
+}
+
+fn gather(text: &str, settings: &[String]) -> Result<Sweep, Vec<Problem>> {
+    let mut value = syntax(text).map_err(|problem| vec![problem])?;
+    let mut problems = overrides::apply(&mut value, settings);
+    let mut taken_out = TakenOut::default();
+    let sweep = typed(value, &mut taken_out, &mut problems);
+    if let Some(sweep) = &sweep {
+        problems
+            .extend(check(sweep).into_iter().filter_map(|problem| led_back(problem, &taken_out)));
+    }
+    problems.iter_mut().for_each(|problem| overrides::blame(problem, settings));
+    match (sweep, problems.is_empty()) {
+        (Some(sweep), true) => Ok(sweep),
+        _ => Err(problems),
+    }
+}
+
+fn syntax(text: &str) -> Result<Value, Problem> {
+    let value: Value = serde_yaml::from_str(text).map_err(|error| Problem {
+        byte: error.location().map(|location| location.index()),
+        ..Problem::value("", format!("not valid YAML: {error}"))
+    })?;
+    match value {
+        Value::Mapping(_) => Ok(value),
+        _ => Err(Problem::value("", "a sweep file is a mapping with at least `name` and `grid`")),
+    }
+}
+
+/// Deserialises; each entry that fails is noted and taken out, until the rest is right or stuck.
+fn typed(mut value: Value, taken_out: &mut TakenOut, problems: &mut Vec<Problem>) -> Option<Sweep> {
+    loop {
+        let error = match serde_path_to_error::deserialize::<_, Sweep>(value.clone()) {
+            Ok(sweep) => return Some(sweep),
+            Err(error) => error,
+        };
+        let path = error.path().to_string();
+        let path = if path == "." { String::new() } else { path };
+        let message = error.inner().to_string();
+        let in_the_file = taken_out.in_the_file(&path);
+        let missed = missing_field(&in_the_file, &message);
+        if missed.is_none_or(|field| !taken_out.holds(&field)) {
+            problems.push(explain(&in_the_file, &message));
+        }
+        if path.is_empty() || !overrides::remove(&mut value, &path) {
+            return None;
+        }
+        taken_out.note(in_the_file);
+    }
+}
+
+/// A problem of what is left, at its place in the file; `None` where it may only stem from what
+/// was taken out: a list that is too short.
+fn led_back(problem: Problem, taken_out: &TakenOut) -> Option<Problem> {
+    let axes = ["grid.models", "grid.vocab", "grid.budgets"];
+    let zipped = problem.path.starts_with("grid.zip");
+    let spoiled = taken_out.shortened(&problem.path)
+        || zipped && axes.iter().any(|axis| taken_out.shortened(axis));
+    let path = taken_out.in_the_file(&problem.path);
+    (!spoiled).then_some(Problem { path, ..problem })
+}
+
+/// The path of the field that `message` misses: one that was taken out is no problem of its own.
+fn missing_field(path: &str, message: &str) -> Option<String> {
+    let name = message.strip_prefix("missing field `")?.split('`').next()?;
+    Some(if path.is_empty() { name.to_string() } else { format!("{path}.{name}") })
+}
+
+/// Turns serde's words into ours, with the nearest valid name for an unknown one.
+fn explain(path: &str, message: &str) -> Problem {
+    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
+    let problem = Problem::value(path, message.split(" at line ").next().unwrap_or(message));
+    match names.split_first() {
+        Some((wrong, valid)) if unknown => Problem {
+            message: format!("unknown name `{wrong}`"),
+            help: Some(nearest(wrong, valid)),
+            at_key: message.starts_with("unknown field"),
+            ..problem
+        },
+        _ => problem,
+    }
+}
+
+/// `did you mean …?`, or the list of what may stand there.
+pub fn nearest(wrong: &str, valid: &[&str]) -> String {
+    let best = valid
+        .iter()
+        .map(|name| (strsim::jaro_winkler(wrong, name), name))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    match best {
+        Some((score, name)) if score > 0.75 => format!("did you mean `{name}`?"),
+        _ => format!("valid here: {}", valid.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::parse;
+
+    fn errors(text: &str, settings: &[&str]) -> super::SweepErrors {
+        let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
+        parse("sweep.yaml", text, &settings).expect_err("something is wrong")
+    }
+
+    #[test]
+    fn a_slip_within_a_list_of_models_is_found_where_it_stands() {
+        let errors = errors(
+            "name: a\ngrid:\n  models: [{n_layer: 1, n_heads: 2, d_model: 8}]\n  vocab: [64]\n",
+            &[],
+        );
+        let paths: Vec<&str> = errors.problems.iter().map(|p| p.path.as_str()).collect();
+        assert_eq!(paths, ["grid.models[0].n_heads", "grid.models[0]", "grid"]);
+        assert_eq!(errors.problems[0].help.as_deref(), Some("did you mean `n_head`?"));
+        assert!(errors.problems[1].message.contains("missing field `n_head`"));
+        assert!(errors.problems[2].message.contains("missing field `budgets`"));
+        let text = errors.render(false);
+        assert!(text.contains("sweep.yaml:3:25") && text.contains("^^^^^^^"), "{text}");
+    }
+
+    #[test]
+    fn a_setting_is_blamed_for_what_it_says_and_not_the_line_that_it_replaces() {
+        let text = "name: a\ngrid: {models: scamo, vocab: [64], budgets: [1e18]}\n\
+                    train: {min_steps: 9}\n";
+        let errors = errors(text, &["train.min_steps=many"]);
+        assert_eq!(errors.problems.len(), 1);
+        let text = errors.render(false);
+        assert!(text.contains("in --set train.min_steps=many"), "{text}");
+        assert!(!text.contains("min_steps: 9"), "{text}");
+    }
+
+    #[test]
+    fn a_text_that_is_not_yaml_is_shown_where_it_breaks() {
+        let text = errors("name: a\ngrid: {models: scamo\nseeds: ä\n", &[]).render(false);
+        assert!(text.contains("not valid YAML") && text.contains("sweep.yaml:3"), "{text}");
+    }
+}

@@ -1,0 +1,104 @@
+//! Entries that stand twice: each would train the same runs twice, side by side in one folder.
+
+use super::check::model_path;
+use super::problem::Problem;
+use super::spec::{Axis, Sweep, TokenizerKind, VocabSpec};
+use crate::tokenizer::levels_for;
+
+/// The second of each pair of equal seeds, and of equal entries of an axis or a group of axes.
+pub fn check(sweep: &Sweep) -> Vec<Problem> {
+    let seed = second(&sweep.seeds).map(|i| format!("seeds[{i}]"));
+    let of_group = |group: Vec<Axis>| Some(path(sweep, group[0], second(&rows(sweep, &group))?));
+    let paths = seed.into_iter().chain(groups(sweep).into_iter().filter_map(of_group));
+    paths.map(|path| Problem::value(path, "stands in the list a second time")).collect()
+}
+
+/// Axes that advance together; each of the others is a group of its own.
+fn groups(sweep: &Sweep) -> Vec<Vec<Axis>> {
+    let zip = &sweep.grid.zip;
+    let zipped = |axis: &Axis| zip.iter().flatten().any(|other| other == axis);
+    let alone = [Axis::Models, Axis::Vocab, Axis::Budgets].into_iter();
+    let alone = alone.filter(|axis| !zipped(axis)).map(|axis| vec![axis]);
+    alone.chain(zip.iter().filter(|group| !group.is_empty()).cloned()).collect()
+}
+
+/// What a group of axes holds at each index, up to the end of its shortest axis.
+fn rows(sweep: &Sweep, group: &[Axis]) -> Vec<Vec<String>> {
+    let columns: Vec<Vec<String>> = group.iter().map(|axis| entries(sweep, *axis)).collect();
+    let length = columns.iter().map(Vec::len).min().unwrap_or(0);
+    (0..length).map(|i| columns.iter().map(|column| column[i].clone()).collect()).collect()
+}
+
+fn entries(sweep: &Sweep, axis: Axis) -> Vec<String> {
+    let grid = &sweep.grid;
+    match axis {
+        Axis::Models => {
+            crate::plan::models(&grid.models).iter().map(|model| format!("{model:?}")).collect()
+        }
+        Axis::Vocab => {
+            grid.vocab.iter().map(|entry| vocabulary(entry, sweep.tokenizer.kind)).collect()
+        }
+        Axis::Budgets => grid.budgets.iter().map(f64::to_string).collect(),
+    }
+}
+
+fn path(sweep: &Sweep, axis: Axis, i: usize) -> String {
+    match axis {
+        Axis::Models => model_path(&sweep.grid.models, i),
+        Axis::Vocab => format!("grid.vocab[{i}]"),
+        Axis::Budgets => format!("grid.budgets[{i}]"),
+    }
+}
+
+/// By its levels, where it has some: 256 and `{levels: [8, 6, 5]}` are the same.
+fn vocabulary(entry: &VocabSpec, kind: TokenizerKind) -> String {
+    match (entry, kind) {
+        (VocabSpec::Levels(spec), _) => format!("{:?}", spec.levels),
+        (VocabSpec::Size(n), TokenizerKind::Vq) => n.to_string(),
+        (VocabSpec::Size(n), TokenizerKind::Fsq) => {
+            levels_for(*n).map_or_else(|| n.to_string(), |levels| format!("{levels:?}"))
+        }
+    }
+}
+
+/// The first index whose value stood before it.
+fn second<T: PartialEq>(values: &[T]) -> Option<usize> {
+    (1..values.len()).find(|&i| values[..i].contains(&values[i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse;
+
+    fn problems(text: &str) -> Vec<String> {
+        match parse("sweep.yaml", text, &[]) {
+            Ok(_) => Vec::new(),
+            Err(errors) => errors.problems.into_iter().map(|problem| problem.path).collect(),
+        }
+    }
+
+    const MODELS: &str =
+        "[{n_layer: 1, n_head: 1, d_model: 8}, {n_layer: 1, n_head: 1, d_model: 8}]";
+
+    #[test]
+    fn what_stands_twice_is_named_by_its_second_place() {
+        let text = format!(
+            "{{name: a, seeds: [3, 4, 3], grid: {{models: {MODELS}, vocab: [64, 240, \
+             {{levels: [8, 6, 5]}}], budgets: [1e9, 10e8]}}}}"
+        );
+        let paths = ["seeds[2]", "grid.models[1]", "grid.vocab[2]", "grid.budgets[1]"];
+        assert_eq!(problems(&text), paths);
+    }
+
+    #[test]
+    fn a_zipped_axis_may_repeat_what_its_partner_tells_apart() {
+        let grid = |budgets: &str| {
+            format!(
+                "{{name: a, grid: {{models: {MODELS}, vocab: [64], budgets: {budgets}, \
+                 zip: [[models, budgets]]}}}}"
+            )
+        };
+        assert_eq!(problems(&grid("[1e9, 2e9]")), [""; 0]);
+        assert_eq!(problems(&grid("[1e9, 1e9]")), ["grid.models[1]"]);
+    }
+}

@@ -1,0 +1,45 @@
+//! [`Sweep`]: what a sweep file says, with every default filled in.
+
+mod analysis;
+mod grid;
+mod inputs;
+mod training;
+
+pub use analysis::*;
+pub use grid::*;
+pub use inputs::*;
+pub use training::*;
+
+use serde::{Deserialize, Serialize};
+
+/// A study: a grid of models, vocabularies and budgets, and how each cell is trained and judged.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sweep {
+    /// Names the folder of the results: letters, digits, `-`, `_` and `.`.
+    pub name: String,
+    /// Every cell is trained once a seed.
+    #[serde(default = "default_seeds")]
+    pub seeds: Vec<u64>,
+    #[serde(default)]
+    pub data: DataSpec,
+    #[serde(default)]
+    pub text: TextSpec,
+    #[serde(default)]
+    pub tokenizer: TokenizerSection,
+    pub grid: GridSpec,
+    #[serde(default)]
+    pub flops: FlopsSpec,
+    #[serde(default)]
+    pub model: ModelSpec,
+    #[serde(default)]
+    pub train: TrainSpec,
+    #[serde(default)]
+    pub fit: FitSpec,
+    #[serde(default)]
+    pub predict: PredictSpec,
+}
+
+fn default_seeds() -> Vec<u64> {
+    vec![0]
+}
