@@ -1,0 +1,170 @@
+//! [`Plan`]: every job of a sweep with its id and its price.
+
+use serde::{Deserialize, Serialize};
+
+use super::memory::peak_bytes;
+use super::price::{Dropped, FlopsPerToken, PricedCell, price};
+use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, content_id};
+use super::shape::ParamCounts;
+use super::steps::{learning_rate, warmup_steps};
+use crate::data::DataFacts;
+use crate::sweep::Sweep;
+use crate::tokenizer::TokenizerSpec;
+
+/// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
+pub const MOST_USEFUL_EPOCHS: f64 = 4.0;
+
+/// One run of the plan.
+#[derive(Clone, Debug)]
+pub struct PlannedRun {
+    pub run_id: String,
+    pub spec: RunSpec,
+    pub params: ParamCounts,
+    pub flops_per_token: FlopsPerToken,
+    pub achieved_ratio: f64,
+    pub peak_bytes: u64,
+    /// Times that the run sees each token of the training split; `None` where it is not here.
+    pub epochs: Option<f64>,
+}
+
+/// What the text encoder is asked for, and on which captions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TextJob {
+    pub spec: crate::sweep::TextSpec,
+    pub data_digest: String,
+}
+
+/// Every job of a sweep.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    pub runs: Vec<PlannedRun>,
+    pub dropped: Vec<Dropped>,
+    pub tokenizers: Vec<TokenizerJob>,
+    pub text: TextJob,
+    pub data: DataFacts,
+}
+
+impl Plan {
+    /// Expands a sweep over its data.
+    pub fn new(sweep: &Sweep, data: DataFacts) -> Self {
+        let (cells, dropped) = price(sweep);
+        let text = TextJob { spec: sweep.text.clone(), data_digest: data.digest.clone() };
+        let text_id = content_id(&text);
+        let mut tokenizers: Vec<TokenizerJob> = Vec::new();
+        let mut runs = Vec::new();
+        for cell in &cells {
+            let job = tokenizer_job(sweep, cell, &data);
+            for &seed in &sweep.seeds {
+                runs.push(planned_run(sweep, cell, seed, &text_id, &job.id(), &data));
+            }
+            if !tokenizers.contains(&job) {
+                tokenizers.push(job);
+            }
+        }
+        Self { runs, dropped, tokenizers, text, data }
+    }
+
+    /// FLOPs of all runs together, as declared.
+    pub fn total_flops(&self) -> f64 {
+        self.runs.iter().map(|run| run.spec.budget_flops).sum()
+    }
+
+    /// The tokenizer that a run waits for.
+    pub fn tokenizer_of(&self, run: &PlannedRun) -> &TokenizerJob {
+        let found = self.tokenizers.iter().find(|job| job.id() == run.spec.tokenizer_id);
+        found.expect("every run's tokenizer is in the plan")
+    }
+
+    /// What a person should know before this runs.
+    pub fn warnings(&self) -> Vec<String> {
+        let epochs = self.runs.iter().filter_map(|run| run.epochs);
+        let repeated: Vec<f64> = epochs.filter(|epochs| *epochs > MOST_USEFUL_EPOCHS).collect();
+        let mut warnings = self.data.warnings.clone();
+        if let Some(most) = repeated.iter().copied().reduce(f64::max) {
+            warnings.push(format!(
+                "{} of {} runs see their data more than {MOST_USEFUL_EPOCHS} times, up to {most:.0}: \
+                 the training split holds {} tokens",
+                repeated.len(),
+                self.runs.len(),
+                self.data.unique_tokens
+            ));
+        }
+        warnings
+    }
+}
+
+/// D of the longest run: what a source without an end must provide.
+pub fn longest_run(sweep: &Sweep) -> usize {
+    price(sweep).0.iter().map(|cell| cell.spending.tokens()).max().unwrap_or(0)
+}
+
+fn tokenizer_job(sweep: &Sweep, cell: &PricedCell, data: &DataFacts) -> TokenizerJob {
+    let section = &sweep.tokenizer;
+    let spec = TokenizerSpec {
+        kind: cell.quantizer.clone(),
+        width: section.width,
+        depth: section.depth,
+        window: section.window,
+        batch: section.batch,
+        steps: section.steps,
+        lr: section.lr,
+        position_weight: section.position_weight,
+        seed: section.seed,
+        ..TokenizerSpec::default()
+    };
+    TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
+}
+
+fn planned_run(
+    sweep: &Sweep,
+    cell: &PricedCell,
+    seed: u64,
+    text_id: &str,
+    tokenizer_id: &str,
+    data: &DataFacts,
+) -> PlannedRun {
+    let spec = run_spec(sweep, cell, seed, text_id, tokenizer_id, data);
+    let tokens = spec.tokens() as f64;
+    PlannedRun {
+        run_id: spec.id(),
+        params: cell.params,
+        flops_per_token: cell.flops_per_token,
+        achieved_ratio: cell.spending.achieved_ratio,
+        peak_bytes: peak_bytes(&cell.shape, spec.n_vocab, cell.params, spec.batch_tokens),
+        epochs: (data.unique_tokens > 0).then(|| tokens / data.unique_tokens as f64),
+        spec,
+    }
+}
+
+fn run_spec(
+    sweep: &Sweep,
+    cell: &PricedCell,
+    seed: u64,
+    text_id: &str,
+    tokenizer_id: &str,
+    data: &DataFacts,
+) -> RunSpec {
+    let train = &sweep.train;
+    let params = cell.params.nonvocab + cell.params.vocab;
+    RunSpec {
+        revision: TRAINING_REVISION,
+        seed,
+        model: cell.shape.clone(),
+        n_vocab: cell.quantizer.n_vocab(),
+        budget_flops: cell.budget_flops,
+        batch_tokens: cell.spending.batch_tokens,
+        steps: cell.spending.steps,
+        lr: learning_rate(params, cell.spending.tokens(), &train.lr),
+        warmup_steps: warmup_steps(cell.spending, params, train.schedule.warmup),
+        final_share: train.schedule.final_share,
+        weight_decay: train.weight_decay,
+        betas: [train.betas[0], train.betas[1]],
+        epsilon: train.epsilon,
+        clip_norm: (train.clip_norm > 0.0).then_some(train.clip_norm),
+        evaluations: train.evaluations,
+        fps: data.fps,
+        data_digest: data.digest.clone(),
+        text_id: text_id.to_string(),
+        tokenizer_id: tokenizer_id.to_string(),
+    }
+}

@@ -1,0 +1,16 @@
+//! From a sweep to priced runs: `Sweep → Cell → PricedCell → RunSpec`, gathered in [`Plan`].
+
+mod assemble;
+pub mod flops;
+mod grid;
+mod memory;
+mod price;
+mod run_spec;
+mod shape;
+mod steps;
+
+pub use assemble::{MOST_USEFUL_EPOCHS, Plan, PlannedRun, TextJob, longest_run};
+pub use memory::peak_bytes;
+pub use price::{Dropped, FlopsPerToken};
+pub use run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, changed_fields, content_id};
+pub use shape::{ModelShape, ParamCounts, models};

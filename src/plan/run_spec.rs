@@ -1,0 +1,99 @@
+//! [`RunSpec`] and [`TokenizerJob`]: all that a worker needs to know, and the ids that follow.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::shape::ModelShape;
+use crate::tokenizer::TokenizerSpec;
+
+/// Raised when the same spec would train to other bits: records of an older revision are stale.
+pub const TRAINING_REVISION: u32 = 1;
+
+/// One run, resolved: no rule is left to apply, no path and no time is in it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunSpec {
+    pub revision: u32,
+    pub seed: u64,
+    pub model: ModelShape,
+    pub n_vocab: usize,
+    pub budget_flops: f64,
+    pub batch_tokens: usize,
+    pub steps: usize,
+    pub lr: f64,
+    pub warmup_steps: usize,
+    /// The last learning rate as a share of the peak.
+    pub final_share: f64,
+    pub weight_decay: f64,
+    pub betas: [f64; 2],
+    pub epsilon: f64,
+    /// `None` where gradients are not clipped.
+    pub clip_norm: Option<f64>,
+    /// Times a run that it is measured on the validation split.
+    pub evaluations: usize,
+    /// Frames per second of the data.
+    pub fps: f64,
+    pub data_digest: String,
+    pub text_id: String,
+    pub tokenizer_id: String,
+}
+
+impl RunSpec {
+    /// Content id: the hash of every field.
+    pub fn id(&self) -> String {
+        content_id(self)
+    }
+
+    /// D: supervised motion tokens.
+    pub fn tokens(&self) -> usize {
+        self.steps * self.batch_tokens
+    }
+
+    /// Names the cell for a person: `L2 d32 V240 C=1e10 seed 0`.
+    pub fn label(&self) -> String {
+        let ModelShape { n_layer, d_model, .. } = self.model;
+        let (v, c, seed) = (self.n_vocab, self.budget_flops, self.seed);
+        format!("L{n_layer} d{d_model} V{v} C={c:e} seed {seed}")
+    }
+}
+
+/// One tokenizer to train, on which every run with its vocabulary waits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TokenizerJob {
+    pub revision: u32,
+    pub spec: TokenizerSpec,
+    pub data_digest: String,
+}
+
+impl TokenizerJob {
+    /// Content id: the hash of every field.
+    pub fn id(&self) -> String {
+        content_id(self)
+    }
+}
+
+/// The fields of two specs of a kind that differ, by path: `lr`, `model.d_ff`.
+pub fn changed_fields<T: Serialize>(ours: &T, theirs: &T) -> Vec<String> {
+    let value = |spec: &T| serde_json::to_value(spec).expect("specs are plain values");
+    let mut changed = Vec::new();
+    differences("", &value(ours), &value(theirs), &mut changed);
+    changed
+}
+
+fn differences(path: &str, ours: &Value, theirs: &Value, changed: &mut Vec<String>) {
+    match (ours, theirs) {
+        (Value::Object(ours), Value::Object(theirs)) => {
+            for (name, value) in ours {
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                differences(&path, value, theirs.get(name).unwrap_or(&Value::Null), changed);
+            }
+        }
+        _ if ours != theirs => changed.push(path.to_string()),
+        _ => {}
+    }
+}
+
+/// Sixteen hex digits of the blake3 hash of a value's JSON, whose fields stand in a fixed order.
+pub fn content_id(value: &impl Serialize) -> String {
+    let json = serde_json::to_string(value).expect("specs are plain values");
+    blake3::hash(json.as_bytes()).to_hex()[..16].to_string()
+}

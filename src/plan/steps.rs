@@ -1,0 +1,116 @@
+//! From a budget to tokens, steps, batch, learning rate and warm-up.
+
+use super::flops::TRAINING_PER_FORWARD;
+use crate::sweep::{BatchRule, LrRule, TrainSpec};
+
+/// How one run spends its budget.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spending {
+    /// Supervised tokens in a step.
+    pub batch_tokens: usize,
+    pub steps: usize,
+    /// FLOPs spent over FLOPs declared.
+    pub achieved_ratio: f64,
+}
+
+impl Spending {
+    /// D, all supervised tokens of the run.
+    pub fn tokens(self) -> usize {
+        self.steps * self.batch_tokens
+    }
+}
+
+/// Tokens beyond which counts of them are not exact any more.
+const MOST_TOKENS: f64 = 9e15;
+
+/// How far a run may miss its budget.
+pub const BUDGET_TOLERANCE: f64 = 0.01;
+
+/// Solves steps and batch so that 3 · `flops_per_token` · steps · batch meets the budget.
+///
+/// The batch follows its rule, halved while it leaves fewer than `min_steps`. The error is a
+/// sentence that says why no batch will do.
+pub fn spend(budget: f64, flops_per_token: f64, train: &TrainSpec) -> Result<Spending, String> {
+    let tokens = budget / (TRAINING_PER_FORWARD * flops_per_token);
+    if tokens > MOST_TOKENS {
+        return Err(format!("the budget buys {tokens:.1e} tokens: more than can be counted"));
+    }
+    let rule = &train.batch;
+    let mut batch_tokens = batch_by_rule(tokens, rule);
+    while tokens / (batch_tokens as f64) < train.min_steps as f64 && batch_tokens / 2 >= rule.min {
+        batch_tokens /= 2;
+    }
+    let steps = (tokens / batch_tokens as f64).round() as usize;
+    if steps < train.min_steps {
+        return Err(format!(
+            "the budget buys {tokens:.0} tokens, {steps} steps of {batch_tokens}: fewer than \
+             train.min_steps = {}",
+            train.min_steps
+        ));
+    }
+    let achieved_ratio = (steps * batch_tokens) as f64 / tokens;
+    if (achieved_ratio - 1.0).abs() > BUDGET_TOLERANCE {
+        return Err(format!(
+            "{steps} whole steps of {batch_tokens} tokens miss the budget by {:.1} %",
+            100.0 * (achieved_ratio - 1.0)
+        ));
+    }
+    Ok(Spending { batch_tokens, steps, achieved_ratio })
+}
+
+/// The power of two nearest to c·D^p, within the rule's bounds.
+fn batch_by_rule(tokens: f64, rule: &BatchRule) -> usize {
+    let wanted = rule.coefficient * tokens.powf(rule.tokens_exponent);
+    let power = 2f64.powi(wanted.max(1.0).log2().round() as i32) as usize;
+    power.clamp(rule.min, rule.max)
+}
+
+/// lr = c·N^p·D^q, at most the rule's maximum.
+pub fn learning_rate(params: usize, tokens: usize, rule: &LrRule) -> f64 {
+    let by_params = (params as f64).powf(rule.params_exponent);
+    let by_tokens = (tokens as f64).powf(rule.tokens_exponent);
+    (rule.coefficient * by_params * by_tokens).min(rule.max)
+}
+
+/// Warm-up steps: the declared share, and at most one token a parameter.
+///
+/// A warm-up that is long for a small model biases the exponents (Porian et al. 2024).
+pub fn warmup_steps(spending: Spending, params: usize, share: f64) -> usize {
+    let by_share = share * spending.steps as f64;
+    let by_params = params as f64 / spending.batch_tokens as f64;
+    by_share.min(by_params).floor() as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn spending_meets_the_budget_or_says_why_not(
+            log_budget in 6.0..16.0f64, log_flops in 3.0..9.0f64,
+        ) {
+            let (budget, flops) = (10f64.powf(log_budget), 10f64.powf(log_flops));
+            let train = TrainSpec::default();
+            match spend(budget, flops, &train) {
+                Ok(found) => {
+                    let spent = 3.0 * flops * found.tokens() as f64;
+                    prop_assert!((spent / budget - 1.0).abs() <= BUDGET_TOLERANCE);
+                    prop_assert!((spent / budget - found.achieved_ratio).abs() < 1e-9);
+                    prop_assert!(found.steps >= train.min_steps);
+                    prop_assert!(found.batch_tokens.is_power_of_two());
+                }
+                Err(reason) => prop_assert!(budget / (3.0 * flops)
+                    < (train.min_steps * train.batch.min) as f64 * 1.01, "{reason}"),
+            }
+        }
+    }
+
+    #[test]
+    fn warm_up_takes_at_most_one_token_a_parameter() {
+        let spending = Spending { batch_tokens: 100, steps: 1000, achieved_ratio: 1.0 };
+        assert_eq!(warmup_steps(spending, 1_000_000, 0.1), 100);
+        assert_eq!(warmup_steps(spending, 2_500, 0.1), 25);
+    }
+}
