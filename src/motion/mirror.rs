@@ -1,0 +1,136 @@
+//! Left and right exchanged, in features and in captions.
+
+use super::features::{CONTACTS, POSITIONS, ROOT_VELOCITY, ROOT_YAW, ROTATIONS, VELOCITIES};
+use super::skeleton::{MIRROR_PARTNER, N_JOINTS};
+use crate::data::N_FEATURES;
+
+/// For each column of the mirrored row: the column it comes from, and its sign.
+const COLUMNS: [(usize, f32); N_FEATURES] = mirrored_columns();
+
+/// Signs of a point and of the two columns of a rotation under `x → -x`; with `M = diag(-1, 1, 1)`
+/// the point `p` becomes `M p`, the matrix `R` becomes `M R M`.
+const POINT_SIGNS: [f32; 3] = [-1.0, 1.0, 1.0];
+const ROTATION_SIGNS: [f32; 6] = [1.0, -1.0, -1.0, -1.0, 1.0, 1.0];
+
+/// Features of the motion seen in a mirror: the x axis is reversed, left and right joints change
+/// places.
+///
+/// It is what building features from mirrored joints gives, and it undoes itself exactly.
+///
+/// # Shapes
+/// Row-major `[T, 263]`, not normalised, to the same.
+///
+/// # Panics
+/// If `features` does not consist of whole rows.
+pub fn mirror_features(features: &[f32]) -> Vec<f32> {
+    assert!(features.len().is_multiple_of(N_FEATURES), "features come in rows of {N_FEATURES}");
+    let mut mirrored = Vec::with_capacity(features.len());
+    for row in features.chunks_exact(N_FEATURES) {
+        mirrored.extend(COLUMNS.iter().map(|&(source, sign)| sign * row[source]));
+    }
+    mirrored
+}
+
+/// `caption` with the words `left` and `right` exchanged.
+///
+/// Whole lower-case words only: `leftover` and `upright` stay, `left-handed` changes. A `right` that
+/// means `at once` or `correct` is changed too, as in HumanML3D's own mirrored captions. Senses of
+/// turning are exchanged as well.
+pub fn mirror_caption(caption: &str) -> String {
+    let mut mirrored = String::with_capacity(caption.len() + 8);
+    let mut rest = caption;
+    while let Some(first) = rest.chars().next() {
+        let in_word = first.is_alphanumeric();
+        let end = rest.find(|c: char| c.is_alphanumeric() != in_word).unwrap_or(rest.len());
+        mirrored.push_str(match &rest[..end] {
+            "left" => "right",
+            "right" => "left",
+            "clockwise" => "counterclockwise",
+            "counterclockwise" | "anticlockwise" => "clockwise",
+            other => other,
+        });
+        rest = &rest[end..];
+    }
+    mirrored
+}
+
+const fn mirrored_columns() -> [(usize, f32); N_FEATURES] {
+    let mut columns = [(0, 1.0); N_FEATURES];
+    let mut column = 0;
+    while column < N_FEATURES {
+        columns[column] = (column, 1.0);
+        column += 1;
+    }
+    columns[ROOT_YAW].1 = -1.0;
+    columns[ROOT_VELOCITY.start].1 = -1.0;
+    exchange(&mut columns, POSITIONS.start, 1, &POINT_SIGNS);
+    exchange(&mut columns, ROTATIONS.start, 1, &ROTATION_SIGNS);
+    exchange(&mut columns, VELOCITIES.start, 0, &POINT_SIGNS);
+    let mut foot = 0;
+    while foot < 4 {
+        columns[CONTACTS.start + foot].0 = CONTACTS.start + (foot + 2) % 4;
+        foot += 1;
+    }
+    columns
+}
+
+/// Gives the columns of each joint from `first_joint` on, `signs.len()` a joint and beginning at
+/// `start`, the other side's columns with `signs`.
+const fn exchange(
+    columns: &mut [(usize, f32); N_FEATURES],
+    start: usize,
+    first_joint: usize,
+    signs: &[f32],
+) {
+    let mut joint = first_joint;
+    while joint < N_JOINTS {
+        let mut i = 0;
+        while i < signs.len() {
+            let source = start + (MIRROR_PARTNER[joint] - first_joint) * signs.len() + i;
+            columns[start + (joint - first_joint) * signs.len() + i] = (source, signs[i]);
+            i += 1;
+        }
+        joint += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::build_features;
+    use crate::motion::fixtures::{dance, largest_difference, mirrored_poses};
+
+    #[test]
+    fn mirroring_twice_changes_no_bit() {
+        let features = build_features(&dance(30));
+        let mirrored = mirror_features(&features);
+        assert_ne!(mirrored, features);
+        assert_eq!(mirror_features(&mirrored), features);
+    }
+
+    #[test]
+    fn mirroring_commutes_with_building() {
+        let poses = dance(120);
+        let built = build_features(&mirrored_poses(&poses));
+        let difference = largest_difference(&built, &mirror_features(&build_features(&poses)));
+        assert!(difference < 1e-5, "{difference}");
+    }
+
+    #[test]
+    fn only_whole_words_change_sides() {
+        let cases = [
+            ("a person steps left, then right.", "a person steps right, then left."),
+            (
+                "left-handed throw with the right/left arm",
+                "right-handed throw with the left/right arm",
+            ),
+            ("an upright man picks leftovers brightly", "an upright man picks leftovers brightly"),
+            ("", ""),
+            ("é left", "é right"),
+        ];
+        for (caption, expected) in cases {
+            assert_eq!(mirror_caption(caption), expected);
+            assert_eq!(mirror_caption(expected), caption);
+        }
+    }
+}

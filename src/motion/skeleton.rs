@@ -1,0 +1,131 @@
+//! The 22-joint skeleton of HumanML3D: SMPL's body without its hands.
+
+/// Joints of the skeleton, the pelvis first.
+pub const N_JOINTS: usize = 22;
+
+/// One frame: the global position of each joint in metres, y up.
+pub type Pose = [[f32; 3]; N_JOINTS];
+
+/// Name of each joint, in the order of [`Pose`].
+pub const JOINT_NAMES: [&str; N_JOINTS] = [
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "spine1",
+    "left_knee",
+    "right_knee",
+    "spine2",
+    "left_ankle",
+    "right_ankle",
+    "spine3",
+    "left_foot",
+    "right_foot",
+    "neck",
+    "left_collar",
+    "right_collar",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+];
+
+pub const L_HIP: usize = 1;
+pub const R_HIP: usize = 2;
+pub const L_SHOULDER: usize = 16;
+pub const R_SHOULDER: usize = 17;
+
+/// Parent of each joint; only the pelvis has none.
+pub const PARENTS: [Option<usize>; N_JOINTS] = [
+    None,
+    Some(0),
+    Some(0),
+    Some(0),
+    Some(1),
+    Some(2),
+    Some(3),
+    Some(4),
+    Some(5),
+    Some(6),
+    Some(7),
+    Some(8),
+    Some(9),
+    Some(9),
+    Some(9),
+    Some(12),
+    Some(13),
+    Some(14),
+    Some(16),
+    Some(17),
+    Some(18),
+    Some(19),
+];
+
+/// Kinematic chains: right leg, left leg, spine and head, right arm, left arm.
+///
+/// Each chain starts from the root's rotation, also the two arms, which hang from joint 9.
+pub const CHAINS: [&[usize]; 5] = [
+    &[0, 2, 5, 8, 11],
+    &[0, 1, 4, 7, 10],
+    &[0, 3, 6, 9, 12, 15],
+    &[9, 14, 17, 19, 21],
+    &[9, 13, 16, 18, 20],
+];
+
+const UP: [f32; 3] = [0.0, 1.0, 0.0];
+const DOWN: [f32; 3] = [0.0, -1.0, 0.0];
+const LEFT: [f32; 3] = [1.0, 0.0, 0.0];
+const RIGHT: [f32; 3] = [-1.0, 0.0, 0.0];
+const FRONT: [f32; 3] = [0.0, 0.0, 1.0];
+
+/// Unit direction from the parent to each joint in the rest pose, which faces +z.
+pub const RAW_OFFSETS: [[f32; 3]; N_JOINTS] = [
+    [0.0; 3], LEFT, RIGHT, UP, DOWN, DOWN, UP, DOWN, DOWN, UP, FRONT, FRONT, UP, LEFT, RIGHT,
+    FRONT, DOWN, DOWN, DOWN, DOWN, DOWN, DOWN,
+];
+
+/// Distance in metres from each joint to its parent, shared by every clip of HumanML3D.
+pub const BONE_LENGTHS: [f32; N_JOINTS] = [
+    0.0, 0.1031, 0.1099, 0.1316, 0.3936, 0.3902, 0.1432, 0.4324, 0.4256, 0.0574, 0.1434, 0.1494,
+    0.2194, 0.1375, 0.1434, 0.1030, 0.1316, 0.1230, 0.2568, 0.2631, 0.2660, 0.2699,
+];
+
+/// The joint on the other side of the body; joints of the middle are their own partners.
+pub const MIRROR_PARTNER: [usize; N_JOINTS] =
+    [0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20];
+
+/// Joints whose contacts are features: left ankle, left foot, right ankle, right foot.
+pub const CONTACT_JOINTS: [usize; 4] = [7, 10, 8, 11];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chains_visit_every_bone_once_from_parent_to_child() {
+        let mut seen = [0; N_JOINTS];
+        for bone in CHAINS.iter().flat_map(|chain| chain.windows(2)) {
+            assert_eq!(PARENTS[bone[1]], Some(bone[0]), "joint {}", JOINT_NAMES[bone[1]]);
+            seen[bone[1]] += 1;
+        }
+        assert_eq!(seen[0], 0);
+        assert_eq!(seen[1..], [1; N_JOINTS - 1]);
+    }
+
+    #[test]
+    fn partners_agree_with_names_and_offsets() {
+        for (joint, &partner) in MIRROR_PARTNER.iter().enumerate() {
+            let name = JOINT_NAMES[joint];
+            let swapped = match name.split_once('_') {
+                Some(("left", part)) => format!("right_{part}"),
+                Some(("right", part)) => format!("left_{part}"),
+                _ => name.to_owned(),
+            };
+            assert_eq!(JOINT_NAMES[partner], swapped);
+            let [x, y, z] = RAW_OFFSETS[joint];
+            assert_eq!(RAW_OFFSETS[partner], [0.0 - x, y, z], "{name}");
+        }
+    }
+}
