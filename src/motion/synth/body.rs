@@ -1,0 +1,152 @@
+//! Joints from a root, a posture and two feet: forward kinematics for the trunk and the arms,
+//! two-bone inverse kinematics for the legs.
+
+use std::sync::LazyLock;
+
+use super::feet::Foot;
+use super::geometry::{Rotation, V3, add, cross, norm, scale, sub, unit};
+use super::place::{Place, Side};
+use super::posture::{Arm, Posture, Trunk};
+use crate::motion::{BONE_LENGTHS as BONES, N_JOINTS, Pose};
+
+/// Direction of the bones that keep theirs relative to the parent's frame, standing upright.
+const DIRECTIONS: [(usize, V3); 11] = [
+    (1, [0.57, -0.79, -0.2]),
+    (2, [-0.57, -0.79, -0.2]),
+    (3, [0.0, 0.97, -0.22]),
+    (6, [0.0, 1.0, 0.0]),
+    (9, [0.0, 0.92, 0.38]),
+    (12, [0.0, 0.98, -0.19]),
+    (13, [0.55, 0.83, -0.1]),
+    (14, [-0.55, 0.83, -0.1]),
+    (15, [0.0, 0.87, 0.5]),
+    (16, [0.93, 0.33, -0.14]),
+    (17, [-0.93, 0.33, -0.14]),
+];
+
+static OFFSETS: LazyLock<[V3; N_JOINTS]> = LazyLock::new(|| {
+    let mut offsets = [[0.0; 3]; N_JOINTS];
+    for (joint, direction) in DIRECTIONS {
+        offsets[joint] = scale(unit(direction), BONES[joint]);
+    }
+    offsets
+});
+
+/// Height of the pelvis of an upright body with its legs all but straight.
+pub const UPRIGHT: f32 = 0.978;
+
+/// The share of a leg's length that a planted leg may use; a straight knee would snap.
+const REACH: f32 = 0.992;
+
+/// The joints of a body whose root stands at `root`.
+pub fn pose(root: Place, posture: &Posture, feet: &[Foot; 2]) -> Pose {
+    let trunk = &posture.trunk;
+    let pelvis_rotation = Rotation::y(root.yaw + trunk.pelvis_twist)
+        .after(Rotation::x(trunk.pelvis_pitch))
+        .after(Rotation::z(trunk.pelvis_roll));
+    let hips = [1, 2].map(|joint| pelvis_rotation.of(OFFSETS[joint]));
+    let ground = root.offset(trunk.shift_left, trunk.shift_forward);
+    let height = pelvis_height(ground, UPRIGHT + trunk.rise, &hips, feet);
+    let mut joints = [[0.0; 3]; N_JOINTS];
+    joints[0] = [ground.x, height, ground.z];
+    for side in Side::BOTH {
+        let i = side.index();
+        let hip = add(joints[0], hips[i]);
+        place_leg(&mut joints, side, hip, root.yaw + trunk.pelvis_twist, &feet[i]);
+    }
+    let chest = place_spine(&mut joints, trunk, pelvis_rotation);
+    for side in Side::BOTH {
+        place_arm(&mut joints, side, &posture.arms[side.index()], chest);
+    }
+    joints
+}
+
+/// The wanted height, or as much of it as both legs allow; smooth where one takes over.
+fn pelvis_height(ground: Place, wanted: f32, hips: &[V3; 2], feet: &[Foot; 2]) -> f32 {
+    Side::BOTH.iter().fold(wanted, |height, &side| {
+        let (hip, foot) = (hips[side.index()], &feet[side.index()]);
+        let (thigh, shin) = leg_bones(side);
+        let reach = REACH * (thigh + shin);
+        let dx = ground.x + hip[0] - foot.ankle[0];
+        let dz = ground.z + hip[2] - foot.ankle[2];
+        let above = (reach * reach - dx * dx - dz * dz).max(0.09).sqrt();
+        // A foot in the air can follow the body, so it binds less.
+        let limit = foot.ankle[1] - hip[1] + above + 0.25 * foot.airborne;
+        smooth_min(height, limit)
+    })
+}
+
+fn smooth_min(a: f32, b: f32) -> f32 {
+    let d = a - b;
+    0.5 * (a + b - (d * d + 0.015 * 0.015).sqrt())
+}
+
+fn leg_bones(side: Side) -> (f32, f32) {
+    match side {
+        Side::Left => (BONES[4], BONES[7]),
+        Side::Right => (BONES[5], BONES[8]),
+    }
+}
+
+/// Hip, knee, ankle and foot of one side; the knee bends about an axis half-way between the
+/// pelvis's and the foot's.
+fn place_leg(joints: &mut Pose, side: Side, hip: V3, pelvis_yaw: f32, foot: &Foot) {
+    let i = side.index();
+    let (thigh, shin) = leg_bones(side);
+    let (s, c) = (0.5 * (pelvis_yaw + foot.yaw)).sin_cos();
+    let (knee, ankle) = bend(hip, foot.ankle, thigh, shin, [c, 0.0, -s]);
+    joints[1 + i] = hip;
+    joints[4 + i] = knee;
+    joints[7 + i] = ankle;
+    joints[10 + i] = add(ankle, foot.toe_offset(BONES[10 + i]));
+}
+
+/// Middle and end of a two-bone chain from `start` towards `target`, as near as it reaches.
+fn bend(start: V3, target: V3, upper: f32, lower: f32, axis: V3) -> (V3, V3) {
+    let wanted = sub(target, start);
+    let distance = norm(wanted).clamp(0.3, 0.998 * (upper + lower));
+    let direction = unit(wanted);
+    let along = (upper * upper + distance * distance - lower * lower) / (2.0 * distance);
+    let aside = (upper * upper - along * along).max(0.0).sqrt();
+    let forward = unit(cross(direction, axis));
+    let middle = add(start, add(scale(direction, along), scale(forward, aside)));
+    (middle, add(start, scale(direction, distance)))
+}
+
+/// Spine, neck, head, collars and shoulders' frame; returns the chest's rotation.
+fn place_spine(joints: &mut Pose, trunk: &Trunk, pelvis: Rotation) -> Rotation {
+    let third = Rotation::y(trunk.spine_twist / 3.0)
+        .after(Rotation::x(trunk.spine_pitch / 3.0))
+        .after(Rotation::z(trunk.spine_roll / 3.0));
+    let lower = pelvis.after(third);
+    let middle = lower.after(third);
+    let chest = middle.after(third);
+    joints[3] = add(joints[0], pelvis.of(OFFSETS[3]));
+    joints[6] = add(joints[3], lower.of(OFFSETS[6]));
+    joints[9] = add(joints[6], middle.of(OFFSETS[9]));
+    joints[12] = add(joints[9], chest.of(OFFSETS[12]));
+    let head = Rotation::y(trunk.head_turn)
+        .after(Rotation::x(trunk.head_pitch))
+        .after(Rotation::z(trunk.head_roll));
+    joints[15] = add(joints[12], chest.after(head).of(OFFSETS[15]));
+    chest
+}
+
+/// Collar, shoulder, elbow and wrist of one side.
+fn place_arm(joints: &mut Pose, side: Side, arm: &Arm, chest: Rotation) {
+    let (i, sign) = (side.index(), side.sign());
+    let raised = chest.after(Rotation::z(sign * arm.shrug));
+    let collar = add(joints[9], raised.of(OFFSETS[13 + i]));
+    let shoulder = add(collar, raised.of(OFFSETS[16 + i]));
+    let upper = chest
+        .after(Rotation::x(-arm.flex))
+        .after(Rotation::z(sign * arm.abduct))
+        .after(Rotation::y(sign * arm.twist));
+    let elbow = add(shoulder, upper.of([0.0, -BONES[18 + i], 0.0]));
+    let (s, c) = arm.elbow.sin_cos();
+    let forearm = upper.of([0.0, -BONES[20 + i] * c, BONES[20 + i] * s]);
+    joints[13 + i] = collar;
+    joints[16 + i] = shoulder;
+    joints[18 + i] = elbow;
+    joints[20 + i] = add(elbow, forearm);
+}

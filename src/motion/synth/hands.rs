@@ -1,0 +1,166 @@
+//! What hands do: waving and punching, a number of times.
+
+use std::f32::consts::TAU;
+
+use super::blend::{plateau, smooth};
+use super::manner::Manner;
+use super::place::Side;
+use super::posture::{Arm, Posture};
+use super::random::Draw;
+
+/// Seconds in which an arm is raised or lowered, at energy 1.
+const RAISE: f32 = 0.55;
+
+/// Seconds in which fists are raised or lowered.
+const GUARD: f32 = 0.35;
+
+/// A movement done `count` times, `period` seconds each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repeats {
+    pub count: u32,
+    pub period: f32,
+}
+
+impl Repeats {
+    /// Draws a count, small ones often, that fits `budget` seconds.
+    pub fn sample(
+        counts: (u32, u32),
+        period: f32,
+        budget: f32,
+        rng: &mut impl Draw,
+    ) -> Option<Self> {
+        let span = (counts.1 - counts.0 + 1) as f32;
+        let count = counts.0 + (rng.unit().powf(1.4) * span) as u32;
+        let count = count.min((budget.max(0.0) / period) as u32);
+        (count >= counts.0).then_some(Self { count, period })
+    }
+
+    /// Seconds of all repeats.
+    pub fn total(&self) -> f32 {
+        self.count as f32 * self.period
+    }
+}
+
+/// Which hands act.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hands {
+    One(Side),
+    Both,
+}
+
+impl Hands {
+    fn sample(m: &Manner, both: f32, rng: &mut impl Draw) -> Self {
+        if rng.chance(both) { Hands::Both } else { Hands::One(m.preferred(rng)) }
+    }
+
+    /// Whether the hand of this side takes part.
+    pub fn uses(self, side: Side) -> bool {
+        matches!(self, Hands::Both) || self == Hands::One(side)
+    }
+}
+
+/// Waving one or both hands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wave {
+    pub hands: Hands,
+    pub repeats: Repeats,
+    /// 0 beside the chest, 1 above the head.
+    pub height: f32,
+    /// Radians of the forearm's swing.
+    pub swing: f32,
+    pub raise: f32,
+}
+
+impl Wave {
+    /// Draws a wave of at most `budget` seconds, if one fits.
+    pub fn sample(m: &Manner, budget: f32, rng: &mut impl Draw) -> Option<Self> {
+        let energy = m.traits.energy;
+        let raise = RAISE / energy * rng.uniform(0.85, 1.2);
+        let period = rng.uniform(0.42, 0.75) / energy;
+        let repeats = Repeats::sample((2, 7), period, budget - 2.0 * raise, rng)?;
+        let height = rng.uniform(0.0, 1.0);
+        let swing = rng.uniform(0.25, 0.6) * energy.sqrt();
+        Some(Self { hands: Hands::sample(m, 0.13, rng), repeats, height, swing, raise })
+    }
+
+    /// Draws a wave to be made while walking for `duration` seconds.
+    pub fn within(duration: f32, m: &Manner, rng: &mut impl Draw) -> Option<Self> {
+        Self::sample(m, duration - 0.3, rng)
+    }
+
+    /// Seconds from the hand's rise to its rest.
+    pub fn duration(&self) -> f32 {
+        2.0 * self.raise + self.repeats.total()
+    }
+
+    /// Moves the arms of a posture to the wave `t` seconds after its start.
+    pub fn raise_arms(&self, posture: &mut Posture, t: f32) {
+        let up = plateau(t, self.duration(), self.raise);
+        let cycle = TAU * (t - self.raise) / self.repeats.period;
+        let swing = self.swing * cycle.sin() * up;
+        let low = Arm { flex: 0.2, abduct: 0.75, twist: 0.95, elbow: 2.05, shrug: 0.05 };
+        let high = Arm { flex: 0.0, abduct: 2.35, twist: 1.35, elbow: 0.75, shrug: 0.3 };
+        let mut target = low.mix(high, self.height);
+        target.elbow -= swing;
+        target.abduct += 0.15 * swing;
+        for side in Side::BOTH.into_iter().filter(|&side| self.hands.uses(side)) {
+            posture.reach(side, target, up);
+        }
+    }
+}
+
+/// Punching at the air ahead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Punch {
+    pub first: Side,
+    /// Left and right in turn.
+    pub alternates: bool,
+    pub repeats: Repeats,
+    /// Raise of the striking arm.
+    pub aim: f32,
+}
+
+impl Punch {
+    /// Draws punches of at most `budget` seconds, if any fit.
+    pub fn sample(m: &Manner, budget: f32, rng: &mut impl Draw) -> Option<Self> {
+        let period = rng.uniform(0.5, 0.8) / m.traits.energy;
+        Some(Self {
+            first: m.preferred(rng),
+            alternates: rng.chance(0.5),
+            repeats: Repeats::sample((1, 6), period, budget - 2.0 * GUARD, rng)?,
+            aim: rng.uniform(1.15, 1.75),
+        })
+    }
+
+    /// Seconds from the rise of the fists to their fall.
+    pub fn duration(&self) -> f32 {
+        2.0 * GUARD + self.repeats.total()
+    }
+
+    /// Moves arms and trunk of a posture to the punches `t` seconds after their start.
+    pub fn strike(&self, posture: &mut Posture, t: f32) {
+        let on = plateau(t, self.duration(), GUARD);
+        let (striking, strike) = self.thrown(t - GUARD);
+        let guard = Arm { flex: 0.75, abduct: 0.12, twist: -0.25, elbow: 2.1, shrug: 0.08 };
+        let extended = Arm { flex: self.aim, abduct: 0.02, twist: -0.2, elbow: 0.12, shrug: 0.12 };
+        for side in Side::BOTH {
+            let reach = if side == striking { strike } else { 0.0 };
+            posture.reach(side, guard.mix(extended, reach), on);
+        }
+        let (trunk, turn) = (&mut posture.trunk, striking.sign() * strike * on);
+        trunk.spine_twist -= 0.5 * turn;
+        trunk.pelvis_twist -= 0.2 * turn;
+        trunk.head_turn += 0.6 * turn;
+        trunk.shift_forward += 0.04 * strike * on;
+        trunk.rise -= 0.04 * on;
+    }
+
+    /// The fist that strikes, and how far it is out.
+    fn thrown(&self, t: f32) -> (Side, f32) {
+        let cycle = (t / self.repeats.period).clamp(0.0, self.repeats.count as f32);
+        let u = cycle.fract();
+        let odd = self.alternates && cycle as u32 % 2 == 1;
+        let side = if odd { self.first.other() } else { self.first };
+        (side, smooth((u - 0.2) / 0.25) * smooth((0.85 - u) / 0.3))
+    }
+}

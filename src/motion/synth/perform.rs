@@ -1,0 +1,26 @@
+//! A script into joints: path, footsteps, postures, noise.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::FPS;
+use super::body::pose;
+use super::path::Path;
+use super::plan::plan;
+use super::script::Script;
+use super::wander::Wander;
+use crate::motion::Pose;
+
+/// The poses of a script, one more than its frames of features; its own noise seed decides all.
+pub fn perform(script: &Script) -> Vec<Pose> {
+    let mut rng = ChaCha8Rng::seed_from_u64(script.noise);
+    let path = Path::lay(script, &mut rng);
+    let mut feet = plan(script, &path, &mut rng);
+    let mut wander = Wander::new(&script.manner, &mut rng);
+    let frame_pose = |frame: usize| {
+        let t = frame as f32 / FPS;
+        let posture = wander.disturb(script.posture(t), &mut rng);
+        pose(path.at(t), &posture, &[feet[0].at(t), feet[1].at(t)])
+    };
+    (0..=script.n_frames()).map(frame_pose).collect()
+}

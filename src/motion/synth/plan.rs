@@ -1,0 +1,155 @@
+//! Footsteps: where and when each foot leaves the floor and meets it again.
+
+use super::act::Act;
+use super::action::Action;
+use super::feet::{Flight, FootTrack, Swing, rest};
+use super::jump::Jump;
+use super::kick::Kick;
+use super::manner::Manner;
+use super::path::Path;
+use super::place::{Place, Side};
+use super::random::Draw;
+use super::script::Script;
+use super::travel::{Gait, Travel};
+use crate::motion::BONE_LENGTHS;
+
+/// Lays the swings of both feet along a path.
+pub fn plan(script: &Script, path: &Path, rng: &mut impl Draw) -> [FootTrack; 2] {
+    let traits = &script.manner.traits;
+    let begin = path.at(script.begins() - 0.5);
+    let feet = Side::BOTH.map(|side| {
+        let place = rest(begin, side, traits.width, traits.toe_out);
+        FootTrack::new(place, BONE_LENGTHS[10 + side.index()])
+    });
+    let mut planner = Planner { path, manner: &script.manner, feet, rng };
+    for act in &script.acts {
+        match &act.action {
+            Action::Travel(travel) => planner.walk(act, travel, script.seconds()),
+            Action::Jump(jump) => planner.jump(act, jump),
+            Action::Kick(kick) => planner.kick(act, kick),
+            Action::InPlace(_) => {}
+        }
+    }
+    planner.feet
+}
+
+struct Planner<'a, R> {
+    path: &'a Path,
+    manner: &'a Manner,
+    feet: [FootTrack; 2],
+    rng: &'a mut R,
+}
+
+impl<R: Draw> Planner<'_, R> {
+    /// Each foot in turn, from the steps before the clip to the step that closes the feet.
+    fn walk(&mut self, act: &Act, travel: &Travel, seconds: f32) {
+        let first = -(act.early / travel.step_time).round() as i32;
+        let after = if act.late > 0.0 {
+            ((seconds + 0.5 - act.start) / travel.step_time).ceil() as i32
+        } else {
+            travel.steps as i32 + i32::from(!act.joins_next)
+        };
+        for i in first..after {
+            let lift = act.start + i as f32 * travel.step_time;
+            self.step(travel, travel.foot(i), lift);
+        }
+    }
+
+    /// A step lands where the root will be in the middle of the stance that follows, or, going
+    /// forward, before it: the heel's rise lets the foot trail further than it can reach ahead.
+    fn step(&mut self, travel: &Travel, side: Side, lift: f32) {
+        let (time, duty, traits) = (travel.step_time, travel.duty(), &self.manner.traits);
+        let land = lift + 2.0 * time * (1.0 - duty);
+        let share = if travel.drive().forward > 0.0 { 0.8 } else { 1.0 };
+        let middle = land + share * time * duty;
+        // The good foot hurries while the bad leg carries the body.
+        let limp = if side == self.manner.bad_leg { 0.0 } else { 0.2 * time * traits.limp };
+        let width = traits.width * stance(travel.gait);
+        let swing = Swing {
+            lift: lift + limp + self.rng.around(0.0, 0.012 * traits.wander.min(2.0)),
+            land: land - 0.5 * limp,
+            from: self.feet[side.index()].last_place(),
+            to: self.unsteady(rest(self.path.at(middle), side, width, traits.toe_out)),
+            flight: Flight::Step { clearance: (clearance(travel) * traits.lift).min(0.28) },
+            roll_off: roll_off(travel) * traits.lift.clamp(0.6, 1.2),
+            strike: strike(travel),
+        };
+        self.feet[side.index()].push(swing);
+    }
+
+    /// A place that a living foot meets.
+    fn unsteady(&mut self, place: Place) -> Place {
+        let spread = 0.009 * self.manner.traits.wander;
+        let (left, forward) = (self.rng.around(0.0, spread), self.rng.around(0.0, 1.3 * spread));
+        place.offset(left, forward).turned(self.rng.around(0.0, 4.0 * spread))
+    }
+
+    fn jump(&mut self, act: &Act, jump: &Jump) {
+        let traits = &self.manner.traits;
+        let (width, toe_out) = (traits.width, traits.toe_out);
+        for i in 0..jump.count {
+            let (lift, land) = jump.airtime(i);
+            let target = self.path.at(act.start + land + 0.3);
+            for side in Side::BOTH {
+                let swing = Swing {
+                    lift: act.start + lift + self.rng.around(0.0, 0.012),
+                    land: act.start + land,
+                    from: self.feet[side.index()].last_place(),
+                    to: self.unsteady(rest(target, side, width, toe_out)),
+                    flight: Flight::Leap { height: jump.height },
+                    roll_off: 0.6 + 0.5 * jump.height,
+                    strike: 0.0,
+                };
+                self.feet[side.index()].push(swing);
+            }
+        }
+    }
+
+    fn kick(&mut self, act: &Act, kick: &Kick) {
+        let (traits, leg) = (&self.manner.traits, kick.leg.index());
+        let (width, toe_out) = (traits.width, traits.toe_out);
+        for i in 0..kick.count {
+            let (lift, land) = kick.airtime(i);
+            let root = self.path.at(act.start + lift);
+            let from = self.feet[leg].last_place();
+            let to = self.unsteady(rest(root, kick.leg, width, toe_out));
+            let flight = kick.flight(root, from, to, self.feet[leg].flat());
+            let (lift, land) = (act.start + lift, act.start + land);
+            self.feet[leg].push(Swing { lift, land, from, to, flight, roll_off: 0.0, strike: 0.0 });
+        }
+    }
+}
+
+/// Width of the stance against standing: narrow in a run, wide when feet must not meet.
+fn stance(gait: Gait) -> f32 {
+    match gait {
+        Gait::Run => 0.5,
+        Gait::Sideways(_) => 1.35,
+        Gait::Turn(_) => 1.1,
+        _ => 0.85,
+    }
+}
+
+fn clearance(travel: &Travel) -> f32 {
+    match travel.gait {
+        Gait::Run => 0.08 + 0.07 * travel.speed(),
+        Gait::Walk | Gait::Arc(_) => 0.03 + 0.03 * travel.speed(),
+        _ => 0.05,
+    }
+}
+
+fn roll_off(travel: &Travel) -> f32 {
+    match travel.gait {
+        Gait::Run => 0.95,
+        Gait::Walk | Gait::Arc(_) => (0.15 + 0.45 * travel.speed()).min(0.8),
+        _ => 0.15,
+    }
+}
+
+fn strike(travel: &Travel) -> f32 {
+    match travel.gait {
+        Gait::Walk | Gait::Arc(_) => (0.3 * travel.speed()).min(0.42),
+        Gait::Run => 0.12,
+        _ => 0.0,
+    }
+}
