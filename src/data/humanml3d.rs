@@ -1,0 +1,266 @@
+//! [`HumanMl3d`]: a folder in the HumanML3D layout as a [`MotionSource`].
+//!
+//! The folder holds `new_joint_vecs/<id>.npy`, `texts/<id>.txt`, `train.txt`, `val.txt`,
+//! `test.txt`, and may hold `Mean.npy` and `Std.npy`.
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::clip_file::{ClipFile, LoadedClip, features_name, load_clip};
+use super::digest::{UsedFile, digest};
+use super::items::{FPS, Item, LengthRule, items_of};
+use super::source::{DataError, FeatureStats, MotionSource, N_FEATURES, Split};
+use super::splits::read_splits;
+use super::stats::{StatsAccumulator, read_stats};
+use crate::motion::mirror_features;
+
+/// What to do about files that are not what they should be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BrokenFiles {
+    /// Leave them out, with a warning each.
+    #[default]
+    Skip,
+    /// Stop with an error that lists them all.
+    Refuse,
+}
+
+/// How clips are made from the files.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HumanMl3dOptions {
+    /// Whether each training clip `<id>` is joined by its mirror image `M<id>`: from the data
+    /// set's own files if it has them, listed or not; by [`mirror_features`] if not.
+    pub mirror: bool,
+    /// What to do about broken files and lines.
+    pub broken: BrokenFiles,
+    /// Clips and parts with fewer frames are left out.
+    pub min_frames: usize,
+    /// Longest item; what exceeds it after cropping to a multiple of 4 is left out.
+    pub max_frames: usize,
+}
+
+impl Default for HumanMl3dOptions {
+    /// Not mirrored, broken files skipped, 40 to 196 frames: 199 are cropped, 200 left out.
+    fn default() -> Self {
+        HumanMl3dOptions {
+            mirror: false,
+            broken: BrokenFiles::default(),
+            min_frames: 40,
+            max_frames: 196,
+        }
+    }
+}
+
+/// A data set in memory: each clip's features once, in single precision.
+pub struct HumanMl3d {
+    library: Library,
+    stats: FeatureStats,
+    digest: String,
+    warnings: Vec<String>,
+}
+
+impl HumanMl3d {
+    /// Reads the data set in the folder `path`.
+    ///
+    /// Files are read in parallel; what comes out does not depend on how many threads there are.
+    /// `Mean.npy` and `Std.npy` are taken as they are, or computed from the training items if
+    /// neither is there.
+    ///
+    /// # Errors
+    /// [`DataError`] if a split file or a folder is missing, if `Mean.npy` or `Std.npy` is wrong,
+    /// if a split has no usable clip, and for broken files if `options` refuses them.
+    pub fn open(path: &Path, options: &HumanMl3dOptions) -> Result<HumanMl3d, DataError> {
+        check_folders(path)?;
+        let lists = read_splits(path)?;
+        let wanted = wanted_clips(path, &lists.clips, options.mirror);
+        let loaded = wanted.par_iter().map(|wanted| load_clip(path, &wanted.id)).collect();
+        let Assembled { library, files, broken, skipped } = assemble(&wanted, loaded, options);
+        let broken = [lists.problems, broken].concat();
+        refuse(path, options, &broken)?;
+        check_splits(path, &library)?;
+        let (stats, stats_files) = library.stats(path)?;
+        let files = [lists.files, files, stats_files].concat();
+        let digest = digest(&rules(options), &files);
+        Ok(HumanMl3d { library, stats, digest, warnings: [broken, skipped].concat() })
+    }
+}
+
+impl MotionSource for HumanMl3d {
+    fn n_clips(&self, split: Split) -> usize {
+        self.library.items[split as usize].len()
+    }
+
+    fn clip_id(&self, split: Split, index: usize) -> String {
+        self.library.items[split as usize][index].id()
+    }
+
+    fn n_frames(&self, split: Split, index: usize) -> usize {
+        self.library.items[split as usize][index].n_frames
+    }
+
+    fn captions(&self, split: Split, index: usize) -> Vec<String> {
+        self.library.items[split as usize][index].captions.clone()
+    }
+
+    fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
+        Ok(self.library.features(&self.library.items[split as usize][index]))
+    }
+
+    fn stats(&self) -> &FeatureStats {
+        &self.stats
+    }
+
+    fn fps(&self) -> f32 {
+        FPS as f32
+    }
+
+    fn digest(&self) -> &str {
+        &self.digest
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+}
+
+/// Clips and the items made of them.
+#[derive(Default)]
+struct Library {
+    /// Features of each clip that some item refers to, `[T, 263]`.
+    clips: Vec<Vec<f32>>,
+    /// Items of train, val and test.
+    items: [Vec<Item>; 3],
+}
+
+impl Library {
+    fn features(&self, item: &Item) -> Vec<f32> {
+        let end = item.first_frame + item.n_frames;
+        let rows = &self.clips[item.clip][item.first_frame * N_FEATURES..end * N_FEATURES];
+        if item.mirrored { mirror_features(rows) } else { rows.to_vec() }
+    }
+
+    /// The folder's statistics with their files, or those of the training items.
+    fn stats(&self, path: &Path) -> Result<(FeatureStats, Vec<UsedFile>), DataError> {
+        if let Some((stats, files)) = read_stats(path)? {
+            return Ok((stats, files.to_vec()));
+        }
+        let mut accumulator = StatsAccumulator::default();
+        for item in &self.items[Split::Train as usize] {
+            accumulator.add(&self.features(item));
+        }
+        let stats = accumulator.finish().ok_or_else(|| DataError::Invalid {
+            path: path.display().to_string(),
+            problem: "a group of features is constant over the training clips, so that its \
+                      deviation is zero; add other clips, or Mean.npy and Std.npy"
+                .to_owned(),
+        })?;
+        Ok((stats, Vec::new()))
+    }
+}
+
+/// A clip to read.
+struct Wanted {
+    split: Split,
+    id: String,
+    /// Whether a mirrored twin of each item is made.
+    twin: bool,
+}
+
+/// The listed clips; with `mirror`, each training clip's twin too, read or made.
+fn wanted_clips(root: &Path, listed: &[(Split, String)], mirror: bool) -> Vec<Wanted> {
+    let names: HashSet<&str> = listed.iter().map(|(_, id)| id.as_str()).collect();
+    let mut wanted = Vec::with_capacity(listed.len());
+    for (split, id) in listed {
+        let twin_id = format!("M{id}");
+        let has_twin = names.contains(twin_id.as_str())
+            || id.strip_prefix('M').is_some_and(|original| names.contains(original));
+        let needs_twin = mirror && *split == Split::Train && !has_twin;
+        let on_disk = needs_twin && root.join(features_name(&twin_id)).exists();
+        wanted.push(Wanted { split: *split, id: id.clone(), twin: needs_twin && !on_disk });
+        if on_disk {
+            wanted.push(Wanted { split: *split, id: twin_id, twin: false });
+        }
+    }
+    wanted
+}
+
+/// What became of the clips that were read.
+#[derive(Default)]
+struct Assembled {
+    library: Library,
+    /// Files of the clips in the library.
+    files: Vec<UsedFile>,
+    /// Sentences about broken files and lines.
+    broken: Vec<String>,
+    /// Sentences about sound clips whose length rules them out.
+    skipped: Vec<String>,
+}
+
+fn assemble(wanted: &[Wanted], loaded: Vec<LoadedClip>, options: &HumanMl3dOptions) -> Assembled {
+    let rule = LengthRule { min_frames: options.min_frames, max_frames: options.max_frames };
+    let mut assembled = Assembled::default();
+    for (wanted, loaded) in wanted.iter().zip(loaded) {
+        assembled.broken.extend(loaded.problems);
+        if let Some(clip) = loaded.clip {
+            assembled.add(clip, wanted, rule);
+        }
+    }
+    assembled
+}
+
+impl Assembled {
+    fn add(&mut self, clip: ClipFile, wanted: &Wanted, rule: LengthRule) {
+        let (items, skipped) = items_of(&clip, self.library.clips.len(), rule);
+        self.skipped.extend(skipped);
+        if items.is_empty() {
+            return;
+        }
+        let twins: Vec<Item> =
+            if wanted.twin { items.iter().map(Item::mirrored).collect() } else { Vec::new() };
+        self.library.items[wanted.split as usize].extend(items.into_iter().chain(twins));
+        self.library.clips.push(clip.features);
+        self.files.extend(clip.files);
+    }
+}
+
+/// What the items follow from beside the files; its first word changes when the rules do.
+///
+/// What is done about broken files is left out: if nothing is broken it changes no item, and if
+/// something is, no data set comes of refusing it.
+fn rules(options: &HumanMl3dOptions) -> String {
+    let HumanMl3dOptions { mirror, min_frames, max_frames, broken: _ } = options;
+    format!("humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}")
+}
+
+fn check_folders(path: &Path) -> Result<(), DataError> {
+    let missing = ["new_joint_vecs", "texts"].map(|name| path.join(name));
+    match missing.iter().find(|folder| !folder.is_dir()) {
+        None => Ok(()),
+        Some(folder) => Err(DataError::Read {
+            path: folder.display().to_string(),
+            reason: "no such folder; a data set in the HumanML3D layout has its features in \
+                     new_joint_vecs and its captions in texts"
+                .to_owned(),
+        }),
+    }
+}
+
+fn refuse(path: &Path, options: &HumanMl3dOptions, broken: &[String]) -> Result<(), DataError> {
+    if options.broken == BrokenFiles::Skip || broken.is_empty() {
+        return Ok(());
+    }
+    Err(DataError::Broken { path: path.display().to_string(), problems: broken.to_vec() })
+}
+
+fn check_splits(path: &Path, library: &Library) -> Result<(), DataError> {
+    let empty = Split::ALL.into_iter().find(|&split| library.items[split as usize].is_empty());
+    empty.map_or(Ok(()), |split| {
+        Err(DataError::EmptySplit { path: path.display().to_string(), split: split.name() })
+    })
+}
+
+#[cfg(test)]
+mod tests;

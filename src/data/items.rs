@@ -1,0 +1,195 @@
+//! From clips on disk to items: cropping, sub-captions, mirroring.
+
+use super::clip_file::ClipFile;
+use crate::motion::mirror_caption;
+
+/// Frames a second of every HumanML3D file.
+pub(super) const FPS: f64 = 20.0;
+/// Items are whole numbers of this many frames: one token's worth.
+const FRAMES_PER_TOKEN: usize = 4;
+
+/// Which lengths are used.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LengthRule {
+    pub min_frames: usize,
+    pub max_frames: usize,
+}
+
+impl LengthRule {
+    /// Length of the item made of `n_frames`: the next lower multiple of 4.
+    ///
+    /// # Errors
+    /// A clause that says what is wrong if there are fewer frames than the smallest number, or
+    /// still more than the largest after cropping.
+    fn crop(self, n_frames: usize) -> Result<usize, String> {
+        let cropped = n_frames - n_frames % FRAMES_PER_TOKEN;
+        let fewest = self.min_frames.max(FRAMES_PER_TOKEN);
+        match n_frames {
+            n if n < fewest => Err(format!("has {n} frames, fewer than {fewest}")),
+            n if cropped > self.max_frames => {
+                Err(format!("has {n} frames, too many for items of {}", self.max_frames))
+            }
+            _ => Ok(cropped),
+        }
+    }
+}
+
+/// A range of frames of one clip, with captions.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Item {
+    /// Index of the clip among those kept in memory.
+    pub clip: usize,
+    /// The stem of the clip's files.
+    pub stem: String,
+    /// Tells the parts of a clip apart; absent for the whole.
+    pub letter: Option<char>,
+    pub first_frame: usize,
+    pub n_frames: usize,
+    /// Whether features are mirrored on their way out.
+    pub mirrored: bool,
+    pub captions: Vec<String>,
+}
+
+impl Item {
+    /// The name for messages: `000012`, `A_000012` for a part, with `M` before the stem if mirrored.
+    pub(super) fn id(&self) -> String {
+        let part = self.letter.map(|letter| format!("{letter}_")).unwrap_or_default();
+        format!("{part}{}{}", if self.mirrored { "M" } else { "" }, self.stem)
+    }
+
+    /// The item with left and right exchanged.
+    pub(super) fn mirrored(&self) -> Item {
+        let captions = self.captions.iter().map(|caption| mirror_caption(caption)).collect();
+        Item { mirrored: true, captions, ..self.clone() }
+    }
+}
+
+/// The items of a clip, and a sentence for each that its length rules out.
+///
+/// The whole clip with the captions that describe it all, if there are any; then, for each caption
+/// of a part, that part. A clip whose own length is ruled out gives no parts either, as in
+/// text-to-motion's loader.
+pub(super) fn items_of(
+    clip: &ClipFile,
+    index: usize,
+    rule: LengthRule,
+) -> (Vec<Item>, Vec<String>) {
+    let n_frames = match rule.crop(clip.n_frames()) {
+        Ok(n_frames) => n_frames,
+        Err(clause) => return (Vec::new(), vec![format!("clip {} {clause}; left out", clip.id)]),
+    };
+    let whole = Item {
+        clip: index,
+        stem: clip.id.clone(),
+        letter: None,
+        first_frame: 0,
+        n_frames,
+        mirrored: false,
+        captions: whole_captions(clip),
+    };
+    let (parts, skipped) = parts_of(clip, &whole, rule);
+    let whole = (!whole.captions.is_empty()).then_some(whole);
+    (whole.into_iter().chain(parts).collect(), skipped)
+}
+
+fn whole_captions(clip: &ClipFile) -> Vec<String> {
+    let whole = clip.annotations.iter().filter(|annotation| annotation.span_s.is_none());
+    whole.map(|annotation| annotation.caption.clone()).collect()
+}
+
+fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule) -> (Vec<Item>, Vec<String>) {
+    let (mut parts, mut skipped) = (Vec::new(), Vec::new());
+    let spans = clip.annotations.iter().filter_map(|a| Some((a.span_s?, &a.caption)));
+    for (((from_s, to_s), caption), letter) in spans.zip(('A'..='Z').cycle()) {
+        let [first_frame, end] = [from_s, to_s].map(|s| clip.n_frames().min((s * FPS) as usize));
+        match rule.crop(end - first_frame) {
+            Ok(n_frames) => parts.push(Item {
+                letter: Some(letter),
+                first_frame,
+                n_frames,
+                captions: vec![caption.clone()],
+                ..whole.clone()
+            }),
+            Err(clause) => skipped.push(format!(
+                "clip {}: the part from {from_s} to {to_s} s {clause}; left out",
+                clip.id
+            )),
+        }
+    }
+    (parts, skipped)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::N_FEATURES;
+    use crate::data::captions::parse_annotation;
+    use crate::data::digest::UsedFile;
+
+    const RULE: LengthRule = LengthRule { min_frames: 40, max_frames: 196 };
+
+    fn clip(n_frames: usize, lines: &[&str]) -> ClipFile {
+        ClipFile {
+            id: "000007".to_owned(),
+            features: vec![0.0; n_frames * N_FEATURES],
+            annotations: lines
+                .iter()
+                .map(|line| parse_annotation(line).expect("a good line"))
+                .collect(),
+            files: [UsedFile::new("a", b""), UsedFile::new("b", b"")],
+        }
+    }
+
+    #[test]
+    fn lengths_are_cropped_to_multiples_of_four_and_bounded() {
+        let lengths = [39, 40, 43, 195, 196, 199].map(|n| RULE.crop(n).ok());
+        assert_eq!(lengths, [None, Some(40), Some(40), Some(192), Some(196), Some(196)]);
+        assert_eq!(RULE.crop(200).unwrap_err(), "has 200 frames, too many for items of 196");
+        let no_minimum = LengthRule { min_frames: 0, ..RULE };
+        assert_eq!(no_minimum.crop(3).unwrap_err(), "has 3 frames, fewer than 4");
+    }
+
+    #[test]
+    fn captions_of_parts_become_items_of_their_own() {
+        let clip = clip(150, &["he walks", "he sits##1.0#4.26", "he waves", "he left##5.0#99.0"]);
+        let (items, skipped) = items_of(&clip, 3, RULE);
+        let seen: Vec<_> = items
+            .iter()
+            .map(|item| {
+                (item.id(), item.clip, item.first_frame, item.n_frames, item.captions.join("|"))
+            })
+            .collect();
+        // 1.0 to 4.26 s is frames 20 to 85; the last part ends with the clip, at frame 150.
+        assert_eq!(
+            seen,
+            [
+                ("000007".to_owned(), 3, 0, 148, "he walks|he waves".to_owned()),
+                ("A_000007".to_owned(), 3, 20, 64, "he sits".to_owned()),
+                ("B_000007".to_owned(), 3, 100, 48, "he left".to_owned()),
+            ]
+        );
+        assert_eq!(skipped, [""; 0]);
+        let mirrored = items[2].mirrored();
+        assert_eq!((mirrored.id(), mirrored.mirrored), ("B_M000007".to_owned(), true));
+        assert_eq!(mirrored.captions, ["he right"]);
+        assert_eq!(items[0].mirrored().id(), "M000007");
+    }
+
+    #[test]
+    fn a_clip_with_parts_alone_has_no_whole_item() {
+        let (items, skipped) =
+            items_of(&clip(150, &["he sits##1.0#4.0", "he runs##8.0#9.0"]), 0, RULE);
+        assert_eq!(items.iter().map(Item::id).collect::<Vec<_>>(), ["A_000007"]);
+        assert_eq!(
+            skipped,
+            ["clip 000007: the part from 8 to 9 s has 0 frames, fewer than 40; left out"]
+        );
+    }
+
+    #[test]
+    fn a_clip_that_is_too_long_gives_no_parts_either() {
+        let (items, skipped) = items_of(&clip(200, &["he sits##1.0#4.0"]), 0, RULE);
+        assert_eq!(items, []);
+        assert_eq!(skipped, ["clip 000007 has 200 frames, too many for items of 196; left out"]);
+    }
+}

@@ -1,0 +1,198 @@
+//! [`Procedural`]: the built-in source, clips of the generator in [`crate::motion::synth`].
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::digest::digest;
+use super::source::{DataError, FeatureStats, MotionSource, Split};
+use super::stats::StatsAccumulator;
+use crate::motion::build_features;
+use crate::motion::synth::{FPS, REVISION, Script};
+
+/// Clips of the training stream from which mean and deviation are estimated.
+const STATS_CLIPS: usize = 256;
+
+/// How many clips, and of which seed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProceduralOptions {
+    /// Different seeds give different clips throughout.
+    pub seed: u64,
+    pub train_clips: usize,
+    pub val_clips: usize,
+    pub test_clips: usize,
+}
+
+/// Clips made on demand: clip `i` of a split follows from the seed, the split and `i` alone.
+///
+/// Nothing is stored, so a split may hold millions of clips; more of them leave the first ones
+/// as they are. Mean and deviation are those of the first 256 clips of the training stream,
+/// whether `train_clips` reaches that far or not: they depend on the seed only.
+#[derive(Clone, Debug)]
+pub struct Procedural {
+    options: ProceduralOptions,
+    stats: FeatureStats,
+    digest: String,
+}
+
+impl Procedural {
+    /// A source; takes the time of 256 clips for the statistics.
+    pub fn new(options: ProceduralOptions) -> Self {
+        let ProceduralOptions { seed, train_clips, val_clips, test_clips } = options;
+        let rules = format!(
+            "procedural, revision {REVISION}, seed {seed}, clips {train_clips} {val_clips} \
+             {test_clips}"
+        );
+        Self { options, stats: estimate_stats(seed), digest: digest(&rules, &[]) }
+    }
+
+    fn script(&self, split: Split, index: usize) -> Script {
+        let n = self.n_clips(split);
+        assert!(index < n, "clip {index} of {n} in the {} split", split.name());
+        script(self.options.seed, split, index)
+    }
+}
+
+impl MotionSource for Procedural {
+    fn n_clips(&self, split: Split) -> usize {
+        match split {
+            Split::Train => self.options.train_clips,
+            Split::Val => self.options.val_clips,
+            Split::Test => self.options.test_clips,
+        }
+    }
+
+    fn clip_id(&self, split: Split, index: usize) -> String {
+        format!("{}-{index:06}", split.name())
+    }
+
+    fn n_frames(&self, split: Split, index: usize) -> usize {
+        self.script(split, index).n_frames()
+    }
+
+    fn captions(&self, split: Split, index: usize) -> Vec<String> {
+        self.script(split, index).captions()
+    }
+
+    fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
+        Ok(build_features(&self.script(split, index).poses()))
+    }
+
+    fn stats(&self) -> &FeatureStats {
+        &self.stats
+    }
+
+    fn fps(&self) -> f32 {
+        FPS
+    }
+
+    fn digest(&self) -> &str {
+        &self.digest
+    }
+
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
+}
+
+/// Each clip has a stream of its own: the split in the upper bits, the index in the lower.
+fn script(seed: u64, split: Split, index: usize) -> Script {
+    let upper = match split {
+        Split::Train => 1u64,
+        Split::Val => 2,
+        Split::Test => 3,
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(upper << 56 | index as u64);
+    Script::sample(&mut rng)
+}
+
+fn estimate_stats(seed: u64) -> FeatureStats {
+    let mut accumulator = StatsAccumulator::default();
+    for index in 0..STATS_CLIPS {
+        accumulator.add(&build_features(&script(seed, Split::Train, index).poses()));
+    }
+    accumulator.finish().expect("256 clips of moving bodies vary in every group of features")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::N_FEATURES;
+
+    fn source(seed: u64, train_clips: usize) -> Procedural {
+        Procedural::new(ProceduralOptions { seed, train_clips, val_clips: 5, test_clips: 5 })
+    }
+
+    fn clip(source: &Procedural, split: Split, index: usize) -> Vec<u32> {
+        let features = source.features(split, index).expect("the generator cannot fail");
+        features.iter().map(|value| value.to_bits()).collect()
+    }
+
+    #[test]
+    fn a_clip_depends_neither_on_the_order_of_calls_nor_on_the_number_of_clips() {
+        let (few, many) = (source(3, 6), source(3, 1_000_000));
+        let forward: Vec<_> = (0..6).map(|i| clip(&few, Split::Train, i)).collect();
+        let backward: Vec<_> = (0..6).rev().map(|i| clip(&many, Split::Train, i)).collect();
+        assert!(forward.iter().eq(backward.iter().rev()));
+        assert_eq!(few.stats(), many.stats());
+        assert_eq!(few.captions(Split::Train, 5), many.captions(Split::Train, 5));
+        assert!(!clip(&many, Split::Train, 999_999).is_empty());
+    }
+
+    #[test]
+    fn seeds_splits_and_indices_all_give_other_clips() {
+        let (a, b) = (source(3, 5), source(4, 5));
+        let mut clips: Vec<_> = [&a, &b]
+            .iter()
+            .flat_map(|source| Split::ALL.map(|split| (*source, split)))
+            .flat_map(|(source, split)| (0..5).map(move |i| clip(source, split, i)))
+            .collect();
+        clips.sort();
+        clips.dedup();
+        assert_eq!(clips.len(), 2 * 3 * 5);
+    }
+
+    #[test]
+    fn features_match_the_promised_length_and_are_finite() {
+        let source = source(11, 40);
+        for index in 0..40 {
+            let features = source.features(Split::Train, index).expect("no clip fails");
+            let n_frames = source.n_frames(Split::Train, index);
+            assert_eq!(features.len(), n_frames * N_FEATURES);
+            assert!(features.iter().all(|value| value.is_finite()), "clip {index}");
+            let captions = source.captions(Split::Train, index);
+            assert!((2..=3).contains(&captions.len()));
+            for caption in captions {
+                assert!(!caption.contains('#') && caption == caption.to_lowercase(), "{caption}");
+            }
+        }
+    }
+
+    #[test]
+    fn normalised_features_of_unseen_clips_have_mean_0_and_deviation_1() {
+        let source = source(11, 600);
+        let stats = source.stats();
+        let mut seen = StatsAccumulator::default();
+        for index in 300..600 {
+            let features = source.features(Split::Train, index).expect("no clip fails");
+            let normalised: Vec<f32> = (features.iter().zip(stats.mean.iter().cycle()))
+                .zip(stats.std.iter().cycle())
+                .map(|((value, mean), std)| (value - mean) / std)
+                .collect();
+            seen.add(&normalised);
+        }
+        let seen = seen.finish().expect("features vary");
+        for column in 0..N_FEATURES {
+            assert!(seen.mean[column].abs() < 0.4, "column {column}: {}", seen.mean[column]);
+            assert!((seen.std[column] - 1.0).abs() < 0.2, "column {column}: {}", seen.std[column]);
+        }
+    }
+
+    #[test]
+    fn the_digest_names_seed_and_counts() {
+        let base = source(3, 5);
+        assert_eq!(base.digest(), source(3, 5).digest());
+        assert_ne!(base.digest(), source(4, 5).digest());
+        assert_ne!(base.digest(), source(3, 6).digest());
+    }
+}

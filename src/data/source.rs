@@ -1,0 +1,95 @@
+//! [`MotionSource`]: what every source of motion offers to tokenizers and trainers.
+
+use serde::{Deserialize, Serialize};
+
+/// Features of one frame in the HumanML3D layout with 22 joints.
+pub const N_FEATURES: usize = 263;
+
+/// Frames that one code stands for: clips come in multiples of it.
+pub const FRAMES_PER_TOKEN: usize = 4;
+
+/// Which part of a data set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Split {
+    Train,
+    Val,
+    Test,
+}
+
+impl Split {
+    /// Every split, in the order in which files list them.
+    pub const ALL: [Split; 3] = [Split::Train, Split::Val, Split::Test];
+
+    /// The name used in files: `train`, `val`, `test`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Split::Train => "train",
+            Split::Val => "val",
+            Split::Test => "test",
+        }
+    }
+}
+
+/// Mean and standard deviation of each feature over the training split, for z-normalisation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeatureStats {
+    /// `[N_FEATURES]`.
+    pub mean: Vec<f32>,
+    /// `[N_FEATURES]`, strictly positive.
+    pub std: Vec<f32>,
+}
+
+/// What can be wrong with a data set.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// A file could not be read.
+    #[error("cannot read {path}: {reason}")]
+    Read { path: String, reason: String },
+    /// A file was read and is not what it should be.
+    #[error("{path}: {problem}")]
+    Invalid { path: String, problem: String },
+    /// Nothing is left to train or test on.
+    #[error("the {split} split of {path} holds no usable clip")]
+    EmptySplit { path: String, split: &'static str },
+    /// Files or lines are broken, and the options refuse them; every one is listed.
+    #[error(
+        "{path}: {} broken files or lines; mend them, or skip them with a warning each:\n  {}",
+        problems.len(),
+        problems.join("\n  ")
+    )]
+    Broken { path: String, problems: Vec<String> },
+}
+
+/// A set of clips, each with features and captions, addressed by split and index.
+///
+/// Clips are items after every rule of cropping, sub-captions and mirroring has been applied:
+/// index `i` always means the same frames and the same captions, whoever asks and in any order.
+pub trait MotionSource: Sync {
+    /// Number of clips in `split`.
+    fn n_clips(&self, split: Split) -> usize;
+
+    /// A name for messages: the file's stem, with a letter before it for a sub-caption's clip.
+    fn clip_id(&self, split: Split, index: usize) -> String;
+
+    /// Frames of the clip; known without producing its features. A multiple of 4.
+    fn n_frames(&self, split: Split, index: usize) -> usize;
+
+    /// The clip's captions, lower-case, at least one.
+    fn captions(&self, split: Split, index: usize) -> Vec<String>;
+
+    /// Raw (not normalised) features, row-major `[n_frames, N_FEATURES]`.
+    fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError>;
+
+    /// Mean and deviation over the training split.
+    fn stats(&self) -> &FeatureStats;
+
+    /// Frames per second.
+    fn fps(&self) -> f32;
+
+    /// Blake3 hex digest of everything that the clips follow from; no path and no time in it.
+    fn digest(&self) -> &str;
+
+    /// Sentences about files that were skipped, one each, naming the file and the reason.
+    fn warnings(&self) -> &[String];
+}
