@@ -1,0 +1,142 @@
+//! [`TextStore`]: the captions of a data set as vectors, in one file that many processes share.
+//!
+//! Columns: `embeddings` (f32), `words` (u64, where each distinct caption starts, in words, and the
+//! end), and for each split `<split>.captions` (u32, distinct captions, clip after clip) and
+//! `<split>.offsets` (u64, where each clip's captions start, and the end); `dim` among the notes.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use super::encoder::TextEncoder;
+use crate::data::{MotionSource, Split};
+use crate::record::mapped::{self, Column, MappedFile, NewColumn};
+
+/// Why embeddings could not be written or read.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: {reason}")]
+pub struct TextError {
+    pub path: String,
+    pub reason: String,
+}
+
+impl TextError {
+    fn new(path: &Path, reason: impl ToString) -> Self {
+        Self { path: path.display().to_string(), reason: reason.to_string() }
+    }
+}
+
+/// Captions of one split, by clip.
+#[derive(Default)]
+struct SplitCaptions {
+    captions: Vec<u32>,
+    offsets: Vec<u64>,
+}
+
+/// Embeds each distinct caption of `source` once and writes the store at `path`.
+pub fn embed(
+    encoder: &dyn TextEncoder,
+    source: &dyn MotionSource,
+    path: &Path,
+) -> Result<(), TextError> {
+    let mut distinct: HashMap<String, u32> = HashMap::new();
+    let (mut embeddings, mut words) = (Vec::new(), vec![0u64]);
+    let mut splits: Vec<SplitCaptions> = Vec::new();
+    for split in Split::ALL {
+        let mut found = SplitCaptions { captions: Vec::new(), offsets: vec![0] };
+        for clip in 0..source.n_clips(split) {
+            for caption in source.captions(split, clip) {
+                let next = distinct.len() as u32;
+                let id = *distinct.entry(caption).or_insert_with_key(|caption| {
+                    embeddings.extend(encoder.encode(caption));
+                    words.push((embeddings.len() / encoder.dim()) as u64);
+                    next
+                });
+                found.captions.push(id);
+            }
+            found.offsets.push(found.captions.len() as u64);
+        }
+        splits.push(found);
+    }
+    let mut columns =
+        vec![NewColumn::new("embeddings", &embeddings), NewColumn::new("words", &words)];
+    for (split, found) in Split::ALL.iter().zip(&splits) {
+        columns.push(NewColumn::new(format!("{}.captions", split.name()), &found.captions));
+        columns.push(NewColumn::new(format!("{}.offsets", split.name()), &found.offsets));
+    }
+    let notes = HashMap::from([("dim".to_string(), encoder.dim().to_string())]);
+    mapped::write(path, &columns, notes).map_err(|error| TextError::new(path, error))
+}
+
+/// The embedded captions of a data set, opened for reading.
+#[derive(Debug)]
+pub struct TextStore {
+    dim: usize,
+    embeddings: Column<f32>,
+    words: Column<u64>,
+    /// Captions and offsets, in [`Split::ALL`]'s order.
+    splits: Vec<(Column<u32>, Column<u64>)>,
+}
+
+impl TextStore {
+    /// Maps the file into memory and checks that it is whole.
+    pub fn open(path: &Path) -> Result<Self, TextError> {
+        let damaged = |problem: String| {
+            TextError::new(path, format!("{problem}; remove the file to embed again"))
+        };
+        let store = MappedFile::open(path).and_then(|file| Self::read(&file)).map_err(damaged)?;
+        if store.is_sound() { Ok(store) } else { Err(damaged("columns disagree".to_string())) }
+    }
+
+    fn read(file: &MappedFile) -> Result<Self, String> {
+        let dim = file.note("dim").and_then(|text| text.parse().ok());
+        let split = |split: Split| {
+            let name = split.name();
+            let captions = file.column(&format!("{name}.captions"))?;
+            Ok::<_, String>((captions, file.column(&format!("{name}.offsets"))?))
+        };
+        Ok(Self {
+            dim: dim.ok_or("the width of the embeddings is missing")?,
+            embeddings: file.column("embeddings")?,
+            words: file.column("words")?,
+            splits: Split::ALL.into_iter().map(split).collect::<Result<_, _>>()?,
+        })
+    }
+
+    fn is_sound(&self) -> bool {
+        let words = self.words.values();
+        let n_words = self.embeddings.values().len() / self.dim;
+        let split_is_sound = |(captions, offsets): &(Column<u32>, Column<u64>)| {
+            let (captions, offsets) = (captions.values(), offsets.values());
+            offsets.is_sorted()
+                && offsets.last() == Some(&(captions.len() as u64))
+                && captions.iter().all(|&id| (id as usize) + 1 < words.len())
+        };
+        words.is_sorted()
+            && words.last() == Some(&(n_words as u64))
+            && self.splits.iter().all(split_is_sound)
+    }
+
+    /// Width of a vector.
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
+    /// Clips of a split.
+    pub fn n_clips(&self, split: Split) -> usize {
+        self.splits[split as usize].1.values().len() - 1
+    }
+
+    /// Distinct captions of a clip, by id.
+    pub fn captions(&self, split: Split, clip: usize) -> &[u32] {
+        let (captions, offsets) = &self.splits[split as usize];
+        let offsets = offsets.values();
+        &captions.values()[offsets[clip] as usize..offsets[clip + 1] as usize]
+    }
+
+    /// The vectors of a caption, `[n_words, dim]` row-major.
+    pub fn embedding(&self, caption: u32) -> &[f32] {
+        let words = self.words.values();
+        let [from, to] = [0, 1].map(|i| words[caption as usize + i] as usize * self.dim);
+        &self.embeddings.values()[from..to]
+    }
+}
