@@ -1,0 +1,143 @@
+//! [`SequenceLayout`]: where the sequences of a packed batch lie, and who may see whom.
+
+use std::ops::Range;
+
+/// Why lengths and prefixes do not make a layout.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LayoutError {
+    /// One list is longer than the other.
+    #[error("{lengths} sequence lengths but {prefixes} prefix lengths: give one prefix a sequence")]
+    CountsDiffer { lengths: usize, prefixes: usize },
+    /// A batch of nothing.
+    #[error("a batch needs at least one sequence")]
+    NoSequences,
+    /// A sequence of no positions.
+    #[error("sequence {sequence} of the batch is empty: leave it out")]
+    EmptySequence { sequence: usize },
+    /// A text prefix that does not fit its sequence.
+    #[error(
+        "sequence {sequence} of the batch has {length} positions, fewer than its text prefix \
+         of {prefix}: shorten the prefix"
+    )]
+    PrefixTooLong { sequence: usize, prefix: usize, length: usize },
+}
+
+/// A batch packed without padding: sequence `i` takes the rows `rows(i)` of `[n_rows, d]`, its
+/// first `prefix(i)` positions being text and the others motion.
+///
+/// Position q of a sequence sees position k of the same sequence iff
+/// k <= q, or both lie in the prefix (ScaMo §3.2, `dataset_TM_train.py`). The positions that q
+/// sees are therefore always the first [`visible`](Self::visible) ones.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SequenceLayout {
+    /// First row of each sequence, then the number of rows: `[n_sequences + 1]`.
+    offsets: Vec<usize>,
+    /// Text positions of each sequence: `[n_sequences]`.
+    prefixes: Vec<usize>,
+}
+
+impl SequenceLayout {
+    /// Packs sequences of these lengths, prefixes included, in this order.
+    ///
+    /// # Errors
+    ///
+    /// [`LayoutError`] if the lists differ in length or are empty, or if a sequence is empty or
+    /// shorter than its prefix.
+    pub fn new(lengths: &[usize], prefixes: &[usize]) -> Result<Self, LayoutError> {
+        if lengths.len() != prefixes.len() {
+            let (lengths, prefixes) = (lengths.len(), prefixes.len());
+            return Err(LayoutError::CountsDiffer { lengths, prefixes });
+        }
+        if lengths.is_empty() {
+            return Err(LayoutError::NoSequences);
+        }
+        for (sequence, (&length, &prefix)) in lengths.iter().zip(prefixes).enumerate() {
+            check_sequence(sequence, length, prefix)?;
+        }
+        let ends = lengths.iter().scan(0, |end, length| {
+            *end += length;
+            Some(*end)
+        });
+        let offsets = std::iter::once(0).chain(ends).collect();
+        Ok(Self { offsets, prefixes: prefixes.to_vec() })
+    }
+
+    /// Rows of the packed batch: the sum of the lengths.
+    pub fn n_rows(&self) -> usize {
+        self.offsets[self.n_sequences()]
+    }
+
+    /// Number of sequences.
+    #[inline]
+    pub fn n_sequences(&self) -> usize {
+        self.prefixes.len()
+    }
+
+    /// Rows of sequence `i`.
+    #[inline]
+    pub fn rows(&self, i: usize) -> Range<usize> {
+        self.offsets[i]..self.offsets[i + 1]
+    }
+
+    /// Positions of sequence `i`, text and motion.
+    #[inline]
+    pub fn len(&self, i: usize) -> usize {
+        self.rows(i).len()
+    }
+
+    /// Text positions of sequence `i`.
+    #[inline]
+    pub fn prefix(&self, i: usize) -> usize {
+        self.prefixes[i]
+    }
+
+    /// Length of the longest sequence.
+    pub fn max_len(&self) -> usize {
+        (0..self.n_sequences()).map(|i| self.len(i)).max().unwrap_or(0)
+    }
+
+    /// How many positions of sequence `i`, from its first on, position `q` sees.
+    #[inline]
+    pub fn visible(&self, i: usize, q: usize) -> usize {
+        if q < self.prefix(i) { self.prefix(i) } else { q + 1 }
+    }
+}
+
+fn check_sequence(sequence: usize, length: usize, prefix: usize) -> Result<(), LayoutError> {
+    if length == 0 {
+        return Err(LayoutError::EmptySequence { sequence });
+    }
+    if prefix > length {
+        return Err(LayoutError::PrefixTooLong { sequence, prefix, length });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_follow_one_another_and_cover_the_batch() {
+        let layout = SequenceLayout::new(&[3, 1, 4], &[2, 0, 4]).unwrap();
+        assert_eq!((0..3).map(|i| layout.rows(i)).collect::<Vec<_>>(), [0..3, 3..4, 4..8]);
+        assert_eq!((layout.n_rows(), layout.n_sequences(), layout.max_len()), (8, 3, 4));
+    }
+
+    #[test]
+    fn text_sees_all_text_and_motion_sees_what_came_before() {
+        let layout = SequenceLayout::new(&[5], &[2]).unwrap();
+        assert_eq!((0..5).map(|q| layout.visible(0, q)).collect::<Vec<_>>(), [2, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn every_mistake_is_refused_and_named() {
+        let refused = |lengths: &[usize], prefixes: &[usize]| {
+            SequenceLayout::new(lengths, prefixes).unwrap_err().to_string()
+        };
+        assert!(refused(&[3], &[]).contains("1 sequence lengths but 0 prefix lengths"));
+        assert!(refused(&[], &[]).contains("at least one sequence"));
+        assert!(refused(&[3, 0], &[0, 0]).contains("sequence 1"));
+        assert!(refused(&[3, 4], &[3, 5]).contains("text prefix of 5"));
+    }
+}

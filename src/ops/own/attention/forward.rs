@@ -1,0 +1,99 @@
+//! The way forward: scores, softmax, weighted values.
+
+use super::rotation::{rotate, rotate_into_column};
+use super::{Head, Heads, Workspace};
+use crate::ops::own::lanes::{LANES, Lanes, vectorised};
+use crate::ops::own::maths::{copy, exp, max};
+use crate::ops::own::product::{Span, product};
+
+vectorised! {
+    /// Attention of packed `qkv` `[n_rows, 3 d]`: the output `[n_rows, d]`, and the weights of
+    /// all heads that are not masked, row after row, if `keep` asks for them.
+    pub fn forward(qkv: &[f32], heads: Heads<'_>, keep: bool) -> (Vec<f32>, Vec<f32>) {
+        let mut output = vec![0.0; heads.layout.n_rows() * heads.d_model()];
+        let mut kept = vec![0.0; if keep { heads.n_kept() } else { 0 }];
+        let mut room = kept.as_mut_slice();
+        let mut work = Workspace::default();
+        for head in heads.each() {
+            load_forward::<L>(&mut work, qkv, head);
+            attend::<L>(&mut work, head);
+            if keep {
+                keep_weights::<L>(&mut room, &work, head);
+            }
+            store_output::<L>(&mut output, &work, head);
+        }
+        (output, kept)
+    }
+}
+
+/// Reads one head: rotated queries, rotated keys transposed, values.
+#[inline(always)]
+fn load_forward<L: Lanes>(work: &mut Workspace, qkv: &[f32], head: Head<'_>) {
+    let (len, head_dim, scale) = (head.len(), head.head_dim(), head.scale());
+    work.queries.resize(len, head_dim);
+    work.keys.resize(head_dim, len);
+    work.values.resize(len, head_dim);
+    for t in 0..len {
+        let angles = head.heads.rope.at(t);
+        rotate(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
+        rotate_into_column(&mut work.keys, t, head.part(1, t, qkv), angles);
+        copy::<L>(&mut work.values.row_mut(t)[..head_dim], head.part(2, t, qkv));
+    }
+}
+
+/// weights = softmax(queries keys), output = weights values.
+#[inline(always)]
+fn attend<L: Lanes>(work: &mut Workspace, head: Head<'_>) {
+    let (len, head_dim) = (head.len(), head.head_dim());
+    work.weights.resize(len, len);
+    work.output.resize(len, head_dim);
+    product::<L>(&mut work.weights, len, work.queries.plain(), &work.keys, |first| Span {
+        inner: 0..head_dim,
+        columns: head.visible_in_tile(first),
+    });
+    for q in 0..len {
+        softmax::<L>(work.weights.row_mut(q), head.visible(q));
+    }
+    product::<L>(&mut work.output, len, work.weights.plain(), &work.values, |first| Span {
+        inner: 0..head.visible_in_tile(first),
+        columns: head_dim,
+    });
+}
+
+/// Softmax of the first `visible` elements of a row, with zeros to the end of their last vector.
+#[inline(always)]
+fn softmax<L: Lanes>(row: &mut [f32], visible: usize) {
+    let largest = L::splat(max::<L>(&row[..visible]));
+    let row = row[..visible.next_multiple_of(LANES)].as_chunks_mut().0;
+    let mut sum = L::splat(0.0);
+    for (i, x) in row.iter_mut().enumerate() {
+        let power = exp(L::load(x).sub(largest)).first(visible - i * LANES, L::splat(0.0));
+        power.store(x);
+        sum = sum.add(power);
+    }
+    let inverse = L::splat(1.0 / sum.sum());
+    for x in row {
+        L::load(x).mul(inverse).store(x);
+    }
+}
+
+/// Copies one head's weights to the front of `kept`, which moves on.
+#[inline(always)]
+fn keep_weights<L: Lanes>(kept: &mut &mut [f32], work: &Workspace, head: Head<'_>) {
+    for q in 0..head.len() {
+        let whole = head.visible(q).next_multiple_of(LANES);
+        let (row, rest) = std::mem::take(kept).split_at_mut(whole);
+        copy::<L>(row, &work.weights.row(q)[..whole]);
+        *kept = rest;
+    }
+}
+
+/// Writes one head's output to its place.
+#[inline(always)]
+fn store_output<L: Lanes>(output: &mut [f32], work: &Workspace, head: Head<'_>) {
+    let head_dim = head.head_dim();
+    for t in 0..head.len() {
+        let target = &mut output[head.output_start(t)..][..head_dim];
+        copy::<L>(target, &work.output.row(t)[..head_dim]);
+    }
+}

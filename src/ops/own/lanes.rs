@@ -1,0 +1,193 @@
+//! [`Lanes`]: sixteen `f32` at a time, on whatever vectors the machine has.
+//!
+//! A kernel is written once, generic over [`Lanes`], and [`vectorised!`] compiles it for AVX-512,
+//! for AVX2 and for the build's own target and picks one at run time. All three see sixteen lanes,
+//! so sums are added in the same order everywhere.
+
+/// Lanes of a vector.
+pub const LANES: usize = 16;
+
+/// Sixteen `f32`, element by element.
+pub trait Lanes: Copy {
+    /// Whether 32 registers of this type are there for the taking; if not, take 8.
+    const MANY: bool;
+
+    /// `x` in every lane.
+    fn splat(x: f32) -> Self;
+
+    /// All sixteen elements.
+    fn load(x: &[f32; LANES]) -> Self;
+
+    /// All sixteen elements.
+    fn store(self, out: &mut [f32; LANES]);
+
+    /// `self + other`.
+    fn add(self, other: Self) -> Self;
+
+    /// `self - other`.
+    fn sub(self, other: Self) -> Self;
+
+    /// `self other`.
+    fn mul(self, other: Self) -> Self;
+
+    /// `self / other`.
+    fn div(self, other: Self) -> Self;
+
+    /// The larger; `other` if either is NaN.
+    fn max(self, other: Self) -> Self;
+
+    /// The smaller; `other` if either is NaN.
+    fn min(self, other: Self) -> Self;
+
+    /// `self a + b`, rounded once where the machine has the instruction.
+    fn mul_add(self, a: Self, b: Self) -> Self;
+
+    /// 2ⁿ where the low bits of `self` hold the integer n, -126 <= n <= 127.
+    fn power_of_two(self) -> Self;
+
+    /// The lanes added as a tree: halves, quarters, eighths, pairs.
+    fn sum(self) -> f32;
+
+    /// The largest lane; NaN may be passed over.
+    fn largest(self) -> f32;
+
+    /// The first `n` lanes, and those of `rest` after them.
+    fn first(self, n: usize, rest: Self) -> Self;
+
+    /// Up to sixteen elements, with zeros after them.
+    #[inline(always)]
+    fn read(x: &[f32]) -> Self {
+        match x.try_into() {
+            Ok(whole) => Self::load(whole),
+            Err(_) => {
+                let mut padded = [0.0; LANES];
+                padded[..x.len()].copy_from_slice(x);
+                Self::load(&padded)
+            }
+        }
+    }
+
+    /// As many elements as `out` has room for.
+    #[inline(always)]
+    fn write(self, out: &mut [f32]) {
+        match out.try_into() {
+            Ok(whole) => self.store(whole),
+            Err(_) => {
+                let mut padded = [0.0; LANES];
+                self.store(&mut padded);
+                out.copy_from_slice(&padded[..out.len()]);
+            }
+        }
+    }
+}
+
+/// Compiles a kernel for each kind of vector and picks one at run time.
+///
+/// The body is generic over a type `L` of [`Lanes`]. What it calls must be `#[inline(always)]`,
+/// or it is compiled for the build's own target, and slowly.
+macro_rules! vectorised {
+    (
+        $(#[$meta:meta])*
+        $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? $body:block
+    ) => {
+        $(#[$meta])*
+        $vis fn $name($($arg: $ty),*) $(-> $ret)? {
+            #[inline(always)]
+            fn body<L: $crate::ops::own::lanes::Lanes>($($arg: $ty),*) $(-> $ret)? $body
+
+            #[cfg(target_arch = "x86_64")]
+            {
+                use $crate::ops::own::x86::{Isa, Pair, Wide};
+
+                #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
+                fn wide($($arg: $ty),*) $(-> $ret)? {
+                    body::<Wide>($($arg),*)
+                }
+                #[target_feature(enable = "avx2,fma")]
+                fn pair($($arg: $ty),*) $(-> $ret)? {
+                    body::<Pair>($($arg),*)
+                }
+                match Isa::of_this_machine() {
+                    // SAFETY: the processor has just said that it has these instructions.
+                    Isa::Avx512 => return unsafe { wide($($arg),*) },
+                    // SAFETY: as above.
+                    Isa::Avx2 => return unsafe { pair($($arg),*) },
+                    Isa::Baseline => {}
+                }
+            }
+            body::<[f32; $crate::ops::own::lanes::LANES]>($($arg),*)
+        }
+    };
+}
+pub(super) use vectorised;
+
+/// The portable version, which the compiler may or may not turn into vectors.
+impl Lanes for [f32; LANES] {
+    const MANY: bool = false;
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        [x; LANES]
+    }
+    #[inline(always)]
+    fn load(x: &[f32; LANES]) -> Self {
+        *x
+    }
+    #[inline(always)]
+    fn store(self, out: &mut [f32; LANES]) {
+        *out = self;
+    }
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i] + other[i])
+    }
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i] - other[i])
+    }
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i] * other[i])
+    }
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i] / other[i])
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        std::array::from_fn(|i| if self[i] > other[i] { self[i] } else { other[i] })
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        std::array::from_fn(|i| if self[i] < other[i] { self[i] } else { other[i] })
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
+        let one =
+            |i: usize| if FUSED { self[i].mul_add(a[i], b[i]) } else { self[i] * a[i] + b[i] };
+        std::array::from_fn(one)
+    }
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        let power = |x: f32| f32::from_bits((x.to_bits() << 23).wrapping_add(1f32.to_bits()));
+        self.map(power)
+    }
+    #[inline(always)]
+    fn sum(mut self) -> f32 {
+        for half in [8, 4, 2, 1] {
+            for i in 0..half {
+                self[i] += self[i + half];
+            }
+        }
+        self[0]
+    }
+    #[inline(always)]
+    fn largest(self) -> f32 {
+        self.into_iter().fold(f32::MIN, |a, b| if b > a { b } else { a })
+    }
+    #[inline(always)]
+    fn first(self, n: usize, rest: Self) -> Self {
+        std::array::from_fn(|i| if i < n { self[i] } else { rest[i] })
+    }
+}

@@ -1,0 +1,259 @@
+//! The vectors of x86-64.
+//!
+//! Values of these types are made only in kernels that [`vectorised!`](super::lanes::vectorised)
+//! has picked after asking the processor: that is what every `unsafe` here rests on.
+
+use std::arch::x86_64::*;
+
+use super::lanes::{LANES, Lanes};
+
+/// Which compiled version of a kernel the processor can run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Isa {
+    Baseline,
+    Avx2,
+    Avx512,
+}
+
+impl Isa {
+    /// Asks the processor; the standard library remembers the answer.
+    pub fn of_this_machine() -> Self {
+        let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        let avx512 = is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512vl")
+            && is_x86_feature_detected!("avx512dq")
+            && is_x86_feature_detected!("avx512bw");
+        let best = match (avx2, avx512) {
+            (true, true) => Isa::Avx512,
+            (true, false) => Isa::Avx2,
+            _ => Isa::Baseline,
+        };
+        #[cfg(test)]
+        let best = best.min(AT_MOST.get());
+        best
+    }
+}
+
+#[cfg(test)]
+thread_local! {
+    /// Lets tests run this thread's kernels on lesser instruction sets too.
+    pub static AT_MOST: std::cell::Cell<Isa> = const { std::cell::Cell::new(Isa::Avx512) };
+}
+
+/// One AVX-512 register.
+#[derive(Clone, Copy)]
+pub struct Wide(__m512);
+
+/// Two AVX registers.
+#[derive(Clone, Copy)]
+pub struct Pair(__m256, __m256);
+
+/// Methods that are one intrinsic of two operands.
+macro_rules! binary {
+    (Wide $($method:ident $intrinsic:ident),*) => {$(
+        #[inline(always)]
+        fn $method(self, other: Self) -> Self {
+            // SAFETY: the processor has AVX-512, see the head of the file.
+            Wide(unsafe { $intrinsic(self.0, other.0) })
+        }
+    )*};
+    (Pair $($method:ident $intrinsic:ident),*) => {$(
+        #[inline(always)]
+        fn $method(self, other: Self) -> Self {
+            // SAFETY: the processor has AVX2, see the head of the file.
+            unsafe { Pair($intrinsic(self.0, other.0), $intrinsic(self.1, other.1)) }
+        }
+    )*};
+}
+
+/// Adds eight lanes as a tree.
+///
+/// # Safety
+///
+/// The processor must have AVX.
+#[inline(always)]
+unsafe fn sum_of_eight(x: __m256) -> f32 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let four = _mm_add_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps(x, 1));
+        let two = _mm_add_ps(four, _mm_movehl_ps(four, four));
+        _mm_cvtss_f32(_mm_add_ss(two, _mm_movehdup_ps(two)))
+    }
+}
+
+/// The largest of eight lanes.
+///
+/// # Safety
+///
+/// The processor must have AVX.
+#[inline(always)]
+unsafe fn largest_of_eight(x: __m256) -> f32 {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let four = _mm_max_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps(x, 1));
+        let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+        _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
+    }
+}
+
+/// One bit for each of the first `n` lanes.
+#[inline(always)]
+fn mask(n: usize) -> __mmask16 {
+    ((1u32 << n.min(LANES)) - 1) as __mmask16
+}
+
+impl Lanes for Wide {
+    const MANY: bool = true;
+
+    binary!(Wide add _mm512_add_ps, sub _mm512_sub_ps, mul _mm512_mul_ps, div _mm512_div_ps);
+    binary!(Wide max _mm512_max_ps, min _mm512_min_ps);
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        Wide(unsafe { _mm512_set1_ps(x) })
+    }
+
+    #[inline(always)]
+    fn load(x: &[f32; LANES]) -> Self {
+        // SAFETY: as above; sixteen elements lie behind the reference.
+        Wide(unsafe { _mm512_loadu_ps(x.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn store(self, out: &mut [f32; LANES]) {
+        // SAFETY: as above; sixteen elements lie behind the reference.
+        unsafe { _mm512_storeu_ps(out.as_mut_ptr(), self.0) }
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        Wide(unsafe { _mm512_fmadd_ps(self.0, a.0, b.0) })
+    }
+
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        unsafe {
+            let exponent = _mm512_slli_epi32(_mm512_castps_si512(self.0), 23);
+            let one = _mm512_castps_si512(_mm512_set1_ps(1.0));
+            Wide(_mm512_castsi512_ps(_mm512_add_epi32(exponent, one)))
+        }
+    }
+
+    #[inline(always)]
+    fn sum(self) -> f32 {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        unsafe {
+            let high = _mm512_extractf32x8_ps(self.0, 1);
+            sum_of_eight(_mm256_add_ps(_mm512_castps512_ps256(self.0), high))
+        }
+    }
+
+    #[inline(always)]
+    fn largest(self) -> f32 {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        unsafe {
+            let high = _mm512_extractf32x8_ps(self.0, 1);
+            largest_of_eight(_mm256_max_ps(_mm512_castps512_ps256(self.0), high))
+        }
+    }
+
+    #[inline(always)]
+    fn first(self, n: usize, rest: Self) -> Self {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        Wide(unsafe { _mm512_mask_blend_ps(mask(n), rest.0, self.0) })
+    }
+
+    #[inline(always)]
+    fn read(x: &[f32]) -> Self {
+        if let Ok(whole) = x.try_into() {
+            return Self::load(whole);
+        }
+        // SAFETY: as above; the mask lets through no more elements than the slice has.
+        Wide(unsafe { _mm512_maskz_loadu_ps(mask(x.len()), x.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn write(self, out: &mut [f32]) {
+        // What a masked store writes cannot be read back until it has reached the cache.
+        if let Ok(whole) = out.try_into() {
+            return self.store(whole);
+        }
+        // SAFETY: as above; the mask lets through no more elements than the slice has.
+        unsafe { _mm512_mask_storeu_ps(out.as_mut_ptr(), mask(out.len()), self.0) }
+    }
+}
+
+impl Lanes for Pair {
+    const MANY: bool = false;
+
+    binary!(Pair add _mm256_add_ps, sub _mm256_sub_ps, mul _mm256_mul_ps, div _mm256_div_ps);
+    binary!(Pair max _mm256_max_ps, min _mm256_min_ps);
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        // SAFETY: the processor has AVX2, see the head of the file.
+        unsafe { Pair(_mm256_set1_ps(x), _mm256_set1_ps(x)) }
+    }
+
+    #[inline(always)]
+    fn load(x: &[f32; LANES]) -> Self {
+        // SAFETY: as above; twice eight elements lie behind the reference.
+        unsafe { Pair(_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(x[8..].as_ptr())) }
+    }
+
+    #[inline(always)]
+    fn store(self, out: &mut [f32; LANES]) {
+        let (low, high) = out.split_at_mut(8);
+        // SAFETY: as above; eight elements lie behind each slice.
+        unsafe {
+            _mm256_storeu_ps(low.as_mut_ptr(), self.0);
+            _mm256_storeu_ps(high.as_mut_ptr(), self.1);
+        }
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        // SAFETY: the processor has FMA, see the head of the file.
+        unsafe { Pair(_mm256_fmadd_ps(self.0, a.0, b.0), _mm256_fmadd_ps(self.1, a.1, b.1)) }
+    }
+
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        // SAFETY: the processor has AVX2, see the head of the file.
+        let power = |x| unsafe {
+            let exponent = _mm256_slli_epi32(_mm256_castps_si256(x), 23);
+            let one = _mm256_castps_si256(_mm256_set1_ps(1.0));
+            _mm256_castsi256_ps(_mm256_add_epi32(exponent, one))
+        };
+        Pair(power(self.0), power(self.1))
+    }
+
+    #[inline(always)]
+    fn sum(self) -> f32 {
+        // SAFETY: the processor has AVX2, see the head of the file.
+        unsafe { sum_of_eight(_mm256_add_ps(self.0, self.1)) }
+    }
+
+    #[inline(always)]
+    fn largest(self) -> f32 {
+        // SAFETY: the processor has AVX2, see the head of the file.
+        unsafe { largest_of_eight(_mm256_max_ps(self.0, self.1)) }
+    }
+
+    #[inline(always)]
+    fn first(self, n: usize, rest: Self) -> Self {
+        // SAFETY: the processor has AVX2, see the head of the file.
+        unsafe {
+            let low = _mm256_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0);
+            let high = _mm256_add_ps(low, _mm256_set1_ps(8.0));
+            let n = _mm256_set1_ps(n as f32);
+            let choose = |mine, other, lane| {
+                _mm256_blendv_ps(other, mine, _mm256_cmp_ps::<_CMP_LT_OQ>(lane, n))
+            };
+            Pair(choose(self.0, rest.0, low), choose(self.1, rest.1, high))
+        }
+    }
+}

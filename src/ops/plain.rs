@@ -1,0 +1,124 @@
+//! The same operations composed of burn's own: slower on the CPU, on every device, and the
+//! reference that the kernels of [`own`](super::own) are held to.
+//!
+//! Shapes: n rows, d features, f hidden features, v vocabulary, b sequences, h heads, t positions
+//! of the longest sequence, c features of a head.
+
+use burn::tensor::activation::{log_softmax, silu, softmax};
+use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
+
+use super::{Rope, SequenceLayout};
+
+/// Stands for minus infinity in masked scores: e to it is zero, and it is an ordinary number on
+/// devices whose arithmetic has no infinities.
+const MASKED: f32 = -1e30;
+
+/// See [`Kernels::rms_norm`](super::Kernels::rms_norm).
+pub fn rms_norm(x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
+    let mean_square_n1 = x_nd.clone().powi_scalar(2).mean_dim(1);
+    let rms_n1 = mean_square_n1.add_scalar(epsilon).sqrt();
+    x_nd.div(rms_n1).mul(gamma_d.unsqueeze())
+}
+
+/// See [`Kernels::swiglu`](super::Kernels::swiglu).
+pub fn swiglu(gate_up_n2f: Tensor<2>) -> Tensor<2> {
+    let [n, columns] = gate_up_n2f.dims();
+    let gate_nf = gate_up_n2f.clone().slice([0..n, 0..columns / 2]);
+    let up_nf = gate_up_n2f.slice([0..n, columns / 2..columns]);
+    silu(gate_nf).mul(up_nf)
+}
+
+/// See [`Kernels::select_rows`](super::Kernels::select_rows).
+pub fn select_rows(x_md: Tensor<2>, rows: &[u32]) -> Tensor<2> {
+    let device = x_md.device();
+    x_md.select(0, integers(rows.iter().copied(), &device))
+}
+
+/// See [`Kernels::cross_entropy`](super::Kernels::cross_entropy).
+pub fn cross_entropy(logits_nv: Tensor<2>, targets: &[u32]) -> Tensor<1> {
+    log_likelihoods(logits_nv, targets).mean().neg()
+}
+
+/// See [`Kernels::nll`](super::Kernels::nll).
+pub fn nll(logits_nv: Tensor<2>, targets: &[u32]) -> Vec<f64> {
+    let data = log_likelihoods(logits_nv.without_autodiff(), targets).into_data();
+    data.iter::<f64>().map(|log_likelihood| -log_likelihood).collect()
+}
+
+/// ln p(target) of each row: `[n, 1]`.
+fn log_likelihoods(logits_nv: Tensor<2>, targets: &[u32]) -> Tensor<2> {
+    let targets_n = integers(targets.iter().copied(), &logits_nv.device());
+    log_softmax(logits_nv, 1).gather(1, targets_n.unsqueeze_dim(1))
+}
+
+/// See [`Kernels::attention`](super::Kernels::attention): pads the sequences to one length,
+/// attends densely under a mask, and takes the padding out again.
+pub fn attention(
+    qkv_n3d: Tensor<2>,
+    n_head: usize,
+    layout: &SequenceLayout,
+    rope: &Rope,
+) -> Tensor<2> {
+    let device = qkv_n3d.device();
+    let (b, t, c) = (layout.n_sequences(), layout.max_len(), rope.head_dim());
+    let d = n_head * c;
+    let padded = qkv_n3d.select(0, integers(rows_of_padded(layout), &device));
+    let part_bhtc = |part: usize| {
+        let columns = padded.clone().slice([0..b * t, part * d..(part + 1) * d]);
+        columns.reshape([b, t, n_head, c]).swap_dims(1, 2)
+    };
+    let queries_bhtc = rotate(part_bhtc(0), rope).div_scalar((c as f64).sqrt());
+    let scores_bhtt = queries_bhtc.matmul(rotate(part_bhtc(1), rope).swap_dims(2, 3));
+    let hidden_bhtt = hidden(layout, &device).expand([b, n_head, t, t]);
+    let weights_bhtt = softmax(scores_bhtt.mask_fill(hidden_bhtt, MASKED), 3);
+    let output = weights_bhtt.matmul(part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
+    output.select(0, integers(padded_of_rows(layout), &device))
+}
+
+/// Turns the pairs of features of each position.
+fn rotate(x_bhtc: Tensor<4>, rope: &Rope) -> Tensor<4> {
+    let [b, h, t, c] = x_bhtc.dims();
+    let pairs = x_bhtc.reshape([b, h, t, c / 2, 2]);
+    let even = pairs.clone().slice([0..b, 0..h, 0..t, 0..c / 2, 0..1]);
+    let odd = pairs.slice([0..b, 0..h, 0..t, 0..c / 2, 1..2]);
+    let (cos, sin) = rope.first(t);
+    let angles = |x: &[f32]| {
+        Tensor::<5>::from_data(TensorData::new(x.to_vec(), [1, 1, t, c / 2, 1]), &even.device())
+    };
+    let (cos, sin) = (angles(cos), angles(sin));
+    let turned_even = even.clone().mul(cos.clone()).sub(odd.clone().mul(sin.clone()));
+    let turned_odd = even.mul(sin).add(odd.mul(cos));
+    Tensor::cat(vec![turned_even, turned_odd], 4).reshape([b, h, t, c])
+}
+
+/// True where a position of the padded batch does not see another: `[b, 1, t, t]`.
+fn hidden(layout: &SequenceLayout, device: &Device) -> Tensor<4, Bool> {
+    let (b, t) = (layout.n_sequences(), layout.max_len());
+    // A position of the padding, which nobody sees, sees the first: no row may be all hidden.
+    let visible = |i: usize, q: usize| if q < layout.len(i) { layout.visible(i, q) } else { 1 };
+    let visible = (0..b).flat_map(|i| (0..t).map(move |q| visible(i, q) as u32));
+    let visible_b1t1 = integers(visible, device).reshape([b, 1, t, 1]);
+    let keys_111t = integers(0..t as u32, device).reshape([1, 1, 1, t]);
+    keys_111t.expand([b, 1, t, t]).greater_equal(visible_b1t1.expand([b, 1, t, t]))
+}
+
+/// The packed row of each position of the padded batch; the sequence's first for padding.
+fn rows_of_padded(layout: &SequenceLayout) -> impl Iterator<Item = u32> {
+    let t = layout.max_len();
+    (0..layout.n_sequences()).flat_map(move |i| {
+        let rows = layout.rows(i);
+        (0..t).map(move |q| if q < rows.len() { rows.start + q } else { rows.start } as u32)
+    })
+}
+
+/// The position in the padded batch of each packed row.
+fn padded_of_rows(layout: &SequenceLayout) -> impl Iterator<Item = u32> {
+    let t = layout.max_len();
+    (0..layout.n_sequences()).flat_map(move |i| (0..layout.len(i)).map(move |q| (i * t + q) as u32))
+}
+
+fn integers(values: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, Int> {
+    let values: Vec<i64> = values.map(i64::from).collect();
+    let n = values.len();
+    Tensor::from_data(TensorData::new(values, [n]), device)
+}

@@ -1,0 +1,94 @@
+//! [`Rope`]: the angles of rotary position embedding.
+
+/// Cosines and sines of rotary position embedding (Su et al. 2021), on interleaved pairs.
+///
+/// Position t turns the pair (x₂ᵢ, x₂ᵢ₊₁) of each head by the angle t θᵢ, where
+/// θᵢ = base^(−2i / head_dim):
+///
+/// x₂ᵢ ← x₂ᵢ cos − x₂ᵢ₊₁ sin, x₂ᵢ₊₁ ← x₂ᵢ sin + x₂ᵢ₊₁ cos
+///
+/// This is the order of ScaMo and llama2.c, not the half-split one of GPT-NeoX. Positions count
+/// from 0 in each sequence, text included.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rope {
+    /// `[max_len, head_dim / 2]`.
+    cos: Vec<f32>,
+    /// `[max_len, head_dim / 2]`.
+    sin: Vec<f32>,
+    max_len: usize,
+    head_dim: usize,
+}
+
+impl Rope {
+    /// Angles for positions `0..max_len`, computed in double precision.
+    ///
+    /// # Panics
+    ///
+    /// If `head_dim` is zero or odd: pairs need an even number of features.
+    pub fn new(max_len: usize, head_dim: usize, base: f64) -> Self {
+        assert!(
+            head_dim > 0 && head_dim.is_multiple_of(2),
+            "rotary embedding turns pairs of features: head_dim must be even, not {head_dim}"
+        );
+        let angles = || {
+            (0..max_len).flat_map(move |t| {
+                (0..head_dim / 2)
+                    .map(move |i| t as f64 * base.powf(-2.0 * i as f64 / head_dim as f64))
+            })
+        };
+        let cos = angles().map(|angle| angle.cos() as f32).collect();
+        let sin = angles().map(|angle| angle.sin() as f32).collect();
+        Self { cos, sin, max_len, head_dim }
+    }
+
+    /// Positions there are angles for.
+    pub fn max_len(&self) -> usize {
+        self.max_len
+    }
+
+    /// Features of a head.
+    pub fn head_dim(&self) -> usize {
+        self.head_dim
+    }
+
+    /// Cosines and sines of position `t`, each `[head_dim / 2]`.
+    #[inline(always)]
+    pub fn at(&self, t: usize) -> (&[f32], &[f32]) {
+        let pairs = self.head_dim / 2;
+        (&self.cos[t * pairs..][..pairs], &self.sin[t * pairs..][..pairs])
+    }
+
+    /// Cosines and sines of the first `len` positions, each `[len, head_dim / 2]`.
+    pub fn first(&self, len: usize) -> (&[f32], &[f32]) {
+        let n = len * self.head_dim / 2;
+        (&self.cos[..n], &self.sin[..n])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_those_of_the_definition() {
+        let rope = Rope::new(4, 4, 10_000.0);
+        let (cos, sin) = rope.at(3);
+        let close = |a: &[f32], b: [f64; 2]| {
+            a.iter().zip(b).all(|(&a, b)| (f64::from(a) - b).abs() < 1e-7) && a.len() == 2
+        };
+        assert!(close(cos, [3f64.cos(), 0.03f64.cos()]), "{cos:?}");
+        assert!(close(sin, [3f64.sin(), 0.03f64.sin()]), "{sin:?}");
+    }
+
+    #[test]
+    fn the_first_position_is_left_as_it_is() {
+        let rope = Rope::new(2, 8, 10_000.0);
+        assert_eq!(rope.at(0), (&[1.0; 4][..], &[0.0; 4][..]));
+    }
+
+    #[test]
+    #[should_panic(expected = "head_dim must be even, not 3")]
+    fn an_odd_head_is_refused() {
+        Rope::new(4, 3, 10_000.0);
+    }
+}

@@ -1,0 +1,115 @@
+//! Own kernels against their twins, and both against finite differences.
+
+use burn::tensor::Device;
+
+use super::*;
+
+/// Step of the central differences: errors of order step², and of rounding / step.
+const STEP: f32 = 1.0 / 128.0;
+
+/// Derivative of the weighted sum of the outputs by each element of input `which`.
+fn differences(case: &Case, kernels: Kernels, which: usize) -> Vec<f32> {
+    let n = case.inputs[which].values.len();
+    let at = |element: usize, step: f32| {
+        let mut inputs = case.inputs.clone();
+        inputs[which].values[element] += step;
+        let output = case.output(kernels, &inputs, &Device::flex());
+        let weights = noise(output.len(), 99);
+        output.iter().zip(weights).map(|(y, w)| f64::from(*y) * f64::from(w)).sum::<f64>()
+    };
+    let slope = |i| ((at(i, STEP) - at(i, -STEP)) / (2.0 * f64::from(STEP))) as f32;
+    (0..n).map(slope).collect()
+}
+
+fn assert_gradients_match_differences(kernels: Kernels) {
+    for case in small_cases() {
+        let outcome = case.outcome(kernels, &Device::flex());
+        for (which, gradient) in outcome.gradients.iter().enumerate() {
+            let error = relative_error(gradient, &differences(&case, kernels, which));
+            assert!(error < 1e-3, "{}: gradient by input {which} off by {error:e}", case.name);
+        }
+    }
+}
+
+#[test]
+fn own_gradients_match_finite_differences() {
+    assert_gradients_match_differences(Kernels::Own);
+}
+
+#[test]
+fn plain_gradients_match_finite_differences() {
+    assert_gradients_match_differences(Kernels::Plain);
+}
+
+#[test]
+fn own_kernels_match_their_twins() {
+    for case in small_cases().into_iter().chain(large_cases()) {
+        let own = case.outcome(Kernels::Own, &Device::flex());
+        let plain = case.outcome(Kernels::Plain, &Device::flex());
+        assert_close(&own, &plain, 1e-5, &case.name);
+    }
+}
+
+#[test]
+fn the_twins_match_own_kernels_from_another_device() {
+    for case in small_cases() {
+        let own = case.outcome(Kernels::Own, &Device::flex());
+        let plain = case.outcome(Kernels::Plain, &other_device());
+        assert_close(&plain, &own, 1e-5, &case.name);
+    }
+}
+
+#[test]
+fn strided_inputs_give_the_same_as_packed_ones() {
+    for case in small_cases() {
+        let strided = Case::new(case.name.clone(), transposed(&case.inputs), move |kernels, x| {
+            let back: Vec<_> = x.iter().map(|x| x.clone().transpose()).collect();
+            (case.operation)(kernels, &back)
+        });
+        let own = strided.outcome(Kernels::Own, &Device::flex());
+        let plain = strided.outcome(Kernels::Plain, &Device::flex());
+        assert_close(&own, &plain, 1e-5, &strided.name);
+    }
+}
+
+fn transposed(inputs: &[Input]) -> Vec<Input> {
+    let turn = |input: &Input| {
+        let [rows, columns] = input.shape;
+        let element = |k: usize| input.values[k % rows * columns + k / rows];
+        Input { values: (0..rows * columns).map(element).collect(), shape: [columns, rows] }
+    };
+    inputs.iter().map(turn).collect()
+}
+
+#[test]
+fn part_of_a_larger_tensor_is_read_from_where_it_lies() {
+    let case = Case::new("swiglu of the last rows".into(), vec![input(7, 10, 8)], |kernels, x| {
+        kernels.swiglu(x[0].clone().slice([3..7, 0..10]))
+    });
+    let own = case.outcome(Kernels::Own, &Device::flex());
+    assert_close(&own, &case.outcome(Kernels::Plain, &Device::flex()), 1e-5, &case.name);
+}
+
+#[test]
+fn going_back_leaves_shared_inputs_as_they_were() {
+    for case in small_cases() {
+        let device = Device::flex().autodiff();
+        let leaf = |input| tensor(input, &device).require_grad();
+        let inputs: Vec<_> = case.inputs.iter().map(leaf).collect();
+        (case.operation)(Kernels::Own, &inputs).sum().backward();
+        for (before, after) in case.inputs.iter().zip(inputs) {
+            assert_eq!(before.values, values(after), "{}", case.name);
+        }
+    }
+}
+
+#[test]
+fn an_input_used_twice_gets_both_gradients() {
+    let case =
+        Case::new("swiglu beside another use".into(), vec![input(4, 12, 7)], |kernels, x| {
+            let doubled = x[0].clone().mul_scalar(2.0);
+            kernels.swiglu(doubled.clone()).add(doubled.slice([0..4, 3..9]))
+        });
+    let own = case.outcome(Kernels::Own, &Device::flex());
+    assert_close(&own, &case.outcome(Kernels::Plain, &Device::flex()), 1e-5, &case.name);
+}
