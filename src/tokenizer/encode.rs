@@ -1,0 +1,75 @@
+//! Tokenising a whole data set, once, into a [`TokenStore`](super::TokenStore)'s file.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::batches::{ClipBatch, equal_length_batches};
+use super::codec::Tokenizer;
+use super::error::TokenizerError;
+use super::store::{SplitTokens, write_store};
+use crate::data::{MotionSource, Split};
+
+/// Tokenises every clip of every split into one file at `path`, written whole, by rename.
+pub fn tokenize(
+    tokenizer: &Tokenizer,
+    source: &dyn MotionSource,
+    path: &Path,
+) -> Result<(), TokenizerError> {
+    let splits = Split::ALL.iter().map(|&split| tokenize_split(tokenizer, source, split));
+    let splits = splits.collect::<Result<Vec<_>, _>>()?;
+    write_store(path, tokenizer.n_vocab(), &splits)
+}
+
+/// The codes of every clip of a split, in the split's order.
+///
+/// Batches are shared out over the threads; a clip's codes depend on neither.
+pub fn tokenize_split(
+    tokenizer: &Tokenizer,
+    source: &dyn MotionSource,
+    split: Split,
+) -> Result<SplitTokens, TokenizerError> {
+    let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_token())?;
+    let encode = |batch: &ClipBatch| {
+        let features = batch.features(source, split, tokenizer.stats())?;
+        Ok(tokenizer.encode_stack(features, batch.indices.len()))
+    };
+    let ids = batches.par_iter().map(encode).collect::<Result<Vec<_>, TokenizerError>>()?;
+    let mut clips = vec![&[] as &[u32]; source.n_clips(split)];
+    for (batch, ids) in batches.iter().zip(&ids) {
+        let n_tokens = ids.len() / batch.indices.len();
+        for (&index, clip) in batch.indices.iter().zip(ids.chunks_exact(n_tokens)) {
+            clips[index] = clip;
+        }
+    }
+    Ok(SplitTokens::new(&clips))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tokenizer::testing::{Waves, small_spec};
+    use crate::tokenizer::{TokenStore, train};
+    use burn::tensor::Device;
+    use std::ops::ControlFlow;
+
+    #[test]
+    fn codes_of_a_clip_do_not_depend_on_the_clips_beside_it() {
+        let lengths: Vec<usize> = (0..60).map(|i| 16 + 4 * (i % 7)).collect();
+        let source = Waves::new(&lengths, 9);
+        let keep_on = &mut |_, _, _| ControlFlow::Continue(());
+        let tokenizer = train(&small_spec(), &source, &Device::flex(), keep_on).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens.safetensors");
+        tokenize(&tokenizer, &source, &path).unwrap();
+        let store = TokenStore::open(&path).unwrap();
+        for split in Split::ALL {
+            assert_eq!(store.n_clips(split), 60);
+            for (index, length) in lengths.iter().enumerate() {
+                let alone = tokenizer.encode(&source.features(split, index).unwrap());
+                assert_eq!(store.clip(split, index), alone, "{split:?} {index}");
+                assert_eq!(alone.len(), length / 4);
+            }
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! A small source of motion for tests.
+
+use super::quantizer::QuantizerKind;
+use super::spec::TokenizerSpec;
+use crate::data::{DataError, FeatureStats, MotionSource, Split};
+
+/// Clips of sine waves, the same lengths in every split.
+pub struct Waves {
+    lengths: Vec<usize>,
+    pub stats: FeatureStats,
+    /// A clip that is full of NaN.
+    pub spoiled: Option<(Split, usize)>,
+}
+
+impl Waves {
+    pub fn new(lengths: &[usize], n_features: usize) -> Self {
+        let mean = (0..n_features).map(|f| f as f32 * 0.01).collect();
+        let std = (0..n_features).map(|f| 0.5 + (f % 3) as f32).collect();
+        Self { lengths: lengths.to_vec(), stats: FeatureStats { mean, std }, spoiled: None }
+    }
+
+    /// Features of clip `index`; another `phase` is another clip.
+    pub fn clip(&self, phase: usize, index: usize) -> Vec<f32> {
+        let n_features = self.stats.mean.len();
+        let value = |i: usize| {
+            let (frame, feature) = ((i / n_features) as f32, i % n_features);
+            let angle = frame * (0.1 + 0.05 * (index % 5) as f32) + (phase + feature % 4) as f32;
+            self.stats.mean[feature] + self.stats.std[feature] * 1.4 * angle.sin()
+        };
+        (0..self.lengths[index] * n_features).map(value).collect()
+    }
+}
+
+impl MotionSource for Waves {
+    fn n_clips(&self, _: Split) -> usize {
+        self.lengths.len()
+    }
+
+    fn clip_id(&self, split: Split, index: usize) -> String {
+        format!("{}-{index}", split.name())
+    }
+
+    fn n_frames(&self, _: Split, index: usize) -> usize {
+        self.lengths[index]
+    }
+
+    fn captions(&self, _: Split, _: usize) -> Vec<String> {
+        vec!["a wave".to_string()]
+    }
+
+    fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
+        let clip = self.clip(split as usize, index);
+        match self.spoiled {
+            Some(spoiled) if spoiled == (split, index) => Ok(vec![f32::NAN; clip.len()]),
+            _ => Ok(clip),
+        }
+    }
+
+    fn stats(&self) -> &FeatureStats {
+        &self.stats
+    }
+
+    fn fps(&self) -> f32 {
+        20.0
+    }
+
+    fn digest(&self) -> &str {
+        "waves"
+    }
+
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
+}
+
+/// A spec that trains in a moment.
+pub fn small_spec() -> TokenizerSpec {
+    TokenizerSpec {
+        kind: QuantizerKind::Fsq { levels: vec![5, 3] },
+        width: 8,
+        depth: 2,
+        window: 16,
+        batch: 8,
+        steps: 5,
+        lr: 5e-3,
+        warmup_steps: 2,
+        ..Default::default()
+    }
+}
