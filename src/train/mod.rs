@@ -1,0 +1,16 @@
+//! Training: parameters, optimiser, batches, the loop, checkpoints and the loss.
+
+pub mod adamw;
+mod checkpoint;
+mod evaluate;
+pub mod params;
+mod run;
+mod schedule;
+mod stream;
+pub mod weights;
+
+pub use checkpoint::LogLine;
+pub use evaluate::{SplitLoss, split_loss, zero_count_targets};
+pub use run::{Inputs, Progress, TrainError, Trained, train};
+pub use schedule::learning_rate;
+pub use stream::TokenStream;

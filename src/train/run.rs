@@ -1,0 +1,272 @@
+//! The training loop of one run: from a spec and its inputs to losses, resumable at any step.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use burn::optim::GradientsParams;
+use burn::tensor::Device;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::adamw::{AdamW, AdamWConfig};
+use super::checkpoint::{self, LogLine, Standing};
+use super::evaluate::{SplitLoss, split_loss};
+use super::schedule::learning_rate;
+use super::stream::TokenStream;
+use super::weights::WeightsError;
+use crate::data::Split;
+use crate::model::{Batch, Model};
+use crate::plan::RunSpec;
+use crate::plan::flops::{TRAINING_PER_FORWARD, exact_of_sequence};
+use crate::text::TextStore;
+use crate::tokenizer::TokenStore;
+
+/// The stream of a seed from which weights are drawn; epochs take theirs far above.
+const WEIGHTS_STREAM: u64 = 0;
+
+/// A training loss this many nats above the uniform model's ends the run.
+const DIVERGED_NATS: f64 = 3.0;
+
+/// What a run reads, mapped and shared with the runs beside it.
+pub struct Inputs<'a> {
+    pub tokens: &'a TokenStore,
+    pub text: &'a TextStore,
+}
+
+/// Is told the step just done, counted from 1, of how many, and its loss; may ask for a stop.
+pub type Progress<'a> = dyn FnMut(usize, usize, f64) -> ControlFlow<()> + 'a;
+
+/// Why a run ended without a result.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// The loss is not a number any more.
+    #[error("the loss is {loss} at step {step} of {steps}: lower train.lr")]
+    NonFinite { step: usize, steps: usize, loss: f64 },
+    /// The loss is far above that of a model that knows nothing.
+    #[error(
+        "diverged: the loss is {loss:.2} nats at step {step} of {steps}, {uniform:.2} would be \
+         knowing nothing: lower train.lr"
+    )]
+    Diverged { step: usize, steps: usize, loss: f64, uniform: f64 },
+    /// The caller asked for a stop; a checkpoint was written.
+    #[error("stopped at step {step} of {steps}; its checkpoint is written")]
+    Stopped { step: usize, steps: usize },
+    /// Tokens and spec do not belong together.
+    #[error("the tokens have {found} codes, the run wants {wanted}")]
+    Vocabulary { found: usize, wanted: usize },
+    /// A clip is longer than the model's context.
+    #[error(
+        "clip {clip} of the {split} split takes {positions} positions with its text, the model \
+         has {n_ctx}: raise model.motion_slots by {}",
+        positions - n_ctx
+    )]
+    Context { split: &'static str, clip: usize, positions: usize, n_ctx: usize },
+    /// The checkpoint.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+}
+
+/// A finished run.
+pub struct Trained {
+    pub model: Model,
+    /// On the test split.
+    pub test: SplitLoss,
+    pub log: Vec<LogLine>,
+    /// Training FLOPs by the exact count.
+    pub flops_exact: f64,
+    /// Seconds, those of earlier processes included.
+    pub wall_s: f64,
+}
+
+/// Trains a run to its end, from its checkpoint where there is one.
+///
+/// `checkpoint_every` never changes the result; the checkpoint is removed by the caller, after the
+/// record is in place.
+pub fn train(
+    spec: &RunSpec,
+    inputs: &Inputs,
+    device: &Device,
+    checkpoint: &Path,
+    checkpoint_every: Duration,
+    progress: &mut Progress,
+) -> Result<Trained, TrainError> {
+    let mut run = Run::start_or_resume(spec, inputs, device, checkpoint)?;
+    let mut saved = Instant::now();
+    while run.standing.step < spec.steps {
+        let loss = run.step()?;
+        let step = run.standing.step;
+        if progress(step, spec.steps, loss).is_break() && step < spec.steps {
+            run.save(checkpoint)?;
+            return Err(TrainError::Stopped { step, steps: spec.steps });
+        }
+        if saved.elapsed() >= checkpoint_every {
+            run.save(checkpoint)?;
+            saved = Instant::now();
+        }
+    }
+    run.finish()
+}
+
+struct Run<'a> {
+    spec: &'a RunSpec,
+    inputs: &'a Inputs<'a>,
+    stream: TokenStream<'a>,
+    model: Model,
+    optimiser: AdamW,
+    standing: Standing,
+    started: Instant,
+}
+
+impl<'a> Run<'a> {
+    fn start_or_resume(
+        spec: &'a RunSpec,
+        inputs: &'a Inputs<'a>,
+        device: &Device,
+        checkpoint: &Path,
+    ) -> Result<Self, TrainError> {
+        check_inputs(spec, inputs)?;
+        let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
+        rng.set_stream(WEIGHTS_STREAM);
+        let model = Model::init(&spec.model, spec.n_vocab, &mut rng, &device.clone().autodiff());
+        let optimiser = AdamW::new(optimiser_config(spec));
+        let (model, optimiser, standing) = if checkpoint.exists() {
+            checkpoint::load(checkpoint, model, optimiser)?
+        } else {
+            (model, optimiser, Standing::default())
+        };
+        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed);
+        Ok(Self { spec, inputs, stream, model, optimiser, standing, started: Instant::now() })
+    }
+
+    /// One step; its loss before the update, in nats.
+    fn step(&mut self) -> Result<f64, TrainError> {
+        let (spec, step) = (self.spec, self.standing.step);
+        let batch = self.stream.batch(step * spec.batch_tokens, spec.batch_tokens);
+        let loss = self.model.loss(&batch);
+        let value = f64::from(loss.clone().into_scalar::<f32>());
+        self.check(value)?;
+        let gradients = GradientsParams::from_grads(loss.backward(), &self.model.weights);
+        let weights = self.model.weights.clone();
+        let (weights, _) = self.optimiser.step(weights, gradients, learning_rate(spec, step));
+        self.model.weights = weights;
+        self.count(&batch, value);
+        self.log()?;
+        Ok(value)
+    }
+
+    fn check(&self, loss: f64) -> Result<(), TrainError> {
+        let (step, steps) = (self.standing.step + 1, self.spec.steps);
+        let uniform = ((self.spec.n_vocab + 1) as f64).ln();
+        if !loss.is_finite() {
+            Err(TrainError::NonFinite { step, steps, loss })
+        } else if loss > uniform + DIVERGED_NATS {
+            Err(TrainError::Diverged { step, steps, loss, uniform })
+        } else {
+            Ok(())
+        }
+    }
+
+    fn count(&mut self, batch: &Batch, loss: f64) {
+        self.standing.step += 1;
+        self.standing.loss_sum += loss;
+        self.standing.loss_count += 1;
+        self.standing.forward_flops += forward_flops(self.spec, batch);
+    }
+
+    /// Where it is due, measures the model on the validation split.
+    fn log(&mut self) -> Result<(), TrainError> {
+        let (spec, step) = (self.spec, self.standing.step);
+        let due = |step: usize| step * spec.evaluations / spec.steps;
+        if due(step) == due(step - 1) {
+            return Ok(());
+        }
+        let val = self.measure(&self.model.frozen(), Split::Val)?;
+        let standing = &mut self.standing;
+        standing.log.push(LogLine {
+            step,
+            tokens: step * spec.batch_tokens,
+            lr: learning_rate(spec, step - 1),
+            train_loss_nats: standing.loss_sum / standing.loss_count as f64,
+            val_loss_normalised: val.loss_normalised,
+        });
+        (standing.loss_sum, standing.loss_count) = (0.0, 0);
+        Ok(())
+    }
+
+    /// The loss on a split, which the last update may have spoilt after its own loss was checked.
+    fn measure(&self, model: &Model, split: Split) -> Result<SplitLoss, TrainError> {
+        let measured = split_loss(model, self.inputs.tokens, self.inputs.text, split);
+        let (step, steps, loss) = (self.standing.step, self.spec.steps, measured.loss_nats);
+        if loss.is_finite() {
+            Ok(measured)
+        } else {
+            Err(TrainError::NonFinite { step, steps, loss })
+        }
+    }
+
+    fn wall_s(&self) -> f64 {
+        self.standing.wall_s + self.started.elapsed().as_secs_f64()
+    }
+
+    fn save(&self, path: &Path) -> Result<(), WeightsError> {
+        let standing = Standing { wall_s: self.wall_s(), ..self.standing.clone() };
+        checkpoint::save(path, &self.model, &self.optimiser, &standing)
+    }
+
+    fn finish(self) -> Result<Trained, TrainError> {
+        let model = self.model.frozen();
+        Ok(Trained {
+            test: self.measure(&model, Split::Test)?,
+            model,
+            flops_exact: TRAINING_PER_FORWARD * self.standing.forward_flops,
+            wall_s: self.wall_s(),
+            log: self.standing.log,
+        })
+    }
+}
+
+/// Tokens must have the codes that the model has, and their sequences fit its context.
+fn check_inputs(spec: &RunSpec, inputs: &Inputs) -> Result<(), TrainError> {
+    let (found, wanted) = (inputs.tokens.n_vocab(), spec.n_vocab);
+    if found != wanted {
+        return Err(TrainError::Vocabulary { found, wanted });
+    }
+    Split::ALL.into_iter().try_for_each(|split| check_lengths(spec.model.n_ctx, inputs, split))
+}
+
+/// Each clip must fit the context after the longest of its captions.
+fn check_lengths(n_ctx: usize, inputs: &Inputs, split: Split) -> Result<(), TrainError> {
+    let Inputs { tokens, text } = inputs;
+    let n_text = |&caption: &u32| text.embedding(caption).len() / text.dim();
+    for clip in 0..tokens.n_clips(split) {
+        let longest_text = text.captions(split, clip).iter().map(n_text).max().unwrap_or(0);
+        let positions = longest_text + tokens.clip(split, clip).len();
+        if positions > n_ctx {
+            return Err(TrainError::Context { split: split.name(), clip, positions, n_ctx });
+        }
+    }
+    Ok(())
+}
+
+/// Multiply-adds of a batch, times two: each sequence at its own length, the head per target.
+fn forward_flops(spec: &RunSpec, batch: &Batch) -> f64 {
+    let layout = &batch.layout;
+    let head = 2.0 * (spec.model.d_model * (spec.n_vocab + 1)) as f64;
+    let blocks = (0..layout.n_sequences()).map(|i| {
+        let prefix = layout.prefix(i) as f64;
+        let targets = layout.len(i) as f64 - prefix + 1.0;
+        exact_of_sequence(&spec.model, spec.n_vocab, prefix, targets) - targets * head
+    });
+    blocks.sum::<f64>() + batch.targets.len() as f64 * head
+}
+
+fn optimiser_config(spec: &RunSpec) -> AdamWConfig {
+    AdamWConfig {
+        beta_1: spec.betas[0],
+        beta_2: spec.betas[1],
+        epsilon: spec.epsilon,
+        weight_decay: spec.weight_decay,
+        clip_norm: spec.clip_norm,
+    }
+}
