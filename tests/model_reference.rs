@@ -1,0 +1,236 @@
+//! The transformer's logits, loss and gradients, and the parameters after some steps of AdamW,
+//! against an implementation in JAX and float64.
+//!
+//! `fixtures/reference/make.py` writes the numbers. It pads and masks densely where the library
+//! packs, so that a mistake in either way of laying out a batch shows. Parameters are exact in
+//! `f32`; what is left is the library's rounding, which reaches 2e-6 of a tensor's norm.
+
+use std::path::PathBuf;
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::optim::GradientsParams;
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::Deserialize;
+
+use isoflop::model::{Batch, Model, Sequence, Transformer, end_token};
+use isoflop::ops::Kernels;
+use isoflop::plan::ModelShape;
+use isoflop::train::adamw::{AdamW, AdamWConfig};
+use isoflop::train::weights::{self, HostTensor, Weights};
+
+/// Largest difference of two tensors, as a share of the reference's norm.
+const TOLERANCE: f64 = 1e-5;
+
+const VARIANTS: [&str; 2] = ["swiglu-untied", "gelu-tied"];
+
+/// What stands in a file of reference values beside its tensors.
+#[derive(Deserialize)]
+struct Notes {
+    shape: ModelShape,
+    n_vocab: usize,
+    adamw: Steps,
+    sequences: Vec<Supervised>,
+    loss: f64,
+}
+
+#[derive(Deserialize)]
+struct Steps {
+    steps: usize,
+    lr: f64,
+    betas: [f64; 2],
+    epsilon: f64,
+    weight_decay: f64,
+    clip_norm: f64,
+}
+
+#[derive(Deserialize)]
+struct Supervised {
+    codes: Vec<u32>,
+    from: usize,
+    to: usize,
+}
+
+struct Reference {
+    notes: Notes,
+    tensors: Weights,
+}
+
+impl Reference {
+    fn read(variant: &str) -> Self {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/reference");
+        let path = PathBuf::from(folder).join(format!("{variant}.safetensors"));
+        let (tensors, notes) = weights::load(&path).expect("make.py wrote it");
+        let notes = serde_json::from_str(&notes["reference"]).expect("make.py wrote them");
+        Self { notes, tensors }
+    }
+
+    /// The tensors whose names start with `prefix`, without it.
+    fn part(&self, prefix: &str) -> Weights {
+        let named = self.tensors.iter();
+        named
+            .filter_map(|(name, tensor)| {
+                Some((name.strip_prefix(prefix)?.to_owned(), tensor.clone()))
+            })
+            .collect()
+    }
+
+    fn model(&self, kernels: Kernels, device: &Device) -> Model {
+        let Notes { shape, n_vocab, .. } = &self.notes;
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let drawn = Transformer::init(shape, *n_vocab, &mut rng, device);
+        let parameters = self.part("param.");
+        assert!(weights::of_module(&drawn).keys().eq(parameters.keys()), "names differ");
+        let weights = weights::into_module(drawn, &parameters).expect("the same shapes");
+        Model::new(weights, shape, *n_vocab, kernels, device)
+    }
+
+    fn batch(&self) -> Batch {
+        let Notes { shape, n_vocab, sequences, .. } = &self.notes;
+        let texts = self.part("text.");
+        let packed: Vec<Sequence> = sequences
+            .iter()
+            .zip(texts.values())
+            .map(|(sequence, text)| {
+                let &Supervised { ref codes, from, to } = sequence;
+                Sequence { text: &text.values, codes, from, to }
+            })
+            .collect();
+        Batch::pack(&packed, shape.d_text, end_token(*n_vocab))
+    }
+}
+
+/// Gradients under the names of their parameters.
+struct Gradients<'a> {
+    path: Vec<String>,
+    grads: &'a GradientsParams,
+    named: Weights,
+}
+
+impl ModuleVisitor for Gradients<'_> {
+    fn enter_module(&mut self, name: &str, _: &str) {
+        self.path.push(name.to_owned());
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.path.pop();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let name = self.path.join(".");
+        let grad =
+            self.grads.get::<D>(param.id).unwrap_or_else(|| panic!("{name} has no gradient"));
+        self.named.insert(name, HostTensor::from_tensor(grad));
+    }
+}
+
+fn gradients(model: &Model, batch: &Batch) -> Weights {
+    let grads = GradientsParams::from_grads(model.loss(batch).backward(), &model.weights);
+    let mut visitor = Gradients { path: Vec::new(), grads: &grads, named: Weights::new() };
+    model.weights.visit(&mut visitor);
+    visitor.named
+}
+
+/// |found − expected| / |expected|, with L2 norms over all elements.
+fn relative_error(found: &HostTensor, expected: &HostTensor) -> f64 {
+    assert_eq!(found.shape, expected.shape);
+    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
+    let pairs = found.values.iter().zip(&expected.values);
+    let difference = norm(&mut pairs.map(|(f, e)| f64::from(*f) - f64::from(*e)));
+    difference / norm(&mut expected.values.iter().map(|e| f64::from(*e)))
+}
+
+/// The largest relative error over the logits and every gradient, all of which must be small.
+fn compare(variant: &str, kernels: Kernels, device: &Device) {
+    let reference = Reference::read(variant);
+    let (model, batch) = (reference.model(kernels, device), reference.batch());
+    let logits = HostTensor::from_tensor(model.logits(&batch));
+    let mut errors =
+        vec![("logits".to_owned(), relative_error(&logits, &reference.tensors["logits"]))];
+    let expected = reference.part("grad.");
+    let found = gradients(&model, &batch);
+    assert!(found.keys().eq(expected.keys()), "{:?} against {:?}", found.keys(), expected.keys());
+    errors.extend(found.iter().map(|(name, g)| (name.clone(), relative_error(g, &expected[name]))));
+    let (name, worst) = errors.iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("not empty");
+    eprintln!("{variant}, {kernels:?}, {device:?}: {name} is off by {worst:.1e} of its norm");
+    assert!(*worst < TOLERANCE, "{variant}, {kernels:?}: {name} is off by {worst:.1e}");
+}
+
+/// The model's parameters after the reference's steps of AdamW.
+fn stepped(reference: &Reference) -> Weights {
+    let Steps { steps, lr, betas, epsilon, weight_decay, clip_norm } = reference.notes.adamw;
+    let [beta_1, beta_2] = betas;
+    let clip_norm = Some(clip_norm);
+    let config = AdamWConfig { beta_1, beta_2, epsilon, weight_decay, clip_norm };
+    let mut model = reference.model(Kernels::Own, &Device::flex().autodiff());
+    let (mut optimiser, batch) = (AdamW::new(config), reference.batch());
+    for _ in 0..steps {
+        let grads = GradientsParams::from_grads(model.loss(&batch).backward(), &model.weights);
+        (model.weights, _) = optimiser.step(model.weights, grads, lr);
+    }
+    weights::of_module(&model.weights)
+}
+
+/// How far the steps moved a parameter.
+fn change(after: &HostTensor, before: &HostTensor) -> HostTensor {
+    let values = after.values.iter().zip(&before.values).map(|(after, before)| after - before);
+    HostTensor { shape: after.shape.clone(), values: values.collect() }
+}
+
+fn check_loss(variant: &str, kernels: Kernels) {
+    let reference = Reference::read(variant);
+    let (model, batch) = (reference.model(kernels, &Device::flex()), reference.batch());
+    let expected = reference.notes.loss;
+    let loss = f64::from(model.loss(&batch).into_scalar::<f32>());
+    let nll = model.nll(&batch);
+    let mean = nll.iter().sum::<f64>() / nll.len() as f64;
+    assert_eq!(nll.len(), 8 + 2 + 10);
+    assert!((loss / expected - 1.0).abs() < TOLERANCE, "{loss} against {expected}");
+    assert!((mean / expected - 1.0).abs() < TOLERANCE, "{mean} against {expected}");
+}
+
+#[test]
+fn own_kernels_give_the_logits_and_gradients_of_the_equations() {
+    for variant in VARIANTS {
+        compare(variant, Kernels::Own, &Device::flex().autodiff());
+    }
+}
+
+#[test]
+fn plain_kernels_give_the_logits_and_gradients_of_the_equations() {
+    for variant in VARIANTS {
+        compare(variant, Kernels::Plain, &Device::flex().autodiff());
+    }
+}
+
+#[test]
+#[expect(deprecated, reason = "the one other backend that needs no GPU")]
+fn another_backend_gives_the_logits_and_gradients_of_the_equations() {
+    for variant in VARIANTS {
+        compare(variant, Kernels::Plain, &Device::ndarray().autodiff());
+    }
+}
+
+/// The change of a parameter is a tenth of it or less, and is rounded as the parameter is.
+#[test]
+fn adamw_moves_every_parameter_as_its_equations_say() {
+    for variant in VARIANTS {
+        let reference = Reference::read(variant);
+        let (before, after) = (reference.part("param."), reference.part("after."));
+        for (name, found) in stepped(&reference) {
+            let expected = change(&after[&name], &before[&name]);
+            let error = relative_error(&change(&found, &before[&name]), &expected);
+            eprintln!("{variant}: the change of {name} is off by {error:.1e} of its norm");
+            assert!(error < 10.0 * TOLERANCE, "{variant}, {name}: {error:.1e}");
+        }
+    }
+}
+
+#[test]
+fn the_loss_is_the_mean_over_supervised_targets() {
+    for variant in VARIANTS {
+        check_loss(variant, Kernels::Own);
+        check_loss(variant, Kernels::Plain);
+    }
+}

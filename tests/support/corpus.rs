@@ -1,0 +1,126 @@
+//! Made-up codes and captions in the files that a trainer reads, and a small run over them.
+
+use isoflop::data::{DataError, FRAMES_PER_TOKEN, FeatureStats, MotionSource, Split};
+use isoflop::plan::{ModelShape, RunSpec};
+use isoflop::sweep::Ffn;
+use isoflop::text::{HashedNgrams, TextStore, embed};
+use isoflop::tokenizer::{SplitTokens, TokenStore, write_store};
+use isoflop::train::Inputs;
+
+/// Width of the text vectors.
+const D_TEXT: usize = 8;
+
+/// The clips of one split.
+pub type Clips = Vec<Vec<u32>>;
+
+/// Stores of codes and captions, in files that go when it goes.
+pub struct Corpus {
+    pub tokens: TokenStore,
+    pub text: TextStore,
+    _folder: tempfile::TempDir,
+}
+
+impl Corpus {
+    /// Writes and opens the clips of train, val and test; clip i of a split has `captions(i)`.
+    pub fn new(n_vocab: usize, clips: [Clips; 3], captions: fn(usize) -> Vec<String>) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let [tokens, text] = ["tokens", "text"].map(|name| folder.path().join(name));
+        let splits = clips
+            .each_ref()
+            .map(|clips| SplitTokens::new(&clips.iter().map(Vec::as_slice).collect::<Vec<_>>()));
+        write_store(&tokens, n_vocab, &splits).expect("a writable folder");
+        let stats = FeatureStats { mean: Vec::new(), std: Vec::new() };
+        let source = Captioned { clips, captions, stats };
+        embed(&HashedNgrams::new(D_TEXT, 6), &source, &text).expect("a writable folder");
+        Self {
+            tokens: TokenStore::open(&tokens).expect("just written"),
+            text: TextStore::open(&text).expect("just written"),
+            _folder: folder,
+        }
+    }
+
+    pub fn inputs(&self) -> Inputs<'_> {
+        Inputs { tokens: &self.tokens, text: &self.text }
+    }
+}
+
+/// A source of captions whose motion nobody asks for.
+struct Captioned {
+    clips: [Clips; 3],
+    captions: fn(usize) -> Vec<String>,
+    stats: FeatureStats,
+}
+
+impl MotionSource for Captioned {
+    fn n_clips(&self, split: Split) -> usize {
+        self.clips[split as usize].len()
+    }
+
+    fn clip_id(&self, split: Split, index: usize) -> String {
+        format!("{}-{index}", split.name())
+    }
+
+    fn n_frames(&self, split: Split, index: usize) -> usize {
+        FRAMES_PER_TOKEN * self.clips[split as usize][index].len()
+    }
+
+    fn captions(&self, _: Split, index: usize) -> Vec<String> {
+        (self.captions)(index)
+    }
+
+    fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
+        let path = self.clip_id(split, index);
+        Err(DataError::Invalid { path, problem: "has codes and no motion".to_owned() })
+    }
+
+    fn stats(&self) -> &FeatureStats {
+        &self.stats
+    }
+
+    fn fps(&self) -> f32 {
+        20.0
+    }
+
+    fn digest(&self) -> &str {
+        "made up"
+    }
+
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
+}
+
+/// A run of a few steps of a model of two layers.
+pub fn small_run(n_vocab: usize) -> RunSpec {
+    RunSpec {
+        revision: isoflop::plan::TRAINING_REVISION,
+        seed: 3,
+        model: ModelShape {
+            n_layer: 2,
+            n_head: 2,
+            d_model: 16,
+            d_ff: 24,
+            n_ctx: 40,
+            d_text: D_TEXT,
+            ffn: Ffn::SwiGlu,
+            tie_embeddings: false,
+            rope_base: 10_000.0,
+        },
+        n_vocab,
+        budget_flops: 1e9,
+        batch_tokens: 37,
+        steps: 13,
+        lr: 3e-3,
+        warmup_steps: 3,
+        final_share: 0.1,
+        weight_decay: 0.01,
+        betas: [0.9, 0.99],
+        epsilon: 1e-8,
+        clip_norm: Some(1.0),
+        evaluations: 4,
+        fps: 20.0,
+        data_digest: "made up".to_owned(),
+        text_id: "made up".to_owned(),
+        tokenizer_id: "made up".to_owned(),
+    }
+}

@@ -1,0 +1,9 @@
+//! A private directory with the real binary in it, and what tests look at afterwards.
+
+mod finished;
+mod place;
+pub mod processes;
+pub mod records;
+
+pub use finished::{finished_mini, lawful};
+pub use place::{Ended, Place};

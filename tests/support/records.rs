@@ -1,0 +1,34 @@
+//! Records of finished runs, and what of them must not depend on how they came about.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use isoflop::record::RunRecord;
+
+/// Every `record.json` of a sweep's folder, by run.
+pub fn bytes(results: &Path) -> BTreeMap<String, Vec<u8>> {
+    let Ok(runs) = fs::read_dir(results.join("runs")) else { return BTreeMap::new() };
+    let record = |place: &Path| fs::read(place.join("record.json")).ok();
+    let runs = runs.map(|run| run.expect("a readable entry").path());
+    let name = |place: &Path| place.file_name().expect("a run's id").to_string_lossy().into_owned();
+    runs.filter_map(|place| Some((name(&place), record(&place)?))).collect()
+}
+
+/// Every record of a sweep's folder, without what a clock or a meter measured.
+///
+/// Floats are compared by equality: the same bits, or not the same run.
+pub fn timeless(results: &Path) -> BTreeMap<String, RunRecord> {
+    let read = |bytes: &[u8]| serde_json::from_slice::<RunRecord>(bytes).expect("a whole record");
+    let timeless = |record| RunRecord { wall_s: 0.0, tokens_per_s: 0.0, peak_bytes: 0, ..record };
+    bytes(results).iter().map(|(id, bytes)| (id.clone(), timeless(read(bytes)))).collect()
+}
+
+/// A column of `runs.csv`, row by row, as it is written there.
+pub fn column(results: &Path, name: &str) -> Vec<String> {
+    let table = fs::read_to_string(results.join("runs.csv")).expect("the table is there");
+    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let head = rows.next().expect("the table has a head");
+    let place = head.iter().position(|column| *column == name).expect("the column is there");
+    rows.map(|row| row[place].to_string()).collect()
+}
