@@ -1,0 +1,47 @@
+//! What a row must hold before anything is computed from it.
+
+use super::cell::compare;
+use super::{FitError, IsoFlopPoint};
+
+/// Rejects a row whose logarithms do not exist or whose loss is no number.
+pub(super) fn point(p: &IsoFlopPoint) -> Result<(), FitError> {
+    let counts = [
+        ("budget_flops", p.budget_flops),
+        ("flops", p.flops),
+        ("params_nonvocab", p.params_nonvocab),
+        ("params_vocab", p.params_vocab),
+        ("n_vocab", p.n_vocab),
+        ("tokens", p.tokens),
+    ];
+    let bad = |field, value, expected| {
+        Err(FitError::BadValue { run_id: p.run_id.clone(), field, value, expected })
+    };
+    if let Some((field, value)) = counts.into_iter().find(|(_, v)| !(v.is_finite() && *v > 0.0)) {
+        return bad(field, value, "finite and above 0");
+    }
+    if !p.loss_normalised.is_finite() {
+        return bad("loss_normalised", p.loss_normalised, "finite");
+    }
+    Ok(())
+}
+
+/// A sentence for every cell and seed that more than one row holds.
+///
+/// Repeats of one seed are averaged like seeds, which is wrong where they differ by a setting that
+/// the table does not show, such as the learning rate.
+pub(super) fn repeats(points: &[IsoFlopPoint]) -> Option<String> {
+    let mut rows: Vec<_> = points.iter().collect();
+    rows.sort_by(|a, b| compare(&key(a), &key(b)).then(a.seed.cmp(&b.seed)));
+    let groups = rows.chunk_by(|a, b| key(a) == key(b) && a.seed == b.seed);
+    let repeated: Vec<_> = groups.filter(|g| g.len() > 1).map(|g| g[1].run_id.as_str()).collect();
+    let first = repeated.first()?;
+    Some(format!(
+        "{} cell(s) hold several runs of one seed, and their mean is taken; the first repeat is \
+         run {first}. Keep one row for each cell and seed if they differ in a setting.",
+        repeated.len()
+    ))
+}
+
+fn key(p: &IsoFlopPoint) -> [f64; 4] {
+    [p.budget_flops, p.params_nonvocab, p.params_vocab, p.n_vocab]
+}

@@ -1,0 +1,36 @@
+//! Why a table of runs gives no laws.
+
+use super::MinimumMethod;
+
+/// Why [`fit`](super::fit()) gave no laws; every message says what is wrong, where, and the remedy.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FitError {
+    #[error("no runs to fit: finish some runs first, or give a table that has rows")]
+    NoPoints,
+
+    #[error("run {run_id}: {field} is {value}, but it must be {expected}; mend or drop that row")]
+    BadValue { run_id: String, field: &'static str, value: f64, expected: &'static str },
+
+    #[error("fit option {option} is {value}, but it must be {expected}")]
+    BadOption { option: &'static str, value: String, expected: &'static str },
+
+    #[error("held-out budget {asked:e} has no runs; the table has these budgets: {budgets}")]
+    HoldOutAbsent { asked: f64, budgets: String },
+
+    #[error("{found} budget(s) left to fit, but a law in C needs two: run more, or hold none out")]
+    TooFewBudgets { found: usize },
+
+    #[error(
+        "{usable} budget(s) with an unflagged {method} minimum, but a law in C needs two; \
+         flagged: {flagged}; widen the grid there, or keep flagged minima"
+    )]
+    TooFewMinima { method: MinimumMethod, usable: usize, flagged: String },
+}
+
+impl FitError {
+    /// Whether the data cannot tell the laws (exit code 3), rather than a value or option being
+    /// wrong (exit code 2).
+    pub fn is_unidentifiable(&self) -> bool {
+        matches!(self, Self::NoPoints | Self::TooFewBudgets { .. } | Self::TooFewMinima { .. })
+    }
+}

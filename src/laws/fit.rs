@@ -1,0 +1,164 @@
+//! The whole fit: points in, [`Laws`] out.
+
+use super::bootstrap::{Replicate, bootstrap};
+use super::law_set::{Columns, LawSet, geometric_mean, law_set};
+use super::select::{flagged_text, hold_out, law_method, usable};
+use super::split::Split;
+use super::stats::interval95;
+use super::{
+    FitError, FitOptions, FloorLaw, HeldOut, IsoFlopPoint, LawSample, Laws, LogLaw, LossLaws,
+    Minimum, MinimumMethod, PowerLaw, PowerLaws, check, floor_law, group_budgets, law_set,
+    sensitivity, warnings,
+};
+
+/// Fits every law to a table of finished runs.
+///
+/// Runs are grouped by declared budget; the held-out budget is set aside; the minima of the rest
+/// are found by each method; those of one method, less the flagged, give N_nv, N_v and D in C, N_v
+/// in N_nv, and the two loss laws; the bootstrap gives the intervals. Nothing is left out without a
+/// sentence in [`Laws::warnings`].
+///
+/// # Errors
+/// [`FitError`]; [`FitError::is_unidentifiable`] tells missing data from wrong input. Where too few
+/// minima are unflagged, a fit with [`FitOptions::keep_flagged`] still gives laws, for a caller who
+/// prefers doubtful ones to none.
+pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitError> {
+    options.check()?;
+    if points.is_empty() {
+        return Err(FitError::NoPoints);
+    }
+    let budgets = group_budgets(points)?;
+    let (held_out, hold_out_warning) = hold_out(&budgets, options.hold_out)?;
+    let split = Split::new(budgets, held_out);
+    let per_method = split.minima_by_method(options);
+    let (method, method_warning) = law_method(&per_method, options);
+    let used = used_minima(&per_method, method, options)?;
+
+    let mut laws = laws_through(&used, &split, method, options)?;
+    laws.minima = with_held_out(&per_method, &split);
+    laws.sensitivity = sensitivity::by_method(&per_method, method, &split, options);
+    let all = minima_of(&per_method, method);
+    let first = [check::repeats(points), hold_out_warning, method_warning].into_iter().flatten();
+    let of_minima = warnings::of_minima(all, &used, &split, method, options);
+    laws.warnings.splice(0..0, first.chain(of_minima));
+    Ok(laws)
+}
+
+/// The minima of one method.
+fn minima_of(per_method: &[(MinimumMethod, Vec<Minimum>)], method: MinimumMethod) -> &[Minimum] {
+    let found = per_method.iter().find(|(m, _)| *m == method);
+    found.map(|(_, minima)| minima.as_slice()).expect("the laws' method is always computed")
+}
+
+/// The minima to fit.
+///
+/// # Errors
+/// [`FitError::TooFewMinima`] for fewer than two.
+fn used_minima(
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    method: MinimumMethod,
+    options: &FitOptions,
+) -> Result<Vec<Minimum>, FitError> {
+    let all = minima_of(per_method, method);
+    let used = usable(all, options);
+    if used.len() < 2 {
+        return Err(too_few_minima(method, used.len(), flagged_text(all)));
+    }
+    Ok(used)
+}
+
+fn too_few_minima(method: MinimumMethod, usable: usize, flagged: String) -> FitError {
+    FitError::TooFewMinima { method, usable, flagged }
+}
+
+/// Every law, interval and held-out error; the minima and the sensitivity table are still empty.
+fn laws_through(
+    used: &[Minimum],
+    split: &Split,
+    method: MinimumMethod,
+    options: &FitOptions,
+) -> Result<Laws, FitError> {
+    let budgets = split.only(used);
+    let columns = Columns::new(used, &budgets, options);
+    let reference = geometric_mean(&columns.compute);
+    let set = law_set(&columns, reference, options).ok_or_else(|| {
+        too_few_minima(method, used.len(), "none, but they spend the same".into())
+    })?;
+    let replicates = bootstrap(&budgets, method, reference, options);
+    let floor = floor_law(&columns.compute, &columns.loss, reference);
+    let held_out = split.held_out_minimum(method);
+
+    let mut warnings: Vec<String> = warnings::of_held_out(held_out.as_ref()).into_iter().collect();
+    warnings.extend(warnings::of_floor(floor.as_ref(), used.len()));
+    warnings.extend(warnings::of_bootstrap(replicates.len(), options));
+    let set = with_intervals(set, &replicates);
+    let loss = loss_laws(set.loss.clone(), floor, held_out.as_ref(), reference, options);
+    let has_vocab_law = split.n_vocabularies() > 1;
+    Ok(Laws {
+        name: options.name.clone(),
+        flops_rule: options.flops_rule.clone(),
+        n_ctx: None,
+        reference_flops: reference,
+        fitted_budgets: used.iter().map(|m| m.budget_flops).collect(),
+        minima_method: method,
+        minima: Vec::new(),
+        held_out,
+        power_laws: PowerLaws {
+            params_vocab: Some(set.params_vocab).filter(|_| has_vocab_law),
+            params_nonvocab: Some(set.params_nonvocab),
+            tokens: Some(set.tokens),
+        },
+        vocab_from_nonvocab: set.vocab_from_nonvocab.filter(|_| has_vocab_law),
+        loss,
+        sensitivity: Vec::new(),
+        bootstrap: replicates.iter().map(|replicate| replicate.sample).collect(),
+        warnings,
+    })
+}
+
+/// The laws with the 95 % percentile interval of each exponent and of the loss's slope.
+fn with_intervals(mut set: LawSet, replicates: &[Replicate]) -> LawSet {
+    let interval = |value: fn(&LawSample) -> f64| {
+        interval95(&replicates.iter().map(|r| value(&r.sample)).collect::<Vec<_>>())
+    };
+    set.params_vocab.exponent_ci95 = interval(|s| s.exponent_vocab);
+    set.params_nonvocab.exponent_ci95 = interval(|s| s.exponent_nonvocab);
+    set.tokens.exponent_ci95 = interval(|s| s.exponent_tokens);
+    set.loss.slope_ci95 = interval(|s| s.loss_slope_per_decade);
+    let gammas: Vec<f64> = replicates.iter().filter_map(|r| r.vocab_from_nonvocab).collect();
+    let exponent_ci95 = interval95(&gammas);
+    set.vocab_from_nonvocab = set.vocab_from_nonvocab.map(|law| PowerLaw { exponent_ci95, ..law });
+    set
+}
+
+/// Both loss laws with what they predict at the held-out budget, less what was measured there.
+fn loss_laws(
+    log: LogLaw,
+    floor: Option<FloorLaw>,
+    held_out: Option<&HeldOut>,
+    reference: f64,
+    options: &FitOptions,
+) -> LossLaws {
+    let there = held_out
+        .map(|h| (law_set::compute(&h.minimum, options.compute), h.minimum.loss_normalised));
+    let log_error = there.map(|(c, measured)| log.loss_at(c) - measured);
+    let floor = floor.map(|law| FloorLaw {
+        held_out_error: there.map(|(c, measured)| law.loss_at(c, reference) - measured),
+        ..law
+    });
+    LossLaws { log: Some(LogLaw { held_out_error: log_error, ..log }), floor }
+}
+
+/// Every minimum by every method, the held-out budget's in its place among the others.
+fn with_held_out(per_method: &[(MinimumMethod, Vec<Minimum>)], split: &Split) -> Vec<Minimum> {
+    let of_method = |(method, minima): &(MinimumMethod, Vec<Minimum>)| {
+        let held_out = split.held_out_minimum(*method).map(|held_out| held_out.minimum);
+        let mut all: Vec<Minimum> = minima.iter().cloned().chain(held_out).collect();
+        all.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
+        all
+    };
+    per_method.iter().flat_map(of_method).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,127 @@
+//! Every law through one set of minima: what the fit, the sensitivity table and each bootstrap
+//! replicate have in common.
+
+use super::budget::is_same_budget;
+use super::power::{Line, from_line, least_squares_line};
+use super::{
+    Budget, ComputeAxis, FitOptions, LawSample, LogLaw, Minimum, PowerLaw, Weights, log_law,
+    power_law,
+};
+
+/// The laws through a set of minima.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LawSet {
+    pub params_vocab: PowerLaw,
+    pub params_nonvocab: PowerLaw,
+    pub tokens: PowerLaw,
+    /// N_v in N_nv (ScaMo Eq. 10); none where N_nv does not vary.
+    pub vocab_from_nonvocab: Option<PowerLaw>,
+    pub loss: LogLaw,
+}
+
+/// The minima as columns, C in the axis asked for.
+pub(super) struct Columns {
+    pub compute: Vec<f64>,
+    params_vocab: Vec<f64>,
+    params_nonvocab: Vec<f64>,
+    tokens: Vec<f64>,
+    pub loss: Vec<f64>,
+    weights: Vec<f64>,
+}
+
+impl Columns {
+    pub fn new(minima: &[Minimum], budgets: &[Budget], options: &FitOptions) -> Self {
+        let column = |value: &dyn Fn(&Minimum) -> f64| minima.iter().map(value).collect();
+        Self {
+            compute: column(&|m| compute(m, options.compute)),
+            params_vocab: column(&|m| m.params_vocab),
+            params_nonvocab: column(&|m| m.params_nonvocab),
+            tokens: column(&|m| m.tokens),
+            loss: column(&|m| m.loss_normalised),
+            weights: column(&|m| weight(m, budgets, options.weights)),
+        }
+    }
+}
+
+/// C of a minimum.
+pub(super) fn compute(minimum: &Minimum, axis: ComputeAxis) -> f64 {
+    match axis {
+        ComputeAxis::Declared => minimum.budget_flops,
+        ComputeAxis::Achieved => minimum.flops,
+    }
+}
+
+fn weight(minimum: &Minimum, budgets: &[Budget], weights: Weights) -> f64 {
+    let same = |b: &&Budget| is_same_budget(b.budget_flops, minimum.budget_flops);
+    match weights {
+        Weights::Equal => 1.0,
+        Weights::Runs => budgets.iter().find(same).map_or(1.0, |b| b.points.len() as f64),
+    }
+}
+
+/// The geometric mean.
+pub(super) fn geometric_mean(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v.ln()).sum::<f64>() / values.len() as f64).exp()
+}
+
+/// The laws through `columns` around C0 = `reference`; none where C does not vary.
+pub(super) fn law_set(columns: &Columns, reference: f64, options: &FitOptions) -> Option<LawSet> {
+    let in_compute = |y| power_law(&columns.compute, y, reference, &columns.weights, options.huber);
+    let params_vocab = in_compute(&columns.params_vocab)?;
+    let params_nonvocab = in_compute(&columns.params_nonvocab)?;
+    let tokens = match options.spend_budget {
+        false => in_compute(&columns.tokens)?,
+        true => spending_tokens(columns, reference, &params_nonvocab, &params_vocab)?,
+    };
+    let (x, y) = (&columns.params_nonvocab, &columns.params_vocab);
+    let vocab_from_nonvocab = power_law(x, y, geometric_mean(x), &columns.weights, options.huber);
+    let loss = log_law(&columns.compute, &columns.loss)?;
+    Some(LawSet { params_vocab, params_nonvocab, tokens, vocab_from_nonvocab, loss })
+}
+
+/// The law of D that makes the three laws spend C, to first order around C0.
+///
+/// C = κ(N_nv + N_v)D holds at every minimum, with κ = 6 under the rule `6nd` and a slowly varying
+/// κ ∝ C^e, read off the minima, under the others. Three power laws cannot meet it at every C; they
+/// meet it and its first derivative at C0 with ln D(C0) = ln C0 − ln κ − ln(N_nv + N_v) and
+/// c = 1 − e − (w a + (1 − w) b), where a, b and c are the exponents of N_nv, N_v and D, and
+/// w = N_nv/(N_nv + N_v) at C0.
+fn spending_tokens(
+    columns: &Columns,
+    reference: f64,
+    nonvocab: &PowerLaw,
+    vocab: &PowerLaw,
+) -> Option<PowerLaw> {
+    let ln_c: Vec<f64> = columns.compute.iter().map(|c| c.ln()).collect();
+    let ln_tokens: Vec<f64> = columns.tokens.iter().map(|d| d.ln()).collect();
+    let totals = columns.params_nonvocab.iter().zip(&columns.params_vocab).map(|(n, v)| n + v);
+    let ln_kappa: Vec<f64> =
+        totals.zip(&ln_c).zip(&ln_tokens).map(|((n, c), d)| c - n.ln() - d).collect();
+    let kappa = least_squares_line(&ln_c, &ln_kappa, &columns.weights)?;
+    let (n, v) = (nonvocab.ln_at_reference.exp(), vocab.ln_at_reference.exp());
+    let share = n / (n + v);
+    let growth = share * nonvocab.exponent + (1.0 - share) * vocab.exponent;
+    let centre = reference.ln();
+    let level = centre - kappa.at(centre) - (n + v).ln();
+    let line = Line { centre, level, slope: 1.0 - kappa.slope - growth };
+    Some(from_line(&line, &ln_c, &ln_tokens, reference, &columns.weights))
+}
+
+impl LawSet {
+    /// The coefficients as one bootstrap replicate keeps them; none where one is not finite.
+    pub fn sample(&self) -> Option<LawSample> {
+        let sample = LawSample {
+            ln_vocab_at_reference: self.params_vocab.ln_at_reference,
+            exponent_vocab: self.params_vocab.exponent,
+            ln_nonvocab_at_reference: self.params_nonvocab.ln_at_reference,
+            exponent_nonvocab: self.params_nonvocab.exponent,
+            ln_tokens_at_reference: self.tokens.ln_at_reference,
+            exponent_tokens: self.tokens.exponent,
+            loss_intercept: self.loss.intercept,
+            loss_slope_per_decade: self.loss.slope_per_decade,
+        };
+        let laws = [&self.params_vocab, &self.params_nonvocab, &self.tokens];
+        let finite = laws.iter().all(|law| (law.ln_at_reference + law.exponent).is_finite());
+        (finite && (self.loss.intercept + self.loss.slope_per_decade).is_finite()).then_some(sample)
+    }
+}

@@ -1,0 +1,98 @@
+//! One budget's grid, ready for every method.
+
+use crate::laws::cell::{Cell, Size, best_index, cells, sizes};
+use crate::laws::{IsoFlopPoint, Minimum, MinimumFlag, MinimumMethod};
+
+/// The cells of one budget, their sizes and the best of them.
+pub(super) struct Grid {
+    pub budget_flops: f64,
+    pub cells: Vec<Cell>,
+    pub sizes: Vec<Size>,
+    best: usize,
+}
+
+impl Grid {
+    /// None for no points.
+    pub fn new(budget_flops: f64, points: &[&IsoFlopPoint]) -> Option<Self> {
+        if points.is_empty() {
+            return None;
+        }
+        let cells = cells(points);
+        let (sizes, best) = (sizes(&cells), best_index(&cells));
+        Some(Self { budget_flops, cells, sizes, best })
+    }
+
+    pub fn best(&self) -> &Cell {
+        &self.cells[self.best]
+    }
+
+    /// The values of the best run, flagged with `reason` and with the vocabulary's edge.
+    pub fn best_run(&self, method: MinimumMethod, reason: Option<MinimumFlag>) -> Minimum {
+        let best = self.best();
+        Minimum {
+            method,
+            budget_flops: self.budget_flops,
+            flops: best.flops,
+            params_nonvocab: best.params_nonvocab,
+            params_vocab: best.params_vocab,
+            n_vocab: best.n_vocab,
+            tokens: best.tokens,
+            loss_normalised: best.loss,
+            flags: reason.into_iter().chain(self.vocab_edge()).collect(),
+        }
+    }
+
+    pub fn best_is_outermost_size(&self) -> bool {
+        let outermost = |size: Option<&Size>| {
+            size.is_some_and(|size| size.best.params_nonvocab == self.best().params_nonvocab)
+        };
+        outermost(self.sizes.first()) || outermost(self.sizes.last())
+    }
+
+    /// The flag where several vocabularies were tried and the best run's is the smallest or the
+    /// largest that was tried at its size. One vocabulary alone is no axis, so it has no edge.
+    pub fn vocab_edge(&self) -> Option<MinimumFlag> {
+        if self.n_vocabularies() < 2 {
+            return None;
+        }
+        let best = self.best();
+        let same_size = self.cells.iter().filter(|c| c.params_nonvocab == best.params_nonvocab);
+        let (low, high) = extent(same_size.map(|c| c.n_vocab));
+        (best.n_vocab <= low || best.n_vocab >= high).then_some(MinimumFlag::VocabEdge)
+    }
+
+    pub fn n_vocabularies(&self) -> usize {
+        let mut tried: Vec<f64> = self.cells.iter().map(|cell| cell.n_vocab).collect();
+        tried.sort_by(f64::total_cmp);
+        tried.dedup();
+        tried.len()
+    }
+}
+
+/// The smallest and the largest of some values.
+pub(super) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
+/// x in units of half its range, from −1 to 1: a polynomial's columns are then well conditioned.
+#[derive(Clone, Copy)]
+pub(super) struct Scale {
+    centre: f64,
+    half_range: f64,
+}
+
+impl Scale {
+    /// The values must not all be equal.
+    pub fn over(values: impl Iterator<Item = f64>) -> Self {
+        let (low, high) = extent(values);
+        Self { centre: 0.5 * (low + high), half_range: 0.5 * (high - low) }
+    }
+
+    pub fn to_unit(self, x: f64) -> f64 {
+        (x - self.centre) / self.half_range
+    }
+
+    pub fn value_at(self, z: f64) -> f64 {
+        self.centre + self.half_range * z
+    }
+}

@@ -1,0 +1,112 @@
+//! The best configuration of each budget, by four methods.
+//!
+//! Every method averages over seeds first. Where a method finds no minimum inside what was tried,
+//! the values it reports are those of the best run, with the flag that says so: no minimum is ever
+//! extrapolated.
+
+mod curve;
+mod grid;
+mod interpolate;
+mod surface;
+
+use super::stats::student_t95;
+use super::{Budget, IsoFlopPoint, Minimum, MinimumFlag, MinimumMethod};
+use grid::Grid;
+
+/// A minimum, and how sharply its curve bends there.
+struct Located {
+    minimum: Minimum,
+    curvature: Option<Curvature>,
+}
+
+/// The smallest second derivative at a minimum, and what its interval needs.
+struct Curvature {
+    value: f64,
+    /// Standard error for noise of unit standard deviation.
+    unit_error: f64,
+    rss: f64,
+    dof: usize,
+}
+
+/// The minimum of every budget by one method, in the order of `budgets`.
+///
+/// The curvature is weak where its 95 % interval holds zero. The noise is taken to be alike at all
+/// budgets, so its variance is pooled over their residuals: a curve through three to five sizes
+/// leaves too few of its own. Where no budget leaves a residual (three sizes each), the interval
+/// is unknown and the flag is not raised; [`fit`](super::fit()) says so.
+pub fn minima(method: MinimumMethod, budgets: &[Budget]) -> Vec<Minimum> {
+    let located: Vec<_> = budgets
+        .iter()
+        .filter_map(|budget| Grid::new(budget.budget_flops, &budget.points))
+        .map(|grid| locate(method, &grid))
+        .collect();
+    let noise = Noise::pooled(&located);
+    located.into_iter().map(|one| flag_weak(one, noise)).collect()
+}
+
+/// The minimum of one budget by one method, the noise taken from its own residuals; none for no
+/// points. The points must have passed [`group_budgets`](super::group_budgets).
+pub fn minimum_at(method: MinimumMethod, points: &[&IsoFlopPoint]) -> Option<Minimum> {
+    let budget_flops = points.first()?.budget_flops;
+    minima(method, &[Budget { budget_flops, points: points.to_vec() }]).pop()
+}
+
+/// Whether the fits behind these minima leave residuals to judge their curvature by.
+pub(super) fn has_residuals(method: MinimumMethod, budgets: &[Budget]) -> bool {
+    let grids = budgets.iter().filter_map(|b| Grid::new(b.budget_flops, &b.points));
+    let located: Vec<_> = grids.map(|grid| locate(method, &grid)).collect();
+    Noise::pooled(&located).is_some() || located.iter().all(|one| one.curvature.is_none())
+}
+
+fn locate(method: MinimumMethod, grid: &Grid) -> Located {
+    match method {
+        MinimumMethod::Argmin => argmin(grid),
+        MinimumMethod::Parabola => curve::locate(method, 2, grid),
+        MinimumMethod::Cubic => curve::locate(method, 3, grid),
+        MinimumMethod::Surface => surface::locate(grid),
+    }
+}
+
+/// ScaMo's way: the best run, after the mean over seeds.
+fn argmin(grid: &Grid) -> Located {
+    let mut minimum = grid.best_run(MinimumMethod::Argmin, None);
+    if grid.sizes.len() < 3 {
+        minimum.flags.push(MinimumFlag::FewLevels);
+    }
+    if grid.best_is_outermost_size() {
+        minimum.flags.push(MinimumFlag::NotBracketed);
+    }
+    minimum.flags.sort();
+    Located { minimum, curvature: None }
+}
+
+/// The residual noise of several curves.
+#[derive(Clone, Copy)]
+struct Noise {
+    sd: f64,
+    dof: usize,
+}
+
+impl Noise {
+    fn pooled(located: &[Located]) -> Option<Self> {
+        let curvatures = || located.iter().filter_map(|one| one.curvature.as_ref());
+        let dof: usize = curvatures().map(|c| c.dof).sum();
+        let rss: f64 = curvatures().map(|c| c.rss).sum();
+        (dof > 0).then(|| Self { sd: (rss / dof as f64).sqrt(), dof })
+    }
+}
+
+fn flag_weak(located: Located, noise: Option<Noise>) -> Minimum {
+    let Located { mut minimum, curvature } = located;
+    if let (Some(curvature), Some(noise)) = (curvature, noise) {
+        let margin = student_t95(noise.dof) * noise.sd * curvature.unit_error;
+        if curvature.value <= margin {
+            minimum.flags.push(MinimumFlag::WeakCurvature);
+            minimum.flags.sort();
+        }
+    }
+    minimum
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,57 @@
+//! From finished runs to laws: pure functions over a table of points.
+//!
+//! `IsoFlopPoint → Minimum → PowerLaw, LossLaws`, gathered in [`Laws`].
+//!
+//! | step | function |
+//! | --- | --- |
+//! | rows into budgets, checked | [`group_budgets`] |
+//! | the best configuration of each budget | [`minima()`], [`minimum_at`] |
+//! | N_v, N_nv and D in C; N_v in N_nv | [`power_law`] |
+//! | L_u in C | [`log_law`], [`floor_law`] |
+//! | all of it, with intervals | [`fit()`] |
+//! | the published law | [`scamo()`] |
+//! | for a person | [`verdict()`], [`summary()`] |
+
+mod bootstrap;
+mod budget;
+mod cell;
+mod check;
+mod error;
+mod fit;
+mod floor_law;
+mod law_set;
+mod least_squares;
+mod log_law;
+mod minima;
+mod names;
+mod options;
+mod power;
+mod robust;
+mod scamo;
+mod select;
+mod sensitivity;
+#[cfg(test)]
+pub(crate) mod simulated;
+mod split;
+mod stats;
+mod summary;
+pub(crate) mod text;
+mod types;
+mod verdict;
+mod warnings;
+
+pub use budget::{Budget, group_budgets};
+pub use error::FitError;
+pub use fit::fit;
+pub use floor_law::floor_law;
+pub use log_law::log_law;
+pub use minima::{minima, minimum_at};
+pub use options::{ComputeAxis, FitOptions, HoldOut, Weights};
+pub use power::power_law;
+pub use scamo::scamo;
+pub use sensitivity::sensitivity_row;
+pub(crate) use stats::interval95;
+pub use summary::summary;
+pub use text::wrap;
+pub use types::*;
+pub use verdict::verdict;

@@ -1,0 +1,173 @@
+//! The fit as a table for a terminal.
+
+use super::names::flags_text;
+use super::text::{count, short, wrap};
+use super::{HeldOut, Laws, Minimum, PowerLaw, Sensitivity};
+
+/// Laws with intervals, minima with flags, loss laws with their held-out errors, the sensitivity
+/// table and the warnings, in at most 80 columns and without colour.
+pub fn summary(laws: &Laws) -> String {
+    let held_out = laws.held_out.as_ref().map(|h| count(h.budget_flops));
+    let mut text = wrap(
+        "",
+        &format!(
+            "{}: {} minima, FLOP rule {}, C0 = {}, {} budgets fitted, held out: {}",
+            laws.name,
+            laws.minima_method,
+            laws.flops_rule,
+            count(laws.reference_flops),
+            laws.fitted_budgets.len(),
+            held_out.as_deref().unwrap_or("none"),
+        ),
+    );
+    text += &power_laws(laws);
+    text += &loss_laws(laws);
+    text += &minima(laws);
+    text += &sensitivity(&laws.sensitivity);
+    text += &warnings(&laws.warnings);
+    text
+}
+
+fn power_laws(laws: &Laws) -> String {
+    let rows = [
+        ("N_nv in C", &laws.power_laws.params_nonvocab),
+        ("N_v  in C", &laws.power_laws.params_vocab),
+        ("D    in C", &laws.power_laws.tokens),
+        ("N_v  in N_nv", &laws.vocab_from_nonvocab),
+    ];
+    let head = format!(
+        "\n{:<14}{:>10}{:>18}{:>14}{:>12}{:>8}{:>4}\n",
+        "law", "exponent", "95 % interval", "log10 coef.", "at C0", "R2", "n"
+    );
+    head + &rows
+        .map(|(name, law)| law.as_ref().map_or_else(|| absent(name), |l| power(name, l)))
+        .join("")
+}
+
+fn absent(name: &str) -> String {
+    format!("{name:<14}{:>10}\n", "absent")
+}
+
+fn power(name: &str, law: &PowerLaw) -> String {
+    let r2 = if law.n == 0 { "-".to_string() } else { format!("{:.4}", law.r2) };
+    format!(
+        "{name:<14}{:>10.4}{:>18}{:>14.4}{:>12}{r2:>8}{:>4}\n",
+        law.exponent,
+        interval(law.exponent_ci95),
+        law.log10_coefficient,
+        count(law.ln_at_reference.exp()),
+        law.n
+    )
+}
+
+fn interval(ci95: Option<[f64; 2]>) -> String {
+    ci95.map_or_else(|| "-".into(), |[low, high]| format!("{low:.4}..{high:.4}"))
+}
+
+fn loss_laws(laws: &Laws) -> String {
+    let mut text = format!("\n{:<50}{:>8}{:>9}{:>13}\n", "loss law", "R2", "AIC", "held-out err");
+    if let Some(law) = &laws.loss.log {
+        let formula = format!("L_u = {:.4} log10 C {:+.4}", law.slope_per_decade, law.intercept);
+        text += &loss_row(&formula, law.n, law.r2, law.aic, law.held_out_error);
+        if let Some([low, high]) = law.slope_ci95 {
+            text += &format!("    95 % interval of the slope {low:.4}..{high:.4}\n");
+        }
+    }
+    if let Some(law) = &laws.loss.floor {
+        let formula = format!(
+            "L_u = {} {:+} (C/C0)^-{:.4}",
+            decimal(law.floor),
+            Signed(law.coefficient),
+            law.exponent
+        );
+        text += &loss_row(&formula, law.n, law.r2, law.aic, law.held_out_error);
+    }
+    text
+}
+
+/// Four decimals, or scientific where that would be wide.
+fn decimal(x: f64) -> String {
+    if x.abs() < 1e4 { format!("{x:.4}") } else { short(x, 3) }
+}
+
+/// [`decimal`] with its sign.
+struct Signed(f64);
+
+impl std::fmt::Display for Signed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {}", if self.0 < 0.0 { "-" } else { "+" }, decimal(self.0.abs()))
+    }
+}
+
+fn loss_row(formula: &str, n: usize, r2: f64, aic: f64, held_out_error: Option<f64>) -> String {
+    let (r2, aic) = match n {
+        0 => ("-".into(), "-".into()),
+        _ => (format!("{r2:.4}"), format!("{aic:.1}")),
+    };
+    let error = held_out_error.map_or_else(|| "-".into(), |error| format!("{error:+.4}"));
+    format!("{formula:<50}{r2:>8}{aic:>9}{error:>13}\n")
+}
+
+fn minima(laws: &Laws) -> String {
+    if laws.minima.is_empty() {
+        return String::new();
+    }
+    let head = format!(
+        "\n{:<9}{:>10}{:>11}{:>11}{:>8}{:>11}{:>9}  {}\n",
+        "minima", "budget", "N_nv", "N_v", "V", "D", "L_u", "flags"
+    );
+    head + &laws.minima.iter().map(|m| minimum(m, laws.held_out.as_ref())).collect::<String>()
+}
+
+/// One line, and the flags below it where there is more than one.
+fn minimum(m: &Minimum, held_out: Option<&HeldOut>) -> String {
+    let is_held_out = held_out.is_some_and(|h| h.budget_flops == m.budget_flops);
+    let mut marks: Vec<String> = is_held_out.then(|| "held out".into()).into_iter().collect();
+    marks.extend((!m.flags.is_empty()).then(|| flags_text(&m.flags)));
+    let line = format!(
+        "{:<9}{:>10}{:>11}{:>11}{:>8.0}{:>11}{:>9.4}",
+        m.method,
+        count(m.budget_flops),
+        count(m.params_nonvocab),
+        count(m.params_vocab),
+        m.n_vocab,
+        count(m.tokens),
+        m.loss_normalised
+    );
+    match marks.join(", ") {
+        marks if marks.is_empty() => line + "\n",
+        marks if line.len() + 2 + marks.len() <= super::text::COLUMNS => {
+            format!("{line}  {marks}\n")
+        }
+        marks => format!("{line}\n{}", wrap("            ", &marks)),
+    }
+}
+
+fn sensitivity(rows: &[Sensitivity]) -> String {
+    if rows.is_empty() {
+        return String::new();
+    }
+    let number = |x: Option<f64>| x.map_or_else(|| "-".to_string(), |x| format!("{x:.4}"));
+    let row = |r: &Sensitivity| {
+        format!(
+            "{:<36}{:>10}{:>10}{:>10}{:>12}\n",
+            r.variant,
+            number(r.exponent_nonvocab),
+            number(r.exponent_vocab),
+            number(r.exponent_tokens),
+            number(r.slope_per_decade)
+        )
+    };
+    let head = format!(
+        "\n{:<36}{:>10}{:>10}{:>10}{:>12}\n",
+        "exponents under other choices", "N_nv", "N_v", "D", "nats/decade"
+    );
+    head + &rows.iter().map(row).collect::<String>()
+}
+
+fn warnings(sentences: &[String]) -> String {
+    if sentences.is_empty() {
+        return String::new();
+    }
+    "\nwarnings\n".to_string() + &sentences.iter().map(|s| wrap("  - ", s)).collect::<String>()
+}

@@ -1,0 +1,64 @@
+//! Numbers and sentences for an 80-column terminal.
+
+/// Columns of a terminal line.
+pub const COLUMNS: usize = 80;
+
+/// `x` in scientific notation with at most `digits` after the point, trailing zeros left out.
+pub(crate) fn short(x: f64, digits: usize) -> String {
+    let text = format!("{x:.digits$e}");
+    match text.split_once('e') {
+        Some((mantissa, exponent)) if mantissa.contains('.') => {
+            let mantissa = mantissa.trim_end_matches('0').trim_end_matches('.');
+            format!("{mantissa}e{exponent}")
+        }
+        _ => text,
+    }
+}
+
+/// A budget or another count in at most four significant digits: `3e10`, `1.215e18`.
+pub(crate) fn count(x: f64) -> String {
+    short(x, 3)
+}
+
+/// `sentence` broken at spaces into lines of at most [`COLUMNS`], the first after `bullet`, the
+/// others indented as far; a single longer word stays whole. Ends with a newline.
+pub fn wrap(bullet: &str, sentence: &str) -> String {
+    let indent = " ".repeat(bullet.chars().count());
+    let mut lines = vec![bullet.to_string()];
+    let mut width = indent.len();
+    for word in sentence.split_whitespace() {
+        let empty = width == indent.len();
+        if !empty && width + 1 + word.chars().count() > COLUMNS {
+            lines.push(format!("{indent}{word}"));
+            width = indent.len() + word.chars().count();
+        } else {
+            let line = lines.last_mut().expect("there is always a line");
+            line.push_str(if empty { "" } else { " " });
+            line.push_str(word);
+            width += usize::from(!empty) + word.chars().count();
+        }
+    }
+    lines.join("\n") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_lose_trailing_zeros_only() {
+        assert_eq!(count(1e10), "1e10");
+        assert_eq!(count(1.2154e18), "1.215e18");
+        assert_eq!(short(200.0, 2), "2e2");
+        assert_eq!(short(1.9999e3, 2), "2e3");
+    }
+
+    #[test]
+    fn sentences_break_before_the_last_column_and_keep_every_word() {
+        let sentence = "word ".repeat(60);
+        let text = wrap("  - ", &sentence);
+        assert!(text.lines().all(|line| line.len() <= COLUMNS));
+        assert!(text.lines().skip(1).all(|line| line.starts_with("    word")));
+        assert_eq!(text.split_whitespace().filter(|word| *word == "word").count(), 60);
+    }
+}

@@ -1,0 +1,193 @@
+//! The values between a table of runs and a law; [`Laws`] is what `laws.json` holds.
+
+use serde::{Deserialize, Serialize};
+
+/// One finished run as the laws see it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IsoFlopPoint {
+    pub run_id: String,
+    pub seed: u64,
+    /// The declared budget: runs are grouped by it.
+    pub budget_flops: f64,
+    /// What the run spent under the rule that the fit uses.
+    pub flops: f64,
+    /// N_nv.
+    pub params_nonvocab: f64,
+    /// N_v = V·d.
+    pub params_vocab: f64,
+    /// V.
+    pub n_vocab: f64,
+    /// D.
+    pub tokens: f64,
+    /// L_u, in nats; lower is better, 0 is the unigram model.
+    pub loss_normalised: f64,
+}
+
+/// How the minimum of one budget was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MinimumMethod {
+    /// The best run (ScaMo).
+    Argmin,
+    /// A quadratic in ln N_nv through the best run of each size (Hoffmann et al. 2022, approach 2).
+    Parabola,
+    /// A cubic in ln N_nv, the parabola's check.
+    Cubic,
+    /// A joint quadratic in (ln N_nv, ln N_v).
+    Surface,
+}
+
+/// Why a minimum should not be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MinimumFlag {
+    /// The minimum lies at or outside the smallest or largest model tried.
+    NotBracketed,
+    /// The fitted curve opens downwards.
+    NotConvex,
+    /// The interval of the curvature holds zero.
+    WeakCurvature,
+    /// Fewer levels than the curve needs: three sizes, four for the cubic; for the surface six
+    /// cells over three sizes and three vocabularies.
+    FewLevels,
+    /// The best vocabulary is the smallest or the largest tried.
+    VocabEdge,
+}
+
+/// The best configuration found at one budget.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Minimum {
+    pub method: MinimumMethod,
+    pub budget_flops: f64,
+    /// What a run at the minimum spends under the rule that the fit uses, as interpolated from the
+    /// runs; it leaves `budget_flops` behind where the sweep was planned under another rule.
+    pub flops: f64,
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    pub n_vocab: f64,
+    pub tokens: f64,
+    pub loss_normalised: f64,
+    pub flags: Vec<MinimumFlag>,
+}
+
+/// log10 y = `log10_coefficient` + `exponent` · log10 x.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PowerLaw {
+    pub log10_coefficient: f64,
+    pub exponent: f64,
+    /// ln y at the reference budget of [`Laws::reference_flops`]; the well-determined intercept.
+    /// For N_v in N_nv it is ln N_v at the geometric mean of the fitted N_nv.
+    pub ln_at_reference: f64,
+    /// 1 − RSS/TSS in ln y; 0 where y does not vary, and where a published law gives none (`n` 0).
+    pub r2: f64,
+    /// 95 % bootstrap percentile interval; absent where too few points allow none.
+    pub exponent_ci95: Option<[f64; 2]>,
+    /// Points fitted; 0 for a published law.
+    pub n: usize,
+}
+
+/// L_u = `slope_per_decade` · log10 C + `intercept` (ScaMo Eq. 14).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LogLaw {
+    pub slope_per_decade: f64,
+    pub intercept: f64,
+    pub r2: f64,
+    pub aic: f64,
+    /// Predicted minus measured at the held-out budget, in nats.
+    pub held_out_error: Option<f64>,
+    pub slope_ci95: Option<[f64; 2]>,
+    pub n: usize,
+}
+
+/// L_u = `floor` + `coefficient` · (C / C0)^(−`exponent`), C0 = [`Laws::reference_flops`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FloorLaw {
+    pub floor: f64,
+    pub coefficient: f64,
+    pub exponent: f64,
+    pub r2: f64,
+    pub aic: f64,
+    /// Predicted minus measured at the held-out budget, in nats.
+    pub held_out_error: Option<f64>,
+    pub n: usize,
+}
+
+/// The two loss laws, always side by side.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LossLaws {
+    pub log: Option<LogLaw>,
+    pub floor: Option<FloorLaw>,
+}
+
+/// The budget kept out of the fit, and what was measured there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldOut {
+    pub budget_flops: f64,
+    /// The minimum measured there, by the method that the laws use.
+    pub minimum: Minimum,
+}
+
+/// The three power laws of the optimum in C (ScaMo Eq. 9); absent where not identifiable.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PowerLaws {
+    pub params_vocab: Option<PowerLaw>,
+    pub params_nonvocab: Option<PowerLaw>,
+    pub tokens: Option<PowerLaw>,
+}
+
+/// Exponents under another convention or another kind of minimum.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sensitivity {
+    /// What was changed, for a person: "minima: cubic", "flops: 6nd".
+    pub variant: String,
+    pub exponent_vocab: Option<f64>,
+    pub exponent_nonvocab: Option<f64>,
+    pub exponent_tokens: Option<f64>,
+    pub slope_per_decade: Option<f64>,
+}
+
+/// Every fit of a sweep, with the convention used: `laws.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Laws {
+    /// Name of the sweep, or `scamo` for the built-in law.
+    pub name: String,
+    /// `openai`, `6nd` or `exact`: which count of FLOPs the laws are written in.
+    pub flops_rule: String,
+    /// n_ctx of the sweep's models, for the `openai` count of a prediction; absent where unknown.
+    #[serde(default)]
+    pub n_ctx: Option<usize>,
+    /// C0, the geometric mean of the fitted budgets.
+    pub reference_flops: f64,
+    /// The budgets whose minima the laws were fitted to, ascending: not the held-out one, and not
+    /// the flagged ones unless they were kept. Empty for a published law.
+    pub fitted_budgets: Vec<f64>,
+    /// The kind of minimum that the laws were fitted to.
+    pub minima_method: MinimumMethod,
+    /// Every minimum by every method asked for, flagged ones too.
+    pub minima: Vec<Minimum>,
+    pub held_out: Option<HeldOut>,
+    pub power_laws: PowerLaws,
+    /// N_v in N_nv (ScaMo Eq. 10).
+    pub vocab_from_nonvocab: Option<PowerLaw>,
+    pub loss: LossLaws,
+    pub sensitivity: Vec<Sensitivity>,
+    /// Replicates of the bootstrap: each holds the coefficients of one resample, for intervals.
+    pub bootstrap: Vec<LawSample>,
+    /// Sentences for a person: what was left out, what is not identified.
+    pub warnings: Vec<String>,
+}
+
+/// One bootstrap replicate: ln y at C0 and the exponent of each law, and the log loss law.
+///
+/// Where one vocabulary was tried the two vocabulary numbers follow the model's width alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LawSample {
+    pub ln_vocab_at_reference: f64,
+    pub exponent_vocab: f64,
+    pub ln_nonvocab_at_reference: f64,
+    pub exponent_nonvocab: f64,
+    pub ln_tokens_at_reference: f64,
+    pub exponent_tokens: f64,
+    pub loss_intercept: f64,
+    pub loss_slope_per_decade: f64,
+}

@@ -1,0 +1,186 @@
+//! The fit in a few sentences.
+
+use super::names::flags_text;
+use super::text::count;
+use super::{Laws, Minimum, MinimumFlag, PowerLaw};
+
+/// Two values of γ, or of an exponent by two methods, that differ by more than this disagree.
+const DISAGREEMENT: f64 = 0.1;
+
+/// What the laws say, and how far to trust them, in plain sentences.
+///
+/// Every flagged minimum of the laws' method is named, and γ, the exponent of N_v in N_nv, is given
+/// both ways: as the ratio of the exponents in C, and by the direct fit (ScaMo Eq. 10).
+pub fn verdict(laws: &Laws) -> Vec<String> {
+    let mut sentences = vec![scope(laws)];
+    sentences.extend(exponents(laws));
+    sentences.extend(gamma(laws));
+    sentences.extend(loss(laws));
+    sentences.extend(methods_disagree(laws));
+    sentences.extend(flagged(laws));
+    sentences
+}
+
+fn scope(laws: &Laws) -> String {
+    let held_out = match &laws.held_out {
+        Some(held_out) => format!("; {} was held out", count(held_out.budget_flops)),
+        None => String::new(),
+    };
+    match (laws.fitted_budgets.first(), laws.fitted_budgets.last()) {
+        (Some(first), Some(last)) => format!(
+            "{}: laws fitted to the {} minima of {} budgets from {} to {} FLOPs (rule {}){held_out}.",
+            laws.name,
+            laws.minima_method,
+            laws.fitted_budgets.len(),
+            count(*first),
+            count(*last),
+            laws.flops_rule,
+        ),
+        _ => format!(
+            "{}: published laws (FLOP rule {}), not fitted here.",
+            laws.name, laws.flops_rule
+        ),
+    }
+}
+
+fn exponents(laws: &Laws) -> Option<String> {
+    let named = [
+        ("N_nv", &laws.power_laws.params_nonvocab),
+        ("N_v", &laws.power_laws.params_vocab),
+        ("D", &laws.power_laws.tokens),
+    ];
+    let parts: Vec<_> = named
+        .into_iter()
+        .filter_map(|(name, law)| law.as_ref().map(|law| format!("{name} as C^{}", exponent(law))))
+        .collect();
+    (!parts.is_empty()).then(|| format!("The optimum grows: {}.", parts.join(", ")))
+}
+
+fn exponent(law: &PowerLaw) -> String {
+    match law.exponent_ci95 {
+        Some([low, high]) => format!("{:.3} ({low:.3} to {high:.3})", law.exponent),
+        None => format!("{:.3}", law.exponent),
+    }
+}
+
+fn gamma(laws: &Laws) -> Option<String> {
+    let (vocab, nonvocab) =
+        (laws.power_laws.params_vocab.as_ref()?, laws.power_laws.params_nonvocab.as_ref()?);
+    let direct = laws.vocab_from_nonvocab.as_ref()?;
+    let ratio = vocab.exponent / nonvocab.exponent;
+    let judgement = if (ratio - direct.exponent).abs() > DISAGREEMENT {
+        "the two disagree, so quote neither alone"
+    } else if ratio.min(direct.exponent) > 1.0 {
+        "the vocabulary should grow faster than the model"
+    } else {
+        "the vocabulary need not grow faster than the model"
+    };
+    Some(format!(
+        "N_v grows as N_nv^{ratio:.3} by the ratio of the exponents in C, and as N_nv^{} by the \
+         direct fit (Eq. 10): {judgement}.",
+        exponent(direct)
+    ))
+}
+
+fn loss(laws: &Laws) -> Option<String> {
+    let log = laws.loss.log.as_ref()?;
+    let falls = format!("L_u changes by {:.3} nats per decade of C", log.slope_per_decade);
+    let floor = laws.loss.floor.as_ref();
+    match (log.held_out_error, floor.and_then(|law| law.held_out_error)) {
+        (Some(log), Some(floor)) => {
+            let better = if floor.abs() < log.abs() { "floor" } else { "log" };
+            Some(format!(
+                "{falls}; at the held-out budget the log law is off by {log:+.4} and the floor law \
+                 by {floor:+.4}, so the {better} law extrapolates better here."
+            ))
+        }
+        (Some(log), None) => {
+            Some(format!("{falls}; at the held-out budget the log law is off by {log:+.4}."))
+        }
+        _ => Some(format!("{falls}; no budget was held out to test that.")),
+    }
+}
+
+/// The two kinds of minimum whose exponents of N_nv lie furthest apart, where that is far.
+fn methods_disagree(laws: &Laws) -> Option<String> {
+    let rows = laws.sensitivity.iter();
+    let known = || rows.clone().filter_map(|r| Some((r.exponent_nonvocab?, r.variant.as_str())));
+    let (low, low_name) = known().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (high, high_name) = known().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (high - low > DISAGREEMENT).then(|| {
+        format!(
+            "The exponent of N_nv depends on a choice: {low:.3} ({low_name}) against {high:.3} \
+             ({high_name})."
+        )
+    })
+}
+
+fn flagged(laws: &Laws) -> impl Iterator<Item = String> {
+    let own = laws.minima.iter().filter(|m| m.method == laws.minima_method);
+    own.filter(|m| !m.flags.is_empty()).map(|m| {
+        let reasons: Vec<_> = m.flags.iter().map(|flag| reason(*flag)).collect();
+        let fitted = if is_fitted(laws, m) { "used all the same" } else { "not fitted" };
+        format!(
+            "Budget {} ({}, {fitted}): {}.",
+            count(m.budget_flops),
+            flags_text(&m.flags),
+            reasons.join("; ")
+        )
+    })
+}
+
+fn is_fitted(laws: &Laws, minimum: &Minimum) -> bool {
+    laws.fitted_budgets.contains(&minimum.budget_flops)
+}
+
+fn reason(flag: MinimumFlag) -> &'static str {
+    match flag {
+        MinimumFlag::NotBracketed => {
+            "the best model is the smallest or largest tried, so add sizes on that side"
+        }
+        MinimumFlag::NotConvex => "the loss has no minimum in the model size",
+        MinimumFlag::WeakCurvature => "the curve is flat within its noise, so add sizes or seeds",
+        MinimumFlag::FewLevels => "too few model sizes for a curve",
+        MinimumFlag::VocabEdge => {
+            "the best vocabulary is the smallest or largest tried, so add vocabularies on that side"
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::scamo;
+
+    #[test]
+    fn the_published_gammas_are_given_both_ways_and_called_inconsistent() {
+        let sentences = verdict(&scamo()).join("\n");
+        assert!(sentences.contains("N_nv^1.316"), "{sentences}");
+        assert!(sentences.contains("N_nv^1.467"), "{sentences}");
+        assert!(sentences.contains("disagree"), "{sentences}");
+    }
+
+    #[test]
+    fn every_flagged_minimum_is_named() {
+        let mut laws = scamo();
+        let minimum = |budget_flops, flags| Minimum {
+            method: laws.minima_method,
+            budget_flops,
+            flops: budget_flops,
+            params_nonvocab: 1.0,
+            params_vocab: 1.0,
+            n_vocab: 1.0,
+            tokens: 1.0,
+            loss_normalised: -1.0,
+            flags,
+        };
+        laws.minima = vec![
+            minimum(1e15, vec![MinimumFlag::VocabEdge]),
+            minimum(3e15, vec![]),
+            minimum(1e16, vec![MinimumFlag::NotBracketed, MinimumFlag::WeakCurvature]),
+        ];
+        let sentences = verdict(&laws);
+        let naming = |budget: &str| sentences.iter().filter(|s| s.contains(budget)).count();
+        assert_eq!([naming("1e15"), naming("3e15"), naming("1e16")], [1, 0, 1], "{sentences:?}");
+    }
+}
