@@ -1,0 +1,24 @@
+//! From laws and a budget to a configuration: pure functions over values.
+//!
+//! `Laws → raw values at C → projected onto C → nearest buildable shape`, gathered in a
+//! [`Prediction`].
+
+mod at_budget;
+mod error;
+mod flop_count;
+mod optimum;
+mod options;
+mod project;
+mod shapes;
+mod text;
+mod types;
+mod warnings;
+
+pub use error::PredictError;
+pub use flop_count::{CountedBy, FlopCount, SixNd};
+pub use optimum::predict;
+pub use options::PredictOptions;
+pub use project::{Allocation, project};
+pub use shapes::{Codebook, Shape, default_ladder, scamo_codebooks};
+pub use text::text;
+pub use types::{Intervals, PredictedShape, Prediction, Raw};

@@ -1,0 +1,179 @@
+use super::*;
+use crate::laws::simulated::{SURFACE, Simulated};
+use crate::laws::{FitOptions, fit, scamo};
+use crate::predict::{Codebook, CountedBy, Shape, text};
+
+const VOCABULARIES: [f64; 7] = [4096.0, 8192.0, 16384.0, 32768.0, 65536.0, 131072.0, 262144.0];
+
+fn sweep(vocabularies: &[f64]) -> Laws {
+    let sweep = Simulated {
+        budgets: &[1e15, 3e15, 1e16, 3e16, 1e17],
+        n_sizes: 7,
+        off_centre: 0.1,
+        vocabularies,
+        n_seeds: 1,
+        noise: 0.005,
+        seed: 3,
+    };
+    let options = FitOptions { flops_rule: "6nd".into(), bootstrap: 200, ..FitOptions::default() };
+    fit(&sweep.points(), &options).unwrap()
+}
+
+fn near(x: f64, expected: f64, relative: f64) -> bool {
+    (x / expected - 1.0).abs() < relative
+}
+
+#[test]
+fn the_published_laws_overspend_1e18_and_the_projection_spends_it() {
+    let prediction = predict(&scamo(), 1e18, &PredictOptions::default()).unwrap();
+    assert!(near(prediction.raw.params_nonvocab, 5.5e9, 2e-3));
+    assert!(near(prediction.raw.params_vocab, 1.62e8, 2e-3));
+    assert!(near(prediction.raw.tokens, 4.9e7, 1e-3));
+    assert!(near(prediction.budget_ratio, 1.66, 3e-3));
+    assert_eq!(prediction.spends_flops, prediction.raw.spends_flops);
+    assert!((prediction.loss_normalised.unwrap() + 5.277).abs() < 1e-9);
+    assert!(prediction.warnings.iter().any(|s| s.contains("overspend") && s.contains("1.66")));
+    let spent = 6.0 * (prediction.params_nonvocab + prediction.params_vocab) * prediction.tokens;
+    assert!(near(spent, 1e18, 1e-9));
+    assert!(near(prediction.tokens / prediction.raw.tokens, 1.66f64.powf(-0.5), 2e-3));
+}
+
+#[test]
+fn a_prediction_has_the_documented_keys_and_survives_its_file() {
+    let prediction = predict(&scamo(), 1e18, &PredictOptions::default()).unwrap();
+    let json = serde_json::to_value(&prediction).unwrap();
+    let keys: Vec<&str> = json.as_object().unwrap().keys().map(String::as_str).collect();
+    let mut documented = vec![
+        "budget_flops",
+        "law",
+        "params_nonvocab",
+        "params_vocab",
+        "n_vocab",
+        "tokens",
+        "loss_normalised",
+        "ci95",
+        "spends_flops",
+        "budget_ratio",
+        "extrapolation_factor",
+        "shape",
+        "warnings",
+        "raw",
+    ];
+    documented.sort_unstable();
+    assert_eq!(
+        {
+            let mut keys = keys;
+            keys.sort_unstable();
+            keys
+        },
+        documented
+    );
+    for key in ["n_layer", "n_head", "d_model", "n_vocab", "levels"] {
+        assert!(json["shape"].get(key).is_some(), "{key}");
+    }
+    assert_eq!(serde_json::from_str::<Prediction>(&json.to_string()).unwrap(), prediction);
+}
+
+#[test]
+fn the_nearest_shape_and_codebook_are_chosen() {
+    let shapes = [Shape::swiglu(24, 32, 3200, 256), Shape::swiglu(8, 8, 512, 256)];
+    let options = PredictOptions { shapes: &shapes, ..PredictOptions::default() };
+    let prediction = predict(&scamo(), 1e18, &options).unwrap();
+    assert_eq!((prediction.shape.n_layer, prediction.shape.d_model), (24, 3200));
+    assert!(near(prediction.n_vocab, prediction.params_vocab / 3200.0, 1e-12));
+    assert_eq!(prediction.shape.levels, [8, 8, 8, 5, 5, 5]);
+    let small = predict(&scamo(), 1e14, &options).unwrap();
+    assert_eq!((small.shape.d_model, small.shape.n_vocab), (512, 240));
+}
+
+#[test]
+fn the_true_optimum_beyond_the_sweep_lies_within_the_intervals() {
+    let laws = sweep(&VOCABULARIES);
+    let prediction = predict(&laws, 1e18, &PredictOptions::default()).unwrap();
+    let (ln_nonvocab, ln_vocab) = SURFACE.optimum(1e18);
+    let (nonvocab, vocab) = (ln_nonvocab.exp(), ln_vocab.exp());
+    let tokens = 1e18 / (6.0 * (nonvocab + vocab));
+    let ci = prediction.ci95;
+    for (interval, truth, value) in [
+        (ci.params_nonvocab, nonvocab, prediction.params_nonvocab),
+        (ci.params_vocab, vocab, prediction.params_vocab),
+        (ci.tokens, tokens, prediction.tokens),
+    ] {
+        let [low, high] = interval.unwrap();
+        assert!(low < truth && truth < high, "{truth} not in {low}..{high}");
+        assert!(low < value && value < high, "{value} not in {low}..{high}");
+    }
+    assert!(ci.n_vocab.is_some() && ci.loss_normalised.is_some());
+    // 1e17 is held out, so 3e16 is the largest budget fitted.
+    assert!(near(prediction.extrapolation_factor, 1e18 / 3e16, 1e-12));
+    assert!(prediction.warnings.iter().any(|s| s.contains("33.333 times beyond 3e16")));
+}
+
+#[test]
+fn one_vocabulary_is_kept_in_the_prediction() {
+    let laws = sweep(&[16384.0]);
+    let prediction = predict(&laws, 1e17, &PredictOptions::default()).unwrap();
+    assert!(near(prediction.raw.params_vocab % 16384.0 + 16384.0, 16384.0, 1e-6));
+    assert!(prediction.warnings.iter().any(|s| s.contains("one vocabulary")));
+}
+
+#[test]
+fn another_flop_count_is_spent_and_its_name_compared() {
+    let count = CountedBy {
+        rule: "openai".into(),
+        count: |n: f64, v: f64, d: f64| 6.0 * (n + v + 30.0 * n.powf(0.667)) * d,
+    };
+    let options = PredictOptions { flop_count: &count, ..PredictOptions::default() };
+    let prediction = predict(&scamo(), 1e18, &options).unwrap();
+    let spent =
+        (count.count)(prediction.params_nonvocab, prediction.params_vocab, prediction.tokens);
+    assert!(near(spent, 1e18, 1e-9));
+    assert!(prediction.warnings.iter().any(|s| s.contains("counts by openai")));
+}
+
+#[test]
+fn a_vocabulary_far_from_every_codebook_is_pointed_out() {
+    let codebooks = [Codebook { n_vocab: 15, levels: &[5, 3] }];
+    let options = PredictOptions { codebooks: &codebooks, ..PredictOptions::default() };
+    let prediction = predict(&scamo(), 1e18, &options).unwrap();
+    assert_eq!(prediction.shape.n_vocab, 15);
+    assert!(prediction.warnings.iter().any(|s| s.contains("has 15 codes")));
+}
+
+#[test]
+fn impossible_requests_are_errors() {
+    let scamo = scamo();
+    for budget in [0.0, -1e18, f64::NAN, f64::INFINITY] {
+        let error = predict(&scamo, budget, &PredictOptions::default()).unwrap_err();
+        assert!(matches!(error, PredictError::BadBudget(_)));
+    }
+    let none = PredictOptions { shapes: &[], ..PredictOptions::default() };
+    assert_eq!(predict(&scamo, 1e18, &none), Err(PredictError::NothingToChoose("shapes")));
+    let mut lawless = scamo.clone();
+    lawless.power_laws.tokens = None;
+    assert_eq!(
+        predict(&lawless, 1e18, &PredictOptions::default()),
+        Err(PredictError::MissingLaw { laws: "scamo".into(), quantity: "D" })
+    );
+    lawless.power_laws.params_vocab = None;
+    assert_eq!(
+        predict(&lawless, 1e18, &PredictOptions::default()),
+        Err(PredictError::MissingLaw { laws: "scamo".into(), quantity: "N_v" })
+    );
+    assert_eq!(
+        predict(&scamo, 1e300, &PredictOptions::default()),
+        Err(PredictError::OutOfRange { laws: "scamo".into(), budget: 1e300 })
+    );
+}
+
+#[test]
+fn the_text_fits_the_terminal_and_keeps_every_warning() {
+    for laws in [scamo(), sweep(&VOCABULARIES)] {
+        let prediction = predict(&laws, 1e18, &PredictOptions::default()).unwrap();
+        let text = text(&prediction);
+        assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+        let bullets = text.lines().filter(|line| line.starts_with("  - ")).count();
+        assert_eq!(bullets, prediction.warnings.len());
+        assert!(bullets > 0);
+    }
+}

@@ -1,0 +1,114 @@
+//! Laws that spend too much or too little, brought onto the budget.
+
+use super::{FlopCount, PredictError};
+
+/// Relative error of the spent FLOPs at which a projection is done.
+const TOLERANCE: f64 = 1e-13;
+const MAX_STEPS: usize = 200;
+
+/// N_nv, N_v and D.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Allocation {
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    pub tokens: f64,
+}
+
+impl Allocation {
+    /// Training FLOPs under a rule.
+    pub fn flops(&self, count: &dyn FlopCount) -> f64 {
+        count.flops(self.params_nonvocab, self.params_vocab, self.tokens)
+    }
+
+    fn scaled(&self, factor: f64) -> Self {
+        Self {
+            params_nonvocab: factor * self.params_nonvocab,
+            params_vocab: factor * self.params_vocab,
+            tokens: factor * self.tokens,
+        }
+    }
+
+    pub(super) fn is_finite(&self) -> bool {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        positive(self.params_nonvocab) && positive(self.params_vocab) && positive(self.tokens)
+    }
+}
+
+/// The allocation with the same N_v/N_nv and N/D that spends the budget.
+///
+/// All three are scaled by one factor e^−s. Under `6nd` s = r/2, r being ln(spent/C): of all
+/// changes of ln N and ln D that spend C it is the smallest. Under another rule s is found by the
+/// iteration s ← s + r/2, which contracts as long as the count grows with an exponent between 0
+/// and 4 when model and tokens grow together; every rule's lies between 1 and 2.
+///
+/// # Errors
+/// [`PredictError::NotProjected`] where the count does not behave so.
+pub fn project(
+    raw: &Allocation,
+    budget: f64,
+    count: &dyn FlopCount,
+) -> Result<Allocation, PredictError> {
+    let mut ln_factor = 0.0f64;
+    for _ in 0..MAX_STEPS {
+        let allocation = raw.scaled(ln_factor.exp());
+        let excess = (allocation.flops(count) / budget).ln();
+        if excess.abs() <= TOLERANCE {
+            return Ok(allocation);
+        }
+        ln_factor -= 0.5 * excess;
+    }
+    Err(PredictError::NotProjected { budget, rule: count.rule().to_string() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::predict::{CountedBy, SixNd};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_projection_spends_the_budget_and_keeps_both_ratios(
+            ln_nonvocab in 5.0..30.0f64,
+            ln_share in -8.0..2.0f64,
+            ln_tokens in 5.0..30.0f64,
+            log10_budget in 6.0..26.0f64,
+        ) {
+            let params_nonvocab = ln_nonvocab.exp();
+            let raw = Allocation {
+                params_nonvocab,
+                params_vocab: params_nonvocab * ln_share.exp(),
+                tokens: ln_tokens.exp(),
+            };
+            let budget = 10f64.powf(log10_budget);
+            // Attention's share falls as models grow, as the rule `openai` has it.
+            let attention = CountedBy {
+                rule: "openai".into(),
+                count: |n: f64, v: f64, d: f64| 6.0 * (n + v + 40.0 * n.powf(0.667)) * d,
+            };
+            for count in [&SixNd as &dyn FlopCount, &attention] {
+                let projected = project(&raw, budget, count).unwrap();
+                prop_assert!((projected.flops(count) / budget - 1.0).abs() < 1e-9);
+                let same = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
+                prop_assert!(same(
+                    projected.params_vocab / projected.params_nonvocab,
+                    raw.params_vocab / raw.params_nonvocab,
+                ));
+                prop_assert!(same(
+                    projected.tokens / projected.params_nonvocab,
+                    raw.tokens / raw.params_nonvocab,
+                ));
+            }
+        }
+    }
+
+    #[test]
+    fn a_count_that_does_not_grow_is_refused() {
+        let flat = CountedBy { rule: "flat".into(), count: |_: f64, _: f64, _: f64| 1.0 };
+        let raw = Allocation { params_nonvocab: 1e6, params_vocab: 1e5, tokens: 1e7 };
+        assert_eq!(
+            project(&raw, 1e12, &flat),
+            Err(PredictError::NotProjected { budget: 1e12, rule: "flat".into() })
+        );
+    }
+}

@@ -1,0 +1,130 @@
+//! Buildable shapes and vocabularies.
+
+use std::sync::LazyLock;
+
+/// The shape of a LLaMA-like decoder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    pub n_layer: u64,
+    pub n_head: u64,
+    pub d_model: u64,
+    pub d_ff: u64,
+}
+
+impl Shape {
+    /// A shape with a SwiGLU of width ⌊8d/3⌋ rounded up to `multiple` (LLaMA's rule; ScaMo's code
+    /// rounds to 256).
+    pub fn swiglu(n_layer: u64, n_head: u64, d_model: u64, multiple: u64) -> Self {
+        let d_ff = (8 * d_model / 3).div_ceil(multiple) * multiple;
+        Self { n_layer, n_head, d_model, d_ff }
+    }
+
+    /// N_nv = L(4d² + 3 d d_ff + 2d) + d: attention, SwiGLU and norms of each block, and the last
+    /// norm. The text projection is a group of its own and not counted.
+    pub fn params_nonvocab(&self) -> u64 {
+        let Self { n_layer, d_model: d, d_ff, .. } = self;
+        n_layer * (4 * d * d + 3 * d * d_ff + 2 * d) + d
+    }
+}
+
+/// A vocabulary and the FSQ levels that make it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Codebook {
+    /// V, the product of the levels.
+    pub n_vocab: u64,
+    pub levels: &'static [u32],
+}
+
+/// ScaMo's codebooks: Table 8, and [5, 3] and [8, 8] of its ablation.
+pub fn scamo_codebooks() -> &'static [Codebook] {
+    const fn codebook(n_vocab: u64, levels: &'static [u32]) -> Codebook {
+        Codebook { n_vocab, levels }
+    }
+    const CODEBOOKS: [Codebook; 9] = [
+        codebook(15, &[5, 3]),
+        codebook(64, &[8, 8]),
+        codebook(240, &[8, 6, 5]),
+        codebook(512, &[8, 8, 8]),
+        codebook(1000, &[8, 5, 5, 5]),
+        codebook(1920, &[8, 8, 6, 5]),
+        codebook(4375, &[7, 5, 5, 5, 5]),
+        codebook(15_360, &[8, 8, 8, 6, 5]),
+        codebook(64_000, &[8, 8, 8, 5, 5, 5]),
+    ];
+    &CODEBOOKS
+}
+
+/// Shapes from d = 16 to 16384 at the paper's usual proportion d = 64 L.
+///
+/// From d = 128 widths are multiples of 64 with heads of 64; below they are multiples of 8, with at
+/// least two heads of at most 32. No shape has fewer than two layers. The SwiGLU rounds to 256 from
+/// d = 512, the paper's smallest, and to 8 below, where 256 would dwarf it.
+pub fn default_ladder() -> &'static [Shape] {
+    static LADDER: LazyLock<Vec<Shape>> = LazyLock::new(|| {
+        let small = (16..128).step_by(8);
+        let large = (128..=16_384).step_by(64);
+        small.chain(large).map(rung).collect()
+    });
+    &LADDER
+}
+
+fn rung(d_model: u64) -> Shape {
+    let n_layer = ((d_model + 32) / 64).max(2);
+    let multiple = if d_model >= 512 { 256 } else { 8 };
+    Shape::swiglu(n_layer, d_model / head_width(d_model), d_model, multiple)
+}
+
+fn head_width(d_model: u64) -> u64 {
+    let fits = |width: &u64| d_model.is_multiple_of(*width) && d_model / width >= 2;
+    match d_model {
+        128.. => 64,
+        _ => [32, 16, 8].into_iter().find(fits).expect("widths are multiples of 8 from 16"),
+    }
+}
+
+/// The candidate whose `size` is nearest to `target` in logarithm; none of none.
+pub(super) fn nearest<T>(candidates: &[T], target: f64, size: impl Fn(&T) -> f64) -> Option<&T> {
+    let distance = |candidate: &&T| (size(candidate) / target).ln().abs();
+    candidates.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_shapes_have_their_published_counts() {
+        let counts = [
+            ((8, 8, 512), 27_271_680),
+            ((12, 12, 768), 84_953_856),
+            ((24, 16, 1024), 308_331_520),
+            ((36, 20, 1280), 731_475_200),
+            ((48, 24, 1536), 1_359_103_488),
+            ((24, 32, 3200), 2_988_598_400),
+        ];
+        for ((n_layer, n_head, d_model), params) in counts {
+            let shape = Shape::swiglu(n_layer, n_head, d_model, 256);
+            assert_eq!(shape.params_nonvocab(), params, "{shape:?}");
+        }
+    }
+
+    #[test]
+    fn every_rung_can_be_built_and_rungs_grow() {
+        let ladder = default_ladder();
+        assert!(ladder.contains(&Shape::swiglu(8, 8, 512, 256)));
+        for shape in ladder {
+            assert_eq!(shape.d_model % 8, 0, "{shape:?}");
+            assert_eq!(shape.d_model % (2 * shape.n_head), 0, "rotary needs even heads {shape:?}");
+        }
+        let grows = |pair: &[Shape]| pair[0].params_nonvocab() < pair[1].params_nonvocab();
+        assert!(ladder.windows(2).all(grows));
+    }
+
+    #[test]
+    fn codebooks_are_the_products_of_their_levels() {
+        for codebook in scamo_codebooks() {
+            let product: u32 = codebook.levels.iter().product();
+            assert_eq!(u64::from(product), codebook.n_vocab);
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! A prediction for a terminal.
+
+use super::Prediction;
+use crate::laws::text::{count, wrap};
+
+/// The prediction in at most 80 columns and without colour.
+pub fn text(prediction: &Prediction) -> String {
+    let head = format!("\n{:<8}{:>14}{:>28}{:>14}\n", "", "on budget", "95 % interval", "raw law");
+    wrap("", &title(prediction))
+        + &head
+        + &rows(prediction)
+        + &shape(prediction)
+        + &notes(prediction)
+}
+
+fn title(prediction: &Prediction) -> String {
+    format!(
+        "Optimum for {} FLOPs by {}: the laws spend {:.3} of it, extrapolation factor {:.3}.",
+        count(prediction.budget_flops),
+        prediction.law,
+        prediction.budget_ratio,
+        prediction.extrapolation_factor
+    )
+}
+
+fn rows(prediction: &Prediction) -> String {
+    let Prediction { ci95, raw, .. } = prediction;
+    let row = |name: &str, value: f64, interval: Option<[f64; 2]>, raw: Option<f64>| {
+        let raw = raw.map_or_else(|| "-".into(), count);
+        format!("{name:<8}{:>14}{:>28}{raw:>14}\n", count(value), span(interval, count))
+    };
+    let nonvocab = (prediction.params_nonvocab, ci95.params_nonvocab, Some(raw.params_nonvocab));
+    let vocab = (prediction.params_vocab, ci95.params_vocab, Some(raw.params_vocab));
+    let tokens = (prediction.tokens, ci95.tokens, Some(raw.tokens));
+    let n_vocab = (prediction.n_vocab, ci95.n_vocab, None);
+    [("N_nv", nonvocab), ("N_v", vocab), ("V", n_vocab), ("D", tokens)]
+        .map(|(name, (value, interval, raw))| row(name, value, interval, raw))
+        .join("")
+        + &loss(prediction)
+}
+
+fn loss(prediction: &Prediction) -> String {
+    let number = |x: f64| format!("{x:.4}");
+    let Some(loss) = prediction.loss_normalised else {
+        return String::new();
+    };
+    let floor = prediction.raw.loss_floor.map_or_else(String::new, |floor| {
+        format!("{:<8}{:>14}   by the law with a floor\n", "", number(floor))
+    });
+    let interval = span(prediction.ci95.loss_normalised, number);
+    format!("{:<8}{:>14}{interval:>28}\n{floor}", "L_u", number(loss))
+}
+
+fn span(interval: Option<[f64; 2]>, number: impl Fn(f64) -> String) -> String {
+    interval.map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)))
+}
+
+fn shape(prediction: &Prediction) -> String {
+    let shape = &prediction.shape;
+    let sentence = format!(
+        "nearest shape: {} layers, {} heads, width {}, vocabulary {} (FSQ levels {:?})",
+        shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab, shape.levels
+    );
+    format!("\n{}", wrap("", &sentence))
+}
+
+fn notes(prediction: &Prediction) -> String {
+    if prediction.warnings.is_empty() {
+        return String::new();
+    }
+    "\nwarnings\n".to_string()
+        + &prediction.warnings.iter().map(|s| wrap("  - ", s)).collect::<String>()
+}

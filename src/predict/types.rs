@@ -1,0 +1,72 @@
+//! What a prediction holds; its fields are the keys of `isoflop predict --json`.
+
+use serde::{Deserialize, Serialize};
+
+/// The optimal configuration for a budget.
+///
+/// `spends_flops` and `budget_ratio` describe the raw laws, before the projection: after it the
+/// allocation spends `budget_flops` by construction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Prediction {
+    /// C.
+    pub budget_flops: f64,
+    /// Name of the laws.
+    pub law: String,
+    /// N_nv on the budget.
+    pub params_nonvocab: f64,
+    /// N_v on the budget.
+    pub params_vocab: f64,
+    /// V = N_v/d, d being the width of `shape`; not rounded to a codebook.
+    pub n_vocab: f64,
+    /// D on the budget.
+    pub tokens: f64,
+    /// L_u by the log law, in nats; by the floor law where there is no log law.
+    pub loss_normalised: Option<f64>,
+    /// 95 % bootstrap percentile intervals.
+    pub ci95: Intervals,
+    /// FLOPs that the raw laws spend at C, by the options' count.
+    pub spends_flops: f64,
+    /// `spends_flops` / `budget_flops`.
+    pub budget_ratio: f64,
+    /// C over the largest fitted budget; over C0 for a published law.
+    pub extrapolation_factor: f64,
+    pub shape: PredictedShape,
+    /// Sentences for a person.
+    pub warnings: Vec<String>,
+    pub raw: Raw,
+}
+
+/// 95 % percentile intervals over the bootstrap of the laws; absent where they hold no bootstrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Intervals {
+    pub params_nonvocab: Option<[f64; 2]>,
+    pub params_vocab: Option<[f64; 2]>,
+    pub n_vocab: Option<[f64; 2]>,
+    pub tokens: Option<[f64; 2]>,
+    pub loss_normalised: Option<[f64; 2]>,
+}
+
+/// The nearest shape and vocabulary that can be built.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictedShape {
+    pub n_layer: u64,
+    pub n_head: u64,
+    pub d_model: u64,
+    pub n_vocab: u64,
+    /// FSQ levels whose product is `n_vocab`.
+    pub levels: Vec<u32>,
+}
+
+/// The laws' own values at C, before the projection.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Raw {
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    pub tokens: f64,
+    /// The same as [`Prediction::spends_flops`].
+    pub spends_flops: f64,
+    /// L_u by the log law.
+    pub loss_log: Option<f64>,
+    /// L_u by the floor law.
+    pub loss_floor: Option<f64>,
+}

@@ -1,0 +1,145 @@
+//! The sentences a prediction owes its reader.
+
+use super::at_budget::{Vocabulary, shape_for};
+use super::{PredictOptions, Prediction};
+use crate::laws::text::count;
+use crate::laws::{Laws, MinimumFlag};
+
+/// Laws that spend a budget to within this share count as consistent.
+const RATIO_TOLERANCE: f64 = 0.05;
+/// A shape or codebook further off than this factor is no match.
+const MISFIT: f64 = 1.5;
+
+/// Everything that makes the prediction less than it seems, the weightiest first.
+pub(super) fn of(
+    prediction: &Prediction,
+    laws: &Laws,
+    vocabulary: Vocabulary,
+    options: &PredictOptions,
+) -> Vec<String> {
+    let sentences = [
+        rule(laws, options),
+        overspending(prediction),
+        extrapolation(prediction, laws),
+        vocab_edge(laws),
+        vocab_range(prediction, laws, vocabulary),
+        codebook(prediction),
+        shape(prediction, options),
+        loss_laws(prediction, laws),
+        no_intervals(laws),
+    ];
+    sentences.into_iter().flatten().collect()
+}
+
+fn rule(laws: &Laws, options: &PredictOptions) -> Option<String> {
+    let counted = options.flop_count.rule();
+    (counted != laws.flops_rule).then(|| {
+        format!(
+            "The laws are written in {} FLOPs, but the projection counts by {counted}.",
+            laws.flops_rule
+        )
+    })
+}
+
+fn overspending(prediction: &Prediction) -> Option<String> {
+    let ratio = prediction.budget_ratio;
+    let what = if ratio > 1.0 { "overspend" } else { "underspend" };
+    ((ratio - 1.0).abs() > RATIO_TOLERANCE).then(|| {
+        format!(
+            "The laws {what} the budget by a factor {:.2}: at {} FLOPs they ask for {}. N_nv, N_v \
+             and D were scaled by {:.3} each to spend it.",
+            ratio.max(1.0 / ratio),
+            count(prediction.budget_flops),
+            count(prediction.spends_flops),
+            prediction.tokens / prediction.raw.tokens
+        )
+    })
+}
+
+fn extrapolation(prediction: &Prediction, laws: &Laws) -> Option<String> {
+    let Some(largest) = laws.fitted_budgets.iter().copied().reduce(f64::max) else {
+        return Some(format!(
+            "{} does not say which budgets it was fitted to; the extrapolation factor counts from \
+             {} FLOPs.",
+            laws.name,
+            count(laws.reference_flops)
+        ));
+    };
+    (prediction.extrapolation_factor > 1.0).then(|| {
+        format!(
+            "This is {:.3} times beyond {}, the largest budget fitted.",
+            prediction.extrapolation_factor,
+            count(largest)
+        )
+    })
+}
+
+fn vocab_edge(laws: &Laws) -> Option<String> {
+    let own = || laws.minima.iter().filter(|m| m.method == laws.minima_method);
+    let edges = own().filter(|m| m.flags.contains(&MinimumFlag::VocabEdge)).count();
+    (edges > 0).then(|| {
+        format!(
+            "At {edges} of {} budgets the best vocabulary was the smallest or largest tried: the \
+             optimum of N_v lies at the edge of the grid.",
+            own().count()
+        )
+    })
+}
+
+/// Where V leaves what the sweep's own minima span, by more than their widest step would.
+fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> Option<String> {
+    if let Vocabulary::Fixed(n_vocab) = vocabulary {
+        return Some(format!(
+            "The sweep tried one vocabulary, so V stays at {n_vocab:.0} and nothing is known of \
+             the optimal N_v."
+        ));
+    }
+    let own = laws.minima.iter().filter(|m| m.method == laws.minima_method).map(|m| m.n_vocab);
+    let (low, high) = own.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
+    let v = prediction.n_vocab;
+    (high > 0.0 && !(low / MISFIT..=high * MISFIT).contains(&v)).then(|| {
+        format!("V = {v:.0} lies outside the sweep's optima, which span {low:.0} to {high:.0}.")
+    })
+}
+
+fn codebook(prediction: &Prediction) -> Option<String> {
+    let (wanted, built) = (prediction.n_vocab, prediction.shape.n_vocab as f64);
+    ((wanted / built).ln().abs() > MISFIT.ln()).then(|| {
+        format!(
+            "The nearest codebook that can be built has {built:.0} codes, for V = {wanted:.0}: its \
+             N_v is {:.2} times the optimum's.",
+            built / wanted
+        )
+    })
+}
+
+fn shape(prediction: &Prediction, options: &PredictOptions) -> Option<String> {
+    let wanted = prediction.params_nonvocab;
+    let built = shape_for(wanted, options.shapes).ok()?.params_nonvocab() as f64;
+    ((wanted / built).ln().abs() > MISFIT.ln()).then(|| {
+        format!(
+            "The nearest shape that can be built has N_nv = {}, for {}.",
+            count(built),
+            count(wanted)
+        )
+    })
+}
+
+/// Where the floor law, judged by the held-out budget, is the better guide to the loss.
+fn loss_laws(prediction: &Prediction, laws: &Laws) -> Option<String> {
+    let (log, floor) = (prediction.raw.loss_log?, prediction.raw.loss_floor?);
+    let log_error = laws.loss.log.as_ref()?.held_out_error?;
+    let floor_error = laws.loss.floor.as_ref()?.held_out_error?;
+    (floor_error.abs() < log_error.abs()).then(|| {
+        format!(
+            "L_u = {log:.3} is the log law's; the floor law, which was nearer at the held-out \
+             budget ({floor_error:+.3} against {log_error:+.3}), gives {floor:.3}."
+        )
+    })
+}
+
+fn no_intervals(laws: &Laws) -> Option<String> {
+    laws.bootstrap
+        .is_empty()
+        .then(|| format!("{} holds no bootstrap, so there are no intervals.", laws.name))
+}
