@@ -1,0 +1,99 @@
+//! Colours that a colour-blind reader tells apart, and that survive a grey printer.
+
+/// An opaque colour; figures blend nothing, so SVG and PNG agree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rgb(pub u8, pub u8, pub u8);
+
+pub const WHITE: Rgb = Rgb(255, 255, 255);
+pub const INK: Rgb = Rgb(34, 34, 34);
+pub const MUTED: Rgb = Rgb(96, 96, 96);
+pub const FRAME: Rgb = Rgb(120, 120, 120);
+pub const GRID: Rgb = Rgb(228, 228, 228);
+pub const ENVELOPE: Rgb = Rgb(205, 205, 205);
+/// Okabe and Ito's vermillion: what was held out, wherever it is drawn.
+pub const HELD_OUT: Rgb = Rgb(213, 94, 0);
+/// Okabe and Ito's blue: the first law of a figure.
+pub const LAW: Rgb = Rgb(0, 114, 178);
+/// Okabe and Ito's bluish green: the second law of a figure.
+pub const SECOND_LAW: Rgb = Rgb(0, 158, 115);
+
+/// Okabe and Ito (2008) without yellow, which white paper swallows.
+const OKABE_ITO: [Rgb; 7] = [
+    Rgb(0, 114, 178),
+    Rgb(213, 94, 0),
+    Rgb(0, 158, 115),
+    Rgb(204, 121, 167),
+    Rgb(230, 159, 0),
+    Rgb(86, 180, 233),
+    Rgb(34, 34, 34),
+];
+
+/// Viridis (Smith and van der Walt 2015) at tenths, up to the last that shows on white.
+const VIRIDIS: [Rgb; 10] = [
+    Rgb(68, 1, 84),
+    Rgb(72, 36, 117),
+    Rgb(65, 68, 135),
+    Rgb(53, 95, 141),
+    Rgb(42, 120, 142),
+    Rgb(33, 145, 140),
+    Rgb(34, 168, 132),
+    Rgb(68, 191, 112),
+    Rgb(122, 209, 81),
+    Rgb(189, 223, 38),
+];
+
+impl Rgb {
+    /// Mixes with white: `share` 1 is the colour itself, 0 is white.
+    pub fn tint(self, share: f64) -> Rgb {
+        mix(WHITE, self, share)
+    }
+}
+
+/// `n` colours for things without an order; for more than seven, ordered ones.
+pub fn categories(n: usize) -> Vec<Rgb> {
+    if n <= OKABE_ITO.len() { OKABE_ITO[..n].to_vec() } else { ordered(n) }
+}
+
+/// `n` colours from dark to light, for things with an order such as budgets.
+pub fn ordered(n: usize) -> Vec<Rgb> {
+    let last = n.saturating_sub(1).max(1) as f64;
+    (0..n).map(|i| viridis(i as f64 / last)).collect()
+}
+
+/// Viridis at `t` in 0..=1, by linear interpolation between the stops.
+fn viridis(t: f64) -> Rgb {
+    let place = t * (VIRIDIS.len() - 2) as f64;
+    let stop = (place as usize).min(VIRIDIS.len() - 3);
+    mix(VIRIDIS[stop], VIRIDIS[stop + 1], place - stop as f64)
+}
+
+fn mix(from: Rgb, to: Rgb, share: f64) -> Rgb {
+    let channel =
+        |a: u8, b: u8| (f64::from(a) + (f64::from(b) - f64::from(a)) * share).round() as u8;
+    Rgb(channel(from.0, to.0), channel(from.1, to.1), channel(from.2, to.2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn luminance(colour: Rgb) -> f64 {
+        0.2126 * f64::from(colour.0) + 0.7152 * f64::from(colour.1) + 0.0722 * f64::from(colour.2)
+    }
+
+    #[test]
+    fn ordered_colours_grow_lighter() {
+        let colours = ordered(9);
+        assert_eq!(colours.len(), 9);
+        assert!(colours.windows(2).all(|pair| luminance(pair[0]) < luminance(pair[1])));
+    }
+
+    #[test]
+    fn no_two_categories_share_a_colour() {
+        for n in [1, 7, 12] {
+            let colours = categories(n);
+            assert_eq!(colours.len(), n);
+            assert!((0..n).all(|i| !colours[..i].contains(&colours[i])));
+        }
+    }
+}

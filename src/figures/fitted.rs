@@ -1,0 +1,153 @@
+//! The parts of `Laws` that figures draw: minima by kind, laws as functions, their bands.
+
+use crate::laws::{FloorLaw, LawSample, Laws, LogLaw, Minimum, MinimumMethod, PowerLaw};
+
+use super::colour::{HELD_OUT, INK, Rgb};
+use super::legend::{Legend, Sample};
+use super::scene::{Mark, Marker};
+
+/// What a minimum is to the laws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    Fitted,
+    Flagged,
+    HeldOut,
+}
+
+impl Role {
+    pub fn of(minimum: &Minimum, laws: &Laws) -> Role {
+        if laws.held_out.as_ref().is_some_and(|h| h.budget_flops == minimum.budget_flops) {
+            Role::HeldOut
+        } else if minimum.flags.is_empty() {
+            Role::Fitted
+        } else {
+            Role::Flagged
+        }
+    }
+
+    /// The mark of a minimum with this role: hollow where flagged, a diamond where held out.
+    pub fn mark(self, colour: Rgb) -> Mark {
+        let marker = if self == Role::HeldOut { Marker::Diamond } else { Marker::Circle };
+        Mark { marker, colour, radius: 5.0, hollow: self == Role::Flagged }
+    }
+
+    /// The colour of the role where colour stands for nothing else.
+    pub fn colour(self) -> Rgb {
+        if self == Role::HeldOut { HELD_OUT } else { INK }
+    }
+
+    fn label(self) -> &'static str {
+        match self {
+            Role::Fitted => "fitted",
+            Role::Flagged => "flagged",
+            Role::HeldOut => "held out",
+        }
+    }
+}
+
+/// The minima that the laws speak of, the held-out one last, each with its role.
+pub fn minima(laws: &Laws) -> Vec<(&Minimum, Role)> {
+    let of_method = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
+    let fitted = of_method.map(|minimum| (minimum, Role::of(minimum, laws)));
+    let held_out = laws.held_out.iter().map(|held_out| (&held_out.minimum, Role::HeldOut));
+    fitted.filter(|(_, role)| *role != Role::HeldOut).chain(held_out).collect()
+}
+
+/// Explains the marks of those roles that occur, in the colours that `colour` gives them.
+pub fn explain_roles(legend: &mut Legend, laws: &Laws, colour: fn(Role) -> Rgb) {
+    let minima = minima(laws);
+    legend.heading(&format!("Minima ({})", method_name(laws.minima_method)));
+    for role in [Role::Fitted, Role::Flagged, Role::HeldOut] {
+        if minima.iter().any(|(_, of)| *of == role) {
+            legend.entry(Sample::Mark(role.mark(colour(role))), role.label());
+        }
+    }
+}
+
+pub fn method_name(method: MinimumMethod) -> &'static str {
+    match method {
+        MinimumMethod::Argmin => "argmin",
+        MinimumMethod::Parabola => "parabola",
+        MinimumMethod::Cubic => "cubic",
+        MinimumMethod::Surface => "surface",
+    }
+}
+
+/// Values that an axis must hold: those of trusted points, and flagged ones within a decade.
+pub fn within_reach(points: &[(f64, Role)]) -> Vec<f64> {
+    let trusted: Vec<f64> =
+        points.iter().filter(|(_, role)| *role != Role::Flagged).map(|(value, _)| *value).collect();
+    if trusted.is_empty() {
+        return points.iter().map(|(value, _)| *value).collect();
+    }
+    let low = trusted.iter().copied().fold(f64::INFINITY, f64::min) / 10.0;
+    let high = trusted.iter().copied().fold(0.0, f64::max) * 10.0;
+    points.iter().map(|(value, _)| *value).filter(|v| (low..=high).contains(v)).collect()
+}
+
+/// Says how many minima a figure's axes leave outside; empty where all are shown.
+pub fn outside_remark(hidden: usize) -> String {
+    match hidden {
+        0 => String::new(),
+        1 => " One minimum lies outside the axes.".to_owned(),
+        n => format!(" {n} minima lie outside the axes."),
+    }
+}
+
+/// y = 10^(coefficient + exponent · log10 x).
+pub fn power(law: &PowerLaw, x: f64) -> f64 {
+    10f64.powf(law.log10_coefficient + law.exponent * x.log10())
+}
+
+/// L_u of ScaMo Eq. 14.
+pub fn log_loss(law: &LogLaw, flops: f64) -> f64 {
+    law.slope_per_decade * flops.log10() + law.intercept
+}
+
+/// L_u of the law with a floor; `reference` is C0.
+pub fn floor_loss(law: &FloorLaw, reference: f64, flops: f64) -> f64 {
+    law.floor + law.coefficient * (flops / reference).powf(-law.exponent)
+}
+
+/// The 2.5th and 97.5th percentile over replicates, by linear interpolation between ranks.
+pub fn interval95(samples: &[LawSample], value: impl Fn(&LawSample) -> f64) -> (f64, f64) {
+    let mut values: Vec<f64> = samples.iter().map(value).collect();
+    values.sort_unstable_by(f64::total_cmp);
+    let quantile = |share: f64| {
+        let place = share * (values.len() - 1) as f64;
+        let (low, high) = (values[place.floor() as usize], values[place.ceil() as usize]);
+        low + (high - low) * place.fract()
+    };
+    (quantile(0.025), quantile(0.975))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figures::simulated;
+
+    #[test]
+    fn the_held_out_minimum_is_shown_once() {
+        let laws = simulated::sweep().laws;
+        let shown = minima(&laws);
+        let held_out: Vec<_> = shown.iter().filter(|(_, role)| *role == Role::HeldOut).collect();
+        assert_eq!(held_out.len(), 1);
+        assert_eq!(held_out[0].0, &laws.held_out.as_ref().unwrap().minimum);
+    }
+
+    #[test]
+    fn a_wild_flagged_value_does_not_stretch_an_axis() {
+        let points = [(1e4, Role::Fitted), (1e5, Role::HeldOut), (3e5, Role::Flagged)];
+        let wild = [points.as_slice(), &[(1e19, Role::Flagged)]].concat();
+        assert_eq!(within_reach(&wild), [1e4, 1e5, 3e5]);
+        assert_eq!(within_reach(&[(1e19, Role::Flagged)]), [1e19]);
+    }
+
+    #[test]
+    fn the_interval_of_a_ramp_cuts_its_ends() {
+        let ramp: Vec<_> = (0..=1000)
+            .map(|i| LawSample { loss_intercept: f64::from(i), ..simulated::sample() })
+            .collect();
+        assert_eq!(interval95(&ramp, |sample| sample.loss_intercept), (25.0, 975.0));
+    }
+}

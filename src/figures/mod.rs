@@ -1,0 +1,170 @@
+//! From a table of runs and its laws to the figures of a paper, as SVG and PNG.
+//!
+//! Each figure is a file of its own: a function from `Sources` to a page (`scene::Scene`) or
+//! to the reason why there is none. To add one, write such a function and name it in
+//! `FIGURES`.
+//!
+//! | layer | files |
+//! | --- | --- |
+//! | what is shown | `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
+//! | how a page is laid out | `page`, `panel`, `axis`, `ticks`, `legend`, `series` |
+//! | shapes and files | `scene`, `colour`, `font`, `render`, `write` |
+//!
+//! The same input gives the same bytes: the typeface is in the binary, and a page holds no time.
+
+mod axis;
+mod cells;
+mod colour;
+mod fitted;
+mod font;
+mod legend;
+mod page;
+mod panel;
+mod render;
+mod scene;
+mod series;
+mod ticks;
+mod write;
+
+mod isoflop_parabolas;
+mod loss_vs_budget;
+mod loss_vs_flops;
+mod loss_vs_vocab;
+mod power_laws;
+mod tokenizers;
+mod vocab_vs_nonvocab;
+
+#[cfg(test)]
+mod simulated;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::laws::Laws;
+use crate::record::RunRecord;
+use crate::tokenizer::TokenizerMetrics;
+use cells::{Cells, flops_of_rule};
+use scene::Scene;
+
+/// What the figures of a sweep are drawn from.
+#[derive(Clone, Copy, Debug)]
+pub struct FigureInput<'a> {
+    /// The sweep's name, at the head of each figure.
+    pub title: &'a str,
+    pub records: &'a [RunRecord],
+    pub laws: Option<&'a Laws>,
+    pub tokenizers: &'a [TokenizerMetrics],
+}
+
+/// What [`draw_all`] wrote, and what it could not show.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// An SVG and a PNG for each figure drawn.
+    pub paths: Vec<PathBuf>,
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A figure, or a run in all figures, that is not shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// The figure's file name without its extension, or `run <id>`.
+    pub name: String,
+    /// A clause for a person: "there are no laws".
+    pub reason: String,
+}
+
+/// Why figures could not be written.
+#[derive(Debug, Error)]
+pub enum FigureError {
+    #[error("cannot write the figure {path}: {source}; check that the folder exists and has space")]
+    Write { path: PathBuf, source: io::Error },
+    #[error("cannot draw the figure {name}: {message}")]
+    Draw { name: String, message: String },
+    #[error(
+        "the laws count FLOPs by {rule:?}, which no run records; \
+         fit them again with --flops openai, 6nd or exact"
+    )]
+    UnknownRule { rule: String },
+}
+
+/// What a figure is drawn from: the input, and its runs in cells.
+struct Sources<'a> {
+    input: &'a FigureInput<'a>,
+    cells: Cells,
+    /// The rule by which `cells` count FLOPs.
+    flops_rule: &'a str,
+}
+
+/// A page, or the reason why there is none.
+type Drawing = Result<Scene, String>;
+
+/// A figure: the name of its files, and how it is drawn.
+type Figure = (&'static str, fn(&Sources) -> Drawing);
+
+const FIGURES: [Figure; 7] = [
+    ("loss_vs_flops", loss_vs_flops::draw),
+    ("isoflop_parabolas", isoflop_parabolas::draw),
+    ("loss_vs_vocab", loss_vs_vocab::draw),
+    ("vocab_vs_nonvocab", vocab_vs_nonvocab::draw),
+    ("loss_vs_budget", loss_vs_budget::draw),
+    ("power_laws", power_laws::draw),
+    ("tokenizers", tokenizers::draw),
+];
+
+/// Draws every figure that the input allows into `folder`, as `<name>.svg` and `<name>.png`.
+///
+/// The folder is made where it is missing; each file appears whole, by rename. The files are
+/// the same, byte for byte, at each call with the same input.
+///
+/// # Errors
+///
+/// Where a file cannot be written, or the laws count FLOPs by a rule that no run records.
+pub fn draw_all(input: &FigureInput, folder: &Path) -> Result<Drawn, FigureError> {
+    let sources = Sources::of(input)?;
+    write::make_folder(folder)?;
+    let mut drawn = Drawn { paths: Vec::new(), left_out: runs_without_loss(input.records) };
+    for (name, draw) in FIGURES {
+        match draw(&sources) {
+            Ok(scene) => drawn.paths.extend(write::figure(&scene, folder, name)?),
+            Err(reason) => drawn.left_out.push(LeftOut { name: name.to_owned(), reason }),
+        }
+    }
+    Ok(drawn)
+}
+
+impl<'a> Sources<'a> {
+    /// Counts FLOPs by the rule of the laws, or by a sweep's default where there are none.
+    fn of(input: &'a FigureInput<'a>) -> Result<Sources<'a>, FigureError> {
+        let flops_rule = input.laws.map_or("openai", |laws| &laws.flops_rule);
+        let flops = flops_of_rule(flops_rule)
+            .ok_or_else(|| FigureError::UnknownRule { rule: flops_rule.to_owned() })?;
+        Ok(Sources { input, cells: Cells::of(input.records, flops), flops_rule })
+    }
+
+    /// The figure's title after the sweep's.
+    fn title(&self, figure: &str) -> String {
+        format!("{}: {figure}", self.input.title)
+    }
+
+    fn laws(&self) -> Result<&'a Laws, String> {
+        self.input.laws.ok_or_else(|| "there are no laws".to_owned())
+    }
+
+    fn held_out_budget(&self) -> Option<f64> {
+        self.input.laws?.held_out.as_ref().map(|held_out| held_out.budget_flops)
+    }
+}
+
+fn runs_without_loss(records: &[RunRecord]) -> Vec<LeftOut> {
+    let lost = records.iter().filter(|run| !run.loss_normalised.is_finite());
+    let left_out = |run: &RunRecord| LeftOut {
+        name: format!("run {}", run.run_id),
+        reason: format!("its normalised loss is {}", run.loss_normalised),
+    };
+    lost.map(left_out).collect()
+}
+
+#[cfg(test)]
+mod tests;

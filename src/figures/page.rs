@@ -1,0 +1,190 @@
+//! The page of a figure: title and remarks above, panels below them, the legend to the right.
+
+use super::axis::Axis;
+use super::colour::MUTED;
+use super::font::{Weight, wrap};
+use super::legend::Legend;
+use super::panel::{Panel, Rect, plain_text};
+use super::scene::{Anchor, Scene, Text};
+
+const MARGIN: f64 = 18.0;
+const TITLE_EM: f64 = 17.0;
+const REMARK_EM: f64 = 12.0;
+const AXIS_EM: f64 = 13.0;
+/// A row of tick labels below a panel, with the ticks.
+const TICK_ROOM: f64 = 24.0;
+/// The name of an axis, below the tick labels or left of them.
+const NAME_ROOM: f64 = 24.0;
+
+/// What a panel shows, before it has a place.
+#[derive(Clone, Debug)]
+pub struct Plot {
+    /// The first line in bold.
+    pub title: Vec<String>,
+    pub x: Axis,
+    pub y: Axis,
+}
+
+/// Everything on a page but the data.
+#[derive(Clone, Debug)]
+pub struct Page {
+    pub width: f64,
+    pub height: f64,
+    pub title: String,
+    /// Sentences below the title, wrapped.
+    pub remarks: String,
+    pub legend: Legend,
+}
+
+impl Page {
+    /// Small multiples: all panels have the same axes, named once, valued on the outer sides.
+    pub fn multiples(&self, plots: Vec<Plot>) -> (Scene, Vec<Panel>) {
+        let (mut scene, area) = self.begin();
+        let grid = Grid::of(plots.len(), &plots);
+        let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
+        let inner = Rect { left: area.left + left, bottom: area.bottom - NAME_ROOM, ..area };
+        let ragged = if grid.is_ragged() { TICK_ROOM } else { 0.0 };
+        let gaps = Gaps { across: 24.0, down: 8.0 + ragged, below: TICK_ROOM, left: 0.0 };
+        x_name(&mut scene, &plots[0].x.label, &inner, area.bottom);
+        y_name(&mut scene, &plots[0].y.label, &inner, area.left);
+        let place = |(i, plot)| grid.panel(i, plot, &inner, gaps, true);
+        let panels = titled(&mut scene, plots, place);
+        (scene, panels)
+    }
+
+    /// Panels side by side, each with axes of its own.
+    pub fn panels(&self, plots: Vec<Plot>) -> (Scene, Vec<Panel>) {
+        let (mut scene, area) = self.begin();
+        let grid = Grid::of(plots.len(), &plots);
+        let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
+        let below = TICK_ROOM + NAME_ROOM;
+        let gaps = Gaps { across: 16.0, down: 12.0, below, left };
+        let place = |(i, plot)| grid.panel(i, plot, &area, gaps, false);
+        let panels = titled(&mut scene, plots, place);
+        for panel in &panels {
+            x_name(&mut scene, &panel.x.label, &panel.frame, panel.frame.bottom + below);
+            y_name(&mut scene, &panel.y.label, &panel.frame, panel.frame.left - left);
+        }
+        (scene, panels)
+    }
+
+    /// Writes title, remarks and legend; returns what is left for the panels.
+    fn begin(&self) -> (Scene, Rect) {
+        let mut scene = Scene::new(self.width, self.height);
+        let below_title = self.lines(&mut scene, &self.title, MARGIN, TITLE_EM, Weight::Bold);
+        let top = self.lines(&mut scene, &self.remarks, below_title, REMARK_EM, Weight::Normal);
+        let column = self.legend.width();
+        let legend_left = self.width - MARGIN - column;
+        let right = if column > 0.0 { legend_left - 20.0 } else { self.width - MARGIN };
+        self.legend.draw(&mut scene, (legend_left, top + 12.0));
+        // A long legend lengthens the page.
+        scene.height = scene.height.max(top + 12.0 + self.legend.height() + MARGIN).ceil();
+        let (left, bottom) = (MARGIN, scene.height - MARGIN);
+        (scene, Rect { left, top: top + 10.0, right, bottom })
+    }
+
+    /// Writes wrapped lines from `top` on; returns where they end.
+    fn lines(&self, scene: &mut Scene, text: &str, top: f64, em: f64, weight: Weight) -> f64 {
+        let mut y = top;
+        let width = self.width - 2.0 * MARGIN;
+        for line in text.lines().flat_map(|line| wrap(line, weight, em, width)) {
+            y += 1.4 * em;
+            let text = plain_text(&line, (MARGIN, y - 0.4 * em), Anchor::Start, em);
+            let colour = if weight == Weight::Bold { text.colour } else { MUTED };
+            scene.text(Text { weight, colour, ..text });
+        }
+        y
+    }
+}
+
+/// Space between panels, and inside each panel's cell below and left of its frame.
+#[derive(Clone, Copy)]
+struct Gaps {
+    across: f64,
+    down: f64,
+    below: f64,
+    left: f64,
+}
+
+/// Rows and columns of panels, filled row by row.
+#[derive(Clone, Copy)]
+struct Grid {
+    panels: usize,
+    columns: usize,
+    rows: usize,
+    /// Room for the tallest title of a panel.
+    title: f64,
+}
+
+impl Grid {
+    fn of(panels: usize, plots: &[Plot]) -> Grid {
+        let columns = match panels {
+            0..=3 => panels,
+            4 => 2,
+            5..=9 => 3,
+            _ => (panels as f64).sqrt().ceil() as usize,
+        };
+        let lines = plots.iter().map(|plot| plot.title.len()).max().unwrap_or(0);
+        let title = if lines > 0 { 8.0 + 16.0 * lines as f64 } else { 0.0 };
+        Grid { panels, columns, rows: panels.div_ceil(columns), title }
+    }
+
+    fn is_ragged(self) -> bool {
+        !self.panels.is_multiple_of(self.columns)
+    }
+
+    /// The i-th panel in `area`; `shared` axes are valued on the outer sides only.
+    fn panel(self, i: usize, plot: Plot, area: &Rect, gaps: Gaps, shared: bool) -> Panel {
+        let (row, column) = (i / self.columns, i % self.columns);
+        let last_below = if shared { gaps.below } else { 0.0 };
+        let width = share(area.width(), self.columns, gaps.across);
+        let height = share(area.height() - last_below, self.rows, gaps.down);
+        let left = area.left + column as f64 * (width + gaps.across);
+        let top = area.top + row as f64 * (height + gaps.down);
+        let below = if shared { 0.0 } else { gaps.below };
+        let frame = Rect {
+            left: left + gaps.left,
+            top: top + self.title,
+            right: left + width,
+            bottom: top + height - below,
+        };
+        let x_labels = !shared || i + self.columns >= self.panels;
+        Panel { frame, x: plot.x, y: plot.y, x_labels, y_labels: !shared || column == 0 }
+    }
+}
+
+/// What each of `n` gets of a length with gaps between them.
+fn share(length: f64, n: usize, gap: f64) -> f64 {
+    (length - gap * (n - 1) as f64) / n as f64
+}
+
+fn titled(
+    scene: &mut Scene,
+    plots: Vec<Plot>,
+    place: impl Fn((usize, Plot)) -> Panel,
+) -> Vec<Panel> {
+    let mut panels = Vec::with_capacity(plots.len());
+    for (i, plot) in plots.into_iter().enumerate() {
+        let title = plot.title.clone();
+        let panel = place((i, plot));
+        panel.title(scene, &title);
+        panels.push(panel);
+    }
+    panels
+}
+
+fn widest_label(plots: &[Plot], height: f64) -> f64 {
+    let widths = plots.iter().map(|plot| plot.y.label_width(height));
+    widths.fold(0.0, f64::max).ceil() + 10.0
+}
+
+fn x_name(scene: &mut Scene, name: &str, frame: &Rect, bottom: f64) {
+    let at = (frame.centre().0, bottom - 5.0);
+    scene.text(plain_text(name, at, Anchor::Middle, AXIS_EM));
+}
+
+fn y_name(scene: &mut Scene, name: &str, frame: &Rect, left: f64) {
+    let at = (left + 0.9 * AXIS_EM, frame.centre().1);
+    let text = plain_text(name, at, Anchor::Middle, AXIS_EM);
+    scene.text(Text { upward: true, ..text });
+}

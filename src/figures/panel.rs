@@ -1,0 +1,225 @@
+//! A framed data area with its two axes; everything in it is drawn in data coordinates.
+
+use super::axis::{Axis, Direction, TICK_EM};
+use super::colour::{FRAME, GRID, INK, Rgb};
+use super::font::Weight;
+use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text};
+
+const TICK_LENGTH: f64 = 5.0;
+const MINOR_TICK_LENGTH: f64 = 3.0;
+/// Panels narrower than this have smaller marks.
+const SMALL: f64 = 260.0;
+/// Points of a curve, enough for half a pixel on a wide panel.
+const CURVE_POINTS: usize = 120;
+
+/// An upright rectangle in page pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rect {
+    pub left: f64,
+    pub top: f64,
+    pub right: f64,
+    pub bottom: f64,
+}
+
+impl Rect {
+    pub fn width(&self) -> f64 {
+        self.right - self.left
+    }
+
+    pub fn height(&self) -> f64 {
+        self.bottom - self.top
+    }
+
+    pub fn centre(&self) -> Point {
+        ((self.left + self.right) / 2.0, (self.top + self.bottom) / 2.0)
+    }
+}
+
+/// A data area. Draw its bands first, then [`Panel::backdrop`], then lines and marks.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    pub frame: Rect,
+    pub x: Axis,
+    pub y: Axis,
+    /// Whether the ticks' values stand below and to the left.
+    pub x_labels: bool,
+    pub y_labels: bool,
+}
+
+impl Panel {
+    /// Where a value lies on the page.
+    pub fn at(&self, (x, y): Point) -> Point {
+        let frame = &self.frame;
+        (
+            frame.left + self.x.share(x) * frame.width(),
+            frame.bottom - self.y.share(y) * frame.height(),
+        )
+    }
+
+    pub fn holds(&self, (x, y): Point) -> bool {
+        self.x.holds(x) && self.y.holds(y)
+    }
+
+    /// Grid, frame, ticks and their values.
+    pub fn backdrop(&self, scene: &mut Scene) {
+        let Rect { left, top, right, bottom } = self.frame;
+        for tick in self.x.ticks(self.frame.width(), Direction::Across) {
+            let x = left + self.x.share(tick.value) * self.frame.width();
+            self.tick(scene, (x, bottom), (0.0, 1.0), (x, top), tick.label.as_deref());
+        }
+        for tick in self.y.ticks(self.frame.height(), Direction::Up) {
+            let y = bottom - self.y.share(tick.value) * self.frame.height();
+            self.tick(scene, (left, y), (-1.0, 0.0), (right, y), tick.label.as_deref());
+        }
+        let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
+        scene.line(&corners, Stroke::solid(FRAME, 1.0));
+    }
+
+    /// One tick: a grid line to the far side where it is labelled, its mark, its value.
+    fn tick(&self, scene: &mut Scene, at: Point, out: Point, far: Point, label: Option<&str>) {
+        let length = if label.is_some() { TICK_LENGTH } else { MINOR_TICK_LENGTH };
+        if label.is_some() {
+            scene.line(&[at, far], Stroke::solid(GRID, 0.8));
+        }
+        let end = (at.0 + length * out.0, at.1 + length * out.1);
+        scene.line(&[at, end], Stroke::solid(FRAME, 1.0));
+        if let Some(label) = label {
+            self.tick_label(scene, at, out.1 > 0.0, label);
+        }
+    }
+
+    fn tick_label(&self, scene: &mut Scene, at: Point, below: bool, label: &str) {
+        let (shown, place, anchor) = if below {
+            (self.x_labels, (at.0, at.1 + TICK_LENGTH + 13.0), Anchor::Middle)
+        } else {
+            (self.y_labels, (at.0 - TICK_LENGTH - 4.0, at.1 + 0.36 * TICK_EM), Anchor::End)
+        };
+        if shown {
+            scene.text(plain_text(label, place, anchor, TICK_EM));
+        }
+    }
+
+    /// A line through data points, cut at the frame.
+    pub fn line(&self, scene: &mut Scene, points: &[Point], stroke: Stroke) {
+        let placed: Vec<_> = points.iter().map(|&point| self.at(point)).collect();
+        for piece in clipped(&placed, &self.frame) {
+            scene.line(&piece, stroke);
+        }
+    }
+
+    /// A function of x between two values of x, cut at the frame.
+    pub fn curve(
+        &self,
+        scene: &mut Scene,
+        (from, to): (f64, f64),
+        y_of_x: impl Fn(f64) -> f64,
+        stroke: Stroke,
+    ) {
+        let points: Vec<_> = self.along((from, to)).map(|x| (x, y_of_x(x))).collect();
+        self.line(scene, &points, stroke);
+    }
+
+    /// The area between two functions of x over the whole panel, cut at the frame.
+    pub fn band(&self, scene: &mut Scene, limits: impl Fn(f64) -> (f64, f64), colour: Rgb) {
+        let inside = |(x, y)| {
+            let (x, y) = self.at((x, y));
+            (x, y.clamp(self.frame.top, self.frame.bottom))
+        };
+        let ends = (self.x.value(0.0), self.x.value(1.0));
+        let sides: Vec<_> = self.along(ends).map(|x| (x, limits(x))).collect();
+        let lower = sides.iter().map(|&(x, (low, _))| inside((x, low)));
+        let upper = sides.iter().rev().map(|&(x, (_, high))| inside((x, high)));
+        scene.area(lower.chain(upper).collect(), colour);
+    }
+
+    fn along(&self, (from, to): (f64, f64)) -> impl Iterator<Item = f64> {
+        let (first, last) = (self.x.share(from), self.x.share(to));
+        let step = (last - first) / CURVE_POINTS as f64;
+        (0..=CURVE_POINTS).map(move |i| self.x.value(first + step * i as f64))
+    }
+
+    /// A marker at a data point; one outside the frame is not drawn.
+    pub fn mark(&self, scene: &mut Scene, point: Point, mark: Mark) {
+        let share = if self.frame.width() < SMALL { 0.75 } else { 1.0 };
+        if self.holds(point) {
+            scene.mark(self.at(point), Mark { radius: mark.radius * share, ..mark });
+        }
+    }
+
+    /// Lines of text above the frame, the lowest next to it.
+    pub fn title(&self, scene: &mut Scene, lines: &[String]) {
+        for (i, line) in lines.iter().enumerate() {
+            let above = 7.0 + 16.0 * (lines.len() - 1 - i) as f64;
+            let at = (self.frame.left, self.frame.top - above);
+            let text = plain_text(line, at, Anchor::Start, if i == 0 { 13.0 } else { 12.0 });
+            let weight = if i == 0 { Weight::Bold } else { Weight::Normal };
+            scene.text(Text { weight, ..text });
+        }
+    }
+}
+
+/// Upright text in ink.
+pub fn plain_text(content: &str, at: Point, anchor: Anchor, em: f64) -> Text {
+    let (content, weight, colour) = (content.to_owned(), Weight::Normal, INK);
+    Text { content, at, anchor, em, weight, colour, upward: false }
+}
+
+/// The pieces of a polyline inside a rectangle; points that are not finite break it.
+fn clipped(points: &[Point], frame: &Rect) -> Vec<Vec<Point>> {
+    let mut pieces: Vec<Vec<Point>> = Vec::new();
+    for pair in points.windows(2) {
+        let Some((a, b)) = clip_segment(pair[0], pair[1], frame) else { continue };
+        match pieces.last_mut() {
+            Some(piece) if piece.last() == Some(&a) => piece.push(b),
+            _ => pieces.push(vec![a, b]),
+        }
+    }
+    pieces
+}
+
+/// Liang and Barsky (1984).
+fn clip_segment(a: Point, b: Point, frame: &Rect) -> Option<(Point, Point)> {
+    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+    if !(dx.is_finite() && dy.is_finite()) {
+        return None;
+    }
+    let edges = [
+        (-dx, a.0 - frame.left),
+        (dx, frame.right - a.0),
+        (-dy, a.1 - frame.top),
+        (dy, frame.bottom - a.1),
+    ];
+    let (mut enter, mut leave) = (0.0f64, 1.0f64);
+    for (towards, room) in edges {
+        match towards {
+            0.0 if room < 0.0 => return None,
+            0.0 => {}
+            t if t < 0.0 => enter = enter.max(room / t),
+            t => leave = leave.min(room / t),
+        }
+    }
+    let on = |t: f64| if t == 1.0 { b } else { (a.0 + t * dx, a.1 + t * dy) };
+    (enter < leave).then(|| (on(enter), on(leave)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME: Rect = Rect { left: 0.0, top: 0.0, right: 10.0, bottom: 10.0 };
+
+    #[test]
+    fn a_line_that_leaves_and_returns_is_two_pieces() {
+        let line = [(2.0, 5.0), (5.0, -5.0), (8.0, 5.0)];
+        let pieces = clipped(&line, &FRAME);
+        assert_eq!(pieces, [vec![(2.0, 5.0), (3.5, 0.0)], vec![(6.5, 0.0), (8.0, 5.0)]]);
+    }
+
+    #[test]
+    fn a_line_inside_stays_whole_and_one_outside_vanishes() {
+        let inside = vec![(1.0, 1.0), (2.0, 9.0), (9.0, 3.0)];
+        assert_eq!(clipped(&inside, &FRAME), std::slice::from_ref(&inside));
+        assert!(clipped(&[(-5.0, 1.0), (-1.0, 9.0)], &FRAME).is_empty());
+        assert!(clipped(&[(f64::NAN, 1.0), (1.0, 9.0)], &FRAME).is_empty());
+    }
+}

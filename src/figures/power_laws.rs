@@ -1,0 +1,146 @@
+//! N_nv, N_v and D of the optimum against C, with their power laws (ScaMo Fig. 7).
+
+use crate::laws::{LawSample, Laws, Minimum, PowerLaw};
+
+use super::axis::{Axis, Scale};
+use super::colour::LAW;
+use super::fitted::{Role, explain_roles, interval95, minima, outside_remark, power, within_reach};
+use super::legend::{Legend, Sample};
+use super::page::{Page, Plot};
+use super::panel::Panel;
+use super::scene::Scene;
+use super::series::law_stroke;
+use super::ticks::signed;
+use super::{Drawing, Sources};
+
+const BAND: f64 = 0.16;
+
+/// One of the three quantities of ScaMo Eq. 9.
+struct Quantity {
+    label: &'static str,
+    /// The law with its symbols.
+    form: &'static str,
+    /// The exponent's symbol.
+    exponent: &'static str,
+    of: fn(&Minimum) -> f64,
+    law: fn(&Laws) -> Option<&PowerLaw>,
+    /// ln of the quantity at C0, and its exponent, in one bootstrap replicate.
+    sample: fn(&LawSample) -> (f64, f64),
+}
+
+const QUANTITIES: [Quantity; 3] = [
+    Quantity {
+        label: "Non-vocabulary parameters Nₙᵥ",
+        form: "Nₙᵥ ∝ Cᵇ",
+        exponent: "b",
+        of: |minimum| minimum.params_nonvocab,
+        law: |laws| laws.power_laws.params_nonvocab.as_ref(),
+        sample: |sample| (sample.ln_nonvocab_at_reference, sample.exponent_nonvocab),
+    },
+    Quantity {
+        label: "Vocabulary parameters Nᵥ",
+        form: "Nᵥ ∝ Cᵃ",
+        exponent: "a",
+        of: |minimum| minimum.params_vocab,
+        law: |laws| laws.power_laws.params_vocab.as_ref(),
+        sample: |sample| (sample.ln_vocab_at_reference, sample.exponent_vocab),
+    },
+    Quantity {
+        label: "Training tokens D",
+        form: "D ∝ Cᶜ",
+        exponent: "c",
+        of: |minimum| minimum.tokens,
+        law: |laws| laws.power_laws.tokens.as_ref(),
+        sample: |sample| (sample.ln_tokens_at_reference, sample.exponent_tokens),
+    },
+];
+
+pub fn draw(sources: &Sources) -> Drawing {
+    let laws = sources.laws()?;
+    let minima = minima(laws);
+    if minima.is_empty() {
+        return Err("the laws hold no minimum".to_owned());
+    }
+    let plots = QUANTITIES.iter().map(|quantity| quantity.plot(laws, &minima));
+    let plots = plots.collect::<Result<Vec<_>, _>>()?;
+    let page = page(sources, laws, hidden(&plots, &minima));
+    let (mut scene, panels) = page.panels(plots);
+    for (quantity, panel) in QUANTITIES.iter().zip(&panels) {
+        quantity.draw(&mut scene, panel, laws, &minima);
+    }
+    Ok(scene)
+}
+
+fn page(sources: &Sources, laws: &Laws, hidden: usize) -> Page {
+    let mut legend = Legend::default();
+    explain_roles(&mut legend, laws, Role::colour);
+    legend.heading("Laws (Eq. 9)");
+    legend.entry(Sample::Line(law_stroke(LAW)), "power law");
+    if !laws.bootstrap.is_empty() {
+        legend.entry(Sample::Band(LAW.tint(BAND)), "95 % interval");
+    }
+    let remarks =
+        format!("FLOPs counted by the {} rule.{}", laws.flops_rule, outside_remark(hidden));
+    let title = sources.title("power laws of the optimal configuration");
+    Page { width: 1250.0, height: 460.0, title, remarks, legend }
+}
+
+/// How many minima lie outside at least one panel.
+fn hidden(plots: &[Plot], minima: &[(&Minimum, Role)]) -> usize {
+    let outside = |minimum: &Minimum| {
+        QUANTITIES.iter().zip(plots).any(|(quantity, plot)| !plot.y.holds((quantity.of)(minimum)))
+    };
+    minima.iter().filter(|(minimum, _)| outside(minimum)).count()
+}
+
+impl Quantity {
+    fn plot(&self, laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
+        let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
+        let mut points: Vec<_> =
+            minima.iter().map(|(minimum, role)| ((self.of)(minimum), *role)).collect();
+        // The law is shown too, but does not stretch the axis by more than a flagged point may.
+        let law = (self.law)(laws);
+        let on_law = |(minimum, _): &(&Minimum, Role)| Some(power(law?, minimum.budget_flops));
+        points.extend(minima.iter().filter_map(on_law).map(|value| (value, Role::Flagged)));
+        Ok(Plot {
+            title: self.title(laws),
+            x: Axis::new("Training compute C (FLOPs)", Scale::Log, budgets)?,
+            y: Axis::new(self.label, Scale::Log, within_reach(&points))?,
+        })
+    }
+
+    fn title(&self, laws: &Laws) -> Vec<String> {
+        let Some(law) = (self.law)(laws) else {
+            return vec![self.form.to_owned(), "not identified".to_owned()];
+        };
+        let exponent = format!("{}, {} = {}", self.form, self.exponent, signed(law.exponent, 3));
+        let interval = law.exponent_ci95.map_or("no interval".to_owned(), |[low, high]| {
+            format!("95 % interval {} to {}", signed(low, 3), signed(high, 3))
+        });
+        vec![exponent, format!("{interval}, R² = {:.3}", law.r2)]
+    }
+
+    fn draw(&self, scene: &mut Scene, panel: &Panel, laws: &Laws, minima: &[(&Minimum, Role)]) {
+        let law = (self.law)(laws);
+        if law.is_some() && !laws.bootstrap.is_empty() {
+            panel.band(scene, |flops| self.interval(laws, flops), LAW.tint(BAND));
+        }
+        panel.backdrop(scene);
+        if let Some(law) = law {
+            let ends = (panel.x.value(0.0), panel.x.value(1.0));
+            panel.curve(scene, ends, |flops| power(law, flops), law_stroke(LAW));
+        }
+        for (minimum, role) in minima {
+            let at = (minimum.budget_flops, (self.of)(minimum));
+            panel.mark(scene, at, role.mark(role.colour()));
+        }
+    }
+
+    fn interval(&self, laws: &Laws, flops: f64) -> (f64, f64) {
+        let ln_ratio = (flops / laws.reference_flops).ln();
+        interval95(&laws.bootstrap, |sample| {
+            let (ln_at_reference, exponent) = (self.sample)(sample);
+            (ln_at_reference + exponent * ln_ratio).exp()
+        })
+    }
+}
