@@ -1,0 +1,216 @@
+//! The command line, as it is typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Scaling-law experiments for autoregressive motion generation: run an IsoFLOP sweep, regenerate
+/// its figures, predict the best configuration for a budget.
+#[derive(Parser)]
+#[command(version, about)]
+pub struct Cli {
+    #[command(flatten)]
+    pub common: Common,
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What every command takes.
+#[derive(Args, Clone, Debug)]
+pub struct Common {
+    /// Print one JSON document on standard output, everything else on standard error
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Print results and errors only
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+    /// Say more; twice for still more
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub verbose: u8,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    /// Expand and price a sweep; train nothing
+    Plan(PlanArgs),
+    /// Run what is missing of a sweep, then fit, plot and predict
+    Run(RunArgs),
+    /// Fit the laws of a sweep's table again
+    Fit(FitArgs),
+    /// Draw every figure of a sweep again, from its table alone
+    Plot(PlotArgs),
+    /// The optimal configuration for a budget
+    Predict(PredictArgs),
+    /// Write a sweep's results in another form
+    Export(ExportArgs),
+    /// Do one job of a sweep; started by `run`
+    #[command(hide = true)]
+    Worker(WorkerArgs),
+}
+
+/// A sweep file and what is laid over it.
+#[derive(Args)]
+pub struct SweepArgs {
+    /// The sweep file
+    pub sweep: PathBuf,
+    /// Lay a setting over the file, as train.min_steps=100; may be given again
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub settings: Vec<String>,
+    /// The folder in which the sweep's own folder lies
+    #[arg(long, default_value = "results", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Jobs side by side, one thread each; by default one a core
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub jobs: Option<u16>,
+    /// Where tensors live
+    #[arg(long, value_enum, default_value_t = DeviceName::Flex)]
+    pub device: DeviceName,
+}
+
+impl SweepArgs {
+    /// Jobs side by side.
+    pub fn slots(&self) -> usize {
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        self.jobs.map_or_else(cores, usize::from)
+    }
+}
+
+/// A device that burn can compute on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DeviceName {
+    /// burn-flex: this processor
+    Flex,
+    /// burn-ndarray: this processor, slower; deprecated by burn
+    Ndarray,
+    /// A GPU through Vulkan; needs a build with --features vulkan
+    Vulkan,
+    /// An NVIDIA GPU; needs a build with --features cuda
+    Cuda,
+}
+
+impl DeviceName {
+    /// The name as it is typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            DeviceName::Flex => "flex",
+            DeviceName::Ndarray => "ndarray",
+            DeviceName::Vulkan => "vulkan",
+            DeviceName::Cuda => "cuda",
+        }
+    }
+}
+
+#[derive(Args)]
+pub struct PlanArgs {
+    #[command(flatten)]
+    pub sweep: SweepArgs,
+}
+
+#[derive(Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub sweep: SweepArgs,
+    /// Stop at the first failure
+    #[arg(long)]
+    pub fail_fast: bool,
+    /// Try again what failed before
+    #[arg(long)]
+    pub retry_failed: bool,
+}
+
+#[derive(Args)]
+pub struct FitArgs {
+    /// A sweep's folder
+    pub results: PathBuf,
+    /// The kind of minimum that the laws are fitted to
+    #[arg(long, value_enum)]
+    pub minima: Option<MinimaName>,
+    /// The count of FLOPs that the laws are written in
+    #[arg(long, value_enum)]
+    pub flops: Option<FlopsName>,
+    /// largest, none, or the declared budget that takes no part
+    #[arg(long)]
+    pub hold_out: Option<String>,
+    /// Bootstrap replicates
+    #[arg(long)]
+    pub bootstrap: Option<usize>,
+    /// Seed of the bootstrap
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Where to write the laws instead of the folder's laws.json
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum MinimaName {
+    Argmin,
+    Parabola,
+    Cubic,
+    Surface,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum FlopsName {
+    Openai,
+    #[value(name = "6nd")]
+    SixNd,
+    Exact,
+}
+
+#[derive(Args)]
+pub struct PlotArgs {
+    /// A sweep's folder
+    pub results: PathBuf,
+}
+
+#[derive(Args)]
+pub struct PredictArgs {
+    /// Budgets in FLOPs, as 1e18
+    #[arg(required = true, value_parser = budget)]
+    pub budgets: Vec<f64>,
+    /// A sweep's folder, a laws.json, or scamo for the published law
+    #[arg(long, default_value = "scamo")]
+    pub law: String,
+}
+
+fn budget(text: &str) -> Result<f64, String> {
+    match text.replace('_', "").parse::<f64>() {
+        Ok(budget) if budget > 0.0 && budget.is_finite() => Ok(budget),
+        _ => Err(format!("{text} is not a number of FLOPs, as 1e18")),
+    }
+}
+
+#[derive(Args)]
+pub struct ExportArgs {
+    /// A sweep's folder
+    pub results: PathBuf,
+    /// The form
+    #[arg(long, value_enum)]
+    pub to: ExportForm,
+    /// The folder to write to
+    #[arg(long, default_value = "notebooks-export")]
+    pub out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum ExportForm {
+    /// A Jupyter notebook that reads the sweep's table and laws
+    Notebook,
+}
+
+#[derive(Args)]
+pub struct WorkerArgs {
+    pub results: PathBuf,
+    #[arg(value_enum)]
+    pub kind: WorkerKind,
+    pub id: String,
+    #[arg(long, value_enum, default_value_t = DeviceName::Flex)]
+    pub device: DeviceName,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum WorkerKind {
+    Tokenizer,
+    Run,
+}

@@ -1,0 +1,39 @@
+//! Exit codes, and how an error that ends the program is shown.
+
+use std::io::IsTerminal;
+use std::process::ExitCode;
+
+use isoflop::laws::FitError;
+use isoflop::sweep::SweepErrors;
+
+use super::output::say;
+
+/// What the program tells its caller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    Done = 0,
+    SomeRunsFailed = 1,
+    Usage = 2,
+    NotIdentifiable = 3,
+    Interrupted = 130,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        ExitCode::from(exit as u8)
+    }
+}
+
+/// Shows an error on standard error and says how to exit.
+pub fn report(error: &anyhow::Error) -> Exit {
+    if let Some(errors) = error.downcast_ref::<SweepErrors>() {
+        let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        say(&errors.render(colour));
+        return Exit::Usage;
+    }
+    say(&format!("error: {error:#}"));
+    match error.downcast_ref::<FitError>() {
+        Some(fit) if fit.is_unidentifiable() => Exit::NotIdentifiable,
+        _ => Exit::Usage,
+    }
+}

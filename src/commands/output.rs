@@ -1,0 +1,78 @@
+//! Where a command's words go: results to standard output, everything else to standard error.
+
+use std::cell::RefCell;
+use std::io::{IsTerminal, Write};
+
+use tracing_subscriber::EnvFilter;
+
+use super::args::Common;
+
+/// The three ways to speak: for people, `--json`, quiet.
+pub struct Output {
+    pub json: bool,
+    pub quiet: bool,
+    warned: RefCell<Vec<String>>,
+}
+
+impl Output {
+    /// From the command line; also sets up logging to standard error.
+    pub fn new(common: &Common) -> Self {
+        let level = match common.verbose {
+            0 => "warn",
+            1 => "isoflop=info",
+            _ => "isoflop=debug",
+        };
+        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+        let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        let _ = tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_ansi(colour)
+            .with_writer(std::io::stderr)
+            .without_time()
+            .log_internal_errors(false)
+            .try_init();
+        Self { json: common.json, quiet: common.quiet, warned: RefCell::default() }
+    }
+
+    /// A result: the JSON document or the text for people, on standard output.
+    pub fn result(&self, json: &serde_json::Value, text: &str) -> std::io::Result<()> {
+        let mut out = std::io::stdout().lock();
+        let written = if self.json {
+            serde_json::to_writer_pretty(&mut out, json).map_err(Into::into)
+        } else {
+            out.write_all(text.trim_end().as_bytes())
+        };
+        ignore_closed_pipe(written.and_then(|()| out.write_all(b"\n")))
+    }
+
+    /// Something worth knowing that is no result.
+    pub fn note(&self, line: &str) {
+        if !self.quiet {
+            say(line);
+        }
+    }
+
+    /// Something that may be wrong.
+    pub fn warn(&self, line: &str) {
+        say(&format!("warning: {line}"));
+        self.warned.borrow_mut().push(line.to_string());
+    }
+
+    /// Every warning so far.
+    pub fn warned(&self) -> Vec<String> {
+        self.warned.borrow().clone()
+    }
+}
+
+/// A line on standard error; that nobody reads it any more is no error.
+pub fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// `isoflop … | head` is no error.
+fn ignore_closed_pipe(written: std::io::Result<()>) -> std::io::Result<()> {
+    match written {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => other,
+    }
+}

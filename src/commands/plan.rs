@@ -1,0 +1,88 @@
+//! `isoflop plan`: what a sweep will do and cost.
+
+use anyhow::Result;
+use isoflop::plan::{Plan, PlannedRun, TokenizerJob};
+use isoflop::record::{JobState, ResultsFolder};
+use serde_json::{Value, json};
+
+use super::args::PlanArgs;
+use super::context::{device, plan_sweep};
+use super::exit::Exit;
+use super::output::Output;
+use super::plan_text;
+use super::stale::stale;
+
+pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
+    let device = device(args.sweep.device)?;
+    let (plan, folder) = plan_sweep(&args.sweep)?;
+    plan.warnings().iter().for_each(|line| output.warn(line));
+    let missing: Vec<&PlannedRun> =
+        plan.runs.iter().filter(|run| folder.run_state(&run.run_id) != JobState::Done).collect();
+    let hours = isoflop::schedule::probe::hours(&missing, &device, args.sweep.slots());
+    let stale = stale(&plan, &folder);
+    let mut document = json(&plan, &folder);
+    document["hours"] = json!(hours);
+    document["stale"] = json!(stale);
+    let text = plan_text::text(&plan, &folder, &stale, &plan_text::cost(&plan, hours, &args.sweep));
+    output.result(&document, &text)?;
+    Ok(Exit::Done)
+}
+
+/// The plan as a JSON document, but for the hours, which are measured, and what is stale.
+pub fn json(plan: &Plan, folder: &ResultsFolder) -> Value {
+    json!({
+        "runs": plan.runs.iter().map(|run| run_json(run, folder)).collect::<Vec<_>>(),
+        "tokenizers": plan.tokenizers.iter().map(|job| tokenizer_json(job, folder)).collect::<Vec<_>>(),
+        "dropped": plan.dropped,
+        "jobs": { "tokenizer": plan.tokenizers.len(), "run": plan.runs.len() },
+        "total_flops": plan.total_flops(),
+        "disk_bytes": disk_bytes(plan),
+    })
+}
+
+fn run_json(run: &PlannedRun, folder: &ResultsFolder) -> Value {
+    let model = &run.spec.model;
+    json!({
+        "run_id": run.run_id,
+        "n_layer": model.n_layer,
+        "n_head": model.n_head,
+        "d_model": model.d_model,
+        "d_ff": model.d_ff,
+        "n_ctx": model.n_ctx,
+        "n_vocab": run.spec.n_vocab,
+        "seed": run.spec.seed,
+        "budget_flops": run.spec.budget_flops,
+        "flops_per_token_forward": run.flops_per_token,
+        "params_nonvocab": run.params.nonvocab,
+        "params_vocab": run.params.vocab,
+        "params_text": run.params.text,
+        "tokens": run.spec.tokens(),
+        "epochs": run.epochs,
+        "steps": run.spec.steps,
+        "batch_tokens": run.spec.batch_tokens,
+        "lr": run.spec.lr,
+        "warmup_steps": run.spec.warmup_steps,
+        "achieved_ratio": run.achieved_ratio,
+        "peak_bytes": run.peak_bytes,
+        "tokenizer_id": run.spec.tokenizer_id,
+        "state": folder.run_state(&run.run_id),
+    })
+}
+
+fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
+    let id = job.id();
+    json!({
+        "tokenizer_id": id,
+        "kind": job.spec.kind.name(),
+        "n_vocab": job.spec.n_vocab(),
+        "steps": job.spec.steps,
+        "state": folder.tokenizer_state(&id),
+    })
+}
+
+/// Weights of each run, codes of each tokenizer; checkpoints while they last are three times that.
+pub fn disk_bytes(plan: &Plan) -> u64 {
+    let weights: usize = plan.runs.iter().map(|run| 4 * run.params.total()).sum();
+    let codes = plan.tokenizers.len() * 4 * plan.data.unique_tokens;
+    (weights + codes) as u64
+}

@@ -1,0 +1,137 @@
+//! The plan as a person reads it.
+
+use std::fmt::Write;
+
+use isoflop::laws::wrap;
+use isoflop::plan::{Dropped, Plan, PlannedRun};
+use isoflop::record::{JobState, ResultsFolder};
+
+use super::args::SweepArgs;
+use super::plan::disk_bytes;
+use super::stale::Stale;
+
+/// Rows printed before a long table is cut.
+const MOST_ROWS: usize = 40;
+
+/// The whole plan, at most 80 columns wide; `cost` is its last sentence.
+pub fn text(plan: &Plan, folder: &ResultsFolder, stale: &[Stale], cost: &str) -> String {
+    let mut out = String::new();
+    head(&mut out, plan, folder);
+    table(&mut out, plan, folder);
+    dropped(&mut out, plan);
+    for Stale { runs, fields } in stale {
+        let sentence = format!("{runs} finished runs differ in {}", fields.join(", "));
+        out += &wrap("stale: ", &sentence);
+    }
+    out + "\n" + &wrap("", cost)
+}
+
+/// What the plan takes: FLOPs, time, memory, disk.
+pub fn cost(plan: &Plan, hours: f64, args: &SweepArgs) -> String {
+    let peak = plan.runs.iter().map(|run| run.peak_bytes).max().unwrap_or(0);
+    format!(
+        "{:.2e} FLOPs in all; {} to go with {} jobs side by side; {} of memory for the largest \
+         run, {} on disk",
+        plan.total_flops(),
+        time(hours),
+        args.slots(),
+        bytes(peak),
+        bytes(disk_bytes(plan)),
+    )
+}
+
+fn head(out: &mut String, plan: &Plan, folder: &ResultsFolder) {
+    let done = count(plan, folder, JobState::Done);
+    let _ = writeln!(
+        out,
+        "{} tokenizers, {} runs ({done} done), {} cells dropped",
+        plan.tokenizers.len(),
+        plan.runs.len(),
+        plan.dropped.len()
+    );
+    let [train, val, test] = plan.data.clips;
+    if plan.data.unique_tokens > 0 {
+        *out += &wrap(
+            "",
+            &format!(
+                "data: {train} clips to train on ({} tokens), {val} to validate, {test} to test",
+                plan.data.unique_tokens
+            ),
+        );
+    }
+    out.push('\n');
+}
+
+fn count(plan: &Plan, folder: &ResultsFolder, state: JobState) -> usize {
+    plan.runs.iter().filter(|run| folder.run_state(&run.run_id) == state).count()
+}
+
+fn table(out: &mut String, plan: &Plan, folder: &ResultsFolder) {
+    let _ = writeln!(
+        out,
+        "{:>8} {:>3} {:>5} {:>6} {:>8} {:>8} {:>8} {:>8} {:>7} {:>7}",
+        "C", "L", "d", "V", "N_nv", "N_v", "D", "steps", "epochs", "state"
+    );
+    for run in plan.runs.iter().take(MOST_ROWS) {
+        let _ = writeln!(out, "{}", row(run, folder));
+    }
+    if let Some(more) = plan.runs.len().checked_sub(MOST_ROWS + 1) {
+        let _ = writeln!(out, "… and {} more; --json lists all", more + 1);
+    }
+}
+
+fn row(run: &PlannedRun, folder: &ResultsFolder) -> String {
+    let spec = &run.spec;
+    format!(
+        "{:>8} {:>3} {:>5} {:>6} {:>8.2e} {:>8.2e} {:>8.2e} {:>8} {:>7} {:>7}",
+        exponent(spec.budget_flops),
+        spec.model.n_layer,
+        spec.model.d_model,
+        spec.n_vocab,
+        run.params.nonvocab as f64,
+        run.params.vocab as f64,
+        spec.tokens() as f64,
+        spec.steps,
+        run.epochs.map_or_else(|| "-".to_string(), epochs),
+        format!("{:?}", folder.run_state(&run.run_id)).to_lowercase(),
+    )
+}
+
+fn dropped(out: &mut String, plan: &Plan) {
+    for cell in plan.dropped.iter().take(MOST_ROWS) {
+        let Dropped { n_layer, d_model, n_vocab, budget_flops, reason, .. } = cell;
+        let sentence =
+            format!("L{n_layer} d{d_model} V{n_vocab} C={}: {reason}", exponent(*budget_flops));
+        *out += &wrap("dropped: ", &sentence);
+    }
+    if let Some(more) = plan.dropped.len().checked_sub(MOST_ROWS + 1) {
+        let _ = writeln!(out, "… and {} more dropped; --json lists all", more + 1);
+    }
+}
+
+/// A budget in at most four digits: `1.5e10`, `3e10`.
+fn exponent(budget: f64) -> String {
+    let shortest = format!("{budget:e}");
+    if shortest.len() <= 8 { shortest } else { format!("{budget:.2e}") }
+}
+
+fn epochs(epochs: f64) -> String {
+    if epochs < 1e4 { format!("{epochs:.2}") } else { format!("{epochs:.1e}") }
+}
+
+fn time(hours: f64) -> String {
+    match hours {
+        h if h < 1.0 / 60.0 => format!("{:.0} s", 3600.0 * h),
+        h if h < 1.5 => format!("{:.0} min", 60.0 * h),
+        h if h < 72.0 => format!("{h:.1} h"),
+        h => format!("{:.0} days", h / 24.0),
+    }
+}
+
+fn bytes(n: u64) -> String {
+    match n as f64 {
+        n if n < 1e9 => format!("{:.0} MB", n / 1e6),
+        n if n < 1e12 => format!("{:.1} GB", n / 1e9),
+        n => format!("{:.1} TB", n / 1e12),
+    }
+}

@@ -1,0 +1,43 @@
+//! `isoflop plot`: every figure of a sweep again, from its table and laws alone.
+
+use anyhow::Result;
+use isoflop::figures::{self, Drawn, FigureInput, LeftOut};
+use isoflop::laws::Laws;
+use isoflop::record::{ResultsFolder, RunRecord, atomic, read_if_there, table};
+use serde_json::json;
+
+use super::args::PlotArgs;
+use super::exit::Exit;
+use super::output::Output;
+
+pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
+    let folder = ResultsFolder::new(&args.results);
+    let records = table::read(folder.root())?;
+    let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
+    let drawn = draw(&folder, &records, laws.as_ref(), output)?;
+    let text: Vec<String> = drawn.paths.iter().map(|path| path.display().to_string()).collect();
+    output.result(&json!({ "figures": drawn.paths }), &text.join("\n"))?;
+    Ok(Exit::Done)
+}
+
+/// Draws into the sweep's `figures` folder; what cannot be drawn is a warning, and an older file
+/// that showed it is removed.
+pub fn draw(
+    folder: &ResultsFolder,
+    records: &[RunRecord],
+    laws: Option<&Laws>,
+    output: &Output,
+) -> Result<Drawn> {
+    let tokenizers = folder.all_metrics()?;
+    let name = folder.name();
+    let input = FigureInput { title: &name, records, laws, tokenizers: &tokenizers };
+    let figures = folder.file("figures");
+    let drawn = figures::draw_all(&input, &figures)?;
+    for LeftOut { name, reason } in &drawn.left_out {
+        output.warn(&format!("{name} is left out: {reason}"));
+        for extension in ["svg", "png"] {
+            atomic::remove(&figures.join(format!("{name}.{extension}")))?;
+        }
+    }
+    Ok(drawn)
+}

@@ -1,0 +1,123 @@
+//! `isoflop predict`: the optimal configuration for a budget.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use isoflop::laws::{Laws, scamo};
+use isoflop::plan::ModelShape;
+use isoflop::plan::flops::{TRAINING_PER_FORWARD, openai_per_token};
+use isoflop::predict::{self, CountedBy, PredictError, PredictOptions, Prediction};
+use isoflop::record::{ResultsFolder, atomic, read_if_there};
+use isoflop::sweep::Ffn;
+use serde_json::Value;
+
+use super::args::PredictArgs;
+use super::exit::Exit;
+use super::output::Output;
+
+pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
+    let laws = laws(&args.law)?;
+    let predictions = args
+        .budgets
+        .iter()
+        .map(|budget| predict_one(&laws, *budget))
+        .collect::<Result<Vec<Prediction>, _>>()?;
+    let text: Vec<String> = predictions.iter().map(predict::text).collect();
+    output.result(&one_or_many(&predictions)?, &text.join("\n\n"))?;
+    Ok(Exit::Done)
+}
+
+/// The built-in law, that of a sweep's folder, or that of a file.
+fn laws(name: &str) -> Result<Laws> {
+    if name == "scamo" {
+        return Ok(scamo());
+    }
+    let path = Path::new(name);
+    let path = if path.is_dir() { path.join("laws.json") } else { path.to_path_buf() };
+    match read_if_there(&path)? {
+        Some(laws) => Ok(laws),
+        None => bail!(
+            "{} does not exist; --law takes a sweep's folder, a laws.json or scamo",
+            path.display()
+        ),
+    }
+}
+
+/// Predicts with FLOPs counted by the rule that the laws are written in, where they can be.
+fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError> {
+    match (laws.flops_rule.as_str(), laws.n_ctx) {
+        ("openai", Some(n_ctx)) => {
+            let count = openai_count(n_ctx);
+            let options = PredictOptions { flop_count: &count, ..PredictOptions::default() };
+            predict::predict(laws, budget, &options)
+        }
+        _ => predict::predict(laws, budget, &PredictOptions::default()),
+    }
+}
+
+/// Training FLOPs by ScaMo's Code 1 along the ladder of buildable shapes: what a token costs beside
+/// its vocabulary is interpolated between rungs, in logarithms of N_nv.
+fn openai_count(n_ctx: usize) -> CountedBy<impl Fn(f64, f64, f64) -> f64 + Sync> {
+    let rungs: Vec<(f64, f64)> = predict::default_ladder()
+        .iter()
+        .map(|rung| {
+            let shape = model_shape(rung, n_ctx);
+            let flops = openai_per_token(&shape, 0) as f64;
+            ((rung.params_nonvocab() as f64).ln(), flops.ln())
+        })
+        .collect();
+    let count = move |nonvocab: f64, vocab: f64, tokens: f64| {
+        let per_token = interpolate(&rungs, nonvocab.ln()).exp() + 2.0 * vocab;
+        TRAINING_PER_FORWARD * per_token * tokens
+    };
+    CountedBy { rule: "openai".to_string(), count }
+}
+
+fn model_shape(rung: &predict::Shape, n_ctx: usize) -> ModelShape {
+    ModelShape {
+        n_layer: rung.n_layer as usize,
+        n_head: rung.n_head as usize,
+        d_model: rung.d_model as usize,
+        d_ff: rung.d_ff as usize,
+        n_ctx,
+        d_text: 0,
+        ffn: Ffn::SwiGlu,
+        tie_embeddings: false,
+        rope_base: 10_000.0,
+    }
+}
+
+/// Linear between the two nearest of at least two rising points, and beyond the ends.
+fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
+    let above = points.partition_point(|(at, _)| *at < x).clamp(1, points.len() - 1);
+    let ((x0, y0), (x1, y1)) = (points[above - 1], points[above]);
+    y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+}
+
+/// An object for one budget, an array for several.
+fn one_or_many(predictions: &[Prediction]) -> Result<Value> {
+    Ok(match predictions {
+        [one] => serde_json::to_value(one)?,
+        many => serde_json::to_value(many)?,
+    })
+}
+
+/// Predicts a sweep's own budgets into `prediction.json`; one that cannot be made is a warning.
+pub fn write(
+    folder: &ResultsFolder,
+    laws: &Laws,
+    budgets: &[f64],
+    output: &Output,
+) -> Result<Vec<Prediction>> {
+    let mut predictions = Vec::new();
+    for &budget in budgets {
+        match predict_one(laws, budget) {
+            Ok(prediction) => predictions.push(prediction),
+            Err(error) => output.warn(&format!("no prediction for {budget:e} FLOPs: {error}")),
+        }
+    }
+    let path = folder.file("prediction.json");
+    atomic::write_json(&path, &one_or_many(&predictions)?)
+        .with_context(|| format!("writing {}", path.display()))?;
+    Ok(predictions)
+}

@@ -1,0 +1,73 @@
+//! Finished runs that a sweep no longer wants, and the settings that made them so.
+
+use std::collections::BTreeMap;
+
+use isoflop::plan::{Plan, PlannedRun, RunSpec, TokenizerJob, changed_fields};
+use isoflop::record::{ResultsFolder, read_if_there};
+use serde::Serialize;
+
+/// Finished runs of cells that the plan still has, under another id.
+#[derive(Serialize)]
+pub struct Stale {
+    pub runs: usize,
+    /// What differs: `lr`, `model.d_ff`, `tokenizer.width`, `data_digest`.
+    pub fields: Vec<String>,
+}
+
+/// What lies in the folder and is out of date, by what differs.
+pub fn stale(plan: &Plan, folder: &ResultsFolder) -> Vec<Stale> {
+    let mut runs: BTreeMap<Vec<String>, usize> = BTreeMap::new();
+    for old in finished_specs(folder) {
+        let wanted = plan.runs.iter().any(|run| run.run_id == old.id());
+        let twin = plan.runs.iter().find(|run| same_cell(&run.spec, &old));
+        if let (false, Some(twin)) = (wanted, twin) {
+            *runs.entry(fields(plan, folder, twin, &old)).or_default() += 1;
+        }
+    }
+    runs.into_iter().map(|(fields, runs)| Stale { runs, fields }).collect()
+}
+
+fn same_cell(a: &RunSpec, b: &RunSpec) -> bool {
+    let cell = |s: &RunSpec| {
+        (s.model.n_layer, s.model.d_model, s.n_vocab, s.budget_flops.to_bits(), s.seed)
+    };
+    cell(a) == cell(b)
+}
+
+/// The fields that differ, ids replaced by what they stand for.
+fn fields(plan: &Plan, folder: &ResultsFolder, run: &PlannedRun, old: &RunSpec) -> Vec<String> {
+    let mut fields = changed_fields(&run.spec, old);
+    let has = |fields: &[String], name: &str| fields.iter().any(|field| field == name);
+    if has(&fields, "tokenizer_id") {
+        let new = plan.tokenizer_of(run);
+        let changed = tokenizer_fields(folder, new, &old.tokenizer_id);
+        if !changed.is_empty() {
+            fields.retain(|field| field != "tokenizer_id");
+            fields.extend(changed.into_iter().filter(|field| field != "data_digest"));
+        }
+    }
+    if has(&fields, "data_digest") {
+        fields.retain(|field| field != "text_id");
+    }
+    fields
+}
+
+/// Nothing where the old tokenizer's job is gone.
+fn tokenizer_fields(folder: &ResultsFolder, new: &TokenizerJob, old_id: &str) -> Vec<String> {
+    let path = folder.tokenizer(old_id).join("job.json");
+    let Ok(Some(old)) = read_if_there::<TokenizerJob>(&path) else { return Vec::new() };
+    let named = |field: String| match field.strip_prefix("spec.") {
+        Some(setting) => format!("tokenizer.{setting}"),
+        None => field,
+    };
+    changed_fields(new, &old).into_iter().map(named).collect()
+}
+
+fn finished_specs(folder: &ResultsFolder) -> Vec<RunSpec> {
+    let Ok(entries) = std::fs::read_dir(folder.file("runs")) else { return Vec::new() };
+    let places = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    places
+        .filter(|place| place.join("record.json").exists())
+        .filter_map(|place| read_if_there(&place.join("spec.json")).ok().flatten())
+        .collect()
+}
