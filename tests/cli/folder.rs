@@ -1,0 +1,157 @@
+//! What `isoflop run` leaves behind, and that running again repeats nothing.
+
+use std::fs;
+
+use super::support::{Place, finished_mini, records};
+
+#[test]
+fn a_finished_sweep_leaves_every_file_that_was_promised() {
+    let place = finished_mini();
+    let results = place.names("results/mini");
+    for name in [
+        "sweep.yaml",
+        "plan.json",
+        "runs.parquet",
+        "runs.csv",
+        "laws.json",
+        "prediction.json",
+        "tokenizers",
+        "runs",
+    ] {
+        assert!(results.contains(&name.to_string()), "{name} is not in {results:?}");
+    }
+    let figures = place.names("results/mini/figures");
+    for name in [
+        "isoflop_parabolas",
+        "loss_vs_budget",
+        "loss_vs_flops",
+        "loss_vs_vocab",
+        "power_laws",
+        "tokenizers",
+        "vocab_vs_nonvocab",
+    ] {
+        for extension in ["svg", "png"] {
+            assert!(figures.contains(&format!("{name}.{extension}")), "{name} not in {figures:?}");
+        }
+    }
+    let plan = place.json("results/mini/plan.json");
+    let ids: Vec<&str> = plan["runs"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|run| run["run_id"].as_str().unwrap())
+        .collect();
+    assert_eq!(ids.len(), 8);
+    for id in &ids {
+        let names = place.names(&format!("results/mini/runs/{id}"));
+        assert_eq!(
+            names,
+            ["log.jsonl", "log.txt", "model.safetensors", "record.json", "spec.json"]
+        );
+        assert_eq!(place.json(&format!("results/mini/runs/{id}/record.json"))["run_id"], *id);
+        let log =
+            String::from_utf8(place.read(&format!("results/mini/runs/{id}/log.jsonl"))).unwrap();
+        let lines: Vec<serde_json::Value> =
+            log.lines().map(|line| serde_json::from_str(line).expect("JSON lines")).collect();
+        assert_eq!(lines.len(), 2, "the sweep asks for two evaluations");
+    }
+    for tokenizer in place.names("results/mini/tokenizers") {
+        let names = place.names(&format!("results/mini/tokenizers/{tokenizer}"));
+        for name in ["metrics.json", "tokens.safetensors", "weights.safetensors"] {
+            assert!(names.contains(&name.to_string()), "{name} is not in {names:?}");
+        }
+    }
+}
+
+#[test]
+fn the_table_has_the_promised_columns_and_a_row_a_run() {
+    let place = finished_mini();
+    let table = fs::read_to_string(place.path("results/mini/runs.csv")).unwrap();
+    let columns: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    for column in [
+        "run_id",
+        "seed",
+        "n_layer",
+        "n_head",
+        "d_model",
+        "d_ff",
+        "n_ctx",
+        "n_vocab",
+        "budget_flops",
+        "flops_openai",
+        "flops_6nd",
+        "flops_exact",
+        "params_nonvocab",
+        "params_vocab",
+        "params_text",
+        "tokens",
+        "unique_tokens",
+        "steps",
+        "batch_tokens",
+        "lr",
+        "loss_nats",
+        "loss_normalised",
+        "nats_per_second",
+        "wall_s",
+        "tokens_per_s",
+        "peak_bytes",
+        "tokenizer_id",
+        "device",
+        "git_revision",
+    ] {
+        assert!(columns.contains(&column), "{column} is not in {columns:?}");
+    }
+    assert_eq!(table.lines().count(), 1 + 8);
+    let from_parquet = isoflop::record::table::read(&place.path("results/mini")).unwrap();
+    let losses: Vec<String> = from_parquet.iter().map(|r| r.loss_normalised.to_string()).collect();
+    assert_eq!(records::column(&place.path("results/mini"), "loss_normalised"), losses);
+}
+
+#[test]
+fn a_second_run_says_there_is_nothing_to_do_and_changes_no_result() {
+    let place = finished_mini();
+    let results = place.path("results/mini");
+    let (records, table) = (records::bytes(&results), place.read("results/mini/runs.csv"));
+    let parquet = place.read("results/mini/runs.parquet");
+    place.isoflop(&["run", "mini.yaml"]).exits(0).says("nothing to train");
+    assert_eq!(records::bytes(&results), records);
+    assert_eq!(place.read("results/mini/runs.csv"), table);
+    assert_eq!(place.read("results/mini/runs.parquet"), parquet);
+}
+
+#[test]
+fn one_worker_gives_the_same_bits_as_three() {
+    let three = finished_mini();
+    let one = Place::with("mini.yaml");
+    one.isoflop(&["run", "mini.yaml", "--jobs", "1"]).exits(0);
+    let [one, three] = [one, three].map(|place| records::timeless(&place.path("results/mini")));
+    assert_eq!(three.len(), 8);
+    assert_eq!(one, three);
+}
+
+#[test]
+fn a_changed_setting_makes_new_runs_and_leaves_the_old_ones_alone() {
+    let place = finished_mini();
+    let before = records::bytes(&place.path("results/mini"));
+    let cell = ["--set", "grid.vocab=[16]", "--set", "grid.budgets=[1e9]"];
+    let change = ["--set", "train.lr.coefficient=0.01"];
+    let args = [&["run", "mini.yaml"], &cell[..], &change].concat();
+    place.isoflop(&args).exits(0).says("2 jobs to do, 0 of 2 runs have ended already");
+    let after = records::bytes(&place.path("results/mini"));
+    assert_eq!(after.len(), 8 + 2);
+    assert!(before.iter().all(|(id, bytes)| after.get(id) == Some(bytes)));
+    let rates = records::column(&place.path("results/mini"), "lr");
+    assert_eq!(rates.len(), 2, "the table holds the runs of the sweep as it is now");
+}
+
+#[test]
+fn another_name_for_the_folder_changes_no_id() {
+    let place = Place::with("mini.yaml");
+    let ids = |args: &[&str]| {
+        let plan =
+            place.isoflop(&[&["plan", "mini.yaml", "--json"], args].concat()).exits(0).json();
+        let runs = plan["runs"].as_array().unwrap().iter();
+        runs.map(|run| run["run_id"].clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(ids(&[]), ids(&["--out", "elsewhere", "--set", "train.checkpoint_s=9"]));
+}

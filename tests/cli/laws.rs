@@ -1,0 +1,194 @@
+//! From records to laws, figures, predictions and a notebook, without training anything.
+
+use std::fs;
+
+use serde_json::Value;
+
+use super::support::{Place, lawful};
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// A place whose laws are fitted.
+fn fitted() -> Place {
+    let place = lawful();
+    place
+        .isoflop(&["run", "lawful.yaml"])
+        .exits(0)
+        .says("nothing to train")
+        .does_not_say("no laws");
+    place
+}
+
+#[test]
+fn laws_recover_what_the_losses_were_made_from() {
+    let laws = fitted().json("results/lawful/laws.json");
+    let law = &laws["power_laws"]["params_nonvocab"];
+    assert!((number(&law["exponent"]) - 0.5).abs() < 1e-6, "{law}");
+    assert!((number(&law["log10_coefficient"]) + 1.0).abs() < 1e-5, "{law}");
+    assert!((number(&laws["loss"]["log"]["slope_per_decade"]) + 0.5).abs() < 1e-6, "{laws}");
+    assert_eq!(laws["flops_rule"], "openai");
+    for key in ["minima", "vocab_from_nonvocab", "sensitivity"] {
+        assert!(!laws[key].is_null(), "{key} is missing");
+    }
+}
+
+#[test]
+fn a_sweep_with_laws_has_their_figures_and_predictions() {
+    let place = fitted();
+    let figures = place.names("results/lawful/figures");
+    for name in [
+        "loss_vs_flops",
+        "isoflop_parabolas",
+        "loss_vs_vocab",
+        "vocab_vs_nonvocab",
+        "loss_vs_budget",
+        "power_laws",
+    ] {
+        for extension in ["svg", "png"] {
+            assert!(figures.contains(&format!("{name}.{extension}")), "{name} not in {figures:?}");
+        }
+    }
+    let prediction = place.json("results/lawful/prediction.json");
+    let raw = number(&prediction["raw"]["params_nonvocab"]);
+    assert!((raw / (0.1 * 1e12f64.sqrt()) - 1.0).abs() < 1e-4, "{raw}");
+    for key in [
+        "budget_flops",
+        "law",
+        "params_nonvocab",
+        "params_vocab",
+        "n_vocab",
+        "tokens",
+        "loss_normalised",
+        "ci95",
+        "spends_flops",
+        "budget_ratio",
+        "extrapolation_factor",
+        "shape",
+        "warnings",
+    ] {
+        assert!(prediction.get(key).is_some(), "{key} is missing in {prediction}");
+    }
+}
+
+#[test]
+fn a_prediction_needs_no_more_than_the_laws() {
+    let place = fitted();
+    fs::create_dir(place.path("alone")).unwrap();
+    fs::copy(place.path("results/lawful/laws.json"), place.path("alone/laws.json")).unwrap();
+    let expected = place.json("results/lawful/prediction.json");
+    for law in ["alone", "alone/laws.json", "results/lawful"] {
+        let found = place.isoflop(&["predict", "1e12", "--law", law, "--json"]).exits(0).json();
+        assert_eq!(found, expected, "{law}");
+    }
+    let two = place.isoflop(&["predict", "1e12", "1e13", "--law", "alone", "--json"]).exits(0);
+    assert_eq!(two.json()[0], expected);
+}
+
+#[test]
+fn figures_are_drawn_again_from_table_and_laws_alone_byte_for_byte() {
+    let place = fitted();
+    fs::create_dir_all(place.path("copy/lawful")).unwrap();
+    for name in ["runs.parquet", "laws.json"] {
+        let from = place.path(&format!("results/lawful/{name}"));
+        fs::copy(from, place.path(&format!("copy/lawful/{name}"))).unwrap();
+    }
+    let drawn = |folder: &str| -> Vec<(String, Vec<u8>)> {
+        place.isoflop(&["plot", folder]).exits(0);
+        let names = place.names(&format!("{folder}/figures")).into_iter();
+        names.map(|n| (n.clone(), place.read(&format!("{folder}/figures/{n}")))).collect()
+    };
+    let by_run = place
+        .names("results/lawful/figures")
+        .into_iter()
+        .map(|n| (n.clone(), place.read(&format!("results/lawful/figures/{n}"))))
+        .collect::<Vec<_>>();
+    assert_eq!(by_run.len(), 12);
+    assert!(drawn("results/lawful") == by_run, "`plot` draws other bytes than `run`");
+    assert!(drawn("copy/lawful") == by_run, "the copy's figures differ");
+}
+
+#[test]
+fn fitting_again_gives_the_same_laws_and_may_go_elsewhere() {
+    let place = fitted();
+    let laws = place.read("results/lawful/laws.json");
+    let argmin = ["fit", "results/lawful", "--minima", "argmin", "--out", "argmin.json", "--json"];
+    let printed = place.isoflop(&argmin).exits(0).json();
+    assert_eq!(printed, place.json("argmin.json"));
+    assert_eq!(printed["minima_method"], "argmin");
+    assert_eq!(
+        place.read("results/lawful/laws.json"),
+        laws,
+        "--out leaves the folder's laws alone"
+    );
+    place.isoflop(&["fit", "results/lawful"]).exits(0);
+    assert_eq!(place.read("results/lawful/laws.json"), laws);
+}
+
+#[test]
+fn running_again_says_the_same_and_mends_what_was_changed_since() {
+    let place = fitted();
+    let files = || {
+        let names = ["laws.json", "prediction.json", "runs.csv", "figures/power_laws.svg"];
+        names.map(|name| place.read(&format!("results/lawful/{name}")))
+    };
+    let again = || {
+        let ended = place.isoflop(&["run", "lawful.yaml"]).exits(0);
+        (ended.stdout(), ended.stderr())
+    };
+    let (said, written) = (again(), files());
+    assert!(said.1.contains("tokenizers is left out"), "warnings are repeated: {}", said.1);
+    place.isoflop(&["fit", "results/lawful", "--minima", "argmin"]).exits(0);
+    assert_ne!(files(), written, "`fit` writes other laws");
+    assert_eq!((again(), files()), (said.clone(), written.clone()));
+    fs::remove_file(place.path("results/lawful/prediction.json")).unwrap();
+    place.write("results/lawful/runs.csv", "run_id\n");
+    place.write("results/lawful/figures/power_laws.svg", "<svg/>");
+    assert_eq!((again(), files()), (said, written));
+}
+
+#[test]
+fn results_that_were_moved_speak_of_where_they_are() {
+    let place = fitted();
+    fs::rename(place.path("results"), place.path("moved")).unwrap();
+    let args = ["run", "lawful.yaml", "--out", "moved", "--json"];
+    let document = place.isoflop(&args).exits(0).says("nothing to train").json();
+    assert_eq!(document["results"], "moved/lawful");
+    assert!(document["figures"][0].as_str().unwrap().starts_with("moved/lawful/figures/"));
+}
+
+#[test]
+fn laws_that_cannot_be_told_are_exit_code_3_and_no_older_ones_are_left() {
+    let place = fitted();
+    let one_budget = ["run", "lawful.yaml", "--set", "grid.budgets=[1e10]"];
+    place.isoflop(&one_budget).exits(0).says("no laws").says("power_laws is left out");
+    for name in ["laws.json", "prediction.json", "figures/power_laws.svg"] {
+        assert!(!place.path(&format!("results/lawful/{name}")).exists(), "{name} is out of date");
+    }
+    place.isoflop(&["fit", "results/lawful"]).exits(3).says("a law in C needs two");
+}
+
+#[test]
+fn a_notebook_finds_the_results_from_where_it_lies() {
+    let place = fitted();
+    for (out, way) in [("notebooks-export", "../results/lawful"), (".", "results/lawful")] {
+        let args = ["export", "results/lawful", "--to", "notebook", "--out", out];
+        place.isoflop(&args).exits(0);
+        let notebook = place.json(&format!("{out}/lawful.ipynb"));
+        assert_eq!(notebook["nbformat"], 4);
+        let source = notebook["cells"].to_string();
+        assert!(source.contains(&format!("\\\"{way}\\\"")), "{way} is not in {source}");
+        assert!(place.path(out).join(way).join("runs.parquet").exists());
+    }
+}
+
+#[test]
+fn the_published_law_needs_no_files() {
+    let place = Place::new();
+    let prediction = place.isoflop(&["predict", "1e18", "--json"]).exits(0).json();
+    assert_eq!(prediction["law"], "scamo");
+    assert!((number(&prediction["loss_normalised"]) + 5.277).abs() < 1e-3, "{prediction}");
+    assert!((number(&prediction["spends_flops"]) / 1.66e18 - 1.0).abs() < 0.01, "{prediction}");
+    assert!(!prediction["warnings"].as_array().unwrap().is_empty());
+}

@@ -1,0 +1,12 @@
+//! The real program, each test in a directory of its own.
+
+mod failures;
+mod folder;
+mod humanml3d;
+mod interruptions;
+mod laws;
+mod mistakes;
+mod output;
+mod plan;
+#[path = "../support/mod.rs"]
+mod support;

@@ -1,0 +1,151 @@
+//! What a person gets wrong: told all at once, with place and remedy, before anything is written.
+
+use super::support::Place;
+
+fn refused(text: &str, args: &[&str]) -> (Place, super::support::Ended) {
+    let place = Place::new();
+    place.write("sweep.yaml", text);
+    let ended = place.isoflop(&[&["run", "sweep.yaml"], args].concat()).exits(2);
+    assert_eq!(place.names(""), ["sweep.yaml"], "nothing is written");
+    assert_eq!(ended.stdout(), "");
+    (place, ended)
+}
+
+const SOUND: &str = "name: sound
+grid:
+  models:
+    - {n_layer: 1, n_head: 1, d_model: 8}
+  vocab: [64]
+  budgets: [1e9]
+";
+
+#[test]
+fn every_problem_of_a_file_is_shown_at_once_where_it_stands() {
+    let text = "name: bad/name
+seed: [0]
+grid:
+  models:
+    - {n_layer: 1, n_head: 1, d_modle: 8}
+    - {n_layer: 1, n_head: 3, d_model: 16}
+  vocab: [63, 64, 64]
+  budgets: [ten]
+train: {min_steps: [1], lr: {coeficient: 3}}
+";
+    let (_, ended) = refused(text, &[]);
+    for words in [
+        "sweep.yaml:2:1",
+        "unknown name `seed`",
+        "did you mean `seeds`?",
+        "sweep.yaml:5:31",
+        "unknown name `d_modle`",
+        "did you mean `d_model`?",
+        "sweep.yaml:6:7",
+        "3 heads do not divide a width of 16",
+        "sweep.yaml:8:13",
+        "expected a number, found `ten`",
+        "sweep.yaml:9:20",
+        "sweep.yaml:9:30",
+        "did you mean `coefficient`?",
+        "^^^^^^^^^^",
+        "sweep.yaml: 10 problems",
+    ] {
+        assert!(ended.stderr().contains(words), "no `{words}` in:\n{}", ended.stderr());
+    }
+}
+
+#[test]
+fn impossible_cells_are_found_beside_unknown_names() {
+    let text = "name: bad
+grid:
+  models:
+    - {n_layer: 1, n_head: 3, d_model: 16}
+    - {n_layer: 1, n_head: 16, d_model: 16}
+  vocab: [63, 64, 64]
+  budgets: [1e9, -1]
+trian: {}
+";
+    let (_, ended) = refused(text, &[]);
+    for words in [
+        "did you mean `train`?",
+        "sweep.yaml:4:7",
+        "3 heads do not divide a width of 16",
+        "sweep.yaml:5:7",
+        "RoPE turns pairs",
+        "sweep.yaml:6:11",
+        "ScaMo gives no levels for 63 codes",
+        "sweep.yaml:6:19",
+        "stands in the list a second time",
+        "sweep.yaml:7:18",
+        "a budget of -1e0 FLOPs",
+        "sweep.yaml: 6 problems",
+    ] {
+        assert!(ended.stderr().contains(words), "no `{words}` in:\n{}", ended.stderr());
+    }
+}
+
+#[test]
+fn files_that_are_no_sweeps_are_refused() {
+    let (_, ended) = refused("name: a\ngrid: {models: [\nseeds: 3", &[]);
+    ended.says("not valid YAML").says("sweep.yaml:3");
+    refused("", &[]).1.says("a sweep file is a mapping");
+    refused("- a\n- b\n", &[]).1.says("a sweep file is a mapping");
+    refused("name: a\n", &[]).1.says("missing field `grid`");
+    let place = Place::new();
+    place.isoflop(&["run", "absent.yaml"]).exits(2).says("cannot read absent.yaml");
+    place.write("bytes.yaml", [0xff, 0xfe, 0x00]);
+    place.isoflop(&["plan", "bytes.yaml"]).exits(2).says("cannot read bytes.yaml");
+}
+
+#[test]
+fn a_setting_that_cannot_be_laid_over_the_file_is_shown_as_typed() {
+    for (setting, words) in [
+        ("nonsense", "--set nonsense: no `=` in it"),
+        ("grid.vocab[7]=64", "there is no such entry"),
+        ("grid.vocab=[64", "the value is not valid YAML"),
+        ("train.min_step=3", "did you mean `min_steps`?"),
+        ("train.min_steps=many", "in --set train.min_steps=many"),
+        ("grid.models[0].n_head=3", "3 heads do not divide a width of 8"),
+        ("data.source=humanml3d", "needs a `path`"),
+    ] {
+        refused(SOUND, &["--set", setting]).1.says(words);
+    }
+}
+
+#[test]
+fn a_grid_of_which_nothing_is_left_is_refused() {
+    refused(SOUND, &["--set", "grid.exclude=['n_vocab > 1']"]).1.says("every cell");
+}
+
+#[test]
+fn data_that_is_not_there_is_named() {
+    let data = ["--set", "data.source=humanml3d", "--set", "data.path=no/such/folder"];
+    refused(SOUND, &data).1.says("opening the data").says("no/such/folder/new_joint_vecs");
+}
+
+#[test]
+fn a_file_in_the_place_of_the_results_is_named() {
+    let place = Place::with("mini.yaml");
+    place.write("occupied", "");
+    let ended = place.isoflop(&["run", "mini.yaml", "--out", "occupied"]).exits(2);
+    ended.says("cannot make the folder occupied/mini");
+    assert_eq!(place.read("occupied"), b"");
+}
+
+#[test]
+fn a_command_line_that_makes_no_sense_is_a_usage_error() {
+    let place = Place::with("mini.yaml");
+    for (args, words) in [
+        (&["predict", "nonsense"][..], "nonsense is not a number of FLOPs"),
+        (&["predict", "-1e9"], "--"),
+        (&["predict", "1e18", "--law", "/no/such"], "/no/such does not exist; --law takes"),
+        (&["run", "mini.yaml", "--jobs", "0"], "--jobs"),
+        (&["plan"], "SWEEP"),
+        (&["sing"], "sing"),
+        (&["plot", "nowhere"], "nowhere"),
+        (&["fit", "nowhere"], "nowhere"),
+        (&["export", "nowhere", "--to", "notebook"], "nowhere"),
+    ] {
+        place.isoflop(args).exits(2).says(words);
+    }
+    assert_eq!(place.names(""), ["mini.yaml"]);
+}

@@ -1,0 +1,140 @@
+//! `isoflop plan`: prices, ids, states, what is dropped and what is stale.
+
+use serde_json::Value;
+
+use super::support::{Place, finished_mini};
+
+const SCAMO: &str = "name: scamo-grid
+data: {source: humanml3d, path: no/such/folder}
+text: {max_tokens: 150}
+grid: {models: scamo, vocab: [256, 1024, 65536], budgets: [1e18]}
+";
+
+fn list<'a>(document: &'a Value, name: &str) -> &'a [Value] {
+    document[name].as_array().unwrap_or_else(|| panic!("{name} is no list in {document}"))
+}
+
+fn has_keys(value: &Value, keys: &[&str]) {
+    let missing: Vec<_> = keys.iter().filter(|key| value.get(key).is_none()).collect();
+    assert!(missing.is_empty(), "{missing:?} missing in {value}");
+}
+
+#[test]
+fn a_plan_holds_every_key_that_scripts_read() {
+    let place = Place::with("mini.yaml");
+    let plan = place.isoflop(&["plan", "mini.yaml", "--json"]).exits(0).json();
+    has_keys(&plan, &["runs", "dropped", "jobs", "total_flops", "hours", "disk_bytes"]);
+    assert_eq!((&plan["jobs"]["tokenizer"], &plan["jobs"]["run"]), (&2.into(), &8.into()));
+    assert_eq!(list(&plan, "runs").len(), 8);
+    for run in list(&plan, "runs") {
+        has_keys(
+            run,
+            &[
+                "run_id",
+                "n_layer",
+                "n_head",
+                "d_model",
+                "n_ctx",
+                "n_vocab",
+                "seed",
+                "budget_flops",
+                "flops_per_token_forward",
+                "params_nonvocab",
+                "params_vocab",
+                "tokens",
+                "steps",
+                "batch_tokens",
+                "lr",
+                "achieved_ratio",
+                "peak_bytes",
+                "state",
+            ],
+        );
+        has_keys(&run["flops_per_token_forward"], &["openai", "exact"]);
+        assert_eq!(run["state"], "missing");
+    }
+    assert!(plan["hours"].as_f64().is_some_and(|hours| hours > 0.0), "{}", plan["hours"]);
+    assert!(!place.path("results").exists(), "a plan writes nothing");
+}
+
+/// The integers follow from ScaMo's Code 1 at n_ctx = 201.
+#[test]
+fn the_published_grid_is_priced_without_its_data() {
+    let place = Place::new();
+    place.write("scamo.yaml", SCAMO);
+    let ended = place.isoflop(&["plan", "scamo.yaml", "--json"]).exits(0);
+    let ended = ended.says("no/such/folder").says("provisional").does_not_say("epochs, up to");
+    let plan = ended.json();
+    let flops = list(&plan, "runs").iter().map(|run| {
+        assert_eq!(run["n_ctx"], 201);
+        assert_eq!(run["epochs"], Value::Null, "without data there are no epochs to count");
+        let price = run["flops_per_token_forward"]["openai"].as_u64().expect("a whole number");
+        (run["d_model"].as_u64().unwrap(), run["n_vocab"].as_u64().unwrap(), price)
+    });
+    let expected = [
+        (512, [52226048, 53004288, 117516288]),
+        (768, [173945856, 175113216, 271881216]),
+        (1024, [614354944, 615911424, 744935424]),
+        (1280, [1434721280, 1436666880, 1597946880]),
+        (1536, [2748291072, 2750625792, 2944161792]),
+        (3200, [5930662400, 5935526400, 6338726400]),
+    ];
+    let expected = expected.into_iter().flat_map(|(d_model, prices)| {
+        [240, 1000, 64000].into_iter().zip(prices).map(move |(v, price)| (d_model, v, price))
+    });
+    assert_eq!(flops.collect::<Vec<_>>(), expected.collect::<Vec<_>>());
+}
+
+/// No other child of this process comes near the bound, so the largest of them is below it.
+#[cfg(target_os = "linux")]
+#[test]
+fn pricing_billions_of_parameters_builds_none_of_them() {
+    use nix::sys::resource::{UsageWho, getrusage};
+    let place = Place::new();
+    place.write("scamo.yaml", SCAMO);
+    let plan = place.isoflop(&["plan", "scamo.yaml", "--json"]).exits(0).json();
+    let largest = list(&plan, "runs").iter().filter_map(|run| run["peak_bytes"].as_u64()).max();
+    assert!(largest > Some(40_000_000_000), "the grid is as large as it should be: {largest:?}");
+    let peak_kib = getrusage(UsageWho::RUSAGE_CHILDREN).expect("Linux counts it").max_rss();
+    assert!(peak_kib < 1_000_000, "{peak_kib} KiB");
+}
+
+#[test]
+fn a_dropped_cell_is_listed_with_its_reason() {
+    let place = Place::with("mini.yaml");
+    let settings = ["--set", "train.min_steps=100", "--set", "grid.budgets=[1e9, 1e7]"];
+    let exclude = ["--set", "grid.exclude=['n_vocab == 64 and budget > 1e8']"];
+    let args = [&["plan", "mini.yaml", "--json"], &settings[..], &exclude].concat();
+    let plan = place.isoflop(&args).exits(0).json();
+    let reasons: Vec<&str> =
+        list(&plan, "dropped").iter().map(|cell| cell["reason"].as_str().unwrap()).collect();
+    let excluded = "excluded by `n_vocab == 64 and budget > 1e8`";
+    assert_eq!(reasons.iter().filter(|reason| **reason == excluded).count(), 2);
+    let short = reasons.iter().filter(|reason| reason.contains("train.min_steps = 100")).count();
+    assert_eq!((short, reasons.len(), list(&plan, "runs").len()), (4, 6, 2));
+}
+
+#[test]
+fn a_plan_says_what_is_done_and_which_field_made_the_rest_stale() {
+    let place = finished_mini();
+    let states = |args: &[&str]| {
+        let plan =
+            place.isoflop(&[&["plan", "mini.yaml", "--json"], args].concat()).exits(0).json();
+        let states = list(&plan, "runs").iter().map(|run| run["state"].clone());
+        (states.collect::<Vec<_>>(), plan["stale"].clone())
+    };
+    assert_eq!(states(&[]), (vec!["done".into(); 8], serde_json::json!([])));
+    for (setting, fields) in [
+        ("train.lr.coefficient=0.01", vec!["lr"]),
+        ("train.betas=[0.9, 0.99]", vec!["betas"]),
+        ("tokenizer.steps=21", vec!["tokenizer.steps"]),
+        ("data.seed=1", vec!["data_digest"]),
+        ("text.dim=8", vec!["model.d_text", "text_id"]),
+    ] {
+        let stale = serde_json::json!([{ "runs": 8, "fields": fields }]);
+        assert_eq!(states(&["--set", setting]), (vec!["missing".into(); 8], stale), "{setting}");
+    }
+    let other =
+        place.isoflop(&["plan", "mini.yaml", "--set", "train.lr.coefficient=0.01"]).exits(0);
+    assert!(other.stdout().contains("stale: 8 finished runs differ in lr"), "{}", other.stdout());
+}
