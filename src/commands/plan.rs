@@ -3,6 +3,7 @@
 use anyhow::Result;
 use isoflop::plan::{Plan, PlannedRun, TokenizerJob};
 use isoflop::record::{JobState, ResultsFolder};
+use isoflop::schedule::probe;
 use serde_json::{Value, json};
 
 use super::args::PlanArgs;
@@ -18,7 +19,13 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     plan.warnings().iter().for_each(|line| output.warn(line));
     let missing: Vec<&PlannedRun> =
         plan.runs.iter().filter(|run| folder.run_state(&run.run_id) != JobState::Done).collect();
-    let hours = isoflop::schedule::probe::hours(&missing, &device, args.sweep.slots());
+    let tokenizers: Vec<_> = plan
+        .tokenizers
+        .iter()
+        .filter(|job| missing.iter().any(|run| run.spec.tokenizer_id == job.id()))
+        .filter(|job| folder.tokenizer_state(&job.id()) != JobState::Done)
+        .collect();
+    let hours = probe::hours(&missing, &tokenizers, &device, args.sweep.slots());
     let stale = stale(&plan, &folder);
     let mut document = json(&plan, &folder);
     document["hours"] = json!(hours);

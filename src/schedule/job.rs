@@ -1,6 +1,6 @@
 //! [`Job`]: one thing to do, and what it waits for.
 
-use crate::plan::Plan;
+use crate::plan::{Plan, TokenizerJob};
 use crate::record::{JobState, ResultsFolder};
 
 /// What kind of work a job is, and its id.
@@ -72,17 +72,23 @@ fn priority(job: &Job) -> f64 {
     }
 }
 
-/// FLOPs of a frame through encoder and decoder, as a multiple of width²: about 40 products of
-/// c × c a pair of frames, forward and backward.
-const FLOPS_PER_FRAME_AND_WIDTH_SQUARED: f64 = 250.0;
+/// FLOPs of a training frame as a multiple of width², so counted that they take as long as those of
+/// a run: a step of 2048 frames at width 64 takes as long as 1.3e9 FLOPs of a small model.
+const FLOPS_PER_FRAME_AND_WIDTH_SQUARED: f64 = 150.0;
 
-fn tokenizer_job(job: &crate::plan::TokenizerJob) -> Job {
+/// FLOPs that training a tokenizer counts for, beside the budgets of runs.
+pub fn tokenizer_cost(job: &TokenizerJob) -> f64 {
     let spec = &job.spec;
     let frames = (spec.steps * spec.batch * spec.window) as f64;
+    frames * FLOPS_PER_FRAME_AND_WIDTH_SQUARED * (spec.width as f64).powi(2)
+}
+
+fn tokenizer_job(job: &TokenizerJob) -> Job {
+    let kind = &job.spec.kind;
     Job {
-        label: format!("{} tokenizer V{}", spec.kind.name(), spec.n_vocab()),
+        label: format!("{} tokenizer V{}", kind.name(), kind.n_vocab()),
         kind: JobKind::Tokenizer(job.id()),
-        cost: frames * FLOPS_PER_FRAME_AND_WIDTH_SQUARED * (spec.width as f64).powi(2),
+        cost: tokenizer_cost(job),
         waits_for: None,
     }
 }

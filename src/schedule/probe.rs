@@ -7,9 +7,10 @@ use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+use super::job::tokenizer_cost;
 use crate::model::{Batch, Model, Sequence, end_token};
 use crate::plan::flops::openai_per_token;
-use crate::plan::{ModelShape, PlannedRun};
+use crate::plan::{ModelShape, PlannedRun, TokenizerJob};
 use crate::train::adamw::{AdamW, AdamWConfig};
 
 /// Models measured at most, from the smallest to the largest.
@@ -24,11 +25,19 @@ const PROBE_TIME: Duration = Duration::from_millis(300);
 const PROBE_TEXT: usize = 12;
 const PROBE_CODES: usize = 36;
 
-/// Hours that the runs take on `slots` slots, by steps measured now on one thread.
-pub fn hours(runs: &[&PlannedRun], device: &Device, slots: usize) -> f64 {
+/// Hours that the runs and the tokenizers they wait for take on `slots` slots, by training steps
+/// measured now on one thread. Tokenizers are priced at the best rate measured.
+pub fn hours(
+    runs: &[&PlannedRun],
+    tokenizers: &[&TokenizerJob],
+    device: &Device,
+    slots: usize,
+) -> f64 {
     let rates = on_one_thread(|| measure(runs, device));
+    let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
+    let first: f64 = tokenizers.iter().map(|job| tokenizer_cost(job) / best).sum();
     let seconds = |run: &&PlannedRun| run.spec.budget_flops / rate_at(&rates, run.params.total());
-    let together: f64 = runs.iter().map(seconds).sum();
+    let together: f64 = first + runs.iter().map(seconds).sum::<f64>();
     let longest = runs.iter().map(seconds).fold(0.0, f64::max);
     (together / slots as f64).max(longest) / 3600.0
 }

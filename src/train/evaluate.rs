@@ -5,9 +5,10 @@ use crate::model::{Batch, Model, Sequence, end_token};
 use crate::text::TextStore;
 use crate::tokenizer::TokenStore;
 
-/// Targets a forward pass of evaluation, and logits, which bound it at large vocabularies.
-const TARGETS_PER_PASS: usize = 2048;
-const LOGITS_PER_PASS: usize = 1 << 23;
+/// Targets a forward pass of evaluation at most.
+pub const TARGETS_PER_PASS: usize = 2048;
+/// Logits a forward pass of evaluation at most, but for a single clip.
+pub const LOGITS_PER_PASS: usize = 1 << 23;
 
 /// Losses of a model on a split, in nats.
 #[derive(Clone, Copy, Debug, PartialEq)]
