@@ -250,10 +250,15 @@ fn beats(stop: &Stop) -> impl FnMut(usize, usize, f64) -> ControlFlow<()> {
 }
 
 /// The largest resident set of this process so far, in bytes.
+///
+/// From the kernel's high-water mark: `getrusage` would give the scheduler's where that is larger,
+/// since it outlives the start of another program.
 #[cfg(target_os = "linux")]
 fn peak_bytes() -> u64 {
-    use nix::sys::resource::{UsageWho, getrusage};
-    getrusage(UsageWho::RUSAGE_SELF).map_or(0, |usage| usage.max_rss() as u64 * 1024)
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kibibytes = line.and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse().ok());
+    kibibytes.map_or(0, |n: u64| n * 1024)
 }
 
 /// Unknown here: systems count it in different units.
