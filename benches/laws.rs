@@ -200,23 +200,7 @@ fn load(path: &Path, request: &Request) -> Vec<IsoFlopPoint> {
 
 /// The records of a sweep as its laws see them.
 fn points(records: &[RunRecord], rule: FlopsRule) -> Vec<IsoFlopPoint> {
-    let point = |r: &RunRecord| IsoFlopPoint {
-        run_id: r.run_id.clone(),
-        seed: r.seed,
-        budget_flops: r.budget_flops,
-        flops: match rule {
-            FlopsRule::OpenAi => r.flops_openai,
-            FlopsRule::SixNd => r.flops_6nd,
-            FlopsRule::Exact => r.flops_exact,
-        },
-        params_nonvocab: r.params_nonvocab as f64,
-        params_vocab: r.params_vocab as f64,
-        n_vocab: r.n_vocab as f64,
-        tokens: r.tokens as f64,
-        loss_normalised: r.loss_normalised,
-        weight: 1.0,
-    };
-    records.iter().map(point).collect()
+    records.iter().map(|record| record.point(rule)).collect()
 }
 
 criterion_group! {

@@ -7,7 +7,7 @@ use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
 use super::panel::Panel;
 use super::scene::{Point, Scene, Stroke};
-use super::series::{Look, category_looks, explain_models};
+use super::series::{Look, category_looks, explain_models, marked_line};
 use super::{Drawing, Sources};
 
 pub fn draw(sources: &Sources) -> Drawing {
@@ -64,10 +64,7 @@ fn series(
 ) {
     let of_series = |cell: &&Cell| cell.model == *model && cell.n_vocab == n_vocab;
     let points: Vec<_> = sources.cells.cells.iter().filter(of_series).map(point).collect();
-    panel.line(scene, &points, look.stroke());
-    for &at in &points {
-        panel.mark(scene, at, look.mark());
-    }
+    marked_line(scene, panel, &points, look);
 }
 
 fn point(cell: &Cell) -> Point {

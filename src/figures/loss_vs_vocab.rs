@@ -7,7 +7,7 @@ use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
 use super::panel::Panel;
 use super::scene::{Mark, Marker, Point, Scene};
-use super::series::{Look, category_looks, explain_models};
+use super::series::{Look, category_looks, explain_models, marked_line};
 use super::ticks::scientific;
 use super::{Drawing, Sources};
 
@@ -66,10 +66,7 @@ fn series(
 ) {
     let of_series = |cell: &&Cell| cell.model == *model && cell.budget_flops == budget;
     let points: Vec<_> = sources.cells.cells.iter().filter(of_series).map(point).collect();
-    panel.line(scene, &points, look.stroke());
-    for &at in &points {
-        panel.mark(scene, at, look.mark());
-    }
+    marked_line(scene, panel, &points, look);
 }
 
 fn point(cell: &Cell) -> Point {

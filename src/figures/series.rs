@@ -3,7 +3,8 @@
 use super::cells::Model;
 use super::colour::{Rgb, categories, ordered};
 use super::legend::{Legend, Sample};
-use super::scene::{Mark, Marker, Stroke};
+use super::panel::Panel;
+use super::scene::{Mark, Marker, Point, Scene, Stroke};
 use super::ticks::scientific;
 
 /// Colour and marker of one series.
@@ -24,6 +25,14 @@ impl Look {
 
     pub fn sample(self) -> Sample {
         Sample::MarkedLine(self.stroke(), self.mark())
+    }
+}
+
+/// Points joined by a line and marked, all in one look.
+pub fn marked_line(scene: &mut Scene, panel: &Panel, points: &[Point], look: Look) {
+    panel.line(scene, points, look.stroke());
+    for &at in points {
+        panel.mark(scene, at, look.mark());
     }
 }
 

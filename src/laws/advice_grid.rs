@@ -2,6 +2,7 @@
 
 use super::minima::Grid;
 use super::split::Split;
+use super::stats::distinct;
 
 /// The ratio of neighbouring levels where a sweep shows none.
 const DEFAULT_RATIO: f64 = 2.0;
@@ -35,7 +36,7 @@ impl Spacing {
 
 /// The median ratio of neighbours, the upper one of an even number; none for fewer than two levels.
 pub(super) fn median_ratio(levels: &[f64]) -> Option<f64> {
-    let sorted = sorted(levels.iter().copied());
+    let sorted = distinct(levels.iter().copied());
     let mut ratios: Vec<f64> = sorted.windows(2).map(|pair| pair[1] / pair[0]).collect();
     ratios.sort_by(f64::total_cmp);
     ratios.get(ratios.len() / 2).copied()
@@ -46,7 +47,7 @@ pub(super) fn beyond(levels: &[f64], upwards: bool, ratio: f64, n: usize) -> Vec
     let step = if upwards { ratio } else { 1.0 / ratio };
     let end = if upwards { levels.last() } else { levels.first() };
     let new = end.map(|end| (1..=n).map(move |i| end * step.powi(i as i32)));
-    sorted(new.into_iter().flatten())
+    distinct(new.into_iter().flatten())
 }
 
 /// Rising levels filled up to `n` by turns above and below; one level so becomes the centre.
@@ -62,22 +63,15 @@ pub(super) fn around(levels: &[f64], ratio: f64, n: usize) -> Vec<f64> {
     all
 }
 
-pub(super) fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.dedup();
-    sorted
-}
-
 impl Grid {
     /// The sizes tried, rising.
     pub fn size_levels(&self) -> Vec<f64> {
-        sorted(self.sizes.iter().map(|size| size.best.params_nonvocab))
+        distinct(self.sizes.iter().map(|size| size.best.params_nonvocab))
     }
 
     /// The vocabularies tried, rising; none where no cell has one.
     pub fn vocabularies(&self) -> Vec<f64> {
-        sorted(self.cells.iter().map(|cell| cell.n_vocab).filter(|v| *v > 0.0))
+        distinct(self.cells.iter().map(|cell| cell.n_vocab).filter(|v| *v > 0.0))
     }
 
     /// Runs of a cell, rounded.

@@ -10,9 +10,9 @@ use super::split::Split;
 use super::stats::MIN_REPLICATES;
 use super::validation::validate;
 use super::{
-    FitError, FitOptions, FloorLaw, HeldOut, IsoFlopPoint, LawKind, Laws, LogLaw, LossLaws,
-    Minimum, MinimumMethod, Parameters, PowerLaws, RunNoise, check, floor_law, intervals, law_set,
-    sensitivity, warnings,
+    FitError, FitOptions, FloorLaw, HeldOut, IsoFlopPoint, LawKind, LawSample, Laws, LogLaw,
+    LossLaws, Minimum, MinimumMethod, Parameters, PowerLaws, RunNoise, check, floor_law, intervals,
+    law_set, sensitivity, warnings,
 };
 
 /// Fits every law to a table of finished runs.
@@ -139,7 +139,8 @@ fn laws_through(
     })?;
     let replicates = intervals::laws(&replicas.replicates);
     let floor = floor_law(&columns.compute, &columns.loss, reference);
-    let floor = floor.map(|law| intervals::of_floor(law, &replicates));
+    let samples: Vec<LawSample> = replicates.iter().map(|replicate| replicate.sample).collect();
+    let floor = floor.map(|law| intervals::of_floor(law, &samples));
     let held_out = split.held_out_minimum(method);
 
     let mut warnings: Vec<String> = warnings::of_held_out(held_out.as_ref()).into_iter().collect();
@@ -173,7 +174,7 @@ fn laws_through(
         validation: Vec::new(),
         advice: Vec::new(),
         noise: replicas.noise,
-        bootstrap: replicates.iter().map(|replicate| replicate.sample).collect(),
+        bootstrap: samples,
         warnings,
     })
 }

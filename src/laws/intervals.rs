@@ -32,7 +32,7 @@ pub(super) fn of_set(mut set: LawSet, replicates: &[ReplicateLaws], reference: f
 }
 
 /// `coefficients` holds ln y at C0 and the exponent of each replicate.
-fn of_power(law: &mut PowerLaw, coefficients: &[(f64, f64)], ln_reference: f64) {
+pub(super) fn of_power(law: &mut PowerLaw, coefficients: &[(f64, f64)], ln_reference: f64) {
     let interval = |value: &dyn Fn(&(f64, f64)) -> f64| {
         interval95(&coefficients.iter().map(value).collect::<Vec<_>>())
     };
@@ -53,8 +53,8 @@ fn of_log(law: LogLaw, samples: &[LawSample]) -> LogLaw {
 }
 
 /// The floor law with the interval of each coefficient, over the replicates that had one.
-pub(super) fn of_floor(law: FloorLaw, replicates: &[ReplicateLaws]) -> FloorLaw {
-    let samples: Vec<FloorSample> = replicates.iter().filter_map(|r| r.sample.floor).collect();
+pub(super) fn of_floor(law: FloorLaw, samples: &[LawSample]) -> FloorLaw {
+    let samples: Vec<FloorSample> = samples.iter().filter_map(|sample| sample.floor).collect();
     let interval =
         |value: fn(&FloorSample) -> f64| interval95(&samples.iter().map(value).collect::<Vec<_>>());
     FloorLaw {

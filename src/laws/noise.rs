@@ -3,6 +3,7 @@
 use super::cell::Cell;
 use super::least_squares::least_squares;
 use super::minima::{Grid, Scale};
+use super::stats::distinct;
 use super::{NoiseSource, RunNoise};
 
 /// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever
@@ -124,10 +125,7 @@ fn power(x: f64, i: i32) -> f64 {
 }
 
 fn levels(cells: &[Cell], of: fn(&Cell) -> f64) -> usize {
-    let mut values: Vec<f64> = cells.iter().map(of).collect();
-    values.sort_by(f64::total_cmp);
-    values.dedup();
-    values.len()
+    distinct(cells.iter().map(of)).len()
 }
 
 #[cfg(test)]

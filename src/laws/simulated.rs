@@ -86,6 +86,17 @@ pub(crate) struct Simulated<'a> {
     pub seed: u64,
 }
 
+/// Five budgets of seven sizes and five vocabularies around their optima, one seed, little noise.
+pub(crate) const SWEEP: Simulated = Simulated {
+    budgets: &[1e15, 3e15, 1e16, 3e16, 1e17],
+    n_sizes: 7,
+    off_centre: 0.1,
+    vocabularies: &[2500.0, 7500.0, 22500.0, 67500.0, 202500.0],
+    n_seeds: 1,
+    noise: 0.003,
+    seed: 2,
+};
+
 impl Simulated<'_> {
     pub fn points(&self) -> Vec<IsoFlopPoint> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);

@@ -1,6 +1,7 @@
 //! The budgets that are fitted, and the one that is not.
 
 use super::minima::{self, Grid};
+use super::stats::distinct;
 use super::{Budget, FitOptions, HeldOut, Minimum, MinimumMethod};
 
 /// A table's budgets, gridded and parted once at the start of a fit: nothing after this looks at
@@ -42,9 +43,6 @@ impl Split {
     /// How many vocabularies the fitted budgets tried.
     pub fn n_vocabularies(&self) -> usize {
         let cells = self.fitted.iter().flat_map(|grid| &grid.cells);
-        let mut tried: Vec<f64> = cells.map(|cell| cell.n_vocab).collect();
-        tried.sort_by(f64::total_cmp);
-        tried.dedup();
-        tried.len()
+        distinct(cells.map(|cell| cell.n_vocab)).len()
     }
 }

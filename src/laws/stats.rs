@@ -14,6 +14,14 @@ pub(crate) fn standard_deviation(values: &[f64]) -> f64 {
     if values.len() < 2 { 0.0 } else { (squares / (n - 1.0)).sqrt() }
 }
 
+/// The different values among some, ascending.
+pub(crate) fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
+}
+
 /// The quantile at `p` in 0..=1 by linear interpolation between order statistics (R's type 7);
 /// none for no values.
 pub(crate) fn quantile(values: &[f64], p: f64) -> Option<f64> {

@@ -80,18 +80,8 @@ fn predicted(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::laws::simulated::Simulated;
+    use crate::laws::simulated::{SWEEP, Simulated};
     use crate::laws::{Laws, fit};
-
-    const SWEEP: Simulated = Simulated {
-        budgets: &[1e15, 3e15, 1e16, 3e16, 1e17],
-        n_sizes: 7,
-        off_centre: 0.1,
-        vocabularies: &[2500.0, 7500.0, 22500.0, 67500.0, 202500.0],
-        n_seeds: 1,
-        noise: 0.003,
-        seed: 2,
-    };
 
     fn laws(sweep: Simulated) -> Laws {
         let options = FitOptions { bootstrap: 0, ..FitOptions::default() };

@@ -33,6 +33,20 @@ pub enum JobState {
     Missing,
 }
 
+/// How far the job of a folder is; `last` is the file that it writes when all else is there.
+fn job_state(job: &Path, last: &str) -> JobState {
+    let has = |name: &str| job.join(name).exists();
+    if has(last) {
+        JobState::Done
+    } else if has("failure.json") {
+        JobState::Failed
+    } else if has("checkpoint") {
+        JobState::Started
+    } else {
+        JobState::Missing
+    }
+}
+
 /// How far the runs of a folder are, as seen at one time.
 #[derive(Clone, Debug, Default)]
 pub struct RunStates(HashMap<String, JobState>);
@@ -94,16 +108,7 @@ impl ResultsFolder {
 
     /// How far a run is.
     pub fn run_state(&self, run_id: &str) -> JobState {
-        let folder = self.run(run_id);
-        if folder.join("record.json").exists() {
-            JobState::Done
-        } else if folder.join("failure.json").exists() {
-            JobState::Failed
-        } else if folder.join("checkpoint").exists() {
-            JobState::Started
-        } else {
-            JobState::Missing
-        }
+        job_state(&self.run(run_id), "record.json")
     }
 
     /// How far each run is that has a folder, by id; the others are missing. One listing of the
@@ -117,16 +122,7 @@ impl ResultsFolder {
 
     /// How far a tokenizer is: its metrics are written last.
     pub fn tokenizer_state(&self, tokenizer_id: &str) -> JobState {
-        let folder = self.tokenizer(tokenizer_id);
-        if folder.join("metrics.json").exists() {
-            JobState::Done
-        } else if folder.join("failure.json").exists() {
-            JobState::Failed
-        } else if folder.join("checkpoint").exists() {
-            JobState::Started
-        } else {
-            JobState::Missing
-        }
+        job_state(&self.tokenizer(tokenizer_id), "metrics.json")
     }
 
     /// The record of a finished run; `None` where it has none.

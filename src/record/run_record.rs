@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::laws::IsoFlopPoint;
+use crate::sweep::FlopsRule;
+
 /// One finished run: what was trained, what it spent, how well it did.
 ///
 /// Written whole, by rename, after success only. Losses are in nats, times in seconds.
@@ -63,4 +66,31 @@ pub struct RunRecord {
     pub tokenizer_id: String,
     pub device: String,
     pub git_revision: String,
+}
+
+impl RunRecord {
+    /// Training FLOPs achieved, by a rule.
+    pub fn flops(&self, rule: FlopsRule) -> f64 {
+        match rule {
+            FlopsRule::OpenAi => self.flops_openai,
+            FlopsRule::SixNd => self.flops_6nd,
+            FlopsRule::Exact => self.flops_exact,
+        }
+    }
+
+    /// The run as the laws see it, its FLOPs counted by a rule.
+    pub fn point(&self, rule: FlopsRule) -> IsoFlopPoint {
+        IsoFlopPoint {
+            run_id: self.run_id.clone(),
+            seed: self.seed,
+            budget_flops: self.budget_flops,
+            flops: self.flops(rule),
+            params_nonvocab: self.params_nonvocab as f64,
+            params_vocab: self.params_vocab as f64,
+            n_vocab: self.n_vocab as f64,
+            tokens: self.tokens as f64,
+            loss_normalised: self.loss_normalised,
+            weight: 1.0,
+        }
+    }
 }

@@ -84,23 +84,5 @@ fn refit(records: &[RunRecord], rule: FlopsRule, options: &FitOptions) -> Option
 }
 
 pub fn points(records: &[RunRecord], rule: FlopsRule) -> Vec<IsoFlopPoint> {
-    records
-        .iter()
-        .map(|r| IsoFlopPoint {
-            run_id: r.run_id.clone(),
-            seed: r.seed,
-            budget_flops: r.budget_flops,
-            flops: match rule {
-                FlopsRule::OpenAi => r.flops_openai,
-                FlopsRule::SixNd => r.flops_6nd,
-                FlopsRule::Exact => r.flops_exact,
-            },
-            params_nonvocab: r.params_nonvocab as f64,
-            params_vocab: r.params_vocab as f64,
-            n_vocab: r.n_vocab as f64,
-            tokens: r.tokens as f64,
-            loss_normalised: r.loss_normalised,
-            weight: 1.0,
-        })
-        .collect()
+    records.iter().map(|record| record.point(rule)).collect()
 }

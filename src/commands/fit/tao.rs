@@ -4,7 +4,7 @@
 use anyhow::{Context, Result, bail};
 use isoflop::laws::tao::{
     Criterion, DERIVATIVE_SIZES, FrontierLaws, Interpolation, PUBLISHED_MIN_FLOPS,
-    TokensPerCharacter, derivative_gamma, frontier, frontier_laws, published_units,
+    TokensPerCharacter, derivative_gamma, frontier, frontier_laws, in_millions, published_units,
 };
 use isoflop::laws::{
     Form, IsoFlopPoint, Parameters, Parametric, fit_parametric, parametric_text, wrap,
@@ -123,13 +123,4 @@ impl Tao {
 
 fn notes(sentences: &[String]) -> String {
     sentences.iter().map(|sentence| wrap("  - ", sentence)).collect()
-}
-
-fn in_millions(point: &IsoFlopPoint) -> IsoFlopPoint {
-    IsoFlopPoint {
-        params_nonvocab: point.params_nonvocab / 1e6,
-        params_vocab: point.params_vocab / 1e6,
-        tokens: point.tokens / 1e9,
-        ..point.clone()
-    }
 }

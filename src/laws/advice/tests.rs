@@ -1,16 +1,6 @@
 use super::*;
-use crate::laws::simulated::Simulated;
+use crate::laws::simulated::{SWEEP, Simulated};
 use crate::laws::{FitOptions, IsoFlopPoint, fit, summary};
-
-const SWEEP: Simulated = Simulated {
-    budgets: &[1e15, 3e15, 1e16, 3e16, 1e17],
-    n_sizes: 7,
-    off_centre: 0.1,
-    vocabularies: &[2500.0, 7500.0, 22500.0, 67500.0, 202500.0],
-    n_seeds: 1,
-    noise: 0.003,
-    seed: 2,
-};
 
 fn laws(points: &[IsoFlopPoint]) -> Laws {
     fit(points, &FitOptions { bootstrap: 100, ..FitOptions::default() }).unwrap()

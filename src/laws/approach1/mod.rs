@@ -15,7 +15,7 @@ pub use frontier::{FrontierPoint, frontier};
 use super::bare::bare;
 use super::law_set::geometric_mean;
 use super::random::below;
-use super::stats::interval95;
+use super::stats::{distinct, interval95};
 use super::{
     FitError, FloorSample, IsoFlopPoint, LawKind, LawSample, Laws, LogLaw, Parameters, PowerLaw,
     PowerLaws, check,
@@ -68,10 +68,7 @@ pub fn approach1(points: &[IsoFlopPoint], options: &Approach1Options) -> Result<
 const LEAST_SIZES: usize = 3;
 
 fn sizes(front: &[FrontierPoint]) -> usize {
-    let mut sizes: Vec<f64> = front.iter().map(|p| p.params_nonvocab).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes.dedup();
-    sizes.len()
+    distinct(front.iter().map(|p| p.params_nonvocab)).len()
 }
 
 /// Curves drawn with replacement, each time fitted anew; of a curve drawn twice one is enough.

@@ -1,6 +1,7 @@
 //! One budget's grid, ready for every method.
 
 use crate::laws::cell::{Cell, Size, best_index, cells, sizes};
+use crate::laws::stats::distinct;
 use crate::laws::{Budget, Minimum, MinimumFlag, MinimumMethod};
 
 /// The cells of one budget, their sizes and the best of them.
@@ -93,10 +94,7 @@ impl Grid {
     }
 
     pub fn n_vocabularies(&self) -> usize {
-        let mut tried: Vec<f64> = self.cells.iter().map(|cell| cell.n_vocab).collect();
-        tried.sort_by(f64::total_cmp);
-        tried.dedup();
-        tried.len()
+        distinct(self.cells.iter().map(|cell| cell.n_vocab)).len()
     }
 }
 

@@ -8,6 +8,7 @@ use super::form::{Coefficients, Form};
 use super::optimum::{Optimum, optimum, vocab_exponent};
 use super::types::Parametric;
 use crate::laws::bare::bare;
+use crate::laws::intervals;
 use crate::laws::law_set::geometric_mean;
 use crate::laws::stats::interval95;
 use crate::laws::{
@@ -91,20 +92,19 @@ fn power_laws(
     type Of = fn(&LawSample) -> (f64, f64);
     let law = |of: Of| {
         let (level, exponent) = of(own);
-        let log10 = |(level, exponent): (f64, f64)| level / LN_10 - exponent * reference.log10();
-        let interval = |value: &dyn Fn((f64, f64)) -> f64| {
-            interval95(&samples.iter().map(|s| value(of(s))).collect::<Vec<_>>())
-        };
-        PowerLaw {
-            log10_coefficient: log10((level, exponent)),
+        let mut law = PowerLaw {
+            log10_coefficient: level / LN_10 - exponent * reference.log10(),
             exponent,
             ln_at_reference: level,
             r2: 1.0,
-            exponent_ci95: interval(&|(_, exponent)| exponent),
-            ln_at_reference_ci95: interval(&|(level, _)| level),
-            log10_coefficient_ci95: interval(&log10),
+            exponent_ci95: None,
+            ln_at_reference_ci95: None,
+            log10_coefficient_ci95: None,
             n,
-        }
+        };
+        let coefficients: Vec<_> = samples.iter().map(of).collect();
+        intervals::of_power(&mut law, &coefficients, reference.ln());
+        law
     };
     let size = law(|s| (s.ln_nonvocab_at_reference, s.exponent_nonvocab));
     let split = form == Form::Approach3Vocab;
@@ -134,21 +134,19 @@ fn vocabulary(own: &LawSample, parametric: &Parametric) -> PowerLaw {
 }
 
 fn floor_law(own: &FloorSample, samples: &[LawSample], parametric: &Parametric) -> FloorLaw {
-    let interval = |of: fn(&FloorSample) -> f64| {
-        interval95(&samples.iter().filter_map(|s| s.floor.as_ref()).map(of).collect::<Vec<_>>())
-    };
-    FloorLaw {
+    let law = FloorLaw {
         floor: own.floor,
         coefficient: own.coefficient,
         exponent: own.exponent,
         r2: parametric.r2,
         aic: parametric.aic,
         held_out_error: None,
-        floor_ci95: interval(|f| f.floor),
-        coefficient_ci95: interval(|f| f.coefficient),
-        exponent_ci95: interval(|f| f.exponent),
+        floor_ci95: None,
+        coefficient_ci95: None,
+        exponent_ci95: None,
         n: parametric.n,
-    }
+    };
+    intervals::of_floor(law, samples)
 }
 
 fn warnings(parametric: &Parametric, samples: usize) -> Vec<String> {

@@ -2,6 +2,7 @@
 
 use super::FrontierError;
 use crate::laws::IsoFlopPoint;
+use crate::laws::stats::distinct;
 
 /// How far the last checkpoints of one model may differ in tokens, relatively.
 const SAME_TOKENS: f64 = 1e-6;
@@ -97,11 +98,4 @@ impl<'a> Grid<'a> {
 
 fn same_cell(run: &IsoFlopPoint, params_nonvocab: f64, n_vocab: f64) -> bool {
     run.params_nonvocab == params_nonvocab && run.n_vocab == n_vocab
-}
-
-fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.dedup();
-    values
 }

@@ -30,7 +30,7 @@ pub use frontier::{
     Criterion, FrontierLaws, FrontierPoint, Interpolation, frontier, frontier_laws,
 };
 pub use gamma::{DERIVATIVE_SIZES, DerivativeGamma, derivative_gamma};
-pub use units::{PUBLISHED_MIN_FLOPS, published_units};
+pub use units::{PUBLISHED_MIN_FLOPS, in_millions, published_units};
 
 /// Where the Huber loss of a residual in ln N turns linear, in every fit of the paper.
 const DELTA: f64 = 1e-3;

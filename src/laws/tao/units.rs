@@ -19,10 +19,16 @@ pub const PUBLISHED_MIN_FLOPS: f64 = 2.18e17;
 pub fn published_units(point: &IsoFlopPoint) -> IsoFlopPoint {
     let f = TokensPerCharacter::TAO;
     let characters = point.tokens / f.at(point.n_vocab);
+    let tokens = characters / 1e9 * f.at(point.n_vocab / 1e3);
+    IsoFlopPoint { tokens, ..in_millions(point) }
+}
+
+/// A run with N_nv and N_v in millions and its own D in billions; the rest stays.
+pub fn in_millions(point: &IsoFlopPoint) -> IsoFlopPoint {
     IsoFlopPoint {
         params_nonvocab: point.params_nonvocab / 1e6,
         params_vocab: point.params_vocab / 1e6,
-        tokens: characters / 1e9 * f.at(point.n_vocab / 1e3),
+        tokens: point.tokens / 1e9,
         ..point.clone()
     }
 }
