@@ -16,7 +16,7 @@ use isoflop::model::{Model, Transformer};
 use isoflop::ops::Kernels;
 use isoflop::plan::{ModelShape, RunSpec};
 use isoflop::train::params::{below, unit};
-use isoflop::train::{split_loss, train, weights};
+use isoflop::train::{Checkpoints, split_loss, train, weights};
 
 /// An index drawn with these probabilities.
 fn draw(probs: &[f64], rng: &mut ChaCha8Rng) -> u32 {
@@ -183,8 +183,9 @@ fn training_on_a_markov_chain_reaches_the_loss_of_the_chain() {
     let mut go_on = |_: usize, _: usize, _: f64| ControlFlow::Continue(());
     let hour = Duration::from_secs(3600);
     let inputs = corpus.inputs();
-    let trained = train(&spec, &inputs, &Device::flex(), &checkpoint, hour, &mut go_on)
-        .expect("an ordinary run");
+    let checkpoints = Checkpoints { path: &checkpoint, every: hour, branch: None };
+    let trained =
+        train(&spec, &inputs, &Device::flex(), &checkpoints, &mut go_on).expect("an ordinary run");
     let found = trained.test.loss_normalised;
     eprintln!("L_u {found:.4}, the chain's own {expected:.4}, in {:.1} s", trained.wall_s);
     assert!(expected < -0.7, "the chain must say more than its unigrams: {expected}");

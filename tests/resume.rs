@@ -15,7 +15,9 @@ use tempfile::TempDir;
 use corpus::{Clips, Corpus, small_run};
 use isoflop::plan::RunSpec;
 use isoflop::train::params::below;
-use isoflop::train::{Progress, TrainError, Trained, train, weights};
+use isoflop::train::{
+    Branch, Checkpoints, Progress, TrainError, Trained, train, train_trunk, weights,
+};
 
 const N_VOCAB: usize = 9;
 const STEPS: usize = 13;
@@ -56,7 +58,8 @@ impl Bench {
         every: Duration,
         progress: &mut Progress,
     ) -> Result<Trained, TrainError> {
-        train(&self.spec, &self.corpus.inputs(), &Device::flex(), checkpoint, every, progress)
+        let checkpoints = Checkpoints { path: checkpoint, every, branch: None };
+        train(&self.spec, &self.corpus.inputs(), &Device::flex(), &checkpoints, progress)
     }
 
     /// From the checkpoint, where there is one, to the end.
@@ -194,4 +197,58 @@ fn a_checkpoint_of_another_model_is_named_with_what_differs() {
     let message = bench.refused();
     assert!(message.contains("state.safetensors"), "{message}");
     assert!(message.contains("blocks.0.up") && message.contains("[16, 64]"), "{message}");
+}
+
+/// A run that decays over its last four steps.
+fn decaying() -> Bench {
+    let bench = Bench::new();
+    Bench { spec: RunSpec { decay_steps: Some(4), ..bench.spec.clone() }, ..bench }
+}
+
+/// Trains the beginning that runs of `steps` steps have in common, from a trunk of fewer steps.
+fn trunk(bench: &Bench, steps: usize, from: Option<Branch>) -> PathBuf {
+    let spec = RunSpec { steps, ..bench.spec.clone() }.trunk().expect("it decays");
+    let place = bench.folder.path();
+    let (state, own) = (place.join(format!("trunk-{steps}")), place.join("own"));
+    let checkpoints = Checkpoints { path: &own, every: NEVER, branch: from };
+    let mut go_on = |_: usize, _: usize, _: f64| ControlFlow::Continue(());
+    let inputs = bench.corpus.inputs();
+    train_trunk(&spec, &inputs, &Device::flex(), &checkpoints, &state, &mut go_on).unwrap();
+    state
+}
+
+#[test]
+fn a_run_that_branches_off_a_trunk_ends_on_the_bits_of_one_trained_alone() {
+    let bench = decaying();
+    let alone = bench.to_the_end(&bench.folder.path().join("alone"));
+    let first = trunk(&bench, 9, None);
+    let second = trunk(&bench, bench.spec.steps, Some(Branch { state: &first, steps: 5 }));
+    let own = bench.checkpoint();
+    let branch = Some(Branch { state: &second, steps: 9 });
+    let checkpoints = Checkpoints { path: &own, every: NEVER, branch };
+    let mut told = Vec::new();
+    let mut tell = |step: usize, steps: usize, _: f64| {
+        told.push((step, steps));
+        ControlFlow::Continue(())
+    };
+    let inputs = bench.corpus.inputs();
+    let branched = train(&bench.spec, &inputs, &Device::flex(), &checkpoints, &mut tell).unwrap();
+    assert_eq!(weight_bits(&branched), weight_bits(&alone));
+    assert_eq!(branched.test.loss_nats.to_bits(), alone.test.loss_nats.to_bits());
+    assert_eq!(branched.flops_exact, alone.flops_exact);
+    assert_eq!(told, [(1, 4), (2, 4), (3, 4), (4, 4)]);
+}
+
+#[test]
+fn a_trunk_of_another_step_is_refused() {
+    let bench = decaying();
+    let state = trunk(&bench, 9, None);
+    let own = bench.checkpoint();
+    let branch = Some(Branch { state: &state, steps: 9 });
+    let checkpoints = Checkpoints { path: &own, every: NEVER, branch };
+    let mut never = |_: usize, _: usize, _: f64| panic!("a step was done");
+    let inputs = bench.corpus.inputs();
+    let refused = train(&bench.spec, &inputs, &Device::flex(), &checkpoints, &mut never);
+    let message = refused.err().expect("five steps are not nine").to_string();
+    assert!(message.contains("of step 5, not 9"), "{message}");
 }

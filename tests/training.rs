@@ -12,7 +12,7 @@ use burn::tensor::Device;
 use corpus::{Clips, Corpus, small_run};
 use isoflop::model::Batch;
 use isoflop::plan::RunSpec;
-use isoflop::train::{TokenStream, TrainError, Trained, learning_rate, train};
+use isoflop::train::{Checkpoints, TokenStream, TrainError, Trained, learning_rate, train};
 
 /// Eight clips in which every code stands once, so that a target tells where it is from.
 fn numbered_corpus() -> Corpus {
@@ -112,6 +112,30 @@ fn the_rate_warms_up_in_equal_steps_and_decays_along_a_cosine() {
 }
 
 #[test]
+fn a_wsd_rate_stays_at_its_peak_until_it_decays() {
+    let spec = RunSpec {
+        steps: 110,
+        warmup_steps: 10,
+        lr: 0.02,
+        final_share: 0.1,
+        decay_steps: Some(25),
+        ..small_run(9)
+    };
+    let rates: Vec<f64> = (0..=spec.steps).map(|step| learning_rate(&spec, step)).collect();
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-15;
+    assert!(rates[..=10].windows(2).all(|r| r[1] > r[0]), "{rates:?}");
+    assert!(rates[10..=85].iter().all(|rate| *rate == spec.lr), "{rates:?}");
+    assert!(rates[85..].windows(2).all(|r| r[1] < r[0]), "{rates:?}");
+    // 1 − √(1/25), 1 − √(9/25), and the final share.
+    for (step, height) in [(86, 0.8), (94, 0.4), (110, 0.0)] {
+        assert!(close(rates[step], 0.02 * (0.1 + 0.9 * height)), "{rates:?}");
+    }
+    let trunk = spec.trunk().expect("it decays");
+    assert_eq!(trunk.steps, 85);
+    assert!((0..85).all(|step| learning_rate(&trunk, step) == rates[step]));
+}
+
+#[test]
 fn without_warm_up_the_rate_starts_at_its_peak() {
     let spec = RunSpec { warmup_steps: 0, ..small_run(9) };
     assert_eq!(learning_rate(&spec, 0), spec.lr);
@@ -130,7 +154,8 @@ fn outcome(change: impl FnOnce(&mut RunSpec)) -> (Result<Trained, TrainError>, V
     };
     let (checkpoint, hour) = (folder.path().join("state"), Duration::from_secs(3600));
     let inputs = corpus.inputs();
-    let result = train(&spec, &inputs, &Device::flex(), &checkpoint, hour, &mut progress);
+    let checkpoints = Checkpoints { path: &checkpoint, every: hour, branch: None };
+    let result = train(&spec, &inputs, &Device::flex(), &checkpoints, &mut progress);
     (result, reported)
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use isoflop::record::JobKind;
 
 use super::fit::FitArgs;
 
@@ -183,8 +184,7 @@ pub enum ExportForm {
 #[derive(Args)]
 pub struct WorkerArgs {
     pub results: PathBuf,
-    #[arg(value_enum)]
-    pub kind: WorkerKind,
+    pub kind: JobKind,
     pub id: String,
     #[arg(long, value_enum, default_value_t = DeviceName::Flex)]
     pub device: DeviceName,
@@ -196,10 +196,4 @@ pub struct GuardArgs {
     pub lock: PathBuf,
     /// What the program's environment says
     pub mark: String,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum WorkerKind {
-    Tokenizer,
-    Run,
 }

@@ -2,18 +2,17 @@
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
-use isoflop::data::{self, DataFacts, MotionSource};
+use isoflop::data::{self, DataFacts};
 use isoflop::plan::{Plan, longest_run};
 use isoflop::record::ResultsFolder;
 use isoflop::sweep::{self, Clips, DataSource, Sweep};
 
 use super::args::{DeviceName, SweepArgs};
 
-/// A sweep whose data is open.
+/// A sweep and its plan over its data.
 pub struct OpenSweep {
     /// As resolved: `clips: auto` is a number here.
     pub sweep: Sweep,
-    pub source: Box<dyn MotionSource>,
     pub plan: Plan,
     pub folder: ResultsFolder,
 }
@@ -33,7 +32,7 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
         sweep.data.clips = Clips::Count(source.n_clips(data::Split::Train));
     }
     let plan = Plan::new(&sweep, DataFacts::of(&*source));
-    Ok(OpenSweep { sweep, source, plan, folder })
+    Ok(OpenSweep { sweep, plan, folder })
 }
 
 /// The plan of a sweep whose data may not be here: then ids are provisional, and it says so.

@@ -1,5 +1,6 @@
 //! The commands: one file each, each telling its whole story.
 
+mod analyse;
 mod args;
 mod cancel;
 mod command_line;

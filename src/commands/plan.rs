@@ -1,11 +1,11 @@
 //! `isoflop plan`: what a sweep will do and cost.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 use anyhow::Result;
-use isoflop::plan::{Plan, PlannedRun, TokenizerJob};
-use isoflop::record::{JobState, ResultsFolder, RunStates};
-use isoflop::schedule::probe;
+use isoflop::plan::{Plan, PlannedRun, TokenizerJob, Trunk};
+use isoflop::record::{JobId, JobKind, JobState, ResultsFolder, RunStates};
+use isoflop::schedule::{Job, inputs, probe};
 use serde_json::{Value, json};
 
 use super::args::PlanArgs;
@@ -27,9 +27,10 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
         .tokenizers
         .iter()
         .filter(|job| wanted.contains(job.id().as_str()))
-        .filter(|job| folder.tokenizer_state(&job.id()) != JobState::Done)
+        .filter(|job| state_of_tokenizer(job, &folder) != JobState::Done)
         .collect();
-    let hours = probe::hours(&missing, &tokenizers, &device, args.sweep.slots());
+    let trunks: Vec<&Trunk> = open_trunks(&plan, &missing, &folder);
+    let hours = probe::hours(&missing, &trunks, &tokenizers, &device, args.sweep.slots());
     let stale = stale(&plan, &folder);
     let document = || {
         let mut document = json(&plan, &folder);
@@ -43,17 +44,51 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// The trunks that missing runs branch off, and those that these go on from.
+fn open_trunks<'a>(
+    plan: &'a Plan,
+    missing: &[&PlannedRun],
+    folder: &ResultsFolder,
+) -> Vec<&'a Trunk> {
+    let mut wanted: HashSet<&str> =
+        missing.iter().filter_map(|run| run.trunk_id.as_deref()).collect();
+    let state = |id: &str| folder.state(&JobId::new(JobKind::Trunk, id));
+    let mut open = Vec::new();
+    for trunk in plan.trunks.iter().rev() {
+        let id = trunk.trunk_id.as_str();
+        if wanted.contains(id) && state(id) != JobState::Done {
+            wanted.extend(trunk.from.as_deref());
+            open.push(trunk);
+        }
+    }
+    open
+}
+
 /// The plan as a JSON document, but for the hours, which are measured, and what is stale.
 pub fn json(plan: &Plan, folder: &ResultsFolder) -> Value {
     let states = folder.run_states();
+    let inputs = inputs(plan);
+    let jobs = jobs(plan, &inputs);
     json!({
         "runs": plan.runs.iter().map(|run| run_json(run, &states)).collect::<Vec<_>>(),
         "tokenizers": plan.tokenizers.iter().map(|job| tokenizer_json(job, folder)).collect::<Vec<_>>(),
         "dropped": plan.dropped,
-        "jobs": { "tokenizer": plan.tokenizers.len(), "run": plan.runs.len() },
+        "inputs": inputs,
+        "jobs": jobs,
         "total_flops": plan.total_flops(),
+        "trained_flops": plan.trained_flops(),
         "disk_bytes": disk_bytes(plan),
     })
+}
+
+/// Jobs by kind.
+fn jobs(plan: &Plan, inputs: &[Job]) -> BTreeMap<JobKind, usize> {
+    let mut jobs: BTreeMap<JobKind, usize> = JobKind::ALL.map(|kind| (kind, 0)).into();
+    jobs.insert(JobKind::Run, plan.runs.len());
+    for job in inputs {
+        *jobs.entry(job.id.kind).or_default() += 1;
+    }
+    jobs
 }
 
 fn run_json(run: &PlannedRun, states: &RunStates) -> Value {
@@ -78,9 +113,12 @@ fn run_json(run: &PlannedRun, states: &RunStates) -> Value {
         "batch_tokens": run.spec.batch_tokens,
         "lr": run.spec.lr,
         "warmup_steps": run.spec.warmup_steps,
+        "decay_steps": run.spec.decay_steps,
         "achieved_ratio": run.achieved_ratio,
         "peak_bytes": run.peak_bytes,
         "tokenizer_id": run.spec.tokenizer_id,
+        "trunk_id": run.trunk_id,
+        "own_flops": run.own_flops(),
         "state": states.of(&run.run_id),
     })
 }
@@ -92,13 +130,20 @@ fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
         "kind": job.spec.kind.name(),
         "n_vocab": job.spec.n_vocab(),
         "steps": job.spec.steps,
-        "state": folder.tokenizer_state(&id),
+        "state": state_of_tokenizer(job, folder),
     })
 }
 
-/// Weights of each run, codes of each tokenizer; checkpoints while they last are three times that.
+fn state_of_tokenizer(job: &TokenizerJob, folder: &ResultsFolder) -> JobState {
+    folder.state(&JobId::new(JobKind::Tokenizer, job.id()))
+}
+
+/// Weights of each run, weights and moments of each trunk, codes of each tokenizer; checkpoints
+/// while they last are three times a run's weights.
 pub fn disk_bytes(plan: &Plan) -> u64 {
     let weights: usize = plan.runs.iter().map(|run| 4 * run.params.total()).sum();
     let codes = plan.tokenizers.len() * 4 * plan.data.unique_tokens;
-    (weights + codes) as u64
+    let params = |trunk: &Trunk| trunk.spec.model.params(trunk.spec.n_vocab).total();
+    let trunks: usize = plan.trunks.iter().map(|trunk| 12 * params(trunk)).sum();
+    (weights + trunks + codes) as u64
 }

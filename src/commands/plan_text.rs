@@ -30,13 +30,27 @@ pub fn text(plan: &Plan, states: &RunStates, stale: &[Stale], cost: &str) -> Str
 pub fn cost(plan: &Plan, hours: f64, args: &SweepArgs) -> String {
     let peak = plan.runs.iter().map(|run| run.peak_bytes).max().unwrap_or(0);
     format!(
-        "{:.2e} FLOPs in all; {} to go with {} jobs side by side; {} of memory for the largest \
+        "{}; {} to go with {} jobs side by side; {} of memory for the largest \
          run, {} on disk",
-        plan.total_flops(),
+        flops(plan),
         time(hours),
         args.slots(),
         bytes(peak),
         bytes(disk_bytes(plan)),
+    )
+}
+
+/// What the runs cost together, and what they save where they share trunks.
+fn flops(plan: &Plan) -> String {
+    let (alone, trained) = (plan.total_flops(), plan.trained_flops());
+    if plan.trunks.is_empty() {
+        return format!("{alone:.2e} FLOPs in all");
+    }
+    format!(
+        "{trained:.2e} FLOPs in all, {:.1} % less than the {alone:.2e} of every run alone: {} \
+         trunks are shared",
+        100.0 * (1.0 - trained / alone),
+        plan.trunks.len()
     )
 }
 

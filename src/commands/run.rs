@@ -3,25 +3,19 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use isoflop::figures::Drawn;
-use isoflop::laws::Laws;
-use isoflop::record::{ResultsFolder, RunRecord, atomic, table};
+use isoflop::record::{JobId, JobKind, ResultsFolder, atomic};
 use isoflop::schedule::presence::Held;
 use isoflop::schedule::{
-    Display, Job, JobEnd, JobReport, LocalProcesses, missing_jobs, run_all, stop_on_signals,
+    Display, Executor, Job, JobEnd, JobReport, LocalPool, LocalProcesses, inputs, missing_jobs,
+    stop_on_signals,
 };
-use isoflop::sweep::{DataSource, Sweep};
-use isoflop::{plan::Plan, text};
-use rayon::prelude::*;
-use serde_json::json;
 
 use super::args::RunArgs;
 use super::command_line::CommandLine;
 use super::context::{OpenSweep, device, open_sweep};
 use super::exit::Exit;
-use super::finished::{self, Finished};
 use super::output::Output;
-use super::{failures, fit, plan, plot, predict};
+use super::{analyse, failures, plan};
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
     device(args.sweep.device)?;
@@ -39,7 +33,7 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
         output.note("interrupted; the same command goes on from here");
         return Ok(Exit::Interrupted);
     }
-    finish(&open, output)?;
+    analyse::finish(&open.folder, output)?;
     failures::report(args, &open.plan, &open.folder, &reports, output)
 }
 
@@ -58,27 +52,29 @@ fn hold(folder: &ResultsFolder, output: &Output) -> Result<Held> {
     Held::take(folder, waiting).with_context(|| format!("cannot make the folder {root} mine"))
 }
 
-/// Writes down what workers read: the resolved sweep, the plan, the jobs, the embedded captions.
+/// Writes down what workers read: the resolved sweep, the plan, what each job is to make.
 fn prepare(open: &OpenSweep, retry_failed: bool) -> Result<()> {
-    let OpenSweep { sweep, source, plan, folder } = open;
-    for place in [folder.root(), &folder.file("text"), &folder.file("figures")] {
+    let OpenSweep { sweep, plan, folder } = open;
+    for place in [folder.root(), &folder.file("figures")] {
         atomic::remove_partial(place).context("removing half-written files")?;
     }
     atomic::write_bytes(&folder.file("sweep.yaml"), serde_yaml::to_string(sweep)?.as_bytes())?;
     atomic::write_json(&folder.file("plan.json"), &plan::json(plan, folder))?;
     for job in &plan.tokenizers {
-        let place = folder.tokenizer(&job.id());
-        write_once(&place.join("job.json"), job)?;
-        forget_failure(&place, retry_failed)?;
+        write_once(&folder.tokenizer(&job.id()).join("job.json"), job)?;
+    }
+    for trunk in &plan.trunks {
+        let job = JobId::new(JobKind::Trunk, &trunk.trunk_id);
+        // Which trunk it goes on from depends on the sweep's budgets; its result does not.
+        atomic::write_json(&folder.job(&job).join("job.json"), trunk)?;
     }
     for run in &plan.runs {
-        let place = folder.run(&run.run_id);
-        write_once(&place.join("spec.json"), &run.spec)?;
-        forget_failure(&place, retry_failed)?;
+        write_once(&folder.run(&run.run_id).join("spec.json"), &run.spec)?;
     }
-    let path = folder.text(&isoflop::plan::content_id(&plan.text));
-    if !path.exists() && sweep.data.source != DataSource::None {
-        text::embed(&*text::encoder(&sweep.text), &**source, &path)?;
+    if retry_failed {
+        let inputs = inputs(plan).into_iter().map(|job| job.id);
+        let runs = plan.runs.iter().map(|run| JobId::run(run.run_id.as_str()));
+        inputs.chain(runs).try_for_each(|job| forget_failure(folder, &job))?;
     }
     Ok(())
 }
@@ -91,11 +87,8 @@ fn write_once(path: &std::path::Path, value: &impl serde::Serialize) -> Result<(
     Ok(())
 }
 
-fn forget_failure(place: &std::path::Path, retry_failed: bool) -> Result<()> {
-    if retry_failed {
-        atomic::remove(&place.join("failure.json"))?;
-    }
-    Ok(())
+fn forget_failure(folder: &ResultsFolder, job: &JobId) -> Result<()> {
+    Ok(atomic::remove(&folder.job(job).join("failure.json"))?)
 }
 
 fn train(
@@ -106,7 +99,7 @@ fn train(
     output: &Output,
 ) -> Result<Vec<JobReport>> {
     let (done, all) = (open.plan.runs.len(), open.plan.runs.len());
-    let done = done - jobs.iter().filter(|job| job.kind.word() == "run").count();
+    let done = done - jobs.iter().filter(|job| job.id.kind == JobKind::Run).count();
     if jobs.is_empty() {
         output.note(&format!("{all} of {all} runs have ended already; nothing to train"));
         return Ok(Vec::new());
@@ -116,7 +109,7 @@ fn train(
         "{} jobs to do, {done} of {all} runs have ended already; {slots} side by side",
         jobs.len()
     ));
-    let executor = LocalProcesses {
+    let runner = LocalProcesses {
         folder: open.folder.clone(),
         device: args.sweep.device.name().to_string(),
         program: own_program()?,
@@ -124,7 +117,9 @@ fn train(
     let stop = stop_on_signals()?;
     held.watch(&stop);
     let display = Display::new(&jobs, slots, output.quiet);
-    let reports = run_all(jobs, slots, &executor, &stop, args.fail_fast, &display);
+    let fail_fast = args.fail_fast;
+    let pool = LocalPool { runner: &runner, slots, stop: &stop, fail_fast, display: &display };
+    let reports = pool.execute(jobs);
     display.clear();
     Ok(reports)
 }
@@ -137,97 +132,4 @@ fn own_program() -> Result<PathBuf> {
         return Ok(image);
     }
     std::env::current_exe().context("finding this program")
-}
-
-/// Table, laws, figures, predictions: all from the records of finished runs.
-///
-/// What was made of the same records and the same settings before is only shown again.
-fn finish(open: &OpenSweep, output: &Output) -> Result<()> {
-    let OpenSweep { sweep, plan, folder, .. } = open;
-    let records = gather(plan, folder)?;
-    let stamp = finished::stamp(sweep, folder, &records);
-    let finished = match Finished::again(folder, &stamp, output)? {
-        Some(finished) => finished,
-        None => analyse(sweep, folder, &records, stamp, output)?,
-    };
-    Ok(output.result(&finished.document, &finished.text)?)
-}
-
-fn analyse(
-    sweep: &Sweep,
-    folder: &ResultsFolder,
-    records: &[RunRecord],
-    stamp: String,
-    output: &Output,
-) -> Result<Finished> {
-    let n_warned = output.warned().len();
-    table::write(folder.root(), records)?;
-    let laws = write_laws(sweep, folder, records, output)?;
-    let drawn = plot::draw(folder, records, laws.as_ref(), output)?;
-    let predictions = match &laws {
-        Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,
-        None => Vec::new(),
-    };
-    let document = json!({
-        "results": folder.root(),
-        "runs": records.len(),
-        "laws": laws,
-        "predictions": predictions,
-        "figures": drawn.paths,
-    });
-    let text = story(sweep, folder, records, laws.as_ref(), &predictions, &drawn);
-    Finished::write(folder, stamp, document, text, output.warned().split_off(n_warned))
-}
-
-fn write_laws(
-    sweep: &Sweep,
-    folder: &ResultsFolder,
-    records: &[RunRecord],
-    output: &Output,
-) -> Result<Option<Laws>> {
-    match fit::fit_records(records, &fit::options(sweep)) {
-        Ok(laws) => {
-            atomic::write_json(&folder.file("laws.json"), &laws)?;
-            Ok(Some(laws))
-        }
-        Err(error) => {
-            output.warn(&format!("no laws: {error:#}"));
-            // Those of an earlier state of the sweep would be taken for its own.
-            atomic::remove(&folder.file("laws.json"))?;
-            atomic::remove(&folder.file("prediction.json"))?;
-            Ok(None)
-        }
-    }
-}
-
-fn gather(plan: &Plan, folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
-    let records: Result<Vec<Option<RunRecord>>, _> =
-        plan.runs.par_iter().map(|run| folder.record(&run.run_id)).collect();
-    let mut records: Vec<RunRecord> = records?.into_iter().flatten().collect();
-    table::sort(&mut records);
-    Ok(records)
-}
-
-/// What a person sees at the end.
-fn story(
-    sweep: &Sweep,
-    folder: &ResultsFolder,
-    records: &[RunRecord],
-    laws: Option<&Laws>,
-    predictions: &[isoflop::predict::Prediction],
-    drawn: &Drawn,
-) -> String {
-    let mut parts = Vec::new();
-    if let Some(laws) = laws {
-        parts.push(isoflop::laws::summary(laws));
-    }
-    parts.extend(predictions.iter().map(isoflop::predict::text));
-    let root = folder.root().display();
-    parts.push(format!(
-        "{}: {} finished runs in {root}/runs.parquet\n{} figures in {root}/figures",
-        sweep.name,
-        records.len(),
-        drawn.paths.len() / 2
-    ));
-    parts.join("\n\n")
 }

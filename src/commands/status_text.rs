@@ -1,6 +1,7 @@
 //! What `isoflop status` and `isoflop cancel` show to people, within 80 columns.
 
 use isoflop::laws::wrap;
+use isoflop::record::JobKind;
 use isoflop::schedule::{Counts, FailedJob, Running, SweepState, left};
 
 use super::command_line::CommandLine;
@@ -58,12 +59,24 @@ fn table(state: &SweepState) -> String {
     let counts = |c: &Counts| [c.done, c.failed, c.running, c.started, c.missing];
     let head = ["done", "failed", "running", "started", "missing"];
     let mut out = row("", head.map(String::from));
-    out += &row("tokenizers", counts(&state.tokenizers).map(|n| n.to_string()));
+    for (kind, of_kind) in &state.inputs {
+        out += &row(named(*kind), counts(of_kind).map(|n| n.to_string()));
+    }
     out += &row("runs", counts(&state.runs).map(|n| n.to_string()));
     if state.runs.blocked > 0 {
-        out += &format!("{} of the runs wait for a tokenizer that failed\n", state.runs.blocked);
+        out += &format!("{} of the runs need something that failed\n", state.runs.blocked);
     }
     out
+}
+
+fn named(kind: JobKind) -> &'static str {
+    match kind {
+        JobKind::Text => "text",
+        JobKind::Tokenizer => "tokenizers",
+        JobKind::Tokens => "tokens",
+        JobKind::Trunk => "trunks",
+        JobKind::Run => "runs",
+    }
 }
 
 fn running(running: &[Running]) -> String {

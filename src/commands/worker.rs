@@ -3,14 +3,13 @@
 use std::process::exit;
 
 use anyhow::Result;
-use isoflop::record::ResultsFolder;
+use isoflop::record::{JobId, ResultsFolder};
 use isoflop::schedule::worker::{
-    FAILED, Outcome, STOPPED, claim, forget_progress, run_tokenizer, run_training,
-    stop_with_parent, write_failure,
+    FAILED, Outcome, STOPPED, claim, forget_progress, stop_with_parent, work, write_failure,
 };
 use isoflop::schedule::{stop_on_signals, trainer};
 
-use super::args::{GuardArgs, WorkerArgs, WorkerKind};
+use super::args::{GuardArgs, WorkerArgs};
 use super::context::device;
 use super::exit::Exit;
 use super::output::say;
@@ -18,18 +17,12 @@ use super::output::say;
 pub fn worker(args: &WorkerArgs) -> Result<Exit> {
     let stop = stop_on_signals()?;
     let folder = ResultsFolder::new(&args.results);
-    let id = args.id.as_str();
-    let place = match args.kind {
-        WorkerKind::Tokenizer => folder.tokenizer(id),
-        WorkerKind::Run => folder.run(id),
-    };
+    let job = JobId::new(args.kind, args.id.as_str());
+    let place = folder.job(&job);
     stop_with_parent(&stop, trainer::grace(&place));
     let device = device(args.device)?;
     let Some(_lock) = claim(&place, &stop)? else { exit(STOPPED) };
-    let outcome = match args.kind {
-        WorkerKind::Tokenizer => run_tokenizer(&folder, id, &device, &stop),
-        WorkerKind::Run => run_training(&folder, id, &device, args.device.name(), &stop),
-    };
+    let outcome = work(&folder, &job, &device, args.device.name(), &stop);
     forget_progress(&place);
     match outcome {
         Ok(Outcome::Done) => Ok(Exit::Done),

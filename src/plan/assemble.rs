@@ -7,9 +7,9 @@ use super::memory::peak_bytes;
 use super::price::{Dropped, FlopsPerToken, PricedCell, price};
 use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, content_id};
 use super::shape::ParamCounts;
-use super::steps::{learning_rate, warmup_steps};
+use super::trunk::{Trunk, trunks};
 use crate::data::DataFacts;
-use crate::sweep::{DataSource, Sweep};
+use crate::sweep::{DataSource, ScheduleKind, ScheduleSpec, Sweep};
 use crate::tokenizer::TokenizerSpec;
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
@@ -27,8 +27,22 @@ pub struct PlannedRun {
     pub flops_per_token: FlopsPerToken,
     pub achieved_ratio: f64,
     pub peak_bytes: u64,
+    /// The trunk that it branches off; `None` where it is trained alone.
+    pub trunk_id: Option<String>,
     /// Times that the run sees each token of the training split; `None` where it is not here.
     pub epochs: Option<f64>,
+}
+
+impl PlannedRun {
+    /// FLOPs of the budget that the run's own job trains: all but what its trunk does.
+    pub fn own_flops(&self) -> f64 {
+        match (&self.trunk_id, self.spec.decay_steps) {
+            (Some(_), Some(decay)) => {
+                self.spec.budget_flops * decay as f64 / self.spec.steps as f64
+            }
+            _ => self.spec.budget_flops,
+        }
+    }
 }
 
 /// What the text encoder is asked for, and on which captions.
@@ -38,13 +52,23 @@ pub struct TextJob {
     pub data_digest: String,
 }
 
+impl TextJob {
+    /// Content id: the hash of every field.
+    pub fn id(&self) -> String {
+        content_id(self)
+    }
+}
+
 /// Every job of a sweep.
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub runs: Vec<PlannedRun>,
     pub dropped: Vec<Dropped>,
     pub tokenizers: Vec<TokenizerJob>,
-    pub text: TextJob,
+    /// Where runs share their beginnings: what they have in common, in the order of training.
+    pub trunks: Vec<Trunk>,
+    /// `None` where the sweep has no motion, so no captions.
+    pub text: Option<TextJob>,
     pub data: DataFacts,
 }
 
@@ -52,8 +76,9 @@ impl Plan {
     /// Expands a sweep over its data.
     pub fn new(sweep: &Sweep, data: DataFacts) -> Self {
         let (cells, dropped) = price(sweep);
-        let text = TextJob { spec: sweep.text.clone(), data_digest: data.digest.clone() };
-        let text_id = content_id(&text);
+        let captions = TextJob { spec: sweep.text.clone(), data_digest: data.digest.clone() };
+        let text_id = captions.id();
+        let text = (sweep.data.source != DataSource::None).then_some(captions);
         let (tokenizers, own) = tokenizers(sweep, &cells, &data);
         let ids: Vec<String> = tokenizers.iter().map(TokenizerJob::id).collect();
         let runs_of = |(cell, own): (&PricedCell, &Option<usize>)| {
@@ -62,13 +87,20 @@ impl Plan {
             sweep.seeds.iter().map(run).collect::<Vec<_>>()
         };
         // Hashing a million specs is most of the work.
-        let runs = cells.par_iter().zip(&own).flat_map_iter(runs_of).collect();
-        Self { runs, dropped, tokenizers, text, data }
+        let mut runs: Vec<PlannedRun> = cells.par_iter().zip(&own).flat_map_iter(runs_of).collect();
+        let trunks = if sweep.train.schedule.shares() { branch(&mut runs) } else { Vec::new() };
+        Self { runs, dropped, tokenizers, trunks, text, data }
     }
 
     /// FLOPs of all runs together, as declared.
     pub fn total_flops(&self) -> f64 {
         self.runs.iter().map(|run| run.spec.budget_flops).sum()
+    }
+
+    /// FLOPs that are trained: what runs share counts once.
+    pub fn trained_flops(&self) -> f64 {
+        let own = self.runs.iter().map(PlannedRun::own_flops).sum::<f64>();
+        own + self.trunks.iter().map(|trunk| trunk.flops).sum::<f64>()
     }
 
     /// The tokenizer that a run waits for; `None` where the sweep has no motion.
@@ -138,6 +170,18 @@ fn tokenizer_job(sweep: &Sweep, cell: &PricedCell, data: &DataFacts) -> Tokenize
     TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
 }
 
+/// Notes in each run which trunk it branches off; returns the trunks.
+fn branch(runs: &mut [PlannedRun]) -> Vec<Trunk> {
+    let trunk_id = |spec: &RunSpec| Some(spec.trunk().filter(|trunk| trunk.steps > 0)?.id());
+    runs.par_iter_mut().for_each(|run| run.trunk_id = trunk_id(&run.spec));
+    trunks(runs.iter().map(|run| &run.spec))
+}
+
+fn decay_steps(schedule: &ScheduleSpec, steps: usize) -> Option<usize> {
+    let share = |decay: f64| ((decay * steps as f64).round() as usize).clamp(1, steps);
+    (schedule.kind == ScheduleKind::Wsd).then(|| share(schedule.decay))
+}
+
 fn planned_run(
     sweep: &Sweep,
     cell: &PricedCell,
@@ -154,6 +198,7 @@ fn planned_run(
         flops_per_token: cell.flops_per_token,
         achieved_ratio: cell.spending.achieved_ratio,
         peak_bytes: peak_bytes(&cell.shape, spec.n_vocab, cell.params, spec.batch_tokens),
+        trunk_id: None,
         epochs: (data.unique_tokens > 0).then(|| tokens / data.unique_tokens as f64),
         spec,
     }
@@ -168,7 +213,7 @@ fn run_spec(
     data: &DataFacts,
 ) -> RunSpec {
     let train = &sweep.train;
-    let params = cell.params.nonvocab + cell.params.vocab;
+    let steps = cell.spending.steps;
     RunSpec {
         revision: TRAINING_REVISION,
         seed,
@@ -176,10 +221,11 @@ fn run_spec(
         n_vocab: cell.quantizer.n_vocab(),
         budget_flops: cell.budget_flops,
         batch_tokens: cell.spending.batch_tokens,
-        steps: cell.spending.steps,
-        lr: learning_rate(params, cell.spending.tokens(), &train.lr),
-        warmup_steps: warmup_steps(cell.spending, params, train.schedule.warmup),
+        steps,
+        lr: cell.pace.lr,
+        warmup_steps: cell.pace.warmup_steps,
         final_share: train.schedule.final_share,
+        decay_steps: decay_steps(&train.schedule, steps),
         weight_decay: train.weight_decay,
         betas: [train.betas[0], train.betas[1]],
         epsilon: train.epsilon,

@@ -8,9 +8,11 @@ mod price;
 mod run_spec;
 mod shape;
 mod steps;
+mod trunk;
 
 pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, PlannedRun, TextJob, longest_run};
 pub use memory::peak_bytes;
 pub use price::{Dropped, FlopsPerToken};
 pub use run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, changed_fields, content_id};
 pub use shape::{ModelShape, ParamCounts, models};
+pub use trunk::Trunk;

@@ -5,7 +5,8 @@ use serde::Serialize;
 use super::flops::{exact_of_sequence, openai_per_token, six_nd_per_token};
 use super::grid::{Cell, cells};
 use super::shape::{ModelShape, ParamCounts};
-use super::steps::{Spending, spend};
+use super::steps::{Pace, Spending, pace, spend};
+use super::trunk;
 use crate::sweep::{FlopsRule, Sweep};
 use crate::tokenizer::QuantizerKind;
 
@@ -49,6 +50,26 @@ pub struct PricedCell {
     pub params: ParamCounts,
     pub flops_per_token: FlopsPerToken,
     pub spending: Spending,
+    pub pace: Pace,
+}
+
+impl PricedCell {
+    /// D that the budget buys, before whole steps are made of it.
+    pub fn tokens_bought(&self) -> f64 {
+        self.spending.tokens() as f64 / self.spending.achieved_ratio
+    }
+
+    /// The cell as one that is left out.
+    pub fn dropped(&self, reason: String) -> Dropped {
+        Dropped {
+            n_layer: self.shape.n_layer,
+            n_head: self.shape.n_head,
+            d_model: self.shape.d_model,
+            n_vocab: self.quantizer.n_vocab(),
+            budget_flops: self.budget_flops,
+            reason,
+        }
+    }
 }
 
 /// A cell that is left out, with its reason.
@@ -87,6 +108,11 @@ pub fn price(sweep: &Sweep) -> (Vec<PricedCell>, Vec<Dropped>) {
             Err(reason) => dropped.push(Dropped::new(&cell, reason)),
         }
     }
+    if sweep.train.schedule.shares() {
+        let (in_step, out) = trunk::in_step(priced, &sweep.train);
+        dropped.extend(out);
+        return (in_step, dropped);
+    }
     (priced, dropped)
 }
 
@@ -96,8 +122,11 @@ fn price_cell(sweep: &Sweep, cell: &Cell) -> Result<PricedCell, String> {
     let flops_per_token = FlopsPerToken::new(&shape, n_vocab, sweep.text.max_tokens);
     let per_token = flops_per_token.by(sweep.flops.rule);
     let spending = spend(cell.budget_flops, per_token, &sweep.train)?;
+    let params = shape.params(n_vocab);
+    let trained = params.nonvocab + params.vocab;
     Ok(PricedCell {
-        params: shape.params(n_vocab),
+        pace: pace(trained, spending.tokens(), spending, &sweep.train),
+        params,
         shape,
         quantizer: cell.quantizer.clone(),
         budget_flops: cell.budget_flops,

@@ -24,6 +24,9 @@ pub struct RunSpec {
     pub warmup_steps: usize,
     /// The last learning rate as a share of the peak.
     pub final_share: f64,
+    /// Steps of the decay at the end of a wsd schedule; `None` for a cosine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decay_steps: Option<usize>,
     pub weight_decay: f64,
     pub betas: [f64; 2],
     pub epsilon: f64,
@@ -45,6 +48,15 @@ impl RunSpec {
     /// Content id: the hash of every field.
     pub fn id(&self) -> String {
         content_id(self)
+    }
+
+    /// The steps before the decay, as a run of their own: what runs that differ in budget alone
+    /// have in common. It has no budget, and is measured once, at its end. `None` for a cosine.
+    pub fn trunk(&self) -> Option<Self> {
+        let steps = self.steps - self.decay_steps?;
+        let decay_steps = Some(0);
+        let own = Self { steps, decay_steps, budget_flops: 0.0, ..self.clone() };
+        Some(Self { evaluations: 1, final_share: 0.0, ..own })
     }
 
     /// D: supervised motion tokens.

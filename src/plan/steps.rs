@@ -31,15 +31,30 @@ pub const BUDGET_TOLERANCE: f64 = 0.01;
 /// The batch follows its rule, halved while it leaves fewer than `min_steps`. The error is a
 /// sentence that says why no batch will do.
 pub fn spend(budget: f64, flops_per_token: f64, train: &TrainSpec) -> Result<Spending, String> {
-    let tokens = budget / (TRAINING_PER_FORWARD * flops_per_token);
+    let tokens = tokens_bought(budget, flops_per_token);
     if tokens > MOST_TOKENS {
         return Err(format!("the budget buys {tokens:.1e} tokens: more than can be counted"));
     }
+    spend_with(tokens, widest_batch(tokens, tokens, train), train)
+}
+
+/// D that a budget buys, before whole steps are made of it.
+pub fn tokens_bought(budget: f64, flops_per_token: f64) -> f64 {
+    budget / (TRAINING_PER_FORWARD * flops_per_token)
+}
+
+/// The batch of the rule for `tokens`, halved while it leaves `fewest` tokens fewer than `min_steps`.
+pub fn widest_batch(tokens: f64, fewest: f64, train: &TrainSpec) -> usize {
     let rule = &train.batch;
-    let mut batch_tokens = batch_by_rule(tokens, rule);
-    while tokens / (batch_tokens as f64) < train.min_steps as f64 && batch_tokens / 2 >= rule.min {
-        batch_tokens /= 2;
+    let mut batch = batch_by_rule(tokens, rule);
+    while fewest / (batch as f64) < train.min_steps as f64 && batch / 2 >= rule.min {
+        batch /= 2;
     }
+    batch
+}
+
+/// Whole steps of a batch that meet a number of tokens; the error is a sentence that says why none do.
+pub fn spend_with(tokens: f64, batch_tokens: usize, train: &TrainSpec) -> Result<Spending, String> {
     let steps = (tokens / batch_tokens as f64).round() as usize;
     if steps < train.min_steps {
         return Err(format!(
@@ -58,6 +73,22 @@ pub fn spend(budget: f64, flops_per_token: f64, train: &TrainSpec) -> Result<Spe
     Ok(Spending { batch_tokens, steps, achieved_ratio })
 }
 
+/// How fast a run learns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// The peak learning rate.
+    pub lr: f64,
+    pub warmup_steps: usize,
+}
+
+/// The rate by its rule for N and D; the warm-up of a run that spends so.
+pub fn pace(params: usize, tokens: usize, spending: Spending, train: &TrainSpec) -> Pace {
+    Pace {
+        lr: learning_rate(params, tokens, &train.lr),
+        warmup_steps: warmup_steps(spending, params, train.schedule.warmup),
+    }
+}
+
 /// The power of two nearest to c·D^p, within the rule's bounds.
 fn batch_by_rule(tokens: f64, rule: &BatchRule) -> usize {
     let wanted = rule.coefficient * tokens.powf(rule.tokens_exponent);
@@ -66,7 +97,7 @@ fn batch_by_rule(tokens: f64, rule: &BatchRule) -> usize {
 }
 
 /// lr = c·N^p·D^q, at most the rule's maximum.
-pub fn learning_rate(params: usize, tokens: usize, rule: &LrRule) -> f64 {
+fn learning_rate(params: usize, tokens: usize, rule: &LrRule) -> f64 {
     let by_params = (params as f64).powf(rule.params_exponent);
     let by_tokens = (tokens as f64).powf(rule.tokens_exponent);
     (rule.coefficient * by_params * by_tokens).min(rule.max)
@@ -75,7 +106,7 @@ pub fn learning_rate(params: usize, tokens: usize, rule: &LrRule) -> f64 {
 /// Warm-up steps: the declared share, and at most one token a parameter.
 ///
 /// A warm-up that is long for a small model biases the exponents (Porian et al. 2024).
-pub fn warmup_steps(spending: Spending, params: usize, share: f64) -> usize {
+fn warmup_steps(spending: Spending, params: usize, share: f64) -> usize {
     let by_share = share * spending.steps as f64;
     let by_params = params as f64 / spending.batch_tokens as f64;
     by_share.min(by_params).floor() as usize

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::job_id::{JobId, JobKind};
 use super::run_record::RunRecord;
 use crate::tokenizer::TokenizerMetrics;
 
@@ -31,20 +32,6 @@ pub enum JobState {
     Started,
     /// Nothing is there.
     Missing,
-}
-
-/// How far the job of a folder is; `last` is the file that it writes when all else is there.
-fn job_state(job: &Path, last: &str) -> JobState {
-    let has = |name: &str| job.join(name).exists();
-    if has(last) {
-        JobState::Done
-    } else if has("failure.json") {
-        JobState::Failed
-    } else if has("checkpoint") {
-        JobState::Started
-    } else {
-        JobState::Missing
-    }
 }
 
 /// How far the runs of a folder are, as seen at one time.
@@ -86,6 +73,43 @@ impl ResultsFolder {
         self.root.join(name)
     }
 
+    /// The folder of a job: `runs/<id>`, `trunks/<id>`, `tokenizers/<id>`, `tokenizers/<id>/tokens`,
+    /// `text/<id>`.
+    pub fn job(&self, JobId { kind, id }: &JobId) -> PathBuf {
+        match kind {
+            JobKind::Text => self.root.join("text").join(id),
+            JobKind::Tokenizer => self.tokenizer(id),
+            JobKind::Tokens => self.tokenizer(id).join("tokens"),
+            JobKind::Trunk => self.root.join("trunks").join(id),
+            JobKind::Run => self.run(id),
+        }
+    }
+
+    /// The file that a job writes when all else is there.
+    pub fn product(&self, job: &JobId) -> PathBuf {
+        self.job(job).join(match job.kind {
+            JobKind::Text => "vectors.safetensors",
+            JobKind::Tokenizer => "metrics.json",
+            JobKind::Tokens => "codes.safetensors",
+            JobKind::Trunk => "state.safetensors",
+            JobKind::Run => "record.json",
+        })
+    }
+
+    /// How far a job is.
+    pub fn state(&self, job: &JobId) -> JobState {
+        let folder = self.job(job);
+        if self.product(job).exists() {
+            JobState::Done
+        } else if folder.join("failure.json").exists() {
+            JobState::Failed
+        } else if folder.join("checkpoint").exists() {
+            JobState::Started
+        } else {
+            JobState::Missing
+        }
+    }
+
     /// The folder of a run.
     pub fn run(&self, run_id: &str) -> PathBuf {
         self.root.join("runs").join(run_id)
@@ -98,17 +122,17 @@ impl ResultsFolder {
 
     /// The codes of a data set.
     pub fn tokens(&self, tokenizer_id: &str) -> PathBuf {
-        self.tokenizer(tokenizer_id).join("tokens.safetensors")
+        self.product(&JobId::new(JobKind::Tokens, tokenizer_id))
     }
 
     /// The embedded captions of a data set.
     pub fn text(&self, text_id: &str) -> PathBuf {
-        self.root.join("text").join(format!("{text_id}.safetensors"))
+        self.product(&JobId::new(JobKind::Text, text_id))
     }
 
-    /// How far a run is.
-    pub fn run_state(&self, run_id: &str) -> JobState {
-        job_state(&self.run(run_id), "record.json")
+    /// Where a trunk ends and runs branch off.
+    pub fn trunk(&self, trunk_id: &str) -> PathBuf {
+        self.product(&JobId::new(JobKind::Trunk, trunk_id))
     }
 
     /// How far each run is that has a folder, by id; the others are missing. One listing of the
@@ -116,13 +140,8 @@ impl ResultsFolder {
     pub fn run_states(&self) -> RunStates {
         let listed = fs::read_dir(self.root.join("runs")).into_iter().flatten().flatten();
         let name = |entry: fs::DirEntry| entry.file_name().to_str().map(str::to_string);
-        let known = |id: String| (self.run_state(&id), id);
+        let known = |id: String| (self.state(&JobId::run(id.as_str())), id);
         RunStates(listed.filter_map(name).map(known).map(|(state, id)| (id, state)).collect())
-    }
-
-    /// How far a tokenizer is: its metrics are written last.
-    pub fn tokenizer_state(&self, tokenizer_id: &str) -> JobState {
-        job_state(&self.tokenizer(tokenizer_id), "metrics.json")
     }
 
     /// The record of a finished run; `None` where it has none.
@@ -130,9 +149,9 @@ impl ResultsFolder {
         read_if_there(&self.run(run_id).join("record.json"))
     }
 
-    /// The failure of a run that ended with one.
-    pub fn failure(&self, job: &Path) -> io::Result<Option<Failure>> {
-        read_if_there(&job.join("failure.json"))
+    /// The failure of a job that ended with one.
+    pub fn failure(&self, job: &JobId) -> io::Result<Option<Failure>> {
+        read_if_there(&self.job(job).join("failure.json"))
     }
 
     /// The metrics of a finished tokenizer.

@@ -1,4 +1,4 @@
-//! [`Executor`]: who does a job. [`LocalProcesses`] starts a worker process for each.
+//! [`Executor`]: who brings the jobs of a plan to their end. [`Runner`]: who does a single one.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, BufRead, BufReader};
@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-use super::job::{Job, JobKind};
+use super::job::Job;
 use super::signals::Stop;
 use super::worker::{Beat, FAILED, STOPPED};
 use crate::record::ResultsFolder;
@@ -24,10 +24,23 @@ pub enum JobEnd {
     Crashed(String),
 }
 
+/// How one job ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobReport {
+    pub job: Job,
+    pub end: JobEnd,
+}
+
+/// Brings jobs to their end, each after what it needs.
+pub trait Executor {
+    /// Returns how each job ended; a job whose needs did not come has failed.
+    fn execute(&self, jobs: Vec<Job>) -> Vec<JobReport>;
+}
+
 /// Does jobs, one call at a time from each of several threads.
-pub trait Executor: Sync {
+pub trait Runner: Sync {
     /// Does a job to its end; `beat` is told how far it is.
-    fn execute(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd;
+    fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd;
 }
 
 /// A worker process a job, with one thread each, so that runs side by side give the same bits.
@@ -41,8 +54,8 @@ pub struct LocalProcesses {
 /// How often a waiting slot looks whether it should stop.
 const POLL: Duration = Duration::from_millis(50);
 
-impl Executor for LocalProcesses {
-    fn execute(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
+impl Runner for LocalProcesses {
+    fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
         match self.start(job) {
             Ok(child) => self.attend(job, child, stop, beat),
             Err(error) => JobEnd::Crashed(format!("the worker could not be started: {error}")),
@@ -51,21 +64,14 @@ impl Executor for LocalProcesses {
 }
 
 impl LocalProcesses {
-    fn job_folder(&self, job: &Job) -> PathBuf {
-        match &job.kind {
-            JobKind::Tokenizer(id) => self.folder.tokenizer(id),
-            JobKind::Run(id) => self.folder.run(id),
-        }
-    }
-
     fn start(&self, job: &Job) -> io::Result<Child> {
-        let folder = self.job_folder(job);
+        let folder = self.folder.job(&job.id);
         fs::create_dir_all(&folder)?;
         let log = OpenOptions::new().create(true).append(true).open(folder.join("log.txt"))?;
         Command::new(&self.program)
             .arg("worker")
             .arg(self.folder.root())
-            .args([job.kind.word(), job.kind.id(), "--device", &self.device])
+            .args([job.id.kind.word(), &job.id.id, "--device", &self.device])
             .env("RAYON_NUM_THREADS", "1")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -105,7 +111,7 @@ impl LocalProcesses {
         match status.code() {
             Some(0) => JobEnd::Done,
             Some(STOPPED) => JobEnd::Stopped,
-            Some(FAILED) => match self.folder.failure(&self.job_folder(job)) {
+            Some(FAILED) => match self.folder.failure(&job.id) {
                 Ok(Some(failure)) => JobEnd::Failed(failure.reason),
                 _ => JobEnd::Crashed("the worker failed and left no reason".to_string()),
             },

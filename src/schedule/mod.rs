@@ -9,11 +9,12 @@ mod progress;
 mod signals;
 mod state;
 pub mod trainer;
+mod waiting;
 pub mod worker;
 
-pub use executor::{Executor, JobEnd, LocalProcesses};
-pub use job::{Job, JobKind, missing_jobs};
-pub use pool::{JobReport, run_all};
+pub use executor::{Executor, JobEnd, JobReport, LocalProcesses, Runner};
+pub use job::{Job, inputs, missing_jobs};
+pub use pool::LocalPool;
 pub use progress::{Display, left};
 pub use signals::{Stop, stop_on_signals};
 pub use state::{Counts, FailedJob, Running, SweepState, sweep_state};

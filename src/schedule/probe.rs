@@ -10,7 +10,7 @@ use rand_chacha::rand_core::SeedableRng;
 use super::job::tokenizer_cost;
 use crate::model::{Batch, Model, Sequence, end_token};
 use crate::plan::flops::openai_per_token;
-use crate::plan::{ModelShape, PlannedRun, TokenizerJob};
+use crate::plan::{ModelShape, PlannedRun, TokenizerJob, Trunk};
 use crate::train::adamw::{AdamW, AdamWConfig};
 
 /// Models measured at most, from the smallest to the largest.
@@ -25,10 +25,11 @@ const PROBE_TIME: Duration = Duration::from_millis(300);
 const PROBE_TEXT: usize = 12;
 const PROBE_CODES: usize = 36;
 
-/// Hours that the runs and the tokenizers they wait for take on `slots` slots, by training steps
+/// Hours that the runs, their trunks and the tokenizers they wait for take on `slots` slots, by training steps
 /// measured now on one thread. Tokenizers are priced at the best rate measured.
 pub fn hours(
     runs: &[&PlannedRun],
+    trunks: &[&Trunk],
     tokenizers: &[&TokenizerJob],
     device: &Device,
     slots: usize,
@@ -36,8 +37,13 @@ pub fn hours(
     let rates = on_one_thread(|| measure(runs, device));
     let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
     let first: f64 = tokenizers.iter().map(|job| tokenizer_cost(job) / best).sum();
-    let seconds = |run: &&PlannedRun| run.spec.budget_flops / rate_at(&rates, run.params.total());
-    let together: f64 = first + runs.iter().map(seconds).sum::<f64>();
+    let seconds = |run: &&PlannedRun| run.own_flops() / rate_at(&rates, run.params.total());
+    let shared = |trunk: &&Trunk| {
+        let params = trunk.spec.model.params(trunk.spec.n_vocab);
+        trunk.flops / rate_at(&rates, params.total())
+    };
+    let shared: f64 = trunks.iter().map(shared).sum();
+    let together: f64 = first + shared + runs.iter().map(seconds).sum::<f64>();
     let longest = runs.iter().map(seconds).fold(0.0, f64::max);
     (together / slots as f64).max(longest) / 3600.0
 }

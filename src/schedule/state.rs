@@ -1,16 +1,16 @@
 //! [`SweepState`]: how far a sweep is, from its folder alone.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::io;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::job::{tokenizer_cost, tokenizer_label};
+use super::job::Job;
 use super::presence::{self, Scheduler, is_locked};
 use super::worker::{Beat, progress};
-use crate::plan::{RunSpec, TokenizerJob};
-use crate::record::{Failure, JobState, ResultsFolder, read_if_there};
+use crate::plan::RunSpec;
+use crate::record::{Failure, JobId, JobKind, JobState, ResultsFolder, read_if_there};
 
 /// Records that are read for the rate: as many tell it as well as all.
 const RATE_SAMPLE: usize = 200;
@@ -25,7 +25,7 @@ pub struct Counts {
     /// Interrupted, with a checkpoint to go on from.
     pub started: usize,
     pub missing: usize,
-    /// Among the missing: runs whose tokenizer failed, which are not started.
+    /// Among the missing: jobs that need something that failed, which are not started.
     pub blocked: usize,
 }
 
@@ -34,14 +34,24 @@ impl Counts {
     pub fn total(&self) -> usize {
         self.done + self.failed + self.running + self.started + self.missing
     }
+
+    fn add(&mut self, seen: Seen, blocked: bool) {
+        self.blocked += usize::from(blocked);
+        *match seen {
+            Seen::At(JobState::Done) => &mut self.done,
+            Seen::At(JobState::Failed) => &mut self.failed,
+            Seen::At(JobState::Started) => &mut self.started,
+            Seen::At(JobState::Missing) => &mut self.missing,
+            Seen::Running(_) => &mut self.running,
+        } += 1;
+    }
 }
 
 /// A job that a worker is at.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Running {
-    /// `tokenizer` or `run`.
-    pub kind: &'static str,
-    pub id: String,
+    #[serde(flatten)]
+    pub id: JobId,
     pub label: String,
     /// `None` before its first step.
     pub progress: Option<Beat>,
@@ -50,9 +60,8 @@ pub struct Running {
 /// A job that failed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FailedJob {
-    /// `tokenizer` or `run`.
-    pub kind: &'static str,
-    pub id: String,
+    #[serde(flatten)]
+    pub id: JobId,
     pub label: String,
     #[serde(flatten)]
     pub failure: Failure,
@@ -65,11 +74,12 @@ pub struct SweepState {
     pub at_work: bool,
     /// Which one; unknown for a moment after its start.
     pub scheduler: Option<Scheduler>,
-    pub tokenizers: Counts,
+    /// What the runs need, by kind.
+    pub inputs: BTreeMap<JobKind, Counts>,
     pub runs: Counts,
     pub running: Vec<Running>,
     pub failures: Vec<FailedJob>,
-    /// FLOPs of all runs, and of those done with the part of those running.
+    /// FLOPs of all runs and trunks, and of those done with the part of those running.
     pub flops_total: f64,
     pub flops_done: f64,
     /// Seconds of work for one job at a time, by the rate of finished runs; what failed, and what
@@ -83,19 +93,15 @@ pub struct SweepState {
 #[derive(Deserialize)]
 struct Planned {
     runs: Vec<PlannedRun>,
-    tokenizers: Vec<PlannedTokenizer>,
+    inputs: Vec<Job>,
 }
 
 #[derive(Deserialize)]
 struct PlannedRun {
     run_id: String,
     tokenizer_id: String,
-    budget_flops: f64,
-}
-
-#[derive(Deserialize)]
-struct PlannedTokenizer {
-    tokenizer_id: String,
+    trunk_id: Option<String>,
+    own_flops: f64,
 }
 
 /// What a look at a job's folder tells.
@@ -113,58 +119,43 @@ enum Seen {
 /// A file is damaged, or cannot be read.
 pub fn sweep_state(folder: &ResultsFolder) -> io::Result<Option<SweepState>> {
     let Some(plan) = read_if_there::<Planned>(&folder.file("plan.json"))? else { return Ok(None) };
-    let tokenizers: Vec<Seen> =
-        plan.tokenizers.iter().map(|job| see_tokenizer(folder, &job.tokenizer_id)).collect();
-    let runs: Vec<Seen> = plan.runs.par_iter().map(|run| see_run(folder, &run.run_id)).collect();
-    let look = Look { folder, plan: &plan, tokenizers: &tokenizers, runs: &runs };
+    let inputs = plan.inputs.iter().map(|job| see(folder, &job.id)).collect();
+    let runs = plan.runs.par_iter().map(|run| see(folder, &JobId::run(run.run_id.as_str())));
+    let look = Look { folder, plan: &plan, inputs, runs: runs.collect() };
     look.state().map(Some)
 }
 
-fn see_run(folder: &ResultsFolder, id: &str) -> Seen {
-    see(folder.run_state(id), &folder.run(id))
-}
-
-fn see_tokenizer(folder: &ResultsFolder, id: &str) -> Seen {
-    see(folder.tokenizer_state(id), &folder.tokenizer(id))
-}
-
-fn see(state: JobState, place: &std::path::Path) -> Seen {
+fn see(folder: &ResultsFolder, job: &JobId) -> Seen {
+    let state = folder.state(job);
     let unfinished = matches!(state, JobState::Missing | JobState::Started);
-    if unfinished && is_locked(place) { Seen::Running(progress(place)) } else { Seen::At(state) }
+    let place = folder.job(job);
+    if unfinished && is_locked(&place) { Seen::Running(progress(&place)) } else { Seen::At(state) }
 }
 
 /// Everything that was seen, beside the plan, in its order.
 struct Look<'a> {
     folder: &'a ResultsFolder,
     plan: &'a Planned,
-    tokenizers: &'a [Seen],
-    runs: &'a [Seen],
+    inputs: Vec<Seen>,
+    runs: Vec<Seen>,
 }
 
 impl Look<'_> {
     fn state(&self) -> io::Result<SweepState> {
-        let lost = self.lost_tokenizers();
-        let blocked = |run: &PlannedRun, seen: Seen| {
-            !matches!(seen, Seen::At(JobState::Done | JobState::Failed))
-                && lost.contains(run.tokenizer_id.as_str())
-        };
-        let mut runs = counts(self.runs);
-        runs.blocked = self.seen_runs().filter(|(run, seen)| blocked(run, *seen)).count();
+        let lost = self.lost();
         let running = self.running()?;
-        let to_do = self.seen_runs().filter(|(run, seen)| !blocked(run, *seen));
-        let to_do =
-            to_do.map(|(run, seen)| run.budget_flops * left(seen)).chain(self.to_tokenize()?);
-        let (sum, longest) = to_do.fold((0.0, 0.0_f64), |(s, l), cost| (s + cost, l.max(cost)));
+        let (sum, longest) =
+            self.to_do(&lost).fold((0.0, 0.0_f64), |(s, l), cost| (s + cost, l.max(cost)));
         let rate = self.flops_per_second()?;
         let at_once = running.len() as f64;
         Ok(SweepState {
             at_work: presence::is_held(self.folder),
             scheduler: presence::scheduler(self.folder),
-            tokenizers: counts(self.tokenizers),
-            runs,
+            inputs: self.count_inputs(&lost),
+            runs: self.count_runs(&lost),
             failures: self.failures()?,
-            flops_total: self.plan.runs.iter().map(|run| run.budget_flops).sum(),
-            flops_done: self.seen_runs().map(|(run, seen)| run.budget_flops * done(seen)).sum(),
+            flops_total: self.trained(|_| 1.0),
+            flops_done: self.trained(done),
             job_seconds_left: rate.map(|rate| sum / rate),
             eta_s: rate
                 .filter(|_| !running.is_empty())
@@ -177,60 +168,82 @@ impl Look<'_> {
         self.plan.runs.iter().zip(self.runs.iter().copied())
     }
 
-    fn seen_tokenizers(&self) -> impl Iterator<Item = (&str, Seen)> {
-        let ids = self.plan.tokenizers.iter().map(|job| job.tokenizer_id.as_str());
-        ids.zip(self.tokenizers.iter().copied())
+    fn seen_inputs(&self) -> impl Iterator<Item = (&Job, Seen)> {
+        self.plan.inputs.iter().zip(self.inputs.iter().copied())
     }
 
-    fn lost_tokenizers(&self) -> HashSet<&str> {
-        let failed = |seen: Seen| seen == Seen::At(JobState::Failed);
-        self.seen_tokenizers().filter(|(_, seen)| failed(*seen)).map(|(id, _)| id).collect()
-    }
-
-    /// What the tokenizers that are to come count for, beside the budgets of runs.
-    fn to_tokenize(&self) -> io::Result<Vec<f64>> {
-        let mut costs = Vec::new();
-        for (id, seen) in self.seen_tokenizers().filter(|(_, seen)| left(*seen) > 0.0) {
-            let job = tokenizer_job(self.folder, id)?;
-            costs.extend(job.map(|job| left(seen) * tokenizer_cost(&job)));
+    /// What failed, and what needs it: the plan has every input after what it needs.
+    fn lost(&self) -> HashSet<&JobId> {
+        let mut lost = HashSet::new();
+        for (job, seen) in self.seen_inputs() {
+            let orphan = open(seen) && job.needs.iter().any(|need| lost.contains(need));
+            if orphan || seen == Seen::At(JobState::Failed) {
+                lost.insert(&job.id);
+            }
         }
-        Ok(costs)
+        lost
+    }
+
+    fn count_inputs(&self, lost: &HashSet<&JobId>) -> BTreeMap<JobKind, Counts> {
+        let mut counts: BTreeMap<JobKind, Counts> = BTreeMap::new();
+        for (job, seen) in self.seen_inputs() {
+            let blocked = open(seen) && lost.contains(&job.id);
+            counts.entry(job.id.kind).or_default().add(seen, blocked);
+        }
+        counts
+    }
+
+    fn count_runs(&self, lost: &HashSet<&JobId>) -> Counts {
+        let mut counts = Counts::default();
+        for (run, seen) in self.seen_runs() {
+            counts.add(seen, open(seen) && is_blocked(run, lost));
+        }
+        counts
+    }
+
+    /// What is left of each job that can still be done.
+    fn to_do(&self, lost: &HashSet<&JobId>) -> impl Iterator<Item = f64> {
+        let inputs = self.seen_inputs().filter(|(job, _)| !lost.contains(&job.id));
+        let runs = self.seen_runs().filter(|(run, _)| !is_blocked(run, lost));
+        let inputs = inputs.map(|(job, seen)| job.cost * left(seen));
+        inputs.chain(runs.map(|(run, seen)| run.own_flops * left(seen)))
+    }
+
+    /// FLOPs of runs and trunks, each weighed by how far it is.
+    fn trained(&self, share: impl Fn(Seen) -> f64) -> f64 {
+        let trunks = self.seen_inputs().filter(|(job, _)| job.id.kind == JobKind::Trunk);
+        let trunks: f64 = trunks.map(|(job, seen)| job.cost * share(seen)).sum();
+        trunks + self.seen_runs().map(|(run, seen)| run.own_flops * share(seen)).sum::<f64>()
     }
 
     fn running(&self) -> io::Result<Vec<Running>> {
-        let mut running = Vec::new();
-        for (id, seen) in self.seen_tokenizers() {
-            if let Seen::Running(progress) = seen {
-                let label = label_of_tokenizer(self.folder, id)?;
-                running.push(Running { kind: "tokenizer", id: id.to_string(), label, progress });
-            }
-        }
-        for (run, seen) in self.seen_runs() {
-            if let Seen::Running(progress) = seen {
-                let (id, label) = (run.run_id.clone(), label_of_run(self.folder, &run.run_id)?);
-                running.push(Running { kind: "run", id, label, progress });
-            }
-        }
-        Ok(running)
+        let at_work = |seen| matches!(seen, Seen::Running(_));
+        let running = |(id, label, seen)| match seen {
+            Seen::Running(progress) => Running { id, label, progress },
+            Seen::At(_) => unreachable!("only those at work are asked for"),
+        };
+        Ok(self.named(at_work)?.into_iter().map(running).collect())
     }
 
     fn failures(&self) -> io::Result<Vec<FailedJob>> {
-        let failed = |seen: Seen| seen == Seen::At(JobState::Failed);
         let mut failures = Vec::new();
-        for (id, _) in self.seen_tokenizers().filter(|(_, seen)| failed(*seen)) {
-            let label = label_of_tokenizer(self.folder, id)?;
-            let failure = self.folder.failure(&self.folder.tokenizer(id))?;
-            let job = |failure| FailedJob { kind: "tokenizer", id: id.into(), label, failure };
-            failures.extend(failure.map(job));
-        }
-        for (run, _) in self.seen_runs().filter(|(_, seen)| failed(*seen)) {
-            let id = &run.run_id;
-            let label = label_of_run(self.folder, id)?;
-            let failure = self.folder.failure(&self.folder.run(id))?;
-            let job = |failure| FailedJob { kind: "run", id: id.clone(), label, failure };
-            failures.extend(failure.map(job));
+        for (id, label, _) in self.named(|seen| seen == Seen::At(JobState::Failed))? {
+            let failure = self.folder.failure(&id)?;
+            failures.extend(failure.map(|failure| FailedJob { id, label, failure }));
         }
         Ok(failures)
+    }
+
+    /// The jobs of a kind of look, with their names for a person.
+    fn named(&self, wanted: impl Fn(Seen) -> bool) -> io::Result<Vec<(JobId, String, Seen)>> {
+        let inputs = self.seen_inputs().filter(|(_, seen)| wanted(*seen));
+        let mut named: Vec<_> =
+            inputs.map(|(job, seen)| (job.id.clone(), job.label.clone(), seen)).collect();
+        for (run, seen) in self.seen_runs().filter(|(_, seen)| wanted(*seen)) {
+            let label = label_of_run(self.folder, &run.run_id)?;
+            named.push((JobId::run(run.run_id.as_str()), label, seen));
+        }
+        Ok(named)
     }
 
     /// FLOPs a second of one job, from finished runs spread over the plan.
@@ -248,6 +261,21 @@ impl Look<'_> {
     }
 }
 
+fn open(seen: Seen) -> bool {
+    !matches!(seen, Seen::At(JobState::Done | JobState::Failed))
+}
+
+/// Whether something that a run needs will not come.
+fn is_blocked(run: &PlannedRun, lost: &HashSet<&JobId>) -> bool {
+    let needs = |id: &JobId| match id.kind {
+        JobKind::Text => true,
+        JobKind::Tokenizer | JobKind::Tokens => id.id == run.tokenizer_id,
+        JobKind::Trunk => run.trunk_id.as_ref() == Some(&id.id),
+        JobKind::Run => false,
+    };
+    lost.iter().any(|id| needs(id))
+}
+
 /// The share of a job that is done: a checkpoint's is not known before it is taken up again.
 fn done(seen: Seen) -> f64 {
     match seen {
@@ -260,29 +288,6 @@ fn done(seen: Seen) -> f64 {
 /// The share of a job that the next hours hold: nothing of one that failed.
 fn left(seen: Seen) -> f64 {
     if seen == Seen::At(JobState::Failed) { 0.0 } else { 1.0 - done(seen) }
-}
-
-fn counts(seen: &[Seen]) -> Counts {
-    let mut counts = Counts::default();
-    for one in seen {
-        *match one {
-            Seen::At(JobState::Done) => &mut counts.done,
-            Seen::At(JobState::Failed) => &mut counts.failed,
-            Seen::At(JobState::Started) => &mut counts.started,
-            Seen::At(JobState::Missing) => &mut counts.missing,
-            Seen::Running(_) => &mut counts.running,
-        } += 1;
-    }
-    counts
-}
-
-fn tokenizer_job(folder: &ResultsFolder, id: &str) -> io::Result<Option<TokenizerJob>> {
-    read_if_there(&folder.tokenizer(id).join("job.json"))
-}
-
-fn label_of_tokenizer(folder: &ResultsFolder, id: &str) -> io::Result<String> {
-    let job = tokenizer_job(folder, id)?;
-    Ok(job.map_or_else(|| format!("tokenizer {id}"), |job| tokenizer_label(&job)))
 }
 
 fn label_of_run(folder: &ResultsFolder, id: &str) -> io::Result<String> {
@@ -302,9 +307,15 @@ mod tests {
     /// A folder whose plan has runs of 1, 2, 3, … FLOPs named `0`, `1`, `2`, …
     fn planned(place: &tempfile::TempDir, runs: usize) -> ResultsFolder {
         let folder = ResultsFolder::new(place.path());
-        let run = |i: usize| json!({"run_id": i.to_string(), "tokenizer_id": "t", "budget_flops": i as f64 + 1.0});
+        let run = |i: usize| json!({"run_id": i.to_string(), "tokenizer_id": "t", "own_flops": i as f64 + 1.0});
         let runs: Vec<_> = (0..runs).map(run).collect();
-        let plan = json!({"runs": runs, "tokenizers": [{"tokenizer_id": "t"}]});
+        let input = |kind: &str, needs: &[serde_json::Value]| {
+            let id = json!({"kind": kind, "id": "t"});
+            json!({"id": id, "label": kind, "cost": 1.0, "peak_bytes": 0, "needs": needs})
+        };
+        let needed = json!({"kind": "tokenizer", "id": "t"});
+        let inputs = [input("tokenizer", &[]), input("tokens", &[needed])];
+        let plan = json!({"runs": runs, "inputs": inputs});
         write_json(&folder.file("plan.json"), &plan).unwrap();
         folder
     }
@@ -331,7 +342,7 @@ mod tests {
         let expected = Counts { started: 1, running: 1, missing: 1, ..Counts::default() };
         assert_eq!(state.runs, expected);
         assert_eq!(state.running.len(), 1);
-        assert_eq!(state.running[0].id, "1");
+        assert_eq!(state.running[0].id, JobId::run("1"));
         assert_eq!(state.flops_done, 0.25 * 2.0);
         assert_eq!(state.flops_total, 6.0);
     }
@@ -344,6 +355,8 @@ mod tests {
         write_json(&folder.tokenizer("t").join("failure.json"), &failure).unwrap();
         let state = sweep_state(&folder).unwrap().unwrap();
         assert_eq!(state.runs, Counts { missing: 2, blocked: 2, ..Counts::default() });
+        let tokens = state.inputs[&JobKind::Tokens];
+        assert_eq!(tokens, Counts { missing: 1, blocked: 1, ..Counts::default() });
         assert_eq!(state.failures[0].failure, failure);
     }
 }

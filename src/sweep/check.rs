@@ -6,7 +6,9 @@ use super::presets;
 use super::problem::Problem;
 use super::read::nearest;
 use super::repeated;
-use super::spec::{Axis, Clips, DataSource, ModelList, Sweep, TokenizerKind, VocabSpec};
+use super::spec::{
+    Axis, Clips, DataSource, ModelList, ScheduleKind, Sweep, TokenizerKind, VocabSpec,
+};
 use crate::data::FRAMES_PER_TOKEN;
 use crate::tokenizer::{levels_for, nominal_sizes};
 
@@ -236,6 +238,27 @@ fn train(sweep: &Sweep) -> Vec<Problem> {
             share(train.schedule.final_share),
             "train.schedule.final_share",
             "a share lies between 0 and 1",
+        ),
+        (
+            train.schedule.decay > 0.0 && train.schedule.decay < 1.0,
+            "train.schedule.decay",
+            "a share lies between 0 and 1, both left out",
+        ),
+        (
+            !train.schedule.share || train.schedule.kind == ScheduleKind::Wsd,
+            "train.schedule.share",
+            "only runs of `kind: wsd` begin alike and can share a trunk",
+        ),
+        (
+            !train.schedule.share || sweep.trainer.is_none(),
+            "train.schedule.share",
+            "a trainer of one's own trains each run whole: take `share` out",
+        ),
+        (
+            train.schedule.kind == ScheduleKind::Cosine
+                || train.schedule.warmup + train.schedule.decay <= 1.0,
+            "train.schedule.warmup",
+            "warm-up and decay together are more than the run",
         ),
         (train.betas.len() == 2, "train.betas", "AdamW has two betas"),
         (

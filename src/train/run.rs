@@ -79,33 +79,52 @@ pub struct Trained {
     pub wall_s: f64,
 }
 
+/// Where a run's state lies while it is trained.
+#[derive(Clone, Copy)]
+pub struct Checkpoints<'a> {
+    /// Written now and then; where it is there, the run goes on from it.
+    pub path: &'a Path,
+    /// Never changes the result.
+    pub every: Duration,
+    /// What a run begins with that has no checkpoint yet.
+    pub branch: Option<Branch<'a>>,
+}
+
+/// The end of a trunk, from which runs go on.
+#[derive(Clone, Copy)]
+pub struct Branch<'a> {
+    pub state: &'a Path,
+    /// The steps that are done there.
+    pub steps: usize,
+}
+
 /// Trains a run to its end, from its checkpoint where there is one.
 ///
-/// `checkpoint_every` never changes the result; the checkpoint is removed by the caller, after the
-/// record is in place.
+/// The checkpoint is removed by the caller, after the record is in place.
 pub fn train(
     spec: &RunSpec,
     inputs: &Inputs,
     device: &Device,
-    checkpoint: &Path,
-    checkpoint_every: Duration,
+    checkpoints: &Checkpoints,
     progress: &mut Progress,
 ) -> Result<Trained, TrainError> {
-    let mut run = Run::start_or_resume(spec, inputs, device, checkpoint)?;
-    let mut saved = Instant::now();
-    while run.standing.step < spec.steps {
-        let loss = run.step()?;
-        let step = run.standing.step;
-        if progress(step, spec.steps, loss).is_break() && step < spec.steps {
-            run.save(checkpoint)?;
-            return Err(TrainError::Stopped { step, steps: spec.steps });
-        }
-        if saved.elapsed() >= checkpoint_every {
-            run.save(checkpoint)?;
-            saved = Instant::now();
-        }
-    }
+    let mut run = Run::start_or_resume(spec, inputs, device, checkpoints)?;
+    run.go_on(checkpoints, progress)?;
     run.finish()
+}
+
+/// Trains a trunk to its end, from its checkpoint where there is one, and writes its state.
+pub fn train_trunk(
+    spec: &RunSpec,
+    inputs: &Inputs,
+    device: &Device,
+    checkpoints: &Checkpoints,
+    state: &Path,
+    progress: &mut Progress,
+) -> Result<(), TrainError> {
+    let mut run = Run::start_or_resume(spec, inputs, device, checkpoints)?;
+    run.go_on(checkpoints, progress)?;
+    Ok(run.save(state)?)
 }
 
 struct Run<'a> {
@@ -123,20 +142,45 @@ impl<'a> Run<'a> {
         spec: &'a RunSpec,
         inputs: &'a Inputs<'a>,
         device: &Device,
-        checkpoint: &Path,
+        checkpoints: &Checkpoints,
     ) -> Result<Self, TrainError> {
         check_inputs(spec, inputs)?;
         let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
         rng.set_stream(WEIGHTS_STREAM);
         let model = Model::init(&spec.model, spec.n_vocab, &mut rng, &device.clone().autodiff());
         let optimiser = AdamW::new(optimiser_config(spec));
-        let (model, optimiser, standing) = if checkpoint.exists() {
-            checkpoint::load(checkpoint, model, optimiser)?
-        } else {
-            (model, optimiser, Standing::default())
+        let (model, optimiser, standing) = match (checkpoints.path, checkpoints.branch) {
+            (own, _) if own.exists() => checkpoint::load(own, model, optimiser)?,
+            (_, Some(branch)) => {
+                branched(&branch, checkpoint::load(branch.state, model, optimiser)?)?
+            }
+            (_, None) => (model, optimiser, Standing::default()),
         };
         let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed);
         Ok(Self { spec, inputs, stream, model, optimiser, standing, started: Instant::now() })
+    }
+
+    /// Takes the steps that are left, and writes a checkpoint now and then.
+    fn go_on(
+        &mut self,
+        checkpoints: &Checkpoints,
+        progress: &mut Progress,
+    ) -> Result<(), TrainError> {
+        let (mut saved, steps) = (Instant::now(), self.spec.steps);
+        let before = checkpoints.branch.map_or(0, |branch| branch.steps);
+        while self.standing.step < steps {
+            let loss = self.step()?;
+            let step = self.standing.step;
+            if progress(step - before, steps - before, loss).is_break() && step < steps {
+                self.save(checkpoints.path)?;
+                return Err(TrainError::Stopped { step, steps });
+            }
+            if saved.elapsed() >= checkpoints.every {
+                self.save(checkpoints.path)?;
+                saved = Instant::now();
+            }
+        }
+        Ok(())
     }
 
     /// One step; its loss before the update, in nats.
@@ -224,6 +268,19 @@ impl<'a> Run<'a> {
             log: self.standing.log,
         })
     }
+}
+
+type State = (Model, AdamW, Standing);
+
+/// A trunk's state, if it is of the step that is wanted.
+fn branched(branch: &Branch, state: State) -> Result<State, TrainError> {
+    let (found, wanted) = (state.2.step, branch.steps);
+    if found == wanted {
+        return Ok(state);
+    }
+    let path = branch.state.display().to_string();
+    let reason = format!("it is of step {found}, not {wanted}; remove it to have it made again");
+    Err(WeightsError::Read { path, reason }.into())
 }
 
 /// Tokens must have the codes that the model has, and their sequences fit its context.

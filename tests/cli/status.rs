@@ -68,7 +68,9 @@ fn a_finished_sweep_is_done_and_nothing_runs() {
     let place = finished_mini();
     let state = status(&place, "results/mini");
     assert_eq!(state["runs"], counts(8, 0, 0, 0, 0));
-    assert_eq!(state["tokenizers"], counts(2, 0, 0, 0, 0));
+    for (kind, n) in [("text", 1), ("tokenizer", 2), ("tokens", 2)] {
+        assert_eq!(state["inputs"][kind], counts(n, 0, 0, 0, 0), "{kind}");
+    }
     assert_eq!(state["flops_done"], state["flops_total"]);
     assert_eq!((&state["at_work"], &state["scheduler"]), (&json!(false), &Value::Null));
     assert_eq!(state["job_seconds_left"], 0.0);
@@ -84,7 +86,8 @@ fn a_fresh_folder_has_everything_to_do() {
     fs::remove_dir_all(place.path("results/mini/tokenizers")).expect("the tokenizers");
     let state = status(&place, "results/mini");
     assert_eq!(state["runs"], counts(0, 0, 0, 0, 8));
-    assert_eq!(state["tokenizers"], counts(0, 0, 0, 0, 2));
+    assert_eq!(state["inputs"]["tokenizer"], counts(0, 0, 0, 0, 2));
+    assert_eq!(state["inputs"]["text"], counts(1, 0, 0, 0, 0));
     assert_eq!((&state["flops_done"], &state["eta_s"]), (&json!(0.0), &Value::Null));
     let text = text(&place, "results/mini");
     assert!(text.contains("0 of 8 runs done, 0.0 %"), "{text}");

@@ -113,6 +113,7 @@ pub fn small_run(n_vocab: usize) -> RunSpec {
         lr: 3e-3,
         warmup_steps: 3,
         final_share: 0.1,
+        decay_steps: None,
         weight_decay: 0.01,
         betas: [0.9, 0.99],
         epsilon: 1e-8,

@@ -11,14 +11,17 @@ use crate::record::ResultsFolder;
 use crate::schedule::worker;
 use crate::tokenizer::TokenStore;
 
-/// How the learning rate moves: linearly up to `peak`, then half a cosine down to
-/// `final_share · peak` at the last step.
+/// How the learning rate moves: linearly up to `peak`, then half a cosine (`cosine`) down to
+/// `final_share · peak` at the last step, or on to the last `decay_steps` and down there by 1 − √share
+/// (`wsd`).
 #[derive(Clone, Debug, Serialize)]
 pub struct TrainerLr {
     pub peak: f64,
     pub schedule: &'static str,
     pub warmup_steps: usize,
     pub final_share: f64,
+    /// `null` for `cosine`.
+    pub decay_steps: Option<usize>,
 }
 
 /// One run as its trainer reads it, in `{spec}`: complete, with absolute paths.
@@ -82,9 +85,10 @@ impl TrainerSpec {
             batch_tokens: run.batch_tokens,
             lr: TrainerLr {
                 peak: run.lr,
-                schedule: "cosine",
+                schedule: if run.decay_steps.is_some() { "wsd" } else { "cosine" },
                 warmup_steps: run.warmup_steps,
                 final_share: run.final_share,
+                decay_steps: run.decay_steps,
             },
             weight_decay: run.weight_decay,
             betas: run.betas,

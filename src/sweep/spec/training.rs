@@ -51,6 +51,9 @@ pub enum ScheduleKind {
     /// Linear warm-up, then half a cosine down to `final_share` (ScaMo Table 4).
     #[default]
     Cosine,
+    /// Linear warm-up, a constant rate, then a decay by 1 − √share over the last steps (Hägele et
+    /// al. 2024): runs that differ in budget alone begin alike.
+    Wsd,
 }
 
 /// The `train.schedule` section.
@@ -64,11 +67,25 @@ pub struct ScheduleSpec {
     /// The last learning rate as a share of the peak.
     #[serde(deserialize_with = "number::number")]
     pub final_share: f64,
+    /// Of `wsd`: the share of the run that decays.
+    #[serde(deserialize_with = "number::number")]
+    pub decay: f64,
+    /// Of `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
+    /// with one batch, rate and warm-up.
+    pub share: bool,
+}
+
+impl ScheduleSpec {
+    /// Whether runs branch off common trunks.
+    pub fn shares(&self) -> bool {
+        self.kind == ScheduleKind::Wsd && self.share
+    }
 }
 
 impl Default for ScheduleSpec {
     fn default() -> Self {
-        Self { kind: ScheduleKind::default(), warmup: 0.1, final_share: 0.0 }
+        let kind = ScheduleKind::default();
+        Self { kind, warmup: 0.1, final_share: 0.0, decay: 0.2, share: false }
     }
 }
 

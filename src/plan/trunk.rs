@@ -1,0 +1,131 @@
+//! Trunks: what runs of one model, vocabulary and seed have in common before their learning rates
+//! decay, trained once.
+
+use std::collections::HashMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::price::{Dropped, PricedCell};
+use super::run_spec::RunSpec;
+use super::steps::{Pace, Spending, spend_with};
+use crate::sweep::TrainSpec;
+use crate::tokenizer::QuantizerKind;
+
+/// A stretch of training from one branching point to the next.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Trunk {
+    /// Content id of `spec`.
+    pub trunk_id: String,
+    pub spec: RunSpec,
+    /// The trunk that it goes on from; `None` for the first.
+    pub from: Option<String>,
+    /// FLOPs from there on, in the measure of the runs' budgets.
+    pub flops: f64,
+}
+
+/// Gives the cells that share a trunk one batch, one learning rate and one warm-up: those of the
+/// smallest of their budgets, so that a sweep can be extended to larger ones and keep its runs.
+///
+/// A cell whose budget is missed by whole steps of that batch is dropped.
+pub fn in_step(cells: Vec<PricedCell>, train: &TrainSpec) -> (Vec<PricedCell>, Vec<Dropped>) {
+    let mut smallest: HashMap<String, (Spending, Pace)> = HashMap::new();
+    for cell in &cells {
+        let found = smallest.entry(group(cell)).or_insert((cell.spending, cell.pace));
+        if cell.spending.tokens() < found.0.tokens() {
+            *found = (cell.spending, cell.pace);
+        }
+    }
+    let (mut kept, mut dropped) = (Vec::with_capacity(cells.len()), Vec::new());
+    for cell in cells {
+        let (first, pace) = smallest[&group(&cell)];
+        match spend_with(cell.tokens_bought(), first.batch_tokens, train) {
+            Ok(spending) => kept.push(PricedCell { spending, pace, ..cell }),
+            Err(reason) => dropped.push(cell.dropped(reason)),
+        }
+    }
+    (kept, dropped)
+}
+
+/// What cells must agree in to share a trunk.
+fn group(cell: &PricedCell) -> String {
+    let levels: &dyn std::fmt::Debug = match &cell.quantizer {
+        QuantizerKind::Fsq { levels } => levels,
+        QuantizerKind::Vq { n_vocab } => n_vocab,
+    };
+    format!("{:?} {levels:?}", cell.shape)
+}
+
+/// The trunks of runs that share them, each once, every one after the one that it goes on from.
+pub fn trunks<'a>(runs: impl Iterator<Item = &'a RunSpec>) -> Vec<Trunk> {
+    let mut chains: HashMap<String, Vec<(RunSpec, f64)>> = HashMap::new();
+    let mut order = Vec::new();
+    for run in runs {
+        let Some(trunk) = run.trunk().filter(|trunk| trunk.steps > 0) else { continue };
+        let name = RunSpec { steps: 0, ..trunk.clone() }.id();
+        let flops_per_step = run.budget_flops / run.steps as f64;
+        let chain = chains.entry(name.clone()).or_insert_with(|| {
+            order.push(name);
+            Vec::new()
+        });
+        if chain.iter().all(|(known, _)| known.steps != trunk.steps) {
+            chain.push((trunk, flops_per_step));
+        }
+    }
+    let chains = order.iter().filter_map(|name| chains.remove(name));
+    chains.flat_map(chained).collect()
+}
+
+fn chained(mut points: Vec<(RunSpec, f64)>) -> Vec<Trunk> {
+    points.sort_by_key(|(spec, _)| spec.steps);
+    let (mut chain, mut done, mut from) = (Vec::with_capacity(points.len()), 0, None);
+    for (spec, flops_per_step) in points {
+        let flops = (spec.steps - done) as f64 * flops_per_step;
+        done = spec.steps;
+        let trunk_id = spec.id();
+        chain.push(Trunk { trunk_id: trunk_id.clone(), spec, from, flops });
+        from = Some(trunk_id);
+    }
+    chain
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::data::DataFacts;
+    use crate::plan::Plan;
+    use crate::sweep;
+
+    fn planned(budgets: &str) -> Plan {
+        let text = format!(
+            "name: t\ngrid: {{models: [{{n_layer: 1, n_head: 1, d_model: 16}}, \
+             {{n_layer: 2, n_head: 2, d_model: 32}}], vocab: [64], budgets: {budgets}}}\n\
+             seeds: [0, 1]\ntrain: {{schedule: {{kind: wsd, share: true}}}}\n"
+        );
+        let sweep = sweep::parse("t.yaml", &text, &[]).expect("a sweep");
+        Plan::new(&sweep, DataFacts::absent(String::new()))
+    }
+
+    #[test]
+    fn each_trunk_goes_on_from_the_last_and_they_cost_what_the_longest_run_does() {
+        let plan = planned("[1e10, 1.8e10, 3.2e10, 5.6e10, 1e11]");
+        assert_eq!((plan.runs.len(), plan.trunks.len()), (20, 20));
+        for chain in plan.trunks.chunks(5) {
+            assert_eq!(chain[0].from, None);
+            for pair in chain.windows(2) {
+                assert_eq!(pair[1].from.as_ref(), Some(&pair[0].trunk_id));
+                assert!(pair[1].spec.steps > pair[0].spec.steps);
+            }
+            let shared: f64 = chain.iter().map(|trunk| trunk.flops).sum();
+            assert!((shared / 8e10 - 1.0).abs() < 0.01, "{shared}");
+        }
+        // 0.8 · (1 − 1e11 / 2.16e11) of all FLOPs are trained once for all.
+        let saved = 1.0 - plan.trained_flops() / plan.total_flops();
+        assert!((saved - 0.43).abs() < 0.002, "{saved}");
+    }
+
+    #[test]
+    fn a_larger_budget_changes_no_run_that_is_there() {
+        let ids = |plan: Plan| plan.runs.into_iter().map(|run| run.run_id).collect::<Vec<_>>();
+        let (few, more) = (ids(planned("[1e10, 3e10]")), ids(planned("[1e10, 3e10, 1e12]")));
+        assert!(few.iter().all(|id| more.contains(id)));
+    }
+}

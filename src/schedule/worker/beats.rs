@@ -1,0 +1,69 @@
+//! [`Beat`]: how far a worker is, on its standard output and in its folder.
+
+use std::fs;
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use crate::record::read_if_there;
+use crate::schedule::signals::Stop;
+
+/// What a worker prints, a line each: how far it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Beat {
+    pub step: usize,
+    pub steps: usize,
+    pub loss: f64,
+}
+
+/// Where a worker notes how far it is, for those who do not read its pipe.
+const PROGRESS: &str = ".progress.json";
+
+/// How often it does.
+const NOTE: Duration = Duration::from_millis(500);
+
+/// Notes how far a worker is in its folder: whole, by rename, but not flushed to disk, since the
+/// note means nothing once its writer is gone. That it cannot be written stops no work.
+pub fn note_progress(place: &Path, beat: &Beat) {
+    let partial = place.join(".partial-progress");
+    let text = serde_json::to_string(beat).expect("plain values");
+    let _ = fs::write(&partial, text).and_then(|()| fs::rename(&partial, place.join(PROGRESS)));
+}
+
+/// What [`note_progress`] wrote last.
+pub fn progress(place: &Path) -> Option<Beat> {
+    read_if_there(&place.join(PROGRESS)).ok().flatten()
+}
+
+/// Takes the note away.
+pub fn forget_progress(place: &Path) {
+    let _ = fs::remove_file(place.join(PROGRESS));
+}
+
+/// Prints a beat a tenth of a second at most, notes one in the folder less often, and asks for an
+/// end once `stop` is raised.
+pub fn beats(place: &Path, stop: &Stop) -> impl FnMut(usize, usize, f64) -> ControlFlow<()> {
+    let (place, stop) = (place.to_path_buf(), stop.clone());
+    let (mut printed, mut noted) = (None::<Instant>, None::<Instant>);
+    let due = |last: &mut Option<Instant>, every: Duration| {
+        let due = last.is_none_or(|last| last.elapsed() > every);
+        if due {
+            *last = Some(Instant::now());
+        }
+        due
+    };
+    move |step, steps, loss| {
+        let beat = Beat { step, steps, loss };
+        if due(&mut printed, Duration::from_millis(100)) {
+            let line = serde_json::to_string(&beat).expect("plain values");
+            let _ = writeln!(std::io::stdout(), "{line}");
+        }
+        if due(&mut noted, NOTE) {
+            note_progress(&place, &beat);
+        }
+        if stop.is_raised() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
