@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
+use isoflop::plan::PlannedRun;
 use isoflop::record::{JobId, JobKind, ResultsFolder, atomic};
 use isoflop::schedule::presence::Held;
 use isoflop::schedule::{
     Display, Executor, Job, JobEnd, JobReport, LocalPool, LocalProcesses, inputs, missing_jobs,
     stop_on_signals,
 };
+use rayon::prelude::*;
 
 use super::args::RunArgs;
 use super::command_line::CommandLine;
@@ -68,9 +70,9 @@ fn prepare(open: &OpenSweep, retry_failed: bool) -> Result<()> {
         // Which trunk it goes on from depends on the sweep's budgets; its result does not.
         atomic::write_json(&folder.job(&job).join("job.json"), trunk)?;
     }
-    for run in &plan.runs {
-        write_once(&folder.run(&run.run_id).join("spec.json"), &run.spec)?;
-    }
+    let write =
+        |run: &PlannedRun| write_once(&folder.run(&run.run_id).join("spec.json"), &run.spec);
+    plan.runs.par_iter().try_for_each(write)?;
     if retry_failed {
         let inputs = inputs(plan).into_iter().map(|job| job.id);
         let runs = plan.runs.iter().map(|run| JobId::run(run.run_id.as_str()));

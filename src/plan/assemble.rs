@@ -7,7 +7,7 @@ use super::memory::peak_bytes;
 use super::price::{Dropped, FlopsPerToken, PricedCell, price};
 use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, content_id};
 use super::shape::ParamCounts;
-use super::trunk::{Trunk, trunks};
+use super::trunk::{Trunk, branch};
 use crate::data::DataFacts;
 use crate::sweep::{DataSource, ScheduleKind, ScheduleSpec, Sweep};
 use crate::tokenizer::TokenizerSpec;
@@ -88,7 +88,10 @@ impl Plan {
         };
         // Hashing a million specs is most of the work.
         let mut runs: Vec<PlannedRun> = cells.par_iter().zip(&own).flat_map_iter(runs_of).collect();
-        let trunks = if sweep.train.schedule.shares() { branch(&mut runs) } else { Vec::new() };
+        let n_seeds = sweep.seeds.len();
+        let chain_of = |run: usize| Some((cells[run / n_seeds].group?, sweep.seeds[run % n_seeds]));
+        let trunks =
+            if sweep.train.schedule.shares() { branch(&mut runs, chain_of) } else { Vec::new() };
         Self { runs, dropped, tokenizers, trunks, text, data }
     }
 
@@ -168,13 +171,6 @@ fn tokenizer_job(sweep: &Sweep, cell: &PricedCell, data: &DataFacts) -> Tokenize
         ..TokenizerSpec::default()
     };
     TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
-}
-
-/// Notes in each run which trunk it branches off; returns the trunks.
-fn branch(runs: &mut [PlannedRun]) -> Vec<Trunk> {
-    let trunk_id = |spec: &RunSpec| Some(spec.trunk().filter(|trunk| trunk.steps > 0)?.id());
-    runs.par_iter_mut().for_each(|run| run.trunk_id = trunk_id(&run.spec));
-    trunks(runs.iter().map(|run| &run.spec))
 }
 
 fn decay_steps(schedule: &ScheduleSpec, steps: usize) -> Option<usize> {

@@ -51,6 +51,8 @@ pub struct PricedCell {
     pub flops_per_token: FlopsPerToken,
     pub spending: Spending,
     pub pace: Pace,
+    /// Cells of one number share a trunk; `None` where nothing is shared.
+    pub group: Option<usize>,
 }
 
 impl PricedCell {
@@ -125,6 +127,7 @@ fn price_cell(sweep: &Sweep, cell: &Cell) -> Result<PricedCell, String> {
     let params = shape.params(n_vocab);
     let trained = params.nonvocab + params.vocab;
     Ok(PricedCell {
+        group: None,
         pace: pace(trained, spending.tokens(), spending, &sweep.train),
         params,
         shape,

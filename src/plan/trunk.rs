@@ -1,10 +1,12 @@
 //! Trunks: what runs of one model, vocabulary and seed have in common before their learning rates
 //! decay, trained once.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::assemble::PlannedRun;
 use super::price::{Dropped, PricedCell};
 use super::run_spec::RunSpec;
 use super::steps::{Pace, Spending, spend_with};
@@ -28,18 +30,25 @@ pub struct Trunk {
 ///
 /// A cell whose budget is missed by whole steps of that batch is dropped.
 pub fn in_step(cells: Vec<PricedCell>, train: &TrainSpec) -> (Vec<PricedCell>, Vec<Dropped>) {
-    let mut smallest: HashMap<String, (Spending, Pace)> = HashMap::new();
+    let mut groups: HashMap<String, usize> = HashMap::new();
+    let mut smallest: Vec<(Spending, Pace)> = Vec::new();
+    let mut group_of = Vec::with_capacity(cells.len());
     for cell in &cells {
-        let found = smallest.entry(group(cell)).or_insert((cell.spending, cell.pace));
-        if cell.spending.tokens() < found.0.tokens() {
-            *found = (cell.spending, cell.pace);
+        let group = *groups.entry(group_name(cell)).or_insert(smallest.len());
+        match smallest.get_mut(group) {
+            None => smallest.push((cell.spending, cell.pace)),
+            Some(found) if cell.spending.tokens() < found.0.tokens() => {
+                *found = (cell.spending, cell.pace);
+            }
+            Some(_) => {}
         }
+        group_of.push(group);
     }
     let (mut kept, mut dropped) = (Vec::with_capacity(cells.len()), Vec::new());
-    for cell in cells {
-        let (first, pace) = smallest[&group(&cell)];
+    for (cell, group) in cells.into_iter().zip(group_of) {
+        let (first, pace) = smallest[group];
         match spend_with(cell.tokens_bought(), first.batch_tokens, train) {
-            Ok(spending) => kept.push(PricedCell { spending, pace, ..cell }),
+            Ok(spending) => kept.push(PricedCell { spending, pace, group: Some(group), ..cell }),
             Err(reason) => dropped.push(cell.dropped(reason)),
         }
     }
@@ -47,7 +56,7 @@ pub fn in_step(cells: Vec<PricedCell>, train: &TrainSpec) -> (Vec<PricedCell>, V
 }
 
 /// What cells must agree in to share a trunk.
-fn group(cell: &PricedCell) -> String {
+fn group_name(cell: &PricedCell) -> String {
     let levels: &dyn std::fmt::Debug = match &cell.quantizer {
         QuantizerKind::Fsq { levels } => levels,
         QuantizerKind::Vq { n_vocab } => n_vocab,
@@ -55,35 +64,36 @@ fn group(cell: &PricedCell) -> String {
     format!("{:?} {levels:?}", cell.shape)
 }
 
-/// The trunks of runs that share them, each once, every one after the one that it goes on from.
-pub fn trunks<'a>(runs: impl Iterator<Item = &'a RunSpec>) -> Vec<Trunk> {
-    let mut chains: HashMap<String, Vec<(RunSpec, f64)>> = HashMap::new();
-    let mut order = Vec::new();
-    for run in runs {
-        let Some(trunk) = run.trunk().filter(|trunk| trunk.steps > 0) else { continue };
-        let name = RunSpec { steps: 0, ..trunk.clone() }.id();
-        let flops_per_step = run.budget_flops / run.steps as f64;
-        let chain = chains.entry(name.clone()).or_insert_with(|| {
-            order.push(name);
-            Vec::new()
-        });
-        if chain.iter().all(|(known, _)| known.steps != trunk.steps) {
-            chain.push((trunk, flops_per_step));
+/// Notes in each run which trunk it branches off; returns the trunks, each once, every one after
+/// the one that it goes on from. `chain_of` names what the run of an index shares with others.
+pub fn branch(
+    runs: &mut [PlannedRun],
+    chain_of: impl Fn(usize) -> Option<(usize, u64)>,
+) -> Vec<Trunk> {
+    let stem = |run: &RunSpec| run.trunk().filter(|trunk| trunk.steps > 0);
+    runs.par_iter_mut().for_each(|run| run.trunk_id = stem(&run.spec).map(|trunk| trunk.id()));
+    let mut chains: BTreeMap<(usize, u64), BTreeMap<usize, usize>> = BTreeMap::new();
+    for (index, run) in runs.iter().enumerate() {
+        if let (Some(_), Some(chain)) = (&run.trunk_id, chain_of(index)) {
+            let steps = run.spec.steps - run.spec.decay_steps.unwrap_or(0);
+            chains.entry(chain).or_default().insert(steps, index);
         }
     }
-    let chains = order.iter().filter_map(|name| chains.remove(name));
-    chains.flat_map(chained).collect()
+    chains.values().flat_map(|points| chained(points.values().map(|&i| &runs[i]))).collect()
 }
 
-fn chained(mut points: Vec<(RunSpec, f64)>) -> Vec<Trunk> {
-    points.sort_by_key(|(spec, _)| spec.steps);
-    let (mut chain, mut done, mut from) = (Vec::with_capacity(points.len()), 0, None);
-    for (spec, flops_per_step) in points {
+/// The trunks of one chain, of runs by their steps.
+fn chained<'a>(runs: impl Iterator<Item = &'a PlannedRun>) -> Vec<Trunk> {
+    let (mut chain, mut done, mut from): (Vec<Trunk>, usize, Option<String>) = Default::default();
+    for run in runs {
+        let (Some(spec), Some(trunk_id)) = (run.spec.trunk(), run.trunk_id.clone()) else {
+            continue;
+        };
+        let flops_per_step = run.spec.budget_flops / run.spec.steps as f64;
         let flops = (spec.steps - done) as f64 * flops_per_step;
         done = spec.steps;
-        let trunk_id = spec.id();
-        chain.push(Trunk { trunk_id: trunk_id.clone(), spec, from, flops });
-        from = Some(trunk_id);
+        let before = from.replace(trunk_id.clone());
+        chain.push(Trunk { trunk_id, spec, from: before, flops });
     }
     chain
 }
