@@ -14,11 +14,17 @@
 //! | [`tokenizer`] | clips into discrete codes |
 //! | [`ops`], [`model`], [`train`] | codes and text into a trained model and its loss |
 //! | [`schedule`] | a plan into finished jobs, one process a run |
+//! | [`moving`] | work without steps into a count of its pieces, by which a scheduler sees that it goes on |
 //! | [`record`] | a finished run into a row of a table |
 //! | [`table`] | a table of runs made elsewhere into the rows that laws are fitted to |
 //! | [`laws`] | rows into minima, power laws and loss laws |
 //! | [`predict`] | laws and a budget into a configuration |
 //! | [`figures`], [`export`] | tables and laws into SVG, PNG and notebooks |
+
+#[cfg(not(unix))]
+compile_error!(
+    "isoflop needs a Unix: it ends what hangs, and outlives what is killed, by signals and process groups"
+);
 
 pub mod data;
 pub mod export;
@@ -26,6 +32,7 @@ pub mod figures;
 pub mod laws;
 pub mod model;
 pub mod motion;
+pub mod moving;
 pub mod ops;
 pub mod plan;
 pub mod predict;

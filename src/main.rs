@@ -11,9 +11,18 @@ use commands::Cli;
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> ExitCode {
+    ignore_file_size_signal();
     let cli = Cli::parse();
     match commands::dispatch(cli) {
         Ok(exit) => exit.into(),
         Err(error) => commands::report(&error).into(),
     }
+}
+
+/// A limit on file sizes should be an error of the write that meets it, and not the end of the
+/// program.
+fn ignore_file_size_signal() {
+    use nix::sys::signal::{SigHandler, Signal, signal};
+    // SAFETY: no handler is installed, and this is before any thread is started.
+    let _ = unsafe { signal(Signal::SIGXFSZ, SigHandler::SigIgn) };
 }

@@ -20,7 +20,7 @@ use super::{fit, plot, predict};
 /// The folder alone says what was planned, so that whoever trained the runs can have this done.
 pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
     let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
-    let records = gather(folder)?;
+    let records = gather(folder, output)?;
     let stamp = finished::stamp(&sweep, folder, &records);
     let finished = match Finished::again(folder, &stamp, output)? {
         Some(finished) => finished,
@@ -87,12 +87,18 @@ struct PlannedRun {
     run_id: String,
 }
 
-fn gather(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
+/// The records of the plan's runs; one that is damaged is left out with a warning.
+fn gather(folder: &ResultsFolder, output: &Output) -> Result<Vec<RunRecord>> {
     let plan: Option<Planned> = read_if_there(&folder.file("plan.json"))?;
     let plan = plan.with_context(|| format!("{} has no plan", folder.root().display()))?;
-    let records: Result<Vec<Option<RunRecord>>, _> =
-        plan.runs.par_iter().map(|run| folder.record(&run.run_id)).collect();
-    let mut records: Vec<RunRecord> = records?.into_iter().flatten().collect();
+    let read: Vec<_> = plan.runs.par_iter().map(|run| folder.record(&run.run_id)).collect();
+    let mut records: Vec<RunRecord> = Vec::new();
+    for record in read {
+        match record {
+            Ok(record) => records.extend(record),
+            Err(error) => output.warn(&error.to_string()),
+        }
+    }
     table::sort(&mut records);
     Ok(records)
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use isoflop::record::JobKind;
+use isoflop::schedule::memory::parse_bytes;
 
 use super::fit::FitArgs;
 
@@ -126,6 +127,12 @@ pub struct RunArgs {
     /// Try again what failed before
     #[arg(long)]
     pub retry_failed: bool,
+    /// Try this job again, and what it needs, by the id of its folder; may be given again
+    #[arg(long, value_name = "ID")]
+    pub retry: Vec<String>,
+    /// Memory for all jobs together, as 8GB; by default what is available at the start
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
+    pub memory: Option<u64>,
 }
 
 #[derive(Args)]

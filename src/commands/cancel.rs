@@ -75,13 +75,11 @@ fn report(
     output: &Output,
 ) -> Result<()> {
     let command = CommandLine::read(folder)?;
-    let here = std::env::current_dir().unwrap_or_default();
-    let (retry, go_on) = (command.retry_from(&here), command.go_on_from(&here));
     let document = json!({
         "was_running": end != End::NothingRan,
         "ended": end != End::StillAtWork,
-        "state": status::json(folder, state, &retry),
+        "state": status::json(folder, state, &command),
     });
-    let text = status_text::text(&folder.name(), state, &retry, &go_on);
+    let text = status_text::text(&folder.name(), state, &command);
     Ok(output.result(&document, &format!("{said}\n\n{text}"))?)
 }

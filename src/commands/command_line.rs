@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use isoflop::record::{ResultsFolder, atomic, read_if_there};
+use isoflop::record::{JobId, ResultsFolder, atomic, read_if_there};
 use serde::{Deserialize, Serialize};
 
 use super::args::RunArgs;
@@ -30,6 +30,7 @@ impl CommandLine {
         words.extend(["--out".to_string(), sweep.out.display().to_string()]);
         words.extend(sweep.jobs.iter().flat_map(|n| ["--jobs".to_string(), n.to_string()]));
         words.extend(["--device".to_string(), sweep.device.name().to_string()]);
+        words.extend(args.memory.iter().flat_map(|n| ["--memory".to_string(), n.to_string()]));
         let directory = std::env::current_dir().context("finding the current directory")?;
         Ok(Self { directory, words })
     }
@@ -39,9 +40,9 @@ impl CommandLine {
         Ok(atomic::write_json(&folder.file("command.json"), self)?)
     }
 
-    /// The command that a folder came from; the resolved sweep in it, where none was kept.
+    /// The command that a folder came from; the resolved sweep in it, where none was kept whole.
     pub fn read(folder: &ResultsFolder) -> Result<Self> {
-        if let Some(kept) = read_if_there(&folder.file("command.json"))? {
+        if let Ok(Some(kept)) = read_if_there(&folder.file("command.json")) {
             return Ok(kept);
         }
         let out = folder.root().parent().filter(|parent| !parent.as_os_str().is_empty());
@@ -68,15 +69,30 @@ impl CommandLine {
         self.change_to(here) + &self.go_on()
     }
 
+    /// What tries one job again, and what it needs.
+    pub fn retry_one(&self, job: &JobId) -> String {
+        self.groups(&["--retry", &job.id]).join(" ")
+    }
+
     /// [`CommandLine::retry`] from wherever one stands.
     pub fn retry_from(&self, here: &Path) -> String {
         self.change_to(here) + &self.retry()
     }
 
+    /// [`CommandLine::retry_one`] from wherever one stands.
+    pub fn retry_one_from(&self, here: &Path, job: &JobId) -> String {
+        self.change_to(here) + &self.retry_one(job)
+    }
+
     /// A command over as many lines as it needs, which a shell still reads as one.
     pub fn broken(command: &str) -> String {
+        Self::broken_after("  ", command)
+    }
+
+    /// [`CommandLine::broken`] with something before it on its first line.
+    pub fn broken_after(head: &str, command: &str) -> String {
         let mut out = String::new();
-        let mut width = 2;
+        let mut width = head.chars().count();
         for (place, word) in split_quoted(command).into_iter().enumerate() {
             let length = word.chars().count();
             if place > 0 && width + 1 + length > WIDTH - 2 {
@@ -89,7 +105,7 @@ impl CommandLine {
             out += word;
             width += length;
         }
-        format!("  {out}")
+        format!("{head}{out}")
     }
 
     fn change_to(&self, here: &Path) -> String {

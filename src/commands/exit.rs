@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use isoflop::laws::FitError;
+use isoflop::record::{FailureKind, Verdict};
 use isoflop::sweep::SweepErrors;
 
 use super::output::say;
@@ -32,6 +33,12 @@ pub fn report(error: &anyhow::Error) -> Exit {
         return Exit::Usage;
     }
     say(&format!("error: {error:#}"));
+    if let Some(kind) = FailureKind::of_system_error(&format!("{error:#}"))
+        && kind.verdict() == Verdict::StopsAll
+    {
+        say(&format!("  {}; then the same command goes on", kind.advice().unwrap_or("mend that")));
+        return Exit::SomeRunsFailed;
+    }
     match error.downcast_ref::<FitError>() {
         Some(fit) if fit.is_unidentifiable() => Exit::NotIdentifiable,
         _ => Exit::Usage,

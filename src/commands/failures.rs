@@ -1,58 +1,103 @@
-//! What `isoflop run` says of the runs that have no result.
+//! What `isoflop run` says of the jobs and runs that have no result.
 
 use anyhow::Result;
 use isoflop::plan::{Plan, RunSpec};
-use isoflop::record::{JobId, JobKind, JobState, ResultsFolder};
-use isoflop::schedule::{JobEnd, JobReport};
+use isoflop::record::{Failure, JobId, JobKind, JobState, ResultsFolder};
+use isoflop::schedule::{JobEnd, JobReport, inputs};
 
 use super::args::RunArgs;
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::output::Output;
 
-/// Every run without a record, with its reason, and how to try again.
-pub fn report(
-    args: &RunArgs,
-    plan: &Plan,
-    folder: &ResultsFolder,
-    reports: &[JobReport],
-    output: &Output,
-) -> Result<Exit> {
-    let done = |id: &str| folder.state(&JobId::run(id)) == JobState::Done;
-    let lost: Vec<_> = plan.runs.iter().filter(|run| !done(&run.run_id)).collect();
-    if lost.is_empty() {
-        return Ok(Exit::Done);
-    }
-    for run in &lost {
-        let reason = reason(&run.run_id, &run.spec, folder, reports);
-        output.warn(&format!("{} has no result: {reason}", run.spec.label()));
-        output.warn(&format!("  see {}", folder.run(&run.run_id).join("log.txt").display()));
-    }
-    output.warn(&format!(
-        "{} of {} runs have no result; to try them again: {}",
-        lost.len(),
-        plan.runs.len(),
-        CommandLine::of(args)?.retry()
-    ));
-    Ok(Exit::SomeRunsFailed)
+/// The last lines of a log that are shown.
+const LAST_LINES: usize = 3;
+
+/// What a summary is about.
+pub struct Summary<'a> {
+    pub plan: &'a Plan,
+    pub folder: &'a ResultsFolder,
+    pub reports: &'a [JobReport],
+    pub command: CommandLine,
 }
 
-fn reason(id: &str, spec: &RunSpec, folder: &ResultsFolder, reports: &[JobReport]) -> String {
-    let run = JobId::run(id);
-    let written = |job: &JobId| Some(folder.failure(job).ok()??.reason);
-    if let Some(reason) = written(&run) {
-        return reason;
+impl<'a> Summary<'a> {
+    /// A summary of what a command has done.
+    pub fn new(
+        args: &RunArgs,
+        plan: &'a Plan,
+        folder: &'a ResultsFolder,
+        reports: &'a [JobReport],
+    ) -> Result<Self> {
+        Ok(Self { plan, folder, reports, command: CommandLine::of(args)? })
     }
-    for (need, name) in needs(spec) {
-        if let Some(reason) = written(&need) {
-            return format!("{name} failed: {reason}");
+
+    /// Every failure, then every run without a record with its reason, and how to try again.
+    pub fn tell(&self, output: &Output) -> Exit {
+        self.failures(output);
+        let done = |id: &str| self.folder.state(&JobId::run(id)) == JobState::Done;
+        let lost: Vec<_> = self.plan.runs.iter().filter(|run| !done(&run.run_id)).collect();
+        if lost.is_empty() {
+            return Exit::Done;
+        }
+        for run in &lost {
+            if let Some(reason) = self.reason(&run.run_id, &run.spec) {
+                output.warn(&format!("{} has no result: {reason}", run.spec.label()));
+            }
+        }
+        output.warn(&format!(
+            "{} of {} runs have no result; to try them again: {}",
+            lost.len(),
+            self.plan.runs.len(),
+            self.command.retry()
+        ));
+        Exit::SomeRunsFailed
+    }
+
+    /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it.
+    pub fn failures(&self, output: &Output) {
+        let inputs = inputs(self.plan).into_iter().map(|job| (job.id, job.label));
+        let runs = self.plan.runs.iter();
+        let runs = runs.map(|run| (JobId::run(run.run_id.as_str()), run.spec.label()));
+        for (job, label) in inputs.chain(runs) {
+            if self.folder.state(&job) == JobState::Failed
+                && let Ok(Some(failure)) = self.folder.failure(&job)
+            {
+                self.failure(&job, &label, &failure, output);
+            }
         }
     }
-    let report = reports.iter().find(|report| report.job.id == run);
-    match report.map(|report| &report.end) {
-        Some(JobEnd::Failed(reason) | JobEnd::Crashed(reason)) => reason.clone(),
-        Some(JobEnd::Stopped) => "it was stopped by the failure of another".to_string(),
-        Some(JobEnd::Done) | None => "its record is missing".to_string(),
+
+    fn failure(&self, job: &JobId, label: &str, failure: &Failure, output: &Output) {
+        let Failure { kind, reason, last_lines } = failure;
+        output.warn(&format!("{label} failed [{}]: {reason}", kind.word()));
+        for line in &last_lines[last_lines.len().saturating_sub(LAST_LINES)..] {
+            output.warn(&format!("  | {line}"));
+        }
+        if let Some(advice) = kind.advice() {
+            output.warn(&format!("  {advice}"));
+        }
+        output.warn(&format!("  see {}", self.folder.job(job).join("log.txt").display()));
+        output.warn(&format!("  again: {}", self.command.retry_one(job)));
+    }
+
+    /// Why a run has no result whose failure was not told yet.
+    fn reason(&self, id: &str, spec: &RunSpec) -> Option<String> {
+        let run = JobId::run(id);
+        if self.folder.state(&run) == JobState::Failed {
+            return None;
+        }
+        for (need, name) in needs(spec) {
+            if let Ok(Some(failure)) = self.folder.failure(&need) {
+                return Some(format!("{name} failed: {}", failure.reason));
+            }
+        }
+        let report = self.reports.iter().find(|report| report.job.id == run);
+        Some(match report.map(|report| &report.end) {
+            Some(JobEnd::Stopped) => "it was stopped by the failure of another".to_string(),
+            Some(JobEnd::Done) | None => "its record is missing".to_string(),
+            Some(end) => end.failure().map(|failure| failure.reason.clone()).unwrap_or_default(),
+        })
     }
 }
 

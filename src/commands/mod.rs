@@ -15,6 +15,7 @@ mod plan;
 mod plan_text;
 mod plot;
 mod predict;
+mod prepare;
 mod run;
 mod stale;
 mod status;

@@ -28,7 +28,7 @@ pub fn draw(
     laws: Option<&Laws>,
     output: &Output,
 ) -> Result<Drawn> {
-    let tokenizers = folder.all_metrics()?;
+    let tokenizers = folder.all_metrics(|problem| output.warn(&problem))?;
     let name = folder.name();
     let input = FigureInput { title: &name, records, laws, tokenizers: &tokenizers };
     let figures = folder.file("figures");

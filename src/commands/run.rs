@@ -1,23 +1,25 @@
 //! `isoflop run`: what is missing of a sweep, then laws, figures and predictions.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use isoflop::plan::PlannedRun;
-use isoflop::record::{JobId, JobKind, ResultsFolder, atomic};
+use isoflop::record::{Failure, JobKind, ResultsFolder};
 use isoflop::schedule::presence::Held;
 use isoflop::schedule::{
-    Display, Executor, Job, JobEnd, JobReport, LocalPool, LocalProcesses, inputs, missing_jobs,
-    stop_on_signals,
+    Display, Executor, Job, JobEnd, JobReport, LocalPool, LocalProcesses, Timeline, memory,
+    missing_jobs, stop_on_signals,
 };
-use rayon::prelude::*;
+use isoflop::sweep::TrainSpec;
 
+use super::analyse;
 use super::args::RunArgs;
 use super::command_line::CommandLine;
 use super::context::{OpenSweep, device, open_sweep};
 use super::exit::Exit;
+use super::failures::Summary;
 use super::output::Output;
-use super::{analyse, failures, plan};
+use super::prepare::prepare;
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
     device(args.sweep.device)?;
@@ -27,21 +29,47 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
         bail!("every cell of the grid is dropped; `isoflop plan` gives the reasons");
     }
     let held = hold(&open.folder, output)?;
-    prepare(&open, args.retry_failed)?;
+    prepare(&open, args, output)?;
     CommandLine::of(args)?.write(&open.folder)?;
     let jobs = missing_jobs(&open.plan, &open.folder);
     let reports = train(args, &open, &held, jobs, output)?;
+    let summary = Summary::new(args, &open.plan, &open.folder, &reports)?;
+    if let Some(halt) = halt(&reports) {
+        summary.failures(output);
+        output.warn(&halted(halt, &summary.command));
+        return Ok(Exit::SomeRunsFailed);
+    }
     if interrupted(&reports, args.fail_fast) {
+        summary.failures(output);
         output.note("interrupted; the same command goes on from here");
         return Ok(Exit::Interrupted);
     }
     analyse::finish(&open.folder, output)?;
-    failures::report(args, &open.plan, &open.folder, &reports, output)
+    Ok(summary.tell(output))
+}
+
+/// What nothing could go on with.
+fn halt(reports: &[JobReport]) -> Option<&Failure> {
+    reports.iter().find_map(|report| match &report.end {
+        JobEnd::Halted(failure) => Some(failure),
+        _ => None,
+    })
+}
+
+fn halted(failure: &Failure, command: &CommandLine) -> String {
+    let Failure { kind, reason, .. } = failure;
+    let advice = kind.advice().unwrap_or("mend that");
+    format!(
+        "stopped [{}]: {reason}. Nothing is half-written, and no run is marked as failed: {advice}, \
+         and this goes on: {}",
+        kind.word(),
+        command.go_on()
+    )
 }
 
 /// Whether a signal stopped jobs, and not a failure under `--fail-fast`.
 fn interrupted(reports: &[JobReport], fail_fast: bool) -> bool {
-    let failed = |report: &JobReport| matches!(report.end, JobEnd::Failed(_) | JobEnd::Crashed(_));
+    let failed = |report: &JobReport| report.end.failure().is_some();
     let stopped = reports.iter().any(|report| report.end == JobEnd::Stopped);
     stopped && !(fail_fast && reports.iter().any(failed))
 }
@@ -52,45 +80,6 @@ fn hold(folder: &ResultsFolder, output: &Output) -> Result<Held> {
     let waiting =
         || output.note(&format!("another isoflop is at work in {root}; waiting for it to end"));
     Held::take(folder, waiting).with_context(|| format!("cannot make the folder {root} mine"))
-}
-
-/// Writes down what workers read: the resolved sweep, the plan, what each job is to make.
-fn prepare(open: &OpenSweep, retry_failed: bool) -> Result<()> {
-    let OpenSweep { sweep, plan, folder } = open;
-    for place in [folder.root(), &folder.file("figures")] {
-        atomic::remove_partial(place).context("removing half-written files")?;
-    }
-    atomic::write_bytes(&folder.file("sweep.yaml"), serde_yaml::to_string(sweep)?.as_bytes())?;
-    atomic::write_json(&folder.file("plan.json"), &plan::json(plan, folder))?;
-    for job in &plan.tokenizers {
-        write_once(&folder.tokenizer(&job.id()).join("job.json"), job)?;
-    }
-    for trunk in &plan.trunks {
-        let job = JobId::new(JobKind::Trunk, &trunk.trunk_id);
-        // Which trunk it goes on from depends on the sweep's budgets; its result does not.
-        atomic::write_json(&folder.job(&job).join("job.json"), trunk)?;
-    }
-    let write =
-        |run: &PlannedRun| write_once(&folder.run(&run.run_id).join("spec.json"), &run.spec);
-    plan.runs.par_iter().try_for_each(write)?;
-    if retry_failed {
-        let inputs = inputs(plan).into_iter().map(|job| job.id);
-        let runs = plan.runs.iter().map(|run| JobId::run(run.run_id.as_str()));
-        inputs.chain(runs).try_for_each(|job| forget_failure(folder, &job))?;
-    }
-    Ok(())
-}
-
-/// Specs lie in folders named by their content, so one that is there is right.
-fn write_once(path: &std::path::Path, value: &impl serde::Serialize) -> Result<()> {
-    if !path.exists() {
-        atomic::write_json(path, value)?;
-    }
-    Ok(())
-}
-
-fn forget_failure(folder: &ResultsFolder, job: &JobId) -> Result<()> {
-    Ok(atomic::remove(&folder.job(job).join("failure.json"))?)
 }
 
 fn train(
@@ -115,15 +104,45 @@ fn train(
         folder: open.folder.clone(),
         device: args.sweep.device.name().to_string(),
         program: own_program()?,
+        hang: hang(&open.sweep.train),
     };
     let stop = stop_on_signals()?;
     held.watch(&stop);
     let display = Display::new(&jobs, slots, output.quiet);
-    let fail_fast = args.fail_fast;
-    let pool = LocalPool { runner: &runner, slots, stop: &stop, fail_fast, display: &display };
+    let timeline = Timeline::open(&open.folder)?;
+    let pool = LocalPool {
+        runner: &runner,
+        slots,
+        stop: &stop,
+        fail_fast: args.fail_fast,
+        display: &display,
+        memory_bytes: memory_bytes(args, &jobs, output),
+        timeline: Some(&timeline),
+    };
     let reports = pool.execute(jobs);
     display.clear();
     Ok(reports)
+}
+
+/// How long a worker may make no progress.
+fn hang(train: &TrainSpec) -> Option<Duration> {
+    (train.hang_s > 0.0).then(|| Duration::from_secs_f64(train.hang_s))
+}
+
+/// Memory for all jobs together; a job that wants more than that is named.
+fn memory_bytes(args: &RunArgs, jobs: &[Job], output: &Output) -> Option<u64> {
+    let bytes = args.memory.or_else(memory::available)?;
+    let largest = jobs.iter().max_by_key(|job| job.peak_bytes)?;
+    if largest.peak_bytes > bytes {
+        output.warn(&format!(
+            "{} wants {:.1} GB of memory at its peak, and there are {:.1} GB: it runs alone, and \
+             may be killed",
+            largest.label,
+            largest.peak_bytes as f64 / 1e9,
+            bytes as f64 / 1e9
+        ));
+    }
+    Some(bytes)
 }
 
 /// This program as it was started: by its image in memory where the system shows it, so that workers

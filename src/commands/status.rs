@@ -15,10 +15,9 @@ pub fn status(args: &StatusArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     let state = state_of(&folder)?;
     let command = CommandLine::read(&folder)?;
-    let here = std::env::current_dir().unwrap_or_default();
-    let retry = command.retry_from(&here);
-    let text = status_text::text(&folder.name(), &state, &retry, &command.go_on_from(&here));
-    output.result(&json(&folder, &state, &retry), &text)?;
+    let text = status_text::text(&folder.name(), &state, &command);
+    state.warnings.iter().for_each(|line| output.warn(line));
+    output.result(&json(&folder, &state, &command), &text)?;
     Ok(Exit::Done)
 }
 
@@ -34,12 +33,17 @@ pub fn state_of(folder: &ResultsFolder) -> Result<SweepState> {
 }
 
 /// The state as a JSON document, each failure with the command that tries it again.
-pub fn json(folder: &ResultsFolder, state: &SweepState, retry: &str) -> Value {
+pub fn json(folder: &ResultsFolder, state: &SweepState, command: &CommandLine) -> Value {
+    let here = std::env::current_dir().unwrap_or_default();
     let mut document = json!(state);
     document["name"] = json!(folder.name());
     document["results"] = json!(folder.root());
-    for failure in document["failures"].as_array_mut().into_iter().flatten() {
-        failure["retry"] = json!(retry);
+    let shown = document["failures"].as_array_mut().into_iter().flatten();
+    for (shown, failed) in shown.zip(&state.failures) {
+        shown["retry"] = json!(command.retry_one_from(&here, &failed.id));
+        // Its kind is the job's; what went wrong has a name of its own.
+        shown["failure"] = json!(failed.failure.kind);
+        shown["log"] = json!(folder.job(&failed.id).join("log.txt"));
     }
     document
 }

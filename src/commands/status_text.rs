@@ -1,7 +1,9 @@
 //! What `isoflop status` and `isoflop cancel` show to people, within 80 columns.
 
+use std::path::Path;
+
 use isoflop::laws::wrap;
-use isoflop::record::JobKind;
+use isoflop::record::{Failure, JobKind};
 use isoflop::schedule::{Counts, FailedJob, Running, SweepState, left};
 
 use super::command_line::CommandLine;
@@ -15,13 +17,15 @@ const SHOWN: usize = 10;
 const LAST_LINES: usize = 3;
 
 /// The whole story.
-pub fn text(name: &str, state: &SweepState, retry: &str, go_on: &str) -> String {
+pub fn text(name: &str, state: &SweepState, command: &CommandLine) -> String {
+    let here = std::env::current_dir().unwrap_or_default();
+    let go_on = command.go_on_from(&here);
     let parts = [
         heading(name, state),
         table(state),
         running(&state.running),
-        failures(state, retry),
-        advice(state, go_on),
+        failures(state, command, &here),
+        advice(state, &go_on),
     ];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("\n")
 }
@@ -93,21 +97,26 @@ fn running(running: &[Running]) -> String {
     "running\n".to_string() + &running.iter().map(line).collect::<String>()
 }
 
-fn failures(state: &SweepState, retry: &str) -> String {
+fn failures(state: &SweepState, command: &CommandLine, here: &Path) -> String {
     if state.failures.is_empty() {
         return String::new();
     }
     let mut out = "failed\n".to_string();
-    out += &state.failures.iter().take(SHOWN).map(failure).collect::<String>();
+    for job in state.failures.iter().take(SHOWN) {
+        out += &failure(job);
+        let again = command.retry_one_from(here, &job.id);
+        out += &(CommandLine::broken_after("    again: ", &again) + "\n");
+    }
     if state.failures.len() > SHOWN {
         out += &format!("  and {} more; --json has them all\n", state.failures.len() - SHOWN);
     }
-    out + "to try again what failed:\n" + &CommandLine::broken(retry) + "\n"
+    let retry = command.retry_from(here);
+    out + "to try again what failed:\n" + &CommandLine::broken(&retry) + "\n"
 }
 
 fn failure(job: &FailedJob) -> String {
-    let mut out = wrap(&format!("  {}: ", job.label), &job.failure.reason);
-    let lines = &job.failure.last_lines;
+    let Failure { kind, reason, last_lines: lines } = &job.failure;
+    let mut out = wrap(&format!("  {} [{}]: ", job.label, kind.word()), reason);
     for line in &lines[lines.len().saturating_sub(LAST_LINES)..] {
         out += &(clip(&format!("    | {line}")) + "\n");
     }

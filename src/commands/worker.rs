@@ -5,7 +5,8 @@ use std::process::exit;
 use anyhow::Result;
 use isoflop::record::{JobId, ResultsFolder};
 use isoflop::schedule::worker::{
-    FAILED, Outcome, STOPPED, claim, forget_progress, stop_with_parent, work, write_failure,
+    FAILED, Outcome, STOPPED, claim, failure_of, forget_progress, report_failure, stop_with_parent,
+    tell_of_pieces, work,
 };
 use isoflop::schedule::{stop_on_signals, trainer};
 
@@ -20,23 +21,35 @@ pub fn worker(args: &WorkerArgs) -> Result<Exit> {
     let job = JobId::new(args.kind, args.id.as_str());
     let place = folder.job(&job);
     stop_with_parent(&stop, trainer::grace(&place));
+    tell_of_pieces();
     let device = device(args.device)?;
-    let Some(_lock) = claim(&place, &stop)? else { exit(STOPPED) };
-    let outcome = work(&folder, &job, &device, args.device.name(), &stop);
-    forget_progress(&place);
-    match outcome {
-        Ok(Outcome::Done) => Ok(Exit::Done),
+    let claimed = claim(&place, &stop);
+    let outcome = match &claimed {
+        Ok(None) => exit(STOPPED),
+        Ok(Some(_lock)) => work(&folder, &job, &device, args.device.name(), &stop),
+        Err(error) => Ok(Outcome::Failed(failure_of(error))),
+    };
+    let failure = match outcome {
+        Ok(Outcome::Done) => None,
+        Ok(Outcome::Failed(failure)) => Some(failure),
+        // What ends while it is asked to may not have failed; if it has, it will again. How far it
+        // was stays noted.
         Ok(Outcome::Stopped) => exit(STOPPED),
-        Ok(Outcome::Failed(reason)) => {
-            write_failure(&place, &reason)?;
-            exit(FAILED)
+        Err(error) if stop.is_raised() => {
+            say(&format!("stopped: {error:#}"));
+            exit(STOPPED)
         }
         Err(error) => {
             say(&format!("error: {error:#}"));
-            write_failure(&place, &format!("{error:#}"))?;
-            exit(FAILED)
+            Some(failure_of(&error))
         }
+    };
+    forget_progress(&place);
+    if let Some(failure) = failure {
+        report_failure(&place, failure);
+        exit(FAILED)
     }
+    Ok(Exit::Done)
 }
 
 /// `isoflop guard`: ends a worker's program when the worker is gone.

@@ -7,6 +7,17 @@ use std::path::Path;
 /// How the name of a file that is not whole yet begins.
 pub const PARTIAL: &str = ".partial-";
 
+/// How the sentence of every error begins that hindered a write.
+pub const CANNOT_WRITE: &str = "cannot write";
+
+/// An error that names what could not be written.
+fn at(path: &Path) -> impl Fn(io::Error) -> io::Error {
+    move |error| {
+        let said = format!("{CANNOT_WRITE} {}: {error}", path.display());
+        io::Error::new(error.kind(), said)
+    }
+}
+
 /// Removes what killed processes left half-written in `folder`; nobody may be writing there.
 pub fn remove_partial(folder: &Path) -> io::Result<()> {
     if !folder.exists() {
@@ -15,7 +26,7 @@ pub fn remove_partial(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
         if entry.file_name().to_string_lossy().starts_with(PARTIAL) {
-            fs::remove_file(entry.path())?;
+            fs::remove_file(entry.path()).map_err(at(&entry.path()))?;
         }
     }
     Ok(())
@@ -25,7 +36,7 @@ pub fn remove_partial(folder: &Path) -> io::Result<()> {
 pub fn remove(path: &Path) -> io::Result<()> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            Err(io::Error::new(error.kind(), format!("removing {}: {error}", path.display())))
+            Err(io::Error::new(error.kind(), format!("{CANNOT_WRITE} {}: {error}", path.display())))
         }
         _ => Ok(()),
     }
@@ -35,7 +46,17 @@ pub fn remove(path: &Path) -> io::Result<()> {
 ///
 /// The parent folder is made where it is missing. Readers see the old file or the new one, never a
 /// part; a full disk leaves the old one as it was.
+///
+/// # Errors
+/// `cannot write PATH`, and why.
 pub fn write_whole(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> io::Result<()> {
+    write(path, fill).map_err(at(path))
+}
+
+fn write(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> io::Result<()> {

@@ -5,20 +5,12 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
+use super::failure::{Failure, FailureKind, os_error};
 use super::job_id::{JobId, JobKind};
 use super::run_record::RunRecord;
 use crate::tokenizer::TokenizerMetrics;
-
-/// Why a run has no record.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Failure {
-    /// One sentence.
-    pub reason: String,
-    /// The last lines that the worker wrote.
-    pub last_lines: Vec<String>,
-}
 
 /// How far a job is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -149,9 +141,17 @@ impl ResultsFolder {
         read_if_there(&self.run(run_id).join("record.json"))
     }
 
-    /// The failure of a job that ended with one.
+    /// The failure of a job that ended with one. One that is damaged is a failure all the same.
+    ///
+    /// # Errors
+    /// The file is there and cannot be read.
     pub fn failure(&self, job: &JobId) -> io::Result<Option<Failure>> {
-        read_if_there(&self.job(job).join("failure.json"))
+        match read_if_there(&self.job(job).join("failure.json")) {
+            Err(error) if os_error(&error.to_string()).is_none() => {
+                Ok(Some(Failure::new(FailureKind::Damaged, error.to_string())))
+            }
+            read => read,
+        }
     }
 
     /// The metrics of a finished tokenizer.
@@ -159,15 +159,22 @@ impl ResultsFolder {
         read_if_there(&self.tokenizer(tokenizer_id).join("metrics.json"))
     }
 
-    /// Metrics of every finished tokenizer that lies here, by vocabulary.
-    pub fn all_metrics(&self) -> io::Result<Vec<TokenizerMetrics>> {
+    /// Metrics of every finished tokenizer that lies here, by vocabulary; `warn` is told of each
+    /// file that is damaged, which is left out.
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn all_metrics(&self, mut warn: impl FnMut(String)) -> io::Result<Vec<TokenizerMetrics>> {
         let folder = self.root.join("tokenizers");
         if !folder.exists() {
             return Ok(Vec::new());
         }
         let mut metrics: Vec<TokenizerMetrics> = Vec::new();
         for entry in fs::read_dir(folder)? {
-            metrics.extend(read_if_there::<TokenizerMetrics>(&entry?.path().join("metrics.json"))?);
+            match read_if_there::<TokenizerMetrics>(&entry?.path().join("metrics.json")) {
+                Ok(found) => metrics.extend(found),
+                Err(error) => warn(error.to_string()),
+            }
         }
         metrics.sort_by_key(|m| (m.n_vocab, m.tokenizer_id.clone()));
         Ok(metrics)
@@ -180,8 +187,19 @@ pub fn read_if_there<T: serde::de::DeserializeOwned>(path: &Path) -> io::Result<
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(io::Error::new(error.kind(), format!("{}: {error}", path.display()))),
         Ok(bytes) => serde_json::from_slice(&bytes).map(Some).map_err(|error| {
-            let advice = "remove it to have it made again";
+            let advice = mended_by(path);
             io::Error::other(format!("{} is damaged ({error}); {advice}", path.display()))
         }),
+    }
+}
+
+/// How a damaged file is mended.
+fn mended_by(path: &Path) -> &'static str {
+    match path.file_name().and_then(|name| name.to_str()).unwrap_or_default() {
+        "record.json" => "`isoflop run` sets it aside and trains the run again",
+        "metrics.json" => "`isoflop run` sets it aside and trains the tokenizer again",
+        "failure.json" => "`isoflop run` with --retry-failed tries the job again",
+        "plan.json" | "spec.json" | "job.json" | "laws.json" => "`isoflop run` writes it again",
+        _ => "remove it to have it made again",
     }
 }

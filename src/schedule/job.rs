@@ -36,14 +36,15 @@ pub fn inputs(plan: &Plan) -> Vec<Job> {
 }
 
 /// The job of a run.
-pub fn run(run: &PlannedRun, plan: &Plan) -> Job {
+pub fn run_job(run: &PlannedRun, plan: &Plan) -> Job {
     let mut needs = data_needs(&run.spec.tokenizer_id, plan);
     needs.extend(run.trunk_id.iter().map(|id| JobId::new(JobKind::Trunk, id)));
     Job {
         id: JobId::run(&run.run_id),
         label: run.spec.label(),
         cost: run.own_flops(),
-        peak_bytes: run.peak_bytes,
+        // What a program of somebody's own takes is not known.
+        peak_bytes: if run.spec.trainer.is_some() { 0 } else { run.peak_bytes },
         needs,
     }
 }
@@ -112,9 +113,17 @@ fn tokens(job: &TokenizerJob) -> Job {
 pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
     let open = |id: &JobId| matches!(folder.state(id), JobState::Missing | JobState::Started);
     let runs: Vec<Job> =
-        plan.runs.par_iter().map(|one| run(one, plan)).filter(|job| open(&job.id)).collect();
+        plan.runs.par_iter().map(|run| run_job(run, plan)).filter(|job| open(&job.id)).collect();
     let mut wanted = Wanted::new(inputs(plan), folder);
     let runs: Vec<Job> = runs.into_iter().filter_map(|job| wanted.take(job)).collect();
+    for id in plan.tokenizers.iter().map(TokenizerJob::id) {
+        let [tokenizer, tokens] =
+            [JobKind::Tokenizer, JobKind::Tokens].map(|kind| JobId::new(kind, &id));
+        // Its codes are there, but its metrics are not any more.
+        if folder.state(&tokens) == JobState::Done && open(&tokenizer) {
+            wanted.standing(&tokenizer);
+        }
+    }
     by_urgency(wanted.jobs.into_iter().chain(runs).collect())
 }
 
@@ -185,3 +194,6 @@ fn by_urgency(jobs: Vec<Job>) -> Vec<Job> {
     let mut jobs: Vec<Option<Job>> = jobs.into_iter().map(Some).collect();
     order.into_iter().filter_map(|i| jobs[i].take()).collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,15 +1,16 @@
 //! [`LocalPool`]: slots of this machine that take the next ready job until none is left.
 
+use std::collections::HashMap;
 use std::sync::{Condvar, Mutex, MutexGuard};
 
 use super::executor::{Executor, JobEnd, JobReport, Runner};
 use super::job::Job;
 use super::progress::Display;
+use super::retry::{Next, next};
 use super::signals::Stop;
+use super::timeline::Timeline;
 use super::waiting::Waiting;
-
-/// Times that a job whose process died is started again.
-const RETRIES: usize = 2;
+use crate::record::{Failure, JobId};
 
 /// Slots that do jobs side by side, the most urgent first.
 pub struct LocalPool<'a> {
@@ -19,14 +20,18 @@ pub struct LocalPool<'a> {
     /// Stop all at the first failure.
     pub fail_fast: bool,
     pub display: &'a Display,
+    /// Bytes that jobs may take together at their peaks; `None`: as much as they want. One job is
+    /// started whatever it takes.
+    pub memory_bytes: Option<u64>,
+    /// Where it is noted what ran when.
+    pub timeline: Option<&'a Timeline>,
 }
 
 impl Executor for LocalPool<'_> {
     /// A job whose needs failed is not started and is reported as failed with that reason. Jobs not
     /// started because of a stop are reported as stopped.
     fn execute(&self, jobs: Vec<Job>) -> Vec<JobReport> {
-        let state = State { waiting: Waiting::new(jobs), running: 0, reports: Vec::new() };
-        let shared = Shared { state: Mutex::new(state), changed: Condvar::new() };
+        let shared = Shared::new(jobs, self.memory_bytes);
         std::thread::scope(|scope| {
             for slot in 0..self.slots.max(1) {
                 let shared = &shared;
@@ -40,74 +45,123 @@ impl Executor for LocalPool<'_> {
 impl LocalPool<'_> {
     /// One slot's work, from its first job to the end.
     fn serve(&self, slot: usize, shared: &Shared) {
-        while let Some(job) = shared.take(self.stop) {
-            let end = self.attempt(&job, slot);
-            if self.fail_fast && matches!(end, JobEnd::Failed(_) | JobEnd::Crashed(_)) {
+        while let Some(job) = shared.take(slot, self.stop) {
+            let Some(end) = self.attempt(&job, slot, shared) else {
+                shared.put_back(slot, job);
+                continue;
+            };
+            if matches!(end, JobEnd::Halted(_))
+                || self.fail_fast && matches!(end, JobEnd::Failed(_))
+            {
                 self.stop.raise();
             }
             self.display.ended(slot, &job, &end);
-            shared.put(JobReport { job, end });
+            shared.put(slot, JobReport { job, end });
         }
         self.display.idle(slot);
     }
 
-    /// Starts a job, and again where its process died.
-    fn attempt(&self, job: &Job, slot: usize) -> JobEnd {
-        let mut tries = 0;
+    /// Starts a job, and again where its process died; `None` where that must wait until it can run
+    /// alone.
+    fn attempt(&self, job: &Job, slot: usize, shared: &Shared) -> Option<JobEnd> {
         loop {
-            self.display.started(slot, job);
-            let mut beat = |beat| self.display.beat(slot, job, &beat);
-            match self.runner.run(job, self.stop, &mut beat) {
-                JobEnd::Crashed(reason) if tries < RETRIES && !self.stop.is_raised() => {
-                    tries += 1;
-                    self.display.warn(&format!("{}: {reason}; starting it again", job.label));
+            let end = self.once(job, slot);
+            let sentence = end.failure().map(|failure| failure.reason.clone()).unwrap_or_default();
+            let warn =
+                |what: &str| self.display.warn(&format!("{}: {sentence}; {what}", job.label));
+            match next(end, shared.tries(&job.id), self.stop.is_raised()) {
+                Next::End(end) => return Some(end),
+                Next::GiveUp(failure) => return Some(self.give_up(job, failure)),
+                Next::Again => warn("starting it again"),
+                Next::Alone => {
+                    warn("it is started again when nothing runs beside it");
+                    shared.has_tried(&job.id);
+                    return None;
                 }
-                // A stop may reach a worker before it listens for one.
-                JobEnd::Crashed(_) if self.stop.is_raised() => return JobEnd::Stopped,
-                end => return end,
             }
+            shared.has_tried(&job.id);
         }
+    }
+
+    fn once(&self, job: &Job, slot: usize) -> JobEnd {
+        let start_s = self.timeline.map_or(0.0, Timeline::now_s);
+        self.display.started(slot, job);
+        let mut beat = |beat| self.display.beat(slot, job, &beat);
+        let end = self.runner.run(job, self.stop, &mut beat);
+        if let Some(timeline) = self.timeline {
+            timeline.note(job, slot, start_s, &end);
+        }
+        end
+    }
+
+    /// What died too often has failed, unless not even that can be written down.
+    fn give_up(&self, job: &Job, failure: Failure) -> JobEnd {
+        let kind = failure.kind;
+        let noted = self.runner.give_up(job, failure);
+        if noted.kind == kind { JobEnd::Failed(noted) } else { JobEnd::of(noted) }
     }
 }
 
+/// What a job is counted as that must run alone.
+const ALONE: u64 = u64::MAX;
+
 struct State {
     waiting: Waiting,
-    running: usize,
+    /// Peak bytes of the job of each slot that is at work.
+    running: HashMap<usize, u64>,
+    /// Times that a job was started before.
+    tries: HashMap<JobId, usize>,
     reports: Vec<JobReport>,
 }
 
 struct Shared {
     state: Mutex<State>,
     changed: Condvar,
+    memory_bytes: u64,
 }
 
 impl Shared {
+    fn new(jobs: Vec<Job>, memory_bytes: Option<u64>) -> Self {
+        let (running, tries) = (HashMap::new(), HashMap::new());
+        let state = State { waiting: Waiting::new(jobs), running, tries, reports: Vec::new() };
+        let memory_bytes = memory_bytes.unwrap_or(ALONE - 1).min(ALONE - 1);
+        Self { state: Mutex::new(state), changed: Condvar::new(), memory_bytes }
+    }
+
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().expect("no slot panicked")
     }
 
     /// The next job that can start; waits for one; `None` when all is done or a stop was asked for.
-    fn take(&self, stop: &Stop) -> Option<Job> {
+    fn take(&self, slot: usize, stop: &Stop) -> Option<Job> {
         let mut state = self.lock();
         loop {
             if stop.is_raised() {
                 let stopped = state.waiting.drain();
                 state.report(stopped, &JobEnd::Stopped);
             }
-            if let Some(job) = state.waiting.take(|_| true) {
-                state.running += 1;
+            if let Some(job) = state.take(self.memory_bytes) {
+                state.running.insert(slot, job.peak_bytes);
                 return Some(job);
             }
-            if state.running == 0 {
+            if state.running.is_empty() {
                 return None;
             }
             state = self.changed.wait(state).expect("no slot panicked");
         }
     }
 
-    fn put(&self, report: JobReport) {
+    /// A job waits again, until nothing runs beside it.
+    fn put_back(&self, slot: usize, job: Job) {
         let mut state = self.lock();
-        state.running -= 1;
+        state.running.remove(&slot);
+        state.waiting.put_back(Job { peak_bytes: ALONE, ..job });
+        self.changed.notify_all();
+    }
+
+    fn put(&self, slot: usize, report: JobReport) {
+        let mut state = self.lock();
+        state.running.remove(&slot);
         if report.end == JobEnd::Done {
             state.waiting.is_there(&report.job.id);
         } else {
@@ -117,113 +171,39 @@ impl Shared {
         state.reports.push(report);
         self.changed.notify_all();
     }
+
+    fn tries(&self, job: &JobId) -> usize {
+        self.lock().tries.get(job).copied().unwrap_or(0)
+    }
+
+    fn has_tried(&self, job: &JobId) {
+        *self.lock().tries.entry(job.clone()).or_default() += 1;
+    }
 }
 
 /// How a job ends whose need ended so.
 fn orphaned(need: &JobReport) -> JobEnd {
     match &need.end {
-        JobEnd::Stopped => JobEnd::Stopped,
-        _ => JobEnd::Failed(format!("{} did not finish", need.job.label)),
+        JobEnd::Failed(failure) | JobEnd::Crashed(failure) => {
+            let sentence = format!("{} did not finish", need.job.label);
+            JobEnd::Failed(Failure::new(failure.kind, sentence))
+        }
+        _ => JobEnd::Stopped,
     }
 }
 
 impl State {
+    /// The most urgent job that is ready and whose memory is left; with nothing at work, any.
+    fn take(&mut self, memory_bytes: u64) -> Option<Job> {
+        let used = self.running.values().fold(0, |sum: u64, peak| sum.saturating_add(*peak));
+        let alone = self.running.is_empty();
+        self.waiting.take(|job| alone || used.saturating_add(job.peak_bytes) <= memory_bytes)
+    }
+
     fn report(&mut self, jobs: Vec<Job>, end: &JobEnd) {
         self.reports.extend(jobs.into_iter().map(|job| JobReport { job, end: end.clone() }));
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::record::{JobId, JobKind};
-    use crate::schedule::worker::Beat;
-
-    /// Ends each job as its label says, and notes the order.
-    #[derive(Default)]
-    struct Mock {
-        order: Mutex<Vec<String>>,
-    }
-
-    impl Runner for Mock {
-        fn run(&self, job: &Job, _: &Stop, _: &mut dyn FnMut(Beat)) -> JobEnd {
-            let mut order = self.order.lock().unwrap();
-            order.push(job.id.id.clone());
-            let tries = order.iter().filter(|id| **id == job.id.id).count();
-            match job.label.as_str() {
-                "fails" => JobEnd::Failed("diverged".into()),
-                "crashes" => JobEnd::Crashed("signal 9".into()),
-                "crashes once" if tries == 1 => JobEnd::Crashed("signal 9".into()),
-                _ => JobEnd::Done,
-            }
-        }
-    }
-
-    fn job(id: &str, label: &str, needs: &[&str]) -> Job {
-        let needs = needs.iter().map(|id| JobId::run(*id)).collect();
-        Job {
-            id: JobId::new(JobKind::Run, id),
-            label: label.into(),
-            cost: 1.0,
-            peak_bytes: 0,
-            needs,
-        }
-    }
-
-    fn go(jobs: Vec<Job>, slots: usize, fail_fast: bool) -> (Vec<String>, Vec<JobReport>) {
-        let (runner, stop, display) = (Mock::default(), Stop::default(), Display::hidden());
-        let pool = LocalPool { runner: &runner, slots, stop: &stop, fail_fast, display: &display };
-        let reports = pool.execute(jobs);
-        (runner.order.into_inner().unwrap(), reports)
-    }
-
-    fn end(reports: &[JobReport], id: &str) -> JobEnd {
-        reports.iter().find(|report| report.job.id.id == id).unwrap().end.clone()
-    }
-
-    #[test]
-    fn a_job_waits_for_all_that_it_needs() {
-        for slots in [1, 4] {
-            let jobs = vec![
-                job("run", "", &["trunk", "text"]),
-                job("other", "", &["trunk"]),
-                job("trunk", "", &["text"]),
-                job("text", "", &[]),
-            ];
-            let (order, reports) = go(jobs, slots, false);
-            assert_eq!(order[..2], ["text", "trunk"]);
-            assert_eq!(reports.len(), 4);
-        }
-    }
-
-    #[test]
-    fn what_needs_a_failed_job_fails_with_it_and_nothing_else_does() {
-        let jobs = vec![
-            job("trunk", "fails", &[]),
-            job("longer", "", &["trunk"]),
-            job("run", "", &["longer"]),
-            job("b", "fails", &[]),
-            job("c", "", &[]),
-        ];
-        let (order, reports) = go(jobs, 2, false);
-        assert_eq!(order.len(), 3);
-        let orphan = JobEnd::Failed("fails did not finish".into());
-        assert_eq!([end(&reports, "longer"), end(&reports, "run")], [orphan.clone(), orphan]);
-        assert_eq!(end(&reports, "b"), JobEnd::Failed("diverged".into()));
-        assert_eq!(end(&reports, "c"), JobEnd::Done);
-    }
-
-    #[test]
-    fn a_killed_worker_is_started_again_but_not_for_ever() {
-        let (order, reports) = go(vec![job("a", "crashes once", &[])], 1, false);
-        assert_eq!((order.len(), end(&reports, "a")), (2, JobEnd::Done));
-        let (order, reports) = go(vec![job("a", "crashes", &[])], 1, false);
-        assert_eq!((order.len(), end(&reports, "a")), (3, JobEnd::Crashed("signal 9".into())));
-    }
-
-    #[test]
-    fn fail_fast_leaves_the_rest_for_another_time() {
-        let (_, reports) = go(vec![job("a", "fails", &[]), job("b", "", &[])], 1, true);
-        assert_eq!(end(&reports, "b"), JobEnd::Stopped);
-    }
-}
+mod tests;

@@ -10,6 +10,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use super::executor::JobEnd;
 use super::job::Job;
 use super::worker::Beat;
+use crate::record::Failure;
 
 /// Shows how far a sweep is.
 pub struct Display {
@@ -88,15 +89,16 @@ impl Display {
         };
         let line = match end {
             JobEnd::Done => format!("{} done", job.label),
-            JobEnd::Failed(reason) => format!("{} FAILED: {reason}", job.label),
             JobEnd::Stopped => format!("{} stopped", job.label),
-            JobEnd::Crashed(reason) => format!("{} CRASHED: {reason}", job.label),
+            JobEnd::Failed(Failure { kind, reason, .. })
+            | JobEnd::Crashed(Failure { kind, reason, .. })
+            | JobEnd::Halted(Failure { kind, reason, .. }) => {
+                format!("{} FAILED ({}): {reason}", job.label, kind.word())
+            }
         };
         match (&self.how, end) {
             (How::Lines, _) => say(&format!("[{number}/{}] {line}{}", self.jobs, self.eta())),
-            (How::Bars { whole, .. }, JobEnd::Failed(_) | JobEnd::Crashed(_)) => {
-                whole.println(line);
-            }
+            (How::Bars { whole, .. }, end) if end.failure().is_some() => whole.println(line),
             _ => {}
         }
         self.draw_whole();

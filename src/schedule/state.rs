@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::job::Job;
+use super::kept::share_kept;
 use super::presence::{self, Scheduler, is_locked};
 use super::worker::{Beat, progress};
 use crate::plan::RunSpec;
@@ -40,7 +41,7 @@ impl Counts {
         *match seen {
             Seen::At(JobState::Done) => &mut self.done,
             Seen::At(JobState::Failed) => &mut self.failed,
-            Seen::At(JobState::Started) => &mut self.started,
+            Seen::At(JobState::Started) | Seen::Started(_) => &mut self.started,
             Seen::At(JobState::Missing) => &mut self.missing,
             Seen::Running(_) => &mut self.running,
         } += 1;
@@ -87,6 +88,8 @@ pub struct SweepState {
     pub job_seconds_left: Option<f64>,
     /// Seconds to the end with as many jobs at work as now.
     pub eta_s: Option<f64>,
+    /// Files that are damaged, and how to mend each.
+    pub warnings: Vec<String>,
 }
 
 /// What is read of `plan.json`.
@@ -108,6 +111,8 @@ struct PlannedRun {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Seen {
     At(JobState),
+    /// The share that its checkpoint holds.
+    Started(f64),
     Running(Option<Beat>),
 }
 
@@ -129,7 +134,11 @@ fn see(folder: &ResultsFolder, job: &JobId) -> Seen {
     let state = folder.state(job);
     let unfinished = matches!(state, JobState::Missing | JobState::Started);
     let place = folder.job(job);
-    if unfinished && is_locked(&place) { Seen::Running(progress(&place)) } else { Seen::At(state) }
+    match state {
+        _ if unfinished && is_locked(&place) => Seen::Running(progress(&place)),
+        JobState::Started => Seen::Started(share_kept(folder, job)),
+        state => Seen::At(state),
+    }
 }
 
 /// Everything that was seen, beside the plan, in its order.
@@ -143,17 +152,19 @@ struct Look<'a> {
 impl Look<'_> {
     fn state(&self) -> io::Result<SweepState> {
         let lost = self.lost();
-        let running = self.running()?;
+        let running = self.running();
         let (sum, longest) =
             self.to_do(&lost).fold((0.0, 0.0_f64), |(s, l), cost| (s + cost, l.max(cost)));
-        let rate = self.flops_per_second()?;
+        let (rate, mut warnings) = self.flops_per_second();
+        let failures = self.failures(&mut warnings);
         let at_once = running.len() as f64;
         Ok(SweepState {
             at_work: presence::is_held(self.folder),
             scheduler: presence::scheduler(self.folder),
             inputs: self.count_inputs(&lost),
             runs: self.count_runs(&lost),
-            failures: self.failures()?,
+            failures,
+            warnings,
             flops_total: self.trained(|_| 1.0),
             flops_done: self.trained(done),
             job_seconds_left: rate.map(|rate| sum / rate),
@@ -216,48 +227,57 @@ impl Look<'_> {
         trunks + self.seen_runs().map(|(run, seen)| run.own_flops * share(seen)).sum::<f64>()
     }
 
-    fn running(&self) -> io::Result<Vec<Running>> {
+    fn running(&self) -> Vec<Running> {
         let at_work = |seen| matches!(seen, Seen::Running(_));
         let running = |(id, label, seen)| match seen {
             Seen::Running(progress) => Running { id, label, progress },
-            Seen::At(_) => unreachable!("only those at work are asked for"),
+            _ => unreachable!("only those at work are asked for"),
         };
-        Ok(self.named(at_work)?.into_iter().map(running).collect())
+        self.named(at_work).into_iter().map(running).collect()
     }
 
-    fn failures(&self) -> io::Result<Vec<FailedJob>> {
+    fn failures(&self, warnings: &mut Vec<String>) -> Vec<FailedJob> {
         let mut failures = Vec::new();
-        for (id, label, _) in self.named(|seen| seen == Seen::At(JobState::Failed))? {
-            let failure = self.folder.failure(&id)?;
-            failures.extend(failure.map(|failure| FailedJob { id, label, failure }));
+        for (id, label, _) in self.named(|seen| seen == Seen::At(JobState::Failed)) {
+            match self.folder.failure(&id) {
+                Ok(read) => {
+                    failures.extend(read.map(|failure| FailedJob { id, label, failure }));
+                }
+                Err(error) => warnings.push(error.to_string()),
+            }
         }
-        Ok(failures)
+        failures
     }
 
     /// The jobs of a kind of look, with their names for a person.
-    fn named(&self, wanted: impl Fn(Seen) -> bool) -> io::Result<Vec<(JobId, String, Seen)>> {
+    fn named(&self, wanted: impl Fn(Seen) -> bool) -> Vec<(JobId, String, Seen)> {
         let inputs = self.seen_inputs().filter(|(_, seen)| wanted(*seen));
         let mut named: Vec<_> =
             inputs.map(|(job, seen)| (job.id.clone(), job.label.clone(), seen)).collect();
         for (run, seen) in self.seen_runs().filter(|(_, seen)| wanted(*seen)) {
-            let label = label_of_run(self.folder, &run.run_id)?;
+            let label = label_of_run(self.folder, &run.run_id);
             named.push((JobId::run(run.run_id.as_str()), label, seen));
         }
-        Ok(named)
+        named
     }
 
-    /// FLOPs a second of one job, from finished runs spread over the plan.
-    fn flops_per_second(&self) -> io::Result<Option<f64>> {
+    /// FLOPs a second of one job, from finished runs spread over the plan, and what was wrong with
+    /// their records.
+    fn flops_per_second(&self) -> (Option<f64>, Vec<String>) {
         let finished = self.seen_runs().filter(|(_, seen)| *seen == Seen::At(JobState::Done));
         let finished: Vec<&PlannedRun> = finished.map(|(run, _)| run).collect();
-        let (mut flops, mut seconds) = (0.0, 0.0);
+        let (mut flops, mut seconds, mut warnings) = (0.0, 0.0, Vec::new());
         for run in finished.iter().step_by(finished.len().div_ceil(RATE_SAMPLE).max(1)) {
-            if let Some(record) = self.folder.record(&run.run_id)? {
-                flops += record.budget_flops;
-                seconds += record.wall_s;
+            match self.folder.record(&run.run_id) {
+                Ok(Some(record)) => {
+                    flops += record.budget_flops;
+                    seconds += record.wall_s;
+                }
+                Ok(None) => {}
+                Err(error) => warnings.push(error.to_string()),
             }
         }
-        Ok(Some(flops / seconds).filter(|rate| rate.is_finite() && *rate > 0.0))
+        (Some(flops / seconds).filter(|rate| rate.is_finite() && *rate > 0.0), warnings)
     }
 }
 
@@ -276,11 +296,12 @@ fn is_blocked(run: &PlannedRun, lost: &HashSet<&JobId>) -> bool {
     lost.iter().any(|id| needs(id))
 }
 
-/// The share of a job that is done: a checkpoint's is not known before it is taken up again.
+/// The share of a job that is done.
 fn done(seen: Seen) -> f64 {
     match seen {
         Seen::At(JobState::Done) => 1.0,
         Seen::Running(Some(beat)) => (beat.step as f64 / beat.steps.max(1) as f64).min(1.0),
+        Seen::Started(share) => share,
         Seen::At(_) | Seen::Running(None) => 0.0,
     }
 }
@@ -290,9 +311,9 @@ fn left(seen: Seen) -> f64 {
     if seen == Seen::At(JobState::Failed) { 0.0 } else { 1.0 - done(seen) }
 }
 
-fn label_of_run(folder: &ResultsFolder, id: &str) -> io::Result<String> {
-    let spec: Option<RunSpec> = read_if_there(&folder.run(id).join("spec.json"))?;
-    Ok(spec.map_or_else(|| format!("run {id}"), |spec| spec.label()))
+fn label_of_run(folder: &ResultsFolder, id: &str) -> String {
+    let spec: Option<RunSpec> = read_if_there(&folder.run(id).join("spec.json")).ok().flatten();
+    spec.map_or_else(|| format!("run {id}"), |spec| spec.label())
 }
 
 #[cfg(test)]
@@ -302,6 +323,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::record::FailureKind;
     use crate::record::atomic::write_json;
 
     /// A folder whose plan has runs of 1, 2, 3, … FLOPs named `0`, `1`, `2`, …
@@ -351,7 +373,7 @@ mod tests {
     fn runs_of_a_failed_tokenizer_are_told_from_those_to_come() {
         let place = tempfile::tempdir().unwrap();
         let folder = planned(&place, 2);
-        let failure = Failure { reason: "diverged".into(), last_lines: Vec::new() };
+        let failure = Failure::new(FailureKind::Diverged, "the loss is NaN");
         write_json(&folder.tokenizer("t").join("failure.json"), &failure).unwrap();
         let state = sweep_state(&folder).unwrap().unwrap();
         assert_eq!(state.runs, Counts { missing: 2, blocked: 2, ..Counts::default() });

@@ -13,7 +13,12 @@ pub struct Waiting {
     open: Vec<usize>,
     needed_by: HashMap<JobId, Vec<usize>>,
     ready: BTreeSet<usize>,
+    /// How many others were let past each.
+    passed: Vec<usize>,
 }
+
+/// Others that are let past a job for which there is not enough memory yet.
+const MOST_PASSED: usize = 16;
 
 impl Waiting {
     /// Jobs, the most urgent first; what one needs must be among them.
@@ -26,16 +31,39 @@ impl Waiting {
         }
         let open: Vec<usize> = jobs.iter().map(|job| job.needs.len()).collect();
         let ready = (0..jobs.len()).filter(|&index| open[index] == 0).collect();
-        Self { jobs: jobs.into_iter().map(Some).collect(), open, needed_by, ready }
+        let passed = vec![0; jobs.len()];
+        Self { jobs: jobs.into_iter().map(Some).collect(), open, needed_by, ready, passed }
     }
 
-    /// Takes the most urgent job that is ready and that `fits`.
+    /// Takes the most urgent job that is ready and that `fits`. What fits is let past one that does
+    /// not, but not for ever.
     pub fn take(&mut self, fits: impl Fn(&Job) -> bool) -> Option<Job> {
-        let jobs = &self.jobs;
-        let found = |index: &&usize| jobs[**index].as_ref().is_some_and(&fits);
-        let index = *self.ready.iter().find(found)?;
+        let index = self.first_fit(&fits)?;
+        for passed in self.ready.range(..index) {
+            self.passed[*passed] += 1;
+        }
         self.ready.remove(&index);
         self.jobs[index].take()
+    }
+
+    fn first_fit(&self, fits: impl Fn(&Job) -> bool) -> Option<usize> {
+        for &index in &self.ready {
+            if self.jobs[index].as_ref().is_some_and(&fits) {
+                return Some(index);
+            }
+            if self.passed[index] >= MOST_PASSED {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Puts a job back that was taken, behind all others.
+    pub fn put_back(&mut self, job: Job) {
+        self.ready.insert(self.jobs.len());
+        self.jobs.push(Some(job));
+        self.open.push(0);
+        self.passed.push(0);
     }
 
     /// What needs a job that is done now needs one less.

@@ -278,6 +278,11 @@ fn train(sweep: &Sweep) -> Vec<Problem> {
             "train.checkpoint_s",
             "seconds, between 0 and 1e9",
         ),
+        (
+            (0.0..=1e9).contains(&train.hang_s),
+            "train.hang_s",
+            "seconds, between 0 and 1e9; 0 for never",
+        ),
         (sweep.model.rope_base > 0.0, "model.rope_base", "must be above 0"),
         (sweep.model.ffn_multiple > 0, "model.ffn_multiple", "must be at least 1"),
         (sweep.model.motion_slots > 2, "model.motion_slots", "must be at least 3"),

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::encoder::TextEncoder;
 use crate::data::{MotionSource, Split};
+use crate::moving::moved;
 use crate::record::mapped::{self, Column, MappedFile, NewColumn};
 
 /// Why embeddings could not be written or read.
@@ -44,6 +45,7 @@ pub fn embed(
     for split in Split::ALL {
         let mut found = SplitCaptions { captions: Vec::new(), offsets: vec![0] };
         for clip in 0..source.n_clips(split) {
+            moved();
             for caption in source.captions(split, clip) {
                 let next = distinct.len() as u32;
                 let id = *distinct.entry(caption).or_insert_with_key(|caption| {

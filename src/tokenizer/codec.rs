@@ -110,7 +110,7 @@ impl Tokenizer {
         }
         weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
         let path = folder.join(SPEC);
-        write_json(&path, &self.spec).map_err(|error| TokenizerError::file(&path, error))
+        Ok(write_json(&path, &self.spec)?)
     }
 
     /// Reads what [`Tokenizer::save`] wrote, for use on `device`.

@@ -9,6 +9,7 @@ use super::codec::Tokenizer;
 use super::error::TokenizerError;
 use super::store::{SplitTokens, write_store};
 use crate::data::{MotionSource, Split};
+use crate::moving::moved;
 
 /// Tokenises every clip of every split into one file at `path`, written whole, by rename.
 pub fn tokenize(
@@ -32,7 +33,9 @@ pub fn tokenize_split(
     let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_token())?;
     let encode = |batch: &ClipBatch| {
         let features = batch.features(source, split, tokenizer.stats())?;
-        Ok(tokenizer.encode_stack(features, batch.indices.len()))
+        let ids = tokenizer.encode_stack(features, batch.indices.len());
+        moved();
+        Ok(ids)
     };
     let ids = batches.par_iter().map(encode).collect::<Result<Vec<_>, TokenizerError>>()?;
     let mut clips = vec![&[] as &[u32]; source.n_clips(split)];

@@ -38,7 +38,10 @@ pub enum TokenizerError {
     /// The weights' file.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// A file could not be read or written.
+    /// A file could not be written.
+    #[error(transparent)]
+    Write(#[from] std::io::Error),
+    /// A file could not be read.
     #[error("{path}: {reason}")]
     File { path: String, reason: String },
 }

@@ -10,6 +10,7 @@ use super::metrics::TokenizerMetrics;
 use super::normalise::denormalise;
 use crate::data::{DataError, MotionSource, Split};
 use crate::motion::{mpjpe_mm, recover_joints};
+use crate::moving::moved;
 
 /// Reconstruction, and use of the codebook, over every clip of the test split.
 ///
@@ -75,6 +76,7 @@ fn score(
     let mpjpe = clips.map(|(truth, made)| mpjpe_mm(&recover_joints(truth), &recover_joints(made)));
     let n_frames = (batch.n_frames * batch.indices.len()) as f64;
     let mpjpe_mm = mpjpe.sum::<f64>() * batch.n_frames as f64;
+    moved();
     Ok(Score { l1, n_values: truth.len() as f64, mpjpe_mm, n_frames, ids })
 }
 

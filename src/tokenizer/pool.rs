@@ -7,6 +7,7 @@ use super::error::TokenizerError;
 use super::normalise::normalise;
 use super::spec::TokenizerSpec;
 use crate::data::{MotionSource, Split};
+use crate::moving::moved;
 use crate::train::params::below;
 
 /// Normalised clips of at least one window each.
@@ -33,6 +34,7 @@ impl WindowPool {
         let load = |&index: &usize| {
             let mut features = source.features(Split::Train, index)?;
             normalise(&mut features, source.stats());
+            moved();
             Ok(features)
         };
         let clips = chosen.par_iter().map(load).collect::<Result<_, TokenizerError>>()?;

@@ -48,7 +48,7 @@ pub fn write_store(
         })
         .collect();
     let notes = HashMap::from([(N_VOCAB.to_string(), n_vocab.to_string())]);
-    mapped::write(path, &columns, notes).map_err(|error| TokenizerError::file(path, error))
+    Ok(mapped::write(path, &columns, notes)?)
 }
 
 const CODES: &str = "codes";

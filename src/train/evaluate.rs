@@ -2,6 +2,7 @@
 
 use crate::data::{FRAMES_PER_TOKEN, Split};
 use crate::model::{Batch, Model, Sequence, end_token};
+use crate::moving::moved;
 use crate::text::TextStore;
 use crate::tokenizer::TokenStore;
 
@@ -36,6 +37,7 @@ pub fn split_loss(model: &Model, tokens: &TokenStore, text: &TextStore, split: S
         nll += model.nll(&batch).iter().sum::<f64>();
         uni -= batch.targets.iter().map(|&target| unigram[target as usize]).sum::<f64>();
         targets += batch.targets.len();
+        moved();
     }
     let frames = (tokens.n_tokens(split) * FRAMES_PER_TOKEN) as f64;
     let n = targets as f64;

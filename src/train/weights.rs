@@ -36,8 +36,8 @@ pub enum WeightsError {
     #[error("cannot read {path}: {reason}")]
     Read { path: String, reason: String },
     /// The file could not be written.
-    #[error("cannot write {path}: {reason}")]
-    Write { path: String, reason: String },
+    #[error("{reason}")]
+    Write { reason: String },
     /// The module has a parameter that the weights lack, or of another shape.
     #[error("parameter {name} of shape {expected:?} is {found} in the weights")]
     Mismatch { name: String, expected: Vec<usize>, found: String },
@@ -60,13 +60,26 @@ pub fn into_module<M: Module>(module: M, weights: &Weights) -> Result<M, Weights
     }
 }
 
+/// The note that tells whether the numbers are those that were written.
+const DIGEST: &str = "digest";
+
+fn digest(weights: &Weights) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (name, tensor) in weights {
+        hasher.update(name.as_bytes()).update(bytemuck::cast_slice(&tensor.values));
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
 /// Writes weights and text entries as one safetensors file, whole, by rename.
 pub fn save(
     path: &Path,
     weights: &Weights,
     notes: HashMap<String, String>,
 ) -> Result<(), WeightsError> {
-    let failed = |reason: String| WeightsError::Write { path: path.display().to_string(), reason };
+    let failed = |reason: String| WeightsError::Write { reason };
+    let notes =
+        HashMap::from_iter(notes.into_iter().chain([(DIGEST.to_string(), digest(weights))]));
     let views = weights.iter().map(|(name, tensor)| {
         let bytes = bytemuck::cast_slice(&tensor.values);
         let view = TensorView::new(Dtype::F32, tensor.shape.clone(), bytes);
@@ -85,7 +98,12 @@ pub fn load(path: &Path) -> Result<(Weights, HashMap<String, String>), WeightsEr
     let file = SafeTensors::deserialize(&bytes).map_err(|error| failed(error.to_string()))?;
     let tensors = file.iter().map(|(name, view)| Ok((name.to_string(), host_tensor(name, &view)?)));
     let weights = tensors.collect::<Result<_, _>>().map_err(failed)?;
-    Ok((weights, header.metadata().clone().unwrap_or_default()))
+    let mut notes = header.metadata().clone().unwrap_or_default();
+    // Files of older builds have no digest.
+    if notes.remove(DIGEST).is_some_and(|written| written != digest(&weights)) {
+        return Err(failed("its numbers are not those that were written".to_string()));
+    }
+    Ok((weights, notes))
 }
 
 fn host_tensor(name: &str, view: &TensorView) -> Result<HostTensor, String> {
@@ -192,6 +210,19 @@ mod tests {
         assert_eq!(of_module(&other), weights);
         let error = into_module(LinearConfig::new(3, 4).init(&device), &read).unwrap_err();
         assert!(error.to_string().contains("weight"), "{error}");
+    }
+
+    #[test]
+    fn a_flipped_bit_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("w.safetensors");
+        let tensor = HostTensor { shape: vec![2], values: vec![1.0, 2.0] };
+        save(&path, &Weights::from([("gain".into(), tensor)]), HashMap::new()).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        *bytes.last_mut().unwrap() ^= 1;
+        std::fs::write(&path, bytes).unwrap();
+        let error = load(&path).unwrap_err().to_string();
+        assert!(error.contains("w.safetensors: its numbers are not"), "{error}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod custom_trainer;
 mod failures;
+mod faults;
 mod folder;
 mod humanml3d;
 mod interruptions;

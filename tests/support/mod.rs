@@ -1,6 +1,7 @@
 //! A private directory with the real binary in it, and what tests look at afterwards.
 
 mod finished;
+pub mod mounts;
 mod place;
 pub mod processes;
 pub mod records;

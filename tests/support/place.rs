@@ -76,6 +76,16 @@ pub struct Ended {
 }
 
 impl Ended {
+    /// The end of a program that was started in another way.
+    pub fn of(args: &[&str], output: Output) -> Self {
+        Self { what: args.join(" "), output }
+    }
+
+    /// The exit code.
+    pub fn code(&self) -> Option<i32> {
+        self.output.status.code()
+    }
+
     /// Requires an exit code.
     pub fn exits(self, code: i32) -> Self {
         let found = self.output.status;

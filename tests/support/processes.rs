@@ -51,3 +51,8 @@ pub fn end_within(limit: Duration, child: &mut Child) -> ExitStatus {
         panic!("the program did not end within {limit:?}")
     })
 }
+
+/// Stops a process, as Ctrl-Z would; it lives on and does nothing.
+pub fn stop(pid: Pid) {
+    kill(pid, Signal::SIGSTOP).expect("a living process");
+}

@@ -5,13 +5,13 @@
 //! in the environment. It holds a lock, so that the next worker's program starts only when nothing
 //! of the last is left.
 
-use std::fs::File;
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
-use nix::sys::signal::{Signal, kill};
+use nix::sys::signal::{Signal, kill, killpg};
 use nix::unistd::{Pid, getpgrp, getpid};
 
 use super::GRACE;
@@ -19,6 +19,8 @@ use crate::schedule::signals::stop_on_signals;
 
 /// The environment variable by which a program and its children are known.
 pub const MARK: &str = "ISOFLOP_RUN";
+/// Held by the guard in the run's folder, with the number of its process group in it.
+pub const LOCK: &str = ".program.lock";
 /// What the guard prints once it holds the lock.
 pub const READY: &str = "ready";
 /// What the worker writes when the program has ended by itself.
@@ -38,6 +40,8 @@ pub fn guard(lock: &Path, mark: &str) -> Result<()> {
     let _ignored = stop_on_signals()?;
     let file = File::create(lock).with_context(|| format!("making {}", lock.display()))?;
     file.lock().context("waiting for the program of an earlier worker")?;
+    // For `wake_guard`; whoever reads it finds it where it can be written.
+    let _ = file.set_len(0).and_then(|()| (&file).write_all(getpid().to_string().as_bytes()));
     let _ = writeln!(io::stdout(), "{READY}");
     let mut said = String::new();
     let _ = io::stdin().read_to_string(&mut said);
@@ -48,6 +52,18 @@ pub fn guard(lock: &Path, mark: &str) -> Result<()> {
     kill_all(mark);
     drop(file);
     Ok(())
+}
+
+/// Lets a guard go on, and its program, that somebody has stopped: with its worker gone, it ends
+/// what is left.
+pub fn wake_guard(place: &Path) {
+    let path = place.join(LOCK);
+    let is_held = File::open(&path)
+        .is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)));
+    let noted = fs::read_to_string(&path).ok().and_then(|text| text.parse().ok());
+    if let Some(group) = noted.filter(|_| is_held) {
+        let _ = killpg(Pid::from_raw(group), Signal::SIGCONT);
+    }
 }
 
 fn wait_until_gone(mark: &str, limit: Duration) {

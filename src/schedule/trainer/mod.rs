@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 
-pub use guard::guard;
+pub use guard::{guard, wake_guard};
 pub use result::TrainerResult;
 pub use spec::TrainerSpec;
 
@@ -22,7 +22,7 @@ use super::signals::Stop;
 use super::worker::{self, Outcome};
 use crate::plan::RunSpec;
 use crate::record::atomic::{remove, write_json};
-use crate::record::{ResultsFolder, read_if_there};
+use crate::record::{Failure, FailureKind, ResultsFolder, read_if_there};
 use crate::sweep::{TrainerCommand, TrainerSection};
 
 /// Time for a program to write a checkpoint and end, once a stop is asked for.
@@ -65,7 +65,8 @@ pub fn run_program(
     let wall_s = started.elapsed().as_secs_f64();
     let result = match problem {
         Some(problem) => Err(problem),
-        None => TrainerResult::read(&spec.out),
+        None => TrainerResult::read(&spec.out)
+            .map_err(|problem| Failure::new(FailureKind::Trainer, problem)),
     };
     match result {
         Ok(result) => {
@@ -75,6 +76,6 @@ pub fn run_program(
             Ok(Outcome::Done)
         }
         Err(_) if stop.is_raised() => Ok(Outcome::Stopped),
-        Err(problem) => Ok(Outcome::Failed(problem)),
+        Err(failure) => Ok(Outcome::Failed(failure)),
     }
 }

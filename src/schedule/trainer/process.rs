@@ -1,16 +1,20 @@
 //! The program itself: started, followed to its end, and never left behind.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use nix::sys::signal::Signal;
 
-use super::guard::{DONE, MARK, READY};
+use super::guard::{DONE, LOCK, MARK, READY};
+use crate::record::{Failure, FailureKind};
+use crate::schedule::oom::Kills;
 use crate::schedule::signals::Stop;
-use crate::schedule::worker::Beat;
+use crate::schedule::worker::{Beat, Said};
 
 /// How often the program and the stop flag are looked at.
 const POLL: Duration = Duration::from_millis(10);
@@ -19,16 +23,18 @@ const BEAT: Duration = Duration::from_millis(100);
 /// Time for the last lines to arrive after the program's end.
 const LAST_LINES: Duration = Duration::from_secs(2);
 
-/// Runs a program to its end; what went wrong, in one sentence, or `None` where it ended well.
+/// Runs a program to its end; what went wrong, or `None` where it ended well.
 ///
 /// Its output goes to this process's standard error, which is the run's log.
-pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<Option<String>> {
+pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<Option<Failure>> {
     let mut guard = Guard::start(place, id).context("starting the trainer's guard")?;
+    let kills = Kills::so_far();
     let mut child = match start(words, &guard) {
         Ok(child) => child,
         Err(error) => {
             guard.finish()?;
-            return Ok(Some(format!("the trainer `{}` cannot be started: {error}", words[0])));
+            let sentence = format!("the trainer `{}` cannot be started: {error}", words[0]);
+            return Ok(Some(Failure::new(FailureKind::Trainer, sentence)));
         }
     };
     let lines = forward(child.stdout.take().expect("stdout is piped"));
@@ -39,7 +45,22 @@ pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<O
         sleep(POLL);
     }
     let status = ended?;
-    Ok((!status.success()).then(|| format!("the trainer `{}` ended with {status}", words[0])))
+    let sentence = || format!("the trainer `{}` ended with {status}", words[0]);
+    Ok((!status.success()).then(|| Failure::new(kind(status, &kills), sentence())))
+}
+
+/// Whether a program failed by itself or was ended by others; a shell tells of its last command's
+/// end by 128 and the signal.
+fn kind(status: ExitStatus, kills: &Kills) -> FailureKind {
+    const KILL: i32 = Signal::SIGKILL as i32;
+    const OTHERS: [i32; 3] = [Signal::SIGTERM as i32, Signal::SIGHUP as i32, Signal::SIGINT as i32];
+    let signal = status.signal().or_else(|| status.code()?.checked_sub(128));
+    match signal {
+        Some(KILL) if kills.have_risen() => FailureKind::OutOfMemory,
+        Some(KILL) => FailureKind::Killed,
+        Some(signal) if OTHERS.contains(&signal) => FailureKind::Killed,
+        _ => FailureKind::Trainer,
+    }
 }
 
 /// In the guard's group, with its mark; standard error is the log already.
@@ -49,7 +70,7 @@ fn start(words: &[String], guard: &Guard) -> io::Result<Child> {
     // Meant for the built-in trainer.
     command.env_remove("RAYON_NUM_THREADS");
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::inherit());
-    in_group(&mut command, guard.child.id() as i32).spawn()
+    command.process_group(guard.child.id() as i32).spawn()
 }
 
 /// Waits for the program's end; a stop makes the guard end it.
@@ -79,8 +100,7 @@ fn forward(output: impl Read + Send + 'static) -> JoinHandle<()> {
             let due = last.is_none_or(|last| last.elapsed() > BEAT);
             if let (true, Ok(beat)) = (due, serde_json::from_slice::<Beat>(&line)) {
                 last = Some(Instant::now());
-                let text = serde_json::to_string(&beat).expect("plain values");
-                let _ = writeln!(io::stdout(), "{text}");
+                Said::Beat(beat).say();
             }
             line.clear();
         }
@@ -100,9 +120,9 @@ impl Guard {
     fn start(place: &Path, id: &str) -> Result<Self> {
         let mark = format!("{id}-{}", std::process::id());
         let mut command = Command::new(std::env::current_exe()?);
-        command.arg("guard").arg(place.join(".program.lock")).arg(&mark);
+        command.arg("guard").arg(place.join(LOCK)).arg(&mark);
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = in_group(&mut command, 0).spawn()?;
+        let mut child = command.process_group(0).spawn()?;
         let leash = child.stdin.take();
         let mut line = String::new();
         BufReader::new(child.stdout.take().expect("stdout is piped")).read_line(&mut line)?;
@@ -118,16 +138,4 @@ impl Guard {
         self.child.wait().context("waiting for the trainer's guard")?;
         Ok(())
     }
-}
-
-/// Starts a command in a process group; 0 for one of its own.
-#[cfg(unix)]
-fn in_group(command: &mut Command, group: i32) -> &mut Command {
-    use std::os::unix::process::CommandExt;
-    command.process_group(group)
-}
-
-#[cfg(not(unix))]
-fn in_group(command: &mut Command, _: i32) -> &mut Command {
-    command
 }

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use crate::record::read_if_there;
+use crate::moving::pieces;
+use crate::record::{Failure, read_if_there};
 use crate::schedule::signals::Stop;
 
 /// What a worker prints, a line each: how far it is.
@@ -17,6 +18,45 @@ pub struct Beat {
     pub step: usize,
     pub steps: usize,
     pub loss: f64,
+}
+
+/// A line that a worker prints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Said {
+    Beat(Beat),
+    /// Why it ends without a result.
+    Failure(Failure),
+    /// Pieces of work done that are no steps.
+    Moved {
+        moved: u64,
+    },
+}
+
+impl Said {
+    /// Prints it; whether anybody still listens is no concern of the work.
+    pub fn say(&self) {
+        let line = serde_json::to_string(self).expect("plain values");
+        let _ = writeln!(std::io::stdout(), "{line}");
+    }
+}
+
+/// How often a worker tells of work that has no steps, at most.
+const TELL: Duration = Duration::from_millis(200);
+
+/// Tells of pieces of work that are done, as they are: where none is, nothing is said.
+pub fn tell_of_pieces() {
+    std::thread::spawn(|| {
+        let mut told = 0;
+        loop {
+            std::thread::sleep(TELL);
+            let moved = pieces();
+            if moved != told {
+                told = moved;
+                Said::Moved { moved }.say();
+            }
+        }
+    });
 }
 
 /// Where a worker notes how far it is, for those who do not read its pipe.
@@ -58,8 +98,7 @@ pub fn beats(place: &Path, stop: &Stop) -> impl FnMut(usize, usize, f64) -> Cont
     move |step, steps, loss| {
         let beat = Beat { step, steps, loss };
         if due(&mut printed, Duration::from_millis(100)) {
-            let line = serde_json::to_string(&beat).expect("plain values");
-            let _ = writeln!(std::io::stdout(), "{line}");
+            Said::Beat(beat).say();
         }
         if due(&mut noted, NOTE) {
             note_progress(&place, &beat);

@@ -1,7 +1,9 @@
 //! The other side of a job: what a worker process does.
 
 mod beats;
+mod cause;
 mod inputs;
+mod mend;
 mod record;
 mod training;
 
@@ -13,14 +15,16 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use burn::tensor::Device;
 
-pub use beats::{Beat, beats, forget_progress, note_progress, progress};
+pub use beats::{Beat, Said, beats, forget_progress, note_progress, progress, tell_of_pieces};
+pub use cause::failure_of;
 
 use super::signals::Stop;
 use crate::record::atomic::{remove_partial, write_json};
-use crate::record::{Failure, JobId, JobKind, JobState, ResultsFolder, read_if_there};
+use crate::record::{Failure, JobId, JobKind, JobState, ResultsFolder, Verdict, read_if_there};
 use crate::sweep::{self, Sweep};
 
-/// Exit code of a worker whose job failed: the reason is in `failure.json`.
+/// Exit code of a worker whose job failed. It said why, and where it would fail again it wrote that
+/// to `failure.json`.
 pub const FAILED: i32 = 1;
 /// Exit code of a worker that was asked to stop.
 pub const STOPPED: i32 = 130;
@@ -29,7 +33,7 @@ pub const STOPPED: i32 = 130;
 pub enum Outcome {
     Done,
     Stopped,
-    Failed(String),
+    Failed(Failure),
 }
 
 /// Time to reach the end of a step and write a checkpoint, once a stop is asked for.
@@ -67,19 +71,40 @@ pub fn claim(job: &Path, stop: &Stop) -> Result<Option<File>> {
     }
     forget_progress(job);
     for folder in [job, &job.join("checkpoint")] {
-        remove_partial(folder).context("removing half-written files")?;
+        remove_partial(folder)?;
     }
     Ok(Some(file))
 }
 
-/// Notes a failure in the job's folder.
-pub fn write_failure(folder: &Path, reason: &str) -> Result<()> {
-    let log = fs::read(folder.join("log.txt")).unwrap_or_default();
+/// Lines of a log that a failure keeps.
+const LAST_LINES: usize = 10;
+
+/// The last lines of a job's log.
+pub fn last_lines(job: &Path) -> Vec<String> {
+    let log = fs::read(job.join("log.txt")).unwrap_or_default();
     let log = String::from_utf8_lossy(&log);
     let lines: Vec<String> = log.lines().map(String::from).collect();
-    let last_lines = lines[lines.len().saturating_sub(10)..].to_vec();
-    let failure = Failure { reason: reason.to_string(), last_lines };
-    write_json(&folder.join("failure.json"), &failure).context("writing failure.json")
+    lines[lines.len().saturating_sub(LAST_LINES)..].to_vec()
+}
+
+/// Notes a failure in the job's folder: the job is not tried again unasked.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub fn write_failure(job: &Path, failure: &Failure) -> io::Result<()> {
+    write_json(&job.join("failure.json"), failure)
+}
+
+/// Tells the scheduler why the job in `place` has no result, and notes it there if it is final.
+pub fn report_failure(place: &Path, failure: Failure) {
+    let mut failure = Failure { last_lines: last_lines(place), ..failure };
+    if failure.kind.verdict() == Verdict::Final
+        && let Err(error) = write_failure(place, &failure)
+    {
+        // A full disk has many symptoms; this is the cause.
+        failure = Failure { last_lines: failure.last_lines, ..cause::of_io(&error) };
+    }
+    Said::Failure(failure).say();
 }
 
 /// Does a job, unless it is done already.
@@ -96,7 +121,7 @@ pub fn work(
     match job.kind {
         JobKind::Text => inputs::embed_text(folder, job),
         JobKind::Tokenizer => inputs::train_tokenizer(folder, job, device, stop),
-        JobKind::Tokens => inputs::tokenize(folder, job, device),
+        JobKind::Tokens => inputs::tokenize(folder, job, device, stop),
         JobKind::Trunk => training::train_trunk(folder, job, device, stop),
         JobKind::Run => training::train_run(folder, job, device, device_name, stop),
     }

@@ -1,11 +1,12 @@
 //! Runs, and the trunks that they branch off.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Result;
 use burn::tensor::Device;
 
+use super::mend::{is_damaged, open_or_remake, put_away};
 use super::record::record;
 use super::{Outcome, beats, frozen_sweep, read, remove_checkpoint};
 use crate::plan::{RunSpec, Trunk};
@@ -29,19 +30,17 @@ pub fn train_run(
     let place = folder.job(job);
     let spec: RunSpec = read(&place.join("spec.json"))?;
     if let Some(program) = &spec.trainer {
+        if folder.tokens(&spec.tokenizer_id).exists() {
+            Desk::open(folder, &place, &spec, None, device, stop)?;
+        }
         return trainer::run_program(folder, &job.id, &spec, program, stop);
     }
-    let desk = Desk::open(folder, &place, &spec)?;
     let trunk = spec.trunk().map(|trunk| (folder.trunk(&trunk.id()), trunk.steps));
-    let branch = trunk.as_ref().filter(|(state, _)| state.exists());
-    let branch = branch.map(|(state, steps)| Branch { state, steps: *steps });
-    let checkpoints = Checkpoints { branch, ..desk.checkpoints() };
-    let inputs = desk.inputs();
-    let trained = train::train(&spec, &inputs, device, &checkpoints, &mut beats(&place, stop));
-    let trained = match trained {
-        Ok(trained) => trained,
-        Err(error) => return Ok(ended_early(&error)),
-    };
+    let desk = Desk::open(folder, &place, &spec, trunk, device, stop)?;
+    let (inputs, mut beats) = (desk.inputs(), beats(&place, stop));
+    let trained = desk
+        .begin_whole(|checkpoints| train::train(&spec, &inputs, device, checkpoints, &mut beats))?;
+    let Some(trained) = trained else { return Ok(Outcome::Stopped) };
     write_results(&place, &job.id, &spec, &inputs, &trained, device_name)?;
     Ok(Outcome::Done)
 }
@@ -55,50 +54,53 @@ pub fn train_trunk(
 ) -> Result<Outcome> {
     let place = folder.job(job);
     let Trunk { spec, from, .. } = read(&place.join("job.json"))?;
-    let desk = Desk::open(folder, &place, &spec)?;
-    let before: Option<(_, Trunk)> = match from {
+    let before = match from {
         Some(id) => {
             let place = folder.job(&JobId::new(JobKind::Trunk, &id));
-            Some((folder.trunk(&id), read(&place.join("job.json"))?))
+            Some((folder.trunk(&id), read::<Trunk>(&place.join("job.json"))?.spec.steps))
         }
         None => None,
     };
-    let branch = before.as_ref().map(|(state, trunk)| Branch { state, steps: trunk.spec.steps });
-    let checkpoints = Checkpoints { branch, ..desk.checkpoints() };
-    let mut beats = beats(&place, stop);
-    let state = folder.product(job);
-    match train::train_trunk(&spec, &desk.inputs(), device, &checkpoints, &state, &mut beats) {
-        Ok(()) => {
-            remove_checkpoint(&place)?;
-            Ok(Outcome::Done)
-        }
-        Err(error) => Ok(ended_early(&error)),
+    let desk = Desk::open(folder, &place, &spec, before, device, stop)?;
+    let (state, mut beats) = (folder.product(job), beats(&place, stop));
+    let trained = desk.begin_whole(|checkpoints| {
+        train::train_trunk(&spec, &desk.inputs(), device, checkpoints, &state, &mut beats)
+    })?;
+    if trained.is_none() {
+        return Ok(Outcome::Stopped);
     }
+    remove_checkpoint(&place)?;
+    Ok(Outcome::Done)
 }
 
-fn ended_early(error: &TrainError) -> Outcome {
-    match error {
-        TrainError::Stopped { .. } => Outcome::Stopped,
-        error => Outcome::Failed(error.to_string()),
-    }
-}
-
-/// What a run reads, opened, and where its checkpoint lies.
+/// What a run reads, opened, and where its state lies.
 struct Desk {
     tokens: TokenStore,
     text: TextStore,
-    checkpoint: std::path::PathBuf,
+    checkpoint: PathBuf,
     every: Duration,
+    /// The state of the trunk that it goes on from, and the steps done there.
+    trunk: Option<(PathBuf, usize)>,
 }
 
 impl Desk {
-    fn open(folder: &ResultsFolder, place: &Path, spec: &RunSpec) -> Result<Self> {
+    fn open(
+        folder: &ResultsFolder,
+        place: &Path,
+        spec: &RunSpec,
+        trunk: Option<(PathBuf, usize)>,
+        device: &Device,
+        stop: &Stop,
+    ) -> Result<Self> {
         let every = frozen_sweep(folder)?.train.checkpoint_s;
+        let tokens = JobId::new(JobKind::Tokens, &spec.tokenizer_id);
+        let text = JobId::new(JobKind::Text, &spec.text_id);
         Ok(Self {
-            tokens: TokenStore::open(&folder.tokens(&spec.tokenizer_id))?,
-            text: TextStore::open(&folder.text(&spec.text_id))?,
+            tokens: open_or_remake(folder, &tokens, device, stop, TokenStore::open)?,
+            text: open_or_remake(folder, &text, device, stop, TextStore::open)?,
             checkpoint: place.join("checkpoint/state.safetensors"),
             every: Duration::from_secs_f64(every.max(0.0)),
+            trunk,
         })
     }
 
@@ -106,8 +108,35 @@ impl Desk {
         Inputs { tokens: &self.tokens, text: &self.text }
     }
 
+    /// Trunks shorten the way and change no result, so one that is gone is done without.
     fn checkpoints(&self) -> Checkpoints<'_> {
-        Checkpoints { path: &self.checkpoint, every: self.every, branch: None }
+        let trunk = self.trunk.as_ref().filter(|(state, _)| state.exists());
+        let branch = trunk.map(|(state, steps)| Branch { state, steps: *steps });
+        Checkpoints { path: &self.checkpoint, every: self.every, branch }
+    }
+
+    /// Trains; where the checkpoint or the trunk turns out to be damaged, again without it.
+    /// `None`: stopped.
+    fn begin_whole<T>(
+        &self,
+        mut train: impl FnMut(&Checkpoints) -> Result<T, TrainError>,
+    ) -> Result<Option<T>> {
+        loop {
+            let error = match train(&self.checkpoints()) {
+                Ok(trained) => return Ok(Some(trained)),
+                Err(TrainError::Stopped { .. }) => return Ok(None),
+                Err(error) => error,
+            };
+            let Some(path) = self.damaged(&error) else { return Err(error.into()) };
+            put_away(path, &error.to_string(), "training begins before it")?;
+        }
+    }
+
+    /// The file of this desk that an error is about.
+    fn damaged(&self, error: &TrainError) -> Option<&Path> {
+        let TrainError::Weights(error) = error else { return None };
+        let trunk = self.trunk.iter().map(|(state, _)| state.as_path());
+        trunk.chain([self.checkpoint.as_path()]).find(|path| is_damaged(error, path))
     }
 }
 

@@ -155,6 +155,10 @@ pub struct TrainSpec {
     /// Seconds between checkpoints; never changes a result.
     #[serde(deserialize_with = "number::number")]
     pub checkpoint_s: f64,
+    /// Seconds without progress after which a worker is taken for hung, ended and started again; 0
+    /// for never. Longer than the longest step; never changes a result.
+    #[serde(deserialize_with = "number::number")]
+    pub hang_s: f64,
 }
 
 impl Default for TrainSpec {
@@ -170,6 +174,7 @@ impl Default for TrainSpec {
             clip_norm: 1.0,
             evaluations: 4,
             checkpoint_s: 20.0,
+            hang_s: 600.0,
         }
     }
 }

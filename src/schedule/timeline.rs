@@ -1,0 +1,85 @@
+//! [`Timeline`]: when each job ran and where, a JSON line each in `schedule.jsonl`.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::sync::Mutex;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::executor::JobEnd;
+use super::job::Job;
+use crate::record::{JobId, ResultsFolder};
+
+/// One start of a job and its end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stretch {
+    /// Counts the schedulers that have written to the file, from 0.
+    pub session: usize,
+    #[serde(flatten)]
+    pub id: JobId,
+    pub label: String,
+    pub slot: usize,
+    /// Seconds since this scheduler began.
+    pub start_s: f64,
+    pub end_s: f64,
+    /// `done`, `stopped`, or the kind of the failure.
+    pub end: String,
+}
+
+/// Where a scheduler notes what ran when.
+pub struct Timeline {
+    file: Mutex<File>,
+    session: usize,
+    began: Instant,
+}
+
+impl Timeline {
+    /// Goes on with the folder's file.
+    ///
+    /// # Errors
+    /// The folder cannot be written to.
+    pub fn open(folder: &ResultsFolder) -> io::Result<Self> {
+        let path = folder.file("schedule.jsonl");
+        let sessions = std::fs::read_to_string(&path).map_or(0, |text| {
+            let last = text.lines().rev().find_map(|line| serde_json::from_str(line).ok());
+            last.map_or(0, |last: Stretch| last.session + 1)
+        });
+        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(|error| {
+            let said =
+                format!("{} {}: {error}", crate::record::atomic::CANNOT_WRITE, path.display());
+            io::Error::new(error.kind(), said)
+        })?;
+        Ok(Self { file: Mutex::new(file), session: sessions, began: Instant::now() })
+    }
+
+    /// Seconds since it was opened.
+    pub fn now_s(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// Notes a job that started at `start_s` and has ended now. A line that cannot be written is
+    /// left out: nothing depends on it, and what hindered it hinders the job too.
+    pub fn note(&self, job: &Job, slot: usize, start_s: f64, end: &JobEnd) {
+        let stretch = Stretch {
+            session: self.session,
+            id: job.id.clone(),
+            label: job.label.clone(),
+            slot,
+            start_s,
+            end_s: self.now_s(),
+            end: word(end).to_string(),
+        };
+        let line = serde_json::to_string(&stretch).expect("plain values") + "\n";
+        let mut file = self.file.lock().expect("nothing panics while it holds this");
+        let _ = file.write_all(line.as_bytes());
+    }
+}
+
+fn word(end: &JobEnd) -> &'static str {
+    match (end, end.failure()) {
+        (_, Some(failure)) => failure.kind.word(),
+        (JobEnd::Done, None) => "done",
+        (_, None) => "stopped",
+    }
+}
