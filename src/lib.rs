@@ -14,6 +14,7 @@
 //! | [`tokenizer`] | clips into discrete codes |
 //! | [`ops`], [`model`], [`train`] | codes and text into a trained model and its loss |
 //! | [`schedule`] | a plan into finished jobs, one process a run |
+//! | [`slurm`] | the same on a cluster: jobs into arrays of packed tasks |
 //! | [`record`] | a finished run into a row of a table |
 //! | [`table`] | a table of runs made elsewhere into the rows that laws are fitted to |
 //! | [`laws`] | rows into minima, power laws and loss laws |
@@ -31,6 +32,7 @@ pub mod plan;
 pub mod predict;
 pub mod record;
 pub mod schedule;
+pub mod slurm;
 pub mod sweep;
 pub mod table;
 pub mod text;

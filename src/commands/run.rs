@@ -10,20 +10,41 @@ use isoflop::schedule::{
     stop_on_signals,
 };
 
-use super::args::RunArgs;
+use super::args::{EngineName, RunArgs};
 use super::command_line::CommandLine;
 use super::context::{OpenSweep, device, open_sweep};
 use super::exit::Exit;
 use super::output::Output;
-use super::{analyse, failures, plan};
+use super::{analyse, failures, plan, slurm};
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
-    device(args.sweep.device)?;
+    match args.engine {
+        EngineName::Slurm if args.fail_fast => {
+            bail!("--fail-fast is for this machine; on Slurm the other runs go on")
+        }
+        EngineName::Slurm => slurm::run(args, output),
+        EngineName::Local if args.dry_run || args.profile.is_some() => {
+            bail!(
+                "--dry-run and --profile want --engine slurm; see `isoflop plan` for this machine"
+            )
+        }
+        EngineName::Local => run_here(args, output),
+    }
+}
+
+/// Reads, plans and warns.
+pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
     let open = open_sweep(&args.sweep)?;
     open.plan.warnings().iter().for_each(|line| output.warn(line));
     if open.plan.runs.is_empty() {
         bail!("every cell of the grid is dropped; `isoflop plan` gives the reasons");
     }
+    Ok(open)
+}
+
+fn run_here(args: &RunArgs, output: &Output) -> Result<Exit> {
+    device(args.sweep.device)?;
+    let open = open(args, output)?;
     let held = hold(&open.folder, output)?;
     prepare(&open, args.retry_failed)?;
     CommandLine::of(args)?.write(&open.folder)?;
@@ -45,7 +66,7 @@ fn interrupted(reports: &[JobReport], fail_fast: bool) -> bool {
 }
 
 /// One `run` at a time in a folder.
-fn hold(folder: &ResultsFolder, output: &Output) -> Result<Held> {
+pub fn hold(folder: &ResultsFolder, output: &Output) -> Result<Held> {
     let root = folder.root().display();
     let waiting =
         || output.note(&format!("another isoflop is at work in {root}; waiting for it to end"));
@@ -53,7 +74,7 @@ fn hold(folder: &ResultsFolder, output: &Output) -> Result<Held> {
 }
 
 /// Writes down what workers read: the resolved sweep, the plan, what each job is to make.
-fn prepare(open: &OpenSweep, retry_failed: bool) -> Result<()> {
+pub fn prepare(open: &OpenSweep, retry_failed: bool) -> Result<()> {
     let OpenSweep { sweep, plan, folder } = open;
     for place in [folder.root(), &folder.file("figures")] {
         atomic::remove_partial(place).context("removing half-written files")?;

@@ -1,4 +1,4 @@
-//! `isoflop status`: how far a sweep is, from its folder alone.
+//! `isoflop status`: how far a sweep is, from its folder, and from Slurm where it was submitted.
 
 use anyhow::{Result, bail};
 use isoflop::record::ResultsFolder;
@@ -9,7 +9,7 @@ use super::args::StatusArgs;
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::output::Output;
-use super::status_text;
+use super::{slurm_status, status_text};
 
 pub fn status(args: &StatusArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
@@ -17,8 +17,12 @@ pub fn status(args: &StatusArgs, output: &Output) -> Result<Exit> {
     let command = CommandLine::read(&folder)?;
     let here = std::env::current_dir().unwrap_or_default();
     let retry = command.retry_from(&here);
-    let text = status_text::text(&folder.name(), &state, &retry, &command.go_on_from(&here));
-    output.result(&json(&folder, &state, &retry), &text)?;
+    let queue = slurm_status::look(&folder, &state)?;
+    let go_on = command.go_on_from(&here);
+    let text = status_text::text(&folder.name(), &state, queue.as_ref(), &retry, &go_on);
+    let mut document = json(&folder, &state, &retry);
+    document["slurm"] = json!(queue);
+    output.result(&document, &text)?;
     Ok(Exit::Done)
 }
 

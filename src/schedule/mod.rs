@@ -13,7 +13,7 @@ mod waiting;
 pub mod worker;
 
 pub use executor::{Executor, JobEnd, JobReport, LocalProcesses, Runner};
-pub use job::{Job, inputs, missing_jobs};
+pub use job::{Job, inputs, missing_jobs, run as job_of_run};
 pub use pool::LocalPool;
 pub use progress::{Display, left};
 pub use signals::{Stop, stop_on_signals};
