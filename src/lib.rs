@@ -15,6 +15,7 @@
 //! | [`ops`], [`model`], [`train`] | codes and text into a trained model and its loss |
 //! | [`schedule`] | a plan into finished jobs, one process a run |
 //! | [`moving`] | work without steps into a count of its pieces, by which a scheduler sees that it goes on |
+//! | [`slurm`] | the same on a cluster: jobs into arrays of packed tasks |
 //! | [`record`] | a finished run into a row of a table |
 //! | [`table`] | a table of runs made elsewhere into the rows that laws are fitted to |
 //! | [`laws`] | rows into minima, power laws and loss laws |
@@ -38,6 +39,7 @@ pub mod plan;
 pub mod predict;
 pub mod record;
 pub mod schedule;
+pub mod slurm;
 pub mod sweep;
 pub mod table;
 pub mod text;

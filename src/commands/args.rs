@@ -121,6 +121,15 @@ pub struct PlanArgs {
 pub struct RunArgs {
     #[command(flatten)]
     pub sweep: SweepArgs,
+    /// Who does the jobs
+    #[arg(long, value_enum, default_value_t = EngineName::Local)]
+    pub engine: EngineName,
+    /// A file with keys of engine.slurm, laid over those of the sweep
+    #[arg(long, value_name = "FILE")]
+    pub profile: Option<PathBuf>,
+    /// Print what would be given to Slurm; give and change nothing
+    #[arg(long)]
+    pub dry_run: bool,
     /// Stop at the first failure
     #[arg(long)]
     pub fail_fast: bool,
@@ -133,6 +142,15 @@ pub struct RunArgs {
     /// Memory for all jobs together, as 8GB; by default what is available at the start
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
+}
+
+/// An engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EngineName {
+    /// Processes of this machine, until all is done
+    Local,
+    /// Jobs of a cluster: submits them and returns at once
+    Slurm,
 }
 
 #[derive(Args)]
@@ -191,8 +209,21 @@ pub enum ExportForm {
 #[derive(Args)]
 pub struct WorkerArgs {
     pub results: PathBuf,
-    pub kind: JobKind,
-    pub id: String,
+    #[arg(required_unless_present_any = ["chunk", "fit"], requires = "id")]
+    pub kind: Option<JobKind>,
+    pub id: Option<String>,
+    /// A submission to Slurm, for --chunk and --fit
+    #[arg(long)]
+    pub generation: Option<u32>,
+    /// An array of it
+    #[arg(long)]
+    pub stage: Option<String>,
+    /// A task of the array: do its jobs
+    #[arg(long, conflicts_with = "kind", requires_all = ["generation", "stage"])]
+    pub chunk: Option<usize>,
+    /// Fit the laws
+    #[arg(long, conflicts_with_all = ["kind", "chunk"])]
+    pub fit: bool,
     #[arg(long, value_enum, default_value_t = DeviceName::Flex)]
     pub device: DeviceName,
 }

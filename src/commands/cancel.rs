@@ -6,13 +6,15 @@ use anyhow::{Context, Result};
 use isoflop::record::ResultsFolder;
 use isoflop::schedule::SweepState;
 use isoflop::schedule::presence::{ask_no_more, ask_to_end, is_held};
+use isoflop::slurm::System;
+use isoflop::slurm::cancel::{self, Cancelled};
 use serde_json::json;
 
 use super::args::CancelArgs;
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::output::Output;
-use super::{status, status_text};
+use super::{slurm, slurm_status, status, status_text};
 
 /// Far longer than a step and a checkpoint take.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -23,21 +25,38 @@ const POLL: Duration = Duration::from_millis(100);
 enum End {
     NothingRan,
     Ended,
+    /// Tasks of Slurm's that had to be killed: they go on from their last checkpoints.
+    Killed,
     StillAtWork,
 }
 
 pub fn cancel(args: &CancelArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     status::state_of(&folder)?;
-    let end = end(&folder, output).context("asking the scheduler to end")?;
+    let on_slurm = end_on_slurm(&folder, output).context("asking Slurm to end it")?;
+    let here = end(&folder, output).context("asking the scheduler to end")?;
+    let end = if here == End::NothingRan { on_slurm } else { here };
     let state = status::state_of(&folder)?;
     let said = match end {
         End::NothingRan => "nothing is running here",
         End::Ended => "ended; what is finished stays",
+        End::Killed => "ended, some of it by force; what is finished stays",
         End::StillAtWork => "still at work after a minute; it has been asked, and may yet end",
     };
     report(&folder, &state, end, said, output)?;
     Ok(if end == End::StillAtWork { Exit::SomeRunsFailed } else { Exit::Done })
+}
+
+/// Ends what Slurm has of the sweep.
+fn end_on_slurm(folder: &ResultsFolder, output: &Output) -> Result<End> {
+    let Some((settings, entries)) = slurm::of_folder(folder)? else { return Ok(End::NothingRan) };
+    output.note("asking Slurm; where something runs, its checkpoints are waited for");
+    Ok(match cancel::cancel(folder, &settings, &entries, &System)? {
+        Cancelled::NothingThere => End::NothingRan,
+        Cancelled::Ended => End::Ended,
+        Cancelled::Killed => End::Killed,
+        Cancelled::StillThere => End::StillAtWork,
+    })
 }
 
 /// Asks until the folder is free. What waits for the folder is asked too, as it takes it up.
@@ -80,6 +99,7 @@ fn report(
         "ended": end != End::StillAtWork,
         "state": status::json(folder, state, &command),
     });
-    let text = status_text::text(&folder.name(), state, &command);
+    let queue = slurm_status::look(folder, state)?;
+    let text = status_text::text(&folder.name(), state, queue.as_ref(), &command);
     Ok(output.result(&document, &format!("{said}\n\n{text}"))?)
 }

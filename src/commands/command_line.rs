@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use isoflop::record::{JobId, ResultsFolder, atomic, read_if_there};
 use serde::{Deserialize, Serialize};
 
-use super::args::RunArgs;
+use super::args::{EngineName, RunArgs};
 
 /// Width of a terminal that shows a command whole.
 const WIDTH: usize = 80;
@@ -31,8 +31,18 @@ impl CommandLine {
         words.extend(sweep.jobs.iter().flat_map(|n| ["--jobs".to_string(), n.to_string()]));
         words.extend(["--device".to_string(), sweep.device.name().to_string()]);
         words.extend(args.memory.iter().flat_map(|n| ["--memory".to_string(), n.to_string()]));
+        if args.engine == EngineName::Slurm {
+            words.extend(["--engine".to_string(), "slurm".to_string()]);
+        }
+        let profile = args.profile.iter();
+        words.extend(profile.flat_map(|path| ["--profile".into(), path.display().to_string()]));
         let directory = std::env::current_dir().context("finding the current directory")?;
         Ok(Self { directory, words })
+    }
+
+    /// A word as a POSIX shell reads it.
+    pub fn quoted(word: &str) -> String {
+        quoted(word)
     }
 
     /// Keeps it in the folder of the sweep that it runs.

@@ -17,6 +17,9 @@ mod plot;
 mod predict;
 mod prepare;
 mod run;
+mod slurm;
+mod slurm_status;
+mod slurm_worker;
 mod stale;
 mod status;
 mod status_text;
@@ -39,7 +42,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Plot(args) => plot::plot(&args, &output),
         Command::Predict(args) => predict::predict(&args, &output),
         Command::Export(args) => export::export(&args, &output),
-        Command::Worker(args) => worker::worker(&args),
+        Command::Worker(args) => worker::worker(&args, &output),
         Command::Guard(args) => worker::guard(&args),
     }
 }

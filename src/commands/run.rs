@@ -1,7 +1,6 @@
 //! `isoflop run`: what is missing of a sweep, then laws, figures and predictions.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use isoflop::record::{Failure, JobKind, ResultsFolder};
@@ -10,24 +9,45 @@ use isoflop::schedule::{
     Display, Executor, Job, JobEnd, JobReport, LocalPool, LocalProcesses, Timeline, memory,
     missing_jobs, stop_on_signals,
 };
-use isoflop::sweep::TrainSpec;
 
 use super::analyse;
-use super::args::RunArgs;
+use super::args::{EngineName, RunArgs};
 use super::command_line::CommandLine;
 use super::context::{OpenSweep, device, open_sweep};
 use super::exit::Exit;
 use super::failures::Summary;
 use super::output::Output;
 use super::prepare::prepare;
+use super::slurm;
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
-    device(args.sweep.device)?;
+    match args.engine {
+        EngineName::Slurm if args.fail_fast => {
+            bail!("--fail-fast is for this machine; on Slurm the other runs go on")
+        }
+        EngineName::Slurm => slurm::run(args, output),
+        EngineName::Local if args.dry_run || args.profile.is_some() => {
+            bail!(
+                "--dry-run and --profile want --engine slurm; see `isoflop plan` for this machine"
+            )
+        }
+        EngineName::Local => run_here(args, output),
+    }
+}
+
+/// Reads, plans and warns.
+pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
     let open = open_sweep(&args.sweep)?;
     open.plan.warnings().iter().for_each(|line| output.warn(line));
     if open.plan.runs.is_empty() {
         bail!("every cell of the grid is dropped; `isoflop plan` gives the reasons");
     }
+    Ok(open)
+}
+
+fn run_here(args: &RunArgs, output: &Output) -> Result<Exit> {
+    device(args.sweep.device)?;
+    let open = open(args, output)?;
     let held = hold(&open.folder, output)?;
     prepare(&open, args, output)?;
     CommandLine::of(args)?.write(&open.folder)?;
@@ -75,7 +95,7 @@ fn interrupted(reports: &[JobReport], fail_fast: bool) -> bool {
 }
 
 /// One `run` at a time in a folder.
-fn hold(folder: &ResultsFolder, output: &Output) -> Result<Held> {
+pub fn hold(folder: &ResultsFolder, output: &Output) -> Result<Held> {
     let root = folder.root().display();
     let waiting =
         || output.note(&format!("another isoflop is at work in {root}; waiting for it to end"));
@@ -104,7 +124,7 @@ fn train(
         folder: open.folder.clone(),
         device: args.sweep.device.name().to_string(),
         program: own_program()?,
-        hang: hang(&open.sweep.train),
+        hang: open.sweep.train.hang(),
     };
     let stop = stop_on_signals()?;
     held.watch(&stop);
@@ -122,11 +142,6 @@ fn train(
     let reports = pool.execute(jobs);
     display.clear();
     Ok(reports)
-}
-
-/// How long a worker may make no progress.
-fn hang(train: &TrainSpec) -> Option<Duration> {
-    (train.hang_s > 0.0).then(|| Duration::from_secs_f64(train.hang_s))
 }
 
 /// Memory for all jobs together; a job that wants more than that is named.

@@ -1,4 +1,4 @@
-//! `isoflop status`: how far a sweep is, from its folder alone.
+//! `isoflop status`: how far a sweep is, from its folder, and from Slurm where it was submitted.
 
 use anyhow::{Result, bail};
 use isoflop::record::ResultsFolder;
@@ -9,15 +9,18 @@ use super::args::StatusArgs;
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::output::Output;
-use super::status_text;
+use super::{slurm_status, status_text};
 
 pub fn status(args: &StatusArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     let state = state_of(&folder)?;
     let command = CommandLine::read(&folder)?;
-    let text = status_text::text(&folder.name(), &state, &command);
+    let queue = slurm_status::look(&folder, &state)?;
+    let text = status_text::text(&folder.name(), &state, queue.as_ref(), &command);
     state.warnings.iter().for_each(|line| output.warn(line));
-    output.result(&json(&folder, &state, &command), &text)?;
+    let mut document = json(&folder, &state, &command);
+    document["slurm"] = json!(queue);
+    output.result(&document, &text)?;
     Ok(Exit::Done)
 }
 

@@ -7,6 +7,7 @@ use isoflop::record::{Failure, JobKind};
 use isoflop::schedule::{Counts, FailedJob, Running, SweepState, left};
 
 use super::command_line::CommandLine;
+use super::slurm_status::QueueState;
 
 const WIDTH: usize = 80;
 
@@ -17,20 +18,25 @@ const SHOWN: usize = 10;
 const LAST_LINES: usize = 3;
 
 /// The whole story.
-pub fn text(name: &str, state: &SweepState, command: &CommandLine) -> String {
+pub fn text(
+    name: &str,
+    state: &SweepState,
+    queue: Option<&QueueState>,
+    command: &CommandLine,
+) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let go_on = command.go_on_from(&here);
     let parts = [
-        heading(name, state),
+        heading(name, state, queue),
         table(state),
         running(&state.running),
         failures(state, command, &here),
-        advice(state, &go_on),
+        advice(state, queue, &go_on),
     ];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("\n")
 }
 
-fn heading(name: &str, state: &SweepState) -> String {
+fn heading(name: &str, state: &SweepState, queue: Option<&QueueState>) -> String {
     let share = if state.flops_total > 0.0 { state.flops_done / state.flops_total } else { 1.0 };
     let mut sentence = format!(
         "{} of {} runs done, {:.1} % of {:.2e} FLOPs",
@@ -44,7 +50,11 @@ fn heading(name: &str, state: &SweepState) -> String {
         let jobs = state.running.len();
         sentence += &format!(", {} with {jobs} at work", left(eta));
     }
-    wrap(&format!("{name}: "), &sentence) + &at_work(state) + "\n"
+    let who = match queue {
+        Some(queue) if !state.at_work => queue.text(),
+        _ => at_work(state) + "\n",
+    };
+    wrap(&format!("{name}: "), &sentence) + &who
 }
 
 fn at_work(state: &SweepState) -> String {
@@ -124,10 +134,11 @@ fn failure(job: &FailedJob) -> String {
 }
 
 /// What goes on, where something is left that nobody is at.
-fn advice(state: &SweepState, go_on: &str) -> String {
+fn advice(state: &SweepState, queue: Option<&QueueState>, go_on: &str) -> String {
     let runs = &state.runs;
     let open = runs.started + runs.missing - runs.blocked.min(runs.started + runs.missing);
-    if state.at_work || open == 0 {
+    let in_hand = state.at_work || queue.is_some_and(|queue| !queue.wants_more());
+    if in_hand || open == 0 {
         return String::new();
     }
     format!("to go on:\n{}\n", CommandLine::broken(go_on))

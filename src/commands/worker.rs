@@ -2,7 +2,7 @@
 
 use std::process::exit;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use isoflop::record::{JobId, ResultsFolder};
 use isoflop::schedule::worker::{
     FAILED, Outcome, STOPPED, claim, failure_of, forget_progress, report_failure, stop_with_parent,
@@ -13,20 +13,29 @@ use isoflop::schedule::{stop_on_signals, trainer};
 use super::args::{GuardArgs, WorkerArgs};
 use super::context::device;
 use super::exit::Exit;
-use super::output::say;
+use super::output::{Output, say};
+use super::slurm_worker;
 
-pub fn worker(args: &WorkerArgs) -> Result<Exit> {
+pub fn worker(args: &WorkerArgs, output: &Output) -> Result<Exit> {
+    match (args.kind, &args.id) {
+        (Some(kind), Some(id)) => one_job(args, &JobId::new(kind, id.as_str())),
+        _ if args.fit => slurm_worker::fit(args, output),
+        _ if args.chunk.is_some() => slurm_worker::chunk(args),
+        _ => bail!("a worker wants a kind of job and an id, or a chunk"),
+    }
+}
+
+fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
     let stop = stop_on_signals()?;
     let folder = ResultsFolder::new(&args.results);
-    let job = JobId::new(args.kind, args.id.as_str());
-    let place = folder.job(&job);
+    let place = folder.job(job);
     stop_with_parent(&stop, trainer::grace(&place));
     tell_of_pieces();
     let device = device(args.device)?;
     let claimed = claim(&place, &stop);
     let outcome = match &claimed {
         Ok(None) => exit(STOPPED),
-        Ok(Some(_lock)) => work(&folder, &job, &device, args.device.name(), &stop),
+        Ok(Some(_lock)) => work(&folder, job, &device, args.device.name(), &stop),
         Err(error) => Ok(Outcome::Failed(failure_of(error))),
     };
     let failure = match outcome {

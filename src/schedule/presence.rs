@@ -123,6 +123,11 @@ pub fn ask_to_end(folder: &ResultsFolder) -> io::Result<()> {
     if path.exists() { Ok(()) } else { atomic::write_json(&path, &Scheduler::this()) }
 }
 
+/// Whether somebody asked for an end by [`ask_to_end`].
+pub fn is_asked_to_end(folder: &ResultsFolder) -> bool {
+    folder.file(CANCEL).exists()
+}
+
 /// Takes back what [`ask_to_end`] asked for.
 ///
 /// # Errors

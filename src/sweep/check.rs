@@ -1,5 +1,6 @@
 //! What types alone cannot say: every impossible setting, with its path and how to mend it.
 
+use super::check_engine;
 use super::command::{CommandError, PLACEHOLDERS, TrainerCommand};
 use super::condition::Condition;
 use super::presets;
@@ -26,6 +27,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         train(sweep),
         tokenizer(sweep),
         trainer(sweep),
+        check_engine::check(sweep),
     ]
     .into_iter()
     .flatten()

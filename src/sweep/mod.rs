@@ -1,6 +1,7 @@
 //! Sweep files: YAML into a checked [`Sweep`].
 
 mod check;
+mod check_engine;
 mod choice;
 mod command;
 pub mod condition;
@@ -13,8 +14,10 @@ mod read;
 mod repeated;
 mod spec;
 mod taken_out;
+mod time_limit;
 
 pub use command::{CommandError, TrainerCommand};
 pub use problem::{Problem, SweepErrors};
-pub use read::{parse, read};
+pub use read::{parse, read, read_profile};
 pub use spec::*;
+pub use time_limit::minutes;

@@ -2,19 +2,33 @@
 
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
 use serde_yaml::Value;
 
 use super::check::check;
+use super::check_engine;
 use super::overrides;
 use super::problem::{Problem, SweepErrors};
-use super::spec::Sweep;
+use super::spec::{SlurmSection, Sweep};
 use super::taken_out::TakenOut;
 
 /// Reads a sweep file, with `path=value` settings laid over it.
 pub fn read(path: &Path, settings: &[String]) -> Result<Sweep, SweepErrors> {
+    let (file, text) = text_of(path)?;
+    parse(&file, &text, settings)
+}
+
+/// Reads a profile: a file with the keys of `engine.slurm`, to be laid over those of sweeps.
+pub fn read_profile(path: &Path) -> Result<SlurmSection, SweepErrors> {
+    let (file, text) = text_of(path)?;
+    gather_profile(&text).map_err(|problems| SweepErrors { file, source_text: text, problems })
+}
+
+/// The name of a file in messages, and its text.
+fn text_of(path: &Path) -> Result<(String, String), SweepErrors> {
     let file = path.display().to_string();
     match std::fs::read_to_string(path) {
-        Ok(text) => parse(&file, &text, settings),
+        Ok(text) => Ok((file, text)),
         Err(error) => Err(SweepErrors {
             problems: vec![Problem::value("", format!("cannot read {file}: {error}"))],
             source_text: String::new(),
@@ -36,7 +50,7 @@ fn gather(text: &str, settings: &[String]) -> Result<Sweep, Vec<Problem>> {
     let mut value = syntax(text).map_err(|problem| vec![problem])?;
     let mut problems = overrides::apply(&mut value, settings);
     let mut taken_out = TakenOut::default();
-    let sweep = typed(value, &mut taken_out, &mut problems);
+    let sweep: Option<Sweep> = typed(value, &mut taken_out, &mut problems);
     if let Some(sweep) = &sweep {
         problems
             .extend(check(sweep).into_iter().filter_map(|problem| led_back(problem, &taken_out)));
@@ -48,22 +62,43 @@ fn gather(text: &str, settings: &[String]) -> Result<Sweep, Vec<Problem>> {
     }
 }
 
+fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
+    let value = mapping(text, "a profile is a mapping with the keys of `engine.slurm`");
+    let mut problems = Vec::new();
+    let value = value.map_err(|problem| vec![problem])?;
+    let section: Option<SlurmSection> = typed(value, &mut TakenOut::default(), &mut problems);
+    problems.extend(section.iter().flat_map(|section| check_engine::slurm(section, "")));
+    match (section, problems.is_empty()) {
+        (Some(section), true) => Ok(section),
+        _ => Err(problems),
+    }
+}
+
 fn syntax(text: &str) -> Result<Value, Problem> {
+    mapping(text, "a sweep file is a mapping with at least `name` and `grid`")
+}
+
+/// The mapping that a file holds; `otherwise` says what it should hold.
+fn mapping(text: &str, otherwise: &str) -> Result<Value, Problem> {
     let value: Value = serde_yaml::from_str(text).map_err(|error| Problem {
         byte: error.location().map(|location| location.index()),
         ..Problem::value("", format!("not valid YAML: {error}"))
     })?;
     match value {
         Value::Mapping(_) => Ok(value),
-        _ => Err(Problem::value("", "a sweep file is a mapping with at least `name` and `grid`")),
+        _ => Err(Problem::value("", otherwise)),
     }
 }
 
 /// Deserialises; each entry that fails is noted and taken out, until the rest is right or stuck.
-fn typed(mut value: Value, taken_out: &mut TakenOut, problems: &mut Vec<Problem>) -> Option<Sweep> {
+fn typed<T: DeserializeOwned>(
+    mut value: Value,
+    taken_out: &mut TakenOut,
+    problems: &mut Vec<Problem>,
+) -> Option<T> {
     loop {
-        let error = match serde_path_to_error::deserialize::<_, Sweep>(value.clone()) {
-            Ok(sweep) => return Some(sweep),
+        let error = match serde_path_to_error::deserialize::<_, T>(value.clone()) {
+            Ok(typed) => return Some(typed),
             Err(error) => error,
         };
         let path = error.path().to_string();

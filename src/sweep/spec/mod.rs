@@ -1,12 +1,14 @@
 //! [`Sweep`]: what a sweep file says, with every default filled in.
 
 mod analysis;
+mod engine;
 mod grid;
 mod inputs;
 mod trainer;
 mod training;
 
 pub use analysis::*;
+pub use engine::*;
 pub use grid::*;
 pub use inputs::*;
 pub use trainer::*;
@@ -43,6 +45,9 @@ pub struct Sweep {
     pub fit: FitSpec,
     #[serde(default)]
     pub predict: PredictSpec,
+    /// How engines other than this machine are to be used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub engine: Option<EngineSection>,
 }
 
 fn default_seeds() -> Vec<u64> {

@@ -1,5 +1,7 @@
 //! How every cell is built and trained: the `model` and `train` sections.
 
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 
 use super::super::number;
@@ -159,6 +161,13 @@ pub struct TrainSpec {
     /// for never. Longer than the longest step; never changes a result.
     #[serde(deserialize_with = "number::number")]
     pub hang_s: f64,
+}
+
+impl TrainSpec {
+    /// How long a worker may make no progress; `None` where it may for ever.
+    pub fn hang(&self) -> Option<Duration> {
+        (self.hang_s > 0.0).then(|| Duration::from_secs_f64(self.hang_s))
+    }
 }
 
 impl Default for TrainSpec {

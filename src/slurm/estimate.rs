@@ -1,0 +1,63 @@
+//! [`Estimates`]: how long jobs take, before they have been done.
+
+use std::io;
+
+use burn::tensor::Device;
+
+use crate::plan::{Plan, PlannedRun};
+use crate::record::{JobId, JobState, ResultsFolder};
+use crate::schedule::{Job, probe};
+
+/// Seconds of a job that does nothing: a process is started, and files are opened.
+const START_S: f64 = 1.0;
+
+/// Records that are read for the rate: as many tell it as well as all.
+const SAMPLE: usize = 200;
+
+/// One rate for all jobs, and where it comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimates {
+    pub flops_per_second: f64,
+    /// For a person: `as the section says`.
+    pub source: &'static str,
+}
+
+impl Estimates {
+    /// The rate that the section gives.
+    pub fn given(flops_per_second: f64) -> Self {
+        Self { flops_per_second, source: "as flops_per_second says" }
+    }
+
+    /// The rate of the finished runs of a folder; `None` where there is none.
+    ///
+    /// # Errors
+    /// A record is damaged.
+    pub fn of_records(plan: &Plan, folder: &ResultsFolder) -> io::Result<Option<Self>> {
+        let done = |run: &&PlannedRun| folder.state(&JobId::run(&run.run_id)) == JobState::Done;
+        let (mut flops, mut seconds) = (0.0, 0.0);
+        for run in plan.runs.iter().filter(done).take(SAMPLE) {
+            if let Some(record) = folder.record(&run.run_id)? {
+                flops += record.budget_flops;
+                seconds += record.wall_s;
+            }
+        }
+        let rate = flops / seconds;
+        let source = "measured by finished runs";
+        let known = rate.is_finite() && rate > 0.0;
+        Ok(known.then_some(Self { flops_per_second: rate, source }))
+    }
+
+    /// The rate of a few training steps on this machine.
+    pub fn of_probe(plan: &Plan, device: &Device) -> Self {
+        let runs: Vec<&PlannedRun> = plan.runs.iter().collect();
+        let flops: f64 = runs.iter().map(|run| run.own_flops()).sum();
+        let seconds = 3600.0 * probe::hours(&runs, &[], &[], device, 1);
+        let flops_per_second = if seconds > 0.0 { flops / seconds } else { f64::INFINITY };
+        Self { flops_per_second, source: "measured here by a few steps" }
+    }
+
+    /// Seconds that a job takes on a slot of its own.
+    pub fn seconds(&self, job: &Job) -> f64 {
+        START_S + job.cost / self.flops_per_second
+    }
+}

@@ -1,0 +1,149 @@
+//! [`Settings`]: the section with every default filled in.
+
+use std::time::Duration;
+
+use crate::sweep::{Amount, Count, Resources, SlurmSection, Stage, minutes};
+
+/// MaxArraySize of a Slurm that says nothing else.
+const MAX_ARRAY: usize = 1001;
+
+/// What is asked of Slurm, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    section: SlurmSection,
+}
+
+impl Settings {
+    /// A section as the sweep and the profile give it.
+    pub fn new(section: SlurmSection) -> Self {
+        Self { section }
+    }
+
+    /// The section as it was given.
+    pub fn section(&self) -> &SlurmSection {
+        &self.section
+    }
+
+    /// What the tasks of a stage ask for.
+    pub fn resources(&self, stage: Stage) -> Resources {
+        let of_stage = self.section.stages.as_ref().and_then(|stages| stages.get(&stage)).cloned();
+        of_stage.unwrap_or_default().over(self.section.resources())
+    }
+
+    /// The words that call one of Slurm's programs: `sbatch`, `squeue`, `scancel`, `scontrol`.
+    pub fn program(&self, name: &str) -> Vec<String> {
+        let given = match name {
+            "sbatch" => &self.section.sbatch,
+            "squeue" => &self.section.squeue,
+            "scancel" => &self.section.scancel,
+            _ => &self.section.scontrol,
+        };
+        let split = given.as_deref().and_then(shlex::split);
+        let mut words = split.unwrap_or_else(|| vec![name.to_string()]);
+        words.extend(self.section.clusters.iter().map(|name| format!("--clusters={name}")));
+        words
+    }
+
+    /// Jobs of a chunk side by side.
+    pub fn slots(&self, stage: Stage) -> usize {
+        let resources = self.resources(stage);
+        let one = Count(1);
+        resources.runs_at_once.or(resources.cpus_per_task).unwrap_or(one).0
+    }
+
+    /// Seconds that a task of a stage may take, where that is said.
+    pub fn limit_s(&self, stage: Stage) -> Option<f64> {
+        let time = self.resources(stage).time?;
+        Some(60.0 * minutes(&time.0)?)
+    }
+
+    /// Seconds of work that a task should have: half of the time limit at most.
+    pub fn target_s(&self) -> f64 {
+        let Amount(target) = self.section.target_chunk_minutes.unwrap_or(Amount(30.0));
+        let half = self.limit_s(Stage::Train).map_or(f64::INFINITY, |limit| limit / 2.0);
+        (60.0 * target).min(half)
+    }
+
+    /// Tasks of an array that run at once at most.
+    pub fn array_parallel(&self) -> Option<usize> {
+        self.section.array_parallel.map(|count| count.0)
+    }
+
+    /// Tasks of an array at most, where the section or else Slurm says so.
+    pub fn max_array(&self, asked: Option<usize>) -> usize {
+        self.section.max_array.map(|count| count.0).or(asked).unwrap_or(MAX_ARRAY).max(1)
+    }
+
+    /// Tasks of a submission at most.
+    pub fn max_submit(&self) -> usize {
+        self.section.max_submit.map_or(usize::MAX, |count| count.0)
+    }
+
+    /// Seconds before the time limit at which a task of a stage is warned: a quarter of a short one.
+    pub fn signal_grace_s(&self, stage: Stage) -> usize {
+        let quarter = self.limit_s(stage).map_or(120, |limit| (limit / 4.0) as usize);
+        self.section.signal_grace_s.map_or(120.min(quarter), |count| count.0)
+    }
+
+    /// Whether Slurm may put a task back into the queue.
+    pub fn requeue(&self) -> bool {
+        self.section.requeue.unwrap_or(true)
+    }
+
+    /// Times that a task puts itself back when its time is over.
+    pub fn max_requeues(&self) -> usize {
+        if self.requeue() { self.section.max_requeues.map_or(20, |count| count.0) } else { 0 }
+    }
+
+    /// How long `isoflop cancel` waits for checkpoints.
+    pub fn cancel_grace(&self) -> Duration {
+        seconds(self.section.cancel_grace_s, 60.0)
+    }
+
+    /// How long a task waits for files written on another machine to appear.
+    pub fn fs_grace(&self) -> Duration {
+        seconds(self.section.fs_grace_s, 90.0)
+    }
+
+    /// Whether laws are fitted although runs are missing.
+    pub fn allow_missing(&self) -> bool {
+        self.section.allow_missing.unwrap_or(false)
+    }
+
+    /// `--export`.
+    pub fn export(&self) -> &str {
+        self.section.export.as_deref().unwrap_or("ALL")
+    }
+}
+
+fn seconds(amount: Option<Amount>, default: f64) -> Duration {
+    Duration::from_secs_f64(amount.map_or(default, |amount| amount.0.max(0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(text: &str) -> Settings {
+        Settings::new(serde_yaml::from_str(text).unwrap())
+    }
+
+    #[test]
+    fn a_stage_has_its_own_word_before_that_of_the_whole() {
+        let text = "{time: 60, mem: 4G, stages: {fit: {mem: 16G}}, sbatch: 'ssh login sbatch'}";
+        let settings = settings(text);
+        let mem = |stage| settings.resources(stage).mem.unwrap().0;
+        assert_eq!((mem(Stage::Fit).as_str(), mem(Stage::Train).as_str()), ("16G", "4G"));
+        assert_eq!(settings.resources(Stage::Fit).time.unwrap().0, "60");
+        assert_eq!(settings.program("sbatch"), ["ssh", "login", "sbatch"]);
+    }
+
+    #[test]
+    fn a_chunk_has_half_of_the_time_limit_at_most() {
+        assert_eq!(settings("{}").target_s(), 1800.0);
+        assert_eq!(settings("{time: 20}").target_s(), 600.0);
+        assert_eq!(settings("{time: 20, target_chunk_minutes: 1}").target_s(), 60.0);
+        assert_eq!(settings("{time: 1}").signal_grace_s(Stage::Train), 15);
+        assert_eq!(settings("{}").signal_grace_s(Stage::Train), 120);
+    }
+}

@@ -1,0 +1,136 @@
+//! What types alone cannot say of the `engine` section and of a profile file.
+
+use super::problem::Problem;
+use super::spec::{Amount, Count, Resources, SlurmSection, Stage, Sweep};
+use super::time_limit::minutes;
+
+/// Arguments of `sbatch` that isoflop gives itself.
+const OURS: [&str; 14] = [
+    "--array",
+    "-a",
+    "--dependency",
+    "-d",
+    "--parsable",
+    "--output",
+    "-o",
+    "--open-mode",
+    "--wrap",
+    "--comment",
+    "--chdir",
+    "-D",
+    "--signal",
+    "--kill-on-invalid-dep",
+];
+
+/// Problems of a sweep's section.
+pub fn check(sweep: &Sweep) -> Vec<Problem> {
+    let section = sweep.engine.as_ref().map(|engine| &engine.slurm);
+    section.map(|section| slurm(section, "engine.slurm.")).unwrap_or_default()
+}
+
+/// Problems of a section whose keys stand under `prefix`.
+pub fn slurm(section: &SlurmSection, prefix: &str) -> Vec<Problem> {
+    let mut problems = resources(&section.resources(), prefix);
+    for (stage, of_stage) in section.stages.iter().flatten() {
+        let under = format!("{prefix}stages.{}.", stage.word());
+        problems.extend(resources(of_stage, &under));
+        let both = of_stage.clone().over(section.resources());
+        problems.extend(time(&both, section, *stage, prefix));
+    }
+    if section.stages.as_ref().is_none_or(|stages| !stages.contains_key(&Stage::Train)) {
+        problems.extend(time(&section.resources(), section, Stage::Train, prefix));
+    }
+    problems.extend(counts(section, prefix));
+    problems.extend(programs(section, prefix));
+    problems
+}
+
+fn resources(of: &Resources, prefix: &str) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    let memory = [&of.mem, &of.mem_per_cpu, &of.mem_per_gpu];
+    if memory.iter().filter(|key| key.is_some()).count() > 1 {
+        let message = "`mem`, `mem_per_cpu` and `mem_per_gpu` exclude one another";
+        let key = if of.mem_per_cpu.is_some() { "mem_per_cpu" } else { "mem_per_gpu" };
+        problems.push(Problem::value(format!("{prefix}{key}"), message));
+    }
+    if let Some(time) = of.time.as_ref().filter(|time| minutes(&time.0).is_none()) {
+        let message = format!("`{}` is no time limit that Slurm knows", time.0);
+        let help = "write minutes as 90, or 04:00:00, or 2-12:00:00";
+        problems.push(Problem::value(format!("{prefix}time"), message).with_help(help));
+    }
+    for (key, count) in [("cpus_per_task", of.cpus_per_task), ("runs_at_once", of.runs_at_once)] {
+        if count == Some(Count(0)) {
+            problems.push(Problem::value(format!("{prefix}{key}"), "must be at least 1"));
+        }
+    }
+    problems.extend(extra(of, prefix));
+    problems.extend(env(of, prefix));
+    problems
+}
+
+/// Whether the warning comes before the end, with time left to work.
+fn time(of: &Resources, section: &SlurmSection, stage: Stage, prefix: &str) -> Option<Problem> {
+    let limit = of.time.as_ref().and_then(|time| minutes(&time.0))?;
+    let grace = section.signal_grace_s.map(|count| count.0 as f64)?;
+    (stage != Stage::Fit && grace >= 60.0 * limit).then(|| {
+        let message = format!("a warning {grace} s before the end of {limit} min leaves no time");
+        Problem::value(format!("{prefix}signal_grace_s"), message)
+    })
+}
+
+fn extra(of: &Resources, prefix: &str) -> Vec<Problem> {
+    let ours = |word: &String| {
+        let name = word.split('=').next().unwrap_or(word);
+        OURS.into_iter().find(|ours| *ours == name)
+    };
+    let words = of.extra.iter().flatten().enumerate();
+    let named = words.filter_map(|(i, word)| {
+        let name = ours(word)?;
+        let message = format!("isoflop gives `{name}` itself");
+        Some(Problem::value(format!("{prefix}extra[{i}]"), message).with_help("leave it out"))
+    });
+    named.collect()
+}
+
+fn env(of: &Resources, prefix: &str) -> Vec<Problem> {
+    let good = |name: &str| {
+        let first = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || c == '_');
+        first && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    };
+    let names = of.env.iter().flat_map(|env| env.keys());
+    let wrong = names.filter(|name| !good(name));
+    let problem = |name: &String| {
+        Problem::value(format!("{prefix}env"), format!("`{name}` cannot name a variable"))
+    };
+    wrong.map(problem).collect()
+}
+
+fn counts(section: &SlurmSection, prefix: &str) -> Vec<Problem> {
+    let counts = [
+        ("array_parallel", section.array_parallel),
+        ("max_array", section.max_array),
+        ("max_submit", section.max_submit),
+    ];
+    let amounts = [
+        ("target_chunk_minutes", section.target_chunk_minutes),
+        ("flops_per_second", section.flops_per_second),
+    ];
+    let zero = counts.iter().filter(|(_, count)| *count == Some(Count(0)));
+    let none = amounts.iter().filter(|(_, n)| n.is_some_and(|Amount(n)| n <= 0.0));
+    let wrong = |key: &str, message: &str| Problem::value(format!("{prefix}{key}"), message);
+    zero.map(|(key, _)| wrong(key, "must be at least 1"))
+        .chain(none.map(|(key, _)| wrong(key, "must be above 0")))
+        .collect()
+}
+
+fn programs(section: &SlurmSection, prefix: &str) -> Vec<Problem> {
+    let programs = [
+        ("sbatch", &section.sbatch),
+        ("squeue", &section.squeue),
+        ("scancel", &section.scancel),
+        ("scontrol", &section.scontrol),
+    ];
+    let empty = |text: &String| shlex::split(text).is_none_or(|words| words.is_empty());
+    let wrong = programs.into_iter().filter(|(_, text)| text.as_ref().is_some_and(empty));
+    wrong.map(|(key, _)| Problem::value(format!("{prefix}{key}"), "is no command")).collect()
+}
