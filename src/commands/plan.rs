@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use anyhow::Result;
+use burn::tensor::Device;
 use isoflop::plan::{Plan, PlannedRun, TokenizerJob, Trunk};
 use isoflop::record::{JobId, JobKind, JobState, ResultsFolder, RunStates};
 use isoflop::schedule::{Job, inputs, probe};
@@ -23,14 +24,15 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let missing: Vec<&PlannedRun> =
         plan.runs.iter().filter(|run| states.of(&run.run_id) != JobState::Done).collect();
     let wanted: HashSet<&str> = missing.iter().map(|run| run.spec.tokenizer_id.as_str()).collect();
-    let tokenizers: Vec<_> = plan
+    let tokenizers: Vec<&TokenizerJob> = plan
         .tokenizers
         .iter()
         .filter(|job| wanted.contains(job.id().as_str()))
         .filter(|job| state_of_tokenizer(job, &folder) != JobState::Done)
         .collect();
     let trunks: Vec<&Trunk> = open_trunks(&plan, &missing, &folder);
-    let hours = probe::hours(&missing, &trunks, &tokenizers, &device, args.sweep.slots());
+    let to_do = ToDo { runs: missing, trunks, tokenizers };
+    let hours = to_do.hours(&plan, &folder, &device, args.sweep.slots());
     let stale = stale(&plan, &folder);
     let document = || {
         let mut document = json(&plan, &folder);
@@ -42,6 +44,44 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
         || plan_text::text(&plan, &states, &stale, &plan_text::cost(&plan, hours, &args.sweep));
     output.result_of(document, text)?;
     Ok(Exit::Done)
+}
+
+/// What a plan still has to train.
+struct ToDo<'a> {
+    runs: Vec<&'a PlannedRun>,
+    trunks: Vec<&'a Trunk>,
+    tokenizers: Vec<&'a TokenizerJob>,
+}
+
+impl ToDo<'_> {
+    /// Hours on `slots` slots. How fast a program of somebody's own is, its finished runs alone can
+    /// tell: `None` before there are any.
+    fn hours(
+        &self,
+        plan: &Plan,
+        folder: &ResultsFolder,
+        device: &Device,
+        slots: usize,
+    ) -> Option<f64> {
+        let Self { runs, trunks, tokenizers } = self;
+        if runs.iter().all(|run| run.spec.trainer.is_none()) {
+            return Some(probe::hours(runs, trunks, tokenizers, device, slots));
+        }
+        let rate = finished_rate(plan, folder)?;
+        let seconds = |run: &&PlannedRun| run.own_flops() / rate;
+        let together: f64 = self.runs.iter().map(seconds).sum();
+        let longest = self.runs.iter().map(seconds).fold(0.0, f64::max);
+        let first = probe::tokenizer_hours(runs, tokenizers, device, slots);
+        Some(first + (together / slots as f64).max(longest) / 3600.0)
+    }
+}
+
+/// FLOPs a second of finished runs; what cannot be read does not count.
+fn finished_rate(plan: &Plan, folder: &ResultsFolder) -> Option<f64> {
+    let records = plan.runs.iter().filter_map(|run| folder.record(&run.run_id).ok().flatten());
+    let (flops, seconds) = records
+        .fold((0.0, 0.0), |(flops, s), record| (flops + record.budget_flops, s + record.wall_s));
+    Some(flops / seconds).filter(|rate| rate.is_finite() && *rate > 0.0)
 }
 
 /// The trunks that missing runs branch off, and those that these go on from.

@@ -27,13 +27,16 @@ pub fn text(plan: &Plan, states: &RunStates, stale: &[Stale], cost: &str) -> Str
 }
 
 /// What the plan takes: FLOPs, time, memory, disk.
-pub fn cost(plan: &Plan, hours: f64, args: &SweepArgs) -> String {
+pub fn cost(plan: &Plan, hours: Option<f64>, args: &SweepArgs) -> String {
     let peak = plan.runs.iter().map(|run| run.peak_bytes).max().unwrap_or(0);
     format!(
-        "{}; {} to go with {} jobs side by side; {} of memory for the largest \
+        "{}; {} with {} jobs side by side; {} of memory for the largest \
          run, {} on disk",
         flops(plan),
-        time(hours),
+        hours.map_or_else(
+            || "time unknown before the trainer's first run is done,".to_string(),
+            |hours| time(hours) + " to go"
+        ),
         args.slots(),
         bytes(peak),
         bytes(disk_bytes(plan)),

@@ -44,8 +44,6 @@ pub fn json(folder: &ResultsFolder, state: &SweepState, command: &CommandLine) -
     let shown = document["failures"].as_array_mut().into_iter().flatten();
     for (shown, failed) in shown.zip(&state.failures) {
         shown["retry"] = json!(command.retry_one_from(&here, &failed.id));
-        // Its kind is the job's; what went wrong has a name of its own.
-        shown["failure"] = json!(failed.failure.kind);
         shown["log"] = json!(folder.job(&failed.id).join("log.txt"));
     }
     document

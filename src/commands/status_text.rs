@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use isoflop::laws::wrap;
-use isoflop::record::{Failure, JobKind};
+use isoflop::record::JobKind;
 use isoflop::schedule::{Counts, FailedJob, Running, SweepState, left};
 
 use super::command_line::CommandLine;
@@ -125,8 +125,8 @@ fn failures(state: &SweepState, command: &CommandLine, here: &Path) -> String {
 }
 
 fn failure(job: &FailedJob) -> String {
-    let Failure { kind, reason, last_lines: lines } = &job.failure;
-    let mut out = wrap(&format!("  {} [{}]: ", job.label, kind.word()), reason);
+    let FailedJob { label, failure_kind, reason, last_lines: lines, .. } = job;
+    let mut out = wrap(&format!("  {label} [{}]: ", failure_kind.word()), reason);
     for line in &lines[lines.len().saturating_sub(LAST_LINES)..] {
         out += &(clip(&format!("    | {line}")) + "\n");
     }

@@ -11,7 +11,7 @@ mod steps;
 mod trunk;
 
 pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, PlannedRun, TextJob, longest_run};
-pub use memory::peak_bytes;
+pub use memory::{peak_bytes, text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes};
 pub use price::{Dropped, FlopsPerToken};
 pub use run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, changed_fields, content_id};
 pub use shape::{ModelShape, ParamCounts, models};

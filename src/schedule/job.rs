@@ -5,7 +5,11 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::plan::{ModelShape, Plan, PlannedRun, RunSpec, TokenizerJob, Trunk, peak_bytes};
+use crate::data::DataFacts;
+use crate::plan::{
+    ModelShape, Plan, PlannedRun, RunSpec, TokenizerJob, Trunk, peak_bytes, text_peak_bytes,
+    tokenizer_peak_bytes, tokens_peak_bytes,
+};
 use crate::record::{JobId, JobKind, JobState, ResultsFolder};
 
 /// One thing to do.
@@ -16,7 +20,7 @@ pub struct Job {
     pub label: String,
     /// FLOPs, to order jobs and to weigh progress; a rough figure for all but runs and trunks.
     pub cost: f64,
-    /// Memory at its peak, in bytes; 0 where that is not known.
+    /// Memory expected at its peak, in bytes; 0 where that is not known.
     pub peak_bytes: u64,
     /// What must be there first.
     pub needs: Vec<JobId>,
@@ -28,10 +32,12 @@ pub fn inputs(plan: &Plan) -> Vec<Job> {
         id: JobId::new(JobKind::Text, text.id()),
         label: "captions".to_string(),
         cost: 0.0,
-        peak_bytes: 0,
+        peak_bytes: text_peak_bytes(&text.spec, &plan.data),
         needs: Vec::new(),
     });
-    let tokenizers = plan.tokenizers.iter().flat_map(|job| [tokenizer(job), tokens(job)]);
+    let tokenizers = plan.tokenizers.iter();
+    let tokenizers =
+        tokenizers.flat_map(|job| [tokenizer(job, &plan.data), tokens(job, &plan.data)]);
     text.chain(tokenizers).chain(plan.trunks.iter().map(trunk)).collect()
 }
 
@@ -85,23 +91,23 @@ pub fn tokenizer_cost(job: &TokenizerJob) -> f64 {
     frames * FLOPS_PER_FRAME_AND_WIDTH_SQUARED * (spec.width as f64).powi(2)
 }
 
-fn tokenizer(job: &TokenizerJob) -> Job {
+fn tokenizer(job: &TokenizerJob, data: &DataFacts) -> Job {
     let kind = &job.spec.kind;
     Job {
         id: JobId::new(JobKind::Tokenizer, job.id()),
         label: format!("{} tokenizer V{}", kind.name(), kind.n_vocab()),
         cost: tokenizer_cost(job),
-        peak_bytes: 0,
+        peak_bytes: tokenizer_peak_bytes(&job.spec, data),
         needs: Vec::new(),
     }
 }
 
-fn tokens(job: &TokenizerJob) -> Job {
+fn tokens(job: &TokenizerJob, data: &DataFacts) -> Job {
     Job {
         id: JobId::new(JobKind::Tokens, job.id()),
         label: format!("codes V{}", job.spec.kind.n_vocab()),
         cost: 0.1 * tokenizer_cost(job),
-        peak_bytes: 0,
+        peak_bytes: tokens_peak_bytes(&job.spec, data),
         needs: vec![JobId::new(JobKind::Tokenizer, job.id())],
     }
 }

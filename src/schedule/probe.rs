@@ -35,8 +35,7 @@ pub fn hours(
     slots: usize,
 ) -> f64 {
     let rates = on_one_thread(|| measure(runs, device));
-    let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
-    let first: f64 = tokenizers.iter().map(|job| tokenizer_cost(job) / best).sum();
+    let first = tokenizer_seconds(tokenizers, &rates);
     let seconds = |run: &&PlannedRun| run.own_flops() / rate_at(&rates, run.params.total());
     let shared = |trunk: &&Trunk| {
         let params = trunk.spec.model.params(trunk.spec.n_vocab);
@@ -46,6 +45,25 @@ pub fn hours(
     let together: f64 = first + shared + runs.iter().map(seconds).sum::<f64>();
     let longest = runs.iter().map(seconds).fold(0.0, f64::max);
     (together / slots as f64).max(longest) / 3600.0
+}
+
+/// Hours that tokenizers take on `slots` slots, where a program of somebody's own trains the runs.
+pub fn tokenizer_hours(
+    runs: &[&PlannedRun],
+    tokenizers: &[&TokenizerJob],
+    device: &Device,
+    slots: usize,
+) -> f64 {
+    if tokenizers.is_empty() {
+        return 0.0;
+    }
+    let rates = on_one_thread(|| measure(runs, device));
+    tokenizer_seconds(tokenizers, &rates) / slots as f64 / 3600.0
+}
+
+fn tokenizer_seconds(tokenizers: &[&TokenizerJob], rates: &[(f64, f64)]) -> f64 {
+    let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
+    tokenizers.iter().map(|job| tokenizer_cost(job) / best).sum()
 }
 
 /// Workers have a thread each, so what they will need is measured on one.

@@ -11,7 +11,7 @@ use super::kept::share_kept;
 use super::presence::{self, Scheduler, is_locked};
 use super::worker::{Beat, progress};
 use crate::plan::RunSpec;
-use crate::record::{Failure, JobId, JobKind, JobState, ResultsFolder, read_if_there};
+use crate::record::{Failure, FailureKind, JobId, JobKind, JobState, ResultsFolder, read_if_there};
 
 /// Records that are read for the rate: as many tell it as well as all.
 const RATE_SAMPLE: usize = 200;
@@ -64,8 +64,18 @@ pub struct FailedJob {
     #[serde(flatten)]
     pub id: JobId,
     pub label: String,
-    #[serde(flatten)]
-    pub failure: Failure,
+    /// What went wrong; `kind` is the job's.
+    #[serde(rename = "failure")]
+    pub failure_kind: FailureKind,
+    pub reason: String,
+    pub last_lines: Vec<String>,
+}
+
+impl FailedJob {
+    fn new(id: JobId, label: String, failure: Failure) -> Self {
+        let Failure { kind: failure_kind, reason, last_lines } = failure;
+        Self { id, label, failure_kind, reason, last_lines }
+    }
 }
 
 /// How far a sweep is.
@@ -241,7 +251,7 @@ impl Look<'_> {
         for (id, label, _) in self.named(|seen| seen == Seen::At(JobState::Failed)) {
             match self.folder.failure(&id) {
                 Ok(read) => {
-                    failures.extend(read.map(|failure| FailedJob { id, label, failure }));
+                    failures.extend(read.map(|failure| FailedJob::new(id, label, failure)));
                 }
                 Err(error) => warnings.push(error.to_string()),
             }
@@ -323,7 +333,6 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::record::FailureKind;
     use crate::record::atomic::write_json;
 
     /// A folder whose plan has runs of 1, 2, 3, … FLOPs named `0`, `1`, `2`, …
@@ -379,6 +388,7 @@ mod tests {
         assert_eq!(state.runs, Counts { missing: 2, blocked: 2, ..Counts::default() });
         let tokens = state.inputs[&JobKind::Tokens];
         assert_eq!(tokens, Counts { missing: 1, blocked: 1, ..Counts::default() });
-        assert_eq!(state.failures[0].failure, failure);
+        assert_eq!(state.failures[0].reason, failure.reason);
+        assert_eq!(state.failures[0].failure_kind, FailureKind::Diverged);
     }
 }

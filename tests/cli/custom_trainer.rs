@@ -218,6 +218,18 @@ echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#;
 }
 
 #[test]
+fn the_time_that_a_program_takes_is_unknown_until_a_run_of_it_is_done() {
+    let place = place(r#"echo '{"loss_nats": 1, "loss_normalised": 1, "wall_s": 7200}' > "$2""#);
+    let plan = |more: &[&str]| place.isoflop(&[&["plan", "own.yaml"], more].concat()).exits(0);
+    assert_eq!(plan(&["--json"]).json()["hours"], Value::Null);
+    assert!(plan(&[]).stdout().contains("time unknown before the trainer's first"));
+    place.isoflop(&["run", "own.yaml"]).exits(0);
+    let more = ["--set", "grid.budgets=[1e9, 3e9]", "--jobs", "1", "--json"];
+    let hours = plan(&more).json()["hours"].as_f64().expect("a time");
+    assert!((hours - 6.0).abs() < 0.1, "{hours}");
+}
+
+#[test]
 fn commands_that_cannot_work_are_shown_where_they_stand() {
     for (command, words) in [
         ("''", "an empty command trains nothing"),

@@ -70,7 +70,10 @@ const NOTE: Duration = Duration::from_millis(500);
 pub fn note_progress(place: &Path, beat: &Beat) {
     let partial = place.join(".partial-progress");
     let text = serde_json::to_string(beat).expect("plain values");
-    let _ = fs::write(&partial, text).and_then(|()| fs::rename(&partial, place.join(PROGRESS)));
+    let noted = fs::write(&partial, text).and_then(|()| fs::rename(&partial, place.join(PROGRESS)));
+    if noted.is_err() {
+        let _ = fs::remove_file(partial);
+    }
 }
 
 /// What [`note_progress`] wrote last.

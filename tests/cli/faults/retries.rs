@@ -36,10 +36,10 @@ fn a_run_is_tried_again_together_with_what_it_needs() {
     let place = Place::with("mini.yaml");
     let settings = ["--set", "tokenizer.lr=1e30", "--set", "grid.vocab=[16]"];
     let args = [&["run", "mini.yaml"], &settings[..]].concat();
-    place.isoflop(&args).exits(1).says("tokenizer V16 failed [diverged]");
+    place.isoflop(&args).exits(1).says("tokenizer V15 failed [diverged]");
     let run = place.names("results/mini/runs").remove(0);
     let again = [&args[..], &["--retry", &run]].concat();
-    place.isoflop(&again).exits(1).says("tokenizer V16 FAILED (diverged)");
+    place.isoflop(&again).exits(1).says("tokenizer V15 FAILED (diverged)");
 }
 
 #[test]
