@@ -13,6 +13,10 @@ lint:
 test:
     cargo test --release
 
+# Sweeps on a throw-away Slurm; wants slurm-wlm and munge. `just test-slurm --ignored` adds the slow one
+test-slurm *options:
+    bash tests/slurm/run.sh {{options}}
+
 # The study of a few minutes
 quickstart:
     cargo run --release -- run experiments/quickstart.yaml

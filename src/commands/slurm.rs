@@ -9,7 +9,7 @@ use isoflop::record::{JobId, JobKind, ResultsFolder};
 use isoflop::schedule::{Job, inputs, missing_jobs, run_job};
 use isoflop::slurm::{
     self, After, Array, Entry, Estimates, Layout, Ledger, QUERY, Queue, Settings, Shell,
-    SlurmError, SlurmFolder, Submission, Submitted, System, Written, site_defaults,
+    SlurmError, SlurmFolder, Submission, Submitted, System, Task, Written, site_defaults,
 };
 use isoflop::sweep::read_profile;
 use serde_json::json;
@@ -47,16 +47,17 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
     let held_jobs = queue.held(&entries, &files)?;
     let jobs = missing_jobs(&open.plan, &open.folder);
     let left = jobs.iter().filter(|job| !held_jobs.contains_key(&job.id)).count();
-    if left == 0 && queue.is_active() {
+    if left == 0 && has_fit(&entries, &queue) {
         return in_the_queue(&open, &queue, output);
     }
-    if left == 0 {
+    if left == 0 && !queue.is_active() {
         drop(held);
         analyse::finish(&open.folder, output)?;
         let summary = Summary::new(args, &open.plan, &open.folder, &[])?;
         return Ok(summary.tell(output));
     }
-    let request = Request { args, open: &open, settings, jobs, queued: held_jobs, asked };
+    let active = queue.active_jobs();
+    let request = Request { args, open: &open, settings, jobs, queued: held_jobs, active, asked };
     let (generation, submitted) = request.submit(&shell, output)?;
     report(&open, generation, &submitted, left, output)
 }
@@ -102,6 +103,12 @@ fn queue(
     Ok((ledger.entries()?, queue))
 }
 
+/// Whether a fit is in the queue: a submission that was cut off may have got none.
+fn has_fit(entries: &[Entry], queue: &Queue) -> bool {
+    let fits = entries.iter().filter(|entry| entry.tasks.is_none());
+    fits.flat_map(|entry| queue.of(entry)).any(Task::is_active)
+}
+
 fn in_the_queue(open: &OpenSweep, queue: &Queue, output: &Output) -> Result<Exit> {
     let active = queue.tasks.iter().filter(|task| task.is_active()).count();
     let document = json!({"submitted": [], "active_tasks": active, "results": open.folder.root()});
@@ -121,6 +128,8 @@ struct Request<'a> {
     settings: Settings,
     jobs: Vec<Job>,
     queued: HashMap<JobId, String>,
+    /// Numbers of the jobs that are in the queue already.
+    active: Vec<String>,
     /// MaxArraySize, as Slurm says.
     asked: Option<usize>,
 }
@@ -176,9 +185,6 @@ impl Request<'_> {
             max_tasks,
         };
         let arrays = slurm::arrays(&self.jobs, &layout);
-        let mut queued: Vec<String> = self.queued.values().map(|task| base(task)).collect();
-        queued.sort();
-        queued.dedup();
         let submission = Submission {
             settings: self.settings.clone(),
             folder: folder.clone(),
@@ -191,7 +197,7 @@ impl Request<'_> {
                 flops_per_second: estimates.flops_per_second,
             },
             arrays,
-            queued,
+            queued: self.active.clone(),
         };
         match submission.unspeakable() {
             Some(problem) => bail!(problem),
@@ -219,11 +225,6 @@ impl Request<'_> {
         output.note(&format!("runs are packed by {flops_per_second:.2e} FLOPs a second, {source}"));
         Ok(estimates)
     }
-}
-
-/// `123` of `123_4`.
-fn base(task: &str) -> String {
-    task.split('_').next().unwrap_or(task).to_string()
 }
 
 fn tasks(arrays: &[Array]) -> usize {
@@ -281,7 +282,15 @@ fn dry_run(args: &RunArgs, open: &OpenSweep, settings: Settings, output: &Output
         bail!("nothing is missing, so there is nothing to submit");
     }
     let left = jobs.len();
-    let request = Request { args, open, settings, jobs, queued: HashMap::new(), asked: None };
+    let request = Request {
+        args,
+        open,
+        settings,
+        jobs,
+        queued: HashMap::new(),
+        active: Vec::new(),
+        asked: None,
+    };
     let estimates = request.estimates(output)?;
     let most = request.settings.max_submit();
     let submission = request.submission("PROGRAM".to_string(), &estimates, most)?;

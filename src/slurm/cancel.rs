@@ -53,7 +53,7 @@ pub fn cancel(
     let mut asked = false;
     let gone = until(settings.cancel_grace(), || {
         let queue = look()?;
-        let ids = active(&queue);
+        let ids = queue.active_jobs();
         if ids.is_empty() {
             return Ok(true);
         }
@@ -66,7 +66,7 @@ pub fn cancel(
         Ok(false)
     })?;
     let killed = !gone && {
-        call(&[], active(&look()?))?;
+        call(&[], look()?.active_jobs())?;
         until(KILLED, || Ok(!look()?.is_active()))?
     };
     ask_no_more(folder)?;
@@ -75,15 +75,6 @@ pub fn cancel(
         (false, true) => Cancelled::Killed,
         (false, false) => Cancelled::StillThere,
     })
-}
-
-/// Numbers of jobs with anything active in them.
-fn active(queue: &Queue) -> Vec<String> {
-    let active = queue.tasks.iter().filter(|task| task.is_active());
-    let mut ids: Vec<String> = active.map(|task| task.job_id.clone()).collect();
-    ids.sort();
-    ids.dedup();
-    ids
 }
 
 fn until(

@@ -96,6 +96,15 @@ impl Queue {
         self.tasks.iter().any(Task::is_active)
     }
 
+    /// Numbers of the jobs with anything active in them.
+    pub fn active_jobs(&self) -> Vec<String> {
+        let active = self.tasks.iter().filter(|task| task.is_active());
+        let mut ids: Vec<String> = active.map(|task| task.job_id.clone()).collect();
+        ids.sort();
+        ids.dedup();
+        ids
+    }
+
     /// The task that each job of an active chunk is in.
     ///
     /// # Errors

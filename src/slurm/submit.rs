@@ -181,3 +181,6 @@ fn undo(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,6 +10,7 @@ mod laws;
 mod mistakes;
 mod output;
 mod plan;
+mod slurm;
 mod status;
 #[path = "../support/mod.rs"]
 mod support;

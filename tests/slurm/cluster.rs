@@ -1,0 +1,169 @@
+//! [`Cluster`]: the Slurm that the tests have for themselves, and sweeps on it.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Mutex, MutexGuard};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use super::support::processes::wait_for;
+use super::support::{Ended, Place};
+
+/// Far longer than any sweep here takes, with every node lost once.
+const PATIENCE: Duration = Duration::from_secs(150);
+
+/// What the sweeps ask for: little, so that several fit, and no waiting for a network's files.
+const PROFILE: &str = "{partition: main, time: 10, mem: 100M, fs_grace_s: 2, cancel_grace_s: 30}\n";
+
+/// The cluster that `tests/slurm/slurm-up.sh` made; one test at a time has it.
+pub struct Cluster(#[expect(dead_code)] MutexGuard<'static, ()>);
+
+/// The cluster, healthy; `None` where there is none, which is said.
+pub fn cluster() -> Option<Cluster> {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    if std::env::var_os("SLURM_DEV_DIR").is_none() {
+        eprintln!("SKIPPED: no Slurm; `just test-slurm` brings one up");
+        return None;
+    }
+    let guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let cluster = Cluster(guard);
+    cluster.heal();
+    Some(cluster)
+}
+
+impl Cluster {
+    /// Starts what a test has killed.
+    pub fn heal(&self) {
+        self.tool("slurm-up.sh", &[]);
+    }
+
+    /// Ends a node as a power cut would.
+    pub fn kill_node(&self, node: &str) {
+        self.tool("kill-node.sh", &[node]);
+    }
+
+    fn tool(&self, name: &str, arguments: &[&str]) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/slurm").join(name);
+        let output = Command::new(&path).args(arguments).output().expect("a script of ours");
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+
+    /// The process of a daemon, by the name of its file of `run`.
+    pub fn daemon(&self, name: &str) -> nix::unistd::Pid {
+        let folder = PathBuf::from(std::env::var_os("SLURM_DEV_DIR").expect("it was looked at"));
+        let text = std::fs::read_to_string(folder.join("run").join(format!("{name}.pid")));
+        let pid = text.expect("the daemon has a file").trim().parse().expect("a number");
+        nix::unistd::Pid::from_raw(pid)
+    }
+
+    /// What one of Slurm's programs says.
+    pub fn ask(&self, program: &str, arguments: &[&str]) -> String {
+        let output = Command::new(program).args(arguments).output().expect("Slurm is installed");
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    }
+}
+
+/// A sweep in a place of its own, submitted with the profile above.
+pub struct OnSlurm {
+    pub place: Place,
+    sweep: &'static str,
+    settings: Vec<&'static str>,
+}
+
+impl OnSlurm {
+    /// `mini.yaml` with settings laid over it.
+    pub fn mini(settings: &[&'static str]) -> Self {
+        Self::at(Place::with("mini.yaml"), settings)
+    }
+
+    /// The same in a given place.
+    pub fn at(place: Place, settings: &[&'static str]) -> Self {
+        place.write("profile.yaml", PROFILE);
+        let settings = settings.iter().flat_map(|setting| ["--set", setting]).collect();
+        Self { place, sweep: "mini.yaml", settings }
+    }
+
+    /// Lays further keys over the profile.
+    pub fn with_profile(self, keys: &str) -> Self {
+        let all = PROFILE.trim_end().trim_end_matches('}');
+        self.place.write("profile.yaml", format!("{all}, {keys}}}\n"));
+        self
+    }
+
+    fn words(&self, more: &[&'static str]) -> Vec<&'static str> {
+        [&["run", self.sweep], &self.settings[..], more].concat()
+    }
+
+    /// Submits what is missing.
+    pub fn submit(&self) -> Ended {
+        self.place.isoflop(&self.words(&["--engine", "slurm", "--profile", "profile.yaml"]))
+    }
+
+    /// The same sweep on this machine, in a folder of its own.
+    pub fn locally(&self) -> PathBuf {
+        let results = self.place.path("local");
+        if !results.exists() {
+            self.place.isoflop(&self.words(&["--out", "local", "--jobs", "2"])).exits(0);
+        }
+        results.join("mini")
+    }
+
+    /// The sweep's folder.
+    pub fn results(&self) -> PathBuf {
+        self.place.path("results/mini")
+    }
+
+    /// `isoflop status`.
+    pub fn status(&self) -> Value {
+        self.place.isoflop(&["status", "results/mini", "--json"]).exits(0).json()
+    }
+
+    /// Waits until something is to be seen of the state.
+    pub fn until(&self, what: &str, seen: impl Fn(&Value) -> bool) -> Value {
+        let found = wait_for(PATIENCE, || {
+            std::thread::sleep(Duration::from_millis(200));
+            Some(self.status()).filter(&seen)
+        });
+        found.unwrap_or_else(|| panic!("{what} never came:\n{:#}\n{}", self.status(), self.logs()))
+    }
+
+    /// Waits until Slurm has nothing of the sweep any more.
+    pub fn over(&self) -> Value {
+        self.until("the end", |state| active(state) == Some(0))
+    }
+
+    /// Waits until a run has left a checkpoint and is at work.
+    pub fn at_work(&self) {
+        self.until("a checkpoint of a run at work", |state| {
+            let runs = self.place.names("results/mini/runs");
+            let path = |run| format!("results/mini/runs/{run}/checkpoint/state.safetensors");
+            let written = runs.into_iter().any(|run| self.place.path(&path(run)).exists());
+            written && state["runs"]["running"] != 0
+        });
+    }
+
+    /// Everything that tasks wrote.
+    pub fn logs(&self) -> String {
+        let names = self.place.names("results/mini/slurm/logs");
+        let log = |name| {
+            let path = format!("results/mini/slurm/logs/{name}");
+            format!("== {name}\n{}", String::from_utf8_lossy(&self.place.read(&path)))
+        };
+        names.into_iter().map(log).collect()
+    }
+
+    /// How many jobs tasks have brought to their end.
+    pub fn jobs_done(&self) -> usize {
+        let done = |line: &&str| line.starts_with('[') && line.contains(" done");
+        self.logs().lines().filter(done).count()
+    }
+}
+
+/// Tasks that may still do something; `None` where Slurm gave no answer.
+pub fn active(state: &Value) -> Option<u64> {
+    let queue = &state["slurm"];
+    let of = |name: &str| queue[name].as_u64();
+    let known = queue["known"].as_bool()?;
+    known.then(|| Some(of("tasks_running")? + of("tasks_waiting")? + of("tasks_busy")?)).flatten()
+}
