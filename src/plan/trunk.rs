@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::assemble::PlannedRun;
 use super::price::{Dropped, PricedCell};
 use super::run_spec::RunSpec;
-use super::steps::{Pace, Spending, spend_with};
+use super::steps::{Pace, Spending, pace, spend_with, widest_batch};
 use crate::sweep::TrainSpec;
 use crate::tokenizer::QuantizerKind;
 
@@ -25,34 +25,46 @@ pub struct Trunk {
     pub flops: f64,
 }
 
-/// Gives the cells that share a trunk one batch, one learning rate and one warm-up: those of the
-/// smallest of their budgets, so that a sweep can be extended to larger ones and keep its runs.
+/// Gives the cells that share a trunk one batch, one learning rate and one warm-up.
 ///
-/// A cell whose budget is missed by whole steps of that batch is dropped.
+/// The batch is the largest budget's, halved while it leaves the smallest fewer than `min_steps`:
+/// small runs bear large batches better than large runs small ones. Rate and warm-up are the
+/// smallest budget's. A cell whose budget is missed by whole steps of that batch is dropped.
 pub fn in_step(cells: Vec<PricedCell>, train: &TrainSpec) -> (Vec<PricedCell>, Vec<Dropped>) {
     let mut groups: HashMap<String, usize> = HashMap::new();
-    let mut smallest: Vec<(Spending, Pace)> = Vec::new();
-    let mut group_of = Vec::with_capacity(cells.len());
-    for cell in &cells {
-        let group = *groups.entry(group_name(cell)).or_insert(smallest.len());
-        match smallest.get_mut(group) {
-            None => smallest.push((cell.spending, cell.pace)),
-            Some(found) if cell.spending.tokens() < found.0.tokens() => {
-                *found = (cell.spending, cell.pace);
-            }
-            Some(_) => {}
+    let mut members: Vec<Vec<PricedCell>> = Vec::new();
+    let mut order = Vec::with_capacity(cells.len());
+    for cell in cells {
+        let group = *groups.entry(group_name(&cell)).or_insert(members.len());
+        if group == members.len() {
+            members.push(Vec::new());
         }
-        group_of.push(group);
+        order.push((group, members[group].len()));
+        members[group].push(cell);
     }
-    let (mut kept, mut dropped) = (Vec::with_capacity(cells.len()), Vec::new());
-    for (cell, group) in cells.into_iter().zip(group_of) {
-        let (first, pace) = smallest[group];
-        match spend_with(cell.tokens_bought(), first.batch_tokens, train) {
+    let common: Vec<(usize, Pace)> = members.iter().map(|cells| common(cells, train)).collect();
+    let (mut kept, mut dropped) = (Vec::with_capacity(order.len()), Vec::new());
+    for (group, member) in order {
+        let (cell, (batch_tokens, pace)) = (members[group][member].clone(), common[group]);
+        match spend_with(cell.tokens_bought(), batch_tokens, train) {
             Ok(spending) => kept.push(PricedCell { spending, pace, group: Some(group), ..cell }),
             Err(reason) => dropped.push(cell.dropped(reason)),
         }
     }
     (kept, dropped)
+}
+
+/// The batch in tokens and the pace of cells that differ in budget alone, of which there is one.
+fn common(cells: &[PricedCell], train: &TrainSpec) -> (usize, Pace) {
+    let by_tokens =
+        |a: &&PricedCell, b: &&PricedCell| a.tokens_bought().total_cmp(&b.tokens_bought());
+    let smallest = cells.iter().min_by(by_tokens).expect("a group has a cell");
+    let most = cells.iter().map(PricedCell::tokens_bought).fold(0.0, f64::max);
+    let batch_tokens = widest_batch(most, smallest.tokens_bought(), train);
+    let steps = (smallest.tokens_bought() / batch_tokens as f64).round() as usize;
+    let shortest = Spending { batch_tokens, steps, ..smallest.spending };
+    let params = smallest.params.nonvocab + smallest.params.vocab;
+    (batch_tokens, pace(params, smallest.spending.tokens(), shortest, train))
 }
 
 /// What cells must agree in to share a trunk.
@@ -104,11 +116,11 @@ mod tests {
     use crate::plan::Plan;
     use crate::sweep;
 
-    fn planned(budgets: &str) -> Plan {
+    fn planned(budgets: &str, train: &str) -> Plan {
         let text = format!(
             "name: t\ngrid: {{models: [{{n_layer: 1, n_head: 1, d_model: 16}}, \
              {{n_layer: 2, n_head: 2, d_model: 32}}], vocab: [64], budgets: {budgets}}}\n\
-             seeds: [0, 1]\ntrain: {{schedule: {{kind: wsd, share: true}}}}\n"
+             seeds: [0, 1]\ntrain: {{schedule: {{kind: wsd, share: true}}{train}}}\n"
         );
         let sweep = sweep::parse("t.yaml", &text, &[]).expect("a sweep");
         Plan::new(&sweep, DataFacts::absent(String::new()))
@@ -116,7 +128,7 @@ mod tests {
 
     #[test]
     fn each_trunk_goes_on_from_the_last_and_they_cost_what_the_longest_run_does() {
-        let plan = planned("[1e10, 1.8e10, 3.2e10, 5.6e10, 1e11]");
+        let plan = planned("[1e10, 1.8e10, 3.2e10, 5.6e10, 1e11]", "");
         assert_eq!((plan.runs.len(), plan.trunks.len()), (20, 20));
         for chain in plan.trunks.chunks(5) {
             assert_eq!(chain[0].from, None);
@@ -133,9 +145,29 @@ mod tests {
     }
 
     #[test]
-    fn a_larger_budget_changes_no_run_that_is_there() {
+    fn all_have_the_batch_of_the_largest_as_far_as_the_smallest_has_steps() {
+        let batches = |budgets: &str| -> Vec<usize> {
+            let runs = planned(budgets, ", min_steps: 300").runs;
+            runs.iter().map(|run| run.spec.batch_tokens).collect()
+        };
+        // Two seeds of each model and budget, model after model.
+        let (alone, shared) = (batches("[1e11]"), batches("[2e10, 1e11]"));
+        for (shared, alone) in shared.chunks(4).zip(alone.chunks(2)) {
+            assert!(shared.iter().all(|batch| *batch == shared[0]));
+            assert!(shared[0] <= alone[0]);
+        }
+        assert_eq!(shared[0], alone[0], "the small model has steps enough");
+        for run in planned("[1e9, 1e11]", ", min_steps: 300").runs {
+            assert!(run.spec.steps >= 300);
+        }
+    }
+
+    #[test]
+    fn a_larger_budget_changes_no_run_of_the_same_batch() {
         let ids = |plan: Plan| plan.runs.into_iter().map(|run| run.run_id).collect::<Vec<_>>();
-        let (few, more) = (ids(planned("[1e10, 3e10]")), ids(planned("[1e10, 3e10, 1e12]")));
+        let pinned = ", batch: {min: 64, max: 64}";
+        let few = ids(planned("[1e10, 3e10]", pinned));
+        let more = ids(planned("[1e10, 3e10, 1e12]", pinned));
         assert!(few.iter().all(|id| more.contains(id)));
     }
 }

@@ -39,9 +39,11 @@ fn a_shared_trunk_gives_the_bits_of_runs_trained_alone() {
 #[test]
 fn a_larger_budget_goes_on_from_the_trunks_that_are_there() {
     let place = Place::with("mini.yaml");
-    place.isoflop(&with("run", &SHARE)).exits(0);
+    let pinned = ["--set", "train.batch.min=64", "--set", "train.batch.max=64"];
+    let settings = [&SHARE[..], &pinned].concat();
+    place.isoflop(&with("run", &settings)).exits(0);
     let before = records::bytes(&place.path("results/mini"));
-    let wider = [&SHARE[..], &["--set", "grid.budgets=[1e9, 1.5e9, 2.2e9, 3e9]"]].concat();
+    let wider = [&settings[..], &["--set", "grid.budgets=[1e9, 1.5e9, 2.2e9, 3e9]"]].concat();
     place.isoflop(&with("run", &wider)).exits(0).says("8 jobs to do, 12 of 16 runs have ended");
     let after = records::bytes(&place.path("results/mini"));
     assert_eq!(after.len(), 16);
