@@ -78,7 +78,7 @@ const WORDS_PER_CAPTION: usize = 12;
 
 /// Peak resident bytes of embedding the captions of a data set: every vector three times while the
 /// file is written. An upper bound, since captions that are alike are embedded once: 283 MB where 223
-/// were measured (8768 clips, width 64).
+/// were measured (8512 clips, width 64).
 pub fn text_peak_bytes(spec: &TextSpec, data: &DataFacts) -> u64 {
     let captions = data.clips.iter().sum::<usize>() * CAPTIONS_PER_CLIP;
     let words = captions * WORDS_PER_CAPTION.min(spec.max_tokens);
