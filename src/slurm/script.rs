@@ -30,6 +30,11 @@ pub fn sbatch(request: &Request) -> Vec<String> {
     let resources = settings.resources(request.stage);
     let mut words = settings.program("sbatch");
     words.extend(fixed(request));
+    // Without the B, the signal would reach steps alone, of which there are none. The fit has nothing
+    // to checkpoint.
+    let grace = settings.signal_grace_s(request.stage);
+    let warned = request.stage != Stage::Fit;
+    words.extend(warned.then(|| format!("--signal=B:USR2@{grace}")));
     words.extend(request.tasks.map(|tasks| array(tasks, settings.array_parallel())));
     words.extend(request.dependency.iter().map(|text| format!("--dependency={text}")));
     words.extend(asked_for(&resources));
@@ -51,8 +56,6 @@ fn fixed(request: &Request) -> Vec<String> {
         requeue.to_string(),
         // Without it, what waits for something that failed would wait for ever.
         "--kill-on-invalid-dep=yes".to_string(),
-        // Without the B, the signal would reach steps alone, of which there are none.
-        format!("--signal=B:USR2@{}", settings.signal_grace_s(request.stage)),
         "--nodes=1".to_string(),
         "--ntasks=1".to_string(),
         format!("--export={}", settings.export()),

@@ -92,7 +92,7 @@ fn a_warned_task_checkpoints_and_comes_back_by_itself() {
 #[ignore = "two minutes"]
 fn a_time_limit_shorter_than_the_work_is_no_end() {
     let Some(_cluster) = cluster() else { return };
-    let sweep = OnSlurm::mini(&["grid.budgets=[4e11]", "grid.vocab=[16]"]);
+    let sweep = OnSlurm::mini(&["grid.budgets=[1.2e11]", "grid.vocab=[16]"]);
     let sweep = sweep.with_profile("stages: {train: {time: 1}}, signal_grace_s: 45");
     sweep.submit().exits(0);
     sweep.over();
