@@ -39,6 +39,9 @@ pub trait Lanes: Copy {
     /// The smaller; `other` if either is NaN.
     fn min(self, other: Self) -> Self;
 
+    /// √self.
+    fn sqrt(self) -> Self;
+
     /// `self a + b`, rounded once where the machine has the instruction.
     fn mul_add(self, a: Self, b: Self) -> Self;
 
@@ -160,6 +163,10 @@ impl Lanes for [f32; LANES] {
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         std::array::from_fn(|i| if self[i] < other[i] { self[i] } else { other[i] })
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(f32::sqrt)
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {

@@ -1,5 +1,7 @@
 //! The way back, from the weights that the way forward kept.
 
+use std::ops::Range;
+
 use super::rotation::{rotate, rotate_back};
 use super::{Head, Heads, Workspace};
 use crate::ops::own::lanes::{LANES, Lanes, vectorised};
@@ -7,23 +9,37 @@ use crate::ops::own::maths::{copy, dot};
 use crate::ops::own::product::{Span, product};
 
 vectorised! {
-    /// Turns `qkv` into the gradient by it, given the weights that [`super::forward`] kept and the
-    /// gradient by its output.
-    pub fn backward(qkv: &mut [f32], heads: Heads<'_>, kept: &[f32], grad_output: &[f32]) {
-        let mut work = Workspace::default();
-        let mut kept = kept;
-        for head in heads.each() {
-            load_backward::<L>(&mut work, qkv, grad_output, head);
-            load_weights::<L>(&mut work, &mut kept, head);
-            differentiate::<L>(&mut work, head);
-            store_gradients::<L>(qkv, &work, head);
+    /// Turns the rows of the sequences `sequences` of `qkv` into the gradient by them, given the
+    /// weights that [`super::forward`] kept, from whose front those read are taken, and the
+    /// gradient by the output, of these rows alone.
+    pub fn backward(
+        qkv: &mut [f32],
+        heads: Heads<'_>,
+        sequences: Range<usize>,
+        kept: &mut &[f32],
+        grad_output: &[f32],
+        work: &mut Workspace,
+    ) {
+        let first = heads.layout.rows(sequences.start).start;
+        for head in heads.each(sequences) {
+            load_backward::<L>(work, qkv, grad_output, first, head);
+            load_weights::<L>(work, kept, head);
+            differentiate::<L>(work, head);
+            store_gradients::<L>(qkv, work, head);
         }
     }
 }
 
-/// Reads one head: rotated queries and keys, values transposed, gradient by the output.
+/// Reads one head: rotated queries and keys, values transposed, gradient by the output, whose rows
+/// start at row `first` of the batch.
 #[inline(always)]
-fn load_backward<L: Lanes>(work: &mut Workspace, qkv: &[f32], grad_output: &[f32], head: Head<'_>) {
+fn load_backward<L: Lanes>(
+    work: &mut Workspace,
+    qkv: &[f32],
+    grad_output: &[f32],
+    first: usize,
+    head: Head<'_>,
+) {
     let (len, head_dim, scale) = (head.len(), head.head_dim(), head.scale());
     work.queries.resize(len, head_dim);
     work.keys.resize(len, head_dim);
@@ -36,7 +52,8 @@ fn load_backward<L: Lanes>(work: &mut Workspace, qkv: &[f32], grad_output: &[f32
         for (i, &value) in head.part(2, t, qkv).iter().enumerate() {
             work.values.set(i, t, value);
         }
-        let gradient = &grad_output[head.output_start(t)..][..head_dim];
+        let start = head.output_start(t) - first * head.heads.d_model();
+        let gradient = &grad_output[start..][..head_dim];
         copy::<L>(&mut work.output.row_mut(t)[..head_dim], gradient);
     }
 }

@@ -1,5 +1,7 @@
 //! The way forward: scores, softmax, weighted values.
 
+use std::ops::Range;
+
 use super::rotation::{rotate, rotate_into_column};
 use super::{Head, Heads, Workspace};
 use crate::ops::own::lanes::{LANES, Lanes, vectorised};
@@ -7,22 +9,26 @@ use crate::ops::own::maths::{copy, exp, max};
 use crate::ops::own::product::{Span, product};
 
 vectorised! {
-    /// Attention of packed `qkv` `[n_rows, 3 d]`: the output `[n_rows, d]`, and the weights of
-    /// all heads that are not masked, row after row, if `keep` asks for them.
-    pub fn forward(qkv: &[f32], heads: Heads<'_>, keep: bool) -> (Vec<f32>, Vec<f32>) {
-        let mut output = vec![0.0; heads.layout.n_rows() * heads.d_model()];
-        let mut kept = vec![0.0; if keep { heads.n_kept() } else { 0 }];
-        let mut room = kept.as_mut_slice();
-        let mut work = Workspace::default();
-        for head in heads.each() {
-            load_forward::<L>(&mut work, qkv, head);
-            attend::<L>(&mut work, head);
+    /// Attention of the sequences `sequences` of `qkv` `[n_rows, 3 d]`, into their rows of `output`
+    /// `[n_rows, d]`. If `keep` asks for it, the weights that are not masked go to the front of
+    /// `room`, row after row, and it moves on.
+    pub fn forward(
+        qkv: &[f32],
+        heads: Heads<'_>,
+        sequences: Range<usize>,
+        output: &mut [f32],
+        keep: bool,
+        room: &mut &mut [f32],
+        work: &mut Workspace,
+    ) {
+        for head in heads.each(sequences) {
+            load_forward::<L>(work, qkv, head);
+            attend::<L>(work, head);
             if keep {
-                keep_weights::<L>(&mut room, &work, head);
+                keep_weights::<L>(room, work, head);
             }
-            store_output::<L>(&mut output, &work, head);
+            store_output::<L>(output, work, head);
         }
-        (output, kept)
     }
 }
 

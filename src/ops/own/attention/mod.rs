@@ -11,6 +11,8 @@
 //! That is enough: a tile reads no further than its longest row, whose cut lies in the same
 //! vector, because a vector holds whole tiles and all rows of the prefix are equally long.
 
+use std::ops::Range;
+
 use crate::ops::{Rope, SequenceLayout};
 
 use super::lanes::LANES;
@@ -18,6 +20,7 @@ use super::product::{ROWS, Scratch};
 
 mod backward;
 mod forward;
+pub mod half;
 mod rotation;
 
 pub use backward::backward;
@@ -44,7 +47,7 @@ struct Head<'a> {
 
 /// Matrices of one head, kept from head to head for their allocations.
 #[derive(Default)]
-struct Workspace {
+pub struct Workspace {
     /// Rotated and scaled, `[len, head_dim]`.
     queries: Scratch,
     /// Rotated: transposed, `[head_dim, len]`, on the way forward, `[len, head_dim]` back.
@@ -64,20 +67,20 @@ struct Workspace {
 }
 
 impl<'a> Heads<'a> {
-    fn d_model(&self) -> usize {
+    pub fn d_model(&self) -> usize {
         self.n_head * self.rope.head_dim()
     }
 
-    /// Every head of every sequence, in the order of their rows.
-    fn each(self) -> impl Iterator<Item = Head<'a>> {
-        let sequences = 0..self.layout.n_sequences();
+    /// Every head of these sequences, in the order of their rows.
+    fn each(self, sequences: Range<usize>) -> impl Iterator<Item = Head<'a>> {
         sequences
             .flat_map(move |sequence| (0..self.n_head).map(move |head| self.at(sequence, head)))
     }
 
     /// Weights kept for the way back: rows of visible ones, filled up to whole vectors.
-    fn n_kept(self) -> usize {
-        let rows = self.each().flat_map(|head| (0..head.len()).map(move |q| head.visible(q)));
+    pub fn n_kept(self) -> usize {
+        let heads = self.each(0..self.layout.n_sequences());
+        let rows = heads.flat_map(|head| (0..head.len()).map(move |q| head.visible(q)));
         rows.map(|visible| visible.next_multiple_of(LANES)).sum()
     }
 
@@ -136,4 +139,13 @@ impl Head<'_> {
     fn first_viewer(&self, first: usize) -> usize {
         if first < self.heads.layout.prefix(self.sequence) { 0 } else { first }
     }
+}
+
+/// Attention of all sequences of `[q | k | v]`, `[n, d]`.
+#[cfg(test)]
+pub fn outcome(qkv: &[f32], heads: Heads<'_>) -> Vec<f32> {
+    let mut output = vec![f32::NAN; heads.layout.n_rows() * heads.d_model()];
+    let sequences = 0..heads.layout.n_sequences();
+    forward(qkv, heads, sequences, &mut output, false, &mut &mut [][..], &mut Workspace::default());
+    output
 }
