@@ -134,18 +134,16 @@ fn processor_s() -> f64 {
     seconds(usage.user_time()) + seconds(usage.system_time())
 }
 
-/// Calls `step` for about `seconds`, at least three times; the median of processor seconds a call,
-/// and calls a second by the wall clock.
-fn timed(step: &mut dyn FnMut(), seconds: f64) -> (f64, f64) {
+/// Calls `step` for about `seconds`, at least three times; the median of processor seconds a call.
+fn timed(step: &mut dyn FnMut(), seconds: f64) -> f64 {
     let (started, mut times) = (Instant::now(), Vec::new());
     while times.len() < 3 || started.elapsed().as_secs_f64() < seconds {
         let before = processor_s();
         step();
         times.push(processor_s() - before);
     }
-    let rate = times.len() as f64 / started.elapsed().as_secs_f64();
     times.sort_by(f64::total_cmp);
-    (times[times.len() / 2], rate)
+    times[times.len() / 2]
 }
 
 /// A product of two matrices of 1024 x 1024, by burn: what the machine gives at best.
@@ -157,16 +155,18 @@ fn product() -> impl FnMut() {
 
 const PRODUCT_FLOPS: f64 = 2.0 * (1u64 << 30) as f64;
 
+/// Does one training step and gives its loss.
+type Stepper = Box<dyn FnMut() -> f32>;
+
 /// Answers each line `CASE SECONDS` (a case of the table, or `product`) by the processor seconds
-/// of a step, its FLOPs, its supervised tokens, steps a second by the wall clock, and the last
-/// loss. What a case needs is made at its first line and kept.
+/// of a step, its FLOPs, its supervised tokens and the last loss. What a case needs is made at its first line and kept.
 fn serve() {
-    let mut steppers: Vec<(&str, Box<dyn FnMut() -> f32>)> = Vec::new();
+    let mut steppers: Vec<(&str, Stepper)> = Vec::new();
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let (name, seconds) = line.split_once(' ').expect("CASE SECONDS");
         let seconds = seconds.parse().expect("seconds are a number");
         let mut loss = 0.0;
-        let ((step_s, rate), flops, tokens) = if name == "product" {
+        let (step_s, flops, tokens) = if name == "product" {
             (timed(&mut product(), seconds), PRODUCT_FLOPS, 0)
         } else {
             let case = CASES.iter().find(|case| case.name == name).expect("a case of the table");
@@ -180,7 +180,7 @@ fn serve() {
         };
         println!(
             "{{\"step_s\": {step_s:e}, \"flops\": {flops:e}, \"tokens\": {tokens}, \
-             \"rate\": {rate:e}, \"loss\": {loss}}}"
+             \"loss\": {loss}}}"
         );
         std::io::stdout().flush().expect("whoever asked still listens");
     }

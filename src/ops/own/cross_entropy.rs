@@ -1,5 +1,7 @@
 //! Cross-entropy from blocks of logits, without a tensor of log-probabilities.
 
+use std::ops::Range;
+
 use super::lanes::{LANES, Lanes, vectorised};
 use super::maths::{exp, max, sum_of_exp};
 
@@ -44,13 +46,20 @@ impl LogSum {
 }
 
 vectorised! {
-    /// Adds a block of columns from `first` on, of as many rows as there are sums.
-    pub fn add_block(logits: &[f32], first: usize, targets: &[u32], sums: &mut [LogSum]) {
-        let columns = logits.len() / targets.len();
-        let rows = logits.chunks_exact(columns).zip(targets).zip(sums);
+    /// Adds a block of columns, of as many rows as there are sums, with or without padding.
+    pub fn add_block(
+        logits: &[f32],
+        columns: Range<usize>,
+        targets: &[u32],
+        sums: &mut [LogSum],
+    ) {
+        let stride = logits.len() / targets.len();
+        let rows = logits.chunks_exact(stride).zip(targets).zip(sums);
         for ((row, &target), sum) in rows {
+            let row = &row[..columns.len()];
             sum.add::<L>(row);
-            if let Some(&logit) = (target as usize).checked_sub(first).and_then(|i| row.get(i)) {
+            let within = (target as usize).checked_sub(columns.start);
+            if let Some(&logit) = within.and_then(|i| row.get(i)) {
                 sum.target = logit;
             }
         }
@@ -61,19 +70,21 @@ vectorised! {
     /// Turns such a block into the gradient by it of `scale` times the sum of the rows' losses.
     pub fn gradient_block(
         logits: &mut [f32],
-        first: usize,
+        columns: Range<usize>,
         targets: &[u32],
         sums: &[LogSum],
         scale: f32,
     ) {
-        let columns = logits.len() / targets.len();
-        let rows = logits.chunks_exact_mut(columns).zip(targets).zip(sums);
+        let stride = logits.len() / targets.len();
+        let rows = logits.chunks_exact_mut(stride).zip(targets).zip(sums);
         for ((row, &target), sum) in rows {
+            let row = &mut row[..columns.len()];
             let normaliser = L::splat(sum.normaliser() as f32);
             for x in row.chunks_mut(LANES) {
                 exp(L::read(x).sub(normaliser)).mul(L::splat(scale)).write(x);
             }
-            if let Some(x) = (target as usize).checked_sub(first).and_then(|i| row.get_mut(i)) {
+            let within = (target as usize).checked_sub(columns.start);
+            if let Some(x) = within.and_then(|i| row.get_mut(i)) {
                 *x -= scale;
             }
         }

@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use super::buffers::Buffer;
-use super::matmul::{Panels, Target, View, add_transposed, multiply};
+use super::matmul::{Panels, Target, View, add_transposed, multiply, transposed};
 use super::{gelu, rms_norm, swiglu};
 use crate::ops::Activation;
 
@@ -63,7 +63,7 @@ pub fn forward(x: &[f32], weights: Weights<'_>, keep: bool) -> (Buffer, Option<K
     let n = x.len() / d;
     let up = Panels::of(View::new(weights.up, u), d, u);
     let down = Panels::of(View::new(weights.down, d), f, d);
-    let mut output = Buffer::from_slice(x);
+    let mut output = Buffer::new(n * d);
     let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
     let mut inverses = Buffer::new(n);
     let mut before = Buffer::new(if keep { n } else { CHUNK } * u);
@@ -78,43 +78,40 @@ pub fn forward(x: &[f32], weights: Weights<'_>, keep: bool) -> (Buffer, Option<K
             Activation::SwiGlu => swiglu::forward(before, f, &mut hidden),
             Activation::Gelu => gelu::forward(before, &mut hidden),
         }
-        let output = Target::new(part_mut(&mut output, &rows, d), d);
-        multiply(output, count, View::new(&hidden, f), &down, true);
+        let output = part_mut(&mut output, &rows, d);
+        output.copy_from_slice(part(x, &rows, d));
+        multiply(Target::new(output, d), count, View::new(&hidden, f), &down, true);
     }
     (output, keep.then_some(Kept { inverses, before }))
 }
 
 /// Turns the gradient by the output into that by `x`; gives those by the parameters.
-pub fn backward(
-    gradient: &mut [f32],
-    x: &[f32],
-    weights: Weights<'_>,
-    mut kept: Kept,
-) -> Gradients {
+pub fn backward(gradient: &mut [f32], x: &[f32], weights: Weights<'_>, kept: Kept) -> Gradients {
     let (d, f, u) = (weights.d(), weights.f(), weights.u());
     let up = Panels::of(View::new(weights.up, u).transposed(), u, d);
     let down = Panels::of(View::new(weights.down, d).transposed(), d, f);
     let mut by =
         Gradients { gamma: Buffer::zeros(d), up: Buffer::zeros(d * u), down: Buffer::zeros(f * d) };
     let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
-    let mut panels = Panels::default();
+    let (mut by_before, mut panels) = (Buffer::new(CHUNK * u), Panels::default());
     for rows in chunks(x.len() / d) {
         let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
         let (x, gradient) = (part(x, &rows, d), part_mut(gradient, &rows, d));
-        let before = part_mut(&mut kept.before, &rows, u);
+        let before = part(&kept.before, &rows, u);
         multiply(Target::new(&mut hidden, f), count, View::new(gradient, d), &down, false);
         match weights.activation {
-            Activation::SwiGlu => swiglu::backward(before, f, &mut hidden),
-            Activation::Gelu => gelu::backward(before, &mut hidden),
+            Activation::SwiGlu => swiglu::backward(before, f, &mut by_before, &mut hidden),
+            Activation::Gelu => gelu::backward(before, &mut by_before, &mut hidden),
         }
         let (hidden, change) = (View::new(&hidden, f), View::new(gradient, d));
         add_transposed(Target::new(&mut by.down, d), (f, d), hidden, change, count, &mut panels);
         rms_norm::again(x, weights.gamma, inverses, &mut normed);
-        let (input, change) = (View::new(&normed, d), View::new(before, u));
-        add_transposed(Target::new(&mut by.up, u), (d, u), input, change, count, &mut panels);
-        multiply(Target::new(&mut normed, d), count, View::new(before, u), &up, false);
+        let (input, change) = (View::new(&normed, d), View::new(&by_before, u));
+        add_transposed(Target::new(&mut by.up, d), (u, d), change, input, count, &mut panels);
+        multiply(Target::new(&mut normed, d), count, change, &up, false);
         rms_norm::backward(&mut normed, x, weights.gamma, inverses, &mut by.gamma, gradient);
     }
+    by.up = transposed(&by.up, d);
     by
 }
 

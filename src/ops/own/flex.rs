@@ -55,7 +55,7 @@ fn parts(numbers: &[f64]) -> Vec<f32> {
 impl AttentionOptions {
     /// The heads that they speak of.
     pub fn heads(&self) -> Heads<'_> {
-        Heads { layout: &self.layout, rope: &self.rope, n_head: self.n_head }
+        Heads { layout: &self.layout, rope: &self.rope, n_head: self.n_head, first_row: 0 }
     }
 }
 

@@ -15,15 +15,16 @@ vectorised! {
 }
 
 vectorised! {
-    /// Turns `x` into the gradient by it, and the gradient by the output into the output.
-    pub fn backward(x: &mut [f32], output: &mut [f32]) {
-        for (x, output) in x.chunks_mut(LANES).zip(output.chunks_mut(LANES)) {
+    /// The gradient by `x`, into `change`; turns that by the output into the output.
+    pub fn backward(x: &[f32], change: &mut [f32], output: &mut [f32]) {
+        let to = change.chunks_mut(LANES).zip(output.chunks_mut(LANES));
+        for (x, (change, output)) in x.chunks(LANES).zip(to) {
             let (value, gradient) = (L::read(x), L::read(output));
             let [tail, density] = tail_and_density(value);
             let (zero, one) = (L::splat(0.0), L::splat(1.0));
             let positive = one.min(zero.max(value.mul(L::splat(1e38))));
             let phi = positive.mul_add(one.sub(tail).sub(tail), tail);
-            gradient.mul(value.mul_add(density, phi)).write(x);
+            gradient.mul(value.mul_add(density, phi)).write(change);
             gelu(value, tail).write(output);
         }
     }

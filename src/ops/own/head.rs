@@ -5,9 +5,12 @@
 //! second pass over the blocks turns them into gradients and multiplies them on. So the gradients
 //! are ready as soon as the loss is, and the way back only hands them out.
 
+use std::ops::Range;
+
 use super::buffers::Buffer;
 use super::cross_entropy::{LogSum, add_block, gradient_block};
 use super::feed_forward::part;
+use super::lanes::LANES;
 use super::matmul::{Panels, Target, View, add_transposed, multiply_part};
 use super::rms_norm;
 
@@ -42,7 +45,7 @@ pub struct Gradients {
 /// Room for one chunk.
 struct Room {
     normed: Buffer,
-    /// Block after block, each `[rows, columns]`.
+    /// Block after block, each of rows of [`stride`] elements.
     logits: Buffer,
     inverses: Buffer,
     sums: Vec<LogSum>,
@@ -58,13 +61,13 @@ impl Head<'_> {
     }
 
     /// Blocks of columns of one width, but for the last.
-    fn blocks(&self) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
+    fn blocks(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let n = self.n_vocab();
         let width = n.div_ceil(n.div_ceil(BLOCK + BLOCK / 8)).next_multiple_of(32);
         (0..n).step_by(width).map(move |first| first..n.min(first + width))
     }
 
-    fn chunks(&self) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
+    fn chunks(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let n = self.targets.len();
         (0..n).step_by(CHUNK).map(move |first| first..n.min(first + CHUNK))
     }
@@ -82,8 +85,7 @@ impl Head<'_> {
     /// −ln p of each row's target, in nats.
     pub fn losses(&self) -> Vec<f64> {
         let panels = Panels::of(View::new(self.weight, self.n_vocab()), self.d(), self.n_vocab());
-        let width = self.blocks().next().map_or(0, |block| block.len());
-        let mut room = self.room(width);
+        let mut room = self.room(self.blocks().map(|block| stride(&block)).max().unwrap_or(0));
         let mut losses = Vec::with_capacity(self.targets.len());
         for rows in self.chunks() {
             self.look(&rows, &panels, &mut room, false);
@@ -102,7 +104,8 @@ impl Head<'_> {
             gamma: Buffer::zeros(d),
             weight: Buffer::zeros(d * v),
         };
-        let (mut room, mut panels) = (self.room(v), Panels::default());
+        let columns = self.blocks().map(|block| stride(&block)).sum();
+        let (mut room, mut panels) = (self.room(columns), Panels::default());
         let mut losses = Vec::with_capacity(self.targets.len());
         for rows in self.chunks() {
             self.look(&rows, &there, &mut room, true);
@@ -113,7 +116,7 @@ impl Head<'_> {
     }
 
     /// Normalises a chunk and sums its softmax; keeps its logits if `keep` asks for it.
-    fn look(&self, rows: &std::ops::Range<usize>, panels: &Panels, room: &mut Room, keep: bool) {
+    fn look(&self, rows: &Range<usize>, panels: &Panels, room: &mut Room, keep: bool) {
         let (d, count) = (self.d(), rows.len());
         let Room { normed, logits, inverses, sums } = room;
         rms_norm::forward(part(self.x, rows, d), self.gamma, self.epsilon, normed, inverses);
@@ -121,17 +124,17 @@ impl Head<'_> {
         sums.resize(count, LogSum::default());
         for block in self.blocks() {
             let start = if keep { block.start * count } else { 0 };
-            let logits = &mut logits[start..][..count * block.len()];
-            let target = Target::new(logits, block.len());
+            let logits = &mut logits[start..][..count * stride(&block)];
+            let target = Target::new(logits, stride(&block));
             multiply_part(target, count, View::new(normed, d), panels, block.clone(), 0..d, false);
-            add_block(logits, block.start, &self.targets[rows.clone()], sums);
+            add_block(logits, block, &self.targets[rows.clone()], sums);
         }
     }
 
     /// Adds a chunk's share to the gradients.
     fn learn(
         &self,
-        rows: &std::ops::Range<usize>,
+        rows: &Range<usize>,
         back: &Panels,
         room: &mut Room,
         by: &mut Gradients,
@@ -142,9 +145,9 @@ impl Head<'_> {
         let scale = 1.0 / self.targets.len() as f32;
         let mut change = Buffer::zeros(count * d);
         for block in self.blocks() {
-            let logits = &mut logits[block.start * count..][..count * block.len()];
-            gradient_block(logits, block.start, &self.targets[rows.clone()], sums, scale);
-            let by_logits = View::new(logits, block.len());
+            let logits = &mut logits[block.start * count..][..count * stride(&block)];
+            gradient_block(logits, block.clone(), &self.targets[rows.clone()], sums, scale);
+            let by_logits = View::new(logits, stride(&block));
             let target = Target::new(&mut change, d);
             multiply_part(target, count, by_logits, back, 0..d, block.clone(), true);
             let target = Target::new(&mut by.weight[block.start..], v);
@@ -154,4 +157,9 @@ impl Head<'_> {
         let (x, to) = (part(self.x, rows, d), &mut by.x[rows.start * d..rows.end * d]);
         rms_norm::backward(&mut change, x, self.gamma, inverses, &mut by.gamma, to);
     }
+}
+
+/// Elements from row to row of a block: whole vectors.
+fn stride(block: &Range<usize>) -> usize {
+    block.len().next_multiple_of(LANES)
 }

@@ -42,6 +42,9 @@ pub trait Lanes: Copy {
     /// √self.
     fn sqrt(self) -> Self;
 
+    /// The lanes of each pair changed over: 1, 0, 3, 2, …
+    fn swap_pairs(self) -> Self;
+
     /// `self a + b`, rounded once where the machine has the instruction.
     fn mul_add(self, a: Self, b: Self) -> Self;
 
@@ -167,6 +170,10 @@ impl Lanes for [f32; LANES] {
     #[inline(always)]
     fn sqrt(self) -> Self {
         self.map(f32::sqrt)
+    }
+    #[inline(always)]
+    fn swap_pairs(self) -> Self {
+        std::array::from_fn(|i| self[i ^ 1])
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {

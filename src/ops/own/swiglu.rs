@@ -18,17 +18,21 @@ vectorised! {
 }
 
 vectorised! {
-    /// Turns `[gate | up]` into the gradient by it, and the gradient by the output into the output.
-    pub fn backward(gate_up: &mut [f32], f: usize, output: &mut [f32]) {
-        for (row, output) in gate_up.chunks_exact_mut(2 * f).zip(output.chunks_exact_mut(f)) {
-            let (gate, up) = row.split_at_mut(f);
-            let operands = gate.chunks_mut(LANES).zip(up.chunks_mut(LANES));
-            for ((gate, up), output) in operands.zip(output.chunks_mut(LANES)) {
+    /// The gradient by `[gate | up]`, into `change`; turns that by the output into the output.
+    pub fn backward(gate_up: &[f32], f: usize, change: &mut [f32], output: &mut [f32]) {
+        let rows = gate_up.chunks_exact(2 * f).zip(change.chunks_exact_mut(2 * f));
+        for ((row, change), output) in rows.zip(output.chunks_exact_mut(f)) {
+            let ((gate, up), (by_gate, by_up)) = (row.split_at(f), change.split_at_mut(f));
+            let from = gate.chunks(LANES).zip(up.chunks(LANES));
+            let to = by_gate.chunks_mut(LANES).zip(by_up.chunks_mut(LANES));
+            for (((gate, up), (by_gate, by_up)), output) in
+                from.zip(to).zip(output.chunks_mut(LANES))
+            {
                 let operands = [L::read(gate), L::read(up), L::read(output)];
-                let [by_gate, by_up, value] = differentiate(operands);
-                by_gate.write(gate);
-                by_up.write(up);
-                value.write(output);
+                let by = differentiate(operands);
+                by[0].write(by_gate);
+                by[1].write(by_up);
+                by[2].write(output);
             }
         }
     }

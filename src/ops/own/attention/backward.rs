@@ -11,7 +11,7 @@ use crate::ops::own::product::{Span, product};
 vectorised! {
     /// Turns the rows of the sequences `sequences` of `qkv` into the gradient by them, given the
     /// weights that [`super::forward`] kept, from whose front those read are taken, and the
-    /// gradient by the output, of these rows alone.
+    /// gradient by the output.
     pub fn backward(
         qkv: &mut [f32],
         heads: Heads<'_>,
@@ -20,9 +20,8 @@ vectorised! {
         grad_output: &[f32],
         work: &mut Workspace,
     ) {
-        let first = heads.layout.rows(sequences.start).start;
         for head in heads.each(sequences) {
-            load_backward::<L>(work, qkv, grad_output, first, head);
+            load_backward::<L>(work, qkv, grad_output, head);
             load_weights::<L>(work, kept, head);
             differentiate::<L>(work, head);
             store_gradients::<L>(qkv, work, head);
@@ -30,16 +29,9 @@ vectorised! {
     }
 }
 
-/// Reads one head: rotated queries and keys, values transposed, gradient by the output, whose rows
-/// start at row `first` of the batch.
+/// Reads one head: rotated queries and keys, values transposed, gradient by the output.
 #[inline(always)]
-fn load_backward<L: Lanes>(
-    work: &mut Workspace,
-    qkv: &[f32],
-    grad_output: &[f32],
-    first: usize,
-    head: Head<'_>,
-) {
+fn load_backward<L: Lanes>(work: &mut Workspace, qkv: &[f32], grad_output: &[f32], head: Head<'_>) {
     let (len, head_dim, scale) = (head.len(), head.head_dim(), head.scale());
     work.queries.resize(len, head_dim);
     work.keys.resize(len, head_dim);
@@ -47,13 +39,10 @@ fn load_backward<L: Lanes>(
     work.output.resize(len, head_dim);
     for t in 0..len {
         let angles = head.heads.rope.at(t);
-        rotate(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
-        rotate(&mut work.keys.row_mut(t)[..head_dim], head.part(1, t, qkv), angles, 1.0);
-        for (i, &value) in head.part(2, t, qkv).iter().enumerate() {
-            work.values.set(i, t, value);
-        }
-        let start = head.output_start(t) - first * head.heads.d_model();
-        let gradient = &grad_output[start..][..head_dim];
+        rotate::<L>(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
+        rotate::<L>(&mut work.keys.row_mut(t)[..head_dim], head.part(1, t, qkv), angles, 1.0);
+        work.values.set_column(t, head.part(2, t, qkv));
+        let gradient = &grad_output[head.output_start(t)..][..head_dim];
         copy::<L>(&mut work.output.row_mut(t)[..head_dim], gradient);
     }
 }
@@ -112,9 +101,9 @@ fn store_gradients<L: Lanes>(qkv: &mut [f32], work: &Workspace, head: Head<'_>) 
     for t in 0..head.len() {
         let angles = head.heads.rope.at(t);
         let target = &mut qkv[head.start(0, t)..][..head_dim];
-        rotate_back(target, &work.grad_queries.row(t)[..head_dim], angles, scale);
+        rotate_back::<L>(target, &work.grad_queries.row(t)[..head_dim], angles, scale);
         let target = &mut qkv[head.start(1, t)..][..head_dim];
-        rotate_back(target, &work.grad_keys.row(t)[..head_dim], angles, 1.0);
+        rotate_back::<L>(target, &work.grad_keys.row(t)[..head_dim], angles, 1.0);
         let target = &mut qkv[head.start(2, t)..][..head_dim];
         copy::<L>(target, &work.grad_values.row(t)[..head_dim]);
     }

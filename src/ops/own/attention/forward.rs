@@ -2,15 +2,15 @@
 
 use std::ops::Range;
 
-use super::rotation::{rotate, rotate_into_column};
+use super::rotation::rotate;
 use super::{Head, Heads, Workspace};
 use crate::ops::own::lanes::{LANES, Lanes, vectorised};
 use crate::ops::own::maths::{copy, exp, max};
 use crate::ops::own::product::{Span, product};
 
 vectorised! {
-    /// Attention of the sequences `sequences` of `qkv` `[n_rows, 3 d]`, into their rows of `output`
-    /// `[n_rows, d]`. If `keep` asks for it, the weights that are not masked go to the front of
+    /// Attention of the sequences `sequences` of `qkv` `[n, 3 d]`, into their rows of `output`
+    /// `[n, d]`. If `keep` asks for it, the weights that are not masked go to the front of
     /// `room`, row after row, and it moves on.
     pub fn forward(
         qkv: &[f32],
@@ -37,12 +37,14 @@ vectorised! {
 fn load_forward<L: Lanes>(work: &mut Workspace, qkv: &[f32], head: Head<'_>) {
     let (len, head_dim, scale) = (head.len(), head.head_dim(), head.scale());
     work.queries.resize(len, head_dim);
+    work.turned.resize(1, head_dim);
     work.keys.resize(head_dim, len);
     work.values.resize(len, head_dim);
     for t in 0..len {
         let angles = head.heads.rope.at(t);
-        rotate(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
-        rotate_into_column(&mut work.keys, t, head.part(1, t, qkv), angles);
+        rotate::<L>(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
+        rotate::<L>(&mut work.turned.row_mut(0)[..head_dim], head.part(1, t, qkv), angles, 1.0);
+        work.keys.set_column(t, &work.turned.row(0)[..head_dim]);
         copy::<L>(&mut work.values.row_mut(t)[..head_dim], head.part(2, t, qkv));
     }
 }

@@ -10,7 +10,7 @@ use super::{Heads, Workspace, backward as attend_back, forward as attend};
 use crate::ops::SequenceLayout;
 use crate::ops::own::buffers::Buffer;
 use crate::ops::own::feed_forward::{part, part_mut};
-use crate::ops::own::matmul::{Panels, Target, View, add_transposed, multiply};
+use crate::ops::own::matmul::{Panels, Target, View, add_transposed, multiply, transposed};
 use crate::ops::own::rms_norm;
 
 /// Rows of a chunk, but for a longer sequence.
@@ -58,7 +58,7 @@ pub fn forward(
     let (n, d) = (heads.layout.n_rows(), heads.d_model());
     let into_qkv = Panels::of(View::new(weights.qkv, 3 * d), d, 3 * d);
     let out_of = Panels::of(View::new(weights.output, d), d, d);
-    let mut output = Buffer::from_slice(x);
+    let mut output = Buffer::new(n * d);
     let (mut qkv, mut mixed) = (Buffer::new(n * 3 * d), Buffer::new(n * d));
     let mut inverses = Buffer::new(n);
     let mut kept = Buffer::new(if keep { heads.n_kept() } else { 0 });
@@ -70,9 +70,9 @@ pub fn forward(
         let target = Target::new(part_mut(&mut qkv, &rows, 3 * d), 3 * d);
         multiply(target, rows.len(), View::new(&normed, d), &into_qkv, false);
         attend(&qkv, heads, sequences, &mut mixed, keep, &mut room, &mut work);
-        let output = Target::new(part_mut(&mut output, &rows, d), d);
-        let mixed = View::new(part(&mixed, &rows, d), d);
-        multiply(output, rows.len(), mixed, &out_of, true);
+        let (output, mixed) = (part_mut(&mut output, &rows, d), part(&mixed, &rows, d));
+        output.copy_from_slice(part(x, &rows, d));
+        multiply(Target::new(output, d), rows.len(), View::new(mixed, d), &out_of, true);
     }
     (output, keep.then_some(Kept { inverses, qkv, weights: kept, mixed }))
 }
@@ -83,17 +83,19 @@ pub fn backward(
     x: &[f32],
     weights: Weights<'_>,
     heads: Heads<'_>,
-    mut kept: Kept,
+    kept: Kept,
 ) -> Gradients {
     let d = heads.d_model();
     let into_qkv = Panels::of(View::new(weights.qkv, 3 * d).transposed(), 3 * d, d);
     let out_of = Panels::of(View::new(weights.output, d).transposed(), d, d);
     let mut by = Gradients {
         gamma: Buffer::zeros(d),
+        // Transposed until the end, so that the narrower operand is the one that is copied.
         qkv: Buffer::zeros(3 * d * d),
         output: Buffer::zeros(d * d),
     };
-    let mut normed = Buffer::new(longest_chunk(heads.layout) * d);
+    let longest = longest_chunk(heads.layout);
+    let (mut normed, mut by_qkv) = (Buffer::new(longest * d), Buffer::new(longest * 3 * d));
     let (mut panels, mut work) = (Panels::default(), Workspace::default());
     let mut attended = &kept.weights[..];
     for (sequences, rows) in chunks(heads.layout) {
@@ -102,14 +104,19 @@ pub fn backward(
         let (mixed, change) = (View::new(part(&kept.mixed, &rows, d), d), View::new(gradient, d));
         add_transposed(Target::new(&mut by.output, d), (d, d), mixed, change, count, &mut panels);
         multiply(Target::new(&mut normed, d), count, change, &out_of, false);
-        attend_back(&mut kept.qkv, heads, sequences, &mut attended, &normed, &mut work);
+        // Read in one go here, and never written: it has long left the cache.
+        let by_qkv = &mut by_qkv[..count * 3 * d];
+        by_qkv.copy_from_slice(part(&kept.qkv, &rows, 3 * d));
+        let heads = Heads { first_row: rows.start, ..heads };
+        attend_back(by_qkv, heads, sequences, &mut attended, &normed, &mut work);
         rms_norm::again(x, weights.gamma, inverses, &mut normed);
-        let change = View::new(part(&kept.qkv, &rows, 3 * d), 3 * d);
-        let (target, input) = (Target::new(&mut by.qkv, 3 * d), View::new(&normed, d));
-        add_transposed(target, (d, 3 * d), input, change, count, &mut panels);
+        let change = View::new(by_qkv, 3 * d);
+        let (target, input) = (Target::new(&mut by.qkv, d), View::new(&normed, d));
+        add_transposed(target, (3 * d, d), change, input, count, &mut panels);
         multiply(Target::new(&mut normed, d), count, change, &into_qkv, false);
         rms_norm::backward(&mut normed, x, weights.gamma, inverses, &mut by.gamma, gradient);
     }
+    by.qkv = transposed(&by.qkv, d);
     by
 }
 

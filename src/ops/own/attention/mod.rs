@@ -4,9 +4,6 @@
 //! each row of the score matrix is cut where it ends, and only what lies before the cut is
 //! computed and kept: about half of it for a causal sequence.
 //!
-//! Within a head the rotated features stand in another order here, first those of even index and
-//! then those of odd index. Scores do not depend on it, and it saves putting them back.
-//!
 //! Rows of weights are zero from their cut to the end of its vector, and unspecified after it.
 //! That is enough: a tile reads no further than its longest row, whose cut lies in the same
 //! vector, because a vector holds whole tiles and all rows of the prefix are equally long.
@@ -28,12 +25,14 @@ pub use forward::forward;
 
 const _: () = assert!(LANES.is_multiple_of(ROWS), "a vector must hold whole tiles");
 
-/// Where the heads of the sequences lie in the rows of `[q | k | v]`.
+/// Where the heads of the sequences lie in rows of `[q | k | v]` and of the output.
 #[derive(Clone, Copy)]
 pub struct Heads<'a> {
     pub layout: &'a SequenceLayout,
     pub rope: &'a Rope,
     pub n_head: usize,
+    /// The row of the batch at which the slices that are worked on start.
+    pub first_row: usize,
 }
 
 /// One head of one sequence.
@@ -50,6 +49,8 @@ struct Head<'a> {
 pub struct Workspace {
     /// Rotated and scaled, `[len, head_dim]`.
     queries: Scratch,
+    /// One rotated key.
+    turned: Scratch,
     /// Rotated: transposed, `[head_dim, len]`, on the way forward, `[len, head_dim]` back.
     keys: Scratch,
     /// `[len, head_dim]` on the way forward, transposed back.
@@ -111,7 +112,7 @@ impl Head<'_> {
     #[inline(always)]
     fn start(&self, part: usize, t: usize) -> usize {
         let d_model = self.heads.d_model();
-        let row = self.heads.layout.rows(self.sequence).start + t;
+        let row = self.heads.layout.rows(self.sequence).start + t - self.heads.first_row;
         (3 * row + part) * d_model + self.column
     }
 
@@ -124,7 +125,7 @@ impl Head<'_> {
     /// Start of the head's output of position `t` in `[n_rows, d]`.
     #[inline(always)]
     fn output_start(&self, t: usize) -> usize {
-        let row = self.heads.layout.rows(self.sequence).start + t;
+        let row = self.heads.layout.rows(self.sequence).start + t - self.heads.first_row;
         row * self.heads.d_model() + self.column
     }
 

@@ -13,7 +13,8 @@ pub use tile::Target;
 
 use std::ops::Range;
 
-use super::lanes::{Lanes, vectorised};
+use super::buffers::Buffer;
+use super::lanes::{LANES, Lanes, vectorised};
 use panels::PANEL;
 use tile::tile;
 
@@ -64,10 +65,24 @@ pub fn add_transposed(
 ) {
     for first in (0..inner).step_by(DEPTH) {
         let depth = DEPTH.min(inner - first);
-        panels.pack(right.from_row(first), depth, columns);
-        let left = left.from_row(first).transposed();
+        panels.pack(right.skip_rows(first), depth, columns);
+        let left = left.skip_rows(first).transposed();
         multiply(target.reborrow(), rows, left, panels, true);
     }
+}
+
+/// The columns of `matrix`, `columns` of them, as rows.
+pub fn transposed(matrix: &[f32], columns: usize) -> Buffer {
+    let rows = matrix.len() / columns;
+    let mut output = Buffer::new(matrix.len());
+    for first in (0..rows).step_by(LANES) {
+        for (j, column) in output.chunks_exact_mut(rows).enumerate() {
+            for (i, to) in (first..rows).zip(&mut column[first..rows.min(first + LANES)]) {
+                *to = matrix[i * columns + j];
+            }
+        }
+    }
+    output
 }
 
 vectorised! {
@@ -85,7 +100,7 @@ vectorised! {
             let block = block..rows.min(block + BLOCK);
             for first in inner.clone().step_by(DEPTH) {
                 let depth = first..inner.end.min(first + DEPTH);
-                let (add, left) = (add || first > inner.start, left.from_column(first - inner.start));
+                let (add, left) = (add || first > inner.start, left.skip_columns(first - inner.start));
                 for column in columns.clone().step_by(PANEL) {
                     let mut panel = right.part(column, depth.clone());
                     panel.columns = panel.columns.min(columns.end - column);

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::ops::own::buffers::Buffer;
-use crate::ops::own::lanes::LANES;
+use crate::ops::own::lanes::{LANES, vectorised};
 
 /// Columns of a panel.
 pub const PANEL: usize = 2 * LANES;
@@ -31,13 +31,13 @@ impl<'a> View<'a> {
 
     /// The matrix from row `i` on.
     #[inline(always)]
-    pub fn from_row(self, i: usize) -> Self {
+    pub fn skip_rows(self, i: usize) -> Self {
         Self { values: &self.values[i * self.row_stride..], ..self }
     }
 
     /// The matrix from column `j` on.
     #[inline(always)]
-    pub fn from_column(self, j: usize) -> Self {
+    pub fn skip_columns(self, j: usize) -> Self {
         Self { values: &self.values[j * self.column_stride..], ..self }
     }
 
@@ -88,7 +88,7 @@ impl Panels {
         let panels = self.values[..needed].chunks_exact_mut(inner * PANEL);
         for (panel, column) in panels.zip((0..columns).step_by(PANEL)) {
             let columns = PANEL.min(columns - column);
-            fill(panel.as_chunks_mut().0, matrix.from_column(column), columns);
+            fill(panel.as_chunks_mut().0, matrix.skip_columns(column), columns);
         }
     }
 
@@ -132,13 +132,21 @@ impl Part<'_> {
 /// Writes one panel.
 fn fill(panel: &mut [[f32; PANEL]], matrix: View<'_>, columns: usize) {
     if matrix.column_stride == 1 {
-        for (i, row) in panel.iter_mut().enumerate() {
-            let source = &matrix.values[i * matrix.row_stride..][..columns];
-            row[..columns].copy_from_slice(source);
-            row[columns..].fill(0.0);
-        }
+        fill_rows(panel, matrix.values, matrix.row_stride, columns);
     } else {
         fill_strided(panel, matrix, columns);
+    }
+}
+
+vectorised! {
+    /// As [`fill`], from rows that lie in one piece each.
+    fn fill_rows(panel: &mut [[f32; PANEL]], values: &[f32], stride: usize, columns: usize) {
+        for (row, source) in panel.iter_mut().zip(values.chunks(stride)) {
+            let (low, high) = row.split_at_mut(LANES);
+            let (source, rest) = source[..columns].split_at(columns.min(LANES));
+            L::read(source).write(low);
+            L::read(rest).write(high);
+        }
     }
 }
 

@@ -26,6 +26,31 @@ impl<'a> Target<'a> {
         assert!(end <= self.values.len(), "a result of {rows} x {columns} has no room");
     }
 
+    /// A whole tile, its first row and column being given.
+    #[inline(always)]
+    fn whole<L: Lanes, const R: usize, const V: usize>(&self, i: usize, j: usize) -> [[L; V]; R] {
+        std::array::from_fn(|r| {
+            let row = &self.values[(i + r) * self.stride + j..][..V * LANES];
+            std::array::from_fn(|v| L::read(&row[v * LANES..][..LANES]))
+        })
+    }
+
+    /// Writes a whole tile.
+    #[inline(always)]
+    fn set_whole<L: Lanes, const R: usize, const V: usize>(
+        &mut self,
+        i: usize,
+        j: usize,
+        tile: [[L; V]; R],
+    ) {
+        for (r, lanes) in tile.into_iter().enumerate() {
+            let row = &mut self.values[(i + r) * self.stride + j..][..V * LANES];
+            for (v, lanes) in lanes.into_iter().enumerate() {
+                lanes.write(&mut row[v * LANES..][..LANES]);
+            }
+        }
+    }
+
     /// Up to a vector of row `i` from column `j` on, of which `columns` are left.
     #[inline(always)]
     fn lanes(&mut self, i: usize, j: usize, columns: usize) -> &mut [f32] {
@@ -49,18 +74,31 @@ pub fn tile<L: Lanes, const R: usize, const V: usize>(
     let rows: [usize; R] = std::array::from_fn(|r| row + r.min(count.min(R) - 1));
     let mut from = 0;
     while from < panel.columns {
-        let mut sums = [[L::splat(0.0); V]; R];
-        if add {
-            for_each::<R, V>(count, panel.columns - from, |r, v, left| {
-                sums[r][v] = L::read(target.lanes(rows[r], column + from + v * LANES, left));
+        let columns = panel.columns - from;
+        let at = column + from;
+        if count >= R && columns >= V * LANES {
+            let sums = if add { target.whole::<L, R, V>(row, at) } else { zeros() };
+            let sums = accumulate::<L, R, V>(sums, rows, left, panel, from);
+            target.set_whole(row, at, sums);
+        } else {
+            let mut sums = zeros();
+            if add {
+                for_each::<R, V>(count, columns, |r, v, columns| {
+                    sums[r][v] = L::read(target.lanes(rows[r], at + v * LANES, columns));
+                });
+            }
+            let sums = accumulate::<L, R, V>(sums, rows, left, panel, from);
+            for_each::<R, V>(count, columns, |r, v, columns| {
+                sums[r][v].write(target.lanes(rows[r], at + v * LANES, columns));
             });
         }
-        accumulate::<L, R, V>(&mut sums, rows, left, panel, from);
-        for_each::<R, V>(count, panel.columns - from, |r, v, left| {
-            sums[r][v].write(target.lanes(rows[r], column + from + v * LANES, left));
-        });
         from += V * LANES;
     }
+}
+
+#[inline(always)]
+fn zeros<L: Lanes, const R: usize, const V: usize>() -> [[L; V]; R] {
+    [[L::splat(0.0); V]; R]
 }
 
 /// Calls `with` for each row and vector that is wanted, with the columns left from there.
@@ -79,15 +117,15 @@ fn for_each<const R: usize, const V: usize>(
     }
 }
 
-/// The multiply-adds of a tile, from column `from` of the panel on.
+/// Adds the products of a tile to `sums`, from column `from` of the panel on.
 #[inline(always)]
 fn accumulate<L: Lanes, const R: usize, const V: usize>(
-    sums: &mut [[L; V]; R],
+    mut sums: [[L; V]; R],
     rows: [usize; R],
     left: View<'_>,
     panel: Part<'_>,
     from: usize,
-) {
+) -> [[L; V]; R] {
     for (k, right) in panel.rows.iter().enumerate() {
         let mut vectors = [L::splat(0.0); V];
         for (v, vector) in vectors.iter_mut().enumerate() {
@@ -101,4 +139,5 @@ fn accumulate<L: Lanes, const R: usize, const V: usize>(
             }
         }
     }
+    sums
 }
