@@ -29,6 +29,11 @@ cmu-motion:
 bench:
     cargo bench
 
+# Training steps beside PyTorch's; wants benches/requirements-torch.txt
+bench-peer *options:
+    cargo bench --bench train --no-run
+    python3 benches/torch_peer.py {{options}}
+
 # The laws, timed on one thread
 bench-laws:
     POLARS_MAX_THREADS=1 cargo bench --bench laws

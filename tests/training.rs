@@ -8,10 +8,16 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use burn::tensor::Device;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
+use burn::optim::GradientsParams;
 use corpus::{Clips, Corpus, small_run};
-use isoflop::model::Batch;
-use isoflop::plan::RunSpec;
+use isoflop::model::{Batch, Model, Transformer};
+use isoflop::ops::Kernels;
+use isoflop::plan::{ModelShape, RunSpec};
+use isoflop::sweep::Ffn;
+use isoflop::train::adamw::{AdamW, AdamWConfig};
 use isoflop::train::{Checkpoints, TokenStream, TrainError, Trained, learning_rate, train};
 
 /// Eight clips in which every code stands once, so that a target tells where it is from.
@@ -222,4 +228,41 @@ fn tokens_of_another_codebook_are_refused() {
     let (error, _) = error(|spec| spec.n_vocab = 41);
     let message = error.to_string();
     assert!(message.contains("40 codes") && message.contains("wants 41"), "{message}");
+}
+
+/// The loss of each of the first steps of a small run.
+fn losses(corpus: &Corpus, shape: &ModelShape, kernels: Kernels, steps: usize) -> Vec<f64> {
+    let device = Device::flex().autodiff();
+    let weights = Transformer::init(shape, 40, &mut ChaCha8Rng::seed_from_u64(3), &device);
+    let mut model = Model::new(weights, shape, 40, kernels, &device);
+    let mut stream = TokenStream::new(&corpus.tokens, &corpus.text, 9);
+    let mut optimiser = AdamW::new(AdamWConfig {
+        beta_1: 0.9,
+        beta_2: 0.95,
+        epsilon: 1e-8,
+        weight_decay: 0.1,
+        clip_norm: Some(1.0),
+    });
+    let mut step = |step: usize| {
+        let loss = model.loss(&stream.batch(20 * step, 20));
+        let gradients = GradientsParams::from_grads(loss.clone().backward(), &model.weights);
+        model.weights = optimiser.step(model.weights.clone(), gradients, 3e-3).0;
+        f64::from(loss.into_scalar::<f32>())
+    };
+    (0..steps).map(&mut step).collect()
+}
+
+#[test]
+fn own_kernels_train_as_their_plain_twins_do() {
+    let corpus = numbered_corpus();
+    for (ffn, tie_embeddings) in [(Ffn::SwiGlu, false), (Ffn::SwiGlu, true), (Ffn::Gelu, false)] {
+        let shape = ModelShape { ffn, tie_embeddings, ..small_run(9).model };
+        let [own, plain] =
+            [Kernels::Own, Kernels::Plain].map(|kernels| losses(&corpus, &shape, kernels, 20));
+        assert!(own[19] < own[0] - 0.1, "{ffn:?}: learns, {own:?}");
+        let off = own.iter().zip(&plain).map(|(own, plain)| ((own - plain) / plain).abs());
+        let worst = off.fold(0.0, f64::max);
+        assert!(worst < 1e-5, "{ffn:?}, tied: {tie_embeddings}: off by {worst:.1e}");
+        assert_eq!(own, losses(&corpus, &shape, Kernels::Own, 20), "{ffn:?}: the same bits again");
+    }
 }

@@ -74,5 +74,5 @@ fn incomplete(folder: &ResultsFolder, state: &SweepState, missing: usize) -> Str
 }
 
 fn reason(job: &isoflop::schedule::FailedJob) -> String {
-    format!("{} ({})", job.label, job.failure.reason)
+    format!("{} ({})", job.label, job.reason)
 }

@@ -9,7 +9,9 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
 use super::batch::Batch;
-use crate::ops::{Kernels, Rope};
+use crate::ops::{
+    Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights, Kernels, Rope,
+};
 use crate::plan::ModelShape;
 use crate::sweep::Ffn;
 use crate::train::params::{constant, normal};
@@ -90,6 +92,24 @@ impl Block {
     }
 }
 
+impl Block {
+    fn attention(&self) -> AttentionWeights {
+        AttentionWeights {
+            gamma_d: self.norm_attention.val(),
+            qkv_d3d: self.qkv.val(),
+            output_dd: self.output.val(),
+        }
+    }
+
+    fn feed_forward(&self) -> FeedForwardWeights {
+        FeedForwardWeights {
+            gamma_d: self.norm_ffn.val(),
+            up_du: self.up.val(),
+            down_fd: self.down.val(),
+        }
+    }
+}
+
 /// A transformer with what its forward pass needs beside its parameters.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -133,28 +153,41 @@ impl Model {
 
     /// Mean cross-entropy over the batch's targets, in nats, `[1]`.
     pub fn loss(&self, batch: &Batch) -> Tensor<1> {
-        self.kernels.cross_entropy(self.logits(batch), &batch.targets)
+        self.kernels.head_loss(self.features(batch), self.head(), &batch.targets, EPSILON)
     }
 
     /// −ln p of each target of the batch, in nats.
     pub fn nll(&self, batch: &Batch) -> Vec<f64> {
-        self.kernels.nll(self.logits(batch), &batch.targets)
+        self.kernels.head_nll(self.features(batch), self.head(), &batch.targets, EPSILON)
     }
 
     /// Logits over codes and end, of the supervised rows only, `[s, V + 1]`.
     pub fn logits(&self, batch: &Batch) -> Tensor<2> {
+        self.kernels.logits(self.features(batch), self.head(), EPSILON)
+    }
+
+    /// What the blocks make of the supervised rows, `[s, d]`.
+    fn features(&self, batch: &Batch) -> Tensor<2> {
+        let rope = self.rope.clone();
+        let layout = batch.layout.clone();
+        let options =
+            AttentionOptions { n_head: self.shape.n_head, layout, rope, epsilon: EPSILON };
         let mut x_nd = self.embed(batch);
         for block in &self.weights.blocks {
-            x_nd = self.block(block, x_nd, batch);
+            x_nd = self.block(block, x_nd, &options);
         }
-        let x_sd = self.kernels.select_rows(x_nd, &batch.target_rows);
-        let x_sd = self.kernels.rms_norm(x_sd, self.weights.norm.val(), EPSILON);
-        match &self.weights.head {
-            Some(head) => x_sd.matmul(head.val()),
-            None => {
-                x_sd.matmul(self.weights.embedding.val().narrow(0, 0, self.n_vocab + 1).transpose())
-            }
+        if batch.target_rows.len() == batch.layout.n_rows() {
+            return x_nd;
         }
+        self.kernels.select_rows(x_nd, &batch.target_rows)
+    }
+
+    fn head(&self) -> HeadWeights {
+        let weight_dv = match &self.weights.head {
+            Some(head) => head.val(),
+            None => self.weights.embedding.val().narrow(0, 0, self.n_vocab + 1).transpose(),
+        };
+        HeadWeights { gamma_d: self.weights.norm.val(), weight_dv }
     }
 
     /// Projected text and embedded codes, in the batch's order, `[n, d]`.
@@ -171,27 +204,12 @@ impl Model {
         self.kernels.select_rows(Tensor::cat(vec![text_nd, codes_nd], 0), &batch.order)
     }
 
-    fn block(&self, block: &Block, x_nd: Tensor<2>, batch: &Batch) -> Tensor<2> {
-        let kernels = self.kernels;
-        let normed = kernels.rms_norm(x_nd.clone(), block.norm_attention.val(), EPSILON);
-        let qkv_n3d = normed.matmul(block.qkv.val());
-        let mixed = kernels.attention(qkv_n3d, self.shape.n_head, &batch.layout, &self.rope);
-        let x_nd = x_nd + mixed.matmul(block.output.val());
-        let normed = kernels.rms_norm(x_nd.clone(), block.norm_ffn.val(), EPSILON);
-        let up = normed.matmul(block.up.val());
-        let hidden_nf = match self.shape.ffn {
-            Ffn::SwiGlu => kernels.swiglu(up),
-            Ffn::Gelu => gelu(up),
+    fn block(&self, block: &Block, x_nd: Tensor<2>, options: &AttentionOptions) -> Tensor<2> {
+        let x_nd = self.kernels.attention(x_nd, block.attention(), options);
+        let activation = match self.shape.ffn {
+            Ffn::SwiGlu => Activation::SwiGlu,
+            Ffn::Gelu => Activation::Gelu,
         };
-        x_nd + hidden_nf.matmul(block.down.val())
+        self.kernels.feed_forward(x_nd, block.feed_forward(), activation, EPSILON)
     }
-}
-
-/// x Φ(x), with Φ(x) = (1 + erf(x / √2)) / 2 (Hendrycks and Gimpel 2016).
-///
-/// Composed, since the derivative of burn's own is that of the tanh approximation on every backend
-/// but `flex`, 5e-4 off its value.
-fn gelu(x_nf: Tensor<2>) -> Tensor<2> {
-    let phi_nf = x_nf.clone().div_scalar(std::f64::consts::SQRT_2).erf().add_scalar(1.0) * 0.5;
-    x_nf * phi_nf
 }

@@ -6,8 +6,13 @@
 //!
 //! Activations are two-dimensional and packed without padding: the rows of a batch are the
 //! positions of its sequences, one sequence after another, as a [`SequenceLayout`] says. Tensors
-//! carry their shape as a suffix: n rows, m rows to pick from, d features, f hidden features of
-//! the feed-forward layer, v codes. A gradient by x is written ∂x, and g is the one by the output.
+//! carry their shape as a suffix: n rows, s rows that a loss is taken on, m rows to pick from,
+//! d features, f hidden features of the feed-forward layer, u columns before its activation,
+//! v codes. A gradient by x is written ∂x, and g is the one by the output.
+//!
+//! RMSNorm (Zhang and Sennrich 2019) stands at the start of each part of the model:
+//! RMSNorm(x) = x r γ with r = 1 / √(mean(x²) + ε) in each row;
+//! ∂x = r (g γ − x r² mean(g γ x)), ∂γ = Σ over rows of g x r.
 
 use std::sync::Arc;
 
@@ -22,9 +27,10 @@ mod rope;
 mod tests;
 
 pub use layout::{LayoutError, SequenceLayout};
+pub use own::AdamWStep;
 pub use rope::Rope;
 
-use own::OwnOps;
+use own::{OwnOps, OwnUpdates};
 
 /// Which implementation of the operations to use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,40 +42,70 @@ pub enum Kernels {
     Plain,
 }
 
+/// What attention is told beside its tensors.
+#[derive(Debug, Clone)]
+pub struct AttentionOptions {
+    pub n_head: usize,
+    /// Where the sequences of the batch begin, and who sees whom.
+    pub layout: Arc<SequenceLayout>,
+    /// Angles of the positions.
+    pub rope: Arc<Rope>,
+    /// RMSNorm's ε.
+    pub epsilon: f32,
+}
+
+/// Parameters of the attention half of a block.
+#[derive(Debug, Clone)]
+pub struct AttentionWeights {
+    /// RMSNorm's scale.
+    pub gamma_d: Tensor<1>,
+    pub qkv_d3d: Tensor<2>,
+    pub output_dd: Tensor<2>,
+}
+
+/// Parameters of the feed-forward half of a block.
+#[derive(Debug, Clone)]
+pub struct FeedForwardWeights {
+    /// RMSNorm's scale.
+    pub gamma_d: Tensor<1>,
+    /// u is what the activation wants.
+    pub up_du: Tensor<2>,
+    pub down_fd: Tensor<2>,
+}
+
+/// Parameters of the head.
+#[derive(Debug, Clone)]
+pub struct HeadWeights {
+    /// RMSNorm's scale.
+    pub gamma_d: Tensor<1>,
+    pub weight_dv: Tensor<2>,
+}
+
+/// What stands between the two products of a feed-forward layer of f hidden features.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Activation {
+    /// LLaMA's gated one (Shazeer 2020), of u = 2 f columns `[gate | up]`; with σ the logistic
+    /// function of gate, y = gate σ up; ∂gate = g up σ (1 + gate (1 − σ)), ∂up = g gate σ.
+    SwiGlu,
+    /// x Φ(x), with Φ(x) = (1 + erf(x / √2)) / 2 (Hendrycks and Gimpel 2016), of u = f columns;
+    /// ∂x = g (Φ(x) + x φ(x)).
+    Gelu,
+}
+
 impl Kernels {
     /// The faster implementation that runs on `device`, with or without autodiff.
     pub fn for_device(device: &Device) -> Self {
         if *device == Device::flex() { Kernels::Own } else { Kernels::Plain }
     }
 
-    /// Root-mean-square normalisation with a learned scale (Zhang and Sennrich 2019).
+    /// The attention half of a block: multi-head attention with rotary positions and a
+    /// bidirectional text prefix (ScaMo §3.2), y = x + Attention(RMSNorm(x) W_qkv) W_output.
     ///
-    /// y = x r γ with r = 1 / √(mean(x²) + ε) in each row;
-    /// ∂x = r (g γ − x r² mean(g γ x)), ∂γ = Σ over rows of g x r.
-    ///
-    /// # Panics
-    ///
-    /// If `gamma_d` has not one element for each column of `x_nd`.
-    pub fn rms_norm(self, x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
-        let ([_, columns], [d]) = (x_nd.dims(), gamma_d.dims());
-        assert_eq!(columns, d, "rms_norm: gamma has {d} elements for rows of {columns}");
-        match self {
-            Kernels::Plain => plain::rms_norm(x_nd, gamma_d, epsilon),
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_rms_norm(
-                x_nd.into_dispatch(),
-                gamma_d.into_dispatch(),
-                epsilon,
-            )),
-        }
-    }
-
-    /// Multi-head attention with rotary positions and a bidirectional text prefix (ScaMo §3.2).
-    ///
-    /// `qkv_n3d` has the columns `[q | k | v]`, each d = n_head · head_dim wide, head after head.
+    /// The columns of W_qkv are `[q | k | v]`, each d = n_head · head_dim wide, head after head.
     /// In each head of each sequence, with q̂ and k̂ turned by [`Rope`],
     ///
     /// W = softmax(q̂ k̂ᵀ / √head_dim) over the positions that [`SequenceLayout`] lets each row
-    /// see, y = W v;
+    /// see, a = W v;
     /// ∂v = Wᵀ g, S = W ∘ (g vᵀ − rowsum(W ∘ g vᵀ)), ∂q̂ = S k̂ / √head_dim,
     /// ∂k̂ = Sᵀ q̂ / √head_dim, and ∂q, ∂k are turned back.
     ///
@@ -77,61 +113,78 @@ impl Kernels {
     ///
     /// # Panics
     ///
-    /// If the shape of `qkv_n3d` is not that of the layout, heads and angles, or if a sequence
-    /// has more positions than `rope` has angles.
+    /// If the shapes are not those of the layout, heads and angles, or if a sequence has more
+    /// positions than `rope` has angles.
     pub fn attention(
         self,
-        qkv_n3d: Tensor<2>,
-        n_head: usize,
-        layout: &Arc<SequenceLayout>,
-        rope: &Arc<Rope>,
+        x_nd: Tensor<2>,
+        weights: AttentionWeights,
+        options: &AttentionOptions,
     ) -> Tensor<2> {
-        check_attention(qkv_n3d.dims(), n_head, layout, rope);
+        check_attention(x_nd.dims(), weights.qkv_d3d.dims(), options);
         match self {
-            Kernels::Plain => plain::attention(qkv_n3d, n_head, layout, rope),
+            Kernels::Plain => plain::attention_half(x_nd, weights, options),
             Kernels::Own => Tensor::from_dispatch(Dispatch::own_attention(
-                qkv_n3d.into_dispatch(),
-                n_head,
-                layout.clone(),
-                rope.clone(),
+                x_nd.into_dispatch(),
+                weights.gamma_d.into_dispatch(),
+                weights.qkv_d3d.into_dispatch(),
+                weights.output_dd.into_dispatch(),
+                options.clone(),
             )),
         }
     }
 
-    /// The gated activation of LLaMA's feed-forward layer (Shazeer 2020).
-    ///
-    /// `gate_up_n2f` has the columns `[gate | up]`; with σ the logistic function of gate,
-    /// y = gate σ up; ∂gate = g up σ (1 + gate (1 − σ)), ∂up = g gate σ. Returns `[n, f]`.
+    /// The feed-forward half of a block: y = x + [`Activation`](RMSNorm(x) W_up) W_down, `[n, d]`.
     ///
     /// # Panics
     ///
-    /// If the number of columns is odd.
-    pub fn swiglu(self, gate_up_n2f: Tensor<2>) -> Tensor<2> {
-        let [_, columns] = gate_up_n2f.dims();
-        assert!(columns.is_multiple_of(2), "swiglu: {columns} columns are not [gate | up]");
+    /// If the shapes do not fit one another and the activation.
+    pub fn feed_forward(
+        self,
+        x_nd: Tensor<2>,
+        weights: FeedForwardWeights,
+        activation: Activation,
+        epsilon: f32,
+    ) -> Tensor<2> {
+        check_feed_forward(x_nd.dims(), weights.up_du.dims(), weights.down_fd.dims(), activation);
         match self {
-            Kernels::Plain => plain::swiglu(gate_up_n2f),
-            Kernels::Own => {
-                Tensor::from_dispatch(Dispatch::own_swiglu(gate_up_n2f.into_dispatch()))
-            }
+            Kernels::Plain => plain::feed_forward_half(x_nd, weights, activation, epsilon),
+            Kernels::Own => Tensor::from_dispatch(Dispatch::own_feed_forward(
+                x_nd.into_dispatch(),
+                weights.gamma_d.into_dispatch(),
+                weights.up_du.into_dispatch(),
+                weights.down_fd.into_dispatch(),
+                activation,
+                epsilon,
+            )),
         }
     }
 
-    /// Mean cross-entropy of the rows' softmax against one target a row, in nats.
+    /// Mean cross-entropy of softmax(RMSNorm(x) W) against one target a row, in nats, `[1]`.
     ///
-    /// L = mean of (ln Σ e^logit − logit of the target), without keeping log-probabilities;
-    /// ∂logits = g (softmax(logits) − onehot(target)) / n.
+    /// L = mean of (ln Σ e^logit − logit of the target);
+    /// ∂logits = g (softmax(logits) − onehot(target)) / s. [`Kernels::Own`] keeps no tensor of
+    /// logits, and has the gradients ready with the loss.
     ///
     /// # Panics
     ///
     /// If there is not one target for each row, no row at all, or a target beyond the columns.
-    pub fn cross_entropy(self, logits_nv: Tensor<2>, targets: &Arc<[u32]>) -> Tensor<1> {
-        check_targets(logits_nv.dims(), targets);
+    pub fn head_loss(
+        self,
+        x_sd: Tensor<2>,
+        weights: HeadWeights,
+        targets: &Arc<[u32]>,
+        epsilon: f32,
+    ) -> Tensor<1> {
+        check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
-            Kernels::Plain => plain::cross_entropy(logits_nv, targets),
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_cross_entropy(
-                logits_nv.into_dispatch(),
+            Kernels::Plain => plain::cross_entropy(plain::logits(x_sd, weights, epsilon), targets),
+            Kernels::Own => Tensor::from_dispatch(Dispatch::own_head_loss(
+                x_sd.into_dispatch(),
+                weights.gamma_d.into_dispatch(),
+                weights.weight_dv.into_dispatch(),
                 targets.clone(),
+                epsilon,
             )),
         }
     }
@@ -140,18 +193,30 @@ impl Kernels {
     ///
     /// # Panics
     ///
-    /// As [`Kernels::cross_entropy`].
-    pub fn nll(self, logits_nv: Tensor<2>, targets: &[u32]) -> Vec<f64> {
-        let [n, n_vocab] = logits_nv.dims();
-        check_targets([n, n_vocab], targets);
+    /// As [`Kernels::head_loss`].
+    pub fn head_nll(
+        self,
+        x_sd: Tensor<2>,
+        weights: HeadWeights,
+        targets: &Arc<[u32]>,
+        epsilon: f32,
+    ) -> Vec<f64> {
+        check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
-            Kernels::Plain => plain::nll(logits_nv, targets),
-            Kernels::Own => {
-                let data = logits_nv.without_autodiff().into_data();
-                let logits = data.as_slice::<f32>().expect("the own operations compute in f32");
-                own::losses(logits, targets, &own::log_normalisers(logits, n_vocab))
-            }
+            Kernels::Plain => plain::nll(plain::logits(x_sd, weights, epsilon), targets),
+            Kernels::Own => sums_of_parts(Tensor::<2>::from_dispatch(Dispatch::own_head_nll(
+                x_sd.without_autodiff().into_dispatch(),
+                weights.gamma_d.without_autodiff().into_dispatch(),
+                weights.weight_dv.without_autodiff().into_dispatch(),
+                targets.clone(),
+                epsilon,
+            ))),
         }
+    }
+
+    /// Logits over the columns of W, RMSNorm(x) W, `[s, v]`, by burn's operations on any device.
+    pub fn logits(self, x_sd: Tensor<2>, weights: HeadWeights, epsilon: f32) -> Tensor<2> {
+        plain::logits(x_sd, weights, epsilon)
     }
 
     /// Rows of a matrix, in the order given and as often as given: an embedding's forward, and
@@ -175,16 +240,74 @@ impl Kernels {
     }
 }
 
-fn check_attention([n, columns]: [usize; 2], n_head: usize, layout: &SequenceLayout, rope: &Rope) {
+/// Σ x² of a tensor outside autodiff.
+pub fn sum_of_squares(x: Tensor<1>) -> f64 {
+    if Kernels::for_device(&x.device()) == Kernels::Own {
+        sums_of_parts(Tensor::<1>::from_dispatch(Dispatch::own_sum_of_squares(x.into_dispatch())))
+            [0]
+    } else {
+        f64::from((x.clone() * x).sum().into_scalar::<f32>())
+    }
+}
+
+/// A parameter and both its moments after a step of AdamW, all of one length and outside autodiff.
+pub fn adamw(
+    value: Tensor<1>,
+    gradient: Tensor<1>,
+    [first, second]: [Tensor<1>; 2],
+    step: AdamWStep,
+) -> (Tensor<1>, [Tensor<1>; 2]) {
+    if Kernels::for_device(&value.device()) != Kernels::Own {
+        return plain::adamw(value, gradient, [first, second], step);
+    }
+    let (value, first, second) = Dispatch::own_adamw(
+        value.into_dispatch(),
+        gradient.into_dispatch(),
+        first.into_dispatch(),
+        second.into_dispatch(),
+        step,
+    );
+    let [value, first, second] = [value, first, second].map(Tensor::from_dispatch);
+    (value, [first, second])
+}
+
+/// Numbers that come as a large and a small part each.
+fn sums_of_parts<const D: usize>(parts: Tensor<D>) -> Vec<f64> {
+    let data = parts.into_data();
+    let parts = data.as_slice::<f32>().expect("the own operations compute in f32");
+    parts.as_chunks().0.iter().map(|&[large, small]| f64::from(large) + f64::from(small)).collect()
+}
+
+fn check_attention(
+    [n, d]: [usize; 2],
+    [_, columns]: [usize; 2],
+    AttentionOptions { n_head, layout, rope, .. }: &AttentionOptions,
+) {
     let (rows, head_dim) = (layout.n_rows(), rope.head_dim());
     assert_eq!(n, rows, "attention: {n} rows for a layout of {rows}");
-    assert_eq!(
-        columns,
-        3 * n_head * head_dim,
+    assert!(
+        d == n_head * head_dim && columns == 3 * d,
         "attention: {columns} columns are not [q | k | v] of {n_head} heads of {head_dim}"
     );
     let (longest, max_len) = (layout.max_len(), rope.max_len());
     assert!(longest <= max_len, "attention: {longest} positions, angles for {max_len}");
+}
+
+fn check_feed_forward(
+    [_, d]: [usize; 2],
+    [rows, u]: [usize; 2],
+    [f, columns]: [usize; 2],
+    activation: Activation,
+) {
+    let wanted = match activation {
+        Activation::SwiGlu => 2 * f,
+        Activation::Gelu => f,
+    };
+    assert_eq!(
+        [rows, columns, u],
+        [d, d, wanted],
+        "feed_forward: rows of {d}, {f} hidden features"
+    );
 }
 
 fn check_targets([n, n_vocab]: [usize; 2], targets: &[u32]) {

@@ -7,25 +7,83 @@
 use burn::tensor::activation::{log_softmax, silu, softmax};
 use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
 
-use super::{Rope, SequenceLayout};
+use super::{
+    Activation, AdamWStep, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights,
+    Rope, SequenceLayout,
+};
 
 /// Stands for minus infinity in masked scores: e to it is zero, and it is an ordinary number on
 /// devices whose arithmetic has no infinities.
 const MASKED: f32 = -1e30;
 
-/// See [`Kernels::rms_norm`](super::Kernels::rms_norm).
-pub fn rms_norm(x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
+/// See [`Kernels::attention`](super::Kernels::attention).
+pub fn attention_half(
+    x_nd: Tensor<2>,
+    weights: AttentionWeights,
+    options: &AttentionOptions,
+) -> Tensor<2> {
+    let normed_nd = rms_norm(x_nd.clone(), weights.gamma_d, options.epsilon);
+    let qkv_n3d = normed_nd.matmul(weights.qkv_d3d);
+    let mixed_nd = attention(qkv_n3d, options.n_head, &options.layout, &options.rope);
+    x_nd + mixed_nd.matmul(weights.output_dd)
+}
+
+/// See [`Kernels::feed_forward`](super::Kernels::feed_forward).
+pub fn feed_forward_half(
+    x_nd: Tensor<2>,
+    weights: FeedForwardWeights,
+    activation: Activation,
+    epsilon: f32,
+) -> Tensor<2> {
+    let before_nu = rms_norm(x_nd.clone(), weights.gamma_d, epsilon).matmul(weights.up_du);
+    let hidden_nf = match activation {
+        Activation::SwiGlu => swiglu(before_nu),
+        Activation::Gelu => gelu(before_nu),
+    };
+    x_nd + hidden_nf.matmul(weights.down_fd)
+}
+
+/// See [`Kernels::logits`](super::Kernels::logits).
+pub fn logits(x_sd: Tensor<2>, weights: HeadWeights, epsilon: f32) -> Tensor<2> {
+    rms_norm(x_sd, weights.gamma_d, epsilon).matmul(weights.weight_dv)
+}
+
+/// See [`adamw`](super::adamw).
+pub fn adamw(
+    value: Tensor<1>,
+    gradient: Tensor<1>,
+    [first, second]: [Tensor<1>; 2],
+    step: AdamWStep,
+) -> (Tensor<1>, [Tensor<1>; 2]) {
+    let gradient = gradient * step.clip;
+    let first = first * step.beta_1 + gradient.clone() * (1.0 - step.beta_1);
+    let second = second * step.beta_2 + gradient.clone() * gradient * (1.0 - step.beta_2);
+    let move_by = first.clone() / (second.clone().sqrt() * step.scale + step.epsilon) * step.rate;
+    (value * step.keep - move_by, [first, second])
+}
+
+/// y = x γ / √(mean(x²) + ε).
+fn rms_norm(x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
     let mean_square_n1 = x_nd.clone().powi_scalar(2).mean_dim(1);
     let rms_n1 = mean_square_n1.add_scalar(epsilon).sqrt();
     x_nd.div(rms_n1).mul(gamma_d.unsqueeze())
 }
 
-/// See [`Kernels::swiglu`](super::Kernels::swiglu).
-pub fn swiglu(gate_up_n2f: Tensor<2>) -> Tensor<2> {
+/// See [`Activation::SwiGlu`].
+fn swiglu(gate_up_n2f: Tensor<2>) -> Tensor<2> {
     let [n, columns] = gate_up_n2f.dims();
     let gate_nf = gate_up_n2f.clone().slice([0..n, 0..columns / 2]);
     let up_nf = gate_up_n2f.slice([0..n, columns / 2..columns]);
     silu(gate_nf).mul(up_nf)
+}
+
+/// See [`Activation::Gelu`].
+///
+/// Composed, since the derivative of burn's own is that of the tanh approximation on every backend
+/// but `flex`, 5e-4 off its value.
+fn gelu(x_nf: Tensor<2>) -> Tensor<2> {
+    let phi_nf = x_nf.clone().div_scalar(std::f64::consts::SQRT_2).erf().add_scalar(1.0) * 0.5;
+    x_nf * phi_nf
 }
 
 /// See [`Kernels::select_rows`](super::Kernels::select_rows).
@@ -34,12 +92,12 @@ pub fn select_rows(x_md: Tensor<2>, rows: &[u32]) -> Tensor<2> {
     x_md.select(0, integers(rows.iter().copied(), &device))
 }
 
-/// See [`Kernels::cross_entropy`](super::Kernels::cross_entropy).
+/// Mean cross-entropy of the rows' softmax, in nats.
 pub fn cross_entropy(logits_nv: Tensor<2>, targets: &[u32]) -> Tensor<1> {
     log_likelihoods(logits_nv, targets).mean().neg()
 }
 
-/// See [`Kernels::nll`](super::Kernels::nll).
+/// Cross-entropy of each row, in nats.
 pub fn nll(logits_nv: Tensor<2>, targets: &[u32]) -> Vec<f64> {
     let data = log_likelihoods(logits_nv.without_autodiff(), targets).into_data();
     data.iter::<f64>().map(|log_likelihood| -log_likelihood).collect()
@@ -51,7 +109,7 @@ fn log_likelihoods(logits_nv: Tensor<2>, targets: &[u32]) -> Tensor<2> {
     log_softmax(logits_nv, 1).gather(1, targets_n.unsqueeze_dim(1))
 }
 
-/// See [`Kernels::attention`](super::Kernels::attention): pads the sequences to one length,
+/// Attention of `[q | k | v]`, before the projection: pads the sequences to one length,
 /// attends densely under a mask, and takes the padding out again.
 pub fn attention(
     qkv_n3d: Tensor<2>,

@@ -15,6 +15,10 @@ pub struct Rope {
     cos: Vec<f32>,
     /// `[max_len, head_dim / 2]`.
     sin: Vec<f32>,
+    /// (cos, cos) of each pair, `[max_len, head_dim]`.
+    along: Vec<f32>,
+    /// (−sin, sin) of each pair, `[max_len, head_dim]`.
+    across: Vec<f32>,
     max_len: usize,
     head_dim: usize,
 }
@@ -36,9 +40,11 @@ impl Rope {
                     .map(move |i| t as f64 * base.powf(-2.0 * i as f64 / head_dim as f64))
             })
         };
-        let cos = angles().map(|angle| angle.cos() as f32).collect();
-        let sin = angles().map(|angle| angle.sin() as f32).collect();
-        Self { cos, sin, max_len, head_dim }
+        let cos: Vec<f32> = angles().map(|angle| angle.cos() as f32).collect();
+        let sin: Vec<f32> = angles().map(|angle| angle.sin() as f32).collect();
+        let along = cos.iter().flat_map(|&cos| [cos, cos]).collect();
+        let across = sin.iter().flat_map(|&sin| [-sin, sin]).collect();
+        Self { cos, sin, along, across, max_len, head_dim }
     }
 
     /// Positions there are angles for.
@@ -51,11 +57,12 @@ impl Rope {
         self.head_dim
     }
 
-    /// Cosines and sines of position `t`, each `[head_dim / 2]`.
+    /// What a vector at position `t` and the same with its pairs changed over are multiplied by,
+    /// (cos, cos) and (−sin, sin) of each pair, each `[head_dim]`.
     #[inline(always)]
     pub fn at(&self, t: usize) -> (&[f32], &[f32]) {
-        let pairs = self.head_dim / 2;
-        (&self.cos[t * pairs..][..pairs], &self.sin[t * pairs..][..pairs])
+        let row = t * self.head_dim..(t + 1) * self.head_dim;
+        (&self.along[row.clone()], &self.across[row])
     }
 
     /// Cosines and sines of the first `len` positions, each `[len, head_dim / 2]`.
@@ -72,18 +79,21 @@ mod tests {
     #[test]
     fn angles_are_those_of_the_definition() {
         let rope = Rope::new(4, 4, 10_000.0);
-        let (cos, sin) = rope.at(3);
+        let ([cos, sin], (along, across)) = ([rope.first(4).0, rope.first(4).1], rope.at(3));
+        let (cos, sin) = (&cos[6..], &sin[6..]);
         let close = |a: &[f32], b: [f64; 2]| {
             a.iter().zip(b).all(|(&a, b)| (f64::from(a) - b).abs() < 1e-7) && a.len() == 2
         };
         assert!(close(cos, [3f64.cos(), 0.03f64.cos()]), "{cos:?}");
         assert!(close(sin, [3f64.sin(), 0.03f64.sin()]), "{sin:?}");
+        assert_eq!(along, [cos[0], cos[0], cos[1], cos[1]]);
+        assert_eq!(across, [-sin[0], sin[0], -sin[1], sin[1]]);
     }
 
     #[test]
     fn the_first_position_is_left_as_it_is() {
         let rope = Rope::new(2, 8, 10_000.0);
-        assert_eq!(rope.at(0), (&[1.0; 4][..], &[0.0; 4][..]));
+        assert_eq!(rope.at(0), (&[1.0; 8][..], &[0.0; 8][..]));
     }
 
     #[test]

@@ -2,9 +2,8 @@
 
 use super::shape::{ModelShape, ParamCounts};
 use crate::data::{DataFacts, FRAMES_PER_TOKEN, N_FEATURES};
-use crate::sweep::TextSpec;
+use crate::sweep::{Ffn, TextSpec};
 use crate::tokenizer::TokenizerSpec;
-use crate::train::{LOGITS_PER_PASS, TARGETS_PER_PASS};
 
 /// Code, runtime and mapped files of a worker before it holds a model.
 const BASE_BYTES: f64 = 48e6;
@@ -12,17 +11,16 @@ const BASE_BYTES: f64 = 48e6;
 /// Positions trained for each supervised token: prefixes come on top.
 const POSITIONS_PER_TARGET: f64 = 1.4;
 
-/// Floats of an evaluation pass: its logits, and a copy of them on the host.
-fn evaluation_floats(n_vocab: usize) -> f64 {
-    let outputs = n_vocab + 1;
-    2.0 * (TARGETS_PER_PASS.min(LOGITS_PER_PASS / outputs).max(1) * outputs) as f64
-}
+/// Rows of which the head holds the logits at once.
+const HEAD_ROWS: f64 = 256.0;
 
 /// Peak resident bytes of a training process.
 ///
-/// Weights, gradients and both moments; then the larger of an evaluation pass and of a step: what
-/// the backward pass keeps of each block (inputs of norms and products, RoPE'd queries and keys,
-/// attention weights) for its rows, and the logits with their gradient.
+/// Weights, gradients, both moments and the new weights; the head's weights in panels, both ways
+/// round; what the backward pass keeps of each block for its rows (the inputs of both halves,
+/// queries, keys and values, what attention mixed, its weights, the columns before the
+/// activation); a few rows' logits. Buffers are an eighth larger than what they hold at most, half
+/// of that on average.
 pub fn peak_bytes(
     shape: &ModelShape,
     n_vocab: usize,
@@ -32,13 +30,16 @@ pub fn peak_bytes(
     let targets = batch_tokens as f64;
     let rows = targets * POSITIONS_PER_TARGET;
     let d = shape.d_model as f64;
+    let before = match shape.ffn {
+        Ffn::SwiGlu => 2.0 * shape.d_ff as f64,
+        Ffn::Gelu => shape.d_ff as f64,
+    };
     let attention = shape.n_head as f64 * shape.n_ctx as f64;
-    let block = 12.0 * d + 4.0 * shape.d_ff as f64 + attention;
-    let activations = rows * shape.n_layer as f64 * block + rows * 6.0 * d;
-    let logits = targets * 3.0 * n_vocab as f64;
-    let parameters = 6.0 * params.total() as f64;
-    let step = (activations + logits).max(evaluation_floats(n_vocab));
-    (BASE_BYTES + 4.0 * (parameters + step)) as u64
+    let block = 6.0 * d + before + attention;
+    let activations = rows * (shape.n_layer as f64 * block + 4.0 * d);
+    let head = 2.0 * d * n_vocab as f64 + targets.min(HEAD_ROWS) * n_vocab as f64;
+    let parameters = 5.0 * params.total() as f64;
+    (BASE_BYTES + 4.0 * 1.06 * (activations + head + parameters)) as u64
 }
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.

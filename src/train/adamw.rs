@@ -7,6 +7,7 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::weights::{HostTensor, Weights};
+use crate::ops::{self, AdamWStep};
 
 /// What AdamW is told once.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,7 +83,8 @@ fn global_norm<M: Module>(module: &M, grads: &GradientsParams) -> f64 {
     impl burn::module::ModuleVisitor for Norm<'_> {
         fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
             if let Some(grad) = self.0.get::<D>(param.id) {
-                self.1 += f64::from((grad.clone() * grad).sum().into_scalar::<f32>());
+                let n = grad.shape().num_elements();
+                self.1 += ops::sum_of_squares(grad.reshape([n]));
             }
         }
     }
@@ -104,16 +106,26 @@ impl Update<'_> {
     /// The parameter after the step; all tensors flat and of one length.
     fn apply(&mut self, value: Tensor<1>, grad: Tensor<1>) -> Tensor<1> {
         let AdamW { config, steps, moments } = &mut *self.optimiser;
-        let AdamWConfig { beta_1, beta_2, epsilon, weight_decay, .. } = *config;
+        let step = adamw_step(config, *steps, self.lr, self.clip);
         let before = moments.remove(&self.index);
-        let [first, second] = before.unwrap_or_else(|| [value.zeros_like(), value.zeros_like()]);
-        let grad = grad * self.clip;
-        let first = first * beta_1 + grad.clone() * (1.0 - beta_1);
-        let second = second * beta_2 + grad.clone() * grad * (1.0 - beta_2);
-        moments.insert(self.index, [first.clone(), second.clone()]);
-        let rate = self.lr / (1.0 - beta_1.powi(*steps));
-        let scale = (1.0 - beta_2.powi(*steps)).sqrt().recip();
-        value * (1.0 - self.lr * weight_decay) - first / (second.sqrt() * scale + epsilon) * rate
+        let before = before.unwrap_or_else(|| [value.zeros_like(), value.zeros_like()]);
+        let (value, after) = ops::adamw(value, grad, before, step);
+        moments.insert(self.index, after);
+        value
+    }
+}
+
+/// The numbers of step `t`, from 1 on.
+fn adamw_step(config: &AdamWConfig, t: i32, lr: f64, clip: f64) -> AdamWStep {
+    let AdamWConfig { beta_1, beta_2, epsilon, weight_decay, .. } = *config;
+    AdamWStep {
+        beta_1: beta_1 as f32,
+        beta_2: beta_2 as f32,
+        epsilon: epsilon as f32,
+        clip: clip as f32,
+        keep: (1.0 - lr * weight_decay) as f32,
+        rate: (lr / (1.0 - beta_1.powi(t))) as f32,
+        scale: (1.0 - beta_2.powi(t)).sqrt().recip() as f32,
     }
 }
 

@@ -6,10 +6,8 @@ use crate::moving::moved;
 use crate::text::TextStore;
 use crate::tokenizer::TokenStore;
 
-/// Targets a forward pass of evaluation at most.
-pub const TARGETS_PER_PASS: usize = 2048;
-/// Logits a forward pass of evaluation at most, but for a single clip.
-pub const LOGITS_PER_PASS: usize = 1 << 23;
+/// Targets a forward pass of evaluation at most, but for a single clip.
+const TARGETS_PER_PASS: usize = 2048;
 
 /// Losses of a model on a split, in nats.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,12 +68,11 @@ fn sequence<'a>(
 
 /// Ranges of clips with at most the targets of a pass, or one clip.
 fn passes(tokens: &TokenStore, split: Split) -> Vec<std::ops::Range<usize>> {
-    let limit = TARGETS_PER_PASS.min(LOGITS_PER_PASS / (tokens.n_vocab() + 1));
     let mut passes = Vec::new();
     let (mut start, mut targets) = (0, 0);
     for clip in 0..tokens.n_clips(split) {
         let more = tokens.clip(split, clip).len() + 1;
-        if targets + more > limit && targets > 0 {
+        if targets + more > TARGETS_PER_PASS && targets > 0 {
             passes.push(start..clip);
             (start, targets) = (clip, 0);
         }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use burn::backend::autodiff::NodeId;
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
 use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind, unary};
@@ -9,62 +10,91 @@ use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Flex};
 use burn_flex::FlexTensor;
 
-use super::attention::Heads;
-use super::flex::{contiguous, dims, elements, elements_mut, mean, tensor};
-use super::{OwnOps, attention, cross_entropy, rms_norm, rows, swiglu};
-use crate::ops::{Rope, SequenceLayout};
+use super::attention::half;
+use super::buffers::recycle;
+use super::flex::{
+    attention_weights, contiguous, dims, elements, elements_mut, feed_forward_weights, head, mean,
+    scaled,
+};
+use super::head::Gradients as HeadGradients;
+use super::{OwnOps, feed_forward, rows};
+use crate::ops::{Activation, AttentionOptions};
 
 impl<C: CheckpointStrategy> OwnOps for Autodiff<Flex, C> {
-    fn own_rms_norm(
+    fn own_attention(
         x_nd: FloatTensor<Self>,
         gamma_d: FloatTensor<Self>,
+        qkv_d3d: FloatTensor<Self>,
+        output_dd: FloatTensor<Self>,
+        options: AttentionOptions,
+    ) -> FloatTensor<Self> {
+        let inputs = [x_nd, gamma_d, qkv_d3d, output_dd].map(|input| input.into_parts());
+        let (inputs, nodes) = split(inputs);
+        match Attention.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::UnTracked(prep) => {
+                let [x, gamma, qkv, output] = inputs;
+                prep.finish(Flex::own_attention(x, gamma, qkv, output, options))
+            }
+            OpsKind::Tracked(prep) => {
+                let [x, gamma, qkv, output] = inputs.map(contiguous);
+                let weights = attention_weights([&gamma, &qkv, &output], options.epsilon);
+                let (y, kept) = half::forward(elements(&x), weights, options.heads(), true);
+                let (n, d) = dims(&x);
+                let kept = kept.expect("asked for");
+                prep.finish(([x, gamma, qkv, output], options, kept), y.into_tensor([n, d]))
+            }
+        }
+    }
+
+    fn own_feed_forward(
+        x_nd: FloatTensor<Self>,
+        gamma_d: FloatTensor<Self>,
+        up_du: FloatTensor<Self>,
+        down_fd: FloatTensor<Self>,
+        activation: Activation,
         epsilon: f32,
     ) -> FloatTensor<Self> {
-        let ((x, x_node), (gamma, gamma_node)) = (x_nd.into_parts(), gamma_d.into_parts());
-        let (x, gamma) = (contiguous(x), contiguous(gamma));
-        let (n, d) = dims(&x);
-        let (output, inverses) = rms_norm::forward(elements(&x), elements(&gamma), epsilon);
-        let output = tensor(output, [n, d]);
-        match RmsNorm.prepare::<C>([x_node, gamma_node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish((x, gamma, inverses), output),
-            OpsKind::UnTracked(prep) => prep.finish(output),
-        }
-    }
-
-    fn own_attention(
-        qkv_n3d: FloatTensor<Self>,
-        n_head: usize,
-        layout: Arc<SequenceLayout>,
-        rope: Arc<Rope>,
-    ) -> FloatTensor<Self> {
-        let (qkv, node) = qkv_n3d.into_parts();
-        match Attention.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => {
-                let (kept, output) = KeptAttention::forward(qkv, n_head, layout, rope);
-                prep.finish(kept, output)
+        let inputs = [x_nd, gamma_d, up_du, down_fd].map(|input| input.into_parts());
+        let (inputs, nodes) = split(inputs);
+        match FeedForward.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::UnTracked(prep) => {
+                let [x, gamma, up, down] = inputs;
+                prep.finish(Flex::own_feed_forward(x, gamma, up, down, activation, epsilon))
             }
-            OpsKind::UnTracked(prep) => prep.finish(Flex::own_attention(qkv, n_head, layout, rope)),
+            OpsKind::Tracked(prep) => {
+                let [x, gamma, up, down] = inputs.map(contiguous);
+                let weights = feed_forward_weights([&gamma, &up, &down], activation, epsilon);
+                let (y, kept) = feed_forward::forward(elements(&x), weights, true);
+                let (n, d) = dims(&x);
+                let kept = kept.expect("asked for");
+                let state = ([x, gamma, up, down], activation, epsilon, kept);
+                prep.finish(state, y.into_tensor([n, d]))
+            }
         }
     }
 
-    fn own_swiglu(gate_up_n2f: FloatTensor<Self>) -> FloatTensor<Self> {
-        let (gate_up, node) = gate_up_n2f.into_parts();
-        let gate_up = contiguous(gate_up);
-        let output = Flex::own_swiglu(gate_up.clone());
-        match SwiGlu.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish(gate_up, output),
-            OpsKind::UnTracked(prep) => prep.finish(output),
-        }
-    }
-
-    fn own_cross_entropy(logits_nv: FloatTensor<Self>, targets: Arc<[u32]>) -> FloatTensor<Self> {
-        let (logits, node) = logits_nv.into_parts();
-        let logits = contiguous(logits);
-        let normalisers = cross_entropy::log_normalisers(elements(&logits), dims(&logits).1);
-        let output = mean(&cross_entropy::losses(elements(&logits), &targets, &normalisers));
-        match CrossEntropy.prepare::<C>([node]).compute_bound().stateful() {
-            OpsKind::Tracked(prep) => prep.finish((logits, targets, normalisers), output),
-            OpsKind::UnTracked(prep) => prep.finish(output),
+    fn own_head_loss(
+        x_sd: FloatTensor<Self>,
+        gamma_d: FloatTensor<Self>,
+        weight_dv: FloatTensor<Self>,
+        targets: Arc<[u32]>,
+        epsilon: f32,
+    ) -> FloatTensor<Self> {
+        let inputs = [x_sd, gamma_d, weight_dv].map(|input| input.into_parts());
+        let (inputs, nodes) = split(inputs);
+        match HeadLoss.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::UnTracked(prep) => {
+                let [x, gamma, weight] = inputs;
+                prep.finish(Flex::own_head_loss(x, gamma, weight, targets, epsilon))
+            }
+            OpsKind::Tracked(prep) => {
+                let [x, gamma, weight] = inputs.map(contiguous);
+                let head = head([&x, &gamma, &weight], &targets, epsilon);
+                let (losses, gradients) = head.losses_and_gradients();
+                let shapes = [dims(&x), dims(&weight)];
+                recycle(x);
+                prep.finish((shapes, gradients), mean(&losses))
+            }
         }
     }
 
@@ -79,111 +109,87 @@ impl<C: CheckpointStrategy> OwnOps for Autodiff<Flex, C> {
     }
 }
 
-/// The way back of RMSNorm; keeps x, gamma and 1 / rms of each row.
-#[derive(Debug)]
-struct RmsNorm;
+/// Pairs into a pair.
+fn split<A, B, const N: usize>(pairs: [(A, B); N]) -> ([A; N], [B; N]) {
+    let mut nodes = Vec::with_capacity(N);
+    let tensors = pairs.map(|(tensor, node)| {
+        nodes.push(node);
+        tensor
+    });
+    (tensors, nodes.try_into().ok().expect("as many as there were"))
+}
 
-impl Backward<Flex, 2> for RmsNorm {
-    type State = (FlexTensor, FlexTensor, Vec<f32>);
-
-    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let (x, gamma, inverses) = ops.state;
-        let mut gradient = contiguous(grads.consume::<Flex>(&ops.node));
-        let by_gamma = rms_norm::backward(
-            elements_mut(&mut gradient),
-            elements(&x),
-            elements(&gamma),
-            &inverses,
-        );
-        let [x_node, gamma_node] = ops.parents;
-        if let Some(node) = x_node {
-            grads.register::<Flex>(node.id, gradient);
-        }
-        if let Some(node) = gamma_node {
-            let d = by_gamma.len();
-            grads.register::<Flex>(node.id, tensor(by_gamma, [d]));
-        }
+/// Hands a gradient to a node that wants it.
+fn register(grads: &mut Gradients, node: Option<NodeId>, gradient: FlexTensor) {
+    match node {
+        Some(node) => grads.register::<Flex>(node, gradient),
+        None => recycle(gradient),
     }
 }
 
-/// The way back of attention.
+/// The way back of the attention half of a block; keeps its inputs and what its kernels want.
 #[derive(Debug)]
 struct Attention;
 
-/// What attention keeps: its input, the weights that are not masked, and what they belong to.
-#[derive(Debug, Clone)]
-struct KeptAttention {
-    qkv: FlexTensor,
-    weights: Vec<f32>,
-    n_head: usize,
-    layout: Arc<SequenceLayout>,
-    rope: Arc<Rope>,
-}
+impl Backward<Flex, 4> for Attention {
+    type State = ([FlexTensor; 4], AttentionOptions, half::Kept);
 
-impl KeptAttention {
-    fn forward(
-        qkv: FlexTensor,
-        n_head: usize,
-        layout: Arc<SequenceLayout>,
-        rope: Arc<Rope>,
-    ) -> (Self, FlexTensor) {
-        let qkv = contiguous(qkv);
-        let (n, columns) = dims(&qkv);
-        let heads = Heads { layout: &layout, rope: &rope, n_head };
-        let (output, weights) = attention::forward(elements(&qkv), heads, true);
-        (Self { qkv, weights, n_head, layout, rope }, tensor(output, [n, columns / 3]))
-    }
-
-    fn backward(mut self, gradient: FlexTensor) -> FlexTensor {
-        let gradient = contiguous(gradient);
-        let heads = Heads { layout: &self.layout, rope: &self.rope, n_head: self.n_head };
-        let qkv = elements_mut(&mut self.qkv);
-        attention::backward(qkv, heads, &self.weights, elements(&gradient));
-        self.qkv
+    fn backward(self, ops: Ops<Self::State, 4>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let ([x, gamma, qkv, output], options, kept) = ops.state;
+        let mut gradient = contiguous(grads.consume::<Flex>(&ops.node));
+        let weights = attention_weights([&gamma, &qkv, &output], options.epsilon);
+        let change = elements_mut(&mut gradient);
+        let by = half::backward(change, elements(&x), weights, options.heads(), kept);
+        let [x_node, gamma_node, qkv_node, output_node] =
+            ops.parents.map(|parent| parent.map(|node| node.id));
+        let d = dims(&x).1;
+        recycle(x);
+        register(grads, x_node, gradient);
+        register(grads, gamma_node, by.gamma.into_tensor([d]));
+        register(grads, qkv_node, by.qkv.into_tensor([d, 3 * d]));
+        register(grads, output_node, by.output.into_tensor([d, d]));
     }
 }
 
-impl Backward<Flex, 1> for Attention {
-    type State = KeptAttention;
-
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let kept = ops.state;
-        unary::<Flex, _>(ops.parents, ops.node, grads, |gradient| kept.backward(gradient));
-    }
-}
-
-/// The way back of SwiGLU; keeps `[gate | up]`.
+/// The way back of the feed-forward half of a block; keeps its inputs and what its kernels want.
 #[derive(Debug)]
-struct SwiGlu;
+struct FeedForward;
 
-impl Backward<Flex, 1> for SwiGlu {
-    type State = FlexTensor;
+impl Backward<Flex, 4> for FeedForward {
+    type State = ([FlexTensor; 4], Activation, f32, feed_forward::Kept);
 
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let mut gate_up = ops.state;
-        unary::<Flex, _>(ops.parents, ops.node, grads, |gradient| {
-            let gradient = contiguous(gradient);
-            let f = dims(&gradient).1;
-            swiglu::backward(elements_mut(&mut gate_up), elements(&gradient), f);
-            gate_up
-        });
+    fn backward(self, ops: Ops<Self::State, 4>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let ([x, gamma, up, down], activation, epsilon, kept) = ops.state;
+        let mut gradient = contiguous(grads.consume::<Flex>(&ops.node));
+        let weights = feed_forward_weights([&gamma, &up, &down], activation, epsilon);
+        let change = elements_mut(&mut gradient);
+        let by = feed_forward::backward(change, elements(&x), weights, kept);
+        let [x_node, gamma_node, up_node, down_node] =
+            ops.parents.map(|parent| parent.map(|node| node.id));
+        let ((d, u), f) = (dims(&up), dims(&down).0);
+        recycle(x);
+        register(grads, x_node, gradient);
+        register(grads, gamma_node, by.gamma.into_tensor([d]));
+        register(grads, up_node, by.up.into_tensor([d, u]));
+        register(grads, down_node, by.down.into_tensor([f, d]));
     }
 }
 
-/// The way back of cross-entropy; keeps the logits, the targets and the rows' log-normalisers.
+/// The way back of the head; keeps the gradients, which were made on the way forward.
 #[derive(Debug)]
-struct CrossEntropy;
+struct HeadLoss;
 
-impl Backward<Flex, 1> for CrossEntropy {
-    type State = (FlexTensor, Arc<[u32]>, Vec<f64>);
+impl Backward<Flex, 3> for HeadLoss {
+    type State = ([(usize, usize); 2], HeadGradients);
 
-    fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
-        let (mut logits, targets, normalisers) = ops.state;
-        unary::<Flex, _>(ops.parents, ops.node, grads, |gradient| {
-            let scale = elements(&contiguous(gradient))[0] / targets.len() as f32;
-            cross_entropy::backward(elements_mut(&mut logits), &targets, &normalisers, scale);
-            logits
-        });
+    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let ([(s, d), (_, v)], by) = ops.state;
+        let above = elements(&contiguous(grads.consume::<Flex>(&ops.node)))[0];
+        let [x_node, gamma_node, weight_node] =
+            ops.parents.map(|parent| parent.map(|node| node.id));
+        register(grads, x_node, scaled(by.x, above).into_tensor([s, d]));
+        register(grads, gamma_node, scaled(by.gamma, above).into_tensor([d]));
+        register(grads, weight_node, scaled(by.weight, above).into_tensor([d, v]));
     }
 }
 
@@ -197,7 +203,10 @@ impl Backward<Flex, 1> for SelectRows {
     fn backward(self, ops: Ops<Self::State, 1>, grads: &mut Gradients, _: &mut Checkpointer) {
         let ((m, d), rows) = ops.state;
         unary::<Flex, _>(ops.parents, ops.node, grads, |gradient| {
-            tensor(rows::backward(elements(&contiguous(gradient)), &rows, m, d), [m, d])
+            let gradient = contiguous(gradient);
+            let by_x = rows::backward(elements(&gradient), &rows, m, d);
+            recycle(gradient);
+            by_x.into_tensor([m, d])
         });
     }
 }

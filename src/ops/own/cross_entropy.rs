@@ -1,37 +1,92 @@
-//! Cross-entropy from logits, without a tensor of log-probabilities.
+//! Cross-entropy from blocks of logits, without a tensor of log-probabilities.
 
-use super::lanes::{LANES, vectorised};
-use super::maths::{exp, log_sum_exp};
+use std::ops::Range;
 
-vectorised! {
-    /// ln Σ e^logit of each row of `logits` `[n, n_vocab]`.
-    pub fn log_normalisers(logits: &[f32], n_vocab: usize) -> Vec<f64> {
-        let mut normalisers = Vec::with_capacity(logits.len() / n_vocab);
-        for row in logits.chunks_exact(n_vocab) {
-            normalisers.push(log_sum_exp::<L>(row));
-        }
-        normalisers
+use super::lanes::{LANES, Lanes, vectorised};
+use super::maths::{exp, max, sum_of_exp};
+
+/// The softmax of a row as far as it has been seen.
+#[derive(Clone, Copy, Debug)]
+pub struct LogSum {
+    /// The largest logit so far.
+    largest: f32,
+    /// Σ e^(logit − largest).
+    sum: f64,
+    /// The logit of the target, once seen.
+    target: f32,
+}
+
+impl Default for LogSum {
+    fn default() -> Self {
+        Self { largest: f32::MIN, sum: 0.0, target: f32::NAN }
     }
 }
 
-/// Negative log-likelihood of each row's target, given the rows' log-normalisers, in nats.
-pub fn losses(logits: &[f32], targets: &[u32], normalisers: &[f64]) -> Vec<f64> {
-    let n_vocab = logits.len() / targets.len();
-    let rows = logits.chunks_exact(n_vocab).zip(targets).zip(normalisers);
-    rows.map(|((row, &target), normaliser)| normaliser - f64::from(row[target as usize])).collect()
+impl LogSum {
+    /// ln Σ e^logit.
+    fn normaliser(&self) -> f64 {
+        f64::from(self.largest) + self.sum.ln()
+    }
+
+    /// −ln p of the target, in nats.
+    pub fn loss(&self) -> f64 {
+        self.normaliser() - f64::from(self.target)
+    }
+
+    /// Takes the next logits of the row.
+    #[inline(always)]
+    fn add<L: Lanes>(&mut self, logits: &[f32]) {
+        let largest = max::<L>(logits);
+        if largest > self.largest {
+            self.sum *= (f64::from(self.largest) - f64::from(largest)).exp();
+            self.largest = largest;
+        }
+        self.sum += f64::from(sum_of_exp::<L>(logits, self.largest));
+    }
 }
 
 vectorised! {
-    /// Turns logits into the gradient by them of `scale` times the sum of the rows' losses.
-    pub fn backward(logits: &mut [f32], targets: &[u32], normalisers: &[f64], scale: f32) {
-        let n_vocab = logits.len() / targets.len();
-        let rows = logits.chunks_exact_mut(n_vocab).zip(targets).zip(normalisers);
-        for ((row, &target), &normaliser) in rows {
-            let normaliser = L::splat(normaliser as f32);
+    /// Adds a block of columns, of as many rows as there are sums, with or without padding.
+    pub fn add_block(
+        logits: &[f32],
+        columns: Range<usize>,
+        targets: &[u32],
+        sums: &mut [LogSum],
+    ) {
+        let stride = logits.len() / targets.len();
+        let rows = logits.chunks_exact(stride).zip(targets).zip(sums);
+        for ((row, &target), sum) in rows {
+            let row = &row[..columns.len()];
+            sum.add::<L>(row);
+            let within = (target as usize).checked_sub(columns.start);
+            if let Some(&logit) = within.and_then(|i| row.get(i)) {
+                sum.target = logit;
+            }
+        }
+    }
+}
+
+vectorised! {
+    /// Turns such a block into the gradient by it of `scale` times the sum of the rows' losses.
+    pub fn gradient_block(
+        logits: &mut [f32],
+        columns: Range<usize>,
+        targets: &[u32],
+        sums: &[LogSum],
+        scale: f32,
+    ) {
+        let stride = logits.len() / targets.len();
+        let rows = logits.chunks_exact_mut(stride).zip(targets).zip(sums);
+        for ((row, &target), sum) in rows {
+            let row = &mut row[..columns.len()];
+            let normaliser = L::splat(sum.normaliser() as f32);
             for x in row.chunks_mut(LANES) {
                 exp(L::read(x).sub(normaliser)).mul(L::splat(scale)).write(x);
             }
-            row[target as usize] -= scale;
+            let within = (target as usize).checked_sub(columns.start);
+            if let Some(x) = within.and_then(|i| row.get_mut(i)) {
+                *x -= scale;
+            }
         }
     }
 }

@@ -6,9 +6,11 @@ use burn::backend::Flex;
 use burn::tensor::{DType, TensorData};
 use burn_flex::FlexTensor;
 
-use super::attention::Heads;
-use super::{OwnOps, attention, cross_entropy, rms_norm, rows, swiglu};
-use crate::ops::{Rope, SequenceLayout};
+use super::attention::{Heads, half};
+use super::buffers::{Buffer, recycle};
+use super::head::Head;
+use super::{AdamWStep, OwnOps, OwnUpdates, adamw, feed_forward, rows};
+use crate::ops::{Activation, AttentionOptions};
 
 /// A tensor with its elements in order from the start of its storage, without a copy if it is
 /// one already.
@@ -44,40 +46,138 @@ pub fn mean(losses: &[f64]) -> FlexTensor {
     tensor(vec![(losses.iter().sum::<f64>() / losses.len() as f64) as f32], [1])
 }
 
+/// Numbers, each as the nearest `f32` and what is left.
+fn parts(numbers: &[f64]) -> Vec<f32> {
+    let parts = |&x: &f64| [x as f32, (x - f64::from(x as f32)) as f32];
+    numbers.iter().flat_map(parts).collect()
+}
+
+impl AttentionOptions {
+    /// The heads that they speak of.
+    pub fn heads(&self) -> Heads<'_> {
+        Heads { layout: &self.layout, rope: &self.rope, n_head: self.n_head, first_row: 0 }
+    }
+}
+
+/// The tensors of attention, as slices.
+pub fn attention_weights<'a>(
+    [gamma, qkv, output]: [&'a FlexTensor; 3],
+    epsilon: f32,
+) -> half::Weights<'a> {
+    let [gamma, qkv, output] = [gamma, qkv, output].map(elements);
+    half::Weights { gamma, qkv, output, epsilon }
+}
+
+/// The tensors of the feed-forward half, as slices.
+pub fn feed_forward_weights<'a>(
+    [gamma, up, down]: [&'a FlexTensor; 3],
+    activation: Activation,
+    epsilon: f32,
+) -> feed_forward::Weights<'a> {
+    let [gamma, up, down] = [gamma, up, down].map(elements);
+    feed_forward::Weights { gamma, up, down, activation, epsilon }
+}
+
+/// The tensors of the head, as slices.
+pub fn head<'a>(
+    [x, gamma, weight]: [&'a FlexTensor; 3],
+    targets: &'a [u32],
+    epsilon: f32,
+) -> Head<'a> {
+    let [x, gamma, weight] = [x, gamma, weight].map(elements);
+    Head { x, gamma, weight, epsilon, targets }
+}
+
 impl OwnOps for Flex {
-    fn own_rms_norm(x_nd: FlexTensor, gamma_d: FlexTensor, epsilon: f32) -> FlexTensor {
-        let (x, gamma) = (contiguous(x_nd), contiguous(gamma_d));
-        let (n, d) = dims(&x);
-        tensor(rms_norm::forward(elements(&x), elements(&gamma), epsilon).0, [n, d])
-    }
-
     fn own_attention(
-        qkv_n3d: FlexTensor,
-        n_head: usize,
-        layout: Arc<SequenceLayout>,
-        rope: Arc<Rope>,
+        x_nd: FlexTensor,
+        gamma_d: FlexTensor,
+        qkv_d3d: FlexTensor,
+        output_dd: FlexTensor,
+        options: AttentionOptions,
     ) -> FlexTensor {
-        let qkv = contiguous(qkv_n3d);
-        let (n, columns) = dims(&qkv);
-        let heads = Heads { layout: &layout, rope: &rope, n_head };
-        tensor(attention::forward(elements(&qkv), heads, false).0, [n, columns / 3])
+        let [x, gamma, qkv, output] = [x_nd, gamma_d, qkv_d3d, output_dd].map(contiguous);
+        let weights = attention_weights([&gamma, &qkv, &output], options.epsilon);
+        let (y, _) = half::forward(elements(&x), weights, options.heads(), false);
+        let (n, d) = dims(&x);
+        recycle(x);
+        y.into_tensor([n, d])
     }
 
-    fn own_swiglu(gate_up_n2f: FlexTensor) -> FlexTensor {
-        let gate_up = contiguous(gate_up_n2f);
-        let (n, columns) = dims(&gate_up);
-        tensor(swiglu::forward(elements(&gate_up), columns / 2), [n, columns / 2])
+    fn own_feed_forward(
+        x_nd: FlexTensor,
+        gamma_d: FlexTensor,
+        up_du: FlexTensor,
+        down_fd: FlexTensor,
+        activation: Activation,
+        epsilon: f32,
+    ) -> FlexTensor {
+        let [x, gamma, up, down] = [x_nd, gamma_d, up_du, down_fd].map(contiguous);
+        let weights = feed_forward_weights([&gamma, &up, &down], activation, epsilon);
+        let (y, _) = feed_forward::forward(elements(&x), weights, false);
+        let (n, d) = dims(&x);
+        recycle(x);
+        y.into_tensor([n, d])
     }
 
-    fn own_cross_entropy(logits_nv: FlexTensor, targets: Arc<[u32]>) -> FlexTensor {
-        let logits = contiguous(logits_nv);
-        let normalisers = cross_entropy::log_normalisers(elements(&logits), dims(&logits).1);
-        mean(&cross_entropy::losses(elements(&logits), &targets, &normalisers))
+    fn own_head_loss(
+        x_sd: FlexTensor,
+        gamma_d: FlexTensor,
+        weight_dv: FlexTensor,
+        targets: Arc<[u32]>,
+        epsilon: f32,
+    ) -> FlexTensor {
+        let [x, gamma, weight] = [x_sd, gamma_d, weight_dv].map(contiguous);
+        mean(&head([&x, &gamma, &weight], &targets, epsilon).losses())
     }
 
     fn own_select_rows(x_md: FlexTensor, rows: Arc<[u32]>) -> FlexTensor {
         let x = contiguous(x_md);
         let d = dims(&x).1;
-        tensor(rows::forward(elements(&x), &rows, d), [rows.len(), d])
+        let picked = rows::forward(elements(&x), &rows, d).into_tensor([rows.len(), d]);
+        recycle(x);
+        picked
     }
+}
+
+impl OwnUpdates for Flex {
+    fn own_head_nll(
+        x_sd: FlexTensor,
+        gamma_d: FlexTensor,
+        weight_dv: FlexTensor,
+        targets: Arc<[u32]>,
+        epsilon: f32,
+    ) -> FlexTensor {
+        let [x, gamma, weight] = [x_sd, gamma_d, weight_dv].map(contiguous);
+        let losses = head([&x, &gamma, &weight], &targets, epsilon).losses();
+        tensor(parts(&losses), [losses.len(), 2])
+    }
+
+    fn own_sum_of_squares(x: FlexTensor) -> FlexTensor {
+        let total = adamw::sum_of_squares(elements(&contiguous(x)));
+        tensor(parts(&[total]), [2])
+    }
+
+    fn own_adamw(
+        value: FlexTensor,
+        gradient: FlexTensor,
+        first: FlexTensor,
+        second: FlexTensor,
+        step: AdamWStep,
+    ) -> (FlexTensor, FlexTensor, FlexTensor) {
+        let [mut value, gradient, mut first, mut second] =
+            [value, gradient, first, second].map(contiguous);
+        let moments = (elements_mut(&mut first), elements_mut(&mut second));
+        adamw::step(elements_mut(&mut value), elements(&gradient), moments.0, moments.1, step);
+        recycle(gradient);
+        (value, first, second)
+    }
+}
+
+/// Multiplies a gradient by the one that comes from above, which is 1 for the loss itself.
+pub fn scaled(mut gradient: Buffer, by: f32) -> Buffer {
+    if by != 1.0 {
+        gradient.iter_mut().for_each(|x| *x *= by);
+    }
+    gradient
 }

@@ -39,6 +39,12 @@ pub trait Lanes: Copy {
     /// The smaller; `other` if either is NaN.
     fn min(self, other: Self) -> Self;
 
+    /// √self.
+    fn sqrt(self) -> Self;
+
+    /// The lanes of each pair changed over: 1, 0, 3, 2, …
+    fn swap_pairs(self) -> Self;
+
     /// `self a + b`, rounded once where the machine has the instruction.
     fn mul_add(self, a: Self, b: Self) -> Self;
 
@@ -160,6 +166,14 @@ impl Lanes for [f32; LANES] {
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         std::array::from_fn(|i| if self[i] < other[i] { self[i] } else { other[i] })
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(f32::sqrt)
+    }
+    #[inline(always)]
+    fn swap_pairs(self) -> Self {
+        std::array::from_fn(|i| self[i ^ 1])
     }
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {

@@ -45,10 +45,12 @@ impl Scratch {
         &mut self.values[i * self.stride..][..self.stride]
     }
 
-    /// Writes one element.
+    /// Writes the first elements of column `j`.
     #[inline(always)]
-    pub fn set(&mut self, i: usize, j: usize, value: f32) {
-        self.values[i * self.stride + j] = value;
+    pub fn set_column(&mut self, j: usize, column: &[f32]) {
+        for (row, &value) in self.values.chunks_exact_mut(self.stride).zip(column) {
+            row[j] = value;
+        }
     }
 
     /// The vector that starts at column `j` of row `i`.
@@ -79,9 +81,20 @@ pub struct Left<'a> {
 }
 
 impl Left<'_> {
+    /// Sees that there are so many rows and inner elements, which [`Left::at`] relies on.
     #[inline(always)]
-    fn at(&self, row: usize, inner: usize) -> f32 {
-        self.values[row * self.row_stride + inner * self.inner_stride]
+    fn check(&self, rows: usize, inner: usize) {
+        let last = (rows.max(1) - 1) * self.row_stride + (inner.max(1) - 1) * self.inner_stride;
+        assert!(last < self.values.len(), "a product reads beyond its left operand");
+    }
+
+    /// # Safety
+    ///
+    /// There must be such a row and inner element: see [`Left::check`].
+    #[inline(always)]
+    unsafe fn at(&self, row: usize, inner: usize) -> f32 {
+        // SAFETY: the caller's promise.
+        unsafe { *self.values.get_unchecked(row * self.row_stride + inner * self.inner_stride) }
     }
 }
 
@@ -131,6 +144,7 @@ fn tile<L: Lanes, const R: usize, const V: usize>(
     right: &Scratch,
     inner: Range<usize>,
 ) {
+    left.check(row + R, inner.end);
     let mut sums = [[L::splat(0.0); V]; R];
     for k in inner {
         let mut vectors = [L::splat(0.0); V];
@@ -138,7 +152,8 @@ fn tile<L: Lanes, const R: usize, const V: usize>(
             *vector = right.vector(k, column + v * LANES);
         }
         for (r, sums) in sums.iter_mut().enumerate() {
-            let left = L::splat(left.at(row + r, k));
+            // SAFETY: checked above.
+            let left = L::splat(unsafe { left.at(row + r, k) });
             for (sum, right) in sums.iter_mut().zip(vectors) {
                 *sum = left.mul_add(right, *sum);
             }

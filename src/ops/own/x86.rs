@@ -127,6 +127,18 @@ impl Lanes for Wide {
     }
 
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        Wide(unsafe { _mm512_sqrt_ps(self.0) })
+    }
+
+    #[inline(always)]
+    fn swap_pairs(self) -> Self {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        Wide(unsafe { _mm512_permute_ps::<0b1011_0001>(self.0) })
+    }
+
+    #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
         // SAFETY: the processor has AVX-512, see the head of the file.
         Wide(unsafe { _mm512_fmadd_ps(self.0, a.0, b.0) })
@@ -212,6 +224,19 @@ impl Lanes for Pair {
             _mm256_storeu_ps(low.as_mut_ptr(), self.0);
             _mm256_storeu_ps(high.as_mut_ptr(), self.1);
         }
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        // SAFETY: the processor has AVX, see the head of the file.
+        unsafe { Pair(_mm256_sqrt_ps(self.0), _mm256_sqrt_ps(self.1)) }
+    }
+
+    #[inline(always)]
+    fn swap_pairs(self) -> Self {
+        // SAFETY: the processor has AVX, see the head of the file.
+        let swap = |x| unsafe { _mm256_permute_ps::<0b1011_0001>(x) };
+        Pair(swap(self.0), swap(self.1))
     }
 
     #[inline(always)]

@@ -3,15 +3,24 @@
 use burn::tensor::Device;
 
 use super::*;
+use crate::ops::{own, plain};
 
 const N_HEAD: usize = 2;
 const HEAD_DIM: usize = 4;
 const COLUMNS: usize = 3 * N_HEAD * HEAD_DIM;
 
+/// Attention of `[q | k | v]`, before the projection.
+fn mixed(kernels: Kernels, qkv: &Input, options: &AttentionOptions) -> Vec<f32> {
+    if kernels == Kernels::Own {
+        return own::attention::outcome(&qkv.values, options.heads());
+    }
+    let AttentionOptions { n_head, layout, rope, .. } = options;
+    values(plain::attention(tensor(qkv, &Device::flex()), *n_head, layout, rope))
+}
+
 /// Output rows of attention over one sequence.
 fn attend(kernels: Kernels, qkv: &Input, prefix: usize) -> Vec<Vec<f32>> {
-    let case = super::attention(&[qkv.shape[0]], &[prefix], N_HEAD, HEAD_DIM);
-    let output = case.output(kernels, std::slice::from_ref(qkv), &Device::flex());
+    let output = mixed(kernels, qkv, &options(&[qkv.shape[0]], &[prefix], [N_HEAD, HEAD_DIM]));
     output.chunks(N_HEAD * HEAD_DIM).map(<[f32]>::to_vec).collect()
 }
 
@@ -45,9 +54,8 @@ fn packed_sequences_attend_as_each_does_alone() {
     let (first, second) = (input(19, COLUMNS, 12), input(6, COLUMNS, 13));
     let values = [first.values.clone(), second.values.clone()].concat();
     let both = Input { values, shape: [25, COLUMNS] };
-    let case = super::attention(&[19, 6], &[4, 6], N_HEAD, HEAD_DIM);
     for kernels in [Kernels::Own, Kernels::Plain] {
-        let packed = case.output(kernels, std::slice::from_ref(&both), &Device::flex());
+        let packed = mixed(kernels, &both, &options(&[19, 6], &[4, 6], [N_HEAD, HEAD_DIM]));
         let alone = [attend(kernels, &first, 4), attend(kernels, &second, 6)].concat().concat();
         assert!(relative_error(&packed, &alone) < 1e-6, "{kernels:?}");
     }
@@ -110,18 +118,21 @@ fn a_number_that_is_none_stays_visible() {
 
 #[test]
 fn a_spoilt_sequence_leaves_the_next_one_alone() {
+    const WIDTH: usize = N_HEAD * HEAD_DIM;
     let mut case = super::attention(&[40, 19, 6], &[5, 3, 6], N_HEAD, HEAD_DIM);
     let clean = case.outcome(Kernels::Own, &Device::flex());
-    case.inputs[0].values[..40 * COLUMNS].fill(f32::NAN);
+    case.inputs[0].values[..40 * WIDTH].fill(f32::NAN);
     let spoilt = case.outcome(Kernels::Own, &Device::flex());
     assert!(spoilt.output[0].is_nan() && spoilt.gradients[0][0].is_nan());
-    assert_eq!(clean.output[40 * COLUMNS / 3..], spoilt.output[40 * COLUMNS / 3..]);
-    assert_eq!(clean.gradients[0][40 * COLUMNS..], spoilt.gradients[0][40 * COLUMNS..]);
+    assert_eq!(clean.output[40 * WIDTH..], spoilt.output[40 * WIDTH..]);
+    assert_eq!(clean.gradients[0][40 * WIDTH..], spoilt.gradients[0][40 * WIDTH..]);
 }
 
 #[test]
 #[should_panic(expected = "attention: 5 rows for a layout of 6")]
 fn rows_that_do_not_fit_the_layout_are_refused() {
     let case = super::attention(&[6], &[0], N_HEAD, HEAD_DIM);
-    case.output(Kernels::Own, &[input(5, COLUMNS, 1)], &Device::flex());
+    let mut inputs = case.inputs.clone();
+    inputs[0] = input(5, N_HEAD * HEAD_DIM, 1);
+    case.output(Kernels::Own, &inputs, &Device::flex());
 }

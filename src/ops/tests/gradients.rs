@@ -83,8 +83,12 @@ fn transposed(inputs: &[Input]) -> Vec<Input> {
 
 #[test]
 fn part_of_a_larger_tensor_is_read_from_where_it_lies() {
-    let case = Case::new("swiglu of the last rows".into(), vec![input(7, 10, 8)], |kernels, x| {
-        kernels.swiglu(x[0].clone().slice([3..7, 0..10]))
+    let inputs = vec![input(7, 10, 8), input(1, 10, 1), input(10, 6, 2), input(3, 10, 3)];
+    let case = Case::new("the last rows".into(), inputs, |kernels, x| {
+        let (gamma_d, up_du, down_fd) = (x[1].clone().reshape([10]), x[2].clone(), x[3].clone());
+        let weights = FeedForwardWeights { gamma_d, up_du, down_fd };
+        let last = x[0].clone().slice([3..7, 0..10]);
+        kernels.feed_forward(last, weights, Activation::SwiGlu, 1e-5)
     });
     let own = case.outcome(Kernels::Own, &Device::flex());
     assert_close(&own, &case.outcome(Kernels::Plain, &Device::flex()), 1e-5, &case.name);
@@ -105,11 +109,13 @@ fn going_back_leaves_shared_inputs_as_they_were() {
 
 #[test]
 fn an_input_used_twice_gets_both_gradients() {
-    let case =
-        Case::new("swiglu beside another use".into(), vec![input(4, 12, 7)], |kernels, x| {
-            let doubled = x[0].clone().mul_scalar(2.0);
-            kernels.swiglu(doubled.clone()).add(doubled.slice([0..4, 3..9]))
-        });
+    let inputs = vec![input(4, 6, 7), input(1, 6, 1), input(6, 6, 2), input(3, 6, 3)];
+    let case = Case::new("an input of two".into(), inputs, |kernels, x| {
+        let (gamma_d, up_du, down_fd) = (x[1].clone().reshape([6]), x[2].clone(), x[3].clone());
+        let weights = FeedForwardWeights { gamma_d, up_du, down_fd };
+        let doubled = x[0].clone().mul_scalar(2.0);
+        kernels.feed_forward(doubled.clone(), weights, Activation::SwiGlu, 1e-5).add(doubled)
+    });
     let own = case.outcome(Kernels::Own, &Device::flex());
     assert_close(&own, &case.outcome(Kernels::Plain, &Device::flex()), 1e-5, &case.name);
 }

@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::{Kernels, Rope, SequenceLayout};
+use super::{
+    Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights, Kernels, Rope,
+    SequenceLayout,
+};
 
 mod attention;
 mod bits;
@@ -87,24 +90,25 @@ impl Case {
     }
 }
 
-fn rms_norm(n: usize, d: usize) -> Case {
-    let inputs = vec![input(n, d, 1), input(1, d, 2)];
-    Case::new(format!("rms_norm {n} x {d}"), inputs, move |kernels, x| {
-        kernels.rms_norm(x[0].clone(), x[1].clone().reshape([d]), 1e-5)
+fn feed_forward(n: usize, d: usize, f: usize, activation: Activation) -> Case {
+    let u = if activation == Activation::SwiGlu { 2 * f } else { f };
+    let inputs = vec![input(n, d, 1), input(1, d, 2), input(d, u, 3), input(f, d, 4)];
+    let name = format!("{activation:?} {n} x {d} x {f}");
+    Case::new(name, inputs, move |kernels, x| {
+        let [gamma_d, up_du, down_fd] = [&x[1], &x[2], &x[3]].map(Tensor::clone);
+        let gamma_d = gamma_d.reshape([d]);
+        let weights = FeedForwardWeights { gamma_d, up_du, down_fd };
+        kernels.feed_forward(x[0].clone(), weights, activation, 1e-5)
     })
 }
 
-fn swiglu(n: usize, f: usize) -> Case {
-    let mut gate_up = input(n, 2 * f, 3);
-    gate_up.values.iter_mut().for_each(|x| *x *= 4.0);
-    Case::new(format!("swiglu {n} x {f}"), vec![gate_up], |kernels, x| kernels.swiglu(x[0].clone()))
-}
-
-fn cross_entropy(n: usize, n_vocab: usize) -> Case {
+fn head_loss(n: usize, d: usize, n_vocab: usize) -> Case {
     let targets: Arc<[u32]> = (0..n).map(|i| (i * 7 % n_vocab) as u32).collect();
-    let name = format!("cross_entropy {n} x {n_vocab}");
-    Case::new(name, vec![input(n, n_vocab, 4)], move |kernels, x| {
-        kernels.cross_entropy(x[0].clone(), &targets).reshape([1, 1])
+    let inputs = vec![input(n, d, 1), input(1, d, 2), input(d, n_vocab, 4)];
+    Case::new(format!("head_loss {n} x {d} x {n_vocab}"), inputs, move |kernels, x| {
+        let (gamma_d, weight_dv) = (x[1].clone().reshape([d]), x[2].clone());
+        let weights = HeadWeights { gamma_d, weight_dv };
+        kernels.head_loss(x[0].clone(), weights, &targets, 1e-5).reshape([1, 1])
     })
 }
 
@@ -115,26 +119,34 @@ fn select_rows(m: usize, d: usize, n: usize) -> Case {
     })
 }
 
-fn attention(lengths: &[usize], prefixes: &[usize], n_head: usize, head_dim: usize) -> Case {
+fn options(lengths: &[usize], prefixes: &[usize], heads: [usize; 2]) -> AttentionOptions {
+    let [n_head, head_dim] = heads;
     let layout = Arc::new(SequenceLayout::new(lengths, prefixes).unwrap());
     let rope = Arc::new(Rope::new(layout.max_len(), head_dim, 10_000.0));
+    AttentionOptions { n_head, layout, rope, epsilon: 1e-5 }
+}
+
+fn attention(lengths: &[usize], prefixes: &[usize], n_head: usize, head_dim: usize) -> Case {
+    let (options, d) = (options(lengths, prefixes, [n_head, head_dim]), n_head * head_dim);
+    let n = options.layout.n_rows();
+    let inputs = vec![input(n, d, 6), input(1, d, 2), input(d, 3 * d, 7), input(d, d, 8)];
     let name = format!("attention {lengths:?} {prefixes:?} {n_head} x {head_dim}");
-    let mut qkv = input(layout.n_rows(), 3 * n_head * head_dim, 6);
-    qkv.values.iter_mut().for_each(|x| *x *= 2.0);
-    Case::new(name, vec![qkv], move |kernels, x| {
-        kernels.attention(x[0].clone(), n_head, &layout, &rope)
+    Case::new(name, inputs, move |kernels, x| {
+        let [gamma_d, qkv_d3d, output_dd] = [&x[1], &x[2], &x[3]].map(Tensor::clone);
+        let gamma_d = gamma_d.reshape([d]);
+        let weights = AttentionWeights { gamma_d, qkv_d3d, output_dd };
+        kernels.attention(x[0].clone(), weights, &options)
     })
 }
 
 /// Few numbers, of shapes that end within vectors and tiles.
 fn small_cases() -> Vec<Case> {
     vec![
-        rms_norm(3, 5),
-        rms_norm(2, 19),
-        swiglu(3, 5),
-        swiglu(2, 17),
-        cross_entropy(4, 6),
-        cross_entropy(3, 21),
+        feed_forward(3, 5, 3, Activation::SwiGlu),
+        feed_forward(2, 19, 17, Activation::SwiGlu),
+        feed_forward(3, 4, 18, Activation::Gelu),
+        head_loss(4, 3, 6),
+        head_loss(3, 17, 21),
         select_rows(5, 3, 8),
         attention(&[4, 1, 6], &[2, 0, 6], 2, 4),
         attention(&[9, 18], &[0, 12], 1, 2),
@@ -144,11 +156,12 @@ fn small_cases() -> Vec<Case> {
 /// The shapes of training.
 fn large_cases() -> Vec<Case> {
     vec![
-        rms_norm(200, 64),
-        rms_norm(37, 100),
-        swiglu(100, 168),
-        cross_entropy(64, 512),
-        cross_entropy(5, 20_003),
+        feed_forward(300, 64, 168, Activation::SwiGlu),
+        feed_forward(37, 100, 290, Activation::Gelu),
+        feed_forward(130, 260, 40, Activation::SwiGlu),
+        head_loss(64, 64, 512),
+        head_loss(600, 36, 1001),
+        head_loss(5, 20, 20_003),
         select_rows(66, 64, 500),
         attention(&[50, 43, 17, 50], &[10, 20, 17, 0], 2, 8),
         attention(&[64, 33], &[0, 1], 2, 32),

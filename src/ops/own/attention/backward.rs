@@ -1,5 +1,7 @@
 //! The way back, from the weights that the way forward kept.
 
+use std::ops::Range;
+
 use super::rotation::{rotate, rotate_back};
 use super::{Head, Heads, Workspace};
 use crate::ops::own::lanes::{LANES, Lanes, vectorised};
@@ -7,16 +9,22 @@ use crate::ops::own::maths::{copy, dot};
 use crate::ops::own::product::{Span, product};
 
 vectorised! {
-    /// Turns `qkv` into the gradient by it, given the weights that [`super::forward`] kept and the
-    /// gradient by its output.
-    pub fn backward(qkv: &mut [f32], heads: Heads<'_>, kept: &[f32], grad_output: &[f32]) {
-        let mut work = Workspace::default();
-        let mut kept = kept;
-        for head in heads.each() {
-            load_backward::<L>(&mut work, qkv, grad_output, head);
-            load_weights::<L>(&mut work, &mut kept, head);
-            differentiate::<L>(&mut work, head);
-            store_gradients::<L>(qkv, &work, head);
+    /// Turns the rows of the sequences `sequences` of `qkv` into the gradient by them, given the
+    /// weights that [`super::forward`] kept, from whose front those read are taken, and the
+    /// gradient by the output.
+    pub fn backward(
+        qkv: &mut [f32],
+        heads: Heads<'_>,
+        sequences: Range<usize>,
+        kept: &mut &[f32],
+        grad_output: &[f32],
+        work: &mut Workspace,
+    ) {
+        for head in heads.each(sequences) {
+            load_backward::<L>(work, qkv, grad_output, head);
+            load_weights::<L>(work, kept, head);
+            differentiate::<L>(work, head);
+            store_gradients::<L>(qkv, work, head);
         }
     }
 }
@@ -31,11 +39,9 @@ fn load_backward<L: Lanes>(work: &mut Workspace, qkv: &[f32], grad_output: &[f32
     work.output.resize(len, head_dim);
     for t in 0..len {
         let angles = head.heads.rope.at(t);
-        rotate(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
-        rotate(&mut work.keys.row_mut(t)[..head_dim], head.part(1, t, qkv), angles, 1.0);
-        for (i, &value) in head.part(2, t, qkv).iter().enumerate() {
-            work.values.set(i, t, value);
-        }
+        rotate::<L>(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
+        rotate::<L>(&mut work.keys.row_mut(t)[..head_dim], head.part(1, t, qkv), angles, 1.0);
+        work.values.set_column(t, head.part(2, t, qkv));
         let gradient = &grad_output[head.output_start(t)..][..head_dim];
         copy::<L>(&mut work.output.row_mut(t)[..head_dim], gradient);
     }
@@ -95,9 +101,9 @@ fn store_gradients<L: Lanes>(qkv: &mut [f32], work: &Workspace, head: Head<'_>) 
     for t in 0..head.len() {
         let angles = head.heads.rope.at(t);
         let target = &mut qkv[head.start(0, t)..][..head_dim];
-        rotate_back(target, &work.grad_queries.row(t)[..head_dim], angles, scale);
+        rotate_back::<L>(target, &work.grad_queries.row(t)[..head_dim], angles, scale);
         let target = &mut qkv[head.start(1, t)..][..head_dim];
-        rotate_back(target, &work.grad_keys.row(t)[..head_dim], angles, 1.0);
+        rotate_back::<L>(target, &work.grad_keys.row(t)[..head_dim], angles, 1.0);
         let target = &mut qkv[head.start(2, t)..][..head_dim];
         copy::<L>(target, &work.grad_values.row(t)[..head_dim]);
     }

@@ -1,28 +1,34 @@
 //! The way forward: scores, softmax, weighted values.
 
-use super::rotation::{rotate, rotate_into_column};
+use std::ops::Range;
+
+use super::rotation::rotate;
 use super::{Head, Heads, Workspace};
 use crate::ops::own::lanes::{LANES, Lanes, vectorised};
 use crate::ops::own::maths::{copy, exp, max};
 use crate::ops::own::product::{Span, product};
 
 vectorised! {
-    /// Attention of packed `qkv` `[n_rows, 3 d]`: the output `[n_rows, d]`, and the weights of
-    /// all heads that are not masked, row after row, if `keep` asks for them.
-    pub fn forward(qkv: &[f32], heads: Heads<'_>, keep: bool) -> (Vec<f32>, Vec<f32>) {
-        let mut output = vec![0.0; heads.layout.n_rows() * heads.d_model()];
-        let mut kept = vec![0.0; if keep { heads.n_kept() } else { 0 }];
-        let mut room = kept.as_mut_slice();
-        let mut work = Workspace::default();
-        for head in heads.each() {
-            load_forward::<L>(&mut work, qkv, head);
-            attend::<L>(&mut work, head);
+    /// Attention of the sequences `sequences` of `qkv` `[n, 3 d]`, into their rows of `output`
+    /// `[n, d]`. If `keep` asks for it, the weights that are not masked go to the front of
+    /// `room`, row after row, and it moves on.
+    pub fn forward(
+        qkv: &[f32],
+        heads: Heads<'_>,
+        sequences: Range<usize>,
+        output: &mut [f32],
+        keep: bool,
+        room: &mut &mut [f32],
+        work: &mut Workspace,
+    ) {
+        for head in heads.each(sequences) {
+            load_forward::<L>(work, qkv, head);
+            attend::<L>(work, head);
             if keep {
-                keep_weights::<L>(&mut room, &work, head);
+                keep_weights::<L>(room, work, head);
             }
-            store_output::<L>(&mut output, &work, head);
+            store_output::<L>(output, work, head);
         }
-        (output, kept)
     }
 }
 
@@ -31,12 +37,14 @@ vectorised! {
 fn load_forward<L: Lanes>(work: &mut Workspace, qkv: &[f32], head: Head<'_>) {
     let (len, head_dim, scale) = (head.len(), head.head_dim(), head.scale());
     work.queries.resize(len, head_dim);
+    work.turned.resize(1, head_dim);
     work.keys.resize(head_dim, len);
     work.values.resize(len, head_dim);
     for t in 0..len {
         let angles = head.heads.rope.at(t);
-        rotate(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
-        rotate_into_column(&mut work.keys, t, head.part(1, t, qkv), angles);
+        rotate::<L>(&mut work.queries.row_mut(t)[..head_dim], head.part(0, t, qkv), angles, scale);
+        rotate::<L>(&mut work.turned.row_mut(0)[..head_dim], head.part(1, t, qkv), angles, 1.0);
+        work.keys.set_column(t, &work.turned.row(0)[..head_dim]);
         copy::<L>(&mut work.values.row_mut(t)[..head_dim], head.part(2, t, qkv));
     }
 }

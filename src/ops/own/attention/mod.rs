@@ -4,12 +4,11 @@
 //! each row of the score matrix is cut where it ends, and only what lies before the cut is
 //! computed and kept: about half of it for a causal sequence.
 //!
-//! Within a head the rotated features stand in another order here, first those of even index and
-//! then those of odd index. Scores do not depend on it, and it saves putting them back.
-//!
 //! Rows of weights are zero from their cut to the end of its vector, and unspecified after it.
 //! That is enough: a tile reads no further than its longest row, whose cut lies in the same
 //! vector, because a vector holds whole tiles and all rows of the prefix are equally long.
+
+use std::ops::Range;
 
 use crate::ops::{Rope, SequenceLayout};
 
@@ -18,6 +17,7 @@ use super::product::{ROWS, Scratch};
 
 mod backward;
 mod forward;
+pub mod half;
 mod rotation;
 
 pub use backward::backward;
@@ -25,12 +25,14 @@ pub use forward::forward;
 
 const _: () = assert!(LANES.is_multiple_of(ROWS), "a vector must hold whole tiles");
 
-/// Where the heads of the sequences lie in the rows of `[q | k | v]`.
+/// Where the heads of the sequences lie in rows of `[q | k | v]` and of the output.
 #[derive(Clone, Copy)]
 pub struct Heads<'a> {
     pub layout: &'a SequenceLayout,
     pub rope: &'a Rope,
     pub n_head: usize,
+    /// The row of the batch at which the slices that are worked on start.
+    pub first_row: usize,
 }
 
 /// One head of one sequence.
@@ -44,9 +46,11 @@ struct Head<'a> {
 
 /// Matrices of one head, kept from head to head for their allocations.
 #[derive(Default)]
-struct Workspace {
+pub struct Workspace {
     /// Rotated and scaled, `[len, head_dim]`.
     queries: Scratch,
+    /// One rotated key.
+    turned: Scratch,
     /// Rotated: transposed, `[head_dim, len]`, on the way forward, `[len, head_dim]` back.
     keys: Scratch,
     /// `[len, head_dim]` on the way forward, transposed back.
@@ -64,20 +68,20 @@ struct Workspace {
 }
 
 impl<'a> Heads<'a> {
-    fn d_model(&self) -> usize {
+    pub fn d_model(&self) -> usize {
         self.n_head * self.rope.head_dim()
     }
 
-    /// Every head of every sequence, in the order of their rows.
-    fn each(self) -> impl Iterator<Item = Head<'a>> {
-        let sequences = 0..self.layout.n_sequences();
+    /// Every head of these sequences, in the order of their rows.
+    fn each(self, sequences: Range<usize>) -> impl Iterator<Item = Head<'a>> {
         sequences
             .flat_map(move |sequence| (0..self.n_head).map(move |head| self.at(sequence, head)))
     }
 
     /// Weights kept for the way back: rows of visible ones, filled up to whole vectors.
-    fn n_kept(self) -> usize {
-        let rows = self.each().flat_map(|head| (0..head.len()).map(move |q| head.visible(q)));
+    pub fn n_kept(self) -> usize {
+        let heads = self.each(0..self.layout.n_sequences());
+        let rows = heads.flat_map(|head| (0..head.len()).map(move |q| head.visible(q)));
         rows.map(|visible| visible.next_multiple_of(LANES)).sum()
     }
 
@@ -108,7 +112,7 @@ impl Head<'_> {
     #[inline(always)]
     fn start(&self, part: usize, t: usize) -> usize {
         let d_model = self.heads.d_model();
-        let row = self.heads.layout.rows(self.sequence).start + t;
+        let row = self.heads.layout.rows(self.sequence).start + t - self.heads.first_row;
         (3 * row + part) * d_model + self.column
     }
 
@@ -121,7 +125,7 @@ impl Head<'_> {
     /// Start of the head's output of position `t` in `[n_rows, d]`.
     #[inline(always)]
     fn output_start(&self, t: usize) -> usize {
-        let row = self.heads.layout.rows(self.sequence).start + t;
+        let row = self.heads.layout.rows(self.sequence).start + t - self.heads.first_row;
         row * self.heads.d_model() + self.column
     }
 
@@ -136,4 +140,13 @@ impl Head<'_> {
     fn first_viewer(&self, first: usize) -> usize {
         if first < self.heads.layout.prefix(self.sequence) { 0 } else { first }
     }
+}
+
+/// Attention of all sequences of `[q | k | v]`, `[n, d]`.
+#[cfg(test)]
+pub fn outcome(qkv: &[f32], heads: Heads<'_>) -> Vec<f32> {
+    let mut output = vec![f32::NAN; heads.layout.n_rows() * heads.d_model()];
+    let sequences = 0..heads.layout.n_sequences();
+    forward(qkv, heads, sequences, &mut output, false, &mut &mut [][..], &mut Workspace::default());
+    output
 }

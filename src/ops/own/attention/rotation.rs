@@ -2,44 +2,38 @@
 //!
 //! [`Rope`]: crate::ops::Rope
 
-use crate::ops::own::product::Scratch;
+use crate::ops::own::lanes::{LANES, Lanes};
 
-/// Turns the pairs of `source`, leaving those of even index in the first half.
+/// Turns the pairs of `source`, and multiplies them by `scale`.
 #[inline(always)]
-pub fn rotate(target: &mut [f32], source: &[f32], (cos, sin): (&[f32], &[f32]), scale: f32) {
-    let (even, odd) = target.split_at_mut(cos.len());
-    let angles = cos.iter().zip(sin);
-    let pairs = source.as_chunks().0.iter().zip(angles);
-    for ((even, odd), (&[a, b], (cos, sin))) in even.iter_mut().zip(odd).zip(pairs) {
-        *even = (a * cos - b * sin) * scale;
-        *odd = (a * sin + b * cos) * scale;
-    }
-}
-
-/// As [`rotate`], into column `t` of a transposed matrix.
-#[inline(always)]
-pub fn rotate_into_column(
-    target: &mut Scratch,
-    t: usize,
+pub fn rotate<L: Lanes>(
+    target: &mut [f32],
     source: &[f32],
-    angles: (&[f32], &[f32]),
+    (along, across): (&[f32], &[f32]),
+    scale: f32,
 ) {
-    let (cos, sin) = angles;
-    let pairs = source.as_chunks().0.iter().zip(cos.iter().zip(sin));
-    for (i, (&[a, b], (cos, sin))) in pairs.enumerate() {
-        target.set(i, t, a * cos - b * sin);
-        target.set(angles.0.len() + i, t, a * sin + b * cos);
+    let angles = along.chunks(LANES).zip(across.chunks(LANES));
+    let vectors = target.chunks_mut(LANES).zip(source.chunks(LANES));
+    for ((target, source), (along, across)) in vectors.zip(angles) {
+        let x = L::read(source);
+        let turned = x.swap_pairs().mul_add(L::read(across), x.mul(L::read(along)));
+        turned.mul(L::splat(scale)).write(target);
     }
 }
 
 /// Turns the gradient by a rotated vector back: [`rotate`] by the opposite angle.
 #[inline(always)]
-pub fn rotate_back(target: &mut [f32], source: &[f32], (cos, sin): (&[f32], &[f32]), scale: f32) {
-    let (even, odd) = source.split_at(cos.len());
-    let angles = cos.iter().zip(sin);
-    let pairs = target.as_chunks_mut().0.iter_mut().zip(angles);
-    for ((even, odd), ([a, b], (cos, sin))) in even.iter().zip(odd).zip(pairs) {
-        *a = (even * cos + odd * sin) * scale;
-        *b = (odd * cos - even * sin) * scale;
+pub fn rotate_back<L: Lanes>(
+    target: &mut [f32],
+    source: &[f32],
+    (along, across): (&[f32], &[f32]),
+    scale: f32,
+) {
+    let angles = along.chunks(LANES).zip(across.chunks(LANES));
+    let vectors = target.chunks_mut(LANES).zip(source.chunks(LANES));
+    for ((target, source), (along, across)) in vectors.zip(angles) {
+        let (x, none) = (L::read(source), L::splat(0.0));
+        let turned = x.swap_pairs().mul_add(none.sub(L::read(across)), x.mul(L::read(along)));
+        turned.mul(L::splat(scale)).write(target);
     }
 }

@@ -1,0 +1,241 @@
+"""Training steps of isoflop beside the same work in PyTorch, on one thread.
+
+The model is that of `src/model`, written in PyTorch: text vectors through a linear layer, codes
+through an embedding, pre-RMSNorm blocks with RoPE, fused scaled-dot-product attention and SwiGLU,
+an untied head on the rows that predict motion, mean cross-entropy, gradient clipping, fused AdamW.
+PyTorch runs eagerly and through `torch.compile`.
+
+The sides take turns, each a pass of some seconds, in one process each that stays alive; a pass
+gives the median of the processor seconds of its steps, so that other work on the machine matters
+little. Ratios are taken within a round. `just bench-peer` builds and runs it.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
+
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+D_TEXT = 64
+
+# Layers, heads, width, codes, text vectors, codes of a clip, clips: as in benches/train.rs.
+CASES = {
+    "S0": (2, 2, 64, 512, 1, 63, 32),
+    "S1": (4, 4, 128, 1024, 1, 63, 32),
+    "S2": (6, 4, 256, 4096, 1, 63, 32),
+    "motion-V1000": (4, 4, 64, 1000, 32, 50, 32),
+    "motion-V64000": (4, 4, 64, 64_000, 32, 50, 32),
+}
+
+
+def matrix(rows, columns, std):
+    """A linear layer without bias, drawn from a normal distribution."""
+    layer = nn.Linear(rows, columns, bias=False)
+    nn.init.normal_(layer.weight, 0.0, std)
+    return layer
+
+
+class Block(nn.Module):
+    """x + Attention(RMSNorm(x)), then x + SwiGLU(RMSNorm(x))."""
+
+    def __init__(self, d, n_head, d_ff, n_layer):
+        super().__init__()
+        std = (2 / (5 * d)) ** 0.5
+        self.n_head = n_head
+        self.norm_attention = nn.RMSNorm(d, eps=1e-5)
+        self.qkv = matrix(d, 3 * d, std)
+        self.output = matrix(d, d, std / (2 * n_layer) ** 0.5)
+        self.norm_ffn = nn.RMSNorm(d, eps=1e-5)
+        self.up = matrix(d, 2 * d_ff, std)
+        self.down = matrix(d_ff, d, std / (2 * n_layer) ** 0.5)
+
+    def attention(self, x, angles, mask):
+        b, t, d = x.shape
+        parts = self.qkv(x).view(b, t, 3, self.n_head, d // self.n_head)
+        q, k, v = parts.permute(2, 0, 3, 1, 4)
+        q, k = turn(q, *angles), turn(k, *angles)
+        mixed = F.scaled_dot_product_attention(q, k, v, attn_mask=mask, is_causal=mask is None)
+        return self.output(mixed.transpose(1, 2).reshape(b, t, d))
+
+    def forward(self, x, angles, mask):
+        x = x + self.attention(self.norm_attention(x), angles, mask)
+        gate, up = self.up(self.norm_ffn(x)).chunk(2, -1)
+        return x + self.down(F.silu(gate) * up)
+
+
+def turn(x, cos, sin):
+    """RoPE, in the half-split order, which PyTorch computes with fewer copies."""
+    a, b = x.chunk(2, -1)
+    return torch.cat([a * cos - b * sin, a * sin + b * cos], -1)
+
+
+class Transformer(nn.Module):
+    """`[text | codes]` of each clip to the mean cross-entropy of its codes and end token."""
+
+    def __init__(self, n_layer, n_head, d, n_vocab, n_text, n_codes):
+        super().__init__()
+        d_ff = -(-(8 * d // 3) // 8) * 8
+        self.n_text = n_text
+        self.text = nn.Linear(D_TEXT, d)
+        self.embedding = nn.Embedding(n_vocab + 2, d)
+        nn.init.normal_(self.embedding.weight, 0.0, (2 / (5 * d)) ** 0.5)
+        blocks = (Block(d, n_head, d_ff, n_layer) for _ in range(n_layer))
+        self.blocks = nn.ModuleList(blocks)
+        self.norm = nn.RMSNorm(d, eps=1e-5)
+        self.head = matrix(d, n_vocab + 1, (2 / (5 * d)) ** 0.5)
+        t, pairs = n_text + n_codes, d // n_head // 2
+        angles = torch.arange(t)[:, None] * 10_000.0 ** (-torch.arange(pairs) / pairs)
+        self.register_buffer("cos", angles.cos())
+        self.register_buffer("sin", angles.sin())
+        mask = torch.ones(t, t, dtype=torch.bool).tril()
+        mask[:n_text, :n_text] = True
+        self.register_buffer("mask", mask if n_text > 1 else None)
+
+    def forward(self, text, codes, targets):
+        x = torch.cat([self.text(text), self.embedding(codes)], 1)
+        for block in self.blocks:
+            x = block(x, (self.cos, self.sin), self.mask)
+        logits = self.head(self.norm(x[:, self.n_text - 1 :]))
+        return F.cross_entropy(logits.flatten(0, 1), targets.flatten())
+
+
+def stepper(case, compiled):
+    """A function that does one training step and returns its loss."""
+    torch.manual_seed(0)
+    n_layer, n_head, d, n_vocab, n_text, n_codes, clips = CASES[case]
+    model = Transformer(n_layer, n_head, d, n_vocab, n_text, n_codes)
+    optimiser = torch.optim.AdamW(
+        model.parameters(), lr=1e-3, betas=(0.9, 0.95), eps=1e-8, weight_decay=1e-6, fused=True
+    )
+    text = torch.full((clips, n_text, D_TEXT), 0.5)
+    codes = (torch.arange(n_codes) * 7 % n_vocab).expand(clips, n_codes).contiguous()
+    targets = F.pad(codes, (0, 1), value=n_vocab)
+    forward = torch.compile(model) if compiled else model
+
+    def step():
+        loss = forward(text, codes, targets)
+        optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
+        optimiser.step()
+        return loss.item()
+
+    return step
+
+
+def timed(step, seconds):
+    """The median of the processor seconds of a step, over a pass of at least three."""
+    times, started = [], time.perf_counter()
+    while len(times) < 3 or time.perf_counter() - started < seconds:
+        before = time.process_time()
+        step()
+        times.append(time.process_time() - before)
+    return statistics.median(times)
+
+
+class Ours:
+    """A process of isoflop's bench that times what it is asked to."""
+
+    def __init__(self, program):
+        command = [program] if program else ["cargo", "bench", "--quiet", "--bench", "train", "--"]
+        command.append("--serve")
+        environment = {**os.environ, "RAYON_NUM_THREADS": "1"}
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+        )
+
+    def ask(self, case, seconds):
+        self.process.stdin.write(f"{case} {seconds}\n")
+        self.process.stdin.flush()
+
+    def answer(self):
+        line = self.process.stdout.readline()
+        return json.loads(line) if line else sys.exit("the bench of isoflop has ended")
+
+    def run(self, case, seconds):
+        self.ask(case, seconds)
+        return self.answer()
+
+
+def spread(values, digits=2):
+    """The median, with the least and the most."""
+    least, most = min(values), max(values)
+    return f"{statistics.median(values):.{digits}f} ({least:.{digits}f} to {most:.{digits}f})"
+
+
+def beside_peer(ours, case, modes, options):
+    """A row of the first table."""
+    steppers = {mode: stepper(case, mode == "compile") for mode in modes}
+    for step in steppers.values():
+        step(), step(), step()
+    ours.run(case, 0.2)
+    tokens_s, shares, ratios = [], [], {mode: [] for mode in modes}
+    for _ in range(options.rounds):
+        product = ours.run("product", 0.5)
+        mine = ours.run(case, options.seconds)
+        tokens_s.append(mine["tokens"] / mine["step_s"])
+        shares.append(
+            100 * mine["flops"] / mine["step_s"] / (product["flops"] / product["step_s"])
+        )
+        for mode, step in steppers.items():
+            ratios[mode].append(timed(step, options.seconds) / mine["step_s"])
+    cells = [f"{statistics.median(tokens_s):.0f}", spread(shares, 0)]
+    return [case, *cells, *(spread(ratios[mode]) for mode in modes)]
+
+
+def two_beside(pair, case, options):
+    """Throughput of two processes at once over that of one.
+
+    By processor seconds, as if each had a core to itself: what is left of 2 is what they take
+    from one another in caches and memory.
+    """
+    for one in pair:
+        one.run(case, 0.2)
+    ratios = []
+    for _ in range(options.rounds):
+        alone = pair[0].run(case, options.seconds)["step_s"]
+        for one in pair:
+            one.ask(case, options.seconds)
+        ratios.append(sum(alone / one.answer()["step_s"] for one in pair))
+    return [case, spread(ratios)]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", default=",".join(CASES), help="which, with commas")
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--seconds", type=float, default=1.0, help="of a pass")
+    parser.add_argument("--no-compile", action="store_true", help="leave torch.compile out")
+    parser.add_argument("--beside", action="store_true", help="time two processes at once too")
+    parser.add_argument("--program", help="the bench as built, in place of asking cargo for it")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    modes = ["eager"] if options.no_compile else ["eager", "compile"]
+    ours = Ours(options.program)
+    peak = [ours.run("product", 0.5) for _ in range(3)]
+    peak = max(pass_["flops"] / pass_["step_s"] for pass_ in peak) / 1e9
+    print(f"PyTorch {torch.__version__}; a product of 1024³ reaches {peak:.0f} GF/s\n")
+    header = ["case", "tokens/s", "% of product", *(f"ratio to {mode}" for mode in modes)]
+    rows = [header, ["---"] * len(header)]
+    print("\n".join(f"| {' | '.join(row)} |" for row in rows), flush=True)
+    cases = options.cases.split(",")
+    for case in cases:
+        print(f"| {' | '.join(beside_peer(ours, case, modes, options))} |", flush=True)
+    if options.beside:
+        print("\n| case | two at once over one |\n| --- | --- |")
+        pair = (ours, Ours(options.program))
+        for case in cases:
+            print(f"| {' | '.join(two_beside(pair, case, options))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

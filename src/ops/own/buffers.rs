@@ -1,0 +1,136 @@
+//! [`Buffer`]: memory that is handed from step to step.
+//!
+//! Fresh memory costs a page fault and the clearing of a page for every four kilobytes, which at
+//! the sizes of a training step takes as long as many of its kernels. So what a step lets go of
+//! waits here, by thread and by size, for the next one.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ops::{Deref, DerefMut};
+
+use burn_flex::FlexTensor;
+
+use super::flex::tensor;
+
+thread_local! {
+    /// Vectors that nobody uses, by their length.
+    static FREE: RefCell<BTreeMap<usize, Vec<Vec<f32>>>> = const { RefCell::new(BTreeMap::new()) };
+}
+
+/// Lengths are rounded up to one of so many steps between powers of two, so that batches of
+/// nearly one size share their memory.
+const STEPS: usize = 8;
+
+/// Below this length the allocator is as good.
+const LEAST: usize = 1024;
+
+/// A vector of floats that goes back when it is dropped.
+#[derive(Debug, Default)]
+pub struct Buffer {
+    values: Vec<f32>,
+}
+
+impl Buffer {
+    /// `len` elements, of any values.
+    pub fn new(len: usize) -> Self {
+        let whole = rounded(len);
+        let free = FREE.with_borrow_mut(|free| free.get_mut(&whole).and_then(Vec::pop));
+        let mut values = free.unwrap_or_else(|| vec![0.0; whole]);
+        values.truncate(len);
+        Self { values }
+    }
+
+    /// `len` zeros.
+    pub fn zeros(len: usize) -> Self {
+        let mut buffer = Self::new(len);
+        buffer.fill(0.0);
+        buffer
+    }
+
+    /// A copy.
+    pub fn from_slice(values: &[f32]) -> Self {
+        let mut buffer = Self::new(values.len());
+        buffer.copy_from_slice(values);
+        buffer
+    }
+
+    /// A tensor of these elements.
+    pub fn into_tensor<const D: usize>(mut self, shape: [usize; D]) -> FlexTensor {
+        tensor(std::mem::take(&mut self.values), shape)
+    }
+}
+
+/// Takes a tensor's memory back, unless something else holds it too.
+pub fn recycle(tensor: FlexTensor) {
+    if tensor.is_unique()
+        && let Ok(values) = tensor.into_data().try_into_vec()
+    {
+        drop(Buffer { values });
+    }
+}
+
+/// The length that memory for `len` elements has.
+fn rounded(len: usize) -> usize {
+    if len < LEAST {
+        return len;
+    }
+    len.next_multiple_of((len.next_power_of_two() / 2 / STEPS).max(1))
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        let mut values = std::mem::take(&mut self.values);
+        let whole = rounded(values.len());
+        if whole >= LEAST && values.capacity() == whole {
+            values.resize(whole, 0.0);
+            // At the end of a thread there is nowhere to put it.
+            let _ = FREE.try_with(|free| {
+                free.borrow_mut().entry(whole).or_default().push(values);
+            });
+        }
+    }
+}
+
+impl Clone for Buffer {
+    fn clone(&self) -> Self {
+        Self::from_slice(self)
+    }
+}
+
+impl Deref for Buffer {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        &self.values
+    }
+}
+
+impl DerefMut for Buffer {
+    fn deref_mut(&mut self) -> &mut [f32] {
+        &mut self.values
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_comes_back_for_the_next_of_its_size() {
+        let first = Buffer::new(5000);
+        let place = first.as_ptr();
+        recycle(first.into_tensor([50, 100]));
+        let second = Buffer::new(4990);
+        assert_eq!((second.as_ptr(), second.len()), (place, 4990));
+        assert_ne!(Buffer::zeros(5000).as_ptr(), place, "one at a time");
+    }
+
+    #[test]
+    fn lengths_are_rounded_by_an_eighth_at_most() {
+        for len in (0..200_000).step_by(97) {
+            let whole = rounded(len);
+            assert!(whole >= len && whole * 8 <= len * 9 + 8, "{len}: {whole}");
+            assert_eq!(rounded(whole), whole);
+        }
+    }
+}
