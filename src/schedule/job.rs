@@ -42,7 +42,7 @@ pub fn inputs(plan: &Plan) -> Vec<Job> {
 }
 
 /// The job of a run.
-pub fn run_job(run: &PlannedRun, plan: &Plan) -> Job {
+pub fn run(run: &PlannedRun, plan: &Plan) -> Job {
     let mut needs = data_needs(&run.spec.tokenizer_id, plan);
     needs.extend(run.trunk_id.iter().map(|id| JobId::new(JobKind::Trunk, id)));
     Job {
@@ -119,7 +119,7 @@ fn tokens(job: &TokenizerJob, data: &DataFacts) -> Job {
 pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
     let open = |id: &JobId| matches!(folder.state(id), JobState::Missing | JobState::Started);
     let runs: Vec<Job> =
-        plan.runs.par_iter().map(|run| run_job(run, plan)).filter(|job| open(&job.id)).collect();
+        plan.runs.par_iter().map(|one| run(one, plan)).filter(|job| open(&job.id)).collect();
     let mut wanted = Wanted::new(inputs(plan), folder);
     let runs: Vec<Job> = runs.into_iter().filter_map(|job| wanted.take(job)).collect();
     for id in plan.tokenizers.iter().map(TokenizerJob::id) {

@@ -4,7 +4,7 @@ use super::*;
 
 /// Ends its worker, whose child it is.
 fn kills_its_worker(signal: &str) -> String {
-    format!("echo half way\nkill -{signal} $PPID\nsleep 100")
+    format!("echo half way >&2\nkill -{signal} $PPID\nsleep 100")
 }
 
 #[test]

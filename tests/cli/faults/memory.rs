@@ -99,11 +99,12 @@ impl Drop for Group {
 
 #[test]
 fn a_program_that_the_kernel_kills_for_memory_runs_again_alone() {
-    let Some(group) = Group::limited(230_000_000) else { return };
+    let Some(group) = Group::limited(245_000_000) else { return };
     let place = Place::new();
     place.write("own.yaml", OWN.replace("budgets: [1e9]", "budgets: [1e9, 2e9]"));
-    // 100 MB each, held until the other one has them too, or does not come.
-    let script = r#"held=$(head -c 50000000 /dev/zero | tr '\0' x)
+    // 80 MB each, and twice that for a moment: room for one and not for two. Held until the other
+    // has them too, or does not come.
+    let script = r#"held=$(head -c 80000000 /dev/zero | tr '\0' x)
 touch "$3/holds"; n=0
 while [ $(ls -d results/own/runs/*/checkpoint/holds | wc -l) -lt 2 ] && [ $n -lt 40 ]; do
   sleep 0.1; n=$((n + 1))
