@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::record::{JobId, JobKind, ResultsFolder};
-use isoflop::schedule::{Job, inputs, missing_jobs, run_job};
+use isoflop::schedule::{Job, inputs, missing_jobs, job_of_run};
 use isoflop::slurm::{
     self, After, Array, Entry, Estimates, Layout, Ledger, QUERY, Queue, Settings, Shell,
     SlurmError, SlurmFolder, Submission, Submitted, System, Task, Written, site_defaults,
@@ -174,7 +174,7 @@ impl Request<'_> {
         let OpenSweep { plan, folder, .. } = self.open;
         let mut reads: HashMap<JobId, Vec<JobId>> =
             inputs(plan).into_iter().map(|job| (job.id, job.needs)).collect();
-        let runs = plan.runs.iter().map(|run| run_job(run, plan));
+        let runs = plan.runs.iter().map(|run| job_of_run(run, plan));
         reads.extend(runs.map(|job| (job.id, job.needs)));
         let layout = Layout {
             settings: &self.settings,
