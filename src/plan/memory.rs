@@ -6,10 +6,13 @@ use crate::sweep::{Ffn, TextSpec};
 use crate::tokenizer::TokenizerSpec;
 
 /// Code, runtime and mapped files of a worker before it holds a model.
-const BASE_BYTES: f64 = 48e6;
+const BASE_BYTES: f64 = 46e6;
 
 /// Positions trained for each supervised token: prefixes come on top.
-const POSITIONS_PER_TARGET: f64 = 1.4;
+const POSITIONS_PER_TARGET: f64 = 1.8;
+
+/// What buffers hold above what they are asked for, evaluation and fragments among it.
+const SLACK: f64 = 1.2;
 
 /// Rows of which the head holds the logits at once.
 const HEAD_ROWS: f64 = 256.0;
@@ -19,8 +22,7 @@ const HEAD_ROWS: f64 = 256.0;
 /// Weights, gradients, both moments and the new weights; the head's weights in panels, both ways
 /// round; what the backward pass keeps of each block for its rows (the inputs of both halves,
 /// queries, keys and values, what attention mixed, its weights, the columns before the
-/// activation); a few rows' logits. Buffers are an eighth larger than what they hold at most, half
-/// of that on average.
+/// activation); a few rows' logits.
 pub fn peak_bytes(
     shape: &ModelShape,
     n_vocab: usize,
@@ -39,7 +41,7 @@ pub fn peak_bytes(
     let activations = rows * (shape.n_layer as f64 * block + 4.0 * d);
     let head = 2.0 * d * n_vocab as f64 + targets.min(HEAD_ROWS) * n_vocab as f64;
     let parameters = 5.0 * params.total() as f64;
-    (BASE_BYTES + 4.0 * 1.06 * (activations + head + parameters)) as u64
+    (BASE_BYTES + 4.0 * SLACK * (activations + head + parameters)) as u64
 }
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.

@@ -12,9 +12,12 @@ use burn_flex::FlexTensor;
 
 use super::flex::tensor;
 
+/// Vectors by their length.
+type Free = BTreeMap<usize, Vec<Vec<f32>>>;
+
 thread_local! {
-    /// Vectors that nobody uses, by their length.
-    static FREE: RefCell<BTreeMap<usize, Vec<Vec<f32>>>> = const { RefCell::new(BTreeMap::new()) };
+    /// Vectors that nobody uses.
+    static FREE: RefCell<Free> = const { RefCell::new(Free::new()) };
 }
 
 /// Lengths are rounded up to one of so many steps between powers of two, so that batches of
@@ -34,8 +37,7 @@ impl Buffer {
     /// `len` elements, of any values.
     pub fn new(len: usize) -> Self {
         let whole = rounded(len);
-        let free = FREE.with_borrow_mut(|free| free.get_mut(&whole).and_then(Vec::pop));
-        let mut values = free.unwrap_or_else(|| vec![0.0; whole]);
+        let mut values = FREE.with_borrow_mut(|free| take(free, whole));
         values.truncate(len);
         Self { values }
     }
@@ -60,6 +62,18 @@ impl Buffer {
     }
 }
 
+/// A vector of `whole` to twice as many elements. Where there is none, a smaller one goes for good:
+/// it will not do for the next batch like this one either, and so the vectors grow and not their
+/// number.
+fn take(free: &mut Free, whole: usize) -> Vec<f32> {
+    let pop = |vectors: &mut Vec<Vec<f32>>| vectors.pop();
+    if let Some(values) = free.range_mut(whole..=2 * whole).find_map(|(_, vectors)| pop(vectors)) {
+        return values;
+    }
+    free.range_mut(whole / 2..whole).rev().find_map(|(_, vectors)| pop(vectors));
+    vec![0.0; whole]
+}
+
 /// Takes a tensor's memory back, unless something else holds it too.
 pub fn recycle(tensor: FlexTensor) {
     if tensor.is_unique()
@@ -80,8 +94,8 @@ fn rounded(len: usize) -> usize {
 impl Drop for Buffer {
     fn drop(&mut self) {
         let mut values = std::mem::take(&mut self.values);
-        let whole = rounded(values.len());
-        if whole >= LEAST && values.capacity() == whole {
+        let whole = values.capacity();
+        if whole >= LEAST && rounded(whole) == whole {
             values.resize(whole, 0.0);
             // At the end of a thread there is nowhere to put it.
             let _ = FREE.try_with(|free| {
@@ -123,6 +137,17 @@ mod tests {
         let second = Buffer::new(4990);
         assert_eq!((second.as_ptr(), second.len()), (place, 4990));
         assert_ne!(Buffer::zeros(5000).as_ptr(), place, "one at a time");
+    }
+
+    #[test]
+    fn batches_of_all_sizes_share_the_memory_of_the_largest() {
+        for i in 0..1000 {
+            let n = 2000 + i * 7919 % 60_000;
+            drop([Buffer::new(n), Buffer::new(n)]);
+        }
+        let held: usize = FREE
+            .with_borrow(|free| free.iter().map(|(length, vectors)| length * vectors.len()).sum());
+        assert!(held < 2 * 2 * 62_000 * 9 / 8, "{held} elements lie idle");
     }
 
     #[test]
