@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::record::{JobId, JobKind, ResultsFolder};
-use isoflop::schedule::{Job, inputs, missing_jobs, job_of_run};
+use isoflop::schedule::{Job, inputs, job_of_run, missing_jobs};
 use isoflop::slurm::{
     self, After, Array, Entry, Estimates, Layout, Ledger, QUERY, Queue, Settings, Shell,
     SlurmError, SlurmFolder, Submission, Submitted, System, Task, Written, site_defaults,
