@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use super::files::ChunkFile;
+use crate::record::Failure;
 use crate::schedule::worker::Beat;
 use crate::schedule::{Job, JobEnd, LocalProcesses, Runner, Stop};
 
@@ -40,5 +41,9 @@ impl Runner for Guarded<'_> {
         let end = self.processes.run(job, stop, beat);
         self.worked.fetch_or(end == JobEnd::Done, Ordering::SeqCst);
         end
+    }
+
+    fn give_up(&self, job: &Job, failure: Failure) -> Failure {
+        self.processes.give_up(job, failure)
     }
 }
