@@ -3,7 +3,7 @@
 use anyhow::Result;
 use isoflop::plan::{Plan, RunSpec};
 use isoflop::record::{Failure, JobId, JobKind, JobState, ResultsFolder};
-use isoflop::schedule::{JobEnd, JobReport, inputs};
+use isoflop::schedule::{Job, JobEnd, JobReport, all_jobs};
 
 use super::args::RunArgs;
 use super::command_line::CommandLine;
@@ -56,14 +56,11 @@ impl<'a> Summary<'a> {
 
     /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it.
     pub fn failures(&self, output: &Output) {
-        let inputs = inputs(self.plan).into_iter().map(|job| (job.id, job.label));
-        let runs = self.plan.runs.iter();
-        let runs = runs.map(|run| (JobId::run(run.run_id.as_str()), run.spec.label()));
-        for (job, label) in inputs.chain(runs) {
-            if self.folder.state(&job) == JobState::Failed
-                && let Ok(Some(failure)) = self.folder.failure(&job)
+        for Job { id, label, .. } in all_jobs(self.plan) {
+            if self.folder.state(&id) == JobState::Failed
+                && let Ok(Some(failure)) = self.folder.failure(&id)
             {
-                self.failure(&job, &label, &failure, output);
+                self.failure(&id, &label, &failure, output);
             }
         }
     }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashSet};
 use anyhow::Result;
 use burn::tensor::Device;
 use isoflop::plan::{Plan, PlannedRun, TokenizerJob, Trunk};
-use isoflop::record::{JobId, JobKind, JobState, ResultsFolder, RunStates};
+use isoflop::record::{JobId, JobKind, JobState, ResultsFolder, RunStates, flops_per_second};
 use isoflop::schedule::{Job, inputs, probe};
 use serde_json::{Value, json};
 
@@ -78,10 +78,7 @@ impl ToDo<'_> {
 
 /// FLOPs a second of finished runs; what cannot be read does not count.
 fn finished_rate(plan: &Plan, folder: &ResultsFolder) -> Option<f64> {
-    let records = plan.runs.iter().filter_map(|run| folder.record(&run.run_id).ok().flatten());
-    let (flops, seconds) = records
-        .fold((0.0, 0.0), |(flops, s), record| (flops + record.budget_flops, s + record.wall_s));
-    Some(flops / seconds).filter(|rate| rate.is_finite() && *rate > 0.0)
+    flops_per_second(plan.runs.iter().filter_map(|run| folder.record(&run.run_id).ok().flatten()))
 }
 
 /// The trunks that missing runs branch off, and those that these go on from.

@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use isoflop::plan::Plan;
 use isoflop::record::damaged::set_aside;
 use isoflop::record::{JobId, JobKind, JobState, ResultsFolder, atomic, os_error, read_if_there};
-use isoflop::schedule::{Job, inputs, job_of_run};
+use isoflop::schedule::{Job, all_jobs};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -85,8 +85,7 @@ fn forget_failures(args: &RunArgs, plan: &Plan, folder: &ResultsFolder) -> Resul
     if !args.retry_failed && args.retry.is_empty() {
         return Ok(());
     }
-    let runs = plan.runs.iter().map(|run| job_of_run(run, plan));
-    let jobs: Vec<Job> = inputs(plan).into_iter().chain(runs).collect();
+    let jobs: Vec<Job> = all_jobs(plan).collect();
     let forgotten: HashSet<&JobId> = match args.retry_failed {
         true => jobs.iter().map(|job| &job.id).collect(),
         false => with_needs(&jobs, &args.retry)?,

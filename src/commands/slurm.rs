@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::record::{JobId, JobKind, ResultsFolder};
-use isoflop::schedule::{Job, inputs, job_of_run, missing_jobs};
+use isoflop::schedule::{Job, all_jobs, missing_jobs};
 use isoflop::slurm::{
     self, After, Array, Entry, Estimates, Layout, Ledger, QUERY, Queue, Settings, Shell,
     SlurmError, SlurmFolder, Submission, Submitted, System, Task, Written, site_defaults,
@@ -172,10 +172,8 @@ impl Request<'_> {
         max_tasks: usize,
     ) -> Result<Submission> {
         let OpenSweep { plan, folder, .. } = self.open;
-        let mut reads: HashMap<JobId, Vec<JobId>> =
-            inputs(plan).into_iter().map(|job| (job.id, job.needs)).collect();
-        let runs = plan.runs.iter().map(|run| job_of_run(run, plan));
-        reads.extend(runs.map(|job| (job.id, job.needs)));
+        let reads: HashMap<JobId, Vec<JobId>> =
+            all_jobs(plan).map(|job| (job.id, job.needs)).collect();
         let layout = Layout {
             settings: &self.settings,
             estimates,
@@ -237,15 +235,9 @@ fn digest(program: &Path) -> Result<String> {
 }
 
 /// Who writes to the folder, by number: whose jobs these will be.
-#[cfg(unix)]
 fn user(folder: &ResultsFolder) -> Result<u32> {
     use std::os::unix::fs::MetadataExt;
     Ok(fs::metadata(folder.file("plan.json"))?.uid())
-}
-
-#[cfg(not(unix))]
-fn user(_: &ResultsFolder) -> Result<u32> {
-    bail!("there is no Slurm on this system")
 }
 
 fn report(

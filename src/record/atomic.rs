@@ -86,15 +86,9 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> io::Result<()> 
 }
 
 /// Temporary files are private; results are for everybody that the umask lets in.
-#[cfg(unix)]
 fn make_readable(file: &File) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     file.set_permissions(fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn make_readable(_: &File) -> io::Result<()> {
-    Ok(())
 }
 
 #[cfg(test)]

@@ -12,4 +12,4 @@ pub mod table;
 pub use failure::{Failure, FailureKind, Verdict, os_error};
 pub use folder::{JobState, ResultsFolder, RunStates, read_if_there};
 pub use job_id::{JobId, JobKind};
-pub use run_record::RunRecord;
+pub use run_record::{RunRecord, flops_per_second};

@@ -94,3 +94,13 @@ impl RunRecord {
         }
     }
 }
+
+/// FLOPs of their budgets that runs spent a second, one at a time; `None` where that is no rate.
+pub fn flops_per_second(records: impl IntoIterator<Item = RunRecord>) -> Option<f64> {
+    let (mut flops, mut seconds) = (0.0, 0.0);
+    for record in records {
+        flops += record.budget_flops;
+        seconds += record.wall_s;
+    }
+    Some(flops / seconds).filter(|rate| rate.is_finite() && *rate > 0.0)
+}

@@ -41,8 +41,13 @@ pub fn inputs(plan: &Plan) -> Vec<Job> {
     text.chain(tokenizers).chain(plan.trunks.iter().map(trunk)).collect()
 }
 
+/// Every job of a plan, finished ones too, each after what it needs itself.
+pub fn all_jobs(plan: &Plan) -> impl Iterator<Item = Job> {
+    inputs(plan).into_iter().chain(plan.runs.iter().map(|one| run(one, plan)))
+}
+
 /// The job of a run.
-pub fn run(run: &PlannedRun, plan: &Plan) -> Job {
+fn run(run: &PlannedRun, plan: &Plan) -> Job {
     let mut needs = data_needs(&run.spec.tokenizer_id, plan);
     needs.extend(run.trunk_id.iter().map(|id| JobId::new(JobKind::Trunk, id)));
     Job {

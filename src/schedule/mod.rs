@@ -20,7 +20,7 @@ mod watch;
 pub mod worker;
 
 pub use executor::{Executor, JobEnd, JobReport, Runner};
-pub use job::{Job, inputs, missing_jobs, run as job_of_run};
+pub use job::{Job, all_jobs, inputs, missing_jobs};
 pub use pool::LocalPool;
 pub use processes::LocalProcesses;
 pub use progress::{Display, left};

@@ -11,7 +11,9 @@ use super::kept::share_kept;
 use super::presence::{self, Scheduler, is_locked};
 use super::worker::{Beat, progress};
 use crate::plan::RunSpec;
-use crate::record::{Failure, FailureKind, JobId, JobKind, JobState, ResultsFolder, read_if_there};
+use crate::record::{
+    Failure, FailureKind, JobId, JobKind, JobState, ResultsFolder, flops_per_second, read_if_there,
+};
 
 /// Records that are read for the rate: as many tell it as well as all.
 const RATE_SAMPLE: usize = 200;
@@ -276,18 +278,14 @@ impl Look<'_> {
     fn flops_per_second(&self) -> (Option<f64>, Vec<String>) {
         let finished = self.seen_runs().filter(|(_, seen)| *seen == Seen::At(JobState::Done));
         let finished: Vec<&PlannedRun> = finished.map(|(run, _)| run).collect();
-        let (mut flops, mut seconds, mut warnings) = (0.0, 0.0, Vec::new());
+        let (mut records, mut warnings) = (Vec::new(), Vec::new());
         for run in finished.iter().step_by(finished.len().div_ceil(RATE_SAMPLE).max(1)) {
             match self.folder.record(&run.run_id) {
-                Ok(Some(record)) => {
-                    flops += record.budget_flops;
-                    seconds += record.wall_s;
-                }
-                Ok(None) => {}
+                Ok(record) => records.extend(record),
                 Err(error) => warnings.push(error.to_string()),
             }
         }
-        (Some(flops / seconds).filter(|rate| rate.is_finite() && *rate > 0.0), warnings)
+        (flops_per_second(records), warnings)
     }
 }
 

@@ -5,7 +5,7 @@ use std::io;
 use burn::tensor::Device;
 
 use crate::plan::{Plan, PlannedRun};
-use crate::record::{JobId, JobState, ResultsFolder};
+use crate::record::{JobId, JobState, ResultsFolder, flops_per_second};
 use crate::schedule::{Job, probe};
 
 /// Seconds of a job that does nothing: a process is started, and files are opened.
@@ -34,17 +34,11 @@ impl Estimates {
     /// A record is damaged.
     pub fn of_records(plan: &Plan, folder: &ResultsFolder) -> io::Result<Option<Self>> {
         let done = |run: &&PlannedRun| folder.state(&JobId::run(&run.run_id)) == JobState::Done;
-        let (mut flops, mut seconds) = (0.0, 0.0);
-        for run in plan.runs.iter().filter(done).take(SAMPLE) {
-            if let Some(record) = folder.record(&run.run_id)? {
-                flops += record.budget_flops;
-                seconds += record.wall_s;
-            }
-        }
-        let rate = flops / seconds;
+        let sample = plan.runs.iter().filter(done).take(SAMPLE);
+        let records: io::Result<Vec<_>> = sample.map(|run| folder.record(&run.run_id)).collect();
         let source = "measured by finished runs";
-        let known = rate.is_finite() && rate > 0.0;
-        Ok(known.then_some(Self { flops_per_second: rate, source }))
+        let rate = flops_per_second(records?.into_iter().flatten());
+        Ok(rate.map(|flops_per_second| Self { flops_per_second, source }))
     }
 
     /// The rate of a few training steps on this machine.

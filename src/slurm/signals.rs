@@ -19,7 +19,6 @@ pub fn to_end() -> bool {
 ///
 /// # Errors
 /// The system takes no handlers.
-#[cfg(unix)]
 pub fn listen() -> std::io::Result<()> {
     use nix::sys::signal::{SaFlags, SigAction, SigHandler, SigSet, Signal, sigaction};
 
@@ -32,11 +31,5 @@ pub fn listen() -> std::io::Result<()> {
         // SAFETY: the handler does nothing but store to an atomic, which a handler may.
         unsafe { sigaction(signal, &action) }.map_err(std::io::Error::from)?;
     }
-    Ok(())
-}
-
-/// There is no Slurm where there are no signals.
-#[cfg(not(unix))]
-pub fn listen() -> std::io::Result<()> {
     Ok(())
 }

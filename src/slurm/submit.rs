@@ -106,15 +106,9 @@ pub fn keep_program(from: &Path, to: &Path) -> io::Result<()> {
     make_executable(to)
 }
 
-#[cfg(unix)]
 fn make_executable(path: &Path) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
     fs::set_permissions(path, fs::Permissions::from_mode(0o755))
-}
-
-#[cfg(not(unix))]
-fn make_executable(_: &Path) -> io::Result<()> {
-    Ok(())
 }
 
 /// A call that failed, and whether it is certain that no job came of it.

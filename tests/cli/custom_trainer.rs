@@ -8,28 +8,9 @@ use nix::sys::signal::Signal;
 use serde_json::Value;
 
 use super::support::processes::{end_within, kill_9, signal, wait_for, workers};
-use super::support::{Place, records};
+use super::support::{OWN, Place, records};
 
 const PATIENCE: Duration = Duration::from_secs(60);
-
-/// One run, trained by `sh train.sh`.
-const SWEEP: &str = r#"name: own
-data: {source: none}
-trainer: {command: "sh train.sh {spec} {out} {checkpoint}"}
-grid:
-  models: [{n_layer: 1, n_head: 1, d_model: 8}]
-  vocab: [64]
-  budgets: [1e9]
-fit: {bootstrap: 10}
-"#;
-
-/// A place with the sweep and its trainer, which knows `$1`, `$2` and `$3`.
-fn place(script: &str) -> Place {
-    let place = Place::new();
-    place.write("own.yaml", SWEEP);
-    place.write("train.sh", script);
-    place
-}
 
 /// The folder of the only run.
 fn run_folder(place: &Place) -> String {
@@ -99,7 +80,7 @@ fn the_worked_example_finds_the_law_that_it_was_trained_by() {
 #[test]
 fn a_result_becomes_the_record_with_the_plans_values_where_it_is_silent() {
     let script = r#"echo '{"loss_nats": 3.5, "loss_normalised": -0.5, "wall_s": 2}' > "$2""#;
-    let place = place(script);
+    let place = Place::trained_by(script);
     place.isoflop(&["run", "own.yaml"]).exits(0);
     let folder = run_folder(&place);
     let (record, spec) = (
@@ -135,7 +116,7 @@ fn each_way_to_fail_is_named_with_the_last_lines_of_the_output() {
         (format!("echo half way; {good}; echo , >> \"$2\""), "trailing characters"),
         ("echo half way; echo '{\"loss_nats\": NaN}' > \"$2\"".to_string(), "diverge"),
     ] {
-        let place = place(&script);
+        let place = Place::trained_by(&script);
         place.isoflop(&["run", "own.yaml"]).exits(1).says(words);
         let folder = run_folder(&place);
         let failure = place.json(&format!("{folder}/failure.json"));
@@ -147,7 +128,7 @@ fn each_way_to_fail_is_named_with_the_last_lines_of_the_output() {
         place.isoflop(&["run", "own.yaml", "--retry-failed"]).exits(0);
     }
     let place = Place::new();
-    place.write("own.yaml", SWEEP.replace("sh train.sh", "no-such-program"));
+    place.write("own.yaml", OWN.replace("sh train.sh", "no-such-program"));
     place.isoflop(&["run", "own.yaml"]).exits(1).says("`no-such-program` cannot be started");
 }
 
@@ -171,7 +152,7 @@ fn no_process_outlives_a_kill_or_a_stop_and_the_checkpoint_does() {
     // Durations that nobody else sleeps for.
     for (round, how) in ["kill -9 of all", "kill -9 of the scheduler", "stop"].iter().enumerate() {
         let seconds = format!("7{}.{round}5", std::process::id());
-        let place = place(&sleeper(&seconds));
+        let place = Place::trained_by(&sleeper(&seconds));
         let out = place.path("results");
         let start = || {
             let mut command = place.program(&["run", "own.yaml", "--out"]);
@@ -219,7 +200,9 @@ echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#;
 
 #[test]
 fn the_time_that_a_program_takes_is_unknown_until_a_run_of_it_is_done() {
-    let place = place(r#"echo '{"loss_nats": 1, "loss_normalised": 1, "wall_s": 7200}' > "$2""#);
+    let place = Place::trained_by(
+        r#"echo '{"loss_nats": 1, "loss_normalised": 1, "wall_s": 7200}' > "$2""#,
+    );
     let plan = |more: &[&str]| place.isoflop(&[&["plan", "own.yaml"], more].concat()).exits(0);
     assert_eq!(plan(&["--json"]).json()["hours"], Value::Null);
     assert!(plan(&[]).stdout().contains("time unknown before the trainer's first"));
@@ -239,12 +222,12 @@ fn commands_that_cannot_work_are_shown_where_they_stand() {
         ("sh \\\" {spec} {out}", "a quote is not closed"),
     ] {
         let place = Place::new();
-        place.write("own.yaml", SWEEP.replace("sh train.sh {spec} {out} {checkpoint}", command));
+        place.write("own.yaml", OWN.replace("sh train.sh {spec} {out} {checkpoint}", command));
         let ended = place.isoflop(&["run", "own.yaml"]).exits(2).says(words);
         ended.says("own.yaml:3:20").says("^^^^");
     }
     let place = Place::new();
-    let lines = SWEEP.lines().filter(|line| !line.starts_with("trainer"));
+    let lines = OWN.lines().filter(|line| !line.starts_with("trainer"));
     place.write("own.yaml", lines.collect::<Vec<_>>().join("\n"));
     place.isoflop(&["plan", "own.yaml"]).exits(2).says("name a `trainer`");
 }

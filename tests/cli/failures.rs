@@ -3,7 +3,7 @@
 use super::support::{Place, records};
 
 /// At this rule the small model learns and the large one blows up.
-const ONE_DIVERGES: [&str; 6] = [
+pub const ONE_DIVERGES: [&str; 6] = [
     "--set",
     "train.lr={coefficient: 1e-14, params_exponent: 4, max: 1e9}",
     "--set",

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
+use super::failures::ONE_DIVERGES;
 use super::support::processes::{end_within, wait_for, workers};
 use super::support::{Place, finished_mini, records};
 
@@ -121,15 +122,7 @@ fn a_half_finished_sweep_tells_the_interrupted_from_the_live_and_the_missing() {
 #[test]
 fn a_failure_is_told_with_its_last_lines_and_the_command_that_tries_it_again() {
     let place = Place::with("mini.yaml");
-    let settings = [
-        "--set",
-        "train.lr={coefficient: 1e-14, params_exponent: 4, max: 1e9}",
-        "--set",
-        "grid.vocab=[16]",
-        "--set",
-        "grid.budgets=[1e9]",
-    ];
-    let args = [&["run", "mini.yaml", "--jobs", "1"][..], &settings].concat();
+    let args = [&["run", "mini.yaml", "--jobs", "1"][..], &ONE_DIVERGES].concat();
     place.isoflop(&args).exits(1);
     let state = status(&place, "results/mini");
     assert_eq!(state["runs"], counts(1, 1, 0, 0, 0));

@@ -7,4 +7,4 @@ pub mod processes;
 pub mod records;
 
 pub use finished::{finished_mini, lawful};
-pub use place::{Ended, Place};
+pub use place::{Ended, OWN, Place};

@@ -7,6 +7,17 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use tempfile::TempDir;
 
+/// One run, trained by `sh train.sh` with its spec, result and checkpoint as `$1`, `$2` and `$3`.
+pub const OWN: &str = r#"name: own
+data: {source: none}
+trainer: {command: "sh train.sh {spec} {out} {checkpoint}"}
+grid:
+  models: [{n_layer: 1, n_head: 1, d_model: 8}]
+  vocab: [64]
+  budgets: [1e9]
+fit: {bootstrap: 10}
+"#;
+
 /// A directory of a test's own, gone with the value.
 pub struct Place(TempDir);
 
@@ -21,6 +32,14 @@ impl Place {
         let place = Self::new();
         let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/sweeps").join(sweep);
         fs::copy(&from, place.path(sweep)).expect("the sweep is there");
+        place
+    }
+
+    /// One that holds [`OWN`] as `own.yaml`, and its trainer.
+    pub fn trained_by(script: &str) -> Self {
+        let place = Self::new();
+        place.write("own.yaml", OWN);
+        place.write("train.sh", script);
         place
     }
 

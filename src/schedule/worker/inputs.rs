@@ -1,6 +1,6 @@
 //! What runs need: embedded captions, a tokenizer, the codes that it gives the data.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::Result;
 use burn::tensor::Device;
@@ -37,8 +37,7 @@ pub fn train_tokenizer(
     let sweep = frozen_sweep(folder)?;
     let source = data::open(&sweep.data, 0)?;
     let path = place.join("checkpoint/state.safetensors");
-    let every = Duration::from_secs_f64(sweep.train.checkpoint_s.max(0.0));
-    let checkpoints = Checkpoints { path: &path, every };
+    let checkpoints = Checkpoints { path: &path, every: sweep.train.checkpoint_every() };
     let mut beats = beats(&place, stop);
     let tokenizer = match trained(&spec, &*source, device, checkpoints, &mut beats) {
         Err(TokenizerError::Stopped { .. }) => return Ok(Outcome::Stopped),

@@ -92,14 +92,13 @@ impl Desk {
         device: &Device,
         stop: &Stop,
     ) -> Result<Self> {
-        let every = frozen_sweep(folder)?.train.checkpoint_s;
         let tokens = JobId::new(JobKind::Tokens, &spec.tokenizer_id);
         let text = JobId::new(JobKind::Text, &spec.text_id);
         Ok(Self {
             tokens: open_or_remake(folder, &tokens, device, stop, TokenStore::open)?,
             text: open_or_remake(folder, &text, device, stop, TextStore::open)?,
             checkpoint: place.join("checkpoint/state.safetensors"),
-            every: Duration::from_secs_f64(every.max(0.0)),
+            every: frozen_sweep(folder)?.train.checkpoint_every(),
             trunk,
         })
     }

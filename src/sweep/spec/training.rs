@@ -164,6 +164,11 @@ pub struct TrainSpec {
 }
 
 impl TrainSpec {
+    /// Time between checkpoints.
+    pub fn checkpoint_every(&self) -> Duration {
+        Duration::from_secs_f64(self.checkpoint_s.max(0.0))
+    }
+
     /// How long a worker may make no progress; `None` where it may for ever.
     pub fn hang(&self) -> Option<Duration> {
         (self.hang_s > 0.0).then(|| Duration::from_secs_f64(self.hang_s))

@@ -151,7 +151,7 @@ fn a_damaged_record_is_named_by_all_and_trained_again_by_run() {
 
 #[test]
 fn a_damaged_failure_is_a_failure_all_the_same() {
-    let place = own("exit 3");
+    let place = Place::trained_by("exit 3");
     place.isoflop(&["run", "own.yaml"]).exits(1);
     let failure = format!("{}/failure.json", run_folders(&place, "own")[0]);
     cut(&place.path(&failure));

@@ -9,7 +9,7 @@ fn kills_its_worker(signal: &str) -> String {
 
 #[test]
 fn a_worker_that_is_killed_each_time_fails_with_its_log_and_the_command_to_rerun_it() {
-    let place = own(&kills_its_worker("KILL"));
+    let place = Place::trained_by(&kills_its_worker("KILL"));
     let ended = place.isoflop(&["run", "own.yaml"]).exits(1);
     let ended = ended.says("[killed]").says("starting it again").says("half way");
     assert_eq!(ended.stderr().matches("starting it again").count(), 2);
@@ -37,7 +37,7 @@ fn a_worker_that_is_killed_once_is_started_again_and_the_sweep_is_done() {
             "if [ -e \"$3/begun\" ]; then {GOOD}; exit; fi\ntouch \"$3/begun\"\n{}",
             kills_its_worker(signal)
         );
-        let place = own(&once);
+        let place = Place::trained_by(&once);
         place.isoflop(&["run", "own.yaml"]).exits(0).says("starting it again");
         assert!(!place.path(&run_folders(&place, "own")[0]).join("failure.json").exists());
     }
@@ -51,7 +51,7 @@ fn a_program_that_somebody_kills_is_started_again_and_one_that_fails_is_not() {
         ("echo try >> ../tries; kill -SEGV $$", "trainer", 1),
         ("echo try >> ../tries; exit 3", "trainer", 1),
     ] {
-        let place = own(&script.replace("../tries", "tries"));
+        let place = Place::trained_by(&script.replace("../tries", "tries"));
         place.isoflop(&["run", "own.yaml"]).exits(1).says(&format!("[{kind}]"));
         let found = String::from_utf8(place.read("tries")).expect("text").lines().count();
         assert_eq!(found, tries, "{script}");

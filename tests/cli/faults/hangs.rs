@@ -34,7 +34,7 @@ fn a_stopped_worker_is_killed_and_its_run_goes_on_to_the_same_bits() {
 #[test]
 fn a_program_that_hangs_each_time_fails_and_none_of_it_is_left() {
     let seconds = format!("8{}.25", std::process::id());
-    let place = own(&format!("echo half way; sleep {seconds} & sleep {seconds}"));
+    let place = Place::trained_by(&format!("echo half way; sleep {seconds} & sleep {seconds}"));
     let args = ["run", "own.yaml", "--set", "train.hang_s=1"];
     place.isoflop(&args).exits(1).says("[hung]").says("raise train.hang_s");
     let failure = only_failure(&place, "results/own");
@@ -53,7 +53,7 @@ fn a_program_that_is_stopped_with_its_guard_is_ended_and_started_again() {
         "if [ -e \"$3/begun\" ]; then {GOOD}; exit; fi\ntouch \"$3/begun\"\nsleep {seconds} &\n\
          kill -STOP 0\nsleep {seconds}"
     );
-    let place = own(&script);
+    let place = Place::trained_by(&script);
     let args = ["run", "own.yaml", "--set", "train.hang_s=1"];
     place.isoflop(&args).exits(0).says("no progress for 1 s");
     let gone = wait_for(PATIENCE, || (processes_with(&seconds) == 0).then_some(()));
@@ -63,7 +63,7 @@ fn a_program_that_is_stopped_with_its_guard_is_ended_and_started_again() {
 #[test]
 fn lines_of_a_program_count_as_progress() {
     let script = format!("for i in $(seq 60); do echo line $i >&2; sleep 0.2; done; {GOOD}");
-    let place = own(&script);
+    let place = Place::trained_by(&script);
     let args = ["run", "own.yaml", "--set", "train.hang_s=8"];
     place.isoflop(&args).exits(0).does_not_say("no progress");
 }

@@ -15,32 +15,13 @@ use std::time::Duration;
 use serde_json::Value;
 
 use super::support::processes::{end_within, kill_9, wait_for, workers};
-use super::support::{Place, finished_mini, records};
+use super::support::{OWN, Place, finished_mini, records};
 
 /// Far longer than anything here takes on a busy machine: a test that waits so long has failed.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// One run, trained by `sh train.sh` with its spec, result and checkpoint as `$1`, `$2` and `$3`.
-const OWN: &str = r#"name: own
-data: {source: none}
-trainer: {command: "sh train.sh {spec} {out} {checkpoint}"}
-grid:
-  models: [{n_layer: 1, n_head: 1, d_model: 8}]
-  vocab: [64]
-  budgets: [1e9]
-fit: {bootstrap: 10}
-"#;
-
 /// A trainer that does what it should.
 const GOOD: &str = r#"echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#;
-
-/// A place with a sweep of one run and its trainer.
-fn own(script: &str) -> Place {
-    let place = Place::new();
-    place.write("own.yaml", OWN);
-    place.write("train.sh", script);
-    place
-}
 
 /// The folders of the runs of a sweep in `results`.
 fn run_folders(place: &Place, name: &str) -> Vec<String> {
