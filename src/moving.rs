@@ -1,9 +1,26 @@
-//! A counter of work done, one a process: how a scheduler tells slow work from work that hangs.
+//! What work tells of itself while it goes on: how a scheduler tells slow work from work that hangs.
 //!
-//! Training tells of its steps. What has no steps (reading, tokenising, embedding, measuring) counts
-//! each piece that it is done with, so that the counter stands still when the work does.
+//! Training tells of its steps ([`Progress`]). What has no steps (reading, tokenising, embedding, measuring) counts
+//! each piece that it is done with, so that [their number](pieces) stands still when the work does.
 
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A training step just done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Counted from 1.
+    pub step: usize,
+    /// Of how many.
+    pub steps: usize,
+    /// Before the update.
+    pub loss: f64,
+    /// What the step took, without measuring the model and writing it down.
+    pub seconds: f64,
+}
+
+/// Is told of each step; may ask for a stop.
+pub type Progress<'a> = dyn FnMut(Step) -> ControlFlow<()> + 'a;
 
 static MOVED: AtomicU64 = AtomicU64::new(0);
 

@@ -13,6 +13,7 @@ use rand_chacha::rand_core::SeedableRng;
 use corpus::{Clips, Corpus, small_run};
 use isoflop::data::{FRAMES_PER_TOKEN, Split};
 use isoflop::model::{Model, Transformer};
+use isoflop::moving::Step;
 use isoflop::ops::Kernels;
 use isoflop::plan::{ModelShape, RunSpec};
 use isoflop::train::params::{below, unit};
@@ -180,7 +181,7 @@ fn training_on_a_markov_chain_reaches_the_loss_of_the_chain() {
     let targets = corpus.tokens.n_tokens(Split::Train) + corpus.tokens.n_clips(Split::Train);
     assert!(targets > spec.tokens(), "data must not repeat");
     let checkpoint = folder.path().join("state.safetensors");
-    let mut go_on = |_: usize, _: usize, _: f64| ControlFlow::Continue(());
+    let mut go_on = |_: Step| ControlFlow::Continue(());
     let hour = Duration::from_secs(3600);
     let inputs = corpus.inputs();
     let checkpoints = Checkpoints { path: &checkpoint, every: hour, branch: None };

@@ -13,11 +13,10 @@ use rand_chacha::rand_core::SeedableRng;
 use tempfile::TempDir;
 
 use corpus::{Clips, Corpus, small_run};
+use isoflop::moving::{Progress, Step};
 use isoflop::plan::RunSpec;
 use isoflop::train::params::below;
-use isoflop::train::{
-    Branch, Checkpoints, Progress, TrainError, Trained, train, train_trunk, weights,
-};
+use isoflop::train::{Branch, Checkpoints, TrainError, Trained, train, train_trunk, weights};
 
 const N_VOCAB: usize = 9;
 const STEPS: usize = 13;
@@ -64,14 +63,14 @@ impl Bench {
 
     /// From the checkpoint, where there is one, to the end.
     fn to_the_end(&self, checkpoint: &Path) -> Trained {
-        let mut go_on = |_: usize, _: usize, _: f64| ControlFlow::Continue(());
+        let mut go_on = |_: Step| ControlFlow::Continue(());
         self.train(checkpoint, NEVER, &mut go_on).expect("an ordinary run")
     }
 
     /// Until a stop is asked for after `stop`; the steps that were done.
     fn until(&self, stop: usize, every: Duration) -> Vec<usize> {
         let mut done = Vec::new();
-        let mut progress = |step: usize, _: usize, _: f64| {
+        let mut progress = |Step { step, .. }: Step| {
             done.push(step);
             if step == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
@@ -82,7 +81,7 @@ impl Bench {
 
     /// The message of a run that its checkpoint keeps from starting.
     fn refused(&self) -> String {
-        let mut never = |_: usize, _: usize, _: f64| panic!("a step was done");
+        let mut never = |_: Step| panic!("a step was done");
         let refused = self.train(&self.checkpoint(), NEVER, &mut never);
         refused.err().expect("the checkpoint cannot be read").to_string()
     }
@@ -124,7 +123,7 @@ fn a_run_stopped_at_several_steps_ends_on_the_bits_of_a_straight_one() {
 #[test]
 fn a_stop_asked_for_at_the_last_step_finishes_the_run() {
     let bench = Bench::new();
-    let mut stop_at_end = |step: usize, steps: usize, _: f64| {
+    let mut stop_at_end = |Step { step, steps, .. }: Step| {
         if step == steps { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let finished = bench.train(&bench.checkpoint(), NEVER, &mut stop_at_end);
@@ -135,14 +134,14 @@ fn a_stop_asked_for_at_the_last_step_finishes_the_run() {
 fn a_checkpoint_after_each_step_changes_nothing_and_holds_the_end() {
     let (bench, expected) = (Bench::new(), straight());
     let mut losses = Vec::new();
-    let mut note = |_: usize, _: usize, loss: f64| {
+    let mut note = |Step { loss, .. }: Step| {
         losses.push(loss);
         ControlFlow::Continue(())
     };
     let trained = bench.train(&bench.checkpoint(), Duration::ZERO, &mut note);
     assert_same(&trained.expect("an ordinary run"), &expected);
     assert_eq!(losses.len(), STEPS);
-    let mut never = |_: usize, _: usize, _: f64| panic!("a finished run was trained on");
+    let mut never = |_: Step| panic!("a finished run was trained on");
     let again = bench.train(&bench.checkpoint(), NEVER, &mut never);
     assert_same(&again.expect("an ordinary run"), &expected);
 }
@@ -152,7 +151,7 @@ fn a_checkpoint_after_each_step_changes_nothing_and_holds_the_end() {
 fn a_killed_run_goes_on_from_its_last_checkpoint() {
     let (bench, expected) = (Bench::new(), straight());
     let left_behind = |step: usize| bench.folder.path().join(format!("after-{step}"));
-    let mut keep = |step: usize, _: usize, _: f64| {
+    let mut keep = |Step { step, .. }: Step| {
         if step > 1 {
             std::fs::copy(bench.checkpoint(), left_behind(step - 1)).expect("it is there");
         }
@@ -211,7 +210,7 @@ fn trunk(bench: &Bench, steps: usize, from: Option<Branch>) -> PathBuf {
     let place = bench.folder.path();
     let (state, own) = (place.join(format!("trunk-{steps}")), place.join("own"));
     let checkpoints = Checkpoints { path: &own, every: NEVER, branch: from };
-    let mut go_on = |_: usize, _: usize, _: f64| ControlFlow::Continue(());
+    let mut go_on = |_: Step| ControlFlow::Continue(());
     let inputs = bench.corpus.inputs();
     train_trunk(&spec, &inputs, &Device::flex(), &checkpoints, &state, &mut go_on).unwrap();
     state
@@ -227,7 +226,7 @@ fn a_run_that_branches_off_a_trunk_ends_on_the_bits_of_one_trained_alone() {
     let branch = Some(Branch { state: &second, steps: 9 });
     let checkpoints = Checkpoints { path: &own, every: NEVER, branch };
     let mut told = Vec::new();
-    let mut tell = |step: usize, steps: usize, _: f64| {
+    let mut tell = |Step { step, steps, .. }: Step| {
         told.push((step, steps));
         ControlFlow::Continue(())
     };
@@ -246,7 +245,7 @@ fn a_trunk_of_another_step_is_refused() {
     let own = bench.checkpoint();
     let branch = Some(Branch { state: &state, steps: 9 });
     let checkpoints = Checkpoints { path: &own, every: NEVER, branch };
-    let mut never = |_: usize, _: usize, _: f64| panic!("a step was done");
+    let mut never = |_: Step| panic!("a step was done");
     let inputs = bench.corpus.inputs();
     let refused = train(&bench.spec, &inputs, &Device::flex(), &checkpoints, &mut never);
     let message = refused.err().expect("five steps are not nine").to_string();

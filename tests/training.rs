@@ -14,6 +14,7 @@ use rand_chacha::rand_core::SeedableRng;
 use burn::optim::GradientsParams;
 use corpus::{Clips, Corpus, small_run};
 use isoflop::model::{Batch, Model, Transformer};
+use isoflop::moving::Step;
 use isoflop::ops::Kernels;
 use isoflop::plan::{ModelShape, RunSpec};
 use isoflop::sweep::Ffn;
@@ -154,7 +155,7 @@ fn outcome(change: impl FnOnce(&mut RunSpec)) -> (Result<Trained, TrainError>, V
     let mut spec = small_run(40);
     change(&mut spec);
     let mut reported = Vec::new();
-    let mut progress = |step: usize, _: usize, _: f64| {
+    let mut progress = |Step { step, .. }: Step| {
         reported.push(step);
         ControlFlow::Continue(())
     };

@@ -10,6 +10,7 @@ use super::retry::{Next, next};
 use super::signals::Stop;
 use super::timeline::Timeline;
 use super::waiting::Waiting;
+use super::worker::Beat;
 use crate::record::{Failure, JobId};
 
 /// Slots that do jobs side by side, the most urgent first.
@@ -86,10 +87,14 @@ impl LocalPool<'_> {
     fn once(&self, job: &Job, slot: usize) -> JobEnd {
         let start_s = self.timeline.map_or(0.0, Timeline::now_s);
         self.display.started(slot, job);
-        let mut beat = |beat| self.display.beat(slot, job, &beat);
+        let mut train_s = 0.0;
+        let mut beat = |beat: Beat| {
+            train_s = beat.train_s;
+            self.display.beat(slot, job, &beat);
+        };
         let end = self.runner.run(job, self.stop, &mut beat);
         if let Some(timeline) = self.timeline {
-            timeline.note(job, slot, start_s, &end);
+            timeline.note(job, slot, [start_s, train_s], &end);
         }
         end
     }

@@ -361,7 +361,7 @@ mod tests {
         let folder = planned(&place, 3);
         for id in ["0", "1"] {
             fs::create_dir_all(folder.run(id).join("checkpoint")).unwrap();
-            let beat = Beat { step: 1, steps: 4, loss: 2.0 };
+            let beat = Beat { step: 1, steps: 4, loss: 2.0, train_s: 0.5 };
             super::super::worker::note_progress(&folder.run(id), &beat);
         }
         fs::write(folder.run("0").join(".lock"), "").unwrap();

@@ -23,6 +23,8 @@ pub struct Stretch {
     /// Seconds since this scheduler began.
     pub start_s: f64,
     pub end_s: f64,
+    /// Seconds in training steps.
+    pub train_s: f64,
     /// `done`, `stopped`, or the kind of the failure.
     pub end: String,
 }
@@ -60,7 +62,7 @@ impl Timeline {
 
     /// Notes a job that started at `start_s` and has ended now. A line that cannot be written is
     /// left out: nothing depends on it, and what hindered it hinders the job too.
-    pub fn note(&self, job: &Job, slot: usize, start_s: f64, end: &JobEnd) {
+    pub fn note(&self, job: &Job, slot: usize, [start_s, train_s]: [f64; 2], end: &JobEnd) {
         let stretch = Stretch {
             session: self.session,
             id: job.id.clone(),
@@ -68,6 +70,7 @@ impl Timeline {
             slot,
             start_s,
             end_s: self.now_s(),
+            train_s,
             end: word(end).to_string(),
         };
         let line = serde_json::to_string(&stretch).expect("plain values") + "\n";

@@ -60,7 +60,7 @@ mod tests {
     fn codes_of_a_clip_do_not_depend_on_the_clips_beside_it() {
         let lengths: Vec<usize> = (0..60).map(|i| 16 + 4 * (i % 7)).collect();
         let source = Waves::new(&lengths, 9);
-        let keep_on = &mut |_, _, _| ControlFlow::Continue(());
+        let keep_on = &mut |_| ControlFlow::Continue(());
         let tokenizer = train(&small_spec(), &source, &Device::flex(), None, keep_on).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("tokens.safetensors");

@@ -91,7 +91,7 @@ mod tests {
 
     fn metrics(spec: &TokenizerSpec) -> TokenizerMetrics {
         let source = Waves::new(&[32, 40, 32], N_FEATURES);
-        let keep_on = &mut |_, _, _| ControlFlow::Continue(());
+        let keep_on = &mut |_| ControlFlow::Continue(());
         let tokenizer = train(spec, &source, &Device::flex(), None, keep_on).unwrap();
         evaluate(&tokenizer, &source, "t", 1.5).unwrap()
     }

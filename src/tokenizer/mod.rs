@@ -40,5 +40,5 @@ pub use metrics::TokenizerMetrics;
 pub use quantizer::{AnyQuantizer, Quantized, Quantizer, QuantizerKind};
 pub use spec::TokenizerSpec;
 pub use store::{SplitTokens, TokenStore, write_store};
-pub use train::{Progress, train};
+pub use train::train;
 pub use vq::{QuantizerState, Vq};

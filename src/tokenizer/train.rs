@@ -1,6 +1,5 @@
 //! Training a tokenizer: the same spec and data give the same bits each time, straight or resumed.
 
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use burn::module::Module;
@@ -17,10 +16,8 @@ use super::module::TokenizerModule;
 use super::pool::WindowPool;
 use super::spec::TokenizerSpec;
 use crate::data::MotionSource;
+use crate::moving::{Progress, Step};
 use crate::train::adamw::{AdamW, AdamWConfig};
-
-/// Is told the step just done, counted from 1, of how many, and its loss; may ask for an end.
-pub type Progress<'a> = dyn FnMut(usize, usize, f64) -> ControlFlow<()> + 'a;
 
 /// Streams of one seed, so that more of one draw does not move another.
 const WEIGHTS_STREAM: u64 = 0;
@@ -45,9 +42,11 @@ pub fn train(
     }
     let mut saved = Instant::now();
     while trainer.moment.step < spec.steps {
+        let began = Instant::now();
         let loss = trainer.step()?;
+        let seconds = began.elapsed().as_secs_f64();
         let step = trainer.moment.step;
-        let stopped = progress(step, spec.steps, loss).is_break();
+        let stopped = progress(Step { step, steps: spec.steps, loss, seconds }).is_break();
         if let Some(Checkpoints { path, every }) = checkpoints
             && (stopped || saved.elapsed() >= every)
         {
@@ -135,6 +134,8 @@ fn finite(loss: Tensor<1>, step: usize) -> Result<f64, TokenizerError> {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+
     use super::*;
     use crate::data::Split;
     use crate::tokenizer::quantizer::QuantizerKind;
@@ -143,8 +144,8 @@ mod tests {
     fn losses(spec: &TokenizerSpec) -> (Tokenizer, Vec<f64>) {
         let mut losses = Vec::new();
         let source = Waves::new(&[40, 24, 32, 16], 9);
-        let mut progress = |_, _, loss| {
-            losses.push(loss);
+        let mut progress = |done: Step| {
+            losses.push(done.loss);
             ControlFlow::Continue(())
         };
         let tokenizer = train(spec, &source, &Device::flex(), None, &mut progress).unwrap();
@@ -180,7 +181,7 @@ mod tests {
     #[test]
     fn training_stops_when_it_is_told_to() {
         let source = Waves::new(&[40], 3);
-        let mut progress = |step, _, _| match step {
+        let mut progress = |done: Step| match done.step {
             2 => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),
         };
@@ -205,14 +206,14 @@ mod tests {
             let checkpoints = Some(Checkpoints { path: &path, every });
             let mut seen = Vec::new();
             for stop_at in [3, 4, 7] {
-                let mut progress = |step, _, _| {
+                let mut progress = |Step { step, .. }| {
                     seen.push(step);
                     if step == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
                 };
                 let ended = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
                 assert!(matches!(ended, Err(TokenizerError::Stopped { .. })));
             }
-            let mut progress = |_, _, _| ControlFlow::Continue(());
+            let mut progress = |_| ControlFlow::Continue(());
             let resumed = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
             assert_eq!(seen, [1, 2, 3, 4, 5, 6, 7], "no step is done twice");
             assert!(bits(resumed.unwrap()) == straight, "{:?}", spec.kind);
@@ -226,7 +227,7 @@ mod tests {
         std::fs::write(&path, b"not a checkpoint").unwrap();
         let every = std::time::Duration::ZERO;
         let checkpoints = Some(Checkpoints { path: &path, every });
-        let mut progress = |_, _, _| ControlFlow::Continue(());
+        let mut progress = |_| ControlFlow::Continue(());
         let source = Waves::new(&[40], 3);
         let ended = train(&small_spec(), &source, &Device::flex(), checkpoints, &mut progress);
         let message = ended.err().unwrap().to_string();
@@ -237,9 +238,14 @@ mod tests {
     fn features_that_are_not_finite_are_an_error() {
         let mut source = Waves::new(&[40], 3);
         source.spoiled = Some((Split::Train, 0));
-        let result = train(&small_spec(), &source, &Device::flex(), None, &mut |_, _, _| {
-            ControlFlow::Continue(())
-        });
+        let result =
+            train(
+                &small_spec(),
+                &source,
+                &Device::flex(),
+                None,
+                &mut |_| ControlFlow::Continue(()),
+            );
         assert!(matches!(result, Err(TokenizerError::NonFinite { step: 0, .. })));
     }
 }

@@ -11,6 +11,6 @@ pub mod weights;
 
 pub use checkpoint::LogLine;
 pub use evaluate::{SplitLoss, split_loss, zero_count_targets};
-pub use run::{Branch, Checkpoints, Inputs, Progress, TrainError, Trained, train, train_trunk};
+pub use run::{Branch, Checkpoints, Inputs, TrainError, Trained, train, train_trunk};
 pub use schedule::learning_rate;
 pub use stream::TokenStream;

@@ -1,6 +1,5 @@
 //! The training loop of one run: from a spec and its inputs to losses, resumable at any step.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -17,6 +16,7 @@ use super::stream::TokenStream;
 use super::weights::WeightsError;
 use crate::data::Split;
 use crate::model::{Batch, Model};
+use crate::moving::{Progress, Step};
 use crate::plan::RunSpec;
 use crate::plan::flops::{TRAINING_PER_FORWARD, exact_of_sequence};
 use crate::text::TextStore;
@@ -33,9 +33,6 @@ pub struct Inputs<'a> {
     pub tokens: &'a TokenStore,
     pub text: &'a TextStore,
 }
-
-/// Is told the step just done, counted from 1, of how many, and its loss; may ask for a stop.
-pub type Progress<'a> = dyn FnMut(usize, usize, f64) -> ControlFlow<()> + 'a;
 
 /// Why a run ended without a result.
 #[derive(Debug, thiserror::Error)]
@@ -169,9 +166,13 @@ impl<'a> Run<'a> {
         let (mut saved, steps) = (Instant::now(), self.spec.steps);
         let before = checkpoints.branch.map_or(0, |branch| branch.steps);
         while self.standing.step < steps {
+            let began = Instant::now();
             let loss = self.step()?;
+            let seconds = began.elapsed().as_secs_f64();
+            self.log()?;
             let step = self.standing.step;
-            if progress(step - before, steps - before, loss).is_break() && step < steps {
+            let done = Step { step: step - before, steps: steps - before, loss, seconds };
+            if progress(done).is_break() && step < steps {
                 self.save(checkpoints.path)?;
                 return Err(TrainError::Stopped { step, steps });
             }
@@ -195,7 +196,6 @@ impl<'a> Run<'a> {
         let (weights, _) = self.optimiser.step(weights, gradients, learning_rate(spec, step));
         self.model.weights = weights;
         self.count(&batch, value);
-        self.log()?;
         Ok(value)
     }
 

@@ -187,6 +187,8 @@ fn two_hundred_kills_change_no_record_of_the_quickstart() {
     let found = records::timeless(&victim.results);
     assert_eq!(losses(&found), losses(&expected));
     assert!(found == expected);
+    let table = records::timeless_table;
+    assert_eq!(table(&victim.results), table(&undisturbed.results));
     assert_eq!(leftovers(&victim.results), Vec::<PathBuf>::new());
 }
 

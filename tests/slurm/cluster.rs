@@ -10,8 +10,11 @@ use serde_json::Value;
 use super::support::processes::wait_for;
 use super::support::{Ended, Place};
 
-/// Far longer than any sweep here takes, with every node lost once.
+/// Far longer than any but the quickstart takes, with every node lost once.
 const PATIENCE: Duration = Duration::from_secs(150);
+
+/// The same for the quickstart, on a machine that does other work too.
+const LONG_PATIENCE: Duration = Duration::from_secs(3600);
 
 /// What the sweeps ask for: little, so that several fit, and no waiting for a network's files.
 const PROFILE: &str = "{partition: main, time: 10, mem: 100M, fs_grace_s: 2, cancel_grace_s: 30}\n";
@@ -43,6 +46,17 @@ impl Cluster {
         self.tool("kill-node.sh", &[node]);
     }
 
+    /// The node of a task that is running.
+    pub fn node_at_work(&self) -> String {
+        let said = self.ask("squeue", &["-h", "-t", "running", "-o", "%N"]);
+        said.lines().next().expect("a task is running").trim().to_string()
+    }
+
+    /// Whether Slurm has noticed that a node is gone.
+    pub fn is_down(&self, node: &str) -> bool {
+        self.ask("sinfo", &["-h", "-n", node, "-o", "%t"]).contains("down")
+    }
+
     fn tool(&self, name: &str, arguments: &[&str]) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/slurm").join(name);
         let output = Command::new(&path).args(arguments).output().expect("a script of ours");
@@ -67,8 +81,10 @@ impl Cluster {
 /// A sweep in a place of its own, submitted with the profile above.
 pub struct OnSlurm {
     pub place: Place,
-    sweep: &'static str,
+    /// Of the sweep, of its file without the ending, and of its folder in `results`.
+    name: &'static str,
     settings: Vec<&'static str>,
+    patience: Duration,
 }
 
 impl OnSlurm {
@@ -81,7 +97,15 @@ impl OnSlurm {
     pub fn at(place: Place, settings: &[&'static str]) -> Self {
         place.write("profile.yaml", PROFILE);
         let settings = settings.iter().flat_map(|setting| ["--set", setting]).collect();
-        Self { place, sweep: "mini.yaml", settings }
+        Self { place, name: "mini", settings, patience: PATIENCE }
+    }
+
+    /// `experiments/quickstart.yaml` as it stands.
+    pub fn quickstart() -> Self {
+        let place = Place::new();
+        place.write("quickstart.yaml", include_str!("../../experiments/quickstart.yaml"));
+        place.write("profile.yaml", PROFILE);
+        Self { place, name: "quickstart", settings: Vec::new(), patience: LONG_PATIENCE }
     }
 
     /// Lays further keys over the profile.
@@ -91,37 +115,43 @@ impl OnSlurm {
         self
     }
 
-    fn words(&self, more: &[&'static str]) -> Vec<&'static str> {
-        [&["run", self.sweep], &self.settings[..], more].concat()
+    /// `isoflop run` of the sweep.
+    fn run(&self, more: &[&str]) -> Ended {
+        let file = format!("{}.yaml", self.name);
+        self.place.isoflop(&[&["run", &file], &self.settings[..], more].concat())
     }
 
     /// Submits what is missing.
     pub fn submit(&self) -> Ended {
-        self.place.isoflop(&self.words(&["--engine", "slurm", "--profile", "profile.yaml"]))
+        self.run(&["--engine", "slurm", "--profile", "profile.yaml"])
     }
 
     /// The same sweep on this machine, in a folder of its own.
     pub fn locally(&self) -> PathBuf {
         let results = self.place.path("local");
         if !results.exists() {
-            self.place.isoflop(&self.words(&["--out", "local", "--jobs", "2"])).exits(0);
+            self.run(&["--out", "local", "--jobs", "2"]).exits(0);
         }
-        results.join("mini")
+        results.join(self.name)
     }
 
     /// The sweep's folder.
     pub fn results(&self) -> PathBuf {
-        self.place.path("results/mini")
+        self.place.path(&self.in_results(""))
+    }
+
+    fn in_results(&self, path: &str) -> String {
+        format!("results/{}/{path}", self.name)
     }
 
     /// `isoflop status`.
     pub fn status(&self) -> Value {
-        self.place.isoflop(&["status", "results/mini", "--json"]).exits(0).json()
+        self.place.isoflop(&["status", &self.in_results(""), "--json"]).exits(0).json()
     }
 
     /// Waits until something is to be seen of the state.
     pub fn until(&self, what: &str, seen: impl Fn(&Value) -> bool) -> Value {
-        let found = wait_for(PATIENCE, || {
+        let found = wait_for(self.patience, || {
             std::thread::sleep(Duration::from_millis(200));
             Some(self.status()).filter(&seen)
         });
@@ -136,19 +166,21 @@ impl OnSlurm {
     /// Waits until a run has left a checkpoint and is at work.
     pub fn at_work(&self) {
         self.until("a checkpoint of a run at work", |state| {
-            let runs = self.place.names("results/mini/runs");
-            let path = |run| format!("results/mini/runs/{run}/checkpoint/state.safetensors");
-            let written = runs.into_iter().any(|run| self.place.path(&path(run)).exists());
+            let runs = self.place.names(&self.in_results("runs"));
+            let path = |run| format!("{run}/checkpoint/state.safetensors");
+            let written = |run| self.results().join("runs").join(path(run)).exists();
+            let written = runs.into_iter().any(written);
             written && state["runs"]["running"] != 0
         });
     }
 
     /// Everything that tasks wrote.
     pub fn logs(&self) -> String {
-        let names = self.place.names("results/mini/slurm/logs");
+        let folder = self.in_results("slurm/logs");
+        let names = self.place.names(&folder);
         let log = |name| {
-            let path = format!("results/mini/slurm/logs/{name}");
-            format!("== {name}\n{}", String::from_utf8_lossy(&self.place.read(&path)))
+            let text = self.place.read(&format!("{folder}/{name}"));
+            format!("== {name}\n{}", String::from_utf8_lossy(&text))
         };
         names.into_iter().map(log).collect()
     }

@@ -18,19 +18,13 @@ fn assert_undisturbed(sweep: &OnSlurm) {
     assert!(sweep.results().join("laws.json").exists(), "{}", sweep.logs());
 }
 
-/// The node of a task that is running.
-fn node_at_work(cluster: &super::cluster::Cluster) -> String {
-    let said = cluster.ask("squeue", &["-h", "-t", "running", "-o", "%N"]);
-    said.lines().next().expect("a task is running").trim().to_string()
-}
-
 #[test]
 fn a_node_that_dies_costs_time_and_nothing_else() {
     let Some(cluster) = cluster() else { return };
     let sweep = OnSlurm::mini(&LONGER);
     sweep.submit().exits(0);
     sweep.at_work();
-    cluster.kill_node(&node_at_work(&cluster));
+    cluster.kill_node(&cluster.node_at_work());
     let state = sweep.over();
     assert_eq!(state["runs"]["done"], 4, "{}", sweep.logs());
     assert_undisturbed(&sweep);
@@ -44,7 +38,7 @@ fn a_task_that_outlives_its_node_does_no_harm() {
     let sweep = OnSlurm::mini(&["grid.budgets=[8e9, 1.5e11]", "grid.vocab=[16]"]);
     sweep.submit().exits(0);
     sweep.at_work();
-    kill_9(cluster.daemon(&format!("slurmd-{}", node_at_work(&cluster))));
+    kill_9(cluster.daemon(&format!("slurmd-{}", cluster.node_at_work())));
     let state = sweep.over();
     assert_eq!(state["runs"]["done"], 4, "{}", sweep.logs());
     assert_undisturbed(&sweep);

@@ -3,13 +3,11 @@
 use super::cluster::{OnSlurm, cluster};
 use super::support::{Place, records};
 
-/// The whole of what a sweep makes, but for what a clock measured.
+/// The whole of what a sweep makes, but for what a clock or a meter measured.
 fn assert_same(sweep: &OnSlurm) {
     let (ours, theirs) = (sweep.results(), sweep.locally());
     assert_eq!(records::timeless(&ours), records::timeless(&theirs));
-    for column in ["run_id", "loss_normalised", "loss_nats", "tokens"] {
-        assert_eq!(records::column(&ours, column), records::column(&theirs, column));
-    }
+    assert_eq!(records::timeless_table(&ours), records::timeless_table(&theirs));
     for file in ["laws.json", "prediction.json", "figures/loss_vs_flops.svg"] {
         let read = |folder: &std::path::Path| std::fs::read(folder.join(file)).expect(file);
         assert_eq!(read(&ours), read(&theirs), "{file}");
@@ -28,6 +26,26 @@ fn a_sweep_on_slurm_gives_the_bits_of_one_on_this_machine() {
     // The same command again trains nothing and says what was found.
     sweep.submit().exits(0).does_not_say("submitted");
     assert_eq!(sweep.place.names("results/mini/slurm/gen"), ["1"]);
+}
+
+/// The whole study, with one of the two nodes gone for good when a third of the runs are done.
+#[test]
+#[ignore = "a quarter of an hour"]
+fn the_quickstart_gives_the_same_bits_with_a_node_killed_in_the_middle() {
+    let Some(cluster) = cluster() else { return };
+    let sweep = OnSlurm::quickstart();
+    sweep.submit().exits(0);
+    let third = |state: &serde_json::Value| state["runs"]["done"].as_u64() >= Some(47);
+    sweep.until("a third of the runs", third);
+    sweep.at_work();
+    let node = cluster.node_at_work();
+    cluster.kill_node(&node);
+    sweep.until("Slurm's word of the loss", |_| cluster.is_down(&node));
+    let state = sweep.over();
+    assert_eq!(state["runs"]["done"], 141, "{state:#}\n{}", sweep.logs());
+    assert!(cluster.is_down(&node), "it came back by itself");
+    assert_same(&sweep);
+    cluster.heal();
 }
 
 #[test]

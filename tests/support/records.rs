@@ -24,11 +24,32 @@ pub fn timeless(results: &Path) -> BTreeMap<String, RunRecord> {
     bytes(results).iter().map(|(id, bytes)| (id.clone(), timeless(read(bytes)))).collect()
 }
 
+/// The columns that a clock or a meter measured.
+const MEASURED: [&str; 3] = ["wall_s", "tokens_per_s", "peak_bytes"];
+
+/// `runs.csv`, row by row, without the columns that differ from time to time.
+pub fn timeless_table(results: &Path) -> Vec<Vec<String>> {
+    let table = fs::read_to_string(results.join("runs.csv")).expect("the table is there");
+    let mut rows = csv(&table);
+    let measured: Vec<bool> =
+        rows[0].iter().map(|name| MEASURED.contains(&name.as_str())).collect();
+    assert_eq!(measured.iter().filter(|measured| **measured).count(), MEASURED.len());
+    for row in &mut rows {
+        assert_eq!(row.len(), measured.len());
+        let mut place = measured.iter();
+        row.retain(|_| !place.next().expect("as many as columns"));
+    }
+    rows
+}
+
+fn csv(table: &str) -> Vec<Vec<String>> {
+    table.lines().map(|line| line.split(',').map(str::to_string).collect()).collect()
+}
+
 /// A column of `runs.csv`, row by row, as it is written there.
 pub fn column(results: &Path, name: &str) -> Vec<String> {
     let table = fs::read_to_string(results.join("runs.csv")).expect("the table is there");
-    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let head = rows.next().expect("the table has a head");
-    let place = head.iter().position(|column| *column == name).expect("the column is there");
-    rows.map(|row| row[place].to_string()).collect()
+    let rows = csv(&table);
+    let place = rows[0].iter().position(|column| column == name).expect("the column is there");
+    rows[1..].iter().map(|row| row[place].clone()).collect()
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use crate::moving::pieces;
+use crate::moving::{Step, pieces};
 use crate::record::{Failure, read_if_there};
 use crate::schedule::signals::Stop;
 
@@ -18,6 +18,8 @@ pub struct Beat {
     pub step: usize,
     pub steps: usize,
     pub loss: f64,
+    /// Seconds that this process has spent in steps.
+    pub train_s: f64,
 }
 
 /// A line that a worker prints.
@@ -86,11 +88,12 @@ pub fn forget_progress(place: &Path) {
     let _ = fs::remove_file(place.join(PROGRESS));
 }
 
-/// Prints a beat a tenth of a second at most, notes one in the folder less often, and asks for an
-/// end once `stop` is raised.
-pub fn beats(place: &Path, stop: &Stop) -> impl FnMut(usize, usize, f64) -> ControlFlow<()> {
+/// Prints a beat a tenth of a second at most, and the last one for sure; notes one in the folder
+/// less often; asks for an end once `stop` is raised.
+pub fn beats(place: &Path, stop: &Stop) -> impl FnMut(Step) -> ControlFlow<()> {
     let (place, stop) = (place.to_path_buf(), stop.clone());
     let (mut printed, mut noted) = (None::<Instant>, None::<Instant>);
+    let mut train_s = 0.0;
     let due = |last: &mut Option<Instant>, every: Duration| {
         let due = last.is_none_or(|last| last.elapsed() > every);
         if due {
@@ -98,14 +101,16 @@ pub fn beats(place: &Path, stop: &Stop) -> impl FnMut(usize, usize, f64) -> Cont
         }
         due
     };
-    move |step, steps, loss| {
-        let beat = Beat { step, steps, loss };
-        if due(&mut printed, Duration::from_millis(100)) {
+    move |Step { step, steps, loss, seconds }| {
+        train_s += seconds;
+        let beat = Beat { step, steps, loss, train_s };
+        let stopped = stop.is_raised();
+        if due(&mut printed, Duration::from_millis(100)) || stopped || step == steps {
             Said::Beat(beat).say();
         }
         if due(&mut noted, NOTE) {
             note_progress(&place, &beat);
         }
-        if stop.is_raised() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }

@@ -8,6 +8,7 @@ use burn::tensor::Device;
 use super::mend::{is_damaged, put_away};
 use super::{Outcome, beats, frozen_sweep, read, remove_checkpoint};
 use crate::data::{self, MotionSource};
+use crate::moving::Progress;
 use crate::plan::TokenizerJob;
 use crate::record::atomic::write_json;
 use crate::record::damaged::is_damage;
@@ -57,7 +58,7 @@ fn trained(
     source: &dyn MotionSource,
     device: &Device,
     checkpoints: Checkpoints,
-    progress: &mut tokenizer::Progress,
+    progress: &mut Progress,
 ) -> Result<Tokenizer, TokenizerError> {
     match tokenizer::train(spec, source, device, Some(checkpoints), progress) {
         Err(TokenizerError::Weights(error)) if is_damaged(&error, checkpoints.path) => {
