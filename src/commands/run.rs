@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use isoflop::record::{Failure, JobKind, ResultsFolder};
 use isoflop::schedule::presence::Held;
 use isoflop::schedule::{
-    Display, Executor, Job, JobEnd, JobReport, LocalPool, LocalProcesses, Timeline, memory,
+    Display, Executor, Job, JobEnd, JobReport, LocalPool, LocalProcesses, Spent, Timeline, memory,
     missing_jobs, stop_on_signals,
 };
 
@@ -141,7 +141,17 @@ fn train(
     };
     let reports = pool.execute(jobs);
     display.clear();
+    output.note(&time_spent(&timeline.spent(), slots));
     Ok(reports)
+}
+
+/// Where the time of the slots went; programs of other people do not tell of their steps.
+fn time_spent(spent: &Spent, slots: usize) -> String {
+    let minutes = spent.span_s / 60.0;
+    match 100.0 * spent.training_share(slots) {
+        0.0 => format!("{minutes:.1} min"),
+        share => format!("{minutes:.1} min, {share:.0} % of the core-seconds in training steps"),
+    }
 }
 
 /// Memory for all jobs together; a job that wants more than that is named.

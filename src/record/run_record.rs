@@ -62,6 +62,7 @@ pub struct RunRecord {
     pub zero_count_targets: usize,
     pub wall_s: f64,
     pub tokens_per_s: f64,
+    /// The most memory that the run had to itself: mapped files are shared, and left out.
     pub peak_bytes: u64,
     pub tokenizer_id: String,
     pub device: String,

@@ -26,4 +26,4 @@ pub use processes::LocalProcesses;
 pub use progress::{Display, left};
 pub use signals::{Stop, stop_on_signals};
 pub use state::{Counts, FailedJob, Running, SweepState, sweep_state};
-pub use timeline::Timeline;
+pub use timeline::{Spent, Timeline};

@@ -29,9 +29,33 @@ pub struct Stretch {
     pub end: String,
 }
 
+/// What a scheduler's jobs took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spent {
+    /// Seconds from the scheduler's beginning to the last end of a job.
+    pub span_s: f64,
+    /// Core-seconds in jobs.
+    pub jobs_s: f64,
+    /// Core-seconds in training steps.
+    pub train_s: f64,
+}
+
+impl Spent {
+    fn add(&mut self, stretch: &Stretch) {
+        self.span_s = self.span_s.max(stretch.end_s);
+        self.jobs_s += stretch.end_s - stretch.start_s;
+        self.train_s += stretch.train_s;
+    }
+
+    /// The share of `slots` cores' time that went into training steps.
+    pub fn training_share(&self, slots: usize) -> f64 {
+        self.train_s / (slots as f64 * self.span_s)
+    }
+}
+
 /// Where a scheduler notes what ran when.
 pub struct Timeline {
-    file: Mutex<File>,
+    written: Mutex<(File, Spent)>,
     session: usize,
     began: Instant,
 }
@@ -52,7 +76,8 @@ impl Timeline {
                 format!("{} {}: {error}", crate::record::atomic::CANNOT_WRITE, path.display());
             io::Error::new(error.kind(), said)
         })?;
-        Ok(Self { file: Mutex::new(file), session: sessions, began: Instant::now() })
+        let written = Mutex::new((file, Spent::default()));
+        Ok(Self { written, session: sessions, began: Instant::now() })
     }
 
     /// Seconds since it was opened.
@@ -74,8 +99,14 @@ impl Timeline {
             end: word(end).to_string(),
         };
         let line = serde_json::to_string(&stretch).expect("plain values") + "\n";
-        let mut file = self.file.lock().expect("nothing panics while it holds this");
-        let _ = file.write_all(line.as_bytes());
+        let mut written = self.written.lock().expect("nothing panics while it holds this");
+        let _ = written.0.write_all(line.as_bytes());
+        written.1.add(&stretch);
+    }
+
+    /// Where the time went so far.
+    pub fn spent(&self) -> Spent {
+        self.written.lock().expect("nothing panics while it holds this").1
     }
 }
 
@@ -84,5 +115,16 @@ fn word(end: &JobEnd) -> &'static str {
         (_, Some(failure)) => failure.kind.word(),
         (JobEnd::Done, None) => "done",
         (_, None) => "stopped",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_idle_core_trains_nothing() {
+        let spent = Spent { span_s: 10.0, jobs_s: 12.0, train_s: 9.0 };
+        assert_eq!(spent.training_share(2), 0.45);
     }
 }

@@ -100,12 +100,12 @@ impl OnSlurm {
         Self { place, name: "mini", settings, patience: PATIENCE }
     }
 
-    /// `experiments/quickstart.yaml` as it stands.
+    /// `experiments/quickstart.yaml`, with more checkpoints.
     pub fn quickstart() -> Self {
         let place = Place::new();
         place.write("quickstart.yaml", include_str!("../../experiments/quickstart.yaml"));
-        place.write("profile.yaml", PROFILE);
-        Self { place, name: "quickstart", settings: Vec::new(), patience: LONG_PATIENCE }
+        let mini = Self::at(place, &["train.checkpoint_s=1"]);
+        Self { name: "quickstart", patience: LONG_PATIENCE, ..mini }
     }
 
     /// Lays further keys over the profile.

@@ -4,6 +4,7 @@ mod beats;
 mod cause;
 mod inputs;
 mod mend;
+mod peak;
 mod record;
 mod training;
 

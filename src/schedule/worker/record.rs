@@ -1,5 +1,6 @@
 //! The record of a finished run.
 
+use super::peak::peak_bytes;
 use crate::data::Split;
 use crate::plan::flops::TRAINING_PER_FORWARD;
 use crate::plan::{FlopsPerToken, RunSpec};
@@ -55,22 +56,4 @@ pub fn record(
         device: device_name.to_string(),
         git_revision: env!("ISOFLOP_GIT_REVISION").to_string(),
     }
-}
-
-/// The largest resident set of this process so far, in bytes.
-///
-/// From the kernel's high-water mark: `getrusage` would give the scheduler's where that is larger,
-/// since it outlives the start of another program.
-#[cfg(target_os = "linux")]
-fn peak_bytes() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let kibibytes = line.and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse().ok());
-    kibibytes.map_or(0, |n: u64| n * 1024)
-}
-
-/// Unknown here: systems count it in different units.
-#[cfg(not(target_os = "linux"))]
-fn peak_bytes() -> u64 {
-    0
 }
