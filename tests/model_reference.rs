@@ -18,7 +18,7 @@ use isoflop::model::{Batch, Model, Sequence, Transformer, end_token};
 use isoflop::ops::Kernels;
 use isoflop::plan::ModelShape;
 use isoflop::train::adamw::{AdamW, AdamWConfig};
-use isoflop::train::weights::{self, HostTensor, Weights};
+use isoflop::train::weights::{self, HostTensor, Source, Weights};
 
 /// Largest difference of two tensors, as a share of the reference's norm.
 const TOLERANCE: f64 = 1e-5;
@@ -82,7 +82,7 @@ impl Reference {
         let drawn = Transformer::init(shape, *n_vocab, &mut rng, device);
         let parameters = self.part("param.");
         assert!(weights::of_module(&drawn).keys().eq(parameters.keys()), "names differ");
-        let weights = weights::into_module(drawn, &parameters).expect("the same shapes");
+        let weights = weights::into_module(drawn, parameters).expect("the same shapes");
         Model::new(weights, shape, *n_vocab, kernels, device)
     }
 
@@ -121,7 +121,7 @@ impl ModuleVisitor for Gradients<'_> {
         let name = self.path.join(".");
         let grad =
             self.grads.get::<D>(param.id).unwrap_or_else(|| panic!("{name} has no gradient"));
-        self.named.insert(name, HostTensor::from_tensor(grad));
+        self.named.insert(name, Source::of(grad).on_host());
     }
 }
 
@@ -145,7 +145,7 @@ fn relative_error(found: &HostTensor, expected: &HostTensor) -> f64 {
 fn compare(variant: &str, kernels: Kernels, device: &Device) {
     let reference = Reference::read(variant);
     let (model, batch) = (reference.model(kernels, device), reference.batch());
-    let logits = HostTensor::from_tensor(model.logits(&batch));
+    let logits = Source::of(model.logits(&batch)).on_host();
     let mut errors =
         vec![("logits".to_owned(), relative_error(&logits, &reference.tensors["logits"]))];
     let expected = reference.part("grad.");
@@ -169,7 +169,7 @@ fn stepped(reference: &Reference) -> Weights {
         let grads = GradientsParams::from_grads(model.loss(&batch).backward(), &model.weights);
         (model.weights, _) = optimiser.step(model.weights, grads, lr);
     }
-    weights::of_module(&model.weights)
+    weights::on_host(&weights::of_module(&model.weights))
 }
 
 /// How far the steps moved a parameter.

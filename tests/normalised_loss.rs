@@ -55,7 +55,7 @@ fn zipf_corpus() -> Corpus {
 fn constant_model(log_probs: &[f64], kernels: Kernels) -> Model {
     let (shape, device) = (small_run(ZIPF_VOCAB).model, Device::flex());
     let drawn = Transformer::init(&shape, ZIPF_VOCAB, &mut ChaCha8Rng::seed_from_u64(0), &device);
-    let mut weights = weights::of_module(&drawn);
+    let mut weights = weights::on_host(&weights::of_module(&drawn));
     for (name, tensor) in &mut weights {
         let values = &mut tensor.values;
         match name.rsplit('.').next().expect("a name") {
@@ -67,7 +67,7 @@ fn constant_model(log_probs: &[f64], kernels: Kernels) -> Model {
     }
     let head = &mut weights.get_mut("head").expect("untied").values;
     head.iter_mut().zip(log_probs).for_each(|(weight, log_prob)| *weight = *log_prob as f32);
-    let weights = weights::into_module(drawn, &weights).expect("its own weights");
+    let weights = weights::into_module(drawn, weights).expect("its own weights");
     Model::new(weights, &shape, ZIPF_VOCAB, kernels, &device)
 }
 

@@ -89,7 +89,7 @@ impl Bench {
 
 /// The bits of every weight, by name.
 fn weight_bits(trained: &Trained) -> Vec<(String, Vec<u32>)> {
-    let weights = weights::of_module(&trained.model.weights).into_iter();
+    let weights = weights::on_host(&weights::of_module(&trained.model.weights)).into_iter();
     let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect();
     weights.map(|(name, tensor)| (name, bits(tensor.values))).collect()
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::module::TokenizerModule;
 use super::vq::QuantizerState;
 use crate::train::adamw::AdamW;
-use crate::train::weights::{self, HostTensor, Weights, WeightsError};
+use crate::train::weights::{self, HostTensor, Source, Weights, WeightsError};
 
 /// Where a tokenizer's training leaves checkpoints, and how often.
 ///
@@ -66,8 +66,8 @@ pub(super) fn save(path: &Path, moment: &Moment) -> Result<(), WeightsError> {
     weights::save(path, &tensors, HashMap::from([(STANDING.to_string(), standing)]))
 }
 
-fn row(values: &[f32]) -> HostTensor {
-    HostTensor { shape: vec![values.len()], values: values.to_vec() }
+fn row(values: &[f32]) -> Source {
+    Source::Host(HostTensor { shape: vec![values.len()], values: values.to_vec() })
 }
 
 /// Reads a checkpoint into a fresh training.
@@ -112,12 +112,12 @@ fn moment(
     let strip = |(name, tensor): (String, _)| (name[MODULE.len()..].to_string(), tensor);
     let parameters = parameters.into_iter().map(strip).collect();
     let device = fresh.module.device().inner();
-    let mut module = weights::into_module(fresh.module, &parameters).ok()?;
+    let mut module = weights::into_module(fresh.module, parameters).ok()?;
     if standing.quantizer_drawn.is_some() {
         module.resume_quantizer(quantizer?);
     }
     fresh.windows.set_word_pos(standing.windows_drawn.parse().ok()?);
     let steps = i32::try_from(standing.step).ok()?;
-    let optimiser = fresh.optimiser.with_state(steps, &moments, &device)?;
+    let optimiser = fresh.optimiser.with_state(steps, moments, &device)?;
     Some(Moment { step: standing.step, module, optimiser, windows: fresh.windows })
 }

@@ -14,7 +14,7 @@ use super::normalise::{denormalise, normalise};
 use super::spec::TokenizerSpec;
 use crate::data::FeatureStats;
 use crate::record::atomic::write_json;
-use crate::train::weights::{self, HostTensor, Weights, WeightsError};
+use crate::train::weights::{self, HostTensor, Source, Weights, WeightsError};
 
 /// Raw features to codes and back; a token stands for `spec().frames_per_token()` frames.
 #[derive(Debug)]
@@ -106,7 +106,7 @@ impl Tokenizer {
         let mut tensors = weights::of_module(&self.module);
         for (name, values) in [(MEAN, &self.stats.mean), (STD, &self.stats.std)] {
             let tensor = HostTensor { shape: vec![values.len()], values: values.clone() };
-            tensors.insert(name.to_string(), tensor);
+            tensors.insert(name.to_string(), Source::Host(tensor));
         }
         weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
         let path = folder.join(SPEC);
@@ -120,7 +120,7 @@ impl Tokenizer {
         let stats = FeatureStats { mean: vector(&tensors, MEAN)?, std: vector(&tensors, STD)? };
         let mut unused = ChaCha8Rng::seed_from_u64(0);
         let module = TokenizerModule::new(&spec, stats.mean.len(), &mut unused, device);
-        let module = weights::into_module(module, &tensors)?;
+        let module = weights::into_module(module, tensors)?;
         Ok(Self::new(module, spec, stats, device.clone()))
     }
 }

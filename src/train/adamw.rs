@@ -6,7 +6,7 @@ use burn::module::{Module, ModuleMapper, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::weights::{HostTensor, Weights};
+use super::weights::{HostTensor, Source, Sources, Weights};
 use crate::ops::{self, AdamWStep};
 
 /// What AdamW is told once.
@@ -55,22 +55,25 @@ impl AdamW {
     }
 
     /// The state as named tensors: `moment_1.0`, `moment_2.0`, …; the step count is apart.
-    pub fn state(&self) -> (i32, Weights) {
+    pub fn state(&self) -> (i32, Sources) {
         let named = self.moments.iter().flat_map(|(i, [first, second])| {
             [(format!("{FIRST}{i}"), first), (format!("{SECOND}{i}"), second)]
         });
-        let tensors = named.map(|(name, t)| (name, HostTensor::from_tensor(t.clone())));
+        let tensors = named.map(|(name, tensor)| (name, Source::of(tensor.clone())));
         (self.steps, tensors.collect())
     }
 
     /// Takes up the state that [`AdamW::state`] gave; `None` where it is not such a state.
-    pub fn with_state(mut self, steps: i32, state: &Weights, device: &Device) -> Option<Self> {
-        let tensor = |host: &HostTensor| {
-            Tensor::from_data(TensorData::new(host.values.clone(), [host.values.len()]), device)
+    pub fn with_state(mut self, steps: i32, state: Weights, device: &Device) -> Option<Self> {
+        let tensor = |HostTensor { values, .. }| {
+            let n = values.len();
+            Tensor::from_data(TensorData::new(values, [n]), device)
         };
-        for (name, first) in state.iter().filter(|(name, _)| !name.starts_with(SECOND)) {
+        let (firsts, mut seconds): (Weights, Weights) =
+            state.into_iter().partition(|(name, _)| !name.starts_with(SECOND));
+        for (name, first) in firsts {
             let index = name.strip_prefix(FIRST)?;
-            let second = state.get(&format!("{SECOND}{index}"))?;
+            let second = seconds.remove(&format!("{SECOND}{index}"))?;
             self.moments.insert(index.parse().ok()?, [tensor(first), tensor(second)]);
         }
         self.steps = steps;

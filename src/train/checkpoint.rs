@@ -80,11 +80,11 @@ pub fn load(
         tensors.into_iter().partition(|(name, _)| name.starts_with(MODEL));
     let strip = |(name, tensor): (String, _)| (name[MODEL.len()..].to_string(), tensor);
     let parameters = parameters.into_iter().map(strip).collect();
-    model.weights = weights::into_module(model.weights, &parameters)
+    model.weights = weights::into_module(model.weights, parameters)
         .map_err(|error| damaged(&error.to_string()))?;
     let steps = i32::try_from(standing.step).map_err(|_| damaged("an impossible step"))?;
     let optimiser = optimiser
-        .with_state(steps, &moments, &model.device().clone().inner())
+        .with_state(steps, moments, &model.device().clone().inner())
         .ok_or_else(|| damaged("moments are missing"))?;
     Ok((model, optimiser, standing))
 }
