@@ -1,4 +1,4 @@
-//! The operations of the transformer that burn composes slowly on the CPU, each in two versions.
+//! The operations of the models that burn composes slowly on the CPU, each in two versions.
 //!
 //! [`Kernels::Own`] are hand-written for the device `flex`, with hand-written gradients;
 //! [`Kernels::Plain`] are composed of burn's operations and run everywhere. The tests hold each
@@ -8,7 +8,7 @@
 //! positions of its sequences, one sequence after another, as a [`SequenceLayout`] says. Tensors
 //! carry their shape as a suffix: n rows, s rows that a loss is taken on, m rows to pick from,
 //! d features, f hidden features of the feed-forward layer, u columns before its activation,
-//! v codes. A gradient by x is written ∂x, and g is the one by the output.
+//! v codes; of convolutions, k taps and c channels that become o. A gradient by x is written ∂x, and g is the one by the output.
 //!
 //! RMSNorm (Zhang and Sennrich 2019) stands at the start of each part of the model:
 //! RMSNorm(x) = x r γ with r = 1 / √(mean(x²) + ε) in each row;
@@ -19,6 +19,7 @@ use std::sync::Arc;
 use burn::backend::Dispatch;
 use burn::tensor::{Device, Tensor};
 
+mod convolution;
 mod layout;
 mod own;
 mod plain;
@@ -26,6 +27,7 @@ mod rope;
 #[cfg(test)]
 mod tests;
 
+pub use convolution::{Convolution, Taps};
 pub use layout::{LayoutError, SequenceLayout};
 pub use own::AdamWStep;
 pub use rope::Rope;
@@ -214,6 +216,35 @@ impl Kernels {
         }
     }
 
+    /// A convolution over the frames of clips, with ρ the identity or max(·, 0) as asked for:
+    /// yᵢ = b + Σ over taps j of ρ(x_s(i, j)) W_j, where [`Taps`] says which row s(i, j) is, and
+    /// rows beyond the clip are zero. W is `[k c, o]`, the earliest tap first.
+    ///
+    /// ∂x_r = ρ'(x_r) Σ over i, j with s(i, j) = r of gᵢ W_jᵀ, ∂W_j = Σᵢ ρ(x_s(i, j))ᵀ gᵢ,
+    /// ∂b = Σᵢ gᵢ.
+    ///
+    /// # Panics
+    ///
+    /// If the shapes do not fit one another, or an odd number of frames is to be halved.
+    pub fn convolve(
+        self,
+        x_nc: Tensor<2>,
+        weight: Tensor<2>,
+        bias_o: Tensor<1>,
+        convolution: Convolution,
+    ) -> Tensor<2> {
+        check_convolution(x_nc.dims(), weight.dims(), bias_o.dims(), convolution);
+        match self {
+            Kernels::Plain => plain::convolve(x_nc, weight, bias_o, convolution),
+            Kernels::Own => Tensor::from_dispatch(Dispatch::own_convolve(
+                x_nc.into_dispatch(),
+                weight.into_dispatch(),
+                bias_o.into_dispatch(),
+                convolution,
+            )),
+        }
+    }
+
     /// Logits over the columns of W, RMSNorm(x) W, `[s, v]`, by burn's operations on any device.
     pub fn logits(self, x_sd: Tensor<2>, weights: HeadWeights, epsilon: f32) -> Tensor<2> {
         plain::logits(x_sd, weights, epsilon)
@@ -308,6 +339,18 @@ fn check_feed_forward(
         [d, d, wanted],
         "feed_forward: rows of {d}, {f} hidden features"
     );
+}
+
+fn check_convolution(
+    [n, c]: [usize; 2],
+    [rows, o]: [usize; 2],
+    [columns]: [usize; 1],
+    Convolution { n_clips, taps, .. }: Convolution,
+) {
+    assert_eq!([rows, o], [taps.count() * c, columns], "convolve: {c} channels, {taps:?}");
+    assert!(n_clips > 0 && n.is_multiple_of(n_clips), "convolve: {n} rows of {n_clips} clips");
+    let whole = taps != Taps::Halving || (n / n_clips).is_multiple_of(2);
+    assert!(whole, "clips are cropped to whole tokens before they are encoded");
 }
 
 fn check_targets([n, n_vocab]: [usize; 2], targets: &[u32]) {

@@ -8,7 +8,7 @@ use crate::sweep::TrainerSection;
 use crate::tokenizer::TokenizerSpec;
 
 /// Raised when the same spec would train to other bits: records of an older revision are stale.
-pub const TRAINING_REVISION: u32 = 2;
+pub const TRAINING_REVISION: u32 = 3;
 
 /// One run, resolved: no rule is left to apply, no path and no time is in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

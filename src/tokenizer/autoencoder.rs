@@ -8,7 +8,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::conv::{Conv1d, upsample};
+use super::conv::Conv1d;
 
 /// The shape of both halves.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -50,7 +50,7 @@ impl AutoencoderConfig {
             input: Conv1d::same([self.code_dim, w], 1, rng, device),
             stages: (0..self.down).map(|_| UpStage::new(self, rng, device)).collect(),
             hidden: Conv1d::same([w, w], 1, rng, device),
-            output: Conv1d::same([w, self.n_features], 1, rng, device),
+            output: Conv1d::same([w, self.n_features], 1, rng, device).rectified(),
         }
     }
 
@@ -72,14 +72,13 @@ struct ResidualBlock {
 impl ResidualBlock {
     fn new(width: usize, dilation: usize, rng: &mut ChaCha8Rng, device: &Device) -> Self {
         Self {
-            dilated: Conv1d::same([width, width], dilation, rng, device),
-            point: Conv1d::point([width, width], rng, device),
+            dilated: Conv1d::same([width, width], dilation, rng, device).rectified(),
+            point: Conv1d::point([width, width], rng, device).rectified(),
         }
     }
 
     fn forward(&self, x_btc: Tensor<3>) -> Tensor<3> {
-        let hidden = self.dilated.forward(relu(x_btc.clone()));
-        x_btc + self.point.forward(relu(hidden))
+        x_btc.clone() + self.point.forward(self.dilated.forward(x_btc))
     }
 }
 
@@ -114,13 +113,13 @@ impl UpStage {
     fn new(config: &AutoencoderConfig, rng: &mut ChaCha8Rng, device: &Device) -> Self {
         Self {
             blocks: config.init_blocks(rng, device),
-            smoothing: Conv1d::same([config.width; 2], 1, rng, device),
+            smoothing: Conv1d::doubling([config.width; 2], rng, device),
         }
     }
 
     fn forward(&self, x_btc: Tensor<3>) -> Tensor<3> {
         let x_btc = self.blocks.iter().fold(x_btc, |x, block| block.forward(x));
-        self.smoothing.forward(upsample(x_btc))
+        self.smoothing.forward(x_btc)
     }
 }
 
@@ -154,7 +153,7 @@ impl Decoder {
     pub fn forward(&self, latents_btc: Tensor<3>) -> Tensor<3> {
         let x_btc = relu(self.input.forward(latents_btc));
         let x_btc = self.stages.iter().fold(x_btc, |x, stage| stage.forward(x));
-        self.output.forward(relu(self.hidden.forward(x_btc)))
+        self.output.forward(self.hidden.forward(x_btc))
     }
 }
 

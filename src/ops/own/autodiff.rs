@@ -13,12 +13,12 @@ use burn_flex::FlexTensor;
 use super::attention::half;
 use super::buffers::recycle;
 use super::flex::{
-    attention_weights, contiguous, dims, elements, elements_mut, feed_forward_weights, head, mean,
-    scaled,
+    attention_weights, contiguous, convolution_weights, dims, elements, elements_mut,
+    feed_forward_weights, head, mean, scaled,
 };
 use super::head::Gradients as HeadGradients;
-use super::{OwnOps, feed_forward, rows};
-use crate::ops::{Activation, AttentionOptions};
+use super::{OwnOps, convolution, feed_forward, rows};
+use crate::ops::{Activation, AttentionOptions, Convolution};
 
 impl<C: CheckpointStrategy> OwnOps for Autodiff<Flex, C> {
     fn own_attention(
@@ -94,6 +94,29 @@ impl<C: CheckpointStrategy> OwnOps for Autodiff<Flex, C> {
                 let shapes = [dims(&x), dims(&weight)];
                 recycle(x);
                 prep.finish((shapes, gradients), mean(&losses))
+            }
+        }
+    }
+
+    fn own_convolve(
+        x_nc: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        bias_o: FloatTensor<Self>,
+        convolution: Convolution,
+    ) -> FloatTensor<Self> {
+        let inputs = [x_nc, weight, bias_o].map(|input| input.into_parts());
+        let (inputs, nodes) = split(inputs);
+        match Convolve.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::UnTracked(prep) => {
+                let [x, weight, bias] = inputs;
+                prep.finish(Flex::own_convolve(x, weight, bias, convolution))
+            }
+            OpsKind::Tracked(prep) => {
+                let [x, weight, bias] = inputs.map(contiguous);
+                let weights = convolution_weights([&weight, &bias]);
+                let y = convolution::forward(convolution, elements(&x), weights);
+                let shape = [convolution.rows_out(dims(&x).0), dims(&weight).1];
+                prep.finish(([x, weight, bias], convolution), y.into_tensor(shape))
             }
         }
     }
@@ -190,6 +213,31 @@ impl Backward<Flex, 3> for HeadLoss {
         register(grads, x_node, scaled(by.x, above).into_tensor([s, d]));
         register(grads, gamma_node, scaled(by.gamma, above).into_tensor([d]));
         register(grads, weight_node, scaled(by.weight, above).into_tensor([d, v]));
+    }
+}
+
+/// The way back of a convolution; keeps its inputs.
+#[derive(Debug)]
+struct Convolve;
+
+impl Backward<Flex, 3> for Convolve {
+    type State = ([FlexTensor; 3], Convolution);
+
+    fn backward(self, ops: Ops<Self::State, 3>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let ([x, weight, bias], convolution) = ops.state;
+        let gradient = contiguous(grads.consume::<Flex>(&ops.node));
+        let [x_node, weight_node, bias_node] = ops.parents.map(|parent| parent.map(|node| node.id));
+        let (weights, wants_x) = (convolution_weights([&weight, &bias]), x_node.is_some());
+        let change = elements(&gradient);
+        let by = convolution::backward(convolution, change, elements(&x), weights, wants_x);
+        let ((n, c), (rows, o)) = (dims(&x), dims(&weight));
+        recycle(gradient);
+        recycle(x);
+        if let Some(by_x) = by.x {
+            register(grads, x_node, by_x.into_tensor([n, c]));
+        }
+        register(grads, weight_node, by.weight.into_tensor([rows, o]));
+        register(grads, bias_node, by.bias.into_tensor([o]));
     }
 }
 

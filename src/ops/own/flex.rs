@@ -9,8 +9,8 @@ use burn_flex::FlexTensor;
 use super::attention::{Heads, half};
 use super::buffers::{Buffer, recycle};
 use super::head::Head;
-use super::{AdamWStep, OwnOps, OwnUpdates, adamw, feed_forward, rows};
-use crate::ops::{Activation, AttentionOptions};
+use super::{AdamWStep, OwnOps, OwnUpdates, adamw, convolution, feed_forward, rows};
+use crate::ops::{Activation, AttentionOptions, Convolution};
 
 /// A tensor with its elements in order from the start of its storage, without a copy if it is
 /// one already.
@@ -78,6 +78,12 @@ pub fn feed_forward_weights<'a>(
     feed_forward::Weights { gamma, up, down, activation, epsilon }
 }
 
+/// The tensors of a convolution, as slices.
+pub fn convolution_weights<'a>([weight, bias]: [&'a FlexTensor; 2]) -> convolution::Weights<'a> {
+    let [weight, bias] = [weight, bias].map(elements);
+    convolution::Weights { weight, bias }
+}
+
 /// The tensors of the head, as slices.
 pub fn head<'a>(
     [x, gamma, weight]: [&'a FlexTensor; 3],
@@ -129,6 +135,20 @@ impl OwnOps for Flex {
     ) -> FlexTensor {
         let [x, gamma, weight] = [x_sd, gamma_d, weight_dv].map(contiguous);
         mean(&head([&x, &gamma, &weight], &targets, epsilon).losses())
+    }
+
+    fn own_convolve(
+        x_nc: FlexTensor,
+        weight: FlexTensor,
+        bias_o: FlexTensor,
+        convolution: Convolution,
+    ) -> FlexTensor {
+        let [x, weight, bias] = [x_nc, weight, bias_o].map(contiguous);
+        let weights = convolution_weights([&weight, &bias]);
+        let y = convolution::forward(convolution, elements(&x), weights);
+        let shape = [convolution.rows_out(dims(&x).0), dims(&weight).1];
+        recycle(x);
+        y.into_tensor(shape)
     }
 
     fn own_select_rows(x_md: FlexTensor, rows: Arc<[u32]>) -> FlexTensor {

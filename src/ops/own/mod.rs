@@ -8,6 +8,7 @@
 //! | [`buffers`] | memory that goes from step to step |
 //! | [`rms_norm`], [`swiglu`], [`gelu`], [`cross_entropy`], [`rows`] | kernel pairs on slices |
 //! | [`attention`], [`feed_forward`], [`head`] | the parts of the model, composed of these |
+//! | [`convolution`] | the layers of tokenizers |
 //! | [`adamw`] | the optimiser |
 //! | [`flex`] | the operations on flex's tensors |
 //! | [`autodiff`] | the same with gradients |
@@ -21,12 +22,13 @@ use std::sync::Arc;
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, backend_extension};
 
-use super::{Activation, AttentionOptions};
+use super::{Activation, AttentionOptions, Convolution};
 
 mod adamw;
 pub(super) mod attention;
 mod autodiff;
 mod buffers;
+mod convolution;
 mod cross_entropy;
 mod feed_forward;
 mod flex;
@@ -73,6 +75,14 @@ pub trait OwnOps: Backend {
         weight_dv: FloatTensor<Self>,
         targets: Arc<[u32]>,
         epsilon: f32,
+    ) -> FloatTensor<Self>;
+
+    /// See [`Kernels::convolve`](super::Kernels::convolve).
+    fn own_convolve(
+        x_nc: FloatTensor<Self>,
+        weight: FloatTensor<Self>,
+        bias_o: FloatTensor<Self>,
+        convolution: Convolution,
     ) -> FloatTensor<Self>;
 
     /// See [`Kernels::select_rows`](super::Kernels::select_rows).

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::{
-    Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights, Kernels, Rope,
-    SequenceLayout,
+    Activation, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights, HeadWeights,
+    Kernels, Rope, SequenceLayout, Taps,
 };
 
 mod attention;
@@ -119,6 +119,19 @@ fn select_rows(m: usize, d: usize, n: usize) -> Case {
     })
 }
 
+fn convolve(taps: Taps, rectify: bool, [n_clips, t]: [usize; 2], [c, o]: [usize; 2]) -> Case {
+    let mut x = input(n_clips * t, c, 1);
+    // Finite differences must not step over the corner of max(x, 0).
+    x.values.iter_mut().for_each(|x| *x += 0.1f32.copysign(*x));
+    let inputs = vec![x, input(taps.count() * c, o, 2), input(1, o, 3)];
+    let convolution = Convolution { n_clips, taps, rectify };
+    let name = format!("{convolution:?} of {t} frames, {c} to {o} channels");
+    Case::new(name, inputs, move |kernels, x| {
+        let [x_nc, weight, bias] = [&x[0], &x[1], &x[2]].map(Tensor::clone);
+        kernels.convolve(x_nc, weight, bias.reshape([o]), convolution)
+    })
+}
+
 fn options(lengths: &[usize], prefixes: &[usize], heads: [usize; 2]) -> AttentionOptions {
     let [n_head, head_dim] = heads;
     let layout = Arc::new(SequenceLayout::new(lengths, prefixes).unwrap());
@@ -148,6 +161,10 @@ fn small_cases() -> Vec<Case> {
         head_loss(4, 3, 6),
         head_loss(3, 17, 21),
         select_rows(5, 3, 8),
+        convolve(Taps::Point, true, [2, 3], [3, 4]),
+        convolve(Taps::Neighbours(2), true, [2, 3], [2, 5]),
+        convolve(Taps::Halving, false, [2, 4], [3, 2]),
+        convolve(Taps::Doubling, false, [2, 3], [2, 3]),
         attention(&[4, 1, 6], &[2, 0, 6], 2, 4),
         attention(&[9, 18], &[0, 12], 1, 2),
     ]
@@ -163,6 +180,11 @@ fn large_cases() -> Vec<Case> {
         head_loss(600, 36, 1001),
         head_loss(5, 20, 20_003),
         select_rows(66, 64, 500),
+        convolve(Taps::Point, false, [5, 33], [64, 64]),
+        convolve(Taps::Neighbours(9), true, [7, 20], [64, 64]),
+        convolve(Taps::Neighbours(1), false, [3, 64], [263, 64]),
+        convolve(Taps::Halving, true, [4, 64], [64, 64]),
+        convolve(Taps::Doubling, true, [4, 32], [64, 263]),
         attention(&[50, 43, 17, 50], &[10, 20, 17, 0], 2, 8),
         attention(&[64, 33], &[0, 1], 2, 32),
         attention(&[201, 70], &[150, 5], 1, 64),

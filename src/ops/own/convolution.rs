@@ -1,0 +1,161 @@
+//! Convolutions over frames, a few rows at a time: what a row reads is laid side by side, and
+//! multiplied by one weight while it is in the cache.
+
+use std::ops::Range;
+
+use super::buffers::Buffer;
+use super::feed_forward::{part, part_mut};
+use super::matmul::{Panels, Target, View, add_transposed, multiply};
+use crate::ops::{Convolution, Taps};
+
+/// Rows of a chunk.
+const CHUNK: usize = 128;
+
+/// The parameters, row-major.
+#[derive(Clone, Copy)]
+pub struct Weights<'a> {
+    /// `[k c, o]`.
+    pub weight: &'a [f32],
+    /// `[o]`.
+    pub bias: &'a [f32],
+}
+
+impl Weights<'_> {
+    /// Columns made.
+    fn o(&self) -> usize {
+        self.bias.len()
+    }
+
+    /// Columns read, k c.
+    fn kc(&self) -> usize {
+        self.weight.len() / self.o()
+    }
+}
+
+/// Gradients; by x where it is wanted.
+pub struct Gradients {
+    pub x: Option<Buffer>,
+    pub weight: Buffer,
+    pub bias: Buffer,
+}
+
+/// What each row made reads of x `[n, c]`: for every row, k places.
+struct Reading<'a> {
+    convolution: Convolution,
+    x: &'a [f32],
+    c: usize,
+    /// Rows of x, tap by tap, row made after row made.
+    sources: Vec<Option<usize>>,
+}
+
+impl<'a> Reading<'a> {
+    fn new(convolution: Convolution, x: &'a [f32], c: usize) -> Self {
+        let sources = match convolution.taps {
+            Taps::Point => Vec::new(),
+            _ => convolution.sources(x.len() / c).flatten().collect(),
+        };
+        Self { convolution, x, c, sources }
+    }
+
+    fn rows_out(&self) -> usize {
+        self.convolution.rows_out(self.x.len() / self.c)
+    }
+
+    fn sources(&self, rows: &Range<usize>) -> &[Option<usize>] {
+        let k = self.convolution.taps.count();
+        &self.sources[rows.start * k..rows.end * k]
+    }
+
+    /// What `rows` read, `[rows, k c]`: x itself, or laid side by side in `room`.
+    fn of<'b>(&'b self, rows: &Range<usize>, room: &'b mut [f32]) -> &'b [f32] {
+        let rectify = self.convolution.rectify;
+        match (self.convolution.taps, rectify) {
+            (Taps::Point, false) => return part(self.x, rows, self.c),
+            (Taps::Point, true) => {
+                let x = part(self.x, rows, self.c);
+                room.iter_mut().zip(x).for_each(|(to, x)| *to = x.max(0.0));
+            }
+            _ => {
+                for (&source, to) in self.sources(rows).iter().zip(room.chunks_exact_mut(self.c)) {
+                    match source.map(|row| &self.x[row * self.c..][..self.c]) {
+                        None => to.fill(0.0),
+                        Some(x) if rectify => {
+                            to.iter_mut().zip(x).for_each(|(to, x)| *to = x.max(0.0));
+                        }
+                        Some(x) => to.copy_from_slice(x),
+                    }
+                }
+            }
+        }
+        room
+    }
+
+    /// Adds the gradients by what `rows` read to those by x.
+    fn give_back(&self, rows: &Range<usize>, by_taps: &[f32], by_x: &mut [f32]) {
+        for (&source, from) in self.sources(rows).iter().zip(by_taps.chunks_exact(self.c)) {
+            let Some(row) = source else { continue };
+            let to = &mut by_x[row * self.c..][..self.c];
+            to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+        }
+    }
+}
+
+/// The output for `x` `[n, c]`.
+pub fn forward(convolution: Convolution, x: &[f32], weights: Weights<'_>) -> Buffer {
+    let (kc, o) = (weights.kc(), weights.o());
+    let reading = Reading::new(convolution, x, kc / convolution.taps.count());
+    let panels = Panels::of(View::new(weights.weight, o), kc, o);
+    let n = reading.rows_out();
+    let (mut output, mut room) = (Buffer::new(n * o), Buffer::new(CHUNK * kc));
+    for rows in chunks(n) {
+        let taps = reading.of(&rows, &mut room);
+        let output = part_mut(&mut output, &rows, o);
+        output.chunks_exact_mut(o).for_each(|row| row.copy_from_slice(weights.bias));
+        multiply(Target::new(output, o), rows.len(), View::new(taps, kc), &panels, true);
+    }
+    output
+}
+
+/// Gradients from that by the output, `[n_out, o]`.
+pub fn backward(
+    convolution: Convolution,
+    gradient: &[f32],
+    x: &[f32],
+    weights: Weights<'_>,
+    wants_x: bool,
+) -> Gradients {
+    let (kc, o) = (weights.kc(), weights.o());
+    let reading = Reading::new(convolution, x, kc / convolution.taps.count());
+    let back = Panels::of(View::new(weights.weight, o).transposed(), o, kc);
+    let mut by = Gradients {
+        x: wants_x.then(|| Buffer::zeros(x.len())),
+        weight: Buffer::zeros(kc * o),
+        bias: Buffer::zeros(o),
+    };
+    let (mut room, mut panels) = (Buffer::new(CHUNK * kc), Panels::default());
+    for rows in chunks(reading.rows_out()) {
+        let (count, change) = (rows.len(), part(gradient, &rows, o));
+        for row in change.chunks_exact(o) {
+            by.bias.iter_mut().zip(row).for_each(|(to, from)| *to += from);
+        }
+        let (taps, change) = (View::new(reading.of(&rows, &mut room), kc), View::new(change, o));
+        add_transposed(Target::new(&mut by.weight, o), (kc, o), taps, change, count, &mut panels);
+        let Some(by_x) = &mut by.x else { continue };
+        if convolution.taps == Taps::Point {
+            let by_x = part_mut(by_x, &rows, kc);
+            multiply(Target::new(by_x, kc), count, change, &back, false);
+        } else {
+            multiply(Target::new(&mut room, kc), count, change, &back, false);
+            reading.give_back(&rows, &room, by_x);
+        }
+    }
+    if let (true, Some(by_x)) = (convolution.rectify, &mut by.x) {
+        by_x.iter_mut().zip(x).for_each(|(by, x)| *by = if *x > 0.0 { *by } else { 0.0 });
+    }
+    by
+}
+
+/// `0..n` in pieces of [`CHUNK`].
+fn chunks(n: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..n).step_by(CHUNK).map(move |first| first..n.min(first + CHUNK))
+}
