@@ -12,12 +12,20 @@ use burn_flex::FlexTensor;
 
 use super::flex::tensor;
 
-/// Vectors by their length.
-type Free = BTreeMap<usize, Vec<Vec<f32>>>;
+/// Vectors of one length.
+#[derive(Default)]
+struct Shelf {
+    free: Vec<Vec<f32>>,
+    /// Vectors that were taken from here or made, and have not come back: as many may come, since
+    /// tensors that burn has made come here too, and would pile up.
+    lent: usize,
+}
+
+/// Shelves by their length.
+type Shelves = BTreeMap<usize, Shelf>;
 
 thread_local! {
-    /// Vectors that nobody uses.
-    static FREE: RefCell<Free> = const { RefCell::new(Free::new()) };
+    static SHELVES: RefCell<Shelves> = const { RefCell::new(Shelves::new()) };
 }
 
 /// Lengths are rounded up to one of so many steps between powers of two, so that batches of
@@ -37,7 +45,7 @@ impl Buffer {
     /// `len` elements, of any values.
     pub fn new(len: usize) -> Self {
         let whole = rounded(len);
-        let mut values = FREE.with_borrow_mut(|free| take(free, whole));
+        let mut values = SHELVES.with_borrow_mut(|shelves| take(shelves, whole));
         values.truncate(len);
         Self { values }
     }
@@ -65,13 +73,17 @@ impl Buffer {
 /// A vector of `whole` to twice as many elements. Where there is none, a smaller one goes for good:
 /// it will not do for the next batch like this one either, and so the vectors grow and not their
 /// number.
-fn take(free: &mut Free, whole: usize) -> Vec<f32> {
-    let pop = |vectors: &mut Vec<Vec<f32>>| vectors.pop();
-    if let Some(values) = free.range_mut(whole..=2 * whole).find_map(|(_, vectors)| pop(vectors)) {
-        return values;
-    }
-    free.range_mut(whole / 2..whole).rev().find_map(|(_, vectors)| pop(vectors));
-    vec![0.0; whole]
+fn take(shelves: &mut Shelves, whole: usize) -> Vec<f32> {
+    let found = shelves.range_mut(whole..=2 * whole).find_map(|(_, shelf)| {
+        let values = shelf.free.pop()?;
+        shelf.lent += 1;
+        Some(values)
+    });
+    found.unwrap_or_else(|| {
+        shelves.range_mut(whole / 2..whole).rev().find_map(|(_, shelf)| shelf.free.pop());
+        shelves.entry(whole).or_default().lent += 1;
+        vec![0.0; whole]
+    })
 }
 
 /// Takes a tensor's memory back, unless something else holds it too.
@@ -95,13 +107,18 @@ impl Drop for Buffer {
     fn drop(&mut self) {
         let mut values = std::mem::take(&mut self.values);
         let whole = values.capacity();
-        if whole >= LEAST && rounded(whole) == whole {
-            values.resize(whole, 0.0);
-            // At the end of a thread there is nowhere to put it.
-            let _ = FREE.try_with(|free| {
-                free.borrow_mut().entry(whole).or_default().push(values);
-            });
+        if whole < LEAST || rounded(whole) != whole {
+            return;
         }
+        // At the end of a thread there is nowhere to put it.
+        let _ = SHELVES.try_with(|shelves| {
+            let mut shelves = shelves.borrow_mut();
+            if let Some(shelf) = shelves.get_mut(&whole).filter(|shelf| shelf.lent > 0) {
+                shelf.lent -= 1;
+                values.resize(whole, 0.0);
+                shelf.free.push(values);
+            }
+        });
     }
 }
 
@@ -145,9 +162,27 @@ mod tests {
             let n = 2000 + i * 7919 % 60_000;
             drop([Buffer::new(n), Buffer::new(n)]);
         }
-        let held: usize = FREE
-            .with_borrow(|free| free.iter().map(|(length, vectors)| length * vectors.len()).sum());
-        assert!(held < 2 * 2 * 62_000 * 9 / 8, "{held} elements lie idle");
+        assert!(held() < 2 * 2 * 62_000 * 9 / 8, "{} elements lie idle", held());
+    }
+
+    /// Elements that nobody uses.
+    fn held() -> usize {
+        let of = |(length, shelf): (&usize, &Shelf)| length * shelf.free.len();
+        SHELVES.with_borrow(|shelves| shelves.iter().map(of).sum())
+    }
+
+    #[test]
+    fn memory_that_others_made_does_not_pile_up() {
+        drop(Buffer::new(4096));
+        for _ in 0..100 {
+            recycle(tensor(vec![0.0; 4096], [64, 64]));
+        }
+        assert_eq!(held(), 4096);
+        // What burn has dropped itself leaves room for what it has made.
+        drop(Buffer::new(4096).into_tensor([64, 64]));
+        recycle(tensor(vec![0.0; 4096], [64, 64]));
+        recycle(tensor(vec![0.0; 4096], [64, 64]));
+        assert_eq!(held(), 4096);
     }
 
     #[test]
