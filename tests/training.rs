@@ -17,9 +17,11 @@ use isoflop::model::{Batch, Model, Transformer};
 use isoflop::moving::Step;
 use isoflop::ops::Kernels;
 use isoflop::plan::{ModelShape, RunSpec};
-use isoflop::sweep::Ffn;
+use isoflop::sweep::{Ffn, Precision};
 use isoflop::train::adamw::{AdamW, AdamWConfig};
-use isoflop::train::{Checkpoints, TokenStream, TrainError, Trained, learning_rate, train};
+use isoflop::train::{
+    Checkpoints, TokenStream, TrainError, Trained, learning_rate, train, weights,
+};
 
 /// Eight clips in which every code stands once, so that a target tells where it is from.
 fn numbered_corpus() -> Corpus {
@@ -266,4 +268,65 @@ fn own_kernels_train_as_their_plain_twins_do() {
         assert!(worst < 1e-5, "{ffn:?}, tied: {tie_embeddings}: off by {worst:.1e}");
         assert_eq!(own, losses(&corpus, &shape, Kernels::Own, 20), "{ffn:?}: the same bits again");
     }
+}
+
+/// Half the digits lose a little of what a model learns, and no more.
+#[test]
+fn half_precisions_train_nearly_as_single_does() {
+    let loss = |precision| {
+        let change = |spec: &mut RunSpec| {
+            *spec = RunSpec { precision, steps: 150, lr: 1e-2, ..spec.clone() };
+        };
+        outcome(change).0.expect("an ordinary run").test.loss_nats
+    };
+    let single = loss(Precision::F32);
+    assert!(single < 41f64.ln() - 0.5, "it learns something: {single}");
+    for (precision, tolerance) in [(Precision::F16, 0.02), (Precision::Bf16, 0.1)] {
+        let half = loss(precision);
+        assert!((half - single).abs() < tolerance, "{precision:?}: {half}, not {single}");
+        assert!(half != single, "{precision:?} was not computed in");
+    }
+}
+
+#[test]
+fn a_precision_that_a_device_lacks_is_named() {
+    let (corpus, folder) = (numbered_corpus(), tempfile::tempdir().expect("a temporary folder"));
+    let spec = RunSpec { precision: Precision::Bf16, ..small_run(40) };
+    let checkpoint = folder.path().join("state");
+    let checkpoints =
+        Checkpoints { path: &checkpoint, every: Duration::from_secs(3600), branch: None };
+    let mut never = |_: Step| panic!("a step was done");
+    #[allow(deprecated, reason = "the only device of every build that lacks one")]
+    let device = Device::ndarray();
+    let refused = train(&spec, &corpus.inputs(), &device, &checkpoints, &mut never);
+    let error = refused.err().expect("ndarray has no bf16").to_string();
+    assert_eq!(error, "the device does not compute in bf16: set train.precision to f16 or f32");
+}
+
+#[test]
+fn a_power_of_two_on_the_loss_changes_no_bit() {
+    let corpus = numbered_corpus();
+    let weights = |scale: f64| {
+        let device = Device::flex().autodiff();
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut model = Model::init(&small_run(40).model, 40, &mut rng, &device);
+        let mut stream = TokenStream::new(&corpus.tokens, &corpus.text, 9);
+        let config = AdamWConfig {
+            beta_1: 0.9,
+            beta_2: 0.95,
+            epsilon: 1e-8,
+            weight_decay: 0.1,
+            clip_norm: Some(0.5),
+        };
+        let mut optimiser = AdamW::new(config);
+        for step in 0..5 {
+            let loss = model.loss(&stream.batch(20 * step, 20)) * scale;
+            let gradients = GradientsParams::from_grads(loss.backward(), &model.weights);
+            let (next, norm) = optimiser.step_scaled(model.weights, gradients, scale, 3e-3);
+            assert!(norm > 0.5, "clipping is tried: {norm}");
+            model.weights = next;
+        }
+        weights::on_host(&weights::of_module(&model.weights))
+    };
+    assert_eq!(weights(1.0), weights(1024.0));
 }

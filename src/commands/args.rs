@@ -70,7 +70,7 @@ pub struct SweepArgs {
     /// The folder in which the sweep's own folder lies
     #[arg(long, default_value = "results", value_name = "DIR")]
     pub out: PathBuf,
-    /// Jobs side by side, one thread each; by default one a core
+    /// Jobs side by side, one thread each; by default one a core, or one on a GPU
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub jobs: Option<u16>,
     /// Where tensors live
@@ -79,10 +79,11 @@ pub struct SweepArgs {
 }
 
 impl SweepArgs {
-    /// Jobs side by side.
+    /// Jobs side by side: by default one a core, and one on a GPU, whose memory is not known here.
     pub fn slots(&self) -> usize {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-        self.jobs.map_or_else(cores, usize::from)
+        let default = || if self.device.is_processor() { cores() } else { 1 };
+        self.jobs.map_or_else(default, usize::from)
     }
 }
 
@@ -108,6 +109,11 @@ impl DeviceName {
             DeviceName::Vulkan => "vulkan",
             DeviceName::Cuda => "cuda",
         }
+    }
+
+    /// Whether it is this machine's processor, on which jobs are spread over the cores.
+    pub fn is_processor(self) -> bool {
+        matches!(self, DeviceName::Flex | DeviceName::Ndarray)
     }
 }
 

@@ -211,12 +211,8 @@ impl Request<'_> {
             (Some(rate), _) => Estimates::given(rate.0),
             (None, Some(measured)) => measured,
             (None, None) => match self.args.sweep.device {
-                name @ (DeviceName::Flex | DeviceName::Ndarray) => {
-                    Estimates::of_probe(plan, &device(name)?)
-                }
-                DeviceName::Vulkan | DeviceName::Cuda => {
-                    Estimates { flops_per_second: GPU, source: "guessed" }
-                }
+                name if name.is_processor() => Estimates::of_probe(plan, &device(name)?),
+                _ => Estimates { flops_per_second: GPU, source: "guessed" },
             },
         };
         let Estimates { flops_per_second, source } = &estimates;

@@ -3,6 +3,8 @@
 use std::process::exit;
 
 use anyhow::{Result, bail};
+use burn::tensor::Device;
+use isoflop::ops::check_products;
 use isoflop::record::{JobId, ResultsFolder};
 use isoflop::schedule::worker::{
     FAILED, Outcome, STOPPED, claim, failure_of, forget_progress, report_failure, stop_with_parent,
@@ -10,7 +12,7 @@ use isoflop::schedule::worker::{
 };
 use isoflop::schedule::{stop_on_signals, trainer};
 
-use super::args::{GuardArgs, WorkerArgs};
+use super::args::{DeviceName, GuardArgs, WorkerArgs};
 use super::context::device;
 use super::exit::Exit;
 use super::output::{Output, say};
@@ -35,7 +37,8 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
     let claimed = claim(&place, &stop);
     let outcome = match &claimed {
         Ok(None) => exit(STOPPED),
-        Ok(Some(_lock)) => work(&folder, job, &device, args.device.name(), &stop),
+        Ok(Some(_lock)) => checked(args.device, &device)
+            .and_then(|()| work(&folder, job, &device, args.device.name(), &stop)),
         Err(error) => Ok(Outcome::Failed(failure_of(error))),
     };
     let failure = match outcome {
@@ -59,6 +62,11 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
         exit(FAILED)
     }
     Ok(Exit::Done)
+}
+
+/// Processors multiply; of other devices it must be seen.
+fn checked(name: DeviceName, device: &Device) -> Result<()> {
+    if name.is_processor() { Ok(()) } else { Ok(check_products(device)?) }
 }
 
 /// `isoflop guard`: ends a worker's program when the worker is gone.

@@ -10,10 +10,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::batch::Batch;
 use crate::ops::{
-    Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights, Kernels, Rope,
+    Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HalfFloat, HeadWeights,
+    Kernels, Rope,
 };
 use crate::plan::ModelShape;
-use crate::sweep::Ffn;
+use crate::sweep::{Ffn, Precision};
 use crate::train::params::{constant, normal};
 
 /// RMSNorm's ε, as in LLaMA.
@@ -141,9 +142,24 @@ impl Model {
         Self { weights, shape: shape.clone(), n_vocab, rope, kernels, device: device.clone() }
     }
 
-    /// The same model without gradients, for evaluation.
+    /// The same model with its products computed in a precision.
+    pub fn in_precision(self, precision: Precision) -> Self {
+        let kernels = match precision {
+            Precision::F32 => Kernels::for_device(&self.device),
+            Precision::F16 => Kernels::Half(HalfFloat::F16),
+            Precision::Bf16 => Kernels::Half(HalfFloat::Bf16),
+        };
+        Self { kernels, ..self }
+    }
+
+    /// The same model without gradients and in single precision, for evaluation.
     pub fn frozen(&self) -> Self {
-        Self { weights: self.weights.valid(), device: self.device.clone().inner(), ..self.clone() }
+        let kernels = match self.kernels {
+            Kernels::Half(_) => Kernels::for_device(&self.device),
+            single => single,
+        };
+        let (weights, device) = (self.weights.valid(), self.device.clone().inner());
+        Self { weights, kernels, device, ..self.clone() }
     }
 
     /// Where the parameters live.

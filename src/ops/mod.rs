@@ -17,8 +17,9 @@
 use std::sync::Arc;
 
 use burn::backend::Dispatch;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, FloatDType, Tensor};
 
+mod check;
 mod convolution;
 mod layout;
 mod own;
@@ -27,6 +28,7 @@ mod rope;
 #[cfg(test)]
 mod tests;
 
+pub use check::{WrongProduct, check_products};
 pub use convolution::{Convolution, Taps};
 pub use layout::{LayoutError, SequenceLayout};
 pub use own::AdamWStep;
@@ -42,6 +44,26 @@ pub enum Kernels {
     Own,
     /// Burn's operations, on any device.
     Plain,
+    /// The same with the products of matrices in a half precision, on devices that compute in it;
+    /// what goes in and comes out is `f32`.
+    Half(HalfFloat),
+}
+
+/// A number of sixteen bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HalfFloat {
+    F16,
+    Bf16,
+}
+
+impl HalfFloat {
+    /// The same type as burn calls it.
+    pub fn dtype(self) -> FloatDType {
+        match self {
+            HalfFloat::F16 => FloatDType::F16,
+            HalfFloat::Bf16 => FloatDType::BF16,
+        }
+    }
 }
 
 /// What attention is told beside its tensors.
@@ -100,6 +122,14 @@ impl Kernels {
         if *device == Device::flex() { Kernels::Own } else { Kernels::Plain }
     }
 
+    /// What burn's products of matrices are computed by.
+    fn product(self) -> plain::Product {
+        match self {
+            Kernels::Half(half) => plain::Product::In(half.dtype()),
+            Kernels::Own | Kernels::Plain => plain::Product::Single,
+        }
+    }
+
     /// The attention half of a block: multi-head attention with rotary positions and a
     /// bidirectional text prefix (ScaMo §3.2), y = x + Attention(RMSNorm(x) W_qkv) W_output.
     ///
@@ -125,7 +155,9 @@ impl Kernels {
     ) -> Tensor<2> {
         check_attention(x_nd.dims(), weights.qkv_d3d.dims(), options);
         match self {
-            Kernels::Plain => plain::attention_half(x_nd, weights, options),
+            Kernels::Plain | Kernels::Half(_) => {
+                plain::attention_half(x_nd, weights, options, self.product())
+            }
             Kernels::Own => Tensor::from_dispatch(Dispatch::own_attention(
                 x_nd.into_dispatch(),
                 weights.gamma_d.into_dispatch(),
@@ -150,7 +182,9 @@ impl Kernels {
     ) -> Tensor<2> {
         check_feed_forward(x_nd.dims(), weights.up_du.dims(), weights.down_fd.dims(), activation);
         match self {
-            Kernels::Plain => plain::feed_forward_half(x_nd, weights, activation, epsilon),
+            Kernels::Plain | Kernels::Half(_) => {
+                plain::feed_forward_half(x_nd, weights, activation, epsilon, self.product())
+            }
             Kernels::Own => Tensor::from_dispatch(Dispatch::own_feed_forward(
                 x_nd.into_dispatch(),
                 weights.gamma_d.into_dispatch(),
@@ -180,7 +214,10 @@ impl Kernels {
     ) -> Tensor<1> {
         check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
-            Kernels::Plain => plain::cross_entropy(plain::logits(x_sd, weights, epsilon), targets),
+            Kernels::Plain | Kernels::Half(_) => {
+                let logits_sv = plain::logits(x_sd, weights, epsilon, self.product());
+                plain::cross_entropy(logits_sv, targets)
+            }
             Kernels::Own => Tensor::from_dispatch(Dispatch::own_head_loss(
                 x_sd.into_dispatch(),
                 weights.gamma_d.into_dispatch(),
@@ -205,7 +242,9 @@ impl Kernels {
     ) -> Vec<f64> {
         check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
-            Kernels::Plain => plain::nll(plain::logits(x_sd, weights, epsilon), targets),
+            Kernels::Plain | Kernels::Half(_) => {
+                plain::nll(plain::logits(x_sd, weights, epsilon, self.product()), targets)
+            }
             Kernels::Own => sums_of_parts(Tensor::<2>::from_dispatch(Dispatch::own_head_nll(
                 x_sd.without_autodiff().into_dispatch(),
                 weights.gamma_d.without_autodiff().into_dispatch(),
@@ -235,7 +274,9 @@ impl Kernels {
     ) -> Tensor<2> {
         check_convolution(x_nc.dims(), weight.dims(), bias_o.dims(), convolution);
         match self {
-            Kernels::Plain => plain::convolve(x_nc, weight, bias_o, convolution),
+            Kernels::Plain | Kernels::Half(_) => {
+                plain::convolve(x_nc, weight, bias_o, convolution, self.product())
+            }
             Kernels::Own => Tensor::from_dispatch(Dispatch::own_convolve(
                 x_nc.into_dispatch(),
                 weight.into_dispatch(),
@@ -247,7 +288,7 @@ impl Kernels {
 
     /// Logits over the columns of W, RMSNorm(x) W, `[s, v]`, by burn's operations on any device.
     pub fn logits(self, x_sd: Tensor<2>, weights: HeadWeights, epsilon: f32) -> Tensor<2> {
-        plain::logits(x_sd, weights, epsilon)
+        plain::logits(x_sd, weights, epsilon, self.product())
     }
 
     /// Rows of a matrix, in the order given and as often as given: an embedding's forward, and
@@ -263,7 +304,7 @@ impl Kernels {
         let last = rows.iter().max().map_or(0, |&last| last as usize);
         assert!(last < m, "select_rows: row {last} of a matrix of {m}");
         match self {
-            Kernels::Plain => plain::select_rows(x_md, rows),
+            Kernels::Plain | Kernels::Half(_) => plain::select_rows(x_md, rows),
             Kernels::Own => {
                 Tensor::from_dispatch(Dispatch::own_select_rows(x_md.into_dispatch(), rows.clone()))
             }

@@ -5,7 +5,7 @@
 //! of the longest sequence, c features of a head.
 
 use burn::tensor::activation::{log_softmax, relu, silu, softmax};
-use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
+use burn::tensor::{Bool, Device, FloatDType, Int, Tensor, TensorData};
 
 use super::{
     Activation, AdamWStep, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights,
@@ -16,16 +16,34 @@ use super::{
 /// devices whose arithmetic has no infinities.
 const MASKED: f32 = -1e30;
 
+/// How matrices are multiplied.
+#[derive(Clone, Copy)]
+pub enum Product {
+    Single,
+    /// The operands are rounded to a smaller type, and the result is widened again.
+    In(FloatDType),
+}
+
+impl Product {
+    fn of<const D: usize>(self, left: Tensor<D>, right: Tensor<D>) -> Tensor<D> {
+        match self {
+            Product::Single => left.matmul(right),
+            Product::In(dtype) => left.cast(dtype).matmul(right.cast(dtype)).cast(FloatDType::F32),
+        }
+    }
+}
+
 /// See [`Kernels::attention`](super::Kernels::attention).
 pub fn attention_half(
     x_nd: Tensor<2>,
     weights: AttentionWeights,
     options: &AttentionOptions,
+    product: Product,
 ) -> Tensor<2> {
     let normed_nd = rms_norm(x_nd.clone(), weights.gamma_d, options.epsilon);
-    let qkv_n3d = normed_nd.matmul(weights.qkv_d3d);
-    let mixed_nd = attention(qkv_n3d, options.n_head, &options.layout, &options.rope);
-    x_nd + mixed_nd.matmul(weights.output_dd)
+    let qkv_n3d = product.of(normed_nd, weights.qkv_d3d);
+    let mixed_nd = attention(qkv_n3d, options, product);
+    x_nd + product.of(mixed_nd, weights.output_dd)
 }
 
 /// See [`Kernels::feed_forward`](super::Kernels::feed_forward).
@@ -34,18 +52,19 @@ pub fn feed_forward_half(
     weights: FeedForwardWeights,
     activation: Activation,
     epsilon: f32,
+    product: Product,
 ) -> Tensor<2> {
-    let before_nu = rms_norm(x_nd.clone(), weights.gamma_d, epsilon).matmul(weights.up_du);
+    let before_nu = product.of(rms_norm(x_nd.clone(), weights.gamma_d, epsilon), weights.up_du);
     let hidden_nf = match activation {
         Activation::SwiGlu => swiglu(before_nu),
         Activation::Gelu => gelu(before_nu),
     };
-    x_nd + hidden_nf.matmul(weights.down_fd)
+    x_nd + product.of(hidden_nf, weights.down_fd)
 }
 
 /// See [`Kernels::logits`](super::Kernels::logits).
-pub fn logits(x_sd: Tensor<2>, weights: HeadWeights, epsilon: f32) -> Tensor<2> {
-    rms_norm(x_sd, weights.gamma_d, epsilon).matmul(weights.weight_dv)
+pub fn logits(x_sd: Tensor<2>, weights: HeadWeights, epsilon: f32, product: Product) -> Tensor<2> {
+    product.of(rms_norm(x_sd, weights.gamma_d, epsilon), weights.weight_dv)
 }
 
 /// See [`adamw`](super::adamw).
@@ -92,6 +111,7 @@ pub fn convolve(
     weight: Tensor<2>,
     bias_o: Tensor<1>,
     Convolution { n_clips, taps, rectify }: Convolution,
+    product: Product,
 ) -> Tensor<2> {
     let [n, c] = x_nc.dims();
     let x_btc = if rectify { relu(x_nc) } else { x_nc }.reshape([n_clips, n / n_clips, c]);
@@ -102,7 +122,7 @@ pub fn convolve(
         Taps::Doubling => neighbours(upsample(x_btc), 1),
     };
     let [b, t, kc] = read_btk.dims();
-    read_btk.reshape([b * t, kc]).matmul(weight) + bias_o.unsqueeze()
+    product.of(read_btk.reshape([b * t, kc]), weight) + bias_o.unsqueeze()
 }
 
 /// Each frame twice: nearest upsampling, `[b, t, c]` to `[b, 2t, c]`.
@@ -159,12 +179,9 @@ fn log_likelihoods(logits_nv: Tensor<2>, targets: &[u32]) -> Tensor<2> {
 
 /// Attention of `[q | k | v]`, before the projection: pads the sequences to one length,
 /// attends densely under a mask, and takes the padding out again.
-pub fn attention(
-    qkv_n3d: Tensor<2>,
-    n_head: usize,
-    layout: &SequenceLayout,
-    rope: &Rope,
-) -> Tensor<2> {
+pub fn attention(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Product) -> Tensor<2> {
+    let AttentionOptions { n_head, layout, rope, .. } = options;
+    let n_head = *n_head;
     let device = qkv_n3d.device();
     let (b, t, c) = (layout.n_sequences(), layout.max_len(), rope.head_dim());
     let d = n_head * c;
@@ -174,10 +191,10 @@ pub fn attention(
         columns.reshape([b, t, n_head, c]).swap_dims(1, 2)
     };
     let queries_bhtc = rotate(part_bhtc(0), rope).div_scalar((c as f64).sqrt());
-    let scores_bhtt = queries_bhtc.matmul(rotate(part_bhtc(1), rope).swap_dims(2, 3));
+    let scores_bhtt = product.of(queries_bhtc, rotate(part_bhtc(1), rope).swap_dims(2, 3));
     let hidden_bhtt = hidden(layout, &device).expand([b, n_head, t, t]);
     let weights_bhtt = softmax(scores_bhtt.mask_fill(hidden_bhtt, MASKED), 3);
-    let output = weights_bhtt.matmul(part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
+    let output = product.of(weights_bhtt, part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
     output.select(0, integers(padded_of_rows(layout), &device))
 }
 

@@ -222,6 +222,7 @@ fn run_spec(
         warmup_steps: cell.pace.warmup_steps,
         final_share: train.schedule.final_share,
         decay_steps: decay_steps(&train.schedule, steps),
+        precision: train.precision,
         weight_decay: train.weight_decay,
         betas: [train.betas[0], train.betas[1]],
         epsilon: train.epsilon,

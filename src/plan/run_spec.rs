@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::shape::ModelShape;
-use crate::sweep::TrainerSection;
+use crate::sweep::{Precision, TrainerSection};
 use crate::tokenizer::TokenizerSpec;
 
 /// Raised when the same spec would train to other bits: records of an older revision are stale.
@@ -27,6 +27,9 @@ pub struct RunSpec {
     /// Steps of the decay at the end of a wsd schedule; `None` for a cosine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decay_steps: Option<usize>,
+    /// Left out where it is `f32`.
+    #[serde(default, skip_serializing_if = "Precision::is_single")]
+    pub precision: Precision,
     pub weight_decay: f64,
     pub betas: [f64; 2],
     pub epsilon: f64,

@@ -44,12 +44,23 @@ impl AdamW {
 
     /// One step; returns the module and the global norm of the gradients before clipping.
     pub fn step<M: Module>(&mut self, module: M, grads: GradientsParams, lr: f64) -> (M, f64) {
+        self.step_scaled(module, grads, 1.0, lr)
+    }
+
+    /// The same where the gradients are `scale` times too large.
+    pub fn step_scaled<M: Module>(
+        &mut self,
+        module: M,
+        grads: GradientsParams,
+        scale: f64,
+        lr: f64,
+    ) -> (M, f64) {
         self.steps += 1;
-        let norm = global_norm(&module, &grads);
+        let norm = global_norm(&module, &grads) / scale;
         let clip = match self.config.clip_norm {
             Some(limit) if norm > limit => limit / norm,
             _ => 1.0,
-        };
+        } / scale;
         let mut update = Update { optimiser: self, grads, lr, clip, index: 0 };
         (module.map(&mut update), norm)
     }

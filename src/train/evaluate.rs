@@ -7,7 +7,7 @@ use crate::text::TextStore;
 use crate::tokenizer::TokenStore;
 
 /// Targets a forward pass of evaluation at most, but for a single clip.
-const TARGETS_PER_PASS: usize = 2048;
+pub const TARGETS_PER_PASS: usize = 2048;
 
 /// Losses of a model on a split, in nats.
 #[derive(Clone, Copy, Debug, PartialEq)]

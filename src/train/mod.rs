@@ -10,7 +10,7 @@ mod stream;
 pub mod weights;
 
 pub use checkpoint::LogLine;
-pub use evaluate::{SplitLoss, split_loss, zero_count_targets};
+pub use evaluate::{SplitLoss, TARGETS_PER_PASS, split_loss, zero_count_targets};
 pub use run::{Branch, Checkpoints, Inputs, TrainError, Trained, train, train_trunk};
 pub use schedule::learning_rate;
 pub use stream::TokenStream;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use burn::optim::GradientsParams;
-use burn::tensor::Device;
+use burn::tensor::{Device, FloatDType};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -19,6 +19,7 @@ use crate::model::{Batch, Model};
 use crate::moving::{Progress, Step};
 use crate::plan::RunSpec;
 use crate::plan::flops::{TRAINING_PER_FORWARD, exact_of_sequence};
+use crate::sweep::Precision;
 use crate::text::TextStore;
 use crate::tokenizer::TokenStore;
 
@@ -59,6 +60,9 @@ pub enum TrainError {
         positions - n_ctx
     )]
     Context { split: &'static str, clip: usize, positions: usize, n_ctx: usize },
+    /// The device does not compute in the run's precision.
+    #[error("the device does not compute in {0}: set train.precision to {other}", other = others(.0))]
+    Precision(&'static str),
     /// The checkpoint.
     #[error(transparent)]
     Weights(#[from] WeightsError),
@@ -142,9 +146,11 @@ impl<'a> Run<'a> {
         checkpoints: &Checkpoints,
     ) -> Result<Self, TrainError> {
         check_inputs(spec, inputs)?;
+        check_precision(spec.precision, device)?;
         let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
         rng.set_stream(WEIGHTS_STREAM);
         let model = Model::init(&spec.model, spec.n_vocab, &mut rng, &device.clone().autodiff());
+        let model = model.in_precision(spec.precision);
         let optimiser = AdamW::new(optimiser_config(spec));
         let (model, optimiser, standing) = match (checkpoints.path, checkpoints.branch) {
             (own, _) if own.exists() => checkpoint::load(own, model, optimiser)?,
@@ -191,9 +197,11 @@ impl<'a> Run<'a> {
         let loss = self.model.loss(&batch);
         let value = f64::from(loss.clone().into_scalar::<f32>());
         self.check(value)?;
-        let gradients = GradientsParams::from_grads(loss.backward(), &self.model.weights);
-        let weights = self.model.weights.clone();
-        let (weights, _) = self.optimiser.step(weights, gradients, learning_rate(spec, step));
+        let scale = spec.precision.loss_scale(batch.targets.len());
+        let scaled = if scale == 1.0 { loss } else { loss * scale };
+        let gradients = GradientsParams::from_grads(scaled.backward(), &self.model.weights);
+        let (weights, rate) = (self.model.weights.clone(), learning_rate(spec, step));
+        let (weights, _) = self.optimiser.step_scaled(weights, gradients, scale, rate);
         self.model.weights = weights;
         self.count(&batch, value);
         Ok(value)
@@ -290,6 +298,22 @@ fn check_inputs(spec: &RunSpec, inputs: &Inputs) -> Result<(), TrainError> {
         return Err(TrainError::Vocabulary { found, wanted });
     }
     Split::ALL.into_iter().try_for_each(|split| check_lengths(spec.model.n_ctx, inputs, split))
+}
+
+/// Devices differ in the numbers that they compute in.
+fn check_precision(precision: Precision, device: &Device) -> Result<(), TrainError> {
+    let dtype = match precision {
+        Precision::F32 => return Ok(()),
+        Precision::F16 => FloatDType::F16,
+        Precision::Bf16 => FloatDType::BF16,
+    };
+    let supported = device.supports_dtype(dtype);
+    supported.then_some(()).ok_or(TrainError::Precision(precision.name()))
+}
+
+/// What to try in place of a precision.
+fn others(precision: &str) -> &'static str {
+    if precision == "f16" { "bf16 or f32" } else { "f16 or f32" }
 }
 
 /// Each clip must fit the context after the longest of its captions.

@@ -2,7 +2,7 @@
 
 use isoflop::data::{DataError, FRAMES_PER_TOKEN, FeatureStats, MotionSource, Split};
 use isoflop::plan::{ModelShape, RunSpec};
-use isoflop::sweep::Ffn;
+use isoflop::sweep::{Ffn, Precision};
 use isoflop::text::{HashedNgrams, TextStore, embed};
 use isoflop::tokenizer::{SplitTokens, TokenStore, write_store};
 use isoflop::train::Inputs;
@@ -114,6 +114,7 @@ pub fn small_run(n_vocab: usize) -> RunSpec {
         warmup_steps: 3,
         final_share: 0.1,
         decay_steps: None,
+        precision: Precision::F32,
         weight_decay: 0.01,
         betas: [0.9, 0.99],
         epsilon: 1e-8,

@@ -73,14 +73,14 @@ impl<'a> Reading<'a> {
             (Taps::Point, false) => return part(self.x, rows, self.c),
             (Taps::Point, true) => {
                 let x = part(self.x, rows, self.c);
-                room.iter_mut().zip(x).for_each(|(to, x)| *to = x.max(0.0));
+                room.iter_mut().zip(x).for_each(|(to, x)| *to = rectified(*x));
             }
             _ => {
                 for (&source, to) in self.sources(rows).iter().zip(room.chunks_exact_mut(self.c)) {
                     match source.map(|row| &self.x[row * self.c..][..self.c]) {
                         None => to.fill(0.0),
                         Some(x) if rectify => {
-                            to.iter_mut().zip(x).for_each(|(to, x)| *to = x.max(0.0));
+                            to.iter_mut().zip(x).for_each(|(to, x)| *to = rectified(*x));
                         }
                         Some(x) => to.copy_from_slice(x),
                     }
@@ -150,9 +150,14 @@ pub fn backward(
         }
     }
     if let (true, Some(by_x)) = (convolution.rectify, &mut by.x) {
-        by_x.iter_mut().zip(x).for_each(|(by, x)| *by = if *x > 0.0 { *by } else { 0.0 });
+        by_x.iter_mut().zip(x).for_each(|(by, x)| *by = if *x <= 0.0 { 0.0 } else { *by });
     }
     by
+}
+
+/// max(x, 0), but what is no number stays none: `f32::max` would hide it.
+fn rectified(x: f32) -> f32 {
+    if x < 0.0 { 0.0 } else { x }
 }
 
 /// `0..n` in pieces of [`CHUNK`].

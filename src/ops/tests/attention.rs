@@ -14,8 +14,7 @@ fn mixed(kernels: Kernels, qkv: &Input, options: &AttentionOptions) -> Vec<f32> 
     if kernels == Kernels::Own {
         return own::attention::outcome(&qkv.values, options.heads());
     }
-    let AttentionOptions { n_head, layout, rope, .. } = options;
-    values(plain::attention(tensor(qkv, &Device::flex()), *n_head, layout, rope))
+    values(plain::attention(tensor(qkv, &Device::flex()), options, plain::Product::Single))
 }
 
 /// Output rows of attention over one sequence.

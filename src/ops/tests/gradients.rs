@@ -119,3 +119,24 @@ fn an_input_used_twice_gets_both_gradients() {
     let own = case.outcome(Kernels::Own, &Device::flex());
     assert_close(&own, &case.outcome(Kernels::Plain, &Device::flex()), 1e-5, &case.name);
 }
+
+/// Each operation has several products, one after the other; bf16 has three bits less than f16.
+#[test]
+fn half_precisions_are_near_single_precision() {
+    for (half, tolerance) in [(HalfFloat::F16, 0.03), (HalfFloat::Bf16, 0.24)] {
+        for case in small_cases().into_iter().chain(large_cases()) {
+            let single = case.outcome(Kernels::Plain, &Device::flex());
+            let found = case.outcome(Kernels::Half(half), &Device::flex());
+            assert_close(&found, &single, tolerance, &format!("{half:?} {}", case.name));
+        }
+    }
+}
+
+#[test]
+fn what_is_no_number_stays_none_where_it_is_rectified() {
+    let mut case = convolve(Taps::Neighbours(1), true, [1, 5], [2, 3]);
+    case.inputs[0].values[4] = f32::NAN;
+    let outcome = case.outcome(Kernels::Own, &Device::flex());
+    assert_eq!(outcome.output.iter().filter(|y| y.is_nan()).count(), 3 * 3);
+    assert!(outcome.gradients[1].iter().any(|by| by.is_nan()));
+}

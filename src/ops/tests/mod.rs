@@ -5,8 +5,8 @@ use std::sync::Arc;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::{
-    Activation, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights, HeadWeights,
-    Kernels, Rope, SequenceLayout, Taps,
+    Activation, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights, HalfFloat,
+    HeadWeights, Kernels, Rope, SequenceLayout, Taps,
 };
 
 mod attention;

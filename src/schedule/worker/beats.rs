@@ -19,6 +19,7 @@ pub struct Beat {
     pub steps: usize,
     pub loss: f64,
     /// Seconds that this process has spent in steps.
+    #[serde(default)]
     pub train_s: f64,
 }
 

@@ -33,7 +33,7 @@ fn of_train(error: &TrainError) -> Option<FailureKind> {
         TrainError::NonFinite { .. } | TrainError::Diverged { .. } => Some(FailureKind::Diverged),
         TrainError::Vocabulary { .. } | TrainError::Context { .. } => Some(FailureKind::BadData),
         TrainError::Weights(_) => Some(FailureKind::Damaged),
-        TrainError::Stopped { .. } => None,
+        TrainError::Stopped { .. } | TrainError::Precision(_) => None,
     }
 }
 
