@@ -25,8 +25,8 @@ const HEAD_ROWS: f64 = 256.0;
 /// queries, keys and values, what attention mixed, its weights, the columns before the
 /// activation); one block's for the rows that are measured together; a few rows' logits.
 ///
-/// Measured on 173 runs of widths 8 to 256, 64 to 64,000 codes and batches of 64 to 2048: 24 to
-/// 345 MB, 0.64 to 1.23 of it predicted, 94 % of them within 20 %. What is off is small models, by
+/// Measured on 173 runs of widths 8 to 256, 64 to 64,000 codes and batches of 64 to 2048: 25 to
+/// 347 MB, 0.64 to 1.23 of it predicted, 95 % of them within 20 %. What is off is small models, by
 /// pieces that the allocator keeps.
 pub fn peak_bytes(
     shape: &ModelShape,
@@ -50,22 +50,19 @@ pub fn peak_bytes(
 }
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
-const POOL_BYTES_PER_FRAME: f64 = 1.2 * 4.0 * N_FEATURES as f64;
-
-/// Code and runtime of a worker that tokenises or embeds, its mapped files included.
-const TOKENS_BASE_BYTES: f64 = 55e6;
+const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;
 
 /// Frames that are tokenised together.
 const FRAMES_ENCODED: f64 = 2048.0;
 
-/// Code, runtime and the data's statistics of a worker that reads motion.
-const MOTION_BASE_BYTES: f64 = 90e6;
+/// What the runtime and the data's statistics take in a worker that reads motion.
+const MOTION_BASE_BYTES: f64 = 30e6;
 
-/// Peak resident bytes of training a tokenizer: its pool of clips, and for each frame of a step what
-/// the backward pass keeps of every channel.
+/// Peak bytes that training a tokenizer has to itself: its pool of clips, and for each frame of a
+/// step what the backward pass keeps of every channel.
 ///
-/// Measured at widths 8 to 128, depths 1 to 6 and 8 to 128 windows a step, with pools of 64 and 2048
-/// clips: 78 to 511 MB, within 20 % of this.
+/// Measured at widths 16, 64 and 128 with a pool of 2048 clips: 400, 430 and 463 MB, within 3 % of
+/// this; the share of a channel at depths 1 to 6 and 8 to 128 windows a step, within 20 %.
 pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let [train, ..] = data.clips;
     let frames_per_clip = (FRAMES_PER_TOKEN * data.unique_tokens) as f64 / train.max(1) as f64;
@@ -75,23 +72,27 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     (MOTION_BASE_BYTES + pool + step) as u64
 }
 
-/// Peak resident bytes of tokenising a data set: a batch of clips in the encoder, and all codes twice.
+/// Peak bytes that tokenising a data set has to itself: a batch of clips in the encoder, and all
+/// codes twice.
 ///
-/// Measured at widths 8 to 128: 53 to 89 MB, within 25 % of this.
+/// Measured at widths 16, 64 and 128: 35, 42 and 82 MB, where this says 37, 55 and 78.
 pub fn tokens_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let codes = 2.0 * 4.0 * data.unique_tokens as f64;
-    (TOKENS_BASE_BYTES + FRAMES_ENCODED * 200.0 * spec.width as f64 + codes) as u64
+    (MOTION_BASE_BYTES + FRAMES_ENCODED * 180.0 * spec.width as f64 + codes) as u64
 }
+
+/// What the runtime and an encoder take before the first caption.
+const TEXT_BASE_BYTES: f64 = 40e6;
 
 /// Captions of a clip, and words of a caption, for an estimate of what their vectors take.
 const CAPTIONS_PER_CLIP: usize = 3;
 const WORDS_PER_CAPTION: usize = 12;
 
-/// Peak resident bytes of embedding the captions of a data set: every vector three times while the
-/// file is written. An upper bound, since captions that are alike are embedded once: 283 MB where 223
-/// were measured (8512 clips, width 64).
+/// Peak bytes that embedding the captions of a data set has to itself: every vector three times while
+/// the file is written. Captions that are alike are embedded once: 162 MB where 160 were measured
+/// (4416 clips, width 64), and less where captions repeat.
 pub fn text_peak_bytes(spec: &TextSpec, data: &DataFacts) -> u64 {
     let captions = data.clips.iter().sum::<usize>() * CAPTIONS_PER_CLIP;
     let words = captions * WORDS_PER_CAPTION.min(spec.max_tokens);
-    (TOKENS_BASE_BYTES + 3.0 * 4.0 * (words * spec.dim) as f64) as u64
+    (TEXT_BASE_BYTES + 3.0 * 4.0 * (words * spec.dim) as f64) as u64
 }
