@@ -14,7 +14,7 @@ use isoflop::slurm::{
 use isoflop::sweep::read_profile;
 use serde_json::json;
 
-use super::args::{DeviceName, RunArgs};
+use super::args::RunArgs;
 use super::command_line::CommandLine;
 use super::context::{OpenSweep, device};
 use super::exit::Exit;

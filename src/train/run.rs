@@ -4,13 +4,15 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use burn::optim::GradientsParams;
-use burn::tensor::{Device, FloatDType};
+use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::adamw::{AdamW, AdamWConfig};
 use super::checkpoint::{self, LogLine, Standing};
+use super::error::TrainError;
 use super::evaluate::{SplitLoss, split_loss};
+use super::fitness::{check_inputs, check_precision};
 use super::schedule::learning_rate;
 use super::stream::TokenStream;
 use super::weights::WeightsError;
@@ -19,7 +21,6 @@ use crate::model::{Batch, Model};
 use crate::moving::{Progress, Step};
 use crate::plan::RunSpec;
 use crate::plan::flops::{TRAINING_PER_FORWARD, exact_of_sequence};
-use crate::sweep::Precision;
 use crate::text::TextStore;
 use crate::tokenizer::TokenStore;
 
@@ -33,39 +34,6 @@ const DIVERGED_NATS: f64 = 3.0;
 pub struct Inputs<'a> {
     pub tokens: &'a TokenStore,
     pub text: &'a TextStore,
-}
-
-/// Why a run ended without a result.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    /// The loss is not a number any more.
-    #[error("the loss is {loss} at step {step} of {steps}: lower train.lr")]
-    NonFinite { step: usize, steps: usize, loss: f64 },
-    /// The loss is far above that of a model that knows nothing.
-    #[error(
-        "diverged: the loss is {loss:.2} nats at step {step} of {steps}, {uniform:.2} would be \
-         knowing nothing: lower train.lr"
-    )]
-    Diverged { step: usize, steps: usize, loss: f64, uniform: f64 },
-    /// The caller asked for a stop; a checkpoint was written.
-    #[error("stopped at step {step} of {steps}; its checkpoint is written")]
-    Stopped { step: usize, steps: usize },
-    /// Tokens and spec do not belong together.
-    #[error("the tokens have {found} codes, the run wants {wanted}")]
-    Vocabulary { found: usize, wanted: usize },
-    /// A clip is longer than the model's context.
-    #[error(
-        "clip {clip} of the {split} split takes {positions} positions with its text, the model \
-         has {n_ctx}: raise model.motion_slots by {}",
-        positions - n_ctx
-    )]
-    Context { split: &'static str, clip: usize, positions: usize, n_ctx: usize },
-    /// The device does not compute in the run's precision.
-    #[error("the device does not compute in {0}: set train.precision to {other}", other = others(.0))]
-    Precision(&'static str),
-    /// The checkpoint.
-    #[error(transparent)]
-    Weights(#[from] WeightsError),
 }
 
 /// A finished run.
@@ -289,45 +257,6 @@ fn branched(branch: &Branch, state: State) -> Result<State, TrainError> {
     let path = branch.state.display().to_string();
     let reason = format!("it is of step {found}, not {wanted}; remove it to have it made again");
     Err(WeightsError::Read { path, reason }.into())
-}
-
-/// Tokens must have the codes that the model has, and their sequences fit its context.
-fn check_inputs(spec: &RunSpec, inputs: &Inputs) -> Result<(), TrainError> {
-    let (found, wanted) = (inputs.tokens.n_vocab(), spec.n_vocab);
-    if found != wanted {
-        return Err(TrainError::Vocabulary { found, wanted });
-    }
-    Split::ALL.into_iter().try_for_each(|split| check_lengths(spec.model.n_ctx, inputs, split))
-}
-
-/// Devices differ in the numbers that they compute in.
-fn check_precision(precision: Precision, device: &Device) -> Result<(), TrainError> {
-    let dtype = match precision {
-        Precision::F32 => return Ok(()),
-        Precision::F16 => FloatDType::F16,
-        Precision::Bf16 => FloatDType::BF16,
-    };
-    let supported = device.supports_dtype(dtype);
-    supported.then_some(()).ok_or(TrainError::Precision(precision.name()))
-}
-
-/// What to try in place of a precision.
-fn others(precision: &str) -> &'static str {
-    if precision == "f16" { "bf16 or f32" } else { "f16 or f32" }
-}
-
-/// Each clip must fit the context after the longest of its captions.
-fn check_lengths(n_ctx: usize, inputs: &Inputs, split: Split) -> Result<(), TrainError> {
-    let Inputs { tokens, text } = inputs;
-    let n_text = |&caption: &u32| text.embedding(caption).len() / text.dim();
-    for clip in 0..tokens.n_clips(split) {
-        let longest_text = text.captions(split, clip).iter().map(n_text).max().unwrap_or(0);
-        let positions = longest_text + tokens.clip(split, clip).len();
-        if positions > n_ctx {
-            return Err(TrainError::Context { split: split.name(), clip, positions, n_ctx });
-        }
-    }
-    Ok(())
 }
 
 /// Multiply-adds of a batch, times two: each sequence at its own length, the head per target.
