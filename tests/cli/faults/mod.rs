@@ -2,6 +2,7 @@
 
 mod clock;
 mod damage;
+mod data;
 mod deaths;
 mod hangs;
 mod memory;
