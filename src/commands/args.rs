@@ -94,7 +94,9 @@ pub enum DeviceName {
     Flex,
     /// burn-ndarray: this processor, slower; deprecated by burn
     Ndarray,
-    /// A GPU through Vulkan; needs a build with --features vulkan
+    /// A GPU through Vulkan, Metal or DirectX; needs a build with --features wgpu
+    Wgpu,
+    /// A GPU through Vulkan, with kernels in SPIR-V; needs a build with --features vulkan
     Vulkan,
     /// An NVIDIA GPU; needs a build with --features cuda
     Cuda,
@@ -106,6 +108,7 @@ impl DeviceName {
         match self {
             DeviceName::Flex => "flex",
             DeviceName::Ndarray => "ndarray",
+            DeviceName::Wgpu => "wgpu",
             DeviceName::Vulkan => "vulkan",
             DeviceName::Cuda => "cuda",
         }

@@ -51,11 +51,13 @@ pub fn device(name: DeviceName) -> Result<Device> {
         DeviceName::Flex => Ok(Device::flex()),
         #[allow(deprecated)]
         DeviceName::Ndarray => Ok(Device::ndarray()),
+        #[cfg(feature = "wgpu")]
+        DeviceName::Wgpu => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
         #[cfg(feature = "vulkan")]
         DeviceName::Vulkan => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
         #[cfg(feature = "cuda")]
         DeviceName::Cuda => Ok(Device::cuda(0)),
-        #[cfg(not(all(feature = "vulkan", feature = "cuda")))]
+        #[cfg(not(all(feature = "wgpu", feature = "vulkan", feature = "cuda")))]
         missing => bail!(
             "this build has no {0} device; build it with `cargo build --release --features {0}`",
             missing.name()
