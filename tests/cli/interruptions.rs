@@ -149,7 +149,7 @@ fn twelve_kills_change_no_record_and_no_loss() {
 
 /// Kills a sweep of minutes again and again; `ISOFLOP_KILLS=20` makes it shorter.
 #[test]
-#[ignore = "takes half an hour"]
+#[ignore = "takes a quarter of an hour"]
 fn two_hundred_kills_change_no_record_of_the_quickstart() {
     let wanted = std::env::var("ISOFLOP_KILLS").map_or(200, |n| n.parse().expect("a number"));
     let victim = Victim::quickstart();
