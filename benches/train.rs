@@ -134,16 +134,20 @@ fn processor_s() -> f64 {
     seconds(usage.user_time()) + seconds(usage.system_time())
 }
 
-/// Calls `step` for about `seconds`, at least three times; the median of processor seconds a call.
-fn timed(step: &mut dyn FnMut(), seconds: f64) -> f64 {
-    let (started, mut times) = (Instant::now(), Vec::new());
-    while times.len() < 3 || started.elapsed().as_secs_f64() < seconds {
-        let before = processor_s();
+/// Calls `step` for about `seconds`, at least three times; the medians of processor seconds and of
+/// seconds by the wall clock that a call takes.
+fn timed(step: &mut dyn FnMut(), seconds: f64) -> [f64; 2] {
+    let (started, mut times) = (Instant::now(), [Vec::new(), Vec::new()]);
+    while times[0].len() < 3 || started.elapsed().as_secs_f64() < seconds {
+        let before = (processor_s(), Instant::now());
         step();
-        times.push(processor_s() - before);
+        times[0].push(processor_s() - before.0);
+        times[1].push(before.1.elapsed().as_secs_f64());
     }
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+    times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    })
 }
 
 /// A product of two matrices of 1024 x 1024, by burn: what the machine gives at best.
@@ -159,14 +163,14 @@ const PRODUCT_FLOPS: f64 = 2.0 * (1u64 << 30) as f64;
 type Stepper = Box<dyn FnMut() -> f32>;
 
 /// Answers each line `CASE SECONDS` (a case of the table, or `product`) by the processor seconds
-/// of a step, its FLOPs, its supervised tokens and the last loss. What a case needs is made at its first line and kept.
+/// of a step, its seconds by the wall clock, its FLOPs, its supervised tokens and the last loss. What a case needs is made at its first line and kept.
 fn serve() {
     let mut steppers: Vec<(&str, Stepper)> = Vec::new();
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let (name, seconds) = line.split_once(' ').expect("CASE SECONDS");
         let seconds = seconds.parse().expect("seconds are a number");
         let mut loss = 0.0;
-        let (step_s, flops, tokens) = if name == "product" {
+        let ([step_s, wall_s], flops, tokens) = if name == "product" {
             (timed(&mut product(), seconds), PRODUCT_FLOPS, 0)
         } else {
             let case = CASES.iter().find(|case| case.name == name).expect("a case of the table");
@@ -179,8 +183,8 @@ fn serve() {
             (timed(&mut || loss = step(), seconds), case.flops(), tokens)
         };
         println!(
-            "{{\"step_s\": {step_s:e}, \"flops\": {flops:e}, \"tokens\": {tokens}, \
-             \"loss\": {loss}}}"
+            "{{\"step_s\": {step_s:e}, \"wall_s\": {wall_s:e}, \"flops\": {flops:e}, \
+             \"tokens\": {tokens}, \"loss\": {loss}}}"
         );
         std::io::stdout().flush().expect("whoever asked still listens");
     }

@@ -60,6 +60,17 @@ pub trait Lanes: Copy {
     /// The first `n` lanes, and those of `rest` after them.
     fn first(self, n: usize, rest: Self) -> Self;
 
+    /// Rows for columns of a square block.
+    #[inline(always)]
+    fn transpose(block: [Self; LANES]) -> [Self; LANES] {
+        let rows = block.map(|row| {
+            let mut values = [0.0; LANES];
+            row.store(&mut values);
+            values
+        });
+        std::array::from_fn(|j| Self::load(&std::array::from_fn(|i| rows[i][j])))
+    }
+
     /// Up to sixteen elements, with zeros after them.
     #[inline(always)]
     fn read(x: &[f32]) -> Self {

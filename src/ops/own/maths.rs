@@ -55,14 +55,6 @@ pub fn max<L: Lanes>(x: &[f32]) -> f32 {
     largest.largest()
 }
 
-/// Copies rows of a few vectors, for which calling the library's copy takes longer than copying.
-#[inline(always)]
-pub fn copy<L: Lanes>(to: &mut [f32], from: &[f32]) {
-    for (to, from) in to.chunks_mut(LANES).zip(from.chunks(LANES)) {
-        L::read(from).write(to);
-    }
-}
-
 /// Σ e^(x − shift).
 #[inline(always)]
 pub fn sum_of_exp<L: Lanes>(x: &[f32], shift: f32) -> f32 {

@@ -3,7 +3,7 @@
 //! | file | what it holds |
 //! | --- | --- |
 //! | [`lanes`], [`x86`] | sixteen numbers at a time, on the vectors that the machine has |
-//! | [`maths`], [`product`] | what the kernels share |
+//! | [`maths`], [`scratch`], [`product`] | what the kernels share |
 //! | [`matmul`] | products of large matrices |
 //! | [`buffers`] | memory that goes from step to step |
 //! | [`rms_norm`], [`swiglu`], [`gelu`], [`cross_entropy`], [`rows`] | kernel pairs on slices |
@@ -40,6 +40,7 @@ mod matmul;
 mod product;
 mod rms_norm;
 mod rows;
+mod scratch;
 mod swiglu;
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86;

@@ -7,6 +7,8 @@ use std::arch::x86_64::*;
 
 use super::lanes::{LANES, Lanes};
 
+mod transpose;
+
 /// Which compiled version of a kernel the processor can run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Isa {
@@ -176,6 +178,12 @@ impl Lanes for Wide {
     fn first(self, n: usize, rest: Self) -> Self {
         // SAFETY: the processor has AVX-512, see the head of the file.
         Wide(unsafe { _mm512_mask_blend_ps(mask(n), rest.0, self.0) })
+    }
+
+    #[inline(always)]
+    fn transpose(block: [Self; LANES]) -> [Self; LANES] {
+        // SAFETY: the processor has AVX-512, see the head of the file.
+        unsafe { transpose::transpose(block) }
     }
 
     #[inline(always)]

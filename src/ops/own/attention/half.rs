@@ -35,8 +35,8 @@ pub struct Kept {
     inverses: Buffer,
     /// Queries, keys and values before they are turned, `[n, 3 d]`.
     qkv: Buffer,
-    /// Attention's weights that are not masked.
-    weights: Buffer,
+    /// What makes attention's weights from its scores.
+    statistics: Buffer,
     /// Attention's output, `[n, d]`.
     mixed: Buffer,
 }
@@ -74,7 +74,7 @@ pub fn forward(
         output.copy_from_slice(part(x, &rows, d));
         multiply(Target::new(output, d), rows.len(), View::new(mixed, d), &out_of, true);
     }
-    (output, keep.then_some(Kept { inverses, qkv, weights: kept, mixed }))
+    (output, keep.then_some(Kept { inverses, qkv, statistics: kept, mixed }))
 }
 
 /// Turns the gradient by the output into that by `x`; gives those by the parameters.
@@ -97,7 +97,7 @@ pub fn backward(
     let longest = longest_chunk(heads.layout);
     let (mut normed, mut by_qkv) = (Buffer::new(longest * d), Buffer::new(longest * 3 * d));
     let (mut panels, mut work) = (Panels::default(), Workspace::default());
-    let mut attended = &kept.weights[..];
+    let mut attended = &kept.statistics[..];
     for (sequences, rows) in chunks(heads.layout) {
         let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
         let (x, gradient) = (part(x, &rows, d), part_mut(gradient, &rows, d));

@@ -1,39 +1,81 @@
 //! Turning queries and keys by their positions, and their gradients back; see [`Rope`].
-//!
-//! [`Rope`]: crate::ops::Rope
 
+use std::ops::Range;
+
+use super::place::{Place, read, write};
+use crate::ops::Rope;
 use crate::ops::own::lanes::{LANES, Lanes};
+use crate::ops::own::scratch::Scratch;
 
-/// Turns the pairs of `source`, and multiplies them by `scale`.
+/// Turns the pairs of the rows `rows`, and multiplies them by `scale`, into the first rows of `to`.
 #[inline(always)]
-pub fn rotate<L: Lanes>(target: &mut [f32], source: &[f32], angles: (&[f32], &[f32]), scale: f32) {
-    turn::<L, false>(target, source, angles, scale);
+pub fn rotate<L: Lanes>(
+    to: &mut Scratch,
+    from: (&[f32], Place),
+    rows: Range<usize>,
+    rope: &Rope,
+    scale: f32,
+) {
+    if from.1.is_whole() {
+        rotate_as::<L, true>(to, from, rows, rope, scale);
+    } else {
+        rotate_as::<L, false>(to, from, rows, rope, scale);
+    }
 }
 
-/// Turns the gradient by a rotated vector back: [`rotate`] by the opposite angle.
+#[inline(always)]
+fn rotate_as<L: Lanes, const WHOLE: bool>(
+    to: &mut Scratch,
+    (values, place): (&[f32], Place),
+    rows: Range<usize>,
+    rope: &Rope,
+    scale: f32,
+) {
+    for (i, t) in rows.enumerate() {
+        let (to, from, (along, across)) = (to.row_mut(i), place.row(values, t), rope.at(t));
+        for j in (0..place.columns).step_by(LANES) {
+            let (along, across) = (read::<L, WHOLE>(along, j), read::<L, WHOLE>(across, j));
+            let turned = turn(read::<L, WHOLE>(from, j), along, across);
+            write::<L, true>(to, j, turned.mul(L::splat(scale)));
+        }
+    }
+}
+
+/// Turns the gradients by rotated vectors, the first rows of `from`, back, by the opposite angle.
 #[inline(always)]
 pub fn rotate_back<L: Lanes>(
-    target: &mut [f32],
-    source: &[f32],
-    angles: (&[f32], &[f32]),
+    to: (&mut [f32], Place),
+    from: &Scratch,
+    rows: Range<usize>,
+    rope: &Rope,
     scale: f32,
 ) {
-    turn::<L, true>(target, source, angles, scale);
+    if to.1.is_whole() {
+        rotate_back_as::<L, true>(to, from, rows, rope, scale);
+    } else {
+        rotate_back_as::<L, false>(to, from, rows, rope, scale);
+    }
 }
 
 #[inline(always)]
-fn turn<L: Lanes, const BACK: bool>(
-    target: &mut [f32],
-    source: &[f32],
-    (along, across): (&[f32], &[f32]),
+fn rotate_back_as<L: Lanes, const WHOLE: bool>(
+    (values, place): (&mut [f32], Place),
+    from: &Scratch,
+    rows: Range<usize>,
+    rope: &Rope,
     scale: f32,
 ) {
-    let angles = along.chunks(LANES).zip(across.chunks(LANES));
-    let vectors = target.chunks_mut(LANES).zip(source.chunks(LANES));
-    for ((target, source), (along, across)) in vectors.zip(angles) {
-        let (x, across) = (L::read(source), L::read(across));
-        let across = if BACK { L::splat(0.0).sub(across) } else { across };
-        let turned = x.swap_pairs().mul_add(across, x.mul(L::read(along)));
-        turned.mul(L::splat(scale)).write(target);
+    for (i, t) in rows.enumerate() {
+        let (to, from, (along, across)) = (place.row_mut(values, t), from.row(i), rope.at(t));
+        for j in (0..place.columns).step_by(LANES) {
+            let (along, across) = (read::<L, WHOLE>(along, j), read::<L, WHOLE>(across, j));
+            let turned = turn(read::<L, true>(from, j), along, L::splat(0.0).sub(across));
+            write::<L, WHOLE>(to, j, turned.mul(L::splat(scale)));
+        }
     }
+}
+
+#[inline(always)]
+fn turn<L: Lanes>(x: L, along: L, across: L) -> L {
+    x.swap_pairs().mul_add(across, x.mul(along))
 }

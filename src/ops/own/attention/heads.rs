@@ -1,0 +1,115 @@
+//! One head of one sequence: where it lies, and what its positions see.
+
+use std::ops::Range;
+
+use super::place::Place;
+use super::softmax::Statistics;
+use crate::ops::own::product::ROWS;
+use crate::ops::{Rope, SequenceLayout};
+
+/// Where the heads of the sequences lie in rows of `[q | k | v]` and of the output.
+#[derive(Clone, Copy)]
+pub struct Heads<'a> {
+    pub layout: &'a SequenceLayout,
+    pub rope: &'a Rope,
+    pub n_head: usize,
+    /// The row of the batch at which the slices that are worked on start.
+    pub first_row: usize,
+}
+
+/// One head of one sequence.
+#[derive(Clone, Copy)]
+pub struct Head<'a> {
+    pub rope: &'a Rope,
+    d_model: usize,
+    /// The first row of the sequence, in the slices that are worked on.
+    row: usize,
+    pub len: usize,
+    /// Text positions.
+    prefix: usize,
+    /// First feature of the head within d_model.
+    column: usize,
+}
+
+impl<'a> Heads<'a> {
+    pub fn d_model(&self) -> usize {
+        self.n_head * self.rope.head_dim()
+    }
+
+    /// Every head of these sequences, in the order of their rows.
+    pub fn each(self, sequences: Range<usize>) -> impl Iterator<Item = Head<'a>> {
+        sequences
+            .flat_map(move |sequence| (0..self.n_head).map(move |head| self.at(sequence, head)))
+    }
+
+    /// Numbers kept for the way back.
+    pub fn n_kept(self) -> usize {
+        Statistics::PER_ROW * self.n_head * self.layout.n_rows()
+    }
+
+    fn at(self, sequence: usize, head: usize) -> Head<'a> {
+        Head {
+            rope: self.rope,
+            d_model: self.d_model(),
+            row: self.layout.rows(sequence).start - self.first_row,
+            len: self.layout.len(sequence),
+            prefix: self.layout.prefix(sequence),
+            column: head * self.rope.head_dim(),
+        }
+    }
+}
+
+impl Head<'_> {
+    pub fn head_dim(&self) -> usize {
+        self.rope.head_dim()
+    }
+
+    pub fn scale(&self) -> f32 {
+        (1.0 / (self.head_dim() as f64).sqrt()) as f32
+    }
+
+    /// How many positions position `q` sees: see [`SequenceLayout::visible`].
+    #[inline(always)]
+    pub fn visible(&self, q: usize) -> usize {
+        if q < self.prefix { self.prefix } else { q + 1 }
+    }
+
+    /// Where the head's part number `part` (0 q, 1 k, 2 v) lies in `[n_rows, 3 d]`.
+    #[inline(always)]
+    pub fn part(&self, part: usize) -> Place {
+        let stride = 3 * self.d_model;
+        let start = self.row * stride + part * self.d_model + self.column;
+        Place { start, stride, columns: self.head_dim() }
+    }
+
+    /// Where the head's output lies in `[n_rows, d]`.
+    #[inline(always)]
+    pub fn output(&self) -> Place {
+        let start = self.row * self.d_model + self.column;
+        Place { start, stride: self.d_model, columns: self.head_dim() }
+    }
+
+    /// Positions of the tile that starts at `first`.
+    #[inline(always)]
+    pub fn rows(&self, first: usize) -> Range<usize> {
+        first..(first + ROWS).min(self.len)
+    }
+
+    /// How many positions each of them sees; rows after the last as many as it.
+    #[inline(always)]
+    pub fn visible_by_row(&self, first: usize) -> [usize; ROWS] {
+        std::array::from_fn(|r| self.visible((first + r).min(self.len - 1)))
+    }
+
+    /// Most positions seen by a row of the tile that starts at row `first`.
+    #[inline(always)]
+    pub fn visible_in_tile(&self, first: usize) -> usize {
+        self.visible((first + ROWS).min(self.len) - 1).max(self.visible(first))
+    }
+
+    /// The first position that sees a position of the tile that starts at `first`.
+    #[inline(always)]
+    pub fn first_viewer(&self, first: usize) -> usize {
+        if first < self.prefix { 0 } else { first }
+    }
+}
