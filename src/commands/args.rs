@@ -139,6 +139,9 @@ pub struct RunArgs {
     /// Print what would be given to Slurm; give and change nothing
     #[arg(long)]
     pub dry_run: bool,
+    /// Ask Slurm whether it would take the sweep; give and change nothing
+    #[arg(long, conflicts_with = "dry_run")]
+    pub check: bool,
     /// Stop at the first failure
     #[arg(long)]
     pub fail_fast: bool,

@@ -18,6 +18,8 @@ mod predict;
 mod prepare;
 mod run;
 mod slurm;
+mod slurm_preview;
+mod slurm_request;
 mod slurm_status;
 mod slurm_worker;
 mod stale;

@@ -44,7 +44,8 @@ pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> 
     forget_failures(args, plan, folder)
 }
 
-/// Specs lie in folders named by their content, so one that is there is right unless it is damaged.
+/// Specs lie in folders named by their content, so one that is there is right unless it is damaged,
+/// and then it is written again: there is no need to wait for the disk.
 fn write_once<T>(path: &Path, value: &T, output: &Output) -> Result<()>
 where
     T: Serialize + DeserializeOwned + PartialEq,
@@ -55,7 +56,7 @@ where
         Ok(Some(_)) => output.warn(&format!("{} is not as planned; written again", path.display())),
         Err(error) => output.warn(&format!("{error}: done")),
     }
-    Ok(atomic::write_json(path, value)?)
+    Ok(atomic::write_json_unflushed(path, value)?)
 }
 
 /// Results that cannot be read are set aside, so that they are made again; each is a warning.

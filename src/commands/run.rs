@@ -26,9 +26,10 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
             bail!("--fail-fast is for this machine; on Slurm the other runs go on")
         }
         EngineName::Slurm => slurm::run(args, output),
-        EngineName::Local if args.dry_run || args.profile.is_some() => {
+        EngineName::Local if args.dry_run || args.check || args.profile.is_some() => {
             bail!(
-                "--dry-run and --profile want --engine slurm; see `isoflop plan` for this machine"
+                "--dry-run, --check and --profile want --engine slurm; see `isoflop plan` for this \
+                 machine"
             )
         }
         EngineName::Local => run_here(args, output),

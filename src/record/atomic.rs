@@ -53,12 +53,14 @@ pub fn write_whole(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> io::Result<()> {
-    write(path, fill).map_err(at(path))
+    write(path, fill, File::sync_all).map_err(at(path))
 }
 
+/// Writes `path` as `flush` says: see [`write_whole`].
 fn write(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+    flush: impl FnOnce(&File) -> io::Result<()>,
 ) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
@@ -68,7 +70,7 @@ fn write(
     writer.flush()?;
     drop(writer);
     make_readable(temporary.as_file())?;
-    temporary.as_file().sync_all()?;
+    flush(temporary.as_file())?;
     temporary.persist(path)?;
     Ok(())
 }
@@ -80,9 +82,20 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 /// [`write_whole`] for a value as indented JSON with a newline at its end.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> io::Result<()> {
+    write_bytes(path, json(value)?.as_bytes())
+}
+
+/// [`write_json`] for one of very many files that can be made again: a killed process leaves it whole
+/// or not there, but it is not flushed, and a power cut may leave it empty.
+pub fn write_json_unflushed(path: &Path, value: &impl serde::Serialize) -> io::Result<()> {
+    let text = json(value)?;
+    write(path, |file| file.write_all(text.as_bytes()), |_| Ok(())).map_err(at(path))
+}
+
+fn json(value: &impl serde::Serialize) -> io::Result<String> {
     let mut text = serde_json::to_string_pretty(value)?;
     text.push('\n');
-    write_bytes(path, text.as_bytes())
+    Ok(text)
 }
 
 /// Temporary files are private; results are for everybody that the umask lets in.

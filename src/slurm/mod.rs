@@ -8,6 +8,7 @@
 //! ```
 
 pub mod cancel;
+mod check;
 mod chunks;
 mod command;
 mod error;
@@ -27,6 +28,7 @@ mod submit;
 mod walltime;
 pub mod worker;
 
+pub use check::{Verdict, check};
 pub use command::{Answer, QUERY, Shell, System, site_defaults};
 pub use error::SlurmError;
 pub use estimate::Estimates;

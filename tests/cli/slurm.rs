@@ -77,6 +77,7 @@ fn mistakes_in_the_section_and_the_profile_are_shown_where_they_stand() {
 fn options_of_one_engine_are_refused_by_the_other() {
     let place = place();
     place.isoflop(&["run", "mini.yaml", "--dry-run"]).exits(2).says("want --engine slurm");
+    place.isoflop(&["run", "mini.yaml", "--check"]).exits(2).says("want --engine slurm");
     let fast = ["run", "mini.yaml", "--engine", "slurm", "--fail-fast"];
     place.isoflop(&fast).exits(2).says("--fail-fast is for this machine");
 }
@@ -88,5 +89,7 @@ fn a_machine_without_slurm_says_so_and_nothing_is_changed() {
     let set = ["--set", "engine.slurm.scontrol=/no/such/scontrol"];
     let ended = place.isoflop(&[&words[..], &set].concat()).exits(2);
     ended.says("is this a machine with Slurm on it?").says("nothing was submitted or changed");
+    let check = place.isoflop(&[&words[..], &set, &["--check"]].concat()).exits(2);
+    check.says("is this a machine with Slurm on it?");
     assert!(!place.path("results").exists());
 }

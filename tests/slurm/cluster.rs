@@ -126,6 +126,11 @@ impl OnSlurm {
         self.run(&["--engine", "slurm", "--profile", "profile.yaml"])
     }
 
+    /// Asks whether it would be taken.
+    pub fn check(&self) -> Ended {
+        self.run(&["--engine", "slurm", "--profile", "profile.yaml", "--check"])
+    }
+
     /// The same sweep on this machine, in a folder of its own.
     pub fn locally(&self) -> PathBuf {
         let results = self.place.path("local");

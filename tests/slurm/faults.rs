@@ -7,6 +7,26 @@ use super::cluster::{OnSlurm, cluster};
 use super::support::records;
 
 #[test]
+fn a_check_tells_what_slurm_would_refuse_and_leaves_nothing_behind() {
+    let Some(_cluster) = cluster() else { return };
+    let sweep = OnSlurm::mini(&[]);
+    // Hidden ones too.
+    let count = |sweep: &OnSlurm| std::fs::read_dir(sweep.place.path("")).map(Iterator::count).ok();
+    let files = count(&sweep);
+    let taken = sweep.check().exits(0).stdout();
+    assert!(taken.contains(" in partition main") && taken.contains("fit"), "{taken}");
+    let refused = sweep.with_profile("stages: {fit: {partition: nope}}");
+    let said = refused.check().exits(2).stdout();
+    assert!(said.contains("REFUSED  allocation failure: Invalid partition name"), "{said}");
+    assert!(said.contains(" taken "), "the other steps: {said}");
+    // This Slurm takes a time limit beyond the partition's, and never begins the job.
+    let too_long = refused.with_profile("stages: {fit: {partition: low, time: 120}}");
+    let said = too_long.check().exits(2).stdout();
+    assert!(said.contains("time 120 is more than the 01:00:00 of partition low"), "{said}");
+    assert_eq!(count(&too_long), files);
+}
+
+#[test]
 fn a_run_that_fails_keeps_the_fit_from_being_silent_and_the_others_from_nothing() {
     let Some(_cluster) = cluster() else { return };
     let sweep = OnSlurm::mini(&[

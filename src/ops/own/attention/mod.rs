@@ -2,7 +2,8 @@
 //!
 //! The mask lets a position see the first so many positions of its sequence and no others, so
 //! each row of the score matrix is cut where it ends, and only what lies before the cut is
-//! computed and kept: about half of it for a causal sequence.
+//! computed: about half of it for a causal sequence. Rows go through scores, softmax and product a
+//! tile at a time, and the way back makes their weights again from two numbers a row.
 //!
 //! Rows of weights are zero from their cut to the end of its vector, and unspecified after it.
 //! That is enough: a tile reads no further than its longest row, whose cut lies in the same

@@ -1,0 +1,96 @@
+//! What Slurm would say to a submission, without one.
+
+use std::io::{self, Write};
+
+use super::command::{Answer, QUERY, Shell};
+use super::error::SlurmError;
+use super::submission::{Step, Submission};
+use crate::sweep::minutes;
+
+/// Slurm's word on one step.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Verdict {
+    pub name: String,
+    /// Whether it would be taken, and would begin some day.
+    pub taken: bool,
+    /// Where and when it would begin, or why not, as Slurm says it.
+    pub said: String,
+}
+
+/// Asks Slurm of every step whether it would take it (`sbatch --test-only`), and whether its time
+/// limit is one of the partition's: many a Slurm takes a longer one, and then lets it wait for ever.
+///
+/// # Errors
+/// Slurm gave no answer, or a script could not be written for it to read.
+pub fn check(submission: &Submission, shell: &dyn Shell) -> Result<Vec<Verdict>, SlurmError> {
+    let steps = submission.steps();
+    let verdict = |(at, step)| verdict(submission, at, step, shell);
+    steps.iter().enumerate().map(verdict).collect()
+}
+
+fn verdict(
+    submission: &Submission,
+    at: usize,
+    step: &Step,
+    shell: &dyn Shell,
+) -> Result<Verdict, SlurmError> {
+    // Where the command was given, which the machine that submits must see anyhow.
+    let mut script =
+        tempfile::Builder::new().prefix(".isoflop-check-").tempfile_in(&submission.directory)?;
+    script.write_all(step.script.as_bytes())?;
+    let words = tried(submission, at, step, &script.path().display().to_string())?;
+    let answer = shell.call(&words, QUERY)?;
+    let refused = SlurmError::Refused { program: words[0].clone(), said: last_line(&answer) };
+    if !answer.ok && refused.may_pass() {
+        return Err(refused);
+    }
+    let too_long = if answer.ok { too_long(submission, step, &answer, shell)? } else { None };
+    Ok(Verdict {
+        name: step.name.clone(),
+        taken: answer.ok && too_long.is_none(),
+        said: too_long.unwrap_or_else(|| last_line(&answer)),
+    })
+}
+
+/// The words that submit a step, for trying only. What it waits for is left out: it has no number.
+fn tried(submission: &Submission, at: usize, step: &Step, script: &str) -> io::Result<Vec<String>> {
+    let numbers = vec!["0".to_string(); at];
+    let mut words = submission.words(at, step, "check", &numbers);
+    words.retain(|word| !word.starts_with("--dependency="));
+    words.insert(submission.settings.program("sbatch").len(), "--test-only".to_string());
+    words.pop();
+    words.push(script.to_string());
+    Ok(words)
+}
+
+/// The last thing that was said, without the name of the program.
+fn last_line(answer: &Answer) -> String {
+    let lines = || answer.stderr.lines().chain(answer.stdout.lines()).map(str::trim);
+    let last = lines().rfind(|line| !line.is_empty()).unwrap_or("nothing");
+    let last = last.strip_prefix("sbatch: ").unwrap_or(last);
+    last.strip_prefix("error: ").unwrap_or(last).to_string()
+}
+
+/// A sentence on a time limit beyond that of the partition that Slurm chose.
+fn too_long(
+    submission: &Submission,
+    step: &Step,
+    answer: &Answer,
+    shell: &dyn Shell,
+) -> Result<Option<String>, SlurmError> {
+    let said = last_line(answer);
+    let partition = said.split(" in partition ").nth(1).and_then(|rest| rest.split(' ').next());
+    let asked = submission.settings.resources(step.stage).time;
+    let (Some(partition), Some(asked)) = (partition, asked) else { return Ok(None) };
+    let mut words = submission.settings.program("scontrol");
+    words.extend(["show", "partition", partition, "--oneliner"].map(String::from));
+    let shown = shell.ask(&words, QUERY)?;
+    let most = shown.split_whitespace().find_map(|word| word.strip_prefix("MaxTime="));
+    let Some(most) = most else { return Ok(None) };
+    let beyond = minutes(&asked.0).zip(minutes(most)).is_some_and(|(asked, most)| asked > most);
+    let sentence = format!(
+        "time {} is more than the {most} of partition {partition}: it would wait for ever",
+        asked.0
+    );
+    Ok(beyond.then_some(sentence))
+}
