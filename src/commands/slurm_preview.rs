@@ -74,14 +74,12 @@ pub fn check(
     let verdicts = slurm::check(&submission, shell).context("asking Slurm")?;
     let line = |verdict: &slurm::Verdict| {
         let word = if verdict.taken { "taken" } else { "REFUSED" };
-        format!("  {:<12} {word:<8} {}\n", verdict.name, verdict.said)
+        format!("  {:<9} {word:<8} {}\n", verdict.name, verdict.said)
     };
     let all = verdicts.iter().all(|verdict| verdict.taken);
     let end = match all {
-        true => "Slurm would take the sweep; whether its nodes see this folder only a job can tell",
-        false => {
-            "Slurm would not take the sweep as it is; see the profile's keys in docs/cluster.md"
-        }
+        true => "Slurm would take it; whether its nodes see this folder only a job can tell",
+        false => "Slurm would not take it so; docs/cluster.md lists the keys of the profile",
     };
     let text = format!(
         "{}: nothing is submitted\n{}{end}",

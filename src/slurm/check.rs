@@ -48,7 +48,7 @@ fn verdict(
     Ok(Verdict {
         name: step.name.clone(),
         taken: answer.ok && too_long.is_none(),
-        said: too_long.unwrap_or_else(|| last_line(&answer)),
+        said: too_long.unwrap_or_else(|| begin(&last_line(&answer))),
     })
 }
 
@@ -71,6 +71,26 @@ fn last_line(answer: &Answer) -> String {
     last.strip_prefix("error: ").unwrap_or(last).to_string()
 }
 
+/// `Job 9 to start at TIME using 1 processors on nodes NODES in partition PARTITION` without what says
+/// nothing of a job that is not to be.
+fn begin(said: &str) -> String {
+    let parts = (
+        between(said, " to start at ", " "),
+        between(said, " on nodes ", " "),
+        between(said, " in partition ", " "),
+    );
+    match parts {
+        (Some(time), Some(nodes), Some(partition)) => {
+            format!("from {time} on {nodes} in partition {partition}")
+        }
+        _ => said.to_string(),
+    }
+}
+
+fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
+    text.split_once(before)?.1.split(after).next()
+}
+
 /// A sentence on a time limit beyond that of the partition that Slurm chose.
 fn too_long(
     submission: &Submission,
@@ -79,7 +99,7 @@ fn too_long(
     shell: &dyn Shell,
 ) -> Result<Option<String>, SlurmError> {
     let said = last_line(answer);
-    let partition = said.split(" in partition ").nth(1).and_then(|rest| rest.split(' ').next());
+    let partition = between(&said, " in partition ", " ");
     let asked = submission.settings.resources(step.stage).time;
     let (Some(partition), Some(asked)) = (partition, asked) else { return Ok(None) };
     let mut words = submission.settings.program("scontrol");
@@ -88,9 +108,20 @@ fn too_long(
     let most = shown.split_whitespace().find_map(|word| word.strip_prefix("MaxTime="));
     let Some(most) = most else { return Ok(None) };
     let beyond = minutes(&asked.0).zip(minutes(most)).is_some_and(|(asked, most)| asked > most);
-    let sentence = format!(
-        "time {} is more than the {most} of partition {partition}: it would wait for ever",
-        asked.0
-    );
+    let sentence =
+        format!("time {} is beyond partition {partition}'s {most}: waits for ever", asked.0);
     Ok(beyond.then_some(sentence))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::begin;
+
+    #[test]
+    fn where_a_job_would_begin_is_said_in_short_and_anything_else_as_it_is() {
+        let said = "Job 9 to start at 2026-11-21T17:01:49 using 1 processors on nodes n[1-2] in \
+                    partition main";
+        assert_eq!(begin(said), "from 2026-11-21T17:01:49 on n[1-2] in partition main");
+        assert_eq!(begin("a job could begin"), "a job could begin");
+    }
 }

@@ -22,7 +22,7 @@ fn a_check_tells_what_slurm_would_refuse_and_leaves_nothing_behind() {
     // This Slurm takes a time limit beyond the partition's, and never begins the job.
     let too_long = refused.with_profile("stages: {fit: {partition: low, time: 120}}");
     let said = too_long.check().exits(2).stdout();
-    assert!(said.contains("time 120 is more than the 01:00:00 of partition low"), "{said}");
+    assert!(said.contains("time 120 is beyond partition low's 01:00:00: waits for ever"), "{said}");
     assert_eq!(count(&too_long), files);
 }
 
