@@ -163,7 +163,8 @@ const PRODUCT_FLOPS: f64 = 2.0 * (1u64 << 30) as f64;
 type Stepper = Box<dyn FnMut() -> f32>;
 
 /// Answers each line `CASE SECONDS` (a case of the table, or `product`) by the processor seconds
-/// of a step, its seconds by the wall clock, its FLOPs, its supervised tokens and the last loss. What a case needs is made at its first line and kept.
+/// of a step, its seconds by the wall clock, its FLOPs, its supervised tokens and the last loss. What
+/// a case needs is made at its first line and kept.
 fn serve() {
     let mut steppers: Vec<(&str, Stepper)> = Vec::new();
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {

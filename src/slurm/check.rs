@@ -40,16 +40,15 @@ fn verdict(
     script.write_all(step.script.as_bytes())?;
     let words = tried(submission, at, step, &script.path().display().to_string())?;
     let answer = shell.call(&words, QUERY)?;
-    let refused = SlurmError::Refused { program: words[0].clone(), said: last_line(&answer) };
-    if !answer.ok && refused.may_pass() {
-        return Err(refused);
+    let said = last_line(&answer);
+    let name = step.name.clone();
+    if answer.ok {
+        let too_long = too_long(submission, step, &said, shell)?;
+        let taken = too_long.is_none();
+        return Ok(Verdict { name, taken, said: too_long.unwrap_or_else(|| begin(&said)) });
     }
-    let too_long = if answer.ok { too_long(submission, step, &answer, shell)? } else { None };
-    Ok(Verdict {
-        name: step.name.clone(),
-        taken: answer.ok && too_long.is_none(),
-        said: too_long.unwrap_or_else(|| begin(&last_line(&answer))),
-    })
+    let refused = SlurmError::Refused { program: words[0].clone(), said: said.clone() };
+    if refused.may_pass() { Err(refused) } else { Ok(Verdict { name, taken: false, said }) }
 }
 
 /// The words that submit a step, for trying only. What it waits for is left out: it has no number.
@@ -95,11 +94,10 @@ fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
 fn too_long(
     submission: &Submission,
     step: &Step,
-    answer: &Answer,
+    said: &str,
     shell: &dyn Shell,
 ) -> Result<Option<String>, SlurmError> {
-    let said = last_line(answer);
-    let partition = between(&said, " in partition ", " ");
+    let partition = between(said, " in partition ", " ");
     let asked = submission.settings.resources(step.stage).time;
     let (Some(partition), Some(asked)) = (partition, asked) else { return Ok(None) };
     let mut words = submission.settings.program("scontrol");

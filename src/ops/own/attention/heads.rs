@@ -20,13 +20,13 @@ pub struct Heads<'a> {
 /// One head of one sequence.
 #[derive(Clone, Copy)]
 pub struct Head<'a> {
+    layout: &'a SequenceLayout,
+    sequence: usize,
     pub rope: &'a Rope,
     d_model: usize,
     /// The first row of the sequence, in the slices that are worked on.
     row: usize,
     pub len: usize,
-    /// Text positions.
-    prefix: usize,
     /// First feature of the head within d_model.
     column: usize,
 }
@@ -49,11 +49,12 @@ impl<'a> Heads<'a> {
 
     fn at(self, sequence: usize, head: usize) -> Head<'a> {
         Head {
+            layout: self.layout,
+            sequence,
             rope: self.rope,
             d_model: self.d_model(),
             row: self.layout.rows(sequence).start - self.first_row,
             len: self.layout.len(sequence),
-            prefix: self.layout.prefix(sequence),
             column: head * self.rope.head_dim(),
         }
     }
@@ -68,10 +69,10 @@ impl Head<'_> {
         (1.0 / (self.head_dim() as f64).sqrt()) as f32
     }
 
-    /// How many positions position `q` sees: see [`SequenceLayout::visible`].
+    /// How many positions position `q` sees.
     #[inline(always)]
-    pub fn visible(&self, q: usize) -> usize {
-        if q < self.prefix { self.prefix } else { q + 1 }
+    fn visible(&self, q: usize) -> usize {
+        self.layout.visible(self.sequence, q)
     }
 
     /// Where the head's part number `part` (0 q, 1 k, 2 v) lies in `[n_rows, 3 d]`.
@@ -101,15 +102,15 @@ impl Head<'_> {
         std::array::from_fn(|r| self.visible((first + r).min(self.len - 1)))
     }
 
-    /// Most positions seen by a row of the tile that starts at row `first`.
+    /// Most positions seen by a row of the tile that starts at row `first`: those of its last.
     #[inline(always)]
     pub fn visible_in_tile(&self, first: usize) -> usize {
-        self.visible((first + ROWS).min(self.len) - 1).max(self.visible(first))
+        self.visible(self.rows(first).end - 1)
     }
 
     /// The first position that sees a position of the tile that starts at `first`.
     #[inline(always)]
     pub fn first_viewer(&self, first: usize) -> usize {
-        if first < self.prefix { 0 } else { first }
+        if first < self.layout.prefix(self.sequence) { 0 } else { first }
     }
 }
