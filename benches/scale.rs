@@ -9,9 +9,11 @@ use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use isoflop::data::DataFacts;
+use isoflop::files::atomic;
+use isoflop::jobs::ResultsFolder;
+use isoflop::jobs::sweep_state;
 use isoflop::plan::Plan;
-use isoflop::record::{ResultsFolder, RunRecord, atomic, table};
-use isoflop::schedule::sweep_state;
+use isoflop::record::{RunRecord, table};
 use isoflop::sweep::{self, Sweep};
 use rayon::prelude::*;
 use serde_json::{Value, json};

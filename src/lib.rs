@@ -1,47 +1,65 @@
 //! isoflop: scaling-law experiments for autoregressive motion generation.
 //!
-//! Data flows one way, and the modules stand in that order:
+//! Data flows one way:
 //!
 //! `Sweep → RunSpec → RunRecord → IsoFlopPoint → Minimum → Law → Prediction`
 //!
-//! | module | what it turns into what |
-//! | --- | --- |
-//! | [`sweep`] | a YAML file into a checked [`sweep::Sweep`] |
-//! | [`plan`] | a sweep into priced runs, and cells dropped with their reasons |
-//! | [`motion`] | joints into features and back; the procedural source |
-//! | [`data`] | a folder or the generator into clips with captions |
-//! | [`text`] | captions into frozen embeddings |
-//! | [`tokenizer`] | clips into discrete codes |
-//! | [`ops`], [`model`], [`train`] | codes and text into a trained model and its loss |
-//! | [`schedule`] | a plan into finished jobs, one process a run |
-//! | [`moving`] | work without steps into a count of its pieces, by which a scheduler sees that it goes on |
-//! | [`slurm`] | the same on a cluster: jobs into arrays of packed tasks |
-//! | [`record`] | a finished run into a row of a table |
-//! | [`table`] | a table of runs made elsewhere into the rows that laws are fitted to |
-//! | [`laws`] | rows into minima, power laws and loss laws |
-//! | [`predict`] | laws and a budget into a configuration |
-//! | [`figures`], [`export`] | tables and laws into SVG, PNG and notebooks |
+//! Each module stands on a floor. It imports modules of lower floors, and of its own floor only
+//! those named in its line; `tests/floors.rs` reads this table and every import.
+//!
+//! | floor | module | what it is for | beside it |
+//! | --- | --- | --- | --- |
+//! | 1 | [`units`] | numbers and amounts of memory as people write them | |
+//! | 1 | [`failure`] | what can go wrong with a job, as a type | |
+//! | 1 | [`machine`] | memory of this machine, and kills for the lack of it | |
+//! | 1 | [`files`] | files written whole, mapped, or set aside | failure |
+//! | 1 | [`progress`] | steps, pieces of work, requests to stop | failure, files |
+//! | 2 | [`spec`] | closed descriptions of what is trained: hashed, free of burn | |
+//! | 2 | [`sweep`] | a YAML file into a checked [`sweep::Sweep`] | spec |
+//! | 3 | [`motion`] | joints into features and back; the procedural source | |
+//! | 3 | [`data`] | a folder or the generator into clips with captions | motion |
+//! | 3 | [`text`] | captions into frozen embeddings | data |
+//! | 3 | [`codes`] | the codes of a data set, between a tokenizer and a generator | data |
+//! | 4 | [`plan`] | a sweep into priced runs, and cells dropped with their reasons | |
+//! | 4 | [`laws`] | points into minima, power laws and loss laws | |
+//! | 4 | [`predict`] | laws and a budget into a configuration | laws |
+//! | 4 | [`table`] | a table of runs made elsewhere into points | laws |
+//! | 5 | [`ops`] | the operations of the models, with their gradients | |
+//! | 5 | [`learn`] | optimiser, weights, checkpoints: one loop for whatever learns | ops |
+//! | 5 | [`tokenizer`] | clips into codes | learn, ops |
+//! | 5 | [`generator`] | codes and text into a trained model and its loss | learn, ops |
+//! | 6 | [`record`] | a finished run into a row of a table | |
+//! | 6 | [`jobs`] | what there is to do: a file a kind of job | record |
+//! | 7 | [`engine`] | who brings jobs to their end: this machine, or a cluster | |
+//! | 8 | [`figures`] | tables and laws into SVG and PNG | |
+//! | 8 | [`export`] | tables and laws into notebooks | |
 
 #[cfg(not(unix))]
 compile_error!(
     "isoflop needs a Unix: it ends what hangs, and outlives what is killed, by signals and process groups"
 );
 
+pub mod codes;
 pub mod data;
+pub mod engine;
 pub mod export;
+pub mod failure;
 pub mod figures;
+pub mod files;
+pub mod generator;
+pub mod jobs;
 pub mod laws;
-pub mod model;
+pub mod learn;
+pub mod machine;
 pub mod motion;
-pub mod moving;
 pub mod ops;
 pub mod plan;
 pub mod predict;
+pub mod progress;
 pub mod record;
-pub mod schedule;
-pub mod slurm;
+pub mod spec;
 pub mod sweep;
 pub mod table;
 pub mod text;
 pub mod tokenizer;
-pub mod train;
+pub mod units;

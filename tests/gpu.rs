@@ -11,12 +11,13 @@ use std::time::Duration;
 use burn::tensor::{Device, DeviceKind, FloatDType};
 use corpus::{Clips, Corpus, small_run};
 use isoflop::data::{Procedural, ProceduralOptions};
-use isoflop::moving::Step;
+use isoflop::generator::autoregressive::{Checkpoints, train};
 use isoflop::ops::check_products;
 use isoflop::plan::RunSpec;
-use isoflop::sweep::{Ffn, Precision};
-use isoflop::tokenizer::{self, TokenizerSpec};
-use isoflop::train::{Checkpoints, train};
+use isoflop::progress::Step;
+use isoflop::spec::TokenizerSpec;
+use isoflop::spec::{Ffn, Precision};
+use isoflop::tokenizer;
 
 fn gpu() -> Device {
     #[cfg(feature = "wgpu")]

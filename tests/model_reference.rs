@@ -14,11 +14,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Deserialize;
 
-use isoflop::model::{Batch, Model, Sequence, Transformer, end_token};
+use isoflop::generator::autoregressive::{Batch, Model, Sequence, Transformer, end_token};
+use isoflop::learn::adamw::{AdamW, AdamWConfig};
+use isoflop::learn::weights;
+use isoflop::learn::weights::{HostTensor, Source, Weights};
 use isoflop::ops::Kernels;
-use isoflop::plan::ModelShape;
-use isoflop::train::adamw::{AdamW, AdamWConfig};
-use isoflop::train::weights::{self, HostTensor, Source, Weights};
+use isoflop::spec::ModelShape;
 
 /// Largest difference of two tensors, as a share of the reference's norm.
 const TOLERANCE: f64 = 1e-5;

@@ -8,7 +8,8 @@
 
 use std::path::{Path, PathBuf};
 
-use isoflop::data::{FEATURE_GROUPS, N_FEATURES, NpyArray, parse_npy};
+use isoflop::data::{FEATURE_GROUPS, NpyArray, parse_npy};
+use isoflop::motion::N_FEATURES;
 use isoflop::motion::{
     MIRROR_PARTNER, N_JOINTS, PARENTS, Pose, build_features, features_of_canonical,
     mirror_features, mpjpe_mm, recover_joints,

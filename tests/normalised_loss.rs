@@ -12,12 +12,14 @@ use rand_chacha::rand_core::SeedableRng;
 
 use corpus::{Clips, Corpus, small_run};
 use isoflop::data::{FRAMES_PER_TOKEN, Split};
-use isoflop::model::{Model, Transformer};
-use isoflop::moving::Step;
+use isoflop::generator::autoregressive::{Checkpoints, split_loss, train};
+use isoflop::generator::autoregressive::{Model, Transformer};
+use isoflop::learn::params::{below, unit};
+use isoflop::learn::weights;
 use isoflop::ops::Kernels;
-use isoflop::plan::{ModelShape, RunSpec};
-use isoflop::train::params::{below, unit};
-use isoflop::train::{Checkpoints, split_loss, train, weights};
+use isoflop::plan::RunSpec;
+use isoflop::progress::Step;
+use isoflop::spec::ModelShape;
 
 /// An index drawn with these probabilities.
 fn draw(probs: &[f64], rng: &mut ChaCha8Rng) -> u32 {
@@ -74,7 +76,10 @@ fn constant_model(log_probs: &[f64], kernels: Kernels) -> Model {
 #[test]
 fn a_unigram_model_scores_zero() {
     let Corpus { tokens, text, .. } = &zipf_corpus();
-    assert!(isoflop::train::zero_count_targets(tokens) > 20, "smoothing must matter");
+    assert!(
+        isoflop::generator::autoregressive::zero_count_targets(tokens) > 20,
+        "smoothing must matter"
+    );
     for kernels in [Kernels::Own, Kernels::Plain] {
         let model = constant_model(&tokens.unigram_log_probs(), kernels);
         let loss = split_loss(&model, tokens, text, Split::Test);

@@ -13,10 +13,13 @@ use rand_chacha::rand_core::SeedableRng;
 use tempfile::TempDir;
 
 use corpus::{Clips, Corpus, small_run};
-use isoflop::moving::{Progress, Step};
+use isoflop::generator::autoregressive::{
+    Branch, Checkpoints, TrainError, Trained, train, train_trunk,
+};
+use isoflop::learn::params::below;
+use isoflop::learn::weights;
 use isoflop::plan::RunSpec;
-use isoflop::train::params::below;
-use isoflop::train::{Branch, Checkpoints, TrainError, Trained, train, train_trunk, weights};
+use isoflop::progress::{Progress, Step};
 
 const N_VOCAB: usize = 9;
 const STEPS: usize = 13;

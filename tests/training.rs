@@ -13,15 +13,17 @@ use rand_chacha::rand_core::SeedableRng;
 
 use burn::optim::GradientsParams;
 use corpus::{Clips, Corpus, small_run};
-use isoflop::model::{Batch, Model, Transformer};
-use isoflop::moving::Step;
-use isoflop::ops::Kernels;
-use isoflop::plan::{ModelShape, RunSpec};
-use isoflop::sweep::{Ffn, Precision};
-use isoflop::train::adamw::{AdamW, AdamWConfig};
-use isoflop::train::{
-    Checkpoints, TokenStream, TrainError, Trained, learning_rate, train, weights,
+use isoflop::generator::autoregressive::{Batch, Model, Transformer};
+use isoflop::generator::autoregressive::{
+    Checkpoints, TokenStream, TrainError, Trained, learning_rate, train,
 };
+use isoflop::learn::adamw::{AdamW, AdamWConfig};
+use isoflop::learn::weights;
+use isoflop::ops::Kernels;
+use isoflop::plan::RunSpec;
+use isoflop::progress::Step;
+use isoflop::spec::ModelShape;
+use isoflop::spec::{Ffn, Precision};
 
 /// Eight clips in which every code stands once, so that a target tells where it is from.
 fn numbered_corpus() -> Corpus {

@@ -2,8 +2,10 @@
 
 use anyhow::{Context, Result};
 use isoflop::figures::Drawn;
+use isoflop::files::{atomic, read_if_there};
+use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
-use isoflop::record::{ResultsFolder, RunRecord, atomic, read_if_there, table};
+use isoflop::record::{RunRecord, table};
 use isoflop::sweep::{self, Sweep};
 use rayon::prelude::*;
 use serde::Deserialize;

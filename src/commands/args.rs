@@ -2,9 +2,12 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use isoflop::record::JobKind;
-use isoflop::schedule::memory::parse_bytes;
+use isoflop::engine::{ENGINES, Engine, Preview, engine};
+use isoflop::jobs::JobKind;
+use isoflop::ops::DeviceName;
+use isoflop::units::parse_bytes;
 
 use super::fit::FitArgs;
 
@@ -74,7 +77,7 @@ pub struct SweepArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub jobs: Option<u16>,
     /// Where tensors live
-    #[arg(long, value_enum, default_value_t = DeviceName::Flex)]
+    #[arg(long, value_parser = device(), default_value = "flex")]
     pub device: DeviceName,
 }
 
@@ -87,37 +90,16 @@ impl SweepArgs {
     }
 }
 
-/// A device that burn can compute on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum DeviceName {
-    /// burn-flex: this processor
-    Flex,
-    /// burn-ndarray: this processor, slower; deprecated by burn
-    Ndarray,
-    /// A GPU through Vulkan, Metal or DirectX; needs a build with --features wgpu
-    Wgpu,
-    /// A GPU through Vulkan, with kernels in SPIR-V; needs a build with --features vulkan
-    Vulkan,
-    /// An NVIDIA GPU; needs a build with --features cuda
-    Cuda,
+/// The parser of a device's name.
+fn device() -> impl TypedValueParser<Value = DeviceName> {
+    let names = DeviceName::ALL.map(|(name, about)| PossibleValue::new(name.name()).help(about));
+    PossibleValuesParser::new(names).map(|name| name.parse().expect("one of the possible values"))
 }
 
-impl DeviceName {
-    /// The name as it is typed.
-    pub fn name(self) -> &'static str {
-        match self {
-            DeviceName::Flex => "flex",
-            DeviceName::Ndarray => "ndarray",
-            DeviceName::Wgpu => "wgpu",
-            DeviceName::Vulkan => "vulkan",
-            DeviceName::Cuda => "cuda",
-        }
-    }
-
-    /// Whether it is this machine's processor, on which jobs are spread over the cores.
-    pub fn is_processor(self) -> bool {
-        matches!(self, DeviceName::Flex | DeviceName::Ndarray)
-    }
+/// The parser of an engine's name.
+fn an_engine() -> impl TypedValueParser<Value = &'static dyn Engine> {
+    let names = ENGINES.map(|engine| PossibleValue::new(engine.name()).help(engine.about()));
+    PossibleValuesParser::new(names).map(|name| engine(&name).expect("one of the possible values"))
 }
 
 #[derive(Args)]
@@ -131,15 +113,15 @@ pub struct RunArgs {
     #[command(flatten)]
     pub sweep: SweepArgs,
     /// Who does the jobs
-    #[arg(long, value_enum, default_value_t = EngineName::Local)]
-    pub engine: EngineName,
-    /// A file with keys of engine.slurm, laid over those of the sweep
+    #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
+    pub engine: &'static dyn Engine,
+    /// A file with the keys of the engine's section, laid over those of the sweep
     #[arg(long, value_name = "FILE")]
     pub profile: Option<PathBuf>,
-    /// Print what would be given to Slurm; give and change nothing
+    /// Print what the engine would be given; give and change nothing
     #[arg(long)]
     pub dry_run: bool,
-    /// Ask Slurm whether it would take the sweep; give and change nothing
+    /// Ask the engine whether it would take the sweep; give and change nothing
     #[arg(long, conflicts_with = "dry_run")]
     pub check: bool,
     /// Stop at the first failure
@@ -156,13 +138,12 @@ pub struct RunArgs {
     pub memory: Option<u64>,
 }
 
-/// An engine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum EngineName {
-    /// Processes of this machine, until all is done
-    Local,
-    /// Jobs of a cluster: submits them and returns at once
-    Slurm,
+impl RunArgs {
+    /// What is only to be shown.
+    pub fn preview(&self) -> Option<Preview> {
+        let dry_run = self.dry_run.then_some(Preview::DryRun);
+        dry_run.or_else(|| self.check.then_some(Preview::Check))
+    }
 }
 
 #[derive(Args)]
@@ -224,7 +205,10 @@ pub struct WorkerArgs {
     #[arg(required_unless_present_any = ["chunk", "fit"], requires = "id")]
     pub kind: Option<JobKind>,
     pub id: Option<String>,
-    /// A submission to Slurm, for --chunk and --fit
+    /// The engine of a submission
+    #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
+    pub engine: &'static dyn Engine,
+    /// A submission, for --chunk and --fit
     #[arg(long)]
     pub generation: Option<u32>,
     /// An array of it
@@ -236,7 +220,7 @@ pub struct WorkerArgs {
     /// Fit the laws
     #[arg(long, conflicts_with_all = ["kind", "chunk"])]
     pub fit: bool,
-    #[arg(long, value_enum, default_value_t = DeviceName::Flex)]
+    #[arg(long, value_parser = device(), default_value = "flex")]
     pub device: DeviceName,
 }
 

@@ -3,10 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use isoflop::record::{JobId, ResultsFolder, atomic, read_if_there};
+use isoflop::engine::ENGINES;
+use isoflop::files::{atomic, read_if_there};
+use isoflop::jobs::{JobId, ResultsFolder};
+use isoflop::units::quoted;
 use serde::{Deserialize, Serialize};
 
-use super::args::{EngineName, RunArgs};
+use super::args::RunArgs;
 
 /// Width of a terminal that shows a command whole.
 const WIDTH: usize = 80;
@@ -31,18 +34,13 @@ impl CommandLine {
         words.extend(sweep.jobs.iter().flat_map(|n| ["--jobs".to_string(), n.to_string()]));
         words.extend(["--device".to_string(), sweep.device.name().to_string()]);
         words.extend(args.memory.iter().flat_map(|n| ["--memory".to_string(), n.to_string()]));
-        if args.engine == EngineName::Slurm {
-            words.extend(["--engine".to_string(), "slurm".to_string()]);
+        if args.engine.name() != ENGINES[0].name() {
+            words.extend(["--engine".to_string(), args.engine.name().to_string()]);
         }
         let profile = args.profile.iter();
         words.extend(profile.flat_map(|path| ["--profile".into(), path.display().to_string()]));
         let directory = std::env::current_dir().context("finding the current directory")?;
         Ok(Self { directory, words })
-    }
-
-    /// A word as a POSIX shell reads it.
-    pub fn quoted(word: &str) -> String {
-        quoted(word)
     }
 
     /// Keeps it in the folder of the sweep that it runs.
@@ -129,15 +127,6 @@ impl CommandLine {
         let words = self.words.iter().map(String::as_str).chain(more.iter().copied());
         words.map(quoted).collect()
     }
-}
-
-/// A word as a POSIX shell reads it.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        return word.to_string();
-    }
-    format!("'{}'", word.replace('\'', "'\\''"))
 }
 
 /// The words of a command; spaces between quotes part nothing.

@@ -1,13 +1,12 @@
 //! What several commands begin with: the sweep, its data, its plan and its folder.
 
-use anyhow::{Context, Result, bail};
-use burn::tensor::Device;
+use anyhow::{Context, Result};
 use isoflop::data::{self, DataFacts};
+use isoflop::jobs::ResultsFolder;
 use isoflop::plan::{Plan, longest_run};
-use isoflop::record::ResultsFolder;
 use isoflop::sweep::{self, Clips, DataSource, Sweep};
 
-use super::args::{DeviceName, SweepArgs};
+use super::args::SweepArgs;
 
 /// A sweep and its plan over its data.
 pub struct OpenSweep {
@@ -43,24 +42,4 @@ pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
         Err(error) => DataFacts::absent(format!("the data could not be opened: {error}")),
     };
     Ok((Plan::new(&sweep, facts), folder))
-}
-
-/// The device of a name, where this build has it.
-pub fn device(name: DeviceName) -> Result<Device> {
-    match name {
-        DeviceName::Flex => Ok(Device::flex()),
-        #[allow(deprecated)]
-        DeviceName::Ndarray => Ok(Device::ndarray()),
-        #[cfg(feature = "wgpu")]
-        DeviceName::Wgpu => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),
-        #[cfg(feature = "vulkan")]
-        DeviceName::Vulkan => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
-        #[cfg(feature = "cuda")]
-        DeviceName::Cuda => Ok(Device::cuda(0)),
-        #[cfg(not(all(feature = "wgpu", feature = "vulkan", feature = "cuda")))]
-        missing => bail!(
-            "this build has no {0} device; build it with `cargo build --release --features {0}`",
-            missing.name()
-        ),
-    }
 }

@@ -3,8 +3,9 @@
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
+use isoflop::failure::Verdict;
+use isoflop::files::failure_kind;
 use isoflop::laws::FitError;
-use isoflop::record::{FailureKind, Verdict};
 use isoflop::sweep::SweepErrors;
 
 use super::output::say;
@@ -33,7 +34,7 @@ pub fn report(error: &anyhow::Error) -> Exit {
         return Exit::Usage;
     }
     say(&format!("error: {error:#}"));
-    if let Some(kind) = FailureKind::of_system_error(&format!("{error:#}"))
+    if let Some(kind) = failure_kind(error.as_ref())
         && kind.verdict() == Verdict::StopsAll
     {
         say(&format!("  {}; then the same command goes on", kind.advice().unwrap_or("mend that")));

@@ -4,7 +4,8 @@ use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::export::{NotebookInput, notebook};
-use isoflop::record::{ResultsFolder, atomic};
+use isoflop::files::atomic;
+use isoflop::jobs::ResultsFolder;
 use serde_json::json;
 
 use super::args::{ExportArgs, ExportForm};

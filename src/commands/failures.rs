@@ -1,9 +1,13 @@
 //! What `isoflop run` says of the jobs and runs that have no result.
 
+use std::collections::HashMap;
+
 use anyhow::Result;
-use isoflop::plan::{Plan, RunSpec};
-use isoflop::record::{Failure, JobId, JobKind, JobState, ResultsFolder};
-use isoflop::schedule::{Job, JobEnd, JobReport, all_jobs};
+use isoflop::engine::{JobEnd, JobReport};
+use isoflop::failure::Failure;
+use isoflop::jobs::{Job, all_jobs};
+use isoflop::jobs::{JobId, JobState, ResultsFolder};
+use isoflop::plan::Plan;
 
 use super::args::RunArgs;
 use super::command_line::CommandLine;
@@ -19,6 +23,7 @@ pub struct Summary<'a> {
     pub folder: &'a ResultsFolder,
     pub reports: &'a [JobReport],
     pub command: CommandLine,
+    needs: HashMap<JobId, Vec<JobId>>,
 }
 
 impl<'a> Summary<'a> {
@@ -29,7 +34,8 @@ impl<'a> Summary<'a> {
         folder: &'a ResultsFolder,
         reports: &'a [JobReport],
     ) -> Result<Self> {
-        Ok(Self { plan, folder, reports, command: CommandLine::of(args)? })
+        let needs = all_jobs(plan).map(|job| (job.id, job.needs)).collect();
+        Ok(Self { plan, folder, reports, command: CommandLine::of(args)?, needs })
     }
 
     /// Every failure, then every run without a record with its reason, and how to try again.
@@ -41,7 +47,7 @@ impl<'a> Summary<'a> {
             return Exit::Done;
         }
         for run in &lost {
-            if let Some(reason) = self.reason(&run.run_id, &run.spec) {
+            if let Some(reason) = self.reason(&run.run_id) {
                 output.warn(&format!("{} has no result: {reason}", run.spec.label()));
             }
         }
@@ -79,14 +85,14 @@ impl<'a> Summary<'a> {
     }
 
     /// Why a run has no result whose failure was not told yet.
-    fn reason(&self, id: &str, spec: &RunSpec) -> Option<String> {
+    fn reason(&self, id: &str) -> Option<String> {
         let run = JobId::run(id);
         if self.folder.state(&run) == JobState::Failed {
             return None;
         }
-        for (need, name) in needs(spec) {
+        for need in self.needs(&run) {
             if let Ok(Some(failure)) = self.folder.failure(&need) {
-                return Some(format!("{name} failed: {}", failure.reason));
+                return Some(format!("{} failed: {}", need.kind.role(), failure.reason));
             }
         }
         let report = self.reports.iter().find(|report| report.job.id == run);
@@ -96,16 +102,16 @@ impl<'a> Summary<'a> {
             Some(end) => end.failure().map(|failure| failure.reason.clone()).unwrap_or_default(),
         })
     }
-}
 
-/// What a run needs, with a name for a person.
-fn needs(spec: &RunSpec) -> Vec<(JobId, &'static str)> {
-    let RunSpec { tokenizer_id, text_id, .. } = spec;
-    let trunk = spec.trunk().map(|trunk| (JobId::new(JobKind::Trunk, trunk.id()), "its trunk"));
-    let data = [
-        (JobId::new(JobKind::Text, text_id), "the embedding of captions"),
-        (JobId::new(JobKind::Tokenizer, tokenizer_id), "its tokenizer"),
-        (JobId::new(JobKind::Tokens, tokenizer_id), "tokenising"),
-    ];
-    data.into_iter().chain(trunk).collect()
+    /// What a job needs, and what those jobs need, nearest last.
+    fn needs(&self, job: &JobId) -> Vec<JobId> {
+        let mut needs = Vec::new();
+        let mut open: Vec<JobId> = self.needs.get(job).cloned().unwrap_or_default();
+        while let Some(need) = open.pop() {
+            open.extend(self.needs.get(&need).into_iter().flatten().cloned());
+            needs.push(need);
+        }
+        needs.sort();
+        needs
+    }
 }

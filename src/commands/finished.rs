@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use isoflop::plan::content_id;
-use isoflop::record::{ResultsFolder, RunRecord, atomic, read_if_there};
+use isoflop::files::{atomic, read_if_there};
+use isoflop::jobs::ResultsFolder;
+use isoflop::record::RunRecord;
+use isoflop::spec::content_id;
 use isoflop::sweep::Sweep;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

@@ -17,14 +17,10 @@ mod plot;
 mod predict;
 mod prepare;
 mod run;
-mod slurm;
-mod slurm_preview;
-mod slurm_request;
-mod slurm_status;
-mod slurm_worker;
 mod stale;
 mod status;
 mod status_text;
+mod task;
 mod worker;
 
 pub use args::Cli;

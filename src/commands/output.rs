@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 
+use isoflop::engine::Tell;
 use tracing_subscriber::EnvFilter;
 
 use super::args::Common;
@@ -74,6 +75,20 @@ impl Output {
     /// Every warning so far.
     pub fn warned(&self) -> Vec<String> {
         self.warned.borrow().clone()
+    }
+}
+
+impl Tell for Output {
+    fn note(&self, line: &str) {
+        self.note(line);
+    }
+
+    fn warn(&self, line: &str) {
+        self.warn(line);
+    }
+
+    fn is_quiet(&self) -> bool {
+        self.quiet
     }
 }
 

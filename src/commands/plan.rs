@@ -1,38 +1,28 @@
 //! `isoflop plan`: what a sweep will do and cost.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 
 use anyhow::Result;
 use burn::tensor::Device;
+use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs, probe};
 use isoflop::plan::{Plan, PlannedRun, TokenizerJob, Trunk};
-use isoflop::record::{JobId, JobKind, JobState, ResultsFolder, RunStates, flops_per_second};
-use isoflop::schedule::{Job, inputs, probe};
+use isoflop::record::flops_per_second;
 use serde_json::{Value, json};
 
 use super::args::PlanArgs;
-use super::context::{device, plan_sweep};
+use super::context::plan_sweep;
 use super::exit::Exit;
 use super::output::Output;
 use super::plan_text;
 use super::stale::stale;
 
 pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
-    let device = device(args.sweep.device)?;
+    let device = args.sweep.device.open()?;
     let (plan, folder) = plan_sweep(&args.sweep)?;
     plan.warnings().iter().for_each(|line| output.warn(line));
     let states = folder.run_states();
-    let missing: Vec<&PlannedRun> =
-        plan.runs.iter().filter(|run| states.of(&run.run_id) != JobState::Done).collect();
-    let wanted: HashSet<&str> = missing.iter().map(|run| run.spec.tokenizer_id.as_str()).collect();
-    let tokenizers: Vec<&TokenizerJob> = plan
-        .tokenizers
-        .iter()
-        .filter(|job| wanted.contains(job.id().as_str()))
-        .filter(|job| state_of_tokenizer(job, &folder) != JobState::Done)
-        .collect();
-    let trunks: Vec<&Trunk> = open_trunks(&plan, &missing, &folder);
-    let to_do = ToDo { runs: missing, trunks, tokenizers };
-    let hours = to_do.hours(&plan, &folder, &device, args.sweep.slots());
+    let jobs = missing_jobs(&plan, &folder);
+    let hours = hours(&jobs, &plan, &folder, &device, args.sweep.slots());
     let stale = stale(&plan, &folder);
     let document = || {
         let mut document = json(&plan, &folder);
@@ -46,72 +36,35 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// What a plan still has to train.
-struct ToDo<'a> {
-    runs: Vec<&'a PlannedRun>,
-    trunks: Vec<&'a Trunk>,
-    tokenizers: Vec<&'a TokenizerJob>,
-}
-
-impl ToDo<'_> {
-    /// Hours on `slots` slots. How fast a program of somebody's own is, its finished runs alone can
-    /// tell: `None` before there are any.
-    fn hours(
-        &self,
-        plan: &Plan,
-        folder: &ResultsFolder,
-        device: &Device,
-        slots: usize,
-    ) -> Option<f64> {
-        let Self { runs, trunks, tokenizers } = self;
-        if runs.iter().all(|run| run.spec.trainer.is_none()) {
-            return Some(probe::hours(runs, trunks, tokenizers, device, slots));
-        }
-        let rate = finished_rate(plan, folder)?;
-        let seconds = |run: &&PlannedRun| run.own_flops() / rate;
-        let together: f64 = self.runs.iter().map(seconds).sum();
-        let longest = self.runs.iter().map(seconds).fold(0.0, f64::max);
-        let first = probe::tokenizer_hours(runs, tokenizers, device, slots);
-        Some(first + (together / slots as f64).max(longest) / 3600.0)
-    }
-}
-
-/// FLOPs a second of finished runs; what cannot be read does not count.
-fn finished_rate(plan: &Plan, folder: &ResultsFolder) -> Option<f64> {
-    flops_per_second(plan.runs.iter().filter_map(|run| folder.record(&run.run_id).ok().flatten()))
-}
-
-/// The trunks that missing runs branch off, and those that these go on from.
-fn open_trunks<'a>(
-    plan: &'a Plan,
-    missing: &[&PlannedRun],
+/// Hours that jobs take on `slots` slots. How fast a program of somebody's own is, its finished runs
+/// alone can tell: `None` before there are any.
+fn hours(
+    jobs: &[Job],
+    plan: &Plan,
     folder: &ResultsFolder,
-) -> Vec<&'a Trunk> {
-    let mut wanted: HashSet<&str> =
-        missing.iter().filter_map(|run| run.trunk_id.as_deref()).collect();
-    let state = |id: &str| folder.state(&JobId::new(JobKind::Trunk, id));
-    let mut open = Vec::new();
-    for trunk in plan.trunks.iter().rev() {
-        let id = trunk.trunk_id.as_str();
-        if wanted.contains(id) && state(id) != JobState::Done {
-            wanted.extend(trunk.from.as_deref());
-            open.push(trunk);
-        }
+    device: &Device,
+    slots: usize,
+) -> Option<f64> {
+    if plan.runs.iter().all(|run| run.spec.trainer.is_none()) {
+        return Some(probe::hours(jobs, plan, device, slots, None));
     }
-    open
+    let records = plan.runs.iter().filter_map(|run| folder.record(&run.run_id).ok().flatten());
+    let rate = flops_per_second(records)?;
+    Some(probe::hours(jobs, plan, device, slots, Some(rate)))
 }
 
 /// The plan as a JSON document, but for the hours, which are measured, and what is stale.
 pub fn json(plan: &Plan, folder: &ResultsFolder) -> Value {
     let states = folder.run_states();
     let inputs = inputs(plan);
-    let jobs = jobs(plan, &inputs);
+    let needs: HashMap<JobId, Vec<JobId>> =
+        JobKind::goal().jobs(plan).into_iter().map(|job| (job.id, job.needs)).collect();
     json!({
-        "runs": plan.runs.iter().map(|run| run_json(run, &states)).collect::<Vec<_>>(),
+        "runs": plan.runs.iter().map(|run| run_json(run, &needs, &states)).collect::<Vec<_>>(),
         "tokenizers": plan.tokenizers.iter().map(|job| tokenizer_json(job, folder)).collect::<Vec<_>>(),
         "dropped": plan.dropped,
         "inputs": inputs,
-        "jobs": jobs,
+        "jobs": jobs(plan, &inputs),
         "total_flops": plan.total_flops(),
         "trained_flops": plan.trained_flops(),
         "disk_bytes": disk_bytes(plan),
@@ -120,15 +73,16 @@ pub fn json(plan: &Plan, folder: &ResultsFolder) -> Value {
 
 /// Jobs by kind.
 fn jobs(plan: &Plan, inputs: &[Job]) -> BTreeMap<JobKind, usize> {
-    let mut jobs: BTreeMap<JobKind, usize> = JobKind::ALL.map(|kind| (kind, 0)).into();
-    jobs.insert(JobKind::Run, plan.runs.len());
+    let mut jobs: BTreeMap<JobKind, usize> = JobKind::all().map(|kind| (kind, 0)).collect();
+    jobs.insert(JobKind::goal(), plan.runs.len());
     for job in inputs {
         *jobs.entry(job.id.kind).or_default() += 1;
     }
     jobs
 }
 
-fn run_json(run: &PlannedRun, states: &RunStates) -> Value {
+fn run_json(run: &PlannedRun, needs: &HashMap<JobId, Vec<JobId>>, states: &RunStates) -> Value {
+    let needs = needs.get(&JobId::run(&run.run_id)).into_iter().flatten();
     let model = &run.spec.model;
     json!({
         "run_id": run.run_id,
@@ -156,6 +110,7 @@ fn run_json(run: &PlannedRun, states: &RunStates) -> Value {
         "tokenizer_id": run.spec.tokenizer_id,
         "trunk_id": run.trunk_id,
         "own_flops": run.own_flops(),
+        "needs": needs.map(JobId::to_string).collect::<Vec<_>>(),
         "state": states.of(&run.run_id),
     })
 }
@@ -167,12 +122,8 @@ fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
         "kind": job.spec.kind.name(),
         "n_vocab": job.spec.n_vocab(),
         "steps": job.spec.steps,
-        "state": state_of_tokenizer(job, folder),
+        "state": folder.metrics_state(&id),
     })
-}
-
-fn state_of_tokenizer(job: &TokenizerJob, folder: &ResultsFolder) -> JobState {
-    folder.state(&JobId::new(JobKind::Tokenizer, job.id()))
 }
 
 /// Weights of each run, weights and moments of each trunk, codes of each tokenizer; checkpoints

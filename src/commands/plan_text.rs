@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
+use isoflop::jobs::{JobState, RunStates};
 use isoflop::laws::wrap;
 use isoflop::plan::{Dropped, Plan, PlannedRun};
-use isoflop::record::{JobState, RunStates};
 
 use super::args::SweepArgs;
 use super::plan::disk_bytes;

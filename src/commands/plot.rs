@@ -2,8 +2,10 @@
 
 use anyhow::Result;
 use isoflop::figures::{self, Drawn, FigureInput, LeftOut};
+use isoflop::files::{atomic, read_if_there};
+use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
-use isoflop::record::{ResultsFolder, RunRecord, atomic, read_if_there, table};
+use isoflop::record::{RunRecord, table};
 use serde_json::json;
 
 use super::args::PlotArgs;

@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use isoflop::files::{atomic, read_if_there};
+use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{Laws, scamo};
-use isoflop::plan::ModelShape;
-use isoflop::plan::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use isoflop::predict::{self, CountedBy, PredictError, PredictOptions, Prediction};
-use isoflop::record::{ResultsFolder, atomic, read_if_there};
-use isoflop::sweep::Ffn;
+use isoflop::spec::Ffn;
+use isoflop::spec::ModelShape;
+use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use serde_json::Value;
 
 use super::args::PredictArgs;

@@ -1,43 +1,45 @@
 //! `isoflop run`: what is missing of a sweep, then laws, figures and predictions.
 
-use std::path::PathBuf;
-
 use anyhow::{Context, Result, bail};
-use isoflop::record::{Failure, JobKind, ResultsFolder};
-use isoflop::schedule::presence::Held;
-use isoflop::schedule::{
-    Display, Executor, Job, JobEnd, JobReport, LocalPool, LocalProcesses, Spent, Timeline, memory,
-    missing_jobs, stop_on_signals,
-};
+use isoflop::engine::{Brought, Engine, JobEnd, JobReport, Preview, Previewed, Request, Session};
+use isoflop::failure::Failure;
+use isoflop::jobs::missing_jobs;
+use isoflop::jobs::presence::Held;
 
 use super::analyse;
-use super::args::{EngineName, RunArgs};
+use super::args::RunArgs;
 use super::command_line::CommandLine;
-use super::context::{OpenSweep, device, open_sweep};
+use super::context::{OpenSweep, open_sweep};
 use super::exit::Exit;
 use super::failures::Summary;
 use super::output::Output;
 use super::prepare::prepare;
-use super::slurm;
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
-    match args.engine {
-        EngineName::Slurm if args.fail_fast => {
-            bail!("--fail-fast is for this machine; on Slurm the other runs go on")
-        }
-        EngineName::Slurm => slurm::run(args, output),
-        EngineName::Local if args.dry_run || args.check || args.profile.is_some() => {
-            bail!(
-                "--dry-run, --check and --profile want --engine slurm; see `isoflop plan` for this \
-                 machine"
-            )
-        }
-        EngineName::Local => run_here(args, output),
+    let open = open(args, output)?;
+    let request = request(args, &open, output);
+    let engine: &dyn Engine = args.engine;
+    let mut session = engine.session(&request)?;
+    if let Some(preview) = args.preview() {
+        return show(&*session, preview, &open, output);
     }
+    session.begin()?;
+    let held = hold(&open, output)?;
+    prepare(&open, args, output)?;
+    CommandLine::of(args)?.write(&open.folder)?;
+    let reports = match session.bring(missing_jobs(&open.plan, &open.folder))? {
+        Brought::Ended(reports) => reports,
+        Brought::HandedOver { document, text } => {
+            output.result(&document, &text)?;
+            return Ok(Exit::Done);
+        }
+    };
+    drop(held);
+    end(args, &open, &reports, output)
 }
 
 /// Reads, plans and warns.
-pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
+fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
     let open = open_sweep(&args.sweep)?;
     open.plan.warnings().iter().for_each(|line| output.warn(line));
     if open.plan.runs.is_empty() {
@@ -46,21 +48,49 @@ pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
     Ok(open)
 }
 
-fn run_here(args: &RunArgs, output: &Output) -> Result<Exit> {
-    device(args.sweep.device)?;
-    let open = open(args, output)?;
-    let held = hold(&open.folder, output)?;
-    prepare(&open, args, output)?;
-    CommandLine::of(args)?.write(&open.folder)?;
+fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> Request<'a> {
+    Request {
+        sweep: &open.sweep,
+        plan: &open.plan,
+        folder: &open.folder,
+        device: args.sweep.device,
+        slots: args.sweep.slots(),
+        memory_bytes: args.memory,
+        fail_fast: args.fail_fast,
+        profile: args.profile.as_deref(),
+        tell: output,
+    }
+}
+
+fn show(
+    session: &dyn Session,
+    preview: Preview,
+    open: &OpenSweep,
+    output: &Output,
+) -> Result<Exit> {
     let jobs = missing_jobs(&open.plan, &open.folder);
-    let reports = train(args, &open, &held, jobs, output)?;
-    let summary = Summary::new(args, &open.plan, &open.folder, &reports)?;
-    if let Some(halt) = halt(&reports) {
+    let Previewed { document, text, taken } = session.preview(preview, jobs)?;
+    output.result(&document, &text)?;
+    Ok(if taken { Exit::Done } else { Exit::Usage })
+}
+
+/// One `run` at a time in a folder.
+fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
+    let root = open.folder.root().display();
+    let waiting =
+        || output.note(&format!("another isoflop is at work in {root}; waiting for it to end"));
+    Held::take(&open.folder, waiting).with_context(|| format!("cannot make the folder {root} mine"))
+}
+
+/// Laws, figures and predictions, unless the jobs ended too early.
+fn end(args: &RunArgs, open: &OpenSweep, reports: &[JobReport], output: &Output) -> Result<Exit> {
+    let summary = Summary::new(args, &open.plan, &open.folder, reports)?;
+    if let Some(halt) = halt(reports) {
         summary.failures(output);
         output.warn(&halted(halt, &summary.command));
         return Ok(Exit::SomeRunsFailed);
     }
-    if interrupted(&reports, args.fail_fast) {
+    if interrupted(reports, args.fail_fast) {
         summary.failures(output);
         output.note("interrupted; the same command goes on from here");
         return Ok(Exit::Interrupted);
@@ -93,90 +123,4 @@ fn interrupted(reports: &[JobReport], fail_fast: bool) -> bool {
     let failed = |report: &JobReport| report.end.failure().is_some();
     let stopped = reports.iter().any(|report| report.end == JobEnd::Stopped);
     stopped && !(fail_fast && reports.iter().any(failed))
-}
-
-/// One `run` at a time in a folder.
-pub fn hold(folder: &ResultsFolder, output: &Output) -> Result<Held> {
-    let root = folder.root().display();
-    let waiting =
-        || output.note(&format!("another isoflop is at work in {root}; waiting for it to end"));
-    Held::take(folder, waiting).with_context(|| format!("cannot make the folder {root} mine"))
-}
-
-fn train(
-    args: &RunArgs,
-    open: &OpenSweep,
-    held: &Held,
-    jobs: Vec<Job>,
-    output: &Output,
-) -> Result<Vec<JobReport>> {
-    let (done, all) = (open.plan.runs.len(), open.plan.runs.len());
-    let done = done - jobs.iter().filter(|job| job.id.kind == JobKind::Run).count();
-    if jobs.is_empty() {
-        output.note(&format!("{all} of {all} runs have ended already; nothing to train"));
-        return Ok(Vec::new());
-    }
-    let slots = args.sweep.slots().min(jobs.len());
-    output.note(&format!(
-        "{} jobs to do, {done} of {all} runs have ended already; {slots} side by side",
-        jobs.len()
-    ));
-    let runner = LocalProcesses {
-        folder: open.folder.clone(),
-        device: args.sweep.device.name().to_string(),
-        program: own_program()?,
-        hang: open.sweep.train.hang(),
-    };
-    let stop = stop_on_signals()?;
-    held.watch(&stop);
-    let display = Display::new(&jobs, slots, output.quiet);
-    let timeline = Timeline::open(&open.folder)?;
-    let pool = LocalPool {
-        runner: &runner,
-        slots,
-        stop: &stop,
-        fail_fast: args.fail_fast,
-        display: &display,
-        memory_bytes: memory_bytes(args, &jobs, output),
-        timeline: Some(&timeline),
-    };
-    let reports = pool.execute(jobs);
-    display.clear();
-    output.note(&time_spent(&timeline.spent(), slots));
-    Ok(reports)
-}
-
-/// Where the time of the slots went; programs of other people do not tell of their steps.
-fn time_spent(spent: &Spent, slots: usize) -> String {
-    let minutes = spent.span_s / 60.0;
-    match 100.0 * spent.training_share(slots) {
-        0.0 => format!("{minutes:.1} min"),
-        share => format!("{minutes:.1} min, {share:.0} % of the core-seconds in training steps"),
-    }
-}
-
-/// Memory for all jobs together; a job that wants more than that is named.
-fn memory_bytes(args: &RunArgs, jobs: &[Job], output: &Output) -> Option<u64> {
-    let bytes = args.memory.or_else(memory::available)?;
-    let largest = jobs.iter().max_by_key(|job| job.peak_bytes)?;
-    if largest.peak_bytes > bytes {
-        output.warn(&format!(
-            "{} wants {:.1} GB of memory at its peak, and there are {:.1} GB: it runs alone, and \
-             may be killed",
-            largest.label,
-            largest.peak_bytes as f64 / 1e9,
-            bytes as f64 / 1e9
-        ));
-    }
-    Some(bytes)
-}
-
-/// This program as it was started: by its image in memory where the system shows it, so that workers
-/// are of the same build even when the file has been replaced or removed since.
-fn own_program() -> Result<PathBuf> {
-    let image = PathBuf::from(format!("/proc/{}/exe", std::process::id()));
-    if image.exists() {
-        return Ok(image);
-    }
-    std::env::current_exe().context("finding this program")
 }

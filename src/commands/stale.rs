@@ -2,8 +2,10 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use isoflop::plan::{Plan, PlannedRun, RunSpec, TokenizerJob, changed_fields};
-use isoflop::record::{ResultsFolder, read_if_there};
+use isoflop::files::read_if_there;
+use isoflop::jobs::ResultsFolder;
+use isoflop::plan::{Plan, PlannedRun, RunSpec, TokenizerJob};
+use isoflop::spec::changed_fields;
 use serde::Serialize;
 
 /// Finished runs of cells that the plan still has, under another id.

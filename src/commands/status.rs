@@ -1,27 +1,41 @@
-//! `isoflop status`: how far a sweep is, from its folder, and from Slurm where it was submitted.
+//! `isoflop status`: how far a sweep is, from its folder, and from the engines that have some of it.
 
 use anyhow::{Result, bail};
-use isoflop::record::ResultsFolder;
-use isoflop::schedule::{SweepState, sweep_state};
+use isoflop::engine::{ENGINES, EngineState};
+use isoflop::jobs::{ResultsFolder, SweepState, sweep_state};
 use serde_json::{Value, json};
 
 use super::args::StatusArgs;
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::output::Output;
-use super::{slurm_status, status_text};
+use super::status_text;
 
 pub fn status(args: &StatusArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     let state = state_of(&folder)?;
     let command = CommandLine::read(&folder)?;
-    let queue = slurm_status::look(&folder, &state)?;
-    let text = status_text::text(&folder.name(), &state, queue.as_ref(), &command);
+    let engines = engine_states(&folder, &state)?;
+    let text = status_text::text(&folder.name(), &state, &engines, &command);
     state.warnings.iter().for_each(|line| output.warn(line));
     let mut document = json(&folder, &state, &command);
-    document["slurm"] = json!(queue);
+    for (name, state) in &engines {
+        document[*name] = state.document.clone();
+    }
     output.result(&document, &text)?;
     Ok(Exit::Done)
+}
+
+/// What each engine says that has something of the sweep.
+pub fn engine_states(
+    folder: &ResultsFolder,
+    state: &SweepState,
+) -> Result<Vec<(&'static str, EngineState)>> {
+    let mut states = Vec::new();
+    for engine in ENGINES {
+        states.extend(engine.status(folder, state)?.map(|said| (engine.name(), said)));
+    }
+    Ok(states)
 }
 
 /// How far a sweep is; an error where the folder is no sweep's.

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use isoflop::engine::EngineState;
+use isoflop::engine::local::left;
+use isoflop::jobs::{Counts, FailedJob, Running, SweepState};
 use isoflop::laws::wrap;
-use isoflop::record::JobKind;
-use isoflop::schedule::{Counts, FailedJob, Running, SweepState, left};
 
 use super::command_line::CommandLine;
-use super::slurm_status::QueueState;
 
 const WIDTH: usize = 80;
 
@@ -21,22 +21,22 @@ const LAST_LINES: usize = 3;
 pub fn text(
     name: &str,
     state: &SweepState,
-    queue: Option<&QueueState>,
+    engines: &[(&str, EngineState)],
     command: &CommandLine,
 ) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let go_on = command.go_on_from(&here);
     let parts = [
-        heading(name, state, queue),
+        heading(name, state, engines),
         table(state),
         running(&state.running),
         failures(state, command, &here),
-        advice(state, queue, &go_on),
+        advice(state, engines, &go_on),
     ];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("\n")
 }
 
-fn heading(name: &str, state: &SweepState, queue: Option<&QueueState>) -> String {
+fn heading(name: &str, state: &SweepState, engines: &[(&str, EngineState)]) -> String {
     let share = if state.flops_total > 0.0 { state.flops_done / state.flops_total } else { 1.0 };
     let mut sentence = format!(
         "{} of {} runs done, {:.1} % of {:.2e} FLOPs",
@@ -50,8 +50,10 @@ fn heading(name: &str, state: &SweepState, queue: Option<&QueueState>) -> String
         let jobs = state.running.len();
         sentence += &format!(", {} with {jobs} at work", left(eta));
     }
-    let who = match queue {
-        Some(queue) if !state.at_work => queue.text(),
+    let who = match engines {
+        [_, ..] if !state.at_work => {
+            engines.iter().map(|(_, said)| said.text.as_str()).collect::<String>()
+        }
         _ => at_work(state) + "\n",
     };
     wrap(&format!("{name}: "), &sentence) + &who
@@ -74,23 +76,13 @@ fn table(state: &SweepState) -> String {
     let head = ["done", "failed", "running", "started", "missing"];
     let mut out = row("", head.map(String::from));
     for (kind, of_kind) in &state.inputs {
-        out += &row(named(*kind), counts(of_kind).map(|n| n.to_string()));
+        out += &row(kind.plural(), counts(of_kind).map(|n| n.to_string()));
     }
     out += &row("runs", counts(&state.runs).map(|n| n.to_string()));
     if state.runs.blocked > 0 {
         out += &format!("{} of the runs need something that failed\n", state.runs.blocked);
     }
     out
-}
-
-fn named(kind: JobKind) -> &'static str {
-    match kind {
-        JobKind::Text => "text",
-        JobKind::Tokenizer => "tokenizers",
-        JobKind::Tokens => "tokens",
-        JobKind::Trunk => "trunks",
-        JobKind::Run => "runs",
-    }
 }
 
 fn running(running: &[Running]) -> String {
@@ -134,10 +126,10 @@ fn failure(job: &FailedJob) -> String {
 }
 
 /// What goes on, where something is left that nobody is at.
-fn advice(state: &SweepState, queue: Option<&QueueState>, go_on: &str) -> String {
+fn advice(state: &SweepState, engines: &[(&str, EngineState)], go_on: &str) -> String {
     let runs = &state.runs;
     let open = runs.started + runs.missing - runs.blocked.min(runs.started + runs.missing);
-    let in_hand = state.at_work || queue.is_some_and(|queue| !queue.wants_more());
+    let in_hand = state.at_work || engines.iter().any(|(_, said)| !said.wants_more);
     if in_hand || open == 0 {
         return String::new();
     }

@@ -4,25 +4,26 @@ use std::process::exit;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
-use isoflop::ops::check_products;
-use isoflop::record::{JobId, ResultsFolder};
-use isoflop::schedule::worker::{
-    FAILED, Outcome, STOPPED, claim, failure_of, forget_progress, report_failure, stop_with_parent,
-    tell_of_pieces, work,
+use isoflop::jobs::program;
+use isoflop::jobs::worker::{
+    FAILED, STOPPED, claim, failure_of, report_failure, stop_with_parent, work,
 };
-use isoflop::schedule::{stop_on_signals, trainer};
+use isoflop::jobs::{Assignment, Outcome};
+use isoflop::jobs::{JobId, ResultsFolder};
+use isoflop::ops::{DeviceName, check_products};
+use isoflop::progress::stop_on_signals;
+use isoflop::progress::{forget_progress, tell_of_pieces};
 
-use super::args::{DeviceName, GuardArgs, WorkerArgs};
-use super::context::device;
+use super::args::{GuardArgs, WorkerArgs};
 use super::exit::Exit;
 use super::output::{Output, say};
-use super::slurm_worker;
+use super::task;
 
 pub fn worker(args: &WorkerArgs, output: &Output) -> Result<Exit> {
     match (args.kind, &args.id) {
         (Some(kind), Some(id)) => one_job(args, &JobId::new(kind, id.as_str())),
-        _ if args.fit => slurm_worker::fit(args, output),
-        _ if args.chunk.is_some() => slurm_worker::chunk(args),
+        _ if args.fit => task::fit(args, output),
+        _ if args.chunk.is_some() => task::chunk(args),
         _ => bail!("a worker wants a kind of job and an id, or a chunk"),
     }
 }
@@ -31,14 +32,15 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
     let stop = stop_on_signals()?;
     let folder = ResultsFolder::new(&args.results);
     let place = folder.job(job);
-    stop_with_parent(&stop, trainer::grace(&place));
+    stop_with_parent(&stop, job.kind.grace(&place));
     tell_of_pieces();
-    let device = device(args.device)?;
+    let device = args.device.open()?;
+    let device_name = args.device.name();
+    let assignment = Assignment { folder: &folder, job, device: &device, device_name, stop: &stop };
     let claimed = claim(&place, &stop);
     let outcome = match &claimed {
         Ok(None) => exit(STOPPED),
-        Ok(Some(_lock)) => checked(args.device, &device)
-            .and_then(|()| work(&folder, job, &device, args.device.name(), &stop)),
+        Ok(Some(_lock)) => checked(args.device, &device).and_then(|()| work(&assignment)),
         Err(error) => Ok(Outcome::Failed(failure_of(error))),
     };
     let failure = match outcome {
@@ -71,6 +73,6 @@ fn checked(name: DeviceName, device: &Device) -> Result<()> {
 
 /// `isoflop guard`: ends a worker's program when the worker is gone.
 pub fn guard(args: &GuardArgs) -> Result<Exit> {
-    trainer::guard(&args.lock, &args.mark)?;
+    program::guard(&args.lock, &args.mark)?;
     Ok(Exit::Done)
 }

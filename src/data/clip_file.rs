@@ -5,7 +5,7 @@ use std::path::Path;
 use super::captions::{Annotation, parse_annotations};
 use super::digest::UsedFile;
 use super::npy::{NpyProblem, parse_npy};
-use super::source::N_FEATURES;
+use crate::motion::N_FEATURES;
 
 /// A clip whose two files are sound.
 pub(super) struct ClipFile {
@@ -36,7 +36,7 @@ pub(super) struct LoadedClip {
 /// Both are always read, so that all that is wrong is told at once. A bad line among good captions
 /// is a problem, and the clip can still be used.
 pub(super) fn load_clip(root: &Path, id: &str) -> LoadedClip {
-    crate::moving::moved();
+    crate::progress::moved();
     let mut problems = Vec::new();
     let features = read_features(root, id).map_err(|problem| problems.push(problem)).ok();
     let annotations = read_annotations(root, id, &mut problems);

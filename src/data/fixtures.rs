@@ -6,7 +6,7 @@ use std::path::Path;
 use npyz::{AutoSerialize, WriterBuilder};
 use tempfile::TempDir;
 
-use super::source::N_FEATURES;
+use crate::motion::N_FEATURES;
 
 /// The content of a `.npy` file with `values` in `shape`.
 pub(super) fn npy_bytes<T: AutoSerialize>(shape: &[u64], values: &[T]) -> Vec<u8> {

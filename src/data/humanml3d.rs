@@ -4,29 +4,20 @@
 //! `test.txt`, and may hold `Mean.npy` and `Std.npy`.
 
 use std::collections::HashSet;
+use std::io;
 use std::path::Path;
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::clip_file::{ClipFile, LoadedClip, features_name, load_clip};
 use super::digest::{UsedFile, digest};
 use super::items::{FPS, Item, LengthRule, items_of};
-use super::source::{DataError, FeatureStats, MotionSource, N_FEATURES, Split};
+use super::source::{DataError, FeatureStats, MotionSource, Split};
 use super::splits::read_splits;
 use super::stats::{StatsAccumulator, read_stats};
+use crate::motion::N_FEATURES;
 use crate::motion::mirror_features;
-
-/// What to do about files that are not what they should be.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum BrokenFiles {
-    /// Leave them out, with a warning each.
-    #[default]
-    Skip,
-    /// Stop with an error that lists them all.
-    Refuse,
-}
+use crate::sweep::BrokenFiles;
 
 /// How clips are made from the files.
 #[derive(Clone, Debug, PartialEq)]
@@ -241,9 +232,9 @@ fn check_folders(path: &Path) -> Result<(), DataError> {
         None => Ok(()),
         Some(folder) => Err(DataError::Read {
             path: folder.display().to_string(),
-            reason: "no such folder; a data set in the HumanML3D layout has its features in \
-                     new_joint_vecs and its captions in texts"
-                .to_owned(),
+            source: io::Error::other("no such folder"),
+            advice: "a data set in the HumanML3D layout has its features in new_joint_vecs and its \
+                     captions in texts",
         }),
     }
 }

@@ -122,9 +122,9 @@ fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule) -> (Vec<Item>, Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::N_FEATURES;
     use crate::data::captions::parse_annotation;
     use crate::data::digest::UsedFile;
+    use crate::motion::N_FEATURES;
 
     const RULE: LengthRule = LengthRule { min_frames: 40, max_frames: 196 };
 

@@ -18,9 +18,9 @@ mod stats;
 
 pub use captions::{Annotation, CaptionProblem, parse_annotation};
 pub use facts::DataFacts;
-pub use humanml3d::{BrokenFiles, HumanMl3d, HumanMl3dOptions};
+pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
 pub use npy::{NpyArray, NpyProblem, parse_npy};
 pub use open::open;
 pub use procedural::{Procedural, ProceduralOptions};
-pub use source::{DataError, FRAMES_PER_TOKEN, FeatureStats, MotionSource, N_FEATURES, Split};
+pub use source::{DataError, FRAMES_PER_TOKEN, FeatureStats, MotionSource, Split};
 pub use stats::{FEATURE_GROUPS, StatsAccumulator};

@@ -117,7 +117,7 @@ fn estimate_stats(seed: u64) -> FeatureStats {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::N_FEATURES;
+    use crate::motion::N_FEATURES;
 
     fn source(seed: u64, train_clips: usize) -> Procedural {
         Procedural::new(ProceduralOptions { seed, train_clips, val_clips: 5, test_clips: 5 })

@@ -1,9 +1,10 @@
 //! [`MotionSource`]: what every source of motion offers to tokenizers and trainers.
 
+use std::io;
+
 use serde::{Deserialize, Serialize};
 
-/// Features of one frame in the HumanML3D layout with 22 joints.
-pub const N_FEATURES: usize = 263;
+use crate::failure::FailureKind;
 
 /// Frames that one code stands for: clips come in multiples of it.
 pub const FRAMES_PER_TOKEN: usize = 4;
@@ -44,8 +45,8 @@ pub struct FeatureStats {
 #[derive(Debug, thiserror::Error)]
 pub enum DataError {
     /// A file could not be read.
-    #[error("cannot read {path}: {reason}")]
-    Read { path: String, reason: String },
+    #[error("cannot read {path}: {source}; {advice}")]
+    Read { path: String, source: io::Error, advice: &'static str },
     /// A file was read and is not what it should be.
     #[error("{path}: {problem}")]
     Invalid { path: String, problem: String },
@@ -59,6 +60,16 @@ pub enum DataError {
         problems.join("\n  ")
     )]
     Broken { path: String, problems: Vec<String> },
+}
+
+impl DataError {
+    /// The failure of a job that ends with it.
+    pub fn failure_kind(&self) -> FailureKind {
+        match self {
+            Self::Read { source, .. } => FailureKind::of_io(source).unwrap_or(FailureKind::BadData),
+            _ => FailureKind::BadData,
+        }
+    }
 }
 
 /// A set of clips, each with features and captions, addressed by split and index.

@@ -39,9 +39,10 @@ pub(super) fn read_splits(root: &Path) -> Result<SplitLists, DataError> {
 
 fn read_text(root: &Path, name: &str) -> Result<String, DataError> {
     let path = root.join(name);
-    std::fs::read_to_string(&path).map_err(|error| DataError::Read {
+    std::fs::read_to_string(&path).map_err(|source| DataError::Read {
         path: path.display().to_string(),
-        reason: format!("{error}; a data set needs train.txt, val.txt and test.txt"),
+        source,
+        advice: "a data set needs train.txt, val.txt and test.txt",
     })
 }
 

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::digest::UsedFile;
 use super::npy::{NpyProblem, parse_npy};
-use super::source::{DataError, FeatureStats, N_FEATURES};
+use super::source::{DataError, FeatureStats};
+use crate::motion::N_FEATURES;
 
 /// Columns that share one deviation, the mean of theirs: root turn, root step, root height,
 /// positions, rotations, velocities, contacts.
@@ -94,9 +95,10 @@ pub(super) fn read_stats(root: &Path) -> Result<Option<(FeatureStats, [UsedFile;
 
 fn read_row(root: &Path, name: &str) -> Result<(Vec<f32>, UsedFile), DataError> {
     let path = root.join(name).display().to_string();
-    let bytes = std::fs::read(root.join(name)).map_err(|error| DataError::Read {
+    let bytes = std::fs::read(root.join(name)).map_err(|source| DataError::Read {
         path: path.clone(),
-        reason: format!("{error}; Mean.npy and Std.npy are given together or not at all"),
+        source,
+        advice: "Mean.npy and Std.npy are given together or not at all",
     })?;
     let invalid = |problem: NpyProblem| DataError::Invalid { path, problem: problem.to_string() };
     let array = match parse_npy(&bytes) {

@@ -10,7 +10,7 @@ use tempfile::NamedTempFile;
 use super::FigureError;
 use super::render;
 use super::scene::Scene;
-use crate::record::atomic::PARTIAL;
+use crate::files::atomic::PARTIAL;
 
 /// Makes the folder of the figures, and those above it.
 pub fn make_folder(folder: &Path) -> Result<(), FigureError> {

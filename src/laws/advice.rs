@@ -11,7 +11,8 @@ use super::names::law_name;
 use super::power::power_law;
 use super::split::Split;
 use super::text::count;
-use super::{Advice, AdviceKind, Laws, Minimum, MinimumFlag, MinimumMethod, Parameters, PowerLaw};
+use super::{Advice, AdviceKind, Laws, Minimum, MinimumFlag, Parameters, PowerLaw};
+use crate::sweep::MinimumMethod;
 
 /// An exponent whose 95 % interval is wider than this wants another budget.
 const WIDE: f64 = 0.2;

@@ -1,6 +1,7 @@
 //! Laws that hold nothing yet.
 
-use super::{IsoFlopPoint, LawKind, Laws, LossLaws, MinimumMethod, Parameters, PowerLaws};
+use super::{IsoFlopPoint, LawKind, Laws, LossLaws, Parameters, PowerLaws};
+use crate::sweep::MinimumMethod;
 
 /// The laws of a table before anything was fitted, around C0 = `reference_flops`; the budgets they
 /// speak of are the least and the greatest that the table holds.

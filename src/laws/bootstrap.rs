@@ -26,7 +26,8 @@ use super::law_set::{Columns, law_set};
 use super::minima::{self, Grid};
 use super::random::Normals;
 use super::split::Split;
-use super::{FitOptions, FloorSample, LawSample, Minimum, MinimumMethod, RunNoise, floor_law};
+use super::{FitOptions, FloorSample, LawSample, Minimum, RunNoise, floor_law};
+use crate::sweep::MinimumMethod;
 use rayon::prelude::*;
 
 /// What the replicates are made of.

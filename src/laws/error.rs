@@ -1,6 +1,6 @@
 //! Why a table of runs gives no laws.
 
-use super::MinimumMethod;
+use crate::sweep::MinimumMethod;
 
 /// Why [`fit`](super::fit()) gave no laws; every message says what is wrong, where, and the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

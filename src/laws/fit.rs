@@ -11,9 +11,10 @@ use super::stats::MIN_REPLICATES;
 use super::validation::validate;
 use super::{
     FitError, FitOptions, FloorLaw, HeldOut, IsoFlopPoint, LawKind, LawSample, Laws, LogLaw,
-    LossLaws, Minimum, MinimumMethod, Parameters, PowerLaws, RunNoise, check, floor_law, intervals,
-    law_set, sensitivity, warnings,
+    LossLaws, Minimum, Parameters, PowerLaws, RunNoise, check, floor_law, intervals, law_set,
+    sensitivity, warnings,
 };
+use crate::sweep::MinimumMethod;
 
 /// Fits every law to a table of finished runs.
 ///

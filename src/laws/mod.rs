@@ -82,4 +82,6 @@ pub(crate) use stats::interval95;
 pub use summary::summary;
 pub use text::wrap;
 pub use types::*;
+
+pub use crate::sweep::MinimumMethod;
 pub use verdict::verdict;

@@ -1,6 +1,7 @@
 //! The names of methods and flags, as `laws.json` and messages write them.
 
-use super::{Laws, MinimumFlag, MinimumMethod, Parameters, PowerLaw, PowerLaws};
+use super::{Laws, MinimumFlag, Parameters, PowerLaw, PowerLaws};
+use crate::sweep::MinimumMethod;
 use std::fmt;
 
 impl fmt::Display for MinimumMethod {

@@ -1,6 +1,7 @@
 //! How a fit is made.
 
-use super::{FitError, MinimumMethod, Parameters};
+use super::{FitError, Parameters};
+use crate::sweep::MinimumMethod;
 
 /// Which budget is kept out of the fit, to measure the laws' error at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

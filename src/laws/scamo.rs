@@ -1,6 +1,7 @@
 //! The published law.
 
-use super::{LawKind, Laws, LogLaw, LossLaws, MinimumMethod, Parameters, PowerLaw, PowerLaws};
+use super::{LawKind, Laws, LogLaw, LossLaws, Parameters, PowerLaw, PowerLaws};
+use crate::sweep::MinimumMethod;
 use std::f64::consts::LN_10;
 
 /// The FLOPs of ScaMo's validating run, around which its laws are read.

@@ -3,7 +3,8 @@
 use super::budget::is_same_budget;
 use super::names::flags_text;
 use super::text::count;
-use super::{Budget, FitError, FitOptions, HoldOut, Minimum, MinimumMethod};
+use super::{Budget, FitError, FitOptions, HoldOut, Minimum};
+use crate::sweep::MinimumMethod;
 
 /// Fewest unflagged parabolas that make them the default.
 const ENOUGH_PARABOLAS: usize = 3;

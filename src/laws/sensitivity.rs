@@ -4,7 +4,8 @@ use super::law_set::{Columns, geometric_mean, law_set};
 use super::minima::{self, Grid};
 use super::select::usable;
 use super::split::Split;
-use super::{FitOptions, Laws, Minimum, MinimumMethod, Parameters, PowerLaw, Sensitivity};
+use super::{FitOptions, Laws, Minimum, Parameters, PowerLaw, Sensitivity};
+use crate::sweep::MinimumMethod;
 
 /// The row of laws that were fitted under another convention.
 ///

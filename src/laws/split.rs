@@ -2,7 +2,8 @@
 
 use super::minima::{self, Grid};
 use super::stats::distinct;
-use super::{Budget, FitOptions, HeldOut, Minimum, MinimumMethod};
+use super::{Budget, FitOptions, HeldOut, Minimum};
+use crate::sweep::MinimumMethod;
 
 /// A table's budgets, gridded and parted once at the start of a fit: nothing after this looks at
 /// single runs.

@@ -3,6 +3,8 @@
 use super::{Advice, LawSample, Parametric, Validation};
 use serde::{Deserialize, Serialize};
 
+use crate::sweep::MinimumMethod;
+
 /// One finished run as the laws see it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IsoFlopPoint {
@@ -57,22 +59,6 @@ pub struct RunNoise {
     /// Degrees of freedom of its square.
     pub dof: usize,
     pub source: NoiseSource,
-}
-
-/// How the minimum of one budget was found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MinimumMethod {
-    /// The best run (ScaMo).
-    Argmin,
-    /// A quadratic in ln N_nv through the best run of each size (Hoffmann et al. 2022, approach 2).
-    Parabola,
-    /// A cubic in ln N_nv, the parabola's check.
-    Cubic,
-    /// Akima's local spline in ln N_nv, which no far-off size can bend.
-    Akima,
-    /// A joint quadratic in (ln N_nv, ln N_v).
-    Surface,
 }
 
 /// Why a minimum should not be trusted.

@@ -6,9 +6,8 @@ use super::select::flagged_text;
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
 use super::text::count;
-use super::{
-    ComputeAxis, FitOptions, FloorLaw, HeldOut, Minimum, MinimumMethod, Parameters, RunNoise,
-};
+use super::{ComputeAxis, FitOptions, FloorLaw, HeldOut, Minimum, Parameters, RunNoise};
+use crate::sweep::MinimumMethod;
 
 /// A minimum may spend this share more or less than declared before a warning says so.
 const ACHIEVED_TOLERANCE: f64 = 0.05;

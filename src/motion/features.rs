@@ -18,7 +18,7 @@ use std::ops::Range;
 use super::heading::{facing_turn, root_headings};
 use super::rotation::{Yaw, between, conjugate, multiply, to_6d};
 use super::skeleton::{CHAINS, CONTACT_JOINTS, Pose, RAW_OFFSETS};
-use crate::data::N_FEATURES;
+use crate::motion::N_FEATURES;
 
 /// Column of the root's half turn to the next frame, radians.
 pub const ROOT_YAW: usize = 0;

@@ -2,7 +2,7 @@
 
 use super::features::{CONTACTS, POSITIONS, ROOT_VELOCITY, ROOT_YAW, ROTATIONS, VELOCITIES};
 use super::skeleton::{MIRROR_PARTNER, N_JOINTS};
-use crate::data::N_FEATURES;
+use crate::motion::N_FEATURES;
 
 /// For each column of the mirrored row: the column it comes from, and its sign.
 const COLUMNS: [(usize, f32); N_FEATURES] = mirrored_columns();

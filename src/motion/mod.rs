@@ -11,6 +11,9 @@ mod rotation;
 mod skeleton;
 pub mod synth;
 
+/// Features of one frame in the HumanML3D layout with 22 joints.
+pub const N_FEATURES: usize = 263;
+
 pub use features::{
     CONTACT_THRESHOLD_M2, CONTACTS, POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW, ROTATIONS,
     VELOCITIES, build_features, canonicalise, features_of_canonical,

@@ -3,7 +3,7 @@
 use super::features::{POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW};
 use super::rotation::Yaw;
 use super::skeleton::{N_JOINTS, Pose};
-use crate::data::N_FEATURES;
+use crate::motion::N_FEATURES;
 
 /// The poses that `features` describe, from the root's steps and the joints' local positions.
 ///

@@ -16,6 +16,7 @@
 
 mod check;
 mod convolution;
+mod device;
 mod kernels;
 mod layout;
 mod operands;
@@ -29,6 +30,7 @@ mod updates;
 
 pub use check::{WrongProduct, check_products};
 pub use convolution::{Convolution, Taps};
+pub use device::{DeviceName, NoDevice};
 pub use kernels::{HalfFloat, Kernels};
 pub use layout::{LayoutError, SequenceLayout};
 pub use operands::{

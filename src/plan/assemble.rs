@@ -3,14 +3,15 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::memory::peak_bytes;
 use super::price::{Dropped, FlopsPerToken, PricedCell, price};
-use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, content_id};
-use super::shape::ParamCounts;
+use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
 use super::trunk::{Trunk, branch};
 use crate::data::DataFacts;
+use crate::spec::ParamCounts;
+use crate::spec::TokenizerSpec;
+use crate::spec::content_id;
+use crate::spec::peak_bytes;
 use crate::sweep::{DataSource, ScheduleKind, ScheduleSpec, Sweep};
-use crate::tokenizer::TokenizerSpec;
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
 pub const MOST_USEFUL_EPOCHS: f64 = 4.0;
@@ -48,7 +49,7 @@ impl PlannedRun {
 /// What the text encoder is asked for, and on which captions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TextJob {
-    pub spec: crate::sweep::TextSpec,
+    pub spec: crate::spec::TextSpec,
     pub data_digest: String,
 }
 

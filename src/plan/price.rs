@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use super::flops::{exact_of_sequence, openai_per_token, six_nd_per_token};
-use super::grid::{Cell, cells};
-use super::shape::{ModelShape, ParamCounts};
 use super::steps::{Pace, Spending, pace, spend};
 use super::trunk;
+use crate::plan::cells::{Cell, cells};
+use crate::spec::QuantizerSpec;
+use crate::spec::flops::{exact_of_sequence, openai_per_token, six_nd_per_token};
+use crate::spec::{ModelShape, ParamCounts};
 use crate::sweep::{FlopsRule, Sweep};
-use crate::tokenizer::QuantizerKind;
 
 /// Forward FLOPs a supervised token, by every convention.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -45,7 +45,7 @@ impl FlopsPerToken {
 #[derive(Clone, Debug)]
 pub struct PricedCell {
     pub shape: ModelShape,
-    pub quantizer: QuantizerKind,
+    pub quantizer: QuantizerSpec,
     pub budget_flops: f64,
     pub params: ParamCounts,
     pub flops_per_token: FlopsPerToken,
@@ -119,7 +119,7 @@ pub fn price(sweep: &Sweep) -> (Vec<PricedCell>, Vec<Dropped>) {
 }
 
 fn price_cell(sweep: &Sweep, cell: &Cell) -> Result<PricedCell, String> {
-    let shape = ModelShape::new(&cell.model, &sweep.model, &sweep.text);
+    let shape = crate::sweep::shape(&cell.model, &sweep.model, &sweep.text);
     let n_vocab = cell.quantizer.n_vocab();
     let flops_per_token = FlopsPerToken::new(&shape, n_vocab, sweep.text.max_tokens);
     let per_token = flops_per_token.by(sweep.flops.rule);

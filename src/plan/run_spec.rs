@@ -1,11 +1,11 @@
 //! [`RunSpec`] and [`TokenizerJob`]: all that a worker needs to know, and the ids that follow.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
-use super::shape::ModelShape;
-use crate::sweep::{Precision, TrainerSection};
-use crate::tokenizer::TokenizerSpec;
+use crate::spec::Precision;
+use crate::spec::TokenizerSpec;
+use crate::spec::{ModelShape, content_id};
+use crate::sweep::TrainerSection;
 
 /// Raised when the same spec would train to other bits: records of an older revision are stale.
 pub const TRAINING_REVISION: u32 = 3;
@@ -88,36 +88,4 @@ impl TokenizerJob {
     pub fn id(&self) -> String {
         content_id(self)
     }
-}
-
-/// The fields of two specs of a kind that differ, by path: `lr`, `model.d_ff`.
-pub fn changed_fields<T: Serialize>(ours: &T, theirs: &T) -> Vec<String> {
-    let value = |spec: &T| serde_json::to_value(spec).expect("specs are plain values");
-    let mut changed = Vec::new();
-    differences("", &value(ours), &value(theirs), &mut changed);
-    changed
-}
-
-fn differences(path: &str, ours: &Value, theirs: &Value, changed: &mut Vec<String>) {
-    match (ours, theirs) {
-        (Value::Object(ours), Value::Object(theirs)) => {
-            for (name, value) in ours {
-                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
-                differences(&path, value, theirs.get(name).unwrap_or(&Value::Null), changed);
-            }
-            let only_theirs = theirs.keys().filter(|name| !ours.contains_key(*name));
-            changed.extend(only_theirs.map(|name| match path {
-                "" => name.clone(),
-                path => format!("{path}.{name}"),
-            }));
-        }
-        _ if ours != theirs => changed.push(path.to_string()),
-        _ => {}
-    }
-}
-
-/// Sixteen hex digits of the blake3 hash of a value's JSON, whose fields stand in a fixed order.
-pub fn content_id(value: &impl Serialize) -> String {
-    let json = serde_json::to_string(value).expect("specs are plain values");
-    blake3::hash(json.as_bytes()).to_hex()[..16].to_string()
 }

@@ -1,6 +1,6 @@
 //! From a budget to tokens, steps, batch, learning rate and warm-up.
 
-use super::flops::TRAINING_PER_FORWARD;
+use crate::spec::flops::TRAINING_PER_FORWARD;
 use crate::sweep::{BatchRule, LrRule, TrainSpec};
 
 /// How one run spends its budget.

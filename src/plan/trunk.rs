@@ -10,8 +10,8 @@ use super::assemble::PlannedRun;
 use super::price::{Dropped, PricedCell};
 use super::run_spec::RunSpec;
 use super::steps::{Pace, Spending, pace, spend_with, widest_batch};
+use crate::spec::QuantizerSpec;
 use crate::sweep::TrainSpec;
-use crate::tokenizer::QuantizerKind;
 
 /// A stretch of training from one branching point to the next.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -70,8 +70,8 @@ fn common(cells: &[PricedCell], train: &TrainSpec) -> (usize, Pace) {
 /// What cells must agree in to share a trunk.
 fn group_name(cell: &PricedCell) -> String {
     let levels: &dyn std::fmt::Debug = match &cell.quantizer {
-        QuantizerKind::Fsq { levels } => levels,
-        QuantizerKind::Vq { n_vocab } => n_vocab,
+        QuantizerSpec::Fsq { levels } => levels,
+        QuantizerSpec::Vq { n_vocab } => n_vocab,
     };
     format!("{:?} {levels:?}", cell.shape)
 }

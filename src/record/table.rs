@@ -5,8 +5,8 @@ use std::path::Path;
 
 use polars::prelude::*;
 
-use super::atomic::write_whole;
 use super::run_record::RunRecord;
+use crate::files::atomic::write_whole;
 
 /// Why a table could not be written or read.
 #[derive(Debug, thiserror::Error)]

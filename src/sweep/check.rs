@@ -7,11 +7,11 @@ use super::presets;
 use super::problem::Problem;
 use super::read::nearest;
 use super::repeated;
-use super::spec::{
+use crate::data::FRAMES_PER_TOKEN;
+use crate::spec::{levels_for, nominal_sizes};
+use crate::sweep::sections::{
     Axis, Clips, DataSource, ModelList, ScheduleKind, Sweep, TokenizerKind, VocabSpec,
 };
-use crate::data::FRAMES_PER_TOKEN;
-use crate::tokenizer::{levels_for, nominal_sizes};
 
 /// All problems of a sweep whose types are right.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -101,7 +101,7 @@ fn models(sweep: &Sweep) -> Vec<Problem> {
 }
 
 fn every_model(sweep: &Sweep) -> Vec<Problem> {
-    let models = crate::plan::models(&sweep.grid.models);
+    let models = crate::sweep::models(&sweep.grid.models);
     models
         .iter()
         .enumerate()
@@ -200,7 +200,7 @@ fn budgets(sweep: &Sweep) -> Vec<Problem> {
 fn zip(sweep: &Sweep) -> Vec<Problem> {
     let grid = &sweep.grid;
     let length = |axis: &Axis| match axis {
-        Axis::Models => crate::plan::models(&grid.models).len(),
+        Axis::Models => crate::sweep::models(&grid.models).len(),
         Axis::Vocab => grid.vocab.len(),
         Axis::Budgets => grid.budgets.len(),
     };

@@ -1,8 +1,8 @@
 //! What types alone cannot say of the `engine` section and of a profile file.
 
 use super::problem::Problem;
-use super::spec::{Amount, Count, Resources, SlurmSection, Stage, Sweep};
 use super::time_limit::minutes;
+use crate::sweep::sections::{Amount, Count, Resources, SlurmSection, Stage, Sweep};
 
 /// Arguments of `sbatch` that isoflop gives itself.
 const OURS: [&str; 14] = [

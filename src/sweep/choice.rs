@@ -9,8 +9,8 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde::ser::{Serialize, Serializer};
 
-use super::number;
-use super::spec::{Clips, LevelsSpec, ModelList, ModelRule, VocabSpec};
+use crate::sweep::sections::{Clips, LevelsSpec, ModelList, ModelRule, VocabSpec};
+use crate::units::number;
 
 impl<'de> Deserialize<'de> for ModelList {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {

@@ -1,6 +1,6 @@
 //! Model lists that have a name.
 
-use super::spec::ModelEntry;
+use crate::sweep::sections::ModelEntry;
 
 /// Names that `grid.models` knows.
 pub const NAMES: [&str; 1] = ["scamo"];

@@ -9,8 +9,8 @@ use super::check::check;
 use super::check_engine;
 use super::overrides;
 use super::problem::{Problem, SweepErrors};
-use super::spec::{SlurmSection, Sweep};
 use super::taken_out::TakenOut;
+use crate::sweep::sections::{SlurmSection, Sweep};
 
 /// Reads a sweep file, with `path=value` settings laid over it.
 pub fn read(path: &Path, settings: &[String]) -> Result<Sweep, SweepErrors> {

@@ -2,8 +2,8 @@
 
 use super::check::model_path;
 use super::problem::Problem;
-use super::spec::{Axis, Sweep, TokenizerKind, VocabSpec};
-use crate::tokenizer::levels_for;
+use crate::spec::levels_for;
+use crate::sweep::sections::{Axis, Sweep, TokenizerKind, VocabSpec};
 
 /// The second of each pair of equal seeds, and of equal entries of an axis or a group of axes.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -33,7 +33,7 @@ fn entries(sweep: &Sweep, axis: Axis) -> Vec<String> {
     let grid = &sweep.grid;
     match axis {
         Axis::Models => {
-            crate::plan::models(&grid.models).iter().map(|model| format!("{model:?}")).collect()
+            crate::sweep::models(&grid.models).iter().map(|model| format!("{model:?}")).collect()
         }
         Axis::Vocab => {
             grid.vocab.iter().map(|entry| vocabulary(entry, sweep.tokenizer.kind)).collect()

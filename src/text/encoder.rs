@@ -1,7 +1,7 @@
 //! [`TextEncoder`]: what turns a caption into a sequence of vectors.
 
 use super::hashed_ngrams::HashedNgrams;
-use crate::sweep::{TextEncoderKind, TextSpec};
+use crate::spec::{TextEncoderKind, TextSpec};
 
 /// A frozen encoder of captions.
 pub trait TextEncoder: Sync {

@@ -6,4 +6,4 @@ mod store;
 
 pub use encoder::{TextEncoder, encoder};
 pub use hashed_ngrams::HashedNgrams;
-pub use store::{TextError, TextStore, embed};
+pub use store::{TextStore, embed};

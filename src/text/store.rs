@@ -9,22 +9,9 @@ use std::path::Path;
 
 use super::encoder::TextEncoder;
 use crate::data::{MotionSource, Split};
-use crate::moving::moved;
-use crate::record::mapped::{self, Column, MappedFile, NewColumn};
-
-/// Why embeddings could not be written or read.
-#[derive(Debug, thiserror::Error)]
-#[error("{path}: {reason}")]
-pub struct TextError {
-    pub path: String,
-    pub reason: String,
-}
-
-impl TextError {
-    fn new(path: &Path, reason: impl ToString) -> Self {
-        Self { path: path.display().to_string(), reason: reason.to_string() }
-    }
-}
+use crate::files::FileError;
+use crate::files::columns::{self, Column, MappedFile, NewColumn};
+use crate::progress::moved;
 
 /// Captions of one split, by clip.
 #[derive(Default)]
@@ -38,7 +25,7 @@ pub fn embed(
     encoder: &dyn TextEncoder,
     source: &dyn MotionSource,
     path: &Path,
-) -> Result<(), TextError> {
+) -> Result<(), FileError> {
     let mut distinct: HashMap<String, u32> = HashMap::new();
     let (mut embeddings, mut words) = (Vec::new(), vec![0u64]);
     let mut splits: Vec<SplitCaptions> = Vec::new();
@@ -59,14 +46,13 @@ pub fn embed(
         }
         splits.push(found);
     }
-    let mut columns =
-        vec![NewColumn::new("embeddings", &embeddings), NewColumn::new("words", &words)];
+    let mut all = vec![NewColumn::new("embeddings", &embeddings), NewColumn::new("words", &words)];
     for (split, found) in Split::ALL.iter().zip(&splits) {
-        columns.push(NewColumn::new(format!("{}.captions", split.name()), &found.captions));
-        columns.push(NewColumn::new(format!("{}.offsets", split.name()), &found.offsets));
+        all.push(NewColumn::new(format!("{}.captions", split.name()), &found.captions));
+        all.push(NewColumn::new(format!("{}.offsets", split.name()), &found.offsets));
     }
     let notes = HashMap::from([("dim".to_string(), encoder.dim().to_string())]);
-    mapped::write(path, &columns, notes).map_err(|error| TextError::new(path, error))
+    columns::write(path, &all, notes)
 }
 
 /// The embedded captions of a data set, opened for reading.
@@ -81,27 +67,23 @@ pub struct TextStore {
 
 impl TextStore {
     /// Maps the file into memory and checks that it is whole.
-    pub fn open(path: &Path) -> Result<Self, TextError> {
-        let damaged = |problem: String| {
-            TextError::new(path, format!("{problem}; remove the file to embed again"))
-        };
-        let store = MappedFile::open(path).and_then(|file| Self::read(&file)).map_err(damaged)?;
-        if store.is_sound() { Ok(store) } else { Err(damaged("columns disagree".to_string())) }
-    }
-
-    fn read(file: &MappedFile) -> Result<Self, String> {
-        let dim = file.note("dim").and_then(|text| text.parse().ok());
+    ///
+    /// # Errors
+    /// [`FileError::Read`] and [`FileError::Damaged`].
+    pub fn open(path: &Path) -> Result<Self, FileError> {
+        let file = MappedFile::open(path)?;
         let split = |split: Split| {
             let name = split.name();
             let captions = file.column(&format!("{name}.captions"))?;
-            Ok::<_, String>((captions, file.column(&format!("{name}.offsets"))?))
+            Ok((captions, file.column(&format!("{name}.offsets"))?))
         };
-        Ok(Self {
-            dim: dim.ok_or("the width of the embeddings is missing")?,
+        let store = Self {
+            dim: file.number("dim")?,
             embeddings: file.column("embeddings")?,
             words: file.column("words")?,
-            splits: Split::ALL.into_iter().map(split).collect::<Result<_, _>>()?,
-        })
+            splits: Split::ALL.into_iter().map(split).collect::<Result<_, FileError>>()?,
+        };
+        if store.is_sound() { Ok(store) } else { Err(file.damaged("its columns disagree")) }
     }
 
     fn is_sound(&self) -> bool {

@@ -1,6 +1,6 @@
 //! [`Tokenizer`]: a trained module with the statistics its features are normalised by.
 
-use std::fs;
+use std::io;
 use std::path::Path;
 
 use burn::module::Module;
@@ -11,10 +11,12 @@ use rand_chacha::rand_core::SeedableRng;
 use super::error::TokenizerError;
 use super::module::TokenizerModule;
 use super::normalise::{denormalise, normalise};
-use super::spec::TokenizerSpec;
 use crate::data::FeatureStats;
-use crate::record::atomic::write_json;
-use crate::train::weights::{self, HostTensor, Source, Weights, WeightsError};
+use crate::files::atomic::write_json;
+use crate::files::{FileError, read_if_there};
+use crate::learn::weights;
+use crate::learn::weights::{HostTensor, Source, Weights, WeightsError};
+use crate::spec::TokenizerSpec;
 
 /// Raw features to codes and back; a token stands for `spec().frames_per_token()` frames.
 #[derive(Debug)]
@@ -131,9 +133,9 @@ const MEAN: &str = "stats.mean";
 const STD: &str = "stats.std";
 
 fn read_spec(path: &Path) -> Result<TokenizerSpec, TokenizerError> {
-    let text = fs::read_to_string(path).map_err(|error| TokenizerError::file(path, error))?;
-    let spec: TokenizerSpec =
-        serde_json::from_str(&text).map_err(|error| TokenizerError::file(path, error))?;
+    let spec: Option<TokenizerSpec> = read_if_there(path)?;
+    let missing = || FileError::read(path)(io::ErrorKind::NotFound.into());
+    let spec = spec.ok_or_else(missing)?;
     spec.check()?;
     Ok(spec)
 }
@@ -141,7 +143,7 @@ fn read_spec(path: &Path) -> Result<TokenizerSpec, TokenizerError> {
 fn vector(tensors: &Weights, name: &str) -> Result<Vec<f32>, WeightsError> {
     let missing = || WeightsError::Mismatch {
         name: name.to_string(),
-        expected: vec![crate::data::N_FEATURES],
+        expected: vec![crate::motion::N_FEATURES],
         found: "missing".to_string(),
     };
     tensors.get(name).map(|tensor| tensor.values.clone()).ok_or_else(missing)
@@ -150,10 +152,10 @@ fn vector(tensors: &Weights, name: &str) -> Result<Vec<f32>, WeightsError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tokenizer::quantizer::QuantizerKind;
+    use crate::spec::QuantizerSpec;
     use crate::tokenizer::testing::{Waves, small_spec};
 
-    fn untrained(kind: QuantizerKind) -> Tokenizer {
+    fn untrained(kind: QuantizerSpec) -> Tokenizer {
         let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(3));
         let spec = TokenizerSpec { kind, ..small_spec() };
         let stats = Waves::new(&[8], 5).stats;
@@ -163,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_saved_tokenizer_loads_with_the_same_codes_and_features() {
-        let kinds = [QuantizerKind::Fsq { levels: vec![5, 3] }, QuantizerKind::Vq { n_vocab: 6 }];
+        let kinds = [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 6 }];
         for kind in kinds {
             let folder = tempfile::tempdir().unwrap();
             let tokenizer = untrained(kind);
@@ -179,7 +181,7 @@ mod tests {
 
     #[test]
     fn frames_after_the_last_whole_token_are_left_out() {
-        let tokenizer = untrained(QuantizerKind::Fsq { levels: vec![5, 3] });
+        let tokenizer = untrained(QuantizerSpec::Fsq { levels: vec![5, 3] });
         let features = Waves::new(&[24], 5).clip(0, 0);
         assert_eq!(tokenizer.encode(&features[..23 * 5]), tokenizer.encode(&features[..20 * 5]));
         assert!(tokenizer.encode(&features[..3 * 5]).is_empty());
@@ -187,7 +189,7 @@ mod tests {
 
     #[test]
     fn an_id_that_is_no_code_is_an_error() {
-        let tokenizer = untrained(QuantizerKind::Fsq { levels: vec![5, 3] });
+        let tokenizer = untrained(QuantizerSpec::Fsq { levels: vec![5, 3] });
         assert_eq!(tokenizer.decode(&[14, 0]).unwrap().len(), 8 * 5);
         let error = tokenizer.decode(&[3, 15]).unwrap_err().to_string();
         assert!(error.contains("15"), "{error}");

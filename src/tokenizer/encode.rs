@@ -1,4 +1,4 @@
-//! Tokenising a whole data set, once, into a [`TokenStore`](super::TokenStore)'s file.
+//! Tokenising a whole data set, once, into a [`TokenStore`](crate::codes::TokenStore)'s file.
 
 use std::path::Path;
 
@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use super::batches::{ClipBatch, equal_length_batches};
 use super::codec::Tokenizer;
 use super::error::TokenizerError;
-use super::store::{SplitTokens, write_store};
+use crate::codes::{SplitTokens, write_store};
 use crate::data::{MotionSource, Split};
-use crate::moving::moved;
+use crate::progress::moved;
 
 /// Tokenises every clip of every split into one file at `path`, written whole, by rename.
 pub fn tokenize(
@@ -19,7 +19,7 @@ pub fn tokenize(
 ) -> Result<(), TokenizerError> {
     let splits = Split::ALL.iter().map(|&split| tokenize_split(tokenizer, source, split));
     let splits = splits.collect::<Result<Vec<_>, _>>()?;
-    write_store(path, tokenizer.n_vocab(), &splits)
+    Ok(write_store(path, tokenizer.n_vocab(), &splits)?)
 }
 
 /// The codes of every clip of a split, in the split's order.
@@ -51,8 +51,9 @@ pub fn tokenize_split(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::codes::TokenStore;
     use crate::tokenizer::testing::{Waves, small_spec};
-    use crate::tokenizer::{TokenStore, train};
+    use crate::tokenizer::train;
     use burn::tensor::Device;
     use std::ops::ControlFlow;
 

@@ -1,16 +1,18 @@
 //! What can go wrong with a tokenizer.
 
-use std::path::Path;
-
 use crate::data::DataError;
-use crate::train::weights::WeightsError;
+use crate::failure::FailureKind;
+use crate::files::FileError;
+use crate::learn::LearnError;
+use crate::learn::weights::WeightsError;
+use crate::spec::SpecError;
 
 /// Why a tokenizer could not be trained, saved, loaded or used.
 #[derive(Debug, thiserror::Error)]
 pub enum TokenizerError {
     /// A field of the specification has a value that no training can use.
-    #[error("tokenizer.{field}: {problem}")]
-    Spec { field: &'static str, problem: String },
+    #[error(transparent)]
+    Spec(#[from] SpecError),
     /// No clip of the training split is long enough.
     #[error(
         "none of the {n_clips} training clips has {window} frames, the longest has {longest}: \
@@ -23,32 +25,44 @@ pub enum TokenizerError {
     /// An id that no code has, such as the end token's.
     #[error("{id} is no code: a tokenizer of {n_vocab} codes decodes ids from 0 to {n_vocab} - 1")]
     UnknownCode { id: u32, n_vocab: usize },
-    /// The loss is not a number any more.
-    #[error(
-        "the tokenizer's loss is {loss} at step {step}: lower tokenizer.lr, and look for features \
-         that are not finite"
-    )]
-    NonFinite { step: usize, loss: f64 },
-    /// The caller asked for an end.
-    #[error("tokenizer training was stopped at step {step}")]
-    Stopped { step: usize },
+    /// Learning ended before its end.
+    #[error(transparent)]
+    Learn(#[from] LearnError),
     /// The data set.
     #[error(transparent)]
     Data(#[from] DataError),
-    /// The weights' file.
+    /// Weights of another tokenizer, or their file.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-    /// A file could not be written.
+    /// A file.
     #[error(transparent)]
-    Write(#[from] std::io::Error),
-    /// A file could not be read.
-    #[error("{path}: {reason}")]
-    File { path: String, reason: String },
+    File(#[from] FileError),
 }
 
 impl TokenizerError {
-    /// An error of the file at `path`.
-    pub(super) fn file(path: &Path, reason: impl ToString) -> Self {
-        TokenizerError::File { path: path.display().to_string(), reason: reason.to_string() }
+    /// The failure of a job that ends with it; `None` for a stop, which is no failure.
+    pub fn failure_kind(&self) -> Option<FailureKind> {
+        match self {
+            Self::Learn(error) => error.failure_kind(),
+            Self::Data(error) => Some(error.failure_kind()),
+            Self::File(error) => Some(error.failure_kind()),
+            Self::Weights(WeightsError::File(error)) => Some(error.failure_kind()),
+            Self::Weights(WeightsError::Mismatch { .. }) => Some(FailureKind::Damaged),
+            Self::Spec(_)
+            | Self::NoWindow { .. }
+            | Self::ShortClip { .. }
+            | Self::UnknownCode { .. } => Some(FailureKind::BadData),
+        }
+    }
+
+    /// The file that is to blame, where it is damaged or gone.
+    pub fn damaged_file(&self) -> Option<&FileError> {
+        let file = match self {
+            Self::File(error)
+            | Self::Weights(WeightsError::File(error))
+            | Self::Learn(LearnError::File(error)) => Some(error),
+            _ => None,
+        };
+        file.filter(|error| error.is_damage())
     }
 }

@@ -5,12 +5,12 @@ use rayon::prelude::*;
 use super::batches::{ClipBatch, equal_length_batches};
 use super::codec::Tokenizer;
 use super::error::TokenizerError;
-use super::histogram::CodeHistogram;
 use super::metrics::TokenizerMetrics;
 use super::normalise::denormalise;
+use crate::codes::CodeHistogram;
 use crate::data::{DataError, MotionSource, Split};
 use crate::motion::{mpjpe_mm, recover_joints};
-use crate::moving::moved;
+use crate::progress::moved;
 
 /// Reconstruction, and use of the codebook, over every clip of the test split.
 ///
@@ -83,9 +83,10 @@ fn score(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::N_FEATURES;
+    use crate::motion::N_FEATURES;
+    use crate::spec::TokenizerSpec;
     use crate::tokenizer::testing::{Waves, small_spec};
-    use crate::tokenizer::{TokenizerSpec, train};
+    use crate::tokenizer::train;
     use burn::tensor::Device;
     use std::ops::ControlFlow;
 

@@ -6,10 +6,9 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::autoencoder::{Decoder, Encoder};
-use super::quantizer::{AnyQuantizer, Quantized};
-use super::spec::TokenizerSpec;
-use super::vq::QuantizerState;
+use super::convolutional::{AutoencoderConfig, Decoder, Encoder};
+use super::quantizer::{self, AnyQuantizer, Quantized, Quantizer};
+use crate::spec::TokenizerSpec;
 
 /// What is trained and saved; it works on normalised features.
 #[derive(Module, Debug)]
@@ -35,10 +34,10 @@ impl TokenizerModule {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let config = spec.autoencoder(n_features);
+        let config = AutoencoderConfig::of(spec, n_features);
         Self {
             encoder: config.init_encoder(rng, device),
-            quantizer: spec.kind.init(config.code_dim, rng, device),
+            quantizer: quantizer::init(&spec.kind, config.code_dim, rng, device),
             decoder: config.init_decoder(rng, device),
         }
     }
@@ -46,43 +45,27 @@ impl TokenizerModule {
     /// A training pass: gradients pass through, and the quantizer learns what it learns on the host.
     pub fn reconstruct(&mut self, x_btf: Tensor<3>) -> Reconstruction {
         let latents_btc = self.encoder.forward(x_btf);
-        let shape = latents_btc.dims();
-        let Quantized { quantized_nc, auxiliary_loss } = self.quantizer.quantize(rows(latents_btc));
-        Reconstruction {
-            features_btf: self.decoder.forward(quantized_nc.reshape(shape)),
-            auxiliary_loss,
-        }
+        let Quantized { quantized_btc, auxiliary_loss } = self.quantizer.quantize(latents_btc);
+        Reconstruction { features_btf: self.decoder.forward(quantized_btc), auxiliary_loss }
     }
 
-    /// What the quantizer needs to go on training, beside the weights.
-    pub(super) fn quantizer_state(&self) -> Option<QuantizerState> {
-        self.quantizer.state()
+    /// The quantizer, which may learn beside the weights.
+    pub(super) fn quantizer(&self) -> &dyn Quantizer {
+        &*self.quantizer
     }
 
-    /// Takes up what [`Self::quantizer_state`] gave.
-    pub(super) fn resume_quantizer(&mut self, state: QuantizerState) {
-        self.quantizer.resume(state);
-    }
-
-    /// Where the weights are.
-    pub(super) fn device(&self) -> Device {
-        self.devices().remove(0)
+    /// The same, to be changed.
+    pub(super) fn quantizer_mut(&mut self) -> &mut dyn Quantizer {
+        &mut *self.quantizer
     }
 
     /// Codes of `[b, t, f]`, clip after clip.
     pub fn ids(&self, x_btf: Tensor<3>) -> Vec<u32> {
-        self.quantizer.ids(rows(self.encoder.forward(x_btf)))
+        self.quantizer.ids(self.encoder.forward(x_btf))
     }
 
     /// Features `[b, t, f]` of the codes of `n_clips` clips of one length.
     pub fn decode(&self, ids: &[u32], n_clips: usize) -> Tensor<3> {
-        let codes_nc = self.quantizer.embed(ids);
-        let [n, c] = codes_nc.dims();
-        self.decoder.forward(codes_nc.reshape([n_clips, n / n_clips, c]))
+        self.decoder.forward(self.quantizer.embed(ids, n_clips))
     }
-}
-
-fn rows(latents_btc: Tensor<3>) -> Tensor<2> {
-    let [b, t, c] = latents_btc.dims();
-    latents_btc.reshape([b * t, c])
 }

@@ -5,10 +5,10 @@ use rayon::prelude::*;
 
 use super::error::TokenizerError;
 use super::normalise::normalise;
-use super::spec::TokenizerSpec;
 use crate::data::{MotionSource, Split};
-use crate::moving::moved;
-use crate::train::params::below;
+use crate::learn::params::below;
+use crate::progress::moved;
+use crate::spec::TokenizerSpec;
 
 /// Normalised clips of at least one window each.
 ///

@@ -1,8 +1,8 @@
 //! A small source of motion for tests.
 
-use super::quantizer::QuantizerKind;
-use super::spec::TokenizerSpec;
 use crate::data::{DataError, FeatureStats, MotionSource, Split};
+use crate::spec::QuantizerSpec;
+use crate::spec::TokenizerSpec;
 
 /// Clips of sine waves, the same lengths in every split.
 pub struct Waves {
@@ -76,7 +76,7 @@ impl MotionSource for Waves {
 /// A spec that trains in a moment.
 pub fn small_spec() -> TokenizerSpec {
     TokenizerSpec {
-        kind: QuantizerKind::Fsq { levels: vec![5, 3] },
+        kind: QuantizerSpec::Fsq { levels: vec![5, 3] },
         width: 8,
         depth: 2,
         window: 16,

@@ -1,23 +1,21 @@
 //! Training a tokenizer: the same spec and data give the same bits each time, straight or resumed.
 
-use std::time::Instant;
-
 use burn::module::Module;
-use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use serde_json::json;
 
-use super::checkpoint::{self, Checkpoints, Moment};
 use super::codec::Tokenizer;
 use super::error::TokenizerError;
 use super::loss::reconstruction_loss;
 use super::module::TokenizerModule;
 use super::pool::WindowPool;
-use super::spec::TokenizerSpec;
 use crate::data::MotionSource;
-use crate::moving::{Progress, Step};
-use crate::train::adamw::{AdamW, AdamWConfig};
+use crate::learn::adamw::AdamWConfig;
+use crate::learn::{Checkpoints, Course, Kept, LearnError, Learner, Learning, Saved};
+use crate::progress::Progress;
+use crate::spec::TokenizerSpec;
 
 /// Streams of one seed, so that more of one draw does not move another.
 const WEIGHTS_STREAM: u64 = 0;
@@ -32,84 +30,101 @@ pub fn train(
     spec: &TokenizerSpec,
     source: &dyn MotionSource,
     device: &Device,
-    checkpoints: Option<Checkpoints>,
+    checkpoints: Option<&Checkpoints>,
     progress: &mut Progress,
 ) -> Result<Tokenizer, TokenizerError> {
     spec.check()?;
-    let mut trainer = Trainer::new(spec, source, &device.clone().autodiff())?;
-    if let Some(Checkpoints { path, .. }) = checkpoints.filter(|c| c.path.exists()) {
-        trainer.moment = checkpoint::load(path, trainer.moment)?;
+    let learner = Windows::new(spec, source, &device.clone().autodiff())?;
+    let mut learning = Learning::new(learner, &course(spec));
+    if let Some(checkpoints) = checkpoints {
+        learning = learning.resumed(checkpoints).map_err(LearnError::from)?;
     }
-    let mut saved = Instant::now();
-    while trainer.moment.step < spec.steps {
-        let began = Instant::now();
-        let loss = trainer.step()?;
-        let seconds = began.elapsed().as_secs_f64();
-        let step = trainer.moment.step;
-        let stopped = progress(Step { step, steps: spec.steps, loss, seconds }).is_break();
-        if let Some(Checkpoints { path, every }) = checkpoints
-            && (stopped || saved.elapsed() >= every)
-        {
-            checkpoint::save(path, &trainer.moment)?;
-            saved = Instant::now();
-        }
-        if stopped {
-            return Err(TokenizerError::Stopped { step });
-        }
-    }
-    let stats = source.stats().clone();
-    Ok(Tokenizer::new(trainer.moment.module.valid(), spec.clone(), stats, device.clone()))
+    learning.go_on(checkpoints, progress)?;
+    let module = learning.into_learner().module.valid();
+    Ok(Tokenizer::new(module, spec.clone(), source.stats().clone(), device.clone()))
 }
 
-struct Trainer<'a> {
+/// A tokenizer that learns to reconstruct windows of clips.
+struct Windows<'a> {
     spec: &'a TokenizerSpec,
     pool: WindowPool,
-    moment: Moment,
+    module: TokenizerModule,
+    /// Draws the windows of a batch.
+    draws: ChaCha8Rng,
     n_features: usize,
     device: Device,
 }
 
-impl<'a> Trainer<'a> {
+impl<'a> Windows<'a> {
     fn new(
         spec: &'a TokenizerSpec,
         source: &dyn MotionSource,
         device: &Device,
     ) -> Result<Self, TokenizerError> {
         let n_features = source.stats().mean.len();
-        let mut windows = stream(spec.seed, WINDOWS_STREAM);
-        let pool = WindowPool::load(source, spec, &mut windows)?;
+        let mut draws = stream(spec.seed, WINDOWS_STREAM);
+        let pool = WindowPool::load(source, spec, &mut draws)?;
         let mut weights = stream(spec.seed, WEIGHTS_STREAM);
         let module = TokenizerModule::new(spec, n_features, &mut weights, device);
-        let optimiser = AdamW::new(optimiser_config(spec));
-        let moment = Moment { step: 0, module, optimiser, windows };
-        Ok(Self { spec, pool, moment, n_features, device: device.clone() })
-    }
-
-    /// One step; its loss before the update.
-    fn step(&mut self) -> Result<f64, TokenizerError> {
-        let target_btf = self.batch();
-        let step = self.moment.step;
-        let made = self.moment.module.reconstruct(target_btf.clone());
-        let weight = self.spec.position_weight;
-        let mut loss = reconstruction_loss(made.features_btf, target_btf, weight);
-        if let Some(auxiliary) = made.auxiliary_loss {
-            loss = loss + auxiliary;
-        }
-        let value = finite(loss.clone(), step)?;
-        let Moment { module, optimiser, .. } = &mut self.moment;
-        let grads = GradientsParams::from_grads(loss.backward(), module);
-        let lr = self.spec.learning_rate(step);
-        (*module, _) = optimiser.step(module.clone(), grads, lr);
-        self.moment.step += 1;
-        Ok(value)
+        Ok(Self { spec, pool, module, draws, n_features, device: device.clone() })
     }
 
     fn batch(&mut self) -> Tensor<3> {
-        let values = self.pool.windows(self.spec.batch, &mut self.moment.windows);
+        let values = self.pool.windows(self.spec.batch, &mut self.draws);
         let shape = [self.spec.batch, self.spec.window, self.n_features];
         Tensor::from_data(TensorData::new(values, shape), &self.device)
     }
 }
+
+impl Learner for Windows<'_> {
+    type Weights = TokenizerModule;
+
+    fn weights(&self) -> &TokenizerModule {
+        &self.module
+    }
+
+    fn set_weights(&mut self, weights: TokenizerModule) {
+        self.module = weights;
+    }
+
+    fn device(&self) -> &Device {
+        &self.device
+    }
+
+    fn loss(&mut self, _: usize) -> Tensor<1> {
+        let target_btf = self.batch();
+        let made = self.module.reconstruct(target_btf.clone());
+        let loss = reconstruction_loss(made.features_btf, target_btf, self.spec.position_weight);
+        match made.auxiliary_loss {
+            Some(auxiliary) => loss + auxiliary,
+            None => loss,
+        }
+    }
+
+    fn learning_rate(&self, step: usize) -> f64 {
+        self.spec.learning_rate(step)
+    }
+
+    fn advice(&self) -> &'static str {
+        "lower tokenizer.lr, and look for features that are not finite"
+    }
+
+    /// Numbers drawn for windows, as text, since they have 68 bits; and what the quantizer keeps.
+    fn keep(&self) -> Kept {
+        let Kept { note, tensors } = self.module.quantizer().keep();
+        let note = json!({ DRAWN: self.draws.get_word_pos().to_string(), QUANTIZER: note });
+        Kept { note, tensors }
+    }
+
+    fn resume(&mut self, mut saved: Saved) -> Option<()> {
+        self.draws.set_word_pos(saved.note[DRAWN].as_str()?.parse().ok()?);
+        let note = saved.note[QUANTIZER].take();
+        self.module.quantizer_mut().resume(Saved { note, tensors: saved.tensors })
+    }
+}
+
+const DRAWN: &str = "windows_drawn";
+const QUANTIZER: &str = "quantizer";
 
 fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -117,19 +132,15 @@ fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     rng
 }
 
-fn optimiser_config(spec: &TokenizerSpec) -> AdamWConfig {
-    AdamWConfig {
+fn course(spec: &TokenizerSpec) -> Course {
+    let optimiser = AdamWConfig {
         beta_1: spec.beta_1,
         beta_2: spec.beta_2,
         epsilon: 1e-8,
         weight_decay: spec.weight_decay,
         clip_norm: None,
-    }
-}
-
-fn finite(loss: Tensor<1>, step: usize) -> Result<f64, TokenizerError> {
-    let loss = f64::from(loss.into_scalar::<f32>());
-    if loss.is_finite() { Ok(loss) } else { Err(TokenizerError::NonFinite { step, loss }) }
+    };
+    Course { steps: spec.steps, optimiser }
 }
 
 #[cfg(test)]
@@ -138,7 +149,8 @@ mod tests {
 
     use super::*;
     use crate::data::Split;
-    use crate::tokenizer::quantizer::QuantizerKind;
+    use crate::progress::Step;
+    use crate::spec::QuantizerSpec;
     use crate::tokenizer::testing::{Waves, small_spec};
 
     fn losses(spec: &TokenizerSpec) -> (Tokenizer, Vec<f64>) {
@@ -154,7 +166,7 @@ mod tests {
 
     #[test]
     fn training_lowers_the_loss_with_either_quantizer() {
-        let kinds = [QuantizerKind::Fsq { levels: vec![5, 5] }, QuantizerKind::Vq { n_vocab: 16 }];
+        let kinds = [QuantizerSpec::Fsq { levels: vec![5, 5] }, QuantizerSpec::Vq { n_vocab: 16 }];
         for kind in kinds {
             let (_, losses) = losses(&TokenizerSpec { kind, steps: 80, ..small_spec() });
             let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
@@ -165,7 +177,7 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_bits_and_another_seed_others() {
-        let kinds = [QuantizerKind::Fsq { levels: vec![5, 3] }, QuantizerKind::Vq { n_vocab: 64 }];
+        let kinds = [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 64 }];
         for kind in kinds {
             let spec = TokenizerSpec { kind, steps: 6, ..small_spec() };
             let bits = |spec: &TokenizerSpec| {
@@ -186,12 +198,12 @@ mod tests {
             _ => ControlFlow::Continue(()),
         };
         let result = train(&small_spec(), &source, &Device::flex(), None, &mut progress);
-        assert!(matches!(result, Err(TokenizerError::Stopped { step: 2 })));
+        assert!(matches!(result, Err(TokenizerError::Learn(LearnError::Stopped { step: 2, .. }))));
     }
 
     #[test]
     fn a_resumed_training_ends_on_the_same_bits() {
-        let kinds = [QuantizerKind::Fsq { levels: vec![5, 3] }, QuantizerKind::Vq { n_vocab: 64 }];
+        let kinds = [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 64 }];
         for kind in kinds {
             let spec = TokenizerSpec { kind, steps: 9, ..small_spec() };
             let folder = tempfile::tempdir().unwrap();
@@ -203,7 +215,7 @@ mod tests {
             let source = Waves::new(&[40, 24, 32, 16], 9);
             let path = folder.path().join("checkpoint.safetensors");
             let every = std::time::Duration::from_secs(3600);
-            let checkpoints = Some(Checkpoints { path: &path, every });
+            let checkpoints = Some(&Checkpoints { path: &path, every, branch: None });
             let mut seen = Vec::new();
             for stop_at in [3, 4, 7] {
                 let mut progress = |Step { step, .. }| {
@@ -211,7 +223,7 @@ mod tests {
                     if step == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
                 };
                 let ended = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
-                assert!(matches!(ended, Err(TokenizerError::Stopped { .. })));
+                assert!(matches!(ended, Err(TokenizerError::Learn(LearnError::Stopped { .. }))));
             }
             let mut progress = |_| ControlFlow::Continue(());
             let resumed = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
@@ -226,7 +238,7 @@ mod tests {
         let path = folder.path().join("checkpoint.safetensors");
         std::fs::write(&path, b"not a checkpoint").unwrap();
         let every = std::time::Duration::ZERO;
-        let checkpoints = Some(Checkpoints { path: &path, every });
+        let checkpoints = Some(&Checkpoints { path: &path, every, branch: None });
         let mut progress = |_| ControlFlow::Continue(());
         let source = Waves::new(&[40], 3);
         let ended = train(&small_spec(), &source, &Device::flex(), checkpoints, &mut progress);
@@ -246,6 +258,9 @@ mod tests {
                 None,
                 &mut |_| ControlFlow::Continue(()),
             );
-        assert!(matches!(result, Err(TokenizerError::NonFinite { step: 0, .. })));
+        assert!(matches!(
+            result,
+            Err(TokenizerError::Learn(LearnError::NonFinite { step: 1, .. }))
+        ));
     }
 }

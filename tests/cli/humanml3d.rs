@@ -2,7 +2,8 @@
 
 use std::fs;
 
-use isoflop::data::{MotionSource, N_FEATURES, Procedural, ProceduralOptions, Split};
+use isoflop::data::{MotionSource, Procedural, ProceduralOptions, Split};
+use isoflop::motion::N_FEATURES;
 use npyz::WriterBuilder;
 
 use super::support::{Place, records};

@@ -1,11 +1,12 @@
 //! Made-up codes and captions in the files that a trainer reads, and a small run over them.
 
+use isoflop::codes::{SplitTokens, TokenStore, write_store};
 use isoflop::data::{DataError, FRAMES_PER_TOKEN, FeatureStats, MotionSource, Split};
-use isoflop::plan::{ModelShape, RunSpec};
-use isoflop::sweep::{Ffn, Precision};
+use isoflop::generator::autoregressive::Inputs;
+use isoflop::plan::RunSpec;
+use isoflop::spec::ModelShape;
+use isoflop::spec::{Ffn, Precision};
 use isoflop::text::{HashedNgrams, TextStore, embed};
-use isoflop::tokenizer::{SplitTokens, TokenStore, write_store};
-use isoflop::train::Inputs;
 
 /// Width of the text vectors.
 const D_TEXT: usize = 8;

@@ -4,7 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use isoflop::record::{ResultsFolder, RunRecord, atomic};
+use isoflop::files::atomic;
+use isoflop::jobs::ResultsFolder;
+use isoflop::record::RunRecord;
 use serde_json::Value;
 
 use super::place::Place;

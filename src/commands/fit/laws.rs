@@ -1,9 +1,11 @@
 //! The laws of the points, by the law that was asked for.
 
+use isoflop::laws;
 use isoflop::laws::{
-    self, Approach1Options, ComputeAxis, FitError, FitOptions, Form, Laws, MinimumMethod,
-    Parameters, fit_parametric, parametric_laws,
+    Approach1Options, ComputeAxis, FitError, FitOptions, Form, Laws, Parameters, fit_parametric,
+    parametric_laws,
 };
+use isoflop::sweep::MinimumMethod;
 
 use super::args::LawName;
 use super::request::Request;

@@ -10,9 +10,9 @@ mod tao;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
+use isoflop::files::atomic;
 use isoflop::laws::{LawKind, Laws, summary};
 use isoflop::predict::{self, Prediction};
-use isoflop::record::atomic;
 use serde_json::{Value, json};
 
 use super::exit::Exit;

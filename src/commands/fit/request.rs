@@ -1,8 +1,9 @@
 //! What a fit was asked for: the command line, over the defaults of the analysis it follows.
 
 use anyhow::{Context, Result};
-use isoflop::laws::{Form, HoldOut, Huber, MinimumMethod, ParametricOptions, Space, Starts};
+use isoflop::laws::{Form, HoldOut, Huber, ParametricOptions, Space, Starts};
 use isoflop::sweep::FlopsRule;
+use isoflop::sweep::MinimumMethod;
 use isoflop::table::{OutlierStage, Request as TableRequest};
 
 use super::args::{

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{FitError, IsoFlopPoint, Parameters};
-use isoflop::record::{ResultsFolder, RunRecord, table as runs};
+use isoflop::record::{RunRecord, table as runs};
 use isoflop::sweep::{self, FlopsRule, Sweep};
 use isoflop::table::{self, Dropped, Request as TableRequest};
 

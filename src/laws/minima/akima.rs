@@ -7,7 +7,8 @@
 
 use super::grid::Grid;
 use super::{Located, interpolate};
-use crate::laws::{MinimumFlag, MinimumMethod};
+use crate::laws::MinimumFlag;
+use crate::sweep::MinimumMethod;
 
 const METHOD: MinimumMethod = MinimumMethod::Akima;
 /// Each slope looks at two sizes on either side.

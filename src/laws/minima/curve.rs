@@ -5,8 +5,9 @@
 
 use super::grid::{Grid, Scale};
 use super::{Curvature, Located, interpolate};
+use crate::laws::MinimumFlag;
 use crate::laws::least_squares::{LeastSquares, least_squares};
-use crate::laws::{MinimumFlag, MinimumMethod};
+use crate::sweep::MinimumMethod;
 
 /// The minimum of the polynomial of `degree` 2 or 3 through the sizes of a grid.
 pub(super) fn locate(method: MinimumMethod, degree: usize, grid: &Grid) -> Located {

@@ -2,7 +2,8 @@
 
 use crate::laws::cell::{Cell, Size, best_index, cells, sizes};
 use crate::laws::stats::distinct;
-use crate::laws::{Budget, Minimum, MinimumFlag, MinimumMethod};
+use crate::laws::{Budget, Minimum, MinimumFlag};
+use crate::sweep::MinimumMethod;
 
 /// The cells of one budget, their sizes and the best of them.
 #[derive(Clone)]

@@ -9,8 +9,9 @@
 //! neighbours spent.
 
 use super::grid::{Grid, extent};
+use crate::laws::Minimum;
 use crate::laws::cell::Size;
-use crate::laws::{Minimum, MinimumMethod};
+use crate::sweep::MinimumMethod;
 
 /// Width of the weights, as a share of the range of ln N_nv.
 const BANDWIDTH: f64 = 1.0 / 3.0;

@@ -11,7 +11,8 @@ mod interpolate;
 mod surface;
 
 use super::stats::student_t95;
-use super::{Budget, IsoFlopPoint, Minimum, MinimumFlag, MinimumMethod};
+use super::{Budget, IsoFlopPoint, Minimum, MinimumFlag};
+use crate::sweep::MinimumMethod;
 pub(super) use grid::{Grid, Scale};
 
 /// A minimum, and how sharply its curve bends there.

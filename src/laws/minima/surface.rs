@@ -8,7 +8,8 @@ use super::grid::{Grid, Scale, extent};
 use super::{Curvature, Located};
 use crate::laws::cell::Cell;
 use crate::laws::least_squares::{LeastSquares, least_squares};
-use crate::laws::{Minimum, MinimumFlag, MinimumMethod};
+use crate::laws::{Minimum, MinimumFlag};
+use crate::sweep::MinimumMethod;
 
 const METHOD: MinimumMethod = MinimumMethod::Surface;
 

@@ -1,0 +1,7 @@
+//! The codes of a data set: what lies between a tokenizer and a generator.
+
+mod histogram;
+mod store;
+
+pub use histogram::CodeHistogram;
+pub use store::{SplitTokens, TokenStore, write_store};

@@ -1,0 +1,182 @@
+//! [`Display`]: a bar a slot and one for the whole on a terminal, plain lines elsewhere.
+
+use std::collections::HashMap;
+use std::io::{IsTerminal, Write};
+use std::sync::Mutex;
+use std::time::Instant;
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::engine::runner::JobEnd;
+use crate::failure::Failure;
+use crate::jobs::Job;
+use crate::progress::Beat;
+
+/// Shows how far a sweep is.
+pub struct Display {
+    how: How,
+    started: Instant,
+    /// FLOPs of all jobs.
+    total: f64,
+    progress: Mutex<Progress>,
+    jobs: usize,
+}
+
+#[derive(Default)]
+struct Progress {
+    /// FLOPs of ended jobs, and of running ones so far by slot.
+    ended: f64,
+    running: HashMap<usize, f64>,
+    jobs_ended: usize,
+}
+
+enum How {
+    Hidden,
+    Lines,
+    Bars { slots: Vec<ProgressBar>, whole: ProgressBar },
+}
+
+impl Display {
+    /// Bars where standard error is a terminal, lines where not.
+    pub fn new(jobs: &[Job], slots: usize, quiet: bool) -> Self {
+        let how = match (quiet, std::io::stderr().is_terminal()) {
+            (true, _) => How::Hidden,
+            (false, false) => How::Lines,
+            (false, true) => bars(slots),
+        };
+        Self {
+            how,
+            started: Instant::now(),
+            total: jobs.iter().map(|job| job.cost).sum(),
+            progress: Mutex::default(),
+            jobs: jobs.len(),
+        }
+    }
+
+    /// Shows nothing.
+    pub fn hidden() -> Self {
+        Self::new(&[], 1, true)
+    }
+
+    /// A slot takes up a job.
+    pub fn started(&self, slot: usize, job: &Job) {
+        if let How::Bars { slots, .. } = &self.how {
+            slots[slot].reset();
+            slots[slot].set_message(job.label.clone());
+        }
+    }
+
+    /// A job reports how far it is.
+    pub fn beat(&self, slot: usize, job: &Job, beat: &Beat) {
+        let share = beat.step as f64 / beat.steps.max(1) as f64;
+        self.lock().running.insert(slot, share * job.cost);
+        if let How::Bars { slots, .. } = &self.how {
+            slots[slot].set_length(beat.steps as u64);
+            slots[slot].set_position(beat.step as u64);
+            slots[slot].set_message(format!("{} · loss {:.3}", job.label, beat.loss));
+            self.draw_whole();
+        }
+    }
+
+    /// A slot is done with a job.
+    pub fn ended(&self, slot: usize, job: &Job, end: &JobEnd) {
+        let number = {
+            let mut progress = self.lock();
+            progress.running.remove(&slot);
+            progress.ended += job.cost;
+            progress.jobs_ended += 1;
+            progress.jobs_ended
+        };
+        let line = match end {
+            JobEnd::Done => format!("{} done", job.label),
+            JobEnd::Stopped => format!("{} stopped", job.label),
+            JobEnd::Failed(Failure { kind, reason, .. })
+            | JobEnd::Crashed(Failure { kind, reason, .. })
+            | JobEnd::Halted(Failure { kind, reason, .. }) => {
+                format!("{} FAILED ({}): {reason}", job.label, kind.word())
+            }
+        };
+        match (&self.how, end) {
+            (How::Lines, _) => say(&format!("[{number}/{}] {line}{}", self.jobs, self.eta())),
+            (How::Bars { whole, .. }, end) if end.failure().is_some() => whole.println(line),
+            _ => {}
+        }
+        self.draw_whole();
+    }
+
+    /// A slot has nothing more to do.
+    pub fn idle(&self, slot: usize) {
+        if let How::Bars { slots, .. } = &self.how {
+            slots[slot].finish_and_clear();
+        }
+    }
+
+    /// A line that should not be missed.
+    pub fn warn(&self, line: &str) {
+        match &self.how {
+            How::Bars { whole, .. } => whole.println(format!("warning: {line}")),
+            _ => say(&format!("warning: {line}")),
+        }
+    }
+
+    /// Takes the bars away.
+    pub fn clear(&self) {
+        if let How::Bars { whole, .. } = &self.how {
+            whole.finish_and_clear();
+        }
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Progress> {
+        self.progress.lock().expect("nothing panics while it holds this")
+    }
+
+    fn share(&self) -> f64 {
+        let progress = self.lock();
+        let done = progress.ended + progress.running.values().sum::<f64>();
+        if self.total > 0.0 { done / self.total } else { 1.0 }
+    }
+
+    fn draw_whole(&self) {
+        if let How::Bars { whole, .. } = &self.how {
+            whole.set_position((1000.0 * self.share()) as u64);
+            let ended = self.lock().jobs_ended;
+            whole.set_message(format!("{ended}/{} jobs{}", self.jobs, self.eta()));
+        }
+    }
+
+    /// `, 3 min left`, by the FLOPs that are done and to do.
+    fn eta(&self) -> String {
+        let share = self.share();
+        if !(0.01..1.0).contains(&share) {
+            return String::new();
+        }
+        format!(", {}", left(self.started.elapsed().as_secs_f64() * (1.0 - share) / share))
+    }
+}
+
+/// `3 min left`, of seconds.
+pub fn left(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s left"),
+        s if s < 5400.0 => format!("{:.0} min left", s / 60.0),
+        s => format!("{:.1} h left", s / 3600.0),
+    }
+}
+
+/// A line on standard error; whether anybody still reads it is no concern of a sweep.
+fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+fn bars(slots: usize) -> How {
+    let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr_with_hz(8));
+    let style = |template: &str| {
+        ProgressStyle::with_template(template).expect("a valid template").progress_chars("━╸ ")
+    };
+    let bar = |length, template| {
+        let bar = ProgressBar::new(length).with_style(style(template));
+        all.add(bar)
+    };
+    let slots = (0..slots).map(|_| bar(1, "  {bar:16} {wide_msg}")).collect();
+    How::Bars { slots, whole: bar(1000, "{bar:18} {percent:>3} % {wide_msg}") }
+}

@@ -1,0 +1,16 @@
+//! Slots of this machine: a worker process a job, watched to its end.
+
+mod display;
+mod pool;
+mod processes;
+mod retry;
+mod session;
+mod timeline;
+mod waiting;
+mod watch;
+
+pub use display::{Display, left};
+pub use pool::LocalPool;
+pub use processes::LocalProcesses;
+pub use session::Local;
+pub use timeline::{Spent, Timeline};

@@ -1,0 +1,224 @@
+//! [`LocalProcesses`]: a worker process a job, watched to its end.
+
+use std::fs::{self, OpenOptions};
+use std::io::{self, BufRead, BufReader};
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
+
+use crate::engine::local::watch::{Leash, POLL, Watch};
+use crate::engine::runner::{JobEnd, Runner};
+use crate::failure::{Failure, FailureKind};
+use crate::files::{self, FileError};
+use crate::jobs::Job;
+use crate::jobs::ResultsFolder;
+use crate::jobs::program;
+use crate::jobs::worker::{FAILED, STOPPED, last_lines, write_failure};
+use crate::machine::oom::Kills;
+use crate::progress::Stop;
+use crate::progress::{Beat, Said};
+
+/// A worker process a job, with one thread each, so that runs side by side give the same bits.
+pub struct LocalProcesses {
+    pub folder: ResultsFolder,
+    /// The device's name, as `--device` takes it.
+    pub device: String,
+    pub program: PathBuf,
+    /// A worker that makes no progress for this long is ended; `None`: it is waited for.
+    pub hang: Option<Duration>,
+}
+
+impl Runner for LocalProcesses {
+    fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
+        let place = self.folder.job(&job.id);
+        let end = match Attended::start(self, job, &place) {
+            Ok(worker) => worker.attend(stop, beat),
+            Err(error) => {
+                let kind = files::failure_kind(&error).unwrap_or(FailureKind::Crashed);
+                JobEnd::of(Failure::new(kind, format!("the worker could not be started: {error}")))
+            }
+        };
+        with_last_lines(end, &place)
+    }
+
+    fn give_up(&self, job: &Job, failure: Failure) -> Failure {
+        let place = self.folder.job(&job.id);
+        match write_failure(&place, &failure) {
+            Ok(()) => failure,
+            Err(error) => Failure::new(error.failure_kind(), error.to_string()),
+        }
+    }
+}
+
+/// What a worker that was killed could not say itself.
+fn with_last_lines(mut end: JobEnd, place: &Path) -> JobEnd {
+    if let JobEnd::Crashed(failure) | JobEnd::Halted(failure) = &mut end
+        && failure.last_lines.is_empty()
+    {
+        failure.last_lines = last_lines(place);
+    }
+    end
+}
+
+/// A worker at work, and what is known of it.
+struct Attended<'a> {
+    job: &'a Job,
+    runner: &'a LocalProcesses,
+    place: &'a Path,
+    child: Child,
+    /// How long its log was when it began.
+    log_from: u64,
+    /// Processes that the system had killed for memory when it began.
+    kills: Kills,
+    /// What it said of its failure.
+    failure: Option<Failure>,
+    last_beat: Option<Beat>,
+}
+
+impl<'a> Attended<'a> {
+    fn start(runner: &'a LocalProcesses, job: &'a Job, place: &'a Path) -> io::Result<Self> {
+        fs::create_dir_all(place).map_err(FileError::write(place))?;
+        let path = place.join("log.txt");
+        let log = OpenOptions::new().create(true).append(true).open(&path);
+        let log = log.map_err(FileError::write(&path))?;
+        let log_from = log.metadata()?.len();
+        let kills = Kills::so_far();
+        let child = Command::new(&runner.program)
+            .arg("worker")
+            .arg(runner.folder.root())
+            .args([job.id.kind.word(), &job.id.id, "--device", &runner.device])
+            .env("RAYON_NUM_THREADS", "1")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(log)
+            .spawn()?;
+        let (failure, last_beat) = (None, None);
+        Ok(Self { job, runner, place, child, log_from, kills, failure, last_beat })
+    }
+
+    /// Follows a worker to its end. Its standard input is held open for as long as it should work:
+    /// when this process asks for a stop, or dies, the worker sees the end of it and stops.
+    fn attend(mut self, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
+        let said = read_words(&mut self.child);
+        let mut watch = Watch::new(self.runner.hang, self.place.join("log.txt"));
+        let mut leash = Leash::new(self.child.stdin.take(), self.job.id.kind.grace(self.place));
+        let mut hung = None;
+        loop {
+            match said.recv_timeout(POLL) {
+                Ok(word) => {
+                    watch.moved();
+                    self.hear(word, beat);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            if hung.is_none() && watch.has_hung() {
+                hung = Some(self.hung(watch.limit()));
+            }
+            if stop.is_raised() || hung.is_some() {
+                leash.let_go();
+            }
+            if leash.is_overdue() {
+                let _ = self.child.kill();
+                program::wake_guard(self.place);
+            }
+            if leash.is_given_up() {
+                return hung.map_or(JobEnd::Stopped, JobEnd::of);
+            }
+        }
+        drop(leash);
+        match self.child.wait() {
+            Ok(status) => self.end(status, hung, stop),
+            Err(error) => JobEnd::Crashed(Failure::new(FailureKind::Crashed, error.to_string())),
+        }
+    }
+
+    fn hear(&mut self, word: Said, beat: &mut dyn FnMut(Beat)) {
+        match word {
+            Said::Beat(one) => {
+                self.last_beat = Some(one);
+                beat(one);
+            }
+            Said::Failure(failure) => self.failure = Some(failure),
+            Said::Moved { .. } => {}
+        }
+    }
+
+    fn hung(&self, limit: Duration) -> Failure {
+        let after = match self.last_beat {
+            Some(Beat { step, steps, .. }) => format!("after step {step} of {steps}"),
+            None => "before its first step".to_string(),
+        };
+        let seconds = limit.as_secs_f64();
+        let sentence = format!("no progress for {seconds} s (train.hang_s) {after}; it was ended");
+        Failure::new(FailureKind::Hung, sentence)
+    }
+
+    fn end(self, status: ExitStatus, hung: Option<Failure>, stop: &Stop) -> JobEnd {
+        match (status.code(), hung) {
+            (Some(0), _) => JobEnd::Done,
+            (_, Some(hung)) => JobEnd::of(hung),
+            (Some(STOPPED), None) => JobEnd::Stopped,
+            (Some(FAILED), None) => {
+                let written = || self.runner.folder.failure(&self.job.id).ok().flatten();
+                let silent =
+                    || Failure::new(FailureKind::Crashed, "the worker failed and left no reason");
+                JobEnd::of(self.failure.clone().or_else(written).unwrap_or_else(silent))
+            }
+            // It was ended by this process, or did not listen yet.
+            (None, None) if stop.is_raised() => JobEnd::Stopped,
+            (_, None) => JobEnd::of(self.death(status)),
+        }
+    }
+
+    /// Why a worker died that said nothing.
+    fn death(&self, status: ExitStatus) -> Failure {
+        let said = self.log();
+        if said.contains(OUT_OF_MEMORY) {
+            return Failure::new(FailureKind::OutOfMemory, "the worker was refused memory");
+        }
+        match status.signal() {
+            Some(SIGKILL) if self.kills.have_risen() => {
+                let sentence = "the system was out of memory and killed the worker";
+                Failure::new(FailureKind::OutOfMemory, sentence)
+            }
+            Some(SIGKILL | SIGTERM | SIGHUP | SIGINT) => {
+                Failure::new(FailureKind::Killed, format!("the worker was killed: {status}"))
+            }
+            _ => Failure::new(FailureKind::Crashed, format!("the worker ended with {status}")),
+        }
+    }
+
+    /// What the worker wrote to its log.
+    fn log(&self) -> String {
+        let log = fs::read(self.place.join("log.txt")).unwrap_or_default();
+        let from = (self.log_from as usize).min(log.len());
+        String::from_utf8_lossy(&log[from..]).into_owned()
+    }
+}
+
+/// What Rust's runtime says before it aborts.
+const OUT_OF_MEMORY: &str = "memory allocation of ";
+
+const SIGHUP: i32 = nix::sys::signal::Signal::SIGHUP as i32;
+const SIGINT: i32 = nix::sys::signal::Signal::SIGINT as i32;
+const SIGKILL: i32 = nix::sys::signal::Signal::SIGKILL as i32;
+const SIGTERM: i32 = nix::sys::signal::Signal::SIGTERM as i32;
+
+/// What a worker prints, as it comes; the channel closes when the worker ends.
+fn read_words(child: &mut Child) -> mpsc::Receiver<Said> {
+    let (sender, receiver) = mpsc::channel();
+    let output = child.stdout.take().expect("stdout is piped");
+    std::thread::spawn(move || {
+        for line in BufReader::new(output).lines().map_while(Result::ok) {
+            if let Ok(word) = serde_json::from_str(&line)
+                && sender.send(word).is_err()
+            {
+                break;
+            }
+        }
+    });
+    receiver
+}

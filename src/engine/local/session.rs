@@ -1,0 +1,148 @@
+//! [`Local`]: processes of this machine, until all is done.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+
+use super::display::Display;
+use super::pool::LocalPool;
+use super::processes::LocalProcesses;
+use super::timeline::{Spent, Timeline};
+use crate::engine::{Brought, Cancelled, Engine, Request, Session, Tell};
+use crate::jobs::presence::{ask_no_more, ask_to_end, is_held, stop_when_asked};
+use crate::jobs::{Job, ResultsFolder};
+use crate::machine::memory;
+use crate::progress::stop_on_signals;
+
+/// Processes of this machine, until all is done.
+pub struct Local;
+
+/// Far longer than a step and a checkpoint take.
+const PATIENCE: Duration = Duration::from_secs(60);
+const POLL: Duration = Duration::from_millis(100);
+
+impl Engine for Local {
+    fn name(&self) -> &'static str {
+        "local"
+    }
+
+    fn about(&self) -> &'static str {
+        "Processes of this machine, until all is done"
+    }
+
+    fn session<'a>(&self, request: &'a Request<'a>) -> Result<Box<dyn Session + 'a>> {
+        if request.profile.is_some() {
+            bail!("--profile is for an engine with a section in the sweep file, as slurm");
+        }
+        request.device.open()?;
+        Ok(Box::new(Here(request)))
+    }
+
+    /// Asks until the folder is free. What waits for the folder is asked too, as it begins.
+    fn cancel(&self, folder: &ResultsFolder, tell: &dyn Tell) -> Result<Cancelled> {
+        if !is_held(folder) {
+            return Ok(Cancelled::NothingRan);
+        }
+        tell.note("asked for an end; waiting for checkpoints to be written");
+        let asked = Instant::now();
+        while is_held_by_any(folder) {
+            if asked.elapsed() > PATIENCE {
+                return Ok(Cancelled::StillAtWork);
+            }
+            // A scheduler that has just begun forgets what was asked before it.
+            ask_to_end(folder)?;
+            std::thread::sleep(POLL);
+        }
+        ask_no_more(folder)?;
+        Ok(Cancelled::Ended)
+    }
+}
+
+/// Whether a scheduler has the folder, or takes it over from the one that had it.
+fn is_held_by_any(folder: &ResultsFolder) -> bool {
+    is_held(folder) || {
+        std::thread::sleep(POLL);
+        is_held(folder)
+    }
+}
+
+/// A request to be met by this machine.
+struct Here<'a>(&'a Request<'a>);
+
+impl Session for Here<'_> {
+    fn bring(self: Box<Self>, jobs: Vec<Job>) -> Result<Brought> {
+        let Request { sweep, plan, folder, tell, .. } = *self.0;
+        let all = plan.runs.len();
+        let (goal, n_jobs) = (crate::jobs::JobKind::goal(), jobs.len());
+        let ended = all - jobs.iter().filter(|job| job.id.kind == goal).count();
+        if jobs.is_empty() {
+            tell.note(&format!("{all} of {all} runs have ended already; nothing to train"));
+            return Ok(Brought::Ended(Vec::new()));
+        }
+        let slots = self.0.slots.min(n_jobs);
+        tell.note(&format!(
+            "{n_jobs} jobs to do, {ended} of {all} runs have ended already; {slots} side by side"
+        ));
+        let runner = LocalProcesses {
+            folder: folder.clone(),
+            device: self.0.device.name().to_string(),
+            program: own_program()?,
+            hang: sweep.train.hang(),
+        };
+        let stop = stop_on_signals()?;
+        stop_when_asked(folder, &stop);
+        let display = Display::new(&jobs, slots, tell.is_quiet());
+        let timeline = Timeline::open(folder)?;
+        let pool = LocalPool {
+            runner: &runner,
+            slots,
+            stop: &stop,
+            fail_fast: self.0.fail_fast,
+            display: &display,
+            memory_bytes: self.memory_bytes(&jobs),
+            timeline: Some(&timeline),
+        };
+        let reports = pool.execute(jobs);
+        display.clear();
+        tell.note(&time_spent(&timeline.spent(), slots));
+        Ok(Brought::Ended(reports))
+    }
+}
+
+impl Here<'_> {
+    /// Memory for all jobs together; a job that wants more than that is named.
+    fn memory_bytes(&self, jobs: &[Job]) -> Option<u64> {
+        let bytes = self.0.memory_bytes.or_else(memory::available)?;
+        let largest = jobs.iter().max_by_key(|job| job.peak_bytes)?;
+        if largest.peak_bytes > bytes {
+            self.0.tell.warn(&format!(
+                "{} wants {:.1} GB of memory at its peak, and there are {:.1} GB: it runs alone, \
+                 and may be killed",
+                largest.label,
+                largest.peak_bytes as f64 / 1e9,
+                bytes as f64 / 1e9
+            ));
+        }
+        Some(bytes)
+    }
+}
+
+/// Where the time of the slots went; programs of other people do not tell of their steps.
+fn time_spent(spent: &Spent, slots: usize) -> String {
+    let minutes = spent.span_s / 60.0;
+    match 100.0 * spent.training_share(slots) {
+        0.0 => format!("{minutes:.1} min"),
+        share => format!("{minutes:.1} min, {share:.0} % of the core-seconds in training steps"),
+    }
+}
+
+/// This program as it was started: by its image in memory where the system shows it, so that workers
+/// are of the same build even when the file has been replaced or removed since.
+fn own_program() -> Result<PathBuf> {
+    let image = PathBuf::from(format!("/proc/{}/exe", std::process::id()));
+    if image.exists() {
+        return Ok(image);
+    }
+    std::env::current_exe().context("finding this program")
+}

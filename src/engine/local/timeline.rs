@@ -1,0 +1,131 @@
+//! [`Timeline`]: when each job ran and where, a JSON line each in `schedule.jsonl`.
+
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::sync::Mutex;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use crate::engine::runner::JobEnd;
+use crate::files::FileError;
+use crate::jobs::Job;
+use crate::jobs::{JobId, ResultsFolder};
+
+/// One start of a job and its end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stretch {
+    /// Counts the schedulers that have written to the file, from 0.
+    pub session: usize,
+    #[serde(flatten)]
+    pub id: JobId,
+    pub label: String,
+    pub slot: usize,
+    /// Seconds since this scheduler began.
+    pub start_s: f64,
+    pub end_s: f64,
+    /// Seconds in training steps.
+    pub train_s: f64,
+    /// `done`, `stopped`, or the kind of the failure.
+    pub end: String,
+}
+
+/// What a scheduler's jobs took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spent {
+    /// Seconds from the scheduler's beginning to the last end of a job.
+    pub span_s: f64,
+    /// Core-seconds in jobs.
+    pub jobs_s: f64,
+    /// Core-seconds in training steps.
+    pub train_s: f64,
+}
+
+impl Spent {
+    fn add(&mut self, stretch: &Stretch) {
+        self.span_s = self.span_s.max(stretch.end_s);
+        self.jobs_s += stretch.end_s - stretch.start_s;
+        self.train_s += stretch.train_s;
+    }
+
+    /// The share of `slots` cores' time that went into training steps.
+    pub fn training_share(&self, slots: usize) -> f64 {
+        self.train_s / (slots as f64 * self.span_s)
+    }
+}
+
+/// Where a scheduler notes what ran when.
+pub struct Timeline {
+    written: Mutex<(File, Spent)>,
+    session: usize,
+    began: Instant,
+}
+
+impl Timeline {
+    /// Goes on with the folder's file.
+    ///
+    /// # Errors
+    /// The folder cannot be written to.
+    pub fn open(folder: &ResultsFolder) -> Result<Self, FileError> {
+        let path = folder.file("schedule.jsonl");
+        let sessions = std::fs::read_to_string(&path).map_or(0, |text| {
+            let last = text.lines().rev().find_map(|line| serde_json::from_str(line).ok());
+            last.map_or(0, |last: Stretch| last.session + 1)
+        });
+        let file = OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(&path)
+            .map_err(FileError::write(&path))?;
+        let written = Mutex::new((file, Spent::default()));
+        Ok(Self { written, session: sessions, began: Instant::now() })
+    }
+
+    /// Seconds since it was opened.
+    pub fn now_s(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// Notes a job that started at `start_s` and has ended now. A line that cannot be written is
+    /// left out: nothing depends on it, and what hindered it hinders the job too.
+    pub fn note(&self, job: &Job, slot: usize, [start_s, train_s]: [f64; 2], end: &JobEnd) {
+        let stretch = Stretch {
+            session: self.session,
+            id: job.id.clone(),
+            label: job.label.clone(),
+            slot,
+            start_s,
+            end_s: self.now_s(),
+            train_s,
+            end: word(end).to_string(),
+        };
+        let line = serde_json::to_string(&stretch).expect("plain values") + "\n";
+        let mut written = self.written.lock().expect("nothing panics while it holds this");
+        let _ = written.0.write_all(line.as_bytes());
+        written.1.add(&stretch);
+    }
+
+    /// Where the time went so far.
+    pub fn spent(&self) -> Spent {
+        self.written.lock().expect("nothing panics while it holds this").1
+    }
+}
+
+fn word(end: &JobEnd) -> &'static str {
+    match (end, end.failure()) {
+        (_, Some(failure)) => failure.kind.word(),
+        (JobEnd::Done, None) => "done",
+        (_, None) => "stopped",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_idle_core_trains_nothing() {
+        let spent = Spent { span_s: 10.0, jobs_s: 12.0, train_s: 9.0 };
+        assert_eq!(spent.training_share(2), 0.45);
+    }
+}

@@ -1,0 +1,141 @@
+//! [`Packing`]: missing jobs, cut into the arrays of a submission.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+
+use super::command::{Shell, site_defaults};
+use super::estimate::Estimates;
+use super::files::SlurmFolder;
+use super::session::Cluster;
+use super::stages::{Array, Layout, arrays};
+use super::submission::{Submission, Written};
+use super::submit::{Submitted, keep_program, submit};
+use crate::jobs::{Job, JobId, ResultsFolder, all_jobs};
+
+/// FLOPs a second that a GPU is taken to give, where no run has ended on it yet.
+const GPU: f64 = 1e12;
+
+/// What is to be submitted, before it is cut into arrays.
+pub struct Packing<'a> {
+    pub(super) cluster: &'a Cluster<'a>,
+    pub jobs: Vec<Job>,
+    /// Jobs that are in the queue already, and their tasks.
+    pub queued: HashMap<JobId, String>,
+    /// Numbers of the jobs that are in the queue already.
+    pub active: Vec<String>,
+}
+
+impl Packing<'_> {
+    /// Submits; in fewer and longer tasks, where Slurm takes no more.
+    pub fn submit(&self, shell: &dyn Shell) -> Result<(u32, Vec<Submitted>)> {
+        let tell = self.cluster.request.tell;
+        for name in site_defaults() {
+            tell.note(&format!("{name} is set here, and holds where the sweep does not say"));
+        }
+        let program = std::env::current_exe().context("finding this program")?;
+        let digest = digest(&program)?;
+        let files = SlurmFolder::of(&self.cluster.folder);
+        keep_program(&program, &files.program(&digest)).context("copying this program")?;
+        let estimates = self.estimates()?;
+        let user = user(&self.cluster.folder)?;
+        let mut most = self.cluster.settings.max_submit();
+        loop {
+            let submission = self.submission(digest.clone(), &estimates, most)?;
+            let tasks = tasks(&submission.arrays);
+            match submit(&submission, user, shell) {
+                Ok(submitted) => return Ok((submission.generation, submitted)),
+                Err(error) if error.is_submit_limit() && tasks > 2 => {
+                    most = tasks / 2;
+                    let fewer = self.submission(digest.clone(), &estimates, most)?;
+                    if tasks == self::tasks(&fewer.arrays) {
+                        return Err(error).context("Slurm takes no more jobs of this user");
+                    }
+                    tell.note(&format!("{error}; trying again in {most} longer tasks at most"));
+                }
+                Err(error) => return Err(error).context("nothing of this submission stays"),
+            }
+        }
+    }
+
+    /// What would be submitted now, by a program that is not copied yet.
+    pub fn preview(&self) -> Result<Submission> {
+        let estimates = self.estimates()?;
+        self.submission("PROGRAM".to_string(), &estimates, self.cluster.settings.max_submit())
+    }
+
+    fn submission(
+        &self,
+        program: String,
+        estimates: &Estimates,
+        max_tasks: usize,
+    ) -> Result<Submission> {
+        let (plan, folder) = (self.cluster.request.plan, &self.cluster.folder);
+        let reads: HashMap<JobId, Vec<JobId>> =
+            all_jobs(plan).map(|job| (job.id, job.needs)).collect();
+        let layout = Layout {
+            settings: &self.cluster.settings,
+            estimates,
+            reads: &|id| reads.get(id).cloned().unwrap_or_default(),
+            queued: &self.queued,
+            max_array: self.cluster.settings.max_array(self.cluster.asked),
+            max_tasks,
+        };
+        let arrays = arrays(&self.jobs, &layout);
+        let submission = Submission {
+            settings: self.cluster.settings.clone(),
+            folder: folder.clone(),
+            generation: SlurmFolder::of(folder).latest()?.unwrap_or(0) + 1,
+            directory: std::env::current_dir().context("finding the current directory")?,
+            written: Written {
+                settings: self.cluster.settings.section().clone(),
+                device: self.cluster.request.device.name().to_string(),
+                program,
+                flops_per_second: estimates.flops_per_second,
+            },
+            arrays,
+            queued: self.active.clone(),
+        };
+        match submission.unspeakable() {
+            Some(problem) => bail!(problem),
+            None => Ok(submission),
+        }
+    }
+
+    /// How fast jobs are: as the section says, as runs were, or as a few steps here show.
+    fn estimates(&self) -> Result<Estimates> {
+        let (plan, folder) = (self.cluster.request.plan, &self.cluster.folder);
+        let given = self.cluster.settings.section().flops_per_second;
+        let estimates = match (given, Estimates::of_records(plan, folder)?) {
+            (Some(rate), _) => Estimates::given(rate.0),
+            (None, Some(measured)) => measured,
+            (None, None) => match self.cluster.request.device {
+                name if name.is_processor() => Estimates::of_probe(plan, &name.open()?),
+                _ => Estimates { flops_per_second: GPU, source: "guessed" },
+            },
+        };
+        let Estimates { flops_per_second, source } = &estimates;
+        self.cluster
+            .request
+            .tell
+            .note(&format!("runs are packed by {flops_per_second:.2e} FLOPs a second, {source}"));
+        Ok(estimates)
+    }
+}
+
+fn tasks(arrays: &[Array]) -> usize {
+    arrays.iter().map(|array| array.chunks.len()).sum()
+}
+
+fn digest(program: &Path) -> Result<String> {
+    let bytes = fs::read(program).with_context(|| format!("reading {}", program.display()))?;
+    Ok(blake3::hash(&bytes).to_hex()[..16].to_string())
+}
+
+/// Who writes to the folder, by number: whose jobs these will be.
+fn user(folder: &ResultsFolder) -> Result<u32> {
+    use std::os::unix::fs::MetadataExt;
+    Ok(fs::metadata(folder.file("plan.json"))?.uid())
+}

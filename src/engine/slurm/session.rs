@@ -1,0 +1,231 @@
+//! [`Slurm`]: jobs of a cluster, submitted at once and done some time.
+
+use std::collections::HashMap;
+use std::path::absolute;
+
+use anyhow::{Context, Result, bail};
+use serde_json::json;
+
+use super::cancel::cancel;
+use super::command::{QUERY, Shell, System};
+use super::error::SlurmError;
+use super::files::SlurmFolder;
+use super::ledger::{Entry, Ledger};
+use super::packing::Packing;
+use super::preview;
+use super::queue::{Queue, Task as QueuedTask};
+use super::settings::Settings;
+use super::status::status;
+use super::submission::Written;
+use super::submit::Submitted;
+use super::worker::ChunkWorker;
+use crate::engine::{
+    Brought, Cancelled, Engine, EngineState, FitTerms, Preview, Previewed, Request, Session, Task,
+    Tell,
+};
+use crate::files::read_if_there;
+use crate::jobs::{Job, ResultsFolder, SweepState};
+use crate::sweep::read_profile;
+use crate::units::quoted;
+
+/// Jobs of a cluster: submits them and returns at once.
+pub struct Slurm;
+
+impl Engine for Slurm {
+    fn name(&self) -> &'static str {
+        "slurm"
+    }
+
+    fn about(&self) -> &'static str {
+        "Jobs of a cluster: submits them and returns at once"
+    }
+
+    fn session<'a>(&self, request: &'a Request<'a>) -> Result<Box<dyn Session + 'a>> {
+        if request.fail_fast {
+            bail!("--fail-fast is for this machine; on Slurm the other runs go on");
+        }
+        let folder = ResultsFolder::new(absolute(request.folder.root())?);
+        let settings = settings(request)?;
+        let queue = Queue::default();
+        Ok(Box::new(Cluster { request, folder, settings, entries: Vec::new(), queue, asked: None }))
+    }
+
+    fn status(&self, folder: &ResultsFolder, state: &SweepState) -> Result<Option<EngineState>> {
+        status(folder, state)
+    }
+
+    fn cancel(&self, folder: &ResultsFolder, tell: &dyn Tell) -> Result<Cancelled> {
+        let Some((settings, entries)) = of_folder(folder)? else {
+            return Ok(Cancelled::NothingRan);
+        };
+        tell.note("asking Slurm; where something runs, its checkpoints are waited for");
+        Ok(cancel(folder, &settings, &entries, &System)?)
+    }
+
+    fn task(&self, folder: &ResultsFolder, task: &Task, say: &dyn Fn(&str)) -> Result<i32> {
+        let worker = ChunkWorker { folder: folder.clone(), task: task.clone() };
+        let program = std::env::current_exe().context("finding this program")?;
+        Ok(worker.work(program, &System, say)? as i32)
+    }
+
+    fn fit_terms(&self, folder: &ResultsFolder, submission: Option<u32>) -> Result<FitTerms> {
+        let files = SlurmFolder::of(folder);
+        let written = match submission {
+            Some(generation) => read_if_there::<Written>(&files.written(generation))?,
+            None => None,
+        };
+        let settings = Settings::new(written.map(|written| written.settings).unwrap_or_default());
+        let (grace, allow_missing) = (settings.fs_grace(), settings.allow_missing());
+        Ok(FitTerms { grace, allow_missing })
+    }
+}
+
+/// The section of the sweep, under that of the profile.
+fn settings(request: &Request) -> Result<Settings> {
+    let of_sweep = request.sweep.engine.clone().unwrap_or_default().slurm;
+    let section = match request.profile {
+        Some(path) => read_profile(path)?.over(of_sweep),
+        None => of_sweep,
+    };
+    Ok(Settings::new(section))
+}
+
+/// MaxArraySize; also shows whether the controller answers.
+pub fn max_array(settings: &Settings, shell: &dyn Shell) -> Result<Option<usize>, SlurmError> {
+    let mut words = settings.program("scontrol");
+    words.extend(["show", "config"].map(String::from));
+    let said = shell.ask(&words, QUERY)?;
+    let line = said.lines().find(|line| line.starts_with("MaxArraySize"));
+    Ok(line.and_then(|line| line.split('=').nth(1)?.trim().parse().ok()))
+}
+
+/// The settings and the ledger of a folder that a command looks into; `None` where nothing was ever
+/// submitted from it.
+pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)>> {
+    let folder = ResultsFolder::new(absolute(folder.root())?);
+    let files = SlurmFolder::of(&folder);
+    let Some(generation) = files.latest()? else { return Ok(None) };
+    let written: Option<Written> = read_if_there(&files.written(generation))?;
+    let settings = Settings::new(written.map(|written| written.settings).unwrap_or_default());
+    Ok(Some((settings, Ledger::of(&files).entries()?)))
+}
+
+/// A request to be met by a cluster.
+pub(super) struct Cluster<'a> {
+    pub request: &'a Request<'a>,
+    /// Named by its full path.
+    pub folder: ResultsFolder,
+    pub settings: Settings,
+    /// What was submitted before.
+    pub entries: Vec<Entry>,
+    pub queue: Queue,
+    /// MaxArraySize, as Slurm says.
+    pub asked: Option<usize>,
+}
+
+impl Session for Cluster<'_> {
+    /// Slurm must answer before anything is changed.
+    fn begin(&mut self) -> Result<()> {
+        self.asked =
+            max_array(&self.settings, &System).context("nothing was submitted or changed")?;
+        self.look(&System)
+            .context("what is in the queue is not known, so nothing was submitted or changed")
+    }
+
+    fn bring(self: Box<Self>, jobs: Vec<Job>) -> Result<Brought> {
+        let held = self.queue.held(&self.entries, &SlurmFolder::of(&self.folder))?;
+        let left = jobs.iter().filter(|job| !held.contains_key(&job.id)).count();
+        if left == 0 && self.has_fit() {
+            return Ok(self.in_the_queue());
+        }
+        if left == 0 && !self.queue.is_active() {
+            return Ok(Brought::Ended(Vec::new()));
+        }
+        let active = self.queue.active_jobs();
+        let packing = Packing { cluster: &self, jobs, queued: held, active };
+        let (generation, submitted) = packing.submit(&System)?;
+        Ok(self.submitted(generation, &submitted, left))
+    }
+
+    fn preview(&self, preview: Preview, jobs: Vec<Job>) -> Result<Previewed> {
+        if jobs.is_empty() {
+            bail!("nothing is missing, so there is nothing to submit");
+        }
+        let (queued, active) = (HashMap::new(), Vec::new());
+        match preview {
+            Preview::DryRun => preview::dry_run(&Packing { cluster: self, jobs, queued, active }),
+            Preview::Check => {
+                let asked = max_array(&self.settings, &System)?;
+                let (entries, settings) = (Vec::new(), self.settings.clone());
+                let (folder, queue) = (self.folder.clone(), Queue::default());
+                let asking =
+                    Cluster { request: self.request, folder, settings, entries, queue, asked };
+                let packing = Packing { cluster: &asking, jobs, queued, active };
+                preview::check(&packing, &System)
+            }
+        }
+    }
+}
+
+impl Cluster<'_> {
+    /// The ledger and what Slurm says of it. An entry without a number is of a submission that was
+    /// cut off: its job is looked for, and the entry settled.
+    fn look(&mut self, shell: &dyn Shell) -> Result<()> {
+        let ledger = Ledger::of(&SlurmFolder::of(&self.folder));
+        let entries = ledger.entries()?;
+        self.queue = Queue::ask(shell, &self.settings, &entries)?;
+        for entry in entries.iter().filter(|entry| entry.job_id.is_none()) {
+            match self.queue.of(entry).next() {
+                Some(task) => {
+                    let job_id = Some(task.job_id.clone());
+                    ledger.write(&Entry { job_id, ..entry.clone() })?;
+                }
+                None => ledger.take_back(entry)?,
+            }
+        }
+        self.entries = ledger.entries()?;
+        Ok(())
+    }
+
+    /// Whether a fit is in the queue: a submission that was cut off may have got none.
+    fn has_fit(&self) -> bool {
+        let fits = self.entries.iter().filter(|entry| entry.tasks.is_none());
+        fits.flat_map(|entry| self.queue.of(entry)).any(QueuedTask::is_active)
+    }
+
+    fn how_far(&self) -> String {
+        let root = self.folder.root().display().to_string();
+        format!("how far it is: isoflop status {}", quoted(&root))
+    }
+
+    fn in_the_queue(&self) -> Brought {
+        let active = self.queue.tasks.iter().filter(|task| task.is_active()).count();
+        let results = self.folder.root();
+        let document = json!({"submitted": [], "active_tasks": active, "results": results});
+        let text = format!(
+            "everything that is missing is in Slurm's queue already, in {active} tasks\n{}",
+            self.how_far()
+        );
+        Brought::HandedOver { document, text }
+    }
+
+    fn submitted(&self, generation: u32, submitted: &[Submitted], left: usize) -> Brought {
+        let results = self.folder.root();
+        let document =
+            json!({"generation": generation, "submitted": submitted, "results": results});
+        let tasks = |job: &Submitted| match job.tasks {
+            Some(1) => "1 task".to_string(),
+            Some(tasks) => format!("{tasks} tasks"),
+            None => "after all others".to_string(),
+        };
+        let line =
+            |job: &Submitted| format!("  {:<12} job {:<10} {}\n", job.name, job.job_id, tasks(job));
+        let text = format!(
+            "{}: {left} jobs submitted\n{}{}",
+            self.request.sweep.name,
+            submitted.iter().map(line).collect::<String>(),
+            self.how_far()
+        );
+        Brought::HandedOver { document, text }
+    }
+}

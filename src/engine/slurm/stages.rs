@@ -1,0 +1,313 @@
+//! The jobs of a plan as arrays of chunks, each after what it needs.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use crate::engine::slurm::chunks;
+use crate::engine::slurm::estimate::Estimates;
+use crate::engine::slurm::files::{ChunkFile, Timed};
+use crate::engine::slurm::settings::Settings;
+use crate::jobs::Job;
+use crate::jobs::JobId;
+use crate::sweep::Stage;
+
+/// A task that must have succeeded first.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum After {
+    /// A task of an array that is submitted before: its place among all arrays, and its index.
+    Ours { array: usize, index: usize },
+    /// A task that is in the queue already, as `123_4`.
+    Queued(String),
+}
+
+/// An array of chunks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array {
+    /// Unique in a submission: `inputs`, `train-2`.
+    pub name: String,
+    pub stage: Stage,
+    pub chunks: Vec<ChunkFile>,
+    pub after: Vec<After>,
+}
+
+/// What arrays are made of, besides the jobs.
+pub struct Layout<'a> {
+    pub settings: &'a Settings,
+    pub estimates: &'a Estimates,
+    /// Everything that a job reads, whether it is there already or not.
+    pub reads: &'a dyn Fn(&JobId) -> Vec<JobId>,
+    /// The task that does a job, for jobs that are in the queue already.
+    pub queued: &'a HashMap<JobId, String>,
+    /// Tasks of an array at most.
+    pub max_array: usize,
+    /// Tasks of all arrays at most, as far as packing can help.
+    pub max_tasks: usize,
+}
+
+/// Jobs that cannot be parted: a tokenizer and its codes, or a trunk and all that branches off it.
+#[derive(Clone, Debug, Default)]
+struct Unit {
+    jobs: Vec<Timed>,
+    seconds: f64,
+}
+
+/// Arrays in the order in which they are to be submitted. What is in the queue already is left out.
+///
+/// Runs are grouped by what they wait for, an array a group, so that a tokenizer that fails holds up
+/// its own runs and no others.
+pub fn arrays(jobs: &[Job], layout: &Layout) -> Vec<Array> {
+    let open: Vec<&Job> = jobs.iter().filter(|job| !layout.queued.contains_key(&job.id)).collect();
+    let of = |stage: Stage| {
+        let chosen = open.iter().filter(move |job| job.id.kind.stage() == stage);
+        units(chosen.copied().collect(), layout)
+    };
+    let mut out = Arrays { layout, made: Vec::new(), makers: HashMap::new() };
+    let inputs = of(Stage::Inputs);
+    let spared = layout.max_tasks.saturating_sub(inputs.len()).max(1);
+    out.add(Stage::Inputs, inputs.into_iter().map(|unit| vec![unit]).collect());
+    let train = of(Stage::Train);
+    let groups = out.groups(train);
+    for group in pack(groups, layout, spared) {
+        out.add(Stage::Train, group);
+    }
+    out.named()
+}
+
+/// Packs each group into chunks; where they are too many, into longer ones.
+fn pack(groups: Vec<Vec<Unit>>, layout: &Layout, max_tasks: usize) -> Vec<Vec<Vec<Unit>>> {
+    let slots = layout.settings.slots(Stage::Train) as f64;
+    let seconds: Vec<Vec<f64>> = groups
+        .iter()
+        .map(|group| group.iter().map(|unit| unit.seconds / slots).collect())
+        .collect();
+    let all: f64 = seconds.iter().flatten().sum();
+    let (target, parallel) = (layout.settings.target_s(), layout.settings.array_parallel());
+    let mut length = chunks::length_s(all, target, parallel);
+    let tasks = |length| seconds.iter().map(|group| chunks::count(group, length)).sum::<usize>();
+    while tasks(length) > max_tasks.max(groups.len()) {
+        length *= 1.25;
+    }
+    let packed = groups.into_iter().zip(&seconds).map(|(group, seconds)| {
+        let units = group.into_iter().map(|unit| (unit.seconds, unit)).collect();
+        chunks::pack(units, chunks::count(seconds, length))
+    });
+    packed.collect()
+}
+
+/// Joins jobs that need one another within a stage, in the order in which they come.
+fn units(jobs: Vec<&Job>, layout: &Layout) -> Vec<Unit> {
+    let place: HashMap<&JobId, usize> =
+        jobs.iter().enumerate().map(|(at, job)| (&job.id, at)).collect();
+    let mut leader: Vec<usize> = (0..jobs.len()).collect();
+    for (at, job) in jobs.iter().enumerate() {
+        for need in job.needs.iter().filter_map(|need| place.get(need)) {
+            let (a, b) = (root(&mut leader, at), root(&mut leader, *need));
+            leader[a.max(b)] = a.min(b);
+        }
+    }
+    let mut units: BTreeMap<usize, Unit> = BTreeMap::new();
+    for (at, job) in jobs.into_iter().enumerate() {
+        let unit = units.entry(root(&mut leader, at)).or_default();
+        let seconds = layout.estimates.seconds(job);
+        unit.seconds += seconds;
+        unit.jobs.push(Timed { job: job.clone(), seconds });
+    }
+    units.into_values().collect()
+}
+
+fn root(leader: &mut [usize], mut at: usize) -> usize {
+    while leader[at] != at {
+        leader[at] = leader[leader[at]];
+        at = leader[at];
+    }
+    at
+}
+
+/// Arrays as they come to be.
+struct Arrays<'a> {
+    layout: &'a Layout<'a>,
+    made: Vec<Array>,
+    /// The task that makes each job's result.
+    makers: HashMap<JobId, After>,
+}
+
+impl Arrays<'_> {
+    /// What must have succeeded before a unit can begin.
+    fn after(&self, unit: &Unit) -> BTreeSet<After> {
+        let needs = unit.jobs.iter().flat_map(|timed| &timed.job.needs);
+        let task = |need: &JobId| match self.layout.queued.get(need) {
+            Some(task) => Some(After::Queued(task.clone())),
+            None => self.makers.get(need).cloned(),
+        };
+        needs.filter_map(task).collect()
+    }
+
+    /// Units by what they wait for.
+    fn groups(&self, units: Vec<Unit>) -> Vec<Vec<Unit>> {
+        let mut groups: BTreeMap<BTreeSet<After>, Vec<Unit>> = BTreeMap::new();
+        for unit in units {
+            groups.entry(self.after(&unit)).or_default().push(unit);
+        }
+        groups.into_values().collect()
+    }
+
+    /// Adds an array of chunks, or several where one would be too long.
+    fn add(&mut self, stage: Stage, chunks: Vec<Vec<Unit>>) {
+        for part in chunks.chunks(self.layout.max_array) {
+            let after: BTreeSet<After> =
+                part.iter().flatten().flat_map(|unit| self.after(unit)).collect();
+            let array = self.made.len();
+            for (index, chunk) in part.iter().enumerate() {
+                let jobs = chunk.iter().flat_map(|unit| &unit.jobs);
+                let made = jobs.map(|timed| (timed.job.id.clone(), After::Ours { array, index }));
+                self.makers.extend(made);
+            }
+            self.made.push(Array {
+                name: String::new(),
+                stage,
+                chunks: part.iter().map(|chunk| self.chunk(chunk)).collect(),
+                after: after.into_iter().collect(),
+            });
+        }
+    }
+
+    fn chunk(&self, units: &[Unit]) -> ChunkFile {
+        let jobs: Vec<Timed> = units.iter().flat_map(|unit| unit.jobs.clone()).collect();
+        let made: BTreeSet<&JobId> = jobs.iter().map(|timed| &timed.job.id).collect();
+        let read: BTreeSet<JobId> =
+            jobs.iter().flat_map(|timed| (self.layout.reads)(&timed.job.id)).collect();
+        let needs = read.into_iter().filter(|need| !made.contains(need)).collect();
+        ChunkFile { needs, jobs }
+    }
+
+    /// The arrays with their names, numbered where a stage has several.
+    fn named(self) -> Vec<Array> {
+        let stages: Vec<Stage> = self.made.iter().map(|array| array.stage).collect();
+        let count = |stages: &[Stage], of| stages.iter().filter(|stage| **stage == of).count();
+        let name = |(at, array): (usize, Array)| {
+            let word = array.stage.word();
+            let name = match count(&stages, array.stage) {
+                1 => word.to_string(),
+                _ => format!("{word}-{}", count(&stages[..=at], array.stage)),
+            };
+            Array { name, ..array }
+        };
+        self.made.into_iter().enumerate().map(name).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job(kind: JobKind, id: &str, seconds: f64, needs: &[(JobKind, &str)]) -> Job {
+        Job {
+            id: JobId::new(kind, id),
+            label: id.to_string(),
+            cost: seconds - 1.0,
+            peak_bytes: 0,
+            needs: needs.iter().map(|(kind, id)| JobId::new(*kind, *id)).collect(),
+        }
+    }
+
+    /// Two tokenizers, the captions, and `runs` runs of ten seconds for each tokenizer.
+    fn sweep(runs: usize) -> Vec<Job> {
+        let (text, tokens) = ((JobKind::Text, "text"), |t| (JobKind::Tokens, t));
+        let mut jobs = vec![job(JobKind::Text, "text", 1.0, &[])];
+        for t in ["a", "b"] {
+            jobs.push(job(JobKind::Tokenizer, t, 9.0, &[]));
+            jobs.push(job(JobKind::Tokens, t, 2.0, &[(JobKind::Tokenizer, t)]));
+            let run = |i| job(JobKind::Run, &format!("{t}{i}"), 10.0, &[text, tokens(t)]);
+            jobs.extend((0..runs).map(run));
+        }
+        jobs
+    }
+
+    fn lay_out(jobs: &[Job], section: &str, queued: &[(JobId, &str)], max: usize) -> Vec<Array> {
+        let settings = Settings::new(serde_yaml::from_str(section).unwrap());
+        let queued = queued.iter().map(|(id, task)| (id.clone(), task.to_string())).collect();
+        arrays(
+            jobs,
+            &Layout {
+                settings: &settings,
+                estimates: &Estimates::given(1.0),
+                reads: &|id| jobs.iter().find(|job| job.id == *id).unwrap().needs.clone(),
+                queued: &queued,
+                max_array: max,
+                max_tasks: settings.max_submit(),
+            },
+        )
+    }
+
+    fn shape(arrays: &[Array]) -> Vec<(&str, Vec<usize>)> {
+        let sizes = |array: &Array| array.chunks.iter().map(|chunk| chunk.jobs.len()).collect();
+        arrays.iter().map(|array| (array.name.as_str(), sizes(array))).collect()
+    }
+
+    #[test]
+    fn a_tokenizer_has_a_task_and_its_runs_wait_for_it_and_the_captions_alone() {
+        let arrays = lay_out(&sweep(12), "{}", &[], 1001);
+        assert_eq!(
+            shape(&arrays),
+            [("inputs", vec![1, 2, 2]), ("train-1", vec![6, 6]), ("train-2", vec![6, 6])]
+        );
+        let after = |index| After::Ours { array: 0, index };
+        assert_eq!(arrays[1].after, [after(0), after(1)]);
+        assert_eq!(arrays[2].after, [after(0), after(2)]);
+        assert_eq!(arrays[1].chunks[0].needs.len(), 2);
+    }
+
+    #[test]
+    fn an_array_longer_than_slurm_takes_is_split() {
+        let arrays = lay_out(&sweep(12), "{target_chunk_minutes: 0.2}", &[], 5);
+        let names: Vec<&str> = arrays.iter().map(|array| array.name.as_str()).collect();
+        assert_eq!(names[..4], ["inputs", "train-1", "train-2", "train-3"]);
+        assert!(arrays.iter().all(|array| array.chunks.len() <= 5));
+        assert_eq!(arrays.iter().flat_map(|array| &array.chunks).count(), 3 + 2 * 10);
+    }
+
+    #[test]
+    fn a_limit_of_tasks_makes_chunks_longer() {
+        let section = "{target_chunk_minutes: 0.2, max_submit: 7}";
+        let arrays = lay_out(&sweep(12), section, &[], 1001);
+        assert!(arrays.iter().map(|array| array.chunks.len()).sum::<usize>() <= 7);
+    }
+
+    #[test]
+    fn trunks_stay_with_all_that_branches_off_them() {
+        let trunk = |id, of: &[(JobKind, &str)]| job(JobKind::Trunk, id, 30.0, of);
+        let run = |id, trunk| job(JobKind::Run, id, 30.0, &[(JobKind::Trunk, trunk)]);
+        let jobs = [
+            trunk("a1", &[]),
+            trunk("a2", &[(JobKind::Trunk, "a1")]),
+            trunk("b1", &[]),
+            run("x", "a1"),
+            run("y", "b1"),
+            run("z", "a2"),
+        ];
+        let arrays = lay_out(&jobs, "{}", &[], 1001);
+        assert_eq!(shape(&arrays), [("train", vec![4, 2])]);
+        let ids = |i: usize| arrays[0].chunks[i].jobs.iter().map(|timed| timed.job.id.id.as_str());
+        assert_eq!(ids(0).collect::<Vec<_>>(), ["a1", "a2", "x", "z"]);
+    }
+
+    #[test]
+    fn what_is_in_the_queue_is_waited_for_and_not_submitted_again() {
+        let queued = [
+            (JobId::new(JobKind::Tokenizer, "a"), "7_1"),
+            (JobId::new(JobKind::Tokens, "a"), "7_1"),
+            (JobId::new(JobKind::Text, "text"), "7_0"),
+        ];
+        let arrays = lay_out(&sweep(1), "{}", &queued, 1001);
+        let names: Vec<&str> = arrays.iter().map(|array| array.name.as_str()).collect();
+        assert_eq!(names, ["inputs", "train-1", "train-2"]);
+        let queued = |task: &str| After::Queued(task.to_string());
+        let b = After::Ours { array: 0, index: 0 };
+        assert_eq!(arrays[1].after, [b, queued("7_0")]);
+        assert_eq!(arrays[2].after, [queued("7_0"), queued("7_1")]);
+    }
+
+    #[test]
+    fn nothing_to_do_makes_no_array() {
+        assert!(lay_out(&[], "{}", &[], 1001).is_empty());
+    }
+}

@@ -1,0 +1,237 @@
+//! What a task of Slurm's does: the jobs of its chunk, as `isoflop run` would on one machine.
+
+use std::collections::HashSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::engine::JobEnd;
+use crate::engine::Task;
+use crate::engine::local::{Display, LocalPool, LocalProcesses};
+use crate::engine::slurm::command::Shell;
+use crate::engine::slurm::files::{ChunkFile, SlurmFolder};
+use crate::engine::slurm::guard::Guarded;
+use crate::engine::slurm::requeue;
+use crate::engine::slurm::settings::Settings;
+use crate::engine::slurm::submission::Written;
+use crate::engine::slurm::{signals, walltime};
+use crate::files::read_if_there;
+use crate::jobs::Job;
+use crate::jobs::presence::is_asked_to_end;
+use crate::jobs::{JobId, JobState, ResultsFolder};
+use crate::machine::memory;
+use crate::progress::Stop;
+use crate::sweep::{self, Stage};
+
+/// How a task ended; its exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// Everything in the chunk is done.
+    Done = 0,
+    /// A job failed for good; the others were tried.
+    SomeFailed = 1,
+    /// It was asked to end, and goes on from checkpoints another time.
+    Interrupted = 75,
+    /// What it needs is not there.
+    NoInputs = 78,
+}
+
+/// The process of a task.
+pub struct ChunkWorker {
+    pub folder: ResultsFolder,
+    pub task: Task,
+}
+
+/// How long the first files of a task may take to appear: what else may is in one of them.
+const FIRST_FILES: Duration = Duration::from_secs(90);
+
+/// How often a task looks whether it is to end.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// How often it looks for files that have not appeared.
+const RELIST: Duration = Duration::from_secs(1);
+
+impl ChunkWorker {
+    /// Does the chunk. `program` is started for each job; `say` tells what a log should hold.
+    ///
+    /// # Errors
+    /// Files of the submission are damaged or do not appear.
+    pub fn work(
+        &self,
+        program: PathBuf,
+        shell: &dyn Shell,
+        say: &dyn Fn(&str),
+    ) -> io::Result<Ended> {
+        signals::listen()?;
+        let files = SlurmFolder::of(&self.folder);
+        let written: Written = appear(&files.written(self.task.submission), FIRST_FILES)?;
+        let settings = Settings::new(written.settings.clone());
+        let path = files.chunk(self.task.submission, &self.task.array, self.task.index);
+        let chunk: ChunkFile = appear(&path, settings.fs_grace())?;
+        if let Some(missing) = self.missing(&chunk, settings.fs_grace()) {
+            say(&format!("error: {missing}"));
+            return Ok(Ended::NoInputs);
+        }
+        let stop = Stop::default();
+        let out_of_time = AtomicBool::new(false);
+        let guarded = Guarded {
+            processes: LocalProcesses {
+                folder: self.folder.clone(),
+                device: written.device,
+                program,
+                hang: self.hang()?,
+            },
+            end: walltime::end(&settings, shell),
+            chunk: &chunk,
+            worked: AtomicBool::new(false),
+            out_of_time: &out_of_time,
+        };
+        let ended = self.pool(&chunk, &guarded, self.slots(&settings), &stop);
+        if ended == Ended::Interrupted
+            && (out_of_time.load(Ordering::SeqCst) || signals::time_is_up())
+        {
+            say(&requeue::requeue(
+                &files.requeues(self.task.submission, &self.task.array, self.task.index),
+                &settings,
+                shell,
+            )?);
+        }
+        Ok(ended)
+    }
+
+    /// How long a job may make no progress.
+    fn hang(&self) -> io::Result<Option<Duration>> {
+        let sweep = sweep::read(&self.folder.file("sweep.yaml"), &[]).map_err(io::Error::other)?;
+        Ok(sweep.train.hang())
+    }
+
+    fn slots(&self, settings: &Settings) -> usize {
+        let inputs = self.task.array.starts_with(Stage::Inputs.word());
+        settings.slots(if inputs { Stage::Inputs } else { Stage::Train })
+    }
+
+    /// Does what is to do with several jobs side by side, watching for signals.
+    fn pool(&self, chunk: &ChunkFile, guarded: &Guarded, slots: usize, stop: &Stop) -> Ended {
+        let jobs = self.to_do(chunk);
+        let display = Display::new(&jobs, slots, false);
+        let over = AtomicBool::new(false);
+        let reports = std::thread::scope(|scope| {
+            scope.spawn(|| self.watch(stop, &over));
+            let pool = LocalPool {
+                runner: guarded,
+                slots,
+                stop,
+                fail_fast: false,
+                display: &display,
+                memory_bytes: memory::available(),
+                timeline: None,
+            };
+            let reports = pool.execute(jobs);
+            over.store(true, Ordering::SeqCst);
+            reports
+        });
+        let done = |job: &JobId| self.folder.state(job) == JobState::Done;
+        if chunk.jobs.iter().all(|timed| done(&timed.job.id)) {
+            Ended::Done
+        } else if reports.iter().any(|report| matches!(report.end, JobEnd::Halted(_))) {
+            Ended::SomeFailed
+        } else if reports.iter().any(|report| report.end == JobEnd::Stopped) {
+            Ended::Interrupted
+        } else {
+            Ended::SomeFailed
+        }
+    }
+
+    /// Raises `stop` once anybody asks for an end, until all is over.
+    fn watch(&self, stop: &Stop, over: &AtomicBool) {
+        let mut looked = None::<Instant>;
+        while !over.load(Ordering::SeqCst) {
+            // The file may lie on another machine: it is looked for less often.
+            let due = looked.is_none_or(|at| at.elapsed() > 10 * LOOK);
+            let cancelled = due && is_asked_to_end(&self.folder);
+            if due {
+                looked = Some(Instant::now());
+            }
+            if signals::time_is_up() || signals::to_end() || cancelled {
+                stop.raise();
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// The jobs that are neither done nor lost, each with the needs that are still to be made.
+    fn to_do(&self, chunk: &ChunkFile) -> Vec<Job> {
+        let (mut lost, mut open, mut jobs) = (HashSet::new(), HashSet::new(), Vec::new());
+        for timed in &chunk.jobs {
+            let mut job = timed.job.clone();
+            let orphan = job.needs.iter().any(|need| lost.contains(need));
+            match self.folder.state(&job.id) {
+                JobState::Done => continue,
+                JobState::Failed => drop(lost.insert(job.id)),
+                _ if orphan => drop(lost.insert(job.id)),
+                _ => {
+                    job.needs.retain(|need| open.contains(need));
+                    open.insert(job.id.clone());
+                    jobs.push(job);
+                }
+            }
+        }
+        jobs
+    }
+
+    /// A sentence on what the chunk needs and does not find, once there was time to appear.
+    fn missing(&self, chunk: &ChunkFile, grace: Duration) -> Option<String> {
+        let products = chunk.needs.iter().map(|need| (self.folder.product(need), Some(need)));
+        let own = chunk.jobs.iter().map(|timed| (self.folder.spec(&timed.job.id), None));
+        products.chain(own).find_map(|(path, need)| {
+            let failure = || self.folder.failure(need?).ok().flatten();
+            let seen = patiently(grace, || {
+                relist(&path);
+                path.exists() || failure().is_some()
+            });
+            let reason = match failure() {
+                Some(_) if path.exists() => return None,
+                Some(failure) => format!("{} failed: {}", need?, failure.reason),
+                None if seen => return None,
+                None => format!("{} did not appear within {} s", path.display(), grace.as_secs()),
+            };
+            Some(format!("what this task needs is not there: {reason}"))
+        })
+    }
+}
+
+/// Reads a file that another machine may have written a moment ago.
+fn appear<T: serde::de::DeserializeOwned>(path: &Path, grace: Duration) -> io::Result<T> {
+    patiently(grace, || {
+        relist(path);
+        path.exists()
+    });
+    let absent = || {
+        let words = format!("{} did not appear within {} s", path.display(), grace.as_secs());
+        io::Error::new(io::ErrorKind::NotFound, words)
+    };
+    read_if_there(path)?.ok_or_else(absent)
+}
+
+/// Lists the folder of a path: a network's file system then forgets what it believed of it.
+fn relist(path: &Path) {
+    if let Some(entries) = path.parent().and_then(|folder| fs::read_dir(folder).ok()) {
+        entries.for_each(drop);
+    }
+}
+
+/// Looks until there is something to see, or the time is up.
+fn patiently(grace: Duration, mut look: impl FnMut() -> bool) -> bool {
+    let started = Instant::now();
+    loop {
+        if look() {
+            return true;
+        }
+        if started.elapsed() >= grace || signals::to_end() {
+            return false;
+        }
+        std::thread::sleep(RELIST.min(grace));
+    }
+}

@@ -1,0 +1,136 @@
+//! Files that are either whole or not there.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use super::error::FileError;
+
+/// How the name of a file that is not whole yet begins.
+pub const PARTIAL: &str = ".partial-";
+
+/// Removes what killed processes left half-written in `folder`; nobody may be writing there.
+pub fn remove_partial(folder: &Path) -> Result<(), FileError> {
+    if !folder.exists() {
+        return Ok(());
+    }
+    let listed = fs::read_dir(folder).map_err(FileError::read(folder))?;
+    for entry in listed {
+        let entry = entry.map_err(FileError::read(folder))?;
+        if entry.file_name().to_string_lossy().starts_with(PARTIAL) {
+            fs::remove_file(entry.path()).map_err(FileError::write(&entry.path()))?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes a file, where it is there.
+pub fn remove(path: &Path) -> Result<(), FileError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(FileError::write(path)(error)),
+        _ => Ok(()),
+    }
+}
+
+/// Writes `path` whole: into a temporary file beside it, flushed to disk, then renamed.
+///
+/// The parent folder is made where it is missing. Readers see the old file or the new one, never a
+/// part; a full disk leaves the old one as it was.
+///
+/// # Errors
+/// [`FileError::Write`].
+pub fn write_whole(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<(), FileError> {
+    write(path, fill, File::sync_all).map_err(FileError::write(path))
+}
+
+/// Writes `path` as `flush` says: see [`write_whole`].
+fn write(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+    flush: impl FnOnce(&File) -> io::Result<()>,
+) -> io::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder)?;
+    let temporary = tempfile::Builder::new().prefix(PARTIAL).tempfile_in(folder)?;
+    let mut writer = BufWriter::new(temporary.as_file());
+    fill(&mut writer)?;
+    writer.flush()?;
+    drop(writer);
+    make_readable(temporary.as_file())?;
+    flush(temporary.as_file())?;
+    temporary.persist(path)?;
+    Ok(())
+}
+
+/// [`write_whole`] for bytes at hand.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    write_whole(path, |file| file.write_all(bytes))
+}
+
+/// [`write_whole`] for a value as indented JSON with a newline at its end.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), FileError> {
+    let text = json(value).map_err(FileError::write(path))?;
+    write_bytes(path, text.as_bytes())
+}
+
+/// [`write_json`] for one of very many files that can be made again: a killed process leaves it whole
+/// or not there, but it is not flushed, and a power cut may leave it empty.
+pub fn write_json_unflushed(path: &Path, value: &impl serde::Serialize) -> Result<(), FileError> {
+    let failed = FileError::write(path);
+    let text = json(value).map_err(&failed)?;
+    write(path, |file| file.write_all(text.as_bytes()), |_| Ok(())).map_err(failed)
+}
+
+fn json(value: &impl serde::Serialize) -> io::Result<String> {
+    let mut text = serde_json::to_string_pretty(value)?;
+    text.push('\n');
+    Ok(text)
+}
+
+/// Temporary files are private; results are for everybody that the umask lets in.
+fn make_readable(file: &File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("record.json");
+        write_bytes(&path, b"old").unwrap();
+        let failed = write_whole(&path, |file| {
+            file.write_all(b"half of the new")?;
+            Err(io::Error::other("the disk is full"))
+        });
+        assert!(failed.is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn leftovers_of_a_killed_process_are_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("record.json");
+        write_bytes(&path, b"whole").unwrap();
+        fs::write(folder.path().join(".partial-x1y2z3"), b"hal").unwrap();
+        remove_partial(folder.path()).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"whole");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        remove_partial(&folder.path().join("missing")).unwrap();
+    }
+
+    #[test]
+    fn missing_folders_are_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("runs/a/record.json");
+        write_json(&path, &[1, 2]).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "[\n  1,\n  2\n]\n");
+    }
+}

@@ -1,0 +1,36 @@
+//! JSON files that may be missing or damaged.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+
+use super::error::FileError;
+
+/// Reads a JSON file; a missing one is `None`, a damaged one an error that names it.
+///
+/// # Errors
+/// [`FileError::Read`] and [`FileError::Damaged`].
+pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
+    match fs::read(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(FileError::read(path)(error)),
+        Ok(bytes) => serde_json::from_slice(&bytes).map(Some).map_err(|error| FileError::Damaged {
+            path: path.to_path_buf(),
+            reason: error.to_string(),
+            advice: mended_by(path),
+        }),
+    }
+}
+
+/// How a damaged file is mended.
+fn mended_by(path: &Path) -> &'static str {
+    match path.file_name().and_then(|name| name.to_str()).unwrap_or_default() {
+        "record.json" => "`isoflop run` sets it aside and trains the run again",
+        "metrics.json" => "`isoflop run` sets it aside and trains the tokenizer again",
+        "failure.json" => "`isoflop run` with --retry-failed tries the job again",
+        "plan.json" | "spec.json" | "job.json" | "laws.json" => "`isoflop run` writes it again",
+        _ => "remove it to have it made again",
+    }
+}

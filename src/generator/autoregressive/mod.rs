@@ -1,0 +1,91 @@
+//! ScaMo's text-prefix autoregressive transformer: model, batches, training, loss.
+
+mod batch;
+mod evaluate;
+mod fitness;
+mod learner;
+mod probe;
+mod schedule;
+mod stream;
+mod transformer;
+
+use std::path::Path;
+
+use burn::tensor::Device;
+
+pub use batch::{Batch, Sequence};
+pub use evaluate::{split_loss, zero_count_targets};
+pub use learner::Autoregressive;
+pub use schedule::learning_rate;
+pub use stream::TokenStream;
+pub use transformer::{Model, Transformer, end_token};
+
+use super::{Generator, GeneratorError, Probe, Trained, Training};
+use crate::data::Split;
+use crate::learn::{Learning, weights};
+use crate::plan::RunSpec;
+use crate::progress::Progress;
+use crate::spec::flops::TRAINING_PER_FORWARD;
+
+/// The autoregressive kind.
+pub struct Kind;
+
+impl Generator for Kind {
+    fn train(
+        &self,
+        training: &Training,
+        progress: &mut Progress,
+    ) -> Result<Trained, GeneratorError> {
+        train(training, progress).map(|(_, trained)| trained)
+    }
+
+    fn train_trunk(
+        &self,
+        training: &Training,
+        state: &Path,
+        progress: &mut Progress,
+    ) -> Result<(), GeneratorError> {
+        let learning = learn(training, progress)?;
+        Ok(learning.save(state).map_err(crate::learn::LearnError::from)?)
+    }
+
+    fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
+        Box::new(probe::Probed::new(spec, device))
+    }
+}
+
+/// Trains a run to its end, from its checkpoint where there is one; its model without gradients.
+///
+/// # Errors
+/// Codes or device do not suit the run; learning diverged or was stopped.
+pub fn train(
+    training: &Training,
+    progress: &mut Progress,
+) -> Result<(Model, Trained), GeneratorError> {
+    let learning = learn(training, progress)?;
+    let learner = learning.learner();
+    let model = learner.frozen();
+    let test = learner.measure(&model, Split::Test, training.spec.steps)?;
+    let trained = Trained {
+        weights: weights::of_module(&model.weights),
+        test,
+        log: learner.log().to_vec(),
+        flops_exact: TRAINING_PER_FORWARD * learner.forward_flops(),
+        wall_s: learning.wall_s(),
+    };
+    Ok((model, trained))
+}
+
+fn learn<'a>(
+    training: &Training<'a>,
+    progress: &mut Progress,
+) -> Result<Learning<Autoregressive<'a>>, GeneratorError> {
+    let Training { spec, inputs, device, checkpoints } = *training;
+    fitness::check_inputs(spec, inputs)?;
+    fitness::check_precision(spec.precision, device)?;
+    let learner = Autoregressive::new(spec, inputs, device);
+    let learning = Learning::new(learner, &learner::course(spec));
+    let mut learning = learning.resumed(checkpoints).map_err(crate::learn::LearnError::from)?;
+    learning.go_on(Some(checkpoints), progress)?;
+    Ok(learning)
+}

@@ -1,0 +1,122 @@
+//! [`Probed`]: a run on made-up clips, whose steps can be timed.
+
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::batch::{Batch, Sequence};
+use super::learner::course;
+use super::transformer::{Model, Transformer, end_token};
+use crate::generator::Probe;
+use crate::learn::{Course, LearnError, Learner, Learning};
+use crate::plan::RunSpec;
+use crate::spec::ModelShape;
+use crate::spec::flops::openai_per_token;
+
+/// Larger models are measured at a smaller size, and priced at the rate found there.
+const MOST_PARAMS: usize = 4_000_000;
+/// Tokens of a measured step at most, and logits.
+const MOST_TOKENS: usize = 1024;
+const MOST_LOGITS: usize = 1 << 24;
+/// A caption's words and a clip's codes.
+const WORDS: usize = 12;
+const CODES: usize = 36;
+
+/// A small run of a spec's kind, at a rate of 0.
+pub struct Probed {
+    learning: Learning<Still>,
+    flops: f64,
+}
+
+impl Probed {
+    pub fn new(spec: &RunSpec, device: &Device) -> Self {
+        let (shape, n_vocab) = measurable(spec);
+        let most_tokens = MOST_TOKENS.min(MOST_LOGITS / n_vocab);
+        let batch = batch(&shape, n_vocab, spec.batch_tokens.min(most_tokens));
+        let full = openai_per_token(&spec.model, spec.n_vocab) as f64;
+        let share = openai_per_token(&shape, n_vocab) as f64 / full;
+        let flops_per_token = share * spec.budget_flops / spec.tokens() as f64;
+        let flops = flops_per_token * batch.targets.len() as f64;
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let model = Model::init(&shape, n_vocab, &mut rng, &device.clone().autodiff());
+        let course = Course { steps: usize::MAX, ..course(spec) };
+        Self { learning: Learning::new(Still { model, batch }, &course), flops }
+    }
+}
+
+impl Probe for Probed {
+    fn step(&mut self) -> Result<(), LearnError> {
+        self.learning.step().map(|_| ())
+    }
+
+    fn flops(&self) -> f64 {
+        self.flops
+    }
+}
+
+/// A model that is shown the same batch again and again.
+struct Still {
+    model: Model,
+    batch: Batch,
+}
+
+impl Learner for Still {
+    type Weights = Transformer;
+
+    fn weights(&self) -> &Transformer {
+        &self.model.weights
+    }
+
+    fn set_weights(&mut self, weights: Transformer) {
+        self.model.weights = weights;
+    }
+
+    fn device(&self) -> &Device {
+        self.model.device()
+    }
+
+    fn loss(&mut self, _: usize) -> Tensor<1> {
+        self.model.loss(&self.batch)
+    }
+
+    fn learning_rate(&self, _: usize) -> f64 {
+        0.0
+    }
+
+    fn advice(&self) -> &'static str {
+        "the device gives wrong numbers"
+    }
+}
+
+/// The run's model, or a smaller one of its kind: fewer layers, then codes, then channels.
+///
+/// Nothing above the limit is built, so that a plan of billions of parameters can be priced on a
+/// machine that could not hold them. Products of such widths run at one rate; what a smaller
+/// vocabulary leaves out is of that kind too.
+fn measurable(spec: &RunSpec) -> (ModelShape, usize) {
+    let (mut model, mut n_vocab) = (spec.model.clone(), spec.n_vocab);
+    let too_large = |model: &ModelShape, n_vocab| model.params(n_vocab).total() > MOST_PARAMS;
+    while too_large(&model, n_vocab) && model.n_layer > 1 {
+        model.n_layer = model.n_layer.div_ceil(2);
+    }
+    while too_large(&model, n_vocab) && n_vocab > 1024 {
+        n_vocab /= 2;
+    }
+    while too_large(&model, n_vocab) && model.n_head > 1 {
+        let head_dim = model.d_model / model.n_head;
+        let n_head = model.n_head / 2;
+        model.d_ff = (model.d_ff * n_head / model.n_head).max(1);
+        (model.n_head, model.d_model) = (n_head, n_head * head_dim);
+    }
+    (model, n_vocab)
+}
+
+/// A step's batch of made-up clips, of an average one's length.
+fn batch(shape: &ModelShape, n_vocab: usize, batch_tokens: usize) -> Batch {
+    let text = vec![0.5f32; shape.d_text * WORDS.min(shape.n_ctx / 2)];
+    let n_codes = CODES.min(shape.n_ctx / 2);
+    let codes: Vec<u32> = (0..n_codes).map(|i| (i * 7 % n_vocab) as u32).collect();
+    let clips = batch_tokens.div_ceil(n_codes + 1);
+    let sequence = Sequence { text: &text, codes: &codes, from: 0, to: n_codes + 1 };
+    Batch::pack(&vec![sequence; clips], shape.d_text, end_token(n_vocab))
+}

@@ -1,0 +1,41 @@
+//! [`GeneratorError`]: why a run ends without a result.
+
+use crate::failure::FailureKind;
+use crate::learn::LearnError;
+
+/// Why a run ended without a result.
+#[derive(Debug, thiserror::Error)]
+pub enum GeneratorError {
+    /// Learning ended before its end.
+    #[error(transparent)]
+    Learn(#[from] LearnError),
+    /// Codes and spec do not belong together.
+    #[error("the tokens have {found} codes, the run wants {wanted}")]
+    Vocabulary { found: usize, wanted: usize },
+    /// A clip is longer than the model's context.
+    #[error(
+        "clip {clip} of the {split} split takes {positions} positions with its text, the model \
+         has {n_ctx}: raise model.motion_slots by {}",
+        positions - n_ctx
+    )]
+    Context { split: &'static str, clip: usize, positions: usize, n_ctx: usize },
+    /// The device does not compute in the run's precision.
+    #[error("the device does not compute in {0}: set train.precision to {other}", other = others(.0))]
+    Precision(&'static str),
+}
+
+impl GeneratorError {
+    /// The failure of a job that ends with it; `None` for a stop, which is no failure.
+    pub fn failure_kind(&self) -> Option<FailureKind> {
+        match self {
+            Self::Learn(error) => error.failure_kind(),
+            Self::Vocabulary { .. } | Self::Context { .. } => Some(FailureKind::BadData),
+            Self::Precision(_) => Some(FailureKind::Other),
+        }
+    }
+}
+
+/// What to try in place of a precision.
+fn others(precision: &str) -> &'static str {
+    if precision == "f16" { "bf16 or f32" } else { "f16 or f32" }
+}

@@ -1,0 +1,111 @@
+//! [`Assignment`]: a job in the hands of a worker.
+
+use std::fs;
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use burn::tensor::Device;
+use serde::de::DeserializeOwned;
+
+use super::folder::ResultsFolder;
+use super::id::JobId;
+use crate::data::{self, MotionSource};
+use crate::failure::Failure;
+use crate::files::read_if_there;
+use crate::progress::Stop;
+use crate::sweep::{self, Sweep};
+
+/// How a job ended, seen from inside.
+pub enum Outcome {
+    Done,
+    Stopped,
+    Failed(Failure),
+}
+
+/// A job in the hands of a worker.
+#[derive(Clone, Copy)]
+pub struct Assignment<'a> {
+    pub folder: &'a ResultsFolder,
+    pub job: &'a JobId,
+    pub device: &'a Device,
+    /// As `--device` takes it, for the record.
+    pub device_name: &'a str,
+    pub stop: &'a Stop,
+}
+
+impl<'a> Assignment<'a> {
+    /// The same for another job, which has to be done first.
+    pub fn of<'b>(&self, job: &'b JobId) -> Assignment<'b>
+    where
+        'a: 'b,
+    {
+        Assignment { job, ..*self }
+    }
+
+    /// The job's folder.
+    pub fn place(&self) -> PathBuf {
+        self.folder.job(self.job)
+    }
+
+    /// Where the job leaves checkpoints.
+    pub fn checkpoint(&self) -> PathBuf {
+        self.place().join("checkpoint/state.safetensors")
+    }
+
+    /// Where the job's result lies.
+    pub fn product(&self) -> PathBuf {
+        self.folder.product(self.job)
+    }
+
+    /// What the job is to make.
+    ///
+    /// # Errors
+    /// The file is missing or damaged.
+    pub fn spec<T: DeserializeOwned>(&self) -> Result<T> {
+        let path = self.folder.spec(self.job);
+        read_if_there(&path)?.with_context(|| format!("{} is missing", path.display()))
+    }
+
+    /// The sweep as it was resolved when the folder was made.
+    ///
+    /// # Errors
+    /// The file is missing or damaged.
+    pub fn sweep(&self) -> Result<Sweep> {
+        frozen_sweep(self.folder)
+    }
+
+    /// The motion of the sweep.
+    ///
+    /// # Errors
+    /// It cannot be opened.
+    pub fn source(&self) -> Result<Box<dyn MotionSource>> {
+        Ok(data::open(&self.sweep()?.data, 0)?)
+    }
+
+    /// How often to leave a checkpoint.
+    ///
+    /// # Errors
+    /// The sweep cannot be read.
+    pub fn checkpoint_every(&self) -> Result<Duration> {
+        Ok(self.sweep()?.train.checkpoint_every())
+    }
+
+    /// What is finished needs no checkpoint any more.
+    ///
+    /// # Errors
+    /// The folder cannot be written to.
+    pub fn remove_checkpoint(&self) -> io::Result<()> {
+        let checkpoint = self.place().join("checkpoint");
+        if checkpoint.exists() { fs::remove_dir_all(checkpoint) } else { Ok(()) }
+    }
+}
+
+/// The sweep of a folder, as it was resolved when the folder was made.
+///
+/// # Errors
+/// The file is missing or damaged.
+pub fn frozen_sweep(folder: &ResultsFolder) -> Result<Sweep> {
+    Ok(sweep::read(&folder.file("sweep.yaml"), &[])?)
+}

@@ -1,0 +1,181 @@
+//! [`ResultsFolder`]: where everything of a sweep lies, and what state each job is in.
+
+use std::collections::HashMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::id::JobId;
+use super::{text, tokenizer, tokens, trunk};
+use crate::failure::{Failure, FailureKind};
+use crate::files::{FileError, read_if_there};
+use crate::record::RunRecord;
+use crate::tokenizer::TokenizerMetrics;
+
+/// How far a job is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JobState {
+    /// Its record is there.
+    Done,
+    /// It ended with a failure, and is tried again only when asked for.
+    Failed,
+    /// It left a checkpoint to go on from.
+    Started,
+    /// Nothing is there.
+    Missing,
+}
+
+/// How far the runs of a folder are, as seen at one time.
+#[derive(Clone, Debug, Default)]
+pub struct RunStates(HashMap<String, JobState>);
+
+impl RunStates {
+    /// How far a run is.
+    pub fn of(&self, run_id: &str) -> JobState {
+        self.0.get(run_id).copied().unwrap_or(JobState::Missing)
+    }
+}
+
+/// The folder of one sweep: `results/<name>`.
+#[derive(Clone, Debug)]
+pub struct ResultsFolder {
+    root: PathBuf,
+}
+
+impl ResultsFolder {
+    /// The folder at `root`, which need not exist.
+    pub fn new(root: impl Into<PathBuf>) -> Self {
+        Self { root: root.into() }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The sweep's name: that of the folder.
+    pub fn name(&self) -> String {
+        let full = fs::canonicalize(&self.root).unwrap_or_else(|_| self.root.clone());
+        full.file_name().map_or_else(|| "sweep".into(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// `name` in the folder: `laws.json`, `runs.parquet`, `figures`.
+    pub fn file(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.root.join(name)
+    }
+
+    /// The folder of a job: `runs/<id>`, `tokenizers/<id>/tokens`.
+    pub fn job(&self, JobId { kind, id }: &JobId) -> PathBuf {
+        self.file(kind.folder(id))
+    }
+
+    /// The file that a job writes when all else is there.
+    pub fn product(&self, job: &JobId) -> PathBuf {
+        self.job(job).join(job.kind.product())
+    }
+
+    /// The file that says what a job is to make.
+    pub fn spec(&self, JobId { kind, id }: &JobId) -> PathBuf {
+        self.file(kind.spec(id))
+    }
+
+    /// How far a job is.
+    pub fn state(&self, job: &JobId) -> JobState {
+        let folder = self.job(job);
+        if self.product(job).exists() {
+            JobState::Done
+        } else if folder.join("failure.json").exists() {
+            JobState::Failed
+        } else if folder.join("checkpoint").exists() {
+            JobState::Started
+        } else {
+            JobState::Missing
+        }
+    }
+
+    /// The folder of a run.
+    pub fn run(&self, run_id: &str) -> PathBuf {
+        self.job(&JobId::run(run_id))
+    }
+
+    /// The folder of a tokenizer.
+    pub fn tokenizer(&self, tokenizer_id: &str) -> PathBuf {
+        self.job(&JobId::new(tokenizer::KIND, tokenizer_id))
+    }
+
+    /// The codes of a data set.
+    pub fn tokens(&self, tokenizer_id: &str) -> PathBuf {
+        self.product(&JobId::new(tokens::KIND, tokenizer_id))
+    }
+
+    /// The embedded captions of a data set.
+    pub fn text(&self, text_id: &str) -> PathBuf {
+        self.product(&JobId::new(text::KIND, text_id))
+    }
+
+    /// Where a trunk ends and runs branch off.
+    pub fn trunk(&self, trunk_id: &str) -> PathBuf {
+        self.product(&JobId::new(trunk::KIND, trunk_id))
+    }
+
+    /// How far each run is that has a folder, by id; the others are missing. One listing of the
+    /// folder, and a look into those that are there.
+    pub fn run_states(&self) -> RunStates {
+        let listed = fs::read_dir(self.root.join("runs")).into_iter().flatten().flatten();
+        let name = |entry: fs::DirEntry| entry.file_name().to_str().map(str::to_string);
+        let known = |id: String| (self.state(&JobId::run(id.as_str())), id);
+        RunStates(listed.filter_map(name).map(known).map(|(state, id)| (id, state)).collect())
+    }
+
+    /// The record of a finished run; `None` where it has none.
+    pub fn record(&self, run_id: &str) -> Result<Option<RunRecord>, FileError> {
+        read_if_there(&self.run(run_id).join("record.json"))
+    }
+
+    /// The failure of a job that ended with one. One that is damaged is a failure all the same.
+    ///
+    /// # Errors
+    /// The file is there and cannot be read.
+    pub fn failure(&self, job: &JobId) -> Result<Option<Failure>, FileError> {
+        match read_if_there(&self.job(job).join("failure.json")) {
+            Err(error @ FileError::Damaged { .. }) => {
+                Ok(Some(Failure::new(FailureKind::Damaged, error.to_string())))
+            }
+            read => read,
+        }
+    }
+
+    /// How far a tokenizer is.
+    pub fn metrics_state(&self, tokenizer_id: &str) -> JobState {
+        self.state(&JobId::new(tokenizer::KIND, tokenizer_id))
+    }
+
+    /// The metrics of a finished tokenizer.
+    pub fn metrics(&self, tokenizer_id: &str) -> Result<Option<TokenizerMetrics>, FileError> {
+        read_if_there(&self.tokenizer(tokenizer_id).join("metrics.json"))
+    }
+
+    /// Metrics of every finished tokenizer that lies here, by vocabulary; `warn` is told of each
+    /// file that is damaged, which is left out.
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn all_metrics(&self, mut warn: impl FnMut(String)) -> io::Result<Vec<TokenizerMetrics>> {
+        let folder = self.root.join("tokenizers");
+        if !folder.exists() {
+            return Ok(Vec::new());
+        }
+        let mut metrics: Vec<TokenizerMetrics> = Vec::new();
+        for entry in fs::read_dir(folder)? {
+            match read_if_there::<TokenizerMetrics>(&entry?.path().join("metrics.json")) {
+                Ok(found) => metrics.extend(found),
+                Err(error) => warn(error.to_string()),
+            }
+        }
+        metrics.sort_by_key(|m| (m.n_vocab, m.tokenizer_id.clone()));
+        Ok(metrics)
+    }
+}

@@ -1,0 +1,112 @@
+//! The graph of jobs: [`missing_jobs`] is all that a plan still wants.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use super::folder::{JobState, ResultsFolder};
+use super::id::JobId;
+use super::job::Job;
+use super::kind::JobKind;
+use crate::plan::Plan;
+
+/// Everything that a plan's runs need, each after what it needs itself.
+pub fn inputs(plan: &Plan) -> Vec<Job> {
+    let kinds = JobKind::all().filter(|kind| *kind != JobKind::goal());
+    kinds.flat_map(|kind| kind.jobs(plan)).collect()
+}
+
+/// Every job of a plan, finished ones too, each after what it needs itself.
+pub fn all_jobs(plan: &Plan) -> impl Iterator<Item = Job> {
+    JobKind::all().flat_map(|kind| kind.jobs(plan))
+}
+
+/// The jobs whose results are not in the folder and that can be had, the most urgent first: what
+/// the longest chain of work waits for.
+///
+/// What failed is not among them, nor what needs it; what is there already is no job's need.
+pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
+    let open = |id: &JobId| matches!(folder.state(id), JobState::Missing | JobState::Started);
+    let goals: Vec<Job> =
+        JobKind::goal().jobs(plan).into_par_iter().filter(|job| open(&job.id)).collect();
+    let inputs = inputs(plan);
+    // Codes may be there though the metrics of their tokenizer are not any more.
+    let made = inputs.iter().filter(|job| folder.state(&job.id) == JobState::Done);
+    let needs = made.flat_map(|job| job.needs.clone());
+    let lost: Vec<JobId> = needs.filter(|id| id.kind.is_result() && open(id)).collect();
+    let mut wanted = Wanted::new(inputs, folder);
+    let goals: Vec<Job> = goals.into_iter().filter_map(|job| wanted.take(job)).collect();
+    for need in &lost {
+        wanted.availability(need);
+    }
+    by_urgency(wanted.jobs.into_iter().chain(goals).collect())
+}
+
+/// Picks what is needed out of all inputs, as the runs that need it come.
+struct Wanted<'a> {
+    folder: &'a ResultsFolder,
+    inputs: HashMap<JobId, Job>,
+    /// Whether each input that was asked for can be had, and whether it is still to be made.
+    known: HashMap<JobId, Availability>,
+    jobs: Vec<Job>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Availability {
+    There,
+    ToDo,
+    Lost,
+}
+
+impl<'a> Wanted<'a> {
+    fn new(inputs: Vec<Job>, folder: &'a ResultsFolder) -> Self {
+        let inputs = inputs.into_iter().map(|job| (job.id.clone(), job)).collect();
+        Self { folder, inputs, known: HashMap::new(), jobs: Vec::new() }
+    }
+
+    /// The job with only those needs left that are still to be made; `None` where one is lost.
+    fn take(&mut self, mut job: Job) -> Option<Job> {
+        let needed: Vec<Availability> =
+            job.needs.iter().map(|need| self.availability(need)).collect();
+        let mut each = needed.iter();
+        job.needs.retain(|_| each.next() == Some(&Availability::ToDo));
+        (!needed.contains(&Availability::Lost)).then_some(job)
+    }
+
+    fn availability(&mut self, id: &JobId) -> Availability {
+        if let Some(known) = self.known.get(id) {
+            return *known;
+        }
+        let found = match (self.folder.state(id), self.inputs.get(id).cloned()) {
+            (JobState::Done, _) => Availability::There,
+            (JobState::Failed, _) | (_, None) => Availability::Lost,
+            (_, Some(job)) => match self.take(job) {
+                Some(job) => {
+                    self.jobs.push(job);
+                    Availability::ToDo
+                }
+                None => Availability::Lost,
+            },
+        };
+        self.known.insert(id.clone(), found);
+        found
+    }
+}
+
+/// Sorts jobs by the work of the longest chain that begins with each, longest first.
+fn by_urgency(jobs: Vec<Job>) -> Vec<Job> {
+    let mut waiting: HashMap<&JobId, f64> = HashMap::new();
+    let mut urgency = vec![0.0; jobs.len()];
+    // What needs a job comes after it, so backwards every one is known when it is asked for.
+    for (job, urgency) in jobs.iter().zip(&mut urgency).rev() {
+        *urgency = job.cost + waiting.get(&job.id).copied().unwrap_or(0.0);
+        for need in &job.needs {
+            let chain = waiting.entry(need).or_insert(0.0);
+            *chain = chain.max(*urgency);
+        }
+    }
+    let mut order: Vec<usize> = (0..jobs.len()).collect();
+    order.sort_by(|&a, &b| urgency[b].total_cmp(&urgency[a]));
+    let mut jobs: Vec<Option<Job>> = jobs.into_iter().map(Some).collect();
+    order.into_iter().filter_map(|i| jobs[i].take()).collect()
+}

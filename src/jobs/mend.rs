@@ -1,0 +1,51 @@
+//! Files that a worker finds damaged are made again: results depend on neither.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+
+use super::assignment::Assignment;
+use super::id::JobId;
+use super::worker::{claim, work};
+use crate::files::FileError;
+use crate::files::damaged::set_aside;
+
+/// Sets aside a file that is damaged, and says so in the log.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub fn put_away(path: &Path, error: &FileError, instead: &str) -> Result<()> {
+    if let Some(aside) = set_aside(path)? {
+        eprintln!("warning: {error}; it is set aside as {} and {instead}", aside.display());
+    }
+    Ok(())
+}
+
+/// What a job has made, opened; where it is damaged or gone, the job is done again here first.
+///
+/// Workers that need the same file wait for the one that makes it.
+///
+/// # Errors
+/// It can neither be opened nor made.
+pub fn open_or_remake<T>(
+    assignment: &Assignment,
+    job: &JobId,
+    open: impl Fn(&Path) -> Result<T, FileError>,
+) -> Result<T> {
+    let path = assignment.folder.product(job);
+    let error = match open(&path) {
+        Ok(opened) => return Ok(opened),
+        Err(error) if error.is_damage() => error,
+        Err(error) => return Err(error.into()),
+    };
+    let place = assignment.folder.job(job);
+    std::fs::create_dir_all(&place).map_err(FileError::write(&place))?;
+    let lock = claim(&place, assignment.stop).with_context(|| format!("making {job} again"))?;
+    let Some(_lock) = lock else { bail!("stopped while {job} was made again") };
+    if let Ok(mended) = open(&path) {
+        return Ok(mended);
+    }
+    put_away(&path, &error, "made again")?;
+    work(&assignment.of(job))?;
+    Ok(open(&path)?)
+}

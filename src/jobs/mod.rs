@@ -1,0 +1,33 @@
+//! What there is to do for a sweep: a file a kind of job.
+//!
+//! A [`Kind`] says what it makes, where, from what, at what cost, and does it. [`KINDS`] lists them;
+//! engines and commands iterate, and name none.
+
+mod assignment;
+mod folder;
+mod graph;
+mod id;
+mod job;
+mod kind;
+mod mend;
+pub mod presence;
+pub mod probe;
+pub mod program;
+mod record;
+mod run;
+mod spec_file;
+mod state;
+mod text;
+mod tokenizer;
+mod tokens;
+mod training;
+mod trunk;
+pub mod worker;
+
+pub use assignment::{Assignment, Outcome, frozen_sweep};
+pub use folder::{JobState, ResultsFolder, RunStates};
+pub use graph::{all_jobs, inputs, missing_jobs};
+pub use id::JobId;
+pub use job::Job;
+pub use kind::{JobKind, KINDS, Kind};
+pub use state::{Counts, FailedJob, Running, SweepState, sweep_state};

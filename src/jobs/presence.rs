@@ -1,0 +1,185 @@
+//! Who is at work in a folder: a lock that dies with its owner, a note of who that is, and a file
+//! by which anybody who can write there asks for an end.
+
+use std::fs::{self, File, TryLockError};
+use std::path::Path;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::files::FileError;
+use crate::files::{atomic, read_if_there};
+use crate::jobs::ResultsFolder;
+use crate::progress::Stop;
+
+const LOCK: &str = ".lock";
+const SCHEDULER: &str = ".scheduler.json";
+const CANCEL: &str = ".cancel";
+
+/// How often a scheduler looks whether somebody asked for an end.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// The process that schedules a sweep.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Scheduler {
+    /// Its process id, on its host.
+    pub pid: u32,
+    pub host: String,
+}
+
+impl Scheduler {
+    /// This process.
+    pub fn this() -> Self {
+        Self { pid: std::process::id(), host: host() }
+    }
+}
+
+/// A folder that is this process's alone, until it is dropped.
+#[derive(Debug)]
+pub struct Held {
+    folder: ResultsFolder,
+    /// Released when the process ends, however it ends.
+    _lock: File,
+}
+
+impl Held {
+    /// Takes the folder; where another process has it, calls `waiting` once and waits.
+    ///
+    /// What asked an earlier scheduler for an end is forgotten. What asked while this process
+    /// waited is not: it stands for all that wanted the folder then.
+    ///
+    /// # Errors
+    /// The folder cannot be written to.
+    pub fn take(folder: &ResultsFolder, waiting: impl FnOnce()) -> Result<Self, FileError> {
+        let path = folder.file(LOCK);
+        let refused = FileError::write(&path);
+        fs::create_dir_all(folder.root()).map_err(&refused)?;
+        let lock = File::create(&path).map_err(&refused)?;
+        match try_twice(&lock) {
+            Ok(()) => atomic::remove(&folder.file(CANCEL))?,
+            Err(TryLockError::WouldBlock) => {
+                waiting();
+                lock.lock().map_err(&refused)?;
+            }
+            Err(TryLockError::Error(error)) => return Err(refused(error)),
+        }
+        atomic::write_json(&folder.file(SCHEDULER), &Scheduler::this())?;
+        Ok(Self { folder: folder.clone(), _lock: lock })
+    }
+}
+
+/// Raises `stop` once somebody asks for an end by [`ask_to_end`].
+pub fn stop_when_asked(folder: &ResultsFolder, stop: &Stop) {
+    let (path, stop) = (folder.file(CANCEL), stop.clone());
+    std::thread::spawn(move || {
+        while !stop.is_raised() {
+            if path.exists() {
+                stop.raise();
+            }
+            std::thread::sleep(LOOK);
+        }
+    });
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(self.folder.file(SCHEDULER));
+    }
+}
+
+/// Tries to lock; once more after a moment, since a look by [`is_locked`] has the lock for one.
+fn try_twice(lock: &File) -> Result<(), TryLockError> {
+    match lock.try_lock() {
+        Err(TryLockError::WouldBlock) => {
+            std::thread::sleep(Duration::from_millis(20));
+            lock.try_lock()
+        }
+        tried => tried,
+    }
+}
+
+/// Whether a scheduler has the folder.
+pub fn is_held(folder: &ResultsFolder) -> bool {
+    is_locked(folder.root())
+}
+
+/// Whether a process lives that holds the lock of a folder: a scheduler's or a worker's.
+///
+/// What a dead process left there is no lock, so nothing depends on a clock.
+pub fn is_locked(place: &Path) -> bool {
+    let Ok(lock) = File::open(place.join(LOCK)) else { return false };
+    matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock))
+}
+
+/// Who has the folder; `None` where nobody does, or where it has not said so yet.
+pub fn scheduler(folder: &ResultsFolder) -> Option<Scheduler> {
+    let noted = read_if_there(&folder.file(SCHEDULER)).ok().flatten();
+    noted.filter(|_| is_held(folder))
+}
+
+/// Asks whoever has the folder to end as it would for Ctrl-C, on this machine or another.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub fn ask_to_end(folder: &ResultsFolder) -> Result<(), FileError> {
+    let path = folder.file(CANCEL);
+    if path.exists() { Ok(()) } else { atomic::write_json(&path, &Scheduler::this()) }
+}
+
+/// Whether somebody asked for an end by [`ask_to_end`].
+pub fn is_asked_to_end(folder: &ResultsFolder) -> bool {
+    folder.file(CANCEL).exists()
+}
+
+/// Takes back what [`ask_to_end`] asked for.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub fn ask_no_more(folder: &ResultsFolder) -> Result<(), FileError> {
+    atomic::remove(&folder.file(CANCEL))
+}
+
+fn host() -> String {
+    let named = ["/proc/sys/kernel/hostname", "/etc/hostname"]
+        .iter()
+        .find_map(|path| fs::read_to_string(path).ok());
+    let named = named.or_else(|| std::env::var("HOSTNAME").ok()).unwrap_or_default();
+    let name = named.trim();
+    if name.is_empty() { "this machine".to_string() } else { name.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_held_for_as_long_as_its_holder_lives() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = ResultsFolder::new(place.path());
+        assert!(!is_held(&folder));
+        let held = Held::take(&folder, || panic!("nobody has it")).unwrap();
+        assert_eq!(scheduler(&folder), Some(Scheduler::this()));
+        drop(held);
+        assert!(!is_held(&folder));
+        assert_eq!(scheduler(&folder), None);
+        assert!(!folder.file(SCHEDULER).exists());
+    }
+
+    #[test]
+    fn what_a_killed_scheduler_noted_is_not_believed() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = ResultsFolder::new(place.path());
+        fs::write(folder.file(LOCK), "").unwrap();
+        atomic::write_json(&folder.file(SCHEDULER), &Scheduler::this()).unwrap();
+        assert_eq!(scheduler(&folder), None);
+    }
+
+    #[test]
+    fn an_end_asked_of_an_earlier_scheduler_does_not_reach_the_next() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = ResultsFolder::new(place.path());
+        ask_to_end(&folder).unwrap();
+        let _held = Held::take(&folder, || ()).unwrap();
+        assert!(!folder.file(CANCEL).exists());
+    }
+}

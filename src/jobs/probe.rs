@@ -1,0 +1,105 @@
+//! How long a plan takes here: a few real training steps, then arithmetic.
+
+use std::collections::{HashMap, HashSet};
+use std::time::{Duration, Instant};
+
+use burn::tensor::Device;
+
+use super::id::JobId;
+use super::job::Job;
+use super::trunk;
+use crate::generator;
+use crate::plan::{Plan, PlannedRun, Trunk};
+
+/// Models measured at most, from the smallest to the largest.
+const PROBES: usize = 4;
+const PROBE_TIME: Duration = Duration::from_millis(300);
+/// Hours that jobs take on `slots` slots, by training steps measured now on one thread. Jobs that
+/// train no generator are priced at the best rate measured; runs at `run_rate`, FLOPs a second, where
+/// it is given.
+pub fn hours(
+    jobs: &[Job],
+    plan: &Plan,
+    device: &Device,
+    slots: usize,
+    run_rate: Option<f64>,
+) -> f64 {
+    let wanted: HashSet<&JobId> = jobs.iter().map(|job| &job.id).collect();
+    let missing = |run: &&PlannedRun| wanted.contains(&JobId::run(&run.run_id));
+    let runs: Vec<&PlannedRun> = plan.runs.iter().filter(missing).collect();
+    let params = params(plan);
+    let measured = run_rate.is_none() || jobs.iter().any(|job| !params.contains_key(&job.id));
+    let rates = if measured { on_one_thread(|| measure(&runs, device)) } else { Vec::new() };
+    let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
+    let rate = |job: &Job| match params.get(&job.id) {
+        Some(params) => run_rate.unwrap_or_else(|| rate_at(&rates, *params)),
+        None => best,
+    };
+    let seconds: Vec<f64> = jobs.iter().map(|job| job.cost / rate(job)).collect();
+    let longest = seconds.iter().copied().fold(0.0, f64::max);
+    (seconds.iter().sum::<f64>() / slots as f64).max(longest) / 3600.0
+}
+
+/// Parameters of the generator that each job trains.
+fn params(plan: &Plan) -> HashMap<JobId, usize> {
+    let runs = plan.runs.iter().map(|run| (JobId::run(&run.run_id), run.params.total()));
+    let trunk = |trunk: &Trunk| {
+        let params = trunk.spec.model.params(trunk.spec.n_vocab);
+        (JobId::new(trunk::KIND, &trunk.trunk_id), params.total())
+    };
+    runs.chain(plan.trunks.iter().map(trunk)).collect()
+}
+
+/// Workers have a thread each, so what they will need is measured on one.
+fn on_one_thread<T: Send>(measure: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+        Ok(pool) => pool.install(measure),
+        Err(_) => measure(),
+    }
+}
+
+/// Parameters and budget FLOPs a second of each probed run, by size.
+fn measure(runs: &[&PlannedRun], device: &Device) -> Vec<(f64, f64)> {
+    let mut sizes: Vec<_> = runs.iter().collect();
+    sizes.sort_by_key(|run| run.params.total());
+    sizes.dedup_by_key(|run| run.params.total());
+    let last = sizes.len().saturating_sub(1);
+    let mut picked: Vec<usize> = (0..PROBES).map(|i| i * last / (PROBES - 1)).collect();
+    picked.dedup();
+    let rate = |run: &PlannedRun| (run.params.total() as f64, flops_per_second(run, device));
+    picked.into_iter().filter_map(|i| sizes.get(i)).map(|run| rate(run)).collect()
+}
+
+/// Between probes, linear in logarithms; outside, the nearest.
+fn rate_at(rates: &[(f64, f64)], params: usize) -> f64 {
+    let x = (params as f64).ln();
+    let above = rates.partition_point(|(n, _)| n.ln() < x);
+    match (above.checked_sub(1).map(|i| rates[i]), rates.get(above).copied()) {
+        (Some((n0, r0)), Some((n1, r1))) => {
+            let share = (x - n0.ln()) / (n1.ln() - n0.ln());
+            (r0.ln() * (1.0 - share) + r1.ln() * share).exp()
+        }
+        (Some((_, rate)), None) | (None, Some((_, rate))) => rate,
+        (None, None) => f64::INFINITY,
+    }
+}
+
+/// Budget FLOPs a second of a run's training step, the best of as many as fit the time; none where
+/// the device gives no number.
+fn flops_per_second(run: &PlannedRun, device: &Device) -> f64 {
+    let mut probe = generator::of(&run.spec).probe(&run.spec, device);
+    let (started, mut best) = (Instant::now(), f64::INFINITY);
+    for step in 0.. {
+        let at = Instant::now();
+        if probe.step().is_err() {
+            break;
+        }
+        if step > 0 {
+            best = best.min(at.elapsed().as_secs_f64());
+        }
+        if step > 0 && started.elapsed() > PROBE_TIME {
+            break;
+        }
+    }
+    probe.flops() / best
+}

@@ -1,0 +1,166 @@
+//! [`TrainerResult`]: what a program leaves at `{out}`, checked, and the record made of it.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::data::FRAMES_PER_TOKEN;
+use crate::jobs::program::TrainerSpec;
+use crate::plan::{FlopsPerToken, RunSpec};
+use crate::record::RunRecord;
+use crate::spec::flops::TRAINING_PER_FORWARD;
+use crate::spec::peak_bytes;
+
+/// The result of a run; for every key but the losses the plan's value stands in.
+///
+/// Counts may be written as `1e6`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainerResult {
+    /// Cross-entropy on the test split, per supervised token.
+    pub loss_nats: f64,
+    /// L_u: what the laws are fitted to.
+    pub loss_normalised: f64,
+    /// D, where the program trained on other than the planned tokens.
+    pub tokens: Option<f64>,
+    pub unique_tokens: Option<f64>,
+    pub steps: Option<f64>,
+    pub batch_tokens: Option<f64>,
+    pub lr: Option<f64>,
+    /// Training FLOPs of the model as built.
+    pub flops_exact: Option<f64>,
+    /// By default `nats_per_second / fps`, or `loss_nats / 4`: a code stands for four frames.
+    pub nats_per_frame: Option<f64>,
+    /// By default `nats_per_frame · fps`.
+    pub nats_per_second: Option<f64>,
+    pub zero_count_targets: Option<f64>,
+    /// By default the time that the program ran since it was last started.
+    pub wall_s: Option<f64>,
+    pub tokens_per_s: Option<f64>,
+    /// By default the plan's estimate for the built-in trainer.
+    pub peak_bytes: Option<f64>,
+}
+
+impl TrainerResult {
+    /// Reads and checks a result; says in one sentence what is wrong with it.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let shown = path.display();
+        let bytes = fs::read(path).map_err(|error| match error.kind() {
+            ErrorKind::NotFound => format!("the trainer ended well but left no result at {shown}"),
+            _ => format!("the result at {shown} cannot be read: {error}"),
+        })?;
+        Self::parse(&bytes).map_err(|problem| format!("the trainer's result {shown}: {problem}"))
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let result: Self = serde_json::from_slice(bytes).map_err(|error| {
+            let text = String::from_utf8_lossy(bytes);
+            match ["NaN", "Infinity"].into_iter().find(|word| text.contains(word)) {
+                Some(word) => format!("{error}; {word} is no JSON number: did the run diverge?"),
+                None => error.to_string(),
+            }
+        })?;
+        result.problem().map_or(Ok(result), Err)
+    }
+
+    fn problem(&self) -> Option<String> {
+        let counts = [
+            ("tokens", self.tokens, 1.0),
+            ("steps", self.steps, 1.0),
+            ("batch_tokens", self.batch_tokens, 1.0),
+            ("unique_tokens", self.unique_tokens, 0.0),
+            ("zero_count_targets", self.zero_count_targets, 0.0),
+            ("peak_bytes", self.peak_bytes, 0.0),
+        ];
+        let whole = |x: f64, least: f64| x.fract() == 0.0 && (least..=2f64.powi(53)).contains(&x);
+        for (name, value, least) in counts {
+            if let Some(x) = value.filter(|x| !whole(*x, least)) {
+                return Some(format!("`{name}` is {x} and no whole number from {least} up"));
+            }
+        }
+        let positive = [
+            ("lr", self.lr),
+            ("flops_exact", self.flops_exact),
+            ("wall_s", self.wall_s),
+            ("tokens_per_s", self.tokens_per_s),
+        ];
+        let wrong = positive.into_iter().find(|(_, value)| value.is_some_and(|x| x < 0.0));
+        wrong.map(|(name, _)| format!("`{name}` is negative"))
+    }
+
+    /// The record of the run, with the plan's values where the result is silent.
+    pub fn record(&self, id: &str, run: &RunSpec, spec: &TrainerSpec, ran_s: f64) -> RunRecord {
+        let count = |value: Option<f64>, planned: usize| value.map_or(planned, |x| x as usize);
+        let params = run.model.params(run.n_vocab);
+        let tokens = count(self.tokens, run.tokens());
+        let unique_tokens = count(self.unique_tokens, spec.unique_tokens);
+        let per_token = FlopsPerToken::new(&run.model, run.n_vocab, spec.max_text_tokens);
+        let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;
+        let per_frame = self.nats_per_second.map(|x| x / run.fps);
+        let nats_per_frame =
+            self.nats_per_frame.or(per_frame).unwrap_or(self.loss_nats / FRAMES_PER_TOKEN as f64);
+        let wall_s = self.wall_s.unwrap_or(ran_s);
+        let planned_peak = || peak_bytes(&run.model, run.n_vocab, params, run.batch_tokens);
+        RunRecord {
+            run_id: id.to_string(),
+            seed: run.seed,
+            n_layer: run.model.n_layer,
+            n_head: run.model.n_head,
+            d_model: run.model.d_model,
+            d_ff: run.model.d_ff,
+            n_ctx: run.model.n_ctx,
+            n_vocab: run.n_vocab,
+            budget_flops: run.budget_flops,
+            flops_openai: training(per_token.openai as f64),
+            flops_6nd: training(per_token.six_nd),
+            flops_exact: self.flops_exact.unwrap_or_else(|| training(per_token.exact)),
+            params_nonvocab: params.nonvocab,
+            params_vocab: params.vocab,
+            params_text: params.text,
+            params_embedding: params.embedding,
+            params_head: params.head,
+            tokens,
+            unique_tokens,
+            epochs: if unique_tokens > 0 { tokens as f64 / unique_tokens as f64 } else { 0.0 },
+            steps: count(self.steps, run.steps),
+            batch_tokens: count(self.batch_tokens, run.batch_tokens),
+            lr: self.lr.unwrap_or(run.lr),
+            loss_nats: self.loss_nats,
+            loss_normalised: self.loss_normalised,
+            nats_per_frame,
+            nats_per_second: self.nats_per_second.unwrap_or(nats_per_frame * run.fps),
+            zero_count_targets: count(self.zero_count_targets, 0),
+            wall_s,
+            tokens_per_s: self.tokens_per_s.unwrap_or(tokens as f64 / wall_s.max(1e-9)),
+            peak_bytes: self.peak_bytes.map_or_else(planned_peak, |x| x as u64),
+            tokenizer_id: run.tokenizer_id.clone(),
+            device: "custom".to_string(),
+            git_revision: env!("ISOFLOP_GIT_REVISION").to_string(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::jobs::program::result::TrainerResult;
+
+    #[test]
+    fn a_result_needs_its_losses_and_nothing_unknown() {
+        let parse = |text: &str| TrainerResult::parse(text.as_bytes());
+        let good = parse(r#"{"loss_nats": 3, "loss_normalised": -1.5, "tokens": 1e6}"#).unwrap();
+        assert_eq!((good.loss_normalised, good.tokens), (-1.5, Some(1e6)));
+        let refused = |text: &str, words: &str| {
+            let problem = parse(text).unwrap_err();
+            assert!(problem.contains(words), "{problem}");
+        };
+        refused("", "EOF");
+        refused(r#"{"loss_nats": 3}"#, "loss_normalised");
+        refused(r#"{"loss_nats": 3, "loss_normalised": NaN}"#, "did the run diverge?");
+        refused(r#"{"loss_nats": 1e999, "loss_normalised": 1}"#, "out of range");
+        refused(r#"{"loss_nats": 3, "loss_normalised": 1, "loss": 1}"#, "unknown field `loss`");
+        refused(r#"{"loss_nats": 3, "loss_normalised": 1, "tokens": 0}"#, "`tokens` is 0");
+        refused(r#"{"loss_nats": 3, "loss_normalised": 1, "wall_s": -1}"#, "negative");
+    }
+}

@@ -1,0 +1,162 @@
+//! A finished run and its record.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::Result;
+use rayon::prelude::*;
+
+use super::assignment::{Assignment, Outcome};
+use super::folder::ResultsFolder;
+use super::id::JobId;
+use super::job::Job;
+use super::kind::{JobKind, Kind};
+use super::spec_file::write_once;
+use super::training::{Opened, share_done, trunk_state};
+use super::{program, record, text, tokens, trunk};
+use crate::files::atomic::{write_bytes, write_json};
+use crate::files::{FileError, read_if_there};
+use crate::generator::{self, Trained};
+use crate::learn::weights;
+use crate::plan::{Plan, PlannedRun, RunSpec};
+use crate::progress::{beats, progress};
+use crate::sweep::Stage;
+
+/// Trains a run from where it stands, or has a program of somebody's own do so; its record is
+/// written whole, after everything else.
+pub struct Run;
+
+/// As a kind of job.
+pub const KIND: JobKind = JobKind::from_static(&Run);
+
+impl Kind for Run {
+    fn word(&self) -> &'static str {
+        "run"
+    }
+
+    fn plural(&self) -> &'static str {
+        "runs"
+    }
+
+    fn role(&self) -> &'static str {
+        "the run"
+    }
+
+    fn folder(&self, id: &str) -> PathBuf {
+        PathBuf::from("runs").join(id)
+    }
+
+    fn product(&self) -> &'static str {
+        "record.json"
+    }
+
+    fn spec(&self, id: &str) -> PathBuf {
+        self.folder(id).join("spec.json")
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Train
+    }
+
+    fn jobs(&self, plan: &Plan) -> Vec<Job> {
+        let inputs = inputs(plan);
+        plan.runs.par_iter().map(|run| job(run, &inputs, plan)).collect()
+    }
+
+    fn prepare(
+        &self,
+        plan: &Plan,
+        folder: &ResultsFolder,
+        warn: &mut dyn FnMut(String),
+    ) -> Result<(), FileError> {
+        for run in &plan.runs {
+            let path = folder.file(self.spec(&run.run_id));
+            let is_done = folder.product(&JobId::run(&run.run_id)).exists();
+            if !is_done || !path.exists() {
+                write_once(&path, &run.spec, warn)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn inspect(&self, folder: &ResultsFolder, id: &str) -> Result<(), FileError> {
+        folder.record(id).map(|_| ())
+    }
+
+    /// A program of somebody's own keeps its checkpoint to itself: what it last said of its steps
+    /// stands for it.
+    fn share_done(&self, folder: &ResultsFolder, id: &str) -> f64 {
+        let job = JobId::run(id);
+        let place = folder.job(&job);
+        let Some(spec) = read_if_there::<RunSpec>(&folder.spec(&job)).ok().flatten() else {
+            return 0.0;
+        };
+        let trunk = spec.trunk().map(|trunk| trunk.id());
+        let told = || {
+            let beat = progress(&place).filter(|_| spec.trainer.is_some())?;
+            Some((beat.step as f64 / beat.steps.max(1) as f64).clamp(0.0, 1.0))
+        };
+        share_done(folder, &place, &spec, trunk.as_deref()).or_else(told).unwrap_or(0.0)
+    }
+
+    fn work(&self, assignment: &Assignment) -> Result<Outcome> {
+        let spec: RunSpec = assignment.spec()?;
+        if let Some(trainer) = &spec.trainer {
+            if assignment.folder.tokens(&spec.tokenizer_id).exists() {
+                Opened::new(assignment, &spec, None)?;
+            }
+            return program::run_program(assignment, &spec, trainer);
+        }
+        let trunk = spec.trunk().and_then(|trunk| trunk_state(assignment.folder, &trunk.id()));
+        let opened = Opened::new(assignment, &spec, trunk)?;
+        let place = assignment.place();
+        let mut beats = beats(&place, assignment.stop);
+        let trained = opened.train(|training| generator::of(&spec).train(training, &mut beats))?;
+        let Some(trained) = trained else { return Ok(Outcome::Stopped) };
+        write_results(assignment, &spec, &opened, &trained)?;
+        Ok(Outcome::Done)
+    }
+
+    fn grace(&self, place: &Path) -> Duration {
+        program::grace(place)
+    }
+}
+
+/// What every run of a plan needs, but for its own codes and trunk.
+fn inputs(plan: &Plan) -> Vec<JobId> {
+    plan.text.iter().map(|text| JobId::new(text::KIND, text.id())).collect()
+}
+
+fn job(run: &PlannedRun, inputs: &[JobId], plan: &Plan) -> Job {
+    let codes = (!plan.tokenizers.is_empty()).then_some((tokens::KIND, &run.spec.tokenizer_id));
+    let trunk = run.trunk_id.iter().map(|id| (trunk::KIND, id));
+    let own = codes.into_iter().chain(trunk).map(|(kind, id)| JobId::new(kind, id));
+    Job {
+        id: JobId::run(&run.run_id),
+        label: run.spec.label(),
+        cost: run.own_flops(),
+        // What a program of somebody's own takes is not known.
+        peak_bytes: if run.spec.trainer.is_some() { 0 } else { run.peak_bytes },
+        needs: inputs.iter().cloned().chain(own).collect(),
+    }
+}
+
+fn write_results(
+    assignment: &Assignment,
+    spec: &RunSpec,
+    opened: &Opened,
+    trained: &Trained,
+) -> Result<()> {
+    let place = assignment.place();
+    weights::save(&place.join("model.safetensors"), &trained.weights, Default::default())?;
+    let mut lines = String::new();
+    for line in &trained.log {
+        lines += &serde_json::to_string(line)?;
+        lines.push('\n');
+    }
+    write_bytes(&place.join("log.jsonl"), lines.as_bytes())?;
+    let record = record::of_training(assignment, spec, &opened.inputs(), trained);
+    write_json(&assignment.product(), &record)?;
+    assignment.remove_checkpoint()?;
+    Ok(())
+}

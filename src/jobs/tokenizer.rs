@@ -1,0 +1,143 @@
+//! A trained tokenizer and its metrics.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::Result;
+
+use super::assignment::{Assignment, Outcome};
+use super::folder::ResultsFolder;
+use super::id::JobId;
+use super::job::Job;
+use super::kind::{JobKind, Kind};
+use super::mend::put_away;
+use super::spec_file::write_once;
+use crate::files::atomic::write_json;
+use crate::files::{FileError, read_if_there};
+use crate::learn::{Checkpoints, LearnError, step_of};
+use crate::plan::{Plan, TokenizerJob, tokenizer_peak_bytes};
+use crate::progress::beats;
+use crate::sweep::Stage;
+use crate::tokenizer::{self, TokenizerError};
+
+/// Trains a tokenizer and measures it; metrics are written last.
+pub struct Tokenizer;
+
+/// As a kind of job.
+pub const KIND: JobKind = JobKind::from_static(&Tokenizer);
+
+/// FLOPs of a training frame as a multiple of width², so counted that they take as long as those of
+/// a run: a step of 2048 frames at width 64 takes as long as 1.3e9 FLOPs of a small model.
+const FLOPS_PER_FRAME_AND_WIDTH_SQUARED: f64 = 150.0;
+
+/// FLOPs that training a tokenizer counts for, beside the budgets of runs.
+pub fn cost(job: &TokenizerJob) -> f64 {
+    let spec = &job.spec;
+    let frames = (spec.steps * spec.batch * spec.window) as f64;
+    frames * FLOPS_PER_FRAME_AND_WIDTH_SQUARED * (spec.width as f64).powi(2)
+}
+
+impl Kind for Tokenizer {
+    fn word(&self) -> &'static str {
+        "tokenizer"
+    }
+
+    fn plural(&self) -> &'static str {
+        "tokenizers"
+    }
+
+    fn role(&self) -> &'static str {
+        "its tokenizer"
+    }
+
+    fn folder(&self, id: &str) -> PathBuf {
+        PathBuf::from("tokenizers").join(id)
+    }
+
+    fn product(&self) -> &'static str {
+        "metrics.json"
+    }
+
+    fn spec(&self, id: &str) -> PathBuf {
+        self.folder(id).join("job.json")
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Inputs
+    }
+
+    fn jobs(&self, plan: &Plan) -> Vec<Job> {
+        let job = |job: &TokenizerJob| Job {
+            id: JobId::new(KIND, job.id()),
+            label: format!("{} tokenizer V{}", job.spec.kind.name(), job.spec.kind.n_vocab()),
+            cost: cost(job),
+            peak_bytes: tokenizer_peak_bytes(&job.spec, &plan.data),
+            needs: Vec::new(),
+        };
+        plan.tokenizers.iter().map(job).collect()
+    }
+
+    fn prepare(
+        &self,
+        plan: &Plan,
+        folder: &ResultsFolder,
+        warn: &mut dyn FnMut(String),
+    ) -> Result<(), FileError> {
+        let write = |job: &TokenizerJob| write_once(&folder.file(self.spec(&job.id())), job, warn);
+        plan.tokenizers.iter().try_for_each(write)
+    }
+
+    fn inspect(&self, folder: &ResultsFolder, id: &str) -> Result<(), FileError> {
+        folder.metrics(id).map(|_| ())
+    }
+
+    fn is_result(&self) -> bool {
+        true
+    }
+
+    fn share_done(&self, folder: &ResultsFolder, id: &str) -> f64 {
+        let job = JobId::new(KIND, id);
+        let spec = read_if_there::<TokenizerJob>(&folder.spec(&job)).ok().flatten();
+        let step = step_of(&folder.job(&job).join("checkpoint/state.safetensors"));
+        let share = |(step, job): (usize, TokenizerJob)| step as f64 / job.spec.steps as f64;
+        step.zip(spec).map_or(0.0, share)
+    }
+
+    fn work(&self, assignment: &Assignment) -> Result<Outcome> {
+        let started = Instant::now();
+        let place = assignment.place();
+        let source = assignment.source()?;
+        let Some(tokenizer) = trained(assignment)? else { return Ok(Outcome::Stopped) };
+        tokenizer.save(&place)?;
+        let wall_s = started.elapsed().as_secs_f64();
+        let metrics = tokenizer::evaluate(&tokenizer, &*source, &assignment.job.id, wall_s)?;
+        write_json(&assignment.product(), &metrics)?;
+        assignment.remove_checkpoint()?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// Trains from the checkpoint, or from the beginning where that is damaged. `None`: stopped.
+fn trained(assignment: &Assignment) -> Result<Option<tokenizer::Tokenizer>> {
+    let spec = assignment.spec::<TokenizerJob>()?.spec;
+    let (source, path) = (assignment.source()?, assignment.checkpoint());
+    let every = assignment.checkpoint_every()?;
+    let checkpoints = Checkpoints { path: &path, every, branch: None };
+    let place = assignment.place();
+    let mut beats = beats(&place, assignment.stop);
+    loop {
+        let device = assignment.device;
+        let error = match tokenizer::train(&spec, &*source, device, Some(&checkpoints), &mut beats)
+        {
+            Ok(tokenizer) => return Ok(Some(tokenizer)),
+            Err(TokenizerError::Learn(LearnError::Stopped { .. })) => return Ok(None),
+            Err(error) => error,
+        };
+        match error.damaged_file() {
+            Some(file) if file.path() == path => {
+                put_away(&path, file, "the tokenizer begins again")?;
+            }
+            _ => return Err(error.into()),
+        }
+    }
+}

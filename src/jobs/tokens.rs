@@ -1,0 +1,87 @@
+//! The codes that a tokenizer gives a data set.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use super::assignment::{Assignment, Outcome};
+use super::id::JobId;
+use super::job::Job;
+use super::kind::{JobKind, Kind};
+use super::mend::put_away;
+use super::tokenizer;
+use crate::plan::{Plan, TokenizerJob, tokens_peak_bytes};
+use crate::sweep::Stage;
+use crate::tokenizer::{Tokenizer, tokenize};
+
+/// Turns every clip of the data into codes.
+pub struct Tokens;
+
+/// As a kind of job.
+pub const KIND: JobKind = JobKind::from_static(&Tokens);
+
+/// What tokenising costs, as a share of training the tokenizer.
+const SHARE_OF_TRAINING: f64 = 0.1;
+
+impl Kind for Tokens {
+    fn word(&self) -> &'static str {
+        "tokens"
+    }
+
+    fn plural(&self) -> &'static str {
+        "tokens"
+    }
+
+    fn role(&self) -> &'static str {
+        "tokenising"
+    }
+
+    fn folder(&self, id: &str) -> PathBuf {
+        tokenizer::KIND.folder(id).join("tokens")
+    }
+
+    fn product(&self) -> &'static str {
+        "codes.safetensors"
+    }
+
+    fn spec(&self, id: &str) -> PathBuf {
+        tokenizer::KIND.spec(id)
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Inputs
+    }
+
+    fn jobs(&self, plan: &Plan) -> Vec<Job> {
+        let job = |job: &TokenizerJob| Job {
+            id: JobId::new(KIND, job.id()),
+            label: format!("codes V{}", job.spec.kind.n_vocab()),
+            cost: SHARE_OF_TRAINING * tokenizer::cost(job),
+            peak_bytes: tokens_peak_bytes(&job.spec, &plan.data),
+            needs: vec![JobId::new(tokenizer::KIND, job.id())],
+        };
+        plan.tokenizers.iter().map(job).collect()
+    }
+
+    fn work(&self, assignment: &Assignment) -> Result<Outcome> {
+        let Some(tokenizer) = load_or_retrain(assignment)? else { return Ok(Outcome::Stopped) };
+        tokenize(&tokenizer, &*assignment.source()?, &assignment.product())?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// The trained tokenizer; where its files are damaged it is trained again here. `None`: stopped.
+fn load_or_retrain(assignment: &Assignment) -> Result<Option<Tokenizer>> {
+    let job = JobId::new(tokenizer::KIND, &assignment.job.id);
+    let place = assignment.folder.job(&job);
+    let error = match Tokenizer::load(&place, assignment.device) {
+        Ok(tokenizer) => return Ok(Some(tokenizer)),
+        Err(error) => error,
+    };
+    let Some(file) = error.damaged_file() else { return Err(error.into()) };
+    put_away(&place.join("weights.safetensors"), file, "the tokenizer is trained again")?;
+    match tokenizer::KIND.work(&assignment.of(&job))? {
+        Outcome::Done => Ok(Some(Tokenizer::load(&place, assignment.device)?)),
+        _ => Ok(None),
+    }
+}

@@ -1,0 +1,119 @@
+//! What runs and trunks have in common: what they read, and from where they go on.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::Result;
+
+use super::assignment::Assignment;
+use super::folder::ResultsFolder;
+use super::id::JobId;
+use super::mend::{open_or_remake, put_away};
+use super::{text, tokens, trunk};
+use crate::codes::TokenStore;
+use crate::files::{FileError, read_if_there};
+use crate::generator::{GeneratorError, Inputs, Training};
+use crate::learn::{Branch, Checkpoints, LearnError, step_of};
+use crate::plan::{RunSpec, Trunk};
+use crate::text::TextStore;
+
+/// What a run reads, opened, and where its state lies.
+pub struct Opened<'a> {
+    assignment: &'a Assignment<'a>,
+    spec: &'a RunSpec,
+    tokens: TokenStore,
+    text: TextStore,
+    checkpoint: PathBuf,
+    every: Duration,
+    /// The state of the trunk that it goes on from, and the steps done there.
+    trunk: Option<(PathBuf, usize)>,
+}
+
+impl<'a> Opened<'a> {
+    /// Opens what a run reads; what is damaged is made again first.
+    ///
+    /// # Errors
+    /// It can neither be opened nor made.
+    pub fn new(
+        assignment: &'a Assignment<'a>,
+        spec: &'a RunSpec,
+        trunk: Option<(PathBuf, usize)>,
+    ) -> Result<Self> {
+        let tokens = JobId::new(tokens::KIND, &spec.tokenizer_id);
+        let text = JobId::new(text::KIND, &spec.text_id);
+        Ok(Self {
+            tokens: open_or_remake(assignment, &tokens, TokenStore::open)?,
+            text: open_or_remake(assignment, &text, TextStore::open)?,
+            checkpoint: assignment.checkpoint(),
+            every: assignment.checkpoint_every()?,
+            assignment,
+            spec,
+            trunk,
+        })
+    }
+
+    /// What the run reads.
+    pub fn inputs(&self) -> Inputs<'_> {
+        Inputs { tokens: &self.tokens, text: &self.text }
+    }
+
+    /// Trunks shorten the way and change no result, so one that is gone is done without.
+    fn checkpoints(&self) -> Checkpoints<'_> {
+        let trunk = self.trunk.as_ref().filter(|(state, _)| state.exists());
+        let branch = trunk.map(|(state, steps)| Branch { state, steps: *steps });
+        Checkpoints { path: &self.checkpoint, every: self.every, branch }
+    }
+
+    /// Trains; where the checkpoint or the trunk turns out to be damaged, again without it.
+    /// `None`: stopped.
+    ///
+    /// # Errors
+    /// Training failed.
+    pub fn train<T>(
+        &self,
+        mut train: impl FnMut(&Training) -> Result<T, GeneratorError>,
+    ) -> Result<Option<T>> {
+        loop {
+            let (inputs, checkpoints) = (self.inputs(), self.checkpoints());
+            let (spec, device) = (self.spec, self.assignment.device);
+            let training = Training { spec, inputs: &inputs, device, checkpoints: &checkpoints };
+            let error = match train(&training) {
+                Ok(trained) => return Ok(Some(trained)),
+                Err(GeneratorError::Learn(LearnError::Stopped { .. })) => return Ok(None),
+                Err(error) => error,
+            };
+            let Some(file) = self.damaged(&error) else { return Err(error.into()) };
+            put_away(file.path(), file, "training begins before it")?;
+        }
+    }
+
+    /// The state that an error finds damaged.
+    fn damaged<'e>(&self, error: &'e GeneratorError) -> Option<&'e FileError> {
+        let GeneratorError::Learn(LearnError::File(file)) = error else { return None };
+        let trunk = self.trunk.iter().map(|(state, _)| state.as_path());
+        let mut states = trunk.chain([self.checkpoint.as_path()]);
+        (file.is_damage() && states.any(|state| state == file.path())).then_some(file)
+    }
+}
+
+/// The state of a trunk and its steps, as its spec says.
+pub fn trunk_state(folder: &ResultsFolder, trunk_id: &str) -> Option<(PathBuf, usize)> {
+    let job = JobId::new(trunk::KIND, trunk_id);
+    let trunk: Trunk = read_if_there(&folder.spec(&job)).ok().flatten()?;
+    Some((folder.product(&job), trunk.spec.steps))
+}
+
+/// The share of its own steps that a run's or a trunk's checkpoint holds, where it begins with the
+/// trunk of an id.
+pub fn share_done(
+    folder: &ResultsFolder,
+    place: &Path,
+    spec: &RunSpec,
+    from: Option<&str>,
+) -> Option<f64> {
+    let step = step_of(&place.join("checkpoint/state.safetensors"))?;
+    let trunk = from.and_then(|id| trunk_state(folder, id));
+    let before = trunk.filter(|(state, _)| state.exists()).map_or(0, |(_, steps)| steps);
+    let [done, all] = [step, spec.steps].map(|end| end.saturating_sub(before) as f64);
+    Some((done / all.max(1.0)).clamp(0.0, 1.0))
+}

@@ -1,0 +1,168 @@
+//! The other side of a job: what a worker process does.
+
+use std::fs::{self, File, TryLockError};
+use std::io::Read;
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context, Error, Result};
+
+use super::assignment::{Assignment, Outcome};
+use super::folder::JobState;
+use crate::data::DataError;
+use crate::failure::{Failure, FailureKind, Verdict};
+use crate::files::atomic::{remove_partial, write_json};
+use crate::files::{self, FileError};
+use crate::generator::GeneratorError;
+use crate::progress::{Said, Stop, forget_progress};
+use crate::tokenizer::TokenizerError;
+
+/// Exit code of a worker whose job failed. It said why, and where it would fail again it wrote that
+/// to `failure.json`.
+pub const FAILED: i32 = 1;
+/// Exit code of a worker that was asked to stop.
+pub const STOPPED: i32 = 130;
+
+/// Time to reach the end of a step and write a checkpoint, once a stop is asked for.
+pub const GRACE: Duration = Duration::from_secs(2);
+
+/// Raises `stop` when standard input ends: the scheduler holds it open for as long as it lives.
+///
+/// Work that never looks at the flag, or takes too long to, is cut short: files are whole or not
+/// there, so at most the steps since the last checkpoint are lost.
+pub fn stop_with_parent(stop: &Stop, grace: Duration) {
+    let stop = stop.clone();
+    std::thread::spawn(move || {
+        let _ = std::io::stdin().read_to_end(&mut Vec::new());
+        stop.raise();
+        std::thread::sleep(grace);
+        std::process::exit(STOPPED);
+    });
+}
+
+/// Waits until no other worker has this job, and keeps it from others for as long as it lives.
+///
+/// The worker of a scheduler that was killed may still be at its last step while the next
+/// scheduler starts another one. `None` where a stop was asked for first.
+pub fn claim(job: &Path, stop: &Stop) -> Result<Option<File>> {
+    let path = job.join(".lock");
+    let file = File::create(&path).map_err(FileError::write(&path))?;
+    while let Err(error) = file.try_lock() {
+        match error {
+            TryLockError::WouldBlock if stop.is_raised() => return Ok(None),
+            TryLockError::WouldBlock => std::thread::sleep(Duration::from_millis(20)),
+            TryLockError::Error(error) => {
+                return Err(error).with_context(|| format!("locking {}", path.display()));
+            }
+        }
+    }
+    forget_progress(job);
+    for folder in [job, &job.join("checkpoint")] {
+        remove_partial(folder)?;
+    }
+    Ok(Some(file))
+}
+
+/// Lines of a log that a failure keeps.
+const LAST_LINES: usize = 10;
+
+/// The last lines of a job's log.
+pub fn last_lines(job: &Path) -> Vec<String> {
+    let log = fs::read(job.join("log.txt")).unwrap_or_default();
+    let log = String::from_utf8_lossy(&log);
+    let lines: Vec<String> = log.lines().map(String::from).collect();
+    lines[lines.len().saturating_sub(LAST_LINES)..].to_vec()
+}
+
+/// Notes a failure in the job's folder: the job is not tried again unasked.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub fn write_failure(job: &Path, failure: &Failure) -> Result<(), FileError> {
+    write_json(&job.join("failure.json"), failure)
+}
+
+/// Tells the scheduler why the job in `place` has no result, and notes it there if it is final.
+pub fn report_failure(place: &Path, failure: Failure) {
+    let mut failure = Failure { last_lines: last_lines(place), ..failure };
+    if failure.kind.verdict() == Verdict::Final
+        && let Err(error) = write_failure(place, &failure)
+    {
+        // A full disk has many symptoms; this is the cause.
+        let kind = error.failure_kind();
+        failure =
+            Failure { last_lines: failure.last_lines, ..Failure::new(kind, error.to_string()) };
+    }
+    Said::Failure(failure).say();
+}
+
+/// The failure that ends a job with this error.
+pub fn failure_of(error: &Error) -> Failure {
+    let of_file = files::failure_kind(error.as_ref()).filter(|kind| *kind != FailureKind::Other);
+    let kind = of_file.or_else(|| error.chain().find_map(kind_of));
+    Failure::new(kind.unwrap_or_default(), format!("{error:#}"))
+}
+
+/// The kind of failure that an error knows itself to be.
+fn kind_of(cause: &(dyn std::error::Error + 'static)) -> Option<FailureKind> {
+    let generator = || cause.downcast_ref::<GeneratorError>()?.failure_kind();
+    let tokenizer = || cause.downcast_ref::<TokenizerError>()?.failure_kind();
+    let data = || Some(cause.downcast_ref::<DataError>()?.failure_kind());
+    generator().or_else(tokenizer).or_else(data)
+}
+
+/// Does a job, unless it is done already.
+///
+/// # Errors
+/// Why it has no result.
+pub fn work(assignment: &Assignment) -> Result<Outcome> {
+    if assignment.folder.state(assignment.job) == JobState::Done {
+        return Ok(Outcome::Done);
+    }
+    assignment.job.kind.work(assignment)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::learn::LearnError;
+
+    #[test]
+    fn a_job_belongs_to_one_worker_at_a_time() {
+        let job = tempfile::tempdir().unwrap();
+        let (running, stopped) = (Stop::default(), Stop::default());
+        stopped.raise();
+        let first = claim(job.path(), &running).unwrap();
+        assert!(first.is_some());
+        assert!(claim(job.path(), &stopped).unwrap().is_none());
+        drop(first);
+        assert!(claim(job.path(), &stopped).unwrap().is_some());
+    }
+
+    #[test]
+    fn a_worker_clears_what_a_killed_one_left_half_written() {
+        let job = tempfile::tempdir().unwrap();
+        let checkpoint = job.path().join("checkpoint");
+        fs::create_dir(&checkpoint).unwrap();
+        fs::write(checkpoint.join("state.safetensors"), b"whole").unwrap();
+        fs::write(checkpoint.join(".partial-a1b2c3"), b"hal").unwrap();
+        let _lock = claim(job.path(), &Stop::default()).unwrap();
+        let left: Vec<_> = fs::read_dir(&checkpoint).unwrap().collect();
+        assert_eq!(left.len(), 1);
+        assert!(checkpoint.join("state.safetensors").exists());
+    }
+
+    #[test]
+    fn an_error_is_known_through_what_wraps_it() {
+        let (step, steps, loss, advice) = (3, 9, f64::NAN, "lower train.lr");
+        let diverged = LearnError::NonFinite { step, steps, loss, advice };
+        let error = Error::new(GeneratorError::from(diverged)).context("training");
+        assert_eq!(failure_of(&error).kind, FailureKind::Diverged);
+        let full = FileError::write(Path::new("codes"))(io::Error::from_raw_os_error(28));
+        let error = Error::new(TokenizerError::from(full)).context("tokenising");
+        let failure = failure_of(&error);
+        assert_eq!(failure.kind, FailureKind::DiskFull);
+        assert!(failure.reason.contains("tokenising: cannot write codes: No space"), "{failure:?}");
+        assert_eq!(failure_of(&Error::msg("what is this")).kind, FailureKind::Other);
+    }
+}

@@ -1,0 +1,5 @@
+//! What this machine and this process have of memory.
+
+pub mod memory;
+pub mod oom;
+pub mod peak;

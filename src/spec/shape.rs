@@ -1,0 +1,102 @@
+//! [`ModelShape`]: the sizes of one model and the parameters that follow from them.
+
+use serde::{Deserialize, Serialize};
+
+/// The feed-forward layer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ffn {
+    /// silu(x W₁) ⊙ (x W₂) W₃ with d_ff ≈ 8d/3.
+    #[default]
+    SwiGlu,
+    /// gelu(x W₁) W₂ with d_ff = 4d.
+    Gelu,
+}
+
+/// Everything that the architecture of one model depends on, but for its vocabulary.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelShape {
+    pub n_layer: usize,
+    pub n_head: usize,
+    pub d_model: usize,
+    /// Width of the feed-forward layer as built.
+    pub d_ff: usize,
+    /// Longest text prefix and motion slots: positions of the FLOP rule.
+    pub n_ctx: usize,
+    /// Width of the frozen text embeddings.
+    pub d_text: usize,
+    pub ffn: Ffn,
+    pub tie_embeddings: bool,
+    pub rope_base: f64,
+}
+
+/// Parameters by group, so that the convention is chosen when fitting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ParamCounts {
+    /// N_nv: blocks and norms.
+    pub nonvocab: usize,
+    /// N_v = V·d (ScaMo §4.3).
+    pub vocab: usize,
+    /// The projection of text embeddings, with its bias.
+    pub text: usize,
+    /// The embedding as built: V + 2 rows, for the end and pad tokens.
+    pub embedding: usize,
+    /// The head as built: V + 1 outputs, since pad is never predicted; 0 where tied.
+    pub head: usize,
+}
+
+impl ParamCounts {
+    /// Every parameter of the model as built.
+    pub fn total(self) -> usize {
+        self.nonvocab + self.text + self.embedding + self.head
+    }
+}
+
+impl ModelShape {
+    /// Parameters with a vocabulary of `n_vocab` codes.
+    pub fn params(&self, n_vocab: usize) -> ParamCounts {
+        let d = self.d_model;
+        let block = 4 * d * d + self.ffn_params() + 2 * d;
+        ParamCounts {
+            nonvocab: self.n_layer * block + d,
+            vocab: n_vocab * d,
+            text: self.d_text * d + d,
+            embedding: (n_vocab + 2) * d,
+            head: if self.tie_embeddings { 0 } else { (n_vocab + 1) * d },
+        }
+    }
+
+    /// Weights of one feed-forward layer: three matrices for SwiGLU, two for GELU.
+    pub fn ffn_params(&self) -> usize {
+        let matrices = match self.ffn {
+            Ffn::SwiGlu => 3,
+            Ffn::Gelu => 2,
+        };
+        matrices * self.d_model * self.d_ff
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// ScaMo's Table 1 by the arithmetic of its released code: blocks and the final norm.
+    #[test]
+    fn scamo_models_have_their_true_parameter_counts() {
+        let text = TextSpec { dim: 2048, max_tokens: 150, ..TextSpec::default() };
+        let counts = presets::models("scamo").unwrap().into_iter().map(|entry| {
+            ModelShape::new(&entry, &ModelSpec::default(), &text).params(15360).nonvocab
+        });
+        let expected =
+            [27_271_680, 84_953_856, 308_331_520, 731_475_200, 1_359_103_488, 2_988_598_400];
+        assert_eq!(counts.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn feed_forward_widths_follow_the_multiple() {
+        let model = |ffn_multiple| ModelSpec { ffn_multiple, ..ModelSpec::default() };
+        let widths = [512, 768, 1024, 1280, 1536, 3200].map(|d| d_ff(d, &model(256)));
+        assert_eq!(widths, [1536, 2048, 2816, 3584, 4096, 8704]);
+        assert_eq!(d_ff(32, &model(8)), 88);
+    }
+}

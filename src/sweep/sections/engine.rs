@@ -1,0 +1,208 @@
+//! Where the jobs of a sweep are done: the `engine` section.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_yaml::Value;
+
+use crate::units::number;
+
+/// The `engine` section. It says how an engine is to be used, not which: that is `--engine`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EngineSection {
+    /// What `--engine slurm` asks of Slurm.
+    pub slurm: SlurmSection,
+}
+
+/// A word or a number, kept as text: `time: 30`, `time: 2-00:00:00`, `mem: 4G`.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(transparent)]
+pub struct Word(pub String);
+
+impl<'de> Deserialize<'de> for Word {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match Value::deserialize(deserializer)? {
+            Value::String(text) => Ok(Self(text)),
+            Value::Number(number) => Ok(Self(number.to_string())),
+            _ => Err(serde::de::Error::custom("expected a word or a number")),
+        }
+    }
+}
+
+/// A number of seconds, minutes, tasks or FLOPs, written `30`, `0.5` or `1e9`.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize)]
+#[serde(transparent)]
+pub struct Amount(pub f64);
+
+impl<'de> Deserialize<'de> for Amount {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        number::number(deserializer).map(Self)
+    }
+}
+
+/// A whole number, written `8` or `1e3`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(transparent)]
+pub struct Count(pub usize);
+
+impl<'de> Deserialize<'de> for Count {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        number::count(deserializer).map(Self)
+    }
+}
+
+/// Two sections from one list of keys: what a stage may say of its own, and the whole.
+macro_rules! sections {
+    (
+        resources { $($(#[$about:meta])* $key:ident: $type:ty,)* }
+        whole { $($(#[$of_all:meta])* $general:ident: $kind:ty,)* }
+    ) => {
+        /// What a job asks for. Every key may be left out; then Slurm's own default holds.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct Resources {
+            $($(#[$about])* #[serde(skip_serializing_if = "Option::is_none")] pub $key: Option<$type>,)*
+        }
+
+        impl Resources {
+            /// These, and those `below` where these say nothing.
+            pub fn over(self, below: Self) -> Self {
+                Self { $($key: self.$key.or(below.$key),)* }
+            }
+        }
+
+        /// The `engine.slurm` section, and a profile file. Every key may be left out.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct SlurmSection {
+            $($(#[$about])* #[serde(skip_serializing_if = "Option::is_none")] pub $key: Option<$type>,)*
+            $($(#[$of_all])* #[serde(skip_serializing_if = "Option::is_none")] pub $general: Option<$kind>,)*
+        }
+
+        impl SlurmSection {
+            /// This section, and that `below` where this one says nothing.
+            pub fn over(self, below: Self) -> Self {
+                Self {
+                    $($key: self.$key.or(below.$key),)*
+                    $($general: self.$general.or(below.$general),)*
+                }
+            }
+
+            /// What every job asks for.
+            pub fn resources(&self) -> Resources {
+                Resources { $($key: self.$key.clone(),)* }
+            }
+        }
+    };
+}
+
+sections! {
+    resources {
+        /// `--partition`.
+        partition: String,
+        /// `--account`.
+        account: String,
+        /// `--qos`.
+        qos: String,
+        /// `--reservation`.
+        reservation: String,
+        /// `--constraint`: features of a node, as `zen4&ib`.
+        constraint: String,
+        /// `--exclude`: nodes to stay away from.
+        exclude: String,
+        /// `--nodelist`: nodes to run on.
+        nodelist: String,
+        /// `--time`, as Slurm writes it: `30` minutes, `04:00:00`, `2-12:00:00`.
+        time: Word,
+        /// `--cpus-per-task`, 1 where left out: as many jobs of a chunk run side by side.
+        cpus_per_task: Count,
+        /// Jobs of a chunk side by side, where that is not a job a processor: 1 where one GPU is.
+        runs_at_once: Count,
+        /// `--mem`: memory of a task, as `8G`. One of the three at most.
+        mem: Word,
+        /// `--mem-per-cpu`.
+        mem_per_cpu: Word,
+        /// `--mem-per-gpu`.
+        mem_per_gpu: Word,
+        /// `--gpus`: GPUs of a task. One of the three at most; 0 is left out.
+        gpus: Word,
+        /// `--gres`, as `gpu:a100:1`.
+        gres: Word,
+        /// `--gpus-per-task`.
+        gpus_per_task: Word,
+        /// `--nice`.
+        nice: Word,
+        /// Lines of the batch script before the program: `module load`, `source`.
+        preamble: Vec<String>,
+        /// Words before the program: `[apptainer, exec, image.sif]`. What they start must pass
+        /// signals on.
+        launcher: Vec<String>,
+        /// Variables that the batch script sets.
+        env: BTreeMap<String, Word>,
+        /// Further arguments of `sbatch`; they stand last, so they win.
+        extra: Vec<String>,
+    }
+    whole {
+        /// What a stage asks for in place of the above: `inputs`, `train`, `fit`.
+        stages: BTreeMap<Stage, Resources>,
+        /// Tasks of the arrays that run at once at most (`%` of `--array`).
+        array_parallel: Count,
+        /// Tasks of an array at most; asked of Slurm (MaxArraySize) where left out.
+        max_array: Count,
+        /// Tasks of a submission at most; none where left out.
+        max_submit: Count,
+        /// Minutes of work of a task, 30 where left out; half of `time` at most.
+        target_chunk_minutes: Amount,
+        /// FLOPs a second of one job, by which runs are packed; where left out, measured by the
+        /// finished runs of the folder, or else here by a few steps.
+        flops_per_second: Amount,
+        /// Seconds before the time limit at which a task is warned and checkpoints; 120.
+        signal_grace_s: Count,
+        /// Whether Slurm may put a task back into the queue: preempted, node lost, out of time; true.
+        requeue: bool,
+        /// Times that a task puts itself back when its time is over; 20.
+        max_requeues: Count,
+        /// Seconds that `isoflop cancel` waits for checkpoints before it ends tasks the hard way; 60.
+        cancel_grace_s: Amount,
+        /// Seconds that a task waits for files written on another machine to appear; 90.
+        fs_grace_s: Amount,
+        /// Whether laws are fitted although runs are missing; false.
+        allow_missing: bool,
+        /// `--export`: `ALL`, `NIL` or names of variables; ALL.
+        export: String,
+        /// `--clusters`.
+        clusters: String,
+        /// The program, with arguments before its own; split as a shell splits words.
+        sbatch: String,
+        /// As `sbatch`.
+        squeue: String,
+        /// As `sbatch`.
+        scancel: String,
+        /// As `sbatch`.
+        scontrol: String,
+    }
+}
+
+/// A part of a sweep that Slurm sees as a job of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stage {
+    /// Captions, tokenizers and codes.
+    Inputs,
+    /// Trunks and runs.
+    Train,
+    /// Table, laws, figures.
+    Fit,
+}
+
+impl Stage {
+    /// The word in names of jobs and files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Inputs => "inputs",
+            Self::Train => "train",
+            Self::Fit => "fit",
+        }
+    }
+}

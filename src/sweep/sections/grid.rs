@@ -1,0 +1,86 @@
+//! What a sweep varies: the `grid` section.
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::number;
+
+/// The `grid` section: its axes are crossed unless `zip` pairs them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GridSpec {
+    pub models: ModelList,
+    pub vocab: Vec<VocabSpec>,
+    #[serde(deserialize_with = "number::numbers")]
+    pub budgets: Vec<f64>,
+    /// Groups of axes that advance together, as `[[models, budgets]]`; of one length each.
+    #[serde(default)]
+    pub zip: Vec<Vec<Axis>>,
+    /// Conditions, as `n_vocab > 1000 and d_model < 64`; a cell that meets one is left out.
+    #[serde(default)]
+    pub exclude: Vec<String>,
+}
+
+/// An axis of the grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    Models,
+    Vocab,
+    Budgets,
+}
+
+/// Models in full, by name, or by a rule over d_model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum ModelList {
+    /// `scamo`: the six rows of its Table 1.
+    Preset(String),
+    List(Vec<ModelEntry>),
+    Rule(ModelRule),
+}
+
+/// One model.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelEntry {
+    #[serde(deserialize_with = "number::count")]
+    pub n_layer: usize,
+    #[serde(deserialize_with = "number::count")]
+    pub n_head: usize,
+    #[serde(deserialize_with = "number::count")]
+    pub d_model: usize,
+    /// Width of the feed-forward layer; by default from [`ModelSpec`].
+    #[serde(default, deserialize_with = "number::optional_count")]
+    pub d_ff: Option<usize>,
+}
+
+/// A family of models: depth grows with width.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelRule {
+    #[serde(deserialize_with = "number::counts")]
+    pub d_model: Vec<usize>,
+    /// n_layer = max(1, round(d_model / `width_per_layer`)).
+    #[serde(deserialize_with = "number::count")]
+    pub width_per_layer: usize,
+    /// n_head = max(1, d_model / `head_dim`).
+    #[serde(deserialize_with = "number::count")]
+    pub head_dim: usize,
+}
+
+/// A vocabulary: a nominal size, or FSQ levels.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(untagged)]
+pub enum VocabSpec {
+    /// FSQ: resolved to ScaMo's levels (Table 8); VQ: the number of codes.
+    Size(usize),
+    Levels(LevelsSpec),
+}
+
+/// FSQ levels in full: `{levels: [8, 5, 5, 5]}`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LevelsSpec {
+    #[serde(deserialize_with = "number::counts")]
+    pub levels: Vec<usize>,
+}

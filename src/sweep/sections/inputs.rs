@@ -1,0 +1,131 @@
+//! What a sweep trains on: the `data`, `text` and `tokenizer` sections.
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::number;
+
+/// Where motion comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DataSource {
+    /// The built-in seeded generator: never ends, needs no file.
+    #[default]
+    Procedural,
+    /// A folder in the HumanML3D layout.
+    HumanMl3d,
+    /// No motion and no tokenizers: a trainer of one's own brings its data.
+    None,
+}
+
+/// The number of training clips of the procedural source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Clips {
+    /// A given number.
+    Count(usize),
+    /// As many as the longest run needs, rounded up to a power of two.
+    #[default]
+    Auto,
+}
+
+/// What to do about files that are not what they should be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BrokenFiles {
+    /// Leave them out, with a warning each.
+    #[default]
+    Skip,
+    /// Stop with an error that lists them all.
+    Refuse,
+}
+
+/// The `data` section.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DataSpec {
+    pub source: DataSource,
+    /// The folder of `humanml3d`, from the working folder.
+    pub path: Option<std::path::PathBuf>,
+    /// `humanml3d`: every training clip also left-right mirrored.
+    pub mirror: bool,
+    /// `humanml3d`: broken files.
+    pub broken: BrokenFiles,
+    /// `procedural`: the generator's seed.
+    pub seed: u64,
+    /// `procedural`: clips to train on, or `auto`.
+    pub clips: Clips,
+    /// `procedural`: clips to validate on.
+    #[serde(deserialize_with = "number::count")]
+    pub val_clips: usize,
+    /// `procedural`: clips to test on.
+    #[serde(deserialize_with = "number::count")]
+    pub test_clips: usize,
+}
+
+impl Default for DataSpec {
+    fn default() -> Self {
+        Self {
+            source: DataSource::default(),
+            path: None,
+            mirror: true,
+            broken: BrokenFiles::default(),
+            seed: 0,
+            clips: Clips::default(),
+            val_clips: 128,
+            test_clips: 512,
+        }
+    }
+}
+
+/// Which quantizer the tokenizer has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TokenizerKind {
+    /// Finite scalar quantization (Mentzer et al. 2023), ScaMo's.
+    #[default]
+    Fsq,
+    /// Vector quantization with moving averages and resets, T2M-GPT's.
+    Vq,
+}
+
+/// The `tokenizer` section: one tokenizer of this kind is trained for each vocabulary.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TokenizerSection {
+    pub kind: TokenizerKind,
+    /// Channels of the convolutions; ScaMo has 512.
+    #[serde(deserialize_with = "number::count")]
+    pub width: usize,
+    /// Residual blocks a stage.
+    #[serde(deserialize_with = "number::count")]
+    pub depth: usize,
+    /// Frames of a training window, a multiple of 4.
+    #[serde(deserialize_with = "number::count")]
+    pub window: usize,
+    /// Windows a step.
+    #[serde(deserialize_with = "number::count")]
+    pub batch: usize,
+    #[serde(deserialize_with = "number::count")]
+    pub steps: usize,
+    #[serde(deserialize_with = "number::number")]
+    pub lr: f64,
+    /// Weight of the joints' positions in the loss, beside all features.
+    #[serde(deserialize_with = "number::number")]
+    pub position_weight: f64,
+    pub seed: u64,
+}
+
+impl Default for TokenizerSection {
+    fn default() -> Self {
+        Self {
+            kind: TokenizerKind::default(),
+            width: 64,
+            depth: 3,
+            window: 64,
+            batch: 32,
+            steps: 600,
+            lr: 1e-3,
+            position_weight: 0.5,
+            seed: 0,
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! [`Sweep`]: what a sweep file says, with every default filled in.
+
+mod analysis;
+mod engine;
+mod grid;
+mod inputs;
+mod trainer;
+mod training;
+
+pub use analysis::*;
+pub use engine::*;
+pub use grid::*;
+pub use inputs::*;
+pub use trainer::*;
+pub use training::*;
+
+use serde::{Deserialize, Serialize};
+
+use crate::spec::TextSpec;
+
+/// A study: a grid of models, vocabularies and budgets, and how each cell is trained and judged.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sweep {
+    /// Names the folder of the results: letters, digits, `-`, `_` and `.`.
+    pub name: String,
+    /// Every cell is trained once a seed.
+    #[serde(default = "default_seeds")]
+    pub seeds: Vec<u64>,
+    #[serde(default)]
+    pub data: DataSpec,
+    #[serde(default)]
+    pub text: TextSpec,
+    #[serde(default)]
+    pub tokenizer: TokenizerSection,
+    pub grid: GridSpec,
+    #[serde(default)]
+    pub flops: FlopsSpec,
+    #[serde(default)]
+    pub model: ModelSpec,
+    #[serde(default)]
+    pub train: TrainSpec,
+    /// Trains the runs in place of the built-in trainer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trainer: Option<TrainerSection>,
+    #[serde(default)]
+    pub fit: FitSpec,
+    #[serde(default)]
+    pub predict: PredictSpec,
+    /// How engines other than this machine are to be used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub engine: Option<EngineSection>,
+}
+
+fn default_seeds() -> Vec<u64> {
+    vec![0]
+}

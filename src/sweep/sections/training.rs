@@ -1,0 +1,187 @@
+//! How every cell is built and trained: the `model` and `train` sections.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::spec::{Ffn, Precision};
+use crate::units::number;
+
+/// The `model` section: what all models of the sweep share.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ModelSpec {
+    pub ffn: Ffn,
+    /// d_ff is rounded up to a multiple of this; ScaMo has 256, which only large models can afford.
+    #[serde(deserialize_with = "number::count")]
+    pub ffn_multiple: usize,
+    /// One matrix for the embedding and the head.
+    pub tie_embeddings: bool,
+    #[serde(deserialize_with = "number::number")]
+    pub rope_base: f64,
+    /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo.
+    #[serde(deserialize_with = "number::count")]
+    pub motion_slots: usize,
+}
+
+impl Default for ModelSpec {
+    fn default() -> Self {
+        Self {
+            ffn: Ffn::default(),
+            ffn_multiple: 8,
+            tie_embeddings: false,
+            rope_base: 10_000.0,
+            motion_slots: 51,
+        }
+    }
+}
+
+/// How the learning rate moves over a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ScheduleKind {
+    /// Linear warm-up, then half a cosine down to `final_share` (ScaMo Table 4).
+    #[default]
+    Cosine,
+    /// Linear warm-up, a constant rate, then a decay by 1 − √share over the last steps (Hägele et
+    /// al. 2024): runs that differ in budget alone begin alike.
+    Wsd,
+}
+
+/// The `train.schedule` section.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScheduleSpec {
+    pub kind: ScheduleKind,
+    /// Share of the run spent warming up, at most; and at most one token a parameter.
+    #[serde(deserialize_with = "number::number")]
+    pub warmup: f64,
+    /// The last learning rate as a share of the peak.
+    #[serde(deserialize_with = "number::number")]
+    pub final_share: f64,
+    /// Of `wsd`: the share of the run that decays.
+    #[serde(deserialize_with = "number::number")]
+    pub decay: f64,
+    /// Of `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
+    /// with one batch, rate and warm-up.
+    pub share: bool,
+}
+
+impl ScheduleSpec {
+    /// Whether runs branch off common trunks.
+    pub fn shares(&self) -> bool {
+        self.kind == ScheduleKind::Wsd && self.share
+    }
+}
+
+impl Default for ScheduleSpec {
+    fn default() -> Self {
+        let kind = ScheduleKind::default();
+        Self { kind, warmup: 0.1, final_share: 0.0, decay: 0.2, share: false }
+    }
+}
+
+/// lr = `coefficient` · N^`params_exponent` · D^`tokens_exponent`, N = N_nv + N_v.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LrRule {
+    #[serde(deserialize_with = "number::number")]
+    pub coefficient: f64,
+    #[serde(deserialize_with = "number::number")]
+    pub params_exponent: f64,
+    #[serde(deserialize_with = "number::number")]
+    pub tokens_exponent: f64,
+    /// The rule's value is held under this.
+    #[serde(deserialize_with = "number::number")]
+    pub max: f64,
+}
+
+impl Default for LrRule {
+    fn default() -> Self {
+        Self { coefficient: 0.5, params_exponent: -0.4, tokens_exponent: 0.0, max: 2e-2 }
+    }
+}
+
+/// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded to a power of two within bounds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BatchRule {
+    #[serde(deserialize_with = "number::number")]
+    pub coefficient: f64,
+    #[serde(deserialize_with = "number::number")]
+    pub tokens_exponent: f64,
+    #[serde(deserialize_with = "number::count")]
+    pub min: usize,
+    #[serde(deserialize_with = "number::count")]
+    pub max: usize,
+}
+
+impl Default for BatchRule {
+    fn default() -> Self {
+        Self { coefficient: 0.35, tokens_exponent: 0.5, min: 64, max: 4096 }
+    }
+}
+
+/// The `train` section.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainSpec {
+    pub schedule: ScheduleSpec,
+    pub lr: LrRule,
+    pub batch: BatchRule,
+    /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
+    pub precision: Precision,
+    /// A cell whose budget buys fewer steps is dropped: it would show its warm-up, not its size.
+    #[serde(deserialize_with = "number::count")]
+    pub min_steps: usize,
+    #[serde(deserialize_with = "number::number")]
+    pub weight_decay: f64,
+    #[serde(deserialize_with = "number::numbers")]
+    pub betas: Vec<f64>,
+    #[serde(deserialize_with = "number::number")]
+    pub epsilon: f64,
+    /// Global norm to which gradients are clipped; 0 for none.
+    #[serde(deserialize_with = "number::number")]
+    pub clip_norm: f64,
+    /// Times a run that it is measured on the validation split.
+    #[serde(deserialize_with = "number::count")]
+    pub evaluations: usize,
+    /// Seconds between checkpoints; never changes a result.
+    #[serde(deserialize_with = "number::number")]
+    pub checkpoint_s: f64,
+    /// Seconds without progress after which a worker is taken for hung, ended and started again; 0
+    /// for never. Longer than the longest step; never changes a result.
+    #[serde(deserialize_with = "number::number")]
+    pub hang_s: f64,
+}
+
+impl TrainSpec {
+    /// Time between checkpoints.
+    pub fn checkpoint_every(&self) -> Duration {
+        Duration::from_secs_f64(self.checkpoint_s.max(0.0))
+    }
+
+    /// How long a worker may make no progress; `None` where it may for ever.
+    pub fn hang(&self) -> Option<Duration> {
+        (self.hang_s > 0.0).then(|| Duration::from_secs_f64(self.hang_s))
+    }
+}
+
+impl Default for TrainSpec {
+    fn default() -> Self {
+        Self {
+            schedule: ScheduleSpec::default(),
+            lr: LrRule::default(),
+            batch: BatchRule::default(),
+            precision: Precision::default(),
+            min_steps: 200,
+            weight_decay: 1e-6,
+            betas: vec![0.9, 0.95],
+            epsilon: 1e-8,
+            clip_norm: 1.0,
+            evaluations: 4,
+            checkpoint_s: 20.0,
+            hang_s: 600.0,
+        }
+    }
+}

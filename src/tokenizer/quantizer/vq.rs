@@ -1,0 +1,251 @@
+//! Vector quantization with a codebook of moving averages and resets, as T2M-GPT trains it.
+//!
+//! Each latent takes the nearest code. After each step, with μ = 0.99,
+//!
+//! sum ← μ sum + (1 − μ) Σ latents of the code, count ← μ count + (1 − μ) their number,
+//!
+//! and the code becomes sum / count; a code whose count is below 1 becomes a latent of the batch
+//! at once. The codebook has no gradient; the latents are drawn to their codes by
+//! 0.02 · mean (latent − code)².
+//!
+//! Shapes: n latents, c channels, v codes.
+
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use serde_json::json;
+
+use super::{Quantized, Quantizer, clips, rows};
+use crate::learn::weights::{HostTensor, Source};
+use crate::learn::{Kept, Saved, params};
+
+/// μ.
+const DECAY: f32 = 0.99;
+/// A code met less often than this, on average and per step, is replaced.
+const LEAST_COUNT: f32 = 1.0;
+/// Weight of the commitment term.
+const COMMITMENT: f64 = 0.02;
+/// Entries of the distance matrix that are held at a time.
+const DISTANCES_AT_ONCE: usize = 1 << 22;
+
+/// A learned codebook.
+#[derive(Module, Debug)]
+pub struct Vq {
+    /// `[v, c]`, without gradient.
+    codebook: Param<Tensor<2>>,
+    #[module(skip)]
+    averages: Averages,
+}
+
+/// The moving averages that a codebook follows from.
+#[derive(Clone, Debug)]
+struct Averages {
+    /// Row-major `[v, c]`; empty until the first batch has been seen.
+    sums: Vec<f32>,
+    /// `[v]`.
+    counts: Vec<f32>,
+    n_vocab: usize,
+    code_dim: usize,
+    /// For the noise on latents that stand for several codes.
+    rng: ChaCha8Rng,
+}
+
+impl Vq {
+    /// `n_vocab` codes that the first batch will place.
+    pub fn new(n_vocab: usize, code_dim: usize, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        let codebook = Param::from_tensor(Tensor::zeros([n_vocab, code_dim], device));
+        Self {
+            codebook: codebook.set_require_grad(false),
+            averages: Averages::new(n_vocab, code_dim, ChaCha8Rng::seed_from_u64(rng.next_u64())),
+        }
+    }
+
+    fn set_codebook(&mut self, codes: Vec<f32>) {
+        let data = TensorData::new(codes, self.codebook.dims());
+        let codes = Tensor::from_data(data, &self.codebook.device());
+        self.codebook = Param::initialized(self.codebook.id, codes);
+    }
+
+    /// The code of each latent.
+    fn codes_of(&self, latents_nc: Tensor<2>) -> Vec<u32> {
+        let n = latents_nc.dims()[0];
+        let rows = (DISTANCES_AT_ONCE / self.averages.n_vocab).max(1);
+        let part = |start: usize| latents_nc.clone().narrow(0, start, rows.min(n - start));
+        (0..n).step_by(rows).flat_map(|start| self.nearest(part(start))).collect()
+    }
+
+    /// The embedding of each code, `[n, c]`.
+    fn rows_of(&self, ids: &[u32]) -> Tensor<2> {
+        let codebook = self.codebook.val();
+        let rows: Vec<i32> = ids.iter().map(|&id| id as i32).collect();
+        let data = TensorData::new(rows, [ids.len()]);
+        let rows = Tensor::<1, Int>::from_data(data, &codebook.device());
+        codebook.select(0, rows)
+    }
+
+    /// argmin over codes of |code|² − 2 latent · code, the first of equals.
+    fn nearest(&self, latents_nc: Tensor<2>) -> Vec<u32> {
+        let codes_cv = self.codebook.val().transpose();
+        let norms_1v = (codes_cv.clone() * codes_cv.clone()).sum_dim(0);
+        let distances_nv = norms_1v - latents_nc.matmul(codes_cv) * 2.0;
+        let ids = distances_nv.argmin(1).into_data();
+        ids.iter::<i64>().map(|id| id as u32).collect()
+    }
+}
+
+impl Quantizer for Vq {
+    fn quantize(&mut self, latents_btc: Tensor<3>) -> Quantized {
+        let n_clips = latents_btc.dims()[0];
+        let latents_nc = rows(latents_btc);
+        let on_host = latents_nc.clone().into_data().try_into_vec().expect("latents are f32");
+        if self.averages.sums.is_empty() {
+            let codes = self.averages.start(&on_host);
+            self.set_codebook(codes);
+        }
+        let ids = self.codes_of(latents_nc.clone().detach());
+        let embedded = self.rows_of(&ids);
+        let codes = self.averages.follow(&on_host, &ids);
+        self.set_codebook(codes);
+        let apart = latents_nc.clone() - embedded.clone();
+        // The bracket is exactly 0: the value is the code's and the gradient the latent's.
+        let straight = embedded + (latents_nc.clone() - latents_nc.detach());
+        let commitment = (apart.clone() * apart).mean() * COMMITMENT;
+        Quantized { quantized_btc: clips(straight, n_clips), auxiliary_loss: Some(commitment) }
+    }
+
+    fn ids(&self, latents_btc: Tensor<3>) -> Vec<u32> {
+        self.codes_of(rows(latents_btc))
+    }
+
+    fn embed(&self, ids: &[u32], n_clips: usize) -> Tensor<3> {
+        clips(self.rows_of(ids), n_clips)
+    }
+
+    /// The sums and counts of its codes, and how far its generator has come: as text, since that has
+    /// 68 bits.
+    fn keep(&self) -> Kept {
+        let Averages { sums, counts, rng, .. } = &self.averages;
+        let row = |values: &[f32]| {
+            Source::Host(HostTensor { shape: vec![values.len()], values: values.to_vec() })
+        };
+        let tensors = [(SUMS.to_string(), row(sums)), (COUNTS.to_string(), row(counts))];
+        Kept { note: json!({ DRAWN: rng.get_word_pos().to_string() }), tensors: tensors.into() }
+    }
+
+    fn resume(&mut self, mut saved: Saved) -> Option<()> {
+        let drawn: u128 = saved.note[DRAWN].as_str()?.parse().ok()?;
+        self.averages.sums = saved.tensors.remove(SUMS)?.values;
+        self.averages.counts = saved.tensors.remove(COUNTS)?.values;
+        self.averages.rng.set_word_pos(drawn);
+        Some(())
+    }
+}
+
+const SUMS: &str = "sums";
+const COUNTS: &str = "counts";
+const DRAWN: &str = "drawn";
+
+impl Averages {
+    fn new(n_vocab: usize, code_dim: usize, rng: ChaCha8Rng) -> Self {
+        Self { sums: Vec::new(), counts: vec![1.0; n_vocab], n_vocab, code_dim, rng }
+    }
+
+    /// The codebook of the first batch: its first latents.
+    fn start(&mut self, latents: &[f32]) -> Vec<f32> {
+        self.sums = self.candidates(latents);
+        self.sums.clone()
+    }
+
+    /// The codebook after a batch.
+    fn follow(&mut self, latents: &[f32], ids: &[u32]) -> Vec<f32> {
+        self.add(latents, ids);
+        let mut codes = self.candidates(latents);
+        let rows = codes.chunks_exact_mut(self.code_dim);
+        let averages = self.sums.chunks_exact(self.code_dim).zip(&self.counts);
+        for (code, (sum, &count)) in rows.zip(averages) {
+            if count >= LEAST_COUNT {
+                code.iter_mut().zip(sum).for_each(|(code, sum)| *code = sum / count);
+            }
+        }
+        codes
+    }
+
+    fn add(&mut self, latents: &[f32], ids: &[u32]) {
+        self.sums.iter_mut().chain(&mut self.counts).for_each(|average| *average *= DECAY);
+        for (latent, &id) in latents.chunks_exact(self.code_dim).zip(ids) {
+            let id = id as usize;
+            self.counts[id] += 1.0 - DECAY;
+            let sum = &mut self.sums[id * self.code_dim..][..self.code_dim];
+            sum.iter_mut().zip(latent).for_each(|(sum, x)| *sum += (1.0 - DECAY) * x);
+        }
+    }
+
+    /// One latent for each code, `[v, c]`: the batch's first ones, or, where it has too few, all of
+    /// them over and over with noise of deviation 0.01/√c.
+    fn candidates(&mut self, latents: &[f32]) -> Vec<f32> {
+        let wanted = self.n_vocab * self.code_dim;
+        let taken = latents.iter().copied().cycle().take(wanted);
+        if latents.len() >= wanted {
+            return taken.collect();
+        }
+        let deviation = 0.01 / (self.code_dim as f64).sqrt();
+        let noise = params::normal([wanted], deviation, &mut self.rng, &Device::flex()).val();
+        let noise = noise.into_data().try_into_vec::<f32>().expect("noise is f32");
+        taken.zip(noise).map(|(latent, noise)| latent + noise).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn averages(n_vocab: usize) -> Averages {
+        Averages::new(n_vocab, 1, ChaCha8Rng::seed_from_u64(0))
+    }
+
+    #[test]
+    fn a_code_that_falls_out_of_use_is_replaced_by_a_latent_of_the_batch() {
+        let mut averages = averages(2);
+        assert_eq!(averages.start(&[5.0, -5.0, 6.0]), [5.0, -5.0]);
+        // Code 1 is not met: its count falls to 0.99, so it is reset. Code 0 is met three times.
+        let codes = averages.follow(&[7.0, 8.0, 9.0], &[0, 0, 0]);
+        assert_eq!(codes[1], 8.0);
+        let expected = (0.99 * 5.0 + 0.01 * 24.0) / (0.99 + 0.03);
+        assert!((codes[0] - expected).abs() < 1e-5, "{codes:?}");
+    }
+
+    #[test]
+    fn a_small_batch_fills_a_large_codebook_with_noisy_copies() {
+        let codes = averages(7).start(&[1.0, 2.0, 3.0]);
+        let distance = |(i, code): (usize, &f32)| (code - [1.0, 2.0, 3.0][i % 3]).abs();
+        assert!(codes.iter().enumerate().map(distance).all(|d| d > 0.0 && d < 0.1), "{codes:?}");
+        assert_ne!(codes[0], codes[3]);
+    }
+
+    #[test]
+    fn the_nearest_code_is_taken_and_embedded() {
+        let device = Device::flex();
+        let mut vq = Vq::new(3, 2, &mut ChaCha8Rng::seed_from_u64(0), &device);
+        vq.set_codebook(vec![0.0, 0.0, 1.0, 1.0, -1.0, 3.0]);
+        let latents = Tensor::<2>::from_data([[0.9, 0.8], [-0.2, 0.1], [-2.0, 2.0]], &device);
+        let ids = vq.ids(latents);
+        assert_eq!(ids, [1, 0, 2]);
+        let embedded = vq.embed(&ids).into_data().try_into_vec::<f32>().unwrap();
+        assert_eq!(embedded, [1.0, 1.0, 0.0, 0.0, -1.0, 3.0]);
+    }
+
+    #[test]
+    fn gradients_reach_the_latents_and_not_the_codebook() {
+        let device = Device::flex().autodiff();
+        let mut vq = Vq::new(2, 1, &mut ChaCha8Rng::seed_from_u64(0), &device);
+        let latents = params::constant([3, 1], 0.5, &device).val();
+        let quantized = vq.quantize(latents.clone());
+        let loss = quantized.quantized_nc.sum() + quantized.auxiliary_loss.unwrap();
+        let grads = loss.backward();
+        let grad = latents.grad(&grads).unwrap().into_data().try_into_vec::<f32>().unwrap();
+        assert!(grad.iter().all(|g| (g - 1.0).abs() < 1e-3), "{grad:?}");
+        assert!(vq.codebook.val().grad(&grads).is_none());
+    }
+}
