@@ -11,7 +11,8 @@ use std::time::Duration;
 use burn::tensor::{Device, DeviceKind, FloatDType};
 use corpus::{Clips, Corpus, small_run};
 use isoflop::data::{Procedural, ProceduralOptions};
-use isoflop::generator::autoregressive::{Checkpoints, train};
+use isoflop::generator::{self, Training};
+use isoflop::learn::Checkpoints;
 use isoflop::ops::check_products;
 use isoflop::plan::RunSpec;
 use isoflop::progress::Step;
@@ -41,7 +42,10 @@ fn losses(spec: &RunSpec, device: &Device) -> Vec<f64> {
         losses.push(loss);
         ControlFlow::Continue(())
     };
-    let trained = train(spec, &corpus.inputs(), device, &checkpoints, &mut note);
+    let trained = generator::train(
+        &Training { spec, inputs: &corpus.inputs(), device: device, checkpoints: &checkpoints },
+        &mut note,
+    );
     losses.push(trained.expect("an ordinary run").test.loss_nats);
     losses
 }

@@ -12,8 +12,9 @@ use rand_chacha::rand_core::SeedableRng;
 
 use corpus::{Clips, Corpus, small_run};
 use isoflop::data::{FRAMES_PER_TOKEN, Split};
-use isoflop::generator::autoregressive::{Checkpoints, split_loss, train};
-use isoflop::generator::autoregressive::{Model, Transformer};
+use isoflop::generator::autoregressive::{Model, Transformer, split_loss};
+use isoflop::generator::{self, Training};
+use isoflop::learn::Checkpoints;
 use isoflop::learn::params::{below, unit};
 use isoflop::learn::weights;
 use isoflop::ops::Kernels;
@@ -190,8 +191,16 @@ fn training_on_a_markov_chain_reaches_the_loss_of_the_chain() {
     let hour = Duration::from_secs(3600);
     let inputs = corpus.inputs();
     let checkpoints = Checkpoints { path: &checkpoint, every: hour, branch: None };
-    let trained =
-        train(&spec, &inputs, &Device::flex(), &checkpoints, &mut go_on).expect("an ordinary run");
+    let trained = generator::train(
+        &Training {
+            spec: &spec,
+            inputs: &inputs,
+            device: &Device::flex(),
+            checkpoints: &checkpoints,
+        },
+        &mut go_on,
+    )
+    .expect("an ordinary run");
     let found = trained.test.loss_normalised;
     eprintln!("L_u {found:.4}, the chain's own {expected:.4}, in {:.1} s", trained.wall_s);
     assert!(expected < -0.7, "the chain must say more than its unigrams: {expected}");

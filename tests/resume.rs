@@ -13,11 +13,10 @@ use rand_chacha::rand_core::SeedableRng;
 use tempfile::TempDir;
 
 use corpus::{Clips, Corpus, small_run};
-use isoflop::generator::autoregressive::{
-    Branch, Checkpoints, TrainError, Trained, train, train_trunk,
-};
+use isoflop::generator::{self, GeneratorError, Trained, Training};
 use isoflop::learn::params::below;
 use isoflop::learn::weights;
+use isoflop::learn::{Branch, Checkpoints, LearnError};
 use isoflop::plan::RunSpec;
 use isoflop::progress::{Progress, Step};
 
@@ -59,9 +58,17 @@ impl Bench {
         checkpoint: &Path,
         every: Duration,
         progress: &mut Progress,
-    ) -> Result<Trained, TrainError> {
+    ) -> Result<Trained, GeneratorError> {
         let checkpoints = Checkpoints { path: checkpoint, every, branch: None };
-        train(&self.spec, &self.corpus.inputs(), &Device::flex(), &checkpoints, progress)
+        generator::train(
+            &Training {
+                spec: &self.spec,
+                inputs: &self.corpus.inputs(),
+                device: &Device::flex(),
+                checkpoints: &checkpoints,
+            },
+            progress,
+        )
     }
 
     /// From the checkpoint, where there is one, to the end.
@@ -78,7 +85,9 @@ impl Bench {
             if step == stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let stopped = self.train(&self.checkpoint(), every, &mut progress);
-        assert!(matches!(stopped, Err(TrainError::Stopped { step, .. }) if step == stop));
+        assert!(
+            matches!(stopped, Err(GeneratorError::Learn(LearnError::Stopped { step, .. })) if step == stop)
+        );
         done
     }
 
@@ -92,7 +101,7 @@ impl Bench {
 
 /// The bits of every weight, by name.
 fn weight_bits(trained: &Trained) -> Vec<(String, Vec<u32>)> {
-    let weights = weights::on_host(&weights::of_module(&trained.model.weights)).into_iter();
+    let weights = weights::on_host(&trained.weights).into_iter();
     let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect();
     weights.map(|(name, tensor)| (name, bits(tensor.values))).collect()
 }
@@ -215,7 +224,17 @@ fn trunk(bench: &Bench, steps: usize, from: Option<Branch>) -> PathBuf {
     let checkpoints = Checkpoints { path: &own, every: NEVER, branch: from };
     let mut go_on = |_: Step| ControlFlow::Continue(());
     let inputs = bench.corpus.inputs();
-    train_trunk(&spec, &inputs, &Device::flex(), &checkpoints, &state, &mut go_on).unwrap();
+    generator::train_trunk(
+        &Training {
+            spec: &spec,
+            inputs: &inputs,
+            device: &Device::flex(),
+            checkpoints: &checkpoints,
+        },
+        &state,
+        &mut go_on,
+    )
+    .unwrap();
     state
 }
 
@@ -234,7 +253,16 @@ fn a_run_that_branches_off_a_trunk_ends_on_the_bits_of_one_trained_alone() {
         ControlFlow::Continue(())
     };
     let inputs = bench.corpus.inputs();
-    let branched = train(&bench.spec, &inputs, &Device::flex(), &checkpoints, &mut tell).unwrap();
+    let branched = generator::train(
+        &Training {
+            spec: &bench.spec,
+            inputs: &inputs,
+            device: &Device::flex(),
+            checkpoints: &checkpoints,
+        },
+        &mut tell,
+    )
+    .unwrap();
     assert_eq!(weight_bits(&branched), weight_bits(&alone));
     assert_eq!(branched.test.loss_nats.to_bits(), alone.test.loss_nats.to_bits());
     assert_eq!(branched.flops_exact, alone.flops_exact);
@@ -250,7 +278,15 @@ fn a_trunk_of_another_step_is_refused() {
     let checkpoints = Checkpoints { path: &own, every: NEVER, branch };
     let mut never = |_: Step| panic!("a step was done");
     let inputs = bench.corpus.inputs();
-    let refused = train(&bench.spec, &inputs, &Device::flex(), &checkpoints, &mut never);
+    let refused = generator::train(
+        &Training {
+            spec: &bench.spec,
+            inputs: &inputs,
+            device: &Device::flex(),
+            checkpoints: &checkpoints,
+        },
+        &mut never,
+    );
     let message = refused.err().expect("five steps are not nine").to_string();
     assert!(message.contains("of step 5, not 9"), "{message}");
 }

@@ -13,12 +13,11 @@ use rand_chacha::rand_core::SeedableRng;
 
 use burn::optim::GradientsParams;
 use corpus::{Clips, Corpus, small_run};
-use isoflop::generator::autoregressive::{Batch, Model, Transformer};
-use isoflop::generator::autoregressive::{
-    Checkpoints, TokenStream, TrainError, Trained, learning_rate, train,
-};
+use isoflop::generator::autoregressive::{TokenStream, learning_rate};
+use isoflop::generator::{self, GeneratorError, Trained, Training};
 use isoflop::learn::adamw::{AdamW, AdamWConfig};
 use isoflop::learn::weights;
+use isoflop::learn::{Checkpoints, LearnError};
 use isoflop::ops::Kernels;
 use isoflop::plan::RunSpec;
 use isoflop::progress::Step;
@@ -154,7 +153,7 @@ fn without_warm_up_the_rate_starts_at_its_peak() {
 }
 
 /// Trains over the numbered corpus; the steps that were reported come back too.
-fn outcome(change: impl FnOnce(&mut RunSpec)) -> (Result<Trained, TrainError>, Vec<usize>) {
+fn outcome(change: impl FnOnce(&mut RunSpec)) -> (Result<Trained, GeneratorError>, Vec<usize>) {
     let (corpus, folder) = (numbered_corpus(), tempfile::tempdir().expect("a temporary folder"));
     let mut spec = small_run(40);
     change(&mut spec);
@@ -166,11 +165,19 @@ fn outcome(change: impl FnOnce(&mut RunSpec)) -> (Result<Trained, TrainError>, V
     let (checkpoint, hour) = (folder.path().join("state"), Duration::from_secs(3600));
     let inputs = corpus.inputs();
     let checkpoints = Checkpoints { path: &checkpoint, every: hour, branch: None };
-    let result = train(&spec, &inputs, &Device::flex(), &checkpoints, &mut progress);
+    let result = generator::train(
+        &Training {
+            spec: &spec,
+            inputs: &inputs,
+            device: &Device::flex(),
+            checkpoints: &checkpoints,
+        },
+        &mut progress,
+    );
     (result, reported)
 }
 
-fn error(change: impl FnOnce(&mut RunSpec)) -> (TrainError, Vec<usize>) {
+fn error(change: impl FnOnce(&mut RunSpec)) -> (GeneratorError, Vec<usize>) {
     let (result, reported) = outcome(change);
     (result.err().expect("the run cannot end well"), reported)
 }
@@ -178,7 +185,9 @@ fn error(change: impl FnOnce(&mut RunSpec)) -> (TrainError, Vec<usize>) {
 #[test]
 fn a_rate_far_too_high_is_told_as_divergence_with_its_step() {
     let (error, reported) = error(|spec| spec.lr = 1e3);
-    let TrainError::Diverged { step, loss, .. } = error else { panic!("{error}") };
+    let GeneratorError::Learn(LearnError::Diverged { step, loss, .. }) = error else {
+        panic!("{error}")
+    };
     assert_eq!(reported, (1..step).collect::<Vec<_>>(), "the step before was the last good one");
     assert!(loss > 3.0 + 41f64.ln());
     let message = error.to_string();
@@ -189,7 +198,9 @@ fn a_rate_far_too_high_is_told_as_divergence_with_its_step() {
 #[test]
 fn a_loss_that_is_no_number_is_told_with_its_step() {
     let (error, reported) = error(|spec| spec.lr = 1e39);
-    let TrainError::NonFinite { step, loss, .. } = error else { panic!("{error}") };
+    let GeneratorError::Learn(LearnError::NonFinite { step, loss, .. }) = error else {
+        panic!("{error}")
+    };
     assert!(!loss.is_finite());
     assert_eq!(reported, (1..step).collect::<Vec<_>>());
     let message = error.to_string();
@@ -202,7 +213,10 @@ fn an_update_that_spoils_the_last_step_is_no_result() {
         let (error, _) = error(|spec| {
             *spec = RunSpec { steps: 1, warmup_steps: 0, lr: 1e39, evaluations, ..spec.clone() };
         });
-        assert!(matches!(error, TrainError::NonFinite { step: 1, steps: 1, .. }), "{error}");
+        assert!(
+            matches!(error, GeneratorError::Learn(LearnError::NonFinite { step: 1, steps: 1, .. })),
+            "{error}"
+        );
     }
 }
 
@@ -300,7 +314,15 @@ fn a_precision_that_a_device_lacks_is_named() {
     let mut never = |_: Step| panic!("a step was done");
     #[allow(deprecated, reason = "the only device of every build that lacks one")]
     let device = Device::ndarray();
-    let refused = train(&spec, &corpus.inputs(), &device, &checkpoints, &mut never);
+    let refused = generator::train(
+        &Training {
+            spec: &spec,
+            inputs: &corpus.inputs(),
+            device: &device,
+            checkpoints: &checkpoints,
+        },
+        &mut never,
+    );
     let error = refused.err().expect("ndarray has no bf16").to_string();
     assert_eq!(error, "the device does not compute in bf16: set train.precision to f16 or f32");
 }

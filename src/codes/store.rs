@@ -154,7 +154,7 @@ impl StoredSplit {
 mod tests {
     use super::*;
 
-    fn store(n_vocab: usize, train: &[&[u32]]) -> Result<TokenStore, TokenizerError> {
+    fn store(n_vocab: usize, train: &[&[u32]]) -> Result<TokenStore, FileError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("tokens.safetensors");
         let splits = [SplitTokens::new(train), SplitTokens::new(&[]), SplitTokens::new(&[&[2]])];

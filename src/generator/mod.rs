@@ -69,3 +69,23 @@ pub trait Probe {
 pub fn of(_: &RunSpec) -> &'static dyn Generator {
     &autoregressive::Kind
 }
+
+/// [`Generator::train`] of the generator of a run.
+///
+/// # Errors
+/// As there.
+pub fn train(training: &Training, progress: &mut Progress) -> Result<Trained, GeneratorError> {
+    of(training.spec).train(training, progress)
+}
+
+/// [`Generator::train_trunk`] of the generator of a run.
+///
+/// # Errors
+/// As there.
+pub fn train_trunk(
+    training: &Training,
+    state: &Path,
+    progress: &mut Progress,
+) -> Result<(), GeneratorError> {
+    of(training.spec).train_trunk(training, state, progress)
+}

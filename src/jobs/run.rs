@@ -111,7 +111,7 @@ impl Kind for Run {
         let opened = Opened::new(assignment, &spec, trunk)?;
         let place = assignment.place();
         let mut beats = beats(&place, assignment.stop);
-        let trained = opened.train(|training| generator::of(&spec).train(training, &mut beats))?;
+        let trained = opened.train(|training| generator::train(training, &mut beats))?;
         let Some(trained) = trained else { return Ok(Outcome::Stopped) };
         write_results(assignment, &spec, &opened, &trained)?;
         Ok(Outcome::Done)

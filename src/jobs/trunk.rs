@@ -91,8 +91,8 @@ impl Kind for Trunk {
         let state = assignment.product();
         let place = assignment.place();
         let mut beats = beats(&place, assignment.stop);
-        let trained = opened
-            .train(|training| generator::of(&spec).train_trunk(training, &state, &mut beats))?;
+        let trained =
+            opened.train(|training| generator::train_trunk(training, &state, &mut beats))?;
         if trained.is_none() {
             return Ok(Outcome::Stopped);
         }

@@ -124,6 +124,8 @@ pub fn work(assignment: &Assignment) -> Result<Outcome> {
 
 #[cfg(test)]
 mod tests {
+    use std::io;
+
     use super::*;
     use crate::learn::LearnError;
 

@@ -2,8 +2,8 @@
 
 use crate::data::{DataFacts, FRAMES_PER_TOKEN};
 use crate::motion::N_FEATURES;
-use crate::spec::TokenizerSpec;
 use crate::spec::TextSpec;
+use crate::spec::TokenizerSpec;
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
 const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;

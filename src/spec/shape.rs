@@ -75,28 +75,3 @@ impl ModelShape {
         matrices * self.d_model * self.d_ff
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// ScaMo's Table 1 by the arithmetic of its released code: blocks and the final norm.
-    #[test]
-    fn scamo_models_have_their_true_parameter_counts() {
-        let text = TextSpec { dim: 2048, max_tokens: 150, ..TextSpec::default() };
-        let counts = presets::models("scamo").unwrap().into_iter().map(|entry| {
-            ModelShape::new(&entry, &ModelSpec::default(), &text).params(15360).nonvocab
-        });
-        let expected =
-            [27_271_680, 84_953_856, 308_331_520, 731_475_200, 1_359_103_488, 2_988_598_400];
-        assert_eq!(counts.collect::<Vec<_>>(), expected);
-    }
-
-    #[test]
-    fn feed_forward_widths_follow_the_multiple() {
-        let model = |ffn_multiple| ModelSpec { ffn_multiple, ..ModelSpec::default() };
-        let widths = [512, 768, 1024, 1280, 1536, 3200].map(|d| d_ff(d, &model(256)));
-        assert_eq!(widths, [1536, 2048, 2816, 3584, 4096, 8704]);
-        assert_eq!(d_ff(32, &model(8)), 88);
-    }
-}

@@ -45,3 +45,49 @@ fn d_ff(d_model: usize, model: &ModelSpec) -> usize {
     };
     width.next_multiple_of(model.ffn_multiple)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::flops::openai_per_token;
+
+    /// ScaMo's Table 1 by the arithmetic of its released code: blocks and the final norm.
+    #[test]
+    fn scamo_models_have_their_true_parameter_counts() {
+        let text = TextSpec { dim: 2048, max_tokens: 150, ..TextSpec::default() };
+        let counts = presets::models("scamo")
+            .unwrap()
+            .into_iter()
+            .map(|entry| shape(&entry, &ModelSpec::default(), &text).params(15360).nonvocab);
+        let expected =
+            [27_271_680, 84_953_856, 308_331_520, 731_475_200, 1_359_103_488, 2_988_598_400];
+        assert_eq!(counts.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn feed_forward_widths_follow_the_multiple() {
+        let model = |ffn_multiple| ModelSpec { ffn_multiple, ..ModelSpec::default() };
+        let widths = [512, 768, 1024, 1280, 1536, 3200].map(|d| d_ff(d, &model(256)));
+        assert_eq!(widths, [1536, 2048, 2816, 3584, 4096, 8704]);
+        assert_eq!(d_ff(32, &model(8)), 88);
+    }
+
+    /// The integers follow from Code 1 at n_ctx = 201, for V = 240, 1000, 64000.
+    #[test]
+    fn openai_counts_of_the_scamo_grid() {
+        let expected = [
+            [52226048, 53004288, 117516288],
+            [173945856, 175113216, 271881216],
+            [614354944, 615911424, 744935424],
+            [1434721280, 1436666880, 1597946880],
+            [2748291072, 2750625792, 2944161792],
+            [5930662400, 5935526400, 6338726400],
+        ];
+        let text = TextSpec { max_tokens: 150, ..TextSpec::default() };
+        let found = presets::models("scamo").unwrap().into_iter().map(|entry| {
+            let shape = shape(&entry, &ModelSpec::default(), &text);
+            [240, 1000, 64000].map(|n_vocab| openai_per_token(&shape, n_vocab))
+        });
+        assert_eq!(found.collect::<Vec<_>>(), expected);
+    }
+}

@@ -2,7 +2,7 @@
 
 use isoflop::codes::{SplitTokens, TokenStore, write_store};
 use isoflop::data::{DataError, FRAMES_PER_TOKEN, FeatureStats, MotionSource, Split};
-use isoflop::generator::autoregressive::Inputs;
+use isoflop::generator::Inputs;
 use isoflop::plan::RunSpec;
 use isoflop::spec::ModelShape;
 use isoflop::spec::{Ffn, Precision};

@@ -50,11 +50,6 @@ impl SlurmFolder {
         Self(folder.file("slurm"))
     }
 
-    /// The folder itself.
-    pub fn root(&self) -> &Path {
-        &self.0
-    }
-
     /// The folder of a submission.
     pub fn generation(&self, generation: Generation) -> PathBuf {
         self.0.join("gen").join(generation.to_string())

@@ -198,6 +198,11 @@ impl Arrays<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::jobs::JobKind;
+
+    fn kind(word: &str) -> JobKind {
+        word.parse().expect("a kind of job")
+    }
 
     fn job(kind: JobKind, id: &str, seconds: f64, needs: &[(JobKind, &str)]) -> Job {
         Job {
@@ -211,12 +216,12 @@ mod tests {
 
     /// Two tokenizers, the captions, and `runs` runs of ten seconds for each tokenizer.
     fn sweep(runs: usize) -> Vec<Job> {
-        let (text, tokens) = ((JobKind::Text, "text"), |t| (JobKind::Tokens, t));
-        let mut jobs = vec![job(JobKind::Text, "text", 1.0, &[])];
+        let (text, tokens) = ((kind("text"), "text"), |t| (kind("tokens"), t));
+        let mut jobs = vec![job(kind("text"), "text", 1.0, &[])];
         for t in ["a", "b"] {
-            jobs.push(job(JobKind::Tokenizer, t, 9.0, &[]));
-            jobs.push(job(JobKind::Tokens, t, 2.0, &[(JobKind::Tokenizer, t)]));
-            let run = |i| job(JobKind::Run, &format!("{t}{i}"), 10.0, &[text, tokens(t)]);
+            jobs.push(job(kind("tokenizer"), t, 9.0, &[]));
+            jobs.push(job(kind("tokens"), t, 2.0, &[(kind("tokenizer"), t)]));
+            let run = |i| job(kind("run"), &format!("{t}{i}"), 10.0, &[text, tokens(t)]);
             jobs.extend((0..runs).map(run));
         }
         jobs
@@ -274,11 +279,11 @@ mod tests {
 
     #[test]
     fn trunks_stay_with_all_that_branches_off_them() {
-        let trunk = |id, of: &[(JobKind, &str)]| job(JobKind::Trunk, id, 30.0, of);
-        let run = |id, trunk| job(JobKind::Run, id, 30.0, &[(JobKind::Trunk, trunk)]);
+        let trunk = |id, of: &[(JobKind, &str)]| job(kind("trunk"), id, 30.0, of);
+        let run = |id, trunk| job(kind("run"), id, 30.0, &[(kind("trunk"), trunk)]);
         let jobs = [
             trunk("a1", &[]),
-            trunk("a2", &[(JobKind::Trunk, "a1")]),
+            trunk("a2", &[(kind("trunk"), "a1")]),
             trunk("b1", &[]),
             run("x", "a1"),
             run("y", "b1"),
@@ -293,9 +298,9 @@ mod tests {
     #[test]
     fn what_is_in_the_queue_is_waited_for_and_not_submitted_again() {
         let queued = [
-            (JobId::new(JobKind::Tokenizer, "a"), "7_1"),
-            (JobId::new(JobKind::Tokens, "a"), "7_1"),
-            (JobId::new(JobKind::Text, "text"), "7_0"),
+            (JobId::new(kind("tokenizer"), "a"), "7_1"),
+            (JobId::new(kind("tokens"), "a"), "7_1"),
+            (JobId::new(kind("text"), "text"), "7_0"),
         ];
         let arrays = lay_out(&sweep(1), "{}", &queued, 1001);
         let names: Vec<&str> = arrays.iter().map(|array| array.name.as_str()).collect();

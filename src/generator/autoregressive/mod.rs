@@ -22,7 +22,7 @@ pub use transformer::{Model, Transformer, end_token};
 
 use super::{Generator, GeneratorError, Probe, Trained, Training};
 use crate::data::Split;
-use crate::learn::{Learning, weights};
+use crate::learn::{LearnError, Learning, weights};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
 use crate::spec::flops::TRAINING_PER_FORWARD;
@@ -36,7 +36,16 @@ impl Generator for Kind {
         training: &Training,
         progress: &mut Progress,
     ) -> Result<Trained, GeneratorError> {
-        train(training, progress).map(|(_, trained)| trained)
+        let learning = learn(training, progress)?;
+        let learner = learning.learner();
+        let model = learner.frozen();
+        Ok(Trained {
+            weights: weights::of_module(&model.weights),
+            test: learner.measure(&model, Split::Test, training.spec.steps)?,
+            log: learner.log().to_vec(),
+            flops_exact: TRAINING_PER_FORWARD * learner.forward_flops(),
+            wall_s: learning.wall_s(),
+        })
     }
 
     fn train_trunk(
@@ -46,34 +55,12 @@ impl Generator for Kind {
         progress: &mut Progress,
     ) -> Result<(), GeneratorError> {
         let learning = learn(training, progress)?;
-        Ok(learning.save(state).map_err(crate::learn::LearnError::from)?)
+        Ok(learning.save(state).map_err(LearnError::from)?)
     }
 
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
         Box::new(probe::Probed::new(spec, device))
     }
-}
-
-/// Trains a run to its end, from its checkpoint where there is one; its model without gradients.
-///
-/// # Errors
-/// Codes or device do not suit the run; learning diverged or was stopped.
-pub fn train(
-    training: &Training,
-    progress: &mut Progress,
-) -> Result<(Model, Trained), GeneratorError> {
-    let learning = learn(training, progress)?;
-    let learner = learning.learner();
-    let model = learner.frozen();
-    let test = learner.measure(&model, Split::Test, training.spec.steps)?;
-    let trained = Trained {
-        weights: weights::of_module(&model.weights),
-        test,
-        log: learner.log().to_vec(),
-        flops_exact: TRAINING_PER_FORWARD * learner.forward_flops(),
-        wall_s: learning.wall_s(),
-    };
-    Ok((model, trained))
 }
 
 fn learn<'a>(
@@ -85,7 +72,7 @@ fn learn<'a>(
     fitness::check_precision(spec.precision, device)?;
     let learner = Autoregressive::new(spec, inputs, device);
     let learning = Learning::new(learner, &learner::course(spec));
-    let mut learning = learning.resumed(checkpoints).map_err(crate::learn::LearnError::from)?;
+    let mut learning = learning.resumed(checkpoints).map_err(LearnError::from)?;
     learning.go_on(Some(checkpoints), progress)?;
     Ok(learning)
 }

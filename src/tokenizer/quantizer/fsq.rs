@@ -148,18 +148,18 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let mut fsq = fsq(&[8, 5, 5, 5], &device.clone().autodiff());
         let autodiff = device.autodiff();
-        let latents = crate::learn::params::normal([50, 6], 3.0, &mut rng, &autodiff).val();
-        let trained = fsq.quantize(latents.clone()).quantized_nc.inner().into_data();
+        let latents = crate::learn::params::normal([2, 25, 6], 3.0, &mut rng, &autodiff).val();
+        let trained = fsq.quantize(latents.clone()).quantized_btc.inner().into_data();
         let plain = fsq.valid();
-        assert_eq!(plain.embed(&plain.ids(latents.inner())).into_data(), trained);
+        assert_eq!(plain.embed(&plain.ids(latents.inner()), 2).into_data(), trained);
     }
 
     #[test]
     fn gradients_pass_straight_through_the_rounding() {
         let device = Device::flex().autodiff();
         let fsq_module = fsq(&[8, 6, 5], &device);
-        let latents = crate::learn::params::constant([4, 6], 0.2, &device).val();
-        let quantized = fsq_module.clone().quantize(latents.clone()).quantized_nc;
+        let latents = crate::learn::params::constant([1, 4, 6], 0.2, &device).val();
+        let quantized = fsq_module.clone().quantize(latents.clone()).quantized_btc;
         let grad = latents.grad(&quantized.sum().backward()).unwrap();
         assert!(grad.abs().max().into_scalar::<f32>() > 0.0);
     }

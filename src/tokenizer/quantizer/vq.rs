@@ -229,10 +229,10 @@ mod tests {
         let device = Device::flex();
         let mut vq = Vq::new(3, 2, &mut ChaCha8Rng::seed_from_u64(0), &device);
         vq.set_codebook(vec![0.0, 0.0, 1.0, 1.0, -1.0, 3.0]);
-        let latents = Tensor::<2>::from_data([[0.9, 0.8], [-0.2, 0.1], [-2.0, 2.0]], &device);
+        let latents = Tensor::<3>::from_data([[[0.9, 0.8], [-0.2, 0.1], [-2.0, 2.0]]], &device);
         let ids = vq.ids(latents);
         assert_eq!(ids, [1, 0, 2]);
-        let embedded = vq.embed(&ids).into_data().try_into_vec::<f32>().unwrap();
+        let embedded = vq.embed(&ids, 1).into_data().try_into_vec::<f32>().unwrap();
         assert_eq!(embedded, [1.0, 1.0, 0.0, 0.0, -1.0, 3.0]);
     }
 
@@ -240,9 +240,9 @@ mod tests {
     fn gradients_reach_the_latents_and_not_the_codebook() {
         let device = Device::flex().autodiff();
         let mut vq = Vq::new(2, 1, &mut ChaCha8Rng::seed_from_u64(0), &device);
-        let latents = params::constant([3, 1], 0.5, &device).val();
+        let latents = params::constant([1, 3, 1], 0.5, &device).val();
         let quantized = vq.quantize(latents.clone());
-        let loss = quantized.quantized_nc.sum() + quantized.auxiliary_loss.unwrap();
+        let loss = quantized.quantized_btc.sum() + quantized.auxiliary_loss.unwrap();
         let grads = loss.backward();
         let grad = latents.grad(&grads).unwrap().into_data().try_into_vec::<f32>().unwrap();
         assert!(grad.iter().all(|g| (g - 1.0).abs() < 1e-3), "{grad:?}");

@@ -1,6 +1,11 @@
 //! Order, retries, memory and stops of a pool, by a runner that only pretends.
 
 use super::*;
+
+fn kind(word: &str) -> JobKind {
+    word.parse().expect("a kind of job")
+}
+
 use crate::failure::FailureKind;
 use crate::jobs::JobKind;
 use crate::progress::Beat;
@@ -29,7 +34,7 @@ impl Runner for Mock {
 
 fn job(id: &str, label: &str, needs: &[&str]) -> Job {
     let needs = needs.iter().map(|id| JobId::run(*id)).collect();
-    Job { id: JobId::new(JobKind::Run, id), label: label.into(), cost: 1.0, peak_bytes: 0, needs }
+    Job { id: JobId::new(kind("run"), id), label: label.into(), cost: 1.0, peak_bytes: 0, needs }
 }
 
 fn pool<'a>(
