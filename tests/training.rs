@@ -13,7 +13,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use burn::optim::GradientsParams;
 use corpus::{Clips, Corpus, small_run};
-use isoflop::generator::autoregressive::{TokenStream, learning_rate};
+use isoflop::generator::autoregressive::{Batch, Model, TokenStream, Transformer, learning_rate};
 use isoflop::generator::{self, GeneratorError, Trained, Training};
 use isoflop::learn::adamw::{AdamW, AdamWConfig};
 use isoflop::learn::weights;
