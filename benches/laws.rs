@@ -14,7 +14,8 @@ use isoflop::laws::{
     ParametricOptions, Space, Starts, approach1, fit, fit_parametric,
 };
 use isoflop::record::{RunRecord, table as runs};
-use isoflop::sweep::{self, FlopsRule, HoldOutSpec};
+use isoflop::spec::FlopsRule;
+use isoflop::sweep::{self, HoldOutSpec};
 use isoflop::table::{self, Request};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

@@ -16,8 +16,8 @@ use isoflop::learn::Checkpoints;
 use isoflop::ops::check_products;
 use isoflop::plan::RunSpec;
 use isoflop::progress::Step;
-use isoflop::spec::TokenizerSpec;
 use isoflop::spec::{Ffn, Precision};
+use isoflop::spec::{QuantizerSpec, TokenizerSection};
 use isoflop::tokenizer;
 
 fn gpu() -> Device {
@@ -66,7 +66,7 @@ fn products_are_right() {
 fn models_train_as_on_the_processor() {
     for ffn in [Ffn::SwiGlu, Ffn::Gelu] {
         let mut spec = small_run(40);
-        spec.model.ffn = ffn;
+        spec.generator.shape_mut().ffn = ffn;
         let off = furthest(&losses(&spec, &gpu()), &losses(&spec, &Device::flex()));
         assert!(off < 1e-5, "{ffn:?}: off by {off:.1e}");
     }
@@ -92,8 +92,15 @@ fn models_train_in_half_precision_where_the_device_has_it() {
 fn tokenizers_train_as_on_the_processor() {
     let options = ProceduralOptions { seed: 5, train_clips: 8, val_clips: 2, test_clips: 2 };
     let source = Procedural::new(options);
-    let spec =
-        TokenizerSpec { width: 8, depth: 1, steps: 8, batch: 4, window: 40, ..Default::default() };
+    let spec = TokenizerSection {
+        width: 8,
+        depth: 1,
+        steps: 8,
+        batch: 4,
+        window: 40,
+        ..Default::default()
+    }
+    .spec(QuantizerSpec::default());
     let losses = |device: &Device| {
         let mut losses = Vec::new();
         let mut note = |Step { loss, .. }: Step| {

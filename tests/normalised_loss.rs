@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use corpus::{Clips, Corpus, small_run};
-use isoflop::data::{FRAMES_PER_TOKEN, Split};
+use isoflop::data::{Split, UNIT_FRAMES};
 use isoflop::generator::autoregressive::{Model, Transformer, split_loss};
 use isoflop::generator::{self, Training};
 use isoflop::learn::Checkpoints;
@@ -20,7 +20,7 @@ use isoflop::learn::weights;
 use isoflop::ops::Kernels;
 use isoflop::plan::RunSpec;
 use isoflop::progress::Step;
-use isoflop::spec::ModelShape;
+use isoflop::spec::{GeneratorSpec, ModelShape};
 
 /// An index drawn with these probabilities.
 fn draw(probs: &[f64], rng: &mut ChaCha8Rng) -> u32 {
@@ -56,7 +56,7 @@ fn zipf_corpus() -> Corpus {
 /// A model whose logits are `log_probs` whatever it reads: the blocks add nothing to a stream of
 /// ones, the last gain undoes the ε of the norm, and the head reads one feature.
 fn constant_model(log_probs: &[f64], kernels: Kernels) -> Model {
-    let (shape, device) = (small_run(ZIPF_VOCAB).model, Device::flex());
+    let (shape, device) = (small_run(ZIPF_VOCAB).shape().clone(), Device::flex());
     let drawn = Transformer::init(&shape, ZIPF_VOCAB, &mut ChaCha8Rng::seed_from_u64(0), &device);
     let mut weights = weights::on_host(&weights::of_module(&drawn));
     for (name, tensor) in &mut weights {
@@ -82,7 +82,7 @@ fn a_unigram_model_scores_zero() {
         "smoothing must matter"
     );
     for kernels in [Kernels::Own, Kernels::Plain] {
-        let model = constant_model(&tokens.unigram_log_probs(), kernels);
+        let model = constant_model(&tokens.unigram_log_probs(0), kernels);
         let loss = split_loss(&model, tokens, text, Split::Test);
         assert!(loss.targets > 2 * 2048, "{} targets must take several passes", loss.targets);
         assert!(loss.loss_normalised.abs() < 1e-6, "{kernels:?}: {}", loss.loss_normalised);
@@ -96,7 +96,7 @@ fn a_model_that_knows_nothing_scores_the_logarithm_of_the_vocabulary() {
     let loss = split_loss(&model, tokens, text, Split::Test);
     let (targets, codes) = (tokens.n_tokens(Split::Test) + 300, tokens.n_tokens(Split::Test));
     let nats = 51f64.ln();
-    let nats_per_frame = nats * targets as f64 / (FRAMES_PER_TOKEN * codes) as f64;
+    let nats_per_frame = nats * targets as f64 / (UNIT_FRAMES * codes) as f64;
     assert_eq!(loss.targets, targets);
     assert!((loss.loss_nats - nats).abs() < 1e-6, "{loss:?}");
     assert!((loss.nats_per_frame - nats_per_frame).abs() < 1e-6, "{loss:?}");
@@ -161,10 +161,16 @@ impl Chain {
 /// A run that sees each of its 500 thousand targets at most once.
 fn chain_run() -> RunSpec {
     let base = small_run(CHAIN_VOCAB);
-    let model =
-        ModelShape { n_layer: 1, n_head: 4, d_model: 32, d_ff: 64, n_ctx: 300, ..base.model };
+    let model = ModelShape {
+        n_layer: 1,
+        n_head: 4,
+        d_model: 32,
+        d_ff: 64,
+        n_ctx: 300,
+        ..base.shape().clone()
+    };
     RunSpec {
-        model,
+        generator: GeneratorSpec::Autoregressive(model),
         batch_tokens: 512,
         steps: 1000,
         lr: 1e-2,

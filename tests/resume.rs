@@ -204,7 +204,7 @@ fn a_checkpoint_that_is_cut_short_is_named() {
 fn a_checkpoint_of_another_model_is_named_with_what_differs() {
     let mut bench = Bench::new();
     bench.until(4, NEVER);
-    bench.spec.model.d_ff += 8;
+    bench.spec.generator.shape_mut().d_ff += 8;
     let message = bench.refused();
     assert!(message.contains("state.safetensors"), "{message}");
     assert!(message.contains("blocks.0.up") && message.contains("[16, 64]"), "{message}");

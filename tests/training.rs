@@ -233,18 +233,18 @@ fn steps_without_a_code_among_their_inputs_train() {
 #[test]
 fn a_clip_beyond_the_context_is_named_before_the_first_step() {
     // Clip 4 is the longest: 11 codes after a caption of its number and the end, 2 vectors.
-    let (error, reported) = error(|spec| spec.model.n_ctx = 12);
+    let (error, reported) = error(|spec| spec.generator.shape_mut().n_ctx = 12);
     assert!(reported.is_empty());
     let message = error.to_string();
     assert!(message.contains("clip 4 of the train split takes 13 positions"), "{message}");
     assert!(message.contains("raise model.motion_slots by 1"), "{message}");
-    let (fits, _) = outcome(|spec| spec.model.n_ctx = 13);
+    let (fits, _) = outcome(|spec| spec.generator.shape_mut().n_ctx = 13);
     assert!(fits.is_ok());
 }
 
 #[test]
 fn tokens_of_another_codebook_are_refused() {
-    let (error, _) = error(|spec| spec.n_vocab = 41);
+    let (error, _) = error(|spec| spec.codes.scales[0].n_vocab = 41);
     let message = error.to_string();
     assert!(message.contains("40 codes") && message.contains("wants 41"), "{message}");
 }
@@ -275,7 +275,7 @@ fn losses(corpus: &Corpus, shape: &ModelShape, kernels: Kernels, steps: usize) -
 fn own_kernels_train_as_their_plain_twins_do() {
     let corpus = numbered_corpus();
     for (ffn, tie_embeddings) in [(Ffn::SwiGlu, false), (Ffn::SwiGlu, true), (Ffn::Gelu, false)] {
-        let shape = ModelShape { ffn, tie_embeddings, ..small_run(9).model };
+        let shape = ModelShape { ffn, tie_embeddings, ..small_run(9).shape().clone() };
         let [own, plain] =
             [Kernels::Own, Kernels::Plain].map(|kernels| losses(&corpus, &shape, kernels, 20));
         assert!(own[19] < own[0] - 0.1, "{ffn:?}: learns, {own:?}");
@@ -333,7 +333,7 @@ fn a_power_of_two_on_the_loss_changes_no_bit() {
     let weights = |scale: f64| {
         let device = Device::flex().autodiff();
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let mut model = Model::init(&small_run(40).model, 40, &mut rng, &device);
+        let mut model = Model::init(small_run(40).shape(), 40, &mut rng, &device);
         let mut stream = TokenStream::new(&corpus.tokens, &corpus.text, 9);
         let config = AdamWConfig {
             beta_1: 0.9,

@@ -5,3 +5,5 @@ mod store;
 
 pub use histogram::CodeHistogram;
 pub use store::{SplitTokens, TokenStore, write_store};
+
+pub use crate::spec::{Grid, Length, Scale};

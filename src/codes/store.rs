@@ -1,55 +1,64 @@
 //! [`TokenStore`]: the codes of a data set in one memory-mapped file that many processes share.
 //!
-//! The file is safetensors: for each split `<split>.codes` (u32, clip after clip) and
-//! `<split>.offsets` (u64, where each clip starts, and the end), with `n_vocab` in its metadata.
+//! The file is safetensors: for each split `<split>.codes` (u32, clip after clip, those of a clip
+//! scale after scale), `<split>.offsets` (u64, where each clip starts, and the end) and
+//! `<split>.frames` (u64, the frames of each clip that its codes stand for), with the [`Grid`] as
+//! JSON in its metadata.
 
 use std::collections::HashMap;
 use std::path::Path;
 
-use crate::codes::CodeHistogram;
+use super::Grid;
+use super::histogram::CodeHistogram;
 use crate::data::Split;
 use crate::files::FileError;
 use crate::files::columns::{self, Column, MappedFile, NewColumn};
 
 /// The codes of one split.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SplitTokens {
     codes: Vec<u32>,
     /// `[n_clips + 1]`.
     offsets: Vec<u64>,
+    /// `[n_clips]`.
+    frames: Vec<u64>,
 }
 
 impl SplitTokens {
-    /// Joins clips, which keep their order.
-    pub fn new(clips: &[&[u32]]) -> Self {
-        let mut offsets = vec![0];
-        offsets.extend(clips.iter().scan(0, |end, clip| {
-            *end += clip.len() as u64;
-            Some(*end)
-        }));
-        Self { codes: clips.concat(), offsets }
+    /// Joins clips, each with the frames that its codes stand for; they keep their order.
+    pub fn new<'a>(clips: impl IntoIterator<Item = (&'a [u32], usize)>) -> Self {
+        let mut split = Self { offsets: vec![0], ..Self::default() };
+        for (codes, frames) in clips {
+            split.codes.extend(codes);
+            split.offsets.push(split.codes.len() as u64);
+            split.frames.push(frames as u64);
+        }
+        split
     }
 }
 
 /// Writes the three splits, in [`Split::ALL`]'s order, whole, by rename.
-pub fn write_store(path: &Path, n_vocab: usize, splits: &[SplitTokens]) -> Result<(), FileError> {
-    let all: Vec<NewColumn> = Split::ALL
-        .iter()
-        .zip(splits)
-        .flat_map(|(split, tokens)| {
-            [
-                NewColumn::new(name(*split, CODES), &tokens.codes),
-                NewColumn::new(name(*split, OFFSETS), &tokens.offsets),
-            ]
-        })
-        .collect();
-    let notes = HashMap::from([(N_VOCAB.to_string(), n_vocab.to_string())]);
-    columns::write(path, &all, notes)
+///
+/// # Errors
+/// [`FileError::Write`].
+pub fn write_store(path: &Path, codes: &Grid, splits: &[SplitTokens]) -> Result<(), FileError> {
+    let all: Vec<NewColumn> = Split::ALL.iter().zip(splits).flat_map(columns_of).collect();
+    let grid = serde_json::to_string(codes).expect("plain values");
+    columns::write(path, &all, HashMap::from([(GRID.to_string(), grid)]))
+}
+
+fn columns_of<'a>((split, tokens): (&Split, &'a SplitTokens)) -> [NewColumn<'a>; 3] {
+    [
+        NewColumn::new(name(*split, CODES), &tokens.codes),
+        NewColumn::new(name(*split, OFFSETS), &tokens.offsets),
+        NewColumn::new(name(*split, FRAMES), &tokens.frames),
+    ]
 }
 
 const CODES: &str = "codes";
 const OFFSETS: &str = "offsets";
-const N_VOCAB: &str = "n_vocab";
+const FRAMES: &str = "frames";
+const GRID: &str = "grid";
 
 fn name(split: Split, part: &str) -> String {
     format!("{}.{part}", split.name())
@@ -58,7 +67,7 @@ fn name(split: Split, part: &str) -> String {
 /// A tokenised data set, opened for reading.
 #[derive(Debug)]
 pub struct TokenStore {
-    n_vocab: usize,
+    grid: Grid,
     /// In [`Split::ALL`]'s order.
     splits: [StoredSplit; 3],
 }
@@ -67,6 +76,7 @@ pub struct TokenStore {
 struct StoredSplit {
     codes: Column<u32>,
     offsets: Column<u64>,
+    frames: Column<u64>,
 }
 
 impl TokenStore {
@@ -76,14 +86,30 @@ impl TokenStore {
     /// [`FileError::Read`] and [`FileError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let file = MappedFile::open(path)?;
-        let n_vocab = file.number(N_VOCAB)?;
-        let [train, val, test] = Split::ALL.map(|split| StoredSplit::read(&file, split, n_vocab));
-        Ok(Self { n_vocab, splits: [train?, val?, test?] })
+        let grid = file.note(GRID).and_then(|text| serde_json::from_str(text).ok());
+        let grid: Grid = grid.ok_or_else(|| file.damaged("the grid of its codes is missing"))?;
+        let [train, val, test] = Split::ALL.map(|split| StoredSplit::read(&file, split, &grid));
+        Ok(Self { splits: [train?, val?, test?], grid })
+    }
+
+    /// The grid of the codes.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
     }
 
     /// Codes (V).
     pub fn n_vocab(&self) -> usize {
-        self.n_vocab
+        self.grid.n_vocab()
+    }
+
+    /// What a generator predicts of a split: its codes, and an end token a clip where they have one.
+    pub fn n_targets(&self, split: Split) -> usize {
+        self.n_tokens(split) + usize::from(self.grid.end_token) * self.n_clips(split)
+    }
+
+    /// The frames of a split that its codes stand for.
+    pub fn n_frames(&self, split: Split) -> usize {
+        self.split(split).frames.values().iter().sum::<u64>() as usize
     }
 
     /// Clips of a split.
@@ -107,16 +133,28 @@ impl TokenStore {
         self.split(split).codes.values()
     }
 
-    /// ln p_uni of each code and, last, of the end token, `[V + 1]`, in nats.
+    /// The codes of a scale in a clip.
+    pub fn scale(&self, split: Split, index: usize, scale: usize) -> &[u32] {
+        let frames = self.split(split).frames.values()[index] as usize;
+        let mut lengths = self.grid.lengths(frames);
+        let from: usize = lengths.by_ref().take(scale).sum();
+        &self.clip(split, index)[from..from + lengths.next().unwrap_or(0)]
+    }
+
+    /// ln p_uni of each code of a scale and, last, of the end token, `[V + 1]`, in nats.
     ///
     /// p_uni(k) = (count(k) + 1) / (total + V + 1) over the training split with one end token a
     /// clip: the denominator of the normalised loss (ScaMo §4.4), smoothed because at a large V
     /// some codes of the test split are new.
-    pub fn unigram_log_probs(&self) -> Vec<f64> {
-        let n_clips = self.n_clips(Split::Train) as u64;
-        let counts = CodeHistogram::new(self.n_vocab, self.codes(Split::Train));
-        let total = (self.n_tokens(Split::Train) as u64 + n_clips + self.n_vocab as u64 + 1) as f64;
-        let counts = counts.counts().iter().chain([&n_clips]);
+    pub fn unigram_log_probs(&self, scale: usize) -> Vec<f64> {
+        let n_clips = self.n_clips(Split::Train);
+        let n_vocab = self.grid.scales[scale].n_vocab;
+        let clips = (0..n_clips).flat_map(|clip| self.scale(Split::Train, clip, scale));
+        let counts = CodeHistogram::new(n_vocab, clips);
+        let codes: u64 = counts.counts().iter().sum();
+        let ends = if self.grid.end_token { n_clips as u64 } else { 0 };
+        let total = (codes + ends + n_vocab as u64 + 1) as f64;
+        let counts = counts.counts().iter().chain([&ends]);
         counts.map(|&count| ((count + 1) as f64 / total).ln()).collect()
     }
 
@@ -130,23 +168,40 @@ impl TokenStore {
 }
 
 impl StoredSplit {
-    /// Both columns of a split, checked.
-    fn read(file: &MappedFile, split: Split, n_vocab: usize) -> Result<Self, FileError> {
+    /// The columns of a split, checked.
+    fn read(file: &MappedFile, split: Split, grid: &Grid) -> Result<Self, FileError> {
         let codes = file.column(&name(split, CODES))?;
-        let split = Self { codes, offsets: file.column(&name(split, OFFSETS))? };
-        if split.is_sound(n_vocab) {
+        let offsets = file.column(&name(split, OFFSETS))?;
+        let split = Self { codes, offsets, frames: file.column(&name(split, FRAMES))? };
+        if split.is_sound(grid) {
             Ok(split)
         } else {
             Err(file.damaged("its codes and offsets disagree"))
         }
     }
 
-    fn is_sound(&self, n_vocab: usize) -> bool {
+    fn is_sound(&self, grid: &Grid) -> bool {
         let (codes, offsets) = (self.codes.values(), self.offsets.values());
         offsets.first() == Some(&0)
             && offsets.last() == Some(&(codes.len() as u64))
             && offsets.is_sorted()
-            && codes.iter().all(|&code| (code as usize) < n_vocab)
+            && offsets.len() == self.frames.values().len() + 1
+            && self.clips_are_sound(grid)
+    }
+
+    /// Whether each clip has the codes that its frames ask for, each in its codebook.
+    fn clips_are_sound(&self, grid: &Grid) -> bool {
+        let spans = self.offsets.values().windows(2).map(|w| w[0] as usize..w[1] as usize);
+        spans.zip(self.frames.values()).all(|(span, frames)| {
+            let mut codes = &self.codes.values()[span];
+            let mut scales = grid.scales.iter().zip(grid.lengths(*frames as usize));
+            let sound = scales.all(|(scale, length)| {
+                let Some((own, rest)) = codes.split_at_checked(length) else { return false };
+                codes = rest;
+                own.iter().all(|code| (*code as usize) < scale.n_vocab)
+            });
+            sound && codes.is_empty()
+        })
     }
 }
 
@@ -154,11 +209,15 @@ impl StoredSplit {
 mod tests {
     use super::*;
 
+    fn tokens(clips: &[&[u32]]) -> SplitTokens {
+        SplitTokens::new(clips.iter().map(|clip| (*clip, 4 * clip.len())))
+    }
+
     fn store(n_vocab: usize, train: &[&[u32]]) -> Result<TokenStore, FileError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("tokens.safetensors");
-        let splits = [SplitTokens::new(train), SplitTokens::new(&[]), SplitTokens::new(&[&[2]])];
-        write_store(&path, n_vocab, &splits).unwrap();
+        let splits = [tokens(train), tokens(&[]), tokens(&[&[2]])];
+        write_store(&path, &Grid::stream(n_vocab, 4), &splits).unwrap();
         TokenStore::open(&path)
     }
 
@@ -175,7 +234,7 @@ mod tests {
     #[test]
     fn unigram_probabilities_count_one_end_token_a_clip_and_sum_to_one() {
         let store = store(4, &[&[0, 0, 1], &[0]]).unwrap();
-        let probs: Vec<f64> = store.unigram_log_probs().iter().map(|p| p.exp()).collect();
+        let probs: Vec<f64> = store.unigram_log_probs(0).iter().map(|p| p.exp()).collect();
         let expected = [4.0, 2.0, 1.0, 1.0, 3.0].map(|count| count / 11.0);
         assert!(probs.iter().zip(expected).all(|(p, e)| (p - e).abs() < 1e-12), "{probs:?}");
         assert_eq!(probs.len(), 5);
@@ -184,17 +243,45 @@ mod tests {
     #[test]
     fn a_code_beyond_the_codebook_is_refused() {
         let error = store(3, &[&[0, 3]]).unwrap_err().to_string();
-        assert!(error.contains("tokenise again"), "{error}");
+        assert!(error.contains("is damaged"), "{error}");
     }
 
     #[test]
     fn a_cut_file_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("tokens.safetensors");
-        let split = SplitTokens::new(&[&[1, 2, 3]]);
-        write_store(&path, 4, &[split.clone(), split.clone(), split]).unwrap();
+        let split = tokens(&[&[1, 2, 3]]);
+        write_store(&path, &Grid::stream(4, 4), &[split.clone(), split.clone(), split]).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() - 4]).unwrap();
         assert!(TokenStore::open(&path).is_err());
+    }
+
+    #[test]
+    fn scales_have_their_own_codes_and_unigrams() {
+        use crate::codes::{Length, Scale};
+        let scale = |n_vocab, codes| Scale { n_vocab, length: Length::Codes(codes) };
+        let grid = Grid { scales: vec![scale(2, 1), scale(3, 2)], end_token: false };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens.safetensors");
+        let train = SplitTokens::new([(&[1, 2, 0][..], 40), (&[1, 2, 2][..], 60)]);
+        let none = SplitTokens::new([]);
+        write_store(&path, &grid, &[train, none.clone(), none]).unwrap();
+        let store = TokenStore::open(&path).unwrap();
+        assert_eq!(store.scale(Split::Train, 0, 0), [1]);
+        assert_eq!(store.scale(Split::Train, 1, 1), [2, 2]);
+        assert_eq!((store.n_targets(Split::Train), store.n_frames(Split::Train)), (6, 100));
+        let of = |scale: usize| -> Vec<f64> {
+            store.unigram_log_probs(scale).iter().map(|p| p.exp()).collect()
+        };
+        let near = |found: Vec<f64>, counts: &[f64]| {
+            let total: f64 = counts.iter().sum();
+            found.iter().zip(counts).all(|(p, count)| (p - count / total).abs() < 1e-12)
+        };
+        assert!(near(of(0), &[1.0, 3.0, 1.0]), "{:?}", of(0));
+        assert!(near(of(1), &[2.0, 1.0, 4.0, 1.0]), "{:?}", of(1));
+        let wrong = SplitTokens::new([(&[1, 3, 0][..], 40)]);
+        write_store(&path, &grid, &[wrong.clone(), wrong.clone(), wrong]).unwrap();
+        assert!(TokenStore::open(&path).unwrap_err().is_damage());
     }
 }

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use isoflop::data::{self, DataFacts};
 use isoflop::jobs::ResultsFolder;
-use isoflop::plan::{Plan, longest_run};
+use isoflop::plan::{Plan, demand};
 use isoflop::sweep::{self, Clips, DataSource, Sweep};
 
 use super::args::SweepArgs;
@@ -26,7 +26,7 @@ pub fn read_sweep(args: &SweepArgs) -> Result<(Sweep, ResultsFolder)> {
 /// Reads a sweep file, opens its data and plans it.
 pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let (mut sweep, folder) = read_sweep(args)?;
-    let source = data::open(&sweep.data, longest_run(&sweep)).context("opening the data")?;
+    let source = data::open(&sweep.data, demand(&sweep).as_ref()).context("opening the data")?;
     if sweep.data.source == DataSource::Procedural {
         sweep.data.clips = Clips::Count(source.n_clips(data::Split::Train));
     }
@@ -37,7 +37,7 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
 /// The plan of a sweep whose data may not be here: then ids are provisional, and it says so.
 pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
     let (sweep, folder) = read_sweep(args)?;
-    let facts = match data::open(&sweep.data, longest_run(&sweep)) {
+    let facts = match data::open(&sweep.data, demand(&sweep).as_ref()) {
         Ok(source) => DataFacts::of(&*source),
         Err(error) => DataFacts::absent(format!("the data could not be opened: {error}")),
     };

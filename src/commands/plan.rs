@@ -83,15 +83,16 @@ fn jobs(plan: &Plan, inputs: &[Job]) -> BTreeMap<JobKind, usize> {
 
 fn run_json(run: &PlannedRun, needs: &HashMap<JobId, Vec<JobId>>, states: &RunStates) -> Value {
     let needs = needs.get(&JobId::run(&run.run_id)).into_iter().flatten();
-    let model = &run.spec.model;
+    let model = run.spec.shape();
     json!({
         "run_id": run.run_id,
+        "generator": run.spec.generator.name(),
         "n_layer": model.n_layer,
         "n_head": model.n_head,
         "d_model": model.d_model,
         "d_ff": model.d_ff,
         "n_ctx": model.n_ctx,
-        "n_vocab": run.spec.n_vocab,
+        "n_vocab": run.spec.n_vocab(),
         "seed": run.spec.seed,
         "budget_flops": run.spec.budget_flops,
         "flops_per_token_forward": run.flops_per_token,
@@ -119,9 +120,9 @@ fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
     let id = job.id();
     json!({
         "tokenizer_id": id,
-        "kind": job.spec.kind.name(),
+        "kind": job.spec.quantizer.name(),
         "n_vocab": job.spec.n_vocab(),
-        "steps": job.spec.steps,
+        "steps": job.spec.training.steps,
         "state": folder.metrics_state(&id),
     })
 }
@@ -130,8 +131,8 @@ fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
 /// while they last are three times a run's weights.
 pub fn disk_bytes(plan: &Plan) -> u64 {
     let weights: usize = plan.runs.iter().map(|run| 4 * run.params.total()).sum();
-    let codes = plan.tokenizers.len() * 4 * plan.data.unique_tokens;
-    let params = |trunk: &Trunk| trunk.spec.model.params(trunk.spec.n_vocab).total();
+    let codes = plan.tokenizers.len() * 4 * plan.unique_tokens();
+    let params = |trunk: &Trunk| trunk.spec.params().total();
     let trunks: usize = plan.trunks.iter().map(|trunk| 12 * params(trunk)).sum();
     (weights + trunks + codes) as u64
 }

@@ -66,12 +66,13 @@ fn head(out: &mut String, plan: &Plan, states: &RunStates) {
         plan.dropped.len()
     );
     let [train, val, test] = plan.data.clips;
-    if plan.data.unique_tokens > 0 {
+    let unique_tokens = plan.unique_tokens();
+    if unique_tokens > 0 {
         *out += &wrap(
             "",
             &format!(
                 "data: {train} clips to train on ({} tokens), {val} to validate, {test} to test",
-                plan.data.unique_tokens
+                unique_tokens
             ),
         );
     }
@@ -101,9 +102,9 @@ fn row(run: &PlannedRun, states: &RunStates) -> String {
     format!(
         "{:>8} {:>3} {:>5} {:>6} {:>8.2e} {:>8.2e} {:>8.2e} {:>8} {:>7} {:>7}",
         exponent(spec.budget_flops),
-        spec.model.n_layer,
-        spec.model.d_model,
-        spec.n_vocab,
+        spec.shape().n_layer,
+        spec.shape().d_model,
+        spec.n_vocab(),
         run.params.nonvocab as f64,
         run.params.vocab as f64,
         spec.tokens() as f64,

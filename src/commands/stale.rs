@@ -39,7 +39,7 @@ type Cell = (usize, usize, usize, u64, u64);
 
 fn cell(spec: &RunSpec) -> Cell {
     let budget = spec.budget_flops.to_bits();
-    (spec.model.n_layer, spec.model.d_model, spec.n_vocab, budget, spec.seed)
+    (spec.shape().n_layer, spec.shape().d_model, spec.n_vocab(), budget, spec.seed)
 }
 
 /// The fields that differ, ids replaced by what they stand for.

@@ -1,19 +1,30 @@
 //! [`DataFacts`]: what a plan needs to know of a data set.
 
-use super::source::{FRAMES_PER_TOKEN, MotionSource, Split};
+use std::collections::BTreeMap;
+
+use super::source::{MotionSource, Split};
+use crate::spec::Grid;
 
 /// What a plan needs to know of a data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataFacts {
     /// Content of the data; `absent` where there is none yet, so that ids are provisional.
     pub digest: String,
-    /// Supervised tokens of the training split, an end token a clip; of a very large split an
-    /// estimate.
-    pub unique_tokens: usize,
     /// Clips to train on, to validate on and to test on.
     pub clips: [usize; 3],
     pub fps: f64,
     pub warnings: Vec<String>,
+    /// Training clips by their frames; of a very large split a sample.
+    lengths: BTreeMap<usize, usize>,
+}
+
+/// What is asked of a source without an end.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Demand {
+    /// Supervised tokens.
+    pub targets: usize,
+    /// The codes that they are.
+    pub codes: Grid,
 }
 
 impl DataFacts {
@@ -21,10 +32,10 @@ impl DataFacts {
     pub fn of(source: &dyn MotionSource) -> Self {
         Self {
             digest: source.digest().to_string(),
-            unique_tokens: unique_tokens(source),
             clips: Split::ALL.map(|split| source.n_clips(split)),
             fps: f64::from(source.fps()),
             warnings: source.warnings().to_vec(),
+            lengths: lengths(source),
         }
     }
 
@@ -32,26 +43,42 @@ impl DataFacts {
     pub fn absent(reason: String) -> Self {
         Self {
             digest: "absent".to_string(),
-            unique_tokens: 0,
             clips: [0; 3],
             fps: 20.0,
             warnings: vec![format!("{reason}; ids and epochs are provisional")],
+            lengths: BTreeMap::new(),
         }
+    }
+
+    /// Supervised tokens of the training split as codes of a grid, end tokens included; of a very
+    /// large split an estimate.
+    pub fn unique_tokens(&self, codes: &Grid) -> usize {
+        self.over_clips(|n_frames| codes.n_targets(n_frames))
+    }
+
+    /// Frames of the training split; of a very large split an estimate.
+    pub fn train_frames(&self) -> usize {
+        self.over_clips(|n_frames| n_frames)
+    }
+
+    /// A sum over training clips of what depends on their frames.
+    fn over_clips(&self, of_frames: impl Fn(usize) -> usize) -> usize {
+        let sampled: usize = self.lengths.values().sum();
+        let sum: usize =
+            self.lengths.iter().map(|(frames, clips)| clips * of_frames(*frames)).sum();
+        let [train, ..] = self.clips;
+        if sampled == train { sum } else { (sum as f64 / sampled as f64 * train as f64) as usize }
     }
 }
 
-/// Clips that are counted one by one; larger splits are estimated from as many.
-const COUNTED: usize = 1 << 18;
+/// Clips that are looked at one by one; larger splits are estimated from as many.
+const SAMPLED: usize = 1 << 18;
 
 /// A generated clip must be sketched to know its length: a hundred million would take minutes.
-fn unique_tokens(source: &dyn MotionSource) -> usize {
-    let n_train = source.n_clips(Split::Train);
-    let n_counted = n_train.min(COUNTED);
-    let tokens = |i| source.n_frames(Split::Train, i) / FRAMES_PER_TOKEN + 1;
-    let counted: usize = (0..n_counted).map(tokens).sum();
-    if n_counted == n_train {
-        counted
-    } else {
-        (counted as f64 / n_counted as f64 * n_train as f64) as usize
+fn lengths(source: &dyn MotionSource) -> BTreeMap<usize, usize> {
+    let mut lengths = BTreeMap::new();
+    for clip in 0..source.n_clips(Split::Train).min(SAMPLED) {
+        *lengths.entry(source.n_frames(Split::Train, clip)).or_default() += 1;
     }
+    lengths
 }

@@ -6,7 +6,7 @@ use crate::motion::mirror_caption;
 /// Frames a second of every HumanML3D file.
 pub(super) const FPS: f64 = 20.0;
 /// Items are whole numbers of this many frames: one token's worth.
-const FRAMES_PER_TOKEN: usize = 4;
+const UNIT_FRAMES: usize = 4;
 
 /// Which lengths are used.
 #[derive(Clone, Copy, Debug)]
@@ -22,8 +22,8 @@ impl LengthRule {
     /// A clause that says what is wrong if there are fewer frames than the smallest number, or
     /// still more than the largest after cropping.
     fn crop(self, n_frames: usize) -> Result<usize, String> {
-        let cropped = n_frames - n_frames % FRAMES_PER_TOKEN;
-        let fewest = self.min_frames.max(FRAMES_PER_TOKEN);
+        let cropped = n_frames - n_frames % UNIT_FRAMES;
+        let fewest = self.min_frames.max(UNIT_FRAMES);
         match n_frames {
             n if n < fewest => Err(format!("has {n} frames, fewer than {fewest}")),
             n if cropped > self.max_frames => {

@@ -10,17 +10,63 @@ mod humanml3d;
 mod items;
 mod no_motion;
 mod npy;
-mod open;
 mod procedural;
 mod source;
 mod splits;
 mod stats;
 
 pub use captions::{Annotation, CaptionProblem, parse_annotation};
-pub use facts::DataFacts;
+pub use facts::{DataFacts, Demand};
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
 pub use npy::{NpyArray, NpyProblem, parse_npy};
-pub use open::open;
 pub use procedural::{Procedural, ProceduralOptions};
-pub use source::{DataError, FRAMES_PER_TOKEN, FeatureStats, MotionSource, Split};
+pub use source::{DataError, FeatureStats, MotionSource, Split, UNIT_FRAMES};
 pub use stats::{FEATURE_GROUPS, StatsAccumulator};
+
+use crate::sweep::{Clips, DataSource, DataSpec};
+use no_motion::NoMotion;
+
+/// Clips looked at to estimate the tokens of an average one.
+const SAMPLE: usize = 256;
+
+/// Opens what a sweep asks for; `demand` is that of its longest run, for `clips: auto`.
+///
+/// # Errors
+/// The data cannot be read, or cannot be used.
+pub fn open(spec: &DataSpec, demand: Option<&Demand>) -> Result<Box<dyn MotionSource>, DataError> {
+    match spec.source {
+        DataSource::Procedural => Ok(Box::new(procedural(spec, demand))),
+        DataSource::None => Ok(Box::new(NoMotion::default())),
+        DataSource::HumanMl3d => {
+            let path = spec.path.as_deref().expect("checked when the sweep was read");
+            let options = HumanMl3dOptions {
+                mirror: spec.mirror,
+                broken: spec.broken,
+                ..HumanMl3dOptions::default()
+            };
+            Ok(Box::new(HumanMl3d::open(path, &options)?))
+        }
+    }
+}
+
+fn procedural(spec: &DataSpec, demand: Option<&Demand>) -> Procedural {
+    let with = |train_clips| {
+        Procedural::new(ProceduralOptions {
+            seed: spec.seed,
+            train_clips,
+            val_clips: spec.val_clips,
+            test_clips: spec.test_clips,
+        })
+    };
+    match spec.clips {
+        Clips::Count(train_clips) => with(train_clips),
+        Clips::Auto => with(demand.map_or(SAMPLE, |demand| clips_for(&with(SAMPLE), demand))),
+    }
+}
+
+/// A power of two, so that small changes of a sweep leave its data as they are.
+fn clips_for(sample: &dyn MotionSource, Demand { targets, codes }: &Demand) -> usize {
+    let n = sample.n_clips(Split::Train);
+    let sampled: usize = (0..n).map(|i| codes.n_targets(sample.n_frames(Split::Train, i))).sum();
+    (targets * n).div_ceil(sampled.max(1)).next_power_of_two().max(SAMPLE)
+}

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::failure::FailureKind;
 
-/// Frames that one code stands for: clips come in multiples of it.
-pub const FRAMES_PER_TOKEN: usize = 4;
+/// Clips come in multiples of so many frames, as the public loaders of HumanML3D crop them.
+pub const UNIT_FRAMES: usize = 4;
 
 /// Which part of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]

@@ -16,6 +16,7 @@ pub use trained::{Inputs, LogLine, SplitLoss, Trained};
 use crate::learn::{Checkpoints, LearnError};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
+use crate::spec::GeneratorSpec;
 
 /// What is trained, on what, and where its state lies.
 #[derive(Clone, Copy)]
@@ -66,8 +67,10 @@ pub trait Probe {
 }
 
 /// The generator of a run.
-pub fn of(_: &RunSpec) -> &'static dyn Generator {
-    &autoregressive::Kind
+pub fn of(spec: &RunSpec) -> &'static dyn Generator {
+    match spec.generator {
+        GeneratorSpec::Autoregressive(_) => &autoregressive::Kind,
+    }
 }
 
 /// [`Generator::train`] of the generator of a run.

@@ -81,7 +81,7 @@ impl<'a> Assignment<'a> {
     /// # Errors
     /// It cannot be opened.
     pub fn source(&self) -> Result<Box<dyn MotionSource>> {
-        Ok(data::open(&self.sweep()?.data, 0)?)
+        Ok(data::open(&self.sweep()?.data, None)?)
     }
 
     /// How often to leave a checkpoint.

@@ -43,10 +43,8 @@ pub fn hours(
 /// Parameters of the generator that each job trains.
 fn params(plan: &Plan) -> HashMap<JobId, usize> {
     let runs = plan.runs.iter().map(|run| (JobId::run(&run.run_id), run.params.total()));
-    let trunk = |trunk: &Trunk| {
-        let params = trunk.spec.model.params(trunk.spec.n_vocab);
-        (JobId::new(trunk::KIND, &trunk.trunk_id), params.total())
-    };
+    let trunk =
+        |trunk: &Trunk| (JobId::new(trunk::KIND, &trunk.trunk_id), trunk.spec.params().total());
     runs.chain(plan.trunks.iter().map(trunk)).collect()
 }
 

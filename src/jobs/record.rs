@@ -5,7 +5,7 @@ use crate::data::Split;
 use crate::generator::autoregressive::zero_count_targets;
 use crate::generator::{Inputs, Trained};
 use crate::machine::peak::peak_bytes;
-use crate::plan::{FlopsPerToken, RunSpec};
+use crate::plan::RunSpec;
 use crate::record::RunRecord;
 use crate::spec::flops::TRAINING_PER_FORWARD;
 
@@ -16,20 +16,20 @@ pub fn of_training(
     inputs: &Inputs,
     trained: &Trained,
 ) -> RunRecord {
-    let params = spec.model.params(spec.n_vocab);
+    let params = spec.params();
     let tokens = spec.tokens();
-    let unique_tokens = inputs.tokens.n_tokens(Split::Train) + inputs.tokens.n_clips(Split::Train);
-    let per_token = FlopsPerToken::new(&spec.model, spec.n_vocab, 1);
+    let unique_tokens = inputs.tokens.n_targets(Split::Train);
+    let per_token = spec.generator.flops_per_token(&spec.codes, 1);
     let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;
     RunRecord {
         run_id: assignment.job.id.clone(),
         seed: spec.seed,
-        n_layer: spec.model.n_layer,
-        n_head: spec.model.n_head,
-        d_model: spec.model.d_model,
-        d_ff: spec.model.d_ff,
-        n_ctx: spec.model.n_ctx,
-        n_vocab: spec.n_vocab,
+        n_layer: spec.shape().n_layer,
+        n_head: spec.shape().n_head,
+        d_model: spec.shape().d_model,
+        d_ff: spec.shape().d_ff,
+        n_ctx: spec.shape().n_ctx,
+        n_vocab: spec.n_vocab(),
         budget_flops: spec.budget_flops,
         flops_openai: training(per_token.openai as f64),
         flops_6nd: training(per_token.six_nd),

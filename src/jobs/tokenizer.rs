@@ -26,15 +26,11 @@ pub struct Tokenizer;
 /// As a kind of job.
 pub const KIND: JobKind = JobKind::from_static(&Tokenizer);
 
-/// FLOPs of a training frame as a multiple of width², so counted that they take as long as those of
-/// a run: a step of 2048 frames at width 64 takes as long as 1.3e9 FLOPs of a small model.
-const FLOPS_PER_FRAME_AND_WIDTH_SQUARED: f64 = 150.0;
-
 /// FLOPs that training a tokenizer counts for, beside the budgets of runs.
 pub fn cost(job: &TokenizerJob) -> f64 {
-    let spec = &job.spec;
-    let frames = (spec.steps * spec.batch * spec.window) as f64;
-    frames * FLOPS_PER_FRAME_AND_WIDTH_SQUARED * (spec.width as f64).powi(2)
+    let training = &job.spec.training;
+    let frames = (training.steps * training.batch * training.window) as f64;
+    frames * job.spec.architecture.flops_per_frame()
 }
 
 impl Kind for Tokenizer {
@@ -69,7 +65,7 @@ impl Kind for Tokenizer {
     fn jobs(&self, plan: &Plan) -> Vec<Job> {
         let job = |job: &TokenizerJob| Job {
             id: JobId::new(KIND, job.id()),
-            label: format!("{} tokenizer V{}", job.spec.kind.name(), job.spec.kind.n_vocab()),
+            label: format!("{} tokenizer V{}", job.spec.quantizer.name(), job.spec.n_vocab()),
             cost: cost(job),
             peak_bytes: tokenizer_peak_bytes(&job.spec, &plan.data),
             needs: Vec::new(),
@@ -99,7 +95,8 @@ impl Kind for Tokenizer {
         let job = JobId::new(KIND, id);
         let spec = read_if_there::<TokenizerJob>(&folder.spec(&job)).ok().flatten();
         let step = step_of(&folder.job(&job).join("checkpoint/state.safetensors"));
-        let share = |(step, job): (usize, TokenizerJob)| step as f64 / job.spec.steps as f64;
+        let share =
+            |(step, job): (usize, TokenizerJob)| step as f64 / job.spec.training.steps as f64;
         step.zip(spec).map_or(0.0, share)
     }
 

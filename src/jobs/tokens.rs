@@ -55,7 +55,7 @@ impl Kind for Tokens {
     fn jobs(&self, plan: &Plan) -> Vec<Job> {
         let job = |job: &TokenizerJob| Job {
             id: JobId::new(KIND, job.id()),
-            label: format!("codes V{}", job.spec.kind.n_vocab()),
+            label: format!("codes V{}", job.spec.n_vocab()),
             cost: SHARE_OF_TRAINING * tokenizer::cost(job),
             peak_bytes: tokens_peak_bytes(&job.spec, &plan.data),
             needs: vec![JobId::new(tokenizer::KIND, job.id())],

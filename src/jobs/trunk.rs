@@ -15,7 +15,7 @@ use crate::files::{FileError, atomic, read_if_there};
 use crate::generator;
 use crate::plan::{Plan, Trunk as TrunkSpec};
 use crate::progress::beats;
-use crate::spec::{ModelShape, peak_bytes};
+use crate::spec::ModelShape;
 use crate::sweep::Stage;
 
 /// Trains a trunk, from the one that it goes on from, up to where runs branch off.
@@ -103,18 +103,19 @@ impl Kind for Trunk {
 
 fn job(trunk: &TrunkSpec) -> Job {
     let TrunkSpec { trunk_id, spec, from, flops } = trunk;
-    let params = spec.model.params(spec.n_vocab);
     let data = [(tokens::KIND, &spec.tokenizer_id), (text::KIND, &spec.text_id)];
     let needs = data.into_iter().chain(from.iter().map(|id| (KIND, id)));
-    let ModelShape { n_layer, d_model, .. } = spec.model;
+    let ModelShape { n_layer, d_model, .. } = *spec.shape();
     Job {
         id: JobId::new(KIND, trunk_id),
         label: format!(
             "L{n_layer} d{d_model} V{} seed {} to step {}",
-            spec.n_vocab, spec.seed, spec.steps
+            spec.n_vocab(),
+            spec.seed,
+            spec.steps
         ),
         cost: *flops,
-        peak_bytes: peak_bytes(&spec.model, spec.n_vocab, params, spec.batch_tokens),
+        peak_bytes: spec.generator.peak_bytes(&spec.codes, spec.batch_tokens),
         needs: needs.map(|(kind, id)| JobId::new(kind, id)).collect(),
     }
 }

@@ -3,14 +3,11 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::price::{Dropped, FlopsPerToken, PricedCell, price};
+use super::price::{Dropped, PricedCell, price};
 use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
 use super::trunk::{Trunk, branch};
-use crate::data::DataFacts;
-use crate::spec::ParamCounts;
-use crate::spec::TokenizerSpec;
-use crate::spec::content_id;
-use crate::spec::peak_bytes;
+use crate::data::{DataFacts, Demand};
+use crate::spec::{FlopsPerToken, ParamCounts, content_id};
 use crate::sweep::{DataSource, ScheduleKind, ScheduleSpec, Sweep};
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
@@ -112,6 +109,11 @@ impl Plan {
         self.tokenizers.iter().find(|job| job.id() == run.spec.tokenizer_id)
     }
 
+    /// Supervised tokens of the training split, for the codes of the first run; 0 without a run.
+    pub fn unique_tokens(&self) -> usize {
+        self.runs.first().map_or(0, |run| self.data.unique_tokens(&run.spec.codes))
+    }
+
     /// What a person should know before this runs.
     pub fn warnings(&self) -> Vec<String> {
         let epochs = self.runs.iter().filter_map(|run| run.epochs);
@@ -123,16 +125,17 @@ impl Plan {
                  the training split holds {} tokens",
                 repeated.len(),
                 self.runs.len(),
-                self.data.unique_tokens
+                self.unique_tokens()
             ));
         }
         warnings
     }
 }
 
-/// D of the longest run: what a source without an end must provide.
-pub fn longest_run(sweep: &Sweep) -> usize {
-    price(sweep).0.iter().map(|cell| cell.spending.tokens()).max().unwrap_or(0)
+/// What the longest run of a sweep takes of a source without an end.
+pub fn demand(sweep: &Sweep) -> Option<Demand> {
+    let longest = price(sweep).0.into_iter().max_by_key(|cell| cell.spending.tokens())?;
+    Some(Demand { targets: longest.spending.tokens(), codes: longest.codes })
 }
 
 /// The tokenizers of all cells, each once, and the index of each cell's own; none where the sweep
@@ -148,30 +151,18 @@ fn tokenizers(
     let mut jobs: Vec<TokenizerJob> = Vec::new();
     let mut own = Vec::with_capacity(cells.len());
     for cell in cells {
-        let known = jobs.iter().position(|job| job.spec.kind == cell.quantizer);
+        let known = jobs.iter().position(|job| job.spec == cell.tokenizer);
         own.push(Some(known.unwrap_or(jobs.len())));
         if known.is_none() {
-            jobs.push(tokenizer_job(sweep, cell, data));
+            jobs.push(tokenizer_job(cell, data));
         }
     }
     (jobs, own)
 }
 
-fn tokenizer_job(sweep: &Sweep, cell: &PricedCell, data: &DataFacts) -> TokenizerJob {
-    let section = &sweep.tokenizer;
-    let spec = TokenizerSpec {
-        kind: cell.quantizer.clone(),
-        width: section.width,
-        depth: section.depth,
-        window: section.window,
-        batch: section.batch,
-        steps: section.steps,
-        lr: section.lr,
-        position_weight: section.position_weight,
-        seed: section.seed,
-        ..TokenizerSpec::default()
-    };
-    TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
+fn tokenizer_job(cell: &PricedCell, data: &DataFacts) -> TokenizerJob {
+    let (spec, data_digest) = (cell.tokenizer.clone(), data.digest.clone());
+    TokenizerJob { revision: TRAINING_REVISION, spec, data_digest }
 }
 
 fn decay_steps(schedule: &ScheduleSpec, steps: usize) -> Option<usize> {
@@ -189,14 +180,15 @@ fn planned_run(
 ) -> PlannedRun {
     let spec = run_spec(sweep, cell, seed, text_id, tokenizer_id, data);
     let tokens = spec.tokens() as f64;
+    let unique_tokens = data.unique_tokens(&cell.codes);
     PlannedRun {
         run_id: spec.id(),
         params: cell.params,
         flops_per_token: cell.flops_per_token,
         achieved_ratio: cell.spending.achieved_ratio,
-        peak_bytes: peak_bytes(&cell.shape, spec.n_vocab, cell.params, spec.batch_tokens),
+        peak_bytes: cell.generator.peak_bytes(&cell.codes, spec.batch_tokens),
         trunk_id: None,
-        epochs: (data.unique_tokens > 0).then(|| tokens / data.unique_tokens as f64),
+        epochs: (unique_tokens > 0).then(|| tokens / unique_tokens as f64),
         spec,
     }
 }
@@ -214,8 +206,8 @@ fn run_spec(
     RunSpec {
         revision: TRAINING_REVISION,
         seed,
-        model: cell.shape.clone(),
-        n_vocab: cell.quantizer.n_vocab(),
+        generator: cell.generator.clone(),
+        codes: cell.codes.clone(),
         budget_flops: cell.budget_flops,
         batch_tokens: cell.spending.batch_tokens,
         steps,

@@ -1,24 +1,31 @@
 //! The cells of a grid: axes crossed or zipped, less what is excluded.
 
-use crate::spec::{QuantizerSpec, levels_for};
+use crate::spec::{GeneratorKind, QuantizerKind, QuantizerSpec};
 use crate::sweep::condition::Condition;
-use crate::sweep::models;
-use crate::sweep::{Axis, GridSpec, ModelEntry, TokenizerKind, VocabSpec};
+use crate::sweep::{Axis, ModelEntry, Sweep, VocabSpec, models};
 
-/// One cell: a model, a quantizer and a budget.
+/// One cell: a generator with its sizes, a quantizer and a budget.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
+    pub generator: GeneratorKind,
     pub model: ModelEntry,
     pub quantizer: QuantizerSpec,
     pub budget_flops: f64,
 }
 
 /// Every cell that no condition excludes, and those that one does, with the condition.
-pub fn cells(grid: &GridSpec, kind: TokenizerKind) -> (Vec<Cell>, Vec<(Cell, String)>) {
-    let models = models(&grid.models);
+pub fn cells(sweep: &Sweep) -> (Vec<Cell>, Vec<(Cell, String)>) {
+    let grid = &sweep.grid;
+    let (models, kind) = (models(&grid.models), sweep.tokenizer.quantizer_kind());
     let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, kind)).collect();
     let lengths = [models.len(), quantizers.len(), grid.budgets.len()];
-    let all = indices(lengths, &grid.zip).into_iter().map(|[m, v, b]| Cell {
+    let triples = indices(lengths, &grid.zip);
+    let of_kind = |generator: &GeneratorKind| {
+        let generator = *generator;
+        triples.iter().map(move |&[m, v, b]| (generator, m, v, b))
+    };
+    let all = sweep.generator.0.iter().flat_map(of_kind).map(|(generator, m, v, b)| Cell {
+        generator,
         model: models[m].clone(),
         quantizer: quantizers[v].clone(),
         budget_flops: grid.budgets[b],
@@ -46,15 +53,8 @@ fn field(cell: &Cell, name: &str) -> f64 {
 }
 
 /// The quantizer of a vocabulary entry that the check has let pass.
-fn quantizer(entry: &VocabSpec, kind: TokenizerKind) -> QuantizerSpec {
-    match (entry, kind) {
-        (VocabSpec::Size(n), TokenizerKind::Vq) => QuantizerSpec::Vq { n_vocab: *n },
-        (VocabSpec::Size(n), TokenizerKind::Fsq) => {
-            let levels = levels_for(*n).expect("checked when the sweep was read");
-            QuantizerSpec::Fsq { levels: levels.to_vec() }
-        }
-        (VocabSpec::Levels(spec), _) => QuantizerSpec::Fsq { levels: spec.levels.clone() },
-    }
+fn quantizer(entry: &VocabSpec, kind: QuantizerKind) -> QuantizerSpec {
+    entry.quantizer(kind).expect("checked when the sweep was read")
 }
 
 /// Index triples (model, vocabulary, budget): groups of zipped axes advance together.

@@ -1,9 +1,8 @@
-//! Peak memory of a run, from its shape; of what runs need, from measured estimates.
+//! Peak memory of what runs need, from measured estimates.
 
-use crate::data::{DataFacts, FRAMES_PER_TOKEN};
+use crate::data::DataFacts;
 use crate::motion::N_FEATURES;
-use crate::spec::TextSpec;
-use crate::spec::TokenizerSpec;
+use crate::spec::{TextSpec, TokenizerSpec};
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
 const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;
@@ -21,10 +20,11 @@ const MOTION_BASE_BYTES: f64 = 30e6;
 /// this; the share of a channel at depths 1 to 6 and 8 to 128 windows a step, within 20 %.
 pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let [train, ..] = data.clips;
-    let frames_per_clip = (FRAMES_PER_TOKEN * data.unique_tokens) as f64 / train.max(1) as f64;
-    let pool = spec.pool_clips.min(train) as f64 * frames_per_clip * POOL_BYTES_PER_FRAME;
-    let channel = 152.0 + 46.0 * spec.depth as f64;
-    let step = (spec.batch * spec.window * spec.width) as f64 * channel;
+    let frames_per_clip = data.train_frames() as f64 / train.max(1) as f64;
+    let training = &spec.training;
+    let pool = training.pool_clips.min(train) as f64 * frames_per_clip * POOL_BYTES_PER_FRAME;
+    let frames = (training.batch * training.window) as f64;
+    let step = frames * spec.architecture.training_bytes_per_frame();
     (MOTION_BASE_BYTES + pool + step) as u64
 }
 
@@ -33,8 +33,9 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
 ///
 /// Measured at widths 16, 64 and 128: 35, 42 and 82 MB, where this says 37, 55 and 78.
 pub fn tokens_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
-    let codes = 2.0 * 4.0 * data.unique_tokens as f64;
-    (MOTION_BASE_BYTES + FRAMES_ENCODED * 180.0 * spec.width as f64 + codes) as u64
+    let codes = 2.0 * 4.0 * data.unique_tokens(&spec.grid()) as f64;
+    (MOTION_BASE_BYTES + FRAMES_ENCODED * spec.architecture.encoding_bytes_per_frame() + codes)
+        as u64
 }
 
 /// What the runtime and an encoder take before the first caption.

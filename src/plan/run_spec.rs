@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::spec::Precision;
 use crate::spec::TokenizerSpec;
-use crate::spec::{ModelShape, content_id};
+use crate::spec::{GeneratorSpec, Grid, ModelShape, ParamCounts, content_id};
 use crate::sweep::TrainerSection;
 
 /// Raised when the same spec would train to other bits: records of an older revision are stale.
@@ -15,8 +15,9 @@ pub const TRAINING_REVISION: u32 = 3;
 pub struct RunSpec {
     pub revision: u32,
     pub seed: u64,
-    pub model: ModelShape,
-    pub n_vocab: usize,
+    pub generator: GeneratorSpec,
+    /// The codes that it learns to make.
+    pub codes: Grid,
     pub budget_flops: f64,
     pub batch_tokens: usize,
     pub steps: usize,
@@ -62,6 +63,21 @@ impl RunSpec {
         Some(Self { evaluations: 1, final_share: 0.0, ..own })
     }
 
+    /// The generator's layers and widths.
+    pub fn shape(&self) -> &ModelShape {
+        self.generator.shape()
+    }
+
+    /// Codes (V).
+    pub fn n_vocab(&self) -> usize {
+        self.codes.n_vocab()
+    }
+
+    /// The generator's parameters by group.
+    pub fn params(&self) -> ParamCounts {
+        self.generator.params(&self.codes)
+    }
+
     /// D: supervised motion tokens.
     pub fn tokens(&self) -> usize {
         self.steps * self.batch_tokens
@@ -69,8 +85,8 @@ impl RunSpec {
 
     /// Names the cell for a person: `L2 d32 V240 C=1e10 seed 0`.
     pub fn label(&self) -> String {
-        let ModelShape { n_layer, d_model, .. } = self.model;
-        let (v, c, seed) = (self.n_vocab, self.budget_flops, self.seed);
+        let ModelShape { n_layer, d_model, .. } = *self.shape();
+        let (v, c, seed) = (self.n_vocab(), self.budget_flops, self.seed);
         format!("L{n_layer} d{d_model} V{v} C={c:e} seed {seed}")
     }
 }

@@ -10,7 +10,6 @@ use super::assemble::PlannedRun;
 use super::price::{Dropped, PricedCell};
 use super::run_spec::RunSpec;
 use super::steps::{Pace, Spending, pace, spend_with, widest_batch};
-use crate::spec::QuantizerSpec;
 use crate::sweep::TrainSpec;
 
 /// A stretch of training from one branching point to the next.
@@ -69,11 +68,7 @@ fn common(cells: &[PricedCell], train: &TrainSpec) -> (usize, Pace) {
 
 /// What cells must agree in to share a trunk.
 fn group_name(cell: &PricedCell) -> String {
-    let levels: &dyn std::fmt::Debug = match &cell.quantizer {
-        QuantizerSpec::Fsq { levels } => levels,
-        QuantizerSpec::Vq { n_vocab } => n_vocab,
-    };
-    format!("{:?} {levels:?}", cell.shape)
+    format!("{:?} {:?}", cell.generator, cell.tokenizer.quantizer)
 }
 
 /// Notes in each run which trunk it branches off; returns the trunks, each once, every one after

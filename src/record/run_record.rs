@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::laws::IsoFlopPoint;
-use crate::sweep::FlopsRule;
+use crate::spec::FlopsRule;
 
 /// One finished run: what was trained, what it spent, how well it did.
 ///

@@ -1,20 +1,31 @@
 //! Descriptions of what is trained: plain data, closed, hashable, free of burn.
+//!
+//! A kind is a variant of a tagged enum: [`GeneratorSpec`], [`ArchitectureSpec`], [`QuantizerSpec`],
+//! [`TextSpec`]. What depends on the kind is asked of the spec; no other module matches on it but
+//! the one that builds it.
 
-pub mod flops;
+mod architecture;
+pub mod generator;
+mod grid;
 mod id;
 mod levels;
-mod memory;
 mod precision;
 mod quantizer;
-mod shape;
 mod text;
 mod tokenizer;
 
+pub use architecture::{ArchitectureSpec, ConvolutionalSpec};
+pub use generator::flops;
+pub use generator::{
+    Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, ModelShape, ParamCounts, Pricing,
+    TARGETS_PER_PASS,
+};
+pub use grid::{Grid, Length, Scale};
 pub use id::{changed_fields, content_id};
 pub use levels::{digits_of_index, index_of_digits, levels_for, n_codes, nominal_sizes};
-pub use memory::{TARGETS_PER_PASS, peak_bytes};
 pub use precision::Precision;
-pub use quantizer::QuantizerSpec;
-pub use shape::{Ffn, ModelShape, ParamCounts};
+pub use quantizer::{QuantizerKind, QuantizerSpec, VocabularyError};
 pub use text::{TextEncoderKind, TextSpec};
-pub use tokenizer::{SpecError, TokenizerSpec};
+pub use tokenizer::{
+    QuantizerSection, SpecError, TokenizerKind, TokenizerSection, TokenizerSpec, TokenizerTraining,
+};

@@ -7,11 +7,8 @@ use super::presets;
 use super::problem::Problem;
 use super::read::nearest;
 use super::repeated;
-use crate::data::FRAMES_PER_TOKEN;
-use crate::spec::{levels_for, nominal_sizes};
-use crate::sweep::sections::{
-    Axis, Clips, DataSource, ModelList, ScheduleKind, Sweep, TokenizerKind, VocabSpec,
-};
+use crate::spec::{SpecError, VocabularyError};
+use crate::sweep::sections::{Axis, Clips, DataSource, ModelList, ScheduleKind, Sweep, VocabSpec};
 
 /// All problems of a sweep whose types are right.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -47,6 +44,9 @@ fn name(sweep: &Sweep) -> Vec<Problem> {
     }
     if sweep.seeds.is_empty() {
         problems.push(Problem::value("seeds", "no seed, so no run").with_help("seeds: [0]"));
+    }
+    if sweep.generator.0.is_empty() {
+        problems.push(Problem::value("generator", "no kind of generator, so no run"));
     }
     problems
 }
@@ -134,45 +134,13 @@ fn vocab(sweep: &Sweep) -> Vec<Problem> {
     if grid.vocab.is_empty() {
         return vec![Problem::value("grid.vocab", "no vocabulary, so no run")];
     }
+    let kind = sweep.tokenizer.quantizer_kind();
     let wrong = |(i, entry): (usize, &VocabSpec)| {
-        let path = format!("grid.vocab[{i}]");
-        match (entry, sweep.tokenizer.kind) {
-            (VocabSpec::Size(n), TokenizerKind::Fsq) if levels_for(*n).is_none() => {
-                let known: Vec<String> = nominal_sizes().map(|n| n.to_string()).collect();
-                let message = format!("ScaMo gives no levels for {n} codes");
-                let help = format!("one of {}, or {{levels: [8, 4, 4]}}", known.join(", "));
-                Some(Problem::value(path, message).with_help(help))
-            }
-            (VocabSpec::Levels(_), TokenizerKind::Vq) => {
-                Some(Problem::value(path, "levels belong to `kind: fsq`; vq wants a number"))
-            }
-            (VocabSpec::Levels(spec), _) if spec.levels.is_empty() => {
-                Some(Problem::value(path, "no level, so no code"))
-            }
-            (VocabSpec::Levels(spec), _) if spec.levels.iter().any(|l| *l < 2) => {
-                Some(Problem::value(path, "a level holds at least 2 values"))
-            }
-            (entry, _) if codes(entry).is_none_or(|codes| codes > MOST_CODES) => {
-                Some(Problem::value(path, format!("more than {MOST_CODES} codes")))
-            }
-            (VocabSpec::Size(n), TokenizerKind::Vq) if *n < 2 => {
-                Some(Problem::value(path, "a vocabulary holds at least 2 codes"))
-            }
-            _ => None,
-        }
+        let VocabularyError { problem, help } = entry.quantizer(kind).err()?;
+        let problem = Problem::value(format!("grid.vocab[{i}]"), problem);
+        Some(help.into_iter().fold(problem, Problem::with_help))
     };
     grid.vocab.iter().enumerate().filter_map(wrong).collect()
-}
-
-/// Codes beyond which a vocabulary is taken for a slip of the pen.
-const MOST_CODES: usize = 1 << 24;
-
-/// V as it is written; `None` where it is too large to count.
-fn codes(entry: &VocabSpec) -> Option<usize> {
-    match entry {
-        VocabSpec::Size(n) => Some(*n),
-        VocabSpec::Levels(spec) => spec.levels.iter().try_fold(1usize, |n, l| n.checked_mul(*l)),
-    }
 }
 
 /// FLOPs beyond which a budget is taken for a slip of the pen.
@@ -295,22 +263,11 @@ fn train(sweep: &Sweep) -> Vec<Problem> {
 }
 
 fn tokenizer(sweep: &Sweep) -> Vec<Problem> {
-    let tokenizer = &sweep.tokenizer;
-    let rules = [
-        (tokenizer.width > 0, "tokenizer.width", "at least one channel"),
-        (tokenizer.depth > 0, "tokenizer.depth", "at least one block"),
-        (tokenizer.position_weight >= 0.0, "tokenizer.position_weight", "must not be negative"),
-        (tokenizer.steps > 0, "tokenizer.steps", "at least one step"),
-        (tokenizer.batch > 0, "tokenizer.batch", "at least one window"),
-        (
-            tokenizer.window > 0 && tokenizer.window.is_multiple_of(FRAMES_PER_TOKEN),
-            "tokenizer.window",
-            "frames come in fours",
-        ),
-        (tokenizer.lr > 0.0, "tokenizer.lr", "a rate is above 0"),
-    ];
-    let wrong = rules.into_iter().filter(|(good, ..)| !good);
-    wrong.map(|(_, path, message)| Problem::value(path, message)).collect()
+    let problem =
+        sweep.tokenizer.check().err().map(|SpecError { field, problem }| {
+            Problem::value(format!("tokenizer.{field}"), problem)
+        });
+    problem.into_iter().collect()
 }
 
 fn trainer(sweep: &Sweep) -> Vec<Problem> {

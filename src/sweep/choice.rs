@@ -6,10 +6,13 @@
 use std::fmt;
 
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use serde::de::{
+    Deserialize, Deserializer, Error, IntoDeserializer, MapAccess, SeqAccess, Visitor,
+};
 use serde::ser::{Serialize, Serializer};
 
-use crate::sweep::sections::{Clips, LevelsSpec, ModelList, ModelRule, VocabSpec};
+use crate::spec::GeneratorKind;
+use crate::sweep::sections::{Clips, Generators, LevelsSpec, ModelList, ModelRule, VocabSpec};
 use crate::units::number;
 
 impl<'de> Deserialize<'de> for ModelList {
@@ -73,6 +76,30 @@ impl<'de> Visitor<'de> for Vocab {
 
     fn visit_map<A: MapAccess<'de>>(self, levels: A) -> Result<VocabSpec, A::Error> {
         LevelsSpec::deserialize(MapAccessDeserializer::new(levels)).map(VocabSpec::Levels)
+    }
+}
+
+impl<'de> Deserialize<'de> for Generators {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(OneOrMore)
+    }
+}
+
+struct OneOrMore;
+
+impl<'de> Visitor<'de> for OneOrMore {
+    type Value = Generators;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a kind of generator, or a list of kinds")
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<Generators, E> {
+        GeneratorKind::deserialize(name.into_deserializer()).map(|kind| Generators(vec![kind]))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Generators, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(list)).map(Generators)
     }
 }
 

@@ -58,7 +58,7 @@ mod tests {
         let counts = presets::models("scamo")
             .unwrap()
             .into_iter()
-            .map(|entry| shape(&entry, &ModelSpec::default(), &text).params(15360).nonvocab);
+            .map(|entry| shape(&entry, &ModelSpec::default(), &text).params_of(15360).nonvocab);
         let expected =
             [27_271_680, 84_953_856, 308_331_520, 731_475_200, 1_359_103_488, 2_988_598_400];
         assert_eq!(counts.collect::<Vec<_>>(), expected);

@@ -2,14 +2,15 @@
 
 use super::check::model_path;
 use super::problem::Problem;
-use crate::spec::levels_for;
-use crate::sweep::sections::{Axis, Sweep, TokenizerKind, VocabSpec};
+use crate::spec::QuantizerKind;
+use crate::sweep::sections::{Axis, Sweep, VocabSpec};
 
 /// The second of each pair of equal seeds, and of equal entries of an axis or a group of axes.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
     let seed = second(&sweep.seeds).map(|i| format!("seeds[{i}]"));
+    let kind = second(&sweep.generator.0).map(|i| format!("generator[{i}]"));
     let of_group = |group: Vec<Axis>| Some(path(sweep, group[0], second(&rows(sweep, &group))?));
-    let paths = seed.into_iter().chain(groups(sweep).into_iter().filter_map(of_group));
+    let paths = seed.into_iter().chain(kind).chain(groups(sweep).into_iter().filter_map(of_group));
     paths.map(|path| Problem::value(path, "stands in the list a second time")).collect()
 }
 
@@ -35,9 +36,11 @@ fn entries(sweep: &Sweep, axis: Axis) -> Vec<String> {
         Axis::Models => {
             crate::sweep::models(&grid.models).iter().map(|model| format!("{model:?}")).collect()
         }
-        Axis::Vocab => {
-            grid.vocab.iter().map(|entry| vocabulary(entry, sweep.tokenizer.kind)).collect()
-        }
+        Axis::Vocab => grid
+            .vocab
+            .iter()
+            .map(|entry| vocabulary(entry, sweep.tokenizer.quantizer_kind()))
+            .collect(),
         Axis::Budgets => grid.budgets.iter().map(f64::to_string).collect(),
     }
 }
@@ -50,15 +53,11 @@ fn path(sweep: &Sweep, axis: Axis, i: usize) -> String {
     }
 }
 
-/// By its levels, where it has some: 256 and `{levels: [8, 6, 5]}` are the same.
-fn vocabulary(entry: &VocabSpec, kind: TokenizerKind) -> String {
-    match (entry, kind) {
-        (VocabSpec::Levels(spec), _) => format!("{:?}", spec.levels),
-        (VocabSpec::Size(n), TokenizerKind::Vq) => n.to_string(),
-        (VocabSpec::Size(n), TokenizerKind::Fsq) => {
-            levels_for(*n).map_or_else(|| n.to_string(), |levels| format!("{levels:?}"))
-        }
-    }
+/// By its quantizer, where it has one: 256 and `{levels: [8, 6, 5]}` are the same.
+fn vocabulary(entry: &VocabSpec, kind: QuantizerKind) -> String {
+    entry
+        .quantizer(kind)
+        .map_or_else(|_| format!("{entry:?}"), |quantizer| format!("{quantizer:?}"))
 }
 
 /// The first index whose value stood before it.

@@ -62,7 +62,7 @@ impl Tokenizer {
     ///
     /// Frames after the last whole token are left out.
     pub fn encode(&self, features: &[f32]) -> Vec<u32> {
-        let token = self.spec.frames_per_token() * self.stats.mean.len();
+        let token = self.spec.grid().fewest_frames() * self.stats.mean.len();
         let n_tokens = features.len() / token;
         if n_tokens == 0 {
             return Vec::new();
@@ -157,7 +157,7 @@ mod tests {
 
     fn untrained(kind: QuantizerSpec) -> Tokenizer {
         let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(3));
-        let spec = TokenizerSpec { kind, ..small_spec() };
+        let spec = TokenizerSpec { quantizer: kind, ..small_spec() };
         let stats = Waves::new(&[8], 5).stats;
         let module = TokenizerModule::new(&spec, 5, &mut rng, &device);
         Tokenizer::new(module, spec, stats, device)

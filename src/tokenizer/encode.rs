@@ -19,7 +19,7 @@ pub fn tokenize(
 ) -> Result<(), TokenizerError> {
     let splits = Split::ALL.iter().map(|&split| tokenize_split(tokenizer, source, split));
     let splits = splits.collect::<Result<Vec<_>, _>>()?;
-    Ok(write_store(path, tokenizer.n_vocab(), &splits)?)
+    Ok(write_store(path, &tokenizer.spec().grid(), &splits)?)
 }
 
 /// The codes of every clip of a split, in the split's order.
@@ -30,7 +30,7 @@ pub fn tokenize_split(
     source: &dyn MotionSource,
     split: Split,
 ) -> Result<SplitTokens, TokenizerError> {
-    let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_token())?;
+    let batches = equal_length_batches(source, split, tokenizer.spec().grid().fewest_frames())?;
     let encode = |batch: &ClipBatch| {
         let features = batch.features(source, split, tokenizer.stats())?;
         let ids = tokenizer.encode_stack(features, batch.indices.len());
@@ -38,14 +38,14 @@ pub fn tokenize_split(
         Ok(ids)
     };
     let ids = batches.par_iter().map(encode).collect::<Result<Vec<_>, TokenizerError>>()?;
-    let mut clips = vec![&[] as &[u32]; source.n_clips(split)];
+    let mut clips = vec![(&[] as &[u32], 0); source.n_clips(split)];
     for (batch, ids) in batches.iter().zip(&ids) {
         let n_tokens = ids.len() / batch.indices.len();
         for (&index, clip) in batch.indices.iter().zip(ids.chunks_exact(n_tokens)) {
-            clips[index] = clip;
+            clips[index] = (clip, batch.n_frames);
         }
     }
-    Ok(SplitTokens::new(&clips))
+    Ok(SplitTokens::new(clips))
 }
 
 #[cfg(test)]

@@ -25,7 +25,8 @@ pub fn evaluate(
     tokenizer_id: &str,
     wall_s: f64,
 ) -> Result<TokenizerMetrics, TokenizerError> {
-    let batches = equal_length_batches(source, Split::Test, tokenizer.spec().frames_per_token())?;
+    let batches =
+        equal_length_batches(source, Split::Test, tokenizer.spec().grid().fewest_frames())?;
     if batches.is_empty() {
         let path = format!("data set {}", source.digest());
         return Err(DataError::EmptySplit { path, split: Split::Test.name() }.into());
@@ -37,15 +38,15 @@ pub fn evaluate(
     let spec = tokenizer.spec();
     Ok(TokenizerMetrics {
         tokenizer_id: tokenizer_id.to_string(),
-        kind: spec.kind.name().to_string(),
+        kind: spec.quantizer.name().to_string(),
         n_vocab: tokenizer.n_vocab(),
-        levels: spec.kind.levels().map(<[usize]>::to_vec),
+        levels: spec.quantizer.levels().map(<[usize]>::to_vec),
         reconstruction_l1: sum(|score| score.l1) / sum(|score| score.n_values),
         mpjpe_mm: sum(|score| score.mpjpe_mm) / sum(|score| score.n_frames),
         utilisation: used.utilisation(),
         exponential_entropy: used.exponential_entropy(),
         parameters: tokenizer.n_parameters(),
-        train_steps: spec.steps,
+        train_steps: spec.training.steps,
         wall_s,
     })
 }
@@ -85,7 +86,7 @@ mod tests {
     use super::*;
     use crate::motion::N_FEATURES;
     use crate::spec::TokenizerSpec;
-    use crate::tokenizer::testing::{Waves, small_spec};
+    use crate::tokenizer::testing::{Waves, small_spec, spec_of};
     use crate::tokenizer::train;
     use burn::tensor::Device;
     use std::ops::ControlFlow;
@@ -99,8 +100,8 @@ mod tests {
 
     #[test]
     fn training_improves_what_is_measured() {
-        let short = metrics(&TokenizerSpec { steps: 1, ..small_spec() });
-        let long = metrics(&TokenizerSpec { steps: 60, ..small_spec() });
+        let short = metrics(&spec_of(small_spec().quantizer, 1));
+        let long = metrics(&spec_of(small_spec().quantizer, 60));
         assert!(long.reconstruction_l1 < 0.9 * short.reconstruction_l1, "{short:?} {long:?}");
         assert!(long.mpjpe_mm < short.mpjpe_mm, "{short:?} {long:?}");
         assert_eq!((long.n_vocab, long.train_steps, long.wall_s), (15, 60, 1.5));

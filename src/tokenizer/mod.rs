@@ -3,6 +3,7 @@
 //! [`train`] turns a [`TokenizerSpec`](crate::spec::TokenizerSpec) and clips into a [`Tokenizer`]; [`tokenize`] turns clips
 //! into the file behind a [`TokenStore`](crate::codes::TokenStore); [`evaluate`] measures both on the test split.
 
+mod architecture;
 mod batches;
 mod codec;
 mod convolutional;
@@ -19,6 +20,7 @@ mod quantizer;
 mod testing;
 mod train;
 
+pub use architecture::{Architecture, Decode, Encode};
 pub use codec::Tokenizer;
 pub use convolutional::{AutoencoderConfig, Decoder, Encoder};
 pub use encode::{tokenize, tokenize_split};

@@ -6,16 +6,16 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::convolutional::{AutoencoderConfig, Decoder, Encoder};
+use super::architecture::{self, AnyDecoder, AnyEncoder};
 use super::quantizer::{self, AnyQuantizer, Quantized, Quantizer};
 use crate::spec::TokenizerSpec;
 
 /// What is trained and saved; it works on normalised features.
 #[derive(Module, Debug)]
 pub struct TokenizerModule {
-    encoder: Encoder,
+    encoder: AnyEncoder,
     quantizer: AnyQuantizer,
-    decoder: Decoder,
+    decoder: AnyDecoder,
 }
 
 /// What one training pass gives.
@@ -34,11 +34,11 @@ impl TokenizerModule {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let config = AutoencoderConfig::of(spec, n_features);
+        let kind = architecture::of(&spec.architecture, n_features);
         Self {
-            encoder: config.init_encoder(rng, device),
-            quantizer: quantizer::init(&spec.kind, config.code_dim, rng, device),
-            decoder: config.init_decoder(rng, device),
+            encoder: kind.encoder(rng, device),
+            quantizer: quantizer::init(&spec.quantizer, kind.code_dim(), rng, device),
+            decoder: kind.decoder(rng, device),
         }
     }
 

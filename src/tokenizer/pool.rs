@@ -21,7 +21,7 @@ pub struct WindowPool {
 }
 
 impl WindowPool {
-    /// Loads up to `spec.pool_clips` clips of the training split, drawn without replacement.
+    /// Loads up to `spec.training.pool_clips` clips of the training split, drawn without replacement.
     ///
     /// # Errors
     /// If no clip holds a window, or one cannot be read.
@@ -30,7 +30,7 @@ impl WindowPool {
         spec: &TokenizerSpec,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, TokenizerError> {
-        let chosen = choose(usable(source, spec.window)?, spec.pool_clips, rng);
+        let chosen = choose(usable(source, spec.training.window)?, spec.training.pool_clips, rng);
         let load = |&index: &usize| {
             let mut features = source.features(Split::Train, index)?;
             normalise(&mut features, source.stats());
@@ -38,7 +38,7 @@ impl WindowPool {
             Ok(features)
         };
         let clips = chosen.par_iter().map(load).collect::<Result<_, TokenizerError>>()?;
-        Ok(Self { clips, n_features: source.stats().mean.len(), window: spec.window })
+        Ok(Self { clips, n_features: source.stats().mean.len(), window: spec.training.window })
     }
 
     /// `n` windows, row-major `[n, window, n_features]`: a random clip, then a random start.
@@ -107,7 +107,11 @@ mod tests {
     #[test]
     fn windows_are_whole_runs_of_normalised_frames() {
         let source = Waves::new(&[24], 2);
-        let spec = TokenizerSpec { window: 8, ..Default::default() };
+        let spec = {
+            let mut spec = TokenizerSpec::default();
+            spec.training.window = 8;
+            spec
+        };
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let pool = WindowPool::load(&source, &spec, &mut rng).unwrap();
         let windows = pool.windows(5, &mut rng);

@@ -1,8 +1,9 @@
 //! A small source of motion for tests.
 
 use crate::data::{DataError, FeatureStats, MotionSource, Split};
-use crate::spec::QuantizerSpec;
-use crate::spec::TokenizerSpec;
+use crate::spec::{
+    ArchitectureSpec, ConvolutionalSpec, QuantizerSpec, TokenizerSpec, TokenizerTraining,
+};
 
 /// Clips of sine waves, the same lengths in every split.
 pub struct Waves {
@@ -75,15 +76,25 @@ impl MotionSource for Waves {
 
 /// A spec that trains in a moment.
 pub fn small_spec() -> TokenizerSpec {
+    let sizes = ConvolutionalSpec { width: 8, depth: 2, ..Default::default() };
+    let (window, batch, steps, lr, warmup_steps) = (16, 8, 5, 5e-3, 2);
     TokenizerSpec {
-        kind: QuantizerSpec::Fsq { levels: vec![5, 3] },
-        width: 8,
-        depth: 2,
-        window: 16,
-        batch: 8,
-        steps: 5,
-        lr: 5e-3,
-        warmup_steps: 2,
-        ..Default::default()
+        architecture: ArchitectureSpec::Convolutional(sizes),
+        quantizer: QuantizerSpec::Fsq { levels: vec![5, 3] },
+        training: TokenizerTraining {
+            window,
+            batch,
+            steps,
+            lr,
+            warmup_steps,
+            ..Default::default()
+        },
     }
+}
+
+/// The same with another quantizer, and other steps.
+pub fn spec_of(quantizer: QuantizerSpec, steps: usize) -> TokenizerSpec {
+    let mut spec = TokenizerSpec { quantizer, ..small_spec() };
+    spec.training.steps = steps;
+    spec
 }

@@ -62,16 +62,16 @@ impl<'a> Windows<'a> {
         device: &Device,
     ) -> Result<Self, TokenizerError> {
         let n_features = source.stats().mean.len();
-        let mut draws = stream(spec.seed, WINDOWS_STREAM);
+        let mut draws = stream(spec.training.seed, WINDOWS_STREAM);
         let pool = WindowPool::load(source, spec, &mut draws)?;
-        let mut weights = stream(spec.seed, WEIGHTS_STREAM);
+        let mut weights = stream(spec.training.seed, WEIGHTS_STREAM);
         let module = TokenizerModule::new(spec, n_features, &mut weights, device);
         Ok(Self { spec, pool, module, draws, n_features, device: device.clone() })
     }
 
     fn batch(&mut self) -> Tensor<3> {
-        let values = self.pool.windows(self.spec.batch, &mut self.draws);
-        let shape = [self.spec.batch, self.spec.window, self.n_features];
+        let values = self.pool.windows(self.spec.training.batch, &mut self.draws);
+        let shape = [self.spec.training.batch, self.spec.training.window, self.n_features];
         Tensor::from_data(TensorData::new(values, shape), &self.device)
     }
 }
@@ -94,7 +94,8 @@ impl Learner for Windows<'_> {
     fn loss(&mut self, _: usize) -> Tensor<1> {
         let target_btf = self.batch();
         let made = self.module.reconstruct(target_btf.clone());
-        let loss = reconstruction_loss(made.features_btf, target_btf, self.spec.position_weight);
+        let loss =
+            reconstruction_loss(made.features_btf, target_btf, self.spec.training.position_weight);
         match made.auxiliary_loss {
             Some(auxiliary) => loss + auxiliary,
             None => loss,
@@ -134,13 +135,13 @@ fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
 
 fn course(spec: &TokenizerSpec) -> Course {
     let optimiser = AdamWConfig {
-        beta_1: spec.beta_1,
-        beta_2: spec.beta_2,
+        beta_1: spec.training.beta_1,
+        beta_2: spec.training.beta_2,
         epsilon: 1e-8,
-        weight_decay: spec.weight_decay,
+        weight_decay: spec.training.weight_decay,
         clip_norm: None,
     };
-    Course { steps: spec.steps, optimiser }
+    Course { steps: spec.training.steps, optimiser }
 }
 
 #[cfg(test)]
@@ -151,7 +152,7 @@ mod tests {
     use crate::data::Split;
     use crate::progress::Step;
     use crate::spec::QuantizerSpec;
-    use crate::tokenizer::testing::{Waves, small_spec};
+    use crate::tokenizer::testing::{Waves, small_spec, spec_of};
 
     fn losses(spec: &TokenizerSpec) -> (Tokenizer, Vec<f64>) {
         let mut losses = Vec::new();
@@ -168,7 +169,7 @@ mod tests {
     fn training_lowers_the_loss_with_either_quantizer() {
         let kinds = [QuantizerSpec::Fsq { levels: vec![5, 5] }, QuantizerSpec::Vq { n_vocab: 16 }];
         for kind in kinds {
-            let (_, losses) = losses(&TokenizerSpec { kind, steps: 80, ..small_spec() });
+            let (_, losses) = losses(&spec_of(kind, 80));
             let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
             let (first, last) = (mean(&losses[..10]), mean(&losses[70..]));
             assert!(last < 0.7 * first, "{first} to {last}");
@@ -179,14 +180,16 @@ mod tests {
     fn the_same_seed_gives_the_same_bits_and_another_seed_others() {
         let kinds = [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 64 }];
         for kind in kinds {
-            let spec = TokenizerSpec { kind, steps: 6, ..small_spec() };
+            let spec = spec_of(kind, 6);
             let bits = |spec: &TokenizerSpec| {
                 let folder = tempfile::tempdir().unwrap();
                 losses(spec).0.save(folder.path()).unwrap();
                 std::fs::read(folder.path().join("weights.safetensors")).unwrap()
             };
+            let mut other = spec.clone();
+            other.training.seed = 1;
             assert_eq!(bits(&spec), bits(&spec));
-            assert_ne!(bits(&spec), bits(&TokenizerSpec { seed: 1, ..spec.clone() }));
+            assert_ne!(bits(&spec), bits(&other));
         }
     }
 
@@ -205,7 +208,7 @@ mod tests {
     fn a_resumed_training_ends_on_the_same_bits() {
         let kinds = [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 64 }];
         for kind in kinds {
-            let spec = TokenizerSpec { kind, steps: 9, ..small_spec() };
+            let spec = spec_of(kind, 9);
             let folder = tempfile::tempdir().unwrap();
             let bits = |tokenizer: Tokenizer| {
                 tokenizer.save(folder.path()).unwrap();
@@ -228,7 +231,7 @@ mod tests {
             let mut progress = |_| ControlFlow::Continue(());
             let resumed = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
             assert_eq!(seen, [1, 2, 3, 4, 5, 6, 7], "no step is done twice");
-            assert!(bits(resumed.unwrap()) == straight, "{:?}", spec.kind);
+            assert!(bits(resumed.unwrap()) == straight, "{:?}", spec.quantizer);
         }
     }
 

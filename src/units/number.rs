@@ -7,6 +7,11 @@ pub fn count<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Err
     Count::deserialize(deserializer).map(|count| count.0)
 }
 
+/// A seed, written as a whole number.
+pub fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    count(deserializer).map(|seed| seed as u64)
+}
+
 /// A list of whole numbers.
 pub fn counts<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<usize>, D::Error> {
     Ok(Vec::<Count>::deserialize(deserializer)?.into_iter().map(|count| count.0).collect())

@@ -1,11 +1,11 @@
 //! Made-up codes and captions in the files that a trainer reads, and a small run over them.
 
-use isoflop::codes::{SplitTokens, TokenStore, write_store};
-use isoflop::data::{DataError, FRAMES_PER_TOKEN, FeatureStats, MotionSource, Split};
+use isoflop::codes::{Grid, SplitTokens, TokenStore, write_store};
+use isoflop::data::{DataError, FeatureStats, MotionSource, Split, UNIT_FRAMES};
 use isoflop::generator::Inputs;
 use isoflop::plan::RunSpec;
 use isoflop::spec::ModelShape;
-use isoflop::spec::{Ffn, Precision};
+use isoflop::spec::{Ffn, GeneratorSpec, Precision};
 use isoflop::text::{HashedNgrams, TextStore, embed};
 
 /// Width of the text vectors.
@@ -26,10 +26,11 @@ impl Corpus {
     pub fn new(n_vocab: usize, clips: [Clips; 3], captions: fn(usize) -> Vec<String>) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let [tokens, text] = ["tokens", "text"].map(|name| folder.path().join(name));
-        let splits = clips
-            .each_ref()
-            .map(|clips| SplitTokens::new(&clips.iter().map(Vec::as_slice).collect::<Vec<_>>()));
-        write_store(&tokens, n_vocab, &splits).expect("a writable folder");
+        let splits = clips.each_ref().map(|clips| {
+            SplitTokens::new(clips.iter().map(|clip| (&clip[..], UNIT_FRAMES * clip.len())))
+        });
+        write_store(&tokens, &Grid::stream(n_vocab, UNIT_FRAMES), &splits)
+            .expect("a writable folder");
         let stats = FeatureStats { mean: Vec::new(), std: Vec::new() };
         let source = Captioned { clips, captions, stats };
         embed(&HashedNgrams::new(D_TEXT, 6), &source, &text).expect("a writable folder");
@@ -62,7 +63,7 @@ impl MotionSource for Captioned {
     }
 
     fn n_frames(&self, split: Split, index: usize) -> usize {
-        FRAMES_PER_TOKEN * self.clips[split as usize][index].len()
+        UNIT_FRAMES * self.clips[split as usize][index].len()
     }
 
     fn captions(&self, _: Split, index: usize) -> Vec<String> {
@@ -96,7 +97,7 @@ pub fn small_run(n_vocab: usize) -> RunSpec {
     RunSpec {
         revision: isoflop::plan::TRAINING_REVISION,
         seed: 3,
-        model: ModelShape {
+        generator: GeneratorSpec::Autoregressive(ModelShape {
             n_layer: 2,
             n_head: 2,
             d_model: 16,
@@ -106,8 +107,8 @@ pub fn small_run(n_vocab: usize) -> RunSpec {
             ffn: Ffn::SwiGlu,
             tie_embeddings: false,
             rope_base: 10_000.0,
-        },
-        n_vocab,
+        }),
+        codes: Grid::stream(n_vocab, UNIT_FRAMES),
         budget_flops: 1e9,
         batch_tokens: 37,
         steps: 13,

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use isoflop::laws::{Form, HoldOut, Huber, ParametricOptions, Space, Starts};
-use isoflop::sweep::FlopsRule;
+use isoflop::spec::FlopsRule;
 use isoflop::sweep::MinimumMethod;
 use isoflop::table::{OutlierStage, Request as TableRequest};
 

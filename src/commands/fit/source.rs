@@ -6,7 +6,8 @@ use anyhow::{Result, bail};
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{FitError, IsoFlopPoint, Parameters};
 use isoflop::record::{RunRecord, table as runs};
-use isoflop::sweep::{self, FlopsRule, Sweep};
+use isoflop::spec::FlopsRule;
+use isoflop::sweep::{self, Sweep};
 use isoflop::table::{self, Dropped, Request as TableRequest};
 
 use super::request::Request;

@@ -5,7 +5,8 @@ use isoflop::laws::{
     sensitivity_row,
 };
 use isoflop::record::RunRecord;
-use isoflop::sweep::{FlopsRule, HoldOutSpec, Sweep};
+use isoflop::spec::FlopsRule;
+use isoflop::sweep::{HoldOutSpec, Sweep};
 
 use super::request::Request;
 

@@ -3,7 +3,7 @@
 use super::batch::{Batch, Sequence};
 use super::transformer::{Model, end_token};
 use crate::codes::TokenStore;
-use crate::data::{FRAMES_PER_TOKEN, Split};
+use crate::data::Split;
 use crate::generator::SplitLoss;
 use crate::progress::moved;
 use crate::spec::TARGETS_PER_PASS;
@@ -11,7 +11,7 @@ use crate::text::TextStore;
 
 /// Measures a model, each clip once with one of its captions; clip i shows caption i mod n.
 pub fn split_loss(model: &Model, tokens: &TokenStore, text: &TextStore, split: Split) -> SplitLoss {
-    let unigram = tokens.unigram_log_probs();
+    let unigram = tokens.unigram_log_probs(0);
     let end = end_token(tokens.n_vocab());
     let (mut nll, mut uni, mut targets) = (0.0, 0.0, 0);
     for clips in passes(tokens, split) {
@@ -23,7 +23,7 @@ pub fn split_loss(model: &Model, tokens: &TokenStore, text: &TextStore, split: S
         targets += batch.targets.len();
         moved();
     }
-    let frames = (tokens.n_tokens(split) * FRAMES_PER_TOKEN) as f64;
+    let frames = tokens.n_frames(split) as f64;
     let n = targets as f64;
     SplitLoss {
         loss_nats: nll / n,

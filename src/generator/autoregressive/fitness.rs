@@ -9,11 +9,11 @@ use crate::spec::Precision;
 
 /// Tokens must have the codes that the model has, and their sequences fit its context.
 pub fn check_inputs(spec: &RunSpec, inputs: &Inputs) -> Result<(), GeneratorError> {
-    let (found, wanted) = (inputs.tokens.n_vocab(), spec.n_vocab);
+    let (found, wanted) = (inputs.tokens.n_vocab(), spec.n_vocab());
     if found != wanted {
         return Err(GeneratorError::Vocabulary { found, wanted });
     }
-    Split::ALL.into_iter().try_for_each(|split| check_lengths(spec.model.n_ctx, inputs, split))
+    Split::ALL.into_iter().try_for_each(|split| check_lengths(spec.shape().n_ctx, inputs, split))
 }
 
 /// Devices differ in the numbers that they compute in.

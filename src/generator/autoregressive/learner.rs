@@ -54,7 +54,7 @@ struct Standing {
 pub(super) fn fresh(spec: &RunSpec, device: &Device) -> Model {
     let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
     rng.set_stream(WEIGHTS_STREAM);
-    let model = Model::init(&spec.model, spec.n_vocab, &mut rng, &device.clone().autodiff());
+    let model = Model::init(spec.shape(), spec.n_vocab(), &mut rng, &device.clone().autodiff());
     model.in_precision(spec.precision)
 }
 
@@ -151,7 +151,7 @@ impl Learner for Autoregressive<'_> {
     }
 
     fn ignorant(&self) -> Option<(f64, f64)> {
-        Some((((self.spec.n_vocab + 1) as f64).ln(), DIVERGED_NATS))
+        Some((((self.spec.n_vocab() + 1) as f64).ln(), DIVERGED_NATS))
     }
 
     fn advice(&self) -> &'static str {
@@ -193,11 +193,11 @@ impl Learner for Autoregressive<'_> {
 /// Multiply-adds of a batch, times two: each sequence at its own length, the head per target.
 fn forward_flops(spec: &RunSpec, batch: &Batch) -> f64 {
     let layout = &batch.layout;
-    let head = 2.0 * (spec.model.d_model * (spec.n_vocab + 1)) as f64;
+    let head = 2.0 * (spec.shape().d_model * (spec.n_vocab() + 1)) as f64;
     let blocks = (0..layout.n_sequences()).map(|i| {
         let prefix = layout.prefix(i) as f64;
         let targets = layout.len(i) as f64 - prefix + 1.0;
-        exact_of_sequence(&spec.model, spec.n_vocab, prefix, targets) - targets * head
+        exact_of_sequence(spec.shape(), spec.n_vocab(), prefix, targets) - targets * head
     });
     blocks.sum::<f64>() + batch.targets.len() as f64 * head
 }

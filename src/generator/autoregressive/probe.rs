@@ -33,7 +33,7 @@ impl Probed {
         let (shape, n_vocab) = measurable(spec);
         let most_tokens = MOST_TOKENS.min(MOST_LOGITS / n_vocab);
         let batch = batch(&shape, n_vocab, spec.batch_tokens.min(most_tokens));
-        let full = openai_per_token(&spec.model, spec.n_vocab) as f64;
+        let full = openai_per_token(spec.shape(), spec.n_vocab()) as f64;
         let share = openai_per_token(&shape, n_vocab) as f64 / full;
         let flops_per_token = share * spec.budget_flops / spec.tokens() as f64;
         let flops = flops_per_token * batch.targets.len() as f64;
@@ -94,8 +94,8 @@ impl Learner for Still {
 /// machine that could not hold them. Products of such widths run at one rate; what a smaller
 /// vocabulary leaves out is of that kind too.
 fn measurable(spec: &RunSpec) -> (ModelShape, usize) {
-    let (mut model, mut n_vocab) = (spec.model.clone(), spec.n_vocab);
-    let too_large = |model: &ModelShape, n_vocab| model.params(n_vocab).total() > MOST_PARAMS;
+    let (mut model, mut n_vocab) = (spec.shape().clone(), spec.n_vocab());
+    let too_large = |model: &ModelShape, n_vocab| model.params_of(n_vocab).total() > MOST_PARAMS;
     while too_large(&model, n_vocab) && model.n_layer > 1 {
         model.n_layer = model.n_layer.div_ceil(2);
     }

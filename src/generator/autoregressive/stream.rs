@@ -37,7 +37,7 @@ struct Epoch {
 impl<'a> TokenStream<'a> {
     /// The stream that `seed` gives over the training split.
     pub fn new(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
-        let epoch_tokens = tokens.n_tokens(Split::Train) + tokens.n_clips(Split::Train);
+        let epoch_tokens = tokens.n_targets(Split::Train);
         Self { tokens, text, seed, epoch_tokens, epoch: None }
     }
 

@@ -6,12 +6,10 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::data::FRAMES_PER_TOKEN;
 use crate::jobs::program::TrainerSpec;
-use crate::plan::{FlopsPerToken, RunSpec};
+use crate::plan::RunSpec;
 use crate::record::RunRecord;
 use crate::spec::flops::TRAINING_PER_FORWARD;
-use crate::spec::peak_bytes;
 
 /// The result of a run; for every key but the losses the plan's value stands in.
 ///
@@ -42,6 +40,9 @@ pub struct TrainerResult {
     /// By default the plan's estimate for the built-in trainer.
     pub peak_bytes: Option<f64>,
 }
+
+/// Frames that a code is taken to stand for where that depends on the clip.
+const FRAMES_PER_CODE: f64 = 4.0;
 
 impl TrainerResult {
     /// Reads and checks a result; says in one sentence what is wrong with it.
@@ -93,25 +94,25 @@ impl TrainerResult {
     /// The record of the run, with the plan's values where the result is silent.
     pub fn record(&self, id: &str, run: &RunSpec, spec: &TrainerSpec, ran_s: f64) -> RunRecord {
         let count = |value: Option<f64>, planned: usize| value.map_or(planned, |x| x as usize);
-        let params = run.model.params(run.n_vocab);
+        let params = run.params();
         let tokens = count(self.tokens, run.tokens());
         let unique_tokens = count(self.unique_tokens, spec.unique_tokens);
-        let per_token = FlopsPerToken::new(&run.model, run.n_vocab, spec.max_text_tokens);
+        let per_token = run.generator.flops_per_token(&run.codes, spec.max_text_tokens);
         let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;
+        let frames = run.codes.frames_per_code().unwrap_or(FRAMES_PER_CODE);
         let per_frame = self.nats_per_second.map(|x| x / run.fps);
-        let nats_per_frame =
-            self.nats_per_frame.or(per_frame).unwrap_or(self.loss_nats / FRAMES_PER_TOKEN as f64);
+        let nats_per_frame = self.nats_per_frame.or(per_frame).unwrap_or(self.loss_nats / frames);
         let wall_s = self.wall_s.unwrap_or(ran_s);
-        let planned_peak = || peak_bytes(&run.model, run.n_vocab, params, run.batch_tokens);
+        let planned_peak = || run.generator.peak_bytes(&run.codes, run.batch_tokens);
         RunRecord {
             run_id: id.to_string(),
             seed: run.seed,
-            n_layer: run.model.n_layer,
-            n_head: run.model.n_head,
-            d_model: run.model.d_model,
-            d_ff: run.model.d_ff,
-            n_ctx: run.model.n_ctx,
-            n_vocab: run.n_vocab,
+            n_layer: run.shape().n_layer,
+            n_head: run.shape().n_head,
+            d_model: run.shape().d_model,
+            d_ff: run.shape().d_ff,
+            n_ctx: run.shape().n_ctx,
+            n_vocab: run.n_vocab(),
             budget_flops: run.budget_flops,
             flops_openai: training(per_token.openai as f64),
             flops_6nd: training(per_token.six_nd),

@@ -71,12 +71,12 @@ impl TrainerSpec {
         let there = |path: &Path| path.exists().then(|| absolute(path)).transpose();
         let place = absolute(folder.run(id))?;
         let codes = there(&folder.tokens(&run.tokenizer_id))?;
-        let params = run.model.params(run.n_vocab);
+        let params = run.params();
         Ok(Self {
             run_id: id.to_string(),
             seed: run.seed,
-            shape: run.model.clone(),
-            n_vocab: run.n_vocab,
+            shape: run.shape().clone(),
+            n_vocab: run.n_vocab(),
             max_text_tokens: frozen_sweep(folder)?.text.max_tokens,
             params_nonvocab: params.nonvocab,
             params_vocab: params.vocab,
@@ -110,5 +110,5 @@ impl TrainerSpec {
 /// Codes of the training split and an end token a clip, as the built-in trainer counts them.
 fn unique_tokens(codes: &Path) -> Result<usize> {
     let store = TokenStore::open(codes)?;
-    Ok(store.n_tokens(Split::Train) + store.n_clips(Split::Train))
+    Ok(store.n_targets(Split::Train))
 }

@@ -2,35 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::spec::FlopsRule;
 use crate::units::number;
-
-/// Which count of FLOPs a budget is spent in and the laws are written in.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
-)]
-pub enum FlopsRule {
-    /// ScaMo Code 1, after Kaplan et al. 2020.
-    #[default]
-    #[serde(rename = "openai")]
-    OpenAi,
-    /// 6 (N_nv + N_v) D, ScaMo Eq. 7.
-    #[serde(rename = "6nd")]
-    SixNd,
-    /// The multiply-adds of the model as built.
-    #[serde(rename = "exact")]
-    Exact,
-}
-
-impl FlopsRule {
-    /// The name in files: `openai`, `6nd`, `exact`.
-    pub fn name(self) -> &'static str {
-        match self {
-            FlopsRule::OpenAi => "openai",
-            FlopsRule::SixNd => "6nd",
-            FlopsRule::Exact => "exact",
-        }
-    }
-}
 
 /// The `flops` section.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::spec::{QuantizerKind, QuantizerSpec, VocabularyError};
 use crate::units::number;
 
 /// The `grid` section: its axes are crossed unless `zip` pairs them.
@@ -75,6 +76,19 @@ pub enum VocabSpec {
     /// FSQ: resolved to ScaMo's levels (Table 8); VQ: the number of codes.
     Size(usize),
     Levels(LevelsSpec),
+}
+
+impl VocabSpec {
+    /// The quantizer of a kind that has this vocabulary.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn quantizer(&self, kind: QuantizerKind) -> Result<QuantizerSpec, VocabularyError> {
+        match self {
+            Self::Size(n) => kind.of_size(*n),
+            Self::Levels(spec) => kind.of_levels(&spec.levels),
+        }
+    }
 }
 
 /// FSQ levels in full: `{levels: [8, 5, 5, 5]}`.

@@ -16,7 +16,7 @@ pub use training::*;
 
 use serde::{Deserialize, Serialize};
 
-use crate::spec::TextSpec;
+use crate::spec::{GeneratorKind, TextSpec, TokenizerSection};
 
 /// A study: a grid of models, vocabularies and budgets, and how each cell is trained and judged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +33,9 @@ pub struct Sweep {
     pub text: TextSpec,
     #[serde(default)]
     pub tokenizer: TokenizerSection,
+    /// The kind of generator, or a list of kinds: an axis of the grid.
+    #[serde(default)]
+    pub generator: Generators,
     pub grid: GridSpec,
     #[serde(default)]
     pub flops: FlopsSpec,
@@ -50,6 +53,17 @@ pub struct Sweep {
     /// How engines other than this machine are to be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub engine: Option<EngineSection>,
+}
+
+/// Kinds of generators: one, or a list.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct Generators(pub Vec<GeneratorKind>);
+
+impl Default for Generators {
+    fn default() -> Self {
+        Self(vec![GeneratorKind::default()])
+    }
 }
 
 fn default_seeds() -> Vec<u64> {

@@ -9,7 +9,8 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::conv::Conv1d;
-use crate::spec::TokenizerSpec;
+use crate::spec::ConvolutionalSpec;
+use crate::tokenizer::architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
 
 /// The shape of both halves.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,9 +35,9 @@ impl AutoencoderConfig {
         Self { n_features, width, depth: 3, down: 2, dilation_growth: 3, code_dim: width }
     }
 
-    /// The shape that a spec asks for.
-    pub fn of(spec: &TokenizerSpec, n_features: usize) -> Self {
-        Self { depth: spec.depth, down: spec.down, ..Self::new(n_features, spec.width) }
+    /// The shape of given sizes.
+    pub fn of(sizes: &ConvolutionalSpec, n_features: usize) -> Self {
+        Self { depth: sizes.depth, down: sizes.down, ..Self::new(n_features, sizes.width) }
     }
 
     /// The half that turns features into latents.
@@ -65,6 +66,20 @@ impl AutoencoderConfig {
         let dilation = |i: usize| self.dilation_growth.pow(i as u32);
         let blocks = (0..self.depth).rev();
         blocks.map(|i| ResidualBlock::new(self.width, dilation(i), rng, device)).collect()
+    }
+}
+
+impl Architecture for AutoencoderConfig {
+    fn code_dim(&self) -> usize {
+        self.code_dim
+    }
+
+    fn encoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyEncoder {
+        AnyEncoder::Convolutional(self.init_encoder(rng, device))
+    }
+
+    fn decoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyDecoder {
+        AnyDecoder::Convolutional(self.init_decoder(rng, device))
     }
 }
 
@@ -137,9 +152,8 @@ pub struct Encoder {
     output: Conv1d,
 }
 
-impl Encoder {
-    /// `[b, t, f]` to `[b, t/s, code_dim]`; t is a multiple of s.
-    pub fn forward(&self, x_btf: Tensor<3>) -> Tensor<3> {
+impl Encode for Encoder {
+    fn forward(&self, x_btf: Tensor<3>) -> Tensor<3> {
         let x_btc = relu(self.input.forward(x_btf));
         self.output.forward(self.stages.iter().fold(x_btc, |x, stage| stage.forward(x)))
     }
@@ -154,9 +168,8 @@ pub struct Decoder {
     output: Conv1d,
 }
 
-impl Decoder {
-    /// `[b, t/s, code_dim]` to `[b, t, f]`.
-    pub fn forward(&self, latents_btc: Tensor<3>) -> Tensor<3> {
+impl Decode for Decoder {
+    fn forward(&self, latents_btc: Tensor<3>) -> Tensor<3> {
         let x_btc = relu(self.input.forward(latents_btc));
         let x_btc = self.stages.iter().fold(x_btc, |x, stage| stage.forward(x));
         self.output.forward(self.hidden.forward(x_btc))

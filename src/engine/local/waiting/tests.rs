@@ -9,7 +9,7 @@ use super::Waiting;
 use crate::data::{self, DataFacts};
 use crate::jobs::{Job, JobId, ResultsFolder, missing_jobs};
 use crate::plan::Plan;
-use crate::plan::longest_run;
+use crate::plan::demand;
 use crate::sweep;
 use std::collections::HashMap;
 
@@ -18,7 +18,7 @@ fn jobs(file: &str, settings: &[&str]) -> Vec<Job> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
     let settings: Vec<String> = settings.iter().map(|one| one.to_string()).collect();
     let sweep = sweep::read(&path, &settings).unwrap();
-    let source = data::open(&sweep.data, longest_run(&sweep)).unwrap();
+    let source = data::open(&sweep.data, demand(&sweep).as_ref()).unwrap();
     let plan = Plan::new(&sweep, DataFacts::of(&*source));
     let nowhere = tempfile::tempdir().unwrap();
     missing_jobs(&plan, &ResultsFolder::new(nowhere.path()))

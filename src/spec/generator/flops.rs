@@ -1,6 +1,57 @@
 //! Counting FLOPs: three conventions, each a pure function of the shape.
 
-use crate::spec::ModelShape;
+use serde::{Deserialize, Serialize};
+
+use super::shape::ModelShape;
+
+/// Which count of FLOPs a budget is spent in and the laws are written in.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
+)]
+pub enum FlopsRule {
+    /// ScaMo Code 1, after Kaplan et al. 2020.
+    #[default]
+    #[serde(rename = "openai")]
+    OpenAi,
+    /// 6 (N_nv + N_v) D, ScaMo Eq. 7.
+    #[serde(rename = "6nd")]
+    SixNd,
+    /// The multiply-adds of the model as built.
+    #[serde(rename = "exact")]
+    Exact,
+}
+
+impl FlopsRule {
+    /// The name in files: `openai`, `6nd`, `exact`.
+    pub fn name(self) -> &'static str {
+        match self {
+            FlopsRule::OpenAi => "openai",
+            FlopsRule::SixNd => "6nd",
+            FlopsRule::Exact => "exact",
+        }
+    }
+}
+
+/// Forward FLOPs a supervised token, by every convention.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FlopsPerToken {
+    pub openai: u64,
+    #[serde(rename = "6nd")]
+    pub six_nd: f64,
+    /// The multiply-adds of the model as built, times two.
+    pub exact: f64,
+}
+
+impl FlopsPerToken {
+    /// The count of one convention.
+    pub fn by(&self, rule: FlopsRule) -> f64 {
+        match rule {
+            FlopsRule::OpenAi => self.openai as f64,
+            FlopsRule::SixNd => self.six_nd,
+            FlopsRule::Exact => self.exact,
+        }
+    }
+}
 
 /// d_ff = `FF_RATIO`·d in ScaMo's Code 1, whatever width was built.
 ///
@@ -24,7 +75,7 @@ pub fn openai_per_token(shape: &ModelShape, n_vocab: usize) -> u64 {
 
 /// Forward FLOPs a token by 2N, N = N_nv + N_v; training is 6ND (ScaMo Eq. 7).
 pub fn six_nd_per_token(shape: &ModelShape, n_vocab: usize) -> f64 {
-    let params = shape.params(n_vocab);
+    let params = shape.params_of(n_vocab);
     2.0 * (params.nonvocab + params.vocab) as f64
 }
 

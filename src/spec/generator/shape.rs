@@ -54,7 +54,7 @@ impl ParamCounts {
 
 impl ModelShape {
     /// Parameters with a vocabulary of `n_vocab` codes.
-    pub fn params(&self, n_vocab: usize) -> ParamCounts {
+    pub fn params_of(&self, n_vocab: usize) -> ParamCounts {
         let d = self.d_model;
         let block = 4 * d * d + self.ffn_params() + 2 * d;
         ParamCounts {

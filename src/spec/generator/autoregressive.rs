@@ -1,0 +1,35 @@
+//! What the text-prefix transformer takes.
+
+use super::flops::{FlopsPerToken, exact_of_sequence, openai_per_token, six_nd_per_token};
+use super::memory::peak_bytes;
+use super::shape::{ModelShape, ParamCounts};
+use super::{Grid, Pricing};
+
+impl Pricing for ModelShape {
+    fn name(&self) -> &'static str {
+        "autoregressive"
+    }
+
+    fn shape(&self) -> &ModelShape {
+        self
+    }
+
+    fn params(&self, codes: &Grid) -> ParamCounts {
+        self.params_of(codes.n_vocab())
+    }
+
+    /// The exact count is at full context: a prefix of the longest text and every motion slot but the
+    /// spare one.
+    fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken {
+        let (n_vocab, targets) = (codes.n_vocab(), (self.n_ctx - prefix - 1) as f64);
+        FlopsPerToken {
+            openai: openai_per_token(self, n_vocab),
+            six_nd: six_nd_per_token(self, n_vocab),
+            exact: exact_of_sequence(self, n_vocab, prefix as f64, targets) / targets,
+        }
+    }
+
+    fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64 {
+        peak_bytes(self, codes.n_vocab(), self.params(codes), batch_tokens)
+    }
+}

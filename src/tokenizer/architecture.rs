@@ -1,0 +1,80 @@
+//! What lies around the quantizer of a tokenizer: features to latents and back. A folder a kind.
+//!
+//! [`of`] is the one place that tells kinds apart.
+//!
+//! Shapes: b clips, t frames, f features, c latent channels; t/s latents where a latent stands for s
+//! frames.
+
+use std::ops::Deref;
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+
+use super::convolutional::{AutoencoderConfig, Decoder, Encoder};
+use crate::spec::ArchitectureSpec;
+
+/// A kind of architecture with its sizes.
+pub trait Architecture {
+    /// Channels of a latent.
+    fn code_dim(&self) -> usize;
+
+    /// The half that turns features into latents.
+    fn encoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyEncoder;
+
+    /// The half that turns latents into features.
+    fn decoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyDecoder;
+}
+
+/// The architecture of a spec for frames of `n_features`.
+pub fn of(spec: &ArchitectureSpec, n_features: usize) -> Box<dyn Architecture> {
+    match spec {
+        ArchitectureSpec::Convolutional(sizes) => {
+            Box::new(AutoencoderConfig::of(sizes, n_features))
+        }
+    }
+}
+
+/// Normalised features to latents.
+pub trait Encode {
+    /// `[b, t, f]` to `[b, t/s, c]`; t is a multiple of s.
+    fn forward(&self, x_btf: Tensor<3>) -> Tensor<3>;
+}
+
+/// Latents to normalised features.
+pub trait Decode {
+    /// `[b, t/s, c]` to `[b, t, f]`.
+    fn forward(&self, latents_btc: Tensor<3>) -> Tensor<3>;
+}
+
+/// An encoder of any kind, as part of a module.
+#[derive(Module, Debug)]
+pub enum AnyEncoder {
+    Convolutional(Encoder),
+}
+
+/// A decoder of any kind, as part of a module.
+#[derive(Module, Debug)]
+pub enum AnyDecoder {
+    Convolutional(Decoder),
+}
+
+impl Deref for AnyEncoder {
+    type Target = dyn Encode;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::Convolutional(encoder) => encoder,
+        }
+    }
+}
+
+impl Deref for AnyDecoder {
+    type Target = dyn Decode;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::Convolutional(decoder) => decoder,
+        }
+    }
+}
