@@ -196,7 +196,7 @@ fn a_checkpoint_that_is_cut_short_is_named() {
         std::fs::write(bench.checkpoint(), &bytes[..length]).expect("a writable folder");
         let message = bench.refused();
         assert!(message.contains("state.safetensors"), "{length} bytes: {message}");
-        assert!(message.contains("remove it to start the run again"), "{length} bytes: {message}");
+        assert!(message.contains("remove it to have it made again"), "{length} bytes: {message}");
     }
 }
 

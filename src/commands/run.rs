@@ -34,8 +34,9 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
             return Ok(Exit::Done);
         }
     };
+    let exit = end(args, &open, &reports, output);
     drop(held);
-    end(args, &open, &reports, output)
+    exit
 }
 
 /// Reads, plans and warns.

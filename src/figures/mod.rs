@@ -37,11 +37,11 @@ mod vocab_vs_nonvocab;
 #[cfg(test)]
 mod simulated;
 
-use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::files::FileError;
 use crate::laws::Laws;
 use crate::record::RunRecord;
 use crate::tokenizer::TokenizerMetrics;
@@ -78,8 +78,8 @@ pub struct LeftOut {
 /// Why figures could not be written.
 #[derive(Debug, Error)]
 pub enum FigureError {
-    #[error("cannot write the figure {path}: {source}; check that the folder exists and has space")]
-    Write { path: PathBuf, source: io::Error },
+    #[error(transparent)]
+    File(#[from] FileError),
     #[error("cannot draw the figure {name}: {message}")]
     Draw { name: String, message: String },
     #[error(
@@ -123,7 +123,7 @@ const FIGURES: [Figure; 7] = [
 /// Where a file cannot be written, or the laws count FLOPs by a rule that no run records.
 pub fn draw_all(input: &FigureInput, folder: &Path) -> Result<Drawn, FigureError> {
     let sources = Sources::of(input)?;
-    write::make_folder(folder)?;
+    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
     let mut drawn = Drawn { paths: Vec::new(), left_out: runs_without_loss(input.records) };
     for (name, draw) in FIGURES {
         match draw(&sources) {

@@ -1,10 +1,10 @@
-//! From a `Scene` to the bytes of an SVG and the file of a PNG, through plotters' backends.
+//! From a `Scene` to the bytes of an SVG and of a PNG, through plotters' backends.
 //!
 //! plotters counts in whole pixels, so an SVG is drawn in tenths of a page pixel under a view
 //! box, and a PNG at `SUPERSAMPLE` times its size and averaged down.
 
-use std::path::Path;
-
+use image::codecs::png::PngEncoder;
+use image::{ColorType, ImageEncoder};
 use plotters::backend::{BitMapBackend, DrawingBackend, SVGBackend};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, RGBColor, ShapeStyle, TextStyle};
@@ -46,8 +46,8 @@ pub fn svg(scene: &Scene) -> Result<String, DrawError> {
     Ok(with_page_size(&document, scene))
 }
 
-/// Draws a PNG into `path`, whose name must end in `.png`.
-pub fn png(scene: &Scene, path: &Path) -> Result<(), DrawError> {
+/// The whole PNG.
+pub fn png(scene: &Scene) -> Result<Vec<u8>, DrawError> {
     let scale = PNG_SCALE * SUPERSAMPLE;
     let size = (pixels(scene.width, scale as f64), pixels(scene.height, scale as f64));
     let mut samples = vec![255; 3 * size.0 as usize * size.1 as usize];
@@ -61,7 +61,7 @@ pub fn png(scene: &Scene, path: &Path) -> Result<(), DrawError> {
         }
     }
     drop(backend);
-    write_png(&samples, size, path)
+    encode_png(&samples, size)
 }
 
 fn pixels(length: f64, scale: f64) -> u32 {
@@ -84,13 +84,14 @@ fn with_page_size(document: &str, scene: &Scene) -> String {
     )
 }
 
-fn write_png(samples: &[u8], (width, height): (u32, u32), path: &Path) -> Result<(), DrawError> {
+fn encode_png(samples: &[u8], (width, height): (u32, u32)) -> Result<Vec<u8>, DrawError> {
     let step = SUPERSAMPLE as u32;
     let averaged = box_average(samples, width as usize, height as usize);
-    let size = (width / step, height / step);
-    let mut file = BitMapBackend::new(path, size);
-    file.blit_bitmap((0, 0), size, &averaged).map_err(|error| error.to_string())?;
-    file.present().map_err(|error| error.to_string())
+    let mut bytes = Vec::new();
+    PngEncoder::new(&mut bytes)
+        .write_image(&averaged, width / step, height / step, ColorType::Rgb8)
+        .map_err(|error| error.to_string())?;
+    Ok(bytes)
 }
 
 /// Averages squares of [`SUPERSAMPLE`]² RGB samples.
