@@ -1,15 +1,23 @@
 //! `isoflop cancel`: ends a sweep as Ctrl-C would, wherever it runs.
 
+use std::path::PathBuf;
+
 use anyhow::{Context, Result};
+use clap::Args;
 use isoflop::engine::{Cancelled, ENGINES};
 use isoflop::jobs::{ResultsFolder, SweepState};
 use serde_json::json;
 
-use super::args::CancelArgs;
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::output::Output;
 use super::{status, status_text};
+
+#[derive(Args)]
+pub struct CancelArgs {
+    /// A sweep's folder
+    pub results: PathBuf,
+}
 
 pub fn cancel(args: &CancelArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);

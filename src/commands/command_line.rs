@@ -9,7 +9,7 @@ use isoflop::jobs::{JobId, ResultsFolder};
 use isoflop::units::quoted;
 use serde::{Deserialize, Serialize};
 
-use super::args::RunArgs;
+use super::run::RunArgs;
 
 /// Width of a terminal that shows a command whole.
 const WIDTH: usize = 80;

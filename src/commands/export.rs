@@ -3,14 +3,32 @@
 use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use clap::{Args, ValueEnum};
 use isoflop::export::{NotebookInput, notebook};
 use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
 use serde_json::json;
 
-use super::args::{ExportArgs, ExportForm};
 use super::exit::Exit;
 use super::output::Output;
+
+#[derive(Args)]
+pub struct ExportArgs {
+    /// A sweep's folder
+    pub results: PathBuf,
+    /// The form
+    #[arg(long, value_enum)]
+    pub to: ExportForm,
+    /// The folder to write to
+    #[arg(long, default_value = "notebooks-export")]
+    pub out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum ExportForm {
+    /// A Jupyter notebook that reads the sweep's table and laws
+    Notebook,
+}
 
 pub fn export(args: &ExportArgs, output: &Output) -> Result<Exit> {
     let ExportForm::Notebook = args.to;

@@ -9,10 +9,10 @@ use isoflop::jobs::{Job, all_jobs};
 use isoflop::jobs::{JobId, JobState, ResultsFolder};
 use isoflop::plan::Plan;
 
-use super::args::RunArgs;
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::output::Output;
+use super::run::RunArgs;
 
 /// The last lines of a log that are shown.
 const LAST_LINES: usize = 3;

@@ -23,10 +23,46 @@ mod status_text;
 mod task;
 mod worker;
 
-pub use args::Cli;
+use clap::{Parser, Subcommand};
+
 pub use exit::{Exit, report};
 
-use args::Command;
+/// Scaling-law experiments for autoregressive motion generation: run an IsoFLOP sweep, regenerate
+/// its figures, predict the best configuration for a budget.
+#[derive(Parser)]
+#[command(version, about)]
+pub struct Cli {
+    #[command(flatten)]
+    common: args::Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Expand and price a sweep; train nothing
+    Plan(plan::PlanArgs),
+    /// Run what is missing of a sweep, then fit, plot and predict
+    Run(run::RunArgs),
+    /// How far a sweep is, what runs, what failed and how to try it again
+    Status(status::StatusArgs),
+    /// End a sweep cleanly, wherever it runs; what is finished stays
+    Cancel(cancel::CancelArgs),
+    /// Fit laws to a sweep, or to any table of runs
+    Fit(fit::FitArgs),
+    /// Draw every figure of a sweep again, from its table alone
+    Plot(plot::PlotArgs),
+    /// The optimal configuration for a budget
+    Predict(predict::PredictArgs),
+    /// Write a sweep's results in another form
+    Export(export::ExportArgs),
+    /// Do one job of a sweep; started by `run`
+    #[command(hide = true)]
+    Worker(worker::WorkerArgs),
+    /// Outlive a worker for as long as the program that it started; started by `worker`
+    #[command(hide = true)]
+    Guard(worker::GuardArgs),
+}
 
 /// Calls the command that was asked for.
 pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {

@@ -4,17 +4,24 @@ use std::collections::{BTreeMap, HashMap};
 
 use anyhow::Result;
 use burn::tensor::Device;
+use clap::Args;
 use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs, probe};
 use isoflop::plan::{Plan, PlannedRun, TokenizerJob, Trunk};
 use isoflop::record::flops_per_second;
 use serde_json::{Value, json};
 
-use super::args::PlanArgs;
+use super::args::SweepArgs;
 use super::context::plan_sweep;
 use super::exit::Exit;
 use super::output::Output;
 use super::plan_text;
 use super::stale::stale;
+
+#[derive(Args)]
+pub struct PlanArgs {
+    #[command(flatten)]
+    pub sweep: SweepArgs,
+}
 
 pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let device = args.sweep.device.open()?;

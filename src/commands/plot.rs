@@ -1,6 +1,9 @@
 //! `isoflop plot`: every figure of a sweep again, from its table and laws alone.
 
+use std::path::PathBuf;
+
 use anyhow::Result;
+use clap::Args;
 use isoflop::figures::{self, Drawn, FigureInput, LeftOut};
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
@@ -8,9 +11,14 @@ use isoflop::laws::Laws;
 use isoflop::record::{RunRecord, table};
 use serde_json::json;
 
-use super::args::PlotArgs;
 use super::exit::Exit;
 use super::output::Output;
+
+#[derive(Args)]
+pub struct PlotArgs {
+    /// A sweep's folder
+    pub results: PathBuf,
+}
 
 pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);

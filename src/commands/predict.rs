@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use clap::Args;
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{Laws, scamo};
@@ -12,9 +13,19 @@ use isoflop::spec::ModelShape;
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use serde_json::Value;
 
-use super::args::PredictArgs;
+use super::args::budget;
 use super::exit::Exit;
 use super::output::Output;
+
+#[derive(Args)]
+pub struct PredictArgs {
+    /// Budgets in FLOPs, as 1e18
+    #[arg(required = true, value_parser = budget)]
+    pub budgets: Vec<f64>,
+    /// A sweep's folder, a laws.json, or scamo for the published law
+    #[arg(long, default_value = "scamo")]
+    pub law: String,
+}
 
 pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
     let laws = laws(&args.law)?;

@@ -1,15 +1,23 @@
 //! `isoflop status`: how far a sweep is, from its folder, and from the engines that have some of it.
 
+use std::path::PathBuf;
+
 use anyhow::{Result, bail};
+use clap::Args;
 use isoflop::engine::{ENGINES, EngineState};
 use isoflop::jobs::{ResultsFolder, SweepState, sweep_state};
 use serde_json::{Value, json};
 
-use super::args::StatusArgs;
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::output::Output;
 use super::status_text;
+
+#[derive(Args)]
+pub struct StatusArgs {
+    /// A sweep's folder
+    pub results: PathBuf,
+}
 
 pub fn status(args: &StatusArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);

@@ -7,9 +7,9 @@ use anyhow::{Result, bail};
 use isoflop::engine::{FitTerms, Task};
 use isoflop::jobs::{FailedJob, ResultsFolder, SweepState};
 
-use super::args::WorkerArgs;
 use super::exit::Exit;
 use super::output::{Output, say};
+use super::worker::WorkerArgs;
 use super::{analyse, status};
 
 /// Does a chunk, and exits with the code that says how it ended.

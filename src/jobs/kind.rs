@@ -9,6 +9,7 @@ use std::time::Duration;
 use anyhow::Result;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::KINDS;
 use super::assignment::{Assignment, Outcome};
 use super::folder::ResultsFolder;
 use super::job::Job;
@@ -88,18 +89,9 @@ pub trait Kind: Sync {
     }
 }
 
-/// A kind of job, by its place in [`KINDS`].
+/// A kind of job: one of [`KINDS`].
 #[derive(Clone, Copy)]
 pub struct JobKind(&'static dyn Kind);
-
-/// Every kind. Each needs only what stands before it, or its own kind.
-pub static KINDS: [JobKind; 5] = [
-    super::text::KIND,
-    super::tokenizer::KIND,
-    super::tokens::KIND,
-    super::trunk::KIND,
-    super::run::KIND,
-];
 
 impl JobKind {
     /// The handle of a kind.

@@ -29,5 +29,9 @@ pub use folder::{JobState, ResultsFolder, RunStates};
 pub use graph::{all_jobs, inputs, missing_jobs};
 pub use id::JobId;
 pub use job::Job;
-pub use kind::{JobKind, KINDS, Kind};
+pub use kind::{JobKind, Kind};
 pub use state::{Counts, FailedJob, Running, SweepState, sweep_state};
+
+/// Every kind of job. Each needs only what stands before it, or its own kind.
+pub static KINDS: [JobKind; 5] =
+    [text::KIND, tokenizer::KIND, tokens::KIND, trunk::KIND, run::KIND];

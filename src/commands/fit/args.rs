@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use crate::commands::args::budget;
+
 /// Shown below the options.
 const EXAMPLES: &str = "\
 Examples:
@@ -89,7 +91,7 @@ pub struct FitArgs {
     pub seed: Option<u64>,
 
     /// Budgets in FLOPs to give the optimum for; by default the table's largest and ten times it
-    #[arg(long, value_name = "C,…", value_delimiter = ',', value_parser = crate::commands::args::budget)]
+    #[arg(long, value_name = "C,…", value_delimiter = ',', value_parser = budget)]
     pub predict: Vec<f64>,
     /// Where to write the laws; a sweep's own laws.json otherwise, nowhere for a table
     #[arg(long, value_name = "FILE")]
