@@ -8,7 +8,7 @@ use clap::Parser;
 use commands::Cli;
 
 #[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+static ALLOCATOR: isoflop::machine::allocator::Allocator = isoflop::machine::allocator::Allocator;
 
 fn main() -> ExitCode {
     ignore_file_size_signal();

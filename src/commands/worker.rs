@@ -10,10 +10,11 @@ use isoflop::engine::{ENGINES, Engine};
 use isoflop::jobs::JobKind;
 use isoflop::jobs::program;
 use isoflop::jobs::worker::{
-    FAILED, STOPPED, claim, failure_of, report_failure, stop_with_parent, work,
+    FAILED, REFUSED_MEMORY, STOPPED, claim, failure_of, report_failure, stop_with_parent, work,
 };
 use isoflop::jobs::{Assignment, Outcome};
 use isoflop::jobs::{JobId, ResultsFolder};
+use isoflop::machine::allocator::exit_when_refused;
 use isoflop::ops::{DeviceName, check_products};
 use isoflop::progress::stop_on_signals;
 use isoflop::progress::{forget_progress, tell_of_pieces};
@@ -66,6 +67,7 @@ pub fn worker(args: &WorkerArgs, output: &Output) -> Result<Exit> {
 }
 
 fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
+    exit_when_refused(REFUSED_MEMORY);
     let stop = stop_on_signals()?;
     let folder = ResultsFolder::new(&args.results);
     let place = folder.job(job);

@@ -15,7 +15,7 @@ use crate::files::{self, FileError};
 use crate::jobs::Job;
 use crate::jobs::ResultsFolder;
 use crate::jobs::program;
-use crate::jobs::worker::{FAILED, STOPPED, last_lines, write_failure};
+use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, last_lines, write_failure};
 use crate::machine::oom::Kills;
 use crate::progress::Stop;
 use crate::progress::{Beat, Said};
@@ -68,8 +68,6 @@ struct Attended<'a> {
     runner: &'a LocalProcesses,
     place: &'a Path,
     child: Child,
-    /// How long its log was when it began.
-    log_from: u64,
     /// Processes that the system had killed for memory when it began.
     kills: Kills,
     /// What it said of its failure.
@@ -83,7 +81,6 @@ impl<'a> Attended<'a> {
         let path = place.join("log.txt");
         let log = OpenOptions::new().create(true).append(true).open(&path);
         let log = log.map_err(FileError::write(&path))?;
-        let log_from = log.metadata()?.len();
         let kills = Kills::so_far();
         let child = Command::new(&runner.program)
             .arg("worker")
@@ -95,7 +92,7 @@ impl<'a> Attended<'a> {
             .stderr(log)
             .spawn()?;
         let (failure, last_beat) = (None, None);
-        Ok(Self { job, runner, place, child, log_from, kills, failure, last_beat })
+        Ok(Self { job, runner, place, child, kills, failure, last_beat })
     }
 
     /// Follows a worker to its end. Its standard input is held open for as long as it should work:
@@ -175,8 +172,7 @@ impl<'a> Attended<'a> {
 
     /// Why a worker died that said nothing.
     fn death(&self, status: ExitStatus) -> Failure {
-        let said = self.log();
-        if said.contains(OUT_OF_MEMORY) {
+        if status.code() == Some(REFUSED_MEMORY) {
             return Failure::new(FailureKind::OutOfMemory, "the worker was refused memory");
         }
         match status.signal() {
@@ -190,17 +186,7 @@ impl<'a> Attended<'a> {
             _ => Failure::new(FailureKind::Crashed, format!("the worker ended with {status}")),
         }
     }
-
-    /// What the worker wrote to its log.
-    fn log(&self) -> String {
-        let log = fs::read(self.place.join("log.txt")).unwrap_or_default();
-        let from = (self.log_from as usize).min(log.len());
-        String::from_utf8_lossy(&log[from..]).into_owned()
-    }
 }
-
-/// What Rust's runtime says before it aborts.
-const OUT_OF_MEMORY: &str = "memory allocation of ";
 
 const SIGHUP: i32 = nix::sys::signal::Signal::SIGHUP as i32;
 const SIGINT: i32 = nix::sys::signal::Signal::SIGINT as i32;

@@ -47,7 +47,7 @@ fn verdict(
         let taken = too_long.is_none();
         return Ok(Verdict { name, taken, said: too_long.unwrap_or_else(|| begin(&said)) });
     }
-    let refused = SlurmError::Refused { program: words[0].clone(), said: said.clone() };
+    let refused = SlurmError::refused(&words[0], said.clone());
     if refused.may_pass() { Err(refused) } else { Ok(Verdict { name, taken: false, said }) }
 }
 

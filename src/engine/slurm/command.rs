@@ -32,7 +32,7 @@ pub trait Shell {
             return Ok(answer.stdout);
         }
         let said = answer.stderr.lines().map(str::trim).collect::<Vec<_>>().join("; ");
-        Err(SlurmError::Refused { program: words[0].clone(), said })
+        Err(SlurmError::refused(&words[0], said))
     }
 }
 
