@@ -13,6 +13,9 @@ pub struct DataFacts {
     /// Clips to train on, to validate on and to test on.
     pub clips: [usize; 3],
     pub fps: f64,
+    /// Content of the file that the captions' vectors come from, where they come from one; `absent`
+    /// where it is not here.
+    pub embeddings: Option<String>,
     pub warnings: Vec<String>,
 }
 
@@ -24,6 +27,7 @@ impl DataFacts {
             unique_tokens: unique_tokens(source),
             clips: Split::ALL.map(|split| source.n_clips(split)),
             fps: f64::from(source.fps()),
+            embeddings: None,
             warnings: source.warnings().to_vec(),
         }
     }
@@ -35,8 +39,16 @@ impl DataFacts {
             unique_tokens: 0,
             clips: [0; 3],
             fps: 20.0,
+            embeddings: None,
             warnings: vec![format!("{reason}; ids and epochs are provisional")],
         }
+    }
+
+    /// The same without the file that the captions' vectors should come from.
+    pub fn without_embeddings(mut self, reason: String) -> Self {
+        self.embeddings = Some("absent".to_string());
+        self.warnings.push(format!("{reason}; ids are provisional"));
+        self
     }
 }
 
