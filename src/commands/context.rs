@@ -5,6 +5,7 @@ use isoflop::data::{self, DataFacts};
 use isoflop::jobs::ResultsFolder;
 use isoflop::plan::{Plan, demand};
 use isoflop::sweep::{self, Clips, DataSource, Sweep};
+use isoflop::text;
 
 use super::args::SweepArgs;
 
@@ -30,16 +31,24 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     if sweep.data.source == DataSource::Procedural {
         sweep.data.clips = Clips::Count(source.n_clips(data::Split::Train));
     }
-    let plan = Plan::new(&sweep, DataFacts::of(&*source));
+    let encoder = text::encoder(&sweep.text).context("opening the vectors of captions")?;
+    let facts = DataFacts::of(&*source).with_embeddings(encoder.digest());
+    let plan = Plan::new(&sweep, facts);
     Ok(OpenSweep { sweep, plan, folder })
 }
 
-/// The plan of a sweep whose data may not be here: then ids are provisional, and it says so.
+/// The plan of a sweep whose data, or vectors of captions, may not be here: then ids are
+/// provisional, and it says so.
 pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
     let (sweep, folder) = read_sweep(args)?;
     let facts = match data::open(&sweep.data, demand(&sweep).as_ref()) {
         Ok(source) => DataFacts::of(&*source),
         Err(error) => DataFacts::absent(format!("the data could not be opened: {error}")),
+    };
+    let facts = match text::encoder(&sweep.text) {
+        Ok(encoder) => facts.with_embeddings(encoder.digest()),
+        Err(error) => facts
+            .without_embeddings(format!("the vectors of captions could not be opened: {error}")),
     };
     Ok((Plan::new(&sweep, facts), folder))
 }

@@ -13,6 +13,9 @@ pub struct DataFacts {
     /// Clips to train on, to validate on and to test on.
     pub clips: [usize; 3],
     pub fps: f64,
+    /// Content of the file that the captions' vectors come from, where they come from one; `absent`
+    /// where it is not here.
+    pub embeddings: Option<String>,
     pub warnings: Vec<String>,
     /// Training clips by their frames; of a very large split a sample.
     lengths: BTreeMap<usize, usize>,
@@ -34,6 +37,7 @@ impl DataFacts {
             digest: source.digest().to_string(),
             clips: Split::ALL.map(|split| source.n_clips(split)),
             fps: f64::from(source.fps()),
+            embeddings: None,
             warnings: source.warnings().to_vec(),
             lengths: lengths(source),
         }
@@ -45,9 +49,23 @@ impl DataFacts {
             digest: "absent".to_string(),
             clips: [0; 3],
             fps: 20.0,
+            embeddings: None,
             warnings: vec![format!("{reason}; ids and epochs are provisional")],
             lengths: BTreeMap::new(),
         }
+    }
+
+    /// The same with captions' vectors from a file of this content, where they come from a file.
+    pub fn with_embeddings(mut self, digest: Option<String>) -> Self {
+        self.embeddings = digest;
+        self
+    }
+
+    /// The same without the file that the captions' vectors should come from.
+    pub fn without_embeddings(mut self, reason: String) -> Self {
+        self.embeddings = Some("absent".to_string());
+        self.warnings.push(format!("{reason}; ids are provisional"));
+        self
     }
 
     /// Supervised tokens of the training split as codes of a grid, end tokens included; of a very

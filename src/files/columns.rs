@@ -89,6 +89,11 @@ impl MappedFile {
         Ok(Self { path: path.to_path_buf(), map: Arc::new(map), metadata, start })
     }
 
+    /// All bytes of the file.
+    pub fn bytes(&self) -> &[u8] {
+        &self.map
+    }
+
     /// A text entry.
     pub fn note(&self, name: &str) -> Option<&str> {
         self.metadata.metadata().as_ref()?.get(name).map(String::as_str)
@@ -109,9 +114,21 @@ impl MappedFile {
     /// [`FileError::Damaged`] where it is missing or of another type.
     pub fn column<T: Number>(&self, name: &str) -> Result<Column<T>, FileError> {
         let info = self.metadata.info(name).filter(|info| info.dtype == T::DTYPE);
-        let info = info.ok_or_else(|| self.damaged(format!("its column `{name}` is missing")))?;
+        let info = info.ok_or_else(|| self.lacks(name))?;
         let (from, to) = info.data_offsets;
         Ok(Column::new(&self.map, self.start + from..self.start + to))
+    }
+
+    /// The shape of a column: one number for a list, two for a matrix.
+    ///
+    /// # Errors
+    /// [`FileError::Damaged`] where it is missing.
+    pub fn shape(&self, name: &str) -> Result<&[usize], FileError> {
+        self.metadata.info(name).map(|info| &info.shape[..]).ok_or_else(|| self.lacks(name))
+    }
+
+    fn lacks(&self, name: &str) -> FileError {
+        self.damaged(format!("its column `{name}` is missing"))
     }
 
     /// The error that the file is not what was written.

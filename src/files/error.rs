@@ -37,6 +37,14 @@ impl FileError {
         Self::Damaged { path: path.to_path_buf(), reason: reason.to_string(), advice }
     }
 
+    /// The same for a damaged file that is mended in another way.
+    pub fn with_advice(self, advice: &'static str) -> Self {
+        match self {
+            Self::Damaged { path, reason, .. } => Self::Damaged { path, reason, advice },
+            other => other,
+        }
+    }
+
     /// The file.
     pub fn path(&self) -> &Path {
         match self {

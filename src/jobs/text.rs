@@ -8,9 +8,9 @@ use super::assignment::{Assignment, Outcome};
 use super::id::JobId;
 use super::job::Job;
 use super::kind::{JobKind, Kind};
-use crate::plan::{Plan, text_peak_bytes};
+use crate::plan::{Plan, TextJob, text_peak_bytes};
 use crate::sweep::Stage;
-use crate::text;
+use crate::text::{self, TextError};
 
 /// Embeds every caption of the data once.
 pub struct Text;
@@ -59,8 +59,13 @@ impl Kind for Text {
     }
 
     fn work(&self, assignment: &Assignment) -> Result<Outcome> {
-        let encoder = text::encoder(&assignment.sweep()?.text);
-        text::embed(&*encoder, &*assignment.source()?, &assignment.product())?;
+        let (spec, source) = (assignment.sweep()?.text, assignment.source()?);
+        let encoder = text::encoder(&spec)?;
+        let found = TextJob::new(&spec, source.digest(), encoder.digest());
+        if let Some(file) = spec.path.filter(|_| found.id() != assignment.job.id) {
+            return Err(TextError::Changed { file }.into());
+        }
+        text::embed(&*encoder, &*source, &assignment.product())?;
         Ok(Outcome::Done)
     }
 }

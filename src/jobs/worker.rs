@@ -15,6 +15,7 @@ use crate::files::atomic::{remove_partial, write_json};
 use crate::files::{self, FileError};
 use crate::generator::GeneratorError;
 use crate::progress::{Said, Stop, forget_progress};
+use crate::text::TextError;
 use crate::tokenizer::TokenizerError;
 
 /// Exit code of a worker whose job failed. It said why, and where it would fail again it wrote that
@@ -110,7 +111,8 @@ fn kind_of(cause: &(dyn std::error::Error + 'static)) -> Option<FailureKind> {
     let generator = || cause.downcast_ref::<GeneratorError>()?.failure_kind();
     let tokenizer = || cause.downcast_ref::<TokenizerError>()?.failure_kind();
     let data = || Some(cause.downcast_ref::<DataError>()?.failure_kind());
-    generator().or_else(tokenizer).or_else(data)
+    let text = || Some(cause.downcast_ref::<TextError>()?.failure_kind());
+    generator().or_else(tokenizer).or_else(data).or_else(text)
 }
 
 /// Does a job, unless it is done already.

@@ -7,7 +7,7 @@ use super::price::{Dropped, PricedCell, price};
 use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
 use super::trunk::{Trunk, branch};
 use crate::data::{DataFacts, Demand};
-use crate::spec::{FlopsPerToken, ParamCounts, content_id};
+use crate::spec::{FlopsPerToken, ParamCounts, TextSpec, content_id};
 use crate::sweep::{DataSource, ScheduleKind, ScheduleSpec, Sweep};
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
@@ -46,11 +46,21 @@ impl PlannedRun {
 /// What the text encoder is asked for, and on which captions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TextJob {
-    pub spec: crate::spec::TextSpec,
+    /// Without the path: a file that is moved is the same.
+    pub spec: TextSpec,
     pub data_digest: String,
+    /// Content of the file that the vectors come from, where they come from one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub embeddings: Option<String>,
 }
 
 impl TextJob {
+    /// The job of a sweep's `text` section on data, and on a file's content, of these digests.
+    pub fn new(spec: &TextSpec, data_digest: &str, embeddings: Option<String>) -> Self {
+        let spec = TextSpec { path: None, ..spec.clone() };
+        Self { spec, data_digest: data_digest.to_string(), embeddings }
+    }
+
     /// Content id: the hash of every field.
     pub fn id(&self) -> String {
         content_id(self)
@@ -74,7 +84,7 @@ impl Plan {
     /// Expands a sweep over its data.
     pub fn new(sweep: &Sweep, data: DataFacts) -> Self {
         let (cells, dropped) = price(sweep);
-        let captions = TextJob { spec: sweep.text.clone(), data_digest: data.digest.clone() };
+        let captions = TextJob::new(&sweep.text, &data.digest, data.embeddings.clone());
         let text_id = captions.id();
         let text = (sweep.data.source != DataSource::None).then_some(captions);
         let (tokenizers, own) = tokenizers(sweep, &cells, &data);

@@ -1,5 +1,7 @@
 //! [`TextSpec`]: how captions become vectors.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 use crate::units::number;
@@ -11,6 +13,8 @@ pub enum TextEncoderKind {
     /// Signed hashes of a word's character n-grams; deterministic, knows nothing of meaning.
     #[default]
     HashedNgrams,
+    /// Vectors that another program made, looked up in a file by the caption.
+    File,
 }
 
 /// The `text` section.
@@ -18,7 +22,10 @@ pub enum TextEncoderKind {
 #[serde(deny_unknown_fields, default)]
 pub struct TextSpec {
     pub encoder: TextEncoderKind,
-    /// Width of a word's embedding.
+    /// The file of `file`, from the working folder. Ids hold its content instead.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathBuf>,
+    /// Width of a vector; that of the file, where there is one.
     #[serde(deserialize_with = "number::count")]
     pub dim: usize,
     /// Longer captions are cut here; part of n_ctx in the FLOP rule.
@@ -28,6 +35,6 @@ pub struct TextSpec {
 
 impl Default for TextSpec {
     fn default() -> Self {
-        Self { encoder: TextEncoderKind::default(), dim: 64, max_tokens: 32 }
+        Self { encoder: TextEncoderKind::default(), path: None, dim: 64, max_tokens: 32 }
     }
 }

@@ -7,7 +7,7 @@ use super::presets;
 use super::problem::Problem;
 use super::read::nearest;
 use super::repeated;
-use crate::spec::{SpecError, VocabularyError};
+use crate::spec::{SpecError, TextEncoderKind, VocabularyError};
 use crate::sweep::sections::{Axis, Clips, DataSource, ModelList, ScheduleKind, Sweep, VocabSpec};
 
 /// All problems of a sweep whose types are right.
@@ -15,6 +15,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
     [
         name(sweep),
         data(sweep),
+        text(sweep),
         models(sweep),
         vocab(sweep),
         budgets(sweep),
@@ -72,8 +73,25 @@ fn data(sweep: &Sweep) -> Vec<Problem> {
     if data.val_clips == 0 || data.test_clips == 0 {
         problems.push(Problem::value("data", "`val_clips` and `test_clips` must be at least 1"));
     }
-    if sweep.text.max_tokens == 0 || sweep.text.dim == 0 {
+    problems
+}
+
+fn text(sweep: &Sweep) -> Vec<Problem> {
+    let text = &sweep.text;
+    let mut problems = Vec::new();
+    if text.max_tokens == 0 || text.dim == 0 {
         problems.push(Problem::value("text", "`dim` and `max_tokens` must be at least 1"));
+    }
+    match (text.encoder, &text.path) {
+        (TextEncoderKind::File, None) => problems.push(
+            Problem::value("text", "`encoder: file` needs a `path`")
+                .with_help("path: a file that experiments/embed_captions.py made"),
+        ),
+        (TextEncoderKind::HashedNgrams, Some(_)) => problems.push(
+            Problem::value("text.path", "`encoder: hashed-ngrams` reads no file")
+                .with_help("take `path` out, or set `encoder: file`"),
+        ),
+        (TextEncoderKind::File, Some(_)) | (TextEncoderKind::HashedNgrams, None) => {}
     }
     problems
 }

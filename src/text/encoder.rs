@@ -1,7 +1,6 @@
 //! [`TextEncoder`]: what turns a caption into a sequence of vectors.
 
-use super::hashed_ngrams::HashedNgrams;
-use crate::spec::{TextEncoderKind, TextSpec};
+use super::error::TextError;
 
 /// A frozen encoder of captions.
 pub trait TextEncoder: Sync {
@@ -10,15 +9,13 @@ pub trait TextEncoder: Sync {
 
     /// One vector a text token, `[n_tokens, dim]` row-major, at least one and at most the limit
     /// that the encoder was made with.
-    fn encode(&self, caption: &str) -> Vec<f32>;
+    ///
+    /// # Errors
+    /// The encoder has no vectors for this caption.
+    fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError>;
 
-    /// How results are to be labelled for a person.
-    fn label(&self) -> &'static str;
-}
-
-/// The encoder that a sweep asks for.
-pub fn encoder(spec: &TextSpec) -> Box<dyn TextEncoder> {
-    match spec.encoder {
-        TextEncoderKind::HashedNgrams => Box::new(HashedNgrams::new(spec.dim, spec.max_tokens)),
+    /// Hex digest of what the vectors follow from beside the spec; `None` where nothing is.
+    fn digest(&self) -> Option<String> {
+        None
     }
 }

@@ -1,6 +1,7 @@
 //! Word vectors from hashed character n-grams: deterministic, without weights, without meaning.
 
 use super::encoder::TextEncoder;
+use super::error::TextError;
 
 /// Lengths of the n-grams of a word, its boundary marks counted.
 const LENGTHS: std::ops::RangeInclusive<usize> = 3..=5;
@@ -12,7 +13,7 @@ const END: &str = "</s>";
 ///
 /// Each n-gram of `<word>` adds ±1 to one coordinate, both given by its hash; the sum is scaled to
 /// unit mean square. Words that share a stem are near each other, synonyms are not: what a caption
-/// tells the model is which words stand in it. Results with it are labelled so.
+/// tells the model is which words stand in it.
 #[derive(Clone, Debug)]
 pub struct HashedNgrams {
     dim: usize,
@@ -45,14 +46,10 @@ impl TextEncoder for HashedNgrams {
         self.dim
     }
 
-    fn encode(&self, caption: &str) -> Vec<f32> {
+    fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError> {
         let words = caption.split(|c: char| !c.is_alphanumeric() && c != '\'');
         let words = words.filter(|word| !word.is_empty()).take(self.max_tokens - 1);
-        words.chain([END]).flat_map(|word| self.word(&word.to_lowercase())).collect()
-    }
-
-    fn label(&self) -> &'static str {
-        "hashed n-grams (no semantics)"
+        Ok(words.chain([END]).flat_map(|word| self.word(&word.to_lowercase())).collect())
     }
 }
 
@@ -92,10 +89,11 @@ mod tests {
     #[test]
     fn captions_are_words_and_an_end_cut_to_the_limit() {
         let encoder = HashedNgrams::new(16, 4);
-        assert_eq!(encoder.encode("").len(), 16);
-        assert_eq!(encoder.encode("a man, walks.").len(), 4 * 16);
-        let long = encoder.encode("a man walks and then runs");
+        let encode = |caption| encoder.encode(caption).expect("it has vectors for every caption");
+        assert_eq!(encode("").len(), 16);
+        assert_eq!(encode("a man, walks.").len(), 4 * 16);
+        let long = encode("a man walks and then runs");
         assert_eq!(long.len(), 4 * 16);
-        assert_eq!(long[48..], encoder.encode("")[..], "the end token stays");
+        assert_eq!(long[48..], encode("")[..], "the end token stays");
     }
 }

@@ -5,54 +5,82 @@
 //! `<split>.offsets` (u64, where each clip's captions start, and the end); `dim` among the notes.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::encoder::TextEncoder;
+use super::error::TextError;
 use crate::data::{MotionSource, Split};
 use crate::files::FileError;
 use crate::files::columns::{self, Column, MappedFile, NewColumn};
 use crate::progress::moved;
 
 /// Captions of one split, by clip.
-#[derive(Default)]
 struct SplitCaptions {
     captions: Vec<u32>,
     offsets: Vec<u64>,
 }
 
 /// Embeds each distinct caption of `source` once and writes the store at `path`.
+///
+/// # Errors
+/// Captions without vectors, all in one [`TextError::Missing`]; the file cannot be written.
 pub fn embed(
     encoder: &dyn TextEncoder,
     source: &dyn MotionSource,
     path: &Path,
-) -> Result<(), FileError> {
-    let mut distinct: HashMap<String, u32> = HashMap::new();
-    let (mut embeddings, mut words) = (Vec::new(), vec![0u64]);
-    let mut splits: Vec<SplitCaptions> = Vec::new();
-    for split in Split::ALL {
-        let mut found = SplitCaptions { captions: Vec::new(), offsets: vec![0] };
-        for clip in 0..source.n_clips(split) {
-            moved();
-            for caption in source.captions(split, clip) {
-                let next = distinct.len() as u32;
-                let id = *distinct.entry(caption).or_insert_with_key(|caption| {
-                    embeddings.extend(encoder.encode(caption));
-                    words.push((embeddings.len() / encoder.dim()) as u64);
-                    next
-                });
-                found.captions.push(id);
-            }
-            found.offsets.push(found.captions.len() as u64);
-        }
-        splits.push(found);
-    }
+) -> Result<(), TextError> {
+    let (distinct, splits) = captions_of(source);
+    let (embeddings, words) = vectors_of(encoder, &distinct)?;
     let mut all = vec![NewColumn::new("embeddings", &embeddings), NewColumn::new("words", &words)];
     for (split, found) in Split::ALL.iter().zip(&splits) {
         all.push(NewColumn::new(format!("{}.captions", split.name()), &found.captions));
         all.push(NewColumn::new(format!("{}.offsets", split.name()), &found.offsets));
     }
     let notes = HashMap::from([("dim".to_string(), encoder.dim().to_string())]);
-    columns::write(path, &all, notes)
+    Ok(columns::write(path, &all, notes)?)
+}
+
+/// The distinct captions, in the order in which they first appear, and those of each split.
+fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [SplitCaptions; 3]) {
+    let mut ids: HashMap<String, u32> = HashMap::new();
+    let splits = Split::ALL.map(|split| {
+        let mut found = SplitCaptions { captions: Vec::new(), offsets: vec![0] };
+        for clip in 0..source.n_clips(split) {
+            moved();
+            for caption in source.captions(split, clip) {
+                let next = ids.len() as u32;
+                found.captions.push(*ids.entry(caption).or_insert(next));
+            }
+            found.offsets.push(found.captions.len() as u64);
+        }
+        found
+    });
+    let mut distinct = vec![String::new(); ids.len()];
+    ids.into_iter().for_each(|(caption, id)| distinct[id as usize] = caption);
+    (distinct, splits)
+}
+
+/// The vectors of all captions, and where each caption's begin, in words, with the end.
+fn vectors_of(
+    encoder: &dyn TextEncoder,
+    captions: &[String],
+) -> Result<(Vec<f32>, Vec<u64>), TextError> {
+    let (mut embeddings, mut words) = (Vec::new(), vec![0]);
+    let mut missing: Option<(Vec<String>, PathBuf)> = None;
+    for caption in captions {
+        moved();
+        match encoder.encode(caption) {
+            Err(TextError::Missing { captions, file }) => {
+                missing.get_or_insert((Vec::new(), file)).0.extend(captions);
+            }
+            vectors => embeddings.extend(vectors?),
+        }
+        words.push((embeddings.len() / encoder.dim()) as u64);
+    }
+    match missing {
+        Some((captions, file)) => Err(TextError::Missing { captions, file }),
+        None => Ok((embeddings, words)),
+    }
 }
 
 /// The embedded captions of a data set, opened for reading.

@@ -15,4 +15,5 @@ mod status;
 #[path = "../support/mod.rs"]
 mod support;
 mod tables;
+mod text_file;
 mod trunks;

@@ -106,6 +106,8 @@ fn a_setting_that_cannot_be_laid_over_the_file_is_shown_as_typed() {
         ("train.min_steps=many", "in --set train.min_steps=many"),
         ("grid.models[0].n_head=3", "3 heads do not divide a width of 8"),
         ("data.source=humanml3d", "needs a `path`"),
+        ("text.encoder=file", "`encoder: file` needs a `path`"),
+        ("text.path=captions.safetensors", "`encoder: hashed-ngrams` reads no file"),
     ] {
         refused(SOUND, &["--set", setting]).1.says(words);
     }
