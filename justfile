@@ -9,6 +9,10 @@ lint:
     cargo fmt --check
     cargo clippy --release --all-targets -- -D warnings
 
+# The documentation, with warnings denied as CI has them
+doc:
+    RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --document-private-items
+
 # All tests
 test:
     cargo test --release

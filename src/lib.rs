@@ -34,6 +34,12 @@
 //! | 8 | [`figures`] | tables and laws into SVG and PNG | |
 //! | 8 | [`export`] | tables and laws into notebooks | |
 
+// What goes wrong is an error, and what there is to say is a value: the program writes it.
+#![cfg_attr(
+    not(test),
+    warn(clippy::panic, clippy::print_stderr, clippy::print_stdout, clippy::unwrap_used)
+)]
+
 #[cfg(not(unix))]
 compile_error!(
     "isoflop needs a Unix: it ends what hangs, and outlives what is killed, by signals and process groups"

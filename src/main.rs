@@ -1,5 +1,10 @@
 //! The `isoflop` program: reads the command line, calls one command, returns its exit code.
 
+#![cfg_attr(
+    not(test),
+    warn(clippy::panic, clippy::print_stderr, clippy::print_stdout, clippy::unwrap_used)
+)]
+
 mod commands;
 
 use std::process::ExitCode;

@@ -312,7 +312,7 @@ fn a_precision_that_a_device_lacks_is_named() {
     let checkpoints =
         Checkpoints { path: &checkpoint, every: Duration::from_secs(3600), branch: None };
     let mut never = |_: Step| panic!("a step was done");
-    #[allow(deprecated, reason = "the only device of every build that lacks one")]
+    #[expect(deprecated, reason = "the only device of every build that lacks one")]
     let device = Device::ndarray();
     let refused = generator::train(
         &Training {

@@ -71,8 +71,7 @@ fn head(out: &mut String, plan: &Plan, states: &RunStates) {
         *out += &wrap(
             "",
             &format!(
-                "data: {train} clips to train on ({} tokens), {val} to validate, {test} to test",
-                unique_tokens
+                "data: {train} clips to train on ({unique_tokens} tokens), {val} to validate, {test} to test"
             ),
         );
     }

@@ -195,7 +195,7 @@ fn laws(noise: &mut Noise) -> Laws {
     let held_out = minima[3].clone();
     Laws {
         name: "quickstart".to_owned(),
-        law: crate::laws::LawKind::Isoflop,
+        law: LawKind::Isoflop,
         from_sweep: true,
         flops_rule: "6nd".to_owned(),
         parameters: Parameters::Split,

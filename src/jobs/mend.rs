@@ -14,6 +14,7 @@ use crate::files::damaged::set_aside;
 ///
 /// # Errors
 /// The folder cannot be written to.
+#[expect(clippy::print_stderr, reason = "what a worker writes there is the log of its job")]
 pub fn put_away(path: &Path, error: &FileError, instead: &str) -> Result<()> {
     if let Some(aside) = set_aside(path)? {
         eprintln!("warning: {error}; it is set aside as {} and {instead}", aside.display());

@@ -7,14 +7,14 @@
 //! | rows into budgets, checked | [`group_budgets`] |
 //! | the best configuration of each budget | [`minima()`], [`minimum_at`] |
 //! | N_v, N_nv and D in C; N_v in N_nv | [`power_law`] |
-//! | L_u in C | [`log_law`], [`floor_law`] |
+//! | L_u in C | [`log_law()`], [`floor_law()`] |
 //! | the laws of the running minimum | [`approach1()`] |
 //! | the loss in N and D at once | [`fit_parametric`], [`optimum`] |
 //! | all of it, with intervals, errors on unseen budgets and advice | [`fit()`] |
 //! | the published law | [`scamo()`] |
 //! | the vocabulary laws of Tao et al. 2024, as published | [`tao`] |
-//! | the frontier of loss in compute, and its laws | [`frontier()`], [`frontier_laws`] |
-//! | N_v in N_nv by the derivative of the compute | [`derivative_gamma`] |
+//! | the frontier of loss in compute, and its laws | [`frontier()`], [`tao::frontier_laws`] |
+//! | N_v in N_nv by the derivative of the compute | [`tao::derivative_gamma`] |
 //! | for a person | [`verdict()`], [`summary()`] |
 
 mod advice;

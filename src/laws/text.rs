@@ -20,7 +20,7 @@ pub(crate) fn count(x: f64) -> String {
     short(x, 3)
 }
 
-/// `sentence` broken at spaces into lines of at most [`COLUMNS`], the first after `bullet`, the
+/// `sentence` broken at spaces into lines of at most `COLUMNS`, the first after `bullet`, the
 /// others indented as far; a single longer word stays whole. Ends with a newline.
 pub fn wrap(bullet: &str, sentence: &str) -> String {
     let indent = " ".repeat(bullet.chars().count());

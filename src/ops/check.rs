@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn devices_that_multiply_pass_and_zeros_do_not() {
         check_products(&Device::flex()).unwrap();
-        #[allow(deprecated, reason = "the only other device that every build has")]
+        #[expect(deprecated, reason = "the only other device that every build has")]
         check_products(&Device::ndarray()).unwrap();
         let error = first_wrong(std::iter::repeat_n(0.0, ROWS * COLUMNS)).unwrap();
         assert!(error.to_string().contains("(0 where"), "{error}");

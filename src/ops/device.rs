@@ -60,7 +60,7 @@ impl DeviceName {
     pub fn open(self) -> Result<Device, NoDevice> {
         match self {
             Self::Flex => Ok(Device::flex()),
-            #[allow(deprecated)]
+            #[expect(deprecated, reason = "a check of our own kernels, as long as burn has it")]
             Self::Ndarray => Ok(Device::ndarray()),
             #[cfg(feature = "wgpu")]
             Self::Wgpu => Ok(Device::wgpu(burn::tensor::DeviceKind::DefaultDevice)),

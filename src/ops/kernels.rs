@@ -60,10 +60,10 @@ impl Kernels {
     /// bidirectional text prefix (ScaMo §3.2), y = x + Attention(RMSNorm(x) W_qkv) W_output.
     ///
     /// The columns of W_qkv are `[q | k | v]`, each d = n_head · head_dim wide, head after head.
-    /// In each head of each sequence, with q̂ and k̂ turned by [`Rope`],
+    /// In each head of each sequence, with q̂ and k̂ turned by [`Rope`](super::Rope),
     ///
-    /// W = softmax(q̂ k̂ᵀ / √head_dim) over the positions that [`SequenceLayout`] lets each row
-    /// see, a = W v;
+    /// W = softmax(q̂ k̂ᵀ / √head_dim) over the positions that the
+    /// [`SequenceLayout`](super::SequenceLayout) lets each row see, a = W v;
     /// ∂v = Wᵀ g, S = W ∘ (g vᵀ − rowsum(W ∘ g vᵀ)), ∂q̂ = S k̂ / √head_dim,
     /// ∂k̂ = Sᵀ q̂ / √head_dim, and ∂q, ∂k are turned back.
     ///
@@ -182,8 +182,9 @@ impl Kernels {
     }
 
     /// A convolution over the frames of clips, with ρ the identity or max(·, 0) as asked for:
-    /// yᵢ = b + Σ over taps j of ρ(x_s(i, j)) W_j, where [`Taps`] says which row s(i, j) is, and
-    /// rows beyond the clip are zero. W is `[k c, o]`, the earliest tap first.
+    /// yᵢ = b + Σ over taps j of ρ(x_s(i, j)) W_j, where [`Taps`](super::Taps) says
+    /// which row s(i, j) is, and rows beyond the clip are zero. W is `[k c, o]`, the earliest tap
+    /// first.
     ///
     /// ∂x_r = ρ'(x_r) Σ over i, j with s(i, j) = r of gᵢ W_jᵀ, ∂W_j = Σᵢ ρ(x_s(i, j))ᵀ gᵢ,
     /// ∂b = Σᵢ gᵢ.

@@ -11,7 +11,7 @@ use crate::laws::{LawKind, Laws, around, interval95};
 /// The optimal configuration for `budget` FLOPs.
 ///
 /// The laws are read at C; the values, which rarely spend exactly C, are projected onto it
-/// ([`project`]); the nearest shape and codebook of the options are chosen. Every interval goes
+/// ([`project()`]); the nearest shape and codebook of the options are chosen. Every interval goes
 /// through the same steps, replicate by replicate.
 ///
 /// # Errors

@@ -29,7 +29,7 @@ impl TakenOut {
         while let Some((before, after)) = rest.split_once('[') {
             found.push_str(before);
             let (index, behind) = after.split_once(']').unwrap_or((after, ""));
-            let index = index.parse().map(|index| self.index(&found, index)).unwrap_or(0);
+            let index = index.parse().map_or(0, |index| self.index(&found, index));
             found.push_str(&format!("[{index}]"));
             rest = behind;
         }

@@ -1,7 +1,7 @@
 //! Motion tokenizers: a convolutional autoencoder with a quantizer between its halves.
 //!
-//! [`train`] turns a [`TokenizerSpec`](crate::spec::TokenizerSpec) and clips into a [`Tokenizer`]; [`tokenize`] turns clips
-//! into the file behind a [`TokenStore`](crate::codes::TokenStore); [`evaluate`] measures both on the test split.
+//! [`train()`] turns a [`TokenizerSpec`](crate::spec::TokenizerSpec) and clips into a [`Tokenizer`]; [`tokenize`] turns clips
+//! into the file behind a [`TokenStore`](crate::codes::TokenStore); [`evaluate()`] measures both on the test split.
 
 mod architecture;
 mod batches;

@@ -20,7 +20,9 @@ const LONG_PATIENCE: Duration = Duration::from_secs(3600);
 const PROFILE: &str = "{partition: main, time: 10, mem: 100M, fs_grace_s: 2, cancel_grace_s: 30}\n";
 
 /// The cluster that `tests/slurm/slurm-up.sh` made; one test at a time has it.
-pub struct Cluster(#[expect(dead_code)] MutexGuard<'static, ()>);
+pub struct Cluster(
+    #[expect(dead_code, reason = "held until it is dropped")] MutexGuard<'static, ()>,
+);
 
 /// The cluster, healthy; `None` where there is none, which is said.
 pub fn cluster() -> Option<Cluster> {

@@ -5,7 +5,6 @@ mod cluster;
 mod faults;
 mod life;
 mod results;
-// Shared with the tests of the command line, which use the rest.
-#[allow(dead_code, unused_imports)]
+#[expect(dead_code, unused_imports, reason = "the tests of the command line use the rest")]
 #[path = "../support/mod.rs"]
 mod support;

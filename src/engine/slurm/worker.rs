@@ -168,7 +168,7 @@ impl ChunkWorker {
             let mut job = timed.job.clone();
             let orphan = job.needs.iter().any(|need| lost.contains(need));
             match self.folder.state(&job.id) {
-                JobState::Done => continue,
+                JobState::Done => {}
                 JobState::Failed => drop(lost.insert(job.id)),
                 _ if orphan => drop(lost.insert(job.id)),
                 _ => {

@@ -32,7 +32,7 @@ const LAST: Duration = Duration::from_secs(2);
 
 /// Waits for the end of standard input, then ends what is left of the program.
 ///
-/// After [`DONE`] leftovers are killed. Without it the worker was stopped or died: the group is sent
+/// After `done` leftovers are killed. Without it the worker was stopped or died: the group is sent
 /// TERM, and what is still there after [`GRACE`] is killed.
 pub fn guard(lock: &Path, mark: &str) -> Result<()> {
     ensure!(getpgrp() == getpid(), "a guard leads a process group of its own");
@@ -100,11 +100,11 @@ fn kill_all(_: &str) {
 fn members(mark: &str) -> Vec<Pid> {
     let wanted = format!("{MARK}={mark}");
     let (me, group) = (getpid(), getpgrp());
-    let entries = std::fs::read_dir("/proc").into_iter().flatten();
+    let entries = fs::read_dir("/proc").into_iter().flatten();
     let pids = entries.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok());
     let belongs = |pid: &Pid| {
         let marked = || {
-            let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+            let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
             environment.split(|byte| *byte == 0).any(|one| one == wanted.as_bytes())
         };
         *pid != me && alive_in(*pid).is_some_and(|found| found == group || marked())
@@ -115,7 +115,7 @@ fn members(mark: &str) -> Vec<Pid> {
 /// The process group of a process; `None` for one that is dead.
 #[cfg(target_os = "linux")]
 fn alive_in(pid: Pid) -> Option<Pid> {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     // The name stands in brackets and may hold anything; then: state, parent, group.
     let mut fields = stat.rsplit_once(") ")?.1.split(' ');
     let dead = matches!(fields.next()?, "Z" | "X");

@@ -1,7 +1,7 @@
 //! The parabola and the cubic in ln N_nv.
 //!
 //! Each size is represented by its best vocabulary (Hoffmann et al. 2022, approach 2, as ScaMo's
-//! figures draw it). N_v, V and D at the minimum come from [`interpolate`](super::interpolate).
+//! figures draw it). N_v, V and D at the minimum come from [`interpolate`].
 
 use super::grid::{Grid, Scale};
 use super::{Curvature, Located, interpolate};

@@ -4,9 +4,6 @@
 //! within an ulp or two of the standard library's, and the same bits on every processor, since
 //! nothing here depends on how wide its vectors are.
 
-// Loops of fixed bounds are what becomes vector instructions.
-#![allow(clippy::needless_range_loop)]
-
 /// Rows that are computed side by side.
 pub(super) const LANES: usize = 8;
 

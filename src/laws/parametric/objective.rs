@@ -7,8 +7,7 @@
 //! With q's derivatives q_p and q_pq, the gradient is −Σ w h' q_p and the Hessian
 //! Σ w (h'' q_p q_q − h' q_pq). In logarithms q_p = L_p/L and q_pq = L_pq/L − q_p q_q.
 
-// Loops of fixed bounds over several arrays at once are what becomes vector instructions.
-#![allow(clippy::needless_range_loop)]
+#![expect(clippy::needless_range_loop, reason = "loops of fixed bounds become vector instructions")]
 
 use super::lanes::{LANES, Lane, add, add_product, exp, lane, ln, product, subtract_product};
 use super::vector::{MAX_PARAMS, Matrix, Vector};

@@ -118,7 +118,7 @@ fn a_number_that_is_none_stays_visible() {
 #[test]
 fn a_spoilt_sequence_leaves_the_next_one_alone() {
     const WIDTH: usize = N_HEAD * HEAD_DIM;
-    let mut case = super::attention(&[40, 19, 6], &[5, 3, 6], N_HEAD, HEAD_DIM);
+    let mut case = attention(&[40, 19, 6], &[5, 3, 6], N_HEAD, HEAD_DIM);
     let clean = case.outcome(Kernels::Own, &Device::flex());
     case.inputs[0].values[..40 * WIDTH].fill(f32::NAN);
     let spoilt = case.outcome(Kernels::Own, &Device::flex());
@@ -130,7 +130,7 @@ fn a_spoilt_sequence_leaves_the_next_one_alone() {
 #[test]
 #[should_panic(expected = "attention: 5 rows for a layout of 6")]
 fn rows_that_do_not_fit_the_layout_are_refused() {
-    let case = super::attention(&[6], &[0], N_HEAD, HEAD_DIM);
+    let case = attention(&[6], &[0], N_HEAD, HEAD_DIM);
     let mut inputs = case.inputs.clone();
     inputs[0] = input(5, N_HEAD * HEAD_DIM, 1);
     case.output(Kernels::Own, &inputs, &Device::flex());

@@ -229,7 +229,7 @@ fn the_cpu_takes_own_kernels_and_other_devices_plain_ones() {
 }
 
 /// A device that is not `flex`.
-#[allow(deprecated, reason = "the only other device that every build has")]
+#[expect(deprecated, reason = "the only other device that every build has")]
 fn other_device() -> Device {
     Device::ndarray()
 }

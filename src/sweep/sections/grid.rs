@@ -50,7 +50,8 @@ pub struct ModelEntry {
     pub n_head: usize,
     #[serde(deserialize_with = "number::count")]
     pub d_model: usize,
-    /// Width of the feed-forward layer; by default from [`ModelSpec`].
+    /// Width of the feed-forward layer; where left out, 8d/3 (`swiglu`) or 4d (`gelu`), up to a
+    /// multiple of `model.ffn_multiple`.
     #[serde(default, deserialize_with = "number::optional_count")]
     pub d_ff: Option<usize>,
 }

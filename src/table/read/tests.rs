@@ -112,10 +112,10 @@ fn written(grid: &[Vec<(String, String)>], end: &str) -> String {
     std::iter::once(header).chain(rows).map(|line: String| line + end).collect()
 }
 
-fn as_text(column: &crate::table::Column) -> Vec<String> {
+fn as_text(column: &Column) -> Vec<String> {
     match column {
-        crate::table::Column::Text(cells) => cells.clone(),
-        crate::table::Column::Number(cells) => cells.iter().map(|_| String::new()).collect(),
+        Column::Text(cells) => cells.clone(),
+        Column::Number(cells) => cells.iter().map(|_| String::new()).collect(),
     }
 }
 
@@ -144,8 +144,8 @@ proptest! {
         for extension in [".csv", ".tsv"] {
             if let Ok(table) = read_bytes(extension, text.as_bytes()) {
                 let lengths = table.columns.iter().map(|(_, column)| match column {
-                    crate::table::Column::Number(cells) => cells.len(),
-                    crate::table::Column::Text(cells) => cells.len(),
+                    Column::Number(cells) => cells.len(),
+                    Column::Text(cells) => cells.len(),
                 });
                 prop_assert!(lengths.into_iter().all(|length| length == table.n_rows));
             }
@@ -160,7 +160,7 @@ proptest! {
         let table = read_bytes(".csv", written(&grid, end).as_bytes()).unwrap();
         prop_assert_eq!(table.n_rows, grid.len());
         for (i, (_, column)) in table.columns.iter().take(grid[0].len()).enumerate() {
-            if let crate::table::Column::Text(cells) = column {
+            if let Column::Text(cells) = column {
                 let expected: Vec<_> = grid.iter().map(|row| row[i].1.clone()).collect();
                 prop_assert_eq!(cells, &expected);
             }
@@ -174,7 +174,7 @@ proptest! {
         let options = CsvReadOptions::default().with_infer_schema_length(Some(0));
         let frame = options.into_reader_with_file_handle(Cursor::new(text)).finish().unwrap();
         for ((_, ours), theirs) in table.columns.iter().zip(frame.columns()) {
-            let is_text = matches!(ours, crate::table::Column::Text(_));
+            let is_text = matches!(ours, Column::Text(_));
             let theirs = theirs.str().unwrap().iter().map(|cell| cell.unwrap_or_default());
             let theirs: Vec<String> = theirs.map(ToString::to_string).collect();
             prop_assert!(!is_text || as_text(ours) == theirs);

@@ -74,7 +74,7 @@ fn a_loss_that_does_not_fall_with_a_quantity_says_so() {
     assert!(laws.warnings.iter().any(|w| w.contains("of N is not identified")));
     // No loss at all to explain.
     runs.iter_mut().for_each(|run| run.loss_normalised = 2.0);
-    let flat = super::fit_parametric(&runs, &without_intervals(Form::Approach3)).unwrap();
+    let flat = fit_parametric(&runs, &without_intervals(Form::Approach3)).unwrap();
     assert!(!flat.warnings.is_empty(), "{flat:?}");
 }
 

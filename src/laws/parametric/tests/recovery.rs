@@ -27,7 +27,7 @@ proptest! {
         let truth = Coefficients::new(Form::Approach3, &[e, a, b, alpha, beta]).unwrap();
         let runs = chinchilla_runs(9, 0.0, 0);
         let runs: Vec<IsoFlopPoint> =
-            runs.iter().map(|p| super::run(&truth, [p.params_nonvocab, 0.0, p.tokens], 0.0)).collect();
+            runs.iter().map(|p| run(&truth, [p.params_nonvocab, 0.0, p.tokens], 0.0)).collect();
         let space = if raw { Space::Raw } else { Space::Log };
         let options = ParametricOptions { space, ..without_intervals(Form::Approach3) };
         close(&fit_parametric(&runs, &options).unwrap().coefficients, &truth, 1e-3);
@@ -123,7 +123,7 @@ fn the_laws_of_a_parametric_loss_are_those_of_its_optima() {
     );
     assert!((law(&laws.power_laws.params_vocab, c0) / at(c0).params_vocab - 1.0).abs() < 1e-3);
     // Far away the tangent is off; read there it is exact again.
-    let there = crate::laws::around(&laws, 1e21);
+    let there = around(&laws, 1e21);
     let exact = at(1e21).params_vocab;
     assert!((law(&there.power_laws.params_vocab, 1e21) / exact - 1.0).abs() < 1e-3);
     let gamma = laws.vocab_from_nonvocab.unwrap().exponent;

@@ -13,7 +13,7 @@ use crate::ops::own::product::{ROWS, Span, block, product};
 
 vectorised! {
     /// Turns the rows of the sequences `sequences` of `qkv` into the gradient by them, given the
-    /// gradient by the output and what [`super::forward`] kept, from whose front theirs is taken.
+    /// gradient by the output and what [`forward`](super::forward()) kept, from whose front theirs is taken.
     pub fn backward(
         qkv: &mut [f32],
         heads: Heads<'_>,

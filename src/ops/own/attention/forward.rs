@@ -11,7 +11,7 @@ use crate::ops::own::product::{ROWS, Span, block};
 
 vectorised! {
     /// Attention of the sequences `sequences` of `qkv` `[n, 3 d]`, into their rows of `output`
-    /// `[n, d]`. If `keep` asks for it, what [`super::backward`] makes the weights from again
+    /// `[n, d]`. If `keep` asks for it, what [`backward`](super::backward()) makes the weights from again
     /// goes to the front of `room`, and it moves on.
     pub fn forward(
         qkv: &[f32],

@@ -1,0 +1,285 @@
+//! The floors of the library, as the table in `src/lib.rs` has them, held by every import.
+
+#[path = "floors/circles.rs"]
+mod circles;
+#[path = "floors/imports.rs"]
+mod imports;
+#[path = "floors/tokens.rs"]
+mod tokens;
+#[path = "floors/tree.rs"]
+mod tree;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use circles::circles;
+use tree::{Edge, Tree};
+
+/// Files that need one another and cannot well be had apart, and why.
+const ALLOWED: [(&[&str], &str); 8] = [
+    (
+        &[
+            "src/figures/mod.rs",
+            "src/figures/isoflop_parabolas.rs",
+            "src/figures/loss_vs_budget.rs",
+            "src/figures/loss_vs_flops.rs",
+            "src/figures/loss_vs_vocab.rs",
+            "src/figures/power_laws.rs",
+            "src/figures/tokenizers.rs",
+            "src/figures/vocab_vs_nonvocab.rs",
+            "src/figures/write.rs",
+        ],
+        "the list of figures, and what each is drawn from",
+    ),
+    (
+        &[
+            "src/generator/mod.rs",
+            "src/generator/autoregressive/mod.rs",
+            "src/generator/autoregressive/probe.rs",
+        ],
+        "the list of generators, and the trait that each implements",
+    ),
+    (
+        &[
+            "src/laws/minima/mod.rs",
+            "src/laws/minima/akima.rs",
+            "src/laws/minima/curve.rs",
+            "src/laws/minima/surface.rs",
+        ],
+        "the choice among methods, and what each gives back",
+    ),
+    (
+        &["src/ops/own/lanes.rs", "src/ops/own/x86.rs", "src/ops/own/x86/transpose.rs"],
+        "a macro that chooses among instruction sets, each of which has lanes",
+    ),
+    (
+        &[
+            "src/table/outliers/mod.rs",
+            "src/table/outliers/duplicates.rs",
+            "src/table/outliers/few_levels.rs",
+            "src/table/outliers/off_centre.rs",
+            "src/table/outliers/spline.rs",
+        ],
+        "the choice among stages, and what each gives back",
+    ),
+    (
+        &["src/text/encoder.rs", "src/text/hashed_ngrams.rs"],
+        "the choice among encoders, and the trait that each implements",
+    ),
+    (
+        &["src/tokenizer/architecture.rs", "src/tokenizer/convolutional/autoencoder.rs"],
+        "the choice among architectures, and the traits that each implements",
+    ),
+    (
+        &[
+            "src/tokenizer/quantizer/mod.rs",
+            "src/tokenizer/quantizer/fsq.rs",
+            "src/tokenizer/quantizer/vq.rs",
+        ],
+        "the choice among quantizers, and the trait that each implements",
+    ),
+];
+
+const LIBRARY: &str = "src/lib.rs";
+const PROGRAM: &str = "src/main.rs";
+
+/// A line of the table.
+struct Floor {
+    number: usize,
+    beside: BTreeSet<String>,
+}
+
+/// The table in the documentation of the library.
+fn floors() -> BTreeMap<String, Floor> {
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(LIBRARY)).unwrap();
+    let rows = text.lines().filter_map(|line| line.strip_prefix("//! |")).skip(2);
+    rows.map(|row| {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let [number, module, _, beside, ""] = cells[..] else { panic!("not a row: {row}") };
+        let beside = beside.split(',').map(str::trim).filter(|name| !name.is_empty());
+        let beside = beside.map(ToString::to_string).collect();
+        let number = number.parse().unwrap_or_else(|_| panic!("not a floor: {number}"));
+        (module.trim_matches(['[', ']', '`']).to_string(), Floor { number, beside })
+    })
+    .collect()
+}
+
+fn fail_for(problems: &[String], what: &str) {
+    assert!(problems.is_empty(), "{what}:\n\n{}\n", problems.join("\n"));
+}
+
+#[test]
+fn the_table_has_every_module_and_no_other() {
+    let src = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("src")).unwrap();
+    let names = src.map(|entry| {
+        let path = entry.unwrap().path();
+        path.file_stem().unwrap().to_str().unwrap().to_string()
+    });
+    // The roots of the library and of the program, and the program's own modules.
+    let modules: BTreeSet<String> =
+        names.filter(|name| !["lib", "main", "commands"].contains(&name.as_str())).collect();
+    let floors = floors();
+    let mut problems = Vec::new();
+    for module in &modules {
+        if !floors.contains_key(module) {
+            problems.push(format!("src/{module} has no line in the table of {LIBRARY}"));
+        }
+    }
+    for (module, floor) in &floors {
+        if !modules.contains(module) {
+            problems.push(format!("the table of {LIBRARY} has `{module}`, which src has not"));
+        }
+        for beside in &floor.beside {
+            if floors.get(beside).is_none_or(|beside| beside.number != floor.number) {
+                problems.push(format!("`{beside}` does not stand beside `{module}`"));
+            }
+        }
+    }
+    fail_for(&problems, "the table of floors and the modules differ");
+}
+
+#[test]
+fn a_module_imports_what_stands_below_it_or_is_named_beside_it() {
+    let (floors, tree) = (floors(), Tree::read(LIBRARY));
+    let mut problems = Vec::new();
+    for named in tree.named() {
+        let file = &tree.files[named.file];
+        let (Some(module), Some(needed)) = (file.module.first(), named.path.first()) else {
+            continue;
+        };
+        let (Some(from), Some(to)) = (floors.get(module), floors.get(needed)) else { continue };
+        let place = format!("{}:{}", file.path.display(), named.line);
+        if module != needed && from.number < to.number {
+            let [below, above] = [from.number, to.number];
+            problems.push(format!(
+                "{place}: `{module}` on floor {below} imports `{needed}` of floor {above}"
+            ));
+        } else if module != needed && from.number == to.number && !from.beside.contains(needed) {
+            problems.push(format!("{place}: `{needed}` is not named beside `{module}`"));
+        }
+    }
+    fail_for(&problems, "imports against the table of src/lib.rs");
+}
+
+#[test]
+fn no_modules_need_one_another() {
+    let tree = Tree::read(LIBRARY);
+    let named: Vec<(&str, String, String)> = tree
+        .named()
+        .filter_map(|named| {
+            let file = &tree.files[named.file];
+            let (from, to) = (file.module.first()?, named.path.first()?);
+            let place =
+                format!("{}:{}: {}", file.path.display(), named.line, named.path.join("::"));
+            (from != to).then(|| (from.as_str(), to.clone(), place))
+        })
+        .collect();
+    let circles = circles(named.iter().map(|(from, to, _)| (*from, to.as_str())));
+    let problems = circles.iter().flat_map(|circle| {
+        let within =
+            named.iter().filter(|(from, to, _)| circle.contains(from) && circle.contains(&**to));
+        within.map(|(_, _, place)| place.clone())
+    });
+    fail_for(&problems.collect::<Vec<_>>(), "modules that need one another");
+}
+
+#[test]
+fn no_files_need_one_another_but_those_that_are_named_with_a_reason() {
+    let mut problems = Vec::new();
+    let mut met = BTreeSet::new();
+    for root in [LIBRARY, PROGRAM] {
+        let tree = Tree::read(root);
+        let edges = tree.edges();
+        for circle in circles(edges.iter().map(|edge| (edge.from, edge.to))) {
+            let files: BTreeSet<&Path> =
+                circle.iter().map(|&file| tree.files[file].path.as_path()).collect();
+            let allowed = ALLOWED.iter().position(|(names, _)| {
+                files == names.iter().map(Path::new).collect::<BTreeSet<_>>()
+            });
+            met.extend(allowed);
+            if allowed.is_none() || !lie_together(&files) {
+                let within =
+                    |edge: &&Edge| circle.contains(&edge.from) && circle.contains(&edge.to);
+                let shown = tree.shown(edges.iter().filter(within));
+                problems.push(format!("{} files:\n{}\n", files.len(), shown.join("\n")));
+            }
+        }
+    }
+    let gone = ALLOWED.iter().enumerate().filter(|(index, _)| !met.contains(index));
+    problems.extend(
+        gone.map(|(_, (files, _))| format!("ALLOWED has a circle that is gone: {files:?}")),
+    );
+    fail_for(&problems, "files that need one another");
+}
+
+/// Whether files lie in one folder with its subfolders, or are a file and the folder of its name.
+fn lie_together(files: &BTreeSet<&Path>) -> bool {
+    let folders = files.iter().flat_map(|file| {
+        let own = file.with_extension("");
+        let around = file.ancestors().skip(1).map(Path::to_path_buf);
+        around.chain([own]).filter(|folder| folder.components().count() > 1)
+    });
+    let within = |file: &Path, folder: &PathBuf| {
+        file.starts_with(folder) || file.with_extension("") == *folder
+    };
+    folders.collect::<BTreeSet<_>>().iter().any(|folder| files.iter().all(|f| within(f, folder)))
+}
+
+#[test]
+fn every_form_of_an_import_is_read() {
+    let said = imports::said(
+        r##"
+        //! use crate::comment;
+        use crate::{a::{self, B as C}, d::*, e::{F, g::{H, I}}};
+        pub(crate) use super::passed;
+        mod child;
+        #[cfg(test)]
+        mod fixtures;
+        #[cfg(test)]
+        use crate::only_tests;
+        #[serde(with = "crate::number::count")]
+        fn f<'a>(x: &'a [u8; 3], y: char) -> impl Fn() + use<'a> {
+            let _ = ('"', '\'', b'"', "use crate::text;", r#"use crate::"raw";"#);
+            #[cfg(test)]
+            let x = { crate::hidden::of() };
+            crate::inline::path::<u8>(); self::here::now()
+        }
+        #[cfg(all(test, unix))]
+        mod tests { use crate::nested; mod deeper { use crate::more; } }
+        fn last() { super::last::word() }
+        "##,
+    );
+    let written = |path: &imports::Path| path.segments.join("::");
+    let imported: Vec<String> = said.imports.iter().map(|i| written(&i.path)).collect();
+    let all = ["a", "a::B", "d", "e::F", "e::g::H", "e::g::I"].map(|path| format!("crate::{path}"));
+    assert_eq!(imported[..6], all);
+    assert_eq!(imported[6..], ["super::passed"]);
+    let names: Vec<&str> = said.imports.iter().map(|import| import.name.as_str()).collect();
+    assert_eq!(names, ["a", "C", "*", "F", "H", "I", "passed"]);
+    assert_eq!(said.imports.iter().filter(|import| import.public).count(), 1);
+    let paths: Vec<String> = said.paths.iter().map(written).collect();
+    assert_eq!(
+        paths,
+        ["crate::number::count", "crate::inline::path", "self::here::now", "super::last::word"]
+    );
+    assert_eq!(said.paths[1].line, 15);
+    assert_eq!(said.children, BTreeSet::from(["child".to_string()]));
+    assert_eq!(said.test_modules, BTreeSet::from(["fixtures".to_string()]));
+}
+
+#[test]
+fn a_circle_is_found_and_its_neighbours_are_not_part_of_it() {
+    let edges = [(1, 2), (2, 3), (3, 1), (3, 4), (4, 5), (6, 1), (7, 8), (8, 7)];
+    assert_eq!(circles(edges), [BTreeSet::from([1, 2, 3]), BTreeSet::from([7, 8])]);
+}
+
+#[test]
+fn files_lie_together_in_one_folder_or_beside_it() {
+    let together = |files: &[&str]| lie_together(&files.iter().map(Path::new).collect());
+    assert!(together(&["src/a/b.rs", "src/a/c.rs"]));
+    assert!(together(&["src/a/b.rs", "src/a/c/d.rs"]));
+    assert!(together(&["src/a.rs", "src/a/b.rs"]));
+    assert!(!together(&["src/a.rs", "src/b.rs"]));
+    assert!(!together(&["src/a/b.rs", "src/c/d.rs"]));
+}
