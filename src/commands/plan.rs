@@ -6,7 +6,7 @@ use anyhow::Result;
 use burn::tensor::Device;
 use clap::Args;
 use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs, probe};
-use isoflop::plan::{Plan, PlannedRun, TokenizerJob, Trunk};
+use isoflop::plan::{Plan, PlannedRun, TokenizerJob};
 use isoflop::record::flops_per_second;
 use serde_json::{Value, json};
 
@@ -74,7 +74,7 @@ pub fn json(plan: &Plan, folder: &ResultsFolder) -> Value {
         "jobs": jobs(plan, &inputs),
         "total_flops": plan.total_flops(),
         "trained_flops": plan.trained_flops(),
-        "disk_bytes": disk_bytes(plan),
+        "disk_bytes": plan.disk_bytes(),
     })
 }
 
@@ -132,14 +132,4 @@ fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
         "steps": job.spec.training.steps,
         "state": folder.metrics_state(&id),
     })
-}
-
-/// Weights of each run, weights and moments of each trunk, codes of each tokenizer; checkpoints
-/// while they last are three times a run's weights.
-pub fn disk_bytes(plan: &Plan) -> u64 {
-    let weights: usize = plan.runs.iter().map(|run| 4 * run.params.total()).sum();
-    let codes = plan.tokenizers.len() * 4 * plan.unique_tokens();
-    let params = |trunk: &Trunk| trunk.spec.params().total();
-    let trunks: usize = plan.trunks.iter().map(|trunk| 12 * params(trunk)).sum();
-    (weights + trunks + codes) as u64
 }

@@ -7,7 +7,6 @@ use isoflop::laws::wrap;
 use isoflop::plan::{Dropped, Plan, PlannedRun};
 
 use super::args::SweepArgs;
-use super::plan::disk_bytes;
 use super::stale::Stale;
 
 /// Rows printed before a long table is cut.
@@ -39,7 +38,7 @@ pub fn cost(plan: &Plan, hours: Option<f64>, args: &SweepArgs) -> String {
         ),
         args.slots(),
         bytes(peak),
-        bytes(disk_bytes(plan)),
+        bytes(plan.disk_bytes()),
     )
 }
 

@@ -1,13 +1,14 @@
 //! [`Plan`]: every job of a sweep with its id and its price.
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use super::price::{Dropped, PricedCell, price};
+use super::planned_run::PlannedRun;
+use super::price::price;
+use super::priced_cell::{Dropped, PricedCell};
 use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
+use super::text_job::TextJob;
 use super::trunk::{Trunk, branch};
 use crate::data::{DataFacts, Demand};
-use crate::spec::{FlopsPerToken, ParamCounts, TextSpec, content_id};
 use crate::sweep::{DataSource, ScheduleKind, ScheduleSpec, Sweep};
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
@@ -15,57 +16,6 @@ pub const MOST_USEFUL_EPOCHS: f64 = 4.0;
 
 /// Stands in a run for the id of a tokenizer where the sweep has no motion.
 pub const NO_TOKENIZER: &str = "none";
-
-/// One run of the plan.
-#[derive(Clone, Debug)]
-pub struct PlannedRun {
-    pub run_id: String,
-    pub spec: RunSpec,
-    pub params: ParamCounts,
-    pub flops_per_token: FlopsPerToken,
-    pub achieved_ratio: f64,
-    pub peak_bytes: u64,
-    /// The trunk that it branches off; `None` where it is trained alone.
-    pub trunk_id: Option<String>,
-    /// Times that the run sees each token of the training split; `None` where it is not here.
-    pub epochs: Option<f64>,
-}
-
-impl PlannedRun {
-    /// FLOPs of the budget that the run's own job trains: all but what its trunk does.
-    pub fn own_flops(&self) -> f64 {
-        match (&self.trunk_id, self.spec.decay_steps) {
-            (Some(_), Some(decay)) => {
-                self.spec.budget_flops * decay as f64 / self.spec.steps as f64
-            }
-            _ => self.spec.budget_flops,
-        }
-    }
-}
-
-/// What the text encoder is asked for, and on which captions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TextJob {
-    /// Without the path: a file that is moved is the same.
-    pub spec: TextSpec,
-    pub data_digest: String,
-    /// Content of the file that the vectors come from, where they come from one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub embeddings: Option<String>,
-}
-
-impl TextJob {
-    /// The job of a sweep's `text` section on data, and on a file's content, of these digests.
-    pub fn new(spec: &TextSpec, data_digest: &str, embeddings: Option<String>) -> Self {
-        let spec = TextSpec { path: None, ..spec.clone() };
-        Self { spec, data_digest: data_digest.to_string(), embeddings }
-    }
-
-    /// Content id: the hash of every field.
-    pub fn id(&self) -> String {
-        content_id(self)
-    }
-}
 
 /// Every job of a sweep.
 #[derive(Clone, Debug)]
@@ -112,6 +62,16 @@ impl Plan {
     pub fn trained_flops(&self) -> f64 {
         let own = self.runs.iter().map(PlannedRun::own_flops).sum::<f64>();
         own + self.trunks.iter().map(|trunk| trunk.flops).sum::<f64>()
+    }
+
+    /// Bytes of the results: weights of each run, weights and moments of each trunk, codes of each
+    /// tokenizer; checkpoints while they last are three times a run's weights.
+    pub fn disk_bytes(&self) -> u64 {
+        let weights: usize = self.runs.iter().map(|run| 4 * run.params.total()).sum();
+        let codes = self.tokenizers.len() * 4 * self.unique_tokens();
+        let params = |trunk: &Trunk| trunk.spec.params().total();
+        let trunks: usize = self.trunks.iter().map(|trunk| 12 * params(trunk)).sum();
+        (weights + trunks + codes) as u64
     }
 
     /// The tokenizer that a run waits for; `None` where the sweep has no motion.

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, HashMap};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::assemble::PlannedRun;
-use super::price::{Dropped, PricedCell};
+use super::planned_run::PlannedRun;
+use super::priced_cell::{Dropped, PricedCell};
 use super::run_spec::RunSpec;
 use super::steps::{Pace, Spending, pace, spend_with, widest_batch};
 use crate::sweep::TrainSpec;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::tokenizer::{SpecError, require};
+use super::error::{SpecError, require};
 
 /// An architecture of a tokenizer, resolved: what is hashed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -5,6 +5,7 @@
 //! the one that builds it.
 
 mod architecture;
+mod error;
 pub mod generator;
 mod grid;
 mod id;
@@ -15,6 +16,7 @@ mod text;
 mod tokenizer;
 
 pub use architecture::{ArchitectureSpec, ConvolutionalSpec};
+pub use error::SpecError;
 pub use generator::flops;
 pub use generator::{
     Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, ModelShape, ParamCounts, Pricing,
@@ -27,5 +29,5 @@ pub use precision::Precision;
 pub use quantizer::{QuantizerKind, QuantizerSpec, VocabularyError};
 pub use text::{TextEncoderKind, TextSpec};
 pub use tokenizer::{
-    QuantizerSection, SpecError, TokenizerKind, TokenizerSection, TokenizerSpec, TokenizerTraining,
+    QuantizerSection, TokenizerKind, TokenizerSection, TokenizerSpec, TokenizerTraining,
 };

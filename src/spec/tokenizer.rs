@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::architecture::{ArchitectureSpec, ConvolutionalSpec};
+use super::error::{SpecError, require};
 use super::grid::Grid;
 use super::quantizer::{QuantizerKind, QuantizerSpec};
 use crate::units::number;
@@ -42,14 +43,6 @@ pub enum TokenizerKind {
 #[serde(deny_unknown_fields)]
 pub struct QuantizerSection {
     pub kind: QuantizerKind,
-}
-
-/// A field of a description has a value that no training can use.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("tokenizer.{field}: {problem}")]
-pub struct SpecError {
-    pub field: &'static str,
-    pub problem: String,
 }
 
 /// The training of a tokenizer and the section of a sweep file, from one list of keys.
@@ -230,11 +223,6 @@ impl TokenizerTraining {
         }
         Ok(())
     }
-}
-
-/// An error unless a condition holds.
-pub(super) fn require(holds: bool, field: &'static str, problem: &str) -> Result<(), SpecError> {
-    if holds { Ok(()) } else { Err(SpecError { field, problem: problem.to_string() }) }
 }
 
 #[cfg(test)]

@@ -1,17 +1,16 @@
 //! Sweep files: YAML into a checked [`Sweep`].
 
 mod check;
-mod check_engine;
 mod choice;
 mod command;
 pub mod condition;
 mod locate;
 mod models;
+mod nearest;
 mod overrides;
 pub mod presets;
 mod problem;
 mod read;
-mod repeated;
 mod sections;
 mod taken_out;
 mod time_limit;

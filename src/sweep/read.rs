@@ -6,7 +6,8 @@ use serde::de::DeserializeOwned;
 use serde_yaml::Value;
 
 use super::check::check;
-use super::check_engine;
+use super::check::engine;
+use super::nearest::nearest;
 use super::overrides;
 use super::problem::{Problem, SweepErrors};
 use super::taken_out::TakenOut;
@@ -67,7 +68,7 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     let mut problems = Vec::new();
     let value = value.map_err(|problem| vec![problem])?;
     let section: Option<SlurmSection> = typed(value, &mut TakenOut::default(), &mut problems);
-    problems.extend(section.iter().flat_map(|section| check_engine::slurm(section, "")));
+    problems.extend(section.iter().flat_map(|section| engine::slurm(section, "")));
     match (section, problems.is_empty()) {
         (Some(section), true) => Ok(section),
         _ => Err(problems),
@@ -146,18 +147,6 @@ fn explain(path: &str, message: &str) -> Problem {
             ..problem
         },
         _ => problem,
-    }
-}
-
-/// `did you mean …?`, or the list of what may stand there.
-pub fn nearest(wrong: &str, valid: &[&str]) -> String {
-    let best = valid
-        .iter()
-        .map(|name| (strsim::jaro_winkler(wrong, name), name))
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    match best {
-        Some((score, name)) if score > 0.75 => format!("did you mean `{name}`?"),
-        _ => format!("valid here: {}", valid.join(", ")),
     }
 }
 

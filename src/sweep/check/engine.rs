@@ -1,8 +1,8 @@
 //! What types alone cannot say of the `engine` section and of a profile file.
 
-use super::problem::Problem;
-use super::time_limit::minutes;
+use crate::sweep::problem::Problem;
 use crate::sweep::sections::{Amount, Count, Resources, SlurmSection, Stage, Sweep};
+use crate::sweep::time_limit::minutes;
 
 /// Arguments of `sbatch` that isoflop gives itself.
 const OURS: [&str; 14] = [

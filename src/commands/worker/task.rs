@@ -7,10 +7,10 @@ use anyhow::{Result, bail};
 use isoflop::engine::{FitTerms, Task};
 use isoflop::jobs::{FailedJob, ResultsFolder, SweepState};
 
-use super::exit::Exit;
-use super::output::{Output, say};
-use super::worker::WorkerArgs;
-use super::{analyse, status};
+use super::args::WorkerArgs;
+use crate::commands::exit::Exit;
+use crate::commands::output::{Output, say};
+use crate::commands::{analyse, status};
 
 /// Does a chunk, and exits with the code that says how it ended.
 pub fn chunk(args: &WorkerArgs) -> Result<Exit> {

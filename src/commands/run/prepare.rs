@@ -9,10 +9,10 @@ use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, all_jobs};
 use isoflop::plan::Plan;
 use rayon::prelude::*;
 
-use super::context::OpenSweep;
-use super::output::Output;
-use super::plan;
-use super::run::RunArgs;
+use super::args::RunArgs;
+use crate::commands::context::OpenSweep;
+use crate::commands::output::Output;
+use crate::commands::plan;
 
 /// Writes down what workers read: the resolved sweep, the plan, what each job is to make.
 pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> {

@@ -9,10 +9,10 @@ use isoflop::jobs::{Job, all_jobs};
 use isoflop::jobs::{JobId, JobState, ResultsFolder};
 use isoflop::plan::Plan;
 
-use super::command_line::CommandLine;
-use super::exit::Exit;
-use super::output::Output;
-use super::run::RunArgs;
+use super::args::RunArgs;
+use crate::commands::command_line::CommandLine;
+use crate::commands::exit::Exit;
+use crate::commands::output::Output;
 
 /// The last lines of a log that are shown.
 const LAST_LINES: usize = 3;

@@ -1,13 +1,12 @@
 //! `isoflop worker`: one job of a sweep, in a process of its own.
 
-use std::path::PathBuf;
+mod args;
+mod task;
+
 use std::process::exit;
 
 use anyhow::{Result, bail};
 use burn::tensor::Device;
-use clap::Args;
-use isoflop::engine::{ENGINES, Engine};
-use isoflop::jobs::JobKind;
 use isoflop::jobs::program;
 use isoflop::jobs::worker::{
     FAILED, REFUSED_MEMORY, STOPPED, claim, failure_of, report_failure, stop_with_parent, work,
@@ -19,43 +18,10 @@ use isoflop::ops::{DeviceName, check_products};
 use isoflop::progress::stop_on_signals;
 use isoflop::progress::{forget_progress, tell_of_pieces};
 
-use super::args::{an_engine, device};
-use super::exit::Exit;
-use super::output::{Output, say};
-use super::task;
+use crate::commands::exit::Exit;
+use crate::commands::output::{Output, say};
 
-#[derive(Args)]
-pub struct WorkerArgs {
-    pub results: PathBuf,
-    #[arg(required_unless_present_any = ["chunk", "fit"], requires = "id")]
-    pub kind: Option<JobKind>,
-    pub id: Option<String>,
-    /// The engine of a submission
-    #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
-    pub engine: &'static dyn Engine,
-    /// A submission, for --chunk and --fit
-    #[arg(long)]
-    pub generation: Option<u32>,
-    /// An array of it
-    #[arg(long)]
-    pub stage: Option<String>,
-    /// A task of the array: do its jobs
-    #[arg(long, conflicts_with = "kind", requires_all = ["generation", "stage"])]
-    pub chunk: Option<usize>,
-    /// Fit the laws
-    #[arg(long, conflicts_with_all = ["kind", "chunk"])]
-    pub fit: bool,
-    #[arg(long, value_parser = device(), default_value = "flex")]
-    pub device: DeviceName,
-}
-
-#[derive(Args)]
-pub struct GuardArgs {
-    /// Held for as long as a program of the run may live
-    pub lock: PathBuf,
-    /// What the program's environment says
-    pub mark: String,
-}
+pub use args::{GuardArgs, WorkerArgs};
 
 pub fn worker(args: &WorkerArgs, output: &Output) -> Result<Exit> {
     match (args.kind, &args.id) {

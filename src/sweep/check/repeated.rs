@@ -1,9 +1,8 @@
 //! Entries that stand twice: each would train the same runs twice, side by side in one folder.
 
-use super::check::model_path;
-use super::problem::Problem;
 use crate::spec::QuantizerKind;
-use crate::sweep::sections::{Axis, Sweep, VocabSpec};
+use crate::sweep::problem::Problem;
+use crate::sweep::sections::{Axis, ModelList, Sweep, VocabSpec};
 
 /// The second of each pair of equal seeds, and of equal entries of an axis or a group of axes.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -65,9 +64,17 @@ fn second<T: PartialEq>(values: &[T]) -> Option<usize> {
     (1..values.len()).find(|&i| values[..i].contains(&values[i]))
 }
 
+/// Where the model of an index stands: in a list, or as a width of a rule.
+pub(super) fn model_path(models: &ModelList, i: usize) -> String {
+    match models {
+        ModelList::Rule(_) => format!("grid.models.d_model[{i}]"),
+        _ => format!("grid.models[{i}]"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::parse;
+    use crate::sweep::parse;
 
     fn problems(text: &str) -> Vec<String> {
         match parse("sweep.yaml", text, &[]) {

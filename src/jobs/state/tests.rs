@@ -1,0 +1,68 @@
+//! States of folders that a test made.
+
+use std::fs::{self, File};
+
+use serde_json::json;
+
+use super::*;
+use crate::failure::{Failure, FailureKind};
+use crate::files::atomic::write_json;
+use crate::jobs::{JobId, JobKind};
+use crate::progress::Beat;
+
+/// A folder whose plan has runs of 1, 2, 3, … FLOPs named `0`, `1`, `2`, …
+fn planned(place: &tempfile::TempDir, runs: usize) -> ResultsFolder {
+    let folder = ResultsFolder::new(place.path());
+    let run = |i: usize| json!({"run_id": i.to_string(), "needs": ["tokens t"], "own_flops": i as f64 + 1.0});
+    let runs: Vec<_> = (0..runs).map(run).collect();
+    let input = |kind: &str, needs: &[serde_json::Value]| {
+        let id = json!({"kind": kind, "id": "t"});
+        json!({"id": id, "label": kind, "cost": 1.0, "peak_bytes": 0, "needs": needs})
+    };
+    let needed = json!({"kind": "tokenizer", "id": "t"});
+    let inputs = [input("tokenizer", &[]), input("tokens", &[needed])];
+    let plan = json!({"runs": runs, "inputs": inputs});
+    write_json(&folder.file("plan.json"), &plan).unwrap();
+    folder
+}
+
+#[test]
+fn a_folder_without_a_plan_is_no_sweeps() {
+    let place = tempfile::tempdir().unwrap();
+    assert_eq!(sweep_state(&ResultsFolder::new(place.path())).unwrap(), None);
+}
+
+#[test]
+fn a_live_worker_is_told_from_what_a_dead_one_left() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = planned(&place, 3);
+    for id in ["0", "1"] {
+        fs::create_dir_all(folder.run(id).join("checkpoint")).unwrap();
+        let beat = Beat { step: 1, steps: 4, loss: 2.0, train_s: 0.5 };
+        crate::progress::note_progress(&folder.run(id), &beat);
+    }
+    fs::write(folder.run("0").join(".lock"), "").unwrap();
+    let lock = File::create(folder.run("1").join(".lock")).unwrap();
+    lock.try_lock().unwrap();
+    let state = sweep_state(&folder).unwrap().unwrap();
+    let expected = Counts { started: 1, running: 1, missing: 1, ..Counts::default() };
+    assert_eq!(state.runs, expected);
+    assert_eq!(state.running.len(), 1);
+    assert_eq!(state.running[0].id, JobId::run("1"));
+    assert_eq!(state.flops_done, 0.25 * 2.0);
+    assert_eq!(state.flops_total, 6.0);
+}
+
+#[test]
+fn runs_of_a_failed_tokenizer_are_told_from_those_to_come() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = planned(&place, 2);
+    let failure = Failure::new(FailureKind::Diverged, "the loss is NaN");
+    write_json(&folder.tokenizer("t").join("failure.json"), &failure).unwrap();
+    let state = sweep_state(&folder).unwrap().unwrap();
+    assert_eq!(state.runs, Counts { missing: 2, blocked: 2, ..Counts::default() });
+    let tokens = state.inputs[&JobKind::of("tokens").unwrap()];
+    assert_eq!(tokens, Counts { missing: 1, blocked: 1, ..Counts::default() });
+    assert_eq!(state.failures[0].reason, failure.reason);
+    assert_eq!(state.failures[0].failure_kind, FailureKind::Diverged);
+}
