@@ -35,6 +35,7 @@ mod random;
 mod script;
 mod style;
 mod travel;
+mod verbs;
 mod wander;
 
 pub use script::Script;

@@ -9,13 +9,10 @@ use super::kick::Kick;
 use super::place::Side;
 use super::random::Draw;
 use super::travel::{Gait, Travel};
-
-/// A verb as in "she walks" and as in "before walking".
-#[derive(Clone, Copy, Debug)]
-pub struct Verb {
-    pub finite: &'static str,
-    pub gerund: &'static str,
-}
+use super::verbs::{
+    BACK, HOP, JUMP, LOOK, PUNCH, RUN, SIDEWAYS, SIT, SPRINT, SQUAT, STAND, STRETCH, TURN, Verb,
+    WALK, verb,
+};
 
 /// A verb and what is said about it.
 #[derive(Clone, Debug)]
@@ -23,49 +20,6 @@ pub struct Phrase {
     pub verb: Verb,
     pub rest: Vec<String>,
 }
-
-const fn verb(finite: &'static str, gerund: &'static str) -> Verb {
-    Verb { finite, gerund }
-}
-
-const WALK: [Verb; 4] = [
-    verb("walks", "walking"),
-    verb("walks", "walking"),
-    verb("strolls", "strolling"),
-    verb("paces", "pacing"),
-];
-const RUN: [Verb; 3] = [verb("runs", "running"), verb("runs", "running"), verb("jogs", "jogging")];
-const SPRINT: [Verb; 2] = [verb("runs", "running"), verb("sprints", "sprinting")];
-const BACK: [Verb; 3] = [
-    verb("walks backward", "walking backward"),
-    verb("walks backwards", "walking backwards"),
-    verb("backs up", "backing up"),
-];
-const SIDEWAYS: [Verb; 3] = [
-    verb("sidesteps", "sidestepping"),
-    verb("steps sideways", "stepping sideways"),
-    verb("shuffles sideways", "shuffling sideways"),
-];
-const TURN: [Verb; 3] =
-    [verb("turns", "turning"), verb("turns", "turning"), verb("rotates", "rotating")];
-const JUMP: [Verb; 3] =
-    [verb("jumps", "jumping"), verb("jumps", "jumping"), verb("leaps", "leaping")];
-const HOP: [Verb; 2] = [verb("jumps", "jumping"), verb("hops", "hopping")];
-const STAND: [Verb; 3] = [
-    verb("stands still", "standing still"),
-    verb("waits", "waiting"),
-    verb("stands in place", "standing in place"),
-];
-const LOOK: [Verb; 2] =
-    [verb("looks around", "looking around"), verb("looks about", "looking about")];
-const STRETCH: [Verb; 3] = [
-    verb("raises both arms", "raising both arms"),
-    verb("lifts the arms", "lifting the arms"),
-    verb("stretches the arms", "stretching the arms"),
-];
-const SQUAT: [Verb; 2] = [verb("squats", "squatting"), verb("crouches down", "crouching down")];
-const SIT: [Verb; 2] = [verb("sits down", "sitting down"), verb("takes a seat", "taking a seat")];
-const PUNCH: [Verb; 2] = [verb("punches", "punching"), verb("throws punches", "throwing punches")];
 
 const NUMBERS: [&str; 17] = [
     "no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven",

@@ -1,0 +1,127 @@
+//! Which codes a run is trained on, in which order, and at which rate.
+
+use std::collections::HashMap;
+
+use isoflop::generator::autoregressive::{Batch, TokenStream, learning_rate};
+use isoflop::plan::RunSpec;
+
+use super::corpus::{Corpus, small_run};
+use super::numbered::{EPOCH_TOKENS, numbered_corpus};
+
+const END: u32 = 40;
+
+/// Each target of a batch with the code before it, or none after the text.
+fn targets(batch: &Batch) -> Vec<(Option<u32>, u32)> {
+    let n_text = batch.order.len() - batch.codes.len();
+    let before = |&row: &u32| {
+        let source = batch.order[row as usize] as usize;
+        source.checked_sub(n_text).map(|code| batch.codes[code])
+    };
+    batch.target_rows.iter().map(before).zip(batch.targets.iter().copied()).collect()
+}
+
+/// How often each target is met in an epoch, counted in the corpus.
+fn counts_of_corpus(corpus: &Corpus) -> HashMap<(Option<u32>, u32), usize> {
+    let mut counts = HashMap::new();
+    for clip in 0..8 {
+        let codes = corpus.tokens.clip(isoflop::data::Split::Train, clip);
+        let before = std::iter::once(None).chain(codes.iter().copied().map(Some));
+        let after = codes.iter().copied().chain([END]);
+        before.zip(after).for_each(|pair| *counts.entry(pair).or_default() += 1);
+    }
+    counts
+}
+
+#[test]
+fn an_epoch_supervises_every_target_once() {
+    let corpus = numbered_corpus();
+    let mut stream = TokenStream::new(&corpus.tokens, &corpus.text, 9);
+    assert_eq!(stream.epoch_tokens(), EPOCH_TOKENS);
+    // Seven does not divide the epoch: 48 batches of it are 7 epochs.
+    let met: Vec<_> =
+        (0..EPOCH_TOKENS).flat_map(|step| targets(&stream.batch(7 * step, 7))).collect();
+    assert_eq!(met.len(), 7 * EPOCH_TOKENS);
+    let expected = counts_of_corpus(&corpus);
+    for epoch in met.chunks(EPOCH_TOKENS) {
+        let mut counts = HashMap::new();
+        epoch.iter().for_each(|target| *counts.entry(*target).or_default() += 1);
+        assert_eq!(counts, expected);
+    }
+    assert_ne!(met[..EPOCH_TOKENS], met[EPOCH_TOKENS..2 * EPOCH_TOKENS], "epochs are shuffled");
+}
+
+/// All that a batch says, as text.
+fn written(batch: &Batch) -> String {
+    format!("{batch:?}")
+}
+
+#[test]
+fn a_batch_does_not_depend_on_what_was_asked_before() {
+    let corpus = numbered_corpus();
+    let stream = |seed| TokenStream::new(&corpus.tokens, &corpus.text, seed);
+    let mut forwards = stream(9);
+    let batches: Vec<_> = (0..30).map(|i| written(&forwards.batch(13 * i, 13))).collect();
+    let mut backwards = stream(9);
+    for i in (0..30).rev() {
+        backwards.batch(1000 - i, 3);
+        assert_eq!(written(&backwards.batch(13 * i, 13)), batches[i], "batch {i}");
+    }
+    let mut other = stream(10);
+    let others: Vec<_> = (0..30).map(|i| written(&other.batch(13 * i, 13))).collect();
+    assert_ne!(others, batches, "the seed shuffles");
+}
+
+#[test]
+fn a_batch_longer_than_an_epoch_goes_on_into_the_next() {
+    let corpus = numbered_corpus();
+    let mut stream = TokenStream::new(&corpus.tokens, &corpus.text, 9);
+    let long = targets(&stream.batch(11, 2 * EPOCH_TOKENS));
+    let short = (0..2 * EPOCH_TOKENS).flat_map(|i| targets(&stream.batch(11 + i, 1)));
+    assert_eq!(long, short.collect::<Vec<_>>());
+}
+
+#[test]
+fn the_rate_warms_up_in_equal_steps_and_decays_along_a_cosine() {
+    let spec = RunSpec { steps: 110, warmup_steps: 10, lr: 0.02, final_share: 0.1, ..small_run(9) };
+    let rates: Vec<f64> = (0..=spec.steps).map(|step| learning_rate(&spec, step)).collect();
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-15;
+    assert!(rates.iter().all(|rate| (0.0..=spec.lr).contains(rate)));
+    assert!(rates[0] > 0.0 && rates[10] == spec.lr, "the first step moves, the peak is reached");
+    assert!(rates[..=10].windows(3).all(|r| close(r[1] - r[0], r[2] - r[1])), "{rates:?}");
+    assert!(rates[10..].windows(2).all(|r| r[1] < r[0]), "{rates:?}");
+    // Half a cosine is odd about its middle, and a third of the way it has lost a quarter.
+    assert!((0..=100).all(|i| close(rates[10 + i] + rates[110 - i], 1.1 * spec.lr)), "{rates:?}");
+    let thirds = RunSpec { steps: 100, ..spec };
+    assert!(close(learning_rate(&thirds, 40), 0.02 * (0.1 + 0.9 * 0.75)));
+}
+
+#[test]
+fn a_wsd_rate_stays_at_its_peak_until_it_decays() {
+    let spec = RunSpec {
+        steps: 110,
+        warmup_steps: 10,
+        lr: 0.02,
+        final_share: 0.1,
+        decay_steps: Some(25),
+        ..small_run(9)
+    };
+    let rates: Vec<f64> = (0..=spec.steps).map(|step| learning_rate(&spec, step)).collect();
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-15;
+    assert!(rates[..=10].windows(2).all(|r| r[1] > r[0]), "{rates:?}");
+    assert!(rates[10..=85].iter().all(|rate| *rate == spec.lr), "{rates:?}");
+    assert!(rates[85..].windows(2).all(|r| r[1] < r[0]), "{rates:?}");
+    // 1 − √(1/25), 1 − √(9/25), and the final share.
+    for (step, height) in [(86, 0.8), (94, 0.4), (110, 0.0)] {
+        assert!(close(rates[step], 0.02 * (0.1 + 0.9 * height)), "{rates:?}");
+    }
+    let trunk = spec.trunk().expect("it decays");
+    assert_eq!(trunk.steps, 85);
+    assert!((0..85).all(|step| learning_rate(&trunk, step) == rates[step]));
+}
+
+#[test]
+fn without_warm_up_the_rate_starts_at_its_peak() {
+    let spec = RunSpec { warmup_steps: 0, ..small_run(9) };
+    assert_eq!(learning_rate(&spec, 0), spec.lr);
+    assert!(learning_rate(&spec, 1) < spec.lr);
+}
