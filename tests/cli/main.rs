@@ -1,5 +1,6 @@
 //! The real program, each test in a directory of its own.
 
+mod bits;
 mod custom_trainer;
 mod failures;
 mod faults;
