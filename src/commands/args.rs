@@ -16,7 +16,7 @@ pub struct Common {
     /// Print results and errors only
     #[arg(short, long, global = true)]
     pub quiet: bool,
-    /// Say more; twice for still more
+    /// Log what is opened, started and ended; twice, each file too that is written
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
 }

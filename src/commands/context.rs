@@ -31,6 +31,8 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     if sweep.data.source == DataSource::Procedural {
         sweep.data.clips = Clips::Count(source.n_clips(data::Split::Train));
     }
+    let clips = data::Split::ALL.map(|split| source.n_clips(split));
+    tracing::info!(?clips, digest = source.digest(), "data opened");
     let encoder = text::encoder(&sweep.text).context("opening the vectors of captions")?;
     let facts = DataFacts::of(&*source).with_embeddings(encoder.digest());
     let plan = Plan::new(&sweep, facts);

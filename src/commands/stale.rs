@@ -23,7 +23,7 @@ pub fn stale(plan: &Plan, folder: &ResultsFolder) -> Vec<Stale> {
         return Vec::new();
     }
     let wanted: HashSet<&str> = plan.runs.iter().map(|run| run.run_id.as_str()).collect();
-    let cells: HashMap<Cell, &PlannedRun> =
+    let cells: HashMap<CellKey, &PlannedRun> =
         plan.runs.iter().map(|run| (cell(&run.spec), run)).collect();
     let mut runs: BTreeMap<Vec<String>, usize> = BTreeMap::new();
     for old in finished.iter().filter(|old| !wanted.contains(old.id().as_str())) {
@@ -35,9 +35,9 @@ pub fn stale(plan: &Plan, folder: &ResultsFolder) -> Vec<Stale> {
 }
 
 /// What makes two runs the same cell of a grid: layers, width, V, budget and seed.
-type Cell = (usize, usize, usize, u64, u64);
+type CellKey = (usize, usize, usize, u64, u64);
 
-fn cell(spec: &RunSpec) -> Cell {
+fn cell(spec: &RunSpec) -> CellKey {
     let budget = spec.budget_flops.to_bits();
     (spec.shape().n_layer, spec.shape().d_model, spec.n_vocab(), budget, spec.seed)
 }

@@ -20,7 +20,7 @@ enum Kind {
     Code,
 }
 
-struct Cell {
+struct NotebookCell {
     /// Unique within the notebook and stable, as nbformat 4.5 asks.
     id: &'static str,
     kind: Kind,
@@ -29,7 +29,7 @@ struct Cell {
 
 macro_rules! cell {
     ($id:literal, $kind:ident, $extension:literal) => {
-        Cell {
+        NotebookCell {
             id: $id,
             kind: Kind::$kind,
             source: include_str!(concat!("notebook/", $id, $extension)),
@@ -37,7 +37,7 @@ macro_rules! cell {
     };
 }
 
-const CELLS: [Cell; 16] = [
+const CELLS: [NotebookCell; 16] = [
     cell!("title", Markdown, ".md"),
     cell!("setup", Code, ".py"),
     cell!("runs-text", Markdown, ".md"),
@@ -74,7 +74,7 @@ pub fn notebook(input: &NotebookInput) -> Value {
     })
 }
 
-impl Cell {
+impl NotebookCell {
     fn document(&self, input: &NotebookInput) -> Value {
         let filled = self.filled(input);
         let source = lines(&filled);

@@ -62,6 +62,7 @@ fn write(
     make_readable(temporary.as_file())?;
     flush(temporary.as_file())?;
     temporary.persist(path)?;
+    tracing::debug!(path = %path.display(), "written");
     Ok(())
 }
 

@@ -37,21 +37,21 @@ pub struct Branch<'a> {
 
 /// What a learner keeps of itself beside its weights and their moments.
 #[derive(Debug, Default)]
-pub struct Kept {
+pub struct LearnerState {
     pub note: Value,
     pub tensors: Sources,
 }
 
-/// What [`Kept`] was, read again.
+/// What [`LearnerState`] was, read again.
 #[derive(Debug, Default)]
-pub struct Saved {
+pub struct LoadedState {
     pub note: Value,
     pub tensors: Weights,
 }
 
 /// What is no tensor.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Standing {
+pub(super) struct Header {
     /// Steps done.
     pub step: usize,
     /// Seconds spent before this process.
@@ -61,7 +61,7 @@ pub(super) struct Standing {
     pub learner: Value,
 }
 
-const STANDING: &str = "standing";
+const HEADER: &str = "header";
 const WEIGHTS: &str = "weights.";
 const LEARNER: &str = "learner.";
 
@@ -70,15 +70,15 @@ pub(super) fn save<M: Module>(
     path: &Path,
     module: &M,
     optimiser: &AdamW,
-    kept: Kept,
-    standing: Standing,
+    kept: LearnerState,
+    header: Header,
 ) -> Result<(), FileError> {
     let (_, mut tensors) = optimiser.state();
     tensors.extend(prefixed(WEIGHTS, weights::of_module(module)));
     tensors.extend(prefixed(LEARNER, kept.tensors));
-    let standing = Standing { learner: kept.note, ..standing };
-    let standing = serde_json::to_string(&standing).expect("plain values");
-    weights::save(path, &tensors, HashMap::from([(STANDING.to_string(), standing)]))
+    let header = Header { learner: kept.note, ..header };
+    let header = serde_json::to_string(&header).expect("plain values");
+    weights::save(path, &tensors, HashMap::from([(HEADER.to_string(), header)]))
 }
 
 fn prefixed(prefix: &str, sources: Sources) -> impl Iterator<Item = (String, weights::Source)> {
@@ -89,8 +89,8 @@ fn prefixed(prefix: &str, sources: Sources) -> impl Iterator<Item = (String, wei
 pub(super) struct Loaded<M> {
     pub module: M,
     pub optimiser: AdamW,
-    pub saved: Saved,
-    pub standing: Standing,
+    pub saved: LoadedState,
+    pub header: Header,
 }
 
 /// Reads a checkpoint into a fresh module and optimiser.
@@ -105,17 +105,17 @@ pub(super) fn load<M: Module>(
 ) -> Result<Loaded<M>, FileError> {
     let (mut tensors, notes) = weights::load(path)?;
     let damaged = |reason: &str| FileError::damaged(path, reason);
-    let standing = notes.get(STANDING).ok_or_else(|| damaged("no standing in it"))?;
-    let mut standing: Standing =
-        serde_json::from_str(standing).map_err(|error| damaged(&error.to_string()))?;
+    let header = notes.get(HEADER).ok_or_else(|| damaged("no header in it"))?;
+    let mut header: Header =
+        serde_json::from_str(header).map_err(|error| damaged(&error.to_string()))?;
     let parameters = take(&mut tensors, WEIGHTS);
-    let saved = Saved { note: standing.learner.take(), tensors: take(&mut tensors, LEARNER) };
+    let saved = LoadedState { note: header.learner.take(), tensors: take(&mut tensors, LEARNER) };
     let module =
         weights::into_module(module, parameters).map_err(|error| damaged(&error.to_string()))?;
-    let steps = i32::try_from(standing.step).map_err(|_| damaged("an impossible step"))?;
+    let steps = i32::try_from(header.step).map_err(|_| damaged("an impossible step"))?;
     let optimiser = optimiser.with_state(steps, tensors, &device.clone().inner());
     let optimiser = optimiser.ok_or_else(|| damaged("moments are missing"))?;
-    Ok(Loaded { module, optimiser, saved, standing })
+    Ok(Loaded { module, optimiser, saved, header })
 }
 
 /// The tensors whose names begin with a prefix, without it.
@@ -135,6 +135,6 @@ pub fn step_of(path: &Path) -> Option<usize> {
     let mut head = Vec::new();
     file.take(u64::from_le_bytes(length)).read_to_end(&mut head).ok()?;
     let head: Value = serde_json::from_slice(&head).ok()?;
-    let standing: Standing = serde_json::from_str(head["__metadata__"][STANDING].as_str()?).ok()?;
-    Some(standing.step)
+    let header: Header = serde_json::from_str(head["__metadata__"][HEADER].as_str()?).ok()?;
+    Some(header.step)
 }

@@ -4,7 +4,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
 use super::adamw::AdamWConfig;
-use super::checkpoint::{Kept, Saved};
+use super::checkpoint::{LearnerState, LoadedState};
 use super::error::LearnError;
 
 /// Something that learns by steps of gradient descent.
@@ -50,12 +50,12 @@ pub trait Learner {
     }
 
     /// What it needs to go on from here beside its weights and their moments.
-    fn keep(&self) -> Kept {
-        Kept::default()
+    fn keep(&self) -> LearnerState {
+        LearnerState::default()
     }
 
     /// Takes up what [`Learner::keep`] gave; `None` where it is not that.
-    fn resume(&mut self, _: Saved) -> Option<()> {
+    fn resume(&mut self, _: LoadedState) -> Option<()> {
         Some(())
     }
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use burn::optim::GradientsParams;
 
 use super::adamw::AdamW;
-use super::checkpoint::{self, Branch, Checkpoints, Loaded, Standing};
+use super::checkpoint::{self, Branch, Checkpoints, Header, Loaded};
 use super::error::LearnError;
 use super::learner::{Course, Learner};
 use crate::files::FileError;
@@ -47,12 +47,13 @@ impl<L: Learner> Learning<L> {
     fn load(mut self, path: &Path) -> Result<Self, FileError> {
         let module = self.learner.weights().clone();
         let device = self.learner.device().clone();
-        let Loaded { module, optimiser, saved, standing } =
+        let Loaded { module, optimiser, saved, header } =
             checkpoint::load(path, module, self.optimiser, &device)?;
         self.learner.set_weights(module);
         let taken_up = self.learner.resume(saved);
         taken_up.ok_or_else(|| FileError::damaged(path, "the learner's own state is missing"))?;
-        let Standing { step, wall_s: spent_s, .. } = standing;
+        let Header { step, wall_s: spent_s, .. } = header;
+        tracing::info!(path = %path.display(), step, "resumed");
         Ok(Self { optimiser, step, spent_s, ..self })
     }
 
@@ -135,9 +136,9 @@ impl<L: Learner> Learning<L> {
     /// # Errors
     /// [`FileError::Write`].
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
-        let standing = Standing { step: self.step, wall_s: self.wall_s(), ..Default::default() };
+        let header = Header { step: self.step, wall_s: self.wall_s(), ..Default::default() };
         let (weights, kept) = (self.learner.weights(), self.learner.keep());
-        checkpoint::save(path, weights, &self.optimiser, kept, standing)
+        checkpoint::save(path, weights, &self.optimiser, kept, header)
     }
 
     /// Seconds spent, those of earlier processes included.

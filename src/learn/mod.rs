@@ -11,7 +11,7 @@ mod learning;
 pub mod params;
 pub mod weights;
 
-pub use checkpoint::{Branch, Checkpoints, Kept, Saved, step_of};
+pub use checkpoint::{Branch, Checkpoints, LearnerState, LoadedState, step_of};
 pub use error::LearnError;
 pub use learner::{Course, Learner};
 pub use learning::Learning;

@@ -6,7 +6,7 @@ use crate::sweep::{Axis, ModelEntry, Sweep, VocabSpec, models};
 
 /// One cell: a generator with its sizes, a quantizer and a budget.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
+pub struct GridCell {
     pub generator: GeneratorKind,
     pub model: ModelEntry,
     pub quantizer: QuantizerSpec,
@@ -14,7 +14,7 @@ pub struct Cell {
 }
 
 /// Every cell that no condition excludes, and those that one does, with the condition.
-pub fn cells(sweep: &Sweep) -> (Vec<Cell>, Vec<(Cell, String)>) {
+pub fn cells(sweep: &Sweep) -> (Vec<GridCell>, Vec<(GridCell, String)>) {
     let grid = &sweep.grid;
     let (models, kind) = (models(&grid.models), sweep.tokenizer.quantizer_kind());
     let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, kind)).collect();
@@ -24,7 +24,7 @@ pub fn cells(sweep: &Sweep) -> (Vec<Cell>, Vec<(Cell, String)>) {
         let generator = *generator;
         triples.iter().map(move |&[m, v, b]| (generator, m, v, b))
     };
-    let all = sweep.generator.0.iter().flat_map(of_kind).map(|(generator, m, v, b)| Cell {
+    let all = sweep.generator.0.iter().flat_map(of_kind).map(|(generator, m, v, b)| GridCell {
         generator,
         model: models[m].clone(),
         quantizer: quantizers[v].clone(),
@@ -42,7 +42,7 @@ pub fn cells(sweep: &Sweep) -> (Vec<Cell>, Vec<(Cell, String)>) {
     (kept, excluded)
 }
 
-fn field(cell: &Cell, name: &str) -> f64 {
+fn field(cell: &GridCell, name: &str) -> f64 {
     match name {
         "n_layer" => cell.model.n_layer as f64,
         "n_head" => cell.model.n_head as f64,

@@ -1,4 +1,4 @@
-//! From a sweep to priced runs: `Sweep → Cell → PricedCell → RunSpec`, gathered in [`Plan`].
+//! From a sweep to priced runs: `Sweep → GridCell → PricedCell → RunSpec`, gathered in [`Plan`].
 
 mod assemble;
 mod cells;

@@ -1,6 +1,6 @@
 //! Cells with their price: what each costs, or why it is dropped.
 
-use super::cells::{Cell, cells};
+use super::cells::{GridCell, cells};
 use super::priced_cell::{Dropped, PricedCell};
 use super::steps::{pace, spend};
 use super::trunk;
@@ -26,7 +26,7 @@ pub fn price(sweep: &Sweep) -> (Vec<PricedCell>, Vec<Dropped>) {
     (priced, dropped)
 }
 
-fn price_cell(sweep: &Sweep, cell: &Cell) -> Result<PricedCell, String> {
+fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
     let generator = cell.generator.of(shape(&cell.model, &sweep.model, &sweep.text));
     let tokenizer = sweep.tokenizer.spec(cell.quantizer.clone());
     let codes = tokenizer.grid();

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::cells::Cell;
+use super::cells::GridCell;
 use super::steps::{Pace, Spending};
 use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, TokenizerSpec};
 
@@ -54,7 +54,7 @@ pub struct Dropped {
 
 impl Dropped {
     /// A cell that has no price.
-    pub fn new(cell: &Cell, reason: String) -> Self {
+    pub fn new(cell: &GridCell, reason: String) -> Self {
         Self {
             n_layer: cell.model.n_layer,
             n_head: cell.model.n_head,

@@ -7,20 +7,20 @@ use saphyr_parser::{Event, Parser, Span};
 
 /// Byte ranges of one entry.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place {
+pub struct Location {
     /// The key, or the value where the entry is an item of a list.
     pub key: Range<usize>,
     pub value: Range<usize>,
 }
 
 /// Byte ranges of every entry of a YAML text, by path; empty where the text is no YAML.
-pub fn places(text: &str) -> HashMap<String, Place> {
+pub fn locations(text: &str) -> HashMap<String, Location> {
     let bytes: Vec<usize> = text.char_indices().map(|(byte, _)| byte).chain([text.len()]).collect();
-    let mut walk = Walk { bytes, stack: Vec::new(), places: HashMap::new() };
+    let mut walk = Walk { bytes, stack: Vec::new(), locations: HashMap::new() };
     for (event, span) in Parser::new_from_str(text).map_while(Result::ok) {
         walk.take(&event, span);
     }
-    walk.places
+    walk.locations
 }
 
 /// A mapping or a list that is being read.
@@ -36,7 +36,7 @@ struct Walk {
     /// Byte offset of each character.
     bytes: Vec<usize>,
     stack: Vec<Level>,
-    places: HashMap<String, Place>,
+    locations: HashMap<String, Location>,
 }
 
 impl Walk {
@@ -79,7 +79,7 @@ impl Walk {
             (None, Some((name, range))) => (format!("{}.{name}", level.path), range),
             (None, None) => (level.path.clone(), value.clone()),
         };
-        self.places.insert(path.clone(), Place { key, value });
+        self.locations.insert(path.clone(), Location { key, value });
         path
     }
 
@@ -91,15 +91,15 @@ impl Walk {
 
 #[cfg(test)]
 mod tests {
-    use super::places;
+    use super::locations;
 
     #[test]
     fn nested_keys_and_items_are_found() {
         let text = "name: ä\ngrid:\n  models:\n    - {n_head: 3}\n  vocab: [64, 256]\n";
-        let places = places(text);
-        let at = |path: &str| &text[places[path].value.clone()];
+        let locations = locations(text);
+        let at = |path: &str| &text[locations[path].value.clone()];
         assert_eq!(at("grid.models[0].n_head"), "3");
         assert_eq!(at("grid.vocab[1]"), "256");
-        assert_eq!(&text[places["grid.vocab"].key.clone()], "vocab");
+        assert_eq!(&text[locations["grid.vocab"].key.clone()], "vocab");
     }
 }

@@ -1,7 +1,7 @@
 //! Sweep files: YAML into a checked [`Sweep`].
 
+mod alternatives;
 mod check;
-mod choice;
 mod command;
 pub mod condition;
 mod locate;
@@ -11,8 +11,8 @@ mod overrides;
 pub mod presets;
 mod problem;
 mod read;
+mod removed_entries;
 mod sections;
-mod taken_out;
 mod time_limit;
 
 pub use command::{CommandError, TrainerCommand};

@@ -41,8 +41,8 @@ pub fn remove(value: &mut Value, path: &str) -> bool {
     let Some(mut steps) = steps(path) else { return false };
     let Some(last) = steps.pop() else { return false };
     match (steps.iter().try_fold(value, |at, step| step.find(at)), last) {
-        (Some(Value::Mapping(map)), Step::Key(key)) => map.remove(key.as_str()).is_some(),
-        (Some(Value::Sequence(list)), Step::Index(i)) if i < list.len() => {
+        (Some(Value::Mapping(map)), PathStep::Key(key)) => map.remove(key.as_str()).is_some(),
+        (Some(Value::Sequence(list)), PathStep::Index(i)) if i < list.len() => {
             list.remove(i);
             true
         }
@@ -50,16 +50,16 @@ pub fn remove(value: &mut Value, path: &str) -> bool {
     }
 }
 
-enum Step {
+enum PathStep {
     Key(String),
     Index(usize),
 }
 
-impl Step {
+impl PathStep {
     fn find<'a>(&self, value: &'a mut Value) -> Option<&'a mut Value> {
         match self {
-            Step::Key(key) => value.get_mut(key.as_str()),
-            Step::Index(index) => value.get_mut(*index),
+            PathStep::Key(key) => value.get_mut(key.as_str()),
+            PathStep::Index(index) => value.get_mut(*index),
         }
     }
 
@@ -69,7 +69,7 @@ impl Step {
             *value = Value::Mapping(Mapping::new());
         }
         match (self, value) {
-            (Step::Key(key), Value::Mapping(map)) => {
+            (PathStep::Key(key), Value::Mapping(map)) => {
                 Some(map.entry(key.as_str().into()).or_insert(Value::Null))
             }
             (step, value) => step.find(value),
@@ -78,15 +78,15 @@ impl Step {
 }
 
 /// `grid.models[1].n_head` as steps.
-fn steps(path: &str) -> Option<Vec<Step>> {
+fn steps(path: &str) -> Option<Vec<PathStep>> {
     let mut steps = Vec::new();
     for part in path.split('.') {
         let (key, indices) = part.split_at(part.find('[').unwrap_or(part.len()));
         if !key.is_empty() {
-            steps.push(Step::Key(key.to_string()));
+            steps.push(PathStep::Key(key.to_string()));
         }
         for index in indices.split('[').skip(1) {
-            steps.push(Step::Index(index.strip_suffix(']')?.parse().ok()?));
+            steps.push(PathStep::Index(index.strip_suffix(']')?.parse().ok()?));
         }
     }
     (!steps.is_empty()).then_some(steps)

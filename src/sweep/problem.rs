@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
-use super::locate::{self, Place};
+use super::locate::{self, Location};
 
 /// One thing wrong with a sweep file.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,10 +56,10 @@ pub struct SweepErrors {
 impl SweepErrors {
     /// The problems with file, line and caret; coloured where `colour` says so.
     pub fn render(&self, colour: bool) -> String {
-        let places = locate::places(&self.source_text);
+        let locations = locate::locations(&self.source_text);
         let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
         let mut text = String::new();
-        let placed = self.problems.iter().map(|problem| (self.span(problem, &places), problem));
+        let placed = self.problems.iter().map(|problem| (self.span(problem, &locations), problem));
         let mut placed: Vec<_> = placed.collect();
         placed.sort_by_key(|(span, _)| span.as_ref().map(|span| span.start));
         for (span, problem) in placed {
@@ -71,7 +71,11 @@ impl SweepErrors {
     }
 
     /// The bytes at fault; `None` for what stands nowhere in the file.
-    fn span(&self, problem: &Problem, places: &HashMap<String, Place>) -> Option<Range<usize>> {
+    fn span(
+        &self,
+        problem: &Problem,
+        locations: &HashMap<String, Location>,
+    ) -> Option<Range<usize>> {
         if problem.setting.is_some() {
             return None;
         }
@@ -79,7 +83,7 @@ impl SweepErrors {
             let text = &self.source_text;
             return Some(text.floor_char_boundary(byte)..text.ceil_char_boundary(byte + 1));
         }
-        let place = places.get(&problem.path)?;
+        let place = locations.get(&problem.path)?;
         Some(if problem.at_key { place.key.clone() } else { place.value.clone() })
     }
 

@@ -10,7 +10,7 @@ use super::check::engine;
 use super::nearest::nearest;
 use super::overrides;
 use super::problem::{Problem, SweepErrors};
-use super::taken_out::TakenOut;
+use super::removed_entries::RemovedEntries;
 use crate::sweep::sections::{SlurmSection, Sweep};
 
 /// Reads a sweep file, with `path=value` settings laid over it.
@@ -50,11 +50,10 @@ pub fn parse(file: &str, text: &str, settings: &[String]) -> Result<Sweep, Sweep
 fn gather(text: &str, settings: &[String]) -> Result<Sweep, Vec<Problem>> {
     let mut value = syntax(text).map_err(|problem| vec![problem])?;
     let mut problems = overrides::apply(&mut value, settings);
-    let mut taken_out = TakenOut::default();
-    let sweep: Option<Sweep> = typed(value, &mut taken_out, &mut problems);
+    let mut removed = RemovedEntries::default();
+    let sweep: Option<Sweep> = typed(value, &mut removed, &mut problems);
     if let Some(sweep) = &sweep {
-        problems
-            .extend(check(sweep).into_iter().filter_map(|problem| led_back(problem, &taken_out)));
+        problems.extend(check(sweep).into_iter().filter_map(|problem| led_back(problem, &removed)));
     }
     problems.iter_mut().for_each(|problem| overrides::blame(problem, settings));
     match (sweep, problems.is_empty()) {
@@ -67,7 +66,7 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     let value = mapping(text, "a profile is a mapping with the keys of `engine.slurm`");
     let mut problems = Vec::new();
     let value = value.map_err(|problem| vec![problem])?;
-    let section: Option<SlurmSection> = typed(value, &mut TakenOut::default(), &mut problems);
+    let section: Option<SlurmSection> = typed(value, &mut RemovedEntries::default(), &mut problems);
     problems.extend(section.iter().flat_map(|section| engine::slurm(section, "")));
     match (section, problems.is_empty()) {
         (Some(section), true) => Ok(section),
@@ -94,7 +93,7 @@ fn mapping(text: &str, otherwise: &str) -> Result<Value, Problem> {
 /// Deserialises; each entry that fails is noted and taken out, until the rest is right or stuck.
 fn typed<T: DeserializeOwned>(
     mut value: Value,
-    taken_out: &mut TakenOut,
+    removed: &mut RemovedEntries,
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     loop {
@@ -105,26 +104,26 @@ fn typed<T: DeserializeOwned>(
         let path = error.path().to_string();
         let path = if path == "." { String::new() } else { path };
         let message = error.inner().to_string();
-        let in_the_file = taken_out.in_the_file(&path);
+        let in_the_file = removed.in_the_file(&path);
         let missed = missing_field(&in_the_file, &message);
-        if missed.is_none_or(|field| !taken_out.holds(&field)) {
+        if missed.is_none_or(|field| !removed.holds(&field)) {
             problems.push(explain(&in_the_file, &message));
         }
         if path.is_empty() || !overrides::remove(&mut value, &path) {
             return None;
         }
-        taken_out.note(in_the_file);
+        removed.note(in_the_file);
     }
 }
 
 /// A problem of what is left, at its place in the file; `None` where it may only stem from what
 /// was taken out: a list that is too short.
-fn led_back(problem: Problem, taken_out: &TakenOut) -> Option<Problem> {
+fn led_back(problem: Problem, removed: &RemovedEntries) -> Option<Problem> {
     let axes = ["grid.models", "grid.vocab", "grid.budgets"];
     let zipped = problem.path.starts_with("grid.zip");
-    let spoiled = taken_out.shortened(&problem.path)
-        || zipped && axes.iter().any(|axis| taken_out.shortened(axis));
-    let path = taken_out.in_the_file(&problem.path);
+    let spoiled = removed.shortened(&problem.path)
+        || zipped && axes.iter().any(|axis| removed.shortened(axis));
+    let path = removed.in_the_file(&problem.path);
     (!spoiled).then_some(Problem { path, ..problem })
 }
 

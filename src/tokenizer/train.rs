@@ -13,7 +13,7 @@ use super::module::TokenizerModule;
 use super::pool::WindowPool;
 use crate::data::MotionSource;
 use crate::learn::adamw::AdamWConfig;
-use crate::learn::{Checkpoints, Course, Kept, LearnError, Learner, Learning, Saved};
+use crate::learn::{Checkpoints, Course, LearnError, Learner, LearnerState, Learning, LoadedState};
 use crate::progress::Progress;
 use crate::spec::TokenizerSpec;
 
@@ -111,16 +111,16 @@ impl Learner for Windows<'_> {
     }
 
     /// Numbers drawn for windows, as text, since they have 68 bits; and what the quantizer keeps.
-    fn keep(&self) -> Kept {
-        let Kept { note, tensors } = self.module.quantizer().keep();
+    fn keep(&self) -> LearnerState {
+        let LearnerState { note, tensors } = self.module.quantizer().keep();
         let note = json!({ DRAWN: self.draws.get_word_pos().to_string(), QUANTIZER: note });
-        Kept { note, tensors }
+        LearnerState { note, tensors }
     }
 
-    fn resume(&mut self, mut saved: Saved) -> Option<()> {
+    fn resume(&mut self, mut saved: LoadedState) -> Option<()> {
         self.draws.set_word_pos(saved.note[DRAWN].as_str()?.parse().ok()?);
         let note = saved.note[QUANTIZER].take();
-        self.module.quantizer_mut().resume(Saved { note, tensors: saved.tensors })
+        self.module.quantizer_mut().resume(LoadedState { note, tensors: saved.tensors })
     }
 }
 

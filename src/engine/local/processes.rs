@@ -91,6 +91,7 @@ impl<'a> Attended<'a> {
             .stdout(Stdio::piped())
             .stderr(log)
             .spawn()?;
+        tracing::info!(job = %job.id, label = job.label, pid = child.id(), "worker started");
         let (failure, last_beat) = (None, None);
         Ok(Self { job, runner, place, child, kills, failure, last_beat })
     }
@@ -127,7 +128,10 @@ impl<'a> Attended<'a> {
         }
         drop(leash);
         match self.child.wait() {
-            Ok(status) => self.end(status, hung, stop),
+            Ok(status) => {
+                tracing::info!(job = %self.job.id, %status, "worker ended");
+                self.end(status, hung, stop)
+            }
             Err(error) => JobEnd::Crashed(Failure::new(FailureKind::Crashed, error.to_string())),
         }
     }

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use crate::engine::slurm::command::{Answer, QUERY, Shell};
 use crate::engine::slurm::error::SlurmError;
-use crate::engine::slurm::submission::{Step, Submission};
+use crate::engine::slurm::submission::{SbatchStep, Submission};
 use crate::sweep::minutes;
 
 /// Slurm's word on one step.
@@ -31,7 +31,7 @@ pub fn check(submission: &Submission, shell: &dyn Shell) -> Result<Vec<Verdict>,
 fn verdict(
     submission: &Submission,
     at: usize,
-    step: &Step,
+    step: &SbatchStep,
     shell: &dyn Shell,
 ) -> Result<Verdict, SlurmError> {
     // Where the command was given, which the machine that submits must see anyhow.
@@ -52,7 +52,12 @@ fn verdict(
 }
 
 /// The words that submit a step, for trying only. What it waits for is left out: it has no number.
-fn tried(submission: &Submission, at: usize, step: &Step, script: &str) -> io::Result<Vec<String>> {
+fn tried(
+    submission: &Submission,
+    at: usize,
+    step: &SbatchStep,
+    script: &str,
+) -> io::Result<Vec<String>> {
     let numbers = vec!["0".to_string(); at];
     let mut words = submission.words(at, step, "check", &numbers);
     words.retain(|word| !word.starts_with("--dependency="));
@@ -93,7 +98,7 @@ fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
 /// A sentence on a time limit beyond that of the partition that Slurm chose.
 fn too_long(
     submission: &Submission,
-    step: &Step,
+    step: &SbatchStep,
     said: &str,
     shell: &dyn Shell,
 ) -> Result<Option<String>, SlurmError> {

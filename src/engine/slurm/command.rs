@@ -87,6 +87,7 @@ impl Shell for System {
             return Err(SlurmError::Silent { program: words[0].clone(), seconds });
         };
         let text = |thread: std::thread::JoinHandle<String>| thread.join().unwrap_or_default();
+        tracing::info!(call = %words.join(" "), ok, "answered");
         Ok(Answer { ok, stdout: text(stdout), stderr: text(stderr) })
     }
 }

@@ -6,7 +6,7 @@ use crate::engine::slurm::settings::Settings;
 use crate::sweep::{Resources, Stage, Word};
 
 /// A job of Slurm's, but for what it is to do.
-pub struct Request<'a> {
+pub struct SbatchCall<'a> {
     pub settings: &'a Settings,
     pub stage: Stage,
     /// For a person: `<sweep>-<array>`.
@@ -25,7 +25,7 @@ pub struct Request<'a> {
 
 /// The words of the call. Nothing stands in the script, so that what is printed is all that there is;
 /// nothing of a site's is given that the section does not name.
-pub fn sbatch(request: &Request) -> Vec<String> {
+pub fn sbatch(request: &SbatchCall) -> Vec<String> {
     let settings = request.settings;
     let resources = settings.resources(request.stage);
     let mut words = settings.program("sbatch");
@@ -43,7 +43,7 @@ pub fn sbatch(request: &Request) -> Vec<String> {
     words
 }
 
-fn fixed(request: &Request) -> Vec<String> {
+fn fixed(request: &SbatchCall) -> Vec<String> {
     let settings = request.settings;
     let requeue = if settings.requeue() { "--requeue" } else { "--no-requeue" };
     let words = [

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::engine::slurm::files::{Generation, SlurmFolder};
 use crate::engine::slurm::script;
-use crate::engine::slurm::script::{INDEX, Request, in_pattern};
+use crate::engine::slurm::script::{INDEX, SbatchCall, in_pattern};
 use crate::engine::slurm::settings::Settings;
 use crate::engine::slurm::stages::{After, Array};
 use crate::jobs::ResultsFolder;
@@ -40,7 +40,7 @@ pub struct Submission {
 }
 
 /// One call of `sbatch`.
-pub struct Step {
+pub struct SbatchStep {
     /// That of the array, or `fit`.
     pub name: String,
     pub stage: Stage,
@@ -51,14 +51,14 @@ pub struct Step {
 
 impl Submission {
     /// The calls, in their order: every array, then the fit.
-    pub fn steps(&self) -> Vec<Step> {
-        let arrays = self.arrays.iter().map(|array| Step {
+    pub fn steps(&self) -> Vec<SbatchStep> {
+        let arrays = self.arrays.iter().map(|array| SbatchStep {
             name: array.name.clone(),
             stage: array.stage,
             tasks: Some(array.chunks.len()),
             script: self.script(array.stage, &["--stage", &array.name, "--chunk", INDEX]),
         });
-        let fit = Step {
+        let fit = SbatchStep {
             name: Stage::Fit.word().to_string(),
             stage: Stage::Fit,
             tasks: None,
@@ -78,7 +78,7 @@ impl Submission {
     }
 
     /// The words that submit a step, once the jobs of those before it have their numbers.
-    pub fn words(&self, at: usize, step: &Step, token: &str, ids: &[String]) -> Vec<String> {
+    pub fn words(&self, at: usize, step: &SbatchStep, token: &str, ids: &[String]) -> Vec<String> {
         let files = self.files();
         let patterns = if step.tasks.is_some() { "%A_%a" } else { "%A" };
         let log = format!(
@@ -87,7 +87,7 @@ impl Submission {
             self.generation,
             step.name
         );
-        script::sbatch(&Request {
+        script::sbatch(&SbatchCall {
             settings: &self.settings,
             stage: step.stage,
             name: format!("{}-{}", self.folder.name(), step.name),

@@ -9,7 +9,7 @@ use crate::engine::slurm::command::{QUERY, Shell};
 use crate::engine::slurm::error::SlurmError;
 use crate::engine::slurm::ledger::{Entry, Ledger, token};
 use crate::engine::slurm::queue::Queue;
-use crate::engine::slurm::submission::{Step, Submission};
+use crate::engine::slurm::submission::{SbatchStep, Submission};
 use crate::files::atomic;
 
 /// Times that a call is made that fails for a reason that may pass.
@@ -79,7 +79,7 @@ pub fn submit(
 }
 
 /// Files first: what Slurm starts finds all that it reads.
-fn write(submission: &Submission, steps: &[Step]) -> io::Result<()> {
+fn write(submission: &Submission, steps: &[SbatchStep]) -> io::Result<()> {
     let (files, generation) = (submission.files(), submission.generation);
     for array in &submission.arrays {
         for (index, chunk) in array.chunks.iter().enumerate() {

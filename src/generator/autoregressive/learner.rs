@@ -13,7 +13,7 @@ use super::transformer::{Model, Transformer};
 use crate::data::Split;
 use crate::generator::{Inputs, LogLine, SplitLoss};
 use crate::learn::adamw::AdamWConfig;
-use crate::learn::{Course, Kept, LearnError, Learner, Saved};
+use crate::learn::{Course, LearnError, Learner, LearnerState, LoadedState};
 use crate::plan::RunSpec;
 use crate::spec::flops::exact_of_sequence;
 
@@ -34,14 +34,14 @@ pub struct Autoregressive<'a> {
     model: Model,
     /// Forward FLOPs of the batch at hand.
     batch_flops: f64,
-    standing: Standing,
+    totals: Totals,
 }
 
 /// Where a run stands, beside its weights and moments.
 ///
 /// The data position is the step: what a step supervises is a pure function of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Standing {
+struct Totals {
     /// Sum of the losses since the last log line, and their number.
     loss_sum: f64,
     loss_count: usize,
@@ -74,18 +74,18 @@ impl<'a> Autoregressive<'a> {
     /// A run before its first step.
     pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>, device: &Device) -> Self {
         let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed);
-        let (batch_flops, standing) = (0.0, Standing::default());
-        Self { spec, inputs, stream, model: fresh(spec, device), batch_flops, standing }
+        let (batch_flops, totals) = (0.0, Totals::default());
+        Self { spec, inputs, stream, model: fresh(spec, device), batch_flops, totals }
     }
 
     /// Forward FLOPs done, by the exact count.
     pub fn forward_flops(&self) -> f64 {
-        self.standing.forward_flops
+        self.totals.forward_flops
     }
 
     /// The measures on the validation split so far.
     pub fn log(&self) -> &[LogLine] {
-        &self.standing.log
+        &self.totals.log
     }
 
     /// The model without gradients.
@@ -160,32 +160,32 @@ impl Learner for Autoregressive<'_> {
 
     /// Counts; where it is due, measures the model on the validation split.
     fn after(&mut self, step: usize, loss: f64) -> Result<(), LearnError> {
-        self.standing.loss_sum += loss;
-        self.standing.loss_count += 1;
-        self.standing.forward_flops += self.batch_flops;
+        self.totals.loss_sum += loss;
+        self.totals.loss_count += 1;
+        self.totals.forward_flops += self.batch_flops;
         if !self.is_due(step) {
             return Ok(());
         }
         let val = self.measure(&self.model.frozen(), Split::Val, step)?;
-        let (spec, standing) = (self.spec, &mut self.standing);
-        standing.log.push(LogLine {
+        let (spec, totals) = (self.spec, &mut self.totals);
+        totals.log.push(LogLine {
             step,
             tokens: step * spec.batch_tokens,
             lr: learning_rate(spec, step - 1),
-            train_loss_nats: standing.loss_sum / standing.loss_count as f64,
+            train_loss_nats: totals.loss_sum / totals.loss_count as f64,
             val_loss_normalised: val.loss_normalised,
         });
-        (standing.loss_sum, standing.loss_count) = (0.0, 0);
+        (totals.loss_sum, totals.loss_count) = (0.0, 0);
         Ok(())
     }
 
-    fn keep(&self) -> Kept {
-        let note = serde_json::to_value(&self.standing).expect("plain values");
-        Kept { note, ..Kept::default() }
+    fn keep(&self) -> LearnerState {
+        let note = serde_json::to_value(&self.totals).expect("plain values");
+        LearnerState { note, ..LearnerState::default() }
     }
 
-    fn resume(&mut self, saved: Saved) -> Option<()> {
-        self.standing = serde_json::from_value(saved.note).ok()?;
+    fn resume(&mut self, saved: LoadedState) -> Option<()> {
+        self.totals = serde_json::from_value(saved.note).ok()?;
         Some(())
     }
 }

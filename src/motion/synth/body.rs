@@ -4,8 +4,8 @@
 use std::sync::LazyLock;
 
 use super::feet::Foot;
+use super::floor::{FloorPose, Side};
 use super::geometry::{Rotation, V3, add, cross, norm, scale, sub, unit};
-use super::place::{Place, Side};
 use super::posture::{Arm, Posture, Trunk};
 use crate::motion::{BONE_LENGTHS as BONES, N_JOINTS, Pose};
 
@@ -39,7 +39,7 @@ pub const UPRIGHT: f32 = 0.978;
 const REACH: f32 = 0.992;
 
 /// The joints of a body whose root stands at `root`.
-pub fn pose(root: Place, posture: &Posture, feet: &[Foot; 2]) -> Pose {
+pub fn pose(root: FloorPose, posture: &Posture, feet: &[Foot; 2]) -> Pose {
     let trunk = &posture.trunk;
     let pelvis_rotation = Rotation::y(root.yaw + trunk.pelvis_twist)
         .after(Rotation::x(trunk.pelvis_pitch))
@@ -62,7 +62,7 @@ pub fn pose(root: Place, posture: &Posture, feet: &[Foot; 2]) -> Pose {
 }
 
 /// The wanted height, or as much of it as both legs allow; smooth where one takes over.
-fn pelvis_height(ground: Place, wanted: f32, hips: &[V3; 2], feet: &[Foot; 2]) -> f32 {
+fn pelvis_height(ground: FloorPose, wanted: f32, hips: &[V3; 2], feet: &[Foot; 2]) -> f32 {
     Side::BOTH.iter().fold(wanted, |height, &side| {
         let (hip, foot) = (hips[side.index()], &feet[side.index()]);
         let (thigh, shin) = leg_bones(side);

@@ -1,8 +1,8 @@
 //! Where a foot is: planted, rolling off its toe, or in one of its swings.
 
 use super::blend::{arch, smooth};
+use super::floor::{FloorPose, Side};
 use super::geometry::V3;
-use super::place::{Place, Side};
 
 /// Heights of the ankle and of the ball of the foot on a flat foot, metres.
 pub const ANKLE: f32 = 0.075;
@@ -35,7 +35,7 @@ pub enum Flight {
     /// With the body in a jump of `height` metres.
     Leap { height: f32 },
     /// Through points given as metres to the left, up and ahead of `root`, with the foot's pitch.
-    Kick { root: Place, keys: [Key; 5] },
+    Kick { root: FloorPose, keys: [Key; 5] },
 }
 
 /// A point of a kick: share of its time, position in the root's frame, pitch of the foot.
@@ -51,8 +51,8 @@ pub struct Key {
 pub struct Swing {
     pub lift: f32,
     pub land: f32,
-    pub from: Place,
-    pub to: Place,
+    pub from: FloorPose,
+    pub to: FloorPose,
     pub flight: Flight,
     /// How far the heel has risen over the toe at the lift.
     pub roll_off: f32,
@@ -63,19 +63,19 @@ pub struct Swing {
 /// All swings of one foot, and a cursor: times are asked for in rising order.
 pub struct FootTrack {
     length: f32,
-    start: Place,
+    start: FloorPose,
     swings: Vec<Swing>,
     done: usize,
 }
 
 impl FootTrack {
     /// A foot that stands at `start`; `length` is the bone from ankle to ball.
-    pub fn new(start: Place, length: f32) -> Self {
+    pub fn new(start: FloorPose, length: f32) -> Self {
         Self { length, start, swings: Vec::with_capacity(16), done: 0 }
     }
 
     /// Where the foot stands after its last swing.
-    pub fn last_place(&self) -> Place {
+    pub fn last_place(&self) -> FloorPose {
         self.swings.last().map_or(self.start, |swing| swing.to)
     }
 
@@ -119,7 +119,7 @@ impl FootTrack {
     }
 
     /// Heel raised about the ball, or toe raised about the ankle.
-    fn over_toe(&self, place: Place, heel_up: f32, toe_up: f32) -> Foot {
+    fn over_toe(&self, place: FloorPose, heel_up: f32, toe_up: f32) -> Foot {
         let (flat, pitch) = (self.flat(), self.flat() + heel_up);
         let forward = self.length * (flat.cos() - pitch.cos());
         let at = place.offset(0.0, forward);
@@ -155,7 +155,7 @@ impl FootTrack {
 
     fn leaping(&self, swing: &Swing, height: f32, u: f32) -> Foot {
         let off = self.over_toe(swing.from, swing.roll_off, 0.0);
-        let place = Place { x: off.ankle[0], z: off.ankle[2], ..swing.from }.mix(swing.to, u);
+        let place = FloorPose { x: off.ankle[0], z: off.ankle[2], ..swing.from }.mix(swing.to, u);
         let rest = off.ankle[1] + (ANKLE - off.ankle[1]) * smooth(1.6 * u);
         Foot {
             ankle: [place.x, rest + (height + 0.02) * arch(u), place.z],
@@ -166,7 +166,7 @@ impl FootTrack {
     }
 }
 
-fn kicking(swing: &Swing, root: Place, keys: &[Key; 5], u: f32) -> Foot {
+fn kicking(swing: &Swing, root: FloorPose, keys: &[Key; 5], u: f32) -> Foot {
     let (position, pitch) = through(keys, u);
     let at = root.offset(position[0], position[2]);
     let facing = swing.from.mix(swing.to, smooth(u)).yaw;
@@ -197,6 +197,6 @@ fn through(keys: &[Key; 5], u: f32) -> (V3, f32) {
 }
 
 /// Where a foot rests beside a root: `width` to its side, turned out.
-pub fn rest(root: Place, side: Side, width: f32, toe_out: f32) -> Place {
+pub fn rest(root: FloorPose, side: Side, width: f32, toe_out: f32) -> FloorPose {
     root.offset(side.sign() * width, -0.01).turned(side.sign() * toe_out)
 }

@@ -3,8 +3,8 @@
 use std::f32::consts::TAU;
 
 use super::blend::{plateau, smooth};
+use super::floor::Side;
 use super::manner::Manner;
-use super::place::Side;
 use super::posture::{Arm, Posture};
 use super::random::Draw;
 

@@ -3,9 +3,9 @@
 use std::f32::consts::{PI, TAU};
 
 use super::blend::{plateau, smooth};
+use super::floor::Side;
 use super::hands::{Punch, Repeats, Wave};
 use super::manner::Manner;
-use super::place::Side;
 use super::posture::{Arm, Posture};
 use super::random::Draw;
 

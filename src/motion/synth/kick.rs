@@ -2,8 +2,8 @@
 
 use super::blend::{plateau, smooth};
 use super::feet::{ANKLE, Flight, Key};
+use super::floor::{FloorPose, Side};
 use super::manner::Manner;
-use super::place::{Place, Side};
 use super::posture::Posture;
 use super::random::Draw;
 
@@ -52,10 +52,10 @@ impl Kick {
     }
 
     /// The flight of the foot between two places beside `root`; `flat` is a resting foot's pitch.
-    pub fn flight(&self, root: Place, from: Place, to: Place, flat: f32) -> Flight {
+    pub fn flight(&self, root: FloorPose, from: FloorPose, to: FloorPose, flat: f32) -> Flight {
         let side = self.leg.sign();
         let (out, ahead) = if self.sideways { (0.95, 0.3) } else { (0.06, 1.0) };
-        let on_floor = |place: Place| {
+        let on_floor = |place: FloorPose| {
             let (left, forward) = place.seen_from(root);
             [left, ANKLE, forward]
         };

@@ -1,6 +1,6 @@
 //! Who moves: a style, its strength, and a person's own habits, the same for a whole clip.
 
-use super::place::Side;
+use super::floor::Side;
 use super::random::Draw;
 use super::style::{BETWEEN_PEOPLE, Style, Traits};
 

@@ -1,7 +1,7 @@
 //! The way of the root over the floor: what the actions drive, smoothed and integrated.
 
 use super::FPS;
-use super::place::Place;
+use super::floor::FloorPose;
 use super::random::Draw;
 use super::script::Script;
 
@@ -20,7 +20,7 @@ pub struct Drive {
 /// The root's place at every frame from `origin` on.
 pub struct Path {
     origin: f32,
-    places: Vec<Place>,
+    places: Vec<FloorPose>,
 }
 
 impl Path {
@@ -36,7 +36,7 @@ impl Path {
     }
 
     /// The root's place at `t`, between frames on a straight line.
-    pub fn at(&self, t: f32) -> Place {
+    pub fn at(&self, t: f32) -> FloorPose {
         let position = ((t - self.origin) * FPS).clamp(0.0, (self.places.len() - 1) as f32);
         let frame = (position as usize).min(self.places.len() - 2);
         self.places[frame].mix(self.places[frame + 1], position - frame as f32)
@@ -72,13 +72,13 @@ fn unsettle(drives: &mut [Drive], wander: f32, rng: &mut impl Draw) {
     }
 }
 
-fn integrate(drives: &[Drive]) -> Vec<Place> {
-    let mut place = Place::default();
+fn integrate(drives: &[Drive]) -> Vec<FloorPose> {
+    let mut place = FloorPose::default();
     let mut places = vec![place];
     places.extend(drives.iter().map(|drive| {
         let halfway = place.turned(0.5 * drive.yaw / FPS);
         let moved = halfway.offset(drive.left / FPS, drive.forward / FPS);
-        place = Place { yaw: place.yaw + drive.yaw / FPS, ..moved };
+        place = FloorPose { yaw: place.yaw + drive.yaw / FPS, ..moved };
         place
     }));
     places

@@ -2,11 +2,11 @@
 
 use super::act::Act;
 use super::action::Action;
+use super::floor::Side;
 use super::hands::{Hands, Punch, Wave};
 use super::in_place::{InPlace, Sit};
 use super::jump::{Aim, Jump};
 use super::kick::Kick;
-use super::place::Side;
 use super::random::Draw;
 use super::travel::{Gait, Travel};
 use super::verbs::{

@@ -3,11 +3,11 @@
 use super::act::Act;
 use super::action::Action;
 use super::feet::{Flight, FootTrack, Swing, rest};
+use super::floor::{FloorPose, Side};
 use super::jump::Jump;
 use super::kick::Kick;
 use super::manner::Manner;
 use super::path::Path;
-use super::place::{Place, Side};
 use super::random::Draw;
 use super::script::Script;
 use super::travel::{Gait, Travel};
@@ -78,7 +78,7 @@ impl<R: Draw> Planner<'_, R> {
     }
 
     /// A place that a living foot meets.
-    fn unsteady(&mut self, place: Place) -> Place {
+    fn unsteady(&mut self, place: FloorPose) -> FloorPose {
         let spread = 0.009 * self.manner.traits.wander;
         let (left, forward) = (self.rng.around(0.0, spread), self.rng.around(0.0, 1.3 * spread));
         place.offset(left, forward).turned(self.rng.around(0.0, 4.0 * spread))

@@ -1,7 +1,7 @@
 //! What a body does relative to its root: angles and offsets, without feet.
 
+use super::floor::Side;
 use super::manner::Manner;
-use super::place::Side;
 
 blendable! {
     /// Pelvis, spine and head.

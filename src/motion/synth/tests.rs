@@ -4,9 +4,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::action::Action;
+use super::floor::Side;
 use super::in_place::Kind;
 use super::jump::Aim;
-use super::place::Side;
 use super::script::Script;
 use super::travel::{Gait, Travel};
 use crate::motion::{

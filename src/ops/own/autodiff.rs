@@ -155,7 +155,7 @@ fn register(grads: &mut Gradients, node: Option<NodeId>, gradient: FlexTensor) {
 struct Attention;
 
 impl Backward<Flex, 4> for Attention {
-    type State = ([FlexTensor; 4], AttentionOptions, half::Kept);
+    type State = ([FlexTensor; 4], AttentionOptions, half::Intermediates);
 
     fn backward(self, ops: Ops<Self::State, 4>, grads: &mut Gradients, _: &mut Checkpointer) {
         let ([x, gamma, qkv, output], options, kept) = ops.state;
@@ -179,7 +179,7 @@ impl Backward<Flex, 4> for Attention {
 struct FeedForward;
 
 impl Backward<Flex, 4> for FeedForward {
-    type State = ([FlexTensor; 4], Activation, f32, feed_forward::Kept);
+    type State = ([FlexTensor; 4], Activation, f32, feed_forward::Intermediates);
 
     fn backward(self, ops: Ops<Self::State, 4>, grads: &mut Gradients, _: &mut Checkpointer) {
         let ([x, gamma, up, down], activation, epsilon, kept) = ops.state;

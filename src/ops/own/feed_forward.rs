@@ -28,7 +28,7 @@ pub struct Weights<'a> {
 
 /// What the way back needs beside the input.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct Intermediates {
     /// 1 / rms of each row.
     inverses: Buffer,
     /// RMSNorm(x) W_up, `[n, u]`.
@@ -58,7 +58,7 @@ impl Weights<'_> {
 }
 
 /// The output `[n, d]` for `x` `[n, d]`, and what to keep if `keep` asks for it.
-pub fn forward(x: &[f32], weights: Weights<'_>, keep: bool) -> (Buffer, Option<Kept>) {
+pub fn forward(x: &[f32], weights: Weights<'_>, keep: bool) -> (Buffer, Option<Intermediates>) {
     let (d, f, u) = (weights.d(), weights.f(), weights.u());
     let n = x.len() / d;
     let up = Panels::of(View::new(weights.up, u), d, u);
@@ -82,11 +82,16 @@ pub fn forward(x: &[f32], weights: Weights<'_>, keep: bool) -> (Buffer, Option<K
         output.copy_from_slice(part(x, &rows, d));
         multiply(Target::new(output, d), count, View::new(&hidden, f), &down, true);
     }
-    (output, keep.then_some(Kept { inverses, before }))
+    (output, keep.then_some(Intermediates { inverses, before }))
 }
 
 /// Turns the gradient by the output into that by `x`; gives those by the parameters.
-pub fn backward(gradient: &mut [f32], x: &[f32], weights: Weights<'_>, kept: Kept) -> Gradients {
+pub fn backward(
+    gradient: &mut [f32],
+    x: &[f32],
+    weights: Weights<'_>,
+    kept: Intermediates,
+) -> Gradients {
     let (d, f, u) = (weights.d(), weights.f(), weights.u());
     let up = Panels::of(View::new(weights.up, u).transposed(), u, d);
     let down = Panels::of(View::new(weights.down, d).transposed(), d, f);

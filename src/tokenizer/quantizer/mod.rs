@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 pub use fsq::Fsq;
 pub use vq::Vq;
 
-use crate::learn::{Kept, Saved};
+use crate::learn::{LearnerState, LoadedState};
 use crate::spec::QuantizerSpec;
 
 /// A map from the latents of clips to the codes of a [`Grid`](crate::codes::Grid).
@@ -34,12 +34,12 @@ pub trait Quantizer {
     fn embed(&self, ids: &[u32], n_clips: usize) -> Tensor<3>;
 
     /// What training needs to go on from beside the weights.
-    fn keep(&self) -> Kept {
-        Kept::default()
+    fn keep(&self) -> LearnerState {
+        LearnerState::default()
     }
 
     /// Takes up what [`Quantizer::keep`] gave; `None` where it is not that.
-    fn resume(&mut self, _: Saved) -> Option<()> {
+    fn resume(&mut self, _: LoadedState) -> Option<()> {
         Some(())
     }
 }

@@ -19,7 +19,7 @@ use serde_json::json;
 
 use super::{Quantized, Quantizer, clips, rows};
 use crate::learn::weights::{HostTensor, Source};
-use crate::learn::{Kept, Saved, params};
+use crate::learn::{LearnerState, LoadedState, params};
 
 /// μ.
 const DECAY: f32 = 0.99;
@@ -125,16 +125,19 @@ impl Quantizer for Vq {
 
     /// The sums and counts of its codes, and how far its generator has come: as text, since that has
     /// 68 bits.
-    fn keep(&self) -> Kept {
+    fn keep(&self) -> LearnerState {
         let Averages { sums, counts, rng, .. } = &self.averages;
         let row = |values: &[f32]| {
             Source::Host(HostTensor { shape: vec![values.len()], values: values.to_vec() })
         };
         let tensors = [(SUMS.to_string(), row(sums)), (COUNTS.to_string(), row(counts))];
-        Kept { note: json!({ DRAWN: rng.get_word_pos().to_string() }), tensors: tensors.into() }
+        LearnerState {
+            note: json!({ DRAWN: rng.get_word_pos().to_string() }),
+            tensors: tensors.into(),
+        }
     }
 
-    fn resume(&mut self, mut saved: Saved) -> Option<()> {
+    fn resume(&mut self, mut saved: LoadedState) -> Option<()> {
         let drawn: u128 = saved.note[DRAWN].as_str()?.parse().ok()?;
         self.averages.sums = saved.tensors.remove(SUMS)?.values;
         self.averages.counts = saved.tensors.remove(COUNTS)?.values;

@@ -3,8 +3,8 @@
 
 use std::ops::Range;
 
+use super::head_rows::{load, store};
 use super::heads::Head;
-use super::place::{load, store};
 use super::rotation::rotate_back;
 use super::softmax::{self, Statistics, Tile};
 use super::{Heads, Workspace};

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use super::head_rows::store;
 use super::heads::Head;
-use super::place::store;
 use super::softmax::{self, Statistics, Tile};
 use super::{Heads, Workspace};
 use crate::ops::own::lanes::{Lanes, vectorised};

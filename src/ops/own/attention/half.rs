@@ -30,7 +30,7 @@ pub struct Weights<'a> {
 
 /// What the way back needs beside the input.
 #[derive(Clone, Debug)]
-pub struct Kept {
+pub struct Intermediates {
     /// 1 / rms of each row.
     inverses: Buffer,
     /// Queries, keys and values before they are turned, `[n, 3 d]`.
@@ -54,7 +54,7 @@ pub fn forward(
     weights: Weights<'_>,
     heads: Heads<'_>,
     keep: bool,
-) -> (Buffer, Option<Kept>) {
+) -> (Buffer, Option<Intermediates>) {
     let (n, d) = (heads.layout.n_rows(), heads.d_model());
     let into_qkv = Panels::of(View::new(weights.qkv, 3 * d), d, 3 * d);
     let out_of = Panels::of(View::new(weights.output, d), d, d);
@@ -74,7 +74,7 @@ pub fn forward(
         output.copy_from_slice(part(x, &rows, d));
         multiply(Target::new(output, d), rows.len(), View::new(mixed, d), &out_of, true);
     }
-    (output, keep.then_some(Kept { inverses, qkv, statistics: kept, mixed }))
+    (output, keep.then_some(Intermediates { inverses, qkv, statistics: kept, mixed }))
 }
 
 /// Turns the gradient by the output into that by `x`; gives those by the parameters.
@@ -83,7 +83,7 @@ pub fn backward(
     x: &[f32],
     weights: Weights<'_>,
     heads: Heads<'_>,
-    kept: Kept,
+    kept: Intermediates,
 ) -> Gradients {
     let d = heads.d_model();
     let into_qkv = Panels::of(View::new(weights.qkv, 3 * d).transposed(), 3 * d, d);

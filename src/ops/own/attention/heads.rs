@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::place::Place;
+use super::head_rows::HeadRows;
 use super::softmax::Statistics;
 use crate::ops::own::product::ROWS;
 use crate::ops::{Rope, SequenceLayout};
@@ -77,17 +77,17 @@ impl Head<'_> {
 
     /// Where the head's part number `part` (0 q, 1 k, 2 v) lies in `[n_rows, 3 d]`.
     #[inline(always)]
-    pub fn part(&self, part: usize) -> Place {
+    pub fn part(&self, part: usize) -> HeadRows {
         let stride = 3 * self.d_model;
         let start = self.row * stride + part * self.d_model + self.column;
-        Place { start, stride, columns: self.head_dim() }
+        HeadRows { start, stride, columns: self.head_dim() }
     }
 
     /// Where the head's output lies in `[n_rows, d]`.
     #[inline(always)]
-    pub fn output(&self) -> Place {
+    pub fn output(&self) -> HeadRows {
         let start = self.row * self.d_model + self.column;
-        Place { start, stride: self.d_model, columns: self.head_dim() }
+        HeadRows { start, stride: self.d_model, columns: self.head_dim() }
     }
 
     /// Positions of the tile that starts at `first`.

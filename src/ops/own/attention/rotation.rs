@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::place::{Place, read, write};
+use super::head_rows::{HeadRows, read, write};
 use crate::ops::Rope;
 use crate::ops::own::lanes::{LANES, Lanes};
 use crate::ops::own::scratch::Scratch;
@@ -11,7 +11,7 @@ use crate::ops::own::scratch::Scratch;
 #[inline(always)]
 pub fn rotate<L: Lanes>(
     to: &mut Scratch,
-    from: (&[f32], Place),
+    from: (&[f32], HeadRows),
     rows: Range<usize>,
     rope: &Rope,
     scale: f32,
@@ -26,7 +26,7 @@ pub fn rotate<L: Lanes>(
 #[inline(always)]
 fn rotate_as<L: Lanes, const WHOLE: bool>(
     to: &mut Scratch,
-    (values, place): (&[f32], Place),
+    (values, place): (&[f32], HeadRows),
     rows: Range<usize>,
     rope: &Rope,
     scale: f32,
@@ -44,7 +44,7 @@ fn rotate_as<L: Lanes, const WHOLE: bool>(
 /// Turns the gradients by rotated vectors, the first rows of `from`, back, by the opposite angle.
 #[inline(always)]
 pub fn rotate_back<L: Lanes>(
-    to: (&mut [f32], Place),
+    to: (&mut [f32], HeadRows),
     from: &Scratch,
     rows: Range<usize>,
     rope: &Rope,
@@ -59,7 +59,7 @@ pub fn rotate_back<L: Lanes>(
 
 #[inline(always)]
 fn rotate_back_as<L: Lanes, const WHOLE: bool>(
-    (values, place): (&mut [f32], Place),
+    (values, place): (&mut [f32], HeadRows),
     from: &Scratch,
     rows: Range<usize>,
     rope: &Rope,

@@ -1,7 +1,7 @@
 //! [`Workspace`]: the matrices of one head.
 
+use super::head_rows::load;
 use super::heads::Head;
-use super::place::load;
 use super::rotation::rotate;
 use crate::ops::own::lanes::Lanes;
 use crate::ops::own::product::{Span, block};

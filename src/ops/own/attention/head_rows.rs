@@ -8,13 +8,13 @@ use crate::ops::own::scratch::Scratch;
 
 /// Rows of `columns` elements, `stride` elements apart.
 #[derive(Clone, Copy)]
-pub struct Place {
+pub struct HeadRows {
     pub start: usize,
     pub stride: usize,
     pub columns: usize,
 }
 
-impl Place {
+impl HeadRows {
     /// Whether rows are whole vectors. Known to the compiler, it saves attention a tenth of its time.
     #[inline(always)]
     pub fn is_whole(self) -> bool {
@@ -55,7 +55,7 @@ fn end<const WHOLE: bool>(row: &[f32], j: usize) -> usize {
 
 /// Reads `rows` rows.
 #[inline(always)]
-pub fn load<L: Lanes>(to: &mut Scratch, from: (&[f32], Place), rows: usize) {
+pub fn load<L: Lanes>(to: &mut Scratch, from: (&[f32], HeadRows), rows: usize) {
     if from.1.is_whole() {
         load_as::<L, true>(to, from, rows);
     } else {
@@ -66,7 +66,7 @@ pub fn load<L: Lanes>(to: &mut Scratch, from: (&[f32], Place), rows: usize) {
 #[inline(always)]
 fn load_as<L: Lanes, const WHOLE: bool>(
     to: &mut Scratch,
-    (values, place): (&[f32], Place),
+    (values, place): (&[f32], HeadRows),
     rows: usize,
 ) {
     for t in 0..rows {
@@ -79,7 +79,7 @@ fn load_as<L: Lanes, const WHOLE: bool>(
 
 /// Writes the rows `rows` from the first ones of `from`.
 #[inline(always)]
-pub fn store<L: Lanes>(to: (&mut [f32], Place), rows: Range<usize>, from: &Scratch) {
+pub fn store<L: Lanes>(to: (&mut [f32], HeadRows), rows: Range<usize>, from: &Scratch) {
     if to.1.is_whole() {
         store_as::<L, true>(to, rows, from);
     } else {
@@ -89,7 +89,7 @@ pub fn store<L: Lanes>(to: (&mut [f32], Place), rows: Range<usize>, from: &Scrat
 
 #[inline(always)]
 fn store_as<L: Lanes, const WHOLE: bool>(
-    (values, place): (&mut [f32], Place),
+    (values, place): (&mut [f32], HeadRows),
     rows: Range<usize>,
     from: &Scratch,
 ) {

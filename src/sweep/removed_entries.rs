@@ -1,13 +1,13 @@
-//! [`TakenOut`]: entries that were wrong and were taken out, so that the rest could be looked at.
+//! [`RemovedEntries`]: entries that were wrong and were taken out, so that the rest could be looked at.
 
 /// Paths of entries that were taken out, as they stand in the file.
 ///
 /// An item that is taken out of a list moves those behind it forward; the file knows nothing of
 /// that, so paths of what is left have to be led back.
 #[derive(Default)]
-pub struct TakenOut(Vec<String>);
+pub struct RemovedEntries(Vec<String>);
 
-impl TakenOut {
+impl RemovedEntries {
     /// Notes an entry by its path in the file.
     pub fn note(&mut self, path: String) {
         self.0.push(path);
@@ -53,15 +53,15 @@ impl TakenOut {
 
 #[cfg(test)]
 mod tests {
-    use super::TakenOut;
+    use super::RemovedEntries;
 
     #[test]
     fn paths_lead_back_past_every_item_that_is_gone() {
-        let mut taken_out = TakenOut::default();
+        let mut removed = RemovedEntries::default();
         for path in
             ["grid.models[3]", "grid.models[0]", "grid.models[1]", "grid.vocab[1].levels[0]"]
         {
-            taken_out.note(path.to_string());
+            removed.note(path.to_string());
         }
         for (now, file) in [
             ("grid.models[0].n_head", "grid.models[2].n_head"),
@@ -70,8 +70,8 @@ mod tests {
             ("grid.vocab[2].levels[0]", "grid.vocab[2].levels[0]"),
             ("train.lr", "train.lr"),
         ] {
-            assert_eq!(taken_out.in_the_file(now), file);
+            assert_eq!(removed.in_the_file(now), file);
         }
-        assert!(taken_out.shortened("grid.models") && !taken_out.shortened("grid.vocab"));
+        assert!(removed.shortened("grid.models") && !removed.shortened("grid.vocab"));
     }
 }

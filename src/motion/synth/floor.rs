@@ -43,20 +43,20 @@ impl Side {
 
 /// A point of the floor and a direction: `yaw` turns +z towards +x.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Place {
+pub struct FloorPose {
     pub x: f32,
     pub z: f32,
     pub yaw: f32,
 }
 
-impl Place {
+impl FloorPose {
     /// The place `left` and `forward` of this one, facing the same way.
     pub fn offset(self, left: f32, forward: f32) -> Self {
         let (s, c) = self.yaw.sin_cos();
         Self { x: self.x + c * left + s * forward, z: self.z - s * left + c * forward, ..self }
     }
 
-    /// How far to the left and ahead of `root` this point is: [`Place::offset`] undone.
+    /// How far to the left and ahead of `root` this point is: [`FloorPose::offset`] undone.
     pub fn seen_from(self, root: Self) -> (f32, f32) {
         let (s, c) = root.yaw.sin_cos();
         let (dx, dz) = (self.x - root.x, self.z - root.z);
