@@ -1,14 +1,16 @@
 //! [`Precision`]: the numbers that large products are computed in.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The numbers that large products are computed in.
 ///
 /// Weights, moments, sums of squares, softmax and losses are in `f32` always, and so is every measure
 /// on a split (mixed precision, Micikevicius et al. 2018).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
+    /// Single precision: what processors compute in.
     #[default]
     F32,
     /// 5 bits of exponent, 10 of fraction: losses are scaled up on the way back.

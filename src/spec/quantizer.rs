@@ -1,5 +1,6 @@
 //! [`QuantizerSpec`]: which quantizer, and its size.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::grid::Grid;
@@ -19,7 +20,7 @@ pub enum QuantizerSpec {
 }
 
 /// A kind of quantizer, as it is written in a sweep file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum QuantizerKind {
     /// Finite scalar quantization (Mentzer et al. 2023), ScaMo's.

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::units::number;
 
 /// How captions become vectors.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TextEncoderKind {
     /// Signed hashes of a word's character n-grams; deterministic, knows nothing of meaning.
@@ -17,8 +18,8 @@ pub enum TextEncoderKind {
     File,
 }
 
-/// The `text` section.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The `text` section: how captions become vectors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TextSpec {
     pub encoder: TextEncoderKind,

@@ -1,6 +1,7 @@
 //! [`TokenizerSpec`]: everything that a tokenizer follows from, beside its data; and the `tokenizer`
 //! section of a sweep file, which has the same keys.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::architecture::{ArchitectureSpec, ConvolutionalSpec};
@@ -26,7 +27,7 @@ impl Default for QuantizerSpec {
 }
 
 /// Which tokenizer, as it is written in a sweep file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum TokenizerKind {
     /// The convolutional autoencoder, with the quantizer of `tokenizer.quantizer`.
@@ -39,7 +40,7 @@ pub enum TokenizerKind {
 }
 
 /// The `tokenizer.quantizer` section.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct QuantizerSection {
     pub kind: QuantizerKind,
@@ -66,7 +67,7 @@ macro_rules! keys {
         }
 
         /// The `tokenizer` section: one tokenizer of this kind is trained for each vocabulary.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct TokenizerSection {
             pub kind: TokenizerKind,

@@ -3,8 +3,10 @@
 //! serde's untagged enums would do the same, but forget where in the file they stand and what was
 //! wrong with each way; these keep both.
 
+use std::borrow::Cow;
 use std::fmt;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{
     Deserialize, Deserializer, Error, IntoDeserializer, MapAccess, SeqAccess, Visitor,
@@ -103,6 +105,17 @@ impl<'de> Visitor<'de> for OneOrMore {
     }
 }
 
+impl JsonSchema for Generators {
+    fn schema_name() -> Cow<'static, str> {
+        "Generators".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let one = generator.subschema_for::<GeneratorKind>();
+        json_schema!({"anyOf": [one, {"type": "array", "items": one}]})
+    }
+}
+
 impl<'de> Deserialize<'de> for Clips {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = serde_yaml::Value::deserialize(deserializer)?;
@@ -112,6 +125,22 @@ impl<'de> Deserialize<'de> for Clips {
                 .map(Clips::Count)
                 .map_err(|error| D::Error::custom(format!("{error}; or write `auto`"))),
         }
+    }
+}
+
+impl JsonSchema for Clips {
+    fn schema_name() -> Cow<'static, str> {
+        "Clips".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({"anyOf": [
+            {"type": "integer", "description": "A number of clips."},
+            {
+                "const": "auto",
+                "description": "As many as the longest run needs, rounded up to a power of two.",
+            },
+        ]})
     }
 }
 

@@ -21,6 +21,18 @@ fn json_is_one_document_on_standard_output() {
 }
 
 #[test]
+fn more_is_logged_when_asked_and_only_on_standard_error() {
+    let place = Place::with("mini.yaml");
+    let args = ["run", "mini.yaml", "--set", "grid.budgets=[1e9]", "-vv"];
+    let ended = place.isoflop(&args).exits(0);
+    for event in ["data opened", "worker started", "worker ended", "written"] {
+        assert!(ended.stderr().contains(event), "{event}: {}", ended.stderr());
+        assert!(!ended.stdout().contains(event), "{event}");
+    }
+    place.isoflop(&args[..4]).exits(0).does_not_say("data opened");
+}
+
+#[test]
 fn text_for_people_is_at_most_80_columns_wide() {
     let place = lawful();
     place.write(

@@ -1,12 +1,24 @@
 //! Counting FLOPs: three conventions, each a pure function of the shape.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::shape::ModelShape;
 
 /// Which count of FLOPs a budget is spent in and the laws are written in.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    PartialOrd,
+    Ord,
+    Serialize,
+    Deserialize,
+    JsonSchema,
 )]
 pub enum FlopsRule {
     /// ScaMo Code 1, after Kaplan et al. 2020.

@@ -7,6 +7,7 @@ mod shape;
 
 use std::ops::Deref;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use flops::{FlopsPerToken, FlopsRule};
@@ -24,7 +25,7 @@ pub enum GeneratorSpec {
 }
 
 /// A kind of generator, as it is written in a sweep file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum GeneratorKind {
     /// ScaMo's text-prefix transformer: each code from the codes before it.

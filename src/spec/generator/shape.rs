@@ -1,9 +1,10 @@
 //! [`ModelShape`]: the sizes of one model and the parameters that follow from them.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The feed-forward layer.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Ffn {
     /// silu(x W₁) ⊙ (x W₂) W₃ with d_ff ≈ 8d/3.

@@ -1,19 +1,22 @@
 //! What is made of the runs: the `flops`, `fit` and `predict` sections.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::FlopsRule;
 use crate::units::number;
 
-/// The `flops` section.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// The `flops` section: how FLOPs are counted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlopsSpec {
     pub rule: FlopsRule,
 }
 
 /// How the minimum of one budget was found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum MinimumMethod {
     /// The best run (ScaMo).
@@ -29,18 +32,22 @@ pub enum MinimumMethod {
 }
 
 /// Which budget takes no part in the fit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum HoldOutSpec {
+    /// The largest. The laws of the others are tested on it.
     #[default]
     LargestBudget,
+    /// All are fitted, and none is left to test the laws on.
     None,
 }
 
-/// The `fit` section.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The `fit` section: how laws are fitted to the runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FitSpec {
+    /// How the minimum of each budget is found: the laws go through the parabolas, or through the
+    /// best runs where too few parabolas can be trusted, and the others stand beside them.
     pub minima: Vec<MinimumMethod>,
     pub hold_out: HoldOutSpec,
     /// Bootstrap replicates for the intervals.
@@ -59,10 +66,11 @@ impl Default for FitSpec {
     }
 }
 
-/// The `predict` section.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// The `predict` section: what the laws are asked at the end.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PredictSpec {
+    /// Budgets, in FLOPs, of which the best configuration is given.
     #[serde(deserialize_with = "number::numbers")]
     pub budgets: Vec<f64>,
 }

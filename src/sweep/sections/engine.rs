@@ -1,14 +1,16 @@
 //! Where the jobs of a sweep are done: the `engine` section.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_yaml::Value;
 
 use crate::units::number;
 
-/// The `engine` section. It says how an engine is to be used, not which: that is `--engine`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// The `engine` section: how an engine is to be used, not which: that is `--engine`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EngineSection {
     /// What `--engine slurm` asks of Slurm.
@@ -30,8 +32,18 @@ impl<'de> Deserialize<'de> for Word {
     }
 }
 
+impl JsonSchema for Word {
+    fn schema_name() -> Cow<'static, str> {
+        "Word".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({"type": ["string", "number"]})
+    }
+}
+
 /// A number of seconds, minutes, tasks or FLOPs, written `30`, `0.5` or `1e9`.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Amount(pub f64);
 
@@ -42,7 +54,7 @@ impl<'de> Deserialize<'de> for Amount {
 }
 
 /// A whole number, written `8` or `1e3`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Count(pub usize);
 
@@ -59,7 +71,7 @@ macro_rules! sections {
         whole { $($(#[$of_all:meta])* $general:ident: $kind:ty,)* }
     ) => {
         /// What a job asks for. Every key may be left out; then Slurm's own default holds.
-        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct Resources {
             $($(#[$about])* #[serde(skip_serializing_if = "Option::is_none")] pub $key: Option<$type>,)*
@@ -73,7 +85,7 @@ macro_rules! sections {
         }
 
         /// The `engine.slurm` section, and a profile file. Every key may be left out.
-        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct SlurmSection {
             $($(#[$about])* #[serde(skip_serializing_if = "Option::is_none")] pub $key: Option<$type>,)*
@@ -185,7 +197,9 @@ sections! {
 }
 
 /// A part of a sweep that Slurm sees as a job of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Stage {
     /// Captions, tokenizers and codes.

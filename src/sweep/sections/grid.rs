@@ -1,16 +1,19 @@
 //! What a sweep varies: the `grid` section.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::{QuantizerKind, QuantizerSpec, VocabularyError};
 use crate::units::number;
 
 /// The `grid` section: its axes are crossed unless `zip` pairs them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GridSpec {
     pub models: ModelList,
+    /// Vocabularies: sizes, or FSQ levels. One tokenizer is trained for each.
     pub vocab: Vec<VocabSpec>,
+    /// Training budgets of a run, in FLOPs.
     #[serde(deserialize_with = "number::numbers")]
     pub budgets: Vec<f64>,
     /// Groups of axes that advance together, as `[[models, budgets]]`; of one length each.
@@ -22,32 +25,40 @@ pub struct GridSpec {
 }
 
 /// An axis of the grid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
+    /// `grid.models`.
     Models,
+    /// `grid.vocab`.
     Vocab,
+    /// `grid.budgets`.
     Budgets,
 }
 
 /// Models in full, by name, or by a rule over d_model.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum ModelList {
     /// `scamo`: the six rows of its Table 1.
     Preset(String),
+    /// One model after another.
     List(Vec<ModelEntry>),
+    /// Widths, and the depth and the heads that follow from them.
     Rule(ModelRule),
 }
 
 /// One model.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModelEntry {
+    /// Blocks.
     #[serde(deserialize_with = "number::count")]
     pub n_layer: usize,
+    /// Heads of attention; `d_model` is divided among them.
     #[serde(deserialize_with = "number::count")]
     pub n_head: usize,
+    /// Width of the model.
     #[serde(deserialize_with = "number::count")]
     pub d_model: usize,
     /// Width of the feed-forward layer; where left out, 8d/3 (`swiglu`) or 4d (`gelu`), up to a
@@ -57,9 +68,10 @@ pub struct ModelEntry {
 }
 
 /// A family of models: depth grows with width.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModelRule {
+    /// Widths: one model of each.
     #[serde(deserialize_with = "number::counts")]
     pub d_model: Vec<usize>,
     /// n_layer = max(1, round(d_model / `width_per_layer`)).
@@ -71,11 +83,12 @@ pub struct ModelRule {
 }
 
 /// A vocabulary: a nominal size, or FSQ levels.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum VocabSpec {
     /// FSQ: resolved to ScaMo's levels (Table 8); VQ: the number of codes.
     Size(usize),
+    /// FSQ with other levels.
     Levels(LevelsSpec),
 }
 
@@ -93,9 +106,10 @@ impl VocabSpec {
 }
 
 /// FSQ levels in full: `{levels: [8, 5, 5, 5]}`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LevelsSpec {
+    /// Values in each dimension; their product is the size of the vocabulary.
     #[serde(deserialize_with = "number::counts")]
     pub levels: Vec<usize>,
 }

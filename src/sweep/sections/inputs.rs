@@ -1,11 +1,12 @@
 //! What a sweep trains on: the `data`, `text` and `tokenizer` sections.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::units::number;
 
 /// Where motion comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum DataSource {
     /// The built-in seeded generator: never ends, needs no file.
@@ -28,7 +29,7 @@ pub enum Clips {
 }
 
 /// What to do about files that are not what they should be.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum BrokenFiles {
     /// Leave them out, with a warning each.
@@ -38,8 +39,8 @@ pub enum BrokenFiles {
     Refuse,
 }
 
-/// The `data` section.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The `data` section: the motion and the captions that are learned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DataSpec {
     pub source: DataSource,
@@ -47,7 +48,7 @@ pub struct DataSpec {
     pub path: Option<std::path::PathBuf>,
     /// `humanml3d`: every training clip also left-right mirrored.
     pub mirror: bool,
-    /// `humanml3d`: broken files.
+    /// `humanml3d`: what to do about files that are not what they should be.
     pub broken: BrokenFiles,
     /// `procedural`: the generator's seed.
     pub seed: u64,

@@ -14,12 +14,13 @@ pub use inputs::*;
 pub use trainer::*;
 pub use training::*;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::{GeneratorKind, TextSpec, TokenizerSection};
 
 /// A study: a grid of models, vocabularies and budgets, and how each cell is trained and judged.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sweep {
     /// Names the folder of the results: letters, digits, `-`, `_` and `.`.

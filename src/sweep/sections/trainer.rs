@@ -1,16 +1,21 @@
 //! Who trains: the `trainer` section.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_yaml::Value;
 
+use super::Word;
+
 /// A program that trains each run in place of the built-in trainer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrainerSection {
-    /// Words with `{spec}`, `{out}` and `{checkpoint}` in them; see [`TrainerCommand`](crate::sweep::TrainerCommand).
+    /// The program and its arguments, with `{spec}`, `{out}` and `{checkpoint}` in them
+    /// (docs/custom-trainer.md).
     pub command: String,
     /// Anything, as `2`: a change trains every run again, as a change of the command does.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "scalar")]
+    #[schemars(with = "Option<Word>")]
     pub revision: Option<String>,
 }
 

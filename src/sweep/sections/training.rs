@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::{Ffn, Precision};
 use crate::units::number;
 
 /// The `model` section: what all models of the sweep share.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelSpec {
     pub ffn: Ffn,
@@ -17,6 +18,7 @@ pub struct ModelSpec {
     pub ffn_multiple: usize,
     /// One matrix for the embedding and the head.
     pub tie_embeddings: bool,
+    /// Base of the rotary positions' wavelengths.
     #[serde(deserialize_with = "number::number")]
     pub rope_base: f64,
     /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo.
@@ -37,7 +39,7 @@ impl Default for ModelSpec {
 }
 
 /// How the learning rate moves over a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ScheduleKind {
     /// Linear warm-up, then half a cosine down to `final_share` (ScaMo Table 4).
@@ -48,8 +50,8 @@ pub enum ScheduleKind {
     Wsd,
 }
 
-/// The `train.schedule` section.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The `train.schedule` section: the learning rate over a run, as a share of its peak.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ScheduleSpec {
     pub kind: ScheduleKind,
@@ -81,14 +83,17 @@ impl Default for ScheduleSpec {
     }
 }
 
-/// lr = `coefficient` · N^`params_exponent` · D^`tokens_exponent`, N = N_nv + N_v.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`, N = N_nv + N_v.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LrRule {
+    /// The rate where both exponents are 0.
     #[serde(deserialize_with = "number::number")]
     pub coefficient: f64,
+    /// How the rate goes with the parameters.
     #[serde(deserialize_with = "number::number")]
     pub params_exponent: f64,
+    /// How the rate goes with the tokens of the run.
     #[serde(deserialize_with = "number::number")]
     pub tokens_exponent: f64,
     /// The rule's value is held under this.
@@ -103,15 +108,19 @@ impl Default for LrRule {
 }
 
 /// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded to a power of two within bounds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BatchRule {
+    /// Tokens a step where the exponent is 0.
     #[serde(deserialize_with = "number::number")]
     pub coefficient: f64,
+    /// How the batch goes with the tokens of the run.
     #[serde(deserialize_with = "number::number")]
     pub tokens_exponent: f64,
+    /// Fewest tokens a step.
     #[serde(deserialize_with = "number::count")]
     pub min: usize,
+    /// Most tokens a step.
     #[serde(deserialize_with = "number::count")]
     pub max: usize,
 }
@@ -122,8 +131,8 @@ impl Default for BatchRule {
     }
 }
 
-/// The `train` section.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The `train` section: how every run is trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainSpec {
     pub schedule: ScheduleSpec,
@@ -134,10 +143,13 @@ pub struct TrainSpec {
     /// A cell whose budget buys fewer steps is dropped: it would show its warm-up, not its size.
     #[serde(deserialize_with = "number::count")]
     pub min_steps: usize,
+    /// AdamW's decoupled weight decay.
     #[serde(deserialize_with = "number::number")]
     pub weight_decay: f64,
+    /// AdamW's β₁ and β₂.
     #[serde(deserialize_with = "number::numbers")]
     pub betas: Vec<f64>,
+    /// What AdamW adds to the root of the second moment.
     #[serde(deserialize_with = "number::number")]
     pub epsilon: f64,
     /// Global norm to which gradients are clipped; 0 for none.
