@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use isoflop::laws::{
-    Approach1Options, FitOptions, Form, HoldOut, Huber, IsoFlopPoint, Parameters,
+    Approach1Options, FitOptions, Form, HoldOut, Huber, IsoFlopPoint, Metric, Parameters,
     ParametricOptions, Space, Starts, approach1, fit, fit_parametric,
 };
 use isoflop::record::{RunRecord, table as runs};
@@ -201,7 +201,8 @@ fn load(path: &Path, request: &Request) -> Vec<IsoFlopPoint> {
 
 /// The records of a sweep as its laws see them.
 fn points(records: &[RunRecord], rule: FlopsRule) -> Vec<IsoFlopPoint> {
-    records.iter().map(|record| record.point(rule)).collect()
+    let point = |record: &RunRecord| record.point(rule, &Metric::default());
+    records.iter().map(point).collect::<Result<_, _>>().expect("the sweep's records are whole")
 }
 
 criterion_group! {

@@ -13,7 +13,7 @@ use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
 use isoflop::jobs::sweep_state;
 use isoflop::plan::Plan;
-use isoflop::record::{RunRecord, table};
+use isoflop::record::{Measured, Metrics, Planned, RunRecord, facts, table};
 use isoflop::sweep::{self, Sweep};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -25,49 +25,69 @@ const RUNS: usize = 100_000;
 
 /// A run as `plan.json` has it, with as many fields.
 fn planned(run_id: &str) -> Value {
-    let mut run = serde_json::to_value(record(run_id)).expect("plain values");
+    let mut run = serde_json::to_value(record(run_id).planned).expect("plain values");
+    let Value::Object(spent) = serde_json::to_value(measured()).expect("plain values") else {
+        unreachable!("a struct is an object");
+    };
+    run.as_object_mut().expect("a struct is an object").extend(spent);
     run["state"] = json!("missing");
     run["own_flops"] = json!(1e10);
+    run["needs"] = json!([]);
     run
 }
 
 fn record(run_id: &str) -> RunRecord {
-    RunRecord {
+    let planned = Planned {
         run_id: run_id.to_string(),
-        seed: 0,
-        n_layer: 4,
-        n_head: 4,
-        d_model: 64,
-        d_ff: 256,
-        n_ctx: 64,
+        seed: Some(0),
+        n_layer: Some(4),
+        n_head: Some(4),
+        d_model: Some(64),
+        d_ff: Some(256),
+        n_ctx: Some(64),
         n_vocab: 256,
         budget_flops: 1e10,
-        flops_openai: 1.0e10,
-        flops_6nd: 1.1e10,
-        flops_exact: 1.2e10,
         params_nonvocab: 200_000,
         params_vocab: 33_000,
-        params_text: 1000,
-        params_embedding: 16_512,
-        params_head: 16_448,
+        params_text: Some(1000),
+        params_embedding: Some(16_512),
+        params_head: Some(16_448),
+        steps: Some(100),
+        batch_tokens: Some(1000),
+        lr: Some(1e-3),
+        tokenizer_id: Some("0123456789abcdef".to_string()),
+        generator: Some("autoregressive".to_string()),
+        tokenizer_kind: Some("convolutional".to_string()),
+        quantizer: Some("fsq".to_string()),
+    };
+    RunRecord::new(planned, measured(), metrics())
+}
+
+fn measured() -> Measured {
+    Measured {
+        flops_openai: Some(1.0e10),
+        flops_6nd: Some(1.1e10),
+        flops_exact: Some(1.2e10),
         tokens: 100_000,
-        unique_tokens: 50_000,
-        epochs: 2.0,
-        steps: 100,
-        batch_tokens: 1000,
-        lr: 1e-3,
-        loss_nats: 3.0,
-        loss_normalised: -2.0,
-        nats_per_frame: 0.75,
-        nats_per_second: 15.0,
-        zero_count_targets: 0,
-        wall_s: 1.5,
-        tokens_per_s: 66_666.0,
-        peak_bytes: 100_000_000,
-        tokenizer_id: "0123456789abcdef".to_string(),
-        device: "flex".to_string(),
-        git_revision: "unknown".to_string(),
+        unique_tokens: Some(50_000),
+        epochs: Some(2.0),
+        zero_count_targets: Some(0),
+        wall_s: Some(1.5),
+        tokens_per_s: Some(66_666.0),
+        peak_bytes: Some(100_000_000),
+        device: Some("flex".to_string()),
+        git_revision: Some("unknown".to_string()),
     }
+}
+
+fn metrics() -> Metrics {
+    let metrics = [
+        (facts::LOSS_NATS, 3.0),
+        (facts::LOSS_NORMALISED, -2.0),
+        (facts::NATS_PER_FRAME, 0.75),
+        (facts::NATS_PER_SECOND, 15.0),
+    ];
+    metrics.into_iter().collect()
 }
 
 /// A folder whose plan's runs are all finished.

@@ -3,28 +3,52 @@
 use std::collections::BTreeMap;
 
 use super::ticks::count;
-use crate::record::RunRecord;
+use crate::record::{Planned, RunRecord};
+use crate::spec::FlopsRule;
 
-/// A model's shape; models are ordered by size.
+/// A model's shape, as far as it is known; models are ordered by size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Model {
     pub params_nonvocab: usize,
-    pub n_layer: usize,
-    pub n_head: usize,
-    pub d_model: usize,
-    pub d_ff: usize,
+    pub n_layer: Option<usize>,
+    pub n_head: Option<usize>,
+    pub d_model: Option<usize>,
+    pub d_ff: Option<usize>,
 }
 
 impl Model {
     fn of(run: &RunRecord) -> Model {
-        let RunRecord { params_nonvocab, n_layer, n_head, d_model, d_ff, .. } = *run;
+        let Planned { params_nonvocab, n_layer, n_head, d_model, d_ff, .. } = run.planned;
         Model { params_nonvocab, n_layer, n_head, d_model, d_ff }
     }
 
     /// Size, layers, heads, width: `790k (4L 4H 128d)`.
     pub fn label(&self) -> String {
-        let Model { n_layer, n_head, d_model, .. } = self;
-        format!("{} ({n_layer}L {n_head}H {d_model}d)", count(self.params_nonvocab as f64))
+        let known = [(self.n_layer, 'L'), (self.n_head, 'H'), (self.d_model, 'd')];
+        let known = known.into_iter().filter_map(|(n, unit)| Some(format!("{}{unit}", n?)));
+        let (size, shape) = (count(self.params_nonvocab as f64), known.collect::<Vec<_>>());
+        if shape.is_empty() { size } else { format!("{size} ({})", shape.join(" ")) }
+    }
+}
+
+/// A run that has a place on the figures.
+#[derive(Clone, Copy, Debug)]
+pub struct Shown<'a> {
+    run: &'a RunRecord,
+    loss_normalised: f64,
+    /// Spent, under the rule of the figure.
+    flops: f64,
+}
+
+impl<'a> Shown<'a> {
+    /// Requires a finite L_u, and FLOPs by a rule; says in a clause what is lacking.
+    pub fn of(run: &'a RunRecord, rule: FlopsRule) -> Result<Self, String> {
+        let loss_normalised = run.loss_normalised().map_err(|lacking| lacking.to_string())?;
+        let flops = run.flops(rule).map_err(|lacking| lacking.to_string())?;
+        match loss_normalised.is_finite() {
+            true => Ok(Shown { run, loss_normalised, flops }),
+            false => Err(format!("its normalised loss is {loss_normalised}")),
+        }
     }
 }
 
@@ -51,14 +75,15 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Groups the runs whose L_u is finite; `flops` says what a run spent.
-    pub fn of(records: &[RunRecord], flops: Flops) -> Cells {
-        let mut groups: BTreeMap<_, Vec<&RunRecord>> = BTreeMap::new();
-        for run in records.iter().filter(|run| run.loss_normalised.is_finite()) {
-            let key = (Model::of(run), run.n_vocab, run.budget_flops.to_bits());
-            groups.entry(key).or_default().push(run);
+    /// Groups the runs that have a place on the figures; their FLOPs are counted by `rule`.
+    pub fn of(records: &[RunRecord], rule: FlopsRule) -> Cells {
+        let mut groups: BTreeMap<_, Vec<Shown>> = BTreeMap::new();
+        for shown in records.iter().filter_map(|run| Shown::of(run, rule).ok()) {
+            let Planned { n_vocab, budget_flops, .. } = shown.run.planned;
+            let key = (Model::of(shown.run), n_vocab, budget_flops.to_bits());
+            groups.entry(key).or_default().push(shown);
         }
-        Cells::gather(groups.into_values().map(|runs| cell(&runs, flops)).collect())
+        Cells::gather(groups.into_values().map(|runs| cell(&runs)).collect())
     }
 
     fn gather(cells: Vec<Cell>) -> Cells {
@@ -95,26 +120,14 @@ impl Cells {
     }
 }
 
-/// What a run spent, by one rule.
-pub type Flops = fn(&RunRecord) -> f64;
-
-/// The count of a rule, as `laws.json` names it.
-pub fn flops_of_rule(rule: &str) -> Option<Flops> {
-    match rule {
-        "openai" => Some(|run| run.flops_openai),
-        "6nd" => Some(|run| run.flops_6nd),
-        "exact" => Some(|run| run.flops_exact),
-        _ => None,
-    }
-}
-
-fn cell(runs: &[&RunRecord], flops: Flops) -> Cell {
-    let mean = |of: Flops| runs.iter().map(|run| of(run)).sum::<f64>() / runs.len() as f64;
+fn cell(runs: &[Shown]) -> Cell {
+    let mean = |of: fn(&Shown) -> f64| runs.iter().map(of).sum::<f64>() / runs.len() as f64;
+    let first = runs[0].run;
     Cell {
-        model: Model::of(runs[0]),
-        n_vocab: runs[0].n_vocab,
-        budget_flops: runs[0].budget_flops,
-        flops: mean(flops),
+        model: Model::of(first),
+        n_vocab: first.planned.n_vocab,
+        budget_flops: first.planned.budget_flops,
+        flops: mean(|run| run.flops),
         loss_normalised: mean(|run| run.loss_normalised),
         seeds: runs.len(),
     }
@@ -135,21 +148,35 @@ fn sorted<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
 mod tests {
     use super::*;
     use crate::figures::simulated;
+    use crate::record::facts::LOSS_NORMALISED;
 
     #[test]
     fn seeds_of_a_cell_are_averaged() {
         let mut runs = vec![simulated::sweep().records[0].clone(); 3];
         for (run, loss) in runs.iter_mut().zip([-1.0, -2.0, -3.0]) {
-            run.loss_normalised = loss;
+            run.metrics.set(LOSS_NORMALISED, loss);
         }
-        let cells = Cells::of(&runs, |run| run.flops_exact);
+        let cells = Cells::of(&runs, FlopsRule::Exact);
         assert_eq!(cells.cells.len(), 1);
         assert_eq!((cells.cells[0].loss_normalised, cells.cells[0].seeds), (-2.0, 3));
     }
 
     #[test]
+    fn a_run_without_the_figures_count_of_flops_is_left_out_and_one_without_a_shape_is_not() {
+        let mut runs = simulated::sweep().records;
+        runs.truncate(2);
+        runs[0].measured.flops_exact = None;
+        runs[1].planned.n_head = None;
+        let reason = Shown::of(&runs[0], FlopsRule::Exact).unwrap_err();
+        assert_eq!(reason, "its record has no flops_exact");
+        let cells = Cells::of(&runs, FlopsRule::Exact);
+        assert_eq!((cells.cells.len(), cells.cells[0].seeds), (1, 1));
+        assert_eq!(cells.models[0].label(), "24.7k (2L 32d)");
+    }
+
+    #[test]
     fn the_envelope_is_never_above_a_run_of_its_budget() {
-        let cells = Cells::of(&simulated::sweep().records, |run| run.flops_openai);
+        let cells = Cells::of(&simulated::sweep().records, FlopsRule::OpenAi);
         let envelope = cells.envelope();
         assert_eq!(envelope.len(), cells.budgets.len());
         for cell in &cells.cells {

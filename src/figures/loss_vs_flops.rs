@@ -36,7 +36,7 @@ fn page(sources: &Sources, looks: &[Look]) -> Page {
     let remarks = format!(
         "Each line joins the runs of one model over its budgets. {} FLOPs counted by the {} rule.",
         sources.cells.seeds_remark(),
-        sources.flops_rule
+        sources.rule.name()
     );
     let title = sources.title("loss against training compute");
     Page { width: 1000.0, height: 700.0, title, remarks, legend }

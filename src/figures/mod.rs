@@ -44,8 +44,9 @@ use thiserror::Error;
 use crate::files::FileError;
 use crate::laws::Laws;
 use crate::record::RunRecord;
+use crate::spec::FlopsRule;
 use crate::tokenizer::TokenizerMetrics;
-use cells::{Cells, flops_of_rule};
+use cells::{Cells, Shown};
 use scene::Scene;
 
 /// What the figures of a sweep are drawn from.
@@ -94,7 +95,7 @@ struct Sources<'a> {
     input: &'a FigureInput<'a>,
     cells: Cells,
     /// The rule by which `cells` count FLOPs.
-    flops_rule: &'a str,
+    rule: FlopsRule,
 }
 
 /// A page, or the reason why there is none.
@@ -124,7 +125,8 @@ const FIGURES: [Figure; 7] = [
 pub fn draw_all(input: &FigureInput, folder: &Path) -> Result<Drawn, FigureError> {
     let sources = Sources::of(input)?;
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
-    let mut drawn = Drawn { paths: Vec::new(), left_out: runs_without_loss(input.records) };
+    let left_out = runs_without_a_place(input.records, sources.rule);
+    let mut drawn = Drawn { paths: Vec::new(), left_out };
     for (name, draw) in FIGURES {
         match draw(&sources) {
             Ok(scene) => drawn.paths.extend(write::figure(&scene, folder, name)?),
@@ -137,10 +139,10 @@ pub fn draw_all(input: &FigureInput, folder: &Path) -> Result<Drawn, FigureError
 impl<'a> Sources<'a> {
     /// Counts FLOPs by the rule of the laws, or by a sweep's default where there are none.
     fn of(input: &'a FigureInput<'a>) -> Result<Sources<'a>, FigureError> {
-        let flops_rule = input.laws.map_or("openai", |laws| &laws.flops_rule);
-        let flops = flops_of_rule(flops_rule)
-            .ok_or_else(|| FigureError::UnknownRule { rule: flops_rule.to_owned() })?;
-        Ok(Sources { input, cells: Cells::of(input.records, flops), flops_rule })
+        let name = input.laws.map_or(FlopsRule::default().name(), |laws| &laws.flops_rule);
+        let rule = FlopsRule::ALL.into_iter().find(|rule| rule.name() == name);
+        let rule = rule.ok_or_else(|| FigureError::UnknownRule { rule: name.to_owned() })?;
+        Ok(Sources { input, cells: Cells::of(input.records, rule), rule })
     }
 
     /// The figure's title after the sweep's.
@@ -157,13 +159,12 @@ impl<'a> Sources<'a> {
     }
 }
 
-fn runs_without_loss(records: &[RunRecord]) -> Vec<LeftOut> {
-    let lost = records.iter().filter(|run| !run.loss_normalised.is_finite());
-    let left_out = |run: &RunRecord| LeftOut {
-        name: format!("run {}", run.run_id),
-        reason: format!("its normalised loss is {}", run.loss_normalised),
+fn runs_without_a_place(records: &[RunRecord], rule: FlopsRule) -> Vec<LeftOut> {
+    let left_out = |run: &RunRecord| {
+        let reason = Shown::of(run, rule).err()?;
+        Some(LeftOut { name: format!("run {}", run.planned.run_id), reason })
     };
-    lost.map(left_out).collect()
+    records.iter().filter_map(left_out).collect()
 }
 
 #[cfg(test)]

@@ -3,7 +3,8 @@
 //! L_u = −E + A1/N_nv^α1 + A2/N_v^α2 + B/D^β (Tao et al. 2024, approach 3) with noise.
 
 use crate::laws::*;
-use crate::record::RunRecord;
+use crate::record::facts::LOSS_NORMALISED;
+use crate::record::{Measured, Planned, RunRecord};
 use crate::tokenizer::TokenizerMetrics;
 
 use super::FigureInput;
@@ -111,42 +112,28 @@ fn record(
     let spent = per_token * tokens as f64;
     let loss_normalised =
         loss(params_nonvocab as f64, params_vocab as f64, tokens as f64) + 0.008 * noise.next();
-    RunRecord {
+    let planned = Planned {
         run_id: format!("{n_layer}x{d_model}-v{n_vocab}-c{budget_flops:e}-s{seed}"),
-        seed,
-        n_layer,
-        n_head,
-        d_model,
-        d_ff: 8 * d_model / 3,
-        n_ctx: 50,
+        seed: Some(seed),
+        n_layer: Some(n_layer),
+        n_head: Some(n_head),
+        d_model: Some(d_model),
+        d_ff: Some(8 * d_model / 3),
         n_vocab,
         budget_flops,
-        flops_openai: spent * 1.05,
-        flops_6nd: spent,
-        flops_exact: spent * 1.1,
         params_nonvocab,
         params_vocab,
-        params_text: 256 * d_model,
-        params_embedding: (n_vocab + 2) * d_model,
-        params_head: (n_vocab + 2) * d_model,
+        ..Planned::default()
+    };
+    let measured = Measured {
+        flops_openai: Some(spent * 1.05),
+        flops_6nd: Some(spent),
+        flops_exact: Some(spent * 1.1),
         tokens,
-        unique_tokens: 196_000,
-        epochs: tokens as f64 / 196_000.0,
-        steps,
-        batch_tokens,
-        lr: 1e-3,
-        loss_nats: loss_normalised + (n_vocab as f64).ln() * 0.9,
-        loss_normalised,
-        nats_per_frame: 0.9,
-        nats_per_second: 18.0,
-        zero_count_targets: 3,
-        wall_s: spent / 3e10,
-        tokens_per_s: 3e10 / per_token,
-        peak_bytes: 90_000_000,
-        tokenizer_id: format!("fsq-{n_vocab}"),
-        device: "flex".to_owned(),
-        git_revision: "0000000".to_owned(),
-    }
+        ..Measured::default()
+    };
+    let metrics = [(LOSS_NORMALISED, loss_normalised)].into_iter().collect();
+    RunRecord::new(planned, measured, metrics)
 }
 
 /// The best point of a budget over a fine grid of models four layers deep.
@@ -198,6 +185,7 @@ fn laws(noise: &mut Noise) -> Laws {
         law: LawKind::Isoflop,
         from_sweep: true,
         flops_rule: "6nd".to_owned(),
+        metric: Metric::default(),
         parameters: Parameters::Split,
         n_ctx: None,
         reference_flops: reference,

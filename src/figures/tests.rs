@@ -4,6 +4,7 @@ use std::fs;
 
 use super::*;
 use crate::laws::MinimumFlag;
+use crate::record::facts::LOSS_NORMALISED;
 use simulated::Simulated;
 
 fn drawn(input: &FigureInput) -> (tempfile::TempDir, Drawn) {
@@ -70,7 +71,7 @@ fn without_laws_the_figures_of_runs_remain() {
 #[test]
 fn with_one_vocabulary_what_compares_vocabularies_is_left_out() {
     let mut sweep = simulated::sweep();
-    sweep.records.retain(|run| run.n_vocab == 256);
+    sweep.records.retain(|run| run.planned.n_vocab == 256);
     sweep.tokenizers.truncate(1);
     assert_eq!(left_out(&sweep.input()), ["loss_vs_vocab", "tokenizers"]);
 }
@@ -95,8 +96,8 @@ fn a_sweep_of_one_run_is_still_drawn() {
 #[test]
 fn a_diverged_run_is_named_and_the_rest_drawn() {
     let mut sweep = simulated::sweep();
-    sweep.records[7].loss_normalised = f64::NAN;
-    let name = format!("run {}", sweep.records[7].run_id);
+    sweep.records[7].metrics.set(LOSS_NORMALISED, f64::NAN);
+    let name = format!("run {}", sweep.records[7].planned.run_id);
     assert_eq!(left_out(&sweep.input()), [name]);
 }
 
@@ -182,7 +183,8 @@ fn the_vocabulary_figure_is_the_golden_one() {
 #[ignore = "for the eye: writes the figures of simulated sweeps to target/gallery"]
 fn gallery() {
     let (sweep, many) = (simulated::sweep(), simulated::large_grid());
-    let one_vocab: Vec<_> = sweep.records.iter().filter(|r| r.n_vocab == 256).cloned().collect();
+    let one_vocab: Vec<_> =
+        sweep.records.iter().filter(|r| r.planned.n_vocab == 256).cloned().collect();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/gallery");
     for (name, records) in [("sweep", &sweep.records), ("large", &many), ("plain", &one_vocab)] {
         let input = FigureInput { records, ..sweep.input() };

@@ -1,60 +1,145 @@
-//! The record of a finished run.
+//! The record of a finished run, whoever trained it: the one place where records are made.
 
-use super::assignment::Assignment;
-use crate::data::Split;
-use crate::generator::autoregressive::zero_count_targets;
-use crate::generator::{Inputs, Trained};
-use crate::machine::peak::peak_bytes;
-use crate::plan::RunSpec;
-use crate::record::RunRecord;
+use super::folder::ResultsFolder;
+use super::id::JobId;
+use super::tokenizer;
+use crate::files::read_if_there;
+use crate::plan::{RunSpec, TokenizerJob};
+use crate::record::facts::{LOSS_NATS, LOSS_NORMALISED, NATS_PER_FRAME, NATS_PER_SECOND};
+use crate::record::{Measured, Metrics, Planned, RunRecord};
+use crate::spec::FlopsPerToken;
 use crate::spec::flops::TRAINING_PER_FORWARD;
 
-/// Gathers what the run was, what it spent and how well it did.
-pub fn of_training(
-    assignment: &Assignment,
+/// Frames of a code that stands for no fixed number of them.
+const FRAMES_PER_CODE: f64 = 4.0;
+
+/// What a trainer says of a run that it finished; for what is `None` the plan's value stands in.
+pub struct Report {
+    pub device: String,
+    pub loss_nats: f64,
+    pub loss_normalised: f64,
+    /// By default from `nats_per_second`, or from `loss_nats`: a code stands for four frames.
+    pub nats_per_frame: Option<f64>,
+    pub nats_per_second: Option<f64>,
+    pub tokens: Option<usize>,
+    /// 0 where it is not known.
+    pub unique_tokens: usize,
+    pub steps: Option<usize>,
+    pub batch_tokens: Option<usize>,
+    pub lr: Option<f64>,
+    /// By default a full context of `max_text_tokens` words and every motion slot.
+    pub flops_exact: Option<f64>,
+    /// Words of the longest caption.
+    pub max_text_tokens: usize,
+    pub zero_count_targets: usize,
+    pub wall_s: f64,
+    pub tokens_per_s: Option<f64>,
+    pub peak_bytes: Option<u64>,
+}
+
+impl Report {
+    /// The record of the run that was planned as `spec`.
+    pub fn record(&self, folder: &ResultsFolder, id: &str, spec: &RunSpec) -> RunRecord {
+        let (planned, price) = subject(folder, id, spec, self.max_text_tokens);
+        let planned = Planned {
+            steps: self.steps.or(planned.steps),
+            batch_tokens: self.batch_tokens.or(planned.batch_tokens),
+            lr: self.lr.or(planned.lr),
+            ..planned
+        };
+        RunRecord::new(planned, self.measured(&price), self.metrics(&price))
+    }
+
+    fn measured(&self, price: &Price) -> Measured {
+        let (tokens, unique) = (self.tokens.unwrap_or(price.tokens), self.unique_tokens);
+        let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;
+        let by_plan = || training(price.per_token.exact);
+        let per_s = self.tokens_per_s.unwrap_or(tokens as f64 / self.wall_s.max(1e-9));
+        Measured {
+            flops_openai: Some(training(price.per_token.openai as f64)),
+            flops_6nd: Some(training(price.per_token.six_nd)),
+            flops_exact: Some(self.flops_exact.unwrap_or_else(by_plan)),
+            tokens,
+            unique_tokens: Some(unique),
+            epochs: Some(if unique > 0 { tokens as f64 / unique as f64 } else { 0.0 }),
+            zero_count_targets: Some(self.zero_count_targets),
+            wall_s: Some(self.wall_s),
+            tokens_per_s: Some(per_s),
+            peak_bytes: Some(self.peak_bytes.unwrap_or(price.peak_bytes)),
+            device: Some(self.device.clone()),
+            git_revision: Some(env!("ISOFLOP_GIT_REVISION").to_string()),
+        }
+    }
+
+    fn metrics(&self, price: &Price) -> Metrics {
+        let per_second = self.nats_per_second.map(|x| x / price.fps);
+        let per_code = self.loss_nats / price.frames_per_code;
+        let per_frame = self.nats_per_frame.or(per_second).unwrap_or(per_code);
+        let metrics = [
+            (LOSS_NATS, self.loss_nats),
+            (LOSS_NORMALISED, self.loss_normalised),
+            (NATS_PER_FRAME, per_frame),
+            (NATS_PER_SECOND, self.nats_per_second.unwrap_or(per_frame * price.fps)),
+        ];
+        metrics.into_iter().collect()
+    }
+}
+
+/// What of a spec is no fact of a record, but goes into some.
+struct Price {
+    tokens: usize,
+    per_token: FlopsPerToken,
+    peak_bytes: u64,
+    /// Frames per second of the data.
+    fps: f64,
+    frames_per_code: f64,
+}
+
+/// What the plan says of a run. Nothing else here reads its spec.
+fn subject(
+    folder: &ResultsFolder,
+    id: &str,
     spec: &RunSpec,
-    inputs: &Inputs,
-    trained: &Trained,
-) -> RunRecord {
-    let params = spec.params();
-    let tokens = spec.tokens();
-    let unique_tokens = inputs.tokens.n_targets(Split::Train);
-    let per_token = spec.generator.flops_per_token(&spec.codes, 1);
-    let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;
-    RunRecord {
-        run_id: assignment.job.id.clone(),
-        seed: spec.seed,
-        n_layer: spec.shape().n_layer,
-        n_head: spec.shape().n_head,
-        d_model: spec.shape().d_model,
-        d_ff: spec.shape().d_ff,
-        n_ctx: spec.shape().n_ctx,
+    max_text_tokens: usize,
+) -> (Planned, Price) {
+    let (shape, params) = (spec.shape(), spec.params());
+    let frames = spec.codes.frames_per_code();
+    let price = Price {
+        tokens: spec.tokens(),
+        per_token: spec.generator.flops_per_token(&spec.codes, max_text_tokens),
+        peak_bytes: spec.generator.peak_bytes(&spec.codes, spec.batch_tokens),
+        fps: spec.fps,
+        frames_per_code: frames.unwrap_or(FRAMES_PER_CODE),
+    };
+    let tokenizer = tokenizer_of(folder, &spec.tokenizer_id);
+    let planned = Planned {
+        run_id: id.to_string(),
+        seed: Some(spec.seed),
+        n_layer: Some(shape.n_layer),
+        n_head: Some(shape.n_head),
+        d_model: Some(shape.d_model),
+        d_ff: Some(shape.d_ff),
+        n_ctx: Some(shape.n_ctx),
         n_vocab: spec.n_vocab(),
         budget_flops: spec.budget_flops,
-        flops_openai: training(per_token.openai as f64),
-        flops_6nd: training(per_token.six_nd),
-        flops_exact: trained.flops_exact,
         params_nonvocab: params.nonvocab,
         params_vocab: params.vocab,
-        params_text: params.text,
-        params_embedding: params.embedding,
-        params_head: params.head,
-        tokens,
-        unique_tokens,
-        epochs: tokens as f64 / unique_tokens as f64,
-        steps: spec.steps,
-        batch_tokens: spec.batch_tokens,
-        lr: spec.lr,
-        loss_nats: trained.test.loss_nats,
-        loss_normalised: trained.test.loss_normalised,
-        nats_per_frame: trained.test.nats_per_frame,
-        nats_per_second: trained.test.nats_per_frame * spec.fps,
-        zero_count_targets: zero_count_targets(inputs.tokens),
-        wall_s: trained.wall_s,
-        tokens_per_s: tokens as f64 / trained.wall_s,
-        peak_bytes: peak_bytes(),
-        tokenizer_id: spec.tokenizer_id.clone(),
-        device: assignment.device_name.to_string(),
-        git_revision: env!("ISOFLOP_GIT_REVISION").to_string(),
-    }
+        params_text: Some(params.text),
+        params_embedding: Some(params.embedding),
+        params_head: Some(params.head),
+        steps: Some(spec.steps),
+        batch_tokens: Some(spec.batch_tokens),
+        lr: Some(spec.lr),
+        tokenizer_id: Some(spec.tokenizer_id.clone()),
+        generator: Some(spec.generator.name().to_string()),
+        tokenizer_kind: tokenizer.as_ref().map(|job| job.spec.architecture.name().to_string()),
+        quantizer: tokenizer.map(|job| job.spec.quantizer.name().to_string()),
+    };
+    (planned, price)
+}
+
+/// The tokenizer of a run; `None` where the sweep has no data. A name is not worth a trained run, so
+/// the name of one whose description is damaged is unknown.
+fn tokenizer_of(folder: &ResultsFolder, tokenizer_id: &str) -> Option<TokenizerJob> {
+    read_if_there(&folder.spec(&JobId::new(tokenizer::KIND, tokenizer_id))).ok().flatten()
 }

@@ -11,13 +11,17 @@ use super::folder::ResultsFolder;
 use super::id::JobId;
 use super::job::Job;
 use super::kind::{JobKind, Kind};
+use super::record::Report;
 use super::spec_file::write_once;
 use super::training::{Opened, share_done, trunk_state};
-use super::{program, record, text, tokens, trunk};
+use super::{program, text, tokens, trunk};
+use crate::data::Split;
 use crate::files::atomic::{write_bytes, write_json};
 use crate::files::{FileError, read_if_there};
-use crate::generator::{self, Trained};
+use crate::generator::autoregressive::zero_count_targets;
+use crate::generator::{self, Inputs, Trained};
 use crate::learn::weights;
+use crate::machine::peak::peak_bytes;
 use crate::plan::{Plan, PlannedRun, RunSpec};
 use crate::progress::{beats, progress};
 use crate::sweep::Stage;
@@ -141,6 +145,29 @@ fn job(run: &PlannedRun, inputs: &[JobId], plan: &Plan) -> Job {
     }
 }
 
+/// What the built-in trainer says of a run.
+fn report(assignment: &Assignment, inputs: &Inputs, trained: &Trained) -> Result<Report> {
+    let tokens = inputs.tokens;
+    Ok(Report {
+        device: assignment.device_name.to_string(),
+        loss_nats: trained.test.loss_nats,
+        loss_normalised: trained.test.loss_normalised,
+        nats_per_frame: Some(trained.test.nats_per_frame),
+        nats_per_second: None,
+        tokens: None,
+        unique_tokens: tokens.n_tokens(Split::Train) + tokens.n_clips(Split::Train),
+        steps: None,
+        batch_tokens: None,
+        lr: None,
+        flops_exact: Some(trained.flops_exact),
+        max_text_tokens: assignment.sweep()?.text.max_tokens,
+        zero_count_targets: zero_count_targets(tokens),
+        wall_s: trained.wall_s,
+        tokens_per_s: None,
+        peak_bytes: Some(peak_bytes()),
+    })
+}
+
 fn write_results(
     assignment: &Assignment,
     spec: &RunSpec,
@@ -155,7 +182,8 @@ fn write_results(
         lines.push('\n');
     }
     write_bytes(&place.join("log.jsonl"), lines.as_bytes())?;
-    let record = record::of_training(assignment, spec, &opened.inputs(), trained);
+    let report = report(assignment, &opened.inputs(), trained)?;
+    let record = report.record(assignment.folder, &assignment.job.id, spec);
     write_json(&assignment.product(), &record)?;
     assignment.remove_checkpoint()?;
     Ok(())

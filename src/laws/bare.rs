@@ -19,6 +19,7 @@ pub(super) fn bare(
         law,
         from_sweep: false,
         flops_rule: flops_rule.to_string(),
+        metric: points.first().map(|point| point.metric.clone()).unwrap_or_default(),
         parameters,
         n_ctx: None,
         reference_flops,

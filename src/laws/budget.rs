@@ -16,8 +16,8 @@ pub struct Budget<'a> {
 /// The budgets of a table, ascending; the rows of each in the table's order.
 ///
 /// # Errors
-/// [`FitError::BadValue`] names the first run with a value that no law can use; N_v and V are among
-/// them, so the points must be [`Parameters::Split`].
+/// [`FitError::BadValue`] and [`FitError::BadLoss`] name the first run with a value that no law can use;
+/// N_v and V are among them, so the points must be [`Parameters::Split`].
 pub fn group_budgets(points: &[IsoFlopPoint]) -> Result<Vec<Budget<'_>>, FitError> {
     group_checked(points, Parameters::Split)
 }

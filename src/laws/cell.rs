@@ -79,7 +79,7 @@ fn mean(runs: &[&IsoFlopPoint]) -> Cell {
         n_vocab: runs[0].n_vocab,
         tokens: over(|run| run.tokens.ln()).exp(),
         flops: over(|run| run.flops.ln()).exp(),
-        loss: over(|run| run.loss_normalised),
+        loss: over(|run| run.loss),
         runs: total.powi(2) / squares,
         spread: spread(runs),
         dof: runs.len() - 1,
@@ -87,8 +87,8 @@ fn mean(runs: &[&IsoFlopPoint]) -> Cell {
 }
 
 fn spread(runs: &[&IsoFlopPoint]) -> f64 {
-    let mean = runs.iter().map(|run| run.loss_normalised).sum::<f64>() / runs.len() as f64;
-    runs.iter().map(|run| (run.loss_normalised - mean).powi(2)).sum()
+    let mean = runs.iter().map(|run| run.loss).sum::<f64>() / runs.len() as f64;
+    runs.iter().map(|run| (run.loss - mean).powi(2)).sum()
 }
 
 /// The sizes of a grid, ascending in N_nv, from its [`cells`].

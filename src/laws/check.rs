@@ -1,7 +1,7 @@
 //! What a row must hold before anything is computed from it.
 
 use super::cell::compare;
-use super::{FitError, IsoFlopPoint, Parameters};
+use super::{FitError, IsoFlopPoint, Metric, Parameters};
 
 /// Rejects a row whose logarithms do not exist, whose loss is no number or whose vocabulary is not
 /// as `parameters` says.
@@ -28,10 +28,29 @@ pub(super) fn point(p: &IsoFlopPoint, parameters: Parameters) -> Result<(), FitE
     if let Some((field, value)) = vocabulary.into_iter().find(|(_, v)| !is_known(*v)) {
         return bad(field, value, expected);
     }
-    if !p.loss_normalised.is_finite() {
-        return bad("loss_normalised", p.loss_normalised, "finite");
+    if p.loss.is_finite() { Ok(()) } else { Err(loss(p, "finite")) }
+}
+
+/// The loss of a row is not as `expected`.
+pub(super) fn loss(p: &IsoFlopPoint, expected: &'static str) -> FitError {
+    let (run_id, metric) = (p.run_id.clone(), p.metric.clone());
+    FitError::BadLoss { run_id, metric, value: p.loss, expected }
+}
+
+/// The metric that every row holds; that of no rows is the default.
+///
+/// # Errors
+/// [`FitError::Metrics`] for rows that hold different ones.
+pub(super) fn metric(points: &[IsoFlopPoint]) -> Result<Metric, FitError> {
+    let Some(first) = points.first() else { return Ok(Metric::default()) };
+    match points.iter().find(|point| point.metric != first.metric) {
+        None => Ok(first.metric.clone()),
+        Some(other) => Err(FitError::Metrics {
+            run_id: other.run_id.clone(),
+            metric: other.metric.clone(),
+            first: first.metric.clone(),
+        }),
     }
-    Ok(())
 }
 
 /// A sentence for every cell and seed that more than one row holds.

@@ -1,5 +1,6 @@
 //! Why a table of runs gives no laws.
 
+use super::Metric;
 use crate::sweep::MinimumMethod;
 
 /// Why [`fit`](super::fit()) gave no laws; every message says what is wrong, where, and the remedy.
@@ -10,6 +11,14 @@ pub enum FitError {
 
     #[error("{run_id}: {field} is {value}, but it must be {expected}; mend or drop that row")]
     BadValue { run_id: String, field: &'static str, value: f64, expected: &'static str },
+
+    #[error("{run_id}: {metric} is {value}, but it must be {expected}; mend or drop that row")]
+    BadLoss { run_id: String, metric: Metric, value: f64, expected: &'static str },
+
+    #[error(
+        "{run_id} holds {metric} as its loss, and the first row {first}; fit one of them at a time"
+    )]
+    Metrics { run_id: String, metric: Metric, first: Metric },
 
     #[error("fit option {option} is {value}, but it must be {expected}")]
     BadOption { option: &'static str, value: String, expected: &'static str },

@@ -11,8 +11,8 @@ use super::stats::MIN_REPLICATES;
 use super::validation::validate;
 use super::{
     FitError, FitOptions, FloorLaw, HeldOut, IsoFlopPoint, LawKind, LawSample, Laws, LogLaw,
-    LossLaws, Minimum, Parameters, PowerLaws, RunNoise, check, floor_law, intervals, law_set,
-    sensitivity, warnings,
+    LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise, check, floor_law, intervals,
+    law_set, sensitivity, warnings,
 };
 use crate::sweep::MinimumMethod;
 
@@ -33,6 +33,7 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     if points.is_empty() {
         return Err(FitError::NoPoints);
     }
+    let metric = check::metric(points)?;
     let budgets = group_checked(points, options.parameters)?;
     if points.len() > 3 && 2 * budgets.len() > points.len() {
         return Err(FitError::ScatteredBudgets { rows: points.len(), budgets: budgets.len() });
@@ -46,6 +47,7 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
 
     let replicas = replicas(&used, &split, &per_method, method, options);
     let mut laws = laws_through(&used, &split, method, &replicas, options)?;
+    laws.metric = metric;
     laws.minima = with_held_out(&per_method, &split, &replicas.replicates);
     laws.sensitivity = sensitivity::by_method(&per_method, method, &split, options);
     laws.validation = validate(&used, laws.held_out.as_ref(), &split, options);
@@ -125,7 +127,8 @@ fn too_few_minima(method: MinimumMethod, usable: usize, flagged: String) -> FitE
     FitError::TooFewMinima { method, usable, flagged }
 }
 
-/// Every law, interval and held-out error; the minima and the sensitivity table are still empty.
+/// Every law, interval and held-out error; the minima and the sensitivity table are still empty, and
+/// the metric is the default.
 fn laws_through(
     used: &[Minimum],
     split: &Split,
@@ -160,6 +163,7 @@ fn laws_through(
         law: LawKind::Isoflop,
         from_sweep: false,
         flops_rule: options.flops_rule.clone(),
+        metric: Metric::default(),
         parameters: options.parameters,
         n_ctx: None,
         reference_flops: reference,

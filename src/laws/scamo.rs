@@ -1,6 +1,6 @@
 //! The published law.
 
-use super::{LawKind, Laws, LogLaw, LossLaws, Parameters, PowerLaw, PowerLaws};
+use super::{LawKind, Laws, LogLaw, LossLaws, Metric, Parameters, PowerLaw, PowerLaws};
 use crate::sweep::MinimumMethod;
 use std::f64::consts::LN_10;
 
@@ -23,6 +23,7 @@ pub fn scamo() -> Laws {
         law: LawKind::Published,
         from_sweep: true,
         flops_rule: "6nd".into(),
+        metric: Metric::default(),
         parameters: Parameters::Split,
         n_ctx: None,
         reference_flops: REFERENCE_FLOPS,

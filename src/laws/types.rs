@@ -1,6 +1,6 @@
 //! The values between a table of runs and a law; [`Laws`] is what `laws.json` holds.
 
-use super::{Advice, LawSample, Parametric, Validation};
+use super::{Advice, LawSample, Metric, Parametric, Validation};
 use serde::{Deserialize, Serialize};
 
 use crate::sweep::MinimumMethod;
@@ -22,9 +22,10 @@ pub struct IsoFlopPoint {
     pub n_vocab: f64,
     /// D.
     pub tokens: f64,
-    /// L_u, in nats; lower is better, 0 is the unigram model. A table made elsewhere may hold another
-    /// loss here.
-    pub loss_normalised: f64,
+    /// Which loss this is.
+    pub metric: Metric,
+    /// The loss; lower is better. L_u is in nats, and 0 for the unigram model.
+    pub loss: f64,
     /// How much the run counts in means and fits, relative to the others; 1 by default.
     pub weight: f64,
 }
@@ -242,6 +243,9 @@ pub struct Laws {
     pub from_sweep: bool,
     /// `openai`, `6nd` or `exact`: which count of FLOPs the laws are written in.
     pub flops_rule: String,
+    /// The loss that the points hold.
+    #[serde(default)]
+    pub metric: Metric,
     /// Whether N_nv and N_v are told apart.
     #[serde(default)]
     pub parameters: Parameters,

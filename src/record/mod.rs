@@ -1,6 +1,19 @@
 //! What a finished run leaves behind: its record, and the table of all records.
+//!
+//! [`facts`] declares every fact once. Records and the table follow from the declaration: a new fact
+//! is a line there, and a value where records are made.
 
+mod cell;
+mod declare;
+pub mod facts;
+mod json;
+mod metrics;
 mod run_record;
 pub mod table;
+#[cfg(test)]
+mod tests;
 
-pub use run_record::{RunRecord, flops_per_second};
+pub use cell::{Cell, FactColumn, Kind};
+pub use facts::{Measured, Planned};
+pub use metrics::Metrics;
+pub use run_record::{FORMAT, Lacking, RunRecord, flops_per_second};

@@ -1,10 +1,17 @@
 //! `runs.parquet` and `runs.csv`: a row a finished run. The one place that knows polars.
+//!
+//! The columns are those of [`COLUMNS`], then metrics that nobody declared, by name. A column that is
+//! not there reads as null.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::Path;
 
 use polars::prelude::*;
 
+use super::cell::{Cell, FactColumn, Kind};
+use super::facts::{COLUMNS, LOSSES, Measured, Planned};
+use super::metrics::Metrics;
 use super::run_record::RunRecord;
 use crate::files::atomic::write_whole;
 
@@ -24,13 +31,14 @@ impl TableError {
 
 /// Sorts records as the table has them: by budget, model, vocabulary and seed.
 pub fn sort(records: &mut [RunRecord]) {
-    records.sort_by(|a, b| {
-        a.budget_flops.total_cmp(&b.budget_flops).then_with(|| key(a).cmp(&key(b)))
-    });
+    let budget = |r: &RunRecord| r.planned.budget_flops;
+    records.sort_by(|a, b| budget(a).total_cmp(&budget(b)).then_with(|| key(a).cmp(&key(b))));
 }
 
-fn key(r: &RunRecord) -> (usize, usize, usize, u64, &str) {
-    (r.params_nonvocab, r.d_model, r.n_vocab, r.seed, &r.run_id)
+fn key(r: &RunRecord) -> (usize, Option<usize>, usize, Option<u64>, &str) {
+    let planned = &r.planned;
+    let Planned { params_nonvocab, d_model, n_vocab, seed, .. } = *planned;
+    (params_nonvocab, d_model, n_vocab, seed, &planned.run_id)
 }
 
 /// Writes both forms of the table, each whole, by rename.
@@ -46,6 +54,9 @@ pub fn write(folder: &Path, records: &[RunRecord]) -> Result<(), TableError> {
 }
 
 /// Reads `runs.parquet` of a sweep's folder.
+///
+/// # Errors
+/// The file is missing or damaged; a column has another type; a row lacks what it is nothing without.
 pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
     let path = folder.join("runs.parquet");
     let failed = |error: &dyn std::fmt::Display| TableError::new(&path, error);
@@ -54,101 +65,88 @@ pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
     rows(&frame).map_err(|error| failed(&error))
 }
 
-/// Declares each column once, for both directions.
-macro_rules! columns {
-    ($($name:ident: $kind:ident),* $(,)?) => {
-        fn frame(records: &[RunRecord]) -> PolarsResult<DataFrame> {
-            DataFrame::new(records.len(), vec![$(
-                Column::new(
-                    stringify!($name).into(),
-                    records.iter().map(|r| to_column!($kind, r.$name)).collect::<Vec<_>>(),
-                ),
-            )*])
+fn frame(records: &[RunRecord]) -> PolarsResult<DataFrame> {
+    let declared = COLUMNS.iter().map(|column| written(column, records));
+    let others = undeclared(records);
+    let others = others.iter().map(|name| {
+        let values: Vec<_> = records.iter().map(|record| record.metrics.get(name)).collect();
+        Column::new((*name).into(), values)
+    });
+    DataFrame::new(records.len(), declared.chain(others).collect())
+}
+
+fn written(column: &FactColumn, records: &[RunRecord]) -> Column {
+    let cells = records.iter().map(|record| column.of(record));
+    let name = column.name.into();
+    match column.kind {
+        Kind::Count => Column::new(name, cells.map(Cell::count).collect::<Vec<_>>()),
+        Kind::Number => Column::new(name, cells.map(Cell::number).collect::<Vec<_>>()),
+        Kind::Text => Column::new(name, cells.map(Cell::text).collect::<Vec<_>>()),
+    }
+}
+
+/// Metrics that are no declared columns.
+fn undeclared(records: &[RunRecord]) -> BTreeSet<&str> {
+    let names = records.iter().flat_map(|record| record.metrics.iter()).map(|(name, _)| name);
+    names.filter(|name| !is_declared(name)).collect()
+}
+
+fn is_declared(name: &str) -> bool {
+    COLUMNS.iter().any(|column| column.name == name)
+}
+
+fn rows(frame: &DataFrame) -> PolarsResult<Vec<RunRecord>> {
+    let blank = RunRecord::new(Planned::default(), Measured::default(), Metrics::default());
+    let mut records = vec![blank; frame.height()];
+    for column in COLUMNS {
+        match frame.column(column.name) {
+            Ok(cells) => read_column(column, cells, &mut records)?,
+            Err(_) if column.is_required => {
+                polars_bail!(ColumnNotFound: "column {} is missing", column.name)
+            }
+            Err(_) => {}
         }
-
-        fn rows(frame: &DataFrame) -> PolarsResult<Vec<RunRecord>> {
-            $(let $name = frame.column(stringify!($name))?.as_materialized_series();)*
-            $(let $name = series!($kind, $name)?;)*
-            (0..frame.height())
-                .map(|i| Ok(RunRecord { $($name: from_column!($kind, $name, i)?),* }))
-                .collect()
+    }
+    read_metrics(frame, &mut records)?;
+    match records.iter().position(|record| !record.metrics.have_a_loss()) {
+        None => Ok(records),
+        Some(row) => {
+            let losses = LOSSES.join(", ");
+            polars_bail!(ComputeError: "row {} has none of the losses {losses}", row + 1)
         }
-    };
+    }
 }
 
-macro_rules! to_column {
-    (count, $value:expr) => {
-        $value as u64
-    };
-    (number, $value:expr) => {
-        $value
-    };
-    (text, $value:expr) => {
-        $value.as_str()
-    };
+/// Takes every column of numbers that nobody declared for a metric.
+fn read_metrics(frame: &DataFrame, to: &mut [RunRecord]) -> PolarsResult<()> {
+    let others = frame.columns().iter().filter(|column| !is_declared(column.name()));
+    for column in others.filter(|column| column.dtype() == &DataType::Float64) {
+        for (record, value) in to.iter_mut().zip(column.f64()?.iter()) {
+            value.into_iter().for_each(|x| record.metrics.set(column.name().to_string(), x));
+        }
+    }
+    Ok(())
 }
 
-macro_rules! series {
-    (count, $series:expr) => {
-        $series.u64()
+fn read_column(column: &FactColumn, cells: &Column, to: &mut [RunRecord]) -> PolarsResult<()> {
+    let empty = || polars_err!(ComputeError: "column {} has an empty cell", column.name);
+    let fill = |(record, cell): (&mut RunRecord, Option<Cell>)| {
+        let filled = column.fill(record, cell.unwrap_or(Cell::Null));
+        if filled { Ok(()) } else { Err(empty()) }
     };
-    (number, $series:expr) => {
-        $series.f64()
-    };
-    (text, $series:expr) => {
-        $series.str()
-    };
+    let records = to.iter_mut();
+    match column.kind {
+        Kind::Count => {
+            records.zip(cells.u64()?.iter().map(|x| x.map(Cell::Count))).try_for_each(fill)
+        }
+        Kind::Number => {
+            records.zip(cells.f64()?.iter().map(|x| x.map(Cell::Number))).try_for_each(fill)
+        }
+        Kind::Text => {
+            records.zip(cells.str()?.iter().map(|x| x.map(Cell::Text))).try_for_each(fill)
+        }
+    }
 }
 
-macro_rules! from_column {
-    (count, $column:expr, $i:expr) => {
-        present($column.get($i), stringify!($column)).map(|x| x as _)
-    };
-    (number, $column:expr, $i:expr) => {
-        present($column.get($i), stringify!($column))
-    };
-    (text, $column:expr, $i:expr) => {
-        present($column.get($i), stringify!($column)).map(str::to_string)
-    };
-}
-
-fn present<T>(value: Option<T>, column: &str) -> PolarsResult<T> {
-    value.ok_or_else(|| polars_err!(ComputeError: "column {column} has an empty cell"))
-}
-
-columns! {
-    run_id: text,
-    seed: count,
-    n_layer: count,
-    n_head: count,
-    d_model: count,
-    d_ff: count,
-    n_ctx: count,
-    n_vocab: count,
-    budget_flops: number,
-    flops_openai: number,
-    flops_6nd: number,
-    flops_exact: number,
-    params_nonvocab: count,
-    params_vocab: count,
-    params_text: count,
-    params_embedding: count,
-    params_head: count,
-    tokens: count,
-    unique_tokens: count,
-    epochs: number,
-    steps: count,
-    batch_tokens: count,
-    lr: number,
-    loss_nats: number,
-    loss_normalised: number,
-    nats_per_frame: number,
-    nats_per_second: number,
-    zero_count_targets: count,
-    wall_s: number,
-    tokens_per_s: number,
-    peak_bytes: count,
-    tokenizer_id: text,
-    device: text,
-    git_revision: text,
-}
+#[cfg(test)]
+mod tests;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{Expression, Quantity, Table, TableError};
+use crate::laws::LOSS_NORMALISED;
 
 /// The columns of one table by what they stand for.
 #[derive(Clone, Debug, Default)]
@@ -14,9 +15,6 @@ pub(super) struct Named {
     pub sources: BTreeMap<Quantity, String>,
     pub notes: Vec<String>,
 }
-
-/// A column that is taken for the loss where none is named so.
-const LOSS_OF_A_SWEEP: &str = "loss_normalised";
 
 /// Reads `--columns`, and takes the columns that are themselves named as a quantity.
 pub(super) fn named(columns: Option<&str>, table: &Table) -> Result<Named, TableError> {
@@ -111,7 +109,8 @@ fn split(text: &str) -> Vec<&str> {
     parts
 }
 
-/// Columns named as a quantity that `--columns` does not give.
+/// Columns named as a quantity that `--columns` does not give; a sweep's table names its loss
+/// [`LOSS_NORMALISED`].
 ///
 /// Where `--columns` gives N, a column N_nv is left alone: the two could disagree.
 fn implicit(given: &[(Quantity, Expression)], table: &Table) -> Vec<(Quantity, Expression)> {
@@ -120,7 +119,7 @@ fn implicit(given: &[(Quantity, Expression)], table: &Table) -> Vec<(Quantity, E
     for (name, quantity) in Quantity::ALL {
         let disagrees = quantity == Quantity::ParamsNonvocab && is_given(Quantity::Params)
             || quantity == Quantity::Params && is_given(Quantity::ParamsNonvocab);
-        let sweep = (quantity == Quantity::Loss).then_some(LOSS_OF_A_SWEEP);
+        let sweep = (quantity == Quantity::Loss).then_some(LOSS_NORMALISED);
         let mut names = [Some(name), sweep].into_iter().flatten();
         let column = names.find_map(|name| Expression::column(name, table));
         if let Some(column) = column.filter(|_| !is_given(quantity) && !disagrees) {

@@ -17,7 +17,7 @@
 use super::columns::Named;
 use super::model::{model, zip};
 use super::{Quantity, Table, TableError};
-use crate::laws::Parameters;
+use crate::laws::{Metric, Parameters};
 
 /// Budgets beyond this factor of 6 N D are a slip of the unit rather than another FLOP rule.
 const LIKELY_SLIP: f64 = 3.0;
@@ -34,6 +34,8 @@ pub(super) struct Derived {
     pub tokens: Vec<f64>,
     pub budget_flops: Vec<f64>,
     pub flops: Vec<f64>,
+    /// The column or expression that gives the loss.
+    pub metric: Metric,
     pub loss: Vec<f64>,
     pub seed: Vec<f64>,
     pub weight: Vec<f64>,
@@ -71,6 +73,7 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
         n_vocab: model.n_vocab,
         tokens,
         budget_flops,
+        metric: named.sources.get(&Quantity::Loss).map_or_else(Metric::default, |m| Metric::new(m)),
         loss: loss.to_vec(),
         seed: all(Quantity::Seed, 0.0),
         weight: all(Quantity::Weight, 1.0),

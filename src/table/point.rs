@@ -54,7 +54,8 @@ impl Derived {
             params_vocab: self.params_vocab[row],
             n_vocab: self.n_vocab[row],
             tokens: self.tokens[row],
-            loss_normalised: self.loss[row],
+            metric: self.metric.clone(),
+            loss: self.loss[row],
             weight: self.weight[row],
         })
     }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use isoflop::record::Measured;
 use nix::sys::signal::Signal;
 use serde_json::Value;
 
@@ -43,6 +44,10 @@ fn has_python() -> bool {
     found
 }
 
+fn is_custom(measured: &Measured) -> bool {
+    measured.device.as_deref() == Some("custom") && measured.unique_tokens == Some(0)
+}
+
 #[test]
 fn the_worked_example_finds_the_law_that_it_was_trained_by() {
     if !has_python() {
@@ -59,7 +64,7 @@ fn the_worked_example_finds_the_law_that_it_was_trained_by() {
     let results = place.path("results/custom-trainer");
     let kept = records::timeless(&results);
     assert!(kept.len() > 100, "{} runs", kept.len());
-    assert!(kept.values().all(|record| record.device == "custom" && record.unique_tokens == 0));
+    assert!(kept.values().all(|record| is_custom(&record.measured)));
     assert_eq!(records::column(&results, "device").len(), kept.len());
     assert!(!results.join("tokenizers").exists());
 
@@ -87,14 +92,19 @@ fn a_result_becomes_the_record_with_the_plans_values_where_it_is_silent() {
         place.json(&format!("{folder}/record.json")),
         place.json(&format!("{folder}/trainer.json")),
     );
-    assert_eq!(record["loss_normalised"], -0.5);
-    assert_eq!(record["nats_per_second"], 3.5 / 4.0 * 20.0);
-    assert_eq!(record["device"], "custom");
-    assert_eq!(record["wall_s"], 2.0);
-    for name in ["tokens", "steps", "batch_tokens", "n_vocab", "seed", "budget_flops"] {
-        assert_eq!(record[name], spec[name], "{name}");
+    let (planned, measured, metrics) =
+        (&record["planned"], &record["measured"], &record["metrics"]);
+    assert_eq!(metrics["loss_normalised"], -0.5);
+    assert_eq!(metrics["nats_per_second"], 3.5 / 4.0 * 20.0);
+    assert_eq!(measured["device"], "custom");
+    assert_eq!(measured["wall_s"], 2.0);
+    assert_eq!(measured["tokens"], spec["tokens"]);
+    for name in ["steps", "batch_tokens", "n_vocab", "seed", "budget_flops"] {
+        assert_eq!(planned[name], spec[name], "{name}");
     }
-    assert_eq!(record["lr"], spec["lr"]["peak"]);
+    assert_eq!(planned["lr"], spec["lr"]["peak"]);
+    assert_eq!(planned["generator"], "autoregressive");
+    assert!(planned["quantizer"].is_null() && planned["tokenizer_kind"].is_null());
     assert!(spec["codes"].is_null() && spec["out"].as_str().unwrap().starts_with('/'));
     assert!(!place.path(&format!("{folder}/checkpoint")).exists());
 
@@ -195,7 +205,7 @@ echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#;
     place.isoflop(&["run", "mini.yaml", "--set", trainer]).exits(0);
     let kept = records::timeless(&place.path("results/mini"));
     assert_eq!(kept.len(), 8);
-    assert!(kept.values().all(|record| record.unique_tokens > 0 && record.epochs > 0.0));
+    assert!(kept.values().all(|record| record.measured.epochs > Some(0.0)));
 }
 
 #[test]

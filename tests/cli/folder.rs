@@ -48,7 +48,10 @@ fn a_finished_sweep_leaves_every_file_that_was_promised() {
             names,
             ["log.jsonl", "log.txt", "model.safetensors", "record.json", "spec.json"]
         );
-        assert_eq!(place.json(&format!("results/mini/runs/{id}/record.json"))["run_id"], *id);
+        assert_eq!(
+            place.json(&format!("results/mini/runs/{id}/record.json"))["planned"]["run_id"],
+            *id
+        );
         let log =
             String::from_utf8(place.read(&format!("results/mini/runs/{id}/log.jsonl"))).unwrap();
         let lines: Vec<serde_json::Value> =
@@ -98,12 +101,16 @@ fn the_table_has_the_promised_columns_and_a_row_a_run() {
         "tokenizer_id",
         "device",
         "git_revision",
+        "generator",
+        "tokenizer_kind",
+        "quantizer",
     ] {
         assert!(columns.contains(&column), "{column} is not in {columns:?}");
     }
     assert_eq!(table.lines().count(), 1 + 8);
     let from_parquet = isoflop::record::table::read(&place.path("results/mini")).unwrap();
-    let losses: Vec<String> = from_parquet.iter().map(|r| r.loss_normalised.to_string()).collect();
+    let losses: Vec<String> =
+        from_parquet.iter().map(|r| r.loss_normalised().unwrap().to_string()).collect();
     assert_eq!(records::column(&place.path("results/mini"), "loss_normalised"), losses);
 }
 

@@ -57,7 +57,7 @@ fn a_sound_folder_is_trained_on_from_end_to_end() {
     ended.does_not_say("broken").does_not_say("skipped");
     let found = records::timeless(&place.path("results/captured"));
     assert_eq!(found.len(), 1);
-    assert!(found.values().all(|record| record.loss_nats.is_finite()));
+    assert!(found.values().all(|record| record.loss("loss_nats").unwrap().is_finite()));
     place.isoflop(&["run", "sweep.yaml"]).exits(0).says("nothing to train");
     let plan = place.isoflop(&["plan", "sweep.yaml", "--json"]).exits(0).json();
     assert_eq!(plan["runs"][0]["state"], "done");

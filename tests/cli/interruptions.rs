@@ -81,7 +81,7 @@ impl Victim {
 
 /// Compared first: a difference here is shorter to read than whole records.
 fn losses(records: &std::collections::BTreeMap<String, RunRecord>) -> Vec<(&String, u64)> {
-    records.iter().map(|(id, record)| (id, record.loss_normalised.to_bits())).collect()
+    records.iter().map(|(id, record)| (id, record.loss_normalised().unwrap().to_bits())).collect()
 }
 
 /// Each run's checkpoint with the moment it was written.

@@ -9,6 +9,7 @@ mod humanml3d;
 mod interruptions;
 mod laws;
 mod mistakes;
+mod older;
 mod output;
 mod plan;
 mod slurm;

@@ -15,7 +15,10 @@ fn with<'a>(command: &'a str, settings: &[&'a str]) -> Vec<&'a str> {
 /// The test loss of each run, by id.
 fn losses(place: &Place) -> BTreeMap<String, u64> {
     let records = records::timeless(&place.path("results/mini"));
-    records.into_iter().map(|(id, record)| (id, record.loss_nats.to_bits())).collect()
+    records
+        .into_iter()
+        .map(|(id, record)| (id, record.loss("loss_nats").unwrap().to_bits()))
+        .collect()
 }
 
 #[test]

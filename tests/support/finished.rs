@@ -6,7 +6,8 @@ use std::sync::OnceLock;
 
 use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
-use isoflop::record::RunRecord;
+use isoflop::record::facts::LOSS_NORMALISED;
+use isoflop::record::{Measured, Planned, RunRecord};
 use serde_json::Value;
 
 use super::place::Place;
@@ -65,7 +66,7 @@ fn write_lawful() -> PathBuf {
     let folder = ResultsFolder::new(place.path("results/lawful"));
     for run in plan["runs"].as_array().expect("a list of runs") {
         let record = made_up(run);
-        let path = folder.run(&record.run_id).join("record.json");
+        let path = folder.run(&record.planned.run_id).join("record.json");
         atomic::write_json(&path, &record).expect("a writable directory");
     }
     keep("lawful", &place)
@@ -78,40 +79,29 @@ fn made_up(run: &Value) -> RunRecord {
     let size = (number("params_nonvocab") / (0.1 * budget.sqrt())).ln();
     let loss =
         3.0 - 0.5 * budget.log10() + 0.05 * size.powi(2) + 0.01 * (n_vocab / 64.0).ln().powi(2);
-    RunRecord {
+    let planned = Planned {
         run_id: run["run_id"].as_str().expect("an id").to_string(),
-        seed: 0,
-        n_layer: count("n_layer"),
-        n_head: count("n_head"),
-        d_model: count("d_model"),
-        d_ff: count("d_ff"),
-        n_ctx: count("n_ctx"),
+        seed: Some(0),
+        n_layer: Some(count("n_layer")),
+        n_head: Some(count("n_head")),
+        d_model: Some(count("d_model")),
+        d_ff: Some(count("d_ff")),
+        n_ctx: Some(count("n_ctx")),
         n_vocab: count("n_vocab"),
         budget_flops: budget,
-        flops_openai: budget * number("achieved_ratio"),
-        flops_6nd: 6.0 * (number("params_nonvocab") + number("params_vocab")) * number("tokens"),
-        flops_exact: budget,
         params_nonvocab: count("params_nonvocab"),
         params_vocab: count("params_vocab"),
-        params_text: count("params_text"),
-        params_embedding: (count("n_vocab") + 2) * count("d_model"),
-        params_head: (count("n_vocab") + 1) * count("d_model"),
+        ..Planned::default()
+    };
+    let measured = Measured {
+        flops_openai: Some(budget * number("achieved_ratio")),
+        flops_6nd: Some(
+            6.0 * (number("params_nonvocab") + number("params_vocab")) * number("tokens"),
+        ),
+        flops_exact: Some(budget),
         tokens: count("tokens"),
-        unique_tokens: 1000,
-        epochs: number("tokens") / 1000.0,
-        steps: count("steps"),
-        batch_tokens: count("batch_tokens"),
-        lr: number("lr"),
-        loss_nats: loss + 4.0,
-        loss_normalised: loss,
-        nats_per_frame: 1.0,
-        nats_per_second: 20.0,
-        zero_count_targets: 0,
-        wall_s: 1.0,
-        tokens_per_s: number("tokens"),
-        peak_bytes: 1,
-        tokenizer_id: run["tokenizer_id"].as_str().expect("an id").to_string(),
-        device: "flex".to_string(),
-        git_revision: "unknown".to_string(),
-    }
+        wall_s: Some(1.0),
+        ..Measured::default()
+    };
+    RunRecord::new(planned, measured, [(LOSS_NORMALISED, loss)].into_iter().collect())
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use isoflop::record::RunRecord;
+use isoflop::record::{Measured, RunRecord};
 
 /// Every `record.json` of a sweep's folder, by run.
 pub fn bytes(results: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -20,8 +20,14 @@ pub fn bytes(results: &Path) -> BTreeMap<String, Vec<u8>> {
 /// Floats are compared by equality: the same bits, or not the same run.
 pub fn timeless(results: &Path) -> BTreeMap<String, RunRecord> {
     let read = |bytes: &[u8]| serde_json::from_slice::<RunRecord>(bytes).expect("a whole record");
-    let timeless = |record| RunRecord { wall_s: 0.0, tokens_per_s: 0.0, peak_bytes: 0, ..record };
-    bytes(results).iter().map(|(id, bytes)| (id.clone(), timeless(read(bytes)))).collect()
+    bytes(results).iter().map(|(id, bytes)| (id.clone(), without_time(read(bytes)))).collect()
+}
+
+fn without_time(mut record: RunRecord) -> RunRecord {
+    let Measured { wall_s, tokens_per_s, peak_bytes, .. } = &mut record.measured;
+    assert!(wall_s.take().is_some() && tokens_per_s.take().is_some());
+    assert!(peak_bytes.take().is_some());
+    record
 }
 
 /// The columns that a clock or a meter measured.

@@ -26,7 +26,7 @@ pub fn laws(source: &Source, request: &Request) -> Result<Laws, FitError> {
     }?;
     if let Some(own) = &source.sweep {
         laws.from_sweep = true;
-        laws.n_ctx = own.records.iter().map(|record| record.n_ctx).max();
+        laws.n_ctx = sweep::n_ctx(&own.records);
     }
     Ok(laws)
 }

@@ -68,14 +68,15 @@ fn of_sweep(path: &Path, request: &Request) -> Result<Source> {
     let folder = ResultsFolder::new(path);
     let records = runs::read(folder.root())?;
     let rule = request.rule.unwrap_or(sweep.flops.rule);
+    let (points, left_out) = super::sweep::points(&records, rule);
     Ok(Source {
         name: sweep.name.clone(),
-        points: super::sweep::points(&records, rule),
+        points,
         parameters: Parameters::Split,
         rule,
         budget_declared: true,
         dropped: Vec::new(),
-        notes: Vec::new(),
+        notes: left_out.into_iter().collect(),
         sweep: Some(OwnSweep { folder, sweep, records }),
     })
 }

@@ -1,7 +1,7 @@
 //! The laws of a sweep's own records.
 
 use isoflop::laws::{
-    self, ComputeAxis, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Sensitivity,
+    self, ComputeAxis, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity,
     sensitivity_row,
 };
 use isoflop::record::RunRecord;
@@ -53,12 +53,14 @@ pub fn overridden(mut fit: SweepFit, request: &Request) -> SweepFit {
 
 /// Laws of finished runs, with rows of the sensitivity table for the other counts of FLOPs.
 pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitError> {
-    let mut laws = fit_or_keep_flagged(&points(records, fit.rule), &fit.options)?;
+    let (points, left_out) = points(records, fit.rule);
+    let mut laws = fit_or_keep_flagged(&points, &fit.options)?;
+    laws.warnings.splice(0..0, left_out);
     laws.from_sweep = true;
-    laws.n_ctx = records.iter().map(|record| record.n_ctx).max();
-    let others = [FlopsRule::OpenAi, FlopsRule::SixNd, FlopsRule::Exact];
-    let others = others.into_iter().filter(|rule| *rule != fit.rule);
-    laws.sensitivity.extend(others.filter_map(|rule| refit(records, rule, &fit.options)));
+    laws.n_ctx = n_ctx(records);
+    let others = FlopsRule::ALL.into_iter().filter(|rule| *rule != fit.rule);
+    laws.sensitivity
+        .extend(others.filter_map(|rule| refit(records, points.len(), rule, &fit.options)));
     Ok(laws)
 }
 
@@ -73,17 +75,43 @@ fn fit_or_keep_flagged(points: &[IsoFlopPoint], options: &FitOptions) -> Result<
     }
 }
 
-fn refit(records: &[RunRecord], rule: FlopsRule, options: &FitOptions) -> Option<Sensitivity> {
+/// What the laws are by another count of FLOPs; `None` where fewer or more than `n_points` runs have it.
+fn refit(
+    records: &[RunRecord],
+    n_points: usize,
+    rule: FlopsRule,
+    options: &FitOptions,
+) -> Option<Sensitivity> {
     let options = FitOptions {
         flops_rule: rule.name().to_string(),
         bootstrap: 0,
         compute: ComputeAxis::Achieved,
         ..options.clone()
     };
-    let laws = fit_or_keep_flagged(&points(records, rule), &options).ok()?;
+    let (points, _) = points(records, rule);
+    // Laws of other runs differ for another reason than the rule.
+    let is_same = points.len() == n_points;
+    let laws = is_same.then(|| fit_or_keep_flagged(&points, &options).ok())??;
     Some(sensitivity_row(&format!("flops: {}", rule.name()), &laws))
 }
 
-pub fn points(records: &[RunRecord], rule: FlopsRule) -> Vec<IsoFlopPoint> {
-    records.iter().map(|record| record.point(rule)).collect()
+/// The most positions that a model has.
+pub fn n_ctx(records: &[RunRecord]) -> Option<usize> {
+    records.iter().filter_map(|record| record.planned.n_ctx).max()
+}
+
+/// The runs as the laws see them, and a sentence on those whose records lack what a point needs.
+pub fn points(records: &[RunRecord], rule: FlopsRule) -> (Vec<IsoFlopPoint>, Option<String>) {
+    let metric = Metric::default();
+    let (mut points, mut lacking) = (Vec::with_capacity(records.len()), Vec::new());
+    for record in records {
+        match record.point(rule, &metric) {
+            Ok(point) => points.push(point),
+            Err(error) => lacking.push(format!("run {}: {error}", record.planned.run_id)),
+        }
+    }
+    let left_out = lacking.first().map(|first| {
+        format!("{} of {} runs are left out; the first is {first}.", lacking.len(), records.len())
+    });
+    (points, left_out)
 }

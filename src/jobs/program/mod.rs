@@ -71,7 +71,7 @@ pub fn run_program(
     };
     match result {
         Ok(result) => {
-            let record = result.record(id, run, &spec, wall_s);
+            let record = result.report(&spec, wall_s).record(folder, id, run);
             write_json(&place.join("record.json"), &record).context("writing record.json")?;
             fs::remove_dir_all(&spec.checkpoint).context("removing the checkpoint")?;
             Ok(Outcome::Done)

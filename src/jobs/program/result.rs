@@ -1,4 +1,4 @@
-//! [`TrainerResult`]: what a program leaves at `{out}`, checked, and the record made of it.
+//! [`TrainerResult`]: what a program leaves at `{out}`, checked, and what it reports.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -7,9 +7,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::jobs::program::TrainerSpec;
-use crate::plan::RunSpec;
-use crate::record::RunRecord;
-use crate::spec::flops::TRAINING_PER_FORWARD;
+use crate::jobs::record::Report;
 
 /// The result of a run; for every key but the losses the plan's value stands in.
 ///
@@ -40,9 +38,6 @@ pub struct TrainerResult {
     /// By default the plan's estimate for the built-in trainer.
     pub peak_bytes: Option<f64>,
 }
-
-/// Frames that a code is taken to stand for where that depends on the clip.
-const FRAMES_PER_CODE: f64 = 4.0;
 
 impl TrainerResult {
     /// Reads and checks a result; says in one sentence what is wrong with it.
@@ -91,54 +86,27 @@ impl TrainerResult {
         wrong.map(|(name, _)| format!("`{name}` is negative"))
     }
 
-    /// The record of the run, with the plan's values where the result is silent.
-    pub fn record(&self, id: &str, run: &RunSpec, spec: &TrainerSpec, ran_s: f64) -> RunRecord {
-        let count = |value: Option<f64>, planned: usize| value.map_or(planned, |x| x as usize);
-        let params = run.params();
-        let tokens = count(self.tokens, run.tokens());
-        let unique_tokens = count(self.unique_tokens, spec.unique_tokens);
-        let per_token = run.generator.flops_per_token(&run.codes, spec.max_text_tokens);
-        let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;
-        let frames = run.codes.frames_per_code().unwrap_or(FRAMES_PER_CODE);
-        let per_frame = self.nats_per_second.map(|x| x / run.fps);
-        let nats_per_frame = self.nats_per_frame.or(per_frame).unwrap_or(self.loss_nats / frames);
-        let wall_s = self.wall_s.unwrap_or(ran_s);
-        let planned_peak = || run.generator.peak_bytes(&run.codes, run.batch_tokens);
-        RunRecord {
-            run_id: id.to_string(),
-            seed: run.seed,
-            n_layer: run.shape().n_layer,
-            n_head: run.shape().n_head,
-            d_model: run.shape().d_model,
-            d_ff: run.shape().d_ff,
-            n_ctx: run.shape().n_ctx,
-            n_vocab: run.n_vocab(),
-            budget_flops: run.budget_flops,
-            flops_openai: training(per_token.openai as f64),
-            flops_6nd: training(per_token.six_nd),
-            flops_exact: self.flops_exact.unwrap_or_else(|| training(per_token.exact)),
-            params_nonvocab: params.nonvocab,
-            params_vocab: params.vocab,
-            params_text: params.text,
-            params_embedding: params.embedding,
-            params_head: params.head,
-            tokens,
-            unique_tokens,
-            epochs: if unique_tokens > 0 { tokens as f64 / unique_tokens as f64 } else { 0.0 },
-            steps: count(self.steps, run.steps),
-            batch_tokens: count(self.batch_tokens, run.batch_tokens),
-            lr: self.lr.unwrap_or(run.lr),
+    /// The same for the record; what the result does not say of the data and of time is `unique_tokens`
+    /// and `ran_s`.
+    pub fn report(&self, spec: &TrainerSpec, ran_s: f64) -> Report {
+        let count = |value: Option<f64>| value.map(|x| x as usize);
+        Report {
+            device: "custom".to_string(),
             loss_nats: self.loss_nats,
             loss_normalised: self.loss_normalised,
-            nats_per_frame,
-            nats_per_second: self.nats_per_second.unwrap_or(nats_per_frame * run.fps),
-            zero_count_targets: count(self.zero_count_targets, 0),
-            wall_s,
-            tokens_per_s: self.tokens_per_s.unwrap_or(tokens as f64 / wall_s.max(1e-9)),
-            peak_bytes: self.peak_bytes.map_or_else(planned_peak, |x| x as u64),
-            tokenizer_id: run.tokenizer_id.clone(),
-            device: "custom".to_string(),
-            git_revision: env!("ISOFLOP_GIT_REVISION").to_string(),
+            nats_per_frame: self.nats_per_frame,
+            nats_per_second: self.nats_per_second,
+            tokens: count(self.tokens),
+            unique_tokens: count(self.unique_tokens).unwrap_or(spec.unique_tokens),
+            steps: count(self.steps),
+            batch_tokens: count(self.batch_tokens),
+            lr: self.lr,
+            flops_exact: self.flops_exact,
+            max_text_tokens: spec.max_text_tokens,
+            zero_count_targets: count(self.zero_count_targets).unwrap_or(0),
+            wall_s: self.wall_s.unwrap_or(ran_s),
+            tokens_per_s: self.tokens_per_s,
+            peak_bytes: self.peak_bytes.map(|x| x as u64),
         }
     }
 }

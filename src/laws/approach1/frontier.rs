@@ -82,7 +82,7 @@ fn measured(p: &IsoFlopPoint) -> FrontierPoint {
         params_vocab: p.params_vocab,
         n_vocab: p.n_vocab,
         tokens: p.tokens,
-        loss: p.loss_normalised,
+        loss: p.loss,
     }
 }
 
@@ -101,7 +101,7 @@ fn at(curve: &[&IsoFlopPoint], ln_flops: f64) -> Option<FrontierPoint> {
     Some(FrontierPoint {
         flops: ln_flops.exp(),
         tokens: mix(a.tokens.ln(), b.tokens.ln()).exp(),
-        loss: mix(a.loss_normalised, b.loss_normalised),
+        loss: mix(a.loss, b.loss),
         ..measured(a)
     })
 }

@@ -48,6 +48,7 @@ pub fn approach1(points: &[IsoFlopPoint], options: &Approach1Options) -> Result<
     if points.is_empty() {
         return Err(FitError::NoPoints);
     }
+    check::metric(points)?;
     points.iter().try_for_each(|p| check::point(p, options.parameters))?;
     let candidates = Candidates::new(points, options.interpolate);
     let front = candidates.lowest(&vec![true; candidates.n_curves]);

@@ -89,7 +89,7 @@ fn two_vocabularies_and_two_sizes_may_be_kept_with_finite_numbers() {
 #[test]
 fn losses_that_are_all_equal_identify_nothing() {
     let mut points = SWEEP.points();
-    points.iter_mut().for_each(|p| p.loss_normalised = -2.0);
+    points.iter_mut().for_each(|p| p.loss = -2.0);
     assert!(fit(&points, &options()).unwrap_err().is_unidentifiable());
     let kept = laws(&points, &FitOptions { keep_flagged: true, ..options() });
     assert!(has_no_intervals(&kept) && kept.loss.floor.is_none());

@@ -100,7 +100,7 @@ fn the_held_out_budget_changes_its_error_and_nothing_else() {
     let points = simulated().points();
     let laws = fit(&points, &options()).unwrap();
     let worse = |p: IsoFlopPoint| match p.budget_flops == 3e17 {
-        true => IsoFlopPoint { loss_normalised: p.loss_normalised + 0.5, ..p },
+        true => IsoFlopPoint { loss: p.loss + 0.5, ..p },
         false => p,
     };
     let spoiled = fit(&points.into_iter().map(worse).collect::<Vec<_>>(), &options()).unwrap();
@@ -161,7 +161,7 @@ fn the_argmin_stands_in_for_parabolas_that_are_flagged_and_says_so() {
         let (best, _) = SURFACE.optimum(p.budget_flops);
         let off = p.params_nonvocab.ln() - best - 0.1;
         let lowest = if off.abs() < 0.1 { 0.35 } else { 0.0 };
-        p.loss_normalised -= 2.0 * lowest + 0.25 * off * off;
+        p.loss -= 2.0 * lowest + 0.25 * off * off;
     }
     let laws = fit(&points, &FitOptions { keep_flagged: false, ..options() });
     let laws = laws.unwrap();
@@ -306,7 +306,7 @@ fn the_held_out_budget_moves_no_interval() {
     let with_bootstrap = FitOptions { bootstrap: 60, ..options() };
     let laws = fit(&points, &with_bootstrap).unwrap();
     let mut other = points;
-    other.iter_mut().filter(|p| p.budget_flops == 3e17).for_each(|p| p.loss_normalised *= 0.9);
+    other.iter_mut().filter(|p| p.budget_flops == 3e17).for_each(|p| p.loss *= 0.9);
     assert_eq!(fit(&other, &with_bootstrap).unwrap().bootstrap, laws.bootstrap);
 }
 
@@ -364,7 +364,7 @@ fn a_bad_value_names_its_run_and_field() {
         match field {
             "tokens" => points[7].tokens = value,
             "flops" => points[7].flops = value,
-            _ => points[7].loss_normalised = value,
+            _ => points[7].loss = value,
         }
         let error = fit(&points, &options()).unwrap_err();
         assert!(!error.is_unidentifiable());

@@ -2,6 +2,7 @@
 
 use super::form::Form;
 use super::objective::{Columns, Constant, Space};
+use crate::laws::check::{loss, metric};
 use crate::laws::{FitError, IsoFlopPoint};
 
 /// Spread of a logarithm below which a quantity counts as constant.
@@ -26,9 +27,11 @@ pub(super) struct Data {
 
 impl Data {
     /// # Errors
-    /// [`FitError::BadValue`] for a value without a logarithm; [`FitError::NotIdentified`] for too
-    /// few rows, or quantities that do not vary or vary together.
+    /// [`FitError::BadValue`] and [`FitError::BadLoss`] for a value that cannot be fitted;
+    /// [`FitError::Metrics`]; [`FitError::NotIdentified`] for too few rows, or quantities that do not
+    /// vary or vary together.
     pub fn new(points: &[IsoFlopPoint], form: Form, space: Space) -> Result<Self, FitError> {
+        metric(points)?;
         points.iter().try_for_each(|p| check(p, form, space))?;
         if points.len() <= form.n_params() {
             return Err(FitError::NotIdentified(format!(
@@ -43,7 +46,7 @@ impl Data {
         let (x, means): (Vec<Vec<f64>>, Vec<f64>) =
             (0..form.n_terms()).map(quantity).map(centred).unzip();
         identified(&x, form)?;
-        let losses: Vec<f64> = points.iter().map(|p| p.loss_normalised).collect();
+        let losses: Vec<f64> = points.iter().map(|p| p.loss).collect();
         let y = match space {
             Space::Log => losses.iter().map(|l| l.ln()).collect(),
             Space::Raw => losses.clone(),
@@ -88,10 +91,10 @@ fn check(p: &IsoFlopPoint, form: Form, space: Space) -> Result<(), FitError> {
         return bad("weight", p.weight, "finite and not below 0");
     }
     match space {
-        Space::Log if !(p.loss_normalised.is_finite() && p.loss_normalised > 0.0) => {
-            bad("loss", p.loss_normalised, "finite and above 0 where its logarithm is fitted")
+        Space::Log if !(p.loss.is_finite() && p.loss > 0.0) => {
+            Err(loss(p, "finite and above 0 where its logarithm is fitted"))
         }
-        Space::Raw if !p.loss_normalised.is_finite() => bad("loss", p.loss_normalised, "finite"),
+        Space::Raw if !p.loss.is_finite() => Err(loss(p, "finite")),
         _ => Ok(()),
     }
 }

@@ -76,8 +76,8 @@ impl ParametricOptions {
 /// Fits a parametric law: the global optimum, how sure it is, and what speaks against it.
 ///
 /// # Errors
-/// [`FitError::BadValue`] and [`FitError::BadOption`] for wrong input, [`FitError::NotIdentified`]
-/// where the rows cannot tell the coefficients.
+/// [`FitError::BadValue`], [`FitError::BadLoss`], [`FitError::Metrics`] and [`FitError::BadOption`] for
+/// wrong input, [`FitError::NotIdentified`] where the rows cannot tell the coefficients.
 pub fn fit_parametric(
     points: &[IsoFlopPoint],
     options: &ParametricOptions,

@@ -140,7 +140,7 @@ fn from_run(run: &IsoFlopPoint) -> FrontierPoint {
         params_nonvocab: run.params_nonvocab,
         params_vocab: run.params_vocab,
         n_vocab: run.n_vocab,
-        loss_normalised: run.loss_normalised,
+        loss_normalised: run.loss,
     }
 }
 
@@ -156,7 +156,7 @@ fn check(run: &IsoFlopPoint) -> Result<(), FrontierError> {
     if let Some((field, value)) = positive.into_iter().find(|(_, v)| !(*v > 0.0 && v.is_finite())) {
         return Err(FrontierError::BadValue { run_id: run_id(), field, value });
     }
-    let value = run.loss_normalised;
+    let value = run.loss;
     value
         .is_finite()
         .then_some(())

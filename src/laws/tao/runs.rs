@@ -1,7 +1,7 @@
 //! The published runs, for tests.
 
 use super::TokensPerCharacter;
-use crate::laws::IsoFlopPoint;
+use crate::laws::{IsoFlopPoint, Metric};
 
 const TABLE: &str =
     concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/runs/scaling_with_vocab/exp_data.csv");
@@ -37,7 +37,8 @@ pub fn run(params_nonvocab: f64, n_vocab: f64, d: f64, tokens: f64, loss: f64) -
         params_vocab,
         n_vocab,
         tokens,
-        loss_normalised: loss,
+        metric: Metric::default(),
+        loss: loss,
         weight: 1.0,
     }
 }

@@ -118,7 +118,7 @@ fn bad_values_and_small_tables_are_refused() {
     runs[4].tokens = 0.0;
     assert!(matches!(frontier(&runs, Interpolation::None), Err(FrontierError::BadValue { .. })));
     runs[4] = small().remove(4);
-    runs[4].loss_normalised = f64::NAN;
+    runs[4].loss = f64::NAN;
     assert!(matches!(frontier(&runs, Interpolation::None), Err(FrontierError::BadLoss { .. })));
 }
 

@@ -34,6 +34,9 @@ pub enum FlopsRule {
 }
 
 impl FlopsRule {
+    /// Every rule.
+    pub const ALL: [Self; 3] = [Self::OpenAi, Self::SixNd, Self::Exact];
+
     /// The name in files: `openai`, `6nd`, `exact`.
     pub fn name(self) -> &'static str {
         match self {

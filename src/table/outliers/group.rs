@@ -34,9 +34,10 @@ pub(super) fn budgets(points: &[IsoFlopPoint]) -> Vec<Vec<usize>> {
 #[cfg(test)]
 pub(super) mod testing {
     use super::*;
+    use crate::laws::Metric;
 
     /// A point of a budget with one N and loss.
-    pub fn point(budget_flops: f64, params_nonvocab: f64, loss_normalised: f64) -> IsoFlopPoint {
+    pub fn point(budget_flops: f64, params_nonvocab: f64, loss: f64) -> IsoFlopPoint {
         IsoFlopPoint {
             run_id: format!("{budget_flops:e} {params_nonvocab:e}"),
             seed: 0,
@@ -46,7 +47,8 @@ pub(super) mod testing {
             params_vocab: 0.0,
             n_vocab: 0.0,
             tokens: budget_flops / 6.0 / params_nonvocab,
-            loss_normalised,
+            metric: Metric::default(),
+            loss,
             weight: 1.0,
         }
     }

@@ -24,7 +24,7 @@ pub(super) fn verdicts(points: &[IsoFlopPoint]) -> Verdicts {
 
 fn reason(points: &[IsoFlopPoint], runs: &[usize]) -> Option<String> {
     let ln_params: Vec<f64> = runs.iter().map(|run| params(&points[*run]).ln()).collect();
-    let loss: Vec<f64> = runs.iter().map(|run| points[*run].loss_normalised).collect();
+    let loss: Vec<f64> = runs.iter().map(|run| points[*run].loss).collect();
     let low = ln_params.iter().copied().fold(f64::INFINITY, f64::min);
     let high = ln_params.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));

@@ -36,7 +36,7 @@ pub(super) fn verdicts(points: &[IsoFlopPoint]) -> Verdicts {
     let vocabularies = |budget: Vec<usize>| by(points, &budget, |point| point.n_vocab);
     let groups: Vec<Vec<usize>> = budgets(points).into_iter().flat_map(vocabularies).collect();
     let all = groups.iter().flat_map(|group| misses(points, group));
-    let largest = points.iter().fold(0.0f64, |most, p| most.max(p.loss_normalised.abs()));
+    let largest = points.iter().fold(0.0f64, |most, p| most.max(p.loss.abs()));
     let scale = MAD_TO_SD * median(all.map(|miss| miss.by.abs()).collect());
     let scale = scale.max(ROUNDING * largest);
     for mut group in groups {
@@ -93,14 +93,14 @@ fn misses(points: &[IsoFlopPoint], group: &[usize]) -> Vec<Miss> {
         return Vec::new();
     }
     let knot = |size: &Vec<usize>| {
-        let loss = size.iter().map(|run| points[*run].loss_normalised).sum::<f64>();
+        let loss = size.iter().map(|run| points[*run].loss).sum::<f64>();
         (params(&points[size[0]]).ln(), loss / size.len() as f64)
     };
     let knots: Vec<(f64, f64)> = sizes.iter().map(knot).collect();
     (1..sizes.len() - 1)
         .flat_map(|i| {
             let predicted = akima(&window(&knots, i), knots[i].0);
-            let miss = move |run: &usize| points[*run].loss_normalised - predicted;
+            let miss = move |run: &usize| points[*run].loss - predicted;
             sizes[i].iter().map(move |run| Miss { run: *run, size: i, by: miss(run) })
         })
         .collect()
@@ -183,9 +183,9 @@ mod tests {
             [1e18, 1e19, 1e20].iter().flat_map(|c| parabola(*c, 11, 5.3)).collect();
         let noise = [0.3, -0.8, 0.5, 1.0, -0.6, -0.2, 0.7];
         for (i, point) in points.iter_mut().enumerate() {
-            point.loss_normalised += 0.002 * noise[i % 7];
+            point.loss += 0.002 * noise[i % 7];
         }
-        points[16].loss_normalised += 0.2;
+        points[16].loss += 0.2;
         let (kept, dropped) = Spline.split(points.clone());
         assert_eq!(kept.len(), 32);
         assert_eq!(dropped[0].0, points[16]);
@@ -196,8 +196,8 @@ mod tests {
     fn the_ends_are_not_judged_and_a_smooth_curve_loses_nothing() {
         let mut points = parabola(1e18, 9, 4.0);
         assert!(Spline.split(points.clone()).1.is_empty());
-        points[0].loss_normalised += 5.0;
-        points[8].loss_normalised -= 5.0;
+        points[0].loss += 5.0;
+        points[8].loss -= 5.0;
         let dropped = Spline.split(points).1;
         assert!(dropped.iter().all(|(point, _)| point.params_nonvocab != 1e6), "{dropped:?}");
     }

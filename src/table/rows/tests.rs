@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use proptest::prelude::*;
 
 use super::*;
+use crate::laws::Metric;
 use crate::table::{Column, read};
 
 fn table(columns: &[(&str, &[f64])]) -> Table {
@@ -31,6 +32,18 @@ fn request(columns: &str, filters: &[&str]) -> Request {
 
 fn error(table: &Table, request: &Request) -> String {
     load(table, request).unwrap_err().to_string()
+}
+
+#[test]
+fn a_point_says_which_column_or_expression_its_loss_is() {
+    let metric = |columns: &str| {
+        let loaded = load(&runs(), &request(columns, &[])).unwrap();
+        loaded.points[0].metric.name().to_string()
+    };
+    assert_eq!(
+        [metric(""), metric("loss=group"), metric("loss=loss-1")],
+        ["loss", "group", "loss-1"]
+    );
 }
 
 #[test]
@@ -74,7 +87,7 @@ fn a_bad_row_that_is_not_kept_is_no_error() {
     table.columns[2].1 = Column::Number(vec![3.0, -2.0, f64::INFINITY, 4.0, 9.0]);
     assert!(error(&table, &Request::default()).starts_with("run row 3: loss is inf"));
     let request = Request { drop_highest: 1, ..Request::default() };
-    assert_eq!(load(&table, &request).unwrap().points[1].loss_normalised, -2.0);
+    assert_eq!(load(&table, &request).unwrap().points[1].loss, -2.0);
 }
 
 #[test]
@@ -121,7 +134,7 @@ fn the_table_of_hoffmann_et_al_loads_as_published() {
     assert_eq!(first.params_vocab, 0.0);
     let loaded = load(&table, &Request { drop_highest: 5, ..columns }).unwrap();
     assert_eq!((loaded.points.len(), loaded.dropped.len()), (240, 5));
-    let highest = loaded.points.iter().map(|point| point.loss_normalised).fold(0.0, f64::max);
+    let highest = loaded.points.iter().map(|point| point.loss).fold(0.0, f64::max);
     assert!(loaded.dropped.iter().all(|row| row.reason.contains("5 highest")) && highest < 5.0);
 }
 
@@ -162,7 +175,7 @@ fn every_stage_runs_on_a_published_table_and_names_what_it_drops() {
 fn point() -> impl Strategy<Value = IsoFlopPoint> {
     let sizes = (1e5..1e12f64, 1e3..1e10f64, 16.0..1e6f64);
     (sizes, 1e6..1e13f64, -9.0..9.0f64, 0..1000u64, 0.01..9.0f64, 0.5..2.0f64).prop_map(
-        |((nonvocab, vocab, n_vocab), tokens, loss_normalised, seed, weight, ratio)| {
+        |((nonvocab, vocab, n_vocab), tokens, loss, seed, weight, ratio)| {
             let flops = 6.0 * (nonvocab + vocab) * tokens;
             IsoFlopPoint {
                 run_id: format!("run, \"{seed}\""),
@@ -173,7 +186,8 @@ fn point() -> impl Strategy<Value = IsoFlopPoint> {
                 params_vocab: vocab,
                 n_vocab,
                 tokens,
-                loss_normalised,
+                metric: Metric::default(),
+                loss,
                 weight,
             }
         },
@@ -187,7 +201,7 @@ fn csv(points: &[IsoFlopPoint]) -> String {
     for p in points {
         let name = p.run_id.replace('"', "\"\"");
         let (c, n, v) = (p.budget_flops / 1e18, p.params_nonvocab / 1e6, p.params_vocab / 1e6);
-        let (d, vocab, loss) = (p.tokens / 1e9, p.n_vocab, p.loss_normalised);
+        let (d, vocab, loss) = (p.tokens / 1e9, p.n_vocab, p.loss);
         let _ = write!(
             text,
             "\"{name}\",{},{c:e},{n:?},{v},{vocab},{d},{loss},{}\r\n",
@@ -201,7 +215,7 @@ const COLUMNS: &str = "run_id=Run Name,budget_flops=`Budget (EFLOP)`*1e18,params
                        params_vocab=`N-v [M]`*1e6,n_vocab=V,tokens=D*1e9,loss=`Loss, L_u`,weight=w";
 
 fn numbers(p: &IsoFlopPoint) -> [f64; 8] {
-    let loss = p.loss_normalised + 100.0;
+    let loss = p.loss + 100.0;
     [
         p.budget_flops,
         p.flops,

@@ -36,8 +36,8 @@ fn tables_that_tell_too_little_are_refused_with_the_reason() {
 fn a_value_that_no_law_can_use_names_its_run() {
     type Spoil = fn(&mut IsoFlopPoint);
     let spoils: [(Spoil, &str); 5] = [
-        (|p| p.loss_normalised = f64::NAN, "loss"),
-        (|p| p.loss_normalised = -1.0, "loss"),
+        (|p| p.loss = f64::NAN, "loss"),
+        (|p| p.loss = -1.0, "loss"),
         (|p| p.tokens = 0.0, "D"),
         (|p| p.params_nonvocab = f64::INFINITY, "N"),
         (|p| p.weight = -1.0, "weight"),
@@ -56,7 +56,7 @@ fn a_value_that_no_law_can_use_names_its_run() {
 fn a_negative_loss_is_fitted_as_it_is_but_not_in_logarithms() {
     let runs = motion_runs(0.01, 0);
     let options = without_intervals(Form::Approach3Vocab);
-    assert!(runs.iter().any(|p| p.loss_normalised < 0.0));
+    assert!(runs.iter().any(|p| p.loss < 0.0));
     assert!(fit_parametric(&runs, &options).is_ok());
     let log = ParametricOptions { space: Space::Log, ..options };
     assert!(fit_parametric(&runs, &log).unwrap_err().to_string().contains("above 0"));
@@ -66,14 +66,14 @@ fn a_negative_loss_is_fitted_as_it_is_but_not_in_logarithms() {
 fn a_loss_that_does_not_fall_with_a_quantity_says_so() {
     let mut runs = chinchilla_runs(7, 0.0, 0);
     for run in &mut runs {
-        run.loss_normalised = 2.0 + 300.0 * run.tokens.powf(-0.3);
+        run.loss = 2.0 + 300.0 * run.tokens.powf(-0.3);
     }
     let fit = fit(&runs).unwrap();
     assert!(fit.warnings.iter().any(|w| w.contains("of N is not identified")), "{fit:?}");
     let laws = parametric_laws(&runs, fit, "flat", "6nd");
     assert!(laws.warnings.iter().any(|w| w.contains("of N is not identified")));
     // No loss at all to explain.
-    runs.iter_mut().for_each(|run| run.loss_normalised = 2.0);
+    runs.iter_mut().for_each(|run| run.loss = 2.0);
     let flat = fit_parametric(&runs, &without_intervals(Form::Approach3)).unwrap();
     assert!(!flat.warnings.is_empty(), "{flat:?}");
 }

@@ -6,8 +6,8 @@ mod derivatives;
 mod recovery;
 
 use super::*;
-use crate::laws::IsoFlopPoint;
 use crate::laws::random::Normals;
+use crate::laws::{IsoFlopPoint, Metric};
 
 /// A run of N_nv, N_v and D with the loss of `truth` times or plus `noise`.
 fn run(truth: &Coefficients, [n, v, d]: [f64; 3], noise: f64) -> IsoFlopPoint {
@@ -25,7 +25,8 @@ fn run(truth: &Coefficients, [n, v, d]: [f64; 3], noise: f64) -> IsoFlopPoint {
         params_vocab: v,
         n_vocab: v,
         tokens: d,
-        loss_normalised: match truth.form {
+        metric: Metric::default(),
+        loss: match truth.form {
             Form::Approach3 => exact * noise.exp(),
             Form::Approach3Vocab => exact + noise,
         },

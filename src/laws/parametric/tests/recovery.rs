@@ -37,7 +37,7 @@ proptest! {
 #[test]
 fn a_normalised_loss_has_a_floor_below_zero() {
     let mut runs = chinchilla_runs(9, 0.0, 0);
-    runs.iter_mut().for_each(|run| run.loss_normalised -= 6.0);
+    runs.iter_mut().for_each(|run| run.loss -= 6.0);
     let options = ParametricOptions { space: Space::Raw, ..without_intervals(Form::Approach3) };
     let fit = fit_parametric(&runs, &options).unwrap();
     assert!((fit.coefficients.floor() + 4.2).abs() < 1e-4, "{:?}", fit.coefficients);
@@ -48,7 +48,7 @@ fn a_normalised_loss_has_a_floor_below_zero() {
 fn wild_runs_hardly_move_a_robust_fit() {
     let mut runs = chinchilla_runs(9, 0.002, 1);
     for run in runs.iter_mut().step_by(11) {
-        run.loss_normalised *= 1.3;
+        run.loss *= 1.3;
     }
     let exponent = |huber| {
         let options = ParametricOptions { huber, ..without_intervals(Form::Approach3) };

@@ -41,7 +41,7 @@ fn between_sizes(
     let f = TokensPerCharacter::TAO.at(n_vocab);
     let runs = || (0..grid.models.len()).flat_map(|model| grid.cell(model, vocabulary));
     let places = runs().map(|run| [run.params_nonvocab, run.tokens / f]).collect();
-    let losses: Vec<f64> = runs().map(|run| run.loss_normalised).collect();
+    let losses: Vec<f64> = runs().map(|run| run.loss).collect();
     let mesh = Mesh::new(places)?;
     let slopes = gradients::estimate(&mesh, &losses, stop);
     let loss_at = |place| clough_tocher::value(&mesh, &losses, &slopes, place);
@@ -67,7 +67,7 @@ fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
 /// Points of one model at vocabularies between those tried, each at the model's last checkpoint.
 fn between_vocabularies(grid: &Grid, model: usize) -> Result<Vec<FrontierPoint>, FrontierError> {
     let last = |v| grid.last(model, v);
-    let losses: Vec<f64> = (0..grid.vocabularies.len()).map(|v| last(v).loss_normalised).collect();
+    let losses: Vec<f64> = (0..grid.vocabularies.len()).map(|v| last(v).loss).collect();
     let spline = Spline::through(&grid.vocabularies, &losses)
         .ok_or_else(|| FrontierError::NotAGrid("two vocabularies are too near".into()))?;
     let (smallest, largest) = range(grid.vocabularies.iter().copied());

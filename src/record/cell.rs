@@ -1,0 +1,140 @@
+//! [`FactColumn`]: a column of the table, and how a record's cell of it is read and filled.
+
+use super::run_record::RunRecord;
+
+/// What the cells of a column are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A whole number from 0.
+    Count,
+    Number,
+    Text,
+}
+
+/// One value of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cell<'a> {
+    /// The record does not have the value.
+    Null,
+    Count(u64),
+    Number(f64),
+    Text(&'a str),
+}
+
+impl<'a> Cell<'a> {
+    /// The whole number, if it is one.
+    pub fn count(self) -> Option<u64> {
+        if let Self::Count(value) = self { Some(value) } else { None }
+    }
+
+    /// The number, if it is one; a count is none.
+    pub fn number(self) -> Option<f64> {
+        if let Self::Number(value) = self { Some(value) } else { None }
+    }
+
+    /// The text, if it is one.
+    pub fn text(self) -> Option<&'a str> {
+        if let Self::Text(value) = self { Some(value) } else { None }
+    }
+}
+
+/// A column of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct FactColumn {
+    /// The name in the table and in `record.json`.
+    pub name: &'static str,
+    pub kind: Kind,
+    /// Whether a row without a value is damaged.
+    pub is_required: bool,
+    pub(super) read: fn(&RunRecord) -> Cell<'_>,
+    pub(super) fill: fn(&mut RunRecord, Cell<'_>) -> bool,
+}
+
+impl FactColumn {
+    /// The cell of a record.
+    pub fn of<'a>(&self, record: &'a RunRecord) -> Cell<'a> {
+        (self.read)(record)
+    }
+
+    /// Gives a record its cell; `false` where a required value is null or of another kind.
+    pub(super) fn fill(&self, record: &mut RunRecord, cell: Cell<'_>) -> bool {
+        (self.fill)(record, cell)
+    }
+}
+
+/// A type that a fact may have. One that is no [`Option`] is required.
+pub(super) trait Fact: Sized {
+    const KIND: Kind;
+    const IS_REQUIRED: bool = true;
+
+    fn cell(&self) -> Cell<'_>;
+
+    /// `None`: the cell is no such value.
+    fn of(cell: Cell<'_>) -> Option<Self>;
+}
+
+impl Fact for u64 {
+    const KIND: Kind = Kind::Count;
+
+    fn cell(&self) -> Cell<'_> {
+        Cell::Count(*self)
+    }
+
+    fn of(cell: Cell<'_>) -> Option<Self> {
+        cell.count()
+    }
+}
+
+impl Fact for usize {
+    const KIND: Kind = Kind::Count;
+
+    fn cell(&self) -> Cell<'_> {
+        Cell::Count(*self as u64)
+    }
+
+    fn of(cell: Cell<'_>) -> Option<Self> {
+        cell.count().and_then(|count| count.try_into().ok())
+    }
+}
+
+impl Fact for f64 {
+    const KIND: Kind = Kind::Number;
+
+    fn cell(&self) -> Cell<'_> {
+        Cell::Number(*self)
+    }
+
+    fn of(cell: Cell<'_>) -> Option<Self> {
+        cell.number()
+    }
+}
+
+impl Fact for String {
+    const KIND: Kind = Kind::Text;
+
+    fn cell(&self) -> Cell<'_> {
+        Cell::Text(self)
+    }
+
+    fn of(cell: Cell<'_>) -> Option<Self> {
+        cell.text().map(str::to_string)
+    }
+}
+
+impl<T: Fact> Fact for Option<T> {
+    const KIND: Kind = T::KIND;
+    const IS_REQUIRED: bool = false;
+
+    fn cell(&self) -> Cell<'_> {
+        self.as_ref().map_or(Cell::Null, T::cell)
+    }
+
+    fn of(cell: Cell<'_>) -> Option<Self> {
+        if cell == Cell::Null { Some(None) } else { T::of(cell).map(Some) }
+    }
+}
+
+/// Replaces a fact by a cell; `false` where the cell is no value for it.
+pub(super) fn fill<T: Fact>(fact: &mut T, cell: Cell<'_>) -> bool {
+    T::of(cell).map(|value| *fact = value).is_some()
+}

@@ -1,0 +1,73 @@
+//! The macro behind [`facts`](super::facts).
+
+/// Makes of one list of facts the structs [`Planned`](super::Planned) and
+/// [`Measured`](super::Measured), a constant for each loss and their list, and the columns of the
+/// table.
+///
+/// A line is `planned name: Type,`, `measured name: Type,` or `loss NAME = "name",`. The macro takes a
+/// line off the list at a time and puts it into one of four heaps: fields of each struct, losses,
+/// columns.
+macro_rules! facts {
+    (@heap {$($planned:tt)*} {$($measured:tt)*}
+     {$($(#[$doc:meta])* $loss:ident = $name:expr;)*} {$($columns:tt)*}) => {
+        /// Facts that the plan of a run holds before it starts.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Planned { $($planned)* }
+
+        /// Facts that training adds: what the run spent, where and on what.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct Measured { $($measured)* }
+
+        $($(#[$doc])* pub const $loss: &str = $name;)*
+
+        /// The metrics that are a loss; a record holds at least one of them.
+        pub const LOSSES: &[&str] = &[$($loss),*];
+
+        /// The columns of the table, in its order.
+        pub const COLUMNS: &[FactColumn] = &[$($columns)*];
+    };
+    (@heap {$($planned:tt)*} $measured:tt $losses:tt {$($columns:tt)*}
+     $(#[$doc:meta])* planned $name:ident: $type:ty, $($rest:tt)*) => {
+        facts! {
+            @heap {$($planned)* $(#[$doc])* pub $name: $type,} $measured $losses
+            {$($columns)* facts!(@column planned $name $type),} $($rest)*
+        }
+    };
+    (@heap $planned:tt {$($measured:tt)*} $losses:tt {$($columns:tt)*}
+     $(#[$doc:meta])* measured $name:ident: $type:ty, $($rest:tt)*) => {
+        facts! {
+            @heap $planned {$($measured)* $(#[$doc])* pub $name: $type,} $losses
+            {$($columns)* facts!(@column measured $name $type),} $($rest)*
+        }
+    };
+    (@heap $planned:tt $measured:tt {$($losses:tt)*} {$($columns:tt)*}
+     $(#[$doc:meta])* loss $loss:ident = $name:expr, $($rest:tt)*) => {
+        facts! {
+            @heap $planned $measured {$($losses)* $(#[$doc])* $loss = $name;}
+            {$($columns)* facts!(@metric $loss),} $($rest)*
+        }
+    };
+    (@column $group:ident $name:ident $type:ty) => {
+        FactColumn {
+            name: stringify!($name),
+            kind: <$type as Fact>::KIND,
+            is_required: <$type as Fact>::IS_REQUIRED,
+            read: |record| record.$group.$name.cell(),
+            fill: |record, cell| fill(&mut record.$group.$name, cell),
+        }
+    };
+    (@metric $name:ident) => {
+        FactColumn {
+            name: $name,
+            kind: Kind::Number,
+            is_required: false,
+            read: |record| record.metrics.cell($name),
+            fill: |record, cell| record.metrics.fill($name, cell),
+        }
+    };
+    ($($facts:tt)*) => {
+        facts! { @heap {} {} {} {} $($facts)* }
+    };
+}
+
+pub(super) use facts;

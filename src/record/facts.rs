@@ -1,0 +1,78 @@
+//! The facts of a finished run, each declared once.
+//!
+//! A line says who knows the fact (`planned`, `measured`) or that it is a `loss`, its name and its
+//! type. The order is that of the table's columns, so a new fact stands last. A new fact is an
+//! `Option`, since older records lack it. The types that are none are what a row is nothing without:
+//! a record that lacks one of them, or every loss, is damaged.
+
+use serde::{Deserialize, Serialize};
+
+use super::cell::{Fact, FactColumn, Kind, fill};
+use super::declare::facts;
+use crate::laws;
+
+facts! {
+    /// Hash of the resolved spec, the data's digest, the tokenizer's id and the training revision.
+    planned run_id: String,
+    planned seed: Option<u64>,
+    planned n_layer: Option<usize>,
+    planned n_head: Option<usize>,
+    planned d_model: Option<usize>,
+    /// The true width of the feed-forward layer as built.
+    planned d_ff: Option<usize>,
+    /// Positions of the FLOP rule: text prefix and motion slots.
+    planned n_ctx: Option<usize>,
+    /// Codes, without special tokens (V).
+    planned n_vocab: usize,
+    /// The budget that the sweep declared (C).
+    planned budget_flops: f64,
+    /// Training FLOPs achieved, by ScaMo's Code 1.
+    measured flops_openai: Option<f64>,
+    /// 6 (N_nv + N_v) D.
+    measured flops_6nd: Option<f64>,
+    /// Multiply-adds of the model as built, prefix positions included, times two, times three.
+    measured flops_exact: Option<f64>,
+    /// Blocks and norms (N_nv).
+    planned params_nonvocab: usize,
+    /// V·d (N_v).
+    planned params_vocab: usize,
+    /// The projection of the text embeddings.
+    planned params_text: Option<usize>,
+    /// The embedding table as built, special tokens included.
+    planned params_embedding: Option<usize>,
+    /// The output head as built; zero where it is tied to the embedding.
+    planned params_head: Option<usize>,
+    /// Supervised motion tokens, end tokens included (D).
+    measured tokens: usize,
+    /// Distinct supervised tokens in the training split.
+    measured unique_tokens: Option<usize>,
+    /// `tokens / unique_tokens`.
+    measured epochs: Option<f64>,
+    planned steps: Option<usize>,
+    /// Supervised tokens in a step.
+    planned batch_tokens: Option<usize>,
+    planned lr: Option<f64>,
+    /// Cross-entropy on the test split, per supervised token.
+    loss LOSS_NATS = "loss_nats",
+    /// L_u: cross-entropy minus that of the unigram model on the same targets.
+    loss LOSS_NORMALISED = laws::LOSS_NORMALISED,
+    /// Cross-entropy per frame of motion; does not depend on V.
+    loss NATS_PER_FRAME = "nats_per_frame",
+    /// Cross-entropy per second of motion; does not depend on V.
+    loss NATS_PER_SECOND = "nats_per_second",
+    /// Test targets whose code the training split never showed.
+    measured zero_count_targets: Option<usize>,
+    measured wall_s: Option<f64>,
+    measured tokens_per_s: Option<f64>,
+    /// The most memory that the run had to itself: mapped files are shared, and left out.
+    measured peak_bytes: Option<u64>,
+    planned tokenizer_id: Option<String>,
+    measured device: Option<String>,
+    measured git_revision: Option<String>,
+    /// The kind of model: `autoregressive`.
+    planned generator: Option<String>,
+    /// The kind of tokenizer: `convolutional`. Null where the sweep has no data.
+    planned tokenizer_kind: Option<String>,
+    /// How the tokenizer makes codes: `fsq` or `vq`. Null where the sweep has no data.
+    planned quantizer: Option<String>,
+}
