@@ -60,5 +60,9 @@ extern "C" fn on_abort(_: libc::c_int) {
         // SAFETY: `_exit` ends the process and runs nothing of it.
         unsafe { libc::_exit(EXIT_CODE.load(Ordering::Relaxed)) }
     }
-    // Returning, `abort` ends the process as if there were no handler.
+    // SAFETY: both are safe in a signal handler; the signal comes again when the handler returns.
+    unsafe {
+        libc::signal(libc::SIGABRT, libc::SIG_DFL);
+        libc::raise(libc::SIGABRT);
+    }
 }

@@ -12,11 +12,12 @@ use crate::units::number;
 
 /// A tokenizer, resolved: what is hashed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(default)]
 pub struct TokenizerSpec {
     pub architecture: ArchitectureSpec,
     /// By default FSQ with levels 8, 6, 5 (240 codes).
     pub quantizer: QuantizerSpec,
+    #[serde(flatten)]
     pub training: TokenizerTraining,
 }
 

