@@ -23,7 +23,7 @@ pub use procedural::{Procedural, ProceduralOptions};
 pub use source::{DataError, FeatureStats, MotionSource, Split, UNIT_FRAMES};
 pub use stats::{FEATURE_GROUPS, StatsAccumulator};
 
-use crate::sweep::{Clips, DataSource, DataSpec};
+use crate::sweep::{Clips, DataSection, DataSource};
 use no_motion::NoMotion;
 
 /// Clips looked at to estimate the tokens of an average one.
@@ -33,7 +33,10 @@ const SAMPLE: usize = 256;
 ///
 /// # Errors
 /// The data cannot be read, or cannot be used.
-pub fn open(spec: &DataSpec, demand: Option<&Demand>) -> Result<Box<dyn MotionSource>, DataError> {
+pub fn open(
+    spec: &DataSection,
+    demand: Option<&Demand>,
+) -> Result<Box<dyn MotionSource>, DataError> {
     match spec.source {
         DataSource::Procedural => Ok(Box::new(procedural(spec, demand))),
         DataSource::None => Ok(Box::new(NoMotion::default())),
@@ -49,7 +52,7 @@ pub fn open(spec: &DataSpec, demand: Option<&Demand>) -> Result<Box<dyn MotionSo
     }
 }
 
-fn procedural(spec: &DataSpec, demand: Option<&Demand>) -> Procedural {
+fn procedural(spec: &DataSection, demand: Option<&Demand>) -> Procedural {
     let with = |train_clips| {
         Procedural::new(ProceduralOptions {
             seed: spec.seed,

@@ -8,7 +8,7 @@ use crate::spec::FlopsRule;
 
 /// A model's shape, as far as it is known; models are ordered by size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Model {
+pub struct ModelSize {
     pub params_nonvocab: usize,
     pub n_layer: Option<usize>,
     pub n_head: Option<usize>,
@@ -16,10 +16,10 @@ pub struct Model {
     pub d_ff: Option<usize>,
 }
 
-impl Model {
-    fn of(run: &RunRecord) -> Model {
+impl ModelSize {
+    fn of(run: &RunRecord) -> ModelSize {
         let Planned { params_nonvocab, n_layer, n_head, d_model, d_ff, .. } = run.planned;
-        Model { params_nonvocab, n_layer, n_head, d_model, d_ff }
+        ModelSize { params_nonvocab, n_layer, n_head, d_model, d_ff }
     }
 
     /// Size, layers, heads, width: `790k (4L 4H 128d)`.
@@ -54,8 +54,8 @@ impl<'a> Shown<'a> {
 
 /// The runs of one model, vocabulary and budget, averaged over seeds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
-    pub model: Model,
+pub struct CellMean {
+    pub model: ModelSize,
     pub n_vocab: usize,
     pub budget_flops: f64,
     /// Spent, under the rule of the figure.
@@ -68,8 +68,8 @@ pub struct Cell {
 /// Every cell of a sweep, with the sorted values of each axis of the grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cells {
-    pub cells: Vec<Cell>,
-    pub models: Vec<Model>,
+    pub cells: Vec<CellMean>,
+    pub models: Vec<ModelSize>,
     pub vocabs: Vec<usize>,
     pub budgets: Vec<f64>,
 }
@@ -80,13 +80,13 @@ impl Cells {
         let mut groups: BTreeMap<_, Vec<Shown>> = BTreeMap::new();
         for shown in records.iter().filter_map(|run| Shown::of(run, rule).ok()) {
             let Planned { n_vocab, budget_flops, .. } = shown.run.planned;
-            let key = (Model::of(shown.run), n_vocab, budget_flops.to_bits());
+            let key = (ModelSize::of(shown.run), n_vocab, budget_flops.to_bits());
             groups.entry(key).or_default().push(shown);
         }
         Cells::gather(groups.into_values().map(|runs| cell(&runs)).collect())
     }
 
-    fn gather(cells: Vec<Cell>) -> Cells {
+    fn gather(cells: Vec<CellMean>) -> Cells {
         let models = sorted(cells.iter().map(|cell| cell.model));
         let vocabs = sorted(cells.iter().map(|cell| cell.n_vocab));
         // The bits of positive numbers sort as the numbers do.
@@ -96,14 +96,14 @@ impl Cells {
     }
 
     /// The best cell of each budget, by budget: the lower envelope.
-    pub fn envelope(&self) -> Vec<&Cell> {
+    pub fn envelope(&self) -> Vec<&CellMean> {
         let best = |&budget: &f64| best(self.cells.iter().filter(|c| c.budget_flops == budget));
         self.budgets.iter().filter_map(best).collect()
     }
 
     /// At one budget, the best vocabulary of each model, by size.
-    pub fn best_of_models(&self, budget: f64) -> Vec<&Cell> {
-        let of = |model: &Model| {
+    pub fn best_of_models(&self, budget: f64) -> Vec<&CellMean> {
+        let of = |model: &ModelSize| {
             best(self.cells.iter().filter(|c| c.budget_flops == budget && c.model == *model))
         };
         self.models.iter().filter_map(of).collect()
@@ -120,11 +120,11 @@ impl Cells {
     }
 }
 
-fn cell(runs: &[Shown]) -> Cell {
+fn cell(runs: &[Shown]) -> CellMean {
     let mean = |of: fn(&Shown) -> f64| runs.iter().map(of).sum::<f64>() / runs.len() as f64;
     let first = runs[0].run;
-    Cell {
-        model: Model::of(first),
+    CellMean {
+        model: ModelSize::of(first),
         n_vocab: first.planned.n_vocab,
         budget_flops: first.planned.budget_flops,
         flops: mean(|run| run.flops),
@@ -133,7 +133,7 @@ fn cell(runs: &[Shown]) -> Cell {
     }
 }
 
-fn best<'a>(cells: impl Iterator<Item = &'a Cell>) -> Option<&'a Cell> {
+fn best<'a>(cells: impl Iterator<Item = &'a CellMean>) -> Option<&'a CellMean> {
     cells.min_by(|a, b| a.loss_normalised.total_cmp(&b.loss_normalised))
 }
 

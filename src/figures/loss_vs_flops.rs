@@ -1,7 +1,7 @@
 //! L_u against training FLOPs, a panel a vocabulary, with the lower envelope (ScaMo Fig. 2).
 
 use super::axis::{Axis, Scale};
-use super::cells::{Cell, Model};
+use super::cells::{CellMean, ModelSize};
 use super::colour::ENVELOPE;
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
@@ -59,15 +59,15 @@ fn series(
     scene: &mut Scene,
     panel: &Panel,
     sources: &Sources,
-    (model, n_vocab): (&Model, usize),
+    (model, n_vocab): (&ModelSize, usize),
     look: Look,
 ) {
-    let of_series = |cell: &&Cell| cell.model == *model && cell.n_vocab == n_vocab;
+    let of_series = |cell: &&CellMean| cell.model == *model && cell.n_vocab == n_vocab;
     let points: Vec<_> = sources.cells.cells.iter().filter(of_series).map(point).collect();
     marked_line(scene, panel, &points, look);
 }
 
-fn point(cell: &Cell) -> Point {
+fn point(cell: &CellMean) -> Point {
     (cell.flops, cell.loss_normalised)
 }
 

@@ -1,7 +1,7 @@
 //! L_u against V by model size, a panel a budget (ScaMo Fig. 8).
 
 use super::axis::{Axis, Scale};
-use super::cells::{Cell, Model};
+use super::cells::{CellMean, ModelSize};
 use super::colour::INK;
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
@@ -61,15 +61,15 @@ fn series(
     scene: &mut Scene,
     panel: &Panel,
     sources: &Sources,
-    (model, budget): (&Model, f64),
+    (model, budget): (&ModelSize, f64),
     look: Look,
 ) {
-    let of_series = |cell: &&Cell| cell.model == *model && cell.budget_flops == budget;
+    let of_series = |cell: &&CellMean| cell.model == *model && cell.budget_flops == budget;
     let points: Vec<_> = sources.cells.cells.iter().filter(of_series).map(point).collect();
     marked_line(scene, panel, &points, look);
 }
 
-fn point(cell: &Cell) -> Point {
+fn point(cell: &CellMean) -> Point {
     (cell.n_vocab as f64, cell.loss_normalised)
 }
 

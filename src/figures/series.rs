@@ -1,6 +1,6 @@
 //! Looks of the series of a figure, and the rows of the legend that explain them.
 
-use super::cells::Model;
+use super::cells::ModelSize;
 use super::colour::{Rgb, categories, ordered};
 use super::legend::{Legend, Sample};
 use super::panel::Panel;
@@ -52,8 +52,8 @@ fn looks(colours: Vec<Rgb>) -> Vec<Look> {
 }
 
 /// Lists the models by their sizes.
-pub fn explain_models(legend: &mut Legend, models: &[Model], looks: &[Look]) {
-    legend.heading("Model, by Nₙᵥ");
+pub fn explain_models(legend: &mut Legend, models: &[ModelSize], looks: &[Look]) {
+    legend.heading("ModelSize, by Nₙᵥ");
     for (model, look) in models.iter().zip(looks) {
         legend.entry(look.sample(), model.label());
     }

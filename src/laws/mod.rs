@@ -20,7 +20,6 @@
 mod advice;
 mod advice_grid;
 mod approach1;
-mod bare;
 mod bootstrap;
 mod budget;
 mod cell;
@@ -57,6 +56,7 @@ mod summary_checks;
 pub mod tao;
 pub(crate) mod text;
 mod types;
+mod unfitted;
 mod validation;
 mod verdict;
 mod warnings;

@@ -9,7 +9,7 @@ use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
 use super::text_job::TextJob;
 use super::trunk::{Trunk, branch};
 use crate::data::{DataFacts, Demand};
-use crate::sweep::{DataSource, ScheduleKind, ScheduleSpec, Sweep};
+use crate::sweep::{DataSource, ScheduleKind, ScheduleSection, Sweep};
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
 pub const MOST_USEFUL_EPOCHS: f64 = 4.0;
@@ -135,7 +135,7 @@ fn tokenizer_job(cell: &PricedCell, data: &DataFacts) -> TokenizerJob {
     TokenizerJob { revision: TRAINING_REVISION, spec, data_digest }
 }
 
-fn decay_steps(schedule: &ScheduleSpec, steps: usize) -> Option<usize> {
+fn decay_steps(schedule: &ScheduleSection, steps: usize) -> Option<usize> {
     let share = |decay: f64| ((decay * steps as f64).round() as usize).clamp(1, steps);
     (schedule.kind == ScheduleKind::Wsd).then(|| share(schedule.decay))
 }

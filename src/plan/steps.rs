@@ -1,7 +1,7 @@
 //! From a budget to tokens, steps, batch, learning rate and warm-up.
 
 use crate::spec::flops::TRAINING_PER_FORWARD;
-use crate::sweep::{BatchRule, LrRule, TrainSpec};
+use crate::sweep::{BatchRule, LrRule, TrainSection};
 
 /// How one run spends its budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub const BUDGET_TOLERANCE: f64 = 0.01;
 ///
 /// The batch follows its rule, halved while it leaves fewer than `min_steps`. The error is a
 /// sentence that says why no batch will do.
-pub fn spend(budget: f64, flops_per_token: f64, train: &TrainSpec) -> Result<Spending, String> {
+pub fn spend(budget: f64, flops_per_token: f64, train: &TrainSection) -> Result<Spending, String> {
     let tokens = tokens_bought(budget, flops_per_token);
     if tokens > MOST_TOKENS {
         return Err(format!("the budget buys {tokens:.1e} tokens: more than can be counted"));
@@ -44,7 +44,7 @@ pub fn tokens_bought(budget: f64, flops_per_token: f64) -> f64 {
 }
 
 /// The batch of the rule for `tokens`, halved while it leaves `fewest` tokens fewer than `min_steps`.
-pub fn widest_batch(tokens: f64, fewest: f64, train: &TrainSpec) -> usize {
+pub fn widest_batch(tokens: f64, fewest: f64, train: &TrainSection) -> usize {
     let rule = &train.batch;
     let mut batch = batch_by_rule(tokens, rule);
     while fewest / (batch as f64) < train.min_steps as f64 && batch / 2 >= rule.min {
@@ -54,7 +54,11 @@ pub fn widest_batch(tokens: f64, fewest: f64, train: &TrainSpec) -> usize {
 }
 
 /// Whole steps of a batch that meet a number of tokens; the error is a sentence that says why none do.
-pub fn spend_with(tokens: f64, batch_tokens: usize, train: &TrainSpec) -> Result<Spending, String> {
+pub fn spend_with(
+    tokens: f64,
+    batch_tokens: usize,
+    train: &TrainSection,
+) -> Result<Spending, String> {
     let steps = (tokens / batch_tokens as f64).round() as usize;
     if steps < train.min_steps {
         return Err(format!(
@@ -82,7 +86,7 @@ pub struct Pace {
 }
 
 /// The rate by its rule for N and D; the warm-up of a run that spends so.
-pub fn pace(params: usize, tokens: usize, spending: Spending, train: &TrainSpec) -> Pace {
+pub fn pace(params: usize, tokens: usize, spending: Spending, train: &TrainSection) -> Pace {
     Pace {
         lr: learning_rate(params, tokens, &train.lr),
         warmup_steps: warmup_steps(spending, params, train.schedule.warmup),
@@ -123,7 +127,7 @@ mod tests {
             log_budget in 6.0..16.0f64, log_flops in 3.0..9.0f64,
         ) {
             let (budget, flops) = (10f64.powf(log_budget), 10f64.powf(log_flops));
-            let train = TrainSpec::default();
+            let train = TrainSection::default();
             match spend(budget, flops, &train) {
                 Ok(found) => {
                     let spent = 3.0 * flops * found.tokens() as f64;

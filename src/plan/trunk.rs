@@ -10,7 +10,7 @@ use super::planned_run::PlannedRun;
 use super::priced_cell::{Dropped, PricedCell};
 use super::run_spec::RunSpec;
 use super::steps::{Pace, Spending, pace, spend_with, widest_batch};
-use crate::sweep::TrainSpec;
+use crate::sweep::TrainSection;
 
 /// A stretch of training from one branching point to the next.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -29,7 +29,7 @@ pub struct Trunk {
 /// The batch is the largest budget's, halved while it leaves the smallest fewer than `min_steps`:
 /// small runs bear large batches better than large runs small ones. Rate and warm-up are the
 /// smallest budget's. A cell whose budget is missed by whole steps of that batch is dropped.
-pub fn in_step(cells: Vec<PricedCell>, train: &TrainSpec) -> (Vec<PricedCell>, Vec<Dropped>) {
+pub fn in_step(cells: Vec<PricedCell>, train: &TrainSection) -> (Vec<PricedCell>, Vec<Dropped>) {
     let mut groups: HashMap<String, usize> = HashMap::new();
     let mut members: Vec<Vec<PricedCell>> = Vec::new();
     let mut order = Vec::with_capacity(cells.len());
@@ -54,7 +54,7 @@ pub fn in_step(cells: Vec<PricedCell>, train: &TrainSpec) -> (Vec<PricedCell>, V
 }
 
 /// The batch in tokens and the pace of cells that differ in budget alone, of which there is one.
-fn common(cells: &[PricedCell], train: &TrainSpec) -> (usize, Pace) {
+fn common(cells: &[PricedCell], train: &TrainSection) -> (usize, Pace) {
     let by_tokens =
         |a: &&PricedCell, b: &&PricedCell| a.tokens_bought().total_cmp(&b.tokens_bought());
     let smallest = cells.iter().min_by(by_tokens).expect("a group has a cell");

@@ -13,7 +13,7 @@ pub enum Kind {
 
 /// One value of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Cell<'a> {
+pub enum CellValue<'a> {
     /// The record does not have the value.
     Null,
     Count(u64),
@@ -21,7 +21,7 @@ pub enum Cell<'a> {
     Text(&'a str),
 }
 
-impl<'a> Cell<'a> {
+impl<'a> CellValue<'a> {
     /// The whole number, if it is one.
     pub fn count(self) -> Option<u64> {
         if let Self::Count(value) = self { Some(value) } else { None }
@@ -46,18 +46,18 @@ pub struct FactColumn {
     pub kind: Kind,
     /// Whether a row without a value is damaged.
     pub is_required: bool,
-    pub(super) read: fn(&RunRecord) -> Cell<'_>,
-    pub(super) fill: fn(&mut RunRecord, Cell<'_>) -> bool,
+    pub(super) read: fn(&RunRecord) -> CellValue<'_>,
+    pub(super) fill: fn(&mut RunRecord, CellValue<'_>) -> bool,
 }
 
 impl FactColumn {
     /// The cell of a record.
-    pub fn of<'a>(&self, record: &'a RunRecord) -> Cell<'a> {
+    pub fn of<'a>(&self, record: &'a RunRecord) -> CellValue<'a> {
         (self.read)(record)
     }
 
     /// Gives a record its cell; `false` where a required value is null or of another kind.
-    pub(super) fn fill(&self, record: &mut RunRecord, cell: Cell<'_>) -> bool {
+    pub(super) fn fill(&self, record: &mut RunRecord, cell: CellValue<'_>) -> bool {
         (self.fill)(record, cell)
     }
 }
@@ -67,20 +67,20 @@ pub(super) trait Fact: Sized {
     const KIND: Kind;
     const IS_REQUIRED: bool = true;
 
-    fn cell(&self) -> Cell<'_>;
+    fn cell(&self) -> CellValue<'_>;
 
     /// `None`: the cell is no such value.
-    fn of(cell: Cell<'_>) -> Option<Self>;
+    fn of(cell: CellValue<'_>) -> Option<Self>;
 }
 
 impl Fact for u64 {
     const KIND: Kind = Kind::Count;
 
-    fn cell(&self) -> Cell<'_> {
-        Cell::Count(*self)
+    fn cell(&self) -> CellValue<'_> {
+        CellValue::Count(*self)
     }
 
-    fn of(cell: Cell<'_>) -> Option<Self> {
+    fn of(cell: CellValue<'_>) -> Option<Self> {
         cell.count()
     }
 }
@@ -88,11 +88,11 @@ impl Fact for u64 {
 impl Fact for usize {
     const KIND: Kind = Kind::Count;
 
-    fn cell(&self) -> Cell<'_> {
-        Cell::Count(*self as u64)
+    fn cell(&self) -> CellValue<'_> {
+        CellValue::Count(*self as u64)
     }
 
-    fn of(cell: Cell<'_>) -> Option<Self> {
+    fn of(cell: CellValue<'_>) -> Option<Self> {
         cell.count().and_then(|count| count.try_into().ok())
     }
 }
@@ -100,11 +100,11 @@ impl Fact for usize {
 impl Fact for f64 {
     const KIND: Kind = Kind::Number;
 
-    fn cell(&self) -> Cell<'_> {
-        Cell::Number(*self)
+    fn cell(&self) -> CellValue<'_> {
+        CellValue::Number(*self)
     }
 
-    fn of(cell: Cell<'_>) -> Option<Self> {
+    fn of(cell: CellValue<'_>) -> Option<Self> {
         cell.number()
     }
 }
@@ -112,11 +112,11 @@ impl Fact for f64 {
 impl Fact for String {
     const KIND: Kind = Kind::Text;
 
-    fn cell(&self) -> Cell<'_> {
-        Cell::Text(self)
+    fn cell(&self) -> CellValue<'_> {
+        CellValue::Text(self)
     }
 
-    fn of(cell: Cell<'_>) -> Option<Self> {
+    fn of(cell: CellValue<'_>) -> Option<Self> {
         cell.text().map(str::to_string)
     }
 }
@@ -125,16 +125,16 @@ impl<T: Fact> Fact for Option<T> {
     const KIND: Kind = T::KIND;
     const IS_REQUIRED: bool = false;
 
-    fn cell(&self) -> Cell<'_> {
-        self.as_ref().map_or(Cell::Null, T::cell)
+    fn cell(&self) -> CellValue<'_> {
+        self.as_ref().map_or(CellValue::Null, T::cell)
     }
 
-    fn of(cell: Cell<'_>) -> Option<Self> {
-        if cell == Cell::Null { Some(None) } else { T::of(cell).map(Some) }
+    fn of(cell: CellValue<'_>) -> Option<Self> {
+        if cell == CellValue::Null { Some(None) } else { T::of(cell).map(Some) }
     }
 }
 
 /// Replaces a fact by a cell; `false` where the cell is no value for it.
-pub(super) fn fill<T: Fact>(fact: &mut T, cell: Cell<'_>) -> bool {
+pub(super) fn fill<T: Fact>(fact: &mut T, cell: CellValue<'_>) -> bool {
     T::of(cell).map(|value| *fact = value).is_some()
 }

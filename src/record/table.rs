@@ -9,7 +9,7 @@ use std::path::Path;
 
 use polars::prelude::*;
 
-use super::cell::{Cell, FactColumn, Kind};
+use super::cell::{CellValue, FactColumn, Kind};
 use super::facts::{COLUMNS, LOSSES, Measured, Planned};
 use super::metrics::Metrics;
 use super::run_record::RunRecord;
@@ -79,9 +79,9 @@ fn written(column: &FactColumn, records: &[RunRecord]) -> Column {
     let cells = records.iter().map(|record| column.of(record));
     let name = column.name.into();
     match column.kind {
-        Kind::Count => Column::new(name, cells.map(Cell::count).collect::<Vec<_>>()),
-        Kind::Number => Column::new(name, cells.map(Cell::number).collect::<Vec<_>>()),
-        Kind::Text => Column::new(name, cells.map(Cell::text).collect::<Vec<_>>()),
+        Kind::Count => Column::new(name, cells.map(CellValue::count).collect::<Vec<_>>()),
+        Kind::Number => Column::new(name, cells.map(CellValue::number).collect::<Vec<_>>()),
+        Kind::Text => Column::new(name, cells.map(CellValue::text).collect::<Vec<_>>()),
     }
 }
 
@@ -130,20 +130,20 @@ fn read_metrics(frame: &DataFrame, to: &mut [RunRecord]) -> PolarsResult<()> {
 
 fn read_column(column: &FactColumn, cells: &Column, to: &mut [RunRecord]) -> PolarsResult<()> {
     let empty = || polars_err!(ComputeError: "column {} has an empty cell", column.name);
-    let fill = |(record, cell): (&mut RunRecord, Option<Cell>)| {
-        let filled = column.fill(record, cell.unwrap_or(Cell::Null));
+    let fill = |(record, cell): (&mut RunRecord, Option<CellValue>)| {
+        let filled = column.fill(record, cell.unwrap_or(CellValue::Null));
         if filled { Ok(()) } else { Err(empty()) }
     };
     let records = to.iter_mut();
     match column.kind {
         Kind::Count => {
-            records.zip(cells.u64()?.iter().map(|x| x.map(Cell::Count))).try_for_each(fill)
+            records.zip(cells.u64()?.iter().map(|x| x.map(CellValue::Count))).try_for_each(fill)
         }
         Kind::Number => {
-            records.zip(cells.f64()?.iter().map(|x| x.map(Cell::Number))).try_for_each(fill)
+            records.zip(cells.f64()?.iter().map(|x| x.map(CellValue::Number))).try_for_each(fill)
         }
         Kind::Text => {
-            records.zip(cells.str()?.iter().map(|x| x.map(Cell::Text))).try_for_each(fill)
+            records.zip(cells.str()?.iter().map(|x| x.map(CellValue::Text))).try_for_each(fill)
         }
     }
 }

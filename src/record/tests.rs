@@ -55,7 +55,7 @@ fn read(file: &Value) -> Result<RunRecord, FileError> {
     read_if_there(&path).map(|record| record.expect("it was just written"))
 }
 
-fn cell<'a>(record: &'a RunRecord, name: &str) -> Cell<'a> {
+fn cell<'a>(record: &'a RunRecord, name: &str) -> CellValue<'a> {
     COLUMNS.iter().find(|column| column.name == name).expect("a column").of(record)
 }
 
@@ -66,14 +66,14 @@ fn a_record_of_format_1_reads_equal_in_every_fact() {
     assert_eq!(facts.len() + NEW.len(), COLUMNS.len());
     for (name, value) in facts {
         let equal = match cell(&record, name) {
-            Cell::Null => false,
-            Cell::Count(count) => value.as_u64() == Some(count),
-            Cell::Number(number) => value.as_f64() == Some(number),
-            Cell::Text(text) => value == text,
+            CellValue::Null => false,
+            CellValue::Count(count) => value.as_u64() == Some(count),
+            CellValue::Number(number) => value.as_f64() == Some(number),
+            CellValue::Text(text) => value == text,
         };
         assert!(equal, "{name}: {:?} is not {value}", cell(&record, name));
     }
-    assert!(NEW.iter().all(|name| cell(&record, name) == Cell::Null));
+    assert!(NEW.iter().all(|name| cell(&record, name) == CellValue::Null));
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn a_fact_that_an_older_record_lacks_is_null() {
     for (file, record) in [(flat(), of_format_1()), (nested(), whole())] {
         for column in COLUMNS.iter().filter(|column| !column.is_required) {
             let read = read(&without(file.clone(), &[column.name])).unwrap();
-            assert_eq!(column.of(&read), Cell::Null, "{}", column.name);
+            assert_eq!(column.of(&read), CellValue::Null, "{}", column.name);
             let others = COLUMNS.iter().filter(|other| other.name != column.name);
             others.for_each(|other| assert_eq!(other.of(&read), other.of(&record)));
         }

@@ -1,7 +1,7 @@
 //! The models of a grid: listed, by name, or by a rule; and the shapes that follow.
 
 use super::presets;
-use super::sections::{ModelEntry, ModelList, ModelSpec};
+use super::sections::{ModelEntry, ModelList, ModelSection};
 use crate::spec::{Ffn, ModelShape, TextSpec};
 
 /// The models of a list, a preset or a rule; none for an unknown preset.
@@ -23,7 +23,7 @@ pub fn models(list: &ModelList) -> Vec<ModelEntry> {
 }
 
 /// The shape of a listed model under the sweep's shared settings.
-pub fn shape(entry: &ModelEntry, model: &ModelSpec, text: &TextSpec) -> ModelShape {
+pub fn shape(entry: &ModelEntry, model: &ModelSection, text: &TextSpec) -> ModelShape {
     ModelShape {
         n_layer: entry.n_layer,
         n_head: entry.n_head,
@@ -38,7 +38,7 @@ pub fn shape(entry: &ModelEntry, model: &ModelSpec, text: &TextSpec) -> ModelSha
 }
 
 /// 8d/3 (SwiGLU) or 4d (GELU), up to the next multiple.
-fn d_ff(d_model: usize, model: &ModelSpec) -> usize {
+fn d_ff(d_model: usize, model: &ModelSection) -> usize {
     let width = match model.ffn {
         Ffn::SwiGlu => 8 * d_model / 3,
         Ffn::Gelu => 4 * d_model,
@@ -58,7 +58,7 @@ mod tests {
         let counts = presets::models("scamo")
             .unwrap()
             .into_iter()
-            .map(|entry| shape(&entry, &ModelSpec::default(), &text).params_of(15360).nonvocab);
+            .map(|entry| shape(&entry, &ModelSection::default(), &text).params_of(15360).nonvocab);
         let expected =
             [27_271_680, 84_953_856, 308_331_520, 731_475_200, 1_359_103_488, 2_988_598_400];
         assert_eq!(counts.collect::<Vec<_>>(), expected);
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn feed_forward_widths_follow_the_multiple() {
-        let model = |ffn_multiple| ModelSpec { ffn_multiple, ..ModelSpec::default() };
+        let model = |ffn_multiple| ModelSection { ffn_multiple, ..ModelSection::default() };
         let widths = [512, 768, 1024, 1280, 1536, 3200].map(|d| d_ff(d, &model(256)));
         assert_eq!(widths, [1536, 2048, 2816, 3584, 4096, 8704]);
         assert_eq!(d_ff(32, &model(8)), 88);
@@ -85,7 +85,7 @@ mod tests {
         ];
         let text = TextSpec { max_tokens: 150, ..TextSpec::default() };
         let found = presets::models("scamo").unwrap().into_iter().map(|entry| {
-            let shape = shape(&entry, &ModelSpec::default(), &text);
+            let shape = shape(&entry, &ModelSection::default(), &text);
             [240, 1000, 64000].map(|n_vocab| openai_per_token(&shape, n_vocab))
         });
         assert_eq!(found.collect::<Vec<_>>(), expected);

@@ -8,7 +8,7 @@ use isoflop::laws::{
 use isoflop::sweep::MinimumMethod;
 
 use super::args::LawName;
-use super::request::Request;
+use super::request::FitRequest;
 use super::source::{OwnSweep, Source};
 use super::sweep;
 
@@ -16,7 +16,7 @@ use super::sweep;
 const BOOTSTRAP: usize = 1000;
 
 /// Fits the law that was asked for.
-pub fn laws(source: &Source, request: &Request) -> Result<Laws, FitError> {
+pub fn laws(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
     let mut laws = match (request.law, &source.sweep) {
         (LawName::Isoflop, Some(own)) => of_sweep(own, request),
         (LawName::Isoflop, None) => of_budgets(source, request),
@@ -31,11 +31,11 @@ pub fn laws(source: &Source, request: &Request) -> Result<Laws, FitError> {
     Ok(laws)
 }
 
-fn of_sweep(own: &OwnSweep, request: &Request) -> Result<Laws, FitError> {
+fn of_sweep(own: &OwnSweep, request: &FitRequest) -> Result<Laws, FitError> {
     sweep::fit_records(&own.records, &sweep::overridden(sweep::options(&own.sweep), request))
 }
 
-fn of_budgets(source: &Source, request: &Request) -> Result<Laws, FitError> {
+fn of_budgets(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
     if !source.budget_declared {
         return Err(FitError::NoBudgets);
     }
@@ -65,7 +65,7 @@ fn of_budgets(source: &Source, request: &Request) -> Result<Laws, FitError> {
     laws::fit(&source.points, &options)
 }
 
-fn approach1(source: &Source, request: &Request) -> Result<Laws, FitError> {
+fn approach1(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
     let options = Approach1Options {
         name: source.name.clone(),
         flops_rule: source.rule.name().to_string(),
@@ -78,7 +78,7 @@ fn approach1(source: &Source, request: &Request) -> Result<Laws, FitError> {
     laws::approach1(&source.points, &options)
 }
 
-fn approach3(source: &Source, request: &Request, form: Form) -> Result<Laws, FitError> {
+fn approach3(source: &Source, request: &FitRequest, form: Form) -> Result<Laws, FitError> {
     if form == Form::Approach3Vocab && source.parameters == Parameters::Total {
         return Err(FitError::NotIdentified(
             "approach3-vocab needs N_nv and N_v apart: name params_nonvocab, and params_vocab or \

@@ -18,14 +18,14 @@ use serde_json::{Value, json};
 use super::exit::Exit;
 use super::output::Output;
 use super::predict::predict_one;
-use request::Request;
+use request::FitRequest;
 use source::Source;
 
 pub use args::FitArgs;
 pub use sweep::{fit_records, options};
 
 pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
-    let request = Request::of(args)?;
+    let request = FitRequest::of(args)?;
     let source = Source::open(&args.source, &request)?;
     tell(&source, output);
     if request.compat == Some(args::CompatName::Tao) {
@@ -40,7 +40,12 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-fn fit_as_tao(source: &Source, request: &Request, args: &FitArgs, output: &Output) -> Result<Exit> {
+fn fit_as_tao(
+    source: &Source,
+    request: &FitRequest,
+    args: &FitArgs,
+    output: &Output,
+) -> Result<Exit> {
     let tao = tao::Tao::fit(source, request)?;
     let document = tao.document()?;
     if let Some(path) = &args.out {
@@ -74,7 +79,7 @@ fn own_file(source: &Source, laws: &Laws) -> Option<PathBuf> {
 fn predictions(
     laws: &Laws,
     source: &Source,
-    request: &Request,
+    request: &FitRequest,
     output: &Output,
 ) -> Vec<Prediction> {
     // A sweep has a list of its own, for `isoflop predict`.

@@ -14,7 +14,7 @@ use super::args::{
 const MADS: f64 = 1.345;
 
 /// A fit, before anything is read.
-pub struct Request {
+pub struct FitRequest {
     pub law: LawName,
     pub compat: Option<CompatName>,
     pub rule: Option<FlopsRule>,
@@ -31,7 +31,7 @@ pub struct Request {
     args: FitArgs,
 }
 
-impl Request {
+impl FitRequest {
     pub fn of(args: &FitArgs) -> Result<Self> {
         let outliers: Result<Vec<OutlierStage>, _> =
             args.outliers.iter().map(|name| name.parse::<OutlierStage>()).collect();

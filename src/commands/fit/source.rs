@@ -10,7 +10,7 @@ use isoflop::spec::FlopsRule;
 use isoflop::sweep::{self, Sweep};
 use isoflop::table::{self, Dropped, Request as TableRequest};
 
-use super::request::Request;
+use super::request::FitRequest;
 
 /// Points, and what they were made of.
 pub struct Source {
@@ -35,7 +35,7 @@ pub struct OwnSweep {
 }
 
 impl Source {
-    pub fn open(path: &Path, request: &Request) -> Result<Self> {
+    pub fn open(path: &Path, request: &FitRequest) -> Result<Self> {
         match (path.is_dir(), request.as_table) {
             (true, false) => of_sweep(path, request),
             (true, true) => {
@@ -63,7 +63,7 @@ fn read_sweep(path: &Path) -> Result<Sweep> {
     Ok(sweep::read(&file, &[])?)
 }
 
-fn of_sweep(path: &Path, request: &Request) -> Result<Source> {
+fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
     let sweep = read_sweep(path)?;
     let folder = ResultsFolder::new(path);
     let records = runs::read(folder.root())?;
@@ -81,7 +81,7 @@ fn of_sweep(path: &Path, request: &Request) -> Result<Source> {
     })
 }
 
-fn of_table(path: &Path, name: &str, rule: FlopsRule, request: &Request) -> Result<Source> {
+fn of_table(path: &Path, name: &str, rule: FlopsRule, request: &FitRequest) -> Result<Source> {
     let table = table::read(path)?;
     let columns = with_flops(&table, rule, request.table.columns.as_deref())?;
     let wanted = TableRequest { columns, ..request.table.clone() };

@@ -8,7 +8,7 @@ use isoflop::record::RunRecord;
 use isoflop::spec::FlopsRule;
 use isoflop::sweep::{HoldOutSpec, Sweep};
 
-use super::request::Request;
+use super::request::FitRequest;
 
 /// What a fit needs beside the records.
 pub struct SweepFit {
@@ -34,7 +34,7 @@ pub fn options(sweep: &Sweep) -> SweepFit {
 }
 
 /// The same with what the command line asks for instead.
-pub fn overridden(mut fit: SweepFit, request: &Request) -> SweepFit {
+pub fn overridden(mut fit: SweepFit, request: &FitRequest) -> SweepFit {
     let options = &mut fit.options;
     options.seed = request.seed;
     options.bootstrap = request.bootstrap.unwrap_or(options.bootstrap);

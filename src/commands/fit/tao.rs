@@ -11,7 +11,7 @@ use isoflop::laws::{
 };
 use serde_json::{Value, json};
 
-use super::request::Request;
+use super::request::FitRequest;
 use super::source::Source;
 
 /// The published analysis, and approach 3 with the right D.
@@ -28,7 +28,7 @@ pub struct Tao {
 }
 
 impl Tao {
-    pub fn fit(source: &Source, request: &Request) -> Result<Self> {
+    pub fn fit(source: &Source, request: &FitRequest) -> Result<Self> {
         if source.parameters == Parameters::Total {
             bail!(
                 "--compat tao needs N_nv and V: name params_nonvocab, n_vocab and d_model in --columns"

@@ -12,10 +12,10 @@ mod tests;
 
 pub use frontier::{FrontierPoint, frontier};
 
-use super::bare::bare;
 use super::law_set::geometric_mean;
 use super::random::below;
 use super::stats::{distinct, interval95};
+use super::unfitted::unfitted;
 use super::{
     FitError, FloorSample, IsoFlopPoint, LawKind, LawSample, Laws, LogLaw, Parameters, PowerLaw,
     PowerLaws, check,
@@ -96,7 +96,7 @@ fn laws(
 ) -> Laws {
     let names = (options.name.as_str(), options.flops_rule.as_str());
     let reference = geometric_mean(&front.iter().map(|p| p.flops).collect::<Vec<_>>());
-    let mut laws = bare(LawKind::Approach1, names, options.parameters, reference, points);
+    let mut laws = unfitted(LawKind::Approach1, names, options.parameters, reference, points);
     let law = |law: PowerLaw, of: fn(&Fitted) -> Option<&PowerLaw>| PowerLaw {
         exponent_ci95: interval(replicates, |f| Some(of(f)?.exponent)),
         ln_at_reference_ci95: interval(replicates, |f| Some(of(f)?.ln_at_reference)),

@@ -7,10 +7,10 @@
 use super::form::{Coefficients, Form};
 use super::optimum::{Optimum, optimum, vocab_exponent};
 use super::types::Parametric;
-use crate::laws::bare::bare;
 use crate::laws::intervals;
 use crate::laws::law_set::geometric_mean;
 use crate::laws::stats::interval95;
+use crate::laws::unfitted::unfitted;
 use crate::laws::{
     FloorLaw, FloorSample, IsoFlopPoint, LawKind, LawSample, Laws, Parameters, PowerLaw, PowerLaws,
 };
@@ -32,7 +32,7 @@ pub fn parametric_laws(
         Form::Approach3 => (LawKind::Approach3, Parameters::Total),
         Form::Approach3Vocab => (LawKind::Approach3Vocab, Parameters::Split),
     };
-    let mut laws = bare(kind, (name, flops_rule), parameters, reference, points);
+    let mut laws = unfitted(kind, (name, flops_rule), parameters, reference, points);
     laws.parametric = Some(parametric);
     around(&laws, reference)
 }

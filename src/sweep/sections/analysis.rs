@@ -9,7 +9,7 @@ use crate::units::number;
 /// The `flops` section: how FLOPs are counted.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct FlopsSpec {
+pub struct FlopsSection {
     pub rule: FlopsRule,
 }
 
@@ -45,7 +45,7 @@ pub enum HoldOutSpec {
 /// The `fit` section: how laws are fitted to the runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct FitSpec {
+pub struct FitSection {
     /// How the minimum of each budget is found: the laws go through the parabolas, or through the
     /// best runs where too few parabolas can be trusted, and the others stand beside them.
     pub minima: Vec<MinimumMethod>,
@@ -55,7 +55,7 @@ pub struct FitSpec {
     pub bootstrap: usize,
 }
 
-impl Default for FitSpec {
+impl Default for FitSection {
     fn default() -> Self {
         use MinimumMethod::{Argmin, Cubic, Parabola, Surface};
         Self {
@@ -69,7 +69,7 @@ impl Default for FitSpec {
 /// The `predict` section: what the laws are asked at the end.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct PredictSpec {
+pub struct PredictSection {
     /// Budgets, in FLOPs, of which the best configuration is given.
     #[serde(deserialize_with = "number::numbers")]
     pub budgets: Vec<f64>,

@@ -9,7 +9,7 @@ use crate::units::number;
 /// The `grid` section: its axes are crossed unless `zip` pairs them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct GridSpec {
+pub struct GridSection {
     pub models: ModelList,
     /// Vocabularies: sizes, or FSQ levels. One tokenizer is trained for each.
     pub vocab: Vec<VocabSpec>,

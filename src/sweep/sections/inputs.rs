@@ -42,7 +42,7 @@ pub enum BrokenFiles {
 /// The `data` section: the motion and the captions that are learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct DataSpec {
+pub struct DataSection {
     pub source: DataSource,
     /// The folder of `humanml3d`, from the working folder.
     pub path: Option<std::path::PathBuf>,
@@ -62,7 +62,7 @@ pub struct DataSpec {
     pub test_clips: usize,
 }
 
-impl Default for DataSpec {
+impl Default for DataSection {
     fn default() -> Self {
         Self {
             source: DataSource::default(),

@@ -29,7 +29,7 @@ pub struct Sweep {
     #[serde(default = "default_seeds")]
     pub seeds: Vec<u64>,
     #[serde(default)]
-    pub data: DataSpec,
+    pub data: DataSection,
     #[serde(default)]
     pub text: TextSpec,
     #[serde(default)]
@@ -37,20 +37,20 @@ pub struct Sweep {
     /// The kind of generator, or a list of kinds: an axis of the grid.
     #[serde(default)]
     pub generator: Generators,
-    pub grid: GridSpec,
+    pub grid: GridSection,
     #[serde(default)]
-    pub flops: FlopsSpec,
+    pub flops: FlopsSection,
     #[serde(default)]
-    pub model: ModelSpec,
+    pub model: ModelSection,
     #[serde(default)]
-    pub train: TrainSpec,
+    pub train: TrainSection,
     /// Trains the runs in place of the built-in trainer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trainer: Option<TrainerSection>,
     #[serde(default)]
-    pub fit: FitSpec,
+    pub fit: FitSection,
     #[serde(default)]
-    pub predict: PredictSpec,
+    pub predict: PredictSection,
     /// How engines other than this machine are to be used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub engine: Option<EngineSection>,

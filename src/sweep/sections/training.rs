@@ -11,7 +11,7 @@ use crate::units::number;
 /// The `model` section: what all models of the sweep share.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct ModelSpec {
+pub struct ModelSection {
     pub ffn: Ffn,
     /// d_ff is rounded up to a multiple of this; ScaMo has 256, which only large models can afford.
     #[serde(deserialize_with = "number::count")]
@@ -26,7 +26,7 @@ pub struct ModelSpec {
     pub motion_slots: usize,
 }
 
-impl Default for ModelSpec {
+impl Default for ModelSection {
     fn default() -> Self {
         Self {
             ffn: Ffn::default(),
@@ -53,7 +53,7 @@ pub enum ScheduleKind {
 /// The `train.schedule` section: the learning rate over a run, as a share of its peak.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct ScheduleSpec {
+pub struct ScheduleSection {
     pub kind: ScheduleKind,
     /// Share of the run spent warming up, at most; and at most one token a parameter.
     #[serde(deserialize_with = "number::number")]
@@ -69,14 +69,14 @@ pub struct ScheduleSpec {
     pub share: bool,
 }
 
-impl ScheduleSpec {
+impl ScheduleSection {
     /// Whether runs branch off common trunks.
     pub fn shares(&self) -> bool {
         self.kind == ScheduleKind::Wsd && self.share
     }
 }
 
-impl Default for ScheduleSpec {
+impl Default for ScheduleSection {
     fn default() -> Self {
         let kind = ScheduleKind::default();
         Self { kind, warmup: 0.1, final_share: 0.0, decay: 0.2, share: false }
@@ -134,8 +134,8 @@ impl Default for BatchRule {
 /// The `train` section: how every run is trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct TrainSpec {
-    pub schedule: ScheduleSpec,
+pub struct TrainSection {
+    pub schedule: ScheduleSection,
     pub lr: LrRule,
     pub batch: BatchRule,
     /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
@@ -167,7 +167,7 @@ pub struct TrainSpec {
     pub hang_s: f64,
 }
 
-impl TrainSpec {
+impl TrainSection {
     /// Time between checkpoints.
     pub fn checkpoint_every(&self) -> Duration {
         Duration::from_secs_f64(self.checkpoint_s.max(0.0))
@@ -179,10 +179,10 @@ impl TrainSpec {
     }
 }
 
-impl Default for TrainSpec {
+impl Default for TrainSection {
     fn default() -> Self {
         Self {
-            schedule: ScheduleSpec::default(),
+            schedule: ScheduleSection::default(),
             lr: LrRule::default(),
             batch: BatchRule::default(),
             precision: Precision::default(),

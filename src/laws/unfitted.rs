@@ -5,7 +5,7 @@ use crate::sweep::MinimumMethod;
 
 /// The laws of a table before anything was fitted, around C0 = `reference_flops`; the budgets they
 /// speak of are the least and the greatest that the table holds.
-pub(super) fn bare(
+pub(super) fn unfitted(
     law: LawKind,
     (name, flops_rule): (&str, &str),
     parameters: Parameters,
