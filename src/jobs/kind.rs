@@ -11,9 +11,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::KINDS;
 use super::assignment::{Assignment, Outcome};
+use super::exit::GRACE;
 use super::folder::ResultsFolder;
 use super::job::Job;
-use super::worker::GRACE;
 use crate::files::FileError;
 use crate::plan::Plan;
 use crate::sweep::Stage;

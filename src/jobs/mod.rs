@@ -4,6 +4,7 @@
 //! engines and commands iterate, and name none.
 
 mod assignment;
+mod exit;
 mod folder;
 mod graph;
 mod id;

@@ -18,16 +18,7 @@ use crate::progress::{Said, Stop, forget_progress};
 use crate::text::TextError;
 use crate::tokenizer::TokenizerError;
 
-/// Exit code of a worker whose job failed. It said why, and where it would fail again it wrote that
-/// to `failure.json`.
-pub const FAILED: i32 = 1;
-/// Exit code of a worker that was asked to stop.
-pub const STOPPED: i32 = 130;
-/// Exit code of a worker that was refused memory.
-pub const REFUSED_MEMORY: i32 = 12;
-
-/// Time to reach the end of a step and write a checkpoint, once a stop is asked for.
-pub const GRACE: Duration = Duration::from_secs(2);
+pub use super::exit::{FAILED, GRACE, REFUSED_MEMORY, STOPPED};
 
 /// Raises `stop` when standard input ends: the scheduler holds it open for as long as it lives.
 ///

@@ -2,8 +2,9 @@
 //! replicate have in common.
 
 use super::budget::is_same_budget;
+use super::line::{Line, least_squares_line};
 use super::minima::Grid;
-use super::power::{Line, from_line, least_squares_line};
+use super::power::from_line;
 use super::{
     ComputeAxis, FitOptions, LawSample, LogLaw, Minimum, Parameters, PowerLaw, Weights, log_law,
     power_law,

@@ -1,7 +1,7 @@
 //! The loss as a straight line in log10 C (ScaMo Eq. 14).
 
 use super::LogLaw;
-use super::power::least_squares_line;
+use super::line::least_squares_line;
 use super::stats::{aic, r2};
 
 /// L_u = s log10 C + i by least squares; none where C does not vary.

@@ -32,6 +32,7 @@ mod floor_law;
 mod intervals;
 mod law_set;
 mod least_squares;
+mod line;
 mod log_law;
 mod metric;
 mod minima;

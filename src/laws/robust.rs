@@ -5,7 +5,7 @@
 //! points cannot move, and stays fixed: the objective is then convex, so the iteration finds its
 //! one minimum from any start.
 
-use super::power::{Line, least_squares_line};
+use super::line::{Line, least_squares_line};
 use super::stats::{SD_PER_MAD, quantile};
 
 const MAX_ITERATIONS: usize = 500;

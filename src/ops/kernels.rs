@@ -6,7 +6,7 @@ use burn::backend::Dispatch;
 use burn::tensor::{Device, FloatDType, Tensor};
 
 use super::own::{OwnOps, OwnUpdates};
-use super::updates::sums_of_parts;
+use super::parts::sums_of_parts;
 use super::{
     Activation, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights, HeadWeights,
     plain, shapes,

@@ -21,6 +21,7 @@ mod kernels;
 mod layout;
 mod operands;
 mod own;
+mod parts;
 mod plain;
 mod rope;
 mod shapes;

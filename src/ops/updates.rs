@@ -4,6 +4,7 @@ use burn::backend::Dispatch;
 use burn::tensor::Tensor;
 
 use super::own::{AdamWStep, OwnUpdates};
+use super::parts::sums_of_parts;
 use super::{Kernels, plain};
 
 /// Σ x² of a tensor outside autodiff.
@@ -35,11 +36,4 @@ pub fn adamw(
     );
     let [value, first, second] = [value, first, second].map(Tensor::from_dispatch);
     (value, [first, second])
-}
-
-/// Numbers that come as a large and a small part each.
-pub(super) fn sums_of_parts<const D: usize>(parts: Tensor<D>) -> Vec<f64> {
-    let data = parts.into_data();
-    let parts = data.as_slice::<f32>().expect("the own operations compute in f32");
-    parts.as_chunks().0.iter().map(|&[large, small]| f64::from(large) + f64::from(small)).collect()
 }

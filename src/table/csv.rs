@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::read::ReadProblem;
+use super::error::ReadProblem;
 use super::records::{Fault, Records};
 use super::{Column, Table};
 

@@ -14,6 +14,7 @@
 mod columns;
 mod csv;
 mod derive;
+mod drop_stage;
 mod error;
 mod expression;
 mod model;
@@ -27,10 +28,11 @@ mod records;
 mod rows;
 mod types;
 
-pub use error::TableError;
+pub use drop_stage::DropStage;
+pub use error::{ReadProblem, TableError};
 pub use expression::{Expression, ExpressionError, ExpressionProblem};
 pub use outliers::{OutlierStage, UnknownStage};
 pub use quantity::{Quantity, UnknownQuantity};
-pub use read::{ReadError, ReadProblem, read};
-pub use rows::{Dropped, Loaded, Request, Stage, load};
+pub use read::{ReadError, read};
+pub use rows::{Dropped, Loaded, Request, load};
 pub use types::{Column, Table};

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use polars::prelude::*;
 
+use super::error::ReadProblem;
 use super::{Column, Table, csv, pages};
 
 /// Why a file gives no table.
@@ -14,40 +15,6 @@ use super::{Column, Table, csv, pages};
 pub struct ReadError {
     pub path: String,
     pub problem: ReadProblem,
-}
-
-/// What is wrong with a file.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ReadProblem {
-    #[error("cannot be read: {0}")]
-    Unreadable(String),
-
-    #[error("not a table that can be read: the name must end in .csv, .tsv or .parquet")]
-    Extension,
-
-    #[error("the file is empty; it needs a line of column names and a line for each run")]
-    Empty,
-
-    #[error("the table has no rows, only the column names {names}")]
-    NoRows { names: String },
-
-    #[error("line {line} is not UTF-8 text; save the table as UTF-8")]
-    NotUtf8 { line: usize },
-
-    #[error("line {line} has {found} cell(s), but the header has {expected}; mend that line")]
-    Ragged { line: usize, found: usize, expected: usize },
-
-    #[error("the quote that opens on line {line} is never closed")]
-    Unclosed { line: usize },
-
-    #[error("line {line} goes on after a closing quote; write a quote within a cell twice")]
-    AfterQuote { line: usize },
-
-    #[error("columns {first} and {second} are both named `{name}`; rename one of them")]
-    RepeatedName { name: String, first: usize, second: usize },
-
-    #[error("not a Parquet file, or a damaged one: {0}")]
-    Parquet(String),
 }
 
 /// A Parquet file can claim any number of rows in a few bytes; a table of runs has fewer.

@@ -1,11 +1,10 @@
 //! A table's rows into the points that laws are fitted to.
 
-use std::fmt;
-
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use super::columns::{Named, named};
 use super::derive::{Derived, derive};
+use super::drop_stage::DropStage;
 use super::point::source;
 use super::{Expression, OutlierStage, Table, TableError};
 use crate::laws::{IsoFlopPoint, Parameters};
@@ -41,35 +40,9 @@ pub struct Loaded {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Dropped {
     pub run_id: String,
-    pub stage: Stage,
+    pub stage: DropStage,
     /// For a person: what is wrong with the row.
     pub reason: String,
-}
-
-/// What dropped a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// A cell that is needed is empty.
-    Missing,
-    /// `--drop-highest`.
-    DropHighest,
-    Outliers(OutlierStage),
-}
-
-impl fmt::Display for Stage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Missing => f.pad("missing"),
-            Self::DropHighest => f.pad("drop-highest"),
-            Self::Outliers(stage) => stage.fmt(f),
-        }
-    }
-}
-
-impl Serialize for Stage {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
 }
 
 /// Makes points of the rows of `table`: filters, derives, drops what is missing, what has the
@@ -88,10 +61,10 @@ pub fn load(table: &Table, request: &Request) -> Result<Loaded, TableError> {
     let mut dropped = Vec::new();
     let rows = (0..rows.len()).collect();
     let reason = |row| missing(&named, &derived, row);
-    let rows = kept(Stage::Missing, rows, &named, &mut dropped, reason)?;
+    let rows = kept(DropStage::Missing, rows, &named, &mut dropped, reason)?;
     let highest = highest(&derived.loss, &rows, request.drop_highest);
     let reason = |row| is_highest(&derived.loss, &highest, row);
-    let rows = kept(Stage::DropHighest, rows, &named, &mut dropped, reason)?;
+    let rows = kept(DropStage::DropHighest, rows, &named, &mut dropped, reason)?;
     let mut points = points(&rows, &named, &derived)?;
     for stage in &request.outliers {
         points = without_outliers(*stage, points, &mut dropped)?;
@@ -132,7 +105,7 @@ fn select(named: &Named, rows: &[usize]) -> Named {
 
 /// The rows for which `reason` finds none to drop them.
 fn kept(
-    stage: Stage,
+    stage: DropStage,
     rows: Vec<usize>,
     named: &Named,
     dropped: &mut Vec<Dropped>,
@@ -152,7 +125,7 @@ fn kept(
     Ok(kept)
 }
 
-fn something_left(stage: Stage, nothing: bool, dropped: &[Dropped]) -> Result<(), TableError> {
+fn something_left(stage: DropStage, nothing: bool, dropped: &[Dropped]) -> Result<(), TableError> {
     let first = dropped.first().map(|row| format!("{}: {}", row.run_id, row.reason));
     let first = first.unwrap_or_default();
     if nothing {
@@ -202,10 +175,10 @@ fn without_outliers(
     let before = dropped.len();
     dropped.extend(out.into_iter().map(|(point, reason)| Dropped {
         run_id: point.run_id,
-        stage: Stage::Outliers(stage),
+        stage: DropStage::Outliers(stage),
         reason,
     }));
-    something_left(Stage::Outliers(stage), kept.is_empty(), &dropped[before..])?;
+    something_left(DropStage::Outliers(stage), kept.is_empty(), &dropped[before..])?;
     Ok(kept)
 }
 

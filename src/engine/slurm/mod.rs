@@ -10,6 +10,7 @@
 mod cancel;
 mod check;
 mod chunks;
+mod cluster;
 mod command;
 mod error;
 mod estimate;

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 
+use super::cluster::Cluster;
 use super::command::{Shell, site_defaults};
 use super::estimate::Estimates;
 use super::files::SlurmFolder;
-use super::session::Cluster;
 use super::stages::{Array, Layout, arrays};
 use super::submission::{Submission, Written};
 use super::submit::{Submitted, keep_program, submit};

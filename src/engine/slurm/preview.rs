@@ -7,7 +7,7 @@ use super::check::{self, Verdict};
 use super::command::Shell;
 use super::packing::Packing;
 use super::stages::{After, Array};
-use crate::engine::Previewed;
+use crate::engine::contract::Previewed;
 use crate::jobs::JobKind;
 use crate::units::quoted;
 

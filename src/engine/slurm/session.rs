@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use serde_json::json;
 
 use super::cancel::cancel;
+use super::cluster::{Cluster, of_folder};
 use super::command::{QUERY, Shell, System};
 use super::error::SlurmError;
 use super::files::SlurmFolder;
@@ -19,10 +20,8 @@ use super::status::status;
 use super::submission::Written;
 use super::submit::Submitted;
 use super::worker::ChunkWorker;
-use crate::engine::{
-    Brought, Cancelled, Engine, EngineState, FitTerms, Preview, Previewed, Request, Session, Task,
-    Tell,
-};
+use crate::engine::contract::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
+use crate::engine::{Cancelled, EngineState, Request, Tell};
 use crate::files::read_if_there;
 use crate::jobs::{Job, ResultsFolder, SweepState};
 use crate::sweep::read_profile;
@@ -97,30 +96,6 @@ pub fn max_array(settings: &Settings, shell: &dyn Shell) -> Result<Option<usize>
     let said = shell.ask(&words, QUERY)?;
     let line = said.lines().find(|line| line.starts_with("MaxArraySize"));
     Ok(line.and_then(|line| line.split('=').nth(1)?.trim().parse().ok()))
-}
-
-/// The settings and the ledger of a folder that a command looks into; `None` where nothing was ever
-/// submitted from it.
-pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)>> {
-    let folder = ResultsFolder::new(absolute(folder.root())?);
-    let files = SlurmFolder::of(&folder);
-    let Some(generation) = files.latest()? else { return Ok(None) };
-    let written: Option<Written> = read_if_there(&files.written(generation))?;
-    let settings = Settings::new(written.map(|written| written.settings).unwrap_or_default());
-    Ok(Some((settings, Ledger::of(&files).entries()?)))
-}
-
-/// A request to be met by a cluster.
-pub(super) struct Cluster<'a> {
-    pub request: &'a Request<'a>,
-    /// Named by its full path.
-    pub folder: ResultsFolder,
-    pub settings: Settings,
-    /// What was submitted before.
-    pub entries: Vec<Entry>,
-    pub queue: Queue,
-    /// MaxArraySize, as Slurm says.
-    pub asked: Option<usize>,
 }
 
 impl Session for Cluster<'_> {

@@ -6,11 +6,11 @@ use anyhow::Result;
 use serde::Serialize;
 use serde_json::json;
 
+use super::cluster::of_folder;
 use super::command::System;
 use super::files::SlurmFolder;
 use super::queue::{Queue, Task, TaskState};
 use super::reasons::outlook;
-use super::session::of_folder;
 use crate::engine::EngineState;
 use crate::jobs::{JobKind, JobState, ResultsFolder, SweepState};
 use crate::laws::wrap;

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::engine::JobEnd;
-use crate::engine::Task;
+use crate::engine::contract::Task;
 use crate::engine::local::{Display, LocalPool, LocalProcesses};
 use crate::engine::slurm::command::Shell;
 use crate::engine::slurm::files::{ChunkFile, SlurmFolder};

@@ -14,7 +14,6 @@ use anyhow::{Context, Result, ensure};
 use nix::sys::signal::{Signal, kill, killpg};
 use nix::unistd::{Pid, getpgrp, getpid};
 
-use crate::jobs::program::GRACE;
 use crate::progress::stop_on_signals;
 
 /// The environment variable by which a program and its children are known.
@@ -25,6 +24,9 @@ pub const LOCK: &str = ".program.lock";
 pub const READY: &str = "ready";
 /// What the worker writes when the program has ended by itself.
 pub const DONE: &str = "done";
+
+/// Time for a program to write a checkpoint and end, once a stop is asked for.
+pub const GRACE: Duration = Duration::from_secs(10);
 
 const POLL: Duration = Duration::from_millis(25);
 /// Time for killed processes to be gone.

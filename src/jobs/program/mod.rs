@@ -14,27 +14,24 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 
-pub use guard::{guard, wake_guard};
+pub use guard::{GRACE, guard, wake_guard};
 pub use result::TrainerResult;
 pub use spec::TrainerSpec;
 
 use super::assignment::{Assignment, Outcome};
-use super::worker;
+use super::exit;
 use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::{remove, write_json};
 use crate::files::read_if_there;
 use crate::plan::RunSpec;
 use crate::sweep::{TrainerCommand, TrainerSection};
 
-/// Time for a program to write a checkpoint and end, once a stop is asked for.
-pub const GRACE: Duration = Duration::from_secs(10);
-
 /// How long the worker in `place` waits for an orderly end: longer than a program of its own may.
 pub fn grace(place: &Path) -> Duration {
     let spec = read_if_there::<RunSpec>(&place.join("spec.json")).ok().flatten();
     match spec.is_some_and(|spec| spec.trainer.is_some()) {
-        true => GRACE + 2 * worker::GRACE,
-        false => worker::GRACE,
+        true => GRACE + 2 * exit::GRACE,
+        false => exit::GRACE,
     }
 }
 

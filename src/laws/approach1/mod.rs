@@ -7,10 +7,12 @@
 
 mod fitted;
 mod frontier;
+mod options;
 #[cfg(test)]
 mod tests;
 
 pub use frontier::{FrontierPoint, frontier};
+pub use options::Approach1Options;
 
 use super::law_set::geometric_mean;
 use super::random::below;
@@ -25,20 +27,6 @@ use frontier::Candidates;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
-
-/// The options of [`approach1`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Approach1Options {
-    pub name: String,
-    pub flops_rule: String,
-    pub parameters: Parameters,
-    /// Read training curves between their measured points.
-    pub interpolate: bool,
-    /// Huber's δ in units of the residuals' MAD; least squares where absent.
-    pub huber: Option<f64>,
-    pub bootstrap: usize,
-    pub seed: u64,
-}
 
 /// The laws through the frontier, with intervals from drawing curves anew.
 ///

@@ -9,8 +9,8 @@
 //! of n; Bickel et al. 1997).
 
 use super::draws::Draws;
-use super::fit::ParametricOptions;
 use super::form::Coefficients;
+use super::options::ParametricOptions;
 use super::search::{End, Found, Target};
 use crate::laws::{IsoFlopPoint, cell::compare, stats};
 use rayon::prelude::*;

@@ -2,24 +2,9 @@
 
 use super::grid::Grid;
 use super::interpolate::Stop;
-use super::{DELTA, FrontierError, huber, interpolate};
+use super::{DELTA, FrontierError, FrontierPoint, huber, interpolate};
 use crate::laws::IsoFlopPoint;
-use crate::laws::power::{Line, least_squares_line};
-
-/// A run, or a point between runs, that improves on all that spent less.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FrontierPoint {
-    /// C = 6 (N_nv + N_v) D.
-    pub flops: f64,
-    /// N_nv.
-    pub params_nonvocab: f64,
-    /// N_v = V·d.
-    pub params_vocab: f64,
-    /// V.
-    pub n_vocab: f64,
-    /// L_u.
-    pub loss_normalised: f64,
-}
+use crate::laws::line::{Line, least_squares_line};
 
 /// Which points compete for the frontier.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -5,7 +5,7 @@
 //! below the residuals the loss is nearly |r|, where descent by gradients stops early. Where the
 //! minimum is a stretch, as that of an even number of far residuals is, the answer is its middle.
 
-use crate::laws::power::Line;
+use crate::laws::line::Line;
 
 /// The s of least Σ ρ(y − s x); none where no x differs from 0.
 pub(super) fn ratio(x: &[f64], y: &[f64], delta: f64) -> Option<f64> {

@@ -18,6 +18,7 @@ mod gamma;
 mod grid;
 mod huber;
 mod interpolate;
+mod point;
 #[cfg(test)]
 mod runs;
 #[cfg(test)]
@@ -26,10 +27,9 @@ mod units;
 
 pub use compression::{TokensPerCharacter, published_width};
 pub use error::FrontierError;
-pub use frontier::{
-    Criterion, FrontierLaws, FrontierPoint, Interpolation, frontier, frontier_laws,
-};
+pub use frontier::{Criterion, FrontierLaws, Interpolation, frontier, frontier_laws};
 pub use gamma::{DERIVATIVE_SIZES, DerivativeGamma, derivative_gamma};
+pub use point::FrontierPoint;
 pub use units::{PUBLISHED_MIN_FLOPS, in_millions, published_units};
 
 /// Where the Huber loss of a residual in ln N turns linear, in every fit of the paper.

@@ -2,8 +2,8 @@
 
 use super::action::Action;
 use super::blend::smooth;
+use super::drive::Drive;
 use super::manner::Manner;
-use super::path::Drive;
 use super::posture::Posture;
 use super::travel::Travel;
 

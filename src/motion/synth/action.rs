@@ -1,11 +1,11 @@
 //! The actions, and how one follows another.
 
+use super::drive::Drive;
 use super::floor::Side;
 use super::in_place::{InPlace, Kind};
 use super::jump::Jump;
 use super::kick::Kick;
 use super::manner::Manner;
-use super::path::Drive;
 use super::posture::Posture;
 use super::random::Draw;
 use super::travel::{Gait, Travel};

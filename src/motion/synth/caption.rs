@@ -27,8 +27,15 @@ enum Telling {
     Nowhere,
 }
 
+impl Script {
+    /// Two or three captions, lower-case, which tell the actions in their order.
+    pub fn captions(&self) -> Vec<String> {
+        captions(self)
+    }
+}
+
 /// Two or three paraphrases of a script.
-pub fn captions(script: &Script) -> Vec<String> {
+fn captions(script: &Script) -> Vec<String> {
     let mut rng = ChaCha8Rng::seed_from_u64(script.wording);
     (0..rng.int(2, 3)).map(|_| caption(script, &mut rng)).collect()
 }

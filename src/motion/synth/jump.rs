@@ -3,9 +3,9 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use super::blend::{arch, plateau, smooth};
+use super::drive::Drive;
 use super::floor::Side;
 use super::manner::Manner;
-use super::path::Drive;
 use super::posture::Posture;
 use super::random::Draw;
 

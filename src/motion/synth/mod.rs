@@ -18,6 +18,7 @@ mod act;
 mod action;
 mod body;
 mod caption;
+mod drive;
 mod feet;
 mod floor;
 mod geometry;

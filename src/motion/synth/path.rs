@@ -1,21 +1,13 @@
 //! The way of the root over the floor: what the actions drive, smoothed and integrated.
 
 use super::FPS;
+use super::drive::Drive;
 use super::floor::FloorPose;
 use super::random::Draw;
 use super::script::Script;
 
 /// Half-width in frames of each of the two running means that turn jumps of speed into ramps.
 const HALF_WIDTH: usize = 4;
-
-/// Velocity in the body's frame, per second.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Drive {
-    pub left: f32,
-    pub forward: f32,
-    /// Radians to the left.
-    pub yaw: f32,
-}
 
 /// The root's place at every frame from `origin` on.
 pub struct Path {

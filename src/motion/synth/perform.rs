@@ -11,8 +11,15 @@ use super::script::Script;
 use super::wander::Wander;
 use crate::motion::Pose;
 
+impl Script {
+    /// The joints, `n_frames + 1` poses at [`FPS`] frames per second, metres.
+    pub fn poses(&self) -> Vec<Pose> {
+        perform(self)
+    }
+}
+
 /// The poses of a script, one more than its frames of features; its own noise seed decides all.
-pub fn perform(script: &Script) -> Vec<Pose> {
+fn perform(script: &Script) -> Vec<Pose> {
     let mut rng = ChaCha8Rng::seed_from_u64(script.noise);
     let path = Path::lay(script, &mut rng);
     let mut feet = plan(script, &path, &mut rng);

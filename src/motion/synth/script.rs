@@ -6,12 +6,10 @@ use rand_chacha::rand_core::Rng;
 use super::FPS;
 use super::act::{Act, FOREVER};
 use super::action::Action;
+use super::drive::Drive;
 use super::manner::Manner;
-use super::path::Drive;
 use super::posture::Posture;
 use super::random::Draw;
-use super::{caption, perform};
-use crate::motion::Pose;
 
 /// Frames of the shortest and the longest clip.
 const SHORTEST: usize = 40;
@@ -62,16 +60,6 @@ impl Script {
     /// Frames of the clip's features: a multiple of 4 from 40 to 196.
     pub fn n_frames(&self) -> usize {
         self.n_frames
-    }
-
-    /// Two or three captions, lower-case, which tell the actions in their order.
-    pub fn captions(&self) -> Vec<String> {
-        caption::captions(self)
-    }
-
-    /// The joints, `n_frames + 1` poses at [`FPS`] frames per second, metres.
-    pub fn poses(&self) -> Vec<Pose> {
-        perform::perform(self)
     }
 
     /// Seconds of the clip.

@@ -2,10 +2,10 @@
 
 use std::f32::consts::{PI, TAU};
 
+use super::drive::Drive;
 use super::floor::Side;
 use super::hands::Wave;
 use super::manner::Manner;
-use super::path::Drive;
 use super::posture::Posture;
 use super::random::Draw;
 

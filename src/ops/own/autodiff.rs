@@ -12,9 +12,9 @@ use burn_flex::FlexTensor;
 
 use super::attention::half;
 use super::buffers::recycle;
+use super::elements::{contiguous, dims, elements, elements_mut};
 use super::flex::{
-    attention_weights, contiguous, convolution_weights, dims, elements, elements_mut,
-    feed_forward_weights, head, mean, scaled,
+    attention_weights, convolution_weights, feed_forward_weights, head, mean, scaled,
 };
 use super::head::Gradients as HeadGradients;
 use super::{OwnOps, convolution, feed_forward, rows};

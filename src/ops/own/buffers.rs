@@ -10,7 +10,7 @@ use std::ops::{Deref, DerefMut};
 
 use burn_flex::FlexTensor;
 
-use super::flex::tensor;
+use super::elements::tensor;
 
 /// Vectors of one length.
 #[derive(Default)]

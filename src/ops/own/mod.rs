@@ -3,14 +3,14 @@
 //! | file | what it holds |
 //! | --- | --- |
 //! | [`lanes`], [`x86`] | sixteen numbers at a time, on the vectors that the machine has |
-//! | [`maths`], [`scratch`], [`product`] | what the kernels share |
+//! | [`maths`], [`scratch`], [`left`], [`product`] | what the kernels share |
 //! | [`matmul`] | products of large matrices |
 //! | [`buffers`] | memory that goes from step to step |
 //! | [`rms_norm`], [`swiglu`], [`gelu`], [`cross_entropy`], [`rows`] | kernel pairs on slices |
 //! | [`attention`], [`feed_forward`], [`head`] | the parts of the model, composed of these |
 //! | [`convolution`] | the layers of tokenizers |
 //! | [`adamw`] | the optimiser |
-//! | [`flex`] | the operations on flex's tensors |
+//! | [`elements`], [`flex`] | flex's tensors, and the operations on them |
 //! | [`autodiff`] | the same with gradients |
 //!
 //! Every kernel runs on the calling thread and reduces in a fixed order: the same input gives the
@@ -30,11 +30,13 @@ mod autodiff;
 mod buffers;
 mod convolution;
 mod cross_entropy;
+mod elements;
 mod feed_forward;
 mod flex;
 mod gelu;
 mod head;
 mod lanes;
+mod left;
 mod maths;
 mod matmul;
 mod product;

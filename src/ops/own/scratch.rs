@@ -1,7 +1,10 @@
 //! [`Scratch`]: a small matrix that kernels work in.
 
 use super::lanes::{LANES, Lanes};
-use super::product::{Left, ROWS};
+use super::left::Left;
+
+/// Rows of a tile; scratch matrices hold a multiple of these.
+pub const ROWS: usize = 8;
 
 /// A row-major matrix padded to whole tiles; what lies in the padding is unspecified.
 #[derive(Default)]

@@ -9,7 +9,8 @@ use super::rotation::rotate_back;
 use super::softmax::{self, Statistics, Tile};
 use super::{Heads, Workspace};
 use crate::ops::own::lanes::{Lanes, vectorised};
-use crate::ops::own::product::{ROWS, Span, block, product};
+use crate::ops::own::product::{Span, block, product};
+use crate::ops::own::scratch::ROWS;
 
 vectorised! {
     /// Turns the rows of the sequences `sequences` of `qkv` into the gradient by them, given the

@@ -7,7 +7,8 @@ use super::heads::Head;
 use super::softmax::{self, Statistics, Tile};
 use super::{Heads, Workspace};
 use crate::ops::own::lanes::{Lanes, vectorised};
-use crate::ops::own::product::{ROWS, Span, block};
+use crate::ops::own::product::{Span, block};
+use crate::ops::own::scratch::ROWS;
 
 vectorised! {
     /// Attention of the sequences `sequences` of `qkv` `[n, 3 d]`, into their rows of `output`

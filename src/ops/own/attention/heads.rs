@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::head_rows::HeadRows;
 use super::softmax::Statistics;
-use crate::ops::own::product::ROWS;
+use crate::ops::own::scratch::ROWS;
 use crate::ops::{Rope, SequenceLayout};
 
 /// Where the heads of the sequences lie in rows of `[q | k | v]` and of the output.

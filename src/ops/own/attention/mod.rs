@@ -10,7 +10,7 @@
 //! vector, because a vector holds whole tiles and all rows of the prefix are equally long.
 
 use super::lanes::LANES;
-use super::product::ROWS;
+use super::scratch::ROWS;
 
 mod backward;
 mod forward;

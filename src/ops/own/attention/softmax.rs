@@ -3,8 +3,7 @@
 
 use crate::ops::own::lanes::{LANES, Lanes};
 use crate::ops::own::maths::{dot, exp, max};
-use crate::ops::own::product::ROWS;
-use crate::ops::own::scratch::Scratch;
+use crate::ops::own::scratch::{ROWS, Scratch};
 
 /// The rows of a tile within a matrix of scores, and how many positions each of them sees.
 #[derive(Clone, Copy)]

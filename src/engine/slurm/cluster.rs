@@ -1,0 +1,38 @@
+//! [`Cluster`]: a request to be met by Slurm, and what was submitted before.
+
+use std::path::absolute;
+
+use anyhow::Result;
+
+use super::files::SlurmFolder;
+use super::ledger::{Entry, Ledger};
+use super::queue::Queue;
+use super::settings::Settings;
+use super::submission::Written;
+use crate::engine::Request;
+use crate::files::read_if_there;
+use crate::jobs::ResultsFolder;
+
+/// A request to be met by a cluster.
+pub(super) struct Cluster<'a> {
+    pub request: &'a Request<'a>,
+    /// Named by its full path.
+    pub folder: ResultsFolder,
+    pub settings: Settings,
+    /// What was submitted before.
+    pub entries: Vec<Entry>,
+    pub queue: Queue,
+    /// MaxArraySize, as Slurm says.
+    pub asked: Option<usize>,
+}
+
+/// The settings and the ledger of a folder that a command looks into; `None` where nothing was ever
+/// submitted from it.
+pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)>> {
+    let folder = ResultsFolder::new(absolute(folder.root())?);
+    let files = SlurmFolder::of(&folder);
+    let Some(generation) = files.latest()? else { return Ok(None) };
+    let written: Option<Written> = read_if_there(&files.written(generation))?;
+    let settings = Settings::new(written.map(|written| written.settings).unwrap_or_default());
+    Ok(Some((settings, Ledger::of(&files).entries()?)))
+}
