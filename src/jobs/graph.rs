@@ -10,7 +10,7 @@ use super::job::Job;
 use super::kind::JobKind;
 use crate::plan::Plan;
 
-/// Everything that a plan's runs need, each after what it needs itself.
+/// All but the runs of a plan: what they need, each after what it needs itself, and what needs them.
 pub fn inputs(plan: &Plan) -> Vec<Job> {
     let kinds = JobKind::all().filter(|kind| *kind != JobKind::goal());
     kinds.flat_map(|kind| kind.jobs(plan)).collect()
@@ -35,7 +35,15 @@ pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
     let needs = made.flat_map(|job| job.needs.clone());
     let lost: Vec<JobId> = needs.filter(|id| id.kind.is_result() && open(id)).collect();
     let mut wanted = Wanted::new(inputs, folder);
-    let goals: Vec<Job> = goals.into_iter().filter_map(|job| wanted.take(job)).collect();
+    let mut goals: Vec<Job> = goals.into_iter().filter_map(|job| wanted.take(job)).collect();
+    let followers = JobKind::all().filter(|kind| *kind > JobKind::goal());
+    let followers: Vec<Job> =
+        followers.flat_map(|kind| kind.jobs(plan)).filter(|job| open(&job.id)).collect();
+    if !followers.is_empty() {
+        let to_do = goals.iter().map(|job| (job.id.clone(), Availability::ToDo));
+        wanted.known.extend(to_do.collect::<Vec<_>>());
+    }
+    goals.extend(followers.into_iter().filter_map(|job| wanted.take(job)));
     for need in &lost {
         wanted.availability(need);
     }
