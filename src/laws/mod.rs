@@ -30,6 +30,7 @@ mod error;
 mod fit;
 mod floor_law;
 mod intervals;
+mod law_kind;
 mod law_set;
 mod least_squares;
 mod line;
@@ -40,6 +41,7 @@ mod names;
 mod noise;
 mod options;
 mod parametric;
+mod point;
 mod power;
 mod random;
 mod report;
@@ -67,6 +69,7 @@ pub use budget::{Budget, group_budgets};
 pub use error::FitError;
 pub use fit::fit;
 pub use floor_law::floor_law;
+pub use law_kind::LawKind;
 pub use log_law::log_law;
 pub use metric::{LOSS_NORMALISED, Metric};
 pub use minima::{minima, minimum_at};
@@ -76,6 +79,7 @@ pub use parametric::{
     Coefficients, Form, Huber, Optimum, Parametric, ParametricOptions, Space, Starts,
     fit_parametric, optimum, parametric_laws, parametric_text, vocab_exponent,
 };
+pub use point::{IsoFlopPoint, Parameters};
 pub use power::power_law;
 pub use report::*;
 pub use sample::*;

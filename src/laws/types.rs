@@ -1,46 +1,9 @@
 //! The values between a table of runs and a law; [`Laws`] is what `laws.json` holds.
 
-use super::{Advice, LawSample, Metric, Parametric, Validation};
+use super::{Advice, LawKind, LawSample, Metric, Parameters, Parametric, Validation};
 use serde::{Deserialize, Serialize};
 
 use crate::sweep::MinimumMethod;
-
-/// One finished run as the laws see it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct IsoFlopPoint {
-    pub run_id: String,
-    pub seed: u64,
-    /// The declared budget: runs are grouped by it.
-    pub budget_flops: f64,
-    /// What the run spent under the rule that the fit uses.
-    pub flops: f64,
-    /// N_nv.
-    pub params_nonvocab: f64,
-    /// N_v = V·d.
-    pub params_vocab: f64,
-    /// V.
-    pub n_vocab: f64,
-    /// D.
-    pub tokens: f64,
-    /// Which loss this is.
-    pub metric: Metric,
-    /// The loss; lower is better. L_u is in nats, and 0 for the unigram model.
-    pub loss: f64,
-    /// How much the run counts in means and fits, relative to the others; 1 by default.
-    pub weight: f64,
-}
-
-/// Whether a table tells a model's parameters apart by the vocabulary.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Parameters {
-    /// N_nv and N_v each have a column.
-    #[default]
-    Split,
-    /// Only N is known. In points and minima it stands where N_nv does, and N_v and V are 0; among
-    /// the laws it has a place of its own, [`PowerLaws::params`].
-    Total,
-}
 
 /// Where the scatter of single runs was read off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -211,23 +174,6 @@ pub struct Sensitivity {
     pub exponent_params: Option<f64>,
     pub exponent_tokens: Option<f64>,
     pub slope_per_decade: Option<f64>,
-}
-
-/// How laws were come by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LawKind {
-    /// Through the minima of IsoFLOP budgets (Hoffmann et al. 2022, approach 2; ScaMo).
-    #[default]
-    Isoflop,
-    /// Through the running minimum of the loss (approach 1).
-    Approach1,
-    /// By a parametric loss in N and D (approach 3).
-    Approach3,
-    /// By a parametric loss in N_nv, N_v and D (Tao et al. 2024).
-    Approach3Vocab,
-    /// Taken from a paper.
-    Published,
 }
 
 /// Every fit of a sweep, with the convention used: `laws.json`.

@@ -6,7 +6,7 @@ use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
 };
-use crate::laws::{LawKind, Laws, around, interval95};
+use crate::laws::{Laws, around, interval95};
 
 /// The optimal configuration for `budget` FLOPs.
 ///
@@ -25,7 +25,7 @@ pub fn predict(
         return Err(PredictError::BadBudget(budget));
     }
     // Laws that bend are read as tangents at C.
-    let straightened = (laws.law == LawKind::Approach3Vocab).then(|| around(laws, budget));
+    let straightened = laws.law.bends().then(|| around(laws, budget));
     let laws = straightened.as_ref().unwrap_or(laws);
     let vocabulary = Vocabulary::of(laws)?;
     let at_c = fitted_at(laws, vocabulary, options.shapes, budget)?;

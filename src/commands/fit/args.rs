@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use isoflop::laws::LawKind;
 
 use crate::commands::args::budget;
 
@@ -50,8 +52,8 @@ pub struct FitArgs {
     pub outliers: Vec<String>,
 
     /// Which law to fit
-    #[arg(long, value_enum, help_heading = "Law")]
-    pub law: Option<LawName>,
+    #[arg(long, value_parser = a_law(), help_heading = "Law")]
+    pub law: Option<LawKind>,
     /// The kind of minimum that the laws are fitted to
     #[arg(long, value_enum, help_heading = "Law")]
     pub minima: Option<MinimaName>,
@@ -96,18 +98,6 @@ pub struct FitArgs {
     /// Where to write the laws; a sweep's own laws.json otherwise, nowhere for a table
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LawName {
-    /// Minima of each budget, power laws through them, loss laws
-    Isoflop,
-    /// Power laws through the running minimum of the loss
-    Approach1,
-    /// L = E + A/N^alpha + B/D^beta
-    Approach3,
-    /// L = -E + A1/N_nv^alpha1 + A2/N_v^alpha2 + B/D^beta
-    Approach3Vocab,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -165,4 +155,12 @@ fn huber(text: &str) -> Result<HuberName, String> {
             _ => Err(format!("{number} is neither a number above 0, nor mad, nor none")),
         },
     }
+}
+
+/// The parser of a law's name.
+fn a_law() -> impl TypedValueParser<Value = LawKind> {
+    let names = LawKind::fitted().map(|law| PossibleValue::new(law.name()).help(law.about()));
+    let named = |name: String| LawKind::fitted().find(|law| law.name() == name);
+    PossibleValuesParser::new(names)
+        .map(move |name| named(name).expect("one of the possible values"))
 }

@@ -2,12 +2,11 @@
 
 use isoflop::laws;
 use isoflop::laws::{
-    Approach1Options, ComputeAxis, FitError, FitOptions, Form, Laws, Parameters, fit_parametric,
-    parametric_laws,
+    Approach1Options, ComputeAxis, FitError, FitOptions, Form, LawKind, Laws, Parameters,
+    fit_parametric, parametric_laws,
 };
 use isoflop::sweep::MinimumMethod;
 
-use super::args::LawName;
 use super::request::FitRequest;
 use super::source::{OwnSweep, Source};
 use super::sweep;
@@ -18,11 +17,11 @@ const BOOTSTRAP: usize = 1000;
 /// Fits the law that was asked for.
 pub fn laws(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
     let mut laws = match (request.law, &source.sweep) {
-        (LawName::Isoflop, Some(own)) => of_sweep(own, request),
-        (LawName::Isoflop, None) => of_budgets(source, request),
-        (LawName::Approach1, _) => approach1(source, request),
-        (LawName::Approach3, _) => approach3(source, request, Form::Approach3),
-        (LawName::Approach3Vocab, _) => approach3(source, request, Form::Approach3Vocab),
+        (LawKind::Isoflop, Some(own)) => of_sweep(own, request),
+        (LawKind::Isoflop, None) => of_budgets(source, request),
+        (LawKind::Approach1, _) => approach1(source, request),
+        (LawKind::Parametric(form), _) => parametric(source, request, form),
+        (LawKind::Published, _) => unreachable!("no law that can be asked for"),
     }?;
     if let Some(own) = &source.sweep {
         laws.from_sweep = true;
@@ -78,13 +77,13 @@ fn approach1(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
     laws::approach1(&source.points, &options)
 }
 
-fn approach3(source: &Source, request: &FitRequest, form: Form) -> Result<Laws, FitError> {
-    if form == Form::Approach3Vocab && source.parameters == Parameters::Total {
-        return Err(FitError::NotIdentified(
-            "approach3-vocab needs N_nv and N_v apart: name params_nonvocab, and params_vocab or \
-             n_vocab and d_model, in --columns"
-                .into(),
-        ));
+fn parametric(source: &Source, request: &FitRequest, form: Form) -> Result<Laws, FitError> {
+    if form.parameters() == Parameters::Split && source.parameters == Parameters::Total {
+        return Err(FitError::NotIdentified(format!(
+            "{} needs N_nv and N_v apart: name params_nonvocab, and params_vocab or n_vocab and \
+             d_model, in --columns",
+            form.name()
+        )));
     }
     let parametric = fit_parametric(&source.points, &request.parametric(form))?;
     Ok(parametric_laws(&source.points, parametric, &source.name, source.rule.name()))

@@ -67,12 +67,10 @@ fn tell(source: &Source, output: &Output) {
 /// A sweep's folder holds its own laws; those of another law stand beside them.
 fn own_file(source: &Source, laws: &Laws) -> Option<PathBuf> {
     let folder = &source.sweep.as_ref()?.folder;
-    Some(folder.file(match laws.law {
-        LawKind::Isoflop | LawKind::Published => "laws.json",
-        LawKind::Approach1 => "laws-approach1.json",
-        LawKind::Approach3 => "laws-approach3.json",
-        LawKind::Approach3Vocab => "laws-approach3-vocab.json",
-    }))
+    Some(match laws.law {
+        LawKind::Isoflop | LawKind::Published => folder.file("laws.json"),
+        other => folder.file(&format!("laws-{}.json", other.name())),
+    })
 }
 
 /// The optimum of each budget asked for; one that the laws cannot give is a warning.

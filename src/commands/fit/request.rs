@@ -1,21 +1,19 @@
 //! What a fit was asked for: the command line, over the defaults of the analysis it follows.
 
 use anyhow::{Context, Result};
-use isoflop::laws::{Form, HoldOut, Huber, ParametricOptions, Space, Starts};
+use isoflop::laws::{Form, HoldOut, Huber, LawKind, ParametricOptions, Space, Starts};
 use isoflop::spec::FlopsRule;
 use isoflop::sweep::MinimumMethod;
 use isoflop::table::{OutlierStage, Request as TableRequest};
 
-use super::args::{
-    CompatName, FitArgs, FlopsName, HuberName, LawName, MinimaName, SpaceName, StartsName,
-};
+use super::args::{CompatName, FitArgs, FlopsName, HuberName, MinimaName, SpaceName, StartsName};
 
 /// Power laws' Huber δ where `mad` is asked for: 95 % of the precision of least squares.
 const MADS: f64 = 1.345;
 
 /// A fit, before anything is read.
 pub struct FitRequest {
-    pub law: LawName,
+    pub law: LawKind,
     pub compat: Option<CompatName>,
     pub rule: Option<FlopsRule>,
     pub minima: Option<MinimumMethod>,
@@ -122,11 +120,11 @@ impl FitRequest {
     }
 }
 
-fn default_law(compat: Option<CompatName>) -> LawName {
+fn default_law(compat: Option<CompatName>) -> LawKind {
     match compat {
-        Some(CompatName::Epoch) => LawName::Approach3,
-        Some(CompatName::Tao) => LawName::Approach3Vocab,
-        Some(CompatName::Scamo) | None => LawName::Isoflop,
+        Some(CompatName::Epoch) => LawKind::Parametric(Form::Approach3),
+        Some(CompatName::Tao) => LawKind::Parametric(Form::Approach3Vocab),
+        Some(CompatName::Scamo) | None => LawKind::Isoflop,
     }
 }
 

@@ -42,7 +42,7 @@ impl Data {
                 form.n_params() + 1
             )));
         }
-        let quantity = |k: usize| points.iter().map(|p| quantities(p, form)[k].ln()).collect();
+        let quantity = |k: usize| points.iter().map(|p| form.quantities_of(p)[k].ln()).collect();
         let (x, means): (Vec<Vec<f64>>, Vec<f64>) =
             (0..form.n_terms()).map(quantity).map(centred).unzip();
         identified(&x, form)?;
@@ -70,19 +70,11 @@ impl Data {
     }
 }
 
-/// N and D, or N_nv, N_v and D.
-fn quantities(p: &IsoFlopPoint, form: Form) -> [f64; 3] {
-    match form {
-        Form::Approach3 => [p.params_nonvocab + p.params_vocab, p.tokens, 0.0],
-        Form::Approach3Vocab => [p.params_nonvocab, p.params_vocab, p.tokens],
-    }
-}
-
 fn check(p: &IsoFlopPoint, form: Form, space: Space) -> Result<(), FitError> {
     let bad = |field, value, expected| {
         Err(FitError::BadValue { run_id: p.run_id.clone(), field, value, expected })
     };
-    for (name, value) in form.quantities().iter().zip(quantities(p, form)) {
+    for (name, value) in form.quantities().iter().zip(form.quantities_of(p)) {
         if !(value.is_finite() && value > 0.0) {
             return bad(name, value, "finite and above 0");
         }

@@ -1,8 +1,9 @@
 //! The parametric forms of the loss.
 
-use super::objective::Constant;
+use super::objective::{Constant, Space};
 use super::problem::Slots;
 use super::vector::{MAX_PARAMS, Vector};
+use crate::laws::{IsoFlopPoint, Parameters};
 use serde::{Deserialize, Serialize};
 
 /// A parametric form of the loss.
@@ -16,6 +17,49 @@ pub enum Form {
 }
 
 impl Form {
+    /// Every form.
+    pub const ALL: [Self; 2] = [Self::Approach3, Self::Approach3Vocab];
+
+    /// The name in files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Approach3 => "approach3",
+            Self::Approach3Vocab => "approach3-vocab",
+        }
+    }
+
+    /// Whether the form tells a model's parameters apart by the vocabulary.
+    pub fn parameters(self) -> Parameters {
+        match self {
+            Self::Approach3 => Parameters::Total,
+            Self::Approach3Vocab => Parameters::Split,
+        }
+    }
+
+    /// Whether the residuals are those of the loss or of its logarithm, unless said otherwise.
+    pub fn default_space(self) -> Space {
+        match self {
+            Self::Approach3 => Space::Log,
+            Self::Approach3Vocab => Space::Raw,
+        }
+    }
+
+    /// What the terms fall with: N and D, or N_nv, N_v and D.
+    pub(super) fn quantities_of(self, p: &IsoFlopPoint) -> [f64; 3] {
+        match self {
+            Self::Approach3 => [p.params_nonvocab + p.params_vocab, p.tokens, 0.0],
+            Self::Approach3Vocab => [p.params_nonvocab, p.params_vocab, p.tokens],
+        }
+    }
+
+    /// Coefficients in the order of [`Form::names`], alike for all kinds of parameters.
+    pub(super) fn start(self, [a, b, e, alpha, beta]: [f64; 5]) -> Vec<f64> {
+        match self {
+            Self::Approach3 => vec![e, a, b, alpha, beta],
+            Self::Approach3Vocab => vec![e, a, a, b, alpha, alpha, beta],
+        }
+    }
+
     /// Terms that fall with a quantity.
     pub(super) fn n_terms(self) -> usize {
         match self {

@@ -28,11 +28,8 @@ pub fn parametric_laws(
 ) -> Laws {
     let reference = geometric_mean(&points.iter().map(|p| p.flops).collect::<Vec<_>>());
     let form = parametric.coefficients.form;
-    let (kind, parameters) = match form {
-        Form::Approach3 => (LawKind::Approach3, Parameters::Total),
-        Form::Approach3Vocab => (LawKind::Approach3Vocab, Parameters::Split),
-    };
-    let mut laws = unfitted(kind, (name, flops_rule), parameters, reference, points);
+    let kind = LawKind::Parametric(form);
+    let mut laws = unfitted(kind, (name, flops_rule), form.parameters(), reference, points);
     laws.parametric = Some(parametric);
     around(&laws, reference)
 }
@@ -50,7 +47,7 @@ pub(crate) fn around(laws: &Laws, reference: f64) -> Laws {
         laws.power_laws = power_laws(&own, &samples, form, reference, parametric.n);
         laws.loss.floor = own.floor.map(|law| floor_law(&law, &samples, &parametric));
         laws.vocab_from_nonvocab =
-            (form == Form::Approach3Vocab).then(|| vocabulary(&own, &parametric));
+            (form.parameters() == Parameters::Split).then(|| vocabulary(&own, &parametric));
     }
     laws.reference_flops = reference;
     laws.warnings = warnings(&parametric, samples.len());
@@ -65,7 +62,7 @@ fn tangent(c: &Coefficients, reference: f64) -> Option<LawSample> {
     let (below, here, above) = (at(-HALF_STEP)?, at(0.0)?, at(HALF_STEP)?);
     let exponent =
         |of: fn(&Optimum) -> f64| (of(&above).ln() - of(&below).ln()) / (2.0 * HALF_STEP);
-    let split = c.form == Form::Approach3Vocab;
+    let split = c.form.parameters() == Parameters::Split;
     let excess = [below, here, above].map(|o| o.loss - c.floor());
     let slope = (excess[2].ln() - excess[0].ln()) / (2.0 * HALF_STEP);
     Some(LawSample {
@@ -107,7 +104,7 @@ fn power_laws(
         law
     };
     let size = law(|s| (s.ln_nonvocab_at_reference, s.exponent_nonvocab));
-    let split = form == Form::Approach3Vocab;
+    let split = form.parameters() == Parameters::Split;
     PowerLaws {
         params: (!split).then(|| size.clone()),
         params_nonvocab: split.then_some(size),

@@ -1,6 +1,7 @@
 //! The compute-optimal allocation of a parametric law, under C = 6 N D.
 
-use super::form::{Coefficients, Form};
+use super::form::Coefficients;
+use crate::laws::Parameters;
 
 /// FLOPs for a parameter and a token.
 const FLOPS_PER_PARAM_TOKEN: f64 = 6.0;
@@ -27,9 +28,9 @@ pub fn optimum(coefficients: &Coefficients, budget: f64) -> Option<Optimum> {
     if !sound {
         return None;
     }
-    let found = match coefficients.form {
-        Form::Approach3 => of_total(coefficients, budget),
-        Form::Approach3Vocab => of_split(coefficients, budget)?,
+    let found = match coefficients.form.parameters() {
+        Parameters::Total => of_total(coefficients, budget),
+        Parameters::Split => of_split(coefficients, budget)?,
     };
     let finite = [found.params_nonvocab, found.tokens, found.loss].iter().all(|x| x.is_finite());
     finite.then_some(found)
@@ -89,6 +90,7 @@ fn rising_zero(f: impl Fn(f64) -> f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laws::Form;
 
     #[test]
     fn the_optimum_of_epochs_chinchilla_is_the_published_one() {

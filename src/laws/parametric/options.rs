@@ -41,10 +41,7 @@ pub struct ParametricOptions {
 impl ParametricOptions {
     /// Logarithms and 1.345 MADs for approach 3, the loss itself with a vocabulary, 1000 replicates.
     pub fn of(form: Form) -> Self {
-        let space = match form {
-            Form::Approach3 => Space::Log,
-            Form::Approach3Vocab => Space::Raw,
-        };
+        let space = form.default_space();
         Self {
             form,
             space,

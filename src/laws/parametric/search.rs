@@ -202,10 +202,7 @@ fn hoffmann(target: &Target) -> Vec<Vector> {
 
 fn start(target: &Target, [ln_a, ln_b, ln_e, alpha, beta]: [f64; 5]) -> Vector {
     let (a, b, e) = (ln_a.exp(), ln_b.exp(), ln_e.exp());
-    let values = match target.form {
-        Form::Approach3 => vec![e, a, b, alpha, beta],
-        Form::Approach3Vocab => vec![e, a, a, b, alpha, alpha, beta],
-    };
+    let values = target.form.start([a, b, e, alpha, beta]);
     let coefficients = Coefficients::new(target.form, &values).expect("as many values as names");
     coefficients.centred(target.data.constant, &target.data.means)
 }

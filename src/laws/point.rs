@@ -1,0 +1,41 @@
+//! [`IsoFlopPoint`]: a run as the laws see it.
+
+use super::Metric;
+use serde::{Deserialize, Serialize};
+
+/// One finished run as the laws see it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IsoFlopPoint {
+    pub run_id: String,
+    pub seed: u64,
+    /// The declared budget: runs are grouped by it.
+    pub budget_flops: f64,
+    /// What the run spent under the rule that the fit uses.
+    pub flops: f64,
+    /// N_nv.
+    pub params_nonvocab: f64,
+    /// N_v = V·d.
+    pub params_vocab: f64,
+    /// V.
+    pub n_vocab: f64,
+    /// D.
+    pub tokens: f64,
+    /// Which loss this is.
+    pub metric: Metric,
+    /// The loss; lower is better. L_u is in nats, and 0 for the unigram model.
+    pub loss: f64,
+    /// How much the run counts in means and fits, relative to the others; 1 by default.
+    pub weight: f64,
+}
+
+/// Whether a table tells a model's parameters apart by the vocabulary.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Parameters {
+    /// N_nv and N_v each have a column.
+    #[default]
+    Split,
+    /// Only N is known. In points and minima it stands where N_nv does, and N_v and V are 0; among
+    /// the laws it has a place of its own, [`PowerLaws::params`].
+    Total,
+}
