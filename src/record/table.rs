@@ -8,6 +8,7 @@ use std::fs::File;
 use std::path::Path;
 
 use polars::prelude::*;
+use rayon::prelude::*;
 
 use super::cell::{CellValue, FactColumn, Kind};
 use super::facts::{COLUMNS, LOSSES, Measured, Planned};
@@ -66,13 +67,13 @@ pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
 }
 
 fn frame(records: &[RunRecord]) -> PolarsResult<DataFrame> {
-    let declared = COLUMNS.iter().map(|column| written(column, records));
+    let declared: Vec<_> = COLUMNS.par_iter().map(|column| written(column, records)).collect();
     let others = undeclared(records);
     let others = others.iter().map(|name| {
         let values: Vec<_> = records.iter().map(|record| record.metrics.get(name)).collect();
         Column::new((*name).into(), values)
     });
-    DataFrame::new(records.len(), declared.chain(others).collect())
+    DataFrame::new(records.len(), declared.into_iter().chain(others).collect())
 }
 
 fn written(column: &FactColumn, records: &[RunRecord]) -> Column {
@@ -88,7 +89,8 @@ fn written(column: &FactColumn, records: &[RunRecord]) -> Column {
 /// Metrics that are no declared columns.
 fn undeclared(records: &[RunRecord]) -> BTreeSet<&str> {
     let names = records.iter().flat_map(|record| record.metrics.iter()).map(|(name, _)| name);
-    names.filter(|name| !is_declared(name)).collect()
+    let others: BTreeSet<&str> = names.filter(|name| !LOSSES.contains(name)).collect();
+    others.into_iter().filter(|name| !is_declared(name)).collect()
 }
 
 fn is_declared(name: &str) -> bool {
