@@ -22,7 +22,7 @@ pub(crate) fn point(params_nonvocab: f64, params_vocab: f64, loss: f64, seed: u6
         n_vocab: params_vocab / 64.0,
         tokens: budget_flops / (6.0 * (params_nonvocab + params_vocab)),
         metric: Metric::default(),
-        loss: loss,
+        loss,
         weight: 1.0,
     }
 }

@@ -69,7 +69,7 @@ fn own_file(source: &Source, laws: &Laws) -> Option<PathBuf> {
     let folder = &source.sweep.as_ref()?.folder;
     Some(match laws.law {
         LawKind::Isoflop | LawKind::Published => folder.file("laws.json"),
-        other => folder.file(&format!("laws-{}.json", other.name())),
+        other => folder.file(format!("laws-{}.json", other.name())),
     })
 }
 

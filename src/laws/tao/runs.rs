@@ -38,7 +38,7 @@ pub fn run(params_nonvocab: f64, n_vocab: f64, d: f64, tokens: f64, loss: f64) -
         n_vocab,
         tokens,
         metric: Metric::default(),
-        loss: loss,
+        loss,
         weight: 1.0,
     }
 }
