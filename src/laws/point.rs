@@ -36,6 +36,6 @@ pub enum Parameters {
     #[default]
     Split,
     /// Only N is known. In points and minima it stands where N_nv does, and N_v and V are 0; among
-    /// the laws it has a place of its own, [`PowerLaws::params`].
+    /// the laws it has a place of its own, [`PowerLaws::params`](super::PowerLaws::params).
     Total,
 }
