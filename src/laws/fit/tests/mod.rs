@@ -1,3 +1,7 @@
+//! Laws of simulated sweeps, whose truth is known.
+
+mod refused;
+
 use super::*;
 use crate::laws::simulated::{SURFACE, Simulated, point};
 use crate::laws::{
@@ -347,99 +351,4 @@ fn another_flop_rule_is_fitted_in_what_the_runs_spent() {
     }
     let row = sensitivity_row("flops: 6nd", &achieved);
     assert_eq!(row.exponent_tokens, Some(exponents(&achieved)[2]));
-}
-
-#[test]
-fn an_empty_table_is_refused() {
-    let error = fit(&[], &options()).unwrap_err();
-    assert_eq!(error, FitError::NoPoints);
-    assert!(error.is_unidentifiable());
-}
-
-#[test]
-fn a_bad_value_names_its_run_and_field() {
-    for (field, value) in [("loss_normalised", f64::NAN), ("tokens", 0.0), ("flops", f64::INFINITY)]
-    {
-        let mut points = simulated().points();
-        match field {
-            "tokens" => points[7].tokens = value,
-            "flops" => points[7].flops = value,
-            _ => points[7].loss = value,
-        }
-        let error = fit(&points, &options()).unwrap_err();
-        assert!(!error.is_unidentifiable());
-        let message = error.to_string();
-        assert!(message.contains(field) && message.contains(&points[7].run_id), "{message}");
-    }
-}
-
-#[test]
-fn one_budget_identifies_no_law() {
-    let points = Simulated { budgets: &[1e16], ..simulated() }.points();
-    let error = fit(&points, &options()).unwrap_err();
-    assert_eq!(error, FitError::TooFewBudgets { found: 1 });
-    assert!(error.is_unidentifiable());
-}
-
-#[test]
-fn two_budgets_are_fitted_without_holding_one_out() {
-    let points = Simulated { budgets: &[1e15, 1e16], ..simulated() }.points();
-    let laws = fit(&points, &options()).unwrap();
-    assert_eq!((laws.fitted_budgets.len(), &laws.held_out), (2, &None));
-    assert!(laws.warnings.iter().any(|s| s.contains("none is held out")));
-    assert_eq!(laws.loss.floor, None);
-    let named = FitOptions { hold_out: HoldOut::Budget(1e16), ..options() };
-    assert_eq!(fit(&points, &named), Err(FitError::TooFewBudgets { found: 1 }));
-}
-
-#[test]
-fn two_sizes_identify_no_law_but_may_be_kept() {
-    let points = Simulated { n_sizes: 2, ..simulated() }.points();
-    let error = fit(&points, &options()).unwrap_err();
-    assert!(error.is_unidentifiable());
-    assert!(error.to_string().contains("few-levels"), "{error}");
-    let kept = fit(&points, &FitOptions { keep_flagged: true, ..options() }).unwrap();
-    assert!(kept.power_laws.params_nonvocab.is_some());
-}
-
-#[test]
-fn identical_rows_identify_no_law_and_are_named() {
-    let same: Vec<_> = (0..12).map(|_| point(1e6, 6400.0, -2.0, 0)).collect();
-    assert_eq!(fit(&same, &options()), Err(FitError::TooFewBudgets { found: 1 }));
-    let other: Vec<_> =
-        same.iter().map(|p| IsoFlopPoint { budget_flops: 1e13, ..p.clone() }).collect();
-    let both = [same, other].concat();
-    assert!(fit(&both, &options()).unwrap_err().is_unidentifiable());
-    let kept = fit(&both, &FitOptions { keep_flagged: true, bootstrap: 50, ..options() }).unwrap();
-    assert!(kept.warnings.iter().any(|s| s.contains("several runs of one seed")));
-    assert_eq!(kept.power_laws.params_nonvocab.unwrap().exponent, 0.0);
-}
-
-#[test]
-fn the_summary_fits_the_terminal_and_shows_every_minimum() {
-    let mut points = simulated().points();
-    points.retain(|p| p.budget_flops != 3e15 || (p.params_nonvocab > 2.5e7 && p.n_vocab > 2e5));
-    let laws = fit(&points, &FitOptions { bootstrap: 50, ..options() }).unwrap();
-    let text = summary(&laws);
-    for line in text.lines() {
-        assert!(line.chars().count() <= 80, "{line}");
-    }
-    let parabolas = text.lines().filter(|line| line.starts_with("parabola")).count();
-    assert_eq!(parabolas, BUDGETS.len());
-    let first: Vec<_> = verdict(&laws)[0].split_whitespace().map(String::from).collect();
-    assert!(text.split_whitespace().zip(&first).all(|(a, b)| a == b), "the verdict comes first");
-    for part in ["unseen budgets", "what to run next", "minima: akima", "minima: surface"] {
-        assert!(text.contains(part), "{part}");
-    }
-    assert!(text.contains("size: N = N_nv + N_v"), "{text}");
-    assert!(text.contains("held out") && text.contains("not-bracketed"), "{text}");
-    assert!(summary(&crate::laws::scamo()).lines().all(|line| line.chars().count() <= 80));
-}
-
-#[test]
-fn a_huber_delta_must_be_a_positive_number() {
-    for huber in [0.0, -1.0, f64::NAN] {
-        let error = fit(&simulated().points(), &FitOptions { huber: Some(huber), ..options() });
-        assert!(matches!(error, Err(FitError::BadOption { option: "huber", .. })));
-    }
 }
