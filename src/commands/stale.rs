@@ -65,8 +65,9 @@ fn fields(plan: &Plan, folder: &ResultsFolder, run: &PlannedRun, old: &RunSpec) 
 fn tokenizer_fields(folder: &ResultsFolder, new: &TokenizerJob, old_id: &str) -> Vec<String> {
     let path = folder.tokenizer(old_id).join("job.json");
     let Ok(Some(old)) = read_if_there::<TokenizerJob>(&path) else { return Vec::new() };
+    // A sweep file has the keys of training beside those of the kind.
     let named = |field: String| match field.strip_prefix("spec.") {
-        Some(setting) => format!("tokenizer.{setting}"),
+        Some(setting) => format!("tokenizer.{}", setting.trim_start_matches("training.")),
         None => field,
     };
     changed_fields(new, &old).into_iter().map(named).collect()

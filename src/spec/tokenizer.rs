@@ -12,12 +12,11 @@ use crate::units::number;
 
 /// A tokenizer, resolved: what is hashed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(deny_unknown_fields, default)]
 pub struct TokenizerSpec {
     pub architecture: ArchitectureSpec,
     /// By default FSQ with levels 8, 6, 5 (240 codes).
     pub quantizer: QuantizerSpec,
-    #[serde(flatten)]
     pub training: TokenizerTraining,
 }
 
