@@ -53,7 +53,7 @@ fn looks(colours: Vec<Rgb>) -> Vec<Look> {
 
 /// Lists the models by their sizes.
 pub fn explain_models(legend: &mut Legend, models: &[ModelSize], looks: &[Look]) {
-    legend.heading("ModelSize, by Nₙᵥ");
+    legend.heading("Model, by Nₙᵥ");
     for (model, look) in models.iter().zip(looks) {
         legend.entry(look.sample(), model.label());
     }
