@@ -1,6 +1,6 @@
 //! `isoflop plan`: what a sweep will do and cost.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use anyhow::Result;
 use burn::tensor::Device;
@@ -8,6 +8,7 @@ use clap::Args;
 use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs, probe};
 use isoflop::plan::{Plan, PlannedRun, TokenizerJob};
 use isoflop::record::flops_per_second;
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::args::SweepArgs;
@@ -32,7 +33,7 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let hours = hours(&jobs, &plan, &folder, &device, args.sweep.slots());
     let stale = stale(&plan, &folder);
     let document = || {
-        let mut document = json(&plan, &folder);
+        let mut document = json(&plan, &folder, &states);
         document["hours"] = json!(hours);
         document["stale"] = json!(stale);
         document
@@ -61,13 +62,12 @@ fn hours(
 }
 
 /// The plan as a JSON document, but for the hours, which are measured, and what is stale.
-pub fn json(plan: &Plan, folder: &ResultsFolder) -> Value {
-    let states = folder.run_states();
+pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
     let inputs = inputs(plan);
-    let needs: HashMap<JobId, Vec<JobId>> =
-        JobKind::goal().jobs(plan).into_iter().map(|job| (job.id, job.needs)).collect();
+    let runs = plan.runs.par_iter().zip(JobKind::goal().jobs(plan));
+    let runs: Vec<Value> = runs.map(|(run, job)| run_json(run, &job.needs, states)).collect();
     json!({
-        "runs": plan.runs.iter().map(|run| run_json(run, &needs, &states)).collect::<Vec<_>>(),
+        "runs": runs,
         "tokenizers": plan.tokenizers.iter().map(|job| tokenizer_json(job, folder)).collect::<Vec<_>>(),
         "dropped": plan.dropped,
         "inputs": inputs,
@@ -88,8 +88,7 @@ fn jobs(plan: &Plan, inputs: &[Job]) -> BTreeMap<JobKind, usize> {
     jobs
 }
 
-fn run_json(run: &PlannedRun, needs: &HashMap<JobId, Vec<JobId>>, states: &RunStates) -> Value {
-    let needs = needs.get(&JobId::run(&run.run_id)).into_iter().flatten();
+fn run_json(run: &PlannedRun, needs: &[JobId], states: &RunStates) -> Value {
     let model = run.spec.shape();
     json!({
         "run_id": run.run_id,
@@ -118,7 +117,7 @@ fn run_json(run: &PlannedRun, needs: &HashMap<JobId, Vec<JobId>>, states: &RunSt
         "tokenizer_id": run.spec.tokenizer_id,
         "trunk_id": run.trunk_id,
         "own_flops": run.own_flops(),
-        "needs": needs.map(JobId::to_string).collect::<Vec<_>>(),
+        "needs": needs.iter().map(JobId::to_string).collect::<Vec<_>>(),
         "state": states.of(&run.run_id),
     })
 }

@@ -2,8 +2,6 @@
 
 use std::collections::HashMap;
 
-use rayon::prelude::*;
-
 use super::folder::{JobState, ResultsFolder};
 use super::id::JobId;
 use super::job::Job;
@@ -26,16 +24,17 @@ pub fn all_jobs(plan: &Plan) -> impl Iterator<Item = Job> {
 ///
 /// What failed is not among them, nor what needs it; what is there already is no job's need.
 pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
-    let open = |id: &JobId| matches!(folder.state(id), JobState::Missing | JobState::Started);
-    let goals: Vec<Job> =
-        JobKind::goal().jobs(plan).into_par_iter().filter(|job| open(&job.id)).collect();
+    let is_open = |state| matches!(state, JobState::Missing | JobState::Started);
+    let open = |id: &JobId| is_open(folder.state(id));
+    let (runs, states) = (JobKind::goal().jobs(plan), folder.run_states());
+    let goals = runs.into_iter().filter(|run| is_open(states.of(&run.id.id)));
     let inputs = inputs(plan);
     // Codes may be there though the metrics of their tokenizer are not any more.
     let made = inputs.iter().filter(|job| folder.state(&job.id) == JobState::Done);
     let needs = made.flat_map(|job| job.needs.clone());
     let lost: Vec<JobId> = needs.filter(|id| id.kind.is_result() && open(id)).collect();
     let mut wanted = Wanted::new(inputs, folder);
-    let mut goals: Vec<Job> = goals.into_iter().filter_map(|job| wanted.take(job)).collect();
+    let mut goals: Vec<Job> = goals.filter_map(|job| wanted.take(job)).collect();
     let followers = JobKind::all().filter(|kind| *kind > JobKind::goal());
     let followers: Vec<Job> =
         followers.flat_map(|kind| kind.jobs(plan)).filter(|job| open(&job.id)).collect();

@@ -5,15 +5,14 @@ use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 
-use super::id::JobId;
 use super::job::Job;
-use super::trunk;
 use crate::generator;
-use crate::plan::{Plan, PlannedRun, Trunk};
+use crate::plan::{Plan, PlannedRun};
 
 /// Models measured at most, from the smallest to the largest.
 const PROBES: usize = 4;
 const PROBE_TIME: Duration = Duration::from_millis(300);
+
 /// Hours that jobs take on `slots` slots, by training steps measured now on one thread. Jobs that
 /// train no generator are priced at the best rate measured; runs at `run_rate`, FLOPs a second, where
 /// it is given.
@@ -24,14 +23,15 @@ pub fn hours(
     slots: usize,
     run_rate: Option<f64>,
 ) -> f64 {
-    let wanted: HashSet<&JobId> = jobs.iter().map(|job| &job.id).collect();
-    let missing = |run: &&PlannedRun| wanted.contains(&JobId::run(&run.run_id));
+    let wanted: HashSet<&str> = jobs.iter().map(|job| job.id.id.as_str()).collect();
+    let missing = |run: &&PlannedRun| wanted.contains(run.run_id.as_str());
     let runs: Vec<&PlannedRun> = plan.runs.iter().filter(missing).collect();
     let params = params(plan);
-    let measured = run_rate.is_none() || jobs.iter().any(|job| !params.contains_key(&job.id));
+    let measured =
+        run_rate.is_none() || jobs.iter().any(|job| !params.contains_key(job.id.id.as_str()));
     let rates = if measured { on_one_thread(|| measure(&runs, device)) } else { Vec::new() };
     let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
-    let rate = |job: &Job| match params.get(&job.id) {
+    let rate = |job: &Job| match params.get(job.id.id.as_str()) {
         Some(params) => run_rate.unwrap_or_else(|| rate_at(&rates, *params)),
         None => best,
     };
@@ -40,12 +40,13 @@ pub fn hours(
     (seconds.iter().sum::<f64>() / slots as f64).max(longest) / 3600.0
 }
 
-/// Parameters of the generator that each job trains.
-fn params(plan: &Plan) -> HashMap<JobId, usize> {
-    let runs = plan.runs.iter().map(|run| (JobId::run(&run.run_id), run.params.total()));
-    let trunk =
-        |trunk: &Trunk| (JobId::new(trunk::KIND, &trunk.trunk_id), trunk.spec.params().total());
-    runs.chain(plan.trunks.iter().map(trunk)).collect()
+/// Parameters of the generator that each run and each trunk trains, by id; no other job has one of
+/// these ids.
+fn params(plan: &Plan) -> HashMap<&str, usize> {
+    let runs = plan.runs.iter().map(|run| (run.run_id.as_str(), run.params.total()));
+    let trunks = plan.trunks.iter();
+    let trunks = trunks.map(|trunk| (trunk.trunk_id.as_str(), trunk.spec.params().total()));
+    runs.chain(trunks).collect()
 }
 
 /// Workers have a thread each, so what they will need is measured on one.

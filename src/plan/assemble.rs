@@ -38,10 +38,12 @@ impl Plan {
         let text_id = captions.id();
         let text = (sweep.data.source != DataSource::None).then_some(captions);
         let (tokenizers, own) = tokenizers(sweep, &cells, &data);
-        let ids: Vec<String> = tokenizers.iter().map(TokenizerJob::id).collect();
+        let inputs: Vec<RunInputs> =
+            tokenizers.iter().map(|job| RunInputs::of(job, &text_id, &data)).collect();
+        let none = RunInputs::none(text_id);
         let runs_of = |(cell, own): (&PricedCell, &Option<usize>)| {
-            let tokenizer_id = own.map_or(NO_TOKENIZER, |own| &ids[own]);
-            let run = |seed: &u64| planned_run(sweep, cell, *seed, &text_id, tokenizer_id, &data);
+            let inputs = own.map_or(&none, |own| &inputs[own]);
+            let run = |seed: &u64| planned_run(sweep, cell, *seed, inputs, &data);
             sweep.seeds.iter().map(run).collect::<Vec<_>>()
         };
         // Hashing a million specs is most of the work.
@@ -121,18 +123,41 @@ fn tokenizers(
     let mut jobs: Vec<TokenizerJob> = Vec::new();
     let mut own = Vec::with_capacity(cells.len());
     for cell in cells {
-        let known = jobs.iter().position(|job| job.spec == cell.tokenizer);
+        let known = jobs.iter().position(|job| job.spec.quantizer == cell.quantizer);
         own.push(Some(known.unwrap_or(jobs.len())));
         if known.is_none() {
-            jobs.push(tokenizer_job(cell, data));
+            jobs.push(tokenizer_job(sweep, cell, data));
         }
     }
     (jobs, own)
 }
 
-fn tokenizer_job(cell: &PricedCell, data: &DataFacts) -> TokenizerJob {
-    let (spec, data_digest) = (cell.tokenizer.clone(), data.digest.clone());
-    TokenizerJob { revision: TRAINING_REVISION, spec, data_digest }
+fn tokenizer_job(sweep: &Sweep, cell: &PricedCell, data: &DataFacts) -> TokenizerJob {
+    let spec = sweep.tokenizer.spec(cell.quantizer.clone());
+    TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
+}
+
+/// What the runs of a tokenizer read.
+struct RunInputs {
+    tokenizer_id: String,
+    text_id: String,
+    /// Supervised tokens of the training split.
+    unique_tokens: usize,
+}
+
+impl RunInputs {
+    fn of(job: &TokenizerJob, text_id: &str, data: &DataFacts) -> Self {
+        Self {
+            tokenizer_id: job.id(),
+            text_id: text_id.to_string(),
+            unique_tokens: data.unique_tokens(&job.spec.grid()),
+        }
+    }
+
+    /// Those of a sweep without motion.
+    fn none(text_id: String) -> Self {
+        Self { tokenizer_id: NO_TOKENIZER.to_string(), text_id, unique_tokens: 0 }
+    }
 }
 
 fn decay_steps(schedule: &ScheduleSection, steps: usize) -> Option<usize> {
@@ -144,13 +169,11 @@ fn planned_run(
     sweep: &Sweep,
     cell: &PricedCell,
     seed: u64,
-    text_id: &str,
-    tokenizer_id: &str,
+    inputs: &RunInputs,
     data: &DataFacts,
 ) -> PlannedRun {
-    let spec = run_spec(sweep, cell, seed, text_id, tokenizer_id, data);
-    let tokens = spec.tokens() as f64;
-    let unique_tokens = data.unique_tokens(&cell.codes);
+    let spec = run_spec(sweep, cell, seed, inputs, data);
+    let (tokens, unique_tokens) = (spec.tokens() as f64, inputs.unique_tokens);
     PlannedRun {
         run_id: spec.id(),
         params: cell.params,
@@ -167,8 +190,7 @@ fn run_spec(
     sweep: &Sweep,
     cell: &PricedCell,
     seed: u64,
-    text_id: &str,
-    tokenizer_id: &str,
+    inputs: &RunInputs,
     data: &DataFacts,
 ) -> RunSpec {
     let train = &sweep.train;
@@ -193,8 +215,8 @@ fn run_spec(
         evaluations: train.evaluations,
         fps: data.fps,
         data_digest: data.digest.clone(),
-        text_id: text_id.to_string(),
-        tokenizer_id: tokenizer_id.to_string(),
+        text_id: inputs.text_id.clone(),
+        tokenizer_id: inputs.tokenizer_id.clone(),
         trainer: sweep.trainer.clone(),
     }
 }

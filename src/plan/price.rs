@@ -28,8 +28,7 @@ pub fn price(sweep: &Sweep) -> (Vec<PricedCell>, Vec<Dropped>) {
 
 fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
     let generator = cell.generator.of(shape(&cell.model, &sweep.model, &sweep.text));
-    let tokenizer = sweep.tokenizer.spec(cell.quantizer.clone());
-    let codes = tokenizer.grid();
+    let codes = sweep.tokenizer.spec(cell.quantizer.clone()).grid();
     let flops_per_token = generator.flops_per_token(&codes, sweep.text.max_tokens);
     let per_token = flops_per_token.by(sweep.flops.rule);
     let spending = spend(cell.budget_flops, per_token, &sweep.train)?;
@@ -40,7 +39,7 @@ fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
         pace: pace(trained, spending.tokens(), spending, &sweep.train),
         params,
         generator,
-        tokenizer,
+        quantizer: cell.quantizer.clone(),
         codes,
         budget_flops: cell.budget_flops,
         flops_per_token,

@@ -4,14 +4,14 @@ use serde::Serialize;
 
 use super::cells::GridCell;
 use super::steps::{Pace, Spending};
-use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, TokenizerSpec};
+use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, QuantizerSpec};
 
 /// A cell that can be trained.
 #[derive(Clone, Debug)]
 pub struct PricedCell {
     pub generator: GeneratorSpec,
-    pub tokenizer: TokenizerSpec,
-    /// The codes that the tokenizer gives clips.
+    pub quantizer: QuantizerSpec,
+    /// The codes that the quantizer's tokenizer gives clips.
     pub codes: Grid,
     pub budget_flops: f64,
     pub params: ParamCounts,

@@ -22,7 +22,8 @@ pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> 
     }
     mend(plan, folder, output)?;
     atomic::write_bytes(&folder.file("sweep.yaml"), serde_yaml::to_string(sweep)?.as_bytes())?;
-    atomic::write_json(&folder.file("plan.json"), &plan::json(plan, folder))?;
+    let document = plan::json(plan, folder, &folder.run_states());
+    atomic::write_json(&folder.file("plan.json"), &document)?;
     for kind in JobKind::all() {
         kind.prepare(plan, folder, &mut |line| output.warn(&line))?;
     }

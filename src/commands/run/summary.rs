@@ -23,7 +23,6 @@ pub struct Summary<'a> {
     pub folder: &'a ResultsFolder,
     pub reports: &'a [JobReport],
     pub command: CommandLine,
-    needs: HashMap<JobId, Vec<JobId>>,
 }
 
 impl<'a> Summary<'a> {
@@ -34,8 +33,7 @@ impl<'a> Summary<'a> {
         folder: &'a ResultsFolder,
         reports: &'a [JobReport],
     ) -> Result<Self> {
-        let needs = all_jobs(plan).map(|job| (job.id, job.needs)).collect();
-        Ok(Self { plan, folder, reports, command: CommandLine::of(args)?, needs })
+        Ok(Self { plan, folder, reports, command: CommandLine::of(args)? })
     }
 
     /// Every failure, then every run without a record with its reason, and how to try again.
@@ -46,8 +44,9 @@ impl<'a> Summary<'a> {
         if lost.is_empty() {
             return Exit::Done;
         }
+        let needs = Needs::of(self.plan);
         for run in &lost {
-            if let Some(reason) = self.reason(&run.run_id) {
+            if let Some(reason) = self.reason(&run.run_id, &needs) {
                 output.warn(&format!("{} has no result: {reason}", run.spec.label()));
             }
         }
@@ -85,12 +84,12 @@ impl<'a> Summary<'a> {
     }
 
     /// Why a run has no result whose failure was not told yet.
-    fn reason(&self, id: &str) -> Option<String> {
+    fn reason(&self, id: &str, needs: &Needs) -> Option<String> {
         let run = JobId::run(id);
         if self.folder.state(&run) == JobState::Failed {
             return None;
         }
-        for need in self.needs(&run) {
+        for need in needs.all_of(&run) {
             if let Ok(Some(failure)) = self.folder.failure(&need) {
                 return Some(format!("{} failed: {}", need.kind.role(), failure.reason));
             }
@@ -102,13 +101,22 @@ impl<'a> Summary<'a> {
             Some(end) => end.failure().map(|failure| failure.reason.clone()).unwrap_or_default(),
         })
     }
+}
+
+/// What each job of a plan needs.
+struct Needs(HashMap<JobId, Vec<JobId>>);
+
+impl Needs {
+    fn of(plan: &Plan) -> Self {
+        Self(all_jobs(plan).map(|job| (job.id, job.needs)).collect())
+    }
 
     /// What a job needs, and what those jobs need, nearest last.
-    fn needs(&self, job: &JobId) -> Vec<JobId> {
+    fn all_of(&self, job: &JobId) -> Vec<JobId> {
         let mut needs = Vec::new();
-        let mut open: Vec<JobId> = self.needs.get(job).cloned().unwrap_or_default();
+        let mut open: Vec<JobId> = self.0.get(job).cloned().unwrap_or_default();
         while let Some(need) = open.pop() {
-            open.extend(self.needs.get(&need).into_iter().flatten().cloned());
+            open.extend(self.0.get(&need).into_iter().flatten().cloned());
             needs.push(need);
         }
         needs.sort();
