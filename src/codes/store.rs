@@ -107,6 +107,13 @@ impl TokenStore {
         self.n_tokens(split) + usize::from(self.grid.end_token) * self.n_clips(split)
     }
 
+    /// Test targets whose code the training split never showed, end tokens aside.
+    pub fn zero_count_targets(&self) -> usize {
+        let mut seen = vec![false; self.n_vocab()];
+        self.codes(Split::Train).iter().for_each(|&code| seen[code as usize] = true);
+        self.codes(Split::Test).iter().filter(|&&code| !seen[code as usize]).count()
+    }
+
     /// The frames of a split that its codes stand for.
     pub fn n_frames(&self, split: Split) -> usize {
         self.split(split).frames.values().iter().sum::<u64>() as usize

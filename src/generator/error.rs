@@ -25,6 +25,11 @@ pub enum GeneratorError {
 }
 
 impl GeneratorError {
+    /// Why learning ended, if that is the reason.
+    pub fn learn_error(&self) -> Option<&LearnError> {
+        if let Self::Learn(error) = self { Some(error) } else { None }
+    }
+
     /// The failure of a job that ends with it; `None` for a stop, which is no failure.
     pub fn failure_kind(&self) -> Option<FailureKind> {
         match self {

@@ -69,7 +69,7 @@ pub trait Probe {
 /// The generator of a run.
 pub fn of(spec: &RunSpec) -> &'static dyn Generator {
     match spec.generator {
-        GeneratorSpec::Autoregressive(_) => &autoregressive::Kind,
+        GeneratorSpec::Autoregressive(_) => &autoregressive::AutoregressiveGenerator,
     }
 }
 

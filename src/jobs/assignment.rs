@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use burn::tensor::Device;
 use serde::de::DeserializeOwned;
 
-use super::folder::ResultsFolder;
+use super::folder::{CHECKPOINT, ResultsFolder};
 use super::id::JobId;
 use crate::data::{self, MotionSource};
 use crate::failure::Failure;
@@ -49,9 +49,9 @@ impl<'a> Assignment<'a> {
         self.folder.job(self.job)
     }
 
-    /// Where the job leaves checkpoints.
+    /// The state that the job goes on from.
     pub fn checkpoint(&self) -> PathBuf {
-        self.place().join("checkpoint/state.safetensors")
+        self.folder.checkpoint(self.job)
     }
 
     /// Where the job's result lies.
@@ -97,7 +97,7 @@ impl<'a> Assignment<'a> {
     /// # Errors
     /// The folder cannot be written to.
     pub fn remove_checkpoint(&self) -> io::Result<()> {
-        let checkpoint = self.place().join("checkpoint");
+        let checkpoint = self.place().join(CHECKPOINT);
         if checkpoint.exists() { fs::remove_dir_all(checkpoint) } else { Ok(()) }
     }
 }

@@ -14,6 +14,9 @@ use crate::files::{FileError, read_if_there};
 use crate::record::RunRecord;
 use crate::tokenizer::TokenizerMetrics;
 
+/// Where a job keeps its checkpoint, in its folder.
+pub const CHECKPOINT: &str = "checkpoint";
+
 /// How far a job is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -77,6 +80,11 @@ impl ResultsFolder {
         self.job(job).join(job.kind.product())
     }
 
+    /// The state that a job goes on from.
+    pub fn checkpoint(&self, job: &JobId) -> PathBuf {
+        self.job(job).join(CHECKPOINT).join("state.safetensors")
+    }
+
     /// The file that says what a job is to make.
     pub fn spec(&self, JobId { kind, id }: &JobId) -> PathBuf {
         self.file(kind.spec(id))
@@ -89,7 +97,7 @@ impl ResultsFolder {
             JobState::Done
         } else if folder.join("failure.json").exists() {
             JobState::Failed
-        } else if folder.join("checkpoint").exists() {
+        } else if folder.join(CHECKPOINT).exists() {
             JobState::Started
         } else {
             JobState::Missing

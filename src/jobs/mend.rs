@@ -9,6 +9,7 @@ use super::id::JobId;
 use super::worker::{claim, work};
 use crate::files::FileError;
 use crate::files::damaged::set_aside;
+use crate::learn::LearnError;
 
 /// Sets aside a file that is damaged, and says so in the log.
 ///
@@ -20,6 +21,31 @@ pub fn put_away(path: &Path, error: &FileError, instead: &str) -> Result<()> {
         eprintln!("warning: {error}; it is set aside as {} and {instead}", aside.display());
     }
     Ok(())
+}
+
+/// Trains; where one of the states that training may begin from turns out to be damaged, again without
+/// it. `None`: stopped.
+///
+/// # Errors
+/// Training failed, or the folder cannot be written to.
+pub fn train_past_damage<T, E: Into<anyhow::Error>>(
+    states: &[&Path],
+    learn_error: fn(&E) -> Option<&LearnError>,
+    mut train: impl FnMut() -> Result<T, E>,
+) -> Result<Option<T>> {
+    loop {
+        let error = match train() {
+            Ok(trained) => return Ok(Some(trained)),
+            Err(error) => error,
+        };
+        match learn_error(&error) {
+            Some(LearnError::Stopped { .. }) => return Ok(None),
+            Some(LearnError::File(file)) if file.is_damage() && states.contains(&file.path()) => {
+                put_away(file.path(), file, "training begins without it")?;
+            }
+            _ => return Err(error.into()),
+        }
+    }
 }
 
 /// What a job has made, opened; where it is damaged or gone, the job is done again here first.

@@ -27,20 +27,26 @@ pub struct Report {
     pub steps: Option<usize>,
     pub batch_tokens: Option<usize>,
     pub lr: Option<f64>,
-    /// By default a full context of `max_text_tokens` words and every motion slot.
-    pub flops_exact: Option<f64>,
-    /// Words of the longest caption.
-    pub max_text_tokens: usize,
+    pub flops_exact: ExactFlops,
     pub zero_count_targets: usize,
     pub wall_s: f64,
     pub tokens_per_s: Option<f64>,
     pub peak_bytes: Option<u64>,
 }
 
+/// Training FLOPs of a model as built.
+#[derive(Clone, Copy)]
+pub enum ExactFlops {
+    /// As the trainer counted them.
+    Counted(f64),
+    /// Those of full contexts: so many words, the longest caption's, and every motion slot.
+    FullContexts { max_text_tokens: usize },
+}
+
 impl Report {
     /// The record of the run that was planned as `spec`.
     pub fn record(&self, folder: &ResultsFolder, id: &str, spec: &RunSpec) -> RunRecord {
-        let (planned, price) = subject(folder, id, spec, self.max_text_tokens);
+        let (planned, price) = subject(folder, id, spec, self.flops_exact);
         let planned = Planned {
             steps: self.steps.or(planned.steps),
             batch_tokens: self.batch_tokens.or(planned.batch_tokens),
@@ -53,12 +59,15 @@ impl Report {
     fn measured(&self, price: &Price) -> Measured {
         let (tokens, unique) = (self.tokens.unwrap_or(price.tokens), self.unique_tokens);
         let training = |forward: f64| TRAINING_PER_FORWARD * forward * tokens as f64;
-        let by_plan = || training(price.per_token.exact);
+        let flops_exact = match self.flops_exact {
+            ExactFlops::Counted(flops) => flops,
+            ExactFlops::FullContexts { .. } => training(price.per_token.exact),
+        };
         let per_s = self.tokens_per_s.unwrap_or(tokens as f64 / self.wall_s.max(1e-9));
         Measured {
             flops_openai: Some(training(price.per_token.openai as f64)),
             flops_6nd: Some(training(price.per_token.six_nd)),
-            flops_exact: Some(self.flops_exact.unwrap_or_else(by_plan)),
+            flops_exact: Some(flops_exact),
             tokens,
             unique_tokens: Some(unique),
             epochs: Some(if unique > 0 { tokens as f64 / unique as f64 } else { 0.0 }),
@@ -100,10 +109,15 @@ fn subject(
     folder: &ResultsFolder,
     id: &str,
     spec: &RunSpec,
-    max_text_tokens: usize,
+    flops_exact: ExactFlops,
 ) -> (Planned, Price) {
     let (shape, params) = (spec.shape(), spec.params());
     let frames = spec.codes.frames_per_code();
+    // Only the exact count, where it is not known, asks for the words.
+    let max_text_tokens = match flops_exact {
+        ExactFlops::Counted(_) => 0,
+        ExactFlops::FullContexts { max_text_tokens } => max_text_tokens,
+    };
     let price = Price {
         tokens: spec.tokens(),
         per_token: spec.generator.flops_per_token(&spec.codes, max_text_tokens),

@@ -11,14 +11,13 @@ use super::folder::ResultsFolder;
 use super::id::JobId;
 use super::job::Job;
 use super::kind::{JobKind, Kind};
-use super::record::Report;
+use super::record::{ExactFlops, Report};
 use super::spec_file::write_once;
 use super::training::{Opened, share_done, trunk_state};
 use super::{program, text, tokens, trunk};
 use crate::data::Split;
 use crate::files::atomic::{write_bytes, write_json};
 use crate::files::{FileError, read_if_there};
-use crate::generator::autoregressive::zero_count_targets;
 use crate::generator::{self, Inputs, Trained};
 use crate::learn::weights;
 use crate::machine::peak::peak_bytes;
@@ -91,16 +90,15 @@ impl Kind for Run {
     /// stands for it.
     fn share_done(&self, folder: &ResultsFolder, id: &str) -> f64 {
         let job = JobId::run(id);
-        let place = folder.job(&job);
         let Some(spec) = read_if_there::<RunSpec>(&folder.spec(&job)).ok().flatten() else {
             return 0.0;
         };
         let trunk = spec.trunk().map(|trunk| trunk.id());
         let told = || {
-            let beat = progress(&place).filter(|_| spec.trainer.is_some())?;
+            let beat = progress(&folder.job(&job)).filter(|_| spec.trainer.is_some())?;
             Some((beat.step as f64 / beat.steps.max(1) as f64).clamp(0.0, 1.0))
         };
-        share_done(folder, &place, &spec, trunk.as_deref()).or_else(told).unwrap_or(0.0)
+        share_done(folder, &job, &spec, trunk.as_deref()).or_else(told).unwrap_or(0.0)
     }
 
     fn work(&self, assignment: &Assignment) -> Result<Outcome> {
@@ -146,26 +144,25 @@ fn job(run: &PlannedRun, inputs: &[JobId], plan: &Plan) -> Job {
 }
 
 /// What the built-in trainer says of a run.
-fn report(assignment: &Assignment, inputs: &Inputs, trained: &Trained) -> Result<Report> {
+fn report(device_name: &str, inputs: &Inputs, trained: &Trained) -> Report {
     let tokens = inputs.tokens;
-    Ok(Report {
-        device: assignment.device_name.to_string(),
+    Report {
+        device: device_name.to_string(),
         loss_nats: trained.test.loss_nats,
         loss_normalised: trained.test.loss_normalised,
         nats_per_frame: Some(trained.test.nats_per_frame),
         nats_per_second: None,
         tokens: None,
-        unique_tokens: tokens.n_tokens(Split::Train) + tokens.n_clips(Split::Train),
+        unique_tokens: tokens.n_targets(Split::Train),
         steps: None,
         batch_tokens: None,
         lr: None,
-        flops_exact: Some(trained.flops_exact),
-        max_text_tokens: assignment.sweep()?.text.max_tokens,
-        zero_count_targets: zero_count_targets(tokens),
+        flops_exact: ExactFlops::Counted(trained.flops_exact),
+        zero_count_targets: tokens.zero_count_targets(),
         wall_s: trained.wall_s,
         tokens_per_s: None,
         peak_bytes: Some(peak_bytes()),
-    })
+    }
 }
 
 fn write_results(
@@ -182,7 +179,7 @@ fn write_results(
         lines.push('\n');
     }
     write_bytes(&place.join("log.jsonl"), lines.as_bytes())?;
-    let report = report(assignment, &opened.inputs(), trained)?;
+    let report = report(assignment.device_name, &opened.inputs(), trained);
     let record = report.record(assignment.folder, &assignment.job.id, spec);
     write_json(&assignment.product(), &record)?;
     assignment.remove_checkpoint()?;

@@ -19,7 +19,7 @@ where
     match read_if_there::<T>(path) {
         Ok(Some(there)) if there == *value => return Ok(()),
         Ok(None) => {}
-        Ok(Some(_)) => warn(format!("{} is not as planned; written again", path.display())),
+        Ok(Some(_)) => warn(format!("{} differs from the plan; rewritten", path.display())),
         Err(error) => warn(format!("{error}: done")),
     }
     atomic::write_json_unflushed(path, value)

@@ -10,11 +10,12 @@ use super::folder::ResultsFolder;
 use super::id::JobId;
 use super::job::Job;
 use super::kind::{JobKind, Kind};
-use super::mend::put_away;
+use super::mend::train_past_damage;
 use super::spec_file::write_once;
+use crate::data::MotionSource;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
-use crate::learn::{Checkpoints, LearnError, step_of};
+use crate::learn::{Checkpoints, step_of};
 use crate::plan::{Plan, TokenizerJob, tokenizer_peak_bytes};
 use crate::progress::beats;
 use crate::sweep::Stage;
@@ -94,7 +95,7 @@ impl Kind for Tokenizer {
     fn share_done(&self, folder: &ResultsFolder, id: &str) -> f64 {
         let job = JobId::new(KIND, id);
         let spec = read_if_there::<TokenizerJob>(&folder.spec(&job)).ok().flatten();
-        let step = step_of(&folder.job(&job).join("checkpoint/state.safetensors"));
+        let step = step_of(&folder.checkpoint(&job));
         let share =
             |(step, job): (usize, TokenizerJob)| step as f64 / job.spec.training.steps as f64;
         step.zip(spec).map_or(0.0, share)
@@ -104,7 +105,7 @@ impl Kind for Tokenizer {
         let started = Instant::now();
         let place = assignment.place();
         let source = assignment.source()?;
-        let Some(tokenizer) = trained(assignment)? else { return Ok(Outcome::Stopped) };
+        let Some(tokenizer) = trained(assignment, &*source)? else { return Ok(Outcome::Stopped) };
         tokenizer.save(&place)?;
         let wall_s = started.elapsed().as_secs_f64();
         let metrics = tokenizer::evaluate(&tokenizer, &*source, &assignment.job.id, wall_s)?;
@@ -115,26 +116,16 @@ impl Kind for Tokenizer {
 }
 
 /// Trains from the checkpoint, or from the beginning where that is damaged. `None`: stopped.
-fn trained(assignment: &Assignment) -> Result<Option<tokenizer::Tokenizer>> {
+fn trained(
+    assignment: &Assignment,
+    source: &dyn MotionSource,
+) -> Result<Option<tokenizer::Tokenizer>> {
     let spec = assignment.spec::<TokenizerJob>()?.spec;
-    let (source, path) = (assignment.source()?, assignment.checkpoint());
-    let every = assignment.checkpoint_every()?;
+    let (path, every) = (assignment.checkpoint(), assignment.checkpoint_every()?);
     let checkpoints = Checkpoints { path: &path, every, branch: None };
     let place = assignment.place();
     let mut beats = beats(&place, assignment.stop);
-    loop {
-        let device = assignment.device;
-        let error = match tokenizer::train(&spec, &*source, device, Some(&checkpoints), &mut beats)
-        {
-            Ok(tokenizer) => return Ok(Some(tokenizer)),
-            Err(TokenizerError::Learn(LearnError::Stopped { .. })) => return Ok(None),
-            Err(error) => error,
-        };
-        match error.damaged_file() {
-            Some(file) if file.path() == path => {
-                put_away(&path, file, "the tokenizer begins again")?;
-            }
-            _ => return Err(error.into()),
-        }
-    }
+    train_past_damage(&[&path], TokenizerError::learn_error, || {
+        tokenizer::train(&spec, source, assignment.device, Some(&checkpoints), &mut beats)
+    })
 }

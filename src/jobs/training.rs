@@ -8,12 +8,12 @@ use anyhow::Result;
 use super::assignment::Assignment;
 use super::folder::ResultsFolder;
 use super::id::JobId;
-use super::mend::{open_or_remake, put_away};
+use super::mend::{open_or_remake, train_past_damage};
 use super::{text, tokens, trunk};
 use crate::codes::TokenStore;
-use crate::files::{FileError, read_if_there};
+use crate::files::read_if_there;
 use crate::generator::{GeneratorError, Inputs, Training};
-use crate::learn::{Branch, Checkpoints, LearnError, step_of};
+use crate::learn::{Branch, Checkpoints, step_of};
 use crate::plan::{RunSpec, Trunk};
 use crate::text::TextStore;
 
@@ -73,26 +73,13 @@ impl<'a> Opened<'a> {
         &self,
         mut train: impl FnMut(&Training) -> Result<T, GeneratorError>,
     ) -> Result<Option<T>> {
-        loop {
+        let trunk = self.trunk.iter().map(|(state, _)| state.as_path());
+        let states: Vec<&Path> = trunk.chain([self.checkpoint.as_path()]).collect();
+        train_past_damage(&states, GeneratorError::learn_error, || {
             let (inputs, checkpoints) = (self.inputs(), self.checkpoints());
             let (spec, device) = (self.spec, self.assignment.device);
-            let training = Training { spec, inputs: &inputs, device, checkpoints: &checkpoints };
-            let error = match train(&training) {
-                Ok(trained) => return Ok(Some(trained)),
-                Err(GeneratorError::Learn(LearnError::Stopped { .. })) => return Ok(None),
-                Err(error) => error,
-            };
-            let Some(file) = self.damaged(&error) else { return Err(error.into()) };
-            put_away(file.path(), file, "training begins before it")?;
-        }
-    }
-
-    /// The state that an error finds damaged.
-    fn damaged<'e>(&self, error: &'e GeneratorError) -> Option<&'e FileError> {
-        let GeneratorError::Learn(LearnError::File(file)) = error else { return None };
-        let trunk = self.trunk.iter().map(|(state, _)| state.as_path());
-        let mut states = trunk.chain([self.checkpoint.as_path()]);
-        (file.is_damage() && states.any(|state| state == file.path())).then_some(file)
+            train(&Training { spec, inputs: &inputs, device, checkpoints: &checkpoints })
+        })
     }
 }
 
@@ -107,11 +94,11 @@ pub fn trunk_state(folder: &ResultsFolder, trunk_id: &str) -> Option<(PathBuf, u
 /// trunk of an id.
 pub fn share_done(
     folder: &ResultsFolder,
-    place: &Path,
+    job: &JobId,
     spec: &RunSpec,
     from: Option<&str>,
 ) -> Option<f64> {
-    let step = step_of(&place.join("checkpoint/state.safetensors"))?;
+    let step = step_of(&folder.checkpoint(job))?;
     let trunk = from.and_then(|id| trunk_state(folder, id));
     let before = trunk.filter(|(state, _)| state.exists()).map_or(0, |(_, steps)| steps);
     let [done, all] = [step, spec.steps].map(|end| end.saturating_sub(before) as f64);

@@ -72,9 +72,8 @@ impl Kind for Trunk {
     fn share_done(&self, folder: &ResultsFolder, id: &str) -> f64 {
         let job = JobId::new(KIND, id);
         let trunk: Option<TrunkSpec> = read_if_there(&folder.spec(&job)).ok().flatten();
-        let place = folder.job(&job);
         trunk
-            .and_then(|trunk| share_done(folder, &place, &trunk.spec, trunk.from.as_deref()))
+            .and_then(|trunk| share_done(folder, &job, &trunk.spec, trunk.from.as_deref()))
             .unwrap_or(0.0)
     }
 

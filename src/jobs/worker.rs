@@ -8,9 +8,9 @@ use std::time::Duration;
 use anyhow::{Context, Error, Result};
 
 use super::assignment::{Assignment, Outcome};
-use super::folder::JobState;
+use super::folder::{CHECKPOINT, JobState};
 use crate::data::DataError;
-use crate::failure::{Failure, FailureKind, Verdict};
+use crate::failure::{Consequence, Failure, FailureKind};
 use crate::files::atomic::{remove_partial, write_json};
 use crate::files::{self, FileError};
 use crate::generator::GeneratorError;
@@ -51,7 +51,7 @@ pub fn claim(job: &Path, stop: &Stop) -> Result<Option<File>> {
         }
     }
     forget_progress(job);
-    for folder in [job, &job.join("checkpoint")] {
+    for folder in [job, &job.join(CHECKPOINT)] {
         remove_partial(folder)?;
     }
     Ok(Some(file))
@@ -79,7 +79,7 @@ pub fn write_failure(job: &Path, failure: &Failure) -> Result<(), FileError> {
 /// Tells the scheduler why the job in `place` has no result, and notes it there if it is final.
 pub fn report_failure(place: &Path, failure: Failure) {
     let mut failure = Failure { last_lines: last_lines(place), ..failure };
-    if failure.kind.verdict() == Verdict::Final
+    if failure.kind.consequence() == Consequence::Final
         && let Err(error) = write_failure(place, &failure)
     {
         // A full disk has many symptoms; this is the cause.
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn a_worker_clears_what_a_killed_one_left_half_written() {
         let job = tempfile::tempdir().unwrap();
-        let checkpoint = job.path().join("checkpoint");
+        let checkpoint = job.path().join(CHECKPOINT);
         fs::create_dir(&checkpoint).unwrap();
         fs::write(checkpoint.join("state.safetensors"), b"whole").unwrap();
         fs::write(checkpoint.join(".partial-a1b2c3"), b"hal").unwrap();

@@ -1,6 +1,5 @@
 //! [`LearnError`]: why learning ends without a result.
 
-use super::weights::WeightsError;
 use crate::failure::FailureKind;
 use crate::files::FileError;
 
@@ -32,11 +31,5 @@ impl LearnError {
             Self::File(error) => Some(error.failure_kind()),
             Self::Stopped { .. } => None,
         }
-    }
-}
-
-impl From<WeightsError> for String {
-    fn from(error: WeightsError) -> Self {
-        error.to_string()
     }
 }

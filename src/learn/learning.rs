@@ -32,11 +32,29 @@ impl<L: Learner> Learning<L> {
         Self { learner, optimiser, steps: course.steps, step: 0, spent_s: 0.0, started }
     }
 
-    /// The same from its checkpoint, or else from the trunk that it branches off.
+    /// A learner at the end of its course, which begins at its checkpoint, else at the trunk that it
+    /// branches off, else before the first step.
     ///
     /// # Errors
-    /// The checkpoint or the trunk cannot be read, or is damaged. It is never skipped silently.
-    pub fn resumed(self, checkpoints: &Checkpoints) -> Result<Self, FileError> {
+    /// Learning diverged or was stopped; a checkpoint could not be written; the checkpoint or the trunk
+    /// cannot be read or is damaged: neither is ever skipped silently.
+    pub fn run(
+        learner: L,
+        course: &Course,
+        checkpoints: Option<&Checkpoints>,
+        progress: &mut Progress,
+    ) -> Result<Self, LearnError> {
+        let fresh = Self::new(learner, course);
+        let mut learning = match checkpoints {
+            Some(checkpoints) => fresh.resumed(checkpoints)?,
+            None => fresh,
+        };
+        learning.go_on(checkpoints, progress)?;
+        Ok(learning)
+    }
+
+    /// The same from its checkpoint, or else from its trunk.
+    fn resumed(self, checkpoints: &Checkpoints) -> Result<Self, FileError> {
         match (checkpoints.path, checkpoints.branch) {
             (own, _) if own.exists() => self.load(own),
             (_, Some(branch)) => self.load(branch.state)?.branched(&branch),
@@ -68,10 +86,7 @@ impl<L: Learner> Learning<L> {
     }
 
     /// Takes the steps that are left, and writes a checkpoint now and then.
-    ///
-    /// # Errors
-    /// Learning diverged, was stopped, or a checkpoint could not be written.
-    pub fn go_on(
+    fn go_on(
         &mut self,
         checkpoints: Option<&Checkpoints>,
         progress: &mut Progress,

@@ -55,6 +55,11 @@ impl TokenizerError {
         }
     }
 
+    /// Why learning ended, if that is the reason.
+    pub fn learn_error(&self) -> Option<&LearnError> {
+        if let Self::Learn(error) = self { Some(error) } else { None }
+    }
+
     /// The file that is to blame, where it is damaged or gone.
     pub fn damaged_file(&self) -> Option<&FileError> {
         let file = match self {

@@ -13,7 +13,7 @@ use super::module::TokenizerModule;
 use super::pool::WindowPool;
 use crate::data::MotionSource;
 use crate::learn::adamw::AdamWConfig;
-use crate::learn::{Checkpoints, Course, LearnError, Learner, LearnerState, Learning, LoadedState};
+use crate::learn::{Checkpoints, Course, Learner, LearnerState, Learning, LoadedState};
 use crate::progress::Progress;
 use crate::spec::TokenizerSpec;
 
@@ -35,11 +35,7 @@ pub fn train(
 ) -> Result<Tokenizer, TokenizerError> {
     spec.check()?;
     let learner = Windows::new(spec, source, &device.clone().autodiff())?;
-    let mut learning = Learning::new(learner, &course(spec));
-    if let Some(checkpoints) = checkpoints {
-        learning = learning.resumed(checkpoints).map_err(LearnError::from)?;
-    }
-    learning.go_on(checkpoints, progress)?;
+    let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
     let module = learning.into_learner().module.valid();
     Ok(Tokenizer::new(module, spec.clone(), source.stats().clone(), device.clone()))
 }
@@ -150,6 +146,7 @@ mod tests {
 
     use super::*;
     use crate::data::Split;
+    use crate::learn::LearnError;
     use crate::progress::Step;
     use crate::spec::QuantizerSpec;
     use crate::tokenizer::testing::{Waves, small_spec, spec_of};

@@ -33,14 +33,20 @@ impl LocalPool<'_> {
     /// Brings jobs to their end, each after what it needs; returns how each ended.
     ///
     /// A job whose needs failed is not started and is reported as failed with that reason. Jobs not
-    /// started because of a stop are reported as stopped.
+    /// started because of a stop are reported as stopped. A slot whose thread the system refuses stays
+    /// empty.
     pub fn execute(&self, jobs: Vec<Job>) -> Vec<JobReport> {
         let shared = Shared::new(jobs, self.memory_bytes);
         std::thread::scope(|scope| {
-            for slot in 0..self.slots.max(1) {
+            for slot in 1..self.slots {
                 let shared = &shared;
-                scope.spawn(move || self.serve(slot, shared));
+                let serve = move || self.serve(slot, shared);
+                if let Err(error) = std::thread::Builder::new().spawn_scoped(scope, serve) {
+                    self.display.warn(&format!("{slot} jobs side by side and no more: {error}"));
+                    break;
+                }
             }
+            self.serve(0, &shared);
         });
         shared.state.into_inner().expect("no slot panicked").reports
     }

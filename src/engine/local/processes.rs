@@ -68,6 +68,7 @@ struct Attended<'a> {
     runner: &'a LocalProcesses,
     place: &'a Path,
     child: Child,
+    said: mpsc::Receiver<Said>,
     /// Processes that the system had killed for memory when it began.
     kills: Kills,
     /// What it said of its failure.
@@ -82,7 +83,7 @@ impl<'a> Attended<'a> {
         let log = OpenOptions::new().create(true).append(true).open(&path);
         let log = log.map_err(FileError::write(&path))?;
         let kills = Kills::so_far();
-        let child = Command::new(&runner.program)
+        let mut child = Command::new(&runner.program)
             .arg("worker")
             .arg(runner.folder.root())
             .args([job.id.kind.word(), &job.id.id, "--device", &runner.device])
@@ -92,19 +93,22 @@ impl<'a> Attended<'a> {
             .stderr(log)
             .spawn()?;
         tracing::info!(job = %job.id, label = job.label, pid = child.id(), "worker started");
+        let said = read_words(&mut child).inspect_err(|_| {
+            let _ = child.kill();
+            let _ = child.wait();
+        })?;
         let (failure, last_beat) = (None, None);
-        Ok(Self { job, runner, place, child, kills, failure, last_beat })
+        Ok(Self { job, runner, place, child, said, kills, failure, last_beat })
     }
 
     /// Follows a worker to its end. Its standard input is held open for as long as it should work:
     /// when this process asks for a stop, or dies, the worker sees the end of it and stops.
     fn attend(mut self, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
-        let said = read_words(&mut self.child);
         let mut watch = Watch::new(self.runner.hang, self.place.join("log.txt"));
         let mut leash = Leash::new(self.child.stdin.take(), self.job.id.kind.grace(self.place));
         let mut hung = None;
         loop {
-            match said.recv_timeout(POLL) {
+            match self.said.recv_timeout(POLL) {
                 Ok(word) => {
                     watch.moved();
                     self.hear(word, beat);
@@ -198,10 +202,10 @@ const SIGKILL: i32 = nix::sys::signal::Signal::SIGKILL as i32;
 const SIGTERM: i32 = nix::sys::signal::Signal::SIGTERM as i32;
 
 /// What a worker prints, as it comes; the channel closes when the worker ends.
-fn read_words(child: &mut Child) -> mpsc::Receiver<Said> {
+fn read_words(child: &mut Child) -> io::Result<mpsc::Receiver<Said>> {
     let (sender, receiver) = mpsc::channel();
     let output = child.stdout.take().expect("stdout is piped");
-    std::thread::spawn(move || {
+    std::thread::Builder::new().spawn(move || {
         for line in BufReader::new(output).lines().map_while(Result::ok) {
             if let Ok(word) = serde_json::from_str(&line)
                 && sender.send(word).is_err()
@@ -209,6 +213,6 @@ fn read_words(child: &mut Child) -> mpsc::Receiver<Said> {
                 break;
             }
         }
-    });
-    receiver
+    })?;
+    Ok(receiver)
 }

@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 
 use super::display::Display;
 use super::pool::LocalPool;
 use super::processes::LocalProcesses;
 use super::timeline::{Spent, Timeline};
 use crate::engine::contract::{Brought, Engine, Session};
-use crate::engine::{Cancelled, Request, Tell};
+use crate::engine::{Cancelled, SweepRequest, Tell};
 use crate::jobs::presence::{ask_no_more, ask_to_end, is_held, stop_when_asked};
 use crate::jobs::{Job, ResultsFolder};
 use crate::machine::memory;
@@ -32,10 +32,7 @@ impl Engine for Local {
         "Processes of this machine, until all is done"
     }
 
-    fn session<'a>(&self, request: &'a Request<'a>) -> Result<Box<dyn Session + 'a>> {
-        if request.profile.is_some() {
-            bail!("--profile is for an engine with a section in the sweep file, as slurm");
-        }
+    fn session<'a>(&self, request: &'a SweepRequest<'a>) -> Result<Box<dyn Session + 'a>> {
         request.device.open()?;
         Ok(Box::new(Here(request)))
     }
@@ -69,11 +66,11 @@ fn is_held_by_any(folder: &ResultsFolder) -> bool {
 }
 
 /// A request to be met by this machine.
-struct Here<'a>(&'a Request<'a>);
+struct Here<'a>(&'a SweepRequest<'a>);
 
 impl Session for Here<'_> {
     fn bring(self: Box<Self>, jobs: Vec<Job>) -> Result<Brought> {
-        let Request { sweep, plan, folder, tell, .. } = *self.0;
+        let SweepRequest { sweep, plan, folder, tell, .. } = *self.0;
         let all = plan.runs.len();
         let (goal, n_jobs) = (crate::jobs::JobKind::goal(), jobs.len());
         let ended = all - jobs.iter().filter(|job| job.id.kind == goal).count();

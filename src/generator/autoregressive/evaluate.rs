@@ -33,13 +33,6 @@ pub fn split_loss(model: &Model, tokens: &TokenStore, text: &TextStore, split: S
     }
 }
 
-/// Test targets whose code the training split never showed, end tokens aside.
-pub fn zero_count_targets(tokens: &TokenStore) -> usize {
-    let mut seen = vec![false; tokens.n_vocab()];
-    tokens.codes(Split::Train).iter().for_each(|&code| seen[code as usize] = true);
-    tokens.codes(Split::Test).iter().filter(|&&code| !seen[code as usize]).count()
-}
-
 fn sequence<'a>(
     tokens: &'a TokenStore,
     text: &'a TextStore,

@@ -14,7 +14,7 @@ use std::path::Path;
 use burn::tensor::Device;
 
 pub use batch::{Batch, Sequence};
-pub use evaluate::{split_loss, zero_count_targets};
+pub use evaluate::split_loss;
 pub use learner::Autoregressive;
 pub use schedule::learning_rate;
 pub use stream::TokenStream;
@@ -27,10 +27,10 @@ use crate::plan::RunSpec;
 use crate::progress::Progress;
 use crate::spec::flops::TRAINING_PER_FORWARD;
 
-/// The autoregressive kind.
-pub struct Kind;
+/// The text-prefix autoregressive transformer as a kind of generator.
+pub struct AutoregressiveGenerator;
 
-impl Generator for Kind {
+impl Generator for AutoregressiveGenerator {
     fn train(
         &self,
         training: &Training,
@@ -71,8 +71,5 @@ fn learn<'a>(
     fitness::check_inputs(spec, inputs)?;
     fitness::check_precision(spec.precision, device)?;
     let learner = Autoregressive::new(spec, inputs, device);
-    let learning = Learning::new(learner, &learner::course(spec));
-    let mut learning = learning.resumed(checkpoints).map_err(LearnError::from)?;
-    learning.go_on(Some(checkpoints), progress)?;
-    Ok(learning)
+    Ok(Learning::run(learner, &learner::course(spec), Some(checkpoints), progress)?)
 }

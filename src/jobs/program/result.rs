@@ -7,7 +7,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::jobs::program::TrainerSpec;
-use crate::jobs::record::Report;
+use crate::jobs::record::{ExactFlops, Report};
 
 /// The result of a run; for every key but the losses the plan's value stands in.
 ///
@@ -90,6 +90,8 @@ impl TrainerResult {
     /// and `ran_s`.
     pub fn report(&self, spec: &TrainerSpec, ran_s: f64) -> Report {
         let count = |value: Option<f64>| value.map(|x| x as usize);
+        let max_text_tokens = spec.max_text_tokens;
+        let full_contexts = ExactFlops::FullContexts { max_text_tokens };
         Report {
             device: "custom".to_string(),
             loss_nats: self.loss_nats,
@@ -101,8 +103,7 @@ impl TrainerResult {
             steps: count(self.steps),
             batch_tokens: count(self.batch_tokens),
             lr: self.lr,
-            flops_exact: self.flops_exact,
-            max_text_tokens: spec.max_text_tokens,
+            flops_exact: self.flops_exact.map_or(full_contexts, ExactFlops::Counted),
             zero_count_targets: count(self.zero_count_targets).unwrap_or(0),
             wall_s: self.wall_s.unwrap_or(ran_s),
             tokens_per_s: self.tokens_per_s,

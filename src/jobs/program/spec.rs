@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::jobs::ResultsFolder;
+use crate::jobs::folder::CHECKPOINT;
 use crate::jobs::frozen_sweep;
 use crate::plan::RunSpec;
 use crate::spec::ModelShape;
@@ -102,7 +103,7 @@ impl TrainerSpec {
             codes,
             text: there(&folder.text(&run.text_id))?,
             out: place.join("result.json"),
-            checkpoint: place.join("checkpoint"),
+            checkpoint: place.join(CHECKPOINT),
         })
     }
 }
