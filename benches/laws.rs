@@ -16,7 +16,7 @@ use isoflop::laws::{
 use isoflop::record::{RunRecord, table as runs};
 use isoflop::spec::FlopsRule;
 use isoflop::sweep::{self, HoldOutSpec};
-use isoflop::table::{self, Request};
+use isoflop::table::{self, TableRequest};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::ThreadPoolBuilder;
@@ -40,7 +40,7 @@ const TOKENS: [(&str, &str); 2] = [("H f(V)", "vocab_size"), ("H f(V/1000)", "(v
 
 fn chinchilla(criterion: &mut Criterion) {
     let columns = "params=Model Size,budget_flops=Training FLOP,loss=loss";
-    let request = Request { drop_highest: 5, ..request(columns, &[]) };
+    let request = TableRequest { drop_highest: 5, ..request(columns, &[]) };
     let Some(points) = shared("epoch_chinchilla/svg_extracted_data.csv", &request) else { return };
     let options = ParametricOptions {
         huber: Huber::Delta(1e-3),
@@ -131,7 +131,7 @@ fn a_million_rows(criterion: &mut Criterion) {
     let folder = tempfile::tempdir().expect("a folder for the table");
     let path = folder.path().join("million.csv");
     fs::write(&path, synthetic(MILLION)).expect("the table is written");
-    let request = Request::default();
+    let request = TableRequest::default();
     case(criterion, "a million rows: CSV into points", || load(&path, &request));
     let points = load(&path, &request);
     let options = ParametricOptions { bootstrap: 0, ..ParametricOptions::of(Form::Approach3) };
@@ -179,13 +179,13 @@ fn skipped(path: &Path) {
     println!("skipped: {} is absent", path.display());
 }
 
-fn request(columns: &str, filters: &[&str]) -> Request {
+fn request(columns: &str, filters: &[&str]) -> TableRequest {
     let filters = filters.iter().map(ToString::to_string).collect();
-    Request { columns: Some(columns.into()), filters, ..Request::default() }
+    TableRequest { columns: Some(columns.into()), filters, ..TableRequest::default() }
 }
 
 /// The points of a table made elsewhere; none where it is absent.
-fn shared(path: &str, request: &Request) -> Option<Vec<IsoFlopPoint>> {
+fn shared(path: &str, request: &TableRequest) -> Option<Vec<IsoFlopPoint>> {
     let path = here("../shared/data/runs").join(path);
     if !path.exists() {
         skipped(&path);
@@ -194,7 +194,7 @@ fn shared(path: &str, request: &Request) -> Option<Vec<IsoFlopPoint>> {
     Some(load(&path, request))
 }
 
-fn load(path: &Path, request: &Request) -> Vec<IsoFlopPoint> {
+fn load(path: &Path, request: &TableRequest) -> Vec<IsoFlopPoint> {
     let table = table::read(path).expect("the table reads");
     table::load(&table, request).expect("its rows are runs").points
 }

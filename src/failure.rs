@@ -37,7 +37,7 @@ pub enum FailureKind {
 
 /// What follows from a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum Consequence {
     /// It would end so again.
     Final,
     /// It may go well another time.
@@ -48,12 +48,12 @@ pub enum Verdict {
 
 impl FailureKind {
     /// Whether trying again, or going on with other jobs, makes sense.
-    pub fn verdict(self) -> Verdict {
+    pub fn consequence(self) -> Consequence {
         match self {
-            Self::DiskFull | Self::ReadOnly => Verdict::StopsAll,
-            Self::Hung | Self::Killed | Self::OutOfMemory | Self::Crashed => Verdict::MayPass,
+            Self::DiskFull | Self::ReadOnly => Consequence::StopsAll,
+            Self::Hung | Self::Killed | Self::OutOfMemory | Self::Crashed => Consequence::MayPass,
             Self::Diverged | Self::BadData | Self::Damaged | Self::Trainer | Self::Other => {
-                Verdict::Final
+                Consequence::Final
             }
         }
     }

@@ -16,7 +16,7 @@ pub struct Common {
     /// Print results and errors only
     #[arg(short, long, global = true)]
     pub quiet: bool,
-    /// Log what is opened, started and ended; twice, each file too that is written
+    /// Log files that are opened and jobs that start and end; -vv adds each file written
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,
 }
@@ -26,16 +26,16 @@ pub struct Common {
 pub struct SweepArgs {
     /// The sweep file
     pub sweep: PathBuf,
-    /// Lay a setting over the file, as train.min_steps=100; may be given again
+    /// Override a setting of the file, as in train.min_steps=100; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub settings: Vec<String>,
     /// The folder in which the sweep's own folder lies
     #[arg(long, default_value = "results", value_name = "DIR")]
     pub out: PathBuf,
-    /// Jobs side by side, one thread each; by default one a core, or one on a GPU
+    /// Jobs that run side by side, one thread each; by default one per core, or one on a GPU
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub jobs: Option<u16>,
-    /// Where tensors live
+    /// The backend that computes
     #[arg(long, value_parser = device(), default_value = "flex")]
     pub device: DeviceName,
 }

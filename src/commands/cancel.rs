@@ -44,7 +44,7 @@ fn report(
         Cancelled::Ended => "ended; what is finished stays",
         Cancelled::Killed => "ended, some of it by force; what is finished stays",
         Cancelled::StillAtWork => {
-            "still at work after a minute; it has been asked, and may yet end"
+            "still at work a minute after it was asked to end; it may yet end"
         }
     };
     let command = CommandLine::read(folder)?;

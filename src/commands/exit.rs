@@ -3,7 +3,7 @@
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use isoflop::failure::Verdict;
+use isoflop::failure::Consequence;
 use isoflop::files::failure_kind;
 use isoflop::laws::FitError;
 use isoflop::sweep::SweepErrors;
@@ -35,7 +35,7 @@ pub fn report(error: &anyhow::Error) -> Exit {
     }
     say(&format!("error: {error:#}"));
     if let Some(kind) = failure_kind(error.as_ref())
-        && kind.verdict() == Verdict::StopsAll
+        && kind.consequence() == Consequence::StopsAll
     {
         say(&format!("  {}; then the same command goes on", kind.advice().unwrap_or("mend that")));
         return Exit::SomeRunsFailed;

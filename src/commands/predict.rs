@@ -19,7 +19,7 @@ use super::output::Output;
 
 #[derive(Args)]
 pub struct PredictArgs {
-    /// Budgets in FLOPs, as 1e18
+    /// Budgets in FLOPs, as in 1e18
     #[arg(required = true, value_parser = budget)]
     pub budgets: Vec<f64>,
     /// A sweep's folder, a laws.json, or scamo for the published law

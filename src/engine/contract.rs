@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 use serde_json::Value;
 
-use super::{Cancelled, EngineState, JobReport, Request, Tell};
+use super::{Cancelled, EngineState, JobReport, SweepRequest, Tell};
 use crate::jobs::{Job, ResultsFolder, SweepState};
 
 /// Who brings jobs to their end.
@@ -16,11 +16,17 @@ pub trait Engine: Sync {
     /// A line for the help.
     fn about(&self) -> &'static str;
 
+    /// Whether jobs leave this machine: then there is something to preview, and its section in the sweep
+    /// file may be laid over by a profile.
+    fn hands_over(&self) -> bool {
+        false
+    }
+
     /// Gets ready for a sweep, before anything is written.
     ///
     /// # Errors
     /// The engine cannot be reached, or cannot do what is asked for.
-    fn session<'a>(&self, request: &'a Request<'a>) -> Result<Box<dyn Session + 'a>>;
+    fn session<'a>(&self, request: &'a SweepRequest<'a>) -> Result<Box<dyn Session + 'a>>;
 
     /// What the engine says of a sweep, beside the sweep's folder; `None` where it has nothing of it.
     ///
@@ -73,10 +79,8 @@ pub trait Session {
     ///
     /// # Errors
     /// The engine has nothing to preview, or cannot be reached.
-    fn preview(&self, _: Preview, _: Vec<Job>) -> Result<Previewed> {
-        bail!(
-            "--dry-run, --check and --profile want --engine slurm; see `isoflop plan` for this machine"
-        )
+    fn preview(&mut self, _: Preview, _: Vec<Job>) -> Result<Previewed> {
+        bail!("the engine hands nothing over, so there is nothing to preview")
     }
 }
 

@@ -12,7 +12,7 @@ pub mod slurm;
 
 pub use contract::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
 pub use engine_state::{Cancelled, EngineState};
-pub use request::{Request, Tell};
+pub use request::{SweepRequest, Tell};
 pub use runner::{JobEnd, JobReport, Runner};
 
 /// Every engine, the default first.

@@ -1,4 +1,4 @@
-//! [`Request`]: what is asked of an engine for a sweep.
+//! [`SweepRequest`]: what is asked of an engine for a sweep.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::sweep::Sweep;
 
 /// What is asked of an engine for a sweep.
 #[derive(Clone, Copy)]
-pub struct Request<'a> {
+pub struct SweepRequest<'a> {
     /// As resolved.
     pub sweep: &'a Sweep,
     pub plan: &'a Plan,

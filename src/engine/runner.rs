@@ -1,6 +1,6 @@
 //! [`Runner`]: who does a single job, and how it ended.
 
-use crate::failure::{Failure, Verdict};
+use crate::failure::{Consequence, Failure};
 use crate::jobs::Job;
 use crate::progress::Beat;
 use crate::progress::Stop;
@@ -22,10 +22,10 @@ pub enum JobEnd {
 impl JobEnd {
     /// How a job ends that failed so.
     pub fn of(failure: Failure) -> Self {
-        match failure.kind.verdict() {
-            Verdict::Final => Self::Failed(failure),
-            Verdict::MayPass => Self::Crashed(failure),
-            Verdict::StopsAll => Self::Halted(failure),
+        match failure.kind.consequence() {
+            Consequence::Final => Self::Failed(failure),
+            Consequence::MayPass => Self::Crashed(failure),
+            Consequence::StopsAll => Self::Halted(failure),
         }
     }
 

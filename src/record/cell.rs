@@ -4,7 +4,7 @@ use super::run_record::RunRecord;
 
 /// What the cells of a column are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum CellKind {
     /// A whole number from 0.
     Count,
     Number,
@@ -43,7 +43,7 @@ impl<'a> CellValue<'a> {
 pub struct FactColumn {
     /// The name in the table and in `record.json`.
     pub name: &'static str,
-    pub kind: Kind,
+    pub kind: CellKind,
     /// Whether a row without a value is damaged.
     pub is_required: bool,
     pub(super) read: fn(&RunRecord) -> CellValue<'_>,
@@ -64,7 +64,7 @@ impl FactColumn {
 
 /// A type that a fact may have. One that is no [`Option`] is required.
 pub(super) trait Fact: Sized {
-    const KIND: Kind;
+    const KIND: CellKind;
     const IS_REQUIRED: bool = true;
 
     fn cell(&self) -> CellValue<'_>;
@@ -74,7 +74,7 @@ pub(super) trait Fact: Sized {
 }
 
 impl Fact for u64 {
-    const KIND: Kind = Kind::Count;
+    const KIND: CellKind = CellKind::Count;
 
     fn cell(&self) -> CellValue<'_> {
         CellValue::Count(*self)
@@ -86,7 +86,7 @@ impl Fact for u64 {
 }
 
 impl Fact for usize {
-    const KIND: Kind = Kind::Count;
+    const KIND: CellKind = CellKind::Count;
 
     fn cell(&self) -> CellValue<'_> {
         CellValue::Count(*self as u64)
@@ -98,7 +98,7 @@ impl Fact for usize {
 }
 
 impl Fact for f64 {
-    const KIND: Kind = Kind::Number;
+    const KIND: CellKind = CellKind::Number;
 
     fn cell(&self) -> CellValue<'_> {
         CellValue::Number(*self)
@@ -110,7 +110,7 @@ impl Fact for f64 {
 }
 
 impl Fact for String {
-    const KIND: Kind = Kind::Text;
+    const KIND: CellKind = CellKind::Text;
 
     fn cell(&self) -> CellValue<'_> {
         CellValue::Text(self)
@@ -122,7 +122,7 @@ impl Fact for String {
 }
 
 impl<T: Fact> Fact for Option<T> {
-    const KIND: Kind = T::KIND;
+    const KIND: CellKind = T::KIND;
     const IS_REQUIRED: bool = false;
 
     fn cell(&self) -> CellValue<'_> {

@@ -59,7 +59,7 @@ macro_rules! facts {
     (@metric $name:ident) => {
         FactColumn {
             name: $name,
-            kind: Kind::Number,
+            kind: CellKind::Number,
             is_required: false,
             read: |record| record.metrics.cell($name),
             fill: |record, cell| record.metrics.fill($name, cell),

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cell::{Fact, FactColumn, Kind, fill};
+use super::cell::{CellKind, Fact, FactColumn, fill};
 use super::declare::facts;
 use crate::laws;
 

@@ -13,7 +13,7 @@ pub mod table;
 #[cfg(test)]
 mod tests;
 
-pub use cell::{CellValue, FactColumn, Kind};
+pub use cell::{CellKind, CellValue, FactColumn};
 pub use facts::{Measured, Planned};
 pub use metrics::Metrics;
 pub use run_record::{FORMAT, Lacking, RunRecord, flops_per_second};

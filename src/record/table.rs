@@ -10,7 +10,7 @@ use std::path::Path;
 use polars::prelude::*;
 use rayon::prelude::*;
 
-use super::cell::{CellValue, FactColumn, Kind};
+use super::cell::{CellKind, CellValue, FactColumn};
 use super::facts::{COLUMNS, LOSSES, Measured, Planned};
 use super::metrics::Metrics;
 use super::run_record::RunRecord;
@@ -80,9 +80,9 @@ fn written(column: &FactColumn, records: &[RunRecord]) -> Column {
     let cells = records.iter().map(|record| column.of(record));
     let name = column.name.into();
     match column.kind {
-        Kind::Count => Column::new(name, cells.map(CellValue::count).collect::<Vec<_>>()),
-        Kind::Number => Column::new(name, cells.map(CellValue::number).collect::<Vec<_>>()),
-        Kind::Text => Column::new(name, cells.map(CellValue::text).collect::<Vec<_>>()),
+        CellKind::Count => Column::new(name, cells.map(CellValue::count).collect::<Vec<_>>()),
+        CellKind::Number => Column::new(name, cells.map(CellValue::number).collect::<Vec<_>>()),
+        CellKind::Text => Column::new(name, cells.map(CellValue::text).collect::<Vec<_>>()),
     }
 }
 
@@ -138,13 +138,13 @@ fn read_column(column: &FactColumn, cells: &Column, to: &mut [RunRecord]) -> Pol
     };
     let records = to.iter_mut();
     match column.kind {
-        Kind::Count => {
+        CellKind::Count => {
             records.zip(cells.u64()?.iter().map(|x| x.map(CellValue::Count))).try_for_each(fill)
         }
-        Kind::Number => {
+        CellKind::Number => {
             records.zip(cells.f64()?.iter().map(|x| x.map(CellValue::Number))).try_for_each(fill)
         }
-        Kind::Text => {
+        CellKind::Text => {
             records.zip(cells.str()?.iter().map(|x| x.map(CellValue::Text))).try_for_each(fill)
         }
     }

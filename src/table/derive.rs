@@ -15,7 +15,7 @@
 //! al. 2020, without attention).
 
 use super::columns::Named;
-use super::model::{model, zip};
+use super::model::{model_sizes, zip};
 use super::{Quantity, Table, TableError};
 use crate::laws::{Metric, Parameters};
 
@@ -49,7 +49,7 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
     let given = |quantity| named.numbers.get(&quantity).map(Vec::as_slice);
     let loss = given(Quantity::Loss).ok_or_else(|| missing("loss", "`loss`"))?;
     let mut notes = Vec::new();
-    let model = model(named, &mut notes).map_err(|(what, remedy)| missing(what, remedy))?;
+    let model = model_sizes(named, &mut notes).map_err(|(what, remedy)| missing(what, remedy))?;
     let params = zip(&model.nonvocab, &model.vocab, |a, b| a + b);
     let (budget, tokens) = (given(Quantity::BudgetFlops), given(Quantity::Tokens));
     let (budget_flops, tokens) = match (budget, tokens) {

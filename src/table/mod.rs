@@ -34,5 +34,5 @@ pub use expression::{Expression, ExpressionError, ExpressionProblem};
 pub use outliers::{OutlierStage, UnknownStage};
 pub use quantity::{Quantity, UnknownQuantity};
 pub use read::{ReadError, read};
-pub use rows::{Dropped, Loaded, Request, load};
+pub use rows::{Dropped, Loaded, TableRequest, load};
 pub use types::{Column, Table};

@@ -8,7 +8,7 @@ use crate::laws::Parameters;
 const SAME_PARAMS: f64 = 0.01;
 
 /// N_nv, N_v and V.
-pub(super) struct Model {
+pub(super) struct ModelSizes {
     pub parameters: Parameters,
     pub vocab_known: bool,
     pub nonvocab: Vec<f64>,
@@ -17,10 +17,10 @@ pub(super) struct Model {
 }
 
 /// The counts of parameters that the columns given lead to.
-pub(super) fn model(
+pub(super) fn model_sizes(
     named: &Named,
     notes: &mut Vec<String>,
-) -> Result<Model, (&'static str, &'static str)> {
+) -> Result<ModelSizes, (&'static str, &'static str)> {
     let given = |quantity| named.numbers.get(&quantity).map(Vec::as_slice);
     let (total, nonvocab) = (given(Quantity::Params), given(Quantity::ParamsNonvocab));
     let (n_vocab, d_model) = (given(Quantity::NVocab), given(Quantity::DModel));
@@ -38,7 +38,7 @@ pub(super) fn model(
         (None, Some(total), Some(vocab)) => (zip(total, &vocab, |n, v| n - v), vocab),
         (None, Some(total), None) => {
             notes.extend(unused(named));
-            return Ok(Model {
+            return Ok(ModelSizes {
                 parameters: Parameters::Total,
                 vocab_known: false,
                 nonvocab: total.to_vec(),
@@ -57,7 +57,7 @@ pub(super) fn model(
         notes.push("V is unknown, and 0 in each row: neither n_vocab nor d_model is given".into());
     }
     let n_vocab = n_vocab.unwrap_or_else(nothing);
-    Ok(Model { parameters: Parameters::Split, vocab_known, nonvocab, vocab, n_vocab })
+    Ok(ModelSizes { parameters: Parameters::Split, vocab_known, nonvocab, vocab, n_vocab })
 }
 
 const NO_PARAMS: (&str, &str) = (

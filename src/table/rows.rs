@@ -11,7 +11,7 @@ use crate::laws::{IsoFlopPoint, Parameters};
 
 /// What to make of a table.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Request {
+pub struct TableRequest {
     /// `name=expression,…`; without it the columns named as quantities are taken.
     pub columns: Option<String>,
     /// Conditions that a row must meet, all of them.
@@ -51,7 +51,7 @@ pub struct Dropped {
 /// # Errors
 /// What in the request does not fit the table; a row whose values no law can use; the step that
 /// left no row.
-pub fn load(table: &Table, request: &Request) -> Result<Loaded, TableError> {
+pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError> {
     let named = named(request.columns.as_deref(), table)?;
     let mut notes = [&table.notes[..], &named.notes].concat();
     let rows = filtered(table, &request.filters, &mut notes)?;

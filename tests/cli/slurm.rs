@@ -76,8 +76,10 @@ fn mistakes_in_the_section_and_the_profile_are_shown_where_they_stand() {
 #[test]
 fn options_of_one_engine_are_refused_by_the_other() {
     let place = place();
-    place.isoflop(&["run", "mini.yaml", "--dry-run"]).exits(2).says("want --engine slurm");
-    place.isoflop(&["run", "mini.yaml", "--check"]).exits(2).says("want --engine slurm");
+    for option in [&["--dry-run"][..], &["--check"], &["--profile", "site.yaml"]] {
+        let ended = place.isoflop(&[&["run", "mini.yaml"], option].concat()).exits(2);
+        ended.says(&format!("{} wants --engine slurm", option[0]));
+    }
     let fast = ["run", "mini.yaml", "--engine", "slurm", "--fail-fast"];
     place.isoflop(&fast).exits(2).says("--fail-fast is for this machine");
 }

@@ -76,7 +76,7 @@ fn a_warned_task_checkpoints_and_comes_back_by_itself() {
     let task = running.lines().next().expect("a task is running").trim().to_string();
     cluster.ask("scancel", &["--batch", "--signal=USR2", &task]);
     sweep.over();
-    assert!(sweep.logs().contains("goes on later, back in the queue"), "{}", sweep.logs());
+    assert!(sweep.logs().contains("back in the queue and goes on later"), "{}", sweep.logs());
     assert_eq!(sweep.place.names("results/mini/slurm/requeues").len(), 1);
     assert_undisturbed(&sweep);
 }
@@ -90,7 +90,7 @@ fn a_time_limit_shorter_than_the_work_is_no_end() {
     let sweep = sweep.with_profile("stages: {train: {time: 1}}, signal_grace_s: 45");
     sweep.submit().exits(0);
     sweep.over();
-    assert!(sweep.logs().contains("goes on later, back in the queue"), "{}", sweep.logs());
+    assert!(sweep.logs().contains("back in the queue and goes on later"), "{}", sweep.logs());
     assert_eq!(records::timeless(&sweep.results()), records::timeless(&sweep.locally()));
 }
 

@@ -107,7 +107,7 @@ fn odd_paths_and_a_hostile_environment_change_nothing() {
     let output = command.envs(hostile).output().expect("the binary can be started");
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{stderr}");
-    assert!(stderr.contains("SBATCH_PARTITION is set here"), "{stderr}");
+    assert!(stderr.contains("SBATCH_PARTITION is set in this shell"), "{stderr}");
     let results = odd.join("results/mini");
     let results = results.to_str().expect("UTF-8");
     let ended = super::support::processes::wait_for(std::time::Duration::from_secs(60), || {

@@ -34,14 +34,14 @@ pub struct FitArgs {
     #[arg(value_name = "RESULTS|TABLE")]
     pub source: PathBuf,
 
-    /// What the table's columns are, as params=N,tokens=D*1e9,loss=L
+    /// What the table's columns mean, as in params=N,tokens=D*1e9,loss=L
     ///
     /// Names: params, params_nonvocab, params_vocab, n_vocab, d_model, tokens, budget_flops, flops,
     /// loss, seed, weight, run_id. The right side is a column or an expression of columns; a column
     /// whose own name is one of these needs no mention.
     #[arg(long, value_name = "NAME=EXPR,…", help_heading = "Table")]
     pub columns: Option<String>,
-    /// Fit only rows that meet a condition, as 'loss < 4 and model == "llama"'; may be given again
+    /// Fit only rows that meet a condition, as 'loss < 4 and model == "llama"'; may be repeated
     #[arg(long = "where", value_name = "EXPR", help_heading = "Table")]
     pub filters: Vec<String>,
     /// Leave out the K rows of the highest loss
@@ -83,19 +83,19 @@ pub struct FitArgs {
     pub compat: Option<CompatName>,
 
     /// largest, none, or the declared budget that takes no part
-    #[arg(long, value_name = "largest|none|C", help_heading = "Certainty")]
+    #[arg(long, value_name = "largest|none|C", help_heading = "Uncertainty")]
     pub hold_out: Option<String>,
     /// Bootstrap replicates; 0 for no intervals
-    #[arg(long, value_name = "N", help_heading = "Certainty")]
+    #[arg(long, value_name = "N", help_heading = "Uncertainty")]
     pub bootstrap: Option<usize>,
     /// Seed of the bootstrap; by default 42 for a parametric law, whose draws are numpy's, else 0
-    #[arg(long, value_name = "S", help_heading = "Certainty")]
+    #[arg(long, value_name = "S", help_heading = "Uncertainty")]
     pub seed: Option<u64>,
 
     /// Budgets in FLOPs to give the optimum for; by default the table's largest and ten times it
     #[arg(long, value_name = "C,…", value_delimiter = ',', value_parser = budget)]
     pub predict: Vec<f64>,
-    /// Where to write the laws; a sweep's own laws.json otherwise, nowhere for a table
+    /// The file to write the laws to; by default a sweep's own laws.json, and none for a table
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }

@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use isoflop::laws::{Form, HoldOut, Huber, LawKind, ParametricOptions, Space, Starts};
 use isoflop::spec::FlopsRule;
 use isoflop::sweep::MinimumMethod;
-use isoflop::table::{OutlierStage, Request as TableRequest};
+use isoflop::table::{OutlierStage, TableRequest};
 
 use super::args::{CompatName, FitArgs, FlopsName, HuberName, MinimaName, SpaceName, StartsName};
 

@@ -8,7 +8,7 @@ use isoflop::laws::{FitError, IsoFlopPoint, Parameters};
 use isoflop::record::{RunRecord, table as runs};
 use isoflop::spec::FlopsRule;
 use isoflop::sweep::{self, Sweep};
-use isoflop::table::{self, Dropped, Request as TableRequest};
+use isoflop::table::{self, Dropped, TableRequest};
 
 use super::request::FitRequest;
 

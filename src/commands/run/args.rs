@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use anyhow::{Result, bail};
 use clap::Args;
 use isoflop::engine::{ENGINES, Engine, Preview};
 use isoflop::units::parse_bytes;
@@ -12,16 +13,16 @@ use crate::commands::args::{SweepArgs, an_engine};
 pub struct RunArgs {
     #[command(flatten)]
     pub sweep: SweepArgs,
-    /// Who does the jobs
+    /// Where jobs run
     #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
     pub engine: &'static dyn Engine,
-    /// A file with the keys of the engine's section, laid over those of the sweep
+    /// A file with keys of the engine's section, which override those of the sweep
     #[arg(long, value_name = "FILE")]
     pub profile: Option<PathBuf>,
-    /// Print what the engine would be given; give and change nothing
+    /// Print what would be submitted; submit and change nothing
     #[arg(long)]
     pub dry_run: bool,
-    /// Ask the engine whether it would take the sweep; give and change nothing
+    /// Ask the engine whether it would take the sweep; submit and change nothing
     #[arg(long, conflicts_with = "dry_run")]
     pub check: bool,
     /// Stop at the first failure
@@ -30,15 +31,40 @@ pub struct RunArgs {
     /// Try again what failed before
     #[arg(long)]
     pub retry_failed: bool,
-    /// Try this job again, and what it needs, by the id of its folder; may be given again
+    /// Try this job again, with the jobs it needs, by the id of its folder; may be repeated
     #[arg(long, value_name = "ID")]
     pub retry: Vec<String>,
-    /// Memory for all jobs together, as 8GB; by default what is available at the start
+    /// Memory for all jobs together, as in 8GB; by default all that is free at the start
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
 }
 
 impl RunArgs {
+    /// Whether the engine has what is asked of it.
+    ///
+    /// # Errors
+    /// A sentence that names the engines that have.
+    pub fn check_engine(&self) -> Result<()> {
+        let asked = [
+            ("--dry-run", self.dry_run),
+            ("--check", self.check),
+            ("--profile", self.profile.is_some()),
+        ];
+        let Some((option, _)) = asked.into_iter().find(|(_, is_asked)| *is_asked) else {
+            return Ok(());
+        };
+        if self.engine.hands_over() {
+            return Ok(());
+        }
+        let others = ENGINES.into_iter().filter(|engine| engine.hands_over());
+        let others: Vec<String> =
+            others.map(|engine| format!("--engine {}", engine.name())).collect();
+        bail!(
+            "{option} wants {}; `isoflop plan` shows what this machine would do",
+            others.join(" or ")
+        )
+    }
+
     /// What is only to be shown.
     pub fn preview(&self) -> Option<Preview> {
         let dry_run = self.dry_run.then_some(Preview::DryRun);

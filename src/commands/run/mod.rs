@@ -5,7 +5,9 @@ mod prepare;
 mod summary;
 
 use anyhow::{Context, Result, bail};
-use isoflop::engine::{Brought, Engine, JobEnd, JobReport, Preview, Previewed, Request, Session};
+use isoflop::engine::{
+    Brought, Engine, JobEnd, JobReport, Preview, Previewed, Session, SweepRequest,
+};
 use isoflop::failure::Failure;
 use isoflop::jobs::missing_jobs;
 use isoflop::jobs::presence::Held;
@@ -21,12 +23,13 @@ use crate::commands::output::Output;
 pub use args::RunArgs;
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
+    args.check_engine()?;
     let open = open(args, output)?;
     let request = request(args, &open, output);
     let engine: &dyn Engine = args.engine;
     let mut session = engine.session(&request)?;
     if let Some(preview) = args.preview() {
-        return show(&*session, preview, &open, output);
+        return show(&mut *session, preview, &open, output);
     }
     session.begin()?;
     let held = hold(&open, output)?;
@@ -54,8 +57,8 @@ fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
     Ok(open)
 }
 
-fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> Request<'a> {
-    Request {
+fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> SweepRequest<'a> {
+    SweepRequest {
         sweep: &open.sweep,
         plan: &open.plan,
         folder: &open.folder,
@@ -69,7 +72,7 @@ fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> Re
 }
 
 fn show(
-    session: &dyn Session,
+    session: &mut dyn Session,
     preview: Preview,
     open: &OpenSweep,
     output: &Output,

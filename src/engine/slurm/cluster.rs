@@ -4,18 +4,18 @@ use std::path::absolute;
 
 use anyhow::Result;
 
-use super::files::SlurmFolder;
+use super::files::{Generation, SlurmFolder};
 use super::ledger::{Entry, Ledger};
 use super::queue::Queue;
 use super::settings::Settings;
-use super::submission::Written;
-use crate::engine::Request;
+use super::submission::SubmissionTerms;
+use crate::engine::SweepRequest;
 use crate::files::read_if_there;
 use crate::jobs::ResultsFolder;
 
 /// A request to be met by a cluster.
 pub(super) struct Cluster<'a> {
-    pub request: &'a Request<'a>,
+    pub request: &'a SweepRequest<'a>,
     /// Named by its full path.
     pub folder: ResultsFolder,
     pub settings: Settings,
@@ -32,7 +32,15 @@ pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)
     let folder = ResultsFolder::new(absolute(folder.root())?);
     let files = SlurmFolder::of(&folder);
     let Some(generation) = files.latest()? else { return Ok(None) };
-    let written: Option<Written> = read_if_there(&files.written(generation))?;
-    let settings = Settings::new(written.map(|written| written.settings).unwrap_or_default());
+    let settings = settings_of(&files, Some(generation))?;
     Ok(Some((settings, Ledger::of(&files).entries()?)))
+}
+
+/// The settings of a submission; the defaults where there is none.
+pub fn settings_of(files: &SlurmFolder, submission: Option<Generation>) -> Result<Settings> {
+    let written = match submission {
+        Some(generation) => read_if_there::<SubmissionTerms>(&files.written(generation))?,
+        None => None,
+    };
+    Ok(Settings::new(written.map(|written| written.settings).unwrap_or_default()))
 }

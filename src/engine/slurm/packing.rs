@@ -11,7 +11,7 @@ use super::command::{Shell, site_defaults};
 use super::estimate::Estimates;
 use super::files::SlurmFolder;
 use super::stages::{Array, Layout, arrays};
-use super::submission::{Submission, Written};
+use super::submission::{Submission, SubmissionTerms};
 use super::submit::{Submitted, keep_program, submit};
 use crate::jobs::{Job, JobId, ResultsFolder, all_jobs};
 
@@ -33,7 +33,9 @@ impl Packing<'_> {
     pub fn submit(&self, shell: &dyn Shell) -> Result<(u32, Vec<Submitted>)> {
         let tell = self.cluster.request.tell;
         for name in site_defaults() {
-            tell.note(&format!("{name} is set here, and holds where the sweep does not say"));
+            tell.note(&format!(
+                "{name} is set in this shell and applies wherever the sweep is silent"
+            ));
         }
         let program = std::env::current_exe().context("finding this program")?;
         let digest = digest(&program)?;
@@ -89,7 +91,7 @@ impl Packing<'_> {
             folder: folder.clone(),
             generation: SlurmFolder::of(folder).latest()?.unwrap_or(0) + 1,
             directory: std::env::current_dir().context("finding the current directory")?,
-            written: Written {
+            written: SubmissionTerms {
                 settings: self.cluster.settings.section().clone(),
                 device: self.cluster.request.device.name().to_string(),
                 program,

@@ -27,7 +27,7 @@ pub enum TaskState {
 
 /// A task that Slurm still knows.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Task {
+pub struct QueuedTask {
     pub job_id: String,
     /// `None` for a job that is no array.
     pub index: Option<usize>,
@@ -39,7 +39,7 @@ pub struct Task {
     pub token: String,
 }
 
-impl Task {
+impl QueuedTask {
     /// Whether it may still do something.
     pub fn is_active(&self) -> bool {
         self.state != TaskState::Ended
@@ -57,7 +57,7 @@ impl Task {
 /// The tasks of a sweep that Slurm still knows. A task that ended minutes ago is not among them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Queue {
-    pub tasks: Vec<Task>,
+    pub tasks: Vec<QueuedTask>,
 }
 
 impl Queue {
@@ -82,19 +82,19 @@ impl Queue {
         let asked = ["-h", "-r", "-t", "all", "-u", &users, "-o", FORMAT];
         words.extend(asked.map(String::from));
         let lines = shell.ask(&words, QUERY)?;
-        let ours = |task: &Task| entries.iter().any(|entry| entry.token == task.token);
+        let ours = |task: &QueuedTask| entries.iter().any(|entry| entry.token == task.token);
         let tasks = lines.lines().filter_map(|line| parse(line, settings.requeue()));
         Ok(Self { tasks: tasks.filter(ours).collect() })
     }
 
     /// The tasks of an entry.
-    pub fn of<'a>(&'a self, entry: &'a Entry) -> impl Iterator<Item = &'a Task> {
+    pub fn of<'a>(&'a self, entry: &'a Entry) -> impl Iterator<Item = &'a QueuedTask> {
         self.tasks.iter().filter(|task| task.token == entry.token)
     }
 
     /// Whether anything may still happen.
     pub fn is_active(&self) -> bool {
-        self.tasks.iter().any(Task::is_active)
+        self.tasks.iter().any(QueuedTask::is_active)
     }
 
     /// Numbers of the jobs with anything active in them.
@@ -129,11 +129,11 @@ impl Queue {
     }
 }
 
-fn parse(line: &str, requeue: bool) -> Option<Task> {
+fn parse(line: &str, requeue: bool) -> Option<QueuedTask> {
     let fields: Vec<&str> = line.splitn(6, '|').map(str::trim).collect();
     let [job_id, index, state, reason, nodes, token] = fields[..] else { return None };
     let word = state.split_whitespace().next()?.to_string();
-    Some(Task {
+    Some(QueuedTask {
         job_id: job_id.to_string(),
         index: index.parse().ok(),
         state: state_of(&word, requeue),

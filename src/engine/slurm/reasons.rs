@@ -15,7 +15,7 @@ pub fn outlook(reason: &str) -> Outlook {
         "None" | "" => ("Slurm has not looked at them yet", false),
         "Priority" => ("others come first", false),
         "Resources" => ("for free nodes", false),
-        "Dependency" => ("for what must be done before", false),
+        "Dependency" => ("for the jobs they depend on", false),
         "BeginTime" => ("for a moment after they were put back into the queue", false),
         "JobArrayTaskLimit" => ("as many run as array_parallel allows", false),
         "ReqNodeNotAvail" => ("for nodes that are down, drained or reserved", false),

@@ -19,19 +19,22 @@ pub fn requeue(folder: &Path, settings: &Settings, shell: &dyn Shell) -> io::Res
     let times = fs::read_dir(folder).map_or(0, Iterator::count);
     if times >= most {
         return Ok(format!(
-            "the time is over; this task has put itself back into the queue {times} times of {most} \
+            "the time limit is reached; this task has put itself back into the queue {times} times of {most} \
              that it may, so the rest waits for `isoflop run`"
         ));
     }
     let Some(name) = name() else {
-        return Ok("the time is over, and this task does not know its number".to_string());
+        return Ok("the time limit is reached, and this task does not know its number".to_string());
     };
     atomic::write_json(&folder.join(token()?), &name)?;
     let mut words = settings.program("scontrol");
     words.extend(["requeue".to_string(), name]);
     Ok(match shell.ask(&words, QUERY) {
-        Ok(_) => "the time is over; this task goes on later, back in the queue".to_string(),
-        Err(error) => format!("the time is over, and the task could not be requeued: {error}"),
+        Ok(_) => "the time limit is reached; this task is back in the queue and goes on later"
+            .to_string(),
+        Err(error) => {
+            format!("the time limit is reached, and the task could not be requeued: {error}")
+        }
     })
 }
 

@@ -7,22 +7,20 @@ use anyhow::{Context, Result, bail};
 use serde_json::json;
 
 use super::cancel::cancel;
-use super::cluster::{Cluster, of_folder};
+use super::cluster::{Cluster, of_folder, settings_of};
 use super::command::{QUERY, Shell, System};
 use super::error::SlurmError;
 use super::files::SlurmFolder;
 use super::ledger::{Entry, Ledger};
 use super::packing::Packing;
 use super::preview;
-use super::queue::{Queue, Task as QueuedTask};
+use super::queue::{Queue, QueuedTask};
 use super::settings::Settings;
 use super::status::status;
-use super::submission::Written;
 use super::submit::Submitted;
 use super::worker::ChunkWorker;
 use crate::engine::contract::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
-use crate::engine::{Cancelled, EngineState, Request, Tell};
-use crate::files::read_if_there;
+use crate::engine::{Cancelled, EngineState, SweepRequest, Tell};
 use crate::jobs::{Job, ResultsFolder, SweepState};
 use crate::sweep::read_profile;
 use crate::units::quoted;
@@ -39,7 +37,11 @@ impl Engine for Slurm {
         "Jobs of a cluster: submits them and returns at once"
     }
 
-    fn session<'a>(&self, request: &'a Request<'a>) -> Result<Box<dyn Session + 'a>> {
+    fn hands_over(&self) -> bool {
+        true
+    }
+
+    fn session<'a>(&self, request: &'a SweepRequest<'a>) -> Result<Box<dyn Session + 'a>> {
         if request.fail_fast {
             bail!("--fail-fast is for this machine; on Slurm the other runs go on");
         }
@@ -68,19 +70,14 @@ impl Engine for Slurm {
     }
 
     fn fit_terms(&self, folder: &ResultsFolder, submission: Option<u32>) -> Result<FitTerms> {
-        let files = SlurmFolder::of(folder);
-        let written = match submission {
-            Some(generation) => read_if_there::<Written>(&files.written(generation))?,
-            None => None,
-        };
-        let settings = Settings::new(written.map(|written| written.settings).unwrap_or_default());
+        let settings = settings_of(&SlurmFolder::of(folder), submission)?;
         let (grace, allow_missing) = (settings.fs_grace(), settings.allow_missing());
         Ok(FitTerms { grace, allow_missing })
     }
 }
 
 /// The section of the sweep, under that of the profile.
-fn settings(request: &Request) -> Result<Settings> {
+fn settings(request: &SweepRequest) -> Result<Settings> {
     let of_sweep = request.sweep.engine.clone().unwrap_or_default().slurm;
     let section = match request.profile {
         Some(path) => read_profile(path)?.over(of_sweep),
@@ -122,22 +119,18 @@ impl Session for Cluster<'_> {
         Ok(self.submitted(generation, &submitted, left))
     }
 
-    fn preview(&self, preview: Preview, jobs: Vec<Job>) -> Result<Previewed> {
+    fn preview(&mut self, preview: Preview, jobs: Vec<Job>) -> Result<Previewed> {
         if jobs.is_empty() {
             bail!("nothing is missing, so there is nothing to submit");
         }
+        if preview == Preview::Check {
+            self.asked = max_array(&self.settings, &System)?;
+        }
         let (queued, active) = (HashMap::new(), Vec::new());
+        let packing = Packing { cluster: self, jobs, queued, active };
         match preview {
-            Preview::DryRun => preview::dry_run(&Packing { cluster: self, jobs, queued, active }),
-            Preview::Check => {
-                let asked = max_array(&self.settings, &System)?;
-                let (entries, settings) = (Vec::new(), self.settings.clone());
-                let (folder, queue) = (self.folder.clone(), Queue::default());
-                let asking =
-                    Cluster { request: self.request, folder, settings, entries, queue, asked };
-                let packing = Packing { cluster: &asking, jobs, queued, active };
-                preview::check(&packing, &System)
-            }
+            Preview::DryRun => preview::dry_run(&packing),
+            Preview::Check => preview::check(&packing, &System),
         }
     }
 }
@@ -178,7 +171,7 @@ impl Cluster<'_> {
         let results = self.folder.root();
         let document = json!({"submitted": [], "active_tasks": active, "results": results});
         let text = format!(
-            "everything that is missing is in Slurm's queue already, in {active} tasks\n{}",
+            "all missing jobs are in Slurm's queue already, in {active} tasks\n{}",
             self.how_far()
         );
         Brought::HandedOver { document, text }

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::cluster::of_folder;
 use super::command::System;
 use super::files::SlurmFolder;
-use super::queue::{Queue, Task, TaskState};
+use super::queue::{Queue, QueuedTask, TaskState};
 use super::reasons::outlook;
 use crate::engine::EngineState;
 use crate::jobs::{JobKind, JobState, ResultsFolder, SweepState};
@@ -85,8 +85,8 @@ fn look(folder: &ResultsFolder, state: &SweepState) -> Result<Option<QueueState>
     }))
 }
 
-fn waiting(tasks: &[Task]) -> Vec<Waiting> {
-    let mut reasons: BTreeMap<&str, Vec<&Task>> = BTreeMap::new();
+fn waiting(tasks: &[QueuedTask]) -> Vec<Waiting> {
+    let mut reasons: BTreeMap<&str, Vec<&QueuedTask>> = BTreeMap::new();
     for task in tasks.iter().filter(|task| task.state == TaskState::Waiting) {
         reasons.entry(&task.reason).or_default().push(task);
     }

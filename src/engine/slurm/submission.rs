@@ -14,7 +14,7 @@ use crate::sweep::{SlurmSection, Stage};
 
 /// What tasks read of their submission: `submit.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Written {
+pub struct SubmissionTerms {
     /// The section, with the profile laid over it.
     pub settings: SlurmSection,
     /// As `--device` takes it.
@@ -33,7 +33,7 @@ pub struct Submission {
     pub generation: Generation,
     /// Where the command was given: paths of the sweep are relative to it.
     pub directory: PathBuf,
-    pub written: Written,
+    pub written: SubmissionTerms,
     pub arrays: Vec<Array>,
     /// Numbers of jobs in the queue that the fit waits for too.
     pub queued: Vec<String>,

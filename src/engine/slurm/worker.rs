@@ -15,7 +15,7 @@ use crate::engine::slurm::files::{ChunkFile, SlurmFolder};
 use crate::engine::slurm::guard::Guarded;
 use crate::engine::slurm::requeue;
 use crate::engine::slurm::settings::Settings;
-use crate::engine::slurm::submission::Written;
+use crate::engine::slurm::submission::SubmissionTerms;
 use crate::engine::slurm::{signals, walltime};
 use crate::files::read_if_there;
 use crate::jobs::Job;
@@ -66,7 +66,7 @@ impl ChunkWorker {
     ) -> io::Result<Ended> {
         signals::listen()?;
         let files = SlurmFolder::of(&self.folder);
-        let written: Written = appear(&files.written(self.task.submission), FIRST_FILES)?;
+        let written: SubmissionTerms = appear(&files.written(self.task.submission), FIRST_FILES)?;
         let settings = Settings::new(written.settings.clone());
         let path = files.chunk(self.task.submission, &self.task.array, self.task.index);
         let chunk: ChunkFile = appear(&path, settings.fs_grace())?;
@@ -197,7 +197,7 @@ impl ChunkWorker {
                 None if seen => return None,
                 None => format!("{} did not appear within {} s", path.display(), grace.as_secs()),
             };
-            Some(format!("what this task needs is not there: {reason}"))
+            Some(format!("an input of this task is missing: {reason}"))
         })
     }
 }

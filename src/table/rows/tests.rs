@@ -25,12 +25,12 @@ fn runs() -> Table {
     ])
 }
 
-fn request(columns: &str, filters: &[&str]) -> Request {
+fn request(columns: &str, filters: &[&str]) -> TableRequest {
     let filters = filters.iter().map(ToString::to_string).collect();
-    Request { columns: Some(columns.to_string()), filters, ..Request::default() }
+    TableRequest { columns: Some(columns.to_string()), filters, ..TableRequest::default() }
 }
 
-fn error(table: &Table, request: &Request) -> String {
+fn error(table: &Table, request: &TableRequest) -> String {
     load(table, request).unwrap_err().to_string()
 }
 
@@ -48,7 +48,7 @@ fn a_point_says_which_column_or_expression_its_loss_is() {
 
 #[test]
 fn filters_come_first_then_what_is_missing_then_the_highest_losses() {
-    let request = Request { drop_highest: 1, ..request("", &["group == 1"]) };
+    let request = TableRequest { drop_highest: 1, ..request("", &["group == 1"]) };
     let loaded = load(&runs(), &request).unwrap();
     let ids: Vec<_> = loaded.points.iter().map(|point| point.run_id.as_str()).collect();
     assert_eq!(ids, ["row 1", "row 2"]);
@@ -85,8 +85,8 @@ fn a_value_without_a_logarithm_is_an_error_that_names_row_and_column() {
 fn a_bad_row_that_is_not_kept_is_no_error() {
     let mut table = runs();
     table.columns[2].1 = Column::Number(vec![3.0, -2.0, f64::INFINITY, 4.0, 9.0]);
-    assert!(error(&table, &Request::default()).starts_with("run row 3: loss is inf"));
-    let request = Request { drop_highest: 1, ..Request::default() };
+    assert!(error(&table, &TableRequest::default()).starts_with("run row 3: loss is inf"));
+    let request = TableRequest { drop_highest: 1, ..TableRequest::default() };
     assert_eq!(load(&table, &request).unwrap().points[1].loss, -2.0);
 }
 
@@ -94,20 +94,20 @@ fn a_bad_row_that_is_not_kept_is_no_error() {
 fn the_step_that_leaves_nothing_is_named() {
     let text = error(&runs(), &request("", &["group == 1", "loss > 99"]));
     assert_eq!(text, "no rows are left: --where loss > 99 passes none of them");
-    let all = Request { drop_highest: 9, ..Request::default() };
+    let all = TableRequest { drop_highest: 9, ..TableRequest::default() };
     assert!(error(&runs(), &all).starts_with("no rows are left after drop-highest, which dropped"));
-    let few = Request { outliers: vec![OutlierStage::FewLevels], ..Request::default() };
+    let few = TableRequest { outliers: vec![OutlierStage::FewLevels], ..TableRequest::default() };
     let text = error(&runs(), &few);
     assert!(text.contains("after few-levels, which dropped the last 4; row 1: budget"), "{text}");
     let nothing = table(&[("params", &[1.0]), ("tokens", &[1.0]), ("loss", &[f64::NAN])]);
-    assert!(error(&nothing, &Request::default()).contains("after missing"));
+    assert!(error(&nothing, &TableRequest::default()).contains("after missing"));
 }
 
 #[test]
 fn a_text_where_numbers_are_needed_is_named_with_its_row() {
     let mut table = runs();
     table.columns[2].1 = Column::Text(["1", "2", "n.a.", "", "3"].map(Into::into).into());
-    let text = error(&table, &Request::default());
+    let text = error(&table, &TableRequest::default());
     assert!(text.contains("column `loss` is text (row 3 is `n.a.`)"), "{text}");
     assert!(text.contains("--columns loss=…"), "{text}");
 }
@@ -132,7 +132,7 @@ fn the_table_of_hoffmann_et_al_loads_as_published() {
     let first = &loaded.points[0];
     assert_eq!(first.tokens, 9.993_852_799_709_755e18 / (6.0 * 6_795_600_349.289_497));
     assert_eq!(first.params_vocab, 0.0);
-    let loaded = load(&table, &Request { drop_highest: 5, ..columns }).unwrap();
+    let loaded = load(&table, &TableRequest { drop_highest: 5, ..columns }).unwrap();
     assert_eq!((loaded.points.len(), loaded.dropped.len()), (240, 5));
     let highest = loaded.points.iter().map(|point| point.loss).fold(0.0, f64::max);
     assert!(loaded.dropped.iter().all(|row| row.reason.contains("5 highest")) && highest < 5.0);
@@ -164,7 +164,7 @@ fn every_stage_runs_on_a_published_table_and_names_what_it_drops() {
     let filter = "experiment == \"epochai_chinchilla__massivetext__chinchilla\"";
     for (name, stage) in OutlierStage::ALL {
         let request =
-            Request { outliers: vec![stage], ..request("budget_flops=budget", &[filter]) };
+            TableRequest { outliers: vec![stage], ..request("budget_flops=budget", &[filter]) };
         let loaded = load(&table, &request).unwrap();
         assert_eq!(loaded.points.len() + loaded.dropped.len(), 123, "{name}");
         assert!(loaded.dropped.iter().all(|row| row.stage.to_string() == name));

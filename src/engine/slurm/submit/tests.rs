@@ -9,7 +9,7 @@ use crate::engine::slurm::command::Answer;
 use crate::engine::slurm::files::{ChunkFile, SlurmFolder};
 use crate::engine::slurm::settings::Settings;
 use crate::engine::slurm::stages::{After, Array};
-use crate::engine::slurm::submission::Written;
+use crate::engine::slurm::submission::SubmissionTerms;
 use crate::jobs::ResultsFolder;
 use crate::sweep::Stage;
 
@@ -70,7 +70,7 @@ fn submission(place: &tempfile::TempDir) -> Submission {
     };
     let settings = Settings::new(Default::default());
     Submission {
-        written: Written {
+        written: SubmissionTerms {
             settings: settings.section().clone(),
             device: "flex".to_string(),
             program: "d1".to_string(),
