@@ -93,11 +93,11 @@ fn tokenizers_train_as_on_the_processor() {
     let options = ProceduralOptions { seed: 5, train_clips: 8, val_clips: 2, test_clips: 2 };
     let source = Procedural::new(options);
     let spec = TokenizerSection {
-        width: 8,
-        depth: 1,
-        steps: 8,
-        batch: 4,
-        window: 40,
+        width: Some(8),
+        depth: Some(1),
+        steps: Some(8),
+        batch: Some(4),
+        window: Some(40),
         ..Default::default()
     }
     .spec(QuantizerSpec::default());

@@ -7,6 +7,7 @@ use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::record::{RunRecord, table};
 use isoflop::sweep::{self, Sweep};
+use isoflop::tokenizer::remarks;
 use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::json;
@@ -42,6 +43,7 @@ fn analyse(
     table::write(folder.root(), records)?;
     let laws = write_laws(sweep, folder, records, output)?;
     let drawn = plot::draw(folder, records, laws.as_ref(), output)?;
+    remarks(&folder.all_metrics(|_| {})?).iter().for_each(|remark| output.warn(remark));
     let predictions = match &laws {
         Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,
         None => Vec::new(),

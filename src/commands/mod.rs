@@ -18,6 +18,7 @@ mod run;
 mod stale;
 mod status;
 mod status_text;
+mod tokenizer;
 mod worker;
 
 use clap::{Parser, Subcommand};
@@ -51,6 +52,8 @@ enum Command {
     Plot(plot::PlotArgs),
     /// The optimal configuration for a budget
     Predict(predict::PredictArgs),
+    /// Train the tokenizers of a sweep, or compare several
+    Tokenizer(tokenizer::TokenizerArgs),
     /// Write a sweep's results in another form
     Export(export::ExportArgs),
     /// Do one job of a sweep; started by `run`
@@ -72,6 +75,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Fit(args) => fit::fit(&args, &output),
         Command::Plot(args) => plot::plot(&args, &output),
         Command::Predict(args) => predict::predict(&args, &output),
+        Command::Tokenizer(args) => tokenizer::tokenizer(&args, &output),
         Command::Export(args) => export::export(&args, &output),
         Command::Worker(args) => worker::worker(&args, &output),
         Command::Guard(args) => worker::guard(&args),

@@ -142,15 +142,20 @@ fn tokenizer(kind: &str, n_vocab: usize, noise: &mut Noise) -> TokenizerMetrics 
     let l1 = 0.16 * v.powf(-0.14) * if kind == "fsq" { 1.0 } else { 1.06 };
     TokenizerMetrics {
         tokenizer_id: format!("{kind}-{n_vocab}"),
+        architecture: None,
         kind: kind.to_owned(),
         n_vocab,
         levels: None,
         reconstruction_l1: l1 + 0.0005 * noise.next(),
         mpjpe_mm: 620.0 * l1 + noise.next(),
+        mpjpe_given_heading_mm: None,
+        val_mpjpe_mm: None,
+        val_mpjpe_given_heading_mm: None,
         utilisation,
         exponential_entropy: (v * utilisation).powf(even),
         parameters: 1_200_000,
         train_steps: 4000,
         wall_s: 61.0,
+        k_means: None,
     }
 }

@@ -19,7 +19,7 @@ use crate::learn::{Checkpoints, step_of};
 use crate::plan::{Plan, TokenizerJob, tokenizer_peak_bytes};
 use crate::progress::beats;
 use crate::sweep::Stage;
-use crate::tokenizer::{self, TokenizerError};
+use crate::tokenizer::{self, TokenizerError, TokenizerMetrics};
 
 /// Trains a tokenizer and measures it; metrics are written last.
 pub struct Tokenizer;
@@ -109,7 +109,9 @@ impl Kind for Tokenizer {
         tokenizer.save(&place)?;
         let wall_s = started.elapsed().as_secs_f64();
         let metrics = tokenizer::evaluate(&tokenizer, &*source, &assignment.job.id, wall_s)?;
-        write_json(&assignment.product(), &metrics)?;
+        let n_vocab = tokenizer.n_vocab();
+        let k_means = tokenizer::k_means_baseline(n_vocab, &*source, assignment.device)?;
+        write_json(&assignment.product(), &TokenizerMetrics { k_means, ..metrics })?;
         assignment.remove_checkpoint()?;
         Ok(Outcome::Done)
     }

@@ -13,19 +13,33 @@ const FRAMES_ENCODED: f64 = 2048.0;
 /// What the runtime and the data's statistics take in a worker that reads motion.
 const MOTION_BASE_BYTES: f64 = 30e6;
 
+/// Patches that k-means and the architecture of patches begin from, and bytes of each: the features of
+/// four frames, twice.
+const PATCHES: f64 = 32768.0;
+const BYTES_PER_PATCH: f64 = 2.0 * 4.0 * 4.0 * N_FEATURES as f64;
+const BASELINE_CLIPS: usize = 512;
+
 /// Peak bytes that training a tokenizer has to itself: its pool of clips, and for each frame of a
-/// step what the backward pass keeps of every channel.
+/// step what the backward pass keeps of every channel; or, where that is more, what k-means takes that
+/// it is measured beside.
 ///
 /// Measured at widths 16, 64 and 128 with a pool of 2048 clips: 400, 430 and 463 MB, within 3 % of
 /// this; the share of a channel at depths 1 to 6 and 8 to 128 windows a step, within 20 %.
 pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let [train, ..] = data.clips;
     let frames_per_clip = data.train_frames() as f64 / train.max(1) as f64;
+    let pool = |clips: usize, mirrored: bool| {
+        let images = if mirrored { 2.0 } else { 1.0 };
+        images * clips.min(train) as f64 * frames_per_clip * POOL_BYTES_PER_FRAME
+    };
+    let patches = BYTES_PER_PATCH * PATCHES.min(data.train_frames() as f64);
     let training = &spec.training;
-    let pool = training.pool_clips.min(train) as f64 * frames_per_clip * POOL_BYTES_PER_FRAME;
     let frames = (training.batch * training.window) as f64;
     let step = frames * spec.architecture.training_bytes_per_frame();
-    (MOTION_BASE_BYTES + pool + step) as u64
+    let begun = if spec.architecture.begins_from_data() { patches } else { 0.0 };
+    let training = pool(training.pool_clips, training.mirror) + step.max(begun);
+    let baseline = pool(BASELINE_CLIPS, true) + patches;
+    (MOTION_BASE_BYTES + training.max(baseline)) as u64
 }
 
 /// Peak bytes that tokenising a data set has to itself: a batch of clips in the encoder, and all

@@ -10,6 +10,8 @@ use super::error::{SpecError, require};
 pub enum ArchitectureSpec {
     /// T2M-GPT's convolutional autoencoder, which ScaMo keeps.
     Convolutional(ConvolutionalSpec),
+    /// Patches of whole frames, one latent each.
+    Patch(PatchSpec),
 }
 
 /// The sizes of the convolutional autoencoder.
@@ -22,6 +24,28 @@ pub struct ConvolutionalSpec {
     pub depth: usize,
     /// Halvings of the frame rate; 2 there, so 4 frames a latent.
     pub down: usize,
+}
+
+/// The sizes of the autoencoder of patches.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PatchSpec {
+    /// Channels of every hidden layer.
+    pub width: usize,
+    /// Frames of a patch.
+    pub frames: usize,
+    /// Channels of a latent.
+    pub latent: usize,
+    /// Residual blocks before the quantizer; without any, a latent is made of its own frames alone.
+    pub encoder_blocks: usize,
+    /// Residual blocks after the quantizer.
+    pub decoder_blocks: usize,
+}
+
+impl Default for PatchSpec {
+    fn default() -> Self {
+        Self { width: 128, frames: 4, latent: 32, encoder_blocks: 3, decoder_blocks: 4 }
+    }
 }
 
 impl Default for ConvolutionalSpec {
@@ -45,6 +69,7 @@ impl ArchitectureSpec {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Convolutional(_) => "convolutional",
+            Self::Patch(_) => "patch",
         }
     }
 
@@ -52,7 +77,18 @@ impl ArchitectureSpec {
     pub fn frames_per_latent(&self) -> usize {
         match self {
             Self::Convolutional(ConvolutionalSpec { down, .. }) => 1 << down,
+            Self::Patch(PatchSpec { frames, .. }) => *frames,
         }
+    }
+
+    /// Whether it sees joints at their height above the root.
+    pub fn has_relative_heights(&self) -> bool {
+        matches!(self, Self::Patch(_))
+    }
+
+    /// Whether its weights begin from patches of training clips.
+    pub fn begins_from_data(&self) -> bool {
+        matches!(self, Self::Patch(_))
     }
 
     /// FLOPs that training on a frame counts for, beside the budgets of runs.
@@ -61,6 +97,7 @@ impl ArchitectureSpec {
             Self::Convolutional(ConvolutionalSpec { width, .. }) => {
                 FLOPS_PER_FRAME_AND_WIDTH_SQUARED * (*width as f64).powi(2)
             }
+            Self::Patch(sizes) => sizes.flops_per_frame(),
         }
     }
 
@@ -72,6 +109,7 @@ impl ArchitectureSpec {
             Self::Convolutional(ConvolutionalSpec { width, depth, .. }) => {
                 *width as f64 * (152.0 + 46.0 * *depth as f64)
             }
+            Self::Patch(sizes) => sizes.training_bytes_per_frame(),
         }
     }
 
@@ -79,6 +117,7 @@ impl ArchitectureSpec {
     pub fn encoding_bytes_per_frame(&self) -> f64 {
         match self {
             Self::Convolutional(ConvolutionalSpec { width, .. }) => 180.0 * *width as f64,
+            Self::Patch(PatchSpec { width, .. }) => 180.0 * *width as f64,
         }
     }
 
@@ -90,6 +129,31 @@ impl ArchitectureSpec {
                 require(*depth > 0, "depth", "at least one block")?;
                 require((1..=6).contains(down), "down", "must be 1 to 6")
             }
+            Self::Patch(PatchSpec { width, frames, latent, .. }) => {
+                require(*width > 0, "width", "at least one channel")?;
+                require(*latent > 0, "latent", "at least one channel")?;
+                require([1, 2, 4].contains(frames), "frames", "must be 1, 2 or 4")
+            }
         }
+    }
+}
+
+impl PatchSpec {
+    /// Multiply-adds of a patch in both halves, beside the features that are none of the joints'.
+    fn products(&self) -> f64 {
+        let Self { width, frames, latent, encoder_blocks, decoder_blocks } = self;
+        let (w, k, s) = (*width as f64, *latent as f64, *frames as f64);
+        let blocks = (encoder_blocks + decoder_blocks) as f64;
+        let (seen, all) = (67.0 * s, 263.0 * s);
+        blocks * 4.0 * w * w + w * (seen + 2.0 * k + all) + 2.0 * k * all
+    }
+
+    fn flops_per_frame(&self) -> f64 {
+        6.0 * self.products() / self.frames as f64
+    }
+
+    fn training_bytes_per_frame(&self) -> f64 {
+        let blocks = (self.encoder_blocks + self.decoder_blocks) as f64;
+        4.0 * (12.0 * 263.0 + blocks * 14.0 * self.width as f64 / self.frames as f64)
     }
 }

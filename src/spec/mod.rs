@@ -14,8 +14,9 @@ mod precision;
 mod quantizer;
 mod text;
 mod tokenizer;
+mod tokenizer_training;
 
-pub use architecture::{ArchitectureSpec, ConvolutionalSpec};
+pub use architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 pub use error::SpecError;
 pub use generator::flops;
 pub use generator::{
@@ -28,6 +29,8 @@ pub use levels::{digits_of_index, index_of_digits, levels_for, n_codes, nominal_
 pub use precision::Precision;
 pub use quantizer::{QuantizerKind, QuantizerSpec, VocabularyError};
 pub use text::{TextEncoderKind, TextSpec};
-pub use tokenizer::{
-    QuantizerSection, TokenizerKind, TokenizerSection, TokenizerSpec, TokenizerTraining,
+pub use tokenizer::TokenizerSpec;
+pub use tokenizer_training::{
+    QuantizerSection, TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection,
+    TokenizerTraining,
 };

@@ -1,14 +1,12 @@
-//! [`TokenizerSpec`]: everything that a tokenizer follows from, beside its data; and the `tokenizer`
-//! section of a sweep file, which has the same keys.
+//! [`TokenizerSpec`]: everything that a tokenizer follows from, beside its data.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::architecture::{ArchitectureSpec, ConvolutionalSpec};
+use super::architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 use super::error::{SpecError, require};
 use super::grid::Grid;
 use super::quantizer::{QuantizerKind, QuantizerSpec};
-use crate::units::number;
+use super::tokenizer_training::{TokenizerKind, TokenizerSection, TokenizerTraining};
 
 /// A tokenizer, resolved: what is hashed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -26,128 +24,45 @@ impl Default for QuantizerSpec {
     }
 }
 
-/// Which tokenizer, as it is written in a sweep file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum TokenizerKind {
-    /// The convolutional autoencoder, with the quantizer of `tokenizer.quantizer`.
-    Convolutional,
-    /// Short for the convolutional autoencoder with FSQ.
-    #[default]
-    Fsq,
-    /// Short for the convolutional autoencoder with VQ.
-    Vq,
-}
-
-/// The `tokenizer.quantizer` section.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct QuantizerSection {
-    pub kind: QuantizerKind,
-}
-
-/// The training of a tokenizer and the section of a sweep file, from one list of keys.
-macro_rules! keys {
-    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr, $read:literal;)*) => {
-        /// How a tokenizer is trained.
-        ///
-        /// The defaults suit small widths on a CPU: T2M-GPT's recipe (width 512, batch 256, lr 2e-4,
-        /// 300 thousand steps, the drop at 2/3) with a higher rate, far fewer steps and a later drop.
-        /// Without normalisation layers the codes collapse at rates of 3e-3 and more.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(deny_unknown_fields, default)]
-        pub struct TokenizerTraining {
-            $($(#[$about])* pub $key: $type,)*
-        }
-
-        impl Default for TokenizerTraining {
-            fn default() -> Self {
-                Self { $($key: $default,)* }
-            }
-        }
-
-        /// The `tokenizer` section: one tokenizer of this kind is trained for each vocabulary.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-        #[serde(deny_unknown_fields, default)]
-        pub struct TokenizerSection {
-            pub kind: TokenizerKind,
-            /// With `kind: convolutional`: the quantizer, `{kind: fsq}` by default.
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub quantizer: Option<QuantizerSection>,
-            /// Channels of the convolutions; ScaMo has 512.
-            #[serde(deserialize_with = "number::count")]
-            pub width: usize,
-            /// Residual blocks at each resolution.
-            #[serde(deserialize_with = "number::count")]
-            pub depth: usize,
-            /// Halvings of the frame rate; 2 make 4 frames a code.
-            #[serde(deserialize_with = "number::count")]
-            pub down: usize,
-            $($(#[$about])* #[serde(deserialize_with = $read)] pub $key: $type,)*
-        }
-
-        impl Default for TokenizerSection {
-            fn default() -> Self {
-                let ConvolutionalSpec { width, depth, down } = ConvolutionalSpec::default();
-                let (kind, quantizer) = (TokenizerKind::default(), None);
-                Self { kind, quantizer, width, depth, down, $($key: $default,)* }
-            }
-        }
-
-        impl TokenizerSection {
-            /// How its tokenizers are trained.
-            fn training(&self) -> TokenizerTraining {
-                TokenizerTraining { $($key: self.$key,)* }
-            }
-        }
-    };
-}
-
-keys! {
-    /// Frames of a training window, whole codes. Shorter clips are not trained on.
-    window: usize = 64, "number::count";
-    /// Windows a step.
-    batch: usize = 32, "number::count";
-    /// Training steps.
-    steps: usize = 600, "number::count";
-    /// Learning rate after the warm-up.
-    lr: f64 = 1e-3, "number::number";
-    /// Steps over which the rate rises linearly.
-    warmup_steps: usize = 50, "number::count";
-    /// Share of the steps after which the rate falls; 0.6 in ScaMo.
-    decay_at: f64 = 0.8, "number::number";
-    /// What the rate is multiplied by then.
-    decay_factor: f64 = 0.05, "number::number";
-    /// Weight of the joints' positions in the loss, beside all features.
-    position_weight: f64 = 0.5, "number::number";
-    /// AdamW's β₁.
-    beta_1: f64 = 0.9, "number::number";
-    /// AdamW's β₂.
-    beta_2: f64 = 0.99, "number::number";
-    /// AdamW's decoupled weight decay.
-    weight_decay: f64 = 0.0, "number::number";
-    /// Clips of the training split that are held in memory and trained on.
-    pool_clips: usize = 2048, "number::count";
-    /// Seed of the weights, the pool and the windows.
-    seed: u64 = 0, "number::seed";
-}
-
 impl TokenizerSection {
     /// The kind of its quantizer.
     pub fn quantizer_kind(&self) -> QuantizerKind {
+        let written = self.quantizer.map(|section| section.kind);
         match self.kind {
             TokenizerKind::Fsq => QuantizerKind::Fsq,
             TokenizerKind::Vq => QuantizerKind::Vq,
-            TokenizerKind::Convolutional => self.quantizer.unwrap_or_default().kind,
+            TokenizerKind::Convolutional => written.unwrap_or_default(),
+            TokenizerKind::Patch => written.unwrap_or(QuantizerKind::Vq),
         }
     }
 
     /// The tokenizer with a quantizer.
     pub fn spec(&self, quantizer: QuantizerSpec) -> TokenizerSpec {
-        let Self { width, depth, down, .. } = *self;
-        let architecture =
-            ArchitectureSpec::Convolutional(ConvolutionalSpec { width, depth, down });
-        TokenizerSpec { architecture, quantizer, training: self.training() }
+        let defaults = match self.kind {
+            TokenizerKind::Patch => TokenizerTraining::of_patches(),
+            _ => TokenizerTraining::default(),
+        };
+        let training = self.training_over(defaults);
+        TokenizerSpec { architecture: self.architecture(), quantizer, training }
+    }
+
+    fn architecture(&self) -> ArchitectureSpec {
+        if self.kind == TokenizerKind::Patch {
+            let default = PatchSpec::default();
+            return ArchitectureSpec::Patch(PatchSpec {
+                width: self.width.unwrap_or(default.width),
+                frames: self.frames.unwrap_or(default.frames),
+                latent: self.latent.unwrap_or(default.latent),
+                encoder_blocks: self.encoder_blocks.unwrap_or(default.encoder_blocks),
+                decoder_blocks: self.decoder_blocks.unwrap_or(default.decoder_blocks),
+            });
+        }
+        let default = ConvolutionalSpec::default();
+        ArchitectureSpec::Convolutional(ConvolutionalSpec {
+            width: self.width.unwrap_or(default.width),
+            depth: self.depth.unwrap_or(default.depth),
+            down: self.down.unwrap_or(default.down),
+        })
     }
 
     /// The first setting that no training can use.
@@ -155,10 +70,29 @@ impl TokenizerSection {
     /// # Errors
     /// [`SpecError`].
     pub fn check(&self) -> Result<(), SpecError> {
-        let short = self.kind != TokenizerKind::Convolutional;
+        let short = matches!(self.kind, TokenizerKind::Fsq | TokenizerKind::Vq);
         let both = short && self.quantizer.is_some();
-        require(!both, "quantizer", "belongs to `kind: convolutional`; `fsq` and `vq` name one")?;
+        require(!both, "quantizer", "`kind: fsq` and `kind: vq` name one already")?;
+        self.check_kind()?;
         self.spec(QuantizerSpec::default()).check()
+    }
+
+    /// No key of one kind is written for the other.
+    fn check_kind(&self) -> Result<(), SpecError> {
+        let patch = self.kind == TokenizerKind::Patch;
+        for (field, written) in [("depth", self.depth), ("down", self.down)] {
+            require(!patch || written.is_none(), field, "is not of `kind: patch`")?;
+        }
+        let patches = [
+            ("frames", self.frames),
+            ("latent", self.latent),
+            ("encoder_blocks", self.encoder_blocks),
+            ("decoder_blocks", self.decoder_blocks),
+        ];
+        for (field, written) in patches {
+            require(patch || written.is_none(), field, "belongs to `kind: patch`")?;
+        }
+        Ok(())
     }
 }
 
@@ -173,13 +107,9 @@ impl TokenizerSpec {
         self.quantizer.grid(self.architecture.frames_per_latent())
     }
 
-    /// The rate of a step, counted from 0: linear warm-up, then flat, then one drop.
+    /// The rate of a step, counted from 0.
     pub fn learning_rate(&self, step: usize) -> f64 {
-        let TokenizerTraining { lr, warmup_steps, decay_at, decay_factor, steps, .. } =
-            self.training;
-        let warmup = ((step + 1) as f64 / (warmup_steps + 1) as f64).min(1.0);
-        let dropped = step as f64 >= decay_at * steps as f64;
-        lr * warmup * if dropped { decay_factor } else { 1.0 }
+        self.training.learning_rate(step)
     }
 
     /// The first field that no training can use.
@@ -201,34 +131,10 @@ impl TokenizerSpec {
     }
 }
 
-impl TokenizerTraining {
-    fn check(&self) -> Result<(), SpecError> {
-        let counts =
-            [("batch", self.batch), ("steps", self.steps), ("pool_clips", self.pool_clips)];
-        for (field, value) in counts {
-            require(value > 0, field, "must be at least 1")?;
-        }
-        let rates = [
-            ("lr", self.lr),
-            ("decay_at", self.decay_at),
-            ("decay_factor", self.decay_factor),
-            ("position_weight", self.position_weight),
-            ("weight_decay", self.weight_decay),
-        ];
-        for (field, value) in rates {
-            require(value.is_finite() && value >= 0.0, field, "must not be negative")?;
-        }
-        require(self.lr > 0.0, "lr", "a rate is above 0")?;
-        for (field, value) in [("beta_1", self.beta_1), ("beta_2", self.beta_2)] {
-            require((0.0..1.0).contains(&value), field, "a beta lies in [0, 1)")?;
-        }
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spec::QuantizerSection;
 
     fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSection {
         let mut section = TokenizerSection::default();
@@ -238,7 +144,7 @@ mod tests {
 
     #[test]
     fn the_rate_rises_stays_and_falls_once() {
-        let section = with(|s| (s.steps, s.lr, s.warmup_steps) = (10, 1.0, 3));
+        let section = with(|s| (s.steps, s.lr, s.warmup_steps) = (Some(10), Some(1.0), Some(3)));
         let spec = section.spec(QuantizerSpec::default());
         let rates: Vec<f64> = (0..10).map(|step| spec.learning_rate(step)).collect();
         assert_eq!(rates, [0.25, 0.5, 0.75, 1.0, 1.0, 1.0, 1.0, 1.0, 0.05, 0.05]);
@@ -260,11 +166,11 @@ mod tests {
         assert!(TokenizerSection::default().check().is_ok());
         let section = QuantizerSection { kind: QuantizerKind::Vq };
         let bad = [
-            (with(|s| s.window = 30), "window"),
-            (with(|s| s.lr = f64::NAN), "lr"),
-            (with(|s| s.lr = 0.0), "lr"),
-            (with(|s| s.down = 0), "down"),
-            (with(|s| s.beta_2 = 1.0), "beta_2"),
+            (with(|s| s.window = Some(30)), "window"),
+            (with(|s| s.lr = Some(f64::NAN)), "lr"),
+            (with(|s| s.lr = Some(0.0)), "lr"),
+            (with(|s| s.down = Some(0)), "down"),
+            (with(|s| s.beta_2 = Some(1.0)), "beta_2"),
             (with(|s| s.quantizer = Some(section)), "quantizer"),
         ];
         for (section, field) in bad {

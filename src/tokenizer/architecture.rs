@@ -5,13 +5,14 @@
 //! Shapes: b clips, t frames, f features, c latent channels; t/s latents where a latent stands for s
 //! frames.
 
-use std::ops::Deref;
+use std::ops::{Deref, DerefMut};
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::convolutional::{AutoencoderConfig, Decoder, Encoder};
+use super::patch::{PatchConfig, PatchDecoder, PatchEncoder};
 use crate::spec::ArchitectureSpec;
 
 /// A kind of architecture with its sizes.
@@ -24,6 +25,12 @@ pub trait Architecture {
 
     /// The half that turns latents into features.
     fn decoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyDecoder;
+
+    /// Frames of the patches of training clips that its weights begin from; `None` where they are
+    /// drawn.
+    fn patch_frames(&self) -> Option<usize> {
+        None
+    }
 }
 
 /// The architecture of a spec for frames of `n_features`.
@@ -32,6 +39,9 @@ pub fn of(spec: &ArchitectureSpec, n_features: usize) -> Box<dyn Architecture> {
         ArchitectureSpec::Convolutional(sizes) => {
             Box::new(AutoencoderConfig::of(sizes, n_features))
         }
+        ArchitectureSpec::Patch(sizes) => {
+            Box::new(PatchConfig { sizes: sizes.clone(), n_features })
+        }
     }
 }
 
@@ -39,24 +49,32 @@ pub fn of(spec: &ArchitectureSpec, n_features: usize) -> Box<dyn Architecture> {
 pub trait Encode {
     /// `[b, t, f]` to `[b, t/s, c]`; t is a multiple of s.
     fn forward(&self, x_btf: Tensor<3>) -> Tensor<3>;
+
+    /// Begins from patches, `[n, s·f]`.
+    fn begin(&mut self, _patches_np: &Tensor<2>) {}
 }
 
 /// Latents to normalised features.
 pub trait Decode {
     /// `[b, t/s, c]` to `[b, t, f]`.
     fn forward(&self, latents_btc: Tensor<3>) -> Tensor<3>;
+
+    /// Begins from the latents of patches, `[n, c]`.
+    fn begin(&mut self, _latents_nc: &Tensor<2>, _patches_np: &Tensor<2>) {}
 }
 
 /// An encoder of any kind, as part of a module.
 #[derive(Module, Debug)]
 pub enum AnyEncoder {
     Convolutional(Encoder),
+    Patch(PatchEncoder),
 }
 
 /// A decoder of any kind, as part of a module.
 #[derive(Module, Debug)]
 pub enum AnyDecoder {
     Convolutional(Decoder),
+    Patch(PatchDecoder),
 }
 
 impl Deref for AnyEncoder {
@@ -65,6 +83,7 @@ impl Deref for AnyEncoder {
     fn deref(&self) -> &Self::Target {
         match self {
             Self::Convolutional(encoder) => encoder,
+            Self::Patch(encoder) => encoder,
         }
     }
 }
@@ -75,6 +94,25 @@ impl Deref for AnyDecoder {
     fn deref(&self) -> &Self::Target {
         match self {
             Self::Convolutional(decoder) => decoder,
+            Self::Patch(decoder) => decoder,
+        }
+    }
+}
+
+impl DerefMut for AnyEncoder {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        match self {
+            Self::Convolutional(encoder) => encoder,
+            Self::Patch(encoder) => encoder,
+        }
+    }
+}
+
+impl DerefMut for AnyDecoder {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        match self {
+            Self::Convolutional(decoder) => decoder,
+            Self::Patch(decoder) => decoder,
         }
     }
 }

@@ -1,8 +1,7 @@
 //! Batches of clips of one length, so that no clip is padded and none changes another's codes.
 
 use super::error::TokenizerError;
-use super::normalise::normalise;
-use crate::data::{DataError, FeatureStats, MotionSource, Split};
+use crate::data::{DataError, MotionSource, Split};
 
 /// Frames of a batch, unless a single clip has more.
 const FRAMES_AT_ONCE: usize = 2048;
@@ -54,19 +53,13 @@ fn whole_tokens(
 }
 
 impl ClipBatch {
-    /// Normalised features, clip after clip, row-major `[n_clips, n_frames, n_features]`.
-    pub fn features(
-        &self,
-        source: &dyn MotionSource,
-        split: Split,
-        stats: &FeatureStats,
-    ) -> Result<Vec<f32>, DataError> {
-        let size = self.n_frames * stats.mean.len();
+    /// Raw features, clip after clip, row-major `[n_clips, n_frames, n_features]`.
+    pub fn features(&self, source: &dyn MotionSource, split: Split) -> Result<Vec<f32>, DataError> {
+        let size = self.n_frames * source.stats().mean.len();
         let mut stack = Vec::with_capacity(self.indices.len() * size);
         for &index in &self.indices {
             stack.extend_from_slice(&source.features(split, index)?[..size]);
         }
-        normalise(&mut stack, stats);
         Ok(stack)
     }
 }

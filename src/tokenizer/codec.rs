@@ -10,7 +10,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::error::TokenizerError;
 use super::module::TokenizerModule;
-use super::normalise::{denormalise, normalise};
+use super::normalise::Normaliser;
 use crate::data::FeatureStats;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
@@ -24,6 +24,7 @@ pub struct Tokenizer {
     module: TokenizerModule,
     spec: TokenizerSpec,
     stats: FeatureStats,
+    normaliser: Normaliser,
     device: Device,
 }
 
@@ -35,7 +36,8 @@ impl Tokenizer {
         stats: FeatureStats,
         device: Device,
     ) -> Self {
-        Self { module, spec, stats, device }
+        let normaliser = Normaliser::new(&spec.architecture, &stats);
+        Self { module, spec, stats, normaliser, device }
     }
 
     /// What it was trained by.
@@ -67,9 +69,7 @@ impl Tokenizer {
         if n_tokens == 0 {
             return Vec::new();
         }
-        let mut whole = features[..n_tokens * token].to_vec();
-        normalise(&mut whole, &self.stats);
-        self.encode_stack(whole, 1)
+        self.encode_stack(features[..n_tokens * token].to_vec(), 1)
     }
 
     /// Raw features of one clip's codes, row-major `[n_frames, n_features]`.
@@ -84,23 +84,24 @@ impl Tokenizer {
         if ids.is_empty() {
             return Ok(Vec::new());
         }
-        let mut features = self.decode_stack(ids, 1);
-        denormalise(&mut features, &self.stats);
-        Ok(features)
+        Ok(self.decode_stack(ids, 1))
     }
 
-    /// Codes, clip after clip, of `n_clips` clips of one length in whole tokens, normalised.
-    pub(super) fn encode_stack(&self, features: Vec<f32>, n_clips: usize) -> Vec<u32> {
+    /// Codes, clip after clip, of the raw features of `n_clips` clips of one length in whole tokens.
+    pub(super) fn encode_stack(&self, mut features: Vec<f32>, n_clips: usize) -> Vec<u32> {
+        self.normaliser.apply(&mut features);
         let n_features = self.stats.mean.len();
         let n_frames = features.len() / n_clips / n_features;
         let data = TensorData::new(features, [n_clips, n_frames, n_features]);
         self.module.ids(Tensor::from_data(data, &self.device))
     }
 
-    /// Normalised features, clip after clip, of the codes of `n_clips` clips of one length.
+    /// Raw features, clip after clip, of the codes of `n_clips` clips of one length.
     pub(super) fn decode_stack(&self, ids: &[u32], n_clips: usize) -> Vec<f32> {
         let features = self.module.decode(ids, n_clips).into_data();
-        features.try_into_vec().expect("features are f32")
+        let mut features = features.try_into_vec().expect("features are f32");
+        self.normaliser.undo(&mut features);
+        features
     }
 
     /// Writes `weights.safetensors`, then `tokenizer.json`, each whole, by rename.

@@ -32,7 +32,7 @@ pub fn tokenize_split(
 ) -> Result<SplitTokens, TokenizerError> {
     let batches = equal_length_batches(source, split, tokenizer.spec().grid().fewest_frames())?;
     let encode = |batch: &ClipBatch| {
-        let features = batch.features(source, split, tokenizer.stats())?;
+        let features = batch.features(source, split)?;
         let ids = tokenizer.encode_stack(features, batch.indices.len());
         moved();
         Ok(ids)

@@ -6,10 +6,9 @@ use super::batches::{ClipBatch, equal_length_batches};
 use super::codec::Tokenizer;
 use super::error::TokenizerError;
 use super::metrics::TokenizerMetrics;
-use super::normalise::denormalise;
 use crate::codes::CodeHistogram;
 use crate::data::{DataError, MotionSource, Split};
-use crate::motion::{mpjpe_mm, recover_joints};
+use crate::motion::{ROOT_YAW, mpjpe_mm, recover_joints};
 use crate::progress::moved;
 
 /// Reconstruction, and use of the codebook, over every clip of the test split.
@@ -25,60 +24,92 @@ pub fn evaluate(
     tokenizer_id: &str,
     wall_s: f64,
 ) -> Result<TokenizerMetrics, TokenizerError> {
-    let batches =
-        equal_length_batches(source, Split::Test, tokenizer.spec().grid().fewest_frames())?;
-    if batches.is_empty() {
-        let path = format!("data set {}", source.digest());
-        return Err(DataError::EmptySplit { path, split: Split::Test.name() }.into());
-    }
-    let scores = batches.par_iter().map(|batch| score(tokenizer, source, batch));
-    let scores = scores.collect::<Result<Vec<_>, _>>()?;
-    let sum = |value: fn(&Score) -> f64| scores.iter().map(value).sum::<f64>();
-    let used = CodeHistogram::new(tokenizer.n_vocab(), scores.iter().flat_map(|s| &s.ids));
+    let test = scores(tokenizer, source, Split::Test)?;
+    let val = match source.n_clips(Split::Val) {
+        0 => None,
+        _ => Some(scores(tokenizer, source, Split::Val)?),
+    };
+    let used = CodeHistogram::new(tokenizer.n_vocab(), test.iter().flat_map(|s| &s.ids));
     let spec = tokenizer.spec();
     Ok(TokenizerMetrics {
         tokenizer_id: tokenizer_id.to_string(),
+        architecture: Some(spec.architecture.name().to_string()),
         kind: spec.quantizer.name().to_string(),
         n_vocab: tokenizer.n_vocab(),
         levels: spec.quantizer.levels().map(<[usize]>::to_vec),
-        reconstruction_l1: sum(|score| score.l1) / sum(|score| score.n_values),
-        mpjpe_mm: sum(|score| score.mpjpe_mm) / sum(|score| score.n_frames),
+        reconstruction_l1: Score::per_frame(&test, |score| score.l1),
+        mpjpe_mm: Score::per_frame(&test, |score| score.mpjpe_mm),
+        mpjpe_given_heading_mm: Some(Score::per_frame(&test, |score| score.given_heading_mm)),
+        val_mpjpe_mm: val.as_ref().map(|val| Score::per_frame(val, |score| score.mpjpe_mm)),
+        val_mpjpe_given_heading_mm: val
+            .map(|val| Score::per_frame(&val, |score| score.given_heading_mm)),
         utilisation: used.utilisation(),
         exponential_entropy: used.exponential_entropy(),
         parameters: tokenizer.n_parameters(),
         train_steps: spec.training.steps,
         wall_s,
+        k_means: None,
     })
 }
 
 /// Sums over one batch.
-struct Score {
+pub(super) struct Score {
+    /// Of |x − x̂| / std, a frame's mean.
     l1: f64,
-    n_values: f64,
-    mpjpe_mm: f64,
+    pub mpjpe_mm: f64,
+    pub given_heading_mm: f64,
     n_frames: f64,
     ids: Vec<u32>,
+}
+
+impl Score {
+    /// The mean over all frames.
+    pub fn per_frame(scores: &[Self], sum: fn(&Self) -> f64) -> f64 {
+        scores.iter().map(sum).sum::<f64>() / scores.iter().map(|score| score.n_frames).sum::<f64>()
+    }
+}
+
+pub(super) fn scores(
+    tokenizer: &Tokenizer,
+    source: &dyn MotionSource,
+    split: Split,
+) -> Result<Vec<Score>, TokenizerError> {
+    let batches = equal_length_batches(source, split, tokenizer.spec().grid().fewest_frames())?;
+    if batches.is_empty() {
+        let path = format!("data set {}", source.digest());
+        return Err(DataError::EmptySplit { path, split: split.name() }.into());
+    }
+    batches.par_iter().map(|batch| score(tokenizer, source, split, batch)).collect()
 }
 
 fn score(
     tokenizer: &Tokenizer,
     source: &dyn MotionSource,
+    split: Split,
     batch: &ClipBatch,
 ) -> Result<Score, TokenizerError> {
-    let stats = tokenizer.stats();
-    let mut truth = batch.features(source, Split::Test, stats)?;
-    let ids = tokenizer.encode_stack(truth.clone(), batch.indices.len());
-    let mut made = tokenizer.decode_stack(&ids, batch.indices.len());
-    let l1 = truth.iter().zip(&made).map(|(a, b)| f64::from((a - b).abs())).sum();
-    denormalise(&mut truth, stats);
-    denormalise(&mut made, stats);
-    let size = batch.n_frames * stats.mean.len();
-    let clips = truth.chunks_exact(size).zip(made.chunks_exact(size));
-    let mpjpe = clips.map(|(truth, made)| mpjpe_mm(&recover_joints(truth), &recover_joints(made)));
-    let n_frames = (batch.n_frames * batch.indices.len()) as f64;
-    let mpjpe_mm = mpjpe.sum::<f64>() * batch.n_frames as f64;
+    let truth = batch.features(source, split)?;
+    let n_clips = batch.indices.len();
+    let ids = tokenizer.encode_stack(truth.clone(), n_clips);
+    let mut made = tokenizer.decode_stack(&ids, n_clips);
+    let std = &tokenizer.stats().std;
+    let values = truth.iter().zip(&made).zip(std.iter().cycle());
+    let l1: f64 = values.map(|((a, b), std)| f64::from((a - b).abs() / std)).sum();
+    let l1 = l1 / std.len() as f64;
+    let mpjpe_mm = mpjpe(&truth, &made, batch.n_frames, std.len());
+    let turns = truth.chunks_exact(std.len()).map(|frame| frame[ROOT_YAW]);
+    made.chunks_exact_mut(std.len()).zip(turns).for_each(|(made, turn)| made[ROOT_YAW] = turn);
+    let given_heading_mm = mpjpe(&truth, &made, batch.n_frames, std.len());
     moved();
-    Ok(Score { l1, n_values: truth.len() as f64, mpjpe_mm, n_frames, ids })
+    Ok(Score { l1, mpjpe_mm, given_heading_mm, n_frames: (batch.n_frames * n_clips) as f64, ids })
+}
+
+/// The sum over all frames of clips of one length.
+fn mpjpe(truth: &[f32], made: &[f32], n_frames: usize, n_features: usize) -> f64 {
+    let size = n_frames * n_features;
+    let clips = truth.chunks_exact(size).zip(made.chunks_exact(size));
+    let each = clips.map(|(truth, made)| mpjpe_mm(&recover_joints(truth), &recover_joints(made)));
+    each.sum::<f64>() * n_frames as f64
 }
 
 #[cfg(test)]

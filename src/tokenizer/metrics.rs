@@ -6,7 +6,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TokenizerMetrics {
     pub tokenizer_id: String,
-    /// `fsq` or `vq`.
+    /// `convolutional` or `patch`.
+    #[serde(default)]
+    pub architecture: Option<String>,
+    /// The quantizer: `fsq` or `vq`.
     pub kind: String,
     /// Codes (V).
     pub n_vocab: usize,
@@ -16,6 +19,15 @@ pub struct TokenizerMetrics {
     pub reconstruction_l1: f64,
     /// Mean per-joint position error, pelvis-aligned, in millimetres.
     pub mpjpe_mm: f64,
+    /// The same with the true heading in place of the tokenizer's own.
+    #[serde(default)]
+    pub mpjpe_given_heading_mm: Option<f64>,
+    /// `mpjpe_mm` on the validation split, by which tokenizers are chosen.
+    #[serde(default)]
+    pub val_mpjpe_mm: Option<f64>,
+    /// `mpjpe_given_heading_mm` on the validation split.
+    #[serde(default)]
+    pub val_mpjpe_given_heading_mm: Option<f64>,
     /// Share of codes met in the test split.
     pub utilisation: f64,
     /// exp of the entropy of the code histogram of the test split: effective codes.
@@ -23,4 +35,18 @@ pub struct TokenizerMetrics {
     pub parameters: usize,
     pub train_steps: usize,
     pub wall_s: f64,
+    /// k-means with as many codes on the same split; null where it was not measured.
+    #[serde(default)]
+    pub k_means: Option<Baseline>,
+}
+
+/// How well k-means reconstructs the test split.
+///
+/// Principal components of patches of four frames, weighted near what MPJPE counts, with joints at
+/// their height above the root; 15 rounds; a code stands for the patch on the line through all.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Baseline {
+    pub mpjpe_mm: f64,
+    /// The same with the true heading.
+    pub mpjpe_given_heading_mm: f64,
 }

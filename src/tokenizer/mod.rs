@@ -1,31 +1,41 @@
-//! Motion tokenizers: a convolutional autoencoder with a quantizer between its halves.
+//! Motion tokenizers: an autoencoder with a quantizer between its halves.
 //!
 //! [`train()`] turns a [`TokenizerSpec`](crate::spec::TokenizerSpec) and clips into a [`Tokenizer`]; [`tokenize`] turns clips
 //! into the file behind a [`TokenStore`](crate::codes::TokenStore); [`evaluate()`] measures both on the test split.
 
 mod architecture;
+mod average;
+mod baseline;
 mod batches;
+mod begin;
 mod codec;
+mod conv;
 mod convolutional;
 mod encode;
 mod error;
 mod evaluate;
 mod loss;
 mod metrics;
+mod mix;
 mod module;
 mod normalise;
+mod patch;
 mod pool;
 mod quantizer;
+mod report;
 #[cfg(test)]
 mod testing;
 mod train;
+mod windows;
 
 pub use architecture::{Architecture, Decode, Encode};
+pub use baseline::k_means_baseline;
 pub use codec::Tokenizer;
 pub use convolutional::{AutoencoderConfig, Decoder, Encoder};
 pub use encode::{tokenize, tokenize_split};
 pub use error::TokenizerError;
 pub use evaluate::evaluate;
-pub use metrics::TokenizerMetrics;
+pub use metrics::{Baseline, TokenizerMetrics};
 pub use quantizer::{AnyQuantizer, Fsq, Quantized, Quantizer, Vq};
+pub use report::{remarks, table};
 pub use train::train;

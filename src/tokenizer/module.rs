@@ -37,9 +37,22 @@ impl TokenizerModule {
         let kind = architecture::of(&spec.architecture, n_features);
         Self {
             encoder: kind.encoder(rng, device),
-            quantizer: quantizer::init(&spec.quantizer, kind.code_dim(), rng, device),
+            quantizer: quantizer::init(spec, kind.code_dim(), rng, device),
             decoder: kind.decoder(rng, device),
         }
+    }
+
+    /// Begins from patches of training clips, `[n, s·f]`: encoder, then quantizer, then decoder, each
+    /// from what those before it make of them.
+    pub fn begin(&mut self, patches_np: &Tensor<2>, n_features: usize) {
+        self.encoder.begin(patches_np);
+        let [n, p] = patches_np.dims();
+        let clips_btf = patches_np.clone().reshape([n, p / n_features, n_features]);
+        let latents_btc = self.encoder.valid().forward(clips_btf);
+        let [_, _, c] = latents_btc.dims();
+        let latents_nc = latents_btc.reshape([n, c]);
+        self.quantizer.begin(&latents_nc);
+        self.decoder.begin(&latents_nc, patches_np);
     }
 
     /// A training pass: gradients pass through, and the quantizer learns what it learns on the host.

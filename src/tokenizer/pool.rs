@@ -4,13 +4,15 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::error::TokenizerError;
-use super::normalise::normalise;
+use super::normalise::Normaliser;
+use super::windows::Windows;
 use crate::data::{MotionSource, Split};
 use crate::learn::params::below;
+use crate::motion::mirror_features;
 use crate::progress::moved;
-use crate::spec::TokenizerSpec;
+use crate::spec::{TokenizerLoss, TokenizerSpec};
 
-/// Normalised clips of at least one window each.
+/// Normalised clips.
 ///
 /// A procedural source makes a clip anew each time it is asked, so windows are cut from clips
 /// that were asked for once.
@@ -18,45 +20,116 @@ pub struct WindowPool {
     clips: Vec<Vec<f32>>,
     n_features: usize,
     window: usize,
+    draw: Draw,
+}
+
+/// How a clip is drawn.
+enum Draw {
+    /// Each clip as often; all hold a window.
+    Evenly,
+    /// By its frames, which are summed up to and with each clip; some are shorter than a window.
+    ByFrames(Vec<usize>),
 }
 
 impl WindowPool {
-    /// Loads up to `spec.training.pool_clips` clips of the training split, drawn without replacement.
+    /// Loads up to `spec.training.pool_clips` clips of the training split, drawn without replacement,
+    /// and their mirror images where these are trained on.
     ///
     /// # Errors
-    /// If no clip holds a window, or one cannot be read.
+    /// If no clip holds a window (or, with the loss of joints, a code), or one cannot be read.
     pub fn load(
         source: &dyn MotionSource,
         spec: &TokenizerSpec,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, TokenizerError> {
-        let chosen = choose(usable(source, spec.training.window)?, spec.training.pool_clips, rng);
+        let by_frames = spec.training.loss == TokenizerLoss::Joints;
+        let least = if by_frames { spec.grid().fewest_frames() } else { spec.training.window };
+        let chosen = choose(usable(source, least)?, spec.training.pool_clips, rng);
+        let normaliser = Normaliser::new(&spec.architecture, source.stats());
         let load = |&index: &usize| {
-            let mut features = source.features(Split::Train, index)?;
-            normalise(&mut features, source.stats());
+            let features = source.features(Split::Train, index)?;
+            let mirrored = spec.training.mirror.then(|| mirror_features(&features));
+            let mut clips: Vec<Vec<f32>> = [features].into_iter().chain(mirrored).collect();
+            clips.iter_mut().for_each(|clip| normaliser.apply(clip));
             moved();
-            Ok(features)
+            Ok(clips)
         };
-        let clips = chosen.par_iter().map(load).collect::<Result<_, TokenizerError>>()?;
-        Ok(Self { clips, n_features: source.stats().mean.len(), window: spec.training.window })
+        let clips = chosen.par_iter().map(load).collect::<Result<Vec<_>, TokenizerError>>()?;
+        let clips: Vec<Vec<f32>> = clips.into_iter().flatten().collect();
+        let n_features = normaliser.n_features();
+        let draw = if by_frames { Draw::by_frames(&clips, n_features) } else { Draw::Evenly };
+        Ok(Self { clips, n_features, window: spec.training.window, draw })
     }
 
-    /// `n` windows, row-major `[n, window, n_features]`: a random clip, then a random start.
-    pub fn windows(&self, n: usize, rng: &mut ChaCha8Rng) -> Vec<f32> {
+    /// `n` windows: a random clip, then a random start.
+    pub fn windows(&self, n: usize, rng: &mut ChaCha8Rng) -> Windows {
         let mut values = Vec::with_capacity(n * self.window * self.n_features);
-        (0..n).for_each(|_| values.extend_from_slice(self.draw(rng)));
-        values
+        let mut visible = Vec::with_capacity(n * self.window);
+        for _ in 0..n {
+            let own = self.draw(rng);
+            let missing = self.window - own.len() / self.n_features;
+            values.extend_from_slice(own);
+            let last = &own[own.len() - self.n_features..];
+            (0..missing).for_each(|_| values.extend_from_slice(last));
+            visible.extend((0..self.window).map(|frame| frame < self.window - missing));
+        }
+        Windows { values, visible, n_frames: self.window }
     }
 
+    /// A window of a clip, or all of a clip that is shorter.
     fn draw(&self, rng: &mut ChaCha8Rng) -> &[f32] {
-        let clip = &self.clips[below(rng, self.clips.len())];
-        let starts = clip.len() / self.n_features - self.window + 1;
-        let start = below(rng, starts) * self.n_features;
-        &clip[start..start + self.window * self.n_features]
+        let clip = &self.clips[self.draw.clip(self.clips.len(), rng)];
+        let n_frames = clip.len() / self.n_features;
+        let taken = self.window.min(n_frames);
+        let start = below(rng, n_frames - taken + 1) * self.n_features;
+        &clip[start..start + taken * self.n_features]
+    }
+
+    /// Patches of `frames` frames, `[n, frames·f]`, spread evenly over all clips: `most` at most. Those
+    /// of a clip begin at its start, and once more half a patch later.
+    pub fn patches(&self, frames: usize, most: usize) -> Vec<f32> {
+        let size = frames * self.n_features;
+        let halves = if frames > 1 { vec![0, frames / 2 * self.n_features] } else { vec![0] };
+        let of = |clip: &'_ Vec<f32>| {
+            let parts = halves.iter().filter(|start| **start < clip.len());
+            parts.map(|start| (clip.len() - start) / size).sum::<usize>()
+        };
+        let all: usize = self.clips.iter().map(of).sum();
+        let step = all.div_ceil(most).max(1);
+        let parts = self.clips.iter().flat_map(|clip| {
+            halves.iter().filter(|start| **start < clip.len()).map(move |start| &clip[*start..])
+        });
+        let mut patches = Vec::with_capacity(all.div_ceil(step) * size);
+        for patch in parts.flat_map(|part| part.chunks_exact(size)).step_by(step) {
+            patches.extend_from_slice(patch);
+        }
+        patches
     }
 }
 
-/// The training clips that hold a window.
+impl Draw {
+    fn by_frames(clips: &[Vec<f32>], n_features: usize) -> Self {
+        let mut frames = 0;
+        let upto = |clip: &Vec<f32>| {
+            frames += clip.len() / n_features;
+            frames
+        };
+        Self::ByFrames(clips.iter().map(upto).collect())
+    }
+
+    /// The index of one of `n` clips.
+    fn clip(&self, n: usize, rng: &mut ChaCha8Rng) -> usize {
+        match self {
+            Self::Evenly => below(rng, n),
+            Self::ByFrames(upto) => {
+                let frame = below(rng, upto.last().copied().unwrap_or(1));
+                upto.partition_point(|end| *end <= frame)
+            }
+        }
+    }
+}
+
+/// The training clips that hold so many frames.
 fn usable(source: &dyn MotionSource, window: usize) -> Result<Vec<usize>, TokenizerError> {
     let n_clips = source.n_clips(Split::Train);
     let frames = |index: usize| source.n_frames(Split::Train, index);
@@ -114,7 +187,7 @@ mod tests {
         };
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let pool = WindowPool::load(&source, &spec, &mut rng).unwrap();
-        let windows = pool.windows(5, &mut rng);
+        let windows = pool.windows(5, &mut rng).values;
         let size = 8 * pool.n_features;
         assert_eq!(windows.len(), 5 * size);
         let clip = &pool.clips[0];

@@ -2,7 +2,7 @@
 
 use crate::data::{DataError, FeatureStats, MotionSource, Split};
 use crate::spec::{
-    ArchitectureSpec, ConvolutionalSpec, QuantizerSpec, TokenizerSpec, TokenizerTraining,
+    ArchitectureSpec, ConvolutionalSpec, PatchSpec, QuantizerSpec, TokenizerSpec, TokenizerTraining,
 };
 
 /// Clips of sine waves, the same lengths in every split.
@@ -88,6 +88,26 @@ pub fn small_spec() -> TokenizerSpec {
             lr,
             warmup_steps,
             ..Default::default()
+        },
+    }
+}
+
+/// One of patches that trains in a moment.
+pub fn patch_spec(quantizer: QuantizerSpec, steps: usize) -> TokenizerSpec {
+    let (encoder_blocks, decoder_blocks) = (1, 1);
+    let sizes =
+        PatchSpec { width: 8, latent: 4, encoder_blocks, decoder_blocks, ..Default::default() };
+    let (window, batch, lr, warmup_steps) = (32, 4, 1e-2, 2);
+    TokenizerSpec {
+        architecture: ArchitectureSpec::Patch(sizes),
+        quantizer,
+        training: TokenizerTraining {
+            window,
+            batch,
+            steps,
+            lr,
+            warmup_steps,
+            ..TokenizerTraining::of_patches()
         },
     }
 }

@@ -27,6 +27,16 @@ pub fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Erro
     Number::deserialize(deserializer).map(|number| number.0)
 }
 
+/// A number that may be left out.
+pub fn optional_number<'de, D: Deserializer<'de>>(d: D) -> Result<Option<f64>, D::Error> {
+    Ok(Option::<Number>::deserialize(d)?.map(|number| number.0))
+}
+
+/// A seed that may be left out.
+pub fn optional_seed<'de, D: Deserializer<'de>>(d: D) -> Result<Option<u64>, D::Error> {
+    Ok(Option::<Count>::deserialize(d)?.map(|count| count.0 as u64))
+}
+
 /// A list of numbers.
 pub fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
     Ok(Vec::<Number>::deserialize(deserializer)?.into_iter().map(|number| number.0).collect())

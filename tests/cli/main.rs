@@ -18,4 +18,5 @@ mod status;
 mod support;
 mod tables;
 mod text_file;
+mod tokenizer;
 mod trunks;

@@ -81,7 +81,11 @@ pub const ALLOWED: [(&[&str], &str); 9] = [
         "the choice among stages, and what each gives back",
     ),
     (
-        &["src/tokenizer/architecture.rs", "src/tokenizer/convolutional/autoencoder.rs"],
+        &[
+            "src/tokenizer/architecture.rs",
+            "src/tokenizer/convolutional/autoencoder.rs",
+            "src/tokenizer/patch/network.rs",
+        ],
         "the choice among architectures, and the traits that each implements",
     ),
     (

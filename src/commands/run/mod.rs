@@ -9,8 +9,8 @@ use isoflop::engine::{
     Brought, Engine, JobEnd, JobReport, Preview, Previewed, Session, SweepRequest,
 };
 use isoflop::failure::Failure;
-use isoflop::jobs::missing_jobs;
 use isoflop::jobs::presence::Held;
+use isoflop::jobs::{Job, JobKind, ResultsFolder, missing_jobs};
 use prepare::prepare;
 use summary::Summary;
 
@@ -23,6 +23,47 @@ use crate::commands::output::Output;
 pub use args::RunArgs;
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
+    carry_out(
+        args,
+        output,
+        |_| true,
+        |open, summary| {
+            analyse::finish(&open.folder, output)?;
+            Ok(summary.tell(output))
+        },
+    )
+}
+
+/// Does only the jobs of a kind that needs no other; `then` tells of them.
+pub fn run_only(
+    args: &RunArgs,
+    kind: JobKind,
+    output: &Output,
+    then: impl FnOnce(&ResultsFolder) -> Result<()>,
+) -> Result<Exit> {
+    if args.engine.hands_over() {
+        bail!("--engine {} does whole sweeps: use `isoflop run`", args.engine.name());
+    }
+    carry_out(
+        args,
+        output,
+        |job| job.id.kind == kind,
+        |open, summary| {
+            summary.failures(output);
+            then(&open.folder)?;
+            let ended_well = summary.reports.iter().all(|report| report.end == JobEnd::Done);
+            Ok(if ended_well { Exit::Done } else { Exit::SomeRunsFailed })
+        },
+    )
+}
+
+/// Brings the missing jobs that are wanted to their end, then has `then` tell of them.
+fn carry_out(
+    args: &RunArgs,
+    output: &Output,
+    wanted: impl Fn(&Job) -> bool,
+    then: impl FnOnce(&OpenSweep, &Summary) -> Result<Exit>,
+) -> Result<Exit> {
     args.check_engine()?;
     let open = open(args, output)?;
     let request = request(args, &open, output);
@@ -35,14 +76,19 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
     let held = hold(&open, output)?;
     prepare(&open, args, output)?;
     CommandLine::of(args)?.write(&open.folder)?;
-    let reports = match session.bring(missing_jobs(&open.plan, &open.folder))? {
+    let jobs = missing_jobs(&open.plan, &open.folder).into_iter().filter(wanted);
+    let reports = match session.bring(jobs.collect())? {
         Brought::Ended(reports) => reports,
         Brought::HandedOver { document, text } => {
             output.result(&document, &text)?;
             return Ok(Exit::Done);
         }
     };
-    let exit = end(args, &open, &reports, output);
+    let summary = Summary::new(args, &open.plan, &open.folder, &reports)?;
+    let exit = match interruption(args, &summary, output) {
+        Some(exit) => Ok(exit),
+        None => then(&open, &summary),
+    };
     drop(held);
     exit
 }
@@ -91,21 +137,19 @@ fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
     Held::take(&open.folder, waiting).with_context(|| format!("cannot make the folder {root} mine"))
 }
 
-/// Laws, figures and predictions, unless the jobs ended too early.
-fn end(args: &RunArgs, open: &OpenSweep, reports: &[JobReport], output: &Output) -> Result<Exit> {
-    let summary = Summary::new(args, &open.plan, &open.folder, reports)?;
-    if let Some(halt) = halt(reports) {
+/// Tells why the jobs ended too early, if they did.
+fn interruption(args: &RunArgs, summary: &Summary, output: &Output) -> Option<Exit> {
+    if let Some(halt) = halt(summary.reports) {
         summary.failures(output);
         output.warn(&halted(halt, &summary.command));
-        return Ok(Exit::SomeRunsFailed);
+        return Some(Exit::SomeRunsFailed);
     }
-    if interrupted(reports, args.fail_fast) {
+    if interrupted(summary.reports, args.fail_fast) {
         summary.failures(output);
         output.note("interrupted; the same command goes on from here");
-        return Ok(Exit::Interrupted);
+        return Some(Exit::Interrupted);
     }
-    analyse::finish(&open.folder, output)?;
-    Ok(summary.tell(output))
+    None
 }
 
 /// What nothing could go on with.

@@ -12,8 +12,9 @@ use super::timeline::{Spent, Timeline};
 use crate::engine::contract::{Brought, Engine, Session};
 use crate::engine::{Cancelled, SweepRequest, Tell};
 use crate::jobs::presence::{ask_no_more, ask_to_end, is_held, stop_when_asked};
-use crate::jobs::{Job, ResultsFolder};
+use crate::jobs::{Job, JobState, ResultsFolder};
 use crate::machine::memory;
+use crate::plan::PlannedRun;
 use crate::progress::stop_on_signals;
 
 /// Processes of this machine, until all is done.
@@ -72,10 +73,12 @@ impl Session for Here<'_> {
     fn bring(self: Box<Self>, jobs: Vec<Job>) -> Result<Brought> {
         let SweepRequest { sweep, plan, folder, tell, .. } = *self.0;
         let all = plan.runs.len();
-        let (goal, n_jobs) = (crate::jobs::JobKind::goal(), jobs.len());
-        let ended = all - jobs.iter().filter(|job| job.id.kind == goal).count();
+        let (n_jobs, states) = (jobs.len(), folder.run_states());
+        let has_ended =
+            |run: &&PlannedRun| matches!(states.of(&run.run_id), JobState::Done | JobState::Failed);
+        let ended = plan.runs.iter().filter(has_ended).count();
         if jobs.is_empty() {
-            tell.note(&format!("{all} of {all} runs have ended already; nothing to train"));
+            tell.note(&format!("{ended} of {all} runs have ended already; nothing to train"));
             return Ok(Brought::Ended(Vec::new()));
         }
         let slots = self.0.slots.min(n_jobs);

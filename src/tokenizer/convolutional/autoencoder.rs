@@ -8,9 +8,9 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::conv::Conv1d;
 use crate::spec::ConvolutionalSpec;
 use crate::tokenizer::architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
+use crate::tokenizer::conv::Conv1d;
 
 /// The shape of both halves.
 #[derive(Clone, Debug, PartialEq, Eq)]

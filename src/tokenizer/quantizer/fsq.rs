@@ -17,10 +17,13 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{Quantized, Quantizer, clips, rows};
 use crate::spec::{digits_of_index, index_of_digits};
-use crate::tokenizer::convolutional::Affine;
+use crate::tokenizer::conv::Affine;
 
 /// How far past the outermost level the bound reaches.
 const EPSILON: f64 = 1e-3;
+
+/// Deviations of a channel at which its outermost codes begin.
+const OUTERMOST: f32 = 1.3;
 
 /// Finite scalar quantization between two linear projections.
 #[derive(Module, Debug)]
@@ -64,6 +67,22 @@ impl Fsq {
 }
 
 impl Quantizer for Fsq {
+    /// Each dimension begins as a channel of its own, the first channels first, with the outermost codes
+    /// at 1.3 deviations.
+    fn begin(&mut self, latents_nc: &Tensor<2>) {
+        let [n, c] = latents_nc.dims();
+        let d = self.levels.len();
+        let squares = (latents_nc.clone() * latents_nc.clone()).sum_dim(0) / n as f64;
+        let deviations: Vec<f32> = squares.sqrt().into_data().try_into_vec().expect("f32");
+        let (mut inward, mut outward) = (vec![0.0; c * d], vec![0.0; d * c]);
+        for (i, deviation) in deviations.iter().take(d).enumerate() {
+            inward[i * d + i] = 1.0 / deviation.max(f32::MIN_POSITIVE);
+            outward[i * c + i] = OUTERMOST * deviation;
+        }
+        self.project_in.set(inward, vec![0.0; d]);
+        self.project_out.set(outward, vec![0.0; c]);
+    }
+
     fn quantize(&mut self, latents_btc: Tensor<3>) -> Quantized {
         let n_clips = latents_btc.dims()[0];
         let bounded = self.bound(self.project_in.forward(rows(latents_btc)));
@@ -129,6 +148,23 @@ mod tests {
         assert_eq!(zeros, [124, 500, 2187, 32036]);
         let alternating = |i: usize| 0.3 * (i + 1) as f32 * [1.0, -1.0][i % 2];
         assert_eq!(SETS.map(|levels| id(levels, alternating)), [165, 133, 3616, 10645]);
+    }
+
+    #[test]
+    fn a_begun_fsq_keeps_the_first_channels() {
+        let device = Device::flex();
+        let mut fsq = Fsq::new(&[7, 5], 3, &mut ChaCha8Rng::seed_from_u64(0), &device);
+        let values: Vec<f32> =
+            (0..600).map(|i| ((i * i) as f32).sin() * (1 + i % 3) as f32).collect();
+        let latents_nc = Tensor::<2>::from_data(TensorData::new(values, [200, 3]), &device);
+        fsq.begin(&latents_nc);
+        let latents_btc = latents_nc.clone().reshape([1, 200, 3]);
+        let back_nc = fsq.embed(&fsq.ids(latents_btc), 1).reshape([200, 3]);
+        let square = |x: Tensor<2>| (x.clone() * x).sum_dim(0).into_data().try_into_vec::<f32>();
+        let off = square(back_nc - latents_nc.clone()).unwrap();
+        let all = square(latents_nc).unwrap();
+        let shares: Vec<f32> = off.iter().zip(&all).map(|(off, all)| off / all).collect();
+        assert!(shares[0] < 0.1 && shares[1] < 0.15 && shares[2] > 0.99, "{shares:?}");
     }
 
     #[test]

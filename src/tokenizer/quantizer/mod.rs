@@ -5,6 +5,8 @@
 //! Shapes: b clips, t latents of a clip, c channels.
 
 mod fsq;
+mod k_means;
+mod nearest;
 mod vq;
 
 use std::ops::{Deref, DerefMut};
@@ -17,12 +19,15 @@ pub use fsq::Fsq;
 pub use vq::Vq;
 
 use crate::learn::{LearnerState, LoadedState};
-use crate::spec::QuantizerSpec;
+use crate::spec::{QuantizerSpec, TokenizerSpec};
 
 /// A map from the latents of clips to the codes of a [`Grid`](crate::codes::Grid).
 ///
 /// Codes stand clip after clip, those of a clip scale after scale.
 pub trait Quantizer {
+    /// Begins from latents of the training split, `[n, c]`.
+    fn begin(&mut self, _latents_nc: &Tensor<2>) {}
+
     /// One training step: what the decoder sees, and what the quantizer learns on the host.
     fn quantize(&mut self, latents_btc: Tensor<3>) -> Quantized;
 
@@ -59,16 +64,18 @@ pub enum AnyQuantizer {
     Vq(Vq),
 }
 
-/// A quantizer of latents with `code_dim` channels.
+/// The quantizer of a tokenizer, for latents with `code_dim` channels.
 pub fn init(
-    spec: &QuantizerSpec,
+    spec: &TokenizerSpec,
     code_dim: usize,
     rng: &mut ChaCha8Rng,
     device: &Device,
 ) -> AnyQuantizer {
-    match spec {
+    match &spec.quantizer {
         QuantizerSpec::Fsq { levels } => AnyQuantizer::Fsq(Fsq::new(levels, code_dim, rng, device)),
-        QuantizerSpec::Vq { n_vocab } => AnyQuantizer::Vq(Vq::new(*n_vocab, code_dim, rng, device)),
+        QuantizerSpec::Vq { n_vocab } => {
+            AnyQuantizer::Vq(Vq::new(*n_vocab, code_dim, &spec.training, rng, device))
+        }
     }
 }
 

@@ -4,9 +4,12 @@
 //!
 //! sum ← μ sum + (1 − μ) Σ latents of the code, count ← μ count + (1 − μ) their number,
 //!
-//! and the code becomes sum / count; a code whose count is below 1 becomes a latent of the batch
-//! at once. The codebook has no gradient; the latents are drawn to their codes by
-//! 0.02 · mean (latent − code)².
+//! and the code becomes sum / count. A code that is met too rarely is placed anew, at a latent of the
+//! batch: by T2M-GPT's rule one whose count is below 1, at once and for this step; by the rule of
+//! shares one whose count is below a share of the mean, as if it had been met as often as the mean. The
+//! codebook has no gradient; the latents are drawn to their codes by commitment · mean (latent − code)².
+//!
+//! The codebook begins as the first latents of the first batch, or by k-means.
 //!
 //! Shapes: n latents, c channels, v codes.
 
@@ -17,24 +20,28 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use serde_json::json;
 
+use super::k_means::k_means;
+use super::nearest::nearest;
 use super::{Quantized, Quantizer, clips, rows};
 use crate::learn::weights::{HostTensor, Source};
 use crate::learn::{LearnerState, LoadedState, params};
+use crate::spec::TokenizerTraining;
 
 /// μ.
 const DECAY: f32 = 0.99;
-/// A code met less often than this, on average and per step, is replaced.
+/// A code met less often than this, on average and per step, is replaced by T2M-GPT's rule.
 const LEAST_COUNT: f32 = 1.0;
-/// Weight of the commitment term.
-const COMMITMENT: f64 = 0.02;
-/// Entries of the distance matrix that are held at a time.
-const DISTANCES_AT_ONCE: usize = 1 << 22;
+/// What a code of k-means counts as having been met.
+const FIRST_COUNT: f32 = 10.0;
 
 /// A learned codebook.
 #[derive(Module, Debug)]
 pub struct Vq {
     /// `[v, c]`, without gradient.
     codebook: Param<Tensor<2>>,
+    /// Weight of the commitment term.
+    #[module(skip)]
+    commitment: f64,
     #[module(skip)]
     averages: Averages,
 }
@@ -48,17 +55,28 @@ struct Averages {
     counts: Vec<f32>,
     n_vocab: usize,
     code_dim: usize,
-    /// For the noise on latents that stand for several codes.
+    /// A code met by less than this share of the mean is placed anew; 0: T2M-GPT's rule.
+    reset_share: f32,
+    /// For the noise on latents that stand for several codes, and for codes that are placed anew.
     rng: ChaCha8Rng,
 }
 
 impl Vq {
-    /// `n_vocab` codes that the first batch will place.
-    pub fn new(n_vocab: usize, code_dim: usize, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+    /// `n_vocab` codes that k-means or the first batch will place.
+    pub fn new(
+        n_vocab: usize,
+        code_dim: usize,
+        training: &TokenizerTraining,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
         let codebook = Param::from_tensor(Tensor::zeros([n_vocab, code_dim], device));
+        let rng = ChaCha8Rng::seed_from_u64(rng.next_u64());
+        let reset_share = training.reset_share as f32;
         Self {
             codebook: codebook.set_require_grad(false),
-            averages: Averages::new(n_vocab, code_dim, ChaCha8Rng::seed_from_u64(rng.next_u64())),
+            commitment: training.commitment,
+            averages: Averages { reset_share, ..Averages::new(n_vocab, code_dim, rng) },
         }
     }
 
@@ -69,11 +87,8 @@ impl Vq {
     }
 
     /// The code of each latent.
-    fn codes_of(&self, latents_nc: Tensor<2>) -> Vec<u32> {
-        let n = latents_nc.dims()[0];
-        let rows = (DISTANCES_AT_ONCE / self.averages.n_vocab).max(1);
-        let part = |start: usize| latents_nc.clone().narrow(0, start, rows.min(n - start));
-        (0..n).step_by(rows).flat_map(|start| self.nearest(part(start))).collect()
+    fn codes_of(&self, latents_nc: &Tensor<2>) -> Vec<u32> {
+        nearest(latents_nc, &self.codebook.val())
     }
 
     /// The embedding of each code, `[n, c]`.
@@ -83,15 +98,6 @@ impl Vq {
         let data = TensorData::new(rows, [ids.len()]);
         let rows = Tensor::<1, Int>::from_data(data, &codebook.device());
         codebook.select(0, rows)
-    }
-
-    /// argmin over codes of |code|² − 2 latent · code, the first of equals.
-    fn nearest(&self, latents_nc: Tensor<2>) -> Vec<u32> {
-        let codes_cv = self.codebook.val().transpose();
-        let norms_1v = (codes_cv.clone() * codes_cv.clone()).sum_dim(0);
-        let distances_nv = norms_1v - latents_nc.matmul(codes_cv) * 2.0;
-        let ids = distances_nv.argmin(1).into_data();
-        ids.iter::<i64>().map(|id| id as u32).collect()
     }
 }
 
@@ -104,19 +110,27 @@ impl Quantizer for Vq {
             let codes = self.averages.start(&on_host);
             self.set_codebook(codes);
         }
-        let ids = self.codes_of(latents_nc.clone().detach());
+        let ids = self.codes_of(&latents_nc.clone().detach());
         let embedded = self.rows_of(&ids);
         let codes = self.averages.follow(&on_host, &ids);
         self.set_codebook(codes);
         let apart = latents_nc.clone() - embedded.clone();
         // The bracket is exactly 0: the value is the code's and the gradient the latent's.
         let straight = embedded + (latents_nc.clone() - latents_nc.detach());
-        let commitment = (apart.clone() * apart).mean() * COMMITMENT;
+        let commitment = (apart.clone() * apart).mean() * self.commitment;
         Quantized { quantized_btc: clips(straight, n_clips), auxiliary_loss: Some(commitment) }
     }
 
+    fn begin(&mut self, latents_nc: &Tensor<2>) {
+        let averages = &mut self.averages;
+        let codes = k_means(latents_nc, averages.n_vocab, &mut averages.rng);
+        averages.sums = codes.iter().map(|x| x * FIRST_COUNT).collect();
+        averages.counts.fill(FIRST_COUNT);
+        self.set_codebook(codes);
+    }
+
     fn ids(&self, latents_btc: Tensor<3>) -> Vec<u32> {
-        self.codes_of(rows(latents_btc))
+        self.codes_of(&rows(latents_btc))
     }
 
     fn embed(&self, ids: &[u32], n_clips: usize) -> Tensor<3> {
@@ -152,7 +166,8 @@ const DRAWN: &str = "drawn";
 
 impl Averages {
     fn new(n_vocab: usize, code_dim: usize, rng: ChaCha8Rng) -> Self {
-        Self { sums: Vec::new(), counts: vec![1.0; n_vocab], n_vocab, code_dim, rng }
+        let (sums, counts) = (Vec::new(), vec![1.0; n_vocab]);
+        Self { sums, counts, n_vocab, code_dim, reset_share: 0.0, rng }
     }
 
     /// The codebook of the first batch: its first latents.
@@ -164,6 +179,9 @@ impl Averages {
     /// The codebook after a batch.
     fn follow(&mut self, latents: &[f32], ids: &[u32]) -> Vec<f32> {
         self.add(latents, ids);
+        if self.reset_share > 0.0 {
+            return self.codes_by_shares(latents);
+        }
         let mut codes = self.candidates(latents);
         let rows = codes.chunks_exact_mut(self.code_dim);
         let averages = self.sums.chunks_exact(self.code_dim).zip(&self.counts);
@@ -173,6 +191,23 @@ impl Averages {
             }
         }
         codes
+    }
+
+    /// The codebook after a batch, by the rule of shares.
+    fn codes_by_shares(&mut self, latents: &[f32]) -> Vec<f32> {
+        let c = self.code_dim;
+        let n = latents.len() / c;
+        let mean = n as f32 / self.n_vocab as f32;
+        for (id, count) in self.counts.iter_mut().enumerate() {
+            if *count < self.reset_share * mean {
+                let latent = &latents[params::below(&mut self.rng, n) * c..][..c];
+                let sum = &mut self.sums[id * c..][..c];
+                sum.iter_mut().zip(latent).for_each(|(sum, x)| *sum = x * mean);
+                *count = mean;
+            }
+        }
+        let rows = self.sums.chunks_exact(c).zip(&self.counts);
+        rows.flat_map(|(sum, count)| sum.iter().map(move |x| x / count)).collect()
     }
 
     fn add(&mut self, latents: &[f32], ids: &[u32]) {
@@ -204,6 +239,11 @@ impl Averages {
 mod tests {
     use super::*;
 
+    fn vq(n_vocab: usize, code_dim: usize, device: &Device) -> Vq {
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        Vq::new(n_vocab, code_dim, &TokenizerTraining::default(), &mut rng, device)
+    }
+
     fn averages(n_vocab: usize) -> Averages {
         Averages::new(n_vocab, 1, ChaCha8Rng::seed_from_u64(0))
     }
@@ -220,6 +260,28 @@ mod tests {
     }
 
     #[test]
+    fn by_the_rule_of_shares_a_rare_code_counts_as_the_mean_from_then_on() {
+        let mut averages = Averages { reset_share: 0.5, ..averages(2) };
+        (averages.sums, averages.counts) = (vec![50.0, -0.1], vec![10.0, 0.1]);
+        // Two latents a step, so the mean is 1: code 1 is below half of it.
+        let codes = averages.follow(&[7.0, 7.0], &[0, 0]);
+        assert_eq!((codes[1], averages.counts[1]), (7.0, 1.0));
+        let expected = (0.99 * 50.0 + 0.01 * 14.0) / (0.99 * 10.0 + 0.02);
+        assert!((codes[0] - expected).abs() < 1e-4, "{codes:?}");
+    }
+
+    #[test]
+    fn k_means_places_codes_among_the_latents() {
+        let device = Device::flex();
+        let mut vq = vq(2, 1, &device);
+        vq.begin(&Tensor::from_data([[1.0], [1.2], [9.0], [9.2]], &device));
+        let mut codes = vq.codebook.val().into_data().try_into_vec::<f32>().unwrap();
+        codes.sort_by(f32::total_cmp);
+        assert!((codes[0] - 1.1).abs() < 1e-5 && (codes[1] - 9.1).abs() < 1e-5, "{codes:?}");
+        assert_eq!(vq.averages.counts, [FIRST_COUNT; 2]);
+    }
+
+    #[test]
     fn a_small_batch_fills_a_large_codebook_with_noisy_copies() {
         let codes = averages(7).start(&[1.0, 2.0, 3.0]);
         let distance = |(i, code): (usize, &f32)| (code - [1.0, 2.0, 3.0][i % 3]).abs();
@@ -230,7 +292,7 @@ mod tests {
     #[test]
     fn the_nearest_code_is_taken_and_embedded() {
         let device = Device::flex();
-        let mut vq = Vq::new(3, 2, &mut ChaCha8Rng::seed_from_u64(0), &device);
+        let mut vq = vq(3, 2, &device);
         vq.set_codebook(vec![0.0, 0.0, 1.0, 1.0, -1.0, 3.0]);
         let latents = Tensor::<3>::from_data([[[0.9, 0.8], [-0.2, 0.1], [-2.0, 2.0]]], &device);
         let ids = vq.ids(latents);
@@ -242,7 +304,7 @@ mod tests {
     #[test]
     fn gradients_reach_the_latents_and_not_the_codebook() {
         let device = Device::flex().autodiff();
-        let mut vq = Vq::new(2, 1, &mut ChaCha8Rng::seed_from_u64(0), &device);
+        let mut vq = vq(2, 1, &device);
         let latents = params::constant([1, 3, 1], 0.5, &device).val();
         let quantized = vq.quantize(latents.clone());
         let loss = quantized.quantized_btc.sum() + quantized.auxiliary_loss.unwrap();

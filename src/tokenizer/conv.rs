@@ -5,7 +5,7 @@
 //! Shapes: b clips, t frames, c channels, k taps, n = b·t rows.
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
 use crate::learn::params;
@@ -30,6 +30,38 @@ impl Affine {
         }
     }
 
+    /// A layer that gives 0 before it learns.
+    pub fn zero(c_in: usize, c_out: usize, device: &Device) -> Self {
+        Self {
+            weight: params::constant([c_in, c_out], 0.0, device),
+            bias: params::constant([c_out], 0.0, device),
+        }
+    }
+
+    /// The same, which never learns.
+    pub fn fixed(self) -> Self {
+        let Self { weight, bias } = self;
+        Self { weight: weight.set_require_grad(false), bias: bias.set_require_grad(false) }
+    }
+
+    /// Takes over a weight `[c_in, c_out]`, row-major, and a bias `[c_out]`.
+    pub fn set(&mut self, weight: Vec<f32>, bias: Vec<f32>) {
+        self.weight = replaced(&self.weight, weight);
+        self.bias = replaced(&self.bias, bias);
+    }
+
+    /// The same with a weight of another size.
+    fn scaled(mut self, factor: f32) -> Self {
+        let times = |values: Vec<f32>| values.into_iter().map(|x| x * factor).collect();
+        self.weight = replaced(&self.weight, times(host(self.weight.val())));
+        self
+    }
+
+    /// Channels that it gives.
+    pub fn channels_out(&self) -> usize {
+        self.bias.dims()[0]
+    }
+
     /// Where the weights are.
     pub fn device(&self) -> Device {
         self.weight.device()
@@ -39,6 +71,17 @@ impl Affine {
     pub fn forward(&self, x_nc: Tensor<2>) -> Tensor<2> {
         x_nc.matmul(self.weight.val()) + self.bias.val().unsqueeze()
     }
+}
+
+fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor.into_data().try_into_vec().expect("weights are f32")
+}
+
+/// A parameter of the same shape and place with other values.
+fn replaced<const D: usize>(param: &Param<Tensor<D>>, values: Vec<f32>) -> Param<Tensor<D>> {
+    let tensor = Tensor::from_data(TensorData::new(values, param.dims()), &param.device());
+    let tensor = if param.is_require_grad() { tensor.require_grad() } else { tensor };
+    Param::initialized(param.id, tensor)
 }
 
 /// A convolution over frames with bias and zero padding.
@@ -83,6 +126,11 @@ impl Conv1d {
         Self { rectify: true, ..self }
     }
 
+    /// The same with a weight of another size.
+    pub fn scaled(self, factor: f32) -> Self {
+        Self { affine: self.affine.scaled(factor), ..self }
+    }
+
     fn new(taps: Taps, [c_in, c_out]: [usize; 2], rng: &mut ChaCha8Rng, device: &Device) -> Self {
         Self { affine: Affine::new(taps.count() * c_in, c_out, rng, device), taps, rectify: false }
     }
@@ -104,9 +152,9 @@ impl Conv1d {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use burn::tensor::Tolerance;
     use burn::tensor::module::conv1d;
     use burn::tensor::ops::ConvOptions;
-    use burn::tensor::{TensorData, Tolerance};
     use rand_chacha::rand_core::SeedableRng;
 
     fn frames(shape: [usize; 3]) -> Tensor<3> {

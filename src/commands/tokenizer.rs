@@ -1,0 +1,69 @@
+//! `isoflop tokenizer`: the tokenizers of a sweep on their own, and several beside one another.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::{Args, Subcommand};
+use isoflop::jobs::{JobKind, ResultsFolder};
+use isoflop::tokenizer::{TokenizerMetrics, remarks, table};
+use serde_json::json;
+
+use super::exit::Exit;
+use super::output::Output;
+use super::run::{RunArgs, run_only};
+
+#[derive(Args)]
+pub struct TokenizerArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Train the tokenizers of a sweep, and nothing else of it
+    Train(RunArgs),
+    /// Compare the tokenizers of sweeps with one another and with k-means
+    Eval(EvalArgs),
+}
+
+#[derive(Args)]
+struct EvalArgs {
+    /// Sweeps' folders
+    #[arg(required = true)]
+    results: Vec<PathBuf>,
+}
+
+pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
+    match &args.what {
+        What::Train(args) => train(args, output),
+        What::Eval(args) => eval(args, output),
+    }
+}
+
+/// Trains what is missing; then all of the folder's are compared.
+fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
+    let kind = JobKind::of("tokenizer").expect("a kind of job");
+    run_only(args, kind, output, |folder| compare(std::slice::from_ref(folder), output))
+}
+
+fn eval(args: &EvalArgs, output: &Output) -> Result<Exit> {
+    let folders: Vec<_> = args.results.iter().map(ResultsFolder::new).collect();
+    if let Some(folder) = folders.iter().find(|folder| !folder.root().is_dir()) {
+        bail!("{} does not exist; give a sweep's folder", folder.root().display());
+    }
+    compare(&folders, output)?;
+    Ok(Exit::Done)
+}
+
+fn compare(folders: &[ResultsFolder], output: &Output) -> Result<()> {
+    let mut tokenizers: Vec<TokenizerMetrics> = Vec::new();
+    for folder in folders {
+        tokenizers.extend(folder.all_metrics(|problem| output.warn(&problem))?);
+    }
+    if tokenizers.is_empty() {
+        bail!("no tokenizer is trained yet; `isoflop tokenizer train` trains those of a sweep");
+    }
+    output.result(&json!({ "tokenizers": tokenizers }), &table(&tokenizers))?;
+    remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
+    Ok(())
+}

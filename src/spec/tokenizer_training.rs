@@ -1,0 +1,250 @@
+//! How a tokenizer is trained, and the `tokenizer` section of a sweep file, which has the same keys.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::error::{SpecError, require};
+use super::quantizer::QuantizerKind;
+use crate::units::number;
+
+/// Which tokenizer, as it is written in a sweep file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TokenizerKind {
+    /// T2M-GPT's convolutional autoencoder, with the quantizer of `tokenizer.quantizer`.
+    Convolutional,
+    /// Short for the convolutional autoencoder with FSQ.
+    #[default]
+    Fsq,
+    /// Short for the convolutional autoencoder with VQ.
+    Vq,
+    /// Patches of whole frames: their principal components, mended by residual convolutions. With VQ
+    /// unless `tokenizer.quantizer` says otherwise.
+    Patch,
+}
+
+/// The `tokenizer.quantizer` section.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct QuantizerSection {
+    pub kind: QuantizerKind,
+}
+
+/// What a tokenizer's training makes small.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TokenizerLoss {
+    /// Smooth L1 of the normalised features, and of the joints' positions once more (T2M-GPT).
+    #[default]
+    Features,
+    /// Distances of the joints in metres, with the true heading and with the tokenizer's own, beside
+    /// the features and the joints' velocities. Clips shorter than a window take part.
+    Joints,
+}
+
+/// How a tokenizer's learning rate falls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TokenizerSchedule {
+    /// At once, after the share `decay_at` of the steps.
+    #[default]
+    Step,
+    /// Along a cosine, over all steps.
+    Cosine,
+}
+
+/// The training of a tokenizer and the section of a sweep file, from one list of keys, each with its
+/// default for the convolutional autoencoder and for patches.
+macro_rules! keys {
+    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr, $patch:expr, $read:literal;)*) => {
+        /// How a tokenizer is trained.
+        ///
+        /// The defaults of the convolutional autoencoder suit small widths on a CPU: T2M-GPT's recipe
+        /// (width 512, batch 256, lr 2e-4, 300 thousand steps, the drop at 2/3) with a higher rate, far
+        /// fewer steps and a later drop. Without normalisation layers the codes collapse at rates of
+        /// 3e-3 and more.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct TokenizerTraining {
+            $($(#[$about])* pub $key: $type,)*
+        }
+
+        impl Default for TokenizerTraining {
+            fn default() -> Self {
+                Self { $($key: $default,)* }
+            }
+        }
+
+        impl TokenizerTraining {
+            /// The defaults of patches.
+            pub fn of_patches() -> Self {
+                Self { $($key: $patch,)* }
+            }
+        }
+
+        /// The `tokenizer` section: one tokenizer of this kind is trained for each vocabulary.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct TokenizerSection {
+            pub kind: TokenizerKind,
+            /// Which quantizer: FSQ by default, VQ for patches.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub quantizer: Option<QuantizerSection>,
+            /// Channels of the convolutions: 64, for patches 128; ScaMo has 512.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub width: Option<usize>,
+            /// Convolutional: residual blocks at each resolution, 3.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub depth: Option<usize>,
+            /// Convolutional: halvings of the frame rate, 2; they make 4 frames a code.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub down: Option<usize>,
+            /// Patches: frames a code, 4.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub frames: Option<usize>,
+            /// Patches: channels of a latent, 32.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub latent: Option<usize>,
+            /// Patches: residual blocks of the encoder, 3; without any, a code is made of its own
+            /// frames alone.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub encoder_blocks: Option<usize>,
+            /// Patches: residual blocks of the decoder, 4.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub decoder_blocks: Option<usize>,
+            $(
+                $(#[$about])*
+                #[serde(deserialize_with = $read)]
+                #[serde(skip_serializing_if = "Option::is_none")]
+                pub $key: Option<$type>,
+            )*
+        }
+
+        impl TokenizerSection {
+            /// How its tokenizers are trained, where `defaults` stand for what it leaves out.
+            pub(super) fn training_over(&self, defaults: TokenizerTraining) -> TokenizerTraining {
+                TokenizerTraining { $($key: self.$key.unwrap_or(defaults.$key),)* }
+            }
+        }
+    };
+}
+
+keys! {
+    /// Frames of a training window, whole codes: 64, for patches 96.
+    window: usize = 64, 96, "number::optional_count";
+    /// Windows a step: 32, for patches 24.
+    batch: usize = 32, 24, "number::optional_count";
+    /// Training steps: 600, for patches 2500.
+    steps: usize = 600, 2500, "number::optional_count";
+    /// Learning rate after the warm-up: 1e-3.
+    lr: f64 = 1e-3, 1e-3, "number::optional_number";
+    /// Steps over which the rate rises linearly: 50, for patches 100.
+    warmup_steps: usize = 50, 100, "number::optional_count";
+    /// How the rate falls: `step`, for patches `cosine`.
+    schedule: TokenizerSchedule = TokenizerSchedule::Step, TokenizerSchedule::Cosine, "given";
+    /// Share of the steps after which a rate falls at once: 0.8; 0.6 in ScaMo.
+    decay_at: f64 = 0.8, 0.8, "number::optional_number";
+    /// What the rate is multiplied by in the end: 0.05, for patches 0.02.
+    decay_factor: f64 = 0.05, 0.02, "number::optional_number";
+    /// What training makes small: `features`, for patches `joints`.
+    loss: TokenizerLoss = TokenizerLoss::Features, TokenizerLoss::Joints, "given";
+    /// Weight of the joints' positions in the loss of features: 0.5.
+    position_weight: f64 = 0.5, 0.5, "number::optional_number";
+    /// Weight of the features in the loss of joints: 0.25.
+    feature_weight: f64 = 0.25, 0.25, "number::optional_number";
+    /// Weight of the joints' velocities in the loss of joints: 0.05.
+    velocity_weight: f64 = 0.05, 0.05, "number::optional_number";
+    /// VQ: weight of the squared distance from latents to their codes: 0.02, for patches 1.
+    commitment: f64 = 0.02, 1.0, "number::optional_number";
+    /// VQ: a code that is met less often than this share of the mean is placed anew: 0.025 for patches.
+    /// 0 stands for T2M-GPT's rule, less than one latent a step.
+    reset_share: f64 = 0.0, 0.025, "number::optional_number";
+    /// Decay of the moving average of the weights that is kept in the end: none, for patches 0.998.
+    average: f64 = 0.0, 0.998, "number::optional_number";
+    /// Mirrored clips are trained on too: `false`, for patches `true`.
+    mirror: bool = false, true, "given";
+    /// With the loss of joints: how often a window gets the upper body of another clip: 0.7.
+    mix_body: f64 = 0.0, 0.7, "number::optional_number";
+    /// With the loss of joints: how often a window gets an arm of another clip, for each arm: 0.3.
+    mix_arm: f64 = 0.0, 0.3, "number::optional_number";
+    /// AdamW's β₁: 0.9.
+    beta_1: f64 = 0.9, 0.9, "number::optional_number";
+    /// AdamW's β₂: 0.99.
+    beta_2: f64 = 0.99, 0.99, "number::optional_number";
+    /// AdamW's decoupled weight decay: 0, for patches 0.01.
+    weight_decay: f64 = 0.0, 0.01, "number::optional_number";
+    /// Norm that gradients are scaled down to: none, for patches 1; 0 for none.
+    clip_norm: f64 = 0.0, 1.0, "number::optional_number";
+    /// Clips of the training split that are held in memory and trained on: 2048.
+    pool_clips: usize = 2048, 2048, "number::optional_count";
+    /// Seed of the weights, the pool and the windows: 0.
+    seed: u64 = 0, 0, "number::optional_seed";
+}
+
+/// Any value that may be left out.
+fn given<'de, T: Deserialize<'de>, D: Deserializer<'de>>(d: D) -> Result<Option<T>, D::Error> {
+    Option::<T>::deserialize(d)
+}
+
+impl TokenizerTraining {
+    /// The rate of a step, counted from 0: linear warm-up, then as the schedule has it.
+    pub fn learning_rate(&self, step: usize) -> f64 {
+        let warmup = ((step + 1) as f64 / (self.warmup_steps + 1) as f64).min(1.0);
+        let done = step as f64 / self.steps as f64;
+        let fall = match self.schedule {
+            TokenizerSchedule::Step if done >= self.decay_at => self.decay_factor,
+            TokenizerSchedule::Step => 1.0,
+            TokenizerSchedule::Cosine => {
+                let left = 0.5 * (1.0 + (std::f64::consts::PI * done).cos());
+                self.decay_factor + (1.0 - self.decay_factor) * left
+            }
+        };
+        self.lr * warmup * fall
+    }
+
+    /// The first field that no training can use.
+    pub(super) fn check(&self) -> Result<(), SpecError> {
+        let counts =
+            [("batch", self.batch), ("steps", self.steps), ("pool_clips", self.pool_clips)];
+        for (field, value) in counts {
+            require(value > 0, field, "must be at least 1")?;
+        }
+        let weights = [
+            ("lr", self.lr),
+            ("decay_at", self.decay_at),
+            ("decay_factor", self.decay_factor),
+            ("position_weight", self.position_weight),
+            ("feature_weight", self.feature_weight),
+            ("velocity_weight", self.velocity_weight),
+            ("commitment", self.commitment),
+            ("weight_decay", self.weight_decay),
+            ("clip_norm", self.clip_norm),
+        ];
+        for (field, value) in weights {
+            require(value.is_finite() && value >= 0.0, field, "must not be negative")?;
+        }
+        require(self.lr > 0.0, "lr", "a rate is above 0")?;
+        let decays = [
+            ("beta_1", self.beta_1),
+            ("beta_2", self.beta_2),
+            ("average", self.average),
+            ("reset_share", self.reset_share),
+        ];
+        for (field, value) in decays {
+            require((0.0..1.0).contains(&value), field, "lies in [0, 1)")?;
+        }
+        for (field, value) in [("mix_body", self.mix_body), ("mix_arm", self.mix_arm)] {
+            require((0.0..=1.0).contains(&value), field, "lies between 0 and 1")?;
+            let joints = self.loss == TokenizerLoss::Joints;
+            require(joints || value == 0.0, field, "belongs to `loss: joints`")?;
+        }
+        Ok(())
+    }
+}

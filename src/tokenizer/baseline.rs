@@ -1,0 +1,70 @@
+//! What any tokenizer has to beat: k-means of patches, without context and without learning.
+
+use burn::module::Module;
+use burn::tensor::Device;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::begin::{MOST_PATCHES, begun};
+use super::codec::Tokenizer;
+use super::error::TokenizerError;
+use super::evaluate::{Score, scores};
+use super::metrics::Baseline;
+use super::pool::WindowPool;
+use crate::data::{MotionSource, Split};
+use crate::spec::{ArchitectureSpec, PatchSpec, QuantizerSpec, TokenizerSpec, TokenizerTraining};
+
+/// Clips that centres are placed by, and their mirror images.
+const CLIPS: usize = 512;
+
+/// Codes are placed by so many patches each, or more.
+const PATCHES_PER_CODE: usize = 4;
+
+/// k-means with as many codes as a tokenizer; `None` where the training split has too few frames to
+/// place them.
+///
+/// # Errors
+/// A clip cannot be read.
+pub fn k_means_baseline(
+    n_vocab: usize,
+    source: &dyn MotionSource,
+    device: &Device,
+) -> Result<Option<Baseline>, TokenizerError> {
+    let spec = TokenizerSpec {
+        architecture: ArchitectureSpec::Patch(PatchSpec::default()),
+        quantizer: QuantizerSpec::Vq { n_vocab },
+        training: TokenizerTraining { pool_clips: CLIPS, ..TokenizerTraining::of_patches() },
+    };
+    let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
+    let n_features = source.stats().mean.len();
+    let frames = spec.grid().fewest_frames();
+    let n_patches = pool.patches(frames, MOST_PATCHES).len() / (frames * n_features);
+    if n_patches < PATCHES_PER_CODE * n_vocab {
+        return Ok(None);
+    }
+    let module = begun(&spec, &pool, n_features, device).valid();
+    let tokenizer = Tokenizer::new(module, spec, source.stats().clone(), device.clone());
+    let scores = scores(&tokenizer, source, Split::Test)?;
+    Ok(Some(Baseline {
+        mpjpe_mm: Score::per_frame(&scores, |score| score.mpjpe_mm),
+        mpjpe_given_heading_mm: Score::per_frame(&scores, |score| score.given_heading_mm),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::{Procedural, ProceduralOptions};
+
+    #[test]
+    fn more_centres_are_nearer_and_too_many_have_no_baseline() {
+        let options = ProceduralOptions { seed: 3, train_clips: 24, val_clips: 2, test_clips: 6 };
+        let source = Procedural::new(options);
+        let of = |n| k_means_baseline(n, &source, &Device::flex()).unwrap();
+        let (few, many) = (of(4).unwrap(), of(64).unwrap());
+        let given = |baseline: &Baseline| baseline.mpjpe_given_heading_mm;
+        assert!(given(&many) < 0.8 * given(&few), "{few:?} {many:?}");
+        assert!(given(&many) <= many.mpjpe_mm, "{many:?}");
+        assert_eq!(of(1 << 14), None);
+    }
+}

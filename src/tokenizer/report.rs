@@ -1,0 +1,144 @@
+//! Tokenizers side by side, and what a study should say aloud of them.
+
+use std::fmt::Write;
+
+use super::metrics::TokenizerMetrics;
+
+/// Millimetres by which MPJPE may rise with V by chance.
+const NOISE_MM: f64 = 1.0;
+
+/// A line a tokenizer, at most 80 columns wide, each beside k-means of as many codes.
+pub fn table(tokenizers: &[TokenizerMetrics]) -> String {
+    let mut out = format!(
+        "{:>22} {:>15} {:>15} {:>24}\n{:>6} {:<15} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8}\n",
+        "",
+        "validation, mm",
+        "test, mm",
+        "k-means on test, mm",
+        "V",
+        "tokenizer",
+        "own",
+        "given",
+        "own",
+        "given",
+        "own",
+        "given",
+        "entropy"
+    );
+    for t in tokenizers {
+        let name = format!("{} {}", t.architecture.as_deref().unwrap_or(""), t.kind);
+        let _ = writeln!(
+            out,
+            "{:>6} {:<15.15} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8.1}",
+            t.n_vocab,
+            name.trim(),
+            millimetres(t.val_mpjpe_mm),
+            millimetres(t.val_mpjpe_given_heading_mm),
+            millimetres(Some(t.mpjpe_mm)),
+            millimetres(t.mpjpe_given_heading_mm),
+            millimetres(t.k_means.map(|k_means| k_means.mpjpe_mm)),
+            millimetres(t.k_means.map(|k_means| k_means.mpjpe_given_heading_mm)),
+            t.exponential_entropy
+        );
+    }
+    out + "MPJPE by the tokenizer's own heading and by the true one; entropy in codes"
+}
+
+fn millimetres(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_string(), |value| format!("{value:.1}"))
+}
+
+/// Sentences on tokenizers that a vocabulary's size buys nothing with.
+pub fn remarks(tokenizers: &[TokenizerMetrics]) -> Vec<String> {
+    [beaten(tokenizers), no_fall(tokenizers)].into_iter().flatten().collect()
+}
+
+/// On those that k-means is nearer than.
+fn beaten(tokenizers: &[TokenizerMetrics]) -> Option<String> {
+    let lost = tokenizers.iter().filter_map(|t| {
+        let k_means = t.k_means.filter(|k_means| k_means.mpjpe_mm < t.mpjpe_mm)?;
+        let (v, own, other) = (t.n_vocab, t.mpjpe_mm, k_means.mpjpe_mm);
+        Some(format!("V = {v} ({own:.0} mm against {other:.0})"))
+    });
+    let lost: Vec<String> = lost.collect();
+    (!lost.is_empty()).then(|| {
+        format!(
+            "the tokenizers lose to k-means of as many codes at {}: tokenizer.kind=patch with VQ beats \
+             it on real motion (docs/tokenizers.md)",
+            lost.join(", ")
+        )
+    })
+}
+
+/// On vocabularies, of one kind of tokenizer, whose reconstruction is no better than a smaller one's.
+fn no_fall(tokenizers: &[TokenizerMetrics]) -> Option<String> {
+    let mut sorted: Vec<&TokenizerMetrics> = tokenizers.iter().collect();
+    sorted.sort_by_key(|t| (&t.architecture, &t.kind, t.n_vocab));
+    let error = |t: &TokenizerMetrics| t.mpjpe_given_heading_mm.unwrap_or(t.mpjpe_mm);
+    let rises = sorted.windows(2).filter_map(|pair| {
+        let [small, large] = [pair[0], pair[1]];
+        let alike = (&small.architecture, &small.kind) == (&large.architecture, &large.kind);
+        let rises = error(large) > error(small) + NOISE_MM && large.n_vocab > small.n_vocab;
+        (alike && rises).then(|| {
+            format!(
+                "{:.0} mm at V = {}, {:.0} at {}",
+                error(small),
+                small.n_vocab,
+                error(large),
+                large.n_vocab
+            )
+        })
+    });
+    let rises: Vec<String> = rises.collect();
+    (!rises.is_empty()).then(|| {
+        format!(
+            "the error of the joints does not fall with V ({}): there a larger vocabulary buys \
+             nothing but entropy",
+            rises.join("; ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tokenizer::Baseline;
+
+    fn tokenizer(n_vocab: usize, mm: f64, k_means_mm: f64) -> TokenizerMetrics {
+        TokenizerMetrics {
+            tokenizer_id: String::new(),
+            architecture: Some("patch".to_string()),
+            kind: "vq".to_string(),
+            n_vocab,
+            levels: None,
+            reconstruction_l1: 0.4,
+            mpjpe_mm: mm,
+            mpjpe_given_heading_mm: Some(mm - 5.0),
+            val_mpjpe_mm: None,
+            val_mpjpe_given_heading_mm: None,
+            utilisation: 0.5,
+            exponential_entropy: 71.66,
+            parameters: 1,
+            train_steps: 1,
+            wall_s: 1.0,
+            k_means: Some(Baseline { mpjpe_mm: k_means_mm, mpjpe_given_heading_mm: 90.0 }),
+        }
+    }
+
+    #[test]
+    fn what_loses_to_k_means_and_what_does_not_fall_is_said() {
+        let good = [tokenizer(1000, 85.0, 98.0), tokenizer(240, 87.0, 106.0)];
+        assert!(remarks(&good).is_empty());
+        let bad = [tokenizer(1000, 122.0, 98.0), tokenizer(240, 118.0, 130.0)];
+        let said = remarks(&bad);
+        assert!(said[0].contains("V = 1000 (122 mm against 98)"), "{said:?}");
+        assert!(said[1].contains("113 mm at V = 240, 117 at 1000"), "{said:?}");
+    }
+
+    #[test]
+    fn the_table_fits_80_columns() {
+        let text = table(&[tokenizer(64_000, 122.0, 98.0)]);
+        assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+        assert!(text.contains(" 64000 patch vq") && text.contains("71.7"), "{text}");
+    }
+}

@@ -1,0 +1,128 @@
+use std::ops::ControlFlow;
+
+use super::*;
+use crate::data::Split;
+use crate::motion::N_FEATURES;
+use crate::progress::Step;
+use crate::spec::QuantizerSpec;
+use crate::tokenizer::testing::{Waves, patch_spec, small_spec, spec_of};
+
+/// Patches know where joints stand among the features, convolutions do not.
+fn source_of(spec: &TokenizerSpec) -> Waves {
+    let n_features = if spec.architecture.has_relative_heights() { N_FEATURES } else { 9 };
+    Waves::new(&[40, 24, 32, 16], n_features)
+}
+
+fn quantizers() -> [QuantizerSpec; 2] {
+    [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 64 }]
+}
+
+/// Every architecture with every quantizer.
+fn specs(steps: usize) -> impl Iterator<Item = TokenizerSpec> {
+    let convolutional = quantizers().map(|quantizer| spec_of(quantizer, steps));
+    convolutional.into_iter().chain(quantizers().map(move |quantizer| patch_spec(quantizer, steps)))
+}
+
+fn losses(spec: &TokenizerSpec) -> (Tokenizer, Vec<f64>) {
+    let mut losses = Vec::new();
+    let source = source_of(spec);
+    let mut progress = |done: Step| {
+        losses.push(done.loss);
+        ControlFlow::Continue(())
+    };
+    let tokenizer = train(spec, &source, &Device::flex(), None, &mut progress).unwrap();
+    (tokenizer, losses)
+}
+
+#[test]
+fn training_lowers_the_loss_with_either_quantizer() {
+    let convolutional =
+        [QuantizerSpec::Fsq { levels: vec![5, 5] }, QuantizerSpec::Vq { n_vocab: 16 }];
+    let convolutional = convolutional.map(|quantizer| (spec_of(quantizer, 80), 0.7));
+    // Patches begin near what they can reach.
+    let patches = quantizers().map(|quantizer| (patch_spec(quantizer, 80), 0.95));
+    for (spec, share) in convolutional.into_iter().chain(patches) {
+        let (_, losses) = losses(&spec);
+        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+        let (first, last) = (mean(&losses[..10]), mean(&losses[70..]));
+        assert!(last < share * first, "{first} to {last}: {spec:?}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_and_another_seed_others() {
+    for spec in specs(6) {
+        let bits = |spec: &TokenizerSpec| {
+            let folder = tempfile::tempdir().unwrap();
+            losses(spec).0.save(folder.path()).unwrap();
+            std::fs::read(folder.path().join("weights.safetensors")).unwrap()
+        };
+        let mut other = spec.clone();
+        other.training.seed = 1;
+        assert_eq!(bits(&spec), bits(&spec));
+        assert_ne!(bits(&spec), bits(&other));
+    }
+}
+
+#[test]
+fn training_stops_when_it_is_told_to() {
+    let source = Waves::new(&[40], 3);
+    let mut progress = |done: Step| match done.step {
+        2 => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let result = train(&small_spec(), &source, &Device::flex(), None, &mut progress);
+    assert!(matches!(result, Err(TokenizerError::Learn(LearnError::Stopped { step: 2, .. }))));
+}
+
+#[test]
+fn a_resumed_training_ends_on_the_same_bits() {
+    for spec in specs(9) {
+        let folder = tempfile::tempdir().unwrap();
+        let bits = |tokenizer: Tokenizer| {
+            tokenizer.save(folder.path()).unwrap();
+            std::fs::read(folder.path().join("weights.safetensors")).unwrap()
+        };
+        let straight = bits(losses(&spec).0);
+        let source = source_of(&spec);
+        let path = folder.path().join("checkpoint.safetensors");
+        let every = std::time::Duration::from_secs(3600);
+        let checkpoints = Some(&Checkpoints { path: &path, every, branch: None });
+        let mut seen = Vec::new();
+        for stop_at in [3, 4, 7] {
+            let mut progress = |Step { step, .. }| {
+                seen.push(step);
+                if step == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
+            let ended = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
+            assert!(matches!(ended, Err(TokenizerError::Learn(LearnError::Stopped { .. }))));
+        }
+        let mut progress = |_| ControlFlow::Continue(());
+        let resumed = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
+        assert_eq!(seen, [1, 2, 3, 4, 5, 6, 7], "no step is done twice");
+        assert!(bits(resumed.unwrap()) == straight, "{spec:?}");
+    }
+}
+
+#[test]
+fn a_damaged_checkpoint_is_an_error_that_names_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    std::fs::write(&path, b"not a checkpoint").unwrap();
+    let every = std::time::Duration::ZERO;
+    let checkpoints = Some(&Checkpoints { path: &path, every, branch: None });
+    let mut progress = |_| ControlFlow::Continue(());
+    let source = Waves::new(&[40], 3);
+    let ended = train(&small_spec(), &source, &Device::flex(), checkpoints, &mut progress);
+    let message = ended.err().unwrap().to_string();
+    assert!(message.contains("checkpoint.safetensors") && message.contains("remove it"));
+}
+
+#[test]
+fn features_that_are_not_finite_are_an_error() {
+    let mut source = Waves::new(&[40], 3);
+    source.spoiled = Some((Split::Train, 0));
+    let result =
+        train(&small_spec(), &source, &Device::flex(), None, &mut |_| ControlFlow::Continue(()));
+    assert!(matches!(result, Err(TokenizerError::Learn(LearnError::NonFinite { step: 1, .. }))));
+}
