@@ -1,5 +1,7 @@
 //! Reconstruction and codebook use of the tokenizers against V (ScaMo Fig. 6).
 
+use std::collections::BTreeMap;
+
 use crate::tokenizer::TokenizerMetrics;
 
 use super::axis::{Axis, Scale};
@@ -17,6 +19,8 @@ struct Metric {
     label: &'static str,
     scale: Scale,
     of: fn(&TokenizerMetrics) -> f64,
+    /// The same of k-means with as many codes, where it was measured.
+    of_k_means: fn(&TokenizerMetrics) -> Option<f64>,
 }
 
 const METRICS: [Metric; 4] = [
@@ -25,24 +29,28 @@ const METRICS: [Metric; 4] = [
         label: "L1 of normalised features",
         scale: Scale::Linear,
         of: |metrics| metrics.reconstruction_l1,
+        of_k_means: |_| None,
     },
     Metric {
         title: "Joint positions",
         label: "MPJPE (mm)",
         scale: Scale::Linear,
         of: |metrics| metrics.mpjpe_mm,
+        of_k_means: |metrics| metrics.k_means.map(|k_means| k_means.mpjpe_mm),
     },
     Metric {
         title: "Codes in use",
         label: "Utilisation (%)",
         scale: Scale::Linear,
         of: |metrics| 100.0 * metrics.utilisation,
+        of_k_means: |_| None,
     },
     Metric {
         title: "Effective codes",
         label: "Exponential entropy (codes)",
         scale: Scale::Log,
         of: |metrics| metrics.exponential_entropy,
+        of_k_means: |_| None,
     },
 ];
 
@@ -66,11 +74,14 @@ pub fn draw(sources: &Sources) -> Drawing {
     Ok(scene)
 }
 
-fn page(sources: &Sources, kinds: &[&str], looks: &[Look]) -> Page {
+fn page(sources: &Sources, kinds: &[String], looks: &[Look]) -> Page {
     let mut legend = Legend::default();
     legend.heading("Tokenizer");
     for (kind, look) in kinds.iter().zip(looks) {
-        legend.entry(look.sample(), kind.to_uppercase());
+        legend.entry(look.sample(), in_capitals(kind));
+    }
+    if sources.input.tokenizers.iter().any(|metrics| metrics.k_means.is_some()) {
+        legend.entry(Sample::Line(k_means()), "k-means");
     }
     legend.heading("Bound");
     legend.entry(Sample::Line(bound()), "all codes equal");
@@ -81,7 +92,8 @@ fn page(sources: &Sources, kinds: &[&str], looks: &[Look]) -> Page {
 
 impl Metric {
     fn plot(&self, tokenizers: &[TokenizerMetrics], vocabs: &[f64]) -> Result<Plot, String> {
-        let values = tokenizers.iter().map(self.of);
+        let k_means = tokenizers.iter().filter_map(self.of_k_means);
+        let values = tokenizers.iter().map(self.of).chain(k_means);
         let x = Axis::new("Vocabulary size V (codes)", Scale::Log, vocabs.iter().copied())?;
         let y = Axis::new(self.label, self.scale, values)?;
         let x = x.ticks_at(vocabs.iter().copied());
@@ -93,34 +105,49 @@ impl Metric {
         scene: &mut Scene,
         panel: &Panel,
         tokenizers: &[TokenizerMetrics],
-        (kinds, looks): (&[&str], &[Look]),
+        (kinds, looks): (&[String], &[Look]),
     ) {
         panel.backdrop(scene);
         if self.scale == Scale::Log {
             panel.curve(scene, (panel.x.value(0.0), panel.x.value(1.0)), |v| v, bound());
         }
+        let all: Vec<_> = tokenizers.iter().collect();
+        panel.line(scene, &means(&all, self.of_k_means), k_means());
         for (kind, look) in kinds.iter().zip(looks) {
-            let of_kind: Vec<_> = tokenizers.iter().filter(|t| t.kind == *kind).collect();
-            panel.line(scene, &self.means(&of_kind), look.stroke());
+            let of_kind: Vec<_> = tokenizers.iter().filter(|t| t.name() == *kind).collect();
+            panel.line(scene, &means(&of_kind, |metrics| Some((self.of)(metrics))), look.stroke());
             for metrics in of_kind {
                 let at = (metrics.n_vocab as f64, (self.of)(metrics));
                 panel.mark(scene, at, look.mark());
             }
         }
     }
+}
 
-    /// The mean at each V, by V.
-    fn means(&self, tokenizers: &[&TokenizerMetrics]) -> Vec<Point> {
-        let mut vocabs: Vec<_> = tokenizers.iter().map(|t| t.n_vocab).collect();
-        vocabs.sort_unstable();
-        vocabs.dedup();
-        let mean = |n_vocab| {
-            let values: Vec<f64> =
-                tokenizers.iter().filter(|t| t.n_vocab == n_vocab).map(|t| (self.of)(t)).collect();
-            (n_vocab as f64, values.iter().sum::<f64>() / values.len() as f64)
-        };
-        vocabs.into_iter().map(mean).collect()
+/// The mean at each V that has a value, by V.
+fn means(
+    tokenizers: &[&TokenizerMetrics],
+    of: impl Fn(&TokenizerMetrics) -> Option<f64>,
+) -> Vec<Point> {
+    let mut by_vocab: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    for (n_vocab, value) in tokenizers.iter().filter_map(|t| Some((t.n_vocab, of(t)?))) {
+        by_vocab.entry(n_vocab).or_default().push(value);
     }
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
+    by_vocab.into_iter().map(|(n_vocab, values)| (n_vocab as f64, mean(values))).collect()
+}
+
+/// `patch VQ`: quantizers are abbreviations.
+fn in_capitals(name: &str) -> String {
+    match name.rsplit_once(' ') {
+        Some((architecture, quantizer)) => format!("{architecture} {}", quantizer.to_uppercase()),
+        None => name.to_uppercase(),
+    }
+}
+
+/// What any tokenizer has to beat.
+fn k_means() -> Stroke {
+    Stroke::solid(MUTED, 1.6)
 }
 
 /// exp H = V: no code is met more often than another.
@@ -135,8 +162,8 @@ fn vocabs(tokenizers: &[TokenizerMetrics]) -> Vec<f64> {
     vocabs.into_iter().map(|n_vocab| n_vocab as f64).collect()
 }
 
-fn kinds(tokenizers: &[TokenizerMetrics]) -> Vec<&str> {
-    let mut kinds: Vec<_> = tokenizers.iter().map(|t| t.kind.as_str()).collect();
+fn kinds(tokenizers: &[TokenizerMetrics]) -> Vec<String> {
+    let mut kinds: Vec<_> = tokenizers.iter().map(TokenizerMetrics::name).collect();
     kinds.sort_unstable();
     kinds.dedup();
     kinds

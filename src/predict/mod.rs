@@ -4,6 +4,7 @@
 //! [`Prediction`].
 
 mod at_budget;
+mod codebook;
 mod error;
 mod flop_count;
 mod optimum;
@@ -14,11 +15,12 @@ mod text;
 mod types;
 mod warnings;
 
+pub use codebook::Codebook;
 pub use error::PredictError;
 pub use flop_count::{CountedBy, FlopCount, SixNd};
 pub use optimum::predict;
 pub use options::PredictOptions;
 pub use project::{Allocation, project};
-pub use shapes::{Codebook, Shape, default_ladder, scamo_codebooks};
+pub use shapes::{Shape, default_ladder};
 pub use text::text;
 pub use types::{Intervals, PredictedShape, Prediction, Raw};

@@ -1,7 +1,7 @@
 //! The prediction itself.
 
 use super::at_budget::{Vocabulary, fitted_at, sample_at, shape_for, width_for};
-use super::shapes::nearest;
+use super::codebook::Codebook;
 use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
@@ -11,7 +11,7 @@ use crate::laws::{Laws, around, interval95};
 /// The optimal configuration for `budget` FLOPs.
 ///
 /// The laws are read at C; the values, which rarely spend exactly C, are projected onto it
-/// ([`project()`]); the nearest shape and codebook of the options are chosen. Every interval goes
+/// ([`project()`]); the nearest shape of the options and the nearest codebook are chosen. Every interval goes
 /// through the same steps, replicate by replicate.
 ///
 /// # Errors
@@ -105,14 +105,13 @@ fn shape(
 ) -> Result<(f64, PredictedShape), PredictError> {
     let shape = shape_for(on_budget.params_nonvocab, options.shapes)?;
     let n_vocab = on_budget.params_vocab / shape.d_model as f64;
-    let codebook = nearest(options.codebooks, n_vocab, |codebook| codebook.n_vocab as f64)
-        .ok_or(PredictError::NothingToChoose("codebooks"))?;
+    let codebook = Codebook::near(n_vocab);
     let shape = PredictedShape {
         n_layer: shape.n_layer,
         n_head: shape.n_head,
         d_model: shape.d_model,
         n_vocab: codebook.n_vocab,
-        levels: codebook.levels.to_vec(),
+        levels: codebook.levels,
     };
     Ok((n_vocab, shape))
 }

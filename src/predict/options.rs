@@ -1,6 +1,6 @@
 //! What a prediction may choose from, and how it counts.
 
-use super::{Codebook, FlopCount, Shape, SixNd, default_ladder, scamo_codebooks};
+use super::{FlopCount, Shape, SixNd, default_ladder};
 
 /// The options of [`predict`](super::predict).
 #[derive(Clone, Copy)]
@@ -9,13 +9,11 @@ pub struct PredictOptions<'a> {
     pub flop_count: &'a dyn FlopCount,
     /// The shapes that can be built.
     pub shapes: &'a [Shape],
-    /// The vocabularies that can be built.
-    pub codebooks: &'a [Codebook],
 }
 
 impl Default for PredictOptions<'static> {
-    /// The rule `6nd`, the [`default_ladder`] and [`scamo_codebooks`].
+    /// The rule `6nd` and the [`default_ladder`].
     fn default() -> Self {
-        Self { flop_count: &SixNd, shapes: default_ladder(), codebooks: scamo_codebooks() }
+        Self { flop_count: &SixNd, shapes: default_ladder() }
     }
 }

@@ -1,4 +1,4 @@
-//! Buildable shapes and vocabularies.
+//! Buildable shapes.
 
 use std::sync::LazyLock;
 
@@ -25,33 +25,6 @@ impl Shape {
         let Self { n_layer, d_model: d, d_ff, .. } = self;
         n_layer * (4 * d * d + 3 * d * d_ff + 2 * d) + d
     }
-}
-
-/// A vocabulary and the FSQ levels that make it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Codebook {
-    /// V, the product of the levels.
-    pub n_vocab: u64,
-    pub levels: &'static [u32],
-}
-
-/// ScaMo's codebooks: Table 8, and [5, 3] and [8, 8] of its ablation.
-pub fn scamo_codebooks() -> &'static [Codebook] {
-    const fn codebook(n_vocab: u64, levels: &'static [u32]) -> Codebook {
-        Codebook { n_vocab, levels }
-    }
-    const CODEBOOKS: [Codebook; 9] = [
-        codebook(15, &[5, 3]),
-        codebook(64, &[8, 8]),
-        codebook(240, &[8, 6, 5]),
-        codebook(512, &[8, 8, 8]),
-        codebook(1000, &[8, 5, 5, 5]),
-        codebook(1920, &[8, 8, 6, 5]),
-        codebook(4375, &[7, 5, 5, 5, 5]),
-        codebook(15_360, &[8, 8, 8, 6, 5]),
-        codebook(64_000, &[8, 8, 8, 5, 5, 5]),
-    ];
-    &CODEBOOKS
 }
 
 /// Shapes from d = 16 to 16384 at the paper's usual proportion d = 64 L.
@@ -118,13 +91,5 @@ mod tests {
         }
         let grows = |pair: &[Shape]| pair[0].params_nonvocab() < pair[1].params_nonvocab();
         assert!(ladder.windows(2).all(grows));
-    }
-
-    #[test]
-    fn codebooks_are_the_products_of_their_levels() {
-        for codebook in scamo_codebooks() {
-            let product: u32 = codebook.levels.iter().product();
-            assert_eq!(u64::from(product), codebook.n_vocab);
-        }
     }
 }

@@ -40,6 +40,15 @@ pub struct TokenizerMetrics {
     pub k_means: Option<Baseline>,
 }
 
+impl TokenizerMetrics {
+    /// `patch vq`; `vq` where the architecture is not known.
+    pub fn name(&self) -> String {
+        let words: Vec<&str> =
+            self.architecture.iter().map(String::as_str).chain([&*self.kind]).collect();
+        words.join(" ")
+    }
+}
+
 /// How well k-means reconstructs the test split.
 ///
 /// Principal components of patches of four frames, weighted near what MPJPE counts, with joints at

@@ -1,5 +1,6 @@
 //! Tokenizers side by side, and what a study should say aloud of them.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::metrics::TokenizerMetrics;
@@ -26,12 +27,11 @@ pub fn table(tokenizers: &[TokenizerMetrics]) -> String {
         "entropy"
     );
     for t in tokenizers {
-        let name = format!("{} {}", t.architecture.as_deref().unwrap_or(""), t.kind);
         let _ = writeln!(
             out,
             "{:>6} {:<15.15} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8.1}",
             t.n_vocab,
-            name.trim(),
+            t.name(),
             millimetres(t.val_mpjpe_mm),
             millimetres(t.val_mpjpe_given_heading_mm),
             millimetres(Some(t.mpjpe_mm)),
@@ -72,22 +72,17 @@ fn beaten(tokenizers: &[TokenizerMetrics]) -> Option<String> {
 
 /// On vocabularies, of one kind of tokenizer, whose reconstruction is no better than a smaller one's.
 fn no_fall(tokenizers: &[TokenizerMetrics]) -> Option<String> {
-    let mut sorted: Vec<&TokenizerMetrics> = tokenizers.iter().collect();
-    sorted.sort_by_key(|t| (&t.architecture, &t.kind, t.n_vocab));
-    let error = |t: &TokenizerMetrics| t.mpjpe_given_heading_mm.unwrap_or(t.mpjpe_mm);
-    let rises = sorted.windows(2).filter_map(|pair| {
-        let [small, large] = [pair[0], pair[1]];
-        let alike = (&small.architecture, &small.kind) == (&large.architecture, &large.kind);
-        let rises = error(large) > error(small) + NOISE_MM && large.n_vocab > small.n_vocab;
-        (alike && rises).then(|| {
-            format!(
-                "{:.0} mm at V = {}, {:.0} at {}",
-                error(small),
-                small.n_vocab,
-                error(large),
-                large.n_vocab
-            )
-        })
+    let mut errors: BTreeMap<(String, usize), Vec<f64>> = BTreeMap::new();
+    for t in tokenizers {
+        let error = t.mpjpe_given_heading_mm.unwrap_or(t.mpjpe_mm);
+        errors.entry((t.name(), t.n_vocab)).or_default().push(error);
+    }
+    let mean = |errors: &Vec<f64>| errors.iter().sum::<f64>() / errors.len() as f64;
+    let means: Vec<_> = errors.iter().map(|((name, v), errors)| (name, v, mean(errors))).collect();
+    let rises = means.windows(2).filter_map(|pair| {
+        let [(name, small, before), (other, large, after)] = [pair[0], pair[1]];
+        let rises = name == other && after > before + NOISE_MM;
+        rises.then(|| format!("{before:.0} mm at V = {small}, {after:.0} at {large}"))
     });
     let rises: Vec<String> = rises.collect();
     (!rises.is_empty()).then(|| {

