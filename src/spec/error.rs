@@ -8,6 +8,14 @@ pub struct SpecError {
     pub problem: String,
 }
 
+/// A key of a section that will not do, and how to mend it; an empty field is the section itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeyProblem {
+    pub field: &'static str,
+    pub problem: &'static str,
+    pub help: Option<&'static str>,
+}
+
 /// An error unless a condition holds.
 pub(super) fn require(holds: bool, field: &'static str, problem: &str) -> Result<(), SpecError> {
     if holds { Ok(()) } else { Err(SpecError { field, problem: problem.to_string() }) }

@@ -17,7 +17,7 @@ mod tokenizer;
 mod tokenizer_training;
 
 pub use architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
-pub use error::SpecError;
+pub use error::{KeyProblem, SpecError};
 pub use generator::flops;
 pub use generator::{
     Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, ModelShape, ParamCounts, Pricing,

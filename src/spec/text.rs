@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::error::KeyProblem;
 use crate::units::number;
 
 /// How captions become vectors.
@@ -37,5 +38,30 @@ pub struct TextSpec {
 impl Default for TextSpec {
     fn default() -> Self {
         Self { encoder: TextEncoderKind::default(), path: None, dim: 64, max_tokens: 32 }
+    }
+}
+
+impl TextSpec {
+    /// What no encoder can use.
+    pub fn problems(&self) -> Vec<KeyProblem> {
+        let sizes = (self.max_tokens == 0 || self.dim == 0).then_some(KeyProblem {
+            field: "",
+            problem: "`dim` and `max_tokens` must be at least 1",
+            help: None,
+        });
+        let path = match (self.encoder, &self.path) {
+            (TextEncoderKind::File, None) => Some(KeyProblem {
+                field: "",
+                problem: "`encoder: file` needs a `path`",
+                help: Some("path: a file that experiments/embed_captions.py made"),
+            }),
+            (TextEncoderKind::HashedNgrams, Some(_)) => Some(KeyProblem {
+                field: "path",
+                problem: "`encoder: hashed-ngrams` reads no file",
+                help: Some("take `path` out, or set `encoder: file`"),
+            }),
+            (TextEncoderKind::File, Some(_)) | (TextEncoderKind::HashedNgrams, None) => None,
+        };
+        sizes.into_iter().chain(path).collect()
     }
 }

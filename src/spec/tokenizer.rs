@@ -6,7 +6,9 @@ use super::architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 use super::error::{SpecError, require};
 use super::grid::Grid;
 use super::quantizer::{QuantizerKind, QuantizerSpec};
-use super::tokenizer_training::{TokenizerKind, TokenizerSection, TokenizerTraining};
+use super::tokenizer_training::{
+    TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
+};
 
 /// A tokenizer, resolved: what is hashed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -42,7 +44,12 @@ impl TokenizerSection {
             TokenizerKind::Patch => TokenizerTraining::of_patches(),
             _ => TokenizerTraining::default(),
         };
-        let training = self.training_over(defaults);
+        let mut training = self.training_over(defaults);
+        if training.loss == TokenizerLoss::Features {
+            // Bodies are mixed for the loss of joints alone, unless somebody writes otherwise.
+            training.mix_body = self.mix_body.unwrap_or(0.0);
+            training.mix_arm = self.mix_arm.unwrap_or(0.0);
+        }
         TokenizerSpec { architecture: self.architecture(), quantizer, training }
     }
 
@@ -74,7 +81,28 @@ impl TokenizerSection {
         let both = short && self.quantizer.is_some();
         require(!both, "quantizer", "`kind: fsq` and `kind: vq` name one already")?;
         self.check_kind()?;
-        self.spec(QuantizerSpec::default()).check()
+        let spec = self.spec(QuantizerSpec::default());
+        self.check_use(&spec.training)?;
+        spec.check()
+    }
+
+    /// No key is written that nothing reads.
+    fn check_use(&self, training: &TokenizerTraining) -> Result<(), SpecError> {
+        let joints = training.loss == TokenizerLoss::Joints;
+        let step = training.schedule == TokenizerSchedule::Step;
+        let vq = self.quantizer_kind() == QuantizerKind::Vq;
+        let written = [
+            ("decay_at", self.decay_at, step, "belongs to `schedule: step`"),
+            ("position_weight", self.position_weight, !joints, "belongs to `loss: features`"),
+            ("feature_weight", self.feature_weight, joints, "belongs to `loss: joints`"),
+            ("velocity_weight", self.velocity_weight, joints, "belongs to `loss: joints`"),
+            ("commitment", self.commitment, vq, "belongs to VQ"),
+            ("reset_share", self.reset_share, vq, "belongs to VQ"),
+        ];
+        for (field, value, is_read, problem) in written {
+            require(is_read || value.is_none(), field, problem)?;
+        }
+        Ok(())
     }
 
     /// No key of one kind is written for the other.

@@ -141,8 +141,8 @@ keys! {
     window: usize = 64, 96, "number::optional_count";
     /// Windows a step: 32, for patches 24.
     batch: usize = 32, 24, "number::optional_count";
-    /// Training steps: 600, for patches 2500.
-    steps: usize = 600, 2500, "number::optional_count";
+    /// Training steps: 600, for patches 4000.
+    steps: usize = 600, 4000, "number::optional_count";
     /// Learning rate after the warm-up: 1e-3.
     lr: f64 = 1e-3, 1e-3, "number::optional_number";
     /// Steps over which the rate rises linearly: 50, for patches 100.

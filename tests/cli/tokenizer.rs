@@ -40,7 +40,12 @@ fn keys_of_the_other_kind_and_folders_without_tokenizers_are_refused() {
     refused("tokenizer={kind: patch, down: 2}", "is not of `kind: patch`");
     refused("tokenizer={latent: 8}", "belongs to `kind: patch`");
     refused("tokenizer={mix_arm: 0.5}", "belongs to `loss: joints`");
+    refused("tokenizer={kind: patch, decay_at: 0.5}", "belongs to `schedule: step`");
+    refused("tokenizer={kind: patch, position_weight: 1}", "belongs to `loss: features`");
+    refused("tokenizer={kind: fsq, commitment: 1}", "belongs to VQ");
     refused("tokenizer={kind: patch, frames: 3}", "must be 1, 2 or 4");
+    let features = "tokenizer={kind: patch, loss: features, quantizer: {kind: fsq}}";
+    place.isoflop(&["plan", "mini.yaml", "--set", features]).exits(0);
     let engine = ["tokenizer", "train", "mini.yaml", "--engine", "slurm"];
     place.isoflop(&engine).exits(2).says("use `isoflop run`");
     place.isoflop(&["tokenizer", "eval", "results/none"]).exits(2).says("does not exist");

@@ -7,9 +7,9 @@ mod train;
 
 use super::command::{CommandError, PLACEHOLDERS, TrainerCommand};
 use super::nearest::nearest;
-use crate::spec::{SpecError, TextEncoderKind};
+use crate::spec::{KeyProblem, SpecError};
 use crate::sweep::problem::Problem;
-use crate::sweep::sections::{Clips, DataSource, Sweep};
+use crate::sweep::sections::{DataSource, Sweep};
 
 /// All problems of a sweep whose types are right.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -49,47 +49,31 @@ fn name(sweep: &Sweep) -> Vec<Problem> {
 }
 
 fn data(sweep: &Sweep) -> Vec<Problem> {
-    let data = &sweep.data;
-    let mut problems = Vec::new();
-    if data.source == DataSource::HumanMl3d && data.path.is_none() {
-        problems.push(
-            Problem::value("data", "`source: humanml3d` needs a `path`")
-                .with_help("path: the folder that holds new_joint_vecs, texts and train.txt"),
-        );
-    }
-    if data.source == DataSource::None && sweep.trainer.is_none() {
+    let mut problems = of_section("data", sweep.data.problems());
+    if sweep.data.source == DataSource::None && sweep.trainer.is_none() {
         problems.push(
             Problem::value("data.source", "without motion the built-in trainer has nothing to do")
                 .with_help("name a `trainer`, or another source"),
         );
     }
-    if data.clips == Clips::Count(0) {
-        problems.push(Problem::value("data.clips", "no clip to train on"));
-    }
-    if data.val_clips == 0 || data.test_clips == 0 {
-        problems.push(Problem::value("data", "`val_clips` and `test_clips` must be at least 1"));
-    }
     problems
 }
 
 fn text(sweep: &Sweep) -> Vec<Problem> {
-    let text = &sweep.text;
-    let mut problems = Vec::new();
-    if text.max_tokens == 0 || text.dim == 0 {
-        problems.push(Problem::value("text", "`dim` and `max_tokens` must be at least 1"));
-    }
-    match (text.encoder, &text.path) {
-        (TextEncoderKind::File, None) => problems.push(
-            Problem::value("text", "`encoder: file` needs a `path`")
-                .with_help("path: a file that experiments/embed_captions.py made"),
-        ),
-        (TextEncoderKind::HashedNgrams, Some(_)) => problems.push(
-            Problem::value("text.path", "`encoder: hashed-ngrams` reads no file")
-                .with_help("take `path` out, or set `encoder: file`"),
-        ),
-        (TextEncoderKind::File, Some(_)) | (TextEncoderKind::HashedNgrams, None) => {}
-    }
-    problems
+    of_section("text", sweep.text.problems())
+}
+
+fn of_section(section: &str, problems: Vec<KeyProblem>) -> Vec<Problem> {
+    let problem = |KeyProblem { field, problem, help }| {
+        let path =
+            if field.is_empty() { section.to_string() } else { format!("{section}.{field}") };
+        let problem = Problem::value(path, problem);
+        match help {
+            Some(help) => problem.with_help(help),
+            None => problem,
+        }
+    };
+    problems.into_iter().map(problem).collect()
 }
 
 fn tokenizer(sweep: &Sweep) -> Vec<Problem> {

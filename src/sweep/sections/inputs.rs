@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::spec::KeyProblem;
 use crate::units::number;
 
 /// Where motion comes from.
@@ -74,5 +75,24 @@ impl Default for DataSection {
             val_clips: 128,
             test_clips: 512,
         }
+    }
+}
+
+impl DataSection {
+    /// What no source can use.
+    pub fn problems(&self) -> Vec<KeyProblem> {
+        let problem = |field, problem, help| KeyProblem { field, problem, help };
+        let mut problems = Vec::new();
+        if self.source == DataSource::HumanMl3d && self.path.is_none() {
+            let help = "path: the folder that holds new_joint_vecs, texts and train.txt";
+            problems.push(problem("", "`source: humanml3d` needs a `path`", Some(help)));
+        }
+        if self.clips == Clips::Count(0) {
+            problems.push(problem("clips", "no clip to train on", None));
+        }
+        if self.val_clips == 0 || self.test_clips == 0 {
+            problems.push(problem("", "`val_clips` and `test_clips` must be at least 1", None));
+        }
+        problems
     }
 }
