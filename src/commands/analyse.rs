@@ -42,8 +42,9 @@ fn analyse(
     let n_warned = output.warned().len();
     table::write(folder.root(), records)?;
     let laws = write_laws(sweep, folder, records, output)?;
-    let drawn = plot::draw(folder, records, laws.as_ref(), output)?;
-    remarks(&folder.all_metrics(|_| {})?).iter().for_each(|remark| output.warn(remark));
+    let tokenizers = plot::tokenizers(folder, output)?;
+    let drawn = plot::draw(folder, records, laws.as_ref(), &tokenizers, output)?;
+    remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
     let predictions = match &laws {
         Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,
         None => Vec::new(),

@@ -9,6 +9,7 @@ use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::record::{RunRecord, table};
+use isoflop::tokenizer::TokenizerMetrics;
 use serde_json::json;
 
 use super::exit::Exit;
@@ -24,10 +25,16 @@ pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     let records = table::read(folder.root())?;
     let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
-    let drawn = draw(&folder, &records, laws.as_ref(), output)?;
+    let tokenizers = tokenizers(&folder, output)?;
+    let drawn = draw(&folder, &records, laws.as_ref(), &tokenizers, output)?;
     let text: Vec<String> = drawn.paths.iter().map(|path| path.display().to_string()).collect();
     output.result(&json!({ "figures": drawn.paths }), &text.join("\n"))?;
     Ok(Exit::Done)
+}
+
+/// The metrics of every tokenizer in a folder; a damaged one is left out with a warning.
+pub fn tokenizers(folder: &ResultsFolder, output: &Output) -> Result<Vec<TokenizerMetrics>> {
+    Ok(folder.all_metrics(|problem| output.warn(&problem))?)
 }
 
 /// Draws into the sweep's `figures` folder; what cannot be drawn is a warning, and an older file
@@ -36,11 +43,11 @@ pub fn draw(
     folder: &ResultsFolder,
     records: &[RunRecord],
     laws: Option<&Laws>,
+    tokenizers: &[TokenizerMetrics],
     output: &Output,
 ) -> Result<Drawn> {
-    let tokenizers = folder.all_metrics(|problem| output.warn(&problem))?;
     let name = folder.name();
-    let input = FigureInput { title: &name, records, laws, tokenizers: &tokenizers };
+    let input = FigureInput { title: &name, records, laws, tokenizers };
     let figures = folder.file("figures");
     let drawn = figures::draw_all(&input, &figures)?;
     for LeftOut { name, reason } in &drawn.left_out {

@@ -10,6 +10,7 @@ use serde_json::json;
 
 use super::exit::Exit;
 use super::output::Output;
+use super::plot;
 use super::run::{RunArgs, run_only};
 
 #[derive(Args)]
@@ -40,30 +41,32 @@ pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
     }
 }
 
-/// Trains what is missing; then all of the folder's are compared.
+/// Trains what is missing; then all of the folder's are compared, if any is there.
 fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
     let kind = JobKind::of("tokenizer").expect("a kind of job");
-    run_only(args, kind, output, |folder| compare(std::slice::from_ref(folder), output))
+    run_only(args, kind, output, |folder| match plot::tokenizers(folder, output)? {
+        none if none.is_empty() => Ok(()),
+        tokenizers => compare(&tokenizers, output),
+    })
 }
 
 fn eval(args: &EvalArgs, output: &Output) -> Result<Exit> {
-    let folders: Vec<_> = args.results.iter().map(ResultsFolder::new).collect();
-    if let Some(folder) = folders.iter().find(|folder| !folder.root().is_dir()) {
-        bail!("{} does not exist; give a sweep's folder", folder.root().display());
-    }
-    compare(&folders, output)?;
-    Ok(Exit::Done)
-}
-
-fn compare(folders: &[ResultsFolder], output: &Output) -> Result<()> {
     let mut tokenizers: Vec<TokenizerMetrics> = Vec::new();
-    for folder in folders {
-        tokenizers.extend(folder.all_metrics(|problem| output.warn(&problem))?);
+    for folder in args.results.iter().map(ResultsFolder::new) {
+        if !folder.root().is_dir() {
+            bail!("{} does not exist; give a sweep's folder", folder.root().display());
+        }
+        tokenizers.extend(plot::tokenizers(&folder, output)?);
     }
     if tokenizers.is_empty() {
         bail!("no tokenizer is trained yet; `isoflop tokenizer train` trains those of a sweep");
     }
-    output.result(&json!({ "tokenizers": tokenizers }), &table(&tokenizers))?;
-    remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
+    compare(&tokenizers, output)?;
+    Ok(Exit::Done)
+}
+
+fn compare(tokenizers: &[TokenizerMetrics], output: &Output) -> Result<()> {
+    output.result(&json!({ "tokenizers": tokenizers }), &table(tokenizers))?;
+    remarks(tokenizers).iter().for_each(|remark| output.warn(remark));
     Ok(())
 }

@@ -64,6 +64,18 @@ pub fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
     ((u128::from(rng.next_u64()) * n as u128) >> 64) as usize
 }
 
+/// `k` of the numbers below `n`, each once, in the order drawn; all of them where there are fewer.
+pub fn distinct(n: usize, k: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
+    let mut numbers: Vec<usize> = (0..n).collect();
+    let k = k.min(n);
+    for i in 0..k {
+        let j = i + below(rng, n - i);
+        numbers.swap(i, j);
+    }
+    numbers.truncate(k);
+    numbers
+}
+
 /// Two independent standard normal values (Box and Muller).
 fn normal_pair(rng: &mut ChaCha8Rng) -> (f64, f64) {
     let radius = (-2.0 * (1.0 - unit(rng)).ln()).sqrt();

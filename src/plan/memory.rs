@@ -2,7 +2,7 @@
 
 use crate::data::DataFacts;
 use crate::motion::N_FEATURES;
-use crate::spec::{TextSpec, TokenizerSpec};
+use crate::spec::{BASELINE_CLIPS, MOST_PATCHES, TextSpec, TokenizerSpec};
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
 const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;
@@ -13,11 +13,8 @@ const FRAMES_ENCODED: f64 = 2048.0;
 /// What the runtime and the data's statistics take in a worker that reads motion.
 const MOTION_BASE_BYTES: f64 = 30e6;
 
-/// Patches that k-means and the architecture of patches begin from, and bytes of each: the features of
-/// four frames, twice.
-const PATCHES: f64 = 32768.0;
+/// Bytes of a patch that k-means or weights begin from: the features of four frames, twice.
 const BYTES_PER_PATCH: f64 = 2.0 * 4.0 * 4.0 * N_FEATURES as f64;
-const BASELINE_CLIPS: usize = 512;
 
 /// Peak bytes that training a tokenizer has to itself: its pool of clips, and for each frame of a
 /// step what the backward pass keeps of every channel; or, where that is more, what k-means takes that
@@ -32,7 +29,7 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
         let images = if mirrored { 2.0 } else { 1.0 };
         images * clips.min(train) as f64 * frames_per_clip * POOL_BYTES_PER_FRAME
     };
-    let patches = BYTES_PER_PATCH * PATCHES.min(data.train_frames() as f64);
+    let patches = BYTES_PER_PATCH * MOST_PATCHES.min(data.train_frames()) as f64;
     let training = &spec.training;
     let frames = (training.batch * training.window) as f64;
     let step = frames * spec.architecture.training_bytes_per_frame();

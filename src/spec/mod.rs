@@ -31,6 +31,6 @@ pub use quantizer::{QuantizerKind, QuantizerSpec, VocabularyError};
 pub use text::{TextEncoderKind, TextSpec};
 pub use tokenizer::TokenizerSpec;
 pub use tokenizer_training::{
-    QuantizerSection, TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection,
-    TokenizerTraining,
+    BASELINE_CLIPS, MOST_PATCHES, QuantizerSection, TokenizerKind, TokenizerLoss,
+    TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };

@@ -7,6 +7,12 @@ use super::error::{SpecError, require};
 use super::quantizer::QuantizerKind;
 use crate::units::number;
 
+/// Patches of training clips that weights or centres begin from, at most.
+pub const MOST_PATCHES: usize = 1 << 15;
+
+/// Clips that the centres of k-means are placed by, beside every tokenizer, and their mirror images.
+pub const BASELINE_CLIPS: usize = 512;
+
 /// Which tokenizer, as it is written in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]

@@ -25,12 +25,6 @@ pub trait Architecture {
 
     /// The half that turns latents into features.
     fn decoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyDecoder;
-
-    /// Frames of the patches of training clips that its weights begin from; `None` where they are
-    /// drawn.
-    fn patch_frames(&self) -> Option<usize> {
-        None
-    }
 }
 
 /// The architecture of a spec for frames of `n_features`.

@@ -5,17 +5,17 @@ use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::begin::{MOST_PATCHES, begun};
+use super::begin::begun;
 use super::codec::Tokenizer;
 use super::error::TokenizerError;
 use super::evaluate::{Score, scores};
 use super::metrics::Baseline;
 use super::pool::WindowPool;
 use crate::data::{MotionSource, Split};
-use crate::spec::{ArchitectureSpec, PatchSpec, QuantizerSpec, TokenizerSpec, TokenizerTraining};
-
-/// Clips that centres are placed by, and their mirror images.
-const CLIPS: usize = 512;
+use crate::spec::{
+    ArchitectureSpec, BASELINE_CLIPS, MOST_PATCHES, PatchSpec, QuantizerSpec, TokenizerSpec,
+    TokenizerTraining,
+};
 
 /// Codes are placed by so many patches each, or more.
 const PATCHES_PER_CODE: usize = 4;
@@ -33,7 +33,10 @@ pub fn k_means_baseline(
     let spec = TokenizerSpec {
         architecture: ArchitectureSpec::Patch(PatchSpec::default()),
         quantizer: QuantizerSpec::Vq { n_vocab },
-        training: TokenizerTraining { pool_clips: CLIPS, ..TokenizerTraining::of_patches() },
+        training: TokenizerTraining {
+            pool_clips: BASELINE_CLIPS,
+            ..TokenizerTraining::of_patches()
+        },
     };
     let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
     let n_features = source.stats().mean.len();

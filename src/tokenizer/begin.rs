@@ -4,13 +4,9 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::architecture;
 use super::module::TokenizerModule;
 use super::pool::WindowPool;
-use crate::spec::TokenizerSpec;
-
-/// Patches that weights begin from, at most.
-pub const MOST_PATCHES: usize = 1 << 15;
+use crate::spec::{MOST_PATCHES, TokenizerSpec};
 
 /// The stream of a seed from which weights are drawn.
 const WEIGHTS_STREAM: u64 = 0;
@@ -24,7 +20,8 @@ pub fn begun(
 ) -> TokenizerModule {
     let mut rng = stream(spec.training.seed, WEIGHTS_STREAM);
     let mut module = TokenizerModule::new(spec, n_features, &mut rng, device);
-    if let Some(frames) = architecture::of(&spec.architecture, n_features).patch_frames() {
+    if spec.architecture.begins_from_data() {
+        let frames = spec.architecture.frames_per_latent();
         let patches = pool.patches(frames, MOST_PATCHES);
         let shape = [patches.len() / (frames * n_features), frames * n_features];
         let plain = device.clone().inner();

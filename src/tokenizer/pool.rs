@@ -7,7 +7,7 @@ use super::error::TokenizerError;
 use super::normalise::Normaliser;
 use super::windows::Windows;
 use crate::data::{MotionSource, Split};
-use crate::learn::params::below;
+use crate::learn::params::{below, distinct};
 use crate::motion::mirror_features;
 use crate::progress::moved;
 use crate::spec::{TokenizerLoss, TokenizerSpec};
@@ -44,7 +44,7 @@ impl WindowPool {
     ) -> Result<Self, TokenizerError> {
         let by_frames = spec.training.loss == TokenizerLoss::Joints;
         let least = if by_frames { spec.grid().fewest_frames() } else { spec.training.window };
-        let chosen = choose(usable(source, least)?, spec.training.pool_clips, rng);
+        let chosen = choose(&usable(source, least)?, spec.training.pool_clips, rng);
         let normaliser = Normaliser::new(&spec.architecture, source.stats());
         let load = |&index: &usize| {
             let features = source.features(Split::Train, index)?;
@@ -142,15 +142,11 @@ fn usable(source: &dyn MotionSource, window: usize) -> Result<Vec<usize>, Tokeni
 }
 
 /// `n` of `indices` at most, in ascending order.
-fn choose(mut indices: Vec<usize>, n: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
-    let n = n.min(indices.len());
-    for i in 0..n {
-        let j = i + below(rng, indices.len() - i);
-        indices.swap(i, j);
-    }
-    indices.truncate(n);
-    indices.sort_unstable();
-    indices
+fn choose(indices: &[usize], n: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
+    let mut chosen: Vec<usize> =
+        distinct(indices.len(), n, rng).into_iter().map(|i| indices[i]).collect();
+    chosen.sort_unstable();
+    chosen
 }
 
 #[cfg(test)]
@@ -170,11 +166,11 @@ mod tests {
     #[test]
     fn a_pool_is_a_subset_without_repeats() {
         let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let mut chosen = choose((0..100).collect(), 40, &mut rng);
+        let mut chosen = choose(&Vec::from_iter(0..100), 40, &mut rng);
         assert_eq!(chosen.len(), 40);
         chosen.dedup();
         assert_eq!(chosen.len(), 40);
-        assert_eq!(choose(vec![3, 5], 10, &mut rng), [3, 5]);
+        assert_eq!(choose(&[3, 5], 10, &mut rng), [3, 5]);
     }
 
     #[test]

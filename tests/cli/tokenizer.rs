@@ -52,3 +52,10 @@ fn keys_of_the_other_kind_and_folders_without_tokenizers_are_refused() {
     fs::create_dir_all(place.path("results/empty")).expect("a writable folder");
     place.isoflop(&["tokenizer", "eval", "results/empty"]).exits(2).says("no tokenizer is trained");
 }
+
+#[test]
+fn a_sweep_whose_tokenizers_all_fail_says_so_and_is_no_usage_error() {
+    let place = Place::with("mini.yaml");
+    let words = ["tokenizer", "train", "mini.yaml", "--set", "tokenizer.lr=1e30"];
+    place.isoflop(&words).exits(1).says("failed [diverged]").says("lower tokenizer.lr");
+}

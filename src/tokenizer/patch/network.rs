@@ -62,10 +62,6 @@ impl Architecture for PatchConfig {
             frames,
         })
     }
-
-    fn patch_frames(&self) -> Option<usize> {
-        Some(self.sizes.frames)
-    }
 }
 
 /// Principal components of each patch, and what a network adds to them.

@@ -6,7 +6,7 @@ use burn::tensor::{Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
 use super::nearest::nearest;
-use crate::learn::params::below;
+use crate::learn::params::{below, distinct};
 use crate::progress::moved;
 
 /// Rounds after which the centres are taken.
@@ -18,8 +18,9 @@ pub fn k_means(latents_nc: &Tensor<2>, n_centres: usize, rng: &mut ChaCha8Rng) -
     let [n, c] = latents_nc.dims();
     let latents: Vec<f32> = latents_nc.clone().into_data().try_into_vec().expect("latents are f32");
     let latent = |i: usize| &latents[i * c..][..c];
+    let first = distinct(n, n_centres, rng);
     let mut centres: Vec<f32> =
-        distinct(n, n_centres, rng).into_iter().flat_map(latent).copied().collect();
+        first.iter().cycle().take(n_centres).flat_map(|i| latent(*i)).copied().collect();
     for _ in 0..ROUNDS {
         let data = TensorData::new(centres.clone(), [n_centres, c]);
         let ids = nearest(latents_nc, &Tensor::from_data(data, &latents_nc.device()));
@@ -42,16 +43,6 @@ pub fn k_means(latents_nc: &Tensor<2>, n_centres: usize, rng: &mut ChaCha8Rng) -
         moved();
     }
     centres
-}
-
-/// `k` of `n` indices, each once as long as they last.
-fn distinct(n: usize, k: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
-    let mut indices: Vec<usize> = (0..n).collect();
-    for i in 0..k.min(n) {
-        let j = i + below(rng, n - i);
-        indices.swap(i, j);
-    }
-    indices.into_iter().cycle().take(k).collect()
 }
 
 #[cfg(test)]
@@ -78,6 +69,7 @@ mod tests {
 
     #[test]
     fn more_centres_than_latents_repeat_them() {
-        assert_eq!(distinct(2, 5, &mut ChaCha8Rng::seed_from_u64(0)).len(), 5);
+        let latents = Tensor::from_data([[1.0], [2.0]], &Device::flex());
+        assert_eq!(k_means(&latents, 5, &mut ChaCha8Rng::seed_from_u64(0)).len(), 5);
     }
 }
