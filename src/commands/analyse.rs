@@ -14,6 +14,7 @@ use serde_json::json;
 
 use super::finished::{self, Finished};
 use super::output::Output;
+use super::validate::gathered;
 use super::{fit, plot, predict};
 
 /// Table, laws, figures, predictions: all from the records of finished runs.
@@ -29,7 +30,14 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
         Some(finished) => finished,
         None => analyse(&sweep, folder, &records, stamp, output)?,
     };
-    Ok(output.result(&finished.document, &finished.text)?)
+    let text = if output.full { &finished.full } else { &finished.text };
+    Ok(output.result(&finished.document, text)?)
+}
+
+/// The table alone.
+pub fn tabulate(folder: &ResultsFolder, output: &Output) -> Result<()> {
+    let records = gather(folder, output)?;
+    Ok(table::write(folder.root(), &records)?)
 }
 
 fn analyse(
@@ -56,8 +64,9 @@ fn analyse(
         "predictions": predictions,
         "figures": drawn.paths,
     });
-    let text = story(sweep, folder, records, laws.as_ref(), &predictions, &drawn);
-    Finished::write(folder, stamp, document, text, output.warned().split_off(n_warned))
+    let story = |full| story(sweep, folder, records, laws.as_ref(), &predictions, &drawn, full);
+    let texts = [story(false), story(true)];
+    Finished::write(folder, stamp, document, texts, output.warned().split_off(n_warned))
 }
 
 fn write_laws(
@@ -67,7 +76,8 @@ fn write_laws(
     output: &Output,
 ) -> Result<Option<Laws>> {
     match fit::fit_records(records, &fit::options(sweep)) {
-        Ok(laws) => {
+        Ok(mut laws) => {
+            laws.judgement.validations = gathered(folder, output);
             atomic::write_json(&folder.file("laws.json"), &laws)?;
             Ok(Some(laws))
         }
@@ -116,12 +126,10 @@ fn story(
     laws: Option<&Laws>,
     predictions: &[isoflop::predict::Prediction],
     drawn: &Drawn,
+    full: bool,
 ) -> String {
-    let mut parts = Vec::new();
-    if let Some(laws) = laws {
-        parts.push(isoflop::laws::summary(laws));
-    }
-    parts.extend(predictions.iter().map(isoflop::predict::text));
+    let mut parts: Vec<String> = Vec::new();
+    parts.extend(laws.map(|laws| fit::text(laws, predictions, full)));
     let root = folder.root().display();
     parts.push(format!(
         "{}: {} finished runs in {root}/runs.parquet\n{} figures in {root}/figures",
@@ -129,5 +137,5 @@ fn story(
         records.len(),
         drawn.paths.len() / 2
     ));
-    parts.join("\n\n")
+    parts.join("\n")
 }

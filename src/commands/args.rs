@@ -16,6 +16,9 @@ pub struct Common {
     /// Print results and errors only
     #[arg(short, long, global = true)]
     pub quiet: bool,
+    /// Print all there is to say of laws and predictions, in place of one screen
+    #[arg(long, global = true)]
+    pub full: bool,
     /// Log files that are opened and jobs that start and end; -vv adds each file written
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub verbose: u8,

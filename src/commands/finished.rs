@@ -24,7 +24,10 @@ pub struct Finished {
     /// Digest of each file, by its name in the folder.
     files: BTreeMap<String, String>,
     pub document: Value,
+    /// One screen.
     pub text: String,
+    /// Everything.
+    pub full: String,
     warnings: Vec<String>,
 }
 
@@ -34,11 +37,11 @@ impl Finished {
         folder: &ResultsFolder,
         stamp: String,
         document: Value,
-        text: String,
+        [text, full]: [String; 2],
         warnings: Vec<String>,
     ) -> Result<Self> {
         let files = digests(folder)?;
-        let finished = Self { stamp, files, document, text, warnings };
+        let finished = Self { stamp, files, document, text, full, warnings };
         let path = folder.file("finished.json");
         atomic::write_json(&path, &finished)
             .with_context(|| format!("writing {}", path.display()))?;

@@ -19,6 +19,7 @@ mod stale;
 mod status;
 mod status_text;
 mod tokenizer;
+mod validate;
 mod worker;
 
 use clap::{Parser, Subcommand};
@@ -52,6 +53,8 @@ enum Command {
     Plot(plot::PlotArgs),
     /// The optimal configuration for a budget
     Predict(predict::PredictArgs),
+    /// Test the laws: forecast a budget beyond the fit, train there, compare
+    Validate(validate::ValidateArgs),
     /// Train the tokenizers of a sweep, or compare several
     Tokenizer(tokenizer::TokenizerArgs),
     /// Write a sweep's results in another form
@@ -75,6 +78,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Fit(args) => fit::fit(&args, &output),
         Command::Plot(args) => plot::plot(&args, &output),
         Command::Predict(args) => predict::predict(&args, &output),
+        Command::Validate(args) => validate::validate(&args, &output),
         Command::Tokenizer(args) => tokenizer::tokenizer(&args, &output),
         Command::Export(args) => export::export(&args, &output),
         Command::Worker(args) => worker::worker(&args, &output),

@@ -12,6 +12,8 @@ use super::args::Common;
 pub struct Output {
     pub json: bool,
     pub quiet: bool,
+    /// Say everything, in place of one screen.
+    pub full: bool,
     warned: RefCell<Vec<String>>,
 }
 
@@ -32,7 +34,12 @@ impl Output {
             .without_time()
             .log_internal_errors(false)
             .try_init();
-        Self { json: common.json, quiet: common.quiet, warned: RefCell::default() }
+        Self {
+            json: common.json,
+            quiet: common.quiet,
+            full: common.full,
+            warned: RefCell::default(),
+        }
     }
 
     /// A result: the JSON document or the text for people, on standard output.

@@ -11,7 +11,6 @@ use isoflop::predict::{self, CountedBy, PredictError, PredictOptions, Prediction
 use isoflop::spec::Ffn;
 use isoflop::spec::ModelShape;
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
-use serde_json::Value;
 
 use super::args::budget;
 use super::exit::Exit;
@@ -28,23 +27,23 @@ pub struct PredictArgs {
 }
 
 pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
-    let laws = laws(&args.law)?;
+    let laws = match args.law.as_str() {
+        "scamo" => scamo(),
+        path => laws_of(Path::new(path))?,
+    };
     let predictions = args
         .budgets
         .iter()
         .map(|budget| predict_one(&laws, *budget))
         .collect::<Result<Vec<Prediction>, _>>()?;
-    let text: Vec<String> = predictions.iter().map(predict::text).collect();
-    output.result(&one_or_many(&predictions)?, &text.join("\n\n"))?;
+    let text: Vec<String> =
+        predictions.iter().map(|prediction| predict::said(prediction, output.full)).collect();
+    output.result(&serde_json::to_value(&predictions)?, &text.join("\n"))?;
     Ok(Exit::Done)
 }
 
-/// The built-in law, that of a sweep's folder, or that of a file.
-fn laws(name: &str) -> Result<Laws> {
-    if name == "scamo" {
-        return Ok(scamo());
-    }
-    let path = Path::new(name);
+/// The laws of a sweep's folder or of a file.
+pub fn laws_of(path: &Path) -> Result<Laws> {
     let path = if path.is_dir() { path.join("laws.json") } else { path.to_path_buf() };
     match read_if_there(&path)? {
         Some(laws) => Ok(laws),
@@ -106,14 +105,6 @@ fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
     y0 + (y1 - y0) * (x - x0) / (x1 - x0)
 }
 
-/// An object for one budget, an array for several.
-fn one_or_many(predictions: &[Prediction]) -> Result<Value> {
-    Ok(match predictions {
-        [one] => serde_json::to_value(one)?,
-        many => serde_json::to_value(many)?,
-    })
-}
-
 /// Predicts a sweep's own budgets into `prediction.json`; one that cannot be made is a warning.
 pub fn write(
     folder: &ResultsFolder,
@@ -129,7 +120,7 @@ pub fn write(
         }
     }
     let path = folder.file("prediction.json");
-    atomic::write_json(&path, &one_or_many(&predictions)?)
+    atomic::write_json(&path, &predictions)
         .with_context(|| format!("writing {}", path.display()))?;
     Ok(predictions)
 }

@@ -148,14 +148,16 @@ fn tokenizer(kind: &str, n_vocab: usize, noise: &mut Noise) -> TokenizerMetrics 
         levels: None,
         reconstruction_l1: l1 + 0.0005 * noise.next(),
         mpjpe_mm: 620.0 * l1 + noise.next(),
-        mpjpe_given_heading_mm: None,
+        mpjpe_heading_mm: None,
         val_mpjpe_mm: None,
-        val_mpjpe_given_heading_mm: None,
+        val_mpjpe_heading_mm: None,
         utilisation,
         exponential_entropy: (v * utilisation).powf(even),
         parameters: 1_200_000,
         train_steps: 4000,
         wall_s: 61.0,
+        frames_per_code: Some(4),
+        seed: Some(0),
         k_means: None,
     }
 }

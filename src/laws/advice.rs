@@ -43,10 +43,15 @@ fn mend(grid: &Grid, minimum: &Minimum, spacing: &Spacing) -> Vec<Advice> {
     let advice = |flag: &MinimumFlag| match flag {
         MinimumFlag::FewLevels => few_levels(grid, minimum.method, spacing),
         MinimumFlag::NotBracketed if !few => Some(beyond_sizes(grid, spacing)),
-        MinimumFlag::VocabEdge => Some(beyond_vocabularies(grid, spacing)),
+        MinimumFlag::VocabNotBracketed => Some(beyond_vocabularies(grid, spacing)),
         MinimumFlag::WeakCurvature => Some(more_seeds(grid, "is flat within its noise")),
         MinimumFlag::NotConvex => Some(more_seeds(grid, "has no minimum, which noise may explain")),
-        MinimumFlag::NotBracketed => None,
+        MinimumFlag::Gap => between_sizes(grid, minimum),
+        MinimumFlag::EdgeVocab if !flags.contains(&MinimumFlag::VocabNotBracketed) => {
+            Some(beyond_vocabularies(grid, spacing))
+        }
+        MinimumFlag::EdgeVocab | MinimumFlag::LackOfFit => None,
+        MinimumFlag::NotBracketed | MinimumFlag::DepthChange => None,
     };
     flags.iter().filter_map(advice).collect()
 }
@@ -64,6 +69,25 @@ fn beyond_sizes(grid: &Grid, spacing: &Spacing) -> Advice {
         ..Advice::at(AdviceKind::AddSizes, grid.budget_flops)
     }
     .costed(grid.runs_per_cell())
+}
+
+/// A size in the middle of the gap that a minimum lies in.
+fn between_sizes(grid: &Grid, minimum: &Minimum) -> Option<Advice> {
+    let sizes = grid.size_levels();
+    let above = sizes.partition_point(|n| *n <= minimum.params_nonvocab);
+    let (left, right) = (sizes.get(above.checked_sub(1)?)?, sizes.get(above)?);
+    let advice = Advice {
+        params_nonvocab: vec![(left * right).sqrt()],
+        n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
+        why: format!(
+            "the minimum lies between {} and {}, a factor {:.1} apart",
+            count(*left),
+            count(*right),
+            right / left
+        ),
+        ..Advice::at(AdviceKind::AddSizes, grid.budget_flops)
+    };
+    Some(advice.costed(grid.runs_per_cell()))
 }
 
 fn few_levels(grid: &Grid, method: MinimumMethod, spacing: &Spacing) -> Option<Advice> {

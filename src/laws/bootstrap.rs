@@ -15,6 +15,11 @@
 //! they should; basic intervals cover too little, and noise around a smooth surface instead of the
 //! means brings in that surface's misfit.
 //!
+//! Three things move a replicate beside the runs' own noise. Tokenizers: all runs with a vocabulary move
+//! together, by the scatter between its tokenizers. Misfit: where runs lie further from the curves
+//! than they scatter, they are moved by as much more. The method: laws go through the minima of each
+//! kind of curve in turn. Each can be asked for alone ([`Sources`]).
+//!
 //! A budget whose replicate has no minimum inside the grid is left out of that replicate's laws, as
 //! the fit itself would leave it out, unless flagged minima are kept; then it counts with its best
 //! run, as in the fit.
@@ -26,11 +31,14 @@ use super::law_set::{Columns, law_set};
 use super::minima::{self, Grid};
 use super::random::Normals;
 use super::split::Split;
-use super::{FitOptions, FloorSample, LawSample, Minimum, RunNoise, floor_law};
+use super::{
+    FitOptions, FloorSample, LawSample, Minimum, NoiseSource, RunNoise, TokenizerNoise, floor_law,
+};
 use crate::sweep::MinimumMethod;
 use rayon::prelude::*;
 
 /// What the replicates are made of.
+#[derive(Clone)]
 pub(super) struct Bootstrap<'a> {
     pub split: &'a Split,
     /// The kinds of minimum to find in each replicate.
@@ -42,7 +50,27 @@ pub(super) struct Bootstrap<'a> {
     /// C0.
     pub reference: f64,
     pub noise: RunNoise,
+    pub tokenizers: Option<&'a TokenizerNoise>,
+    /// How many times the variance of the runs their distance from the curves is; at least 1.
+    pub misfit: f64,
+    /// The kinds of minimum that laws may go through, as indices into `methods`.
+    pub admissible: Vec<usize>,
+    pub sources: Sources,
     pub options: &'a FitOptions,
+}
+
+/// What an interval holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Sources {
+    pub runs: bool,
+    pub tokenizers: bool,
+    pub misfit: bool,
+    pub method: bool,
+}
+
+impl Sources {
+    pub const ALL: Self = Self { runs: true, tokenizers: true, misfit: true, method: true };
+    pub const NONE: Self = Self { runs: false, tokenizers: false, misfit: false, method: false };
 }
 
 /// What one replicate gave.
@@ -70,16 +98,24 @@ impl Bootstrap<'_> {
     fn replicate(&self, stream: u64) -> Replicate {
         let mut normals = Normals::of_stream(self.options.seed, stream);
         let dof = self.noise.dof;
-        let sd = self.noise.sd * (dof as f64 / normals.chi_square(dof)).sqrt();
+        let drawn_sd = (dof as f64 / normals.chi_square(dof)).sqrt();
+        let shifts = self.vocabulary_shifts(&mut normals);
         let grids = self.split.fitted.iter().chain(&self.split.held_out);
-        let drawn: Vec<Grid> = grids.map(|grid| noisy(grid, sd, &mut normals)).collect();
+        let noisy = |grid: &Grid| {
+            let sd = drawn_sd * self.sd_of_runs(grid);
+            grid.with_losses(|cell| {
+                let shift = shifts.iter().find(|(v, _)| *v == cell.n_vocab).map_or(0.0, |s| s.1);
+                cell.loss + shift + sd / cell.runs.sqrt() * normals.next()
+            })
+        };
+        let drawn: Vec<Grid> = grids.map(noisy).collect();
         let minima: Vec<Minimum> = self
             .methods
             .iter()
             .flat_map(|method| drawn.iter().map(|grid| minima::of_grid(*method, grid)))
             .collect();
         Replicate {
-            laws: self.laws(&minima, drawn.len()),
+            laws: self.laws(&minima, drawn.len(), self.method_of(stream)),
             minima: minima
                 .iter()
                 .map(|m| [m.params_nonvocab, m.params_vocab, m.loss_normalised])
@@ -87,9 +123,40 @@ impl Bootstrap<'_> {
         }
     }
 
-    /// The laws through the minima of the laws' method and of the budgets used.
-    fn laws(&self, minima: &[Minimum], n_grids: usize) -> Option<ReplicateLaws> {
-        let own = self.methods.iter().position(|method| *method == self.method)?;
+    /// Which kind of minimum a replicate's laws go through.
+    fn method_of(&self, stream: u64) -> Option<usize> {
+        match self.sources.method {
+            true => self.admissible.get(stream as usize % self.admissible.len().max(1)).copied(),
+            false => self.methods.iter().position(|method| *method == self.method),
+        }
+    }
+
+    /// The standard deviation that a single run of a budget is moved by.
+    fn sd_of_runs(&self, grid: &Grid) -> f64 {
+        let Sources { runs, misfit, .. } = self.sources;
+        let variance =
+            f64::from(u8::from(runs)) + f64::from(u8::from(misfit)) * (self.misfit - 1.0);
+        variance.sqrt() * of_budget(grid, self.noise)
+    }
+
+    /// V, and what all its runs are moved by.
+    fn vocabulary_shifts(&self, normals: &mut Normals) -> Vec<(f64, f64)> {
+        let Some(noise) = self.tokenizers.filter(|_| self.sources.tokenizers) else {
+            return Vec::new();
+        };
+        let scale = (noise.dof as f64 / normals.chi_square(noise.dof)).sqrt();
+        let shift = |(v, _): &(f64, usize)| (*v, scale * noise.of_mean(*v) * normals.next());
+        noise.tokenizers.iter().map(shift).collect()
+    }
+
+    /// The laws through the minima of one method and of the budgets used.
+    fn laws(
+        &self,
+        minima: &[Minimum],
+        n_grids: usize,
+        method: Option<usize>,
+    ) -> Option<ReplicateLaws> {
+        let own = method?;
         let fitted = &minima[own * n_grids..][..self.split.fitted.len()];
         let is_used = |m: &&Minimum| {
             let used = self.used.iter().any(|used| used.budget_flops == m.budget_flops);
@@ -106,6 +173,16 @@ impl Bootstrap<'_> {
     }
 }
 
-fn noisy(grid: &Grid, sd: f64, normals: &mut Normals) -> Grid {
-    grid.with_losses(|cell| cell.loss + sd / cell.runs.sqrt() * normals.next())
+/// Degrees of freedom that the scatter over all budgets counts as, beside a budget's own.
+const POOLED_DOF: f64 = 5.0;
+
+/// The scatter of one budget's runs: its own seeds', drawn towards that of all budgets where there are
+/// few.
+fn of_budget(grid: &Grid, pooled: RunNoise) -> f64 {
+    if pooled.source != NoiseSource::Seeds {
+        return pooled.sd;
+    }
+    let dof: usize = grid.cells.iter().map(|cell| cell.dof).sum();
+    let spread: f64 = grid.cells.iter().map(|cell| cell.spread).sum();
+    ((spread + POOLED_DOF * pooled.sd.powi(2)) / (dof as f64 + POOLED_DOF)).sqrt()
 }

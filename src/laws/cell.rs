@@ -2,6 +2,7 @@
 
 use super::IsoFlopPoint;
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
 /// A model and a vocabulary at one budget, averaged over its runs by their weights.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,10 +19,14 @@ pub(super) struct Cell {
     /// How many runs of equal weight the mean is worth, (Σw)²/Σw²: with runs of standard deviation
     /// σ that of `loss` is σ/√`runs`.
     pub runs: f64,
-    /// Sum of the runs' squared distances from their plain mean.
+    /// Sum of the runs' squared distances from the plain mean of those with the same tokenizer.
     pub spread: f64,
-    /// Runs less one: the degrees of freedom of `spread`.
+    /// Runs less tokenizers: the degrees of freedom of `spread`.
     pub dof: usize,
+    /// Blocks of the model, where they are known.
+    pub n_layer: Option<usize>,
+    /// Distinct tokens of the training split, where they are known.
+    pub unique_tokens: Option<f64>,
 }
 
 impl Cell {
@@ -48,6 +53,8 @@ pub(super) struct Size {
     pub best: Cell,
     /// ln N_v of the optimum, between the vocabularies tried; −∞ where N_v is 0.
     pub ln_vocab: f64,
+    /// The best vocabulary is the smallest or the largest of several tried.
+    pub at_edge: bool,
 }
 
 /// The cells of one budget, by N_nv and then N_v.
@@ -73,6 +80,7 @@ fn mean(runs: &[&IsoFlopPoint]) -> Cell {
     let over = |value: fn(&IsoFlopPoint) -> f64| {
         runs.iter().map(|run| run.weight * value(run)).sum::<f64>() / total
     };
+    let (spread, dof) = spread(runs);
     Cell {
         params_nonvocab: runs[0].params_nonvocab,
         params_vocab: runs[0].params_vocab,
@@ -81,14 +89,25 @@ fn mean(runs: &[&IsoFlopPoint]) -> Cell {
         flops: over(|run| run.flops.ln()).exp(),
         loss: over(|run| run.loss),
         runs: total.powi(2) / squares,
-        spread: spread(runs),
-        dof: runs.len() - 1,
+        spread,
+        dof,
+        n_layer: runs[0].about.n_layer,
+        unique_tokens: runs[0].about.unique_tokens,
     }
 }
 
-fn spread(runs: &[&IsoFlopPoint]) -> f64 {
-    let mean = runs.iter().map(|run| run.loss).sum::<f64>() / runs.len() as f64;
-    runs.iter().map(|run| (run.loss - mean).powi(2)).sum()
+/// The runs' squared distances from the mean of those with the same tokenizer, and how many of them
+/// are free.
+fn spread(runs: &[&IsoFlopPoint]) -> (f64, usize) {
+    let mut of_tokenizers: BTreeMap<Option<&str>, Vec<f64>> = BTreeMap::new();
+    for run in runs {
+        of_tokenizers.entry(run.about.tokenizer.as_deref()).or_default().push(run.loss);
+    }
+    let squares = |losses: &Vec<f64>| {
+        let mean = losses.iter().sum::<f64>() / losses.len() as f64;
+        losses.iter().map(|loss| (loss - mean).powi(2)).sum::<f64>()
+    };
+    (of_tokenizers.values().map(squares).sum(), runs.len() - of_tokenizers.len())
 }
 
 /// The sizes of a grid, ascending in N_nv, from its [`cells`].
@@ -98,7 +117,8 @@ pub(super) fn sizes(cells: &[Cell]) -> Vec<Size> {
 
 fn size(cells: &[Cell]) -> Size {
     let best = best_index(cells);
-    Size { best: cells[best].clone(), ln_vocab: vocabulary_optimum(cells, best) }
+    let at_edge = cells.len() > 1 && (best == 0 || best + 1 == cells.len());
+    Size { best: cells[best].clone(), ln_vocab: vocabulary_optimum(cells, best), at_edge }
 }
 
 /// The cell of the lowest loss; the first of equals, which is the smallest.

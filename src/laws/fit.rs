@@ -1,18 +1,24 @@
 //! The whole fit: points in, [`Laws`] out.
 
 use super::advice::advise;
-use super::bootstrap::{Bootstrap, Replicate};
+use super::bootstrap::{Bootstrap, Replicate, Sources};
 use super::budget::group_checked;
+use super::joint::Moves;
+use super::judgement::interval_parts;
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
+use super::minima::{Grid, MISFIT, lack_of_fit};
 use super::noise::run_noise;
+use super::ranking::Rows;
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
+use super::tokenizer_noise::tokenizer_noise;
 use super::validation::validate;
 use super::{
-    FitError, FitOptions, FloorLaw, HeldOut, IsoFlopPoint, LawKind, LawSample, Laws, LogLaw,
-    LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise, check, floor_law, intervals,
-    law_set, sensitivity, warnings,
+    FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint, Judgement,
+    LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise,
+    Score, TokenizerNoise, Tried, check, floor_law, intervals, judgement, law_set, sensitivity,
+    warnings,
 };
 use crate::sweep::MinimumMethod;
 
@@ -29,6 +35,17 @@ use crate::sweep::MinimumMethod;
 /// minima are unflagged, a fit with [`FitOptions::keep_flagged`] still gives laws, for a caller who
 /// prefers doubtful ones to none.
 pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitError> {
+    let mut laws = fit_without(points, options)?;
+    if options.recommend && laws.held_out.is_some() {
+        let law_method = Some(laws.minima_method);
+        let of_all = FitOptions { hold_out: HoldOut::None, law_method, ..options.clone() };
+        laws.refit = fit_without(points, &of_all).ok().map(Box::new);
+    }
+    Ok(laws)
+}
+
+/// The laws without the held-out budget.
+fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitError> {
     options.check()?;
     if points.is_empty() {
         return Err(FitError::NoPoints);
@@ -41,17 +58,21 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     let (held_out, hold_out_warning) = hold_out(&budgets, options.hold_out)?;
     let split = Split::new(&budgets, held_out);
     let (options, fewer) = &affordable(options, &split);
-    let per_method = split.minima_by_method(options);
+    let noise = run_noise(&split.fitted);
+    let per_method = split.minima_by_method(options, noise);
     let (method, method_warning) = law_method(&per_method, options);
     let used = used_minima(&per_method, method, options)?;
 
-    let replicas = replicas(&used, &split, &per_method, method, options);
+    let tokenizers = tokenizer_noise(&budgets);
+    let scatter = Scatter { noise, tokenizers: tokenizers.as_ref() };
+    let replicas = replicas(&used, &split, &per_method, method, scatter, options);
     let mut laws = laws_through(&used, &split, method, &replicas, options)?;
     laws.metric = metric;
-    laws.minima = with_held_out(&per_method, &split, &replicas.replicates);
+    laws.minima = with_held_out(&per_method, &split, &replicas);
     laws.sensitivity = sensitivity::by_method(&per_method, method, &split, options);
     laws.validation = validate(&used, laws.held_out.as_ref(), &split, options);
     laws.advice = advise(&laws, &split);
+    laws.judgement = judge(&laws, &split, &per_method, replicas.parts, scatter, options);
     let all = minima_of(&per_method, method);
     let first = [check::repeats(points), hold_out_warning, method_warning, fewer.clone()];
     let first = first.into_iter().flatten();
@@ -77,10 +98,64 @@ fn affordable(options: &FitOptions, split: &Split) -> (FitOptions, Option<String
     (FitOptions { bootstrap, ..options.clone() }, fewer)
 }
 
+/// How runs and tokenizers scatter.
+#[derive(Clone, Copy)]
+struct Scatter<'a> {
+    noise: Option<RunNoise>,
+    tokenizers: Option<&'a TokenizerNoise>,
+}
+
 /// The noise of the runs, and the bootstrap that it drives.
 struct Replicas {
     noise: Option<RunNoise>,
     replicates: Vec<Replicate>,
+    parts: Vec<IntervalPart>,
+}
+
+/// Which law to believe, and how far.
+fn judge(
+    laws: &Laws,
+    split: &Split,
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    interval_parts: Vec<IntervalPart>,
+    scatter: Scatter,
+    options: &FitOptions,
+) -> Judgement {
+    let methods = per_method.iter().map(|(method, _)| *method);
+    let misfit = |method| lack_of_fit(method, &split.fitted, scatter.noise?);
+    let own = Judgement {
+        lack_of_fit: methods.filter_map(misfit).collect(),
+        tokenizer_noise: scatter.tokenizers.cloned(),
+        interval_parts,
+        tried: Some(Tried::of(&split.fitted)),
+        ..Judgement::default()
+    };
+    if !options.recommend {
+        return own;
+    }
+    let (grids, minima) = measured(laws, split, options);
+    let rows = Rows { grids: &grids, minima: &minima, noise: scatter.noise, options };
+    let recommended = judgement::rank(&rows, laws.minima_method);
+    let best = recommended.scores.first();
+    let moves = Moves { noise: scatter.noise, tokenizers: scatter.tokenizers, seed: options.seed };
+    Judgement {
+        forecast_error: best.and_then(Score::forecast_error),
+        joint: judgement::joint(&split.fitted, recommended.law, &moves, options),
+        recommended: Some(recommended),
+        ..own
+    }
+}
+
+/// Every budget's grid, ascending, with its minimum by the laws' method where that may be used.
+fn measured(laws: &Laws, split: &Split, options: &FitOptions) -> (Vec<Grid>, Vec<Option<Minimum>>) {
+    let mut grids: Vec<Grid> = split.fitted.iter().chain(&split.held_out).cloned().collect();
+    grids.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
+    let own: Vec<Minimum> =
+        laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
+    let usable = usable(&own, options);
+    let of = |grid: &Grid| usable.iter().find(|m| m.budget_flops == grid.budget_flops).cloned();
+    let minima = grids.iter().map(of).collect();
+    (grids, minima)
 }
 
 fn replicas(
@@ -88,16 +163,57 @@ fn replicas(
     split: &Split,
     per_method: &[(MinimumMethod, Vec<Minimum>)],
     method: MinimumMethod,
+    Scatter { noise, tokenizers }: Scatter,
     options: &FitOptions,
 ) -> Replicas {
-    let noise = run_noise(&split.fitted);
     let methods: Vec<MinimumMethod> = per_method.iter().map(|(method, _)| *method).collect();
     let reference = geometric_mean(&Columns::new(used, &split.fitted, options).compute);
     let known = noise.filter(|noise| !noise.is_rounding(&split.fitted));
-    let bootstrap = |noise| {
-        Bootstrap { split, methods: &methods, method, used, reference, noise, options }.replicates()
+    let bootstrap = |noise| Bootstrap {
+        split,
+        methods: &methods,
+        method,
+        used,
+        reference,
+        noise,
+        tokenizers,
+        misfit: misfit(method, split, noise),
+        admissible: admissible(per_method, method, used, options),
+        sources: Sources::ALL,
+        options,
     };
-    Replicas { noise, replicates: known.map(bootstrap).unwrap_or_default() }
+    let bootstrap = known.map(bootstrap);
+    let replicates = bootstrap.as_ref().map(Bootstrap::replicates).unwrap_or_default();
+    let parts = bootstrap.filter(|_| options.recommend && options.bootstrap > 0);
+    let parts = parts.as_ref().map(interval_parts).unwrap_or_default();
+    Replicas { noise, replicates, parts }
+}
+
+/// How many times the variance of the runs their squared distance from the curves is, where the curves
+/// misfit; else 1.
+fn misfit(method: MinimumMethod, split: &Split, noise: RunNoise) -> f64 {
+    let lack = lack_of_fit(method, &split.fitted, noise);
+    let lack = lack.filter(|lack| lack.p < MISFIT);
+    lack.map_or(1.0, |lack| (lack.chi2 / lack.dof as f64).max(1.0))
+}
+
+/// The curves whose minima may all be used where those of the laws' method are; that method alone
+/// where it is the best run.
+fn admissible(
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    own: MinimumMethod,
+    used: &[Minimum],
+    options: &FitOptions,
+) -> Vec<usize> {
+    let fits = |minima: &[Minimum]| {
+        let same = |m: &Minimum| minima.iter().find(|o| o.budget_flops == m.budget_flops);
+        used.iter().all(|m| same(m).is_some_and(|m| m.is_usable() || options.keep_flagged))
+    };
+    let is_curve = |method| method != MinimumMethod::Argmin && own != MinimumMethod::Argmin;
+    let all = per_method.iter().enumerate();
+    all.filter(|(_, (method, minima))| *method == own || (is_curve(*method) && fits(minima)))
+        .map(|(i, _)| i)
+        .collect()
 }
 
 /// The minima of one method.
@@ -145,7 +261,7 @@ fn laws_through(
     let floor = floor_law(&columns.compute, &columns.loss, reference);
     let samples: Vec<LawSample> = replicates.iter().map(|replicate| replicate.sample).collect();
     let floor = floor.map(|law| intervals::of_floor(law, &samples));
-    let held_out = split.held_out_minimum(method);
+    let held_out = split.held_out_minimum(method, replicas.noise);
 
     let mut warnings: Vec<String> = warnings::of_held_out(held_out.as_ref()).into_iter().collect();
     warnings.extend(warnings::of_floor(floor.as_ref(), used.len()));
@@ -181,6 +297,8 @@ fn laws_through(
         noise: replicas.noise,
         bootstrap: samples,
         warnings,
+        judgement: Judgement::default(),
+        refit: None,
     })
 }
 
@@ -222,11 +340,12 @@ fn loss_laws(
 fn with_held_out(
     per_method: &[(MinimumMethod, Vec<Minimum>)],
     split: &Split,
-    replicates: &[Replicate],
+    replicas: &Replicas,
 ) -> Vec<Minimum> {
+    let Replicas { noise, replicates, .. } = replicas;
     let mut index = 0..;
     let mut of_method = |(method, minima): &(MinimumMethod, Vec<Minimum>)| {
-        let held_out = split.held_out_minimum(*method).map(|held_out| held_out.minimum);
+        let held_out = split.held_out_minimum(*method, *noise).map(|held_out| held_out.minimum);
         let all = minima.iter().cloned().chain(held_out).zip(&mut index);
         let all = all.map(|(minimum, i)| intervals::of_minimum(minimum, i, replicates));
         let mut all: Vec<Minimum> = all.collect();

@@ -23,7 +23,11 @@ impl fmt::Display for MinimumFlag {
             Self::NotConvex => "not-convex",
             Self::WeakCurvature => "weak-curvature",
             Self::FewLevels => "few-levels",
-            Self::VocabEdge => "vocab-edge",
+            Self::VocabNotBracketed => "vocab-not-bracketed",
+            Self::EdgeVocab => "edge-vocab",
+            Self::LackOfFit => "lack-of-fit",
+            Self::Gap => "gap",
+            Self::DepthChange => "depth-change",
         })
     }
 }

@@ -63,6 +63,8 @@ pub struct FitOptions {
     /// Derive the law of D from the other two so that the laws spend C to first order around C0,
     /// instead of fitting it.
     pub spend_budget: bool,
+    /// Rank the laws by their forecasts, and refit them to all budgets where one is held out.
+    pub recommend: bool,
 }
 
 impl Default for FitOptions {
@@ -81,6 +83,7 @@ impl Default for FitOptions {
             weights: Weights::default(),
             huber: None,
             spend_budget: false,
+            recommend: true,
         }
     }
 }

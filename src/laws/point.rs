@@ -26,6 +26,20 @@ pub struct IsoFlopPoint {
     pub loss: f64,
     /// How much the run counts in means and fits, relative to the others; 1 by default.
     pub weight: f64,
+    /// What no law is written in, but some judge the runs by.
+    #[serde(default)]
+    pub about: RunFacts,
+}
+
+/// What may be known of a run beside its point; a table made elsewhere knows none of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunFacts {
+    /// Blocks of the model.
+    pub n_layer: Option<usize>,
+    /// The tokenizer that made its codes, by id.
+    pub tokenizer: Option<String>,
+    /// Distinct tokens of the training split: a run of more tokens repeats them.
+    pub unique_tokens: Option<f64>,
 }
 
 /// Whether a table tells a model's parameters apart by the vocabulary.

@@ -8,7 +8,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 const EXACT_DOF: usize = 30;
 
 /// A stream of normal numbers.
-pub(super) struct Normals {
+pub(crate) struct Normals {
     rng: ChaCha8Rng,
     spare: Option<f64>,
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::sweep::MinimumMethod;
+
 /// How a budget was kept from the laws that predict it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -32,6 +34,17 @@ pub struct Validation {
     pub params_vocab_ratio: Option<f64>,
     /// Predicted over measured D.
     pub tokens_ratio: f64,
+}
+
+/// How far runs lie from the curves of a method, against their own scatter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LackOfFit {
+    pub method: MinimumMethod,
+    /// Squared residuals in units of the scatter, over all curves.
+    pub chi2: f64,
+    pub dof: usize,
+    /// The probability of more, were the curves right.
+    pub p: f64,
 }
 
 /// What running more would settle.
@@ -65,4 +78,69 @@ pub struct Advice {
     pub flops: f64,
     /// The reason, for a person.
     pub why: String,
+}
+
+/// A forecast that was made before its runs, beside what they gave: `validations` of `laws.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Validated {
+    pub budget_flops: f64,
+    /// The budget over the largest that was fitted.
+    pub extrapolation_factor: f64,
+    pub predicted: Predicted,
+    pub measured: Measured,
+    pub inside: Inside,
+}
+
+/// What was forecast, with 95 % intervals.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Predicted {
+    pub loss: Option<f64>,
+    pub loss_ci95: Option<[f64; 2]>,
+    pub params_nonvocab: Option<f64>,
+    pub params_nonvocab_ci95: Option<[f64; 2]>,
+    pub params_vocab: Option<f64>,
+    pub params_vocab_ci95: Option<[f64; 2]>,
+    pub tokens: f64,
+    pub tokens_ci95: Option<[f64; 2]>,
+}
+
+/// The best cell that was trained, averaged over its runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    pub loss: f64,
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    pub n_vocab: f64,
+    pub tokens: f64,
+    /// Runs of all cells.
+    pub runs: usize,
+}
+
+/// Whether what was measured lies in the interval; absent where there is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Inside {
+    pub loss: Option<bool>,
+    pub params_nonvocab: Option<bool>,
+    pub params_vocab: Option<bool>,
+    pub tokens: Option<bool>,
+}
+
+impl Validated {
+    /// A forecast beside what was measured.
+    pub fn new(
+        (budget_flops, extrapolation_factor): (f64, f64),
+        predicted: Predicted,
+        measured: Measured,
+    ) -> Self {
+        let holds = |interval: Option<[f64; 2]>, value: f64| {
+            interval.map(|[low, high]| (low..=high).contains(&value))
+        };
+        let inside = Inside {
+            loss: holds(predicted.loss_ci95, measured.loss),
+            params_nonvocab: holds(predicted.params_nonvocab_ci95, measured.params_nonvocab),
+            params_vocab: holds(predicted.params_vocab_ci95, measured.params_vocab),
+            tokens: holds(predicted.tokens_ci95, measured.tokens),
+        };
+        Self { budget_flops, extrapolation_factor, predicted, measured, inside }
+    }
 }

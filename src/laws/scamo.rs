@@ -1,6 +1,6 @@
 //! The published law.
 
-use super::{LawKind, Laws, LogLaw, LossLaws, Metric, Parameters, PowerLaw, PowerLaws};
+use super::{Judgement, LawKind, Laws, LogLaw, LossLaws, Metric, Parameters, PowerLaw, PowerLaws};
 use crate::sweep::MinimumMethod;
 use std::f64::consts::LN_10;
 
@@ -43,6 +43,8 @@ pub fn scamo() -> Laws {
         sensitivity: Vec::new(),
         validation: Vec::new(),
         advice: Vec::new(),
+        judgement: Judgement::default(),
+        refit: None,
         noise: None,
         bootstrap: Vec::new(),
         warnings: WARNINGS.map(String::from).to_vec(),

@@ -68,9 +68,10 @@ pub(super) fn law_method(
     (MinimumMethod::Argmin, Some(warning))
 }
 
-/// The minima that a fit may use: the unflagged, or all where flagged ones are kept.
+/// The minima that a fit may use: those that are inside the grid, in doubt or not; all where flagged
+/// ones are kept.
 pub(super) fn usable(minima: &[Minimum], options: &FitOptions) -> Vec<Minimum> {
-    let use_it = |m: &&Minimum| options.keep_flagged || m.flags.is_empty();
+    let use_it = |m: &&Minimum| options.keep_flagged || m.is_usable();
     minima.iter().filter(use_it).cloned().collect()
 }
 
@@ -79,7 +80,7 @@ const MOST_NAMED: usize = 8;
 
 /// Every flagged minimum by name: "1e10 (vocab-edge), 3e10 (not-convex)"; of many, the first.
 pub(super) fn flagged_text(minima: &[Minimum]) -> String {
-    let flagged: Vec<&Minimum> = minima.iter().filter(|m| !m.flags.is_empty()).collect();
+    let flagged: Vec<&Minimum> = minima.iter().filter(|m| !m.is_usable()).collect();
     let name = |m: &&Minimum| format!("{} ({})", count(m.budget_flops), flags_text(&m.flags));
     let named = flagged.iter().take(MOST_NAMED).map(name).collect::<Vec<_>>().join(", ");
     match flagged.len().saturating_sub(MOST_NAMED) {

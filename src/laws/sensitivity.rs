@@ -61,7 +61,7 @@ fn other_methods(
     let asked = |method: &MinimumMethod| per_method.iter().any(|(asked, _)| asked == method);
     let methods = [MinimumMethod::Akima, MinimumMethod::Surface];
     let rows = methods.into_iter().filter(|method| !asked(method)).map(|method| {
-        let used = usable(&minima::of_grids(method, &split.fitted), options);
+        let used = usable(&minima::of_grids(method, &split.fitted, None), options);
         let found: Vec<Minimum> = used.into_iter().filter(|m| !m.is_best_run_instead()).collect();
         (format!("minima: {method}"), found)
     });
@@ -78,7 +78,7 @@ fn size_with_vocabulary(
     // The surface needs both parameters; the parabola is its nearest kin.
     let method = if method == MinimumMethod::Surface { MinimumMethod::Parabola } else { method };
     let grids: Vec<Grid> = split.fitted.iter().filter_map(Grid::with_total_size).collect();
-    let used = usable(&minima::of_grids(method, &grids), options);
+    let used = usable(&minima::of_grids(method, &grids, None), options);
     let total = FitOptions { parameters: Parameters::Total, ..options.clone() };
     let columns = Columns::new(&used, &grids, &total);
     let row = numbers("size: N = N_nv + N_v".into(), &columns, false, &total);

@@ -3,7 +3,7 @@
 //! L(N_nv, N_v, D) = −E + A1/N_nv^α1 + A2/N_v^α2 + B/D^β with C = 6(N_nv + N_v)D: the form of
 //! approach 3 with a vocabulary. The true optimum of a budget is found by minimising it directly.
 
-use super::{IsoFlopPoint, Metric};
+use super::{IsoFlopPoint, Metric, RunFacts};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::collections::BTreeMap;
@@ -24,6 +24,7 @@ pub(crate) fn point(params_nonvocab: f64, params_vocab: f64, loss: f64, seed: u6
         metric: Metric::default(),
         loss,
         weight: 1.0,
+        about: RunFacts::default(),
     }
 }
 
@@ -144,6 +145,7 @@ fn simulated_point(budget: f64, nonvocab: f64, v: f64, seed: u64, noise: f64) ->
         metric: Metric::default(),
         loss: SURFACE.loss(nonvocab, vocab, tokens) + noise,
         weight: 1.0,
+        about: RunFacts::default(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::minima::{self, Grid};
 use super::stats::distinct;
-use super::{Budget, FitOptions, HeldOut, Minimum};
+use super::{Budget, FitOptions, HeldOut, Minimum, RunNoise};
 use crate::sweep::MinimumMethod;
 
 /// A table's budgets, gridded and parted once at the start of a fit: nothing after this looks at
@@ -21,7 +21,11 @@ impl Split {
 
     /// Every method asked for, and those that the choice of the laws' method needs, with the
     /// minima of the fitted budgets.
-    pub fn minima_by_method(&self, options: &FitOptions) -> Vec<(MinimumMethod, Vec<Minimum>)> {
+    pub fn minima_by_method(
+        &self,
+        options: &FitOptions,
+        scatter: Option<RunNoise>,
+    ) -> Vec<(MinimumMethod, Vec<Minimum>)> {
         let mut methods = options.methods.clone();
         match options.law_method {
             Some(method) => methods.push(method),
@@ -29,15 +33,22 @@ impl Split {
         }
         methods.sort();
         methods.dedup();
-        methods.into_iter().map(|method| (method, minima::of_grids(method, &self.fitted))).collect()
+        methods
+            .into_iter()
+            .map(|method| (method, minima::of_grids(method, &self.fitted, scatter)))
+            .collect()
     }
 
     /// The minimum measured at the held-out budget. The noise that its flags are judged by is
     /// pooled over all budgets, as for the others.
-    pub fn held_out_minimum(&self, method: MinimumMethod) -> Option<HeldOut> {
+    pub fn held_out_minimum(
+        &self,
+        method: MinimumMethod,
+        scatter: Option<RunNoise>,
+    ) -> Option<HeldOut> {
         let grid = self.held_out.as_ref()?;
         let all: Vec<_> = self.fitted.iter().chain([grid]).cloned().collect();
-        let minimum = minima::of_grids(method, &all).pop()?;
+        let minimum = minima::of_grids(method, &all, scatter).pop()?;
         Some(HeldOut { budget_flops: grid.budget_flops, minimum })
     }
 

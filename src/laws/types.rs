@@ -1,6 +1,6 @@
 //! The values between a table of runs and a law; [`Laws`] is what `laws.json` holds.
 
-use super::{Advice, LawKind, LawSample, Metric, Parameters, Parametric, Validation};
+use super::{Advice, Judgement, LawKind, LawSample, Metric, Parameters, Parametric, Validation};
 use serde::{Deserialize, Serialize};
 
 use crate::sweep::MinimumMethod;
@@ -39,7 +39,23 @@ pub enum MinimumFlag {
     /// spline; for the surface six cells over three sizes and three vocabularies.
     FewLevels,
     /// The best vocabulary is the smallest or the largest tried.
-    VocabEdge,
+    VocabNotBracketed,
+    /// A size beside the minimum is best with the smallest or the largest vocabulary tried, so that
+    /// its own optimum is not known.
+    EdgeVocab,
+    /// The runs lie further from the curve than their scatter allows.
+    LackOfFit,
+    /// The sizes on either side are more than a factor of 2.5 apart.
+    Gap,
+    /// The models on either side differ in depth.
+    DepthChange,
+}
+
+impl MinimumFlag {
+    /// Whether there is no minimum to fit, rather than one in doubt.
+    pub fn excludes(self) -> bool {
+        !matches!(self, Self::EdgeVocab | Self::LackOfFit | Self::Gap | Self::DepthChange)
+    }
 }
 
 /// The best configuration found at one budget.
@@ -60,9 +76,25 @@ pub struct Minimum {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ci95: Option<MinimumIntervals>,
     pub flags: Vec<MinimumFlag>,
+    /// Whether there is no flag.
+    #[serde(default)]
+    pub trusted: bool,
 }
 
 impl Minimum {
+    /// Raises further flags.
+    pub(super) fn flag(&mut self, flags: impl IntoIterator<Item = MinimumFlag>) {
+        self.flags.extend(flags);
+        self.flags.sort();
+        self.flags.dedup();
+        self.trusted = self.flags.is_empty();
+    }
+
+    /// Whether laws may be fitted to it, be it in doubt or not.
+    pub fn is_usable(&self) -> bool {
+        !self.flags.iter().any(|flag| flag.excludes())
+    }
+
     /// Whether the values are those of the best run because there is no minimum inside the grid.
     pub fn is_best_run_instead(&self) -> bool {
         use MinimumFlag::{FewLevels, NotBracketed, NotConvex};
@@ -229,9 +261,20 @@ pub struct Laws {
     pub bootstrap: Vec<LawSample>,
     /// Sentences for a person: what was left out, what is not identified.
     pub warnings: Vec<String>,
+    /// Which law to believe, and how far.
+    #[serde(flatten)]
+    pub judgement: Judgement,
+    /// The same laws through all budgets, the held-out one included: what a prediction reads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refit: Option<Box<Laws>>,
 }
 
 impl Laws {
+    /// The laws through all budgets, where one was held out of these.
+    pub fn of_all_budgets(&self) -> &Self {
+        self.refit.as_deref().unwrap_or(self)
+    }
+
     /// What the loss is called: L_u in a sweep, L in a table whose loss may be any.
     pub(super) fn loss_symbol(&self) -> &'static str {
         if self.from_sweep { "L_u" } else { "L" }

@@ -1,6 +1,6 @@
 //! Laws that hold nothing yet.
 
-use super::{IsoFlopPoint, LawKind, Laws, LossLaws, Parameters, PowerLaws};
+use super::{IsoFlopPoint, Judgement, LawKind, Laws, LossLaws, Parameters, PowerLaws};
 use crate::sweep::MinimumMethod;
 
 /// The laws of a table before anything was fitted, around C0 = `reference_flops`; the budgets they
@@ -37,5 +37,7 @@ pub(super) fn unfitted(
         advice: Vec::new(),
         bootstrap: Vec::new(),
         warnings: Vec::new(),
+        judgement: Judgement::default(),
+        refit: None,
     }
 }

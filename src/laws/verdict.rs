@@ -181,9 +181,15 @@ fn reason(flag: MinimumFlag) -> &'static str {
         MinimumFlag::NotConvex => "the loss has no minimum in the model size",
         MinimumFlag::WeakCurvature => "the curve is flat within its noise, so add sizes or seeds",
         MinimumFlag::FewLevels => "too few model sizes for a curve",
-        MinimumFlag::VocabEdge => {
+        MinimumFlag::VocabNotBracketed => {
             "the best vocabulary is the smallest or largest tried, so add vocabularies on that side"
         }
+        MinimumFlag::EdgeVocab => {
+            "a size beside the minimum is best with the smallest or largest vocabulary tried"
+        }
+        MinimumFlag::LackOfFit => "the runs lie further from the curve than they scatter",
+        MinimumFlag::Gap => "the sizes on either side are more than a factor 2.5 apart",
+        MinimumFlag::DepthChange => "the models on either side differ in depth",
     }
 }
 
@@ -230,10 +236,11 @@ mod tests {
             tokens: 1.0,
             loss_normalised: -1.0,
             ci95: None,
+            trusted: false,
             flags,
         };
         laws.minima = vec![
-            minimum(1e15, vec![MinimumFlag::VocabEdge]),
+            minimum(1e15, vec![MinimumFlag::VocabNotBracketed]),
             minimum(3e15, vec![]),
             minimum(1e16, vec![MinimumFlag::NotBracketed, MinimumFlag::WeakCurvature]),
         ];

@@ -23,7 +23,7 @@ pub(super) fn of_minima(
     method: MinimumMethod,
     options: &FitOptions,
 ) -> Vec<String> {
-    let flagged = all.iter().any(|m| !m.flags.is_empty());
+    let flagged = all.iter().any(|m| !m.is_usable());
     let verb = if options.keep_flagged { "kept in" } else { "left out of" };
     let sentences = [
         flagged.then(|| format!("Flagged minima {verb} the fit: {}.", flagged_text(all))),

@@ -1,5 +1,7 @@
 //! [`Plan`]: every job of a sweep with its id and its price.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::planned_run::PlannedRun;
@@ -9,6 +11,7 @@ use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
 use super::text_job::TextJob;
 use super::trunk::{Trunk, branch};
 use crate::data::{DataFacts, Demand};
+use crate::spec::TokenizerSpec;
 use crate::sweep::{DataSource, ScheduleKind, ScheduleSection, Sweep};
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
@@ -38,18 +41,19 @@ impl Plan {
         let text_id = captions.id();
         let text = (sweep.data.source != DataSource::None).then_some(captions);
         let (tokenizers, own) = tokenizers(sweep, &cells, &data);
-        let inputs: Vec<RunInputs> =
-            tokenizers.iter().map(|job| RunInputs::of(job, &text_id, &data)).collect();
-        let none = RunInputs::none(text_id);
-        let runs_of = |(cell, own): (&PricedCell, &Option<usize>)| {
-            let inputs = own.map_or(&none, |own| &inputs[own]);
-            let run = |seed: &u64| planned_run(sweep, cell, *seed, inputs, &data);
-            sweep.seeds.iter().map(run).collect::<Vec<_>>()
+        let inputs = match tokenizers.is_empty() {
+            false => tokenizers.iter().map(|job| RunInputs::of(job, &text_id, &data)).collect(),
+            true => vec![RunInputs::none(text_id)],
+        };
+        let runs_of = |(cell, own): (&PricedCell, &Range<usize>)| {
+            let run = |inputs, seed| planned_run(sweep, cell, seed, inputs, &data);
+            let with = |inputs| sweep.seeds.iter().map(move |seed| run(inputs, *seed));
+            inputs[own.clone()].iter().flat_map(with).collect::<Vec<_>>()
         };
         // Hashing a million specs is most of the work.
         let mut runs: Vec<PlannedRun> = cells.par_iter().zip(&own).flat_map_iter(runs_of).collect();
-        let n_seeds = sweep.seeds.len();
-        let chain_of = |run: usize| Some((cells[run / n_seeds].group?, sweep.seeds[run % n_seeds]));
+        let per_cell = runs.len() / cells.len().max(1);
+        let chain_of = |run: usize| Some((cells[run / per_cell].group?, run % per_cell));
         let trunks =
             if sweep.train.schedule.shares() { branch(&mut runs, chain_of) } else { Vec::new() };
         Self { runs, dropped, tokenizers, trunks, text, data }
@@ -110,30 +114,31 @@ pub fn demand(sweep: &Sweep) -> Option<Demand> {
     Some(Demand { targets: longest.spending.tokens(), codes: longest.codes })
 }
 
-/// The tokenizers of all cells, each once, and the index of each cell's own; none where the sweep
-/// has no data to train one on.
+/// The tokenizers of all cells, each once, and where each cell's own are, one a seed; none where the
+/// sweep has no data to train one on.
 fn tokenizers(
     sweep: &Sweep,
     cells: &[PricedCell],
     data: &DataFacts,
-) -> (Vec<TokenizerJob>, Vec<Option<usize>>) {
+) -> (Vec<TokenizerJob>, Vec<Range<usize>>) {
     if sweep.data.source == DataSource::None {
-        return (Vec::new(), vec![None; cells.len()]);
+        return (Vec::new(), vec![0..1; cells.len()]);
     }
     let mut jobs: Vec<TokenizerJob> = Vec::new();
     let mut own = Vec::with_capacity(cells.len());
     for cell in cells {
         let known = jobs.iter().position(|job| job.spec.quantizer == cell.quantizer);
-        own.push(Some(known.unwrap_or(jobs.len())));
+        let specs = sweep.tokenizer.specs(&cell.quantizer);
+        let first = known.unwrap_or(jobs.len());
+        own.push(first..first + specs.len());
         if known.is_none() {
-            jobs.push(tokenizer_job(sweep, cell, data));
+            jobs.extend(specs.into_iter().map(|spec| tokenizer_job(spec, data)));
         }
     }
     (jobs, own)
 }
 
-fn tokenizer_job(sweep: &Sweep, cell: &PricedCell, data: &DataFacts) -> TokenizerJob {
-    let spec = sweep.tokenizer.spec(cell.quantizer.clone());
+fn tokenizer_job(spec: TokenizerSpec, data: &DataFacts) -> TokenizerJob {
     TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
 }
 

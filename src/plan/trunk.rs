@@ -75,11 +75,11 @@ fn group_name(cell: &PricedCell) -> String {
 /// the one that it goes on from. `chain_of` names what the run of an index shares with others.
 pub fn branch(
     runs: &mut [PlannedRun],
-    chain_of: impl Fn(usize) -> Option<(usize, u64)>,
+    chain_of: impl Fn(usize) -> Option<(usize, usize)>,
 ) -> Vec<Trunk> {
     let stem = |run: &RunSpec| run.trunk().filter(|trunk| trunk.steps > 0);
     runs.par_iter_mut().for_each(|run| run.trunk_id = stem(&run.spec).map(|trunk| trunk.id()));
-    let mut chains: BTreeMap<(usize, u64), BTreeMap<usize, usize>> = BTreeMap::new();
+    let mut chains: BTreeMap<(usize, usize), BTreeMap<usize, usize>> = BTreeMap::new();
     for (index, run) in runs.iter().enumerate() {
         if let (Some(_), Some(chain)) = (&run.trunk_id, chain_of(index)) {
             let steps = run.spec.steps - run.spec.decay_steps.unwrap_or(0);

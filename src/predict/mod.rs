@@ -4,6 +4,7 @@
 //! [`Prediction`].
 
 mod at_budget;
+mod brief;
 mod codebook;
 mod error;
 mod flop_count;
@@ -11,10 +12,12 @@ mod optimum;
 mod options;
 mod project;
 mod shapes;
+mod spread;
 mod text;
 mod types;
 mod warnings;
 
+pub use brief::brief;
 pub use codebook::Codebook;
 pub use error::PredictError;
 pub use flop_count::{CountedBy, FlopCount, SixNd};
@@ -22,5 +25,5 @@ pub use optimum::predict;
 pub use options::PredictOptions;
 pub use project::{Allocation, project};
 pub use shapes::{Shape, default_ladder};
-pub use text::text;
+pub use text::{said, text};
 pub use types::{Intervals, PredictedShape, Prediction, Raw};

@@ -2,17 +2,21 @@
 
 use super::at_budget::{Vocabulary, fitted_at, sample_at, shape_for, width_for};
 use super::codebook::Codebook;
+use super::spread::Spread;
 use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
 };
-use crate::laws::{Laws, around, interval95};
+use crate::laws::{
+    Candidate, ForecastError, JointLaw, JointOptimum, LawSample, Laws, around, interval95,
+};
 
 /// The optimal configuration for `budget` FLOPs.
 ///
-/// The laws are read at C; the values, which rarely spend exactly C, are projected onto it
-/// ([`project()`]); the nearest shape of the options and the nearest codebook are chosen. Every interval goes
-/// through the same steps, replicate by replicate.
+/// Read are the laws of all budgets, the held-out one included. Where a joint law is recommended, the
+/// allocation is its optimum on the budget. Else the power laws are read at C, and the values, which
+/// rarely spend exactly C, are projected onto it ([`project()`]). The nearest shape of the options and the
+/// nearest codebook are chosen. Every interval goes through the same steps, replicate by replicate.
 ///
 /// # Errors
 /// [`PredictError`].
@@ -24,20 +28,17 @@ pub fn predict(
     if !(budget.is_finite() && budget > 0.0) {
         return Err(PredictError::BadBudget(budget));
     }
+    let laws = laws.of_all_budgets();
     // Laws that bend are read as tangents at C.
     let straightened = laws.law.bends().then(|| around(laws, budget));
     let laws = straightened.as_ref().unwrap_or(laws);
-    let vocabulary = Vocabulary::of(laws)?;
-    let at_c = fitted_at(laws, vocabulary, options.shapes, budget)?;
-    if !at_c.flops(options.flop_count).is_finite() {
-        return Err(PredictError::OutOfRange { laws: laws.name.clone(), budget });
-    }
-    let on_budget = project(&at_c, budget, options.flop_count)?;
-    let raw = raw(laws, vocabulary, &at_c, budget, options);
+    let best = Best::at(laws, budget, options)?;
+    let Best { vocabulary, on_budget, joint, .. } = best;
+    let raw = raw(laws, &best, budget, options);
     let (n_vocab, shape) = match vocabulary {
         Vocabulary::None => (None, None),
         _ if !laws.from_sweep => (None, None),
-        _ => shape(&on_budget, options).map(|(n_vocab, shape)| (Some(n_vocab), Some(shape)))?,
+        _ => shape(&on_budget, joint, options).map(|(v, shape)| (Some(v), Some(shape)))?,
     };
     let size = Size::of(vocabulary, &on_budget);
     let mut prediction = Prediction {
@@ -48,7 +49,8 @@ pub fn predict(
         params_vocab: size.params_vocab,
         n_vocab,
         tokens: on_budget.tokens,
-        loss_normalised: raw.loss_log.or(raw.loss_floor),
+        loss_normalised: loss(laws.recommended_law(), &raw),
+        recommended: laws.judgement.recommended.as_ref().map(|recommended| recommended.law),
         ci95: intervals(laws, vocabulary, budget, options),
         spends_flops: raw.spends_flops,
         budget_ratio: raw.spends_flops / budget,
@@ -59,6 +61,55 @@ pub fn predict(
     };
     prediction.warnings = warnings::of(&prediction, laws, vocabulary, options);
     Ok(prediction)
+}
+
+/// What the recommended law asks for at a budget.
+#[derive(Clone, Copy)]
+struct Best {
+    vocabulary: Vocabulary,
+    /// By the laws themselves.
+    at_c: Allocation,
+    /// Spending the budget.
+    on_budget: Allocation,
+    /// Where a joint law is recommended.
+    joint: Option<JointOptimum>,
+}
+
+impl Best {
+    fn at(laws: &Laws, budget: f64, options: &PredictOptions) -> Result<Self, PredictError> {
+        let vocabulary = Vocabulary::of(laws)?;
+        if let Some(joint) = joint_law(laws).and_then(|law| law.optimum(budget)) {
+            // Its allocation spends the budget at the prices of the sweep's own models.
+            let own = allocation(&joint);
+            return Ok(Self { vocabulary, at_c: own, on_budget: own, joint: Some(joint) });
+        }
+        let at_c = fitted_at(laws, vocabulary, options.shapes, budget)?;
+        if !at_c.flops(options.flop_count).is_finite() {
+            return Err(PredictError::OutOfRange { laws: laws.name.clone(), budget });
+        }
+        let on_budget = project(&at_c, budget, options.flop_count)?;
+        Ok(Self { vocabulary, at_c, on_budget, joint: None })
+    }
+}
+
+/// The joint law, where it is the one to believe.
+fn joint_law(laws: &Laws) -> Option<&JointLaw> {
+    let recommended = laws.judgement.recommended.as_ref()?.law;
+    let joint = [Candidate::Joint, Candidate::JointRepeats].contains(&recommended);
+    laws.judgement.joint.as_ref().filter(|_| joint)
+}
+
+fn allocation(joint: &JointOptimum) -> Allocation {
+    let JointOptimum { params_nonvocab, params_vocab, tokens, .. } = *joint;
+    Allocation { params_nonvocab, params_vocab, tokens }
+}
+
+fn loss(law: Candidate, raw: &Raw) -> Option<f64> {
+    match law {
+        Candidate::Log => raw.loss_log.or(raw.loss_floor),
+        Candidate::Floor => raw.loss_floor,
+        Candidate::Joint | Candidate::JointRepeats => raw.loss_joint,
+    }
 }
 
 /// An allocation's size under the names of what is known of it.
@@ -79,32 +130,34 @@ impl Size {
     }
 }
 
-fn raw(
-    laws: &Laws,
-    vocabulary: Vocabulary,
-    at_c: &Allocation,
-    budget: f64,
-    options: &PredictOptions,
-) -> Raw {
-    let size = Size::of(vocabulary, at_c);
+fn raw(laws: &Laws, best: &Best, budget: f64, options: &PredictOptions) -> Raw {
+    let size = Size::of(best.vocabulary, &best.at_c);
+    let spends_flops = match best.joint {
+        Some(_) => budget,
+        None => best.at_c.flops(options.flop_count),
+    };
     Raw {
         params: size.params,
         params_nonvocab: size.params_nonvocab,
         params_vocab: size.params_vocab,
-        tokens: at_c.tokens,
-        spends_flops: at_c.flops(options.flop_count),
+        tokens: best.at_c.tokens,
+        spends_flops,
         loss_log: laws.loss.log.as_ref().map(|law| law.loss_at(budget)),
         loss_floor: laws.loss.floor.as_ref().map(|law| law.loss_at(budget, laws.reference_flops)),
+        loss_joint: best.joint.map(|joint| joint.loss),
     }
 }
 
-/// V of an allocation in the nearest shape, and that shape with the nearest codebook.
+/// V of an allocation, in the sweep's own models where a joint law knows them, else in the nearest
+/// shape; and that shape with the nearest codebook.
 fn shape(
     on_budget: &Allocation,
+    joint: Option<JointOptimum>,
     options: &PredictOptions,
 ) -> Result<(f64, PredictedShape), PredictError> {
     let shape = shape_for(on_budget.params_nonvocab, options.shapes)?;
-    let n_vocab = on_budget.params_vocab / shape.d_model as f64;
+    let n_vocab =
+        joint.map_or(on_budget.params_vocab / shape.d_model as f64, |joint| joint.n_vocab);
     let codebook = Codebook::near(n_vocab);
     let shape = PredictedShape {
         n_layer: shape.n_layer,
@@ -121,52 +174,68 @@ fn largest_fitted(laws: &Laws) -> f64 {
     laws.fitted_budgets.iter().copied().reduce(f64::max).unwrap_or(laws.reference_flops)
 }
 
+/// The interval of every quantity: what the replicates say, spread by how far the law's own forecasts
+/// missed.
 fn intervals(
     laws: &Laws,
     vocabulary: Vocabulary,
     budget: f64,
     options: &PredictOptions,
 ) -> Intervals {
+    let spread = Spread::at(laws, budget / largest_fitted(laws));
+    let joint: Option<Vec<JointOptimum>> = joint_law(laws).map(|law| law.optima(budget));
     let on_budget = |sample| {
         let at_c = sample_at(sample, laws, vocabulary, options.shapes, budget)?;
         project(&at_c, budget, options.flop_count).ok()
     };
-    let replicates: Vec<Allocation> = laws.bootstrap.iter().filter_map(on_budget).collect();
-    let interval = |value: &dyn Fn(&Allocation) -> Option<f64>| {
-        interval95(&replicates.iter().filter_map(value).collect::<Vec<_>>())
+    let replicates: Vec<Allocation> = match &joint {
+        Some(optima) => optima.iter().map(allocation).collect(),
+        None => laws.bootstrap.iter().filter_map(on_budget).collect(),
     };
-    let loss_floor = floor_interval(laws, budget);
+    let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&ForecastError) -> f64| {
+        interval95(&spread.of_logs(replicates.iter().filter_map(value), of))
+    };
+    let loss_floor = interval95(&spread.of(floor_losses(laws, budget), |e| e.loss));
+    let loss_joint = joint.as_ref().map(|optima| optima.iter().map(|o| o.loss));
+    let loss_joint = loss_joint.and_then(|l| interval95(&spread.of(l, |e| e.loss)));
+    let log = || interval95(&spread.of(log_losses(laws, budget), |e| e.loss));
     Intervals {
-        params: interval(&|a| Size::of(vocabulary, a).params),
-        params_nonvocab: interval(&|a| Size::of(vocabulary, a).params_nonvocab),
-        params_vocab: interval(&|a| Size::of(vocabulary, a).params_vocab),
-        n_vocab: interval(&|a| {
-            let params_vocab = Size::of(vocabulary, a).params_vocab?;
-            Some(params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?)
-        }),
-        tokens: interval(&|a| Some(a.tokens)),
-        loss_normalised: log_interval(laws, budget).or(loss_floor),
+        params: interval(&|a| Size::of(vocabulary, a).params, |e| e.ln_size),
+        params_nonvocab: interval(&|a| Size::of(vocabulary, a).params_nonvocab, |e| e.ln_size),
+        params_vocab: interval(&|a| Size::of(vocabulary, a).params_vocab, |e| e.ln_vocab),
+        n_vocab: match &joint {
+            Some(optima) => {
+                interval95(&spread.of_logs(optima.iter().map(|o| o.n_vocab), |e| e.ln_vocab))
+                    .filter(|_| vocabulary != Vocabulary::None)
+            }
+            None => interval(
+                &|a| {
+                    let params_vocab = Size::of(vocabulary, a).params_vocab?;
+                    Some(params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?)
+                },
+                |e| e.ln_vocab,
+            ),
+        },
+        tokens: interval(&|a| Some(a.tokens), |e| e.ln_tokens),
+        loss_normalised: match laws.recommended_law() {
+            Candidate::Log => laws.loss.log.as_ref().and_then(|_| log()).or(loss_floor),
+            Candidate::Floor => loss_floor,
+            Candidate::Joint | Candidate::JointRepeats => loss_joint,
+        },
         loss_floor,
     }
 }
 
-/// The interval of the log law's loss.
-fn log_interval(laws: &Laws, budget: f64) -> Option<[f64; 2]> {
-    laws.loss.log.as_ref()?;
-    let losses = laws.bootstrap.iter();
-    interval95(
-        &losses
-            .map(|s| s.loss_intercept + s.loss_slope_per_decade * budget.log10())
-            .collect::<Vec<_>>(),
-    )
+/// The log law's loss by each replicate.
+fn log_losses(laws: &Laws, budget: f64) -> impl Iterator<Item = f64> {
+    let at = move |s: &LawSample| s.loss_intercept + s.loss_slope_per_decade * budget.log10();
+    laws.bootstrap.iter().map(at)
 }
 
-/// The interval of the floor law's loss, over the replicates that had one.
-fn floor_interval(laws: &Laws, budget: f64) -> Option<[f64; 2]> {
-    laws.loss.floor.as_ref()?;
+/// The floor law's loss by each replicate that had one.
+fn floor_losses(laws: &Laws, budget: f64) -> impl Iterator<Item = f64> {
     let floors = laws.bootstrap.iter().filter_map(|sample| sample.floor);
-    let losses = floors.map(|floor| floor.loss_at(budget, laws.reference_flops));
-    interval95(&losses.collect::<Vec<_>>())
+    floors.map(move |floor| floor.loss_at(budget, laws.reference_flops))
 }
 
 #[cfg(test)]

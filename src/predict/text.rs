@@ -3,6 +3,11 @@
 use super::Prediction;
 use crate::laws::text::{count, wrap};
 
+/// The prediction in a few lines, or all of it.
+pub fn said(prediction: &Prediction, full: bool) -> String {
+    if full { text(prediction) } else { super::brief(prediction) }
+}
+
 /// The prediction in at most 80 columns and without colour.
 pub fn text(prediction: &Prediction) -> String {
     let head = format!("\n{:<8}{:>14}{:>28}{:>14}\n", "", "on budget", "95 % interval", "raw law");

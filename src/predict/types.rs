@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::laws::Candidate;
+
 /// The optimal configuration for a budget.
 ///
 /// `spends_flops` and `budget_ratio` describe the raw laws, before the projection: after it the
@@ -27,8 +29,11 @@ pub struct Prediction {
     pub n_vocab: Option<f64>,
     /// D on the budget.
     pub tokens: f64,
-    /// L_u by the log law, in nats; by the floor law where there is no log law.
+    /// L_u by the recommended law, in nats.
     pub loss_normalised: Option<f64>,
+    /// The law that gave the loss, and, where it is a joint one, the allocation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recommended: Option<Candidate>,
     /// 95 % bootstrap percentile intervals.
     pub ci95: Intervals,
     /// FLOPs that the raw laws spend at C, by the options' count.
@@ -86,4 +91,7 @@ pub struct Raw {
     pub loss_log: Option<f64>,
     /// L_u by the floor law.
     pub loss_floor: Option<f64>,
+    /// L_u by the joint law at its own optimum.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss_joint: Option<f64>,
 }

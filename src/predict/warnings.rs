@@ -3,7 +3,7 @@
 use super::at_budget::{Vocabulary, shape_for};
 use super::{PredictOptions, Prediction};
 use crate::laws::text::count;
-use crate::laws::{Laws, MinimumFlag};
+use crate::laws::{Candidate, Laws, MinimumFlag};
 
 /// Laws that spend a budget to within this share count as consistent.
 const RATIO_TOLERANCE: f64 = 0.05;
@@ -18,6 +18,8 @@ pub(super) fn of(
     options: &PredictOptions,
 ) -> Vec<String> {
     let sentences = [
+        repetition(prediction, laws),
+        sizes_tried(prediction, laws),
         rule(laws, options),
         overspending(prediction),
         extrapolation(prediction, laws),
@@ -40,6 +42,47 @@ fn rule(laws: &Laws, options: &PredictOptions) -> Option<String> {
             laws.flops_rule
         )
     })
+}
+
+/// Passes over the data beyond which no law of fresh data holds.
+const MOST_EPOCHS: f64 = 10.0;
+/// How far beyond the sizes and vocabularies tried a prediction goes unremarked.
+const BEYOND_TRIED: f64 = 2.0;
+
+/// Where the prediction repeats the sweep's data more than the runs did.
+fn repetition(prediction: &Prediction, laws: &Laws) -> Option<String> {
+    let tried = laws.judgement.tried?;
+    let (unique, most) = (tried.unique_tokens?, tried.epochs?);
+    let epochs = prediction.tokens / unique;
+    let modelled = laws.recommended_law() == Candidate::JointRepeats;
+    let bearable = if modelled { MOST_EPOCHS } else { most.max(1.0) };
+    (epochs > bearable).then(|| {
+        format!(
+            "D is {epochs:.1} times the sweep's {} distinct tokens, and its runs saw them at most {most:.1} \
+             times: without more data the loss will be higher.",
+            count(unique)
+        )
+    })
+}
+
+/// Where N_nv or V lies far beyond what was tried.
+fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
+    let tried = laws.judgement.tried?;
+    let outside = |value: f64, [low, high]: [f64; 2]| {
+        high > 0.0 && !(low / BEYOND_TRIED..=high * BEYOND_TRIED).contains(&value)
+    };
+    let size = prediction.params_nonvocab.or(prediction.params)?;
+    let far_size = outside(size, tried.sizes).then(|| {
+        let [low, high] = tried.sizes.map(count);
+        format!("{} = {} (tried: {low} to {high})", laws.parameters.size(), count(size))
+    });
+    let far_vocab = prediction.n_vocab.filter(|v| outside(*v, tried.vocabularies)).map(|v| {
+        let [low, high] = tried.vocabularies;
+        format!("V = {v:.0} (tried: {low:.0} to {high:.0})")
+    });
+    let far: Vec<String> = [far_size, far_vocab].into_iter().flatten().collect();
+    (!far.is_empty())
+        .then(|| format!("The optimum lies far outside what was tried: {}.", far.join(", ")))
 }
 
 fn overspending(prediction: &Prediction) -> Option<String> {
@@ -78,7 +121,7 @@ fn extrapolation(prediction: &Prediction, laws: &Laws) -> Option<String> {
 
 fn vocab_edge(laws: &Laws) -> Option<String> {
     let own = || laws.minima.iter().filter(|m| m.method == laws.minima_method);
-    let edges = own().filter(|m| m.flags.contains(&MinimumFlag::VocabEdge)).count();
+    let edges = own().filter(|m| m.flags.contains(&MinimumFlag::VocabNotBracketed)).count();
     (edges > 0).then(|| {
         format!(
             "At {edges} of {} budgets the best vocabulary was the smallest or largest tried: the \

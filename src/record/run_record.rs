@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::facts::{LOSS_NORMALISED, Measured, Planned};
 use super::json::Stored;
 use super::metrics::Metrics;
-use crate::laws::{IsoFlopPoint, Metric};
+use crate::laws::{IsoFlopPoint, Metric, RunFacts};
 use crate::spec::FlopsRule;
 
 /// The format of `record.json` that is written.
@@ -87,6 +87,11 @@ impl RunRecord {
             metric: metric.clone(),
             loss: self.loss(metric.name())?,
             weight: 1.0,
+            about: RunFacts {
+                n_layer: self.planned.n_layer,
+                tokenizer: self.planned.tokenizer_id.clone(),
+                unique_tokens: self.measured.unique_tokens.map(|n| n as f64),
+            },
         })
     }
 }

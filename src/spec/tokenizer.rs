@@ -38,7 +38,18 @@ impl TokenizerSection {
         }
     }
 
-    /// The tokenizer with a quantizer.
+    /// The tokenizers with a quantizer, one a seed.
+    pub fn specs(&self, quantizer: &QuantizerSpec) -> Vec<TokenizerSpec> {
+        let own = self.spec(quantizer.clone());
+        let seeded = |seed: &u64| {
+            let mut spec = own.clone();
+            spec.training.seed = *seed;
+            spec
+        };
+        if self.seeds.is_empty() { vec![own] } else { self.seeds.iter().map(seeded).collect() }
+    }
+
+    /// The tokenizer with a quantizer and the first seed.
     pub fn spec(&self, quantizer: QuantizerSpec) -> TokenizerSpec {
         let defaults = match self.kind {
             TokenizerKind::Patch => TokenizerTraining::of_patches(),
@@ -80,6 +91,8 @@ impl TokenizerSection {
         let short = matches!(self.kind, TokenizerKind::Fsq | TokenizerKind::Vq);
         let both = short && self.quantizer.is_some();
         require(!both, "quantizer", "`kind: fsq` and `kind: vq` name one already")?;
+        let twice = self.seed.is_some() && !self.seeds.is_empty();
+        require(!twice, "seed", "is one of `seeds`: leave one of the two out")?;
         self.check_kind()?;
         let spec = self.spec(QuantizerSpec::default());
         self.check_use(&spec.training)?;

@@ -88,7 +88,7 @@ macro_rules! keys {
             }
         }
 
-        /// The `tokenizer` section: one tokenizer of this kind is trained for each vocabulary.
+        /// The `tokenizer` section: a tokenizer of this kind is trained for each vocabulary and seed.
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields, default)]
         pub struct TokenizerSection {
@@ -125,6 +125,9 @@ macro_rules! keys {
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub decoder_blocks: Option<usize>,
+            /// Seeds of several tokenizers a vocabulary: every cell is trained with each of them.
+            #[serde(skip_serializing_if = "Vec::is_empty")]
+            pub seeds: Vec<u64>,
             $(
                 $(#[$about])*
                 #[serde(deserialize_with = $read)]

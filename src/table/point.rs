@@ -3,7 +3,7 @@
 use super::columns::Named;
 use super::derive::Derived;
 use super::{Quantity, TableError};
-use crate::laws::{IsoFlopPoint, Parameters};
+use crate::laws::{IsoFlopPoint, Parameters, RunFacts};
 
 /// The largest whole number below which a float holds every one.
 const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
@@ -57,6 +57,7 @@ impl Derived {
             metric: self.metric.clone(),
             loss: self.loss[row],
             weight: self.weight[row],
+            about: RunFacts::default(),
         })
     }
 

@@ -50,7 +50,7 @@ pub fn k_means_baseline(
     let scores = scores(&tokenizer, source, Split::Test)?;
     Ok(Some(Baseline {
         mpjpe_mm: Score::per_frame(&scores, |score| score.mpjpe_mm),
-        mpjpe_given_heading_mm: Score::per_frame(&scores, |score| score.given_heading_mm),
+        mpjpe_heading_mm: Score::per_frame(&scores, |score| score.given_heading_mm),
     }))
 }
 
@@ -65,7 +65,7 @@ mod tests {
         let source = Procedural::new(options);
         let of = |n| k_means_baseline(n, &source, &Device::flex()).unwrap();
         let (few, many) = (of(4).unwrap(), of(64).unwrap());
-        let given = |baseline: &Baseline| baseline.mpjpe_given_heading_mm;
+        let given = |baseline: &Baseline| baseline.mpjpe_heading_mm;
         assert!(given(&many) < 0.8 * given(&few), "{few:?} {many:?}");
         assert!(given(&many) <= many.mpjpe_mm, "{many:?}");
         assert_eq!(of(1 << 14), None);

@@ -39,15 +39,16 @@ pub fn evaluate(
         levels: spec.quantizer.levels().map(<[usize]>::to_vec),
         reconstruction_l1: Score::per_frame(&test, |score| score.l1),
         mpjpe_mm: Score::per_frame(&test, |score| score.mpjpe_mm),
-        mpjpe_given_heading_mm: Some(Score::per_frame(&test, |score| score.given_heading_mm)),
+        mpjpe_heading_mm: Some(Score::per_frame(&test, |score| score.given_heading_mm)),
         val_mpjpe_mm: val.as_ref().map(|val| Score::per_frame(val, |score| score.mpjpe_mm)),
-        val_mpjpe_given_heading_mm: val
-            .map(|val| Score::per_frame(&val, |score| score.given_heading_mm)),
+        val_mpjpe_heading_mm: val.map(|val| Score::per_frame(&val, |score| score.given_heading_mm)),
         utilisation: used.utilisation(),
         exponential_entropy: used.exponential_entropy(),
         parameters: tokenizer.n_parameters(),
         train_steps: spec.training.steps,
         wall_s,
+        frames_per_code: Some(spec.architecture.frames_per_latent()),
+        seed: Some(spec.training.seed),
         k_means: None,
     })
 }

@@ -21,13 +21,13 @@ pub struct TokenizerMetrics {
     pub mpjpe_mm: f64,
     /// The same with the true heading in place of the tokenizer's own.
     #[serde(default)]
-    pub mpjpe_given_heading_mm: Option<f64>,
+    pub mpjpe_heading_mm: Option<f64>,
     /// `mpjpe_mm` on the validation split, by which tokenizers are chosen.
     #[serde(default)]
     pub val_mpjpe_mm: Option<f64>,
-    /// `mpjpe_given_heading_mm` on the validation split.
+    /// `mpjpe_heading_mm` on the validation split.
     #[serde(default)]
-    pub val_mpjpe_given_heading_mm: Option<f64>,
+    pub val_mpjpe_heading_mm: Option<f64>,
     /// Share of codes met in the test split.
     pub utilisation: f64,
     /// exp of the entropy of the code histogram of the test split: effective codes.
@@ -35,8 +35,14 @@ pub struct TokenizerMetrics {
     pub parameters: usize,
     pub train_steps: usize,
     pub wall_s: f64,
-    /// k-means with as many codes on the same split; null where it was not measured.
+    /// Frames that a code stands for.
     #[serde(default)]
+    pub frames_per_code: Option<usize>,
+    /// Seed of its weights, clips and windows.
+    #[serde(default)]
+    pub seed: Option<u64>,
+    /// k-means with as many codes on the same split; its keys are absent where it was not measured.
+    #[serde(flatten)]
     pub k_means: Option<Baseline>,
 }
 
@@ -55,7 +61,9 @@ impl TokenizerMetrics {
 /// their height above the root; 15 rounds; a code stands for the patch on the line through all.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
+    #[serde(rename = "kmeans_mpjpe_mm")]
     pub mpjpe_mm: f64,
     /// The same with the true heading.
-    pub mpjpe_given_heading_mm: f64,
+    #[serde(rename = "kmeans_mpjpe_heading_mm")]
+    pub mpjpe_heading_mm: f64,
 }

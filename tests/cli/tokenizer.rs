@@ -25,10 +25,10 @@ fn tokenizers_are_trained_alone_compared_and_not_trained_again_by_run() {
     assert!(trained.into_iter().eq(tokenizers()), "run trained them again");
     let document = place.isoflop(&["tokenizer", "eval", "results/mini", "--json"]).exits(0).json();
     let first = &document["tokenizers"][0];
-    for name in ["mpjpe_mm", "mpjpe_given_heading_mm", "val_mpjpe_mm"] {
+    for name in ["mpjpe_mm", "mpjpe_heading_mm", "val_mpjpe_mm", "frames_per_code"] {
         assert!(first[name].as_f64().is_some_and(|mm| mm > 0.0), "{document:#}");
     }
-    assert!(first["k_means"]["mpjpe_mm"].is_number(), "{document:#}");
+    assert!(first["kmeans_mpjpe_mm"].is_number(), "{document:#}");
 }
 
 #[test]

@@ -95,7 +95,10 @@ pub struct FitArgs {
     /// Budgets in FLOPs to give the optimum for; by default the table's largest and ten times it
     #[arg(long, value_name = "C,…", value_delimiter = ',', value_parser = budget)]
     pub predict: Vec<f64>,
-    /// The file to write the laws to; by default a sweep's own laws.json, and none for a table
+    /// Keep a sweep's laws as its own: its laws.json, or laws-<law>.json for another law
+    #[arg(long)]
+    pub save: bool,
+    /// The file to write the laws to
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }

@@ -24,8 +24,7 @@ pub fn laws(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
         (LawKind::Published, _) => unreachable!("no law that can be asked for"),
     }?;
     if let Some(own) = &source.sweep {
-        laws.from_sweep = true;
-        laws.n_ctx = sweep::n_ctx(&own.records);
+        sweep::of_own_models(&mut laws, &own.records);
     }
     Ok(laws)
 }

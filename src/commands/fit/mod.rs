@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use isoflop::files::atomic;
-use isoflop::laws::{LawKind, Laws, summary};
+use isoflop::laws::{LawKind, Laws, brief, summary};
 use isoflop::predict::{self, Prediction};
 use serde_json::{Value, json};
 
@@ -33,10 +33,14 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     }
     let laws = laws::laws(&source, &request)?;
     let predictions = predictions(&laws, &source, &request, output);
-    if let Some(path) = args.out.clone().or_else(|| own_file(&source, &laws)) {
+    if let Some(path) = args.out.clone().or_else(|| own_file(&source, &laws).filter(|_| args.save))
+    {
         atomic::write_json(&path, &laws).with_context(|| format!("writing {}", path.display()))?;
     }
-    output.result(&document(&laws, &predictions, &source)?, &text(&laws, &predictions))?;
+    output.result(
+        &document(&laws, &predictions, &source)?,
+        &text(&laws, &predictions, output.full),
+    )?;
     Ok(Exit::Done)
 }
 
@@ -106,7 +110,9 @@ fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<
     Ok(document)
 }
 
-fn text(laws: &Laws, predictions: &[Prediction]) -> String {
-    let optima = predictions.iter().map(predict::text);
-    [summary(laws)].into_iter().chain(optima).collect::<Vec<_>>().join("\n")
+/// The laws and the optima asked for: everything, or one screen.
+pub fn text(laws: &Laws, predictions: &[Prediction], full: bool) -> String {
+    let own = if full { summary(laws) } else { brief(laws) };
+    let optima = predictions.iter().map(|prediction| predict::said(prediction, full));
+    [own].into_iter().chain(optima).collect::<Vec<_>>().join("\n")
 }

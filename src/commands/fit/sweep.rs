@@ -56,12 +56,19 @@ pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitErr
     let (points, left_out) = points(records, fit.rule);
     let mut laws = fit_or_keep_flagged(&points, &fit.options)?;
     laws.warnings.splice(0..0, left_out);
-    laws.from_sweep = true;
-    laws.n_ctx = n_ctx(records);
+    of_own_models(&mut laws, records);
     let others = FlopsRule::ALL.into_iter().filter(|rule| *rule != fit.rule);
     laws.sensitivity
         .extend(others.filter_map(|rule| refit(records, points.len(), rule, &fit.options)));
     Ok(laws)
+}
+
+/// Marks laws as those of this project's own models.
+pub fn of_own_models(laws: &mut Laws, records: &[RunRecord]) {
+    (laws.from_sweep, laws.n_ctx) = (true, n_ctx(records));
+    if let Some(refit) = &mut laws.refit {
+        of_own_models(refit, records);
+    }
 }
 
 /// A small grid may have too few minima that are beyond doubt; then the doubtful ones are used, each
@@ -85,6 +92,7 @@ fn refit(
     let options = FitOptions {
         flops_rule: rule.name().to_string(),
         bootstrap: 0,
+        recommend: false,
         compute: ComputeAxis::Achieved,
         ..options.clone()
     };

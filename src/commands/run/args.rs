@@ -40,6 +40,21 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
+    /// All that is missing of a sweep, on an engine.
+    pub fn of(sweep: SweepArgs, engine: &'static dyn Engine) -> Self {
+        Self {
+            sweep,
+            engine,
+            profile: None,
+            dry_run: false,
+            check: false,
+            fail_fast: false,
+            retry_failed: false,
+            retry: Vec::new(),
+            memory: None,
+        }
+    }
+
     /// Whether the engine has what is asked of it.
     ///
     /// # Errors

@@ -34,6 +34,25 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
     )
 }
 
+/// Does all that is missing and its table, then has `then` tell of it.
+pub fn run_then(
+    args: &RunArgs,
+    output: &Output,
+    then: impl FnOnce(&ResultsFolder) -> Result<()>,
+) -> Result<Exit> {
+    carry_out(
+        args,
+        output,
+        |_| true,
+        |open, summary| {
+            analyse::tabulate(&open.folder, output)?;
+            let exit = summary.tell(output);
+            then(&open.folder)?;
+            Ok(exit)
+        },
+    )
+}
+
 /// Does only the jobs of a kind that needs no other; `then` tells of them.
 pub fn run_only(
     args: &RunArgs,

@@ -28,6 +28,7 @@ fn minimum(method: MinimumMethod, budget_flops: f64, noise: &mut Noise) -> Minim
         loss_normalised: loss + 0.01 * noise.next(),
         ci95: None,
         flags: Vec::new(),
+        trusted: true,
     }
 }
 
@@ -103,6 +104,8 @@ pub fn laws(noise: &mut Noise) -> Laws {
         sensitivity: Vec::new(),
         validation: Vec::new(),
         advice: Vec::new(),
+        judgement: Judgement::default(),
+        refit: None,
         noise: None,
         bootstrap,
         warnings: vec!["The minimum at 1e11 is not bracketed.".to_owned()],

@@ -121,6 +121,12 @@ fn a_million_rows_are_fitted_like_the_few_cells_they_are() {
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
     let noise = laws.noise.unwrap();
     assert!((noise.sd / 0.01 - 1.0).abs() < 0.01, "{noise:?}");
-    let [low, high] = laws.power_laws.params_nonvocab.unwrap().exponent_ci95.unwrap();
-    assert!(high - low < 0.001, "{low}..{high}");
+    let parts = &laws.judgement.interval_parts;
+    let width = |name: &str| {
+        let part = parts.iter().find(|part| part.part == name).unwrap();
+        part.exponent_nonvocab.map(|[low, high]| high - low).unwrap()
+    };
+    assert!(width("runs") < 0.001, "{}", width("runs"));
+    // So many runs know that a parabola is not the curve.
+    assert!(width("misfit") > width("runs"), "{}", width("misfit"));
 }

@@ -23,7 +23,7 @@ pub(super) fn locate(method: MinimumMethod, degree: usize, grid: &Grid) -> Locat
     let Some(z) = stationary(&fit.coefficients) else {
         return unfit(MinimumFlag::NotConvex, None);
     };
-    let curvature = Some(curvature(&fit, z));
+    let curvature = Some(curvature(&fit, z, grid.runs_of_a_cell()));
     if z.abs() >= 1.0 {
         return unfit(MinimumFlag::NotBracketed, curvature);
     }
@@ -57,9 +57,9 @@ fn stationary(c: &[f64]) -> Option<f64> {
     Some(if c2 > 0.0 { -2.0 * c1 / (2.0 * c2 + root) } else { (root - 2.0 * c2) / (6.0 * c3) })
 }
 
-fn curvature(fit: &LeastSquares, z: f64) -> Curvature {
+fn curvature(fit: &LeastSquares, z: f64, runs: f64) -> Curvature {
     let gradient = [0.0, 0.0, 2.0, 6.0 * z];
     let gradient = &gradient[..fit.coefficients.len()];
     let value = gradient.iter().zip(&fit.coefficients).map(|(g, c)| g * c).sum();
-    Curvature { value, unit_error: fit.unit_error(gradient), rss: fit.rss, dof: fit.dof }
+    Curvature { value, unit_error: fit.unit_error(gradient), rss: fit.rss, runs, dof: fit.dof }
 }

@@ -54,8 +54,30 @@ impl Grid {
         self.best().has_vocabulary().then(grid)
     }
 
+    /// Runs that a cell's mean is worth, on average.
+    pub fn runs_of_a_cell(&self) -> f64 {
+        self.cells.iter().map(|cell| cell.runs).sum::<f64>() / self.cells.len() as f64
+    }
+
     pub fn best(&self) -> &Cell {
         &self.cells[self.best]
+    }
+
+    /// What is in doubt of a minimum at `ln_nonvocab`, by the sizes on either side of it.
+    pub fn doubts_at(&self, ln_nonvocab: f64) -> Vec<MinimumFlag> {
+        let below = |size: &Size| size.best.params_nonvocab.ln() <= ln_nonvocab;
+        let above = self.sizes.partition_point(below);
+        match (above.checked_sub(1).map(|i| &self.sizes[i]), self.sizes.get(above)) {
+            (Some(left), Some(right)) => doubts_between(left, right),
+            _ => Vec::new(),
+        }
+    }
+
+    /// What is in doubt of the best run, by the sizes next to its own.
+    pub fn doubts_of_best(&self) -> Vec<MinimumFlag> {
+        let own = self.best().params_nonvocab;
+        let around = |pair: &&[Size]| pair.iter().any(|size| size.best.params_nonvocab == own);
+        self.sizes.windows(2).filter(around).flat_map(|p| doubts_between(&p[0], &p[1])).collect()
     }
 
     /// The values of the best run, flagged with `reason` and with the vocabulary's edge.
@@ -72,6 +94,7 @@ impl Grid {
             loss_normalised: best.loss,
             ci95: None,
             flags: reason.into_iter().chain(self.vocab_edge()).collect(),
+            trusted: false,
         }
     }
 
@@ -84,19 +107,40 @@ impl Grid {
 
     /// The flag where several vocabularies were tried and the best run's is the smallest or the
     /// largest that was tried at its size. One vocabulary alone is no axis, so it has no edge.
-    pub fn vocab_edge(&self) -> Option<MinimumFlag> {
+    pub fn vocab_edge(&self) -> Vec<MinimumFlag> {
         if self.n_vocabularies() < 2 {
-            return None;
+            return Vec::new();
         }
         let best = self.best();
         let same_size = self.cells.iter().filter(|c| c.params_nonvocab == best.params_nonvocab);
         let (low, high) = extent(same_size.map(|c| c.n_vocab));
-        (best.n_vocab <= low || best.n_vocab >= high).then_some(MinimumFlag::VocabEdge)
+        let at_edge = best.n_vocab <= low || best.n_vocab >= high;
+        if at_edge {
+            vec![MinimumFlag::VocabNotBracketed, MinimumFlag::EdgeVocab]
+        } else {
+            Vec::new()
+        }
     }
 
     pub fn n_vocabularies(&self) -> usize {
         distinct(self.cells.iter().map(|cell| cell.n_vocab)).len()
     }
+}
+
+/// Neighbouring sizes further apart leave a gap.
+const WIDEST_STEP: f64 = 2.5;
+
+fn doubts_between(left: &Size, right: &Size) -> Vec<MinimumFlag> {
+    let step = right.best.params_nonvocab / left.best.params_nonvocab;
+    let depths = left.best.n_layer.zip(right.best.n_layer);
+    [
+        (left.at_edge || right.at_edge, MinimumFlag::EdgeVocab),
+        (step > WIDEST_STEP, MinimumFlag::Gap),
+        (depths.is_some_and(|(left, right)| left != right), MinimumFlag::DepthChange),
+    ]
+    .into_iter()
+    .filter_map(|(is, flag)| is.then_some(flag))
+    .collect()
 }
 
 /// The smallest and the largest of some values.

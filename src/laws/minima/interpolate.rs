@@ -27,7 +27,8 @@ pub(super) fn along_sizes(
     let line = |value: &dyn Fn(&Size) -> f64| local.value(&grid.sizes, value);
     let params_nonvocab = ln_nonvocab.exp();
     let (params_vocab, n_vocab) = if grid.best().has_vocabulary() {
-        let ln_vocab = line(&|size| size.ln_vocab);
+        let known = with_known_vocabulary(&grid.sizes);
+        let ln_vocab = LocalLine::at(&known, ln_nonvocab).value(&known, |size| size.ln_vocab);
         (ln_vocab.exp(), (ln_vocab - line(&|size| size.best.ln_width())).exp())
     } else {
         (0.0, 0.0)
@@ -42,8 +43,16 @@ pub(super) fn along_sizes(
         tokens: line(&|size| size.best.ln_work()).exp() / (params_nonvocab + params_vocab),
         loss_normalised,
         ci95: None,
-        flags: grid.vocab_edge().into_iter().collect(),
+        flags: grid.vocab_edge().into_iter().chain(grid.doubts_at(ln_nonvocab)).collect(),
+        trusted: false,
     }
+}
+
+/// The sizes whose best vocabulary is known: the others only bound theirs. All, where that leaves
+/// fewer than two.
+fn with_known_vocabulary(sizes: &[Size]) -> Vec<Size> {
+    let known: Vec<Size> = sizes.iter().filter(|size| !size.at_edge).cloned().collect();
+    if known.len() < 2 { sizes.to_vec() } else { known }
 }
 
 /// A weighted line over ln N_nv, read at one place: the value there is the sum of each size's value

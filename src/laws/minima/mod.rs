@@ -10,10 +10,10 @@ mod grid;
 mod interpolate;
 mod surface;
 
-use super::stats::student_t95;
-use super::{Budget, IsoFlopPoint, Minimum, MinimumFlag};
+use super::stats::{chi_square_tail, student_t95};
+use super::{Budget, IsoFlopPoint, LackOfFit, Minimum, MinimumFlag, RunNoise};
 use crate::sweep::MinimumMethod;
-pub(super) use grid::{Grid, Scale};
+pub(super) use grid::{Grid, Scale, extent};
 
 /// A minimum, and how sharply its curve bends there.
 struct Located {
@@ -27,6 +27,8 @@ struct Curvature {
     /// Standard error for noise of unit standard deviation.
     unit_error: f64,
     rss: f64,
+    /// Runs that each point of the curve is worth.
+    runs: f64,
     dof: usize,
 }
 
@@ -37,14 +39,61 @@ struct Curvature {
 /// leaves too few of its own. Where no budget leaves a residual (three sizes each), the interval
 /// is unknown and the flag is not raised; [`fit`](super::fit()) says so.
 pub fn minima(method: MinimumMethod, budgets: &[Budget]) -> Vec<Minimum> {
-    of_grids(method, &budgets.iter().filter_map(Grid::new).collect::<Vec<_>>())
+    of_grids(method, &budgets.iter().filter_map(Grid::new).collect::<Vec<_>>(), None)
 }
 
-/// [`minima`] of budgets that are gridded already.
-pub(super) fn of_grids(method: MinimumMethod, grids: &[Grid]) -> Vec<Minimum> {
+/// [`minima`] of budgets that are gridded already; with the scatter of single runs known, a curve
+/// that misfits is flagged.
+pub(super) fn of_grids(
+    method: MinimumMethod,
+    grids: &[Grid],
+    scatter: Option<RunNoise>,
+) -> Vec<Minimum> {
     let located: Vec<_> = grids.iter().map(|grid| locate(method, grid)).collect();
     let noise = Noise::pooled(&located);
-    located.into_iter().map(|one| flag_weak(one, noise)).collect()
+    let judged = |one: Located| {
+        let misfit = one.curvature.as_ref().and_then(|c| c.misfit(scatter?));
+        let misfits = misfit.is_some_and(|misfit| misfit.p < MISFIT);
+        let mut minimum = flag_weak(one, noise);
+        let has_curve = !minimum.is_best_run_instead();
+        minimum.flag((misfits && has_curve).then_some(MinimumFlag::LackOfFit));
+        minimum
+    };
+    located.into_iter().map(judged).collect()
+}
+
+/// Probability of a larger χ² below which a curve misfits.
+pub(super) const MISFIT: f64 = 0.01;
+
+/// How far the runs of all budgets lie from the curves of a method, against their scatter; none where
+/// no curve leaves residuals.
+pub(super) fn lack_of_fit(
+    method: MinimumMethod,
+    grids: &[Grid],
+    scatter: RunNoise,
+) -> Option<LackOfFit> {
+    let curves = grids.iter().filter_map(|grid| locate(method, grid).curvature?.misfit(scatter));
+    let (chi2, dof) = curves.fold((0.0, 0), |(chi2, dof), c| (chi2 + c.chi2, dof + c.dof));
+    (dof > 0).then(|| LackOfFit { method, chi2, dof, p: chi_square_tail(chi2, dof, scatter.dof) })
+}
+
+/// The χ² of one curve.
+struct Misfit {
+    chi2: f64,
+    dof: usize,
+    p: f64,
+}
+
+impl Curvature {
+    fn misfit(&self, scatter: RunNoise) -> Option<Misfit> {
+        let chi2 = self.rss * self.runs / scatter.sd.powi(2);
+        let known = self.dof > 0 && scatter.sd > 0.0;
+        known.then(|| Misfit {
+            chi2,
+            dof: self.dof,
+            p: chi_square_tail(chi2, self.dof, scatter.dof),
+        })
+    }
 }
 
 /// The minimum of one budget by one method, the noise taken from its own residuals; none for no
@@ -62,7 +111,9 @@ pub(super) fn has_residuals(method: MinimumMethod, grids: &[Grid]) -> bool {
 
 /// The minimum of one grid; whether its curvature is weak is not asked.
 pub(super) fn of_grid(method: MinimumMethod, grid: &Grid) -> Minimum {
-    locate(method, grid).minimum
+    let mut minimum = locate(method, grid).minimum;
+    minimum.flag([]);
+    minimum
 }
 
 fn locate(method: MinimumMethod, grid: &Grid) -> Located {
@@ -78,13 +129,9 @@ fn locate(method: MinimumMethod, grid: &Grid) -> Located {
 /// ScaMo's way: the best run, after the mean over seeds.
 fn argmin(grid: &Grid) -> Located {
     let mut minimum = grid.best_run(MinimumMethod::Argmin, None);
-    if grid.sizes.len() < 3 {
-        minimum.flags.push(MinimumFlag::FewLevels);
-    }
-    if grid.best_is_outermost_size() {
-        minimum.flags.push(MinimumFlag::NotBracketed);
-    }
-    minimum.flags.sort();
+    minimum.flag((grid.sizes.len() < 3).then_some(MinimumFlag::FewLevels));
+    minimum.flag(grid.best_is_outermost_size().then_some(MinimumFlag::NotBracketed));
+    minimum.flag(grid.doubts_of_best());
     Located { minimum, curvature: None }
 }
 
@@ -109,8 +156,7 @@ fn flag_weak(located: Located, noise: Option<Noise>) -> Minimum {
     if let (Some(curvature), Some(noise)) = (curvature, noise) {
         let margin = student_t95(noise.dof) * noise.sd * curvature.unit_error;
         if curvature.value <= margin {
-            minimum.flags.push(MinimumFlag::WeakCurvature);
-            minimum.flags.sort();
+            minimum.flag([MinimumFlag::WeakCurvature]);
         }
     }
     minimum

@@ -50,7 +50,7 @@ pub(super) fn locate(grid: &Grid) -> Located {
     let Some((u, v)) = stationary(&fit.coefficients) else {
         return unfit(&[MinimumFlag::NotConvex], None);
     };
-    let curvature = Some(smallest_curvature(&fit));
+    let curvature = Some(smallest_curvature(&fit, grid));
     let minimum = interpolate(grid, axes, &fit, (u, v));
     let outside = outside(grid, &minimum, u);
     if outside.is_empty() {
@@ -81,14 +81,15 @@ fn stationary(c: &[f64]) -> Option<(f64, f64)> {
 }
 
 /// The smaller eigenvalue of the Hessian, and its error with its direction held.
-fn smallest_curvature(fit: &LeastSquares) -> Curvature {
+fn smallest_curvature(fit: &LeastSquares, grid: &Grid) -> Curvature {
     let c = &fit.coefficients;
     // The Hessian [[2 c3, c4], [c4, 2 c5]] is diagonal after a turn by `angle`.
     let angle = 0.5 * f64::atan2(2.0 * c[4], 2.0 * c[3] - 2.0 * c[5]);
     let (along, across) = (-angle.sin(), angle.cos());
     let gradient = [0.0, 0.0, 0.0, 2.0 * along.powi(2), 2.0 * along * across, 2.0 * across.powi(2)];
     let value = gradient.iter().zip(c).map(|(g, c)| g * c).sum();
-    Curvature { value, unit_error: fit.unit_error(&gradient), rss: fit.rss, dof: fit.dof }
+    let runs = grid.runs_of_a_cell();
+    Curvature { value, unit_error: fit.unit_error(&gradient), rss: fit.rss, runs, dof: fit.dof }
 }
 
 /// The minimum at (u, v); what is not on the axes comes from planes in (u, v) through the cells,
@@ -107,8 +108,15 @@ fn interpolate(grid: &Grid, axes: Axes, fit: &LeastSquares, (u, v): (f64, f64)) 
         tokens: plane(Cell::ln_work).exp() / (params_nonvocab + params_vocab),
         loss_normalised: terms((u, v)).iter().zip(&fit.coefficients).map(|(t, c)| t * c).sum(),
         ci95: None,
-        flags: Vec::new(),
+        flags: doubts(grid, params_nonvocab),
+        trusted: false,
     }
+}
+
+/// The best vocabulary of a size beside the minimum is not what a surface leans on.
+fn doubts(grid: &Grid, params_nonvocab: f64) -> Vec<MinimumFlag> {
+    let all = grid.doubts_at(params_nonvocab.ln()).into_iter();
+    all.filter(|flag| *flag != MinimumFlag::EdgeVocab).collect()
 }
 
 fn plane_at(grid: &Grid, axes: Axes, at: (f64, f64), value: fn(&Cell) -> f64) -> f64 {
@@ -124,7 +132,7 @@ fn outside(grid: &Grid, minimum: &Minimum, u: f64) -> Vec<MinimumFlag> {
     let (low, high) = extent(grid.cells.iter().map(|cell| cell.n_vocab));
     let beyond_sizes = u.abs() >= 1.0;
     let beyond_vocab = !(low < minimum.n_vocab && minimum.n_vocab < high);
-    [(beyond_sizes, MinimumFlag::NotBracketed), (beyond_vocab, MinimumFlag::VocabEdge)]
+    [(beyond_sizes, MinimumFlag::NotBracketed), (beyond_vocab, MinimumFlag::VocabNotBracketed)]
         .into_iter()
         .filter_map(|(is, flag)| is.then_some(flag))
         .collect()

@@ -1,7 +1,7 @@
 //! The published runs, for tests.
 
 use super::TokensPerCharacter;
-use crate::laws::{IsoFlopPoint, Metric};
+use crate::laws::{IsoFlopPoint, Metric, RunFacts};
 
 const TABLE: &str =
     concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/runs/scaling_with_vocab/exp_data.csv");
@@ -40,5 +40,6 @@ pub fn run(params_nonvocab: f64, n_vocab: f64, d: f64, tokens: f64, loss: f64) -
         metric: Metric::default(),
         loss,
         weight: 1.0,
+        about: RunFacts::default(),
     }
 }

@@ -8,8 +8,10 @@ use crate::sweep::sections::{Axis, ModelList, Sweep, VocabSpec};
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
     let seed = second(&sweep.seeds).map(|i| format!("seeds[{i}]"));
     let kind = second(&sweep.generator.0).map(|i| format!("generator[{i}]"));
+    let tokenizer = second(&sweep.tokenizer.seeds).map(|i| format!("tokenizer.seeds[{i}]"));
     let of_group = |group: Vec<Axis>| Some(path(sweep, group[0], second(&rows(sweep, &group))?));
-    let paths = seed.into_iter().chain(kind).chain(groups(sweep).into_iter().filter_map(of_group));
+    let lists = [seed, kind, tokenizer].into_iter().flatten();
+    let paths = lists.chain(groups(sweep).into_iter().filter_map(of_group));
     paths.map(|path| Problem::value(path, "stands in the list a second time")).collect()
 }
 
@@ -89,10 +91,12 @@ mod tests {
     #[test]
     fn what_stands_twice_is_named_by_its_second_place() {
         let text = format!(
-            "{{name: a, seeds: [3, 4, 3], grid: {{models: {MODELS}, vocab: [64, 240, \
+            "{{name: a, seeds: [3, 4, 3], tokenizer: {{seeds: [1, 1]}}, grid: {{models: {MODELS}, vocab: [64, 240, \
              {{levels: [8, 6, 5]}}], budgets: [1e9, 10e8]}}}}"
         );
-        let paths = ["seeds[2]", "grid.models[1]", "grid.vocab[2]", "grid.budgets[1]"];
+        let lists = ["seeds[2]", "tokenizer.seeds[1]"];
+        let axes = ["grid.models[1]", "grid.vocab[2]", "grid.budgets[1]"];
+        let paths: Vec<&str> = lists.into_iter().chain(axes).collect();
         assert_eq!(problems(&text), paths);
     }
 

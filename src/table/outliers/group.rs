@@ -34,7 +34,7 @@ pub(super) fn budgets(points: &[IsoFlopPoint]) -> Vec<Vec<usize>> {
 #[cfg(test)]
 pub(super) mod testing {
     use super::*;
-    use crate::laws::Metric;
+    use crate::laws::{Metric, RunFacts};
 
     /// A point of a budget with one N and loss.
     pub fn point(budget_flops: f64, params_nonvocab: f64, loss: f64) -> IsoFlopPoint {
@@ -50,6 +50,7 @@ pub(super) mod testing {
             metric: Metric::default(),
             loss,
             weight: 1.0,
+            about: RunFacts::default(),
         }
     }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use proptest::prelude::*;
 
 use super::*;
-use crate::laws::Metric;
+use crate::laws::{Metric, RunFacts};
 use crate::table::{Column, read};
 
 fn table(columns: &[(&str, &[f64])]) -> Table {
@@ -189,6 +189,7 @@ fn point() -> impl Strategy<Value = IsoFlopPoint> {
                 metric: Metric::default(),
                 loss,
                 weight,
+                about: RunFacts::default(),
             }
         },
     )

@@ -7,7 +7,7 @@ mod recovery;
 
 use super::*;
 use crate::laws::random::Normals;
-use crate::laws::{IsoFlopPoint, Metric};
+use crate::laws::{IsoFlopPoint, Metric, RunFacts};
 
 /// A run of N_nv, N_v and D with the loss of `truth` times or plus `noise`.
 fn run(truth: &Coefficients, [n, v, d]: [f64; 3], noise: f64) -> IsoFlopPoint {
@@ -31,6 +31,7 @@ fn run(truth: &Coefficients, [n, v, d]: [f64; 3], noise: f64) -> IsoFlopPoint {
             Form::Approach3Vocab => exact + noise,
         },
         weight: 1.0,
+        about: RunFacts::default(),
     }
 }
 

@@ -1,0 +1,106 @@
+//! A forecast beside the runs that test it.
+
+use anyhow::{Context, Result};
+use isoflop::files::read_if_there;
+use isoflop::jobs::ResultsFolder;
+use isoflop::laws::{Inside, IsoFlopPoint, Measured, Metric, Predicted, Validated};
+use isoflop::predict::Prediction;
+use isoflop::record::table;
+use isoflop::spec::FlopsRule;
+
+use crate::commands::output::Output;
+
+/// The forecast and the best cell of the validation's folder.
+pub fn compare(folder: &ResultsFolder, forecast: &Prediction) -> Result<Validated> {
+    let records = table::read(folder.root())?;
+    let point =
+        |record: &isoflop::record::RunRecord| record.point(FlopsRule::OpenAi, &Metric::default());
+    let points: Vec<IsoFlopPoint> = records.iter().map(point).collect::<Result<_, _>>()?;
+    let measured = best(&points).context("no run is finished")?;
+    let ci = &forecast.ci95;
+    let predicted = Predicted {
+        loss: forecast.loss_normalised,
+        loss_ci95: ci.loss_normalised,
+        params_nonvocab: forecast.params_nonvocab,
+        params_nonvocab_ci95: ci.params_nonvocab,
+        params_vocab: forecast.params_vocab,
+        params_vocab_ci95: ci.params_vocab,
+        tokens: forecast.tokens,
+        tokens_ci95: ci.tokens,
+    };
+    let at = (forecast.budget_flops, forecast.extrapolation_factor);
+    Ok(Validated::new(at, predicted, measured))
+}
+
+/// The cell of the lowest mean loss.
+fn best(points: &[IsoFlopPoint]) -> Option<Measured> {
+    let of_cell = |point: &IsoFlopPoint| {
+        let same = |p: &&IsoFlopPoint| {
+            p.params_nonvocab == point.params_nonvocab && p.n_vocab == point.n_vocab
+        };
+        let losses: Vec<f64> = points.iter().filter(same).map(|p| p.loss).collect();
+        Measured {
+            loss: losses.iter().sum::<f64>() / losses.len() as f64,
+            params_nonvocab: point.params_nonvocab,
+            params_vocab: point.params_vocab,
+            n_vocab: point.n_vocab,
+            tokens: point.tokens,
+            runs: points.len(),
+        }
+    };
+    points.iter().map(of_cell).min_by(|a, b| a.loss.total_cmp(&b.loss))
+}
+
+/// Every validation in a sweep's folder, by budget; a damaged one is a warning.
+pub fn gathered(folder: &ResultsFolder, output: &Output) -> Vec<Validated> {
+    let mut all: Vec<Validated> = Vec::new();
+    let entries = std::fs::read_dir(folder.file("validations"));
+    let entries = entries.into_iter().flatten().flatten().map(|entry| entry.path());
+    for path in entries.map(|path| path.join("validation.json")) {
+        match read_if_there::<Validated>(&path) {
+            Ok(found) => all.extend(found),
+            Err(error) => output.warn(&error.to_string()),
+        }
+    }
+    all.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
+    all
+}
+
+/// The comparison, a line a quantity.
+pub fn text(validated: &Validated) -> String {
+    let Validated { predicted, measured, inside, .. } = validated;
+    let Inside { loss, params_nonvocab, params_vocab, tokens } = *inside;
+    let mut out = format!(
+        "{:e} FLOPs, {:.3} times beyond the fit, {} runs:\n{:<6}{:>12}{:>26}{:>12}\n",
+        validated.budget_flops,
+        validated.extrapolation_factor,
+        measured.runs,
+        "",
+        "forecast",
+        "95 % interval",
+        "measured"
+    );
+    let size = (predicted.params_nonvocab, predicted.params_nonvocab_ci95);
+    let vocab = (predicted.params_vocab, predicted.params_vocab_ci95);
+    let rows = [
+        ("L_u", (predicted.loss, predicted.loss_ci95), measured.loss, loss),
+        ("N_nv", size, measured.params_nonvocab, params_nonvocab),
+        ("N_v", vocab, measured.params_vocab, params_vocab),
+        ("D", (Some(predicted.tokens), predicted.tokens_ci95), measured.tokens, tokens),
+    ];
+    for (name, (value, interval), found, inside) in rows {
+        let number = |x: f64| if name == "L_u" { format!("{x:.4}") } else { format!("{x:.3e}") };
+        let interval = interval
+            .map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)));
+        let value = value.map_or_else(|| "-".into(), number);
+        let verdict = match inside {
+            Some(true) => "inside",
+            Some(false) => "OUTSIDE",
+            None => "",
+        };
+        out += format!("{name:<6}{value:>12}{interval:>26}{:>12}  {verdict}", number(found))
+            .trim_end();
+        out += "\n";
+    }
+    out
+}

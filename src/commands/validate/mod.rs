@@ -1,0 +1,126 @@
+//! `isoflop validate`: a forecast at a budget that took no part in the fit, and the runs that test it.
+
+mod compare;
+mod grid;
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::Args;
+use isoflop::engine::{ENGINES, Engine};
+use isoflop::files::{atomic, read_if_there};
+use isoflop::jobs::ResultsFolder;
+use isoflop::laws::Laws;
+use isoflop::ops::DeviceName;
+use isoflop::predict::{Prediction, said};
+use isoflop::sweep;
+use serde_json::json;
+
+use super::args::{SweepArgs, an_engine, budget, device};
+use super::exit::Exit;
+use super::output::Output;
+use super::predict::{laws_of, predict_one};
+use super::run::{RunArgs, run_then};
+
+pub use compare::gathered;
+
+#[derive(Args)]
+pub struct ValidateArgs {
+    /// A sweep's folder
+    #[arg(value_name = "RESULTS")]
+    results: PathBuf,
+    /// The budget in FLOPs, as in 1e12
+    #[arg(long, value_name = "C", value_parser = budget)]
+    budget: f64,
+    /// Write the forecast down, and train nothing yet
+    #[arg(long)]
+    register: bool,
+    /// Seeds of each cell; by default those of the sweep
+    #[arg(long, value_name = "S,…", value_delimiter = ',')]
+    seeds: Vec<u64>,
+    /// Override a setting of the runs, as in data.clips=400000; may be repeated
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    settings: Vec<String>,
+    /// Jobs that run side by side; by default one per core
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
+    /// The backend that computes
+    #[arg(long, value_parser = device(), default_value = "flex")]
+    device: DeviceName,
+    /// Where jobs run
+    #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
+    engine: &'static dyn Engine,
+}
+
+pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
+    let place = Place::of(args);
+    let sweep = sweep::read(&ResultsFolder::new(&args.results).file("sweep.yaml"), &[])?;
+    let forecast = forecast(args, &place, output)?;
+    if args.register {
+        output.result(&serde_json::to_value(&forecast)?, &said(&forecast, output.full))?;
+        return Ok(Exit::Done);
+    }
+    let own = grid::around(&sweep, &forecast, &place.name, &args.seeds)?;
+    atomic::write_bytes(&place.sweep(), serde_yaml::to_string(&own)?.as_bytes())?;
+    run_then(&place.run(args), output, |folder| {
+        let validated = compare::compare(folder, &forecast)?;
+        atomic::write_json(&folder.file("validation.json"), &validated)?;
+        keep(args, output)?;
+        Ok(output.result(&json!(validated), &compare::text(&validated))?)
+    })
+}
+
+/// Where a validation lies within its sweep's folder.
+struct Place {
+    /// `validations`.
+    root: PathBuf,
+    /// The budget, as `1e12`.
+    name: String,
+}
+
+impl Place {
+    fn of(args: &ValidateArgs) -> Self {
+        Self { root: args.results.join("validations"), name: format!("{:e}", args.budget) }
+    }
+
+    fn forecast(&self) -> PathBuf {
+        self.root.join(&self.name).join("forecast.json")
+    }
+
+    fn sweep(&self) -> PathBuf {
+        self.root.join(format!("{}.yaml", self.name))
+    }
+
+    /// The `run` that trains it.
+    fn run(&self, args: &ValidateArgs) -> RunArgs {
+        let sweep = SweepArgs {
+            sweep: self.sweep(),
+            settings: args.settings.clone(),
+            out: self.root.clone(),
+            jobs: args.jobs,
+            device: args.device,
+        };
+        RunArgs::of(sweep, args.engine)
+    }
+}
+
+/// The forecast that was written down before any run, or one that is written down now.
+fn forecast(args: &ValidateArgs, place: &Place, output: &Output) -> Result<Prediction> {
+    let path = place.forecast();
+    if let Some(forecast) = read_if_there::<Prediction>(&path)? {
+        output.note(&format!("the forecast of {} stands", path.display()));
+        return Ok(forecast);
+    }
+    let laws: Laws = laws_of(&args.results)?;
+    let forecast = predict_one(&laws, args.budget)?;
+    atomic::write_json(&path, &forecast).with_context(|| format!("writing {}", path.display()))?;
+    Ok(forecast)
+}
+
+/// Every validation of the sweep, in its laws.
+fn keep(args: &ValidateArgs, output: &Output) -> Result<()> {
+    let folder = ResultsFolder::new(&args.results);
+    let mut laws = laws_of(&args.results)?;
+    laws.judgement.validations = gathered(&folder, output);
+    Ok(atomic::write_json(&folder.file("laws.json"), &laws)?)
+}

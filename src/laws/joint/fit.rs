@@ -1,0 +1,241 @@
+//! Cells into the coefficients of a joint loss.
+
+use super::levenberg::{Residuals, minimise};
+use super::loss::{BASE, JointLoss, Place, Terms};
+use super::{Cost, JointLaw};
+use crate::laws::cell::Cell;
+use crate::laws::least_squares::least_squares;
+use crate::laws::minima::Grid;
+use crate::laws::stats::distinct;
+
+/// Cells beyond the coefficients, at least.
+const SPARE: usize = 4;
+/// Vocabularies that the terms of coupling need.
+const COUPLED_LEVELS: usize = 4;
+/// Passes over the data from which repetition has a term.
+const REPEATED: f64 = 1.5;
+/// The exponents that a search starts from.
+const STARTS: [f64; 3] = [0.2, 0.5, 1.0];
+/// Noise that the expectations are weighed with where it is not known, in nats.
+const UNKNOWN_NOISE: f64 = 0.02;
+/// Bounds of the exponents α and β.
+const EXPONENTS: [f64; 2] = [0.02, 4.0];
+/// Passes over the data that are worth the first one, R: what is expected, ln 15 (Muennighoff et al.
+/// 2023), and its bounds.
+const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
+
+/// The joint law through the cells of some budgets; none where they do not tell its coefficients.
+///
+/// Least squares over the cells by the runs that each is worth. Where the cells say little of a
+/// coefficient it stays near what is expected of it: exponents near 0.4 within a factor of two, no
+/// coupling. The expectations weigh as much as one run each, of standard deviation `noise`.
+pub fn fit_joint(grids: &[Grid], noise: Option<f64>, repeats: bool) -> Option<JointLaw> {
+    let cells = Cells::new(grids);
+    let terms = cells.terms(repeats)?;
+    let problem = Problem::new(&cells, terms, noise.unwrap_or(UNKNOWN_NOISE));
+    let ends = problem.starts().into_iter().map(|start| minimise(&problem, start));
+    let (values, _) = ends.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let rss: f64 = problem.of_cells(&values).iter().map(|r| r * r).sum();
+    let (n, p) = (cells.all.len(), terms.count());
+    Some(JointLaw {
+        cost: Cost::of(&cells.all)?,
+        residual_sd: (rss / (n - p) as f64).sqrt(),
+        aic: n as f64 * (rss / n as f64).max(f64::MIN_POSITIVE).ln() + 2.0 * (p as f64 + 1.0),
+        loss: problem.law(&values),
+        bootstrap: Vec::new(),
+        n,
+    })
+}
+
+/// The coefficients through other losses of the same cells, downhill from those of `law`.
+pub fn refitted(law: &JointLaw, grids: &[Grid], noise: Option<f64>) -> Vec<f64> {
+    let cells = Cells::new(grids);
+    let mut problem = Problem::new(&cells, law.loss.terms, noise.unwrap_or(UNKNOWN_NOISE));
+    problem.frame = law.loss.clone();
+    minimise(&problem, law.loss.values.clone()).0
+}
+
+/// How far above its budget's best a cell counts a half, in units of the noise of a run.
+const VALLEY: f64 = 5.0;
+
+/// How much a cell counts that lies `above` the best of its budget: no smooth form holds everywhere,
+/// and a law is asked of the valley.
+fn valley(above: f64, noise: f64) -> f64 {
+    1.0 / (1.0 + (above / (VALLEY * noise)).powi(2))
+}
+
+/// The cells of all budgets.
+struct Cells<'a> {
+    all: Vec<&'a Cell>,
+    /// How far each lies above the best of its budget, in nats.
+    above: Vec<f64>,
+}
+
+impl<'a> Cells<'a> {
+    fn new(grids: &'a [Grid]) -> Self {
+        let above =
+            |grid: &'a Grid| grid.cells.iter().map(move |cell| cell.loss - grid.best().loss);
+        Self {
+            all: grids.iter().flat_map(|grid| &grid.cells).collect(),
+            above: grids.iter().flat_map(above).collect(),
+        }
+    }
+
+    /// The terms that the cells can tell; none where even the fewest are too many.
+    fn terms(&self, repeats: bool) -> Option<Terms> {
+        let levels = distinct(self.all.iter().map(|cell| cell.n_vocab)).len();
+        let most = self.all.iter().filter_map(|cell| Some(cell.tokens / cell.unique_tokens?));
+        let repeats = repeats && most.fold(0.0, f64::max) > REPEATED;
+        let wanted = [levels >= COUPLED_LEVELS, false].map(|coupled| Terms {
+            vocab: levels > 1,
+            coupled,
+            repeats,
+        });
+        wanted.into_iter().find(|terms| self.all.len() >= terms.count() + SPARE)
+    }
+
+    fn centre(&self) -> [f64; 3] {
+        let mean = |of: &dyn Fn(&Cell) -> f64| {
+            self.all.iter().map(|cell| of(cell)).sum::<f64>() / self.all.len() as f64
+        };
+        [mean(&|c| c.params_nonvocab.ln()), mean(&ln_vocab), mean(&|c| c.tokens.ln())]
+    }
+}
+
+fn ln_vocab(cell: &Cell) -> f64 {
+    if cell.n_vocab > 0.0 { cell.n_vocab.ln() } else { 0.0 }
+}
+
+pub(super) fn place(cell: &Cell) -> Place {
+    Place {
+        ln_size: cell.params_nonvocab.ln(),
+        ln_vocab: ln_vocab(cell),
+        ln_tokens: cell.tokens.ln(),
+        unique_tokens: cell.unique_tokens,
+    }
+}
+
+/// The residuals of every cell, and of every coefficient from what is expected of it.
+struct Problem {
+    /// Terms, centre and unique tokens, with coefficients that mean nothing.
+    frame: JointLoss,
+    places: Vec<Place>,
+    losses: Vec<f64>,
+    weights: Vec<f64>,
+    noise: f64,
+}
+
+impl Problem {
+    fn new(cells: &Cells, terms: Terms, noise: f64) -> Self {
+        let all = &cells.all;
+        let runs = all.iter().map(|cell| cell.runs).sum::<f64>() / all.len() as f64;
+        let unique = all.iter().filter_map(|cell| cell.unique_tokens);
+        let unique_tokens = unique.reduce(f64::max).filter(|_| terms.repeats);
+        Self {
+            frame: JointLoss {
+                terms,
+                centre: cells.centre(),
+                values: vec![0.0; terms.count()],
+                unique_tokens,
+            },
+            places: all.iter().map(|cell| place(cell)).collect(),
+            losses: all.iter().map(|cell| cell.loss).collect(),
+            weights: all
+                .iter()
+                .zip(&cells.above)
+                .map(|(cell, above)| (cell.runs / runs * valley(*above, noise)).sqrt())
+                .collect(),
+            noise: noise / runs.sqrt(),
+        }
+    }
+
+    fn law(&self, values: &[f64]) -> JointLoss {
+        JointLoss { values: values.to_vec(), ..self.frame.clone() }
+    }
+
+    fn of_cells(&self, values: &[f64]) -> Vec<f64> {
+        let law = self.law(values);
+        let rows = self.places.iter().zip(&self.losses).zip(&self.weights);
+        rows.map(|((place, loss), weight)| weight * (loss - law.value(place))).collect()
+    }
+
+    /// What is expected of a coefficient: its place, the value and the deviation, and whether it is
+    /// the logarithm of the coefficient that is expected to lie there.
+    fn expected(&self) -> Vec<(usize, f64, f64, bool)> {
+        let mut all = vec![(2, 0.4f64.ln(), 0.7, true), (4, 0.4f64.ln(), 0.7, true)];
+        let terms = self.frame.terms;
+        let first = BASE + usize::from(terms.vocab);
+        if terms.coupled {
+            all.extend([(first, 0.0, 0.1, false), (first + 1, 0.0, 0.4, false)]);
+            all.push((first + 2, 0.0, 0.4, false));
+        }
+        if terms.repeats {
+            all.push((terms.count() - 1, LN_R[0], 1.0, false));
+        }
+        all
+    }
+
+    /// The linear coefficients at each pair of exponents to start from.
+    fn starts(&self) -> Vec<Vec<f64>> {
+        let pairs = STARTS.iter().flat_map(|alpha| STARTS.map(|beta| (*alpha, beta)));
+        pairs.filter_map(|(alpha, beta)| self.start(alpha, beta)).collect()
+    }
+
+    fn start(&self, alpha: f64, beta: f64) -> Option<Vec<f64>> {
+        let Terms { vocab, coupled, repeats } = self.frame.terms;
+        let [n0, v0, d0] = self.frame.centre;
+        let row = |place: &Place| {
+            let v = place.ln_vocab - v0;
+            let mut row = vec![1.0, (-alpha * (place.ln_size - n0)).exp()];
+            row.push((-beta * (place.ln_tokens - d0)).exp());
+            row.extend([-v].into_iter().filter(|_| vocab));
+            row.extend([v * v].into_iter().filter(|_| coupled));
+            row
+        };
+        let rows: Vec<Vec<f64>> = self.places.iter().map(row).collect();
+        let c = least_squares(&rows, &self.losses)?.coefficients;
+        let positive = |x: f64| x.max(0.02).ln();
+        let mut values = vec![c[0], positive(c[1]), alpha, positive(c[2]), beta];
+        values.extend(c.get(3));
+        values.extend(c.get(4));
+        values.extend([0.0, 0.0].into_iter().filter(|_| coupled));
+        values.extend([LN_R[0]].into_iter().filter(|_| repeats));
+        Some(values)
+    }
+}
+
+impl Residuals for Problem {
+    fn at(&self, values: &[f64]) -> Vec<f64> {
+        let expected = |&(i, mean, sd, is_log): &(usize, f64, f64, bool)| {
+            let value = if is_log { values[i].ln() } else { values[i] };
+            self.noise * (mean - value) / sd
+        };
+        let mut all = self.of_cells(values);
+        all.extend(self.expected().iter().map(expected));
+        all
+    }
+
+    fn slopes(&self, values: &[f64]) -> Vec<Vec<f64>> {
+        let law = self.law(values);
+        let of_cell = |(place, weight): (&Place, &f64)| {
+            law.gradient(place).into_iter().map(|slope| weight * slope).collect()
+        };
+        let mut rows: Vec<Vec<f64>> = self.places.iter().zip(&self.weights).map(of_cell).collect();
+        for (i, _, sd, is_log) in self.expected() {
+            let mut row = vec![0.0; values.len()];
+            row[i] = self.noise / sd / if is_log { values[i] } else { 1.0 };
+            rows.push(row);
+        }
+        rows
+    }
+
+    fn bound(&self, values: &mut [f64]) {
+        let [low, high] = EXPONENTS;
+        values[2] = values[2].clamp(low, high);
+        values[4] = values[4].clamp(low, high);
+        if self.frame.terms.repeats {
+            let last = values.len() - 1;
+            values[last] = values[last].clamp(LN_R[1], LN_R[2]);
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! The loss as a function of N, V and D.
+
+use serde::{Deserialize, Serialize};
+
+/// Which terms a joint loss has beside e0, A, α, B and β.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Terms {
+    /// e1: several vocabularies were tried.
+    pub vocab: bool,
+    /// e2, κa and κb: enough vocabularies to tell them.
+    pub coupled: bool,
+    /// R: some runs repeat their data.
+    pub repeats: bool,
+}
+
+/// The coefficients of a joint loss, around the middle of the cells they were fitted to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointLoss {
+    pub terms: Terms,
+    /// ln N, ln V and ln D at the middle of the cells.
+    pub centre: [f64; 3],
+    /// e0, ln A, α, ln B, β; then e1; then e2, κa, κb; then ln R: those that `terms` has.
+    pub values: Vec<f64>,
+    /// U, where data repeats.
+    pub unique_tokens: Option<f64>,
+}
+
+/// The five coefficients that every joint loss has.
+pub(super) const BASE: usize = 5;
+
+impl Terms {
+    /// Coefficients.
+    pub fn count(self) -> usize {
+        BASE + usize::from(self.vocab) + 3 * usize::from(self.coupled) + usize::from(self.repeats)
+    }
+
+    /// The names of the coefficients, in their order.
+    pub fn names(self) -> Vec<&'static str> {
+        let own = ["e0", "ln A", "alpha", "ln B", "beta"].into_iter();
+        let vocab = ["e1"].into_iter().filter(move |_| self.vocab);
+        let coupled = ["e2", "kappa_a", "kappa_b"].into_iter().filter(move |_| self.coupled);
+        own.chain(vocab)
+            .chain(coupled)
+            .chain(["ln R"].into_iter().filter(|_| self.repeats))
+            .collect()
+    }
+
+    fn first_coupled(self) -> usize {
+        BASE + usize::from(self.vocab)
+    }
+}
+
+/// Where a loss is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    pub ln_size: f64,
+    pub ln_vocab: f64,
+    pub ln_tokens: f64,
+    /// U of the runs there.
+    pub unique_tokens: Option<f64>,
+}
+
+/// The parts of a loss at a place.
+struct Parts {
+    v: f64,
+    n: f64,
+    d: f64,
+    model: f64,
+    data: f64,
+}
+
+impl JointLoss {
+    /// The loss of a model of N_nv parameters and V codes, trained on D tokens.
+    pub fn at(&self, params_nonvocab: f64, n_vocab: f64, tokens: f64) -> f64 {
+        self.value(&Place {
+            ln_size: params_nonvocab.ln(),
+            ln_vocab: if self.terms.vocab { n_vocab.ln() } else { self.centre[1] },
+            ln_tokens: tokens.ln(),
+            unique_tokens: self.unique_tokens,
+        })
+    }
+
+    pub(super) fn value(&self, place: &Place) -> f64 {
+        let Parts { v, model, data, .. } = self.parts(place);
+        self.values[0] - self.e1() * v + self.coupled(0) * v * v + model + data
+    }
+
+    /// The derivative of the loss by each coefficient.
+    pub(super) fn gradient(&self, place: &Place) -> Vec<f64> {
+        let Parts { v, n, d, model, data } = self.parts(place);
+        let mut row = vec![1.0, model, -n * model, data, -d * data];
+        if self.terms.vocab {
+            row.push(-v);
+        }
+        if self.terms.coupled {
+            row.extend([v * v, v * model, v * data]);
+        }
+        if self.terms.repeats {
+            let step = 1e-4;
+            let ln_r = self.ln_r();
+            let worth = |ln_r: f64| worth(place.ln_tokens, place.unique_tokens, ln_r);
+            let slope = (worth(ln_r + step) - worth(ln_r - step)) / (2.0 * step);
+            row.push(-self.values[4] * data * slope);
+        }
+        row
+    }
+
+    fn parts(&self, place: &Place) -> Parts {
+        let ln_tokens = match self.terms.repeats {
+            true => worth(place.ln_tokens, place.unique_tokens, self.ln_r()),
+            false => place.ln_tokens,
+        };
+        let [n, v, d] = [
+            place.ln_size - self.centre[0],
+            place.ln_vocab - self.centre[1],
+            ln_tokens - self.centre[2],
+        ];
+        let model = (self.values[1] + self.coupled(1) * v - self.values[2] * n).exp();
+        let data = (self.values[3] + self.coupled(2) * v - self.values[4] * d).exp();
+        Parts { v, n, d, model, data }
+    }
+
+    fn e1(&self) -> f64 {
+        if self.terms.vocab { self.values[BASE] } else { 0.0 }
+    }
+
+    fn coupled(&self, i: usize) -> f64 {
+        if self.terms.coupled { self.values[self.terms.first_coupled() + i] } else { 0.0 }
+    }
+
+    fn ln_r(&self) -> f64 {
+        self.values[self.values.len() - 1]
+    }
+}
+
+/// ln of what D tokens are worth where U of them are distinct.
+fn worth(ln_tokens: f64, unique_tokens: Option<f64>, ln_r: f64) -> f64 {
+    let Some(unique) = unique_tokens.filter(|unique| ln_tokens > unique.ln()) else {
+        return ln_tokens;
+    };
+    let (repeats, r) = (ln_tokens.exp() / unique - 1.0, ln_r.exp());
+    (unique * (1.0 - r * (-repeats / r).exp_m1())).ln()
+}

@@ -1,0 +1,68 @@
+//! One smooth loss over all budgets: L(N, V, D), fitted to every cell of a sweep.
+//!
+//! L = e0 − e1 v + e2 v² + A V^κa N^−α + B V^κb D^−β, v = ln V and N = N_nv.
+//!
+//! Why these terms. A code of V values tells more of a motion, so the normalised loss falls with
+//! ln V where model and data are large (e1), less and less (e2). How far a run is from there is the
+//! model's and the data's part, as in Hoffmann et al. 2022, and both grow with V where more codes
+//! have to be told apart (κ). With one vocabulary it is their law.
+//!
+//! Where runs repeat their data, D is what repetition is worth of it (Muennighoff et al. 2023):
+//! U(1 + R(1 − e^(−(D/U − 1)/R))) of D tokens of which U are distinct.
+//!
+//! | step | file |
+//! | --- | --- |
+//! | coefficients, loss, derivatives | `loss` |
+//! | cells into coefficients | `fit`, on `levenberg` |
+//! | what a token costs, how wide a model is | `cost` |
+//! | the best allocation of a budget | `optimum` |
+//! | intervals | `bootstrap` |
+
+mod bootstrap;
+mod cost;
+mod fit;
+mod levenberg;
+mod loss;
+mod optimum;
+#[cfg(test)]
+mod tests;
+
+pub(super) use bootstrap::{Moves, replicates};
+pub(super) use cost::Cost;
+pub(super) use fit::fit_joint;
+pub use loss::{JointLoss, Terms};
+pub use optimum::JointOptimum;
+
+use serde::{Deserialize, Serialize};
+
+/// A joint law, and all that a prediction needs of the cells it was fitted to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointLaw {
+    pub loss: JointLoss,
+    pub(super) cost: Cost,
+    /// Root mean square of the residuals, in nats, on the degrees of freedom that the fit leaves.
+    pub residual_sd: f64,
+    /// Cells fitted.
+    pub n: usize,
+    /// Akaike's criterion, as of least squares.
+    pub aic: f64,
+    /// The coefficients of each bootstrap replicate.
+    #[serde(default)]
+    pub bootstrap: Vec<Vec<f64>>,
+}
+
+impl JointLaw {
+    /// The best allocation of `budget` FLOPs.
+    pub fn optimum(&self, budget: f64) -> Option<JointOptimum> {
+        self.cost.optimum(&self.loss, budget)
+    }
+
+    /// The best allocation by each replicate that has one.
+    pub fn optima(&self, budget: f64) -> Vec<JointOptimum> {
+        let of = |values: &Vec<f64>| {
+            let loss = JointLoss { values: values.clone(), ..self.loss.clone() };
+            self.cost.optimum(&loss, budget)
+        };
+        self.bootstrap.iter().filter_map(of).collect()
+    }
+}

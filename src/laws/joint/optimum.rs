@@ -1,0 +1,88 @@
+//! The best allocation of a budget by a joint loss.
+
+use super::{Cost, JointLoss};
+
+/// How far beyond the sizes and vocabularies tried an optimum is looked for, as factors.
+const BELOW: f64 = 8.0;
+const SIZES_ABOVE: f64 = 1e4;
+const VOCABULARIES_ABOVE: f64 = 64.0;
+/// Halvings of a golden section: a logarithm to a thousandth.
+const STEPS: usize = 28;
+
+/// The allocation of least loss that spends a budget.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointOptimum {
+    pub params_nonvocab: f64,
+    /// 0 where N alone is known.
+    pub params_vocab: f64,
+    /// 0 where N alone is known.
+    pub n_vocab: f64,
+    pub tokens: f64,
+    pub loss: f64,
+    /// The best vocabulary is the end of what was looked at: the law knows no optimum of V.
+    pub at_edge: bool,
+}
+
+impl Cost {
+    /// Of `loss` at `budget` FLOPs; none where it is not finite.
+    pub fn optimum(&self, loss: &JointLoss, budget: f64) -> Option<JointOptimum> {
+        let [low, high] = self.sizes.map(f64::ln);
+        let sizes = [low - BELOW.ln(), high + SIZES_ABOVE.ln()];
+        let best_of = |ln_vocab: f64| {
+            let at = |ln_size: f64| self.at(loss, budget, ln_size, ln_vocab);
+            golden(sizes, |ln_size| at(ln_size).loss)
+                .map_or(f64::INFINITY, |ln_size| at(ln_size).loss)
+        };
+        let vocabularies = self.vocabularies_looked_at(loss);
+        let ln_vocab = match vocabularies {
+            Some(range) => golden(range, best_of)?,
+            None => self.vocabularies[0].max(f64::MIN_POSITIVE).ln(),
+        };
+        let ln_size = golden(sizes, |ln_size| self.at(loss, budget, ln_size, ln_vocab).loss)?;
+        let best = self.at(loss, budget, ln_size, ln_vocab);
+        let near = |end: f64| (ln_vocab - end).abs() < 0.01;
+        let at_edge = vocabularies.is_some_and(|[low, high]| near(low) || near(high));
+        let finite = best.loss.is_finite() && best.tokens.is_finite();
+        finite.then_some(JointOptimum { at_edge, ..best })
+    }
+
+    /// ln V, where several vocabularies were tried.
+    fn vocabularies_looked_at(&self, loss: &JointLoss) -> Option<[f64; 2]> {
+        let [low, high] = self.vocabularies.map(f64::ln);
+        loss.terms.vocab.then_some([low - BELOW.ln(), high + VOCABULARIES_ABOVE.ln()])
+    }
+
+    fn at(&self, loss: &JointLoss, budget: f64, ln_size: f64, ln_vocab: f64) -> JointOptimum {
+        let (params_nonvocab, n_vocab) = (ln_size.exp(), ln_vocab.exp());
+        let params_vocab = self.params_vocab(params_nonvocab, n_vocab);
+        let tokens = self.tokens(budget, params_nonvocab, params_vocab);
+        let n_vocab = if params_vocab > 0.0 { n_vocab } else { 0.0 };
+        JointOptimum {
+            params_nonvocab,
+            params_vocab,
+            n_vocab,
+            tokens,
+            loss: loss.at(params_nonvocab, ln_vocab.exp(), tokens),
+            at_edge: false,
+        }
+    }
+}
+
+/// Where a function of one valley is least; none where it is not finite there.
+fn golden([mut low, mut high]: [f64; 2], f: impl Fn(f64) -> f64) -> Option<f64> {
+    let ratio = (5f64.sqrt() - 1.0) / 2.0;
+    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
+    let (mut at_a, mut at_b) = (f(a), f(b));
+    for _ in 0..STEPS {
+        if at_a < at_b {
+            (high, b, at_b) = (b, a, at_a);
+            a = high - ratio * (high - low);
+            at_a = f(a);
+        } else {
+            (low, a, at_a) = (a, b, at_b);
+            b = low + ratio * (high - low);
+            at_b = f(b);
+        }
+    }
+    at_a.min(at_b).is_finite().then_some(0.5 * (low + high))
+}

@@ -1,0 +1,144 @@
+//! Joint laws of simulated cells, whose truth is known.
+
+use super::*;
+use crate::laws::budget::group_checked;
+use crate::laws::minima::Grid;
+use crate::laws::random::Normals;
+use crate::laws::{IsoFlopPoint, Parameters, RunFacts};
+
+const BUDGETS: [f64; 4] = [1e10, 3e10, 1e11, 3e11];
+const WIDTHS: [f64; 7] = [8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0];
+const VOCABULARIES: [f64; 6] = [32.0, 128.0, 256.0, 512.0, 1024.0, 4096.0];
+
+/// A loss of the fitted form, as measured on procedural motion, in natural units.
+fn truth(n: f64, v: f64, d: f64) -> f64 {
+    let (v, kappa) = (v.ln(), 0.15);
+    -0.9 * v
+        + 0.02 * v * v
+        + 20.0 * (kappa * v).exp() * n.powf(-0.5)
+        + 60.0 * (0.5 * v).exp() * d.powf(-0.5)
+}
+
+fn points(noise: f64, stream: u64) -> Vec<IsoFlopPoint> {
+    let mut normals = Normals::of_stream(5, stream);
+    let mut points = Vec::new();
+    for budget in BUDGETS {
+        for width in WIDTHS {
+            for vocab in VOCABULARIES {
+                let (n, nv) = (24.0 * width * width, vocab * width);
+                // Attention over 83 positions in two layers.
+                let tokens = budget / (6.0 * (n + nv) + 996.0 * width);
+                points.push(IsoFlopPoint {
+                    budget_flops: budget,
+                    flops: budget,
+                    n_vocab: vocab,
+                    tokens,
+                    loss: truth(n, vocab, tokens) + noise * normals.next(),
+                    ..crate::laws::simulated::point(n, nv, 0.0, 0)
+                });
+            }
+        }
+    }
+    points
+}
+
+fn grids(points: &[IsoFlopPoint]) -> Vec<Grid> {
+    let total = points[0].params_vocab == 0.0;
+    let parameters = if total { Parameters::Total } else { Parameters::Split };
+    group_checked(points, parameters).unwrap().iter().filter_map(Grid::new).collect()
+}
+
+/// The true optimum by a fine search.
+fn best(budget: f64) -> (f64, f64, f64) {
+    let mut least = (f64::INFINITY, 0.0, 0.0);
+    for i in 0..400 {
+        for j in 0..300 {
+            let width = 4.0 * 1.012f64.powi(i);
+            let vocab = 16.0 * 1.03f64.powi(j);
+            let n = 24.0 * width * width;
+            let tokens = budget / (6.0 * (n + vocab * width) + 996.0 * width);
+            let loss = truth(n, vocab, tokens);
+            if loss < least.0 {
+                least = (loss, n, vocab);
+            }
+        }
+    }
+    least
+}
+
+#[test]
+fn the_slopes_are_the_derivatives_of_the_loss() {
+    let mut repeated = points(0.02, 0);
+    for point in &mut repeated {
+        point.about = RunFacts { unique_tokens: Some(1e5), ..RunFacts::default() };
+    }
+    let law = fit_joint(&grids(&repeated), Some(0.02), true).unwrap().loss;
+    assert_eq!(law.values.len(), law.terms.names().len());
+    let cells = grids(&repeated);
+    for cell in cells.iter().flat_map(|grid| &grid.cells).step_by(17) {
+        let place = fit::place(cell);
+        for (i, slope) in law.gradient(&place).into_iter().enumerate() {
+            let moved = |step: f64| {
+                let mut moved = law.clone();
+                moved.values[i] += step;
+                moved.value(&place)
+            };
+            let numeric = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!((slope - numeric).abs() < 1e-5 * (1.0 + slope.abs()), "{i}: {slope} {numeric}");
+        }
+    }
+}
+
+#[test]
+fn an_optimum_far_beyond_the_cells_is_predicted() {
+    let law = fit_joint(&grids(&points(0.01, 1)), Some(0.01), false).unwrap();
+    assert!((law.residual_sd / 0.01 - 1.0).abs() < 0.25, "{}", law.residual_sd);
+    for (factor, nats, ratio) in [(1.0, 0.01, 1.2), (10.0, 0.06, 1.6), (100.0, 0.15, 2.5)] {
+        let budget = 3e11 * factor;
+        let (loss, n, vocab) = best(budget);
+        let found = law.optimum(budget).unwrap();
+        assert!((found.loss - loss).abs() < nats, "{factor}: {found:?}, {loss}");
+        let near = |a: f64, b: f64| (a / b).ln().abs() < f64::ln(ratio);
+        assert!(
+            near(found.params_nonvocab, n) && near(found.n_vocab, vocab),
+            "{found:?} {n} {vocab}"
+        );
+        let spent = 6.0 * (found.params_nonvocab + found.params_vocab) * found.tokens
+            + 996.0 * (found.params_nonvocab / 24.0).sqrt() * found.tokens;
+        assert!((spent / budget - 1.0).abs() < 1e-6, "{spent}");
+    }
+}
+
+#[test]
+fn intervals_of_replicates_hold_the_truth() {
+    let mut held = 0;
+    let budget = 1e12;
+    let (loss, ..) = best(budget);
+    for stream in 0..20 {
+        let grids = grids(&points(0.02, 100 + stream));
+        let mut law = fit_joint(&grids, Some(0.02), false).unwrap();
+        let moves = Moves { noise: None, tokenizers: None, seed: stream };
+        law.bootstrap = replicates(&law, &grids, &moves, 60);
+        let losses: Vec<f64> = law.optima(budget).iter().map(|best| best.loss).collect();
+        let [low, high] = crate::laws::interval95(&losses).unwrap();
+        held += usize::from(low <= loss && loss <= high);
+    }
+    assert!(held >= 17, "{held} of 20");
+}
+
+#[test]
+fn without_a_vocabulary_it_is_the_law_of_hoffmann() {
+    let total: Vec<IsoFlopPoint> = points(0.0, 2)
+        .into_iter()
+        .filter(|point| point.n_vocab == 256.0)
+        .map(|point| {
+            let tokens = point.budget_flops / 6.0 / point.params_nonvocab;
+            let loss = 2.0 + 30.0 * point.params_nonvocab.powf(-0.4) + 50.0 * tokens.powf(-0.35);
+            IsoFlopPoint { params_vocab: 0.0, n_vocab: 0.0, tokens, loss, ..point }
+        })
+        .collect();
+    let law = fit_joint(&grids(&total), Some(1e-4), false).unwrap();
+    assert!(!law.loss.terms.vocab);
+    assert!((law.loss.values[2] - 0.4).abs() < 0.01 && (law.loss.values[4] - 0.35).abs() < 0.01);
+    assert!((law.loss.values[0] - 2.0).abs() < 0.02, "{:?}", law.loss.values);
+}

@@ -1,0 +1,249 @@
+//! Which law to believe: the one that predicts the sweep's own larger budgets from its smaller ones.
+
+use serde::{Deserialize, Serialize};
+
+use super::joint::{JointLaw, fit_joint};
+use super::law_set::{Columns, LawSet, compute, geometric_mean, law_set};
+use super::minima::Grid;
+use super::{FitOptions, FloorLaw, Minimum, Parameters, RunNoise, floor_law};
+
+/// Fewest budgets that a law is fitted to before it is tested.
+const FEWEST: usize = 3;
+
+/// A law that can be recommended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Candidate {
+    /// Power laws through the minima; the loss a line in ln C (ScaMo).
+    Log,
+    /// Power laws through the minima; the loss a power of C above a floor.
+    Floor,
+    /// One smooth loss over all cells.
+    Joint,
+    /// The same, with data worth less when it is repeated.
+    JointRepeats,
+}
+
+impl Candidate {
+    /// Simpler ones first.
+    pub const ALL: [Self; 4] = [Self::Log, Self::Floor, Self::Joint, Self::JointRepeats];
+
+    /// The name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Log => "log",
+            Self::Floor => "floor",
+            Self::Joint => "joint",
+            Self::JointRepeats => "joint-repeats",
+        }
+    }
+
+    /// What it is, for a person.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Log => "the log law",
+            Self::Floor => "the law with a floor",
+            Self::Joint => "the joint law",
+            Self::JointRepeats => "the joint law with repetition",
+        }
+    }
+
+    pub(super) fn is_joint(self) -> bool {
+        matches!(self, Self::Joint | Self::JointRepeats)
+    }
+}
+
+/// What a law that saw smaller budgets alone said of a budget, less what was measured there.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Miss {
+    /// How many budgets the law was fitted to.
+    pub n_fitted: usize,
+    pub budget_flops: f64,
+    /// The budget over the largest that was fitted.
+    pub factor: f64,
+    /// Predicted less measured loss, in nats.
+    pub loss: f64,
+    /// ln of predicted over measured N_nv, or N.
+    pub ln_size: f64,
+    /// ln of predicted over measured N_v; 0 where N_v is not told apart.
+    pub ln_vocab: f64,
+    /// ln of predicted over measured D.
+    pub ln_tokens: f64,
+}
+
+/// How a candidate did on budgets that it had not seen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    pub law: Candidate,
+    /// Root mean square of the misses of the loss, in nats.
+    pub rms: f64,
+    pub misses: Vec<Miss>,
+}
+
+/// The law to believe.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Recommended {
+    pub law: Candidate,
+    pub minima_method: crate::sweep::MinimumMethod,
+    /// The reason, for a person.
+    pub why: String,
+    /// Every law that could be tested, the best first.
+    pub scores: Vec<Score>,
+}
+
+/// All budgets of a sweep with their measured minima, ascending.
+pub(super) struct Rows<'a> {
+    pub grids: &'a [Grid],
+    /// The minimum of each grid by the laws' method; none where it may not be used.
+    pub minima: &'a [Option<Minimum>],
+    pub noise: Option<RunNoise>,
+    pub options: &'a FitOptions,
+}
+
+/// A law through the first budgets of a sweep.
+enum Fitted {
+    Lines { set: LawSet, floor: Option<FloorLaw>, reference: f64 },
+    Joint(Box<JointLaw>),
+}
+
+impl Rows<'_> {
+    /// Every candidate's score, the best first; empty where there are too few budgets.
+    pub fn scores(&self) -> Vec<Score> {
+        let mut scores: Vec<Score> =
+            Candidate::ALL.into_iter().filter_map(|law| self.score(law)).collect();
+        let most = scores.iter().map(|score| score.misses.len()).max().unwrap_or(0);
+        // One that could not be tested everywhere is not compared.
+        scores.retain(|score| score.misses.len() == most && score.rms.is_finite());
+        scores.sort_by(|a, b| a.rms.total_cmp(&b.rms));
+        scores
+    }
+
+    fn score(&self, law: Candidate) -> Option<Score> {
+        let starts = FEWEST..self.grids.len();
+        let misses: Vec<Miss> = starts.flat_map(|n| self.misses(law, n)).collect();
+        let squares: f64 = misses.iter().map(|miss| miss.loss.powi(2)).sum();
+        let rms = (squares / misses.len() as f64).sqrt();
+        (!misses.is_empty()).then_some(Score { law, rms, misses })
+    }
+
+    /// What a law through the first `n` budgets says of the others.
+    fn misses(&self, law: Candidate, n: usize) -> Vec<Miss> {
+        let Some(fitted) = self.fit(law, n) else { return Vec::new() };
+        let largest = self.grids[n - 1].budget_flops;
+        let measured = self.minima[n..].iter().flatten();
+        measured.filter_map(|minimum| self.miss(law, &fitted, minimum, n, largest)).collect()
+    }
+
+    fn fit(&self, law: Candidate, n: usize) -> Option<Fitted> {
+        let used: Vec<Minimum> = self.minima[..n].iter().flatten().cloned().collect();
+        if used.len() < FEWEST {
+            return None;
+        }
+        if law.is_joint() {
+            let repeats = law == Candidate::JointRepeats;
+            let noise = self.noise.map(|noise| noise.sd);
+            let joint = fit_joint(&self.grids[..n], noise, repeats)?;
+            let has_term = joint.loss.terms.repeats == repeats;
+            return has_term.then(|| Fitted::Joint(Box::new(joint)));
+        }
+        let columns = Columns::new(&used, self.grids, self.options);
+        let reference = geometric_mean(&columns.compute);
+        let set = law_set(&columns, reference, self.options)?;
+        let floor = floor_law(&columns.compute, &columns.loss, reference);
+        (law == Candidate::Log || floor.is_some()).then_some(Fitted::Lines {
+            set,
+            floor,
+            reference,
+        })
+    }
+
+    fn miss(
+        &self,
+        law: Candidate,
+        fitted: &Fitted,
+        measured: &Minimum,
+        n_fitted: usize,
+        largest: f64,
+    ) -> Option<Miss> {
+        let at = compute(measured, self.options.compute);
+        let [loss, size, vocab, tokens] = match fitted {
+            Fitted::Joint(joint) => {
+                let best = joint.optimum(at)?;
+                [best.loss, best.params_nonvocab, best.params_vocab, best.tokens]
+            }
+            Fitted::Lines { set, floor, reference } => {
+                let loss = match law {
+                    Candidate::Log => set.loss.loss_at(at),
+                    _ => floor.as_ref()?.loss_at(at, *reference),
+                };
+                let vocab = set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(at));
+                [loss, set.params_nonvocab.value_at(at), vocab, set.tokens.value_at(at)]
+            }
+        };
+        let split = self.options.parameters == Parameters::Split;
+        Some(Miss {
+            n_fitted,
+            budget_flops: measured.budget_flops,
+            factor: measured.budget_flops / largest,
+            loss: loss - measured.loss_normalised,
+            ln_size: (size / measured.params_nonvocab).ln(),
+            ln_vocab: if split { (vocab / measured.params_vocab).ln() } else { 0.0 },
+            ln_tokens: (tokens / measured.tokens).ln(),
+        })
+    }
+}
+
+/// The best of some scores, or the log law where nothing could be tested.
+pub(super) fn recommended(
+    scores: Vec<Score>,
+    minima_method: crate::sweep::MinimumMethod,
+    budgets: usize,
+) -> Recommended {
+    let law = scores.first().map_or(Candidate::Log, |best| best.law);
+    let why = match (scores.first(), scores.last()) {
+        (Some(best), Some(worst)) if scores.len() > 1 => format!(
+            "fitted to smaller budgets, it missed the losses of larger ones by {:.4} nats (root mean \
+             square of {}), {} by {:.4}",
+            best.rms,
+            best.misses.len(),
+            worst.law.about(),
+            worst.rms
+        ),
+        (Some(_), _) => "no other law could be tested".to_string(),
+        (None, _) => format!("{budgets} budgets are too few to test any law, so ScaMo's stands"),
+    };
+    Recommended { law, minima_method, why, scores }
+}
+
+/// How a law's misses grow with the distance from its fit: the part of an interval that no noise of
+/// the runs holds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ForecastError {
+    /// Standard deviation of the loss's miss, in nats for each factor e beyond the fit.
+    pub loss: f64,
+    /// Of ln N_nv, ln N_v and ln D, likewise.
+    pub ln_size: f64,
+    pub ln_vocab: f64,
+    pub ln_tokens: f64,
+    /// Degrees of freedom: budgets that forecasts were made from.
+    pub dof: usize,
+}
+
+impl Score {
+    /// None from fewer than two fits.
+    pub fn forecast_error(&self) -> Option<ForecastError> {
+        let mut fits: Vec<usize> = self.misses.iter().map(|miss| miss.n_fitted).collect();
+        fits.dedup();
+        let rate = |of: fn(&Miss) -> f64| {
+            let squares = self.misses.iter().map(|miss| (of(miss) / miss.factor.ln()).powi(2));
+            (squares.sum::<f64>() / self.misses.len() as f64).sqrt()
+        };
+        (fits.len() >= 2).then(|| ForecastError {
+            loss: rate(|miss| miss.loss),
+            ln_size: rate(|miss| miss.ln_size),
+            ln_vocab: rate(|miss| miss.ln_vocab),
+            ln_tokens: rate(|miss| miss.ln_tokens),
+            dof: fits.len(),
+        })
+    }
+}

@@ -1,0 +1,78 @@
+//! A prediction in a few lines.
+
+use super::{Prediction, Raw};
+use crate::laws::text::{count, wrap};
+
+/// Warnings that are said before the rest are only counted.
+const MOST_SAID: usize = 2;
+
+/// The prediction in some eight lines of at most 80 columns; [`text`](super::text()) has everything.
+pub fn brief(prediction: &Prediction) -> String {
+    wrap("", &title(prediction)) + &rows(prediction) + &shape(prediction) + &warnings(prediction)
+}
+
+fn title(prediction: &Prediction) -> String {
+    let far = match prediction.extrapolation_factor {
+        factor if factor > 1.0 => format!("{factor:.3} times beyond the largest budget fitted"),
+        _ => "within the budgets fitted".to_string(),
+    };
+    let law =
+        prediction.recommended.map_or_else(String::new, |law| format!(", by {}", law.about()));
+    format!("Optimum for {} FLOPs, {far}{law}:", count(prediction.budget_flops))
+}
+
+fn rows(prediction: &Prediction) -> String {
+    let ci = &prediction.ci95;
+    let whole = |x: f64| format!("{x:.0}");
+    let loss = |x: f64| format!("{x:.4}");
+    let rows: [(&str, Option<f64>, Option<[f64; 2]>, &dyn Fn(f64) -> String); 5] = [
+        ("N", prediction.params, ci.params, &count),
+        ("N_nv", prediction.params_nonvocab, ci.params_nonvocab, &count),
+        ("V", prediction.n_vocab, ci.n_vocab, &whole),
+        ("D", Some(prediction.tokens), ci.tokens, &count),
+        ("loss", prediction.loss_normalised, ci.loss_normalised, &loss),
+    ];
+    let row = |(name, value, interval, number): (
+        &str,
+        Option<f64>,
+        Option<[f64; 2]>,
+        &dyn Fn(f64) -> String,
+    )| {
+        let interval = interval.map_or_else(String::new, |[low, high]| {
+            format!("   95 %: {} to {}", number(low), number(high))
+        });
+        Some(format!("  {name:<5}{:>11}{interval}\n", number(value?)))
+    };
+    rows.into_iter().filter_map(row).collect::<String>() + &other_laws(&prediction.raw)
+}
+
+/// What the laws that are not recommended say of the loss.
+fn other_laws(raw: &Raw) -> String {
+    let laws = [
+        ("log law", raw.loss_log),
+        ("law with a floor", raw.loss_floor),
+        ("joint law", raw.loss_joint),
+    ];
+    let named = |(name, loss): (&str, Option<f64>)| Some(format!("{name} {:.4}", loss?));
+    let all: Vec<String> = laws.into_iter().filter_map(named).collect();
+    if all.len() < 2 { String::new() } else { format!("  ({})\n", all.join(", ")) }
+}
+
+fn shape(prediction: &Prediction) -> String {
+    prediction.shape.as_ref().map_or_else(String::new, |shape| {
+        format!(
+            "  build: {} layers, {} heads, width {}, {} codes\n",
+            shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab
+        )
+    })
+}
+
+fn warnings(prediction: &Prediction) -> String {
+    let said = prediction.warnings.iter().take(MOST_SAID);
+    let mut out: String = said.map(|sentence| wrap("- ", sentence)).collect();
+    let more = prediction.warnings.len().saturating_sub(MOST_SAID);
+    if more > 0 {
+        out += &format!("- {more} more: --full\n");
+    }
+    out
+}
