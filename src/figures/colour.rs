@@ -16,6 +16,8 @@ pub const HELD_OUT: Rgb = Rgb(213, 94, 0);
 pub const LAW: Rgb = Rgb(0, 114, 178);
 /// Okabe and Ito's bluish green: the second law of a figure.
 pub const SECOND_LAW: Rgb = Rgb(0, 158, 115);
+/// Okabe and Ito's purple: the joint law.
+pub const JOINT_LAW: Rgb = Rgb(204, 121, 167);
 
 /// Okabe and Ito (2008) without yellow, which white paper swallows.
 const OKABE_ITO: [Rgb; 7] = [

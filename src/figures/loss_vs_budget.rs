@@ -4,7 +4,7 @@
 use crate::laws::{FloorLaw, Laws, LogLaw, Minimum};
 
 use super::axis::{Axis, Scale};
-use super::colour::{LAW, SECOND_LAW};
+use super::colour::{JOINT_LAW, LAW, SECOND_LAW};
 use super::fitted::{Role, explain_roles, floor_loss, interval95, log_loss, minima};
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
@@ -47,6 +47,9 @@ fn page(sources: &Sources, laws: &Laws) -> Page {
     if laws.loss.floor.is_some() {
         legend.entry(Sample::Line(law_stroke(SECOND_LAW).dash(Dash::Dashed)), "power law, floor");
     }
+    if laws.judgement.joint.is_some() {
+        legend.entry(Sample::Line(law_stroke(JOINT_LAW)), "joint law");
+    }
     let title = sources.title("best normalised loss at each budget");
     Page { width: 1000.0, height: 620.0, title, remarks: remarks(laws), legend }
 }
@@ -55,8 +58,24 @@ fn page(sources: &Sources, laws: &Laws) -> Page {
 fn remarks(laws: &Laws) -> String {
     let log = laws.loss.log.as_ref().map(describe_log);
     let floor = laws.loss.floor.as_ref().map(describe_floor);
+    let believed = believed(laws);
     let missing = || "No loss law could be fitted.".to_owned();
-    [log, floor].into_iter().flatten().reduce(|a, b| format!("{a}\n{b}")).unwrap_or_else(missing)
+    [believed, log, floor]
+        .into_iter()
+        .flatten()
+        .reduce(|a, b| format!("{a}\n{b}"))
+        .unwrap_or_else(missing)
+}
+
+/// The law that predicts, and how far it missed budgets that it had not seen.
+fn believed(laws: &Laws) -> Option<String> {
+    let recommended = laws.judgement.recommended.as_ref()?;
+    let best = recommended.scores.first()?;
+    Some(format!(
+        "Believed: {}, which missed larger budgets by {:.3} nats (root mean square).",
+        recommended.law.about(),
+        best.rms
+    ))
 }
 
 fn describe_floor(law: &FloorLaw) -> String {
@@ -131,6 +150,10 @@ fn draw_laws(scene: &mut Scene, panel: &Panel, laws: &Laws) {
     if let Some(law) = &laws.loss.floor {
         let stroke = law_stroke(SECOND_LAW).dash(Dash::Dashed);
         panel.curve(scene, ends, |c| floor_loss(law, laws.reference_flops, c), stroke);
+    }
+    if let Some(law) = &laws.judgement.joint {
+        let loss = |c| law.optimum(c).map_or(f64::NAN, |best| best.loss);
+        panel.curve(scene, ends, loss, law_stroke(JOINT_LAW));
     }
     if let Some(law) = &laws.loss.log {
         panel.curve(scene, ends, |c| log_loss(law, c), law_stroke(LAW));

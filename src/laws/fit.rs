@@ -3,24 +3,20 @@
 use super::advice::advise;
 use super::bootstrap::{Bootstrap, Replicate, Sources};
 use super::budget::group_checked;
-use super::joint::Moves;
-use super::judgement::interval_parts;
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
-use super::minima::{Grid, MISFIT, lack_of_fit};
 use super::noise::run_noise;
-use super::ranking::Rows;
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
-use super::tokenizer_noise::tokenizer_noise;
+use super::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use super::validation::validate;
 use super::{
-    FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint, Judgement,
-    LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise,
-    Score, TokenizerNoise, Tried, check, floor_law, intervals, judgement, law_set, sensitivity,
-    warnings,
+    Budget, FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint,
+    Judgement, LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, NoiseSource,
+    Parameters, PowerLaws, RunNoise, check, floor_law, intervals, law_set, sensitivity, warnings,
 };
 use crate::sweep::MinimumMethod;
+use judge::{Scatter, admissible, interval_parts, judge, misfit};
 
 /// Fits every law to a table of finished runs.
 ///
@@ -58,7 +54,7 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     let (held_out, hold_out_warning) = hold_out(&budgets, options.hold_out)?;
     let split = Split::new(&budgets, held_out);
     let (options, fewer) = &affordable(options, &split);
-    let noise = run_noise(&split.fitted);
+    let noise = scatter_of_runs(&split, &budgets);
     let per_method = split.minima_by_method(options, noise);
     let (method, method_warning) = law_method(&per_method, options);
     let used = used_minima(&per_method, method, options)?;
@@ -81,6 +77,17 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     Ok(laws)
 }
 
+/// Degrees of freedom from which the runs of several tokenizers tell the noise.
+const ENOUGH: usize = 10;
+
+/// The scatter of single runs: by seeds where there are enough, else by tokenizers, else by a surface.
+fn scatter_of_runs(split: &Split, budgets: &[Budget]) -> Option<RunNoise> {
+    let own = run_noise(&split.fitted);
+    let by_seeds = own.is_some_and(|noise| noise.source == NoiseSource::Seeds);
+    let beside = runs_beside_tokenizers(budgets).filter(|noise| noise.dof >= ENOUGH);
+    if by_seeds { own } else { beside.or(own) }
+}
+
 /// Cells times replicates that a fit computes at most: some ten seconds on one core.
 const MOST_WORK: usize = 50_000_000;
 
@@ -98,64 +105,11 @@ fn affordable(options: &FitOptions, split: &Split) -> (FitOptions, Option<String
     (FitOptions { bootstrap, ..options.clone() }, fewer)
 }
 
-/// How runs and tokenizers scatter.
-#[derive(Clone, Copy)]
-struct Scatter<'a> {
-    noise: Option<RunNoise>,
-    tokenizers: Option<&'a TokenizerNoise>,
-}
-
 /// The noise of the runs, and the bootstrap that it drives.
 struct Replicas {
     noise: Option<RunNoise>,
     replicates: Vec<Replicate>,
     parts: Vec<IntervalPart>,
-}
-
-/// Which law to believe, and how far.
-fn judge(
-    laws: &Laws,
-    split: &Split,
-    per_method: &[(MinimumMethod, Vec<Minimum>)],
-    interval_parts: Vec<IntervalPart>,
-    scatter: Scatter,
-    options: &FitOptions,
-) -> Judgement {
-    let methods = per_method.iter().map(|(method, _)| *method);
-    let misfit = |method| lack_of_fit(method, &split.fitted, scatter.noise?);
-    let own = Judgement {
-        lack_of_fit: methods.filter_map(misfit).collect(),
-        tokenizer_noise: scatter.tokenizers.cloned(),
-        interval_parts,
-        tried: Some(Tried::of(&split.fitted)),
-        ..Judgement::default()
-    };
-    if !options.recommend {
-        return own;
-    }
-    let (grids, minima) = measured(laws, split, options);
-    let rows = Rows { grids: &grids, minima: &minima, noise: scatter.noise, options };
-    let recommended = judgement::rank(&rows, laws.minima_method);
-    let best = recommended.scores.first();
-    let moves = Moves { noise: scatter.noise, tokenizers: scatter.tokenizers, seed: options.seed };
-    Judgement {
-        forecast_error: best.and_then(Score::forecast_error),
-        joint: judgement::joint(&split.fitted, recommended.law, &moves, options),
-        recommended: Some(recommended),
-        ..own
-    }
-}
-
-/// Every budget's grid, ascending, with its minimum by the laws' method where that may be used.
-fn measured(laws: &Laws, split: &Split, options: &FitOptions) -> (Vec<Grid>, Vec<Option<Minimum>>) {
-    let mut grids: Vec<Grid> = split.fitted.iter().chain(&split.held_out).cloned().collect();
-    grids.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
-    let own: Vec<Minimum> =
-        laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
-    let usable = usable(&own, options);
-    let of = |grid: &Grid| usable.iter().find(|m| m.budget_flops == grid.budget_flops).cloned();
-    let minima = grids.iter().map(of).collect();
-    (grids, minima)
 }
 
 fn replicas(
@@ -187,33 +141,6 @@ fn replicas(
     let parts = bootstrap.filter(|_| options.recommend && options.bootstrap > 0);
     let parts = parts.as_ref().map(interval_parts).unwrap_or_default();
     Replicas { noise, replicates, parts }
-}
-
-/// How many times the variance of the runs their squared distance from the curves is, where the curves
-/// misfit; else 1.
-fn misfit(method: MinimumMethod, split: &Split, noise: RunNoise) -> f64 {
-    let lack = lack_of_fit(method, &split.fitted, noise);
-    let lack = lack.filter(|lack| lack.p < MISFIT);
-    lack.map_or(1.0, |lack| (lack.chi2 / lack.dof as f64).max(1.0))
-}
-
-/// The curves whose minima may all be used where those of the laws' method are; that method alone
-/// where it is the best run.
-fn admissible(
-    per_method: &[(MinimumMethod, Vec<Minimum>)],
-    own: MinimumMethod,
-    used: &[Minimum],
-    options: &FitOptions,
-) -> Vec<usize> {
-    let fits = |minima: &[Minimum]| {
-        let same = |m: &Minimum| minima.iter().find(|o| o.budget_flops == m.budget_flops);
-        used.iter().all(|m| same(m).is_some_and(|m| m.is_usable() || options.keep_flagged))
-    };
-    let is_curve = |method| method != MinimumMethod::Argmin && own != MinimumMethod::Argmin;
-    let all = per_method.iter().enumerate();
-    all.filter(|(_, (method, minima))| *method == own || (is_curve(*method) && fits(minima)))
-        .map(|(i, _)| i)
-        .collect()
 }
 
 /// The minima of one method.
@@ -357,5 +284,6 @@ fn with_held_out(
 
 #[cfg(test)]
 mod degenerate;
+mod judge;
 #[cfg(test)]
 mod tests;

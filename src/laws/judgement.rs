@@ -1,18 +1,9 @@
-//! Which law to believe, and what its intervals hold.
+//! How far laws are to be believed: what `laws.json` holds of it.
 
 use serde::{Deserialize, Serialize};
 
-use super::bootstrap::{Bootstrap, Sources};
-use super::joint::{JointLaw, Moves, fit_joint, replicates};
-use super::minima::{Grid, extent};
-use super::ranking::{Candidate, ForecastError, Recommended, Rows, recommended};
-use super::stats::interval95;
-use super::{FitOptions, LackOfFit, LawSample, Laws, TokenizerNoise, Validated};
-
-/// Replicates of the joint law at most: each is a fit of its own.
-const JOINT_REPLICATES: usize = 200;
-/// Replicates by which a part of an interval is told.
-const PART_REPLICATES: usize = 100;
+use super::joint::JointLaw;
+use super::{ForecastError, LackOfFit, Recommended, TokenizerNoise, Validated};
 
 /// How far laws are to be believed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -53,22 +44,6 @@ pub struct Tried {
     pub epochs: Option<f64>,
 }
 
-impl Tried {
-    /// Of some cells.
-    pub(super) fn of(grids: &[Grid]) -> Self {
-        let cells = || grids.iter().flat_map(|grid| &grid.cells);
-        let range = |(low, high)| [low, high];
-        let unique = cells().filter_map(|cell| cell.unique_tokens);
-        let epochs = cells().filter_map(|cell| Some(cell.tokens / cell.unique_tokens?));
-        Self {
-            sizes: range(extent(cells().map(|cell| cell.params_nonvocab))),
-            vocabularies: range(extent(cells().map(|cell| cell.n_vocab))),
-            unique_tokens: unique.reduce(f64::max),
-            epochs: epochs.reduce(f64::max),
-        }
-    }
-}
-
 /// The interval of an exponent, had it one reason alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntervalPart {
@@ -79,64 +54,4 @@ pub struct IntervalPart {
     pub exponent_vocab: Option<[f64; 2]>,
     pub exponent_tokens: Option<[f64; 2]>,
     pub slope_per_decade: Option<[f64; 2]>,
-}
-
-/// The recommendation over all budgets, measured minima beside each grid.
-pub(super) fn rank(rows: &Rows, method: crate::sweep::MinimumMethod) -> Recommended {
-    recommended(rows.scores(), method, rows.grids.len())
-}
-
-/// The joint law of the recommended kind through some budgets, with its replicates where it is the one
-/// to believe.
-pub(super) fn joint(
-    grids: &[Grid],
-    law: Candidate,
-    moves: &Moves,
-    options: &FitOptions,
-) -> Option<JointLaw> {
-    let noise = moves.noise.map(|noise| noise.sd);
-    let mut joint = fit_joint(grids, noise, law == Candidate::JointRepeats)?;
-    if law.is_joint() {
-        let count = options.bootstrap.min(JOINT_REPLICATES);
-        joint.bootstrap = replicates(&joint, grids, moves, count);
-    }
-    Some(joint)
-}
-
-/// What the intervals of the exponents would be for each reason alone.
-pub(super) fn interval_parts(bootstrap: &Bootstrap) -> Vec<IntervalPart> {
-    let none = Sources::NONE;
-    let parts = [
-        ("runs", Sources { runs: true, ..none }, true),
-        ("tokenizers", Sources { tokenizers: true, ..none }, bootstrap.tokenizers.is_some()),
-        ("misfit", Sources { misfit: true, ..none }, bootstrap.misfit > 1.0),
-        ("method", Sources { method: true, ..none }, bootstrap.admissible.len() > 1),
-    ];
-    let known = parts.into_iter().filter(|(.., known)| *known);
-    known.map(|(part, sources, _)| interval_part(part, bootstrap, sources)).collect()
-}
-
-fn interval_part(part: &str, bootstrap: &Bootstrap, sources: Sources) -> IntervalPart {
-    let count = bootstrap.options.bootstrap.min(PART_REPLICATES);
-    let options = FitOptions { bootstrap: count, ..bootstrap.options.clone() };
-    let alone = Bootstrap { sources, options: &options, ..bootstrap.clone() };
-    let replicates = alone.replicates();
-    let samples: Vec<LawSample> =
-        replicates.iter().filter_map(|replicate| Some(replicate.laws?.sample)).collect();
-    let interval =
-        |of: fn(&LawSample) -> f64| interval95(&samples.iter().map(of).collect::<Vec<_>>());
-    IntervalPart {
-        part: part.to_string(),
-        exponent_nonvocab: interval(|s| s.exponent_nonvocab),
-        exponent_vocab: interval(|s| s.exponent_vocab),
-        exponent_tokens: interval(|s| s.exponent_tokens),
-        slope_per_decade: interval(|s| s.loss_slope_per_decade),
-    }
-}
-
-impl Laws {
-    /// The law to believe; the log law where none was ranked.
-    pub fn recommended_law(&self) -> Candidate {
-        self.judgement.recommended.as_ref().map_or(Candidate::Log, |recommended| recommended.law)
-    }
 }

@@ -48,6 +48,7 @@ mod point;
 mod power;
 mod random;
 mod ranking;
+mod recommended;
 mod report;
 mod robust;
 mod sample;
@@ -90,7 +91,7 @@ pub use parametric::{
 pub use point::{IsoFlopPoint, Parameters, RunFacts};
 pub use power::power_law;
 pub(crate) use random::Normals;
-pub use ranking::{Candidate, ForecastError, Miss, Recommended, Score};
+pub use recommended::{Candidate, ForecastError, Miss, Recommended, Score};
 pub use report::*;
 pub use sample::*;
 pub use scamo::scamo;

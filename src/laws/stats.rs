@@ -22,6 +22,11 @@ pub(crate) fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values
 }
 
+/// The smallest and the largest of some values.
+pub(crate) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
 /// The quantile at `p` in 0..=1 by linear interpolation between order statistics (R's type 7);
 /// none for no values.
 pub(crate) fn quantile(values: &[f64], p: f64) -> Option<f64> {

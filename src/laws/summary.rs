@@ -32,6 +32,7 @@ fn noise(laws: &Laws) -> String {
     };
     let source = match source {
         NoiseSource::Seeds => "seeds".to_string(),
+        NoiseSource::Tokenizers => "tokenizers".to_string(),
         NoiseSource::Surface { degree } => format!("a surface of degree {degree}"),
     };
     format!("; one run scatters by {} nats ({dof} degrees of freedom, {source})", short(sd, 2))

@@ -1,10 +1,10 @@
 //! How much one tokenizer's loss differs from another's of the same vocabulary.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::Budget;
+use super::{Budget, NoiseSource, RunNoise};
 
 /// The scatter of tokenizers: it moves all runs of a tokenizer together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,49 +28,91 @@ impl TokenizerNoise {
 /// V as a key.
 type Vocabulary = u64;
 
+/// A cell whose runs have several tokenizers.
+struct Compared<'a> {
+    vocabulary: Vocabulary,
+    /// The losses of each tokenizer's runs.
+    losses: BTreeMap<&'a str, Vec<f64>>,
+    /// The mean over tokenizers.
+    mean: f64,
+}
+
+impl<'a> Compared<'a> {
+    /// Each tokenizer, its runs, and how far their mean lies from the cell's.
+    fn offsets(&self) -> Vec<((Vocabulary, &'a str), usize, f64)> {
+        let offset = |(id, losses): (&&'a str, &Vec<f64>)| {
+            ((self.vocabulary, *id), losses.len(), mean(losses) - self.mean)
+        };
+        self.losses.iter().map(offset).collect()
+    }
+}
+
 /// The scatter between tokenizers of one vocabulary, each by the mean of its distances from the others
 /// over all cells; none where no vocabulary has two.
 pub(super) fn tokenizer_noise(budgets: &[Budget]) -> Option<TokenizerNoise> {
-    let mut offsets: BTreeMap<(Vocabulary, &str), Vec<f64>> = BTreeMap::new();
-    let mut seen: BTreeMap<Vocabulary, Vec<&str>> = BTreeMap::new();
-    for cell in cells(budgets) {
-        let grand = mean(&cell.values().map(|losses| mean(losses)).collect::<Vec<_>>());
-        for ((vocabulary, tokenizer), losses) in &cell {
-            seen.entry(*vocabulary).or_default().push(tokenizer);
-            if cell.len() > 1 {
-                offsets.entry((*vocabulary, tokenizer)).or_default().push(mean(losses) - grand);
-            }
-        }
+    let cells: Vec<Compared> = budgets.iter().flat_map(cells).collect();
+    let offsets = mean_offsets(&cells);
+    let squares: f64 = offsets.values().map(|offset| offset.powi(2)).sum();
+    let dof = offsets.len().checked_sub(vocabularies(&offsets).len())?;
+    let mut seen: BTreeMap<Vocabulary, BTreeSet<&str>> = BTreeMap::new();
+    for point in budgets.iter().flat_map(|budget| &budget.points) {
+        let ids = seen.entry(point.n_vocab.to_bits()).or_default();
+        ids.extend(point.about.tokenizer.as_deref());
     }
-    let squares: f64 = offsets.values().map(|offsets| mean(offsets).powi(2)).sum();
-    let compared: BTreeMap<Vocabulary, usize> =
-        offsets.keys().fold(BTreeMap::new(), |mut counts, (vocabulary, _)| {
-            *counts.entry(*vocabulary).or_insert(0) += 1;
-            counts
-        });
-    let dof = compared.values().map(|tokenizers| tokenizers - 1).sum();
-    let tokenizers = seen.into_iter().map(|(vocabulary, mut ids)| {
-        ids.sort_unstable();
-        ids.dedup();
-        (f64::from_bits(vocabulary), ids.len())
-    });
+    let tokenizers = seen.into_iter().map(|(v, ids)| (f64::from_bits(v), ids.len().max(1)));
     let tokenizers = tokenizers.collect();
     (dof > 0).then(|| TokenizerNoise { sd: (squares / dof as f64).sqrt(), dof, tokenizers })
 }
 
-/// The losses of each cell's tokenizers.
-fn cells<'a>(
-    budgets: &'a [Budget<'a>],
-) -> impl Iterator<Item = BTreeMap<(Vocabulary, &'a str), Vec<f64>>> {
-    let mut cells: BTreeMap<[u64; 3], BTreeMap<(Vocabulary, &str), Vec<f64>>> = BTreeMap::new();
-    for point in budgets.iter().flat_map(|budget| &budget.points) {
-        let Some(tokenizer) = &point.about.tokenizer else { continue };
-        let vocabulary = point.n_vocab.to_bits();
-        let key = [point.budget_flops.to_bits(), point.params_nonvocab.to_bits(), vocabulary];
-        let cell = cells.entry(key).or_default();
-        cell.entry((vocabulary, tokenizer.as_str())).or_default().push(point.loss);
+/// The scatter of single runs, by runs of one cell with several tokenizers, less what each tokenizer
+/// moves all its runs by; none where no vocabulary has two.
+///
+/// Only the better half of each budget's cells is asked, where the minimum lies: runs of few steps,
+/// far above it, scatter more.
+pub(super) fn runs_beside_tokenizers(budgets: &[Budget]) -> Option<RunNoise> {
+    let better = |budget| {
+        let mut cells = cells(budget);
+        cells.sort_by(|a, b| a.mean.total_cmp(&b.mean));
+        cells.truncate(cells.len().div_ceil(2));
+        cells
+    };
+    let cells: Vec<Compared> = budgets.iter().flat_map(better).collect();
+    let offsets = mean_offsets(&cells);
+    let own = cells.iter().flat_map(Compared::offsets);
+    let squares: f64 = own.map(|(id, runs, x)| runs as f64 * (x - offsets[&id]).powi(2)).sum();
+    let compared: usize = cells.iter().map(|cell| cell.losses.len() - 1).sum();
+    let dof = compared.checked_sub(offsets.len() - vocabularies(&offsets).len())?;
+    let source = NoiseSource::Tokenizers;
+    (dof > 0).then(|| RunNoise { sd: (squares / dof as f64).sqrt(), dof, source })
+}
+
+/// What each tokenizer moves its runs by, beside the others of its vocabulary.
+fn mean_offsets<'a>(cells: &[Compared<'a>]) -> BTreeMap<(Vocabulary, &'a str), f64> {
+    let mut all: BTreeMap<(Vocabulary, &str), Vec<f64>> = BTreeMap::new();
+    for (id, _, offset) in cells.iter().flat_map(Compared::offsets) {
+        all.entry(id).or_default().push(offset);
     }
-    cells.into_values()
+    all.into_iter().map(|(id, offsets)| (id, mean(&offsets))).collect()
+}
+
+fn vocabularies(offsets: &BTreeMap<(Vocabulary, &str), f64>) -> BTreeSet<Vocabulary> {
+    offsets.keys().map(|(vocabulary, _)| *vocabulary).collect()
+}
+
+/// The cells of a budget that have several tokenizers.
+fn cells<'a>(budget: &'a Budget<'a>) -> Vec<Compared<'a>> {
+    let mut cells: BTreeMap<[u64; 2], BTreeMap<&str, Vec<f64>>> = BTreeMap::new();
+    for point in &budget.points {
+        let Some(tokenizer) = &point.about.tokenizer else { continue };
+        let key = [point.n_vocab.to_bits(), point.params_nonvocab.to_bits()];
+        cells.entry(key).or_default().entry(tokenizer).or_default().push(point.loss);
+    }
+    let compared = |([vocabulary, _], losses): ([u64; 2], BTreeMap<&'a str, Vec<f64>>)| {
+        let means: Vec<f64> = losses.values().map(|losses| mean(losses)).collect();
+        let mean = mean(&means);
+        (losses.len() > 1).then_some(Compared { vocabulary, losses, mean })
+    };
+    cells.into_iter().filter_map(compared).collect()
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -104,6 +146,8 @@ mod tests {
         let noise = tokenizer_noise(&group_budgets(&points).unwrap()).unwrap();
         assert_eq!((noise.dof, noise.tokenizers.len(), noise.tokenizers[0].1), (10, 5, 3));
         assert!((noise.sd / 0.05 - 1.0).abs() < 0.5, "{noise:?}");
+        let runs = runs_beside_tokenizers(&group_budgets(&points).unwrap()).unwrap();
+        assert!((runs.sd / SWEEP.noise - 1.0).abs() < 0.2, "{runs:?}");
         assert!((noise.of_mean(2500.0) * 3f64.sqrt() / noise.sd - 1.0).abs() < 1e-12);
     }
 

@@ -1,6 +1,8 @@
 //! The values between a table of runs and a law; [`Laws`] is what `laws.json` holds.
 
-use super::{Advice, Judgement, LawKind, LawSample, Metric, Parameters, Parametric, Validation};
+use super::{
+    Advice, Candidate, Judgement, LawKind, LawSample, Metric, Parameters, Parametric, Validation,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::sweep::MinimumMethod;
@@ -11,6 +13,9 @@ use crate::sweep::MinimumMethod;
 pub enum NoiseSource {
     /// Runs of one cell around their mean.
     Seeds,
+    /// Runs of one cell with several tokenizers, less what each tokenizer moves all its runs by; over
+    /// the better half of each budget's cells.
+    Tokenizers,
     /// Cells around a polynomial of this degree over each budget's grid.
     Surface { degree: usize },
 }
@@ -273,6 +278,11 @@ impl Laws {
     /// The laws through all budgets, where one was held out of these.
     pub fn of_all_budgets(&self) -> &Self {
         self.refit.as_deref().unwrap_or(self)
+    }
+
+    /// The law to believe; the log law where none was ranked.
+    pub fn recommended_law(&self) -> Candidate {
+        self.judgement.recommended.as_ref().map_or(Candidate::Log, |recommended| recommended.law)
     }
 
     /// What the loss is called: L_u in a sweep, L in a table whose loss may be any.

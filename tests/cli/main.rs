@@ -20,3 +20,4 @@ mod tables;
 mod text_file;
 mod tokenizer;
 mod trunks;
+mod validate;

@@ -194,8 +194,8 @@ fn laws_of_a_table_predict_from_their_file() {
     let place = known();
     let fit = ["fit", "runs.csv", "--columns", KNOWN, "--law", "approach3", "--out", "laws.json"];
     place.isoflop(&fit).exits(0);
-    let prediction =
-        place.isoflop(&["predict", "1e23", "--law", "laws.json", "--json"]).exits(0).json();
+    let predicted = place.isoflop(&["predict", "1e23", "--law", "laws.json", "--json"]);
+    let prediction = predicted.exits(0).json()[0].clone();
     let g = (0.35 * 480.0 / (0.37 * 2100.0f64)).powf(1.0 / 0.72);
     near(&prediction, "/params", g * (1e23f64 / 6.0).powf(0.37 / 0.72), 1e-3);
     assert!(prediction["shape"].is_null() && prediction["n_vocab"].is_null());

@@ -35,8 +35,7 @@ pub(in crate::laws) fn replicates(
 
 fn replicate(law: &JointLaw, grids: &[Grid], moves: &Moves, stream: u64) -> Vec<f64> {
     let mut normals = Normals::of_stream(moves.seed, STREAMS + stream);
-    let dof = law.n - law.loss.terms.count();
-    let sd = law.residual_sd * (dof as f64 / normals.chi_square(dof)).sqrt();
+    let sd = law.residual_sd * (law.dof as f64 / normals.chi_square(law.dof)).sqrt();
     let shifts = shifts(moves.tokenizers, &mut normals);
     let cells = || grids.iter().flat_map(|grid| &grid.cells);
     let mean_runs = cells().map(|cell| cell.runs).sum::<f64>() / law.n as f64;

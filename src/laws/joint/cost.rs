@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::laws::cell::Cell;
 use crate::laws::least_squares::least_squares;
-use crate::laws::minima::extent;
+use crate::laws::stats::extent;
 
 /// FLOPs of a trained token and the width, as functions of N_nv.
 ///

@@ -32,14 +32,19 @@ const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
 pub fn fit_joint(grids: &[Grid], noise: Option<f64>, repeats: bool) -> Option<JointLaw> {
     let cells = Cells::new(grids);
     let terms = cells.terms(repeats)?;
-    let problem = Problem::new(&cells, terms, noise.unwrap_or(UNKNOWN_NOISE));
+    let noise = noise.filter(|noise| *noise > 0.0).unwrap_or(UNKNOWN_NOISE);
+    let problem = Problem::new(&cells, terms, noise);
     let ends = problem.starts().into_iter().map(|start| minimise(&problem, start));
     let (values, _) = ends.min_by(|a, b| a.1.total_cmp(&b.1))?;
     let rss: f64 = problem.of_cells(&values).iter().map(|r| r * r).sum();
     let (n, p) = (cells.all.len(), terms.count());
+    let free = problem.free(p);
+    let finite = rss.is_finite() && values.iter().all(|value| value.is_finite());
+    finite.then_some(())?;
     Some(JointLaw {
         cost: Cost::of(&cells.all)?,
-        residual_sd: (rss / (n - p) as f64).sqrt(),
+        residual_sd: (rss / n as f64 / free).sqrt(),
+        dof: (free * problem.effective_cells()).max(FEWEST_FREE) as usize,
         aic: n as f64 * (rss / n as f64).max(f64::MIN_POSITIVE).ln() + 2.0 * (p as f64 + 1.0),
         loss: problem.law(&values),
         bootstrap: Vec::new(),
@@ -50,7 +55,8 @@ pub fn fit_joint(grids: &[Grid], noise: Option<f64>, repeats: bool) -> Option<Jo
 /// The coefficients through other losses of the same cells, downhill from those of `law`.
 pub fn refitted(law: &JointLaw, grids: &[Grid], noise: Option<f64>) -> Vec<f64> {
     let cells = Cells::new(grids);
-    let mut problem = Problem::new(&cells, law.loss.terms, noise.unwrap_or(UNKNOWN_NOISE));
+    let noise = noise.filter(|noise| *noise > 0.0).unwrap_or(UNKNOWN_NOISE);
+    let mut problem = Problem::new(&cells, law.loss.terms, noise);
     problem.frame = law.loss.clone();
     minimise(&problem, law.loss.values.clone()).0
 }
@@ -63,6 +69,9 @@ const VALLEY: f64 = 5.0;
 fn valley(above: f64, noise: f64) -> f64 {
     1.0 / (1.0 + (above / (VALLEY * noise)).powi(2))
 }
+
+/// Degrees of freedom that the residuals are given, at least.
+const FEWEST_FREE: f64 = 4.0;
 
 /// The cells of all budgets.
 struct Cells<'a> {
@@ -92,6 +101,15 @@ impl<'a> Cells<'a> {
             repeats,
         });
         wanted.into_iter().find(|terms| self.all.len() >= terms.count() + SPARE)
+    }
+
+    /// The root of what each cell counts, one cell on average.
+    fn weights(&self, noise: f64) -> Vec<f64> {
+        let pairs = self.all.iter().zip(&self.above);
+        let counts: Vec<f64> =
+            pairs.map(|(cell, above)| cell.runs * valley(*above, noise)).collect();
+        let mean = counts.iter().sum::<f64>() / counts.len() as f64;
+        counts.iter().map(|count| (count / mean).sqrt()).collect()
     }
 
     fn centre(&self) -> [f64; 3] {
@@ -140,13 +158,20 @@ impl Problem {
             },
             places: all.iter().map(|cell| place(cell)).collect(),
             losses: all.iter().map(|cell| cell.loss).collect(),
-            weights: all
-                .iter()
-                .zip(&cells.above)
-                .map(|(cell, above)| (cell.runs / runs * valley(*above, noise)).sqrt())
-                .collect(),
+            weights: cells.weights(noise),
             noise: noise / runs.sqrt(),
         }
+    }
+
+    /// How many cells of equal weight these are worth, (Σw)²/Σw².
+    fn effective_cells(&self) -> f64 {
+        let squares: f64 = self.weights.iter().map(|weight| weight.powi(4)).sum();
+        self.weights.iter().map(|weight| weight.powi(2)).sum::<f64>().powi(2) / squares
+    }
+
+    /// The share of the residuals' variance that a fit of `p` coefficients leaves.
+    fn free(&self, p: usize) -> f64 {
+        (1.0 - p as f64 / self.effective_cells()).max(0.2)
     }
 
     fn law(&self, values: &[f64]) -> JointLoss {

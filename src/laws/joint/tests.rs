@@ -92,7 +92,7 @@ fn the_slopes_are_the_derivatives_of_the_loss() {
 #[test]
 fn an_optimum_far_beyond_the_cells_is_predicted() {
     let law = fit_joint(&grids(&points(0.01, 1)), Some(0.01), false).unwrap();
-    assert!((law.residual_sd / 0.01 - 1.0).abs() < 0.25, "{}", law.residual_sd);
+    assert!((law.residual_sd / 0.01 - 1.0).abs() < 0.35, "{}", law.residual_sd);
     for (factor, nats, ratio) in [(1.0, 0.01, 1.2), (10.0, 0.06, 1.6), (100.0, 0.15, 2.5)] {
         let budget = 3e11 * factor;
         let (loss, n, vocab) = best(budget);

@@ -1,7 +1,7 @@
 //! One budget's grid, ready for every method.
 
 use crate::laws::cell::{Cell, Size, best_index, cells, sizes};
-use crate::laws::stats::distinct;
+use crate::laws::stats::{distinct, extent};
 use crate::laws::{Budget, Minimum, MinimumFlag};
 use crate::sweep::MinimumMethod;
 
@@ -141,11 +141,6 @@ fn doubts_between(left: &Size, right: &Size) -> Vec<MinimumFlag> {
     .into_iter()
     .filter_map(|(is, flag)| is.then_some(flag))
     .collect()
-}
-
-/// The smallest and the largest of some values.
-pub(in crate::laws) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
 }
 
 /// x in units of half its range, from −1 to 1: a polynomial's columns are then well conditioned.

@@ -8,9 +8,10 @@
 //! is interpolated in the same way, and D solved from it, so that the minimum spends what its
 //! neighbours spent.
 
-use super::grid::{Grid, extent};
+use super::grid::Grid;
 use crate::laws::Minimum;
 use crate::laws::cell::Size;
+use crate::laws::stats::extent;
 use crate::sweep::MinimumMethod;
 
 /// Width of the weights, as a share of the range of ln N_nv.

@@ -13,7 +13,7 @@ mod surface;
 use super::stats::{chi_square_tail, student_t95};
 use super::{Budget, IsoFlopPoint, LackOfFit, Minimum, MinimumFlag, RunNoise};
 use crate::sweep::MinimumMethod;
-pub(super) use grid::{Grid, Scale, extent};
+pub(super) use grid::{Grid, Scale};
 
 /// A minimum, and how sharply its curve bends there.
 struct Located {

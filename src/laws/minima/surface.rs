@@ -4,10 +4,11 @@
 //! their range. It places both optima between the levels tried and uses every run, where the
 //! curves use the best vocabulary of each size.
 
-use super::grid::{Grid, Scale, extent};
+use super::grid::{Grid, Scale};
 use super::{Curvature, Located};
 use crate::laws::cell::Cell;
 use crate::laws::least_squares::{LeastSquares, least_squares};
+use crate::laws::stats::extent;
 use crate::laws::{Minimum, MinimumFlag};
 use crate::sweep::MinimumMethod;
 

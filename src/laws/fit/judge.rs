@@ -1,0 +1,161 @@
+//! What a fit says of itself: how its runs scatter, what its curves miss, which law to believe.
+
+use crate::laws::bootstrap::{Bootstrap, Sources};
+use crate::laws::joint::{JointLaw, Moves, fit_joint, replicates};
+use crate::laws::minima::{Grid, MISFIT, lack_of_fit};
+use crate::laws::ranking::{Rows, recommended};
+use crate::laws::select::usable;
+use crate::laws::split::Split;
+use crate::laws::stats::{extent, interval95};
+use crate::laws::{
+    Candidate, FitOptions, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
+    RunNoise, Score, TokenizerNoise, Tried,
+};
+use crate::sweep::MinimumMethod;
+
+/// Replicates of the joint law at most: each is a fit of its own.
+const JOINT_REPLICATES: usize = 200;
+/// Replicates by which a part of an interval is told.
+const PART_REPLICATES: usize = 100;
+
+/// How runs and tokenizers scatter.
+#[derive(Clone, Copy)]
+pub(super) struct Scatter<'a> {
+    pub noise: Option<RunNoise>,
+    pub tokenizers: Option<&'a TokenizerNoise>,
+}
+
+/// Which law to believe, and how far.
+pub(super) fn judge(
+    laws: &Laws,
+    split: &Split,
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    interval_parts: Vec<IntervalPart>,
+    scatter: Scatter,
+    options: &FitOptions,
+) -> Judgement {
+    let methods = per_method.iter().map(|(method, _)| *method);
+    let misfit = |method| lack_of_fit(method, &split.fitted, scatter.noise?);
+    let own = Judgement {
+        lack_of_fit: methods.filter_map(misfit).collect(),
+        tokenizer_noise: scatter.tokenizers.cloned(),
+        interval_parts,
+        tried: Some(tried(&split.fitted)),
+        ..Judgement::default()
+    };
+    if !options.recommend {
+        return own;
+    }
+    let (grids, minima) = measured(laws, split, options);
+    let rows = Rows { grids: &grids, minima: &minima, noise: scatter.noise, options };
+    let recommended = rank(&rows, laws.minima_method);
+    let best = recommended.scores.first();
+    let moves = Moves { noise: scatter.noise, tokenizers: scatter.tokenizers, seed: options.seed };
+    Judgement {
+        forecast_error: best.and_then(Score::forecast_error),
+        joint: joint(&split.fitted, recommended.law, &moves, options),
+        recommended: Some(recommended),
+        ..own
+    }
+}
+
+/// Every budget's grid, ascending, with its minimum by the laws' method where that may be used.
+fn measured(laws: &Laws, split: &Split, options: &FitOptions) -> (Vec<Grid>, Vec<Option<Minimum>>) {
+    let mut grids: Vec<Grid> = split.fitted.iter().chain(&split.held_out).cloned().collect();
+    grids.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
+    let own: Vec<Minimum> =
+        laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
+    let usable = usable(&own, options);
+    let of = |grid: &Grid| usable.iter().find(|m| m.budget_flops == grid.budget_flops).cloned();
+    let minima = grids.iter().map(of).collect();
+    (grids, minima)
+}
+
+/// How many times the variance of the runs their squared distance from the curves is, where the curves
+/// misfit; else 1.
+pub(super) fn misfit(method: MinimumMethod, split: &Split, noise: RunNoise) -> f64 {
+    let lack = lack_of_fit(method, &split.fitted, noise);
+    let lack = lack.filter(|lack| lack.p < MISFIT);
+    lack.map_or(1.0, |lack| (lack.chi2 / lack.dof as f64).max(1.0))
+}
+
+/// The curves whose minima may all be used where those of the laws' method are; that method alone
+/// where it is the best run.
+pub(super) fn admissible(
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    own: MinimumMethod,
+    used: &[Minimum],
+    options: &FitOptions,
+) -> Vec<usize> {
+    let fits = |minima: &[Minimum]| {
+        let same = |m: &Minimum| minima.iter().find(|o| o.budget_flops == m.budget_flops);
+        used.iter().all(|m| same(m).is_some_and(|m| m.is_usable() || options.keep_flagged))
+    };
+    let is_curve = |method| method != MinimumMethod::Argmin && own != MinimumMethod::Argmin;
+    let all = per_method.iter().enumerate();
+    all.filter(|(_, (method, minima))| *method == own || (is_curve(*method) && fits(minima)))
+        .map(|(i, _)| i)
+        .collect()
+}
+
+/// The recommendation over all budgets, measured minima beside each grid.
+fn rank(rows: &Rows, method: MinimumMethod) -> Recommended {
+    recommended(rows.scores(), method, rows.grids.len())
+}
+
+/// The joint law of the recommended kind through some budgets, with its replicates where it is the one
+/// to believe.
+fn joint(grids: &[Grid], law: Candidate, moves: &Moves, options: &FitOptions) -> Option<JointLaw> {
+    let noise = moves.noise.map(|noise| noise.sd);
+    let mut joint = fit_joint(grids, noise, law == Candidate::JointRepeats)?;
+    if law.is_joint() {
+        let count = options.bootstrap.min(JOINT_REPLICATES);
+        joint.bootstrap = replicates(&joint, grids, moves, count);
+    }
+    Some(joint)
+}
+
+/// What the intervals of the exponents would be for each reason alone.
+pub(super) fn interval_parts(bootstrap: &Bootstrap) -> Vec<IntervalPart> {
+    let none = Sources::NONE;
+    let parts = [
+        ("runs", Sources { runs: true, ..none }, true),
+        ("tokenizers", Sources { tokenizers: true, ..none }, bootstrap.tokenizers.is_some()),
+        ("misfit", Sources { misfit: true, ..none }, bootstrap.misfit > 1.0),
+        ("method", Sources { method: true, ..none }, bootstrap.admissible.len() > 1),
+    ];
+    let known = parts.into_iter().filter(|(.., known)| *known);
+    known.map(|(part, sources, _)| interval_part(part, bootstrap, sources)).collect()
+}
+
+fn interval_part(part: &str, bootstrap: &Bootstrap, sources: Sources) -> IntervalPart {
+    let count = bootstrap.options.bootstrap.min(PART_REPLICATES);
+    let options = FitOptions { bootstrap: count, ..bootstrap.options.clone() };
+    let alone = Bootstrap { sources, options: &options, ..bootstrap.clone() };
+    let replicates = alone.replicates();
+    let samples: Vec<LawSample> =
+        replicates.iter().filter_map(|replicate| Some(replicate.laws?.sample)).collect();
+    let interval =
+        |of: fn(&LawSample) -> f64| interval95(&samples.iter().map(of).collect::<Vec<_>>());
+    IntervalPart {
+        part: part.to_string(),
+        exponent_nonvocab: interval(|s| s.exponent_nonvocab),
+        exponent_vocab: interval(|s| s.exponent_vocab),
+        exponent_tokens: interval(|s| s.exponent_tokens),
+        slope_per_decade: interval(|s| s.loss_slope_per_decade),
+    }
+}
+
+/// The extent of some cells.
+fn tried(grids: &[Grid]) -> Tried {
+    let cells = || grids.iter().flat_map(|grid| &grid.cells);
+    let range = |(low, high)| [low, high];
+    let unique = cells().filter_map(|cell| cell.unique_tokens);
+    let epochs = cells().filter_map(|cell| Some(cell.tokens / cell.unique_tokens?));
+    Tried {
+        sizes: range(extent(cells().map(|cell| cell.params_nonvocab))),
+        vocabularies: range(extent(cells().map(|cell| cell.n_vocab))),
+        unique_tokens: unique.reduce(f64::max),
+        epochs: epochs.reduce(f64::max),
+    }
+}

@@ -1,0 +1,165 @@
+//! Do predictions at ten times the largest budget hold the truth, where the truth is not of the form of
+//! any law? `docs/coverage.md` has the table that this prints.
+//!
+//! `cargo test --release --test coverage_beyond -- --ignored --nocapture`
+
+use isoflop::laws::{FitOptions, IsoFlopPoint, Laws, Metric, MinimumMethod, RunFacts, fit};
+use isoflop::predict::{PredictOptions, Prediction, predict};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use rayon::prelude::*;
+
+const BUDGETS: [f64; 5] = [1e10, 2.2e10, 5e10, 1e11, 2.2e11];
+const WIDTHS: [f64; 9] = [8.0, 10.0, 12.0, 16.0, 20.0, 24.0, 32.0, 40.0, 52.0];
+const VOCABULARIES: [f64; 6] = [64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0];
+const NOISE: f64 = 0.03;
+const SWEEPS: u64 = 100;
+const BEYOND: f64 = 10.0;
+
+/// A truth outside the fitted family.
+#[derive(Clone, Copy, Debug)]
+enum Truth {
+    /// Models above a size are deeper, and better by a step.
+    DepthChange,
+    /// Coupled terms, and data that is repeated beyond 150,000 tokens.
+    Repetition,
+    /// Noise of Student's t with three degrees of freedom.
+    HeavyTails,
+}
+
+impl Truth {
+    fn loss(self, n: f64, v: f64, d: f64) -> f64 {
+        let v = v.ln();
+        let worth = match self {
+            Self::Repetition => {
+                let (unique, r) = (1.5e5, 15.0);
+                let repeats = (d / unique - 1.0).max(0.0);
+                d.min(unique) + unique * r * (1.0 - (-repeats / r).exp())
+            }
+            _ => d,
+        };
+        let smooth = -0.9 * v
+            + 0.02 * v * v
+            + 16.0 * (0.12 * v).exp() * n.powf(-0.45)
+            + 40.0 * (0.45 * v).exp() * worth.powf(-0.5);
+        match self {
+            Self::DepthChange if n > 9e3 => smooth - 0.05,
+            _ => smooth,
+        }
+    }
+
+    fn noise(self, rng: &mut ChaCha8Rng) -> f64 {
+        let normal = normal(rng);
+        match self {
+            Self::HeavyTails => {
+                let chi2: f64 = (0..3).map(|_| self::normal(rng).powi(2)).sum();
+                normal / (chi2 / 3.0).sqrt() / 3f64.sqrt()
+            }
+            _ => normal,
+        }
+    }
+
+    fn points(self, seed: u64) -> Vec<IsoFlopPoint> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut points = Vec::new();
+        for budget in BUDGETS {
+            for width in WIDTHS {
+                for vocab in VOCABULARIES {
+                    for seed in 0..2 {
+                        let noise = NOISE * self.noise(&mut rng);
+                        points.push(self.point(budget, (width, vocab), seed, noise));
+                    }
+                }
+            }
+        }
+        points
+    }
+
+    fn point(self, budget: f64, (width, vocab): (f64, f64), seed: u64, noise: f64) -> IsoFlopPoint {
+        let (nonvocab, params_vocab) = (24.0 * width * width, vocab * width);
+        let tokens = budget / (6.0 * (nonvocab + params_vocab));
+        let deep = matches!(self, Self::DepthChange) && nonvocab > 9e3;
+        let unique = matches!(self, Self::Repetition).then_some(1.5e5);
+        IsoFlopPoint {
+            run_id: format!("{budget:e} {width} {vocab} {seed}"),
+            seed,
+            budget_flops: budget,
+            flops: budget,
+            params_nonvocab: nonvocab,
+            params_vocab,
+            n_vocab: vocab,
+            tokens,
+            metric: Metric::default(),
+            loss: self.loss(nonvocab, vocab, tokens) + noise,
+            weight: 1.0,
+            about: RunFacts {
+                n_layer: Some(if deep { 3 } else { 2 }),
+                unique_tokens: unique,
+                ..RunFacts::default()
+            },
+        }
+    }
+
+    /// Loss and N_nv of the true optimum of a budget.
+    fn optimum(self, budget: f64) -> (f64, f64) {
+        let mut least = (f64::INFINITY, 0.0);
+        for i in 0..500 {
+            for j in 0..250 {
+                let (width, vocab) = (6.0 * 1.01f64.powi(i), 32.0 * 1.03f64.powi(j));
+                let nonvocab = 24.0 * width * width;
+                let tokens = budget / (6.0 * (nonvocab + vocab * width));
+                let loss = self.loss(nonvocab, vocab, tokens);
+                if loss < least.0 {
+                    least = (loss, nonvocab);
+                }
+            }
+        }
+        least
+    }
+}
+
+/// A standard normal by Box and Muller.
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let mut uniform = || (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+    let radius = (-2.0 * (1.0 - uniform()).ln()).sqrt();
+    radius * (std::f64::consts::TAU * uniform()).cos()
+}
+
+fn laws(truth: Truth, seed: u64) -> Laws {
+    let methods = vec![MinimumMethod::Argmin, MinimumMethod::Parabola, MinimumMethod::Cubic];
+    let options = FitOptions { methods, bootstrap: 100, seed, ..FitOptions::default() };
+    fit(&truth.points(seed), &options).unwrap()
+}
+
+fn prediction(laws: &Laws) -> Prediction {
+    predict(laws, BEYOND * BUDGETS[4], &PredictOptions::default()).unwrap()
+}
+
+fn holds(interval: Option<[f64; 2]>, value: f64) -> bool {
+    interval.is_some_and(|[low, high]| low <= value && value <= high)
+}
+
+#[test]
+#[ignore = "some minutes"]
+fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
+    println!("| truth | loss held | N_nv held | mean width of the loss | recommended |");
+    println!("| --- | --- | --- | --- | --- |");
+    for truth in [Truth::DepthChange, Truth::Repetition, Truth::HeavyTails] {
+        let (loss, size) = truth.optimum(BEYOND * BUDGETS[4]);
+        let fitted: Vec<Laws> = (0..SWEEPS).into_par_iter().map(|seed| laws(truth, seed)).collect();
+        let all: Vec<Prediction> = fitted.iter().map(prediction).collect();
+        let share = |held: &dyn Fn(&Prediction) -> bool| {
+            all.iter().filter(|p| held(p)).count() as f64 / all.len() as f64
+        };
+        let of_loss = share(&|p| holds(p.ci95.loss_normalised, loss));
+        let of_size = share(&|p| holds(p.ci95.params_nonvocab, size));
+        let widths = all.iter().filter_map(|p| p.ci95.loss_normalised);
+        let width = widths.map(|[low, high]| high - low).sum::<f64>() / all.len() as f64;
+        let mut laws: Vec<&str> = fitted.iter().map(|laws| laws.recommended_law().name()).collect();
+        laws.sort_unstable();
+        let counts = laws.chunk_by(|a, b| a == b).map(|same| format!("{} {}", same.len(), same[0]));
+        let counts = counts.collect::<Vec<_>>().join(", ");
+        println!("| {truth:?} | {of_loss:.2} | {of_size:.2} | {width:.3} | {counts} |");
+        assert!(of_loss >= 0.92, "{truth:?}: {of_loss}");
+    }
+}
