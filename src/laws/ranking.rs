@@ -21,9 +21,16 @@ pub(super) struct Rows<'a> {
     pub options: &'a FitOptions,
 }
 
+/// Power laws through minima, with both laws of their losses.
+struct Lines {
+    set: LawSet,
+    floor: Option<FloorLaw>,
+    reference: f64,
+}
+
 /// A law through the first budgets of a sweep.
 enum Fitted {
-    Lines { set: LawSet, floor: Option<FloorLaw>, reference: f64 },
+    Lines(Box<Lines>),
     Joint(Box<JointLaw>),
 }
 
@@ -71,11 +78,9 @@ impl Rows<'_> {
         let reference = geometric_mean(&columns.compute);
         let set = law_set(&columns, reference, self.options)?;
         let floor = floor_law(&columns.compute, &columns.loss, reference);
-        (law == Candidate::Log || floor.is_some()).then_some(Fitted::Lines {
-            set,
-            floor,
-            reference,
-        })
+        let lines = Lines { set, floor, reference };
+        let is_whole = law == Candidate::Log || lines.floor.is_some();
+        is_whole.then(|| Fitted::Lines(Box::new(lines)))
     }
 
     fn miss(
@@ -92,7 +97,8 @@ impl Rows<'_> {
                 let best = joint.optimum(at)?;
                 [best.loss, best.params_nonvocab, best.params_vocab, best.tokens]
             }
-            Fitted::Lines { set, floor, reference } => {
+            Fitted::Lines(lines) => {
+                let Lines { set, floor, reference } = &**lines;
                 let loss = match law {
                     Candidate::Log => set.loss.loss_at(at),
                     _ => floor.as_ref()?.loss_at(at, *reference),

@@ -21,29 +21,37 @@ fn title(prediction: &Prediction) -> String {
     format!("Optimum for {} FLOPs, {far}{law}:", count(prediction.budget_flops))
 }
 
+/// A quantity with its interval, as it is written.
+struct Row {
+    name: &'static str,
+    value: Option<f64>,
+    interval: Option<[f64; 2]>,
+    number: fn(f64) -> String,
+}
+
+impl Row {
+    fn text(&self) -> Option<String> {
+        let number = self.number;
+        let interval = self.interval.map_or_else(String::new, |[low, high]| {
+            format!("   95 %: {} to {}", number(low), number(high))
+        });
+        Some(format!("  {:<5}{:>11}{interval}\n", self.name, number(self.value?)))
+    }
+}
+
 fn rows(prediction: &Prediction) -> String {
     let ci = &prediction.ci95;
     let whole = |x: f64| format!("{x:.0}");
-    let loss = |x: f64| format!("{x:.4}");
-    let rows: [(&str, Option<f64>, Option<[f64; 2]>, &dyn Fn(f64) -> String); 5] = [
-        ("N", prediction.params, ci.params, &count),
-        ("N_nv", prediction.params_nonvocab, ci.params_nonvocab, &count),
-        ("V", prediction.n_vocab, ci.n_vocab, &whole),
-        ("D", Some(prediction.tokens), ci.tokens, &count),
-        ("loss", prediction.loss_normalised, ci.loss_normalised, &loss),
+    let nats = |x: f64| format!("{x:.4}");
+    let row = |name, value, interval, number| Row { name, value, interval, number };
+    let rows = [
+        row("N", prediction.params, ci.params, count as fn(f64) -> String),
+        row("N_nv", prediction.params_nonvocab, ci.params_nonvocab, count),
+        row("V", prediction.n_vocab, ci.n_vocab, whole),
+        row("D", Some(prediction.tokens), ci.tokens, count),
+        row("loss", prediction.loss_normalised, ci.loss_normalised, nats),
     ];
-    let row = |(name, value, interval, number): (
-        &str,
-        Option<f64>,
-        Option<[f64; 2]>,
-        &dyn Fn(f64) -> String,
-    )| {
-        let interval = interval.map_or_else(String::new, |[low, high]| {
-            format!("   95 %: {} to {}", number(low), number(high))
-        });
-        Some(format!("  {name:<5}{:>11}{interval}\n", number(value?)))
-    };
-    rows.into_iter().filter_map(row).collect::<String>() + &other_laws(&prediction.raw)
+    rows.iter().filter_map(Row::text).collect::<String>() + &other_laws(&prediction.raw)
 }
 
 /// What the laws that are not recommended say of the loss.
