@@ -13,7 +13,7 @@ const BUDGETS: [f64; 5] = [1e10, 2.2e10, 5e10, 1e11, 2.2e11];
 const WIDTHS: [f64; 9] = [8.0, 10.0, 12.0, 16.0, 20.0, 24.0, 32.0, 40.0, 52.0];
 const VOCABULARIES: [f64; 6] = [64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0];
 const NOISE: f64 = 0.03;
-const SWEEPS: u64 = 100;
+const SWEEPS: u64 = 40;
 const BEYOND: f64 = 10.0;
 
 /// A truth outside the fitted family.
