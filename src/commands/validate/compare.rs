@@ -56,7 +56,8 @@ pub fn gathered(folder: &ResultsFolder, output: &Output) -> Vec<Validated> {
     let mut all: Vec<Validated> = Vec::new();
     let entries = std::fs::read_dir(folder.file("validations"));
     let entries = entries.into_iter().flatten().flatten().map(|entry| entry.path());
-    for path in entries.map(|path| path.join("validation.json")) {
+    let folders = entries.filter(|path| path.is_dir());
+    for path in folders.map(|path| path.join("validation.json")) {
         match read_if_there::<Validated>(&path) {
             Ok(found) => all.extend(found),
             Err(error) => output.warn(&error.to_string()),
