@@ -58,9 +58,9 @@ fn page(sources: &Sources, laws: &Laws) -> Page {
 fn remarks(laws: &Laws) -> String {
     let log = laws.loss.log.as_ref().map(describe_log);
     let floor = laws.loss.floor.as_ref().map(describe_floor);
-    let believed = believed(laws);
+    let recommended = recommended(laws);
     let missing = || "No loss law could be fitted.".to_owned();
-    [believed, log, floor]
+    [recommended, log, floor]
         .into_iter()
         .flatten()
         .reduce(|a, b| format!("{a}\n{b}"))
@@ -68,11 +68,11 @@ fn remarks(laws: &Laws) -> String {
 }
 
 /// The law that predicts, and how far it missed budgets that it had not seen.
-fn believed(laws: &Laws) -> Option<String> {
+fn recommended(laws: &Laws) -> Option<String> {
     let recommended = laws.judgement.recommended.as_ref()?;
     let best = recommended.scores.first()?;
     Some(format!(
-        "Believed: {}, which missed larger budgets by {:.3} nats (root mean square).",
+        "Recommended: {}, which missed larger budgets of this sweep by {:.3} nats (root mean square).",
         recommended.law.about(),
         best.rms
     ))

@@ -99,13 +99,13 @@ impl Bootstrap<'_> {
         let mut normals = Normals::of_stream(self.options.seed, stream);
         let dof = self.noise.dof;
         let drawn_sd = (dof as f64 / normals.chi_square(dof)).sqrt();
-        let shifts = self.vocabulary_shifts(&mut normals);
+        let tokenizers = self.tokenizers.filter(|_| self.sources.tokenizers);
+        let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
         let grids = self.split.fitted.iter().chain(&self.split.held_out);
         let noisy = |grid: &Grid| {
             let sd = drawn_sd * self.sd_of_runs(grid);
             grid.with_losses(|cell| {
-                let shift = shifts.iter().find(|(v, _)| *v == cell.n_vocab).map_or(0.0, |s| s.1);
-                cell.loss + shift + sd / cell.runs.sqrt() * normals.next()
+                cell.loss + shifts.of(cell.n_vocab) + sd / cell.runs.sqrt() * normals.next()
             })
         };
         let drawn: Vec<Grid> = grids.map(noisy).collect();
@@ -137,16 +137,6 @@ impl Bootstrap<'_> {
         let variance =
             f64::from(u8::from(runs)) + f64::from(u8::from(misfit)) * (self.misfit - 1.0);
         variance.sqrt() * of_budget(grid, self.noise)
-    }
-
-    /// V, and what all its runs are moved by.
-    fn vocabulary_shifts(&self, normals: &mut Normals) -> Vec<(f64, f64)> {
-        let Some(noise) = self.tokenizers.filter(|_| self.sources.tokenizers) else {
-            return Vec::new();
-        };
-        let scale = (noise.dof as f64 / normals.chi_square(noise.dof)).sqrt();
-        let shift = |(v, _): &(f64, usize)| (*v, scale * noise.of_mean(*v) * normals.next());
-        noise.tokenizers.iter().map(shift).collect()
     }
 
     /// The laws through the minima of one method and of the budgets used.

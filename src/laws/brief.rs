@@ -1,6 +1,5 @@
 //! The fit on one screen: what to believe, the laws, and what is in doubt.
 
-use super::minima::MISFIT;
 use super::names::flags_text;
 use super::text::{count, wrap};
 use super::{Candidate, Laws, Minimum, Parameters, PowerLaw, Recommended};
@@ -8,7 +7,7 @@ use super::{Candidate, Laws, Minimum, Parameters, PowerLaw, Recommended};
 /// Minima in doubt that are named before the rest are only counted.
 const MOST_NAMED: usize = 3;
 
-/// The verdict, the laws with intervals and what is in doubt, in some fifteen lines of at most 80
+/// The recommended law, the laws with intervals and what is in doubt, in some fifteen lines of at most 80
 /// columns; [`summary`](super::summary()) has everything.
 pub fn brief(laws: &Laws) -> String {
     let sentences = [Some(scope(laws)), recommended(laws)];
@@ -29,7 +28,7 @@ fn scope(laws: &Laws) -> String {
         0 => String::new(),
         minima => {
             let trusted = own().filter(|m| m.trusted).count();
-            format!("; {trusted} of {minima} minima ({}) are beyond doubt", all.minima_method)
+            format!("; {trusted} of {minima} minima ({}) have no flag", all.minima_method)
         }
     };
     format!("{}: {range}{trusted}.", laws.name)
@@ -39,12 +38,12 @@ fn scope(laws: &Laws) -> String {
 fn recommended(laws: &Laws) -> Option<String> {
     let Recommended { law, why, scores, .. } = laws.judgement.recommended.as_ref()?;
     if scores.is_empty() {
-        return Some(format!("Believe {} for want of a test: {why}.", law.about()));
+        return Some(format!("Recommended for want of a test: {}, since {why}.", law.about()));
     }
     let miss = |law: Candidate, rms: f64| format!("{} by {rms:.4}", law.about());
     let all: Vec<String> = scores.iter().map(|score| miss(score.law, score.rms)).collect();
     Some(format!(
-        "Believe {}. Fitted to smaller budgets, the laws missed the losses of larger ones (root mean \
+        "Recommended: {}. Fitted to smaller budgets, the laws missed the losses of larger ones (root mean \
          square, nats): {}.",
         law.about(),
         all.join(", ")
@@ -110,14 +109,14 @@ fn doubts(laws: &Laws) -> String {
     let all = laws.of_all_budgets();
     let mut sentences: Vec<String> = minima_in_doubt(all).into_iter().collect();
     let lack = all.judgement.lack_of_fit.iter().find(|lack| lack.method == all.minima_method);
-    if let Some(lack) = lack.filter(|lack| lack.p < MISFIT) {
+    if let Some(lack) = lack.filter(|lack| lack.is_misfit()) {
         sentences.push(format!(
             "The curves misfit: chi2 is {:.0} on {} degrees of freedom (p {}), so intervals are {:.1} \
              times as wide as the runs' noise makes them.",
             lack.chi2,
             lack.dof,
             if lack.p < 1e-4 { "below 1e-4".to_string() } else { format!("= {:.4}", lack.p) },
-            (lack.chi2 / lack.dof as f64).max(1.0).sqrt()
+            lack.variance_ratio().sqrt()
         ));
     }
     if let Some(sentence) = held(all) {

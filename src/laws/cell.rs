@@ -35,6 +35,11 @@ impl Cell {
         self.tokens.ln() + (self.params_nonvocab + self.params_vocab).ln()
     }
 
+    /// Passes over the distinct tokens, where they are known.
+    pub fn epochs(&self) -> Option<f64> {
+        Some(self.tokens / self.unique_tokens?)
+    }
+
     /// Whether N_v is known; it is 0 in a table that gives N alone.
     pub fn has_vocabulary(&self) -> bool {
         self.params_vocab > 0.0

@@ -4,19 +4,19 @@ use super::advice::advise;
 use super::bootstrap::{Bootstrap, Replicate, Sources};
 use super::budget::group_checked;
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
-use super::noise::run_noise;
+use super::noise::{Scatter, run_noise};
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
 use super::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use super::validation::validate;
 use super::{
-    Budget, FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint,
-    Judgement, LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, NoiseSource,
-    Parameters, PowerLaws, RunNoise, check, floor_law, intervals, law_set, sensitivity, warnings,
+    FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint, Judgement,
+    LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise,
+    check, floor_law, intervals, law_set, sensitivity, warnings,
 };
 use crate::sweep::MinimumMethod;
-use judge::{Scatter, admissible, interval_parts, judge, misfit};
+use judge::{admissible, interval_parts, judge, misfit};
 
 /// Fits every law to a table of finished runs.
 ///
@@ -54,7 +54,7 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     let (held_out, hold_out_warning) = hold_out(&budgets, options.hold_out)?;
     let split = Split::new(&budgets, held_out);
     let (options, fewer) = &affordable(options, &split);
-    let noise = scatter_of_runs(&split, &budgets);
+    let noise = run_noise(&split.fitted, runs_beside_tokenizers(&budgets));
     let per_method = split.minima_by_method(options, noise);
     let (method, method_warning) = law_method(&per_method, options);
     let used = used_minima(&per_method, method, options)?;
@@ -75,17 +75,6 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     let of_minima = warnings::of_minima(all, &used, &split, method, options);
     laws.warnings.splice(0..0, first.chain(of_minima));
     Ok(laws)
-}
-
-/// Degrees of freedom from which the runs of several tokenizers tell the noise.
-const ENOUGH: usize = 10;
-
-/// The scatter of single runs: by seeds where there are enough, else by tokenizers, else by a surface.
-fn scatter_of_runs(split: &Split, budgets: &[Budget]) -> Option<RunNoise> {
-    let own = run_noise(&split.fitted);
-    let by_seeds = own.is_some_and(|noise| noise.source == NoiseSource::Seeds);
-    let beside = runs_beside_tokenizers(budgets).filter(|noise| noise.dof >= ENOUGH);
-    if by_seeds { own } else { beside.or(own) }
 }
 
 /// Cells times replicates that a fit computes at most: some ten seconds on one core.

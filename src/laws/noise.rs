@@ -4,11 +4,11 @@ use super::cell::Cell;
 use super::least_squares::least_squares;
 use super::minima::{Grid, Scale};
 use super::stats::distinct;
-use super::{NoiseSource, RunNoise};
+use super::{NoiseSource, RunNoise, TokenizerNoise};
 
 /// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever
-/// has more.
-const ENOUGH_SEEDS: usize = 10;
+/// has more. So many are asked of several tokenizers too.
+const ENOUGH: usize = 10;
 /// Fewer say nothing about a standard deviation.
 const FEWEST_DOF: usize = 2;
 /// Residuals that a surface of more than the second degree must leave.
@@ -24,14 +24,24 @@ const DEGREES: std::ops::RangeInclusive<usize> = 2..=5;
 /// A run of weight w counts as w runs in a mean, and every run scatters alike.
 ///
 /// Where cells hold several runs it is that of the runs around their cell's mean. Else it is that of
-/// the cells around a smooth surface over each budget's grid ([`of_surface`]).
-pub(super) fn run_noise(grids: &[Grid]) -> Option<RunNoise> {
+/// the cells around a smooth surface over each budget's grid ([`of_surface`]), unless the runs of
+/// several tokenizers tell it: `beside`.
+pub(super) fn run_noise(grids: &[Grid], beside: Option<RunNoise>) -> Option<RunNoise> {
     let seeds = of_seeds(grids);
-    if seeds.dof >= ENOUGH_SEEDS {
+    if seeds.dof >= ENOUGH {
         return Some(seeds);
     }
     let known = [Some(seeds), of_surface(grids)].into_iter().flatten();
-    known.filter(|noise| noise.dof >= FEWEST_DOF).max_by_key(|noise| noise.dof)
+    let own = known.filter(|noise| noise.dof >= FEWEST_DOF).max_by_key(|noise| noise.dof);
+    let by_seeds = own.is_some_and(|noise| noise.source == NoiseSource::Seeds);
+    if by_seeds { own } else { beside.filter(|noise| noise.dof >= ENOUGH).or(own) }
+}
+
+/// How runs and tokenizers scatter.
+#[derive(Clone, Copy)]
+pub(super) struct Scatter<'a> {
+    pub noise: Option<RunNoise>,
+    pub tokenizers: Option<&'a TokenizerNoise>,
 }
 
 impl RunNoise {
@@ -147,7 +157,7 @@ mod tests {
     fn noise_of(sweep: Simulated) -> Option<RunNoise> {
         let points = sweep.points();
         let budgets = group_budgets(&points).unwrap();
-        run_noise(&budgets.iter().filter_map(Grid::new).collect::<Vec<_>>())
+        run_noise(&budgets.iter().filter_map(Grid::new).collect::<Vec<_>>(), None)
     }
 
     #[test]

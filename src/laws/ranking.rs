@@ -69,10 +69,8 @@ impl Rows<'_> {
         }
         if law.is_joint() {
             let repeats = law == Candidate::JointRepeats;
-            let noise = self.noise.map(|noise| noise.sd);
-            let joint = fit_joint(&self.grids[..n], noise, repeats)?;
-            let has_term = joint.loss.terms.repeats == repeats;
-            return has_term.then(|| Fitted::Joint(Box::new(joint)));
+            let joint = fit_joint(&self.grids[..n], self.noise, repeats)?;
+            return Some(Fitted::Joint(Box::new(joint)));
         }
         let columns = Columns::new(&used, self.grids, self.options);
         let reference = geometric_mean(&columns.compute);

@@ -47,6 +47,22 @@ pub struct LackOfFit {
     pub p: f64,
 }
 
+/// Probability of a larger χ² below which curves misfit.
+const MISFIT: f64 = 0.01;
+
+impl LackOfFit {
+    /// Whether the runs lie further from the curves than they scatter.
+    pub fn is_misfit(&self) -> bool {
+        self.p < MISFIT
+    }
+
+    /// How many times the variance of the runs their squared distance from the curves is, where the
+    /// curves misfit; else 1.
+    pub fn variance_ratio(&self) -> f64 {
+        if self.is_misfit() { (self.chi2 / self.dof as f64).max(1.0) } else { 1.0 }
+    }
+}
+
 /// What running more would settle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

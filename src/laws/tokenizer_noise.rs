@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
+use super::random::Normals;
 use super::{Budget, NoiseSource, RunNoise};
 
 /// The scatter of tokenizers: it moves all runs of a tokenizer together.
@@ -22,6 +23,24 @@ impl TokenizerNoise {
     pub(super) fn of_mean(&self, n_vocab: f64) -> f64 {
         let found = self.tokenizers.iter().find(|(v, _)| *v == n_vocab);
         self.sd / (found.map_or(1, |(_, n)| *n) as f64).sqrt()
+    }
+
+    /// What a replicate moves all runs of each vocabulary by.
+    pub(super) fn shifts(&self, normals: &mut Normals) -> Shifts {
+        let scale = (self.dof as f64 / normals.chi_square(self.dof)).sqrt();
+        let shift = |(v, _): &(f64, usize)| (*v, scale * self.of_mean(*v) * normals.next());
+        Shifts(self.tokenizers.iter().map(shift).collect())
+    }
+}
+
+/// V, and what all its runs are moved by.
+#[derive(Default)]
+pub(super) struct Shifts(Vec<(f64, f64)>);
+
+impl Shifts {
+    /// 0 for a vocabulary that has none.
+    pub fn of(&self, n_vocab: f64) -> f64 {
+        self.0.iter().find(|(v, _)| *v == n_vocab).map_or(0.0, |(_, shift)| *shift)
     }
 }
 

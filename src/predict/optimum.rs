@@ -94,9 +94,7 @@ impl Best {
 
 /// The joint law, where it is the one to believe.
 fn joint_law(laws: &Laws) -> Option<&JointLaw> {
-    let recommended = laws.judgement.recommended.as_ref()?.law;
-    let joint = [Candidate::Joint, Candidate::JointRepeats].contains(&recommended);
-    laws.judgement.joint.as_ref().filter(|_| joint)
+    laws.judgement.joint.as_ref().filter(|_| laws.recommended_law().is_joint())
 }
 
 fn allocation(joint: &JointOptimum) -> Allocation {

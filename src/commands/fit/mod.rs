@@ -22,7 +22,7 @@ use request::FitRequest;
 use source::Source;
 
 pub use args::FitArgs;
-pub use sweep::{fit_records, options};
+pub use sweep::{fit_records, options, points};
 
 pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     let request = FitRequest::of(args)?;

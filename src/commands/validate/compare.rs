@@ -3,20 +3,26 @@
 use anyhow::{Context, Result};
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{Inside, IsoFlopPoint, Measured, Metric, Predicted, Validated};
+use isoflop::laws::{
+    Inside, IsoFlopPoint, Measured, MinimumMethod, Predicted, Validated, minimum_at,
+};
 use isoflop::predict::Prediction;
 use isoflop::record::table;
 use isoflop::spec::FlopsRule;
 
+use crate::commands::fit::points;
 use crate::commands::output::Output;
 
 /// The forecast and the best cell of the validation's folder.
-pub fn compare(folder: &ResultsFolder, forecast: &Prediction) -> Result<Validated> {
+pub fn compare(
+    folder: &ResultsFolder,
+    forecast: &Prediction,
+    rule: FlopsRule,
+) -> Result<Validated> {
     let records = table::read(folder.root())?;
-    let point =
-        |record: &isoflop::record::RunRecord| record.point(FlopsRule::OpenAi, &Metric::default());
-    let points: Vec<IsoFlopPoint> = records.iter().map(point).collect::<Result<_, _>>()?;
-    let measured = best(&points).context("no run is finished")?;
+    let (points, left_out) = points(&records, rule);
+    let measured =
+        best(&points).context(left_out.unwrap_or_else(|| "no run is finished".into()))?;
     let ci = &forecast.ci95;
     let predicted = Predicted {
         loss: forecast.loss_normalised,
@@ -34,21 +40,15 @@ pub fn compare(folder: &ResultsFolder, forecast: &Prediction) -> Result<Validate
 
 /// The cell of the lowest mean loss.
 fn best(points: &[IsoFlopPoint]) -> Option<Measured> {
-    let of_cell = |point: &IsoFlopPoint| {
-        let same = |p: &&IsoFlopPoint| {
-            p.params_nonvocab == point.params_nonvocab && p.n_vocab == point.n_vocab
-        };
-        let losses: Vec<f64> = points.iter().filter(same).map(|p| p.loss).collect();
-        Measured {
-            loss: losses.iter().sum::<f64>() / losses.len() as f64,
-            params_nonvocab: point.params_nonvocab,
-            params_vocab: point.params_vocab,
-            n_vocab: point.n_vocab,
-            tokens: point.tokens,
-            runs: points.len(),
-        }
-    };
-    points.iter().map(of_cell).min_by(|a, b| a.loss.total_cmp(&b.loss))
+    let best = minimum_at(MinimumMethod::Argmin, &points.iter().collect::<Vec<_>>())?;
+    Some(Measured {
+        loss: best.loss_normalised,
+        params_nonvocab: best.params_nonvocab,
+        params_vocab: best.params_vocab,
+        n_vocab: best.n_vocab,
+        tokens: best.tokens,
+        runs: points.len(),
+    })
 }
 
 /// Every validation in a sweep's folder, by budget; a damaged one is a warning.

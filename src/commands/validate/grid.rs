@@ -1,8 +1,7 @@
 //! The cells round a predicted optimum.
 
 use anyhow::{Context, Result, bail};
-use isoflop::predict::Codebook;
-use isoflop::predict::Prediction;
+use isoflop::predict::{Codebook, Prediction};
 use isoflop::spec::QuantizerKind;
 use isoflop::sweep::{
     Clips, DataSource, GridSection, HoldOutSpec, LevelsSpec, ModelEntry, ModelList, Sweep,

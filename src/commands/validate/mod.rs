@@ -63,7 +63,7 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
     let own = grid::around(&sweep, &forecast, &place.name, &args.seeds)?;
     atomic::write_bytes(&place.sweep(), serde_yaml::to_string(&own)?.as_bytes())?;
     run_then(&place.run(args), output, |folder| {
-        let validated = compare::compare(folder, &forecast)?;
+        let validated = compare::compare(folder, &forecast, sweep.flops.rule)?;
         atomic::write_json(&folder.file("validation.json"), &validated)?;
         keep(args, output)?;
         Ok(output.result(&json!(validated), &compare::text(&validated))?)

@@ -1,15 +1,17 @@
 //! What a fit says of itself: how its runs scatter, what its curves miss, which law to believe.
 
 use crate::laws::bootstrap::{Bootstrap, Sources};
-use crate::laws::joint::{JointLaw, Moves, fit_joint, replicates};
-use crate::laws::minima::{Grid, MISFIT, lack_of_fit};
+use crate::laws::cell::Cell;
+use crate::laws::joint::{JointLaw, fit_joint, replicates};
+use crate::laws::minima::{Grid, lack_of_fit};
+use crate::laws::noise::Scatter;
 use crate::laws::ranking::{Rows, recommended};
 use crate::laws::select::usable;
 use crate::laws::split::Split;
 use crate::laws::stats::{extent, interval95};
 use crate::laws::{
     Candidate, FitOptions, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
-    RunNoise, Score, TokenizerNoise, Tried,
+    RunNoise, Score, Tried,
 };
 use crate::sweep::MinimumMethod;
 
@@ -17,13 +19,6 @@ use crate::sweep::MinimumMethod;
 const JOINT_REPLICATES: usize = 200;
 /// Replicates by which a part of an interval is told.
 const PART_REPLICATES: usize = 100;
-
-/// How runs and tokenizers scatter.
-#[derive(Clone, Copy)]
-pub(super) struct Scatter<'a> {
-    pub noise: Option<RunNoise>,
-    pub tokenizers: Option<&'a TokenizerNoise>,
-}
 
 /// Which law to believe, and how far.
 pub(super) fn judge(
@@ -50,10 +45,9 @@ pub(super) fn judge(
     let rows = Rows { grids: &grids, minima: &minima, noise: scatter.noise, options };
     let recommended = rank(&rows, laws.minima_method);
     let best = recommended.scores.first();
-    let moves = Moves { noise: scatter.noise, tokenizers: scatter.tokenizers, seed: options.seed };
     Judgement {
         forecast_error: best.and_then(Score::forecast_error),
-        joint: joint(&split.fitted, recommended.law, &moves, options),
+        joint: joint(&split.fitted, recommended.law, scatter, options),
         recommended: Some(recommended),
         ..own
     }
@@ -71,12 +65,10 @@ fn measured(laws: &Laws, split: &Split, options: &FitOptions) -> (Vec<Grid>, Vec
     (grids, minima)
 }
 
-/// How many times the variance of the runs their squared distance from the curves is, where the curves
-/// misfit; else 1.
+/// [`LackOfFit::variance_ratio`](crate::laws::LackOfFit::variance_ratio) of the laws' method; 1 where no
+/// curve leaves residuals.
 pub(super) fn misfit(method: MinimumMethod, split: &Split, noise: RunNoise) -> f64 {
-    let lack = lack_of_fit(method, &split.fitted, noise);
-    let lack = lack.filter(|lack| lack.p < MISFIT);
-    lack.map_or(1.0, |lack| (lack.chi2 / lack.dof as f64).max(1.0))
+    lack_of_fit(method, &split.fitted, noise).map_or(1.0, |lack| lack.variance_ratio())
 }
 
 /// The curves whose minima may all be used where those of the laws' method are; that method alone
@@ -105,12 +97,16 @@ fn rank(rows: &Rows, method: MinimumMethod) -> Recommended {
 
 /// The joint law of the recommended kind through some budgets, with its replicates where it is the one
 /// to believe.
-fn joint(grids: &[Grid], law: Candidate, moves: &Moves, options: &FitOptions) -> Option<JointLaw> {
-    let noise = moves.noise.map(|noise| noise.sd);
-    let mut joint = fit_joint(grids, noise, law == Candidate::JointRepeats)?;
+fn joint(
+    grids: &[Grid],
+    law: Candidate,
+    scatter: Scatter,
+    options: &FitOptions,
+) -> Option<JointLaw> {
+    let mut joint = fit_joint(grids, scatter.noise, law == Candidate::JointRepeats)?;
     if law.is_joint() {
         let count = options.bootstrap.min(JOINT_REPLICATES);
-        joint.bootstrap = replicates(&joint, grids, moves, count);
+        joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);
     }
     Some(joint)
 }
@@ -151,7 +147,7 @@ fn tried(grids: &[Grid]) -> Tried {
     let cells = || grids.iter().flat_map(|grid| &grid.cells);
     let range = |(low, high)| [low, high];
     let unique = cells().filter_map(|cell| cell.unique_tokens);
-    let epochs = cells().filter_map(|cell| Some(cell.tokens / cell.unique_tokens?));
+    let epochs = cells().filter_map(Cell::epochs);
     Tried {
         sizes: range(extent(cells().map(|cell| cell.params_nonvocab))),
         vocabularies: range(extent(cells().map(|cell| cell.n_vocab))),

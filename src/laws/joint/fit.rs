@@ -1,8 +1,9 @@
 //! Cells into the coefficients of a joint loss.
 
 use super::levenberg::{Residuals, minimise};
-use super::loss::{BASE, JointLoss, Place, Terms};
+use super::loss::{ALPHA, BETA, JointLoss, Place, Terms};
 use super::{Cost, JointLaw};
+use crate::laws::RunNoise;
 use crate::laws::cell::Cell;
 use crate::laws::least_squares::least_squares;
 use crate::laws::minima::Grid;
@@ -29,10 +30,9 @@ const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
 /// Least squares over the cells by the runs that each is worth. Where the cells say little of a
 /// coefficient it stays near what is expected of it: exponents near 0.4 within a factor of two, no
 /// coupling. The expectations weigh as much as one run each, of standard deviation `noise`.
-pub fn fit_joint(grids: &[Grid], noise: Option<f64>, repeats: bool) -> Option<JointLaw> {
+pub fn fit_joint(grids: &[Grid], noise: Option<RunNoise>, repeats: bool) -> Option<JointLaw> {
     let cells = Cells::new(grids);
     let terms = cells.terms(repeats)?;
-    let noise = noise.filter(|noise| *noise > 0.0).unwrap_or(UNKNOWN_NOISE);
     let problem = Problem::new(&cells, terms, noise);
     let ends = problem.starts().into_iter().map(|start| minimise(&problem, start));
     let (values, _) = ends.min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -45,7 +45,6 @@ pub fn fit_joint(grids: &[Grid], noise: Option<f64>, repeats: bool) -> Option<Jo
         cost: Cost::of(&cells.all)?,
         residual_sd: (rss / n as f64 / free).sqrt(),
         dof: (free * problem.effective_cells()).max(FEWEST_FREE) as usize,
-        aic: n as f64 * (rss / n as f64).max(f64::MIN_POSITIVE).ln() + 2.0 * (p as f64 + 1.0),
         loss: problem.law(&values),
         bootstrap: Vec::new(),
         n,
@@ -53,9 +52,8 @@ pub fn fit_joint(grids: &[Grid], noise: Option<f64>, repeats: bool) -> Option<Jo
 }
 
 /// The coefficients through other losses of the same cells, downhill from those of `law`.
-pub fn refitted(law: &JointLaw, grids: &[Grid], noise: Option<f64>) -> Vec<f64> {
+pub fn refitted(law: &JointLaw, grids: &[Grid], noise: Option<RunNoise>) -> Vec<f64> {
     let cells = Cells::new(grids);
-    let noise = noise.filter(|noise| *noise > 0.0).unwrap_or(UNKNOWN_NOISE);
     let mut problem = Problem::new(&cells, law.loss.terms, noise);
     problem.frame = law.loss.clone();
     minimise(&problem, law.loss.values.clone()).0
@@ -90,11 +88,14 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// The terms that the cells can tell; none where even the fewest are too many.
+    /// The terms that the cells can tell; none where even the fewest are too many, and where a term of
+    /// repetition is asked for that no cell knows.
     fn terms(&self, repeats: bool) -> Option<Terms> {
         let levels = distinct(self.all.iter().map(|cell| cell.n_vocab)).len();
-        let most = self.all.iter().filter_map(|cell| Some(cell.tokens / cell.unique_tokens?));
-        let repeats = repeats && most.fold(0.0, f64::max) > REPEATED;
+        let epochs = self.all.iter().filter_map(|cell| cell.epochs());
+        if repeats && epochs.fold(0.0, f64::max) <= REPEATED {
+            return None;
+        }
         let wanted = [levels >= COUPLED_LEVELS, false].map(|coupled| Terms {
             vocab: levels > 1,
             coupled,
@@ -133,6 +134,16 @@ pub(super) fn place(cell: &Cell) -> Place {
     }
 }
 
+/// Where a coefficient, or its logarithm, is expected to lie.
+#[derive(Clone, Copy)]
+struct Expectation {
+    /// Among the values of a [`JointLoss`].
+    index: usize,
+    mean: f64,
+    sd: f64,
+    in_logs: bool,
+}
+
 /// The residuals of every cell, and of every coefficient from what is expected of it.
 struct Problem {
     /// Terms, centre and unique tokens, with coefficients that mean nothing.
@@ -144,7 +155,8 @@ struct Problem {
 }
 
 impl Problem {
-    fn new(cells: &Cells, terms: Terms, noise: f64) -> Self {
+    fn new(cells: &Cells, terms: Terms, noise: Option<RunNoise>) -> Self {
+        let noise = noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0).unwrap_or(UNKNOWN_NOISE);
         let all = &cells.all;
         let runs = all.iter().map(|cell| cell.runs).sum::<f64>() / all.len() as f64;
         let unique = all.iter().filter_map(|cell| cell.unique_tokens);
@@ -184,18 +196,20 @@ impl Problem {
         rows.map(|((place, loss), weight)| weight * (loss - law.value(place))).collect()
     }
 
-    /// What is expected of a coefficient: its place, the value and the deviation, and whether it is
-    /// the logarithm of the coefficient that is expected to lie there.
-    fn expected(&self) -> Vec<(usize, f64, f64, bool)> {
-        let mut all = vec![(2, 0.4f64.ln(), 0.7, true), (4, 0.4f64.ln(), 0.7, true)];
+    /// What is expected of coefficients before the cells are asked.
+    fn expected(&self) -> Vec<Expectation> {
+        let exponent = |index| Expectation { index, mean: 0.4f64.ln(), sd: 0.7, in_logs: true };
+        let mut all = [ALPHA, BETA].map(exponent).to_vec();
         let terms = self.frame.terms;
-        let first = BASE + usize::from(terms.vocab);
         if terms.coupled {
-            all.extend([(first, 0.0, 0.1, false), (first + 1, 0.0, 0.4, false)]);
-            all.push((first + 2, 0.0, 0.4, false));
+            let first = terms.first_coupled();
+            let near_zero =
+                |(i, sd)| Expectation { index: first + i, mean: 0.0, sd, in_logs: false };
+            all.extend([(0, 0.1), (1, 0.4), (2, 0.4)].map(near_zero));
         }
         if terms.repeats {
-            all.push((terms.count() - 1, LN_R[0], 1.0, false));
+            let index = terms.count() - 1;
+            all.push(Expectation { index, mean: LN_R[0], sd: 1.0, in_logs: false });
         }
         all
     }
@@ -231,8 +245,8 @@ impl Problem {
 
 impl Residuals for Problem {
     fn at(&self, values: &[f64]) -> Vec<f64> {
-        let expected = |&(i, mean, sd, is_log): &(usize, f64, f64, bool)| {
-            let value = if is_log { values[i].ln() } else { values[i] };
+        let expected = |&Expectation { index, mean, sd, in_logs }: &Expectation| {
+            let value = if in_logs { values[index].ln() } else { values[index] };
             self.noise * (mean - value) / sd
         };
         let mut all = self.of_cells(values);
@@ -246,9 +260,9 @@ impl Residuals for Problem {
             law.gradient(place).into_iter().map(|slope| weight * slope).collect()
         };
         let mut rows: Vec<Vec<f64>> = self.places.iter().zip(&self.weights).map(of_cell).collect();
-        for (i, _, sd, is_log) in self.expected() {
+        for Expectation { index, sd, in_logs, .. } in self.expected() {
             let mut row = vec![0.0; values.len()];
-            row[i] = self.noise / sd / if is_log { values[i] } else { 1.0 };
+            row[index] = self.noise / sd / if in_logs { values[index] } else { 1.0 };
             rows.push(row);
         }
         rows
@@ -256,8 +270,9 @@ impl Residuals for Problem {
 
     fn bound(&self, values: &mut [f64]) {
         let [low, high] = EXPONENTS;
-        values[2] = values[2].clamp(low, high);
-        values[4] = values[4].clamp(low, high);
+        for index in [ALPHA, BETA] {
+            values[index] = values[index].clamp(low, high);
+        }
         if self.frame.terms.repeats {
             let last = values.len() - 1;
             values[last] = values[last].clamp(LN_R[1], LN_R[2]);

@@ -17,8 +17,6 @@ pub struct JointLaw {
     pub dof: usize,
     /// Cells fitted.
     pub n: usize,
-    /// Akaike's criterion, as of least squares.
-    pub aic: f64,
     /// The coefficients of each bootstrap replicate.
     #[serde(default)]
     pub bootstrap: Vec<Vec<f64>>,

@@ -26,7 +26,10 @@ pub struct JointLoss {
 }
 
 /// The five coefficients that every joint loss has.
-pub(super) const BASE: usize = 5;
+const BASE: usize = 5;
+/// Where α and β stand among the values.
+pub(super) const ALPHA: usize = 2;
+pub(super) const BETA: usize = 4;
 
 impl Terms {
     /// Coefficients.
@@ -45,7 +48,8 @@ impl Terms {
             .collect()
     }
 
-    fn first_coupled(self) -> usize {
+    /// Where e2 stands among the values.
+    pub(super) fn first_coupled(self) -> usize {
         BASE + usize::from(self.vocab)
     }
 }
@@ -100,7 +104,7 @@ impl JointLoss {
             let ln_r = self.ln_r();
             let worth = |ln_r: f64| worth(place.ln_tokens, place.unique_tokens, ln_r);
             let slope = (worth(ln_r + step) - worth(ln_r - step)) / (2.0 * step);
-            row.push(-self.values[4] * data * slope);
+            row.push(-self.values[BETA] * data * slope);
         }
         row
     }
@@ -115,8 +119,8 @@ impl JointLoss {
             place.ln_vocab - self.centre[1],
             ln_tokens - self.centre[2],
         ];
-        let model = (self.values[1] + self.coupled(1) * v - self.values[2] * n).exp();
-        let data = (self.values[3] + self.coupled(2) * v - self.values[4] * d).exp();
+        let model = (self.values[1] + self.coupled(1) * v - self.values[ALPHA] * n).exp();
+        let data = (self.values[3] + self.coupled(2) * v - self.values[BETA] * d).exp();
         Parts { v, n, d, model, data }
     }
 

@@ -28,7 +28,7 @@ mod optimum;
 #[cfg(test)]
 mod tests;
 
-pub(super) use bootstrap::{Moves, replicates};
+pub(super) use bootstrap::replicates;
 pub(super) use cost::Cost;
 pub(super) use fit::fit_joint;
 pub use law::JointLaw;

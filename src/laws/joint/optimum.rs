@@ -19,8 +19,6 @@ pub struct JointOptimum {
     pub n_vocab: f64,
     pub tokens: f64,
     pub loss: f64,
-    /// The best vocabulary is the end of what was looked at: the law knows no optimum of V.
-    pub at_edge: bool,
 }
 
 impl Cost {
@@ -33,17 +31,13 @@ impl Cost {
             golden(sizes, |ln_size| at(ln_size).loss)
                 .map_or(f64::INFINITY, |ln_size| at(ln_size).loss)
         };
-        let vocabularies = self.vocabularies_looked_at(loss);
-        let ln_vocab = match vocabularies {
+        let ln_vocab = match self.vocabularies_looked_at(loss) {
             Some(range) => golden(range, best_of)?,
             None => self.vocabularies[0].max(f64::MIN_POSITIVE).ln(),
         };
         let ln_size = golden(sizes, |ln_size| self.at(loss, budget, ln_size, ln_vocab).loss)?;
         let best = self.at(loss, budget, ln_size, ln_vocab);
-        let near = |end: f64| (ln_vocab - end).abs() < 0.01;
-        let at_edge = vocabularies.is_some_and(|[low, high]| near(low) || near(high));
-        let finite = best.loss.is_finite() && best.tokens.is_finite();
-        finite.then_some(JointOptimum { at_edge, ..best })
+        (best.loss.is_finite() && best.tokens.is_finite()).then_some(best)
     }
 
     /// ln V, where several vocabularies were tried.
@@ -63,7 +57,6 @@ impl Cost {
             n_vocab,
             tokens,
             loss: loss.at(params_nonvocab, ln_vocab.exp(), tokens),
-            at_edge: false,
         }
     }
 }

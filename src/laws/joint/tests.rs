@@ -3,8 +3,9 @@
 use super::*;
 use crate::laws::budget::group_checked;
 use crate::laws::minima::Grid;
+use crate::laws::noise::Scatter;
 use crate::laws::random::Normals;
-use crate::laws::{IsoFlopPoint, Parameters, RunFacts};
+use crate::laws::{IsoFlopPoint, NoiseSource, Parameters, RunFacts, RunNoise};
 
 const BUDGETS: [f64; 4] = [1e10, 3e10, 1e11, 3e11];
 const WIDTHS: [f64; 7] = [8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0];
@@ -48,6 +49,10 @@ fn grids(points: &[IsoFlopPoint]) -> Vec<Grid> {
     group_checked(points, parameters).unwrap().iter().filter_map(Grid::new).collect()
 }
 
+fn noise(sd: f64) -> Option<RunNoise> {
+    Some(RunNoise { sd, dof: 100, source: NoiseSource::Seeds })
+}
+
 /// The true optimum by a fine search.
 fn best(budget: f64) -> (f64, f64, f64) {
     let mut least = (f64::INFINITY, 0.0, 0.0);
@@ -72,7 +77,7 @@ fn the_slopes_are_the_derivatives_of_the_loss() {
     for point in &mut repeated {
         point.about = RunFacts { unique_tokens: Some(1e5), ..RunFacts::default() };
     }
-    let law = fit_joint(&grids(&repeated), Some(0.02), true).unwrap().loss;
+    let law = fit_joint(&grids(&repeated), noise(0.02), true).unwrap().loss;
     assert_eq!(law.values.len(), law.terms.names().len());
     let cells = grids(&repeated);
     for cell in cells.iter().flat_map(|grid| &grid.cells).step_by(17) {
@@ -91,7 +96,7 @@ fn the_slopes_are_the_derivatives_of_the_loss() {
 
 #[test]
 fn an_optimum_far_beyond_the_cells_is_predicted() {
-    let law = fit_joint(&grids(&points(0.01, 1)), Some(0.01), false).unwrap();
+    let law = fit_joint(&grids(&points(0.01, 1)), noise(0.01), false).unwrap();
     assert!((law.residual_sd / 0.01 - 1.0).abs() < 0.35, "{}", law.residual_sd);
     for (factor, nats, ratio) in [(1.0, 0.01, 1.2), (10.0, 0.06, 1.6), (100.0, 0.15, 2.5)] {
         let budget = 3e11 * factor;
@@ -116,9 +121,9 @@ fn intervals_of_replicates_hold_the_truth() {
     let (loss, ..) = best(budget);
     for stream in 0..20 {
         let grids = grids(&points(0.02, 100 + stream));
-        let mut law = fit_joint(&grids, Some(0.02), false).unwrap();
-        let moves = Moves { noise: None, tokenizers: None, seed: stream };
-        law.bootstrap = replicates(&law, &grids, &moves, 60);
+        let mut law = fit_joint(&grids, noise(0.02), false).unwrap();
+        let scatter = Scatter { noise: None, tokenizers: None };
+        law.bootstrap = replicates(&law, &grids, (scatter, stream), 60);
         let losses: Vec<f64> = law.optima(budget).iter().map(|best| best.loss).collect();
         let [low, high] = crate::laws::interval95(&losses).unwrap();
         held += usize::from(low <= loss && loss <= high);
@@ -137,7 +142,7 @@ fn without_a_vocabulary_it_is_the_law_of_hoffmann() {
             IsoFlopPoint { params_vocab: 0.0, n_vocab: 0.0, tokens, loss, ..point }
         })
         .collect();
-    let law = fit_joint(&grids(&total), Some(1e-4), false).unwrap();
+    let law = fit_joint(&grids(&total), noise(1e-4), false).unwrap();
     assert!(!law.loss.terms.vocab);
     assert!((law.loss.values[2] - 0.4).abs() < 0.01 && (law.loss.values[4] - 0.35).abs() < 0.01);
     assert!((law.loss.values[0] - 2.0).abs() < 0.02, "{:?}", law.loss.values);

@@ -52,8 +52,8 @@ pub(super) fn of_grids(
     let located: Vec<_> = grids.iter().map(|grid| locate(method, grid)).collect();
     let noise = Noise::pooled(&located);
     let judged = |one: Located| {
-        let misfit = one.curvature.as_ref().and_then(|c| c.misfit(scatter?));
-        let misfits = misfit.is_some_and(|misfit| misfit.p < MISFIT);
+        let misfits =
+            scatter.and_then(|scatter| one.lack_of_fit(scatter)).is_some_and(|l| l.is_misfit());
         let mut minimum = flag_weak(one, noise);
         let has_curve = !minimum.is_best_run_instead();
         minimum.flag((misfits && has_curve).then_some(MinimumFlag::LackOfFit));
@@ -62,9 +62,6 @@ pub(super) fn of_grids(
     located.into_iter().map(judged).collect()
 }
 
-/// Probability of a larger χ² below which a curve misfits.
-pub(super) const MISFIT: f64 = 0.01;
-
 /// How far the runs of all budgets lie from the curves of a method, against their scatter; none where
 /// no curve leaves residuals.
 pub(super) fn lack_of_fit(
@@ -72,27 +69,22 @@ pub(super) fn lack_of_fit(
     grids: &[Grid],
     scatter: RunNoise,
 ) -> Option<LackOfFit> {
-    let curves = grids.iter().filter_map(|grid| locate(method, grid).curvature?.misfit(scatter));
+    let curves = grids.iter().filter_map(|grid| locate(method, grid).lack_of_fit(scatter));
     let (chi2, dof) = curves.fold((0.0, 0), |(chi2, dof), c| (chi2 + c.chi2, dof + c.dof));
-    (dof > 0).then(|| LackOfFit { method, chi2, dof, p: chi_square_tail(chi2, dof, scatter.dof) })
+    (dof > 0).then(|| lack(method, chi2, dof, scatter))
 }
 
-/// The χ² of one curve.
-struct Misfit {
-    chi2: f64,
-    dof: usize,
-    p: f64,
+/// A χ² of the curves of a method, in units of a scatter.
+fn lack(method: MinimumMethod, chi2: f64, dof: usize, scatter: RunNoise) -> LackOfFit {
+    LackOfFit { method, chi2, dof, p: chi_square_tail(chi2, dof, scatter.dof) }
 }
 
-impl Curvature {
-    fn misfit(&self, scatter: RunNoise) -> Option<Misfit> {
-        let chi2 = self.rss * self.runs / scatter.sd.powi(2);
-        let known = self.dof > 0 && scatter.sd > 0.0;
-        known.then(|| Misfit {
-            chi2,
-            dof: self.dof,
-            p: chi_square_tail(chi2, self.dof, scatter.dof),
-        })
+impl Located {
+    /// How far the runs lie from the curve; none where it leaves no residuals.
+    fn lack_of_fit(&self, scatter: RunNoise) -> Option<LackOfFit> {
+        let curve = self.curvature.as_ref().filter(|c| c.dof > 0 && scatter.sd > 0.0)?;
+        let chi2 = curve.rss * curve.runs / scatter.sd.powi(2);
+        Some(lack(self.minimum.method, chi2, curve.dof, scatter))
     }
 }
 
