@@ -37,6 +37,8 @@ impl CommandLine {
         if args.engine.name() != ENGINES[0].name() {
             words.extend(["--engine".to_string(), args.engine.name().to_string()]);
         }
+        words.extend(args.rounds.iter().flat_map(|n| ["--rounds".to_string(), n.to_string()]));
+        words.extend(args.until.iter().flat_map(|n| ["--until".to_string(), n.to_string()]));
         let profile = args.profile.iter();
         words.extend(profile.flat_map(|path| ["--profile".into(), path.display().to_string()]));
         let directory = std::env::current_dir().context("finding the current directory")?;

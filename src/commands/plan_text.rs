@@ -134,7 +134,7 @@ fn epochs(epochs: f64) -> String {
     if epochs < 1e4 { format!("{epochs:.2}") } else { format!("{epochs:.1e}") }
 }
 
-fn time(hours: f64) -> String {
+pub fn time(hours: f64) -> String {
     match hours {
         h if h < 1.0 / 60.0 => format!("{:.0} s", 3600.0 * h),
         h if h < 1.5 => format!("{:.0} min", 60.0 * h),

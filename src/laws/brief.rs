@@ -2,7 +2,7 @@
 
 use super::names::flags_text;
 use super::text::{count, wrap};
-use super::{Candidate, Laws, Minimum, Parameters, PowerLaw, Recommended};
+use super::{Candidate, Laws, Minimum, NoiseSource, Parameters, PowerLaw, Recommended, Validated};
 
 /// Minima in doubt that are named before the rest are only counted.
 const MOST_NAMED: usize = 3;
@@ -107,7 +107,8 @@ fn loss(laws: &Laws) -> String {
 
 fn doubts(laws: &Laws) -> String {
     let all = laws.of_all_budgets();
-    let mut sentences: Vec<String> = minima_in_doubt(all).into_iter().collect();
+    let tested = laws.judgement.validations.iter().filter_map(Validated::sentence);
+    let mut sentences: Vec<String> = tested.chain(minima_in_doubt(all)).collect();
     let lack = all.judgement.lack_of_fit.iter().find(|lack| lack.method == all.minima_method);
     if let Some(lack) = lack.filter(|lack| lack.is_misfit()) {
         sentences.push(format!(
@@ -161,9 +162,15 @@ fn held(laws: &Laws) -> Option<String> {
         None if laws.from_sweep => "the test split and the tokenizers, one a vocabulary",
         None => "what was not varied",
     };
+    let one_seed = match laws.noise.map(|noise| noise.source) {
+        Some(NoiseSource::Surface { .. }) => {
+            " No cell has a second seed: the runs' noise is what a smooth surface through them leaves."
+        }
+        _ => "",
+    };
     (!told.is_empty()).then(|| {
         format!(
-            "Intervals hold, here for the exponent of {}: {}; not {missing}.",
+            "Intervals hold, here for the exponent of {}: {}; not {missing}.{one_seed}",
             laws.parameters.size(),
             told.join(", ")
         )

@@ -11,6 +11,7 @@
 //! | the laws of the running minimum | [`approach1()`] |
 //! | the loss in N and D at once | [`fit_parametric`], [`optimum`] |
 //! | all of it, with intervals, errors on unseen budgets and advice | [`fit()`] |
+//! | which runs to train next | [`next_runs`] |
 //! | the published law | [`scamo()`] |
 //! | the vocabulary laws of Tao et al. 2024, as published | [`tao`] |
 //! | the frontier of loss in compute, and its laws | [`frontier()`], [`tao::frontier_laws`] |
@@ -27,6 +28,7 @@ mod cell;
 mod check;
 #[cfg(test)]
 mod coverage;
+mod design;
 mod error;
 mod fit;
 mod floor_law;
@@ -73,6 +75,7 @@ mod warnings;
 pub use approach1::{Approach1Options, FrontierPoint, approach1, frontier};
 pub use brief::brief;
 pub use budget::{Budget, group_budgets};
+pub use design::{DesignGoal, OpenRun, next_runs};
 pub use error::FitError;
 pub use fit::fit;
 pub use floor_law::floor_law;

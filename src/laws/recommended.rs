@@ -96,25 +96,69 @@ pub struct ForecastError {
     pub ln_size: f64,
     pub ln_vocab: f64,
     pub ln_tokens: f64,
-    /// Degrees of freedom: budgets that forecasts were made from.
+    /// Degrees of freedom: budgets that forecasts were made from, and those of what is expected.
     pub dof: usize,
+    /// Budgets that forecasts were made from; 0 where none could be tested.
+    #[serde(default)]
+    pub tested: usize,
 }
 
-impl Score {
-    /// None from fewer than two fits.
-    pub fn forecast_error(&self) -> Option<ForecastError> {
-        let mut fits: Vec<usize> = self.misses.iter().map(|miss| miss.n_fitted).collect();
+/// What is expected before a forecast is tested: a factor ten beyond its fit a law is off by 0.05 nats,
+/// and by a quarter in N_nv, N_v and D. It counts as two budgets, since few of them tell little.
+const EXPECTED: ForecastError =
+    ForecastError { loss: 0.02, ln_size: 0.1, ln_vocab: 0.1, ln_tokens: 0.1, dof: 2, tested: 0 };
+
+impl ForecastError {
+    /// Of some misses, drawn towards what is expected.
+    pub(super) fn of(misses: &[Miss]) -> Self {
+        let mut fits: Vec<usize> = misses.iter().map(|miss| miss.n_fitted).collect();
         fits.dedup();
-        let rate = |of: fn(&Miss) -> f64| {
-            let squares = self.misses.iter().map(|miss| (of(miss) / miss.factor.ln()).powi(2));
-            (squares.sum::<f64>() / self.misses.len() as f64).sqrt()
+        let (tested, dof) = (fits.len(), fits.len() + EXPECTED.dof);
+        let rate = |of: fn(&Miss) -> f64, expected: f64| {
+            let squares = misses.iter().map(|miss| (of(miss) / miss.factor.ln()).powi(2));
+            let seen = squares.sum::<f64>() / misses.len().max(1) as f64;
+            let weighed = tested as f64 * seen + EXPECTED.dof as f64 * expected.powi(2);
+            (weighed / dof as f64).sqrt()
         };
-        (fits.len() >= 2).then(|| ForecastError {
-            loss: rate(|miss| miss.loss),
-            ln_size: rate(|miss| miss.ln_size),
-            ln_vocab: rate(|miss| miss.ln_vocab),
-            ln_tokens: rate(|miss| miss.ln_tokens),
-            dof: fits.len(),
-        })
+        Self {
+            loss: rate(|miss| miss.loss, EXPECTED.loss),
+            ln_size: rate(|miss| miss.ln_size, EXPECTED.ln_size),
+            ln_vocab: rate(|miss| miss.ln_vocab, EXPECTED.ln_vocab),
+            ln_tokens: rate(|miss| miss.ln_tokens, EXPECTED.ln_tokens),
+            dof,
+            tested,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn miss(n_fitted: usize, factor: f64, loss: f64) -> Miss {
+        Miss {
+            n_fitted,
+            budget_flops: 1.0,
+            factor,
+            loss,
+            ln_size: 0.0,
+            ln_vocab: 0.0,
+            ln_tokens: 0.0,
+        }
+    }
+
+    #[test]
+    fn untested_laws_are_expected_to_miss() {
+        assert_eq!(ForecastError::of(&[]), EXPECTED);
+    }
+
+    #[test]
+    fn misses_are_weighed_against_what_is_expected() {
+        let e = std::f64::consts::E;
+        let found = ForecastError::of(&[miss(2, e, 0.06), miss(2, e * e, 0.12), miss(3, e, 0.06)]);
+        assert_eq!((found.tested, found.dof), (2, 4));
+        let expected = f64::sqrt((2.0 * 0.06f64.powi(2) + 2.0 * 0.02f64.powi(2)) / 4.0);
+        assert!((found.loss - expected).abs() < 1e-12, "{found:?}");
+        assert!((found.ln_size - 0.1 / f64::sqrt(2.0)).abs() < 1e-12, "{found:?}");
     }
 }

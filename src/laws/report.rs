@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::text::count;
 use crate::sweep::MinimumMethod;
 
 /// How a budget was kept from the laws that predict it.
@@ -159,6 +160,19 @@ impl Validated {
         };
         Self { budget_flops, extrapolation_factor, predicted, measured, inside }
     }
+
+    /// What came of the forecast of the loss, in a sentence; none where no loss was forecast.
+    pub(crate) fn sentence(&self) -> Option<String> {
+        let (loss, [low, high]) = (self.predicted.loss?, self.predicted.loss_ci95?);
+        let verdict = if self.inside.loss == Some(true) { "held" } else { "MISSED" };
+        Some(format!(
+            "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}) was forecast, and \
+             the best of {} runs has {:.3}.",
+            count(self.budget_flops),
+            self.measured.runs,
+            self.measured.loss
+        ))
+    }
 }
 
 /// Where the scatter of single runs was read off.
@@ -182,4 +196,41 @@ pub struct RunNoise {
     /// Degrees of freedom of its square.
     pub dof: usize,
     pub source: NoiseSource,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_forecast_says_whether_it_held() {
+        let predicted = Predicted {
+            loss: Some(-5.18),
+            loss_ci95: Some([-5.28, -5.08]),
+            params_nonvocab: None,
+            params_nonvocab_ci95: None,
+            params_vocab: None,
+            params_vocab_ci95: None,
+            tokens: 1e7,
+            tokens_ci95: None,
+        };
+        let measured = Measured {
+            loss: -5.035,
+            params_nonvocab: 3.5e4,
+            params_vocab: 1e5,
+            n_vocab: 4867.0,
+            tokens: 1e7,
+            runs: 5,
+        };
+        let said = |measured| Validated::new((3e12, 9.4), predicted, measured).sentence().unwrap();
+        assert_eq!(
+            said(measured),
+            "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080) was forecast, and the \
+             best of 5 runs has -5.035."
+        );
+        assert!(
+            said(Measured { loss: -5.1, ..measured })
+                .starts_with("A forecast for 3e12 FLOPs held:")
+        );
+    }
 }

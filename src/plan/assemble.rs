@@ -1,5 +1,6 @@
 //! [`Plan`]: every job of a sweep with its id and its price.
 
+use std::collections::HashSet;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -57,6 +58,31 @@ impl Plan {
         let trunks =
             if sweep.train.schedule.shares() { branch(&mut runs, chain_of) } else { Vec::new() };
         Self { runs, dropped, tokenizers, trunks, text, data }
+    }
+
+    /// The plan of some of its runs, with what those need.
+    pub fn only(&self, is_kept: impl Fn(&PlannedRun) -> bool) -> Self {
+        let runs: Vec<PlannedRun> = self.runs.iter().filter(|run| is_kept(run)).cloned().collect();
+        let tokenizers: HashSet<&str> =
+            runs.iter().map(|run| run.spec.tokenizer_id.as_str()).collect();
+        let mut trunks: HashSet<&str> =
+            runs.iter().filter_map(|run| run.trunk_id.as_deref()).collect();
+        // Each trunk stands after the one that it goes on from.
+        for trunk in self.trunks.iter().rev() {
+            if trunks.contains(trunk.trunk_id.as_str()) {
+                trunks.extend(trunk.from.as_deref());
+            }
+        }
+        let is_used = |job: &&TokenizerJob| tokenizers.contains(job.id().as_str());
+        let is_stem = |trunk: &&Trunk| trunks.contains(trunk.trunk_id.as_str());
+        Self {
+            dropped: self.dropped.clone(),
+            tokenizers: self.tokenizers.iter().filter(is_used).cloned().collect(),
+            trunks: self.trunks.iter().filter(is_stem).cloned().collect(),
+            text: self.text.clone(),
+            data: self.data.clone(),
+            runs,
+        }
     }
 
     /// FLOPs of all runs together, as declared.

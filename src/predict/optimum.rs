@@ -28,6 +28,7 @@ pub fn predict(
     if !(budget.is_finite() && budget > 0.0) {
         return Err(PredictError::BadBudget(budget));
     }
+    let validations = &laws.judgement.validations;
     let laws = laws.of_all_budgets();
     // Laws that bend are read as tangents at C.
     let straightened = laws.law.bends().then(|| around(laws, budget));
@@ -59,7 +60,9 @@ pub fn predict(
         warnings: Vec::new(),
         raw,
     };
-    prediction.warnings = warnings::of(&prediction, laws, vocabulary, options);
+    let missed = warnings::missed(validations);
+    let own = warnings::of(&prediction, laws, vocabulary, options);
+    prediction.warnings = missed.into_iter().chain(own).collect();
     Ok(prediction)
 }
 

@@ -3,7 +3,7 @@
 use super::at_budget::{Vocabulary, shape_for};
 use super::{PredictOptions, Prediction};
 use crate::laws::text::count;
-use crate::laws::{Candidate, Laws, MinimumFlag};
+use crate::laws::{Candidate, Laws, MinimumFlag, Validated};
 
 /// Laws that spend a budget to within this share count as consistent.
 const RATIO_TOLERANCE: f64 = 0.05;
@@ -32,6 +32,19 @@ pub(super) fn of(
         no_intervals(laws),
     ];
     sentences.into_iter().flatten().collect()
+}
+
+/// Forecasts that runs have refuted.
+pub(super) fn missed(validations: &[Validated]) -> Option<String> {
+    let missed = validations.iter().filter(|one| one.inside.loss == Some(false));
+    let told = missed.filter_map(|one| {
+        let off = one.predicted.loss? - one.measured.loss;
+        Some(format!("for {} FLOPs by {off:+.3} nats", count(one.budget_flops)))
+    });
+    let told: Vec<String> = told.collect();
+    (!told.is_empty()).then(|| {
+        format!("Forecasts of this sweep have missed what was then measured: {}.", told.join(", "))
+    })
 }
 
 fn rule(laws: &Laws, options: &PredictOptions) -> Option<String> {

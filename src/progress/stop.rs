@@ -1,7 +1,7 @@
 //! [`Stop`]: one flag that Ctrl-C, a closed pipe or a caller can raise.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// A request to end in good order; clones share it.
 #[derive(Clone, Debug, Default)]
@@ -19,15 +19,19 @@ impl Stop {
     }
 }
 
-/// A flag raised by SIGINT, SIGTERM and SIGHUP; a second signal ends the process at once.
+/// The process's flag, raised by SIGINT, SIGTERM and SIGHUP; a second signal ends the process at once.
 pub fn stop_on_signals() -> Result<Stop, ctrlc::Error> {
-    let stop = Stop::default();
-    let raised = stop.clone();
+    static STOP: OnceLock<Stop> = OnceLock::new();
+    if let Some(stop) = STOP.get() {
+        return Ok(stop.clone());
+    }
+    let raised = Stop::default();
+    let stop = raised.clone();
     ctrlc::set_handler(move || {
         if raised.is_raised() {
             std::process::exit(130);
         }
         raised.raise();
     })?;
-    Ok(stop)
+    Ok(STOP.get_or_init(|| stop).clone())
 }

@@ -12,6 +12,7 @@ mod mistakes;
 mod older;
 mod output;
 mod plan;
+mod rounds;
 mod slurm;
 mod status;
 #[path = "../support/mod.rs"]

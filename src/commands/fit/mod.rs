@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 use super::exit::Exit;
 use super::output::Output;
 use super::predict::predict_one;
+use super::validate::gathered;
 use request::FitRequest;
 use source::Source;
 
@@ -31,7 +32,10 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     if request.compat == Some(args::CompatName::Tao) {
         return fit_as_tao(&source, &request, args, output);
     }
-    let laws = laws::laws(&source, &request)?;
+    let mut laws = laws::laws(&source, &request)?;
+    if let Some(own) = &source.sweep {
+        laws.judgement.validations = gathered(&own.folder, output);
+    }
     let predictions = predictions(&laws, &source, &request, output);
     if let Some(path) = args.out.clone().or_else(|| own_file(&source, &laws).filter(|_| args.save))
     {

@@ -7,7 +7,7 @@ use clap::Args;
 use isoflop::engine::{ENGINES, Engine, Preview};
 use isoflop::units::parse_bytes;
 
-use crate::commands::args::{SweepArgs, an_engine};
+use crate::commands::args::{SweepArgs, an_engine, share};
 
 #[derive(Args)]
 pub struct RunArgs {
@@ -34,6 +34,14 @@ pub struct RunArgs {
     /// Try this job again, with the jobs it needs, by the id of its folder; may be repeated
     #[arg(long, value_name = "ID")]
     pub retry: Vec<String>,
+    /// Train the grid a part at a time, at most K parts, each chosen to sharpen the prediction most for
+    /// its FLOPs
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u16).range(1..))]
+    pub rounds: Option<u16>,
+    /// End the rounds where half the 95 % interval of L_u at the largest of predict.budgets is at most
+    /// this share of L_u, as 0.02
+    #[arg(long, value_name = "WIDTH", requires = "rounds", value_parser = share())]
+    pub until: Option<f64>,
     /// Memory for all jobs together, as in 8GB; by default all that is free at the start
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
@@ -51,6 +59,8 @@ impl RunArgs {
             fail_fast: false,
             retry_failed: false,
             retry: Vec::new(),
+            rounds: None,
+            until: None,
             memory: None,
         }
     }

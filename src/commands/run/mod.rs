@@ -2,7 +2,10 @@
 
 mod args;
 mod prepare;
+mod rounds;
 mod summary;
+
+use std::ops::ControlFlow;
 
 use anyhow::{Context, Result, bail};
 use isoflop::engine::{
@@ -23,6 +26,9 @@ use crate::commands::output::Output;
 pub use args::RunArgs;
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
+    if let Some(most) = args.rounds {
+        return rounds::run_in_rounds(args, most.into(), output);
+    }
     carry_out(
         args,
         output,
@@ -85,31 +91,44 @@ fn carry_out(
 ) -> Result<Exit> {
     args.check_engine()?;
     let open = open(args, output)?;
-    let request = request(args, &open, output);
+    match bring(args, &open, wanted, output)? {
+        ControlFlow::Continue(reports) => {
+            then(&open, &Summary::new(args, &open.plan, &open.folder, &reports)?)
+        }
+        ControlFlow::Break(exit) => Ok(exit),
+    }
+}
+
+/// Brings the missing jobs that are wanted to their end. Where that is all there is to do, it has told
+/// of them, and breaks off with how to exit.
+fn bring(
+    args: &RunArgs,
+    open: &OpenSweep,
+    wanted: impl Fn(&Job) -> bool,
+    output: &Output,
+) -> Result<ControlFlow<Exit, Vec<JobReport>>> {
+    let request = request(args, open, output);
     let engine: &dyn Engine = args.engine;
     let mut session = engine.session(&request)?;
     if let Some(preview) = args.preview() {
-        return show(&mut *session, preview, &open, output);
+        return Ok(ControlFlow::Break(show(&mut *session, preview, open, output)?));
     }
     session.begin()?;
-    let held = hold(&open, output)?;
-    prepare(&open, args, output)?;
+    let held = hold(open, output)?;
+    prepare(open, args, output)?;
     CommandLine::of(args)?.write(&open.folder)?;
     let jobs = missing_jobs(&open.plan, &open.folder).into_iter().filter(wanted);
     let reports = match session.bring(jobs.collect())? {
         Brought::Ended(reports) => reports,
         Brought::HandedOver { document, text } => {
             output.result(&document, &text)?;
-            return Ok(Exit::Done);
+            return Ok(ControlFlow::Break(Exit::Done));
         }
     };
     let summary = Summary::new(args, &open.plan, &open.folder, &reports)?;
-    let exit = match interruption(args, &summary, output) {
-        Some(exit) => Ok(exit),
-        None => then(&open, &summary),
-    };
+    let interrupted = interruption(args, &summary, output);
     drop(held);
-    exit
+    Ok(interrupted.map_or(ControlFlow::Continue(reports), ControlFlow::Break))
 }
 
 /// Reads, plans and warns.

@@ -10,8 +10,8 @@ use crate::laws::select::usable;
 use crate::laws::split::Split;
 use crate::laws::stats::{extent, interval95};
 use crate::laws::{
-    Candidate, FitOptions, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
-    RunNoise, Score, Tried,
+    Candidate, FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum,
+    Recommended, RunNoise, Tried,
 };
 use crate::sweep::MinimumMethod;
 
@@ -44,9 +44,9 @@ pub(super) fn judge(
     let (grids, minima) = measured(laws, split, options);
     let rows = Rows { grids: &grids, minima: &minima, noise: scatter.noise, options };
     let recommended = rank(&rows, laws.minima_method);
-    let best = recommended.scores.first();
+    let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
     Judgement {
-        forecast_error: best.and_then(Score::forecast_error),
+        forecast_error: Some(ForecastError::of(misses)),
         joint: joint(&split.fitted, recommended.law, scatter, options),
         recommended: Some(recommended),
         ..own

@@ -18,7 +18,9 @@ const REPEATED: f64 = 1.5;
 /// The exponents that a search starts from.
 const STARTS: [f64; 3] = [0.2, 0.5, 1.0];
 /// Noise that the expectations are weighed with where it is not known, in nats.
-const UNKNOWN_NOISE: f64 = 0.02;
+pub(in crate::laws) const UNKNOWN_NOISE: f64 = 0.02;
+/// The standard deviation of a coefficient of which nothing is expected.
+const UNEXPECTED: f64 = 10.0;
 /// Bounds of the exponents α and β.
 const EXPONENTS: [f64; 2] = [0.02, 4.0];
 /// Passes over the data that are worth the first one, R: what is expected, ln 15 (Muennighoff et al.
@@ -64,7 +66,7 @@ const VALLEY: f64 = 5.0;
 
 /// How much a cell counts that lies `above` the best of its budget: no smooth form holds everywhere,
 /// and a law is asked of the valley.
-fn valley(above: f64, noise: f64) -> f64 {
+pub(in crate::laws) fn valley(above: f64, noise: f64) -> f64 {
     1.0 / (1.0 + (above / (VALLEY * noise)).powi(2))
 }
 
@@ -117,21 +119,13 @@ impl<'a> Cells<'a> {
         let mean = |of: &dyn Fn(&Cell) -> f64| {
             self.all.iter().map(|cell| of(cell)).sum::<f64>() / self.all.len() as f64
         };
-        [mean(&|c| c.params_nonvocab.ln()), mean(&ln_vocab), mean(&|c| c.tokens.ln())]
+        let of = |cell: &Cell| place(cell);
+        [mean(&|c| of(c).ln_size), mean(&|c| of(c).ln_vocab), mean(&|c| of(c).ln_tokens)]
     }
-}
-
-fn ln_vocab(cell: &Cell) -> f64 {
-    if cell.n_vocab > 0.0 { cell.n_vocab.ln() } else { 0.0 }
 }
 
 pub(super) fn place(cell: &Cell) -> Place {
-    Place {
-        ln_size: cell.params_nonvocab.ln(),
-        ln_vocab: ln_vocab(cell),
-        ln_tokens: cell.tokens.ln(),
-        unique_tokens: cell.unique_tokens,
-    }
+    Place::new([cell.params_nonvocab, cell.n_vocab, cell.tokens], cell.unique_tokens)
 }
 
 /// Where a coefficient, or its logarithm, is expected to lie.
@@ -142,6 +136,31 @@ struct Expectation {
     mean: f64,
     sd: f64,
     in_logs: bool,
+}
+
+/// What is expected of coefficients before the cells are asked.
+fn expected(terms: Terms) -> Vec<Expectation> {
+    let exponent = |index| Expectation { index, mean: 0.4f64.ln(), sd: 0.7, in_logs: true };
+    let mut all = [ALPHA, BETA].map(exponent).to_vec();
+    if terms.coupled {
+        let first = terms.first_coupled();
+        let near_zero = |(i, sd)| Expectation { index: first + i, mean: 0.0, sd, in_logs: false };
+        all.extend([(0, 0.1), (1, 0.4), (2, 0.4)].map(near_zero));
+    }
+    if terms.repeats {
+        let index = terms.count() - 1;
+        all.push(Expectation { index, mean: LN_R[0], sd: 1.0, in_logs: false });
+    }
+    all
+}
+
+/// How widely each coefficient of a law may lie before any cell is asked, as standard deviations.
+pub(in crate::laws) fn expected_sds(law: &JointLoss) -> Vec<f64> {
+    let mut sds = vec![UNEXPECTED; law.terms.count()];
+    for Expectation { index, sd, in_logs, .. } in expected(law.terms) {
+        sds[index] = sd * if in_logs { law.values[index] } else { 1.0 };
+    }
+    sds
 }
 
 /// The residuals of every cell, and of every coefficient from what is expected of it.
@@ -196,24 +215,6 @@ impl Problem {
         rows.map(|((place, loss), weight)| weight * (loss - law.value(place))).collect()
     }
 
-    /// What is expected of coefficients before the cells are asked.
-    fn expected(&self) -> Vec<Expectation> {
-        let exponent = |index| Expectation { index, mean: 0.4f64.ln(), sd: 0.7, in_logs: true };
-        let mut all = [ALPHA, BETA].map(exponent).to_vec();
-        let terms = self.frame.terms;
-        if terms.coupled {
-            let first = terms.first_coupled();
-            let near_zero =
-                |(i, sd)| Expectation { index: first + i, mean: 0.0, sd, in_logs: false };
-            all.extend([(0, 0.1), (1, 0.4), (2, 0.4)].map(near_zero));
-        }
-        if terms.repeats {
-            let index = terms.count() - 1;
-            all.push(Expectation { index, mean: LN_R[0], sd: 1.0, in_logs: false });
-        }
-        all
-    }
-
     /// The linear coefficients at each pair of exponents to start from.
     fn starts(&self) -> Vec<Vec<f64>> {
         let pairs = STARTS.iter().flat_map(|alpha| STARTS.map(|beta| (*alpha, beta)));
@@ -245,12 +246,12 @@ impl Problem {
 
 impl Residuals for Problem {
     fn at(&self, values: &[f64]) -> Vec<f64> {
-        let expected = |&Expectation { index, mean, sd, in_logs }: &Expectation| {
+        let expectation = |&Expectation { index, mean, sd, in_logs }: &Expectation| {
             let value = if in_logs { values[index].ln() } else { values[index] };
             self.noise * (mean - value) / sd
         };
         let mut all = self.of_cells(values);
-        all.extend(self.expected().iter().map(expected));
+        all.extend(expected(self.frame.terms).iter().map(expectation));
         all
     }
 
@@ -260,7 +261,7 @@ impl Residuals for Problem {
             law.gradient(place).into_iter().map(|slope| weight * slope).collect()
         };
         let mut rows: Vec<Vec<f64>> = self.places.iter().zip(&self.weights).map(of_cell).collect();
-        for Expectation { index, sd, in_logs, .. } in self.expected() {
+        for Expectation { index, sd, in_logs, .. } in expected(self.frame.terms) {
             let mut row = vec![0.0; values.len()];
             row[index] = self.noise / sd / if in_logs { values[index] } else { 1.0 };
             rows.push(row);

@@ -56,12 +56,20 @@ impl Terms {
 
 /// Where a loss is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(in crate::laws) struct Place {
     pub ln_size: f64,
     pub ln_vocab: f64,
     pub ln_tokens: f64,
     /// U of the runs there.
     pub unique_tokens: Option<f64>,
+}
+
+impl Place {
+    /// Of N_nv, V (0 where it is not known) and D, of a split of `unique_tokens`.
+    pub fn new([size, n_vocab, tokens]: [f64; 3], unique_tokens: Option<f64>) -> Self {
+        let ln_vocab = if n_vocab > 0.0 { n_vocab.ln() } else { 0.0 };
+        Self { ln_size: size.ln(), ln_vocab, ln_tokens: tokens.ln(), unique_tokens }
+    }
 }
 
 /// The parts of a loss at a place.
@@ -84,13 +92,13 @@ impl JointLoss {
         })
     }
 
-    pub(super) fn value(&self, place: &Place) -> f64 {
+    pub(in crate::laws) fn value(&self, place: &Place) -> f64 {
         let Parts { v, model, data, .. } = self.parts(place);
         self.values[0] - self.e1() * v + self.coupled(0) * v * v + model + data
     }
 
     /// The derivative of the loss by each coefficient.
-    pub(super) fn gradient(&self, place: &Place) -> Vec<f64> {
+    pub(in crate::laws) fn gradient(&self, place: &Place) -> Vec<f64> {
         let Parts { v, n, d, model, data } = self.parts(place);
         let mut row = vec![1.0, model, -n * model, data, -d * data];
         if self.terms.vocab {

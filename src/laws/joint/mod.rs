@@ -30,7 +30,8 @@ mod tests;
 
 pub(super) use bootstrap::replicates;
 pub(super) use cost::Cost;
-pub(super) use fit::fit_joint;
+pub(super) use fit::{UNKNOWN_NOISE, expected_sds, fit_joint, valley};
 pub use law::JointLaw;
+pub(super) use loss::Place;
 pub use loss::{JointLoss, Terms};
 pub use optimum::JointOptimum;

@@ -1,0 +1,87 @@
+//! Which runs of a grid to train next: those that sharpen a prediction most for their FLOPs.
+//!
+//! The cheapest two budgets are trained whole. Each further budget begins with a window of its grid
+//! around the optimum that the joint law through all runs so far puts there. Then windows grow by
+//! lines, a size or a vocabulary at a time, since the minimum of a budget is read off a curve.
+//!
+//! What is believed of the losses is normal: the coefficients of the joint law, and beside it a walk in
+//! ln C, for no law holds alike at every budget. A run tells of both, with its own noise. By how much
+//! a line would lower the variance of the loss that is predicted has a closed form, which needs no
+//! training (c-optimal design, Elfving 1952). Lines are taken by that gain per FLOP.
+//!
+//! | step | file |
+//! | --- | --- |
+//! | a budget's window and lines | `open_grid` |
+//! | what a line would tell | `known`, on `belief` |
+
+mod belief;
+mod known;
+mod open_grid;
+
+use known::Known;
+
+use super::IsoFlopPoint;
+use super::joint::Place;
+use super::stats::distinct;
+
+/// Budgets that are trained whole before anything is known.
+const FEWEST_BUDGETS: usize = 2;
+
+/// A run that could be trained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpenRun {
+    /// The declared budget.
+    pub budget_flops: f64,
+    /// What training it costs.
+    pub flops: f64,
+    pub params_nonvocab: f64,
+    pub n_vocab: f64,
+    pub tokens: f64,
+    /// Distinct tokens of the training split, where they are known.
+    pub unique_tokens: Option<f64>,
+}
+
+/// What runs are chosen for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DesignGoal {
+    /// The budget whose loss is predicted.
+    pub budget_flops: f64,
+    /// FLOPs to spend at least, where windows grow.
+    pub spend_flops: f64,
+}
+
+/// The runs to train next, by their places in `open`, after those of `points` were trained.
+pub fn next_runs(points: &[IsoFlopPoint], open: &[OpenRun], goal: DesignGoal) -> Vec<usize> {
+    match Known::of(points, open, goal) {
+        Some(known) => known.choose(points, open, goal.spend_flops),
+        None => cheapest(points, open),
+    }
+}
+
+/// Whole budgets, the cheapest first: two where none is trained yet, else one.
+fn cheapest(points: &[IsoFlopPoint], open: &[OpenRun]) -> Vec<usize> {
+    let budgets = distinct(open.iter().map(|run| run.budget_flops));
+    let count = if points.is_empty() { FEWEST_BUDGETS } else { 1 };
+    let first = &budgets[..count.min(budgets.len())];
+    (0..open.len()).filter(|i| first.contains(&open[*i].budget_flops)).collect()
+}
+
+impl OpenRun {
+    fn of(point: &IsoFlopPoint) -> Self {
+        Self {
+            budget_flops: point.budget_flops,
+            flops: point.flops,
+            params_nonvocab: point.params_nonvocab,
+            n_vocab: point.n_vocab,
+            tokens: point.tokens,
+            unique_tokens: point.about.unique_tokens,
+        }
+    }
+
+    pub(super) fn place(&self) -> Place {
+        Place::new([self.params_nonvocab, self.n_vocab, self.tokens], self.unique_tokens)
+    }
+}
+
+#[cfg(test)]
+mod tests;

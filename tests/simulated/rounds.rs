@@ -1,0 +1,112 @@
+//! How many FLOPs do rounds take to reach the interval of the full grid? `docs/rounds.md` has the
+//! table that this prints.
+
+use isoflop::laws::{DesignGoal, FitOptions, IsoFlopPoint, MinimumMethod, OpenRun, fit, next_runs};
+use isoflop::predict::{PredictOptions, predict};
+use rayon::prelude::*;
+
+use crate::truths::{ASKED, Truth};
+
+const SWEEPS: u64 = 32;
+/// The share of the grid's FLOPs that a round spends at least.
+const SHARE: f64 = 0.05;
+
+/// The interval of the loss that is predicted, and whether forecasts of the laws were tested.
+struct Told {
+    interval: [f64; 2],
+    is_tested: bool,
+}
+
+impl Told {
+    fn by(points: &[IsoFlopPoint], seed: u64) -> Option<Self> {
+        let methods = vec![MinimumMethod::Argmin, MinimumMethod::Parabola, MinimumMethod::Cubic];
+        let options = FitOptions { methods, bootstrap: 100, seed, ..FitOptions::default() };
+        let laws = fit(points, &options).ok()?;
+        let prediction = predict(&laws, ASKED, &PredictOptions::default()).ok()?;
+        let is_tested = laws.judgement.forecast_error.is_some_and(|error| error.tested > 0);
+        Some(Self { interval: prediction.ci95.loss_normalised?, is_tested })
+    }
+
+    fn width(&self) -> f64 {
+        self.interval[1] - self.interval[0]
+    }
+
+    fn holds(&self, loss: f64) -> bool {
+        self.interval[0] <= loss && loss <= self.interval[1]
+    }
+}
+
+fn open_run(point: &IsoFlopPoint) -> OpenRun {
+    OpenRun {
+        budget_flops: point.budget_flops,
+        flops: point.flops,
+        params_nonvocab: point.params_nonvocab,
+        n_vocab: point.n_vocab,
+        tokens: point.tokens,
+        unique_tokens: point.about.unique_tokens,
+    }
+}
+
+fn flops(points: &[IsoFlopPoint]) -> f64 {
+    points.iter().map(|point| point.flops).sum()
+}
+
+/// The points that are trained until the interval is as narrow as that of all of them.
+fn until(all: &[IsoFlopPoint], width: f64, seed: u64) -> (Vec<IsoFlopPoint>, Option<Told>) {
+    let (mut trained, mut left) = (Vec::new(), all.to_vec());
+    let mut told: Option<Told> = None;
+    while !left.is_empty()
+        && told.as_ref().is_none_or(|told| !told.is_tested || told.width() > width)
+    {
+        let open: Vec<OpenRun> = left.iter().map(open_run).collect();
+        let goal = DesignGoal { budget_flops: ASKED, spend_flops: SHARE * flops(all) };
+        let chosen = next_runs(&trained, &open, goal);
+        trained.extend(chosen.iter().map(|i| left[*i].clone()));
+        let mut place = 0..;
+        left.retain(|_| place.next().is_none_or(|i| !chosen.contains(&i)));
+        told = Told::by(&trained, seed);
+    }
+    (trained, told)
+}
+
+struct Outcome {
+    share: f64,
+    held: bool,
+    held_by_grid: bool,
+}
+
+fn outcome(truth: Truth, loss: f64, seed: u64) -> Outcome {
+    let all = truth.points(seed);
+    let full = Told::by(&all, seed).unwrap();
+    let (trained, told) = until(&all, full.width(), seed);
+    Outcome {
+        share: flops(&trained) / flops(&all),
+        held: told.is_some_and(|told| told.holds(loss)),
+        held_by_grid: full.holds(loss),
+    }
+}
+
+#[test]
+#[ignore = "some minutes"]
+fn rounds_reach_the_interval_of_the_grid_with_half_its_flops() {
+    println!("| truth | FLOPs, median | quartiles | held by rounds | by the grid |");
+    println!("| --- | --- | --- | --- | --- |");
+    for truth in Truth::ALL {
+        let (loss, _) = truth.optimum(ASKED);
+        let outcomes: Vec<Outcome> =
+            (0..SWEEPS).into_par_iter().map(|seed| outcome(truth, loss, seed)).collect();
+        let mut shares: Vec<f64> = outcomes.iter().map(|outcome| outcome.share).collect();
+        shares.sort_by(f64::total_cmp);
+        let at = |share: f64| shares[(share * (shares.len() - 1) as f64).round() as usize];
+        let count = |is: fn(&Outcome) -> bool| outcomes.iter().filter(|o| is(o)).count();
+        println!(
+            "| {truth:?} | {:.2} | {:.2} to {:.2} | {} of {SWEEPS} | {} |",
+            at(0.5),
+            at(0.25),
+            at(0.75),
+            count(|outcome| outcome.held),
+            count(|outcome| outcome.held_by_grid),
+        );
+        assert!(at(0.5) <= 0.5, "{truth:?}: {shares:?}");
+    }
+}
