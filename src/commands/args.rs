@@ -72,11 +72,10 @@ pub fn budget(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The parser of a share, above 0 and below 1.
-pub fn share() -> impl TypedValueParser<Value = f64> {
-    let parse = |text: &str| match text.parse::<f64>() {
+/// A share, above 0 and below 1.
+pub fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
         Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
         _ => Err(format!("{text} is not a share between 0 and 1, as 0.02")),
-    };
-    parse
+    }
 }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::planned_run::PlannedRun;
 use super::price::price;
 use super::priced_cell::{Dropped, PricedCell};
+use super::remarks::remarks;
 use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
 use super::text_job::TextJob;
 use super::trunk::{Trunk, branch};
@@ -32,6 +33,8 @@ pub struct Plan {
     /// `None` where the sweep has no motion, so no captions.
     pub text: Option<TextJob>,
     pub data: DataFacts,
+    /// What a person should know of its training.
+    remarks: Vec<String>,
 }
 
 impl Plan {
@@ -57,7 +60,8 @@ impl Plan {
         let chain_of = |run: usize| Some((cells[run / per_cell].group?, run % per_cell));
         let trunks =
             if sweep.train.schedule.shares() { branch(&mut runs, chain_of) } else { Vec::new() };
-        Self { runs, dropped, tokenizers, trunks, text, data }
+        let remarks = remarks(sweep, &tokenizers, &runs);
+        Self { runs, dropped, tokenizers, trunks, text, data, remarks }
     }
 
     /// The plan of some of its runs, with what those need.
@@ -81,6 +85,7 @@ impl Plan {
             trunks: self.trunks.iter().filter(is_stem).cloned().collect(),
             text: self.text.clone(),
             data: self.data.clone(),
+            remarks: self.remarks.clone(),
             runs,
         }
     }
@@ -130,6 +135,7 @@ impl Plan {
                 self.unique_tokens()
             ));
         }
+        warnings.extend(self.remarks.iter().cloned());
         warnings
     }
 }

@@ -6,6 +6,7 @@ mod memory;
 mod planned_run;
 mod price;
 mod priced_cell;
+mod remarks;
 mod run_spec;
 mod steps;
 mod text_job;

@@ -40,7 +40,7 @@ pub struct RunArgs {
     pub rounds: Option<u16>,
     /// End the rounds where half the 95 % interval of L_u at the largest of predict.budgets is at most
     /// this share of L_u, as 0.02
-    #[arg(long, value_name = "WIDTH", requires = "rounds", value_parser = share())]
+    #[arg(long, value_name = "WIDTH", requires = "rounds", value_parser = share)]
     pub until: Option<f64>,
     /// Memory for all jobs together, as in 8GB; by default all that is free at the start
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]

@@ -1,0 +1,94 @@
+//! What a person should know of a plan's training before it runs.
+
+use super::planned_run::PlannedRun;
+use super::run_spec::TokenizerJob;
+use crate::sweep::Sweep;
+
+/// Steps of a tokenizer below which its codes are mostly those that it began with.
+const FEWEST_TOKENIZER_STEPS: usize = 100;
+/// Steps that a run should have for each step that AdamW's second moment remembers, 1/(1 − β2).
+const MEMORIES: f64 = 10.0;
+
+/// Tokenizers and runs of too few steps, and rates and batches that their bounds cut off.
+pub(super) fn remarks(
+    sweep: &Sweep,
+    tokenizers: &[TokenizerJob],
+    runs: &[PlannedRun],
+) -> Vec<String> {
+    let steps = tokenizers.iter().map(|job| job.spec.training.steps).min();
+    let few = steps.filter(|steps| *steps < FEWEST_TOKENIZER_STEPS).map(|steps| {
+        format!(
+            "the tokenizers are trained for {steps} steps: their codes will be little better than those \
+             they begin with; `isoflop tokenizer eval` has them beside k-means"
+        )
+    });
+    few.into_iter().chain(of_runs(sweep, runs)).collect()
+}
+
+fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
+    if sweep.trainer.is_some() {
+        return Vec::new();
+    }
+    let train = &sweep.train;
+    let count = |is: &dyn Fn(&PlannedRun) -> bool| runs.iter().filter(|run| is(run)).count();
+    let memory = MEMORIES / (1.0 - train.betas[1]);
+    let of_all = |n: usize| format!("{n} of {} runs", runs.len());
+    let cases = [
+        (
+            count(&|run| run.spec.lr >= train.lr.max),
+            format!("are trained at train.lr.max = {}, since the rule asks for more", train.lr.max),
+        ),
+        (
+            count(&|run| run.spec.batch_tokens >= train.batch.max),
+            format!("have the batch of train.batch.max = {}", train.batch.max),
+        ),
+        (
+            count(&|run| (run.spec.steps as f64) < memory),
+            format!(
+                "have fewer than {memory:.0} steps, ten times what beta2 = {} remembers",
+                train.betas[1]
+            ),
+        ),
+    ];
+    let met = cases.into_iter().filter(|(n, _)| *n > 0);
+    met.map(|(n, what)| format!("{} {what}", of_all(n))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::data::DataFacts;
+    use crate::plan::Plan;
+    use crate::sweep;
+
+    fn warnings(more: &str) -> Vec<String> {
+        let text = format!(
+            "name: t\ndata: {{source: procedural, clips: 8}}\n\
+             grid: {{models: [{{n_layer: 1, n_head: 1, d_model: 16}}], vocab: [64], budgets: [1e11]}}\n{more}"
+        );
+        let sweep = sweep::parse("t.yaml", &text, &[]).expect("a sweep");
+        Plan::new(&sweep, DataFacts::absent(String::new())).warnings()
+    }
+
+    fn says(more: &str, words: &str) -> bool {
+        warnings(more).iter().any(|warning| warning.contains(words))
+    }
+
+    #[test]
+    fn rates_and_batches_at_their_bounds_are_named() {
+        let free = "train: {lr: {max: 1}, batch: {max: 65536}}";
+        assert!(!says(free, "1 of 1 runs"), "{:?}", warnings(free));
+        assert!(says(
+            "train: {lr: {max: 1e-3}}",
+            "1 of 1 runs are trained at train.lr.max = 0.001"
+        ));
+        assert!(says("train: {batch: {max: 64}}", "have the batch of train.batch.max = 64"));
+    }
+
+    #[test]
+    fn too_few_steps_are_named() {
+        let slow = "train: {lr: {max: 1}, betas: [0.9, 0.9999], min_steps: 1}";
+        assert!(says(slow, "have fewer than 100000 steps"), "{:?}", warnings(slow));
+        assert!(says("tokenizer: {steps: 10}", "the tokenizers are trained for 10 steps"));
+        assert!(!says("tokenizer: {steps: 600}", "the tokenizers are trained"));
+    }
+}
