@@ -2,7 +2,7 @@
 
 use super::belief::Belief;
 use super::open_grid::{OpenGrid, of_budgets};
-use super::{DesignGoal, OpenRun};
+use super::open_run::OpenRun;
 use crate::laws::budget::group_checked;
 use crate::laws::joint::{JointLaw, Place, UNKNOWN_NOISE, expected_sds, fit_joint, valley};
 use crate::laws::minima::Grid;
@@ -32,8 +32,8 @@ pub(super) struct Known {
 }
 
 impl Known {
-    /// None where the runs do not tell a joint law.
-    pub fn of(points: &[IsoFlopPoint], open: &[OpenRun], goal: DesignGoal) -> Option<Self> {
+    /// What `points` tell of the loss at the budget `target`; none where they tell no joint law.
+    pub fn of(points: &[IsoFlopPoint], open: &[OpenRun], target: f64) -> Option<Self> {
         let has_vocab = points.iter().all(|point| point.n_vocab > 0.0);
         let parameters = if has_vocab { Parameters::Split } else { Parameters::Total };
         let groups = group_checked(points, parameters).ok()?;
@@ -42,14 +42,14 @@ impl Known {
         let law = fit_joint(&grids, noise, true).or_else(|| fit_joint(&grids, noise, false))?;
         let trained: Vec<OpenRun> = points.iter().map(OpenRun::of).collect();
         let all = || trained.iter().chain(open);
-        let budgets = all().map(|run| run.budget_flops).chain([goal.budget_flops]);
+        let budgets = all().map(|run| run.budget_flops).chain([target]);
         let budgets = distinct(budgets);
         let best_of = |budget: &f64| {
             let own = all().filter(|run| run.budget_flops == *budget);
             own.map(|run| law.loss.value(&run.place())).fold(f64::INFINITY, f64::min)
         };
         let mut known = Self {
-            target: target(&law, &budgets, goal.budget_flops)?,
+            target: lowest(&law, &budgets, target)?,
             belief: Belief::new(prior(&law, &budgets)),
             best: budgets.iter().map(best_of).collect(),
             noise: noise.map_or(UNKNOWN_NOISE, |noise| noise.sd).max(law.residual_sd),
@@ -128,7 +128,7 @@ fn row(law: &JointLaw, place: &Place, budgets: &[f64], budget: f64) -> Vec<f64> 
 
 /// The lowest loss of the budget that is predicted. Where a loss is lowest, it does not change with
 /// the place.
-fn target(law: &JointLaw, budgets: &[f64], budget: f64) -> Option<Vec<f64>> {
+fn lowest(law: &JointLaw, budgets: &[f64], budget: f64) -> Option<Vec<f64>> {
     let best = law.optimum(budget)?;
     let at = [best.params_nonvocab, best.n_vocab, best.tokens];
     Some(row(law, &Place::new(at, law.loss.unique_tokens), budgets, budget))

@@ -17,29 +17,17 @@
 mod belief;
 mod known;
 mod open_grid;
+mod open_run;
 
 use known::Known;
 
+pub use open_run::OpenRun;
+
 use super::IsoFlopPoint;
-use super::joint::Place;
 use super::stats::distinct;
 
 /// Budgets that are trained whole before anything is known.
 const FEWEST_BUDGETS: usize = 2;
-
-/// A run that could be trained.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OpenRun {
-    /// The declared budget.
-    pub budget_flops: f64,
-    /// What training it costs.
-    pub flops: f64,
-    pub params_nonvocab: f64,
-    pub n_vocab: f64,
-    pub tokens: f64,
-    /// Distinct tokens of the training split, where they are known.
-    pub unique_tokens: Option<f64>,
-}
 
 /// What runs are chosen for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,7 +40,7 @@ pub struct DesignGoal {
 
 /// The runs to train next, by their places in `open`, after those of `points` were trained.
 pub fn next_runs(points: &[IsoFlopPoint], open: &[OpenRun], goal: DesignGoal) -> Vec<usize> {
-    match Known::of(points, open, goal) {
+    match Known::of(points, open, goal.budget_flops) {
         Some(known) => known.choose(points, open, goal.spend_flops),
         None => cheapest(points, open),
     }
@@ -64,23 +52,6 @@ fn cheapest(points: &[IsoFlopPoint], open: &[OpenRun]) -> Vec<usize> {
     let count = if points.is_empty() { FEWEST_BUDGETS } else { 1 };
     let first = &budgets[..count.min(budgets.len())];
     (0..open.len()).filter(|i| first.contains(&open[*i].budget_flops)).collect()
-}
-
-impl OpenRun {
-    fn of(point: &IsoFlopPoint) -> Self {
-        Self {
-            budget_flops: point.budget_flops,
-            flops: point.flops,
-            params_nonvocab: point.params_nonvocab,
-            n_vocab: point.n_vocab,
-            tokens: point.tokens,
-            unique_tokens: point.about.unique_tokens,
-        }
-    }
-
-    pub(super) fn place(&self) -> Place {
-        Place::new([self.params_nonvocab, self.n_vocab, self.tokens], self.unique_tokens)
-    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-use super::OpenRun;
+use super::open_run::OpenRun;
 use crate::laws::IsoFlopPoint;
 use crate::laws::stats::distinct;
 

@@ -11,8 +11,9 @@ use anyhow::{Context, Result, bail};
 use isoflop::plan::Plan;
 use isoflop::record::RunRecord;
 
+use super::args::RunArgs;
+use super::bring::{bring, open};
 use super::summary::Summary;
-use super::{RunArgs, bring, open};
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;

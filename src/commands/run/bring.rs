@@ -1,0 +1,136 @@
+//! A sweep's missing jobs, brought to their end by an engine.
+
+use std::ops::ControlFlow;
+
+use anyhow::{Context, Result, bail};
+use isoflop::engine::{
+    Brought, Engine, JobEnd, JobReport, Preview, Previewed, Session, SweepRequest,
+};
+use isoflop::failure::Failure;
+use isoflop::jobs::presence::Held;
+use isoflop::jobs::{Job, missing_jobs};
+
+use super::args::RunArgs;
+use super::prepare::prepare;
+use super::summary::Summary;
+use crate::commands::command_line::CommandLine;
+use crate::commands::context::{OpenSweep, open_sweep};
+use crate::commands::exit::Exit;
+use crate::commands::output::Output;
+
+/// Brings the missing jobs that are wanted to their end. Where that is all there is to do, it has told
+/// of them, and breaks off with how to exit.
+pub fn bring(
+    args: &RunArgs,
+    open: &OpenSweep,
+    wanted: impl Fn(&Job) -> bool,
+    output: &Output,
+) -> Result<ControlFlow<Exit, Vec<JobReport>>> {
+    let request = request(args, open, output);
+    let engine: &dyn Engine = args.engine;
+    let mut session = engine.session(&request)?;
+    if let Some(preview) = args.preview() {
+        return Ok(ControlFlow::Break(show(&mut *session, preview, open, output)?));
+    }
+    session.begin()?;
+    let held = hold(open, output)?;
+    prepare(open, args, output)?;
+    CommandLine::of(args)?.write(&open.folder)?;
+    let jobs = missing_jobs(&open.plan, &open.folder).into_iter().filter(wanted);
+    let reports = match session.bring(jobs.collect())? {
+        Brought::Ended(reports) => reports,
+        Brought::HandedOver { document, text } => {
+            output.result(&document, &text)?;
+            return Ok(ControlFlow::Break(Exit::Done));
+        }
+    };
+    let summary = Summary::new(args, &open.plan, &open.folder, &reports)?;
+    let interrupted = interruption(args, &summary, output);
+    drop(held);
+    Ok(interrupted.map_or(ControlFlow::Continue(reports), ControlFlow::Break))
+}
+
+/// Reads, plans and warns.
+pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
+    let open = open_sweep(&args.sweep)?;
+    open.plan.warnings().iter().for_each(|line| output.warn(line));
+    if open.plan.runs.is_empty() {
+        bail!("every cell of the grid is dropped; `isoflop plan` gives the reasons");
+    }
+    Ok(open)
+}
+
+fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> SweepRequest<'a> {
+    SweepRequest {
+        sweep: &open.sweep,
+        plan: &open.plan,
+        folder: &open.folder,
+        device: args.sweep.device,
+        slots: args.sweep.slots(),
+        memory_bytes: args.memory,
+        fail_fast: args.fail_fast,
+        profile: args.profile.as_deref(),
+        tell: output,
+    }
+}
+
+fn show(
+    session: &mut dyn Session,
+    preview: Preview,
+    open: &OpenSweep,
+    output: &Output,
+) -> Result<Exit> {
+    let jobs = missing_jobs(&open.plan, &open.folder);
+    let Previewed { document, text, taken } = session.preview(preview, jobs)?;
+    output.result(&document, &text)?;
+    Ok(if taken { Exit::Done } else { Exit::Usage })
+}
+
+/// One `run` at a time in a folder.
+fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
+    let root = open.folder.root().display();
+    let waiting =
+        || output.note(&format!("another isoflop is at work in {root}; waiting for it to end"));
+    Held::take(&open.folder, waiting).with_context(|| format!("cannot make the folder {root} mine"))
+}
+
+/// Tells why the jobs ended too early, if they did.
+fn interruption(args: &RunArgs, summary: &Summary, output: &Output) -> Option<Exit> {
+    if let Some(halt) = halt(summary.reports) {
+        summary.failures(output);
+        output.warn(&halted(halt, &summary.command));
+        return Some(Exit::SomeRunsFailed);
+    }
+    if interrupted(summary.reports, args.fail_fast) {
+        summary.failures(output);
+        output.note("interrupted; the same command goes on from here");
+        return Some(Exit::Interrupted);
+    }
+    None
+}
+
+/// What nothing could go on with.
+fn halt(reports: &[JobReport]) -> Option<&Failure> {
+    reports.iter().find_map(|report| match &report.end {
+        JobEnd::Halted(failure) => Some(failure),
+        _ => None,
+    })
+}
+
+fn halted(failure: &Failure, command: &CommandLine) -> String {
+    let Failure { kind, reason, .. } = failure;
+    let advice = kind.advice().unwrap_or("mend that");
+    format!(
+        "stopped [{}]: {reason}. Nothing is half-written, and no run is marked as failed: {advice}, \
+         and this goes on: {}",
+        kind.word(),
+        command.go_on()
+    )
+}
+
+/// Whether a signal stopped jobs, and not a failure under `--fail-fast`.
+fn interrupted(reports: &[JobReport], fail_fast: bool) -> bool {
+    let failed = |report: &JobReport| report.end.failure().is_some();
+    let stopped = reports.iter().any(|report| report.end == JobEnd::Stopped);
+    stopped && !(fail_fast && reports.iter().any(failed))
+}
