@@ -12,10 +12,10 @@ pub fn price(plan: &Plan, history: &History, records: &[RunRecord]) -> String {
     let Some(round) = history.rounds.last() else { return String::new() };
     let rate = flops_per_second(records.iter().cloned());
     let hours = rate.map_or_else(String::new, |rate| {
-        format!(", {} of one core", time(round.flops / rate / 3600.0))
+        format!(", {} of a core", time(round.flops / rate / 3600.0))
     });
     format!(
-        "round {number}: {} runs, {:.2e} FLOPs{hours}; {:.0} % of the grid's FLOPs with those before",
+        "round {number}: {} runs, {:.2e} FLOPs{hours}; {:.0} % of the grid so far",
         round.runs.len(),
         round.flops,
         100.0 * history.flops() / total
@@ -24,18 +24,13 @@ pub fn price(plan: &Plan, history: &History, records: &[RunRecord]) -> String {
 
 /// What is known after a round.
 pub fn said(number: usize, known: &Known) -> String {
-    let Known { budget_flops, loss_normalised, loss_ci95, is_tested } = known;
-    let (Some(loss), Some([low, high])) = (loss_normalised, loss_ci95) else {
+    let (Some(loss), Some([low, high])) = (known.loss_normalised, known.loss_ci95) else {
         return format!("round {number}: no prediction yet");
     };
-    let width = match known.half_width() {
-        Some(width) => format!("±{:.1} %", 100.0 * width),
-        None if *is_tested => "of no width".to_string(),
-        None => "which no larger budget has tested yet".to_string(),
-    };
-    format!(
-        "round {number}: L_u at {budget_flops:.0e} FLOPs is {loss:.3} (95 %: {low:.3} to {high:.3}), {width}"
-    )
+    let budget = known.budget_flops;
+    let width = known.half_width().map(|width| format!("±{:.1} %", 100.0 * width));
+    let width = width.unwrap_or_else(|| "no forecast tested yet".to_string());
+    format!("round {number}: L_u at {budget:e} is {loss:.3} ({low:.3} to {high:.3}), {width}")
 }
 
 /// How much of the grid the rounds took.
