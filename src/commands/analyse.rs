@@ -103,7 +103,7 @@ struct PlannedRun {
 }
 
 /// The records of the plan's runs; one that is damaged is left out with a warning.
-pub fn gather(folder: &ResultsFolder, output: &Output) -> Result<Vec<RunRecord>> {
+fn gather(folder: &ResultsFolder, output: &Output) -> Result<Vec<RunRecord>> {
     let plan: Option<Planned> = read_if_there(&folder.file("plan.json"))?;
     let plan = plan.with_context(|| format!("{} has no plan", folder.root().display()))?;
     let read: Vec<_> = plan.runs.par_iter().map(|run| folder.record(&run.run_id)).collect();

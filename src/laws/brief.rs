@@ -164,7 +164,7 @@ fn held(laws: &Laws) -> Option<String> {
     };
     let one_seed = match laws.noise.map(|noise| noise.source) {
         Some(NoiseSource::Surface { .. }) => {
-            " No cell has a second seed: the runs' noise is what a smooth surface through them leaves."
+            " Too few cells have a second seed: the runs' noise is what a smooth surface through them leaves."
         }
         _ => "",
     };

@@ -1,7 +1,7 @@
 //! Runs that a program of somebody's own trains: results, failures, stops, and no process left.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::PathBuf;
+use std::process::Stdio;
 use std::time::Duration;
 
 use isoflop::record::Measured;
@@ -9,7 +9,7 @@ use nix::sys::signal::Signal;
 use serde_json::Value;
 
 use super::support::processes::{end_within, kill_9, signal, wait_for, workers};
-use super::support::{OWN, Place, records};
+use super::support::{OWN, Place, records, worked_trainer};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -35,31 +35,13 @@ fn assert_gone(word: &str) {
     assert!(gone.is_some(), "still there: {:?}", processes_with(word));
 }
 
-fn has_python() -> bool {
-    let found = Command::new("python3").arg("--version").output();
-    let found = found.is_ok_and(|output| output.status.success());
-    if !found {
-        println!("skipped: there is no python3 here");
-    }
-    found
-}
-
 fn is_custom(measured: &Measured) -> bool {
     measured.device.as_deref() == Some("custom") && measured.unique_tokens == Some(0)
 }
 
 #[test]
 fn the_worked_example_finds_the_law_that_it_was_trained_by() {
-    if !has_python() {
-        return;
-    }
-    let place = Place::new();
-    let repository = Path::new(env!("CARGO_MANIFEST_DIR"));
-    std::fs::create_dir(place.path("experiments")).unwrap();
-    for file in ["custom-trainer.yaml", "custom_trainer.py"] {
-        let from = repository.join("experiments").join(file);
-        std::fs::copy(from, place.path("experiments").join(file)).unwrap();
-    }
+    let Some(place) = worked_trainer() else { return };
     place.isoflop(&["run", "experiments/custom-trainer.yaml", "--jobs", "4"]).exits(0);
     let results = place.path("results/custom-trainer");
     let kept = records::timeless(&results);

@@ -1,34 +1,16 @@
 //! `isoflop run --rounds`: a part of the grid, until the prediction is as sharp as asked.
 
-use std::process::Command;
 use std::time::Duration;
 
 use nix::unistd::Pid;
 use serde_json::Value;
 
 use super::support::processes::{end_within, kill_9, wait_for};
-use super::support::{Place, records};
+use super::support::{Place, records, worked_trainer};
 
 const SWEEP: &str = "experiments/custom-trainer.yaml";
 const RESULTS: &str = "results/custom-trainer";
 const BUDGETS: &str = "grid.budgets=[1e10, 2e10, 5e10, 1e11, 2e11]";
-
-/// A place with the worked example of a trainer, whose runs take no time; none without python3.
-fn place() -> Option<Place> {
-    let found = Command::new("python3").arg("--version").output();
-    if !found.is_ok_and(|output| output.status.success()) {
-        println!("skipped: there is no python3 here");
-        return None;
-    }
-    let place = Place::new();
-    let repository = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    std::fs::create_dir(place.path("experiments")).unwrap();
-    for file in ["custom-trainer.yaml", "custom_trainer.py"] {
-        let from = repository.join("experiments").join(file);
-        std::fs::copy(from, place.path("experiments").join(file)).unwrap();
-    }
-    Some(place)
-}
 
 fn rounds<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&["run", SWEEP, "--set", BUDGETS, "--jobs", "4"][..], more].concat()
@@ -45,7 +27,7 @@ fn runs(place: &Place) -> Vec<Vec<Value>> {
 
 #[test]
 fn rounds_end_where_the_prediction_is_as_sharp_as_asked() {
-    let Some(place) = place() else { return };
+    let Some(place) = worked_trainer() else { return };
     let words = rounds(&["--rounds", "20", "--until", "0.03"]);
     place.isoflop(&words).exits(0).says("round 1: 82 runs").says("of the grid's FLOPs");
     let history = history(&place);
@@ -77,7 +59,7 @@ fn rounds_end_where_the_prediction_is_as_sharp_as_asked() {
 
 #[test]
 fn a_killed_round_goes_on_to_the_same_rounds() {
-    let (Some(place), Some(whole)) = (place(), place()) else { return };
+    let (Some(place), Some(whole)) = (worked_trainer(), worked_trainer()) else { return };
     let words = rounds(&["--rounds", "3"]);
     whole.isoflop(&words).exits(0);
     let mut program = place.program(&words).spawn().unwrap();
@@ -99,7 +81,7 @@ fn a_killed_round_goes_on_to_the_same_rounds() {
 
 #[test]
 fn what_is_trained_already_is_the_first_round() {
-    let Some(place) = place() else { return };
+    let Some(place) = worked_trainer() else { return };
     place.isoflop(&rounds(&["--set", "grid.vocab=[256, 512]"])).exits(0);
     place.isoflop(&rounds(&["--rounds", "2"])).exits(0).says("round 2:");
     assert_eq!(runs(&place)[0].len(), 69);

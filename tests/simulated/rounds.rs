@@ -36,17 +36,6 @@ impl Told {
     }
 }
 
-fn open_run(point: &IsoFlopPoint) -> OpenRun {
-    OpenRun {
-        budget_flops: point.budget_flops,
-        flops: point.flops,
-        params_nonvocab: point.params_nonvocab,
-        n_vocab: point.n_vocab,
-        tokens: point.tokens,
-        unique_tokens: point.about.unique_tokens,
-    }
-}
-
 fn flops(points: &[IsoFlopPoint]) -> f64 {
     points.iter().map(|point| point.flops).sum()
 }
@@ -58,7 +47,7 @@ fn until(all: &[IsoFlopPoint], width: f64, seed: u64) -> (Vec<IsoFlopPoint>, Opt
     while !left.is_empty()
         && told.as_ref().is_none_or(|told| !told.is_tested || told.width() > width)
     {
-        let open: Vec<OpenRun> = left.iter().map(open_run).collect();
+        let open: Vec<OpenRun> = left.iter().map(OpenRun::of).collect();
         let goal = DesignGoal { budget_flops: ASKED, spend_flops: SHARE * flops(all) };
         let chosen = next_runs(&trained, &open, goal);
         trained.extend(chosen.iter().map(|i| left[*i].clone()));

@@ -18,7 +18,8 @@ pub struct OpenRun {
 }
 
 impl OpenRun {
-    pub(super) fn of(point: &IsoFlopPoint) -> Self {
+    /// A run that is trained, as it was before.
+    pub fn of(point: &IsoFlopPoint) -> Self {
         Self {
             budget_flops: point.budget_flops,
             flops: point.flops,

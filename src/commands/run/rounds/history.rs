@@ -22,23 +22,23 @@ pub struct Round {
     /// What they cost, in FLOPs of their budgets.
     pub flops: f64,
     /// After them; absent before they are trained.
-    pub known: Option<Known>,
+    pub known: Option<AfterRound>,
 }
 
 /// The prediction that rounds sharpen.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
-pub struct Known {
+pub struct AfterRound {
     /// The budget that is predicted.
     pub budget_flops: f64,
     /// L_u and its 95 % interval; absent where the runs tell no laws yet.
     pub loss_normalised: Option<f64>,
     pub loss_ci95: Option<[f64; 2]>,
     /// Whether forecasts of the laws were tested by larger budgets of the sweep. Before that an
-    /// interval holds the noise of the runs alone.
+    /// interval rests on the noise of the runs and on what is expected of any law.
     pub is_tested: bool,
 }
 
-impl Known {
+impl AfterRound {
     /// Half the interval over the loss; none before it is tested.
     pub fn half_width(&self) -> Option<f64> {
         let ([low, high], loss) = (self.loss_ci95?, self.loss_normalised?);
@@ -85,7 +85,7 @@ impl History {
     }
 
     /// What was known after the last round, if that is over.
-    pub fn known(&self) -> Option<&Known> {
+    pub fn known(&self) -> Option<&AfterRound> {
         self.rounds.last()?.known.as_ref()
     }
 

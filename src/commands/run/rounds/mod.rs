@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 
 use anyhow::{Context, Result, bail};
 use isoflop::plan::Plan;
-use isoflop::record::RunRecord;
+use isoflop::record::{RunRecord, table};
 
 use super::args::RunArgs;
 use super::bring::{bring, open};
@@ -20,7 +20,7 @@ use crate::commands::exit::Exit;
 use crate::commands::fit::{fit_records, options};
 use crate::commands::output::Output;
 use crate::commands::predict::predict_one;
-use history::{History, Known, Round};
+use history::{AfterRound, History, Round};
 use next::next;
 use words::{price, said};
 
@@ -35,9 +35,9 @@ pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exi
     let budget = budget(&whole)?;
     let mut history = History::read(&whole.folder, &whole.plan)?;
     let mut exit = Exit::Done;
-    while exit == Exit::Done && begin(args, most, &whole, budget, &mut history, output)? {
+    while exit == Exit::Done && begin(args, most, &whole, budget, &mut history)? {
         let part = part(&whole, &history);
-        output.note(&price(&whole.plan, &history, &finished(&part)));
+        output.note(&price(&whole.plan, &history, finished(&part)));
         exit = match bring(args, &part, |_| true, output)? {
             ControlFlow::Continue(reports) => {
                 Summary::new(args, &part.plan, &part.folder, &reports)?.tell(output)
@@ -61,7 +61,6 @@ fn begin(
     whole: &OpenSweep,
     budget: f64,
     history: &mut History,
-    output: &Output,
 ) -> Result<bool> {
     if history.is_open() {
         return Ok(true);
@@ -70,7 +69,7 @@ fn begin(
     if met || history.rounds.len() >= most {
         return Ok(false);
     }
-    let runs = next(whole, history, budget, output)?;
+    let runs = next(whole, &finished(&part(whole, history)), history, budget);
     if runs.is_empty() {
         return Ok(false);
     }
@@ -87,7 +86,7 @@ fn budget(open: &OpenSweep) -> Result<f64> {
     )
 }
 
-fn is_met(known: &Known, until: Option<f64>) -> bool {
+fn is_met(known: &AfterRound, until: Option<f64>) -> bool {
     until.zip(known.half_width()).is_some_and(|(until, width)| width <= until)
 }
 
@@ -104,19 +103,20 @@ fn part(whole: &OpenSweep, history: &History) -> OpenSweep {
 /// The records of the runs that are trained; one that is damaged is trained again, and told of then.
 fn finished(part: &OpenSweep) -> Vec<RunRecord> {
     let read = part.plan.runs.iter().map(|run| part.folder.record(&run.run_id));
-    read.filter_map(|record| record.ok().flatten()).collect()
+    let mut records: Vec<RunRecord> = read.filter_map(|record| record.ok().flatten()).collect();
+    table::sort(&mut records);
+    records
 }
 
 /// What the prediction is after a round.
-fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> Known {
+fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> AfterRound {
     let laws = || {
-        let records = analyse::gather(&part.folder, output)?;
-        let laws = fit_records(&records, &options(&part.sweep))?;
+        let laws = fit_records(&finished(part), &options(&part.sweep))?;
         let prediction = predict_one(&laws, budget_flops)?;
         anyhow::Ok((laws, prediction))
     };
     match laws() {
-        Ok((laws, prediction)) => Known {
+        Ok((laws, prediction)) => AfterRound {
             budget_flops,
             loss_normalised: prediction.loss_normalised,
             loss_ci95: prediction.ci95.loss_normalised,
@@ -124,7 +124,7 @@ fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> Known {
         },
         Err(reason) => {
             output.note(&format!("no laws yet: {reason:#}"));
-            Known { budget_flops, loss_normalised: None, loss_ci95: None, is_tested: false }
+            AfterRound { budget_flops, loss_normalised: None, loss_ci95: None, is_tested: false }
         }
     }
 }

@@ -2,32 +2,26 @@
 
 use std::collections::HashSet;
 
-use anyhow::Result;
 use isoflop::jobs::JobState;
 use isoflop::laws::{DesignGoal, OpenRun, next_runs};
 use isoflop::plan::{Plan, PlannedRun};
+use isoflop::record::RunRecord;
 
 use super::history::History;
-use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
 use crate::commands::fit::points;
-use crate::commands::output::Output;
 
 /// The share of the grid's FLOPs that a round spends at least, where windows grow.
 const SHARE: f64 = 0.05;
 
-/// The runs of the next round, by id; none where the grid is trained.
+/// The runs of the next round, by id, after `records` of those before; none where the grid is trained.
 pub fn next(
     whole: &OpenSweep,
+    records: &[RunRecord],
     history: &History,
     budget_flops: f64,
-    output: &Output,
-) -> Result<Vec<String>> {
-    let records = match history.rounds.is_empty() {
-        true => Vec::new(),
-        false => analyse::gather(&whole.folder, output)?,
-    };
-    let (points, _) = points(&records, whole.sweep.flops.rule);
+) -> Vec<String> {
+    let (points, _) = points(records, whole.sweep.flops.rule);
     let (taken, states): (HashSet<&str>, _) = (history.runs().collect(), whole.folder.run_states());
     let is_open = |run: &&PlannedRun| {
         !taken.contains(run.run_id.as_str()) && states.of(&run.run_id) != JobState::Failed
@@ -36,7 +30,7 @@ pub fn next(
     let offered: Vec<OpenRun> = open.iter().map(|run| open_run(&whole.plan, run)).collect();
     let spend_flops = SHARE * whole.plan.total_flops();
     let chosen = next_runs(&points, &offered, DesignGoal { budget_flops, spend_flops });
-    Ok(chosen.into_iter().map(|i| open[i].run_id.clone()).collect())
+    chosen.into_iter().map(|i| open[i].run_id.clone()).collect()
 }
 
 fn open_run(plan: &Plan, run: &PlannedRun) -> OpenRun {

@@ -3,14 +3,14 @@
 use isoflop::plan::Plan;
 use isoflop::record::{RunRecord, flops_per_second};
 
-use super::history::{History, Known};
+use super::history::{AfterRound, History};
 use crate::commands::plan_text::time;
 
 /// What a round is about to cost.
-pub fn price(plan: &Plan, history: &History, records: &[RunRecord]) -> String {
+pub fn price(plan: &Plan, history: &History, records: Vec<RunRecord>) -> String {
     let (number, total) = (history.rounds.len(), plan.total_flops());
     let Some(round) = history.rounds.last() else { return String::new() };
-    let rate = flops_per_second(records.iter().cloned());
+    let rate = flops_per_second(records);
     let hours = rate.map_or_else(String::new, |rate| {
         format!(", {} of a core", time(round.flops / rate / 3600.0))
     });
@@ -23,7 +23,7 @@ pub fn price(plan: &Plan, history: &History, records: &[RunRecord]) -> String {
 }
 
 /// What is known after a round.
-pub fn said(number: usize, known: &Known) -> String {
+pub fn said(number: usize, known: &AfterRound) -> String {
     let (Some(loss), Some([low, high])) = (known.loss_normalised, known.loss_ci95) else {
         return format!("round {number}: no prediction yet");
     };
