@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use isoflop::data::{self, DataFacts};
 use isoflop::jobs::ResultsFolder;
 use isoflop::plan::{Plan, demand};
-use isoflop::sweep::{self, Clips, DataSource, Sweep};
+use isoflop::sweep::{self, Clips, Origin, Sweep};
 use isoflop::text;
 
 use super::args::SweepArgs;
@@ -28,7 +28,7 @@ pub fn read_sweep(args: &SweepArgs) -> Result<(Sweep, ResultsFolder)> {
 pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let (mut sweep, folder) = read_sweep(args)?;
     let source = data::open(&sweep.data, demand(&sweep).as_ref()).context("opening the data")?;
-    if sweep.data.source == DataSource::Procedural {
+    if sweep.data.origin() == Origin::Procedural {
         sweep.data.clips = Clips::Count(source.n_clips(data::Split::Train));
     }
     let clips = data::Split::ALL.map(|split| source.n_clips(split));

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use isoflop::data::MemberFacts;
 use isoflop::jobs::{JobState, RunStates};
 use isoflop::laws::wrap;
 use isoflop::plan::{Dropped, Plan, PlannedRun};
@@ -73,8 +74,17 @@ fn head(out: &mut String, plan: &Plan, states: &RunStates) {
                 "data: {train} clips to train on ({unique_tokens} tokens), {val} to validate, {test} to test"
             ),
         );
+        plan.data.members.iter().for_each(|member| *out += &wrap("  ", &told(member)));
     }
     out.push('\n');
+}
+
+/// A data set of a union.
+fn told(MemberFacts { name, licence, clips, frames, fps, .. }: &MemberFacts) -> String {
+    let minutes = frames.iter().sum::<usize>() as f64 / f64::from(*fps) / 60.0;
+    let [train, val, test] = clips;
+    let licence = licence.as_deref().unwrap_or("licence not given");
+    format!("{name}: {minutes:.0} min in {train}, {val} and {test} clips; {licence}")
 }
 
 fn count(plan: &Plan, states: &RunStates, state: JobState) -> usize {

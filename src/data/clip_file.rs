@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::captions::{Annotation, parse_annotations};
 use super::digest::UsedFile;
-use super::npy::{NpyProblem, parse_npy};
+use super::motion_files::MotionFiles;
+use super::npy::parse_npy;
 use crate::motion::N_FEATURES;
 
 /// A clip whose two files are sound.
@@ -31,14 +32,14 @@ pub(super) struct LoadedClip {
     pub problems: Vec<String>,
 }
 
-/// Reads `new_joint_vecs/<id>.npy` and `texts/<id>.txt` in `root`.
+/// Reads the motion of a clip and `texts/<id>.txt` in `root`.
 ///
 /// Both are always read, so that all that is wrong is told at once. A bad line among good captions
 /// is a problem, and the clip can still be used.
-pub(super) fn load_clip(root: &Path, id: &str) -> LoadedClip {
+pub(super) fn load_clip(root: &Path, files: MotionFiles, id: &str) -> LoadedClip {
     crate::progress::moved();
     let mut problems = Vec::new();
-    let features = read_features(root, id).map_err(|problem| problems.push(problem)).ok();
+    let features = read_features(root, files, id).map_err(|problem| problems.push(problem)).ok();
     let annotations = read_annotations(root, id, &mut problems);
     let clip = features.zip(annotations).map(
         |((features, features_file), (annotations, captions_file))| ClipFile {
@@ -51,22 +52,16 @@ pub(super) fn load_clip(root: &Path, id: &str) -> LoadedClip {
     LoadedClip { clip, problems }
 }
 
-/// Name within the data set of the features of clip `id`.
-pub(super) fn features_name(id: &str) -> String {
-    format!("new_joint_vecs/{id}.npy")
-}
-
-fn read_features(root: &Path, id: &str) -> Result<(Vec<f32>, UsedFile), String> {
-    let name = features_name(id);
+fn read_features(
+    root: &Path,
+    files: MotionFiles,
+    id: &str,
+) -> Result<(Vec<f32>, UsedFile), String> {
+    let name = files.name(id);
     let bytes = read(root, &name)?;
-    let array = parse_npy(&bytes).map_err(|problem| format!("{name}: {problem}"))?;
-    match array.shape[..] {
-        [n_frames, N_FEATURES] if n_frames > 0 => Ok((array.values, UsedFile::new(&name, &bytes))),
-        _ => {
-            let shape = NpyProblem::Shape { found: array.shape, expected: "[frames, 263]" };
-            Err(format!("{name}: {shape}"))
-        }
-    }
+    let features = parse_npy(&bytes).and_then(|array| files.features(array));
+    let features = features.map_err(|problem| format!("{name}: {problem}"))?;
+    Ok((features, UsedFile::new(&name, &bytes)))
 }
 
 fn read_annotations(

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::source::{MotionSource, Split};
+use serde::Serialize;
+
+use super::source::{Member, MotionSource, Split};
 use crate::spec::Grid;
 
 /// What a plan needs to know of a data set.
@@ -17,8 +19,38 @@ pub struct DataFacts {
     /// where it is not here.
     pub embeddings: Option<String>,
     pub warnings: Vec<String>,
+    /// The data sets of a union.
+    pub members: Vec<MemberFacts>,
     /// Training clips by their frames; of a very large split a sample.
     lengths: BTreeMap<usize, usize>,
+}
+
+/// What a plan tells of a data set of a union.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MemberFacts {
+    pub name: String,
+    pub licence: Option<String>,
+    pub digest: String,
+    pub fps: f32,
+    /// Clips to train on, to validate on and to test on.
+    pub clips: [usize; 3],
+    /// Frames of each split.
+    pub frames: [usize; 3],
+}
+
+impl MemberFacts {
+    fn of(Member { name, licence, source }: &Member) -> Self {
+        let clips = Split::ALL.map(|split| source.n_clips(split));
+        let frames = |split| (0..source.n_clips(split)).map(|i| source.n_frames(split, i)).sum();
+        Self {
+            name: name.clone(),
+            licence: licence.clone(),
+            digest: source.digest().to_string(),
+            fps: source.fps(),
+            clips,
+            frames: Split::ALL.map(frames),
+        }
+    }
 }
 
 /// What is asked of a source without an end.
@@ -39,6 +71,7 @@ impl DataFacts {
             fps: f64::from(source.fps()),
             embeddings: None,
             warnings: source.warnings().to_vec(),
+            members: source.members().iter().map(MemberFacts::of).collect(),
             lengths: lengths(source),
         }
     }
@@ -51,6 +84,7 @@ impl DataFacts {
             fps: 20.0,
             embeddings: None,
             warnings: vec![format!("{reason}; ids and epochs are provisional")],
+            members: Vec::new(),
             lengths: BTreeMap::new(),
         }
     }

@@ -1,7 +1,7 @@
 //! [`HumanMl3d`]: a folder in the HumanML3D layout as a [`MotionSource`].
 //!
-//! The folder holds `new_joint_vecs/<id>.npy`, `texts/<id>.txt`, `train.txt`, `val.txt`,
-//! `test.txt`, and may hold `Mean.npy` and `Std.npy`.
+//! The folder holds `new_joint_vecs/<id>.npy` or else `new_joints/<id>.npy`, `texts/<id>.txt`,
+//! `train.txt`, `val.txt`, `test.txt`, and may hold `Mean.npy` and `Std.npy`.
 
 use std::collections::HashSet;
 use std::io;
@@ -9,9 +9,10 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::clip_file::{ClipFile, LoadedClip, features_name, load_clip};
+use super::clip_file::{ClipFile, LoadedClip, load_clip};
 use super::digest::{UsedFile, digest};
 use super::items::{FPS, Item, LengthRule, items_of};
+use super::motion_files::MotionFiles;
 use super::source::{DataError, FeatureStats, MotionSource, Split};
 use super::splits::read_splits;
 use super::stats::{StatsAccumulator, read_stats};
@@ -64,17 +65,18 @@ impl HumanMl3d {
     /// [`DataError`] if a split file or a folder is missing, if `Mean.npy` or `Std.npy` is wrong,
     /// if a split has no usable clip, and for broken files if `options` refuses them.
     pub fn open(path: &Path, options: &HumanMl3dOptions) -> Result<HumanMl3d, DataError> {
-        check_folders(path)?;
+        let motion = check_folders(path)?;
         let lists = read_splits(path)?;
-        let wanted = wanted_clips(path, &lists.clips, options.mirror);
-        let loaded = wanted.par_iter().map(|wanted| load_clip(path, &wanted.id)).collect();
+        let is_there = |id: &str| path.join(motion.name(id)).exists();
+        let wanted = wanted_clips(&lists.clips, options.mirror, is_there);
+        let loaded = wanted.par_iter().map(|wanted| load_clip(path, motion, &wanted.id)).collect();
         let Assembled { library, files, broken, skipped } = assemble(&wanted, loaded, options);
         let broken = [lists.problems, broken].concat();
         refuse(path, options, &broken)?;
         check_splits(path, &library)?;
         let (stats, stats_files) = library.stats(path)?;
         let files = [lists.files, files, stats_files].concat();
-        let digest = digest(&rules(options), &files);
+        let digest = digest(&rules(options, motion), &files);
         Ok(HumanMl3d { library, stats, digest, warnings: [broken, skipped].concat() })
     }
 }
@@ -161,7 +163,11 @@ struct Wanted {
 }
 
 /// The listed clips; with `mirror`, each training clip's twin too, read or made.
-fn wanted_clips(root: &Path, listed: &[(Split, String)], mirror: bool) -> Vec<Wanted> {
+fn wanted_clips(
+    listed: &[(Split, String)],
+    mirror: bool,
+    is_there: impl Fn(&str) -> bool,
+) -> Vec<Wanted> {
     let names: HashSet<&str> = listed.iter().map(|(_, id)| id.as_str()).collect();
     let mut wanted = Vec::with_capacity(listed.len());
     for (split, id) in listed {
@@ -169,7 +175,7 @@ fn wanted_clips(root: &Path, listed: &[(Split, String)], mirror: bool) -> Vec<Wa
         let has_twin = names.contains(twin_id.as_str())
             || id.strip_prefix('M').is_some_and(|original| names.contains(original));
         let needs_twin = mirror && *split == Split::Train && !has_twin;
-        let on_disk = needs_twin && root.join(features_name(&twin_id)).exists();
+        let on_disk = needs_twin && is_there(&twin_id);
         wanted.push(Wanted { split: *split, id: id.clone(), twin: needs_twin && !on_disk });
         if on_disk {
             wanted.push(Wanted { split: *split, id: twin_id, twin: false });
@@ -221,22 +227,22 @@ impl Assembled {
 ///
 /// What is done about broken files is left out: if nothing is broken it changes no item, and if
 /// something is, no data set comes of refusing it.
-fn rules(options: &HumanMl3dOptions) -> String {
+fn rules(options: &HumanMl3dOptions, motion: MotionFiles) -> String {
     let HumanMl3dOptions { mirror, min_frames, max_frames, broken: _ } = options;
-    format!("humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}")
+    let rule = motion.rule();
+    format!("humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}{rule}")
 }
 
-fn check_folders(path: &Path) -> Result<(), DataError> {
-    let missing = ["new_joint_vecs", "texts"].map(|name| path.join(name));
-    match missing.iter().find(|folder| !folder.is_dir()) {
-        None => Ok(()),
-        Some(folder) => Err(DataError::Read {
-            path: folder.display().to_string(),
-            source: io::Error::other("no such folder"),
-            advice: "a data set in the HumanML3D layout has its features in new_joint_vecs and its \
-                     captions in texts",
-        }),
-    }
+/// How the folder holds its motion.
+fn check_folders(path: &Path) -> Result<MotionFiles, DataError> {
+    let missing = |folder: &str| DataError::Read {
+        path: path.join(folder).display().to_string(),
+        source: io::Error::other("no such folder"),
+        advice: "a data set in the HumanML3D layout has its features in new_joint_vecs, or its \
+                 joints in new_joints, and its captions in texts",
+    };
+    let motion = MotionFiles::of(path).ok_or_else(|| missing("new_joint_vecs"))?;
+    if path.join("texts").is_dir() { Ok(motion) } else { Err(missing("texts")) }
 }
 
 fn refuse(path: &Path, options: &HumanMl3dOptions, broken: &[String]) -> Result<(), DataError> {

@@ -8,22 +8,27 @@ mod facts;
 mod fixtures;
 mod humanml3d;
 mod items;
+mod motion_files;
 mod no_motion;
 mod npy;
 mod procedural;
 mod source;
 mod splits;
 mod stats;
+mod union;
 
 pub use captions::{Annotation, CaptionProblem, parse_annotation};
-pub use facts::{DataFacts, Demand};
+pub use facts::{DataFacts, Demand, MemberFacts};
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
 pub use npy::{NpyArray, NpyProblem, parse_npy};
 pub use procedural::{Procedural, ProceduralOptions};
-pub use source::{DataError, FeatureStats, MotionSource, Split, UNIT_FRAMES};
+pub use source::{DataError, FeatureStats, Member, MotionSource, Split, UNIT_FRAMES};
 pub use stats::{FEATURE_GROUPS, StatsAccumulator};
+pub use union::Union;
 
-use crate::sweep::{Clips, DataSection, DataSource};
+use std::path::Path;
+
+use crate::sweep::{Clips, DataSection, MemberSection, Origin};
 use no_motion::NoMotion;
 
 /// Clips looked at to estimate the tokens of an average one.
@@ -37,19 +42,24 @@ pub fn open(
     spec: &DataSection,
     demand: Option<&Demand>,
 ) -> Result<Box<dyn MotionSource>, DataError> {
-    match spec.source {
-        DataSource::Procedural => Ok(Box::new(procedural(spec, demand))),
-        DataSource::None => Ok(Box::new(NoMotion::default())),
-        DataSource::HumanMl3d => {
-            let path = spec.path.as_deref().expect("checked when the sweep was read");
-            let options = HumanMl3dOptions {
-                mirror: spec.mirror,
-                broken: spec.broken,
-                ..HumanMl3dOptions::default()
+    match spec.origin() {
+        Origin::Procedural => Ok(Box::new(procedural(spec, demand))),
+        Origin::None => Ok(Box::new(NoMotion::default())),
+        Origin::Folder(path) => Ok(Box::new(folder(spec, path)?)),
+        Origin::Union(members) => {
+            let member = |section: &MemberSection| {
+                let source = Box::new(folder(spec, &section.path)?);
+                Ok(Member { name: section.name(), licence: section.licence.clone(), source })
             };
-            Ok(Box::new(HumanMl3d::open(path, &options)?))
+            let members = members.iter().map(member).collect::<Result<_, DataError>>()?;
+            Ok(Box::new(Union::new(members)?))
         }
     }
+}
+
+fn folder(spec: &DataSection, path: &Path) -> Result<HumanMl3d, DataError> {
+    let DataSection { mirror, broken, .. } = *spec;
+    HumanMl3d::open(path, &HumanMl3dOptions { mirror, broken, ..HumanMl3dOptions::default() })
 }
 
 fn procedural(spec: &DataSection, demand: Option<&Demand>) -> Procedural {

@@ -103,4 +103,18 @@ pub trait MotionSource: Sync {
 
     /// Sentences about files that were skipped, one each, naming the file and the reason.
     fn warnings(&self) -> &[String];
+
+    /// The data sets that it is put together from; none where it is one.
+    fn members(&self) -> &[Member] {
+        &[]
+    }
+}
+
+/// A data set of several.
+pub struct Member {
+    /// Its name in messages.
+    pub name: String,
+    /// The terms of its use, where they were given.
+    pub licence: Option<String>,
+    pub source: Box<dyn MotionSource>,
 }

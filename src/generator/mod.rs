@@ -50,9 +50,13 @@ pub trait Generator: Sync {
         progress: &mut Progress,
     ) -> Result<(), GeneratorError>;
 
-    /// A run on made-up codes, whose steps can be timed.
+    /// A run on made-up codes, whose steps can be timed. A model above [`MOST_PROBED_PARAMS`] is
+    /// timed at a smaller size, and priced at the rate found there.
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe>;
 }
+
+/// Parameters of a model that a probe builds, at most.
+pub const MOST_PROBED_PARAMS: usize = 4_000_000;
 
 /// A run on made-up codes.
 pub trait Probe {

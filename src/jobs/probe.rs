@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use burn::tensor::Device;
 
 use super::job::Job;
-use crate::generator;
+use crate::generator::{self, MOST_PROBED_PARAMS};
 use crate::plan::{Plan, PlannedRun};
 
 /// Models measured at most, from the smallest to the largest.
@@ -61,7 +61,7 @@ fn on_one_thread<T: Send>(measure: impl FnOnce() -> T + Send) -> T {
 fn measure(runs: &[&PlannedRun], device: &Device) -> Vec<(f64, f64)> {
     let mut sizes: Vec<_> = runs.iter().collect();
     sizes.sort_by_key(|run| run.params.total());
-    sizes.dedup_by_key(|run| run.params.total());
+    sizes.dedup_by_key(|run| run.params.total().min(MOST_PROBED_PARAMS));
     let last = sizes.len().saturating_sub(1);
     let mut picked: Vec<usize> = (0..PROBES).map(|i| i * last / (PROBES - 1)).collect();
     picked.dedup();

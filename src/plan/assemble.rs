@@ -14,7 +14,7 @@ use super::text_job::TextJob;
 use super::trunk::{Trunk, branch};
 use crate::data::{DataFacts, Demand};
 use crate::spec::TokenizerSpec;
-use crate::sweep::{DataSource, ScheduleKind, ScheduleSection, Sweep};
+use crate::sweep::{Origin, ScheduleKind, ScheduleSection, Sweep};
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
 pub const MOST_USEFUL_EPOCHS: f64 = 4.0;
@@ -43,7 +43,7 @@ impl Plan {
         let (cells, dropped) = price(sweep);
         let captions = TextJob::new(&sweep.text, &data.digest, data.embeddings.clone());
         let text_id = captions.id();
-        let text = (sweep.data.source != DataSource::None).then_some(captions);
+        let text = (sweep.data.origin() != Origin::None).then_some(captions);
         let (tokenizers, own) = tokenizers(sweep, &cells, &data);
         let inputs = match tokenizers.is_empty() {
             false => tokenizers.iter().map(|job| RunInputs::of(job, &text_id, &data)).collect(),
@@ -153,7 +153,7 @@ fn tokenizers(
     cells: &[PricedCell],
     data: &DataFacts,
 ) -> (Vec<TokenizerJob>, Vec<Range<usize>>) {
-    if sweep.data.source == DataSource::None {
+    if sweep.data.origin() == Origin::None {
         return (Vec::new(), vec![0..1; cells.len()]);
     }
     let mut jobs: Vec<TokenizerJob> = Vec::new();

@@ -19,35 +19,41 @@ grid:
 train: {min_steps: 5, batch: {min: 32}}
 ";
 
-/// Twelve clips of the built-in generator, written as HumanML3D has them.
+/// A sweep over `data`, twelve clips of the built-in generator.
 fn data_set() -> Place {
     let place = Place::new();
     place.write("sweep.yaml", SWEEP);
-    fs::create_dir_all(place.path("data/new_joint_vecs")).unwrap();
-    fs::create_dir_all(place.path("data/texts")).unwrap();
-    let counts = [(Split::Train, 8), (Split::Val, 2), (Split::Test, 2)];
-    let options = ProceduralOptions { seed: 5, train_clips: 8, val_clips: 2, test_clips: 2 };
-    let source = Procedural::new(options);
-    for (split, n_clips) in counts {
-        let ids: Vec<String> = (0..n_clips).map(|i| format!("{}{i}", split.name())).collect();
-        place.write(&format!("data/{}.txt", split.name()), ids.join("\n") + "\n");
-        for (i, id) in ids.iter().enumerate() {
-            write_clip(&place, id, &source.features(split, i).expect("the generator cannot fail"));
-            let lines = source.captions(split, i).into_iter().map(|c| format!("{c}#x/X#0.0#0.0\n"));
-            place.write(&format!("data/texts/{id}.txt"), lines.collect::<String>());
-        }
-    }
+    write_set(&place, "data", 5);
     place
 }
 
-fn write_clip(place: &Place, id: &str, features: &[f32]) {
+/// Twelve clips of the built-in generator, written as HumanML3D has them.
+fn write_set(place: &Place, folder: &str, seed: u64) {
+    fs::create_dir_all(place.path(folder).join("new_joint_vecs")).unwrap();
+    fs::create_dir_all(place.path(folder).join("texts")).unwrap();
+    let counts = [(Split::Train, 8), (Split::Val, 2), (Split::Test, 2)];
+    let options = ProceduralOptions { seed, train_clips: 8, val_clips: 2, test_clips: 2 };
+    let source = Procedural::new(options);
+    for (split, n_clips) in counts {
+        let ids: Vec<String> = (0..n_clips).map(|i| format!("{}{i}", split.name())).collect();
+        place.write(&format!("{folder}/{}.txt", split.name()), ids.join("\n") + "\n");
+        for (i, id) in ids.iter().enumerate() {
+            let features = source.features(split, i).expect("the generator cannot fail");
+            write_clip(place, folder, id, &features);
+            let lines = source.captions(split, i).into_iter().map(|c| format!("{c}#x/X#0.0#0.0\n"));
+            place.write(&format!("{folder}/texts/{id}.txt"), lines.collect::<String>());
+        }
+    }
+}
+
+fn write_clip(place: &Place, folder: &str, id: &str, features: &[f32]) {
     let shape = [(features.len() / N_FEATURES) as u64, N_FEATURES as u64];
     let mut bytes = Vec::new();
     let options = npyz::WriteOptions::new().default_dtype().shape(&shape);
     let mut writer = options.writer(&mut bytes).begin_nd().unwrap();
     writer.extend(features.iter().copied()).unwrap();
     writer.finish().unwrap();
-    place.write(&format!("data/new_joint_vecs/{id}.npy"), bytes);
+    place.write(&format!("{folder}/new_joint_vecs/{id}.npy"), bytes);
 }
 
 #[test]
@@ -84,7 +90,7 @@ fn broken_files_are_skipped_by_name_or_refused_all_at_once() {
     let whole = place.read("data/new_joint_vecs/train1.npy");
     place.write("data/new_joint_vecs/train1.npy", &whole[..whole.len() / 2]);
     fs::remove_file(place.path("data/texts/train2.txt")).unwrap();
-    write_clip(&place, "train3", &vec![f32::NAN; 60 * N_FEATURES]);
+    write_clip(&place, "data", "train3", &vec![f32::NAN; 60 * N_FEATURES]);
     let broken = ["train1", "train2", "train3"];
 
     let refused = place.isoflop(&["run", "sweep.yaml", "--set", "data.broken=refuse"]).exits(2);
@@ -99,4 +105,36 @@ fn broken_files_are_skipped_by_name_or_refused_all_at_once() {
         assert!(lines.any(|l| l.starts_with("warning: ") && l.contains(name)), "{name}: {stderr}");
     }
     assert_eq!(records::bytes(&place.path("results/captured")).len(), 1);
+}
+
+#[test]
+fn a_union_is_trained_on_whole_and_says_what_it_is_of() {
+    let place = data_set();
+    fs::rename(place.path("data"), place.path("one")).unwrap();
+    write_set(&place, "two", 6);
+    let members = "[{path: one, licence: CC0}, {path: two, name: other}]";
+    let union = ["--set".to_owned(), format!("data={{mirror: false, union: {members}}}")];
+    let union = union.each_ref().map(String::as_str);
+    let plan = place.isoflop(&[&["plan", "sweep.yaml"][..], &union].concat()).exits(0);
+    let told = plan.stdout();
+    for words in ["data: 16 clips to train on", "8, 2 and 2 clips; CC0", "other: ", "not given"] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    let document = place.isoflop(&[&["plan", "sweep.yaml", "--json"][..], &union].concat());
+    let document = document.exits(0).json();
+    assert_eq!(document["data_sets"][1]["name"], "other");
+    assert_eq!(document["data_sets"][0]["clips"], serde_json::json!([8, 2, 2]));
+    place.isoflop(&[&["run", "sweep.yaml"][..], &union].concat()).exits(0);
+    assert_eq!(records::bytes(&place.path("results/captured")).len(), 1);
+}
+
+#[test]
+fn a_union_has_no_folder_of_its_own_and_names_the_one_that_is_missing() {
+    let place = data_set();
+    let with = |setting: &str| {
+        place.isoflop(&["plan", "sweep.yaml", "--set", &format!("data={{{setting}}}")])
+    };
+    with("path: data, union: [{path: data}]").exits(2).says("a union is all the data there is");
+    with("union: [{path: data}, {path: nowhere}]").exits(0).says("nowhere/new_joint_vecs");
+    with("union: [{folder: data}]").exits(2).says("unknown name `folder`");
 }

@@ -256,3 +256,15 @@ fn two_commands_on_one_sweep_share_the_work() {
     assert_eq!(end_within(PATIENCE, &mut second).code(), Some(0));
     victim.assert_undisturbed();
 }
+
+#[test]
+fn a_folder_is_held_until_its_figures_are_drawn() {
+    let victim = Victim::new();
+    let mut first = victim.start();
+    wait_for(PATIENCE, || victim.results.join("runs.csv").exists().then_some(())).unwrap();
+    let is_held = victim.results.join(".scheduler.json").exists();
+    let is_drawn = victim.results.join("figures/tokenizers.png").exists();
+    assert!(is_held || is_drawn, "laws and figures are still to come");
+    assert_eq!(end_within(PATIENCE, &mut first).code(), Some(0));
+    assert!(!victim.results.join(".scheduler.json").exists());
+}

@@ -20,9 +20,12 @@ use crate::commands::output::Output;
 
 /// Brings the missing jobs that are wanted to their end. Where that is all there is to do, it has told
 /// of them, and breaks off with how to exit.
+///
+/// The folder is taken into `held`, unless it is there: whoever has that may write to the folder.
 pub fn bring(
     args: &RunArgs,
     open: &OpenSweep,
+    held: &mut Option<Held>,
     wanted: impl Fn(&Job) -> bool,
     output: &Output,
 ) -> Result<ControlFlow<Exit, Vec<JobReport>>> {
@@ -33,7 +36,9 @@ pub fn bring(
         return Ok(ControlFlow::Break(show(&mut *session, preview, open, output)?));
     }
     session.begin()?;
-    let held = hold(open, output)?;
+    if held.is_none() {
+        *held = Some(hold(open, output)?);
+    }
     prepare(open, args, output)?;
     CommandLine::of(args)?.write(&open.folder)?;
     let jobs = missing_jobs(&open.plan, &open.folder).into_iter().filter(wanted);
@@ -46,7 +51,6 @@ pub fn bring(
     };
     let summary = Summary::new(args, &open.plan, &open.folder, &reports)?;
     let interrupted = interruption(args, &summary, output);
-    drop(held);
     Ok(interrupted.map_or(ControlFlow::Continue(reports), ControlFlow::Break))
 }
 
@@ -87,7 +91,7 @@ fn show(
 }
 
 /// One `run` at a time in a folder.
-fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
+pub fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
     let root = open.folder.root().display();
     let waiting =
         || output.note(&format!("another isoflop is at work in {root}; waiting for it to end"));

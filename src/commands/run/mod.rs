@@ -88,7 +88,9 @@ fn carry_out(
 ) -> Result<Exit> {
     args.check_engine()?;
     let open = open(args, output)?;
-    match bring(args, &open, wanted, output)? {
+    // Held to the end: another command tidies the folder up as soon as it has it.
+    let mut held = None;
+    match bring(args, &open, &mut held, wanted, output)? {
         ControlFlow::Continue(reports) => {
             then(&open, &Summary::new(args, &open.plan, &open.folder, &reports)?)
         }

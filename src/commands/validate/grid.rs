@@ -4,8 +4,8 @@ use anyhow::{Context, Result, bail};
 use isoflop::predict::{Codebook, Prediction};
 use isoflop::spec::QuantizerKind;
 use isoflop::sweep::{
-    Clips, DataSource, GridSection, HoldOutSpec, LevelsSpec, ModelEntry, ModelList, Sweep,
-    VocabSpec, models, shape,
+    Clips, GridSection, HoldOutSpec, LevelsSpec, ModelEntry, ModelList, Origin, Sweep, VocabSpec,
+    models, shape,
 };
 
 /// The factor between neighbouring sizes, and between neighbouring vocabularies.
@@ -37,7 +37,7 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
     if !seeds.is_empty() {
         own.seeds = seeds.to_vec();
     }
-    if own.data.source == DataSource::Procedural {
+    if own.data.origin() == Origin::Procedural {
         own.data.clips = Clips::Auto;
     }
     own.fit.hold_out = HoldOutSpec::None;

@@ -7,14 +7,12 @@ use rand_chacha::rand_core::SeedableRng;
 use super::batch::{Batch, Sequence};
 use super::learner::course;
 use super::transformer::{Model, Transformer, end_token};
-use crate::generator::Probe;
+use crate::generator::{MOST_PROBED_PARAMS, Probe};
 use crate::learn::{Course, LearnError, Learner, Learning};
 use crate::plan::RunSpec;
 use crate::spec::ModelShape;
 use crate::spec::flops::openai_per_token;
 
-/// Larger models are measured at a smaller size, and priced at the rate found there.
-const MOST_PARAMS: usize = 4_000_000;
 /// Tokens of a measured step at most, and logits.
 const MOST_TOKENS: usize = 1024;
 const MOST_LOGITS: usize = 1 << 24;
@@ -95,7 +93,8 @@ impl Learner for Still {
 /// vocabulary leaves out is of that kind too.
 fn measurable(spec: &RunSpec) -> (ModelShape, usize) {
     let (mut model, mut n_vocab) = (spec.shape().clone(), spec.n_vocab());
-    let too_large = |model: &ModelShape, n_vocab| model.params_of(n_vocab).total() > MOST_PARAMS;
+    let too_large =
+        |model: &ModelShape, n_vocab| model.params_of(n_vocab).total() > MOST_PROBED_PARAMS;
     while too_large(&model, n_vocab) && model.n_layer > 1 {
         model.n_layer = model.n_layer.div_ceil(2);
     }

@@ -1,16 +1,16 @@
 //! [`Sweep`]: what a sweep file says, with every default filled in.
 
 mod analysis;
+mod data;
 mod engine;
 mod grid;
-mod inputs;
 mod trainer;
 mod training;
 
 pub use analysis::*;
+pub use data::*;
 pub use engine::*;
 pub use grid::*;
-pub use inputs::*;
 pub use trainer::*;
 pub use training::*;
 

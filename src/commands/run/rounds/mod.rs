@@ -12,7 +12,7 @@ use isoflop::plan::Plan;
 use isoflop::record::{RunRecord, table};
 
 use super::args::RunArgs;
-use super::bring::{bring, open};
+use super::bring::{bring, hold, open};
 use super::summary::Summary;
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
@@ -33,12 +33,13 @@ pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exi
     }
     let whole = open(args, output)?;
     let budget = budget(&whole)?;
+    let mut held = Some(hold(&whole, output)?);
     let mut history = History::read(&whole.folder, &whole.plan)?;
     let mut exit = Exit::Done;
     while exit == Exit::Done && begin(args, most, &whole, budget, &mut history)? {
         let part = part(&whole, &history);
         output.note(&price(&whole.plan, &history, finished(&part)));
-        exit = match bring(args, &part, |_| true, output)? {
+        exit = match bring(args, &part, &mut held, |_| true, output)? {
             ControlFlow::Continue(reports) => {
                 Summary::new(args, &part.plan, &part.folder, &reports)?.tell(output)
             }

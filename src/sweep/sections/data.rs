@@ -1,4 +1,6 @@
-//! What a sweep trains on: the `data`, `text` and `tokenizer` sections.
+//! What a sweep trains on: the `data` section.
+
+use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -40,13 +42,45 @@ pub enum BrokenFiles {
     Refuse,
 }
 
+/// A data set of a union.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MemberSection {
+    /// A folder in the HumanML3D layout, from the working folder.
+    pub path: PathBuf,
+    /// Its name in messages; else that of the folder.
+    pub name: Option<String>,
+    /// The terms of its use; the plan tells them.
+    pub licence: Option<String>,
+}
+
+impl MemberSection {
+    /// Its name in messages.
+    pub fn name(&self) -> String {
+        let folder = || self.path.file_name().unwrap_or(self.path.as_os_str());
+        self.name.clone().unwrap_or_else(|| folder().to_string_lossy().into_owned())
+    }
+}
+
+/// What the `data` section asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Origin<'a> {
+    Procedural,
+    /// A folder in the HumanML3D layout.
+    Folder(&'a Path),
+    Union(&'a [MemberSection]),
+    None,
+}
+
 /// The `data` section: the motion and the captions that are learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DataSection {
     pub source: DataSource,
     /// The folder of `humanml3d`, from the working folder.
-    pub path: Option<std::path::PathBuf>,
+    pub path: Option<PathBuf>,
+    /// Several such folders in place of one: their clips together, each in its own split.
+    pub union: Vec<MemberSection>,
     /// `humanml3d`: every training clip also left-right mirrored.
     pub mirror: bool,
     /// `humanml3d`: what to do about files that are not what they should be.
@@ -68,6 +102,7 @@ impl Default for DataSection {
         Self {
             source: DataSource::default(),
             path: None,
+            union: Vec::new(),
             mirror: true,
             broken: BrokenFiles::default(),
             seed: 0,
@@ -79,13 +114,28 @@ impl Default for DataSection {
 }
 
 impl DataSection {
+    /// What it asks for. A union needs no `source`.
+    pub fn origin(&self) -> Origin<'_> {
+        match self.source {
+            _ if !self.union.is_empty() => Origin::Union(&self.union),
+            DataSource::Procedural => Origin::Procedural,
+            DataSource::HumanMl3d => Origin::Folder(self.path.as_deref().unwrap_or(Path::new("."))),
+            DataSource::None => Origin::None,
+        }
+    }
+
     /// What no source can use.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let problem = |field, problem, help| KeyProblem { field, problem, help };
         let mut problems = Vec::new();
-        if self.source == DataSource::HumanMl3d && self.path.is_none() {
-            let help = "path: the folder that holds new_joint_vecs, texts and train.txt";
+        if self.source == DataSource::HumanMl3d && self.path.is_none() && self.union.is_empty() {
+            let help = "path: the folder that holds new_joint_vecs or new_joints, texts and \
+                        train.txt; or union: a list of such folders";
             problems.push(problem("", "`source: humanml3d` needs a `path`", Some(help)));
+        }
+        if !self.union.is_empty() && (self.path.is_some() || self.source == DataSource::None) {
+            let help = "leave `path` out, and `source` too, or make it humanml3d";
+            problems.push(problem("union", "a union is all the data there is", Some(help)));
         }
         if self.clips == Clips::Count(0) {
             problems.push(problem("clips", "no clip to train on", None));
