@@ -11,8 +11,8 @@ pub(super) struct LeastSquares {
     pub rss: f64,
     /// Rows minus coefficients.
     pub dof: usize,
-    /// R of X = QR, row by row; its lower triangle is not read.
-    r: Vec<Vec<f64>>,
+    /// R of X = QR, column by column, `dof + p` values each; what is below its diagonal is not read.
+    r: Vec<f64>,
 }
 
 /// Solves X c ≈ y for the rows of X; none where the rows do not determine every coefficient.
@@ -21,46 +21,49 @@ pub(super) struct LeastSquares {
 /// the normal equations, with its square.
 pub(super) fn least_squares(rows: &[Vec<f64>], y: &[f64]) -> Option<LeastSquares> {
     assert_eq!(rows.len(), y.len(), "one value for each row");
-    let p = rows.first()?.len();
-    if rows.len() < p {
+    let (n, p) = (rows.len(), rows.first()?.len());
+    if n < p {
         return None;
     }
-    // y rides along as a last column, and comes out as Qᵀy.
-    let mut a: Vec<Vec<f64>> =
-        rows.iter().zip(y).map(|(row, y)| row.iter().copied().chain([*y]).collect()).collect();
-    for j in 0..p {
-        reflect(&mut a, j)?;
-    }
-    let coefficients = back_substitute(&a, p);
-    let rss = a[p..].iter().map(|row| row[p].powi(2)).sum();
-    let dof = rows.len() - p;
-    a.truncate(p);
-    Some(LeastSquares { coefficients, rss, dof, r: a })
+    // Columns of X, and y as a last one, which comes out as Qᵀy.
+    let mut columns: Vec<f64> = Vec::with_capacity(n * (p + 1));
+    (0..p).for_each(|j| columns.extend(rows.iter().map(|row| row[j])));
+    columns.extend(y);
+    (0..p).try_for_each(|j| reflect(&mut columns, n, j))?;
+    let y = &columns[n * p..];
+    let coefficients = back_substitute(&columns, y, p);
+    let rss = y[p..].iter().map(|y| y.powi(2)).sum();
+    columns.truncate(n * p);
+    Some(LeastSquares { coefficients, rss, dof: n - p, r: columns })
 }
 
-/// Clears column `j` below the diagonal; none where the column depends on those before it.
-fn reflect(a: &mut [Vec<f64>], j: usize) -> Option<()> {
-    let whole = a.iter().map(|row| row[j].powi(2)).sum::<f64>().sqrt();
-    let norm = a[j..].iter().map(|row| row[j].powi(2)).sum::<f64>().sqrt();
-    if norm <= RANK_TOLERANCE * whole || !norm.is_finite() {
+/// Clears column `j` of `n` values below the diagonal; none where it depends on those before it.
+fn reflect(columns: &mut [f64], n: usize, j: usize) -> Option<()> {
+    let (column, rest) = columns[n * j..].split_at_mut(n);
+    let size = |values: &[f64]| values.iter().map(|x| x.powi(2)).sum::<f64>().sqrt();
+    let norm = size(&column[j..]);
+    if norm <= RANK_TOLERANCE * size(column) || !norm.is_finite() {
         return None;
     }
-    let alpha = -norm.copysign(a[j][j]);
-    let mut v: Vec<f64> = a[j..].iter().map(|row| row[j]).collect();
-    v[0] -= alpha;
+    let alpha = -norm.copysign(column[j]);
+    column[j] -= alpha;
+    let v = &column[j..];
     let vv: f64 = v.iter().map(|v| v * v).sum();
-    for k in j..a[j].len() {
-        let dot: f64 = v.iter().zip(&a[j..]).map(|(v, row)| v * row[k]).sum();
-        v.iter().zip(&mut a[j..]).for_each(|(v, row)| row[k] -= 2.0 * dot / vv * v);
+    for other in rest.chunks_exact_mut(n) {
+        let other = &mut other[j..];
+        let dot: f64 = v.iter().zip(&*other).map(|(v, x)| v * x).sum();
+        other.iter_mut().zip(v).for_each(|(x, v)| *x -= 2.0 * dot / vv * v);
     }
+    column[j] = alpha;
     Some(())
 }
 
-fn back_substitute(a: &[Vec<f64>], p: usize) -> Vec<f64> {
+fn back_substitute(columns: &[f64], y: &[f64], p: usize) -> Vec<f64> {
+    let n = y.len();
     let mut c = vec![0.0; p];
     for j in (0..p).rev() {
-        let known: f64 = (j + 1..p).map(|k| a[j][k] * c[k]).sum();
-        c[j] = (a[j][p] - known) / a[j][j];
+        let known: f64 = (j + 1..p).map(|k| columns[n * k + j] * c[k]).sum();
+        c[j] = (y[j] - known) / columns[n * j + j];
     }
     c
 }
@@ -68,10 +71,11 @@ fn back_substitute(a: &[Vec<f64>], p: usize) -> Vec<f64> {
 impl LeastSquares {
     /// Standard error of gᵀc for noise of unit standard deviation: ‖R⁻ᵀg‖.
     pub fn unit_error(&self, g: &[f64]) -> f64 {
+        let n = self.dof + g.len();
         let mut w: Vec<f64> = Vec::with_capacity(g.len());
         for (j, g) in g.iter().enumerate() {
-            let known: f64 = (0..j).map(|k| self.r[k][j] * w[k]).sum();
-            w.push((g - known) / self.r[j][j]);
+            let known: f64 = (0..j).map(|k| self.r[n * j + k] * w[k]).sum();
+            w.push((g - known) / self.r[n * j + j]);
         }
         w.iter().map(|w| w * w).sum::<f64>().sqrt()
     }
