@@ -4,14 +4,14 @@ use anyhow::{Context, Result};
 use isoflop::data::{self, DataFacts};
 use isoflop::jobs::ResultsFolder;
 use isoflop::plan::{Plan, demand};
-use isoflop::sweep::{self, Clips, Origin, Sweep};
+use isoflop::sweep::{self, Clips, DataSource, Origin, Sweep};
 use isoflop::text;
 
 use super::args::SweepArgs;
 
 /// A sweep and its plan over its data.
 pub struct OpenSweep {
-    /// As resolved: `clips: auto` is a number here.
+    /// As resolved: `clips: auto` is a number here, and the source of a union is named.
     pub sweep: Sweep,
     pub plan: Plan,
     pub folder: ResultsFolder,
@@ -28,8 +28,12 @@ pub fn read_sweep(args: &SweepArgs) -> Result<(Sweep, ResultsFolder)> {
 pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let (mut sweep, folder) = read_sweep(args)?;
     let source = data::open(&sweep.data, demand(&sweep).as_ref()).context("opening the data")?;
-    if sweep.data.origin() == Origin::Procedural {
-        sweep.data.clips = Clips::Count(source.n_clips(data::Split::Train));
+    match sweep.data.origin() {
+        Origin::Procedural => {
+            sweep.data.clips = Clips::Count(source.n_clips(data::Split::Train));
+        }
+        Origin::Union(_) => sweep.data.source = DataSource::HumanMl3d,
+        Origin::Folder(_) | Origin::None => {}
     }
     let clips = data::Split::ALL.map(|split| source.n_clips(split));
     tracing::info!(?clips, digest = source.digest(), "data opened");
