@@ -33,7 +33,7 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
             sweep.data.clips = Clips::Count(source.n_clips(data::Split::Train));
         }
         Origin::Union(_) => sweep.data.source = DataSource::HumanMl3d,
-        Origin::Folder(_) | Origin::None => {}
+        _ => {}
     }
     let clips = data::Split::ALL.map(|split| source.n_clips(split));
     tracing::info!(?clips, digest = source.digest(), "data opened");
