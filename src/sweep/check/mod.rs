@@ -9,7 +9,7 @@ use super::command::{CommandError, PLACEHOLDERS, TrainerCommand};
 use super::nearest::nearest;
 use crate::spec::{KeyProblem, SpecError};
 use crate::sweep::problem::Problem;
-use crate::sweep::sections::{Origin, Sweep};
+use crate::sweep::sections::{DataSource, Sweep};
 
 /// All problems of a sweep whose types are right.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -50,7 +50,7 @@ fn name(sweep: &Sweep) -> Vec<Problem> {
 
 fn data(sweep: &Sweep) -> Vec<Problem> {
     let mut problems = of_section("data", sweep.data.problems());
-    if sweep.data.origin() == Origin::None && sweep.trainer.is_none() {
+    if sweep.data.source == DataSource::None && sweep.trainer.is_none() {
         problems.push(
             Problem::value("data.source", "without motion the built-in trainer has nothing to do")
                 .with_help("name a `trainer`, or another source"),

@@ -115,11 +115,16 @@ impl Default for DataSection {
 
 impl DataSection {
     /// What it asks for. A union needs no `source`.
+    ///
+    /// # Panics
+    /// For `humanml3d` without a path, which [`DataSection::problems`] refuses.
     pub fn origin(&self) -> Origin<'_> {
         match self.source {
             _ if !self.union.is_empty() => Origin::Union(&self.union),
             DataSource::Procedural => Origin::Procedural,
-            DataSource::HumanMl3d => Origin::Folder(self.path.as_deref().unwrap_or(Path::new("."))),
+            DataSource::HumanMl3d => {
+                Origin::Folder(self.path.as_deref().expect("checked when the sweep was read"))
+            }
             DataSource::None => Origin::None,
         }
     }

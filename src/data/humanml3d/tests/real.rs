@@ -8,9 +8,9 @@ use super::{options, skip};
 use crate::data::stats::FEATURE_GROUPS;
 use crate::motion::{mpjpe_mm, recover_joints};
 
-/// The folder of real motion, or `None` with a word on it.
-fn cmu_motion() -> Option<PathBuf> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/cmu-motion"));
+/// A folder of real motion, or `None` with a word on it.
+fn real_motion(name: &str) -> Option<PathBuf> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
     if !path.is_dir() {
         eprintln!("skipped: {} is not there", path.display());
         return None;
@@ -20,7 +20,7 @@ fn cmu_motion() -> Option<PathBuf> {
 
 #[test]
 fn real_motion_opens_whole_and_recovers_finite_bodies() {
-    let Some(path) = cmu_motion() else { return };
+    let Some(path) = real_motion("cmu-motion") else { return };
     let set = HumanMl3d::open(&path, &options(true, BrokenFiles::Refuse)).expect("sound data");
     let counts = Split::ALL.map(|split| set.n_clips(split));
     assert_eq!((counts, set.warnings()), ([2 * 463, 33, 61], &[][..]));
@@ -37,7 +37,7 @@ fn real_motion_opens_whole_and_recovers_finite_bodies() {
 
 #[test]
 fn statistics_of_real_motion_agree_with_its_files() {
-    let Some(path) = cmu_motion() else { return };
+    let Some(path) = real_motion("cmu-motion") else { return };
     let set = HumanMl3d::open(&path, &skip()).expect("sound data");
     let mut computed = StatsAccumulator::default();
     (0..set.n_clips(Split::Train))
@@ -54,25 +54,15 @@ fn statistics_of_real_motion_agree_with_its_files() {
 
 #[test]
 fn the_digest_of_real_motion_is_the_same_each_time() {
-    let Some(path) = cmu_motion() else { return };
+    let Some(path) = real_motion("cmu-motion") else { return };
     let digest = || HumanMl3d::open(&path, &skip()).expect("sound data").digest().to_owned();
     let first = digest();
     assert_eq!((first.len(), &first), (64, &digest()));
 }
 
-/// Motion as joints, with features of some clips, or `None` with a word on it.
-fn bandai_motion() -> Option<PathBuf> {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/bandai-motion"));
-    if !path.is_dir() {
-        eprintln!("skipped: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
-}
-
 #[test]
 fn features_of_joints_are_those_that_others_made_of_them() {
-    let Some(path) = bandai_motion() else { return };
+    let Some(path) = real_motion("bandai-motion") else { return };
     let set = HumanMl3d::open(&path, &options(true, BrokenFiles::Refuse)).expect("sound data");
     assert_eq!(Split::ALL.map(|split| set.n_clips(split)), [2 * 2106, 122, 409]);
     let mut compared = 0;
