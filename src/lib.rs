@@ -23,6 +23,7 @@
 //! | 4 | [`plan`] | a sweep into priced runs, and cells dropped with their reasons | |
 //! | 4 | [`laws`] | points into minima, power laws and loss laws | |
 //! | 4 | [`predict`] | laws and a budget into a configuration | laws |
+//! | 4 | [`rates`] | trials at several learning rates into a rule | laws |
 //! | 4 | [`table`] | a table of runs made elsewhere into points | laws |
 //! | 5 | [`ops`] | the operations of the models, with their gradients | |
 //! | 5 | [`learn`] | optimiser, weights, checkpoints: one loop for whatever learns | ops |
@@ -62,6 +63,7 @@ pub mod ops;
 pub mod plan;
 pub mod predict;
 pub mod progress;
+pub mod rates;
 pub mod record;
 pub mod spec;
 pub mod sweep;

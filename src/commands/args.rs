@@ -25,7 +25,7 @@ pub struct Common {
 }
 
 /// A sweep file and what is laid over it.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct SweepArgs {
     /// The sweep file
     pub sweep: PathBuf,

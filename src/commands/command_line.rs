@@ -25,8 +25,10 @@ impl CommandLine {
     /// The command as it was given, without what says how to treat failures.
     pub fn of(args: &RunArgs) -> Result<Self> {
         let sweep = &args.sweep;
-        let mut words = vec!["isoflop".to_string(), "run".to_string()];
+        let mut words = vec!["isoflop".to_string()];
+        words.extend(args.said_as.iter().take(1).cloned());
         words.push(sweep.sweep.display().to_string());
+        words.extend(args.said_as.iter().skip(1).cloned());
         for setting in &sweep.settings {
             words.extend(["--set".to_string(), setting.clone()]);
         }

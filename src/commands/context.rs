@@ -10,6 +10,7 @@ use isoflop::text;
 use super::args::SweepArgs;
 
 /// A sweep and its plan over its data.
+#[derive(Clone)]
 pub struct OpenSweep {
     /// As resolved: `clips: auto` is a number here, and the source of a union is named.
     pub sweep: Sweep,

@@ -19,6 +19,7 @@ mod stale;
 mod status;
 mod status_text;
 mod tokenizer;
+mod tune;
 mod validate;
 mod worker;
 
@@ -55,6 +56,8 @@ enum Command {
     Predict(predict::PredictArgs),
     /// Test the laws: forecast a budget beyond the fit, train there, compare
     Validate(validate::ValidateArgs),
+    /// Find the learning rate, batch and schedule of a sweep by trials
+    Tune(tune::TuneArgs),
     /// Train the tokenizers of a sweep, or compare several
     Tokenizer(tokenizer::TokenizerArgs),
     /// Write a sweep's results in another form
@@ -79,6 +82,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Plot(args) => plot::plot(&args, &output),
         Command::Predict(args) => predict::predict(&args, &output),
         Command::Validate(args) => validate::validate(&args, &output),
+        Command::Tune(args) => tune::tune(&args, &output),
         Command::Tokenizer(args) => tokenizer::tokenizer(&args, &output),
         Command::Export(args) => export::export(&args, &output),
         Command::Worker(args) => worker::worker(&args, &output),

@@ -3,6 +3,7 @@
 //! A [`Kind`] says what it makes, where, from what, at what cost, and does it. [`KINDS`] lists them;
 //! engines and commands iterate, and name none.
 
+mod adopt;
 mod assignment;
 mod exit;
 mod folder;
@@ -25,6 +26,7 @@ mod training;
 mod trunk;
 pub mod worker;
 
+pub use adopt::adopt;
 pub use assignment::{Assignment, Outcome, frozen_sweep};
 pub use folder::{JobState, ResultsFolder, RunStates};
 pub use graph::{all_jobs, inputs, missing_jobs};

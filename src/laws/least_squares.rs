@@ -5,7 +5,7 @@ const RANK_TOLERANCE: f64 = 1e-10;
 
 /// The least-squares solution of X c ≈ y.
 #[derive(Clone, Debug)]
-pub(super) struct LeastSquares {
+pub(crate) struct LeastSquares {
     pub coefficients: Vec<f64>,
     /// Residual sum of squares.
     pub rss: f64,
@@ -19,7 +19,7 @@ pub(super) struct LeastSquares {
 ///
 /// Householder's QR works on X itself, so the error grows with the condition of X and not, as for
 /// the normal equations, with its square.
-pub(super) fn least_squares(rows: &[Vec<f64>], y: &[f64]) -> Option<LeastSquares> {
+pub(crate) fn least_squares(rows: &[Vec<f64>], y: &[f64]) -> Option<LeastSquares> {
     assert_eq!(rows.len(), y.len(), "one value for each row");
     let (n, p) = (rows.len(), rows.first()?.len());
     if n < p {

@@ -82,6 +82,7 @@ pub use floor_law::floor_law;
 pub use joint::{JointLaw, JointLoss, JointOptimum, Terms};
 pub use judgement::{IntervalPart, Judgement, Tried};
 pub use law_kind::LawKind;
+pub(crate) use least_squares::{LeastSquares, least_squares};
 pub use log_law::log_law;
 pub use metric::{LOSS_NORMALISED, Metric};
 pub use minima::{minima, minimum_at};
@@ -94,7 +95,7 @@ pub use parametric::{
 pub use point::{IsoFlopPoint, Parameters, RunFacts};
 pub use power::power_law;
 pub(crate) use random::Normals;
-pub use recommended::{Candidate, ForecastError, Miss, Recommended, Score};
+pub use recommended::{Belief, Candidate, ForecastError, Miss, Recommended, Score};
 pub use report::*;
 pub use sample::*;
 pub use scamo::scamo;

@@ -42,7 +42,8 @@ impl Normals {
         dof as f64 * (1.0 - variance + variance.sqrt() * self.next()).powi(3)
     }
 
-    fn uniform(&mut self) -> f64 {
+    /// A uniform number in [0, 1).
+    pub fn uniform(&mut self) -> f64 {
         (self.rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 }

@@ -86,6 +86,33 @@ pub struct Recommended {
     pub scores: Vec<Score>,
 }
 
+/// How far a law that was tested is believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Belief {
+    pub law: Candidate,
+    /// Above 0; those of all laws sum to 1.
+    pub weight: f64,
+    pub error: ForecastError,
+}
+
+impl Recommended {
+    /// Every tested law by how probable its own misses make it.
+    ///
+    /// Misses are normal with a deviation that is known to few degrees of freedom ν, so that a law whose
+    /// misses are twice as large is 2^ν times less believed, not ruled out.
+    pub fn beliefs(&self) -> Vec<Belief> {
+        let errors = self.scores.iter().map(|s| (s.law, ForecastError::of(&s.misses)));
+        let beliefs = errors.map(|(law, error)| {
+            let weight = (error.loss / EXPECTED.loss).powi(-(error.dof as i32));
+            Belief { law, weight, error }
+        });
+        let mut beliefs: Vec<Belief> = beliefs.collect();
+        let sum: f64 = beliefs.iter().map(|belief| belief.weight).sum();
+        beliefs.iter_mut().for_each(|belief| belief.weight /= sum);
+        beliefs
+    }
+}
+
 /// How a law's misses grow with the distance from its fit: the part of an interval that no noise of
 /// the runs holds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

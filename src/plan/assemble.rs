@@ -64,6 +64,11 @@ impl Plan {
         Self { runs, dropped, tokenizers, trunks, text, data, remarks }
     }
 
+    /// The plan with other runs on the same tokenizers, each trained alone.
+    pub fn with_runs(&self, runs: Vec<PlannedRun>) -> Self {
+        Self { runs, trunks: Vec::new(), ..self.clone() }.only(|_| true)
+    }
+
     /// The plan of some of its runs, with what those need.
     pub fn only(&self, is_kept: impl Fn(&PlannedRun) -> bool) -> Self {
         let runs: Vec<PlannedRun> = self.runs.iter().filter(|run| is_kept(run)).cloned().collect();

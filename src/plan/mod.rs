@@ -17,5 +17,6 @@ pub use memory::{text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes};
 pub use planned_run::PlannedRun;
 pub use priced_cell::Dropped;
 pub use run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
+pub use steps::learning_rate;
 pub use text_job::TextJob;
 pub use trunk::Trunk;

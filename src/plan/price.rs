@@ -33,10 +33,9 @@ fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
     let per_token = flops_per_token.by(sweep.flops.rule);
     let spending = spend(cell.budget_flops, per_token, &sweep.train)?;
     let params = generator.params(&codes);
-    let trained = params.nonvocab + params.vocab;
     Ok(PricedCell {
         group: None,
-        pace: pace(trained, spending.tokens(), spending, &sweep.train),
+        pace: pace(&params, spending.tokens(), spending, &sweep.train),
         params,
         generator,
         quantizer: cell.quantizer.clone(),

@@ -1,7 +1,8 @@
 //! From a budget to tokens, steps, batch, learning rate and warm-up.
 
+use crate::spec::ParamCounts;
 use crate::spec::flops::TRAINING_PER_FORWARD;
-use crate::sweep::{BatchRule, LrRule, TrainSection};
+use crate::sweep::{BatchRule, LrRule, RateParams, TrainSection};
 
 /// How one run spends its budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,10 +87,11 @@ pub struct Pace {
 }
 
 /// The rate by its rule for N and D; the warm-up of a run that spends so.
-pub fn pace(params: usize, tokens: usize, spending: Spending, train: &TrainSection) -> Pace {
+pub fn pace(params: &ParamCounts, tokens: usize, spending: Spending, train: &TrainSection) -> Pace {
+    let trained = params.nonvocab + params.vocab;
     Pace {
         lr: learning_rate(params, tokens, &train.lr),
-        warmup_steps: warmup_steps(spending, params, train.schedule.warmup),
+        warmup_steps: warmup_steps(spending, trained, train.schedule.warmup),
     }
 }
 
@@ -101,8 +103,12 @@ fn batch_by_rule(tokens: f64, rule: &BatchRule) -> usize {
 }
 
 /// lr = c·N^p·D^q, at most the rule's maximum.
-fn learning_rate(params: usize, tokens: usize, rule: &LrRule) -> f64 {
-    let by_params = (params as f64).powf(rule.params_exponent);
+pub fn learning_rate(params: &ParamCounts, tokens: usize, rule: &LrRule) -> f64 {
+    let counted = match rule.params {
+        RateParams::Nonvocab => params.nonvocab,
+        RateParams::Total => params.nonvocab + params.vocab,
+    };
+    let by_params = (counted as f64).powf(rule.params_exponent);
     let by_tokens = (tokens as f64).powf(rule.tokens_exponent);
     (rule.coefficient * by_params * by_tokens).min(rule.max)
 }

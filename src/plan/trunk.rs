@@ -62,8 +62,7 @@ fn common(cells: &[PricedCell], train: &TrainSection) -> (usize, Pace) {
     let batch_tokens = widest_batch(most, smallest.tokens_bought(), train);
     let steps = (smallest.tokens_bought() / batch_tokens as f64).round() as usize;
     let shortest = Spending { batch_tokens, steps, ..smallest.spending };
-    let params = smallest.params.nonvocab + smallest.params.vocab;
-    (batch_tokens, pace(params, smallest.spending.tokens(), shortest, train))
+    (batch_tokens, pace(&smallest.params, smallest.spending.tokens(), shortest, train))
 }
 
 /// What cells must agree in to share a trunk.

@@ -8,6 +8,7 @@ mod brief;
 mod codebook;
 mod error;
 mod flop_count;
+mod opinion;
 mod optimum;
 mod options;
 mod project;

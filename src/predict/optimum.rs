@@ -2,14 +2,13 @@
 
 use super::at_budget::{Vocabulary, fitted_at, sample_at, shape_for, width_for};
 use super::codebook::Codebook;
+use super::opinion::{Quantities, opinions};
 use super::spread::Spread;
 use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
 };
-use crate::laws::{
-    Candidate, ForecastError, JointLaw, JointOptimum, LawSample, Laws, around, interval95,
-};
+use crate::laws::{Candidate, JointLaw, JointOptimum, LawSample, Laws, around, interval95};
 
 /// The optimal configuration for `budget` FLOPs.
 ///
@@ -42,6 +41,10 @@ pub fn predict(
         _ => shape(&on_budget, joint, options).map(|(v, shape)| (Some(v), Some(shape)))?,
     };
     let size = Size::of(vocabulary, &on_budget);
+    let loss_normalised = loss(laws.recommended_law(), &raw);
+    let own = (loss_normalised.unwrap_or(f64::NAN), on_budget);
+    let opinions = opinions(laws, (vocabulary, options), own, budget);
+    let spread = Spread::new(opinions, budget / largest_fitted(laws));
     let mut prediction = Prediction {
         budget_flops: budget,
         law: laws.name.clone(),
@@ -50,9 +53,9 @@ pub fn predict(
         params_vocab: size.params_vocab,
         n_vocab,
         tokens: on_budget.tokens,
-        loss_normalised: loss(laws.recommended_law(), &raw),
+        loss_normalised,
         recommended: laws.judgement.recommended.as_ref().map(|recommended| recommended.law),
-        ci95: intervals(laws, vocabulary, budget, options),
+        ci95: intervals(laws, vocabulary, &spread, budget, options),
         spends_flops: raw.spends_flops,
         budget_ratio: raw.spends_flops / budget,
         extrapolation_factor: budget / largest_fitted(laws),
@@ -175,15 +178,15 @@ fn largest_fitted(laws: &Laws) -> f64 {
     laws.fitted_budgets.iter().copied().reduce(f64::max).unwrap_or(laws.reference_flops)
 }
 
-/// The interval of every quantity: what the replicates say, spread by how far the law's own forecasts
-/// missed.
+/// The interval of every quantity: what the replicates say, spread by what the other laws say and by how
+/// far the laws' own forecasts missed.
 fn intervals(
     laws: &Laws,
     vocabulary: Vocabulary,
+    spread: &Spread,
     budget: f64,
     options: &PredictOptions,
 ) -> Intervals {
-    let spread = Spread::at(laws, budget / largest_fitted(laws));
     let joint: Option<Vec<JointOptimum>> = joint_law(laws).map(|law| law.optima(budget));
     let on_budget = |sample| {
         let at_c = sample_at(sample, laws, vocabulary, options.shapes, budget)?;
@@ -193,7 +196,7 @@ fn intervals(
         Some(optima) => optima.iter().map(allocation).collect(),
         None => laws.bootstrap.iter().filter_map(on_budget).collect(),
     };
-    let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&ForecastError) -> f64| {
+    let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&Quantities) -> f64| {
         interval95(&spread.of_logs(replicates.iter().filter_map(value), of))
     };
     let loss_floor = interval95(&spread.of(floor_losses(laws, budget), |e| e.loss));

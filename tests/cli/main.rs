@@ -21,4 +21,5 @@ mod tables;
 mod text_file;
 mod tokenizer;
 mod trunks;
+mod tune;
 mod validate;

@@ -45,6 +45,9 @@ pub struct RunArgs {
     /// Memory for all jobs together, as in 8GB; by default all that is free at the start
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
+    /// The command in whose name it runs, and options that are that command's own
+    #[arg(skip = vec!["run".to_string()])]
+    pub said_as: Vec<String>,
 }
 
 impl RunArgs {
@@ -62,6 +65,7 @@ impl RunArgs {
             rounds: None,
             until: None,
             memory: None,
+            said_as: vec!["run".to_string()],
         }
     }
 

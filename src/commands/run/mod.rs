@@ -16,11 +16,12 @@ use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
-use bring::{bring, open};
+
 use rounds::run_in_rounds;
 use summary::Summary;
 
 pub use args::RunArgs;
+pub use bring::{bring, hold, open};
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
     if let Some(most) = args.rounds {

@@ -47,7 +47,7 @@ pub(super) fn judge(
     let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
     Judgement {
         forecast_error: Some(ForecastError::of(misses)),
-        joint: joint(&split.fitted, recommended.law, scatter, options),
+        joint: joint(&split.fitted, &recommended, scatter, options),
         recommended: Some(recommended),
         ..own
     }
@@ -95,16 +95,17 @@ fn rank(rows: &Rows, method: MinimumMethod) -> Recommended {
     recommended(rows.scores(), method, rows.grids.len())
 }
 
-/// The joint law of the recommended kind through some budgets, with its replicates where it is the one
-/// to believe.
+/// The joint law of the kind that was tested best, through some budgets, with its replicates where it is
+/// the one to believe.
 fn joint(
     grids: &[Grid],
-    law: Candidate,
+    recommended: &Recommended,
     scatter: Scatter,
     options: &FitOptions,
 ) -> Option<JointLaw> {
-    let mut joint = fit_joint(grids, scatter.noise, law == Candidate::JointRepeats)?;
-    if law.is_joint() {
+    let best = recommended.scores.iter().map(|score| score.law).find(|law| law.is_joint());
+    let mut joint = fit_joint(grids, scatter.noise, best == Some(Candidate::JointRepeats))?;
+    if recommended.law.is_joint() {
         let count = options.bootstrap.min(JOINT_REPLICATES);
         joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);
     }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::cost::Cost;
 use super::loss::JointLoss;
 use super::optimum::JointOptimum;
+use crate::laws::Candidate;
 
 /// A joint law, and all that a prediction needs of the cells it was fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +24,11 @@ pub struct JointLaw {
 }
 
 impl JointLaw {
+    /// Its name among the laws that can be recommended.
+    pub fn candidate(&self) -> Candidate {
+        if self.loss.terms.repeats { Candidate::JointRepeats } else { Candidate::Joint }
+    }
+
     /// The best allocation of `budget` FLOPs.
     pub fn optimum(&self, budget: f64) -> Option<JointOptimum> {
         self.cost.optimum(&self.loss, budget)

@@ -83,13 +83,26 @@ impl Default for ScheduleSection {
     }
 }
 
-/// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`, N = N_nv + N_v.
+/// The parameters that a learning rate goes with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RateParams {
+    /// N_nv: at one size the best rate is the same for every vocabulary.
+    #[default]
+    Nonvocab,
+    /// N_nv + N_v.
+    Total,
+}
+
+/// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LrRule {
     /// The rate where both exponents are 0.
     #[serde(deserialize_with = "number::number")]
     pub coefficient: f64,
+    /// Which parameters N counts: `nonvocab` or `total`.
+    pub params: RateParams,
     /// How the rate goes with the parameters.
     #[serde(deserialize_with = "number::number")]
     pub params_exponent: f64,
@@ -103,7 +116,13 @@ pub struct LrRule {
 
 impl Default for LrRule {
     fn default() -> Self {
-        Self { coefficient: 0.5, params_exponent: -0.4, tokens_exponent: 0.0, max: 2e-2 }
+        Self {
+            coefficient: 0.5,
+            params: RateParams::Nonvocab,
+            params_exponent: -0.4,
+            tokens_exponent: 0.0,
+            max: 2e-2,
+        }
     }
 }
 

@@ -1,0 +1,149 @@
+//! What is tried next, out of what came of the trials before.
+
+use super::{Setting, Trial};
+use crate::sweep::ScheduleKind;
+
+/// Factors of √2 between two rates that are tried.
+const STEP: i32 = 2;
+/// Factors of √2 beyond which no rate is tried, and factors of 2 beyond which no batch is.
+const FARTHEST_RATE: i32 = 10;
+const FARTHEST_BATCH: i32 = 3;
+
+/// The next trials at `n_cells` cells, (cell, setting); none where the search is over.
+///
+/// First the rates of each cell, a factor of 2 apart, until the best has a worse one on both sides. Then
+/// batches, each cell's rate moved by √2 for each factor of 2 (Malladi et al. 2022), until the best of all
+/// cells together lies between worse ones. Then the other schedule.
+pub fn next(n_cells: usize, own: ScheduleKind, trials: &[Trial]) -> Vec<(usize, Setting)> {
+    let cells = Cell::all(n_cells, own, trials);
+    let rates: Vec<_> = cells.iter().flat_map(Cell::next_rates).collect();
+    if !rates.is_empty() {
+        return rates;
+    }
+    let batches = next_batches(&cells);
+    if !batches.is_empty() {
+        return batches;
+    }
+    let batch = best_batch(&cells);
+    let with_other = cells.iter().filter_map(|cell| {
+        let setting = Setting { schedule: other(own), ..cell.at_batch(batch)? };
+        cell.open(setting)
+    });
+    with_other.collect()
+}
+
+/// The batch whose trials are best on average over the cells.
+pub(super) fn best_batch(cells: &[Cell]) -> i32 {
+    let (low, high) = tried(cells);
+    let mean = |batch: i32| {
+        let gains: Vec<f64> = cells.iter().filter_map(|cell| cell.gain_of_batch(batch)).collect();
+        if gains.is_empty() {
+            f64::INFINITY
+        } else {
+            gains.iter().sum::<f64>() / gains.len() as f64
+        }
+    };
+    (low..=high).min_by(|a, b| mean(*a).total_cmp(&mean(*b))).unwrap_or(0)
+}
+
+fn next_batches(cells: &[Cell]) -> Vec<(usize, Setting)> {
+    let (low, high) = tried(cells);
+    let asked = |batch: i32| {
+        let at = move |cell: &Cell| cell.open(cell.at_batch(batch)?);
+        cells.iter().filter_map(at).collect::<Vec<_>>()
+    };
+    let first = [asked(-1), asked(1)].concat();
+    if !first.is_empty() {
+        return first;
+    }
+    match best_batch(cells) {
+        best if best == low && low > -FARTHEST_BATCH => asked(low - 1),
+        best if best == high && high < FARTHEST_BATCH => asked(high + 1),
+        _ => Vec::new(),
+    }
+}
+
+/// The smallest and the largest batch that was tried.
+fn tried(cells: &[Cell]) -> (i32, i32) {
+    let batches = || cells.iter().flat_map(|cell| cell.ended().map(|trial| trial.setting.batch));
+    (batches().min().unwrap_or(0), batches().max().unwrap_or(0))
+}
+
+/// The schedule that a sweep does not have.
+pub(super) fn other(own: ScheduleKind) -> ScheduleKind {
+    match own {
+        ScheduleKind::Cosine => ScheduleKind::Wsd,
+        ScheduleKind::Wsd => ScheduleKind::Cosine,
+    }
+}
+
+/// The trials of one cell.
+pub(super) struct Cell<'a> {
+    cell: usize,
+    /// The sweep's schedule.
+    own: ScheduleKind,
+    trials: &'a [Trial],
+}
+
+impl<'a> Cell<'a> {
+    pub fn all(n_cells: usize, own: ScheduleKind, trials: &'a [Trial]) -> Vec<Self> {
+        (0..n_cells).map(|cell| Self { cell, own, trials }).collect()
+    }
+
+    fn ended(&self) -> impl Iterator<Item = &'a Trial> {
+        let (cell, own) = (self.cell, self.own);
+        let is_own = move |t: &&Trial| t.cell == cell && t.setting.schedule == own;
+        self.trials.iter().filter(is_own)
+    }
+
+    /// (rate, loss) of the trials at the sweep's own batch, ascending.
+    pub fn rates(&self) -> Vec<(i32, f64)> {
+        let own = self.ended().filter(|trial| trial.setting.batch == 0);
+        let mut rates: Vec<(i32, f64)> =
+            own.map(|trial| (trial.setting.rate, trial.height())).collect();
+        rates.sort_by_key(|(rate, _)| *rate);
+        rates
+    }
+
+    fn best_rate(&self) -> Option<i32> {
+        let best = self.rates().into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        best.1.is_finite().then_some(best.0)
+    }
+
+    fn next_rates(&self) -> Vec<(usize, Setting)> {
+        // Where nothing ended, the rate is too high.
+        let lowest = self.rates().first().map_or(0, |(rate, _)| *rate);
+        let middle = self.best_rate().unwrap_or(lowest);
+        let wanted = [middle - STEP, middle, middle + STEP].into_iter();
+        let near = wanted.filter(|rate| rate.abs() <= FARTHEST_RATE);
+        near.filter_map(|rate| self.open(Setting { rate, ..Setting::own(self.own) })).collect()
+    }
+
+    /// The best rate, moved with the batch.
+    fn at_batch(&self, batch: i32) -> Option<Setting> {
+        Some(Setting { rate: self.best_rate()? + batch, batch, schedule: self.own })
+    }
+
+    /// The setting, unless it was tried.
+    fn open(&self, setting: Setting) -> Option<(usize, Setting)> {
+        let same = |trial: &Trial| trial.cell == self.cell && trial.setting == setting;
+        (!self.trials.iter().any(same)).then_some((self.cell, setting))
+    }
+
+    fn loss(&self, setting: Setting) -> Option<f64> {
+        let same = |trial: &&Trial| trial.cell == self.cell && trial.setting == setting;
+        self.trials.iter().find(same)?.loss
+    }
+
+    /// The loss at a batch less that at the sweep's own.
+    pub fn gain_of_batch(&self, batch: i32) -> Option<f64> {
+        Some(self.loss(self.at_batch(batch)?)? - self.loss(self.at_batch(0)?)?)
+    }
+
+    /// The loss under the other schedule less that under the sweep's own, at a batch.
+    pub fn gain_of_schedule(&self, batch: i32) -> Option<f64> {
+        let own = self.at_batch(batch)?;
+        let with_other = Setting { schedule: other(self.own), ..own };
+        Some(self.loss(with_other)? - self.loss(own)?)
+    }
+}
