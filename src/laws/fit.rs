@@ -4,6 +4,7 @@ use super::advice::advise;
 use super::bootstrap::{Bootstrap, Replicate, Sources};
 use super::budget::group_checked;
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
+use super::lost_runs::of_lost_runs;
 use super::noise::{Scatter, run_noise};
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
@@ -70,7 +71,8 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     laws.advice = advise(&laws, &split);
     laws.judgement = judge(&laws, &split, &per_method, replicas.parts, scatter, options);
     let all = minima_of(&per_method, method);
-    let first = [check::repeats(points), hold_out_warning, method_warning, fewer.clone()];
+    let lost = of_lost_runs(split.fitted.iter().chain(&split.held_out));
+    let first = [check::repeats(points), hold_out_warning, method_warning, fewer.clone(), lost];
     let first = first.into_iter().flatten();
     let of_minima = warnings::of_minima(all, &used, &split, method, options);
     laws.warnings.splice(0..0, first.chain(of_minima));

@@ -40,6 +40,7 @@ mod law_set;
 mod least_squares;
 mod line;
 mod log_law;
+mod lost_runs;
 mod metric;
 mod minima;
 mod names;

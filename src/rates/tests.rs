@@ -1,5 +1,10 @@
 use super::*;
-use crate::sweep::{ScheduleKind, TrainSection};
+use crate::sweep::{ScheduleKind, ScheduleSection, TrainSection};
+
+fn cosine() -> TrainSection {
+    let schedule = ScheduleSection { kind: ScheduleKind::Cosine, ..ScheduleSection::default() };
+    TrainSection { schedule, ..TrainSection::default() }
+}
 
 /// Losses with a known best rate: 3 N^−0.5 D^0, and a best batch of half the sweep's own.
 fn truth(place: &Place, setting: Setting) -> f64 {
@@ -44,7 +49,7 @@ fn searched(places: &[Place], at: impl Fn(&Place, Setting) -> Option<f64>) -> Ve
 
 #[test]
 fn a_known_rule_is_found() {
-    let (places, train) = (places(), TrainSection::default());
+    let (places, train) = (places(), cosine());
     let trials = searched(&places, |place, setting| Some(truth(place, setting)));
     let rule = fit_rule(&places, &train, &trials).unwrap();
     assert_eq!((rule.batch_doublings, rule.schedule), (-1, ScheduleKind::Wsd));
@@ -85,11 +90,11 @@ fn rates_that_diverge_are_kept_away_from() {
         (lr < 1.2 * place.lr).then(|| -3.0 - 0.1 * lr.ln())
     };
     let trials = searched(&places, at);
-    let rule = fit_rule(&places, &TrainSection::default(), &trials).unwrap();
+    let rule = fit_rule(&places, &cosine(), &trials).unwrap();
     assert!(rule.cells.iter().all(|cell| cell.optimal_lr < cell.best_lr), "{:?}", rule.cells);
     assert_eq!(rule.regret, None, "no parabola has a bottom there");
     let nowhere = searched(&places, |_, _| None);
-    assert_eq!(fit_rule(&places, &TrainSection::default(), &nowhere), None);
+    assert_eq!(fit_rule(&places, &cosine(), &nowhere), None);
 }
 
 #[test]

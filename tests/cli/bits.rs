@@ -13,6 +13,10 @@ const LOSSES: [&str; 2] = ["loss_nats", "loss_normalised"];
 /// On another processor sums are taken in another order; a run then ends within this of the loss.
 const NATS_BETWEEN_PROCESSORS: f64 = 0.05;
 
+/// How sweeps of that commit were trained.
+const RECIPE: [&str; 4] =
+    ["--set", "train.schedule.kind=cosine", "--set", "train.lr={params: total, max: 0.02}"];
+
 /// The losses of a table by run.
 type Losses = BTreeMap<Vec<String>, Vec<f64>>;
 
@@ -70,7 +74,8 @@ fn a_small_sweep_on_real_motion_gives_the_losses_of_before() {
     }
     let place = Place::with("cmu-small.yaml");
     let path = format!("data.path={}", data.display());
-    place.isoflop(&["run", "cmu-small.yaml", "--set", &path]).exits(0);
+    let run = ["run", "cmu-small.yaml", "--set", &path];
+    place.isoflop(&[&run[..], &RECIPE].concat()).exits(0);
     assert_as_before("cmu-small", &place.path("results/cmu-small"));
 }
 
@@ -79,6 +84,6 @@ fn a_small_sweep_on_real_motion_gives_the_losses_of_before() {
 fn the_quickstart_gives_the_losses_of_before() {
     let place = Place::new();
     let sweep = concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/quickstart.yaml");
-    place.isoflop(&["run", sweep]).exits(0);
+    place.isoflop(&[&["run", sweep][..], &RECIPE].concat()).exits(0);
     assert_as_before("quickstart", &place.path("results/quickstart"));
 }

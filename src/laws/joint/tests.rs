@@ -81,7 +81,7 @@ fn the_slopes_are_the_derivatives_of_the_loss() {
     assert_eq!(law.values.len(), law.terms.names().len());
     let cells = grids(&repeated);
     for cell in cells.iter().flat_map(|grid| &grid.cells).step_by(17) {
-        let place = fit::place(cell);
+        let place = weighed::place(cell);
         for (i, slope) in law.gradient(&place).into_iter().enumerate() {
             let moved = |step: f64| {
                 let mut moved = law.clone();

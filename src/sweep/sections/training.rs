@@ -43,10 +43,10 @@ impl Default for ModelSection {
 #[serde(rename_all = "lowercase")]
 pub enum ScheduleKind {
     /// Linear warm-up, then half a cosine down to `final_share` (ScaMo Table 4).
-    #[default]
     Cosine,
     /// Linear warm-up, a constant rate, then a decay by 1 − √share over the last steps (Hägele et
     /// al. 2024): runs that differ in budget alone begin alike.
+    #[default]
     Wsd,
 }
 
@@ -121,7 +121,7 @@ impl Default for LrRule {
             params: RateParams::Nonvocab,
             params_exponent: -0.4,
             tokens_exponent: 0.0,
-            max: 2e-2,
+            max: 5e-2,
         }
     }
 }

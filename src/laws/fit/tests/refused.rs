@@ -96,3 +96,22 @@ fn a_huber_delta_must_be_a_positive_number() {
         assert!(matches!(error, Err(FitError::BadOption { option: "huber", .. })));
     }
 }
+
+#[test]
+fn a_best_cell_that_lost_a_run_is_told_of() {
+    let mut points = Simulated { n_seeds: 2, ..simulated() }.points();
+    let told = |points: &[IsoFlopPoint]| {
+        let laws = fit(points, &options()).unwrap();
+        laws.warnings.into_iter().find(|warning| warning.contains("luckier"))
+    };
+    assert_eq!(told(&points), None);
+    let best = points.iter().min_by(|a, b| a.loss.total_cmp(&b.loss)).unwrap().clone();
+    points.retain(|point| point.run_id != best.run_id);
+    let sentence = told(&points).expect("a sentence");
+    assert!(sentence.starts_with("1 cell(s)"), "{sentence}");
+    // A cell that is not the best of its size may lose one.
+    let mut points = Simulated { n_seeds: 2, ..simulated() }.points();
+    let worst = points.iter().max_by(|a, b| a.loss.total_cmp(&b.loss)).unwrap().clone();
+    points.retain(|point| point.run_id != worst.run_id);
+    assert_eq!(told(&points), None);
+}

@@ -1,0 +1,194 @@
+//! What a fit of a joint law makes small.
+
+use super::levenberg::{MOST, MOST_STEPS, Residuals, Row, minimise};
+use super::loss::{ALPHA, BETA, JointLoss, Place, Terms};
+use super::weighed::{Cells, place};
+use crate::laws::RunNoise;
+use crate::laws::least_squares::least_squares;
+
+/// The exponents that a search starts from.
+const STARTS: [f64; 3] = [0.2, 0.5, 1.0];
+/// Noise that the expectations are weighed with where it is not known, in nats.
+pub(in crate::laws) const UNKNOWN_NOISE: f64 = 0.02;
+/// The standard deviation of a coefficient of which nothing is expected.
+const UNEXPECTED: f64 = 10.0;
+/// Bounds of the exponents α and β.
+const EXPONENTS: [f64; 2] = [0.02, 4.0];
+/// Passes over the data that are worth the first one, R: what is expected, ln 15 (Muennighoff et al.
+/// 2023), and its bounds.
+const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
+/// Steps from each start, and how many of those that are lowest then are followed to their end.
+const FIRST_STEPS: usize = 15;
+const FOLLOWED: usize = 3;
+
+/// Where a coefficient, or its logarithm, is expected to lie.
+#[derive(Clone, Copy)]
+struct Expectation {
+    /// Among the values of a [`JointLoss`].
+    index: usize,
+    mean: f64,
+    sd: f64,
+    in_logs: bool,
+}
+
+/// What is expected of coefficients before the cells are asked.
+fn expected(terms: Terms) -> Vec<Expectation> {
+    let exponent = |index| Expectation { index, mean: 0.4f64.ln(), sd: 0.7, in_logs: true };
+    let mut all = [ALPHA, BETA].map(exponent).to_vec();
+    if terms.coupled {
+        let first = terms.first_coupled();
+        let near_zero = |(i, sd)| Expectation { index: first + i, mean: 0.0, sd, in_logs: false };
+        all.extend([(0, 0.1), (1, 0.4), (2, 0.4)].map(near_zero));
+    }
+    if terms.repeats {
+        let index = terms.count() - 1;
+        all.push(Expectation { index, mean: LN_R[0], sd: 1.0, in_logs: false });
+    }
+    all
+}
+
+/// How widely each coefficient of a law may lie before any cell is asked, as standard deviations.
+pub(in crate::laws) fn expected_sds(law: &JointLoss) -> Vec<f64> {
+    let mut sds = vec![UNEXPECTED; law.terms.count()];
+    for Expectation { index, sd, in_logs, .. } in expected(law.terms) {
+        sds[index] = sd * if in_logs { law.values[index] } else { 1.0 };
+    }
+    sds
+}
+
+/// The residuals of every cell, and of every coefficient from what is expected of it.
+pub(super) struct Problem {
+    /// Terms, centre and unique tokens, with coefficients that mean nothing.
+    pub frame: JointLoss,
+    places: Vec<Place>,
+    losses: Vec<f64>,
+    weights: Vec<f64>,
+    expected: Vec<Expectation>,
+    noise: f64,
+}
+
+impl Problem {
+    pub fn new(cells: &Cells, terms: Terms, noise: Option<RunNoise>) -> Self {
+        let noise = noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0).unwrap_or(UNKNOWN_NOISE);
+        let all = &cells.all;
+        let runs = all.iter().map(|cell| cell.runs).sum::<f64>() / all.len() as f64;
+        let unique = all.iter().filter_map(|cell| cell.unique_tokens);
+        let unique_tokens = unique.reduce(f64::max).filter(|_| terms.repeats);
+        Self {
+            frame: JointLoss {
+                terms,
+                centre: cells.centre(),
+                values: vec![0.0; terms.count()],
+                unique_tokens,
+            },
+            places: all.iter().map(|cell| place(cell)).collect(),
+            losses: all.iter().map(|cell| cell.loss).collect(),
+            weights: cells.weights(noise),
+            expected: expected(terms),
+            noise: noise / runs.sqrt(),
+        }
+    }
+
+    /// How many cells of equal weight these are worth, (Σw)²/Σw².
+    pub fn effective_cells(&self) -> f64 {
+        let squares: f64 = self.weights.iter().map(|weight| weight.powi(4)).sum();
+        self.weights.iter().map(|weight| weight.powi(2)).sum::<f64>().powi(2) / squares
+    }
+
+    /// The share of the residuals' variance that a fit of `p` coefficients leaves.
+    pub fn free(&self, p: usize) -> f64 {
+        (1.0 - p as f64 / self.effective_cells()).max(0.2)
+    }
+
+    pub fn law(&self, values: &[f64]) -> JointLoss {
+        JointLoss { values: values.to_vec(), ..self.frame.clone() }
+    }
+
+    /// The weighed sum of squares of the cells alone.
+    pub fn of_cells(&self, values: &[f64]) -> f64 {
+        let law = self.law(values);
+        let rows = self.places.iter().zip(&self.losses).zip(&self.weights);
+        rows.map(|((place, loss), weight)| (weight * (loss - law.value(place))).powi(2)).sum()
+    }
+
+    /// The coefficients downhill from the most promising of some starts.
+    pub fn best(&self, starts: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+        let near = starts.into_iter().map(|start| minimise(self, start, FIRST_STEPS));
+        let mut near: Vec<(Vec<f64>, f64)> = near.collect();
+        near.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let followed = near.into_iter().take(FOLLOWED);
+        let ends = followed.map(|(values, _)| minimise(self, values, MOST_STEPS));
+        ends.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(values, _)| values)
+    }
+
+    /// How far each coefficient lies from what is expected of it, in units of the noise, with the
+    /// derivative by it.
+    fn of_expectations(&self, values: &[f64]) -> impl Iterator<Item = (f64, usize, f64)> {
+        self.expected.iter().map(|&Expectation { index, mean, sd, in_logs }| {
+            let (value, slope) = match in_logs {
+                true => (values[index].ln(), 1.0 / values[index]),
+                false => (values[index], 1.0),
+            };
+            (self.noise * (mean - value) / sd, index, self.noise * slope / sd)
+        })
+    }
+
+    /// The linear coefficients at each pair of exponents to start from.
+    pub fn starts(&self) -> Vec<Vec<f64>> {
+        let pairs = STARTS.iter().flat_map(|alpha| STARTS.map(|beta| (*alpha, beta)));
+        pairs.filter_map(|(alpha, beta)| self.start(alpha, beta)).collect()
+    }
+
+    fn start(&self, alpha: f64, beta: f64) -> Option<Vec<f64>> {
+        let Terms { vocab, coupled, repeats } = self.frame.terms;
+        let [n0, v0, d0] = self.frame.centre;
+        let row = |place: &Place| {
+            let v = place.ln_vocab - v0;
+            let mut row = vec![1.0, (-alpha * (place.ln_size - n0)).exp()];
+            row.push((-beta * (place.ln_tokens - d0)).exp());
+            row.extend([-v].into_iter().filter(|_| vocab));
+            row.extend([v * v].into_iter().filter(|_| coupled));
+            row
+        };
+        let rows: Vec<Vec<f64>> = self.places.iter().map(row).collect();
+        let c = least_squares(&rows, &self.losses)?.coefficients;
+        let positive = |x: f64| x.max(0.02).ln();
+        let mut values = vec![c[0], positive(c[1]), alpha, positive(c[2]), beta];
+        values.extend(c.get(3));
+        values.extend(c.get(4));
+        values.extend([0.0, 0.0].into_iter().filter(|_| coupled));
+        values.extend([LN_R[0]].into_iter().filter(|_| repeats));
+        Some(values)
+    }
+}
+
+impl Residuals for Problem {
+    fn sum(&self, values: &[f64]) -> f64 {
+        let expectations = self.of_expectations(values).map(|(residual, ..)| residual.powi(2));
+        self.of_cells(values) + expectations.sum::<f64>()
+    }
+
+    fn each(&self, values: &[f64], take: &mut dyn FnMut(f64, &Row)) {
+        let law = self.law(values);
+        for ((place, loss), weight) in self.places.iter().zip(&self.losses).zip(&self.weights) {
+            let (value, slopes) = law.with_slopes(place);
+            take(weight * (loss - value), &slopes.map(|slope| weight * slope));
+        }
+        for (residual, index, slope) in self.of_expectations(values) {
+            let mut row = [0.0; MOST];
+            row[index] = slope;
+            take(residual, &row);
+        }
+    }
+
+    fn bound(&self, values: &mut [f64]) {
+        let [low, high] = EXPONENTS;
+        for index in [ALPHA, BETA] {
+            values[index] = values[index].clamp(low, high);
+        }
+        if self.frame.terms.repeats {
+            let last = values.len() - 1;
+            values[last] = values[last].clamp(LN_R[1], LN_R[2]);
+        }
+    }
+}

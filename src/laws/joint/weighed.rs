@@ -1,0 +1,77 @@
+//! The cells that a joint law is fitted to, and what each counts.
+
+use super::loss::{Place, Terms};
+use crate::laws::cell::Cell;
+use crate::laws::minima::Grid;
+use crate::laws::stats::distinct;
+
+/// Cells beyond the coefficients, at least.
+const SPARE: usize = 4;
+/// Vocabularies that the terms of coupling need.
+const COUPLED_LEVELS: usize = 4;
+/// Passes over the data from which repetition has a term.
+const REPEATED: f64 = 1.5;
+
+/// How far above its budget's best a cell counts a half, in units of the noise of a run.
+const VALLEY: f64 = 5.0;
+
+/// How much a cell counts that lies `above` the best of its budget: no smooth form holds everywhere,
+/// and a law is asked of the valley.
+pub(in crate::laws) fn valley(above: f64, noise: f64) -> f64 {
+    1.0 / (1.0 + (above / (VALLEY * noise)).powi(2))
+}
+
+/// The cells of all budgets.
+pub(super) struct Cells<'a> {
+    pub all: Vec<&'a Cell>,
+    /// How far each lies above the best of its budget, in nats.
+    above: Vec<f64>,
+}
+
+impl<'a> Cells<'a> {
+    pub fn new(grids: &'a [Grid]) -> Self {
+        let above =
+            |grid: &'a Grid| grid.cells.iter().map(move |cell| cell.loss - grid.best().loss);
+        Self {
+            all: grids.iter().flat_map(|grid| &grid.cells).collect(),
+            above: grids.iter().flat_map(above).collect(),
+        }
+    }
+
+    /// The terms that the cells can tell; none where even the fewest are too many, and where a term of
+    /// repetition is asked for that no cell knows.
+    pub fn terms(&self, repeats: bool) -> Option<Terms> {
+        let levels = distinct(self.all.iter().map(|cell| cell.n_vocab)).len();
+        let epochs = self.all.iter().filter_map(|cell| cell.epochs());
+        if repeats && epochs.fold(0.0, f64::max) <= REPEATED {
+            return None;
+        }
+        let wanted = [levels >= COUPLED_LEVELS, false].map(|coupled| Terms {
+            vocab: levels > 1,
+            coupled,
+            repeats,
+        });
+        wanted.into_iter().find(|terms| self.all.len() >= terms.count() + SPARE)
+    }
+
+    /// The root of what each cell counts, one cell on average.
+    pub fn weights(&self, noise: f64) -> Vec<f64> {
+        let pairs = self.all.iter().zip(&self.above);
+        let counts: Vec<f64> =
+            pairs.map(|(cell, above)| cell.runs * valley(*above, noise)).collect();
+        let mean = counts.iter().sum::<f64>() / counts.len() as f64;
+        counts.iter().map(|count| (count / mean).sqrt()).collect()
+    }
+
+    pub fn centre(&self) -> [f64; 3] {
+        let mean = |of: &dyn Fn(&Cell) -> f64| {
+            self.all.iter().map(|cell| of(cell)).sum::<f64>() / self.all.len() as f64
+        };
+        let of = |cell: &Cell| place(cell);
+        [mean(&|c| of(c).ln_size), mean(&|c| of(c).ln_vocab), mean(&|c| of(c).ln_tokens)]
+    }
+}
+
+pub(super) fn place(cell: &Cell) -> Place {
+    Place::new([cell.params_nonvocab, cell.n_vocab, cell.tokens], cell.unique_tokens)
+}
