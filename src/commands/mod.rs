@@ -56,7 +56,7 @@ enum Command {
     Predict(predict::PredictArgs),
     /// Test the laws: forecast a budget beyond the fit, train there, compare
     Validate(validate::ValidateArgs),
-    /// Find the learning rate, batch and schedule of a sweep by trials
+    /// Find the learning rate, batch and schedule of a sweep by trials, as a `train` section
     Tune(tune::TuneArgs),
     /// Train the tokenizers of a sweep, or compare several
     Tokenizer(tokenizer::TokenizerArgs),

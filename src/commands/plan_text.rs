@@ -145,7 +145,8 @@ fn epochs(epochs: f64) -> String {
 }
 
 pub fn time(hours: f64) -> String {
-    match hours {
+    // A sum of nothing is −0.
+    match hours + 0.0 {
         h if h < 1.0 / 60.0 => format!("{:.0} s", 3600.0 * h),
         h if h < 1.5 => format!("{:.0} min", 60.0 * h),
         h if h < 72.0 => format!("{h:.1} h"),
