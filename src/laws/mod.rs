@@ -26,6 +26,7 @@ mod brief;
 mod budget;
 mod cell;
 mod check;
+mod cholesky;
 #[cfg(test)]
 mod coverage;
 mod design;

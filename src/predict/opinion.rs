@@ -2,7 +2,7 @@
 
 use super::at_budget::{Vocabulary, fitted_at};
 use super::{Allocation, PredictOptions, project};
-use crate::laws::{Belief, Candidate, ForecastError, JointLaw, Laws};
+use crate::laws::{Belief, Candidate, ForecastError, Laws};
 
 /// A number for the loss and one for the logarithm of each part of an allocation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -73,7 +73,8 @@ impl Asked<'_> {
             }
             Candidate::Joint | Candidate::JointRepeats => {
                 let joint = laws.judgement.joint.as_ref().filter(|own| own.candidate() == law)?;
-                of_joint(joint, budget)?
+                let best = joint.optimum(budget)?;
+                (best.loss, best.into())
             }
         };
         said.0.is_finite().then_some(said)
@@ -85,12 +86,6 @@ impl Asked<'_> {
         let at_c = fitted_at(laws, vocabulary, options.shapes, budget).ok()?;
         project(&at_c, budget, options.flop_count).ok()
     }
-}
-
-fn of_joint(joint: &JointLaw, budget: f64) -> Option<Said> {
-    let best = joint.optimum(budget)?;
-    let (params_nonvocab, params_vocab) = (best.params_nonvocab, best.params_vocab);
-    Some((best.loss, Allocation { params_nonvocab, params_vocab, tokens: best.tokens }))
 }
 
 fn beyond(own: Said, other: Said) -> Quantities {

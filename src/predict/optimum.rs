@@ -86,7 +86,7 @@ impl Best {
         let vocabulary = Vocabulary::of(laws)?;
         if let Some(joint) = joint_law(laws).and_then(|law| law.optimum(budget)) {
             // Its allocation spends the budget at the prices of the sweep's own models.
-            let own = allocation(&joint);
+            let own = Allocation::from(joint);
             return Ok(Self { vocabulary, at_c: own, on_budget: own, joint: Some(joint) });
         }
         let at_c = fitted_at(laws, vocabulary, options.shapes, budget)?;
@@ -101,11 +101,6 @@ impl Best {
 /// The joint law, where it is the one to believe.
 fn joint_law(laws: &Laws) -> Option<&JointLaw> {
     laws.judgement.joint.as_ref().filter(|_| laws.recommended_law().is_joint())
-}
-
-fn allocation(joint: &JointOptimum) -> Allocation {
-    let JointOptimum { params_nonvocab, params_vocab, tokens, .. } = *joint;
-    Allocation { params_nonvocab, params_vocab, tokens }
 }
 
 fn loss(law: Candidate, raw: &Raw) -> Option<f64> {
@@ -193,7 +188,7 @@ fn intervals(
         project(&at_c, budget, options.flop_count).ok()
     };
     let replicates: Vec<Allocation> = match &joint {
-        Some(optima) => optima.iter().map(allocation).collect(),
+        Some(optima) => optima.iter().copied().map(Allocation::from).collect(),
         None => laws.bootstrap.iter().filter_map(on_budget).collect(),
     };
     let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&Quantities) -> f64| {

@@ -1,6 +1,7 @@
 //! Laws that spend too much or too little, brought onto the budget.
 
 use super::{FlopCount, PredictError};
+use crate::laws::JointOptimum;
 
 /// Relative error of the spent FLOPs at which a projection is done.
 const TOLERANCE: f64 = 1e-13;
@@ -12,6 +13,13 @@ pub struct Allocation {
     pub params_nonvocab: f64,
     pub params_vocab: f64,
     pub tokens: f64,
+}
+
+impl From<JointOptimum> for Allocation {
+    fn from(optimum: JointOptimum) -> Self {
+        let JointOptimum { params_nonvocab, params_vocab, tokens, .. } = optimum;
+        Self { params_nonvocab, params_vocab, tokens }
+    }
 }
 
 impl Allocation {

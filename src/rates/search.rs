@@ -126,24 +126,23 @@ impl<'a> Cell<'a> {
 
     /// The setting, unless it was tried.
     fn open(&self, setting: Setting) -> Option<(usize, Setting)> {
-        let same = |trial: &Trial| trial.cell == self.cell && trial.setting == setting;
-        (!self.trials.iter().any(same)).then_some((self.cell, setting))
+        self.trial(setting).is_none().then_some((self.cell, setting))
     }
 
-    fn loss(&self, setting: Setting) -> Option<f64> {
-        let same = |trial: &&Trial| trial.cell == self.cell && trial.setting == setting;
-        self.trials.iter().find(same)?.loss
+    fn trial(&self, setting: Setting) -> Option<&Trial> {
+        self.trials.iter().find(|trial| trial.cell == self.cell && trial.setting == setting)
     }
 
     /// The loss at a batch less that at the sweep's own.
     pub fn gain_of_batch(&self, batch: i32) -> Option<f64> {
-        Some(self.loss(self.at_batch(batch)?)? - self.loss(self.at_batch(0)?)?)
+        let loss = |batch| self.trial(self.at_batch(batch)?)?.loss;
+        Some(loss(batch)? - loss(0)?)
     }
 
     /// The loss under the other schedule less that under the sweep's own, at a batch.
     pub fn gain_of_schedule(&self, batch: i32) -> Option<f64> {
         let own = self.at_batch(batch)?;
         let with_other = Setting { schedule: other(self.own), ..own };
-        Some(self.loss(with_other)? - self.loss(own)?)
+        Some(self.trial(with_other)?.loss? - self.trial(own)?.loss?)
     }
 }

@@ -16,7 +16,6 @@ use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
-
 use rounds::run_in_rounds;
 use summary::Summary;
 

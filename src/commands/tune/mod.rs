@@ -11,7 +11,7 @@ use isoflop::engine::{ENGINES, Engine};
 use isoflop::files::atomic;
 use isoflop::jobs::presence::Held;
 use isoflop::jobs::{ResultsFolder, adopt};
-use isoflop::rates::{Rule, Trial, fit_rule, next};
+use isoflop::rates::{Trial, fit_rule, next};
 use serde_json::json;
 
 use super::args::{SweepArgs, an_engine};
@@ -52,8 +52,10 @@ pub fn tune(args: &TuneArgs, output: &Output) -> Result<Exit> {
     adopt(&whole.plan, &part.folder, &whole.folder)?;
     let rule = fit_rule(&cells.places, &whole.sweep.train, &trials)
         .context("fewer than two cells have a rate at which a run ends")?;
-    write(&part, &rule, &trials)?;
     let document = json!({ "rule": rule, "trials": trials });
+    atomic::write_json(&part.folder.file("rates.json"), &document)?;
+    let yaml = text::yaml(&rule, &part.sweep)?;
+    atomic::write_bytes(&part.folder.file("rates.yaml"), yaml.as_bytes())?;
     output.result(&document, &text::text(&rule, trials.len(), &part.folder))?;
     Ok(Exit::Done)
 }
@@ -88,12 +90,4 @@ fn search(
             trials.push(asked.trial(&part.folder)?);
         }
     }
-}
-
-/// The trials and the rule, and the rule as a sweep takes it.
-fn write(part: &OpenSweep, rule: &Rule, trials: &[Trial]) -> Result<()> {
-    let document = json!({ "rule": rule, "trials": trials });
-    atomic::write_json(&part.folder.file("rates.json"), &document)?;
-    let yaml = text::yaml(rule, &part.sweep)?;
-    Ok(atomic::write_bytes(&part.folder.file("rates.yaml"), yaml.as_bytes())?)
 }

@@ -39,17 +39,28 @@ impl Cells {
 
     /// The runs of some trials, (cell, setting).
     pub fn asked(&self, sweep: &Sweep, plan: &Plan, wanted: Vec<(usize, Setting)>) -> Vec<Asked> {
+        // Many cells try one setting, and a large sweep takes a second to plan.
+        let mut plans: Vec<(Setting, Plan)> = Vec::new();
+        for (_, setting) in &wanted {
+            if !plans.iter().any(|(planned, _)| planned == setting) {
+                let train = setting.of(&sweep.train);
+                let own = Sweep { train, ..sweep.clone() };
+                plans.push((*setting, Plan::new(&own, plan.data.clone())));
+            }
+        }
         let of = |(cell, setting): (usize, Setting)| {
-            let mut own = sweep.clone();
-            own.train = setting.of(&sweep.train);
-            let planned = Plan::new(&own, plan.data.clone());
+            let mut runs = plans.iter().filter(|(planned, _)| *planned == setting);
             let cell_run = &self.runs[cell];
-            let is_it = |run: &PlannedRun| {
+            let is_it = |run: &&PlannedRun| {
                 is_same_cell(run, cell_run)
                     && run.spec.seed == cell_run.spec.seed
                     && run.spec.tokenizer_id == cell_run.spec.tokenizer_id
             };
-            Asked { cell, setting, run: planned.runs.into_iter().find(is_it) }
+            Asked {
+                cell,
+                setting,
+                run: runs.find_map(|(_, plan)| plan.runs.iter().find(is_it)).cloned(),
+            }
         };
         wanted.into_iter().map(of).collect()
     }

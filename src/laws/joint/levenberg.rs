@@ -1,5 +1,7 @@
 //! Least squares of a smooth model by Levenberg and Marquardt's damped steps.
 
+use crate::laws::cholesky::solve;
+
 /// Coefficients at most.
 pub(super) const MOST: usize = 10;
 /// A number for each coefficient, and zeros after the last.
@@ -76,36 +78,11 @@ impl Normal {
         let p = values.len();
         let mut matrix = self.matrix;
         (0..p).for_each(|i| matrix[i][i] += damping * matrix[i][i].max(1e-18));
-        let change = solve(&mut matrix, self.right, p)?;
+        let change = solve(&matrix, 0.0, &self.right, p)?;
         let mut next: Vec<f64> = values.iter().zip(change).map(|(v, step)| v + step).collect();
         problem.bound(&mut next);
         next.iter().all(|value| value.is_finite()).then_some(next)
     }
-}
-
-/// By Cholesky's factors, in place of the lower half of the matrix; none where it is not positive
-/// definite.
-fn solve(matrix: &mut [Row; MOST], mut x: Row, p: usize) -> Option<Row> {
-    for i in 0..p {
-        for j in 0..=i {
-            let known: f64 = (0..j).map(|k| matrix[i][k] * matrix[j][k]).sum();
-            let left = matrix[i][j] - known;
-            if i != j {
-                matrix[i][j] = left / matrix[j][j];
-            } else if left > 0.0 {
-                matrix[i][i] = left.sqrt();
-            } else {
-                return None;
-            }
-        }
-        let known: f64 = (0..i).map(|k| matrix[i][k] * x[k]).sum();
-        x[i] = (x[i] - known) / matrix[i][i];
-    }
-    for i in (0..p).rev() {
-        let known: f64 = (i + 1..p).map(|k| matrix[k][i] * x[k]).sum();
-        x[i] = (x[i] - known) / matrix[i][i];
-    }
-    Some(x)
 }
 
 #[cfg(test)]

@@ -10,7 +10,8 @@
 
 use super::objective::Evaluation;
 use super::problem::Problem;
-use super::vector::{Matrix, Vector, dot, solve, times};
+use super::vector::{Matrix, Vector, dot, times};
+use crate::laws::cholesky::solve;
 use argmin::core::{
     Error, Executor, IterState, KV, Problem as Counted, Solver, State, TerminationReason,
     TerminationStatus,
