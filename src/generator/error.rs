@@ -2,6 +2,7 @@
 
 use crate::failure::FailureKind;
 use crate::learn::LearnError;
+use crate::learn::weights::WeightsError;
 
 /// Why a run ended without a result.
 #[derive(Debug, thiserror::Error)]
@@ -19,6 +20,15 @@ pub enum GeneratorError {
         positions - n_ctx
     )]
     Context { split: &'static str, clip: usize, positions: usize, n_ctx: usize },
+    /// A motion that was asked for is longer than the model's context.
+    #[error(
+        "a motion of {n_frames} frames takes {positions} positions with its text, the model has \
+         {n_ctx}: ask for at most {most} frames"
+    )]
+    Length { n_frames: usize, positions: usize, n_ctx: usize, most: usize },
+    /// Weights that are not those of the run.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
     /// The device does not compute in the run's precision.
     #[error("the device does not compute in {0}: set train.precision to {other}", other = others(.0))]
     Precision(&'static str),
@@ -34,7 +44,10 @@ impl GeneratorError {
     pub fn failure_kind(&self) -> Option<FailureKind> {
         match self {
             Self::Learn(error) => error.failure_kind(),
-            Self::Vocabulary { .. } | Self::Context { .. } => Some(FailureKind::BadData),
+            Self::Vocabulary { .. } | Self::Context { .. } | Self::Length { .. } => {
+                Some(FailureKind::BadData)
+            }
+            Self::Weights(_) => Some(FailureKind::Damaged),
             Self::Precision(_) => Some(FailureKind::Other),
         }
     }

@@ -4,6 +4,10 @@
 
 pub mod autoregressive;
 mod error;
+mod fitness;
+mod learner;
+mod sampling;
+mod schedule;
 mod trained;
 
 use std::path::Path;
@@ -11,8 +15,11 @@ use std::path::Path;
 use burn::tensor::Device;
 
 pub use error::GeneratorError;
+pub use sampling::{Choices, Draw, Prompt, Sampled, Sampler, StreamForm};
+pub use schedule::learning_rate;
 pub use trained::{Inputs, LogLine, SplitLoss, Trained};
 
+use crate::learn::weights::Weights;
 use crate::learn::{Checkpoints, LearnError};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
@@ -49,6 +56,17 @@ pub trait Generator: Sync {
         state: &Path,
         progress: &mut Progress,
     ) -> Result<(), GeneratorError>;
+
+    /// A trained run that makes motions, without gradients, on `device`.
+    ///
+    /// # Errors
+    /// [`GeneratorError::Weights`].
+    fn sampler(
+        &self,
+        spec: &RunSpec,
+        weights: Weights,
+        device: &Device,
+    ) -> Result<Box<dyn Sampler>, GeneratorError>;
 
     /// A run on made-up codes, whose steps can be timed. A model above [`MOST_PROBED_PARAMS`] is
     /// timed at a smaller size, and priced at the rate found there.

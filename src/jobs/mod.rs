@@ -22,6 +22,7 @@ mod state;
 mod text;
 mod tokenizer;
 mod tokens;
+mod trained;
 mod training;
 mod trunk;
 pub mod worker;
@@ -34,6 +35,7 @@ pub use id::JobId;
 pub use job::Job;
 pub use kind::{JobKind, Kind};
 pub use state::{Counts, FailedJob, Running, SweepState, sweep_state};
+pub use trained::TrainedRun;
 
 /// Every kind of job. Each needs only what stands before it, or its own kind.
 pub static KINDS: [JobKind; 5] =

@@ -29,6 +29,9 @@ use crate::sweep::Stage;
 /// written whole, after everything else.
 pub struct Run;
 
+/// The weights of a finished run, in its folder.
+pub const MODEL: &str = "model.safetensors";
+
 /// As a kind of job.
 pub const KIND: JobKind = JobKind::from_static(&Run);
 
@@ -172,7 +175,7 @@ fn write_results(
     trained: &Trained,
 ) -> Result<()> {
     let place = assignment.place();
-    weights::save(&place.join("model.safetensors"), &trained.weights, Default::default())?;
+    weights::save(&place.join(MODEL), &trained.weights, Default::default())?;
     let mut lines = String::new();
     for line in &trained.log {
         lines += &serde_json::to_string(line)?;

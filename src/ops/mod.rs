@@ -17,6 +17,7 @@
 mod check;
 mod convolution;
 mod device;
+mod joining;
 mod kernels;
 mod layout;
 mod operands;
@@ -32,6 +33,7 @@ mod updates;
 pub use check::{WrongProduct, check_products};
 pub use convolution::{Convolution, Taps};
 pub use device::{DeviceName, NoDevice};
+pub use joining::{Joining, KeyValues};
 pub use kernels::{HalfFloat, Kernels};
 pub use layout::{LayoutError, SequenceLayout};
 pub use operands::{

@@ -65,6 +65,12 @@ impl Rope {
         (&self.along[row.clone()], &self.across[row])
     }
 
+    /// Cosines and sines of position `t`, each `[head_dim / 2]`.
+    pub fn turn(&self, t: usize) -> (&[f32], &[f32]) {
+        let row = t * self.head_dim / 2..(t + 1) * self.head_dim / 2;
+        (&self.cos[row.clone()], &self.sin[row])
+    }
+
     /// Cosines and sines of the first `len` positions, each `[len, head_dim / 2]`.
     pub fn first(&self, len: usize) -> (&[f32], &[f32]) {
         let n = len * self.head_dim / 2;

@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use isoflop::generator::autoregressive::{Batch, TokenStream, learning_rate};
+use isoflop::generator::autoregressive::{Batch, TokenStream};
+use isoflop::generator::learning_rate;
 use isoflop::plan::RunSpec;
 
 use super::corpus::{Corpus, small_run};

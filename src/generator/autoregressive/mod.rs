@@ -1,11 +1,11 @@
-//! ScaMo's text-prefix autoregressive transformer: model, batches, training, loss.
+//! ScaMo's text-prefix autoregressive transformer: model, batches, training, loss, sampling.
 
 mod batch;
+mod decode;
 mod evaluate;
-mod fitness;
-mod learner;
+mod objective;
 mod probe;
-mod schedule;
+mod sample;
 mod stream;
 mod transformer;
 
@@ -15,17 +15,14 @@ use burn::tensor::Device;
 
 pub use batch::{Batch, Sequence};
 pub use evaluate::split_loss;
-pub use learner::Autoregressive;
-pub use schedule::learning_rate;
+pub use objective::NextCode;
 pub use stream::TokenStream;
 pub use transformer::{Model, Transformer, end_token};
 
-use super::{Generator, GeneratorError, Probe, Trained, Training};
-use crate::data::Split;
-use crate::learn::{LearnError, Learning, weights};
+use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
+use crate::learn::weights::Weights;
 use crate::plan::RunSpec;
 use crate::progress::Progress;
-use crate::spec::flops::TRAINING_PER_FORWARD;
 
 /// The text-prefix autoregressive transformer as a kind of generator.
 pub struct AutoregressiveGenerator;
@@ -36,16 +33,7 @@ impl Generator for AutoregressiveGenerator {
         training: &Training,
         progress: &mut Progress,
     ) -> Result<Trained, GeneratorError> {
-        let learning = learn(training, progress)?;
-        let learner = learning.learner();
-        let model = learner.frozen();
-        Ok(Trained {
-            weights: weights::of_module(&model.weights),
-            test: learner.measure(&model, Split::Test, training.spec.steps)?,
-            log: learner.log().to_vec(),
-            flops_exact: TRAINING_PER_FORWARD * learner.forward_flops(),
-            wall_s: learning.wall_s(),
-        })
+        learner::train(objective(training)?, training, progress)
     }
 
     fn train_trunk(
@@ -54,8 +42,16 @@ impl Generator for AutoregressiveGenerator {
         state: &Path,
         progress: &mut Progress,
     ) -> Result<(), GeneratorError> {
-        let learning = learn(training, progress)?;
-        Ok(learning.save(state).map_err(LearnError::from)?)
+        learner::train_trunk(objective(training)?, training, state, progress)
+    }
+
+    fn sampler(
+        &self,
+        spec: &RunSpec,
+        weights: Weights,
+        device: &Device,
+    ) -> Result<Box<dyn Sampler>, GeneratorError> {
+        Ok(Box::new(sample::AutoregressiveSampler::new(spec, weights, device)?))
     }
 
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
@@ -63,13 +59,9 @@ impl Generator for AutoregressiveGenerator {
     }
 }
 
-fn learn<'a>(
-    training: &Training<'a>,
-    progress: &mut Progress,
-) -> Result<Learning<Autoregressive<'a>>, GeneratorError> {
-    let Training { spec, inputs, device, checkpoints } = *training;
+fn objective<'a>(training: &Training<'a>) -> Result<NextCode<'a>, GeneratorError> {
+    let Training { spec, inputs, device, .. } = *training;
     fitness::check_inputs(spec, inputs)?;
     fitness::check_precision(spec.precision, device)?;
-    let learner = Autoregressive::new(spec, inputs, device);
-    Ok(Learning::run(learner, &learner::course(spec), Some(checkpoints), progress)?)
+    Ok(NextCode::new(spec, inputs, device))
 }

@@ -5,8 +5,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::{Batch, Sequence};
-use super::learner::course;
 use super::transformer::{Model, Transformer, end_token};
+use crate::generator::learner::course;
 use crate::generator::{MOST_PROBED_PARAMS, Probe};
 use crate::learn::{Course, LearnError, Learner, Learning};
 use crate::plan::RunSpec;

@@ -12,7 +12,7 @@ use crate::generator::autoregressive::batch::Batch;
 use crate::learn::params::{constant, normal};
 use crate::ops::{
     Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HalfFloat, HeadWeights,
-    Kernels, Rope,
+    Joining, Kernels, KeyValues, Rope,
 };
 use crate::spec::ModelShape;
 use crate::spec::{Ffn, Precision};
@@ -208,20 +208,68 @@ impl Model {
 
     /// Projected text and embedded codes, in the batch's order, `[n, d]`.
     fn embed(&self, batch: &Batch) -> Tensor<2> {
-        let n_text = batch.text.len() / self.shape.d_text;
-        let text = TensorData::new(batch.text.clone(), [n_text, self.shape.d_text]);
-        let text = Tensor::<2>::from_data(text, &self.device);
-        let bias_1d = self.weights.text_bias.val().unsqueeze::<2>();
-        let text_nd = text.matmul(self.weights.text_weight.val()) + bias_1d;
+        let text_nd = self.embed_text(batch.text.clone());
         if batch.codes.is_empty() {
             return self.kernels.select_rows(text_nd, &batch.order);
         }
-        let codes_nd = self.kernels.select_rows(self.weights.embedding.val(), &batch.codes);
+        let codes_nd = self.embed_codes(&batch.codes);
         self.kernels.select_rows(Tensor::cat(vec![text_nd, codes_nd], 0), &batch.order)
+    }
+
+    /// Projected text vectors, `[n, d]`.
+    pub(super) fn embed_text(&self, vectors: Vec<f32>) -> Tensor<2> {
+        let n_text = vectors.len() / self.shape.d_text;
+        let text = TensorData::new(vectors, [n_text, self.shape.d_text]);
+        let text = Tensor::<2>::from_data(text, &self.device);
+        let bias_1d = self.weights.text_bias.val().unsqueeze::<2>();
+        text.matmul(self.weights.text_weight.val()) + bias_1d
+    }
+
+    /// Embedded codes, `[n, d]`.
+    pub(super) fn embed_codes(&self, codes: &Arc<[u32]>) -> Tensor<2> {
+        self.kernels.select_rows(self.weights.embedding.val(), codes)
     }
 
     fn block(&self, block: &Block, x_nd: Tensor<2>, options: &AttentionOptions) -> Tensor<2> {
         let x_nd = self.kernels.attention(x_nd, block.attention(), options);
+        self.feed_forward(block, x_nd)
+    }
+
+    /// What the blocks make of positions that join their sequences, `[n, d]`; `kept` has one entry a
+    /// block.
+    pub(super) fn join(
+        &self,
+        x_nd: Tensor<2>,
+        joining: &Joining,
+        kept: &mut [KeyValues],
+    ) -> Tensor<2> {
+        self.weights.blocks.iter().zip(kept).fold(x_nd, |x_nd, (block, kept)| {
+            let x_nd = joining.attention(x_nd, block.attention(), kept, EPSILON);
+            self.feed_forward(block, x_nd)
+        })
+    }
+
+    /// Logits over codes and end for rows of [`Model::join`], `[n, V + 1]`.
+    pub(super) fn head_logits(&self, x_nd: Tensor<2>) -> Tensor<2> {
+        self.kernels.logits(x_nd, self.head(), EPSILON)
+    }
+
+    /// Rows of a matrix, in the order given.
+    pub(super) fn rows(&self, x_nd: Tensor<2>, rows: &Arc<[u32]>) -> Tensor<2> {
+        self.kernels.select_rows(x_nd, rows)
+    }
+
+    /// Its sizes.
+    pub(super) fn shape(&self) -> &ModelShape {
+        &self.shape
+    }
+
+    /// The angles of its positions.
+    pub(super) fn rope(&self) -> &Rope {
+        &self.rope
+    }
+
+    fn feed_forward(&self, block: &Block, x_nd: Tensor<2>) -> Tensor<2> {
         let activation = match self.shape.ffn {
             Ffn::SwiGlu => Activation::SwiGlu,
             Ffn::Gelu => Activation::Gelu,

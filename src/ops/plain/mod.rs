@@ -18,7 +18,7 @@ pub use convolution::convolve;
 
 /// Stands for minus infinity in masked scores: e to it is zero, and it is an ordinary number on
 /// devices whose arithmetic has no infinities.
-const MASKED: f32 = -1e30;
+pub const MASKED: f32 = -1e30;
 
 /// How matrices are multiplied.
 #[derive(Clone, Copy)]
@@ -86,7 +86,7 @@ pub fn adamw(
 }
 
 /// y = x γ / √(mean(x²) + ε).
-fn rms_norm(x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
+pub fn rms_norm(x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
     let mean_square_n1 = x_nd.clone().powi_scalar(2).mean_dim(1);
     let rms_n1 = mean_square_n1.add_scalar(epsilon).sqrt();
     x_nd.div(rms_n1).mul(gamma_d.unsqueeze())
@@ -153,19 +153,24 @@ pub fn attention(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Produc
     output.select(0, integers(padded_of_rows(layout), &device))
 }
 
-/// Turns the pairs of features of each position.
+/// Turns the pairs of features of the first positions.
 fn rotate(x_bhtc: Tensor<4>, rope: &Rope) -> Tensor<4> {
+    let [_, _, t, c] = x_bhtc.dims();
+    let (cos, sin) = rope.first(t);
+    let device = x_bhtc.device();
+    let angles =
+        |x: &[f32]| Tensor::from_data(TensorData::new(x.to_vec(), [1, 1, t, c / 2, 1]), &device);
+    turn(x_bhtc, &[angles(cos), angles(sin)])
+}
+
+/// Turns the pairs of features by angles whose cosines and sines are `[b or 1, 1, t, c / 2, 1]`.
+pub fn turn(x_bhtc: Tensor<4>, [cos, sin]: &[Tensor<5>; 2]) -> Tensor<4> {
     let [b, h, t, c] = x_bhtc.dims();
     let pairs = x_bhtc.reshape([b, h, t, c / 2, 2]);
     let even = pairs.clone().slice([0..b, 0..h, 0..t, 0..c / 2, 0..1]);
     let odd = pairs.slice([0..b, 0..h, 0..t, 0..c / 2, 1..2]);
-    let (cos, sin) = rope.first(t);
-    let angles = |x: &[f32]| {
-        Tensor::<5>::from_data(TensorData::new(x.to_vec(), [1, 1, t, c / 2, 1]), &even.device())
-    };
-    let (cos, sin) = (angles(cos), angles(sin));
     let turned_even = even.clone().mul(cos.clone()).sub(odd.clone().mul(sin.clone()));
-    let turned_odd = even.mul(sin).add(odd.mul(cos));
+    let turned_odd = even.mul(sin.clone()).add(odd.mul(cos.clone()));
     Tensor::cat(vec![turned_even, turned_odd], 4).reshape([b, h, t, c])
 }
 

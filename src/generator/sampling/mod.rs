@@ -1,0 +1,53 @@
+//! What is common to the sampling of every kind of generator: prompts, drawing, and what comes out.
+
+mod draw;
+mod form;
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+pub use draw::Draw;
+pub use form::{Choices, StreamForm};
+
+use super::GeneratorError;
+
+/// What a motion is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Prompt<'a> {
+    /// Frozen text vectors, `[n_text, d_text]` row-major, at least one row.
+    pub text: &'a [f32],
+    /// The length asked for; `None` leaves it to the model.
+    pub n_frames: Option<usize>,
+    pub seed: u64,
+    /// Tells motions of one seed apart: each draws from its own stream of random numbers.
+    pub index: u64,
+}
+
+impl Prompt<'_> {
+    /// The random numbers of the motion.
+    pub fn rng(&self) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(self.index);
+        rng
+    }
+}
+
+/// The codes of a motion that was made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sampled {
+    /// As a tokenizer gives them: scale after scale.
+    pub codes: Vec<u32>,
+    /// Frames that they stand for.
+    pub n_frames: usize,
+    /// Whether the model ended the motion, or had a length to meet; if not, its context was full.
+    pub ended: bool,
+}
+
+/// A trained generator that makes motions.
+pub trait Sampler {
+    /// Makes a motion of each prompt, all at once.
+    ///
+    /// # Errors
+    /// [`GeneratorError::Length`]: a length that the model has no room for.
+    fn sample(&self, prompts: &[Prompt], draw: &Draw) -> Result<Vec<Sampled>, GeneratorError>;
+}

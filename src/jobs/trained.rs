@@ -1,0 +1,122 @@
+//! [`TrainedRun`]: a finished run, opened to make motions.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use burn::tensor::Device;
+
+use super::assignment::frozen_sweep;
+use super::folder::{JobState, ResultsFolder};
+use super::id::JobId;
+use super::run::MODEL;
+use super::tokenizer;
+use crate::files::read_if_there;
+use crate::generator::{self, Draw, GeneratorError, Prompt, Sampled, Sampler};
+use crate::learn::weights;
+use crate::plan::RunSpec;
+use crate::text::{self, TextEncoder};
+use crate::tokenizer::Tokenizer;
+
+/// A finished run with all that turns a caption into motion.
+pub struct TrainedRun {
+    /// The sweep's folder.
+    pub folder: ResultsFolder,
+    pub run_id: String,
+    pub spec: RunSpec,
+    pub tokenizer: Tokenizer,
+    encoder: Box<dyn TextEncoder>,
+    sampler: Box<dyn Sampler>,
+}
+
+impl TrainedRun {
+    /// Opens the run of a folder `…/runs/<id>`, or of a sweep's folder the run with the lowest L_u.
+    ///
+    /// # Errors
+    /// There is no such run, it has not ended, a program of somebody's own trained it, or a file that
+    /// it needs is missing or damaged.
+    pub fn open(path: &Path, device: &Device) -> Result<Self> {
+        let (folder, run_id) = find(path)?;
+        let place = folder.run(&run_id);
+        let spec: Option<RunSpec> = read_if_there(&place.join("spec.json"))?;
+        let spec = spec.with_context(|| format!("{} has no spec.json", place.display()))?;
+        if let Some(trainer) = &spec.trainer {
+            bail!(
+                "{} was trained by `{}`, which keeps its weights to itself; generate with that",
+                place.display(),
+                trainer.command
+            );
+        }
+        let (loaded, _) = weights::load(&place.join(MODEL))?;
+        let sampler = generator::of(&spec).sampler(&spec, loaded, device)?;
+        let tokenizer = folder.job(&JobId::new(tokenizer::KIND, &spec.tokenizer_id));
+        let tokenizer = Tokenizer::load(&tokenizer, device).context("opening its tokenizer")?;
+        let encoder = text::encoder(&frozen_sweep(&folder)?.text)
+            .context("opening the vectors of captions")?;
+        Ok(Self { folder, run_id, spec, tokenizer, encoder, sampler })
+    }
+
+    /// The vectors of a caption, which is read as the captions of data are: lower-case, with single
+    /// spaces.
+    ///
+    /// # Errors
+    /// The encoder has none for it.
+    pub fn embed(&self, caption: &str) -> Result<Vec<f32>> {
+        let words: Vec<String> = caption.split_whitespace().map(str::to_lowercase).collect();
+        Ok(self.encoder.encode(&words.join(" "))?)
+    }
+
+    /// Makes a motion of each prompt, all at once.
+    ///
+    /// # Errors
+    /// As [`Sampler::sample`].
+    pub fn sample(&self, prompts: &[Prompt], draw: &Draw) -> Result<Vec<Sampled>, GeneratorError> {
+        self.sampler.sample(prompts, draw)
+    }
+}
+
+/// The sweep's folder and the run that a path names.
+fn find(path: &Path) -> Result<(ResultsFolder, String)> {
+    if !path.is_dir() {
+        bail!("{} does not exist; give a run's folder, or a sweep's", path.display());
+    }
+    if path.join("runs").is_dir() {
+        let folder = ResultsFolder::new(path);
+        let run = best_run(&folder)?;
+        return Ok((folder, run));
+    }
+    let Some((root, id)) = run_of(path) else {
+        bail!("{} is neither a run's folder nor a sweep's", path.display());
+    };
+    let folder = ResultsFolder::new(root);
+    match folder.state(&JobId::run(&id)) {
+        JobState::Done => Ok((folder, id)),
+        _ => bail!("the run in {} has not ended: it has no record.json", path.display()),
+    }
+}
+
+/// The root and the id of `…/runs/<id>`.
+fn run_of(path: &Path) -> Option<(PathBuf, String)> {
+    let full = path.canonicalize().ok()?;
+    let runs = full.parent().filter(|parent| parent.ends_with("runs"))?;
+    let id = full.file_name()?.to_str()?.to_string();
+    // The path as it was given, where it names all of it, reads better than the full one.
+    let given = path.parent().and_then(Path::parent).filter(|root| root.join("runs").is_dir());
+    Some((given.or(runs.parent())?.to_path_buf(), id))
+}
+
+/// The finished run with the lowest L_u.
+fn best_run(folder: &ResultsFolder) -> Result<String> {
+    let mut best: Option<(f64, String)> = None;
+    for entry in std::fs::read_dir(folder.file("runs"))? {
+        let id = entry?.file_name().to_string_lossy().into_owned();
+        let Some(record) = folder.record(&id)? else { continue };
+        let Ok(loss) = record.loss_normalised() else { continue };
+        if folder.run(&id).join(MODEL).exists()
+            && best.as_ref().is_none_or(|(least, _)| loss < *least)
+        {
+            best = Some((loss, id));
+        }
+    }
+    let none = || format!("{} has no finished run with weights", folder.root().display());
+    Ok(best.with_context(none)?.1)
+}
