@@ -1,6 +1,7 @@
 //! [`SequenceLayout`]: where the sequences of a packed batch lie, and who may see whom.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Why lengths and prefixes do not make a layout.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -26,14 +27,32 @@ pub enum LayoutError {
 /// first `prefix(i)` positions being text and the others motion.
 ///
 /// Position q of a sequence sees position k of the same sequence iff
-/// k <= q, or both lie in the prefix (ScaMo §3.2, `dataset_TM_train.py`). The positions that q
-/// sees are therefore always the first [`visible`](Self::visible) ones.
+/// k <= q, or both lie in the prefix (ScaMo §3.2, `dataset_TM_train.py`), or both lie in one block
+/// of motion where it has blocks (the scales of a scale-causal mask). The positions that q sees are
+/// therefore always the first [`visible`](Self::visible) ones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SequenceLayout {
     /// First row of each sequence, then the number of rows: `[n_sequences + 1]`.
     offsets: Vec<usize>,
     /// Text positions of each sequence: `[n_sequences]`.
     prefixes: Vec<usize>,
+    /// Where the blocks of each sequence end, within it; empty where each position of motion is one:
+    /// `[n_sequences]`.
+    blocks: Vec<Arc<[usize]>>,
+    /// The angle of each row, by its place among those of a [`Rope`](super::Rope); empty where it is
+    /// the position.
+    angles: Vec<u32>,
+}
+
+/// A sequence whose motion comes in blocks that see one another whole, and all that lies before.
+#[derive(Debug, Clone)]
+pub struct BlockSequence {
+    /// Text positions.
+    pub prefix: usize,
+    /// Positions of each block, at least one.
+    pub blocks: Arc<[usize]>,
+    /// The angle of each position, text first, by its place among those of a [`Rope`](super::Rope).
+    pub angles: Vec<u32>,
 }
 
 impl SequenceLayout {
@@ -59,7 +78,36 @@ impl SequenceLayout {
             Some(*end)
         });
         let offsets = std::iter::once(0).chain(ends).collect();
-        Ok(Self { offsets, prefixes: prefixes.to_vec() })
+        let blocks = vec![Arc::from([]); lengths.len()];
+        Ok(Self { offsets, prefixes: prefixes.to_vec(), blocks, angles: Vec::new() })
+    }
+
+    /// Packs sequences in blocks, in this order.
+    ///
+    /// # Errors
+    ///
+    /// [`LayoutError`] if there are none, or one is empty.
+    ///
+    /// # Panics
+    ///
+    /// If a sequence has not one angle a position.
+    pub fn in_blocks(sequences: &[BlockSequence]) -> Result<Self, LayoutError> {
+        let prefixes: Vec<usize> = sequences.iter().map(|sequence| sequence.prefix).collect();
+        let ends = |sequence: &BlockSequence| -> Arc<[usize]> {
+            let end = |end: &mut usize, length: &usize| {
+                *end += length;
+                Some(*end)
+            };
+            sequence.blocks.iter().scan(sequence.prefix, end).collect()
+        };
+        let blocks: Vec<Arc<[usize]>> = sequences.iter().map(ends).collect();
+        let length = |(blocks, prefix): (&Arc<[usize]>, &usize)| *blocks.last().unwrap_or(prefix);
+        let lengths: Vec<usize> = blocks.iter().zip(&prefixes).map(length).collect();
+        let angles: Vec<u32> =
+            sequences.iter().flat_map(|sequence| &sequence.angles).copied().collect();
+        let layout = Self { blocks, ..Self::new(&lengths, &prefixes)? };
+        assert_eq!(angles.len(), layout.n_rows(), "one angle a position");
+        Ok(Self { angles, ..layout })
     }
 
     /// Rows of the packed batch: the sum of the lengths.
@@ -99,7 +147,40 @@ impl SequenceLayout {
     /// How many positions of sequence `i`, from its first on, position `q` sees.
     #[inline]
     pub fn visible(&self, i: usize, q: usize) -> usize {
-        if q < self.prefix(i) { self.prefix(i) } else { q + 1 }
+        let ends = &self.blocks[i];
+        if q < self.prefix(i) {
+            self.prefix(i)
+        } else if ends.is_empty() {
+            q + 1
+        } else {
+            ends[ends.partition_point(|&end| end <= q)]
+        }
+    }
+
+    /// The first position of sequence `i` that sees position `k`.
+    #[inline]
+    pub fn first_viewer(&self, i: usize, k: usize) -> usize {
+        let ends = &self.blocks[i];
+        if k < self.prefix(i) {
+            0
+        } else if ends.is_empty() {
+            k
+        } else {
+            let before = ends.partition_point(|&end| end <= k).checked_sub(1);
+            before.map_or(self.prefix(i), |block| ends[block])
+        }
+    }
+
+    /// The angles of the positions of sequence `i`, by their places among those of a
+    /// [`Rope`](super::Rope); `None` where they are the positions.
+    #[inline]
+    pub fn angles(&self, i: usize) -> Option<&[u32]> {
+        (!self.angles.is_empty()).then(|| &self.angles[self.rows(i)])
+    }
+
+    /// One more than the largest angle.
+    pub fn n_angles(&self) -> usize {
+        self.angles.iter().max().map_or_else(|| self.max_len(), |&last| last as usize + 1)
     }
 }
 
@@ -128,6 +209,17 @@ mod tests {
     fn text_sees_all_text_and_motion_sees_what_came_before() {
         let layout = SequenceLayout::new(&[5], &[2]).unwrap();
         assert_eq!((0..5).map(|q| layout.visible(0, q)).collect::<Vec<_>>(), [2, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn a_block_sees_itself_and_what_came_before() {
+        let sequence =
+            BlockSequence { prefix: 2, blocks: [1, 3].into(), angles: vec![0, 1, 4, 3, 4, 5] };
+        let layout = SequenceLayout::in_blocks(&[sequence.clone(), sequence]).unwrap();
+        assert_eq!((0..6).map(|q| layout.visible(1, q)).collect::<Vec<_>>(), [2, 2, 3, 6, 6, 6]);
+        let first: Vec<_> = (0..6).map(|k| layout.first_viewer(1, k)).collect();
+        assert_eq!(first, [0, 0, 2, 3, 3, 3]);
+        assert_eq!((layout.angles(1), layout.n_angles()), (Some(&[0, 1, 4, 3, 4, 5][..]), 6));
     }
 
     #[test]

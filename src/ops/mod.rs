@@ -35,7 +35,7 @@ pub use convolution::{Convolution, Taps};
 pub use device::{DeviceName, NoDevice};
 pub use joining::{Joining, KeyValues};
 pub use kernels::{HalfFloat, Kernels};
-pub use layout::{LayoutError, SequenceLayout};
+pub use layout::{BlockSequence, LayoutError, SequenceLayout};
 pub use operands::{
     Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights,
 };

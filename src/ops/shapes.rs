@@ -13,8 +13,8 @@ pub fn attention(
         d == n_head * head_dim && columns == 3 * d,
         "attention: {columns} columns are not [q | k | v] of {n_head} heads of {head_dim}"
     );
-    let (longest, max_len) = (layout.max_len(), rope.max_len());
-    assert!(longest <= max_len, "attention: {longest} positions, angles for {max_len}");
+    let (places, max_len) = (layout.n_angles(), rope.max_len());
+    assert!(places <= max_len, "attention: {places} positions, angles for {max_len}");
 }
 
 pub fn feed_forward(

@@ -145,22 +145,33 @@ pub fn attention(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Produc
         let columns = padded.clone().slice([0..b * t, part * d..(part + 1) * d]);
         columns.reshape([b, t, n_head, c]).swap_dims(1, 2)
     };
-    let queries_bhtc = rotate(part_bhtc(0), rope).div_scalar((c as f64).sqrt());
-    let scores_bhtt = product.of(queries_bhtc, rotate(part_bhtc(1), rope).swap_dims(2, 3));
+    let turns = turns(rope, layout, &device);
+    let queries_bhtc = turn(part_bhtc(0), &turns).div_scalar((c as f64).sqrt());
+    let scores_bhtt = product.of(queries_bhtc, turn(part_bhtc(1), &turns).swap_dims(2, 3));
     let hidden_bhtt = hidden(layout, &device).expand([b, n_head, t, t]);
     let weights_bhtt = softmax(scores_bhtt.mask_fill(hidden_bhtt, MASKED), 3);
     let output = product.of(weights_bhtt, part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
     output.select(0, integers(padded_of_rows(layout), &device))
 }
 
-/// Turns the pairs of features of the first positions.
-fn rotate(x_bhtc: Tensor<4>, rope: &Rope) -> Tensor<4> {
-    let [_, _, t, c] = x_bhtc.dims();
-    let (cos, sin) = rope.first(t);
-    let device = x_bhtc.device();
-    let angles =
-        |x: &[f32]| Tensor::from_data(TensorData::new(x.to_vec(), [1, 1, t, c / 2, 1]), &device);
-    turn(x_bhtc, &[angles(cos), angles(sin)])
+/// Cosines and sines of the angles of each position of the padded batch, `[b, 1, t, c / 2, 1]`, or of
+/// the first t, `[1, 1, t, c / 2, 1]`, where sequences have no others.
+fn turns(rope: &Rope, layout: &SequenceLayout, device: &Device) -> [Tensor<5>; 2] {
+    let (b, t, pairs) = (layout.n_sequences(), layout.max_len(), rope.head_dim() / 2);
+    let Some(_) = layout.angles(0) else {
+        let (cos, sin) = rope.first(t);
+        return [cos, sin]
+            .map(|x| Tensor::from_data(TensorData::new(x.to_vec(), [1, 1, t, pairs, 1]), device));
+    };
+    let place = |(i, q): (usize, usize)| {
+        let angles = layout.angles(i).expect("all sequences have them, or none");
+        angles.get(q).map_or(0, |&angle| angle as usize)
+    };
+    let places: Vec<usize> = (0..b).flat_map(|i| (0..t).map(move |q| (i, q))).map(place).collect();
+    [|turn: (&[f32], &[f32])| turn.0.to_vec(), |turn: (&[f32], &[f32])| turn.1.to_vec()].map(|of| {
+        let values: Vec<f32> = places.iter().flat_map(|&place| of(rope.turn(place))).collect();
+        Tensor::from_data(TensorData::new(values, [b, 1, t, pairs, 1]), device)
+    })
 }
 
 /// Turns the pairs of features by angles whose cosines and sines are `[b or 1, 1, t, c / 2, 1]`.

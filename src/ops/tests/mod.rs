@@ -5,8 +5,8 @@ use std::sync::Arc;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::{
-    Activation, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights, HalfFloat,
-    HeadWeights, Kernels, Rope, SequenceLayout, Taps,
+    Activation, AttentionOptions, AttentionWeights, BlockSequence, Convolution, FeedForwardWeights,
+    HalfFloat, HeadWeights, Kernels, Rope, SequenceLayout, Taps,
 };
 
 mod attention;
@@ -139,11 +139,34 @@ fn options(lengths: &[usize], prefixes: &[usize], heads: [usize; 2]) -> Attentio
     AttentionOptions { n_head, layout, rope, epsilon: 1e-5 }
 }
 
+/// Sequences in blocks, each with its prefix; the angles of a sequence fall and rise.
+fn block_options(sequences: &[(usize, &[usize])], heads: [usize; 2]) -> AttentionOptions {
+    let [n_head, head_dim] = heads;
+    let sequence = |(prefix, blocks): &(usize, &[usize])| {
+        let n = prefix + blocks.iter().sum::<usize>();
+        let angles = (0..n).map(|q| ((q * 5 + 3) % n) as u32).collect();
+        BlockSequence { prefix: *prefix, blocks: (*blocks).into(), angles }
+    };
+    let sequences: Vec<BlockSequence> = sequences.iter().map(sequence).collect();
+    let layout = Arc::new(SequenceLayout::in_blocks(&sequences).unwrap());
+    let rope = Arc::new(Rope::new(layout.n_angles(), head_dim, 100.0));
+    AttentionOptions { n_head, layout, rope, epsilon: 1e-5 }
+}
+
 fn attention(lengths: &[usize], prefixes: &[usize], n_head: usize, head_dim: usize) -> Case {
-    let (options, d) = (options(lengths, prefixes, [n_head, head_dim]), n_head * head_dim);
+    let name = format!("attention {lengths:?} {prefixes:?} {n_head} x {head_dim}");
+    attention_of(name, options(lengths, prefixes, [n_head, head_dim]))
+}
+
+fn block_attention(sequences: &[(usize, &[usize])], n_head: usize, head_dim: usize) -> Case {
+    let name = format!("attention in blocks {sequences:?} {n_head} x {head_dim}");
+    attention_of(name, block_options(sequences, [n_head, head_dim]))
+}
+
+fn attention_of(name: String, options: AttentionOptions) -> Case {
+    let d = options.n_head * options.rope.head_dim();
     let n = options.layout.n_rows();
     let inputs = vec![input(n, d, 6), input(1, d, 2), input(d, 3 * d, 7), input(d, d, 8)];
-    let name = format!("attention {lengths:?} {prefixes:?} {n_head} x {head_dim}");
     Case::new(name, inputs, move |kernels, x| {
         let [gamma_d, qkv_d3d, output_dd] = [&x[1], &x[2], &x[3]].map(Tensor::clone);
         let gamma_d = gamma_d.reshape([d]);
@@ -167,6 +190,8 @@ fn small_cases() -> Vec<Case> {
         convolve(Taps::Doubling, false, [2, 3], [2, 3]),
         attention(&[4, 1, 6], &[2, 0, 6], 2, 4),
         attention(&[9, 18], &[0, 12], 1, 2),
+        block_attention(&[(2, &[1, 3]), (0, &[2, 2, 5])], 2, 4),
+        block_attention(&[(3, &[2, 17])], 1, 2),
     ]
 }
 
@@ -190,6 +215,8 @@ fn large_cases() -> Vec<Case> {
         attention(&[201, 70], &[150, 5], 1, 64),
         attention(&[30], &[8], 2, 100),
         every_prefix_of_every_length(34),
+        block_attention(&[(12, &[3, 6, 10, 15, 20, 25, 30, 36, 42, 49]), (5, &[1, 2, 30])], 2, 32),
+        block_attention(&[(0, &[7, 9, 15, 16, 17, 33]), (31, &[1; 20])], 1, 4),
     ]
 }
 

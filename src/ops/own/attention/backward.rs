@@ -29,7 +29,7 @@ vectorised! {
             for first in (0..head.len).step_by(ROWS) {
                 differentiate::<L>(work, head, first, kept);
                 let (to, rows) = ((&mut *qkv, head.part(0)), head.rows(first));
-                rotate_back::<L>(to, &work.grad_queries, rows, head.rope, head.scale());
+                rotate_back::<L>(to, &work.grad_queries, rows, head.angles(), head.scale());
             }
             store_keys_and_values::<L>(qkv, work, head);
         }
@@ -79,6 +79,6 @@ fn store_keys_and_values<L: Lanes>(qkv: &mut [f32], work: &mut Workspace, head: 
         &work.queries,
         viewers,
     );
-    rotate_back::<L>((&mut *qkv, head.part(1)), &work.grad_keys, 0..len, head.rope, 1.0);
+    rotate_back::<L>((&mut *qkv, head.part(1)), &work.grad_keys, 0..len, head.angles(), 1.0);
     store::<L>((qkv, head.part(2)), 0..len, &work.grad_values);
 }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::head_rows::HeadRows;
+use super::rotation::Angles;
 use super::softmax::Statistics;
 use crate::ops::own::scratch::ROWS;
 use crate::ops::{Rope, SequenceLayout};
@@ -22,7 +23,7 @@ pub struct Heads<'a> {
 pub struct Head<'a> {
     layout: &'a SequenceLayout,
     sequence: usize,
-    pub rope: &'a Rope,
+    rope: &'a Rope,
     d_model: usize,
     /// The first row of the sequence, in the slices that are worked on.
     row: usize,
@@ -111,6 +112,12 @@ impl Head<'_> {
     /// The first position that sees a position of the tile that starts at `first`.
     #[inline(always)]
     pub fn first_viewer(&self, first: usize) -> usize {
-        if first < self.layout.prefix(self.sequence) { 0 } else { first }
+        self.layout.first_viewer(self.sequence, first)
+    }
+
+    /// The angles of its positions.
+    #[inline(always)]
+    pub fn angles(&self) -> Angles<'_> {
+        Angles { rope: self.rope, listed: self.layout.angles(self.sequence) }
     }
 }

@@ -5,9 +5,9 @@
 //! computed: about half of it for a causal sequence. Rows go through scores, softmax and product a
 //! tile at a time, and the way back makes their weights again from two numbers a row.
 //!
-//! Rows of weights are zero from their cut to the end of its vector, and unspecified after it.
-//! That is enough: a tile reads no further than its longest row, whose cut lies in the same
-//! vector, because a vector holds whole tiles and all rows of the prefix are equally long.
+//! Rows of weights are zero from their cut to the end of the vector in which the longest row of their
+//! tile is cut, and unspecified after it. That is enough: a tile reads no further than its longest row.
+//! The rows of a causal tile are all cut in one vector, because a vector holds whole tiles.
 
 use super::lanes::LANES;
 use super::scratch::ROWS;

@@ -7,19 +7,34 @@ use crate::ops::Rope;
 use crate::ops::own::lanes::{LANES, Lanes};
 use crate::ops::own::scratch::Scratch;
 
+/// The angles of the positions of a sequence.
+#[derive(Clone, Copy)]
+pub struct Angles<'a> {
+    pub rope: &'a Rope,
+    /// Places among the angles; `None` for the positions themselves.
+    pub listed: Option<&'a [u32]>,
+}
+
+impl<'a> Angles<'a> {
+    #[inline(always)]
+    fn at(self, t: usize) -> (&'a [f32], &'a [f32]) {
+        self.rope.at(self.listed.map_or(t, |listed| listed[t] as usize))
+    }
+}
+
 /// Turns the pairs of the rows `rows`, and multiplies them by `scale`, into the first rows of `to`.
 #[inline(always)]
 pub fn rotate<L: Lanes>(
     to: &mut Scratch,
     from: (&[f32], HeadRows),
     rows: Range<usize>,
-    rope: &Rope,
+    angles: Angles<'_>,
     scale: f32,
 ) {
     if from.1.is_whole() {
-        rotate_as::<L, true>(to, from, rows, rope, scale);
+        rotate_as::<L, true>(to, from, rows, angles, scale);
     } else {
-        rotate_as::<L, false>(to, from, rows, rope, scale);
+        rotate_as::<L, false>(to, from, rows, angles, scale);
     }
 }
 
@@ -28,11 +43,11 @@ fn rotate_as<L: Lanes, const WHOLE: bool>(
     to: &mut Scratch,
     (values, place): (&[f32], HeadRows),
     rows: Range<usize>,
-    rope: &Rope,
+    angles: Angles<'_>,
     scale: f32,
 ) {
     for (i, t) in rows.enumerate() {
-        let (to, from, (along, across)) = (to.row_mut(i), place.row(values, t), rope.at(t));
+        let (to, from, (along, across)) = (to.row_mut(i), place.row(values, t), angles.at(t));
         for j in (0..place.columns).step_by(LANES) {
             let (along, across) = (read::<L, WHOLE>(along, j), read::<L, WHOLE>(across, j));
             let turned = turn(read::<L, WHOLE>(from, j), along, across);
@@ -47,13 +62,13 @@ pub fn rotate_back<L: Lanes>(
     to: (&mut [f32], HeadRows),
     from: &Scratch,
     rows: Range<usize>,
-    rope: &Rope,
+    angles: Angles<'_>,
     scale: f32,
 ) {
     if to.1.is_whole() {
-        rotate_back_as::<L, true>(to, from, rows, rope, scale);
+        rotate_back_as::<L, true>(to, from, rows, angles, scale);
     } else {
-        rotate_back_as::<L, false>(to, from, rows, rope, scale);
+        rotate_back_as::<L, false>(to, from, rows, angles, scale);
     }
 }
 
@@ -62,11 +77,11 @@ fn rotate_back_as<L: Lanes, const WHOLE: bool>(
     (values, place): (&mut [f32], HeadRows),
     from: &Scratch,
     rows: Range<usize>,
-    rope: &Rope,
+    angles: Angles<'_>,
     scale: f32,
 ) {
     for (i, t) in rows.enumerate() {
-        let (to, from, (along, across)) = (place.row_mut(values, t), from.row(i), rope.at(t));
+        let (to, from, (along, across)) = (place.row_mut(values, t), from.row(i), angles.at(t));
         for j in (0..place.columns).step_by(LANES) {
             let (along, across) = (read::<L, WHOLE>(along, j), read::<L, WHOLE>(across, j));
             let turned = turn(read::<L, true>(from, j), along, L::splat(0.0).sub(across));

@@ -10,7 +10,7 @@ use crate::ops::own::scratch::{ROWS, Scratch};
 pub struct Tile {
     /// Its first row.
     pub first: usize,
-    /// All end in the same vector.
+    /// Rising; the last is what the tile sees.
     pub visible: [usize; ROWS],
 }
 
@@ -49,6 +49,16 @@ impl Statistics {
 }
 
 impl Tile {
+    /// Zeros from the vector that a row is cut in to the one that the tile's last row is cut in: none,
+    /// but where a tile holds rows of several blocks.
+    #[inline(always)]
+    fn clear_rest(self, matrix: &mut Scratch) {
+        let end = self.visible[ROWS - 1].next_multiple_of(LANES);
+        for (row, visible) in matrix.rows_mut(self.first).zip(self.visible) {
+            row[visible.next_multiple_of(LANES)..end].fill(0.0);
+        }
+    }
+
     /// The tile's rows of `matrix`, cut to whole vectors, and how many positions each sees.
     #[inline(always)]
     fn rows(self, matrix: &mut Scratch) -> impl Iterator<Item = (&mut [[f32; LANES]], usize)> {
@@ -73,6 +83,7 @@ pub fn forward<L: Lanes>(scores: &mut Scratch, tile: Tile) -> Statistics {
             L::load(x).mul(L::splat(inverse)).store(x);
         }
     }
+    tile.clear_rest(scores);
     Statistics { largest, inverse }
 }
 
@@ -83,6 +94,7 @@ pub fn again<L: Lanes>(scores: &mut Scratch, tile: Tile, statistics: Statistics)
     for (((row, visible), largest), inverse) in tile.rows(scores).zip(largest).zip(inverse) {
         powers::<L>(row, visible, largest, inverse);
     }
+    tile.clear_rest(scores);
 }
 
 /// Turns the first `visible` scores of a row into factor · e^(score − largest), what is left of it
@@ -121,4 +133,5 @@ pub fn backward<L: Lanes>(gradient: &mut Scratch, weights: &Scratch, tile: Tile)
         let by_score = L::load(last).sub(mean).mul(L::load(&weights[whole.len()]));
         by_score.first(left, L::splat(0.0)).store(last);
     }
+    tile.clear_rest(gradient);
 }

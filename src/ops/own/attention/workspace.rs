@@ -41,8 +41,8 @@ impl Workspace {
         for matrix in [&mut self.queries, &mut self.keys, &mut self.values] {
             matrix.resize(len, head_dim);
         }
-        rotate::<L>(&mut self.queries, (qkv, head.part(0)), 0..len, head.rope, scale);
-        rotate::<L>(&mut self.keys, (qkv, head.part(1)), 0..len, head.rope, 1.0);
+        rotate::<L>(&mut self.queries, (qkv, head.part(0)), 0..len, head.angles(), scale);
+        rotate::<L>(&mut self.keys, (qkv, head.part(1)), 0..len, head.angles(), 1.0);
         load::<L>(&mut self.values, (qkv, head.part(2)), len);
         self.keys_across.set_transposed::<L>(&self.keys, len, head_dim);
     }
