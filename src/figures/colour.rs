@@ -19,6 +19,13 @@ pub const SECOND_LAW: Rgb = Rgb(0, 158, 115);
 /// Okabe and Ito's purple: the joint law.
 pub const JOINT_LAW: Rgb = Rgb(204, 121, 167);
 
+/// Okabe and Ito's vermillion: left arm and leg.
+pub const LEFT_SIDE: Rgb = HELD_OUT;
+/// Okabe and Ito's blue: right arm and leg.
+pub const RIGHT_SIDE: Rgb = LAW;
+/// Below a body, darker than the grid.
+pub const SHADOW: Rgb = Rgb(210, 210, 210);
+
 /// Okabe and Ito (2008) without yellow, which white paper swallows.
 const OKABE_ITO: [Rgb; 7] = [
     Rgb(0, 114, 178),

@@ -10,6 +10,8 @@
 //! | how a page is laid out | `page`, `panel`, `axis`, `ticks`, `legend`, `series` |
 //! | shapes and files | `scene`, `colour`, `font`, `render`, `write` |
 //!
+//! Motions have pages of their own in [`motion`].
+//!
 //! The same input gives the same bytes: the typeface is in the binary, and a page holds no time.
 
 mod axis;
@@ -30,6 +32,7 @@ mod isoflop_parabolas;
 mod loss_vs_budget;
 mod loss_vs_flops;
 mod loss_vs_vocab;
+pub mod motion;
 mod power_laws;
 mod tokenizers;
 mod vocab_vs_nonvocab;

@@ -18,7 +18,7 @@ const PNG_SCALE: usize = 2;
 /// Samples along each side of a PNG's pixel.
 const SUPERSAMPLE: usize = 3;
 /// An SVG's coordinates are in this fraction of a page pixel.
-const SVG_SCALE: f64 = 10.0;
+pub const SVG_SCALE: f64 = 10.0;
 /// plotters writes an SVG's `font-size` as its own size over this.
 const SVG_SIZE_PER_EM: f64 = 1.24;
 /// plotters hangs an SVG's text this many ems above its baseline.
@@ -48,10 +48,40 @@ pub fn svg(scene: &Scene) -> Result<String, DrawError> {
 
 /// The whole PNG.
 pub fn png(scene: &Scene) -> Result<Vec<u8>, DrawError> {
+    raster(scene)?.png()
+}
+
+/// Pixels, RGB row by row.
+pub struct Raster {
+    width: u32,
+    height: u32,
+    samples: Vec<u8>,
+}
+
+impl Raster {
+    pub fn png(&self) -> Result<Vec<u8>, DrawError> {
+        let mut bytes = Vec::new();
+        PngEncoder::new(&mut bytes)
+            .write_image(&self.samples, self.width, self.height, ColorType::Rgb8)
+            .map_err(|error| error.to_string())?;
+        Ok(bytes)
+    }
+
+    /// Both pictures, `other` below; they are of one width.
+    pub fn above(mut self, other: &Raster) -> Raster {
+        assert_eq!(self.width, other.width, "pictures of one width");
+        self.height += other.height;
+        self.samples.extend(&other.samples);
+        self
+    }
+}
+
+/// A page as pixels.
+pub fn raster(scene: &Scene) -> Result<Raster, DrawError> {
     let scale = PNG_SCALE * SUPERSAMPLE;
-    let size = (pixels(scene.width, scale as f64), pixels(scene.height, scale as f64));
-    let mut samples = vec![255; 3 * size.0 as usize * size.1 as usize];
-    let mut backend = BitMapBackend::with_buffer(&mut samples, size);
+    let (width, height) = (pixels(scene.width, scale as f64), pixels(scene.height, scale as f64));
+    let mut samples = vec![255; 3 * width as usize * height as usize];
+    let mut backend = BitMapBackend::with_buffer(&mut samples, (width, height));
     let mut pen = Pen { backend: &mut backend, scale: scale as f64 };
     for shape in &scene.shapes {
         match shape {
@@ -61,7 +91,9 @@ pub fn png(scene: &Scene) -> Result<Vec<u8>, DrawError> {
         }
     }
     drop(backend);
-    encode_png(&samples, size)
+    let samples = box_average(&samples, width as usize, height as usize);
+    let step = SUPERSAMPLE as u32;
+    Ok(Raster { width: width / step, height: height / step, samples })
 }
 
 fn pixels(length: f64, scale: f64) -> u32 {
@@ -82,16 +114,6 @@ fn with_page_size(document: &str, scene: &Scene) -> String {
         "<svg width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {box_w} {box_h}\" \
          stroke-linejoin=\"round\" xmlns=\"http://www.w3.org/2000/svg\">\n{body}"
     )
-}
-
-fn encode_png(samples: &[u8], (width, height): (u32, u32)) -> Result<Vec<u8>, DrawError> {
-    let step = SUPERSAMPLE as u32;
-    let averaged = box_average(samples, width as usize, height as usize);
-    let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes)
-        .write_image(&averaged, width / step, height / step, ColorType::Rgb8)
-        .map_err(|error| error.to_string())?;
-    Ok(bytes)
 }
 
 /// Averages squares of [`SUPERSAMPLE`]² RGB samples.

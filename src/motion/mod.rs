@@ -1,5 +1,6 @@
-//! Joints into HumanML3D features and back, mirroring, and the distance between motions.
+//! Joints into HumanML3D features and back, mirroring, BVH, and the distance between motions.
 
+pub mod bvh;
 mod features;
 #[cfg(test)]
 mod fixtures;

@@ -1,0 +1,208 @@
+//! Poses into SVG elements that move by themselves, by SMIL: browsers play them without a script.
+
+use std::fmt::Write;
+
+use super::body::{HEAD_RADIUS, far_to_near, head};
+use super::camera::{Seen, View, see};
+use super::ground;
+use crate::figures::colour::{INK, Rgb, SHADOW};
+use crate::figures::render::SVG_SCALE;
+use crate::figures::scene::Point;
+use crate::motion::{N_JOINTS, Pose};
+
+/// More poses than this are thinned; the browser draws straight lines between them.
+const MOST_POSES: usize = 240;
+/// The last pose stands this long before the motion begins again, seconds.
+const PAUSE_S: f64 = 0.5;
+/// Half-widths of the shadow below the root, metres.
+const SHADOW_RADII: [f64; 2] = [0.2, 0.075];
+
+/// Poses at even times, the last one repeated for the pause.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loop {
+    poses: Vec<Pose>,
+    /// Seconds of the whole, with the pause.
+    pub seconds: f64,
+    /// The share of the whole that moves.
+    pub moving: f64,
+}
+
+impl Loop {
+    /// The loop of a motion of at least one pose.
+    pub fn of(poses: &[Pose], fps: f32) -> Loop {
+        let mut thinned = thinned(poses);
+        let motion_s = (poses.len() - 1) as f64 / f64::from(fps);
+        let steps = thinned.len() - 1;
+        let step_s = if steps > 0 { motion_s / steps as f64 } else { PAUSE_S };
+        let pause = (PAUSE_S / step_s).round().max(1.0) as usize;
+        thinned.extend(vec![thinned[steps]; pause]);
+        let seconds = step_s * (steps + pause) as f64;
+        Loop { poses: thinned, seconds, moving: motion_s / seconds }
+    }
+
+    /// The body and its shadow.
+    pub fn elements(&self, view: &View) -> String {
+        let mut svg = String::new();
+        svg.push_str(&self.shadow(view));
+        svg.push_str("<g fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n");
+        for stroke in far_to_near(&self.poses) {
+            let corners = |pose: &Pose| points(stroke.corners(pose), view);
+            let values = self.values(corners);
+            let _ = writeln!(
+                svg,
+                "<polyline stroke=\"{}\" stroke-width=\"{}\" points=\"{}\">{}</polyline>",
+                hex(stroke.colour),
+                unit(stroke.width * view.scale),
+                corners(&self.poses[0]),
+                self.animate("points", &values)
+            );
+            if stroke.has_head() {
+                svg.push_str(&self.head(view));
+            }
+        }
+        svg.push_str("</g>\n");
+        svg
+    }
+
+    /// A bar below the motion that fills while it moves.
+    pub fn progress(&self, (x, y): Point, width: f64) -> String {
+        format!(
+            "<rect x=\"{}\" y=\"{}\" width=\"{full}\" height=\"30\" fill=\"{}\">\
+             <animate attributeName=\"width\" dur=\"{:.3}s\" repeatCount=\"indefinite\" \
+             values=\"0;{full};{full}\" keyTimes=\"0;{:.4};1\"/></rect>\n",
+            unit(x),
+            unit(y),
+            hex(INK),
+            self.seconds,
+            self.moving,
+            full = unit(width),
+        )
+    }
+
+    fn head(&self, view: &View) -> String {
+        let centre = |pose: &Pose| view.place(head(pose));
+        self.moving_shape(
+            "circle",
+            &format!("r=\"{}\"", unit(HEAD_RADIUS * view.scale)),
+            INK,
+            centre,
+        )
+    }
+
+    fn shadow(&self, view: &View) -> String {
+        let [rx, ry] = SHADOW_RADII.map(|radius| unit(radius * view.scale));
+        let centre = |pose: &Pose| {
+            let [root] = ground::path(std::slice::from_ref(pose))[..] else { return (0.0, 0.0) };
+            view.place(see(root))
+        };
+        self.moving_shape("ellipse", &format!("rx=\"{rx}\" ry=\"{ry}\""), SHADOW, centre)
+    }
+
+    /// A filled shape with a centre.
+    fn moving_shape(
+        &self,
+        element: &str,
+        size: &str,
+        fill: Rgb,
+        centre: impl Fn(&Pose) -> Point,
+    ) -> String {
+        let xs = self.values(|pose| unit(centre(pose).0).to_string());
+        let ys = self.values(|pose| unit(centre(pose).1).to_string());
+        let (x, y) = centre(&self.poses[0]);
+        format!(
+            "<{element} cx=\"{}\" cy=\"{}\" {size} fill=\"{}\" stroke=\"none\">{}{}</{element}>\n",
+            unit(x),
+            unit(y),
+            hex(fill),
+            self.animate("cx", &xs),
+            self.animate("cy", &ys)
+        )
+    }
+
+    fn values(&self, value: impl Fn(&Pose) -> String) -> String {
+        self.poses.iter().map(value).collect::<Vec<_>>().join(";")
+    }
+
+    fn animate(&self, attribute: &str, values: &str) -> String {
+        format!(
+            "<animate attributeName=\"{attribute}\" dur=\"{:.3}s\" repeatCount=\"indefinite\" \
+             values=\"{values}\"/>",
+            self.seconds
+        )
+    }
+}
+
+/// At most [`MOST_POSES`] poses at even times, by linear interpolation.
+fn thinned(poses: &[Pose]) -> Vec<Pose> {
+    if poses.len() <= MOST_POSES {
+        return poses.to_vec();
+    }
+    let step = (poses.len() - 1) as f64 / (MOST_POSES - 1) as f64;
+    (0..MOST_POSES).map(|i| pose_at(poses, step * i as f64)).collect()
+}
+
+/// The pose at a time in frames.
+fn pose_at(poses: &[Pose], time: f64) -> Pose {
+    let before = (time as usize).min(poses.len() - 1);
+    let after = (before + 1).min(poses.len() - 1);
+    let share = (time - before as f64) as f32;
+    let between = |a: f32, b: f32| a + share * (b - a);
+    let [a, b] = [before, after].map(|frame| &poses[frame]);
+    std::array::from_fn::<_, N_JOINTS, _>(|j| std::array::from_fn(|c| between(a[j][c], b[j][c])))
+}
+
+fn points(corners: Vec<Seen>, view: &View) -> String {
+    let pair = |seen| {
+        let (x, y) = view.place(seen);
+        format!("{},{}", unit(x), unit(y))
+    };
+    corners.into_iter().map(pair).collect::<Vec<_>>().join(" ")
+}
+
+/// Page pixels in whole units of the SVG's view box.
+fn unit(pixels: f64) -> i64 {
+    (pixels * SVG_SCALE).round() as i64
+}
+
+fn hex(Rgb(r, g, b): Rgb) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rising(n: usize) -> Vec<Pose> {
+        (0..n).map(|t| [[0.0, t as f32, 0.0]; N_JOINTS]).collect()
+    }
+
+    #[test]
+    fn a_loop_lasts_as_long_as_the_motion_and_the_pause() {
+        for n in [2, 41, 240, 1001] {
+            let turn = Loop::of(&rising(n), 20.0);
+            let motion_s = (n - 1) as f64 / 20.0;
+            assert!((turn.seconds * turn.moving - motion_s).abs() < 1e-9);
+            // The pause is a whole number of steps.
+            let step_s = motion_s / (n.min(MOST_POSES) - 1) as f64;
+            assert!((turn.seconds - motion_s - 0.5).abs() <= 0.5 * step_s + 1e-9, "{n}");
+            assert!(turn.poses.len() <= MOST_POSES + 20);
+            assert_eq!(turn.poses[0], rising(1)[0]);
+            assert_eq!(turn.poses.last(), rising(n).last());
+        }
+    }
+
+    #[test]
+    fn thinned_poses_lie_at_even_times() {
+        let thinned = thinned(&rising(1000));
+        assert_eq!(thinned.len(), MOST_POSES);
+        let heights: Vec<f32> = thinned.iter().map(|pose| pose[0][1]).collect();
+        let step = 999.0 / 239.0;
+        assert!(heights.windows(2).all(|pair| (pair[1] - pair[0] - step).abs() < 1e-3));
+    }
+
+    #[test]
+    fn a_single_pose_stands_still() {
+        let turn = Loop::of(&rising(1), 20.0);
+        assert_eq!((turn.seconds, turn.moving, turn.poses.len()), (0.5, 0.0, 2));
+    }
+}

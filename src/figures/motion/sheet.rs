@@ -1,0 +1,173 @@
+//! The contact sheet: a row a motion, its poses at even times from left to right.
+
+use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
+use super::camera::{Bounds, View, see};
+use super::caption;
+use super::ground;
+use super::legend;
+use super::page::facts;
+use crate::figures::colour::{GRID, INK, MUTED, WHITE};
+use crate::figures::font::{Weight, measure};
+use crate::figures::panel::plain_text;
+use crate::figures::render::{self, DrawError};
+use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, Text};
+use crate::motion::Pose;
+
+/// Poses of a row.
+const COLUMNS: usize = 8;
+const CELL_WIDTH: f64 = 132.0;
+/// The tallest picture of a pose, page pixels.
+const CELL_HEIGHT: f64 = 170.0;
+const MARGIN: f64 = 18.0;
+const WIDTH: f64 = 2.0 * MARGIN + CELL_WIDTH * COLUMNS as f64;
+const TITLE_EM: f64 = 14.0;
+const LABEL_EM: f64 = 11.0;
+/// Ground is drawn this far round the root, metres.
+const GROUND_RADIUS: f64 = 0.55;
+/// White on either side of a line, page pixels: a near limb cuts a far one.
+const HALO: f64 = 1.2;
+
+/// What a row shows: at least one pose.
+pub struct Row<'a> {
+    pub poses: &'a [Pose],
+    pub fps: f32,
+    pub caption: &'a str,
+}
+
+/// The PNG of at least one motion; all bodies are drawn to one scale.
+pub fn png(rows: &[Row]) -> Result<Vec<u8>, DrawError> {
+    let bounds = rows.iter().map(cell_bounds).reduce(Bounds::with);
+    let bounds = bounds.ok_or("a sheet needs a motion")?;
+    let mut sheet = render::raster(&header())?;
+    // Row by row: a whole sheet in the renderer's fine pixels would fill the memory.
+    for row in rows {
+        sheet = sheet.above(&render::raster(&row.scene(bounds))?);
+    }
+    sheet.png()
+}
+
+/// The legend above the rows.
+fn header() -> Scene {
+    let mut scene = Scene::new(WIDTH, MARGIN + LABEL_EM);
+    legend::sides(&mut scene, (MARGIN, MARGIN), LABEL_EM);
+    scene
+}
+
+/// The poses that a row shows: the first, the last, and others at even times between them.
+fn shown(n_poses: usize) -> Vec<usize> {
+    let n = COLUMNS.min(n_poses);
+    let last = (n.max(2) - 1) as f64;
+    (0..n).map(|i| ((n_poses - 1) as f64 * i as f64 / last).round() as usize).collect()
+}
+
+/// What is seen of any shown pose with its root in the middle of the ground.
+fn cell_bounds(row: &Row) -> Bounds {
+    let poses = shown(row.poses.len()).into_iter().map(|frame| &row.poses[frame]);
+    let joints = poses.flat_map(|pose| {
+        let [x, _, z] = pose[0].map(f64::from);
+        pose.iter().map(move |joint| {
+            let joint = joint.map(f64::from);
+            see([joint[0] - x, joint[1], joint[2] - z])
+        })
+    });
+    let reach = GROUND_RADIUS;
+    let rim = [[reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]];
+    Bounds::of(joints).wider(REACH).with(Bounds::of(rim.into_iter().map(|[x, z]| see([x, 0.0, z]))))
+}
+
+impl Row<'_> {
+    fn scene(&self, bounds: Bounds) -> Scene {
+        let mut scene = Scene::new(WIDTH, 0.0);
+        let top = self.title(&mut scene);
+        let scale = (CELL_WIDTH / bounds.width()).min(CELL_HEIGHT / bounds.height());
+        let height = scale * bounds.height();
+        let middle = (bounds.left + bounds.right) / 2.0;
+        for (column, frame) in shown(self.poses.len()).into_iter().enumerate() {
+            let centre = MARGIN + CELL_WIDTH * (column as f64 + 0.5);
+            let corner = (centre - scale * middle, top + scale * bounds.top);
+            self.cell(&mut scene, frame, scale, corner);
+            self.label(&mut scene, frame, (centre, top + height + 1.1 * LABEL_EM));
+        }
+        scene.height = (top + height + 2.0 * LABEL_EM + MARGIN / 2.0).ceil();
+        scene
+    }
+
+    /// Writes caption and facts; returns where they end.
+    fn title(&self, scene: &mut Scene) -> f64 {
+        let facts = facts(self.poses, self.fps);
+        let room = measure(&facts, Weight::Normal, LABEL_EM) + 24.0;
+        let mut y = MARGIN / 2.0;
+        for line in caption::lines(self.caption, TITLE_EM, WIDTH - 2.0 * MARGIN - room) {
+            y += 1.35 * TITLE_EM;
+            let text = plain_text(&line, (MARGIN, y - 0.4 * TITLE_EM), Anchor::Start, TITLE_EM);
+            scene.text(Text { weight: Weight::Bold, ..text });
+        }
+        let at = (WIDTH - MARGIN, MARGIN / 2.0 + 0.95 * TITLE_EM);
+        scene.text(Text { colour: MUTED, ..plain_text(&facts, at, Anchor::End, LABEL_EM) });
+        y.max(MARGIN / 2.0 + 1.35 * TITLE_EM) + 4.0
+    }
+
+    fn label(&self, scene: &mut Scene, frame: usize, at: Point) {
+        let seconds = format!("{:.1} s", frame as f64 / f64::from(self.fps));
+        let text = plain_text(&seconds, at, Anchor::Middle, LABEL_EM);
+        scene.text(Text { colour: MUTED, ..text });
+    }
+
+    /// A pose, the ground round it, and the path that led to it; the ground below the root is seen
+    /// at `corner`.
+    fn cell(&self, scene: &mut Scene, frame: usize, scale: f64, corner: Point) {
+        let path = ground::path(&self.poses[..=frame]);
+        let root = path[frame];
+        let seen = see(root);
+        let origin = (corner.0 - scale * seen.right, corner.1 + scale * seen.up);
+        let view = View { scale, origin };
+        let mut ground_line = |line: ground::Segment, stroke| {
+            scene.line(&line.map(|end| view.point(end)), stroke);
+        };
+        for line in ground::patch(root, GROUND_RADIUS) {
+            ground_line(line, Stroke::solid(GRID, 1.0));
+        }
+        for step in path.windows(2) {
+            if let Some(step) = ground::within([step[0], step[1]], root, GROUND_RADIUS) {
+                ground_line(step, Stroke::solid(MUTED, 1.0));
+            }
+        }
+        body(scene, &self.poses[frame], &view);
+    }
+}
+
+/// The figure, the farthest line first.
+fn body(scene: &mut Scene, pose: &Pose, view: &View) {
+    for stroke in far_to_near(std::slice::from_ref(pose)) {
+        let corners: Vec<Point> =
+            stroke.corners(pose).into_iter().map(|seen| view.place(seen)).collect();
+        let width = stroke.width * view.scale;
+        round_line(scene, &corners, Stroke::solid(WHITE, width + 2.0 * HALO));
+        round_line(scene, &corners, Stroke::solid(stroke.colour, width));
+        if stroke.has_head() {
+            let (centre, radius) = (view.place(head(pose)), HEAD_RADIUS * view.scale);
+            scene.shapes.push(Shape::Disc { centre, radius, colour: INK });
+        }
+    }
+}
+
+/// A line with round ends.
+fn round_line(scene: &mut Scene, corners: &[Point], stroke: Stroke) {
+    scene.line(corners, stroke);
+    let (radius, colour) = (stroke.width / 2.0, stroke.colour);
+    let ends = [corners[0], corners[corners.len() - 1]];
+    scene.shapes.extend(ends.map(|centre| Shape::Disc { centre, radius, colour }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shown_poses_begin_with_the_first_and_end_with_the_last() {
+        assert_eq!(shown(15), [0, 2, 4, 6, 8, 10, 12, 14]);
+        assert_eq!(shown(196)[7], 195);
+        assert_eq!(shown(3), [0, 1, 2]);
+        assert_eq!(shown(1), [0]);
+    }
+}
