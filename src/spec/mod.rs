@@ -27,10 +27,13 @@ pub use grid::{Grid, Length, Scale};
 pub use id::{changed_fields, content_id};
 pub use levels::{digits_of_index, index_of_digits, levels_for, n_codes, nominal_sizes};
 pub use precision::Precision;
-pub use quantizer::{QuantizerKind, QuantizerSpec, VocabularyError};
+pub use quantizer::{
+    CodebookKind, CodebookSpec, MultiscaleSpec, QuantizerKind, QuantizerSection, QuantizerSpec,
+    ResidualSpec, ScaleName, ScaleSpec, VocabularyError,
+};
 pub use text::{TextEncoderKind, TextSpec};
 pub use tokenizer::TokenizerSpec;
 pub use tokenizer_training::{
-    BASELINE_CLIPS, MOST_PATCHES, QuantizerSection, TokenizerKind, TokenizerLoss,
-    TokenizerSchedule, TokenizerSection, TokenizerTraining,
+    BASELINE_CLIPS, MOST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule,
+    TokenizerSection, TokenizerTraining,
 };

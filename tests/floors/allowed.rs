@@ -91,7 +91,12 @@ pub const ALLOWED: [(&[&str], &str); 9] = [
     (
         &[
             "src/tokenizer/quantizer/mod.rs",
+            "src/tokenizer/quantizer/codebook.rs",
             "src/tokenizer/quantizer/fsq.rs",
+            "src/tokenizer/quantizer/multiscale.rs",
+            "src/tokenizer/quantizer/residual_fsq.rs",
+            "src/tokenizer/quantizer/residual_vq.rs",
+            "src/tokenizer/quantizer/states.rs",
             "src/tokenizer/quantizer/vq.rs",
         ],
         "the choice among quantizers, and the trait that each implements",
