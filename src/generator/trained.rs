@@ -28,9 +28,10 @@ pub struct Trained {
 /// Losses of a model on a split, in nats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplitLoss {
-    /// Mean −ln p over targets, end tokens included.
+    /// Mean −ln p over targets, end tokens included where clips have them.
     pub loss_nats: f64,
-    /// L_u: mean of −ln p + ln p_uni over the same targets (ScaMo §4.4).
+    /// L_u: mean of −ln p + ln p_uni over the same targets (ScaMo §4.4); p_uni is that of the target's
+    /// own scale.
     ///
     /// From log-probabilities throughout: a ratio of probabilities would underflow first.
     pub loss_normalised: f64,

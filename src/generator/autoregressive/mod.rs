@@ -1,4 +1,8 @@
 //! ScaMo's text-prefix autoregressive transformer: model, batches, training, loss.
+//!
+//! Codes of several scales are one sequence, scale after scale, and the codebooks one vocabulary: V is
+//! the sum of theirs. Such clips have no end token, since the lengths of the scales tell where they end;
+//! its row and its logit stand unused, so that a model has the same shape for every grid.
 
 mod batch;
 mod evaluate;

@@ -1,5 +1,7 @@
 //! [`TokenStream`]: which targets each step supervises, as a pure function of seed and step.
 
+use std::borrow::Cow;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -16,14 +18,29 @@ const FIRST_EPOCH_STREAM: u64 = 1 << 32;
 ///
 /// A step takes the next `batch_tokens` of them. A clip that straddles two steps stands in both,
 /// each time with its own part supervised, so that every step has the same number of targets and
-/// every target is met once an epoch.
+/// every target is met once an epoch. Codes of several scales follow one another, scale after scale.
 pub struct TokenStream<'a> {
     tokens: &'a TokenStore,
     text: &'a TextStore,
     seed: u64,
-    /// Supervised tokens of an epoch: codes and an end token a clip.
+    /// Supervised tokens of an epoch: codes, and an end token a clip where there is one.
     epoch_tokens: usize,
     epoch: Option<Epoch>,
+}
+
+/// A clip of a batch, with its codes as ids of one vocabulary.
+struct Part<'a> {
+    text: &'a [f32],
+    codes: Cow<'a, [u32]>,
+    from: usize,
+    to: usize,
+}
+
+impl Part<'_> {
+    fn sequence(&self) -> Sequence<'_> {
+        let &Self { text, ref codes, from, to } = self;
+        Sequence { text, codes, from, to }
+    }
 }
 
 /// The clips of one epoch in their order, each with the caption that it shows.
@@ -48,18 +65,19 @@ impl<'a> TokenStream<'a> {
 
     /// The batch of `n` targets that starts at target `position` of the stream.
     pub fn batch(&mut self, position: usize, n: usize) -> Batch {
-        let mut sequences = Vec::new();
+        let mut parts = Vec::new();
         let (mut at, end) = (position, position + n);
         while at < end {
-            let (sequence, taken) = self.sequence(at, end - at);
-            sequences.push(sequence);
-            at += taken;
+            let part = self.part(at, end - at);
+            at += part.to - part.from;
+            parts.push(part);
         }
+        let sequences: Vec<Sequence> = parts.iter().map(Part::sequence).collect();
         Batch::pack(&sequences, self.text.dim(), end_token(self.tokens.n_vocab()))
     }
 
-    /// The clip at `position` with at most `limit` targets supervised, and how many there are.
-    fn sequence(&mut self, position: usize, limit: usize) -> (Sequence<'a>, usize) {
+    /// The clip at `position` with at most `limit` targets supervised.
+    fn part(&mut self, position: usize, limit: usize) -> Part<'a> {
         let (index, within) = (position / self.epoch_tokens, position % self.epoch_tokens);
         let (tokens, text) = (self.tokens, self.text);
         let epoch = self.epoch(index);
@@ -67,13 +85,8 @@ impl<'a> TokenStream<'a> {
         let from = within - epoch.starts[place];
         let taken = (epoch.starts[place + 1] - within).min(limit);
         let (clip, caption) = epoch.clips[place];
-        let sequence = Sequence {
-            text: text.embedding(caption),
-            codes: tokens.clip(Split::Train, clip),
-            from,
-            to: from + taken,
-        };
-        (sequence, taken)
+        let codes = tokens.stream(Split::Train, clip);
+        Part { text: text.embedding(caption), codes, from, to: from + taken }
     }
 
     fn epoch(&mut self, index: usize) -> &Epoch {
@@ -98,7 +111,7 @@ impl<'a> TokenStream<'a> {
         let clips: Vec<(usize, u32)> = order.into_iter().map(caption).collect();
         let mut starts = vec![0];
         for (clip, _) in &clips {
-            let targets = self.tokens.clip(Split::Train, *clip).len() + 1;
+            let targets = self.tokens.n_targets_of_clip(Split::Train, *clip);
             starts.push(starts[starts.len() - 1] + targets);
         }
         Epoch { index, clips, starts }

@@ -64,5 +64,17 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         (!sweep.fit.minima.is_empty(), "fit.minima", "at least one kind of minimum"),
     ];
     let wrong = rules.into_iter().filter(|(good, ..)| !good);
-    wrong.map(|(_, path, message)| Problem::value(path, message)).collect()
+    wrong.map(|(_, path, message)| Problem::value(path, message)).chain(slots(sweep)).collect()
+}
+
+/// Too few motion slots for scales of a fixed length, which every clip has in full.
+fn slots(sweep: &Sweep) -> Option<Problem> {
+    let codes: usize = sweep.tokenizer.quantizer().scale_lengths().iter().sum();
+    let slots = sweep.model.motion_slots;
+    let few = sweep.trainer.is_none() && codes >= slots;
+    few.then(|| {
+        let problem = format!("{slots} motion slots do not hold the {codes} codes of all scales");
+        Problem::value("model.motion_slots", problem)
+            .with_help(format!("motion_slots: {}, one to spare", codes + 1))
+    })
 }
