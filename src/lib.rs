@@ -16,7 +16,7 @@
 //! | 1 | [`progress`] | steps, pieces of work, requests to stop | failure, files |
 //! | 2 | [`spec`] | closed descriptions of what is trained: hashed, free of burn | |
 //! | 2 | [`sweep`] | a YAML file into a checked [`sweep::Sweep`] | spec |
-//! | 3 | [`motion`] | joints into features and back; the procedural source | |
+//! | 3 | [`motion`] | joints into features and back, and into BVH; the procedural source | |
 //! | 3 | [`data`] | a folder or the generator into clips with captions | motion |
 //! | 3 | [`text`] | captions into frozen embeddings | data |
 //! | 3 | [`codes`] | the codes of a data set, between a tokenizer and a generator | data |
@@ -28,11 +28,11 @@
 //! | 5 | [`ops`] | the operations of the models, with their gradients | |
 //! | 5 | [`learn`] | optimiser, weights, checkpoints: one loop for whatever learns | ops |
 //! | 5 | [`tokenizer`] | clips into codes | learn, ops |
-//! | 5 | [`generator`] | codes and text into a trained model and its loss | learn, ops |
+//! | 5 | [`generator`] | codes and text into a trained model and its loss, and text into codes | learn, ops |
 //! | 6 | [`record`] | a finished run into a row of a table | |
 //! | 6 | [`jobs`] | what there is to do: a file a kind of job | record |
 //! | 7 | [`engine`] | who brings jobs to their end: this machine, or a cluster | |
-//! | 8 | [`figures`] | tables and laws into SVG and PNG | |
+//! | 8 | [`figures`] | tables and laws into SVG and PNG, motions into files | |
 //! | 8 | [`export`] | tables and laws into notebooks | |
 
 // What goes wrong is an error, and what there is to say is a value: the program writes it.

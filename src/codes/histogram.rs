@@ -14,6 +14,11 @@ impl CodeHistogram {
         Self { counts }
     }
 
+    /// The codes of several codebooks as those of one.
+    pub fn together(parts: &[Self]) -> Self {
+        Self { counts: parts.iter().flat_map(|part| part.counts.iter().copied()).collect() }
+    }
+
     /// How often each code was met, `[n_vocab]`.
     pub fn counts(&self) -> &[u64] {
         &self.counts
@@ -46,6 +51,14 @@ mod tests {
         let histogram = CodeHistogram::new(8, &[3, 3, 0, 7, 3]);
         assert_eq!(histogram.counts(), [1, 0, 0, 3, 0, 0, 0, 1]);
         assert_eq!(histogram.utilisation(), 3.0 / 8.0);
+    }
+
+    #[test]
+    fn codes_of_several_codebooks_are_apart() {
+        let parts = [CodeHistogram::new(2, &[0, 1]), CodeHistogram::new(3, &[0, 1])];
+        let together = CodeHistogram::together(&parts);
+        assert_eq!(together.counts(), [1, 1, 1, 1, 0]);
+        assert!((together.exponential_entropy() - 4.0).abs() < 1e-12);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! `<split>.frames` (u64, the frames of each clip that its codes stand for), with the [`Grid`] as
 //! JSON in its metadata.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -107,11 +108,21 @@ impl TokenStore {
         self.n_tokens(split) + usize::from(self.grid.end_token) * self.n_clips(split)
     }
 
+    /// What a generator predicts of a clip: its codes, and the end token where there is one.
+    pub fn n_targets_of_clip(&self, split: Split, index: usize) -> usize {
+        self.clip(split, index).len() + usize::from(self.grid.end_token)
+    }
+
     /// Test targets whose code the training split never showed, end tokens aside.
     pub fn zero_count_targets(&self) -> usize {
         let mut seen = vec![false; self.n_vocab()];
-        self.codes(Split::Train).iter().for_each(|&code| seen[code as usize] = true);
-        self.codes(Split::Test).iter().filter(|&&code| !seen[code as usize]).count()
+        for index in 0..self.n_clips(Split::Train) {
+            self.stream(Split::Train, index).iter().for_each(|&id| seen[id as usize] = true);
+        }
+        let unseen = |index: usize| {
+            self.stream(Split::Test, index).iter().filter(|&&id| !seen[id as usize]).count()
+        };
+        (0..self.n_clips(Split::Test)).map(unseen).sum()
     }
 
     /// The frames of a split that its codes stand for.
@@ -135,6 +146,24 @@ impl TokenStore {
         &self.codes(split)[offsets[index] as usize..offsets[index + 1] as usize]
     }
 
+    /// The frames of a clip that its codes stand for.
+    pub fn clip_frames(&self, split: Split, index: usize) -> usize {
+        self.split(split).frames.values()[index] as usize
+    }
+
+    /// The codes of a clip as ids of one vocabulary, in which the codebooks stand after one another:
+    /// those of a scale are moved by the codes of the codebooks before it.
+    pub fn stream(&self, split: Split, index: usize) -> Cow<'_, [u32]> {
+        let codes = self.clip(split, index);
+        if self.grid.scales.len() == 1 {
+            return Cow::Borrowed(codes);
+        }
+        let frames = self.clip_frames(split, index);
+        let scales = self.grid.offsets().zip(self.grid.lengths(frames));
+        let offsets = scales.flat_map(|(offset, length)| std::iter::repeat_n(offset, length));
+        codes.iter().zip(offsets).map(|(code, offset)| code + offset as u32).collect()
+    }
+
     /// The codes of a split, clip after clip.
     pub fn codes(&self, split: Split) -> &[u32] {
         self.split(split).codes.values()
@@ -142,7 +171,7 @@ impl TokenStore {
 
     /// The codes of a scale in a clip.
     pub fn scale(&self, split: Split, index: usize, scale: usize) -> &[u32] {
-        let frames = self.split(split).frames.values()[index] as usize;
+        let frames = self.clip_frames(split, index);
         let mut lengths = self.grid.lengths(frames);
         let from: usize = lengths.by_ref().take(scale).sum();
         &self.clip(split, index)[from..from + lengths.next().unwrap_or(0)]
@@ -163,6 +192,18 @@ impl TokenStore {
         let total = (codes + ends + n_vocab as u64 + 1) as f64;
         let counts = counts.counts().iter().chain([&ends]);
         counts.map(|&count| ((count + 1) as f64 / total).ln()).collect()
+    }
+
+    /// ln p_uni of each id of [`TokenStore::stream`] and, last, of the end token, `[V + 1]`, in nats:
+    /// each by the table of its own scale, so that a unigram model knows the scale of what comes next.
+    pub fn stream_log_probs(&self) -> Vec<f64> {
+        let mut probs = Vec::with_capacity(self.n_vocab() + 1);
+        for scale in 0..self.grid.scales.len() {
+            // The end token of the scale before.
+            probs.truncate(probs.len().saturating_sub(1));
+            probs.extend(self.unigram_log_probs(scale));
+        }
+        probs
     }
 
     fn split(&self, split: Split) -> &StoredSplit {
@@ -213,82 +254,4 @@ impl StoredSplit {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn tokens(clips: &[&[u32]]) -> SplitTokens {
-        SplitTokens::new(clips.iter().map(|clip| (*clip, 4 * clip.len())))
-    }
-
-    fn store(n_vocab: usize, train: &[&[u32]]) -> Result<TokenStore, FileError> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("tokens.safetensors");
-        let splits = [tokens(train), tokens(&[]), tokens(&[&[2]])];
-        write_store(&path, &Grid::stream(n_vocab, 4), &splits).unwrap();
-        TokenStore::open(&path)
-    }
-
-    #[test]
-    fn clips_come_back_as_they_were_written() {
-        let store = store(4, &[&[0, 3, 1], &[], &[2]]).unwrap();
-        let clips: Vec<_> = (0..3).map(|index| store.clip(Split::Train, index)).collect();
-        assert_eq!(clips, [vec![0, 3, 1], vec![], vec![2]]);
-        assert_eq!(Split::ALL.map(|split| store.n_clips(split)), [3, 0, 1]);
-        assert_eq!(Split::ALL.map(|split| store.n_tokens(split)), [4, 0, 1]);
-        assert_eq!(store.clip(Split::Test, 0), [2]);
-    }
-
-    #[test]
-    fn unigram_probabilities_count_one_end_token_a_clip_and_sum_to_one() {
-        let store = store(4, &[&[0, 0, 1], &[0]]).unwrap();
-        let probs: Vec<f64> = store.unigram_log_probs(0).iter().map(|p| p.exp()).collect();
-        let expected = [4.0, 2.0, 1.0, 1.0, 3.0].map(|count| count / 11.0);
-        assert!(probs.iter().zip(expected).all(|(p, e)| (p - e).abs() < 1e-12), "{probs:?}");
-        assert_eq!(probs.len(), 5);
-    }
-
-    #[test]
-    fn a_code_beyond_the_codebook_is_refused() {
-        let error = store(3, &[&[0, 3]]).unwrap_err().to_string();
-        assert!(error.contains("is damaged"), "{error}");
-    }
-
-    #[test]
-    fn a_cut_file_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("tokens.safetensors");
-        let split = tokens(&[&[1, 2, 3]]);
-        write_store(&path, &Grid::stream(4, 4), &[split.clone(), split.clone(), split]).unwrap();
-        let bytes = std::fs::read(&path).unwrap();
-        std::fs::write(&path, &bytes[..bytes.len() - 4]).unwrap();
-        assert!(TokenStore::open(&path).is_err());
-    }
-
-    #[test]
-    fn scales_have_their_own_codes_and_unigrams() {
-        use crate::codes::{Length, Scale};
-        let scale = |n_vocab, codes| Scale { n_vocab, length: Length::Codes(codes) };
-        let grid = Grid { scales: vec![scale(2, 1), scale(3, 2)], end_token: false };
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("tokens.safetensors");
-        let train = SplitTokens::new([(&[1, 2, 0][..], 40), (&[1, 2, 2][..], 60)]);
-        let none = SplitTokens::new([]);
-        write_store(&path, &grid, &[train, none.clone(), none]).unwrap();
-        let store = TokenStore::open(&path).unwrap();
-        assert_eq!(store.scale(Split::Train, 0, 0), [1]);
-        assert_eq!(store.scale(Split::Train, 1, 1), [2, 2]);
-        assert_eq!((store.n_targets(Split::Train), store.n_frames(Split::Train)), (6, 100));
-        let of = |scale: usize| -> Vec<f64> {
-            store.unigram_log_probs(scale).iter().map(|p| p.exp()).collect()
-        };
-        let near = |found: Vec<f64>, counts: &[f64]| {
-            let total: f64 = counts.iter().sum();
-            found.iter().zip(counts).all(|(p, count)| (p - count / total).abs() < 1e-12)
-        };
-        assert!(near(of(0), &[1.0, 3.0, 1.0]), "{:?}", of(0));
-        assert!(near(of(1), &[2.0, 1.0, 4.0, 1.0]), "{:?}", of(1));
-        let wrong = SplitTokens::new([(&[1, 3, 0][..], 40)]);
-        write_store(&path, &grid, &[wrong.clone(), wrong.clone(), wrong]).unwrap();
-        assert!(TokenStore::open(&path).unwrap_err().is_damage());
-    }
-}
+mod tests;

@@ -1,6 +1,7 @@
 //! The commands: one file each, each telling its whole story.
 
 mod analyse;
+mod analysis;
 mod args;
 mod cancel;
 mod command_line;
@@ -9,6 +10,8 @@ mod exit;
 mod export;
 mod finished;
 mod fit;
+mod generate;
+mod generators;
 mod output;
 mod plan;
 mod plan_text;
@@ -60,6 +63,8 @@ enum Command {
     Tune(tune::TuneArgs),
     /// Train the tokenizers of a sweep, or compare several
     Tokenizer(tokenizer::TokenizerArgs),
+    /// Make motions of captions with a trained run
+    Generate(generate::GenerateArgs),
     /// Write a sweep's results in another form
     Export(export::ExportArgs),
     /// Do one job of a sweep; started by `run`
@@ -84,6 +89,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Validate(args) => validate::validate(&args, &output),
         Command::Tune(args) => tune::tune(&args, &output),
         Command::Tokenizer(args) => tokenizer::tokenizer(&args, &output),
+        Command::Generate(args) => generate::generate(&args, &output),
         Command::Export(args) => export::export(&args, &output),
         Command::Worker(args) => worker::worker(&args, &output),
         Command::Guard(args) => worker::guard(&args),

@@ -44,6 +44,14 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
 
 /// The laws of a sweep's folder or of a file.
 pub fn laws_of(path: &Path) -> Result<Laws> {
+    let several = ResultsFolder::new(path).generators();
+    if several.is_dir() && !path.join("laws.json").exists() {
+        bail!(
+            "{} has laws for each of its generators; name the folder of one in {}",
+            path.display(),
+            several.display()
+        );
+    }
     let path = if path.is_dir() { path.join("laws.json") } else { path.to_path_buf() };
     match read_if_there(&path)? {
         Some(laws) => Ok(laws),

@@ -113,6 +113,11 @@ impl DataFacts {
         self.over_clips(|n_frames| n_frames)
     }
 
+    /// Frames of the longest training clip that was looked at; 0 without data.
+    pub fn longest_clip(&self) -> usize {
+        self.lengths.keys().next_back().copied().unwrap_or(0)
+    }
+
     /// A sum over training clips of what depends on their frames.
     fn over_clips(&self, of_frames: impl Fn(usize) -> usize) -> usize {
         let sampled: usize = self.lengths.values().sum();

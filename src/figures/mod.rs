@@ -28,6 +28,7 @@ mod series;
 mod ticks;
 mod write;
 
+mod generators;
 mod isoflop_parabolas;
 mod loss_vs_budget;
 mod loss_vs_flops;
@@ -50,6 +51,7 @@ use crate::record::RunRecord;
 use crate::spec::FlopsRule;
 use crate::tokenizer::TokenizerMetrics;
 use cells::{Cells, Shown};
+pub use generators::GeneratorRuns;
 use scene::Scene;
 
 /// What the figures of a sweep are drawn from.
@@ -137,6 +139,24 @@ pub fn draw_all(input: &FigureInput, folder: &Path) -> Result<Drawn, FigureError
         }
     }
     Ok(drawn)
+}
+
+/// Draws several generators side by side, as `generators.svg` and `generators.png`; gives their paths.
+///
+/// # Errors
+///
+/// Where a file cannot be written, or no run can be shown.
+pub fn draw_generators(
+    sweep: &str,
+    generators: &[GeneratorRuns],
+    rule: FlopsRule,
+    folder: &Path,
+) -> Result<[PathBuf; 2], FigureError> {
+    const NAME: &str = "generators";
+    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
+    let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
+    let scene = generators::draw(sweep, generators, rule).map_err(failed)?;
+    write::figure(&scene, folder, NAME)
 }
 
 impl<'a> Sources<'a> {

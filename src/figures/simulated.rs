@@ -156,6 +156,7 @@ fn tokenizer(kind: &str, n_vocab: usize, noise: &mut Noise) -> TokenizerMetrics 
         parameters: 1_200_000,
         train_steps: 4000,
         wall_s: 61.0,
+        scales: None,
         frames_per_code: Some(4),
         seed: Some(0),
         k_means: None,

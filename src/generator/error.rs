@@ -26,6 +26,12 @@ pub enum GeneratorError {
          {n_ctx}: ask for at most {most} frames"
     )]
     Length { n_frames: usize, positions: usize, n_ctx: usize, most: usize },
+    /// Guidance by a model that was trained with every caption.
+    #[error(
+        "the run was trained with every caption, so that guidance has nothing to move away from: \
+         leave guidance at 0, or train with model.text_drop above 0"
+    )]
+    Guidance,
     /// Weights that are not those of the run.
     #[error(transparent)]
     Weights(#[from] WeightsError),
@@ -44,9 +50,10 @@ impl GeneratorError {
     pub fn failure_kind(&self) -> Option<FailureKind> {
         match self {
             Self::Learn(error) => error.failure_kind(),
-            Self::Vocabulary { .. } | Self::Context { .. } | Self::Length { .. } => {
-                Some(FailureKind::BadData)
-            }
+            Self::Vocabulary { .. }
+            | Self::Context { .. }
+            | Self::Length { .. }
+            | Self::Guidance => Some(FailureKind::BadData),
             Self::Weights(_) => Some(FailureKind::Damaged),
             Self::Precision(_) => Some(FailureKind::Other),
         }

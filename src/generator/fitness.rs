@@ -29,7 +29,7 @@ pub fn check_precision(precision: Precision, device: &Device) -> Result<(), Gene
 
 /// Each clip must fit the context after the longest of its captions.
 fn check_lengths(n_ctx: usize, inputs: &Inputs, split: Split) -> Result<(), GeneratorError> {
-    let Inputs { tokens, text } = inputs;
+    let Inputs { tokens, text, .. } = inputs;
     let n_text = |&caption: &u32| text.embedding(caption).len() / text.dim();
     for clip in 0..tokens.n_clips(split) {
         let longest_text = text.captions(split, clip).iter().map(n_text).max().unwrap_or(0);

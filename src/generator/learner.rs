@@ -6,8 +6,10 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
+use super::error::GeneratorError;
+use super::kind::Training;
 use super::schedule::learning_rate;
-use super::{GeneratorError, LogLine, SplitLoss, Trained, Training};
+use super::trained::{LogLine, SplitLoss, Trained};
 use crate::data::Split;
 use crate::learn::adamw::AdamWConfig;
 use crate::learn::{Course, LearnError, Learner, LearnerState, Learning, LoadedState, weights};
@@ -17,6 +19,9 @@ use crate::spec::flops::TRAINING_PER_FORWARD;
 
 /// The stream of a seed from which weights are drawn; epochs take theirs far above.
 pub const WEIGHTS_STREAM: u64 = 0;
+
+/// What a step hides or corrupts takes its ChaCha stream from here on, one stream a step.
+pub const FIRST_STEP_STREAM: u64 = 1 << 33;
 
 /// A training loss this many nats above the uniform model's ends the run.
 const DIVERGED_NATS: f64 = 3.0;

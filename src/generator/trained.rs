@@ -11,6 +11,20 @@ use crate::text::TextStore;
 pub struct Inputs<'a> {
     pub tokens: &'a TokenStore,
     pub text: &'a TextStore,
+    /// What turns codes into the inputs of scales, where the generator asks for it.
+    pub scales: Option<&'a dyn ScaleInputs>,
+}
+
+/// A tokenizer, for generators that make codes scale after scale.
+pub trait ScaleInputs {
+    /// What such a generator is shown before each scale but the first, `[b, s, c]` row-major: the sum of
+    /// what the scales before it add to the latents, at its own length. The codes are those of
+    /// `n_clips` clips of `n_frames` frames, clip after clip, scale after scale; they may end after any
+    /// scale, and give as many inputs as they have scales, as far as there are such.
+    fn inputs(&self, codes: &[u32], n_clips: usize, n_frames: usize) -> Vec<Vec<f32>>;
+
+    /// Latents of a clip of so many frames.
+    fn n_latents(&self, n_frames: usize) -> usize;
 }
 
 /// A finished run.
@@ -26,16 +40,19 @@ pub struct Trained {
 }
 
 /// Losses of a model on a split, in nats.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SplitLoss {
-    /// Mean −ln p over targets, end tokens included.
+    /// Mean −ln p over targets, end tokens included where clips have them.
     pub loss_nats: f64,
-    /// L_u: mean of −ln p + ln p_uni over the same targets (ScaMo §4.4).
+    /// L_u: mean of −ln p + ln p_uni over the same targets (ScaMo §4.4); p_uni is that of the target's
+    /// own scale.
     ///
     /// From log-probabilities throughout: a ratio of probabilities would underflow first.
     pub loss_normalised: f64,
     /// Cross-entropy per frame of motion.
     pub nats_per_frame: f64,
+    /// L_u of the codes of each scale; empty where there is one.
+    pub normalised_by_scale: Vec<f64>,
     pub targets: usize,
 }
 

@@ -70,6 +70,16 @@ impl ResultsFolder {
         self.root.join(name)
     }
 
+    /// Where each generator of a sweep with several has its laws.
+    pub fn generators(&self) -> PathBuf {
+        self.file("generators")
+    }
+
+    /// The laws, figures and predictions of one of several generators.
+    pub fn of_generator(&self, name: &str) -> Self {
+        Self::new(self.generators().join(name))
+    }
+
     /// The folder of a job: `runs/<id>`, `tokenizers/<id>/tokens`.
     pub fn job(&self, JobId { kind, id }: &JobId) -> PathBuf {
         self.file(kind.folder(id))

@@ -17,6 +17,7 @@ pub mod probe;
 pub mod program;
 mod record;
 mod run;
+mod scales;
 mod spec_file;
 mod state;
 mod text;

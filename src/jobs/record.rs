@@ -18,6 +18,8 @@ pub struct Report {
     pub device: String,
     pub loss_nats: f64,
     pub loss_normalised: f64,
+    /// L_u of each scale; empty where there is one.
+    pub normalised_by_scale: Vec<f64>,
     /// By default from `nats_per_second`, or from `loss_nats`: a code stands for four frames.
     pub nats_per_frame: Option<f64>,
     pub nats_per_second: Option<f64>,
@@ -90,7 +92,11 @@ impl Report {
             (NATS_PER_FRAME, per_frame),
             (NATS_PER_SECOND, self.nats_per_second.unwrap_or(per_frame * price.fps)),
         ];
-        metrics.into_iter().collect()
+        let mut metrics: Metrics = metrics.into_iter().collect();
+        for (scale, loss) in self.normalised_by_scale.iter().enumerate() {
+            metrics.set(format!("{LOSS_NORMALISED}_scale_{}", scale + 1), *loss);
+        }
+        metrics
     }
 }
 

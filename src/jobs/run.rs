@@ -153,6 +153,7 @@ fn report(device_name: &str, inputs: &Inputs, trained: &Trained) -> Report {
         device: device_name.to_string(),
         loss_nats: trained.test.loss_nats,
         loss_normalised: trained.test.loss_normalised,
+        normalised_by_scale: trained.test.normalised_by_scale.clone(),
         nats_per_frame: Some(trained.test.nats_per_frame),
         nats_per_second: None,
         tokens: None,

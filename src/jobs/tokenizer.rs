@@ -31,7 +31,7 @@ pub const KIND: JobKind = JobKind::from_static(&Tokenizer);
 pub fn cost(job: &TokenizerJob) -> f64 {
     let training = &job.spec.training;
     let frames = (training.steps * training.batch * training.window) as f64;
-    frames * job.spec.architecture.flops_per_frame()
+    frames * job.spec.flops_per_frame()
 }
 
 impl Kind for Tokenizer {
@@ -109,8 +109,8 @@ impl Kind for Tokenizer {
         tokenizer.save(&place)?;
         let wall_s = started.elapsed().as_secs_f64();
         let metrics = tokenizer::evaluate(&tokenizer, &*source, &assignment.job.id, wall_s)?;
-        let n_vocab = tokenizer.n_vocab();
-        let k_means = tokenizer::k_means_baseline(n_vocab, &*source, assignment.device)?;
+        let quantizer = &tokenizer.spec().quantizer;
+        let k_means = tokenizer::k_means_baseline(quantizer, &*source, assignment.device)?;
         write_json(&assignment.product(), &TokenizerMetrics { k_means, ..metrics })?;
         assignment.remove_checkpoint()?;
         Ok(Outcome::Done)

@@ -4,18 +4,26 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
 use super::assignment::frozen_sweep;
 use super::folder::{JobState, ResultsFolder};
 use super::id::JobId;
 use super::run::MODEL;
 use super::tokenizer;
+use crate::codes::TokenStore;
+use crate::data::Split;
 use crate::files::read_if_there;
-use crate::generator::{self, Draw, GeneratorError, Prompt, Sampled, Sampler};
+use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling};
+use crate::learn::params::below;
 use crate::learn::weights;
 use crate::plan::RunSpec;
 use crate::text::{self, TextEncoder};
 use crate::tokenizer::Tokenizer;
+
+/// Lengths take their ChaCha stream from here on, far above those of motions.
+const LENGTHS_STREAM: u64 = 1 << 40;
 
 /// A finished run with all that turns a caption into motion.
 pub struct TrainedRun {
@@ -69,8 +77,29 @@ impl TrainedRun {
     ///
     /// # Errors
     /// As [`Sampler::sample`].
-    pub fn sample(&self, prompts: &[Prompt], draw: &Draw) -> Result<Vec<Sampled>, GeneratorError> {
-        self.sampler.sample(prompts, draw)
+    pub fn sample(
+        &self,
+        prompts: &[Prompt],
+        sampling: &Sampling,
+    ) -> Result<Vec<Sampled>, GeneratorError> {
+        self.sampler.sample(prompts, &self.tokenizer, sampling)
+    }
+
+    /// The length of a clip of the training split, in frames, drawn by a seed and an index.
+    ///
+    /// # Errors
+    /// The codes of its data are missing or damaged.
+    pub fn some_length(&self, seed: u64, index: u64) -> Result<usize> {
+        let tokens = TokenStore::open(&self.folder.tokens(&self.spec.tokenizer_id))?;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(LENGTHS_STREAM + index);
+        let clip = below(&mut rng, tokens.n_clips(Split::Train));
+        Ok(tokens.clip_frames(Split::Train, clip))
+    }
+
+    /// Whether a prompt has to say how long the motion is.
+    pub fn wants_length(&self) -> bool {
+        self.sampler.wants_length()
     }
 }
 

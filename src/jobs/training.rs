@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use super::assignment::Assignment;
 use super::folder::ResultsFolder;
@@ -12,10 +12,11 @@ use super::mend::{open_or_remake, train_past_damage};
 use super::{text, tokens, trunk};
 use crate::codes::TokenStore;
 use crate::files::read_if_there;
-use crate::generator::{GeneratorError, Inputs, Training};
+use crate::generator::{self, GeneratorError, Inputs, ScaleInputs, Training};
 use crate::learn::{Branch, Checkpoints, step_of};
 use crate::plan::{RunSpec, Trunk};
 use crate::text::TextStore;
+use crate::tokenizer::Tokenizer;
 
 /// What a run reads, opened, and where its state lies.
 pub struct Opened<'a> {
@@ -23,6 +24,8 @@ pub struct Opened<'a> {
     spec: &'a RunSpec,
     tokens: TokenStore,
     text: TextStore,
+    /// The tokenizer, where the generator makes codes scale after scale.
+    tokenizer: Option<Tokenizer>,
     checkpoint: PathBuf,
     every: Duration,
     /// The state of the trunk that it goes on from, and the steps done there.
@@ -41,9 +44,13 @@ impl<'a> Opened<'a> {
     ) -> Result<Self> {
         let tokens = JobId::new(tokens::KIND, &spec.tokenizer_id);
         let text = JobId::new(text::KIND, &spec.text_id);
+        let wants_scales = generator::of(spec).wants_scales();
+        let tokenizer = assignment.folder.tokenizer(&spec.tokenizer_id);
+        let load = || Tokenizer::load(&tokenizer, assignment.device);
         Ok(Self {
             tokens: open_or_remake(assignment, &tokens, TokenStore::open)?,
             text: open_or_remake(assignment, &text, TextStore::open)?,
+            tokenizer: wants_scales.then(load).transpose().context("opening its tokenizer")?,
             checkpoint: assignment.checkpoint(),
             every: assignment.checkpoint_every()?,
             assignment,
@@ -54,7 +61,8 @@ impl<'a> Opened<'a> {
 
     /// What the run reads.
     pub fn inputs(&self) -> Inputs<'_> {
-        Inputs { tokens: &self.tokens, text: &self.text }
+        let scales = self.tokenizer.as_ref().map(|tokenizer| tokenizer as &dyn ScaleInputs);
+        Inputs { tokens: &self.tokens, text: &self.text, scales }
     }
 
     /// Trunks shorten the way and change no result, so one that is gone is done without.

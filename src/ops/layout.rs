@@ -171,6 +171,12 @@ impl SequenceLayout {
         }
     }
 
+    /// Positions of each block of sequence `i`.
+    pub fn block_lengths(&self, i: usize) -> Vec<usize> {
+        let starts = std::iter::once(&self.prefixes[i]).chain(self.blocks[i].iter());
+        starts.zip(self.blocks[i].iter()).map(|(start, end)| end - start).collect()
+    }
+
     /// The angles of the positions of sequence `i`, by their places among those of a
     /// [`Rope`](super::Rope); `None` where they are the positions.
     #[inline]

@@ -30,14 +30,24 @@ impl Rope {
     ///
     /// If `head_dim` is zero or odd: pairs need an even number of features.
     pub fn new(max_len: usize, head_dim: usize, base: f64) -> Self {
+        let positions: Vec<f64> = (0..max_len).map(|t| t as f64).collect();
+        Self::at_positions(&positions, head_dim, base)
+    }
+
+    /// Angles for positions that do not follow one another: row t has those of `positions[t]`.
+    ///
+    /// # Panics
+    ///
+    /// As [`Rope::new`].
+    pub fn at_positions(positions: &[f64], head_dim: usize, base: f64) -> Self {
         assert!(
             head_dim > 0 && head_dim.is_multiple_of(2),
             "rotary embedding turns pairs of features: head_dim must be even, not {head_dim}"
         );
+        let max_len = positions.len();
         let angles = || {
-            (0..max_len).flat_map(move |t| {
-                (0..head_dim / 2)
-                    .map(move |i| t as f64 * base.powf(-2.0 * i as f64 / head_dim as f64))
+            positions.iter().flat_map(move |t| {
+                (0..head_dim / 2).map(move |i| t * base.powf(-2.0 * i as f64 / head_dim as f64))
             })
         };
         let cos: Vec<f32> = angles().map(|angle| angle.cos() as f32).collect();
@@ -94,6 +104,13 @@ mod tests {
         assert!(close(sin, [3f64.sin(), 0.03f64.sin()]), "{sin:?}");
         assert_eq!(along, [cos[0], cos[0], cos[1], cos[1]]);
         assert_eq!(across, [-sin[0], sin[0], -sin[1], sin[1]]);
+    }
+
+    #[test]
+    fn positions_may_lie_between_others() {
+        let (each, some) = (Rope::new(9, 6, 100.0), Rope::at_positions(&[2.0, 8.0, 0.5], 6, 100.0));
+        assert_eq!([some.at(0), some.at(1)], [each.at(2), each.at(8)]);
+        assert!((f64::from(some.turn(2).0[0]) - 0.5f64.cos()).abs() < 1e-7);
     }
 
     #[test]

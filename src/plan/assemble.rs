@@ -60,7 +60,7 @@ impl Plan {
         let chain_of = |run: usize| Some((cells[run / per_cell].group?, run % per_cell));
         let trunks =
             if sweep.train.schedule.shares() { branch(&mut runs, chain_of) } else { Vec::new() };
-        let remarks = remarks(sweep, &tokenizers, &runs);
+        let remarks = remarks(sweep, &tokenizers, &runs, &data);
         Self { runs, dropped, tokenizers, trunks, text, data, remarks }
     }
 

@@ -1,6 +1,6 @@
 //! The cells of a grid: axes crossed or zipped, less what is excluded.
 
-use crate::spec::{GeneratorKind, QuantizerKind, QuantizerSpec};
+use crate::spec::{GeneratorKind, QuantizerSection, QuantizerSpec};
 use crate::sweep::condition::Condition;
 use crate::sweep::{Axis, ModelEntry, Sweep, VocabSpec, models};
 
@@ -16,8 +16,8 @@ pub struct GridCell {
 /// Every cell that no condition excludes, and those that one does, with the condition.
 pub fn cells(sweep: &Sweep) -> (Vec<GridCell>, Vec<(GridCell, String)>) {
     let grid = &sweep.grid;
-    let (models, kind) = (models(&grid.models), sweep.tokenizer.quantizer_kind());
-    let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, kind)).collect();
+    let (models, section) = (models(&grid.models), sweep.tokenizer.quantizer());
+    let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, &section)).collect();
     let lengths = [models.len(), quantizers.len(), grid.budgets.len()];
     let triples = indices(lengths, &grid.zip);
     let of_kind = |generator: &GeneratorKind| {
@@ -53,8 +53,8 @@ fn field(cell: &GridCell, name: &str) -> f64 {
 }
 
 /// The quantizer of a vocabulary entry that the check has let pass.
-fn quantizer(entry: &VocabSpec, kind: QuantizerKind) -> QuantizerSpec {
-    entry.quantizer(kind).expect("checked when the sweep was read")
+fn quantizer(entry: &VocabSpec, section: &QuantizerSection) -> QuantizerSpec {
+    entry.quantizer(section).expect("checked when the sweep was read")
 }
 
 /// Index triples (model, vocabulary, budget): groups of zipped axes advance together.

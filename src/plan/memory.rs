@@ -32,7 +32,7 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let patches = BYTES_PER_PATCH * MOST_PATCHES.min(data.train_frames()) as f64;
     let training = &spec.training;
     let frames = (training.batch * training.window) as f64;
-    let step = frames * spec.architecture.training_bytes_per_frame();
+    let step = frames * spec.training_bytes_per_frame();
     let begun = if spec.architecture.begins_from_data() { patches } else { 0.0 };
     let training = pool(training.pool_clips, training.mirror) + step.max(begun);
     let baseline = pool(BASELINE_CLIPS, true) + patches;

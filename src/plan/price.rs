@@ -4,6 +4,7 @@ use super::cells::{GridCell, cells};
 use super::priced_cell::{Dropped, PricedCell};
 use super::steps::{pace, spend};
 use super::trunk;
+use crate::spec::Context;
 use crate::sweep::{Sweep, shape};
 
 /// Prices every cell of a sweep's grid.
@@ -27,8 +28,17 @@ pub fn price(sweep: &Sweep) -> (Vec<PricedCell>, Vec<Dropped>) {
 }
 
 fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
-    let generator = cell.generator.of(shape(&cell.model, &sweep.model, &sweep.text));
-    let codes = sweep.tokenizer.spec(cell.quantizer.clone()).grid();
+    let tokenizer = sweep.tokenizer.spec(cell.quantizer.clone());
+    let codes = tokenizer.grid();
+    let context = Context {
+        max_text: sweep.text.max_tokens,
+        d_latent: tokenizer.architecture.code_dim(),
+        frames_per_latent: tokenizer.architecture.frames_per_latent(),
+        corruption: sweep.model.corruption,
+        text_drop: sweep.model.text_drop,
+    };
+    let shape = shape(&cell.model, &sweep.model, &sweep.text);
+    let generator = cell.generator.of(shape, &codes, &context);
     let flops_per_token = generator.flops_per_token(&codes, sweep.text.max_tokens);
     let per_token = flops_per_token.by(sweep.flops.rule);
     let spending = spend(cell.budget_flops, per_token, &sweep.train)?;

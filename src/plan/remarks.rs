@@ -2,6 +2,8 @@
 
 use super::planned_run::PlannedRun;
 use super::run_spec::TokenizerJob;
+use crate::data::DataFacts;
+use crate::spec::QuantizerSpec;
 use crate::sweep::Sweep;
 
 /// Steps of a tokenizer below which its codes are mostly those that it began with.
@@ -14,6 +16,7 @@ pub(super) fn remarks(
     sweep: &Sweep,
     tokenizers: &[TokenizerJob],
     runs: &[PlannedRun],
+    data: &DataFacts,
 ) -> Vec<String> {
     let steps = tokenizers.iter().map(|job| job.spec.training.steps).min();
     let few = steps.filter(|steps| *steps < FEWEST_TOKENIZER_STEPS).map(|steps| {
@@ -22,7 +25,25 @@ pub(super) fn remarks(
              they begin with; `isoflop tokenizer eval` has them beside k-means"
         )
     });
-    few.into_iter().chain(of_runs(sweep, runs)).collect()
+    few.into_iter().chain(context(sweep, runs, data)).chain(of_runs(sweep, runs)).collect()
+}
+
+/// On clips that the models' context cannot hold after a text of `text.max_tokens`.
+fn context(sweep: &Sweep, runs: &[PlannedRun], data: &DataFacts) -> Option<String> {
+    let frames = data.longest_clip();
+    let room = |run: &PlannedRun| run.spec.shape().n_ctx - sweep.text.max_tokens;
+    let targets = |run: &PlannedRun| run.spec.codes.n_targets(frames);
+    let has_clips = sweep.trainer.is_none() && frames > 0;
+    let run = runs.iter().find(|run| has_clips && targets(run) > room(run))?;
+    let tokenizer = sweep.tokenizer.spec(QuantizerSpec::default());
+    let latents = frames / tokenizer.frames_per_latent();
+    Some(format!(
+        "a clip of {frames} frames has {} targets, the models have room for {}: a run fails at it unless \
+         its text is short; set model.motion_slots to {} or more",
+        targets(run),
+        room(run),
+        latents + 2
+    ))
 }
 
 fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
@@ -56,7 +77,7 @@ fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::data::DataFacts;
+    use crate::data::{self, DataFacts};
     use crate::plan::Plan;
     use crate::sweep;
 
@@ -82,6 +103,20 @@ mod tests {
             "1 of 1 runs are trained at train.lr.max = 0.001"
         ));
         assert!(says("train: {batch: {max: 64}}", "have the batch of train.batch.max = 64"));
+    }
+
+    #[test]
+    fn clips_that_do_not_fit_the_context_are_named() {
+        let text = "name: t\ndata: {source: procedural, clips: 8}\n\
+                    grid: {models: [{n_layer: 1, n_head: 1, d_model: 16}], vocab: [64], budgets: [1e11]}\n\
+                    tokenizer: {kind: patch, quantizer: {kind: residual}}\n";
+        let told = |more: &str| {
+            let sweep = sweep::parse("t.yaml", &format!("{text}{more}"), &[]).expect("a sweep");
+            let source = data::open(&sweep.data, None).expect("a source");
+            let warnings = Plan::new(&sweep, DataFacts::of(&*source)).warnings();
+            warnings.iter().any(|warning| warning.contains("set model.motion_slots to"))
+        };
+        assert!(!told("") && told("model: {motion_slots: 20}"));
     }
 
     #[test]

@@ -81,6 +81,14 @@ impl ArchitectureSpec {
         }
     }
 
+    /// Channels of a latent.
+    pub fn code_dim(&self) -> usize {
+        match self {
+            Self::Convolutional(ConvolutionalSpec { width, .. }) => *width,
+            Self::Patch(PatchSpec { latent, .. }) => *latent,
+        }
+    }
+
     /// Whether it sees joints at their height above the root.
     pub fn has_relative_heights(&self) -> bool {
         matches!(self, Self::Patch(_))

@@ -44,6 +44,16 @@ impl Grid {
         self.scales.iter().map(|scale| scale.n_vocab).sum()
     }
 
+    /// The codes of the codebooks before each scale's own: what an id of a scale is moved by where all
+    /// codebooks stand in one vocabulary.
+    pub fn offsets(&self) -> impl Iterator<Item = usize> {
+        self.scales.iter().scan(0, |before, scale| {
+            let own = *before;
+            *before += scale.n_vocab;
+            Some(own)
+        })
+    }
+
     /// The codes of each scale of a clip of so many frames.
     pub fn lengths(&self, n_frames: usize) -> impl Iterator<Item = usize> {
         self.scales.iter().map(move |scale| scale.length.codes(n_frames))
@@ -59,18 +69,12 @@ impl Grid {
         self.n_codes(n_frames) + usize::from(self.end_token)
     }
 
-    /// The frames that a clip must have at least to be encoded.
-    pub fn fewest_frames(&self) -> usize {
-        let frames = self.scales.iter().map(|scale| match scale.length {
-            Length::FramesPerCode(frames) => frames,
-            Length::Codes(_) => 1,
-        });
-        frames.max().unwrap_or(1)
-    }
-
-    /// The frames of a clip that are encoded: whole codes on every scale.
-    pub fn whole_frames(&self, n_frames: usize) -> usize {
-        n_frames - n_frames % self.fewest_frames()
+    /// The frames that so many codes of the first scale stand for; `None` where that depends on the clip.
+    pub fn frames_of(&self, n_first: usize) -> Option<usize> {
+        match self.scales.first()?.length {
+            Length::FramesPerCode(frames) => Some(frames * n_first),
+            Length::Codes(_) => None,
+        }
     }
 
     /// The frames that a code stands for, over all scales; `None` where that depends on the clip.
@@ -104,10 +108,7 @@ mod tests {
     #[test]
     fn a_stream_has_a_code_for_four_frames_and_an_end_token() {
         let stream = Grid::stream(240, 4);
-        assert_eq!(
-            (stream.n_codes(199), stream.n_targets(199), stream.whole_frames(199)),
-            (49, 50, 196)
-        );
+        assert_eq!((stream.n_codes(199), stream.n_targets(199)), (49, 50));
         assert_eq!((stream.n_vocab(), stream.frames_per_code()), (240, Some(4.0)));
     }
 
@@ -120,5 +121,6 @@ mod tests {
         let multiple = scales(&full, false);
         assert_eq!([40, 196].map(|frames| multiple.n_codes(frames)), [236, 236]);
         assert_eq!(multiple.frames_per_code(), None);
+        assert_eq!(multiple.offsets().collect::<Vec<_>>()[..3], [0, 256, 512]);
     }
 }

@@ -20,17 +20,20 @@ pub use architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 pub use error::{KeyProblem, SpecError};
 pub use generator::flops;
 pub use generator::{
-    Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, ModelShape, ParamCounts, Pricing,
-    TARGETS_PER_PASS,
+    Context, Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, MaskedSpec, ModelShape,
+    ParamCounts, Pricing, Scales, ScalewiseSpec, TARGETS_PER_PASS, exact_of_clip,
 };
 pub use grid::{Grid, Length, Scale};
 pub use id::{changed_fields, content_id};
 pub use levels::{digits_of_index, index_of_digits, levels_for, n_codes, nominal_sizes};
 pub use precision::Precision;
-pub use quantizer::{QuantizerKind, QuantizerSpec, VocabularyError};
+pub use quantizer::{
+    CodebookKind, CodebookSpec, MultiscaleSpec, QuantizerKind, QuantizerSection, QuantizerSpec,
+    ResidualSpec, ScaleName, ScaleSpec, VocabularyError,
+};
 pub use text::{TextEncoderKind, TextSpec};
 pub use tokenizer::TokenizerSpec;
 pub use tokenizer_training::{
-    BASELINE_CLIPS, MOST_PATCHES, QuantizerSection, TokenizerKind, TokenizerLoss,
-    TokenizerSchedule, TokenizerSection, TokenizerTraining,
+    BASELINE_CLIPS, MOST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule,
+    TokenizerSection, TokenizerTraining,
 };

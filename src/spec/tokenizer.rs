@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 use super::error::{SpecError, require};
 use super::grid::Grid;
-use super::quantizer::{QuantizerKind, QuantizerSpec};
+use super::quantizer::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec};
 use super::tokenizer_training::{
     TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };
@@ -20,6 +20,19 @@ pub struct TokenizerSpec {
     pub training: TokenizerTraining,
 }
 
+/// VAR's mix, which leaves the signs that latents of patches begin with.
+const PATCH_MIX: f64 = 0.5;
+
+/// A quantizer with the defaults of patches.
+fn of_patches(section: QuantizerSection) -> QuantizerSection {
+    let mixes = section.kind == QuantizerKind::Multiscale;
+    let mix = section.mix.or(mixes.then_some(PATCH_MIX));
+    QuantizerSection { mix, ..section }
+}
+
+/// A size that every kind of codebook has: what a section is checked with.
+const ANY_SIZE: usize = 64;
+
 impl Default for QuantizerSpec {
     fn default() -> Self {
         Self::Fsq { levels: vec![8, 6, 5] }
@@ -27,14 +40,14 @@ impl Default for QuantizerSpec {
 }
 
 impl TokenizerSection {
-    /// The kind of its quantizer.
-    pub fn quantizer_kind(&self) -> QuantizerKind {
-        let written = self.quantizer.map(|section| section.kind);
+    /// Its quantizer, as it is written or by default.
+    pub fn quantizer(&self) -> QuantizerSection {
+        let written = self.quantizer.clone();
         match self.kind {
-            TokenizerKind::Fsq => QuantizerKind::Fsq,
-            TokenizerKind::Vq => QuantizerKind::Vq,
+            TokenizerKind::Fsq => QuantizerKind::Fsq.section(),
+            TokenizerKind::Vq => QuantizerKind::Vq.section(),
             TokenizerKind::Convolutional => written.unwrap_or_default(),
-            TokenizerKind::Patch => written.unwrap_or(QuantizerKind::Vq),
+            TokenizerKind::Patch => of_patches(written.unwrap_or(QuantizerKind::Vq.section())),
         }
     }
 
@@ -55,13 +68,16 @@ impl TokenizerSection {
             TokenizerKind::Patch => TokenizerTraining::of_patches(),
             _ => TokenizerTraining::default(),
         };
-        let mut training = self.training_over(defaults);
+        let architecture = self.architecture();
+        let longest_scale = quantizer.longest_scale() * architecture.frames_per_latent();
+        let window = defaults.window.max(longest_scale);
+        let mut training = self.training_over(TokenizerTraining { window, ..defaults });
         if training.loss == TokenizerLoss::Features {
             // Bodies are mixed for the loss of joints alone, unless somebody writes otherwise.
             training.mix_body = self.mix_body.unwrap_or(0.0);
             training.mix_arm = self.mix_arm.unwrap_or(0.0);
         }
-        TokenizerSpec { architecture: self.architecture(), quantizer, training }
+        TokenizerSpec { architecture, quantizer, training }
     }
 
     fn architecture(&self) -> ArchitectureSpec {
@@ -94,7 +110,10 @@ impl TokenizerSection {
         let twice = self.seed.is_some() && !self.seeds.is_empty();
         require(!twice, "seed", "is one of `seeds`: leave one of the two out")?;
         self.check_kind()?;
-        let spec = self.spec(QuantizerSpec::default());
+        let section = self.quantizer();
+        section.check()?;
+        let quantizer = section.of_size(ANY_SIZE).unwrap_or_default();
+        let spec = self.spec(quantizer);
         self.check_use(&spec.training)?;
         spec.check()
     }
@@ -103,13 +122,15 @@ impl TokenizerSection {
     fn check_use(&self, training: &TokenizerTraining) -> Result<(), SpecError> {
         let joints = training.loss == TokenizerLoss::Joints;
         let step = training.schedule == TokenizerSchedule::Step;
-        let vq = self.quantizer_kind() == QuantizerKind::Vq;
+        let quantizer = self.quantizer();
+        let vq = quantizer.codebook_kind() == CodebookKind::Vq;
+        let learned = vq || quantizer.kind == QuantizerKind::Multiscale;
         let written = [
             ("decay_at", self.decay_at, step, "belongs to `schedule: step`"),
             ("position_weight", self.position_weight, !joints, "belongs to `loss: features`"),
             ("feature_weight", self.feature_weight, joints, "belongs to `loss: joints`"),
             ("velocity_weight", self.velocity_weight, joints, "belongs to `loss: joints`"),
-            ("commitment", self.commitment, vq, "belongs to VQ"),
+            ("commitment", self.commitment, learned, "belongs to VQ"),
             ("reset_share", self.reset_share, vq, "belongs to VQ"),
         ];
         for (field, value, is_read, problem) in written {
@@ -145,7 +166,27 @@ impl TokenizerSpec {
 
     /// The codes that it gives clips.
     pub fn grid(&self) -> Grid {
-        self.quantizer.grid(self.architecture.frames_per_latent())
+        self.quantizer.grid(self.frames_per_latent())
+    }
+
+    /// Frames that one latent stands for; a clip is encoded in whole latents.
+    pub fn frames_per_latent(&self) -> usize {
+        self.architecture.frames_per_latent()
+    }
+
+    /// FLOPs that training on a frame counts for, beside the budgets of runs.
+    pub fn flops_per_frame(&self) -> f64 {
+        let products = self.quantizer.products_per_latent(self.architecture.code_dim());
+        self.architecture.flops_per_frame() + 6.0 * products / self.frames_per_latent() as f64
+    }
+
+    /// Bytes that the backward pass keeps of a frame of a step: those of the architecture, and of each
+    /// convolution of a quantizer's scales its taps, what it gives, and what is added up.
+    pub fn training_bytes_per_frame(&self) -> f64 {
+        let c = self.architecture.code_dim();
+        let floats = 2.0 * self.quantizer.products_per_latent(c) / c as f64;
+        self.architecture.training_bytes_per_frame()
+            + 4.0 * floats / self.frames_per_latent() as f64
     }
 
     /// The rate of a step, counted from 0.
@@ -166,72 +207,18 @@ impl TokenizerSpec {
     }
 
     fn check_window(&self) -> Result<(), SpecError> {
-        let stride = self.architecture.frames_per_latent();
-        let whole = self.training.window > 0 && self.training.window.is_multiple_of(stride);
-        require(whole, "window", &format!("must be a multiple of the {stride} frames of a code"))
+        let (stride, window) = (self.frames_per_latent(), self.training.window);
+        let whole = window > 0 && window.is_multiple_of(stride);
+        require(whole, "window", &format!("must be a multiple of the {stride} frames of a code"))?;
+        let (scale, latents) = (self.quantizer.longest_scale(), window / stride);
+        let problem = format!(
+            "a scale of {scale} codes is longer than a window, which has {latents} latents: set it to \
+             {} or more, or shorten tokenizer.quantizer.scales",
+            scale * stride
+        );
+        require(scale <= latents, "window", &problem)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::spec::QuantizerSection;
-
-    fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSection {
-        let mut section = TokenizerSection::default();
-        change(&mut section);
-        section
-    }
-
-    #[test]
-    fn the_rate_rises_stays_and_falls_once() {
-        let section = with(|s| (s.steps, s.lr, s.warmup_steps) = (Some(10), Some(1.0), Some(3)));
-        let spec = section.spec(QuantizerSpec::default());
-        let rates: Vec<f64> = (0..10).map(|step| spec.learning_rate(step)).collect();
-        assert_eq!(rates, [0.25, 0.5, 0.75, 1.0, 1.0, 1.0, 1.0, 1.0, 0.05, 0.05]);
-    }
-
-    #[test]
-    fn a_written_spec_reads_back_and_unknown_fields_are_refused() {
-        let spec =
-            TokenizerSpec { quantizer: QuantizerSpec::Vq { n_vocab: 32 }, ..Default::default() };
-        let text = serde_json::to_string(&spec).unwrap();
-        assert_eq!(serde_json::from_str::<TokenizerSpec>(&text).unwrap(), spec);
-        let text = r#"{"training": {"widht": 8}}"#;
-        let error = serde_json::from_str::<TokenizerSpec>(text).unwrap_err();
-        assert!(error.to_string().contains("widht"), "{error}");
-    }
-
-    #[test]
-    fn a_bad_field_is_named() {
-        assert!(TokenizerSection::default().check().is_ok());
-        let section = QuantizerSection { kind: QuantizerKind::Vq };
-        let bad = [
-            (with(|s| s.window = Some(30)), "window"),
-            (with(|s| s.lr = Some(f64::NAN)), "lr"),
-            (with(|s| s.lr = Some(0.0)), "lr"),
-            (with(|s| s.down = Some(0)), "down"),
-            (with(|s| s.beta_2 = Some(1.0)), "beta_2"),
-            (with(|s| s.quantizer = Some(section)), "quantizer"),
-        ];
-        for (section, field) in bad {
-            let error = section.check().unwrap_err().to_string();
-            assert!(error.starts_with(&format!("tokenizer.{field}: ")), "{error}");
-        }
-        let levels = |levels: &[usize]| QuantizerSpec::Fsq { levels: levels.to_vec() };
-        for quantizer in [levels(&[8, 1]), levels(&[usize::MAX, 9]), levels(&[])] {
-            let spec = TokenizerSpec { quantizer, ..TokenizerSpec::default() };
-            assert_eq!(spec.check().unwrap_err().field, "quantizer");
-        }
-    }
-
-    #[test]
-    fn the_short_form_and_the_long_one_are_the_same() {
-        let quantizer = Some(QuantizerSection { kind: QuantizerKind::Vq });
-        let long = with(|s| (s.kind, s.quantizer) = (TokenizerKind::Convolutional, quantizer));
-        let short = with(|s| s.kind = TokenizerKind::Vq);
-        assert_eq!(long.quantizer_kind(), short.quantizer_kind());
-        let spec = |section: &TokenizerSection| section.spec(QuantizerSpec::default());
-        assert_eq!(spec(&long), spec(&short));
-    }
-}
+mod tests;

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::error::{SpecError, require};
-use super::quantizer::QuantizerKind;
+use super::quantizer::QuantizerSection;
 use crate::units::number;
 
 /// Patches of training clips that weights or centres begin from, at most.
@@ -27,13 +27,6 @@ pub enum TokenizerKind {
     /// Patches of whole frames: their principal components, mended by residual convolutions. With VQ
     /// unless `tokenizer.quantizer` says otherwise.
     Patch,
-}
-
-/// The `tokenizer.quantizer` section.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct QuantizerSection {
-    pub kind: QuantizerKind,
 }
 
 /// What a tokenizer's training makes small.
@@ -146,7 +139,8 @@ macro_rules! keys {
 }
 
 keys! {
-    /// Frames of a training window, whole codes: 64, for patches 96.
+    /// Frames of a training window, whole latents: 64, for patches 96; more where a scale has more codes
+    /// than that has latents.
     window: usize = 64, 96, "number::optional_count";
     /// Windows a step: 32, for patches 24.
     batch: usize = 32, 24, "number::optional_count";
@@ -170,7 +164,7 @@ keys! {
     feature_weight: f64 = 0.25, 0.25, "number::optional_number";
     /// Weight of the joints' velocities in the loss of joints: 0.05.
     velocity_weight: f64 = 0.05, 0.05, "number::optional_number";
-    /// VQ: weight of the squared distance from latents to their codes: 0.02, for patches 1.
+    /// VQ and scales: weight of the squared distance from latents to their codes: 0.02, for patches 1.
     commitment: f64 = 0.02, 1.0, "number::optional_number";
     /// VQ: a code that is met less often than this share of the mean is placed anew: 0.025 for patches.
     /// 0 stands for T2M-GPT's rule, less than one latent a step.

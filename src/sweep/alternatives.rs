@@ -13,7 +13,7 @@ use serde::de::{
 };
 use serde::ser::{Serialize, Serializer};
 
-use crate::spec::GeneratorKind;
+use crate::spec::{GeneratorKind, ScaleName, ScaleSpec};
 use crate::sweep::sections::{Clips, Generators, LevelsSpec, ModelList, ModelRule, VocabSpec};
 use crate::units::number;
 
@@ -78,6 +78,30 @@ impl<'de> Visitor<'de> for Vocab {
 
     fn visit_map<A: MapAccess<'de>>(self, levels: A) -> Result<VocabSpec, A::Error> {
         LevelsSpec::deserialize(MapAccessDeserializer::new(levels)).map(VocabSpec::Levels)
+    }
+}
+
+impl<'de> Deserialize<'de> for ScaleSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(Scales)
+    }
+}
+
+struct Scales;
+
+impl<'de> Visitor<'de> for Scales {
+    type Value = ScaleSpec;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("`mini`, `mid`, `full`, or a list of the codes of each scale")
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<ScaleSpec, E> {
+        ScaleName::deserialize(name.into_deserializer()).map(ScaleSpec::Named)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<ScaleSpec, A::Error> {
+        number::counts(SeqAccessDeserializer::new(list)).map(ScaleSpec::List)
     }
 }
 
@@ -165,6 +189,10 @@ mod tests {
             assert_eq!(serde_yaml::to_string(&read).unwrap(), text);
         }
         let vocab: Vec<VocabSpec> = serde_yaml::from_str("[64, 1e3, {levels: [8, 1e1]}]").unwrap();
+        let scales: Vec<ScaleSpec> = serde_yaml::from_str("[mid, [1, 2, 1e1]]").unwrap();
+        assert_eq!(scales, [ScaleSpec::Named(ScaleName::Mid), ScaleSpec::List(vec![1, 2, 10])]);
+        let again = serde_yaml::to_string(&scales).unwrap();
+        assert_eq!(serde_yaml::from_str::<Vec<ScaleSpec>>(&again).unwrap(), scales);
         let levels = VocabSpec::Levels(LevelsSpec { levels: vec![8, 10] });
         assert_eq!(vocab, [VocabSpec::Size(64), VocabSpec::Size(1000), levels]);
         let again = serde_yaml::to_string(&vocab).unwrap();

@@ -13,26 +13,27 @@ use super::metrics::Baseline;
 use super::pool::WindowPool;
 use crate::data::{MotionSource, Split};
 use crate::spec::{
-    ArchitectureSpec, BASELINE_CLIPS, MOST_PATCHES, PatchSpec, QuantizerSpec, TokenizerSpec,
-    TokenizerTraining,
+    ArchitectureSpec, BASELINE_CLIPS, CodebookSpec, MOST_PATCHES, PatchSpec, QuantizerSpec,
+    ResidualSpec, TokenizerSpec, TokenizerTraining,
 };
 
 /// Codes are placed by so many patches each, or more.
 const PATCHES_PER_CODE: usize = 4;
 
-/// k-means with as many codes as a tokenizer; `None` where the training split has too few frames to
-/// place them.
+/// k-means with the codebooks of a quantizer, as [`Baseline`] has it; `None` for a multi-scale one, and
+/// where the training split has too few frames to place the codes.
 ///
 /// # Errors
 /// A clip cannot be read.
 pub fn k_means_baseline(
-    n_vocab: usize,
+    quantizer: &QuantizerSpec,
     source: &dyn MotionSource,
     device: &Device,
 ) -> Result<Option<Baseline>, TokenizerError> {
+    let Some((quantizer, n_vocab)) = learned(quantizer) else { return Ok(None) };
     let spec = TokenizerSpec {
         architecture: ArchitectureSpec::Patch(PatchSpec::default()),
-        quantizer: QuantizerSpec::Vq { n_vocab },
+        quantizer,
         training: TokenizerTraining {
             pool_clips: BASELINE_CLIPS,
             ..TokenizerTraining::of_patches()
@@ -40,7 +41,7 @@ pub fn k_means_baseline(
     };
     let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
     let n_features = source.stats().mean.len();
-    let frames = spec.grid().fewest_frames();
+    let frames = spec.frames_per_latent();
     let n_patches = pool.patches(frames, MOST_PATCHES).len() / (frames * n_features);
     if n_patches < PATCHES_PER_CODE * n_vocab {
         return Ok(None);
@@ -54,20 +55,43 @@ pub fn k_means_baseline(
     }))
 }
 
+/// The quantizer of as many codebooks that k-means can place, and the codes of each; none for scales
+/// of several lengths.
+fn learned(quantizer: &QuantizerSpec) -> Option<(QuantizerSpec, usize)> {
+    let n_vocab = quantizer.codebooks().first()?.n_vocab();
+    let codebook = CodebookSpec::Vq { n_vocab };
+    let learned = match quantizer {
+        QuantizerSpec::Fsq { .. } | QuantizerSpec::Vq { .. } => {
+            QuantizerSpec::of_codebook(codebook)
+        }
+        QuantizerSpec::Residual(own) => {
+            QuantizerSpec::Residual(ResidualSpec { codebook, ..own.clone() })
+        }
+        QuantizerSpec::Multiscale(_) => return None,
+    };
+    Some((learned, n_vocab))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::data::{Procedural, ProceduralOptions};
+    use crate::spec::QuantizerKind;
 
     #[test]
     fn more_centres_are_nearer_and_too_many_have_no_baseline() {
         let options = ProceduralOptions { seed: 3, train_clips: 24, val_clips: 2, test_clips: 6 };
         let source = Procedural::new(options);
-        let of = |n| k_means_baseline(n, &source, &Device::flex()).unwrap();
+        let baseline = |quantizer| k_means_baseline(&quantizer, &source, &Device::flex()).unwrap();
+        let of = |n_vocab| baseline(QuantizerSpec::Vq { n_vocab });
         let (few, many) = (of(4).unwrap(), of(64).unwrap());
         let given = |baseline: &Baseline| baseline.mpjpe_heading_mm;
         assert!(given(&many) < 0.8 * given(&few), "{few:?} {many:?}");
         assert!(given(&many) <= many.mpjpe_mm, "{many:?}");
         assert_eq!(of(1 << 14), None);
+        let several = |kind: QuantizerKind| baseline(kind.section().of_size(16).unwrap());
+        let residual = several(QuantizerKind::Residual).unwrap();
+        assert!(given(&residual) < given(&of(16).unwrap()), "{residual:?}");
+        assert_eq!(several(QuantizerKind::Multiscale), None);
     }
 }

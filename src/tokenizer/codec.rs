@@ -11,6 +11,7 @@ use rand_chacha::rand_core::SeedableRng;
 use super::error::TokenizerError;
 use super::module::TokenizerModule;
 use super::normalise::Normaliser;
+use super::quantizer::{Extent, Quantizer};
 use crate::data::FeatureStats;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
@@ -18,7 +19,7 @@ use crate::learn::weights;
 use crate::learn::weights::{HostTensor, Source, Weights, WeightsError};
 use crate::spec::TokenizerSpec;
 
-/// Raw features to codes and back; a token stands for `spec().frames_per_token()` frames.
+/// Raw features to codes and back.
 #[derive(Debug)]
 pub struct Tokenizer {
     module: TokenizerModule,
@@ -50,7 +51,7 @@ impl Tokenizer {
         &self.stats
     }
 
-    /// Codes (V).
+    /// Codes of all codebooks together (V).
     pub fn n_vocab(&self) -> usize {
         self.spec.n_vocab()
     }
@@ -62,32 +63,58 @@ impl Tokenizer {
 
     /// Codes of one clip's raw features, row-major `[n_frames, n_features]`.
     ///
-    /// Frames after the last whole token are left out.
+    /// Frames after the last whole latent are left out; fewer frames than one latent's have no codes.
     pub fn encode(&self, features: &[f32]) -> Vec<u32> {
-        let token = self.spec.grid().fewest_frames() * self.stats.mean.len();
-        let n_tokens = features.len() / token;
-        if n_tokens == 0 {
+        let latent = self.spec.frames_per_latent() * self.stats.mean.len();
+        let n_latents = features.len() / latent;
+        if n_latents == 0 {
             return Vec::new();
         }
-        self.encode_stack(features[..n_tokens * token].to_vec(), 1)
+        self.encode_stack(features[..n_latents * latent].to_vec(), 1)
     }
 
-    /// Raw features of one clip's codes, row-major `[n_frames, n_features]`.
+    /// Raw features of the codes of one clip of `n_frames` frames, row-major `[n_frames, n_features]`,
+    /// without the frames after the last whole latent.
     ///
     /// # Errors
-    /// If an id is not below `n_vocab`.
-    pub fn decode(&self, ids: &[u32]) -> Result<Vec<f32>, TokenizerError> {
-        let n_vocab = self.n_vocab();
-        if let Some(&id) = ids.iter().find(|&&id| id as usize >= n_vocab) {
-            return Err(TokenizerError::UnknownCode { id, n_vocab });
+    /// If a clip of so many frames has another number of codes, or an id is not below its scale's
+    /// `n_vocab`.
+    pub fn decode(&self, ids: &[u32], n_frames: usize) -> Result<Vec<f32>, TokenizerError> {
+        let n_latents = n_frames / self.spec.frames_per_latent();
+        let (found, wanted) = (ids.len(), self.n_codes(n_frames));
+        if found != wanted {
+            return Err(TokenizerError::CodeCount { found, wanted, n_frames });
         }
-        if ids.is_empty() {
+        self.check_ids(ids, n_frames)?;
+        if n_latents == 0 {
             return Ok(Vec::new());
         }
-        Ok(self.decode_stack(ids, 1))
+        Ok(self.decode_stack(ids, Extent { n_clips: 1, n_latents }))
     }
 
-    /// Codes, clip after clip, of the raw features of `n_clips` clips of one length in whole tokens.
+    /// Codes of a clip of so many frames: none where it has no whole latent.
+    fn n_codes(&self, n_frames: usize) -> usize {
+        let is_encoded = n_frames >= self.spec.frames_per_latent();
+        if is_encoded { self.spec.grid().n_codes(n_frames) } else { 0 }
+    }
+
+    fn check_ids(&self, ids: &[u32], n_frames: usize) -> Result<(), TokenizerError> {
+        let grid = self.spec.grid();
+        let lengths = grid.lengths(n_frames);
+        let sizes = grid.scales.iter().zip(lengths);
+        let sizes = sizes.flat_map(|(scale, length)| std::iter::repeat_n(scale.n_vocab, length));
+        match ids.iter().zip(sizes).find(|(id, n_vocab)| **id as usize >= *n_vocab) {
+            Some((&id, n_vocab)) => Err(TokenizerError::UnknownCode { id, n_vocab }),
+            None => Ok(()),
+        }
+    }
+
+    /// The quantizer, for a generator that makes codes scale after scale.
+    pub fn quantizer(&self) -> &dyn Quantizer {
+        self.module.quantizer()
+    }
+
+    /// Codes, clip after clip, of the raw features of `n_clips` clips of one length in whole latents.
     pub(super) fn encode_stack(&self, mut features: Vec<f32>, n_clips: usize) -> Vec<u32> {
         self.normaliser.apply(&mut features);
         let n_features = self.stats.mean.len();
@@ -96,9 +123,9 @@ impl Tokenizer {
         self.module.ids(Tensor::from_data(data, &self.device))
     }
 
-    /// Raw features, clip after clip, of the codes of `n_clips` clips of one length.
-    pub(super) fn decode_stack(&self, ids: &[u32], n_clips: usize) -> Vec<f32> {
-        let features = self.module.decode(ids, n_clips).into_data();
+    /// Raw features, clip after clip, of the codes of clips of one length.
+    pub(super) fn decode_stack(&self, ids: &[u32], extent: Extent) -> Vec<f32> {
+        let features = self.module.decode(ids, extent).into_data();
         let mut features = features.try_into_vec().expect("features are f32");
         self.normaliser.undo(&mut features);
         features
@@ -153,7 +180,7 @@ fn vector(tensors: &Weights, name: &str) -> Result<Vec<f32>, WeightsError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::QuantizerSpec;
+    use crate::spec::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec};
     use crate::tokenizer::testing::{Waves, small_spec};
 
     fn untrained(kind: QuantizerSpec) -> Tokenizer {
@@ -164,10 +191,27 @@ mod tests {
         Tokenizer::new(module, spec, stats, device)
     }
 
+    /// A quantizer of each kind, with scales of three codes in all.
+    fn kinds() -> Vec<QuantizerSpec> {
+        let (fsq, vq) = (CodebookKind::Fsq, CodebookKind::Vq);
+        let section = |kind: QuantizerKind, inner| {
+            let mut section = QuantizerSection { inner: Some(inner), ..kind.section() };
+            match kind {
+                QuantizerKind::Residual => section.layers = Some(2),
+                _ => section.scales = Some(ScaleSpec::List(vec![1, 2])),
+            }
+            section.of_size(16).unwrap()
+        };
+        let kinds = [QuantizerKind::Residual, QuantizerKind::Multiscale];
+        let several =
+            kinds.into_iter().flat_map(|kind| [fsq, vq].map(|inner| section(kind, inner)));
+        let single = [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 6 }];
+        single.into_iter().chain(several).collect()
+    }
+
     #[test]
     fn a_saved_tokenizer_loads_with_the_same_codes_and_features() {
-        let kinds = [QuantizerSpec::Fsq { levels: vec![5, 3] }, QuantizerSpec::Vq { n_vocab: 6 }];
-        for kind in kinds {
+        for kind in kinds() {
             let folder = tempfile::tempdir().unwrap();
             let tokenizer = untrained(kind);
             tokenizer.save(folder.path()).unwrap();
@@ -175,24 +219,42 @@ mod tests {
             let features = Waves::new(&[40], 5).clip(0, 0);
             let ids = tokenizer.encode(&features);
             assert_eq!((loaded.spec(), loaded.stats()), (tokenizer.spec(), tokenizer.stats()));
-            assert_eq!((ids.len(), loaded.encode(&features)), (10, ids.clone()));
-            assert_eq!(loaded.decode(&ids).unwrap(), tokenizer.decode(&ids).unwrap());
+            let wanted = tokenizer.spec().grid().n_codes(40);
+            assert_eq!((ids.len(), loaded.encode(&features)), (wanted, ids.clone()));
+            assert_eq!(loaded.decode(&ids, 40).unwrap(), tokenizer.decode(&ids, 40).unwrap());
         }
     }
 
     #[test]
-    fn frames_after_the_last_whole_token_are_left_out() {
-        let tokenizer = untrained(QuantizerSpec::Fsq { levels: vec![5, 3] });
-        let features = Waves::new(&[24], 5).clip(0, 0);
-        assert_eq!(tokenizer.encode(&features[..23 * 5]), tokenizer.encode(&features[..20 * 5]));
-        assert!(tokenizer.encode(&features[..3 * 5]).is_empty());
+    fn frames_after_the_last_whole_latent_are_left_out() {
+        for kind in kinds() {
+            let tokenizer = untrained(kind);
+            let features = Waves::new(&[24], 5).clip(0, 0);
+            let ids = tokenizer.encode(&features[..23 * 5]);
+            assert_eq!(ids, tokenizer.encode(&features[..20 * 5]));
+            assert_eq!(tokenizer.decode(&ids, 23).unwrap().len(), 20 * 5);
+            assert!(tokenizer.encode(&features[..3 * 5]).is_empty());
+            assert!(tokenizer.decode(&[], 3).unwrap().is_empty());
+        }
     }
 
     #[test]
     fn an_id_that_is_no_code_is_an_error() {
         let tokenizer = untrained(QuantizerSpec::Fsq { levels: vec![5, 3] });
-        assert_eq!(tokenizer.decode(&[14, 0]).unwrap().len(), 8 * 5);
-        let error = tokenizer.decode(&[3, 15]).unwrap_err().to_string();
+        assert_eq!(tokenizer.decode(&[14, 0], 8).unwrap().len(), 8 * 5);
+        let error = tokenizer.decode(&[3, 15], 8).unwrap_err().to_string();
         assert!(error.contains("15"), "{error}");
+        let error = tokenizer.decode(&[3, 1], 12).unwrap_err().to_string();
+        assert!(error.contains("2 codes") && error.contains("12 frames have 3"), "{error}");
+    }
+
+    #[test]
+    fn an_id_is_held_against_the_codebook_of_its_own_scale() {
+        let mut section = QuantizerKind::Multiscale.section();
+        section.scales = Some(ScaleSpec::List(vec![1, 2]));
+        let tokenizer = untrained(section.of_size(16).unwrap());
+        assert!(tokenizer.decode(&[7, 23, 23], 20).is_ok());
+        let error = tokenizer.decode(&[8, 23, 23], 20).unwrap_err().to_string();
+        assert!(error.contains("8 is no code") && error.contains("8 codes"), "{error}");
     }
 }

@@ -30,7 +30,7 @@ pub fn tokenize_split(
     source: &dyn MotionSource,
     split: Split,
 ) -> Result<SplitTokens, TokenizerError> {
-    let batches = equal_length_batches(source, split, tokenizer.spec().grid().fewest_frames())?;
+    let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_latent())?;
     let encode = |batch: &ClipBatch| {
         let features = batch.features(source, split)?;
         let ids = tokenizer.encode_stack(features, batch.indices.len());

@@ -25,6 +25,9 @@ pub enum TokenizerError {
     /// An id that no code has, such as the end token's.
     #[error("{id} is no code: a tokenizer of {n_vocab} codes decodes ids from 0 to {n_vocab} - 1")]
     UnknownCode { id: u32, n_vocab: usize },
+    /// More or fewer codes than a clip of such a length has.
+    #[error("{found} codes are given, clips of {n_frames} frames have {wanted}")]
+    CodeCount { found: usize, wanted: usize, n_frames: usize },
     /// Learning ended before its end.
     #[error(transparent)]
     Learn(#[from] LearnError),
@@ -51,7 +54,8 @@ impl TokenizerError {
             Self::Spec(_)
             | Self::NoWindow { .. }
             | Self::ShortClip { .. }
-            | Self::UnknownCode { .. } => Some(FailureKind::BadData),
+            | Self::UnknownCode { .. }
+            | Self::CodeCount { .. } => Some(FailureKind::BadData),
         }
     }
 

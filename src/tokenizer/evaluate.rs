@@ -5,8 +5,9 @@ use rayon::prelude::*;
 use super::batches::{ClipBatch, equal_length_batches};
 use super::codec::Tokenizer;
 use super::error::TokenizerError;
-use super::metrics::TokenizerMetrics;
-use crate::codes::CodeHistogram;
+use super::metrics::{ScaleUse, TokenizerMetrics};
+use super::quantizer::{Extent, by_scale};
+use crate::codes::{CodeHistogram, Grid, Length, Scale};
 use crate::data::{DataError, MotionSource, Split};
 use crate::motion::{ROOT_YAW, mpjpe_mm, recover_joints};
 use crate::progress::moved;
@@ -29,8 +30,9 @@ pub fn evaluate(
         0 => None,
         _ => Some(scores(tokenizer, source, Split::Val)?),
     };
-    let used = CodeHistogram::new(tokenizer.n_vocab(), test.iter().flat_map(|s| &s.ids));
     let spec = tokenizer.spec();
+    let scales = histograms(&spec.grid(), &test);
+    let used = CodeHistogram::together(&scales);
     Ok(TokenizerMetrics {
         tokenizer_id: tokenizer_id.to_string(),
         architecture: Some(spec.architecture.name().to_string()),
@@ -47,10 +49,24 @@ pub fn evaluate(
         parameters: tokenizer.n_parameters(),
         train_steps: spec.training.steps,
         wall_s,
-        frames_per_code: Some(spec.architecture.frames_per_latent()),
+        scales: Some(scales.iter().map(ScaleUse::of).collect()),
+        frames_per_code: has_frames(&spec.grid()).then(|| spec.frames_per_latent()),
         seed: Some(spec.training.seed),
         k_means: None,
     })
+}
+
+/// How often the codes of each scale were met.
+fn histograms(grid: &Grid, scores: &[Score]) -> Vec<CodeHistogram> {
+    let of = |(i, scale): (usize, &Scale)| {
+        CodeHistogram::new(scale.n_vocab, scores.iter().flat_map(move |score| &score.scales[i]))
+    };
+    grid.scales.iter().enumerate().map(of).collect()
+}
+
+/// Whether a code stands for a number of frames.
+fn has_frames(grid: &Grid) -> bool {
+    grid.scales.iter().all(|scale| matches!(scale.length, Length::FramesPerCode(_)))
 }
 
 /// Sums over one batch.
@@ -60,7 +76,8 @@ pub(super) struct Score {
     pub mpjpe_mm: f64,
     pub given_heading_mm: f64,
     n_frames: f64,
-    ids: Vec<u32>,
+    /// The codes of each scale.
+    scales: Vec<Vec<u32>>,
 }
 
 impl Score {
@@ -75,7 +92,7 @@ pub(super) fn scores(
     source: &dyn MotionSource,
     split: Split,
 ) -> Result<Vec<Score>, TokenizerError> {
-    let batches = equal_length_batches(source, split, tokenizer.spec().grid().fewest_frames())?;
+    let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_latent())?;
     if batches.is_empty() {
         let path = format!("data set {}", source.digest());
         return Err(DataError::EmptySplit { path, split: split.name() }.into());
@@ -92,7 +109,8 @@ fn score(
     let truth = batch.features(source, split)?;
     let n_clips = batch.indices.len();
     let ids = tokenizer.encode_stack(truth.clone(), n_clips);
-    let mut made = tokenizer.decode_stack(&ids, n_clips);
+    let n_latents = batch.n_frames / tokenizer.spec().frames_per_latent();
+    let mut made = tokenizer.decode_stack(&ids, Extent { n_clips, n_latents });
     let std = &tokenizer.stats().std;
     let values = truth.iter().zip(&made).zip(std.iter().cycle());
     let l1: f64 = values.map(|((a, b), std)| f64::from((a - b).abs() / std)).sum();
@@ -102,7 +120,10 @@ fn score(
     made.chunks_exact_mut(std.len()).zip(turns).for_each(|(made, turn)| made[ROOT_YAW] = turn);
     let given_heading_mm = mpjpe(&truth, &made, batch.n_frames, std.len());
     moved();
-    Ok(Score { l1, mpjpe_mm, given_heading_mm, n_frames: (batch.n_frames * n_clips) as f64, ids })
+    let lengths: Vec<usize> = tokenizer.spec().grid().lengths(batch.n_frames).collect();
+    let scales = by_scale(&ids, &lengths, n_clips);
+    let n_frames = (batch.n_frames * n_clips) as f64;
+    Ok(Score { l1, mpjpe_mm, given_heading_mm, n_frames, scales })
 }
 
 /// The sum over all frames of clips of one length.

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::codes::CodeHistogram;
+
 /// Reconstruction and codebook use over the whole test split: `tokenizers/<id>/metrics.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TokenizerMetrics {
@@ -9,9 +11,9 @@ pub struct TokenizerMetrics {
     /// `convolutional` or `patch`.
     #[serde(default)]
     pub architecture: Option<String>,
-    /// The quantizer: `fsq` or `vq`.
+    /// The quantizer: `fsq`, `vq`, `residual` or `multiscale`.
     pub kind: String,
-    /// Codes (V).
+    /// Codes of all codebooks together (V).
     pub n_vocab: usize,
     /// FSQ levels; absent for VQ.
     pub levels: Option<Vec<usize>>,
@@ -28,14 +30,18 @@ pub struct TokenizerMetrics {
     /// `mpjpe_heading_mm` on the validation split.
     #[serde(default)]
     pub val_mpjpe_heading_mm: Option<f64>,
-    /// Share of codes met in the test split.
+    /// Share of codes met in the test split, of all codebooks together.
     pub utilisation: f64,
-    /// exp of the entropy of the code histogram of the test split: effective codes.
+    /// exp of the entropy of the code histogram of the test split: effective codes. Codes of several
+    /// codebooks stand in one histogram, apart.
     pub exponential_entropy: f64,
     pub parameters: usize,
     pub train_steps: usize,
     pub wall_s: f64,
-    /// Frames that a code stands for.
+    /// The use of each scale's own codebook.
+    #[serde(default)]
+    pub scales: Option<Vec<ScaleUse>>,
+    /// Frames that a code stands for; `None` where that depends on the clip.
     #[serde(default)]
     pub frames_per_code: Option<usize>,
     /// Seed of its weights, clips and windows.
@@ -44,6 +50,25 @@ pub struct TokenizerMetrics {
     /// k-means with as many codes on the same split; its keys are absent where it was not measured.
     #[serde(flatten)]
     pub k_means: Option<Baseline>,
+}
+
+/// How much of one codebook the test split uses.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScaleUse {
+    pub n_vocab: usize,
+    pub utilisation: f64,
+    pub exponential_entropy: f64,
+}
+
+impl ScaleUse {
+    /// That of a histogram.
+    pub fn of(histogram: &CodeHistogram) -> Self {
+        Self {
+            n_vocab: histogram.counts().len(),
+            utilisation: histogram.utilisation(),
+            exponential_entropy: histogram.exponential_entropy(),
+        }
+    }
 }
 
 impl TokenizerMetrics {
@@ -58,7 +83,10 @@ impl TokenizerMetrics {
 /// How well k-means reconstructs the test split.
 ///
 /// Principal components of patches of four frames, weighted near what MPJPE counts, with joints at
-/// their height above the root; 15 rounds; a code stands for the patch on the line through all.
+/// their height above the root; 15 rounds; a code stands for the patch on the line through all. Beside a
+/// residual quantizer k-means is residual too: as many codebooks of as many codes, each of what those
+/// before it leave over, so that both spend the same bits on a frame. A multi-scale quantizer spends its
+/// bits on a clip whatever its length, which k-means of patches cannot, so it has no such baseline.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
     #[serde(rename = "kmeans_mpjpe_mm")]

@@ -35,7 +35,10 @@ pub use convolutional::{AutoencoderConfig, Decoder, Encoder};
 pub use encode::{tokenize, tokenize_split};
 pub use error::TokenizerError;
 pub use evaluate::evaluate;
-pub use metrics::{Baseline, TokenizerMetrics};
-pub use quantizer::{AnyQuantizer, Fsq, Quantized, Quantizer, Vq};
+pub use metrics::{Baseline, ScaleUse, TokenizerMetrics};
+pub use quantizer::{
+    AnyQuantizer, Extent, Fsq, Multiscale, Quantized, Quantizer, ResidualFsq, ResidualVq, Vq,
+    area_down, linear_up,
+};
 pub use report::{remarks, table};
 pub use train::train;

@@ -7,7 +7,7 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::architecture::{self, AnyDecoder, AnyEncoder};
-use super::quantizer::{self, AnyQuantizer, Quantized, Quantizer};
+use super::quantizer::{self, AnyQuantizer, Extent, Quantized, Quantizer};
 use crate::spec::TokenizerSpec;
 
 /// What is trained and saved; it works on normalised features.
@@ -77,8 +77,8 @@ impl TokenizerModule {
         self.quantizer.ids(self.encoder.forward(x_btf))
     }
 
-    /// Features `[b, t, f]` of the codes of `n_clips` clips of one length.
-    pub fn decode(&self, ids: &[u32], n_clips: usize) -> Tensor<3> {
-        self.decoder.forward(self.quantizer.embed(ids, n_clips))
+    /// Features `[b, t, f]` of the codes of clips of one length.
+    pub fn decode(&self, ids: &[u32], extent: Extent) -> Tensor<3> {
+        self.decoder.forward(self.quantizer.embed(ids, extent))
     }
 }

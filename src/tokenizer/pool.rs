@@ -43,7 +43,7 @@ impl WindowPool {
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, TokenizerError> {
         let by_frames = spec.training.loss == TokenizerLoss::Joints;
-        let least = if by_frames { spec.grid().fewest_frames() } else { spec.training.window };
+        let least = if by_frames { spec.frames_per_latent() } else { spec.training.window };
         let chosen = choose(&usable(source, least)?, spec.training.pool_clips, rng);
         let normaliser = Normaliser::new(&spec.architecture, source.stats());
         let load = |&index: &usize| {

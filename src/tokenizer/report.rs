@@ -11,7 +11,7 @@ const NOISE_MM: f64 = 1.0;
 /// A line a tokenizer, at most 80 columns wide, each beside k-means of as many codes.
 pub fn table(tokenizers: &[TokenizerMetrics]) -> String {
     let mut out = format!(
-        "{:>22} {:>15} {:>15} {:>24}\n{:>6} {:<15} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8}\n",
+        "{:>23} {:>15} {:>15} {:>24}\n{:>6} {:<16} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8}\n",
         "",
         "validation, mm",
         "test, mm",
@@ -29,7 +29,7 @@ pub fn table(tokenizers: &[TokenizerMetrics]) -> String {
     for t in tokenizers {
         let _ = writeln!(
             out,
-            "{:>6} {:<15.15} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8.1}",
+            "{:>6} {:<16.16} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8.1}",
             t.n_vocab,
             t.name(),
             millimetres(t.val_mpjpe_mm),
@@ -116,6 +116,7 @@ mod tests {
             parameters: 1,
             train_steps: 1,
             wall_s: 1.0,
+            scales: None,
             frames_per_code: Some(4),
             seed: Some(0),
             k_means: Some(Baseline { mpjpe_mm: k_means_mm, mpjpe_heading_mm: 90.0 }),

@@ -5,6 +5,7 @@ mod custom_trainer;
 mod failures;
 mod faults;
 mod folder;
+mod generate;
 mod humanml3d;
 mod interruptions;
 mod laws;

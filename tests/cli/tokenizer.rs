@@ -2,7 +2,9 @@
 
 use std::fs;
 
-use super::support::Place;
+use serde_json::Value;
+
+use super::support::{Place, records};
 
 #[test]
 fn tokenizers_are_trained_alone_compared_and_not_trained_again_by_run() {
@@ -29,6 +31,79 @@ fn tokenizers_are_trained_alone_compared_and_not_trained_again_by_run() {
         assert!(first[name].as_f64().is_some_and(|mm| mm > 0.0), "{document:#}");
     }
     assert!(first["kmeans_mpjpe_mm"].is_number(), "{document:#}");
+}
+
+/// Runs a sweep to its laws, and gives the metrics of its tokenizers and the columns of its runs.
+fn laws_of(sweep: &str) -> (Place, Vec<Value>) {
+    let place = Place::with(&format!("{sweep}.yaml"));
+    place.isoflop(&["run", &format!("{sweep}.yaml")]).exits(0);
+    let results = format!("results/{sweep}");
+    let laws = fs::read_to_string(place.path(&format!("{results}/laws.json"))).expect("fitted");
+    let laws: Value = serde_json::from_str(&laws).expect("JSON");
+    assert!(laws["minima"].as_array().is_some_and(|minima| !minima.is_empty()), "{laws:#}");
+    let document = place.isoflop(&["tokenizer", "eval", &results, "--json"]).exits(0).json();
+    let tokenizers = document["tokenizers"].as_array().expect("a list").clone();
+    (place, tokenizers)
+}
+
+fn column(place: &Place, sweep: &str, name: &str) -> Vec<String> {
+    let mut values = records::column(&place.path(&format!("results/{sweep}")), name);
+    values.sort();
+    values.dedup();
+    values
+}
+
+#[test]
+fn a_sweep_on_residual_codes_runs_to_its_laws() {
+    let (place, tokenizers) = laws_of("residual");
+    let of_three = |v: usize| (3 * v).to_string();
+    assert_eq!(column(&place, "residual", "n_vocab"), [of_three(8), of_three(16)]);
+    assert_eq!(column(&place, "residual", "quantizer"), ["residual"]);
+    for tokenizer in tokenizers {
+        let scales = tokenizer["scales"].as_array().expect("one a layer");
+        let total: u64 = scales.iter().filter_map(|scale| scale["n_vocab"].as_u64()).sum();
+        assert_eq!((scales.len(), Some(total)), (3, tokenizer["n_vocab"].as_u64()));
+        assert!(scales.iter().all(|scale| scale["utilisation"].as_f64() > Some(0.0)));
+        assert_eq!(tokenizer["frames_per_code"], 4);
+        assert!(tokenizer["kmeans_mpjpe_mm"].is_number(), "{tokenizer:#}");
+    }
+}
+
+#[test]
+fn a_sweep_on_codes_of_several_lengths_runs_to_its_laws() {
+    let (place, tokenizers) = laws_of("multiscale");
+    // Codebooks of half of 8 to three halves of it: 4, 7, 9 and 12; twice that for 16.
+    assert_eq!(column(&place, "multiscale", "n_vocab"), ["32", "64"]);
+    for loss in column(&place, "multiscale", "loss_normalised") {
+        assert!(loss.parse::<f64>().is_ok_and(f64::is_finite), "{loss}");
+    }
+    for tokenizer in tokenizers {
+        let scales = tokenizer["scales"].as_array().expect("one a scale");
+        assert_eq!(scales.len(), 4);
+        assert!(tokenizer["frames_per_code"].is_null() && tokenizer["kmeans_mpjpe_mm"].is_null());
+    }
+    // 16 clips of 15 codes each, and no end token.
+    assert_eq!(column(&place, "multiscale", "unique_tokens"), ["240"]);
+}
+
+#[test]
+fn impossible_scales_and_keys_of_another_quantizer_are_refused() {
+    let place = Place::with("mini.yaml");
+    let refused = |setting: &str, sentence: &str| {
+        let setting = format!("tokenizer.quantizer={setting}");
+        let patch = ["--set", "tokenizer={kind: patch}", "--set", &setting];
+        place.isoflop(&[&["plan", "mini.yaml"][..], &patch].concat()).exits(2).says(sentence);
+    };
+    refused("{kind: vq, layers: 2}", "belongs to `kind: residual`");
+    refused("{kind: residual, layers: 0}", "must be 1 to 64");
+    refused("{kind: residual, scales: full}", "belongs to `kind: multiscale`");
+    refused("{kind: residual, iner: fsq}", "did you mean `inner`?");
+    refused("{kind: multiscale, scales: []}", "must be one or more numbers above 0");
+    refused("{kind: multiscale, scales: [4, 2]}", "each larger than the one before it");
+    refused("{kind: multiscale, scales: ful}", "did you mean `full`?");
+    let short = ["--set", "tokenizer={kind: patch, window: 96, quantizer: {kind: multiscale}}"];
+    let plan = [&["plan", "mini.yaml"][..], &short].concat();
+    place.isoflop(&plan).exits(2).says("a scale of 49 codes is longer than a window");
 }
 
 #[test]

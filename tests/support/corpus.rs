@@ -9,7 +9,7 @@ use isoflop::spec::{Ffn, GeneratorSpec, Precision};
 use isoflop::text::{HashedNgrams, TextStore, embed};
 
 /// Width of the text vectors.
-const D_TEXT: usize = 8;
+pub const D_TEXT: usize = 8;
 
 /// The clips of one split.
 pub type Clips = Vec<Vec<u32>>;
@@ -24,13 +24,18 @@ pub struct Corpus {
 impl Corpus {
     /// Writes and opens the clips of train, val and test; clip i of a split has `captions(i)`.
     pub fn new(n_vocab: usize, clips: [Clips; 3], captions: fn(usize) -> Vec<String>) -> Self {
+        Self::of_grid(&Grid::stream(n_vocab, UNIT_FRAMES), clips, captions)
+    }
+
+    /// The same for clips with codes on several scales, of one length each.
+    pub fn of_grid(grid: &Grid, clips: [Clips; 3], captions: fn(usize) -> Vec<String>) -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let [tokens, text] = ["tokens", "text"].map(|name| folder.path().join(name));
-        let splits = clips.each_ref().map(|clips| {
-            SplitTokens::new(clips.iter().map(|clip| (&clip[..], UNIT_FRAMES * clip.len())))
-        });
-        write_store(&tokens, &Grid::stream(n_vocab, UNIT_FRAMES), &splits)
-            .expect("a writable folder");
+        let frames = |clip: &Vec<u32>| UNIT_FRAMES * clip.len() / grid.scales.len();
+        let splits = clips
+            .each_ref()
+            .map(|clips| SplitTokens::new(clips.iter().map(|clip| (&clip[..], frames(clip)))));
+        write_store(&tokens, grid, &splits).expect("a writable folder");
         let stats = FeatureStats { mean: Vec::new(), std: Vec::new() };
         let source = Captioned { clips, captions, stats };
         embed(&HashedNgrams::new(D_TEXT, 6), &source, &text).expect("a writable folder");
@@ -42,7 +47,7 @@ impl Corpus {
     }
 
     pub fn inputs(&self) -> Inputs<'_> {
-        Inputs { tokens: &self.tokens, text: &self.text }
+        Inputs { tokens: &self.tokens, text: &self.text, scales: None }
     }
 }
 

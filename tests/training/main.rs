@@ -3,7 +3,9 @@
 mod batches;
 #[path = "../support/corpus.rs"]
 mod corpus;
+mod masked;
 mod numbered;
+mod scalewise;
 
 use std::ops::ControlFlow;
 use std::time::Duration;

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use isoflop::predict::{Codebook, Prediction};
-use isoflop::spec::QuantizerKind;
+use isoflop::spec::{CodebookKind, QuantizerSection};
 use isoflop::sweep::{
     Clips, GridSection, HoldOutSpec, LevelsSpec, ModelEntry, ModelList, Origin, Sweep, VocabSpec,
     models, shape,
@@ -23,12 +23,13 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
     let sizes = [size / SIZE_STEP, size, size * SIZE_STEP];
     let sizes: Vec<ModelEntry> =
         sizes.iter().map(|size| model(sweep, *size)).collect::<Result<_>>()?;
-    let kind = sweep.tokenizer.quantizer_kind();
-    let vocabularies = [vocab / VOCAB_STEP, vocab, vocab * VOCAB_STEP].map(|v| codes(v, kind));
+    let quantizer = sweep.tokenizer.quantizer();
+    let vocabularies =
+        [vocab / VOCAB_STEP, vocab, vocab * VOCAB_STEP].map(|v| codes(v, &quantizer));
     let mut own = sweep.clone();
     own.name = name.to_string();
     own.grid = GridSection {
-        exclude: corners(&sizes, &vocabularies, kind)?,
+        exclude: corners(&sizes, &vocabularies, &quantizer)?,
         models: ModelList::List(distinct(sizes)),
         vocab: distinct(vocabularies.to_vec()),
         budgets: vec![forecast.budget_flops],
@@ -59,9 +60,9 @@ fn distinct<T: PartialEq>(values: Vec<T>) -> Vec<T> {
 fn corners(
     sizes: &[ModelEntry],
     vocabularies: &[VocabSpec],
-    kind: QuantizerKind,
+    quantizer: &QuantizerSection,
 ) -> Result<Vec<String>> {
-    let n_vocab = vocabularies[1].quantizer(kind)?.n_vocab();
+    let n_vocab = vocabularies[1].quantizer(quantizer)?.n_vocab();
     let d_model = sizes[1].d_model;
     let sides = ["<", ">"];
     let pairs = sides.iter().flat_map(|size| sides.map(|vocab| (size, vocab)));
@@ -71,14 +72,15 @@ fn corners(
     Ok(pairs.map(corner).collect())
 }
 
-/// V codes, as near as the quantizer has them.
-fn codes(n_vocab: f64, kind: QuantizerKind) -> VocabSpec {
-    match kind {
-        QuantizerKind::Fsq => {
+/// V codes in all codebooks together, as near as the quantizer has them.
+fn codes(n_vocab: f64, quantizer: &QuantizerSection) -> VocabSpec {
+    let n_vocab = n_vocab / quantizer.n_codebooks() as f64;
+    match quantizer.codebook_kind() {
+        CodebookKind::Fsq => {
             let levels = Codebook::near(n_vocab).levels;
             VocabSpec::Levels(LevelsSpec { levels: levels.iter().map(|l| *l as usize).collect() })
         }
-        QuantizerKind::Vq => VocabSpec::Size(n_vocab.round().max(2.0) as usize),
+        CodebookKind::Vq => VocabSpec::Size(n_vocab.round().max(2.0) as usize),
     }
 }
 

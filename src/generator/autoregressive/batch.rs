@@ -13,7 +13,8 @@ pub struct Sequence<'a> {
     pub codes: &'a [u32],
     /// First supervised target; target i is code i, and the last one is the end token.
     pub from: usize,
-    /// One past the last supervised target, at most `codes.len() + 1`.
+    /// One past the last supervised target, at most `codes.len() + 1`, or `codes.len()` where clips have
+    /// no end token.
     pub to: usize,
 }
 

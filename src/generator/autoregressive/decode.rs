@@ -1,8 +1,7 @@
-//! [`Decoder`]: sequences that grow by a code at a time, each pass over the new positions alone.
+//! [`Decoder`]: sequences that grow by a code at a time.
 //!
-//! Text prefixes stand side by side, padded at their ends; no position sees the padding, and each
-//! position is turned by its place in its own sequence. So the logits are those of a whole pass over
-//! `[text | codes]`.
+//! Each position is turned by its place in its own sequence, so that the logits are those of a whole
+//! pass over `[text | codes]`.
 //!
 //! Shapes: b sequences, p positions of the longest text.
 
@@ -11,15 +10,12 @@ use std::sync::Arc;
 use burn::tensor::Tensor;
 
 use super::transformer::Model;
-use crate::ops::{Joining, KeyValues};
+use crate::generator::stack::{Growing, padded};
 
 /// Sequences that grow side by side.
 pub struct Decoder<'a> {
     model: &'a Model,
-    /// Keys and values, one entry a block.
-    kept: Vec<KeyValues>,
-    /// Text positions of each sequence.
-    prefixes: Vec<usize>,
+    growing: Growing<'a>,
     /// Codes of each sequence so far.
     n_codes: usize,
 }
@@ -30,50 +26,25 @@ impl<'a> Decoder<'a> {
     pub fn new(model: &'a Model, texts: &[&[f32]]) -> (Self, Tensor<2>) {
         let d_text = model.shape().d_text;
         let prefixes: Vec<usize> = texts.iter().map(|text| text.len() / d_text).collect();
-        let kept = vec![KeyValues::default(); model.shape().n_layer];
-        let mut decoder = Self { model, kept, prefixes, n_codes: 0 };
-        let (b, p) = (texts.len(), decoder.longest_text());
-        let mut vectors = vec![0.0; b * p * d_text];
-        for (row, text) in vectors.chunks_exact_mut(p * d_text).zip(texts) {
-            row[..text.len()].copy_from_slice(text);
-        }
-        let positions: Vec<usize> = (0..b).flat_map(|_| 0..p).collect();
-        let x_nd = model.embed_text(vectors);
-        let joining = decoder.joining(&positions);
-        let x_nd = model.join(x_nd, &joining, &mut decoder.kept);
-        let last = decoder.prefixes.iter().enumerate().map(|(i, n)| (i * p + n - 1) as u32);
-        let last = Arc::<[u32]>::from_iter(last);
-        let logits = model.head_logits(model.rows(x_nd, &last));
-        (decoder, logits)
+        let mut growing = Growing::new(model.stack(), prefixes);
+        let (b, p) = (texts.len(), growing.longest_text());
+        let x_nd = model.embed_text(padded(texts, p * d_text));
+        let angles: Vec<usize> = (0..b).flat_map(|_| 0..p).collect();
+        let x_nd = growing.text(x_nd, &angles);
+        let last = growing.prefixes().iter().enumerate().map(|(i, n)| (i * p + n - 1) as u32);
+        let logits = model.head_logits(model.rows(x_nd, &Arc::from_iter(last)));
+        (Self { model, growing, n_codes: 0 }, logits)
     }
 
     /// A code for each sequence joins it; the logits of what follows, `[b, V + 1]`. A sequence that
     /// is whole goes on beside the others, unread, and may leave the context.
     pub fn push(&mut self, codes: &Arc<[u32]>) -> Tensor<2> {
+        let last = self.model.shape().n_ctx - 1;
+        let angle = |prefix: &usize| (prefix + self.n_codes).min(last);
+        let angles: Vec<usize> = self.growing.prefixes().iter().map(angle).collect();
         self.n_codes += 1;
-        let last = self.model.rope().max_len() - 1;
-        let place = |prefix: &usize| (prefix + self.n_codes - 1).min(last);
-        let positions: Vec<usize> = self.prefixes.iter().map(place).collect();
-        let joining = self.joining(&positions);
-        let x_bd = self.model.join(self.model.embed_codes(codes), &joining, &mut self.kept);
+        let x_bd = self.growing.join(self.model.embed_codes(codes), &angles);
         self.model.head_logits(x_bd)
-    }
-
-    /// New positions, and which of all positions so far are padding.
-    fn joining(&self, positions: &[usize]) -> Joining {
-        let p = self.longest_text();
-        let is_padding = |prefix: &usize| {
-            let prefix = *prefix;
-            (0..p + self.n_codes).map(move |slot| slot >= prefix && slot < p)
-        };
-        let padding: Vec<bool> = self.prefixes.iter().flat_map(is_padding).collect();
-        let (model, b) = (self.model, self.prefixes.len());
-        let n_head = model.shape().n_head;
-        Joining::new(model.rope(), n_head, b, positions, &padding, model.device())
-    }
-
-    fn longest_text(&self) -> usize {
-        self.prefixes.iter().copied().max().unwrap_or(0)
     }
 }
 

@@ -1,4 +1,8 @@
 //! ScaMo's text-prefix autoregressive transformer: model, batches, training, loss, sampling.
+//!
+//! Codes of several scales are one sequence, scale after scale, and the codebooks one vocabulary: V is
+//! the sum of theirs. Such clips have no end token, since the lengths of the scales tell where they end;
+//! its row and its logit stand unused, so that a model has the same shape for every grid.
 
 mod batch;
 mod decode;
@@ -16,7 +20,8 @@ use burn::tensor::Device;
 pub use batch::{Batch, Sequence};
 pub use evaluate::split_loss;
 pub use objective::NextCode;
-pub use stream::TokenStream;
+pub(super) use probe::Probed;
+pub use stream::{Part, TokenStream};
 pub use transformer::{Model, Transformer, end_token};
 
 use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
@@ -55,7 +60,7 @@ impl Generator for AutoregressiveGenerator {
     }
 
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
-        Box::new(probe::Probed::new(spec, device))
+        Box::new(Probed::new(spec, device))
     }
 }
 

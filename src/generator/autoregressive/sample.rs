@@ -9,7 +9,9 @@ use rand_chacha::rand_core::SeedableRng;
 use super::decode::Decoder;
 use super::transformer::Model;
 use crate::codes::Grid;
-use crate::generator::{Choices, Draw, GeneratorError, Prompt, Sampled, Sampler, StreamForm};
+use crate::generator::{
+    Choices, Draw, GeneratorError, Prompt, Sampled, Sampler, Sampling, ScaleInputs, StreamForm,
+};
 use crate::learn::weights::{self, Weights};
 use crate::plan::RunSpec;
 
@@ -44,7 +46,7 @@ impl AutoregressiveSampler {
     }
 
     fn check(&self, prompt: &Prompt) -> Result<(), GeneratorError> {
-        let n_frames = prompt.n_frames.unwrap_or(self.grid.fewest_frames());
+        let Some(n_frames) = prompt.n_frames else { return Ok(()) };
         let (codes, room) = (self.grid.n_codes(n_frames), self.room(prompt));
         if codes <= room {
             return Ok(());
@@ -58,7 +60,20 @@ impl AutoregressiveSampler {
 }
 
 impl Sampler for AutoregressiveSampler {
-    fn sample(&self, prompts: &[Prompt], draw: &Draw) -> Result<Vec<Sampled>, GeneratorError> {
+    /// Codes of fixed numbers do not tell a length.
+    fn wants_length(&self) -> bool {
+        self.grid.frames_per_code().is_none()
+    }
+
+    fn sample(
+        &self,
+        prompts: &[Prompt],
+        _: &dyn ScaleInputs,
+        sampling: &Sampling,
+    ) -> Result<Vec<Sampled>, GeneratorError> {
+        if sampling.guidance > 0.0 {
+            return Err(GeneratorError::Guidance);
+        }
         prompts.iter().try_for_each(|prompt| self.check(prompt))?;
         let grow = |prompt: &Prompt| Growing {
             form: StreamForm::new(&self.grid, prompt.n_frames, self.room(prompt)),
@@ -67,7 +82,7 @@ impl Sampler for AutoregressiveSampler {
         let mut growing: Vec<Growing> = prompts.iter().map(grow).collect();
         let texts: Vec<&[f32]> = prompts.iter().map(|prompt| prompt.text).collect();
         let (mut decoder, mut logits) = Decoder::new(&self.model, &texts);
-        while grow_by_one(&mut growing, &logits, draw) {
+        while grow_by_one(&mut growing, &logits, &sampling.draw) {
             let last = growing.iter().map(|motion| motion.form.last().unwrap_or(0));
             logits = decoder.push(&Arc::from_iter(last));
         }

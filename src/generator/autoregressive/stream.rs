@@ -1,5 +1,7 @@
 //! [`TokenStream`]: which targets each step supervises, as a pure function of seed and step.
 
+use std::ops::Range;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -16,14 +18,27 @@ const FIRST_EPOCH_STREAM: u64 = 1 << 32;
 ///
 /// A step takes the next `batch_tokens` of them. A clip that straddles two steps stands in both,
 /// each time with its own part supervised, so that every step has the same number of targets and
-/// every target is met once an epoch.
+/// every target is met once an epoch. Codes of several scales follow one another, scale after scale.
 pub struct TokenStream<'a> {
     tokens: &'a TokenStore,
     text: &'a TextStore,
     seed: u64,
-    /// Supervised tokens of an epoch: codes and an end token a clip.
+    /// Supervised tokens of an epoch: codes, and an end token a clip where they have one.
     epoch_tokens: usize,
+    /// Whether end tokens are left out though codes have them.
+    without_end: bool,
     epoch: Option<Epoch>,
+}
+
+/// A clip of the stream, and which of its targets are supervised.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its place in the training split.
+    pub clip: usize,
+    /// The caption that it shows.
+    pub caption: u32,
+    /// Its supervised targets: code i is target i, and the end token is the last.
+    pub targets: Range<usize>,
 }
 
 /// The clips of one epoch in their order, each with the caption that it shows.
@@ -38,7 +53,13 @@ impl<'a> TokenStream<'a> {
     /// The stream that `seed` gives over the training split.
     pub fn new(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
         let epoch_tokens = tokens.n_targets(Split::Train);
-        Self { tokens, text, seed, epoch_tokens, epoch: None }
+        Self { tokens, text, seed, epoch_tokens, without_end: false, epoch: None }
+    }
+
+    /// The same of codes alone, for models that are told how long a clip is.
+    pub fn of_codes(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
+        let epoch_tokens = tokens.n_tokens(Split::Train);
+        Self { epoch_tokens, without_end: true, ..Self::new(tokens, text, seed) }
     }
 
     /// Supervised tokens of the training split.
@@ -48,32 +69,42 @@ impl<'a> TokenStream<'a> {
 
     /// The batch of `n` targets that starts at target `position` of the stream.
     pub fn batch(&mut self, position: usize, n: usize) -> Batch {
-        let mut sequences = Vec::new();
-        let (mut at, end) = (position, position + n);
-        while at < end {
-            let (sequence, taken) = self.sequence(at, end - at);
-            sequences.push(sequence);
-            at += taken;
-        }
-        Batch::pack(&sequences, self.text.dim(), end_token(self.tokens.n_vocab()))
+        let (tokens, text) = (self.tokens, self.text);
+        let parts = self.parts(position, n);
+        let codes: Vec<_> =
+            parts.iter().map(|part| tokens.stream(Split::Train, part.clip)).collect();
+        let sequence = |(part, codes): (&Part, _)| Sequence {
+            text: text.embedding(part.caption),
+            codes,
+            from: part.targets.start,
+            to: part.targets.end,
+        };
+        let codes = codes.iter().map(|codes| &codes[..]);
+        let sequences: Vec<Sequence> = parts.iter().zip(codes).map(sequence).collect();
+        Batch::pack(&sequences, text.dim(), end_token(tokens.n_vocab()))
     }
 
-    /// The clip at `position` with at most `limit` targets supervised, and how many there are.
-    fn sequence(&mut self, position: usize, limit: usize) -> (Sequence<'a>, usize) {
+    /// The `n` targets that start at target `position` of the stream.
+    pub fn parts(&mut self, position: usize, n: usize) -> Vec<Part> {
+        let mut parts = Vec::new();
+        let (mut at, end) = (position, position + n);
+        while at < end {
+            let part = self.part(at, end - at);
+            at += part.targets.len();
+            parts.push(part);
+        }
+        parts
+    }
+
+    /// The clip at `position` with at most `limit` targets supervised.
+    fn part(&mut self, position: usize, limit: usize) -> Part {
         let (index, within) = (position / self.epoch_tokens, position % self.epoch_tokens);
-        let (tokens, text) = (self.tokens, self.text);
         let epoch = self.epoch(index);
         let place = epoch.starts.partition_point(|start| *start <= within) - 1;
         let from = within - epoch.starts[place];
         let taken = (epoch.starts[place + 1] - within).min(limit);
         let (clip, caption) = epoch.clips[place];
-        let sequence = Sequence {
-            text: text.embedding(caption),
-            codes: tokens.clip(Split::Train, clip),
-            from,
-            to: from + taken,
-        };
-        (sequence, taken)
+        Part { clip, caption, targets: from..from + taken }
     }
 
     fn epoch(&mut self, index: usize) -> &Epoch {
@@ -98,7 +129,10 @@ impl<'a> TokenStream<'a> {
         let clips: Vec<(usize, u32)> = order.into_iter().map(caption).collect();
         let mut starts = vec![0];
         for (clip, _) in &clips {
-            let targets = self.tokens.clip(Split::Train, *clip).len() + 1;
+            let targets = match self.without_end {
+                true => self.tokens.clip(Split::Train, *clip).len(),
+                false => self.tokens.n_targets_of_clip(Split::Train, *clip),
+            };
             starts.push(starts[starts.len() - 1] + targets);
         }
         Epoch { index, clips, starts }

@@ -9,37 +9,14 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
 use crate::generator::autoregressive::batch::Batch;
+use crate::generator::stack::{Block, EPSILON, Stack, kernels_of, single};
 use crate::learn::params::{constant, normal};
-use crate::ops::{
-    Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HalfFloat, HeadWeights,
-    Joining, Kernels, KeyValues, Rope,
-};
-use crate::spec::ModelShape;
-use crate::spec::{Ffn, Precision};
-
-/// RMSNorm's ε, as in LLaMA.
-const EPSILON: f32 = 1e-5;
+use crate::ops::{HeadWeights, Kernels, Rope};
+use crate::spec::{ModelShape, Precision};
 
 /// The id of the end token, after the codes; the pad token is one more.
 pub fn end_token(n_vocab: usize) -> u32 {
     n_vocab as u32
-}
-
-/// The parameters of a pre-norm transformer block.
-///
-/// x ← x + Attention(RMSNorm(x)) W_o, x ← x + FFN(RMSNorm(x)); no biases (ScaMo §3.1, LLaMA).
-#[derive(Module, Debug)]
-pub struct Block {
-    norm_attention: Param<Tensor<1>>,
-    /// `[d, 3d]`: queries, keys, values.
-    qkv: Param<Tensor<2>>,
-    /// `[d, d]`.
-    output: Param<Tensor<2>>,
-    norm_ffn: Param<Tensor<1>>,
-    /// `[d, 2f]` (gate and up) with SwiGLU, `[d, f]` with GELU.
-    up: Param<Tensor<2>>,
-    /// `[f, d]`.
-    down: Param<Tensor<2>>,
 }
 
 /// All parameters of the model.
@@ -70,43 +47,6 @@ impl Transformer {
             blocks: (0..shape.n_layer).map(|_| Block::init(shape, std, rng, device)).collect(),
             norm: constant([d], 1.0, device),
             head: (!shape.tie_embeddings).then(|| normal([d, n_vocab + 1], std, rng, device)),
-        }
-    }
-}
-
-impl Block {
-    fn init(shape: &ModelShape, std: f64, rng: &mut ChaCha8Rng, device: &Device) -> Self {
-        let (d, f) = (shape.d_model, shape.d_ff);
-        let residual_std = std / (2.0 * shape.n_layer as f64).sqrt();
-        let up = match shape.ffn {
-            Ffn::SwiGlu => 2 * f,
-            Ffn::Gelu => f,
-        };
-        Self {
-            norm_attention: constant([d], 1.0, device),
-            qkv: normal([d, 3 * d], std, rng, device),
-            output: normal([d, d], residual_std, rng, device),
-            norm_ffn: constant([d], 1.0, device),
-            up: normal([d, up], std, rng, device),
-            down: normal([f, d], residual_std * (d as f64 / f as f64).sqrt(), rng, device),
-        }
-    }
-}
-
-impl Block {
-    fn attention(&self) -> AttentionWeights {
-        AttentionWeights {
-            gamma_d: self.norm_attention.val(),
-            qkv_d3d: self.qkv.val(),
-            output_dd: self.output.val(),
-        }
-    }
-
-    fn feed_forward(&self) -> FeedForwardWeights {
-        FeedForwardWeights {
-            gamma_d: self.norm_ffn.val(),
-            up_du: self.up.val(),
-            down_fd: self.down.val(),
         }
     }
 }
@@ -144,20 +84,12 @@ impl Model {
 
     /// The same model with its products computed in a precision.
     pub fn in_precision(self, precision: Precision) -> Self {
-        let kernels = match precision {
-            Precision::F32 => Kernels::for_device(&self.device),
-            Precision::F16 => Kernels::Half(HalfFloat::F16),
-            Precision::Bf16 => Kernels::Half(HalfFloat::Bf16),
-        };
-        Self { kernels, ..self }
+        Self { kernels: kernels_of(precision, &self.device), ..self }
     }
 
     /// The same model without gradients and in single precision, for evaluation.
     pub fn frozen(&self) -> Self {
-        let kernels = match self.kernels {
-            Kernels::Half(_) => Kernels::for_device(&self.device),
-            single => single,
-        };
+        let kernels = single(self.kernels, &self.device);
         let (weights, device) = (self.weights.valid(), self.device.clone().inner());
         Self { weights, kernels, device, ..self.clone() }
     }
@@ -184,14 +116,7 @@ impl Model {
 
     /// What the blocks make of the supervised rows, `[s, d]`.
     fn features(&self, batch: &Batch) -> Tensor<2> {
-        let rope = self.rope.clone();
-        let layout = batch.layout.clone();
-        let options =
-            AttentionOptions { n_head: self.shape.n_head, layout, rope, epsilon: EPSILON };
-        let mut x_nd = self.embed(batch);
-        for block in &self.weights.blocks {
-            x_nd = self.block(block, x_nd, &options);
-        }
+        let x_nd = self.stack().forward(self.embed(batch), &batch.layout);
         if batch.target_rows.len() == batch.layout.n_rows() {
             return x_nd;
         }
@@ -230,28 +155,20 @@ impl Model {
         self.kernels.select_rows(self.weights.embedding.val(), codes)
     }
 
-    fn block(&self, block: &Block, x_nd: Tensor<2>, options: &AttentionOptions) -> Tensor<2> {
-        let x_nd = self.kernels.attention(x_nd, block.attention(), options);
-        self.feed_forward(block, x_nd)
-    }
-
-    /// What the blocks make of positions that join their sequences, `[n, d]`; `kept` has one entry a
-    /// block.
-    pub(super) fn join(
-        &self,
-        x_nd: Tensor<2>,
-        joining: &Joining,
-        kept: &mut [KeyValues],
-    ) -> Tensor<2> {
-        self.weights.blocks.iter().zip(kept).fold(x_nd, |x_nd, (block, kept)| {
-            let x_nd = joining.attention(x_nd, block.attention(), kept, EPSILON);
-            self.feed_forward(block, x_nd)
-        })
-    }
-
-    /// Logits over codes and end for rows of [`Model::join`], `[n, V + 1]`.
+    /// Logits over codes and end for rows that the blocks are done with, `[n, V + 1]`.
     pub(super) fn head_logits(&self, x_nd: Tensor<2>) -> Tensor<2> {
         self.kernels.logits(x_nd, self.head(), EPSILON)
+    }
+
+    /// Its blocks, to be run over positions that come one after another.
+    pub(super) fn stack(&self) -> Stack<'_> {
+        Stack {
+            blocks: &self.weights.blocks,
+            shape: &self.shape,
+            rope: &self.rope,
+            kernels: self.kernels,
+            device: &self.device,
+        }
     }
 
     /// Rows of a matrix, in the order given.
@@ -260,20 +177,7 @@ impl Model {
     }
 
     /// Its sizes.
-    pub(super) fn shape(&self) -> &ModelShape {
+    pub fn shape(&self) -> &ModelShape {
         &self.shape
-    }
-
-    /// The angles of its positions.
-    pub(super) fn rope(&self) -> &Rope {
-        &self.rope
-    }
-
-    fn feed_forward(&self, block: &Block, x_nd: Tensor<2>) -> Tensor<2> {
-        let activation = match self.shape.ffn {
-            Ffn::SwiGlu => Activation::SwiGlu,
-            Ffn::Gelu => Activation::Gelu,
-        };
-        self.kernels.feed_forward(x_nd, block.feed_forward(), activation, EPSILON)
     }
 }

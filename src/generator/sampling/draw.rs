@@ -49,6 +49,12 @@ impl Draw {
         rest[rest.len() - 1].0
     }
 
+    /// The probability of a code by its logits alone.
+    pub fn confidence(logits: &[f32], code: usize) -> f64 {
+        let own = f64::from(logits[code]);
+        1.0 / logits.iter().map(|x| (f64::from(*x) - own).exp()).sum::<f64>()
+    }
+
     /// Leaves the likeliest codes that together hold `top_p`.
     fn keep_nucleus(&self, rest: &mut Vec<(usize, f64)>) {
         let Some(share) = self.top_p else { return };

@@ -77,7 +77,7 @@ impl<'a> StreamForm<'a> {
     pub fn push(&mut self, id: usize) {
         let first_done = self.lengths.is_none() && self.grid.scales.len() > 1;
         if first_done && id >= self.grid.scales[0].n_vocab {
-            let frames = self.frames_of(self.ids.len());
+            let frames = self.grid.frames_of(self.ids.len()).unwrap_or(0);
             self.lengths = Some(self.grid.lengths(frames).collect());
             self.n_frames = Some(frames);
         }
@@ -88,16 +88,8 @@ impl<'a> StreamForm<'a> {
         self.ids.last().is_some_and(|&id| id as usize == self.grid.n_vocab())
     }
 
-    /// The frames that so many codes of the first scale stand for.
-    fn frames_of(&self, codes: usize) -> usize {
-        match self.grid.scales[0].length {
-            Length::FramesPerCode(frames) => frames * codes,
-            Length::Codes(_) => 0,
-        }
-    }
-
     fn ids_of(&self, scale: usize) -> Range<usize> {
-        let before: usize = self.grid.scales[..scale].iter().map(|scale| scale.n_vocab).sum();
+        let before = self.grid.offsets().nth(scale).expect("a scale of the grid");
         before..before + self.grid.scales[scale].n_vocab
     }
 
@@ -110,7 +102,7 @@ impl<'a> StreamForm<'a> {
     pub fn into_codes(self) -> (Vec<u32>, usize) {
         let n_first =
             self.ids.iter().filter(|&&id| self.ids_of(0).contains(&(id as usize))).count();
-        let frames = self.n_frames.unwrap_or_else(|| self.frames_of(n_first));
+        let frames = self.n_frames.or(self.grid.frames_of(n_first)).unwrap_or(0);
         let mut codes = Vec::with_capacity(self.ids.len());
         for scale in 0..self.grid.scales.len() {
             let own = self.ids_of(scale);
@@ -126,6 +118,10 @@ mod tests {
     use super::*;
     use crate::codes::Scale;
 
+    fn only(ids: Range<usize>) -> Choices {
+        Choices::Ids(vec![ids])
+    }
+
     fn residual() -> Grid {
         let scale = |n_vocab| Scale { n_vocab, length: Length::FramesPerCode(4) };
         Grid { scales: vec![scale(3), scale(5)], end_token: false }
@@ -135,7 +131,7 @@ mod tests {
     fn a_stream_without_a_length_ends_by_its_end_token_and_not_before_a_code() {
         let grid = Grid::stream(6, 4);
         let mut form = StreamForm::new(&grid, None, 9);
-        assert_eq!(form.choices(), Choices::Ids(vec![0..6]));
+        assert_eq!(form.choices(), only(0..6));
         form.push(2);
         assert_eq!(form.choices(), Choices::Ids(vec![0..6, 6..7]));
         form.push(6);
@@ -148,7 +144,7 @@ mod tests {
         let grid = Grid::stream(6, 4);
         let mut form = StreamForm::new(&grid, Some(11), 9);
         for id in [1, 5] {
-            assert_eq!(form.choices(), Choices::Ids(vec![0..6]));
+            assert_eq!(form.choices(), only(0..6));
             form.push(id);
         }
         assert_eq!(form.choices(), Choices::Whole);
@@ -163,7 +159,7 @@ mod tests {
         form.push(0);
         assert_eq!(form.choices(), Choices::Ids(vec![0..3, 3..8]));
         form.push(7);
-        assert_eq!(form.choices(), Choices::Ids(vec![3..8]));
+        assert_eq!(form.choices(), only(3..8));
         form.push(3);
         assert_eq!(form.choices(), Choices::Whole);
         assert_eq!(form.into_codes(), (vec![2, 0, 4, 0], 8));
@@ -174,7 +170,7 @@ mod tests {
         let grid = residual();
         let mut form = StreamForm::new(&grid, None, 3);
         form.push(2);
-        assert_eq!(form.choices(), Choices::Ids(vec![3..8]));
+        assert_eq!(form.choices(), only(3..8));
     }
 
     #[test]

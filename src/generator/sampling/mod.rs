@@ -5,11 +5,12 @@ mod form;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use serde::Serialize;
 
 pub use draw::Draw;
 pub use form::{Choices, StreamForm};
 
-use super::GeneratorError;
+use super::{GeneratorError, ScaleInputs};
 
 /// What a motion is made from.
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +33,23 @@ impl Prompt<'_> {
     }
 }
 
+/// How motions are made.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Sampling {
+    pub draw: Draw,
+    /// How far logits move away from those without text (classifier-free guidance, Ho and Salimans
+    /// 2022): (1 + s) conditional − s unconditional. 0 for none.
+    pub guidance: f64,
+    /// Rounds in which a masked model shows its codes.
+    pub rounds: usize,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self { draw: Draw::default(), guidance: 0.0, rounds: 10 }
+    }
+}
+
 /// The codes of a motion that was made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sampled {
@@ -45,9 +63,19 @@ pub struct Sampled {
 
 /// A trained generator that makes motions.
 pub trait Sampler {
-    /// Makes a motion of each prompt, all at once.
+    /// Whether a prompt has to say how long the motion is.
+    fn wants_length(&self) -> bool;
+
+    /// Makes a motion of each prompt, all at once; `scales` is what the generator's
+    /// [`Inputs::scales`](super::Inputs::scales) was.
     ///
     /// # Errors
-    /// [`GeneratorError::Length`]: a length that the model has no room for.
-    fn sample(&self, prompts: &[Prompt], draw: &Draw) -> Result<Vec<Sampled>, GeneratorError>;
+    /// [`GeneratorError::Length`]: a length that the model has no room for;
+    /// [`GeneratorError::Guidance`]: it has never seen a motion without its text.
+    fn sample(
+        &self,
+        prompts: &[Prompt],
+        scales: &dyn ScaleInputs,
+        sampling: &Sampling,
+    ) -> Result<Vec<Sampled>, GeneratorError>;
 }

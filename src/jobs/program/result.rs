@@ -96,6 +96,7 @@ impl TrainerResult {
             device: "custom".to_string(),
             loss_nats: self.loss_nats,
             loss_normalised: self.loss_normalised,
+            normalised_by_scale: Vec::new(),
             nats_per_frame: self.nats_per_frame,
             nats_per_second: self.nats_per_second,
             tokens: count(self.tokens),

@@ -2,8 +2,9 @@
 
 use super::flops::{FlopsPerToken, exact_of_sequence, openai_per_token, six_nd_per_token};
 use super::memory::peak_bytes;
+use super::pricing::Pricing;
 use super::shape::{ModelShape, ParamCounts};
-use super::{Grid, Pricing};
+use crate::spec::grid::Grid;
 
 impl Pricing for ModelShape {
     fn name(&self) -> &'static str {

@@ -111,6 +111,22 @@ pub fn exact_of_sequence(shape: &ModelShape, n_vocab: usize, prefix: f64, target
     2.0 * multiply_adds
 }
 
+/// The same where `prefix` text positions and `n_codes` codes all see one another, and `n_targets` of
+/// the codes go through the head.
+pub fn exact_whole(
+    shape: &ModelShape,
+    n_vocab: usize,
+    prefix: usize,
+    n_codes: usize,
+    n_targets: usize,
+) -> f64 {
+    let d = shape.d_model;
+    let positions = prefix + n_codes;
+    let block = 4 * d * d + shape.ffn_params();
+    let blocks = shape.n_layer * (positions * block + 2 * d * positions * positions);
+    2.0 * (blocks + prefix * shape.d_text * d + n_targets * d * (n_vocab + 1)) as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,10 @@
 
 mod autoregressive;
 pub mod flops;
+mod masked;
 mod memory;
+mod pricing;
+mod scalewise;
 mod shape;
 
 use std::ops::Deref;
@@ -11,7 +14,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use flops::{FlopsPerToken, FlopsRule};
+pub use masked::MaskedSpec;
 pub use memory::TARGETS_PER_PASS;
+pub use pricing::{Context, Pricing};
+pub use scalewise::{ScalewiseSpec, exact_of_clip};
 pub use shape::{Ffn, ModelShape, ParamCounts};
 
 use super::grid::Grid;
@@ -22,6 +28,10 @@ use super::grid::Grid;
 pub enum GeneratorSpec {
     /// ScaMo's text-prefix transformer: each code from the codes before it.
     Autoregressive(ModelShape),
+    /// MoMask's transformer: hidden codes from those that are not.
+    Masked(MaskedSpec),
+    /// LG-Tok's transformer: the codes of a scale all at once, given the scales before it.
+    Scalewise(ScalewiseSpec),
 }
 
 /// A kind of generator, as it is written in a sweep file.
@@ -31,33 +41,52 @@ pub enum GeneratorKind {
     /// ScaMo's text-prefix transformer: each code from the codes before it.
     #[default]
     Autoregressive,
+    /// MoMask's transformer: hidden codes from those that are not; wants a quantizer of one scale. Its
+    /// loss is a bound.
+    Masked,
+    /// LG-Tok's transformer: the codes of a scale all at once, given the scales before it; wants a
+    /// quantizer of several scales.
+    Scalewise,
 }
 
 impl GeneratorKind {
-    /// The generator of this kind and shape.
-    pub fn of(self, shape: ModelShape) -> GeneratorSpec {
+    /// The generator of this kind and shape, for the codes of a grid.
+    pub fn of(self, shape: ModelShape, codes: &Grid, context: &Context) -> GeneratorSpec {
         match self {
+            Self::Autoregressive if codes.scales.len() > 1 => {
+                GeneratorSpec::Autoregressive(context.with_room(shape, codes))
+            }
             Self::Autoregressive => GeneratorSpec::Autoregressive(shape),
+            Self::Masked => GeneratorSpec::Masked(MaskedSpec::new(shape, context)),
+            Self::Scalewise => GeneratorSpec::Scalewise(ScalewiseSpec::new(shape, codes, context)),
+        }
+    }
+
+    /// The scales that it makes codes of.
+    pub fn scales(self) -> Scales {
+        match self {
+            Self::Autoregressive => Scales::Any,
+            Self::Masked => Scales::One,
+            Self::Scalewise => Scales::Several,
+        }
+    }
+
+    /// The word in files: `autoregressive`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Autoregressive => "autoregressive",
+            Self::Masked => "masked",
+            Self::Scalewise => "scalewise",
         }
     }
 }
 
-/// What a generator takes, before it is built.
-pub trait Pricing {
-    /// The word in files: `autoregressive`.
-    fn name(&self) -> &'static str;
-
-    /// Its layers and widths.
-    fn shape(&self) -> &ModelShape;
-
-    /// Its parameters by group, for the codes of a grid.
-    fn params(&self, codes: &Grid) -> ParamCounts;
-
-    /// Forward FLOPs a supervised token by every convention, after a text of `prefix` tokens.
-    fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken;
-
-    /// Peak bytes that a training process has to itself.
-    fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64;
+/// Of how many scales a generator makes codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scales {
+    Any,
+    One,
+    Several,
 }
 
 impl Deref for GeneratorSpec {
@@ -66,6 +95,8 @@ impl Deref for GeneratorSpec {
     fn deref(&self) -> &Self::Target {
         match self {
             Self::Autoregressive(shape) => shape,
+            Self::Masked(spec) => spec,
+            Self::Scalewise(spec) => spec,
         }
     }
 }
@@ -75,6 +106,8 @@ impl GeneratorSpec {
     pub fn shape_mut(&mut self) -> &mut ModelShape {
         match self {
             Self::Autoregressive(shape) => shape,
+            Self::Masked(spec) => &mut spec.shape,
+            Self::Scalewise(spec) => &mut spec.shape,
         }
     }
 }

@@ -69,9 +69,13 @@ fn vocab(sweep: &Sweep) -> Vec<Problem> {
     if grid.vocab.is_empty() {
         return vec![Problem::value("grid.vocab", "no vocabulary, so no run")];
     }
-    let kind = sweep.tokenizer.quantizer_kind();
+    let section = sweep.tokenizer.quantizer();
+    if section.check().is_err() {
+        // The problem is told at its own key.
+        return Vec::new();
+    }
     let wrong = |(i, entry): (usize, &VocabSpec)| {
-        let VocabularyError { problem, help } = entry.quantizer(kind).err()?;
+        let VocabularyError { problem, help } = entry.quantizer(&section).err()?;
         let problem = Problem::value(format!("grid.vocab[{i}]"), problem);
         Some(help.into_iter().fold(problem, Problem::with_help))
     };

@@ -7,7 +7,7 @@ mod train;
 
 use super::command::{CommandError, PLACEHOLDERS, TrainerCommand};
 use super::nearest::nearest;
-use crate::spec::{KeyProblem, SpecError};
+use crate::spec::{GeneratorKind, KeyProblem, Scales, SpecError};
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::{DataSource, Sweep};
 
@@ -15,6 +15,7 @@ use crate::sweep::sections::{DataSource, Sweep};
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
     [
         name(sweep),
+        generators(sweep),
         data(sweep),
         text(sweep),
         grid::check(sweep),
@@ -46,6 +47,27 @@ fn name(sweep: &Sweep) -> Vec<Problem> {
         problems.push(Problem::value("generator", "no kind of generator, so no run"));
     }
     problems
+}
+
+/// Some generators make codes of one scale, and some of several.
+fn generators(sweep: &Sweep) -> Vec<Problem> {
+    let has_scales = sweep.tokenizer.quantizer().n_codebooks() > 1;
+    let problem = |kind: &GeneratorKind| {
+        let (problem, help) = match (kind.scales(), has_scales) {
+            (Scales::Several, false) => (
+                "makes codes scale after scale, and the quantizer has one",
+                "tokenizer: {kind: patch, quantizer: {kind: multiscale}}",
+            ),
+            (Scales::One, true) => (
+                "makes codes of one scale, and the quantizer has several",
+                "tokenizer: {kind: patch, quantizer: {kind: vq}}",
+            ),
+            _ => return None,
+        };
+        let problem = format!("`{}` {problem}", kind.name());
+        Some(Problem::value("generator", problem).with_help(help))
+    };
+    sweep.generator.0.iter().filter_map(problem).collect()
 }
 
 fn data(sweep: &Sweep) -> Vec<Problem> {

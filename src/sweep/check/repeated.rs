@@ -1,6 +1,6 @@
 //! Entries that stand twice: each would train the same runs twice, side by side in one folder.
 
-use crate::spec::QuantizerKind;
+use crate::spec::QuantizerSection;
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::{Axis, ModelList, Sweep, VocabSpec};
 
@@ -37,11 +37,9 @@ fn entries(sweep: &Sweep, axis: Axis) -> Vec<String> {
         Axis::Models => {
             crate::sweep::models(&grid.models).iter().map(|model| format!("{model:?}")).collect()
         }
-        Axis::Vocab => grid
-            .vocab
-            .iter()
-            .map(|entry| vocabulary(entry, sweep.tokenizer.quantizer_kind()))
-            .collect(),
+        Axis::Vocab => {
+            grid.vocab.iter().map(|entry| vocabulary(entry, &sweep.tokenizer.quantizer())).collect()
+        }
         Axis::Budgets => grid.budgets.iter().map(f64::to_string).collect(),
     }
 }
@@ -55,9 +53,9 @@ fn path(sweep: &Sweep, axis: Axis, i: usize) -> String {
 }
 
 /// By its quantizer, where it has one: 256 and `{levels: [8, 6, 5]}` are the same.
-fn vocabulary(entry: &VocabSpec, kind: QuantizerKind) -> String {
+fn vocabulary(entry: &VocabSpec, section: &QuantizerSection) -> String {
     entry
-        .quantizer(kind)
+        .quantizer(section)
         .map_or_else(|_| format!("{entry:?}"), |quantizer| format!("{quantizer:?}"))
 }
 

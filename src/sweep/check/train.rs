@@ -61,6 +61,8 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         (sweep.model.rope_base > 0.0, "model.rope_base", "must be above 0"),
         (sweep.model.ffn_multiple > 0, "model.ffn_multiple", "must be at least 1"),
         (sweep.model.motion_slots > 2, "model.motion_slots", "must be at least 3"),
+        ((0.0..1.0).contains(&sweep.model.corruption), "model.corruption", "a share below 1"),
+        ((0.0..1.0).contains(&sweep.model.text_drop), "model.text_drop", "a share below 1"),
         (!sweep.fit.minima.is_empty(), "fit.minima", "at least one kind of minimum"),
     ];
     let wrong = rules.into_iter().filter(|(good, ..)| !good);

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::spec::{QuantizerKind, QuantizerSpec, VocabularyError};
+use crate::spec::{QuantizerSection, QuantizerSpec, VocabularyError};
 use crate::units::number;
 
 /// The `grid` section: its axes are crossed unless `zip` pairs them.
@@ -11,7 +11,8 @@ use crate::units::number;
 #[serde(deny_unknown_fields)]
 pub struct GridSection {
     pub models: ModelList,
-    /// Vocabularies: sizes, or FSQ levels. One tokenizer is trained for each.
+    /// Vocabularies: sizes, or FSQ levels. One tokenizer is trained for each. Where a quantizer has several
+    /// codebooks, the size is that of one; `n_vocab` of a run counts the codes of all.
     pub vocab: Vec<VocabSpec>,
     /// Training budgets of a run, in FLOPs.
     #[serde(deserialize_with = "number::numbers")]
@@ -93,14 +94,14 @@ pub enum VocabSpec {
 }
 
 impl VocabSpec {
-    /// The quantizer of a kind that has this vocabulary.
+    /// The quantizer of a section whose codebooks have this vocabulary.
     ///
     /// # Errors
     /// There is none.
-    pub fn quantizer(&self, kind: QuantizerKind) -> Result<QuantizerSpec, VocabularyError> {
+    pub fn quantizer(&self, section: &QuantizerSection) -> Result<QuantizerSpec, VocabularyError> {
         match self {
-            Self::Size(n) => kind.of_size(*n),
-            Self::Levels(spec) => kind.of_levels(&spec.levels),
+            Self::Size(n) => section.of_size(*n),
+            Self::Levels(spec) => section.of_levels(&spec.levels),
         }
     }
 }

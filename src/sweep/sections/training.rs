@@ -21,9 +21,17 @@ pub struct ModelSection {
     /// Base of the rotary positions' wavelengths.
     #[serde(deserialize_with = "number::number")]
     pub rope_base: f64,
-    /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo.
+    /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo. Where a clip has
+    /// codes on several scales, n_ctx has room for those of as many latents.
     #[serde(deserialize_with = "number::count")]
     pub motion_slots: usize,
+    /// `scalewise`: share of the codes that training shows as random ones, none; 0.5 in MoSa and
+    /// LG-Tok. `masked`: the same of the hidden codes; 0.1 in MoMask.
+    #[serde(deserialize_with = "number::number")]
+    pub corruption: f64,
+    /// `scalewise` and `masked`: share of the captions that training leaves out, 0.1, so that motions can be guided.
+    #[serde(deserialize_with = "number::number")]
+    pub text_drop: f64,
 }
 
 impl Default for ModelSection {
@@ -34,6 +42,8 @@ impl Default for ModelSection {
             tie_embeddings: false,
             rope_base: 10_000.0,
             motion_slots: 51,
+            corruption: 0.0,
+            text_drop: 0.1,
         }
     }
 }

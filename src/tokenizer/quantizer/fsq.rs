@@ -15,7 +15,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Quantized, Quantizer, clips, rows};
+use super::{Extent, Quantized, Quantizer, clips, rows, straight_through};
 use crate::spec::{digits_of_index, index_of_digits};
 use crate::tokenizer::conv::Affine;
 
@@ -42,6 +42,32 @@ impl Fsq {
             project_out: Affine::new(levels.len(), code_dim, rng, device),
             levels: levels.to_vec(),
         }
+    }
+
+    /// The embedding of each latent's code, `[n, c]`; the gradient passes straight through the rounding.
+    pub fn embedded(&self, latents_nc: Tensor<2>) -> Tensor<2> {
+        let bounded = self.bound(self.project_in.forward(latents_nc));
+        let straight = straight_through(bounded.clone().round().detach(), bounded);
+        let codes = straight.clone() / self.row(|level| (level / 2) as f64, &straight.device());
+        self.project_out.forward(codes)
+    }
+
+    /// The code of each latent.
+    pub fn codes_of(&self, latents_nc: Tensor<2>) -> Vec<u32> {
+        self.ids_of_rounded(self.bound(self.project_in.forward(latents_nc)).round())
+    }
+
+    /// The embedding of each code, `[n, c]`.
+    pub fn rows_of(&self, ids: &[u32]) -> Tensor<2> {
+        let code = |(digit, &level): (usize, &usize)| {
+            let middle = (level / 2) as f32;
+            (digit as f32 - middle) / middle
+        };
+        let codes = |&id: &u32| digits_of_index(&self.levels, id).zip(&self.levels).map(code);
+        let values: Vec<f32> = ids.iter().flat_map(codes).collect();
+        let data = TensorData::new(values, [ids.len(), self.levels.len()]);
+        let codes = Tensor::from_data(data, &self.project_out.device());
+        self.project_out.forward(codes)
     }
 
     /// b of the module's equation.
@@ -85,29 +111,16 @@ impl Quantizer for Fsq {
 
     fn quantize(&mut self, latents_btc: Tensor<3>) -> Quantized {
         let n_clips = latents_btc.dims()[0];
-        let bounded = self.bound(self.project_in.forward(rows(latents_btc)));
-        let rounded = bounded.clone().round().detach();
-        // The difference is exactly 0, so the value is the rounded one and the gradient `bounded`'s.
-        let straight = rounded + (bounded.clone() - bounded.detach());
-        let codes = straight.clone() / self.row(|level| (level / 2) as f64, &straight.device());
-        let quantized_btc = clips(self.project_out.forward(codes), n_clips);
+        let quantized_btc = clips(self.embedded(rows(latents_btc)), n_clips);
         Quantized { quantized_btc, auxiliary_loss: None }
     }
 
     fn ids(&self, latents_btc: Tensor<3>) -> Vec<u32> {
-        self.ids_of_rounded(self.bound(self.project_in.forward(rows(latents_btc))).round())
+        self.codes_of(rows(latents_btc))
     }
 
-    fn embed(&self, ids: &[u32], n_clips: usize) -> Tensor<3> {
-        let code = |(digit, &level): (usize, &usize)| {
-            let middle = (level / 2) as f32;
-            (digit as f32 - middle) / middle
-        };
-        let codes = |&id: &u32| digits_of_index(&self.levels, id).zip(&self.levels).map(code);
-        let values: Vec<f32> = ids.iter().flat_map(codes).collect();
-        let data = TensorData::new(values, [ids.len(), self.levels.len()]);
-        let codes = Tensor::from_data(data, &self.project_out.device());
-        clips(self.project_out.forward(codes), n_clips)
+    fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
+        vec![clips(self.rows_of(ids), extent.n_clips)]
     }
 }
 
@@ -159,7 +172,7 @@ mod tests {
         let latents_nc = Tensor::<2>::from_data(TensorData::new(values, [200, 3]), &device);
         fsq.begin(&latents_nc);
         let latents_btc = latents_nc.clone().reshape([1, 200, 3]);
-        let back_nc = fsq.embed(&fsq.ids(latents_btc), 1).reshape([200, 3]);
+        let back_nc = fsq.rows_of(&fsq.ids(latents_btc));
         let square = |x: Tensor<2>| (x.clone() * x).sum_dim(0).into_data().try_into_vec::<f32>();
         let off = square(back_nc - latents_nc.clone()).unwrap();
         let all = square(latents_nc).unwrap();
@@ -187,7 +200,12 @@ mod tests {
         let latents = crate::learn::params::normal([2, 25, 6], 3.0, &mut rng, &autodiff).val();
         let trained = fsq.quantize(latents.clone()).quantized_btc.inner().into_data();
         let plain = fsq.valid();
-        assert_eq!(plain.embed(&plain.ids(latents.inner()), 2).into_data(), trained);
+        assert_eq!(
+            plain
+                .embed(&plain.ids(latents.inner()), Extent { n_clips: 2, n_latents: 25 })
+                .into_data(),
+            trained
+        );
     }
 
     #[test]

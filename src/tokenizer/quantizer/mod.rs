@@ -2,11 +2,21 @@
 //!
 //! [`init`] is the one place that tells kinds apart.
 //!
-//! Shapes: b clips, t latents of a clip, c channels.
+//! Shapes: b clips, t latents of a clip, s codes of a clip on a scale, c channels.
 
+mod averages;
+mod codebook;
+mod dropout;
 mod fsq;
 mod k_means;
+mod multiscale;
 mod nearest;
+mod order;
+mod resample;
+mod residual_fsq;
+mod residual_vq;
+mod smoothing;
+mod states;
 mod vq;
 
 use std::ops::{Deref, DerefMut};
@@ -16,14 +26,20 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 pub use fsq::Fsq;
+pub use multiscale::Multiscale;
+pub use order::{Extent, by_scale};
+pub use resample::{area_down, linear_up};
+pub use residual_fsq::ResidualFsq;
+pub use residual_vq::ResidualVq;
 pub use vq::Vq;
 
 use crate::learn::{LearnerState, LoadedState};
-use crate::spec::{QuantizerSpec, TokenizerSpec};
+use crate::spec::{CodebookSpec, QuantizerSpec, TokenizerSpec};
 
 /// A map from the latents of clips to the codes of a [`Grid`](crate::codes::Grid).
 ///
-/// Codes stand clip after clip, those of a clip scale after scale.
+/// Codes stand clip after clip, those of a clip scale after scale; an id counts from 0 on each scale.
+/// Codes of a fixed number do not tell a clip's latents, so decoding is told them.
 pub trait Quantizer {
     /// Begins from latents of the training split, `[n, c]`.
     fn begin(&mut self, _latents_nc: &Tensor<2>) {}
@@ -34,9 +50,29 @@ pub trait Quantizer {
     /// The codes of clips.
     fn ids(&self, latents_btc: Tensor<3>) -> Vec<u32>;
 
-    /// What the decoder sees for the codes of `n_clips` clips of one length, `[b, t, c]`; every id
-    /// is below its scale's `n_vocab`.
-    fn embed(&self, ids: &[u32], n_clips: usize) -> Tensor<3>;
+    /// The codes of each scale of a clip of so many latents.
+    fn lengths(&self, n_latents: usize) -> Vec<usize> {
+        vec![n_latents]
+    }
+
+    /// What the first scale adds, the first two together, and so on, `[b, t, c]` each, for as many
+    /// scales as there are codes of: the codes of each clip may end after any scale. Every id is below
+    /// its scale's `n_vocab`.
+    fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>>;
+
+    /// What the decoder sees for the codes of clips, `[b, t, c]`: the last of [`Quantizer::sums`].
+    fn embed(&self, ids: &[u32], extent: Extent) -> Tensor<3> {
+        self.sums(ids, extent).pop().expect("codes of one scale at least")
+    }
+
+    /// What a generator that makes codes scale after scale is shown before each scale but the first:
+    /// the sum of the scales before it, at its own length, `[b, s, c]` (VAR, LG-Tok). Codes of the first
+    /// n scales give the inputs of the scales 2 to n + 1, as far as there are such.
+    fn inputs(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
+        let lengths = self.lengths(extent.n_latents);
+        let sums = self.sums(ids, extent).into_iter();
+        sums.zip(lengths.into_iter().skip(1)).map(|(sum, s)| area_down(sum, s)).collect()
+    }
 
     /// What training needs to go on from beside the weights.
     fn keep(&self) -> LearnerState {
@@ -62,6 +98,9 @@ pub struct Quantized {
 pub enum AnyQuantizer {
     Fsq(Fsq),
     Vq(Vq),
+    ResidualFsq(ResidualFsq),
+    ResidualVq(ResidualVq),
+    Multiscale(Multiscale),
 }
 
 /// The quantizer of a tokenizer, for latents with `code_dim` channels.
@@ -71,10 +110,23 @@ pub fn init(
     rng: &mut ChaCha8Rng,
     device: &Device,
 ) -> AnyQuantizer {
+    let training = &spec.training;
     match &spec.quantizer {
         QuantizerSpec::Fsq { levels } => AnyQuantizer::Fsq(Fsq::new(levels, code_dim, rng, device)),
         QuantizerSpec::Vq { n_vocab } => {
-            AnyQuantizer::Vq(Vq::new(*n_vocab, code_dim, &spec.training, rng, device))
+            AnyQuantizer::Vq(Vq::new(*n_vocab, code_dim, training, rng, device))
+        }
+        QuantizerSpec::Residual(own) => match &own.codebook {
+            CodebookSpec::Fsq { levels } => {
+                AnyQuantizer::ResidualFsq(ResidualFsq::new(own, levels, code_dim, rng, device))
+            }
+            CodebookSpec::Vq { n_vocab } => {
+                let layers = ResidualVq::new(own, *n_vocab, code_dim, training, rng, device);
+                AnyQuantizer::ResidualVq(layers)
+            }
+        },
+        QuantizerSpec::Multiscale(own) => {
+            AnyQuantizer::Multiscale(Multiscale::new(own, code_dim, training, rng, device))
         }
     }
 }
@@ -86,6 +138,9 @@ impl Deref for AnyQuantizer {
         match self {
             AnyQuantizer::Fsq(fsq) => fsq,
             AnyQuantizer::Vq(vq) => vq,
+            AnyQuantizer::ResidualFsq(residual) => residual,
+            AnyQuantizer::ResidualVq(residual) => residual,
+            AnyQuantizer::Multiscale(multiscale) => multiscale,
         }
     }
 }
@@ -95,6 +150,9 @@ impl DerefMut for AnyQuantizer {
         match self {
             AnyQuantizer::Fsq(fsq) => fsq,
             AnyQuantizer::Vq(vq) => vq,
+            AnyQuantizer::ResidualFsq(residual) => residual,
+            AnyQuantizer::ResidualVq(residual) => residual,
+            AnyQuantizer::Multiscale(multiscale) => multiscale,
         }
     }
 }
@@ -110,3 +168,17 @@ fn clips(latents_nc: Tensor<2>, n_clips: usize) -> Tensor<3> {
     let [n, c] = latents_nc.dims();
     latents_nc.reshape([n_clips, n / n_clips, c])
 }
+
+/// A value with the gradient of another, which it passes straight through: the bracket is exactly 0.
+fn straight_through<const D: usize>(value: Tensor<D>, gradient: Tensor<D>) -> Tensor<D> {
+    value + (gradient.clone() - gradient.detach())
+}
+
+/// The mean of squared differences, `[1]`.
+fn mean_square<const D: usize>(a: Tensor<D>, b: Tensor<D>) -> Tensor<1> {
+    let apart = a - b;
+    (apart.clone() * apart).mean()
+}
+
+#[cfg(test)]
+mod tests;

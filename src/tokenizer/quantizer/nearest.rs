@@ -7,12 +7,26 @@ use burn::tensor::Tensor;
 /// Entries of the distance matrix that are held at a time.
 const DISTANCES_AT_ONCE: usize = 1 << 22;
 
+/// Length that a row is taken to have at least before it is made 1 long.
+const SHORTEST: f64 = 1e-12;
+
 /// argmin over codes of |code|² − 2 latent · code, the first of equals.
 pub fn nearest(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
     let (n, n_codes) = (latents_nc.dims()[0], codes_vc.dims()[0]);
     let rows = (DISTANCES_AT_ONCE / n_codes).max(1);
     let part = |start: usize| latents_nc.clone().narrow(0, start, rows.min(n - start));
     (0..n).step_by(rows).flat_map(|start| nearest_of_part(part(start), codes_vc)).collect()
+}
+
+/// argmax over codes of cos(latent, code), the first of equals.
+pub fn nearest_direction(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
+    nearest(&directions(latents_nc), &directions(codes_vc))
+}
+
+/// Rows of length 1; a row of zeros stays one.
+fn directions(rows_nc: &Tensor<2>) -> Tensor<2> {
+    let norms_n1 = (rows_nc.clone() * rows_nc.clone()).sum_dim(1).sqrt();
+    rows_nc.clone() / norms_n1.clamp_min(SHORTEST)
 }
 
 fn nearest_of_part(latents_nc: Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {

@@ -1,6 +1,8 @@
 //! Codes, gradients and dead codes of the quantizer.
 
 use super::*;
+use crate::learn::params;
+use crate::tokenizer::quantizer::averages::FIRST_COUNT;
 
 fn vq(n_vocab: usize, code_dim: usize, device: &Device) -> Vq {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
@@ -60,7 +62,11 @@ fn the_nearest_code_is_taken_and_embedded() {
     let latents = Tensor::<3>::from_data([[[0.9, 0.8], [-0.2, 0.1], [-2.0, 2.0]]], &device);
     let ids = vq.ids(latents);
     assert_eq!(ids, [1, 0, 2]);
-    let embedded = vq.embed(&ids, 1).into_data().try_into_vec::<f32>().unwrap();
+    let embedded = vq
+        .embed(&ids, Extent { n_clips: 1, n_latents: 3 })
+        .into_data()
+        .try_into_vec::<f32>()
+        .unwrap();
     assert_eq!(embedded, [1.0, 1.0, 0.0, 0.0, -1.0, 3.0]);
 }
 

@@ -1,0 +1,101 @@
+//! What `isoflop generate` takes, and the motions that follow from it.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use isoflop::generator::{Draw, Sampling};
+use isoflop::ops::DeviceName;
+
+use crate::commands::args::{device, share};
+
+#[derive(Args)]
+pub struct GenerateArgs {
+    /// Captions, one motion each
+    #[arg(value_name = "TEXT")]
+    pub captions: Vec<String>,
+    /// A file with a caption a line, beside those given
+    #[arg(long, value_name = "FILE")]
+    pub texts: Option<PathBuf>,
+    /// A run's folder, or a sweep's, whose run with the lowest loss is taken
+    #[arg(long, value_name = "RUN")]
+    pub run: PathBuf,
+    /// The folder to write to; by default `samples/<run>` in the sweep's folder
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Write over motions that the folder holds
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Motions of each caption
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    pub samples: u16,
+    /// The same seed gives the same motions
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Length in seconds; by default as the model ends the motion, or as a clip of its training is long
+    #[arg(long, value_name = "S", conflicts_with = "frames", value_parser = positive)]
+    pub seconds: Option<f64>,
+    /// Length in frames
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub frames: Option<u32>,
+    /// What logits are divided by; 0 takes the likeliest code
+    #[arg(long, value_name = "T", default_value_t = 1.0, value_parser = not_negative)]
+    pub temperature: f64,
+    /// Draw among the likeliest K codes
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    pub top_k: Option<u32>,
+    /// Draw among the likeliest codes that together hold this share
+    #[arg(long, value_name = "P", value_parser = share)]
+    pub top_p: Option<f64>,
+    /// How far motions are moved away from those without text; `scalewise` takes all of it at its last scale
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
+    pub guidance: f64,
+    /// `masked`: rounds in which codes are shown, the surest first
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
+    pub rounds: u16,
+    /// The backend that computes
+    #[arg(long, value_parser = device(), default_value = "flex")]
+    pub device: DeviceName,
+}
+
+impl GenerateArgs {
+    /// Every caption, in order: those of the command line, then those of the file.
+    pub fn all_captions(&self) -> Result<Vec<String>> {
+        let mut captions = self.captions.clone();
+        if let Some(path) = &self.texts {
+            let text = fs::read_to_string(path);
+            let text = text.with_context(|| format!("reading {}", path.display()))?;
+            let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+            captions.extend(lines.map(String::from));
+        }
+        if captions.is_empty() {
+            bail!("no caption; give one, as in `isoflop generate \"a person walks\" --run RUN`");
+        }
+        Ok(captions)
+    }
+
+    /// The length that is asked for, in frames.
+    pub fn n_frames(&self, fps: f64) -> Option<usize> {
+        let seconds = self.seconds.map(|seconds| (seconds * fps).round().max(1.0) as usize);
+        seconds.or(self.frames.map(|frames| frames as usize))
+    }
+
+    /// How motions are made.
+    pub fn sampling(&self) -> Sampling {
+        let top_k = self.top_k.map(|k| k as usize);
+        let draw = Draw { temperature: self.temperature, top_k, top_p: self.top_p };
+        Sampling { draw, guidance: self.guidance, rounds: usize::from(self.rounds) }
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x >= 0.0 && x.is_finite() => Ok(x),
+        _ => Err(format!("{text} is not a number from 0 on")),
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    not_negative(text).and_then(|x| if x > 0.0 { Ok(x) } else { Err("must be above 0".into()) })
+}

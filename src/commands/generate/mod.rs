@@ -1,0 +1,140 @@
+//! `isoflop generate`: motions of captions, from a trained run, in files.
+
+mod args;
+mod motion;
+mod text;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
+use isoflop::files::atomic;
+use isoflop::generator::{Prompt, Sampled};
+use isoflop::jobs::TrainedRun;
+use serde_json::json;
+
+pub use args::GenerateArgs;
+use motion::Motion;
+
+use super::exit::Exit;
+use super::output::Output;
+
+/// Motions that are made side by side.
+const BATCH: usize = 64;
+
+/// Motions on the contact sheet, at most.
+const ON_SHEET: usize = 24;
+
+/// A motion that is to be made.
+struct Order {
+    caption: String,
+    /// The caption's vectors.
+    text: Vec<f32>,
+    n_frames: Option<usize>,
+    /// Its number: its files' name, and its stream of random numbers.
+    index: usize,
+}
+
+/// A motion that was made.
+struct Made {
+    sampled: Sampled,
+    /// `[T, 263]` row-major.
+    features: Vec<f32>,
+}
+
+pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
+    let run = TrainedRun::open(&args.run, &args.device.open()?)?;
+    let out = folder(args, &run)?;
+    let orders = orders(args, &run)?;
+    let started = Instant::now();
+    let made = make(args, &run, &orders)?;
+    let made_s = started.elapsed().as_secs_f64();
+    let motions = write(args, &run, &orders, &made, &out)?;
+    let summary = text::Summary { run: &run, motions: &motions, out: &out, made_s };
+    let document = json!({ "run": run.run_id, "folder": out, "motions": motions });
+    output.result(&document, &summary.text())?;
+    Ok(Exit::Done)
+}
+
+/// The folder that motions are written to, which holds none yet, or none that are to stay.
+fn folder(args: &GenerateArgs, run: &TrainedRun) -> Result<PathBuf> {
+    let own = || run.folder.file("samples").join(&run.run_id);
+    let out = args.out.clone().unwrap_or_else(own);
+    if out.join(MOTIONS).exists() && !args.overwrite {
+        bail!("{} holds motions already; give another --out, or --overwrite", out.display());
+    }
+    Ok(out)
+}
+
+const MOTIONS: &str = "motions.json";
+
+/// The motions that were asked for: of each caption so many.
+fn orders(args: &GenerateArgs, run: &TrainedRun) -> Result<Vec<Order>> {
+    let mut orders = Vec::new();
+    for caption in args.all_captions()? {
+        let text = run.embed(&caption)?;
+        for _ in 0..args.samples {
+            let index = orders.len();
+            let n_frames = match args.n_frames(run.spec.fps) {
+                None if run.wants_length() => Some(run.some_length(args.seed, index as u64)?),
+                asked => asked,
+            };
+            orders.push(Order { caption: caption.clone(), text: text.clone(), n_frames, index });
+        }
+    }
+    Ok(orders)
+}
+
+/// Codes, then features, a batch at a time.
+fn make(args: &GenerateArgs, run: &TrainedRun, orders: &[Order]) -> Result<Vec<Made>> {
+    let mut made = Vec::with_capacity(orders.len());
+    for batch in orders.chunks(BATCH) {
+        let prompts: Vec<Prompt> = batch.iter().map(|order| order.prompt(args.seed)).collect();
+        for sampled in run.sample(&prompts, &args.sampling())? {
+            let features = run.tokenizer.decode(&sampled.codes, sampled.n_frames)?;
+            made.push(Made { sampled, features });
+        }
+    }
+    Ok(made)
+}
+
+impl Order {
+    fn prompt(&self, seed: u64) -> Prompt<'_> {
+        Prompt { text: &self.text, n_frames: self.n_frames, seed, index: self.index as u64 }
+    }
+}
+
+/// The files of every motion, the sheet, and last what lists them.
+fn write(
+    args: &GenerateArgs,
+    run: &TrainedRun,
+    orders: &[Order],
+    made: &[Made],
+    out: &Path,
+) -> Result<Vec<Motion>> {
+    let fps = run.spec.fps;
+    let mut all = Vec::with_capacity(made.len());
+    for (order, Made { features, .. }) in orders.iter().zip(made) {
+        all.push(CaptionedMotion { features, fps: fps as f32, caption: &order.caption });
+    }
+    let mut motions = Vec::with_capacity(all.len());
+    for (index, (motion, Made { sampled, .. })) in all.iter().zip(made).enumerate() {
+        let written = write_motion(out, &index.to_string(), motion)
+            .with_context(|| format!("writing motion {index}"))?;
+        motions.push(Motion {
+            caption: motion.caption.to_string(),
+            seed: args.seed,
+            length: sampled.n_frames,
+            seconds: sampled.n_frames as f64 / fps,
+            codes: sampled.codes.clone(),
+            ended: sampled.ended,
+            bvh_largest_mm: written.deviation.largest_mm,
+            bvh_mean_mm: written.deviation.mean_mm,
+            run: run.run_id.clone(),
+        });
+    }
+    write_sheet(&out.join("sheet.png"), &all[..all.len().min(ON_SHEET)])?;
+    atomic::write_json(&out.join(MOTIONS), &motions)?;
+    Ok(motions)
+}

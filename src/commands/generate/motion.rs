@@ -1,0 +1,21 @@
+//! [`Motion`]: what `motions.json` says of a motion.
+
+use serde::Serialize;
+
+/// An element of `motions.json`.
+#[derive(Serialize)]
+pub struct Motion {
+    pub caption: String,
+    pub seed: u64,
+    /// Frames.
+    pub length: usize,
+    pub seconds: f64,
+    /// Scale after scale.
+    pub codes: Vec<u32>,
+    /// Whether the model ended the motion, or had a length to meet.
+    pub ended: bool,
+    /// How far the rigid body of the BVH is from the joints, at most and on the mean.
+    pub bvh_largest_mm: f64,
+    pub bvh_mean_mm: f64,
+    pub run: String,
+}

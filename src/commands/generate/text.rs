@@ -1,0 +1,63 @@
+//! What a person reads of motions that were made: a screen.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use isoflop::jobs::TrainedRun;
+
+use super::motion::Motion;
+
+/// Motions that are listed, at most.
+const LISTED: usize = 12;
+
+/// Characters of a caption that are shown.
+const CAPTION: usize = 56;
+
+/// Motions, and where they are.
+pub struct Summary<'a> {
+    pub run: &'a TrainedRun,
+    pub motions: &'a [Motion],
+    pub out: &'a Path,
+    /// Seconds that it took to make them, files apart.
+    pub made_s: f64,
+}
+
+impl Summary<'_> {
+    /// The run, the motions, and their files.
+    pub fn text(&self) -> String {
+        let n = self.motions.len();
+        let noun = if n == 1 { "motion" } else { "motions" };
+        let mut text = format!(
+            "{n} {noun} by {} ({}) in {:.2} s, {:.0} a minute\n\n",
+            self.run.spec.label(),
+            self.run.run_id,
+            self.made_s,
+            60.0 * n as f64 / self.made_s,
+        );
+        for (index, motion) in self.motions.iter().enumerate().take(LISTED) {
+            let cut = if motion.ended { "" } else { "  cut: no room for more" };
+            let caption = shortened(&motion.caption);
+            let _ = writeln!(text, "  {index:>3}  {:4.1} s  {caption}{cut}", motion.seconds);
+        }
+        if n > LISTED {
+            let _ = writeln!(text, "  and {} more", n - LISTED);
+        }
+        let largest = self.motions.iter().map(|m| m.bvh_largest_mm).fold(0.0, f64::max);
+        let out = self.out.display();
+        let _ = writeln!(text, "\nfiles     {out}/<n>.svg .bvh .joints.npy .features.npy");
+        let _ = writeln!(text, "          {out}/sheet.png, motions.json");
+        let _ = writeln!(
+            text,
+            "BVH       bones have one length; joints are off by {largest:.0} mm at most"
+        );
+        text
+    }
+}
+
+/// The beginning of a caption.
+fn shortened(caption: &str) -> String {
+    if caption.chars().count() <= CAPTION {
+        return caption.to_string();
+    }
+    caption.chars().take(CAPTION - 1).chain(['…']).collect()
+}

@@ -1,0 +1,92 @@
+//! A sweep with several generators: laws, figures and predictions of each in a folder of its own, and
+//! all of them side by side.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use anyhow::Result;
+use isoflop::figures::{GeneratorRuns, draw_generators};
+use isoflop::files::atomic;
+use isoflop::jobs::ResultsFolder;
+use isoflop::record::RunRecord;
+use isoflop::sweep::Sweep;
+use serde_json::{Value, json};
+
+use super::analysis::analysed;
+use super::output::Output;
+
+/// The runs of each generator, by its name.
+pub fn parted(records: &[RunRecord]) -> BTreeMap<String, Vec<RunRecord>> {
+    let mut parted: BTreeMap<String, Vec<RunRecord>> = BTreeMap::new();
+    for record in records {
+        let generator = record.planned.generator.clone().unwrap_or_default();
+        parted.entry(generator).or_default().push(record.clone());
+    }
+    parted
+}
+
+/// Laws for each generator: those of one would say nothing of another.
+pub fn finish(
+    sweep: &Sweep,
+    folder: &ResultsFolder,
+    by_generator: &BTreeMap<String, Vec<RunRecord>>,
+    output: &Output,
+) -> Result<()> {
+    // Those of an earlier state of the sweep, with one generator, would be taken for all.
+    for file in ["laws.json", "prediction.json", "finished.json"] {
+        atomic::remove(&folder.file(file))?;
+    }
+    let runs: Vec<GeneratorRuns> =
+        by_generator.iter().map(|(name, records)| GeneratorRuns { name, records }).collect();
+    let figure = draw_generators(&sweep.name, &runs, sweep.flops.rule, &folder.file("figures"))?;
+    let mut documents = BTreeMap::new();
+    for (name, records) in by_generator {
+        let own = folder.of_generator(name);
+        std::fs::create_dir_all(own.root())?;
+        let titled = Sweep { name: format!("{} {name}", sweep.name), ..sweep.clone() };
+        output.note(&format!("laws of {name}, from {} runs:", records.len()));
+        documents.insert(name.clone(), analysed(&titled, &own, records, output)?.document);
+    }
+    let text = text(folder, &documents, by_generator);
+    let document = json!({
+        "results": folder.root(),
+        "runs": by_generator.values().map(Vec::len).sum::<usize>(),
+        "generators": documents,
+        "figures": figure,
+    });
+    Ok(output.result(&document, &text)?)
+}
+
+/// A line a generator: its exponents, and what it predicts for the first budget that is asked about.
+fn text(
+    folder: &ResultsFolder,
+    documents: &BTreeMap<String, Value>,
+    by_generator: &BTreeMap<String, Vec<RunRecord>>,
+) -> String {
+    let mut text =
+        String::from("generator        runs   N_nv in C   N_v in C   D in C   L_u predicted\n");
+    let number = |value: &Value, digits: usize| {
+        value.as_f64().map_or_else(|| "-".to_string(), |x| format!("{x:.digits$}"))
+    };
+    for (name, document) in documents {
+        let exponent = |of: &str| number(&document["laws"]["power_laws"][of]["exponent"], 3);
+        let prediction = &document["predictions"][0];
+        let at = prediction["budget_flops"].as_f64();
+        let at = at.map_or_else(String::new, |budget| format!(" at {budget:e}"));
+        let _ = writeln!(
+            text,
+            "{name:<15} {:>5}   {:>9}   {:>8}   {:>6}   {}{at}",
+            by_generator[name].len(),
+            exponent("params_nonvocab"),
+            exponent("params_vocab"),
+            exponent("tokens"),
+            number(&prediction["loss_normalised"], 3),
+        );
+    }
+    let root = folder.root().display();
+    let _ = writeln!(text, "\ntable     {root}/runs.parquet");
+    let _ = writeln!(text, "figure    {root}/figures/generators.svg");
+    let _ = writeln!(text, "each      {root}/generators/<generator>: laws.json, figures");
+    let _ = writeln!(text, "          isoflop predict C --law {root}/generators/<generator>");
+    text
+}

@@ -1,0 +1,71 @@
+//! A bound on the loss on a split.
+//!
+//! A masked model gives no likelihood, but a bound on it: codes in any order, each from those before it
+//! in that order (Uria et al. 2014; Hoogeboom et al. 2022, "Autoregressive Diffusion Models"). With
+//! m hidden codes of n, m drawn evenly from 1 to n and the hidden ones at random, the mean over them of
+//! −ln p is a bound on the nats of a code. Each clip is measured at [`MASKS`] values of m, spread evenly.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::batch::{Hidden, pack};
+use crate::data::Split;
+use crate::generator::autoregressive::Model;
+use crate::generator::passes::passes;
+use crate::generator::{Inputs, SplitLoss};
+use crate::progress::moved;
+
+/// How often each clip is measured.
+const MASKS: usize = 4;
+
+/// Seeds what is hidden: the same for every model.
+const SEED: u64 = 0;
+
+/// Measures a model, each clip with one of its captions; clip i shows caption i mod n.
+pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
+    let tokens = inputs.tokens;
+    let unigram = tokens.unigram_log_probs(0);
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let (mut nll, mut uni, mut targets) = (0.0, 0.0, 0);
+    for clips in passes(tokens, split) {
+        for mask in 0..MASKS {
+            let hidden = clips.clone().map(|clip| {
+                let captions = inputs.text.captions(split, clip);
+                let text = inputs.text.embedding(captions[clip % captions.len()]);
+                let codes = tokens.clip(split, clip);
+                let n_hidden = spread(codes.len(), mask, clip);
+                Hidden::some(text, codes, n_hidden, tokens.n_vocab(), &mut rng)
+            });
+            let hidden: Vec<Hidden> = hidden.collect();
+            let batch = pack(&hidden, inputs.text.dim());
+            let mut own = model.nll(&batch).into_iter();
+            for clip in &hidden {
+                // The mean over hidden codes stands for every code of the clip.
+                let weight = clip.shown.len() as f64 / (MASKS * clip.targets.len()) as f64;
+                nll += weight * own.by_ref().take(clip.targets.len()).sum::<f64>();
+            }
+            moved();
+        }
+        for clip in clips {
+            let codes = tokens.clip(split, clip);
+            uni -= codes.iter().map(|&code| unigram[code as usize]).sum::<f64>();
+            targets += codes.len();
+        }
+    }
+    let n = targets as f64;
+    SplitLoss {
+        loss_nats: nll / n,
+        loss_normalised: (nll - uni) / n,
+        nats_per_frame: nll / tokens.n_frames(split) as f64,
+        normalised_by_scale: Vec::new(),
+        targets,
+    }
+}
+
+/// How many of `n` codes are hidden: the values of all masks and clips are spread evenly from 1 to n.
+fn spread(n: usize, mask: usize, clip: usize) -> usize {
+    // Clips are shifted against one another by the golden section, which fills a span evenly.
+    let shift = (clip as f64 * 0.618_033_988_749_895).fract();
+    let share = (mask as f64 + shift) / MASKS as f64;
+    1 + (share * n as f64) as usize
+}

@@ -1,0 +1,157 @@
+//! Motions from the masked transformer: all codes at once, of which the surest stay, round after round.
+
+use std::f64::consts::FRAC_PI_2;
+use std::slice;
+
+use burn::tensor::Device;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::batch::{Hidden, pack};
+use super::own::own;
+use crate::codes::Grid;
+use crate::generator::autoregressive::{Model, end_token};
+use crate::generator::{Draw, GeneratorError, Prompt, Sampled, Sampler, Sampling, ScaleInputs};
+use crate::learn::weights::{self, Weights};
+use crate::plan::RunSpec;
+
+/// A trained transformer.
+pub struct MaskedSampler {
+    model: Model,
+    grid: Grid,
+    text_drop: f64,
+    /// The text of a caption that is left out.
+    no_text: Vec<f32>,
+}
+
+/// A motion that is being made.
+struct Making<'a> {
+    text: &'a [f32],
+    rng: ChaCha8Rng,
+    /// Its codes; the end token's id stands for a hidden one.
+    codes: Vec<u32>,
+    n_frames: usize,
+}
+
+impl MaskedSampler {
+    /// The transformer of a run with its weights.
+    ///
+    /// # Errors
+    /// [`GeneratorError::Weights`].
+    pub fn new(spec: &RunSpec, weights: Weights, device: &Device) -> Result<Self, GeneratorError> {
+        let mut unused = ChaCha8Rng::seed_from_u64(0);
+        let mut model = Model::init(spec.shape(), spec.n_vocab(), &mut unused, device);
+        model.weights = weights::into_module(model.weights, weights)?;
+        let (text_drop, no_text) = (own(spec).text_drop, vec![0.0; spec.shape().d_text]);
+        Ok(Self { model, grid: spec.codes.clone(), text_drop, no_text })
+    }
+
+    fn begin<'a>(
+        &self,
+        prompt: &Prompt<'a>,
+        sampling: &Sampling,
+    ) -> Result<Making<'a>, GeneratorError> {
+        if sampling.guidance > 0.0 && self.text_drop == 0.0 {
+            return Err(GeneratorError::Guidance);
+        }
+        let shape = self.model.shape();
+        let asked = prompt.n_frames.expect("the caller gives lengths where they are wanted");
+        let (n_codes, n_text) = (self.grid.n_codes(asked), prompt.text.len() / shape.d_text);
+        let n_frames = self.grid.frames_of(n_codes).unwrap_or(asked);
+        let n_ctx = shape.n_ctx;
+        if n_codes + n_text > n_ctx {
+            let fits = |frames: &usize| self.grid.n_codes(*frames) + n_text <= n_ctx;
+            let most = (0..asked).rev().find(fits).unwrap_or(0);
+            let positions = n_codes + n_text;
+            return Err(GeneratorError::Length { n_frames: asked, positions, n_ctx, most });
+        }
+        let codes = vec![end_token(self.grid.n_vocab()); n_codes];
+        Ok(Making { text: prompt.text, rng: prompt.rng(), codes, n_frames })
+    }
+
+    /// Logits of the hidden codes of all motions, a row each; guided where that is asked for.
+    fn logits(&self, making: &[Making], guidance: f64) -> Vec<Vec<f32>> {
+        let with = self.pass(making, |motion| motion.text);
+        if guidance == 0.0 {
+            return with;
+        }
+        let without = self.pass(making, |_| &self.no_text);
+        let guided = |(with, without): (Vec<f32>, Vec<f32>)| {
+            let pairs = with.into_iter().zip(without);
+            pairs.map(|(x, free)| x + guidance as f32 * (x - free)).collect()
+        };
+        with.into_iter().zip(without).map(guided).collect()
+    }
+
+    fn pass<'b>(
+        &'b self,
+        making: &'b [Making],
+        text: impl Fn(&'b Making) -> &'b [f32],
+    ) -> Vec<Vec<f32>> {
+        let end = end_token(self.grid.n_vocab());
+        let hidden = |motion: &'b Making| {
+            let places = motion.codes.iter().enumerate().filter(|(_, code)| **code == end);
+            let targets = places.map(|(place, _)| (place, 0)).collect();
+            Hidden { text: text(motion), shown: motion.codes.clone(), targets }
+        };
+        let clips: Vec<Hidden> = making.iter().map(hidden).collect();
+        let logits = self.model.logits(&pack(&clips, self.no_text.len()));
+        let [_, columns] = logits.dims();
+        let values: Vec<f32> = logits.into_data().try_into_vec().expect("logits are f32");
+        values.chunks_exact(columns).map(<[f32]>::to_vec).collect()
+    }
+
+    /// One round: every hidden code is drawn, and all but `n_hidden` of a motion, the surest, stay.
+    fn round(&self, making: &mut [Making], share: f64, sampling: &Sampling) {
+        let n_vocab = self.grid.n_vocab();
+        let mut rows = self.logits(making, sampling.guidance).into_iter();
+        for motion in making {
+            let n_hidden = (share * motion.codes.len() as f64).round() as usize;
+            let places: Vec<usize> = (0..motion.codes.len())
+                .filter(|&place| motion.codes[place] == end_token(n_vocab))
+                .collect();
+            let mut drawn: Vec<(usize, u32, f64)> = Vec::with_capacity(places.len());
+            for place in places {
+                let row = rows.next().expect("a row a hidden code");
+                let code =
+                    sampling.draw.code(&row, slice::from_ref(&(0..n_vocab)), &mut motion.rng);
+                drawn.push((place, code as u32, Draw::confidence(&row[..n_vocab], code)));
+            }
+            drawn.sort_by(|a, b| b.2.total_cmp(&a.2).then(a.0.cmp(&b.0)));
+            // A round that hides as many as the last would never end.
+            let stay = drawn.len().saturating_sub(n_hidden).max(1);
+            for (place, code, _) in drawn.into_iter().take(stay) {
+                motion.codes[place] = code;
+            }
+        }
+    }
+}
+
+impl Sampler for MaskedSampler {
+    fn wants_length(&self) -> bool {
+        true
+    }
+
+    /// Rounds as MoMask's: after round i of n the share cos(π i / 2n) of a motion is hidden again.
+    fn sample(
+        &self,
+        prompts: &[Prompt],
+        _: &dyn ScaleInputs,
+        sampling: &Sampling,
+    ) -> Result<Vec<Sampled>, GeneratorError> {
+        let making = prompts.iter().map(|prompt| self.begin(prompt, sampling));
+        let mut making = making.collect::<Result<Vec<_>, _>>()?;
+        let rounds = sampling.rounds.max(1);
+        for round in 1..=rounds {
+            let share = if round == rounds {
+                0.0
+            } else {
+                (FRAC_PI_2 * round as f64 / rounds as f64).cos()
+            };
+            self.round(&mut making, share, sampling);
+        }
+        let done =
+            |Making { codes, n_frames, .. }: Making| Sampled { codes, n_frames, ended: true };
+        Ok(making.into_iter().map(done).collect())
+    }
+}

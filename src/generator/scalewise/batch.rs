@@ -1,0 +1,147 @@
+//! [`Batch`]: clips packed row after row, text first, then scale after scale.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::places::Places;
+use crate::codes::Grid;
+use crate::ops::{BlockSequence, SequenceLayout};
+
+/// One clip as the model is shown it.
+#[derive(Clone, Debug)]
+pub struct Clip<'a> {
+    /// Frozen text vectors, `[n_text, d_text]` row-major, at least one row.
+    pub text: &'a [f32],
+    /// The codes that it should predict, scale after scale, those of one codebook from 0.
+    pub codes: &'a [u32],
+    /// Codes of each scale.
+    pub lengths: Vec<usize>,
+    /// What each scale but the first is shown, `[s, c]` row-major.
+    pub inputs: Vec<Vec<f32>>,
+    /// Its length in latents.
+    pub n_latents: usize,
+    /// The codes that are supervised.
+    pub supervised: Range<usize>,
+}
+
+/// A batch as the model takes it.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    pub layout: Arc<SequenceLayout>,
+    /// `[n_text_rows, d_text]`, all prefixes after one another.
+    pub text: Vec<f32>,
+    /// The clip's length of each text row.
+    pub text_lengths: Arc<[u32]>,
+    /// The slot of each row of the first scale, and its clip's length.
+    pub starts: Arc<[u32]>,
+    pub start_lengths: Arc<[u32]>,
+    /// `[n_later_rows, c]`, the inputs of the other scales.
+    pub inputs: Vec<f32>,
+    /// The scale of each of their rows.
+    pub levels: Arc<[u32]>,
+    /// For each row of the batch, where it comes from: a text row, a row of the first scale after all
+    /// text rows, or a row of another after these.
+    pub order: Arc<[u32]>,
+    /// What is supervised of each scale.
+    pub targets: Vec<ScaleTargets>,
+}
+
+/// Supervised codes of one scale.
+#[derive(Clone, Debug, Default)]
+pub struct ScaleTargets {
+    /// Rows that predict them.
+    pub rows: Arc<[u32]>,
+    /// What they should predict, below the scale's V.
+    pub codes: Arc<[u32]>,
+}
+
+impl Batch {
+    /// Packs clips.
+    pub fn pack(clips: &[Clip], grid: &Grid, d_text: usize, places: &Places) -> Self {
+        let n_text_rows = clips.iter().map(|clip| clip.text.len() / d_text).sum::<usize>();
+        let n_starts = clips.iter().map(|clip| clip.lengths[0]).sum::<usize>();
+        let mut packing = Packing {
+            next: [0, n_text_rows, n_text_rows + n_starts],
+            targets: vec![Default::default(); grid.scales.len()],
+            ..Packing::default()
+        };
+        clips.iter().for_each(|clip| packing.add(clip, clip.text.len() / d_text, places));
+        let scale = |(rows, codes): (Vec<u32>, Vec<u32>)| ScaleTargets {
+            rows: rows.into(),
+            codes: codes.into(),
+        };
+        Self {
+            layout: Arc::new(
+                SequenceLayout::in_blocks(&packing.sequences).expect("clips have rows"),
+            ),
+            text: clips.iter().flat_map(|clip| clip.text).copied().collect(),
+            text_lengths: packing.text_lengths.into(),
+            starts: packing.starts.into(),
+            start_lengths: packing.start_lengths.into(),
+            inputs: clips.iter().flat_map(|clip| clip.inputs.iter().flatten()).copied().collect(),
+            levels: packing.levels.into(),
+            order: packing.order.into(),
+            targets: packing.targets.into_iter().map(scale).collect(),
+        }
+    }
+
+    /// Supervised codes.
+    pub fn n_targets(&self) -> usize {
+        self.targets.iter().map(|scale| scale.codes.len()).sum()
+    }
+}
+
+/// A batch that is being packed.
+#[derive(Default)]
+struct Packing {
+    sequences: Vec<BlockSequence>,
+    text_lengths: Vec<u32>,
+    starts: Vec<u32>,
+    start_lengths: Vec<u32>,
+    levels: Vec<u32>,
+    order: Vec<u32>,
+    /// Rows and codes of each scale.
+    targets: Vec<(Vec<u32>, Vec<u32>)>,
+    /// The next rows of text, of the first scale, and of the others.
+    next: [usize; 3],
+}
+
+impl Packing {
+    fn add(&mut self, clip: &Clip, n_text: usize, places: &Places) {
+        let length = clip.n_latents as u32;
+        let first = self.order.len() + n_text;
+        self.take(0, n_text);
+        self.text_lengths.extend(std::iter::repeat_n(length, n_text));
+        let mut angles: Vec<u32> = places.text(n_text).map(|angle| angle as u32).collect();
+        for (scale, &n) in clip.lengths.iter().enumerate() {
+            self.take(if scale == 0 { 1 } else { 2 }, n);
+            angles.extend(places.scale(scale, n).map(|angle| angle as u32));
+            if scale == 0 {
+                self.starts.extend(0..n as u32);
+                self.start_lengths.extend(std::iter::repeat_n(length, n));
+            } else {
+                self.levels.extend(std::iter::repeat_n(scale as u32, n));
+            }
+        }
+        self.supervise(clip, first);
+        let blocks = clip.lengths.clone().into();
+        self.sequences.push(BlockSequence { prefix: n_text, blocks, angles });
+    }
+
+    /// The next `n` rows of a kind join the batch.
+    fn take(&mut self, kind: usize, n: usize) {
+        let from = self.next[kind];
+        self.order.extend((from..from + n).map(|row| row as u32));
+        self.next[kind] += n;
+    }
+
+    fn supervise(&mut self, clip: &Clip, first: usize) {
+        let mut start = 0;
+        for ((rows, codes), n) in self.targets.iter_mut().zip(&clip.lengths) {
+            let own = clip.supervised.start.max(start)..clip.supervised.end.min(start + n);
+            rows.extend(own.clone().map(|i| (first + i) as u32));
+            codes.extend(own.map(|i| clip.codes[i]));
+            start += n;
+        }
+    }
+}

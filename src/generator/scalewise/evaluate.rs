@@ -1,0 +1,70 @@
+//! The loss on a split, by scale and as a whole.
+
+use super::batch::{Batch, Clip};
+use super::model::Model;
+use super::shown::shown_clip;
+use crate::codes::Grid;
+use crate::data::Split;
+use crate::generator::passes::passes;
+use crate::generator::{Inputs, SplitLoss};
+use crate::progress::moved;
+
+/// Measures a model, each clip once with one of its captions; clip i shows caption i mod n.
+pub fn split_loss(model: &Model, grid: &Grid, inputs: &Inputs, split: Split) -> SplitLoss {
+    let tokens = inputs.tokens;
+    let unigrams: Vec<Vec<f64>> =
+        (0..grid.scales.len()).map(|scale| tokens.unigram_log_probs(scale)).collect();
+    let mut sums = vec![Sums::default(); grid.scales.len()];
+    for clips in passes(tokens, split) {
+        let clips: Vec<Clip> = clips.map(|clip| shown(grid, inputs, split, clip)).collect();
+        let batch = Batch::pack(&clips, grid, inputs.text.dim(), model.places());
+        let nll = model.nll(&batch);
+        for (scale, (sums, nll)) in sums.iter_mut().zip(nll).enumerate() {
+            let codes = &batch.targets[scale].codes;
+            sums.nll += nll.iter().sum::<f64>();
+            sums.unigram -= codes.iter().map(|&code| unigrams[scale][code as usize]).sum::<f64>();
+            sums.n += codes.len();
+        }
+        moved();
+    }
+    let all = sums.iter().fold(Sums::default(), |all, own| all.plus(own));
+    SplitLoss {
+        loss_nats: all.nll / all.n as f64,
+        loss_normalised: all.normalised(),
+        nats_per_frame: all.nll / tokens.n_frames(split) as f64,
+        normalised_by_scale: sums.iter().map(Sums::normalised).collect(),
+        targets: all.n,
+    }
+}
+
+/// Sums over the codes of a scale.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    nll: f64,
+    unigram: f64,
+    n: usize,
+}
+
+impl Sums {
+    fn plus(self, other: &Self) -> Self {
+        let Self { nll, unigram, n } = *other;
+        Self { nll: self.nll + nll, unigram: self.unigram + unigram, n: self.n + n }
+    }
+
+    fn normalised(&self) -> f64 {
+        (self.nll - self.unigram) / self.n as f64
+    }
+}
+
+/// A clip that is shown its own codes, all of them supervised.
+fn shown<'a>(grid: &Grid, inputs: &'a Inputs, split: Split, clip: usize) -> Clip<'a> {
+    let captions = inputs.text.captions(split, clip);
+    let codes = inputs.tokens.clip(split, clip);
+    let frames = inputs.tokens.clip_frames(split, clip);
+    shown_clip(inputs, codes, frames, grid.lengths(frames).collect(), |own| Clip {
+        text: inputs.text.embedding(captions[clip % captions.len()]),
+        codes,
+        supervised: 0..codes.len(),
+        ..own
+    })
+}

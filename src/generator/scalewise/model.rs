@@ -1,0 +1,214 @@
+//! The model: text and length in front, blocks over scales, a head a scale.
+//!
+//! Shapes: n rows of the batch, d width, c channels of a latent, V_k codes of scale k.
+
+use std::sync::Arc;
+
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor, TensorData};
+use rand_chacha::ChaCha8Rng;
+
+use super::batch::Batch;
+use super::places::Places;
+use crate::codes::Grid;
+use crate::generator::stack::{Block, EPSILON, Stack, kernels_of, single};
+use crate::learn::params::{constant, normal};
+use crate::ops::{HeadWeights, Kernels};
+use crate::spec::{Precision, ScalewiseSpec};
+
+/// All parameters of the model.
+#[derive(Module, Debug)]
+pub struct ScalewiseTransformer {
+    /// `[d_text, d]`.
+    text_weight: Param<Tensor<2>>,
+    text_bias: Param<Tensor<1>>,
+    /// The rows of the first scale, by slot, `[s_1, d]`.
+    starts: Param<Tensor<2>>,
+    /// Added to text and first scale, by the clip's latents less one, `[most_latents, d]`.
+    lengths: Param<Tensor<2>>,
+    /// Added to the rows of each scale, `[K, d]`.
+    levels: Param<Tensor<2>>,
+    /// `[c, d]`: from what the scales before make of the latents.
+    input_weight: Param<Tensor<2>>,
+    input_bias: Param<Tensor<1>>,
+    blocks: Vec<Block>,
+    norm: Param<Tensor<1>>,
+    /// `[d, V_k]` each.
+    heads: Vec<Param<Tensor<2>>>,
+}
+
+impl ScalewiseTransformer {
+    /// Draws parameters as the autoregressive transformer does: N(0, 2/(5d)), biases 0.
+    pub fn init(spec: &ScalewiseSpec, codes: &Grid, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        let shape = &spec.shape;
+        let d = shape.d_model;
+        let from = |n: usize| (2.0 / (5.0 * n as f64)).sqrt();
+        let std = from(d);
+        let first = spec.longest(codes)[0];
+        let input_std = from(spec.d_latent);
+        Self {
+            text_weight: normal([shape.d_text, d], from(shape.d_text) * std, rng, device),
+            text_bias: constant([d], 0.0, device),
+            starts: normal([first, d], std, rng, device),
+            lengths: normal([spec.most_latents, d], std, rng, device),
+            levels: normal([codes.scales.len(), d], std, rng, device),
+            input_weight: normal([spec.d_latent, d], input_std, rng, device),
+            input_bias: constant([d], 0.0, device),
+            blocks: (0..shape.n_layer).map(|_| Block::init(shape, std, rng, device)).collect(),
+            norm: constant([d], 1.0, device),
+            heads: codes.scales.iter().map(|s| normal([d, s.n_vocab], std, rng, device)).collect(),
+        }
+    }
+}
+
+/// The model with what its forward pass needs beside its parameters.
+#[derive(Clone, Debug)]
+pub struct Model {
+    pub weights: ScalewiseTransformer,
+    spec: ScalewiseSpec,
+    places: Places,
+    kernels: Kernels,
+    device: Device,
+}
+
+impl Model {
+    /// A model with drawn parameters; on an autodiff device it can be trained.
+    pub fn init(
+        spec: &ScalewiseSpec,
+        codes: &Grid,
+        precision: Precision,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        Self {
+            weights: ScalewiseTransformer::init(spec, codes, rng, device),
+            spec: spec.clone(),
+            places: Places::new(spec, codes),
+            kernels: kernels_of(precision, device),
+            device: device.clone(),
+        }
+    }
+
+    /// The same model without gradients and in single precision, for evaluation.
+    pub fn frozen(&self) -> Self {
+        let kernels = single(self.kernels, &self.device);
+        let (weights, device) = (self.weights.valid(), self.device.clone().inner());
+        Self { weights, kernels, device, ..self.clone() }
+    }
+
+    /// Where the parameters live.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    /// Its sizes.
+    pub fn spec(&self) -> &ScalewiseSpec {
+        &self.spec
+    }
+
+    /// Where its rows stand in time.
+    pub fn places(&self) -> &Places {
+        &self.places
+    }
+
+    /// Its blocks.
+    pub fn stack(&self) -> Stack<'_> {
+        Stack {
+            blocks: &self.weights.blocks,
+            shape: &self.spec.shape,
+            rope: &self.places.rope,
+            kernels: self.kernels,
+            device: &self.device,
+        }
+    }
+
+    /// Mean cross-entropy over the batch's supervised codes, in nats, `[1]`.
+    pub fn loss(&self, batch: &Batch) -> Tensor<1> {
+        let x_nd = self.features(batch);
+        let n = batch.n_targets() as f64;
+        let scales = batch.targets.iter().enumerate().filter(|(_, own)| !own.rows.is_empty());
+        let losses = scales.map(|(scale, own)| {
+            let x_sd = self.kernels.select_rows(x_nd.clone(), &own.rows);
+            let mean = self.kernels.head_loss(x_sd, self.head(scale), &own.codes, EPSILON);
+            mean * (own.codes.len() as f64 / n)
+        });
+        losses.reduce(|sum, loss| sum + loss).expect("a batch supervises something")
+    }
+
+    /// −ln p of each supervised code of each scale, in nats.
+    pub fn nll(&self, batch: &Batch) -> Vec<Vec<f64>> {
+        let x_nd = self.features(batch);
+        let scales = batch.targets.iter().enumerate().map(|(scale, own)| {
+            if own.rows.is_empty() {
+                return Vec::new();
+            }
+            let x_sd = self.kernels.select_rows(x_nd.clone(), &own.rows);
+            self.kernels.head_nll(x_sd, self.head(scale), &own.codes, EPSILON)
+        });
+        scales.collect()
+    }
+
+    /// Logits over the codes of a scale for rows of the blocks' output, `[n, V_k]`.
+    pub fn logits(&self, scale: usize, x_nd: Tensor<2>) -> Tensor<2> {
+        self.kernels.logits(x_nd, self.head(scale), EPSILON)
+    }
+
+    /// What the blocks make of all rows, `[n, d]`.
+    pub fn features(&self, batch: &Batch) -> Tensor<2> {
+        let text_nd = self.text_rows(batch.text.clone(), &batch.text_lengths);
+        let starts_nd = self.start_rows(&batch.starts, &batch.start_lengths);
+        let mut rows = vec![text_nd, starts_nd];
+        if !batch.levels.is_empty() {
+            rows.push(self.input_rows(batch.inputs.clone(), &batch.levels));
+        }
+        let x_nd = self.kernels.select_rows(Tensor::cat(rows, 0), &batch.order);
+        self.stack().forward(x_nd, &batch.layout)
+    }
+
+    /// Projected text vectors with the lengths of their clips, `[n, d]`.
+    pub fn text_rows(&self, vectors: Vec<f32>, lengths: &Arc<[u32]>) -> Tensor<2> {
+        let weights = &self.weights;
+        self.projected(vectors, &weights.text_weight, &weights.text_bias) + self.lengths(lengths)
+    }
+
+    /// The rows of the first scale, `[n, d]`.
+    pub fn start_rows(&self, slots: &Arc<[u32]>, lengths: &Arc<[u32]>) -> Tensor<2> {
+        let starts_nd = self.kernels.select_rows(self.weights.starts.val(), slots);
+        let first: Arc<[u32]> = vec![0; slots.len()].into();
+        starts_nd + self.lengths(lengths) + self.levels(&first)
+    }
+
+    /// The rows of later scales, `[n, d]`.
+    pub fn input_rows(&self, inputs: Vec<f32>, levels: &Arc<[u32]>) -> Tensor<2> {
+        let weights = &self.weights;
+        self.projected(inputs, &weights.input_weight, &weights.input_bias) + self.levels(levels)
+    }
+
+    fn projected(
+        &self,
+        values: Vec<f32>,
+        weight: &Param<Tensor<2>>,
+        bias: &Param<Tensor<1>>,
+    ) -> Tensor<2> {
+        let [channels, _] = weight.dims();
+        let rows = values.len() / channels;
+        let data = TensorData::new(values, [rows, channels]);
+        let x = Tensor::<2>::from_data(data, &self.device);
+        x.matmul(weight.val()) + bias.val().unsqueeze::<2>()
+    }
+
+    fn lengths(&self, latents: &Arc<[u32]>) -> Tensor<2> {
+        let last = self.spec.most_latents as u32;
+        let rows: Arc<[u32]> = latents.iter().map(|&n| n.clamp(1, last) - 1).collect();
+        self.kernels.select_rows(self.weights.lengths.val(), &rows)
+    }
+
+    fn levels(&self, scales: &Arc<[u32]>) -> Tensor<2> {
+        self.kernels.select_rows(self.weights.levels.val(), scales)
+    }
+
+    fn head(&self, scale: usize) -> HeadWeights {
+        let weight_dv = self.weights.heads[scale].val();
+        HeadWeights { gamma_d: self.weights.norm.val(), weight_dv }
+    }
+}

@@ -1,0 +1,80 @@
+//! Rates, defaults and impossible settings of tokenizers.
+
+use super::*;
+
+fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSection {
+    let mut section = TokenizerSection::default();
+    change(&mut section);
+    section
+}
+
+#[test]
+fn the_rate_rises_stays_and_falls_once() {
+    let section = with(|s| (s.steps, s.lr, s.warmup_steps) = (Some(10), Some(1.0), Some(3)));
+    let spec = section.spec(QuantizerSpec::default());
+    let rates: Vec<f64> = (0..10).map(|step| spec.learning_rate(step)).collect();
+    assert_eq!(rates, [0.25, 0.5, 0.75, 1.0, 1.0, 1.0, 1.0, 1.0, 0.05, 0.05]);
+}
+
+#[test]
+fn a_written_spec_reads_back_and_unknown_fields_are_refused() {
+    let spec = TokenizerSpec { quantizer: QuantizerSpec::Vq { n_vocab: 32 }, ..Default::default() };
+    let text = serde_json::to_string(&spec).unwrap();
+    assert_eq!(serde_json::from_str::<TokenizerSpec>(&text).unwrap(), spec);
+    let text = r#"{"training": {"widht": 8}}"#;
+    let error = serde_json::from_str::<TokenizerSpec>(text).unwrap_err();
+    assert!(error.to_string().contains("widht"), "{error}");
+}
+
+#[test]
+fn a_bad_field_is_named() {
+    assert!(TokenizerSection::default().check().is_ok());
+    let section = QuantizerKind::Vq.section();
+    let bad = [
+        (with(|s| s.window = Some(30)), "window"),
+        (with(|s| s.lr = Some(f64::NAN)), "lr"),
+        (with(|s| s.lr = Some(0.0)), "lr"),
+        (with(|s| s.down = Some(0)), "down"),
+        (with(|s| s.beta_2 = Some(1.0)), "beta_2"),
+        (with(|s| s.quantizer = Some(section)), "quantizer"),
+    ];
+    for (section, field) in bad {
+        let error = section.check().unwrap_err().to_string();
+        assert!(error.starts_with(&format!("tokenizer.{field}: ")), "{error}");
+    }
+    let levels = |levels: &[usize]| QuantizerSpec::Fsq { levels: levels.to_vec() };
+    for quantizer in [levels(&[8, 1]), levels(&[usize::MAX, 9]), levels(&[])] {
+        let spec = TokenizerSpec { quantizer, ..TokenizerSpec::default() };
+        assert_eq!(spec.check().unwrap_err().field, "quantizer");
+    }
+}
+
+#[test]
+fn the_short_form_and_the_long_one_are_the_same() {
+    let quantizer = Some(QuantizerKind::Vq.section());
+    let long = with(|s| (s.kind, s.quantizer) = (TokenizerKind::Convolutional, quantizer));
+    let short = with(|s| s.kind = TokenizerKind::Vq);
+    assert_eq!(long.quantizer(), short.quantizer());
+    let spec = |section: &TokenizerSection| section.spec(QuantizerSpec::default());
+    assert_eq!(spec(&long), spec(&short));
+}
+
+#[test]
+fn a_window_holds_the_longest_scale_and_patches_mix() {
+    let mut section = with(|s| s.kind = TokenizerKind::Patch);
+    section.quantizer = Some(QuantizerKind::Multiscale.section());
+    let quantizer = section.quantizer().of_size(64).unwrap();
+    assert_eq!(section.spec(quantizer).training.window, 196);
+    assert!(section.check().is_ok());
+    let mix = |section: &TokenizerSection| match section.quantizer().of_size(64).unwrap() {
+        QuantizerSpec::Multiscale(own) => own.mix,
+        other => panic!("{other:?}"),
+    };
+    let mut plain = section.quantizer.clone().unwrap();
+    plain.mix = Some(0.0);
+    assert_eq!(mix(&section), Some(0.5));
+    assert_eq!(mix(&TokenizerSection { quantizer: Some(plain), ..section.clone() }), None);
+    section.window = Some(96);
+    let error = section.check().unwrap_err().to_string();
+    assert!(error.contains("a scale of 49 codes") && error.contains("196 or more"), "{error}");
+}

@@ -1,0 +1,131 @@
+//! `isoflop generate`, and sweeps with generators as an axis.
+
+use std::fs;
+
+use serde_json::Value;
+
+use super::support::{Place, records};
+
+/// Makes motions with a sweep's runs; gives the elements of `motions.json`.
+fn made(place: &Place, run: &str, more: &[&str]) -> Vec<Value> {
+    let words = [&["generate", "A person  walks", "someone jumps", "--run", run], more].concat();
+    place.isoflop(&words).exits(0);
+    let out = more.iter().skip_while(|word| **word != "--out").nth(1).expect("--out is given");
+    let motions = place.json(&format!("{out}/motions.json"));
+    motions.as_array().expect("a list").clone()
+}
+
+#[test]
+fn motions_of_captions_are_written_whole_and_repeat() {
+    let place = Place::with("mini.yaml");
+    place.isoflop(&["run", "mini.yaml"]).exits(0);
+    let run = "results/mini";
+    let first = made(&place, run, &["--samples", "2", "--out", "a"]);
+    assert_eq!(first.len(), 4);
+    assert_eq!(first[0]["caption"], "A person  walks");
+    for (n, motion) in first.iter().enumerate() {
+        let frames = motion["length"].as_u64().expect("frames") as usize;
+        let codes = motion["codes"].as_array().expect("codes");
+        assert_eq!((motion["seed"].as_u64(), codes.len() * 4), (Some(0), frames));
+        let joints = place.read(&format!("a/{n}.joints.npy"));
+        assert_eq!(joints.len(), 128 + 4 * frames * 22 * 3, "float32 after a header");
+        for ending in ["features.npy", "bvh", "svg"] {
+            assert!(!place.read(&format!("a/{n}.{ending}")).is_empty());
+        }
+    }
+    assert!(place.read("a/sheet.png").starts_with(b"\x89PNG"));
+    let again = made(&place, run, &["--samples", "2", "--out", "b"]);
+    assert_eq!(again, first);
+    assert_eq!(place.read("a/3.bvh"), place.read("b/3.bvh"));
+    let other = made(&place, run, &["--samples", "2", "--seed", "1", "--out", "c"]);
+    assert_ne!(other[0]["codes"], first[0]["codes"]);
+    let timed = made(&place, run, &["--seconds", "2", "--out", "d"]);
+    assert!(timed.iter().all(|motion| motion["length"] == 40 && motion["ended"] == true));
+}
+
+#[test]
+fn what_cannot_be_made_is_told() {
+    let place = Place::with("mini.yaml");
+    place.isoflop(&["run", "mini.yaml"]).exits(0);
+    let refused = |words: &[&str], sentence: &str| {
+        let all = [&["generate"], words].concat();
+        place.isoflop(&all).exits(2).says(sentence);
+    };
+    refused(&["--run", "results/mini"], "no caption");
+    refused(&["walk", "--run", "results/nothing"], "does not exist");
+    refused(&["walk", "--run", "results"], "is neither a run's folder nor a sweep's");
+    refused(&["walk", "--run", "results/mini", "--frames", "900"], "ask for at most 2");
+    refused(&["walk", "--run", "results/mini", "--guidance", "2"], "every caption");
+    refused(&["walk", "--run", "results/mini", "--temperature=-1"], "not a number from 0 on");
+    place.isoflop(&["generate", "walk", "--run", "results/mini"]).exits(0);
+    refused(&["walk", "--run", "results/mini"], "holds motions already");
+    place.isoflop(&["generate", "walk", "--run", "results/mini", "--overwrite"]).exits(0);
+    let run = place.names("results/mini/runs").remove(0);
+    let own = format!("results/mini/runs/{run}");
+    place.isoflop(&["generate", "walk", "--run", &own, "--out", "own", "--json"]).exits(0);
+    assert_eq!(place.json("own/motions.json")[0]["run"], run.as_str());
+    fs::remove_file(place.path(&format!("{own}/record.json"))).expect("it was finished");
+    refused(&["walk", "--run", &own, "--out", "e"], "has not ended");
+}
+
+#[test]
+fn generators_are_an_axis_with_laws_of_their_own() {
+    let place = Place::with("generators.yaml");
+    let ended = place.isoflop(&["run", "generators.yaml"]).exits(0);
+    let text = ended.stdout();
+    assert!(text.contains("autoregressive") && text.contains("scalewise"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let results = place.path("results/generators");
+    let mut names = records::column(&results, "generator");
+    names.sort();
+    names.dedup();
+    assert_eq!(names.len(), 2, "{names:?}");
+    for name in ["autoregressive", "scalewise"] {
+        let own = format!("results/generators/generators/{name}");
+        let laws = place.json(&format!("{own}/laws.json"));
+        assert_eq!(laws["minima"].as_array().map(|minima| !minima.is_empty()), Some(true));
+        place.isoflop(&["predict", "1e11", "--law", &own]).exits(0);
+    }
+    let words = ["predict", "1e11", "--law", "results/generators"];
+    place.isoflop(&words).exits(2).says("laws for each of its generators");
+    assert!(results.join("figures/generators.svg").exists());
+    let again = place.isoflop(&["run", "generators.yaml"]).exits(0);
+    assert_eq!(again.stdout(), text);
+    let best = "results/generators";
+    let guided = ["--out", "made", "--guidance", "2", "--frames", "60"];
+    let motions = made(&place, best, &guided[..2]);
+    assert_eq!(motions.len(), 2);
+    let runs = fs::read_dir(results.join("runs")).expect("runs").flatten();
+    let is_scalewise = |spec: &str| spec.contains("\"scalewise\"");
+    let run = runs
+        .map(|run| run.path())
+        .find(|run| fs::read_to_string(run.join("spec.json")).is_ok_and(|spec| is_scalewise(&spec)))
+        .expect("half of the runs");
+    let run = format!("results/generators/runs/{}", run.file_name().expect("an id").display());
+    let guided = [&["--overwrite"], &guided[..]].concat();
+    let motions = made(&place, &run, &guided);
+    assert!(motions.iter().all(|motion| motion["length"] == 60), "{motions:?}");
+    assert!(motions.iter().all(|motion| motion["codes"].as_array().map(Vec::len) == Some(7)));
+}
+
+#[test]
+fn a_generator_that_does_not_suit_the_codes_is_refused() {
+    let place = Place::with("mini.yaml");
+    let refused = |settings: &[&str], sentence: &str| {
+        let words = [&["plan", "mini.yaml"], settings].concat();
+        place.isoflop(&words).exits(2).says(sentence);
+    };
+    refused(&["--set", "generator=scalewise"], "the quantizer has one");
+    let residual = "tokenizer={kind: patch, quantizer: {kind: residual}}";
+    refused(&["--set", "generator=masked", "--set", residual], "the quantizer has several");
+    refused(&["--set", "model.text_drop=1"], "a share below 1");
+}
+
+#[test]
+fn a_masked_generator_runs_to_its_laws_and_makes_motions() {
+    let place = Place::with("mini.yaml");
+    place.isoflop(&["run", "mini.yaml", "--set", "generator=masked"]).exits(0);
+    assert!(place.path("results/mini/laws.json").exists());
+    let motions = made(&place, "results/mini", &["--out", "made", "--guidance", "1"]);
+    assert!(motions.iter().all(|motion| motion["length"].as_u64() >= Some(40)), "{motions:?}");
+}
