@@ -3,7 +3,7 @@
 //!
 //! Of the latents z (t of them) and the scales s_1 < … < s_K, each with its own codebook:
 //!
-//! ids_n = nearest(area_down(r_n, s_n)), h_n = φ_n(linear_up(codebook_n[ids_n], t)),
+//! ids_n = nearest(area_down(r_n, s_n)), h_n = φ_n(linear_up(codes of ids_n, t)),
 //! r_{n+1} = r_n − h_n, r_1 = z, ẑ_n = Σ_{j≤n} h_j,
 //!
 //! and the decoder sees ẑ_K with the gradient passed straight through to z. The loss is
