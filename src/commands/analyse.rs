@@ -25,7 +25,7 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
         table::write(folder.root(), &records)?;
         return generators::finish(&sweep, folder, &by_generator, output);
     }
-    let finished = analysed(&sweep, folder, &records, output)?;
+    let finished = analysed(&sweep, (folder, folder), &records, output)?;
     let text = if output.full { &finished.full } else { &finished.text };
     Ok(output.result(&finished.document, text)?)
 }

@@ -15,23 +15,23 @@ use super::output::Output;
 use super::validate::gathered;
 use super::{fit, plot, predict};
 
-/// What follows from records, made or found in the folder.
+/// What follows from records, made or found in the folder; the tokenizers of the runs lie in `home`.
 pub fn analysed(
     sweep: &Sweep,
-    folder: &ResultsFolder,
+    (folder, home): (&ResultsFolder, &ResultsFolder),
     records: &[RunRecord],
     output: &Output,
 ) -> Result<Finished> {
     let stamp = finished::stamp(sweep, folder, records);
     match Finished::again(folder, &stamp, output)? {
         Some(finished) => Ok(finished),
-        None => analyse(sweep, folder, records, stamp, output),
+        None => analyse(sweep, (folder, home), records, stamp, output),
     }
 }
 
 fn analyse(
     sweep: &Sweep,
-    folder: &ResultsFolder,
+    (folder, home): (&ResultsFolder, &ResultsFolder),
     records: &[RunRecord],
     stamp: String,
     output: &Output,
@@ -39,7 +39,7 @@ fn analyse(
     let n_warned = output.warned().len();
     table::write(folder.root(), records)?;
     let laws = write_laws(sweep, folder, records, output)?;
-    let tokenizers = plot::tokenizers(folder, output)?;
+    let tokenizers = plot::tokenizers(home, output)?;
     let drawn = plot::draw(folder, records, laws.as_ref(), &tokenizers, output)?;
     remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
     let predictions = match &laws {

@@ -45,7 +45,8 @@ pub fn finish(
         std::fs::create_dir_all(own.root())?;
         let titled = Sweep { name: format!("{} {name}", sweep.name), ..sweep.clone() };
         output.note(&format!("laws of {name}, from {} runs:", records.len()));
-        documents.insert(name.clone(), analysed(&titled, &own, records, output)?.document);
+        documents
+            .insert(name.clone(), analysed(&titled, (&own, folder), records, output)?.document);
     }
     let text = text(folder, &documents, by_generator);
     let document = json!({

@@ -35,12 +35,15 @@ impl Summary<'_> {
             60.0 * n as f64 / self.made_s,
         );
         for (index, motion) in self.motions.iter().enumerate().take(LISTED) {
-            let cut = if motion.ended { "" } else { "  cut: no room for more" };
+            let cut = if motion.ended { "" } else { "  cut" };
             let caption = shortened(&motion.caption);
             let _ = writeln!(text, "  {index:>3}  {:4.1} s  {caption}{cut}", motion.seconds);
         }
         if n > LISTED {
             let _ = writeln!(text, "  and {} more", n - LISTED);
+        }
+        if self.motions.iter().any(|motion| !motion.ended) {
+            text += "  cut: the model's context had no room for more\n";
         }
         let largest = self.motions.iter().map(|m| m.bvh_largest_mm).fold(0.0, f64::max);
         let out = self.out.display();
