@@ -18,7 +18,7 @@ use isoflop::plan::RunSpec;
 use isoflop::progress::Step;
 use isoflop::spec::{Ffn, Precision};
 use isoflop::spec::{QuantizerSpec, TokenizerSection};
-use isoflop::tokenizer;
+use isoflop::tokenizer::{self, Corpus};
 
 fn gpu() -> Device {
     #[cfg(feature = "wgpu")]
@@ -107,7 +107,8 @@ fn tokenizers_train_as_on_the_processor() {
             losses.push(loss);
             ControlFlow::Continue(())
         };
-        tokenizer::train(&spec, &source, device, None, &mut note).expect("an ordinary training");
+        tokenizer::train(&spec, &Corpus::wordless(&source), device, None, &mut note)
+            .expect("an ordinary training");
         losses
     };
     let off = furthest(&losses(&gpu()), &losses(&Device::flex()));

@@ -1,6 +1,6 @@
 //! The graph of jobs: [`missing_jobs`] is all that a plan still wants.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::folder::{JobState, ResultsFolder};
 use super::id::JobId;
@@ -47,6 +47,20 @@ pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
         wanted.availability(need);
     }
     by_urgency(wanted.jobs.into_iter().chain(goals).collect())
+}
+
+/// Those of missing jobs that are wanted, and what they need; in the same order.
+pub fn with_needs(mut jobs: Vec<Job>, is_wanted: impl Fn(&Job) -> bool) -> Vec<Job> {
+    let wanted = jobs.iter().filter(|job| is_wanted(job));
+    let mut kept: HashSet<JobId> = wanted.map(|job| job.id.clone()).collect();
+    // What a job needs is at least as urgent, and comes before it.
+    for job in jobs.iter().rev() {
+        if kept.contains(&job.id) {
+            kept.extend(job.needs.iter().cloned());
+        }
+    }
+    jobs.retain(|job| kept.contains(&job.id));
+    jobs
 }
 
 /// Picks what is needed out of all inputs, as the runs that need it come.

@@ -31,7 +31,7 @@ pub mod worker;
 pub use adopt::adopt;
 pub use assignment::{Assignment, Outcome, frozen_sweep};
 pub use folder::{JobState, ResultsFolder, RunStates};
-pub use graph::{all_jobs, inputs, missing_jobs};
+pub use graph::{all_jobs, inputs, missing_jobs, with_needs};
 pub use id::JobId;
 pub use job::Job;
 pub use kind::{JobKind, Kind};

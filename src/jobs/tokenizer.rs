@@ -10,16 +10,17 @@ use super::folder::ResultsFolder;
 use super::id::JobId;
 use super::job::Job;
 use super::kind::{JobKind, Kind};
-use super::mend::train_past_damage;
+use super::mend::{open_or_remake, train_past_damage};
 use super::spec_file::write_once;
-use crate::data::MotionSource;
+use super::text;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
 use crate::learn::{Checkpoints, step_of};
 use crate::plan::{Plan, TokenizerJob, tokenizer_peak_bytes};
 use crate::progress::beats;
 use crate::sweep::Stage;
-use crate::tokenizer::{self, TokenizerError, TokenizerMetrics};
+use crate::text::TextStore;
+use crate::tokenizer::{self, Corpus, TokenizerError, TokenizerMetrics};
 
 /// Trains a tokenizer and measures it; metrics are written last.
 pub struct Tokenizer;
@@ -69,7 +70,7 @@ impl Kind for Tokenizer {
             label: format!("{} tokenizer V{}", job.spec.quantizer.name(), job.spec.n_vocab()),
             cost: cost(job),
             peak_bytes: tokenizer_peak_bytes(&job.spec, &plan.data),
-            needs: Vec::new(),
+            needs: captions(job).into_iter().collect(),
         };
         plan.tokenizers.iter().map(job).collect()
     }
@@ -104,11 +105,12 @@ impl Kind for Tokenizer {
     fn work(&self, assignment: &Assignment) -> Result<Outcome> {
         let started = Instant::now();
         let place = assignment.place();
-        let source = assignment.source()?;
-        let Some(tokenizer) = trained(assignment, &*source)? else { return Ok(Outcome::Stopped) };
+        let (source, text) = (assignment.source()?, open_text(assignment)?);
+        let corpus = Corpus { source: &*source, text: text.as_ref() };
+        let Some(tokenizer) = trained(assignment, &corpus)? else { return Ok(Outcome::Stopped) };
         tokenizer.save(&place)?;
         let wall_s = started.elapsed().as_secs_f64();
-        let metrics = tokenizer::evaluate(&tokenizer, &*source, &assignment.job.id, wall_s)?;
+        let metrics = tokenizer::evaluate(&tokenizer, &corpus, &assignment.job.id, wall_s)?;
         let quantizer = &tokenizer.spec().quantizer;
         let k_means = tokenizer::k_means_baseline(quantizer, &*source, assignment.device)?;
         write_json(&assignment.product(), &TokenizerMetrics { k_means, ..metrics })?;
@@ -117,17 +119,29 @@ impl Kind for Tokenizer {
     }
 }
 
+/// The job that a tokenizer with language waits for: the captions that it sees.
+pub fn captions(job: &TokenizerJob) -> Option<JobId> {
+    job.text_id.as_ref().map(|id| JobId::new(text::KIND, id))
+}
+
+/// The captions that the tokenizer of an assignment sees; where they are damaged they are made again
+/// first.
+///
+/// # Errors
+/// They can neither be opened nor made.
+pub fn open_text(assignment: &Assignment) -> Result<Option<TextStore>> {
+    let needed = captions(&assignment.spec::<TokenizerJob>()?);
+    needed.map(|text| open_or_remake(assignment, &text, TextStore::open)).transpose()
+}
+
 /// Trains from the checkpoint, or from the beginning where that is damaged. `None`: stopped.
-fn trained(
-    assignment: &Assignment,
-    source: &dyn MotionSource,
-) -> Result<Option<tokenizer::Tokenizer>> {
+fn trained(assignment: &Assignment, corpus: &Corpus) -> Result<Option<tokenizer::Tokenizer>> {
     let spec = assignment.spec::<TokenizerJob>()?.spec;
     let (path, every) = (assignment.checkpoint(), assignment.checkpoint_every()?);
     let checkpoints = Checkpoints { path: &path, every, branch: None };
     let place = assignment.place();
     let mut beats = beats(&place, assignment.stop);
     train_past_damage(&[&path], TokenizerError::learn_error, || {
-        tokenizer::train(&spec, source, assignment.device, Some(&checkpoints), &mut beats)
+        tokenizer::train(&spec, corpus, assignment.device, Some(&checkpoints), &mut beats)
     })
 }

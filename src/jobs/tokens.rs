@@ -12,7 +12,7 @@ use super::mend::put_away;
 use super::tokenizer;
 use crate::plan::{Plan, TokenizerJob, tokens_peak_bytes};
 use crate::sweep::Stage;
-use crate::tokenizer::{Tokenizer, tokenize};
+use crate::tokenizer::{Corpus, Tokenizer, tokenize};
 
 /// Turns every clip of the data into codes.
 pub struct Tokens;
@@ -58,14 +58,19 @@ impl Kind for Tokens {
             label: format!("codes V{}", job.spec.n_vocab()),
             cost: SHARE_OF_TRAINING * tokenizer::cost(job),
             peak_bytes: tokens_peak_bytes(&job.spec, &plan.data),
-            needs: vec![JobId::new(tokenizer::KIND, job.id())],
+            needs: tokenizer::captions(job)
+                .into_iter()
+                .chain([JobId::new(tokenizer::KIND, job.id())])
+                .collect(),
         };
         plan.tokenizers.iter().map(job).collect()
     }
 
     fn work(&self, assignment: &Assignment) -> Result<Outcome> {
         let Some(tokenizer) = load_or_retrain(assignment)? else { return Ok(Outcome::Stopped) };
-        tokenize(&tokenizer, &*assignment.source()?, &assignment.product())?;
+        let (source, text) = (assignment.source()?, tokenizer::open_text(assignment)?);
+        let corpus = Corpus { source: &*source, text: text.as_ref() };
+        tokenize(&tokenizer, &corpus, &assignment.product())?;
         Ok(Outcome::Done)
     }
 }

@@ -40,5 +40,6 @@ pub use operands::{
     Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights,
 };
 pub use own::AdamWStep;
+pub use plain::{MASKED, rotate};
 pub use rope::Rope;
 pub use updates::{adamw, sum_of_squares};

@@ -44,7 +44,7 @@ impl Plan {
         let captions = TextJob::new(&sweep.text, &data.digest, data.embeddings.clone());
         let text_id = captions.id();
         let text = (sweep.data.origin() != Origin::None).then_some(captions);
-        let (tokenizers, own) = tokenizers(sweep, &cells, &data);
+        let (tokenizers, own) = tokenizers(sweep, &cells, &data, &text_id);
         let inputs = match tokenizers.is_empty() {
             false => tokenizers.iter().map(|job| RunInputs::of(job, &text_id, &data)).collect(),
             true => vec![RunInputs::none(text_id)],
@@ -157,6 +157,7 @@ fn tokenizers(
     sweep: &Sweep,
     cells: &[PricedCell],
     data: &DataFacts,
+    text_id: &str,
 ) -> (Vec<TokenizerJob>, Vec<Range<usize>>) {
     if sweep.data.origin() == Origin::None {
         return (Vec::new(), vec![0..1; cells.len()]);
@@ -165,18 +166,19 @@ fn tokenizers(
     let mut own = Vec::with_capacity(cells.len());
     for cell in cells {
         let known = jobs.iter().position(|job| job.spec.quantizer == cell.quantizer);
-        let specs = sweep.tokenizer.specs(&cell.quantizer);
+        let specs = sweep.tokenizer.specs(&cell.quantizer, &sweep.text);
         let first = known.unwrap_or(jobs.len());
         own.push(first..first + specs.len());
         if known.is_none() {
-            jobs.extend(specs.into_iter().map(|spec| tokenizer_job(spec, data)));
+            jobs.extend(specs.into_iter().map(|spec| tokenizer_job(spec, data, text_id)));
         }
     }
     (jobs, own)
 }
 
-fn tokenizer_job(spec: TokenizerSpec, data: &DataFacts) -> TokenizerJob {
-    TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
+fn tokenizer_job(spec: TokenizerSpec, data: &DataFacts, text_id: &str) -> TokenizerJob {
+    let text_id = spec.architecture.language().map(|_| text_id.to_string());
+    TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone(), text_id }
 }
 
 /// What the runs of a tokenizer read.

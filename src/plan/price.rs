@@ -28,7 +28,7 @@ pub fn price(sweep: &Sweep) -> (Vec<PricedCell>, Vec<Dropped>) {
 }
 
 fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
-    let tokenizer = sweep.tokenizer.spec(cell.quantizer.clone());
+    let tokenizer = sweep.tokenizer.spec(cell.quantizer.clone(), &sweep.text);
     let codes = tokenizer.grid();
     let context = Context {
         max_text: sweep.text.max_tokens,

@@ -35,7 +35,7 @@ fn context(sweep: &Sweep, runs: &[PlannedRun], data: &DataFacts) -> Option<Strin
     let targets = |run: &PlannedRun| run.spec.codes.n_targets(frames);
     let has_clips = sweep.trainer.is_none() && frames > 0;
     let run = runs.iter().find(|run| has_clips && targets(run) > room(run))?;
-    let tokenizer = sweep.tokenizer.spec(QuantizerSpec::default());
+    let tokenizer = sweep.tokenizer.spec(QuantizerSpec::default(), &sweep.text);
     let latents = frames / tokenizer.frames_per_latent();
     Some(format!(
         "a clip of {frames} frames has {} targets, the models have room for {}: a run fails at it unless \

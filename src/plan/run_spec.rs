@@ -97,6 +97,9 @@ pub struct TokenizerJob {
     pub revision: u32,
     pub spec: TokenizerSpec,
     pub data_digest: String,
+    /// The captions that a tokenizer with language sees; ids of others know no such field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text_id: Option<String>,
 }
 
 impl TokenizerJob {

@@ -3,15 +3,19 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::{SpecError, require};
+use super::language::LanguageSpec;
+use super::transformer::TransformerSpec;
 
 /// An architecture of a tokenizer, resolved: what is hashed.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum ArchitectureSpec {
     /// T2M-GPT's convolutional autoencoder, which ScaMo keeps.
     Convolutional(ConvolutionalSpec),
     /// Patches of whole frames, one latent each.
     Patch(PatchSpec),
+    /// A transformer over text, latents and motion (LG-Tok).
+    Transformer(TransformerSpec),
 }
 
 /// The sizes of the convolutional autoencoder.
@@ -70,6 +74,7 @@ impl ArchitectureSpec {
         match self {
             Self::Convolutional(_) => "convolutional",
             Self::Patch(_) => "patch",
+            Self::Transformer(_) => "transformer",
         }
     }
 
@@ -78,6 +83,7 @@ impl ArchitectureSpec {
         match self {
             Self::Convolutional(ConvolutionalSpec { down, .. }) => 1 << down,
             Self::Patch(PatchSpec { frames, .. }) => *frames,
+            Self::Transformer(TransformerSpec { frames, .. }) => *frames,
         }
     }
 
@@ -86,17 +92,36 @@ impl ArchitectureSpec {
         match self {
             Self::Convolutional(ConvolutionalSpec { width, .. }) => *width,
             Self::Patch(PatchSpec { latent, .. }) => *latent,
+            Self::Transformer(TransformerSpec { latent, .. }) => *latent,
         }
     }
 
     /// Whether it sees joints at their height above the root.
     pub fn has_relative_heights(&self) -> bool {
-        matches!(self, Self::Patch(_))
+        matches!(self, Self::Patch(_) | Self::Transformer(_))
     }
 
     /// Whether its weights begin from patches of training clips.
     pub fn begins_from_data(&self) -> bool {
         matches!(self, Self::Patch(_))
+    }
+
+    /// Which halves see a caption; `None` where neither does.
+    pub fn language(&self) -> Option<&LanguageSpec> {
+        match self {
+            Self::Transformer(sizes) => sizes.language.as_ref(),
+            Self::Convolutional(_) | Self::Patch(_) => None,
+        }
+    }
+
+    /// The shortest training windows, as a share of the longest: those of a step are of one length,
+    /// drawn anew for each.
+    pub fn shortest_window(&self) -> f64 {
+        match self {
+            // Clips of any length are met at use, and attention has to know them.
+            Self::Transformer(_) => 0.25,
+            Self::Convolutional(_) | Self::Patch(_) => 1.0,
+        }
     }
 
     /// FLOPs that training on a frame counts for, beside the budgets of runs.
@@ -106,6 +131,7 @@ impl ArchitectureSpec {
                 FLOPS_PER_FRAME_AND_WIDTH_SQUARED * (*width as f64).powi(2)
             }
             Self::Patch(sizes) => sizes.flops_per_frame(),
+            Self::Transformer(sizes) => sizes.flops_per_frame(),
         }
     }
 
@@ -118,6 +144,7 @@ impl ArchitectureSpec {
                 *width as f64 * (152.0 + 46.0 * *depth as f64)
             }
             Self::Patch(sizes) => sizes.training_bytes_per_frame(),
+            Self::Transformer(sizes) => sizes.training_bytes_per_frame(),
         }
     }
 
@@ -126,6 +153,7 @@ impl ArchitectureSpec {
         match self {
             Self::Convolutional(ConvolutionalSpec { width, .. }) => 180.0 * *width as f64,
             Self::Patch(PatchSpec { width, .. }) => 180.0 * *width as f64,
+            Self::Transformer(sizes) => sizes.encoding_bytes_per_frame(),
         }
     }
 
@@ -142,6 +170,7 @@ impl ArchitectureSpec {
                 require(*latent > 0, "latent", "at least one channel")?;
                 require([1, 2, 4].contains(frames), "frames", "must be 1, 2 or 4")
             }
+            Self::Transformer(sizes) => sizes.check(),
         }
     }
 }

@@ -9,12 +9,15 @@ mod error;
 pub mod generator;
 mod grid;
 mod id;
+mod language;
 mod levels;
 mod precision;
 mod quantizer;
 mod text;
 mod tokenizer;
 mod tokenizer_training;
+mod transformer;
+mod transformer_section;
 
 pub use architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 pub use error::{KeyProblem, SpecError};
@@ -25,6 +28,7 @@ pub use generator::{
 };
 pub use grid::{Grid, Length, Scale};
 pub use id::{changed_fields, content_id};
+pub use language::{LanguagePlace, LanguageSection, LanguageSpec};
 pub use levels::{digits_of_index, index_of_digits, levels_for, n_codes, nominal_sizes};
 pub use precision::Precision;
 pub use quantizer::{
@@ -37,3 +41,4 @@ pub use tokenizer_training::{
     BASELINE_CLIPS, MOST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule,
     TokenizerSection, TokenizerTraining,
 };
+pub use transformer::{Detokenizer, NormPlacement, Positions, SWIGLU_RATIO, TransformerSpec};

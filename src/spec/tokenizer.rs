@@ -6,6 +6,7 @@ use super::architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 use super::error::{SpecError, require};
 use super::grid::Grid;
 use super::quantizer::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec};
+use super::text::TextSpec;
 use super::tokenizer_training::{
     TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };
@@ -48,12 +49,13 @@ impl TokenizerSection {
             TokenizerKind::Vq => QuantizerKind::Vq.section(),
             TokenizerKind::Convolutional => written.unwrap_or_default(),
             TokenizerKind::Patch => of_patches(written.unwrap_or(QuantizerKind::Vq.section())),
+            TokenizerKind::Transformer => written.unwrap_or(QuantizerKind::Vq.section()),
         }
     }
 
-    /// The tokenizers with a quantizer, one a seed.
-    pub fn specs(&self, quantizer: &QuantizerSpec) -> Vec<TokenizerSpec> {
-        let own = self.spec(quantizer.clone());
+    /// The tokenizers with a quantizer, one a seed; `text` says how wide captions are.
+    pub fn specs(&self, quantizer: &QuantizerSpec, text: &TextSpec) -> Vec<TokenizerSpec> {
+        let own = self.spec(quantizer.clone(), text);
         let seeded = |seed: &u64| {
             let mut spec = own.clone();
             spec.training.seed = *seed;
@@ -63,13 +65,14 @@ impl TokenizerSection {
     }
 
     /// The tokenizer with a quantizer and the first seed.
-    pub fn spec(&self, quantizer: QuantizerSpec) -> TokenizerSpec {
+    pub fn spec(&self, quantizer: QuantizerSpec, text: &TextSpec) -> TokenizerSpec {
         let defaults = match self.kind {
             TokenizerKind::Patch => TokenizerTraining::of_patches(),
+            TokenizerKind::Transformer => TokenizerTraining::of_transformers(),
             _ => TokenizerTraining::default(),
         };
-        let architecture = self.architecture();
-        let longest_scale = quantizer.longest_scale() * architecture.frames_per_latent();
+        let frames = self.architecture(defaults.window, text).frames_per_latent();
+        let longest_scale = quantizer.longest_scale() * frames;
         let window = defaults.window.max(longest_scale);
         let mut training = self.training_over(TokenizerTraining { window, ..defaults });
         if training.loss == TokenizerLoss::Features {
@@ -77,10 +80,14 @@ impl TokenizerSection {
             training.mix_body = self.mix_body.unwrap_or(0.0);
             training.mix_arm = self.mix_arm.unwrap_or(0.0);
         }
+        let architecture = self.architecture(training.window, text);
         TokenizerSpec { architecture, quantizer, training }
     }
 
-    fn architecture(&self) -> ArchitectureSpec {
+    fn architecture(&self, window: usize, text: &TextSpec) -> ArchitectureSpec {
+        if self.kind == TokenizerKind::Transformer {
+            return ArchitectureSpec::Transformer(self.transformer(window, text));
+        }
         if self.kind == TokenizerKind::Patch {
             let default = PatchSpec::default();
             return ArchitectureSpec::Patch(PatchSpec {
@@ -113,7 +120,7 @@ impl TokenizerSection {
         let section = self.quantizer();
         section.check()?;
         let quantizer = section.of_size(ANY_SIZE).unwrap_or_default();
-        let spec = self.spec(quantizer);
+        let spec = self.spec(quantizer, &TextSpec::default());
         self.check_use(&spec.training)?;
         spec.check()
     }
@@ -142,17 +149,22 @@ impl TokenizerSection {
     /// No key of one kind is written for the other.
     fn check_kind(&self) -> Result<(), SpecError> {
         let patch = self.kind == TokenizerKind::Patch;
+        let transformer = self.kind == TokenizerKind::Transformer;
+        let kind = if patch { "is not of `kind: patch`" } else { "is not of `kind: transformer`" };
         for (field, written) in [("depth", self.depth), ("down", self.down)] {
-            require(!patch || written.is_none(), field, "is not of `kind: patch`")?;
+            require(!(patch || transformer) || written.is_none(), field, kind)?;
         }
-        let patches = [
-            ("frames", self.frames),
-            ("latent", self.latent),
-            ("encoder_blocks", self.encoder_blocks),
-            ("decoder_blocks", self.decoder_blocks),
-        ];
-        for (field, written) in patches {
+        for (field, written) in [("frames", self.frames), ("latent", self.latent)] {
+            let belongs = "belongs to `kind: patch` and `kind: transformer`";
+            require(patch || transformer || written.is_none(), field, belongs)?;
+        }
+        let blocks =
+            [("encoder_blocks", self.encoder_blocks), ("decoder_blocks", self.decoder_blocks)];
+        for (field, written) in blocks {
             require(patch || written.is_none(), field, "belongs to `kind: patch`")?;
+        }
+        for (field, is_written) in self.of_transformers() {
+            require(transformer || !is_written, field, "belongs to `kind: transformer`")?;
         }
         Ok(())
     }
@@ -203,7 +215,23 @@ impl TokenizerSpec {
         let quantizer = self.quantizer.clone().checked();
         quantizer.map_err(|error| SpecError { field: "quantizer", problem: error.problem })?;
         self.check_window()?;
+        self.check_captions()?;
         self.training.check()
+    }
+
+    /// No window is parted from its caption.
+    fn check_captions(&self) -> Result<(), SpecError> {
+        let TokenizerTraining { mirror, mix_body, mix_arm, .. } = self.training;
+        let read = self.architecture.language().is_some();
+        let mirrored = "shows mirrored clips the captions of their originals where `language` is set: \
+                        leave it out, or set data.mirror";
+        require(!read || !mirror, "mirror", mirrored)?;
+        for (field, share) in [("mix_body", mix_body), ("mix_arm", mix_arm)] {
+            let mixed =
+                "shows parts of other clips under a caption where `language` is set: leave it out";
+            require(!read || share == 0.0, field, mixed)?;
+        }
+        Ok(())
     }
 
     fn check_window(&self) -> Result<(), SpecError> {

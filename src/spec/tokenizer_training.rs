@@ -4,7 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::error::{SpecError, require};
+use super::language::LanguageSection;
 use super::quantizer::QuantizerSection;
+use super::transformer::{Detokenizer, NormPlacement, Positions};
 use crate::units::number;
 
 /// Patches of training clips that weights or centres begin from, at most.
@@ -27,6 +29,10 @@ pub enum TokenizerKind {
     /// Patches of whole frames: their principal components, mended by residual convolutions. With VQ
     /// unless `tokenizer.quantizer` says otherwise.
     Patch,
+    /// A transformer over latents and motion, and the clip's caption where `tokenizer.language` is set
+    /// (LG-Tok). With VQ unless `tokenizer.quantizer` says otherwise. Trained as patches are, but with
+    /// `window: 64`, `batch: 16`, `steps: 2000`, `commitment: 0.02`, and without `mirror` and mixing.
+    Transformer,
 }
 
 /// What a tokenizer's training makes small.
@@ -89,7 +95,7 @@ macro_rules! keys {
             /// Which quantizer: FSQ by default, VQ for patches.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub quantizer: Option<QuantizerSection>,
-            /// Channels of the convolutions: 64, for patches 128; ScaMo has 512.
+            /// Channels of the layers: 64, for patches 128; ScaMo has 512, LG-Tok 256.
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub width: Option<usize>,
@@ -101,11 +107,11 @@ macro_rules! keys {
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub down: Option<usize>,
-            /// Patches: frames a code, 4.
+            /// Patches and transformers: frames a code, 4.
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub frames: Option<usize>,
-            /// Patches: channels of a latent, 32.
+            /// Patches and transformers: channels of a latent, 32; 512 in LG-Tok.
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub latent: Option<usize>,
@@ -118,6 +124,31 @@ macro_rules! keys {
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub decoder_blocks: Option<usize>,
+            /// Transformers: layers of each half, an odd number: 3; 9 in LG-Tok.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub layers: Option<usize>,
+            /// Transformers: heads of attention, 4.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub heads: Option<usize>,
+            /// Transformers: where RMSNorm stands, `post`.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub norm: Option<NormPlacement>,
+            /// Transformers: how a row knows its place, `learned`.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub positions: Option<Positions>,
+            /// Transformers: how the detokenizer's frames see latents and text, `cross`.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub detokenizer: Option<Detokenizer>,
+            /// Transformers: share of what each part of a layer adds that training drops: 0; 0.1 in
+            /// LG-Tok.
+            #[serde(deserialize_with = "number::optional_number")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub dropout: Option<f64>,
+            /// Transformers: which halves see the clip's caption; none where it is left out.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub language: Option<LanguageSection>,
             /// Seeds of several tokenizers a vocabulary: every cell is trained with each of them.
             #[serde(skip_serializing_if = "Vec::is_empty")]
             pub seeds: Vec<u64>,
@@ -197,6 +228,14 @@ fn given<'de, T: Deserialize<'de>, D: Deserializer<'de>>(d: D) -> Result<Option<
 }
 
 impl TokenizerTraining {
+    /// The defaults of transformers: those of patches in smaller batches, with latents that are free to
+    /// grow, as they begin small, and without what would part a clip from its caption.
+    pub fn of_transformers() -> Self {
+        let (window, batch, steps, commitment) = (64, 16, 2000, 0.02);
+        let (mirror, mix_body, mix_arm) = (false, 0.0, 0.0);
+        Self { window, batch, steps, commitment, mirror, mix_body, mix_arm, ..Self::of_patches() }
+    }
+
     /// The rate of a step, counted from 0: linear warm-up, then as the schedule has it.
     pub fn learning_rate(&self, step: usize) -> f64 {
         let warmup = ((step + 1) as f64 / (self.warmup_steps + 1) as f64).min(1.0);

@@ -12,7 +12,9 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::convolutional::{AutoencoderConfig, Decoder, Encoder};
+use super::pass::Pass;
 use super::patch::{PatchConfig, PatchDecoder, PatchEncoder};
+use super::transformer::{TransformerConfig, TransformerDecoder, TransformerEncoder};
 use crate::spec::ArchitectureSpec;
 
 /// A kind of architecture with its sizes.
@@ -36,13 +38,16 @@ pub fn of(spec: &ArchitectureSpec, n_features: usize) -> Box<dyn Architecture> {
         ArchitectureSpec::Patch(sizes) => {
             Box::new(PatchConfig { sizes: sizes.clone(), n_features })
         }
+        ArchitectureSpec::Transformer(sizes) => {
+            Box::new(TransformerConfig { sizes: sizes.clone(), n_features })
+        }
     }
 }
 
 /// Normalised features to latents.
 pub trait Encode {
     /// `[b, t, f]` to `[b, t/s, c]`; t is a multiple of s.
-    fn forward(&self, x_btf: Tensor<3>) -> Tensor<3>;
+    fn forward(&self, x_btf: Tensor<3>, pass: &mut Pass) -> Tensor<3>;
 
     /// Begins from patches, `[n, s·f]`.
     fn begin(&mut self, _patches_np: &Tensor<2>) {}
@@ -51,7 +56,7 @@ pub trait Encode {
 /// Latents to normalised features.
 pub trait Decode {
     /// `[b, t/s, c]` to `[b, t, f]`.
-    fn forward(&self, latents_btc: Tensor<3>) -> Tensor<3>;
+    fn forward(&self, latents_btc: Tensor<3>, pass: &mut Pass) -> Tensor<3>;
 
     /// Begins from the latents of patches, `[n, c]`.
     fn begin(&mut self, _latents_nc: &Tensor<2>, _patches_np: &Tensor<2>) {}
@@ -59,16 +64,20 @@ pub trait Decode {
 
 /// An encoder of any kind, as part of a module.
 #[derive(Module, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a tokenizer holds one, and never many in a row")]
 pub enum AnyEncoder {
     Convolutional(Encoder),
     Patch(PatchEncoder),
+    Transformer(TransformerEncoder),
 }
 
 /// A decoder of any kind, as part of a module.
 #[derive(Module, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a tokenizer holds one, and never many in a row")]
 pub enum AnyDecoder {
     Convolutional(Decoder),
     Patch(PatchDecoder),
+    Transformer(TransformerDecoder),
 }
 
 impl Deref for AnyEncoder {
@@ -78,6 +87,7 @@ impl Deref for AnyEncoder {
         match self {
             Self::Convolutional(encoder) => encoder,
             Self::Patch(encoder) => encoder,
+            Self::Transformer(encoder) => encoder,
         }
     }
 }
@@ -89,6 +99,7 @@ impl Deref for AnyDecoder {
         match self {
             Self::Convolutional(decoder) => decoder,
             Self::Patch(decoder) => decoder,
+            Self::Transformer(decoder) => decoder,
         }
     }
 }
@@ -98,6 +109,7 @@ impl DerefMut for AnyEncoder {
         match self {
             Self::Convolutional(encoder) => encoder,
             Self::Patch(encoder) => encoder,
+            Self::Transformer(encoder) => encoder,
         }
     }
 }
@@ -107,6 +119,7 @@ impl DerefMut for AnyDecoder {
         match self {
             Self::Convolutional(decoder) => decoder,
             Self::Patch(decoder) => decoder,
+            Self::Transformer(decoder) => decoder,
         }
     }
 }

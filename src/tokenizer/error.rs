@@ -28,6 +28,18 @@ pub enum TokenizerError {
     /// More or fewer codes than a clip of such a length has.
     #[error("{found} codes are given, clips of {n_frames} frames have {wanted}")]
     CodeCount { found: usize, wanted: usize, n_frames: usize },
+    /// A tokenizer with language was given no captions.
+    #[error(
+        "the tokenizer sees captions (`tokenizer.language`) and was given none: give the vectors of the \
+         clip's caption, as the sweep's text encoder makes them"
+    )]
+    NoText,
+    /// Captions of another text encoder.
+    #[error(
+        "the tokenizer sees words as vectors of {wanted} numbers, the caption has {found}: use the text \
+         encoder of the sweep that trained it"
+    )]
+    TextWidth { found: usize, wanted: usize },
     /// Learning ended before its end.
     #[error(transparent)]
     Learn(#[from] LearnError),
@@ -54,6 +66,8 @@ impl TokenizerError {
             Self::Spec(_)
             | Self::NoWindow { .. }
             | Self::ShortClip { .. }
+            | Self::NoText
+            | Self::TextWidth { .. }
             | Self::UnknownCode { .. }
             | Self::CodeCount { .. } => Some(FailureKind::BadData),
         }

@@ -3,12 +3,14 @@
 use rayon::prelude::*;
 
 use super::batches::{ClipBatch, equal_length_batches};
+use super::captions::Captions;
 use super::codec::Tokenizer;
+use super::corpus::Corpus;
 use super::error::TokenizerError;
 use super::metrics::{ScaleUse, TokenizerMetrics};
 use super::quantizer::{Extent, by_scale};
 use crate::codes::{CodeHistogram, Grid, Length, Scale};
-use crate::data::{DataError, MotionSource, Split};
+use crate::data::{DataError, Split};
 use crate::motion::{ROOT_YAW, mpjpe_mm, recover_joints};
 use crate::progress::moved;
 
@@ -21,14 +23,14 @@ use crate::progress::moved;
 /// If the test split is empty or a clip cannot be read.
 pub fn evaluate(
     tokenizer: &Tokenizer,
-    source: &dyn MotionSource,
+    corpus: &Corpus,
     tokenizer_id: &str,
     wall_s: f64,
 ) -> Result<TokenizerMetrics, TokenizerError> {
-    let test = scores(tokenizer, source, Split::Test)?;
-    let val = match source.n_clips(Split::Val) {
+    let test = scores(tokenizer, corpus, Split::Test)?;
+    let val = match corpus.source.n_clips(Split::Val) {
         0 => None,
-        _ => Some(scores(tokenizer, source, Split::Val)?),
+        _ => Some(scores(tokenizer, corpus, Split::Val)?),
     };
     let spec = tokenizer.spec();
     let scales = histograms(&spec.grid(), &test);
@@ -89,28 +91,33 @@ impl Score {
 
 pub(super) fn scores(
     tokenizer: &Tokenizer,
-    source: &dyn MotionSource,
+    corpus: &Corpus,
     split: Split,
 ) -> Result<Vec<Score>, TokenizerError> {
+    let (source, captions) = (corpus.source, corpus.read_by(tokenizer.spec())?);
     let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_latent())?;
     if batches.is_empty() {
         let path = format!("data set {}", source.digest());
         return Err(DataError::EmptySplit { path, split: split.name() }.into());
     }
-    batches.par_iter().map(|batch| score(tokenizer, source, split, batch)).collect()
+    let of = |batch: &ClipBatch| {
+        let captions = captions.as_ref().map(|read| read.of(split, &batch.indices));
+        let truth = batch.features(source, split)?;
+        Ok(score(tokenizer, batch, truth, captions.as_ref()))
+    };
+    batches.par_iter().map(of).collect()
 }
 
 fn score(
     tokenizer: &Tokenizer,
-    source: &dyn MotionSource,
-    split: Split,
     batch: &ClipBatch,
-) -> Result<Score, TokenizerError> {
-    let truth = batch.features(source, split)?;
+    truth: Vec<f32>,
+    captions: Option<&Captions>,
+) -> Score {
     let n_clips = batch.indices.len();
-    let ids = tokenizer.encode_stack(truth.clone(), n_clips);
+    let ids = tokenizer.encode_stack(truth.clone(), n_clips, captions);
     let n_latents = batch.n_frames / tokenizer.spec().frames_per_latent();
-    let mut made = tokenizer.decode_stack(&ids, Extent { n_clips, n_latents });
+    let mut made = tokenizer.decode_stack(&ids, Extent { n_clips, n_latents }, captions);
     let std = &tokenizer.stats().std;
     let values = truth.iter().zip(&made).zip(std.iter().cycle());
     let l1: f64 = values.map(|((a, b), std)| f64::from((a - b).abs() / std)).sum();
@@ -123,7 +130,7 @@ fn score(
     let lengths: Vec<usize> = tokenizer.spec().grid().lengths(batch.n_frames).collect();
     let scales = by_scale(&ids, &lengths, n_clips);
     let n_frames = (batch.n_frames * n_clips) as f64;
-    Ok(Score { l1, mpjpe_mm, given_heading_mm, n_frames, scales })
+    Score { l1, mpjpe_mm, given_heading_mm, n_frames, scales }
 }
 
 /// The sum over all frames of clips of one length.
@@ -147,8 +154,9 @@ mod tests {
     fn metrics(spec: &TokenizerSpec) -> TokenizerMetrics {
         let source = Waves::new(&[32, 40, 32], N_FEATURES);
         let keep_on = &mut |_| ControlFlow::Continue(());
-        let tokenizer = train(spec, &source, &Device::flex(), None, keep_on).unwrap();
-        evaluate(&tokenizer, &source, "t", 1.5).unwrap()
+        let tokenizer =
+            train(spec, &Corpus::wordless(&source), &Device::flex(), None, keep_on).unwrap();
+        evaluate(&tokenizer, &Corpus::wordless(&source), "t", 1.5).unwrap()
     }
 
     #[test]

@@ -150,7 +150,7 @@ mod tests {
     fn a_mixed_window_is_visible_where_both_are() {
         let values: Vec<f32> = [frame(0.0), frame(1.0), frame(2.0), frame(3.0)].concat();
         let visible = vec![true, true, true, false];
-        let mut windows = Windows { values, visible, n_frames: 2 };
+        let mut windows = Windows { values, visible, n_frames: 2, clips: vec![0, 1] };
         let before = windows.clone();
         let mixing = Mixing { body: 1.0, arm: 0.0 };
         let mut rng = ChaCha8Rng::seed_from_u64(2);

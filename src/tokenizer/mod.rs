@@ -8,9 +8,11 @@ mod average;
 mod baseline;
 mod batches;
 mod begin;
+mod captions;
 mod codec;
 mod conv;
 mod convolutional;
+mod corpus;
 mod encode;
 mod error;
 mod evaluate;
@@ -19,6 +21,7 @@ mod metrics;
 mod mix;
 mod module;
 mod normalise;
+mod pass;
 mod patch;
 mod pool;
 mod quantizer;
@@ -26,19 +29,24 @@ mod report;
 #[cfg(test)]
 mod testing;
 mod train;
+mod transformer;
 mod windows;
 
-pub use architecture::{Architecture, Decode, Encode};
+pub use architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
 pub use baseline::k_means_baseline;
+pub use captions::Captions;
 pub use codec::Tokenizer;
 pub use convolutional::{AutoencoderConfig, Decoder, Encoder};
+pub use corpus::Corpus;
 pub use encode::{tokenize, tokenize_split};
 pub use error::TokenizerError;
 pub use evaluate::evaluate;
 pub use metrics::{Baseline, ScaleUse, TokenizerMetrics};
+pub use pass::Pass;
 pub use quantizer::{
     AnyQuantizer, Extent, Fsq, Multiscale, Quantized, Quantizer, ResidualFsq, ResidualVq, Vq,
     area_down, linear_up,
 };
 pub use report::{remarks, table};
 pub use train::train;
+pub use transformer::TransformerConfig;

@@ -7,6 +7,8 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::architecture::{self, AnyDecoder, AnyEncoder};
+use super::captions::Captions;
+use super::pass::Pass;
 use super::quantizer::{self, AnyQuantizer, Extent, Quantized, Quantizer};
 use crate::spec::TokenizerSpec;
 
@@ -48,7 +50,7 @@ impl TokenizerModule {
         self.encoder.begin(patches_np);
         let [n, p] = patches_np.dims();
         let clips_btf = patches_np.clone().reshape([n, p / n_features, n_features]);
-        let latents_btc = self.encoder.valid().forward(clips_btf);
+        let latents_btc = self.encoder.valid().forward(clips_btf, &mut Pass::default());
         let [_, _, c] = latents_btc.dims();
         let latents_nc = latents_btc.reshape([n, c]);
         self.quantizer.begin(&latents_nc);
@@ -56,10 +58,10 @@ impl TokenizerModule {
     }
 
     /// A training pass: gradients pass through, and the quantizer learns what it learns on the host.
-    pub fn reconstruct(&mut self, x_btf: Tensor<3>) -> Reconstruction {
-        let latents_btc = self.encoder.forward(x_btf);
+    pub fn reconstruct(&mut self, x_btf: Tensor<3>, pass: &mut Pass) -> Reconstruction {
+        let latents_btc = self.encoder.forward(x_btf, pass);
         let Quantized { quantized_btc, auxiliary_loss } = self.quantizer.quantize(latents_btc);
-        Reconstruction { features_btf: self.decoder.forward(quantized_btc), auxiliary_loss }
+        Reconstruction { features_btf: self.decoder.forward(quantized_btc, pass), auxiliary_loss }
     }
 
     /// The quantizer, which may learn beside the weights.
@@ -73,12 +75,33 @@ impl TokenizerModule {
     }
 
     /// Codes of `[b, t, f]`, clip after clip.
-    pub fn ids(&self, x_btf: Tensor<3>) -> Vec<u32> {
-        self.quantizer.ids(self.encoder.forward(x_btf))
+    pub fn ids(&self, x_btf: Tensor<3>, captions: Option<&Captions>) -> Vec<u32> {
+        self.quantizer.ids(self.encoder.forward(x_btf, &mut Pass::reading(captions)))
     }
 
     /// Features `[b, t, f]` of the codes of clips of one length.
-    pub fn decode(&self, ids: &[u32], extent: Extent) -> Tensor<3> {
-        self.decoder.forward(self.quantizer.embed(ids, extent))
+    ///
+    /// With language-free guidance g other than 0 these are (1 + g) m_c − g m_u, where m_c is what the
+    /// captions give and m_u what is made without them (LG-Tok).
+    pub fn decode(
+        &self,
+        ids: &[u32],
+        extent: Extent,
+        captions: Option<&Captions>,
+        guidance: f64,
+    ) -> Tensor<3> {
+        let latents_btc = self.quantizer.embed(ids, extent);
+        let made = |captions, latents_btc| {
+            self.decoder.forward(latents_btc, &mut Pass::reading(Some(captions)))
+        };
+        match captions {
+            None => self.decoder.forward(latents_btc, &mut Pass::default()),
+            Some(captions) if guidance == 0.0 => made(captions, latents_btc),
+            Some(captions) => {
+                let none = Captions::none(extent.n_clips);
+                let without = made(&none, latents_btc.clone());
+                made(captions, latents_btc) * (1.0 + guidance) - without * guidance
+            }
+        }
     }
 }

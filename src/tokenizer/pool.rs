@@ -18,8 +18,9 @@ use crate::spec::{TokenizerLoss, TokenizerSpec};
 /// that were asked for once.
 pub struct WindowPool {
     clips: Vec<Vec<f32>>,
+    /// The index of each in the training split; an image has that of its original.
+    origins: Vec<usize>,
     n_features: usize,
-    window: usize,
     draw: Draw,
 }
 
@@ -55,34 +56,40 @@ impl WindowPool {
             Ok(clips)
         };
         let clips = chosen.par_iter().map(load).collect::<Result<Vec<_>, TokenizerError>>()?;
+        let images = if spec.training.mirror { 2 } else { 1 };
+        let origins = chosen.iter().flat_map(|&index| vec![index; images]).collect();
         let clips: Vec<Vec<f32>> = clips.into_iter().flatten().collect();
         let n_features = normaliser.n_features();
         let draw = if by_frames { Draw::by_frames(&clips, n_features) } else { Draw::Evenly };
-        Ok(Self { clips, n_features, window: spec.training.window, draw })
+        Ok(Self { clips, origins, n_features, draw })
     }
 
-    /// `n` windows: a random clip, then a random start.
-    pub fn windows(&self, n: usize, rng: &mut ChaCha8Rng) -> Windows {
-        let mut values = Vec::with_capacity(n * self.window * self.n_features);
-        let mut visible = Vec::with_capacity(n * self.window);
+    /// `n` windows of `n_frames` frames, those of `spec.training.window` at most: a random clip, then a
+    /// random start.
+    pub fn windows(&self, n: usize, n_frames: usize, rng: &mut ChaCha8Rng) -> Windows {
+        let mut values = Vec::with_capacity(n * n_frames * self.n_features);
+        let mut visible = Vec::with_capacity(n * n_frames);
+        let mut clips = Vec::with_capacity(n);
         for _ in 0..n {
-            let own = self.draw(rng);
-            let missing = self.window - own.len() / self.n_features;
+            let (clip, own) = self.draw(n_frames, rng);
+            clips.push(self.origins[clip]);
+            let missing = n_frames - own.len() / self.n_features;
             values.extend_from_slice(own);
             let last = &own[own.len() - self.n_features..];
             (0..missing).for_each(|_| values.extend_from_slice(last));
-            visible.extend((0..self.window).map(|frame| frame < self.window - missing));
+            visible.extend((0..n_frames).map(|frame| frame < n_frames - missing));
         }
-        Windows { values, visible, n_frames: self.window }
+        Windows { values, visible, n_frames, clips }
     }
 
-    /// A window of a clip, or all of a clip that is shorter.
-    fn draw(&self, rng: &mut ChaCha8Rng) -> &[f32] {
-        let clip = &self.clips[self.draw.clip(self.clips.len(), rng)];
+    /// A clip of the pool and a window of it, or all of a clip that is shorter.
+    fn draw(&self, window: usize, rng: &mut ChaCha8Rng) -> (usize, &[f32]) {
+        let index = self.draw.clip(self.clips.len(), rng);
+        let clip = &self.clips[index];
         let n_frames = clip.len() / self.n_features;
-        let taken = self.window.min(n_frames);
+        let taken = window.min(n_frames);
         let start = below(rng, n_frames - taken + 1) * self.n_features;
-        &clip[start..start + taken * self.n_features]
+        (index, &clip[start..start + taken * self.n_features])
     }
 
     /// Patches of `frames` frames, `[n, frames·f]`, spread evenly over all clips: `most` at most. Those
@@ -183,12 +190,28 @@ mod tests {
         };
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let pool = WindowPool::load(&source, &spec, &mut rng).unwrap();
-        let windows = pool.windows(5, &mut rng).values;
+        let windows = pool.windows(5, 8, &mut rng).values;
         let size = 8 * pool.n_features;
         assert_eq!(windows.len(), 5 * size);
         let clip = &pool.clips[0];
         for window in windows.chunks_exact(size) {
             assert!((0..clip.len() - size + 1).any(|start| clip[start..start + size] == *window));
         }
+        let short = pool.windows(3, 4, &mut rng);
+        assert_eq!((short.values.len(), short.n_visible(), short.n_frames), (3 * 8, 12, 4));
+    }
+
+    #[test]
+    fn a_window_and_its_image_know_their_clip() {
+        let source = Waves::new(&[24, 6, 32], crate::motion::N_FEATURES);
+        let mut spec = TokenizerSpec::default();
+        (spec.training.window, spec.training.mirror) = (8, true);
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let pool = WindowPool::load(&source, &spec, &mut rng).unwrap();
+        assert_eq!(pool.origins, [0, 0, 2, 2], "the short clip holds no window");
+        let windows = pool.windows(20, 8, &mut rng);
+        assert!(
+            windows.clips.iter().all(|clip| [0, 2].contains(clip)) && windows.clips.len() == 20
+        );
     }
 }

@@ -2,8 +2,10 @@
 
 use crate::data::{DataError, FeatureStats, MotionSource, Split};
 use crate::spec::{
-    ArchitectureSpec, ConvolutionalSpec, PatchSpec, QuantizerSpec, TokenizerSpec, TokenizerTraining,
+    ArchitectureSpec, ConvolutionalSpec, LanguagePlace, LanguageSpec, PatchSpec, QuantizerSpec,
+    TokenizerSpec, TokenizerTraining, TransformerSpec,
 };
+use crate::text::{HashedNgrams, TextStore, embed};
 
 /// Clips of sine waves, the same lengths in every split.
 pub struct Waves {
@@ -45,8 +47,8 @@ impl MotionSource for Waves {
         self.lengths[index]
     }
 
-    fn captions(&self, _: Split, _: usize) -> Vec<String> {
-        vec!["a wave".to_string()]
+    fn captions(&self, _: Split, index: usize) -> Vec<String> {
+        vec!["a wave".to_string(), format!("someone waves {} times", index + 1)]
     }
 
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
@@ -73,6 +75,17 @@ impl MotionSource for Waves {
         &[]
     }
 }
+
+/// The captions of a source as vectors of `dim` numbers.
+pub fn text_of(source: &dyn MotionSource, dim: usize) -> TextStore {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("vectors.safetensors");
+    embed(&HashedNgrams::new(dim, 9), source, &path).unwrap();
+    TextStore::open(&path).unwrap()
+}
+
+/// Width of a word's vector where a spec below has language.
+pub const D_TEXT: usize = 6;
 
 /// A spec that trains in a moment.
 pub fn small_spec() -> TokenizerSpec {
@@ -109,6 +122,32 @@ pub fn patch_spec(quantizer: QuantizerSpec, steps: usize) -> TokenizerSpec {
             warmup_steps,
             ..TokenizerTraining::of_patches()
         },
+    }
+}
+
+/// One of a transformer that trains in a moment; some of its halves see captions.
+pub fn transformer_spec(
+    at: &[LanguagePlace],
+    quantizer: QuantizerSpec,
+    steps: usize,
+) -> TokenizerSpec {
+    let at = at.to_vec();
+    let language = LanguageSpec { at, drop: 0.3, dim: D_TEXT, max_tokens: 9 };
+    let sizes = TransformerSpec {
+        width: 8,
+        heads: 2,
+        latent: 4,
+        span: 16,
+        dropout: 0.1,
+        language: (!language.at.is_empty()).then_some(language),
+        ..TransformerSpec::default()
+    };
+    let (window, batch, lr, warmup_steps) = (16, 8, 1e-2, 2);
+    let defaults = TokenizerTraining::of_transformers();
+    TokenizerSpec {
+        architecture: ArchitectureSpec::Transformer(sizes),
+        quantizer,
+        training: TokenizerTraining { window, batch, steps, lr, warmup_steps, ..defaults },
     }
 }
 

@@ -8,15 +8,17 @@ use serde_json::json;
 use super::average::Average;
 use super::begin::{begun, stream};
 use super::codec::Tokenizer;
+use super::corpus::{Corpus, ReadCaptions};
 use super::error::TokenizerError;
 use super::loss::{JointLoss, of_gradient, reconstruction_loss};
 use super::mix::Mixing;
 use super::module::{Reconstruction, TokenizerModule};
 use super::normalise::Normaliser;
+use super::pass::Pass;
 use super::pool::WindowPool;
 use super::windows::Windows;
-use crate::data::MotionSource;
 use crate::learn::adamw::AdamWConfig;
+use crate::learn::params::below;
 use crate::learn::weights::Weights;
 use crate::learn::{Checkpoints, Course, LearnError, Learner, LearnerState, Learning, LoadedState};
 use crate::progress::Progress;
@@ -25,23 +27,27 @@ use crate::spec::{TokenizerLoss, TokenizerSpec, TokenizerTraining};
 /// The stream of a seed from which windows are drawn.
 const WINDOWS_STREAM: u64 = 1;
 
-/// Trains a tokenizer on the training split of `source`, from its checkpoint where there is one.
+/// The streams of a seed from which captions, and what is dropped, are drawn: one a step.
+const CAPTIONS_STREAMS: u64 = 1 << 40;
+const NOISE_STREAMS: u64 = 2 << 40;
+
+/// Trains a tokenizer on the training split of `corpus`, from its checkpoint where there is one.
 ///
 /// # Errors
-/// If the spec is unusable, no clip holds a window, a clip cannot be read, the loss stops being a
+/// If the spec is unusable, the captions that it wants are missing, no clip holds a window, a clip cannot be read, the loss stops being a
 /// number, a checkpoint is damaged or cannot be written, or `progress` asks for an end.
 pub fn train(
     spec: &TokenizerSpec,
-    source: &dyn MotionSource,
+    corpus: &Corpus,
     device: &Device,
     checkpoints: Option<&Checkpoints>,
     progress: &mut Progress,
 ) -> Result<Tokenizer, TokenizerError> {
     spec.check()?;
-    let learner = Reconstructing::new(spec, source, &device.clone().autodiff())?;
+    let learner = Reconstructing::new(spec, corpus, &device.clone().autodiff())?;
     let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
     let module = learning.into_learner().into_module();
-    Ok(Tokenizer::new(module, spec.clone(), source.stats().clone(), device.clone()))
+    Ok(Tokenizer::new(module, spec.clone(), corpus.source.stats().clone(), device.clone()))
 }
 
 enum Loss {
@@ -62,6 +68,8 @@ impl Loss {
 struct Reconstructing<'a> {
     spec: &'a TokenizerSpec,
     pool: WindowPool,
+    /// `None` for a tokenizer without language.
+    captions: Option<ReadCaptions<'a>>,
     module: TokenizerModule,
     average: Option<Average>,
     loss: Loss,
@@ -74,9 +82,10 @@ struct Reconstructing<'a> {
 impl<'a> Reconstructing<'a> {
     fn new(
         spec: &'a TokenizerSpec,
-        source: &dyn MotionSource,
+        corpus: &Corpus<'a>,
         device: &Device,
     ) -> Result<Self, TokenizerError> {
+        let Corpus { source, .. } = *corpus;
         let TokenizerTraining { seed, average, .. } = spec.training;
         let normaliser = Normaliser::new(&spec.architecture, source.stats());
         let mut draws = stream(seed, WINDOWS_STREAM);
@@ -85,6 +94,7 @@ impl<'a> Reconstructing<'a> {
         Ok(Self {
             spec,
             pool,
+            captions: corpus.read_by(spec)?,
             average: (average > 0.0).then(|| Average::new(&module, average)),
             module,
             loss: Loss::new(&normaliser, &spec.training),
@@ -96,10 +106,25 @@ impl<'a> Reconstructing<'a> {
 
     fn windows(&mut self) -> Windows {
         let TokenizerTraining { batch, mix_body, mix_arm, .. } = self.spec.training;
-        let mut windows = self.pool.windows(batch, &mut self.draws);
+        let n_frames = self.window_frames();
+        let mut windows = self.pool.windows(batch, n_frames, &mut self.draws);
         let mixing = Mixing { body: mix_body, arm: mix_arm };
         mixing.apply(&mut windows, self.normaliser.std(), &mut self.draws);
         windows
+    }
+
+    /// Frames of the windows of a step: drawn, where an architecture wants to know all lengths.
+    fn window_frames(&mut self) -> usize {
+        let (window, stride) =
+            (self.spec.training.window, self.spec.architecture.frames_per_latent());
+        let share = self.spec.architecture.shortest_window();
+        if share == 1.0 {
+            return window;
+        }
+        let most = window / stride;
+        let longest_scale = self.spec.quantizer.longest_scale();
+        let least = ((share * most as f64) as usize).max(longest_scale).max(1);
+        (least + below(&mut self.draws, most - least + 1)) * stride
     }
 
     /// The weights that are kept.
@@ -123,13 +148,21 @@ impl Learner for Reconstructing<'_> {
         &self.device
     }
 
-    fn loss(&mut self, _: usize) -> Tensor<1> {
+    fn loss(&mut self, step: usize) -> Tensor<1> {
         let windows = self.windows();
+        // Streams of a step's own: a checkpoint need not hold how far they have come.
+        let seed = self.spec.training.seed;
+        let of_step = |first: u64| stream(seed, first + step as u64);
+        let captions = self.captions.as_ref();
+        let captions =
+            captions.map(|read| read.drawn(&windows.clips, &mut of_step(CAPTIONS_STREAMS)));
+        let noise = Some(of_step(NOISE_STREAMS));
+        let mut pass = Pass { captions: captions.as_ref(), noise };
         let shape = [windows.len(), windows.n_frames, self.normaliser.n_features()];
         let data = TensorData::new(windows.values.clone(), shape);
         let target_btf = Tensor::<3>::from_data(data, &self.device);
         let Reconstruction { features_btf, auxiliary_loss } =
-            self.module.reconstruct(target_btf.clone());
+            self.module.reconstruct(target_btf.clone(), &mut pass);
         let loss = match &self.loss {
             Loss::Features { position_weight } => {
                 reconstruction_loss(features_btf, target_btf, *position_weight)

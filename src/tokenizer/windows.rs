@@ -8,6 +8,8 @@ pub struct Windows {
     /// Whether a frame is one of the clip's own, `[n, n_frames]`.
     pub visible: Vec<bool>,
     pub n_frames: usize,
+    /// The clip of the training split that each window was cut from, or whose mirror image was.
+    pub clips: Vec<usize>,
 }
 
 impl Windows {

@@ -134,3 +134,27 @@ fn a_sweep_whose_tokenizers_all_fail_says_so_and_is_no_usage_error() {
     let words = ["tokenizer", "train", "mini.yaml", "--set", "tokenizer.lr=1e30"];
     place.isoflop(&words).exits(1).says("failed [diverged]").says("lower tokenizer.lr");
 }
+
+#[test]
+fn transformers_that_see_captions_run_to_laws_and_once() {
+    let place = Place::with("mini.yaml");
+    let language = "tokenizer={kind: transformer, width: 8, heads: 2, window: 32, steps: 3, batch: 2, \
+                    pool_clips: 8, language: {at: [tokenizer, detokenizer], drop: 0.1}}";
+    let alone = ["tokenizer", "train", "mini.yaml", "--set", language];
+    let trained = place.isoflop(&alone).exits(0).says("3 jobs to do");
+    assert!(trained.stdout().contains("transformer vq"), "{}", trained.stdout());
+    let words = ["run", "mini.yaml", "--set", language];
+    place.isoflop(&words).exits(0);
+    assert!(place.path("results/mini/runs.parquet").exists());
+    place.isoflop(&words).exits(0).says("8 of 8 runs have ended already");
+    let folders = fs::read_dir(place.path("results/mini/tokenizers")).expect("trained");
+    let text = fs::read_dir(place.path("results/mini/text")).expect("made").next();
+    let text = text.expect("one").expect("listed").file_name();
+    for folder in folders {
+        let job =
+            fs::read_to_string(folder.expect("listed").path().join("job.json")).expect("there");
+        let job: Value = serde_json::from_str(&job).expect("a job");
+        assert_eq!(job["text_id"].as_str(), text.to_str(), "{job:#}");
+        assert_eq!(job["spec"]["architecture"]["language"]["dim"], 16, "that of the text section");
+    }
+}

@@ -77,6 +77,8 @@ pub const ALLOWED: [(&[&str], &str); 8] = [
             "src/tokenizer/architecture.rs",
             "src/tokenizer/convolutional/autoencoder.rs",
             "src/tokenizer/patch/network.rs",
+            "src/tokenizer/transformer/decoder.rs",
+            "src/tokenizer/transformer/encoder.rs",
         ],
         "the choice among architectures, and the traits that each implements",
     ),

@@ -51,6 +51,9 @@ pub struct GenerateArgs {
     /// How far motions are moved away from those without text; `scalewise` takes all of it at its last scale
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
     pub guidance: f64,
+    /// How far a tokenizer with language follows the caption when it decodes
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
+    pub detokenizer_guidance: f64,
     /// `masked`: rounds in which codes are shown, the surest first
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
     pub rounds: u16,

@@ -45,6 +45,10 @@ struct Made {
 
 pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
     let run = TrainedRun::open(&args.run, &args.device.open()?)?;
+    let has_language = run.tokenizer.spec().architecture.language().is_some();
+    if args.detokenizer_guidance > 0.0 && !has_language {
+        bail!("the run's tokenizer has no language that --detokenizer-guidance could follow");
+    }
     let out = folder(args, &run)?;
     let orders = orders(args, &run)?;
     let started = Instant::now();
@@ -91,8 +95,10 @@ fn make(args: &GenerateArgs, run: &TrainedRun, orders: &[Order]) -> Result<Vec<M
     let mut made = Vec::with_capacity(orders.len());
     for batch in orders.chunks(BATCH) {
         let prompts: Vec<Prompt> = batch.iter().map(|order| order.prompt(args.seed)).collect();
-        for sampled in run.sample(&prompts, &args.sampling())? {
-            let features = run.tokenizer.decode(&sampled.codes, sampled.n_frames)?;
+        for (order, sampled) in batch.iter().zip(run.sample(&prompts, &args.sampling())?) {
+            let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
+            let guidance = args.detokenizer_guidance;
+            let features = run.tokenizer.decode(codes, n_frames, Some(&order.text), guidance)?;
             made.push(Made { sampled, features });
         }
     }

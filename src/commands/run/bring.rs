@@ -8,7 +8,7 @@ use isoflop::engine::{
 };
 use isoflop::failure::Failure;
 use isoflop::jobs::presence::Held;
-use isoflop::jobs::{Job, missing_jobs};
+use isoflop::jobs::{Job, missing_jobs, with_needs};
 
 use super::args::RunArgs;
 use super::prepare::prepare;
@@ -18,8 +18,8 @@ use crate::commands::context::{OpenSweep, open_sweep};
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
 
-/// Brings the missing jobs that are wanted to their end. Where that is all there is to do, it has told
-/// of them, and breaks off with how to exit.
+/// Brings the missing jobs that are wanted, and what they need, to their end. Where that is all there
+/// is to do, it has told of them, and breaks off with how to exit.
 ///
 /// The folder is taken into `held`, unless it is there: whoever has that may write to the folder.
 pub fn bring(
@@ -41,8 +41,8 @@ pub fn bring(
     }
     prepare(open, args, output)?;
     CommandLine::of(args)?.write(&open.folder)?;
-    let jobs = missing_jobs(&open.plan, &open.folder).into_iter().filter(wanted);
-    let reports = match session.bring(jobs.collect())? {
+    let jobs = with_needs(missing_jobs(&open.plan, &open.folder), wanted);
+    let reports = match session.bring(jobs)? {
         Brought::Ended(reports) => reports,
         Brought::HandedOver { document, text } => {
             output.result(&document, &text)?;

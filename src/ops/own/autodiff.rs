@@ -133,7 +133,7 @@ impl<C: CheckpointStrategy> OwnOps for Autodiff<Flex, C> {
 }
 
 /// Pairs into a pair.
-fn split<A, B, const N: usize>(pairs: [(A, B); N]) -> ([A; N], [B; N]) {
+pub(super) fn split<A, B, const N: usize>(pairs: [(A, B); N]) -> ([A; N], [B; N]) {
     let mut nodes = Vec::with_capacity(N);
     let tensors = pairs.map(|(tensor, node)| {
         nodes.push(node);
@@ -143,7 +143,7 @@ fn split<A, B, const N: usize>(pairs: [(A, B); N]) -> ([A; N], [B; N]) {
 }
 
 /// Hands a gradient to a node that wants it.
-fn register(grads: &mut Gradients, node: Option<NodeId>, gradient: FlexTensor) {
+pub(super) fn register(grads: &mut Gradients, node: Option<NodeId>, gradient: FlexTensor) {
     match node {
         Some(node) => grads.register::<Flex>(node, gradient),
         None => recycle(gradient),

@@ -12,6 +12,7 @@
 //! | [`adamw`] | the optimiser |
 //! | [`elements`], [`flex`] | flex's tensors, and the operations on them |
 //! | [`autodiff`] | the same with gradients |
+//! | [`apart`] | attention, RMSNorm and SwiGLU without what usually stands around them |
 //!
 //! Every kernel runs on the calling thread and reduces in a fixed order: the same input gives the
 //! same bits. The way back writes over what the way forward kept and over the gradient that it is
@@ -25,6 +26,7 @@ use burn::backend::{Backend, backend_extension};
 use super::{Activation, AttentionOptions, Convolution};
 
 mod adamw;
+mod apart;
 pub(super) mod attention;
 mod autodiff;
 mod buffers;
@@ -48,6 +50,7 @@ mod swiglu;
 pub(super) mod x86;
 
 pub use adamw::AdamWStep;
+pub use apart::OwnParts;
 
 /// The operations of [`Kernels`](super::Kernels), on the tensors of a backend.
 #[backend_extension(Flex, Autodiff)]

@@ -93,7 +93,7 @@ pub fn rms_norm(x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> 
 }
 
 /// See [`Activation::SwiGlu`].
-fn swiglu(gate_up_n2f: Tensor<2>) -> Tensor<2> {
+pub fn swiglu(gate_up_n2f: Tensor<2>) -> Tensor<2> {
     let [n, columns] = gate_up_n2f.dims();
     let gate_nf = gate_up_n2f.clone().slice([0..n, 0..columns / 2]);
     let up_nf = gate_up_n2f.slice([0..n, columns / 2..columns]);
@@ -172,6 +172,16 @@ fn turns(rope: &Rope, layout: &SequenceLayout, device: &Device) -> [Tensor<5>; 2
         let values: Vec<f32> = places.iter().flat_map(|&place| of(rope.turn(place))).collect();
         Tensor::from_data(TensorData::new(values, [b, 1, t, pairs, 1]), device)
     })
+}
+
+/// Turns the pairs of features of the first positions by their rows of `rope`, `[b, h, t, c]`.
+pub fn rotate(x_bhtc: Tensor<4>, rope: &Rope) -> Tensor<4> {
+    let [_, _, t, c] = x_bhtc.dims();
+    let (cos, sin) = rope.first(t);
+    let device = x_bhtc.device();
+    let angles =
+        |x: &[f32]| Tensor::from_data(TensorData::new(x.to_vec(), [1, 1, t, c / 2, 1]), &device);
+    turn(x_bhtc, &[angles(cos), angles(sin)])
 }
 
 /// Turns the pairs of features by angles whose cosines and sines are `[b or 1, 1, t, c / 2, 1]`.

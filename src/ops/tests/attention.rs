@@ -3,7 +3,6 @@
 use burn::tensor::Device;
 
 use super::*;
-use crate::ops::{own, plain};
 
 const N_HEAD: usize = 2;
 const HEAD_DIM: usize = 4;
@@ -11,10 +10,7 @@ const COLUMNS: usize = 3 * N_HEAD * HEAD_DIM;
 
 /// Attention of `[q | k | v]`, before the projection.
 fn mixed(kernels: Kernels, qkv: &Input, options: &AttentionOptions) -> Vec<f32> {
-    if kernels == Kernels::Own {
-        return own::attention::outcome(&qkv.values, options.heads());
-    }
-    values(plain::attention(tensor(qkv, &Device::flex()), options, plain::Product::Single))
+    values(kernels.attend(tensor(qkv, &Device::flex()), options))
 }
 
 /// Output rows of attention over one sequence.

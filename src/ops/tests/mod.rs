@@ -175,6 +175,25 @@ fn attention_of(name: String, options: AttentionOptions) -> Case {
     })
 }
 
+fn attend(lengths: &[usize], prefixes: &[usize], n_head: usize, head_dim: usize) -> Case {
+    let options = options(lengths, prefixes, [n_head, head_dim]);
+    let qkv = input(options.layout.n_rows(), 3 * n_head * head_dim, 6);
+    let name = format!("attend {lengths:?} {prefixes:?} {n_head} x {head_dim}");
+    Case::new(name, vec![qkv], move |kernels, x| kernels.attend(x[0].clone(), &options))
+}
+
+fn rms_norm(n: usize, d: usize) -> Case {
+    let inputs = vec![input(n, d, 1), input(1, d, 2)];
+    Case::new(format!("rms_norm {n} x {d}"), inputs, move |kernels, x| {
+        kernels.rms_norm(x[0].clone(), x[1].clone().reshape([d]), 1e-5)
+    })
+}
+
+fn swi_glu(n: usize, f: usize) -> Case {
+    let inputs = vec![input(n, 2 * f, 3)];
+    Case::new(format!("swi_glu {n} x {f}"), inputs, move |kernels, x| kernels.swi_glu(x[0].clone()))
+}
+
 /// Few numbers, of shapes that end within vectors and tiles.
 fn small_cases() -> Vec<Case> {
     vec![
@@ -192,6 +211,9 @@ fn small_cases() -> Vec<Case> {
         attention(&[9, 18], &[0, 12], 1, 2),
         block_attention(&[(2, &[1, 3]), (0, &[2, 2, 5])], 2, 4),
         block_attention(&[(3, &[2, 17])], 1, 2),
+        attend(&[4, 1, 6], &[2, 0, 6], 2, 4),
+        rms_norm(3, 5),
+        swi_glu(3, 19),
     ]
 }
 
@@ -214,6 +236,9 @@ fn large_cases() -> Vec<Case> {
         attention(&[64, 33], &[0, 1], 2, 32),
         attention(&[201, 70], &[150, 5], 1, 64),
         attention(&[30], &[8], 2, 100),
+        attend(&[72, 65], &[72, 65], 4, 16),
+        rms_norm(300, 64),
+        swi_glu(130, 290),
         every_prefix_of_every_length(34),
         block_attention(&[(12, &[3, 6, 10, 15, 20, 25, 30, 36, 42, 49]), (5, &[1, 2, 30])], 2, 32),
         block_attention(&[(0, &[7, 9, 15, 16, 17, 33]), (31, &[1; 20])], 1, 4),

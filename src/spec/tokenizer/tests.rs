@@ -1,6 +1,7 @@
 //! Rates, defaults and impossible settings of tokenizers.
 
 use super::*;
+use crate::spec::LanguageSection;
 
 fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSection {
     let mut section = TokenizerSection::default();
@@ -11,7 +12,7 @@ fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSection {
 #[test]
 fn the_rate_rises_stays_and_falls_once() {
     let section = with(|s| (s.steps, s.lr, s.warmup_steps) = (Some(10), Some(1.0), Some(3)));
-    let spec = section.spec(QuantizerSpec::default());
+    let spec = section.spec(QuantizerSpec::default(), &TextSpec::default());
     let rates: Vec<f64> = (0..10).map(|step| spec.learning_rate(step)).collect();
     assert_eq!(rates, [0.25, 0.5, 0.75, 1.0, 1.0, 1.0, 1.0, 1.0, 0.05, 0.05]);
 }
@@ -50,12 +51,43 @@ fn a_bad_field_is_named() {
 }
 
 #[test]
+fn captions_are_read_by_transformers_alone_and_stay_with_their_clips() {
+    let language = Some(LanguageSection::default());
+    let transformer = |change: fn(&mut TokenizerSection)| {
+        let language = language.clone();
+        with(|s| {
+            (s.kind, s.language) = (TokenizerKind::Transformer, language);
+            change(s);
+        })
+    };
+    let text = TextSpec { dim: 7, max_tokens: 9, ..TextSpec::default() };
+    let spec = transformer(|_| {}).spec(QuantizerSpec::default(), &text);
+    let read = spec.architecture.language().unwrap();
+    assert_eq!((read.dim, read.max_tokens, read.places()), (7, 9, [true; 2]));
+    let none = transformer(|s| s.language = Some(LanguageSection { at: vec![], drop: 0.1 }));
+    assert_eq!(none.spec(QuantizerSpec::default(), &text).architecture.language(), None);
+    let bad = [
+        (with(|s| s.language = language.clone()), "tokenizer.language: belongs to"),
+        (transformer(|s| s.mirror = Some(true)), "tokenizer.mirror: shows mirrored clips"),
+        (transformer(|s| s.mix_arm = Some(0.1)), "tokenizer.mix_arm: shows parts of other"),
+        (transformer(|s| s.layers = Some(2)), "tokenizer.layers: must be odd"),
+        (transformer(|s| s.heads = Some(3)), "tokenizer.heads: 3 heads do not divide"),
+        (transformer(|s| s.depth = Some(3)), "tokenizer.depth: is not of `kind: transformer`"),
+    ];
+    for (section, expected) in bad {
+        let error = section.check().unwrap_err().to_string();
+        assert!(error.starts_with(expected), "{error}");
+    }
+}
+
+#[test]
 fn the_short_form_and_the_long_one_are_the_same() {
     let quantizer = Some(QuantizerKind::Vq.section());
     let long = with(|s| (s.kind, s.quantizer) = (TokenizerKind::Convolutional, quantizer));
     let short = with(|s| s.kind = TokenizerKind::Vq);
     assert_eq!(long.quantizer(), short.quantizer());
-    let spec = |section: &TokenizerSection| section.spec(QuantizerSpec::default());
+    let text = TextSpec::default();
+    let spec = |section: &TokenizerSection| section.spec(QuantizerSpec::default(), &text);
     assert_eq!(spec(&long), spec(&short));
 }
 
@@ -64,7 +96,7 @@ fn a_window_holds_the_longest_scale_and_patches_mix() {
     let mut section = with(|s| s.kind = TokenizerKind::Patch);
     section.quantizer = Some(QuantizerKind::Multiscale.section());
     let quantizer = section.quantizer().of_size(64).unwrap();
-    assert_eq!(section.spec(quantizer).training.window, 196);
+    assert_eq!(section.spec(quantizer, &TextSpec::default()).training.window, 196);
     assert!(section.check().is_ok());
     let mix = |section: &TokenizerSection| match section.quantizer().of_size(64).unwrap() {
         QuantizerSpec::Multiscale(own) => own.mix,

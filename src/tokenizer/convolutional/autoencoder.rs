@@ -11,6 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::spec::ConvolutionalSpec;
 use crate::tokenizer::architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
 use crate::tokenizer::conv::Conv1d;
+use crate::tokenizer::pass::Pass;
 
 /// The shape of both halves.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -153,7 +154,7 @@ pub struct Encoder {
 }
 
 impl Encode for Encoder {
-    fn forward(&self, x_btf: Tensor<3>) -> Tensor<3> {
+    fn forward(&self, x_btf: Tensor<3>, _: &mut Pass) -> Tensor<3> {
         let x_btc = relu(self.input.forward(x_btf));
         self.output.forward(self.stages.iter().fold(x_btc, |x, stage| stage.forward(x)))
     }
@@ -169,7 +170,7 @@ pub struct Decoder {
 }
 
 impl Decode for Decoder {
-    fn forward(&self, latents_btc: Tensor<3>) -> Tensor<3> {
+    fn forward(&self, latents_btc: Tensor<3>, _: &mut Pass) -> Tensor<3> {
         let x_btc = relu(self.input.forward(latents_btc));
         let x_btc = self.stages.iter().fold(x_btc, |x, stage| stage.forward(x));
         self.output.forward(self.hidden.forward(x_btc))
@@ -194,10 +195,10 @@ mod tests {
         let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(0));
         let config = AutoencoderConfig { code_dim: 3, ..AutoencoderConfig::new(11, 8) };
         let encoder = config.init_encoder(&mut rng, &device);
-        let latents = encoder.forward(Tensor::ones([2, 20, 11], &device));
+        let latents = encoder.forward(Tensor::ones([2, 20, 11], &device), &mut Pass::default());
         assert_eq!(latents.dims(), [2, 5, 3]);
         let decoder = config.init_decoder(&mut rng, &device);
-        assert_eq!(decoder.forward(latents).dims(), [2, 20, 11]);
+        assert_eq!(decoder.forward(latents, &mut Pass::default()).dims(), [2, 20, 11]);
     }
 
     #[test]

@@ -240,7 +240,12 @@ mod tests {
         let (loss, truth) = (loss(), values(0.0));
         let mut visible = vec![true; 2 * FRAMES];
         (visible[FRAMES - 1], visible[FRAMES + 3]) = (false, false);
-        let windows = Windows { values: truth.clone(), visible: visible.clone(), n_frames: FRAMES };
+        let windows = Windows {
+            values: truth.clone(),
+            visible: visible.clone(),
+            n_frames: FRAMES,
+            clips: vec![0; 2],
+        };
         let made = values(1.3);
         let (_, gradient) = loss.of(&made, &windows);
         let columns = [ROOT_YAW, 1, 3, 4, 5, 6, 30, 66, 70, 262];
@@ -267,7 +272,12 @@ mod tests {
         made[4 * N_FEATURES..5 * N_FEATURES].fill(9.0);
         let mut visible = vec![true; 2 * FRAMES];
         visible[4] = false;
-        let windows = Windows { values: truth.clone(), visible: visible.clone(), n_frames: FRAMES };
+        let windows = Windows {
+            values: truth.clone(),
+            visible: visible.clone(),
+            n_frames: FRAMES,
+            clips: vec![0; 2],
+        };
         let (value, gradient) = loss.of(&made, &windows);
         // A distance of 0 counts as 1 mm, softened so that it has a slope.
         assert!((value - 0.01).abs() < 1e-6, "{value}");
@@ -280,7 +290,12 @@ mod tests {
         let mut made = truth.clone();
         made[ROOT_YAW] = 1.0;
         let visible = vec![true; 2 * FRAMES];
-        let windows = Windows { values: truth.clone(), visible: visible.clone(), n_frames: FRAMES };
+        let windows = Windows {
+            values: truth.clone(),
+            visible: visible.clone(),
+            n_frames: FRAMES,
+            clips: vec![0; 2],
+        };
         let (value, gradient) = loss.of(&made, &windows);
         assert!(value > 0.02 && gradient[ROOT_YAW] > 0.0, "{value} {}", gradient[ROOT_YAW]);
         let last = (FRAMES - 1) * N_FEATURES + ROOT_YAW;

@@ -12,6 +12,7 @@ use crate::motion::POSITIONS;
 use crate::spec::PatchSpec;
 use crate::tokenizer::architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
 use crate::tokenizer::conv::Affine;
+use crate::tokenizer::pass::Pass;
 
 /// Dilations of blocks, over and over.
 const DILATIONS: [usize; 3] = [1, 2, 4];
@@ -78,7 +79,7 @@ pub struct PatchEncoder {
 }
 
 impl Encode for PatchEncoder {
-    fn forward(&self, x_btf: Tensor<3>) -> Tensor<3> {
+    fn forward(&self, x_btf: Tensor<3>, _: &mut Pass) -> Tensor<3> {
         let [b, t, f] = x_btf.dims();
         let n = b * t / self.frames;
         let begun = self.components.forward(x_btf.clone().reshape([n, self.frames * f]));
@@ -108,7 +109,7 @@ pub struct PatchDecoder {
 }
 
 impl Decode for PatchDecoder {
-    fn forward(&self, latents_btc: Tensor<3>) -> Tensor<3> {
+    fn forward(&self, latents_btc: Tensor<3>, _: &mut Pass) -> Tensor<3> {
         let [b, t, k] = latents_btc.dims();
         let latents_nk = latents_btc.reshape([b * t, k]);
         let begun = self.line.forward(latents_nk.clone());

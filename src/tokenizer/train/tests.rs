@@ -4,8 +4,12 @@ use super::*;
 use crate::data::Split;
 use crate::motion::N_FEATURES;
 use crate::progress::Step;
-use crate::spec::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec};
-use crate::tokenizer::testing::{Waves, patch_spec, small_spec, spec_of};
+use crate::spec::{
+    CodebookKind, LanguagePlace, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec,
+};
+use crate::tokenizer::testing::{
+    D_TEXT, Waves, patch_spec, small_spec, spec_of, text_of, transformer_spec,
+};
 
 /// Patches know where joints stand among the features, convolutions do not.
 fn source_of(spec: &TokenizerSpec) -> Waves {
@@ -41,9 +45,20 @@ const PATCH_MIX: f64 = 0.5;
 fn specs(steps: usize) -> impl Iterator<Item = TokenizerSpec> {
     let convolutional =
         quantizers(CONVOLUTIONAL_MIX).into_iter().map(move |quantizer| spec_of(quantizer, steps));
-    convolutional
-        .chain(quantizers(PATCH_MIX).into_iter().map(move |quantizer| patch_spec(quantizer, steps)))
+    let patches =
+        quantizers(PATCH_MIX).into_iter().map(move |quantizer| patch_spec(quantizer, steps));
+    convolutional.chain(patches).chain(transformers(steps))
 }
+
+/// Transformers that see captions nowhere, at both halves, and with several scales at one.
+fn transformers(steps: usize) -> [TokenizerSpec; 3] {
+    let all = quantizers(CONVOLUTIONAL_MIX);
+    let places: [&[LanguagePlace]; 3] = [&[], &BOTH, &BOTH[1..]];
+    let chosen = [&all[0], &all[1], &all[4]];
+    std::array::from_fn(|i| transformer_spec(places[i], chosen[i].clone(), steps))
+}
+
+const BOTH: [LanguagePlace; 2] = [LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
 
 fn losses(spec: &TokenizerSpec) -> (Tokenizer, Vec<f64>) {
     let mut losses = Vec::new();
@@ -52,7 +67,9 @@ fn losses(spec: &TokenizerSpec) -> (Tokenizer, Vec<f64>) {
         losses.push(done.loss);
         ControlFlow::Continue(())
     };
-    let tokenizer = train(spec, &source, &Device::flex(), None, &mut progress).unwrap();
+    let text = text_of(&source, D_TEXT);
+    let corpus = Corpus { source: &source, text: Some(&text) };
+    let tokenizer = train(spec, &corpus, &Device::flex(), None, &mut progress).unwrap();
     (tokenizer, losses)
 }
 
@@ -70,7 +87,8 @@ fn training_lowers_the_loss_with_every_quantizer() {
     let patches = of(PATCH_MIX, false).map(|quantizer| (patch_spec(quantizer, 80), 0.95));
     // What a scale's FSQ gives begins far from the latents, and the decoder does not know it yet.
     let scales = of(PATCH_MIX, true).map(|quantizer| (patch_spec(quantizer, 240), 0.85));
-    for (spec, share) in convolutional.chain(patches).chain(scales) {
+    let transformers = transformers(80).into_iter().map(|spec| (spec, 0.85));
+    for (spec, share) in convolutional.chain(patches).chain(scales).chain(transformers) {
         let (_, losses) = losses(&spec);
         let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
         let (first, last) = (mean(&losses[..10]), mean(&losses[losses.len() - 10..]));
@@ -100,7 +118,8 @@ fn training_stops_when_it_is_told_to() {
         2 => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     };
-    let result = train(&small_spec(), &source, &Device::flex(), None, &mut progress);
+    let result =
+        train(&small_spec(), &Corpus::wordless(&source), &Device::flex(), None, &mut progress);
     assert!(matches!(result, Err(TokenizerError::Learn(LearnError::Stopped { step: 2, .. }))));
 }
 
@@ -114,6 +133,8 @@ fn a_resumed_training_ends_on_the_same_bits() {
         };
         let straight = bits(losses(&spec).0);
         let source = source_of(&spec);
+        let text = text_of(&source, D_TEXT);
+        let corpus = Corpus { source: &source, text: Some(&text) };
         let path = folder.path().join("checkpoint.safetensors");
         let every = std::time::Duration::from_secs(3600);
         let checkpoints = Some(&Checkpoints { path: &path, every, branch: None });
@@ -123,14 +144,30 @@ fn a_resumed_training_ends_on_the_same_bits() {
                 seen.push(step);
                 if step == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let ended = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
+            let ended = train(&spec, &corpus, &Device::flex(), checkpoints, &mut progress);
             assert!(matches!(ended, Err(TokenizerError::Learn(LearnError::Stopped { .. }))));
         }
         let mut progress = |_| ControlFlow::Continue(());
-        let resumed = train(&spec, &source, &Device::flex(), checkpoints, &mut progress);
+        let resumed = train(&spec, &corpus, &Device::flex(), checkpoints, &mut progress);
         assert_eq!(seen, [1, 2, 3, 4, 5, 6, 7], "no step is done twice");
         assert!(bits(resumed.unwrap()) == straight, "{spec:?}");
     }
+}
+
+#[test]
+fn a_tokenizer_with_language_is_not_trained_without_captions() {
+    let spec = transformer_spec(&BOTH, QuantizerSpec::Vq { n_vocab: 8 }, 2);
+    let source = source_of(&spec);
+    let train = |text| {
+        let corpus = Corpus { source: &source, text };
+        let ended =
+            train(&spec, &corpus, &Device::flex(), None, &mut |_| ControlFlow::Continue(()));
+        ended.err().unwrap().to_string()
+    };
+    let none = train(None);
+    assert!(none.contains("sees captions") && none.contains("was given none"), "{none}");
+    let wide = train(Some(&text_of(&source, 7)));
+    assert!(wide.contains("vectors of 6 numbers, the caption has 7"), "{wide}");
 }
 
 #[test]
@@ -142,7 +179,13 @@ fn a_damaged_checkpoint_is_an_error_that_names_it() {
     let checkpoints = Some(&Checkpoints { path: &path, every, branch: None });
     let mut progress = |_| ControlFlow::Continue(());
     let source = Waves::new(&[40], 3);
-    let ended = train(&small_spec(), &source, &Device::flex(), checkpoints, &mut progress);
+    let ended = train(
+        &small_spec(),
+        &Corpus::wordless(&source),
+        &Device::flex(),
+        checkpoints,
+        &mut progress,
+    );
     let message = ended.err().unwrap().to_string();
     assert!(message.contains("checkpoint.safetensors") && message.contains("remove it"));
 }
@@ -152,6 +195,8 @@ fn features_that_are_not_finite_are_an_error() {
     let mut source = Waves::new(&[40], 3);
     source.spoiled = Some((Split::Train, 0));
     let result =
-        train(&small_spec(), &source, &Device::flex(), None, &mut |_| ControlFlow::Continue(()));
+        train(&small_spec(), &Corpus::wordless(&source), &Device::flex(), None, &mut |_| {
+            ControlFlow::Continue(())
+        });
     assert!(matches!(result, Err(TokenizerError::Learn(LearnError::NonFinite { step: 1, .. }))));
 }

@@ -1,0 +1,156 @@
+use burn::tensor::{Device, Tensor, TensorData};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::*;
+use crate::learn::params::normal;
+use crate::spec::{ArchitectureSpec, Detokenizer, LanguagePlace, Positions, QuantizerSpec};
+use crate::tokenizer::architecture::{AnyDecoder, AnyEncoder, Architecture};
+use crate::tokenizer::captions::Captions;
+use crate::tokenizer::pass::Pass;
+use crate::tokenizer::testing::{D_TEXT, transformer_spec};
+
+const BOTH: [LanguagePlace; 2] = [LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
+const N_FEATURES: usize = 70;
+
+fn config(at: &[LanguagePlace]) -> TransformerConfig {
+    let quantizer = QuantizerSpec::Fsq { levels: vec![5, 3] };
+    match transformer_spec(at, quantizer, 1).architecture {
+        ArchitectureSpec::Transformer(sizes) => TransformerConfig { sizes, n_features: N_FEATURES },
+        _ => unreachable!("the spec of a transformer"),
+    }
+}
+
+fn halves(config: &TransformerConfig) -> (AnyEncoder, AnyDecoder) {
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let device = Device::flex();
+    (config.encoder(&mut rng, &device), config.decoder(&mut rng, &device))
+}
+
+fn random(shape: [usize; 3], seed: u64) -> Tensor<3> {
+    normal(shape, 1.0, &mut ChaCha8Rng::seed_from_u64(seed), &Device::flex()).val()
+}
+
+fn values<const D: usize>(x: Tensor<D>) -> Vec<f32> {
+    x.into_data().try_into_vec().unwrap()
+}
+
+/// Captions of so many words each.
+fn captions(words: &[usize], seed: u64) -> Captions {
+    let all: Vec<Vec<f32>> = words
+        .iter()
+        .enumerate()
+        .map(|(i, n)| {
+            values(random([1, (*n).max(1), D_TEXT], seed + i as u64))[..n * D_TEXT].to_vec()
+        })
+        .collect();
+    Captions::of(all.iter().map(Vec::as_slice), D_TEXT)
+}
+
+fn encoded(encoder: &AnyEncoder, clips: &Tensor<3>, captions: &Captions) -> Vec<Vec<f32>> {
+    let latents = encoder.forward(clips.clone(), &mut Pass::reading(Some(captions)));
+    let size = latents.dims()[1] * latents.dims()[2];
+    values(latents).chunks(size).map(<[f32]>::to_vec).collect()
+}
+
+#[test]
+fn clips_of_any_length_become_a_latent_for_four_frames_and_come_back() {
+    for positions in [Positions::Learned, Positions::Rotary] {
+        for detokenizer in [Detokenizer::Cross, Detokenizer::Context] {
+            let mut config = config(&[]);
+            (config.sizes.positions, config.sizes.detokenizer) = (positions, detokenizer);
+            let (encoder, decoder) = halves(&config);
+            for latents in [1, 3, 4, 5, 11] {
+                let clips = random([2, 4 * latents, N_FEATURES], 1);
+                let made = encoder.forward(clips, &mut Pass::default());
+                assert_eq!(made.dims(), [2, latents, 4]);
+                let frames = decoder.forward(made, &mut Pass::default());
+                assert_eq!(frames.dims(), [2, 4 * latents, N_FEATURES]);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_dropped_caption_cannot_influence_latents() {
+    let (encoder, _) = halves(&config(&BOTH));
+    let clips = random([2, 12, N_FEATURES], 2);
+    let with = encoded(&encoder, &clips, &captions(&[3, 5], 7));
+    let dropped = encoded(&encoder, &clips, &captions(&[3, 0], 7));
+    let others = encoded(&encoder, &clips, &captions(&[2, 0], 30));
+    let none = encoded(&encoder, &clips, &Captions::none(2));
+    assert_eq!(with[0], dropped[0], "a clip sees its own caption alone");
+    assert_ne!(with[1], dropped[1], "a caption is seen");
+    assert_eq!((&dropped[1], &others[1]), (&none[1], &none[1]));
+    // What takes the caption's place is the detokenizer's alone.
+    let (other, _) = halves(&config(&BOTH[..1]));
+    assert_eq!(encoded(&other, &clips, &captions(&[3, 0], 7)), dropped);
+}
+
+#[test]
+fn the_detokenizer_sees_a_caption_and_that_it_is_missing() {
+    for detokenizer in [Detokenizer::Cross, Detokenizer::Context] {
+        let mut config = config(&BOTH);
+        config.sizes.detokenizer = detokenizer;
+        let (_, decoder) = halves(&config);
+        let latents = random([2, 3, 4], 3);
+        let made = |captions: &Captions| {
+            values(decoder.forward(latents.clone(), &mut Pass::reading(Some(captions))))
+        };
+        let size = 12 * N_FEATURES;
+        let with = made(&captions(&[3, 5], 7));
+        let dropped = made(&captions(&[3, 0], 7));
+        let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+        assert!(close(&with[..size], &dropped[..size]));
+        assert!(!close(&with[size..], &dropped[size..]));
+        let AnyDecoder::Transformer(mut moved) = decoder.clone() else { unreachable!() };
+        moved.shift_mask();
+        let pass = &mut Pass::reading(None);
+        let without = captions(&[0, 0], 7);
+        pass.captions = Some(&without);
+        let before = made(&without);
+        assert!(!close(
+            &values(AnyDecoder::Transformer(moved).forward(latents.clone(), pass)),
+            &before
+        ));
+    }
+}
+
+#[test]
+fn dropout_follows_from_its_stream() {
+    let (encoder, _) = halves(&config(&[]));
+    let clips = random([1, 8, N_FEATURES], 2);
+    let made = |seed: Option<u64>| {
+        let noise = seed.map(ChaCha8Rng::seed_from_u64);
+        values(encoder.forward(clips.clone(), &mut Pass { captions: None, noise }))
+    };
+    assert_eq!(made(Some(1)), made(Some(1)));
+    assert_ne!(made(Some(1)), made(Some(2)));
+    assert_ne!(made(Some(1)), made(None));
+}
+
+#[test]
+fn at_the_sizes_of_the_paper_the_halves_have_about_its_parameters() {
+    use burn::module::Module;
+    let mut config = config(&BOTH);
+    config.n_features = 67;
+    let sizes = &mut config.sizes;
+    (sizes.width, sizes.layers, sizes.heads, sizes.latent, sizes.span) = (256, 9, 4, 512, 196);
+    sizes.language.as_mut().unwrap().dim = 2048;
+    let text = (2048 + 1) * 256;
+    let (encoder, decoder) = halves(&config);
+    let [encoder, decoder] = [encoder.num_params() - text, decoder.num_params() - text];
+    // 10.4 and 15.2 million, to which the latents' learned positions add 49 x 256.
+    assert!((10_350_000..10_450_000).contains(&encoder), "{encoder}");
+    assert!((15_150_000..15_265_000).contains(&decoder), "{decoder}");
+}
+
+#[test]
+fn a_batch_of_data_is_row_major() {
+    let data = TensorData::new(vec![1.0f32; D_TEXT], [1, D_TEXT]);
+    let caption: Vec<f32> = data.try_into_vec().unwrap();
+    let captions = Captions::of([&caption[..], &[]], D_TEXT);
+    assert_eq!((captions.words(), captions.longest()), (&[1, 0][..], 1));
+    assert_eq!(captions.tensor(&Device::flex()).unwrap().dims(), [1, D_TEXT]);
+    assert!(Captions::none(3).tensor(&Device::flex()).is_none());
+}

@@ -1,0 +1,123 @@
+//! Latents and frames of the transformer tokenizer, against an implementation in JAX and float64.
+//!
+//! `fixtures/transformer-tokenizer/make.py` writes the numbers. It pads each clip and masks densely
+//! where the library packs. Parameters are exact in `f32`; what is left is the library's rounding.
+
+use std::path::PathBuf;
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor, TensorData};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::Deserialize;
+
+use isoflop::learn::weights;
+use isoflop::learn::weights::{HostTensor, Weights};
+use isoflop::spec::TransformerSpec;
+use isoflop::tokenizer::{Architecture, Captions, Pass, TransformerConfig};
+
+/// Largest difference of two tensors, as a share of the reference's norm.
+const TOLERANCE: f64 = 1e-5;
+
+/// Norm, positions, detokenizer, and the halves that see captions.
+const VARIANTS: [&str; 5] = [
+    "post-learned-cross-tokenizer-detokenizer",
+    "pre-learned-cross-none",
+    "pre-rotary-context-tokenizer-detokenizer",
+    "post-rotary-cross-detokenizer",
+    "post-learned-context-tokenizer",
+];
+
+/// What stands in a file of reference values beside its tensors.
+#[derive(Deserialize)]
+struct Notes {
+    sizes: TransformerSpec,
+    words: Vec<usize>,
+}
+
+struct Reference {
+    notes: Notes,
+    tensors: Weights,
+}
+
+impl Reference {
+    fn read(variant: &str) -> Self {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/transformer-tokenizer");
+        let path = PathBuf::from(folder).join(format!("{variant}.safetensors"));
+        let (tensors, notes) = weights::load(&path).expect("make.py wrote it");
+        let notes = serde_json::from_str(&notes["reference"]).expect("make.py wrote them");
+        Self { notes, tensors }
+    }
+
+    /// A half with the reference's parameters, which must be all that it has.
+    fn half<M: Module>(&self, name: &str, drawn: M) -> M {
+        let named = self.tensors.iter().filter_map(|(path, tensor)| {
+            let path = path.strip_prefix(name)?.strip_prefix('.')?;
+            Some((format!("Transformer.{path}"), tensor.clone()))
+        });
+        let parameters: Weights = named.collect();
+        let own = weights::of_module(&drawn);
+        assert!(own.keys().eq(parameters.keys()), "{:?}", own.keys());
+        weights::into_module(drawn, parameters).expect("the same shapes")
+    }
+
+    fn tensor(&self, name: &str, device: &Device) -> Tensor<3> {
+        let HostTensor { shape, values } = &self.tensors[name];
+        let shape: [usize; 3] = shape.as_slice().try_into().expect("clips");
+        Tensor::from_data(TensorData::new(values.clone(), shape), device)
+    }
+
+    fn captions(&self) -> Captions {
+        let HostTensor { shape, values } = &self.tensors["captions"];
+        let dim = shape[1];
+        let mut words = values.chunks(dim);
+        let mut caption = |n: &usize| words.by_ref().take(*n).flatten().copied().collect();
+        let captions: Vec<Vec<f32>> = self.notes.words.iter().map(&mut caption).collect();
+        Captions::of(captions.iter().map(Vec::as_slice), dim)
+    }
+
+    /// |found − expected| / |expected|, with L2 norms over all elements.
+    fn error(&self, found: Tensor<3>, expected: &str) -> f64 {
+        let HostTensor { shape, values } = &self.tensors[expected];
+        assert_eq!(&found.dims()[..], shape.as_slice());
+        let found = found.into_data().try_into_vec::<f32>().expect("values are f32");
+        let norm =
+            |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
+        let pairs = found.iter().zip(values);
+        let apart = norm(&mut pairs.map(|(f, e)| f64::from(*f) - f64::from(*e)));
+        apart / norm(&mut values.iter().map(|e| f64::from(*e)))
+    }
+}
+
+fn compare(variant: &str, device: &Device) {
+    let reference = Reference::read(variant);
+    let config = TransformerConfig { sizes: reference.notes.sizes.clone(), n_features: 70 };
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let encoder = reference.half("encoder", config.encoder(&mut rng, device));
+    let decoder = reference.half("decoder", config.decoder(&mut rng, device));
+    let captions = reference.captions();
+    let mut pass = Pass::reading(Some(&captions));
+    let latents = encoder.forward(reference.tensor("clips", device), &mut pass);
+    let frames = decoder.forward(reference.tensor("latents", device), &mut pass);
+    for (found, expected) in [(latents, "encoded"), (frames, "decoded")] {
+        let error = reference.error(found, expected);
+        eprintln!("{variant}, {device:?}: {expected} is off by {error:.1e} of its norm");
+        assert!(error < TOLERANCE, "{variant}, {device:?}: {expected} is off by {error:.1e}");
+    }
+}
+
+#[test]
+fn latents_and_frames_are_those_of_the_equations() {
+    for variant in VARIANTS {
+        compare(variant, &Device::flex());
+        compare(variant, &Device::flex().autodiff());
+    }
+}
+
+#[test]
+#[expect(deprecated, reason = "the one other backend that needs no GPU")]
+fn another_backend_gives_the_latents_and_frames_of_the_equations() {
+    for variant in VARIANTS {
+        compare(variant, &Device::ndarray());
+    }
+}
