@@ -1,8 +1,10 @@
 """Training steps of isoflop beside the same work in PyTorch, on one thread.
 
-The model is that of `src/model`, written in PyTorch: text vectors through a linear layer, codes
+The models are those of `src/generator`, written in PyTorch: text vectors through a linear layer, codes
 through an embedding, pre-RMSNorm blocks with RoPE, fused scaled-dot-product attention and SwiGLU,
-an untied head on the rows that predict motion, mean cross-entropy, gradient clipping, fused AdamW.
+an untied head on the rows that predict motion, mean cross-entropy, gradient clipping, fused AdamW;
+the scale-by-scale transformer, of the same blocks, with a dense mask and a head a scale; and both
+halves of the transformer tokenizer with language, without the quantizer between them.
 PyTorch runs eagerly and through `torch.compile`.
 
 The sides take turns, each a pass of some seconds, in one process each that stays alive; a pass
@@ -27,7 +29,7 @@ from torch import nn
 
 D_TEXT = 64
 
-# Layers, heads, width, codes, text vectors, codes of a clip, clips: as in benches/train.rs.
+# Layers, heads, width, codes, text vectors, codes of a clip, clips: as in benches/train.
 CASES = {
     "S0": (2, 2, 64, 512, 1, 63, 32),
     "S1": (4, 4, 128, 1024, 1, 63, 32),
@@ -35,6 +37,26 @@ CASES = {
     "motion-V1000": (4, 4, 64, 1000, 32, 50, 32),
     "motion-V64000": (4, 4, 64, 64_000, 32, 50, 32),
 }
+
+MINI = [1, 2, 3, 5, 7, 10, 13, 17, 21, 25]
+MID = [2, 4, 6, 9, 12, 16, 20, 25, 30, 36]
+FULL = [3, 6, 10, 15, 20, 25, 30, 36, 42, 49]
+LATENTS, WORDS = 49, 16
+
+# Layers, heads, width, hidden width, channels of a latent, mean codebook, clips, codes of each scale.
+SCALEWISE = {
+    "scalewise-nano": (2, 2, 48, 128, 32, 256, 8, MINI),
+    "scalewise-mid": (4, 4, 128, 344, 128, 512, 8, MID),
+    "scalewise-lg-tok": (8, 6, 384, 768, 512, 512, 4, FULL),
+}
+
+# Width, layers, channels of a latent, frames, clips.
+TOKENIZERS = {
+    "tokenizer-nano": (64, 3, 32, 100, 16),
+    "tokenizer-mid": (128, 5, 128, 144, 8),
+    "tokenizer-lg-tok": (256, 9, 512, 196, 2),
+}
+FEATURES, SEEN, CAPTION, HEADS = 263, 67, 12, 4
 
 
 def matrix(rows, columns, std):
@@ -108,21 +130,178 @@ class Transformer(nn.Module):
         return F.cross_entropy(logits.flatten(0, 1), targets.flatten())
 
 
+class Scalewise(nn.Module):
+    """`[text | scale 1 | scale 2 | ...]` of each clip to the mean cross-entropy of its codes."""
+
+    def __init__(self, n_layer, n_head, d, d_ff, d_latent, n_vocab, lengths):
+        super().__init__()
+        self.lengths = lengths
+        self.text, self.input = nn.Linear(D_TEXT, d), nn.Linear(d_latent, d)
+        self.starts = nn.Parameter(torch.randn(lengths[0], d) * 0.1)
+        self.length = nn.Embedding(LATENTS, d)
+        self.levels = nn.Embedding(len(lengths), d)
+        blocks = (Block(d, n_head, d_ff, n_layer) for _ in range(n_layer))
+        self.blocks = nn.ModuleList(blocks)
+        self.norm = nn.RMSNorm(d, eps=1e-5)
+        std = (2 / (5 * d)) ** 0.5
+        heads = (matrix(d, v, std) for v in codebooks(n_vocab, lengths))
+        self.heads = nn.ModuleList(heads)
+        places = [torch.arange(-WORDS, 0.0)] + [64 * (torch.arange(n) + 0.5) / n for n in lengths]
+        pairs = d // n_head // 2
+        angles = torch.cat(places)[:, None] * 100.0 ** (-torch.arange(pairs) / pairs)
+        self.register_buffer("cos", angles.cos())
+        self.register_buffer("sin", angles.sin())
+        scale = torch.cat([torch.full((n,), k) for k, n in enumerate([WORDS, *lengths])])
+        self.register_buffer("mask", scale[None, :] <= scale[:, None])
+        self.register_buffer("level", scale[WORDS:] - 1)
+
+    def forward(self, text, inputs, lengths, targets):
+        length = self.length(lengths)[:, None]
+        starts = (self.starts + length).expand(len(text), -1, -1)
+        codes = torch.cat([starts, self.input(inputs)], 1) + self.levels(self.level)
+        x = torch.cat([self.text(text) + length, codes], 1)
+        for block in self.blocks:
+            x = block(x, (self.cos, self.sin), self.mask)
+        parts = self.norm(x[:, WORDS:]).split(self.lengths, 1)
+        scales = zip(self.heads, parts, targets)
+        sums = [F.cross_entropy(h(x).flatten(0, 1), t, reduction="sum") for h, x, t in scales]
+        return sum(sums) / (len(text) * sum(self.lengths))
+
+
+def codebooks(n_vocab, lengths):
+    """Half of the mean to three halves of it, in equal steps."""
+    return [n_vocab // 2 + n_vocab * k // (len(lengths) - 1) for k in range(len(lengths))]
+
+
+class Cross(nn.Module):
+    """Attention from frames to latents or words."""
+
+    def __init__(self, d):
+        super().__init__()
+        self.query, self.key_value = nn.Linear(d, d), nn.Linear(d, 2 * d)
+        self.output = nn.Linear(d, d)
+
+    def forward(self, x, memory):
+        b, t, d = x.shape
+        heads = lambda x: x.view(b, -1, HEADS, d // HEADS).transpose(1, 2)
+        key, value = self.key_value(memory).chunk(2, -1)
+        mixed = F.scaled_dot_product_attention(heads(self.query(x)), heads(key), heads(value))
+        return self.output(mixed.transpose(1, 2).reshape(b, t, d))
+
+
+class TokenizerLayer(nn.Module):
+    """Attention, cross-attention to each memory, SwiGLU; RMSNorm after each sum."""
+
+    def __init__(self, d, n_memories):
+        super().__init__()
+        self.qkv, self.output = nn.Linear(d, 3 * d), nn.Linear(d, d)
+        self.up, self.down = nn.Linear(d, 8 * d), nn.Linear(4 * d, d)
+        self.crosses = nn.ModuleList(Cross(d) for _ in range(n_memories))
+        self.norms = nn.ModuleList(nn.RMSNorm(d, eps=1e-5) for _ in range(n_memories + 2))
+
+    def attention(self, x, angles):
+        b, t, d = x.shape
+        q, k, v = self.qkv(x).view(b, t, 3, HEADS, d // HEADS).permute(2, 0, 3, 1, 4)
+        mixed = F.scaled_dot_product_attention(turn(q, *angles), turn(k, *angles), v)
+        return self.output(mixed.transpose(1, 2).reshape(b, t, d))
+
+    def forward(self, x, angles, memories):
+        x = self.norms[0](x + self.attention(x, angles))
+        for norm, cross, memory in zip(self.norms[1:], self.crosses, memories):
+            x = norm(x + cross(x, memory))
+        gate, up = self.up(x).chunk(2, -1)
+        return self.norms[-1](x + self.down(F.silu(gate) * up))
+
+
+class Half(nn.Module):
+    """Layers with skips from those before the middle one to those after it, between two norms."""
+
+    def __init__(self, d, layers, n_memories, rows):
+        super().__init__()
+        self.layers = nn.ModuleList(TokenizerLayer(d, n_memories) for _ in range(layers))
+        self.joins = nn.ModuleList(nn.Linear(2 * d, d) for _ in range(layers // 2))
+        self.norms = nn.ModuleList(nn.RMSNorm(d, eps=1e-5) for _ in range(2))
+        pairs = d // HEADS // 2
+        angles = torch.arange(rows)[:, None] * 100.0 ** (-torch.arange(pairs) / pairs)
+        self.register_buffer("cos", angles.cos())
+        self.register_buffer("sin", angles.sin())
+
+    def forward(self, x, memories=()):
+        x, given, half = self.norms[0](x), [], len(self.joins)
+        for i, layer in enumerate(self.layers):
+            if i > half:
+                x = self.joins[i - half - 1](torch.cat([x, given.pop()], -1))
+            x = layer(x, (self.cos, self.sin), memories)
+            if i < half:
+                given.append(x)
+        return self.norms[1](x)
+
+
+class Tokenizer(nn.Module):
+    """Both halves of the transformer tokenizer to the mean squared error of the features."""
+
+    def __init__(self, d, layers, latent, frames):
+        super().__init__()
+        t = frames // 4
+        self.motion, self.words = nn.Linear(SEEN, d), nn.Linear(D_TEXT, d)
+        self.latents = nn.Parameter(torch.randn(t, d) * d**-0.5)
+        self.encoder = Half(d, layers, 0, CAPTION + t + frames)
+        self.to_codes = nn.Conv1d(d, latent, 3, padding=1)
+        self.from_codes = nn.Conv1d(latent, d, 3, padding=1)
+        self.frames = nn.Parameter(torch.randn(frames, d) * d**-0.5)
+        self.read = nn.Linear(D_TEXT, d)
+        self.decoder = Half(d, layers, 2, frames)
+        self.output = nn.Linear(d, FEATURES)
+
+    def forward(self, x, text):
+        b, t = len(x), len(self.latents)
+        latents = self.latents.expand(b, -1, -1)
+        rows = torch.cat([self.words(text), latents, self.motion(x[:, :, :SEEN])], 1)
+        latents = self.encoder(rows)[:, CAPTION : CAPTION + t].transpose(1, 2)
+        latents = self.from_codes(self.to_codes(latents)).transpose(1, 2)
+        frames = self.decoder(self.frames.expand(b, -1, -1), (latents, self.read(text)))
+        return F.mse_loss(self.output(frames), x)
+
+
+def tokenizer(case):
+    """A tokenizer and what it is called with."""
+    *sizes, frames, clips = TOKENIZERS[case]
+    x = torch.sin(torch.arange(clips * frames * FEATURES) * 0.01).view(clips, frames, FEATURES)
+    return Tokenizer(*sizes, frames), (x, torch.full((clips, CAPTION, D_TEXT), 0.5))
+
+
+def autoregressive(case):
+    """A model and what it is called with."""
+    n_layer, n_head, d, n_vocab, n_text, n_codes, clips = CASES[case]
+    model = Transformer(n_layer, n_head, d, n_vocab, n_text, n_codes)
+    text = torch.full((clips, n_text, D_TEXT), 0.5)
+    codes = (torch.arange(n_codes) * 7 % n_vocab).expand(clips, n_codes).contiguous()
+    return model, (text, codes, F.pad(codes, (0, 1), value=n_vocab))
+
+
+def scalewise(case):
+    """The same for the scale-by-scale model."""
+    *sizes, n_vocab, clips, lengths = SCALEWISE[case]
+    model = Scalewise(*sizes, n_vocab, lengths)
+    text = torch.full((clips, WORDS, D_TEXT), 0.5)
+    inputs = torch.full((clips, sum(lengths[1:]), sizes[-1]), 0.5)
+    books = zip(codebooks(n_vocab, lengths), lengths)
+    targets = [(torch.arange(n) * 7 % v).repeat(clips) for v, n in books]
+    return model, (text, inputs, torch.full((clips,), LATENTS - 1), targets)
+
+
 def stepper(case, compiled):
     """A function that does one training step and returns its loss."""
     torch.manual_seed(0)
-    n_layer, n_head, d, n_vocab, n_text, n_codes, clips = CASES[case]
-    model = Transformer(n_layer, n_head, d, n_vocab, n_text, n_codes)
+    kinds = [(CASES, autoregressive), (SCALEWISE, scalewise), (TOKENIZERS, tokenizer)]
+    model, arguments = next(made(case) for cases, made in kinds if case in cases)
     optimiser = torch.optim.AdamW(
         model.parameters(), lr=1e-3, betas=(0.9, 0.95), eps=1e-8, weight_decay=1e-6, fused=True
     )
-    text = torch.full((clips, n_text, D_TEXT), 0.5)
-    codes = (torch.arange(n_codes) * 7 % n_vocab).expand(clips, n_codes).contiguous()
-    targets = F.pad(codes, (0, 1), value=n_vocab)
     forward = torch.compile(model) if compiled else model
 
     def step():
-        loss = forward(text, codes, targets)
+        loss = forward(*arguments)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), 1.0)
@@ -213,7 +392,7 @@ def two_beside(pair, case, options):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", default=",".join(CASES), help="which, with commas")
+    parser.add_argument("--cases", default=",".join(CASES | SCALEWISE | TOKENIZERS), help="which, with commas")
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--seconds", type=float, default=1.0, help="of a pass")
     parser.add_argument("--no-compile", action="store_true", help="leave torch.compile out")

@@ -1,6 +1,6 @@
-"""Embeds the captions of a data set by a language model, for `text: {encoder: file, path: OUT}`.
+"""Embeds the captions of data sets by a language model, for `text: {encoder: file, path: OUT}`.
 
-DATA is a folder in the HumanML3D layout, MODEL the name or the folder of a Hugging Face model: BERT, an
+DATA are folders in the HumanML3D layout, MODEL the name or the folder of a Hugging Face model: BERT, an
 encoder and decoder such as T5, or CLIP. Each caption, and each with left and right exchanged, gets the
 last hidden state of its tokens (`--level word`) or their mean (`--level sentence`, max_tokens: 1).
 The format is described in src/text/embedding_file.rs.
@@ -24,10 +24,10 @@ MIRRORED = {"left": "right", "right": "left", "clockwise": "counterclockwise"}
 MIRRORED |= {"counterclockwise": "clockwise", "anticlockwise": "clockwise"}
 
 
-def captions(folder):
+def captions(folders):
     """Those before the first `#` of each line, lower-case with single spaces, and mirrored, sorted."""
     found = set()
-    for path in Path(folder, "texts").glob("*.txt"):
+    for path in (path for folder in folders for path in Path(folder, "texts").glob("*.txt")):
         for line in path.read_text("utf-8-sig", errors="replace").split("\n"):
             found.add(" ".join(line.split("#")[0].lower().split()))
     mirror = lambda word: MIRRORED.get(word[0], word[0])
@@ -49,7 +49,7 @@ def vectors(name, texts, level):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("data")
+    parser.add_argument("data", nargs="+")
     parser.add_argument("model")
     parser.add_argument("--out", required=True)
     parser.add_argument("--level", choices=["word", "sentence"], default="word")

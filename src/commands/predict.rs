@@ -66,7 +66,7 @@ pub fn laws_of(path: &Path) -> Result<Laws> {
 pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError> {
     match (laws.flops_rule.as_str(), laws.n_ctx) {
         ("openai", Some(n_ctx)) => {
-            let count = openai_count(n_ctx);
+            let count = openai_count(n_ctx, laws.head_share.unwrap_or(1.0));
             let options = PredictOptions { flop_count: &count, ..PredictOptions::default() };
             predict::predict(laws, budget, &options)
         }
@@ -75,8 +75,9 @@ pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError>
 }
 
 /// Training FLOPs by ScaMo's Code 1 along the ladder of buildable shapes: what a token costs beside
-/// its vocabulary is interpolated between rungs, in logarithms of N_nv.
-fn openai_count(n_ctx: usize) -> CountedBy<impl Fn(f64, f64, f64) -> f64 + Sync> {
+/// its vocabulary is interpolated between rungs, in logarithms of N_nv; a code is chosen among
+/// `head_share` of the vocabulary.
+fn openai_count(n_ctx: usize, head_share: f64) -> CountedBy<impl Fn(f64, f64, f64) -> f64 + Sync> {
     let rungs: Vec<(f64, f64)> = predict::default_ladder()
         .iter()
         .map(|rung| {
@@ -86,7 +87,7 @@ fn openai_count(n_ctx: usize) -> CountedBy<impl Fn(f64, f64, f64) -> f64 + Sync>
         })
         .collect();
     let count = move |nonvocab: f64, vocab: f64, tokens: f64| {
-        let per_token = interpolate(&rungs, nonvocab.ln()).exp() + 2.0 * vocab;
+        let per_token = interpolate(&rungs, nonvocab.ln()).exp() + 2.0 * head_share * vocab;
         TRAINING_PER_FORWARD * per_token * tokens
     };
     CountedBy { rule: "openai".to_string(), count }

@@ -32,6 +32,12 @@ pub enum GeneratorError {
          leave guidance at 0, or train with model.text_drop above 0"
     )]
     Guidance,
+    /// An edit by a model that sees nothing of what comes later.
+    #[error(
+        "an autoregressive generator sees no code that comes later, so it cannot fill a part of a \
+         motion: edit with a scalewise or a masked one"
+    )]
+    Edit,
     /// Weights that are not those of the run.
     #[error(transparent)]
     Weights(#[from] WeightsError),
@@ -53,7 +59,8 @@ impl GeneratorError {
             Self::Vocabulary { .. }
             | Self::Context { .. }
             | Self::Length { .. }
-            | Self::Guidance => Some(FailureKind::BadData),
+            | Self::Guidance
+            | Self::Edit => Some(FailureKind::BadData),
             Self::Weights(_) => Some(FailureKind::Damaged),
             Self::Precision(_) => Some(FailureKind::Other),
         }

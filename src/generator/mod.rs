@@ -19,7 +19,7 @@ use std::path::Path;
 
 pub use error::GeneratorError;
 pub use kind::{Generator, MOST_PROBED_PARAMS, Probe, Training};
-pub use sampling::{Choices, Draw, Prompt, Sampled, Sampler, Sampling, StreamForm};
+pub use sampling::{Choices, Draw, Edit, Prompt, Sampled, Sampler, Sampling, StreamForm};
 pub use schedule::learning_rate;
 pub use trained::{Inputs, LogLine, ScaleInputs, SplitLoss, Trained};
 

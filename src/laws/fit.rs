@@ -200,6 +200,7 @@ fn laws_through(
         metric: Metric::default(),
         parameters: options.parameters,
         n_ctx: None,
+        head_share: None,
         reference_flops: reference,
         fitted_budgets: used.iter().map(|m| m.budget_flops).collect(),
         minima_method: method,

@@ -26,6 +26,7 @@ pub fn scamo() -> Laws {
         metric: Metric::default(),
         parameters: Parameters::Split,
         n_ctx: None,
+        head_share: None,
         reference_flops: REFERENCE_FLOPS,
         fitted_budgets: Vec::new(),
         minima_method: MinimumMethod::Argmin,

@@ -213,6 +213,10 @@ pub struct Laws {
     /// n_ctx of the sweep's models, for the `openai` count of a prediction; absent where unknown.
     #[serde(default)]
     pub n_ctx: Option<usize>,
+    /// The share of the vocabulary that a code is chosen among, on the mean, for the same count: below
+    /// 1 where each scale has a head of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub head_share: Option<f64>,
     /// C0, the geometric mean of the fitted budgets.
     pub reference_flops: f64,
     /// The budgets whose minima the laws were fitted to, ascending: not the held-out one, and not

@@ -22,6 +22,7 @@ pub(super) fn unfitted(
         metric: points.first().map(|point| point.metric.clone()).unwrap_or_default(),
         parameters,
         n_ctx: None,
+        head_share: None,
         reference_flops,
         fitted_budgets: if least < most { vec![least, most] } else { vec![most] },
         minima_method: MinimumMethod::Argmin,

@@ -29,19 +29,19 @@ impl KeyValues {
 }
 
 /// Positions that join every sequence of a batch at once. Each sees all positions before it, its own,
-/// and those that join beside it, but for padding.
+/// and those that join beside it, but for those that are hidden from it.
 #[derive(Clone, Debug)]
 pub struct Joining {
     n_head: usize,
     /// Cosines and sines of their angles, `[b, 1, m, c / 2, 1]`.
     turns: [Tensor<5>; 2],
-    /// True where a position is padding, `[b, 1, 1, t]`.
-    padding_b11t: Tensor<4, Bool>,
+    /// True where a position is hidden, `[b, 1, 1, t]`, or `[b, 1, m, t]` where it is from some.
+    hidden: Tensor<4, Bool>,
 }
 
 impl Joining {
     /// Positions by their rows of `rope`, `[b, m]`, and which of all positions so far, these
-    /// included, are padding, `[b, t]`; both row-major.
+    /// included, are hidden from all that join, as padding is, `[b, t]`; both row-major.
     ///
     /// # Panics
     /// If a list is no multiple of the number of sequences, or a position has no angle.
@@ -50,23 +50,34 @@ impl Joining {
         n_head: usize,
         n_sequences: usize,
         positions: &[usize],
-        padding: &[bool],
+        hidden: &[bool],
         device: &Device,
     ) -> Self {
         let (b, pairs) = (n_sequences, rope.head_dim() / 2);
-        let (m, t) = (positions.len() / b, padding.len() / b);
-        assert!(b * m == positions.len() && b * t == padding.len(), "a row a sequence");
+        let (m, t) = (positions.len() / b, hidden.len() / b);
+        assert!(b * m == positions.len() && b * t == hidden.len(), "a row a sequence");
         let angles = |of: fn(&Rope, usize) -> &[f32]| {
             let values: Vec<f32> =
                 positions.iter().flat_map(|&position| of(rope, position)).copied().collect();
             Tensor::from_data(TensorData::new(values, [b, 1, m, pairs, 1]), device)
         };
-        let padding = TensorData::new(padding.to_vec(), [b, 1, 1, t]);
+        let hidden = TensorData::new(hidden.to_vec(), [b, 1, 1, t]);
         Self {
             n_head,
             turns: [angles(|rope, t| rope.turn(t).0), angles(|rope, t| rope.turn(t).1)],
-            padding_b11t: Tensor::from_data(padding, device),
+            hidden: Tensor::from_data(hidden, device),
         }
+    }
+
+    /// Hides the first `n` positions of every sequence from some of those that join, `[b, m]` row-major.
+    pub fn hiding(self, n: usize, from: &[bool]) -> Self {
+        let [b, .., t] = self.hidden.dims();
+        let m = from.len() / b;
+        let hide =
+            from.iter().flat_map(|&is_hidden| (0..t).map(move |place| is_hidden && place < n));
+        let data = TensorData::new(hide.collect::<Vec<bool>>(), [b, 1, m, t]);
+        let hide = Tensor::from_data(data, &self.hidden.device());
+        Self { hidden: self.hidden.expand([b, 1, m, t]).bool_or(hide), ..self }
     }
 
     /// The attention half of a block for the rows of the positions that join, sequence after
@@ -85,7 +96,7 @@ impl Joining {
         let c = d / self.n_head;
         let queries = self.turned(queries).div_scalar((c as f64).sqrt());
         let scores_bhmt = queries.matmul(keys.swap_dims(2, 3));
-        let hidden_bhmt = self.padding_b11t.clone().expand(scores_bhmt.dims());
+        let hidden_bhmt = self.hidden.clone().expand(scores_bhmt.dims());
         let weights_bhmt = softmax(scores_bhmt.mask_fill(hidden_bhmt, MASKED), 3);
         let mixed_nd = weights_bhmt.matmul(values).swap_dims(1, 2).reshape([n, d]);
         x_nd + mixed_nd.matmul(weights.output_dd)
@@ -102,5 +113,48 @@ impl Joining {
 
     fn turned(&self, x_bhmc: Tensor<4>) -> Tensor<4> {
         turn(x_bhmc, &self.turns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two positions that join two others: the values of the first two are `before`; the first that
+    /// joins sees nothing of them.
+    fn joined(before: [f32; 2]) -> Vec<f32> {
+        let device = Device::flex();
+        let rope = Rope::new(4, 2, 10_000.0);
+        let matrix = |values: &[f32], shape| {
+            Tensor::<2>::from_data(TensorData::new(values.to_vec(), shape), &device)
+        };
+        let weights = || AttentionWeights {
+            gamma_d: Tensor::ones([2], &device),
+            qkv_d3d: matrix(
+                &[0.3, 1.0, -0.4, 0.6, 0.9, 0.1, 0.7, -0.2, 0.5, 1.1, -0.8, 0.4],
+                [2, 6],
+            ),
+            output_dd: matrix(&[1.0, 0.5, -0.5, 1.0], [2, 2]),
+        };
+        let mut kept = KeyValues::default();
+        let first = Joining::new(&rope, 1, 1, &[0, 1], &[false; 2], &device);
+        first.attention(
+            matrix(&[before[0], 1.0, before[1], -1.0], [2, 2]),
+            weights(),
+            &mut kept,
+            1e-5,
+        );
+        let second = Joining::new(&rope, 1, 1, &[2, 3], &[false; 4], &device);
+        let second = second.hiding(2, &[true, false]);
+        let x_nd = matrix(&[0.2, 0.9, -1.3, 0.4], [2, 2]);
+        let y_nd = second.attention(x_nd, weights(), &mut kept, 1e-5);
+        y_nd.into_data().try_into_vec().expect("f32")
+    }
+
+    #[test]
+    fn what_is_hidden_from_a_position_does_not_reach_it() {
+        let (a, b) = (joined([0.5, -0.7]), joined([-2.0, 1.4]));
+        assert_eq!(a[..2], b[..2]);
+        assert!(a[2] != b[2] && a[3] != b[3], "{a:?} {b:?}");
     }
 }

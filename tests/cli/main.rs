@@ -24,3 +24,4 @@ mod tokenizer;
 mod trunks;
 mod tune;
 mod validate;
+mod victim;

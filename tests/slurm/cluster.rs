@@ -95,7 +95,12 @@ impl OnSlurm {
         Self::at(Place::with("mini.yaml"), settings)
     }
 
-    /// The same in a given place.
+    /// `language.yaml`: tokenizers with language, and two kinds of generators.
+    pub fn language() -> Self {
+        Self { name: "language", ..Self::at(Place::with("language.yaml"), &[]) }
+    }
+
+    /// `mini.yaml` in a given place.
     pub fn at(place: Place, settings: &[&'static str]) -> Self {
         place.write("profile.yaml", PROFILE);
         let settings = settings.iter().flat_map(|setting| ["--set", setting]).collect();

@@ -28,6 +28,23 @@ fn a_sweep_on_slurm_gives_the_bits_of_one_on_this_machine() {
     assert_eq!(sweep.place.names("results/mini/slurm/gen"), ["1"]);
 }
 
+#[test]
+fn tokenizers_with_language_and_generators_as_an_axis_give_the_same_bits_on_slurm() {
+    let Some(_cluster) = cluster() else { return };
+    let sweep = OnSlurm::language();
+    sweep.submit().exits(0);
+    let state = sweep.over();
+    assert_eq!(state["runs"]["done"], 16, "{state:#}\n{}", sweep.logs());
+    let (ours, theirs) = (sweep.results(), sweep.locally());
+    assert_eq!(records::timeless(&ours), records::timeless(&theirs));
+    assert_eq!(records::timeless_table(&ours), records::timeless_table(&theirs));
+    for generator in ["autoregressive", "scalewise"] {
+        let laws = format!("generators/{generator}/laws.json");
+        let read = |folder: &std::path::Path| std::fs::read(folder.join(&laws)).expect("laws");
+        assert_eq!(read(&ours), read(&theirs), "{generator}");
+    }
+}
+
 /// The whole study, with one of the two nodes gone for good when a third of the runs are done.
 #[test]
 #[ignore = "a quarter of an hour"]

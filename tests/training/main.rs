@@ -5,6 +5,7 @@ mod batches;
 mod corpus;
 mod masked;
 mod numbered;
+mod resumed;
 mod scalewise;
 
 use std::ops::ControlFlow;

@@ -21,7 +21,7 @@ use isoflop::spec::{GeneratorSpec, MaskedSpec};
 /// Codes.
 const V: usize = 4;
 
-fn spec(text_drop: f64) -> RunSpec {
+pub fn spec(text_drop: f64) -> RunSpec {
     let mut spec = small_run(V);
     let shape = spec.shape().clone();
     spec.generator = GeneratorSpec::Masked(MaskedSpec { shape, corruption: 0.0, text_drop });
@@ -58,7 +58,7 @@ fn captions(clip: usize) -> Vec<String> {
 }
 
 /// A corpus of the source, and what the source itself has on the test split.
-fn corpus(n_train: usize) -> (Corpus, f64) {
+pub fn corpus(n_train: usize) -> (Corpus, f64) {
     let [(train, _), (val, _), (test, nats)] =
         [(n_train, 1), (10, 2), (400, 3)].map(|(n, seed)| source(n, seed));
     (Corpus::of_grid(&Grid::stream(V, 4), [train, val, test], captions), nats)
@@ -129,6 +129,7 @@ fn sampled(spec: &RunSpec, sampling: &Sampling) -> Result<Vec<Sampled>, Generato
         n_frames: Some(n_frames),
         seed: 1,
         index,
+        edit: None,
     };
     let prompts: Vec<Prompt> = [(0, 20), (1, 8), (2, 4), (3, 22)].map(prompt).into();
     sampler.sample(&prompts, &Nobody, sampling)
@@ -152,4 +153,12 @@ fn guidance_without_dropped_captions_is_refused() {
     let sampling = Sampling { guidance: 1.0, ..Sampling::default() };
     let error = sampled(&spec(0.0), &sampling).unwrap_err().to_string();
     assert!(error.contains("every caption") && error.contains("model.text_drop"), "{error}");
+}
+
+/// Guidance of strength s gives c + s (c − u); where s is next to nothing, that is the pass with text.
+#[test]
+fn guidance_0_is_the_pass_with_text() {
+    let spec = spec(0.1);
+    let with = |guidance| sampled(&spec, &Sampling { guidance, ..Sampling::default() }).unwrap();
+    assert_eq!(with(1e-12), with(0.0));
 }

@@ -11,7 +11,7 @@ use crate::corpus::{Clips, Corpus, D_TEXT, small_run};
 use isoflop::codes::{Grid, Length, Scale};
 use isoflop::generator::scalewise::{Batch, Clip, Model};
 use isoflop::generator::{
-    self, Draw, GeneratorError, Inputs, Prompt, Sampling, ScaleInputs, Trained, Training,
+    self, Draw, Edit, GeneratorError, Inputs, Prompt, Sampling, ScaleInputs, Trained, Training,
 };
 use isoflop::learn::Checkpoints;
 use isoflop::learn::weights::{self, Weights};
@@ -29,7 +29,7 @@ fn grid() -> Grid {
 }
 
 /// Shows a scale which codes the scales before it have at its place, one by one.
-struct OneHot;
+pub struct OneHot;
 
 impl ScaleInputs for OneHot {
     fn inputs(&self, codes: &[u32], n_clips: usize, n_frames: usize) -> Vec<Vec<f32>> {
@@ -52,7 +52,7 @@ impl ScaleInputs for OneHot {
     }
 }
 
-fn spec(change: impl FnOnce(&mut ScalewiseSpec)) -> RunSpec {
+pub fn spec(change: impl FnOnce(&mut ScalewiseSpec)) -> RunSpec {
     let mut spec = small_run(V);
     let mut own = ScalewiseSpec {
         shape: spec.shape().clone(),
@@ -172,7 +172,7 @@ fn train(spec: &RunSpec, corpus: &Corpus) -> Result<Trained, GeneratorError> {
 }
 
 /// A corpus of the source, and what the source itself has on the test split.
-fn corpus(n_train: usize) -> (Corpus, f64) {
+pub fn corpus(n_train: usize) -> (Corpus, f64) {
     let [(train, _), (val, _), (test, nats)] =
         [(n_train, 1), (10, 2), (200, 3)].map(|(n, seed)| source(n, seed));
     (Corpus::of_grid(&grid(), [train, val, test], captions), nats)
@@ -215,6 +215,7 @@ fn sampled(spec: &RunSpec, sampling: &Sampling) -> Vec<Vec<u32>> {
         n_frames: Some(frames),
         seed: 1,
         index: index as u64,
+        edit: None,
     };
     let prompts: Vec<Prompt> = orders.into_iter().enumerate().map(prompt).collect();
     let made = sampler.sample(&prompts, &OneHot, sampling).unwrap();
@@ -246,4 +247,38 @@ fn motions_repeat_and_guidance_changes_them() {
     let free = Sampling::default();
     assert_eq!(sampled(&spec, &free), sampled(&spec, &free));
     assert_ne!(sampled(&spec, &free), sampled(&spec, &Sampling { guidance: 4.0, ..free }));
+}
+
+/// Guidance of strength s gives c + s (c − u); where s is next to nothing, that is the pass with text.
+#[test]
+fn guidance_0_is_the_pass_with_text() {
+    let with = |guidance| sampled(&spec(|_| {}), &Sampling { guidance, ..Sampling::default() });
+    assert_eq!(with(1e-12), with(0.0));
+}
+
+/// A clip of six latents, made anew in its third and fourth.
+#[test]
+fn an_edit_keeps_what_lies_outside_of_it() {
+    let spec = spec(|_| {});
+    let (model, text) = (model(&spec), text());
+    let sampler = generator::of(&spec).sampler(&spec, weights_of(&model), &Device::flex()).unwrap();
+    let codes: Vec<u32> = (0..18).map(|i| i * 5 % V as u32).collect();
+    let made = |anew: [bool; 6], index, guidance| {
+        let edit = Some(Edit { codes: &codes, anew: &anew });
+        let prompt = Prompt { text: &text, n_frames: Some(24), seed: 1, index, edit };
+        let whole = Prompt { edit: None, ..prompt };
+        let sampling = Sampling { guidance, ..Sampling::default() };
+        let made = sampler.sample(&[prompt, whole], &OneHot, &sampling).unwrap();
+        [0, 1].map(|i| made[i].codes.clone())
+    };
+    let anew = [false, false, true, true, false, false];
+    let mut differs = [false; 18];
+    for index in 0..20 {
+        let [edited, _] = made(anew, index, f64::from(index as u32 % 2));
+        differs.iter_mut().zip(edited.iter().zip(&codes)).for_each(|(d, (a, b))| *d |= a != b);
+        let [all, whole] = made([true; 6], index, 0.0);
+        assert_eq!(all, whole);
+        assert_eq!(made([false; 6], index, 0.0)[0], codes);
+    }
+    assert_eq!(differs[..], [anew; SCALES].concat()[..]);
 }

@@ -5,7 +5,8 @@ use isoflop::laws::{
     sensitivity_row,
 };
 use isoflop::record::RunRecord;
-use isoflop::spec::FlopsRule;
+use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
+use isoflop::spec::{Ffn, FlopsRule, ModelShape};
 use isoflop::sweep::{HoldOutSpec, Sweep};
 
 use super::request::FitRequest;
@@ -66,6 +67,7 @@ pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitErr
 /// Marks laws as those of this project's own models.
 pub fn of_own_models(laws: &mut Laws, records: &[RunRecord]) {
     (laws.from_sweep, laws.n_ctx) = (true, n_ctx(records));
+    laws.head_share = head_share(records);
     if let Some(refit) = &mut laws.refit {
         of_own_models(refit, records);
     }
@@ -106,6 +108,32 @@ fn refit(
 /// The most positions that a model has.
 pub fn n_ctx(records: &[RunRecord]) -> Option<usize> {
     records.iter().filter_map(|record| record.planned.n_ctx).max()
+}
+
+/// The share of the vocabulary that a code is chosen among; `None` where it is all of it, or where the
+/// records do not tell.
+fn head_share(records: &[RunRecord]) -> Option<f64> {
+    let share = records.iter().find_map(share_of)?;
+    (share < 0.999).then_some(share)
+}
+
+/// What a token costs by the OpenAI rule beside the blocks, as a share of a head over all codes.
+fn share_of(record: &RunRecord) -> Option<f64> {
+    let RunRecord { planned, measured, .. } = record;
+    let shape = ModelShape {
+        n_layer: planned.n_layer?,
+        n_head: planned.n_head?,
+        d_model: planned.d_model?,
+        d_ff: 0,
+        n_ctx: planned.n_ctx?,
+        d_text: 0,
+        ffn: Ffn::SwiGlu,
+        tie_embeddings: false,
+        rope_base: 10_000.0,
+    };
+    let tokens = TRAINING_PER_FORWARD * measured.tokens as f64;
+    let head = measured.flops_openai? / tokens - openai_per_token(&shape, 0) as f64;
+    Some(head / (2 * planned.n_vocab * shape.d_model) as f64)
 }
 
 /// The runs as the laws see them, and a sentence on those whose records lack what a point needs.

@@ -107,7 +107,13 @@ fn make(args: &GenerateArgs, run: &TrainedRun, orders: &[Order]) -> Result<Vec<M
 
 impl Order {
     fn prompt(&self, seed: u64) -> Prompt<'_> {
-        Prompt { text: &self.text, n_frames: self.n_frames, seed, index: self.index as u64 }
+        Prompt {
+            text: &self.text,
+            n_frames: self.n_frames,
+            seed,
+            index: self.index as u64,
+            edit: None,
+        }
     }
 }
 

@@ -58,6 +58,7 @@ pub fn laws(noise: &mut Noise) -> Laws {
         metric: Metric::default(),
         parameters: Parameters::Split,
         n_ctx: None,
+        head_share: None,
         reference_flops: reference,
         fitted_budgets: BUDGETS[..3].to_vec(),
         minima_method: MinimumMethod::Parabola,

@@ -74,6 +74,9 @@ impl Sampler for AutoregressiveSampler {
         if sampling.guidance > 0.0 {
             return Err(GeneratorError::Guidance);
         }
+        if prompts.iter().any(|prompt| prompt.edit.is_some()) {
+            return Err(GeneratorError::Edit);
+        }
         prompts.iter().try_for_each(|prompt| self.check(prompt))?;
         let grow = |prompt: &Prompt| Growing {
             form: StreamForm::new(&self.grid, prompt.n_frames, self.room(prompt)),

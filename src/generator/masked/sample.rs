@@ -101,12 +101,14 @@ impl MaskedSampler {
         values.chunks_exact(columns).map(<[f32]>::to_vec).collect()
     }
 
-    /// One round: every hidden code is drawn, and all but `n_hidden` of a motion, the surest, stay.
-    fn round(&self, making: &mut [Making], share: f64, sampling: &Sampling) {
+    /// One round: every hidden code is drawn, and the least sure of them are hidden again for the next
+    /// round, which begins with the share `next` of a motion hidden.
+    fn round(&self, making: &mut [Making], next: Option<f64>, sampling: &Sampling) {
         let n_vocab = self.grid.n_vocab();
         let mut rows = self.logits(making, sampling.guidance).into_iter();
         for motion in making {
-            let n_hidden = (share * motion.codes.len() as f64).round() as usize;
+            let hidden = |share: f64| (share * motion.codes.len() as f64).round().max(1.0) as usize;
+            let n_hidden = next.map_or(0, hidden);
             let places: Vec<usize> = (0..motion.codes.len())
                 .filter(|&place| motion.codes[place] == end_token(n_vocab))
                 .collect();
@@ -118,8 +120,7 @@ impl MaskedSampler {
                 drawn.push((place, code as u32, Draw::confidence(&row[..n_vocab], code)));
             }
             drawn.sort_by(|a, b| b.2.total_cmp(&a.2).then(a.0.cmp(&b.0)));
-            // A round that hides as many as the last would never end.
-            let stay = drawn.len().saturating_sub(n_hidden).max(1);
+            let stay = drawn.len().saturating_sub(n_hidden);
             for (place, code, _) in drawn.into_iter().take(stay) {
                 motion.codes[place] = code;
             }
@@ -132,7 +133,8 @@ impl Sampler for MaskedSampler {
         true
     }
 
-    /// Rounds as MoMask's: after round i of n the share cos(π i / 2n) of a motion is hidden again.
+    /// Rounds as MoMask's: round i of n begins with the share cos(π/2 · i / (n − 1)) of a motion hidden,
+    /// i from 0, and one code at least; a code that was shown once stays.
     fn sample(
         &self,
         prompts: &[Prompt],
@@ -141,14 +143,11 @@ impl Sampler for MaskedSampler {
     ) -> Result<Vec<Sampled>, GeneratorError> {
         let making = prompts.iter().map(|prompt| self.begin(prompt, sampling));
         let mut making = making.collect::<Result<Vec<_>, _>>()?;
-        let rounds = sampling.rounds.max(1);
-        for round in 1..=rounds {
-            let share = if round == rounds {
-                0.0
-            } else {
-                (FRAC_PI_2 * round as f64 / rounds as f64).cos()
-            };
-            self.round(&mut making, share, sampling);
+        let last = sampling.rounds.max(1) - 1;
+        for round in 0..=last {
+            let next = (round + 1) as f64 / last as f64;
+            let next = (round < last).then(|| (FRAC_PI_2 * next).cos());
+            self.round(&mut making, next, sampling);
         }
         let done =
             |Making { codes, n_frames, .. }: Making| Sampled { codes, n_frames, ended: true };

@@ -1,6 +1,7 @@
 //! What is common to the sampling of every kind of generator: prompts, drawing, and what comes out.
 
 mod draw;
+mod edit;
 mod form;
 
 use rand_chacha::ChaCha8Rng;
@@ -8,6 +9,7 @@ use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 
 pub use draw::Draw;
+pub use edit::Edit;
 pub use form::{Choices, StreamForm};
 
 use super::{GeneratorError, ScaleInputs};
@@ -22,6 +24,8 @@ pub struct Prompt<'a> {
     pub seed: u64,
     /// Tells motions of one seed apart: each draws from its own stream of random numbers.
     pub index: u64,
+    /// A clip of the length asked for that is made anew in part; `None` makes all of the motion.
+    pub edit: Option<Edit<'a>>,
 }
 
 impl Prompt<'_> {

@@ -14,7 +14,7 @@ use super::model::Model;
 use super::own::own;
 use crate::codes::Grid;
 use crate::generator::stack::{Growing, padded};
-use crate::generator::{GeneratorError, Prompt, Sampled, Sampler, Sampling, ScaleInputs};
+use crate::generator::{Edit, GeneratorError, Prompt, Sampled, Sampler, Sampling, ScaleInputs};
 use crate::learn::weights::{self, Weights};
 use crate::plan::RunSpec;
 use crate::spec::Precision;
@@ -34,6 +34,8 @@ struct Making<'a> {
     /// Codes of each clip so far.
     codes: Vec<Vec<u32>>,
     rngs: Vec<ChaCha8Rng>,
+    /// What stays of each, where a part of it is made anew.
+    edits: Vec<Option<Edit<'a>>>,
     /// With each clip goes one without text, after all of them.
     guidance: f64,
 }
@@ -50,6 +52,19 @@ impl Making<'_> {
         let mut inputs = self.scales.inputs(&codes, self.codes.len(), self.n_frames);
         let inputs = inputs.swap_remove(scale - 1);
         inputs.repeat(self.n_sequences() / self.codes.len())
+    }
+
+    /// For each clip, the codes of a scale of `n` that stay, and `None` where one is drawn.
+    fn kept(&self, n: usize) -> Vec<Vec<Option<u32>>> {
+        let kept = |(edit, codes): (&Option<Edit>, &Vec<u32>)| match edit {
+            None => vec![None; n],
+            Some(edit) => {
+                let own = &edit.codes[codes.len()..codes.len() + n];
+                let places = edit.places(n).into_iter().zip(own);
+                places.map(|(anew, &code)| (!anew).then_some(code)).collect()
+            }
+        };
+        self.edits.iter().zip(&self.codes).map(kept).collect()
     }
 }
 
@@ -101,11 +116,16 @@ impl ScalewiseSampler {
             let angles: Vec<usize> = (0..making.n_sequences())
                 .flat_map(|_| self.model.places().scale(scale, n))
                 .collect();
-            let logits = self.model.logits(scale, growing.join(x_nd, &angles)).into_data();
+            let kept = making.kept(n);
+            // What stays reads no text, which is about what is made anew (LG-Tok, eq. 7).
+            let blind: Vec<bool> = kept.iter().flatten().map(Option::is_some).collect();
+            let blind = blind.repeat(making.n_sequences() / kept.len());
+            let x_nd = growing.join(x_nd, &angles, &blind);
+            let logits = self.model.logits(scale, x_nd).into_data();
             let logits: Vec<f32> = logits.try_into_vec().expect("logits are f32");
             // The ramp of MoSa and LG-Tok: none at the first scale, all of it at the last.
             let strength = making.guidance * scale as f64 / last;
-            draw(making, &logits, n, strength, sampling);
+            draw(making, &kept, &logits, strength, sampling);
         }
     }
 
@@ -124,14 +144,25 @@ impl ScalewiseSampler {
     }
 }
 
-/// The codes of a scale join each clip, by the rows of `[b·n, V]`, with those without text after them
-/// where clips are guided.
-fn draw(making: &mut Making, logits: &[f32], n: usize, strength: f64, sampling: &Sampling) {
+/// The codes of a scale join each clip: those that are kept, and else by the rows of `[b·n, V]`, with
+/// those without text after them where clips are guided.
+fn draw(
+    making: &mut Making,
+    kept: &[Vec<Option<u32>>],
+    logits: &[f32],
+    strength: f64,
+    sampling: &Sampling,
+) {
+    let n = kept[0].len();
     let n_vocab = logits.len() / (making.n_sequences() * n);
     let (with, without) = logits.split_at(making.codes.len() * n * n_vocab);
     let clips = making.codes.iter_mut().zip(&mut making.rngs).enumerate();
     for (i, (codes, rng)) in clips {
-        for slot in 0..n {
+        for (slot, kept) in kept[i].iter().enumerate() {
+            if let Some(code) = kept {
+                codes.push(*code);
+                continue;
+            }
             let row = (i * n + slot) * n_vocab..(i * n + slot + 1) * n_vocab;
             let mut guided = with[row.clone()].to_vec();
             if strength > 0.0 {
@@ -168,7 +199,9 @@ impl Sampler for ScalewiseSampler {
             let texts: Vec<&[f32]> = places.iter().map(|&i| prompts[i].text).collect();
             let codes = vec![Vec::new(); places.len()];
             let rngs = places.iter().map(|&i| prompts[i].rng()).collect();
-            let mut making = Making { scales, n_frames, codes, rngs, guidance: sampling.guidance };
+            let edits = places.iter().map(|&i| prompts[i].edit).collect();
+            let guidance = sampling.guidance;
+            let mut making = Making { scales, n_frames, codes, rngs, edits, guidance };
             self.make(&texts, &mut making, sampling);
             for (i, codes) in places.into_iter().zip(making.codes) {
                 made[i] = Some(Sampled { codes, n_frames, ended: true });

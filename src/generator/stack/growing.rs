@@ -41,18 +41,21 @@ impl<'a> Growing<'a> {
     /// What the blocks make of the texts, padded to p positions each, `[b·p, d]`; their angles by their
     /// places among those of the rope, `[b·p]`.
     pub fn text(&mut self, x_nd: Tensor<2>, angles: &[usize]) -> Tensor<2> {
-        self.pass(x_nd, angles)
+        self.pass(x_nd, self.joining(angles))
     }
 
     /// What the blocks make of m positions that join each sequence, `[b·m, d]`, given their angles,
-    /// `[b·m]`; each sees all before it and those that join beside it.
-    pub fn join(&mut self, x_nd: Tensor<2>, angles: &[usize]) -> Tensor<2> {
+    /// `[b·m]`; each sees all before it and those that join beside it, but no text where it is `blind`,
+    /// `[b·m]` or empty.
+    pub fn join(&mut self, x_nd: Tensor<2>, angles: &[usize], blind: &[bool]) -> Tensor<2> {
         self.joined += angles.len() / self.prefixes.len();
-        self.pass(x_nd, angles)
+        let joining = self.joining(angles);
+        let sees_all = !blind.contains(&true);
+        let p = self.longest_text();
+        self.pass(x_nd, if sees_all { joining } else { joining.hiding(p, blind) })
     }
 
-    fn pass(&mut self, x_nd: Tensor<2>, angles: &[usize]) -> Tensor<2> {
-        let joining = self.joining(angles);
+    fn pass(&mut self, x_nd: Tensor<2>, joining: Joining) -> Tensor<2> {
         self.stack.blocks.iter().zip(&mut self.kept).fold(x_nd, |x_nd, (block, kept)| {
             let x_nd = joining.attention(x_nd, block.attention(), kept, EPSILON);
             self.stack.feed_forward(block, x_nd)
