@@ -13,7 +13,7 @@ pub fn check_inputs(spec: &RunSpec, inputs: &Inputs) -> Result<(), GeneratorErro
     if found != wanted {
         return Err(GeneratorError::Vocabulary { found, wanted });
     }
-    Split::ALL.into_iter().try_for_each(|split| check_lengths(spec.shape().n_ctx, inputs, split))
+    Split::ALL.into_iter().try_for_each(|split| check_lengths(spec, inputs, split))
 }
 
 /// Devices differ in the numbers that they compute in.
@@ -28,12 +28,13 @@ pub fn check_precision(precision: Precision, device: &Device) -> Result<(), Gene
 }
 
 /// Each clip must fit the context after the longest of its captions.
-fn check_lengths(n_ctx: usize, inputs: &Inputs, split: Split) -> Result<(), GeneratorError> {
-    let Inputs { tokens, text, .. } = inputs;
+fn check_lengths(spec: &RunSpec, inputs: &Inputs, split: Split) -> Result<(), GeneratorError> {
+    let (Inputs { tokens, text, .. }, n_ctx) = (inputs, spec.shape().n_ctx);
     let n_text = |&caption: &u32| text.embedding(caption).len() / text.dim();
     for clip in 0..tokens.n_clips(split) {
         let longest_text = text.captions(split, clip).iter().map(n_text).max().unwrap_or(0);
-        let positions = longest_text + tokens.clip(split, clip).len();
+        let n_frames = tokens.clip_frames(split, clip);
+        let positions = longest_text + spec.generator.positions(tokens.grid(), n_frames);
         if positions > n_ctx {
             return Err(GeneratorError::Context { split: split.name(), clip, positions, n_ctx });
         }

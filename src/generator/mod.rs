@@ -8,11 +8,13 @@ mod fitness;
 mod kind;
 mod learner;
 pub mod masked;
+mod measurable;
 mod passes;
 mod sampling;
 pub mod scalewise;
 mod schedule;
 mod stack;
+mod sums;
 mod trained;
 
 use std::path::Path;

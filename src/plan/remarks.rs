@@ -32,15 +32,18 @@ pub(super) fn remarks(
 fn context(sweep: &Sweep, runs: &[PlannedRun], data: &DataFacts) -> Option<String> {
     let frames = data.longest_clip();
     let room = |run: &PlannedRun| run.spec.shape().n_ctx - sweep.text.max_tokens;
-    let targets = |run: &PlannedRun| run.spec.codes.n_targets(frames);
+    let positions = |run: &PlannedRun| {
+        let codes = &run.spec.codes;
+        run.spec.generator.positions(codes, frames) + usize::from(codes.end_token)
+    };
     let has_clips = sweep.trainer.is_none() && frames > 0;
-    let run = runs.iter().find(|run| has_clips && targets(run) > room(run))?;
+    let run = runs.iter().find(|run| has_clips && positions(run) > room(run))?;
     let tokenizer = sweep.tokenizer.spec(QuantizerSpec::default(), &sweep.text);
     let latents = frames / tokenizer.frames_per_latent();
     Some(format!(
-        "a clip of {frames} frames has {} targets, the models have room for {}: a run fails at it unless \
-         its text is short; set model.motion_slots to {} or more",
-        targets(run),
+        "a clip of {frames} frames takes {} positions, the models have room for {}: a run fails at it \
+         unless its text is short; set model.motion_slots to {} or more",
+        positions(run),
         room(run),
         latents + 2
     ))

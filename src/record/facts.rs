@@ -32,7 +32,7 @@ facts! {
     measured flops_6nd: Option<f64>,
     /// Multiply-adds of the model as built, prefix positions included, times two, times three.
     measured flops_exact: Option<f64>,
-    /// Blocks and norms (N_nv).
+    /// Blocks and norms that a code goes through (N_nv).
     planned params_nonvocab: usize,
     /// V·d (N_v).
     planned params_vocab: usize,

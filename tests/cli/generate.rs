@@ -1,6 +1,7 @@
 //! `isoflop generate`, and sweeps with generators as an axis.
 
 use std::fs;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
@@ -13,6 +14,18 @@ fn made(place: &Place, run: &str, more: &[&str]) -> Vec<Value> {
     let out = more.iter().skip_while(|word| **word != "--out").nth(1).expect("--out is given");
     let motions = place.json(&format!("{out}/motions.json"));
     motions.as_array().expect("a list").clone()
+}
+
+/// A run of a generator in `results/NAME`, which is at `results`.
+fn run_of_kind(results: &Path, kind: &str) -> String {
+    let runs = fs::read_dir(results.join("runs")).expect("runs").flatten().map(|run| run.path());
+    let is_kind = |run: &PathBuf| {
+        let spec = fs::read_to_string(run.join("spec.json"));
+        spec.is_ok_and(|spec| spec.contains(&format!("\"{kind}\"")))
+    };
+    let run = runs.into_iter().find(is_kind).expect("a run of each kind");
+    let name = results.file_name().expect("a name").display();
+    format!("results/{name}/runs/{}", run.file_name().expect("an id").display())
 }
 
 #[test]
@@ -95,13 +108,7 @@ fn generators_are_an_axis_with_laws_of_their_own() {
     let guided = ["--out", "made", "--guidance", "2", "--frames", "60"];
     let motions = made(&place, best, &guided[..2]);
     assert_eq!(motions.len(), 2);
-    let runs = fs::read_dir(results.join("runs")).expect("runs").flatten();
-    let is_scalewise = |spec: &str| spec.contains("\"scalewise\"");
-    let run = runs
-        .map(|run| run.path())
-        .find(|run| fs::read_to_string(run.join("spec.json")).is_ok_and(|spec| is_scalewise(&spec)))
-        .expect("half of the runs");
-    let run = format!("results/generators/runs/{}", run.file_name().expect("an id").display());
+    let run = run_of_kind(&results, "scalewise");
     let guided = [&["--overwrite"], &guided[..]].concat();
     let motions = made(&place, &run, &guided);
     assert!(motions.iter().all(|motion| motion["length"] == 60), "{motions:?}");
@@ -116,8 +123,8 @@ fn a_generator_that_does_not_suit_the_codes_is_refused() {
         place.isoflop(&words).exits(2).says(sentence);
     };
     refused(&["--set", "generator=scalewise"], "the quantizer has one");
-    let residual = "tokenizer={kind: patch, quantizer: {kind: residual}}";
-    refused(&["--set", "generator=masked", "--set", residual], "the quantizer has several");
+    let multiscale = "tokenizer={kind: patch, quantizer: {kind: multiscale}}";
+    refused(&["--set", "generator=masked", "--set", multiscale], "has scales of several");
     refused(&["--set", "model.text_drop=1"], "a share below 1");
 }
 
@@ -128,4 +135,31 @@ fn a_masked_generator_runs_to_its_laws_and_makes_motions() {
     assert!(place.path("results/mini/laws.json").exists());
     let motions = made(&place, "results/mini", &["--out", "made", "--guidance", "1"]);
     assert!(motions.iter().all(|motion| motion["length"].as_u64() >= Some(40)), "{motions:?}");
+}
+
+#[test]
+fn residual_codes_are_made_one_after_another_or_in_two_stages() {
+    let place = Place::with("residual.yaml");
+    let kinds = ["--set", "generator=[autoregressive, masked]", "--set", "seeds=[0]"];
+    place.isoflop(&[&["run", "residual.yaml"][..], &kinds].concat()).exits(0);
+    let results = place.path("results/residual");
+    let names = records::column(&results, "generator");
+    assert_eq!(names.iter().filter(|name| *name == "masked").count() * 2, names.len());
+    assert!(results.join("generators/masked/laws.json").exists());
+    let run = run_of_kind(&results, "masked");
+    let id = run.rsplit('/').next().expect("an id");
+    let record = place.json(&format!("results/residual/runs/{id}/record.json"));
+    let metric = |name: &str| record["metrics"][name].as_f64().expect("a metric");
+    let layers = [1, 2, 3].map(|layer| metric(&format!("loss_normalised_scale_{layer}")));
+    let mean = layers.iter().sum::<f64>() / 3.0;
+    assert!((mean - metric("loss_normalised")).abs() < 1e-9, "layers are alike: {layers:?}");
+    let motions = made(&place, &run, &["--out", "made", "--frames", "60", "--guidance", "1"]);
+    for motion in &motions {
+        assert_eq!(motion["length"], 60);
+        assert_eq!(motion["codes"].as_array().map(Vec::len), Some(3 * 15));
+    }
+    let again = made(&place, &run, &["--out", "again", "--frames", "60", "--guidance", "1"]);
+    assert_eq!(again, motions);
+    let words = ["generate", "walk", "--run", &run, "--frames", "900", "--out", "long"];
+    place.isoflop(&words).exits(2).says("ask for at most 2");
 }

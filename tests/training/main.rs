@@ -5,6 +5,7 @@ mod batches;
 mod corpus;
 mod masked;
 mod numbered;
+mod residual;
 mod resumed;
 mod scalewise;
 

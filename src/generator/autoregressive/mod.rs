@@ -20,7 +20,7 @@ use burn::tensor::Device;
 pub use batch::{Batch, Sequence};
 pub use evaluate::split_loss;
 pub use objective::NextCode;
-pub(super) use probe::Probed;
+pub(super) use probe::{MOST_TOKENS, Probed, made_up_clip};
 pub use stream::{Part, TokenStream};
 pub use transformer::{Model, Transformer, end_token};
 

@@ -14,7 +14,7 @@ use crate::spec::ModelShape;
 use crate::spec::flops::openai_per_token;
 
 /// Tokens of a measured step at most, and logits.
-const MOST_TOKENS: usize = 1024;
+pub const MOST_TOKENS: usize = 1024;
 const MOST_LOGITS: usize = 1 << 24;
 /// A caption's words and a clip's codes.
 const WORDS: usize = 12;
@@ -26,15 +26,25 @@ pub struct Probed {
     flops: f64,
 }
 
+/// A step's batch of made-up clips of a model of so many codes, of so many tokens or a few more; and how
+/// many tokens it has.
+type MadeUp = fn(&ModelShape, usize, usize) -> (Batch, usize);
+
 impl Probed {
+    /// A run on codes that are predicted one after another.
     pub fn new(spec: &RunSpec, device: &Device) -> Self {
+        Self::on(spec, device, batch)
+    }
+
+    /// A run of the same network on other batches.
+    pub fn on(spec: &RunSpec, device: &Device, made_up: MadeUp) -> Self {
         let (shape, n_vocab) = measurable(spec);
         let most_tokens = MOST_TOKENS.min(MOST_LOGITS / n_vocab);
-        let batch = batch(&shape, n_vocab, spec.batch_tokens.min(most_tokens));
+        let (batch, tokens) = made_up(&shape, n_vocab, spec.batch_tokens.min(most_tokens));
         let full = openai_per_token(spec.shape(), spec.n_vocab()) as f64;
         let share = openai_per_token(&shape, n_vocab) as f64 / full;
         let flops_per_token = share * spec.budget_flops / spec.tokens() as f64;
-        let flops = flops_per_token * batch.targets.len() as f64;
+        let flops = flops_per_token * tokens as f64;
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let model = Model::init(&shape, n_vocab, &mut rng, &device.clone().autodiff());
         let course = Course { steps: usize::MAX, ..course(spec) };
@@ -111,11 +121,18 @@ fn measurable(spec: &RunSpec) -> (ModelShape, usize) {
 }
 
 /// A step's batch of made-up clips, of an average one's length.
-fn batch(shape: &ModelShape, n_vocab: usize, batch_tokens: usize) -> Batch {
+fn batch(shape: &ModelShape, n_vocab: usize, batch_tokens: usize) -> (Batch, usize) {
+    let (text, codes) = made_up_clip(shape, n_vocab);
+    let targets = codes.len() + 1;
+    let clips = batch_tokens.div_ceil(targets);
+    let sequence = Sequence { text: &text, codes: &codes, from: 0, to: targets };
+    let batch = Batch::pack(&vec![sequence; clips], shape.d_text, end_token(n_vocab));
+    (batch, clips * targets)
+}
+
+/// A text and codes of an average clip's length, as far as they fit the context.
+pub fn made_up_clip(shape: &ModelShape, n_vocab: usize) -> (Vec<f32>, Vec<u32>) {
     let text = vec![0.5f32; shape.d_text * WORDS.min(shape.n_ctx / 2)];
-    let n_codes = CODES.min(shape.n_ctx / 2);
-    let codes: Vec<u32> = (0..n_codes).map(|i| (i * 7 % n_vocab) as u32).collect();
-    let clips = batch_tokens.div_ceil(n_codes + 1);
-    let sequence = Sequence { text: &text, codes: &codes, from: 0, to: n_codes + 1 };
-    Batch::pack(&vec![sequence; clips], shape.d_text, end_token(n_vocab))
+    let codes = (0..CODES.min(shape.n_ctx / 2)).map(|i| (i * 7 % n_vocab) as u32);
+    (text, codes.collect())
 }

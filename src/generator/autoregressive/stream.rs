@@ -23,11 +23,30 @@ pub struct TokenStream<'a> {
     tokens: &'a TokenStore,
     text: &'a TextStore,
     seed: u64,
-    /// Supervised tokens of an epoch: codes, and an end token a clip where they have one.
+    /// Supervised tokens of an epoch.
     epoch_tokens: usize,
-    /// Whether end tokens are left out though codes have them.
-    without_end: bool,
+    /// What of a clip is supervised.
+    unit: Unit,
     epoch: Option<Epoch>,
+}
+
+/// What a clip of the stream consists of.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Unit {
+    /// Codes, and an end token where they have one.
+    Targets,
+    /// Codes of the first scale.
+    Places,
+}
+
+impl Unit {
+    /// How many a clip of the training split has.
+    fn of_clip(self, tokens: &TokenStore, clip: usize) -> usize {
+        match self {
+            Self::Targets => tokens.n_targets_of_clip(Split::Train, clip),
+            Self::Places => tokens.scale(Split::Train, clip, 0).len(),
+        }
+    }
 }
 
 /// A clip of the stream, and which of its targets are supervised.
@@ -37,7 +56,7 @@ pub struct Part {
     pub clip: usize,
     /// The caption that it shows.
     pub caption: u32,
-    /// Its supervised targets: code i is target i, and the end token is the last.
+    /// Its supervised targets or places: code i is target i, and the end token is the last.
     pub targets: Range<usize>,
 }
 
@@ -53,13 +72,15 @@ impl<'a> TokenStream<'a> {
     /// The stream that `seed` gives over the training split.
     pub fn new(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
         let epoch_tokens = tokens.n_targets(Split::Train);
-        Self { tokens, text, seed, epoch_tokens, without_end: false, epoch: None }
+        Self { tokens, text, seed, epoch_tokens, unit: Unit::Targets, epoch: None }
     }
 
-    /// The same of codes alone, for models that are told how long a clip is.
-    pub fn of_codes(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
-        let epoch_tokens = tokens.n_tokens(Split::Train);
-        Self { epoch_tokens, without_end: true, ..Self::new(tokens, text, seed) }
+    /// The same of places: the codes of the first scale, without end tokens, for models that are told
+    /// how long a clip is.
+    pub fn of_places(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
+        let places = |clip| Unit::Places.of_clip(tokens, clip);
+        let epoch_tokens = (0..tokens.n_clips(Split::Train)).map(places).sum();
+        Self { epoch_tokens, unit: Unit::Places, ..Self::new(tokens, text, seed) }
     }
 
     /// Supervised tokens of the training split.
@@ -129,10 +150,7 @@ impl<'a> TokenStream<'a> {
         let clips: Vec<(usize, u32)> = order.into_iter().map(caption).collect();
         let mut starts = vec![0];
         for (clip, _) in &clips {
-            let targets = match self.without_end {
-                true => self.tokens.clip(Split::Train, *clip).len(),
-                false => self.tokens.n_targets_of_clip(Split::Train, *clip),
-            };
+            let targets = self.unit.of_clip(self.tokens, *clip);
             starts.push(starts[starts.len() - 1] + targets);
         }
         Epoch { index, clips, starts }

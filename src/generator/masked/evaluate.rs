@@ -1,4 +1,4 @@
-//! A bound on the loss on a split.
+//! A bound on the loss of the first scale on a split.
 //!
 //! A masked model gives no likelihood, but a bound on it: codes in any order, each from those before it
 //! in that order (Uria et al. 2014; Hoogeboom et al. 2022, "Autoregressive Diffusion Models"). With
@@ -12,6 +12,7 @@ use super::batch::{Hidden, pack};
 use crate::data::Split;
 use crate::generator::autoregressive::Model;
 use crate::generator::passes::passes;
+use crate::generator::sums::Sums;
 use crate::generator::{Inputs, SplitLoss};
 use crate::progress::moved;
 
@@ -21,20 +22,26 @@ const MASKS: usize = 4;
 /// Seeds what is hidden: the same for every model.
 const SEED: u64 = 0;
 
-/// Measures a model, each clip with one of its captions; clip i shows caption i mod n.
+/// Measures a model of codes of one scale.
 pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
+    Sums::split_loss(&[bound(model, inputs, split)], inputs.tokens.n_frames(split))
+}
+
+/// What a model has on the codes of the first scale, each clip with one of its captions; clip i shows
+/// caption i mod n.
+pub fn bound(model: &Model, inputs: &Inputs, split: Split) -> Sums {
     let tokens = inputs.tokens;
-    let unigram = tokens.unigram_log_probs(0);
+    let (unigram, n_vocab) = (tokens.unigram_log_probs(0), tokens.grid().scales[0].n_vocab);
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-    let (mut nll, mut uni, mut targets) = (0.0, 0.0, 0);
+    let mut sums = Sums::default();
     for clips in passes(tokens, split) {
         for mask in 0..MASKS {
             let hidden = clips.clone().map(|clip| {
                 let captions = inputs.text.captions(split, clip);
                 let text = inputs.text.embedding(captions[clip % captions.len()]);
-                let codes = tokens.clip(split, clip);
+                let codes = tokens.scale(split, clip, 0);
                 let n_hidden = spread(codes.len(), mask, clip);
-                Hidden::some(text, codes, n_hidden, tokens.n_vocab(), &mut rng)
+                Hidden::some(text, codes, n_hidden, n_vocab, &mut rng)
             });
             let hidden: Vec<Hidden> = hidden.collect();
             let batch = pack(&hidden, inputs.text.dim());
@@ -42,24 +49,17 @@ pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
             for clip in &hidden {
                 // The mean over hidden codes stands for every code of the clip.
                 let weight = clip.shown.len() as f64 / (MASKS * clip.targets.len()) as f64;
-                nll += weight * own.by_ref().take(clip.targets.len()).sum::<f64>();
+                sums.nll += weight * own.by_ref().take(clip.targets.len()).sum::<f64>();
             }
             moved();
         }
         for clip in clips {
-            let codes = tokens.clip(split, clip);
-            uni -= codes.iter().map(|&code| unigram[code as usize]).sum::<f64>();
-            targets += codes.len();
+            let codes = tokens.scale(split, clip, 0);
+            sums.unigram -= codes.iter().map(|&code| unigram[code as usize]).sum::<f64>();
+            sums.n += codes.len();
         }
     }
-    let n = targets as f64;
-    SplitLoss {
-        loss_nats: nll / n,
-        loss_normalised: (nll - uni) / n,
-        nats_per_frame: nll / tokens.n_frames(split) as f64,
-        normalised_by_scale: Vec::new(),
-        targets,
-    }
+    sums
 }
 
 /// How many of `n` codes are hidden: the values of all masks and clips are spread evenly from 1 to n.

@@ -1,5 +1,6 @@
-//! MoMask's masked transformer, for codes of one codebook: hidden codes are predicted from the text and
-//! the codes that are not hidden; motions are made in a few rounds, the surest codes first.
+//! MoMask's masked transformer: hidden codes are predicted from the text and the codes that are not
+//! hidden; motions are made in a few rounds, the surest codes first. Codes of several layers have a
+//! second transformer ([`residual`]).
 //!
 //! The network is the autoregressive transformer's, parameter for parameter, so that the two differ in
 //! what they are asked alone. MoMask's own has post-norm, biases and sinusoidal positions, and the
@@ -7,9 +8,14 @@
 
 mod batch;
 mod evaluate;
+mod flops;
+mod making;
 mod objective;
 mod own;
+mod probe;
+pub mod residual;
 mod sample;
+mod shown;
 
 use std::path::Path;
 
@@ -19,11 +25,11 @@ pub use batch::{Hidden, pack};
 pub use evaluate::split_loss;
 pub use objective::HiddenCodes;
 
-use super::autoregressive::Probed;
 use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
 use crate::learn::weights::Weights;
 use crate::plan::RunSpec;
 use crate::progress::Progress;
+use residual::TwoStages;
 
 /// The masked transformer as a kind of generator.
 pub struct MaskedGenerator;
@@ -34,7 +40,11 @@ impl Generator for MaskedGenerator {
         training: &Training,
         progress: &mut Progress,
     ) -> Result<Trained, GeneratorError> {
-        learner::train(objective(training)?, training, progress)
+        let Training { spec, inputs, device, .. } = *checked(training)?;
+        match has_second_stage(spec) {
+            true => learner::train(TwoStages::new(spec, inputs, device), training, progress),
+            false => learner::train(HiddenCodes::new(spec, inputs, device), training, progress),
+        }
     }
 
     fn train_trunk(
@@ -43,7 +53,12 @@ impl Generator for MaskedGenerator {
         state: &Path,
         progress: &mut Progress,
     ) -> Result<(), GeneratorError> {
-        learner::train_trunk(objective(training)?, training, state, progress)
+        let Training { spec, inputs, device, .. } = *checked(training)?;
+        if has_second_stage(spec) {
+            let stages = TwoStages::new(spec, inputs, device);
+            return learner::train_trunk(stages, training, state, progress);
+        }
+        learner::train_trunk(HiddenCodes::new(spec, inputs, device), training, state, progress)
     }
 
     fn sampler(
@@ -55,15 +70,23 @@ impl Generator for MaskedGenerator {
         Ok(Box::new(sample::MaskedSampler::new(spec, weights, device)?))
     }
 
-    /// A step takes as long as one of the autoregressive transformer.
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
-        Box::new(Probed::new(spec, device))
+        match has_second_stage(spec) {
+            true => Box::new(residual::Probed::new(spec, device)),
+            false => Box::new(probe::probed(spec, device)),
+        }
     }
 }
 
-fn objective<'a>(training: &Training<'a>) -> Result<HiddenCodes<'a>, GeneratorError> {
+/// Whether codes have layers after the first.
+fn has_second_stage(spec: &RunSpec) -> bool {
+    spec.codes.scales.len() > 1
+}
+
+/// A training that can be done.
+fn checked<'a, 'b>(training: &'b Training<'a>) -> Result<&'b Training<'a>, GeneratorError> {
     let Training { spec, inputs, device, .. } = *training;
     fitness::check_inputs(spec, inputs)?;
     fitness::check_precision(spec.precision, device)?;
-    Ok(HiddenCodes::new(spec, inputs, device))
+    Ok(training)
 }

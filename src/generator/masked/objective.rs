@@ -1,6 +1,4 @@
-//! [`HiddenCodes`]: the masked transformer on the batches of a run.
-
-use std::f64::consts::FRAC_PI_2;
+//! [`HiddenCodes`]: the masked transformer of one codebook on the batches of a run.
 
 use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
@@ -8,14 +6,13 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::{Hidden, pack};
 use super::evaluate::split_loss;
-use super::own::own;
+use super::flops::forward_flops;
+use super::shown::Shown;
 use crate::data::Split;
-use crate::generator::autoregressive::{Batch, Model, Part, TokenStream, Transformer};
+use crate::generator::autoregressive::{Model, TokenStream, Transformer};
 use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective, WEIGHTS_STREAM};
 use crate::generator::{Inputs, SplitLoss};
-use crate::learn::params::unit;
 use crate::plan::RunSpec;
-use crate::spec::flops::exact_whole;
 
 /// The cross-entropy of hidden codes.
 ///
@@ -27,9 +24,8 @@ pub struct HiddenCodes<'a> {
     spec: &'a RunSpec,
     inputs: &'a Inputs<'a>,
     stream: TokenStream<'a>,
+    shown: Shown<'a>,
     model: Model,
-    /// The text of a caption that is left out.
-    no_text: Vec<f32>,
 }
 
 impl<'a> HiddenCodes<'a> {
@@ -38,43 +34,9 @@ impl<'a> HiddenCodes<'a> {
         let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
         rng.set_stream(WEIGHTS_STREAM);
         let model = Model::init(spec.shape(), spec.n_vocab(), &mut rng, &device.clone().autodiff());
-        let stream = TokenStream::of_codes(inputs.tokens, inputs.text, spec.seed);
-        let no_text = vec![0.0; spec.shape().d_text];
-        Self { spec, inputs, stream, model: model.in_precision(spec.precision), no_text }
-    }
-
-    /// The batch of a step, and the codes that go through the network.
-    fn batch(&mut self, step: usize) -> (Batch, Vec<usize>) {
-        let n = self.spec.batch_tokens;
-        let parts = self.stream.parts(step * n, n);
-        let mut rng = ChaCha8Rng::seed_from_u64(self.spec.seed);
-        rng.set_stream(FIRST_STEP_STREAM + step as u64);
-        let clips: Vec<Hidden> = parts.iter().map(|part| self.clip(part, &mut rng)).collect();
-        let codes = clips.iter().map(|clip| clip.shown.len()).collect();
-        (pack(&clips, self.inputs.text.dim()), codes)
-    }
-
-    /// Codes of the whole clip are hidden, and those of the part at hand supervised: at least one.
-    fn clip(&self, part: &Part, rng: &mut ChaCha8Rng) -> Hidden<'_> {
-        let (own, n_vocab) = (own(self.spec), self.spec.n_vocab());
-        let codes = self.inputs.tokens.clip(Split::Train, part.clip);
-        let text = self.inputs.text.embedding(part.caption);
-        let text = if unit(rng) < own.text_drop { &self.no_text } else { text };
-        let share = (FRAC_PI_2 * unit(rng)).cos();
-        let n_hidden = ((share * codes.len() as f64).round() as usize).clamp(1, codes.len());
-        let mut clip = Hidden::some(text, codes, n_hidden, n_vocab, rng);
-        clip.targets.retain(|(place, _)| part.targets.contains(place));
-        if clip.targets.is_empty() {
-            let place = part.targets.start;
-            clip.shown[place] = n_vocab as u32;
-            clip.targets.push((place, codes[place]));
-        }
-        for (place, _) in clip.targets.clone() {
-            if unit(rng) < own.corruption {
-                clip.corrupt(place, n_vocab, rng);
-            }
-        }
-        clip
+        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed);
+        let shown = Shown::new(spec, inputs);
+        Self { spec, inputs, stream, shown, model: model.in_precision(spec.precision) }
     }
 }
 
@@ -94,14 +56,14 @@ impl Objective for HiddenCodes<'_> {
     }
 
     fn loss(&mut self, step: usize) -> BatchLoss {
-        let (batch, codes) = self.batch(step);
-        let (shape, n_vocab) = (self.spec.shape(), self.spec.n_vocab());
-        let clips = codes
-            .iter()
-            .enumerate()
-            .map(|(i, &n)| exact_whole(shape, n_vocab, batch.layout.len(i) - n, n, 0));
-        let heads = 2.0 * (batch.targets.len() * shape.d_model * (n_vocab + 1)) as f64;
-        let forward_flops = clips.sum::<f64>() + heads;
+        let n = self.spec.batch_tokens;
+        let parts = self.stream.parts(step * n, n);
+        let mut rng = ChaCha8Rng::seed_from_u64(self.spec.seed);
+        rng.set_stream(FIRST_STEP_STREAM + step as u64);
+        let clips: Vec<Hidden> =
+            parts.iter().map(|part| self.shown.hidden(part, &mut rng)).collect();
+        let batch = pack(&clips, self.inputs.text.dim());
+        let forward_flops = forward_flops(self.spec.shape(), self.spec.n_vocab(), &clips, &batch);
         BatchLoss { loss: self.model.loss(&batch), forward_flops }
     }
 

@@ -1,4 +1,5 @@
-//! Motions from the masked transformer: all codes at once, of which the surest stay, round after round.
+//! Motions from the masked transformer: all codes at once, of which the surest stay, round after round;
+//! then, where there are further layers, those of a layer all at once.
 
 use std::f64::consts::FRAC_PI_2;
 use std::slice;
@@ -8,29 +9,24 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::{Hidden, pack};
+use super::making::{Making, guided};
 use super::own::own;
+use super::residual::{ResidualModel, Stages, draw_layers};
 use crate::codes::Grid;
 use crate::generator::autoregressive::{Model, end_token};
 use crate::generator::{Draw, GeneratorError, Prompt, Sampled, Sampler, Sampling, ScaleInputs};
 use crate::learn::weights::{self, Weights};
 use crate::plan::RunSpec;
+use crate::spec::Precision;
 
-/// A trained transformer.
+/// A trained transformer, or both stages.
 pub struct MaskedSampler {
     model: Model,
+    residual: Option<ResidualModel>,
     grid: Grid,
     text_drop: f64,
     /// The text of a caption that is left out.
     no_text: Vec<f32>,
-}
-
-/// A motion that is being made.
-struct Making<'a> {
-    text: &'a [f32],
-    rng: ChaCha8Rng,
-    /// Its codes; the end token's id stands for a hidden one.
-    codes: Vec<u32>,
-    n_frames: usize,
 }
 
 impl MaskedSampler {
@@ -39,11 +35,9 @@ impl MaskedSampler {
     /// # Errors
     /// [`GeneratorError::Weights`].
     pub fn new(spec: &RunSpec, weights: Weights, device: &Device) -> Result<Self, GeneratorError> {
-        let mut unused = ChaCha8Rng::seed_from_u64(0);
-        let mut model = Model::init(spec.shape(), spec.n_vocab(), &mut unused, device);
-        model.weights = weights::into_module(model.weights, weights)?;
+        let (model, residual) = models(spec, weights, device)?;
         let (text_drop, no_text) = (own(spec).text_drop, vec![0.0; spec.shape().d_text]);
-        Ok(Self { model, grid: spec.codes.clone(), text_drop, no_text })
+        Ok(Self { model, residual, grid: spec.codes.clone(), text_drop, no_text })
     }
 
     fn begin<'a>(
@@ -56,45 +50,35 @@ impl MaskedSampler {
         }
         let shape = self.model.shape();
         let asked = prompt.n_frames.expect("the caller gives lengths where they are wanted");
-        let (n_codes, n_text) = (self.grid.n_codes(asked), prompt.text.len() / shape.d_text);
-        let n_frames = self.grid.frames_of(n_codes).unwrap_or(asked);
+        let n_places = |frames| self.grid.lengths(frames).next().unwrap_or(0);
+        let (own, n_text) = (n_places(asked), prompt.text.len() / shape.d_text);
+        let n_frames = self.grid.frames_of(own).unwrap_or(asked);
         let n_ctx = shape.n_ctx;
-        if n_codes + n_text > n_ctx {
-            let fits = |frames: &usize| self.grid.n_codes(*frames) + n_text <= n_ctx;
+        if own + n_text > n_ctx {
+            let fits = |frames: &usize| n_places(*frames) + n_text <= n_ctx;
             let most = (0..asked).rev().find(fits).unwrap_or(0);
-            let positions = n_codes + n_text;
+            let positions = own + n_text;
             return Err(GeneratorError::Length { n_frames: asked, positions, n_ctx, most });
         }
-        let codes = vec![end_token(self.grid.n_vocab()); n_codes];
-        Ok(Making { text: prompt.text, rng: prompt.rng(), codes, n_frames })
+        let codes = vec![end_token(self.n_vocab()); own];
+        Ok(Making { text: prompt.text, rng: prompt.rng(), codes, n_places: own, n_frames })
     }
 
-    /// Logits of the hidden codes of all motions, a row each; guided where that is asked for.
-    fn logits(&self, making: &[Making], guidance: f64) -> Vec<Vec<f32>> {
-        let with = self.pass(making, |motion| motion.text);
-        if guidance == 0.0 {
-            return with;
-        }
-        let without = self.pass(making, |_| &self.no_text);
-        let guided = |(with, without): (Vec<f32>, Vec<f32>)| {
-            let pairs = with.into_iter().zip(without);
-            pairs.map(|(x, free)| x + guidance as f32 * (x - free)).collect()
-        };
-        with.into_iter().zip(without).map(guided).collect()
+    /// Codes of the first layer.
+    fn n_vocab(&self) -> usize {
+        self.grid.scales[0].n_vocab
     }
 
-    fn pass<'b>(
-        &'b self,
-        making: &'b [Making],
-        text: impl Fn(&'b Making) -> &'b [f32],
-    ) -> Vec<Vec<f32>> {
-        let end = end_token(self.grid.n_vocab());
-        let hidden = |motion: &'b Making| {
+    /// Logits of the hidden codes of all motions, a row each; with their texts, or all with one.
+    fn logits(&self, making: &[Making], text: Option<&[f32]>) -> Vec<Vec<f32>> {
+        let end = end_token(self.n_vocab());
+        let hidden = making.iter().map(|motion| {
             let places = motion.codes.iter().enumerate().filter(|(_, code)| **code == end);
             let targets = places.map(|(place, _)| (place, 0)).collect();
-            Hidden { text: text(motion), shown: motion.codes.clone(), targets }
-        };
-        let clips: Vec<Hidden> = making.iter().map(hidden).collect();
+            let text = text.unwrap_or(motion.text);
+            Hidden { text, shown: motion.codes.clone(), targets }
+        });
+        let clips: Vec<Hidden> = hidden.collect();
         let logits = self.model.logits(&pack(&clips, self.no_text.len()));
         let [_, columns] = logits.dims();
         let values: Vec<f32> = logits.into_data().try_into_vec().expect("logits are f32");
@@ -104,8 +88,9 @@ impl MaskedSampler {
     /// One round: every hidden code is drawn, and the least sure of them are hidden again for the next
     /// round, which begins with the share `next` of a motion hidden.
     fn round(&self, making: &mut [Making], next: Option<f64>, sampling: &Sampling) {
-        let n_vocab = self.grid.n_vocab();
-        let mut rows = self.logits(making, sampling.guidance).into_iter();
+        let n_vocab = self.n_vocab();
+        let pass = |text| self.logits(making, text);
+        let mut rows = guided(pass, &self.no_text, sampling.guidance).into_iter();
         for motion in making {
             let hidden = |share: f64| (share * motion.codes.len() as f64).round().max(1.0) as usize;
             let n_hidden = next.map_or(0, hidden);
@@ -128,6 +113,23 @@ impl MaskedSampler {
     }
 }
 
+/// The stages of a run with its weights; there is a second where codes have several layers.
+fn models(
+    spec: &RunSpec,
+    weights: Weights,
+    device: &Device,
+) -> Result<(Model, Option<ResidualModel>), GeneratorError> {
+    let mut unused = ChaCha8Rng::seed_from_u64(0);
+    if spec.codes.scales.len() == 1 {
+        let mut model = Model::init(spec.shape(), spec.n_vocab(), &mut unused, device);
+        model.weights = weights::into_module(model.weights, weights)?;
+        return Ok((model, None));
+    }
+    let mut stages = Stages::init(spec.shape(), &spec.codes, Precision::F32, &mut unused, device);
+    stages.set_weights(weights::into_module(stages.weights().clone(), weights)?);
+    Ok((stages.base, Some(stages.residual)))
+}
+
 impl Sampler for MaskedSampler {
     fn wants_length(&self) -> bool {
         true
@@ -148,6 +150,9 @@ impl Sampler for MaskedSampler {
             let next = (round + 1) as f64 / last as f64;
             let next = (round < last).then(|| (FRAC_PI_2 * next).cos());
             self.round(&mut making, next, sampling);
+        }
+        if let Some(residual) = &self.residual {
+            draw_layers(residual, &self.grid, &mut making, &self.no_text, sampling);
         }
         let done =
             |Making { codes, n_frames, .. }: Making| Sampled { codes, n_frames, ended: true };

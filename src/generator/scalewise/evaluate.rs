@@ -6,6 +6,7 @@ use super::shown::shown_clip;
 use crate::codes::Grid;
 use crate::data::Split;
 use crate::generator::passes::passes;
+use crate::generator::sums::Sums;
 use crate::generator::{Inputs, SplitLoss};
 use crate::progress::moved;
 
@@ -27,33 +28,7 @@ pub fn split_loss(model: &Model, grid: &Grid, inputs: &Inputs, split: Split) -> 
         }
         moved();
     }
-    let all = sums.iter().fold(Sums::default(), |all, own| all.plus(own));
-    SplitLoss {
-        loss_nats: all.nll / all.n as f64,
-        loss_normalised: all.normalised(),
-        nats_per_frame: all.nll / tokens.n_frames(split) as f64,
-        normalised_by_scale: sums.iter().map(Sums::normalised).collect(),
-        targets: all.n,
-    }
-}
-
-/// Sums over the codes of a scale.
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    nll: f64,
-    unigram: f64,
-    n: usize,
-}
-
-impl Sums {
-    fn plus(self, other: &Self) -> Self {
-        let Self { nll, unigram, n } = *other;
-        Self { nll: self.nll + nll, unigram: self.unigram + unigram, n: self.n + n }
-    }
-
-    fn normalised(&self) -> f64 {
-        (self.nll - self.unigram) / self.n as f64
-    }
+    Sums::split_loss(&sums, tokens.n_frames(split))
 }
 
 /// A clip that is shown its own codes, all of them supervised.

@@ -8,11 +8,11 @@ use super::batch::{Batch, Clip};
 use super::model::{Model, ScalewiseTransformer};
 use super::own::own;
 use crate::codes::Grid;
+use crate::generator::Probe;
 use crate::generator::learner::course;
-use crate::generator::{MOST_PROBED_PARAMS, Probe};
+use crate::generator::measurable::measurable;
 use crate::learn::{Course, LearnError, Learner, Learning};
 use crate::plan::RunSpec;
-use crate::spec::{Pricing, ScalewiseSpec};
 
 /// A caption's words, at most.
 const WORDS: usize = 12;
@@ -25,13 +25,13 @@ pub struct Probed {
 
 impl Probed {
     pub fn new(spec: &RunSpec, device: &Device) -> Self {
-        let small = measurable(own(spec), &spec.codes);
+        let small = RunSpec { generator: measurable(&spec.generator, &spec.codes), ..spec.clone() };
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let device = device.clone().autodiff();
-        let model = Model::init(&small, &spec.codes, spec.precision, &mut rng, &device);
+        let model = Model::init(own(&small), &spec.codes, spec.precision, &mut rng, &device);
         let batch = batch(&model, &spec.codes, spec.batch_tokens);
-        let price = |own: &ScalewiseSpec| own.flops_per_token(&spec.codes, 0).openai as f64;
-        let share = price(&small) / price(own(spec));
+        let price = |run: &RunSpec| run.generator.flops_per_token(&run.codes, 0).openai as f64;
+        let share = price(&small) / price(spec);
         let per_token = share * spec.budget_flops / spec.tokens() as f64;
         let flops = per_token * batch.n_targets() as f64;
         let course = Course { steps: usize::MAX, ..course(spec) };
@@ -81,23 +81,6 @@ impl Learner for Still {
     fn advice(&self) -> &'static str {
         "the device gives wrong numbers"
     }
-}
-
-/// The run's model, or one of its kind with fewer layers, then heads.
-fn measurable(own: &ScalewiseSpec, codes: &Grid) -> ScalewiseSpec {
-    let mut small = own.clone();
-    let is_large = |spec: &ScalewiseSpec| spec.params(codes).total() > MOST_PROBED_PARAMS;
-    while is_large(&small) && small.shape.n_layer > 1 {
-        small.shape.n_layer = small.shape.n_layer.div_ceil(2);
-    }
-    while is_large(&small) && small.shape.n_head > 1 {
-        let shape = &mut small.shape;
-        let head_dim = shape.d_model / shape.n_head;
-        let n_head = shape.n_head / 2;
-        shape.d_ff = (shape.d_ff * n_head / shape.n_head).max(1);
-        (shape.n_head, shape.d_model) = (n_head, n_head * head_dim);
-    }
-    small
 }
 
 /// A step's batch of made-up clips, each as long as the longest.

@@ -7,6 +7,7 @@ mod memory;
 mod pricing;
 mod scalewise;
 mod shape;
+mod two_stages;
 
 use std::ops::Deref;
 
@@ -28,7 +29,7 @@ use super::grid::Grid;
 pub enum GeneratorSpec {
     /// ScaMo's text-prefix transformer: each code from the codes before it.
     Autoregressive(ModelShape),
-    /// MoMask's transformer: hidden codes from those that are not.
+    /// MoMask's transformers: hidden codes from those that are not, then layer after layer.
     Masked(MaskedSpec),
     /// LG-Tok's transformer: the codes of a scale all at once, given the scales before it.
     Scalewise(ScalewiseSpec),
@@ -41,8 +42,8 @@ pub enum GeneratorKind {
     /// ScaMo's text-prefix transformer: each code from the codes before it.
     #[default]
     Autoregressive,
-    /// MoMask's transformer: hidden codes from those that are not; wants a quantizer of one scale. Its
-    /// loss is a bound.
+    /// MoMask's transformer: hidden codes from those that are not, and residual layers by a second
+    /// transformer; wants codes of one length. Its loss is a bound.
     Masked,
     /// LG-Tok's transformer: the codes of a scale all at once, given the scales before it; wants a
     /// quantizer of several scales.
@@ -66,7 +67,7 @@ impl GeneratorKind {
     pub fn scales(self) -> Scales {
         match self {
             Self::Autoregressive => Scales::Any,
-            Self::Masked => Scales::One,
+            Self::Masked => Scales::OneLength,
             Self::Scalewise => Scales::Several,
         }
     }
@@ -85,7 +86,8 @@ impl GeneratorKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scales {
     Any,
-    One,
+    /// Of one, or of several that are equally long.
+    OneLength,
     Several,
 }
 

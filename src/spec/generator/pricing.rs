@@ -47,6 +47,11 @@ pub trait Pricing {
     /// Forward FLOPs a supervised token by every convention, after a text of `prefix` tokens.
     fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken;
 
+    /// Positions that the codes of a clip of so many frames take in a sequence, after its text.
+    fn positions(&self, codes: &Grid, n_frames: usize) -> usize {
+        codes.n_codes(n_frames)
+    }
+
     /// Peak bytes that a training process has to itself.
     fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64;
 }

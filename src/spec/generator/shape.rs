@@ -34,8 +34,10 @@ pub struct ModelShape {
 /// Parameters by group, so that the convention is chosen when fitting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ParamCounts {
-    /// N_nv: blocks and norms.
+    /// N_nv: blocks and norms that a code goes through.
     pub nonvocab: usize,
+    /// Blocks and norms of the other stages, of a model in which a code goes through one of several.
+    pub other_stages: usize,
     /// N_v = V·d (ScaMo §4.3).
     pub vocab: usize,
     /// The projection of text embeddings, with its bias.
@@ -49,7 +51,7 @@ pub struct ParamCounts {
 impl ParamCounts {
     /// Every parameter of the model as built.
     pub fn total(self) -> usize {
-        self.nonvocab + self.text + self.embedding + self.head
+        self.nonvocab + self.other_stages + self.text + self.embedding + self.head
     }
 }
 
@@ -60,6 +62,7 @@ impl ModelShape {
         let block = 4 * d * d + self.ffn_params() + 2 * d;
         ParamCounts {
             nonvocab: self.n_layer * block + d,
+            other_stages: 0,
             vocab: n_vocab * d,
             text: self.d_text * d + d,
             embedding: (n_vocab + 2) * d,

@@ -49,18 +49,20 @@ fn name(sweep: &Sweep) -> Vec<Problem> {
     problems
 }
 
-/// Some generators make codes of one scale, and some of several.
+/// Some generators make codes of several scales, and some of one length.
 fn generators(sweep: &Sweep) -> Vec<Problem> {
-    let has_scales = sweep.tokenizer.quantizer().n_codebooks() > 1;
+    let quantizer = sweep.tokenizer.quantizer();
+    let has_scales = quantizer.n_codebooks() > 1;
+    let has_lengths = quantizer.scale_lengths().len() > 1;
     let problem = |kind: &GeneratorKind| {
-        let (problem, help) = match (kind.scales(), has_scales) {
-            (Scales::Several, false) => (
+        let (problem, help) = match kind.scales() {
+            Scales::Several if !has_scales => (
                 "makes codes scale after scale, and the quantizer has one",
                 "tokenizer: {kind: patch, quantizer: {kind: multiscale}}",
             ),
-            (Scales::One, true) => (
-                "makes codes of one scale, and the quantizer has several",
-                "tokenizer: {kind: patch, quantizer: {kind: vq}}",
+            Scales::OneLength if has_lengths => (
+                "makes codes of one length, and the quantizer has scales of several",
+                "tokenizer: {kind: patch, quantizer: {kind: residual}}",
             ),
             _ => return None,
         };

@@ -22,7 +22,8 @@ pub struct ModelSection {
     #[serde(deserialize_with = "number::number")]
     pub rope_base: f64,
     /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo. Where a clip has
-    /// codes on several scales, n_ctx has room for those of as many latents.
+    /// codes on several scales, n_ctx has room for those of as many latents; `masked` takes one slot a
+    /// latent, however many layers it has.
     #[serde(deserialize_with = "number::count")]
     pub motion_slots: usize,
     /// `scalewise`: share of the codes that training shows as random ones, none; 0.5 in MoSa and

@@ -1,0 +1,50 @@
+//! The loss on a split, by layer and as a whole.
+//!
+//! Of the first layer a bound is measured, of each later one the likelihood, given the codes of the
+//! layers before it: their sum is a bound on the nats of all codes.
+
+use super::batch::{Asked, LayerBatch};
+use super::stages::Stages;
+use crate::codes::Grid;
+use crate::data::Split;
+use crate::generator::masked::evaluate::bound;
+use crate::generator::passes::passes;
+use crate::generator::sums::Sums;
+use crate::generator::{Inputs, SplitLoss};
+use crate::progress::moved;
+
+/// Measures both stages, each clip with one of its captions; clip i shows caption i mod n.
+pub fn split_loss(stages: &Stages, grid: &Grid, inputs: &Inputs, split: Split) -> SplitLoss {
+    let mut sums = vec![bound(&stages.base.frozen(), inputs, split)];
+    sums.extend(later_layers(stages, grid, inputs, split));
+    Sums::split_loss(&sums, inputs.tokens.n_frames(split))
+}
+
+/// −ln p of the codes of each layer after the first.
+fn later_layers(stages: &Stages, grid: &Grid, inputs: &Inputs, split: Split) -> Vec<Sums> {
+    let (model, tokens, n_layers) = (stages.residual.frozen(), inputs.tokens, grid.scales.len());
+    let unigrams: Vec<Vec<f64>> =
+        (1..n_layers).map(|layer| tokens.unigram_log_probs(layer)).collect();
+    let mut sums = vec![Sums::default(); n_layers - 1];
+    for clips in passes(tokens, split) {
+        let every_layer = |clip: usize| {
+            let captions = inputs.text.captions(split, clip);
+            let text = inputs.text.embedding(captions[clip % captions.len()]);
+            let codes = tokens.clip(split, clip);
+            let places = 0..codes.len() / n_layers;
+            (1..n_layers)
+                .map(move |layer| Asked::of_clip(text, codes, n_layers, layer, places.clone()))
+        };
+        let asked: Vec<Asked> = clips.flat_map(every_layer).collect();
+        let batch = LayerBatch::pack(&asked, grid, inputs.text.dim());
+        for (later, (sums, nll)) in sums.iter_mut().zip(model.nll(&batch)).enumerate() {
+            let codes = &batch.targets[later].codes;
+            let unigram = codes.iter().map(|&code| unigrams[later][code as usize]);
+            sums.nll += nll.iter().sum::<f64>();
+            sums.unigram -= unigram.sum::<f64>();
+            sums.n += codes.len();
+        }
+        moved();
+    }
+    sums
+}
