@@ -11,7 +11,7 @@ use crate::corpus::{Clips, Corpus, D_TEXT, small_run};
 use isoflop::codes::Grid;
 use isoflop::generator::masked::Hidden;
 use isoflop::generator::{
-    self, GeneratorError, Prompt, Sampled, Sampling, ScaleInputs, Trained, Training,
+    self, Edit, GeneratorError, Prompt, Sampled, Sampling, ScaleInputs, Trained, Training,
 };
 use isoflop::learn::Checkpoints;
 use isoflop::learn::weights;
@@ -161,4 +161,31 @@ fn guidance_0_is_the_pass_with_text() {
     let spec = spec(0.1);
     let with = |guidance| sampled(&spec, &Sampling { guidance, ..Sampling::default() }).unwrap();
     assert_eq!(with(1e-12), with(0.0));
+}
+
+/// A clip of six codes, made anew in its third and fourth.
+#[test]
+fn an_edit_keeps_what_lies_outside_of_it() {
+    let spec = spec(0.1);
+    let (corpus, _) = corpus(40);
+    let loaded = weights::on_host(&train(&spec, &corpus).unwrap().weights);
+    let sampler = generator::of(&spec).sampler(&spec, loaded, &Device::flex()).unwrap();
+    let (codes, text) = ([3, 0, 3, 2, 1, 1], [0.5; 2 * D_TEXT]);
+    let made = |anew: [bool; 6], index, rounds| {
+        let edit = Some(Edit { codes: &codes, anew: &anew });
+        let prompt = Prompt { text: &text, n_frames: Some(24), seed: 1, index, edit };
+        let whole = Prompt { edit: None, ..prompt };
+        let sampling = Sampling { rounds, ..Sampling::default() };
+        let made = sampler.sample(&[prompt, whole], &Nobody, &sampling).unwrap();
+        [0, 1].map(|i| made[i].codes.clone())
+    };
+    let anew = [false, false, true, true, false, false];
+    let mut differs = [false; 6];
+    for index in 0..40 {
+        let [edited, _] = made(anew, index, 1 + index as usize % 3);
+        differs.iter_mut().zip(edited.iter().zip(&codes)).for_each(|(d, (a, b))| *d |= a != b);
+        let [all, whole] = made([true; 6], index, 3);
+        assert_eq!(all, whole);
+    }
+    assert_eq!(differs, anew);
 }

@@ -2,6 +2,8 @@
 
 use rand_chacha::ChaCha8Rng;
 
+use crate::generator::Edit;
+
 /// A motion that is being made.
 pub struct Making<'a> {
     pub text: &'a [f32],
@@ -11,6 +13,18 @@ pub struct Making<'a> {
     /// Places: codes of a layer.
     pub n_places: usize,
     pub n_frames: usize,
+    /// What stays of it, where a part is made anew.
+    pub edit: Option<Edit<'a>>,
+}
+
+impl Making<'_> {
+    /// Of each place of a layer its code, where it stays.
+    pub fn kept(&self, layer: usize) -> Vec<Option<u32>> {
+        let Some(edit) = self.edit else { return vec![None; self.n_places] };
+        let codes = &edit.codes[layer * self.n_places..][..self.n_places];
+        let places = edit.places(self.n_places).into_iter().zip(codes);
+        places.map(|(anew, &code)| (!anew).then_some(code)).collect()
+    }
 }
 
 /// A row of logits a place, from those with text; where motions are guided, moved away from those

@@ -34,6 +34,7 @@ fn sampled(spec: &RunSpec, sampling: &Sampling, seed: u64) -> Vec<Sampled> {
         n_frames: Some(n_frames),
         seed,
         index,
+        edit: None,
     };
     let prompts: Vec<Prompt> = [(0, 20), (1, 8), (2, 4), (3, 22)].map(prompt).into();
     sampler.sample(&prompts, &Nobody, sampling).unwrap()

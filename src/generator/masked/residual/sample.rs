@@ -22,9 +22,11 @@ pub fn draw_layers(
         let mut rows = guided(pass, no_text, sampling.guidance).into_iter();
         let all = 0..grid.scales[layer].n_vocab;
         for motion in &mut *making {
-            for row in rows.by_ref().take(motion.n_places) {
-                let code = sampling.draw.code(&row, slice::from_ref(&all), &mut motion.rng);
-                motion.codes.push(code as u32);
+            for kept in motion.kept(layer) {
+                let row = rows.next().expect("a row a place");
+                let draw = |rng: &mut _| sampling.draw.code(&row, slice::from_ref(&all), rng);
+                let code = kept.unwrap_or_else(|| draw(&mut motion.rng) as u32);
+                motion.codes.push(code);
             }
         }
     }
