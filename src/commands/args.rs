@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
+use anyhow::{Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use isoflop::engine::{ENGINES, Engine, engine};
+use isoflop::jobs::TrainedTokenizer;
 use isoflop::ops::DeviceName;
+use isoflop::sweep::presets::NAMES;
 
 /// What every command takes.
 #[derive(Args, Clone, Debug)]
@@ -27,7 +30,7 @@ pub struct Common {
 /// A sweep file and what is laid over it.
 #[derive(Args, Clone)]
 pub struct SweepArgs {
-    /// The sweep file
+    #[arg(help = sweep_help())]
     pub sweep: PathBuf,
     /// Override a setting of the file, as in train.min_steps=100; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -49,6 +52,43 @@ impl SweepArgs {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         let default = || if self.device.is_processor() { cores() } else { 1 };
         self.jobs.map_or_else(default, usize::from)
+    }
+}
+
+/// What may stand in the place of a sweep file.
+fn sweep_help() -> String {
+    format!("The sweep file, or a preset: {}", NAMES.join(", "))
+}
+
+/// Which trained tokenizer: one of the two.
+#[derive(Args)]
+#[group(required = true, multiple = false)]
+pub struct TokenizerPlace {
+    /// A run's folder, or a sweep's, whose run with the lowest loss is taken
+    #[arg(long, value_name = "RUN")]
+    pub run: Option<PathBuf>,
+    /// A tokenizer's own folder: `tokenizers/<id>` of a sweep's
+    #[arg(long, value_name = "FOLDER")]
+    pub tokenizer: Option<PathBuf>,
+}
+
+impl TokenizerPlace {
+    /// Opens it.
+    pub fn open(&self, device: DeviceName) -> Result<TrainedTokenizer> {
+        let device = device.open()?;
+        match (&self.run, &self.tokenizer) {
+            (Some(run), _) => TrainedTokenizer::of_run(run, &device),
+            (None, Some(folder)) => TrainedTokenizer::open(folder, &device),
+            (None, None) => bail!("give a tokenizer by --run or --tokenizer"),
+        }
+    }
+}
+
+/// The parser of a number from 0 on.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x >= 0.0 && x.is_finite() => Ok(x),
+        _ => Err(format!("{text} is not a number from 0 on")),
     }
 }
 

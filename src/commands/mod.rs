@@ -6,6 +6,7 @@ mod args;
 mod cancel;
 mod command_line;
 mod context;
+mod detokenize;
 mod exit;
 mod export;
 mod finished;
@@ -21,6 +22,7 @@ mod run;
 mod stale;
 mod status;
 mod status_text;
+mod tokenize;
 mod tokenizer;
 mod tune;
 mod validate;
@@ -65,6 +67,10 @@ enum Command {
     Tokenizer(tokenizer::TokenizerArgs),
     /// Make motions of captions with a trained run
     Generate(generate::GenerateArgs),
+    /// Turn motions into codes with a trained tokenizer
+    Tokenize(tokenize::TokenizeArgs),
+    /// Turn codes back into motions
+    Detokenize(detokenize::DetokenizeArgs),
     /// Write a sweep's results in another form
     Export(export::ExportArgs),
     /// Do one job of a sweep; started by `run`
@@ -90,6 +96,8 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Tune(args) => tune::tune(&args, &output),
         Command::Tokenizer(args) => tokenizer::tokenizer(&args, &output),
         Command::Generate(args) => generate::generate(&args, &output),
+        Command::Tokenize(args) => tokenize::tokenize(&args, &output),
+        Command::Detokenize(args) => detokenize::detokenize(&args, &output),
         Command::Export(args) => export::export(&args, &output),
         Command::Worker(args) => worker::worker(&args, &output),
         Command::Guard(args) => worker::guard(&args),

@@ -4,7 +4,7 @@ use super::clip_file::ClipFile;
 use crate::motion::mirror_caption;
 
 /// Frames a second of every HumanML3D file.
-pub(super) const FPS: f64 = 20.0;
+pub const FPS: f64 = 20.0;
 /// Items are whole numbers of this many frames: one token's worth.
 const UNIT_FRAMES: usize = 4;
 

@@ -24,6 +24,7 @@ mod text;
 mod tokenizer;
 mod tokens;
 mod trained;
+mod trained_tokenizer;
 mod training;
 mod trunk;
 pub mod worker;
@@ -37,6 +38,7 @@ pub use job::Job;
 pub use kind::{JobKind, Kind};
 pub use state::{Counts, FailedJob, Running, SweepState, sweep_state};
 pub use trained::TrainedRun;
+pub use trained_tokenizer::TrainedTokenizer;
 
 /// Every kind of job. Each needs only what stands before it, or its own kind.
 pub static KINDS: [JobKind; 5] =

@@ -19,7 +19,7 @@ use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling}
 use crate::learn::params::below;
 use crate::learn::weights;
 use crate::plan::RunSpec;
-use crate::text::{self, TextEncoder};
+use crate::text::{self, TextEncoder, as_in_data};
 use crate::tokenizer::Tokenizer;
 
 /// Lengths take their ChaCha stream from here on, far above those of motions.
@@ -69,8 +69,7 @@ impl TrainedRun {
     /// # Errors
     /// The encoder has none for it.
     pub fn embed(&self, caption: &str) -> Result<Vec<f32>> {
-        let words: Vec<String> = caption.split_whitespace().map(str::to_lowercase).collect();
-        Ok(self.encoder.encode(&words.join(" "))?)
+        Ok(self.encoder.encode(&as_in_data(caption))?)
     }
 
     /// Makes a motion of each prompt, all at once.
@@ -104,7 +103,7 @@ impl TrainedRun {
 }
 
 /// The sweep's folder and the run that a path names.
-fn find(path: &Path) -> Result<(ResultsFolder, String)> {
+pub(super) fn find(path: &Path) -> Result<(ResultsFolder, String)> {
     if !path.is_dir() {
         bail!("{} does not exist; give a run's folder, or a sweep's", path.display());
     }

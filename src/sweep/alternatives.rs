@@ -29,11 +29,11 @@ impl<'de> Visitor<'de> for Models {
     type Value = ModelList;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a list of models, the name of a preset, or a rule over d_model")
+        f.write_str("a list of models, the name of a list, or a rule over d_model")
     }
 
     fn visit_str<E: Error>(self, name: &str) -> Result<ModelList, E> {
-        Ok(ModelList::Preset(name.to_string()))
+        Ok(ModelList::Named(name.to_string()))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<ModelList, A::Error> {
@@ -202,7 +202,7 @@ mod tests {
     #[test]
     fn an_entry_of_another_kind_is_told_what_may_stand_there() {
         let models = serde_yaml::from_str::<ModelList>("7").unwrap_err().to_string();
-        assert!(models.contains("the name of a preset"), "{models}");
+        assert!(models.contains("the name of a list"), "{models}");
         let vocab = serde_yaml::from_str::<VocabSpec>("-3").unwrap_err().to_string();
         assert!(vocab.contains("expected a whole number, found `-3`"), "{vocab}");
         let clips = serde_yaml::from_str::<Clips>("many").unwrap_err().to_string();

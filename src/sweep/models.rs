@@ -1,14 +1,14 @@
 //! The models of a grid: listed, by name, or by a rule; and the shapes that follow.
 
-use super::presets;
+use super::model_lists;
 use super::sections::{ModelEntry, ModelList, ModelSection};
 use crate::spec::{Ffn, ModelShape, TextSpec};
 
-/// The models of a list, a preset or a rule; none for an unknown preset.
+/// The models of a list, of a list's name or of a rule; none for an unknown name.
 pub fn models(list: &ModelList) -> Vec<ModelEntry> {
     match list {
         ModelList::List(models) => models.clone(),
-        ModelList::Preset(name) => presets::models(name).unwrap_or_default(),
+        ModelList::Named(name) => model_lists::models(name).unwrap_or_default(),
         ModelList::Rule(rule) => rule
             .d_model
             .iter()
@@ -55,7 +55,7 @@ mod tests {
     #[test]
     fn scamo_models_have_their_true_parameter_counts() {
         let text = TextSpec { dim: 2048, max_tokens: 150, ..TextSpec::default() };
-        let counts = presets::models("scamo")
+        let counts = model_lists::models("scamo")
             .unwrap()
             .into_iter()
             .map(|entry| shape(&entry, &ModelSection::default(), &text).params_of(15360).nonvocab);
@@ -84,7 +84,7 @@ mod tests {
             [5930662400, 5935526400, 6338726400],
         ];
         let text = TextSpec { max_tokens: 150, ..TextSpec::default() };
-        let found = presets::models("scamo").unwrap().into_iter().map(|entry| {
+        let found = model_lists::models("scamo").unwrap().into_iter().map(|entry| {
             let shape = shape(&entry, &ModelSection::default(), &text);
             [240, 1000, 64000].map(|n_vocab| openai_per_token(&shape, n_vocab))
         });

@@ -2,6 +2,8 @@
 
 use serde_yaml::{Mapping, Value};
 
+use super::merge::KIND;
+use super::presets::PRESET;
 use super::problem::Problem;
 
 /// Lays each setting over `value`; what cannot be applied is returned as a problem.
@@ -21,6 +23,16 @@ fn set(value: &mut Value, setting: &str) -> Result<(), Problem> {
         .ok_or_else(|| wrong("there is no such entry"))?;
     *place = new;
     Ok(())
+}
+
+/// The settings that say of what kind a section is, or which preset a sweep lies over: what is kept of
+/// a preset depends on them.
+pub fn of_kinds(settings: &[String]) -> Vec<String> {
+    let says = |setting: &&String| {
+        let path = setting.split_once('=').map_or("", |(path, _)| path);
+        path == PRESET || path.rsplit('.').next() == Some(KIND)
+    };
+    settings.iter().filter(says).cloned().collect()
 }
 
 /// Marks a problem as the fault of the setting that it stems from, where there is one.

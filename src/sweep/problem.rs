@@ -1,12 +1,11 @@
 //! What is wrong with a sweep file, shown where it stands.
 
-use std::collections::HashMap;
 use std::fmt::Write;
 use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
-use super::locate::{self, Location};
+use super::source::{Places, Source};
 
 /// One thing wrong with a sweep file.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,52 +47,57 @@ impl Problem {
 #[derive(Debug, thiserror::Error)]
 #[error("{}", self.render(false))]
 pub struct SweepErrors {
-    pub file: String,
-    pub source_text: String,
+    /// The file, and below it the presets that it lies over; at least one.
+    pub sources: Vec<Source>,
     pub problems: Vec<Problem>,
 }
+
+/// Bytes of one of the sources.
+type Place = (usize, Range<usize>);
 
 impl SweepErrors {
     /// The problems with file, line and caret; coloured where `colour` says so.
     pub fn render(&self, colour: bool) -> String {
-        let locations = locate::locations(&self.source_text);
+        let places = Places::of(&self.sources);
         let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
         let mut text = String::new();
-        let placed = self.problems.iter().map(|problem| (self.span(problem, &locations), problem));
+        let placed = self.problems.iter().map(|problem| (self.place(problem, &places), problem));
         let mut placed: Vec<_> = placed.collect();
-        placed.sort_by_key(|(span, _)| span.as_ref().map(|span| span.start));
-        for (span, problem) in placed {
-            let _ = writeln!(text, "{}", renderer.render(&[self.group(problem, span)]));
+        placed.sort_by_key(|(place, _)| place.as_ref().map(|(index, span)| (*index, span.start)));
+        for (place, problem) in placed {
+            let _ = writeln!(text, "{}", renderer.render(&[self.group(problem, place)]));
         }
         let n = self.problems.len();
-        let _ = write!(text, "{}: {n} problem{}", self.file, if n == 1 { "" } else { "s" });
+        let _ = write!(text, "{}: {n} problem{}", self.file(), if n == 1 { "" } else { "s" });
         text
     }
 
+    /// The name of the file.
+    fn file(&self) -> &str {
+        self.sources.first().map_or("", |source| &source.name)
+    }
+
     /// The bytes at fault; `None` for what stands nowhere in the file.
-    fn span(
-        &self,
-        problem: &Problem,
-        locations: &HashMap<String, Location>,
-    ) -> Option<Range<usize>> {
+    fn place(&self, problem: &Problem, places: &Places) -> Option<Place> {
         if problem.setting.is_some() {
             return None;
         }
         if let Some(byte) = problem.byte {
-            let text = &self.source_text;
-            return Some(text.floor_char_boundary(byte)..text.ceil_char_boundary(byte + 1));
+            let text = &self.sources.first()?.text;
+            return Some((0, text.floor_char_boundary(byte)..text.ceil_char_boundary(byte + 1)));
         }
-        let place = locations.get(&problem.path)?;
-        Some(if problem.at_key { place.key.clone() } else { place.value.clone() })
+        let (index, place) = places.find(&self.sources, &problem.path)?;
+        Some((index, if problem.at_key { place.key.clone() } else { place.value.clone() }))
     }
 
-    fn group<'a>(&'a self, problem: &'a Problem, span: Option<Range<usize>>) -> Group<'a> {
+    fn group<'a>(&'a self, problem: &'a Problem, place: Option<Place>) -> Group<'a> {
         let title = Level::ERROR.primary_title(problem.message.as_str());
-        let group = match span {
+        let group = match place {
             None => title.element(Level::NOTE.message(self.nowhere(problem))),
-            Some(span) => {
+            Some((index, span)) => {
+                let source = &self.sources[index];
                 let mark = AnnotationKind::Primary.span(span);
-                let snippet = Snippet::source(&self.source_text).path(&self.file);
+                let snippet = Snippet::source(&source.text).path(&source.name);
                 title.element(snippet.annotation(mark))
             }
         };
@@ -107,8 +111,8 @@ impl SweepErrors {
     fn nowhere(&self, problem: &Problem) -> String {
         match (&problem.setting, problem.path.as_str()) {
             (Some(setting), _) => format!("in --set {setting}"),
-            (None, "") => format!("in {}", self.file),
-            (None, path) => format!("at {path} in {}", self.file),
+            (None, "") => format!("in {}", self.file()),
+            (None, path) => format!("at {path} in {}", self.file()),
         }
     }
 }

@@ -3,52 +3,83 @@
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
-use serde_yaml::Value;
+use serde_yaml::{Mapping, Value};
 
 use super::check::check;
 use super::check::engine;
+use super::layers::Layers;
 use super::nearest::nearest;
 use super::overrides;
+use super::presets;
 use super::problem::{Problem, SweepErrors};
 use super::removed_entries::RemovedEntries;
+use super::source::Source;
 use crate::sweep::sections::{SlurmSection, Sweep};
 
-/// Reads a sweep file, with `path=value` settings laid over it.
+/// Reads a sweep file, or where there is none of that name a preset, with `path=value` settings laid
+/// over it.
 pub fn read(path: &Path, settings: &[String]) -> Result<Sweep, SweepErrors> {
-    let (file, text) = text_of(path)?;
-    parse(&file, &text, settings)
+    if let Some(preset) = presets::at(path) {
+        let named = Mapping::from_iter([("preset".into(), preset.name.into())]);
+        return gather(named, Source::new(preset.title(), ""), settings);
+    }
+    let source = source_of(path).map_err(|errors| SweepErrors {
+        problems: errors.problems.into_iter().map(|problem| or_a_preset(problem, path)).collect(),
+        ..errors
+    })?;
+    parse(&source.name, &source.text, settings)
+}
+
+/// What cannot be read may be the name of a preset, with a slip in it.
+fn or_a_preset(problem: Problem, path: &Path) -> Problem {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let help = format!("no preset has that name either; {}", nearest(&name, &presets::NAMES));
+    if path.exists() { problem } else { problem.with_help(help) }
 }
 
 /// Reads a profile: a file with the keys of `engine.slurm`, to be laid over those of sweeps.
 pub fn read_profile(path: &Path) -> Result<SlurmSection, SweepErrors> {
-    let (file, text) = text_of(path)?;
-    gather_profile(&text).map_err(|problems| SweepErrors { file, source_text: text, problems })
+    let source = source_of(path)?;
+    gather_profile(&source.text).map_err(|problems| SweepErrors { sources: vec![source], problems })
 }
 
-/// The name of a file in messages, and its text.
-fn text_of(path: &Path) -> Result<(String, String), SweepErrors> {
+/// A file as it stands.
+fn source_of(path: &Path) -> Result<Source, SweepErrors> {
     let file = path.display().to_string();
     match std::fs::read_to_string(path) {
-        Ok(text) => Ok((file, text)),
+        Ok(text) => Ok(Source::new(file, text)),
         Err(error) => Err(SweepErrors {
             problems: vec![Problem::value("", format!("cannot read {file}: {error}"))],
-            source_text: String::new(),
-            file,
+            sources: vec![Source::new(file, "")],
         }),
     }
 }
 
 /// [`read`] for a text at hand; `file` is its name in messages.
 pub fn parse(file: &str, text: &str, settings: &[String]) -> Result<Sweep, SweepErrors> {
-    gather(text, settings).map_err(|problems| SweepErrors {
-        file: file.to_string(),
-        source_text: text.to_string(),
-        problems,
-    })
+    let source = Source::new(file, text);
+    match mapping(text, "a sweep file is a mapping with at least `name` and `grid`") {
+        Ok(keys) => gather(keys, source, settings),
+        Err(problem) => Err(SweepErrors { sources: vec![source], problems: vec![problem] }),
+    }
 }
 
-fn gather(text: &str, settings: &[String]) -> Result<Sweep, Vec<Problem>> {
-    let mut value = syntax(text).map_err(|problem| vec![problem])?;
+/// A sweep of keys and of the preset that they name.
+///
+/// Settings that say what a section is are laid over the keys first, so that nothing of a preset's
+/// section of another kind is left; then all of them over both.
+fn gather(keys: Mapping, source: Source, settings: &[String]) -> Result<Sweep, SweepErrors> {
+    let mut own = Value::Mapping(keys);
+    overrides::apply(&mut own, &overrides::of_kinds(settings));
+    let Value::Mapping(own) = own else { unreachable!("a setting names a key") };
+    let Layers { keys, sources } = Layers::of(own, source).map_err(|mut errors| {
+        errors.problems.iter_mut().for_each(|problem| overrides::blame(problem, settings));
+        errors
+    })?;
+    check_all(Value::Mapping(keys), settings).map_err(|problems| SweepErrors { sources, problems })
+}
+
+fn check_all(mut value: Value, settings: &[String]) -> Result<Sweep, Vec<Problem>> {
     let mut problems = overrides::apply(&mut value, settings);
     let mut removed = RemovedEntries::default();
     let sweep: Option<Sweep> = typed(value, &mut removed, &mut problems);
@@ -66,7 +97,8 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     let value = mapping(text, "a profile is a mapping with the keys of `engine.slurm`");
     let mut problems = Vec::new();
     let value = value.map_err(|problem| vec![problem])?;
-    let section: Option<SlurmSection> = typed(value, &mut RemovedEntries::default(), &mut problems);
+    let section: Option<SlurmSection> =
+        typed(Value::Mapping(value), &mut RemovedEntries::default(), &mut problems);
     problems.extend(section.iter().flat_map(|section| engine::slurm(section, "")));
     match (section, problems.is_empty()) {
         (Some(section), true) => Ok(section),
@@ -74,18 +106,14 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     }
 }
 
-fn syntax(text: &str) -> Result<Value, Problem> {
-    mapping(text, "a sweep file is a mapping with at least `name` and `grid`")
-}
-
 /// The mapping that a file holds; `otherwise` says what it should hold.
-fn mapping(text: &str, otherwise: &str) -> Result<Value, Problem> {
+fn mapping(text: &str, otherwise: &str) -> Result<Mapping, Problem> {
     let value: Value = serde_yaml::from_str(text).map_err(|error| Problem {
         byte: error.location().map(|location| location.index()),
         ..Problem::value("", format!("not valid YAML: {error}"))
     })?;
     match value {
-        Value::Mapping(_) => Ok(value),
+        Value::Mapping(keys) => Ok(keys),
         _ => Err(Problem::value("", otherwise)),
     }
 }

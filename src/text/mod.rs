@@ -28,3 +28,9 @@ pub fn encoder(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
         }
     })
 }
+
+/// A caption as captions of data are read: lower-case, with single spaces.
+pub fn as_in_data(caption: &str) -> String {
+    let words: Vec<String> = caption.split_whitespace().map(str::to_lowercase).collect();
+    words.join(" ")
+}

@@ -8,7 +8,7 @@ use clap::Args;
 use isoflop::generator::{Draw, Sampling};
 use isoflop::ops::DeviceName;
 
-use crate::commands::args::{device, share};
+use crate::commands::args::{device, not_negative, share};
 
 #[derive(Args)]
 pub struct GenerateArgs {
@@ -89,13 +89,6 @@ impl GenerateArgs {
         let top_k = self.top_k.map(|k| k as usize);
         let draw = Draw { temperature: self.temperature, top_k, top_p: self.top_p };
         Sampling { draw, guidance: self.guidance, rounds: usize::from(self.rounds) }
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(x) if x >= 0.0 && x.is_finite() => Ok(x),
-        _ => Err(format!("{text} is not a number from 0 on")),
     }
 }
 

@@ -3,8 +3,8 @@
 use super::repeated::{self, model_path};
 use crate::spec::VocabularyError;
 use crate::sweep::condition::Condition;
+use crate::sweep::model_lists;
 use crate::sweep::nearest::nearest;
-use crate::sweep::presets;
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::{Axis, ModelList, Sweep, VocabSpec};
 
@@ -23,13 +23,13 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
 
 fn models(sweep: &Sweep) -> Vec<Problem> {
     match &sweep.grid.models {
-        ModelList::Preset(name) if presets::models(name).is_none() => {
+        ModelList::Named(name) if model_lists::models(name).is_none() => {
             vec![
-                Problem::value("grid.models", format!("no preset is named `{name}`"))
-                    .with_help(nearest(name, &presets::NAMES)),
+                Problem::value("grid.models", format!("no list of models is named `{name}`"))
+                    .with_help(nearest(name, &model_lists::NAMES)),
             ]
         }
-        ModelList::Preset(_) => Vec::new(),
+        ModelList::Named(_) => Vec::new(),
         ModelList::Rule(rule) if rule.d_model.is_empty() || rule.head_dim == 0 => {
             vec![Problem::value("grid.models", "the rule makes no model")]
         }

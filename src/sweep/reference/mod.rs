@@ -16,8 +16,9 @@ const HEAD: &str = "\
 
 # The sweep file
 
-A sweep file is YAML. `name` and `grid` must be written; every other key may be left out. An unknown
-key and an impossible value are errors, shown at their place with the nearest valid name.
+A sweep file is YAML. `name` and `grid` must be written, unless a preset has them ([presets.md](presets.md));
+every other key may be left out. An unknown key and an impossible value are errors, shown at their place
+with the nearest valid name.
 
 - Each key has its section; a key of a section within a section is written `train.lr.max` here.
 - Where the default is empty, nothing stands there unless it is written.

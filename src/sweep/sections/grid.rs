@@ -42,7 +42,7 @@ pub enum Axis {
 #[serde(untagged)]
 pub enum ModelList {
     /// `scamo`: the six rows of its Table 1.
-    Preset(String),
+    Named(String),
     /// One model after another.
     List(Vec<ModelEntry>),
     /// Widths, and the depth and the heads that follow from them.

@@ -23,6 +23,10 @@ use crate::spec::{GeneratorKind, TextSpec, TokenizerSection};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sweep {
+    /// A sweep by name (docs/presets.md), which the keys of the file are laid over: sections key by key,
+    /// all else whole; of a section with another `kind` than here, nothing is kept.
+    #[serde(default, skip_serializing)]
+    pub preset: Option<String>,
     /// Names the folder of the results: letters, digits, `-`, `_` and `.`.
     pub name: String,
     /// Every cell is trained once a seed.

@@ -5,7 +5,7 @@ use crate::sweep::sections::ModelEntry;
 /// Names that `grid.models` knows.
 pub const NAMES: [&str; 1] = ["scamo"];
 
-/// The models of a preset; `None` for an unknown name.
+/// The models of a list; `None` for an unknown name.
 pub fn models(name: &str) -> Option<Vec<ModelEntry>> {
     (name == "scamo").then(scamo)
 }
