@@ -26,6 +26,9 @@ pub enum GeneratorError {
          {n_ctx}: ask for at most {most} frames"
     )]
     Length { n_frames: usize, positions: usize, n_ctx: usize, most: usize },
+    /// A motion that was asked for is shorter than a code.
+    #[error("a motion of {n_frames} frames has no code: ask for at least {least} frames")]
+    NoCode { n_frames: usize, least: usize },
     /// Guidance by a model that was trained with every caption.
     #[error(
         "the run was trained with every caption, so that guidance has nothing to move away from: \
@@ -53,6 +56,7 @@ impl GeneratorError {
             Self::Vocabulary { .. }
             | Self::Context { .. }
             | Self::Length { .. }
+            | Self::NoCode { .. }
             | Self::Guidance => Some(FailureKind::BadData),
             Self::Weights(_) => Some(FailureKind::Damaged),
             Self::Precision(_) => Some(FailureKind::Other),

@@ -48,20 +48,28 @@ impl MaskedSampler {
         if sampling.guidance > 0.0 && self.text_drop == 0.0 {
             return Err(GeneratorError::Guidance);
         }
-        let shape = self.model.shape();
         let asked = prompt.n_frames.expect("the caller gives lengths where they are wanted");
-        let n_places = |frames| self.grid.lengths(frames).next().unwrap_or(0);
-        let (own, n_text) = (n_places(asked), prompt.text.len() / shape.d_text);
-        let n_frames = self.grid.frames_of(own).unwrap_or(asked);
-        let n_ctx = shape.n_ctx;
-        if own + n_text > n_ctx {
-            let fits = |frames: &usize| n_places(*frames) + n_text <= n_ctx;
-            let most = (0..asked).rev().find(fits).unwrap_or(0);
-            let positions = own + n_text;
-            return Err(GeneratorError::Length { n_frames: asked, positions, n_ctx, most });
+        let n_places = self.n_places(asked, prompt.text.len() / self.no_text.len())?;
+        let n_frames = self.grid.frames_of(n_places).unwrap_or(asked);
+        let codes = vec![end_token(self.n_vocab()); n_places];
+        Ok(Making { text: prompt.text, rng: prompt.rng(), codes, n_places, n_frames })
+    }
+
+    /// Places of a motion of so many frames after so many text positions.
+    fn n_places(&self, n_frames: usize, n_text: usize) -> Result<usize, GeneratorError> {
+        let of = |frames| self.grid.lengths(frames).next().unwrap_or(0);
+        let (n_places, n_ctx) = (of(n_frames), self.model.shape().n_ctx);
+        let positions = n_places + n_text;
+        if n_places == 0 {
+            let least = self.grid.frames_of(1).unwrap_or(0);
+            return Err(GeneratorError::NoCode { n_frames, least });
         }
-        let codes = vec![end_token(self.n_vocab()); own];
-        Ok(Making { text: prompt.text, rng: prompt.rng(), codes, n_places: own, n_frames })
+        if positions > n_ctx {
+            let fits = |frames: &usize| of(*frames) + n_text <= n_ctx;
+            let most = (0..n_frames).rev().find(fits).unwrap_or(0);
+            return Err(GeneratorError::Length { n_frames, positions, n_ctx, most });
+        }
+        Ok(n_places)
     }
 
     /// Codes of the first layer.

@@ -79,7 +79,7 @@ mod tests {
     /// Of six layers: acos(1 − (i + ½) / 4) of a quarter turn each.
     #[test]
     fn the_first_layers_are_asked_for_more_often() {
-        let mut shares = [0.0; 6];
+        let mut shares = [0.0f64; 6];
         (0..100_000).for_each(|i| shares[drawn_layer(6, (f64::from(i) + 0.5) / 1e5)] += 1e-5);
         let expected = [0.0, 0.3217, 0.2485, 0.1851, 0.1649, 0.0798];
         assert!(shares.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4), "{shares:?}");
