@@ -162,4 +162,6 @@ fn residual_codes_are_made_one_after_another_or_in_two_stages() {
     assert_eq!(again, motions);
     let words = ["generate", "walk", "--run", &run, "--frames", "900", "--out", "long"];
     place.isoflop(&words).exits(2).says("ask for at most 2");
+    let words = ["generate", "walk", "--run", &run, "--frames", "3", "--out", "short"];
+    place.isoflop(&words).exits(2).says("ask for at least 4 frames");
 }
