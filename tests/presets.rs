@@ -5,9 +5,6 @@ use isoflop::plan::Plan;
 use isoflop::spec::{CodebookSpec, QuantizerSpec};
 use isoflop::sweep::{self, Sweep, presets};
 
-/// Presets of a generator that does not make their codes yet.
-const NOT_YET_PLANNED: [&str; 4] = ["momask", "momask-lg", "momask-nano", "momask-lg-nano"];
-
 fn read(name: &str) -> Result<Sweep, sweep::SweepErrors> {
     sweep::read(name.as_ref(), &[])
 }
@@ -18,10 +15,6 @@ fn planned(name: &str) -> (Sweep, Plan) {
     (sweep, plan)
 }
 
-fn names() -> impl Iterator<Item = &'static str> {
-    presets::NAMES.into_iter().filter(|name| !NOT_YET_PLANNED.contains(name))
-}
-
 /// The only quantizer of a preset.
 fn quantizer(plan: &Plan) -> &QuantizerSpec {
     &plan.tokenizers[0].spec.quantizer
@@ -29,7 +22,7 @@ fn quantizer(plan: &Plan) -> &QuantizerSpec {
 
 #[test]
 fn every_preset_is_a_whole_sweep_under_its_own_name() {
-    for name in names() {
+    for name in presets::NAMES {
         let (sweep, plan) = planned(name);
         assert_eq!(sweep.name, name);
         assert!(plan.dropped.is_empty() || name == "scamo", "{name}: {:?}", plan.dropped);
@@ -46,20 +39,6 @@ fn every_preset_says_where_it_comes_from_and_what_differs() {
         let is_derived = text.contains("\npreset: ");
         let says = ["Not as", "Rates follow", "as `"].iter().any(|words| text.contains(words));
         assert!(says || is_derived, "{name} says what differs");
-    }
-}
-
-/// What is kept out of the plans is wrong in that one respect alone.
-#[test]
-fn presets_that_wait_for_their_generator_are_otherwise_sound() {
-    for name in NOT_YET_PLANNED {
-        let errors = read(name).expect_err("take it out of the list: it is planned now");
-        let problems: Vec<&str> = errors.problems.iter().map(|p| p.message.as_str()).collect();
-        assert_eq!(
-            problems,
-            ["`masked` makes codes of one scale, and the quantizer has several"],
-            "{name}"
-        );
     }
 }
 
@@ -125,7 +104,7 @@ fn scamo_has_its_six_sizes_and_seven_vocabularies() {
 /// Kept apart from the presets of the papers: a size that trains in minutes.
 #[test]
 fn small_presets_are_small() {
-    for name in names().filter(|name| name.ends_with("-nano")) {
+    for name in presets::NAMES.filter(|name| name.ends_with("-nano")) {
         let (_, plan) = planned(name);
         assert!(plan.total_flops() < 4e12, "{name}: {:e}", plan.total_flops());
         assert!(plan.runs.iter().all(|run| run.params.nonvocab < 1_000_000), "{name}");

@@ -1,13 +1,16 @@
 //! What `isoflop generate` takes, and the motions that follow from it.
 
 use std::fs;
+use std::ops::Range;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::generator::{Draw, Sampling};
+use isoflop::jobs::TrainedRun;
 use isoflop::ops::DeviceName;
 
+use super::edit::{self, Source};
 use crate::commands::args::{device, not_negative, share};
 
 #[derive(Args)]
@@ -57,6 +60,12 @@ pub struct GenerateArgs {
     /// `masked`: rounds in which codes are shown, the surest first
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
     pub rounds: u16,
+    /// A motion (.npy or .bvh) of which a part is made anew, and the rest stays
+    #[arg(long, value_name = "FILE", requires = "anew")]
+    pub edit: Option<PathBuf>,
+    /// Seconds of it that are made anew: `1.5..3`, `..2` or `4..`; may be given several times
+    #[arg(long, value_name = "FROM..TO", requires = "edit", value_parser = edit::span)]
+    pub anew: Vec<Range<f64>>,
     /// The backend that computes
     #[arg(long, value_parser = device(), default_value = "flex")]
     pub device: DeviceName,
@@ -82,6 +91,13 @@ impl GenerateArgs {
     pub fn n_frames(&self, fps: f64) -> Option<usize> {
         let seconds = self.seconds.map(|seconds| (seconds * fps).round().max(1.0) as usize);
         seconds.or(self.frames.map(|frames| frames as usize))
+    }
+
+    /// The motion that is made anew in part.
+    pub fn source(&self, run: &TrainedRun) -> Result<Option<Source>> {
+        let read =
+            |path: &PathBuf| Source::read(path, &self.anew, self.n_frames(run.spec.fps), run);
+        self.edit.as_ref().map(read).transpose()
     }
 
     /// How motions are made.

@@ -1,6 +1,7 @@
 //! `isoflop generate`: motions of captions, from a trained run, in files.
 
 mod args;
+mod edit;
 mod motion;
 mod text;
 
@@ -15,6 +16,7 @@ use isoflop::jobs::TrainedRun;
 use serde_json::json;
 
 pub use args::GenerateArgs;
+use edit::Source;
 use motion::Motion;
 
 use super::exit::Exit;
@@ -32,6 +34,8 @@ struct Order {
     /// The caption's vectors.
     text: Vec<f32>,
     n_frames: Option<usize>,
+    /// The codes of the motion that is made anew in part.
+    codes: Option<Vec<u32>>,
     /// Its number: its files' name, and its stream of random numbers.
     index: usize,
 }
@@ -50,9 +54,10 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
         bail!("the run's tokenizer has no language that --detokenizer-guidance could follow");
     }
     let out = folder(args, &run)?;
-    let orders = orders(args, &run)?;
+    let source = args.source(&run)?;
+    let orders = orders(args, &run, source.as_ref())?;
     let started = Instant::now();
-    let made = make(args, &run, &orders)?;
+    let made = make(args, &run, &orders, source.as_ref())?;
     let made_s = started.elapsed().as_secs_f64();
     let motions = write(args, &run, &orders, &made, &out)?;
     let summary = text::Summary { run: &run, motions: &motions, out: &out, made_s };
@@ -74,27 +79,36 @@ fn folder(args: &GenerateArgs, run: &TrainedRun) -> Result<PathBuf> {
 const MOTIONS: &str = "motions.json";
 
 /// The motions that were asked for: of each caption so many.
-fn orders(args: &GenerateArgs, run: &TrainedRun) -> Result<Vec<Order>> {
+fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Result<Vec<Order>> {
     let mut orders = Vec::new();
     for caption in args.all_captions()? {
         let text = run.embed(&caption)?;
+        let codes = source.map(|source| source.codes(run, &text)).transpose()?;
         for _ in 0..args.samples {
             let index = orders.len();
-            let n_frames = match args.n_frames(run.spec.fps) {
+            let asked = source.map(Source::n_frames).or(args.n_frames(run.spec.fps));
+            let n_frames = match asked {
                 None if run.wants_length() => Some(run.some_length(args.seed, index as u64)?),
                 asked => asked,
             };
-            orders.push(Order { caption: caption.clone(), text: text.clone(), n_frames, index });
+            let (caption, text, codes) = (caption.clone(), text.clone(), codes.clone());
+            orders.push(Order { caption, text, n_frames, codes, index });
         }
     }
     Ok(orders)
 }
 
 /// Codes, then features, a batch at a time.
-fn make(args: &GenerateArgs, run: &TrainedRun, orders: &[Order]) -> Result<Vec<Made>> {
+fn make(
+    args: &GenerateArgs,
+    run: &TrainedRun,
+    orders: &[Order],
+    source: Option<&Source>,
+) -> Result<Vec<Made>> {
     let mut made = Vec::with_capacity(orders.len());
     for batch in orders.chunks(BATCH) {
-        let prompts: Vec<Prompt> = batch.iter().map(|order| order.prompt(args.seed)).collect();
+        let prompts: Vec<Prompt> =
+            batch.iter().map(|order| order.prompt(args.seed, source)).collect();
         for (order, sampled) in batch.iter().zip(run.sample(&prompts, &args.sampling())?) {
             let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
             let guidance = args.detokenizer_guidance;
@@ -106,13 +120,14 @@ fn make(args: &GenerateArgs, run: &TrainedRun, orders: &[Order]) -> Result<Vec<M
 }
 
 impl Order {
-    fn prompt(&self, seed: u64) -> Prompt<'_> {
+    fn prompt<'a>(&'a self, seed: u64, source: Option<&'a Source>) -> Prompt<'a> {
+        let edited = source.zip(self.codes.as_ref());
         Prompt {
             text: &self.text,
             n_frames: self.n_frames,
             seed,
             index: self.index as u64,
-            edit: None,
+            edit: edited.map(|(source, codes)| source.edit(codes)),
         }
     }
 }
