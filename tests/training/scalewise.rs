@@ -192,6 +192,21 @@ fn the_loss_of_the_source_itself_is_reached() {
     assert!(first.abs() < 0.03 && second < -0.2, "{:?}", test.normalised_by_scale);
 }
 
+/// Clips of the longest length, four a step, after the longest text: two words and the end.
+#[test]
+fn the_flops_that_are_planned_are_done() {
+    let (latents, n_text) = (6, 3);
+    let clip = |i: usize| (0..SCALES * latents).map(|j| ((i + j * j) % V) as u32).collect();
+    let clips: Clips = (0..12).map(clip).collect();
+    let corpus = Corpus::of_grid(&grid(), [clips.clone(), clips.clone(), clips], captions);
+    let mut spec = spec(|own| own.text_drop = 0.0);
+    (spec.batch_tokens, spec.steps) = (4 * SCALES * latents, 5);
+    let planned = spec.generator.flops_per_token(&spec.codes, n_text).exact;
+    let done = train(&spec, &corpus).unwrap().flops_exact;
+    let off = done / (3.0 * planned * spec.tokens() as f64) - 1.0;
+    assert!(off.abs() < 1e-9, "{done}: off by {off}");
+}
+
 #[test]
 fn training_again_gives_the_same_bits() {
     let (corpus, _) = corpus(40);

@@ -113,8 +113,12 @@ impl Objective for Scalewise<'_> {
 /// Multiply-adds of a batch, times two: each clip at its own lengths, the heads per target.
 fn forward_flops(spec: &RunSpec, batch: &Batch) -> f64 {
     let (own, layout) = (own(spec), &batch.layout);
-    let clips = (0..layout.n_sequences())
-        .map(|i| exact_of_clip(own, &spec.codes, layout.prefix(i), &layout.block_lengths(i), &[]));
+    let no_heads = vec![0; spec.codes.scales.len()];
+    let clip = |i: usize| {
+        let lengths = layout.block_lengths(i);
+        exact_of_clip(own, &spec.codes, layout.prefix(i), &lengths, &no_heads)
+    };
+    let clips = (0..layout.n_sequences()).map(clip);
     let heads = spec.codes.scales.iter().zip(&batch.targets);
     let heads = heads.map(|(scale, own)| (2 * own.codes.len() * scale.n_vocab) as f64);
     clips.sum::<f64>() + spec.shape().d_model as f64 * heads.sum::<f64>()
