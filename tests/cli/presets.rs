@@ -9,7 +9,7 @@ use super::support::Place;
 /// Settings that leave a preset's shape and make it train in a second.
 const SHORT: [&str; 12] = [
     "--set",
-    "grid.budgets=[1e9]",
+    "grid.budgets=[1e10]",
     "--set",
     "tokenizer.steps=3",
     "--set",
@@ -50,7 +50,7 @@ fn a_file_is_laid_over_its_preset_and_settings_over_both() {
     let place = Place::new();
     let text = "preset: lg-tok-nano
 name: mine
-tokenizer: {quantizer: {scales: [2, 4]}, width: 32}
+tokenizer: {quantizer: {kind: multiscale, scales: [2, 4]}, width: 32}
 train: {min_steps: 7}
 ";
     place.write("mine.yaml", text);
@@ -61,8 +61,8 @@ train: {min_steps: 7}
     // 32 words and 6 codes a clip; two codebooks of 64 and 192.
     assert_eq!((&plan["runs"][0]["n_ctx"], &plan["runs"][0]["n_vocab"]), (&38.into(), &256.into()));
     assert_eq!(plan["runs"][0]["generator"], "scalewise");
-    let plan = planned(&["--set", "tokenizer.quantizer.scales=[3]"]);
-    assert_eq!(plan["runs"][0]["n_ctx"], 35);
+    let plan = planned(&["--set", "tokenizer.quantizer.scales=[3, 5]"]);
+    assert_eq!(plan["runs"][0]["n_ctx"], 40);
     let other = ["--set", "tokenizer.kind=patch", "--set", "generator=autoregressive"];
     let plan = planned(&other);
     assert_eq!(plan["tokenizers"][0]["kind"], "multiscale", "the file's own quantizer stays");
@@ -75,7 +75,7 @@ fn what_is_wrong_is_shown_in_the_file_or_in_the_preset() {
     let place = Place::new();
     place.write("mine.yaml", "preset: lg-tok\ntokenizer: {heads: 3}\ngenerator: masked\n");
     let ended = place.isoflop(&["plan", "mine.yaml"]).exits(2);
-    ended.says("mine.yaml:2:21").says("mine.yaml:3:12").says("mine.yaml: 2 problems");
+    ended.says("mine.yaml:2:20").says("mine.yaml:3:12").says("mine.yaml: 2 problems");
     place.write("mine.yaml", "preset: lg-tok\nname: mine\ntokenizer: {quantizer: {kind: vq}}\n");
     let ended = place.isoflop(&["plan", "mine.yaml"]).exits(2);
     ended.says("preset lg-tok:").says("generator: scalewise").says("the quantizer has one");

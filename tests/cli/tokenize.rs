@@ -185,7 +185,7 @@ fn what_cannot_be_tokenized_is_told_and_nothing_is_written() {
     let elsewhere = [&without[..], &["--tokenizer", "results/mini"]].concat();
     place.isoflop(&elsewhere).exits(2).says("holds no trained tokenizer");
     let unfinished = [&without[..], &["--run", "results/mini"]].concat();
-    place.isoflop(&unfinished).exits(2).says("neither a run's folder nor a sweep's");
+    place.isoflop(&unfinished).exits(2).says("has no finished run with weights");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `isoflop detokenize`: codes back into motions, and how far they are from the originals.
 
 mod args;
+mod made;
 mod text;
 
 use std::path::{Path, PathBuf};
@@ -12,27 +13,14 @@ use isoflop::figures::motion::{CaptionedMotion, write_motion};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::{N_FEATURES, mpjpe_mm, recover_joints};
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::json;
 
 pub use args::DetokenizeArgs;
+use made::Made;
 
 use super::exit::Exit;
 use super::output::Output;
 use super::tokenize::motion_name;
-
-/// A motion that was made.
-#[derive(Serialize)]
-struct Made {
-    /// Its name: that of its files.
-    motion: String,
-    frames: usize,
-    /// From the original, where that was found.
-    mpjpe_mm: Option<f64>,
-    /// How far the rigid body of the BVH is from the joints, at most and on the mean.
-    bvh_largest_mm: f64,
-    bvh_mean_mm: f64,
-}
 
 pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     let tokenizer = args.tokenizer.open(args.device)?;

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use isoflop::jobs::TrainedTokenizer;
 
-use super::Made;
 use super::args::DetokenizeArgs;
+use super::made::Made;
 
 /// Motions that are listed, at most.
 const LISTED: usize = 12;

@@ -9,7 +9,7 @@ use crate::commands::args::{TokenizerPlace, device};
 
 #[derive(Args)]
 pub struct TokenizeArgs {
-    /// Motions: .npy of features [T, 263] or of joints [T, 22, 3], or .bvh with the 22 joints
+    /// Motions: .npy of features, T × 263, or of joints, T × 22 × 3; or .bvh with the 22 joints
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
     #[command(flatten)]

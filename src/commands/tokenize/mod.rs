@@ -63,7 +63,7 @@ const FAR: f64 = 5.0;
 
 fn strange((clip, far): &(ClipCodes, f64)) -> String {
     format!(
-        "{} is like nothing that the tokenizer was trained on: its features are {far:.3} deviations from \
+        "{} is like nothing that the tokenizer was trained on: its features are {far:.1} deviations from \
          their mean; joints are in metres with y up, features are not normalised",
         clip.motion
     )
