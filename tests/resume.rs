@@ -13,14 +13,12 @@ use rand_chacha::rand_core::SeedableRng;
 use tempfile::TempDir;
 
 use corpus::{Clips, Corpus, small_run};
-use isoflop::codes::{Grid, Length, Scale};
 use isoflop::generator::{self, GeneratorError, Trained, Training};
 use isoflop::learn::params::below;
 use isoflop::learn::weights;
 use isoflop::learn::{Branch, Checkpoints, LearnError};
 use isoflop::plan::RunSpec;
 use isoflop::progress::{Progress, Step};
-use isoflop::spec::{GeneratorSpec, MaskedSpec};
 
 const N_VOCAB: usize = 9;
 const STEPS: usize = 13;
@@ -49,24 +47,6 @@ impl Bench {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         Self { corpus: random_corpus(), folder, spec: small_run(N_VOCAB) }
-    }
-
-    /// The same of both stages of a masked transformer, on codes of three layers.
-    fn of_layers() -> Self {
-        let scale = Scale { n_vocab: N_VOCAB, length: Length::FramesPerCode(4) };
-        let grid = Grid { scales: vec![scale; 3], end_token: false };
-        let mut rng = ChaCha8Rng::seed_from_u64(2);
-        let mut clips = |n_clips: usize| -> Clips {
-            let mut clip = |n: usize| (0..3 * n).map(|_| below(&mut rng, N_VOCAB) as u32).collect();
-            (0..n_clips).map(|index| clip(1 + index % 7)).collect()
-        };
-        let captions = |clip| vec![format!("caption {clip}")];
-        let corpus = Corpus::of_grid(&grid, [clips(20), clips(6), clips(8)], captions);
-        let spec = small_run(N_VOCAB);
-        let shape = spec.shape().clone();
-        let own = MaskedSpec { shape, corruption: 0.1, text_drop: 0.2 };
-        let spec = RunSpec { generator: GeneratorSpec::Masked(own), codes: grid, ..spec };
-        Self { corpus, spec, ..Self::new() }
     }
 
     fn checkpoint(&self) -> PathBuf {
@@ -150,16 +130,6 @@ fn a_run_stopped_at_several_steps_ends_on_the_bits_of_a_straight_one() {
     assert_eq!(bench.until(7, NEVER), [7]);
     assert_eq!(bench.until(12, NEVER), [8, 9, 10, 11, 12]);
     assert_same(&bench.to_the_end(&bench.checkpoint()), &straight());
-}
-
-#[test]
-fn two_stages_stopped_at_several_steps_end_on_the_bits_of_a_straight_run() {
-    let (bench, straight) = (Bench::of_layers(), Bench::of_layers());
-    assert_eq!(bench.until(1, NEVER), [1]);
-    assert_eq!(bench.until(8, NEVER), [2, 3, 4, 5, 6, 7, 8]);
-    let expected = straight.to_the_end(&straight.checkpoint());
-    assert_eq!(expected.test.normalised_by_scale.len(), 3);
-    assert_same(&bench.to_the_end(&bench.checkpoint()), &expected);
 }
 
 #[test]

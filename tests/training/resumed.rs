@@ -7,6 +7,7 @@ use std::time::Duration;
 use burn::tensor::Device;
 
 use crate::corpus::Corpus;
+use crate::residual::{self, learning};
 use crate::{masked, scalewise};
 use isoflop::generator::{self, GeneratorError, Inputs, Trained, Training};
 use isoflop::learn::{Checkpoints, LearnError, weights};
@@ -57,4 +58,10 @@ fn a_scale_by_scale_run_that_was_stopped_ends_on_the_bits_of_a_straight_one() {
 fn a_masked_run_that_was_stopped_ends_on_the_bits_of_a_straight_one() {
     let (corpus, _): (Corpus, f64) = masked::corpus(40);
     resumes_on_the_same_bits(&masked::spec(0.2), &corpus.inputs());
+}
+
+#[test]
+fn two_stages_that_were_stopped_end_on_the_bits_of_a_straight_run() {
+    let (corpus, _) = learning::corpus(40);
+    resumes_on_the_same_bits(&residual::spec(0.2), &corpus.inputs());
 }

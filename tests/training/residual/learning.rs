@@ -51,7 +51,7 @@ fn captions(clip: usize) -> Vec<String> {
 }
 
 /// A corpus of the source, and what the source itself has on the test split.
-fn corpus(n_train: usize) -> (Corpus, [f64; LAYERS]) {
+pub fn corpus(n_train: usize) -> (Corpus, [f64; LAYERS]) {
     let [(train, _), (val, _), (test, nats)] =
         [(n_train, 1), (10, 2), (400, 3)].map(|(n, seed)| source(n, seed));
     (Corpus::of_grid(&grid(), [train, val, test], captions), nats)

@@ -1,6 +1,6 @@
 //! The masked transformer's second stage: what it sees.
 
-mod learning;
+pub mod learning;
 mod sampling;
 
 use burn::module::Module;
@@ -24,7 +24,7 @@ fn grid() -> Grid {
     Grid { scales: vec![scale; LAYERS], end_token: false }
 }
 
-fn spec(text_drop: f64) -> RunSpec {
+pub fn spec(text_drop: f64) -> RunSpec {
     let mut spec = small_run(V);
     let shape = spec.shape().clone();
     spec.generator = GeneratorSpec::Masked(MaskedSpec { shape, corruption: 0.0, text_drop });
