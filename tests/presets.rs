@@ -104,7 +104,7 @@ fn scamo_has_its_six_sizes_and_seven_vocabularies() {
 /// Kept apart from the presets of the papers: a size that trains in minutes.
 #[test]
 fn small_presets_are_small() {
-    for name in presets::NAMES.filter(|name| name.ends_with("-nano")) {
+    for name in presets::NAMES.into_iter().filter(|name| name.ends_with("-nano")) {
         let (_, plan) = planned(name);
         assert!(plan.total_flops() < 4e12, "{name}: {:e}", plan.total_flops());
         assert!(plan.runs.iter().all(|run| run.params.nonvocab < 1_000_000), "{name}");

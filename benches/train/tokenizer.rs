@@ -123,7 +123,7 @@ impl Case for TokenizerCase {
         let encoder = config.encoder(&mut rng, &device);
         let mut halves = Halves { encoder, decoder: config.decoder(&mut rng, &device) };
         let caption = vec![0.5; WORDS * D_TEXT];
-        let captions = Captions::of(vec![&caption[..]; self.clips].into_iter(), D_TEXT);
+        let captions = Captions::of(vec![&caption[..]; self.clips], D_TEXT);
         let shape = [self.clips, self.frames, FEATURES];
         let n = shape.iter().product::<usize>() as i64;
         let wave = Tensor::<1, burn::tensor::Int>::arange(0..n, &device).float() * 0.01;

@@ -72,7 +72,7 @@ fn scalewise_logits(reference: &Reference<ScalewiseNotes>, device: &Device) -> H
     let mut rows: Vec<(usize, usize)> = rows.collect();
     rows.sort_unstable();
     let logits =
-        |(row, scale): (usize, usize)| model.logits(scale, features.clone().slice([row..row + 1]));
+        |(row, scale): (usize, usize)| model.logits(scale, features.clone().narrow(0, row, 1));
     concat(rows.into_iter().map(logits))
 }
 
