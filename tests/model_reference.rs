@@ -5,24 +5,21 @@
 //! packs, so that a mistake in either way of laying out a batch shows. Parameters are exact in
 //! `f32`; what is left is the library's rounding, which reaches 2e-6 of a tensor's norm.
 
-use std::path::PathBuf;
+#[path = "support/reference.rs"]
+mod reference;
 
-use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Deserialize;
 
 use isoflop::generator::autoregressive::{Batch, Model, Sequence, Transformer, end_token};
 use isoflop::learn::adamw::{AdamW, AdamWConfig};
-use isoflop::learn::weights;
-use isoflop::learn::weights::{HostTensor, Source, Weights};
+use isoflop::learn::weights::{self, HostTensor, Source, Weights};
 use isoflop::ops::Kernels;
 use isoflop::spec::ModelShape;
-
-/// Largest difference of two tensors, as a share of the reference's norm.
-const TOLERANCE: f64 = 1e-5;
+use reference::{Reference, TOLERANCE, gradients, relative_error};
 
 const VARIANTS: [&str; 2] = ["swiglu-untied", "gelu-tied"];
 
@@ -53,38 +50,16 @@ struct Supervised {
     to: usize,
 }
 
-struct Reference {
-    notes: Notes,
-    tensors: Weights,
+fn read(variant: &str) -> Reference<Notes> {
+    Reference::read("reference", variant)
 }
 
-impl Reference {
-    fn read(variant: &str) -> Self {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/reference");
-        let path = PathBuf::from(folder).join(format!("{variant}.safetensors"));
-        let (tensors, notes) = weights::load(&path).expect("make.py wrote it");
-        let notes = serde_json::from_str(&notes["reference"]).expect("make.py wrote them");
-        Self { notes, tensors }
-    }
-
-    /// The tensors whose names start with `prefix`, without it.
-    fn part(&self, prefix: &str) -> Weights {
-        let named = self.tensors.iter();
-        named
-            .filter_map(|(name, tensor)| {
-                Some((name.strip_prefix(prefix)?.to_owned(), tensor.clone()))
-            })
-            .collect()
-    }
-
+impl Reference<Notes> {
     fn model(&self, kernels: Kernels, device: &Device) -> Model {
         let Notes { shape, n_vocab, .. } = &self.notes;
         let mut rng = ChaCha8Rng::seed_from_u64(0);
         let drawn = Transformer::init(shape, *n_vocab, &mut rng, device);
-        let parameters = self.part("param.");
-        assert!(weights::of_module(&drawn).keys().eq(parameters.keys()), "names differ");
-        let weights = weights::into_module(drawn, parameters).expect("the same shapes");
-        Model::new(weights, shape, *n_vocab, kernels, device)
+        Model::new(self.parameters(drawn), shape, *n_vocab, kernels, device)
     }
 
     fn batch(&self) -> Batch {
@@ -102,64 +77,16 @@ impl Reference {
     }
 }
 
-/// Gradients under the names of their parameters.
-struct Gradients<'a> {
-    path: Vec<String>,
-    grads: &'a GradientsParams,
-    named: Weights,
-}
-
-impl ModuleVisitor for Gradients<'_> {
-    fn enter_module(&mut self, name: &str, _: &str) {
-        self.path.push(name.to_owned());
-    }
-
-    fn exit_module(&mut self, _: &str, _: &str) {
-        self.path.pop();
-    }
-
-    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        let name = self.path.join(".");
-        let grad =
-            self.grads.get::<D>(param.id).unwrap_or_else(|| panic!("{name} has no gradient"));
-        self.named.insert(name, Source::of(grad).on_host());
-    }
-}
-
-fn gradients(model: &Model, batch: &Batch) -> Weights {
-    let grads = GradientsParams::from_grads(model.loss(batch).backward(), &model.weights);
-    let mut visitor = Gradients { path: Vec::new(), grads: &grads, named: Weights::new() };
-    model.weights.visit(&mut visitor);
-    visitor.named
-}
-
-/// |found − expected| / |expected|, with L2 norms over all elements.
-fn relative_error(found: &HostTensor, expected: &HostTensor) -> f64 {
-    assert_eq!(found.shape, expected.shape);
-    let norm = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
-    let pairs = found.values.iter().zip(&expected.values);
-    let difference = norm(&mut pairs.map(|(f, e)| f64::from(*f) - f64::from(*e)));
-    difference / norm(&mut expected.values.iter().map(|e| f64::from(*e)))
-}
-
-/// The largest relative error over the logits and every gradient, all of which must be small.
 fn compare(variant: &str, kernels: Kernels, device: &Device) {
-    let reference = Reference::read(variant);
+    let reference = read(variant);
     let (model, batch) = (reference.model(kernels, device), reference.batch());
     let logits = Source::of(model.logits(&batch)).on_host();
-    let mut errors =
-        vec![("logits".to_owned(), relative_error(&logits, &reference.tensors["logits"]))];
-    let expected = reference.part("grad.");
-    let found = gradients(&model, &batch);
-    assert!(found.keys().eq(expected.keys()), "{:?} against {:?}", found.keys(), expected.keys());
-    errors.extend(found.iter().map(|(name, g)| (name.clone(), relative_error(g, &expected[name]))));
-    let (name, worst) = errors.iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("not empty");
-    eprintln!("{variant}, {kernels:?}, {device:?}: {name} is off by {worst:.1e} of its norm");
-    assert!(*worst < TOLERANCE, "{variant}, {kernels:?}: {name} is off by {worst:.1e}");
+    let gradients = gradients(model.loss(&batch), &model.weights);
+    reference.compare(&logits, &gradients, &format!("{variant}, {kernels:?}, {device:?}"));
 }
 
 /// The model's parameters after the reference's steps of AdamW.
-fn stepped(reference: &Reference) -> Weights {
+fn stepped(reference: &Reference<Notes>) -> Weights {
     let Steps { steps, lr, betas, epsilon, weight_decay, clip_norm } = reference.notes.adamw;
     let [beta_1, beta_2] = betas;
     let clip_norm = Some(clip_norm);
@@ -180,7 +107,7 @@ fn change(after: &HostTensor, before: &HostTensor) -> HostTensor {
 }
 
 fn check_loss(variant: &str, kernels: Kernels) {
-    let reference = Reference::read(variant);
+    let reference = read(variant);
     let (model, batch) = (reference.model(kernels, &Device::flex()), reference.batch());
     let expected = reference.notes.loss;
     let loss = f64::from(model.loss(&batch).into_scalar::<f32>());
@@ -217,7 +144,7 @@ fn another_backend_gives_the_logits_and_gradients_of_the_equations() {
 #[test]
 fn adamw_moves_every_parameter_as_its_equations_say() {
     for variant in VARIANTS {
-        let reference = Reference::read(variant);
+        let reference = read(variant);
         let (before, after) = (reference.part("param."), reference.part("after."));
         for (name, found) in stepped(&reference) {
             let expected = change(&after[&name], &before[&name]);

@@ -4,7 +4,9 @@
 //! `fixtures/quantizers/make.py` writes the numbers, a clip and a latent at a time. Latents and weights
 //! are exact in `f32`.
 
-use std::path::PathBuf;
+#[path = "support/reference.rs"]
+#[expect(dead_code, reason = "its file alone is wanted")]
+mod reference;
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
@@ -18,6 +20,7 @@ use isoflop::learn::LoadedState;
 use isoflop::learn::weights::{self, HostTensor, Source, Weights};
 use isoflop::spec::{CodebookSpec, MultiscaleSpec, ResidualSpec, TokenizerTraining};
 use isoflop::tokenizer::{AnyQuantizer, Extent, Multiscale, Quantized, ResidualVq};
+use reference::Reference;
 
 /// Largest difference of a value.
 const TOLERANCE: f32 = 1e-5;
@@ -38,20 +41,11 @@ struct Notes {
     last_count: f32,
 }
 
-struct Reference {
-    notes: Notes,
-    tensors: Weights,
+fn read(name: &str) -> Reference<Notes> {
+    Reference::read("quantizers", name)
 }
 
-impl Reference {
-    fn read(name: &str) -> Self {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/quantizers");
-        let path = PathBuf::from(folder).join(format!("{name}.safetensors"));
-        let (tensors, notes) = weights::load(&path).expect("make.py wrote it");
-        let notes = serde_json::from_str(&notes["reference"]).expect("make.py wrote them");
-        Self { notes, tensors }
-    }
-
+impl Reference<Notes> {
     fn codebooks(&self) -> Vec<&HostTensor> {
         (0..).map_while(|n| self.tensors.get(&format!("codes.{n}"))).collect()
     }
@@ -181,7 +175,7 @@ fn all() -> impl Iterator<Item = &'static str> {
 #[test]
 fn codes_and_sums_are_those_of_the_equations() {
     for name in all() {
-        let reference = Reference::read(name);
+        let reference = read(name);
         let device = Device::flex();
         let quantizer = reference.quantizer(&device);
         let ids = quantizer.ids(reference.latents(&device));
@@ -198,7 +192,7 @@ fn codes_and_sums_are_those_of_the_equations() {
 #[test]
 fn the_loss_and_its_gradients_are_those_of_the_equations() {
     for name in all() {
-        let reference = Reference::read(name);
+        let reference = read(name);
         let device = Device::flex().autodiff();
         let mut quantizer = reference.quantizer(&device);
         let latents_btc = reference.latents(&device).require_grad();
@@ -226,7 +220,7 @@ fn the_loss_and_its_gradients_are_those_of_the_equations() {
 #[test]
 fn codebooks_move_as_the_equations_say() {
     for name in all() {
-        let reference = Reference::read(name);
+        let reference = read(name);
         let device = Device::flex().autodiff();
         let mut quantizer = reference.quantizer(&device);
         quantizer.quantize(reference.latents(&device));

@@ -3,7 +3,9 @@
 //! `fixtures/transformer-tokenizer/make.py` writes the numbers. It pads each clip and masks densely
 //! where the library packs. Parameters are exact in `f32`; what is left is the library's rounding.
 
-use std::path::PathBuf;
+#[path = "support/reference.rs"]
+#[expect(dead_code, reason = "gradients are not compared here")]
+mod reference;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -11,13 +13,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Deserialize;
 
-use isoflop::learn::weights;
-use isoflop::learn::weights::{HostTensor, Weights};
+use isoflop::learn::weights::{self, HostTensor, Source, Weights};
 use isoflop::spec::TransformerSpec;
 use isoflop::tokenizer::{Architecture, Captions, Pass, TransformerConfig};
-
-/// Largest difference of two tensors, as a share of the reference's norm.
-const TOLERANCE: f64 = 1e-5;
+use reference::{Reference, TOLERANCE, relative_error};
 
 /// Norm, positions, detokenizer, and the halves that see captions.
 const VARIANTS: [&str; 5] = [
@@ -35,20 +34,7 @@ struct Notes {
     words: Vec<usize>,
 }
 
-struct Reference {
-    notes: Notes,
-    tensors: Weights,
-}
-
-impl Reference {
-    fn read(variant: &str) -> Self {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/transformer-tokenizer");
-        let path = PathBuf::from(folder).join(format!("{variant}.safetensors"));
-        let (tensors, notes) = weights::load(&path).expect("make.py wrote it");
-        let notes = serde_json::from_str(&notes["reference"]).expect("make.py wrote them");
-        Self { notes, tensors }
-    }
-
+impl Reference<Notes> {
     /// A half with the reference's parameters, which must be all that it has.
     fn half<M: Module>(&self, name: &str, drawn: M) -> M {
         let named = self.tensors.iter().filter_map(|(path, tensor)| {
@@ -75,22 +61,10 @@ impl Reference {
         let captions: Vec<Vec<f32>> = self.notes.words.iter().map(&mut caption).collect();
         Captions::of(captions.iter().map(Vec::as_slice), dim)
     }
-
-    /// |found − expected| / |expected|, with L2 norms over all elements.
-    fn error(&self, found: Tensor<3>, expected: &str) -> f64 {
-        let HostTensor { shape, values } = &self.tensors[expected];
-        assert_eq!(&found.dims()[..], shape.as_slice());
-        let found = found.into_data().try_into_vec::<f32>().expect("values are f32");
-        let norm =
-            |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>().sqrt();
-        let pairs = found.iter().zip(values);
-        let apart = norm(&mut pairs.map(|(f, e)| f64::from(*f) - f64::from(*e)));
-        apart / norm(&mut values.iter().map(|e| f64::from(*e)))
-    }
 }
 
 fn compare(variant: &str, device: &Device) {
-    let reference = Reference::read(variant);
+    let reference = Reference::<Notes>::read("transformer-tokenizer", variant);
     let config = TransformerConfig { sizes: reference.notes.sizes.clone(), n_features: 70 };
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let encoder = reference.half("encoder", config.encoder(&mut rng, device));
@@ -100,7 +74,7 @@ fn compare(variant: &str, device: &Device) {
     let latents = encoder.forward(reference.tensor("clips", device), &mut pass);
     let frames = decoder.forward(reference.tensor("latents", device), &mut pass);
     for (found, expected) in [(latents, "encoded"), (frames, "decoded")] {
-        let error = reference.error(found, expected);
+        let error = relative_error(&Source::of(found).on_host(), &reference.tensors[expected]);
         eprintln!("{variant}, {device:?}: {expected} is off by {error:.1e} of its norm");
         assert!(error < TOLERANCE, "{variant}, {device:?}: {expected} is off by {error:.1e}");
     }

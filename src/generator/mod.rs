@@ -10,6 +10,7 @@ mod learner;
 pub mod masked;
 mod measurable;
 mod passes;
+mod probed;
 mod sampling;
 pub mod scalewise;
 mod schedule;

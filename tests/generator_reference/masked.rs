@@ -5,18 +5,17 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Deserialize;
 
-use super::{Reference, close, concat, gradients};
+use super::reference::{Reference, gradients};
+use super::{close, concat, read};
+use crate::corpus::small_run;
+use crate::no_scales::NoScales;
 use isoflop::generator::autoregressive;
 use isoflop::generator::masked::{Hidden, pack};
-use isoflop::generator::{self, Draw, Prompt, Sampling, ScaleInputs};
+use isoflop::generator::{self, Draw, Prompt, Sampling};
 use isoflop::learn::weights::HostTensor;
 use isoflop::ops::Kernels;
 use isoflop::plan::RunSpec;
 use isoflop::spec::{GeneratorSpec, MaskedSpec, ModelShape};
-
-#[path = "../support/corpus.rs"]
-#[expect(dead_code, reason = "its small run alone is wanted")]
-mod corpus;
 
 #[derive(Deserialize)]
 struct MaskedNotes {
@@ -54,7 +53,7 @@ fn masked_of(
 }
 
 fn compare_masked(kernels: Kernels, device: &Device) {
-    let reference: Reference<MaskedNotes> = Reference::read("masked");
+    let reference: Reference<MaskedNotes> = read("masked");
     let MaskedNotes { shape, n_vocab, clips, loss: expected, .. } = &reference.notes;
     let texts = reference.part("text.");
     let hide = |(clip, text): (&HiddenClip, &'_ HostTensor)| {
@@ -77,7 +76,7 @@ fn compare_masked(kernels: Kernels, device: &Device) {
     close(f64::from(loss.clone().into_scalar::<f32>()), *expected);
     let gradients = gradients(loss, &model.weights);
     let logits = concat([model.logits(&batch)]);
-    reference.compare(logits, &gradients, &format!("{kernels:?}, {device:?}"));
+    reference.compare(&logits, &gradients, &format!("{kernels:?}, {device:?}"));
 }
 
 #[test]
@@ -92,25 +91,12 @@ fn another_backend_gives_the_masked_logits_and_gradients_of_the_equations() {
     compare_masked(Kernels::Plain, &Device::ndarray());
 }
 
-/// A tokenizer that no masked model asks.
-struct Nobody;
-
-impl ScaleInputs for Nobody {
-    fn inputs(&self, _: &[u32], _: usize, _: usize) -> Vec<Vec<f32>> {
-        unreachable!("codes have one scale")
-    }
-
-    fn n_latents(&self, _: usize) -> usize {
-        unreachable!("codes have one scale")
-    }
-}
-
 /// The rounds of the masked model: which codes are hidden again, and what stays.
 #[test]
 fn rounds_leave_the_codes_that_momasks_schedule_leaves() {
-    let reference: Reference<MaskedNotes> = Reference::read("masked");
+    let reference: Reference<MaskedNotes> = read("masked");
     let MaskedNotes { shape, n_vocab, made, .. } = &reference.notes;
-    let mut spec: RunSpec = corpus::small_run(*n_vocab);
+    let mut spec: RunSpec = small_run(*n_vocab);
     let own = MaskedSpec { shape: shape.clone(), corruption: 0.0, text_drop: 0.1 };
     spec.generator = GeneratorSpec::Masked(own);
     let sampler = generator::of(&spec).sampler(&spec, reference.part("param."), &Device::flex());
@@ -126,7 +112,7 @@ fn rounds_leave_the_codes_that_momasks_schedule_leaves() {
         let prompts: Vec<Prompt> = prompts.collect();
         let draw = Draw { temperature: 0.0, ..Draw::default() };
         let sampling = Sampling { draw, guidance: *guidance, rounds: *rounds };
-        let sampled = sampler.sample(&prompts, &Nobody, &sampling).unwrap();
+        let sampled = sampler.sample(&prompts, &NoScales, &sampling).unwrap();
         let found: Vec<Vec<u32>> = sampled.into_iter().map(|one| one.codes).collect();
         assert_eq!(&found, codes, "{rounds} rounds, guidance {guidance}");
     }

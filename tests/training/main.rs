@@ -4,10 +4,13 @@ mod batches;
 #[path = "../support/corpus.rs"]
 mod corpus;
 mod masked;
+#[path = "../support/no_scales.rs"]
+mod no_scales;
 mod numbered;
 mod residual;
 mod resumed;
 mod scalewise;
+mod trained;
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -29,6 +32,7 @@ use isoflop::progress::Step;
 use isoflop::spec::ModelShape;
 use isoflop::spec::{Ffn, Precision};
 use numbered::{EPOCH_TOKENS, numbered_corpus};
+use trained::train_from;
 
 /// Trains over the numbered corpus; the steps that were reported come back too.
 fn outcome(change: impl FnOnce(&mut RunSpec)) -> (Result<Trained, GeneratorError>, Vec<usize>) {
@@ -36,22 +40,11 @@ fn outcome(change: impl FnOnce(&mut RunSpec)) -> (Result<Trained, GeneratorError
     let mut spec = small_run(40);
     change(&mut spec);
     let mut reported = Vec::new();
-    let mut progress = |Step { step, .. }: Step| {
+    let progress = |Step { step, .. }: Step| {
         reported.push(step);
         ControlFlow::Continue(())
     };
-    let (checkpoint, hour) = (folder.path().join("state"), Duration::from_secs(3600));
-    let inputs = corpus.inputs();
-    let checkpoints = Checkpoints { path: &checkpoint, every: hour, branch: None };
-    let result = generator::train(
-        &Training {
-            spec: &spec,
-            inputs: &inputs,
-            device: &Device::flex(),
-            checkpoints: &checkpoints,
-        },
-        &mut progress,
-    );
+    let result = train_from(&folder.path().join("state"), &spec, &corpus.inputs(), progress);
     (result, reported)
 }
 

@@ -1,19 +1,15 @@
 //! The masked transformer: what it sees, what it learns, and that it makes motions of a length.
 
-use std::ops::ControlFlow;
-use std::time::Duration;
-
 use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::corpus::{Clips, Corpus, D_TEXT, small_run};
+use crate::no_scales::NoScales;
+use crate::trained::train;
 use isoflop::codes::Grid;
 use isoflop::generator::masked::Hidden;
-use isoflop::generator::{
-    self, Edit, GeneratorError, Prompt, Sampled, Sampling, ScaleInputs, Trained, Training,
-};
-use isoflop::learn::Checkpoints;
+use isoflop::generator::{self, Edit, GeneratorError, Prompt, Sampled, Sampling};
 use isoflop::learn::weights;
 use isoflop::plan::RunSpec;
 use isoflop::spec::{GeneratorSpec, MaskedSpec};
@@ -64,16 +60,6 @@ pub fn corpus(n_train: usize) -> (Corpus, f64) {
     (Corpus::of_grid(&Grid::stream(V, 4), [train, val, test], captions), nats)
 }
 
-fn train(spec: &RunSpec, corpus: &Corpus) -> Result<Trained, GeneratorError> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("state");
-    let checkpoints = Checkpoints { path: &path, every: Duration::from_secs(3600), branch: None };
-    let inputs = corpus.inputs();
-    let training =
-        Training { spec, inputs: &inputs, device: &Device::flex(), checkpoints: &checkpoints };
-    generator::train(&training, &mut |_| ControlFlow::Continue(()))
-}
-
 #[test]
 fn a_hidden_code_is_not_shown() {
     let hide = |codes: &[u32]| Hidden::some(&[], codes, 3, V, &mut ChaCha8Rng::seed_from_u64(2));
@@ -92,7 +78,7 @@ fn the_bound_lies_above_the_loss_of_the_source_and_near_it() {
     let (corpus, nats) = corpus(4000);
     let mut spec = spec(0.0);
     (spec.steps, spec.batch_tokens, spec.lr, spec.warmup_steps) = (400, 400, 0.01, 20);
-    let test = train(&spec, &corpus).unwrap().test;
+    let test = train(&spec, &corpus.inputs()).unwrap().test;
     let off = test.loss_nats - nats;
     assert!((0.0..0.08).contains(&off), "{} of the source {nats}", test.loss_nats);
     assert_eq!(test.targets, corpus.tokens.n_tokens(isoflop::data::Split::Test));
@@ -101,26 +87,14 @@ fn the_bound_lies_above_the_loss_of_the_source_and_near_it() {
 #[test]
 fn training_again_gives_the_same_bits() {
     let (corpus, _) = corpus(40);
-    let [a, b] = [(); 2].map(|()| weights::on_host(&train(&spec(0.1), &corpus).unwrap().weights));
+    let [a, b] =
+        [(); 2].map(|()| weights::on_host(&train(&spec(0.1), &corpus.inputs()).unwrap().weights));
     assert_eq!(a, b);
-}
-
-/// A tokenizer that no masked model asks.
-struct Nobody;
-
-impl ScaleInputs for Nobody {
-    fn inputs(&self, _: &[u32], _: usize, _: usize) -> Vec<Vec<f32>> {
-        unreachable!("codes have one scale")
-    }
-
-    fn n_latents(&self, _: usize) -> usize {
-        unreachable!("codes have one scale")
-    }
 }
 
 fn sampled(spec: &RunSpec, sampling: &Sampling) -> Result<Vec<Sampled>, GeneratorError> {
     let (corpus, _) = corpus(400);
-    let trained = train(spec, &corpus).unwrap();
+    let trained = train(spec, &corpus.inputs()).unwrap();
     let loaded = weights::on_host(&trained.weights);
     let sampler = generator::of(spec).sampler(spec, loaded, &Device::flex())?;
     let text = [0.5; 2 * D_TEXT];
@@ -132,7 +106,7 @@ fn sampled(spec: &RunSpec, sampling: &Sampling) -> Result<Vec<Sampled>, Generato
         edit: None,
     };
     let prompts: Vec<Prompt> = [(0, 20), (1, 8), (2, 4), (3, 22)].map(prompt).into();
-    sampler.sample(&prompts, &Nobody, sampling)
+    sampler.sample(&prompts, &NoScales, sampling)
 }
 
 #[test]
@@ -168,7 +142,7 @@ fn guidance_0_is_the_pass_with_text() {
 fn an_edit_keeps_what_lies_outside_of_it() {
     let spec = spec(0.1);
     let (corpus, _) = corpus(40);
-    let loaded = weights::on_host(&train(&spec, &corpus).unwrap().weights);
+    let loaded = weights::on_host(&train(&spec, &corpus.inputs()).unwrap().weights);
     let sampler = generator::of(&spec).sampler(&spec, loaded, &Device::flex()).unwrap();
     let (codes, text) = ([3, 0, 3, 2, 1, 1], [0.5; 2 * D_TEXT]);
     let made = |anew: [bool; 6], index, rounds| {
@@ -176,7 +150,7 @@ fn an_edit_keeps_what_lies_outside_of_it() {
         let prompt = Prompt { text: &text, n_frames: Some(24), seed: 1, index, edit };
         let whole = Prompt { edit: None, ..prompt };
         let sampling = Sampling { rounds, ..Sampling::default() };
-        let made = sampler.sample(&[prompt, whole], &Nobody, &sampling).unwrap();
+        let made = sampler.sample(&[prompt, whole], &NoScales, &sampling).unwrap();
         [0, 1].map(|i| made[i].codes.clone())
     };
     let anew = [false, false, true, true, false, false];

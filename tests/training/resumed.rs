@@ -2,44 +2,37 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::time::Duration;
-
-use burn::tensor::Device;
 
 use crate::corpus::Corpus;
 use crate::residual::{self, learning};
+use crate::trained::{train, train_from};
 use crate::{masked, scalewise};
-use isoflop::generator::{self, GeneratorError, Inputs, Trained, Training};
-use isoflop::learn::{Checkpoints, LearnError, weights};
+use isoflop::generator::{GeneratorError, Inputs, Trained};
+use isoflop::learn::{LearnError, weights};
 use isoflop::plan::RunSpec;
-use isoflop::progress::Step;
 
-/// Trains from the checkpoint, where there is one, until a step, or to the end.
-fn train(
+/// Trains from the checkpoint, where there is one, until a step.
+fn stop_at(
+    step: usize,
+    checkpoint: &Path,
     spec: &RunSpec,
     inputs: &Inputs,
-    checkpoint: &Path,
-    until: Option<usize>,
 ) -> Result<Trained, GeneratorError> {
-    let every = Duration::from_secs(3600);
-    let checkpoints = Checkpoints { path: checkpoint, every, branch: None };
-    let mut progress = |Step { step, .. }: Step| {
-        if Some(step) == until { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
-    let device = &Device::flex();
-    generator::train(&Training { spec, inputs, device, checkpoints: &checkpoints }, &mut progress)
+    train_from(checkpoint, spec, inputs, |now| {
+        if now.step == step { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })
 }
 
 fn resumes_on_the_same_bits(spec: &RunSpec, inputs: &Inputs) {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let [alone, stopped] = ["alone", "stopped"].map(|name| folder.path().join(name));
-    let straight = train(spec, inputs, &alone, None).unwrap();
+    let stopped = folder.path().join("stopped");
+    let straight = train(spec, inputs).unwrap();
     for stop in [1, 5, 6, 12] {
-        let ended = train(spec, inputs, &stopped, Some(stop)).err();
+        let ended = stop_at(stop, &stopped, spec, inputs).err();
         let at = |step| matches!(ended, Some(GeneratorError::Learn(LearnError::Stopped { step: s, .. })) if s == step);
         assert!(at(stop), "{ended:?}");
     }
-    let resumed = train(spec, inputs, &stopped, None).unwrap();
+    let resumed = train_from(&stopped, spec, inputs, |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(resumed.test, straight.test);
     assert_eq!(resumed.log, straight.log);
     assert_eq!(resumed.flops_exact.to_bits(), straight.flops_exact.to_bits());
@@ -50,8 +43,7 @@ fn resumes_on_the_same_bits(spec: &RunSpec, inputs: &Inputs) {
 fn a_scale_by_scale_run_that_was_stopped_ends_on_the_bits_of_a_straight_one() {
     let (corpus, _): (Corpus, f64) = scalewise::corpus(40);
     let spec = scalewise::spec(|own| (own.corruption, own.text_drop) = (0.3, 0.2));
-    let inputs = Inputs { scales: Some(&scalewise::OneHot), ..corpus.inputs() };
-    resumes_on_the_same_bits(&spec, &inputs);
+    resumes_on_the_same_bits(&spec, &scalewise::inputs(&corpus));
 }
 
 #[test]

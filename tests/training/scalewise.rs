@@ -1,19 +1,14 @@
 //! The scale-by-scale transformer: what it sees, what it learns, and that it makes what it says.
 
-use std::ops::ControlFlow;
-use std::time::Duration;
-
 use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::corpus::{Clips, Corpus, D_TEXT, small_run};
+use crate::trained::train;
 use isoflop::codes::{Grid, Length, Scale};
 use isoflop::generator::scalewise::{Batch, Clip, Model};
-use isoflop::generator::{
-    self, Draw, Edit, GeneratorError, Inputs, Prompt, Sampling, ScaleInputs, Trained, Training,
-};
-use isoflop::learn::Checkpoints;
+use isoflop::generator::{self, Draw, Edit, Inputs, Prompt, Sampling, ScaleInputs};
 use isoflop::learn::weights::{self, Weights};
 use isoflop::plan::RunSpec;
 use isoflop::spec::{GeneratorSpec, Precision, ScalewiseSpec};
@@ -29,7 +24,7 @@ fn grid() -> Grid {
 }
 
 /// Shows a scale which codes the scales before it have at its place, one by one.
-pub struct OneHot;
+struct OneHot;
 
 impl ScaleInputs for OneHot {
     fn inputs(&self, codes: &[u32], n_clips: usize, n_frames: usize) -> Vec<Vec<f32>> {
@@ -161,14 +156,9 @@ fn source(n_clips: usize, seed: u64) -> (Clips, f64) {
     (clips, nats / n as f64)
 }
 
-fn train(spec: &RunSpec, corpus: &Corpus) -> Result<Trained, GeneratorError> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("state");
-    let checkpoints = Checkpoints { path: &path, every: Duration::from_secs(3600), branch: None };
-    let inputs = Inputs { scales: Some(&OneHot), ..corpus.inputs() };
-    let training =
-        Training { spec, inputs: &inputs, device: &Device::flex(), checkpoints: &checkpoints };
-    generator::train(&training, &mut |_| ControlFlow::Continue(()))
+/// What a run over the corpus learns from.
+pub fn inputs(corpus: &Corpus) -> Inputs<'_> {
+    Inputs { scales: Some(&OneHot), ..corpus.inputs() }
 }
 
 /// A corpus of the source, and what the source itself has on the test split.
@@ -183,7 +173,7 @@ fn the_loss_of_the_source_itself_is_reached() {
     let (corpus, nats) = corpus(3000);
     let mut spec = spec(|own| own.text_drop = 0.0);
     (spec.steps, spec.batch_tokens, spec.lr, spec.warmup_steps) = (250, 600, 0.01, 20);
-    let test = train(&spec, &corpus).unwrap().test;
+    let test = train(&spec, &inputs(&corpus)).unwrap().test;
     let off = test.loss_nats - nats;
     assert!((-0.01..0.03).contains(&off), "{} of the source {nats}", test.loss_nats);
     assert_eq!(test.normalised_by_scale.len(), SCALES);
@@ -202,7 +192,7 @@ fn the_flops_that_are_planned_are_done() {
     let mut spec = spec(|own| own.text_drop = 0.0);
     (spec.batch_tokens, spec.steps) = (4 * SCALES * latents, 5);
     let planned = spec.generator.flops_per_token(&spec.codes, n_text).exact;
-    let done = train(&spec, &corpus).unwrap().flops_exact;
+    let done = train(&spec, &inputs(&corpus)).unwrap().flops_exact;
     let off = done / (3.0 * planned * spec.tokens() as f64) - 1.0;
     assert!(off.abs() < 1e-9, "{done}: off by {off}");
 }
@@ -211,7 +201,8 @@ fn the_flops_that_are_planned_are_done() {
 fn training_again_gives_the_same_bits() {
     let (corpus, _) = corpus(40);
     let spec = spec(|own| own.corruption = 0.5);
-    let [a, b] = [(); 2].map(|()| weights::on_host(&train(&spec, &corpus).unwrap().weights));
+    let [a, b] =
+        [(); 2].map(|()| weights::on_host(&train(&spec, &inputs(&corpus)).unwrap().weights));
     assert_eq!(a, b);
 }
 

@@ -20,7 +20,7 @@ use burn::tensor::Device;
 pub use batch::{Batch, Sequence};
 pub use evaluate::split_loss;
 pub use objective::NextCode;
-pub(super) use probe::{MOST_TOKENS, Probed, made_up_clip};
+pub(super) use probe::{MOST_TOKENS, made_up_clip, probed_on};
 pub use stream::{Part, TokenStream};
 pub use transformer::{Model, Transformer, end_token};
 
@@ -60,7 +60,7 @@ impl Generator for AutoregressiveGenerator {
     }
 
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
-        Box::new(Probed::new(spec, device))
+        Box::new(probe::probed(spec, device))
     }
 }
 

@@ -1,4 +1,4 @@
-//! [`Probed`]: a run on made-up clips, whose steps can be timed.
+//! A run on made-up clips, whose steps can be timed.
 
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
@@ -6,9 +6,9 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::{Batch, Sequence};
 use super::transformer::{Model, Transformer, end_token};
-use crate::generator::learner::course;
+use crate::generator::measurable::halve_heads;
+use crate::generator::probed::{Probed, Still};
 use crate::generator::{MOST_PROBED_PARAMS, Probe};
-use crate::learn::{Course, LearnError, Learner, Learning};
 use crate::plan::RunSpec;
 use crate::spec::ModelShape;
 use crate::spec::flops::openai_per_token;
@@ -20,55 +20,36 @@ const MOST_LOGITS: usize = 1 << 24;
 const WORDS: usize = 12;
 const CODES: usize = 36;
 
-/// A small run of a spec's kind, at a rate of 0.
-pub struct Probed {
-    learning: Learning<Still>,
-    flops: f64,
-}
-
 /// A step's batch of made-up clips of a model of so many codes, of so many tokens or a few more; and how
 /// many tokens it has.
 type MadeUp = fn(&ModelShape, usize, usize) -> (Batch, usize);
 
-impl Probed {
-    /// A run on codes that are predicted one after another.
-    pub fn new(spec: &RunSpec, device: &Device) -> Self {
-        Self::on(spec, device, batch)
-    }
-
-    /// A run of the same network on other batches.
-    pub fn on(spec: &RunSpec, device: &Device, made_up: MadeUp) -> Self {
-        let (shape, n_vocab) = measurable(spec);
-        let most_tokens = MOST_TOKENS.min(MOST_LOGITS / n_vocab);
-        let (batch, tokens) = made_up(&shape, n_vocab, spec.batch_tokens.min(most_tokens));
-        let full = openai_per_token(spec.shape(), spec.n_vocab()) as f64;
-        let share = openai_per_token(&shape, n_vocab) as f64 / full;
-        let flops_per_token = share * spec.budget_flops / spec.tokens() as f64;
-        let flops = flops_per_token * tokens as f64;
-        let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let model = Model::init(&shape, n_vocab, &mut rng, &device.clone().autodiff());
-        let course = Course { steps: usize::MAX, ..course(spec) };
-        Self { learning: Learning::new(Still { model, batch }, &course), flops }
-    }
+/// A run on codes that are predicted one after another.
+pub fn probed(spec: &RunSpec, device: &Device) -> impl Probe + use<> {
+    probed_on(spec, device, batch)
 }
 
-impl Probe for Probed {
-    fn step(&mut self) -> Result<(), LearnError> {
-        self.learning.step().map(|_| ())
-    }
-
-    fn flops(&self) -> f64 {
-        self.flops
-    }
+/// A run of the same network on other batches.
+pub fn probed_on(spec: &RunSpec, device: &Device, made_up: MadeUp) -> impl Probe + use<> {
+    let (shape, n_vocab) = measurable(spec);
+    let most_tokens = MOST_TOKENS.min(MOST_LOGITS / n_vocab);
+    let (batch, tokens) = made_up(&shape, n_vocab, spec.batch_tokens.min(most_tokens));
+    let full = openai_per_token(spec.shape(), spec.n_vocab()) as f64;
+    let share = openai_per_token(&shape, n_vocab) as f64 / full;
+    let flops_per_token = share * spec.budget_flops / spec.tokens() as f64;
+    let flops = flops_per_token * tokens as f64;
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let model = Model::init(&shape, n_vocab, &mut rng, &device.clone().autodiff());
+    Probed::new(spec, OnBatch { model, batch }, flops)
 }
 
-/// A model that is shown the same batch again and again.
-struct Still {
+/// A model and its batch.
+struct OnBatch {
     model: Model,
     batch: Batch,
 }
 
-impl Learner for Still {
+impl Still for OnBatch {
     type Weights = Transformer;
 
     fn weights(&self) -> &Transformer {
@@ -83,16 +64,8 @@ impl Learner for Still {
         self.model.device()
     }
 
-    fn loss(&mut self, _: usize) -> Tensor<1> {
+    fn loss(&self) -> Tensor<1> {
         self.model.loss(&self.batch)
-    }
-
-    fn learning_rate(&self, _: usize) -> f64 {
-        0.0
-    }
-
-    fn advice(&self) -> &'static str {
-        "the device gives wrong numbers"
     }
 }
 
@@ -112,10 +85,7 @@ fn measurable(spec: &RunSpec) -> (ModelShape, usize) {
         n_vocab /= 2;
     }
     while too_large(&model, n_vocab) && model.n_head > 1 {
-        let head_dim = model.d_model / model.n_head;
-        let n_head = model.n_head / 2;
-        model.d_ff = (model.d_ff * n_head / model.n_head).max(1);
-        (model.n_head, model.d_model) = (n_head, n_head * head_dim);
+        halve_heads(&mut model);
     }
     (model, n_vocab)
 }

@@ -5,11 +5,11 @@
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use crate::generator::autoregressive::batch::Batch;
-use crate::generator::stack::{Block, EPSILON, Stack, kernels_of, single};
+use crate::generator::stack::{Block, EPSILON, Stack, kernels_of, projected, single};
 use crate::learn::params::{constant, normal};
 use crate::ops::{HeadWeights, Kernels, Rope};
 use crate::spec::{ModelShape, Precision};
@@ -143,11 +143,8 @@ impl Model {
 
     /// Projected text vectors, `[n, d]`.
     pub(super) fn embed_text(&self, vectors: Vec<f32>) -> Tensor<2> {
-        let n_text = vectors.len() / self.shape.d_text;
-        let text = TensorData::new(vectors, [n_text, self.shape.d_text]);
-        let text = Tensor::<2>::from_data(text, &self.device);
-        let bias_1d = self.weights.text_bias.val().unsqueeze::<2>();
-        text.matmul(self.weights.text_weight.val()) + bias_1d
+        let Transformer { text_weight, text_bias, .. } = &self.weights;
+        projected(vectors, text_weight, text_bias, &self.device)
     }
 
     /// Embedded codes, `[n, d]`.

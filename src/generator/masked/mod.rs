@@ -72,7 +72,7 @@ impl Generator for MaskedGenerator {
 
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
         match has_second_stage(spec) {
-            true => Box::new(residual::Probed::new(spec, device)),
+            true => Box::new(residual::probed(spec, device)),
             false => Box::new(probe::probed(spec, device)),
         }
     }

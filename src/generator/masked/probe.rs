@@ -5,13 +5,14 @@ use std::f64::consts::FRAC_2_PI;
 use burn::tensor::Device;
 
 use super::batch::{Hidden, pack};
-use crate::generator::autoregressive::{Batch, Probed, end_token, made_up_clip};
+use crate::generator::Probe;
+use crate::generator::autoregressive::{Batch, end_token, made_up_clip, probed_on};
 use crate::plan::RunSpec;
 use crate::spec::ModelShape;
 
 /// A run of the network on clips with hidden codes.
-pub fn probed(spec: &RunSpec, device: &Device) -> Probed {
-    Probed::on(spec, device, |shape, n_vocab, batch_tokens| {
+pub fn probed(spec: &RunSpec, device: &Device) -> impl Probe + use<> {
+    probed_on(spec, device, |shape, n_vocab, batch_tokens| {
         let (text, codes) = made_up_clip(shape, n_vocab);
         let clip = hidden_clip(&text, &codes, n_vocab);
         batch(&clip, shape, batch_tokens)

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::places::Places;
 use crate::codes::Grid;
+use crate::generator::stack::{Supervised, n_supervised};
 use crate::ops::{BlockSequence, SequenceLayout};
 
 /// One clip as the model is shown it.
@@ -43,16 +44,7 @@ pub struct Batch {
     /// text rows, or a row of another after these.
     pub order: Arc<[u32]>,
     /// What is supervised of each scale.
-    pub targets: Vec<ScaleTargets>,
-}
-
-/// Supervised codes of one scale.
-#[derive(Clone, Debug, Default)]
-pub struct ScaleTargets {
-    /// Rows that predict them.
-    pub rows: Arc<[u32]>,
-    /// What they should predict, below the scale's V.
-    pub codes: Arc<[u32]>,
+    pub targets: Vec<Supervised>,
 }
 
 impl Batch {
@@ -66,10 +58,6 @@ impl Batch {
             ..Packing::default()
         };
         clips.iter().for_each(|clip| packing.add(clip, clip.text.len() / d_text, places));
-        let scale = |(rows, codes): (Vec<u32>, Vec<u32>)| ScaleTargets {
-            rows: rows.into(),
-            codes: codes.into(),
-        };
         Self {
             layout: Arc::new(
                 SequenceLayout::in_blocks(&packing.sequences).expect("clips have rows"),
@@ -81,13 +69,13 @@ impl Batch {
             inputs: clips.iter().flat_map(|clip| clip.inputs.iter().flatten()).copied().collect(),
             levels: packing.levels.into(),
             order: packing.order.into(),
-            targets: packing.targets.into_iter().map(scale).collect(),
+            targets: packing.targets.into_iter().map(Supervised::from).collect(),
         }
     }
 
     /// Supervised codes.
     pub fn n_targets(&self) -> usize {
-        self.targets.iter().map(|scale| scale.codes.len()).sum()
+        n_supervised(&self.targets)
     }
 }
 

@@ -65,7 +65,7 @@ impl Generator for ScalewiseGenerator {
     }
 
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
-        Box::new(probe::Probed::new(spec, device))
+        Box::new(probe::probed(spec, device))
     }
 }
 

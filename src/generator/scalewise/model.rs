@@ -5,13 +5,15 @@
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::batch::Batch;
 use super::places::Places;
 use crate::codes::Grid;
-use crate::generator::stack::{Block, EPSILON, Stack, kernels_of, single};
+use crate::generator::stack::{
+    Block, EPSILON, Stack, heads_loss, heads_nll, kernels_of, projected, single,
+};
 use crate::learn::params::{constant, normal};
 use crate::ops::{HeadWeights, Kernels};
 use crate::spec::{Precision, ScalewiseSpec};
@@ -125,27 +127,13 @@ impl Model {
     /// Mean cross-entropy over the batch's supervised codes, in nats, `[1]`.
     pub fn loss(&self, batch: &Batch) -> Tensor<1> {
         let x_nd = self.features(batch);
-        let n = batch.n_targets() as f64;
-        let scales = batch.targets.iter().enumerate().filter(|(_, own)| !own.rows.is_empty());
-        let losses = scales.map(|(scale, own)| {
-            let x_sd = self.kernels.select_rows(x_nd.clone(), &own.rows);
-            let mean = self.kernels.head_loss(x_sd, self.head(scale), &own.codes, EPSILON);
-            mean * (own.codes.len() as f64 / n)
-        });
-        losses.reduce(|sum, loss| sum + loss).expect("a batch supervises something")
+        heads_loss(self.kernels, &x_nd, &batch.targets, |scale| self.head(scale))
     }
 
     /// −ln p of each supervised code of each scale, in nats.
     pub fn nll(&self, batch: &Batch) -> Vec<Vec<f64>> {
         let x_nd = self.features(batch);
-        let scales = batch.targets.iter().enumerate().map(|(scale, own)| {
-            if own.rows.is_empty() {
-                return Vec::new();
-            }
-            let x_sd = self.kernels.select_rows(x_nd.clone(), &own.rows);
-            self.kernels.head_nll(x_sd, self.head(scale), &own.codes, EPSILON)
-        });
-        scales.collect()
+        heads_nll(self.kernels, &x_nd, &batch.targets, |scale| self.head(scale))
     }
 
     /// Logits over the codes of a scale for rows of the blocks' output, `[n, V_k]`.
@@ -168,7 +156,8 @@ impl Model {
     /// Projected text vectors with the lengths of their clips, `[n, d]`.
     pub fn text_rows(&self, vectors: Vec<f32>, lengths: &Arc<[u32]>) -> Tensor<2> {
         let weights = &self.weights;
-        self.projected(vectors, &weights.text_weight, &weights.text_bias) + self.lengths(lengths)
+        let text = projected(vectors, &weights.text_weight, &weights.text_bias, &self.device);
+        text + self.lengths(lengths)
     }
 
     /// The rows of the first scale, `[n, d]`.
@@ -181,20 +170,8 @@ impl Model {
     /// The rows of later scales, `[n, d]`.
     pub fn input_rows(&self, inputs: Vec<f32>, levels: &Arc<[u32]>) -> Tensor<2> {
         let weights = &self.weights;
-        self.projected(inputs, &weights.input_weight, &weights.input_bias) + self.levels(levels)
-    }
-
-    fn projected(
-        &self,
-        values: Vec<f32>,
-        weight: &Param<Tensor<2>>,
-        bias: &Param<Tensor<1>>,
-    ) -> Tensor<2> {
-        let [channels, _] = weight.dims();
-        let rows = values.len() / channels;
-        let data = TensorData::new(values, [rows, channels]);
-        let x = Tensor::<2>::from_data(data, &self.device);
-        x.matmul(weight.val()) + bias.val().unsqueeze::<2>()
+        let x_nd = projected(inputs, &weights.input_weight, &weights.input_bias, &self.device);
+        x_nd + self.levels(levels)
     }
 
     fn lengths(&self, latents: &Arc<[u32]>) -> Tensor<2> {

@@ -1,4 +1,4 @@
-//! [`Probed`]: a run on made-up clips, whose steps can be timed.
+//! A run on made-up clips, whose steps can be timed.
 
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
@@ -9,53 +9,31 @@ use super::model::{Model, ScalewiseTransformer};
 use super::own::own;
 use crate::codes::Grid;
 use crate::generator::Probe;
-use crate::generator::learner::course;
-use crate::generator::measurable::measurable;
-use crate::learn::{Course, LearnError, Learner, Learning};
+use crate::generator::measurable::{measurable, price_of_token};
+use crate::generator::probed::{Probed, Still};
 use crate::plan::RunSpec;
 
 /// A caption's words, at most.
 const WORDS: usize = 12;
 
-/// A small run of a spec's kind, at a rate of 0.
-pub struct Probed {
-    learning: Learning<Still>,
-    flops: f64,
+/// A small run of a spec's kind.
+pub fn probed(spec: &RunSpec, device: &Device) -> impl Probe + use<> {
+    let small = RunSpec { generator: measurable(&spec.generator, &spec.codes), ..spec.clone() };
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let device = device.clone().autodiff();
+    let model = Model::init(own(&small), &spec.codes, spec.precision, &mut rng, &device);
+    let batch = batch(&model, &spec.codes, spec.batch_tokens);
+    let flops = price_of_token(spec, &small) * batch.n_targets() as f64;
+    Probed::new(spec, OnBatch { model, batch }, flops)
 }
 
-impl Probed {
-    pub fn new(spec: &RunSpec, device: &Device) -> Self {
-        let small = RunSpec { generator: measurable(&spec.generator, &spec.codes), ..spec.clone() };
-        let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let device = device.clone().autodiff();
-        let model = Model::init(own(&small), &spec.codes, spec.precision, &mut rng, &device);
-        let batch = batch(&model, &spec.codes, spec.batch_tokens);
-        let price = |run: &RunSpec| run.generator.flops_per_token(&run.codes, 0).openai as f64;
-        let share = price(&small) / price(spec);
-        let per_token = share * spec.budget_flops / spec.tokens() as f64;
-        let flops = per_token * batch.n_targets() as f64;
-        let course = Course { steps: usize::MAX, ..course(spec) };
-        Self { learning: Learning::new(Still { model, batch }, &course), flops }
-    }
-}
-
-impl Probe for Probed {
-    fn step(&mut self) -> Result<(), LearnError> {
-        self.learning.step().map(|_| ())
-    }
-
-    fn flops(&self) -> f64 {
-        self.flops
-    }
-}
-
-/// A model that is shown the same batch again and again.
-struct Still {
+/// A model and its batch.
+struct OnBatch {
     model: Model,
     batch: Batch,
 }
 
-impl Learner for Still {
+impl Still for OnBatch {
     type Weights = ScalewiseTransformer;
 
     fn weights(&self) -> &ScalewiseTransformer {
@@ -70,16 +48,8 @@ impl Learner for Still {
         self.model.device()
     }
 
-    fn loss(&mut self, _: usize) -> Tensor<1> {
+    fn loss(&self) -> Tensor<1> {
         self.model.loss(&self.batch)
-    }
-
-    fn learning_rate(&self, _: usize) -> f64 {
-        0.0
-    }
-
-    fn advice(&self) -> &'static str {
-        "the device gives wrong numbers"
     }
 }
 

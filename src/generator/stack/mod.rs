@@ -2,8 +2,12 @@
 
 mod block;
 mod growing;
+mod heads;
 mod layers;
+mod projected;
 
 pub use block::Block;
 pub use growing::{Growing, padded};
+pub use heads::{Supervised, heads_loss, heads_nll, n_supervised};
 pub use layers::{EPSILON, Stack, kernels_of, single};
+pub use projected::projected;

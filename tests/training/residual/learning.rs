@@ -1,17 +1,13 @@
 //! What both stages learn, on which bits, and at what price.
 
-use std::ops::ControlFlow;
-use std::time::Duration;
-
-use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::{LAYERS, V, grid, spec};
 use crate::corpus::{Clips, Corpus};
+use crate::trained::train;
 use isoflop::data::Split;
-use isoflop::generator::{self, GeneratorError, Trained, Training};
-use isoflop::learn::{Checkpoints, weights};
+use isoflop::learn::weights;
 use isoflop::plan::RunSpec;
 
 /// A source of three layers: of the first a code mostly repeats the one before it, of the second mostly
@@ -57,16 +53,6 @@ pub fn corpus(n_train: usize) -> (Corpus, [f64; LAYERS]) {
     (Corpus::of_grid(&grid(), [train, val, test], captions), nats)
 }
 
-fn train(spec: &RunSpec, corpus: &Corpus) -> Result<Trained, GeneratorError> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("state");
-    let checkpoints = Checkpoints { path: &path, every: Duration::from_secs(3600), branch: None };
-    let inputs = corpus.inputs();
-    let training =
-        Training { spec, inputs: &inputs, device: &Device::flex(), checkpoints: &checkpoints };
-    generator::train(&training, &mut |_| ControlFlow::Continue(()))
-}
-
 /// L_u of the source itself on the test split, by layer.
 fn normalised(corpus: &Corpus, nats: [f64; LAYERS]) -> [f64; LAYERS] {
     let tokens = &corpus.tokens;
@@ -84,7 +70,7 @@ fn later_layers_reach_the_source_and_the_first_is_bounded() {
     let (corpus, nats) = corpus(4000);
     let mut spec = spec(0.0);
     (spec.steps, spec.batch_tokens, spec.lr, spec.warmup_steps) = (500, 800, 0.01, 20);
-    let test = train(&spec, &corpus).unwrap().test;
+    let test = train(&spec, &corpus.inputs()).unwrap().test;
     let expected = normalised(&corpus, nats);
     let found = &test.normalised_by_scale;
     let off: Vec<f64> = found.iter().zip(expected).map(|(a, b)| a - b).collect();
@@ -101,7 +87,8 @@ fn later_layers_reach_the_source_and_the_first_is_bounded() {
 #[test]
 fn training_again_gives_the_same_bits() {
     let (corpus, _) = corpus(40);
-    let [a, b] = [(); 2].map(|()| weights::on_host(&train(&spec(0.1), &corpus).unwrap().weights));
+    let [a, b] =
+        [(); 2].map(|()| weights::on_host(&train(&spec(0.1), &corpus.inputs()).unwrap().weights));
     assert_eq!(a, b);
 }
 
@@ -111,7 +98,7 @@ fn steps_of_any_size_train() {
     let (corpus, _) = corpus(6);
     for batch_tokens in [1, 2, 3] {
         let spec = RunSpec { batch_tokens, steps: 40, ..spec(0.1) };
-        let trained = train(&spec, &corpus).unwrap();
+        let trained = train(&spec, &corpus.inputs()).unwrap();
         assert!(trained.test.loss_nats < 2.0 * (V as f64).ln(), "{:?}", trained.test);
     }
 }
@@ -125,7 +112,7 @@ fn the_flops_that_are_planned_are_done() {
     let corpus = Corpus::of_grid(&grid(), [clips.clone(), clips.clone(), clips], captions);
     let mut spec = RunSpec { batch_tokens: 2 * 4 * n_places, steps: 5, ..spec(0.0) };
     spec.generator.shape_mut().n_ctx = n_text + n_places;
-    let done = train(&spec, &corpus).unwrap().flops_exact;
+    let done = train(&spec, &corpus.inputs()).unwrap().flops_exact;
     let tokens = spec.tokens() as f64;
     let planned = 3.0 * tokens * spec.generator.flops_per_token(&spec.codes, n_text).exact;
     // The plan has a head for every code of the first layer, of which training hides a part.
@@ -142,7 +129,7 @@ fn a_clip_takes_a_position_a_place() {
     let fits = |n_ctx: usize| {
         let mut spec = RunSpec { steps: 1, ..spec(0.1) };
         spec.generator.shape_mut().n_ctx = n_ctx;
-        train(&spec, &corpus).map(|_| ()).map_err(|error| error.to_string())
+        train(&spec, &corpus.inputs()).map(|_| ()).map_err(|error| error.to_string())
     };
     // Two words, the end, and six places.
     assert_eq!(fits(9), Ok(()));

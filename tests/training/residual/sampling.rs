@@ -6,23 +6,11 @@ use burn::tensor::Device;
 
 use super::{LAYERS, V, logits, spec, stages, text};
 use crate::corpus::D_TEXT;
+use crate::no_scales::NoScales;
 use isoflop::generator::masked::{Hidden, pack};
-use isoflop::generator::{self, Draw, Prompt, Sampled, Sampling, ScaleInputs};
+use isoflop::generator::{self, Draw, Prompt, Sampled, Sampling};
 use isoflop::learn::weights;
 use isoflop::plan::RunSpec;
-
-/// A tokenizer that no masked model asks.
-struct Nobody;
-
-impl ScaleInputs for Nobody {
-    fn inputs(&self, _: &[u32], _: usize, _: usize) -> Vec<Vec<f32>> {
-        unreachable!("codes are embedded")
-    }
-
-    fn n_latents(&self, _: usize) -> usize {
-        unreachable!("codes are embedded")
-    }
-}
 
 /// Motions of a model that was never trained: of several lengths, with texts of one word and of two.
 fn sampled(spec: &RunSpec, sampling: &Sampling, seed: u64) -> Vec<Sampled> {
@@ -37,7 +25,7 @@ fn sampled(spec: &RunSpec, sampling: &Sampling, seed: u64) -> Vec<Sampled> {
         edit: None,
     };
     let prompts: Vec<Prompt> = [(0, 20), (1, 8), (2, 4), (3, 22)].map(prompt).into();
-    sampler.sample(&prompts, &Nobody, sampling).unwrap()
+    sampler.sample(&prompts, &NoScales, sampling).unwrap()
 }
 
 #[test]

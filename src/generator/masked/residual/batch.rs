@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::codes::Grid;
+use crate::generator::stack::{Supervised, n_supervised};
 use crate::ops::SequenceLayout;
 
 /// A clip that is asked for the codes of a layer.
@@ -54,18 +55,9 @@ pub struct LayerBatch {
     /// For each row of the batch, where it comes from: a text row, or `n_text_rows` + a place.
     pub order: Arc<[u32]>,
     /// What is supervised of each layer after the first.
-    pub targets: Vec<LayerTargets>,
+    pub targets: Vec<Supervised>,
     /// Places of each clip.
     pub n_places: Vec<usize>,
-}
-
-/// Supervised codes of one layer.
-#[derive(Clone, Debug, Default)]
-pub struct LayerTargets {
-    /// Rows that predict them.
-    pub rows: Arc<[u32]>,
-    /// What they should predict, below the layer's V.
-    pub codes: Arc<[u32]>,
 }
 
 impl LayerBatch {
@@ -87,24 +79,20 @@ impl LayerBatch {
             (next_text, next_place) = (next_text + n_text, next_place + n_places);
             lengths.push(n_text + n_places);
         }
-        let of_layer = |(rows, codes): (Vec<_>, Vec<_>)| LayerTargets {
-            rows: rows.into(),
-            codes: codes.into(),
-        };
         Self {
             layout: Arc::new(SequenceLayout::new(&lengths, &lengths).expect("clips have text")),
             text: clips.iter().flat_map(|clip| clip.text).copied().collect(),
             shown: shown(clips, grid),
             layers: layers.into(),
             order: order.into(),
-            targets: targets.into_iter().map(of_layer).collect(),
+            targets: targets.into_iter().map(Supervised::from).collect(),
             n_places: clips.iter().map(Asked::n_places).collect(),
         }
     }
 
     /// Supervised codes.
     pub fn n_targets(&self) -> usize {
-        self.targets.iter().map(|layer| layer.codes.len()).sum()
+        n_supervised(&self.targets)
     }
 }
 

@@ -19,6 +19,6 @@ mod stages;
 pub use batch::{Asked, LayerBatch};
 pub use model::{ResidualModel, ResidualTransformer};
 pub use objective::TwoStages;
-pub(super) use probe::Probed;
+pub(super) use probe::probed;
 pub(super) use sample::draw_layers;
 pub use stages::{StageWeights, Stages};

@@ -5,12 +5,14 @@
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::batch::{LayerBatch, rows_of_embedding};
 use crate::codes::Grid;
-use crate::generator::stack::{Block, EPSILON, Stack, kernels_of, single};
+use crate::generator::stack::{
+    Block, EPSILON, Stack, heads_loss, heads_nll, kernels_of, projected, single,
+};
 use crate::learn::params::{constant, normal};
 use crate::ops::{HeadWeights, Kernels, Rope};
 use crate::spec::{ModelShape, Precision};
@@ -94,27 +96,13 @@ impl ResidualModel {
     /// Mean cross-entropy over the batch's supervised codes, in nats, `[1]`.
     pub fn loss(&self, batch: &LayerBatch) -> Tensor<1> {
         let x_nd = self.features(batch);
-        let n = batch.n_targets() as f64;
-        let layers = batch.targets.iter().enumerate().filter(|(_, own)| !own.rows.is_empty());
-        let losses = layers.map(|(later, own)| {
-            let x_sd = self.kernels.select_rows(x_nd.clone(), &own.rows);
-            let mean = self.kernels.head_loss(x_sd, self.head(later), &own.codes, EPSILON);
-            mean * (own.codes.len() as f64 / n)
-        });
-        losses.reduce(|sum, loss| sum + loss).expect("a batch supervises something")
+        heads_loss(self.kernels, &x_nd, &batch.targets, |later| self.head(later))
     }
 
     /// −ln p of each supervised code of each layer after the first, in nats.
     pub fn nll(&self, batch: &LayerBatch) -> Vec<Vec<f64>> {
         let x_nd = self.features(batch);
-        let layers = batch.targets.iter().enumerate().map(|(later, own)| {
-            if own.rows.is_empty() {
-                return Vec::new();
-            }
-            let x_sd = self.kernels.select_rows(x_nd.clone(), &own.rows);
-            self.kernels.head_nll(x_sd, self.head(later), &own.codes, EPSILON)
-        });
-        layers.collect()
+        heads_nll(self.kernels, &x_nd, &batch.targets, |later| self.head(later))
     }
 
     /// Logits over the codes of a layer, counted from 0, of the batch's rows for it, `[s, V_k]`.
@@ -126,7 +114,9 @@ impl ResidualModel {
 
     /// What the blocks make of all rows, `[n, d]`.
     fn features(&self, batch: &LayerBatch) -> Tensor<2> {
-        let rows = vec![self.text_rows(batch.text.clone()), self.place_rows(batch)];
+        let ResidualTransformer { text_weight, text_bias, .. } = &self.weights;
+        let text_nd = projected(batch.text.clone(), text_weight, text_bias, &self.device);
+        let rows = vec![text_nd, self.place_rows(batch)];
         let x_nd = self.kernels.select_rows(Tensor::cat(rows, 0), &batch.order);
         let stack = Stack {
             blocks: &self.weights.blocks,
@@ -136,14 +126,6 @@ impl ResidualModel {
             device: &self.device,
         };
         stack.forward(x_nd, &batch.layout)
-    }
-
-    /// Projected text vectors, `[n, d]`.
-    fn text_rows(&self, vectors: Vec<f32>) -> Tensor<2> {
-        let n_text = vectors.len() / self.shape.d_text;
-        let text = TensorData::new(vectors, [n_text, self.shape.d_text]);
-        let text = Tensor::<2>::from_data(text, &self.device);
-        text.matmul(self.weights.text_weight.val()) + self.weights.text_bias.val().unsqueeze::<2>()
     }
 
     /// The sum of what the layers before add to each place, and the layer that is asked for, `[p, d]`.

@@ -1,4 +1,4 @@
-//! [`Probed`]: both stages on made-up clips, whose steps can be timed.
+//! Both stages on made-up clips, whose steps can be timed.
 
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
@@ -8,56 +8,34 @@ use super::batch::{Asked, LayerBatch};
 use super::stages::{StageWeights, Stages};
 use crate::generator::Probe;
 use crate::generator::autoregressive::{Batch, MOST_TOKENS, made_up_clip};
-use crate::generator::learner::course;
 use crate::generator::masked::batch::pack;
 use crate::generator::masked::probe::hidden_clip;
 use crate::generator::masked::shown::drawn_layer;
-use crate::generator::measurable::measurable;
-use crate::learn::{Course, LearnError, Learner, Learning};
+use crate::generator::measurable::{measurable, price_of_token};
+use crate::generator::probed::{Probed, Still};
 use crate::plan::RunSpec;
 
-/// A small run of a spec's kind, at a rate of 0.
-pub struct Probed {
-    learning: Learning<Still>,
-    flops: f64,
+/// The stages of a run, or smaller ones.
+pub fn probed(spec: &RunSpec, device: &Device) -> impl Probe + use<> {
+    let small = RunSpec { generator: measurable(&spec.generator, &spec.codes), ..spec.clone() };
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let device = device.clone().autodiff();
+    let stages = Stages::init(small.shape(), &small.codes, small.precision, &mut rng, &device);
+    let (base, later) = batches(&small);
+    let tokens = 2 * later.n_targets();
+    let flops = price_of_token(spec, &small) * tokens as f64;
+    Probed::new(spec, OnBatches { stages, base, later, device }, flops)
 }
 
-impl Probed {
-    /// The stages of a run, or smaller ones.
-    pub fn new(spec: &RunSpec, device: &Device) -> Self {
-        let small = RunSpec { generator: measurable(&spec.generator, &spec.codes), ..spec.clone() };
-        let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let device = device.clone().autodiff();
-        let stages = Stages::init(small.shape(), &small.codes, small.precision, &mut rng, &device);
-        let (base, later) = batches(&small);
-        let price = |run: &RunSpec| run.generator.flops_per_token(&run.codes, 0).openai as f64;
-        let per_token = price(&small) / price(spec) * spec.budget_flops / spec.tokens() as f64;
-        let tokens = 2 * later.n_targets();
-        let course = Course { steps: usize::MAX, ..course(spec) };
-        let still = Still { stages, base, later, device };
-        Self { learning: Learning::new(still, &course), flops: per_token * tokens as f64 }
-    }
-}
-
-impl Probe for Probed {
-    fn step(&mut self) -> Result<(), LearnError> {
-        self.learning.step().map(|_| ())
-    }
-
-    fn flops(&self) -> f64 {
-        self.flops
-    }
-}
-
-/// Stages that are shown the same batches again and again.
-struct Still {
+/// Stages and the batch of each.
+struct OnBatches {
     stages: Stages,
     base: Batch,
     later: LayerBatch,
     device: Device,
 }
 
-impl Learner for Still {
+impl Still for OnBatches {
     type Weights = StageWeights;
 
     fn weights(&self) -> &StageWeights {
@@ -72,16 +50,8 @@ impl Learner for Still {
         &self.device
     }
 
-    fn loss(&mut self, _: usize) -> Tensor<1> {
+    fn loss(&self) -> Tensor<1> {
         self.stages.loss(Some(&self.base), Some(&self.later))
-    }
-
-    fn learning_rate(&self, _: usize) -> f64 {
-        0.0
-    }
-
-    fn advice(&self) -> &'static str {
-        "the device gives wrong numbers"
     }
 }
 
