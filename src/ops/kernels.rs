@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::backend::Dispatch;
 use burn::tensor::{Device, FloatDType, Tensor};
 
-use super::own::{OwnOps, OwnParts, OwnUpdates};
+use super::own::{OwnOps, OwnUpdates};
 use super::parts::sums_of_parts;
 use super::{
     Activation, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights, HeadWeights,
@@ -49,7 +49,7 @@ impl Kernels {
     }
 
     /// What burn's products of matrices are computed by.
-    fn product(self) -> plain::Product {
+    pub(super) fn product(self) -> plain::Product {
         match self {
             Kernels::Half(half) => plain::Product::In(half.dtype()),
             Kernels::Own | Kernels::Plain => plain::Product::Single,
@@ -91,56 +91,6 @@ impl Kernels {
                 weights.output_dd.into_dispatch(),
                 options.clone(),
             )),
-        }
-    }
-
-    /// Attention alone, of the columns `[q | k | v]` of [`Kernels::attention`]: a of its equations,
-    /// `[n, d]`. What stands around it is the caller's: other norms, biases, no residual.
-    ///
-    /// # Panics
-    ///
-    /// As [`Kernels::attention`].
-    pub fn attend(self, qkv_n3d: Tensor<2>, options: &AttentionOptions) -> Tensor<2> {
-        let [n, columns] = qkv_n3d.dims();
-        shapes::attention([n, columns / 3], [columns / 3, columns], options);
-        match self {
-            Kernels::Plain | Kernels::Half(_) => plain::attention(qkv_n3d, options, self.product()),
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_attend(
-                qkv_n3d.into_dispatch(),
-                options.clone(),
-            )),
-        }
-    }
-
-    /// RMSNorm alone, x r γ with r = 1 / √(mean(x²) + ε) in each row, `[n, d]`.
-    ///
-    /// # Panics
-    ///
-    /// If there is not one γ for each column.
-    pub fn rms_norm(self, x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
-        assert_eq!([x_nd.dims()[1]], gamma_d.dims(), "rms_norm: rows and gains of one width");
-        match self {
-            Kernels::Plain | Kernels::Half(_) => plain::rms_norm(x_nd, gamma_d, epsilon),
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_rms_norm(
-                x_nd.into_dispatch(),
-                gamma_d.into_dispatch(),
-                epsilon,
-            )),
-        }
-    }
-
-    /// [`Activation::SwiGlu`] alone, of columns `[gate | up]`, `[n, f]`.
-    ///
-    /// # Panics
-    ///
-    /// If the number of columns is odd.
-    pub fn swi_glu(self, gate_up_n2f: Tensor<2>) -> Tensor<2> {
-        assert!(gate_up_n2f.dims()[1].is_multiple_of(2), "swi_glu: as many gates as values");
-        match self {
-            Kernels::Plain | Kernels::Half(_) => plain::swiglu(gate_up_n2f),
-            Kernels::Own => {
-                Tensor::from_dispatch(Dispatch::own_swi_glu(gate_up_n2f.into_dispatch()))
-            }
         }
     }
 

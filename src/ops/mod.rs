@@ -14,8 +14,10 @@
 //! RMSNorm(x) = x r γ with r = 1 / √(mean(x²) + ε) in each row;
 //! ∂x = r (g γ − x r² mean(g γ x)), ∂γ = Σ over rows of g x r.
 
+mod apart;
 mod check;
 mod convolution;
+mod crossing;
 mod device;
 mod joining;
 mod kernels;
@@ -32,6 +34,7 @@ mod updates;
 
 pub use check::{WrongProduct, check_products};
 pub use convolution::{Convolution, Taps};
+pub use crossing::{CrossLayout, CrossOptions};
 pub use device::{DeviceName, NoDevice};
 pub use joining::{Joining, KeyValues};
 pub use kernels::{HalfFloat, Kernels};
@@ -40,6 +43,5 @@ pub use operands::{
     Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights,
 };
 pub use own::AdamWStep;
-pub use plain::{MASKED, rotate};
 pub use rope::Rope;
 pub use updates::{adamw, sum_of_squares};

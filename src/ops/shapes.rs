@@ -1,6 +1,6 @@
 //! Whether shapes fit one another: the same sentences for every implementation.
 
-use super::{Activation, AttentionOptions, Convolution, Taps};
+use super::{Activation, AttentionOptions, Convolution, CrossOptions, Rope, Taps};
 
 pub fn attention(
     [n, d]: [usize; 2],
@@ -15,6 +15,26 @@ pub fn attention(
     );
     let (places, max_len) = (layout.n_angles(), rope.max_len());
     assert!(places <= max_len, "attention: {places} positions, angles for {max_len}");
+}
+
+pub fn cross_attention(
+    [n, d]: [usize; 2],
+    [m, columns]: [usize; 2],
+    CrossOptions { n_head, layout, ropes }: &CrossOptions,
+) {
+    let rows = [layout.n_queries(), layout.n_memory()];
+    assert_eq!([n, m], rows, "cross_attend: queries and memory of the layout");
+    assert_eq!(columns, 2 * d, "cross_attend: [k | v] beside queries of {d} columns");
+    assert!(d.is_multiple_of(*n_head), "cross_attend: {n_head} heads in {d} columns");
+    let Some([of_queries, of_memory]) = ropes else { return };
+    let angles = |rope: &Rope| (rope.head_dim() == d / n_head).then(|| rope.max_len());
+    let fits = |rope, longest: Option<usize>| angles(rope) >= longest;
+    let queries = layout.query_rows().map(|rows| rows.len()).max();
+    let memory = layout.memory_rows().map(|rows| rows.len()).max();
+    assert!(
+        fits(of_queries, queries) && fits(of_memory, memory),
+        "cross_attend: an angle for each row of a head"
+    );
 }
 
 pub fn feed_forward(

@@ -12,13 +12,20 @@ use super::autodiff::{register, split};
 use super::buffers::{Buffer, recycle};
 use super::elements::{contiguous, dims, elements, elements_mut};
 use super::{attention, rms_norm, swiglu};
-use crate::ops::AttentionOptions;
+use crate::ops::{AttentionOptions, CrossOptions};
 
 /// Parts of a block, each by itself.
 #[backend_extension(Flex, Autodiff)]
 pub trait OwnParts: Backend {
     /// See [`Kernels::attend`](crate::ops::Kernels::attend).
     fn own_attend(qkv_n3d: FloatTensor<Self>, options: AttentionOptions) -> FloatTensor<Self>;
+
+    /// See [`Kernels::cross_attend`](crate::ops::Kernels::cross_attend).
+    fn own_cross_attend(
+        queries_nd: FloatTensor<Self>,
+        key_values_m2d: FloatTensor<Self>,
+        options: CrossOptions,
+    ) -> FloatTensor<Self>;
 
     /// See [`Kernels::rms_norm`](crate::ops::Kernels::rms_norm).
     fn own_rms_norm(
@@ -56,6 +63,20 @@ impl OwnParts for Flex {
         mixed.into_tensor([n, columns / 3])
     }
 
+    fn own_cross_attend(
+        queries_nd: FlexTensor,
+        key_values_m2d: FlexTensor,
+        options: CrossOptions,
+    ) -> FlexTensor {
+        let [queries, memory] = [queries_nd, key_values_m2d].map(contiguous);
+        let (n, d) = dims(&queries);
+        let heads = options.heads(d);
+        let (mixed, _) = attention::cross(elements(&queries), elements(&memory), heads, false);
+        recycle(queries);
+        recycle(memory);
+        mixed.into_tensor([n, d])
+    }
+
     fn own_rms_norm(x_nd: FlexTensor, gamma_d: FlexTensor, epsilon: f32) -> FlexTensor {
         let [x, gamma] = [x_nd, gamma_d].map(contiguous);
         let ((n, d), (output, _)) = (dims(&x), normalised(&x, &gamma, epsilon));
@@ -81,6 +102,29 @@ impl<C: CheckpointStrategy> OwnParts for Autodiff<Flex, C> {
                 let (mixed, statistics) = attention::alone(elements(&qkv), options.heads(), true);
                 let (n, columns) = dims(&qkv);
                 prep.finish((qkv, options, statistics), mixed.into_tensor([n, columns / 3]))
+            }
+        }
+    }
+
+    fn own_cross_attend(
+        queries_nd: FloatTensor<Self>,
+        key_values_m2d: FloatTensor<Self>,
+        options: CrossOptions,
+    ) -> FloatTensor<Self> {
+        let inputs = [queries_nd, key_values_m2d].map(|input| input.into_parts());
+        let (inputs, nodes) = split(inputs);
+        match CrossAttend.prepare::<C>(nodes).compute_bound().stateful() {
+            OpsKind::UnTracked(prep) => {
+                let [queries, memory] = inputs;
+                prep.finish(Flex::own_cross_attend(queries, memory, options))
+            }
+            OpsKind::Tracked(prep) => {
+                let [queries, memory] = inputs.map(contiguous);
+                let (n, d) = dims(&queries);
+                let (from, to) = (elements(&queries), elements(&memory));
+                let (mixed, statistics) = attention::cross(from, to, options.heads(d), true);
+                let state = ([queries, memory], options, statistics);
+                prep.finish(state, mixed.into_tensor([n, d]))
             }
         }
     }
@@ -135,6 +179,28 @@ impl Backward<Flex, 1> for Attend {
             recycle(qkv);
             by.into_tensor([n, columns])
         });
+    }
+}
+
+/// The way back of attention to a memory; keeps its inputs and what makes its weights again.
+#[derive(Debug)]
+struct CrossAttend;
+
+impl Backward<Flex, 2> for CrossAttend {
+    type State = ([FlexTensor; 2], CrossOptions, Buffer);
+
+    fn backward(self, ops: Ops<Self::State, 2>, grads: &mut Gradients, _: &mut Checkpointer) {
+        let ([queries, memory], options, statistics) = ops.state;
+        let gradient = contiguous(grads.consume::<Flex>(&ops.node));
+        let [queries_node, memory_node] = ops.parents.map(|parent| parent.map(|node| node.id));
+        let ((n, d), (m, columns)) = (dims(&queries), dims(&memory));
+        let (from, to) = (elements(&queries), elements(&memory));
+        let change = elements(&gradient);
+        let [by_queries, by_memory] =
+            attention::cross_back(from, to, options.heads(d), &statistics, change);
+        [gradient, queries, memory].into_iter().for_each(recycle);
+        register(grads, queries_node, by_queries.into_tensor([n, d]));
+        register(grads, memory_node, by_memory.into_tensor([m, columns]));
     }
 }
 

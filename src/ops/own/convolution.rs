@@ -128,7 +128,10 @@ pub fn backward(
     let reading = Reading::new(convolution, x, kc / convolution.taps.count());
     let back = Panels::of(View::new(weights.weight, o).transposed(), o, kc);
     let mut by = Gradients {
-        x: wants_x.then(|| Buffer::zeros(x.len())),
+        x: wants_x.then(|| match convolution.taps {
+            Taps::Point => Buffer::new(x.len()),
+            _ => Buffer::zeros(x.len()),
+        }),
         weight: Buffer::zeros(kc * o),
         bias: Buffer::zeros(o),
     };

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use burn::backend::Flex;
 use burn_flex::FlexTensor;
 
-use super::attention::{Heads, half};
+use super::attention::{CrossHeads, Heads, half};
 use super::buffers::{Buffer, recycle};
 use super::elements::{contiguous, dims, elements, elements_mut, tensor};
 use super::head::Head;
 use super::{AdamWStep, OwnOps, OwnUpdates, adamw, convolution, feed_forward, rows};
-use crate::ops::{Activation, AttentionOptions, Convolution};
+use crate::ops::{Activation, AttentionOptions, Convolution, CrossOptions};
 
 /// Mean cross-entropy from the rows' losses, in nats.
 pub fn mean(losses: &[f64]) -> FlexTensor {
@@ -27,6 +27,15 @@ impl AttentionOptions {
     /// The heads that they speak of.
     pub fn heads(&self) -> Heads<'_> {
         Heads { layout: &self.layout, rope: &self.rope, n_head: self.n_head, first_row: 0 }
+    }
+}
+
+impl CrossOptions {
+    /// The heads that they speak of, of `d` columns.
+    pub fn heads(&self, d: usize) -> CrossHeads<'_> {
+        let ropes = self.ropes.as_ref().map(|ropes| ropes.each_ref().map(|rope| &**rope));
+        let Self { n_head, layout, .. } = self;
+        CrossHeads { layout, n_head: *n_head, head_dim: d / n_head, ropes }
     }
 }
 

@@ -13,8 +13,10 @@ use super::{
 };
 
 mod convolution;
+mod cross;
 
 pub use convolution::convolve;
+pub use cross::cross_attention;
 
 /// Stands for minus infinity in masked scores: e to it is zero, and it is an ordinary number on
 /// devices whose arithmetic has no infinities.

@@ -5,14 +5,17 @@ use std::sync::Arc;
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::{
-    Activation, AttentionOptions, AttentionWeights, BlockSequence, Convolution, FeedForwardWeights,
-    HalfFloat, HeadWeights, Kernels, Rope, SequenceLayout, Taps,
+    Activation, AttentionOptions, AttentionWeights, BlockSequence, Convolution, CrossLayout,
+    CrossOptions, FeedForwardWeights, HalfFloat, HeadWeights, Kernels, Rope, SequenceLayout, Taps,
 };
 
+mod attending;
 mod attention;
 mod bits;
 mod gradients;
 mod loss;
+
+use attending::{attend, attention, block_attention, cross_attend, options};
 
 /// A matrix by its elements and shape.
 #[derive(Clone)]
@@ -132,56 +135,6 @@ fn convolve(taps: Taps, rectify: bool, [n_clips, t]: [usize; 2], [c, o]: [usize;
     })
 }
 
-fn options(lengths: &[usize], prefixes: &[usize], heads: [usize; 2]) -> AttentionOptions {
-    let [n_head, head_dim] = heads;
-    let layout = Arc::new(SequenceLayout::new(lengths, prefixes).unwrap());
-    let rope = Arc::new(Rope::new(layout.max_len(), head_dim, 10_000.0));
-    AttentionOptions { n_head, layout, rope, epsilon: 1e-5 }
-}
-
-/// Sequences in blocks, each with its prefix; the angles of a sequence fall and rise.
-fn block_options(sequences: &[(usize, &[usize])], heads: [usize; 2]) -> AttentionOptions {
-    let [n_head, head_dim] = heads;
-    let sequence = |(prefix, blocks): &(usize, &[usize])| {
-        let n = prefix + blocks.iter().sum::<usize>();
-        let angles = (0..n).map(|q| ((q * 5 + 3) % n) as u32).collect();
-        BlockSequence { prefix: *prefix, blocks: (*blocks).into(), angles }
-    };
-    let sequences: Vec<BlockSequence> = sequences.iter().map(sequence).collect();
-    let layout = Arc::new(SequenceLayout::in_blocks(&sequences).unwrap());
-    let rope = Arc::new(Rope::new(layout.n_angles(), head_dim, 100.0));
-    AttentionOptions { n_head, layout, rope, epsilon: 1e-5 }
-}
-
-fn attention(lengths: &[usize], prefixes: &[usize], n_head: usize, head_dim: usize) -> Case {
-    let name = format!("attention {lengths:?} {prefixes:?} {n_head} x {head_dim}");
-    attention_of(name, options(lengths, prefixes, [n_head, head_dim]))
-}
-
-fn block_attention(sequences: &[(usize, &[usize])], n_head: usize, head_dim: usize) -> Case {
-    let name = format!("attention in blocks {sequences:?} {n_head} x {head_dim}");
-    attention_of(name, block_options(sequences, [n_head, head_dim]))
-}
-
-fn attention_of(name: String, options: AttentionOptions) -> Case {
-    let d = options.n_head * options.rope.head_dim();
-    let n = options.layout.n_rows();
-    let inputs = vec![input(n, d, 6), input(1, d, 2), input(d, 3 * d, 7), input(d, d, 8)];
-    Case::new(name, inputs, move |kernels, x| {
-        let [gamma_d, qkv_d3d, output_dd] = [&x[1], &x[2], &x[3]].map(Tensor::clone);
-        let gamma_d = gamma_d.reshape([d]);
-        let weights = AttentionWeights { gamma_d, qkv_d3d, output_dd };
-        kernels.attention(x[0].clone(), weights, &options)
-    })
-}
-
-fn attend(lengths: &[usize], prefixes: &[usize], n_head: usize, head_dim: usize) -> Case {
-    let options = options(lengths, prefixes, [n_head, head_dim]);
-    let qkv = input(options.layout.n_rows(), 3 * n_head * head_dim, 6);
-    let name = format!("attend {lengths:?} {prefixes:?} {n_head} x {head_dim}");
-    Case::new(name, vec![qkv], move |kernels, x| kernels.attend(x[0].clone(), &options))
-}
-
 fn rms_norm(n: usize, d: usize) -> Case {
     let inputs = vec![input(n, d, 1), input(1, d, 2)];
     Case::new(format!("rms_norm {n} x {d}"), inputs, move |kernels, x| {
@@ -212,6 +165,8 @@ fn small_cases() -> Vec<Case> {
         block_attention(&[(2, &[1, 3]), (0, &[2, 2, 5])], 2, 4),
         block_attention(&[(3, &[2, 17])], 1, 2),
         attend(&[4, 1, 6], &[2, 0, 6], 2, 4),
+        cross_attend(&[[4, 1], [1, 3], [6, 2]], true, [2, 4]),
+        cross_attend(&[[5, 3]; 2], false, [1, 3]),
         rms_norm(3, 5),
         swi_glu(3, 19),
     ]
@@ -237,6 +192,9 @@ fn large_cases() -> Vec<Case> {
         attention(&[201, 70], &[150, 5], 1, 64),
         attention(&[30], &[8], 2, 100),
         attend(&[72, 65], &[72, 65], 4, 16),
+        cross_attend(&[[96, 24]; 3], true, [4, 16]),
+        cross_attend(&[[40, 17], [19, 1], [1, 60]], false, [2, 32]),
+        cross_attend(&[[17, 33], [33, 17]], true, [1, 6]),
         rms_norm(300, 64),
         swi_glu(130, 290),
         every_prefix_of_every_length(34),

@@ -1,5 +1,7 @@
 //! [`TransformerDecoder`]: latents, and the words of a caption, to frames.
 
+use std::sync::Arc;
+
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
@@ -10,7 +12,7 @@ use super::layer::{Crossing, Layers, Seen};
 use super::linear::Linear;
 use super::packing::{Packing, Places, pieces};
 use crate::learn::params::constant;
-use crate::ops::Kernels;
+use crate::ops::{CrossLayout, CrossOptions, Kernels, Rope};
 use crate::spec::{Detokenizer, Positions};
 use crate::tokenizer::architecture::Decode;
 use crate::tokenizer::conv::Conv1d;
@@ -80,10 +82,14 @@ impl TransformerDecoder {
         let rows_nd = match self.kind {
             Detokenizer::Cross => {
                 let packing = Packing::new([0, f], &vec![0; b], &self.places, self.n_head);
+                let memory = |rows_md, counts: &[usize], ropes| {
+                    let layout = Arc::new(CrossLayout::new(&vec![f; b], counts));
+                    Memory { rows_md, options: CrossOptions { n_head: self.n_head, layout, ropes } }
+                };
                 let seen = Seen {
                     options: packing.options(),
-                    latents: Some(Memory::even(latents_nd, b, self.ropes(t, f))),
-                    text: text_nd.map(|text_nd| Memory::ragged(text_nd, &words)),
+                    latents: Some(memory(latents_nd, &vec![t; b], self.ropes(t, f))),
+                    text: text_nd.map(|text_md| memory(text_md, &words, None)),
                 };
                 self.layers.forward(queries_nd, &seen, pass)
             }
@@ -121,9 +127,9 @@ impl TransformerDecoder {
         placed_fd.unsqueeze::<3>().expand([b, f, d]).reshape([b * f, d])
     }
 
-    /// Angles of latents and frames, where they stand in time.
-    fn ropes(&self, t: usize, f: usize) -> Option<[crate::ops::Rope; 2]> {
-        self.latent_positions.is_none().then(|| self.places.apart(t, f))
+    /// Angles of frames and latents, where they stand in time.
+    fn ropes(&self, t: usize, f: usize) -> Option<[Arc<Rope>; 2]> {
+        self.latent_positions.is_none().then(|| self.places.apart(t, f).map(Arc::new))
     }
 
     /// How many words each clip has, and all of them as rows `[words, d]`; the mask's vector alone

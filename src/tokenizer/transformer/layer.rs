@@ -90,10 +90,10 @@ impl Layer {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let &TransformerSpec { width, heads, norm: placement, dropout, .. } = sizes;
+        let &TransformerSpec { width, norm: placement, dropout, .. } = sizes;
         let (std, f) = (deviation(width), SWIGLU_RATIO * width);
         let mut cross = |is_there: bool| {
-            let attention = is_there.then(|| CrossAttention::new([width, heads], std, rng, device));
+            let attention = is_there.then(|| CrossAttention::new(width, std, rng, device));
             attention.map(|attention| Cross { norm: Norm::new(width, device), attention })
         };
         let (latents, text) = (cross(crossing.latents), cross(crossing.text));

@@ -71,9 +71,9 @@ impl Places {
         Rope::at_positions(&positions, self.head_dim, ROPE_BASE)
     }
 
-    /// Angles of latents alone, and of frames alone.
+    /// Angles of frames alone, and of latents alone.
     pub fn apart(&self, latents: usize, frames: usize) -> [Rope; 2] {
-        [self.rope(latents, 0, 0), self.rope(0, frames, 0)]
+        [self.rope(0, frames, 0), self.rope(latents, 0, 0)]
     }
 }
 

@@ -3,9 +3,9 @@
 
 use std::ops::Range;
 
-use super::head_rows::{load, store};
-use super::heads::Head;
+use super::head_rows::{HeadRows, load, store};
 use super::rotation::rotate_back;
+use super::sight::Sight;
 use super::softmax::{self, Statistics, Tile};
 use super::{Heads, Workspace};
 use crate::ops::own::lanes::{Lanes, vectorised};
@@ -24,37 +24,50 @@ vectorised! {
         work: &mut Workspace,
     ) {
         for head in heads.each(sequences) {
+            let angles = Some(head.angles());
             work.load::<L>(qkv, head);
-            load_gradient::<L>(work, grad_output, head);
+            load_gradient::<L>(work, (grad_output, head.output()), &head);
             for first in (0..head.len).step_by(ROWS) {
-                differentiate::<L>(work, head, first, kept);
+                differentiate::<L>(work, &head, first, kept);
                 let (to, rows) = ((&mut *qkv, head.part(0)), head.rows(first));
-                rotate_back::<L>(to, &work.grad_queries, rows, head.angles(), head.scale());
+                rotate_back::<L>(to, &work.grad_queries, rows, angles, head.scale());
             }
-            store_keys_and_values::<L>(qkv, work, head);
+            sum_by_keys_and_values::<L>(work, &head);
+            let to = (&mut *qkv, head.part(1));
+            rotate_back::<L>(to, &work.grad_keys, 0..head.len, angles, 1.0);
+            store::<L>((qkv, head.part(2)), 0..head.len, &work.grad_values);
         }
     }
 }
 
 /// Reads one head's gradient, and makes room.
 #[inline(always)]
-fn load_gradient<L: Lanes>(work: &mut Workspace, grad_output: &[f32], head: Head<'_>) {
-    let (len, head_dim) = (head.len, head.head_dim());
-    work.values_across.set_transposed::<L>(&work.values, len, head_dim);
-    work.output.resize(len, head_dim);
-    load::<L>(&mut work.output, (grad_output, head.output()), len);
-    work.weights.resize(len, len);
-    work.grad_scores.resize(len, len);
+pub fn load_gradient<L: Lanes>(
+    work: &mut Workspace,
+    gradient: (&[f32], HeadRows),
+    sight: &impl Sight,
+) {
+    let (queries, keys, head_dim) = (sight.n_queries(), sight.n_keys(), sight.head_dim());
+    work.values_across.set_transposed::<L>(&work.values, keys, head_dim);
+    work.output.resize(queries, head_dim);
+    load::<L>(&mut work.output, gradient, queries);
+    work.weights.resize(queries, keys);
+    work.grad_scores.resize(queries, keys);
     work.grad_queries.resize(ROWS, head_dim);
 }
 
 /// Weights, gradient by the scores and gradient by the queries of one tile's rows.
 #[inline(always)]
-fn differentiate<L: Lanes>(work: &mut Workspace, head: Head<'_>, first: usize, kept: &mut &[f32]) {
-    let (visible, head_dim) = (head.visible_in_tile(first), head.head_dim());
-    let tile = Tile { first, visible: head.visible_by_row(first) };
-    work.scores::<L>(head, first, first);
-    softmax::again::<L>(&mut work.weights, tile, Statistics::take(head.rows(first).len(), kept));
+pub fn differentiate<L: Lanes>(
+    work: &mut Workspace,
+    sight: &impl Sight,
+    first: usize,
+    kept: &mut &[f32],
+) {
+    let (visible, head_dim) = (sight.visible_in_tile(first), sight.head_dim());
+    let tile = Tile { first, visible: sight.visible_by_row(first) };
+    work.scores::<L>(sight, first, first);
+    softmax::again::<L>(&mut work.weights, tile, Statistics::take(sight.rows(first).len(), kept));
     let by_weight = Span { inner: 0..head_dim, columns: visible };
     let output = work.output.plain().skip_rows(first);
     block::<L, _>(&mut work.grad_scores, first, output, &work.values_across, by_weight);
@@ -64,21 +77,14 @@ fn differentiate<L: Lanes>(work: &mut Workspace, head: Head<'_>, first: usize, k
     block::<L, _>(&mut work.grad_queries, 0, scores, &work.keys, by_query);
 }
 
-/// Writes one head's gradients over its keys and values.
+/// Gradients of one head by its turned keys and by its values.
 #[inline(always)]
-fn store_keys_and_values<L: Lanes>(qkv: &mut [f32], work: &mut Workspace, head: Head<'_>) {
-    let (len, head_dim) = (head.len, head.head_dim());
-    work.grad_keys.resize(len, head_dim);
-    work.grad_values.resize(len, head_dim);
-    let viewers = |first| Span { inner: head.first_viewer(first)..len, columns: head_dim };
-    product::<L, _>(&mut work.grad_values, len, work.weights.transposed(), &work.output, viewers);
-    product::<L, _>(
-        &mut work.grad_keys,
-        len,
-        work.grad_scores.transposed(),
-        &work.queries,
-        viewers,
-    );
-    rotate_back::<L>((&mut *qkv, head.part(1)), &work.grad_keys, 0..len, head.angles(), 1.0);
-    store::<L>((qkv, head.part(2)), 0..len, &work.grad_values);
+pub fn sum_by_keys_and_values<L: Lanes>(work: &mut Workspace, sight: &impl Sight) {
+    let (queries, keys, head_dim) = (sight.n_queries(), sight.n_keys(), sight.head_dim());
+    work.grad_keys.resize(keys, head_dim);
+    work.grad_values.resize(keys, head_dim);
+    let viewers = |first| Span { inner: sight.first_viewer(first)..queries, columns: head_dim };
+    let (weights, scores) = (work.weights.transposed(), work.grad_scores.transposed());
+    product::<L, _>(&mut work.grad_values, keys, weights, &work.output, viewers);
+    product::<L, _>(&mut work.grad_keys, keys, scores, &work.queries, viewers);
 }

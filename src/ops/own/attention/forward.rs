@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::head_rows::store;
-use super::heads::Head;
+use super::head_rows::{HeadRows, store};
+use super::sight::Sight;
 use super::softmax::{self, Statistics, Tile};
 use super::{Heads, Workspace};
 use crate::ops::own::lanes::{Lanes, vectorised};
@@ -25,27 +25,39 @@ vectorised! {
     ) {
         for head in heads.each(sequences) {
             work.load::<L>(qkv, head);
-            work.weights.resize(ROWS, head.len);
-            work.output.resize(ROWS, head.head_dim());
-            for first in (0..head.len).step_by(ROWS) {
-                let statistics = attend::<L>(work, head, first);
-                if keep {
-                    statistics.keep(head.rows(first).len(), room);
-                }
-                store::<L>((output, head.output()), head.rows(first), &work.output);
-            }
+            mix::<L>(work, &head, (&mut *output, head.output()), keep, room);
         }
+    }
+}
+
+/// softmax(queries keysᵀ) values of the head that was read, tile after tile, into its rows.
+#[inline(always)]
+pub fn mix<L: Lanes>(
+    work: &mut Workspace,
+    sight: &impl Sight,
+    (output, place): (&mut [f32], HeadRows),
+    keep: bool,
+    room: &mut &mut [f32],
+) {
+    work.weights.resize(ROWS, sight.n_keys());
+    work.output.resize(ROWS, sight.head_dim());
+    for first in (0..sight.n_queries()).step_by(ROWS) {
+        let statistics = attend::<L>(work, sight, first);
+        if keep {
+            statistics.keep(sight.rows(first).len(), room);
+        }
+        store::<L>((&mut *output, place), sight.rows(first), &work.output);
     }
 }
 
 /// weights = softmax(queries keysᵀ), output = weights values, for the rows of one tile.
 #[inline(always)]
-fn attend<L: Lanes>(work: &mut Workspace, head: Head<'_>, first: usize) -> Statistics {
-    let visible = head.visible_in_tile(first);
-    work.scores::<L>(head, first, 0);
-    let tile = Tile { first: 0, visible: head.visible_by_row(first) };
+fn attend<L: Lanes>(work: &mut Workspace, sight: &impl Sight, first: usize) -> Statistics {
+    let visible = sight.visible_in_tile(first);
+    work.scores::<L>(sight, first, 0);
+    let tile = Tile { first: 0, visible: sight.visible_by_row(first) };
     let statistics = softmax::forward::<L>(&mut work.weights, tile);
-    let span = Span { inner: 0..visible, columns: head.head_dim() };
+    let span = Span { inner: 0..visible, columns: sight.head_dim() };
     block::<L, _>(&mut work.output, 0, work.weights.plain(), &work.values, span);
     statistics
 }

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::head_rows::HeadRows;
 use super::rotation::Angles;
+use super::sight::Sight;
 use super::softmax::Statistics;
-use crate::ops::own::scratch::ROWS;
 use crate::ops::{Rope, SequenceLayout};
 
 /// Where the heads of the sequences lie in rows of `[q | k | v]` and of the output.
@@ -62,20 +62,6 @@ impl<'a> Heads<'a> {
 }
 
 impl Head<'_> {
-    pub fn head_dim(&self) -> usize {
-        self.rope.head_dim()
-    }
-
-    pub fn scale(&self) -> f32 {
-        (1.0 / (self.head_dim() as f64).sqrt()) as f32
-    }
-
-    /// How many positions position `q` sees.
-    #[inline(always)]
-    fn visible(&self, q: usize) -> usize {
-        self.layout.visible(self.sequence, q)
-    }
-
     /// Where the head's part number `part` (0 q, 1 k, 2 v) lies in `[n_rows, 3 d]`.
     #[inline(always)]
     pub fn part(&self, part: usize) -> HeadRows {
@@ -91,33 +77,36 @@ impl Head<'_> {
         HeadRows { start, stride: self.d_model, columns: self.head_dim() }
     }
 
-    /// Positions of the tile that starts at `first`.
-    #[inline(always)]
-    pub fn rows(&self, first: usize) -> Range<usize> {
-        first..(first + ROWS).min(self.len)
-    }
-
-    /// How many positions each of them sees; rows after the last as many as it.
-    #[inline(always)]
-    pub fn visible_by_row(&self, first: usize) -> [usize; ROWS] {
-        std::array::from_fn(|r| self.visible((first + r).min(self.len - 1)))
-    }
-
-    /// Most positions seen by a row of the tile that starts at row `first`: those of its last.
-    #[inline(always)]
-    pub fn visible_in_tile(&self, first: usize) -> usize {
-        self.visible(self.rows(first).end - 1)
-    }
-
-    /// The first position that sees a position of the tile that starts at `first`.
-    #[inline(always)]
-    pub fn first_viewer(&self, first: usize) -> usize {
-        self.layout.first_viewer(self.sequence, first)
-    }
-
     /// The angles of its positions.
     #[inline(always)]
     pub fn angles(&self) -> Angles<'_> {
         Angles { rope: self.rope, listed: self.layout.angles(self.sequence) }
+    }
+}
+
+impl Sight for Head<'_> {
+    #[inline(always)]
+    fn head_dim(&self) -> usize {
+        self.rope.head_dim()
+    }
+
+    #[inline(always)]
+    fn n_queries(&self) -> usize {
+        self.len
+    }
+
+    #[inline(always)]
+    fn n_keys(&self) -> usize {
+        self.len
+    }
+
+    #[inline(always)]
+    fn visible(&self, q: usize) -> usize {
+        self.layout.visible(self.sequence, q)
+    }
+
+    #[inline(always)]
+    fn first_viewer(&self, k: usize) -> usize {
+        self.layout.first_viewer(self.sequence, k)
     }
 }

@@ -14,15 +14,18 @@ use super::lanes::LANES;
 use super::scratch::ROWS;
 
 mod backward;
+mod cross;
 mod forward;
 pub mod half;
 mod head_rows;
 mod heads;
 mod rotation;
+mod sight;
 mod softmax;
 mod workspace;
 
 pub use backward::backward;
+pub use cross::{CrossHeads, cross, cross_back};
 pub use forward::forward;
 pub use heads::Heads;
 pub use workspace::Workspace;

@@ -22,13 +22,14 @@ impl<'a> Angles<'a> {
     }
 }
 
-/// Turns the pairs of the rows `rows`, and multiplies them by `scale`, into the first rows of `to`.
+/// Turns the pairs of the rows `rows`, where they have angles, and multiplies them by `scale`, into the
+/// first rows of `to`.
 #[inline(always)]
 pub fn rotate<L: Lanes>(
     to: &mut Scratch,
     from: (&[f32], HeadRows),
     rows: Range<usize>,
-    angles: Angles<'_>,
+    angles: Option<Angles<'_>>,
     scale: f32,
 ) {
     if from.1.is_whole() {
@@ -43,26 +44,30 @@ fn rotate_as<L: Lanes, const WHOLE: bool>(
     to: &mut Scratch,
     (values, place): (&[f32], HeadRows),
     rows: Range<usize>,
-    angles: Angles<'_>,
+    angles: Option<Angles<'_>>,
     scale: f32,
 ) {
     for (i, t) in rows.enumerate() {
-        let (to, from, (along, across)) = (to.row_mut(i), place.row(values, t), angles.at(t));
+        let (to, from) = (to.row_mut(i), place.row(values, t));
+        let angles = angles.map(|angles| angles.at(t));
         for j in (0..place.columns).step_by(LANES) {
-            let (along, across) = (read::<L, WHOLE>(along, j), read::<L, WHOLE>(across, j));
-            let turned = turn(read::<L, WHOLE>(from, j), along, across);
-            write::<L, true>(to, j, turned.mul(L::splat(scale)));
+            let mut x = read::<L, WHOLE>(from, j);
+            if let Some((along, across)) = angles {
+                x = turn(x, read::<L, WHOLE>(along, j), read::<L, WHOLE>(across, j));
+            }
+            write::<L, true>(to, j, x.mul(L::splat(scale)));
         }
     }
 }
 
-/// Turns the gradients by rotated vectors, the first rows of `from`, back, by the opposite angle.
+/// Turns the gradients by rotated vectors, the first rows of `from`, back, by the opposite
+/// angle.
 #[inline(always)]
 pub fn rotate_back<L: Lanes>(
     to: (&mut [f32], HeadRows),
     from: &Scratch,
     rows: Range<usize>,
-    angles: Angles<'_>,
+    angles: Option<Angles<'_>>,
     scale: f32,
 ) {
     if to.1.is_whole() {
@@ -77,15 +82,19 @@ fn rotate_back_as<L: Lanes, const WHOLE: bool>(
     (values, place): (&mut [f32], HeadRows),
     from: &Scratch,
     rows: Range<usize>,
-    angles: Angles<'_>,
+    angles: Option<Angles<'_>>,
     scale: f32,
 ) {
     for (i, t) in rows.enumerate() {
-        let (to, from, (along, across)) = (place.row_mut(values, t), from.row(i), angles.at(t));
+        let (to, from) = (place.row_mut(values, t), from.row(i));
+        let angles = angles.map(|angles| angles.at(t));
         for j in (0..place.columns).step_by(LANES) {
-            let (along, across) = (read::<L, WHOLE>(along, j), read::<L, WHOLE>(across, j));
-            let turned = turn(read::<L, true>(from, j), along, L::splat(0.0).sub(across));
-            write::<L, WHOLE>(to, j, turned.mul(L::splat(scale)));
+            let mut x = read::<L, true>(from, j);
+            if let Some((along, across)) = angles {
+                let across = L::splat(0.0).sub(read::<L, WHOLE>(across, j));
+                x = turn(x, read::<L, WHOLE>(along, j), across);
+            }
+            write::<L, WHOLE>(to, j, x.mul(L::splat(scale)));
         }
     }
 }

@@ -1,0 +1,186 @@
+//! Attention from queries to a memory: every query of a sequence sees all rows of its memory.
+
+use super::backward::{differentiate, load_gradient, sum_by_keys_and_values};
+use super::forward::mix;
+use super::head_rows::{HeadRows, load, store};
+use super::rotation::{Angles, rotate, rotate_back};
+use super::sight::Sight;
+use super::softmax::Statistics;
+use super::{Buffer, Workspace};
+use crate::ops::own::lanes::{Lanes, vectorised};
+use crate::ops::own::scratch::ROWS;
+use crate::ops::{CrossLayout, Rope};
+
+/// Where the heads of the sequences lie in rows of queries `[n, d]` and of a memory `[k | v]`,
+/// `[m, 2 d]`.
+#[derive(Clone, Copy)]
+pub struct CrossHeads<'a> {
+    pub layout: &'a CrossLayout,
+    pub n_head: usize,
+    pub head_dim: usize,
+    /// Of the queries, and of the memory.
+    pub ropes: Option<[&'a Rope; 2]>,
+}
+
+/// One head of one sequence.
+#[derive(Clone, Copy)]
+struct CrossHead<'a> {
+    heads: CrossHeads<'a>,
+    sequence: usize,
+    head: usize,
+}
+
+impl<'a> CrossHeads<'a> {
+    fn d_model(&self) -> usize {
+        self.n_head * self.head_dim
+    }
+
+    /// Every head of every sequence, in the order of their rows.
+    fn each(self) -> impl Iterator<Item = CrossHead<'a>> {
+        (0..self.layout.n_sequences()).flat_map(move |sequence| {
+            (0..self.n_head).map(move |head| CrossHead { heads: self, sequence, head })
+        })
+    }
+}
+
+impl<'a> CrossHead<'a> {
+    /// Where the head's queries, and its output, lie in `[n, d]`.
+    #[inline(always)]
+    fn queries(&self) -> HeadRows {
+        let (row, stride) = (self.heads.layout.queries(self.sequence).start, self.heads.d_model());
+        HeadRows { start: row * stride + self.column(), stride, columns: self.heads.head_dim }
+    }
+
+    /// Where its keys (part 0) or values (part 1) lie in `[m, 2 d]`.
+    #[inline(always)]
+    fn memory(&self, part: usize) -> HeadRows {
+        let (row, d) = (self.heads.layout.memory(self.sequence).start, self.heads.d_model());
+        let start = row * 2 * d + part * d + self.column();
+        HeadRows { start, stride: 2 * d, columns: self.heads.head_dim }
+    }
+
+    fn column(&self) -> usize {
+        self.head * self.heads.head_dim
+    }
+
+    /// The angles of queries, and of keys.
+    #[inline(always)]
+    fn angles(&self) -> [Option<Angles<'a>>; 2] {
+        let listed = |rope| Angles { rope, listed: None };
+        self.heads.ropes.map_or([None; 2], |ropes| ropes.map(|rope| Some(listed(rope))))
+    }
+}
+
+impl Sight for CrossHead<'_> {
+    #[inline(always)]
+    fn head_dim(&self) -> usize {
+        self.heads.head_dim
+    }
+
+    #[inline(always)]
+    fn n_queries(&self) -> usize {
+        self.heads.layout.queries(self.sequence).len()
+    }
+
+    #[inline(always)]
+    fn n_keys(&self) -> usize {
+        self.heads.layout.memory(self.sequence).len()
+    }
+
+    #[inline(always)]
+    fn visible(&self, _: usize) -> usize {
+        self.n_keys()
+    }
+
+    #[inline(always)]
+    fn first_viewer(&self, _: usize) -> usize {
+        0
+    }
+}
+
+/// Attention of all queries, `[n, d]`, and, if `keep` asks for it, what makes its weights again.
+pub fn cross(
+    queries: &[f32],
+    memory: &[f32],
+    heads: CrossHeads<'_>,
+    keep: bool,
+) -> (Buffer, Buffer) {
+    let mut output = Buffer::new(queries.len());
+    let n_kept = Statistics::PER_ROW * heads.n_head * heads.layout.n_queries();
+    let mut kept = Buffer::new(if keep { n_kept } else { 0 });
+    forward(queries, memory, heads, &mut output, keep, &mut kept);
+    (output, kept)
+}
+
+/// The gradients by queries and by `[k | v]`, given the gradient by the output and what [`cross`] kept.
+pub fn cross_back(
+    queries: &[f32],
+    memory: &[f32],
+    heads: CrossHeads<'_>,
+    kept: &[f32],
+    gradient: &[f32],
+) -> [Buffer; 2] {
+    let mut by_queries = Buffer::new(queries.len());
+    let mut by_memory = Buffer::new(memory.len());
+    backward(queries, memory, heads, kept, gradient, &mut by_queries, &mut by_memory);
+    [by_queries, by_memory]
+}
+
+vectorised! {
+    fn forward(
+        queries: &[f32],
+        memory: &[f32],
+        heads: CrossHeads<'_>,
+        output: &mut [f32],
+        keep: bool,
+        kept: &mut [f32],
+    ) {
+        let (mut room, mut work) = (kept, Workspace::default());
+        for head in heads.each() {
+            read::<L>(&mut work, queries, memory, head);
+            mix::<L>(&mut work, &head, (&mut *output, head.queries()), keep, &mut room);
+        }
+    }
+}
+
+vectorised! {
+    fn backward(
+        queries: &[f32],
+        memory: &[f32],
+        heads: CrossHeads<'_>,
+        kept: &[f32],
+        gradient: &[f32],
+        by_queries: &mut [f32],
+        by_memory: &mut [f32],
+    ) {
+        let (mut kept, mut work) = (kept, Workspace::default());
+        for head in heads.each() {
+            let [of_queries, of_keys] = head.angles();
+            read::<L>(&mut work, queries, memory, head);
+            load_gradient::<L>(&mut work, (gradient, head.queries()), &head);
+            for first in (0..head.n_queries()).step_by(ROWS) {
+                differentiate::<L>(&mut work, &head, first, &mut kept);
+                let (to, rows) = ((&mut *by_queries, head.queries()), head.rows(first));
+                rotate_back::<L>(to, &work.grad_queries, rows, of_queries, head.scale());
+            }
+            sum_by_keys_and_values::<L>(&mut work, &head);
+            let (keys, rows) = ((&mut *by_memory, head.memory(0)), 0..head.n_keys());
+            rotate_back::<L>(keys, &work.grad_keys, rows.clone(), of_keys, 1.0);
+            store::<L>((&mut *by_memory, head.memory(1)), rows, &work.grad_values);
+        }
+    }
+}
+
+/// Reads one head.
+#[inline(always)]
+fn read<L: Lanes>(work: &mut Workspace, queries: &[f32], memory: &[f32], head: CrossHead<'_>) {
+    let (n, m, head_dim) = (head.n_queries(), head.n_keys(), head.head_dim());
+    let [of_queries, of_keys] = head.angles();
+    work.queries.resize(n, head_dim);
+    work.keys.resize(m, head_dim);
+    work.values.resize(m, head_dim);
+    rotate::<L>(&mut work.queries, (queries, head.queries()), 0..n, of_queries, head.scale());
+    rotate::<L>(&mut work.keys, (memory, head.memory(0)), 0..m, of_keys, 1.0);
+    load::<L>(&mut work.values, (memory, head.memory(1)), m);
+    work.keys_across.set_transposed::<L>(&work.keys, m, head_dim);
+}
