@@ -28,6 +28,7 @@ mod series;
 mod ticks;
 mod write;
 
+mod codes;
 mod generators;
 mod isoflop_parabolas;
 mod loss_vs_budget;
@@ -49,7 +50,7 @@ use crate::files::FileError;
 use crate::laws::Laws;
 use crate::record::RunRecord;
 use crate::spec::FlopsRule;
-use crate::tokenizer::TokenizerMetrics;
+use crate::tokenizer::{CodeMap, TokenizerMetrics};
 use cells::{Cells, Shown};
 pub use generators::GeneratorRuns;
 use scene::Scene;
@@ -157,6 +158,22 @@ pub fn draw_generators(
     let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
     let scene = generators::draw(sweep, generators, rule).map_err(failed)?;
     write::figure(&scene, folder, NAME)
+}
+
+/// Draws the codes of a tokenizer as `<name>.svg` and `<name>.png`; gives their paths.
+///
+/// # Errors
+///
+/// Where a file cannot be written, or no code was met.
+pub fn draw_codes(
+    title: &str,
+    map: &CodeMap,
+    folder: &Path,
+    name: &str,
+) -> Result<[PathBuf; 2], FigureError> {
+    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
+    let failed = |message| FigureError::Draw { name: name.to_owned(), message };
+    write::figure(&codes::draw(title, map).map_err(failed)?, folder, name)
 }
 
 impl<'a> Sources<'a> {

@@ -1,6 +1,6 @@
 //! [`TrainedTokenizer`]: a tokenizer that was trained, opened to turn motions into codes and back.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
@@ -10,15 +10,19 @@ use super::folder::ResultsFolder;
 use super::id::JobId;
 use super::tokenizer;
 use super::trained::find;
+use crate::codes::TokenStore;
+use crate::data::{self, Split};
 use crate::files::read_if_there;
-use crate::plan::RunSpec;
-use crate::text::{self, TextEncoder, as_in_data};
-use crate::tokenizer::Tokenizer;
+use crate::plan::{RunSpec, TokenizerJob};
+use crate::text::{self, TextEncoder, TextStore, as_in_data};
+use crate::tokenizer::{Corpus, Reconstruction, Tokenizer, reconstruct};
 
 /// A trained tokenizer, with what its captions become vectors by.
 pub struct TrainedTokenizer {
     /// The name of its folder.
     pub id: String,
+    /// The folder of its sweep.
+    pub folder: ResultsFolder,
     pub tokenizer: Tokenizer,
     /// Of a tokenizer with language.
     encoder: Option<Box<dyn TextEncoder>>,
@@ -53,14 +57,44 @@ impl TrainedTokenizer {
             .with_context(|| format!("opening the tokenizer in {}", place.display()))?;
         let place = place.canonicalize().with_context(|| format!("finding {}", place.display()))?;
         let id = place.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let root = place.parent().and_then(Path::parent).map(Path::to_path_buf);
+        let folder = ResultsFolder::new(root.unwrap_or_default());
         let language = tokenizer.spec().architecture.language().is_some();
-        let encoder = if language { Some(encoder_of(&place)?) } else { None };
-        Ok(Self { id, tokenizer, encoder })
+        let encoder = if language { Some(encoder_of(&folder)?) } else { None };
+        Ok(Self { id, folder, tokenizer, encoder })
     }
 
     /// Whether it sees captions.
     pub fn has_language(&self) -> bool {
         self.encoder.is_some()
+    }
+
+    /// The codes that it has made of its data.
+    ///
+    /// # Errors
+    /// There are none, or they are damaged.
+    pub fn tokens(&self) -> Result<TokenStore> {
+        let path = self.folder.tokens(&self.id);
+        if !path.is_file() {
+            bail!("{} is not there: `isoflop run` makes the codes of the data", path.display());
+        }
+        Ok(TokenStore::open(&path)?)
+    }
+
+    /// How well it reconstructs a split of its data with each of these language-free guidances.
+    ///
+    /// # Errors
+    /// The data or the vectors of their captions are missing or damaged.
+    pub fn reconstruct(&self, split: Split, guidances: &[f64]) -> Result<Vec<Reconstruction>> {
+        let source = data::open(&frozen_sweep(&self.folder)?.data, None)?;
+        let spec = self.folder.spec(&JobId::new(tokenizer::KIND, &self.id));
+        let job: Option<TokenizerJob> = read_if_there(&spec)?;
+        let job = job.with_context(|| format!("{} is missing", spec.display()))?;
+        let text = job.text_id.map(|id| TextStore::open(&self.folder.text(&id))).transpose();
+        let text = text.context("opening the vectors of the data's captions")?;
+        let corpus = Corpus { source: &*source, text: text.as_ref() };
+        let of = |&guidance: &f64| reconstruct(&self.tokenizer, &corpus, split, guidance);
+        Ok(guidances.iter().map(of).collect::<Result<_, _>>()?)
     }
 
     /// The vectors of a caption, which is read as the captions of data are; `None` for a tokenizer
@@ -75,10 +109,9 @@ impl TrainedTokenizer {
     }
 }
 
-/// What the captions of a sweep become vectors by, from the folder of one of its tokenizers.
-fn encoder_of(place: &Path) -> Result<Box<dyn TextEncoder>> {
-    let root: Option<PathBuf> = place.parent().and_then(Path::parent).map(Path::to_path_buf);
-    let sweep = frozen_sweep(&ResultsFolder::new(root.unwrap_or_default()));
-    let sweep = sweep.context("reading how its sweep turns captions into vectors")?;
+/// What the captions of a sweep become vectors by.
+fn encoder_of(folder: &ResultsFolder) -> Result<Box<dyn TextEncoder>> {
+    let sweep =
+        frozen_sweep(folder).context("reading how its sweep turns captions into vectors")?;
     text::encoder(&sweep.text).context("opening the vectors of captions")
 }

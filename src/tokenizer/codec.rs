@@ -121,7 +121,7 @@ impl Tokenizer {
             return Ok(Vec::new());
         }
         let extent = Extent { n_clips: 1, n_latents };
-        Ok(self.decode_guided(ids, extent, captions.as_ref(), guidance))
+        Ok(self.decode_stack(ids, extent, captions.as_ref(), guidance))
     }
 
     /// Codes of a clip of so many frames: none where it has no whole latent.
@@ -162,15 +162,6 @@ impl Tokenizer {
 
     /// Raw features, clip after clip, of the codes of clips of one length.
     pub(super) fn decode_stack(
-        &self,
-        ids: &[u32],
-        extent: Extent,
-        captions: Option<&Captions>,
-    ) -> Vec<f32> {
-        self.decode_guided(ids, extent, captions, 0.0)
-    }
-
-    fn decode_guided(
         &self,
         ids: &[u32],
         extent: Extent,

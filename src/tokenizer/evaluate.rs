@@ -1,6 +1,7 @@
 //! Measuring a tokenizer on the whole test split.
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::batches::{ClipBatch, equal_length_batches};
 use super::captions::Captions;
@@ -27,10 +28,11 @@ pub fn evaluate(
     tokenizer_id: &str,
     wall_s: f64,
 ) -> Result<TokenizerMetrics, TokenizerError> {
-    let test = scores(tokenizer, corpus, Split::Test)?;
+    let test = scores(tokenizer, corpus, Split::Test, 0.0)?;
+    let made = Reconstruction::of(&test);
     let val = match corpus.source.n_clips(Split::Val) {
         0 => None,
-        _ => Some(scores(tokenizer, corpus, Split::Val)?),
+        _ => Some(reconstruct(tokenizer, corpus, Split::Val, 0.0)?),
     };
     let spec = tokenizer.spec();
     let scales = histograms(&spec.grid(), &test);
@@ -41,11 +43,11 @@ pub fn evaluate(
         kind: spec.quantizer.name().to_string(),
         n_vocab: tokenizer.n_vocab(),
         levels: spec.quantizer.levels().map(<[usize]>::to_vec),
-        reconstruction_l1: Score::per_frame(&test, |score| score.l1),
-        mpjpe_mm: Score::per_frame(&test, |score| score.mpjpe_mm),
-        mpjpe_heading_mm: Some(Score::per_frame(&test, |score| score.given_heading_mm)),
-        val_mpjpe_mm: val.as_ref().map(|val| Score::per_frame(val, |score| score.mpjpe_mm)),
-        val_mpjpe_heading_mm: val.map(|val| Score::per_frame(&val, |score| score.given_heading_mm)),
+        reconstruction_l1: made.reconstruction_l1,
+        mpjpe_mm: made.mpjpe_mm,
+        mpjpe_heading_mm: Some(made.mpjpe_heading_mm),
+        val_mpjpe_mm: val.map(|val| val.mpjpe_mm),
+        val_mpjpe_heading_mm: val.map(|val| val.mpjpe_heading_mm),
         utilisation: used.utilisation(),
         exponential_entropy: used.exponential_entropy(),
         parameters: tokenizer.n_parameters(),
@@ -56,6 +58,41 @@ pub fn evaluate(
         seed: Some(spec.training.seed),
         k_means: None,
     })
+}
+
+/// How far what a tokenizer makes of its codes is from the truth, a frame's mean.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Reconstruction {
+    /// Mean absolute error of normalised features.
+    pub reconstruction_l1: f64,
+    /// Mean per-joint position error, pelvis-aligned, in millimetres.
+    pub mpjpe_mm: f64,
+    /// The same with the true heading in place of the tokenizer's own.
+    pub mpjpe_heading_mm: f64,
+}
+
+/// Reconstruction over every clip of a split, with language-free guidance where a tokenizer has language:
+/// see [`Tokenizer::decode`].
+///
+/// # Errors
+/// If the split is empty or a clip cannot be read.
+pub fn reconstruct(
+    tokenizer: &Tokenizer,
+    corpus: &Corpus,
+    split: Split,
+    guidance: f64,
+) -> Result<Reconstruction, TokenizerError> {
+    Ok(Reconstruction::of(&scores(tokenizer, corpus, split, guidance)?))
+}
+
+impl Reconstruction {
+    fn of(scores: &[Score]) -> Self {
+        Self {
+            reconstruction_l1: Score::per_frame(scores, |score| score.l1),
+            mpjpe_mm: Score::per_frame(scores, |score| score.mpjpe_mm),
+            mpjpe_heading_mm: Score::per_frame(scores, |score| score.given_heading_mm),
+        }
+    }
 }
 
 /// How often the codes of each scale were met.
@@ -93,6 +130,7 @@ pub(super) fn scores(
     tokenizer: &Tokenizer,
     corpus: &Corpus,
     split: Split,
+    guidance: f64,
 ) -> Result<Vec<Score>, TokenizerError> {
     let (source, captions) = (corpus.source, corpus.read_by(tokenizer.spec())?);
     let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_latent())?;
@@ -103,7 +141,7 @@ pub(super) fn scores(
     let of = |batch: &ClipBatch| {
         let captions = captions.as_ref().map(|read| read.of(split, &batch.indices));
         let truth = batch.features(source, split)?;
-        Ok(score(tokenizer, batch, truth, captions.as_ref()))
+        Ok(score(tokenizer, batch, truth, captions.as_ref(), guidance))
     };
     batches.par_iter().map(of).collect()
 }
@@ -113,11 +151,12 @@ fn score(
     batch: &ClipBatch,
     truth: Vec<f32>,
     captions: Option<&Captions>,
+    guidance: f64,
 ) -> Score {
     let n_clips = batch.indices.len();
     let ids = tokenizer.encode_stack(truth.clone(), n_clips, captions);
     let n_latents = batch.n_frames / tokenizer.spec().frames_per_latent();
-    let mut made = tokenizer.decode_stack(&ids, Extent { n_clips, n_latents }, captions);
+    let mut made = tokenizer.decode_stack(&ids, Extent { n_clips, n_latents }, captions, guidance);
     let std = &tokenizer.stats().std;
     let values = truth.iter().zip(&made).zip(std.iter().cycle());
     let l1: f64 = values.map(|((a, b), std)| f64::from((a - b).abs() / std)).sum();

@@ -5,10 +5,12 @@
 
 mod architecture;
 mod average;
+mod axes;
 mod baseline;
 mod batches;
 mod begin;
 mod captions;
+mod code_map;
 mod codec;
 mod conv;
 mod convolutional;
@@ -35,12 +37,13 @@ mod windows;
 pub use architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
 pub use baseline::k_means_baseline;
 pub use captions::Captions;
+pub use code_map::{CodeMap, ScaleCodes};
 pub use codec::Tokenizer;
 pub use convolutional::{AutoencoderConfig, Decoder, Encoder};
 pub use corpus::Corpus;
 pub use encode::{tokenize, tokenize_split};
 pub use error::TokenizerError;
-pub use evaluate::evaluate;
+pub use evaluate::{Reconstruction, evaluate, reconstruct};
 pub use metrics::{Baseline, ScaleUse, TokenizerMetrics};
 pub use pass::Pass;
 pub use quantizer::{

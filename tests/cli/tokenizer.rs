@@ -158,3 +158,65 @@ fn transformers_that_see_captions_run_to_laws_and_once() {
         assert_eq!(job["spec"]["architecture"]["language"]["dim"], 16, "that of the text section");
     }
 }
+
+/// The folder of a tokenizer of a sweep.
+fn first_tokenizer(place: &Place, sweep: &str) -> String {
+    let id = place.names(&format!("results/{sweep}/tokenizers")).remove(0);
+    format!("results/{sweep}/tokenizers/{id}")
+}
+
+#[test]
+fn codes_are_counted_and_drawn_scale_by_scale() {
+    for sweep in ["multiscale", "residual", "mini"] {
+        let place = Place::with(&format!("{sweep}.yaml"));
+        place.isoflop(&["run", &format!("{sweep}.yaml")]).exits(0);
+        let own = first_tokenizer(&place, sweep);
+        let words = ["tokenizer", "codes", "--tokenizer", &own];
+        let document = place.isoflop(&[&words[..], &["--json"]].concat()).exits(0).json();
+        assert_eq!(document["scales"], place.json(&format!("{own}/metrics.json"))["scales"]);
+        let explained = document["explained"].as_array().expect("two shares");
+        let sum: f64 = explained.iter().filter_map(Value::as_f64).sum();
+        assert!(explained.len() == 2 && (0.0..1.0 + 1e-6).contains(&sum), "{document:#}");
+        for figure in document["figures"].as_array().expect("paths") {
+            let path = figure.as_str().expect("a path");
+            assert!(fs::metadata(path).is_ok_and(|file| file.len() > 1000), "{path}");
+        }
+        let text = place.isoflop(&words).exits(0).stdout();
+        assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    }
+}
+
+#[test]
+fn codes_that_were_never_made_are_told() {
+    let place = Place::with("mini.yaml");
+    place.isoflop(&["tokenizer", "train", "mini.yaml"]).exits(0);
+    let own = first_tokenizer(&place, "mini");
+    let ended = place.isoflop(&["tokenizer", "codes", "--tokenizer", &own]).exits(2);
+    ended.says("`isoflop run` makes the codes of the data");
+}
+
+#[test]
+fn without_guidance_the_reconstruction_is_that_of_the_metrics() {
+    let place = Place::with("language.yaml");
+    place.isoflop(&["tokenizer", "train", "language.yaml"]).exits(0);
+    let own = first_tokenizer(&place, "language");
+    let words = ["tokenizer", "guidance", "--tokenizer", &own, "--at", "0,3", "--json"];
+    let document = place.isoflop(&words).exits(0).json();
+    let metrics = place.json(&format!("{own}/metrics.json"));
+    let [without, with] = [0, 1].map(|i| &document["guidances"][i]["made"]);
+    for name in ["mpjpe_mm", "mpjpe_heading_mm", "reconstruction_l1"] {
+        assert_eq!(without[name], metrics[name], "{name}");
+        assert_ne!(with[name], metrics[name], "{name}");
+    }
+    let refused = ["tokenizer", "guidance", "--tokenizer", &own, "--at=-1"];
+    place.isoflop(&refused).exits(2).says("not a number from 0 on");
+}
+
+#[test]
+fn a_detokenizer_that_reads_nothing_has_no_guidance() {
+    let place = Place::with("mini.yaml");
+    place.isoflop(&["tokenizer", "train", "mini.yaml"]).exits(0);
+    let own = first_tokenizer(&place, "mini");
+    let ended = place.isoflop(&["tokenizer", "guidance", "--tokenizer", &own]).exits(2);
+    ended.says("reads no captions");
+}

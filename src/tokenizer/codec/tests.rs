@@ -126,7 +126,7 @@ fn guidance_goes_on_from_what_is_made_without_the_caption_to_what_is_made_with_i
     let guided = |g: f64| tokenizer.decode(&ids, 12, Some(&caption), g).unwrap();
     let made = |captions: &Captions| {
         let extent = Extent { n_clips: 1, n_latents: 3 };
-        tokenizer.decode_stack(&ids, extent, Some(captions))
+        tokenizer.decode_stack(&ids, extent, Some(captions), 0.0)
     };
     let with = made(&Captions::of([&caption[..]], D_TEXT));
     let without = made(&Captions::none(1));

@@ -98,6 +98,13 @@ impl Quantizer for Codebook {
         }
     }
 
+    fn codebooks(&self) -> Vec<Tensor<2>> {
+        match self {
+            Self::Fsq(fsq) => fsq.codebooks(),
+            Self::Vq(vq) => vq.codebooks(),
+        }
+    }
+
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         match self {
             Self::Fsq(fsq) => fsq.sums(ids, extent),

@@ -119,6 +119,11 @@ impl Quantizer for Fsq {
         self.codes_of(rows(latents_btc))
     }
 
+    fn codebooks(&self) -> Vec<Tensor<2>> {
+        let ids: Vec<u32> = (0..self.levels.iter().product::<usize>() as u32).collect();
+        vec![self.rows_of(&ids)]
+    }
+
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         vec![clips(self.rows_of(ids), extent.n_clips)]
     }

@@ -65,6 +65,9 @@ pub trait Quantizer {
         self.sums(ids, extent).pop().expect("codes of one scale at least")
     }
 
+    /// The embedding of every code of each scale by itself, `[v, c]` each.
+    fn codebooks(&self) -> Vec<Tensor<2>>;
+
     /// What a generator that makes codes scale after scale is shown before each scale but the first:
     /// the sum of the scales before it, at its own length, `[b, s, c]` (VAR, LG-Tok). Codes of the first
     /// n scales give the inputs of the scales 2 to n + 1, as far as there are such.

@@ -122,6 +122,10 @@ impl Quantizer for Multiscale {
         self.scales.clone()
     }
 
+    fn codebooks(&self) -> Vec<Tensor<2>> {
+        self.codebooks.iter().flat_map(Quantizer::codebooks).collect()
+    }
+
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         let scales = by_scale(ids, &self.scales, extent.n_clips);
         let add = |sum_btc: &mut Option<Tensor<3>>, (n, own): (usize, &Vec<u32>)| {

@@ -143,6 +143,12 @@ impl Quantizer for ResidualFsq {
         vec![n_latents; self.n_layers]
     }
 
+    fn codebooks(&self) -> Vec<Tensor<2>> {
+        let ids: Vec<u32> = (0..self.levels.iter().product::<usize>() as u32).collect();
+        let of_layer = |i| self.project_out.forward(self.codes(self.digits_of_ids(&ids), i));
+        (0..self.n_layers).map(of_layer).collect()
+    }
+
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         let scales = by_scale(ids, &self.lengths(extent.n_latents), extent.n_clips);
         let add = |sum_nd: &mut Option<Tensor<2>>, (i, own): (usize, &Vec<u32>)| {

@@ -100,6 +100,10 @@ impl Quantizer for ResidualVq {
         vec![n_latents; self.layers.len()]
     }
 
+    fn codebooks(&self) -> Vec<Tensor<2>> {
+        self.layers.iter().flat_map(Quantizer::codebooks).collect()
+    }
+
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         let lengths = self.lengths(extent.n_latents);
         let scales = by_scale(ids, &lengths, extent.n_clips);

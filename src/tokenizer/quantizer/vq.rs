@@ -140,6 +140,10 @@ impl Quantizer for Vq {
         self.codes_of(&rows(latents_btc))
     }
 
+    fn codebooks(&self) -> Vec<Tensor<2>> {
+        vec![self.codebook.val()]
+    }
+
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         vec![clips(self.rows_of(ids), extent.n_clips)]
     }

@@ -1,5 +1,8 @@
 //! `isoflop tokenizer`: the tokenizers of a sweep on their own, and several beside one another.
 
+mod codes;
+mod guidance;
+
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
@@ -12,6 +15,8 @@ use super::exit::Exit;
 use super::output::Output;
 use super::plot;
 use super::run::{RunArgs, run_only};
+use codes::{CodesArgs, codes};
+use guidance::{GuidanceArgs, guidance};
 
 #[derive(Args)]
 pub struct TokenizerArgs {
@@ -25,6 +30,10 @@ enum What {
     Train(RunArgs),
     /// Compare the tokenizers of sweeps with one another and with k-means
     Eval(EvalArgs),
+    /// Draw how often the codes of a tokenizer are met, scale by scale, and where they lie
+    Codes(CodesArgs),
+    /// Measure reconstruction as the detokenizer follows the caption the more
+    Guidance(GuidanceArgs),
 }
 
 #[derive(Args)]
@@ -38,6 +47,8 @@ pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
     match &args.what {
         What::Train(args) => train(args, output),
         What::Eval(args) => eval(args, output),
+        What::Codes(args) => codes(args, output),
+        What::Guidance(args) => guidance(args, output),
     }
 }
 
