@@ -65,7 +65,11 @@ pub fn canonicalise(poses: &[Pose]) -> Vec<Pose> {
 /// # Shapes
 /// `[T + 1]` poses to row-major `[T, 263]`; fewer than two poses give no rows.
 pub fn features_of_canonical(poses: &[Pose]) -> Vec<f32> {
-    let headings = root_headings(poses);
+    features_with_headings(poses, &root_headings(poses))
+}
+
+/// The same where the heading of each pose is known.
+pub(super) fn features_with_headings(poses: &[Pose], headings: &[Yaw]) -> Vec<f32> {
     let mut features = vec![0.0; poses.len().saturating_sub(1) * N_FEATURES];
     for (t, row) in features.chunks_exact_mut(N_FEATURES).enumerate() {
         write_root(row, &poses[t], &poses[t + 1], headings[t], headings[t + 1]);

@@ -1,6 +1,7 @@
 //! Joints into HumanML3D features and back, mirroring, BVH, and the distance between motions.
 
 pub mod bvh;
+mod complete;
 mod features;
 #[cfg(test)]
 mod fixtures;
@@ -15,6 +16,7 @@ pub mod synth;
 /// Features of one frame in the HumanML3D layout with 22 joints.
 pub const N_FEATURES: usize = 263;
 
+pub use complete::complete_features;
 pub use features::{
     CONTACT_THRESHOLD_M2, CONTACTS, POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW, ROTATIONS,
     VELOCITIES, build_features, canonicalise, features_of_canonical,

@@ -13,6 +13,7 @@ mod language;
 mod levels;
 mod precision;
 mod quantizer;
+mod representation;
 mod text;
 mod tokenizer;
 mod tokenizer_training;
@@ -35,6 +36,7 @@ pub use quantizer::{
     CodebookKind, CodebookSpec, MultiscaleSpec, QuantizerKind, QuantizerSection, QuantizerSpec,
     ResidualSpec, ScaleName, ScaleSpec, VocabularyError,
 };
+pub use representation::Representation;
 pub use text::{TextEncoderKind, TextSpec};
 pub use tokenizer::TokenizerSpec;
 pub use tokenizer_training::{

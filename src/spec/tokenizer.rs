@@ -6,6 +6,7 @@ use super::architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 use super::error::{SpecError, require};
 use super::grid::Grid;
 use super::quantizer::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec};
+use super::representation::Representation;
 use super::text::TextSpec;
 use super::tokenizer_training::{
     TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
@@ -18,6 +19,8 @@ pub struct TokenizerSpec {
     pub architecture: ArchitectureSpec,
     /// By default FSQ with levels 8, 6, 5 (240 codes).
     pub quantizer: QuantizerSpec,
+    #[serde(skip_serializing_if = "Representation::is_full")]
+    pub representation: Representation,
     pub training: TokenizerTraining,
 }
 
@@ -81,7 +84,8 @@ impl TokenizerSection {
             training.mix_arm = self.mix_arm.unwrap_or(0.0);
         }
         let architecture = self.architecture(training.window, text);
-        TokenizerSpec { architecture, quantizer, training }
+        let representation = self.representation;
+        TokenizerSpec { architecture, quantizer, representation, training }
     }
 
     fn architecture(&self, window: usize, text: &TextSpec) -> ArchitectureSpec {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use super::error::{SpecError, require};
 use super::language::LanguageSection;
 use super::quantizer::QuantizerSection;
+use super::representation::Representation;
 use super::transformer::{Detokenizer, NormPlacement, Positions};
 use crate::units::number;
 
@@ -95,6 +96,9 @@ macro_rules! keys {
             /// Which quantizer: FSQ by default, VQ for patches.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub quantizer: Option<QuantizerSection>,
+            /// The features of a frame that are read and made.
+            #[serde(skip_serializing_if = "Representation::is_full")]
+            pub representation: Representation,
             /// Channels of the layers: 64, for patches 128; ScaMo has 512, LG-Tok 256.
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]

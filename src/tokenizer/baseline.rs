@@ -39,6 +39,7 @@ pub fn k_means_baseline(
             pool_clips: BASELINE_CLIPS,
             ..TokenizerTraining::of_patches()
         },
+        ..TokenizerSpec::default()
     };
     let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
     let n_features = source.stats().mean.len();

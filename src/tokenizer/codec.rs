@@ -38,7 +38,7 @@ impl Tokenizer {
         stats: FeatureStats,
         device: Device,
     ) -> Self {
-        let normaliser = Normaliser::new(&spec.architecture, &stats);
+        let normaliser = Normaliser::new(&spec, &stats);
         Self { module, spec, stats, normaliser, device }
     }
 
@@ -149,14 +149,14 @@ impl Tokenizer {
     /// Codes, clip after clip, of the raw features of `n_clips` clips of one length in whole latents.
     pub(super) fn encode_stack(
         &self,
-        mut features: Vec<f32>,
+        features: Vec<f32>,
         n_clips: usize,
         captions: Option<&Captions>,
     ) -> Vec<u32> {
-        self.normaliser.apply(&mut features);
-        let n_features = self.stats.mean.len();
-        let n_frames = features.len() / n_clips / n_features;
-        let data = TensorData::new(features, [n_clips, n_frames, n_features]);
+        let values = self.normaliser.apply(features);
+        let n_features = self.normaliser.n_features();
+        let n_frames = values.len() / n_clips / n_features;
+        let data = TensorData::new(values, [n_clips, n_frames, n_features]);
         self.module.ids(Tensor::from_data(data, &self.device), captions)
     }
 
@@ -169,9 +169,8 @@ impl Tokenizer {
         guidance: f64,
     ) -> Vec<f32> {
         let features = self.module.decode(ids, extent, captions, guidance).into_data();
-        let mut features = features.try_into_vec().expect("features are f32");
-        self.normaliser.undo(&mut features);
-        features
+        let values = features.try_into_vec().expect("features are f32");
+        self.normaliser.undo(values, extent.n_latents * self.spec.frames_per_latent())
     }
 
     /// Writes `weights.safetensors`, then `tokenizer.json`, each whole, by rename.
@@ -192,7 +191,8 @@ impl Tokenizer {
         let (tensors, _) = weights::load(&folder.join(WEIGHTS))?;
         let stats = FeatureStats { mean: vector(&tensors, MEAN)?, std: vector(&tensors, STD)? };
         let mut unused = ChaCha8Rng::seed_from_u64(0);
-        let module = TokenizerModule::new(&spec, stats.mean.len(), &mut unused, device);
+        let n_features = spec.representation.n_features(stats.mean.len());
+        let module = TokenizerModule::new(&spec, n_features, &mut unused, device);
         let module = weights::into_module(module, tensors)?;
         Ok(Self::new(module, spec, stats, device.clone()))
     }

@@ -91,13 +91,18 @@ fn permutation(n: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
 
 impl Part {
     /// Puts the part of one frame onto another: its rotations, and its positions and velocities about
-    /// the joint that it hangs from.
+    /// the joint that it hangs from; of frames without rotations and velocities its positions.
     fn graft(&self, to: &mut [f32], from: &[f32], std: &[f32]) {
         let place = (self.hangs_from > 0).then(|| offset(to, from, std, position(self.hangs_from)));
+        for &joint in self.joints {
+            moved(to, from, std, position(joint), place.unwrap_or_default());
+        }
+        if std.len() < VELOCITIES.end {
+            return;
+        }
         let motion = offset(to, from, std, velocity(self.hangs_from));
         for &joint in self.joints {
             to[rotation(joint)].copy_from_slice(&from[rotation(joint)]);
-            moved(to, from, std, position(joint), place.unwrap_or_default());
             moved(to, from, std, velocity(joint), motion);
         }
     }

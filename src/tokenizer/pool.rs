@@ -46,12 +46,12 @@ impl WindowPool {
         let by_frames = spec.training.loss == TokenizerLoss::Joints;
         let least = if by_frames { spec.frames_per_latent() } else { spec.training.window };
         let chosen = choose(&usable(source, least)?, spec.training.pool_clips, rng);
-        let normaliser = Normaliser::new(&spec.architecture, source.stats());
+        let normaliser = Normaliser::new(spec, source.stats());
         let load = |&index: &usize| {
             let features = source.features(Split::Train, index)?;
             let mirrored = spec.training.mirror.then(|| mirror_features(&features));
-            let mut clips: Vec<Vec<f32>> = [features].into_iter().chain(mirrored).collect();
-            clips.iter_mut().for_each(|clip| normaliser.apply(clip));
+            let clips = [features].into_iter().chain(mirrored);
+            let clips: Vec<Vec<f32>> = clips.map(|clip| normaliser.apply(clip)).collect();
             moved();
             Ok(clips)
         };

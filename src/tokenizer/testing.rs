@@ -102,6 +102,7 @@ pub fn small_spec() -> TokenizerSpec {
             warmup_steps,
             ..Default::default()
         },
+        ..TokenizerSpec::default()
     }
 }
 
@@ -122,6 +123,7 @@ pub fn patch_spec(quantizer: QuantizerSpec, steps: usize) -> TokenizerSpec {
             warmup_steps,
             ..TokenizerTraining::of_patches()
         },
+        ..TokenizerSpec::default()
     }
 }
 
@@ -148,6 +150,7 @@ pub fn transformer_spec(
         architecture: ArchitectureSpec::Transformer(sizes),
         quantizer,
         training: TokenizerTraining { window, batch, steps, lr, warmup_steps, ..defaults },
+        ..TokenizerSpec::default()
     }
 }
 

@@ -87,7 +87,7 @@ impl<'a> Reconstructing<'a> {
     ) -> Result<Self, TokenizerError> {
         let Corpus { source, .. } = *corpus;
         let TokenizerTraining { seed, average, .. } = spec.training;
-        let normaliser = Normaliser::new(&spec.architecture, source.stats());
+        let normaliser = Normaliser::new(spec, source.stats());
         let mut draws = stream(seed, WINDOWS_STREAM);
         let pool = WindowPool::load(source, spec, &mut draws)?;
         let module = begun(spec, &pool, normaliser.n_features(), device);

@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::motion::N_FEATURES;
-use crate::spec::LanguagePlace;
 use crate::spec::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec};
-use crate::tokenizer::testing::{D_TEXT, Waves, small_spec, transformer_spec};
+use crate::spec::{LanguagePlace, Representation};
+use crate::tokenizer::testing::{D_TEXT, Waves, patch_spec, small_spec, transformer_spec};
+use crate::tokenizer::{Corpus, train};
 
 fn untrained(kind: QuantizerSpec) -> Tokenizer {
     let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(3));
@@ -135,4 +136,30 @@ fn guidance_goes_on_from_what_is_made_without_the_caption_to_what_is_made_with_i
     assert!(close(&guided(-1.0), &without) && !close(&with, &without));
     let expected: Vec<f32> = with.iter().zip(&without).map(|(c, u)| 3.0 * c - 2.0 * u).collect();
     assert!(close(&guided(2.0), &expected));
+}
+
+#[test]
+fn a_tokenizer_of_67_features_looks_at_no_other_and_makes_all() {
+    let vq = || QuantizerSpec::Vq { n_vocab: 6 };
+    for spec in [small_spec(), patch_spec(vq(), 3), transformer_spec(&[], vq(), 3)] {
+        let mut spec = TokenizerSpec { representation: Representation::Meng67, ..spec };
+        if spec.architecture.name() == "patch" {
+            (spec.training.mix_body, spec.training.mix_arm) = (0.5, 0.5);
+        }
+        let source = Waves::new(&[40, 36, 40], N_FEATURES);
+        let keep_on = &mut |_| std::ops::ControlFlow::Continue(());
+        let corpus = Corpus::wordless(&source);
+        let tokenizer = train(&spec, &corpus, &Device::flex(), None, keep_on).unwrap();
+        let mut features = source.clip(0, 0);
+        let ids = tokenizer.encode(&features, None).unwrap();
+        features.chunks_mut(N_FEATURES).for_each(|frame| frame[67..].fill(1e3));
+        assert_eq!(tokenizer.encode(&features, None).unwrap(), ids);
+        let made = tokenizer.decode(&ids, 40, None, 0.0).unwrap();
+        assert_eq!(made.len(), 40 * N_FEATURES);
+        assert!(made.iter().all(|x| x.is_finite()));
+        let folder = tempfile::tempdir().unwrap();
+        tokenizer.save(folder.path()).unwrap();
+        let loaded = Tokenizer::load(folder.path(), &Device::flex()).unwrap();
+        assert_eq!(loaded.decode(&ids, 40, None, 0.0).unwrap(), made);
+    }
 }

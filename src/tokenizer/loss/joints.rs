@@ -218,7 +218,7 @@ mod tests {
     use super::*;
     use crate::data::FeatureStats;
     use crate::motion::N_FEATURES;
-    use crate::spec::{ArchitectureSpec, PatchSpec};
+    use crate::spec::{ArchitectureSpec, PatchSpec, TokenizerSpec};
 
     const FRAMES: usize = 5;
 
@@ -227,7 +227,9 @@ mod tests {
             mean: (0..N_FEATURES).map(|i| (i as f32 * 0.7).sin() * 0.2).collect(),
             std: (0..N_FEATURES).map(|i| 0.1 + 0.01 * (i % 7) as f32).collect(),
         };
-        let normaliser = Normaliser::new(&ArchitectureSpec::Patch(PatchSpec::default()), &stats);
+        let architecture = ArchitectureSpec::Patch(PatchSpec::default());
+        let spec = TokenizerSpec { architecture, ..TokenizerSpec::default() };
+        let normaliser = Normaliser::new(&spec, &stats);
         JointLoss::new(normaliser, &TokenizerTraining::of_patches())
     }
 
