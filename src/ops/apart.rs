@@ -69,7 +69,7 @@ impl Kernels {
         }
     }
 
-    /// [`Activation::SwiGlu`] alone, of columns `[gate | up]`, `[n, f]`.
+    /// [`SwiGlu`](super::Activation::SwiGlu) alone, of columns `[gate | up]`, `[n, f]`.
     ///
     /// # Panics
     ///
