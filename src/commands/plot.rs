@@ -1,18 +1,20 @@
 //! `isoflop plot`: every figure of a sweep again, from its table and laws alone.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
 use isoflop::figures::{self, Drawn, FigureInput, LeftOut};
 use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
+use isoflop::jobs::{ResultsFolder, frozen_sweep};
 use isoflop::laws::Laws;
 use isoflop::record::{RunRecord, table};
 use isoflop::tokenizer::TokenizerMetrics;
 use serde_json::json;
 
 use super::exit::Exit;
+use super::generators;
 use super::output::Output;
 
 #[derive(Args)]
@@ -24,12 +26,38 @@ pub struct PlotArgs {
 pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     let records = table::read(folder.root())?;
-    let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
-    let tokenizers = tokenizers(&folder, output)?;
-    let drawn = draw(&folder, &records, laws.as_ref(), &tokenizers, output)?;
-    let text: Vec<String> = drawn.paths.iter().map(|path| path.display().to_string()).collect();
-    output.result(&json!({ "figures": drawn.paths }), &text.join("\n"))?;
+    let by_generator = generators::parted(&records);
+    let paths = match by_generator.len() {
+        0 | 1 => of_one_generator(&folder, &records, output)?,
+        _ => of_several_generators(&folder, &by_generator, output)?,
+    };
+    let text: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    output.result(&json!({ "figures": paths }), &text.join("\n"))?;
     Ok(Exit::Done)
+}
+
+fn of_one_generator(
+    folder: &ResultsFolder,
+    records: &[RunRecord],
+    output: &Output,
+) -> Result<Vec<PathBuf>> {
+    let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
+    let tokenizers = tokenizers(&generators::home(folder), output)?;
+    Ok(draw(folder, records, laws.as_ref(), &tokenizers, output)?.paths)
+}
+
+/// All of them side by side, then the figures of each.
+fn of_several_generators(
+    folder: &ResultsFolder,
+    by_generator: &BTreeMap<String, Vec<RunRecord>>,
+    output: &Output,
+) -> Result<Vec<PathBuf>> {
+    let sweep = frozen_sweep(folder)?;
+    let mut paths = Vec::from(generators::draw(&sweep, folder, by_generator)?);
+    for (name, records) in by_generator {
+        paths.extend(of_one_generator(&folder.of_generator(name), records, output)?);
+    }
+    Ok(paths)
 }
 
 /// The metrics of every tokenizer in a folder; a damaged one is left out with a warning.

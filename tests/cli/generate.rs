@@ -101,6 +101,18 @@ fn generators_are_an_axis_with_laws_of_their_own() {
     }
     let words = ["predict", "1e11", "--law", "results/generators"];
     place.isoflop(&words).exits(2).says("laws for each of its generators");
+    let several = ["fit", "results/generators"];
+    place.isoflop(&several).exits(2).says("has runs of several generators");
+    for name in &names {
+        let own = format!("results/generators/generators/{name}");
+        let laws = place.json(&format!("{own}/laws.json"));
+        let fitted = place.isoflop(&["fit", &own, "--json"]).exits(0).json();
+        assert_eq!(fitted["power_laws"], laws["power_laws"], "{name}");
+    }
+    let drawn = place.isoflop(&["plot", "results/generators"]).exits(0).stdout();
+    assert!(drawn.contains("figures/generators.svg"), "{drawn}");
+    assert!(drawn.contains("scalewise/figures/loss_vs_flops.svg"), "{drawn}");
+    assert!(!results.join("figures/loss_vs_flops.svg").exists(), "no figure mixes generators");
     assert!(results.join("figures/generators.svg").exists());
     let again = place.isoflop(&["run", "generators.yaml"]).exits(0);
     assert_eq!(again.stdout(), text);
