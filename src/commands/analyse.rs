@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde::Deserialize;
 
 use super::analysis::analysed;
+use super::by_generator::parted;
 use super::generators;
 use super::output::Output;
 
@@ -20,7 +21,7 @@ use super::output::Output;
 pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
     let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
     let records = gather(folder, output)?;
-    let by_generator = generators::parted(&records);
+    let by_generator = parted(&records);
     if by_generator.len() > 1 {
         table::write(folder.root(), &records)?;
         return generators::finish(&sweep, folder, &by_generator, output);

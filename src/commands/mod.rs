@@ -3,6 +3,7 @@
 mod analyse;
 mod analysis;
 mod args;
+mod by_generator;
 mod cancel;
 mod command_line;
 mod context;

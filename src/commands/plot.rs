@@ -13,8 +13,8 @@ use isoflop::record::{RunRecord, table};
 use isoflop::tokenizer::TokenizerMetrics;
 use serde_json::json;
 
+use super::by_generator::{draw as draw_side_by_side, home, parted};
 use super::exit::Exit;
-use super::generators;
 use super::output::Output;
 
 #[derive(Args)]
@@ -26,7 +26,7 @@ pub struct PlotArgs {
 pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
     let records = table::read(folder.root())?;
-    let by_generator = generators::parted(&records);
+    let by_generator = parted(&records);
     let paths = match by_generator.len() {
         0 | 1 => of_one_generator(&folder, &records, output)?,
         _ => of_several_generators(&folder, &by_generator, output)?,
@@ -42,7 +42,7 @@ fn of_one_generator(
     output: &Output,
 ) -> Result<Vec<PathBuf>> {
     let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
-    let tokenizers = tokenizers(&generators::home(folder), output)?;
+    let tokenizers = tokenizers(&home(folder), output)?;
     Ok(draw(folder, records, laws.as_ref(), &tokenizers, output)?.paths)
 }
 
@@ -53,7 +53,7 @@ fn of_several_generators(
     output: &Output,
 ) -> Result<Vec<PathBuf>> {
     let sweep = frozen_sweep(folder)?;
-    let mut paths = Vec::from(generators::draw(&sweep, folder, by_generator)?);
+    let mut paths = Vec::from(draw_side_by_side(&sweep, folder, by_generator)?);
     for (name, records) in by_generator {
         paths.extend(of_one_generator(&folder.of_generator(name), records, output)?);
     }

@@ -11,7 +11,7 @@ use isoflop::sweep::{self, Sweep};
 use isoflop::table::{self, Dropped, TableRequest};
 
 use super::request::FitRequest;
-use crate::commands::generators;
+use crate::commands::by_generator::{home, of_one};
 
 /// Points, and what they were made of.
 pub struct Source {
@@ -66,13 +66,13 @@ fn read_sweep(path: &Path) -> Result<Sweep> {
 
 fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
     let folder = ResultsFolder::new(path);
-    let home = generators::home(&folder);
+    let home = home(&folder);
     let mut sweep = read_sweep(home.root())?;
     if home.root() != folder.root() {
         sweep.name = format!("{} {}", sweep.name, folder.name());
     }
     let records = runs::read(folder.root())?;
-    generators::of_one(&folder, &records)?;
+    of_one(&folder, &records)?;
     let rule = request.rule.unwrap_or(sweep.flops.rule);
     let (points, left_out) = super::sweep::points(&records, rule);
     Ok(Source {
