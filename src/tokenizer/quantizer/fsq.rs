@@ -16,7 +16,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
 use super::{Extent, Quantized, Quantizer, clips, rows, straight_through};
-use crate::spec::{digits_of_index, index_of_digits};
+use crate::spec::{digits_of_index, index_of_digits, n_codes};
 use crate::tokenizer::conv::Affine;
 
 /// How far past the outermost level the bound reaches.
@@ -120,7 +120,7 @@ impl Quantizer for Fsq {
     }
 
     fn codebooks(&self) -> Vec<Tensor<2>> {
-        let ids: Vec<u32> = (0..self.levels.iter().product::<usize>() as u32).collect();
+        let ids: Vec<u32> = (0..n_codes(&self.levels) as u32).collect();
         vec![self.rows_of(&ids)]
     }
 

@@ -20,7 +20,7 @@ use super::dropout::Dropout;
 use super::order::{by_clip, by_scale};
 use super::{Extent, Quantized, Quantizer, clips, rows, straight_through};
 use crate::learn::{LearnerState, LoadedState};
-use crate::spec::{ResidualSpec, digits_of_index, index_of_digits};
+use crate::spec::{ResidualSpec, digits_of_index, index_of_digits, n_codes};
 use crate::tokenizer::conv::Affine;
 
 /// Deviations of a channel that are bounded to ±tanh 1 at the beginning.
@@ -144,7 +144,7 @@ impl Quantizer for ResidualFsq {
     }
 
     fn codebooks(&self) -> Vec<Tensor<2>> {
-        let ids: Vec<u32> = (0..self.levels.iter().product::<usize>() as u32).collect();
+        let ids: Vec<u32> = (0..n_codes(&self.levels) as u32).collect();
         let of_layer = |i| self.project_out.forward(self.codes(self.digits_of_ids(&ids), i));
         (0..self.n_layers).map(of_layer).collect()
     }
