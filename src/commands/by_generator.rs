@@ -1,13 +1,13 @@
 //! The runs of a sweep with several generators, kept apart.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use isoflop::figures::{GeneratorRuns, draw_generators};
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::RunRecord;
-use isoflop::sweep::Sweep;
+use isoflop::sweep::{self, Sweep};
 
 /// The runs of each generator, by its name.
 pub fn parted(records: &[RunRecord]) -> BTreeMap<String, Vec<RunRecord>> {
@@ -21,11 +21,14 @@ pub fn parted(records: &[RunRecord]) -> BTreeMap<String, Vec<RunRecord>> {
 
 /// Refuses runs of several generators: a law of all of them would say nothing of any.
 pub fn of_one(folder: &ResultsFolder, records: &[RunRecord]) -> Result<()> {
-    let parted = parted(records);
-    if let ([first, _, ..], root) = (&parted.keys().collect::<Vec<_>>()[..], folder.root()) {
+    let names: BTreeSet<&str> = records
+        .iter()
+        .map(|record| record.planned.generator.as_deref().unwrap_or_default())
+        .collect();
+    if let (Some(first), 2..) = (names.first(), names.len()) {
         bail!(
             "{} has runs of several generators, each with laws of its own; name the folder of one, as {}",
-            root.display(),
+            folder.root().display(),
             folder.of_generator(first).root().display()
         );
     }
@@ -37,6 +40,23 @@ pub fn home(folder: &ResultsFolder) -> ResultsFolder {
     let above = folder.root().parent().filter(|above| above.ends_with("generators"));
     let home = above.and_then(Path::parent).filter(|home| home.join("sweep.yaml").is_file());
     ResultsFolder::new(home.unwrap_or(folder.root()))
+}
+
+/// The sweep that filled a folder; of the folder of one of its generators, the sweep of that one alone.
+pub fn sweep_of(folder: &ResultsFolder) -> Result<Sweep> {
+    let home = home(folder);
+    let file = home.file("sweep.yaml");
+    if !file.exists() {
+        let folder = folder.root().display();
+        bail!("{folder} has no sweep.yaml; give the folder of a sweep");
+    }
+    let mut sweep = sweep::read(&file, &[])?;
+    if home.root() != folder.root() {
+        let own = folder.name();
+        sweep.name = format!("{} {own}", sweep.name);
+        sweep.generator.0.retain(|kind| kind.name() == own);
+    }
+    Ok(sweep)
 }
 
 /// The best runs of each generator side by side; gives the paths.

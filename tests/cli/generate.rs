@@ -109,6 +109,12 @@ fn generators_are_an_axis_with_laws_of_their_own() {
         let fitted = place.isoflop(&["fit", &own, "--json"]).exits(0).json();
         assert_eq!(fitted["power_laws"], laws["power_laws"], "{name}");
     }
+    let own = "results/generators/generators/scalewise";
+    let validated = place.isoflop(&["validate", own, "--budget", "6e9", "--json"]).exits(0).json();
+    assert_eq!(validated["budget_flops"], 6e9);
+    let trained = place.path(&format!("{own}/validations/6e9"));
+    let generators = records::column(&trained, "generator");
+    assert!(!generators.is_empty() && generators.iter().all(|name| name == "scalewise"));
     let drawn = place.isoflop(&["plot", "results/generators"]).exits(0).stdout();
     assert!(drawn.contains("figures/generators.svg"), "{drawn}");
     assert!(drawn.contains("scalewise/figures/loss_vs_flops.svg"), "{drawn}");

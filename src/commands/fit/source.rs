@@ -7,11 +7,11 @@ use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{FitError, IsoFlopPoint, Parameters};
 use isoflop::record::{RunRecord, table as runs};
 use isoflop::spec::FlopsRule;
-use isoflop::sweep::{self, Sweep};
+use isoflop::sweep::Sweep;
 use isoflop::table::{self, Dropped, TableRequest};
 
 use super::request::FitRequest;
-use crate::commands::by_generator::{home, of_one};
+use crate::commands::by_generator::{of_one, sweep_of};
 
 /// Points, and what they were made of.
 pub struct Source {
@@ -40,7 +40,7 @@ impl Source {
         match (path.is_dir(), request.as_table) {
             (true, false) => of_sweep(path, request),
             (true, true) => {
-                let sweep = read_sweep(path)?;
+                let sweep = sweep_of(&ResultsFolder::new(path))?;
                 let rule = request.rule.unwrap_or(sweep.flops.rule);
                 of_table(&path.join("runs.parquet"), &sweep.name, rule, request)
             }
@@ -53,24 +53,9 @@ impl Source {
     }
 }
 
-fn read_sweep(path: &Path) -> Result<Sweep> {
-    let file = ResultsFolder::new(path).file("sweep.yaml");
-    if !file.exists() {
-        bail!(
-            "{} is a folder without a sweep.yaml; give a sweep's folder or a table of runs",
-            path.display()
-        );
-    }
-    Ok(sweep::read(&file, &[])?)
-}
-
 fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
     let folder = ResultsFolder::new(path);
-    let home = home(&folder);
-    let mut sweep = read_sweep(home.root())?;
-    if home.root() != folder.root() {
-        sweep.name = format!("{} {}", sweep.name, folder.name());
-    }
+    let sweep = sweep_of(&folder)?;
     let records = runs::read(folder.root())?;
     of_one(&folder, &records)?;
     let rule = request.rule.unwrap_or(sweep.flops.rule);

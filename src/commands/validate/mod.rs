@@ -13,10 +13,10 @@ use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::ops::DeviceName;
 use isoflop::predict::{Prediction, said};
-use isoflop::sweep;
 use serde_json::json;
 
 use super::args::{SweepArgs, an_engine, budget, device};
+use super::by_generator::sweep_of;
 use super::exit::Exit;
 use super::output::Output;
 use super::predict::{laws_of, predict_one};
@@ -54,7 +54,7 @@ pub struct ValidateArgs {
 
 pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
     let place = Place::of(args);
-    let sweep = sweep::read(&ResultsFolder::new(&args.results).file("sweep.yaml"), &[])?;
+    let sweep = sweep_of(&ResultsFolder::new(&args.results))?;
     let forecast = forecast(args, &place, output)?;
     if args.register {
         output.result(&serde_json::to_value(&forecast)?, &said(&forecast, output.full))?;
