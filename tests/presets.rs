@@ -106,7 +106,8 @@ fn scamo_has_its_six_sizes_and_seven_vocabularies() {
 fn small_presets_are_small() {
     for name in presets::NAMES.into_iter().filter(|name| name.ends_with("-nano")) {
         let (_, plan) = planned(name);
-        assert!(plan.total_flops() < 4e12, "{name}: {:e}", plan.total_flops());
+        // Some two minutes of a core.
+        assert!(plan.total_flops() < 2e13, "{name}: {:e}", plan.total_flops());
         assert!(plan.runs.iter().all(|run| run.params.nonvocab < 1_000_000), "{name}");
     }
 }
