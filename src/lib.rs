@@ -29,6 +29,7 @@
 //! | 5 | [`learn`] | optimiser, weights, checkpoints: one loop for whatever learns | ops |
 //! | 5 | [`tokenizer`] | clips into codes | learn, ops |
 //! | 5 | [`generator`] | codes and text into a trained model and its loss, and text into codes | learn, ops |
+//! | 6 | [`scores`] | embeddings of motions, and joints, into FID, R-precision and their kin | |
 //! | 6 | [`record`] | a finished run into a row of a table | |
 //! | 6 | [`jobs`] | what there is to do: a file a kind of job | record |
 //! | 7 | [`engine`] | who brings jobs to their end: this machine, or a cluster | |
@@ -65,6 +66,7 @@ pub mod predict;
 pub mod progress;
 pub mod rates;
 pub mod record;
+pub mod scores;
 pub mod spec;
 pub mod sweep;
 pub mod table;

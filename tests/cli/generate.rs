@@ -38,6 +38,8 @@ fn motions_of_captions_are_written_whole_and_repeat() {
     assert_eq!(first[0]["caption"], "A person  walks");
     for (n, motion) in first.iter().enumerate() {
         let frames = motion["length"].as_u64().expect("frames") as usize;
+        let skate = motion["physics"]["foot_skate"].as_f64();
+        assert_eq!(skate.is_some_and(|share| (0.0..=1.0).contains(&share)), frames >= 4);
         let codes = motion["codes"].as_array().expect("codes");
         assert_eq!((motion["seed"].as_u64(), codes.len() * 4), (Some(0), frames));
         let joints = place.read(&format!("a/{n}.joints.npy"));

@@ -13,6 +13,8 @@ use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
 use isoflop::files::atomic;
 use isoflop::generator::{Prompt, Sampled};
 use isoflop::jobs::TrainedRun;
+use isoflop::motion::recover_joints;
+use isoflop::scores::physics;
 use serde_json::json;
 
 pub use args::GenerateArgs;
@@ -158,6 +160,7 @@ fn write(
             ended: sampled.ended,
             bvh_largest_mm: written.deviation.largest_mm,
             bvh_mean_mm: written.deviation.mean_mm,
+            physics: physics(&recover_joints(motion.features), fps).ok(),
             run: run.run_id.clone(),
         });
     }

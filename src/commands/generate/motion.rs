@@ -1,5 +1,6 @@
 //! [`Motion`]: what `motions.json` says of a motion.
 
+use isoflop::scores::Physics;
 use serde::Serialize;
 
 /// An element of `motions.json`.
@@ -17,5 +18,7 @@ pub struct Motion {
     /// How far the rigid body of the BVH is from the joints, at most and on the mean.
     pub bvh_largest_mm: f64,
     pub bvh_mean_mm: f64,
+    /// What can be seen of it without an evaluator; `None` below four frames.
+    pub physics: Option<Physics>,
     pub run: String,
 }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use isoflop::jobs::TrainedRun;
+use isoflop::scores::Physics;
 
 use super::motion::Motion;
 
@@ -53,7 +54,26 @@ impl Summary<'_> {
             text,
             "BVH       bones have one length; joints are off by {largest:.0} mm at most"
         );
+        text += &self.bodies();
         text
+    }
+
+    /// What the motions of four frames and more show without an evaluator, on the mean.
+    fn bodies(&self) -> String {
+        let seen: Vec<&Physics> = self.motions.iter().filter_map(|m| m.physics.as_ref()).collect();
+        if seen.is_empty() {
+            return String::new();
+        }
+        let mean = |of: fn(&Physics) -> f64| {
+            seen.iter().map(|physics| of(physics)).sum::<f64>() / seen.len() as f64
+        };
+        format!(
+            "bodies    a foot slides in {:.0} % of the steps from frame to frame\n          \
+             bones vary by {:.0} mm, the lowest joint is {:.0} mm under the floor\n",
+            100.0 * mean(|physics| physics.foot_skate),
+            mean(|physics| physics.bone_spread_mm),
+            mean(|physics| physics.penetration_mm),
+        )
     }
 }
 

@@ -1,0 +1,21 @@
+//! Scores of motions: how far a set of embeddings is from another, whether texts find their motions,
+//! how different motions are, and what can be seen of a motion without an embedding.
+//!
+//! Embeddings come from an evaluator; a score means something beside scores of the same evaluator
+//! alone.
+
+mod embeddings;
+mod error;
+mod frechet;
+mod physics;
+mod repeated;
+mod retrieval;
+mod spread;
+
+pub use embeddings::Embeddings;
+pub use error::ScoreError;
+pub use frechet::{Gaussian, frechet_distance};
+pub use physics::{Physics, physics};
+pub use repeated::Repeated;
+pub use retrieval::{POOL, Retrieval, cosine_score, retrieval};
+pub use spread::{diversity, multimodality};
