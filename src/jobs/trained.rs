@@ -75,12 +75,18 @@ impl TrainedRun {
     /// Makes a motion of each prompt, all at once.
     ///
     /// # Errors
-    /// As [`Sampler::sample`].
+    /// [`GeneratorError::NoCode`] for a length below one latent of the tokenizer; as
+    /// [`Sampler::sample`].
     pub fn sample(
         &self,
         prompts: &[Prompt],
         sampling: &Sampling,
     ) -> Result<Vec<Sampled>, GeneratorError> {
+        let least = self.tokenizer.spec().frames_per_latent();
+        let too_short = |prompt: &Prompt| prompt.n_frames.filter(|n_frames| *n_frames < least);
+        if let Some(n_frames) = prompts.iter().find_map(too_short) {
+            return Err(GeneratorError::NoCode { n_frames, least });
+        }
         self.sampler.sample(prompts, &self.tokenizer, sampling)
     }
 

@@ -70,6 +70,7 @@ fn what_cannot_be_made_is_told() {
     refused(&["walk", "--run", "results/nothing"], "does not exist");
     refused(&["walk", "--run", "results"], "is neither a run's folder nor a sweep's");
     refused(&["walk", "--run", "results/mini", "--frames", "900"], "ask for at most 2");
+    refused(&["walk", "--run", "results/mini", "--frames", "3"], "ask for at least 4 frames");
     refused(&["walk", "--run", "results/mini", "--guidance", "2"], "every caption");
     refused(&["walk", "--run", "results/mini", "--temperature=-1"], "not a number from 0 on");
     place.isoflop(&["generate", "walk", "--run", "results/mini"]).exits(0);
@@ -125,6 +126,8 @@ fn generators_are_an_axis_with_laws_of_their_own() {
     let again = place.isoflop(&["run", "generators.yaml"]).exits(0);
     assert_eq!(again.stdout(), text);
     let best = "results/generators";
+    let short = ["generate", "walk", "--run", best, "--frames", "3", "--out", "short"];
+    place.isoflop(&short).exits(2).says("ask for at least 4 frames");
     let guided = ["--out", "made", "--guidance", "2", "--frames", "60"];
     let motions = made(&place, best, &guided[..2]);
     assert_eq!(motions.len(), 2);

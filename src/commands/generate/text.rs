@@ -29,11 +29,11 @@ impl Summary<'_> {
         let n = self.motions.len();
         let noun = if n == 1 { "motion" } else { "motions" };
         let mut text = format!(
-            "{n} {noun} by {} ({}) in {:.2} s, {:.0} a minute\n\n",
-            self.run.spec.label(),
-            self.run.run_id,
+            "{n} {noun} in {:.2} s, {:.0} a minute, by\n{} ({})\n\n",
             self.made_s,
             60.0 * n as f64 / self.made_s,
+            self.run.spec.label(),
+            self.run.run_id,
         );
         for (index, motion) in self.motions.iter().enumerate().take(LISTED) {
             let cut = if motion.ended { "" } else { "  cut" };
