@@ -29,7 +29,8 @@
 //! | 5 | [`learn`] | optimiser, weights, checkpoints: one loop for whatever learns | ops |
 //! | 5 | [`tokenizer`] | clips into codes | learn, ops |
 //! | 5 | [`generator`] | codes and text into a trained model and its loss, and text into codes | learn, ops |
-//! | 6 | [`scores`] | embeddings of motions, and joints, into FID, R-precision and their kin | |
+//! | 5 | [`scores`] | embeddings of motions, and joints, into FID, R-precision and their kin | learn |
+//! | 5 | [`evaluator`] | motions and captions into embeddings, and what these are worth | generator, learn, ops, scores |
 //! | 6 | [`record`] | a finished run into a row of a table | |
 //! | 6 | [`jobs`] | what there is to do: a file a kind of job | record |
 //! | 7 | [`engine`] | who brings jobs to their end: this machine, or a cluster | |
@@ -50,6 +51,7 @@ compile_error!(
 pub mod codes;
 pub mod data;
 pub mod engine;
+pub mod evaluator;
 pub mod export;
 pub mod failure;
 pub mod figures;

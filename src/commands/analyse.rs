@@ -12,6 +12,7 @@ use super::analysis::analysed;
 use super::by_generator::parted;
 use super::generators;
 use super::output::Output;
+use super::quality::Scored;
 
 /// Table, laws, figures, predictions: all from the records of finished runs.
 ///
@@ -22,13 +23,17 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
     let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
     let records = gather(folder, output)?;
     let by_generator = parted(&records);
-    if by_generator.len() > 1 {
+    // Before the laws: what they were made beside is compared by the figures that are there.
+    let scored = Scored::of(folder, &records, output)?;
+    let (document, text) = if by_generator.len() > 1 {
         table::write(folder.root(), &records)?;
-        return generators::finish(&sweep, folder, &by_generator, output);
-    }
-    let finished = analysed(&sweep, (folder, folder), &records, output)?;
-    let text = if output.full { &finished.full } else { &finished.text };
-    Ok(output.result(&finished.document, text)?)
+        generators::finish(&sweep, folder, &by_generator, output)?
+    } else {
+        let finished = analysed(&sweep, (folder, folder), &records, output)?;
+        (finished.document, if output.full { finished.full } else { finished.text })
+    };
+    let (document, text) = Scored::join(scored, document, &text);
+    Ok(output.result(&document, &text)?)
 }
 
 /// The table alone.

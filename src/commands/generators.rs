@@ -15,13 +15,13 @@ use super::analysis::analysed;
 use super::by_generator::draw;
 use super::output::Output;
 
-/// Laws for each generator: those of one would say nothing of another.
+/// Laws for each generator: those of one would say nothing of another. Gives what there is to say.
 pub fn finish(
     sweep: &Sweep,
     folder: &ResultsFolder,
     by_generator: &BTreeMap<String, Vec<RunRecord>>,
     output: &Output,
-) -> Result<()> {
+) -> Result<(Value, String)> {
     // Those of an earlier state of the sweep, with one generator, would be taken for all.
     for file in ["laws.json", "prediction.json", "finished.json"] {
         atomic::remove(&folder.file(file))?;
@@ -43,7 +43,7 @@ pub fn finish(
         "generators": documents,
         "figures": figure,
     });
-    Ok(output.result(&document, &text)?)
+    Ok((document, text))
 }
 
 /// A line a generator: its exponents, and what it predicts for the first budget that is asked about.

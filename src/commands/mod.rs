@@ -8,6 +8,8 @@ mod cancel;
 mod command_line;
 mod context;
 mod detokenize;
+mod evaluate;
+mod evaluator;
 mod exit;
 mod export;
 mod finished;
@@ -19,6 +21,7 @@ mod plan;
 mod plan_text;
 mod plot;
 mod predict;
+mod quality;
 mod run;
 mod stale;
 mod status;
@@ -66,6 +69,10 @@ enum Command {
     Tune(tune::TuneArgs),
     /// Train the tokenizers of a sweep, or compare several
     Tokenizer(tokenizer::TokenizerArgs),
+    /// Train what motions are scored by, and see what it is worth
+    Evaluator(evaluator::EvaluatorArgs),
+    /// Score the motions of a run, or those of files
+    Evaluate(evaluate::EvaluateArgs),
     /// Make motions of captions with a trained run
     Generate(generate::GenerateArgs),
     /// Turn motions into codes with a trained tokenizer
@@ -96,6 +103,8 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Validate(args) => validate::validate(&args, &output),
         Command::Tune(args) => tune::tune(&args, &output),
         Command::Tokenizer(args) => tokenizer::tokenizer(&args, &output),
+        Command::Evaluator(args) => evaluator::evaluator(&args, &output),
+        Command::Evaluate(args) => evaluate::evaluate(&args, &output),
         Command::Generate(args) => generate::generate(&args, &output),
         Command::Tokenize(args) => tokenize::tokenize(&args, &output),
         Command::Detokenize(args) => detokenize::detokenize(&args, &output),

@@ -65,6 +65,9 @@ fn head(out: &mut String, plan: &Plan, states: &RunStates) {
         plan.runs.len(),
         plan.dropped.len()
     );
+    if plan.evaluator.is_some() {
+        let _ = writeln!(out, "an evaluator, {} runs scored", plan.scores.len());
+    }
     let [train, val, test] = plan.data.clips;
     let unique_tokens = plan.unique_tokens();
     if unique_tokens > 0 {

@@ -36,6 +36,7 @@ mod loss_vs_flops;
 mod loss_vs_vocab;
 pub mod motion;
 mod power_laws;
+mod quality;
 mod tokenizers;
 mod vocab_vs_nonvocab;
 
@@ -48,7 +49,7 @@ use thiserror::Error;
 
 use crate::files::FileError;
 use crate::laws::Laws;
-use crate::record::RunRecord;
+use crate::record::{Quality, RunRecord};
 use crate::spec::FlopsRule;
 use crate::tokenizer::{CodeMap, TokenizerMetrics};
 use cells::{Cells, Shown};
@@ -158,6 +159,23 @@ pub fn draw_generators(
     let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
     let scene = generators::draw(sweep, generators, rule).map_err(failed)?;
     write::figure(&scene, folder, NAME)
+}
+
+/// Draws the quality of scored runs against their loss, as `quality.svg` and `quality.png`; gives their
+/// paths.
+///
+/// # Errors
+///
+/// Where a file cannot be written, or too few runs are scored.
+pub fn draw_quality(
+    sweep: &str,
+    rows: &[Quality],
+    folder: &Path,
+) -> Result<[PathBuf; 2], FigureError> {
+    const NAME: &str = "quality";
+    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
+    let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
+    write::figure(&quality::draw(sweep, rows).map_err(failed)?, folder, NAME)
 }
 
 /// Draws the codes of a tokenizer as `<name>.svg` and `<name>.png`; gives their paths.

@@ -14,7 +14,7 @@ mod probed;
 mod sampling;
 pub mod scalewise;
 mod schedule;
-mod stack;
+pub(crate) mod stack;
 mod sums;
 mod trained;
 

@@ -6,9 +6,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::id::JobId;
-use super::{text, tokenizer, tokens, trunk};
+use super::kind::JobKind;
+use super::score::{self, RunScores};
+use super::{evaluator, text, tokenizer, tokens, trunk};
+use crate::evaluator::EvaluatorReport;
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
 use crate::record::RunRecord;
@@ -176,24 +180,69 @@ impl ResultsFolder {
         read_if_there(&self.tokenizer(tokenizer_id).join("metrics.json"))
     }
 
+    /// The folder of an evaluator.
+    pub fn evaluator(&self, evaluator_id: &str) -> PathBuf {
+        self.job(&JobId::new(evaluator::KIND, evaluator_id))
+    }
+
+    /// What a finished evaluator is worth.
+    pub fn gates(&self, evaluator_id: &str) -> Result<Option<EvaluatorReport>, FileError> {
+        read_if_there(&self.product(&JobId::new(evaluator::KIND, evaluator_id)))
+    }
+
+    /// What the motions of a run score.
+    pub fn scores(&self, score_id: &str) -> Result<Option<RunScores>, FileError> {
+        read_if_there(&self.product(&JobId::new(score::KIND, score_id)))
+    }
+
     /// Metrics of every finished tokenizer that lies here, by vocabulary; `warn` is told of each
     /// file that is damaged, which is left out.
     ///
     /// # Errors
     /// The folder cannot be listed.
-    pub fn all_metrics(&self, mut warn: impl FnMut(String)) -> io::Result<Vec<TokenizerMetrics>> {
-        let folder = self.root.join("tokenizers");
+    pub fn all_metrics(&self, warn: impl FnMut(String)) -> io::Result<Vec<TokenizerMetrics>> {
+        let mut metrics: Vec<TokenizerMetrics> = self.products(tokenizer::KIND, warn)?;
+        metrics.sort_by_key(|m| (m.n_vocab, m.tokenizer_id.clone()));
+        Ok(metrics)
+    }
+
+    /// What every finished evaluator that lies here is worth, as [`ResultsFolder::all_metrics`].
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn all_gates(&self, warn: impl FnMut(String)) -> io::Result<Vec<EvaluatorReport>> {
+        let mut reports: Vec<EvaluatorReport> = self.products(evaluator::KIND, warn)?;
+        reports.sort_by(|a, b| a.evaluator_id.cmp(&b.evaluator_id));
+        Ok(reports)
+    }
+
+    /// All scores that lie here, as [`ResultsFolder::all_metrics`].
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn all_scores(&self, warn: impl FnMut(String)) -> io::Result<Vec<RunScores>> {
+        let mut scores: Vec<RunScores> = self.products(score::KIND, warn)?;
+        scores.sort_by(|a, b| a.run_id.cmp(&b.run_id));
+        Ok(scores)
+    }
+
+    /// The products of all finished jobs of a kind; each that is damaged is left out.
+    fn products<T: DeserializeOwned>(
+        &self,
+        kind: JobKind,
+        mut warn: impl FnMut(String),
+    ) -> io::Result<Vec<T>> {
+        let folder = self.file(kind.folder(""));
         if !folder.exists() {
             return Ok(Vec::new());
         }
-        let mut metrics: Vec<TokenizerMetrics> = Vec::new();
+        let mut products: Vec<T> = Vec::new();
         for entry in fs::read_dir(folder)? {
-            match read_if_there::<TokenizerMetrics>(&entry?.path().join("metrics.json")) {
-                Ok(found) => metrics.extend(found),
+            match read_if_there::<T>(&entry?.path().join(kind.product())) {
+                Ok(found) => products.extend(found),
                 Err(error) => warn(error.to_string()),
             }
         }
-        metrics.sort_by_key(|m| (m.n_vocab, m.tokenizer_id.clone()));
-        Ok(metrics)
+        Ok(products)
     }
 }

@@ -34,19 +34,23 @@ pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
     let needs = made.flat_map(|job| job.needs.clone());
     let lost: Vec<JobId> = needs.filter(|id| id.kind.is_result() && open(id)).collect();
     let mut wanted = Wanted::new(inputs, folder);
-    let mut goals: Vec<Job> = goals.filter_map(|job| wanted.take(job)).collect();
+    let goals: Vec<Job> = goals.filter_map(|job| wanted.take(job)).collect();
+    for need in &lost {
+        wanted.availability(need);
+    }
+    let mut jobs = std::mem::take(&mut wanted.jobs);
     let followers = JobKind::all().filter(|kind| *kind > JobKind::goal());
-    let followers: Vec<Job> =
-        followers.flat_map(|kind| kind.jobs(plan)).filter(|job| open(&job.id)).collect();
+    let followers: Vec<Job> = followers.flat_map(|kind| kind.jobs(plan)).collect();
     if !followers.is_empty() {
         let to_do = goals.iter().map(|job| (job.id.clone(), Availability::ToDo));
         wanted.known.extend(to_do.collect::<Vec<_>>());
     }
-    goals.extend(followers.into_iter().filter_map(|job| wanted.take(job)));
-    for need in &lost {
-        wanted.availability(need);
+    for follower in followers.iter().filter(|job| open(&job.id)) {
+        wanted.availability(&follower.id);
     }
-    by_urgency(wanted.jobs.into_iter().chain(goals).collect())
+    jobs.extend(goals);
+    jobs.append(&mut wanted.jobs);
+    by_urgency(jobs)
 }
 
 /// Those of missing jobs that are wanted, and what they need; in the same order.
@@ -130,4 +134,58 @@ fn by_urgency(jobs: Vec<Job>) -> Vec<Job> {
     order.sort_by(|&a, &b| urgency[b].total_cmp(&urgency[a]));
     let mut jobs: Vec<Option<Job>> = jobs.into_iter().map(Some).collect();
     order.into_iter().filter_map(|i| jobs[i].take()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::DataFacts;
+    use crate::files::atomic::write_json;
+    use crate::sweep;
+
+    /// Two runs that are scored by one evaluator.
+    fn plan() -> Plan {
+        let text = "name: a\ndata: {clips: 64}\nevaluator: {}\nscores: {}\ngrid: {models: [{n_layer: 1, \
+                    n_head: 2, d_model: 16}, {n_layer: 1, n_head: 2, d_model: 32}], vocab: [64], budgets: [1e10]}\n";
+        let sweep = sweep::parse("a.yaml", text, &[]).unwrap();
+        Plan::new(&sweep, DataFacts::absent("none".to_string()))
+    }
+
+    fn words(jobs: &[Job]) -> Vec<&str> {
+        let mut words: Vec<&str> = jobs.iter().map(|job| job.id.kind.word()).collect();
+        words.sort_unstable();
+        words
+    }
+
+    #[test]
+    fn scores_wait_for_their_runs_and_the_one_evaluator() {
+        let place = tempfile::tempdir().unwrap();
+        let (plan, folder) = (plan(), ResultsFolder::new(place.path()));
+        let jobs = missing_jobs(&plan, &folder);
+        let all = ["evaluator", "run", "run", "score", "score", "text", "tokenizer", "tokens"];
+        assert_eq!(words(&jobs), all);
+        for score in jobs.iter().filter(|job| job.id.kind.word() == "score") {
+            let needs: Vec<&str> = score.needs.iter().map(|need| need.kind.word()).collect();
+            assert_eq!(needs, ["run", "evaluator"]);
+        }
+        let before = |job: &Job, need: &JobId| {
+            let place = |id: &JobId| jobs.iter().position(|job| job.id == *id);
+            place(need) < place(&job.id)
+        };
+        assert!(jobs.iter().all(|job| job.needs.iter().all(|need| before(job, need))));
+    }
+
+    #[test]
+    fn a_score_of_a_run_that_is_there_is_all_that_is_missing() {
+        let place = tempfile::tempdir().unwrap();
+        let (plan, folder) = (plan(), ResultsFolder::new(place.path()));
+        let scores: Vec<Job> =
+            all_jobs(&plan).filter(|job| job.id.kind.word() == "score").collect();
+        for done in all_jobs(&plan).filter(|job| job.id != scores[1].id) {
+            write_json(&folder.product(&done.id), &serde_json::json!({})).unwrap();
+        }
+        let jobs = missing_jobs(&plan, &folder);
+        assert_eq!(jobs.iter().map(|job| &job.id).collect::<Vec<_>>(), [&scores[1].id]);
+        assert!(jobs[0].needs.is_empty());
+    }
 }

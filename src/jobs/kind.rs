@@ -104,7 +104,8 @@ impl JobKind {
         KINDS.into_iter()
     }
 
-    /// What a sweep is for: a run. What follows it in [`KINDS`] needs it, as a score does.
+    /// What a sweep is for: a run. What follows it in [`KINDS`] is done beside it or
+    /// after it.
     pub fn goal() -> Self {
         super::run::KIND
     }

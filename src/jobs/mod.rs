@@ -5,6 +5,7 @@
 
 mod adopt;
 mod assignment;
+mod evaluator;
 mod exit;
 mod folder;
 mod graph;
@@ -18,6 +19,7 @@ pub mod program;
 mod record;
 mod run;
 mod scales;
+mod score;
 mod spec_file;
 mod state;
 mod text;
@@ -27,6 +29,7 @@ mod trained;
 mod trained_tokenizer;
 mod training;
 mod trunk;
+mod trusted_evaluator;
 pub mod worker;
 
 pub use adopt::adopt;
@@ -36,10 +39,19 @@ pub use graph::{all_jobs, inputs, missing_jobs, with_needs};
 pub use id::JobId;
 pub use job::Job;
 pub use kind::{JobKind, Kind};
+pub use score::{RunScores, ScoredPhysics, Scoring};
 pub use state::{Counts, FailedJob, Running, SweepState, sweep_state};
 pub use trained::TrainedRun;
 pub use trained_tokenizer::TrainedTokenizer;
+pub use trusted_evaluator::TrustedEvaluator;
 
 /// Every kind of job. Each needs only what stands before it, or its own kind.
-pub static KINDS: [JobKind; 5] =
-    [text::KIND, tokenizer::KIND, tokens::KIND, trunk::KIND, run::KIND];
+pub static KINDS: [JobKind; 7] = [
+    text::KIND,
+    tokenizer::KIND,
+    tokens::KIND,
+    trunk::KIND,
+    run::KIND,
+    evaluator::KIND,
+    score::KIND,
+];

@@ -102,6 +102,11 @@ impl TrainedRun {
         Ok(tokens.clip_frames(Split::Train, clip))
     }
 
+    /// Whether motions can be moved away from those without text.
+    pub fn takes_guidance(&self) -> bool {
+        self.sampler.takes_guidance()
+    }
+
     /// Whether a prompt has to say how long the motion is.
     pub fn wants_length(&self) -> bool {
         self.sampler.wants_length()

@@ -10,6 +10,7 @@ use anyhow::{Context, Error, Result};
 use super::assignment::{Assignment, Outcome};
 use super::folder::{CHECKPOINT, JobState};
 use crate::data::DataError;
+use crate::evaluator::EvaluatorError;
 use crate::failure::{Consequence, Failure, FailureKind};
 use crate::files::atomic::{remove_partial, write_json};
 use crate::files::{self, FileError};
@@ -102,8 +103,9 @@ fn kind_of(cause: &(dyn std::error::Error + 'static)) -> Option<FailureKind> {
     let generator = || cause.downcast_ref::<GeneratorError>()?.failure_kind();
     let tokenizer = || cause.downcast_ref::<TokenizerError>()?.failure_kind();
     let data = || Some(cause.downcast_ref::<DataError>()?.failure_kind());
+    let evaluator = || cause.downcast_ref::<EvaluatorError>()?.failure_kind();
     let text = || Some(cause.downcast_ref::<TextError>()?.failure_kind());
-    generator().or_else(tokenizer).or_else(data).or_else(text)
+    generator().or_else(tokenizer).or_else(evaluator).or_else(data).or_else(text)
 }
 
 /// Does a job, unless it is done already.

@@ -77,7 +77,7 @@ pub fn distinct(n: usize, k: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
 }
 
 /// Two independent standard normal values (Box and Muller).
-fn normal_pair(rng: &mut ChaCha8Rng) -> (f64, f64) {
+pub fn normal_pair(rng: &mut ChaCha8Rng) -> (f64, f64) {
     let radius = (-2.0 * (1.0 - unit(rng)).ln()).sqrt();
     let (sin, cos) = (std::f64::consts::TAU * unit(rng)).sin_cos();
     (radius * cos, radius * sin)

@@ -5,11 +5,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::evaluator_job::EvaluatorJob;
 use super::planned_run::PlannedRun;
 use super::price::price;
 use super::priced_cell::{Dropped, PricedCell};
 use super::remarks::remarks;
 use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
+use super::score_job::ScoreJob;
 use super::text_job::TextJob;
 use super::trunk::{Trunk, branch};
 use crate::data::{DataFacts, Demand};
@@ -32,6 +34,10 @@ pub struct Plan {
     pub trunks: Vec<Trunk>,
     /// `None` where the sweep has no motion, so no captions.
     pub text: Option<TextJob>,
+    /// `None` where the sweep names none.
+    pub evaluator: Option<EvaluatorJob>,
+    /// Of the runs that are scored.
+    pub scores: Vec<ScoreJob>,
     pub data: DataFacts,
     /// What a person should know of its training.
     remarks: Vec<String>,
@@ -61,12 +67,18 @@ impl Plan {
         let trunks =
             if sweep.train.schedule.shares() { branch(&mut runs, chain_of) } else { Vec::new() };
         let remarks = remarks(sweep, &tokenizers, &runs, &data);
-        Self { runs, dropped, tokenizers, trunks, text, data, remarks }
+        let evaluator = sweep.evaluator.as_ref().map(|spec| EvaluatorJob::new(spec, &data));
+        let scores = match (&evaluator, &sweep.scores) {
+            (Some(evaluator), Some(spec)) => ScoreJob::of_runs(&runs, &evaluator.id(), spec),
+            _ => Vec::new(),
+        };
+        Self { runs, dropped, tokenizers, trunks, text, evaluator, scores, data, remarks }
     }
 
-    /// The plan with other runs on the same tokenizers, each trained alone.
+    /// The plan with other runs on the same tokenizers, each trained alone and not scored.
     pub fn with_runs(&self, runs: Vec<PlannedRun>) -> Self {
-        Self { runs, trunks: Vec::new(), ..self.clone() }.only(|_| true)
+        Self { runs, trunks: Vec::new(), evaluator: None, scores: Vec::new(), ..self.clone() }
+            .only(|_| true)
     }
 
     /// The plan of some of its runs, with what those need.
@@ -82,6 +94,8 @@ impl Plan {
                 trunks.extend(trunk.from.as_deref());
             }
         }
+        let kept: HashSet<&str> = runs.iter().map(|run| run.run_id.as_str()).collect();
+        let is_scored = |job: &&ScoreJob| kept.contains(job.run_id.as_str());
         let is_used = |job: &&TokenizerJob| tokenizers.contains(job.id().as_str());
         let is_stem = |trunk: &&Trunk| trunks.contains(trunk.trunk_id.as_str());
         Self {
@@ -89,6 +103,8 @@ impl Plan {
             tokenizers: self.tokenizers.iter().filter(is_used).cloned().collect(),
             trunks: self.trunks.iter().filter(is_stem).cloned().collect(),
             text: self.text.clone(),
+            evaluator: self.evaluator.clone(),
+            scores: self.scores.iter().filter(is_scored).cloned().collect(),
             data: self.data.clone(),
             remarks: self.remarks.clone(),
             runs,

@@ -2,21 +2,25 @@
 
 mod assemble;
 mod cells;
+mod evaluator_job;
 mod memory;
 mod planned_run;
 mod price;
 mod priced_cell;
 mod remarks;
 mod run_spec;
+mod score_job;
 mod steps;
 mod text_job;
 mod trunk;
 
 pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, demand};
-pub use memory::{text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes};
+pub use evaluator_job::EvaluatorJob;
+pub use memory::{evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes};
 pub use planned_run::PlannedRun;
 pub use priced_cell::Dropped;
 pub use run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
+pub use score_job::ScoreJob;
 pub use steps::learning_rate;
 pub use text_job::TextJob;
 pub use trunk::Trunk;

@@ -8,6 +8,7 @@ mod declare;
 pub mod facts;
 mod json;
 mod metrics;
+mod quality;
 mod run_record;
 pub mod table;
 #[cfg(test)]
@@ -16,4 +17,5 @@ mod tests;
 pub use cell::{CellKind, CellValue, FactColumn};
 pub use facts::{Measured, Planned};
 pub use metrics::Metrics;
+pub use quality::{Quality, write_scores};
 pub use run_record::{FORMAT, Lacking, RunRecord, flops_per_second};

@@ -1,4 +1,5 @@
-//! `runs.parquet` and `runs.csv`: a row a finished run. The one place that knows polars.
+//! `runs.parquet` and `runs.csv`: a row a finished run. Beside the table of scores, the one
+//! place that knows polars.
 //!
 //! The columns are those of [`COLUMNS`], then metrics that nobody declared, by name. A column that is
 //! not there reads as null.
@@ -25,7 +26,7 @@ pub struct TableError {
 }
 
 impl TableError {
-    fn new(path: &Path, reason: impl ToString) -> Self {
+    pub fn new(path: &Path, reason: impl ToString) -> Self {
         Self { path: path.display().to_string(), reason: reason.to_string() }
     }
 }
@@ -44,8 +45,16 @@ fn key(r: &RunRecord) -> (usize, Option<usize>, usize, Option<u64>, &str) {
 
 /// Writes both forms of the table, each whole, by rename.
 pub fn write(folder: &Path, records: &[RunRecord]) -> Result<(), TableError> {
-    let (parquet, csv) = (folder.join("runs.parquet"), folder.join("runs.csv"));
-    let mut frame = frame(records).map_err(|error| TableError::new(&parquet, error))?;
+    let frame = frame(records).map_err(|error| TableError::new(folder, error))?;
+    write_frame(folder, "runs", frame)
+}
+
+/// Writes a table as `<name>.parquet` and `<name>.csv`, each whole, by rename.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn write_frame(folder: &Path, name: &str, mut frame: DataFrame) -> Result<(), TableError> {
+    let [parquet, csv] = ["parquet", "csv"].map(|ending| folder.join(format!("{name}.{ending}")));
     write_whole(&parquet, |file| {
         ParquetWriter::new(file).finish(&mut frame).map_err(std::io::Error::other).map(|_| ())
     })

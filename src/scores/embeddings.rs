@@ -71,7 +71,7 @@ impl Embeddings {
 }
 
 /// The Euclidean distance of two vectors.
-pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
+pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 

@@ -8,14 +8,16 @@ mod embeddings;
 mod error;
 mod frechet;
 mod physics;
+mod rank;
 mod repeated;
 mod retrieval;
 mod spread;
 
-pub use embeddings::Embeddings;
+pub use embeddings::{Embeddings, distance};
 pub use error::ScoreError;
 pub use frechet::{Gaussian, frechet_distance};
 pub use physics::{Physics, physics};
+pub use rank::{RankCorrelation, rank_correlation};
 pub use repeated::Repeated;
 pub use retrieval::{POOL, Retrieval, cosine_score, retrieval};
 pub use spread::{diversity, multimodality};

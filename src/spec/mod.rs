@@ -6,6 +6,7 @@
 
 mod architecture;
 mod error;
+mod evaluator;
 pub mod generator;
 mod grid;
 mod id;
@@ -14,6 +15,7 @@ mod levels;
 mod precision;
 mod quantizer;
 mod representation;
+mod scores;
 mod text;
 mod tokenizer;
 mod tokenizer_training;
@@ -22,6 +24,7 @@ mod transformer_section;
 
 pub use architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 pub use error::{KeyProblem, SpecError};
+pub use evaluator::EvaluatorSpec;
 pub use generator::flops;
 pub use generator::{
     Context, Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, MaskedSpec, ModelShape,
@@ -37,7 +40,8 @@ pub use quantizer::{
     ResidualSpec, ScaleName, ScaleSpec, VocabularyError,
 };
 pub use representation::Representation;
-pub use text::{TextEncoderKind, TextSpec};
+pub use scores::ScoresSpec;
+pub use text::{TextEncoderKind, TextSpec, TextStates};
 pub use tokenizer::TokenizerSpec;
 pub use tokenizer_training::{
     BASELINE_CLIPS, MOST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule,

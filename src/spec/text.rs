@@ -17,6 +17,40 @@ pub enum TextEncoderKind {
     HashedNgrams,
     /// Vectors that another program made, looked up in a file by the caption.
     File,
+    /// States of T5's encoder, as ScaMo has them, from a folder with its weights. This and what follows
+    /// is built with `--features encoders`.
+    T5,
+    /// States of CLIP's text tower, from a folder.
+    Clip,
+    /// States of the BERT family, as MiniLM, from a folder.
+    Bert,
+    /// States of LLaMA, as LG-Tok has them, from a folder.
+    Llama,
+}
+
+impl TextEncoderKind {
+    /// Whether it computes with weights from a folder.
+    pub fn has_weights(self) -> bool {
+        matches!(self, Self::T5 | Self::Clip | Self::Bert | Self::Llama)
+    }
+}
+
+/// What of an encoder's states is a caption's vectors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TextStates {
+    /// One vector a token.
+    #[default]
+    Words,
+    /// One vector: of CLIP the projected state of its end token, of others the mean of all.
+    Sentence,
+}
+
+impl TextStates {
+    /// Whether it is what every encoder gives.
+    pub fn is_words(&self) -> bool {
+        *self == Self::Words
+    }
 }
 
 /// The `text` section: how captions become vectors.
@@ -24,10 +58,15 @@ pub enum TextEncoderKind {
 #[serde(deny_unknown_fields, default)]
 pub struct TextSpec {
     pub encoder: TextEncoderKind,
-    /// The file of `file`, from the working folder. Ids hold its content instead.
+    /// The file of `file`, or the folder with `config.json`, `tokenizer.json` and `model.safetensors` of an
+    /// encoder with weights, from the working folder. Ids hold their content instead.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathBuf>,
-    /// Width of a vector; that of the file, where there is one.
+    /// One vector a word, or one a caption, as the baseline without a word-level prefix has it (ScaMo, Table
+    /// 2); of encoders with weights.
+    #[serde(skip_serializing_if = "TextStates::is_words")]
+    pub states: TextStates,
+    /// Width of a vector; that of the file or of the model, where there is one.
     #[serde(deserialize_with = "number::count")]
     pub dim: usize,
     /// Longer captions are cut here; part of n_ctx in the FLOP rule.
@@ -37,7 +76,13 @@ pub struct TextSpec {
 
 impl Default for TextSpec {
     fn default() -> Self {
-        Self { encoder: TextEncoderKind::default(), path: None, dim: 64, max_tokens: 32 }
+        Self {
+            encoder: TextEncoderKind::default(),
+            path: None,
+            states: TextStates::default(),
+            dim: 64,
+            max_tokens: 32,
+        }
     }
 }
 
@@ -60,8 +105,25 @@ impl TextSpec {
                 problem: "`encoder: hashed-ngrams` reads no file",
                 help: Some("take `path` out, or set `encoder: file`"),
             }),
-            (TextEncoderKind::File, Some(_)) | (TextEncoderKind::HashedNgrams, None) => None,
+            (encoder, None) if encoder.has_weights() => Some(KeyProblem {
+                field: "",
+                problem: "an encoder with weights needs a `path`",
+                help: Some("path: a folder with config.json, tokenizer.json, model.safetensors"),
+            }),
+            _ => None,
         };
-        sizes.into_iter().chain(path).collect()
+        let built = cfg!(feature = "encoders") || !self.encoder.has_weights();
+        let built = (!built).then_some(KeyProblem {
+            field: "encoder",
+            problem: "this isoflop was built without encoders that have weights",
+            help: Some("build it with `--features encoders`, or make a file for `encoder: file`"),
+        });
+        let states = self.states == TextStates::Sentence && !self.encoder.has_weights();
+        let states = states.then_some(KeyProblem {
+            field: "states",
+            problem: "`states: sentence` is of encoders with weights",
+            help: Some("a file may hold one vector a caption"),
+        });
+        sizes.into_iter().chain(path).chain(built).chain(states).collect()
     }
 }

@@ -14,6 +14,11 @@ pub trait TextEncoder: Sync {
     /// The encoder has no vectors for this caption.
     fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError>;
 
+    /// The same of several captions, in their order.
+    fn encode_all(&self, captions: &[String]) -> Vec<Result<Vec<f32>, TextError>> {
+        captions.iter().map(|caption| self.encode(caption)).collect()
+    }
+
     /// Hex digest of what the vectors follow from beside the spec; `None` where nothing is.
     fn digest(&self) -> Option<String> {
         None

@@ -20,6 +20,9 @@ pub enum TextError {
         file.display()
     )]
     Width { found: usize, wanted: usize, file: PathBuf },
+    /// A model whose weights cannot be used.
+    #[error("the text encoder in {} cannot be used: {reason}", folder.display())]
+    Model { folder: PathBuf, reason: String },
     /// What would be made is not what the sweep was planned with.
     #[error(
         "{}, or the data, has changed since the sweep was planned; `isoflop run` plans it again",
@@ -35,9 +38,10 @@ impl TextError {
     /// The failure of a job that ends with it.
     pub fn failure_kind(&self) -> FailureKind {
         match self {
-            Self::Missing { .. } | Self::Width { .. } | Self::Changed { .. } => {
-                FailureKind::BadData
-            }
+            Self::Missing { .. }
+            | Self::Width { .. }
+            | Self::Changed { .. }
+            | Self::Model { .. } => FailureKind::BadData,
             Self::File(error) => error.failure_kind(),
         }
     }

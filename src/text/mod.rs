@@ -4,6 +4,8 @@ mod embedding_file;
 mod encoder;
 mod error;
 mod hashed_ngrams;
+#[cfg(feature = "encoders")]
+mod models;
 mod store;
 
 pub use embedding_file::{EmbeddingFile, caption_key};
@@ -26,7 +28,33 @@ pub fn encoder(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
             let path = spec.path.as_deref().expect("checked when the sweep was read");
             Box::new(EmbeddingFile::open(path, dim, max_tokens)?)
         }
+        TextEncoderKind::T5
+        | TextEncoderKind::Clip
+        | TextEncoderKind::Bert
+        | TextEncoderKind::Llama => return with_weights(spec),
     })
+}
+
+/// An encoder from a folder with its weights.
+#[cfg(feature = "encoders")]
+fn with_weights(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
+    use models::{LocalModel, ModelKind};
+    let kind = match spec.encoder {
+        TextEncoderKind::T5 => ModelKind::T5,
+        TextEncoderKind::Clip => ModelKind::Clip,
+        TextEncoderKind::Llama => ModelKind::Llama,
+        _ => ModelKind::Bert,
+    };
+    let path = spec.path.as_deref().expect("checked when the sweep was read");
+    Ok(Box::new(LocalModel::open(path, kind, spec)?))
+}
+
+/// Such encoders are not built in.
+#[cfg(not(feature = "encoders"))]
+fn with_weights(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
+    let folder = spec.path.clone().unwrap_or_default();
+    let reason = "this isoflop was built without `--features encoders`".to_string();
+    Err(TextError::Model { folder, reason })
 }
 
 /// A caption as captions of data are read: lower-case, with single spaces.

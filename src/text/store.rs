@@ -14,6 +14,9 @@ use crate::files::FileError;
 use crate::files::columns::{self, Column, MappedFile, NewColumn};
 use crate::progress::moved;
 
+/// Captions that an encoder is given at once.
+const AT_ONCE: usize = 1024;
+
 /// Captions of one split, by clip.
 struct SplitCaptions {
     captions: Vec<u32>,
@@ -67,15 +70,17 @@ fn vectors_of(
 ) -> Result<(Vec<f32>, Vec<u64>), TextError> {
     let (mut embeddings, mut words) = (Vec::new(), vec![0]);
     let mut missing: Option<(Vec<String>, PathBuf)> = None;
-    for caption in captions {
-        moved();
-        match encoder.encode(caption) {
-            Err(TextError::Missing { captions, file }) => {
-                missing.get_or_insert((Vec::new(), file)).0.extend(captions);
+    for several in captions.chunks(AT_ONCE) {
+        for vectors in encoder.encode_all(several) {
+            moved();
+            match vectors {
+                Err(TextError::Missing { captions, file }) => {
+                    missing.get_or_insert((Vec::new(), file)).0.extend(captions);
+                }
+                vectors => embeddings.extend(vectors?),
             }
-            vectors => embeddings.extend(vectors?),
+            words.push((embeddings.len() / encoder.dim()) as u64);
         }
-        words.push((embeddings.len() / encoder.dim()) as u64);
     }
     match missing {
         Some((captions, file)) => Err(TextError::Missing { captions, file }),

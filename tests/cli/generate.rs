@@ -56,6 +56,16 @@ fn motions_of_captions_are_written_whole_and_repeat() {
     assert_ne!(other[0]["codes"], first[0]["codes"]);
     let timed = made(&place, run, &["--seconds", "2", "--out", "d"]);
     assert!(timed.iter().all(|motion| motion["length"] == 40 && motion["ended"] == true));
+    let times = ["generate", "--run", run, "--times", "--seconds", "1"];
+    let table = place.isoflop(&times).exits(0).stdout();
+    assert!(table.contains("motions of 1.0 s on flex"), "{table}");
+    assert!(table.lines().all(|line| line.chars().count() <= 80), "{table}");
+    let document = place.isoflop(&[&times[..], &["--json"]].concat()).exits(0).json();
+    let rows = document["times"].as_array().expect("a list");
+    let batches: Vec<_> = rows.iter().map(|row| row["batch"].as_u64()).collect();
+    assert_eq!(batches, [1, 4, 16, 64].map(Some), "without guidance alone");
+    assert!(rows.iter().all(|row| row["seconds"].as_f64() > Some(0.0)));
+    assert!(!place.path("results/mini/samples").exists(), "no files");
 }
 
 #[test]

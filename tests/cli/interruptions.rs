@@ -42,6 +42,21 @@ fn kills_change_nothing_whatever_is_trained() {
     }
 }
 
+/// An evaluator and scores, which come after the runs.
+#[test]
+fn kills_change_no_evaluator_and_no_score() {
+    let [victim, undisturbed] = [(); 2].map(|()| Victim::of("scored", &[]));
+    let kills = victim.is_killed(9, 4);
+    println!("{kills} kills");
+    assert!(kills >= 3, "the sweep ended after {kills} kills");
+    [&victim, &undisturbed].iter().for_each(|sweep| sweep.finish());
+    victim.assert_same(&undisturbed.results);
+    let of = |sweep: &Victim| records::timeless_scores(&sweep.results);
+    assert_eq!(of(&victim), of(&undisturbed));
+    assert_eq!(of(&victim).len(), 5, "an evaluator and four scores");
+    assert_eq!(leftovers(&victim.results), Vec::<PathBuf>::new());
+}
+
 /// Kills a sweep of minutes again and again; `ISOFLOP_KILLS=20` makes it shorter.
 #[test]
 #[ignore = "takes a quarter of an hour"]

@@ -15,6 +15,7 @@ mod output;
 mod plan;
 mod presets;
 mod rounds;
+mod scored;
 mod slurm;
 mod status;
 #[path = "../support/mod.rs"]

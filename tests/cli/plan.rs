@@ -24,7 +24,9 @@ fn a_plan_holds_every_key_that_scripts_read() {
     let place = Place::with("mini.yaml");
     let plan = place.isoflop(&["plan", "mini.yaml", "--json"]).exits(0).json();
     has_keys(&plan, &["runs", "dropped", "jobs", "total_flops", "hours", "disk_bytes"]);
-    let jobs = serde_json::json!({"text": 1, "tokenizer": 2, "tokens": 2, "trunk": 0, "run": 8});
+    let jobs = serde_json::json!({
+        "text": 1, "tokenizer": 2, "tokens": 2, "trunk": 0, "run": 8, "evaluator": 0, "score": 0,
+    });
     assert_eq!(plan["jobs"], jobs);
     assert_eq!(list(&plan, "runs").len(), 8);
     for run in list(&plan, "runs") {

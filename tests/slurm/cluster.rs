@@ -100,6 +100,11 @@ impl OnSlurm {
         Self { name: "language", ..Self::at(Place::with("language.yaml"), &[]) }
     }
 
+    /// `scored.yaml`: an evaluator, and runs that are scored.
+    pub fn scored() -> Self {
+        Self { name: "scored", ..Self::at(Place::with("scored.yaml"), &[]) }
+    }
+
     /// `mini.yaml` in a given place.
     pub fn at(place: Place, settings: &[&'static str]) -> Self {
         place.write("profile.yaml", PROFILE);

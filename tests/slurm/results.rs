@@ -45,6 +45,22 @@ fn tokenizers_with_language_and_generators_as_an_axis_give_the_same_bits_on_slur
     }
 }
 
+#[test]
+fn evaluators_and_scores_are_the_same_on_slurm() {
+    let Some(_cluster) = cluster() else { return };
+    let sweep = OnSlurm::scored();
+    sweep.submit().exits(0);
+    let state = sweep.over();
+    assert_eq!(state["runs"]["done"], 4, "{state:#}\n{}", sweep.logs());
+    let (ours, theirs) = (sweep.results(), sweep.locally());
+    assert_eq!(records::timeless(&ours), records::timeless(&theirs));
+    assert_eq!(records::timeless_scores(&ours), records::timeless_scores(&theirs));
+    for file in ["scores.csv", "figures/quality.svg"] {
+        let read = |folder: &std::path::Path| std::fs::read(folder.join(file)).expect(file);
+        assert_eq!(read(&ours), read(&theirs), "{file}");
+    }
+}
+
 /// The whole study, with one of the two nodes gone for good when a third of the runs are done.
 #[test]
 #[ignore = "a quarter of an hour"]

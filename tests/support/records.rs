@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
+use serde_json::Value;
+
 use isoflop::record::{Measured, RunRecord};
 
 /// Every `record.json` of a sweep's folder, by run.
@@ -58,4 +60,22 @@ pub fn column(results: &Path, name: &str) -> Vec<String> {
     let rows = csv(&table);
     let place = rows[0].iter().position(|column| column == name).expect("the column is there");
     rows[1..].iter().map(|row| row[place].clone()).collect()
+}
+
+/// What evaluators and scores of a sweep's folder are, by path, without what a clock measured.
+pub fn timeless_scores(results: &Path) -> BTreeMap<String, Value> {
+    let mut found = BTreeMap::new();
+    for (kind, product) in [("evaluators", "gates.json"), ("scores", "scores.json")] {
+        for folder in fs::read_dir(results.join(kind)).into_iter().flatten().flatten() {
+            let path = folder.path().join(product);
+            let Ok(bytes) = fs::read(&path) else { continue };
+            let mut value: Value = serde_json::from_slice(&bytes).expect("a whole product");
+            if let Some(wall_s) = value.pointer_mut("/course/wall_s") {
+                *wall_s = Value::Null;
+            }
+            let name = folder.file_name().to_string_lossy().into_owned();
+            found.insert(format!("{kind}/{name}"), value);
+        }
+    }
+    found
 }

@@ -66,6 +66,9 @@ pub struct GenerateArgs {
     /// Seconds of it that are made anew: `1.5..3`, `..2` or `4..`; may be given several times
     #[arg(long, value_name = "FROM..TO", requires = "edit", value_parser = edit::span)]
     pub anew: Vec<Range<f64>>,
+    /// Make no files: measure how long a motion takes, by batch, with and without guidance
+    #[arg(long, conflicts_with_all = ["edit", "out", "texts"])]
+    pub times: bool,
     /// The backend that computes
     #[arg(long, value_parser = device(), default_value = "flex")]
     pub device: DeviceName,

@@ -4,6 +4,7 @@ mod args;
 mod edit;
 mod motion;
 mod text;
+mod times;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -51,6 +52,9 @@ struct Made {
 
 pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
     let run = TrainedRun::open(&args.run, &args.device.open()?)?;
+    if args.times {
+        return times::times(args, &run, output);
+    }
     let has_language = run.tokenizer.spec().architecture.language().is_some();
     if args.detokenizer_guidance > 0.0 && !has_language {
         bail!("the run's tokenizer has no language that --detokenizer-guidance could follow");

@@ -61,7 +61,7 @@ pub fn run_only(
     args: &RunArgs,
     kind: JobKind,
     output: &Output,
-    then: impl FnOnce(&ResultsFolder) -> Result<()>,
+    then: impl FnOnce(&OpenSweep) -> Result<()>,
 ) -> Result<Exit> {
     if args.engine.hands_over() {
         bail!("--engine {} does whole sweeps: use `isoflop run`", args.engine.name());
@@ -72,7 +72,7 @@ pub fn run_only(
         |job| job.id.kind == kind,
         |open, summary| {
             summary.failures(output);
-            then(&open.folder)?;
+            then(open)?;
             let ended_well = summary.reports.iter().all(|report| report.end == JobEnd::Done);
             Ok(if ended_well { Exit::Done } else { Exit::SomeRunsFailed })
         },

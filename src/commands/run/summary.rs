@@ -42,7 +42,9 @@ impl<'a> Summary<'a> {
         let done = |id: &str| self.folder.state(&JobId::run(id)) == JobState::Done;
         let lost: Vec<_> = self.plan.runs.iter().filter(|run| !done(&run.run_id)).collect();
         if lost.is_empty() {
-            return Exit::Done;
+            let failed = |job: Job| self.folder.state(&job.id) == JobState::Failed;
+            let failed = all_jobs(self.plan).any(failed);
+            return if failed { Exit::SomeRunsFailed } else { Exit::Done };
         }
         let needs = Needs::of(self.plan);
         for run in &lost {

@@ -14,13 +14,13 @@ pub fn captions(args: &TokenizeArgs) -> Result<Vec<Option<String>>> {
     match (&args.caption, &args.texts) {
         (Some(caption), _) if caption.trim().is_empty() => bail!("--caption is empty"),
         (Some(caption), _) => Ok(vec![Some(caption.clone()); n]),
-        (None, Some(path)) => of_lines(path, n),
-        (None, None) => args.files.iter().map(|path| beside(path)).collect(),
+        (None, Some(path)) => captions_of_lines(path, n),
+        (None, None) => args.files.iter().map(|path| caption_beside(path)).collect(),
     }
 }
 
 /// A caption a line, as many as there are motions.
-fn of_lines(path: &Path, n: usize) -> Result<Vec<Option<String>>> {
+pub fn captions_of_lines(path: &Path, n: usize) -> Result<Vec<Option<String>>> {
     let text = fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
     let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let captions: Vec<Option<String>> = lines.map(|line| Some(line.to_string())).collect();
@@ -32,7 +32,7 @@ fn of_lines(path: &Path, n: usize) -> Result<Vec<Option<String>>> {
 }
 
 /// The first caption of the whole clip in the `.txt` beside a motion, plain or as HumanML3D has them.
-fn beside(motion: &Path) -> Result<Option<String>> {
+pub fn caption_beside(motion: &Path) -> Result<Option<String>> {
     let path = motion.with_file_name(format!("{}.txt", motion_name(motion)));
     if !path.is_file() {
         return Ok(None);

@@ -17,6 +17,7 @@ use serde_json::json;
 
 pub use args::{TokenizeArgs, motion_name};
 use caption::captions;
+pub use caption::{caption_beside, captions_of_lines};
 
 use super::exit::Exit;
 use super::output::Output;

@@ -65,6 +65,10 @@ impl Sampler for AutoregressiveSampler {
         self.grid.frames_per_code().is_none()
     }
 
+    fn takes_guidance(&self) -> bool {
+        false
+    }
+
     fn sample(
         &self,
         prompts: &[Prompt],

@@ -70,6 +70,11 @@ pub trait Sampler {
     /// Whether a prompt has to say how long the motion is.
     fn wants_length(&self) -> bool;
 
+    /// Whether motions can be moved away from those without text.
+    fn takes_guidance(&self) -> bool {
+        true
+    }
+
     /// Makes a motion of each prompt, all at once; `scales` is what the generator's
     /// [`Inputs::scales`](super::Inputs::scales) was.
     ///

@@ -6,6 +6,7 @@ mod repeated;
 mod train;
 
 use super::command::{CommandError, PLACEHOLDERS, TrainerCommand};
+use super::condition::Condition;
 use super::nearest::nearest;
 use crate::spec::{GeneratorKind, KeyProblem, Scales, SpecError};
 use crate::sweep::problem::Problem;
@@ -22,6 +23,8 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         train::check(sweep),
         tokenizer(sweep),
         trainer(sweep),
+        evaluator(sweep),
+        scores(sweep),
         engine::check(sweep),
     ]
     .into_iter()
@@ -106,6 +109,38 @@ fn tokenizer(sweep: &Sweep) -> Vec<Problem> {
             Problem::value(format!("tokenizer.{field}"), problem)
         });
     problem.into_iter().collect()
+}
+
+/// An evaluator is trained on motion.
+fn evaluator(sweep: &Sweep) -> Vec<Problem> {
+    let Some(evaluator) = &sweep.evaluator else { return Vec::new() };
+    let mut problems = of_section("evaluator", evaluator.problems());
+    if sweep.data.source == DataSource::None {
+        let problem = "an evaluator is trained on motion, and `data.source` is none";
+        problems.push(Problem::value("evaluator", problem));
+    }
+    problems
+}
+
+/// Scores are taken by an evaluator, of runs whose weights are at hand.
+fn scores(sweep: &Sweep) -> Vec<Problem> {
+    let Some(scores) = &sweep.scores else { return Vec::new() };
+    let mut problems = of_section("scores", scores.problems());
+    if sweep.evaluator.is_none() {
+        let problem = Problem::value("scores", "no evaluator to score by");
+        problems.push(problem.with_help("evaluator: {}"));
+    }
+    if sweep.trainer.is_some() {
+        let problem =
+            "a trainer of one's own keeps its weights to itself: nothing can be made of them";
+        problems.push(Problem::value("scores", problem));
+    }
+    let conditions = scores.only.iter().enumerate();
+    problems.extend(conditions.filter_map(|(i, text)| {
+        let message = Condition::parse(text).err()?;
+        Some(Problem::value(format!("scores.only[{i}]"), message))
+    }));
+    problems
 }
 
 fn trainer(sweep: &Sweep) -> Vec<Problem> {

@@ -17,7 +17,7 @@ pub use training::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::spec::{GeneratorKind, TextSpec, TokenizerSection};
+use crate::spec::{EvaluatorSpec, GeneratorKind, ScoresSpec, TextSpec, TokenizerSection};
 
 /// A study: a grid of models, vocabularies and budgets, and how each cell is trained and judged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -51,6 +51,12 @@ pub struct Sweep {
     /// Trains the runs in place of the built-in trainer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trainer: Option<TrainerSection>,
+    /// What motions are scored by; where it is not there, none is trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub evaluator: Option<EvaluatorSpec>,
+    /// Which runs are scored by it, and how; where it is not there, none is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scores: Option<ScoresSpec>,
     #[serde(default)]
     pub fit: FitSection,
     #[serde(default)]

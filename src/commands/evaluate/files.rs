@@ -1,0 +1,174 @@
+//! [`FileScores`]: what motions of files score, each score or the reason why there is none.
+
+use anyhow::Result;
+use isoflop::evaluator::{Embedded, EvaluatorError, Truth};
+use isoflop::jobs::{ScoredPhysics, TrustedEvaluator};
+use isoflop::learn::params::distinct;
+use isoflop::motion::recover_joints;
+use isoflop::scores::{
+    Embeddings, POOL, Repeated, cosine_score, diversity, frechet_distance, physics, retrieval,
+};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::Serialize;
+
+use super::args::EvaluateArgs;
+use super::motions::NamedMotion;
+
+/// What motions of files score.
+#[derive(Serialize)]
+pub struct FileScores {
+    pub evaluator_id: String,
+    pub n_motions: usize,
+    /// Motions that have a caption.
+    pub n_captions: usize,
+    /// True clips of the evaluator's data.
+    pub n_truth: usize,
+    pub scores: Vec<FileScore>,
+    pub physics: ScoredPhysics,
+    pub truth_physics: ScoredPhysics,
+}
+
+/// One score of motions, and of true ones beside it.
+#[derive(Serialize)]
+pub struct FileScore {
+    pub name: &'static str,
+    pub found: Option<Repeated>,
+    pub truth: Option<Repeated>,
+    /// Why there is none.
+    pub reason: Option<String>,
+}
+
+/// Draws pools and pairs.
+struct Draws {
+    repeats: usize,
+    seed: u64,
+}
+
+impl FileScores {
+    /// True motions whose FID from the others stands beside that of `n_made` motions: as many, and half
+    /// of all at most, since FID falls as sets grow.
+    pub fn true_motions(n_made: usize, n_truth: usize) -> usize {
+        n_made.min(n_truth / 2)
+    }
+
+    /// Scores motions beside the test split of the evaluator's data.
+    pub fn of(
+        motions: &[NamedMotion],
+        trusted: &TrustedEvaluator,
+        args: &EvaluateArgs,
+    ) -> Result<Self> {
+        let truth = trusted.truth()?;
+        let evaluator = &trusted.evaluator;
+        let all = evaluator.motions(motions.iter().map(|motion| motion.features.as_slice()))?;
+        let captioned: Vec<(&str, usize)> = motions
+            .iter()
+            .enumerate()
+            .filter_map(|(index, motion)| Some((motion.caption.as_deref()?, index)))
+            .collect();
+        let own: Vec<usize> = captioned.iter().map(|(_, index)| *index).collect();
+        let pairs = Embedded {
+            motions: all.select(&own),
+            captions: evaluator.captions(captioned.iter().map(|(caption, _)| *caption))?,
+        };
+        let draws = Draws { repeats: usize::from(args.repeats), seed: args.seed };
+        let fps = evaluator.fps();
+        let features = motions.iter().map(|motion| motion.features.as_slice());
+        Ok(Self {
+            evaluator_id: trusted.id.clone(),
+            n_motions: motions.len(),
+            n_captions: captioned.len(),
+            n_truth: truth.n_clips(),
+            scores: draws.scores(
+                &Side { motions: &all, pairs: &pairs },
+                &Side { motions: &truth.embedded.motions, pairs: &truth.embedded },
+            ),
+            physics: bodies(features, fps),
+            truth_physics: of_truth(&truth, fps),
+        })
+    }
+}
+
+/// Motions of one side: all, and those that have a caption.
+struct Side<'a> {
+    motions: &'a Embeddings,
+    pairs: &'a Embedded,
+}
+
+impl Draws {
+    /// Of these motions, and of true ones.
+    fn scores(&self, made: &Side, truth: &Side) -> Vec<FileScore> {
+        let both = [made, truth];
+        let precision = |k: usize| {
+            move |side: &Side, rng: &mut ChaCha8Rng| {
+                let n = side.pairs.motions.len();
+                let Embedded { motions, captions } = side.pairs.select(&distinct(n, n, rng));
+                Ok(retrieval(&captions, &motions, POOL)?.precision[k])
+            }
+        };
+        vec![
+            self.fid(made.motions, truth.motions),
+            self.score("R@1", both, precision(0)),
+            self.score("R@2", both, precision(1)),
+            self.score("R@3", both, precision(2)),
+            self.score("cosine", both, |Side { pairs, .. }, _| {
+                Ok(cosine_score(&pairs.captions, &pairs.motions)?)
+            }),
+            self.score("diversity", both, |side, rng| Ok(diversity(side.motions, rng)?)),
+        ]
+    }
+
+    /// FID from true motions; beside it that of as many true motions from the others.
+    fn fid(&self, made: &Embeddings, truth: &Embeddings) -> FileScore {
+        let found = self.repeated(|_| Ok(frechet_distance(truth, made)?));
+        let n = FileScores::true_motions(made.len(), truth.len());
+        let of_truth = self.repeated(|rng| {
+            let order = distinct(truth.len(), truth.len(), rng);
+            let [some, others] = [&order[..n], &order[n..]].map(|part| truth.select(part));
+            Ok(frechet_distance(&others, &some)?)
+        });
+        FileScore {
+            name: "FID",
+            reason: found.as_ref().err().map(ToString::to_string),
+            found: found.ok(),
+            truth: of_truth.ok(),
+        }
+    }
+
+    fn score(
+        &self,
+        name: &'static str,
+        [made, truth]: [&Side; 2],
+        of: impl Fn(&Side, &mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
+    ) -> FileScore {
+        let found = self.repeated(|rng| of(made, rng));
+        FileScore {
+            name,
+            reason: found.as_ref().err().map(ToString::to_string),
+            found: found.ok(),
+            truth: self.repeated(|rng| of(truth, rng)).ok(),
+        }
+    }
+
+    fn repeated(
+        &self,
+        of: impl Fn(&mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
+    ) -> Result<Repeated, EvaluatorError> {
+        let draw = |index: usize| {
+            let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+            rng.set_stream(index as u64);
+            of(&mut rng)
+        };
+        let drawn = (0..self.repeats).map(draw).collect::<Result<Vec<f64>, _>>()?;
+        Ok(Repeated::of(&drawn)?)
+    }
+}
+
+fn bodies<'a>(motions: impl Iterator<Item = &'a [f32]>, fps: f64) -> ScoredPhysics {
+    let body = |features: &[f32]| physics(&recover_joints(features), fps).ok();
+    ScoredPhysics::mean(&motions.filter_map(body).collect::<Vec<_>>())
+}
+
+fn of_truth(truth: &Truth, fps: f64) -> ScoredPhysics {
+    bodies(truth.features.iter().map(Vec::as_slice), fps)
+}

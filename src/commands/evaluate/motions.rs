@@ -1,0 +1,121 @@
+//! The motions that are named on the command line, with their captions.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use isoflop::data::read_motion;
+use isoflop::text::as_in_data;
+use rayon::prelude::*;
+use serde::Deserialize;
+
+use super::args::EvaluateArgs;
+use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
+
+/// Problems that are listed, at most.
+const LISTED: usize = 10;
+
+/// A motion of a file.
+pub struct NamedMotion {
+    /// `[T, 263]` row-major and raw.
+    pub features: Vec<f32>,
+    /// As captions of data are read.
+    pub caption: Option<String>,
+}
+
+/// Reads every motion.
+///
+/// Every file that cannot be read is named, and none is left out.
+pub fn named_motions(args: &EvaluateArgs) -> Result<Vec<NamedMotion>> {
+    let mut files: Vec<(PathBuf, Option<String>)> = Vec::new();
+    for path in &args.motions {
+        match path.is_dir() {
+            true => files.extend(of_folder(path)?),
+            false => files.push((path.clone(), None)),
+        }
+    }
+    let captions = captions(args, &files)?;
+    let paths: Vec<&PathBuf> = files.iter().map(|(path, _)| path).collect();
+    let read: Vec<_> = paths.par_iter().map(|path| read_motion(path)).collect();
+    let problems: Vec<String> =
+        read.iter().filter_map(|read| Some(read.as_ref().err()?.to_string())).collect();
+    if !problems.is_empty() {
+        let (n, all, shown) = (problems.len(), read.len(), problems.len().min(LISTED));
+        bail!("{n} of {all} motions cannot be scored:\n  {}", problems[..shown].join("\n  "));
+    }
+    let each = read.into_iter().flatten().zip(captions);
+    Ok(each.map(|(features, caption)| NamedMotion { features, caption }).collect())
+}
+
+/// A file a motion: features where a motion has several files, then arrays, then BVH.
+fn of_folder(folder: &Path) -> Result<Vec<(PathBuf, Option<String>)>> {
+    let entries = fs::read_dir(folder).with_context(|| format!("reading {}", folder.display()))?;
+    let mut by_name: BTreeMap<String, PathBuf> = BTreeMap::new();
+    for path in entries.flatten().map(|entry| entry.path()) {
+        let Some(rank) = rank(&path) else { continue };
+        let name = in_order(&motion_name(&path));
+        if by_name.get(&name).and_then(|other| self::rank(other)).is_none_or(|held| rank < held) {
+            by_name.insert(name, path);
+        }
+    }
+    if by_name.is_empty() {
+        bail!("{} holds no .npy and no .bvh", folder.display());
+    }
+    let made = captions_of_made(folder)?;
+    let with_caption = |path: PathBuf| {
+        let index: Option<usize> = motion_name(&path).parse().ok();
+        let caption = index.and_then(|index| made.get(index).cloned());
+        (path, caption)
+    };
+    Ok(by_name.into_values().map(with_caption).collect())
+}
+
+/// Numbers in the order of their values.
+fn in_order(name: &str) -> String {
+    if name.chars().all(|c| c.is_ascii_digit()) { format!("{name:0>20}") } else { name.to_string() }
+}
+
+/// What is read first of a motion's files; `None` for other files.
+fn rank(path: &Path) -> Option<usize> {
+    let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+    let endings = [".features.npy", ".joints.npy", ".npy", ".bvh"];
+    endings.into_iter().position(|ending| name.ends_with(ending))
+}
+
+/// What is read of an element of `motions.json`.
+#[derive(Deserialize)]
+struct MadeMotion {
+    caption: String,
+}
+
+/// The captions of a folder that `isoflop generate` filled, in the order of its files' numbers.
+fn captions_of_made(folder: &Path) -> Result<Vec<String>> {
+    let path = folder.join("motions.json");
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let text = fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
+    let made: Vec<MadeMotion> =
+        serde_json::from_slice(&text).with_context(|| format!("reading {}", path.display()))?;
+    Ok(made.into_iter().map(|motion| motion.caption).collect())
+}
+
+/// The caption of each motion, where it has one: a line of `--texts`, else that of its folder, else that
+/// of the .txt beside it.
+fn captions(
+    args: &EvaluateArgs,
+    files: &[(PathBuf, Option<String>)],
+) -> Result<Vec<Option<String>>> {
+    let captions = match &args.texts {
+        Some(path) => captions_of_lines(path, files.len())?,
+        None => {
+            let own = |(path, made): &(PathBuf, Option<String>)| match made {
+                Some(caption) => Ok(Some(caption.clone())),
+                None => caption_beside(path),
+            };
+            files.iter().map(own).collect::<Result<_>>()?
+        }
+    };
+    Ok(captions.into_iter().map(|caption| caption.map(|words| as_in_data(&words))).collect())
+}

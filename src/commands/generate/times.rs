@@ -1,0 +1,125 @@
+//! `isoflop generate --times`: how long a motion takes, by batch, with and without guidance.
+
+use std::fmt::Write;
+use std::time::Instant;
+
+use anyhow::Result;
+use isoflop::generator::{Prompt, Sampling};
+use isoflop::jobs::TrainedRun;
+use serde::Serialize;
+use serde_json::json;
+
+use super::args::GenerateArgs;
+use crate::commands::exit::Exit;
+use crate::commands::output::Output;
+
+/// Motions that are made side by side.
+const BATCHES: [usize; 4] = [1, 4, 16, 64];
+
+/// Each is made so often, and so long, at least; the first time does not count.
+const LEAST_ROUNDS: usize = 5;
+const LEAST_S: f64 = 0.5;
+
+/// Guidance where none is given, and seconds of motion, as LG-Tok's table has them: 4 and a whole clip.
+const GUIDANCE: f64 = 4.0;
+const SECONDS: f64 = 9.8;
+
+/// What is said where no caption is given.
+const CAPTION: &str = "a person walks forward and turns around";
+
+/// How long motions take that are made side by side, decoding included.
+#[derive(Serialize)]
+struct Timed {
+    batch: usize,
+    guidance: f64,
+    /// Of one motion: the median of the rounds, the shortest and the longest.
+    seconds: f64,
+    least: f64,
+    most: f64,
+    rounds: usize,
+}
+
+/// Measures a run's generator and tokenizer on the device at hand.
+pub fn times(args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<Exit> {
+    let caption = args.captions.first().map_or(CAPTION, String::as_str);
+    let text = run.embed(caption)?;
+    let fps = run.spec.fps;
+    let n_frames = args.n_frames(fps).unwrap_or((SECONDS * fps).round() as usize);
+    let asked = if args.guidance > 0.0 { args.guidance } else { GUIDANCE };
+    let guidances = if run.takes_guidance() { vec![0.0, asked] } else { vec![0.0] };
+    let mut all = Vec::new();
+    for &guidance in &guidances {
+        for batch in BATCHES {
+            let sampling = Sampling { guidance, ..args.sampling() };
+            all.push(timed(run, (&text, n_frames), batch, &sampling)?);
+        }
+    }
+    let seconds = n_frames as f64 / fps;
+    let document = json!({
+        "run": run.run_id, "device": args.device.name(), "seconds_of_motion": seconds, "times": all,
+    });
+    output.result(&document, &table(args, run, seconds, &all))?;
+    Ok(Exit::Done)
+}
+
+fn timed(
+    run: &TrainedRun,
+    (text, n_frames): (&[f32], usize),
+    batch: usize,
+    sampling: &Sampling,
+) -> Result<Timed> {
+    let mut rounds: Vec<f64> = Vec::new();
+    let began = Instant::now();
+    for round in 0.. {
+        let prompt = |index: usize| {
+            let (index, seed) = (index as u64, round);
+            Prompt { text, n_frames: Some(n_frames), seed, index, edit: None }
+        };
+        let prompts: Vec<Prompt> = (0..batch).map(prompt).collect();
+        let started = Instant::now();
+        for sampled in run.sample(&prompts, sampling)? {
+            run.tokenizer.decode(&sampled.codes, sampled.n_frames, Some(text), 0.0)?;
+        }
+        let seconds = started.elapsed().as_secs_f64() / batch as f64;
+        if round > 0 {
+            rounds.push(seconds);
+        }
+        if rounds.len() >= LEAST_ROUNDS && began.elapsed().as_secs_f64() > LEAST_S {
+            break;
+        }
+    }
+    rounds.sort_by(f64::total_cmp);
+    Ok(Timed {
+        batch,
+        guidance: sampling.guidance,
+        seconds: rounds[rounds.len() / 2],
+        least: rounds[0],
+        most: rounds[rounds.len() - 1],
+        rounds: rounds.len(),
+    })
+}
+
+/// A line a batch and guidance.
+fn table(args: &GenerateArgs, run: &TrainedRun, seconds: f64, times: &[Timed]) -> String {
+    let generator = run.spec.generator.name();
+    let mut text = format!(
+        "{generator}, {} ({})\nmotions of {seconds:.1} s on {}\n\n{:>6} {:>9}  {:<12} {:<22} {}\n",
+        run.spec.label(),
+        run.run_id,
+        args.device.name(),
+        "batch",
+        "guidance",
+        "s a motion",
+        "least to most",
+        "motions a minute",
+    );
+    for Timed { batch, guidance, seconds, least, most, .. } in times {
+        let _ = writeln!(
+            text,
+            "{batch:>6} {guidance:>9}  {seconds:<12.5} {:<22} {:.0}",
+            format!("{least:.5} to {most:.5}"),
+            60.0 / seconds,
+        );
+    }
+    text + "the median of five rounds and more; decoding is part of it, files are not"
+}

@@ -1,0 +1,109 @@
+//! What a person reads of scored runs: a screen.
+
+use std::fmt::Write;
+
+use isoflop::jobs::ResultsFolder;
+use isoflop::laws::FloorLaw;
+use isoflop::record::Quality;
+use isoflop::scores::RankCorrelation;
+
+use super::best::{Best, FidLaw};
+use super::ranks::Ranks;
+
+/// Runs, and budgets, that are listed, at most.
+const LISTED: usize = 12;
+
+/// Runs by FID, the best of each budget, laws and rank correlations.
+pub fn text(
+    folder: &ResultsFolder,
+    rows: &[Quality],
+    ranks: &[Ranks],
+    (best, laws): (&[Best], &[FidLaw]),
+) -> String {
+    let mut text = format!(
+        "{:<14} {:>5} {:>8} {:>8} {:>7}  {:<16} {}\n",
+        "scored runs", "V", "N_nv", "C", "L_u", "FID", "R@1"
+    );
+    for row in rows.iter().take(LISTED) {
+        let planned = &row.run.planned;
+        let loss = row.run.loss_normalised().map_or("-".to_string(), |loss| format!("{loss:.3}"));
+        let _ = writeln!(
+            text,
+            "{:<14} {:>5} {:>8} {:>8.1e} {loss:>7}  {:<16} {}",
+            row.generator(),
+            planned.n_vocab,
+            planned.params_nonvocab,
+            planned.budget_flops,
+            with_interval(row, "fid", 4),
+            with_interval(row, "r_precision_1", 3),
+        );
+    }
+    if rows.len() > LISTED {
+        let _ = writeln!(text, "  and {} more", rows.len() - LISTED);
+    }
+    let truth = with_interval(&rows[0], "truth_r_precision_1", 3);
+    let _ = writeln!(text, "true motions: R@1 {truth}; means and 95 % intervals of repeats");
+    text += &of_budgets(best);
+    for FidLaw { generator, reference_flops, law } in laws {
+        let FloorLaw { floor, coefficient, exponent, .. } = law;
+        let _ = writeln!(
+            text,
+            "FID of {generator}: {floor:.3} + {coefficient:.3} (C / {reference_flops:.0e})^-{exponent:.2}"
+        );
+    }
+    text += &of_ranks(ranks);
+    let root = folder.root().display();
+    let evaluator = &rows[0].evaluator_id;
+    let _ = writeln!(text, "{root}/scores.parquet, {root}/figures/quality.svg");
+    text + &format!("comparable only with scores of the same evaluator, {evaluator}")
+}
+
+/// Whether loss orders runs as their motions do; nothing where each generator has too few.
+fn of_ranks(ranks: &[Ranks]) -> String {
+    let shown = |rank: Option<RankCorrelation>| {
+        rank.map_or("-".to_string(), |RankCorrelation { value, interval: [low, high], .. }| {
+            format!("{value:.2} ({low:.2} to {high:.2})")
+        })
+    };
+    let told: Vec<&Ranks> = ranks.iter().filter(|ranks| ranks.fid.is_some()).collect();
+    if told.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("{:<28}{:<24}R@1\n", "rank correlation with L_u", "FID");
+    for Ranks { generator, fid, r_precision_1 } in told {
+        let (fid, first) = (shown(*fid), shown(*r_precision_1));
+        let _ = writeln!(text, "{generator:<28}{fid:<24}{first}");
+    }
+    text
+}
+
+/// The best run of each budget by loss, and by FID.
+fn of_budgets(best: &[Best]) -> String {
+    let mut text = format!(
+        "\n{:<14} {:>8}  {:>8} {:>5} {:>7}  {:>8} {:>5} {:>7}\n",
+        "best", "C", "L_u:N_nv", "V", "FID", "FID:N_nv", "V", "FID"
+    );
+    for Best { generator, budget_flops, by_loss, by_fid } in best.iter().take(LISTED) {
+        let _ = writeln!(
+            text,
+            "{generator:<14} {budget_flops:>8.1e}  {:>8} {:>5} {:>7.4}  {:>8} {:>5} {:>7.4}",
+            by_loss.params_nonvocab,
+            by_loss.n_vocab,
+            by_loss.fid,
+            by_fid.params_nonvocab,
+            by_fid.n_vocab,
+            by_fid.fid,
+        );
+    }
+    if best.len() > LISTED {
+        let _ = writeln!(text, "  and {} more", best.len() - LISTED);
+    }
+    text + "\n"
+}
+
+fn with_interval(row: &Quality, name: &str, digits: usize) -> String {
+    let score = row.scores.iter().find(|(own, _)| *own == name).and_then(|(_, score)| *score);
+    score.map_or("-".to_string(), |score| {
+        format!("{:.digits$} ± {:.digits$}", score.mean, score.half_width)
+    })
+}

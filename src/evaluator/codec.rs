@@ -1,0 +1,158 @@
+//! [`Evaluator`]: trained towers with the statistics that motions are normalised by.
+
+use std::io;
+use std::path::Path;
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::{Deserialize, Serialize};
+
+use super::caption::words;
+use super::error::EvaluatorError;
+use super::rows::Rows;
+use super::seen::Seen;
+use super::tower::Frame;
+use super::towers::Towers;
+use crate::data::FeatureStats;
+use crate::files::atomic::write_json;
+use crate::files::{FileError, read_if_there};
+use crate::learn::weights::{self, HostTensor, Source, Weights, WeightsError};
+use crate::scores::Embeddings;
+use crate::spec::EvaluatorSpec;
+
+/// Motions and captions that are embedded at once.
+const BATCH: usize = 64;
+
+/// Motions and captions into embeddings.
+#[derive(Debug)]
+pub struct Evaluator {
+    towers: Towers,
+    seen: Seen,
+    frame: Frame,
+    fps: f64,
+}
+
+impl Evaluator {
+    /// Takes towers as they are after training, without autodiff, on `device`.
+    pub(super) fn new(towers: Towers, seen: Seen, fps: f64, device: &Device) -> Self {
+        Self { towers, frame: Frame::new(seen.spec(), device), seen, fps }
+    }
+
+    /// What it was trained by.
+    pub fn spec(&self) -> &EvaluatorSpec {
+        self.seen.spec()
+    }
+
+    /// What motions are normalised by.
+    pub fn stats(&self) -> &FeatureStats {
+        self.seen.stats()
+    }
+
+    /// Frames a second of the motions that it knows.
+    pub fn fps(&self) -> f64 {
+        self.fps
+    }
+
+    /// Parameters of both towers.
+    pub fn n_parameters(&self) -> usize {
+        self.towers.num_params()
+    }
+
+    /// Unit vectors of motions, each `[T, 263]` row-major and raw.
+    ///
+    /// # Errors
+    /// A motion of other features, one shorter than a row, or one that holds no finite numbers.
+    pub fn motions<'a>(
+        &self,
+        motions: impl IntoIterator<Item = &'a [f32]>,
+    ) -> Result<Embeddings, EvaluatorError> {
+        let rows = motions.into_iter().map(|motion| self.seen.rows(motion));
+        let rows = rows.collect::<Result<Vec<_>, _>>()?;
+        let windows: Vec<&[f32]> = rows.iter().map(|rows| self.seen.first_window(rows)).collect();
+        let embed = |rows: &Rows| self.towers.motion().embed(rows, &self.frame);
+        self.embedded(&windows, self.seen.channels(), embed)
+    }
+
+    /// Unit vectors of captions.
+    ///
+    /// # Errors
+    /// The weights hold no finite numbers.
+    pub fn captions<'a>(
+        &self,
+        captions: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Embeddings, EvaluatorError> {
+        let words: Vec<Vec<f32>> =
+            captions.into_iter().map(|caption| words(caption, self.spec())).collect();
+        let words: Vec<&[f32]> = words.iter().map(Vec::as_slice).collect();
+        let embed = |rows: &Rows| self.towers.caption().embed(rows, &self.frame);
+        self.embedded(&words, self.spec().word_dim, embed)
+    }
+
+    fn embedded(
+        &self,
+        sequences: &[&[f32]],
+        channels: usize,
+        embed: impl Fn(&Rows) -> Tensor<2>,
+    ) -> Result<Embeddings, EvaluatorError> {
+        let mut values = Vec::with_capacity(sequences.len() * self.spec().dim);
+        for batch in sequences.chunks(BATCH) {
+            let vectors = embed(&Rows::of(batch.iter().copied(), channels)).into_data();
+            values.extend(vectors.iter::<f64>());
+        }
+        Ok(Embeddings::new(values, self.spec().dim)?)
+    }
+
+    /// Writes `weights.safetensors`, then `evaluator.json`, each whole, by rename.
+    ///
+    /// # Errors
+    /// The folder cannot be written to.
+    pub fn save(&self, folder: &Path) -> Result<(), EvaluatorError> {
+        let mut tensors = weights::of_module(&self.towers);
+        for (name, values) in [(MEAN, &self.stats().mean), (STD, &self.stats().std)] {
+            let tensor = HostTensor { shape: vec![values.len()], values: values.clone() };
+            tensors.insert(name.to_string(), Source::Host(tensor));
+        }
+        weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
+        let saved = Saved { spec: self.spec().clone(), fps: self.fps };
+        Ok(write_json(&folder.join(SPEC), &saved)?)
+    }
+
+    /// Reads what [`Evaluator::save`] wrote, for use on `device`.
+    ///
+    /// # Errors
+    /// A file is missing or damaged.
+    pub fn load(folder: &Path, device: &Device) -> Result<Self, EvaluatorError> {
+        let path = folder.join(SPEC);
+        let missing = || FileError::read(&path)(io::ErrorKind::NotFound.into());
+        let Saved { spec, fps } = read_if_there(&path)?.ok_or_else(missing)?;
+        let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
+        let mean = vector(&mut tensors, MEAN)?;
+        let seen = Seen::new(&spec, &FeatureStats { mean, std: vector(&mut tensors, STD)? });
+        let mut unused = ChaCha8Rng::seed_from_u64(0);
+        let towers = Towers::init(&spec, seen.n_features(), &mut unused, device);
+        Ok(Self::new(weights::into_module(towers, tensors)?, seen, fps, device))
+    }
+}
+
+/// What is known of an evaluator beside its weights.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    spec: EvaluatorSpec,
+    fps: f64,
+}
+
+const WEIGHTS: &str = "weights.safetensors";
+const SPEC: &str = "evaluator.json";
+const MEAN: &str = "stats.mean";
+const STD: &str = "stats.std";
+
+fn vector(tensors: &mut Weights, name: &str) -> Result<Vec<f32>, WeightsError> {
+    let missing = || WeightsError::Mismatch {
+        name: name.to_string(),
+        expected: vec![crate::motion::N_FEATURES],
+        found: "missing".to_string(),
+    };
+    tensors.remove(name).map(|tensor| tensor.values).ok_or_else(missing)
+}

@@ -1,0 +1,234 @@
+//! Training an evaluator: the same spec and data give the same bits each time, straight or resumed.
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::{Deserialize, Serialize};
+
+use super::codec::Evaluator;
+use super::error::EvaluatorError;
+use super::pool::{Pairs, Pool};
+use super::seen::Seen;
+use super::tower::Frame;
+use super::towers::Towers;
+use crate::data::{MotionSource, Split};
+use crate::learn::adamw::AdamWConfig;
+use crate::learn::weights;
+use crate::learn::{
+    Checkpoints, Course as LearningCourse, LearnError, Learner, LearnerState, Learning, LoadedState,
+};
+use crate::progress::Progress;
+use crate::spec::EvaluatorSpec;
+
+/// Streams of a seed; each step draws from one of its own.
+const WEIGHTS_STREAM: u64 = 0;
+const POOL_STREAM: u64 = 1;
+const VALIDATION_STREAM: u64 = 2;
+const FIRST_STEP_STREAM: u64 = 1 << 33;
+
+/// Clips that it is validated on, at most.
+const VALIDATION_CLIPS: usize = 2048;
+
+/// Global norm that gradients are scaled down to.
+const CLIP_NORM: f64 = 1.0;
+
+/// An evaluator after its training.
+pub struct TrainedEvaluator {
+    pub evaluator: Evaluator,
+    pub course: Course,
+}
+
+/// How training went.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Course {
+    /// The step after which the validation loss was lowest; its weights are kept.
+    pub best_step: usize,
+    pub log: Vec<ValidationLine>,
+    /// Seconds, those of earlier processes included.
+    pub wall_s: f64,
+}
+
+/// An evaluator measured on the validation split.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValidationLine {
+    pub step: usize,
+    /// Mean over the steps since the last line, in nats.
+    pub train_loss_nats: f64,
+    pub val_loss_nats: f64,
+}
+
+/// Trains an evaluator on the training split of `source`, from its checkpoint where there is one.
+///
+/// # Errors
+/// The data hold too few clips or cannot be read, the loss stops being a number, a checkpoint is damaged
+/// or cannot be written, or `progress` asks for an end.
+pub fn train(
+    spec: &EvaluatorSpec,
+    source: &dyn MotionSource,
+    device: &Device,
+    checkpoints: Option<&Checkpoints>,
+    progress: &mut Progress,
+) -> Result<TrainedEvaluator, EvaluatorError> {
+    let seen = Seen::new(spec, source.stats());
+    let pool = |split, most, stream| {
+        Pool::load(source, split, &seen, most, &mut of_stream(spec.seed, stream))
+    };
+    let learner = Contrasting {
+        spec,
+        train: pool(Split::Train, spec.pool_clips, POOL_STREAM)?,
+        val: pool(Split::Val, VALIDATION_CLIPS, VALIDATION_STREAM)?.batches(),
+        towers: fresh(spec, seen.n_features(), &device.clone().autodiff()),
+        frame: Frame::new(spec, &device.clone().autodiff()),
+        plain: Frame::new(spec, device),
+        device: device.clone().autodiff(),
+        best: None,
+        totals: Totals::default(),
+    };
+    let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
+    let wall_s = learning.wall_s();
+    let Contrasting { best, totals, .. } = learning.into_learner();
+    let Best { step, towers, .. } = best.expect("measured after the last step");
+    let evaluator = Evaluator::new(towers, seen.clone(), f64::from(source.fps()), device);
+    Ok(TrainedEvaluator { evaluator, course: Course { best_step: step, log: totals.log, wall_s } })
+}
+
+/// Towers before the first step.
+pub(super) fn fresh(spec: &EvaluatorSpec, n_features: usize, device: &Device) -> Towers {
+    Towers::init(spec, n_features, &mut of_stream(spec.seed, WEIGHTS_STREAM), device)
+}
+
+fn of_stream(seed: u64, stream: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream);
+    rng
+}
+
+fn course(spec: &EvaluatorSpec) -> LearningCourse {
+    let optimiser = AdamWConfig {
+        beta_1: 0.9,
+        beta_2: 0.99,
+        epsilon: 1e-8,
+        weight_decay: spec.weight_decay,
+        clip_norm: Some(CLIP_NORM),
+    };
+    LearningCourse { steps: spec.steps, optimiser }
+}
+
+/// Towers that learn to bring motions and their captions together.
+struct Contrasting<'a> {
+    spec: &'a EvaluatorSpec,
+    train: Pool<'a>,
+    val: Vec<Pairs>,
+    towers: Towers,
+    frame: Frame,
+    /// Without gradients.
+    plain: Frame,
+    device: Device,
+    best: Option<Best>,
+    totals: Totals,
+}
+
+/// The towers with the lowest validation loss.
+struct Best {
+    step: usize,
+    val_loss_nats: f64,
+    towers: Towers,
+}
+
+/// Where training stands, beside its weights.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Totals {
+    loss_sum: f64,
+    loss_count: usize,
+    log: Vec<ValidationLine>,
+}
+
+impl Contrasting<'_> {
+    /// Mean over the validation pairs, in nats.
+    fn val_loss(&self, towers: &Towers) -> f64 {
+        let n: usize = self.val.iter().map(|pairs| pairs.caption_ids.len()).sum();
+        let of = |pairs: &Pairs| {
+            let loss = towers.loss(pairs, &self.plain).into_scalar::<f32>();
+            f64::from(loss) * pairs.caption_ids.len() as f64
+        };
+        self.val.iter().map(of).sum::<f64>() / n as f64
+    }
+
+    fn is_due(&self, step: usize) -> bool {
+        let due = |step: usize| step * self.spec.evaluations / self.spec.steps;
+        due(step) != due(step - 1) || step == self.spec.steps
+    }
+
+    /// The line of the log whose weights are the best.
+    fn best_line(&self) -> Option<&ValidationLine> {
+        self.totals.log.iter().min_by(|a, b| a.val_loss_nats.total_cmp(&b.val_loss_nats))
+    }
+}
+
+impl Learner for Contrasting<'_> {
+    type Weights = Towers;
+
+    fn weights(&self) -> &Towers {
+        &self.towers
+    }
+
+    fn set_weights(&mut self, weights: Towers) {
+        self.towers = weights;
+    }
+
+    fn device(&self) -> &Device {
+        &self.device
+    }
+
+    fn loss(&mut self, step: usize) -> Tensor<1> {
+        let mut rng = of_stream(self.spec.seed, FIRST_STEP_STREAM + step as u64);
+        self.towers.loss(&self.train.drawn(&mut rng), &self.frame)
+    }
+
+    fn learning_rate(&self, step: usize) -> f64 {
+        self.spec.learning_rate(step)
+    }
+
+    fn advice(&self) -> &'static str {
+        "lower evaluator.lr, and look for features that are not finite"
+    }
+
+    /// Where it is due, measures the towers, and keeps them if they are the best so far.
+    fn after(&mut self, step: usize, loss: f64) -> Result<(), LearnError> {
+        self.totals.loss_sum += loss;
+        self.totals.loss_count += 1;
+        if !self.is_due(step) {
+            return Ok(());
+        }
+        let towers = self.towers.valid();
+        let val_loss_nats = self.val_loss(&towers);
+        if !val_loss_nats.is_finite() {
+            let (steps, loss, advice) = (self.spec.steps, val_loss_nats, self.advice());
+            return Err(LearnError::NonFinite { step, steps, loss, advice });
+        }
+        let train_loss_nats = self.totals.loss_sum / self.totals.loss_count as f64;
+        (self.totals.loss_sum, self.totals.loss_count) = (0.0, 0);
+        self.totals.log.push(ValidationLine { step, train_loss_nats, val_loss_nats });
+        if self.best.as_ref().is_none_or(|best| val_loss_nats < best.val_loss_nats) {
+            self.best = Some(Best { step, val_loss_nats, towers });
+        }
+        Ok(())
+    }
+
+    fn keep(&self) -> LearnerState {
+        let note = serde_json::to_value(&self.totals).expect("plain values");
+        let tensors = self.best.as_ref().map(|best| weights::of_module(&best.towers));
+        LearnerState { note, tensors: tensors.unwrap_or_default() }
+    }
+
+    fn resume(&mut self, saved: LoadedState) -> Option<()> {
+        self.totals = serde_json::from_value(saved.note).ok()?;
+        let Some(&ValidationLine { step, val_loss_nats, .. }) = self.best_line() else {
+            return Some(());
+        };
+        let towers = weights::into_module(self.towers.valid(), saved.tensors).ok()?;
+        self.best = Some(Best { step, val_loss_nats, towers });
+        Some(())
+    }
+}

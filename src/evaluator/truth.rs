@@ -1,0 +1,125 @@
+//! [`Truth`]: true clips of the test split, and what an evaluator makes of them.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::codec::Evaluator;
+use super::error::EvaluatorError;
+use crate::data::{MotionSource, Split};
+use crate::learn::params::distinct;
+use crate::progress::moved;
+use crate::scores::{Embeddings, POOL};
+
+/// Test clips that are taken, at most.
+const MOST_CLIPS: usize = 2048;
+
+/// The seed by which they are drawn where there are more, and ordered.
+const SEED: u64 = 0;
+
+/// True clips, each with one of its captions, in a random order that is always the same.
+pub struct Truth {
+    /// `[T, 263]` each, raw.
+    pub features: Vec<Vec<f32>>,
+    /// One caption of each clip.
+    pub captions: Vec<String>,
+    /// All captions of each clip.
+    pub all_captions: Vec<Vec<String>>,
+    /// Embeddings of the clips and of their captions.
+    pub embedded: Embedded,
+}
+
+/// Motions and their captions, embedded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Embedded {
+    pub motions: Embeddings,
+    pub captions: Embeddings,
+}
+
+impl Truth {
+    /// Clips of the test split.
+    ///
+    /// # Errors
+    /// The split holds fewer clips than two pools of 32, or one cannot be read.
+    pub fn load(evaluator: &Evaluator, source: &dyn MotionSource) -> Result<Self, EvaluatorError> {
+        let (split, least) = (Split::Test, evaluator.spec().frames);
+        let mut usable: Vec<usize> = (0..source.n_clips(split)).collect();
+        usable.retain(|&clip| source.n_frames(split, clip) >= least);
+        if usable.len() < 2 * POOL {
+            let (split, found) = (split.name(), usable.len());
+            return Err(EvaluatorError::TooFewClips { split, least: 2 * POOL, found });
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+        let (mut features, mut captions, mut all_captions) = (Vec::new(), Vec::new(), Vec::new());
+        for clip in distinct(usable.len(), MOST_CLIPS, &mut rng).into_iter().map(|i| usable[i]) {
+            moved();
+            features.push(source.features(split, clip)?);
+            let own = source.captions(split, clip);
+            captions.push(own[clip % own.len()].clone());
+            all_captions.push(own);
+        }
+        let embedded = Embedded {
+            motions: evaluator.motions(features.iter().map(Vec::as_slice))?,
+            captions: evaluator.captions(captions.iter().map(String::as_str))?,
+        };
+        Ok(Self { features, captions, all_captions, embedded })
+    }
+
+    /// How many clips there are.
+    pub fn n_clips(&self) -> usize {
+        self.features.len()
+    }
+}
+
+impl Embedded {
+    /// The pairs of these indices, in this order.
+    #[must_use]
+    pub fn select(&self, indices: &[usize]) -> Self {
+        let [motions, captions] = [&self.motions, &self.captions].map(|all| all.select(indices));
+        Self { motions, captions }
+    }
+
+    /// The motions, each with the caption of the pair of an index.
+    #[must_use]
+    pub fn recaptioned(&self, indices: &[usize]) -> Self {
+        Self { motions: self.motions.clone(), captions: self.captions.select(indices) }
+    }
+
+    /// The captions, with other motions.
+    #[must_use]
+    pub fn with_motions(&self, motions: Embeddings) -> Self {
+        Self { motions, captions: self.captions.clone() }
+    }
+}
+
+/// `n` things in a new order each time, so many times.
+pub fn orders(n: usize, times: usize) -> impl Iterator<Item = Vec<usize>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    (0..times).map(move |_| distinct(n, n, &mut rng))
+}
+
+/// Which of `n` things stands in the place of each, where `share` of them, drawn at random, take one
+/// another's.
+pub fn swapped(n: usize, share: f64, rng: &mut ChaCha8Rng) -> Vec<usize> {
+    let drawn = distinct(n, (share * n as f64).round() as usize, rng);
+    let mut of: Vec<usize> = (0..n).collect();
+    for (to, from) in drawn.iter().zip(drawn.iter().cycle().skip(1)) {
+        of[*to] = *from;
+    }
+    of
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_are_swapped_as_asked_for_and_none_is_lost() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for (share, moved) in [(0.0, 0), (0.3, 30), (1.0, 100)] {
+            let mut of = swapped(100, share, &mut rng);
+            assert_eq!(of.iter().enumerate().filter(|(to, from)| to != *from).count(), moved);
+            of.sort_unstable();
+            assert_eq!(of, Vec::from_iter(0..100));
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! FID and R@1 of runs against their L_u and their compute: does the loss carry over to quality?
+
+use std::collections::BTreeMap;
+
+use super::axis::{Axis, Scale};
+use super::colour::MUTED;
+use super::legend::{Legend, Sample};
+use super::page::{Page, Plot};
+use super::panel::Panel;
+use super::scene::{Dash, Point, Scene, Stroke};
+use super::series::{Look, category_looks};
+use crate::record::Quality;
+use crate::scores::rank_correlation;
+
+/// An axis: its label, its scale, and what stands on it.
+struct Quantity {
+    label: &'static str,
+    scale: Scale,
+    of: fn(&Quality) -> Option<f64>,
+    /// The same of true motions.
+    of_truth: Option<fn(&Quality) -> Option<f64>>,
+}
+
+const LOSS: Quantity = Quantity {
+    label: "Normalised loss Lᵤ (nats)",
+    scale: Scale::Linear,
+    of: |row| row.run.loss_normalised().ok(),
+    of_truth: None,
+};
+
+const COMPUTE: Quantity = Quantity {
+    label: "Training compute C (FLOPs)",
+    scale: Scale::Log,
+    of: |row| Some(row.run.planned.budget_flops),
+    of_truth: None,
+};
+
+const FID: Quantity =
+    Quantity { label: "FID", scale: Scale::Log, of: |row| row.mean("fid"), of_truth: None };
+
+const PRECISION: Quantity = Quantity {
+    label: "R@1 in pools of 32",
+    scale: Scale::Linear,
+    of: |row| row.mean("r_precision_1"),
+    of_truth: Some(|row| row.mean("truth_r_precision_1")),
+};
+
+/// What each panel shows, along and up.
+const PANELS: [[Quantity; 2]; 4] =
+    [[LOSS, FID], [COMPUTE, FID], [LOSS, PRECISION], [COMPUTE, PRECISION]];
+
+/// The page, or the reason why there is none.
+pub fn draw(sweep: &str, rows: &[Quality]) -> Result<Scene, String> {
+    if rows.len() < 2 {
+        return Err(format!("it needs two scored runs, there are {}", rows.len()));
+    }
+    let series = series(rows);
+    let looks = category_looks(series.len());
+    let plots = PANELS.iter().map(|panel| plot(panel, rows)).collect::<Result<Vec<_>, _>>()?;
+    let (mut scene, panels) = page(sweep, rows, &series, &looks).panels(plots);
+    for ([along, up], panel) in PANELS.iter().zip(&panels) {
+        panel.backdrop(&mut scene);
+        truth_line(&mut scene, panel, up, rows);
+        for (own, look) in series.values().zip(&looks) {
+            for at in own.iter().filter_map(|row| point(along, up, row)) {
+                panel.mark(&mut scene, at, look.mark());
+            }
+        }
+    }
+    Ok(scene)
+}
+
+/// Runs by generator and vocabulary.
+fn series(rows: &[Quality]) -> BTreeMap<(&str, usize), Vec<&Quality>> {
+    let mut series: BTreeMap<_, Vec<&Quality>> = BTreeMap::new();
+    for row in rows {
+        series.entry((row.generator(), row.run.planned.n_vocab)).or_default().push(row);
+    }
+    series
+}
+
+fn point(along: &Quantity, up: &Quantity, row: &Quality) -> Option<Point> {
+    Some(((along.of)(row)?, (up.of)(row)?))
+}
+
+fn plot([along, up]: &[Quantity; 2], rows: &[Quality]) -> Result<Plot, String> {
+    let values = |quantity: &Quantity| rows.iter().filter_map(quantity.of).collect::<Vec<f64>>();
+    let truth = up.of_truth.map(|of| rows.iter().filter_map(of).collect::<Vec<f64>>());
+    let x = Axis::new(along.label, along.scale, values(along))?;
+    let y = Axis::new(up.label, up.scale, values(up).into_iter().chain(truth.unwrap_or_default()))?;
+    let pairs: Vec<Point> = rows.iter().filter_map(|row| point(along, up, row)).collect();
+    let is_one = rows.iter().all(|row| row.generator() == rows[0].generator());
+    let title = rank_correlation(&pairs).ok().filter(|_| is_one).map(|rank| {
+        let [low, high] = rank.interval;
+        format!("rank correlation {:.2} (95 %: {low:.2} to {high:.2})", rank.value)
+    });
+    Ok(Plot { title: title.into_iter().collect(), x, y })
+}
+
+/// What true motions score.
+fn truth_line(scene: &mut Scene, panel: &Panel, up: &Quantity, rows: &[Quality]) {
+    let Some(truth) = up.of_truth.and_then(|of| rows.iter().find_map(of)) else { return };
+    panel.curve(scene, (panel.x.value(0.0), panel.x.value(1.0)), |_| truth, truth_stroke());
+}
+
+fn truth_stroke() -> Stroke {
+    Stroke::solid(MUTED, 1.3).dash(Dash::Dashed)
+}
+
+fn page(
+    sweep: &str,
+    rows: &[Quality],
+    series: &BTreeMap<(&str, usize), Vec<&Quality>>,
+    looks: &[Look],
+) -> Page {
+    let mut legend = Legend::default();
+    legend.heading("Generator, V");
+    for ((generator, n_vocab), look) in series.keys().zip(looks) {
+        legend.entry(Sample::Mark(look.mark()), format!("{generator} {n_vocab}"));
+    }
+    legend.heading("Bound");
+    legend.entry(Sample::Line(truth_stroke()), "true motions");
+    let remarks = format!(
+        "{} runs, scored by evaluator {}; comparable only with scores of the same evaluator.",
+        rows.len(),
+        rows[0].evaluator_id
+    );
+    let title = format!("{sweep}: quality of motions against loss and compute");
+    Page { width: 1000.0, height: 760.0, title, remarks, legend }
+}

@@ -1,0 +1,96 @@
+//! [`Made`]: motions of captions, made by a run a batch at a time, of which only scores are kept.
+
+use anyhow::Result;
+
+use super::run_scores::ScoredPhysics;
+use crate::evaluator::Evaluator;
+use crate::generator::{Draw, Prompt, Sampling};
+use crate::jobs::trained::TrainedRun;
+use crate::motion::recover_joints;
+use crate::progress::moved;
+use crate::scores::{Embeddings, physics};
+use crate::spec::ScoresSpec;
+
+/// Motions that are made side by side.
+const BATCH: usize = 64;
+
+/// A motion that is to be made.
+pub struct Wanted<'a> {
+    /// The vectors of its caption.
+    pub text: &'a [f32],
+    /// For generators that ask for a length.
+    pub n_frames: usize,
+    /// Its stream of random numbers.
+    pub index: u64,
+}
+
+impl<'a> Wanted<'a> {
+    fn prompt(&self, wants_length: bool, seed: u64) -> Prompt<'a> {
+        let n_frames = wants_length.then_some(self.n_frames);
+        Prompt { text: self.text, n_frames, seed, index: self.index, edit: None }
+    }
+}
+
+/// Motions that were made.
+pub struct Made {
+    pub motions: Embeddings,
+    pub physics: ScoredPhysics,
+}
+
+/// Makes motions and embeds them.
+///
+/// # Errors
+/// The run cannot make one, or the evaluator cannot embed it.
+pub fn make(
+    run: &TrainedRun,
+    evaluator: &Evaluator,
+    spec: &ScoresSpec,
+    wanted: &[Wanted],
+    seed: u64,
+) -> Result<Made> {
+    let (mut values, mut bodies) = (Vec::new(), Vec::new());
+    for batch in wanted.chunks(BATCH) {
+        let motions = decoded(run, spec, batch, seed)?;
+        let embedded = evaluator.motions(motions.iter().map(Vec::as_slice))?;
+        values.extend(embedded.rows().flatten());
+        let body = |motion: &Vec<f32>| physics(&recover_joints(motion), run.spec.fps).ok();
+        bodies.extend(motions.iter().filter_map(body));
+        moved();
+    }
+    let motions = Embeddings::new(values, evaluator.spec().dim)?;
+    Ok(Made { motions, physics: ScoredPhysics::mean(&bodies) })
+}
+
+/// Features of motions that are made side by side.
+///
+/// # Errors
+/// The run cannot make one.
+pub fn decoded(
+    run: &TrainedRun,
+    spec: &ScoresSpec,
+    batch: &[Wanted],
+    seed: u64,
+) -> Result<Vec<Vec<f32>>> {
+    let wants_length = run.wants_length();
+    let prompts: Vec<Prompt> =
+        batch.iter().map(|wanted| wanted.prompt(wants_length, seed)).collect();
+    let sampled = run.sample(&prompts, &sampling(run, spec))?;
+    let made = batch.iter().zip(sampled).map(|(wanted, sampled)| {
+        let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
+        let guidance = spec.detokenizer_guidance;
+        Ok(run.tokenizer.decode(codes, n_frames, Some(wanted.text), guidance)?)
+    });
+    made.collect()
+}
+
+/// How a run's motions are drawn.
+fn sampling(run: &TrainedRun, spec: &ScoresSpec) -> Sampling {
+    let ScoresSpec { temperature, top_k, top_p, rounds, .. } = *spec;
+    let draw = Draw { temperature, top_k, top_p };
+    Sampling { draw, guidance: guidance(run, spec), rounds }
+}
+
+/// The guidance that a run's generator is given: those that know none are given none.
+pub fn guidance(run: &TrainedRun, spec: &ScoresSpec) -> f64 {
+    if run.takes_guidance() { spec.guidance } else { 0.0 }
+}

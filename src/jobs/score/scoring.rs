@@ -1,0 +1,159 @@
+//! [`Scoring`]: a run's motions beside the truth, a repeat at a time.
+
+use anyhow::Result;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+use super::made::{Made, Wanted, decoded, guidance, make};
+use super::run_scores::{RunScores, ScoredPhysics};
+use crate::evaluator::{Embedded, Evaluator, MotionScores, OneScore, Truth, halves_fid, swapped};
+use crate::jobs::trained::TrainedRun;
+use crate::motion::{N_FEATURES, recover_joints};
+use crate::progress::moved;
+use crate::scores::{Embeddings, Repeated, multimodality, physics};
+use crate::spec::ScoresSpec;
+
+/// Pools and pairs take their ChaCha streams from here on, one a repeat, far above those of motions.
+const POOLS_STREAM: u64 = 1 << 41;
+
+/// The seed of the motions of MultiModality is as far behind those of repeats.
+const MULTIMODAL_SEED: u64 = 1 << 32;
+
+/// What a run is scored by.
+pub struct Scoring<'a> {
+    pub run: &'a TrainedRun,
+    pub evaluator: &'a Evaluator,
+    pub truth: &'a Truth,
+    pub spec: &'a ScoresSpec,
+}
+
+impl Scoring<'_> {
+    /// Makes a motion of each true clip's caption and scores them; another index makes others.
+    ///
+    /// # Errors
+    /// A motion can be neither made nor embedded.
+    pub fn repeat(&self, index: usize) -> Result<OneScore> {
+        self.score(&self.made(index)?.motions, index)
+    }
+
+    /// What repeats make together, and what is scored but once.
+    ///
+    /// # Errors
+    /// As [`Scoring::repeat`].
+    pub fn finish(&self, repeats: &[OneScore], evaluator_id: &str) -> Result<RunScores> {
+        let first = self.made(0)?;
+        let truth = &self.truth.embedded;
+        let several = |motions: &Embeddings| self.several(&truth.with_motions(motions.clone()));
+        let mut rng = self.pools(0);
+        let others = swapped(self.truth.n_clips(), 1.0, &mut rng);
+        let shuffled = truth.with_motions(first.motions).recaptioned(&others);
+        Ok(RunScores {
+            run_id: self.run.run_id.clone(),
+            evaluator_id: evaluator_id.to_string(),
+            spec: self.spec.clone(),
+            guidance: guidance(self.run, self.spec),
+            n_clips: self.truth.n_clips(),
+            made: MotionScores::of(repeats)?,
+            shuffled: self.several(&shuffled)?,
+            truth: several(&truth.motions)?,
+            halves_fid: halves_fid(&truth.motions)?,
+            reconstructed: several(&self.reconstructed()?)?,
+            multimodality: self.multimodality()?,
+            made_physics: first.physics,
+            truth_physics: self.truth_physics(),
+        })
+    }
+
+    fn score(&self, motions: &Embeddings, index: usize) -> Result<OneScore> {
+        let made = self.truth.embedded.with_motions(motions.clone());
+        Ok(OneScore::of(&self.truth.embedded.motions, &made, &mut self.pools(index))?)
+    }
+
+    /// The same motions over draws of pools and pairs.
+    fn several(&self, made: &Embedded) -> Result<MotionScores> {
+        let truth = &self.truth.embedded.motions;
+        let one = |index: usize| OneScore::of(truth, made, &mut self.pools(index));
+        let scores = (0..self.spec.repeats).map(one).collect::<Result<Vec<_>, _>>()?;
+        Ok(MotionScores::of(&scores)?)
+    }
+
+    fn pools(&self, index: usize) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.spec.seed);
+        rng.set_stream(POOLS_STREAM + index as u64);
+        rng
+    }
+
+    /// A motion of each true clip's caption.
+    fn made(&self, index: usize) -> Result<Made> {
+        let texts = self.texts(self.truth.n_clips())?;
+        make(self.run, self.evaluator, self.spec, &self.wanted(&texts), self.seed(index))
+    }
+
+    /// Features of the first motions of the first repeat.
+    ///
+    /// # Errors
+    /// A motion cannot be made.
+    pub fn first_motions(&self, n: usize) -> Result<Vec<Vec<f32>>> {
+        let texts = self.texts(n)?;
+        decoded(self.run, self.spec, &self.wanted(&texts), self.seed(0))
+    }
+
+    /// A motion of each of the first captions.
+    fn wanted<'a>(&self, texts: &'a [Vec<f32>]) -> Vec<Wanted<'a>> {
+        let wanted = |(clip, text): (usize, &'a Vec<f32>)| Wanted {
+            text,
+            n_frames: self.truth.features[clip].len() / N_FEATURES,
+            index: clip as u64,
+        };
+        texts.iter().enumerate().map(wanted).collect()
+    }
+
+    /// The vectors of the captions of the first clips.
+    fn texts(&self, n: usize) -> Result<Vec<Vec<f32>>> {
+        self.truth.captions[..n].iter().map(|caption| self.run.embed(caption)).collect()
+    }
+
+    fn seed(&self, index: usize) -> u64 {
+        self.spec.seed.wrapping_add(index as u64)
+    }
+
+    /// Several motions of each of the first captions, which are in a random order.
+    fn multimodality(&self) -> Result<Option<Repeated>> {
+        let n_captions = self.spec.multimodal_captions.min(self.truth.n_clips());
+        let (n_motions, texts) = (self.spec.multimodal_motions, self.texts(n_captions)?);
+        if n_captions == 0 {
+            return Ok(None);
+        }
+        let wanted = |index: usize| Wanted {
+            text: &texts[index / n_motions],
+            n_frames: self.truth.features[index / n_motions].len() / N_FEATURES,
+            index: index as u64,
+        };
+        let wanted: Vec<Wanted> = (0..n_captions * n_motions).map(wanted).collect();
+        let seed = self.spec.seed.wrapping_add(MULTIMODAL_SEED);
+        let made = make(self.run, self.evaluator, self.spec, &wanted, seed)?;
+        let one = |index: usize| multimodality(&made.motions, n_motions, &mut self.pools(index));
+        let drawn = (0..self.spec.repeats).map(one).collect::<Result<Vec<f64>, _>>()?;
+        Ok(Some(Repeated::of(&drawn)?))
+    }
+
+    /// What the run's tokenizer makes of the true motions.
+    fn reconstructed(&self) -> Result<Embeddings> {
+        let (tokenizer, texts) = (&self.run.tokenizer, self.texts(self.truth.n_clips())?);
+        let through = |(features, text): (&Vec<f32>, &Vec<f32>)| {
+            moved();
+            let codes = tokenizer.encode(features, Some(text))?;
+            let n_frames = features.len() / N_FEATURES;
+            tokenizer.decode(&codes, n_frames, Some(text), 0.0)
+        };
+        let motions = self.truth.features.iter().zip(&texts).map(through);
+        let motions = motions.collect::<Result<Vec<_>, _>>()?;
+        Ok(self.evaluator.motions(motions.iter().map(Vec::as_slice))?)
+    }
+
+    fn truth_physics(&self) -> ScoredPhysics {
+        let fps = self.run.spec.fps;
+        let body = |features: &Vec<f32>| physics(&recover_joints(features), fps).ok();
+        ScoredPhysics::mean(&self.truth.features.iter().filter_map(body).collect::<Vec<_>>())
+    }
+}

@@ -1,0 +1,23 @@
+//! The BERT family: MiniLM, BERT, and what else has its layers.
+
+use candle_core::Tensor;
+use candle_transformers::models::bert::{BertModel, Config};
+
+use super::folder::ModelFolder;
+use super::network::Network;
+use crate::text::error::TextError;
+
+struct Bert(BertModel);
+
+/// The network and the width of its states.
+pub fn load(folder: &ModelFolder) -> Result<(Box<dyn Network>, usize), TextError> {
+    let config: Config = folder.config()?;
+    let model = folder.network(folder.weights()?, |weights| BertModel::load(weights, &config))?;
+    Ok((Box::new(Bert(model)), config.hidden_size))
+}
+
+impl Network for Bert {
+    fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor> {
+        self.0.forward(ids, &ids.zeros_like()?, None)
+    }
+}

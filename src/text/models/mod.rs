@@ -1,0 +1,141 @@
+//! Text encoders from local weights: T5, CLIP's text tower, the BERT family, LLaMA, computed by candle.
+//!
+//! A model's folder holds `config.json`, `tokenizer.json` and `model.safetensors` as they come from the
+//! hub. States are those of the last layer, after its norm, in single precision. Captions of one number
+//! of tokens go through the model together, so that none is padded.
+
+mod bert;
+mod clip;
+mod folder;
+mod llama;
+mod network;
+mod t5;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use candle_core::{DType, Device, Tensor};
+use tokenizers::Tokenizer;
+
+use super::encoder::TextEncoder;
+use super::error::TextError;
+use crate::spec::{TextSpec, TextStates};
+use folder::{ModelFolder, first_line};
+use network::Network;
+
+/// Captions that go through a model together.
+const BATCH: usize = 32;
+
+/// Which kind of model a folder holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModelKind {
+    T5,
+    Clip,
+    Bert,
+    Llama,
+}
+
+/// A text encoder of a folder.
+pub struct LocalModel {
+    folder: PathBuf,
+    network: Box<dyn Network>,
+    tokenizer: Tokenizer,
+    dim: usize,
+    max_tokens: usize,
+    states: TextStates,
+    digest: String,
+}
+
+impl LocalModel {
+    /// Opens a model; captions are cut to `max_tokens` tokens, those included that the tokenizer adds.
+    ///
+    /// # Errors
+    /// A file is missing, is not of such a model, or its states have another width than `spec.dim`.
+    pub fn open(path: &Path, kind: ModelKind, spec: &TextSpec) -> Result<Self, TextError> {
+        let folder = ModelFolder::open(path)?;
+        let (network, found): (Box<dyn Network>, usize) = match kind {
+            ModelKind::T5 => t5::load(&folder)?,
+            ModelKind::Clip => clip::load(&folder, spec.states)?,
+            ModelKind::Bert => bert::load(&folder)?,
+            ModelKind::Llama => llama::load(&folder)?,
+        };
+        if found != spec.dim {
+            return Err(TextError::Width { found, wanted: spec.dim, file: path.to_path_buf() });
+        }
+        Ok(Self {
+            network,
+            tokenizer: folder.tokenizer(spec.max_tokens)?,
+            dim: found,
+            max_tokens: spec.max_tokens,
+            states: spec.states,
+            digest: folder.digest(),
+            folder: path.to_path_buf(),
+        })
+    }
+
+    fn failed(&self, error: impl std::fmt::Display) -> TextError {
+        TextError::Model { folder: self.folder.clone(), reason: error.to_string() }
+    }
+
+    /// The ids of a caption's tokens, at least one.
+    fn ids(&self, caption: &str) -> Result<Vec<u32>, TextError> {
+        let encoding = self.tokenizer.encode(caption, true).map_err(|error| self.failed(error))?;
+        let ids = encoding.get_ids();
+        if ids.is_empty() {
+            return Err(self.failed(format!("its tokenizer makes no token of `{caption}`")));
+        }
+        Ok(ids[..ids.len().min(self.max_tokens)].to_vec())
+    }
+
+    /// Vectors of captions of one number of tokens.
+    fn together(&self, ids: &[Vec<u32>]) -> candle_core::Result<Vec<Vec<f32>>> {
+        let shape = (ids.len(), ids[0].len());
+        let ids = Tensor::from_vec(ids.concat(), shape, &Device::Cpu)?;
+        let states = self.network.states(&ids)?.to_dtype(DType::F32)?;
+        let vectors = match self.states {
+            TextStates::Words => states,
+            TextStates::Sentence => self.network.sentence(&ids, &states)?.unsqueeze(1)?,
+        };
+        vectors.flatten_from(1)?.to_vec2()
+    }
+
+    fn all(&self, captions: &[String]) -> Result<Vec<Vec<f32>>, TextError> {
+        let mut by_length: BTreeMap<usize, Vec<(usize, Vec<u32>)>> = BTreeMap::new();
+        for (place, caption) in captions.iter().enumerate() {
+            let ids = self.ids(caption)?;
+            by_length.entry(ids.len()).or_default().push((place, ids));
+        }
+        let mut all = vec![Vec::new(); captions.len()];
+        for batch in by_length.values().flat_map(|alike| alike.chunks(BATCH)) {
+            let ids: Vec<Vec<u32>> = batch.iter().map(|(_, ids)| ids.clone()).collect();
+            let vectors = self.together(&ids).map_err(|error| self.failed(first_line(&error)))?;
+            for ((place, _), vector) in batch.iter().zip(vectors) {
+                all[*place] = vector;
+            }
+            crate::progress::moved();
+        }
+        Ok(all)
+    }
+}
+
+impl TextEncoder for LocalModel {
+    fn dim(&self) -> usize {
+        self.dim
+    }
+
+    fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError> {
+        Ok(self.all(&[caption.to_string()])?.swap_remove(0))
+    }
+
+    fn encode_all(&self, captions: &[String]) -> Vec<Result<Vec<f32>, TextError>> {
+        match self.all(captions) {
+            Ok(vectors) => vectors.into_iter().map(Ok).collect(),
+            // One of them is to blame; each by itself says which.
+            Err(_) => captions.iter().map(|caption| self.encode(caption)).collect(),
+        }
+    }
+
+    fn digest(&self) -> Option<String> {
+        Some(self.digest.clone())
+    }
+}

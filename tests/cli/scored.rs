@@ -1,0 +1,163 @@
+//! `isoflop evaluator`, `isoflop evaluate`, and sweeps whose runs are scored.
+
+use std::fs;
+
+use serde_json::Value;
+
+use super::support::{Place, records};
+
+/// Scores of a sweep's folder, by run.
+fn scores(place: &Place) -> Vec<Value> {
+    let folders = fs::read_dir(place.path("results/scored/scores")).expect("scores");
+    let read = |folder: fs::DirEntry| fs::read(folder.path().join("scores.json")).expect("whole");
+    folders.flatten().map(|folder| serde_json::from_slice(&read(folder)).expect("JSON")).collect()
+}
+
+#[test]
+fn one_file_leads_from_a_sweep_to_scores() {
+    let place = Place::with("scored.yaml");
+    let planned = place.isoflop(&["plan", "scored.yaml"]).exits(0);
+    assert!(planned.stdout().contains("an evaluator, 4 runs scored"), "{}", planned.stdout());
+    let ended = place.isoflop(&["run", "scored.yaml"]).exits(0);
+    let text = ended.stdout();
+    assert!(text.contains("scored runs") && text.contains("true motions: R@1"), "{text}");
+    let last: Vec<&str> = text.lines().skip_while(|line| !line.contains("scored runs")).collect();
+    assert!(last.iter().all(|line| line.chars().count() <= 80), "{text}");
+    let csv = String::from_utf8(place.read("results/scored/scores.csv")).expect("text");
+    assert_eq!(csv.lines().count(), 5, "{csv}");
+    for file in ["scores.parquet", "figures/quality.svg", "figures/quality.png", "laws.json"] {
+        assert!(place.path("results/scored").join(file).is_file(), "{file}");
+    }
+    let all = scores(&place);
+    assert_eq!(all.len(), 4);
+    for one in &all {
+        let mean = |path: &str| one.pointer(path).and_then(Value::as_f64).expect("a number");
+        assert!(mean("/truth/fid/mean") < 1e-6, "{one:#}");
+        assert!(mean("/made/fid/mean") > mean("/halves_fid/mean"), "{one:#}");
+        assert!(mean("/truth/precision/0/mean") > mean("/shuffled/precision/0/mean") + 0.2);
+        let run = one["run_id"].as_str().expect("an id");
+        let samples = place.names(&format!("results/scored/samples/{run}/scored"));
+        assert_eq!(samples, ["0.features.npy", "1.features.npy", "motions.json"]);
+    }
+    // The same command again makes nothing, and says the same.
+    let before: Vec<_> = records::bytes(&place.path("results/scored")).into_iter().collect();
+    let again = place.isoflop(&["run", "scored.yaml"]).exits(0);
+    assert_eq!(again.stdout(), text);
+    assert_eq!(
+        records::bytes(&place.path("results/scored")).into_iter().collect::<Vec<_>>(),
+        before
+    );
+    // By hand, the same motions score the same.
+    let run = format!("results/scored/runs/{}", all[0]["run_id"].as_str().expect("an id"));
+    let by_hand = ["evaluate", "--run", &run, "--repeats", "2", "--no-multimodality", "--json"];
+    let document = place.isoflop(&by_hand).exits(0).json();
+    assert_eq!(document["made"], all[0]["made"]);
+    assert_eq!(document["multimodality"], Value::Null);
+}
+
+/// A sweep with an evaluator that was trained alone.
+fn with_evaluator() -> Place {
+    let place = Place::with("scored.yaml");
+    let ended = place.isoflop(&["evaluator", "train", "scored.yaml"]).exits(0);
+    let text = ended.stdout();
+    assert!(text.contains("every gate is passed"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    assert!(!place.path("results/scored/runs.parquet").exists());
+    place
+}
+
+#[test]
+fn an_evaluator_is_trained_alone_and_scores_motions_of_files() {
+    let place = with_evaluator();
+    let gates = place.isoflop(&["evaluator", "gates", "results/scored", "--json"]).exits(0).json();
+    assert_eq!(gates["evaluators"][0]["passes"], true);
+    let evaluate = |files: &[&str]| {
+        let words = [&["evaluate"], files, &["--evaluator", "results/scored"]].concat();
+        place.isoflop(&words)
+    };
+    fs::create_dir(place.path("motions")).expect("a folder");
+    place.write("motions/walk.txt", "a person walks\n");
+    place.write("motions/walk.npy", npy(&[40, 263], 0.1));
+    let one = evaluate(&["motions"]).exits(0);
+    let text = one.stdout();
+    for words in [
+        "1 motion, 1 with a caption, beside 192 true ones",
+        "FID needs 2 motions in each set or more, there are 1",
+        "R-precision needs 32 pairs of text and motion or more, there are 1",
+        "diversity needs 2 motions or more, there are 1",
+    ] {
+        assert!(text.contains(words), "{text}");
+    }
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    for (name, file, words) in [
+        ("thin.npy", npy(&[40, 251], 0.0), "where [frames, 263] is needed"),
+        ("holes.npy", npy(&[40, 263], f32::NAN), "not finite, the first at [0, 0]"),
+        ("short.npy", npy(&[3, 263], 0.0), "3 frames is too short: the evaluator sees 4 as one"),
+        ("odd.bvh", b"HIERARCHY".to_vec(), "the line MOTION"),
+    ] {
+        place.write(name, file);
+        let ended = evaluate(&["motions/walk.npy", name]).exits(2);
+        assert!(ended.stderr().contains(words), "{}", ended.stderr());
+    }
+    fs::create_dir(place.path("empty")).expect("a folder");
+    evaluate(&["empty"]).exits(2).says("empty holds no .npy and no .bvh");
+    place.write("two.txt", "a\nb\n");
+    let texts = ["motions/walk.npy", "--texts", "two.txt"];
+    evaluate(&texts).exits(2).says("two.txt has 2 captions for 1 motions");
+    place.isoflop(&["evaluate", "motions"]).exits(2).says("--evaluator");
+    place
+        .isoflop(&["evaluate", "motions", "--evaluator", "motions"])
+        .exits(2)
+        .says("no trained evaluator");
+}
+
+/// An array of one value.
+fn npy(shape: &[usize], value: f32) -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.npy");
+    let values = vec![value; shape.iter().product()];
+    isoflop::data::write_npy(&path, shape, &values).expect("a writable folder");
+    fs::read(path).expect("written")
+}
+
+#[test]
+fn an_evaluator_that_fails_a_gate_scores_nothing() {
+    let place = Place::with("scored.yaml");
+    let words = ["run", "scored.yaml", "--set", "evaluator.steps=1", "--set", "grid.budgets=[1e9]"];
+    let ended = place.isoflop(&words).exits(1);
+    let told = ended.stderr();
+    assert!(told.contains("scores nothing: it fails R@1 of true motions"), "{told}");
+    assert!(place.path("results/scored/runs.parquet").is_file(), "the runs are there all the same");
+    assert!(!place.path("results/scored/scores.parquet").exists());
+    let gates = place.isoflop(&["evaluator", "gates", "results/scored"]).exits(0);
+    assert!(gates.stdout().contains("FAILS R@1 of true motions"), "{}", gates.stdout());
+    assert!(gates.stdout().contains("it scores nothing"), "{}", gates.stdout());
+}
+
+#[test]
+fn what_cannot_be_scored_is_refused_before_anything_is_trained() {
+    let place = Place::with("mini.yaml");
+    place.isoflop(&["evaluator", "train", "mini.yaml"]).exits(2).says("names no evaluator");
+    for (setting, words) in [
+        ("scores={}", "no evaluator to score by"),
+        ("evaluator={heads: 3}", "RoPE turns pairs"),
+        ("evaluator={width: 0}", "width / heads"),
+        ("evaluator={sight: 3}", "unknown name `sight`"),
+    ] {
+        place.isoflop(&["plan", "mini.yaml", "--set", setting]).exits(2).says(words);
+    }
+    let both = ["--set", "evaluator={}", "--set"];
+    for (setting, words) in [
+        ("scores={only: [\"width > 3\"]}", "unknown name `width`; valid: n_layer"),
+        ("scores={top_p: 2}", "lies in (0, 1]"),
+        ("scores={multimodal_motions: 1}", "at least 2"),
+    ] {
+        let words_of = [&["plan", "mini.yaml"], &both[..], &[setting]].concat();
+        place.isoflop(&words_of).exits(2).says(words);
+    }
+    let some =
+        [&["plan", "mini.yaml"], &both[..], &["scores={only: [\"d_model == 16\"]}"]].concat();
+    let planned = place.isoflop(&some).exits(0).stdout();
+    assert!(planned.contains("an evaluator, 4 runs scored"), "{planned}");
+    place.isoflop(&["evaluator", "gates", "nowhere"]).exits(2).says("nowhere does not exist");
+}
