@@ -18,7 +18,7 @@ use super::towers::Towers;
 use crate::data::FeatureStats;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
-use crate::learn::weights::{self, HostTensor, Source, Weights, WeightsError};
+use crate::learn::weights;
 use crate::scores::Embeddings;
 use crate::spec::EvaluatorSpec;
 
@@ -110,10 +110,7 @@ impl Evaluator {
     /// The folder cannot be written to.
     pub fn save(&self, folder: &Path) -> Result<(), EvaluatorError> {
         let mut tensors = weights::of_module(&self.towers);
-        for (name, values) in [(MEAN, &self.stats().mean), (STD, &self.stats().std)] {
-            let tensor = HostTensor { shape: vec![values.len()], values: values.clone() };
-            tensors.insert(name.to_string(), Source::Host(tensor));
-        }
+        weights::insert_stats(&mut tensors, self.stats());
         weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
         let saved = Saved { spec: self.spec().clone(), fps: self.fps };
         Ok(write_json(&folder.join(SPEC), &saved)?)
@@ -128,8 +125,7 @@ impl Evaluator {
         let missing = || FileError::read(&path)(io::ErrorKind::NotFound.into());
         let Saved { spec, fps } = read_if_there(&path)?.ok_or_else(missing)?;
         let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
-        let mean = vector(&mut tensors, MEAN)?;
-        let seen = Seen::new(&spec, &FeatureStats { mean, std: vector(&mut tensors, STD)? });
+        let seen = Seen::new(&spec, &weights::take_stats(&mut tensors)?);
         let mut unused = ChaCha8Rng::seed_from_u64(0);
         let towers = Towers::init(&spec, seen.n_features(), &mut unused, device);
         Ok(Self::new(weights::into_module(towers, tensors)?, seen, fps, device))
@@ -145,14 +141,3 @@ struct Saved {
 
 const WEIGHTS: &str = "weights.safetensors";
 const SPEC: &str = "evaluator.json";
-const MEAN: &str = "stats.mean";
-const STD: &str = "stats.std";
-
-fn vector(tensors: &mut Weights, name: &str) -> Result<Vec<f32>, WeightsError> {
-    let missing = || WeightsError::Mismatch {
-        name: name.to_string(),
-        expected: vec![crate::motion::N_FEATURES],
-        found: "missing".to_string(),
-    };
-    tensors.remove(name).map(|tensor| tensor.values).ok_or_else(missing)
-}

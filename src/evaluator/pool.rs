@@ -46,13 +46,7 @@ impl<'a> Pool<'a> {
         most: usize,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, EvaluatorError> {
-        let least = seen.spec().frames;
-        let mut usable: Vec<usize> = (0..source.n_clips(split)).collect();
-        usable.retain(|&clip| source.n_frames(split, clip) >= least);
-        if usable.len() < 2 {
-            let (split, found) = (split.name(), usable.len());
-            return Err(EvaluatorError::TooFewClips { split, least: 2, found });
-        }
+        let usable = usable(source, split, seen.spec(), 2)?;
         let chosen = distinct(usable.len(), most, rng).into_iter().map(|i| usable[i]);
         let chosen: Vec<usize> = chosen.collect();
         let load = |&clip: &usize| {
@@ -109,6 +103,26 @@ impl<'a> Pool<'a> {
         let taken = self.seen.window_rows().min(rows);
         let start = below(rng, rows - taken + 1);
         &own[start * channels..(start + taken) * channels]
+    }
+}
+
+/// The clips of a split that hold a row.
+///
+/// # Errors
+/// There are fewer than `least`.
+pub fn usable(
+    source: &dyn MotionSource,
+    split: Split,
+    spec: &EvaluatorSpec,
+    least: usize,
+) -> Result<Vec<usize>, EvaluatorError> {
+    let mut usable: Vec<usize> = (0..source.n_clips(split)).collect();
+    usable.retain(|&clip| source.n_frames(split, clip) >= spec.frames);
+    let (split, found) = (split.name(), usable.len());
+    if found >= least {
+        Ok(usable)
+    } else {
+        Err(EvaluatorError::TooFewClips { split, least, found })
     }
 }
 

@@ -5,6 +5,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::codec::Evaluator;
 use super::error::EvaluatorError;
+use super::pool::usable;
 use crate::data::{MotionSource, Split};
 use crate::learn::params::distinct;
 use crate::progress::moved;
@@ -41,13 +42,8 @@ impl Truth {
     /// # Errors
     /// The split holds fewer clips than two pools of 32, or one cannot be read.
     pub fn load(evaluator: &Evaluator, source: &dyn MotionSource) -> Result<Self, EvaluatorError> {
-        let (split, least) = (Split::Test, evaluator.spec().frames);
-        let mut usable: Vec<usize> = (0..source.n_clips(split)).collect();
-        usable.retain(|&clip| source.n_frames(split, clip) >= least);
-        if usable.len() < 2 * POOL {
-            let (split, found) = (split.name(), usable.len());
-            return Err(EvaluatorError::TooFewClips { split, least: 2 * POOL, found });
-        }
+        let split = Split::Test;
+        let usable = usable(source, split, evaluator.spec(), 2 * POOL)?;
         let mut rng = ChaCha8Rng::seed_from_u64(SEED);
         let (mut features, mut captions, mut all_captions) = (Vec::new(), Vec::new(), Vec::new());
         for clip in distinct(usable.len(), MOST_CLIPS, &mut rng).into_iter().map(|i| usable[i]) {

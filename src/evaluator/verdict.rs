@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::corruption::Corruption;
 use super::gates::{Corrupted, Gates};
-use crate::scores::{POOL, Repeated};
+use crate::scores::POOL;
 
 /// R@1 of true motions over that of chance, at least.
 const TIMES_CHANCE: f64 = 8.0;
@@ -44,7 +44,7 @@ impl Gates {
         let least = TIMES_CHANCE / POOL as f64;
         Verdict {
             gate: "R@1 of true motions".to_string(),
-            found: format!("{:.3} ± {:.3}", found.mean, found.half_width),
+            found: found.shown(3),
             wanted: format!("≥ {least:.3}, {TIMES_CHANCE} × chance"),
             passes: found.mean - found.half_width >= least,
         }
@@ -55,11 +55,10 @@ impl Gates {
         let strongest = Corruption::ALL.map(|corruption| self.of(corruption).last());
         let strongest = strongest.into_iter().flatten().map(|corrupted| corrupted.halves_fid);
         let least = strongest.min_by(|a, b| a.mean.total_cmp(&b.mean));
-        let words = |fid: Repeated| format!("{:.4} ± {:.4}", fid.mean, fid.half_width);
         Verdict {
             gate: "FID of halves of truth".to_string(),
-            found: words(self.halves_fid),
-            wanted: format!("below {}", least.map(words).unwrap_or_default()),
+            found: self.halves_fid.shown(4),
+            wanted: format!("below {}", least.map(|least| least.shown(4)).unwrap_or_default()),
             passes: least.is_some_and(|least| least.is_above(&self.halves_fid)),
         }
     }
@@ -113,6 +112,7 @@ impl Gates {
 mod tests {
     use super::*;
     use crate::evaluator::gates::{SameCaption, Swapped};
+    use crate::scores::Repeated;
 
     fn of(mean: f64) -> Repeated {
         Repeated { mean, half_width: 0.01, repeats: 20 }

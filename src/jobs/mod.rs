@@ -41,7 +41,7 @@ pub use job::Job;
 pub use kind::{JobKind, Kind};
 pub use score::{RunScores, ScoredPhysics, Scoring};
 pub use state::{Counts, FailedJob, Running, SweepState, sweep_state};
-pub use trained::TrainedRun;
+pub use trained::{MadeMotion, TrainedRun};
 pub use trained_tokenizer::TrainedTokenizer;
 pub use trusted_evaluator::TrustedEvaluator;
 

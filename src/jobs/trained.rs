@@ -25,6 +25,13 @@ use crate::tokenizer::Tokenizer;
 /// Lengths take their ChaCha stream from here on, far above those of motions.
 const LENGTHS_STREAM: u64 = 1 << 40;
 
+/// A motion that a run has made.
+pub struct MadeMotion {
+    pub sampled: Sampled,
+    /// `[T, 263]` row-major.
+    pub features: Vec<f32>,
+}
+
 /// A finished run with all that turns a caption into motion.
 pub struct TrainedRun {
     /// The sweep's folder.
@@ -88,6 +95,26 @@ impl TrainedRun {
             return Err(GeneratorError::NoCode { n_frames, least });
         }
         self.sampler.sample(prompts, &self.tokenizer, sampling)
+    }
+
+    /// The same decoded; a tokenizer with language follows the captions the more the larger
+    /// `detokenizer_guidance` is.
+    ///
+    /// # Errors
+    /// As [`TrainedRun::sample`] and [`Tokenizer::decode`].
+    pub fn motions(
+        &self,
+        prompts: &[Prompt],
+        sampling: &Sampling,
+        detokenizer_guidance: f64,
+    ) -> Result<Vec<MadeMotion>> {
+        let decoded = |(prompt, sampled): (&Prompt, Sampled)| {
+            let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
+            let text = Some(prompt.text);
+            let features = self.tokenizer.decode(codes, n_frames, text, detokenizer_guidance)?;
+            Ok(MadeMotion { sampled, features })
+        };
+        prompts.iter().zip(self.sample(prompts, sampling)?).map(decoded).collect()
     }
 
     /// The length of a clip of the training split, in frames, drawn by a seed and an index.

@@ -34,6 +34,11 @@ impl Repeated {
         Ok(Self { mean, half_width: 1.96 * (variance / n).sqrt(), repeats })
     }
 
+    /// `0.371 ± 0.006`, with so many digits after the point.
+    pub fn shown(&self, digits: usize) -> String {
+        format!("{:.digits$} ± {:.digits$}", self.mean, self.half_width)
+    }
+
     /// Whether it lies above `other` with both intervals apart.
     pub fn is_above(&self, other: &Self) -> bool {
         self.mean - self.half_width > other.mean + other.half_width

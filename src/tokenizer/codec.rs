@@ -17,7 +17,6 @@ use crate::data::FeatureStats;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
 use crate::learn::weights;
-use crate::learn::weights::{HostTensor, Source, Weights, WeightsError};
 use crate::spec::TokenizerSpec;
 
 /// Raw features to codes and back.
@@ -176,10 +175,7 @@ impl Tokenizer {
     /// Writes `weights.safetensors`, then `tokenizer.json`, each whole, by rename.
     pub fn save(&self, folder: &Path) -> Result<(), TokenizerError> {
         let mut tensors = weights::of_module(&self.module);
-        for (name, values) in [(MEAN, &self.stats.mean), (STD, &self.stats.std)] {
-            let tensor = HostTensor { shape: vec![values.len()], values: values.clone() };
-            tensors.insert(name.to_string(), Source::Host(tensor));
-        }
+        weights::insert_stats(&mut tensors, &self.stats);
         weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
         let path = folder.join(SPEC);
         Ok(write_json(&path, &self.spec)?)
@@ -188,8 +184,8 @@ impl Tokenizer {
     /// Reads what [`Tokenizer::save`] wrote, for use on `device`.
     pub fn load(folder: &Path, device: &Device) -> Result<Self, TokenizerError> {
         let spec = read_spec(&folder.join(SPEC))?;
-        let (tensors, _) = weights::load(&folder.join(WEIGHTS))?;
-        let stats = FeatureStats { mean: vector(&tensors, MEAN)?, std: vector(&tensors, STD)? };
+        let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
+        let stats = weights::take_stats(&mut tensors)?;
         let mut unused = ChaCha8Rng::seed_from_u64(0);
         let n_features = spec.representation.n_features(stats.mean.len());
         let module = TokenizerModule::new(&spec, n_features, &mut unused, device);
@@ -200,8 +196,6 @@ impl Tokenizer {
 
 const WEIGHTS: &str = "weights.safetensors";
 const SPEC: &str = "tokenizer.json";
-const MEAN: &str = "stats.mean";
-const STD: &str = "stats.std";
 
 fn read_spec(path: &Path) -> Result<TokenizerSpec, TokenizerError> {
     let spec: Option<TokenizerSpec> = read_if_there(path)?;
@@ -209,15 +203,6 @@ fn read_spec(path: &Path) -> Result<TokenizerSpec, TokenizerError> {
     let spec = spec.ok_or_else(missing)?;
     spec.check()?;
     Ok(spec)
-}
-
-fn vector(tensors: &Weights, name: &str) -> Result<Vec<f32>, WeightsError> {
-    let missing = || WeightsError::Mismatch {
-        name: name.to_string(),
-        expected: vec![crate::motion::N_FEATURES],
-        found: "missing".to_string(),
-    };
-    tensors.get(name).map(|tensor| tensor.values.clone()).ok_or_else(missing)
 }
 
 #[cfg(test)]

@@ -1,12 +1,11 @@
 //! [`FileScores`]: what motions of files score, each score or the reason why there is none.
 
 use anyhow::Result;
-use isoflop::evaluator::{Embedded, EvaluatorError, Truth};
+use isoflop::evaluator::{Embedded, EvaluatorError};
 use isoflop::jobs::{ScoredPhysics, TrustedEvaluator};
 use isoflop::learn::params::distinct;
-use isoflop::motion::recover_joints;
 use isoflop::scores::{
-    Embeddings, POOL, Repeated, cosine_score, diversity, frechet_distance, physics, retrieval,
+    Embeddings, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -83,8 +82,8 @@ impl FileScores {
                 &Side { motions: &all, pairs: &pairs },
                 &Side { motions: &truth.embedded.motions, pairs: &truth.embedded },
             ),
-            physics: bodies(features, fps),
-            truth_physics: of_truth(&truth, fps),
+            physics: ScoredPhysics::of(features, fps),
+            truth_physics: ScoredPhysics::of(truth.features.iter().map(Vec::as_slice), fps),
         })
     }
 }
@@ -162,13 +161,4 @@ impl Draws {
         let drawn = (0..self.repeats).map(draw).collect::<Result<Vec<f64>, _>>()?;
         Ok(Repeated::of(&drawn)?)
     }
-}
-
-fn bodies<'a>(motions: impl Iterator<Item = &'a [f32]>, fps: f64) -> ScoredPhysics {
-    let body = |features: &[f32]| physics(&recover_joints(features), fps).ok();
-    ScoredPhysics::mean(&motions.filter_map(body).collect::<Vec<_>>())
-}
-
-fn of_truth(truth: &Truth, fps: f64) -> ScoredPhysics {
-    bodies(truth.features.iter().map(Vec::as_slice), fps)
 }

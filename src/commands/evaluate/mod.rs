@@ -32,7 +32,7 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
     let evaluator = args.evaluator.as_deref().unwrap_or(run.folder.root());
     let trusted = TrustedEvaluator::open(evaluator, &device)?;
     let (truth, spec) = (trusted.truth()?, args.spec());
-    let scoring = Scoring { run: &run, evaluator: &trusted.evaluator, truth: &truth, spec: &spec };
+    let scoring = Scoring::new(&run, &trusted.evaluator, &truth, &spec)?;
     let mut repeats: Vec<OneScore> = Vec::new();
     for index in 0..spec.repeats {
         repeats.push(scoring.repeat(index)?);

@@ -25,21 +25,21 @@ pub fn of_run(label: &str, scores: &RunScores) -> String {
         let _ = writeln!(
             text,
             "{name:<22}{:<18}{:<16}{:<16}{}",
-            with_interval(*fid, 4),
-            with_interval(*first, 3),
-            with_interval(*third, 3),
-            with_interval(*cosine, 2),
+            fid.shown(4),
+            first.shown(3),
+            third.shown(3),
+            cosine.shown(2),
         );
     }
     let _ = writeln!(
         text,
         "\nFID of one half of the true motions from the other: {}\ndiversity {}, of true motions {}",
-        with_interval(scores.halves_fid, 4),
-        with_interval(made.diversity, 3),
-        with_interval(truth.diversity, 3)
+        scores.halves_fid.shown(4),
+        made.diversity.shown(3),
+        truth.diversity.shown(3)
     );
     if let Some(multimodality) = scores.multimodality {
-        let spread = with_interval(multimodality, 3);
+        let spread = multimodality.shown(3);
         let _ = writeln!(text, "MultiModality {spread}: distance of motions of one caption");
     }
     text += &bodies(&scores.made_physics, &scores.truth_physics);
@@ -54,9 +54,8 @@ pub fn of_files(scores: &FileScores) -> String {
         "{n_motions} {noun}, {n_captions} with a caption, beside {n_truth} true ones\n\n{:<12}{:<20}{}\n",
         "", "these", "true"
     );
-    let shown = |score: Option<Repeated>| {
-        score.map_or_else(|| "-".to_string(), |score| with_interval(score, 3))
-    };
+    let shown =
+        |score: Option<Repeated>| score.map_or_else(|| "-".to_string(), |score| score.shown(3));
     for score in &scores.scores {
         let (found, truth) = (shown(score.found), shown(score.truth));
         let _ = writeln!(text, "{:<12}{found:<20}{truth}", score.name);
@@ -89,8 +88,4 @@ fn bodies(made: &ScoredPhysics, truth: &ScoredPhysics) -> String {
 
 fn comparable(evaluator_id: &str) -> String {
     format!("means and 95 % intervals of repeats; comparable only with evaluator\n{evaluator_id}")
-}
-
-fn with_interval(score: Repeated, digits: usize) -> String {
-    format!("{:.digits$} ± {:.digits$}", score.mean, score.half_width)
 }

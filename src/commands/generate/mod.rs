@@ -12,8 +12,8 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
 use isoflop::files::atomic;
-use isoflop::generator::{Prompt, Sampled};
-use isoflop::jobs::TrainedRun;
+use isoflop::generator::Prompt;
+use isoflop::jobs::{MadeMotion, TrainedRun};
 use isoflop::motion::recover_joints;
 use isoflop::scores::physics;
 use serde_json::json;
@@ -41,13 +41,6 @@ struct Order {
     codes: Option<Vec<u32>>,
     /// Its number: its files' name, and its stream of random numbers.
     index: usize,
-}
-
-/// A motion that was made.
-struct Made {
-    sampled: Sampled,
-    /// `[T, 263]` row-major.
-    features: Vec<f32>,
 }
 
 pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
@@ -110,17 +103,12 @@ fn make(
     run: &TrainedRun,
     orders: &[Order],
     source: Option<&Source>,
-) -> Result<Vec<Made>> {
+) -> Result<Vec<MadeMotion>> {
     let mut made = Vec::with_capacity(orders.len());
     for batch in orders.chunks(BATCH) {
         let prompts: Vec<Prompt> =
             batch.iter().map(|order| order.prompt(args.seed, source)).collect();
-        for (order, sampled) in batch.iter().zip(run.sample(&prompts, &args.sampling())?) {
-            let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
-            let guidance = args.detokenizer_guidance;
-            let features = run.tokenizer.decode(codes, n_frames, Some(&order.text), guidance)?;
-            made.push(Made { sampled, features });
-        }
+        made.extend(run.motions(&prompts, &args.sampling(), args.detokenizer_guidance)?);
     }
     Ok(made)
 }
@@ -143,16 +131,16 @@ fn write(
     args: &GenerateArgs,
     run: &TrainedRun,
     orders: &[Order],
-    made: &[Made],
+    made: &[MadeMotion],
     out: &Path,
 ) -> Result<Vec<Motion>> {
     let fps = run.spec.fps;
     let mut all = Vec::with_capacity(made.len());
-    for (order, Made { features, .. }) in orders.iter().zip(made) {
+    for (order, MadeMotion { features, .. }) in orders.iter().zip(made) {
         all.push(CaptionedMotion { features, fps: fps as f32, caption: &order.caption });
     }
     let mut motions = Vec::with_capacity(all.len());
-    for (index, (motion, Made { sampled, .. })) in all.iter().zip(made).enumerate() {
+    for (index, (motion, MadeMotion { sampled, .. })) in all.iter().zip(made).enumerate() {
         let written = write_motion(out, &index.to_string(), motion)
             .with_context(|| format!("writing motion {index}"))?;
         motions.push(Motion {

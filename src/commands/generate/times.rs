@@ -77,9 +77,7 @@ fn timed(
         };
         let prompts: Vec<Prompt> = (0..batch).map(prompt).collect();
         let started = Instant::now();
-        for sampled in run.sample(&prompts, sampling)? {
-            run.tokenizer.decode(&sampled.codes, sampled.n_frames, Some(text), 0.0)?;
-        }
+        run.motions(&prompts, sampling, 0.0)?;
         let seconds = started.elapsed().as_secs_f64() / batch as f64;
         if round > 0 {
             rounds.push(seconds);

@@ -103,7 +103,5 @@ fn of_budgets(best: &[Best]) -> String {
 
 fn with_interval(row: &Quality, name: &str, digits: usize) -> String {
     let score = row.scores.iter().find(|(own, _)| *own == name).and_then(|(_, score)| *score);
-    score.map_or("-".to_string(), |score| {
-        format!("{:.digits$} ± {:.digits$}", score.mean, score.half_width)
-    })
+    score.map_or("-".to_string(), |score| score.shown(digits))
 }

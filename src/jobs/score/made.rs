@@ -74,13 +74,8 @@ pub fn decoded(
     let wants_length = run.wants_length();
     let prompts: Vec<Prompt> =
         batch.iter().map(|wanted| wanted.prompt(wants_length, seed)).collect();
-    let sampled = run.sample(&prompts, &sampling(run, spec))?;
-    let made = batch.iter().zip(sampled).map(|(wanted, sampled)| {
-        let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
-        let guidance = spec.detokenizer_guidance;
-        Ok(run.tokenizer.decode(codes, n_frames, Some(wanted.text), guidance)?)
-    });
-    made.collect()
+    let made = run.motions(&prompts, &sampling(run, spec), spec.detokenizer_guidance)?;
+    Ok(made.into_iter().map(|motion| motion.features).collect())
 }
 
 /// How a run's motions are drawn.

@@ -5,6 +5,7 @@ mod run_scores;
 mod samples;
 mod scoring;
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
@@ -68,10 +69,12 @@ impl Kind for Score {
     }
 
     fn jobs(&self, plan: &Plan) -> Vec<Job> {
-        let of = |score: &ScoreJob| {
-            let run = plan.runs.iter().find(|run| run.run_id == score.run_id)?;
-            Some(job(score, run, plan))
-        };
+        if plan.scores.is_empty() {
+            return Vec::new();
+        }
+        let runs: HashMap<&str, &PlannedRun> =
+            plan.runs.iter().map(|run| (run.run_id.as_str(), run)).collect();
+        let of = |score: &ScoreJob| Some(job(score, runs.get(score.run_id.as_str())?, plan));
         plan.scores.iter().filter_map(of).collect()
     }
 
@@ -109,7 +112,7 @@ impl Kind for Score {
         let (evaluator, truth) = (&trusted.evaluator, trusted.truth()?);
         let run = TrainedRun::open(&assignment.folder.run(&job.run_id), assignment.device)
             .context("opening the run")?;
-        let scoring = Scoring { run: &run, evaluator, truth: &truth, spec: &job.spec };
+        let scoring = Scoring::new(&run, evaluator, &truth, &job.spec)?;
         let path = repeats_file(assignment.folder, assignment.job);
         let mut done: Vec<OneScore> = read_if_there(&path).ok().flatten().unwrap_or_default();
         let place = assignment.place();

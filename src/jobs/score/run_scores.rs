@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::evaluator::MotionScores;
+use crate::motion::recover_joints;
 use crate::record::{Quality, RunRecord};
-use crate::scores::{Physics, Repeated};
+use crate::scores::{Physics, Repeated, physics};
 use crate::spec::ScoresSpec;
 
 /// What the motions of a run score, beside true motions and beside what no motion can be worse than.
@@ -77,7 +78,14 @@ pub struct ScoredPhysics {
 }
 
 impl ScoredPhysics {
-    /// The mean over motions; zeros where there is none.
+    /// That of motions, each `[T, 263]` row-major and raw, of `fps` frames a second; those below four
+    /// frames are not looked at.
+    pub fn of<'a>(motions: impl IntoIterator<Item = &'a [f32]>, fps: f64) -> Self {
+        let body = |motion: &[f32]| physics(&recover_joints(motion), fps).ok();
+        Self::mean(&motions.into_iter().filter_map(body).collect::<Vec<_>>())
+    }
+
+    /// The mean over bodies; zeros where there is none.
     pub fn mean(bodies: &[Physics]) -> Self {
         let n = bodies.len().max(1) as f64;
         let mean = |of: fn(&Physics) -> f64| bodies.iter().map(of).sum::<f64>() / n;

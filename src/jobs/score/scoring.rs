@@ -8,9 +8,9 @@ use super::made::{Made, Wanted, decoded, guidance, make};
 use super::run_scores::{RunScores, ScoredPhysics};
 use crate::evaluator::{Embedded, Evaluator, MotionScores, OneScore, Truth, halves_fid, swapped};
 use crate::jobs::trained::TrainedRun;
-use crate::motion::{N_FEATURES, recover_joints};
+use crate::motion::N_FEATURES;
 use crate::progress::moved;
-use crate::scores::{Embeddings, Repeated, multimodality, physics};
+use crate::scores::{Embeddings, Repeated, multimodality};
 use crate::spec::ScoresSpec;
 
 /// Pools and pairs take their ChaCha streams from here on, one a repeat, far above those of motions.
@@ -25,9 +25,25 @@ pub struct Scoring<'a> {
     pub evaluator: &'a Evaluator,
     pub truth: &'a Truth,
     pub spec: &'a ScoresSpec,
+    /// The vectors of each true clip's caption.
+    texts: Vec<Vec<f32>>,
 }
 
-impl Scoring<'_> {
+impl<'a> Scoring<'a> {
+    /// Embeds the captions of the truth as the run reads them.
+    ///
+    /// # Errors
+    /// The run's encoder has no vectors of one.
+    pub fn new(
+        run: &'a TrainedRun,
+        evaluator: &'a Evaluator,
+        truth: &'a Truth,
+        spec: &'a ScoresSpec,
+    ) -> Result<Self> {
+        let texts = truth.captions.iter().map(|caption| run.embed(caption));
+        Ok(Self { run, evaluator, truth, spec, texts: texts.collect::<Result<_>>()? })
+    }
+
     /// Makes a motion of each true clip's caption and scores them; another index makes others.
     ///
     /// # Errors
@@ -60,7 +76,7 @@ impl Scoring<'_> {
             reconstructed: several(&self.reconstructed()?)?,
             multimodality: self.multimodality()?,
             made_physics: first.physics,
-            truth_physics: self.truth_physics(),
+            truth_physics: ScoredPhysics::of(self.truth_motions(), self.run.spec.fps),
         })
     }
 
@@ -85,8 +101,8 @@ impl Scoring<'_> {
 
     /// A motion of each true clip's caption.
     fn made(&self, index: usize) -> Result<Made> {
-        let texts = self.texts(self.truth.n_clips())?;
-        make(self.run, self.evaluator, self.spec, &self.wanted(&texts), self.seed(index))
+        let wanted = self.wanted(self.truth.n_clips());
+        make(self.run, self.evaluator, self.spec, &wanted, self.seed(index))
     }
 
     /// Features of the first motions of the first repeat.
@@ -94,23 +110,18 @@ impl Scoring<'_> {
     /// # Errors
     /// A motion cannot be made.
     pub fn first_motions(&self, n: usize) -> Result<Vec<Vec<f32>>> {
-        let texts = self.texts(n)?;
-        decoded(self.run, self.spec, &self.wanted(&texts), self.seed(0))
+        decoded(self.run, self.spec, &self.wanted(n), self.seed(0))
     }
 
     /// A motion of each of the first captions.
-    fn wanted<'a>(&self, texts: &'a [Vec<f32>]) -> Vec<Wanted<'a>> {
-        let wanted = |(clip, text): (usize, &'a Vec<f32>)| Wanted {
-            text,
-            n_frames: self.truth.features[clip].len() / N_FEATURES,
-            index: clip as u64,
-        };
-        texts.iter().enumerate().map(wanted).collect()
+    fn wanted(&self, n: usize) -> Vec<Wanted<'_>> {
+        (0..n).map(|clip| self.wanted_of(clip, clip)).collect()
     }
 
-    /// The vectors of the captions of the first clips.
-    fn texts(&self, n: usize) -> Result<Vec<Vec<f32>>> {
-        self.truth.captions[..n].iter().map(|caption| self.run.embed(caption)).collect()
+    /// A motion of a true clip's caption, by a stream of random numbers.
+    fn wanted_of(&self, clip: usize, index: usize) -> Wanted<'_> {
+        let n_frames = self.truth.features[clip].len() / N_FEATURES;
+        Wanted { text: &self.texts[clip], n_frames, index: index as u64 }
     }
 
     fn seed(&self, index: usize) -> u64 {
@@ -120,15 +131,11 @@ impl Scoring<'_> {
     /// Several motions of each of the first captions, which are in a random order.
     fn multimodality(&self) -> Result<Option<Repeated>> {
         let n_captions = self.spec.multimodal_captions.min(self.truth.n_clips());
-        let (n_motions, texts) = (self.spec.multimodal_motions, self.texts(n_captions)?);
+        let n_motions = self.spec.multimodal_motions;
         if n_captions == 0 {
             return Ok(None);
         }
-        let wanted = |index: usize| Wanted {
-            text: &texts[index / n_motions],
-            n_frames: self.truth.features[index / n_motions].len() / N_FEATURES,
-            index: index as u64,
-        };
+        let wanted = |index: usize| self.wanted_of(index / n_motions, index);
         let wanted: Vec<Wanted> = (0..n_captions * n_motions).map(wanted).collect();
         let seed = self.spec.seed.wrapping_add(MULTIMODAL_SEED);
         let made = make(self.run, self.evaluator, self.spec, &wanted, seed)?;
@@ -139,21 +146,19 @@ impl Scoring<'_> {
 
     /// What the run's tokenizer makes of the true motions.
     fn reconstructed(&self) -> Result<Embeddings> {
-        let (tokenizer, texts) = (&self.run.tokenizer, self.texts(self.truth.n_clips())?);
+        let tokenizer = &self.run.tokenizer;
         let through = |(features, text): (&Vec<f32>, &Vec<f32>)| {
             moved();
             let codes = tokenizer.encode(features, Some(text))?;
             let n_frames = features.len() / N_FEATURES;
             tokenizer.decode(&codes, n_frames, Some(text), 0.0)
         };
-        let motions = self.truth.features.iter().zip(&texts).map(through);
+        let motions = self.truth.features.iter().zip(&self.texts).map(through);
         let motions = motions.collect::<Result<Vec<_>, _>>()?;
         Ok(self.evaluator.motions(motions.iter().map(Vec::as_slice))?)
     }
 
-    fn truth_physics(&self) -> ScoredPhysics {
-        let fps = self.run.spec.fps;
-        let body = |features: &Vec<f32>| physics(&recover_joints(features), fps).ok();
-        ScoredPhysics::mean(&self.truth.features.iter().filter_map(body).collect::<Vec<_>>())
+    fn truth_motions(&self) -> impl Iterator<Item = &[f32]> {
+        self.truth.features.iter().map(Vec::as_slice)
     }
 }

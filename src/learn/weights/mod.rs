@@ -9,11 +9,13 @@ use crate::files::FileError;
 
 mod file;
 mod module;
+mod stats;
 #[cfg(test)]
 mod tests;
 
 pub use file::{load, save};
 pub use module::{into_module, of_module};
+pub use stats::{insert_stats, take_stats};
 
 /// A tensor on the host, row-major.
 #[derive(Clone, Debug, PartialEq)]
