@@ -24,7 +24,7 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
     let records = gather(folder, output)?;
     let by_generator = parted(&records);
     // Before the laws: what they were made beside is compared by the figures that are there.
-    let scored = Scored::of(folder, &records, output)?;
+    let scored = Scored::of(&sweep, folder, &records, output)?;
     let (document, text) = if by_generator.len() > 1 {
         table::write(folder.root(), &records)?;
         generators::finish(&sweep, folder, &by_generator, output)?

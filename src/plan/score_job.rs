@@ -24,7 +24,7 @@ impl ScoreJob {
             revision: TRAINING_REVISION,
             run_id: run_id.to_string(),
             evaluator_id: evaluator_id.to_string(),
-            spec: ScoresSpec { only: Vec::new(), ..spec.clone() },
+            spec: spec.of_a_run(),
         }
     }
 

@@ -72,6 +72,12 @@ impl Default for ScoresSpec {
 }
 
 impl ScoresSpec {
+    /// How a run is scored, whichever runs are: without the conditions, which change no score.
+    #[must_use]
+    pub fn of_a_run(&self) -> Self {
+        Self { only: Vec::new(), ..self.clone() }
+    }
+
     /// What nothing can be scored by.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let multimodal = self.multimodal_captions == 0 || self.multimodal_motions > 1;

@@ -47,6 +47,12 @@ fn one_file_leads_from_a_sweep_to_scores() {
         records::bytes(&place.path("results/scored")).into_iter().collect::<Vec<_>>(),
         before
     );
+    // Scores by other settings stand in place of these, and not beside them.
+    let others = ["--set", "scores.repeats=1", "--set", "scores.multimodal_captions=0"];
+    place.isoflop(&[&["run", "scored.yaml"][..], &others].concat()).exits(0);
+    assert_eq!(scores(&place).len(), 8, "both lie in the folder");
+    let csv = String::from_utf8(place.read("results/scored/scores.csv")).expect("text");
+    assert_eq!(csv.lines().count(), 5, "{csv}");
     // By hand, the same motions score the same.
     let run = format!("results/scored/runs/{}", all[0]["run_id"].as_str().expect("an id"));
     let by_hand = ["evaluate", "--run", &run, "--repeats", "2", "--no-multimodality", "--json"];

@@ -10,6 +10,8 @@ use anyhow::Result;
 use isoflop::figures::draw_quality;
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::{Quality, RunRecord, write_scores};
+use isoflop::spec::ScoresSpec;
+use isoflop::sweep::Sweep;
 use serde_json::{Value, json};
 
 use super::output::Output;
@@ -26,11 +28,12 @@ pub struct Scored {
 impl Scored {
     /// Writes the table and the figure of those runs that are scored; `None` where none is.
     pub fn of(
+        sweep: &Sweep,
         folder: &ResultsFolder,
         records: &[RunRecord],
         output: &Output,
     ) -> Result<Option<Self>> {
-        let rows = rows(folder, records, output)?;
+        let rows = rows(sweep, folder, records, output)?;
         if rows.is_empty() {
             return Ok(None);
         }
@@ -63,12 +66,20 @@ impl Scored {
     }
 }
 
-/// Scored runs, the best FID first, of the evaluator that scored most of them.
-fn rows(folder: &ResultsFolder, records: &[RunRecord], output: &Output) -> Result<Vec<Quality>> {
+/// Runs that are scored as the sweep says, the best FID first, of the evaluator that scored most of them.
+fn rows(
+    sweep: &Sweep,
+    folder: &ResultsFolder,
+    records: &[RunRecord],
+    output: &Output,
+) -> Result<Vec<Quality>> {
+    let wanted = sweep.scores.as_ref().map(ScoresSpec::of_a_run);
     let by_id: BTreeMap<&str, &RunRecord> =
         records.iter().map(|record| (record.planned.run_id.as_str(), record)).collect();
     let mut by_evaluator: BTreeMap<String, Vec<Quality>> = BTreeMap::new();
-    for scores in folder.all_scores(|line| output.warn(&line))? {
+    let all = folder.all_scores(|line| output.warn(&line))?;
+    // Scores by settings that the sweep had before lie here too.
+    for scores in all.into_iter().filter(|scores| wanted.as_ref() == Some(&scores.spec)) {
         if let Some(record) = by_id.get(scores.run_id.as_str()) {
             let row = scores.quality((*record).clone());
             by_evaluator.entry(row.evaluator_id.clone()).or_default().push(row);
