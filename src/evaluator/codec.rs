@@ -1,4 +1,4 @@
-//! [`Evaluator`]: trained towers with the statistics that motions are normalised by.
+//! [`Evaluator`]: trained networks with the statistics that motions are normalised by.
 
 use std::io;
 use std::path::Path;
@@ -11,10 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use super::caption::words;
 use super::error::EvaluatorError;
+use super::networks::AnyNetworks;
 use super::rows::Rows;
 use super::seen::Seen;
-use super::tower::Frame;
-use super::towers::Towers;
 use crate::data::FeatureStats;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
@@ -28,16 +27,15 @@ const BATCH: usize = 64;
 /// Motions and captions into embeddings.
 #[derive(Debug)]
 pub struct Evaluator {
-    towers: Towers,
+    networks: AnyNetworks,
     seen: Seen,
-    frame: Frame,
     fps: f64,
 }
 
 impl Evaluator {
-    /// Takes towers as they are after training, without autodiff, on `device`.
-    pub(super) fn new(towers: Towers, seen: Seen, fps: f64, device: &Device) -> Self {
-        Self { towers, frame: Frame::new(seen.spec(), device), seen, fps }
+    /// Takes networks as they are after training, without autodiff, on `device`.
+    pub(super) fn new(networks: AnyNetworks, seen: Seen, fps: f64) -> Self {
+        Self { networks, seen, fps }
     }
 
     /// What it was trained by.
@@ -55,12 +53,12 @@ impl Evaluator {
         self.fps
     }
 
-    /// Parameters of both towers.
+    /// Parameters of both networks.
     pub fn n_parameters(&self) -> usize {
-        self.towers.num_params()
+        self.networks.num_params()
     }
 
-    /// Unit vectors of motions, each `[T, 263]` row-major and raw.
+    /// Vectors of motions, each `[T, 263]` row-major and raw.
     ///
     /// # Errors
     /// A motion of other features, one shorter than a row, or one that holds no finite numbers.
@@ -71,11 +69,10 @@ impl Evaluator {
         let rows = motions.into_iter().map(|motion| self.seen.rows(motion));
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         let windows: Vec<&[f32]> = rows.iter().map(|rows| self.seen.first_window(rows)).collect();
-        let embed = |rows: &Rows| self.towers.motion().embed(rows, &self.frame);
-        self.embedded(&windows, self.seen.channels(), embed)
+        self.embedded(&windows, self.seen.channels(), |rows| self.networks.motions(rows))
     }
 
-    /// Unit vectors of captions.
+    /// Vectors of captions.
     ///
     /// # Errors
     /// The weights hold no finite numbers.
@@ -86,8 +83,7 @@ impl Evaluator {
         let words: Vec<Vec<f32>> =
             captions.into_iter().map(|caption| words(caption, self.spec())).collect();
         let words: Vec<&[f32]> = words.iter().map(Vec::as_slice).collect();
-        let embed = |rows: &Rows| self.towers.caption().embed(rows, &self.frame);
-        self.embedded(&words, self.spec().word_dim, embed)
+        self.embedded(&words, self.spec().word_dim, |rows| self.networks.captions(rows))
     }
 
     fn embedded(
@@ -109,7 +105,7 @@ impl Evaluator {
     /// # Errors
     /// The folder cannot be written to.
     pub fn save(&self, folder: &Path) -> Result<(), EvaluatorError> {
-        let mut tensors = weights::of_module(&self.towers);
+        let mut tensors = weights::of_module(&self.networks);
         weights::insert_stats(&mut tensors, self.stats());
         weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
         let saved = Saved { spec: self.spec().clone(), fps: self.fps };
@@ -127,8 +123,8 @@ impl Evaluator {
         let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
         let seen = Seen::new(&spec, &weights::take_stats(&mut tensors)?);
         let mut unused = ChaCha8Rng::seed_from_u64(0);
-        let towers = Towers::init(&spec, seen.n_features(), &mut unused, device);
-        Ok(Self::new(weights::into_module(towers, tensors)?, seen, fps, device))
+        let networks = AnyNetworks::init(&spec, seen.n_features(), &mut unused, device);
+        Ok(Self::new(weights::into_module(networks, tensors)?, seen, fps))
     }
 }
 

@@ -6,17 +6,17 @@
 
 mod caption;
 mod codec;
-mod contrast;
 mod corruption;
 mod error;
 mod gates;
+mod matching;
+mod motion_clip;
+mod networks;
 mod pool;
 mod report;
 mod rows;
 mod scored;
 mod seen;
-mod tower;
-mod towers;
 mod train;
 mod truth;
 mod verdict;

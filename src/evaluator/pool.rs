@@ -117,7 +117,7 @@ pub fn usable(
     least: usize,
 ) -> Result<Vec<usize>, EvaluatorError> {
     let mut usable: Vec<usize> = (0..source.n_clips(split)).collect();
-    usable.retain(|&clip| source.n_frames(split, clip) >= spec.frames);
+    usable.retain(|&clip| source.n_frames(split, clip) >= spec.frames());
     let (split, found) = (split.name(), usable.len());
     if found >= least {
         Ok(usable)

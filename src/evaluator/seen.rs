@@ -36,12 +36,12 @@ impl Seen {
 
     /// Numbers of a row.
     pub fn channels(&self) -> usize {
-        self.spec.frames * self.n_features()
+        self.spec.frames() * self.n_features()
     }
 
     /// Rows of a window.
     pub fn window_rows(&self) -> usize {
-        self.spec.window / self.spec.frames
+        self.spec.window / self.spec.frames()
     }
 
     /// The first window of rows, all of them where there are fewer.
@@ -60,7 +60,7 @@ impl Seen {
         if !features.len().is_multiple_of(all) {
             return Err(EvaluatorError::Features { values: features.len(), wanted: all });
         }
-        let (n_frames, least) = (features.len() / all, self.spec.frames);
+        let (n_frames, least) = (features.len() / all, self.spec.frames());
         if n_frames < least {
             return Err(EvaluatorError::TooShort { n_frames, least });
         }

@@ -8,10 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::codec::Evaluator;
 use super::error::EvaluatorError;
+use super::networks::AnyNetworks;
 use super::pool::{Pairs, Pool};
 use super::seen::Seen;
-use super::tower::Frame;
-use super::towers::Towers;
 use crate::data::{MotionSource, Split};
 use crate::learn::adamw::AdamWConfig;
 use crate::learn::weights;
@@ -53,9 +52,9 @@ pub struct Course {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValidationLine {
     pub step: usize,
-    /// Mean over the steps since the last line, in nats.
-    pub train_loss_nats: f64,
-    pub val_loss_nats: f64,
+    /// Mean over the steps since the last line: in nats, or squared distances of the matching networks.
+    pub train_loss: f64,
+    pub val_loss: f64,
 }
 
 /// Trains an evaluator on the training split of `source`, from its checkpoint where there is one.
@@ -78,9 +77,7 @@ pub fn train(
         spec,
         train: pool(Split::Train, spec.pool_clips, POOL_STREAM)?,
         val: pool(Split::Val, VALIDATION_CLIPS, VALIDATION_STREAM)?.batches(),
-        towers: fresh(spec, seen.n_features(), &device.clone().autodiff()),
-        frame: Frame::new(spec, &device.clone().autodiff()),
-        plain: Frame::new(spec, device),
+        networks: fresh(spec, seen.n_features(), &device.clone().autodiff()),
         device: device.clone().autodiff(),
         best: None,
         totals: Totals::default(),
@@ -88,14 +85,14 @@ pub fn train(
     let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
     let wall_s = learning.wall_s();
     let Contrasting { best, totals, .. } = learning.into_learner();
-    let Best { step, towers, .. } = best.expect("measured after the last step");
-    let evaluator = Evaluator::new(towers, seen.clone(), f64::from(source.fps()), device);
+    let Best { step, networks, .. } = best.expect("measured after the last step");
+    let evaluator = Evaluator::new(networks, seen.clone(), f64::from(source.fps()));
     Ok(TrainedEvaluator { evaluator, course: Course { best_step: step, log: totals.log, wall_s } })
 }
 
-/// Towers before the first step.
-pub(super) fn fresh(spec: &EvaluatorSpec, n_features: usize, device: &Device) -> Towers {
-    Towers::init(spec, n_features, &mut of_stream(spec.seed, WEIGHTS_STREAM), device)
+/// AnyNetworks before the first step.
+pub(super) fn fresh(spec: &EvaluatorSpec, n_features: usize, device: &Device) -> AnyNetworks {
+    AnyNetworks::init(spec, n_features, &mut of_stream(spec.seed, WEIGHTS_STREAM), device)
 }
 
 fn of_stream(seed: u64, stream: u64) -> ChaCha8Rng {
@@ -115,25 +112,22 @@ fn course(spec: &EvaluatorSpec) -> LearningCourse {
     LearningCourse { steps: spec.steps, optimiser }
 }
 
-/// Towers that learn to bring motions and their captions together.
+/// AnyNetworks that learn to bring motions and their captions together.
 struct Contrasting<'a> {
     spec: &'a EvaluatorSpec,
     train: Pool<'a>,
     val: Vec<Pairs>,
-    towers: Towers,
-    frame: Frame,
-    /// Without gradients.
-    plain: Frame,
+    networks: AnyNetworks,
     device: Device,
     best: Option<Best>,
     totals: Totals,
 }
 
-/// The towers with the lowest validation loss.
+/// The networks with the lowest validation loss.
 struct Best {
     step: usize,
-    val_loss_nats: f64,
-    towers: Towers,
+    val_loss: f64,
+    networks: AnyNetworks,
 }
 
 /// Where training stands, beside its weights.
@@ -145,11 +139,11 @@ struct Totals {
 }
 
 impl Contrasting<'_> {
-    /// Mean over the validation pairs, in nats.
-    fn val_loss(&self, towers: &Towers) -> f64 {
+    /// Mean over the validation pairs.
+    fn val_loss(&self, networks: &AnyNetworks) -> f64 {
         let n: usize = self.val.iter().map(|pairs| pairs.caption_ids.len()).sum();
         let of = |pairs: &Pairs| {
-            let loss = towers.loss(pairs, &self.plain).into_scalar::<f32>();
+            let loss = networks.loss(pairs, None).into_scalar::<f32>();
             f64::from(loss) * pairs.caption_ids.len() as f64
         };
         self.val.iter().map(of).sum::<f64>() / n as f64
@@ -162,19 +156,19 @@ impl Contrasting<'_> {
 
     /// The line of the log whose weights are the best.
     fn best_line(&self) -> Option<&ValidationLine> {
-        self.totals.log.iter().min_by(|a, b| a.val_loss_nats.total_cmp(&b.val_loss_nats))
+        self.totals.log.iter().min_by(|a, b| a.val_loss.total_cmp(&b.val_loss))
     }
 }
 
 impl Learner for Contrasting<'_> {
-    type Weights = Towers;
+    type Weights = AnyNetworks;
 
-    fn weights(&self) -> &Towers {
-        &self.towers
+    fn weights(&self) -> &AnyNetworks {
+        &self.networks
     }
 
-    fn set_weights(&mut self, weights: Towers) {
-        self.towers = weights;
+    fn set_weights(&mut self, weights: AnyNetworks) {
+        self.networks = weights;
     }
 
     fn device(&self) -> &Device {
@@ -183,7 +177,8 @@ impl Learner for Contrasting<'_> {
 
     fn loss(&mut self, step: usize) -> Tensor<1> {
         let mut rng = of_stream(self.spec.seed, FIRST_STEP_STREAM + step as u64);
-        self.towers.loss(&self.train.drawn(&mut rng), &self.frame)
+        let pairs = self.train.drawn(&mut rng);
+        self.networks.loss(&pairs, Some(&mut rng))
     }
 
     fn learning_rate(&self, step: usize) -> f64 {
@@ -194,41 +189,41 @@ impl Learner for Contrasting<'_> {
         "lower evaluator.lr, and look for features that are not finite"
     }
 
-    /// Where it is due, measures the towers, and keeps them if they are the best so far.
+    /// Where it is due, measures the networks, and keeps them if they are the best so far.
     fn after(&mut self, step: usize, loss: f64) -> Result<(), LearnError> {
         self.totals.loss_sum += loss;
         self.totals.loss_count += 1;
         if !self.is_due(step) {
             return Ok(());
         }
-        let towers = self.towers.valid();
-        let val_loss_nats = self.val_loss(&towers);
-        if !val_loss_nats.is_finite() {
-            let (steps, loss, advice) = (self.spec.steps, val_loss_nats, self.advice());
+        let networks = self.networks.valid();
+        let val_loss = self.val_loss(&networks);
+        if !val_loss.is_finite() {
+            let (steps, loss, advice) = (self.spec.steps, val_loss, self.advice());
             return Err(LearnError::NonFinite { step, steps, loss, advice });
         }
-        let train_loss_nats = self.totals.loss_sum / self.totals.loss_count as f64;
+        let train_loss = self.totals.loss_sum / self.totals.loss_count as f64;
         (self.totals.loss_sum, self.totals.loss_count) = (0.0, 0);
-        self.totals.log.push(ValidationLine { step, train_loss_nats, val_loss_nats });
-        if self.best.as_ref().is_none_or(|best| val_loss_nats < best.val_loss_nats) {
-            self.best = Some(Best { step, val_loss_nats, towers });
+        self.totals.log.push(ValidationLine { step, train_loss, val_loss });
+        if self.best.as_ref().is_none_or(|best| val_loss < best.val_loss) {
+            self.best = Some(Best { step, val_loss, networks });
         }
         Ok(())
     }
 
     fn keep(&self) -> LearnerState {
         let note = serde_json::to_value(&self.totals).expect("plain values");
-        let tensors = self.best.as_ref().map(|best| weights::of_module(&best.towers));
+        let tensors = self.best.as_ref().map(|best| weights::of_module(&best.networks));
         LearnerState { note, tensors: tensors.unwrap_or_default() }
     }
 
     fn resume(&mut self, saved: LoadedState) -> Option<()> {
         self.totals = serde_json::from_value(saved.note).ok()?;
-        let Some(&ValidationLine { step, val_loss_nats, .. }) = self.best_line() else {
+        let Some(&ValidationLine { step, val_loss, .. }) = self.best_line() else {
             return Some(());
         };
-        let towers = weights::into_module(self.towers.valid(), saved.tensors).ok()?;
-        self.best = Some(Best { step, val_loss_nats, towers });
+        let networks = weights::into_module(self.networks.valid(), saved.tensors).ok()?;
+        self.best = Some(Best { step, val_loss, networks });
         Some(())
     }
 }

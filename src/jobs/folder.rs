@@ -16,6 +16,7 @@ use crate::evaluator::EvaluatorReport;
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
 use crate::record::RunRecord;
+use crate::spec::EvaluatorSection;
 use crate::tokenizer::TokenizerMetrics;
 
 /// Where a job keeps its checkpoint, in its folder.
@@ -214,6 +215,19 @@ impl ResultsFolder {
         let mut reports: Vec<EvaluatorReport> = self.products(evaluator::KIND, warn)?;
         reports.sort_by(|a, b| a.evaluator_id.cmp(&b.evaluator_id));
         Ok(reports)
+    }
+
+    /// Those of [`ResultsFolder::all_gates`] that a section describes.
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn gates_of(
+        &self,
+        section: &EvaluatorSection,
+        warn: impl FnMut(String),
+    ) -> io::Result<Vec<EvaluatorReport>> {
+        let spec = section.spec();
+        Ok(self.all_gates(warn)?.into_iter().filter(|report| report.spec == spec).collect())
     }
 
     /// All scores that lie here, as [`ResultsFolder::all_metrics`].

@@ -10,7 +10,7 @@ use super::evaluator::KIND;
 use super::folder::ResultsFolder;
 use super::id::JobId;
 use crate::data;
-use crate::evaluator::{Evaluator, Truth};
+use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
 
 /// An evaluator that passes its gates, and the sweep that it was trained for.
 pub struct TrustedEvaluator {
@@ -59,27 +59,36 @@ impl TrustedEvaluator {
     }
 }
 
-/// The folder of an evaluator that a path names.
+/// The folder of an evaluator that a path names: of several in a sweep's folder, that which the sweep
+/// describes.
 fn place_of(path: &Path) -> Result<PathBuf> {
-    let is_evaluator = |place: &Path| place.join("gates.json").is_file();
-    if is_evaluator(path) {
+    if path.join("gates.json").is_file() {
         return Ok(path.to_path_buf());
     }
-    let entries = std::fs::read_dir(path.join("evaluators")).into_iter().flatten().flatten();
-    let mut found: Vec<PathBuf> =
-        entries.map(|entry| entry.path()).filter(|place| is_evaluator(place)).collect();
-    found.sort();
-    match found.as_slice() {
-        [one] => Ok(one.clone()),
+    let folder = ResultsFolder::new(path);
+    let place = |report: &EvaluatorReport| folder.job(&JobId::new(KIND, &report.evaluator_id));
+    let trained = folder.all_gates(|_| ()).unwrap_or_default();
+    match trained.as_slice() {
+        [one] => Ok(place(one)),
         [] => bail!(
             "{} has no trained evaluator; `isoflop evaluator train` trains that of a sweep",
             path.display()
         ),
-        [first, ..] => bail!(
-            "{} has {} evaluators; name one, as {}",
-            path.display(),
-            found.len(),
-            first.display()
-        ),
+        [first, ..] => match described(&folder)?.as_slice() {
+            [one] => Ok(place(one)),
+            _ => bail!(
+                "{} has {} evaluators; name one, as {}",
+                path.display(),
+                trained.len(),
+                place(first).display()
+            ),
+        },
     }
+}
+
+/// The evaluators that the frozen sweep of a folder describes.
+fn described(folder: &ResultsFolder) -> Result<Vec<EvaluatorReport>> {
+    let sweep = frozen_sweep(folder)?;
+    let section = sweep.evaluator.as_ref();
+    Ok(section.map_or(Ok(Vec::new()), |section| folder.gates_of(section, |_| ()))?)
 }

@@ -6,6 +6,7 @@
 pub mod adamw;
 mod checkpoint;
 mod error;
+pub mod layers;
 mod learner;
 mod learning;
 pub mod params;

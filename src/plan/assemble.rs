@@ -67,7 +67,8 @@ impl Plan {
         let trunks =
             if sweep.train.schedule.shares() { branch(&mut runs, chain_of) } else { Vec::new() };
         let remarks = remarks(sweep, &tokenizers, &runs, &data);
-        let evaluator = sweep.evaluator.as_ref().map(|spec| EvaluatorJob::new(spec, &data));
+        let evaluator = sweep.evaluator.as_ref();
+        let evaluator = evaluator.map(|section| EvaluatorJob::new(section.spec(), &data));
         let scores = match (&evaluator, &sweep.scores) {
             (Some(evaluator), Some(spec)) => ScoreJob::of_runs(&runs, &evaluator.id(), spec),
             _ => Vec::new(),

@@ -17,9 +17,8 @@ pub struct EvaluatorJob {
 
 impl EvaluatorJob {
     /// The job of a sweep's `evaluator` section on its data.
-    pub fn new(spec: &EvaluatorSpec, data: &DataFacts) -> Self {
-        let (spec, data_digest) = (spec.clone(), data.digest.clone());
-        Self { revision: TRAINING_REVISION, spec, data_digest }
+    pub fn new(spec: EvaluatorSpec, data: &DataFacts) -> Self {
+        Self { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone() }
     }
 
     /// Content id: the hash of every field.

@@ -49,20 +49,18 @@ pub fn tokens_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
         as u64
 }
 
-/// Rows of the width that a layer of an evaluator keeps for the way back.
-const ROWS_KEPT: f64 = 25.0;
-
-/// Peak bytes that training an evaluator has to itself: its pool of clips, and what the backward pass
-/// keeps of each row of a step.
+/// Peak bytes that an evaluator has to itself: its pool of clips, with what the backward pass keeps of
+/// each row of a step; or the test clips beside such that were made worse.
 pub fn evaluator_peak_bytes(spec: &EvaluatorSpec, data: &DataFacts) -> u64 {
-    let [train, ..] = data.clips;
+    let [train, _, test] = data.clips;
     let frames_per_clip = data.train_frames() as f64 / train.max(1) as f64;
     let n_features = spec.representation.n_features(N_FEATURES) as f64;
     let pool = spec.pool_clips.min(train) as f64 * frames_per_clip * 4.4 * n_features;
     let rows =
-        frames_per_clip.min(spec.window as f64) / spec.frames as f64 + WORDS_PER_CAPTION as f64;
-    let kept = 4.0 * (spec.layers * spec.width) as f64 * ROWS_KEPT;
-    (MOTION_BASE_BYTES + pool + spec.batch as f64 * rows * kept) as u64
+        frames_per_clip.min(spec.window as f64) / spec.frames() as f64 + WORDS_PER_CAPTION as f64;
+    let step = spec.batch as f64 * rows * spec.networks.training_bytes_per_row();
+    let gates = 2.0 * 4.0 * N_FEATURES as f64 * test as f64 * frames_per_clip;
+    (MOTION_BASE_BYTES + (pool + step).max(gates)) as u64
 }
 
 /// What the runtime and an encoder take before the first caption.

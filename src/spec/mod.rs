@@ -24,7 +24,10 @@ mod transformer_section;
 
 pub use architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 pub use error::{KeyProblem, SpecError};
-pub use evaluator::EvaluatorSpec;
+pub use evaluator::{
+    EvaluatorKind, EvaluatorSection, EvaluatorSpec, MatchingSpec, Mismatches, MotionClipSpec,
+    NetworksSpec,
+};
 pub use generator::flops;
 pub use generator::{
     Context, Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, MaskedSpec, ModelShape,

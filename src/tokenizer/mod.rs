@@ -12,7 +12,6 @@ mod begin;
 mod captions;
 mod code_map;
 mod codec;
-mod conv;
 mod convolutional;
 mod corpus;
 mod encode;

@@ -53,6 +53,11 @@ fn one_file_leads_from_a_sweep_to_scores() {
     assert_eq!(scores(&place).len(), 8, "both lie in the folder");
     let csv = String::from_utf8(place.read("results/scored/scores.csv")).expect("text");
     assert_eq!(csv.lines().count(), 5, "{csv}");
+    // So do those by another evaluator, if it is worth anything.
+    place.isoflop(&["run", "scored.yaml", "--set", "evaluator.seed=1"]).exits(0);
+    let csv = String::from_utf8(place.read("results/scored/scores.csv")).expect("text");
+    assert_eq!((csv.lines().count(), scores(&place).len()), (5, 12), "{csv}");
+    place.isoflop(&["run", "scored.yaml"]).exits(0);
     // By hand, the same motions score the same.
     let run = format!("results/scored/runs/{}", all[0]["run_id"].as_str().expect("an id"));
     let by_hand = ["evaluate", "--run", &run, "--repeats", "2", "--no-multimodality", "--json"];

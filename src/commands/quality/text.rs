@@ -7,6 +7,7 @@ use isoflop::laws::FloorLaw;
 use isoflop::record::Quality;
 use isoflop::scores::RankCorrelation;
 
+use super::agreement::Agreement;
 use super::best::{Best, FidLaw};
 use super::ranks::Ranks;
 
@@ -17,7 +18,7 @@ const LISTED: usize = 12;
 pub fn text(
     folder: &ResultsFolder,
     rows: &[Quality],
-    ranks: &[Ranks],
+    (ranks, agreements): (&[Ranks], &[Agreement]),
     (best, laws): (&[Best], &[FidLaw]),
 ) -> String {
     let mut text = format!(
@@ -52,6 +53,7 @@ pub fn text(
         );
     }
     text += &of_ranks(ranks);
+    text += &of_agreements(agreements);
     let root = folder.root().display();
     let evaluator = &rows[0].evaluator_id;
     let _ = writeln!(text, "{root}/scores.parquet, {root}/figures/quality.svg");
@@ -60,21 +62,40 @@ pub fn text(
 
 /// Whether loss orders runs as their motions do; nothing where each generator has too few.
 fn of_ranks(ranks: &[Ranks]) -> String {
-    let shown = |rank: Option<RankCorrelation>| {
-        rank.map_or("-".to_string(), |RankCorrelation { value, interval: [low, high], .. }| {
-            format!("{value:.2} ({low:.2} to {high:.2})")
-        })
-    };
     let told: Vec<&Ranks> = ranks.iter().filter(|ranks| ranks.fid.is_some()).collect();
     if told.is_empty() {
         return String::new();
     }
     let mut text = format!("{:<28}{:<24}R@1\n", "rank correlation with L_u", "FID");
     for Ranks { generator, fid, r_precision_1 } in told {
-        let (fid, first) = (shown(*fid), shown(*r_precision_1));
-        let _ = writeln!(text, "{generator:<28}{fid:<24}{first}");
+        text += &of_correlations(generator, *fid, *r_precision_1);
     }
     text
+}
+
+/// Whether other evaluators order the runs alike.
+fn of_agreements(agreements: &[Agreement]) -> String {
+    if agreements.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("{:<28}{:<24}R@1\n", "with those by evaluator", "FID");
+    for Agreement { evaluator_id, fid, r_precision_1 } in agreements {
+        text += &of_correlations(evaluator_id, Some(*fid), Some(*r_precision_1));
+    }
+    text
+}
+
+fn of_correlations(
+    name: &str,
+    fid: Option<RankCorrelation>,
+    r_precision_1: Option<RankCorrelation>,
+) -> String {
+    let shown = |rank: Option<RankCorrelation>| {
+        rank.map_or("-".to_string(), |RankCorrelation { value, interval: [low, high], .. }| {
+            format!("{value:.2} ({low:.2} to {high:.2})")
+        })
+    };
+    format!("{name:<28}{:<24}{}\n", shown(fid), shown(r_precision_1))
 }
 
 /// The best run of each budget by loss, and by FID.

@@ -17,7 +17,7 @@ pub use training::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::spec::{EvaluatorSpec, GeneratorKind, ScoresSpec, TextSpec, TokenizerSection};
+use crate::spec::{EvaluatorSection, GeneratorKind, ScoresSpec, TextSpec, TokenizerSection};
 
 /// A study: a grid of models, vocabularies and budgets, and how each cell is trained and judged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -53,7 +53,7 @@ pub struct Sweep {
     pub trainer: Option<TrainerSection>,
     /// What motions are scored by; where it is not there, none is trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub evaluator: Option<EvaluatorSpec>,
+    pub evaluator: Option<EvaluatorSection>,
     /// Which runs are scored by it, and how; where it is not there, none is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scores: Option<ScoresSpec>,

@@ -8,9 +8,9 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
+use crate::learn::layers::Conv1d;
 use crate::spec::ConvolutionalSpec;
 use crate::tokenizer::architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
-use crate::tokenizer::conv::Conv1d;
 use crate::tokenizer::pass::Pass;
 
 /// The shape of both halves.

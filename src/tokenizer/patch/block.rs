@@ -8,8 +8,8 @@ use burn::tensor::module::layer_norm;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
+use crate::learn::layers::Conv1d;
 use crate::learn::params;
-use crate::tokenizer::conv::Conv1d;
 
 const EPSILON: f64 = 1e-5;
 /// Share of its usual size at which the second convolution begins, so that blocks begin small.

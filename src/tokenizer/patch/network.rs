@@ -8,10 +8,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::block::Block;
 use super::components::{Components, Line, components, line};
+use crate::learn::layers::Affine;
 use crate::motion::POSITIONS;
 use crate::spec::PatchSpec;
 use crate::tokenizer::architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
-use crate::tokenizer::conv::Affine;
 use crate::tokenizer::pass::Pass;
 
 /// Dilations of blocks, over and over.

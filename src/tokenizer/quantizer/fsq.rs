@@ -16,8 +16,8 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
 use super::{Extent, Quantized, Quantizer, clips, rows, straight_through};
+use crate::learn::layers::Affine;
 use crate::spec::{digits_of_index, index_of_digits, n_codes};
-use crate::tokenizer::conv::Affine;
 
 /// How far past the outermost level the bound reaches.
 const EPSILON: f64 = 1e-3;

@@ -19,9 +19,9 @@ use rand_chacha::ChaCha8Rng;
 use super::dropout::Dropout;
 use super::order::{by_clip, by_scale};
 use super::{Extent, Quantized, Quantizer, clips, rows, straight_through};
+use crate::learn::layers::Affine;
 use crate::learn::{LearnerState, LoadedState};
 use crate::spec::{ResidualSpec, digits_of_index, index_of_digits, n_codes};
-use crate::tokenizer::conv::Affine;
 
 /// Deviations of a channel that are bounded to ±tanh 1 at the beginning.
 const SPREAD: f32 = 1.3;

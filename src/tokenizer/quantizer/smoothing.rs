@@ -7,7 +7,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use crate::tokenizer::conv::Conv1d;
+use crate::learn::layers::Conv1d;
 
 /// φ(h) = relu(conv₃(relu(conv₃(h)))), as LG-Tok's code has it, so that what a scale adds is never below
 /// 0; or with VAR's residual mix m (Tian et al. 2024) φ(h) = (1 − m)·h + m·conv₃(h).

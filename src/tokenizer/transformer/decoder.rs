@@ -11,11 +11,11 @@ use super::config::{TransformerConfig, deviation, learned_rows};
 use super::layer::{Crossing, Layers, Seen};
 use super::linear::Linear;
 use super::packing::{Packing, Places, pieces};
+use crate::learn::layers::Conv1d;
 use crate::learn::params::constant;
 use crate::ops::{CrossLayout, CrossOptions, Kernels, Rope};
 use crate::spec::{Detokenizer, Positions};
 use crate::tokenizer::architecture::Decode;
-use crate::tokenizer::conv::Conv1d;
 use crate::tokenizer::pass::Pass;
 
 /// One learned vector a frame that looks at frames, latents and words.

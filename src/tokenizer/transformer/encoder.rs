@@ -8,8 +8,8 @@ use super::config::{TransformerConfig, deviation, learned_rows};
 use super::layer::{Crossing, Layers, Seen};
 use super::linear::Linear;
 use super::packing::{Packing, Places, pieces};
+use crate::learn::layers::Conv1d;
 use crate::tokenizer::architecture::Encode;
-use crate::tokenizer::conv::Conv1d;
 use crate::tokenizer::pass::Pass;
 
 /// Learned latents that look at frames and words.

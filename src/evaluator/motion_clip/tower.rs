@@ -8,11 +8,11 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::rows::Rows;
+use crate::evaluator::rows::Rows;
 use crate::generator::stack::{Block, EPSILON, Stack, projected};
 use crate::learn::params::{constant, normal};
 use crate::ops::{HeadWeights, Kernels, Rope};
-use crate::spec::{EvaluatorSpec, Ffn, ModelShape};
+use crate::spec::{EvaluatorSpec, Ffn, ModelShape, MotionClipSpec};
 
 /// The parameters of a tower: a row that sums up stands before each sequence, and every row sees every
 /// other.
@@ -27,36 +27,46 @@ pub struct Tower {
     norm: Param<Tensor<1>>,
     /// `[d, e]`.
     head: Param<Tensor<2>>,
+    #[module(skip)]
+    shape: ModelShape,
+    #[module(skip)]
+    rope: Arc<Rope>,
 }
 
 impl Tower {
     /// Draws parameters as those of a generator's transformer are drawn.
     pub fn init(
         spec: &EvaluatorSpec,
+        sizes: &MotionClipSpec,
         channels: usize,
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let (d, shape) = (spec.width, shape(spec));
+        let (d, shape) = (sizes.width, shape(spec, sizes));
         let std = (2.0 / (5.0 * d as f64)).sqrt();
         Self {
             weight: normal([channels, d], (channels as f64).sqrt().recip(), rng, device),
             bias: constant([d], 0.0, device),
             summary: normal([1, d], 1.0, rng, device),
-            blocks: (0..spec.layers).map(|_| Block::init(&shape, std, rng, device)).collect(),
+            blocks: (0..sizes.layers).map(|_| Block::init(&shape, std, rng, device)).collect(),
             norm: constant([d], 1.0, device),
             head: normal([d, spec.dim], (d as f64).sqrt().recip(), rng, device),
+            rope: Arc::new(Rope::new(shape.n_ctx, d / sizes.heads, shape.rope_base)),
+            shape,
         }
     }
 
     /// A unit vector of each sequence, `[n, e]`.
-    pub fn embed(&self, rows: &Rows, frame: &Frame) -> Tensor<2> {
-        let Frame { kernels, device, .. } = frame;
-        let vectors_md = projected(rows.values.clone(), &self.weight, &self.bias, device);
+    pub fn embed(&self, rows: &Rows) -> Tensor<2> {
+        let device = self.weight.device();
+        let kernels = Kernels::for_device(&device);
+        let vectors_md = projected(rows.values.clone(), &self.weight, &self.bias, &device);
         let summary = vectors_md.dims()[0] as u32;
         let all = Tensor::cat(vec![vectors_md, self.summary.val()], 0);
         let x_md = kernels.select_rows(all, &rows.order(summary));
-        let x_md = frame.stack(&self.blocks).forward(x_md, &rows.summarised());
+        let Self { blocks, shape, rope, .. } = self;
+        let stack = Stack { blocks, shape, rope, kernels, device: &device };
+        let x_md = stack.forward(x_md, &rows.summarised());
         let x_nd = kernels.select_rows(x_md, &rows.summaries());
         let head = HeadWeights { gamma_d: self.norm.val(), weight_dv: self.head.val() };
         unit(kernels.logits(x_nd, head, EPSILON))
@@ -69,37 +79,14 @@ fn unit(x_ne: Tensor<2>) -> Tensor<2> {
     x_ne.div(square_n1.add_scalar(1e-12).sqrt())
 }
 
-/// What the forward pass of towers needs beside their parameters.
-#[derive(Clone, Debug)]
-pub struct Frame {
-    shape: ModelShape,
-    rope: Arc<Rope>,
-    kernels: Kernels,
-    device: Device,
-}
-
-impl Frame {
-    /// That of an evaluator on a device.
-    pub fn new(spec: &EvaluatorSpec, device: &Device) -> Self {
-        let shape = shape(spec);
-        let rope = Arc::new(Rope::new(shape.n_ctx, spec.width / spec.heads, shape.rope_base));
-        Self { shape, rope, kernels: Kernels::for_device(device), device: device.clone() }
-    }
-
-    fn stack<'a>(&'a self, blocks: &'a [Block]) -> Stack<'a> {
-        let Self { shape, rope, kernels, device } = self;
-        Stack { blocks, shape, rope, kernels: *kernels, device }
-    }
-}
-
 /// The sizes of the blocks of both towers; what only models of codes have is left at nothing.
-fn shape(spec: &EvaluatorSpec) -> ModelShape {
-    let longest = spec.max_words.max(spec.window / spec.frames);
+fn shape(spec: &EvaluatorSpec, sizes: &MotionClipSpec) -> ModelShape {
+    let longest = spec.max_words.max(spec.window / sizes.frames);
     ModelShape {
-        n_layer: spec.layers,
-        n_head: spec.heads,
-        d_model: spec.width,
-        d_ff: 8 * spec.width / 3,
+        n_layer: sizes.layers,
+        n_head: sizes.heads,
+        d_model: sizes.width,
+        d_ff: 8 * sizes.width / 3,
         n_ctx: longest + 1,
         d_text: 0,
         ffn: Ffn::SwiGlu,

@@ -8,7 +8,7 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
-use crate::learn::params;
+use super::params;
 use crate::ops::{Convolution, Kernels, Taps};
 
 /// A linear layer with bias, x W + b, drawn as PyTorch draws its own: uniform in ±1/√fan_in.

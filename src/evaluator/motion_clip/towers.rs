@@ -5,15 +5,17 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::contrast::contrast;
-use super::pool::Pairs;
-use super::tower::{Frame, Tower};
+use super::tower::Tower;
+use crate::evaluator::networks::Networks;
+use crate::evaluator::pool::Pairs;
+use crate::evaluator::rows::Rows;
 use crate::learn::params::constant;
-use crate::spec::EvaluatorSpec;
+use crate::spec::{EvaluatorSpec, MotionClipSpec};
 
 /// 1 / 0.07, by which cosines are multiplied at first (Radford et al. 2021).
 const FIRST_SCALE: f64 = 1.0 / 0.07;
 
-/// All parameters of an evaluator.
+/// All parameters of an evaluator of this kind.
 #[derive(Module, Debug)]
 pub struct Towers {
     motion: Tower,
@@ -26,31 +28,32 @@ impl Towers {
     /// Draws parameters, for motions of `n_features` features a frame.
     pub fn init(
         spec: &EvaluatorSpec,
+        sizes: &MotionClipSpec,
         n_features: usize,
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
+        let mut tower = |channels| Tower::init(spec, sizes, channels, rng, device);
         Self {
-            motion: Tower::init(spec, spec.frames * n_features, rng, device),
-            caption: Tower::init(spec, spec.word_dim, rng, device),
+            motion: tower(sizes.frames * n_features),
+            caption: tower(spec.word_dim),
             log_scale: constant([1], FIRST_SCALE.ln() as f32, device),
         }
     }
+}
 
-    /// The tower of motions.
-    pub fn motion(&self) -> &Tower {
-        &self.motion
+impl Networks for Towers {
+    fn motions(&self, rows: &Rows) -> Tensor<2> {
+        self.motion.embed(rows)
     }
 
-    /// The tower of captions.
-    pub fn caption(&self) -> &Tower {
-        &self.caption
+    fn captions(&self, rows: &Rows) -> Tensor<2> {
+        self.caption.embed(rows)
     }
 
-    /// How badly motions and captions of a batch find one another, in nats, `[1]`.
-    pub fn loss(&self, pairs: &Pairs, frame: &Frame) -> Tensor<1> {
-        let motions = self.motion.embed(&pairs.motions, frame);
-        let captions = self.caption.embed(&pairs.captions, frame);
+    fn loss(&self, pairs: &Pairs, _rng: Option<&mut ChaCha8Rng>) -> Tensor<1> {
+        let motions = self.motion.embed(&pairs.motions);
+        let captions = self.caption.embed(&pairs.captions);
         contrast(motions, captions, self.log_scale.val(), &pairs.caption_ids)
     }
 }
