@@ -36,6 +36,7 @@
 //! | 7 | [`engine`] | who brings jobs to their end: this machine, or a cluster | |
 //! | 8 | [`figures`] | tables and laws into SVG and PNG, motions into files | |
 //! | 8 | [`export`] | tables and laws into notebooks | |
+//! | 8 | [`report`] | tables, laws and figures into one page of HTML | |
 
 // What goes wrong is an error, and what there is to say is a value: the program writes it.
 #![cfg_attr(
@@ -68,6 +69,7 @@ pub mod predict;
 pub mod progress;
 pub mod rates;
 pub mod record;
+pub mod report;
 pub mod scores;
 pub mod spec;
 pub mod sweep;

@@ -21,7 +21,9 @@ mod plan;
 mod plan_text;
 mod plot;
 mod predict;
+mod published;
 mod quality;
+mod report;
 mod run;
 mod stale;
 mod status;
@@ -73,12 +75,16 @@ enum Command {
     Evaluator(evaluator::EvaluatorArgs),
     /// Score the motions of a run, or those of files
     Evaluate(evaluate::EvaluateArgs),
+    /// Scores that papers print, with the best runs of sweeps beside them
+    Published(published::PublishedArgs),
     /// Make motions of captions with a trained run
     Generate(generate::GenerateArgs),
     /// Turn motions into codes with a trained tokenizer
     Tokenize(tokenize::TokenizeArgs),
     /// Turn codes back into motions
     Detokenize(detokenize::DetokenizeArgs),
+    /// A sweep's results as one page that opens without a network
+    Report(report::ReportArgs),
     /// Write a sweep's results in another form
     Export(export::ExportArgs),
     /// Do one job of a sweep; started by `run`
@@ -105,9 +111,11 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Tokenizer(args) => tokenizer::tokenizer(&args, &output),
         Command::Evaluator(args) => evaluator::evaluator(&args, &output),
         Command::Evaluate(args) => evaluate::evaluate(&args, &output),
+        Command::Published(args) => published::published(&args, &output),
         Command::Generate(args) => generate::generate(&args, &output),
         Command::Tokenize(args) => tokenize::tokenize(&args, &output),
         Command::Detokenize(args) => detokenize::detokenize(&args, &output),
+        Command::Report(args) => report::report(&args, &output),
         Command::Export(args) => export::export(&args, &output),
         Command::Worker(args) => worker::worker(&args, &output),
         Command::Guard(args) => worker::guard(&args),

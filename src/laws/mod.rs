@@ -44,7 +44,7 @@ mod log_law;
 mod lost_runs;
 mod metric;
 mod minima;
-mod names;
+pub(crate) mod names;
 mod noise;
 mod options;
 mod parametric;

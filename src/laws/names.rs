@@ -50,6 +50,6 @@ pub(super) fn law_name(laws: &Laws) -> Vec<(&'static str, &PowerLaw)> {
 }
 
 /// The flags in one phrase: "not-convex, vocab-edge".
-pub(super) fn flags_text(flags: &[MinimumFlag]) -> String {
+pub(crate) fn flags_text(flags: &[MinimumFlag]) -> String {
     flags.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }

@@ -30,28 +30,43 @@ struct Row {
 }
 
 impl Row {
-    fn text(&self) -> Option<String> {
+    fn cells(&self) -> Option<[String; 3]> {
         let number = self.number;
-        let interval = self.interval.map_or_else(String::new, |[low, high]| {
-            format!("   95 %: {} to {}", number(low), number(high))
-        });
-        Some(format!("  {:<5}{:>11}{interval}\n", self.name, number(self.value?)))
+        let interval = self
+            .interval
+            .map_or_else(String::new, |[low, high]| format!("{} to {}", number(low), number(high)));
+        Some([self.name.to_string(), number(self.value?), interval])
+    }
+
+    fn text(&self) -> Option<String> {
+        let [name, value, interval] = self.cells()?;
+        let interval = if interval.is_empty() { interval } else { format!("   95 %: {interval}") };
+        Some(format!("  {name:<5}{value:>11}{interval}\n"))
     }
 }
 
+/// Each quantity of the prediction with its value and its 95 % interval, as [`brief`] writes them.
+pub fn cells(prediction: &Prediction) -> Vec<[String; 3]> {
+    quantities(prediction).iter().filter_map(Row::cells).collect()
+}
+
 fn rows(prediction: &Prediction) -> String {
+    let rows = quantities(prediction);
+    rows.iter().filter_map(Row::text).collect::<String>() + &other_laws(&prediction.raw)
+}
+
+fn quantities(prediction: &Prediction) -> [Row; 5] {
     let ci = &prediction.ci95;
     let whole = |x: f64| format!("{x:.0}");
     let nats = |x: f64| format!("{x:.4}");
     let row = |name, value, interval, number| Row { name, value, interval, number };
-    let rows = [
+    [
         row("N", prediction.params, ci.params, count as fn(f64) -> String),
         row("N_nv", prediction.params_nonvocab, ci.params_nonvocab, count),
         row("V", prediction.n_vocab, ci.n_vocab, whole),
         row("D", Some(prediction.tokens), ci.tokens, count),
         row("loss", prediction.loss_normalised, ci.loss_normalised, nats),
-    ];
-    rows.iter().filter_map(Row::text).collect::<String>() + &other_laws(&prediction.raw)
+    ]
 }
 
 /// What the laws that are not recommended say of the loss.

@@ -10,6 +10,8 @@ mod json;
 mod metrics;
 mod quality;
 mod run_record;
+mod score_row;
+mod scored_run;
 pub mod table;
 #[cfg(test)]
 mod tests;
@@ -19,3 +21,5 @@ pub use facts::{Measured, Planned};
 pub use metrics::Metrics;
 pub use quality::{Quality, write_scores};
 pub use run_record::{FORMAT, Lacking, RunRecord, flops_per_second};
+pub use score_row::{ScoreRow, write_published};
+pub use scored_run::{ScoredRun, read_scores};

@@ -8,6 +8,7 @@ mod embeddings;
 mod error;
 mod frechet;
 mod physics;
+pub mod published;
 mod rank;
 mod repeated;
 mod retrieval;

@@ -58,12 +58,33 @@ fn one_file_leads_from_a_sweep_to_scores() {
     let csv = String::from_utf8(place.read("results/scored/scores.csv")).expect("text");
     assert_eq!((csv.lines().count(), scores(&place).len()), (5, 12), "{csv}");
     place.isoflop(&["run", "scored.yaml"]).exits(0);
+    let beside = place.isoflop(&["published", "results/scored", "--out", "tables"]).exits(0);
+    assert!(beside.stdout().contains("trained by isoflop: not comparable"), "{}", beside.stdout());
+    assert!(beside.stdout().lines().all(|line| line.chars().count() <= 80), "{}", beside.stdout());
+    let csv = String::from_utf8(place.read("tables/published.csv")).expect("text");
+    assert!(csv.lines().last().is_some_and(|line| line.starts_with("autoregressive")), "{csv}");
+    assert!(place.path("tables/published.parquet").is_file());
     // By hand, the same motions score the same.
     let run = format!("results/scored/runs/{}", all[0]["run_id"].as_str().expect("an id"));
     let by_hand = ["evaluate", "--run", &run, "--repeats", "2", "--no-multimodality", "--json"];
     let document = place.isoflop(&by_hand).exits(0).json();
     assert_eq!(document["made"], all[0]["made"]);
     assert_eq!(document["multimodality"], Value::Null);
+}
+
+#[test]
+fn published_scores_stand_beside_ones_own_and_are_not_compared() {
+    let place = Place::with("scored.yaml");
+    let missing = place.isoflop(&["published", "results/none"]).exits(2);
+    assert!(missing.stderr().contains("`isoflop run` writes them"), "{}", missing.stderr());
+    let all = place.isoflop(&["published"]).exits(0);
+    assert!(all.stdout().lines().all(|line| line.chars().count() <= 80), "{}", all.stdout());
+    let is_row =
+        |line: &str| line.starts_with("MARDM ") && line.contains("0.500 ± 0.004  0.114 ± 0.007");
+    assert!(all.stdout().lines().any(is_row), "{}", all.stdout());
+    let kit = place.isoflop(&["published", "--dataset", "kit-ml", "--json"]).exits(0).json();
+    let rows = kit["rows"].as_array().expect("rows");
+    assert!(rows.len() > 10 && rows.iter().all(|row| row["dataset"] == "KIT-ML"));
 }
 
 /// A sweep with an evaluator that was trained alone.

@@ -1,0 +1,91 @@
+//! `isoflop published`: scores that papers print, with the best runs of sweeps beside them.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::Args;
+use isoflop::jobs::ResultsFolder;
+use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
+use isoflop::scores::published::{self, Printed, Published, evaluators};
+use serde_json::json;
+
+use super::exit::Exit;
+use super::output::Output;
+
+#[derive(Args)]
+pub struct PublishedArgs {
+    /// Sweeps' folders with scores: the best run of each generator by FID is shown beside the rest
+    pub results: Vec<PathBuf>,
+    /// Only rows of this data set, as HumanML3D
+    #[arg(long)]
+    pub dataset: Option<String>,
+    /// The folder to write published.parquet and published.csv to
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+}
+
+pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
+    let wanted = |row: &Published| {
+        args.dataset.as_ref().is_none_or(|dataset| dataset.eq_ignore_ascii_case(row.dataset))
+    };
+    let mut rows: Vec<ScoreRow> =
+        published::rows().iter().filter(|row| wanted(row)).map(ScoreRow::of_published).collect();
+    for path in &args.results {
+        let folder = ResultsFolder::new(path);
+        let runs = read_scores(folder.root()).context("its scores; `isoflop run` writes them")?;
+        rows.extend(best(&runs).map(|run| ScoreRow::of_run(&folder.name(), run)));
+    }
+    if let Some(out) = &args.out {
+        write_published(out, &rows)?;
+    }
+    output.result(&json!({ "rows": rows, "sources": published::sources() }), &text(&rows))?;
+    Ok(Exit::Done)
+}
+
+/// The run of the lowest FID of each generator.
+fn best(runs: &[ScoredRun]) -> impl Iterator<Item = &ScoredRun> {
+    let fid = |run: &ScoredRun| run.score("fid").map_or(f64::INFINITY, |[mean, _]| mean);
+    let mut best: BTreeMap<&str, &ScoredRun> = BTreeMap::new();
+    for run in runs {
+        let kept = best.entry(&run.generator).or_insert(run);
+        if fid(run) < fid(kept) {
+            *kept = run;
+        }
+    }
+    best.into_values()
+}
+
+/// A table an evaluator and data set.
+fn text(rows: &[ScoreRow]) -> String {
+    let mut text = String::new();
+    let mut above = None;
+    for row in rows {
+        let group = (&row.evaluator, &row.dataset);
+        if above != Some(group) {
+            above = Some(group);
+            text += &heading(row);
+        }
+        let cells = ["r_precision_1", "fid", "matching_distance", "multimodality"];
+        text += &line(
+            &row.system,
+            cells.map(|name| row.scores.get(name).map(Printed::to_string).unwrap_or_default()),
+        );
+    }
+    text + "\nscores by different evaluators are not comparable; sources: docs/published.md"
+}
+
+fn heading(row: &ScoreRow) -> String {
+    let about = evaluators().iter().find(|(name, _)| *name == row.evaluator);
+    let evaluator = about.map_or_else(
+        || format!("evaluator {}, trained by isoflop: not comparable with the rest", row.evaluator),
+        |(_, about)| format!("evaluator: {about}"),
+    );
+    let names = ["R@1", "FID", "MM-Dist", "MultiModality"].map(String::from);
+    format!("\n{evaluator}\n{}", line(&row.dataset, names))
+}
+
+fn line(first: &str, cells: [String; 4]) -> String {
+    let [a, b, c, d] = cells;
+    format!("{first:<20}{a:>15}{b:>15}{c:>15}{d:>15}\n")
+}

@@ -1,0 +1,43 @@
+//! Where the results come from: versions, machines, the resolved sweep, and what was not run.
+
+use std::collections::BTreeSet;
+
+use maud::{Markup, html};
+
+use super::page::ReportInput;
+use super::table::table;
+use crate::record::RunRecord;
+
+/// Versions, sweep and dropped cells.
+pub fn section(input: &ReportInput) -> Markup {
+    let rows = [
+        ("isoflop, for this page", env!("CARGO_PKG_VERSION").to_string()),
+        ("revisions that trained", each(input.records, |run| run.measured.git_revision.clone())),
+        ("devices", each(input.records, |run| run.measured.device.clone())),
+        ("seeds", each(input.records, |run| run.planned.seed.map(|seed| seed.to_string()))),
+    ];
+    let rows: Vec<Vec<String>> =
+        rows.into_iter().map(|(name, value)| vec![name.to_string(), value]).collect();
+    html! {
+        section aria-labelledby="about" {
+            h2 id="about" { "Provenance" }
+            (table("Versions and machines", &["what", "which"], &rows))
+            @if !input.dropped.is_empty() {
+                details {
+                    summary { (input.dropped.len()) " cells of the grid were not run" }
+                    ul { @for cell in input.dropped { li { (cell) } } }
+                }
+            }
+            details {
+                summary { "The resolved sweep" }
+                pre tabindex="0" role="region" aria-label="The resolved sweep" { (input.sweep.trim()) }
+            }
+        }
+    }
+}
+
+/// The values that runs have, each once.
+fn each(records: &[RunRecord], of: fn(&RunRecord) -> Option<String>) -> String {
+    let values: BTreeSet<String> = records.iter().filter_map(of).collect();
+    values.into_iter().collect::<Vec<_>>().join(", ")
+}

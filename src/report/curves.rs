@@ -1,0 +1,84 @@
+//! The IsoFLOP curves: every run, and where the predicted optimum lies.
+
+use maud::{Markup, html};
+
+use super::chart::{Chart, px};
+use super::page::ReportInput;
+use super::scaling::{best_of_sizes, budgets, label};
+use crate::laws::text::count;
+use crate::record::RunRecord;
+
+/// Colours that the style has; further budgets begin again.
+const COLOURS: usize = 8;
+
+/// The curves; `None` where no run has a loss.
+pub fn section(input: &ReportInput) -> Option<Markup> {
+    let at = |record: &RunRecord| {
+        Some((record.planned.params_nonvocab as f64, record.loss_normalised().ok()?))
+    };
+    let chart = Chart::around(input.records.iter().filter_map(at))?;
+    let budgets = budgets(input.records);
+    let drawn = html! {
+        (optimum(&chart, input))
+        @for (place, budget) in budgets.iter().enumerate() {
+            (curve(&chart, input.records, *budget, place % COLOURS))
+        }
+    };
+    let about =
+        "L_u of every run against N_nv, with a line through the best of each size of a budget";
+    Some(html! {
+        section aria-labelledby="curves" {
+            h2 id="curves" { "IsoFLOP curves" }
+            p { "Every run; the lines go through the best of each size. Point at a run, or tap it, to \
+                 read it. The shaded band is the predicted N_nv of the budget chosen above." }
+            (chart.drawing("isoflop", about, ["N_nv", "L_u, nats"], &drawn))
+            p id="pointed" aria-live="polite" { "\u{a0}" }
+            ul.legend {
+                @for (place, budget) in budgets.iter().enumerate() {
+                    li { span class={ "swatch c" (place % COLOURS) } {} (count(*budget)) }
+                }
+            }
+        }
+    })
+}
+
+fn curve(chart: &Chart, records: &[RunRecord], budget: f64, colour: usize) -> Markup {
+    let best = best_of_sizes(records, budget);
+    let place = |record: &&RunRecord| {
+        Some((record.planned.params_nonvocab as f64, record.loss_normalised().ok()?))
+    };
+    let is_best =
+        |record: &RunRecord| best.iter().any(|best| best.planned.run_id == record.planned.run_id);
+    let of_budget = records.iter().filter(|record| record.planned.budget_flops == budget);
+    html! {
+        g class={ "c" (colour) } {
+            path.line d=(chart.path(best.iter().filter_map(place))) {}
+            @for record in of_budget {
+                @if let Some((x, y)) = place(&record) {
+                    circle.best[is_best(record)] cx=(px(chart.x(x))) cy=(px(chart.y(y)))
+                        r=(if is_best(record) { "4" } else { "2.5" }) data-label=(label(record)) {}
+                }
+            }
+        }
+    }
+}
+
+/// The band of the predicted N_nv, which the slider moves.
+fn optimum(chart: &Chart, input: &ReportInput) -> Markup {
+    let [top, bottom] = chart.height();
+    let places: Vec<String> = input
+        .predictions
+        .iter()
+        .map(|prediction| {
+            let size = prediction.params_nonvocab.or(prediction.params).unwrap_or(f64::NAN);
+            let [low, high] = prediction.ci95.params_nonvocab.unwrap_or([size, size]);
+            [size, low, high].map(|x| px(chart.x_within(x))).join(" ")
+        })
+        .collect();
+    html! {
+        g id="optimum" data-places=(places.join(",")) {
+            rect y=(top) height=(bottom - top) x="0" width="0" {}
+            line y1=(top) y2=(bottom) x1="0" x2="0" {}
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! The laws: what they say, with what certainty, and the minima that they stand on.
+
+use maud::{Markup, html};
+
+use super::table::{interval, table, thousandths};
+use crate::laws::names::flags_text;
+use crate::laws::text::count;
+use crate::laws::{IntervalPart, Laws, Minimum, PowerLaw};
+
+/// Laws, minima and what was said of them.
+pub fn section(laws: &Laws) -> Markup {
+    let head = ["quantity", "exponent", "95 %", "at C0", "R²", "budgets"];
+    let reference = count(laws.reference_flops);
+    html! {
+        section aria-labelledby="laws" {
+            h2 id="laws" { "Laws" }
+            (table(&format!("Power laws of C; C0 = {reference} FLOPs"), &head, &powers(laws)))
+            (table("Laws of the loss", &["law", "held-out error, nats", "parameters"], &losses(laws)))
+            @if let Some(recommended) = &laws.judgement.recommended {
+                p { "Recommended: " (recommended.law.about()) ", " (recommended.why) "." }
+            }
+            (parts(laws))
+            (minima(laws))
+            @if !laws.warnings.is_empty() {
+                details {
+                    summary { (laws.warnings.len()) " remarks on the fit" }
+                    ul { @for warning in &laws.warnings { li { (warning) } } }
+                }
+            }
+        }
+    }
+}
+
+fn powers(laws: &Laws) -> Vec<Vec<String>> {
+    let of = &laws.power_laws;
+    let all = [
+        ("N", &of.params),
+        ("N_nv", &of.params_nonvocab),
+        ("N_v", &of.params_vocab),
+        ("D", &of.tokens),
+    ];
+    let row = |(name, law): (&str, &Option<PowerLaw>)| {
+        let law = law.as_ref()?;
+        let fit = if law.n > 0 { thousandths(law.r2) } else { String::new() };
+        Some(vec![
+            name.to_string(),
+            thousandths(law.exponent),
+            interval(law.exponent_ci95, thousandths),
+            count(law.ln_at_reference.exp()),
+            fit,
+            law.n.to_string(),
+        ])
+    };
+    all.into_iter().filter_map(row).collect()
+}
+
+fn losses(laws: &Laws) -> Vec<Vec<String>> {
+    let error = |error: Option<f64>| error.map(thousandths).unwrap_or_default();
+    let log = laws.loss.log.as_ref().map(|law| {
+        let said = format!(
+            "{:.4} per decade ({})",
+            law.slope_per_decade,
+            interval(law.slope_ci95, thousandths)
+        );
+        vec!["log".to_string(), error(law.held_out_error), said]
+    });
+    let floor = laws.loss.floor.as_ref().map(|law| {
+        let said = format!(
+            "floor {:.3} ({}), exponent {:.3}",
+            law.floor,
+            interval(law.floor_ci95, thousandths),
+            law.exponent
+        );
+        vec!["with a floor".to_string(), error(law.held_out_error), said]
+    });
+    log.into_iter().chain(floor).collect()
+}
+
+/// What the intervals are made of.
+fn parts(laws: &Laws) -> Markup {
+    let row = |part: &IntervalPart| {
+        vec![
+            part.part.clone(),
+            interval(part.exponent_nonvocab, thousandths),
+            interval(part.exponent_vocab, thousandths),
+            interval(part.exponent_tokens, thousandths),
+        ]
+    };
+    let rows: Vec<Vec<String>> = laws.judgement.interval_parts.iter().map(row).collect();
+    let head = ["reason", "N_nv", "N_v", "D"];
+    html! { @if !rows.is_empty() { (table("The intervals of the exponents, had they one reason alone", &head, &rows)) } }
+}
+
+fn minima(laws: &Laws) -> Markup {
+    let row = |minimum: &Minimum| {
+        vec![
+            count(minimum.budget_flops),
+            count(minimum.params_nonvocab),
+            format!("{:.0}", minimum.n_vocab),
+            count(minimum.tokens),
+            format!("{:.4}", minimum.loss_normalised),
+            if minimum.trusted { "trusted".to_string() } else { flags_text(&minimum.flags) },
+        ]
+    };
+    let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
+    let rows: Vec<Vec<String>> = own.map(row).collect();
+    let head = ["C", "N_nv", "V", "D", "L_u", "flags"];
+    table("Minima", &head, &rows)
+}

@@ -1,0 +1,97 @@
+//! [`page`]: the page as a whole.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::{about, curves, laws, prediction, runs, scaling, tokenizers};
+use crate::laws::Laws;
+use crate::predict::Prediction;
+use crate::record::RunRecord;
+use crate::tokenizer::TokenizerMetrics;
+
+/// All that a page shows.
+pub struct ReportInput<'a> {
+    pub name: &'a str,
+    /// What `isoflop run` says at its end.
+    pub verdict: &'a str,
+    /// Absent where the runs bear none.
+    pub laws: Option<&'a Laws>,
+    /// By rising budgets: what the slider moves over.
+    pub predictions: &'a [Prediction],
+    pub records: &'a [RunRecord],
+    pub tokenizers: &'a [TokenizerMetrics],
+    pub figures: &'a [Figure],
+    /// The resolved sweep, in YAML.
+    pub sweep: &'a str,
+    /// Cells that were not run, each with its reason.
+    pub dropped: &'a [String],
+}
+
+/// A figure of the sweep's folder.
+pub struct Figure {
+    pub name: String,
+    pub svg: String,
+}
+
+/// The page, in HTML.
+pub fn page(input: &ReportInput) -> String {
+    let sections = [
+        Some(verdict(input)),
+        prediction::section(input),
+        curves::section(input),
+        input.laws.map(laws::section),
+        runs::section(input.records),
+        tokenizers::section(input.tokenizers),
+        figures(input.figures),
+        Some(about::section(input)),
+    ];
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (input.name) " · isoflop" }
+                style { (PreEscaped(include_str!("style.css"))) }
+            }
+            body {
+                header { h1 { (input.name) } p { (scaling::extent(input.records)) } }
+                main { @for section in sections.into_iter().flatten() { (section) } }
+                script { (PreEscaped(include_str!("script.js"))) }
+            }
+        }
+    };
+    page.into_string()
+}
+
+fn verdict(input: &ReportInput) -> Markup {
+    html! {
+        section aria-labelledby="verdict" {
+            h2 id="verdict" { "Verdict" }
+            pre tabindex="0" role="region" aria-label="Verdict" { (input.verdict.trim()) }
+        }
+    }
+}
+
+fn figures(figures: &[Figure]) -> Option<Markup> {
+    (!figures.is_empty()).then(|| {
+        html! {
+            section aria-labelledby="figures" {
+                h2 id="figures" { "Figures" }
+                @for Figure { name, svg } in figures {
+                    figure {
+                        div.paper role="img" aria-label=(name.replace('_', " ")) {
+                            (PreEscaped(drawing(svg)))
+                        }
+                        figcaption { (name.replace('_', " ")) }
+                    }
+                }
+            }
+        }
+    })
+}
+
+/// An SVG file without what stands before its root.
+fn drawing(svg: &str) -> &str {
+    svg.find("<svg").map_or("", |start| &svg[start..])
+}

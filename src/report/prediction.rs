@@ -1,0 +1,118 @@
+//! The prediction: a slider over budgets, the configuration, and the loss over budgets.
+
+use maud::{Markup, PreEscaped, html};
+use serde_json::{Value, json};
+
+use super::chart::{Chart, px};
+use super::page::ReportInput;
+use crate::laws::Minimum;
+use crate::laws::text::count;
+use crate::predict::{Prediction, cells};
+
+/// The section; `None` where nothing is predicted.
+pub fn section(input: &ReportInput) -> Option<Markup> {
+    let last = input.predictions.len().checked_sub(1)?;
+    let first = start(input);
+    let data: Vec<Value> = input.predictions.iter().map(shown).collect();
+    Some(html! {
+        section aria-labelledby="prediction" {
+            h2 id="prediction" { "Prediction" }
+            label for="budget" { "Budget: " output id="flops" for="budget" {} " FLOPs" }
+            input id="budget" type="range" min="0" max=(last) value=(first) step="1"
+                aria-describedby="far";
+            p id="far" {}
+            div.wide tabindex="0" role="region" aria-label="Predicted configuration" {
+                table {
+                    caption { "The optimal configuration, with 95 % intervals" }
+                    thead { tr { th scope="col" { "quantity" } th scope="col" { "value" }
+                        th scope="col" { "95 %" } } }
+                    tbody id="configuration" {}
+                }
+            }
+            ul id="cautions" {}
+            (losses(input).unwrap_or_default())
+            p { "The same numbers: " code { "isoflop predict C --law RESULTS" } }
+        }
+        script id="predictions" type="application/json" { (PreEscaped(escaped(&data))) }
+    })
+}
+
+/// The first budget beyond the runs, or the last.
+fn start(input: &ReportInput) -> usize {
+    let beyond = input.predictions.iter().position(|one| one.extrapolation_factor > 1.5);
+    beyond.unwrap_or(input.predictions.len() - 1)
+}
+
+/// What the script shows of a prediction: all of it written here.
+fn shown(prediction: &Prediction) -> Value {
+    let shape = prediction.shape.as_ref().map(|shape| {
+        format!(
+            "{} layers, {} heads, width {}, {} codes",
+            shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab
+        )
+    });
+    let far = match prediction.extrapolation_factor {
+        factor if factor > 1.0 => format!("{factor:.3} times beyond the largest budget fitted"),
+        _ => "within the budgets fitted".to_string(),
+    };
+    json!({
+        "budget_flops": prediction.budget_flops,
+        "flops": count(prediction.budget_flops),
+        "far": far,
+        "rows": cells(prediction),
+        "shape": shape,
+        "warnings": prediction.warnings,
+    })
+}
+
+/// JSON that ends no script element.
+fn escaped(data: &[Value]) -> String {
+    Value::from(data).to_string().replace('<', "\\u003c")
+}
+
+/// Predicted L_u over budgets with its interval, the minima, and a mark that the slider moves.
+fn losses(input: &ReportInput) -> Option<Markup> {
+    let at = |one: &Prediction| Some((one.budget_flops, one.loss_normalised?));
+    let line: Vec<(f64, f64)> = input.predictions.iter().filter_map(at).collect();
+    let side = |side: usize| {
+        let of = move |one: &Prediction| Some((one.budget_flops, one.ci95.loss_normalised?[side]));
+        input.predictions.iter().filter_map(of).collect::<Vec<_>>()
+    };
+    let [low, high] = [side(0), side(1)];
+    let minima = minima(input);
+    let measured = minima.iter().map(|minimum| (minimum.flops, minimum.loss_normalised));
+    let chart = Chart::around(line.iter().copied().chain(measured))?;
+    let around = low.iter().copied().chain(high.iter().rev().copied());
+    let marks: Vec<String> =
+        line.iter().map(|(x, y)| format!("{} {}", px(chart.x(*x)), px(chart.y(*y)))).collect();
+    let drawn = html! {
+        path.band d=(chart.path(around)) {}
+        path.law d=(chart.path(line.iter().copied())) {}
+        @for minimum in minima {
+            circle.minimum.doubtful[!minimum.trusted]
+                cx=(px(chart.x(minimum.flops))) cy=(px(chart.y(minimum.loss_normalised))) r="4.5"
+                data-label=(told(minimum)) {}
+        }
+        circle id="mark" r="6" data-places=(marks.join(",")) {}
+    };
+    let about = "Predicted L_u against budgets with its 95 % interval, and the minima of the runs";
+    Some(chart.drawing("losses", about, ["FLOPs", "L_u, nats"], &drawn))
+}
+
+/// The minima that the laws stand on, and the one held out.
+fn minima<'a>(input: &ReportInput<'a>) -> Vec<&'a Minimum> {
+    let Some(laws) = input.laws else { return Vec::new() };
+    let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
+    own.filter(|minimum| minimum.loss_normalised.is_finite()).collect()
+}
+
+fn told(minimum: &Minimum) -> String {
+    let word = if minimum.trusted { "trusted minimum" } else { "minimum in doubt" };
+    format!(
+        "{word} at {}: L_u {:.4}, N_nv {}, V {:.0}",
+        count(minimum.budget_flops),
+        minimum.loss_normalised,
+        count(minimum.params_nonvocab),
+        minimum.n_vocab
+    )
+}

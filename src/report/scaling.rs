@@ -1,0 +1,54 @@
+//! What a study spans, and how its budgets are told apart.
+
+use std::collections::BTreeMap;
+
+use crate::laws::text::count;
+use crate::record::RunRecord;
+
+/// The runs of a study in a sentence.
+pub fn extent(records: &[RunRecord]) -> String {
+    let budgets = budgets(records);
+    let span = match (budgets.first(), budgets.last()) {
+        (Some(first), Some(last)) => format!(" at {} to {} FLOPs", count(*first), count(*last)),
+        _ => String::new(),
+    };
+    let seconds: f64 = records.iter().filter_map(|record| record.measured.wall_s).sum();
+    format!("{} runs{span}, {:.1} core-hours", records.len(), seconds / 3600.0)
+}
+
+/// The budgets of runs, ascending.
+pub fn budgets(records: &[RunRecord]) -> Vec<f64> {
+    let mut budgets: Vec<f64> = records.iter().map(|record| record.planned.budget_flops).collect();
+    budgets.sort_by(f64::total_cmp);
+    budgets.dedup();
+    budgets
+}
+
+/// The lowest L_u of each N_nv at a budget, with its run.
+pub fn best_of_sizes(records: &[RunRecord], budget: f64) -> Vec<&RunRecord> {
+    let mut best: BTreeMap<usize, (&RunRecord, f64)> = BTreeMap::new();
+    for record in records.iter().filter(|record| record.planned.budget_flops == budget) {
+        let Ok(loss) = record.loss_normalised() else { continue };
+        let kept = best.entry(record.planned.params_nonvocab).or_insert((record, loss));
+        if loss < kept.1 {
+            *kept = (record, loss);
+        }
+    }
+    best.into_values().map(|(record, _)| record).collect()
+}
+
+/// A run in a line.
+pub fn label(record: &RunRecord) -> String {
+    let planned = &record.planned;
+    let loss =
+        record.loss_normalised().map_or("no loss".to_string(), |loss| format!("L_u {loss:.4}"));
+    let generator = planned.generator.as_deref().unwrap_or("run");
+    let seed = planned.seed.map_or_else(String::new, |seed| format!(", seed {seed}"));
+    format!(
+        "{generator}, N_nv {}, V {}, C {}, D {}{seed}: {loss}",
+        count(planned.params_nonvocab as f64),
+        planned.n_vocab,
+        count(planned.budget_flops),
+        count(record.measured.tokens as f64),
+    )
+}
