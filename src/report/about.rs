@@ -24,7 +24,7 @@ pub fn section(input: &ReportInput) -> Markup {
             (table("Versions and machines", &["what", "which"], &rows))
             @if !input.dropped.is_empty() {
                 details {
-                    summary { (input.dropped.len()) " cells of the grid were not run" }
+                    summary { "Cells of the grid that were not run: " (input.dropped.len()) }
                     ul { @for cell in input.dropped { li { (cell) } } }
                 }
             }

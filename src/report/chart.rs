@@ -50,6 +50,11 @@ impl Chart {
         self.x(value).clamp(LEFT, WIDTH - RIGHT)
     }
 
+    /// Whether a value lies within the y axis.
+    pub fn holds(&self, value: f64) -> bool {
+        (self.y[0]..=self.y[1]).contains(&value)
+    }
+
     /// Where the plot begins and ends, from the top.
     pub fn height(&self) -> [f64; 2] {
         [TOP, HEIGHT - BOTTOM]
@@ -68,19 +73,25 @@ impl Chart {
     pub fn drawing(&self, id: &str, about: &str, [x, y]: [&str; 2], within: &Markup) -> Markup {
         let middle = (LEFT + WIDTH - RIGHT) / 2.0;
         let centre = (TOP + HEIGHT - BOTTOM) / 2.0;
+        let clip = format!("{id}-plot");
         html! {
+            div.wide tabindex="0" role="region" aria-label=(about) {
             svg.chart id=(id) viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img" aria-label=(about) {
                 @for (value, name) in self.ticks_x() {
-                    line.grid x1=(px(self.x(value))) x2=(px(self.x(value))) y1=(TOP) y2=(HEIGHT - BOTTOM);
+                    line.grid x1=(px(self.x(value))) x2=(px(self.x(value))) y1=(TOP) y2=(HEIGHT - BOTTOM) {}
                     text x=(px(self.x(value))) y=(HEIGHT - BOTTOM + 16.0) text-anchor="middle" { (name) }
                 }
                 @for (value, name) in self.ticks_y() {
-                    line.grid x1=(LEFT) x2=(WIDTH - RIGHT) y1=(px(self.y(value))) y2=(px(self.y(value)));
+                    line.grid x1=(LEFT) x2=(WIDTH - RIGHT) y1=(px(self.y(value))) y2=(px(self.y(value))) {}
                     text x=(LEFT - 6.0) y=(px(self.y(value) + 4.0)) text-anchor="end" { (name) }
                 }
                 text x=(middle) y=(HEIGHT - 8.0) text-anchor="middle" { (x) }
                 text transform={ "translate(14 " (centre) ") rotate(-90)" } text-anchor="middle" { (y) }
-                (within)
+                clipPath id=(clip) {
+                    rect x=(LEFT) y=(TOP) width=(WIDTH - LEFT - RIGHT) height=(HEIGHT - TOP - BOTTOM) {}
+                }
+                g clip-path={ "url(#" (clip) ")" } { (within) }
+            }
             }
         }
     }

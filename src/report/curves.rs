@@ -16,21 +16,22 @@ pub fn section(input: &ReportInput) -> Option<Markup> {
     let at = |record: &RunRecord| {
         Some((record.planned.params_nonvocab as f64, record.loss_normalised().ok()?))
     };
-    let chart = Chart::around(input.records.iter().filter_map(at))?;
     let budgets = budgets(input.records);
+    let best = budgets.iter().flat_map(|budget| best_of_sizes(input.records, *budget));
+    let chart = Chart::around(best.filter_map(at))?;
     let drawn = html! {
         (optimum(&chart, input))
         @for (place, budget) in budgets.iter().enumerate() {
             (curve(&chart, input.records, *budget, place % COLOURS))
         }
     };
-    let about =
-        "L_u of every run against N_nv, with a line through the best of each size of a budget";
+    let about = "L_u of runs against N_nv, with a line through the best of each size of a budget";
     Some(html! {
         section aria-labelledby="curves" {
             h2 id="curves" { "IsoFLOP curves" }
-            p { "Every run; the lines go through the best of each size. Point at a run, or tap it, to \
-                 read it. The shaded band is the predicted N_nv of the budget chosen above." }
+            p { "The lines go through the best run of each size; the other runs near them are faint. Point \
+                 at a run, or tap it, to read it. The shaded band is the predicted N_nv of the budget \
+                 chosen above." }
             (chart.drawing("isoflop", about, ["N_nv", "L_u, nats"], &drawn))
             p id="pointed" aria-live="polite" { "\u{a0}" }
             ul.legend {
@@ -54,7 +55,7 @@ fn curve(chart: &Chart, records: &[RunRecord], budget: f64, colour: usize) -> Ma
         g class={ "c" (colour) } {
             path.line d=(chart.path(best.iter().filter_map(place))) {}
             @for record in of_budget {
-                @if let Some((x, y)) = place(&record) {
+                @if let Some((x, y)) = place(&record).filter(|(_, y)| chart.holds(*y)) {
                     circle.best[is_best(record)] cx=(px(chart.x(x))) cy=(px(chart.y(y)))
                         r=(if is_best(record) { "4" } else { "2.5" }) data-label=(label(record)) {}
                 }

@@ -9,13 +9,20 @@ use crate::laws::{IntervalPart, Laws, Minimum, PowerLaw};
 
 /// Laws, minima and what was said of them.
 pub fn section(laws: &Laws) -> Markup {
-    let head = ["quantity", "exponent", "95 %", "at C0", "R²", "budgets"];
-    let reference = count(laws.reference_flops);
+    let held_out = laws.held_out.as_ref().filter(|_| laws.refit.is_some());
+    let without = held_out.map(|held_out| format!("without {}", count(held_out.budget_flops)));
+    let mut head = vec!["quantity", "exponent", "95 %", "at C0", "R²", "budgets"];
+    head.extend(without.as_deref());
+    let reference = count(laws.of_all_budgets().reference_flops);
     html! {
         section aria-labelledby="laws" {
             h2 id="laws" { "Laws" }
             (table(&format!("Power laws of C; C0 = {reference} FLOPs"), &head, &powers(laws)))
-            (table("Laws of the loss", &["law", "held-out error, nats", "parameters"], &losses(laws)))
+            (table(
+                "Laws of the loss, through the smaller budgets",
+                &["law", "held-out error, nats", "parameters"],
+                &losses(laws)
+            ))
             @if let Some(recommended) = &laws.judgement.recommended {
                 p { "Recommended: " (recommended.law.about()) ", " (recommended.why) "." }
             }
@@ -23,7 +30,7 @@ pub fn section(laws: &Laws) -> Markup {
             (minima(laws))
             @if !laws.warnings.is_empty() {
                 details {
-                    summary { (laws.warnings.len()) " remarks on the fit" }
+                    summary { "Remarks on the fit: " (laws.warnings.len()) }
                     ul { @for warning in &laws.warnings { li { (warning) } } }
                 }
             }
@@ -31,25 +38,29 @@ pub fn section(laws: &Laws) -> Markup {
     }
 }
 
+/// The exponents through all budgets, and without the held-out one where there is one.
 fn powers(laws: &Laws) -> Vec<Vec<String>> {
-    let of = &laws.power_laws;
+    let (of, before) = (&laws.of_all_budgets().power_laws, &laws.power_laws);
     let all = [
-        ("N", &of.params),
-        ("N_nv", &of.params_nonvocab),
-        ("N_v", &of.params_vocab),
-        ("D", &of.tokens),
+        ("N", &of.params, &before.params),
+        ("N_nv", &of.params_nonvocab, &before.params_nonvocab),
+        ("N_v", &of.params_vocab, &before.params_vocab),
+        ("D", &of.tokens, &before.tokens),
     ];
-    let row = |(name, law): (&str, &Option<PowerLaw>)| {
+    let row = |(name, law, before): (&str, &Option<PowerLaw>, &Option<PowerLaw>)| {
         let law = law.as_ref()?;
+        let before = before.as_ref().filter(|_| laws.refit.is_some());
         let fit = if law.n > 0 { thousandths(law.r2) } else { String::new() };
-        Some(vec![
+        let mut cells = vec![
             name.to_string(),
             thousandths(law.exponent),
             interval(law.exponent_ci95, thousandths),
             count(law.ln_at_reference.exp()),
             fit,
             law.n.to_string(),
-        ])
+        ];
+        cells.extend(before.map(|law| thousandths(law.exponent)));
+        Some(cells)
     };
     all.into_iter().filter_map(row).collect()
 }

@@ -10,8 +10,10 @@ mod laws;
 mod page;
 mod prediction;
 mod runs;
+mod samples;
 mod scaling;
 mod table;
 mod tokenizers;
 
 pub use page::{Figure, ReportInput, page};
+pub use samples::Sample;

@@ -2,6 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::samples::{self, Sample};
 use super::{about, curves, laws, prediction, runs, scaling, tokenizers};
 use crate::laws::Laws;
 use crate::predict::Prediction;
@@ -18,6 +19,7 @@ pub struct ReportInput<'a> {
     /// By rising budgets: what the slider moves over.
     pub predictions: &'a [Prediction],
     pub records: &'a [RunRecord],
+    pub samples: &'a [Sample],
     pub tokenizers: &'a [TokenizerMetrics],
     pub figures: &'a [Figure],
     /// The resolved sweep, in YAML.
@@ -39,6 +41,7 @@ pub fn page(input: &ReportInput) -> String {
         prediction::section(input),
         curves::section(input),
         input.laws.map(laws::section),
+        samples::section(input.samples),
         runs::section(input.records),
         tokenizers::section(input.tokenizers),
         figures(input.figures),

@@ -29,7 +29,10 @@ pub fn section(input: &ReportInput) -> Option<Markup> {
                     tbody id="configuration" {}
                 }
             }
+            p id="build" {}
             ul id="cautions" {}
+            p.faint { "N_nv: parameters beside those of the vocabulary. V: codes. D: tokens of training. \
+                       loss: L_u, nats a token below a model that knows only how often each code is met." }
             (losses(input).unwrap_or_default())
             p { "The same numbers: " code { "isoflop predict C --law RESULTS" } }
         }
@@ -47,7 +50,7 @@ fn start(input: &ReportInput) -> usize {
 fn shown(prediction: &Prediction) -> Value {
     let shape = prediction.shape.as_ref().map(|shape| {
         format!(
-            "{} layers, {} heads, width {}, {} codes",
+            "Nearest that can be built: {} layers, {} heads, width {}, {} codes",
             shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab
         )
     });

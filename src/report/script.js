@@ -15,8 +15,8 @@ function predict(predictions, place) {
   at("flops").textContent = flops;
   at("budget").setAttribute("aria-valuetext", `${flops} FLOPs`);
   at("far").textContent = far;
-  const all = shape ? [...rows, ["build", shape, ""]] : rows;
-  at("configuration").replaceChildren(...all.map(([name, value, interval]) => {
+  at("build").textContent = shape ?? "";
+  at("configuration").replaceChildren(...rows.map(([name, value, interval]) => {
     const row = document.createElement("tr");
     const head = cell("th", name);
     head.scope = "row";
@@ -45,8 +45,18 @@ const predictions = at("predictions");
 if (predictions) {
   const data = JSON.parse(predictions.textContent);
   const move = () => predict(data, Number(at("budget").value));
+  /** `report.html#1e12` stands on the nearest budget. */
+  const follow = () => {
+    const asked = Math.log(Number(location.hash.slice(1)));
+    if (Number.isFinite(asked)) {
+      const far = data.map(({ budget_flops }) => Math.abs(Math.log(budget_flops) - asked));
+      at("budget").value = far.indexOf(Math.min(...far));
+    }
+    move();
+  };
   at("budget").addEventListener("input", move);
-  move();
+  addEventListener("hashchange", follow);
+  follow();
 }
 
 for (const kind of ["pointerover", "click"]) {

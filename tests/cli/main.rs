@@ -14,6 +14,7 @@ mod older;
 mod output;
 mod plan;
 mod presets;
+mod report;
 mod rounds;
 mod scored;
 mod slurm;

@@ -1,5 +1,7 @@
 //! `isoflop report`: a sweep's results as one page that opens without a network.
 
+mod samples;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,6 +20,7 @@ use super::by_generator::{home, of_one};
 use super::exit::Exit;
 use super::output::Output;
 use super::{fit, plot, predict};
+use samples::samples;
 
 /// The slider ends at so many times the largest budget that laws were fitted to.
 const FARTHEST: f64 = 1000.0;
@@ -42,7 +45,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
     let told: Vec<Prediction> = read_if_there(&folder.file("prediction.json"))?.unwrap_or_default();
     let verdict = laws.as_ref().map_or_else(
         || "The runs bear no laws; `isoflop fit` says why.".to_string(),
-        |laws| fit::text(laws, &told, false),
+        |laws| fit::text(laws, &[], false),
     );
     let predictions = laws.as_ref().map(|laws| along(laws, &told)).unwrap_or_default();
     let html = page(&ReportInput {
@@ -51,6 +54,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
         laws: laws.as_ref(),
         predictions: &predictions,
         records: &records,
+        samples: &samples(&home(&folder), &records)?,
         tokenizers: &plot::tokenizers(&home(&folder), output)?,
         figures: &figures(&folder.file("figures"))?,
         sweep: &text(&home(&folder).file("sweep.yaml"))?,

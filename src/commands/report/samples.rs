@@ -1,0 +1,62 @@
+//! Motions of a sweep's folder, for its page.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use isoflop::data::read_motion;
+use isoflop::files::read_if_there;
+use isoflop::jobs::ResultsFolder;
+use isoflop::motion::recover_joints;
+use isoflop::record::RunRecord;
+use isoflop::report::Sample;
+use serde::Deserialize;
+
+/// Motions that a page shows.
+const SHOWN: usize = 6;
+
+/// Frames a second of motions where the sweep says nothing else.
+const FPS: f64 = 20.0;
+
+/// What is read of `motions.json`.
+#[derive(Deserialize)]
+struct Made {
+    caption: String,
+}
+
+/// The first motions of the run of the lowest L_u that made some; none where no run did.
+pub fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Sample>> {
+    let mut by_loss: Vec<(&RunRecord, f64)> = records
+        .iter()
+        .filter_map(|record| Some((record, record.loss_normalised().ok()?)))
+        .collect();
+    by_loss.sort_by(|a, b| a.1.total_cmp(&b.1));
+    for (record, _) in by_loss {
+        let run_id = &record.planned.run_id;
+        let place = folder.file("samples").join(run_id);
+        for place in [place.join("scored"), place] {
+            let made: Option<Vec<Made>> = read_if_there(&place.join("motions.json"))?;
+            if let Some(made) = made {
+                return of_run(run_id, &place, &made);
+            }
+        }
+    }
+    Ok(Vec::new())
+}
+
+fn of_run(run_id: &str, place: &Path, made: &[Made]) -> Result<Vec<Sample>> {
+    let file = |n: usize| place.join(format!("{n}.features.npy"));
+    let kept: Vec<(PathBuf, &Made)> =
+        made.iter().enumerate().map(|(n, made)| (file(n), made)).collect();
+    let kept = kept.into_iter().filter(|(path, _)| fs::exists(path).unwrap_or(false));
+    let read = |(path, made): (PathBuf, &Made)| {
+        let features = read_motion(&path).with_context(|| format!("reading {}", path.display()))?;
+        Ok(Sample {
+            caption: made.caption.clone(),
+            run_id: run_id.to_string(),
+            fps: FPS,
+            poses: recover_joints(&features),
+        })
+    };
+    kept.take(SHOWN).map(read).collect()
+}

@@ -1,0 +1,97 @@
+"use strict";
+// A skeleton on a canvas. Positions are millimetres; y points up.
+{
+  const { parents, samples } = JSON.parse(document.getElementById("motions").textContent);
+  const [chooser, stage, play, scrub, maker] =
+    ["sample", "stage", "play", "frame", "maker"].map((id) => document.getElementById(id));
+  const joints = parents.length;
+  const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  let [shown, centre, size, turn, playing, began] = [samples[0], [0, 0], 1, 0.6, !still, 0];
+
+  const frames = () => shown.mm.length / (3 * joints);
+  const at = (frame, joint) => shown.mm.slice(3 * (frame * joints + joint), 3 * (frame * joints + joint) + 3);
+
+  /** The middle of the floor that is walked on, and how much has to fit. */
+  const frame = () => {
+    const sides = [0, 2].map((axis) => {
+      const all = shown.mm.filter((_, i) => i % 3 === axis);
+      return [Math.min(...all), Math.max(...all)];
+    });
+    centre = sides.map(([low, high]) => (low + high) / 2);
+    size = Math.max(2200, ...sides.map(([low, high]) => high - low + 600));
+  };
+
+  /** Pixels of a place, seen from a little above. */
+  const project = ([x, y, z]) => {
+    const [east, north] = [x - centre[0], z - centre[1]];
+    const right = east * Math.cos(turn) + north * Math.sin(turn);
+    const away = -east * Math.sin(turn) + north * Math.cos(turn);
+    const scale = stage.height * 0.8 / size;
+    return [stage.width / 2 + right * scale, stage.height * 0.86 - (0.95 * y - 0.3 * away) * scale];
+  };
+
+  const line = (pen, from, to) => {
+    pen.beginPath();
+    pen.moveTo(...from);
+    pen.lineTo(...to);
+    pen.stroke();
+  };
+
+  const draw = () => {
+    const pen = stage.getContext("2d");
+    const colours = getComputedStyle(stage);
+    pen.clearRect(0, 0, stage.width, stage.height);
+    pen.lineWidth = 1;
+    pen.strokeStyle = colours.getPropertyValue("--line");
+    const half = Math.ceil(size / 1000) * 500;
+    for (let way = -half; way <= half; way += 500) {
+      const [x, z] = [centre[0] + way, centre[1] + way];
+      line(pen, project([x, 0, centre[1] - half]), project([x, 0, centre[1] + half]));
+      line(pen, project([centre[0] - half, 0, z]), project([centre[0] + half, 0, z]));
+    }
+    pen.lineWidth = 4;
+    pen.lineCap = "round";
+    pen.strokeStyle = colours.getPropertyValue("--accent");
+    const now = Number(scrub.value);
+    parents.forEach((parent, joint) => {
+      if (parent !== null) line(pen, project(at(now, parent)), project(at(now, joint)));
+    });
+    scrub.setAttribute("aria-valuetext", `${(now / shown.fps).toFixed(2)} s`);
+  };
+
+  const step = (time) => {
+    if (!playing) return;
+    if (time - began >= 1000 / shown.fps) {
+      began = time;
+      scrub.value = (Number(scrub.value) + 1) % frames();
+      draw();
+    }
+    requestAnimationFrame(step);
+  };
+  const start = (on) => {
+    playing = on;
+    play.textContent = on ? "Pause" : "Play";
+    if (on) requestAnimationFrame(step);
+  };
+  const choose = () => {
+    shown = samples[Number(chooser.value)];
+    scrub.max = frames() - 1;
+    scrub.value = 0;
+    maker.textContent = shown.run;
+    frame();
+    draw();
+  };
+
+  chooser.addEventListener("change", choose);
+  play.addEventListener("click", () => start(!playing));
+  scrub.addEventListener("input", () => { start(false); draw(); });
+  stage.addEventListener("pointermove", ({ buttons, movementX }) => {
+    if (buttons) { turn += movementX / 150; draw(); }
+  });
+  stage.addEventListener("keydown", ({ key }) => {
+    const way = { ArrowLeft: -0.15, ArrowRight: 0.15 }[key];
+    if (way) { turn += way; draw(); }
+  });
+  choose();
+  start(playing);
+}
