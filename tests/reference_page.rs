@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use isoflop::sweep::reference;
+use isoflop::sweep::{reference, schema};
 
 const BLESS: &str = "ISOFLOP_BLESS=1 cargo test --release --test reference_page";
 
@@ -21,6 +21,32 @@ fn the_page_about_sweep_files_is_what_the_source_says() {
         panic!("docs/sweep-file.md:{line}:\n- {written}\n+ {page}\nwrite it again: {BLESS}");
     }
     assert!(page == written, "docs/sweep-file.md ends elsewhere; write it again: {BLESS}");
+}
+
+#[test]
+fn the_schema_of_sweep_files_is_what_the_source_says() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/sweep.schema.json");
+    let made = serde_json::to_string_pretty(&schema()).unwrap() + "\n";
+    if std::env::var_os("ISOFLOP_BLESS").is_some() {
+        std::fs::write(&path, &made).unwrap();
+    }
+    let written = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(made == written, "docs/sweep.schema.json is not what the source says: {BLESS}");
+}
+
+/// Editors check a file by the line at its head.
+#[test]
+fn every_example_names_the_schema() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments");
+    let line = "# yaml-language-server: $schema=../docs/sweep.schema.json";
+    for entry in std::fs::read_dir(root).unwrap().flatten() {
+        let path = entry.path();
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.ends_with(".yaml") && !name.ends_with("-profile.yaml") {
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert!(text.lines().next() == Some(line), "{}: begin with {line}", path.display());
+        }
+    }
 }
 
 #[test]

@@ -6,8 +6,10 @@ mod args;
 mod by_generator;
 mod cancel;
 mod command_line;
+mod completions;
 mod context;
 mod detokenize;
+mod doctor;
 mod evaluate;
 mod evaluator;
 mod exit;
@@ -25,6 +27,7 @@ mod published;
 mod quality;
 mod report;
 mod run;
+mod schema;
 mod stale;
 mod status;
 mod status_text;
@@ -34,7 +37,7 @@ mod tune;
 mod validate;
 mod worker;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use exit::{Exit, report};
 
@@ -87,6 +90,14 @@ enum Command {
     Report(report::ReportArgs),
     /// Write a sweep's results in another form
     Export(export::ExportArgs),
+    /// What this machine and this build can do
+    Doctor,
+    /// The JSON Schema of sweep files, for editors
+    Schema,
+    /// Print what completes commands in a shell
+    Completions(completions::CompletionsArgs),
+    /// Write manual pages
+    Man(completions::ManArgs),
     /// Do one job of a sweep; started by `run`
     #[command(hide = true)]
     Worker(worker::WorkerArgs),
@@ -117,6 +128,10 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Detokenize(args) => detokenize::detokenize(&args, &output),
         Command::Report(args) => report::report(&args, &output),
         Command::Export(args) => export::export(&args, &output),
+        Command::Doctor => doctor::doctor(&output),
+        Command::Schema => schema::schema(&output),
+        Command::Completions(args) => completions::completions(&args, Cli::command(), &output),
+        Command::Man(args) => completions::man(&args, Cli::command(), &output),
         Command::Worker(args) => worker::worker(&args, &output),
         Command::Guard(args) => worker::guard(&args),
     }

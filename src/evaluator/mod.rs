@@ -9,6 +9,7 @@ mod codec;
 mod corruption;
 mod error;
 mod gates;
+mod kind;
 mod matching;
 mod motion_clip;
 mod networks;

@@ -1,33 +1,17 @@
 //! Networks of an evaluator: a folder a kind.
 //!
 //! [`AnyNetworks::init`] is the one place that tells kinds apart.
-//!
-//! Shapes: n sequences, e numbers of an embedding.
 
 use std::ops::Deref;
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 
+use super::kind::Networks;
 use super::matching::MatchingNetworks;
 use super::motion_clip::Towers;
-use super::pool::Pairs;
-use super::rows::Rows;
 use crate::spec::{EvaluatorSpec, NetworksSpec};
-
-/// Motions and captions into vectors that are near each other where they belong together.
-pub trait Networks {
-    /// A vector of each motion, `[n, e]`.
-    fn motions(&self, rows: &Rows) -> Tensor<2>;
-
-    /// A vector of each caption, `[n, e]`.
-    fn captions(&self, rows: &Rows) -> Tensor<2>;
-
-    /// How badly motions and captions of a batch find one another, `[1]`: in training, with what is left
-    /// out drawn from `rng`.
-    fn loss(&self, pairs: &Pairs, rng: Option<&mut ChaCha8Rng>) -> Tensor<1>;
-}
 
 /// Networks of any kind, as a module.
 #[derive(Module, Debug)]

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use maud::{Markup, html};
 
-use super::page::ReportInput;
+use super::input::ReportInput;
 use super::table::table;
 use crate::record::RunRecord;
 

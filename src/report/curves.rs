@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::chart::{Chart, px};
-use super::page::ReportInput;
+use super::input::ReportInput;
 use super::scaling::{best_of_sizes, budgets, label};
 use crate::laws::text::count;
 use crate::record::RunRecord;

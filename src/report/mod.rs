@@ -6,6 +6,7 @@
 mod about;
 mod chart;
 mod curves;
+mod input;
 mod laws;
 mod page;
 mod prediction;
@@ -15,5 +16,5 @@ mod scaling;
 mod table;
 mod tokenizers;
 
-pub use page::{Figure, ReportInput, page};
-pub use samples::Sample;
+pub use input::{Figure, ReportInput, Sample};
+pub use page::page;

@@ -2,37 +2,8 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::samples::{self, Sample};
-use super::{about, curves, laws, prediction, runs, scaling, tokenizers};
-use crate::laws::Laws;
-use crate::predict::Prediction;
-use crate::record::RunRecord;
-use crate::tokenizer::TokenizerMetrics;
-
-/// All that a page shows.
-pub struct ReportInput<'a> {
-    pub name: &'a str,
-    /// What `isoflop run` says at its end.
-    pub verdict: &'a str,
-    /// Absent where the runs bear none.
-    pub laws: Option<&'a Laws>,
-    /// By rising budgets: what the slider moves over.
-    pub predictions: &'a [Prediction],
-    pub records: &'a [RunRecord],
-    pub samples: &'a [Sample],
-    pub tokenizers: &'a [TokenizerMetrics],
-    pub figures: &'a [Figure],
-    /// The resolved sweep, in YAML.
-    pub sweep: &'a str,
-    /// Cells that were not run, each with its reason.
-    pub dropped: &'a [String],
-}
-
-/// A figure of the sweep's folder.
-pub struct Figure {
-    pub name: String,
-    pub svg: String,
-}
+use super::input::{Figure, ReportInput};
+use super::{about, curves, laws, prediction, runs, samples, scaling, tokenizers};
 
 /// The page, in HTML.
 pub fn page(input: &ReportInput) -> String {
@@ -71,7 +42,7 @@ fn verdict(input: &ReportInput) -> Markup {
     html! {
         section aria-labelledby="verdict" {
             h2 id="verdict" { "Verdict" }
-            pre tabindex="0" role="region" aria-label="Verdict" { (input.verdict.trim()) }
+            pre tabindex="0" role="region" aria-label="The verdict in full" { (input.verdict.trim()) }
         }
     }
 }

@@ -4,7 +4,7 @@ use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 
 use super::chart::{Chart, px};
-use super::page::ReportInput;
+use super::input::ReportInput;
 use crate::laws::Minimum;
 use crate::laws::text::count;
 use crate::predict::{Prediction, cells};

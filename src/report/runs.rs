@@ -24,7 +24,7 @@ pub fn section(records: &[RunRecord]) -> Option<Markup> {
                 label for="filter" { "Show runs with " }
                 input id="filter" type="search" placeholder="masked 1e11 V=128";
                 " " span id="shown" aria-live="polite" {}
-                div.wide.tall tabindex="0" role="region" aria-label="Runs" {
+                div.wide.tall tabindex="0" role="region" aria-label="Table of runs" {
                     table id="table" {
                         caption { "Finished runs" }
                         thead { tr {

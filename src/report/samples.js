@@ -39,10 +39,10 @@
 
   const draw = () => {
     const pen = stage.getContext("2d");
-    const colours = getComputedStyle(stage);
+    const { color, borderTopColor } = getComputedStyle(stage);
     pen.clearRect(0, 0, stage.width, stage.height);
     pen.lineWidth = 1;
-    pen.strokeStyle = colours.getPropertyValue("--line");
+    pen.strokeStyle = borderTopColor;
     const half = Math.ceil(size / 1000) * 500;
     for (let way = -half; way <= half; way += 500) {
       const [x, z] = [centre[0] + way, centre[1] + way];
@@ -51,7 +51,7 @@
     }
     pen.lineWidth = 4;
     pen.lineCap = "round";
-    pen.strokeStyle = colours.getPropertyValue("--accent");
+    pen.strokeStyle = color;
     const now = Number(scrub.value);
     parents.forEach((parent, joint) => {
       if (parent !== null) line(pen, project(at(now, parent)), project(at(now, joint)));

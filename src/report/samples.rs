@@ -3,17 +3,8 @@
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 
-use crate::motion::{PARENTS, Pose};
-
-/// A motion of the study.
-pub struct Sample {
-    pub caption: String,
-    /// The run that made it.
-    pub run_id: String,
-    pub fps: f64,
-    /// Metres.
-    pub poses: Vec<Pose>,
-}
+use super::input::Sample;
+use crate::motion::PARENTS;
 
 /// The viewer; `None` where there is no motion.
 pub fn section(samples: &[Sample]) -> Option<Markup> {

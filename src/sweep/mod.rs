@@ -24,7 +24,7 @@ pub use command::{CommandError, TrainerCommand};
 pub use models::{models, shape};
 pub use problem::{Problem, SweepErrors};
 pub use read::{parse, read, read_profile};
-pub use reference::reference;
+pub use reference::{reference, schema};
 pub use sections::*;
 pub use source::Source;
 pub use time_limit::minutes;

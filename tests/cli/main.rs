@@ -29,3 +29,4 @@ mod trunks;
 mod tune;
 mod validate;
 mod victim;
+mod words;

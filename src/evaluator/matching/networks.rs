@@ -8,7 +8,7 @@ use super::margin::margin_loss;
 use super::movement::Movement;
 use super::order::Order;
 use super::reader::Reader;
-use crate::evaluator::networks::Networks;
+use crate::evaluator::kind::Networks;
 use crate::evaluator::pool::Pairs;
 use crate::evaluator::rows::Rows;
 use crate::spec::{EvaluatorSpec, MatchingSpec};

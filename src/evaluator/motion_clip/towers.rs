@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::contrast::contrast;
 use super::tower::Tower;
-use crate::evaluator::networks::Networks;
+use crate::evaluator::kind::Networks;
 use crate::evaluator::pool::Pairs;
 use crate::evaluator::rows::Rows;
 use crate::learn::params::constant;

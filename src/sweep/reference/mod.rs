@@ -4,6 +4,7 @@ mod order;
 mod schema;
 
 use schemars::schema_for;
+use serde_json::{Value, json};
 
 use order::{Step, keys_at};
 use schema::{Kind, Node};
@@ -24,6 +25,8 @@ with the nearest valid name.
 - Where the default is empty, nothing stands there unless it is written.
 - Numbers may be written `1e6`, `0.5` or `1_000`; whole numbers too.
 - `--set train.lr.max=0.01` writes one value over the file's.
+- Editors that know YAML check a file as it is written by its first line, `# yaml-language-server:
+  $schema=PATH`, where PATH is that of [sweep.schema.json](sweep.schema.json), which `isoflop schema` prints.
 - `isoflop plan SWEEP.yaml` says what a sweep would do before anything runs.
 
 ## A complete example
@@ -34,6 +37,17 @@ with the nearest valid name.
 ";
 
 const EXAMPLE: &str = include_str!("../../../experiments/quickstart.yaml");
+
+/// The JSON Schema of sweep files, `docs/sweep.schema.json`: what a preset has need not be written.
+pub fn schema() -> Value {
+    let mut schema = schema_for!(Sweep).to_value();
+    if let Some(file) = schema.as_object_mut() {
+        let written = file.remove("required").unwrap_or_default();
+        let ways = json!([{ "required": ["preset"] }, { "required": written }]);
+        file.insert("anyOf".to_string(), ways);
+    }
+    schema
+}
 
 /// The page about sweep files, `docs/sweep-file.md`.
 pub fn reference() -> String {

@@ -1,0 +1,42 @@
+//! `isoflop completions` and `isoflop man`: what shells and manuals are told of the commands.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::{Args, Command};
+use clap_complete::Shell;
+use serde_json::json;
+
+use super::exit::Exit;
+use super::output::Output;
+
+#[derive(Args)]
+pub struct CompletionsArgs {
+    /// The shell
+    #[arg(value_enum)]
+    pub shell: Shell,
+}
+
+pub fn completions(args: &CompletionsArgs, mut cli: Command, output: &Output) -> Result<Exit> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, &mut cli, "isoflop", &mut script);
+    let script = String::from_utf8_lossy(&script);
+    output.result(&json!({ "script": script }), &script)?;
+    Ok(Exit::Done)
+}
+
+#[derive(Args)]
+pub struct ManArgs {
+    /// The folder to write the pages to, one for each command
+    #[arg(long, default_value = "man")]
+    pub out: PathBuf,
+}
+
+pub fn man(args: &ManArgs, cli: Command, output: &Output) -> Result<Exit> {
+    let place = || format!("writing manual pages to {}", args.out.display());
+    std::fs::create_dir_all(&args.out).with_context(place)?;
+    clap_mangen::generate_to(cli, &args.out).with_context(place)?;
+    let said = format!("{}: isoflop.1 and a page for each command", args.out.display());
+    output.result(&json!({ "man": args.out }), &said)?;
+    Ok(Exit::Done)
+}
