@@ -16,8 +16,8 @@
 //! | 1 | [`progress`] | steps, pieces of work, requests to stop | failure, files |
 //! | 2 | [`spec`] | closed descriptions of what is trained: hashed, free of burn | |
 //! | 2 | [`sweep`] | a YAML file into a checked [`sweep::Sweep`] | spec |
-//! | 3 | [`motion`] | joints into features and back, and into BVH; the procedural source | |
-//! | 3 | [`data`] | a folder or the generator into clips with captions | motion |
+//! | 3 | [`motion`] | joints into features and back, into BVH, from other skeletons; the procedural source | |
+//! | 3 | [`data`] | a folder or the generator into clips with captions; other files into such a folder | motion |
 //! | 3 | [`text`] | captions into frozen embeddings | data |
 //! | 3 | [`codes`] | the codes of a data set, between a tokenizer and a generator | data |
 //! | 4 | [`plan`] | a sweep into priced runs, and cells dropped with their reasons | |

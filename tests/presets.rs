@@ -22,7 +22,8 @@ fn quantizer(plan: &Plan) -> &QuantizerSpec {
 
 #[test]
 fn every_preset_is_a_whole_sweep_under_its_own_name() {
-    for name in presets::NAMES {
+    // `own-data` is of data that are not here: its cells are known when they are.
+    for name in presets::NAMES.into_iter().filter(|name| *name != "own-data") {
         let (sweep, plan) = planned(name);
         assert_eq!(sweep.name, name);
         assert!(plan.dropped.is_empty() || name.starts_with("scamo"), "{name}: {:?}", plan.dropped);

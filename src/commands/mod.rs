@@ -8,6 +8,7 @@ mod cancel;
 mod command_line;
 mod completions;
 mod context;
+mod data;
 mod detokenize;
 mod doctor;
 mod evaluate;
@@ -86,6 +87,8 @@ enum Command {
     Tokenize(tokenize::TokenizeArgs),
     /// Turn codes back into motions
     Detokenize(detokenize::DetokenizeArgs),
+    /// Make, check and count data sets
+    Data(data::DataArgs),
     /// A sweep's results as one page that opens without a network
     Report(report::ReportArgs),
     /// Write a sweep's results in another form
@@ -126,6 +129,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Generate(args) => generate::generate(&args, &output),
         Command::Tokenize(args) => tokenize::tokenize(&args, &output),
         Command::Detokenize(args) => detokenize::detokenize(&args, &output),
+        Command::Data(args) => data::data(&args, &output),
         Command::Report(args) => report::report(&args, &output),
         Command::Export(args) => export::export(&args, &output),
         Command::Doctor => doctor::doctor(&output),

@@ -1,12 +1,15 @@
 //! Clips with captions, from a folder in the HumanML3D layout or from the procedural generator.
 
 mod captions;
+mod check;
 mod clip_file;
+mod count;
 mod digest;
 mod facts;
 #[cfg(test)]
 mod fixtures;
 mod humanml3d;
+pub mod import;
 mod items;
 mod motion_file;
 mod motion_files;
@@ -20,6 +23,8 @@ mod stats;
 mod union;
 
 pub use captions::{Annotation, CaptionProblem, parse_annotation};
+pub use check::{Checked, check_folder};
+pub use count::{Counted, LENGTH_BIN, Tally, WORDS_BIN, count};
 pub use facts::{DataFacts, Demand, MemberFacts};
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
 pub use items::FPS;

@@ -20,7 +20,7 @@ impl MotionFiles {
         [Self::Features, Self::Joints].into_iter().find(|files| root.join(files.folder()).is_dir())
     }
 
-    fn folder(self) -> &'static str {
+    pub(super) fn folder(self) -> &'static str {
         match self {
             Self::Features => "new_joint_vecs",
             Self::Joints => "new_joints",

@@ -20,6 +20,18 @@ pub fn write_npy(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), Fil
     atomic::write_whole(path, |file| fill(file, &shape, values))
 }
 
+/// The bytes of such a file.
+///
+/// # Panics
+/// If `shape` has another number of elements than `values`.
+pub fn npy_bytes(shape: &[usize], values: &[f32]) -> Vec<u8> {
+    assert_eq!(shape.iter().product::<usize>(), values.len(), "the values fill the shape");
+    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
+    let mut bytes = Vec::with_capacity(128 + 4 * values.len());
+    fill(&mut bytes, &shape, values).expect("a vector takes every byte");
+    bytes
+}
+
 fn fill(file: impl io::Write, shape: &[u64], values: &[f32]) -> io::Result<()> {
     let options = WriteOptions::new().default_dtype().shape(shape);
     let mut writer = options.writer(file).begin_nd()?;

@@ -6,8 +6,8 @@ use rand_chacha::rand_core::SeedableRng;
 use super::digest::digest;
 use super::source::{DataError, FeatureStats, MotionSource, Split};
 use super::stats::StatsAccumulator;
-use crate::motion::build_features;
 use crate::motion::synth::{FPS, REVISION, Script};
+use crate::motion::{Pose, build_features};
 
 /// Clips of the training stream from which mean and deviation are estimated.
 const STATS_CLIPS: usize = 256;
@@ -35,6 +35,11 @@ pub struct Procedural {
 }
 
 impl Procedural {
+    /// The poses that the features of a clip are of: one more than it has frames.
+    pub fn poses(&self, split: Split, index: usize) -> Vec<Pose> {
+        self.script(split, index).poses()
+    }
+
     /// A source; takes the time of 256 clips for the statistics.
     pub fn new(options: ProceduralOptions) -> Self {
         let ProceduralOptions { seed, train_clips, val_clips, test_clips } = options;
@@ -74,7 +79,7 @@ impl MotionSource for Procedural {
     }
 
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
-        Ok(build_features(&self.script(split, index).poses()))
+        Ok(build_features(&self.poses(split, index)))
     }
 
     fn stats(&self) -> &FeatureStats {

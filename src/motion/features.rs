@@ -58,6 +58,21 @@ pub fn canonicalise(poses: &[Pose]) -> Vec<Pose> {
     poses.iter().map(|pose| pose.map(place)).collect()
 }
 
+/// Metres that a canonical clip may be off the origin and the floor.
+const AT_ORIGIN: f32 = 1e-3;
+/// Radians that its first body may face beside +z.
+const FACING: f64 = 1e-3;
+
+/// Whether `poses` are as [`canonicalise`] leaves them, to a millimetre and a milliradian: places that were
+/// rounded are not turned again.
+pub fn is_canonical(poses: &[Pose]) -> bool {
+    let Some(first) = poses.first() else { return true };
+    let floor = poses.iter().flatten().map(|joint| joint[1]).fold(f32::INFINITY, f32::min);
+    let off = [first[0][0], first[0][2], floor];
+    let turn = facing_turn(first);
+    off.iter().all(|metres| metres.abs() < AT_ORIGIN) && turn.w > 0.0 && turn.y.abs() < FACING / 2.0
+}
+
 /// Features of `T + 1` poses that are canonical already (see [`canonicalise`]).
 ///
 /// A bone without length keeps the rotation of the bone before it.

@@ -1,5 +1,7 @@
-//! Joints into HumanML3D features and back, mirroring, BVH, and the distance between motions.
+//! Joints into HumanML3D features and back, mirroring, BVH, other skeletons, and the distance between
+//! motions.
 
+mod align;
 pub mod bvh;
 mod complete;
 mod features;
@@ -9,9 +11,11 @@ mod heading;
 mod metrics;
 mod mirror;
 mod recover;
+pub mod retarget;
 mod rotation;
 mod skeleton;
 pub mod synth;
+mod vector;
 
 /// Features of one frame in the HumanML3D layout with 22 joints.
 pub const N_FEATURES: usize = 263;
@@ -19,7 +23,7 @@ pub const N_FEATURES: usize = 263;
 pub use complete::complete_features;
 pub use features::{
     CONTACT_THRESHOLD_M2, CONTACTS, POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW, ROTATIONS,
-    VELOCITIES, build_features, canonicalise, features_of_canonical,
+    VELOCITIES, build_features, canonicalise, features_of_canonical, is_canonical,
 };
 pub use metrics::mpjpe_mm;
 pub use mirror::{mirror_caption, mirror_features};

@@ -84,7 +84,8 @@ fn losses(input: &ReportInput) -> Option<Markup> {
     let [low, high] = [side(0), side(1)];
     let minima = minima(input);
     let measured = minima.iter().map(|minimum| (minimum.flops, minimum.loss_normalised));
-    let chart = Chart::around(line.iter().copied().chain(measured))?;
+    let certain = line.iter().chain(&low).chain(&high).copied();
+    let chart = Chart::around(certain.chain(measured))?;
     let around = low.iter().copied().chain(high.iter().rev().copied());
     let marks: Vec<String> =
         line.iter().map(|(x, y)| format!("{} {}", px(chart.x(*x)), px(chart.y(*y)))).collect();

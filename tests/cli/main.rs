@@ -2,6 +2,7 @@
 
 mod bits;
 mod custom_trainer;
+mod data;
 mod failures;
 mod faults;
 mod folder;

@@ -2,6 +2,7 @@
 
 mod agreement;
 mod best;
+mod fid_law;
 mod ranks;
 mod rows;
 mod text;
@@ -15,7 +16,8 @@ use serde_json::{Value, json};
 
 use super::output::Output;
 use agreement::Agreement;
-use best::{best, fid_laws};
+use best::best;
+use fid_law::fid_laws;
 use ranks::Ranks;
 use rows::Rows;
 use text::text;

@@ -3,12 +3,12 @@
 use std::fmt::Write;
 
 use isoflop::jobs::ResultsFolder;
-use isoflop::laws::FloorLaw;
 use isoflop::record::Quality;
 use isoflop::scores::RankCorrelation;
 
 use super::agreement::Agreement;
-use super::best::{Best, FidLaw};
+use super::best::Best;
+use super::fid_law::{Curve, FidLaw};
 use super::ranks::Ranks;
 
 /// Runs, and budgets, that are listed, at most.
@@ -45,19 +45,25 @@ pub fn text(
     let truth = with_interval(&rows[0], "truth_r_precision_1", 3);
     let _ = writeln!(text, "true motions: R@1 {truth}; means and 95 % intervals of repeats");
     text += &of_budgets(best);
-    for FidLaw { generator, reference_flops, law } in laws {
-        let FloorLaw { floor, coefficient, exponent, .. } = law;
-        let _ = writeln!(
-            text,
-            "FID of {generator}: {floor:.3} + {coefficient:.3} (C / {reference_flops:.0e})^-{exponent:.2}"
-        );
-    }
+    laws.iter().for_each(|law| text += &of_law(law));
     text += &of_ranks(ranks);
     text += &of_agreements(agreements);
     let root = folder.root().display();
     let evaluator = &rows[0].evaluator_id;
     let _ = writeln!(text, "{root}/scores.parquet, {root}/figures/quality.svg");
     text + &format!("comparable only with scores of the same evaluator, {evaluator}")
+}
+
+/// A law, and what becomes of it as budgets are left out, one at a time.
+fn of_law(law: &FidLaw) -> String {
+    let FidLaw { generator, reference_flops, curve, floor_range, exponent_range, budgets } = law;
+    let Curve { floor, coefficient, exponent } = curve;
+    let ([least, most], [slowest, fastest]) = (floor_range, exponent_range);
+    let curve = format!("{floor:.3} + {coefficient:.3} (C / {reference_flops:.0e})^-{exponent:.2}");
+    format!(
+        "FID of {generator}: {curve}, {budgets} budgets;\n  one left out: floor {least:.3} to {most:.3}, \
+         exponent {slowest:.2} to {fastest:.2}\n"
+    )
 }
 
 /// Whether loss orders runs as their motions do; nothing where each generator has too few.

@@ -8,7 +8,7 @@ use super::hierarchy::{Axis, Bvh, BvhJoint, Channel};
 use super::kinematics::CM_PER_M;
 use super::nodes::{Node, nodes, rest_axis};
 use super::rest::{Rest, rest_pose, weighted_align};
-use super::vector::{add, norm, scale, sub};
+use crate::motion::vector::{add, norm, scale, sub};
 use crate::motion::{JOINT_NAMES, Pose, Quat, conjugate, multiply, rotate};
 
 const NO_ROTATION: Quat = [1.0, 0.0, 0.0, 0.0];

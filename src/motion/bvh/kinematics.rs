@@ -1,13 +1,22 @@
 //! Forward kinematics: channels into positions.
 
 use super::hierarchy::{Bvh, BvhJoint, Channel};
-use super::vector::add;
+use crate::motion::vector::add;
 use crate::motion::{JOINT_NAMES, N_JOINTS, Pose, Quat, multiply, rotate};
 
 /// Centimetres in a metre: files are written in centimetres.
 pub const CM_PER_M: f64 = 100.0;
 
 const NO_ROTATION: Quat = [1.0, 0.0, 0.0, 0.0];
+
+/// A joint in a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// From the joint's own frame to that of the file.
+    pub rotation: Quat,
+    /// In the file's unit of length.
+    pub position: [f64; 3],
+}
 
 impl Bvh {
     /// The place of each joint in each frame, in the file's unit of length.
@@ -23,7 +32,27 @@ impl Bvh {
     /// # Panics
     /// If a frame has another length than [`Bvh::n_channels`].
     pub fn positions(&self) -> Vec<Vec<[f64; 3]>> {
+        let points =
+            |frame: &Vec<f64>| self.place(frame).iter().map(|joint| joint.position).collect();
+        self.frames.iter().map(points).collect()
+    }
+
+    /// Place and rotation of each joint in each frame; see [`Bvh::positions`].
+    ///
+    /// # Panics
+    /// If a frame has another length than [`Bvh::n_channels`].
+    pub fn placed(&self) -> Vec<Vec<Placed>> {
         self.frames.iter().map(|frame| self.place(frame)).collect()
+    }
+
+    /// The pose of the OFFSETs alone, without a turn.
+    pub fn zero_pose(&self) -> Vec<Placed> {
+        let mut placed: Vec<Placed> = Vec::with_capacity(self.joints.len());
+        for joint in &self.joints {
+            let parent = joint.parent.map_or([0.0; 3], |parent| placed[parent].position);
+            placed.push(Placed { rotation: NO_ROTATION, position: add(parent, joint.offset) });
+        }
+        placed
     }
 
     /// The poses of a file that names its joints as [`JOINT_NAMES`] and is in centimetres, as
@@ -40,22 +69,23 @@ impl Bvh {
         Some(self.positions().iter().map(pose).collect())
     }
 
-    fn place(&self, frame: &[f64]) -> Vec<[f64; 3]> {
+    fn place(&self, frame: &[f64]) -> Vec<Placed> {
         assert_eq!(frame.len(), self.n_channels(), "a number for each channel");
-        let mut placed: Vec<(Quat, [f64; 3])> = Vec::with_capacity(self.joints.len());
+        let mut placed: Vec<Placed> = Vec::with_capacity(self.joints.len());
         let mut left = frame;
         for joint in &self.joints {
             let (values, rest) = left.split_at(joint.channels.len());
             left = rest;
             let (rotation, translation) = local(joint, values);
             placed.push(match joint.parent.map(|parent| placed[parent]) {
-                None => (rotation, translation),
-                Some((turned, at)) => {
-                    (multiply(turned, rotation), add(at, rotate(turned, translation)))
-                }
+                None => Placed { rotation, position: translation },
+                Some(parent) => Placed {
+                    rotation: multiply(parent.rotation, rotation),
+                    position: add(parent.position, rotate(parent.rotation, translation)),
+                },
             });
         }
-        placed.into_iter().map(|(_, point)| point).collect()
+        placed
     }
 }
 

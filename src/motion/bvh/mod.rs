@@ -9,7 +9,6 @@
 //! from the joints' positions, never from the 6-D columns of the features: those begin the arms at
 //! the root's rotation, which no ordinary hierarchy does.
 
-mod align;
 mod error;
 mod euler;
 mod fit;
@@ -21,8 +20,8 @@ mod parse;
 mod rest;
 #[cfg(test)]
 mod tests;
-mod vector;
 
 pub use error::BvhError;
 pub use fit::{Deviation, FitBvhError, FittedBvh, fit_bvh};
 pub use hierarchy::{Axis, Bvh, BvhJoint, Channel};
+pub use kinematics::Placed;

@@ -1,8 +1,8 @@
 //! The rest pose of a clip: mean bone lengths, and the angles between bones that turn together.
 
-use super::align::align;
 use super::nodes::{Node, REST_DIRECTIONS, weight};
-use super::vector::{add, norm, scale, sub, with_length};
+use crate::motion::align::align;
+use crate::motion::vector::{add, norm, scale, sub, with_length};
 use crate::motion::{N_JOINTS, PARENTS, Pose, Quat, conjugate, rotate};
 
 const NO_ROTATION: Quat = [1.0, 0.0, 0.0, 0.0];

@@ -36,6 +36,7 @@ presets! {
     "t2m-gpt",
     "mmm",
     "scamo",
+    "own-data",
     "lg-tok-nano",
     "mosa-nano",
     "momask-nano",

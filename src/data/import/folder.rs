@@ -1,0 +1,178 @@
+//! The folder of an imported data set, written beside its place and renamed.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::bvh::Skeleton;
+use super::captions::CaptionSource;
+use super::clips::{Clip, Clips};
+use super::error::ImportError;
+use super::manifest::{Import, manifest};
+use crate::data::Split;
+use crate::data::npy_write::npy_bytes;
+use crate::data::stats::StatsAccumulator;
+use crate::files::{FileError, atomic::PARTIAL};
+use crate::motion::{N_FEATURES, N_JOINTS, features_of_canonical};
+
+/// What a folder of this command holds and no other.
+const MARK: &str = "import.json";
+
+/// Clips whose features are held at a time.
+const AT_ONCE: usize = 256;
+
+/// What came of an import.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imported {
+    /// Clips by split: train, val, test.
+    pub splits: [SplitCount; 3],
+    pub skeletons: Vec<Skeleton>,
+    /// Clips whose caption is the one given for motions without.
+    pub uncaptioned: usize,
+    /// Clips whose caption is the words of their name.
+    pub captioned_by_name: usize,
+    /// Sentences about files that cannot be used, and about the whole.
+    pub problems: Vec<String>,
+    /// Motions left out because they are shorter than a clip.
+    pub too_short: usize,
+    /// A mapping file to fill in, where a skeleton's joints are not all known.
+    pub draft: Option<String>,
+}
+
+/// Clips and frames of features of a split.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct SplitCount {
+    pub clips: usize,
+    pub frames: usize,
+    pub groups: usize,
+}
+
+/// Whether `to` may be written.
+///
+/// # Errors
+/// It is there and is not to be written over, or is nothing that was imported.
+pub fn check_place(to: &Path, overwrite: bool) -> Result<(), ImportError> {
+    let path = to.to_path_buf();
+    match (to.exists(), overwrite) {
+        (false, _) => Ok(()),
+        (true, false) => Err(ImportError::Exists { path }),
+        (true, true) if to.join(MARK).exists() => Ok(()),
+        (true, true) => Err(ImportError::NotImported { path }),
+    }
+}
+
+/// Writes the data set `to`.
+///
+/// # Errors
+/// A file cannot be written; then nothing is there, or what was there before.
+pub fn write(clips: Clips, to: &Path) -> Result<Imported, ImportError> {
+    let partial = beside(to, PARTIAL);
+    remove(&partial)?;
+    let told = fill(&clips, &partial).inspect_err(|_| {
+        // What the disk had no room for is of no use.
+        let _ = fs::remove_dir_all(&partial);
+    })?;
+    let old = beside(to, &format!("{PARTIAL}old-"));
+    remove(&old)?;
+    if to.exists() {
+        fs::rename(to, &old).map_err(FileError::write(&old))?;
+    }
+    fs::rename(&partial, to).map_err(FileError::write(to))?;
+    remove(&old)?;
+    Ok(imported(clips, told))
+}
+
+/// A folder beside `to`, which a later import removes if this one is killed.
+fn beside(to: &Path, prefix: &str) -> PathBuf {
+    to.with_file_name(format!("{prefix}{}", to.file_name().unwrap_or_default().to_string_lossy()))
+}
+
+fn remove(folder: &Path) -> Result<(), FileError> {
+    if folder.exists() {
+        fs::remove_dir_all(folder).map_err(FileError::write(folder))
+    } else {
+        Ok(())
+    }
+}
+
+/// Writes every file; the sentences are about the whole.
+fn fill(clips: &Clips, to: &Path) -> Result<Vec<String>, FileError> {
+    for folder in ["new_joints", "new_joint_vecs", "texts"] {
+        let folder = to.join(folder);
+        fs::create_dir_all(&folder).map_err(FileError::write(&folder))?;
+    }
+    let put = |name: &str, bytes: &[u8]| {
+        let path = to.join(name);
+        fs::write(&path, bytes).map_err(FileError::write(&path))
+    };
+    let mut sums = StatsAccumulator::default();
+    for chunk in clips.clips.chunks(AT_ONCE) {
+        let features = chunk.par_iter().map(|clip| write_clip(clip, &put));
+        let features: Vec<Vec<f32>> = features.collect::<Result<_, _>>()?;
+        let train = chunk.iter().zip(&features).filter(|(clip, _)| clip.split == Split::Train);
+        train.for_each(|(_, rows)| sums.add(rows));
+    }
+    let mut told = Vec::new();
+    match sums.finish() {
+        Some(stats) => {
+            put("Mean.npy", &npy_bytes(&[N_FEATURES], &stats.mean))?;
+            put("Std.npy", &npy_bytes(&[N_FEATURES], &stats.std))?;
+        }
+        None => told.push(
+            "a group of features is constant over the training clips, so that nothing can be divided by its \
+             deviation; add motions"
+                .to_string(),
+        ),
+    }
+    let ids = |wanted: &[Split]| -> String {
+        let of = clips.clips.iter().filter(|clip| wanted.contains(&clip.split));
+        of.map(|clip| format!("{}\n", clip.id)).collect()
+    };
+    for split in Split::ALL {
+        put(&format!("{}.txt", split.name()), ids(&[split]).as_bytes())?;
+    }
+    put("train_val.txt", ids(&[Split::Train, Split::Val]).as_bytes())?;
+    put("all.txt", ids(&Split::ALL).as_bytes())?;
+    put("manifest.csv", manifest(&clips.clips).as_bytes())?;
+    let document = serde_json::to_string_pretty(&Import::of(clips)).unwrap_or_default();
+    put(MARK, (document + "\n").as_bytes())?;
+    Ok(told)
+}
+
+/// Writes the files of a clip and returns its features.
+fn write_clip(
+    clip: &Clip,
+    put: &impl Fn(&str, &[u8]) -> Result<(), FileError>,
+) -> Result<Vec<f32>, FileError> {
+    crate::progress::moved();
+    let id = &clip.id;
+    let joints = clip.poses.as_flattened().as_flattened();
+    let features = features_of_canonical(&clip.poses);
+    let rows = features.len() / N_FEATURES;
+    put(&format!("new_joints/{id}.npy"), &npy_bytes(&[clip.poses.len(), N_JOINTS, 3], joints))?;
+    put(&format!("new_joint_vecs/{id}.npy"), &npy_bytes(&[rows, N_FEATURES], &features))?;
+    put(&format!("texts/{id}.txt"), (clip.captions.join("\n") + "\n").as_bytes())?;
+    Ok(features)
+}
+
+fn imported(clips: Clips, told: Vec<String>) -> Imported {
+    let count = |split: Split| {
+        let own: Vec<&Clip> = clips.clips.iter().filter(|clip| clip.split == split).collect();
+        let groups: std::collections::HashSet<&String> =
+            own.iter().map(|clip| &clip.group).collect();
+        let frames = own.iter().map(|clip| clip.poses.len() - 1).sum();
+        SplitCount { clips: own.len(), frames, groups: groups.len() }
+    };
+    let by = |source| clips.clips.iter().filter(|clip| clip.captioned_by == source).count();
+    Imported {
+        splits: Split::ALL.map(count),
+        uncaptioned: by(CaptionSource::Given),
+        captioned_by_name: by(CaptionSource::Name),
+        too_short: clips.short.len(),
+        problems: [clips.problems, told].concat(),
+        skeletons: clips.skeletons,
+        draft: clips.draft,
+    }
+}

@@ -1,0 +1,89 @@
+//! The files of an import.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use super::error::ImportError;
+use super::options::Form;
+use crate::data::Split;
+use crate::data::splits::read_splits;
+use crate::files::FileError;
+
+/// A motion's file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceFile {
+    pub path: PathBuf,
+    /// Relative to the folder that is imported, with `/`.
+    pub name: String,
+    /// Name of its clips: the stem, with the folders before it where two files have one stem.
+    pub id: String,
+}
+
+/// The motions of a folder.
+pub struct Listing {
+    pub files: Vec<SourceFile>,
+    /// Where the folder has HumanML3D's layout: the splits of its clips.
+    pub splits: Option<HashMap<String, Split>>,
+    /// Where it has that layout: its captions.
+    pub texts: Option<PathBuf>,
+    /// Whether it has that layout, so that motions have 20 frames a second.
+    pub humanml3d: bool,
+}
+
+/// Every file below `root` with the ending of `form`, by name; of a folder in the HumanML3D layout those in
+/// `new_joints`.
+///
+/// # Errors
+/// The folder cannot be read, or holds none.
+pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
+    let joints = root.join("new_joints");
+    let humanml3d = form == Form::Joints && joints.is_dir();
+    let base = if humanml3d { &joints } else { root };
+    let mut paths = Vec::new();
+    walk(base, form.ending(), &mut paths)?;
+    if paths.is_empty() {
+        return Err(ImportError::NoFiles { path: base.to_path_buf(), ending: form.ending() });
+    }
+    paths.sort();
+    let texts = Some(root.join("texts")).filter(|folder| humanml3d && folder.is_dir());
+    let splits = if humanml3d && root.join("train.txt").exists() {
+        Some(read_splits(root)?.clips.into_iter().map(|(split, id)| (id, split)).collect())
+    } else {
+        None
+    };
+    Ok(Listing { files: named(base, paths), splits, texts, humanml3d })
+}
+
+fn walk(folder: &Path, ending: &str, found: &mut Vec<PathBuf>) -> Result<(), FileError> {
+    for entry in std::fs::read_dir(folder).map_err(FileError::read(folder))? {
+        let path = entry.map_err(FileError::read(folder))?.path();
+        let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        if path.is_dir() && !hidden {
+            walk(&path, ending, found)?;
+        } else if path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending)) && !hidden {
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+fn named(base: &Path, paths: Vec<PathBuf>) -> Vec<SourceFile> {
+    let stem = |path: &Path| clean(&path.file_stem().unwrap_or_default().to_string_lossy());
+    let mut count: HashMap<String, usize> = HashMap::new();
+    paths.iter().for_each(|path| *count.entry(stem(path)).or_default() += 1);
+    let named = paths.into_iter().map(|path| {
+        let relative = path.strip_prefix(base).unwrap_or(&path);
+        let name = relative.to_string_lossy().replace('\\', "/");
+        let short = stem(&path);
+        let long = clean(&relative.with_extension("").to_string_lossy());
+        SourceFile { id: if count[&short] == 1 { short } else { long }, name, path }
+    });
+    named.collect()
+}
+
+/// A clip's name: letters, digits, `.`, `-` and `_`, not beginning with a dot.
+fn clean(text: &str) -> String {
+    let allowed = |c: char| if c.is_alphanumeric() || ".-_".contains(c) { c } else { '_' };
+    let text: String = text.chars().map(allowed).collect();
+    text.trim_start_matches('.').to_string()
+}

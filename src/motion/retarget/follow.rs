@@ -1,0 +1,62 @@
+//! Frames of a file as poses of HumanML3D's skeleton.
+
+use super::body::Body;
+use super::rest::REST;
+use super::rig::Rig;
+use super::survey::carrier;
+use crate::motion::bvh::Placed;
+use crate::motion::vector::{Point, add, scale, sub, with_length};
+use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, multiply, rotate};
+
+/// A pose in double precision.
+pub type Pose64 = [Point; N_JOINTS];
+
+/// Length of the target's leg, hip to knee to ankle, the mean of both sides; metres.
+pub fn leg() -> f64 {
+    [4, 5, 7, 8].iter().map(|&joint| f64::from(BONE_LENGTHS[joint])).sum::<f64>() / 2.0
+}
+
+/// Metres of the target in one of the file's units: the ratio of the legs, the mean over the frames.
+///
+/// `None` without frames, and where the legs have no length.
+pub fn unit_m(frames: &[Vec<Placed>], rig: &Rig) -> Option<f64> {
+    let legs = frames.iter().map(|joints| Body { joints, roles: &rig.roles }.leg());
+    let mean = legs.sum::<f64>() / frames.len() as f64;
+    (mean > 0.0 && mean.is_finite()).then(|| leg() / mean)
+}
+
+/// The pose of a frame: thighs, shins and arms lie along the file's own, trunk, collars, shoulders and feet
+/// keep the target's shape and turn with the joints that carry them; the middle of the hips is the file's,
+/// `unit_m` metres a unit.
+pub fn follow(joints: &[Placed], rig: &Rig, unit_m: f64) -> Pose64 {
+    let body = Body { joints, roles: &rig.roles };
+    let turn = rig.up.turn();
+    let bone = |joint: usize| -> Point {
+        let parent = PARENTS[joint].unwrap_or(0);
+        let bone = match (REST[joint], carrier(&rig.roles, joint)) {
+            (Some(rest), Some(carrier)) => {
+                rotate(multiply(joints[carrier].rotation, rig.rests[joint]), rest)
+            }
+            _ => sub(body.at(joint), body.at(parent)),
+        };
+        rotate(turn, with_length(bone, f64::from(BONE_LENGTHS[joint])).unwrap_or_default())
+    };
+    let hips = rotate(turn, scale(body.hips(), unit_m));
+    let mut pose = [[0.0; 3]; N_JOINTS];
+    pose[0] = sub(hips, scale(add(bone(1), bone(2)), 0.5));
+    for joint in 1..N_JOINTS {
+        pose[joint] = add(pose[PARENTS[joint].unwrap_or(0)], bone(joint));
+    }
+    pose
+}
+
+/// The pose with every bone as long as the target's, each in its direction.
+pub fn with_lengths(pose: &Pose64) -> Pose64 {
+    let mut found = *pose;
+    for joint in 1..N_JOINTS {
+        let parent = PARENTS[joint].unwrap_or(0);
+        let bone = with_length(sub(pose[joint], pose[parent]), f64::from(BONE_LENGTHS[joint]));
+        found[joint] = add(found[parent], bone.unwrap_or_default());
+    }
+    found
+}

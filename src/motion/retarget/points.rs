@@ -1,0 +1,90 @@
+//! Places of the 22 joints, of any body and with any axis up, on HumanML3D's skeleton.
+
+use super::axes::Up;
+use super::follow::{Pose64, leg, with_lengths};
+use crate::motion::vector::{Point, add, cross, dot, norm, scale, sub, with_length};
+use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, rotate};
+
+/// Metres that a bone may differ from the target's and still be the target's.
+const SAME: f64 = 1e-3;
+/// Mean cosine between toes and facing below which axes are left-handed or sides exchanged.
+const BACKWARDS: f64 = -0.3;
+
+/// Poses on the target's skeleton.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settled {
+    pub poses: Vec<Pose64>,
+    pub up: Up,
+    /// Metres of the target in one of the file's units; `None` where the bones are the target's already, and
+    /// the places stay as they are.
+    pub unit_m: Option<f64>,
+}
+
+/// Why places of joints are no motion of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PointsError {
+    #[error("stands along no axis, so that no axis is clearly up; give --up")]
+    Up,
+    #[error("has legs without length")]
+    NoLegs,
+    #[error(
+        "has its toes behind its ankles: its axes are left-handed, or left and right are exchanged; give \
+         --left-handed"
+    )]
+    Backwards,
+}
+
+/// The poses with y up and the target's bones: each keeps its direction, and the root moves as far as the
+/// legs are long (HumanML3D's `uniform_skeleton`).
+///
+/// # Errors
+/// [`PointsError`].
+pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsError> {
+    let up = told.or(Up::along(height(poses))).ok_or(PointsError::Up)?;
+    let poses: Vec<Pose64> =
+        poses.iter().map(|pose| pose.map(|joint| rotate(up.turn(), joint))).collect();
+    if toes_forward(&poses) < BACKWARDS {
+        return Err(PointsError::Backwards);
+    }
+    if poses.iter().all(has_target_bones) {
+        return Ok(Settled { poses, up, unit_m: None });
+    }
+    let mean = poses.iter().map(leg_of).sum::<f64>() / poses.len() as f64;
+    if mean <= 0.0 {
+        return Err(PointsError::NoLegs);
+    }
+    let unit_m = leg() / mean;
+    let moved = poses.iter().map(|pose| with_lengths(&pose.map(|joint| scale(joint, unit_m))));
+    Ok(Settled { poses: moved.collect(), up, unit_m: Some(unit_m) })
+}
+
+/// The sum of the directions from the ankles to the shoulders.
+fn height(poses: &[Pose64]) -> Point {
+    let direction = |pose: &Pose64| {
+        with_length(sub(add(pose[16], pose[17]), add(pose[7], pose[8])), 1.0).unwrap_or_default()
+    };
+    poses.iter().map(direction).fold([0.0; 3], add)
+}
+
+/// How far the toes point to where the body faces, from −1 to 1, on the mean.
+fn toes_forward(poses: &[Pose64]) -> f64 {
+    let cosine = |pose: &Pose64| {
+        let across = add(sub(pose[1], pose[2]), sub(pose[16], pose[17]));
+        let forward = with_length(cross(across, [0.0, 1.0, 0.0]), 1.0)?;
+        let foot = |ankle: usize| with_length(sub(pose[ankle + 3], pose[ankle]), 1.0);
+        Some((dot(foot(7)?, forward) + dot(foot(8)?, forward)) / 2.0)
+    };
+    poses.iter().filter_map(cosine).sum::<f64>() / poses.len().max(1) as f64
+}
+
+fn bone(pose: &Pose64, joint: usize) -> f64 {
+    PARENTS[joint].map_or(0.0, |parent| norm(sub(pose[joint], pose[parent])))
+}
+
+fn has_target_bones(pose: &Pose64) -> bool {
+    (0..N_JOINTS).all(|joint| (bone(pose, joint) - f64::from(BONE_LENGTHS[joint])).abs() < SAME)
+}
+
+fn leg_of(pose: &Pose64) -> f64 {
+    [4, 5, 7, 8].iter().map(|&joint| bone(pose, joint)).sum::<f64>() / 2.0
+}
