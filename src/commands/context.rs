@@ -1,5 +1,9 @@
 //! What several commands begin with: the sweep, its data, its plan and its folder.
 
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
 use anyhow::{Context, Result};
 use isoflop::data::{self, DataFacts};
 use isoflop::jobs::ResultsFolder;
@@ -40,6 +44,7 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     tracing::info!(?clips, digest = source.digest(), "data opened");
     let encoder = text::encoder(&sweep.text).context("opening the vectors of captions")?;
     let facts = DataFacts::of(&*source).with_embeddings(encoder.digest());
+    let facts = facts.with_trainer_inputs(trainer_inputs(&sweep)?);
     let plan = Plan::new(&sweep, facts);
     Ok(OpenSweep { sweep, plan, folder })
 }
@@ -57,5 +62,20 @@ pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
         Err(error) => facts
             .without_embeddings(format!("the vectors of captions could not be opened: {error}")),
     };
+    let facts = match trainer_inputs(&sweep) {
+        Ok(digests) => facts.with_trainer_inputs(digests),
+        Err(error) => facts.with_warning(format!("{error:#}; ids are provisional")),
+    };
     Ok((Plan::new(&sweep, facts), folder))
+}
+
+/// Digests of the files that a trainer of one's own is made of.
+fn trainer_inputs(sweep: &Sweep) -> Result<BTreeMap<String, String>> {
+    let inputs = sweep.trainer.iter().flat_map(|trainer| &trainer.inputs);
+    let digest = |path: &PathBuf| {
+        let bytes = fs::read(path)
+            .with_context(|| format!("reading {}, which trainer.inputs names", path.display()))?;
+        Ok((path.display().to_string(), blake3::hash(&bytes).to_hex().to_string()))
+    };
+    inputs.map(digest).collect()
 }

@@ -18,6 +18,8 @@ pub struct DataFacts {
     /// Content of the file that the captions' vectors come from, where they come from one; `absent`
     /// where it is not here.
     pub embeddings: Option<String>,
+    /// Contents of the files that a program of somebody's own is made of, by their names.
+    pub trainer_inputs: BTreeMap<String, String>,
     pub warnings: Vec<String>,
     /// The data sets of a union.
     pub members: Vec<MemberFacts>,
@@ -70,6 +72,7 @@ impl DataFacts {
             clips: Split::ALL.map(|split| source.n_clips(split)),
             fps: f64::from(source.fps()),
             embeddings: None,
+            trainer_inputs: BTreeMap::new(),
             warnings: source.warnings().to_vec(),
             members: source.members().iter().map(MemberFacts::of).collect(),
             lengths: lengths(source),
@@ -83,6 +86,7 @@ impl DataFacts {
             clips: [0; 3],
             fps: 20.0,
             embeddings: None,
+            trainer_inputs: BTreeMap::new(),
             warnings: vec![format!("{reason}; ids and epochs are provisional")],
             members: Vec::new(),
             lengths: BTreeMap::new(),
@@ -92,6 +96,18 @@ impl DataFacts {
     /// The same with captions' vectors from a file of this content, where they come from a file.
     pub fn with_embeddings(mut self, digest: Option<String>) -> Self {
         self.embeddings = digest;
+        self
+    }
+
+    /// The same with something that a person should know.
+    pub fn with_warning(mut self, warning: String) -> Self {
+        self.warnings.push(warning);
+        self
+    }
+
+    /// The same with the contents of a trainer's files.
+    pub fn with_trainer_inputs(mut self, digests: BTreeMap<String, String>) -> Self {
+        self.trainer_inputs = digests;
         self
     }
 

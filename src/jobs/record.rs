@@ -34,6 +34,10 @@ pub struct Report {
     pub wall_s: f64,
     pub tokens_per_s: Option<f64>,
     pub peak_bytes: Option<u64>,
+    /// Parameters of the model as built, by group.
+    pub params_nonvocab: Option<usize>,
+    pub params_vocab: Option<usize>,
+    pub params_text: Option<usize>,
 }
 
 /// Training FLOPs of a model as built.
@@ -53,6 +57,9 @@ impl Report {
             steps: self.steps.or(planned.steps),
             batch_tokens: self.batch_tokens.or(planned.batch_tokens),
             lr: self.lr.or(planned.lr),
+            params_nonvocab: self.params_nonvocab.unwrap_or(planned.params_nonvocab),
+            params_vocab: self.params_vocab.unwrap_or(planned.params_vocab),
+            params_text: self.params_text.or(planned.params_text),
             ..planned
         };
         RunRecord::new(planned, self.measured(&price), self.metrics(&price))

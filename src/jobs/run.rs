@@ -66,7 +66,13 @@ impl Kind for Run {
 
     fn jobs(&self, plan: &Plan) -> Vec<Job> {
         let inputs = inputs(plan);
-        plan.runs.par_iter().map(|run| job(run, &inputs, plan)).collect()
+        let canary = canary(plan);
+        let needs = |run: &PlannedRun| {
+            let first = canary.filter(|canary| canary.run_id != run.run_id);
+            let first = first.map(|canary| JobId::run(&canary.run_id));
+            inputs.iter().cloned().chain(first).collect::<Vec<_>>()
+        };
+        plan.runs.par_iter().map(|run| job(run, needs(run), plan)).collect()
     }
 
     fn prepare(
@@ -127,12 +133,18 @@ impl Kind for Run {
     }
 }
 
-/// What every run of a plan needs, but for its own codes and trunk.
+/// What every run of a plan needs, but for its own codes and trunk, and the canary.
 fn inputs(plan: &Plan) -> Vec<JobId> {
     plan.text.iter().map(|text| JobId::new(text::KIND, text.id())).collect()
 }
 
-fn job(run: &PlannedRun, inputs: &[JobId], plan: &Plan) -> Job {
+/// The run that tries a program of somebody's own before the others: the cheapest.
+fn canary(plan: &Plan) -> Option<&PlannedRun> {
+    let cheapest = plan.runs.iter().min_by(|a, b| a.own_flops().total_cmp(&b.own_flops()));
+    cheapest.filter(|_| plan.canary)
+}
+
+fn job(run: &PlannedRun, inputs: Vec<JobId>, plan: &Plan) -> Job {
     let codes = (!plan.tokenizers.is_empty()).then_some((tokens::KIND, &run.spec.tokenizer_id));
     let trunk = run.trunk_id.iter().map(|id| (trunk::KIND, id));
     let own = codes.into_iter().chain(trunk).map(|(kind, id)| JobId::new(kind, id));
@@ -142,7 +154,7 @@ fn job(run: &PlannedRun, inputs: &[JobId], plan: &Plan) -> Job {
         cost: run.own_flops(),
         // What a program of somebody's own takes is not known.
         peak_bytes: if run.spec.trainer.is_some() { 0 } else { run.peak_bytes },
-        needs: inputs.iter().cloned().chain(own).collect(),
+        needs: inputs.into_iter().chain(own).collect(),
     }
 }
 
@@ -166,6 +178,9 @@ fn report(device_name: &str, inputs: &Inputs, trained: &Trained) -> Report {
         wall_s: trained.wall_s,
         tokens_per_s: None,
         peak_bytes: Some(peak_bytes()),
+        params_nonvocab: None,
+        params_vocab: None,
+        params_text: None,
     }
 }
 

@@ -10,7 +10,7 @@ use super::planned_run::PlannedRun;
 use super::price::price;
 use super::priced_cell::{Dropped, PricedCell};
 use super::remarks::remarks;
-use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
+use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, TrainerProgram};
 use super::score_job::ScoreJob;
 use super::text_job::TextJob;
 use super::trunk::{Trunk, branch};
@@ -39,6 +39,8 @@ pub struct Plan {
     /// Of the runs that are scored.
     pub scores: Vec<ScoreJob>,
     pub data: DataFacts,
+    /// Whether the cheapest run goes before all others, to try a program of somebody's own.
+    pub canary: bool,
     /// What a person should know of its training.
     remarks: Vec<String>,
 }
@@ -73,7 +75,8 @@ impl Plan {
             (Some(evaluator), Some(spec)) => ScoreJob::of_runs(&runs, &evaluator.id(), spec),
             _ => Vec::new(),
         };
-        Self { runs, dropped, tokenizers, trunks, text, evaluator, scores, data, remarks }
+        let canary = sweep.trainer.as_ref().is_some_and(|trainer| trainer.canary);
+        Self { runs, dropped, tokenizers, trunks, text, evaluator, scores, data, canary, remarks }
     }
 
     /// The plan with other runs on the same tokenizers, each trained alone and not scored.
@@ -107,6 +110,7 @@ impl Plan {
             evaluator: self.evaluator.clone(),
             scores: self.scores.iter().filter(is_scored).cloned().collect(),
             data: self.data.clone(),
+            canary: self.canary,
             remarks: self.remarks.clone(),
             runs,
         }
@@ -278,6 +282,10 @@ fn run_spec(
         data_digest: data.digest.clone(),
         text_id: inputs.text_id.clone(),
         tokenizer_id: inputs.tokenizer_id.clone(),
-        trainer: sweep.trainer.clone(),
+        trainer: sweep.trainer.as_ref().map(|section| TrainerProgram {
+            command: section.command.clone(),
+            revision: section.revision.clone(),
+            inputs: data.trainer_inputs.clone(),
+        }),
     }
 }

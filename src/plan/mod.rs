@@ -19,7 +19,7 @@ pub use evaluator_job::EvaluatorJob;
 pub use memory::{evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes};
 pub use planned_run::PlannedRun;
 pub use priced_cell::Dropped;
-pub use run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob};
+pub use run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, TrainerProgram};
 pub use score_job::ScoreJob;
 pub use steps::learning_rate;
 pub use text_job::TextJob;

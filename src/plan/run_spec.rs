@@ -1,11 +1,12 @@
 //! [`RunSpec`] and [`TokenizerJob`]: all that a worker needs to know, and the ids that follow.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::spec::Precision;
 use crate::spec::TokenizerSpec;
 use crate::spec::{GeneratorSpec, Grid, ModelShape, ParamCounts, content_id};
-use crate::sweep::TrainerSection;
 
 /// Raised when the same spec would train to other bits: records of an older revision are stale.
 pub const TRAINING_REVISION: u32 = 3;
@@ -45,7 +46,18 @@ pub struct RunSpec {
     pub tokenizer_id: String,
     /// The program that trains it; `None` for the built-in trainer, whose ids know no such field.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub trainer: Option<TrainerSection>,
+    pub trainer: Option<TrainerProgram>,
+}
+
+/// What of a program of somebody's own its results follow from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainerProgram {
+    pub command: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub revision: Option<String>,
+    /// Digests of the files that are named as its own; ids of others know no such field.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub inputs: BTreeMap<String, String>,
 }
 
 impl RunSpec {

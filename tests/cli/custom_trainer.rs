@@ -232,3 +232,59 @@ fn without_a_trainer_ids_are_what_they_always_were() {
     assert_eq!(runs[0]["run_id"], "4a64e517ce74754e");
     assert_eq!(runs[71]["run_id"], "e710ce994508b5d9");
 }
+
+/// Six runs of one trainer.
+const SEVERAL: [&str; 4] = ["--set", "grid.vocab=[16, 32, 64]", "--set", "grid.budgets=[1e9, 2e9]"];
+
+#[test]
+fn a_broken_trainer_is_stopped_after_one_run() {
+    let place = Place::trained_by("echo half way; exit 3");
+    let run = [&["run", "own.yaml", "--jobs", "2"], &SEVERAL[..]].concat();
+    let ended = place.isoflop(&run).exits(1);
+    let said = ended.stderr();
+    let failures = said.lines().filter(|line| line.contains("failed [trainer]")).count();
+    let without = said.lines().filter(|line| line.contains("no result: the run failed")).count();
+    assert_eq!((failures, without), (1, 1), "{said}");
+    assert!(said.contains("and 4 more have no result"), "{said}");
+    let tried = |place: &Place| {
+        let runs = place.names("results/own/runs");
+        let has = |id: &&String| place.path(&format!("results/own/runs/{id}/log.txt")).exists();
+        runs.iter().filter(has).count()
+    };
+    assert_eq!(tried(&place), 1);
+    // Mended, the canary goes first again, then the others.
+    place.write("train.sh", r#"echo '{"loss_nats": 1, "unigram_nats": 3}' > "$2""#);
+    place.isoflop(&[&run[..], &["--retry-failed"]].concat()).exits(0);
+    assert_eq!(tried(&place), 6);
+    let place = Place::trained_by("exit 3");
+    place.isoflop(&[&run[..], &["--set", "trainer.canary=false"]].concat()).exits(1);
+    assert_eq!(tried(&place), 6);
+}
+
+#[test]
+fn a_file_of_the_trainer_that_changes_trains_its_runs_again() {
+    let script = r#"echo '{"loss_nats": 1, "loss_normalised": -1, "params_vocab": 640}' > "$2""#;
+    let place = Place::trained_by(script);
+    let run = ["run", "own.yaml", "--set", "trainer.inputs=[train.sh]"];
+    place.isoflop(&run).exits(0);
+    assert_eq!(records::column(&place.path("results/own"), "params_vocab"), ["640"]);
+    place.isoflop(&run).exits(0).says("nothing to train");
+    place.write("train.sh", format!("# Another.\n{script}"));
+    place.isoflop(&run).exits(0).says("1 jobs to do");
+    let gone = ["run", "own.yaml", "--set", "trainer.inputs=[no-such.py]"];
+    place.isoflop(&gone).exits(2).says("no-such.py, which trainer.inputs names");
+}
+
+#[test]
+fn runs_side_by_side_see_gpus_of_their_own() {
+    let script = r#"sleep 0.5; echo "gpus $CUDA_VISIBLE_DEVICES"; echo '{"loss_nats": 1, "loss_normalised": 0}' > "$2""#;
+    let place = Place::trained_by(script);
+    let gpus = ["--jobs", "2", "--set", "trainer.gpus=4"];
+    place.isoflop(&[&["run", "own.yaml"], &SEVERAL[..], &gpus[..]].concat()).exits(0);
+    let runs = place.names("results/own/runs");
+    let log = |id: &String| place.read(&format!("results/own/runs/{id}/log.txt"));
+    let logs: Vec<String> = runs.iter().map(|id| String::from_utf8(log(id)).unwrap()).collect();
+    let seen = |list: &str| logs.iter().filter(|log| log.contains(list)).count();
+    let (first, second) = (seen("gpus 0,1"), seen("gpus 2,3"));
+    assert!(first + second == 6 && first >= 2 && second >= 2, "{first} {second}: {logs:?}");
+}

@@ -18,6 +18,7 @@ fn motion(seed: u64, n: usize) -> Vec<Pose> {
 
 /// Twelve captures of six names at 20 frames a second.
 fn captures(place: &Place) {
+    std::fs::create_dir(place.path("captures")).expect("a writable directory");
     for (i, name) in ["walk", "run", "bow", "jump", "turn", "kick"].iter().enumerate() {
         for take in 1..=2u64 {
             let poses = motion(i as u64 + 100 * take, 101 + 10 * i);

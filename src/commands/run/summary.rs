@@ -1,6 +1,7 @@
 //! What `isoflop run` says of the jobs and runs that have no result.
 
 use std::collections::HashMap;
+use std::hash::Hash;
 
 use anyhow::Result;
 use isoflop::engine::{JobEnd, JobReport};
@@ -47,10 +48,12 @@ impl<'a> Summary<'a> {
             return if failed { Exit::SomeRunsFailed } else { Exit::Done };
         }
         let needs = Needs::of(self.plan);
-        for run in &lost {
-            if let Some(reason) = self.reason(&run.run_id, &needs) {
-                output.warn(&format!("{} has no result: {reason}", run.spec.label()));
-            }
+        let reasons = lost
+            .iter()
+            .filter_map(|run| Some((self.reason(&run.run_id, &needs)?, run.spec.label())));
+        for (reason, labels) in together(reasons) {
+            let have = if labels.len() == 1 { "has" } else { "have" };
+            output.warn(&format!("{} {have} no result: {reason}", several(&labels)));
         }
         output.warn(&format!(
             "{} of {} runs have no result; to try them again: {}",
@@ -61,20 +64,24 @@ impl<'a> Summary<'a> {
         Exit::SomeRunsFailed
     }
 
-    /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it.
+    /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it; those
+    /// that failed for one reason together, by the first of them.
     pub fn failures(&self, output: &Output) {
-        for Job { id, label, .. } in all_jobs(self.plan) {
-            if self.folder.state(&id) == JobState::Failed
-                && let Ok(Some(failure)) = self.folder.failure(&id)
-            {
-                self.failure(&id, &label, &failure, output);
-            }
+        let failed = all_jobs(self.plan).filter_map(|job| {
+            let is_failed = self.folder.state(&job.id) == JobState::Failed;
+            let failure = self.folder.failure(&job.id).ok().flatten().filter(|_| is_failed)?;
+            Some(((failure.kind.word(), failure.reason.clone()), (job, failure)))
+        });
+        for (_, failed) in together(failed) {
+            let labels: Vec<String> = failed.iter().map(|(job, _)| job.label.clone()).collect();
+            let (job, failure) = &failed[0];
+            self.failure(&job.id, &several(&labels), failure, output);
         }
     }
 
-    fn failure(&self, job: &JobId, label: &str, failure: &Failure, output: &Output) {
+    fn failure(&self, job: &JobId, labels: &str, failure: &Failure, output: &Output) {
         let Failure { kind, reason, last_lines } = failure;
-        output.warn(&format!("{label} failed [{}]: {reason}", kind.word()));
+        output.warn(&format!("{labels} failed [{}]: {reason}", kind.word()));
         for line in &last_lines[last_lines.len().saturating_sub(LAST_LINES)..] {
             output.warn(&format!("  | {line}"));
         }
@@ -102,6 +109,29 @@ impl<'a> Summary<'a> {
             Some(JobEnd::Done) | None => "its record is missing".to_string(),
             Some(end) => end.failure().map(|failure| failure.reason.clone()).unwrap_or_default(),
         })
+    }
+}
+
+/// Values by what they have in common, both in the order in which they come.
+fn together<K: Eq + Hash + Clone, V>(values: impl Iterator<Item = (K, V)>) -> Vec<(K, Vec<V>)> {
+    let mut places: HashMap<K, usize> = HashMap::new();
+    let mut groups: Vec<(K, Vec<V>)> = Vec::new();
+    for (key, value) in values {
+        let place = *places.entry(key.clone()).or_insert(groups.len());
+        if place == groups.len() {
+            groups.push((key, Vec::new()));
+        }
+        groups[place].1.push(value);
+    }
+    groups
+}
+
+/// The first of several names, and how many there are besides.
+fn several(labels: &[String]) -> String {
+    match labels {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first, more @ ..] => format!("{first} and {} more", more.len()),
     }
 }
 

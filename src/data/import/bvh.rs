@@ -4,38 +4,14 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::joints::{Motion, Motions};
 use super::listing::SourceFile;
+use super::motions::{Motion, Motions, Skeleton};
 use super::options::ImportOptions;
 use crate::data::items::FPS;
 use crate::motion::bvh::{Bvh, Placed};
 use crate::motion::retarget::{
-    Neutral, Rig, Roles, Survey, draft, follow, reflected_joint, resampled, roles_of, unit_m,
-    with_ends,
+    Rig, Roles, Survey, draft, follow, reflected_joint, resampled, roles_of, unit_m, with_ends,
 };
-
-/// What a skeleton of the files is taken for.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Skeleton {
-    /// Names of its joints, in the order of the file.
-    pub joints: Vec<String>,
-    /// Files that have it.
-    pub files: usize,
-    pub up: String,
-    pub neutral: Neutral,
-    /// Joints that play the parts of the 22, as `pelvis: Hips`.
-    pub roles: Vec<(&'static str, String)>,
-}
-
-impl Skeleton {
-    /// Where its neutral pose comes from.
-    pub fn neutral_words(&self) -> String {
-        match self.neutral {
-            Neutral::ZeroPose => "the pose of the OFFSETs".to_string(),
-            Neutral::Standing(frames) => format!("the mean of {frames} standing frames"),
-        }
-    }
-}
 
 /// Joints and parents: what makes files of one skeleton.
 type Key = Vec<(String, Option<usize>)>;

@@ -2,13 +2,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::bvh::Skeleton;
 use super::captions::{CaptionSource, captions, within};
 use super::cut::{SHORTEST, cuts};
 use super::error::ImportError;
 use super::group::{groups, splits};
-use super::joints::{Motion, Motions};
 use super::listing::{Listing, SourceFile};
+use super::motions::{Motion, Motions, Skeleton};
 use super::options::ImportOptions;
 use crate::data::Split;
 use crate::motion::{Pose, canonicalise, is_canonical};

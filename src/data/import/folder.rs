@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::bvh::Skeleton;
 use super::captions::CaptionSource;
 use super::clips::{Clip, Clips};
 use super::error::ImportError;
 use super::manifest::{Import, manifest};
+use super::motions::Skeleton;
 use crate::data::Split;
 use crate::data::npy_write::npy_bytes;
 use crate::data::stats::StatsAccumulator;

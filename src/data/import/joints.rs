@@ -2,33 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::bvh::Skeleton;
 use super::error::ImportError;
 use super::listing::{Listing, SourceFile};
+use super::motions::{Motion, Motions};
 use super::options::{Form, ImportOptions};
 use crate::data::items::FPS;
 use crate::data::npy::{NpyProblem, parse_npy};
 use crate::motion::N_JOINTS;
 use crate::motion::retarget::{Pose64, reflected, resampled, settled};
-
-/// A file's motion.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
-    /// At [`FPS`] frames a second, y up, metres.
-    pub poses: Vec<Pose64>,
-    /// Frames a second of the file.
-    pub fps: f64,
-    /// Metres of the target in one of the file's units, where it was changed.
-    pub unit_m: Option<f64>,
-}
-
-/// The motions of files, in their order, each or a sentence.
-pub struct Motions {
-    pub motions: Vec<Result<Motion, String>>,
-    pub skeletons: Vec<Skeleton>,
-    /// A mapping file to fill in, where a skeleton's joints are not all known.
-    pub draft: Option<String>,
-}
 
 /// Reads every file.
 ///

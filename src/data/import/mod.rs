@@ -18,14 +18,15 @@ mod group;
 mod joints;
 mod listing;
 mod manifest;
+mod motions;
 mod options;
 mod synthetic;
 #[cfg(test)]
 mod tests;
 
-pub use bvh::Skeleton;
 pub use error::ImportError;
 pub use folder::{Imported, SplitCount};
+pub use motions::Skeleton;
 pub use options::{Form, GroupBy, ImportOptions, read_map};
 pub use synthetic::write_procedural;
 

@@ -1,6 +1,7 @@
 //! Slots of this machine: a worker process a job, watched to its end.
 
 mod display;
+mod gpus;
 mod pool;
 mod processes;
 mod retry;
@@ -10,6 +11,7 @@ mod waiting;
 mod watch;
 
 pub use display::{Display, left};
+pub use gpus::Gpus;
 pub use pool::LocalPool;
 pub use processes::LocalProcesses;
 pub use session::Local;

@@ -8,14 +8,15 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
+use crate::engine::local::gpus::{Gpus, VISIBLE};
 use crate::engine::local::watch::{Leash, POLL, Watch};
 use crate::engine::runner::{JobEnd, Runner};
 use crate::failure::{Failure, FailureKind};
 use crate::files::{self, FileError};
-use crate::jobs::Job;
 use crate::jobs::ResultsFolder;
 use crate::jobs::program;
 use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, last_lines, write_failure};
+use crate::jobs::{Job, JobId};
 use crate::machine::oom::Kills;
 use crate::progress::Stop;
 use crate::progress::{Beat, Said};
@@ -26,6 +27,8 @@ pub struct LocalProcesses {
     /// The device's name, as `--device` takes it.
     pub device: String,
     pub program: PathBuf,
+    /// GPUs that are shared out among the workers of runs.
+    pub gpus: Option<Gpus>,
     /// A worker that makes no progress for this long is ended; `None`: it is waited for.
     pub hang: Option<Duration>,
 }
@@ -33,7 +36,8 @@ pub struct LocalProcesses {
 impl Runner for LocalProcesses {
     fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
         let place = self.folder.job(&job.id);
-        let end = match Attended::start(self, job, &place) {
+        let gpus = self.gpus.as_ref().filter(|_| job.id == JobId::run(&job.id.id)).map(Gpus::lend);
+        let end = match Attended::start(self, job, &place, gpus.as_deref()) {
             Ok(worker) => worker.attend(stop, beat),
             Err(error) => {
                 let kind = files::failure_kind(&error).unwrap_or(FailureKind::Crashed);
@@ -77,13 +81,23 @@ struct Attended<'a> {
 }
 
 impl<'a> Attended<'a> {
-    fn start(runner: &'a LocalProcesses, job: &'a Job, place: &'a Path) -> io::Result<Self> {
+    /// A worker, which sees the GPUs of this list alone where there is one.
+    fn start(
+        runner: &'a LocalProcesses,
+        job: &'a Job,
+        place: &'a Path,
+        gpus: Option<&str>,
+    ) -> io::Result<Self> {
         fs::create_dir_all(place).map_err(FileError::write(place))?;
         let path = place.join("log.txt");
         let log = OpenOptions::new().create(true).append(true).open(&path);
         let log = log.map_err(FileError::write(&path))?;
         let kills = Kills::so_far();
-        let mut child = Command::new(&runner.program)
+        let mut command = Command::new(&runner.program);
+        if let Some(gpus) = gpus {
+            command.env(VISIBLE, gpus);
+        }
+        let mut child = command
             .arg("worker")
             .arg(runner.folder.root())
             .args([job.id.kind.word(), &job.id.id, "--device", &runner.device])

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 
 use super::display::Display;
+use super::gpus::Gpus;
 use super::pool::LocalPool;
 use super::processes::LocalProcesses;
 use super::timeline::{Spent, Timeline};
@@ -89,6 +90,7 @@ impl Session for Here<'_> {
             folder: folder.clone(),
             device: self.0.device.name().to_string(),
             program: own_program()?,
+            gpus: Gpus::of_sweep(sweep, slots)?,
             hang: sweep.train.hang(),
         };
         let stop = stop_on_signals()?;

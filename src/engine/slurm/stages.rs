@@ -64,7 +64,14 @@ pub fn arrays(jobs: &[Job], layout: &Layout) -> Vec<Array> {
     let inputs = of(Stage::Inputs);
     let spared = layout.max_tasks.saturating_sub(inputs.len()).max(1);
     out.add(Stage::Inputs, inputs.into_iter().map(|unit| vec![unit]).collect());
-    let train = of(Stage::Train);
+    let first: BTreeSet<&JobId> = (open.iter())
+        .flat_map(|job| job.needs.iter().filter(|need| goes_before(job, need)))
+        .collect();
+    let is_first = |unit: &Unit| unit.jobs.iter().any(|timed| first.contains(&timed.job.id));
+    let (tried, train): (Vec<Unit>, Vec<Unit>) = of(Stage::Train).into_iter().partition(is_first);
+    if !tried.is_empty() {
+        out.add(Stage::Train, tried.into_iter().map(|unit| vec![unit]).collect());
+    }
     let groups = out.groups(train);
     for group in pack(groups, layout, spared) {
         out.add(Stage::Train, group);
@@ -93,13 +100,20 @@ fn pack(groups: Vec<Vec<Unit>>, layout: &Layout, max_tasks: usize) -> Vec<Vec<Ve
     packed.collect()
 }
 
+/// Whether a job waits for one of its own kind that is tried before all others, in an array of its own.
+fn goes_before(job: &Job, need: &JobId) -> bool {
+    let is_run = |id: &JobId| *id == JobId::run(&id.id);
+    is_run(&job.id) && is_run(need)
+}
+
 /// Joins jobs that need one another within a stage, in the order in which they come.
 fn units(jobs: Vec<&Job>, layout: &Layout) -> Vec<Unit> {
     let place: HashMap<&JobId, usize> =
         jobs.iter().enumerate().map(|(at, job)| (&job.id, at)).collect();
     let mut leader: Vec<usize> = (0..jobs.len()).collect();
     for (at, job) in jobs.iter().enumerate() {
-        for need in job.needs.iter().filter_map(|need| place.get(need)) {
+        let joined = job.needs.iter().filter(|need| !goes_before(job, need));
+        for need in joined.filter_map(|need| place.get(need)) {
             let (a, b) = (root(&mut leader, at), root(&mut leader, *need));
             leader[a.max(b)] = a.min(b);
         }

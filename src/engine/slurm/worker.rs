@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::engine::JobEnd;
 use crate::engine::contract::Task;
-use crate::engine::local::{Display, LocalPool, LocalProcesses};
+use crate::engine::local::{Display, Gpus, LocalPool, LocalProcesses};
 use crate::engine::slurm::command::Shell;
 use crate::engine::slurm::files::{ChunkFile, SlurmFolder};
 use crate::engine::slurm::guard::Guarded;
@@ -74,6 +74,7 @@ impl ChunkWorker {
             say(&format!("error: {missing}"));
             return Ok(Ended::NoInputs);
         }
+        let sweep = sweep::read(&self.folder.file("sweep.yaml"), &[]).map_err(io::Error::other)?;
         let stop = Stop::default();
         let out_of_time = AtomicBool::new(false);
         let guarded = Guarded {
@@ -81,7 +82,8 @@ impl ChunkWorker {
                 folder: self.folder.clone(),
                 device: written.device,
                 program,
-                hang: self.hang()?,
+                gpus: Gpus::of_task(&sweep, self.slots(&settings)),
+                hang: sweep.train.hang(),
             },
             end: walltime::end(&settings, shell),
             chunk: &chunk,
@@ -99,12 +101,6 @@ impl ChunkWorker {
             )?);
         }
         Ok(ended)
-    }
-
-    /// How long a job may make no progress.
-    fn hang(&self) -> io::Result<Option<Duration>> {
-        let sweep = sweep::read(&self.folder.file("sweep.yaml"), &[]).map_err(io::Error::other)?;
-        Ok(sweep.train.hang())
     }
 
     fn slots(&self, settings: &Settings) -> usize {

@@ -23,8 +23,8 @@ use super::exit;
 use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::{remove, write_json};
 use crate::files::read_if_there;
-use crate::plan::RunSpec;
-use crate::sweep::{TrainerCommand, TrainerSection};
+use crate::plan::{RunSpec, TrainerProgram};
+use crate::sweep::TrainerCommand;
 
 /// How long the worker in `place` waits for an orderly end: longer than a program of its own may.
 pub fn grace(place: &Path) -> Duration {
@@ -39,7 +39,7 @@ pub fn grace(place: &Path) -> Duration {
 pub fn run_program(
     assignment: &Assignment,
     run: &RunSpec,
-    trainer: &TrainerSection,
+    trainer: &TrainerProgram,
 ) -> Result<Outcome> {
     let Assignment { folder, stop, job, .. } = *assignment;
     let id = job.id.as_str();

@@ -17,8 +17,15 @@ use crate::jobs::record::{ExactFlops, Report};
 pub struct TrainerResult {
     /// Cross-entropy on the test split, per supervised token.
     pub loss_nats: f64,
-    /// L_u: what the laws are fitted to.
-    pub loss_normalised: f64,
+    /// L_u: what the laws are fitted to. One of this and `unigram_nats` is needed.
+    pub loss_normalised: Option<f64>,
+    /// Cross-entropy of the unigram model on the same targets.
+    pub unigram_nats: Option<f64>,
+    /// Parameters of the model as built, by group: those that are no matrix of the vocabulary, N_v = V·d, and
+    /// those that read the text.
+    pub params_nonvocab: Option<f64>,
+    pub params_vocab: Option<f64>,
+    pub params_text: Option<f64>,
     /// D, where the program trained on other than the planned tokens.
     pub tokens: Option<f64>,
     pub unique_tokens: Option<f64>,
@@ -69,6 +76,9 @@ impl TrainerResult {
             ("unique_tokens", self.unique_tokens, 0.0),
             ("zero_count_targets", self.zero_count_targets, 0.0),
             ("peak_bytes", self.peak_bytes, 0.0),
+            ("params_nonvocab", self.params_nonvocab, 1.0),
+            ("params_vocab", self.params_vocab, 1.0),
+            ("params_text", self.params_text, 0.0),
         ];
         let whole = |x: f64, least: f64| x.fract() == 0.0 && (least..=2f64.powi(53)).contains(&x);
         for (name, value, least) in counts {
@@ -82,6 +92,9 @@ impl TrainerResult {
             ("wall_s", self.wall_s),
             ("tokens_per_s", self.tokens_per_s),
         ];
+        if self.loss_normalised.is_some() == self.unigram_nats.is_some() {
+            return Some("it has one of `loss_normalised` and `unigram_nats`".to_string());
+        }
         let wrong = positive.into_iter().find(|(_, value)| value.is_some_and(|x| x < 0.0));
         wrong.map(|(name, _)| format!("`{name}` is negative"))
     }
@@ -95,7 +108,7 @@ impl TrainerResult {
         Report {
             device: "custom".to_string(),
             loss_nats: self.loss_nats,
-            loss_normalised: self.loss_normalised,
+            loss_normalised: self.normalised(),
             normalised_by_scale: Vec::new(),
             nats_per_frame: self.nats_per_frame,
             nats_per_second: self.nats_per_second,
@@ -109,7 +122,16 @@ impl TrainerResult {
             wall_s: self.wall_s.unwrap_or(ran_s),
             tokens_per_s: self.tokens_per_s,
             peak_bytes: self.peak_bytes.map(|x| x as u64),
+            params_nonvocab: count(self.params_nonvocab),
+            params_vocab: count(self.params_vocab),
+            params_text: count(self.params_text),
         }
+    }
+
+    /// L_u as given, or as it follows.
+    fn normalised(&self) -> f64 {
+        let follows = || self.unigram_nats.map(|unigram| self.loss_nats - unigram);
+        self.loss_normalised.or_else(follows).unwrap_or(f64::NAN)
     }
 }
 
@@ -121,13 +143,21 @@ mod tests {
     fn a_result_needs_its_losses_and_nothing_unknown() {
         let parse = |text: &str| TrainerResult::parse(text.as_bytes());
         let good = parse(r#"{"loss_nats": 3, "loss_normalised": -1.5, "tokens": 1e6}"#).unwrap();
-        assert_eq!((good.loss_normalised, good.tokens), (-1.5, Some(1e6)));
+        assert_eq!((good.loss_normalised, good.tokens), (Some(-1.5), Some(1e6)));
+        let by_unigram =
+            parse(r#"{"loss_nats": 3, "unigram_nats": 4.5, "params_vocab": 64}"#).unwrap();
+        assert_eq!((by_unigram.normalised(), by_unigram.params_vocab), (-1.5, Some(64.0)));
         let refused = |text: &str, words: &str| {
             let problem = parse(text).unwrap_err();
             assert!(problem.contains(words), "{problem}");
         };
         refused("", "EOF");
-        refused(r#"{"loss_nats": 3}"#, "loss_normalised");
+        refused(r#"{"loss_nats": 3}"#, "one of `loss_normalised` and `unigram_nats`");
+        refused(r#"{"loss_nats": 3, "loss_normalised": 1, "unigram_nats": 2}"#, "one of");
+        refused(
+            r#"{"loss_nats": 3, "loss_normalised": 1, "params_vocab": 0.5}"#,
+            "`params_vocab` is 0.5",
+        );
         refused(r#"{"loss_nats": 3, "loss_normalised": NaN}"#, "did the run diverge?");
         refused(r#"{"loss_nats": 1e999, "loss_normalised": 1}"#, "out of range");
         refused(r#"{"loss_nats": 3, "loss_normalised": 1, "loss": 1}"#, "unknown field `loss`");

@@ -1,0 +1,150 @@
+"""``read``, ``fit`` and ``predict``."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import tempfile
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
+
+from ._program import IsoflopError, ask
+from ._types import Laws, Prediction
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+
+@dataclass(frozen=True)
+class Results:
+    """A sweep's folder: its runs, its laws, its predictions."""
+
+    folder: Path
+    #: ``None`` where the runs bear no laws yet.
+    laws: Optional[Laws]
+    predictions: Tuple[Prediction, ...]
+
+    @property
+    def name(self) -> str:
+        return self.folder.resolve().name
+
+    @property
+    def runs(self) -> Any:
+        """A row a finished run: a polars frame, or a pandas one where polars is not installed."""
+        return _frame(self.folder / "runs")
+
+    @property
+    def scores(self) -> Any:
+        """A row a scored run, as ``runs``."""
+        return _frame(self.folder / "scores")
+
+
+def read(results: PathLike) -> Results:
+    """A sweep's folder, as ``isoflop run`` leaves it.
+
+    Raises ``IsoflopError`` where it is none.
+    """
+    folder = Path(results)
+    if not (folder / "runs.csv").exists():
+        raise IsoflopError(f"{folder} holds no runs.csv; give a sweep's folder with finished runs", 2)
+    laws = _document(folder / "laws.json")
+    return Results(
+        folder=folder,
+        laws=laws and Laws._of(laws),
+        predictions=tuple(Prediction._of(each) for each in _document(folder / "prediction.json") or ()),
+    )
+
+
+def fit(
+    runs: Any,
+    *,
+    columns: Optional[Mapping[str, str]] = None,
+    law: str = "isoflop",
+    where: Sequence[str] = (),
+    options: Sequence[str] = (),
+) -> Laws:
+    """The laws of a table of runs.
+
+    ``runs`` is a polars or pandas frame, a mapping from names to columns, or the path of a table or of a
+    sweep's folder. ``columns`` says what its columns mean, as ``{"params": "N", "tokens": "D*1e9"}``; ``law`` is
+    ``isoflop``, ``approach1``, ``approach3`` or ``approach3-vocab``; ``options`` are further words of
+    ``isoflop fit``.
+
+    Raises ``IsoflopError``; its ``code`` is 3 where the laws are not identifiable.
+    """
+    words = ["--law", law, *options]
+    if columns:
+        words += ["--columns", ",".join(f"{name}={column}" for name, column in columns.items())]
+    for condition in where:
+        words += ["--where", condition]
+    with _table(runs) as path:
+        return Laws._of(ask(["fit", str(path), *words]))
+
+
+def predict(*budgets: float, law: Union[Laws, PathLike] = "scamo") -> List[Prediction]:
+    """The optimal configuration for each budget in FLOPs.
+
+    ``law`` is ``"scamo"``, laws of ``fit``, or the path of a sweep's folder or of its ``laws.json``.
+    """
+    if not budgets:
+        raise IsoflopError("give a budget in FLOPs", 2)
+    asked = [repr(float(budget)) for budget in budgets]
+    if not isinstance(law, Laws):
+        return [Prediction._of(each) for each in ask(["predict", *asked, "--law", str(law)])]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "laws.json"
+        path.write_text(json.dumps(law.document), encoding="utf-8")
+        return [Prediction._of(each) for each in ask(["predict", *asked, "--law", str(path)])]
+
+
+def _document(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def _frame(stem: Path) -> Any:
+    try:
+        import polars
+
+        return polars.read_parquet(stem.with_suffix(".parquet"))
+    except ImportError:
+        pass
+    try:
+        import pandas
+    except ImportError:
+        raise IsoflopError("a frame needs polars or pandas; pip install isoflop[polars]", 2) from None
+    return pandas.read_csv(stem.with_suffix(".csv"))
+
+
+@contextmanager
+def _table(runs: Any) -> Iterator[Path]:
+    """A table as a file, for as long as the block lasts."""
+    if isinstance(runs, (str, os.PathLike)):
+        yield Path(runs)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "runs.csv"
+        if hasattr(runs, "write_csv"):
+            runs.write_csv(path)
+        elif hasattr(runs, "to_csv"):
+            runs.to_csv(path, index=False)
+        elif isinstance(runs, Mapping):
+            _write_csv(path, runs)
+        else:
+            raise IsoflopError("runs are a frame, a mapping of columns, or a path", 2)
+        yield path
+
+
+def _write_csv(path: Path, columns: Mapping[str, Sequence[Any]]) -> None:
+    lengths = {len(column) for column in columns.values()}
+    if len(lengths) != 1:
+        raise IsoflopError("the columns of a table are of one length", 2)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(_rows(columns))
+
+
+def _rows(columns: Mapping[str, Sequence[Any]]) -> Iterator[Tuple[Any, ...]]:
+    return zip(*columns.values())

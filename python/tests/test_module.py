@@ -1,0 +1,79 @@
+"""The module's three calls, with the program that `ISOFLOP_PROGRAM` names or that the wheel holds.
+
+    python3 -m unittest discover python/tests
+"""
+
+import importlib.util
+import math
+import unittest
+from pathlib import Path
+
+import isoflop
+
+ROOT = Path(__file__).resolve().parents[2]
+STUDY = ROOT / "results" / "cmu-motion"
+
+
+def _table():
+    """A loss of N and D that the fit must find: E = 1.7, alpha = 0.34, beta = 0.28."""
+    rows = [(n, d) for n in (1e7, 3e7, 1e8, 3e8, 1e9) for d in (1e9, 3e9, 1e10, 3e10)]
+    loss = [1.7 + 400 * n**-0.34 + 410 * d**-0.28 for n, d in rows]
+    return {"N": [n for n, _ in rows], "D": [d for _, d in rows], "L": loss}
+
+
+COLUMNS = {"params": "N", "tokens": "D", "loss": "L"}
+
+
+class Module(unittest.TestCase):
+    def test_predict_by_a_published_law(self):
+        [found] = isoflop.predict(1e18, law="scamo")
+        self.assertAlmostEqual(found.loss, -5.277, places=3)
+        self.assertEqual(found.shape.n_vocab, math.prod(found.shape.levels))
+        self.assertIsNone(found.ci95["loss_normalised"])
+        self.assertEqual(len(isoflop.predict(1e17, 1e18)), 2)
+
+    def test_fit_finds_the_law_of_a_table_and_predicts_by_it(self):
+        laws = isoflop.fit(_table(), columns=COLUMNS, law="approach3")
+        self.assertAlmostEqual(laws.parametric["alpha"], 0.34, places=4)
+        [found] = isoflop.predict(1e21, law=laws)
+        self.assertAlmostEqual(6 * found.params * found.tokens / 1e21, 1, places=6)
+
+    def test_frames_are_fitted_as_mappings_are(self):
+        expected = isoflop.fit(_table(), columns=COLUMNS, law="approach3").parametric["beta"]
+        frames = [name for name in ("polars", "pandas") if importlib.util.find_spec(name)]
+        if not frames:
+            self.skipTest("neither polars nor pandas is installed")
+        for name in frames:
+            frame = importlib.import_module(name).DataFrame(_table())
+            found = isoflop.fit(frame, columns=COLUMNS, law="approach3").parametric["beta"]
+            self.assertEqual(found, expected, name)
+
+    def test_a_study_is_read(self):
+        results = isoflop.read(STUDY)
+        self.assertEqual(results.name, "cmu-motion")
+        self.assertTrue(any(minimum.flags for minimum in results.laws.minima))
+        law = results.laws.power_laws["params_nonvocab"]
+        low, high = law.exponent_ci95
+        self.assertTrue(low <= law.exponent <= high)
+        self.assertGreater(law(1e12), law(1e11))
+        self.assertEqual(results.predictions[0].budget_flops, 1e11)
+        if importlib.util.find_spec("polars") or importlib.util.find_spec("pandas"):
+            self.assertIn("loss_normalised", results.runs.columns)
+        else:
+            with self.assertRaisesRegex(isoflop.IsoflopError, "polars or pandas"):
+                results.runs
+
+    def test_errors_are_the_programs_sentences(self):
+        with self.assertRaisesRegex(isoflop.IsoflopError, "no/such") as caught:
+            isoflop.fit("no/such.csv")
+        self.assertEqual(caught.exception.code, 2)
+        with self.assertRaisesRegex(isoflop.IsoflopError, "holds no runs.csv"):
+            isoflop.read(ROOT / "src")
+        with self.assertRaisesRegex(isoflop.IsoflopError, "one length"):
+            isoflop.fit({"N": [1.0], "D": []})
+        with self.assertRaisesRegex(isoflop.IsoflopError, "a frame, a mapping"):
+            isoflop.fit(7)
+
+
+if __name__ == "__main__":
+    unittest.main()
