@@ -47,6 +47,23 @@ bench-laws-peer *options:
     cargo build --release
     python3 benches/laws_peer.py "${CARGO_TARGET_DIR:-target}/release/isoflop" {{options}}
 
+# The wheel in dist/: the program and the Python module; wants maturin
+wheel:
+    maturin build --release --locked --out dist
+
+# The newest wheel of dist/ in a bare environment
+test-wheel:
+    bash python/test_wheel.sh
+
+# The Python module's tests with this tree's program
+test-python:
+    cargo build --release
+    ISOFLOP_PROGRAM="${CARGO_TARGET_DIR:-target}/release/isoflop" PYTHONPATH=python python3 -m unittest discover python/tests
+
+# The wheel, and a tarball of the stripped program with completions and manual pages, in dist/
+dist: wheel
+    bash python/tarball.sh
+
 # Licences and advisories of the dependencies; wants cargo-deny
 deny:
     cargo deny check

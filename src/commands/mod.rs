@@ -6,6 +6,7 @@ mod args;
 mod by_generator;
 mod cancel;
 mod command_line;
+mod compare;
 mod completions;
 mod context;
 mod data;
@@ -87,6 +88,8 @@ enum Command {
     Tokenize(tokenize::TokenizeArgs),
     /// Turn codes back into motions
     Detokenize(detokenize::DetokenizeArgs),
+    /// The laws of several studies side by side, and what differs in their sweeps
+    Compare(compare::CompareArgs),
     /// Make, check and count data sets
     Data(data::DataArgs),
     /// A sweep's results as one page that opens without a network
@@ -129,6 +132,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Generate(args) => generate::generate(&args, &output),
         Command::Tokenize(args) => tokenize::tokenize(&args, &output),
         Command::Detokenize(args) => detokenize::detokenize(&args, &output),
+        Command::Compare(args) => compare::compare(&args, &output),
         Command::Data(args) => data::data(&args, &output),
         Command::Report(args) => report::report(&args, &output),
         Command::Export(args) => export::export(&args, &output),

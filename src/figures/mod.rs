@@ -29,6 +29,7 @@ mod ticks;
 mod write;
 
 mod codes;
+mod compare;
 mod generators;
 mod isoflop_parabolas;
 mod loss_vs_budget;
@@ -159,6 +160,21 @@ pub fn draw_generators(
     let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
     let scene = generators::draw(sweep, generators, rule).map_err(failed)?;
     write::figure(&scene, folder, NAME)
+}
+
+/// Draws the optima of several studies side by side, as `compare.svg` and `compare.png`; gives their paths.
+///
+/// # Errors
+///
+/// Where a file cannot be written, or no study holds a minimum.
+pub fn draw_compared(
+    studies: &[(&str, &Laws)],
+    folder: &Path,
+) -> Result<[PathBuf; 2], FigureError> {
+    const NAME: &str = "compare";
+    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
+    let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
+    write::figure(&compare::draw(studies).map_err(failed)?, folder, NAME)
 }
 
 /// Draws the quality of scored runs against their loss, as `quality.svg` and `quality.png`; gives their

@@ -24,6 +24,18 @@ pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, File
     }
 }
 
+/// Reads a text file; a missing one is `None`.
+///
+/// # Errors
+/// [`FileError::Read`].
+pub fn read_text_if_there(path: &Path) -> Result<Option<String>, FileError> {
+    match fs::read_to_string(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(FileError::read(path)(error)),
+        Ok(text) => Ok(Some(text)),
+    }
+}
+
 /// How a damaged file is mended.
 fn mended_by(path: &Path) -> &'static str {
     match path.file_name().and_then(|name| name.to_str()).unwrap_or_default() {

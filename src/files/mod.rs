@@ -7,4 +7,4 @@ mod error;
 mod json;
 
 pub use error::{FileError, failure_kind};
-pub use json::read_if_there;
+pub use json::{read_if_there, read_text_if_there};

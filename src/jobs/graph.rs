@@ -27,14 +27,21 @@ pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
     let is_open = |state| matches!(state, JobState::Missing | JobState::Started);
     let open = |id: &JobId| is_open(folder.state(id));
     let (runs, states) = (JobKind::goal().jobs(plan), folder.run_states());
+    let before_others: HashSet<JobId> = runs.iter().flat_map(|run| run.needs.clone()).collect();
     let goals = runs.into_iter().filter(|run| is_open(states.of(&run.id.id)));
+    let (first, goals): (Vec<Job>, Vec<Job>) =
+        goals.partition(|run| before_others.contains(&run.id));
     let inputs = inputs(plan);
     // Codes may be there though the metrics of their tokenizer are not any more.
     let made = inputs.iter().filter(|job| folder.state(&job.id) == JobState::Done);
     let needs = made.flat_map(|job| job.needs.clone());
     let lost: Vec<JobId> = needs.filter(|id| id.kind.is_result() && open(id)).collect();
-    let mut wanted = Wanted::new(inputs, folder);
-    let goals: Vec<Job> = goals.filter_map(|job| wanted.take(job)).collect();
+    let tried: Vec<JobId> = first.iter().map(|run| run.id.clone()).collect();
+    let mut wanted = Wanted::new(inputs.into_iter().chain(first), folder);
+    for run in &tried {
+        wanted.availability(run);
+    }
+    let goals: Vec<Job> = goals.into_iter().filter_map(|job| wanted.take(job)).collect();
     for need in &lost {
         wanted.availability(need);
     }
@@ -84,7 +91,7 @@ enum Availability {
 }
 
 impl<'a> Wanted<'a> {
-    fn new(inputs: Vec<Job>, folder: &'a ResultsFolder) -> Self {
+    fn new(inputs: impl IntoIterator<Item = Job>, folder: &'a ResultsFolder) -> Self {
         let inputs = inputs.into_iter().map(|job| (job.id.clone(), job)).collect();
         Self { folder, inputs, known: HashMap::new(), jobs: Vec::new() }
     }

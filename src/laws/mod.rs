@@ -30,6 +30,7 @@ mod cholesky;
 #[cfg(test)]
 mod coverage;
 mod design;
+mod difference;
 mod error;
 mod fit;
 mod floor_law;
@@ -78,6 +79,7 @@ pub use approach1::{Approach1Options, FrontierPoint, approach1, frontier};
 pub use brief::brief;
 pub use budget::{Budget, group_budgets};
 pub use design::{DesignGoal, OpenRun, next_runs};
+pub use difference::{Difference, Estimate};
 pub use error::FitError;
 pub use fit::fit;
 pub use floor_law::floor_law;

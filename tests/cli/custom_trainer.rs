@@ -234,7 +234,8 @@ fn without_a_trainer_ids_are_what_they_always_were() {
 }
 
 /// Six runs of one trainer.
-const SEVERAL: [&str; 4] = ["--set", "grid.vocab=[16, 32, 64]", "--set", "grid.budgets=[1e9, 2e9]"];
+const SEVERAL: [&str; 4] =
+    ["--set", "grid.vocab=[16, 64, 256]", "--set", "grid.budgets=[1e9, 2e9]"];
 
 #[test]
 fn a_broken_trainer_is_stopped_after_one_run() {

@@ -1,0 +1,97 @@
+//! `isoflop compare`: the laws of several studies side by side, and what differs in their sweeps.
+
+mod quantities;
+mod sweeps;
+mod text;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use isoflop::figures::draw_compared;
+use isoflop::jobs::ResultsFolder;
+use isoflop::laws::{Laws, scamo};
+use serde_json::json;
+
+use super::args::budget;
+use super::exit::Exit;
+use super::output::Output;
+use super::predict::laws_of;
+use quantities::Quantity;
+use sweeps::SweepDifference;
+
+#[derive(Args)]
+pub struct CompareArgs {
+    /// Sweeps' folders, laws.json files, or scamo; the others are compared with the first
+    #[arg(required = true, num_args = 2.., value_name = "RESULTS")]
+    studies: Vec<String>,
+    /// The budget in FLOPs at which optima are compared; by default the largest one fitted
+    #[arg(long, value_parser = budget)]
+    budget: Option<f64>,
+    /// The folder to draw compare.svg and compare.png into
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// A study by its name.
+pub struct Study {
+    pub name: String,
+    /// Through all budgets.
+    pub laws: Laws,
+    path: PathBuf,
+}
+
+pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
+    let studies: Vec<Study> =
+        args.studies.iter().map(|name| Study::of(name)).collect::<Result<_>>()?;
+    let rules: Vec<&str> = studies.iter().map(|study| study.laws.flops_rule.as_str()).collect();
+    if rules.iter().any(|rule| *rule != rules[0]) {
+        output.warn(&format!("FLOPs are counted by different rules: {}", rules.join(", ")));
+    }
+    let fitted = studies.iter().flat_map(|study| &study.laws.fitted_budgets);
+    let largest = fitted.copied().fold(f64::NAN, f64::max);
+    let budget = args.budget.or(Some(largest).filter(|budget| budget.is_finite()));
+    let budget = budget.context("no study says which budgets it was fitted to; give --budget")?;
+    let quantities = Quantity::all(&studies, budget)?;
+    let sweeps =
+        SweepDifference::of(&studies.iter().map(|study| &*study.path).collect::<Vec<_>>())?;
+    let figures = args.out.as_deref().map(|out| draw(&studies, out)).transpose()?;
+    let document = json!({
+        "studies": studies.iter().map(|study| &study.name).collect::<Vec<_>>(),
+        "budget_flops": budget, "quantities": quantities, "sweeps": sweeps, "figures": figures,
+    });
+    output.result(&document, &text::text(&studies, budget, &quantities, &sweeps, output.full))?;
+    figures.iter().flatten().for_each(|path| output.note(&path.display().to_string()));
+    Ok(Exit::Done)
+}
+
+fn draw(studies: &[Study], out: &Path) -> Result<[PathBuf; 2]> {
+    let named: Vec<(&str, &Laws)> =
+        studies.iter().map(|study| (&*study.name, &study.laws)).collect();
+    Ok(draw_compared(&named, out)?)
+}
+
+impl Study {
+    fn of(given: &str) -> Result<Self> {
+        let path = PathBuf::from(given);
+        let (laws, name) = match given {
+            "scamo" => (scamo(), given.to_string()),
+            _ => (laws_of(&path)?, name(&path)),
+        };
+        let laws = laws.of_all_budgets().clone();
+        if laws.power_laws.tokens.is_none() {
+            bail!("{given} holds no power laws to compare");
+        }
+        Ok(Self { name, laws, path })
+    }
+}
+
+/// A folder's name, or a file's without its ending; that of the folder for a `laws.json`.
+fn name(path: &Path) -> String {
+    if path.is_dir() {
+        return ResultsFolder::new(path).name();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let folder = path.parent().and_then(Path::file_name).filter(|_| stem == "laws");
+    folder.map_or(stem, |folder| folder.to_string_lossy().into_owned())
+}

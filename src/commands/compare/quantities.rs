@@ -1,0 +1,70 @@
+//! What is compared: exponents, and optima at a budget.
+
+use anyhow::Result;
+use isoflop::laws::{Difference, Estimate, Laws, PowerLaw};
+use isoflop::predict::Prediction;
+use serde::Serialize;
+
+use super::Study;
+use crate::commands::predict::predict_one;
+
+/// A quantity of every study.
+#[derive(Serialize)]
+pub struct Quantity {
+    pub name: &'static str,
+    /// Whether differences are ratios.
+    pub is_ratio: bool,
+    /// `None` where a study does not have it.
+    pub estimates: Vec<Option<Estimate>>,
+    /// Each study less the first, or divided by it, in logarithms; `None` for the first.
+    pub differences: Vec<Option<Difference>>,
+}
+
+type Of<T> = fn(&T) -> Option<Estimate>;
+
+const EXPONENTS: [(&str, Of<Laws>); 5] = [
+    ("exponent of N_nv in C", |laws| exponent(laws.power_laws.params_nonvocab.as_ref())),
+    ("exponent of N_v in C", |laws| exponent(laws.power_laws.params_vocab.as_ref())),
+    ("exponent of N in C", |laws| exponent(laws.power_laws.params.as_ref())),
+    ("exponent of D in C", |laws| exponent(laws.power_laws.tokens.as_ref())),
+    ("exponent of N_v in N_nv", |laws| exponent(laws.vocab_from_nonvocab.as_ref())),
+];
+
+const OPTIMA: [(&str, Of<Prediction>); 5] = [
+    ("N_nv", |found| {
+        Some(Estimate { value: found.params_nonvocab?, ci95: found.ci95.params_nonvocab })
+    }),
+    ("N_v", |found| Some(Estimate { value: found.params_vocab?, ci95: found.ci95.params_vocab })),
+    ("N", |found| Some(Estimate { value: found.params?, ci95: found.ci95.params })),
+    ("V", |found| Some(Estimate { value: found.n_vocab?, ci95: found.ci95.n_vocab })),
+    ("D", |found| Some(Estimate { value: found.tokens, ci95: found.ci95.tokens })),
+];
+
+impl Quantity {
+    /// All that some study has.
+    pub fn all(studies: &[Study], budget: f64) -> Result<Vec<Self>> {
+        let optima = studies.iter().map(|study| predict_one(&study.laws, budget));
+        let optima: Vec<Prediction> = optima.collect::<Result<_, _>>()?;
+        let of_laws = EXPONENTS.iter().map(|(name, of)| {
+            Self::new(name, false, studies.iter().map(|study| of(&study.laws)).collect())
+        });
+        let of_optima =
+            OPTIMA.iter().map(|(name, of)| Self::new(name, true, optima.iter().map(of).collect()));
+        let all = of_laws.chain(of_optima);
+        Ok(all.filter(|quantity| quantity.estimates.iter().any(Option::is_some)).collect())
+    }
+
+    fn new(name: &'static str, is_ratio: bool, estimates: Vec<Option<Estimate>>) -> Self {
+        let scaled = |estimate: Estimate| if is_ratio { estimate.ln() } else { estimate };
+        let first = estimates[0].map(scaled);
+        let less =
+            |estimate: &Option<Estimate>| Some(Difference::of(estimate.map(scaled)?, first?));
+        let others = estimates[1..].iter().map(less);
+        let differences = [None].into_iter().chain(others).collect();
+        Self { name, is_ratio, estimates, differences }
+    }
+}
+
+fn exponent(law: Option<&PowerLaw>) -> Option<Estimate> {
+    law.map(|law| Estimate { value: law.exponent, ci95: law.exponent_ci95 })
+}

@@ -1,0 +1,82 @@
+//! What a person reads of a comparison.
+
+use std::fmt::Write;
+
+use isoflop::laws::{Difference, Estimate};
+
+use super::Study;
+use super::quantities::Quantity;
+use super::sweeps::SweepDifference;
+
+/// Keys of sweeps that are told, at most.
+const KEYS: usize = 12;
+/// Characters of a value that are shown.
+const SHOWN: usize = 22;
+
+pub fn text(
+    studies: &[Study],
+    budget: f64,
+    quantities: &[Quantity],
+    sweeps: &[SweepDifference],
+    full: bool,
+) -> String {
+    let width = studies.iter().map(|study| study.name.chars().count()).max().unwrap_or(0).min(24);
+    let mut text = String::new();
+    for quantity in quantities {
+        let at = if quantity.is_ratio { format!(" at {budget:.3e} FLOPs") } else { String::new() };
+        let _ = writeln!(text, "{}{at}", quantity.name);
+        let rows = studies.iter().zip(&quantity.estimates).zip(&quantity.differences);
+        for ((study, estimate), difference) in rows {
+            let name: String = study.name.chars().take(width).collect();
+            let estimate = estimate.map_or("-".to_string(), |found| said(found, quantity.is_ratio));
+            let difference =
+                difference.map_or(String::new(), |found| against(found, quantity.is_ratio));
+            let line = format!("  {name:<width$}  {estimate:<25}{difference}");
+            let _ = writeln!(text, "{}", line.trim_end());
+        }
+    }
+    text += &of_sweeps(studies, sweeps, full);
+    text
+}
+
+fn said(Estimate { value, ci95 }: Estimate, is_ratio: bool) -> String {
+    let number = |x: f64| if is_ratio { format!("{x:.2e}") } else { format!("{x:.3}") };
+    let interval = ci95.map(|[low, high]| format!(" {}..{}", number(low), number(high)));
+    format!("{}{}", number(value), interval.unwrap_or_default())
+}
+
+/// A difference, and whether it is one.
+fn against(Difference { value, ci95, differs }: Difference, is_ratio: bool) -> String {
+    let number = |x: f64| if is_ratio { format!("x{:.2}", x.exp()) } else { format!("{x:+.3}") };
+    let Some([low, high]) = ci95 else { return format!("  {}", number(value)) };
+    let verdict = if differs == Some(true) { "differs" } else { "" };
+    format!("  {} ({}..{}) {verdict}", number(value), number(low), number(high))
+}
+
+fn of_sweeps(studies: &[Study], sweeps: &[SweepDifference], full: bool) -> String {
+    if sweeps.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from("\nsweeps differ in\n");
+    let limit = if full { usize::MAX } else { KEYS };
+    for SweepDifference { key, values } in sweeps.iter().take(limit) {
+        let shown = |value: &Option<String>| {
+            let value = value.as_deref().unwrap_or("-");
+            let cut: String = value.chars().take(SHOWN).collect();
+            if cut.len() < value.len() && !full { format!("{cut}…") } else { value.to_string() }
+        };
+        let values: Vec<String> = values.iter().map(shown).collect();
+        let _ = writeln!(text, "  {key}: {}", values.join(" | "));
+    }
+    if sweeps.len() > limit {
+        let _ = writeln!(text, "  and {} more: --full", sweeps.len() - limit);
+    }
+    let codes = sweeps.iter().any(|each| {
+        ["data", "tokenizer"].contains(&each.key.split('.').next().unwrap_or_default())
+    });
+    if codes && studies.len() > 1 {
+        text +=
+            "Data or tokenizers differ: L_u is of each study's own codes, and is not compared.\n";
+    }
+    text
+}
