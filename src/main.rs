@@ -18,9 +18,10 @@ static ALLOCATOR: isoflop::machine::allocator::Allocator = isoflop::machine::all
 fn main() -> ExitCode {
     ignore_file_size_signal();
     let cli = Cli::parse();
+    let json = cli.is_json();
     match commands::dispatch(cli) {
         Ok(exit) => exit.into(),
-        Err(error) => commands::report(&error).into(),
+        Err(error) => commands::report(&error, json).into(),
     }
 }
 

@@ -1,12 +1,13 @@
 //! Exit codes, and how an error that ends the program is shown.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 use isoflop::failure::Consequence;
 use isoflop::files::failure_kind;
 use isoflop::laws::FitError;
 use isoflop::sweep::SweepErrors;
+use serde_json::json;
 
 use super::output::say;
 
@@ -26,8 +27,22 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// Shows an error on standard error and says how to exit.
-pub fn report(error: &anyhow::Error) -> Exit {
+/// Shows an error on standard error, and with `--json` as a document on standard output; says how to exit.
+pub fn report(error: &anyhow::Error, json: bool) -> Exit {
+    let exit = told(error);
+    if json {
+        let message = match error.downcast_ref::<SweepErrors>() {
+            Some(errors) => errors.render(false),
+            None => format!("{error:#}"),
+        };
+        let document = json!({ "error": { "message": message, "exit": exit as u8 } });
+        // Nobody reads a pipe that is closed.
+        let _ = writeln!(std::io::stdout(), "{document:#}");
+    }
+    exit
+}
+
+fn told(error: &anyhow::Error) -> Exit {
     if let Some(errors) = error.downcast_ref::<SweepErrors>() {
         let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
         say(&errors.render(colour));

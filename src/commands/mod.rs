@@ -112,6 +112,13 @@ enum Command {
     Guard(worker::GuardArgs),
 }
 
+impl Cli {
+    /// Whether results, and errors beside their sentence, are JSON documents.
+    pub fn is_json(&self) -> bool {
+        self.common.json
+    }
+}
+
 /// Calls the command that was asked for.
 pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
     let output = output::Output::new(&cli.common);

@@ -23,6 +23,7 @@ mod outliers;
 mod pages;
 mod point;
 mod quantity;
+mod quiet;
 mod read;
 mod records;
 mod rows;

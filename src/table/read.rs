@@ -1,12 +1,13 @@
 //! Reads a file into a [`Table`]. The one file of this module that knows polars.
 
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::AssertUnwindSafe;
 use std::path::Path;
 
 use polars::prelude::*;
 
 use super::error::ReadProblem;
+use super::quiet::quietly;
 use super::{Column, Table, csv, pages};
 
 /// Why a file gives no table.
@@ -67,9 +68,7 @@ fn checked(table: Table) -> Result<Table, ReadProblem> {
 
 /// A Parquet file's columns, with a panic of the reader turned into an error.
 ///
-/// Polars trusts a file's metadata and panics where a damaged one breaks that trust. The panic is
-/// caught here, but its message still goes to stderr: keeping it quiet would take a panic hook,
-/// which is one for the whole process and would hide panics of other threads as well.
+/// Polars trusts a file's metadata and panics where a damaged one breaks that trust; see [`quietly`].
 fn parquet(bytes: Vec<u8>) -> Result<Table, ReadProblem> {
     const MAGIC: &[u8] = b"PAR1";
     if bytes.is_empty() {
@@ -79,9 +78,9 @@ fn parquet(bytes: Vec<u8>) -> Result<Table, ReadProblem> {
         let reason = "it does not begin and end with `PAR1`".to_string();
         return Err(ReadProblem::Parquet(reason));
     }
-    match catch_unwind(AssertUnwindSafe(|| frame(bytes))) {
-        Ok(table) => table.map_err(|error| ReadProblem::Parquet(error.to_string())),
-        Err(_) => Err(ReadProblem::Parquet("its contents contradict each other".to_string())),
+    match quietly(AssertUnwindSafe(|| frame(bytes))) {
+        Some(table) => table.map_err(|error| ReadProblem::Parquet(error.to_string())),
+        None => Err(ReadProblem::Parquet("its contents contradict each other".to_string())),
     }
 }
 

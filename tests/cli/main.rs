@@ -1,6 +1,7 @@
 //! The real program, each test in a directory of its own.
 
 mod bits;
+mod compare;
 mod custom_trainer;
 mod data;
 mod failures;
@@ -26,6 +27,7 @@ mod tables;
 mod text_file;
 mod tokenize;
 mod tokenizer;
+mod torch_trainer;
 mod trunks;
 mod tune;
 mod validate;

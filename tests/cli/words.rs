@@ -43,3 +43,15 @@ fn the_doctor_says_what_the_machine_can_do() {
     let document = place.isoflop(&["doctor", "--json"]).exits(0).json();
     assert_eq!(document["good"], true);
 }
+
+#[test]
+fn an_error_is_a_document_too_where_documents_are_asked_for() {
+    let place = Place::new();
+    let ended = place.isoflop(&["predict", "1e18", "--law", "no/such", "--json"]).exits(2);
+    let error = ended.says("error: no/such").json()["error"].clone();
+    assert_eq!(error["exit"], 2);
+    assert!(error["message"].as_str().is_some_and(|said| said.starts_with("no/such")), "{error}");
+    place.write("bad.yaml", "name: a\ngrid: {vocap: [64]}\n");
+    let error = place.isoflop(&["plan", "bad.yaml", "--json"]).exits(2).json()["error"].clone();
+    assert!(error["message"].as_str().is_some_and(|said| said.contains("vocap")), "{error}");
+}

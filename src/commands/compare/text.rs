@@ -53,6 +53,28 @@ fn against(Difference { value, ci95, differs }: Difference, is_ratio: bool) -> S
     format!("  {} ({}..{}) {verdict}", number(value), number(low), number(high))
 }
 
+/// Characters with which all values begin.
+fn alike(values: &[&str]) -> usize {
+    let same = |i: usize| {
+        let letter = values[0].chars().nth(i);
+        letter.is_some() && values.iter().all(|value| value.chars().nth(i) == letter)
+    };
+    (0..).take_while(|i| same(*i)).count()
+}
+
+/// A long value from a little before where values begin to differ.
+fn cut(value: &str, alike: usize) -> String {
+    let n = value.chars().count();
+    if n <= SHOWN {
+        return value.to_string();
+    }
+    let first = alike.saturating_sub(SHOWN / 4);
+    let shown: String = value.chars().skip(first).take(SHOWN).collect();
+    let before = if first > 0 { "…" } else { "" };
+    let after = if first + SHOWN < n { "…" } else { "" };
+    format!("{before}{shown}{after}")
+}
+
 fn of_sweeps(studies: &[Study], sweeps: &[SweepDifference], full: bool) -> String {
     if sweeps.is_empty() {
         return String::new();
@@ -60,11 +82,10 @@ fn of_sweeps(studies: &[Study], sweeps: &[SweepDifference], full: bool) -> Strin
     let mut text = String::from("\nsweeps differ in\n");
     let limit = if full { usize::MAX } else { KEYS };
     for SweepDifference { key, values } in sweeps.iter().take(limit) {
-        let shown = |value: &Option<String>| {
-            let value = value.as_deref().unwrap_or("-");
-            let cut: String = value.chars().take(SHOWN).collect();
-            if cut.len() < value.len() && !full { format!("{cut}…") } else { value.to_string() }
-        };
+        let values: Vec<&str> =
+            values.iter().map(|value| value.as_deref().unwrap_or("-")).collect();
+        let alike = if full { 0 } else { alike(&values) };
+        let shown = |value: &&str| if full { value.to_string() } else { cut(value, alike) };
         let values: Vec<String> = values.iter().map(shown).collect();
         let _ = writeln!(text, "  {key}: {}", values.join(" | "));
     }

@@ -104,6 +104,7 @@ fn predictions(
 /// What `laws.json` holds; beside it the optima asked for, and what became of a table's rows.
 fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<Value> {
     let mut document = serde_json::to_value(laws)?;
+    document["verdict"] = json!(brief(laws));
     if source.sweep.is_none() {
         document["dropped"] = json!(source.dropped);
         document["notes"] = json!(source.notes);
