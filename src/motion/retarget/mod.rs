@@ -7,7 +7,7 @@
 //!
 //! [`roles_of`] finds which joint plays which part. [`Survey`] sums what the frames of each file say of its
 //! axes and of standing bodies; [`Rig::of`] makes of all files of a skeleton what moves the target.
-//! [`follow`] gives a pose for each frame, and [`resampled`] changes the rate. Joints that are given as
+//! [`follow()`] gives a pose for each frame, and [`resampled`] changes the rate. Joints that are given as
 //! places of the 22 joints alone go through [`settled`].
 
 mod axes;

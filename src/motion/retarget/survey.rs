@@ -17,7 +17,8 @@ pub struct Survey {
     pub toes: (f64, usize),
     /// Frames in which the body stands.
     pub standing: usize,
-    /// Over those: the axes of the upright body in the frame of each carrier; see [`carrier`].
+    /// Over those, for each joint: the axes of the upright body in the frame of the joint that carries its
+    /// bone.
     pub upright: [[Point; 3]; N_JOINTS],
 }
 
