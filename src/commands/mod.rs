@@ -20,6 +20,7 @@ mod finished;
 mod fit;
 mod generate;
 mod generators;
+mod init;
 mod output;
 mod plan;
 mod plan_text;
@@ -56,6 +57,8 @@ pub struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Write a sweep file with comments, sized to a time, for one's data
+    Init(init::InitArgs),
     /// Expand and price a sweep; train nothing
     Plan(plan::PlanArgs),
     /// Run what is missing of a sweep, then fit, plot and predict
@@ -123,6 +126,7 @@ impl Cli {
 pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
     let output = output::Output::new(&cli.common);
     match cli.command {
+        Command::Init(args) => init::init(&args, &output),
         Command::Plan(args) => plan::plan(&args, &output),
         Command::Run(args) => run::run(&args, &output),
         Command::Status(args) => status::status(&args, &output),

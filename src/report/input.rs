@@ -39,4 +39,6 @@ pub struct Sample {
     pub fps: f64,
     /// Metres.
     pub poses: Vec<Pose>,
+    /// The true motion of that caption, where the data are at hand.
+    pub truth: Option<Vec<Pose>>,
 }

@@ -8,13 +8,18 @@
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
   let [shown, centre, size, turn, playing, began] = [samples[0], [0, 0], 1, 0.6, !still, 0];
 
-  const frames = () => shown.mm.length / (3 * joints);
-  const at = (frame, joint) => shown.mm.slice(3 * (frame * joints + joint), 3 * (frame * joints + joint) + 3);
+  const length = (mm) => mm.length / (3 * joints);
+  const frames = () => Math.max(length(shown.mm), shown.truth ? length(shown.truth) : 0);
+  const at = (mm, frame, joint) => mm.slice(3 * (frame * joints + joint), 3 * (frame * joints + joint) + 3);
+  /** Motions, what they are called, and how far to the right each is drawn, in widths of the stage. */
+  const bodies = () => shown.truth
+    ? [[shown.truth, "true motion", -0.24], [shown.mm, "made", 0.24]]
+    : [[shown.mm, "", 0]];
 
   /** The middle of the floor that is walked on, and how much has to fit. */
   const frame = () => {
     const sides = [0, 2].map((axis) => {
-      const all = shown.mm.filter((_, i) => i % 3 === axis);
+      const all = bodies().flatMap(([mm]) => mm.filter((_, i) => i % 3 === axis));
       return [Math.min(...all), Math.max(...all)];
     });
     centre = sides.map(([low, high]) => (low + high) / 2);
@@ -22,12 +27,12 @@
   };
 
   /** Pixels of a place, seen from a little above. */
-  const project = ([x, y, z]) => {
+  const project = ([x, y, z], aside) => {
     const [east, north] = [x - centre[0], z - centre[1]];
     const right = east * Math.cos(turn) + north * Math.sin(turn);
     const away = -east * Math.sin(turn) + north * Math.cos(turn);
     const scale = stage.height * 0.8 / size;
-    return [stage.width / 2 + right * scale, stage.height * 0.86 - (0.95 * y - 0.3 * away) * scale];
+    return [stage.width * (0.5 + aside) + right * scale, stage.height * 0.86 - (0.95 * y - 0.3 * away) * scale];
   };
 
   const line = (pen, from, to) => {
@@ -43,19 +48,27 @@
     pen.clearRect(0, 0, stage.width, stage.height);
     pen.lineWidth = 1;
     pen.strokeStyle = borderTopColor;
-    const half = Math.ceil(size / 1000) * 500;
-    for (let way = -half; way <= half; way += 500) {
-      const [x, z] = [centre[0] + way, centre[1] + way];
-      line(pen, project([x, 0, centre[1] - half]), project([x, 0, centre[1] + half]));
-      line(pen, project([centre[0] - half, 0, z]), project([centre[0] + half, 0, z]));
+    const half = Math.ceil(size / 1000) * (shown.truth ? 250 : 500);
+    for (const [, , aside] of bodies()) {
+      for (let way = -half; way <= half; way += 500) {
+        const [x, z] = [centre[0] + way, centre[1] + way];
+        line(pen, project([x, 0, centre[1] - half], aside), project([x, 0, centre[1] + half], aside));
+        line(pen, project([centre[0] - half, 0, z], aside), project([centre[0] + half, 0, z], aside));
+      }
     }
     pen.lineWidth = 4;
     pen.lineCap = "round";
-    pen.strokeStyle = color;
+    pen.strokeStyle = pen.fillStyle = color;
+    pen.font = "15px sans-serif";
+    pen.textAlign = "center";
     const now = Number(scrub.value);
-    parents.forEach((parent, joint) => {
-      if (parent !== null) line(pen, project(at(now, parent)), project(at(now, joint)));
-    });
+    for (const [mm, name, aside] of bodies()) {
+      const then = Math.min(now, length(mm) - 1);
+      parents.forEach((parent, joint) => {
+        if (parent !== null) line(pen, project(at(mm, then, parent), aside), project(at(mm, then, joint), aside));
+      });
+      pen.fillText(name, stage.width * (0.5 + aside), 24);
+    }
     scrub.setAttribute("aria-valuetext", `${(now / shown.fps).toFixed(2)} s`);
   };
 

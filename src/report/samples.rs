@@ -4,7 +4,7 @@ use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 
 use super::input::Sample;
-use crate::motion::PARENTS;
+use crate::motion::{PARENTS, Pose};
 
 /// The viewer; `None` where there is no motion.
 pub fn section(samples: &[Sample]) -> Option<Markup> {
@@ -14,7 +14,13 @@ pub fn section(samples: &[Sample]) -> Option<Markup> {
         html! {
             section aria-labelledby="samples" {
                 h2 id="samples" { "Samples" }
-                p { "Motions that a run made of captions of the test split. Drag to turn them." }
+                p {
+                    "Motions that a run made of captions of the test split"
+                    @if samples.iter().any(|sample| sample.truth.is_some()) {
+                        ", and beside each the true motion of its caption"
+                    }
+                    ". Drag to turn them."
+                }
                 label for="sample" { "Caption " }
                 select id="sample" {
                     @for (place, sample) in samples.iter().enumerate() {
@@ -41,6 +47,9 @@ pub fn section(samples: &[Sample]) -> Option<Markup> {
 /// Positions in millimetres, frame after frame.
 fn shown(sample: &Sample) -> Value {
     let millimetres = |x: &f32| (x * 1000.0).round() as i32;
-    let flat: Vec<i32> = sample.poses.iter().flatten().flatten().map(millimetres).collect();
-    json!({ "run": sample.run_id, "fps": sample.fps, "mm": flat })
+    let flat = |poses: &Vec<Pose>| -> Vec<i32> {
+        poses.iter().flatten().flatten().map(millimetres).collect()
+    };
+    let truth = sample.truth.as_ref().map(flat);
+    json!({ "run": sample.run_id, "fps": sample.fps, "mm": flat(&sample.poses), "truth": truth })
 }

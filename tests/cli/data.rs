@@ -91,3 +91,28 @@ fn synthetic_motion_is_a_sound_data_set_and_a_broken_one_is_told() {
     let found = place.isoflop(&["data", "check", "made", "--json"]).exits(1).json();
     assert_eq!(found["problems"].as_array().map(Vec::len), Some(3), "{found}");
 }
+
+#[test]
+fn a_sweep_is_sized_to_the_data_and_the_time() {
+    let place = Place::new();
+    let synth = ["data", "synth", "--out", "made", "--clips", "40", "--val-clips", "4"];
+    place.isoflop(&[&synth[..], &["--test-clips", "4"]].concat()).exits(0);
+    let init = ["init", "study.yaml", "--data", "made", "--hours", "100"];
+    let said = place.isoflop(&init).exits(0).stdout();
+    assert!(said.contains("larger budgets would see made more than 4 times"), "{said}");
+    assert!(said.contains("next     isoflop run study.yaml"), "{said}");
+    let text = String::from_utf8(place.read("study.yaml")).expect("UTF-8");
+    assert!(text.contains("seeds: [0, 1, 2]") && text.contains("path: \"made\""), "{text}");
+    let plan = place.isoflop(&["plan", "study.yaml", "--json"]).exits(0).json();
+    let runs = plan["runs"].as_array().expect("runs");
+    let budgets: std::collections::BTreeSet<String> =
+        runs.iter().map(|run| run["budget_flops"].to_string()).collect();
+    assert_eq!(budgets.len(), 5, "{budgets:?}");
+    place.isoflop(&init).exits(2).says("study.yaml is there already");
+    let quick = ["init", "quick.yaml", "--hours", "0.2", "--json"];
+    let offer = place.isoflop(&quick).exits(0).json();
+    assert!(offer["hours"].as_f64().is_some_and(|hours| hours > 0.0), "{offer}");
+    assert!(offer["bound_by"].as_str().is_some_and(|said| said.contains("--hours")), "{offer}");
+    place.isoflop(&["plan", "quick.yaml"]).exits(0);
+    place.isoflop(&["init", "a.yaml", "--hours", "-1"]).exits(2).says("--hours");
+}

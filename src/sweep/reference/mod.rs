@@ -1,10 +1,11 @@
 //! The page about sweep files, made from the descriptions and the defaults of their sections.
 
 mod order;
+mod presets;
 mod schema;
 
 use schemars::schema_for;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use order::{Step, keys_at};
 use schema::{Kind, Node};
@@ -41,11 +42,7 @@ const EXAMPLE: &str = include_str!("../../../experiments/quickstart.yaml");
 /// The JSON Schema of sweep files, `docs/sweep.schema.json`: what a preset has need not be written.
 pub fn schema() -> Value {
     let mut schema = schema_for!(Sweep).to_value();
-    if let Some(file) = schema.as_object_mut() {
-        let written = file.remove("required").unwrap_or_default();
-        let ways = json!([{ "required": ["preset"] }, { "required": written }]);
-        file.insert("anyOf".to_string(), ways);
-    }
+    presets::two_ways(&mut schema);
     schema
 }
 

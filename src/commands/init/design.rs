@@ -1,0 +1,163 @@
+//! [`Design`]: a grid round where the optimum is expected.
+
+/// N_nv and N_v of the optimum at 1e11 FLOPs and their exponents in C, as this program's own studies of motion
+/// found them (`results/procedural-law`, `results/cmu-motion`): where to look, and no more.
+const NONVOCAB: (f64, f64) = (7.0e3, 0.45);
+const VOCAB: (f64, f64) = (2.6e4, 0.57);
+
+/// Budgets of a study, each twice the one before.
+const BUDGETS: i32 = 5;
+/// Factor round the expected N_nv within which sizes are tried at a budget.
+const SIZES_WITHIN: f64 = 4.5;
+/// The same of V over all budgets.
+const VOCAB_WITHIN: f64 = 3.0;
+/// Layers: one depth, so that sizes differ in width alone.
+const LAYERS: usize = 2;
+/// Widths a factor of about 1.25 apart: N_nv a factor of at most 1.6.
+const WIDTHS: [usize; 20] =
+    [6, 8, 10, 12, 14, 16, 20, 24, 28, 36, 44, 54, 64, 80, 96, 120, 144, 176, 216, 264];
+const SMALLEST_VOCAB: usize = 32;
+const LARGEST_VOCAB: usize = 16384;
+/// Vocabularies at least, so that one lies between two.
+const VOCABULARIES: usize = 3;
+
+/// A grid of sizes, vocabularies and budgets.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Design {
+    /// Ascending.
+    pub budgets: Vec<f64>,
+    pub widths: Vec<usize>,
+    pub vocab: Vec<usize>,
+    /// Cells far from what is expected, as conditions.
+    pub exclude: Vec<String>,
+    pub seeds: Vec<u64>,
+}
+
+impl Design {
+    /// Budgets up to `largest`, and round each the sizes and vocabularies that may be best.
+    ///
+    /// `unique_tokens` of the data bound the vocabulary: a code should be met twenty times.
+    pub fn up_to(largest: f64, unique_tokens: Option<usize>) -> Self {
+        let budgets: Vec<f64> =
+            (0..BUDGETS).rev().map(|halvings| rounded(largest / 2f64.powi(halvings))).collect();
+        let expected: Vec<Expected> = budgets.iter().map(|budget| Expected::at(*budget)).collect();
+        let windows: Vec<[usize; 2]> = expected.iter().map(Expected::widths).collect();
+        let within =
+            |width: &usize| windows.iter().any(|[low, high]| (low..=high).contains(&width));
+        let widths: Vec<usize> = WIDTHS.into_iter().filter(within).collect();
+        let least = SMALLEST_VOCAB << (VOCABULARIES - 1);
+        let most = unique_tokens.map_or(LARGEST_VOCAB, |tokens| (tokens / 20).max(least));
+        let low = expected.iter().map(|e| e.n_vocab).fold(f64::INFINITY, f64::min) / VOCAB_WITHIN;
+        let high = expected.iter().map(|e| e.n_vocab).fold(0.0, f64::max) * VOCAB_WITHIN;
+        let powers = (0..).map(|power| SMALLEST_VOCAB << power).take_while(|v| *v <= LARGEST_VOCAB);
+        let possible: Vec<usize> =
+            powers.filter(|v| *v <= most && *v as f64 <= high.max(least as f64)).collect();
+        let near = possible.iter().filter(|v| **v as f64 >= low).count().max(VOCABULARIES);
+        let vocab = possible[possible.len() - near.min(possible.len())..].to_vec();
+        let exclude = budgets.iter().zip(&windows).flat_map(|(budget, [low, high])| {
+            let [from, to] = [0.9 * budget, 1.1 * budget].map(written);
+            let here = format!("budget > {from} and budget < {to}");
+            let below = widths.iter().any(|width| width < low);
+            let above = widths.iter().any(|width| width > high);
+            let below = below.then(|| format!("{here} and d_model < {low}"));
+            below.into_iter().chain(above.then(|| format!("{here} and d_model > {high}")))
+        });
+        Self { exclude: exclude.collect(), widths, vocab, budgets, seeds: vec![0] }
+    }
+
+    /// D of the expected optimum of the largest budget.
+    pub fn most_tokens(&self) -> f64 {
+        self.budgets.last().map_or(0.0, |budget| Expected::at(*budget).tokens)
+    }
+
+    /// The sweep file's `models`, a line each.
+    pub fn models(&self) -> String {
+        let line = |width: &usize| {
+            format!("    - {{n_layer: {LAYERS}, n_head: {}, d_model: {width}}}\n", heads(*width))
+        };
+        self.widths.iter().map(line).collect()
+    }
+}
+
+/// Heads of up to 128 channels, an even number each.
+fn heads(width: usize) -> usize {
+    width.div_ceil(128)
+}
+
+/// Where the optimum of a budget is looked for.
+struct Expected {
+    params_nonvocab: f64,
+    n_vocab: f64,
+    tokens: f64,
+}
+
+impl Expected {
+    fn at(budget: f64) -> Self {
+        let law = |(at, exponent): (f64, f64)| at * (budget / 1e11).powf(exponent);
+        let (params_nonvocab, params_vocab) = (law(NONVOCAB), law(VOCAB));
+        let width = (params_nonvocab / (12 * LAYERS) as f64).sqrt();
+        let tokens = budget / (6.0 * (params_nonvocab + params_vocab));
+        Self { params_nonvocab, n_vocab: params_vocab / width, tokens }
+    }
+
+    /// The least and the largest width within the factor, three at least.
+    fn widths(&self) -> [usize; 2] {
+        let width = |n: f64| (n / (12 * LAYERS) as f64).sqrt();
+        let ends = [self.params_nonvocab / SIZES_WITHIN, self.params_nonvocab * SIZES_WITHIN];
+        let [low, high] = ends.map(width);
+        let inside: Vec<usize> =
+            WIDTHS.into_iter().filter(|w| (low..=high).contains(&(*w as f64))).collect();
+        match inside[..] {
+            [first, _, .., last] => [first, last],
+            _ if low < WIDTHS[0] as f64 => [WIDTHS[0], WIDTHS[2]],
+            _ => [WIDTHS[WIDTHS.len() - 3], WIDTHS[WIDTHS.len() - 1]],
+        }
+    }
+}
+
+/// A budget as a sweep file has it, of two digits.
+pub fn written(flops: f64) -> String {
+    format!("{:e}", rounded(flops))
+}
+
+/// Two digits.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.1e}").parse().unwrap_or(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn budgets_double_and_sizes_stand_round_the_expected_optimum() {
+        let design = Design::up_to(1.6e11, None);
+        assert_eq!(design.budgets, [1e10, 2e10, 4e10, 8e10, 1.6e11]);
+        assert!(design.widths.len() >= 8 && design.vocab.len() >= 4, "{design:?}");
+        for budget in &design.budgets {
+            let expected = Expected::at(*budget);
+            let [low, high] = expected.widths();
+            let width = (expected.params_nonvocab / 24.0).sqrt();
+            assert!((low as f64) < width && width < high as f64, "{low} {width} {high}");
+            assert!(design.vocab.iter().any(|v| (*v as f64) < expected.n_vocab));
+        }
+        assert!(design.widths.iter().all(|width| (width / heads(*width)).is_multiple_of(2)));
+    }
+
+    #[test]
+    fn small_data_bear_small_vocabularies() {
+        let design = Design::up_to(2e10, Some(3000));
+        assert_eq!(design.vocab, [32, 64, 128]);
+        assert_eq!(Design::up_to(1e12, Some(10)).vocab, [32, 64, 128]);
+        assert_eq!(Design::up_to(1e8, None).vocab.len(), 3);
+        assert!(Design::up_to(1e10, None).most_tokens() < Design::up_to(1e11, None).most_tokens());
+    }
+
+    #[test]
+    fn tiny_and_huge_budgets_still_have_three_sizes() {
+        for largest in [1e7, 1e9, 1e13, 1e15] {
+            let design = Design::up_to(largest, None);
+            assert!(design.widths.len() >= 3, "{largest:e}: {:?}", design.widths);
+        }
+    }
+}
