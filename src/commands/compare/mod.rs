@@ -1,23 +1,23 @@
 //! `isoflop compare`: the laws of several studies side by side, and what differs in their sweeps.
 
 mod quantities;
+mod study;
 mod sweeps;
 mod text;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::Args;
 use isoflop::figures::draw_compared;
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{Laws, scamo};
+use isoflop::laws::Laws;
 use serde_json::json;
 
 use super::args::budget;
 use super::exit::Exit;
 use super::output::Output;
-use super::predict::laws_of;
 use quantities::Quantity;
+use study::Study;
 use sweeps::SweepDifference;
 
 #[derive(Args)]
@@ -31,14 +31,6 @@ pub struct CompareArgs {
     /// The folder to draw compare.svg and compare.png into
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-}
-
-/// A study by its name.
-pub struct Study {
-    pub name: String,
-    /// Through all budgets.
-    pub laws: Laws,
-    path: PathBuf,
 }
 
 pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
@@ -69,29 +61,4 @@ fn draw(studies: &[Study], out: &Path) -> Result<[PathBuf; 2]> {
     let named: Vec<(&str, &Laws)> =
         studies.iter().map(|study| (&*study.name, &study.laws)).collect();
     Ok(draw_compared(&named, out)?)
-}
-
-impl Study {
-    fn of(given: &str) -> Result<Self> {
-        let path = PathBuf::from(given);
-        let (laws, name) = match given {
-            "scamo" => (scamo(), given.to_string()),
-            _ => (laws_of(&path)?, name(&path)),
-        };
-        let laws = laws.of_all_budgets().clone();
-        if laws.power_laws.tokens.is_none() {
-            bail!("{given} holds no power laws to compare");
-        }
-        Ok(Self { name, laws, path })
-    }
-}
-
-/// A folder's name, or a file's without its ending; that of the folder for a `laws.json`.
-fn name(path: &Path) -> String {
-    if path.is_dir() {
-        return ResultsFolder::new(path).name();
-    }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let folder = path.parent().and_then(Path::file_name).filter(|_| stem == "laws");
-    folder.map_or(stem, |folder| folder.to_string_lossy().into_owned())
 }

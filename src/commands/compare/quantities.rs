@@ -5,7 +5,7 @@ use isoflop::laws::{Difference, Estimate, Laws, PowerLaw};
 use isoflop::predict::Prediction;
 use serde::Serialize;
 
-use super::Study;
+use super::study::Study;
 use crate::commands::predict::predict_one;
 
 /// A quantity of every study.

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use isoflop::laws::{Difference, Estimate};
 
-use super::Study;
 use super::quantities::Quantity;
+use super::study::Study;
 use super::sweeps::SweepDifference;
 
 /// Keys of sweeps that are told, at most.

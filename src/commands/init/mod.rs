@@ -50,9 +50,9 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 /// The largest budget of the smallest sweep that is offered, FLOPs.
-const LEAST: f64 = 2e9;
+const LEAST: f64 = 1.6e10;
 /// Doublings of it that are tried.
-const DOUBLINGS: i32 = 18;
+const DOUBLINGS: i32 = 15;
 /// Times that the expected optimum of the largest budget may see the data.
 const EPOCHS: f64 = 4.0;
 /// Seeds of each run where there is time for them.
@@ -67,6 +67,12 @@ pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
     let text = desk.text(&offer.design);
     atomic::write_bytes(&args.file, text.as_bytes())?;
     let hours = offer.hours;
+    if let Some(epochs) = desk.epochs(&offer.design).filter(|epochs| *epochs > EPOCHS) {
+        output.warn(&format!(
+            "the optimum of the largest budget will see the data about {epochs:.0} times: laws of so little \
+             motion are laws of its repetition"
+        ));
+    }
     if hours > args.hours {
         output.warn(&format!("the smallest sweep that bears laws takes {hours:.1} hours"));
     }
@@ -126,13 +132,18 @@ impl<'a> Desk<'a> {
         text::text(&self.name, self.args.data.as_deref(), design)
     }
 
+    /// How often the expected optimum of the largest budget sees the data; `None` where they have no end.
+    fn epochs(&self, design: &Design) -> Option<f64> {
+        let facts = self.facts.as_ref()?;
+        Some(design.most_tokens() / (facts.train_frames() as f64 / 4.0))
+    }
+
     /// The largest sweep within the time and the data, with seeds where there is time for them.
     fn largest(&self) -> Result<Offer> {
         let unique = self.facts.as_ref().map(|facts| facts.train_frames() / 4);
         let design = |doublings: i32| Design::up_to(LEAST * 2f64.powi(doublings), unique);
-        let is_fresh = |doublings: i32| {
-            unique.is_none_or(|unique| design(doublings).most_tokens() <= EPOCHS * unique as f64)
-        };
+        let is_fresh =
+            |doublings: i32| self.epochs(&design(doublings)).is_none_or(|epochs| epochs <= EPOCHS);
         let by_data = (0..=DOUBLINGS).rev().find(|doublings| is_fresh(*doublings)).unwrap_or(0);
         let (mut best, mut cost) = (0, self.price(&design(0))?);
         // Hours grow with each doubling, but not by a fixed factor: small models are slow.

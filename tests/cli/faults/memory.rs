@@ -112,7 +112,8 @@ done
 sleep 0.5
 echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#;
     place.write("train.sh", script);
-    let args = ["run", "own.yaml", "--jobs", "2"];
+    // Side by side from the first, without one that goes before.
+    let args = ["run", "own.yaml", "--jobs", "2", "--set", "trainer.canary=false"];
     let mut command = place.program(&args);
     let processes = group.0.join("cgroup.procs");
     // SAFETY: between fork and exec the child only writes its number to a file.
