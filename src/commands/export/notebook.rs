@@ -1,50 +1,22 @@
-//! `isoflop export`: a sweep's results in another form.
+//! A notebook that reads a sweep's table and laws.
 
 use std::path::{Component, Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
-use clap::{Args, ValueEnum};
+use anyhow::{Context, Result};
 use isoflop::export::{NotebookInput, notebook};
 use isoflop::files::atomic;
-use isoflop::jobs::ResultsFolder;
-use serde_json::json;
 
-use super::exit::Exit;
-use super::output::Output;
+use super::Exporter;
 
-#[derive(Args)]
-pub struct ExportArgs {
-    /// A sweep's folder
-    pub results: PathBuf,
-    /// The form
-    #[arg(long, value_enum)]
-    pub to: ExportForm,
-    /// The folder to write to
-    #[arg(long, default_value = "notebooks-export")]
-    pub out: PathBuf,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum ExportForm {
-    /// A Jupyter notebook that reads the sweep's table and laws
-    Notebook,
-}
-
-pub fn export(args: &ExportArgs, output: &Output) -> Result<Exit> {
-    let ExportForm::Notebook = args.to;
-    let folder = ResultsFolder::new(&args.results);
-    for needed in ["runs.parquet", "laws.json"] {
-        if !folder.file(needed).exists() {
-            bail!("{} is missing; `isoflop run` writes it", folder.file(needed).display());
-        }
-    }
-    let name = folder.name();
-    let results = seen_from(&args.results, &args.out)?;
+/// `<name>.ipynb` in the folder asked for.
+pub fn write(exporter: &Exporter) -> Result<Vec<PathBuf>> {
+    exporter.needs(&["runs.parquet", "laws.json"])?;
+    let name = exporter.folder.name();
+    let results = seen_from(exporter.folder.root(), &exporter.out)?;
     let document = notebook(&NotebookInput { name: &name, results: &results });
-    let path = args.out.join(format!("{name}.ipynb"));
+    let path = exporter.out.join(format!("{name}.ipynb"));
     atomic::write_json(&path, &document).with_context(|| format!("writing {}", path.display()))?;
-    output.result(&json!({ "notebook": path }), &path.display().to_string())?;
-    Ok(Exit::Done)
+    Ok(vec![path])
 }
 
 /// The way to `target` from the folder `from`, which need not exist: `../results/quickstart`.

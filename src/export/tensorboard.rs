@@ -1,0 +1,102 @@
+//! Scalars as TensorBoard's event files: TFRecords of Event messages.
+//!
+//! A record is the length of its data (u64), the masked CRC-32C of that length, the data, and theirs; an Event
+//! has wall_time (1), step (2) and either file_version (3) or a summary (5) of values with tag (1) and
+//! simple_value (2) (tensorflow/core/lib/io/record_writer.h, tensorflow/core/util/event.proto).
+
+/// A number at a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scalar {
+    pub tag: String,
+    pub step: i64,
+    /// Seconds since the training began.
+    pub time_s: f64,
+    pub value: f32,
+}
+
+/// The bytes of an event file.
+pub fn events(scalars: &[Scalar]) -> Vec<u8> {
+    let mut file = Vec::new();
+    let mut version = double(1, 0.0);
+    version.extend(bytes(3, b"brain.Event:2"));
+    record(&mut file, &version);
+    for scalar in scalars {
+        let mut value = bytes(1, scalar.tag.as_bytes());
+        value.push(2 << 3 | 5);
+        value.extend(scalar.value.to_le_bytes());
+        let mut event = double(1, scalar.time_s);
+        event.push(2 << 3);
+        event.extend(varint(scalar.step as u64));
+        event.extend(bytes(5, &bytes(1, &value)));
+        record(&mut file, &event);
+    }
+    file
+}
+
+fn record(file: &mut Vec<u8>, data: &[u8]) {
+    let length = (data.len() as u64).to_le_bytes();
+    file.extend(length);
+    file.extend(masked_crc(&length).to_le_bytes());
+    file.extend(data);
+    file.extend(masked_crc(data).to_le_bytes());
+}
+
+/// A field of eight bytes.
+fn double(field: u8, value: f64) -> Vec<u8> {
+    [&[field << 3 | 1][..], &value.to_le_bytes()].concat()
+}
+
+/// A field of bytes with their length.
+fn bytes(field: u8, value: &[u8]) -> Vec<u8> {
+    [&[field << 3 | 2][..], &varint(value.len() as u64), value].concat()
+}
+
+/// Seven bits a byte, the lowest first.
+fn varint(mut value: u64) -> Vec<u8> {
+    let mut out = Vec::new();
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
+    out
+}
+
+/// CRC-32C (Castagnoli), rotated and shifted as TFRecords want it.
+fn masked_crc(data: &[u8]) -> u32 {
+    let crc = !data.iter().fold(!0u32, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+            crc >> 1 ^ (0x82f6_3b78 & 0u32.wrapping_sub(crc & 1))
+        })
+    });
+    crc.rotate_right(15).wrapping_add(0xa282_ead8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checksums_and_numbers_are_those_of_the_formats() {
+        // The check value of CRC-32C, of the digits 1 to 9, is e3069283.
+        let unmasked = masked_crc(b"123456789").wrapping_sub(0xa282_ead8).rotate_left(15);
+        assert_eq!(unmasked, 0xe306_9283);
+        assert_eq!(varint(300), [0xac, 0x02]);
+        assert_eq!(varint(0), [0]);
+    }
+
+    #[test]
+    fn an_event_holds_its_tag_and_value() {
+        let scalar = Scalar { tag: "a".to_string(), step: 3, time_s: 1.5, value: 2.0 };
+        let file = events(&[scalar]);
+        let first = 8 + 4 + u64::from_le_bytes(file[..8].try_into().unwrap()) as usize + 4;
+        let data = &file[first + 12..file.len() - 4];
+        let expected = [
+            &[0x09][..],
+            &1.5f64.to_le_bytes(),
+            &[0x10, 3, 0x2a, 10, 0x0a, 8, 0x0a, 1, b'a', 0x15],
+            &2.0f32.to_le_bytes(),
+        ];
+        assert_eq!(data, expected.concat());
+    }
+}
