@@ -149,7 +149,7 @@ mod tests {
         let design = Design::up_to(2e10, Some(3000));
         assert_eq!(design.vocab, [32, 64, 128]);
         assert_eq!(Design::up_to(1e12, Some(10)).vocab, [32, 64, 128]);
-        assert_eq!(Design::up_to(1e8, None).vocab.len(), 3);
+        assert!(Design::up_to(1e8, None).vocab.len() >= 3);
         assert!(Design::up_to(1e10, None).most_tokens() < Design::up_to(1e11, None).most_tokens());
     }
 
