@@ -114,5 +114,5 @@ fn a_sweep_is_sized_to_the_data_and_the_time() {
     assert!(offer["hours"].as_f64().is_some_and(|hours| hours > 0.0), "{offer}");
     assert!(offer["bound_by"].as_str().is_some_and(|said| said.contains("--hours")), "{offer}");
     place.isoflop(&["plan", "quick.yaml"]).exits(0);
-    place.isoflop(&["init", "a.yaml", "--hours", "-1"]).exits(2).says("--hours");
+    place.isoflop(&["init", "a.yaml", "--hours=-1"]).exits(2).says("hours are above 0");
 }
