@@ -65,6 +65,21 @@ fn a_tokenizer_has_a_task_and_its_runs_wait_for_it_and_the_captions_alone() {
 }
 
 #[test]
+fn a_run_that_others_wait_for_is_an_array_of_its_own_before_theirs() {
+    let run = |id: &str, needs: &[(JobKind, &str)]| job(kind("run"), id, 10.0, needs);
+    let mut jobs = vec![run("canary", &[])];
+    jobs.extend((0..9).map(|i| run(&i.to_string(), &[(kind("run"), "canary")])));
+    let arrays = lay_out(&jobs, "{target_chunk_minutes: 1}", &[], 1001);
+    assert_eq!(shape(&arrays)[0], ("train-1", vec![1]));
+    assert_eq!(arrays[0].after, []);
+    let others = &arrays[1];
+    assert_eq!(others.after, [After::Ours { array: 0, index: 0 }]);
+    assert_eq!(others.chunks.iter().map(|chunk| chunk.jobs.len()).sum::<usize>(), 9);
+    assert!(others.chunks.len() > 1, "runs that wait for one are not one unit");
+    assert_eq!(others.chunks[0].needs, [JobId::run("canary")]);
+}
+
+#[test]
 fn an_array_longer_than_slurm_takes_is_split() {
     let arrays = lay_out(&sweep(12), "{target_chunk_minutes: 0.2}", &[], 5);
     let names: Vec<&str> = arrays.iter().map(|array| array.name.as_str()).collect();
