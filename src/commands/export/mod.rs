@@ -1,18 +1,20 @@
 //! `isoflop export`: a sweep's results in another form.
 
+mod exporter;
 mod notebook;
 mod tables;
 mod tensorboard;
 
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::{Args, ValueEnum};
 use isoflop::jobs::ResultsFolder;
 use serde_json::json;
 
 use super::exit::Exit;
 use super::output::Output;
+use exporter::Exporter;
 
 #[derive(Args)]
 pub struct ExportArgs {
@@ -36,12 +38,6 @@ enum ExportForm {
     Parquet,
     /// The loss of each run as it was trained, for TensorBoard
     Tensorboard,
-}
-
-/// From where, and to where.
-struct Exporter {
-    folder: ResultsFolder,
-    out: PathBuf,
 }
 
 pub fn export(args: &ExportArgs, output: &Output) -> Result<Exit> {
@@ -73,14 +69,3 @@ pub fn export(args: &ExportArgs, output: &Output) -> Result<Exit> {
 
 /// Files that are named one by one, at most.
 const SHOWN: usize = 8;
-
-impl Exporter {
-    /// Refuses a folder without files that the form is made of.
-    fn needs(&self, names: &[&str]) -> Result<()> {
-        let missing = names.iter().map(|name| self.folder.file(name)).find(|path| !path.exists());
-        match missing {
-            Some(path) => bail!("{} is missing; `isoflop run` writes it", path.display()),
-            None => Ok(()),
-        }
-    }
-}

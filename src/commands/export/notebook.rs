@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use isoflop::export::{NotebookInput, notebook};
 use isoflop::files::atomic;
 
-use super::Exporter;
+use super::exporter::Exporter;
 
 /// `<name>.ipynb` in the folder asked for.
 pub fn write(exporter: &Exporter) -> Result<Vec<PathBuf>> {

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use isoflop::files::{atomic, read_if_there};
 use isoflop::laws::{Laws, Minimum};
 
-use super::Exporter;
+use super::exporter::Exporter;
 
 /// `runs.csv`, `scores.csv` where runs are scored, and `minima.csv` where there are laws.
 pub fn csv(exporter: &Exporter) -> Result<Vec<PathBuf>> {

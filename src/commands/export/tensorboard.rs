@@ -8,7 +8,7 @@ use isoflop::files::{atomic, read_text_if_there};
 use isoflop::generator::LogLine;
 use isoflop::record::{RunRecord, table};
 
-use super::Exporter;
+use super::exporter::Exporter;
 
 /// What TensorBoard looks for at the beginning of a file's name.
 const FILE: &str = "events.out.tfevents.0.isoflop";
