@@ -27,10 +27,7 @@ pub struct PredictArgs {
 }
 
 pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
-    let laws = match args.law.as_str() {
-        "scamo" => scamo(),
-        path => laws_of(Path::new(path))?,
-    };
+    let laws = laws_named(&args.law)?;
     let predictions = args
         .budgets
         .iter()
@@ -40,6 +37,11 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
         predictions.iter().map(|prediction| predict::said(prediction, output.full)).collect();
     output.result(&serde_json::to_value(&predictions)?, &text.join("\n"))?;
     Ok(Exit::Done)
+}
+
+/// The published law, or those of a sweep's folder or of a file.
+pub fn laws_named(law: &str) -> Result<Laws> {
+    if law == "scamo" { Ok(scamo()) } else { laws_of(Path::new(law)) }
 }
 
 /// The laws of a sweep's folder or of a file.

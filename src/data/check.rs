@@ -10,6 +10,7 @@ use super::humanml3d::{HumanMl3d, HumanMl3dOptions};
 use super::motion_files::MotionFiles;
 use super::source::{DataError, MotionSource, Split};
 use super::splits::read_splits;
+use super::stats::FAR;
 use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, Pose, recover_joints};
 use crate::sweep::BrokenFiles;
 
@@ -17,8 +18,6 @@ use crate::sweep::BrokenFiles;
 const BONES: f32 = 0.02;
 /// Metres below or above the floor at which the lowest joint of a clip may be.
 const FLOOR: f32 = 0.1;
-/// Deviations from the mean, on the mean over all features, within which normalised features lie.
-const FAR: f64 = 5.0;
 
 /// What a look at every file found.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -32,14 +31,14 @@ pub struct Checked {
 /// Looks at every file of a folder in the HumanML3D layout.
 pub fn check_folder(path: &Path) -> Checked {
     let options = |broken| HumanMl3dOptions { broken, ..HumanMl3dOptions::default() };
-    let problems = match HumanMl3d::open(path, &options(BrokenFiles::Refuse)) {
-        Ok(_) => Vec::new(),
-        Err(DataError::Broken { problems, .. }) => problems,
-        Err(error) => return Checked { problems: vec![error.to_string()], ..Checked::default() },
+    let open = |broken| HumanMl3d::open(path, &options(broken));
+    let (problems, data) = match open(BrokenFiles::Refuse) {
+        // What is sound among broken files is looked at too.
+        Err(DataError::Broken { problems, .. }) => (problems, open(BrokenFiles::Skip)),
+        data => (Vec::new(), data),
     };
     let mut checked = Checked { problems, ..Checked::default() };
-    // What is sound among broken files is looked at too.
-    match HumanMl3d::open(path, &options(BrokenFiles::Skip)) {
+    match data {
         Ok(data) => {
             let broken: HashSet<&String> = checked.problems.iter().collect();
             let odd = data.warnings().iter().filter(|line| !broken.contains(line));
@@ -94,10 +93,7 @@ fn oddities(data: &HumanMl3d, (split, index): (Split, usize)) -> [bool; WAYS.len
     let Ok(features) = data.features(split, index) else { return [false; WAYS.len()] };
     let poses = recover_joints(&features);
     let lowest = poses.iter().flatten().map(|joint| joint[1]).fold(f32::INFINITY, f32::min);
-    let stats = data.stats();
-    let columns = stats.mean.iter().zip(&stats.std).cycle();
-    let far = |(x, (mean, std)): (&f32, (&f32, &f32))| f64::from((x - mean) / std).abs();
-    let far: f64 = features.iter().zip(columns).map(far).sum::<f64>() / features.len() as f64;
+    let far = data.stats().deviations(&features);
     let still = poses.windows(2).all(|pair| pair[0] == pair[1]);
     [!poses.first().is_some_and(has_bones), lowest.abs() > FLOOR, far > FAR, still]
 }

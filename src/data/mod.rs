@@ -33,7 +33,7 @@ pub use npy::{NpyArray, NpyProblem, parse_npy};
 pub use npy_write::write_npy;
 pub use procedural::{Procedural, ProceduralOptions};
 pub use source::{DataError, FeatureStats, Member, MotionSource, Split, UNIT_FRAMES};
-pub use stats::{FEATURE_GROUPS, StatsAccumulator};
+pub use stats::{FAR, FEATURE_GROUPS, StatsAccumulator};
 pub use union::Union;
 
 use std::path::Path;

@@ -13,6 +13,20 @@ use crate::motion::N_FEATURES;
 pub const FEATURE_GROUPS: [Range<usize>; 7] =
     [0..1, 1..3, 3..4, 4..67, 67..193, 193..259, 259..263];
 
+/// Deviations from the mean, on the mean over all features, beyond which features are not of the data that mean
+/// and deviation are of; those have about 0.7.
+pub const FAR: f64 = 5.0;
+
+impl FeatureStats {
+    /// How many deviations features, `[T, 263]` row-major, are from their mean, on the mean.
+    pub fn deviations(&self, features: &[f32]) -> f64 {
+        let columns = self.mean.iter().zip(&self.std).cycle();
+        let each = features.iter().zip(columns);
+        let sum: f64 = each.map(|(x, (mean, std))| f64::from((x - mean) / std).abs()).sum();
+        sum / features.len() as f64
+    }
+}
+
 /// Sums from which mean and deviation follow.
 #[derive(Clone, Debug, Default)]
 pub struct StatsAccumulator {

@@ -22,6 +22,7 @@ mod font;
 mod legend;
 mod page;
 mod panel;
+mod quantity;
 mod render;
 mod scene;
 mod series;

@@ -1,59 +1,20 @@
 //! N_nv, N_v and D of the optimum against C, with their power laws (ScaMo Fig. 7).
 
-use crate::laws::{LawSample, Laws, Minimum, PowerLaw};
+use crate::laws::{Laws, Minimum};
 
 use super::axis::{Axis, Scale};
 use super::colour::LAW;
-use super::fitted::{Role, explain_roles, interval95, minima, outside_remark, power, within_reach};
+use super::fitted::{Role, explain_roles, minima, outside_remark, power, within_reach};
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
 use super::panel::Panel;
+use super::quantity::{QUANTITIES, Quantity};
 use super::scene::Scene;
 use super::series::law_stroke;
 use super::ticks::signed;
 use super::{Drawing, Sources};
 
 const BAND: f64 = 0.16;
-
-/// One of the three quantities of ScaMo Eq. 9.
-struct Quantity {
-    label: &'static str,
-    /// The law with its symbols.
-    form: &'static str,
-    /// The exponent's symbol.
-    exponent: &'static str,
-    of: fn(&Minimum) -> f64,
-    law: fn(&Laws) -> Option<&PowerLaw>,
-    /// ln of the quantity at C0, and its exponent, in one bootstrap replicate.
-    sample: fn(&LawSample) -> (f64, f64),
-}
-
-const QUANTITIES: [Quantity; 3] = [
-    Quantity {
-        label: "Non-vocabulary parameters Nₙᵥ",
-        form: "Nₙᵥ ∝ Cᵇ",
-        exponent: "b",
-        of: |minimum| minimum.params_nonvocab,
-        law: |laws| laws.power_laws.params_nonvocab.as_ref(),
-        sample: |sample| (sample.ln_nonvocab_at_reference, sample.exponent_nonvocab),
-    },
-    Quantity {
-        label: "Vocabulary parameters Nᵥ",
-        form: "Nᵥ ∝ Cᵃ",
-        exponent: "a",
-        of: |minimum| minimum.params_vocab,
-        law: |laws| laws.power_laws.params_vocab.as_ref(),
-        sample: |sample| (sample.ln_vocab_at_reference, sample.exponent_vocab),
-    },
-    Quantity {
-        label: "Training tokens D",
-        form: "D ∝ Cᶜ",
-        exponent: "c",
-        of: |minimum| minimum.tokens,
-        law: |laws| laws.power_laws.tokens.as_ref(),
-        sample: |sample| (sample.ln_tokens_at_reference, sample.exponent_tokens),
-    },
-];
 
 pub fn draw(sources: &Sources) -> Drawing {
     let laws = sources.laws()?;
@@ -134,13 +95,5 @@ impl Quantity {
             let at = (minimum.budget_flops, (self.of)(minimum));
             panel.mark(scene, at, role.mark(role.colour()));
         }
-    }
-
-    fn interval(&self, laws: &Laws, flops: f64) -> (f64, f64) {
-        let ln_ratio = (flops / laws.reference_flops).ln();
-        interval95(&laws.bootstrap, |sample| {
-            let (ln_at_reference, exponent) = (self.sample)(sample);
-            (ln_at_reference + exponent * ln_ratio).exp()
-        })
     }
 }

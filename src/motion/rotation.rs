@@ -1,7 +1,12 @@
 //! Unit quaternions `[w, x, y, z]`, turns about the vertical, and the 6-D form of rotations.
 
+use super::vector::{cross, dot};
+
 /// A unit quaternion `[w, x, y, z]`.
 pub type Quat = [f64; 4];
+
+/// The rotation that turns nothing.
+pub const NO_ROTATION: Quat = [1.0, 0.0, 0.0, 0.0];
 
 /// Below this squared length a direction has no meaning in double precision.
 const TINY: f64 = 1e-24;
@@ -155,16 +160,6 @@ impl Yaw {
     pub fn quat(self) -> Quat {
         [self.w, 0.0, self.y, 0.0]
     }
-}
-
-#[inline]
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-#[inline]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 fn normalised(v: [f64; 3]) -> [f64; 3] {

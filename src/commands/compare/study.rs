@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{Laws, scamo};
+use isoflop::laws::Laws;
 
-use crate::commands::predict::laws_of;
+use crate::commands::predict::laws_named;
 
 /// A study by its name.
 pub struct Study {
@@ -20,15 +20,11 @@ impl Study {
     /// Of a folder, a file, or `scamo`.
     pub fn of(given: &str) -> Result<Self> {
         let path = PathBuf::from(given);
-        let (laws, name) = match given {
-            "scamo" => (scamo(), given.to_string()),
-            _ => (laws_of(&path)?, name(&path)),
-        };
-        let laws = laws.of_all_budgets().clone();
+        let laws = laws_named(given)?.of_all_budgets().clone();
         if laws.power_laws.tokens.is_none() {
             bail!("{given} holds no power laws to compare");
         }
-        Ok(Self { name, laws, path })
+        Ok(Self { name: name(&path), laws, path })
     }
 }
 

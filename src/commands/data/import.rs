@@ -1,12 +1,13 @@
 //! `isoflop data import`: motion of other layouts and skeletons as a data set.
 
 use std::fmt::Write;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use isoflop::data::import::{self, Form, GroupBy, ImportError, ImportOptions, Imported, Skeleton};
-use isoflop::data::{FPS, HumanMl3d, HumanMl3dOptions, MotionSource, Split};
+use isoflop::data::{FPS, Split, parse_annotation, read_motion};
 use isoflop::figures::motion::{CaptionedMotion, write_sheet};
 use isoflop::files::atomic;
 use isoflop::motion::retarget::Up;
@@ -161,17 +162,17 @@ fn write_draft(draft: &str, args: &ImportArgs, output: &Output) {
 
 /// Clips of the training split at even distances, with their first captions.
 fn sheet(folder: &Path) -> Result<()> {
-    let data = HumanMl3d::open(folder, &HumanMl3dOptions::default())?;
-    let n = data.n_clips(Split::Train);
-    let step = n.div_ceil(SHOWN).max(1);
-    let clip = |i: usize| -> Result<(Vec<f32>, String)> {
-        let caption = data.captions(Split::Train, i).swap_remove(0);
-        Ok((
-            data.features(Split::Train, i)?,
-            format!("{}: {caption}", data.clip_id(Split::Train, i)),
-        ))
+    let list = fs::read_to_string(folder.join("train.txt"))?;
+    let ids: Vec<&str> = list.lines().collect();
+    let clip = |id: &&str| -> Result<(Vec<f32>, String)> {
+        let features = read_motion(&folder.join(format!("new_joint_vecs/{id}.npy")))?;
+        let lines = fs::read_to_string(folder.join(format!("texts/{id}.txt")))?;
+        let caption = parse_annotation(lines.lines().next().unwrap_or_default())?.caption;
+        Ok((features, format!("{id}: {caption}")))
     };
-    let clips: Vec<(Vec<f32>, String)> = (0..n).step_by(step).map(clip).collect::<Result<_>>()?;
+    let step = ids.len().div_ceil(SHOWN).max(1);
+    let clips: Vec<(Vec<f32>, String)> =
+        ids.iter().step_by(step).map(clip).collect::<Result<_>>()?;
     let motions = clips.iter().map(|(features, caption)| CaptionedMotion {
         features,
         caption,

@@ -97,6 +97,11 @@ fn duration(hours: f64) -> String {
     if hours < 1.0 { format!("{:.0} min", hours * 60.0) } else { format!("{hours:.1} h") }
 }
 
+/// Codes of the training split at four frames a code.
+fn unique_tokens(facts: &DataFacts) -> usize {
+    facts.train_frames() / 4
+}
+
 /// What sweeps are sized with.
 struct Desk<'a> {
     args: &'a InitArgs,
@@ -135,12 +140,12 @@ impl<'a> Desk<'a> {
     /// How often the expected optimum of the largest budget sees the data; `None` where they have no end.
     fn epochs(&self, design: &Design) -> Option<f64> {
         let facts = self.facts.as_ref()?;
-        Some(design.most_tokens() / (facts.train_frames() as f64 / 4.0))
+        Some(design.most_tokens() / unique_tokens(facts) as f64)
     }
 
     /// The largest sweep within the time and the data, with seeds where there is time for them.
     fn largest(&self) -> Result<Offer> {
-        let unique = self.facts.as_ref().map(|facts| facts.train_frames() / 4);
+        let unique = self.facts.as_ref().map(unique_tokens);
         let design = |doublings: i32| Design::up_to(LEAST * 2f64.powi(doublings), unique);
         let is_fresh =
             |doublings: i32| self.epochs(&design(doublings)).is_none_or(|epochs| epochs <= EPOCHS);

@@ -71,7 +71,7 @@ impl FidLaw {
 }
 
 impl Curve {
-    /// By least squares; where that puts the floor below 0, the power law without a floor.
+    /// By least squares; where that puts the floor below 0 or shows none, the power law without a floor.
     fn of(points: &[(f64, f64)], reference: f64) -> Option<Self> {
         let (compute, fid): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
         if let Some(law) =

@@ -33,28 +33,32 @@ pub fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Samp
         .filter_map(|record| Some((record, record.loss_normalised().ok()?)))
         .collect();
     by_loss.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let truth = Truth { folder };
     for (record, _) in by_loss {
         let run_id = &record.planned.run_id;
         let place = folder.file("samples").join(run_id);
         for place in [place.join("scored"), place] {
             let made: Option<Vec<Made>> = read_if_there(&place.join("motions.json"))?;
             if let Some(made) = made {
-                return of_run(run_id, &place, &made, &truth);
+                return of_run(folder, run_id, &place, &made);
             }
         }
     }
     Ok(Vec::new())
 }
 
-fn of_run(run_id: &str, place: &Path, made: &[Made], truth: &Truth) -> Result<Vec<Sample>> {
+fn of_run(
+    folder: &ResultsFolder,
+    run_id: &str,
+    place: &Path,
+    made: &[Made],
+) -> Result<Vec<Sample>> {
     let file = |n: usize| place.join(format!("{n}.features.npy"));
     let kept: Vec<(PathBuf, &Made)> =
         made.iter().enumerate().map(|(n, made)| (file(n), made)).collect();
     let kept = kept.into_iter().filter(|(path, _)| fs::exists(path).unwrap_or(false));
     let kept: Vec<(PathBuf, &Made)> = kept.take(SHOWN).collect();
     let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
-    let mut truth = truth.of(&captions);
+    let mut truth = truth(folder, &captions);
     let read = |(path, made): (PathBuf, &Made)| {
         let features = read_motion(&path).with_context(|| format!("reading {}", path.display()))?;
         Ok(Sample {
@@ -68,30 +72,24 @@ fn of_run(run_id: &str, place: &Path, made: &[Made], truth: &Truth) -> Result<Ve
     kept.into_iter().map(read).collect()
 }
 
-/// The true motions of a sweep's test split.
-struct Truth<'a> {
-    folder: &'a ResultsFolder,
-}
-
-impl Truth<'_> {
-    /// That of each caption, of the first clip that has it; none where the data are not at hand.
-    fn of(&self, captions: &[&str]) -> HashMap<String, Vec<Pose>> {
-        let Ok(sweep) = frozen_sweep(self.folder) else { return HashMap::new() };
-        let Ok(data) = data::open(&sweep.data, demand(&sweep).as_ref()) else {
-            return HashMap::new();
+/// The true motion of each caption, of the first clip of the test split that has it; none where the data are not
+/// at hand.
+fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>> {
+    let Ok(sweep) = frozen_sweep(folder) else { return HashMap::new() };
+    let Ok(data) = data::open(&sweep.data, demand(&sweep).as_ref()) else {
+        return HashMap::new();
+    };
+    let mut found = HashMap::new();
+    for clip in 0..data.n_clips(Split::Test) {
+        let own = data.captions(Split::Test, clip);
+        let Some(caption) = own.iter().find(|own| captions.contains(&own.as_str())) else {
+            continue;
         };
-        let mut found = HashMap::new();
-        for clip in 0..data.n_clips(Split::Test) {
-            let own = data.captions(Split::Test, clip);
-            let Some(caption) = own.iter().find(|own| captions.contains(&own.as_str())) else {
-                continue;
-            };
-            if let (false, Ok(features)) =
-                (found.contains_key(caption), data.features(Split::Test, clip))
-            {
-                found.insert(caption.clone(), recover_joints(&features));
-            }
+        if let (false, Ok(features)) =
+            (found.contains_key(caption), data.features(Split::Test, clip))
+        {
+            found.insert(caption.clone(), recover_joints(&features));
         }
-        found
     }
+    found
 }

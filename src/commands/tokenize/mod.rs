@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::codes::{ClipCodes, ClipScale};
-use isoflop::data::{FPS, FeatureStats, read_motion};
+use isoflop::data::{FAR, FPS, read_motion};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
@@ -58,24 +58,12 @@ fn places(args: &TokenizeArgs) -> Result<Vec<PathBuf>> {
     Ok(places)
 }
 
-/// Deviations from the mean, on the mean over all features, beyond which a motion is like no clip that
-/// a tokenizer was trained on; those have about 0.7.
-const FAR: f64 = 5.0;
-
 fn strange((clip, far): &(ClipCodes, f64)) -> String {
     format!(
         "{} is like nothing that the tokenizer was trained on: its features are {far:.1} deviations from \
          their mean; joints are in metres with y up, features are not normalised",
         clip.motion
     )
-}
-
-/// How many deviations features are from their mean, on the mean.
-fn deviations(features: &[f32], stats: &FeatureStats) -> f64 {
-    let columns = stats.mean.iter().zip(&stats.std).cycle();
-    let each = features.iter().zip(columns);
-    let sum: f64 = each.map(|(x, (mean, std))| f64::from((x - mean) / std).abs()).sum();
-    sum / features.len() as f64
 }
 
 /// The codes of a motion, and how strange it is; frames after its last whole latent are left out.
@@ -103,7 +91,7 @@ fn encoded(
         scales: ClipScale::of(&spec.grid(), frames),
         codes,
     };
-    Ok((clip, deviations(&features, tokenizer.tokenizer.stats())))
+    Ok((clip, tokenizer.tokenizer.stats().deviations(&features)))
 }
 
 /// Motions that are listed, at most.

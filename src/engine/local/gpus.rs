@@ -32,11 +32,7 @@ impl Gpus {
         let Some(n) = sweep.trainer.as_ref().and_then(|trainer| trainer.gpus) else {
             return Ok(None);
         };
-        let told = std::env::var(VISIBLE).ok().filter(|list| !list.is_empty());
-        let names: Vec<String> = match &told {
-            Some(list) => list.split(',').map(|name| name.trim().to_string()).collect(),
-            None => (0..n).map(|gpu| gpu.to_string()).collect(),
-        };
+        let names = visible().unwrap_or_else(|| (0..n).map(|gpu| gpu.to_string()).collect());
         if names.len() < n {
             bail!("trainer.gpus is {n}, and {VISIBLE} lists {}", names.len());
         }
@@ -46,9 +42,7 @@ impl Gpus {
     /// The same of a task of a scheduler, which has told it of its GPUs: all of them are shared out.
     pub fn of_task(sweep: &Sweep, slots: usize) -> Option<Self> {
         sweep.trainer.as_ref().and_then(|trainer| trainer.gpus)?;
-        let told = std::env::var(VISIBLE).ok().filter(|list| !list.is_empty())?;
-        let names: Vec<String> = told.split(',').map(|name| name.trim().to_string()).collect();
-        Some(Self::shared(&names, slots))
+        Some(Self::shared(&visible()?, slots))
     }
 
     /// Even parts of the GPUs; with more slots than GPUs, slots share one.
@@ -66,6 +60,12 @@ impl Gpus {
         let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
         Lent { gpus: self, list: free.pop().unwrap_or_default() }
     }
+}
+
+/// The GPUs that this process has been told of.
+fn visible() -> Option<Vec<String>> {
+    let told = std::env::var(VISIBLE).ok().filter(|list| !list.is_empty())?;
+    Some(told.split(',').map(|name| name.trim().to_string()).collect())
 }
 
 impl Deref for Lent<'_> {

@@ -9,9 +9,7 @@ use super::kinematics::CM_PER_M;
 use super::nodes::{Node, nodes, rest_axis};
 use super::rest::{Rest, rest_pose, weighted_align};
 use crate::motion::vector::{add, norm, scale, sub};
-use crate::motion::{JOINT_NAMES, Pose, Quat, conjugate, multiply, rotate};
-
-const NO_ROTATION: Quat = [1.0, 0.0, 0.0, 0.0];
+use crate::motion::{JOINT_NAMES, NO_ROTATION, Pose, Quat, conjugate, multiply, rotate};
 
 /// An End Site lies this share of the last bone beyond it: no motion says where hands end.
 const END_SHARE: f64 = 0.5;

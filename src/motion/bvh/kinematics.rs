@@ -2,12 +2,10 @@
 
 use super::hierarchy::{Bvh, BvhJoint, Channel};
 use crate::motion::vector::add;
-use crate::motion::{JOINT_NAMES, N_JOINTS, Pose, Quat, multiply, rotate};
+use crate::motion::{JOINT_NAMES, N_JOINTS, NO_ROTATION, Pose, Quat, multiply, rotate};
 
 /// Centimetres in a metre: files are written in centimetres.
 pub const CM_PER_M: f64 = 100.0;
-
-const NO_ROTATION: Quat = [1.0, 0.0, 0.0, 0.0];
 
 /// A joint in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

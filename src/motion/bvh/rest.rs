@@ -3,9 +3,8 @@
 use super::nodes::{Node, REST_DIRECTIONS, weight};
 use crate::motion::align::align;
 use crate::motion::vector::{add, norm, scale, sub, with_length};
-use crate::motion::{N_JOINTS, PARENTS, Pose, Quat, conjugate, rotate};
+use crate::motion::{N_JOINTS, NO_ROTATION, PARENTS, Pose, Quat, conjugate, rotate};
 
-const NO_ROTATION: Quat = [1.0, 0.0, 0.0, 0.0];
 /// One is exact for a rigid body; later ones settle the mean of a body that is not.
 const ROUNDS: usize = 4;
 

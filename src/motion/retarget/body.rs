@@ -1,9 +1,11 @@
 //! [`Body`]: what the places of a body's joints say of its stance.
 
 use super::roles::Roles;
-use crate::motion::bvh::Placed;
+use super::target::Pose64;
+use crate::motion::align::align;
+use crate::motion::bvh::{Axis, Placed};
 use crate::motion::vector::{Point, add, cross, dot, norm, scale, sub, with_length};
-use crate::motion::{Quat, align::align};
+use crate::motion::{NO_ROTATION, Quat, rotate};
 
 /// Cosine within which a thigh or a shin of a standing body is vertical: 20°.
 pub const STANDING: f64 = 0.94;
@@ -12,16 +14,31 @@ pub const ASTRIDE: f64 = 0.82;
 /// Cosine within which the trunk of a standing body is vertical: 15°.
 const TRUNK_UPRIGHT: f64 = 0.966;
 
-/// A frame of a file, seen through the roles of its joints.
-pub struct Body<'a> {
-    pub joints: &'a [Placed],
-    pub roles: &'a Roles,
+/// Mean cosine between toes and facing below which axes are left-handed or sides exchanged.
+pub const BACKWARDS: f64 = -0.3;
+
+/// The places of the 22 joints in a frame, in any unit and with any axis up.
+pub struct Body {
+    places: Pose64,
+    has_toes: bool,
 }
 
-impl Body<'_> {
+impl From<&Pose64> for Body {
+    fn from(places: &Pose64) -> Body {
+        Body { places: *places, has_toes: true }
+    }
+}
+
+impl Body {
+    /// A frame of a file, seen through the roles of its joints; a joint that it has not lies at zero.
+    pub fn of(joints: &[Placed], roles: &Roles) -> Body {
+        let place = |joint: Option<usize>| joint.map_or([0.0; 3], |joint| joints[joint].position);
+        Body { places: roles.map(place), has_toes: roles[10].and(roles[11]).is_some() }
+    }
+
     /// Place of a joint that every file has; see [`roles_of`](super::roles_of).
     pub fn at(&self, role: usize) -> Point {
-        self.roles[role].map_or([0.0; 3], |joint| self.joints[joint].position)
+        self.places[role]
     }
 
     fn middle(&self, [left, right]: [usize; 2]) -> Point {
@@ -33,9 +50,9 @@ impl Body<'_> {
         self.middle([1, 2])
     }
 
-    /// From the ankles to the shoulders.
+    /// The direction from the ankles to the shoulders; zero where they lie on one another.
     pub fn height(&self) -> Point {
-        sub(self.middle([16, 17]), self.middle([7, 8]))
+        with_length(sub(self.middle([16, 17]), self.middle([7, 8])), 1.0).unwrap_or_default()
     }
 
     /// Mean length of the two legs, hip to knee to ankle.
@@ -50,8 +67,7 @@ impl Body<'_> {
         let across = add(sub(self.at(1), self.at(2)), sub(self.at(16), self.at(17)));
         let level = sub(across, scale(up, dot(across, up)));
         let left = with_length(level, 1.0)?;
-        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        Some(align(&axes, &[left, up, cross(left, up)], [1.0, 0.0, 0.0, 0.0]))
+        Some(align(&Axis::ALL.map(Axis::unit), &[left, up, cross(left, up)], NO_ROTATION))
     }
 
     /// Whether the trunk is upright, and the legs within the angle of a cosine.
@@ -68,8 +84,8 @@ impl Body<'_> {
 
     /// How far the toes point forward, from −1 to 1, the mean of both; `None` without toes.
     pub fn toes_forward(&self, up: Point) -> Option<f64> {
-        self.roles[10].and(self.roles[11])?;
-        let forward = crate::motion::rotate(self.facing(up)?, [0.0, 0.0, 1.0]);
+        let facing = self.facing(up).filter(|_| self.has_toes)?;
+        let forward = rotate(facing, Axis::Z.unit());
         let foot = |ankle: usize| with_length(sub(self.at(ankle + 3), self.at(ankle)), 1.0);
         Some((dot(foot(7)?, forward) + dot(foot(8)?, forward)) / 2.0)
     }

@@ -4,23 +4,16 @@ use super::body::Body;
 use super::rest::REST;
 use super::rig::Rig;
 use super::survey::carrier;
+use super::target::{Pose64, leg};
 use crate::motion::bvh::Placed;
 use crate::motion::vector::{Point, add, scale, sub, with_length};
 use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, multiply, rotate};
-
-/// A pose in double precision.
-pub type Pose64 = [Point; N_JOINTS];
-
-/// Length of the target's leg, hip to knee to ankle, the mean of both sides; metres.
-pub fn leg() -> f64 {
-    [4, 5, 7, 8].iter().map(|&joint| f64::from(BONE_LENGTHS[joint])).sum::<f64>() / 2.0
-}
 
 /// Metres of the target in one of the file's units: the ratio of the legs, the mean over the frames.
 ///
 /// `None` without frames, and where the legs have no length.
 pub fn unit_m(frames: &[Vec<Placed>], rig: &Rig) -> Option<f64> {
-    let legs = frames.iter().map(|joints| Body { joints, roles: &rig.roles }.leg());
+    let legs = frames.iter().map(|joints| Body::of(joints, &rig.roles).leg());
     let mean = legs.sum::<f64>() / frames.len() as f64;
     (mean > 0.0 && mean.is_finite()).then(|| leg() / mean)
 }
@@ -29,7 +22,7 @@ pub fn unit_m(frames: &[Vec<Placed>], rig: &Rig) -> Option<f64> {
 /// keep the target's shape and turn with the joints that carry them; the middle of the hips is the file's,
 /// `unit_m` metres a unit.
 pub fn follow(joints: &[Placed], rig: &Rig, unit_m: f64) -> Pose64 {
-    let body = Body { joints, roles: &rig.roles };
+    let body = Body::of(joints, &rig.roles);
     let turn = rig.up.turn();
     let bone = |joint: usize| -> Point {
         let parent = PARENTS[joint].unwrap_or(0);
@@ -48,15 +41,4 @@ pub fn follow(joints: &[Placed], rig: &Rig, unit_m: f64) -> Pose64 {
         pose[joint] = add(pose[PARENTS[joint].unwrap_or(0)], bone(joint));
     }
     pose
-}
-
-/// The pose with every bone as long as the target's, each in its direction.
-pub fn with_lengths(pose: &Pose64) -> Pose64 {
-    let mut found = *pose;
-    for joint in 1..N_JOINTS {
-        let parent = PARENTS[joint].unwrap_or(0);
-        let bone = with_length(sub(pose[joint], pose[parent]), f64::from(BONE_LENGTHS[joint]));
-        found[joint] = add(found[parent], bone.unwrap_or_default());
-    }
-    found
 }

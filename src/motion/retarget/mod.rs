@@ -20,17 +20,19 @@ mod rest;
 mod rig;
 mod roles;
 mod survey;
+mod target;
 #[cfg(test)]
 mod tests;
 mod tree;
 
 pub use axes::{Up, reflected, reflected_joint};
-pub use follow::{Pose64, follow, unit_m, with_lengths};
+pub use follow::{follow, unit_m};
 pub use points::{PointsError, Settled, settled};
 pub use resample::resampled;
 pub use rig::{Neutral, Rig, RigError};
 pub use roles::{NameMap, RoleError, Roles, draft, roles_of};
 pub use survey::Survey;
+pub use target::{Pose64, with_lengths};
 
 use super::bvh::{Bvh, BvhJoint};
 

@@ -1,14 +1,14 @@
 //! Places of the 22 joints, of any body and with any axis up, on HumanML3D's skeleton.
 
 use super::axes::Up;
-use super::follow::{Pose64, leg, with_lengths};
-use crate::motion::vector::{Point, add, cross, dot, norm, scale, sub, with_length};
+use super::body::{BACKWARDS, Body};
+use super::target::{Pose64, leg, with_lengths};
+use crate::motion::bvh::Axis;
+use crate::motion::vector::{add, norm, scale, sub};
 use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, rotate};
 
 /// Metres that a bone may differ from the target's and still be the target's.
 const SAME: f64 = 1e-3;
-/// Mean cosine between toes and facing below which axes are left-handed or sides exchanged.
-const BACKWARDS: f64 = -0.3;
 
 /// Poses on the target's skeleton.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +40,8 @@ pub enum PointsError {
 /// # Errors
 /// [`PointsError`].
 pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsError> {
-    let up = told.or(Up::along(height(poses))).ok_or(PointsError::Up)?;
+    let height = poses.iter().map(|pose| Body::from(pose).height()).fold([0.0; 3], add);
+    let up = told.or(Up::along(height)).ok_or(PointsError::Up)?;
     let poses: Vec<Pose64> =
         poses.iter().map(|pose| pose.map(|joint| rotate(up.turn(), joint))).collect();
     if toes_forward(&poses) < BACKWARDS {
@@ -49,7 +50,7 @@ pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsErro
     if poses.iter().all(has_target_bones) {
         return Ok(Settled { poses, up, unit_m: None });
     }
-    let mean = poses.iter().map(leg_of).sum::<f64>() / poses.len() as f64;
+    let mean = poses.iter().map(|pose| Body::from(pose).leg()).sum::<f64>() / poses.len() as f64;
     if mean <= 0.0 {
         return Err(PointsError::NoLegs);
     }
@@ -58,23 +59,10 @@ pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsErro
     Ok(Settled { poses: moved.collect(), up, unit_m: Some(unit_m) })
 }
 
-/// The sum of the directions from the ankles to the shoulders.
-fn height(poses: &[Pose64]) -> Point {
-    let direction = |pose: &Pose64| {
-        with_length(sub(add(pose[16], pose[17]), add(pose[7], pose[8])), 1.0).unwrap_or_default()
-    };
-    poses.iter().map(direction).fold([0.0; 3], add)
-}
-
 /// How far the toes point to where the body faces, from −1 to 1, on the mean.
 fn toes_forward(poses: &[Pose64]) -> f64 {
-    let cosine = |pose: &Pose64| {
-        let across = add(sub(pose[1], pose[2]), sub(pose[16], pose[17]));
-        let forward = with_length(cross(across, [0.0, 1.0, 0.0]), 1.0)?;
-        let foot = |ankle: usize| with_length(sub(pose[ankle + 3], pose[ankle]), 1.0);
-        Some((dot(foot(7)?, forward) + dot(foot(8)?, forward)) / 2.0)
-    };
-    poses.iter().filter_map(cosine).sum::<f64>() / poses.len().max(1) as f64
+    let forward = |pose: &Pose64| Body::from(pose).toes_forward(Axis::Y.unit());
+    poses.iter().filter_map(forward).sum::<f64>() / poses.len().max(1) as f64
 }
 
 fn bone(pose: &Pose64, joint: usize) -> f64 {
@@ -83,8 +71,4 @@ fn bone(pose: &Pose64, joint: usize) -> f64 {
 
 fn has_target_bones(pose: &Pose64) -> bool {
     (0..N_JOINTS).all(|joint| (bone(pose, joint) - f64::from(BONE_LENGTHS[joint])).abs() < SAME)
-}
-
-fn leg_of(pose: &Pose64) -> f64 {
-    [4, 5, 7, 8].iter().map(|&joint| bone(pose, joint)).sum::<f64>() / 2.0
 }

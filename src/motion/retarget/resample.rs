@@ -1,6 +1,6 @@
 //! Poses at another rate.
 
-use super::follow::{Pose64, with_lengths};
+use super::target::{Pose64, with_lengths};
 use crate::motion::N_JOINTS;
 
 /// Times closer to a frame than this share of a frame are that frame's.

@@ -1,18 +1,16 @@
 //! [`Rig`]: how a file's skeleton moves HumanML3D's.
 
 use super::axes::Up;
-use super::body::{ASTRIDE, Body};
+use super::body::{ASTRIDE, BACKWARDS, Body};
 use super::roles::Roles;
-use super::survey::{Survey, carrier, unit};
+use super::survey::{Survey, carrier};
 use crate::motion::align::align;
-use crate::motion::bvh::Placed;
+use crate::motion::bvh::{Axis, Placed};
 use crate::motion::vector::norm;
-use crate::motion::{N_JOINTS, Quat, conjugate, multiply, rotate};
+use crate::motion::{N_JOINTS, NO_ROTATION, Quat, conjugate, multiply, rotate};
 
 /// Frames of standing bodies from which a neutral pose is taken, at least.
 const STANDING: usize = 10;
-/// Mean cosine between toes and facing below which axes are left-handed or sides exchanged.
-const BACKWARDS: f64 = -0.3;
 
 /// Where the body is known to stand upright.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,15 +68,15 @@ impl Rig {
         if shown > 0 && toes / (shown as f64) < BACKWARDS {
             return Err(RigError::Backwards);
         }
-        if let Some(facing) = neutral_zero(&Body { joints: zero, roles: &roles }) {
+        if let Some(facing) = neutral_zero(&Body::of(zero, &roles)) {
             let rests = std::array::from_fn(|joint| zero_rest(zero, &roles, joint, facing));
             return Ok(Rig { roles, up, neutral: Neutral::ZeroPose, rests });
         }
         if survey.standing < STANDING {
             return Err(RigError::NoNeutral(survey.standing));
         }
-        let axes = [0, 1, 2].map(unit);
-        let rests = survey.upright.map(|sums| align(&axes, &sums, [1.0, 0.0, 0.0, 0.0]));
+        let axes = Axis::ALL.map(Axis::unit);
+        let rests = survey.upright.map(|sums| align(&axes, &sums, NO_ROTATION));
         Ok(Rig { roles, up, neutral: Neutral::Standing(survey.standing), rests })
     }
 }

@@ -24,9 +24,7 @@ pub enum RoleError {
     NoSuchJoint { name: String, role: &'static str },
 }
 
-/// Names of a part in the conventions that are known, the surest first. Where `unless` is another of the
-/// file's names on that side, the last name means that one's neighbour: the `shoulder` beside an `arm` is
-/// a collar bone.
+/// Names of a part in the conventions that are known, the surest first.
 const THIGH: &[&str] = &["thigh", "upleg", "upperleg", "hip"];
 const KNEE: &[&str] = &["knee", "shin", "calf", "lowerleg", "lowleg", "leg"];
 const ANKLE: &[&str] = &["ankle", "foot"];
