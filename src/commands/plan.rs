@@ -70,6 +70,7 @@ pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
         "runs": runs,
         "tokenizers": plan.tokenizers.iter().map(|job| tokenizer_json(job, folder)).collect::<Vec<_>>(),
         "dropped": plan.dropped,
+        "vocabularies": plan.renamed,
         "data_sets": plan.data.members,
         "inputs": inputs,
         "jobs": jobs(plan, &inputs),

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use isoflop::data::MemberFacts;
 use isoflop::jobs::{JobState, RunStates};
 use isoflop::laws::wrap;
-use isoflop::plan::{Dropped, Plan, PlannedRun};
+use isoflop::plan::{Dropped, Plan, PlannedRun, Renamed};
 
 use super::args::SweepArgs;
 use super::stale::Stale;
@@ -79,7 +79,20 @@ fn head(out: &mut String, plan: &Plan, states: &RunStates) {
         );
         plan.data.members.iter().for_each(|member| *out += &wrap("  ", &told(member)));
     }
+    if !plan.renamed.is_empty() {
+        *out += &wrap("", &vocabularies(&plan.renamed));
+    }
     out.push('\n');
+}
+
+/// `256 codes are 240 (levels 8, 6, 5)`.
+fn vocabularies(renamed: &[Renamed]) -> String {
+    let one = |Renamed { named, codes, levels }: &Renamed| {
+        let levels: Vec<String> = levels.iter().map(ToString::to_string).collect();
+        format!("{codes} for {named} (levels {})", levels.join(", "))
+    };
+    let all: Vec<String> = renamed.iter().map(one).collect();
+    format!("V is the product of FSQ's levels: {}", all.join(", "))
 }
 
 /// A data set of a union.

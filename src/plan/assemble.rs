@@ -14,6 +14,7 @@ use super::run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, TrainerProgram};
 use super::score_job::ScoreJob;
 use super::text_job::TextJob;
 use super::trunk::{Trunk, branch};
+use super::vocabulary::{Renamed, renamed};
 use crate::data::{DataFacts, Demand};
 use crate::spec::TokenizerSpec;
 use crate::sweep::{Origin, ScheduleKind, ScheduleSection, Sweep};
@@ -39,6 +40,8 @@ pub struct Plan {
     /// Of the runs that are scored.
     pub scores: Vec<ScoreJob>,
     pub data: DataFacts,
+    /// Vocabularies that have another number of codes than the sweep names.
+    pub renamed: Vec<Renamed>,
     /// Whether the cheapest run goes before all others, to try a program of somebody's own.
     pub canary: bool,
     /// What a person should know of its training.
@@ -76,7 +79,19 @@ impl Plan {
             _ => Vec::new(),
         };
         let canary = sweep.trainer.as_ref().is_some_and(|trainer| trainer.canary);
-        Self { runs, dropped, tokenizers, trunks, text, evaluator, scores, data, canary, remarks }
+        Self {
+            runs,
+            dropped,
+            tokenizers,
+            trunks,
+            text,
+            evaluator,
+            scores,
+            data,
+            renamed: renamed(sweep),
+            canary,
+            remarks,
+        }
     }
 
     /// The plan with other runs on the same tokenizers, each trained alone and not scored.
@@ -110,6 +125,7 @@ impl Plan {
             evaluator: self.evaluator.clone(),
             scores: self.scores.iter().filter(is_scored).cloned().collect(),
             data: self.data.clone(),
+            renamed: self.renamed.clone(),
             canary: self.canary,
             remarks: self.remarks.clone(),
             runs,

@@ -13,6 +13,7 @@ mod score_job;
 mod steps;
 mod text_job;
 mod trunk;
+mod vocabulary;
 
 pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, demand};
 pub use evaluator_job::EvaluatorJob;
@@ -24,3 +25,4 @@ pub use score_job::ScoreJob;
 pub use steps::learning_rate;
 pub use text_job::TextJob;
 pub use trunk::Trunk;
+pub use vocabulary::Renamed;

@@ -57,13 +57,14 @@ fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
     let count = |is: &dyn Fn(&PlannedRun) -> bool| runs.iter().filter(|run| is(run)).count();
     let memory = MEMORIES / (1.0 - train.betas[1]);
     let of_all = |n: usize| format!("{n} of {} runs", runs.len());
+    let chosen = train.batch.tokens_exponent == 0.0;
     let cases = [
         (
-            count(&|run| run.spec.lr >= train.lr.max),
+            count(&|run| run.spec.lr >= train.lr.max && !train.lr.is_constant()),
             format!("are trained at train.lr.max = {}, since the rule asks for more", train.lr.max),
         ),
         (
-            count(&|run| run.spec.batch_tokens >= train.batch.max),
+            count(&|run| run.spec.batch_tokens >= train.batch.max && !chosen),
             format!("have the batch of train.batch.max = {}", train.batch.max),
         ),
         (

@@ -3,7 +3,7 @@
 use serde_yaml::{Mapping, Value};
 
 use super::merge::KIND;
-use super::presets::PRESET;
+use super::presets::{INCLUDE, PRESET};
 use super::problem::Problem;
 
 /// Lays each setting over `value`; what cannot be applied is returned as a problem.
@@ -25,12 +25,12 @@ fn set(value: &mut Value, setting: &str) -> Result<(), Problem> {
     Ok(())
 }
 
-/// The settings that say of what kind a section is, or which preset a sweep lies over: what is kept of
+/// The settings that say of what kind a section is, or which preset or file a sweep lies over: what is kept of
 /// a preset depends on them.
 pub fn of_kinds(settings: &[String]) -> Vec<String> {
     let says = |setting: &&String| {
         let path = setting.split_once('=').map_or("", |(path, _)| path);
-        path == PRESET || path.rsplit('.').next() == Some(KIND)
+        path == PRESET || path == INCLUDE || path.rsplit('.').next() == Some(KIND)
     };
     settings.iter().filter(says).cloned().collect()
 }

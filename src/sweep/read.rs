@@ -7,9 +7,11 @@ use serde_yaml::{Mapping, Value};
 
 use super::check::check;
 use super::check::engine;
+use super::file::{SWEEP_FILE, mapping, source_of};
 use super::layers::Layers;
 use super::nearest::nearest;
 use super::overrides;
+use super::plain_words::plain;
 use super::presets;
 use super::problem::{Problem, SweepErrors};
 use super::removed_entries::RemovedEntries;
@@ -43,28 +45,16 @@ pub fn read_profile(path: &Path) -> Result<SlurmSection, SweepErrors> {
     gather_profile(&source.text).map_err(|problems| SweepErrors { sources: vec![source], problems })
 }
 
-/// A file as it stands.
-fn source_of(path: &Path) -> Result<Source, SweepErrors> {
-    let file = path.display().to_string();
-    match std::fs::read_to_string(path) {
-        Ok(text) => Ok(Source::new(file, text)),
-        Err(error) => Err(SweepErrors {
-            problems: vec![Problem::value("", format!("cannot read {file}: {error}"))],
-            sources: vec![Source::new(file, "")],
-        }),
-    }
-}
-
 /// [`read`] for a text at hand; `file` is its name in messages.
 pub fn parse(file: &str, text: &str, settings: &[String]) -> Result<Sweep, SweepErrors> {
     let source = Source::new(file, text);
-    match mapping(text, "a sweep file is a mapping with at least `name` and `grid`") {
+    match mapping(text, SWEEP_FILE) {
         Ok(keys) => gather(keys, source, settings),
         Err(problem) => Err(SweepErrors { sources: vec![source], problems: vec![problem] }),
     }
 }
 
-/// A sweep of keys and of the preset that they name.
+/// A sweep of keys, and of the file that they include or the preset that they name.
 ///
 /// Settings that say what a section is are laid over the keys first, so that nothing of a preset's
 /// section of another kind is left; then all of them over both.
@@ -72,7 +62,7 @@ fn gather(keys: Mapping, source: Source, settings: &[String]) -> Result<Sweep, S
     let mut own = Value::Mapping(keys);
     overrides::apply(&mut own, &overrides::of_kinds(settings));
     let Value::Mapping(own) = own else { unreachable!("a setting names a key") };
-    let Layers { keys, sources } = Layers::of(own, source).map_err(|mut errors| {
+    let Layers { keys, sources } = Layers::of(own, source, &[]).map_err(|mut errors| {
         errors.problems.iter_mut().for_each(|problem| overrides::blame(problem, settings));
         errors
     })?;
@@ -103,18 +93,6 @@ fn gather_profile(text: &str) -> Result<SlurmSection, Vec<Problem>> {
     match (section, problems.is_empty()) {
         (Some(section), true) => Ok(section),
         _ => Err(problems),
-    }
-}
-
-/// The mapping that a file holds; `otherwise` says what it should hold.
-fn mapping(text: &str, otherwise: &str) -> Result<Mapping, Problem> {
-    let value: Value = serde_yaml::from_str(text).map_err(|error| Problem {
-        byte: error.location().map(|location| location.index()),
-        ..Problem::value("", format!("not valid YAML: {error}"))
-    })?;
-    match value {
-        Value::Mapping(keys) => Ok(keys),
-        _ => Err(Problem::value("", otherwise)),
     }
 }
 
@@ -165,7 +143,7 @@ fn missing_field(path: &str, message: &str) -> Option<String> {
 fn explain(path: &str, message: &str) -> Problem {
     let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     let unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
-    let problem = Problem::value(path, message.split(" at line ").next().unwrap_or(message));
+    let problem = Problem::value(path, plain(message.split(" at line ").next().unwrap_or(message)));
     match names.split_first() {
         Some((wrong, valid)) if unknown => Problem {
             message: format!("unknown name `{wrong}`"),

@@ -48,7 +48,7 @@ struct Number(f64);
 impl<'de> Deserialize<'de> for Number {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = serde_yaml::Value::deserialize(deserializer)?;
-        from_value(&value).map(Self).map_err(D::Error::custom)
+        of_value(&value).map(Self).map_err(D::Error::custom)
     }
 }
 
@@ -64,7 +64,7 @@ impl<'de> Deserialize<'de> for Count {
 
 /// The whole number that a value holds; the error says what it holds instead.
 pub fn whole(value: serde_yaml::Value) -> Result<usize, String> {
-    let number = from_value(&value)?;
+    let number = of_value(&value)?;
     if number.fract() == 0.0 && (0.0..9e15).contains(&number) {
         Ok(number as usize)
     } else {
@@ -72,8 +72,8 @@ pub fn whole(value: serde_yaml::Value) -> Result<usize, String> {
     }
 }
 
-/// The number that a value holds, as YAML or as text.
-fn from_value(value: &serde_yaml::Value) -> Result<f64, String> {
+/// The number that a value holds, as YAML or as text; the error says what it holds instead.
+pub fn of_value(value: &serde_yaml::Value) -> Result<f64, String> {
     let number = match value {
         serde_yaml::Value::Number(number) => number.as_f64(),
         serde_yaml::Value::String(text) => text.replace('_', "").parse().ok(),

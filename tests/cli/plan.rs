@@ -141,3 +141,30 @@ fn a_plan_says_what_is_done_and_which_field_made_the_rest_stale() {
         place.isoflop(&["plan", "mini.yaml", "--set", "train.lr.coefficient=0.01"]).exits(0);
     assert!(other.stdout().contains("stale: 8 finished runs differ in lr"), "{}", other.stdout());
 }
+
+#[test]
+fn a_shared_file_lies_below_a_sweep_and_a_number_is_a_rate() {
+    let place = Place::with("mini.yaml");
+    place.write("own.yaml", "include: mini.yaml\nname: own\ntrain: {lr: 3e-4, batch: 128}\n");
+    let plan = place.isoflop(&["plan", "own.yaml", "--json"]).exits(0).json();
+    assert_eq!(list(&plan, "runs").len(), 8, "the grid of the file below");
+    for run in list(&plan, "runs") {
+        assert_eq!((run["lr"].as_f64(), run["batch_tokens"].as_u64()), (Some(3e-4), Some(128)));
+    }
+    place.write("own.yaml", "include: absent.yaml\nname: own\n");
+    place
+        .isoflop(&["plan", "own.yaml"])
+        .exits(2)
+        .says("own.yaml:1:10")
+        .says("cannot read absent.yaml");
+}
+
+#[test]
+fn a_plan_says_what_fsq_makes_of_a_size() {
+    let place = Place::new();
+    place.write("scamo.yaml", SCAMO);
+    let ended = place.isoflop(&["plan", "scamo.yaml"]).exits(0);
+    assert!(ended.stdout().contains("240 for 256 (levels 8, 6, 5)"), "{}", ended.stdout());
+    let plan = place.isoflop(&["plan", "scamo.yaml", "--json"]).exits(0).json();
+    assert_eq!(list(&plan, "vocabularies")[1]["codes"], 1000);
+}

@@ -7,6 +7,9 @@ use serde_yaml::Mapping;
 /// The key of a sweep file that names one.
 pub const PRESET: &str = "preset";
 
+/// The key of a sweep file that names the file below it.
+pub const INCLUDE: &str = "include";
+
 /// A sweep by name.
 #[derive(Clone, Copy, Debug)]
 pub struct Preset {

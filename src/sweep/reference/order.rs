@@ -53,7 +53,7 @@ mod tests {
     #[test]
     fn keys_stand_in_the_order_of_the_section() {
         let key = |key: &str| Step::Key(key.to_string());
-        assert_eq!(keys_at(&[])[..3], ["preset", "name", "seeds"]);
+        assert_eq!(keys_at(&[])[..3], ["preset", "include", "name"]);
         assert_eq!(keys_at(&[key("grid")])[..3], ["models", "vocab", "budgets"]);
         let entry = [key("grid"), key("models"), Step::Entry];
         assert_eq!(keys_at(&entry), ["n_layer", "n_head", "d_model", "d_ff"]);

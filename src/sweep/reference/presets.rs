@@ -1,9 +1,9 @@
-//! What a sweep file must have, where no preset below it may have it already.
+//! What a sweep file must have, where no preset or file below it may have it already.
 
 use serde_json::{Map, Value, json};
 
-/// Takes out of the schema what sections must have, and puts in its place the two ways to write a file: below
-/// a preset's name nothing is wanted, and without one all that was taken out.
+/// Takes out of the schema what sections must have, and puts in its place the two ways to write a file: over
+/// a preset or a file nothing is wanted, and without one all that was taken out.
 pub fn two_ways(schema: &mut Value) {
     let written = schema.as_object_mut().and_then(|file| file.remove("required"));
     let mut whole = json!({ "required": written.unwrap_or_default() });
@@ -13,7 +13,7 @@ pub fn two_ways(schema: &mut Value) {
             want(&mut whole, &path, wanted);
         }
     }
-    schema["anyOf"] = json!([{ "required": ["preset"] }, whole]);
+    schema["anyOf"] = json!([{ "required": ["preset"] }, { "required": ["include"] }, whole]);
 }
 
 /// Paths of the sections that a file's layers share, each after those around it. Entries of lists are of one
@@ -87,7 +87,10 @@ mod tests {
                 "trainer": { "required": ["command"] },
             },
         });
-        assert_eq!(schema["anyOf"], json!([{ "required": ["preset"] }, whole]));
+        assert_eq!(
+            schema["anyOf"],
+            json!([{ "required": ["preset"] }, { "required": ["include"] }, whole])
+        );
         assert!(schema["$defs"]["Grid"].get("required").is_none());
         assert_eq!(schema["$defs"]["Model"]["required"], json!(["d_model"]));
     }

@@ -52,6 +52,9 @@ pub struct MemberSection {
     pub name: Option<String>,
     /// The terms of its use; the plan tells them.
     pub licence: Option<String>,
+    /// Frames a second of its files, where not those of `data.fps`.
+    #[serde(default, deserialize_with = "number::optional_number")]
+    pub fps: Option<f64>,
 }
 
 impl MemberSection {
@@ -81,6 +84,10 @@ pub struct DataSection {
     pub path: Option<PathBuf>,
     /// Several such folders in place of one: their clips together, each in its own split.
     pub union: Vec<MemberSection>,
+    /// `humanml3d`: frames a second of the files. By default what `isoflop data import` wrote down, or that of the
+    /// layout: 20, and 30 of Motion-X's `vector_263`.
+    #[serde(deserialize_with = "number::optional_number")]
+    pub fps: Option<f64>,
     /// `humanml3d`: every training clip also left-right mirrored.
     pub mirror: bool,
     /// `humanml3d`: what to do about files that are not what they should be.
@@ -103,6 +110,7 @@ impl Default for DataSection {
             source: DataSource::default(),
             path: None,
             union: Vec::new(),
+            fps: None,
             mirror: true,
             broken: BrokenFiles::default(),
             seed: 0,
@@ -134,13 +142,17 @@ impl DataSection {
         let problem = |field, problem, help| KeyProblem { field, problem, help };
         let mut problems = Vec::new();
         if self.source == DataSource::HumanMl3d && self.path.is_none() && self.union.is_empty() {
-            let help = "path: the folder that holds new_joint_vecs or new_joints, texts and \
+            let help = "path: the folder that holds new_joint_vecs, vector_263 or new_joints, texts and \
                         train.txt; or union: a list of such folders";
             problems.push(problem("", "`source: humanml3d` needs a `path`", Some(help)));
         }
         if !self.union.is_empty() && (self.path.is_some() || self.source == DataSource::None) {
             let help = "leave `path` out, and `source` too, or make it humanml3d";
             problems.push(problem("union", "a union is all the data there is", Some(help)));
+        }
+        let rates = self.union.iter().map(|member| member.fps).chain([self.fps]).flatten();
+        if rates.into_iter().any(|fps| fps <= 0.0) {
+            problems.push(problem("fps", "a second has more than 0 frames", None));
         }
         if self.clips == Clips::Count(0) {
             problems.push(problem("clips", "no clip to train on", None));

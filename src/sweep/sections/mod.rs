@@ -4,6 +4,7 @@ mod analysis;
 mod data;
 mod engine;
 mod grid;
+mod short_form;
 mod trainer;
 mod training;
 
@@ -13,6 +14,8 @@ pub use engine::*;
 pub use grid::*;
 pub use trainer::*;
 pub use training::*;
+
+use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -27,6 +30,10 @@ pub struct Sweep {
     /// all else whole; of a section with another `kind` than here, nothing is kept.
     #[serde(default, skip_serializing)]
     pub preset: Option<String>,
+    /// A sweep file, from the folder of this one, which the keys of this one are laid over in the same
+    /// way; it may name a preset, and include another.
+    #[serde(default, skip_serializing)]
+    pub include: Option<PathBuf>,
     /// Names the folder of the results: letters, digits, `-`, `_` and `.`.
     pub name: String,
     /// Every cell is trained once a seed.

@@ -5,6 +5,7 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::short_form::{self, ShortForm, section_or_number};
 use crate::spec::{Ffn, Precision};
 use crate::units::number;
 
@@ -137,6 +138,28 @@ impl Default for LrRule {
     }
 }
 
+impl LrRule {
+    /// Whether every run has one rate.
+    pub fn is_constant(&self) -> bool {
+        self.params_exponent == 0.0 && self.tokens_exponent == 0.0
+    }
+}
+
+impl ShortForm for LrRule {
+    const NUMBER: &'static str = "the rate of every run";
+    const TYPE: &'static str = "number";
+
+    fn of_number(rate: f64) -> Result<Self, String> {
+        let rule = Self {
+            coefficient: rate,
+            params_exponent: 0.0,
+            tokens_exponent: 0.0,
+            ..Self::default()
+        };
+        Ok(Self { max: rule.max.max(rate), ..rule })
+    }
+}
+
 /// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded to a power of two within bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -161,12 +184,28 @@ impl Default for BatchRule {
     }
 }
 
+impl ShortForm for BatchRule {
+    const NUMBER: &'static str = "tokens a step of every run";
+    const TYPE: &'static str = "integer";
+
+    fn of_number(tokens: f64) -> Result<Self, String> {
+        let whole = number::whole(tokens.into())?;
+        Ok(Self { coefficient: tokens, tokens_exponent: 0.0, min: whole, max: whole })
+    }
+}
+
 /// The `train` section: how every run is trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainSection {
     pub schedule: ScheduleSection,
+    /// The highest learning rate of each run: one number, or a rule.
+    #[serde(deserialize_with = "section_or_number")]
+    #[schemars(schema_with = "short_form::schema::<LrRule>")]
     pub lr: LrRule,
+    /// Tokens a step: one number, or a rule.
+    #[serde(deserialize_with = "section_or_number")]
+    #[schemars(schema_with = "short_form::schema::<BatchRule>")]
     pub batch: BatchRule,
     /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
     pub precision: Precision,
