@@ -40,7 +40,7 @@ pub(super) fn load_clip(root: &Path, files: MotionFiles, id: &str) -> LoadedClip
     crate::progress::moved();
     let mut problems = Vec::new();
     let features = read_features(root, files, id).map_err(|problem| problems.push(problem)).ok();
-    let annotations = read_annotations(root, id, &mut problems);
+    let annotations = read_annotations(root, files, id, &mut problems);
     let clip = features.zip(annotations).map(
         |((features, features_file), (annotations, captions_file))| ClipFile {
             id: id.to_owned(),
@@ -66,10 +66,11 @@ fn read_features(
 
 fn read_annotations(
     root: &Path,
+    files: MotionFiles,
     id: &str,
     problems: &mut Vec<String>,
 ) -> Option<(Vec<Annotation>, UsedFile)> {
-    let name = format!("texts/{id}.txt");
+    let name = format!("{}/{id}.txt", files.texts(root));
     let bytes = read(root, &name).map_err(|problem| problems.push(problem)).ok()?;
     let Ok(content) = std::str::from_utf8(&bytes) else {
         problems.push(format!("{name}: is not UTF-8"));

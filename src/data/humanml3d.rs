@@ -1,7 +1,8 @@
 //! [`HumanMl3d`]: a folder in the HumanML3D layout as a [`MotionSource`].
 //!
 //! The folder holds `new_joint_vecs/<id>.npy` or else `new_joints/<id>.npy`, `texts/<id>.txt`,
-//! `train.txt`, `val.txt`, `test.txt`, and may hold `Mean.npy` and `Std.npy`.
+//! `train.txt`, `val.txt`, `test.txt`, and may hold `Mean.npy` and `Std.npy`. Motion-X has
+//! `vector_263/<id>.npy` and `texts/semantic_labels/<id>.txt`, whose ids have folders in them.
 
 use std::collections::HashSet;
 use std::io;
@@ -11,7 +12,8 @@ use rayon::prelude::*;
 
 use super::clip_file::{ClipFile, LoadedClip, load_clip};
 use super::digest::{UsedFile, digest};
-use super::items::{FPS, Item, LengthRule, items_of};
+use super::frame_rate::{FPS, frame_rate};
+use super::items::{Item, LengthRule, items_of};
 use super::motion_files::MotionFiles;
 use super::source::{DataError, FeatureStats, MotionSource, Split};
 use super::splits::read_splits;
@@ -32,6 +34,8 @@ pub struct HumanMl3dOptions {
     pub min_frames: usize,
     /// Longest item; what exceeds it after cropping to a multiple of 4 is left out.
     pub max_frames: usize,
+    /// Frames a second, where the folder does not say it.
+    pub fps: Option<f64>,
 }
 
 impl Default for HumanMl3dOptions {
@@ -42,6 +46,7 @@ impl Default for HumanMl3dOptions {
             broken: BrokenFiles::default(),
             min_frames: 40,
             max_frames: 196,
+            fps: None,
         }
     }
 }
@@ -50,6 +55,7 @@ impl Default for HumanMl3dOptions {
 pub struct HumanMl3d {
     library: Library,
     stats: FeatureStats,
+    fps: f64,
     digest: String,
     warnings: Vec<String>,
 }
@@ -66,18 +72,19 @@ impl HumanMl3d {
     /// if a split has no usable clip, and for broken files if `options` refuses them.
     pub fn open(path: &Path, options: &HumanMl3dOptions) -> Result<HumanMl3d, DataError> {
         let motion = check_folders(path)?;
-        let lists = read_splits(path)?;
+        let fps = frame_rate(path, motion, options.fps)?;
+        let lists = read_splits(path, motion.in_folders())?;
         let is_there = |id: &str| path.join(motion.name(id)).exists();
         let wanted = wanted_clips(&lists.clips, options.mirror, is_there);
         let loaded = wanted.par_iter().map(|wanted| load_clip(path, motion, &wanted.id)).collect();
-        let Assembled { library, files, broken, skipped } = assemble(&wanted, loaded, options);
+        let Assembled { library, files, broken, skipped } = assemble(&wanted, loaded, options, fps);
         let broken = [lists.problems, broken].concat();
         refuse(path, options, &broken)?;
         check_splits(path, &library)?;
         let (stats, stats_files) = library.stats(path)?;
         let files = [lists.files, files, stats_files].concat();
-        let digest = digest(&rules(options, motion), &files);
-        Ok(HumanMl3d { library, stats, digest, warnings: [broken, skipped].concat() })
+        let digest = digest(&rules(options, motion, fps), &files);
+        Ok(HumanMl3d { library, stats, fps, digest, warnings: [broken, skipped].concat() })
     }
 }
 
@@ -107,7 +114,7 @@ impl MotionSource for HumanMl3d {
     }
 
     fn fps(&self) -> f32 {
-        FPS as f32
+        self.fps as f32
     }
 
     fn digest(&self) -> &str {
@@ -171,9 +178,12 @@ fn wanted_clips(
     let names: HashSet<&str> = listed.iter().map(|(_, id)| id.as_str()).collect();
     let mut wanted = Vec::with_capacity(listed.len());
     for (split, id) in listed {
-        let twin_id = format!("M{id}");
+        let (folder, name) = id
+            .rsplit_once('/')
+            .map_or(("", &id[..]), |(_, name)| id.split_at(id.len() - name.len()));
+        let twin_id = format!("{folder}M{name}");
         let has_twin = names.contains(twin_id.as_str())
-            || id.strip_prefix('M').is_some_and(|original| names.contains(original));
+            || name.strip_prefix('M').is_some_and(|own| names.contains(&*format!("{folder}{own}")));
         let needs_twin = mirror && *split == Split::Train && !has_twin;
         let on_disk = needs_twin && is_there(&twin_id);
         wanted.push(Wanted { split: *split, id: id.clone(), twin: needs_twin && !on_disk });
@@ -196,21 +206,26 @@ struct Assembled {
     skipped: Vec<String>,
 }
 
-fn assemble(wanted: &[Wanted], loaded: Vec<LoadedClip>, options: &HumanMl3dOptions) -> Assembled {
+fn assemble(
+    wanted: &[Wanted],
+    loaded: Vec<LoadedClip>,
+    options: &HumanMl3dOptions,
+    fps: f64,
+) -> Assembled {
     let rule = LengthRule { min_frames: options.min_frames, max_frames: options.max_frames };
     let mut assembled = Assembled::default();
     for (wanted, loaded) in wanted.iter().zip(loaded) {
         assembled.broken.extend(loaded.problems);
         if let Some(clip) = loaded.clip {
-            assembled.add(clip, wanted, rule);
+            assembled.add(clip, wanted, rule, fps);
         }
     }
     assembled
 }
 
 impl Assembled {
-    fn add(&mut self, clip: ClipFile, wanted: &Wanted, rule: LengthRule) {
-        let (items, skipped) = items_of(&clip, self.library.clips.len(), rule);
+    fn add(&mut self, clip: ClipFile, wanted: &Wanted, rule: LengthRule, fps: f64) {
+        let (items, skipped) = items_of(&clip, self.library.clips.len(), rule, fps);
         self.skipped.extend(skipped);
         if items.is_empty() {
             return;
@@ -227,10 +242,13 @@ impl Assembled {
 ///
 /// What is done about broken files is left out: if nothing is broken it changes no item, and if
 /// something is, no data set comes of refusing it.
-fn rules(options: &HumanMl3dOptions, motion: MotionFiles) -> String {
-    let HumanMl3dOptions { mirror, min_frames, max_frames, broken: _ } = options;
+fn rules(options: &HumanMl3dOptions, motion: MotionFiles, fps: f64) -> String {
+    let HumanMl3dOptions { mirror, min_frames, max_frames, broken: _, fps: _ } = options;
     let rule = motion.rule();
-    format!("humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}{rule}")
+    let rate = if fps == FPS { String::new() } else { format!(" fps={fps}") };
+    format!(
+        "humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}{rule}{rate}"
+    )
 }
 
 /// How the folder holds its motion.

@@ -3,8 +3,6 @@
 use super::clip_file::ClipFile;
 use crate::motion::mirror_caption;
 
-/// Frames a second of every HumanML3D file.
-pub const FPS: f64 = 20.0;
 /// Items are whole numbers of this many frames: one token's worth.
 const UNIT_FRAMES: usize = 4;
 
@@ -73,6 +71,7 @@ pub(super) fn items_of(
     clip: &ClipFile,
     index: usize,
     rule: LengthRule,
+    fps: f64,
 ) -> (Vec<Item>, Vec<String>) {
     let n_frames = match rule.crop(clip.n_frames()) {
         Ok(n_frames) => n_frames,
@@ -87,7 +86,7 @@ pub(super) fn items_of(
         mirrored: false,
         captions: whole_captions(clip),
     };
-    let (parts, skipped) = parts_of(clip, &whole, rule);
+    let (parts, skipped) = parts_of(clip, &whole, rule, fps);
     let whole = (!whole.captions.is_empty()).then_some(whole);
     (whole.into_iter().chain(parts).collect(), skipped)
 }
@@ -97,11 +96,11 @@ fn whole_captions(clip: &ClipFile) -> Vec<String> {
     whole.map(|annotation| annotation.caption.clone()).collect()
 }
 
-fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule) -> (Vec<Item>, Vec<String>) {
+fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule, fps: f64) -> (Vec<Item>, Vec<String>) {
     let (mut parts, mut skipped) = (Vec::new(), Vec::new());
     let spans = clip.annotations.iter().filter_map(|a| Some((a.span_s?, &a.caption)));
     for (((from_s, to_s), caption), letter) in spans.zip(('A'..='Z').cycle()) {
-        let [first_frame, end] = [from_s, to_s].map(|s| clip.n_frames().min((s * FPS) as usize));
+        let [first_frame, end] = [from_s, to_s].map(|s| clip.n_frames().min((s * fps) as usize));
         match rule.crop(end - first_frame) {
             Ok(n_frames) => parts.push(Item {
                 letter: Some(letter),
@@ -152,7 +151,7 @@ mod tests {
     #[test]
     fn captions_of_parts_become_items_of_their_own() {
         let clip = clip(150, &["he walks", "he sits##1.0#4.26", "he waves", "he left##5.0#99.0"]);
-        let (items, skipped) = items_of(&clip, 3, RULE);
+        let (items, skipped) = items_of(&clip, 3, RULE, 20.0);
         let seen: Vec<_> = items
             .iter()
             .map(|item| {
@@ -176,9 +175,15 @@ mod tests {
     }
 
     #[test]
+    fn times_are_frames_at_the_rate_of_the_data() {
+        let (items, _) = items_of(&clip(150, &["he sits##1.0#4.0"]), 0, RULE, 30.0);
+        assert_eq!((items[0].first_frame, items[0].n_frames), (30, 88));
+    }
+
+    #[test]
     fn a_clip_with_parts_alone_has_no_whole_item() {
         let (items, skipped) =
-            items_of(&clip(150, &["he sits##1.0#4.0", "he runs##8.0#9.0"]), 0, RULE);
+            items_of(&clip(150, &["he sits##1.0#4.0", "he runs##8.0#9.0"]), 0, RULE, 20.0);
         assert_eq!(items.iter().map(Item::id).collect::<Vec<_>>(), ["A_000007"]);
         assert_eq!(
             skipped,
@@ -188,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_clip_that_is_too_long_gives_no_parts_either() {
-        let (items, skipped) = items_of(&clip(200, &["he sits##1.0#4.0"]), 0, RULE);
+        let (items, skipped) = items_of(&clip(200, &["he sits##1.0#4.0"]), 0, RULE, 20.0);
         assert_eq!(items, []);
         assert_eq!(skipped, ["clip 000007 has 200 frames, too many for items of 196; left out"]);
     }

@@ -8,6 +8,7 @@ mod digest;
 mod facts;
 #[cfg(test)]
 mod fixtures;
+mod frame_rate;
 mod humanml3d;
 pub mod import;
 mod items;
@@ -26,8 +27,8 @@ pub use captions::{Annotation, CaptionProblem, parse_annotation};
 pub use check::{Checked, check_folder};
 pub use count::{Counted, LENGTH_BIN, Tally, WORDS_BIN, count};
 pub use facts::{DataFacts, Demand, MemberFacts};
+pub use frame_rate::FPS;
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
-pub use items::FPS;
 pub use motion_file::read_motion;
 pub use npy::{NpyArray, NpyProblem, parse_npy};
 pub use npy_write::write_npy;
@@ -55,10 +56,10 @@ pub fn open(
     match spec.origin() {
         Origin::Procedural => Ok(Box::new(procedural(spec, demand))),
         Origin::None => Ok(Box::new(NoMotion::default())),
-        Origin::Folder(path) => Ok(Box::new(folder(spec, path)?)),
+        Origin::Folder(path) => Ok(Box::new(folder(spec, path, spec.fps)?)),
         Origin::Union(members) => {
             let member = |section: &MemberSection| {
-                let source = Box::new(folder(spec, &section.path)?);
+                let source = Box::new(folder(spec, &section.path, section.fps.or(spec.fps))?);
                 Ok(Member { name: section.name(), licence: section.licence.clone(), source })
             };
             let members = members.iter().map(member).collect::<Result<_, DataError>>()?;
@@ -67,9 +68,9 @@ pub fn open(
     }
 }
 
-fn folder(spec: &DataSection, path: &Path) -> Result<HumanMl3d, DataError> {
+fn folder(spec: &DataSection, path: &Path, fps: Option<f64>) -> Result<HumanMl3d, DataError> {
     let DataSection { mirror, broken, .. } = *spec;
-    HumanMl3d::open(path, &HumanMl3dOptions { mirror, broken, ..HumanMl3dOptions::default() })
+    HumanMl3d::open(path, &HumanMl3dOptions { mirror, broken, fps, ..HumanMl3dOptions::default() })
 }
 
 fn procedural(spec: &DataSection, demand: Option<&Demand>) -> Procedural {

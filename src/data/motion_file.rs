@@ -3,27 +3,26 @@
 use std::fs;
 use std::path::Path;
 
-use super::items::FPS;
 use super::motion_files::MotionFiles;
 use super::npy::{NpyProblem, parse_npy};
 use super::source::DataError;
 use crate::motion::bvh::Bvh;
 use crate::motion::{JOINT_NAMES, N_FEATURES, build_features};
 
-/// How far the frames a second of a file may be from a multiple of [`FPS`], as a share.
+/// How far the frames a second of a file may be from a multiple of those wanted, as a share.
 const FPS_TOLERANCE: f64 = 0.01;
 
-/// Features of the motion in a file, row-major `[T, 263]` with T ≥ 1, not normalised, at [`FPS`] frames
-/// a second.
+/// Features of the motion in a file, row-major `[T, 263]` with T ≥ 1, not normalised, at `fps`
+/// frames a second.
 ///
-/// - `.npy` with `[T, 263]`: HumanML3D features, as they are;
-/// - `.npy` with `[T + 1, 22, 3]`: places of the joints in metres, y up;
-/// - `.bvh` with the joints of [`JOINT_NAMES`], in centimetres, at a multiple of [`FPS`]: every n-th frame,
+/// - `.npy` with `[T, 263]`: HumanML3D features, as they are, taken to be at that rate;
+/// - `.npy` with `[T + 1, 22, 3]`: places of the joints in metres, y up, likewise;
+/// - `.bvh` with the joints of [`JOINT_NAMES`], in centimetres, at a multiple of that rate: every n-th frame,
 ///   T + 1 of them.
 ///
 /// # Errors
 /// The file cannot be read, is none of these, holds too few frames or a number that is not finite.
-pub fn read_motion(path: &Path) -> Result<Vec<f32>, DataError> {
+pub fn read_motion(path: &Path, fps: f64) -> Result<Vec<f32>, DataError> {
     let name = path.display().to_string();
     let advice = "give .npy or .bvh files";
     let unread = |source| DataError::Read { path: name.clone(), source, advice };
@@ -31,7 +30,7 @@ pub fn read_motion(path: &Path) -> Result<Vec<f32>, DataError> {
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     let features = match ending.to_str() {
         Some("npy") => of_array(&bytes).map_err(|problem| problem.to_string()),
-        Some("bvh") => of_bvh(&bytes),
+        Some("bvh") => of_bvh(&bytes, fps),
         _ => Err(format!("is no motion that can be read; {advice}")),
     };
     let features = features.and_then(finite);
@@ -50,10 +49,10 @@ fn of_array(bytes: &[u8]) -> Result<Vec<f32>, NpyProblem> {
     }
 }
 
-fn of_bvh(bytes: &[u8]) -> Result<Vec<f32>, String> {
+fn of_bvh(bytes: &[u8], fps: f64) -> Result<Vec<f32>, String> {
     let text = std::str::from_utf8(bytes).map_err(|_| "is not UTF-8".to_string())?;
     let bvh = Bvh::parse(text).map_err(|error| error.to_string())?;
-    let every = frames_a_frame(1.0 / bvh.frame_time_s)?;
+    let every = frames_a_frame(1.0 / bvh.frame_time_s, fps)?;
     let has = |name: &str| bvh.joints.iter().any(|joint| joint.name == name);
     let poses = bvh.poses().ok_or_else(|| {
         let missing: Vec<&str> = JOINT_NAMES.into_iter().filter(|name| !has(name)).collect();
@@ -66,11 +65,11 @@ fn of_bvh(bytes: &[u8]) -> Result<Vec<f32>, String> {
     }
 }
 
-/// The frames of a file that pass in one frame at [`FPS`].
-fn frames_a_frame(fps: f64) -> Result<usize, String> {
-    let every = (fps / FPS).round().max(1.0);
-    if (fps / (every * FPS) - 1.0).abs() > FPS_TOLERANCE {
-        return Err(format!("has {fps:.4} frames a second, which is no multiple of {FPS}"));
+/// The frames of a file that pass in one frame at the wanted rate.
+fn frames_a_frame(fps: f64, wanted: f64) -> Result<usize, String> {
+    let every = (fps / wanted).round().max(1.0);
+    if (fps / (every * wanted) - 1.0).abs() > FPS_TOLERANCE {
+        return Err(format!("has {fps:.4} frames a second, which is no multiple of {wanted}"));
     }
     Ok(every as usize)
 }
@@ -105,7 +104,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         fs::write(&path, bytes).unwrap();
-        read_motion(&path).map_err(|error| error.to_string())
+        read_motion(&path, 20.0).map_err(|error| error.to_string())
     }
 
     fn joints(poses: &[Pose]) -> Vec<u8> {
@@ -151,7 +150,7 @@ mod tests {
         let bvh = fit_bvh(&walk(9), 20.0).unwrap().bvh.to_string().replace("left_hip", "hip");
         let problem = read("a.bvh", bvh.as_bytes()).unwrap_err();
         assert!(problem.contains("lacks joints of the skeleton of 22: left_hip"), "{problem}");
-        let problem = read_motion(Path::new("no/such.npy")).unwrap_err().to_string();
+        let problem = read_motion(Path::new("no/such.npy"), 20.0).unwrap_err().to_string();
         assert!(problem.contains("cannot read no/such.npy"), "{problem}");
     }
 }

@@ -10,6 +10,8 @@ use crate::motion::{N_FEATURES, N_JOINTS, Pose, build_features};
 pub(super) enum MotionFiles {
     /// `new_joint_vecs`: `[T, 263]`.
     Features,
+    /// `vector_263`: the same, as Motion-X has it.
+    MotionX,
     /// `new_joints`: `[T + 1, 22, 3]`, metres, y up.
     Joints,
 }
@@ -17,14 +19,29 @@ pub(super) enum MotionFiles {
 impl MotionFiles {
     /// Those of the folder `root`; features where it has both.
     pub(super) fn of(root: &Path) -> Option<Self> {
-        [Self::Features, Self::Joints].into_iter().find(|files| root.join(files.folder()).is_dir())
+        [Self::Features, Self::MotionX, Self::Joints]
+            .into_iter()
+            .find(|files| root.join(files.folder()).is_dir())
     }
 
     pub(super) fn folder(self) -> &'static str {
         match self {
             Self::Features => "new_joint_vecs",
+            Self::MotionX => "vector_263",
             Self::Joints => "new_joints",
         }
+    }
+
+    /// Whether clips lie in folders below, so that their names have `/` in them.
+    pub(super) fn in_folders(self) -> bool {
+        self == Self::MotionX
+    }
+
+    /// The folder of captions in the folder `root`.
+    pub(super) fn texts(self, root: &Path) -> &'static str {
+        const LABELS: &str = "texts/semantic_labels";
+        let has_labels = self == Self::MotionX && root.join(LABELS).is_dir();
+        if has_labels { LABELS } else { "texts" }
     }
 
     /// Name within the data set of the motion of clip `id`.
@@ -38,7 +55,7 @@ impl MotionFiles {
     /// The array has another shape.
     pub(super) fn features(self, array: NpyArray) -> Result<Vec<f32>, NpyProblem> {
         match (self, &array.shape[..]) {
-            (Self::Features, &[t, N_FEATURES]) if t > 0 => Ok(array.values),
+            (Self::Features | Self::MotionX, &[t, N_FEATURES]) if t > 0 => Ok(array.values),
             (Self::Joints, &[t, N_JOINTS, 3]) if t > 1 => Ok(build_features(&poses(&array.values))),
             _ => Err(NpyProblem::Shape { found: array.shape, expected: self.shape() }),
         }
@@ -46,7 +63,7 @@ impl MotionFiles {
 
     fn shape(self) -> &'static str {
         match self {
-            Self::Features => "[frames, 263]",
+            Self::Features | Self::MotionX => "[frames, 263]",
             Self::Joints => "[frames, 22, 3], two frames or more,",
         }
     }
@@ -54,7 +71,7 @@ impl MotionFiles {
     /// What the digest of a data set says of them; changes when features follow in another way.
     pub(super) fn rule(self) -> &'static str {
         match self {
-            Self::Features => "",
+            Self::Features | Self::MotionX => "",
             Self::Joints => " joints-1",
         }
     }

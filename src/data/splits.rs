@@ -23,14 +23,14 @@ pub(super) struct SplitLists {
 /// # Errors
 /// [`DataError::Read`] if one of the files is not there or not UTF-8. Lines that are no names,
 /// and names that stand twice, are not errors: they are listed in `problems`.
-pub(super) fn read_splits(root: &Path) -> Result<SplitLists, DataError> {
+pub(super) fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, DataError> {
     let mut lists = SplitLists { clips: Vec::new(), problems: Vec::new(), files: Vec::new() };
     let mut owners = HashMap::new();
     for split in [Split::Test, Split::Val, Split::Train] {
         let name = format!("{}.txt", split.name());
         let content = read_text(root, &name)?;
         lists.files.push(UsedFile::new(&name, content.as_bytes()));
-        let (ids, problems) = claim_lines(&content, split, &mut owners);
+        let (ids, problems) = claim_lines(&content, split, in_folders, &mut owners);
         lists.clips.splice(0..0, ids.into_iter().map(|id| (split, id)));
         lists.problems.splice(0..0, problems);
     }
@@ -50,12 +50,19 @@ fn read_text(root: &Path, name: &str) -> Result<String, DataError> {
 fn claim_lines(
     content: &str,
     split: Split,
+    in_folders: bool,
     owners: &mut HashMap<String, Split>,
 ) -> (Vec<String>, Vec<String>) {
     let (mut ids, mut problems) = (Vec::new(), Vec::new());
     for (index, line) in content.trim_start_matches('\u{feff}').lines().enumerate() {
         let id = line.trim();
-        match claim(id, split, owners) {
+        let claimed = match is_name(id, in_folders) {
+            true => claim(id, split, owners),
+            false => {
+                Some(format!("is `{id}`; write one clip's name, without {}", unwanted(in_folders)))
+            }
+        };
+        match claimed {
             _ if id.is_empty() => {}
             None => ids.push(id.to_owned()),
             Some(reason) => {
@@ -68,9 +75,6 @@ fn claim_lines(
 
 /// Makes `split` the owner of `id`, or says why not.
 fn claim(id: &str, split: Split, owners: &mut HashMap<String, Split>) -> Option<String> {
-    if id.starts_with('.') || id.contains(|c: char| c.is_whitespace() || c == '/' || c == '\\') {
-        return Some(format!("is `{id}`; write one clip's name, without folder and ending"));
-    }
     match owners.insert(id.to_owned(), split) {
         None => None,
         Some(owner) if owner == split => Some(format!("repeats {id}")),
@@ -79,6 +83,20 @@ fn claim(id: &str, split: Split, owners: &mut HashMap<String, Split>) -> Option<
             Some(format!("lists {id}, which is in {}.txt too", owner.name()))
         }
     }
+}
+
+/// Whether a line can be the name of a clip, or of one in a folder below.
+fn is_name(line: &str, in_folders: bool) -> bool {
+    let is_part = |part: &str| {
+        let odd = |c: char| c.is_whitespace() || c == '\\';
+        !part.is_empty() && !part.starts_with('.') && !part.contains(odd)
+    };
+    line.split('/').all(is_part) && (in_folders || !line.contains('/'))
+}
+
+/// What a name should not have.
+fn unwanted(in_folders: bool) -> &'static str {
+    if in_folders { "ending" } else { "folder and ending" }
 }
 
 #[cfg(test)]
@@ -90,7 +108,7 @@ mod tests {
         for (name, content) in [("train.txt", train), ("val.txt", val), ("test.txt", test)] {
             std::fs::write(root.path().join(name), content).expect("a writable folder");
         }
-        read_splits(root.path()).expect("three split files")
+        read_splits(root.path(), false).expect("three split files")
     }
 
     #[test]
@@ -130,9 +148,24 @@ mod tests {
     }
 
     #[test]
+    fn names_in_folders_are_names_where_clips_lie_so() {
+        for (line, alone, in_folders) in [
+            ("a", true, true),
+            ("humanml/000012", false, true),
+            ("../a", false, false),
+            ("a//b", false, false),
+            ("/a", false, false),
+            ("a b", false, false),
+            ("a/.b", false, false),
+        ] {
+            assert_eq!([is_name(line, false), is_name(line, true)], [alone, in_folders], "{line}");
+        }
+    }
+
+    #[test]
     fn a_missing_split_file_is_named() {
         let root = tempfile::tempdir().expect("a temporary folder");
-        let error = read_splits(root.path()).err().expect("no file is there").to_string();
+        let error = read_splits(root.path(), false).err().expect("no file is there").to_string();
         assert!(error.contains("test.txt") && error.contains("needs train.txt"), "{error}");
     }
 }

@@ -49,7 +49,8 @@ pub fn k_means_baseline(
         return Ok(None);
     }
     let module = begun(&spec, &pool, n_features, device).valid();
-    let tokenizer = Tokenizer::new(module, spec, source.stats().clone(), device.clone());
+    let tokenizer =
+        Tokenizer::new(module, spec, source.stats().clone(), source.fps().into(), device.clone());
     let scores = scores(&tokenizer, &Corpus::wordless(source), Split::Test, 0.0)?;
     Ok(Some(Baseline {
         mpjpe_mm: Score::per_frame(&scores, |score| score.mpjpe_mm),

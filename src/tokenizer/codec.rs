@@ -13,7 +13,7 @@ use super::error::TokenizerError;
 use super::module::TokenizerModule;
 use super::normalise::Normaliser;
 use super::quantizer::{Extent, Quantizer};
-use crate::data::FeatureStats;
+use crate::data::{self, FeatureStats};
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
 use crate::learn::weights;
@@ -25,6 +25,7 @@ pub struct Tokenizer {
     module: TokenizerModule,
     spec: TokenizerSpec,
     stats: FeatureStats,
+    fps: f64,
     normaliser: Normaliser,
     device: Device,
 }
@@ -35,15 +36,21 @@ impl Tokenizer {
         module: TokenizerModule,
         spec: TokenizerSpec,
         stats: FeatureStats,
+        fps: f64,
         device: Device,
     ) -> Self {
         let normaliser = Normaliser::new(&spec, &stats);
-        Self { module, spec, stats, normaliser, device }
+        Self { module, spec, stats, fps, normaliser, device }
     }
 
     /// What it was trained by.
     pub fn spec(&self) -> &TokenizerSpec {
         &self.spec
+    }
+
+    /// Frames a second of the motion that it was trained on.
+    pub fn fps(&self) -> f64 {
+        self.fps
     }
 
     /// What its features are normalised by.
@@ -176,6 +183,7 @@ impl Tokenizer {
     pub fn save(&self, folder: &Path) -> Result<(), TokenizerError> {
         let mut tensors = weights::of_module(&self.module);
         weights::insert_stats(&mut tensors, &self.stats);
+        weights::insert_number(&mut tensors, FPS, self.fps);
         weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
         let path = folder.join(SPEC);
         Ok(write_json(&path, &self.spec)?)
@@ -185,17 +193,20 @@ impl Tokenizer {
     pub fn load(folder: &Path, device: &Device) -> Result<Self, TokenizerError> {
         let spec = read_spec(&folder.join(SPEC))?;
         let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
+        let fps = weights::take_number(&mut tensors, FPS).unwrap_or(data::FPS);
         let stats = weights::take_stats(&mut tensors)?;
         let mut unused = ChaCha8Rng::seed_from_u64(0);
         let n_features = spec.representation.n_features(stats.mean.len());
         let module = TokenizerModule::new(&spec, n_features, &mut unused, device);
         let module = weights::into_module(module, tensors)?;
-        Ok(Self::new(module, spec, stats, device.clone()))
+        Ok(Self::new(module, spec, stats, fps, device.clone()))
     }
 }
 
 const WEIGHTS: &str = "weights.safetensors";
 const SPEC: &str = "tokenizer.json";
+/// The rate of the motion, among the tensors.
+const FPS: &str = "fps";
 
 fn read_spec(path: &Path) -> Result<TokenizerSpec, TokenizerError> {
     let spec: Option<TokenizerSpec> = read_if_there(path)?;

@@ -47,7 +47,13 @@ pub fn train(
     let learner = Reconstructing::new(spec, corpus, &device.clone().autodiff())?;
     let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
     let module = learning.into_learner().into_module();
-    Ok(Tokenizer::new(module, spec.clone(), corpus.source.stats().clone(), device.clone()))
+    Ok(Tokenizer::new(
+        module,
+        spec.clone(),
+        corpus.source.stats().clone(),
+        corpus.source.fps().into(),
+        device.clone(),
+    ))
 }
 
 enum Loss {

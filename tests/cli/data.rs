@@ -116,3 +116,25 @@ fn a_sweep_is_sized_to_the_data_and_the_time() {
     place.isoflop(&["plan", "quick.yaml"]).exits(0);
     place.isoflop(&["init", "a.yaml", "--hours=-1"]).exits(2).says("hours are above 0");
 }
+
+#[test]
+fn a_data_set_keeps_the_rate_of_its_files() {
+    let place = Place::new();
+    captures(&place);
+    let import = ["data", "import", "captures", "--from", "bvh", "--out", "data/kept"];
+    let import = |more: &[&str]| place.isoflop(&[&import[..], more].concat());
+    let said = import(&["--rate", "keep", "--json"]).exits(0).json();
+    assert_eq!(said["fps"], 20.0);
+    let faster = place.read("captures/bow_01.bvh");
+    let faster =
+        String::from_utf8(faster).expect("UTF-8").replace("Frame Time: 0.05", "Frame Time: 0.025");
+    place.write("captures/bow_01.bvh", faster);
+    let slip = import(&["--rate", "keep", "--overwrite"]).exits(2);
+    slip.says("40 and of 20 frames a second").says("--rate 40");
+    let said = import(&["--rate", "40", "--overwrite", "--json"]).exits(0).json();
+    assert_eq!(said["fps"], 40.0);
+    let stats = place.isoflop(&["data", "stats", "data/kept", "--json"]).exits(0).json();
+    assert_eq!(stats["counted"]["fps"], 40.0);
+    let plan = ["plan", "own-data", "--set", "data.path=data/kept", "--set", "data.fps=30"];
+    place.isoflop(&plan).says("40 frames a second, where data.fps is 30");
+}

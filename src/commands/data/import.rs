@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
-use isoflop::data::import::{self, Form, GroupBy, ImportError, ImportOptions, Imported, Skeleton};
-use isoflop::data::{FPS, Split, parse_annotation, read_motion};
+use isoflop::data::import::{
+    self, Form, GroupBy, ImportError, ImportOptions, Imported, Rate, Skeleton,
+};
+use isoflop::data::{Split, parse_annotation, read_motion};
 use isoflop::figures::motion::{CaptionedMotion, write_sheet};
 use isoflop::files::atomic;
 use isoflop::motion::retarget::Up;
@@ -40,6 +42,9 @@ pub struct ImportArgs {
     /// Frames a second of .npy files; those of BVH files are in them
     #[arg(long, value_parser = fps)]
     fps: Option<f64>,
+    /// Frames a second of the data set: a number, or `keep` for those of the files
+    #[arg(long, value_parser = rate, default_value = "20")]
+    rate: Rate,
     /// A folder with NAME.txt for each motion; by default that beside it, or words of its name
     #[arg(long, value_name = "DIR")]
     texts: Option<PathBuf>,
@@ -76,6 +81,10 @@ enum GroupName {
     File,
 }
 
+fn rate(text: &str) -> Result<Rate, String> {
+    if text == "keep" { Ok(Rate::Kept) } else { fps(text).map(Rate::Fixed) }
+}
+
 fn fps(text: &str) -> Result<f64, String> {
     let fps: f64 = text.parse().map_err(|_| "is no number".to_string())?;
     let sensible = (1.0..=1000.0).contains(&fps);
@@ -97,7 +106,7 @@ pub fn import(args: &ImportArgs, output: &Output) -> Result<Exit> {
         }
     })?;
     tell(&imported, args, output);
-    sheet(&args.out).context("drawing the contact sheet")?;
+    sheet(&args.out, imported.fps).context("drawing the contact sheet")?;
     output.result(&document(&imported, args), &text(&imported, args))?;
     Ok(if imported.problems.is_empty() { Exit::Done } else { Exit::SomeRunsFailed })
 }
@@ -115,6 +124,7 @@ fn options(args: &ImportArgs) -> Result<ImportOptions> {
         up: args.up,
         left_handed: args.left_handed,
         fps: args.fps,
+        rate: args.rate,
         texts: args.texts.clone(),
         caption: args.caption.clone(),
         group: args.group.map(|group| match group {
@@ -161,11 +171,11 @@ fn write_draft(draft: &str, args: &ImportArgs, output: &Output) {
 }
 
 /// Clips of the training split at even distances, with their first captions.
-fn sheet(folder: &Path) -> Result<()> {
+fn sheet(folder: &Path, fps: f64) -> Result<()> {
     let list = fs::read_to_string(folder.join("train.txt"))?;
     let ids: Vec<&str> = list.lines().collect();
     let clip = |id: &&str| -> Result<(Vec<f32>, String)> {
-        let features = read_motion(&folder.join(format!("new_joint_vecs/{id}.npy")))?;
+        let features = read_motion(&folder.join(format!("new_joint_vecs/{id}.npy")), fps)?;
         let lines = fs::read_to_string(folder.join(format!("texts/{id}.txt")))?;
         let caption = parse_annotation(lines.lines().next().unwrap_or_default())?.caption;
         Ok((features, format!("{id}: {caption}")))
@@ -176,7 +186,7 @@ fn sheet(folder: &Path) -> Result<()> {
     let motions = clips.iter().map(|(features, caption)| CaptionedMotion {
         features,
         caption,
-        fps: FPS as f32,
+        fps: fps as f32,
     });
     Ok(write_sheet(&folder.join(SHEET), &motions.collect::<Vec<_>>())?)
 }
@@ -190,6 +200,7 @@ fn document(imported: &Imported, args: &ImportArgs) -> Value {
     };
     json!({
         "data": args.out,
+        "fps": imported.fps,
         "train": train, "val": val, "test": test,
         "too_short": imported.too_short,
         "captioned_by_name": imported.captioned_by_name,
@@ -203,9 +214,9 @@ fn text(imported: &Imported, args: &ImportArgs) -> String {
     let mut text = String::new();
     let frames: usize = imported.splits.iter().map(|split| split.frames).sum();
     let clips: usize = imported.splits.iter().map(|split| split.clips).sum();
-    let _ = writeln!(text, "{clips} clips, {}", hours(frames));
+    let _ = writeln!(text, "{clips} clips, {}", hours(frames, imported.fps));
     for (split, count) in Split::ALL.iter().zip(imported.splits) {
-        let (clips, groups, hours) = (count.clips, count.groups, hours(count.frames));
+        let (clips, groups, hours) = (count.clips, count.groups, hours(count.frames, imported.fps));
         let _ =
             writeln!(text, "  {:<6}{clips:>6} clips  {groups:>5} groups  {hours}", split.name());
     }
@@ -224,7 +235,7 @@ fn text(imported: &Imported, args: &ImportArgs) -> String {
     text
 }
 
-fn hours(frames: usize) -> String {
-    let minutes = frames as f64 / FPS / 60.0;
+fn hours(frames: usize, fps: f64) -> String {
+    let minutes = frames as f64 / fps / 60.0;
     if minutes < 120.0 { format!("{minutes:.1} min") } else { format!("{:.1} h", minutes / 60.0) }
 }

@@ -33,7 +33,7 @@ pub fn stats(args: &StatsArgs, output: &Output) -> Result<Exit> {
 
 fn text(counted: &Counted, left_out: usize) -> String {
     let mut text = String::from(
-        "split    clips   frames   hours     tokens at 1, 2, 4 frames    captions  distinct  words\n",
+        "split   clips  frames  hours   codes at 1, 2, 4 frames  captions distinct  words\n",
     );
     let rows = [
         ("train", &counted.train),
@@ -46,7 +46,7 @@ fn text(counted: &Counted, left_out: usize) -> String {
         let at = |rate: usize| tokens.get(&rate).copied().unwrap_or(0);
         let _ = writeln!(
             text,
-            "{name:<6}{clips:>8}{frames:>9}{hours:>8.2}{:>11}{:>10}{:>9}{captions:>10}{distinct_captions:>10}{words:>7}",
+            "{name:<6}{clips:>7}{frames:>8}{hours:>7.2}{:>10}{:>8}{:>8}{captions:>9}{distinct_captions:>9}{words:>7}",
             at(1),
             at(2),
             at(4)

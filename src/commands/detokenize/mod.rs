@@ -78,7 +78,7 @@ fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> 
     let features =
         tokenizer.tokenizer.decode(&clip.codes, clip.frames, caption.as_deref(), guidance)?;
     let truth = truth(args, path, &clip)?;
-    let mpjpe_mm = truth.map(|truth| distance(&truth, &features)).transpose()?;
+    let mpjpe_mm = truth.map(|truth| distance(&truth, &features, clip.fps)).transpose()?;
     Ok(Decoded { clip, features, mpjpe_mm })
 }
 
@@ -101,8 +101,8 @@ fn truth(args: &DetokenizeArgs, path: &Path, clip: &ClipCodes) -> Result<Option<
 }
 
 /// MPJPE of the frames that were made.
-fn distance(truth: &Path, made: &[f32]) -> Result<f64> {
-    let features = read_motion(truth)?;
+fn distance(truth: &Path, made: &[f32], fps: f64) -> Result<f64> {
+    let features = read_motion(truth, fps)?;
     let n_frames = |values: &[f32]| values.len() / N_FEATURES;
     let (found, wanted) = (n_frames(&features), n_frames(made));
     if found < wanted {

@@ -46,9 +46,9 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
 }
 
 fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
-    let motions = named_motions(args)?;
     let place = args.evaluator.as_deref().expect("asked for beside files");
     let trusted = TrustedEvaluator::open(place, &args.device.open()?)?;
+    let motions = named_motions(args, trusted.evaluator.fps())?;
     let scores = FileScores::of(&motions, &trusted, args)?;
     output.result(&serde_json::to_value(&scores)?, &text::of_files(&scores))?;
     Ok(Exit::Done)

@@ -27,7 +27,7 @@ pub struct NamedMotion {
 /// Reads every motion.
 ///
 /// Every file that cannot be read is named, and none is left out.
-pub fn named_motions(args: &EvaluateArgs) -> Result<Vec<NamedMotion>> {
+pub fn named_motions(args: &EvaluateArgs, fps: f64) -> Result<Vec<NamedMotion>> {
     let mut files: Vec<(PathBuf, Option<String>)> = Vec::new();
     for path in &args.motions {
         match path.is_dir() {
@@ -37,7 +37,7 @@ pub fn named_motions(args: &EvaluateArgs) -> Result<Vec<NamedMotion>> {
     }
     let captions = captions(args, &files)?;
     let paths: Vec<&PathBuf> = files.iter().map(|(path, _)| path).collect();
-    let read: Vec<_> = paths.par_iter().map(|path| read_motion(path)).collect();
+    let read: Vec<_> = paths.par_iter().map(|path| read_motion(path, fps)).collect();
     let problems: Vec<String> =
         read.iter().filter_map(|read| Some(read.as_ref().err()?.to_string())).collect();
     if !problems.is_empty() {

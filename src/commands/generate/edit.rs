@@ -29,7 +29,7 @@ impl Source {
         asked: Option<usize>,
         run: &TrainedRun,
     ) -> Result<Self> {
-        let mut features = read_motion(path)?;
+        let mut features = read_motion(path, run.spec.fps)?;
         let own = features.len() / N_FEATURES;
         let n_frames = asked.unwrap_or(own);
         if n_frames < own {

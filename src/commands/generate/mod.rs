@@ -147,6 +147,7 @@ fn write(
             caption: motion.caption.to_string(),
             seed: args.seed,
             length: sampled.n_frames,
+            fps,
             seconds: sampled.n_frames as f64 / fps,
             codes: sampled.codes.clone(),
             ended: sampled.ended,

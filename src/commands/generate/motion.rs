@@ -10,6 +10,8 @@ pub struct Motion {
     pub seed: u64,
     /// Frames.
     pub length: usize,
+    /// Frames a second.
+    pub fps: f64,
     pub seconds: f64,
     /// Scale after scale.
     pub codes: Vec<u32>,

@@ -17,13 +17,11 @@ use serde::Deserialize;
 /// Motions that a page shows.
 const SHOWN: usize = 6;
 
-/// Frames a second of motions where the sweep says nothing else.
-const FPS: f64 = 20.0;
-
 /// What is read of `motions.json`.
 #[derive(Deserialize)]
 struct Made {
     caption: String,
+    fps: f64,
 }
 
 /// The first motions of the run of the lowest L_u that made some; none where no run did.
@@ -60,11 +58,12 @@ fn of_run(
     let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
     let mut truth = truth(folder, &captions);
     let read = |(path, made): (PathBuf, &Made)| {
-        let features = read_motion(&path).with_context(|| format!("reading {}", path.display()))?;
+        let features =
+            read_motion(&path, made.fps).with_context(|| format!("reading {}", path.display()))?;
         Ok(Sample {
             caption: made.caption.clone(),
             run_id: run_id.to_string(),
-            fps: FPS,
+            fps: made.fps,
             poses: recover_joints(&features),
             truth: truth.remove(&made.caption),
         })

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::codes::{ClipCodes, ClipScale};
-use isoflop::data::{FAR, FPS, read_motion};
+use isoflop::data::{FAR, read_motion};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
@@ -72,7 +72,7 @@ fn encoded(
     path: &Path,
     caption: Option<String>,
 ) -> Result<(ClipCodes, f64)> {
-    let features = read_motion(path)?;
+    let features = read_motion(path, tokenizer.tokenizer.fps())?;
     let (n_frames, spec) = (features.len() / N_FEATURES, tokenizer.tokenizer.spec());
     let stride = spec.frames_per_latent();
     if n_frames < stride {
@@ -86,7 +86,7 @@ fn encoded(
         tokenizer_id: tokenizer.id.clone(),
         motion: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         caption,
-        fps: FPS,
+        fps: tokenizer.tokenizer.fps(),
         frames,
         scales: ClipScale::of(&spec.grid(), frames),
         codes,

@@ -240,3 +240,29 @@ fn joints_of_another_shape_are_named() {
     let expected = "new_joints/000000.npy: has shape [60, 263] where [frames, 22, 3]";
     assert!(problem.contains(expected), "{problem}");
 }
+
+#[test]
+fn motion_x_has_its_own_folders_and_rate() {
+    let root = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, content: &[u8]| {
+        let path = root.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a writable folder");
+        std::fs::write(path, content).expect("a writable folder");
+    };
+    for (seed, id) in ["dance/a_1", "dance/a_2", "kungfu/b", "kungfu/Mb"].iter().enumerate() {
+        write(&format!("vector_263/{id}.npy"), &npy_bytes(&[120, 263], &rows(120, seed)));
+        write(&format!("texts/semantic_labels/{id}.txt"), b"he turns left\nhe spins##1.0#3.0\n");
+    }
+    write("train.txt", b"dance/a_1\nkungfu/b\n");
+    write("val.txt", b"dance/a_2\n");
+    write("test.txt", b"dance/a_2/../x\nkungfu/Mb\n");
+    let set = HumanMl3d::open(root.path(), &options(true, BrokenFiles::Skip)).expect("a data set");
+    assert_eq!(set.fps(), 30.0);
+    assert_eq!(ids(&set, Split::Test), ["kungfu/Mb", "A_kungfu/Mb"]);
+    assert_eq!(set.n_frames(Split::Test, 1), 60, "two seconds");
+    assert_eq!(set.captions(Split::Val, 0), ["he turns left"]);
+    let mirrored = ids(&set, Split::Train);
+    assert!(mirrored.contains(&"Mdance/a_1".to_string()), "{mirrored:?}");
+    assert!(!mirrored.contains(&"Mkungfu/b".to_string()), "its twin is tested on: {mirrored:?}");
+    assert!(set.warnings()[0].contains("is `dance/a_2/../x`"), "{:?}", set.warnings());
+}

@@ -7,10 +7,9 @@ use rayon::prelude::*;
 use super::listing::SourceFile;
 use super::motions::{Motion, Motions, Skeleton};
 use super::options::ImportOptions;
-use crate::data::items::FPS;
 use crate::motion::bvh::{Bvh, Placed};
 use crate::motion::retarget::{
-    Rig, Roles, Survey, draft, follow, reflected_joint, resampled, roles_of, unit_m, with_ends,
+    Rig, Roles, Survey, draft, follow, reflected_joint, roles_of, unit_m, with_ends,
 };
 
 /// Joints and parents: what makes files of one skeleton.
@@ -107,7 +106,7 @@ fn motion(file: &SourceFile, rig: &Rig, options: &ImportOptions) -> Result<Motio
     let unit_m = unit_m(&frames, rig).ok_or("has legs without length")?;
     let poses: Vec<_> = frames.iter().map(|joints| follow(joints, rig, unit_m)).collect();
     let fps = frames_a_second(bvh.frame_time_s);
-    Ok(Motion { poses: resampled(&poses, fps, FPS), fps, unit_m: Some(unit_m) })
+    Ok(Motion { poses: options.rate.of(&poses, fps), fps, unit_m: Some(unit_m) })
 }
 
 /// Shares of a frame a second that a rounded frame time may be off.

@@ -1,12 +1,12 @@
 //! What motions are captioned with: lines of a file, words of their name, or the caption for all others.
 
+use std::ops::Range;
 use std::path::Path;
 
 use super::cut::SHORTEST;
 use super::listing::{Listing, SourceFile};
 use super::options::ImportOptions;
 use crate::data::captions::{parse_annotation, parse_annotations};
-use crate::data::items::FPS;
 
 /// Where a motion's captions come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,17 +112,17 @@ fn words_of(id: &str) -> Option<String> {
     (!words.is_empty()).then(|| words.join(" "))
 }
 
-/// The lines that hold for the poses `first..end` of a motion: captions of the whole as they are, those of a
+/// The lines that hold for some poses of a motion of `fps` a second: captions of the whole as they are, those of a
 /// part moved to where it is now. Parts of which less than a clip is left go.
-pub fn within(lines: &[String], first: usize, end: usize) -> Vec<String> {
-    let [from, to] = [first, end].map(|frame| frame as f64 / FPS);
+pub fn within(lines: &[String], frames: &Range<usize>, fps: f64) -> Vec<String> {
+    let [from, to] = [frames.start, frames.end].map(|frame| frame as f64 / fps);
     let moved = |line: &String| {
         let Some((begin, stop)) = parse_annotation(line).ok()?.span_s else {
             return Some(line.clone());
         };
         let (begin, stop) = (begin.max(from) - from, stop.min(to) - from);
         let fields: Vec<&str> = line.split('#').collect();
-        let lasts = (stop - begin) * FPS >= SHORTEST as f64 - 1.0;
+        let lasts = (stop - begin) * fps >= SHORTEST as f64 - 1.0;
         lasts.then(|| format!("{}#{}#{begin:.3}#{stop:.3}", fields[0], fields[1]))
     };
     lines.iter().filter_map(moved).collect()
@@ -151,6 +151,6 @@ mod tests {
     fn captions_of_parts_move_with_the_clip() {
         let lines = ["a#a/X#0.0#0.0", "b#b/X#2.0#9.0", "c#c/X#0.0#4.0", "d"].map(String::from);
         let expected = ["a#a/X#0.0#0.0", "b#b/X#0.000#4.000", "d"].map(String::from);
-        assert_eq!(within(&lines, 100, 200), expected);
+        assert_eq!(within(&lines, &(100..200), 20.0), expected);
     }
 }

@@ -17,7 +17,7 @@ pub struct Clip {
     pub id: String,
     /// The file that it comes from, relative to the folder that is imported.
     pub source: String,
-    /// Frames of the whole motion, at 20 frames a second, that it is.
+    /// Frames of the whole motion, at the rate of the data set, that it is.
     pub frames: std::ops::Range<usize>,
     /// Canonical; see [`canonicalise`].
     pub poses: Vec<Pose>,
@@ -37,6 +37,8 @@ pub struct Clips {
     /// What the files hold, as `import.json` says.
     pub form: &'static str,
     pub left_handed: bool,
+    /// Frames a second.
+    pub fps: f64,
     pub clips: Vec<Clip>,
     pub skeletons: Vec<Skeleton>,
     /// A sentence for each file that cannot be used.
@@ -58,10 +60,11 @@ impl Clips {
     ) -> Result<Self, ImportError> {
         let groups = groups(&listing.files, options.group);
         let Motions { motions, skeletons, draft } = motions;
+        let fps = options.rate.of_all(&motions)?;
         let (form, left_handed) = (options.form.name(), options.left_handed);
-        let mut all = Self { form, left_handed, skeletons, draft, ..Self::default() };
+        let mut all = Self { form, left_handed, fps, skeletons, draft, ..Self::default() };
         for ((motion, file), group) in motions.into_iter().zip(&listing.files).zip(groups) {
-            match motion.and_then(|motion| clips(motion, file, group, listing, options)) {
+            match motion.and_then(|motion| clips(motion, file, (group, fps), listing, options)) {
                 Ok(clips) if clips.is_empty() => {
                     all.short.push(format!("{}: too short", file.name));
                 }
@@ -114,7 +117,7 @@ fn base(id: &str) -> &str {
 fn clips(
     motion: Motion,
     file: &SourceFile,
-    group: String,
+    (group, fps): (String, f64),
     listing: &Listing,
     options: &ImportOptions,
 ) -> Result<Vec<Clip>, String> {
@@ -130,7 +133,7 @@ fn clips(
         id: if parts == 1 { file.id.clone() } else { format!("{}~{}", file.id, part + 1) },
         source: file.name.clone(),
         poses: canonical(&poses[frames.clone()]),
-        captions: if parts == 1 { lines.clone() } else { within(&lines, frames.start, frames.end) },
+        captions: if parts == 1 { lines.clone() } else { within(&lines, &frames, fps) },
         captioned_by,
         group: group.clone(),
         split: Split::Train,

@@ -26,6 +26,11 @@ pub enum ImportError {
     TooFewGroups { found: String },
     #[error(".npy files do not say how many frames a second they have; give --fps")]
     Fps,
+    #[error(
+        "there are motions of {first} and of {other} frames a second, and a data set has one rate: give \
+         --rate, as --rate {first}"
+    )]
+    Rates { first: f64, other: f64 },
     #[error(transparent)]
     Data(#[from] DataError),
     #[error(transparent)]

@@ -28,6 +28,8 @@ const AT_ONCE: usize = 256;
 pub struct Imported {
     /// Clips by split: train, val, test.
     pub splits: [SplitCount; 3],
+    /// Frames a second of the data set.
+    pub fps: f64,
     pub skeletons: Vec<Skeleton>,
     /// Clips whose caption is the one given for motions without.
     pub uncaptioned: usize,
@@ -167,6 +169,7 @@ fn imported(clips: Clips, told: Vec<String>) -> Imported {
     };
     let by = |source| clips.clips.iter().filter(|clip| clip.captioned_by == source).count();
     Imported {
+        fps: clips.fps,
         splits: Split::ALL.map(count),
         uncaptioned: by(CaptionSource::Given),
         captioned_by_name: by(CaptionSource::Name),

@@ -6,10 +6,10 @@ use super::error::ImportError;
 use super::listing::{Listing, SourceFile};
 use super::motions::{Motion, Motions};
 use super::options::{Form, ImportOptions};
-use crate::data::items::FPS;
+use crate::data::FPS;
 use crate::data::npy::{NpyProblem, parse_npy};
 use crate::motion::N_JOINTS;
-use crate::motion::retarget::{Pose64, reflected, resampled, settled};
+use crate::motion::retarget::{Pose64, reflected, settled};
 
 /// Reads every file.
 ///
@@ -28,7 +28,7 @@ fn motion(file: &SourceFile, fps: f64, options: &ImportOptions) -> Result<Motion
     let hand = |pose: Pose64| if options.left_handed { pose.map(reflected) } else { pose };
     let poses: Vec<Pose64> = poses.into_iter().map(hand).collect();
     let settled = settled(&poses, options.up).map_err(|error| error.to_string())?;
-    Ok(Motion { poses: resampled(&settled.poses, fps, FPS), fps, unit_m: settled.unit_m })
+    Ok(Motion { poses: options.rate.of(&settled.poses, fps), fps, unit_m: settled.unit_m })
 }
 
 fn poses(bytes: &[u8], form: Form) -> Result<Vec<Pose64>, NpyProblem> {

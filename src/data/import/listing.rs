@@ -47,7 +47,7 @@ pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
     paths.sort();
     let texts = Some(root.join("texts")).filter(|folder| humanml3d && folder.is_dir());
     let splits = if humanml3d && root.join("train.txt").exists() {
-        Some(read_splits(root)?.clips.into_iter().map(|(split, id)| (id, split)).collect())
+        Some(read_splits(root, false)?.clips.into_iter().map(|(split, id)| (id, split)).collect())
     } else {
         None
     };

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::clips::{Clip, Clips};
 
 /// The head of `manifest.csv`.
-const COLUMNS: &str = "id,source_file,start20,end20,frames,source_fps,unit_m,captions,group,split";
+const COLUMNS: &str = "id,source_file,start,end,frames,source_fps,unit_m,captions,group,split";
 
 /// The rows of all clips.
 pub fn manifest(clips: &[Clip]) -> String {
@@ -66,7 +66,7 @@ impl<'a> Import<'a> {
         });
         Self {
             form: clips.form,
-            fps: crate::data::items::FPS,
+            fps: clips.fps,
             left_handed: clips.left_handed,
             skeletons: skeletons.collect(),
             problems: &clips.problems,

@@ -20,6 +20,7 @@ mod listing;
 mod manifest;
 mod motions;
 mod options;
+mod rate;
 mod synthetic;
 #[cfg(test)]
 mod tests;
@@ -28,6 +29,7 @@ pub use error::ImportError;
 pub use folder::{Imported, SplitCount};
 pub use motions::Skeleton;
 pub use options::{Form, GroupBy, ImportOptions, read_map};
+pub use rate::Rate;
 pub use synthetic::write_procedural;
 
 use std::path::Path;

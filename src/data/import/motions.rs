@@ -5,7 +5,7 @@ use crate::motion::retarget::{Neutral, Pose64};
 /// A file's motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// At 20 frames a second, y up, metres.
+    /// At the rate of the data set, y up, metres.
     pub poses: Vec<Pose64>,
     /// Frames a second of the file.
     pub fps: f64,

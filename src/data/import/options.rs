@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::error::ImportError;
+use super::rate::Rate;
 use crate::motion::JOINT_NAMES;
 use crate::motion::retarget::{NameMap, Up};
 
@@ -61,6 +62,8 @@ pub struct ImportOptions {
     pub left_handed: bool,
     /// Frames a second of `.npy` files.
     pub fps: Option<f64>,
+    /// Frames a second of the data set.
+    pub rate: Rate,
     /// Folder of captions; by default they lie beside the motions.
     pub texts: Option<PathBuf>,
     /// The caption of motions without one, of which not even the name says anything.

@@ -8,8 +8,7 @@ use super::captions::{CaptionSource, line};
 use super::clips::{Clip, Clips};
 use super::error::ImportError;
 use super::folder::{self, Imported};
-use crate::data::items::FPS;
-use crate::data::{MotionSource, Procedural, Split};
+use crate::data::{FPS, MotionSource, Procedural, Split};
 use crate::motion::canonicalise;
 
 /// Writes every clip of `source` as the data set `to`; train, val and test are its own.
@@ -41,5 +40,5 @@ pub fn write_procedural(
         }
     };
     let clips = all.par_iter().map(clip).collect();
-    folder::write(Clips { form: "procedural", clips, ..Clips::default() }, to)
+    folder::write(Clips { form: "procedural", fps: FPS, clips, ..Clips::default() }, to)
 }

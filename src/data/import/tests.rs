@@ -18,6 +18,7 @@ fn options(from: &Path, form: Form) -> ImportOptions {
         up: None,
         left_handed: false,
         fps: None,
+        rate: Rate::Fixed(20.0),
         texts: None,
         caption: "a person moves".to_string(),
         group: None,

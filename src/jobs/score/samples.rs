@@ -14,6 +14,8 @@ struct Sample<'a> {
     caption: &'a str,
     /// Frames.
     length: usize,
+    /// Frames a second.
+    fps: f64,
     run: &'a str,
 }
 
@@ -35,7 +37,7 @@ pub fn write_samples(scoring: &Scoring) -> Result<()> {
         let length = motion.len() / N_FEATURES;
         let path = folder.join(format!("{index}.features.npy"));
         write_npy(&path, &[length, N_FEATURES], motion)?;
-        listed.push(Sample { caption, length, run: &run.run_id });
+        listed.push(Sample { caption, length, fps: run.spec.fps, run: &run.run_id });
     }
     Ok(write_json(&folder.join("motions.json"), &listed)?)
 }

@@ -15,7 +15,7 @@ mod tests;
 
 pub use file::{load, save};
 pub use module::{into_module, of_module};
-pub use stats::{insert_stats, take_stats};
+pub use stats::{insert_number, insert_stats, take_number, take_stats};
 
 /// A tensor on the host, row-major.
 #[derive(Clone, Debug, PartialEq)]

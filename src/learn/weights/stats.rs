@@ -30,3 +30,16 @@ pub fn take_stats(tensors: &mut Weights) -> Result<FeatureStats, WeightsError> {
     };
     Ok(FeatureStats { mean: vector(MEAN)?, std: vector(STD)? })
 }
+
+/// Puts a number among the tensors, in single precision.
+pub fn insert_number(tensors: &mut Sources, name: &str, number: f64) {
+    let tensor = HostTensor { shape: vec![1], values: vec![number as f32] };
+    tensors.insert(name.to_string(), Source::Host(tensor));
+}
+
+/// Takes a number out of weights that were read, as short as single precision writes it: 29.97 is not
+/// 29.969999; `None` where it is not there.
+pub fn take_number(tensors: &mut Weights, name: &str) -> Option<f64> {
+    let number = *tensors.remove(name)?.values.first()?;
+    number.to_string().parse().ok()
+}

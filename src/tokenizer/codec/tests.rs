@@ -12,7 +12,7 @@ fn untrained(kind: QuantizerSpec) -> Tokenizer {
     let spec = TokenizerSpec { quantizer: kind, ..small_spec() };
     let stats = Waves::new(&[8], 5).stats;
     let module = TokenizerModule::new(&spec, 5, &mut rng, &device);
-    Tokenizer::new(module, spec, stats, device)
+    Tokenizer::new(module, spec, stats, 29.97, device)
 }
 
 /// A quantizer of each kind, with scales of three codes in all.
@@ -39,6 +39,7 @@ fn a_saved_tokenizer_loads_with_the_same_codes_and_features() {
         let tokenizer = untrained(kind);
         tokenizer.save(folder.path()).unwrap();
         let loaded = Tokenizer::load(folder.path(), &Device::flex()).unwrap();
+        assert_eq!(loaded.fps(), tokenizer.fps());
         let features = Waves::new(&[40], 5).clip(0, 0);
         let ids = tokenizer.encode(&features, None).unwrap();
         assert_eq!((loaded.spec(), loaded.stats()), (tokenizer.spec(), tokenizer.stats()));
@@ -91,7 +92,7 @@ fn with_language() -> Tokenizer {
     let spec = transformer_spec(&places, QuantizerSpec::Fsq { levels: vec![5, 5, 5] }, 1);
     let stats = Waves::new(&[8], N_FEATURES).stats;
     let module = TokenizerModule::new(&spec, N_FEATURES, &mut rng, &device);
-    Tokenizer::new(module, spec, stats, device)
+    Tokenizer::new(module, spec, stats, 29.97, device)
 }
 
 fn caption() -> Vec<f32> {
