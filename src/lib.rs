@@ -34,7 +34,7 @@
 //! | 6 | [`record`] | a finished run into a row of a table | |
 //! | 6 | [`jobs`] | what there is to do: a file a kind of job | record |
 //! | 7 | [`engine`] | who brings jobs to their end: this machine, or a cluster | |
-//! | 8 | [`figures`] | tables and laws into SVG and PNG, motions into files | |
+//! | 8 | [`figures`] | tables and laws into SVG, PNG and PDF, motions into files | |
 //! | 8 | [`export`] | tables and laws into notebooks | |
 //! | 8 | [`report`] | tables, laws and figures into one page of HTML | |
 

@@ -40,7 +40,8 @@ fn analyse(
     table::write(folder.root(), records)?;
     let laws = write_laws(sweep, folder, records, output)?;
     let tokenizers = plot::tokenizers(home, output)?;
-    let drawn = plot::draw(folder, records, laws.as_ref(), &tokenizers, output)?;
+    let drawn =
+        plot::draw(folder, records, laws.as_ref(), &tokenizers, &plot::Wanted::all(), output)?;
     remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
     let predictions = match &laws {
         Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use isoflop::figures::{GeneratorRuns, draw_generators};
+use isoflop::figures::{Format, GeneratorRuns, draw_generators};
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::RunRecord;
 use isoflop::sweep::{self, Sweep};
@@ -64,8 +64,10 @@ pub fn draw(
     sweep: &Sweep,
     folder: &ResultsFolder,
     by_generator: &BTreeMap<String, Vec<RunRecord>>,
-) -> Result<[PathBuf; 2]> {
+    formats: &[Format],
+) -> Result<Vec<PathBuf>> {
     let runs: Vec<GeneratorRuns> =
         by_generator.iter().map(|(name, records)| GeneratorRuns { name, records }).collect();
-    Ok(draw_generators(&sweep.name, &runs, sweep.flops.rule, &folder.file("figures"))?)
+    let figures = folder.file("figures");
+    Ok(draw_generators(&sweep.name, &runs, sweep.flops.rule, &figures, formats)?)
 }

@@ -33,7 +33,7 @@ pub fn report(error: &anyhow::Error, json: bool) -> Exit {
     if json {
         let message = match error.downcast_ref::<SweepErrors>() {
             Some(errors) => errors.render(false),
-            None => format!("{error:#}"),
+            None => sentence(error),
         };
         let document = json!({ "error": { "message": message, "exit": exit as u8 } });
         // Nobody reads a pipe that is closed.
@@ -42,13 +42,26 @@ pub fn report(error: &anyhow::Error, json: bool) -> Exit {
     exit
 }
 
+/// An error and what caused it, each said once: some messages hold their causes already.
+fn sentence(error: &anyhow::Error) -> String {
+    let mut said = String::new();
+    for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {
+        if said.is_empty() {
+            said = cause;
+        } else if !said.contains(&cause) {
+            said = format!("{said}: {cause}");
+        }
+    }
+    said
+}
+
 fn told(error: &anyhow::Error) -> Exit {
     if let Some(errors) = error.downcast_ref::<SweepErrors>() {
         let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
         say(&errors.render(colour));
         return Exit::Usage;
     }
-    say(&format!("error: {error:#}"));
+    say(&format!("error: {}", sentence(error)));
     if let Some(kind) = failure_kind(error.as_ref())
         && kind.consequence() == Consequence::StopsAll
     {

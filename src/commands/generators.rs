@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use anyhow::Result;
+use isoflop::figures::Format;
 use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::RunRecord;
@@ -26,7 +27,7 @@ pub fn finish(
     for file in ["laws.json", "prediction.json", "finished.json"] {
         atomic::remove(&folder.file(file))?;
     }
-    let figure = draw(sweep, folder, by_generator)?;
+    let figure = draw(sweep, folder, by_generator, &Format::ALL)?;
     let mut documents = BTreeMap::new();
     for (name, records) in by_generator {
         let own = folder.of_generator(name);

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use anyhow::Result;
-use clap::Args;
-use isoflop::figures::{self, Drawn, FigureInput, LeftOut};
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::{ResultsFolder, frozen_sweep};
 use isoflop::laws::Laws;
@@ -21,15 +21,73 @@ use super::output::Output;
 pub struct PlotArgs {
     /// A sweep's folder
     pub results: PathBuf,
+    /// Draw these figures alone, by the names of their files
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    only: Vec<String>,
+    /// Write files of these kinds alone
+    #[arg(long, value_enum, value_name = "FORMAT", value_delimiter = ',')]
+    format: Vec<FormatArg>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum FormatArg {
+    /// For web pages
+    Svg,
+    /// For slides
+    Png,
+    /// For papers
+    Pdf,
+}
+
+impl From<FormatArg> for Format {
+    fn from(format: FormatArg) -> Self {
+        match format {
+            FormatArg::Svg => Format::Svg,
+            FormatArg::Png => Format::Png,
+            FormatArg::Pdf => Format::Pdf,
+        }
+    }
+}
+
+/// The figure of several generators side by side.
+const SIDE_BY_SIDE: &str = "generators";
+
+/// Which figures are drawn, and as what.
+pub struct Wanted {
+    /// Names; empty for all.
+    only: Vec<String>,
+    formats: Vec<Format>,
+}
+
+impl Wanted {
+    /// All that can be drawn, in every format.
+    pub fn all() -> Self {
+        Self { only: Vec::new(), formats: Format::ALL.to_vec() }
+    }
+
+    fn of(args: &PlotArgs) -> Result<Self> {
+        let names = [&figures::names()[..], &[SIDE_BY_SIDE]].concat();
+        if let Some(name) = args.only.iter().find(|name| !names.contains(&name.as_str())) {
+            bail!("no figure is named {name:?}; there are {}", names.join(", "));
+        }
+        let formats: Vec<Format> = args.format.iter().map(|format| (*format).into()).collect();
+        let formats = if formats.is_empty() { Format::ALL.to_vec() } else { formats };
+        Ok(Self { only: args.only.clone(), formats })
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.only.is_empty() || self.only.iter().any(|only| only == name)
+    }
 }
 
 pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
+    let wanted = Wanted::of(args)?;
     let folder = ResultsFolder::new(&args.results);
     let records = table::read(folder.root())?;
     let by_generator = parted(&records);
     let paths = match by_generator.len() {
-        0 | 1 => of_one_generator(&folder, &records, output)?,
-        _ => of_several_generators(&folder, &by_generator, output)?,
+        0 | 1 => of_one_generator(&folder, &records, &wanted, output)?,
+        _ => of_several_generators(&folder, &by_generator, &wanted, output)?,
     };
     let text: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
     output.result(&json!({ "figures": paths }), &text.join("\n"))?;
@@ -39,23 +97,28 @@ pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
 fn of_one_generator(
     folder: &ResultsFolder,
     records: &[RunRecord],
+    wanted: &Wanted,
     output: &Output,
 ) -> Result<Vec<PathBuf>> {
     let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
     let tokenizers = tokenizers(&home(folder), output)?;
-    Ok(draw(folder, records, laws.as_ref(), &tokenizers, output)?.paths)
+    Ok(draw(folder, records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
 }
 
 /// All of them side by side, then the figures of each.
 fn of_several_generators(
     folder: &ResultsFolder,
     by_generator: &BTreeMap<String, Vec<RunRecord>>,
+    wanted: &Wanted,
     output: &Output,
 ) -> Result<Vec<PathBuf>> {
     let sweep = frozen_sweep(folder)?;
-    let mut paths = Vec::from(draw_side_by_side(&sweep, folder, by_generator)?);
+    let mut paths = match wanted.has(SIDE_BY_SIDE) {
+        true => draw_side_by_side(&sweep, folder, by_generator, &wanted.formats)?,
+        false => Vec::new(),
+    };
     for (name, records) in by_generator {
-        paths.extend(of_one_generator(&folder.of_generator(name), records, output)?);
+        paths.extend(of_one_generator(&folder.of_generator(name), records, wanted, output)?);
     }
     Ok(paths)
 }
@@ -72,16 +135,17 @@ pub fn draw(
     records: &[RunRecord],
     laws: Option<&Laws>,
     tokenizers: &[TokenizerMetrics],
+    wanted: &Wanted,
     output: &Output,
 ) -> Result<Drawn> {
     let name = folder.name();
     let input = FigureInput { title: &name, records, laws, tokenizers };
     let figures = folder.file("figures");
-    let drawn = figures::draw_all(&input, &figures)?;
+    let drawn = figures::draw_all(&input, &figures, |name| wanted.has(name), &wanted.formats)?;
     for LeftOut { name, reason } in &drawn.left_out {
         output.warn(&format!("{name} is left out: {reason}"));
-        for extension in ["svg", "png"] {
-            atomic::remove(&figures.join(format!("{name}.{extension}")))?;
+        for format in Format::ALL {
+            atomic::remove(&figures.join(format!("{name}.{}", format.extension())))?;
         }
     }
     Ok(drawn)

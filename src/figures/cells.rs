@@ -62,6 +62,8 @@ pub struct CellMean {
     pub flops: f64,
     /// L_u, in nats.
     pub loss_normalised: f64,
+    /// Of that mean over the seeds; `None` of one seed.
+    pub standard_error: Option<f64>,
     pub seeds: usize,
 }
 
@@ -113,6 +115,16 @@ impl Cells {
         self.cells.iter().map(|cell| cell.loss_normalised)
     }
 
+    /// The same for a figure with a bar at each point.
+    pub fn bars_remark(&self) -> &'static str {
+        let barred = self.cells.iter().any(|cell| cell.standard_error.is_some());
+        if barred {
+            "Points are means over seeds, bars one standard error."
+        } else {
+            self.seeds_remark()
+        }
+    }
+
     /// How the points came about, for a figure's remarks.
     pub fn seeds_remark(&self) -> &'static str {
         let averaged = self.cells.iter().any(|cell| cell.seeds > 1);
@@ -121,14 +133,18 @@ impl Cells {
 }
 
 fn cell(runs: &[Shown]) -> CellMean {
-    let mean = |of: fn(&Shown) -> f64| runs.iter().map(of).sum::<f64>() / runs.len() as f64;
+    let n = runs.len() as f64;
+    let mean = |of: fn(&Shown) -> f64| runs.iter().map(of).sum::<f64>() / n;
+    let loss = mean(|run| run.loss_normalised);
+    let squares: f64 = runs.iter().map(|run| (run.loss_normalised - loss).powi(2)).sum();
     let first = runs[0].run;
     CellMean {
         model: ModelSize::of(first),
         n_vocab: first.planned.n_vocab,
         budget_flops: first.planned.budget_flops,
         flops: mean(|run| run.flops),
-        loss_normalised: mean(|run| run.loss_normalised),
+        loss_normalised: loss,
+        standard_error: (runs.len() > 1).then(|| (squares / (n * (n - 1.0))).sqrt()),
         seeds: runs.len(),
     }
 }

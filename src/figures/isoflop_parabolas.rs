@@ -5,6 +5,7 @@ use crate::laws::{Laws, Minimum};
 use crate::sweep::MinimumMethod;
 
 use super::axis::{Axis, Scale};
+use super::cells::CellMean;
 use super::colour::INK;
 use super::fitted::outside_remark;
 use super::legend::{Legend, Sample};
@@ -26,6 +27,9 @@ pub fn draw(sources: &Sources) -> Drawing {
     let (mut scene, panels) = page.panels(vec![plot]);
     panels[0].backdrop(&mut scene);
     for (&budget, &look) in cells.budgets.iter().zip(&looks) {
+        for (at, error) in barred(sources, budget) {
+            panels[0].bar(&mut scene, at, error, look.colour);
+        }
         isoflop(&mut scene, &panels[0], &points(sources, budget), look);
     }
     for minimum in minima {
@@ -45,7 +49,7 @@ fn page(sources: &Sources, plot: &Plot, minima: &[&Minimum], looks: &[Look]) -> 
     let hidden = minima.len() - minima.iter().filter(shown).count();
     let remarks = format!(
         "Each model at its best vocabulary; curves are quadratics in ln Nₙᵥ. {}{}",
-        sources.cells.seeds_remark(),
+        sources.cells.bars_remark(),
         outside_remark(hidden)
     );
     let title = sources.title("IsoFLOP curves");
@@ -104,10 +108,15 @@ fn isoflop(scene: &mut Scene, panel: &Panel, points: &[Point], look: Look) {
     }
 }
 
-/// (N_nv, L_u) of each model at a budget, by size.
-fn points(sources: &Sources, budget: f64) -> Vec<Point> {
+/// (N_nv, L_u) of each model at a budget, by size, and the standard error of L_u.
+fn barred(sources: &Sources, budget: f64) -> Vec<(Point, Option<f64>)> {
     let best = sources.cells.best_of_models(budget);
-    best.iter().map(|cell| (cell.model.params_nonvocab as f64, cell.loss_normalised)).collect()
+    let at = |cell: &CellMean| (cell.model.params_nonvocab as f64, cell.loss_normalised);
+    best.iter().map(|cell| (at(cell), cell.standard_error)).collect()
+}
+
+fn points(sources: &Sources, budget: f64) -> Vec<Point> {
+    barred(sources, budget).into_iter().map(|(at, _)| at).collect()
 }
 
 fn point(minimum: &Minimum) -> Point {

@@ -83,11 +83,11 @@ fn describe_floor(law: &FloorLaw) -> String {
         return "Floor law: its exponent runs into a bound, so no floor is identified.".to_owned();
     }
     format!(
-        "Floor law: Lᵤ = {} + {}·(C/C₀)^{}, R² = {:.3}{}.",
+        "Floor law: Lᵤ = {} + {}·(C/C₀)^{}{}{}.",
         signed(law.floor, 3),
         signed(law.coefficient, 3),
         signed(-law.exponent, 3),
-        law.r2,
+        goodness(law.goodness()),
         held_out_error(law.held_out_error)
     )
 }
@@ -97,12 +97,16 @@ fn describe_log(law: &LogLaw) -> String {
         format!(" (95 % interval {} to {})", signed(low, 3), signed(high, 3))
     });
     format!(
-        "Log law: Lᵤ = {}·log₁₀ C + {}{interval}, R² = {:.3}{}.",
+        "Log law: Lᵤ = {}·log₁₀ C + {}{interval}{}{}.",
         signed(law.slope_per_decade, 3),
         signed(law.intercept, 2),
-        law.r2,
+        goodness(law.goodness()),
         held_out_error(law.held_out_error)
     )
+}
+
+fn goodness(r2_and_aic: Option<[f64; 2]>) -> String {
+    r2_and_aic.map_or_else(String::new, |[r2, _]| format!(", R² = {r2:.3}"))
 }
 
 fn held_out_error(error: Option<f64>) -> String {

@@ -37,7 +37,7 @@ fn page(sources: &Sources, looks: &[Look]) -> Page {
     legend.entry(Sample::Mark(best_mark()), "its best cell");
     let remarks = format!(
         "At each budget, a larger vocabulary leaves fewer tokens. {}",
-        sources.cells.seeds_remark()
+        sources.cells.bars_remark()
     );
     let title = sources.title("loss against vocabulary size");
     Page { width: 1000.0, height: 700.0, title, remarks, legend }
@@ -65,7 +65,9 @@ fn series(
     look: Look,
 ) {
     let of_series = |cell: &&CellMean| cell.model == *model && cell.budget_flops == budget;
-    let points: Vec<_> = sources.cells.cells.iter().filter(of_series).map(point).collect();
+    let cells: Vec<&CellMean> = sources.cells.cells.iter().filter(of_series).collect();
+    cells.iter().for_each(|cell| panel.bar(scene, point(cell), cell.standard_error, look.colour));
+    let points: Vec<_> = cells.into_iter().map(point).collect();
     marked_line(scene, panel, &points, look);
 }
 

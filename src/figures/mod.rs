@@ -1,4 +1,4 @@
-//! From a table of runs and its laws to the figures of a paper, as SVG and PNG.
+//! From a table of runs and its laws to the figures of a paper, as SVG, PNG and PDF.
 //!
 //! Each figure is a file of its own: a function from `Sources` to a page (`scene::Scene`) or
 //! to the reason why there is none. To add one, write such a function and name it in
@@ -8,7 +8,7 @@
 //! | --- | --- |
 //! | what is shown | `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
 //! | how a page is laid out | `page`, `panel`, `axis`, `ticks`, `legend`, `series` |
-//! | shapes and files | `scene`, `colour`, `font`, `render`, `write` |
+//! | shapes and files | `scene`, `colour`, `font`, `true_type`, `render`, `pdf`, `write` |
 //!
 //! Motions have pages of their own in [`motion`].
 //!
@@ -22,11 +22,13 @@ mod font;
 mod legend;
 mod page;
 mod panel;
+mod pdf;
 mod quantity;
 mod render;
 mod scene;
 mod series;
 mod ticks;
+mod true_type;
 mod write;
 
 mod codes;
@@ -57,6 +59,7 @@ use crate::tokenizer::{CodeMap, TokenizerMetrics};
 use cells::{Cells, Shown};
 pub use generators::GeneratorRuns;
 use scene::Scene;
+pub use write::Format;
 
 /// What the figures of a sweep are drawn from.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +74,7 @@ pub struct FigureInput<'a> {
 /// What [`draw_all`] wrote, and what it could not show.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Drawn {
-    /// An SVG and a PNG for each figure drawn.
+    /// A file of each format for each figure drawn.
     pub paths: Vec<PathBuf>,
     pub left_out: Vec<LeftOut>,
 }
@@ -123,7 +126,13 @@ const FIGURES: [Figure; 7] = [
     ("tokenizers", tokenizers::draw),
 ];
 
-/// Draws every figure that the input allows into `folder`, as `<name>.svg` and `<name>.png`.
+/// The names of the figures of [`draw_all`].
+pub fn names() -> [&'static str; FIGURES.len()] {
+    FIGURES.map(|(name, _)| name)
+}
+
+/// Draws the figures that are wanted by name and that the input allows into `folder`, as `<name>.svg` and
+/// its kin.
 ///
 /// The folder is made where it is missing; each file appears whole, by rename. The files are
 /// the same, byte for byte, at each call with the same input.
@@ -131,21 +140,26 @@ const FIGURES: [Figure; 7] = [
 /// # Errors
 ///
 /// Where a file cannot be written, or the laws count FLOPs by a rule that no run records.
-pub fn draw_all(input: &FigureInput, folder: &Path) -> Result<Drawn, FigureError> {
+pub fn draw_all(
+    input: &FigureInput,
+    folder: &Path,
+    is_wanted: impl Fn(&str) -> bool,
+    formats: &[Format],
+) -> Result<Drawn, FigureError> {
     let sources = Sources::of(input)?;
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
     let left_out = runs_without_a_place(input.records, sources.rule);
     let mut drawn = Drawn { paths: Vec::new(), left_out };
-    for (name, draw) in FIGURES {
+    for (name, draw) in FIGURES.into_iter().filter(|(name, _)| is_wanted(name)) {
         match draw(&sources) {
-            Ok(scene) => drawn.paths.extend(write::figure(&scene, folder, name)?),
+            Ok(scene) => drawn.paths.extend(write::figure(&scene, folder, name, formats)?),
             Err(reason) => drawn.left_out.push(LeftOut { name: name.to_owned(), reason }),
         }
     }
     Ok(drawn)
 }
 
-/// Draws several generators side by side, as `generators.svg` and `generators.png`; gives their paths.
+/// Draws several generators side by side, as `generators.svg` and its kin; gives their paths.
 ///
 /// # Errors
 ///
@@ -155,15 +169,16 @@ pub fn draw_generators(
     generators: &[GeneratorRuns],
     rule: FlopsRule,
     folder: &Path,
-) -> Result<[PathBuf; 2], FigureError> {
+    formats: &[Format],
+) -> Result<Vec<PathBuf>, FigureError> {
     const NAME: &str = "generators";
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
     let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
     let scene = generators::draw(sweep, generators, rule).map_err(failed)?;
-    write::figure(&scene, folder, NAME)
+    write::figure(&scene, folder, NAME, formats)
 }
 
-/// Draws the optima of several studies side by side, as `compare.svg` and `compare.png`; gives their paths.
+/// Draws the optima of several studies side by side, as `compare.svg` and its kin; gives their paths.
 ///
 /// # Errors
 ///
@@ -171,14 +186,14 @@ pub fn draw_generators(
 pub fn draw_compared(
     studies: &[(&str, &Laws)],
     folder: &Path,
-) -> Result<[PathBuf; 2], FigureError> {
+) -> Result<Vec<PathBuf>, FigureError> {
     const NAME: &str = "compare";
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
     let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
-    write::figure(&compare::draw(studies).map_err(failed)?, folder, NAME)
+    write::figure(&compare::draw(studies).map_err(failed)?, folder, NAME, &Format::ALL)
 }
 
-/// Draws the quality of scored runs against their loss, as `quality.svg` and `quality.png`; gives their
+/// Draws the quality of scored runs against their loss, as `quality.svg` and its kin; gives their
 /// paths.
 ///
 /// # Errors
@@ -188,14 +203,14 @@ pub fn draw_quality(
     sweep: &str,
     rows: &[Quality],
     folder: &Path,
-) -> Result<[PathBuf; 2], FigureError> {
+) -> Result<Vec<PathBuf>, FigureError> {
     const NAME: &str = "quality";
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
     let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
-    write::figure(&quality::draw(sweep, rows).map_err(failed)?, folder, NAME)
+    write::figure(&quality::draw(sweep, rows).map_err(failed)?, folder, NAME, &Format::ALL)
 }
 
-/// Draws the codes of a tokenizer as `<name>.svg` and `<name>.png`; gives their paths.
+/// Draws the codes of a tokenizer as `<name>.svg` and its kin; gives their paths.
 ///
 /// # Errors
 ///
@@ -205,10 +220,10 @@ pub fn draw_codes(
     map: &CodeMap,
     folder: &Path,
     name: &str,
-) -> Result<[PathBuf; 2], FigureError> {
+) -> Result<Vec<PathBuf>, FigureError> {
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
     let failed = |message| FigureError::Draw { name: name.to_owned(), message };
-    write::figure(&codes::draw(title, map).map_err(failed)?, folder, name)
+    write::figure(&codes::draw(title, map).map_err(failed)?, folder, name, &Format::ALL)
 }
 
 impl<'a> Sources<'a> {

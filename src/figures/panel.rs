@@ -6,6 +6,8 @@ use super::font::Weight;
 use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text};
 
 const TICK_LENGTH: f64 = 5.0;
+/// Width of an error bar.
+const BAR: f64 = 1.2;
 const MINOR_TICK_LENGTH: f64 = 3.0;
 /// Panels narrower than this have smaller marks.
 const SMALL: f64 = 260.0;
@@ -136,6 +138,13 @@ impl Panel {
         let (first, last) = (self.x.share(from), self.x.share(to));
         let step = (last - first) / CURVE_POINTS as f64;
         (0..=CURVE_POINTS).map(move |i| self.x.value(first + step * i as f64))
+    }
+
+    /// A bar of one standard error to either side of a point, where it is known.
+    pub fn bar(&self, scene: &mut Scene, (x, y): Point, error: Option<f64>, colour: Rgb) {
+        if let Some(error) = error {
+            self.line(scene, &[(x, y - error), (x, y + error)], Stroke::solid(colour, BAR));
+        }
     }
 
     /// A marker at a data point; one outside the frame is not drawn.

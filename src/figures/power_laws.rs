@@ -78,7 +78,8 @@ impl Quantity {
         let interval = law.exponent_ci95.map_or("no interval".to_owned(), |[low, high]| {
             format!("95 % interval {} to {}", signed(low, 3), signed(high, 3))
         });
-        vec![exponent, format!("{interval}, R² = {:.3}", law.r2)]
+        let r2 = law.told_r2().map_or_else(String::new, |r2| format!(", R² = {r2:.3}"));
+        vec![exponent, interval + &r2]
     }
 
     fn draw(&self, scene: &mut Scene, panel: &Panel, laws: &Laws, minima: &[(&Minimum, Role)]) {

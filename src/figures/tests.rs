@@ -9,7 +9,7 @@ use simulated::Simulated;
 
 fn drawn(input: &FigureInput) -> (tempfile::TempDir, Drawn) {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let drawn = draw_all(input, folder.path()).expect("figures are drawn");
+    let drawn = draw_all(input, folder.path(), |_| true, &Format::ALL).expect("figures are drawn");
     (folder, drawn)
 }
 
@@ -18,7 +18,7 @@ fn left_out(input: &FigureInput) -> Vec<String> {
 }
 
 #[test]
-fn every_figure_of_a_whole_sweep_is_drawn_as_svg_and_png() {
+fn every_figure_of_a_whole_sweep_is_drawn_in_every_format() {
     let sweep = simulated::sweep();
     let (folder, drawn) = drawn(&sweep.input());
     assert_eq!(drawn.left_out, []);
@@ -29,6 +29,8 @@ fn every_figure_of_a_whole_sweep_is_drawn_as_svg_and_png() {
         let png = fs::read(folder.path().join(format!("{name}.png"))).unwrap();
         assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n", "{name}");
         assert!(png_is_twice_the_svg(&png, &svg), "{name}");
+        let pdf = fs::read(folder.path().join(format!("{name}.pdf"))).unwrap();
+        assert!(pdf.starts_with(b"%PDF-"), "{name}");
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), drawn.paths.len());
 }
@@ -42,7 +44,7 @@ fn png_is_twice_the_svg(png: &[u8], svg: &str) -> bool {
 fn drawing_again_gives_the_same_bytes() {
     let sweep = simulated::sweep();
     let (first, second) = (drawn(&sweep.input()), drawn(&sweep.input()));
-    assert_eq!(first.1.paths.len(), 2 * FIGURES.len());
+    assert_eq!(first.1.paths.len(), Format::ALL.len() * FIGURES.len());
     for (a, b) in first.1.paths.iter().zip(&second.1.paths) {
         assert_eq!(a.file_name(), b.file_name());
         assert!(fs::read(a).unwrap() == fs::read(b).unwrap(), "{}", a.display());
@@ -125,7 +127,7 @@ fn a_rule_that_no_run_records_is_refused() {
     let mut sweep = simulated::sweep();
     sweep.laws.flops_rule = "guess".to_owned();
     let folder = tempfile::tempdir().unwrap();
-    let error = draw_all(&sweep.input(), folder.path()).unwrap_err();
+    let error = draw_all(&sweep.input(), folder.path(), |_| true, &Format::ALL).unwrap_err();
     assert!(matches!(error, FigureError::UnknownRule { rule } if rule == "guess"));
 }
 
@@ -188,7 +190,8 @@ fn gallery() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/gallery");
     for (name, records) in [("sweep", &sweep.records), ("large", &many), ("plain", &one_vocab)] {
         let input = FigureInput { records, ..sweep.input() };
-        let drawn = draw_all(&input, &folder.join(name)).expect("figures are drawn");
+        let drawn = draw_all(&input, &folder.join(name), |_| true, &Format::ALL)
+            .expect("figures are drawn");
         assert!(drawn.paths.len() >= 2 * (FIGURES.len() - 1));
     }
 }

@@ -3,17 +3,56 @@
 use std::path::{Path, PathBuf};
 
 use super::FigureError;
-use super::render;
+use super::pdf;
+use super::render::{self, DrawError};
 use super::scene::Scene;
 use crate::files::atomic;
 
-/// Writes `<name>.svg` and `<name>.png`; returns both paths.
-pub fn figure(scene: &Scene, folder: &Path, name: &str) -> Result<[PathBuf; 2], FigureError> {
+/// A kind of file that a figure is written as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Text that can be selected, lines of any size: for pages.
+    Svg,
+    /// Pixels, twice those of the page: for slides and chats.
+    Png,
+    /// Text and lines with the typeface within: for papers.
+    Pdf,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Format; 3] = [Format::Svg, Format::Png, Format::Pdf];
+
+    /// How the names of its files end.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Format::Svg => "svg",
+            Format::Png => "png",
+            Format::Pdf => "pdf",
+        }
+    }
+
+    fn bytes(self, scene: &Scene) -> Result<Vec<u8>, DrawError> {
+        match self {
+            Format::Svg => render::svg(scene).map(String::into_bytes),
+            Format::Png => render::png(scene),
+            Format::Pdf => pdf::pdf(scene),
+        }
+    }
+}
+
+/// Writes `<name>.svg` and its kin; returns their paths.
+pub fn figure(
+    scene: &Scene,
+    folder: &Path,
+    name: &str,
+    formats: &[Format],
+) -> Result<Vec<PathBuf>, FigureError> {
     let failed = |message| FigureError::Draw { name: name.to_owned(), message };
-    let document = render::svg(scene).map_err(failed)?;
-    let pixels = render::png(scene).map_err(failed)?;
-    let (svg, png) = (folder.join(format!("{name}.svg")), folder.join(format!("{name}.png")));
-    atomic::write_bytes(&svg, document.as_bytes())?;
-    atomic::write_bytes(&png, &pixels)?;
-    Ok([svg, png])
+    let one = |format: &Format| {
+        let path = folder.join(format!("{name}.{}", format.extension()));
+        atomic::write_bytes(&path, &format.bytes(scene).map_err(failed)?)?;
+        Ok(path)
+    };
+    formats.iter().map(one).collect()
 }

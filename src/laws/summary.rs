@@ -5,7 +5,8 @@ use super::parametric::parametric_text;
 use super::summary_checks::{advice, unseen_budgets};
 use super::text::{count, short, wrap};
 use super::{
-    HeldOut, Laws, Minimum, NoiseSource, Parameters, PowerLaw, RunNoise, Sensitivity, verdict,
+    FloorLaw, HeldOut, Laws, LogLaw, Minimum, NoiseSource, Parameters, PowerLaw, RunNoise,
+    Sensitivity, verdict,
 };
 
 /// The verdict, the coefficients of a parametric loss, laws with intervals, minima with flags, loss
@@ -15,7 +16,14 @@ pub fn summary(laws: &Laws) -> String {
     let mut text: String = verdict(laws).iter().map(|sentence| wrap("", sentence)).collect();
     text += &laws.parametric.as_ref().map_or_else(String::new, parametric_text);
     text += "\n";
-    text += &wrap("", &format!("C0 = {}{}", count(laws.reference_flops), noise(laws)));
+    text += &wrap(
+        "",
+        &format!(
+            "C0 = {} FLOPs, the middle of the fitted budgets{}",
+            count(laws.reference_flops),
+            noise(laws)
+        ),
+    );
     text += &power_laws(laws);
     text += &loss_laws(laws);
     text += &minima(laws);
@@ -66,11 +74,8 @@ fn absent(name: &str) -> String {
 
 fn power(name: &str, law: &PowerLaw, laws: &Laws) -> String {
     // A law that follows from a parametric loss goes through no points of its own.
-    let r2 = if law.n == 0 || laws.parametric.is_some() {
-        "-".to_string()
-    } else {
-        format!("{:.4}", law.r2)
-    };
+    let r2 = law.told_r2().filter(|_| laws.parametric.is_none());
+    let r2 = r2.map_or_else(|| "-".to_string(), |r2| format!("{r2:.4}"));
     format!(
         "{name:<14}{:>10.4}{:>18}{:>14.4}{:>12}{r2:>8}{:>4}\n",
         law.exponent,
@@ -90,7 +95,7 @@ fn loss_laws(laws: &Laws) -> String {
     let mut text = format!("\n{:<50}{:>8}{:>9}{:>13}\n", "loss law", "R2", "AIC", "held-out err");
     if let Some(law) = &laws.loss.log {
         let formula = format!("{loss} = {:.4} log10 C {:+.4}", law.slope_per_decade, law.intercept);
-        text += &loss_row(&formula, law.n, law.r2, law.aic, law.held_out_error);
+        text += &loss_row(&formula, law.goodness(), law.held_out_error);
         if let Some([low, high]) = law.slope_ci95 {
             text += &format!("    95 % interval of the slope {low:.4}..{high:.4}\n");
         }
@@ -102,7 +107,7 @@ fn loss_laws(laws: &Laws) -> String {
             Signed(law.coefficient),
             law.exponent
         );
-        text += &loss_row(&formula, law.n, law.r2, law.aic, law.held_out_error);
+        text += &loss_row(&formula, law.goodness(), law.held_out_error);
         if let (Some([low, high]), Some(_)) = (law.floor_ci95, law.exponent_ci95) {
             text += &format!(
                 "    95 % interval of the floor {}..{}, of the exponent {}\n",
@@ -112,7 +117,17 @@ fn loss_laws(laws: &Laws) -> String {
             );
         }
     }
-    text
+    text + &about_aic(laws)
+}
+
+/// What the column AIC is, where it says something.
+fn about_aic(laws: &Laws) -> String {
+    let of_log = laws.loss.log.as_ref().and_then(LogLaw::goodness);
+    let of_floor = laws.loss.floor.as_ref().and_then(FloorLaw::goodness);
+    match of_log.and(of_floor) {
+        Some(_) => "AIC: lower is better; a difference of 2 says little\n".to_string(),
+        None => String::new(),
+    }
 }
 
 /// Four decimals, or scientific where that would be wide.
@@ -129,10 +144,10 @@ impl std::fmt::Display for Signed {
     }
 }
 
-fn loss_row(formula: &str, n: usize, r2: f64, aic: f64, held_out_error: Option<f64>) -> String {
-    let (r2, aic) = match n {
-        0 => ("-".into(), "-".into()),
-        _ => (format!("{r2:.4}"), format!("{aic:.1}")),
+fn loss_row(formula: &str, goodness: Option<[f64; 2]>, held_out_error: Option<f64>) -> String {
+    let (r2, aic) = match goodness {
+        None => ("-".into(), "-".into()),
+        Some([r2, aic]) => (format!("{r2:.4}"), format!("{aic:.1}")),
     };
     let error = held_out_error.map_or_else(|| "-".into(), |error| format!("{error:+.4}"));
     format!("{formula:<50}{r2:>8}{aic:>9}{error:>13}\n")

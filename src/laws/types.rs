@@ -117,6 +117,13 @@ pub struct PowerLaw {
     pub n: usize,
 }
 
+impl PowerLaw {
+    /// R², where it says something: a line goes through any two points.
+    pub fn told_r2(&self) -> Option<f64> {
+        (self.n > 2).then_some(self.r2)
+    }
+}
+
 /// L_u = `slope_per_decade` · log10 C + `intercept` (ScaMo Eq. 14).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogLaw {
@@ -130,6 +137,13 @@ pub struct LogLaw {
     #[serde(default)]
     pub intercept_ci95: Option<[f64; 2]>,
     pub n: usize,
+}
+
+impl LogLaw {
+    /// R² and AIC, where they say something: a line goes through any two points.
+    pub fn goodness(&self) -> Option<[f64; 2]> {
+        (self.n > 2).then_some([self.r2, self.aic])
+    }
 }
 
 /// L_u = `floor` + `coefficient` · (C / C0)^(−`exponent`), C0 = [`Laws::reference_flops`].
@@ -149,6 +163,13 @@ pub struct FloorLaw {
     #[serde(default)]
     pub exponent_ci95: Option<[f64; 2]>,
     pub n: usize,
+}
+
+impl FloorLaw {
+    /// R² and AIC, where they say something: some such law goes through almost any three points.
+    pub fn goodness(&self) -> Option<[f64; 2]> {
+        (self.n > 3).then_some([self.r2, self.aic])
+    }
 }
 
 /// The two loss laws, always side by side.

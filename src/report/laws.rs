@@ -50,7 +50,7 @@ fn powers(laws: &Laws) -> Vec<Vec<String>> {
     let row = |(name, law, before): (&str, &Option<PowerLaw>, &Option<PowerLaw>)| {
         let law = law.as_ref()?;
         let before = before.as_ref().filter(|_| laws.refit.is_some());
-        let fit = if law.n > 0 { thousandths(law.r2) } else { String::new() };
+        let fit = law.told_r2().map(thousandths).unwrap_or_default();
         let mut cells = vec![
             name.to_string(),
             thousandths(law.exponent),

@@ -19,7 +19,7 @@ fn two_studies_are_told_apart_where_their_intervals_allow() {
     }
     assert!(said.contains("L_u is of each study's own codes"), "{said}");
     assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
-    assert_eq!(place.names("figures"), ["compare.png", "compare.svg"]);
+    assert_eq!(place.names("figures"), ["compare.pdf", "compare.png", "compare.svg"]);
     let found = place.isoflop(&["compare", &a, &b, "--json"]).exits(0).json();
     let quantity = &found["quantities"][0];
     let value = |i: usize| quantity["estimates"][i]["value"].as_f64().expect("a number");

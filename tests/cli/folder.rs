@@ -30,7 +30,7 @@ fn a_finished_sweep_leaves_every_file_that_was_promised() {
         "tokenizers",
         "vocab_vs_nonvocab",
     ] {
-        for extension in ["svg", "png"] {
+        for extension in ["svg", "png", "pdf"] {
             assert!(figures.contains(&format!("{name}.{extension}")), "{name} not in {figures:?}");
         }
     }

@@ -46,7 +46,7 @@ fn a_sweep_with_laws_has_their_figures_and_predictions() {
         "loss_vs_budget",
         "power_laws",
     ] {
-        for extension in ["svg", "png"] {
+        for extension in ["svg", "png", "pdf"] {
             assert!(figures.contains(&format!("{name}.{extension}")), "{name} not in {figures:?}");
         }
     }
@@ -104,7 +104,7 @@ fn figures_are_drawn_again_from_table_and_laws_alone_byte_for_byte() {
         .into_iter()
         .map(|n| (n.clone(), place.read(&format!("results/lawful/figures/{n}"))))
         .collect::<Vec<_>>();
-    assert_eq!(by_run.len(), 12);
+    assert_eq!(by_run.len(), 6 * 3, "six figures, each as SVG, PNG and PDF");
     assert!(drawn("results/lawful") == by_run, "`plot` draws other bytes than `run`");
     assert!(drawn("copy/lawful") == by_run, "the copy's figures differ");
 }
@@ -194,4 +194,18 @@ fn the_published_law_needs_no_files() {
     assert!((number(&prediction["loss_normalised"]) + 5.277).abs() < 1e-3, "{prediction}");
     assert!((number(&prediction["spends_flops"]) / 1.66e18 - 1.0).abs() < 0.01, "{prediction}");
     assert!(!prediction["warnings"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn one_figure_can_be_drawn_as_one_kind_of_file() {
+    let place = fitted();
+    fs::remove_dir_all(place.path("results/lawful/figures")).unwrap();
+    let plot = ["plot", "results/lawful", "--only", "power_laws,loss_vs_flops", "--format", "pdf"];
+    place.isoflop(&plot).exits(0);
+    assert_eq!(place.names("results/lawful/figures"), ["loss_vs_flops.pdf", "power_laws.pdf"]);
+    let drawn = place.read("results/lawful/figures/power_laws.pdf");
+    place.isoflop(&plot).exits(0);
+    assert_eq!(drawn, place.read("results/lawful/figures/power_laws.pdf"), "the same bytes");
+    let slip = place.isoflop(&["plot", "results/lawful", "--only", "power_law"]);
+    slip.exits(2).says("no figure is named \"power_law\"").says("vocab_vs_nonvocab");
 }

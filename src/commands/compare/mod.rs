@@ -28,7 +28,7 @@ pub struct CompareArgs {
     /// The budget in FLOPs at which optima are compared; by default the largest one fitted
     #[arg(long, value_parser = budget)]
     budget: Option<f64>,
-    /// The folder to draw compare.svg and compare.png into
+    /// The folder to draw compare.svg and its kin into
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -57,7 +57,7 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-fn draw(studies: &[Study], out: &Path) -> Result<[PathBuf; 2]> {
+fn draw(studies: &[Study], out: &Path) -> Result<Vec<PathBuf>> {
     let named: Vec<(&str, &Laws)> =
         studies.iter().map(|study| (&*study.name, &study.laws)).collect();
     Ok(draw_compared(&named, out)?)

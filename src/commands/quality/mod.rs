@@ -42,7 +42,7 @@ impl Scored {
         }
         write_scores(folder.root(), &rows)?;
         let figures = match draw_quality(&folder.name(), &rows, &folder.file("figures")) {
-            Ok(paths) => paths.to_vec(),
+            Ok(paths) => paths,
             Err(error) => {
                 output.warn(&error.to_string());
                 Vec::new()
