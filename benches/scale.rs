@@ -59,6 +59,7 @@ fn record(run_id: &str) -> RunRecord {
         generator: Some("autoregressive".to_string()),
         tokenizer_kind: Some("convolutional".to_string()),
         quantizer: Some("fsq".to_string()),
+        varied: None,
     };
     RunRecord::new(planned, measured(), metrics())
 }

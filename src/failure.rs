@@ -1,4 +1,13 @@
 //! [`Failure`]: why a job has no result, in a word, a sentence and the last lines of its log.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::failure::FailureKind;
+//!
+//! // What a person can do about it, where that is known.
+//! assert!(FailureKind::DiskFull.advice().is_some());
+//! ```
 
 use std::io;
 

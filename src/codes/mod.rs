@@ -1,4 +1,13 @@
 //! The codes of a data set: what lies between a tokenizer and a generator.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::codes::CodeHistogram;
+//!
+//! let histogram = CodeHistogram::new(4, &[0, 1, 1, 2]);
+//! assert_eq!(histogram.utilisation(), 0.75); // three of four codes are met
+//! ```
 
 mod clip_codes;
 mod histogram;

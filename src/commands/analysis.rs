@@ -1,11 +1,11 @@
 //! What follows from records: table, laws, figures, predictions.
 
 use anyhow::Result;
-use isoflop::figures::Drawn;
+use isoflop::figures::{Drawn, Format};
 use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
-use isoflop::record::{RunRecord, table};
+use isoflop::record::{RunRecord, Tuned, table};
 use isoflop::sweep::Sweep;
 use isoflop::tokenizer::remarks;
 use serde_json::json;
@@ -38,10 +38,18 @@ fn analyse(
 ) -> Result<Finished> {
     let n_warned = output.warned().len();
     table::write(folder.root(), records)?;
-    let laws = write_laws(sweep, folder, records, output)?;
+    let tuned = Tuned::of(records);
+    tuned.told.iter().for_each(|told| output.warn(told));
+    let laws = write_laws(sweep, folder, &tuned.records, output)?;
     let tokenizers = plot::tokenizers(home, output)?;
-    let drawn =
-        plot::draw(folder, records, laws.as_ref(), &tokenizers, &plot::Wanted::all(), output)?;
+    let drawn = plot::draw(
+        folder,
+        &tuned.records,
+        laws.as_ref(),
+        &tokenizers,
+        &plot::Wanted::all(),
+        output,
+    )?;
     remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
     let predictions = match &laws {
         Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,
@@ -98,7 +106,7 @@ fn story(
         "{}: {} finished runs in {root}/runs.parquet\n{} figures in {root}/figures",
         sweep.name,
         records.len(),
-        drawn.paths.len() / 2
+        drawn.paths.len() / Format::ALL.len()
     ));
     parts.join("\n")
 }

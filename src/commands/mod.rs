@@ -3,6 +3,7 @@
 mod analyse;
 mod analysis;
 mod args;
+mod buildable;
 mod by_generator;
 mod cancel;
 mod command_line;

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 
 use isoflop::engine::Tell;
+use isoflop::laws::fit_to_terminal;
 use tracing_subscriber::EnvFilter;
 
 use super::args::Common;
@@ -34,6 +35,9 @@ impl Output {
             .without_time()
             .log_internal_errors(false)
             .try_init();
+        if let Some((columns, _)) = terminal_size::terminal_size_of(std::io::stdout()) {
+            fit_to_terminal(columns.0.into());
+        }
         Self {
             json: common.json,
             quiet: common.quiet,

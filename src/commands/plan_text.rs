@@ -79,6 +79,9 @@ fn head(out: &mut String, plan: &Plan, states: &RunStates) {
         );
         plan.data.members.iter().for_each(|member| *out += &wrap("  ", &told(member)));
     }
+    if plan.n_variants > 1 {
+        *out += &wrap("", &format!("each cell in {} variants, of grid.vary", plan.n_variants));
+    }
     if !plan.renamed.is_empty() {
         *out += &wrap("", &vocabularies(&plan.renamed));
     }

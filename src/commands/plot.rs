@@ -9,7 +9,7 @@ use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::{ResultsFolder, frozen_sweep};
 use isoflop::laws::Laws;
-use isoflop::record::{RunRecord, table};
+use isoflop::record::{RunRecord, Tuned, table};
 use isoflop::tokenizer::TokenizerMetrics;
 use serde_json::json;
 
@@ -102,7 +102,8 @@ fn of_one_generator(
 ) -> Result<Vec<PathBuf>> {
     let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
     let tokenizers = tokenizers(&home(folder), output)?;
-    Ok(draw(folder, records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
+    let tuned = Tuned::of(records);
+    Ok(draw(folder, &tuned.records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
 }
 
 /// All of them side by side, then the figures of each.

@@ -1,4 +1,21 @@
 //! Clips with captions, from a folder in the HumanML3D layout or from the procedural generator.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::data::{self, Split};
+//! use isoflop::motion::N_FEATURES;
+//! use isoflop::sweep::{Clips, DataSection};
+//!
+//! // The built-in procedural motion: eight clips to train on.
+//! let section = DataSection { clips: Clips::Count(8), ..DataSection::default() };
+//! let source = data::open(&section, None)?;
+//! assert_eq!(source.n_clips(Split::Train), 8);
+//! let features = source.features(Split::Train, 0)?;
+//! assert_eq!(features.len(), source.n_frames(Split::Train, 0) * N_FEATURES);
+//! println!("{}", source.captions(Split::Train, 0)[0]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod captions;
 mod check;

@@ -2,6 +2,15 @@
 //!
 //! An [`Engine`] takes jobs, tells how far they are and ends them. [`ENGINES`] lists them; commands
 //! iterate, and name none.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::engine::{ENGINES, engine};
+//!
+//! assert!(engine("slurm").is_some() && engine("cloud").is_none());
+//! assert_eq!(ENGINES[0].name(), "local");
+//! ```
 
 mod contract;
 mod engine_state;

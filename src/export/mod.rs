@@ -1,4 +1,13 @@
 //! A sweep's results in forms for other programs.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::export::{NotebookInput, notebook};
+//!
+//! let input = NotebookInput { name: "first", results: "../results/first" };
+//! assert_eq!(notebook(&input)["nbformat"], 4);
+//! ```
 
 mod notebook;
 mod tensorboard;

@@ -13,6 +13,22 @@
 //! Motions have pages of their own in [`motion`].
 //!
 //! The same input gives the same bytes: the typeface is in the binary, and a page holds no time.
+//!
+//! # Example
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use isoflop::figures::{FigureInput, Format, draw_all};
+//! use isoflop::record::table;
+//!
+//! let records = table::read(Path::new("results/cmu-motion"))?;
+//! let input = FigureInput { title: "cmu-motion", records: &records, laws: None, tokenizers: &[] };
+//! let folder = tempfile::tempdir()?;
+//! let drawn = draw_all(&input, folder.path(), |name| name == "loss_vs_flops", &[Format::Pdf])?;
+//! assert!(drawn.paths[0].ends_with("loss_vs_flops.pdf"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod axis;
 mod cells;

@@ -1,4 +1,17 @@
 //! Files: written whole, by rename; mapped; read as JSON; set aside where they are damaged.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::files::{atomic, read_if_there};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("budget.json");
+//! assert_eq!(read_if_there::<f64>(&path)?, None);
+//! atomic::write_json(&path, &1e18)?; // whole, by rename
+//! assert_eq!(read_if_there(&path)?, Some(1e18));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod atomic;
 pub mod columns;

@@ -2,6 +2,22 @@
 //!
 //! A [`Kind`] says what it makes, where, from what, at what cost, and does it. [`KINDS`] lists them;
 //! engines and commands iterate, and name none.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::data::DataFacts;
+//! use isoflop::jobs::all_jobs;
+//! use isoflop::plan::Plan;
+//! use isoflop::sweep;
+//!
+//! let text = "name: first\ngrid: {models: scamo, vocab: [256], budgets: [1e18]}\n";
+//! let sweep = sweep::parse("first.yaml", text, &[])?;
+//! let plan = Plan::new(&sweep, DataFacts::absent("no motion yet".to_string()));
+//! // Captions, a tokenizer and its codes come before the runs.
+//! assert!(all_jobs(&plan).count() > plan.runs.len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod adopt;
 mod assignment;

@@ -161,6 +161,7 @@ fn subject(
         generator: Some(spec.generator.name().to_string()),
         tokenizer_kind: tokenizer.as_ref().map(|job| job.spec.architecture.name().to_string()),
         quantizer: tokenizer.map(|job| job.spec.quantizer.name().to_string()),
+        varied: spec.varied.clone(),
     };
     (planned, price)
 }

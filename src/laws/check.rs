@@ -53,14 +53,15 @@ pub(super) fn metric(points: &[IsoFlopPoint]) -> Result<Metric, FitError> {
     }
 }
 
-/// A sentence for every cell and seed that more than one row holds.
+/// A sentence for every cell, tokenizer and seed that more than one row holds.
 ///
 /// Repeats of one seed are averaged like seeds, which is wrong where they differ by a setting that
 /// the table does not show, such as the learning rate.
 pub(super) fn repeats(points: &[IsoFlopPoint]) -> Option<String> {
     let mut rows: Vec<_> = points.iter().collect();
-    rows.sort_by(|a, b| compare(&key(a), &key(b)).then(a.seed.cmp(&b.seed)));
-    let groups = rows.chunk_by(|a, b| key(a) == key(b) && a.seed == b.seed);
+    let own = |p: &IsoFlopPoint| (p.seed, p.about.tokenizer.clone());
+    rows.sort_by(|a, b| compare(&key(a), &key(b)).then_with(|| own(a).cmp(&own(b))));
+    let groups = rows.chunk_by(|a, b| key(a) == key(b) && own(a) == own(b));
     let repeated: Vec<_> = groups.filter(|g| g.len() > 1).map(|g| g[1].run_id.as_str()).collect();
     let first = repeated.first()?;
     Some(format!(

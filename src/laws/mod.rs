@@ -17,6 +17,39 @@
 //! | the frontier of loss in compute, and its laws | [`frontier()`], [`tao::frontier_laws`] |
 //! | N_v in N_nv by the derivative of the compute | [`tao::derivative_gamma`] |
 //! | for a person | [`verdict()`], [`summary()`] |
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::laws::{FitOptions, IsoFlopPoint, Metric, RunFacts, fit};
+//!
+//! // Runs whose best size is 0.1 √C: at each budget the loss is a parabola in ln N around it.
+//! let mut points = Vec::new();
+//! for budget in [1e16, 1e17, 1e18_f64] {
+//!     for step in -3..=3 {
+//!         let ratio = 2f64.powi(step);
+//!         let params = 0.1 * budget.sqrt() * ratio;
+//!         points.push(IsoFlopPoint {
+//!             run_id: format!("{budget:e} {step}"),
+//!             seed: 0,
+//!             budget_flops: budget,
+//!             flops: budget,
+//!             params_nonvocab: params,
+//!             params_vocab: 0.5 * params,
+//!             n_vocab: 256.0,
+//!             tokens: budget / (6.0 * 1.5 * params),
+//!             metric: Metric::default(),
+//!             loss: -0.1 * budget.log10() + 0.02 * ratio.ln().powi(2),
+//!             weight: 1.0,
+//!             about: RunFacts::default(),
+//!         });
+//!     }
+//! }
+//! let laws = fit(&points, &FitOptions::default())?;
+//! let law = laws.power_laws.params_nonvocab.expect("three budgets have minima");
+//! assert!((law.exponent - 0.5).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod advice;
 mod advice_grid;
@@ -106,7 +139,7 @@ pub use scamo::scamo;
 pub use sensitivity::sensitivity_row;
 pub(crate) use stats::interval95;
 pub use summary::summary;
-pub use text::wrap;
+pub use text::{fit_to_terminal, wrap};
 pub use tokenizer_noise::TokenizerNoise;
 pub use types::*;
 

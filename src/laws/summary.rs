@@ -29,7 +29,7 @@ pub fn summary(laws: &Laws) -> String {
     text += &minima(laws);
     text += &unseen_budgets(laws);
     text += &sensitivity(laws);
-    text += &advice(&laws.advice);
+    text += &advice(laws);
     text += &warnings(&laws.warnings);
     text
 }

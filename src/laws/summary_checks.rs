@@ -40,12 +40,20 @@ fn unseen(row: &Validation) -> String {
 }
 
 /// What to run next, one item an advice; empty where there is none.
-pub(super) fn advice(advice: &[Advice]) -> String {
+pub(super) fn advice(laws: &Laws) -> String {
+    let advice = &laws.advice;
     if advice.is_empty() {
         return String::new();
     }
     let line = |advice: &Advice| wrap("  - ", &advised(advice));
-    "\nwhat to run next\n".to_string() + &advice.iter().map(line).collect::<String>()
+    let file = match laws.from_sweep {
+        true => wrap(
+            "  ",
+            "--next FILE writes this as a sweep, with models and codebooks that can be built.",
+        ),
+        false => String::new(),
+    };
+    "\nwhat to run next\n".to_string() + &advice.iter().map(line).collect::<String>() + &file
 }
 
 fn advised(advice: &Advice) -> String {

@@ -1,7 +1,21 @@
-//! Numbers and sentences for an 80-column terminal.
+//! Numbers and sentences for a terminal.
 
-/// Columns of a terminal line.
+use std::ops::RangeInclusive;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Columns of a line where no terminal is known, and of every table.
 pub const COLUMNS: usize = 80;
+/// Columns of a line that can be read.
+const READABLE: RangeInclusive<usize> = 60..=120;
+
+/// Columns that sentences are broken at.
+static WIDTH: AtomicUsize = AtomicUsize::new(COLUMNS);
+
+/// Breaks all sentences from now on at the columns of a terminal, at 60 or 120 where it is narrower or
+/// wider; the program says so once, where its results go to a terminal.
+pub fn fit_to_terminal(columns: usize) {
+    WIDTH.store(columns.clamp(*READABLE.start(), *READABLE.end()), Ordering::Relaxed);
+}
 
 /// `x` in scientific notation with at most `digits` after the point, trailing zeros left out.
 pub(crate) fn short(x: f64, digits: usize) -> String {
@@ -20,15 +34,19 @@ pub(crate) fn count(x: f64) -> String {
     short(x, 3)
 }
 
-/// `sentence` broken at spaces into lines of at most `COLUMNS`, the first after `bullet`, the
-/// others indented as far; a single longer word stays whole. Ends with a newline.
+/// `sentence` broken at spaces into lines of a terminal, 80 columns where none is known, the first after
+/// `bullet`, the others indented as far; a single longer word stays whole. Ends with a newline.
 pub fn wrap(bullet: &str, sentence: &str) -> String {
+    broken(bullet, sentence, WIDTH.load(Ordering::Relaxed))
+}
+
+fn broken(bullet: &str, sentence: &str, columns: usize) -> String {
     let indent = " ".repeat(bullet.chars().count());
     let mut lines = vec![bullet.to_string()];
     let mut width = indent.len();
     for word in sentence.split_whitespace() {
         let empty = width == indent.len();
-        if !empty && width + 1 + word.chars().count() > COLUMNS {
+        if !empty && width + 1 + word.chars().count() > columns {
             lines.push(format!("{indent}{word}"));
             width = indent.len() + word.chars().count();
         } else {
@@ -44,6 +62,15 @@ pub fn wrap(bullet: &str, sentence: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_are_as_wide_as_asked() {
+        let sentence = "law ".repeat(60);
+        for columns in [60, 120] {
+            let widest = broken("- ", &sentence, columns).lines().map(str::len).max();
+            assert!(widest.is_some_and(|widest| (columns - 4..=columns).contains(&widest)));
+        }
+    }
 
     #[test]
     fn numbers_lose_trailing_zeros_only() {

@@ -1,4 +1,13 @@
 //! What this machine and this process have of memory.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::machine::{memory, peak};
+//!
+//! let free = memory::available().unwrap_or(u64::MAX);
+//! assert!(free > 0 && peak::peak_bytes() > 0);
+//! ```
 
 pub mod allocator;
 pub mod memory;

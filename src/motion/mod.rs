@@ -1,5 +1,21 @@
 //! Joints into HumanML3D features and back, mirroring, BVH, other skeletons, and the distance between
 //! motions.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::motion::synth::Script;
+//! use isoflop::motion::{N_FEATURES, build_features, mpjpe_mm, recover_joints};
+//! use rand_chacha::ChaCha8Rng;
+//! use rand_chacha::rand_core::SeedableRng;
+//!
+//! let poses = Script::sample(&mut ChaCha8Rng::seed_from_u64(0)).poses(); // [T + 1, 22, 3], metres
+//! let features = build_features(&poses); // [T, 263]
+//! assert_eq!(features.len(), (poses.len() - 1) * N_FEATURES);
+//! let again = recover_joints(&features);
+//! // The first frame stands over the origin and faces +z, so that only shapes are compared here.
+//! assert!(mpjpe_mm(&again, &recover_joints(&build_features(&again))) < 1.0);
+//! ```
 
 mod align;
 pub mod bvh;

@@ -13,6 +13,17 @@
 //! RMSNorm (Zhang and Sennrich 2019) stands at the start of each part of the model:
 //! RMSNorm(x) = x r γ with r = 1 / √(mean(x²) + ε) in each row;
 //! ∂x = r (g γ − x r² mean(g γ x)), ∂γ = Σ over rows of g x r.
+//!
+//! # Example
+//!
+//! ```
+//! use burn::tensor::Device;
+//! use isoflop::ops;
+//!
+//! // Whether products of this build are right on this device, before any training.
+//! ops::check_products(&Device::flex())?;
+//! # Ok::<(), isoflop::ops::WrongProduct>(())
+//! ```
 
 mod apart;
 mod check;

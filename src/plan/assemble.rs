@@ -17,7 +17,7 @@ use super::trunk::{Trunk, branch};
 use super::vocabulary::{Renamed, renamed};
 use crate::data::{DataFacts, Demand};
 use crate::spec::TokenizerSpec;
-use crate::sweep::{Origin, ScheduleKind, ScheduleSection, Sweep};
+use crate::sweep::{Origin, ScheduleKind, ScheduleSection, Sweep, Variant};
 
 /// Epochs above which repeated data is worth less than new (Muennighoff et al. 2023).
 pub const MOST_USEFUL_EPOCHS: f64 = 4.0;
@@ -42,6 +42,8 @@ pub struct Plan {
     pub data: DataFacts,
     /// Vocabularies that have another number of codes than the sweep names.
     pub renamed: Vec<Renamed>,
+    /// Combinations of the keys that the sweep varies; 1 where it varies none.
+    pub n_variants: usize,
     /// Whether the cheapest run goes before all others, to try a program of somebody's own.
     pub canary: bool,
     /// What a person should know of its training.
@@ -49,8 +51,15 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Expands a sweep over its data.
+    /// Expands a sweep over its data: what it varies, one after another.
     pub fn new(sweep: &Sweep, data: DataFacts) -> Self {
+        let plan =
+            |variant: &Variant| Self::of_variant(&variant.sweep, &variant.label, data.clone());
+        let plans: Vec<Self> = sweep.variants().iter().map(plan).collect();
+        plans.into_iter().reduce(Self::and).expect("a sweep is one variant at least")
+    }
+
+    fn of_variant(sweep: &Sweep, label: &Option<String>, data: DataFacts) -> Self {
         let (cells, dropped) = price(sweep);
         let captions = TextJob::new(&sweep.text, &data.digest, data.embeddings.clone());
         let text_id = captions.id();
@@ -61,7 +70,7 @@ impl Plan {
             true => vec![RunInputs::none(text_id)],
         };
         let runs_of = |(cell, own): (&PricedCell, &Range<usize>)| {
-            let run = |inputs, seed| planned_run(sweep, cell, seed, inputs, &data);
+            let run = |inputs, seed| planned_run(sweep, cell, seed, (inputs, label), &data);
             let with = |inputs| sweep.seeds.iter().map(move |seed| run(inputs, *seed));
             inputs[own.clone()].iter().flat_map(with).collect::<Vec<_>>()
         };
@@ -89,9 +98,29 @@ impl Plan {
             scores,
             data,
             renamed: renamed(sweep),
+            n_variants: 1,
             canary,
             remarks,
         }
+    }
+
+    /// The plan with the jobs of another variant of its sweep.
+    fn and(mut self, other: Self) -> Self {
+        let known: HashSet<String> = self.tokenizers.iter().map(TokenizerJob::id).collect();
+        self.tokenizers
+            .extend(other.tokenizers.into_iter().filter(|job| !known.contains(&job.id())));
+        let known: HashSet<String> =
+            self.trunks.iter().map(|trunk| trunk.trunk_id.clone()).collect();
+        self.trunks
+            .extend(other.trunks.into_iter().filter(|trunk| !known.contains(&trunk.trunk_id)));
+        let remarks = other.remarks.into_iter().filter(|remark| !self.remarks.contains(remark));
+        let remarks: Vec<String> = remarks.collect();
+        self.remarks.extend(remarks);
+        self.runs.extend(other.runs);
+        self.dropped.extend(other.dropped);
+        self.scores.extend(other.scores);
+        self.n_variants += other.n_variants;
+        self
     }
 
     /// The plan with other runs on the same tokenizers, each trained alone and not scored.
@@ -126,6 +155,7 @@ impl Plan {
             scores: self.scores.iter().filter(is_scored).cloned().collect(),
             data: self.data.clone(),
             renamed: self.renamed.clone(),
+            n_variants: self.n_variants,
             canary: self.canary,
             remarks: self.remarks.clone(),
             runs,
@@ -184,7 +214,8 @@ impl Plan {
 
 /// What the longest run of a sweep takes of a source without an end.
 pub fn demand(sweep: &Sweep) -> Option<Demand> {
-    let longest = price(sweep).0.into_iter().max_by_key(|cell| cell.spending.tokens())?;
+    let cells = sweep.variants().into_iter().flat_map(|variant| price(&variant.sweep).0);
+    let longest = cells.max_by_key(|cell| cell.spending.tokens())?;
     Some(Demand { targets: longest.spending.tokens(), codes: longest.codes })
 }
 
@@ -250,10 +281,10 @@ fn planned_run(
     sweep: &Sweep,
     cell: &PricedCell,
     seed: u64,
-    inputs: &RunInputs,
+    (inputs, varied): (&RunInputs, &Option<String>),
     data: &DataFacts,
 ) -> PlannedRun {
-    let spec = run_spec(sweep, cell, seed, inputs, data);
+    let spec = RunSpec { varied: varied.clone(), ..run_spec(sweep, cell, seed, inputs, data) };
     let (tokens, unique_tokens) = (spec.tokens() as f64, inputs.unique_tokens);
     PlannedRun {
         run_id: spec.id(),
@@ -303,5 +334,6 @@ fn run_spec(
             revision: section.revision.clone(),
             inputs: data.trainer_inputs.clone(),
         }),
+        varied: None,
     }
 }

@@ -1,8 +1,10 @@
 //! The cells of a grid: axes crossed or zipped, less what is excluded.
 
+use std::collections::HashSet;
+
 use crate::spec::{GeneratorKind, QuantizerSection, QuantizerSpec};
 use crate::sweep::condition::Condition;
-use crate::sweep::{Axis, ModelEntry, Sweep, VocabSpec, models};
+use crate::sweep::{Axis, GridSection, ModelEntry, Sweep, VocabSpec, models};
 
 /// One cell: a generator with its sizes, a quantizer and a budget.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,7 +17,35 @@ pub struct GridCell {
 
 /// Every cell that no condition excludes, and those that one does, with the condition.
 pub fn cells(sweep: &Sweep) -> (Vec<GridCell>, Vec<(GridCell, String)>) {
-    let grid = &sweep.grid;
+    let exclude = &sweep.grid.exclude;
+    let conditions: Vec<(Condition, &String)> =
+        exclude.iter().filter_map(|text| Some((Condition::parse(text).ok()?, text))).collect();
+    let (mut kept, mut excluded) = (Vec::new(), Vec::new());
+    for cell in all_parts(sweep) {
+        match conditions.iter().find(|(condition, _)| condition.holds(|f| field(&cell, f))) {
+            None => kept.push(cell),
+            Some((_, text)) => excluded.push((cell, format!("excluded by `{text}`"))),
+        }
+    }
+    (kept, excluded)
+}
+
+/// The cells of the grid, then those of its further parts that are not among them.
+fn all_parts(sweep: &Sweep) -> Vec<GridCell> {
+    let mut all: Vec<GridCell> = crossed(sweep, &sweep.grid);
+    if sweep.grid.also.is_empty() {
+        return all;
+    }
+    let mut seen: HashSet<String> = all.iter().map(GridCell::key).collect();
+    for part in &sweep.grid.also {
+        let own = crossed(sweep, &part.alone());
+        all.extend(own.into_iter().filter(|cell| seen.insert(cell.key())));
+    }
+    all
+}
+
+/// The cells of one grid, generator after generator.
+fn crossed(sweep: &Sweep, grid: &GridSection) -> Vec<GridCell> {
     let (models, section) = (models(&grid.models), sweep.tokenizer.quantizer());
     let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, &section)).collect();
     let lengths = [models.len(), quantizers.len(), grid.budgets.len()];
@@ -24,22 +54,21 @@ pub fn cells(sweep: &Sweep) -> (Vec<GridCell>, Vec<(GridCell, String)>) {
         let generator = *generator;
         triples.iter().map(move |&[m, v, b]| (generator, m, v, b))
     };
-    let all = sweep.generator.0.iter().flat_map(of_kind).map(|(generator, m, v, b)| GridCell {
+    let all = sweep.generator.0.iter().flat_map(of_kind);
+    let cell = |(generator, m, v, b): (GeneratorKind, usize, usize, usize)| GridCell {
         generator,
         model: models[m].clone(),
         quantizer: quantizers[v].clone(),
         budget_flops: grid.budgets[b],
-    });
-    let conditions: Vec<(Condition, &String)> =
-        grid.exclude.iter().filter_map(|text| Some((Condition::parse(text).ok()?, text))).collect();
-    let (mut kept, mut excluded) = (Vec::new(), Vec::new());
-    for cell in all {
-        match conditions.iter().find(|(condition, _)| condition.holds(|f| field(&cell, f))) {
-            None => kept.push(cell),
-            Some((_, text)) => excluded.push((cell, format!("excluded by `{text}`"))),
-        }
+    };
+    all.map(cell).collect()
+}
+
+impl GridCell {
+    /// What tells it from all others.
+    fn key(&self) -> String {
+        format!("{self:?}")
     }
-    (kept, excluded)
 }
 
 fn field(cell: &GridCell, name: &str) -> f64 {
@@ -88,6 +117,22 @@ fn indices(lengths: [usize; 3], zip: &[Vec<Axis>]) -> Vec<[usize; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn further_parts_add_the_cells_that_are_not_there() {
+        let text = "name: t\ntokenizer: {kind: fsq}\ngrid:\n  models: [{n_layer: 1, n_head: 1, d_model: 8}]\n  \
+                    vocab: [64, 256]\n  budgets: [1e9, 2e9]\n  exclude: ['budget > 3e9']\n  also:\n    \
+                    - models: [{n_layer: 1, n_head: 1, d_model: 8}, {n_layer: 1, n_head: 1, d_model: 12}]\n      \
+                    vocab: [240]\n      budgets: [2e9, 4e9]\n";
+        let sweep = crate::sweep::parse("t.yaml", text, &[]).expect("a sweep");
+        let (kept, excluded) = cells(&sweep);
+        // Of the part's four cells one is there already, under the name of 256, and two are excluded.
+        assert_eq!((kept.len(), excluded.len()), (5, 2));
+        assert_eq!((kept[4].model.d_model, kept[4].budget_flops), (12, 2e9));
+        let slip = text.replace("d_model: 12", "d_model: 13");
+        let told = crate::sweep::parse("t.yaml", &slip, &[]).expect_err("an odd head").to_string();
+        assert!(told.contains("t.yaml:9:") && told.contains("13 channels"), "{told}");
+    }
 
     #[test]
     fn axes_are_crossed_unless_zipped() {

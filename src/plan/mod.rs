@@ -1,4 +1,20 @@
 //! From a sweep to priced runs: `Sweep → GridCell → PricedCell → RunSpec`, gathered in [`Plan`].
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::data::DataFacts;
+//! use isoflop::plan::Plan;
+//! use isoflop::sweep;
+//!
+//! let text = "name: first\ngrid: {models: scamo, vocab: [256], budgets: [1e18]}\n";
+//! let sweep = sweep::parse("first.yaml", text, &[])?;
+//! let plan = Plan::new(&sweep, DataFacts::absent("no motion yet".to_string()));
+//! let run = &plan.runs[0];
+//! let spent = 6.0 * (run.params.nonvocab + run.params.vocab) as f64 * run.spec.tokens() as f64;
+//! println!("{} runs; the first spends {spent:.2e} of 1e18 FLOPs by the rule 6ND", plan.runs.len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod assemble;
 mod cells;

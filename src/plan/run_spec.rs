@@ -47,6 +47,9 @@ pub struct RunSpec {
     /// The program that trains it; `None` for the built-in trainer, whose ids know no such field.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trainer: Option<TrainerProgram>,
+    /// What it has of the keys that the sweep varies, as `train.lr=0.001`; ids of others know no such field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub varied: Option<String>,
 }
 
 /// What of a program of somebody's own its results follow from.

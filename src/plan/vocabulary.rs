@@ -24,7 +24,14 @@ pub(super) fn renamed(sweep: &Sweep) -> Vec<Renamed> {
         let codes = levels.iter().product();
         (codes != named).then_some(Renamed { named, codes, levels })
     };
-    sweep.grid.vocab.iter().filter_map(of_entry).collect()
+    let parts = sweep.grid.also.iter().flat_map(|part| &part.vocab);
+    let mut renamed = Vec::new();
+    for entry in sweep.grid.vocab.iter().chain(parts).filter_map(of_entry) {
+        if !renamed.contains(&entry) {
+            renamed.push(entry);
+        }
+    }
+    renamed
 }
 
 #[cfg(test)]

@@ -2,6 +2,19 @@
 //!
 //! `Laws → raw values at C → projected onto C → nearest buildable shape`, gathered in a
 //! [`Prediction`].
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::laws::scamo;
+//! use isoflop::predict::{PredictOptions, predict};
+//!
+//! // What ScaMo's published laws say of 1e18 FLOPs.
+//! let best = predict(&scamo(), 1e18, &PredictOptions::default())?;
+//! let spent = 6.0 * (best.params_nonvocab + best.params_vocab.unwrap_or(0.0)) * best.tokens;
+//! assert!((spent / 1e18 - 1.0).abs() < 1e-6, "N and D spend the budget");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod at_budget;
 mod brief;

@@ -10,7 +10,8 @@ pub fn said(prediction: &Prediction, full: bool) -> String {
 
 /// The prediction in at most 80 columns and without colour.
 pub fn text(prediction: &Prediction) -> String {
-    let head = format!("\n{:<8}{:>14}{:>28}{:>14}\n", "", "on budget", "95 % interval", "raw law");
+    let head =
+        format!("\n{:<8}{:>14}{:>28}{:>14}\n", "", "on budget", "95 % interval", "by itself");
     wrap("", &title(prediction))
         + &head
         + &rows(prediction)
@@ -20,7 +21,7 @@ pub fn text(prediction: &Prediction) -> String {
 
 fn title(prediction: &Prediction) -> String {
     format!(
-        "Optimum for {} FLOPs by {}: the laws spend {:.3} of it, extrapolation factor {:.3}.",
+        "Optimum for {} FLOPs by {}: each law by itself, they would spend {:.3} of it; extrapolation factor {:.3}.",
         count(prediction.budget_flops),
         prediction.law,
         prediction.budget_ratio,

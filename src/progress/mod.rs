@@ -1,4 +1,15 @@
 //! What work tells of itself while it goes on, and how it is asked to stop.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::progress::Stop;
+//!
+//! let stop = Stop::default();
+//! let asked_elsewhere = stop.clone();
+//! asked_elsewhere.raise();
+//! assert!(stop.is_raised());
+//! ```
 
 mod beats;
 mod steps;

@@ -75,4 +75,6 @@ facts! {
     planned tokenizer_kind: Option<String>,
     /// How the tokenizer makes codes: `fsq` or `vq`. Null where the sweep has no data.
     planned quantizer: Option<String>,
+    /// What it has of the keys that the sweep varies: `train.lr=0.001`. Null where it varies none.
+    planned varied: Option<String>,
 }

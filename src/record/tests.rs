@@ -10,7 +10,7 @@ use crate::files::{FileError, read_if_there};
 const FORMAT_1: &str = include_str!("../../tests/fixtures/record-format-1.json");
 
 /// Facts that format 1 does not have.
-const NEW: [&str; 3] = ["generator", "tokenizer_kind", "quantizer"];
+const NEW: [&str; 4] = ["generator", "tokenizer_kind", "quantizer", "varied"];
 
 pub(super) fn of_format_1() -> RunRecord {
     serde_json::from_str(FORMAT_1).expect("the fixture reads")
@@ -22,6 +22,7 @@ pub(super) fn whole() -> RunRecord {
     record.planned.generator = Some("autoregressive".to_string());
     record.planned.tokenizer_kind = Some("convolutional".to_string());
     record.planned.quantizer = Some("vq".to_string());
+    record.planned.varied = Some("train.lr=0.001".to_string());
     record.metrics.set("fid", 0.25);
     record
 }

@@ -2,6 +2,31 @@
 //!
 //! [`ReportInput`] is all that the page shows; a file a section makes its markup of that. The script
 //! only moves, sorts and filters what is there: every number is written here.
+//!
+//! # Example
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use isoflop::record::table;
+//! use isoflop::report::{ReportInput, page};
+//!
+//! let records = table::read(Path::new("results/cmu-motion"))?;
+//! let html = page(&ReportInput {
+//!     name: "cmu-motion",
+//!     verdict: "No laws yet.",
+//!     laws: None,
+//!     predictions: &[],
+//!     records: &records,
+//!     samples: &[],
+//!     tokenizers: &[],
+//!     figures: &[],
+//!     sweep: "name: cmu-motion",
+//!     dropped: &[],
+//! });
+//! assert!(html.starts_with("<!DOCTYPE html>") && !html.contains("src=\"http"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod about;
 mod chart;

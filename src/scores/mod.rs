@@ -3,6 +3,18 @@
 //!
 //! Embeddings come from an evaluator; a score means something beside scores of the same evaluator
 //! alone.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::scores::{Embeddings, frechet_distance};
+//!
+//! let truth = Embeddings::new(vec![0.0, 1.0, 2.0, 3.0], 1)?;
+//! let moved = Embeddings::new(vec![2.0, 3.0, 4.0, 5.0], 1)?;
+//! let fid = frechet_distance(&truth, &moved)?;
+//! assert!((fid - 4.0).abs() < 1e-9, "the square of the step: {fid}");
+//! # Ok::<(), isoflop::scores::ScoreError>(())
+//! ```
 
 mod embeddings;
 mod error;

@@ -3,6 +3,16 @@
 //! A kind is a variant of a tagged enum: [`GeneratorSpec`], [`ArchitectureSpec`], [`QuantizerSpec`],
 //! [`TextSpec`]. What depends on the kind is asked of the spec; no other module matches on it but
 //! the one that builds it.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::spec::{levels_for, n_codes};
+//!
+//! // ScaMo's 2^8 codes are 8 · 6 · 5.
+//! let levels = levels_for(256).expect("a size of Table 8");
+//! assert_eq!((levels, n_codes(levels)), (&[8, 6, 5][..], 240));
+//! ```
 
 mod architecture;
 mod error;

@@ -10,6 +10,22 @@
 //! | the quantities that follow from the others | `derive` |
 //! | rows that cannot be trusted | [`OutlierStage::split`] |
 //! | all of it | [`load`] |
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::table::{self, TableRequest};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("theirs.csv");
+//! std::fs::write(&path, "size_m,C,ce\n10,1e17,3.9\n20,1e17,3.7\n40,1e17,3.8\n")?;
+//! let columns = Some("params=size_m*1e6,budget_flops=C,loss=ce".to_string());
+//! let request = TableRequest { columns, ..TableRequest::default() };
+//! let loaded = table::load(&table::read(&path)?, &request)?;
+//! // D follows from C = 6ND.
+//! assert_eq!(loaded.points[0].tokens, 1e17 / (6.0 * 1e7));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod columns;
 mod csv;

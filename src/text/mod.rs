@@ -1,4 +1,16 @@
 //! Frozen text embeddings: made once for a data set, shared by every run. A file an encoder.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop::spec::TextSpec;
+//! use isoflop::text;
+//!
+//! let encoder = text::encoder(&TextSpec::default())?;
+//! let vectors = encoder.encode("a person walks")?; // one vector a token
+//! assert_eq!(vectors.len() % encoder.dim(), 0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod embedding_file;
 mod encoder;

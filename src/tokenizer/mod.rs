@@ -2,6 +2,27 @@
 //!
 //! [`train()`] turns a [`TokenizerSpec`](crate::spec::TokenizerSpec) and clips into a [`Tokenizer`]; [`tokenize`] turns clips
 //! into the file behind a [`TokenStore`](crate::codes::TokenStore); [`evaluate()`] measures both on the test split.
+//!
+//! # Example
+//!
+//! ```
+//! use burn::tensor::Device;
+//! use isoflop::data::{self, MotionSource, Split};
+//! use isoflop::progress::{Progress, Stop};
+//! use isoflop::spec::{TokenizerSpec, TokenizerTraining};
+//! use isoflop::sweep::{Clips, DataSection};
+//! use isoflop::tokenizer::{Corpus, train};
+//!
+//! let section = DataSection { clips: Clips::Count(8), ..DataSection::default() };
+//! let source = data::open(&section, None)?;
+//! let training = TokenizerTraining { steps: 2, batch: 2, ..TokenizerTraining::default() };
+//! let spec = TokenizerSpec { training, ..TokenizerSpec::default() };
+//! let mut no_progress = |_| std::ops::ControlFlow::Continue(());
+//! let tokenizer = train(&spec, &Corpus::wordless(&*source), &Device::flex(), None, &mut no_progress)?;
+//! let codes = tokenizer.encode(&source.features(Split::Test, 0)?, None)?;
+//! assert!(codes.iter().all(|code| (*code as usize) < tokenizer.n_vocab()));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod architecture;
 mod average;

@@ -209,3 +209,27 @@ fn one_figure_can_be_drawn_as_one_kind_of_file() {
     let slip = place.isoflop(&["plot", "results/lawful", "--only", "power_law"]);
     slip.exits(2).says("no figure is named \"power_law\"").says("vocab_vs_nonvocab");
 }
+
+#[test]
+fn what_to_run_next_is_a_sweep_over_the_one_that_was_run() {
+    let place = fitted();
+    let fit = ["fit", "results/lawful", "--next", "next.yaml"];
+    place.isoflop(&fit).exits(0).says("what to run next is next.yaml");
+    let text = String::from_utf8(place.read("next.yaml")).unwrap();
+    for part in
+        ["isoflop run next.yaml --out results", "include: results/lawful/sweep.yaml", "also:"]
+    {
+        assert!(text.contains(part), "{part} is not in {text}");
+    }
+    let runs = |file: &str| {
+        let plan = place.isoflop(&["plan", file, "--json"]).exits(0).json();
+        let runs = plan["runs"].as_array().unwrap().clone();
+        let done = runs.iter().filter(|run| run["state"] == "done").count();
+        (runs.len(), done)
+    };
+    let ((before, done), (after, still)) = (runs("lawful.yaml"), runs("next.yaml"));
+    assert!(after > before && done == before && still == done, "{before} {done} {after} {still}");
+    let table = place.isoflop(&["fit", "results/lawful/runs.csv", "--next", "no.yaml"]);
+    table.exits(2).says("--next wants a sweep's folder");
+    assert!(!place.path("no.yaml").exists());
+}

@@ -32,5 +32,6 @@ mod torch_trainer;
 mod trunks;
 mod tune;
 mod validate;
+mod vary;
 mod victim;
 mod words;

@@ -132,5 +132,6 @@ pub fn small_run(n_vocab: usize) -> RunSpec {
         text_id: "made up".to_owned(),
         tokenizer_id: "made up".to_owned(),
         trainer: None,
+        varied: None,
     }
 }

@@ -98,6 +98,9 @@ pub struct FitArgs {
     /// Keep a sweep's laws as its own: its laws.json, or laws-<law>.json for another law
     #[arg(long)]
     pub save: bool,
+    /// Write what to run next as a sweep file, with models and codebooks that can be built
+    #[arg(long, value_name = "FILE")]
+    pub next: Option<PathBuf>,
     /// The file to write the laws to
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,

@@ -2,6 +2,7 @@
 
 mod args;
 mod laws;
+mod next;
 mod request;
 mod source;
 mod sweep;
@@ -9,7 +10,7 @@ mod tao;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use isoflop::files::atomic;
 use isoflop::laws::{LawKind, Laws, brief, summary};
 use isoflop::predict::{self, Prediction};
@@ -35,6 +36,16 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     let mut laws = laws::laws(&source, &request)?;
     if let Some(own) = &source.sweep {
         laws.judgement.validations = gathered(&own.folder, output);
+    }
+    if let Some(path) = &args.next {
+        let Some(own) = &source.sweep else {
+            bail!(
+                "--next wants a sweep's folder: nothing is known of how {} was made",
+                source.name
+            );
+        };
+        next::write(path, own, &laws)?;
+        output.note(&format!("what to run next is {}", path.display()));
     }
     let predictions = predictions(&laws, &source, &request, output);
     if let Some(path) = args.out.clone().or_else(|| own_file(&source, &laws).filter(|_| args.save))

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{FitError, IsoFlopPoint, Parameters};
-use isoflop::record::{RunRecord, table as runs};
+use isoflop::record::{RunRecord, Tuned, table as runs};
 use isoflop::spec::FlopsRule;
 use isoflop::sweep::Sweep;
 use isoflop::table::{self, Dropped, TableRequest};
@@ -58,6 +58,7 @@ fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
     let sweep = sweep_of(&folder)?;
     let records = runs::read(folder.root())?;
     of_one(&folder, &records)?;
+    let Tuned { records, told } = Tuned::of(&records);
     let rule = request.rule.unwrap_or(sweep.flops.rule);
     let (points, left_out) = super::sweep::points(&records, rule);
     Ok(Source {
@@ -67,7 +68,7 @@ fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
         rule,
         budget_declared: true,
         dropped: Vec::new(),
-        notes: left_out.into_iter().collect(),
+        notes: left_out.into_iter().chain(told).collect(),
         sweep: Some(OwnSweep { folder, sweep, records }),
     })
 }

@@ -12,7 +12,7 @@ use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::predict::Prediction;
-use isoflop::record::table;
+use isoflop::record::{Tuned, table};
 use isoflop::report::{Figure, ReportInput, page};
 use serde_json::{Value, json};
 
@@ -53,7 +53,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
         verdict: &verdict,
         laws: laws.as_ref(),
         predictions: &predictions,
-        records: &records,
+        records: &Tuned::of(&records).records,
         samples: &samples(&home(&folder), &records)?,
         tokenizers: &plot::tokenizers(&home(&folder), output)?,
         figures: &figures(&folder.file("figures"))?,

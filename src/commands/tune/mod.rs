@@ -40,6 +40,9 @@ pub fn tune(args: &TuneArgs, output: &Output) -> Result<Exit> {
     let mut run = RunArgs::of(args.sweep.clone(), args.engine);
     run.said_as = vec!["tune".into(), "--cells".into(), args.cells.to_string()];
     let whole = open(&run, output)?;
+    if !whole.sweep.grid.vary.is_empty() {
+        bail!("tune looks for rates itself: take grid.vary out of the sweep");
+    }
     let cells = Cells::of(&whole, args.cells.into())?;
     let own = ResultsFolder::new(whole.folder.file("rates"));
     let part = OpenSweep { folder: own, ..whole.clone() };

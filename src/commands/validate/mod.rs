@@ -5,7 +5,7 @@ mod grid;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::engine::{ENGINES, Engine};
 use isoflop::files::{atomic, read_if_there};
@@ -55,6 +55,9 @@ pub struct ValidateArgs {
 pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
     let place = Place::of(args);
     let sweep = sweep_of(&ResultsFolder::new(&args.results))?;
+    if !sweep.grid.vary.is_empty() {
+        bail!("{} varies other keys, and a forecast is tested with one value of each", sweep.name);
+    }
     let forecast = forecast(args, &place, output)?;
     if args.register {
         output.result(&serde_json::to_value(&forecast)?, &said(&forecast, output.full))?;

@@ -6,7 +6,7 @@ use crate::sweep::condition::Condition;
 use crate::sweep::model_lists;
 use crate::sweep::nearest::nearest;
 use crate::sweep::problem::Problem;
-use crate::sweep::sections::{Axis, ModelList, Sweep, VocabSpec};
+use crate::sweep::sections::{Axis, GridPart, ModelList, Sweep, VocabSpec};
 
 /// What is wrong with the grid.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -17,8 +17,22 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         zip(sweep),
         repeated::check(sweep),
         exclude(sweep),
+        also(sweep),
     ]
     .concat()
+}
+
+/// What is wrong with further parts, each looked at as a grid of its own.
+fn also(sweep: &Sweep) -> Vec<Problem> {
+    let of_part = |(i, part): (usize, &GridPart)| {
+        let own = Sweep { grid: part.alone(), ..sweep.clone() };
+        let placed = move |problem: Problem| {
+            let path = problem.path.strip_prefix("grid.")?;
+            Some(Problem { path: format!("grid.also[{i}].{path}"), ..problem })
+        };
+        check(&own).into_iter().filter_map(placed)
+    };
+    sweep.grid.also.iter().enumerate().flat_map(of_part).collect()
 }
 
 fn models(sweep: &Sweep) -> Vec<Problem> {

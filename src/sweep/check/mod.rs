@@ -4,6 +4,7 @@ pub mod engine;
 mod grid;
 mod repeated;
 mod train;
+mod vary;
 
 use super::command::{CommandError, PLACEHOLDERS, TrainerCommand};
 use super::condition::Condition;
@@ -14,6 +15,13 @@ use crate::sweep::sections::{DataSource, Sweep};
 
 /// All problems of a sweep whose types are right.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
+    let mut problems = of_one_variant(sweep);
+    problems.extend(vary::check(sweep, of_one_variant));
+    problems
+}
+
+/// Those that do not come of what it varies.
+fn of_one_variant(sweep: &Sweep) -> Vec<Problem> {
     [
         name(sweep),
         generators(sweep),

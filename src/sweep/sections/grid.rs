@@ -1,5 +1,7 @@
 //! What a sweep varies: the `grid` section.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +25,42 @@ pub struct GridSection {
     /// Conditions, as `n_vocab > 1000 and d_model < 64`; a cell that meets one is left out.
     #[serde(default)]
     pub exclude: Vec<String>,
+    /// Other keys as axes, as `train.lr: [1e-3, 3e-3]`: keys of `train`, `model` and `tokenizer`, crossed with
+    /// one another and with the grid. The laws take each cell at the best of them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub vary: BTreeMap<String, Vec<serde_json::Value>>,
+    /// Further parts, whose axes are crossed by themselves; `isoflop fit --next` writes such. A cell that is
+    /// there already is not trained twice.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<GridPart>,
+}
+
+/// A part of the grid: its axes are crossed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GridPart {
+    pub models: ModelList,
+    /// Vocabularies, as in `grid.vocab`.
+    pub vocab: Vec<VocabSpec>,
+    /// Training budgets, in FLOPs.
+    #[serde(deserialize_with = "number::numbers")]
+    pub budgets: Vec<f64>,
+}
+
+impl GridPart {
+    /// The grid of this part alone.
+    pub fn alone(&self) -> GridSection {
+        let Self { models, vocab, budgets } = self.clone();
+        GridSection {
+            models,
+            vocab,
+            budgets,
+            zip: Vec::new(),
+            exclude: Vec::new(),
+            vary: BTreeMap::new(),
+            also: Vec::new(),
+        }
+    }
 }
 
 /// An axis of the grid.

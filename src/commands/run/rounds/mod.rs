@@ -32,6 +32,9 @@ pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exi
         bail!("--rounds waits for the runs of each round: use it with --engine local");
     }
     let whole = open(args, output)?;
+    if !whole.sweep.grid.vary.is_empty() {
+        bail!("--rounds chooses cells, and not among the values of grid.vary: run without it");
+    }
     let budget = budget(&whole)?;
     let mut held = Some(hold(&whole, output)?);
     let mut history = History::read(&whole.folder, &whole.plan)?;

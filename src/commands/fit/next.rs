@@ -1,0 +1,152 @@
+//! `--next`: what the laws advise to run, as a sweep file over the sweep's own.
+
+use std::path::{Component, Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use isoflop::files::atomic;
+use isoflop::laws::{Advice, AdviceKind, Laws, wrap};
+use isoflop::sweep::{GridPart, ModelEntry, ModelList, Sweep, VocabSpec, models};
+
+use super::source::OwnSweep;
+use crate::commands::buildable::{codes, distinct, model, nonvocab};
+
+/// How far a size may be from one of the sweep's for that one to be taken.
+const SAME: f64 = 0.01;
+
+/// Writes the advice of laws as a sweep that trains what is missing, in the folder of the sweep's own runs.
+///
+/// # Errors
+/// There is none that a grid can say; a model cannot be built; the file cannot be written.
+pub fn write(path: &Path, own: &OwnSweep, laws: &Laws) -> Result<()> {
+    let advised = laws.advice.iter().filter(|advice| advice.kind != AdviceKind::AddSeeds);
+    let parts: Vec<(&Advice, GridPart)> =
+        advised.map(|advice| Ok((advice, part(&own.sweep, advice)?))).collect::<Result<_>>()?;
+    if parts.is_empty() {
+        bail!(
+            "the laws of {} leave nothing open that a further part of the grid would answer",
+            laws.name
+        );
+    }
+    let base = own.folder.file("sweep.yaml");
+    let text = text(&own.sweep, &relative(path, &base)?, own.folder.root(), path, &parts);
+    atomic::write_bytes(path, text.as_bytes())
+        .with_context(|| format!("writing {}", path.display()))
+}
+
+/// What an advice names, as models and vocabularies that can be built.
+fn part(sweep: &Sweep, advice: &Advice) -> Result<GridPart> {
+    let tried = models(&sweep.grid.models);
+    let entry = |size: &f64| -> Result<ModelEntry> {
+        let near = |entry: &&ModelEntry| (nonvocab(sweep, entry) / size).ln().abs() < SAME;
+        tried.iter().find(near).cloned().map_or_else(|| model(sweep, *size), Ok)
+    };
+    let quantizer = sweep.tokenizer.quantizer();
+    let vocabulary = |v: &f64| {
+        let has = |entry: &&VocabSpec| {
+            entry.quantizer(&quantizer).is_ok_and(|own| own.n_vocab() as f64 == *v)
+        };
+        sweep.grid.vocab.iter().find(has).cloned().unwrap_or_else(|| codes(*v, &quantizer))
+    };
+    let models: Vec<ModelEntry> =
+        advice.params_nonvocab.iter().map(entry).collect::<Result<_>>()?;
+    Ok(GridPart {
+        models: ModelList::List(distinct(models)),
+        vocab: distinct(advice.n_vocab.iter().map(vocabulary).collect()),
+        budgets: vec![budget(advice)],
+    })
+}
+
+/// A budget of the sweep as it is, a new one to four digits.
+fn budget(advice: &Advice) -> f64 {
+    let is_new = matches!(advice.kind, AdviceKind::LargerBudget | AdviceKind::NextBudget);
+    let rounded = format!("{:.3e}", advice.budget_flops).parse();
+    rounded.ok().filter(|_| is_new).unwrap_or(advice.budget_flops)
+}
+
+fn text(
+    sweep: &Sweep,
+    base: &Path,
+    folder: &Path,
+    path: &Path,
+    parts: &[(&Advice, GridPart)],
+) -> String {
+    let runs: usize = parts.iter().map(|(advice, _)| advice.runs).sum();
+    let flops: f64 = parts.iter().map(|(advice, _)| advice.flops).sum();
+    let out = folder.parent().unwrap_or(Path::new("")).display();
+    let mut text = format!(
+        "# What the laws of {} leave open: {runs} runs, {flops:.2e} FLOPs. They are trained beside the runs that are\n\
+         # there, by\n#   isoflop run {} --out {out}\ninclude: {}\ngrid:\n  also:\n",
+        sweep.name,
+        path.display(),
+        base.display()
+    );
+    sweep.grid.also.iter().for_each(|part| text += &yaml(part));
+    for (advice, part) in parts {
+        let why = format!("{:e} FLOPs: {}", budget(advice), advice.why);
+        text += &comment(&why);
+        text += &yaml(part);
+    }
+    text
+}
+
+/// A sentence as lines of a comment.
+fn comment(sentence: &str) -> String {
+    wrap("", sentence).lines().map(|line| format!("    # {line}\n")).collect()
+}
+
+fn yaml(part: &GridPart) -> String {
+    let GridPart { models: list, vocab, budgets } = part;
+    let model = |ModelEntry { n_layer, n_head, d_model, d_ff }: &ModelEntry| {
+        let d_ff = d_ff.map_or_else(String::new, |d_ff| format!(", d_ff: {d_ff}"));
+        format!("        - {{n_layer: {n_layer}, n_head: {n_head}, d_model: {d_model}{d_ff}}}\n")
+    };
+    let models: String = models(list).iter().map(model).collect();
+    let vocab: Vec<String> = vocab.iter().map(vocabulary).collect();
+    let budgets: Vec<String> = budgets.iter().map(|budget| format!("{budget:e}")).collect();
+    format!(
+        "    - models:\n{models}      vocab: [{}]\n      budgets: [{}]\n",
+        vocab.join(", "),
+        budgets.join(", ")
+    )
+}
+
+fn vocabulary(entry: &VocabSpec) -> String {
+    match entry {
+        VocabSpec::Size(n) => n.to_string(),
+        VocabSpec::Levels(spec) => format!("{{levels: {:?}}}", spec.levels),
+    }
+}
+
+/// The path of `base` from the folder of `file`.
+fn relative(file: &Path, base: &Path) -> Result<PathBuf> {
+    let folder = match file.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let find =
+        |path: &Path| path.canonicalize().with_context(|| format!("finding {}", path.display()));
+    let (folder, base) = (find(folder)?, find(base)?);
+    let (from, to): (Vec<Component>, Vec<Component>) =
+        (folder.components().collect(), base.components().collect());
+    let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
+    let up = std::iter::repeat_n(Component::ParentDir, from.len() - shared);
+    Ok(up.chain(to[shared..].iter().copied()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_base_is_found_from_the_folder_of_the_file() {
+        let root = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(root.path().join("results/a")).unwrap();
+        std::fs::create_dir_all(root.path().join("mine")).unwrap();
+        let base = root.path().join("results/a/sweep.yaml");
+        std::fs::write(&base, "").unwrap();
+        let of = |file: &str| relative(&root.path().join(file), &base).unwrap();
+        assert_eq!(of("mine/next.yaml"), Path::new("../results/a/sweep.yaml"));
+        assert_eq!(of("results/a/next.yaml"), Path::new("sweep.yaml"));
+        assert!(relative(&root.path().join("no/next.yaml"), &base).is_err());
+    }
+}
