@@ -3,6 +3,29 @@
 //! An [`Evaluator`] is trained on the data at hand, since no published one can be had for every data
 //! set and representation; a score means something beside scores of the same evaluator alone. Whether it
 //! means anything at all, [`Gates`] say: they are measured before any score.
+//!
+//! # Example
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//!
+//! use burn::tensor::Device;
+//! use isoflop::data::{self, Split};
+//! use isoflop::evaluator::train;
+//! use isoflop::spec::{EvaluatorSection, EvaluatorSpec};
+//! use isoflop::sweep::{Clips, DataSection};
+//!
+//! let section = DataSection { clips: Clips::Count(16), ..DataSection::default() };
+//! let source = data::open(&section, None)?;
+//! let small = EvaluatorSection { width: Some(16), layers: Some(1), heads: Some(1), ..Default::default() };
+//! let spec = EvaluatorSpec { dim: 16, steps: 2, evaluations: 1, batch: 4, pool_clips: 8, ..small.spec() };
+//! let mut no_progress = |_| ControlFlow::Continue(());
+//! let trained = train(&spec, &*source, &Device::flex(), None, &mut no_progress)?;
+//! let walk = source.features(Split::Test, 0)?;
+//! let embedded = trained.evaluator.motions([walk.as_slice()])?;
+//! assert_eq!(embedded.dim(), 16);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod caption;
 mod codec;

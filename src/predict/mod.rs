@@ -11,8 +11,8 @@
 //!
 //! // What ScaMo's published laws say of 1e18 FLOPs.
 //! let best = predict(&scamo(), 1e18, &PredictOptions::default())?;
-//! let spent = 6.0 * (best.params_nonvocab + best.params_vocab.unwrap_or(0.0)) * best.tokens;
-//! assert!((spent / 1e18 - 1.0).abs() < 1e-6, "N and D spend the budget");
+//! let size = best.params_nonvocab.unwrap_or(0.0) + best.params_vocab.unwrap_or(0.0);
+//! assert!((6.0 * size * best.tokens / 1e18 - 1.0).abs() < 1e-6, "N and D spend the budget");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
