@@ -19,6 +19,7 @@
 mod assemble;
 mod cells;
 mod evaluator_job;
+mod expand;
 mod memory;
 mod planned_run;
 mod price;
@@ -31,8 +32,9 @@ mod text_job;
 mod trunk;
 mod vocabulary;
 
-pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, demand};
+pub use assemble::{MOST_USEFUL_EPOCHS, Plan, demand};
 pub use evaluator_job::EvaluatorJob;
+pub use expand::NO_TOKENIZER;
 pub use memory::{evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes};
 pub use planned_run::PlannedRun;
 pub use priced_cell::Dropped;

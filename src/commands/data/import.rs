@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use isoflop::data::import::{
-    self, Form, GroupBy, ImportError, ImportOptions, Imported, Rate, Skeleton,
+    self, Form, GroupBy, ImportError, ImportOptions, Imported, Rate, SHORTEST, Skeleton,
 };
 use isoflop::data::{Split, parse_annotation, read_motion};
 use isoflop::figures::motion::{CaptionedMotion, write_sheet};
@@ -227,7 +227,8 @@ fn text(imported: &Imported, args: &ImportArgs) -> String {
         let _ = writeln!(text, "  upright in {}", skeleton.neutral_words());
     }
     if imported.too_short > 0 {
-        let _ = writeln!(text, "\n{} motions are shorter than 2 s: left out", imported.too_short);
+        let (n, shortest_s) = (imported.too_short, (SHORTEST - 1) as f64 / imported.fps);
+        let _ = writeln!(text, "\n{n} motions are shorter than {shortest_s:.1} s: left out");
     }
     let out = args.out.display().to_string();
     let _ = writeln!(text, "\nlook at  {}", args.out.join(SHEET).display());

@@ -25,6 +25,7 @@ mod synthetic;
 #[cfg(test)]
 mod tests;
 
+pub use cut::SHORTEST;
 pub use error::ImportError;
 pub use folder::{Imported, SplitCount};
 pub use motions::Skeleton;

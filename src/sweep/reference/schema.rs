@@ -163,6 +163,9 @@ impl<'a> Node<'a> {
 fn plain(kind: &Value) -> [&'static str; 2] {
     let kinds = kind.as_array().map_or(std::slice::from_ref(kind), Vec::as_slice);
     let has = |name: &str| kinds.iter().any(|kind| kind == name);
+    if has("array") {
+        return ["list of values", "lists of values"];
+    }
     match (has("string"), has("number"), has("integer"), has("boolean")) {
         (true, true, ..) => ["text or number", "texts or numbers"],
         (true, ..) => ["text", "texts"],
