@@ -15,10 +15,10 @@ const MOTION_X: f64 = 30.0;
 /// What an import says of the folder that it wrote.
 const IMPORT: &str = "import.json";
 
-/// What is read of it.
+/// What is read of it; a file of that name that somebody else wrote says nothing.
 #[derive(Deserialize)]
 struct Import {
-    fps: f64,
+    fps: Option<f64>,
 }
 
 /// Frames a second of the files in `root`: those that its import wrote down, those `told`, or those of the
@@ -54,11 +54,13 @@ fn imported(root: &Path) -> Result<Option<f64>, DataError> {
     };
     let import: Import = serde_json::from_str(&text)
         .map_err(|error| DataError::Invalid { path: name.clone(), problem: error.to_string() })?;
-    let is_rate = import.fps.is_finite() && import.fps > 0.0;
-    let problem = || format!("{} frames a second are no rate", import.fps);
-    is_rate
-        .then_some(Some(import.fps))
-        .ok_or_else(|| DataError::Invalid { path: name, problem: problem() })
+    match import.fps {
+        Some(fps) if !(fps.is_finite() && fps > 0.0) => Err(DataError::Invalid {
+            path: name,
+            problem: format!("{fps} frames a second are no rate"),
+        }),
+        fps => Ok(fps),
+    }
 }
 
 #[cfg(test)]
@@ -78,6 +80,8 @@ mod tests {
         assert_eq!(rate(MotionFiles::Features, Some(60.0)), Ok(60.0));
         let told = rate(MotionFiles::Features, Some(30.0)).unwrap_err();
         assert!(told.contains("60 frames a second, where data.fps is 30"), "{told}");
+        std::fs::write(root.path().join(IMPORT), r#"{"by": "somebody else"}"#).unwrap();
+        assert_eq!(rate(MotionFiles::Features, None), Ok(20.0));
         std::fs::write(root.path().join(IMPORT), r#"{"fps": 0}"#).unwrap();
         assert!(rate(MotionFiles::Features, None).unwrap_err().contains("are no rate"));
     }

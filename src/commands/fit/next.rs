@@ -9,6 +9,7 @@ use isoflop::sweep::{GridPart, ModelEntry, ModelList, Sweep, VocabSpec, models};
 
 use super::source::OwnSweep;
 use crate::commands::buildable::{codes, distinct, model, nonvocab};
+use crate::commands::by_generator::home;
 
 /// How far a size may be from one of the sweep's for that one to be taken.
 const SAME: f64 = 0.01;
@@ -18,6 +19,11 @@ const SAME: f64 = 0.01;
 /// # Errors
 /// There is none that a grid can say; a model cannot be built; the file cannot be written.
 pub fn write(path: &Path, own: &OwnSweep, laws: &Laws) -> Result<()> {
+    if home(&own.folder).root() != own.folder.root() {
+        bail!(
+            "--next would train every generator of the sweep: run a sweep of one generator for it"
+        );
+    }
     let advised = laws.advice.iter().filter(|advice| advice.kind != AdviceKind::AddSeeds);
     let parts: Vec<(&Advice, GridPart)> =
         advised.map(|advice| Ok((advice, part(&own.sweep, advice)?))).collect::<Result<_>>()?;
