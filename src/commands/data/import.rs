@@ -67,6 +67,8 @@ enum FormName {
     Joints,
     /// .npy of T × J × 3, of which the first 22 are SMPL's body
     SmplxJoints,
+    /// KIT-ML: .npy of T × 21 × 3, or its folder with new_joints
+    Kit,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -119,6 +121,7 @@ fn options(args: &ImportArgs) -> Result<ImportOptions> {
             FormName::Bvh => Form::Bvh,
             FormName::Joints => Form::Joints,
             FormName::SmplxJoints => Form::SmplxJoints,
+            FormName::Kit => Form::Kit,
         },
         map,
         up: args.up,

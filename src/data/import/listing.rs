@@ -26,7 +26,7 @@ pub struct Listing {
     pub splits: Option<HashMap<String, Split>>,
     /// Where it has that layout: its captions.
     pub texts: Option<PathBuf>,
-    /// Whether it has that layout, so that motions have 20 frames a second.
+    /// Whether it has that layout, so that its frames a second are known.
     pub humanml3d: bool,
 }
 
@@ -37,7 +37,7 @@ pub struct Listing {
 /// The folder cannot be read, or holds none.
 pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
     let joints = root.join("new_joints");
-    let humanml3d = form == Form::Joints && joints.is_dir();
+    let humanml3d = matches!(form, Form::Joints | Form::Kit) && joints.is_dir();
     let base = if humanml3d { &joints } else { root };
     let mut paths = Vec::new();
     walk(base, form.ending(), &mut paths)?;

@@ -16,6 +16,7 @@ mod error;
 mod folder;
 mod group;
 mod joints;
+mod kit;
 mod listing;
 mod manifest;
 mod motions;
@@ -47,7 +48,7 @@ pub fn import(options: &ImportOptions, to: &Path) -> Result<Imported, ImportErro
     let listing = listing::list(&options.from, options.form)?;
     let motions = match options.form {
         Form::Bvh => bvh::read(&listing.files, options),
-        Form::Joints | Form::SmplxJoints => joints::read(&listing, options)?,
+        Form::Joints | Form::SmplxJoints | Form::Kit => joints::read(&listing, options)?,
     };
     let clips = Clips::of(motions, &listing, options)?;
     folder::write(clips, to)

@@ -16,6 +16,8 @@ pub enum Form {
     Joints,
     /// `.npy` of `[T, J, 3]` with J ≥ 22, of which the first 22 are SMPL's body.
     SmplxJoints,
+    /// KIT-ML: `.npy` of `[T, 21, 3]`.
+    Kit,
 }
 
 impl Form {
@@ -24,6 +26,7 @@ impl Form {
             Form::Bvh => "bvh",
             Form::Joints => "joints",
             Form::SmplxJoints => "smplx-joints",
+            Form::Kit => "kit",
         }
     }
 
@@ -31,7 +34,7 @@ impl Form {
     pub fn ending(self) -> &'static str {
         match self {
             Form::Bvh => "bvh",
-            Form::Joints | Form::SmplxJoints => "npy",
+            Form::Joints | Form::SmplxJoints | Form::Kit => "npy",
         }
     }
 }

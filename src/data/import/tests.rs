@@ -285,3 +285,50 @@ fn samples_of_four_skeletons_are_imported() {
         }
     }
 }
+
+/// The 21 joints that KIT-ML would have of a pose, in millimetres, one side or the other first.
+fn as_kit(pose: &Pose, sides: [usize; 2]) -> Vec<f32> {
+    let mut joints = vec![pose[0], pose[3], pose[9], pose[12], pose[15]];
+    for side in sides {
+        joints.extend([16, 18, 20].map(|joint| pose[joint + side]));
+    }
+    for side in sides {
+        joints.extend([1, 4, 7, 10].map(|joint| pose[joint + side]));
+        let (ankle, ball) = (pose[7 + side], pose[10 + side]);
+        joints.push(std::array::from_fn(|i| ball[i] + 0.4 * (ball[i] - ankle[i])));
+    }
+    joints.into_flattened().into_iter().map(|metres| 1000.0 * metres).collect()
+}
+
+#[test]
+fn kit_ml_is_imported_whichever_side_comes_first() {
+    let folder = |sides| {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir_all(folder.path().join("new_joints")).unwrap();
+        fs::create_dir_all(folder.path().join("texts")).unwrap();
+        for (i, split) in ["train", "val", "test"].into_iter().enumerate() {
+            let poses = motion(i as u64, 80);
+            let values: Vec<f32> = poses.iter().flat_map(|pose| as_kit(pose, sides)).collect();
+            let bytes = crate::data::npy_write::npy_bytes(&[80, 21, 3], &values);
+            fs::write(folder.path().join(format!("new_joints/0000{i}.npy")), bytes).unwrap();
+            fs::write(folder.path().join(format!("texts/0000{i}.txt")), "he moves##0.0#0.0\n")
+                .unwrap();
+            fs::write(folder.path().join(format!("{split}.txt")), format!("0000{i}\n")).unwrap();
+        }
+        folder
+    };
+    let (right, left, to) = (folder([1, 0]), folder([0, 1]), tempfile::tempdir().unwrap());
+    let kept = |from: &Path| ImportOptions { rate: Rate::Kept, ..options(from, Form::Kit) };
+    let imported = import(&kept(right.path()), &to.path().join("right")).unwrap();
+    let clips = imported.splits.map(|split| split.clips);
+    assert_eq!((imported.fps, clips), (12.5, [1, 1, 1]));
+    import(&kept(left.path()), &to.path().join("left")).unwrap();
+    let of = |name: &str| fs::read(to.path().join(name).join("new_joint_vecs/00000.npy")).unwrap();
+    assert!(of("right") == of("left"), "sides are told by the toes");
+    let features = parse_npy(&of("right")).unwrap().values;
+    let truth = recover_joints(&crate::motion::build_features(&motion(0, 80)));
+    let off = mpjpe_mm(&recover_joints(&features), &truth);
+    assert!(off < 10.0, "{off} mm: collars and spine are guessed, limbs are not");
+    let faster = import(&options(right.path(), Form::Kit), &to.path().join("faster")).unwrap();
+    assert_eq!((faster.fps, faster.splits[0].frames), (20.0, 126));
+}
