@@ -1,12 +1,32 @@
-//! The headers of a Parquet column's pages, checked before polars decodes the pages.
+//! The footer of a Parquet file and the headers of its columns' pages, checked before polars decodes them.
 //!
-//! Polars sizes its buffers by the counts that page headers give. A damaged count asks for exabytes,
-//! and an allocation that fails ends the process: no panic that could be caught. So the counts are
-//! checked here against the file's footer. A header is a struct in Thrift's compact protocol; all of
-//! its fields are read, but only whole numbers are kept.
+//! Polars sizes its buffers by the counts that they give. A damaged count asks for exabytes, and an
+//! allocation that fails ends the process: no panic that could be caught. So the lists of the footer
+//! are walked here to their ends, and the counts of the headers are checked against it. Both are structs
+//! in Thrift's compact protocol; all of their fields are read, but only whole numbers are kept.
 
-/// Structs, lists and maps within each other that a header may hold.
-const MAX_DEPTH: usize = 8;
+/// Structs, lists and maps within each other that a footer may hold.
+const MAX_DEPTH: usize = 16;
+/// The length of the footer and the mark, at the end of a file.
+const TAIL: usize = 8;
+
+/// Checks that the footer of a whole file has the length that it says, so that no list in it holds more
+/// than its bytes.
+pub(super) fn check_footer(file: &[u8]) -> Result<(), &'static str> {
+    let footer = footer(file).ok_or("the footer goes beyond the file")?;
+    let mut reader = Compact { bytes: footer, at: 0 };
+    let walked = reader.read_struct(0, &mut |_, _| ());
+    match walked.filter(|()| reader.at == footer.len()) {
+        Some(()) => Ok(()),
+        None => Err("the footer is not readable"),
+    }
+}
+
+fn footer(file: &[u8]) -> Option<&[u8]> {
+    let end = file.len().checked_sub(TAIL)?;
+    let length = u32::from_le_bytes(*file[end..].first_chunk()?);
+    file.get(end.checked_sub(usize::try_from(length).ok()?)?..end)
+}
 
 /// The counts of a page header, by the ids of `parquet.thrift`.
 #[derive(Debug, Default, PartialEq)]
@@ -146,6 +166,22 @@ mod tests {
 
     /// A data page of 5 values in 3 bytes: type 0, sizes 3 and 3, five.num_values 5.
     const PAGE: [u8; 14] = [0x15, 0, 0x15, 6, 0x15, 6, 0x2c, 0x15, 10, 0, 0, 7, 7, 7];
+
+    #[test]
+    fn a_footer_is_as_long_as_its_lists() {
+        // Field 2, a list of structs: so many as the first byte of the list says, each of no field.
+        let file = |list: &[u8]| {
+            let footer = [&[0x29], list, &[0]].concat();
+            let length = (footer.len() as u32).to_le_bytes();
+            [b"PAR1", &footer[..], &length, b"PAR1"].concat()
+        };
+        assert_eq!(check_footer(&file(&[0x2c, 0, 0])), Ok(()));
+        assert!(check_footer(&file(&[0x3c, 0, 0])).is_err(), "a list of three");
+        let billions = [0xfc, 0xff, 0xff, 0xff, 0xff, 0x0f, 0, 0];
+        assert_eq!(check_footer(&file(&billions)), Err("the footer is not readable"));
+        assert_eq!(check_footer(&file(&[0x2c, 0, 0])[5..]), Err("the footer goes beyond the file"));
+        assert!(check_footer(b"PAR1PAR1").is_err());
+    }
 
     #[test]
     fn a_header_is_read_by_its_field_ids() {

@@ -85,6 +85,7 @@ fn parquet(bytes: Vec<u8>) -> Result<Table, ReadProblem> {
 }
 
 fn frame(bytes: Vec<u8>) -> PolarsResult<Table> {
+    pages::check_footer(&bytes).map_err(|reason| polars_err!(ComputeError: "{reason}"))?;
     let mut reader = ParquetReader::new(Cursor::new(&bytes));
     check_counts(&mut reader, &bytes)?;
     let (mut read, mut notes) = (Vec::new(), Vec::new());
