@@ -187,11 +187,7 @@ pub fn draw_generators(
     folder: &Path,
     formats: &[Format],
 ) -> Result<Vec<PathBuf>, FigureError> {
-    const NAME: &str = "generators";
-    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
-    let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
-    let scene = generators::draw(sweep, generators, rule).map_err(failed)?;
-    write::figure(&scene, folder, NAME, formats)
+    alone("generators", generators::draw(sweep, generators, rule), folder, formats)
 }
 
 /// Draws the optima of several studies side by side, as `compare.svg` and its kin; gives their paths.
@@ -203,10 +199,7 @@ pub fn draw_compared(
     studies: &[(&str, &Laws)],
     folder: &Path,
 ) -> Result<Vec<PathBuf>, FigureError> {
-    const NAME: &str = "compare";
-    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
-    let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
-    write::figure(&compare::draw(studies).map_err(failed)?, folder, NAME, &Format::ALL)
+    alone("compare", compare::draw(studies), folder, &Format::ALL)
 }
 
 /// Draws the quality of scored runs against their loss, as `quality.svg` and its kin; gives their
@@ -220,10 +213,7 @@ pub fn draw_quality(
     rows: &[Quality],
     folder: &Path,
 ) -> Result<Vec<PathBuf>, FigureError> {
-    const NAME: &str = "quality";
-    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
-    let failed = |message| FigureError::Draw { name: NAME.to_owned(), message };
-    write::figure(&quality::draw(sweep, rows).map_err(failed)?, folder, NAME, &Format::ALL)
+    alone("quality", quality::draw(sweep, rows), folder, &Format::ALL)
 }
 
 /// Draws the codes of a tokenizer as `<name>.svg` and its kin; gives their paths.
@@ -237,9 +227,20 @@ pub fn draw_codes(
     folder: &Path,
     name: &str,
 ) -> Result<Vec<PathBuf>, FigureError> {
-    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
+    alone(name, codes::draw(title, map), folder, &Format::ALL)
+}
+
+/// Writes a figure that stands by itself.
+fn alone(
+    name: &str,
+    drawing: Drawing,
+    folder: &Path,
+    formats: &[Format],
+) -> Result<Vec<PathBuf>, FigureError> {
     let failed = |message| FigureError::Draw { name: name.to_owned(), message };
-    write::figure(&codes::draw(title, map).map_err(failed)?, folder, name, &Format::ALL)
+    let scene = drawing.map_err(failed)?;
+    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
+    write::figure(&scene, folder, name, formats)
 }
 
 impl<'a> Sources<'a> {

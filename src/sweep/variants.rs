@@ -20,21 +20,26 @@ impl Sweep {
     /// The sweep once for each combination of what it varies; itself where it varies nothing.
     ///
     /// # Panics
-    /// A value cannot stand at its key, which the check of a sweep refuses.
+    /// Values cannot stand at their keys, which the check of a sweep refuses.
     pub fn variants(&self) -> Vec<Variant> {
+        let variants = self.combined().collect::<Result<_, _>>();
+        variants.expect("checked when the sweep was read")
+    }
+
+    /// The combinations one by one: the sweep, or what cannot stand there, in serde's words after its label.
+    pub(super) fn combined(&self) -> impl Iterator<Item = Result<Variant, String>> {
         let mut plain = self.clone();
         let vary = std::mem::take(&mut plain.grid.vary);
-        let mut all = vec![Variant { label: None, sweep: plain }];
-        for (key, values) in vary {
-            let of_value = |value: &Value| {
-                let with = |variant: &Variant| {
-                    variant.with(&key, value).expect("checked when the sweep was read")
-                };
-                all.iter().map(with).collect::<Vec<_>>()
-            };
-            all = values.iter().flat_map(of_value).collect();
-        }
-        all
+        let n_combinations = vary.values().map(Vec::len).product();
+        (0..n_combinations).map(move |mut place: usize| {
+            let mut variant = Variant { label: None, sweep: plain.clone() };
+            for (key, values) in &vary {
+                let value = &values[place % values.len()];
+                place /= values.len();
+                variant = variant.with(key, value)?;
+            }
+            Ok(variant)
+        })
     }
 
     /// The sweep with a value at a key.
@@ -56,7 +61,8 @@ impl Variant {
         let own = setting(key, value);
         let label =
             self.label.as_ref().map_or_else(|| own.clone(), |label| format!("{label}, {own}"));
-        Ok(Self { label: Some(label), sweep: self.sweep.with(key, value)? })
+        let sweep = self.sweep.with(key, value).map_err(|problem| format!("{label}: {problem}"))?;
+        Ok(Self { label: Some(label), sweep })
     }
 }
 
@@ -72,6 +78,9 @@ fn setting(key: &str, value: &Value) -> String {
 mod tests {
     use crate::sweep::parse;
 
+    const MANY: &str = "{train.lr: [1, 2, 3, 4, 5, 6, 7, 8], train.min_steps: [1, 2, 3, 4, 5, 6, 7, 8], \
+        train.weight_decay: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8], \
+        train.clip_norm: [1, 2, 3, 4, 5, 6, 7, 8]}";
     const TEXT: &str =
         "name: t\ngrid:\n  models: scamo\n  vocab: [64]\n  budgets: [1e18]\n  vary: VARY\n";
 
@@ -103,6 +112,12 @@ mod tests {
             ("{train.lr: [1e-3, many]}", "t.yaml:6:27", "expected a number"),
             ("{train.rate: [1]}", "t.yaml:6:23", "unknown field"),
             ("{train.min_steps: [0]}", "t.yaml:6:28", "at least one step"),
+            (
+                "{train.schedule.warmup: [0.1, 0.6], train.schedule.decay: [0.2, 0.6], train.schedule.kind: [wsd]}",
+                "t.yaml:6:9",
+                "warmup=0.6: warm-up and decay together are more",
+            ),
+            (MANY, "t.yaml:6:9", "4096 combinations"),
         ] {
             let told = told(vary);
             assert!(told.contains(place) && told.contains(words), "{vary}: {told}");

@@ -4,7 +4,10 @@ use serde_json::Value;
 
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::Sweep;
-use crate::sweep::variants::SECTIONS;
+use crate::sweep::variants::{SECTIONS, Variant};
+
+/// Combinations of values that a sweep varies, at most: each is planned by itself.
+const MOST_COMBINATIONS: f64 = 1000.0;
 
 /// What is wrong with the keys that the grid varies; `of_sweep` finds what is wrong with a sweep that varies
 /// nothing.
@@ -14,7 +17,27 @@ pub fn check(sweep: &Sweep, of_sweep: fn(&Sweep) -> Vec<Problem>) -> Vec<Problem
         let problem = of_sweep(own).into_iter().find(|problem| !known.contains(problem));
         problem.map(|problem| problem.message)
     };
-    sweep.grid.vary.iter().flat_map(|(key, values)| of_key(sweep, key, values, &fresh)).collect()
+    let vary = sweep.grid.vary.iter();
+    let alone: Vec<Problem> =
+        vary.flat_map(|(key, values)| of_key(sweep, key, values, &fresh)).collect();
+    if alone.is_empty() { together(sweep, &fresh).into_iter().collect() } else { alone }
+}
+
+/// The first combination that will not do, of values that do alone.
+fn together(sweep: &Sweep, fresh: &dyn Fn(&Sweep) -> Option<String>) -> Option<Problem> {
+    let n = sweep.grid.vary.values().map(|values| values.len() as f64).product::<f64>();
+    if n > MOST_COMBINATIONS {
+        let message =
+            format!("{n} combinations; a sweep varies at most {MOST_COMBINATIONS} of them");
+        return Some(Problem::value("grid.vary", message));
+    }
+    let problem = |variant: Result<Variant, String>| match variant {
+        Err(message) => Some(message),
+        Ok(Variant { label, sweep }) => {
+            fresh(&sweep).map(|message| format!("{}: {message}", label.unwrap_or_default()))
+        }
+    };
+    sweep.combined().find_map(problem).map(|message| Problem::value("grid.vary", message))
 }
 
 fn of_key(
