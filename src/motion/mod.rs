@@ -44,7 +44,7 @@ pub use features::{
 };
 pub use metrics::mpjpe_mm;
 pub use mirror::{mirror_caption, mirror_features};
-pub use recover::recover_joints;
+pub use recover::{recover_body, recover_joints, width as feature_width};
 pub use rotation::{NO_ROTATION, Quat, Yaw, between, conjugate, from_6d, multiply, rotate, to_6d};
 pub use skeleton::{
     BONE_LENGTHS, CHAINS, CONTACT_JOINTS, JOINT_NAMES, L_HIP, L_SHOULDER, MIRROR_PARTNER, N_JOINTS,

@@ -3,7 +3,6 @@
 use super::features::{POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW};
 use super::rotation::Yaw;
 use super::skeleton::{N_JOINTS, Pose};
-use crate::motion::N_FEATURES;
 
 /// The poses that `features` describe, from the root's steps and the joints' local positions.
 ///
@@ -18,9 +17,29 @@ use crate::motion::N_FEATURES;
 /// # Panics
 /// If `features` does not consist of whole rows.
 pub fn recover_joints(features: &[f32]) -> Vec<Pose> {
-    assert!(features.len().is_multiple_of(N_FEATURES), "features come in rows of {N_FEATURES}");
+    recover_body::<N_JOINTS>(features)
+}
+
+/// Features that a body of so many joints has: 263 of 22, 251 of KIT-ML's 21.
+///
+/// The root has 4 of them and the contacts 4; each joint but the root has a place (3) and a rotation (6), and
+/// every joint a velocity (3).
+pub const fn width(joints: usize) -> usize {
+    4 + 9 * (joints - 1) + 3 * joints + 4
+}
+
+/// [`recover_joints`] of a body with `J` joints.
+///
+/// # Shapes
+/// Row-major `[T, width(J)]`, not normalised, to `[T]` bodies.
+///
+/// # Panics
+/// If `features` does not consist of whole rows.
+pub fn recover_body<const J: usize>(features: &[f32]) -> Vec<[[f32; 3]; J]> {
+    let width = width(J);
+    assert!(features.len().is_multiple_of(width), "features come in rows of {width}");
     let mut root = Root { half_angle: 0.0, x: 0.0, z: 0.0 };
-    (features.chunks_exact(N_FEATURES))
+    (features.chunks_exact(width))
         .map(|row| {
             let pose = place(row, &root);
             root.advance(row);
@@ -48,11 +67,11 @@ impl Root {
     }
 }
 
-fn place(row: &[f32], root: &Root) -> Pose {
+fn place<const J: usize>(row: &[f32], root: &Root) -> [[f32; 3]; J] {
     let back = Yaw::from_half_angle(root.half_angle).inverse();
-    let mut pose = [[0.0; 3]; N_JOINTS];
+    let mut pose = [[0.0; 3]; J];
     pose[0] = [root.x as f32, row[ROOT_HEIGHT], root.z as f32];
-    for (joint, local) in pose[1..].iter_mut().zip(row[POSITIONS].chunks_exact(3)) {
+    for (joint, local) in pose[1..].iter_mut().zip(row[POSITIONS.start..].chunks_exact(3)) {
         let (x, z) = back.rotate_xz(f64::from(local[0]), f64::from(local[2]));
         *joint = [(x + root.x) as f32, local[1], (z + root.z) as f32];
     }
@@ -62,6 +81,7 @@ fn place(row: &[f32], root: &Root) -> Pose {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::N_FEATURES;
     use crate::motion::fixtures::{dance, largest_difference, moved};
     use crate::motion::{build_features, canonicalise};
 
@@ -76,6 +96,20 @@ mod tests {
             expected[..198].as_flattened().as_flattened(),
         );
         assert!(difference < 1e-5, "{difference}");
+    }
+
+    #[test]
+    fn bodies_of_other_joints_have_features_of_other_widths() {
+        assert_eq!([width(N_JOINTS), width(21)], [N_FEATURES, 251]);
+        // A body of two joints, the second a metre before the first, that turns by 90° and steps ahead.
+        let mut rows = [[0.0; width(2)]; 2];
+        rows[0][ROOT_YAW] = std::f32::consts::FRAC_PI_4;
+        rows[0][ROOT_VELOCITY].copy_from_slice(&[0.0, 1.0]);
+        rows.iter_mut().for_each(|row| row[POSITIONS.start + 2] = 1.0);
+        let bodies = recover_body::<2>(rows.as_flattened());
+        assert_eq!(bodies[0], [[0.0; 3], [0.0, 0.0, 1.0]]);
+        let off = (0..2).map(|i| (bodies[1][i][0] + 1.0 + i as f32).abs()).sum::<f32>();
+        assert!(off < 1e-6, "{:?}", bodies[1]);
     }
 
     #[test]

@@ -67,7 +67,7 @@ enum FormName {
     Joints,
     /// .npy of T × J × 3, of which the first 22 are SMPL's body
     SmplxJoints,
-    /// KIT-ML: .npy of T × 21 × 3, or its folder with new_joints
+    /// KIT-ML: .npy of T × 21 × 3 or T × 251, or its folder
     Kit,
 }
 

@@ -70,14 +70,21 @@ fn of_humanml3d(array: &NpyArray, form: Form) -> Result<Vec<Pose64>, NpyProblem>
     Ok(array.values.chunks_exact(3 * n_joints).map(pose).collect())
 }
 
+/// The joints of KIT-ML, given as they are or as the features made of them.
 fn of_kit(array: &NpyArray, first: First) -> Result<Vec<Pose64>, NpyProblem> {
-    if !matches!(array.shape[..], [t, kit::JOINTS, 3] if t > 1) {
-        let expected = "[frames, 21, 3], two frames or more,";
-        return Err(NpyProblem::Shape { found: array.shape.clone(), expected });
-    }
-    let frames = array.values.chunks_exact(3 * kit::JOINTS);
-    let joints = |frame: &[f32]| std::array::from_fn(|joint| place(frame, joint));
-    Ok(frames.map(|frame| kit::pose(&joints(frame), first)).collect())
+    let values = array.values.as_slice();
+    let bodies = match array.shape[..] {
+        [t, kit::JOINTS, 3] if t > 1 => {
+            let body = |frame: &[f32]| std::array::from_fn(|joint| place(frame, joint));
+            values.chunks_exact(3 * kit::JOINTS).map(body).collect()
+        }
+        [t, kit::FEATURES] if t > 1 => kit::bodies(values),
+        _ => {
+            let expected = "[frames, 21, 3] or [frames, 251], two frames or more,";
+            return Err(NpyProblem::Shape { found: array.shape.clone(), expected });
+        }
+    };
+    Ok(bodies.iter().map(|body| kit::pose(body, first)).collect())
 }
 
 fn place(frame: &[f32], joint: usize) -> [f64; 3] {

@@ -3,11 +3,13 @@
 //! Pelvis, belly, chest, lower and upper neck; shoulder, elbow and wrist of one side and of the other; hip, knee,
 //! ankle, ball of the foot and toes likewise. Millimetres, 12.5 frames a second.
 
-use crate::motion::N_JOINTS;
 use crate::motion::retarget::Pose64;
+use crate::motion::{N_JOINTS, feature_width, recover_body};
 
 /// Joints of KIT-ML's body.
 pub const JOINTS: usize = 21;
+/// Features of a frame, where a file holds those.
+pub const FEATURES: usize = feature_width(JOINTS);
 /// Frames a second of KIT-ML's files.
 pub const FPS: f64 = 12.5;
 
@@ -28,6 +30,12 @@ pub enum First {
 const COLLAR: [f64; 2] = [0.37, 0.28];
 /// How far from the first joint of the spine to the third the second is, likewise.
 const SPINE: f64 = 0.73;
+
+/// The joints that rows of [`FEATURES`] describe, from the origin on.
+pub fn bodies(features: &[f32]) -> Vec<[Point; JOINTS]> {
+    let body = |body: [[f32; 3]; JOINTS]| body.map(|place| place.map(f64::from));
+    recover_body(features).into_iter().map(body).collect()
+}
 
 /// A pose of KIT-ML as one of HumanML3D's joints. Joints that it has not lie between those that it has.
 pub fn pose(joints: &[Point; JOINTS], first: First) -> Pose64 {

@@ -31,18 +31,18 @@ pub struct Listing {
 }
 
 /// Every file below `root` with the ending of `form`, by name; of a folder in the HumanML3D layout those in
-/// `new_joints`.
+/// `new_joints`, or of KIT-ML's where it has features alone, in `new_joint_vecs`.
 ///
 /// # Errors
 /// The folder cannot be read, or holds none.
 pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
-    let joints = root.join("new_joints");
-    let humanml3d = matches!(form, Form::Joints | Form::Kit) && joints.is_dir();
-    let base = if humanml3d { &joints } else { root };
+    let own = layout(root, form);
+    let humanml3d = own.is_some();
+    let base = own.unwrap_or_else(|| root.to_path_buf());
     let mut paths = Vec::new();
-    walk(base, form.ending(), &mut paths)?;
+    walk(&base, form.ending(), &mut paths)?;
     if paths.is_empty() {
-        return Err(ImportError::NoFiles { path: base.to_path_buf(), ending: form.ending() });
+        return Err(ImportError::NoFiles { path: base, ending: form.ending() });
     }
     paths.sort();
     let texts = Some(root.join("texts")).filter(|folder| humanml3d && folder.is_dir());
@@ -51,7 +51,17 @@ pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
     } else {
         None
     };
-    Ok(Listing { files: named(base, paths), splits, texts, humanml3d })
+    Ok(Listing { files: named(&base, paths), splits, texts, humanml3d })
+}
+
+/// Where the motions of a folder in the HumanML3D layout lie; `None` for another folder.
+fn layout(root: &Path, form: Form) -> Option<PathBuf> {
+    let places: &[&str] = match form {
+        Form::Joints => &["new_joints"],
+        Form::Kit => &["new_joints", "new_joint_vecs"],
+        Form::Bvh | Form::SmplxJoints => &[],
+    };
+    places.iter().map(|place| root.join(place)).find(|place| place.is_dir())
 }
 
 fn walk(folder: &Path, ending: &str, found: &mut Vec<PathBuf>) -> Result<(), FileError> {

@@ -16,7 +16,7 @@ pub enum Form {
     Joints,
     /// `.npy` of `[T, J, 3]` with J ≥ 22, of which the first 22 are SMPL's body.
     SmplxJoints,
-    /// KIT-ML: `.npy` of `[T, 21, 3]`.
+    /// KIT-ML: `.npy` of `[T, 21, 3]`, or its features, `[T, 251]`.
     Kit,
 }
 
