@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 
 use super::assignment::{Assignment, Outcome};
+use super::folder::{CHECKPOINT, ResultsFolder};
 use super::id::JobId;
 use super::job::Job;
 use super::kind::{JobKind, Kind};
@@ -12,7 +13,7 @@ use super::mend::put_away;
 use super::tokenizer;
 use crate::plan::{Plan, TokenizerJob, tokens_peak_bytes};
 use crate::sweep::Stage;
-use crate::tokenizer::{Corpus, Tokenizer, tokenize};
+use crate::tokenizer::{Corpus, Parts, Tokenizer, share_kept, tokenize};
 
 /// Turns every clip of the data into codes.
 pub struct Tokens;
@@ -70,8 +71,17 @@ impl Kind for Tokens {
         let Some(tokenizer) = load_or_retrain(assignment)? else { return Ok(Outcome::Stopped) };
         let (source, text) = (assignment.source()?, tokenizer::open_text(assignment)?);
         let corpus = Corpus { source: &*source, text: text.as_ref() };
-        tokenize(&tokenizer, &corpus, &assignment.product())?;
+        let kept = assignment.place().join(CHECKPOINT);
+        let parts = Parts { folder: &kept, stop: assignment.stop };
+        let Some(()) = tokenize(&tokenizer, &corpus, &assignment.product(), parts)? else {
+            return Ok(Outcome::Stopped);
+        };
+        assignment.remove_checkpoint()?;
         Ok(Outcome::Done)
+    }
+
+    fn share_done(&self, folder: &ResultsFolder, id: &str) -> f64 {
+        share_kept(&folder.job(&JobId::new(KIND, id)).join(CHECKPOINT))
     }
 }
 

@@ -8,25 +8,38 @@ use super::batches::{ClipBatch, equal_length_batches};
 use super::codec::Tokenizer;
 use super::corpus::Corpus;
 use super::error::TokenizerError;
+use super::parts::{BATCHES, Parts, keep, kept};
 use crate::codes::{SplitTokens, write_store};
 use crate::data::Split;
 use crate::progress::moved;
 
-/// Tokenises every clip of every split into one file at `path`, written whole, by rename.
-pub fn tokenize(tokenizer: &Tokenizer, corpus: &Corpus, path: &Path) -> Result<(), TokenizerError> {
-    let splits = Split::ALL.iter().map(|&split| tokenize_split(tokenizer, corpus, split));
-    let splits = splits.collect::<Result<Vec<_>, _>>()?;
-    Ok(write_store(path, &tokenizer.spec().grid(), &splits)?)
+/// Tokenises every clip of every split into one file at `path`, written whole, by rename. What it has made so
+/// far it keeps in `parts`, and goes on from there.
+///
+/// `None`: stopped between two parts.
+///
+/// # Errors
+/// A clip cannot be read or is shorter than a token, or a file cannot be written.
+pub fn tokenize(
+    tokenizer: &Tokenizer,
+    corpus: &Corpus,
+    path: &Path,
+    parts: Parts,
+) -> Result<Option<()>, TokenizerError> {
+    let splits = Split::ALL.iter().map(|&split| tokenize_split(tokenizer, corpus, split, parts));
+    let Some(splits) = splits.collect::<Result<Option<Vec<_>>, _>>()? else { return Ok(None) };
+    Ok(Some(write_store(path, &tokenizer.spec().grid(), &splits)?))
 }
 
-/// The codes of every clip of a split, in the split's order.
+/// The codes of every clip of a split, in the split's order; `None`: stopped.
 ///
 /// Batches are shared out over the threads; a clip's codes depend on neither.
-pub fn tokenize_split(
+fn tokenize_split(
     tokenizer: &Tokenizer,
     corpus: &Corpus,
     split: Split,
-) -> Result<SplitTokens, TokenizerError> {
+    parts: Parts,
+) -> Result<Option<SplitTokens>, TokenizerError> {
     let (source, captions) = (corpus.source, corpus.read_by(tokenizer.spec())?);
     let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_latent())?;
     let encode = |batch: &ClipBatch| {
@@ -36,7 +49,7 @@ pub fn tokenize_split(
         moved();
         Ok(ids)
     };
-    let ids = batches.par_iter().map(encode).collect::<Result<Vec<_>, TokenizerError>>()?;
+    let Some(ids) = in_parts(&batches, split, parts, encode)? else { return Ok(None) };
     let mut clips = vec![(&[] as &[u32], 0); source.n_clips(split)];
     for (batch, ids) in batches.iter().zip(&ids) {
         let n_tokens = ids.len() / batch.indices.len();
@@ -44,7 +57,32 @@ pub fn tokenize_split(
             clips[index] = (clip, batch.n_frames);
         }
     }
-    Ok(SplitTokens::new(clips))
+    Ok(Some(SplitTokens::new(clips)))
+}
+
+/// The codes of every batch, those that are kept and those that are made now; `None`: stopped.
+fn in_parts(
+    batches: &[ClipBatch],
+    split: Split,
+    parts: Parts,
+    encode: impl Fn(&ClipBatch) -> Result<Vec<u32>, TokenizerError> + Sync,
+) -> Result<Option<Vec<Vec<u32>>>, TokenizerError> {
+    let n_parts = batches.len().div_ceil(BATCHES);
+    let mut all = Vec::with_capacity(batches.len());
+    for (part, batches) in batches.chunks(BATCHES).enumerate() {
+        if parts.stop.is_raised() {
+            return Ok(None);
+        }
+        let path = parts.file(split, part, n_parts);
+        if let Some(codes) = kept(&path).filter(|codes| codes.len() == batches.len()) {
+            all.extend(codes);
+            continue;
+        }
+        let made = batches.par_iter().map(&encode).collect::<Result<Vec<_>, _>>()?;
+        keep(&path, &made)?;
+        all.extend(made);
+    }
+    Ok(Some(all))
 }
 
 #[cfg(test)]
@@ -53,6 +91,7 @@ mod tests {
     use crate::codes::TokenStore;
     use crate::data::MotionSource;
     use crate::motion::N_FEATURES;
+    use crate::progress::Stop;
     use crate::spec::{LanguagePlace, QuantizerSpec, TokenizerSpec};
     use crate::tokenizer::testing::{D_TEXT, Waves, small_spec, text_of, transformer_spec};
     use crate::tokenizer::train;
@@ -77,7 +116,9 @@ mod tests {
         let tokenizer = train(spec, &corpus, &Device::flex(), None, keep_on).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("tokens.safetensors");
-        tokenize(&tokenizer, &corpus, &path).unwrap();
+        let (stop, parts) = (Stop::default(), folder.path().join("parts"));
+        let parts = Parts { folder: &parts, stop: &stop };
+        tokenize(&tokenizer, &corpus, &path, parts).unwrap();
         let store = TokenStore::open(&path).unwrap();
         for split in Split::ALL {
             assert_eq!(store.n_clips(split), 60);
@@ -90,5 +131,34 @@ mod tests {
                 assert_eq!(alone.len(), source.n_frames(split, index) / 4);
             }
         }
+    }
+
+    #[test]
+    fn tokenising_goes_on_from_what_is_kept_to_the_same_bytes() {
+        // A batch a clip: 70 batches, two parts a split.
+        let source = Waves::new(&[1500; 70], 9);
+        let corpus = Corpus { source: &source, text: None };
+        let keep_on = &mut |_| ControlFlow::Continue(());
+        let tokenizer = train(&small_spec(), &corpus, &Device::flex(), None, keep_on).unwrap();
+        let (folder, stop) = (tempfile::tempdir().unwrap(), Stop::default());
+        let run = |name: &str, stop: &Stop| {
+            let (path, kept) =
+                (folder.path().join(format!("{name}.safetensors")), folder.path().join("parts"));
+            let done = tokenize(&tokenizer, &corpus, &path, Parts { folder: &kept, stop }).unwrap();
+            done.map(|()| std::fs::read(path).unwrap())
+        };
+        let whole = run("whole", &stop).expect("not stopped");
+        let parts = Parts { folder: &folder.path().join("parts"), stop: &stop };
+        // A part is gone, one is cut, and one is of another batch size.
+        std::fs::remove_file(parts.file(Split::Test, 0, 2)).unwrap();
+        std::fs::write(parts.file(Split::Val, 1, 2), b"cut").unwrap();
+        keep(&parts.file(Split::Train, 1, 2), &[vec![0; 375]]).unwrap();
+        let raised = Stop::default();
+        raised.raise();
+        assert_eq!(run("stopped", &raised), None);
+        assert!(run("again", &stop).expect("not stopped") == whole);
+        // What is kept is used, and not made again.
+        keep(&parts.file(Split::Train, 1, 2), &vec![vec![0; 375]; 6]).unwrap();
+        assert!(run("changed", &stop).expect("not stopped") != whole);
     }
 }

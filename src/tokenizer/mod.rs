@@ -43,6 +43,7 @@ mod metrics;
 mod mix;
 mod module;
 mod normalise;
+mod parts;
 mod pass;
 mod patch;
 mod pool;
@@ -61,10 +62,11 @@ pub use code_map::{CodeMap, ScaleCodes};
 pub use codec::Tokenizer;
 pub use convolutional::{AutoencoderConfig, Decoder, Encoder};
 pub use corpus::Corpus;
-pub use encode::{tokenize, tokenize_split};
+pub use encode::tokenize;
 pub use error::TokenizerError;
 pub use evaluate::{Reconstruction, evaluate, reconstruct};
 pub use metrics::{Baseline, ScaleUse, TokenizerMetrics};
+pub use parts::{Parts, share_kept};
 pub use pass::Pass;
 pub use quantizer::{
     AnyQuantizer, Extent, Fsq, Multiscale, Quantized, Quantizer, ResidualFsq, ResidualVq, Vq,
