@@ -10,11 +10,12 @@ use crate::record::RunRecord;
 
 /// Versions, sweep and dropped cells.
 pub fn section(input: &ReportInput) -> Markup {
+    let records = input.records();
     let rows = [
         ("isoflop, for this page", env!("CARGO_PKG_VERSION").to_string()),
-        ("revisions that trained", each(input.records, |run| run.measured.git_revision.clone())),
-        ("devices", each(input.records, |run| run.measured.device.clone())),
-        ("seeds", each(input.records, |run| run.planned.seed.map(|seed| seed.to_string()))),
+        ("revisions that trained", each(&records, |run| run.measured.git_revision.clone())),
+        ("devices", each(&records, |run| run.measured.device.clone())),
+        ("seeds", each(&records, |run| run.planned.seed.map(|seed| seed.to_string()))),
     ];
     let rows: Vec<Vec<String>> =
         rows.into_iter().map(|(name, value)| vec![name.to_string(), value]).collect();
@@ -37,7 +38,7 @@ pub fn section(input: &ReportInput) -> Markup {
 }
 
 /// The values that runs have, each once.
-fn each(records: &[RunRecord], of: fn(&RunRecord) -> Option<String>) -> String {
-    let values: BTreeSet<String> = records.iter().filter_map(of).collect();
+fn each(records: &[&RunRecord], of: fn(&RunRecord) -> Option<String>) -> String {
+    let values: BTreeSet<String> = records.iter().copied().filter_map(of).collect();
     values.into_iter().collect::<Vec<_>>().join(", ")
 }

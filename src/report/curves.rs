@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::chart::{Chart, px};
-use super::input::ReportInput;
+use super::input::Study;
 use super::scaling::{best_of_sizes, budgets, label};
 use crate::laws::text::count;
 use crate::record::RunRecord;
@@ -12,28 +12,28 @@ use crate::record::RunRecord;
 const COLOURS: usize = 8;
 
 /// The curves; `None` where no run has a loss.
-pub fn section(input: &ReportInput) -> Option<Markup> {
+pub fn section(study: &Study) -> Option<Markup> {
     let at = |record: &RunRecord| {
         Some((record.planned.params_nonvocab as f64, record.loss_normalised().ok()?))
     };
-    let budgets = budgets(input.records);
-    let best = budgets.iter().flat_map(|budget| best_of_sizes(input.records, *budget));
+    let budgets = budgets(study.records);
+    let best = budgets.iter().flat_map(|budget| best_of_sizes(study.records, *budget));
     let chart = Chart::around(best.filter_map(at))?;
     let drawn = html! {
-        (optimum(&chart, input))
+        (optimum(&chart, study))
         @for (place, budget) in budgets.iter().enumerate() {
-            (curve(&chart, input.records, *budget, place % COLOURS))
+            (curve(&chart, study.records, *budget, place % COLOURS))
         }
     };
     let about = "L_u of runs against N_nv, with a line through the best of each size of a budget";
     Some(html! {
-        section aria-labelledby="curves" {
-            h2 id="curves" { "IsoFLOP curves" }
+        section aria-labelledby=(study.id("curves")) {
+            (study.heading("curves", "IsoFLOP curves"))
             p { "The lines go through the best run of each size; the other runs near them are faint. Point \
                  at a run, or tap it, to read it. The shaded band is the predicted N_nv of the budget \
                  chosen above." }
-            (chart.drawing("isoflop", about, ["N_nv", "L_u, nats"], &drawn))
-            p id="pointed" aria-live="polite" { "\u{a0}" }
+            (chart.drawing(&study.id("isoflop"), &study.own(about), ["N_nv", "L_u, nats"], &drawn))
+            p.pointed aria-live="polite" { "\u{a0}" }
             ul.legend {
                 @for (place, budget) in budgets.iter().enumerate() {
                     li { span class={ "swatch c" (place % COLOURS) } {} (count(*budget)) }
@@ -65,9 +65,9 @@ fn curve(chart: &Chart, records: &[RunRecord], budget: f64, colour: usize) -> Ma
 }
 
 /// The band of the predicted N_nv, which the slider moves.
-fn optimum(chart: &Chart, input: &ReportInput) -> Markup {
+fn optimum(chart: &Chart, study: &Study) -> Markup {
     let [top, bottom] = chart.height();
-    let places: Vec<String> = input
+    let places: Vec<String> = study
         .predictions
         .iter()
         .map(|prediction| {
@@ -77,7 +77,7 @@ fn optimum(chart: &Chart, input: &ReportInput) -> Markup {
         })
         .collect();
     html! {
-        g id="optimum" data-places=(places.join(",")) {
+        g.optimum data-places=(places.join(",")) {
             rect y=(top) height=(bottom - top) x="0" width="0" {}
             line y1=(top) y2=(bottom) x1="0" x2="0" {}
         }

@@ -1,4 +1,6 @@
-//! [`ReportInput`]: all that a page shows.
+//! [`ReportInput`]: all that a page shows, and of it a [`Study`] for each generator.
+
+use maud::{Markup, html};
 
 use crate::laws::Laws;
 use crate::motion::Pose;
@@ -9,6 +11,22 @@ use crate::tokenizer::TokenizerMetrics;
 /// All that a page shows.
 pub struct ReportInput<'a> {
     pub name: &'a str,
+    /// One for each generator.
+    pub studies: &'a [Study<'a>],
+    pub samples: &'a [Sample],
+    pub tokenizers: &'a [TokenizerMetrics],
+    /// Those of all generators together.
+    pub figures: &'a [Figure],
+    /// The resolved sweep, in YAML.
+    pub sweep: &'a str,
+    /// Cells that were not run, each with its reason.
+    pub dropped: &'a [String],
+}
+
+/// The runs of one generator, and what they bear.
+pub struct Study<'a> {
+    /// The generator's name; `None` where the sweep has one alone.
+    pub generator: Option<&'a str>,
     /// What `isoflop run` says at its end.
     pub verdict: &'a str,
     /// Absent where the runs bear none.
@@ -16,13 +34,31 @@ pub struct ReportInput<'a> {
     /// By rising budgets: what the slider moves over.
     pub predictions: &'a [Prediction],
     pub records: &'a [RunRecord],
-    pub samples: &'a [Sample],
-    pub tokenizers: &'a [TokenizerMetrics],
     pub figures: &'a [Figure],
-    /// The resolved sweep, in YAML.
-    pub sweep: &'a str,
-    /// Cells that were not run, each with its reason.
-    pub dropped: &'a [String],
+}
+
+impl ReportInput<'_> {
+    /// The runs of all generators.
+    pub(super) fn records(&self) -> Vec<&RunRecord> {
+        self.studies.iter().flat_map(|study| study.records).collect()
+    }
+}
+
+impl Study<'_> {
+    /// An id of the page that no other generator has.
+    pub(super) fn id(&self, name: &str) -> String {
+        self.generator.map_or_else(|| name.to_string(), |generator| format!("{generator}-{name}"))
+    }
+
+    /// Words on the page that no other generator has.
+    pub(super) fn own(&self, text: &str) -> String {
+        self.generator.map_or_else(|| text.to_string(), |generator| format!("{text}, {generator}"))
+    }
+
+    /// The heading of a section.
+    pub(super) fn heading(&self, name: &str, text: &str) -> Markup {
+        html! { h2 id=(self.id(name)) { (self.own(text)) } }
+    }
 }
 
 /// A figure of the sweep's folder.

@@ -2,32 +2,33 @@
 
 use maud::{Markup, html};
 
+use super::input::Study;
 use super::table::{interval, table, thousandths};
 use crate::laws::names::flags_text;
 use crate::laws::text::count;
 use crate::laws::{IntervalPart, Laws, Minimum, PowerLaw};
 
 /// Laws, minima and what was said of them.
-pub fn section(laws: &Laws) -> Markup {
+pub fn section(study: &Study, laws: &Laws) -> Markup {
     let held_out = laws.held_out.as_ref().filter(|_| laws.refit.is_some());
     let without = held_out.map(|held_out| format!("without {}", count(held_out.budget_flops)));
     let mut head = vec!["quantity", "exponent", "95 %", "at C0", "R²", "budgets"];
     head.extend(without.as_deref());
     let reference = count(laws.of_all_budgets().reference_flops);
     html! {
-        section aria-labelledby="laws" {
-            h2 id="laws" { "Laws" }
-            (table(&format!("Power laws of C; C0 = {reference} FLOPs"), &head, &powers(laws)))
+        section aria-labelledby=(study.id("laws")) {
+            (study.heading("laws", "Laws"))
+            (table(&study.own(&format!("Power laws of C; C0 = {reference} FLOPs")), &head, &powers(laws)))
             (table(
-                "Laws of the loss, through the smaller budgets",
+                &study.own("Laws of the loss, through the smaller budgets"),
                 &["law", "held-out error, nats", "parameters"],
                 &losses(laws)
             ))
             @if let Some(recommended) = &laws.judgement.recommended {
                 p { "Recommended: " (recommended.law.about()) ", " (recommended.why) "." }
             }
-            (parts(laws))
-            (minima(laws))
+            (parts(study, laws))
+            (minima(study, laws))
             @if !laws.warnings.is_empty() {
                 details {
                     summary { "Remarks on the fit: " (laws.warnings.len()) }
@@ -88,7 +89,7 @@ fn losses(laws: &Laws) -> Vec<Vec<String>> {
 }
 
 /// What the intervals are made of.
-fn parts(laws: &Laws) -> Markup {
+fn parts(study: &Study, laws: &Laws) -> Markup {
     let row = |part: &IntervalPart| {
         vec![
             part.part.clone(),
@@ -99,10 +100,10 @@ fn parts(laws: &Laws) -> Markup {
     };
     let rows: Vec<Vec<String>> = laws.judgement.interval_parts.iter().map(row).collect();
     let head = ["reason", "N_nv", "N_v", "D"];
-    html! { @if !rows.is_empty() { (table("The intervals of the exponents, had they one reason alone", &head, &rows)) } }
+    html! { @if !rows.is_empty() { (table(&study.own("The intervals of the exponents, had they one reason alone"), &head, &rows)) } }
 }
 
-fn minima(laws: &Laws) -> Markup {
+fn minima(study: &Study, laws: &Laws) -> Markup {
     let row = |minimum: &Minimum| {
         vec![
             count(minimum.budget_flops),
@@ -116,5 +117,5 @@ fn minima(laws: &Laws) -> Markup {
     let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
     let rows: Vec<Vec<String>> = own.map(row).collect();
     let head = ["C", "N_nv", "V", "D", "L_u", "flags"];
-    table("Minima", &head, &rows)
+    table(&study.own("Minima"), &head, &rows)
 }

@@ -9,15 +9,20 @@
 //! use std::path::Path;
 //!
 //! use isoflop::record::table;
-//! use isoflop::report::{ReportInput, page};
+//! use isoflop::report::{ReportInput, Study, page};
 //!
 //! let records = table::read(Path::new("results/cmu-motion"))?;
-//! let html = page(&ReportInput {
-//!     name: "cmu-motion",
+//! let study = Study {
+//!     generator: None,
 //!     verdict: "No laws yet.",
 //!     laws: None,
 //!     predictions: &[],
 //!     records: &records,
+//!     figures: &[],
+//! };
+//! let html = page(&ReportInput {
+//!     name: "cmu-motion",
+//!     studies: &[study],
 //!     samples: &[],
 //!     tokenizers: &[],
 //!     figures: &[],
@@ -29,6 +34,7 @@
 //! ```
 
 mod about;
+mod beside;
 mod chart;
 mod curves;
 mod input;
@@ -41,5 +47,5 @@ mod scaling;
 mod table;
 mod tokenizers;
 
-pub use input::{Figure, ReportInput, Sample};
+pub use input::{Figure, ReportInput, Sample, Study};
 pub use page::page;

@@ -2,20 +2,19 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::input::{Figure, ReportInput};
-use super::{about, curves, laws, prediction, runs, samples, scaling, tokenizers};
+use super::input::{Figure, ReportInput, Study};
+use super::{about, beside, curves, laws, prediction, runs, samples, scaling, tokenizers};
 
 /// The page, in HTML.
 pub fn page(input: &ReportInput) -> String {
+    let records = input.records();
     let sections = [
-        Some(verdict(input)),
-        prediction::section(input),
-        curves::section(input),
-        input.laws.map(laws::section),
+        beside::section(input.studies),
+        Some(html! { @for study in input.studies { (of_study(study)) } }),
         samples::section(input.samples),
-        runs::section(input.records),
+        runs::section(&records),
         tokenizers::section(input.tokenizers),
-        figures(input.figures),
+        Some(figures(input)),
         Some(about::section(input)),
     ];
     let page = html! {
@@ -29,7 +28,7 @@ pub fn page(input: &ReportInput) -> String {
                 style { (PreEscaped(include_str!("style.css"))) }
             }
             body {
-                header { h1 { (input.name) } p { (scaling::extent(input.records)) } }
+                header { h1 { (input.name) } p { (scaling::extent(&records)) } }
                 main { @for section in sections.into_iter().flatten() { (section) } }
                 script { (PreEscaped(include_str!("script.js"))) }
             }
@@ -38,20 +37,42 @@ pub fn page(input: &ReportInput) -> String {
     page.into_string()
 }
 
-fn verdict(input: &ReportInput) -> Markup {
+/// What the runs of one generator say.
+fn of_study(study: &Study) -> Markup {
+    let sections = [
+        Some(verdict(study)),
+        prediction::section(study),
+        curves::section(study),
+        study.laws.map(|laws| laws::section(study, laws)),
+    ];
+    html! { div.study { @for section in sections.into_iter().flatten() { (section) } } }
+}
+
+fn verdict(study: &Study) -> Markup {
     html! {
-        section aria-labelledby="verdict" {
-            h2 id="verdict" { "Verdict" }
-            pre tabindex="0" role="region" aria-label="The verdict in full" { (input.verdict.trim()) }
+        section aria-labelledby=(study.id("verdict")) {
+            (study.heading("verdict", "Verdict"))
+            pre tabindex="0" role="region" aria-label=(study.own("The verdict in full")) { (study.verdict.trim()) }
         }
     }
 }
 
-fn figures(figures: &[Figure]) -> Option<Markup> {
-    (!figures.is_empty()).then(|| {
-        html! {
-            section aria-labelledby="figures" {
-                h2 id="figures" { "Figures" }
+/// The figures of all generators together, then those of each.
+fn figures(input: &ReportInput) -> Markup {
+    let heading = html! { h2 id="all-figures" { "Figures" } };
+    html! {
+        (drawn("all-figures", &heading, input.figures))
+        @for study in input.studies {
+            (drawn(&study.id("figures"), &study.heading("figures", "Figures"), study.figures))
+        }
+    }
+}
+
+fn drawn(id: &str, heading: &Markup, figures: &[Figure]) -> Markup {
+    html! {
+        @if !figures.is_empty() {
+            section aria-labelledby=(id) {
+                (heading)
                 @for Figure { name, svg } in figures {
                     figure {
                         div.paper role="img" aria-label=(name.replace('_', " ")) {
@@ -62,7 +83,7 @@ fn figures(figures: &[Figure]) -> Option<Markup> {
                 }
             }
         }
-    })
+    }
 }
 
 /// An SVG file without what stands before its root.

@@ -4,46 +4,49 @@ use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 
 use super::chart::{Chart, px};
-use super::input::ReportInput;
+use super::input::Study;
 use crate::laws::Minimum;
 use crate::laws::text::count;
 use crate::predict::{Prediction, cells};
 
 /// The section; `None` where nothing is predicted.
-pub fn section(input: &ReportInput) -> Option<Markup> {
-    let last = input.predictions.len().checked_sub(1)?;
-    let first = start(input);
-    let data: Vec<Value> = input.predictions.iter().map(shown).collect();
+pub fn section(study: &Study) -> Option<Markup> {
+    let last = study.predictions.len().checked_sub(1)?;
+    let first = start(study);
+    let data: Vec<Value> = study.predictions.iter().map(shown).collect();
+    let [budget, far] = ["budget", "far"].map(|name| study.id(name));
     Some(html! {
-        section aria-labelledby="prediction" {
-            h2 id="prediction" { "Prediction" }
-            label for="budget" { "Budget: " output id="flops" for="budget" {} " FLOPs" }
-            input id="budget" type="range" min="0" max=(last) value=(first) step="1"
-                aria-describedby="far";
-            p id="far" {}
-            div.wide tabindex="0" role="region" aria-label="Predicted configuration" {
+        section aria-labelledby=(study.id("prediction")) {
+            (study.heading("prediction", "Prediction"))
+            label for=(budget) { "Budget: " output.flops for=(budget) {} " FLOPs" }
+            input.budget id=(budget) type="range" min="0" max=(last) value=(first) step="1"
+                aria-describedby=(far);
+            p.far id=(far) {}
+            div.wide tabindex="0" role="region" aria-label=(study.own("Predicted configuration")) {
                 table {
                     caption { "The optimal configuration, with 95 % intervals" }
                     thead { tr { th scope="col" { "quantity" } th scope="col" { "value" }
                         th scope="col" { "95 %" } } }
-                    tbody id="configuration" {}
+                    tbody.configuration {}
                 }
             }
-            p id="build" {}
-            ul id="cautions" {}
+            p.build {}
+            ul.cautions {}
             p.faint { "N_nv: parameters beside those of the vocabulary. V: codes. D: tokens of training. \
                        loss: L_u, nats a token below a model that knows only how often each code is met." }
-            (losses(input).unwrap_or_default())
-            p { "The same numbers: " code { "isoflop predict C --law RESULTS" } }
+            (losses(study).unwrap_or_default())
+            p { "The same numbers: " code {
+                "isoflop predict C --law RESULTS" @if let Some(generator) = study.generator { "/generators/" (generator) }
+            } }
         }
-        script id="predictions" type="application/json" { (PreEscaped(escaped(&data))) }
+        script.predictions type="application/json" { (PreEscaped(escaped(&data))) }
     })
 }
 
 /// The first budget beyond the runs, or the last.
-fn start(input: &ReportInput) -> usize {
-    let beyond = input.predictions.iter().position(|one| one.extrapolation_factor > 1.5);
-    beyond.unwrap_or(input.predictions.len() - 1)
+fn start(study: &Study) -> usize {
+    let beyond = study.predictions.iter().position(|one| one.extrapolation_factor > 1.5);
+    beyond.unwrap_or(study.predictions.len() - 1)
 }
 
 /// What the script shows of a prediction: all of it written here.
@@ -74,15 +77,15 @@ fn escaped(data: &[Value]) -> String {
 }
 
 /// Predicted L_u over budgets with its interval, the minima, and a mark that the slider moves.
-fn losses(input: &ReportInput) -> Option<Markup> {
+fn losses(study: &Study) -> Option<Markup> {
     let at = |one: &Prediction| Some((one.budget_flops, one.loss_normalised?));
-    let line: Vec<(f64, f64)> = input.predictions.iter().filter_map(at).collect();
+    let line: Vec<(f64, f64)> = study.predictions.iter().filter_map(at).collect();
     let side = |side: usize| {
         let of = move |one: &Prediction| Some((one.budget_flops, one.ci95.loss_normalised?[side]));
-        input.predictions.iter().filter_map(of).collect::<Vec<_>>()
+        study.predictions.iter().filter_map(of).collect::<Vec<_>>()
     };
     let [low, high] = [side(0), side(1)];
-    let minima = minima(input);
+    let minima = minima(study);
     let measured = minima.iter().map(|minimum| (minimum.flops, minimum.loss_normalised));
     let certain = line.iter().chain(&low).chain(&high).copied();
     let chart = Chart::around(certain.chain(measured))?;
@@ -97,15 +100,15 @@ fn losses(input: &ReportInput) -> Option<Markup> {
                 cx=(px(chart.x(minimum.flops))) cy=(px(chart.y(minimum.loss_normalised))) r="4.5"
                 data-label=(told(minimum)) {}
         }
-        circle id="mark" r="6" data-places=(marks.join(",")) {}
+        circle.mark r="6" data-places=(marks.join(",")) {}
     };
     let about = "Predicted L_u against budgets with its 95 % interval, and the minima of the runs";
-    Some(chart.drawing("losses", about, ["FLOPs", "L_u, nats"], &drawn))
+    Some(chart.drawing(&study.id("losses"), &study.own(about), ["FLOPs", "L_u, nats"], &drawn))
 }
 
 /// The minima that the laws stand on, and the one held out.
-fn minima<'a>(input: &ReportInput<'a>) -> Vec<&'a Minimum> {
-    let Some(laws) = input.laws else { return Vec::new() };
+fn minima<'a>(study: &Study<'a>) -> Vec<&'a Minimum> {
+    let Some(laws) = study.laws else { return Vec::new() };
     let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
     own.filter(|minimum| minimum.loss_normalised.is_finite()).collect()
 }

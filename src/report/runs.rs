@@ -16,7 +16,7 @@ struct Cell {
 }
 
 /// The table; `None` where there is no run.
-pub fn section(records: &[RunRecord]) -> Option<Markup> {
+pub fn section(records: &[&RunRecord]) -> Option<Markup> {
     (!records.is_empty()).then(|| {
         html! {
             section aria-labelledby="runs" {

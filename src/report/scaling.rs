@@ -6,8 +6,8 @@ use crate::laws::text::count;
 use crate::record::RunRecord;
 
 /// The runs of a study in a sentence.
-pub fn extent(records: &[RunRecord]) -> String {
-    let budgets = budgets(records);
+pub fn extent(records: &[&RunRecord]) -> String {
+    let budgets = budgets(records.iter().copied());
     let span = match (budgets.first(), budgets.last()) {
         (Some(first), Some(last)) => format!(" at {} to {} FLOPs", count(*first), count(*last)),
         _ => String::new(),
@@ -17,8 +17,9 @@ pub fn extent(records: &[RunRecord]) -> String {
 }
 
 /// The budgets of runs, ascending.
-pub fn budgets(records: &[RunRecord]) -> Vec<f64> {
-    let mut budgets: Vec<f64> = records.iter().map(|record| record.planned.budget_flops).collect();
+pub fn budgets<'a>(records: impl IntoIterator<Item = &'a RunRecord>) -> Vec<f64> {
+    let records = records.into_iter();
+    let mut budgets: Vec<f64> = records.map(|record| record.planned.budget_flops).collect();
     budgets.sort_by(f64::total_cmp);
     budgets.dedup();
     budgets

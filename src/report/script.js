@@ -9,60 +9,67 @@ function cell(name, text) {
   return made;
 }
 
-/** Shows the prediction that the slider stands on. */
-function predict(predictions, place) {
-  const { flops, far, rows, shape, warnings } = predictions[place];
-  at("flops").textContent = flops;
-  at("budget").setAttribute("aria-valuetext", `${flops} FLOPs`);
-  at("far").textContent = far;
-  at("build").textContent = shape ?? "";
-  at("configuration").replaceChildren(...rows.map(([name, value, interval]) => {
-    const row = document.createElement("tr");
-    const head = cell("th", name);
-    head.scope = "row";
-    row.append(head, cell("td", value), cell("td", interval));
-    return row;
-  }));
-  at("cautions").replaceChildren(...warnings.map((warning) => cell("li", warning)));
-  const places = (id) => at(id)?.dataset.places.split(",")[place]?.split(" ").map(Number);
-  const mark = places("mark");
-  if (mark) {
-    at("mark").setAttribute("cx", mark[0]);
-    at("mark").setAttribute("cy", mark[1]);
-  }
-  const optimum = places("optimum");
-  if (optimum && optimum.every(Number.isFinite)) {
-    const [middle, low, high] = optimum;
-    const [band, line] = at("optimum").children;
-    band.setAttribute("x", low);
-    band.setAttribute("width", high - low);
-    line.setAttribute("x1", middle);
-    line.setAttribute("x2", middle);
-  }
-}
+/** The slider of a generator's predictions, and what it moves. */
+function slider(study) {
+  const part = (name) => study.querySelector(`.${name}`);
+  const data = JSON.parse(part("predictions").textContent);
+  const budget = part("budget");
 
-const predictions = at("predictions");
-if (predictions) {
-  const data = JSON.parse(predictions.textContent);
-  const move = () => predict(data, Number(at("budget").value));
+  const show = (place) => {
+    const { flops, far, rows, shape, warnings } = data[place];
+    part("flops").textContent = flops;
+    budget.setAttribute("aria-valuetext", `${flops} FLOPs`);
+    part("far").textContent = far;
+    part("build").textContent = shape ?? "";
+    part("configuration").replaceChildren(...rows.map(([name, value, interval]) => {
+      const row = document.createElement("tr");
+      const head = cell("th", name);
+      head.scope = "row";
+      row.append(head, cell("td", value), cell("td", interval));
+      return row;
+    }));
+    part("cautions").replaceChildren(...warnings.map((warning) => cell("li", warning)));
+    const places = (name) => part(name)?.dataset.places.split(",")[place]?.split(" ").map(Number);
+    const mark = places("mark");
+    if (mark) {
+      part("mark").setAttribute("cx", mark[0]);
+      part("mark").setAttribute("cy", mark[1]);
+    }
+    const optimum = places("optimum");
+    if (optimum && optimum.every(Number.isFinite)) {
+      const [middle, low, high] = optimum;
+      const [band, line] = part("optimum").children;
+      band.setAttribute("x", low);
+      band.setAttribute("width", high - low);
+      line.setAttribute("x1", middle);
+      line.setAttribute("x2", middle);
+    }
+  };
+
+  const move = () => show(Number(budget.value));
   /** `report.html#1e12` stands on the nearest budget. */
   const follow = () => {
     const asked = Math.log(Number(location.hash.slice(1)));
     if (Number.isFinite(asked)) {
       const far = data.map(({ budget_flops }) => Math.abs(Math.log(budget_flops) - asked));
-      at("budget").value = far.indexOf(Math.min(...far));
+      budget.value = far.indexOf(Math.min(...far));
     }
     move();
   };
-  at("budget").addEventListener("input", move);
+  budget.addEventListener("input", move);
   addEventListener("hashchange", follow);
   follow();
+}
+
+for (const study of document.querySelectorAll(".study")) {
+  if (study.querySelector(".predictions")) slider(study);
 }
 
 for (const kind of ["pointerover", "click"]) {
   document.addEventListener(kind, (event) => {
     const label = event.target.dataset?.label;
-    if (label && at("pointed")) at("pointed").textContent = label;
+    const pointed = label && event.target.closest(".study")?.querySelector(".pointed");
+    if (pointed) pointed.textContent = label;
   });
 }
 

@@ -133,6 +133,8 @@ fn generators_are_an_axis_with_laws_of_their_own() {
     assert!(drawn.contains("scalewise/figures/loss_vs_flops.svg"), "{drawn}");
     assert!(!results.join("figures/loss_vs_flops.svg").exists(), "no figure mixes generators");
     assert!(results.join("figures/generators.svg").exists());
+    place.isoflop(&["report", "results/generators"]).exits(0);
+    assert!(results.join("report.html").exists());
     let again = place.isoflop(&["run", "generators.yaml"]).exits(0);
     assert_eq!(again.stdout(), text);
     let best = "results/generators";

@@ -25,7 +25,7 @@ fn between<'a>(text: &'a str, start: &str, end: &str) -> &'a str {
 }
 
 fn predictions(page: &str) -> Vec<Value> {
-    let mark = "<script id=\"predictions\" type=\"application/json\">";
+    let mark = "<script class=\"predictions\" type=\"application/json\">";
     serde_json::from_str(between(page, mark, "</script>")).expect("JSON")
 }
 
@@ -63,6 +63,71 @@ fn the_sliders_numbers_are_those_of_predict() {
     }
 }
 
+/// The page of a study of three generators, from its committed tables on.
+fn of_several() -> (Place, String) {
+    let place = Place::new();
+    let committed = Path::new(env!("CARGO_MANIFEST_DIR")).join("results/quality");
+    let copy = |file: &str| {
+        let bytes = std::fs::read(committed.join(file)).expect("a committed file");
+        let to = place.path("results/quality").join(file);
+        std::fs::create_dir_all(to.parent().expect("a folder")).expect("a writable directory");
+        std::fs::write(to, bytes).expect("a writable directory");
+    };
+    ["sweep.yaml", "runs.parquet"].into_iter().for_each(copy);
+    for generator in GENERATORS {
+        copy(&format!("generators/{generator}/runs.parquet"));
+        let own = format!("results/quality/generators/{generator}");
+        place.isoflop(&["fit", &own, "--save"]).exits(0);
+    }
+    place.isoflop(&["plot", "results/quality", "--format", "svg"]).exits(0);
+    place.isoflop(&["report", "results/quality", "--out", "page.html"]).exits(0);
+    let page = String::from_utf8(place.read("page.html")).expect("text");
+    (place, page)
+}
+
+const GENERATORS: [&str; 3] = ["autoregressive", "masked", "scalewise"];
+
+#[test]
+fn several_generators_stand_side_by_side_and_then_each_by_itself() {
+    let (place, page) = of_several();
+    for generator in GENERATORS {
+        for heading in ["Verdict", "Prediction", "IsoFLOP curves", "Laws", "Figures"] {
+            assert!(
+                page.contains(&format!(">{heading}, {generator}</h2>")),
+                "{heading} {generator}"
+            );
+        }
+    }
+    let beside = between(&page, "id=\"generators\"", "</table>");
+    assert_eq!(beside.matches("<tr>").count(), 4, "a row a generator, and the head");
+    let ids: Vec<&str> =
+        page.split(" id=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    let once: std::collections::HashSet<&&str> = ids.iter().collect();
+    assert_eq!(once.len(), ids.len(), "{ids:?}");
+    // Each slider stands on its own laws.
+    let last = page.split("<script class=\"predictions\" type=\"application/json\">").last();
+    let last = last.and_then(|text| text.split("</script>").next()).expect("predictions");
+    let last: Vec<Value> = serde_json::from_str(last).expect("JSON");
+    let budget = last[0]["budget_flops"].to_string();
+    let own = "results/quality/generators/scalewise";
+    let said = place.isoflop(&["predict", &budget, "--law", own]).exits(0).stdout();
+    let value = last[0]["rows"][0][1].as_str().expect("text");
+    assert!(said.contains(value), "{value}: {said}");
+}
+
+#[test]
+fn every_generators_slider_moves_in_a_browser() {
+    let (place, _) = of_several();
+    let Some((shown, log)) = browsed(&place.path("page.html"), "") else {
+        eprintln!("skipped: there is no Chromium");
+        return;
+    };
+    assert!(!log.contains("CONSOLE"), "{log}");
+    let configurations = shown.split("<tbody class=\"configuration\">").skip(1);
+    let filled = configurations.filter(|rest| rest.starts_with("<tr><th scope=\"row\">"));
+    assert_eq!(filled.count(), GENERATORS.len());
+}
+
 #[test]
 fn what_has_no_page_is_told() {
     let place = Place::new();
@@ -92,9 +157,9 @@ fn a_browser_shows_the_budget_that_is_asked_for() {
         return;
     };
     assert!(!log.contains("CONSOLE"), "{log}");
-    let flops = between(&shown, "<output id=\"flops\" for=\"budget\">", "<");
+    let flops = between(&shown, "<output class=\"flops\" for=\"budget\">", "<");
     assert_eq!(wanted["flops"], flops);
-    let configuration = between(&shown, "<tbody id=\"configuration\">", "</tbody>");
+    let configuration = between(&shown, "<tbody class=\"configuration\">", "</tbody>");
     for row in wanted["rows"].as_array().expect("rows") {
         let value = row[1].as_str().expect("text");
         assert!(configuration.contains(&format!("<td>{value}</td>")), "{row}: {configuration}");

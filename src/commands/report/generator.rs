@@ -1,0 +1,92 @@
+//! The results of one generator of a sweep, for its page.
+
+use anyhow::Result;
+use isoflop::files::read_if_there;
+use isoflop::jobs::ResultsFolder;
+use isoflop::laws::Laws;
+use isoflop::predict::Prediction;
+use isoflop::record::{RunRecord, Tuned};
+use isoflop::report::{Figure, Study};
+
+use super::kept::figures;
+use crate::commands::by_generator::parted;
+use crate::commands::{fit, predict};
+
+/// The slider ends at so many times the largest budget that laws were fitted to.
+const FARTHEST: f64 = 1000.0;
+
+/// Budgets of a decade: rounded, ten of about the same ratio.
+const STEPS: [f64; 10] = [1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0];
+
+/// The runs of one generator, and what its folder says of them.
+pub struct GeneratorResults {
+    generator: Option<String>,
+    verdict: String,
+    laws: Option<Laws>,
+    predictions: Vec<Prediction>,
+    records: Vec<RunRecord>,
+    figures: Vec<Figure>,
+}
+
+impl GeneratorResults {
+    fn read(
+        folder: &ResultsFolder,
+        generator: Option<String>,
+        records: &[RunRecord],
+    ) -> Result<Self> {
+        let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
+        let told: Option<Vec<Prediction>> = read_if_there(&folder.file("prediction.json"))?;
+        let verdict = laws.as_ref().map_or_else(
+            || "The runs bear no laws; `isoflop fit` says why.".to_string(),
+            |laws| fit::text(laws, &[], false),
+        );
+        let along = |laws| along(laws, &told.unwrap_or_default());
+        Ok(Self {
+            generator,
+            verdict,
+            predictions: laws.as_ref().map(along).unwrap_or_default(),
+            laws,
+            records: Tuned::of(records).records,
+            figures: figures(&folder.file("figures"))?,
+        })
+    }
+
+    /// What the page shows of it.
+    pub fn study(&self) -> Study<'_> {
+        Study {
+            generator: self.generator.as_deref(),
+            verdict: &self.verdict,
+            laws: self.laws.as_ref(),
+            predictions: &self.predictions,
+            records: &self.records,
+            figures: &self.figures,
+        }
+    }
+}
+
+/// One of a sweep with one generator, and else one for each, of its own folder.
+pub fn of_each(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<GeneratorResults>> {
+    let parted = parted(records);
+    if parted.len() < 2 {
+        return Ok(vec![GeneratorResults::read(folder, None, records)?]);
+    }
+    let own = |(name, records): (String, Vec<RunRecord>)| {
+        GeneratorResults::read(&folder.of_generator(&name), Some(name), &records)
+    };
+    parted.into_iter().map(own).collect()
+}
+
+/// Predictions for the slider: rounded budgets from the first fitted one on, and those of the sweep.
+fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
+    let fitted = &laws.of_all_budgets().fitted_budgets;
+    let (Some(first), Some(last)) = (fitted.first(), fitted.last()) else { return told.to_vec() };
+    let powers = first.log10().floor() as i32..=(last * FARTHEST).log10().ceil() as i32;
+    let rounded = powers.flat_map(|power| STEPS.map(|step| format!("{step}e{power}")));
+    let rounded = rounded.filter_map(|budget| budget.parse().ok());
+    let within = rounded.filter(|budget| (*first..=last * FARTHEST).contains(budget));
+    let mut budgets: Vec<f64> =
+        within.chain(told.iter().map(|prediction| prediction.budget_flops)).collect();
+    budgets.sort_by(f64::total_cmp);
+    budgets.dedup();
+    budgets.into_iter().filter_map(|budget| predict::predict_one(laws, budget).ok()).collect()
+}

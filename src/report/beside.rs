@@ -1,0 +1,72 @@
+//! The generators of a sweep side by side.
+
+use maud::{Markup, html};
+
+use super::input::Study;
+use super::scaling::budgets;
+use super::table::{interval, table, thousandths};
+use crate::laws::PowerLaw;
+use crate::laws::text::count;
+use crate::record::RunRecord;
+
+/// The table; `None` where the sweep has one generator.
+pub fn section(studies: &[Study]) -> Option<Markup> {
+    let head =
+        ["generator", "runs", "C", "lowest L_u", "N_nv", "V", "exponent of N_nv", "of N_v", "of D"];
+    let rows: Vec<Vec<String>> = studies.iter().filter_map(row).collect();
+    (!rows.is_empty()).then(|| {
+        html! {
+            section aria-labelledby="generators" {
+                h2 id="generators" { "Generators" }
+                (table("The best run at the largest budget, and exponents of C with 95 % intervals", &head, &rows))
+                nav aria-label="Generators" {
+                    ul.legend {
+                        @for study in studies {
+                            li { a href={ "#" (study.id("verdict")) } { (study.generator.unwrap_or_default()) } }
+                        }
+                    }
+                }
+                p.faint { "L_u is in nats a token. Losses of generators with other kinds of tokens do not compare; \
+                           the scores of their motions do." }
+            }
+        }
+    })
+}
+
+/// A generator that has a name.
+fn row(study: &Study) -> Option<Vec<String>> {
+    let mut cells = vec![study.generator?.to_string(), study.records.len().to_string()];
+    let largest = budgets(study.records).last().copied();
+    let best = largest.and_then(|budget| best(study.records, budget));
+    cells.extend(match best {
+        Some((record, loss)) => [
+            count(record.planned.budget_flops),
+            format!("{loss:.4}"),
+            count(record.planned.params_nonvocab as f64),
+            record.planned.n_vocab.to_string(),
+        ],
+        None => Default::default(),
+    });
+    let laws = study.laws.map(|laws| &laws.of_all_budgets().power_laws);
+    let exponent = |law: Option<&PowerLaw>| {
+        law.map(|law| {
+            let certain = interval(law.exponent_ci95, thousandths);
+            let exponent = thousandths(law.exponent);
+            if certain.is_empty() { exponent } else { format!("{exponent} ({certain})") }
+        })
+    };
+    let of = [
+        exponent(laws.and_then(|laws| laws.params_nonvocab.as_ref())),
+        exponent(laws.and_then(|laws| laws.params_vocab.as_ref())),
+        exponent(laws.and_then(|laws| laws.tokens.as_ref())),
+    ];
+    cells.extend(of.map(Option::unwrap_or_default));
+    Some(cells)
+}
+
+/// The run of the lowest L_u at a budget.
+fn best(records: &[RunRecord], budget: f64) -> Option<(&RunRecord, f64)> {
+    let of_budget = records.iter().filter(|record| record.planned.budget_flops == budget);
+    let measured = of_budget.filter_map(|record| Some((record, record.loss_normalised().ok()?)));
+    measured.min_by(|a, b| a.1.total_cmp(&b.1))
+}
