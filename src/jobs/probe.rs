@@ -13,8 +13,8 @@ use crate::plan::{Plan, PlannedRun};
 const PROBES: usize = 4;
 const PROBE_TIME: Duration = Duration::from_millis(300);
 
-/// Hours that jobs take on `slots` slots, by training steps measured now on one thread. Jobs that
-/// train no generator are priced at the best rate measured; runs at `run_rate`, FLOPs a second, where
+/// Hours that jobs take on `slots` slots, by training steps measured now, side by side on as many cores as
+/// workers will have. Jobs that train no generator are priced at the best rate measured; runs at `run_rate`, FLOPs a second, where
 /// it is given.
 pub fn hours(
     jobs: &[Job],
@@ -29,7 +29,7 @@ pub fn hours(
     let params = params(plan);
     let measured =
         run_rate.is_none() || jobs.iter().any(|job| !params.contains_key(job.id.id.as_str()));
-    let rates = if measured { on_one_thread(|| measure(&runs, device)) } else { Vec::new() };
+    let rates = if measured { side_by_side(slots, || measure(&runs, device)) } else { Vec::new() };
     let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
     let rate = |job: &Job| match params.get(job.id.id.as_str()) {
         Some(params) => run_rate.unwrap_or_else(|| rate_at(&rates, *params)),
@@ -49,8 +49,28 @@ fn params(plan: &Plan) -> HashMap<&str, usize> {
     runs.chain(trunks).collect()
 }
 
+/// Parameters, and budget FLOPs a second.
+type Rate = (f64, f64);
+
+/// What as many threads measure as `slots` workers can have a core each; the mean of each rate. Workers share
+/// memory and caches, and one alone is faster.
+fn side_by_side(slots: usize, measure: impl Fn() -> Vec<Rate> + Sync) -> Vec<Rate> {
+    let n_threads = slots.clamp(1, std::thread::available_parallelism().map_or(1, usize::from));
+    let measured: Vec<Vec<Rate>> = std::thread::scope(|scope| {
+        let started: Vec<_> =
+            (0..n_threads).map(|_| scope.spawn(|| on_one_thread(&measure))).collect();
+        started.into_iter().filter_map(|thread| thread.join().ok()).collect()
+    });
+    let Some(first) = measured.first() else { return Vec::new() };
+    let mean = |(i, (params, _)): (usize, &Rate)| {
+        let rates = measured.iter().filter_map(|rates| rates.get(i)).map(|(_, rate)| rate);
+        (*params, rates.sum::<f64>() / measured.len() as f64)
+    };
+    first.iter().enumerate().map(mean).collect()
+}
+
 /// Workers have a thread each, so what they will need is measured on one.
-fn on_one_thread<T: Send>(measure: impl FnOnce() -> T + Send) -> T {
+fn on_one_thread<T: Send>(measure: impl Fn() -> T + Send) -> T {
     match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
         Ok(pool) => pool.install(measure),
         Err(_) => measure(),
@@ -58,7 +78,7 @@ fn on_one_thread<T: Send>(measure: impl FnOnce() -> T + Send) -> T {
 }
 
 /// Parameters and budget FLOPs a second of each probed run, by size.
-fn measure(runs: &[&PlannedRun], device: &Device) -> Vec<(f64, f64)> {
+fn measure(runs: &[&PlannedRun], device: &Device) -> Vec<Rate> {
     let mut sizes: Vec<_> = runs.iter().collect();
     sizes.sort_by_key(|run| run.params.total());
     sizes.dedup_by_key(|run| run.params.total().min(MOST_PROBED_PARAMS));
@@ -70,7 +90,7 @@ fn measure(runs: &[&PlannedRun], device: &Device) -> Vec<(f64, f64)> {
 }
 
 /// Between probes, linear in logarithms; outside, the nearest.
-fn rate_at(rates: &[(f64, f64)], params: usize) -> f64 {
+fn rate_at(rates: &[Rate], params: usize) -> f64 {
     let x = (params as f64).ln();
     let above = rates.partition_point(|(n, _)| n.ln() < x);
     match (above.checked_sub(1).map(|i| rates[i]), rates.get(above).copied()) {
@@ -83,22 +103,23 @@ fn rate_at(rates: &[(f64, f64)], params: usize) -> f64 {
     }
 }
 
-/// Budget FLOPs a second of a run's training step, the best of as many as fit the time; none where
-/// the device gives no number.
+/// Budget FLOPs a second of a run's training step, the median of as many as fit the time; 0 where the
+/// device makes no step.
 fn flops_per_second(run: &PlannedRun, device: &Device) -> f64 {
     let mut probe = generator::of(&run.spec).probe(&run.spec, device);
-    let (started, mut best) = (Instant::now(), f64::INFINITY);
+    let (started, mut seconds) = (Instant::now(), Vec::new());
     for step in 0.. {
         let at = Instant::now();
         if probe.step().is_err() {
             break;
         }
         if step > 0 {
-            best = best.min(at.elapsed().as_secs_f64());
+            seconds.push(at.elapsed().as_secs_f64());
         }
         if step > 0 && started.elapsed() > PROBE_TIME {
             break;
         }
     }
-    probe.flops() / best
+    seconds.sort_by(f64::total_cmp);
+    seconds.get(seconds.len() / 2).map_or(0.0, |median| probe.flops() / median)
 }

@@ -161,13 +161,14 @@ impl Plan {
 
     /// FLOPs of all runs together, as declared.
     pub fn total_flops(&self) -> f64 {
-        self.runs.iter().map(|run| run.spec.budget_flops).sum()
+        // The sum of nothing is −0.
+        0.0 + self.runs.iter().map(|run| run.spec.budget_flops).sum::<f64>()
     }
 
     /// FLOPs that are trained: what runs share counts once.
     pub fn trained_flops(&self) -> f64 {
         let own = self.runs.iter().map(PlannedRun::own_flops).sum::<f64>();
-        own + self.trunks.iter().map(|trunk| trunk.flops).sum::<f64>()
+        0.0 + own + self.trunks.iter().map(|trunk| trunk.flops).sum::<f64>()
     }
 
     /// Bytes of the results: weights of each run, weights and moments of each trunk, codes of each
