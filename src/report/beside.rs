@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::input::Study;
 use super::scaling::budgets;
-use super::table::{interval, table, thousandths};
+use super::table::{interval, table};
 use crate::laws::PowerLaw;
 use crate::laws::text::count;
 use crate::record::RunRecord;
@@ -50,8 +50,8 @@ fn row(study: &Study) -> Option<Vec<String>> {
     let laws = study.laws.map(|laws| &laws.of_all_budgets().power_laws);
     let exponent = |law: Option<&PowerLaw>| {
         law.map(|law| {
-            let certain = interval(law.exponent_ci95, thousandths);
-            let exponent = thousandths(law.exponent);
+            let certain = interval(law.exponent_ci95, hundredths);
+            let exponent = hundredths(law.exponent);
             if certain.is_empty() { exponent } else { format!("{exponent} ({certain})") }
         })
     };
@@ -62,6 +62,11 @@ fn row(study: &Study) -> Option<Vec<String>> {
     ];
     cells.extend(of.map(Option::unwrap_or_default));
     Some(cells)
+}
+
+/// Two decimals: a row has room for three intervals.
+fn hundredths(x: f64) -> String {
+    format!("{x:.2}")
 }
 
 /// The run of the lowest L_u at a budget.
