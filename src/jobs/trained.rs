@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use rayon::prelude::*;
 
 use super::assignment::frozen_sweep;
 use super::folder::{JobState, ResultsFolder};
@@ -108,13 +109,15 @@ impl TrainedRun {
         sampling: &Sampling,
         detokenizer_guidance: f64,
     ) -> Result<Vec<MadeMotion>> {
+        let tokenizer = &self.tokenizer;
         let decoded = |(prompt, sampled): (&Prompt, Sampled)| {
             let (codes, n_frames) = (&sampled.codes, sampled.n_frames);
             let text = Some(prompt.text);
-            let features = self.tokenizer.decode(codes, n_frames, text, detokenizer_guidance)?;
+            let features = tokenizer.decode(codes, n_frames, text, detokenizer_guidance)?;
             Ok(MadeMotion { sampled, features })
         };
-        prompts.iter().zip(self.sample(prompts, sampling)?).map(decoded).collect()
+        let sampled = self.sample(prompts, sampling)?;
+        prompts.par_iter().zip(sampled).map(decoded).collect()
     }
 
     /// The length of a clip of the training split, in frames, drawn by a seed and an index.
