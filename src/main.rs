@@ -17,7 +17,7 @@ static ALLOCATOR: isoflop::machine::allocator::Allocator = isoflop::machine::all
 
 fn main() -> ExitCode {
     ignore_file_size_signal();
-    let cli = Cli::parse();
+    let cli = Cli::try_parse().unwrap_or_else(|error| commands::refuse(&error));
     let json = cli.is_json();
     match commands::dispatch(cli) {
         Ok(exit) => exit.into(),

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use isoflop::laws::{Candidate, FitOptions, HoldOut, IsoFlopPoint, Laws, Score, fit};
+use isoflop::predict::{PredictOptions, predict};
 use isoflop::table::{self, TableRequest};
 
 /// The public IsoFLOP sets, by the name of their experiment.
@@ -53,7 +54,8 @@ fn the_recommended_law_predicts_the_largest_budget_of_public_runs() {
         let largest = points.iter().map(|point| point.budget_flops).fold(0.0, f64::max);
         let smaller: Vec<IsoFlopPoint> =
             points.iter().filter(|p| p.budget_flops < 0.99 * largest).cloned().collect();
-        let blind: Candidate = laws(&smaller, parameters, HoldOut::None).recommended_law();
+        let without = laws(&smaller, parameters, HoldOut::None);
+        let blind: Candidate = without.recommended_law();
         for score in scores(&all) {
             let mark = if score.law == blind { "yes" } else { "" };
             println!(
@@ -63,6 +65,10 @@ fn the_recommended_law_predicts_the_largest_budget_of_public_runs() {
                 at_largest(score)
             );
         }
+        let measured = all.held_out.as_ref().unwrap().minimum.loss_normalised;
+        let forecast = predict(&without, largest, &PredictOptions::default()).unwrap();
+        let together = forecast.loss_normalised.unwrap() - measured;
+        println!("| {experiment} | together |  | {together:.4} | {:?} |", forecast.together);
         let best = scores(&all).iter().map(at_largest).fold(f64::INFINITY, f64::min);
         let chosen = scores(&all).iter().find(|score| score.law == blind).unwrap();
         assert!(
@@ -70,6 +76,10 @@ fn the_recommended_law_predicts_the_largest_budget_of_public_runs() {
             "{experiment}: {} missed by {}, the best by {best}",
             blind.name(),
             at_largest(chosen)
+        );
+        assert!(
+            together.abs() <= 1.5 * best + 1e-3,
+            "{experiment}: the laws together missed by {together}, the best by {best}"
         );
     }
 }

@@ -27,6 +27,15 @@ impl From<Exit> for ExitCode {
     }
 }
 
+/// Ends the program: with help where it was asked for, or with what is wrong with the command line.
+pub fn refuse(error: &clap::Error) -> ! {
+    if error.use_stderr() && std::env::args_os().any(|arg| arg == "--json") {
+        let message = error.to_string();
+        document(message.trim_start_matches("error: ").trim_end(), Exit::Usage);
+    }
+    error.exit()
+}
+
 /// Shows an error on standard error, and with `--json` as a document on standard output; says how to exit.
 pub fn report(error: &anyhow::Error, json: bool) -> Exit {
     let exit = told(error);
@@ -35,11 +44,16 @@ pub fn report(error: &anyhow::Error, json: bool) -> Exit {
             Some(errors) => errors.render(false),
             None => sentence(error),
         };
-        let document = json!({ "error": { "message": message, "exit": exit as u8 } });
-        // Nobody reads a pipe that is closed.
-        let _ = writeln!(std::io::stdout(), "{document:#}");
+        document(&message, exit);
     }
     exit
+}
+
+/// An error as a document on standard output.
+fn document(message: &str, exit: Exit) {
+    let document = json!({ "error": { "message": message, "exit": exit as u8 } });
+    // Nobody reads a pipe that is closed.
+    let _ = writeln!(std::io::stdout(), "{document:#}");
 }
 
 /// An error and what caused it, each said once: some messages hold their causes already.

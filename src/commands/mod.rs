@@ -43,7 +43,7 @@ mod worker;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-pub use exit::{Exit, report};
+pub use exit::{Exit, refuse, report};
 
 /// Scaling-law experiments for autoregressive motion generation: run an IsoFLOP sweep, regenerate
 /// its figures, predict the best configuration for a budget.

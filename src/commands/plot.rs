@@ -9,7 +9,8 @@ use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::{ResultsFolder, frozen_sweep};
 use isoflop::laws::Laws;
-use isoflop::record::{RunRecord, Tuned, table};
+use isoflop::record::{RunRecord, Tuned, sliced, table};
+use isoflop::spec::FlopsRule;
 use isoflop::tokenizer::TokenizerMetrics;
 use serde_json::json;
 
@@ -102,8 +103,23 @@ fn of_one_generator(
 ) -> Result<Vec<PathBuf>> {
     let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
     let tokenizers = tokenizers(&home(folder), output)?;
-    let tuned = Tuned::of(records);
-    Ok(draw(folder, &tuned.records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
+    let records = as_laws_count(&home(folder), Tuned::of(records).records, laws.as_ref());
+    Ok(draw(folder, &records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
+}
+
+/// The runs at equal FLOPs by the rule of their laws, where the sweep was planned by another.
+fn as_laws_count(
+    home: &ResultsFolder,
+    records: Vec<RunRecord>,
+    laws: Option<&Laws>,
+) -> Vec<RunRecord> {
+    let moved = || {
+        let name = &laws?.flops_rule;
+        let planned = frozen_sweep(home).ok()?.flops.rule;
+        let rule = FlopsRule::ALL.into_iter().find(|rule| rule.name() == name)?;
+        (rule != planned).then(|| sliced(&records, rule).ok())?
+    };
+    moved().unwrap_or(records)
 }
 
 /// All of them side by side, then the figures of each.

@@ -58,7 +58,7 @@ pub fn laws_of(path: &Path) -> Result<Laws> {
     match read_if_there(&path)? {
         Some(laws) => Ok(laws),
         None => bail!(
-            "{} does not exist; --law takes a sweep's folder, a laws.json or scamo",
+            "{} does not exist; laws are those of a sweep's folder, a laws.json or scamo",
             path.display()
         ),
     }

@@ -14,7 +14,7 @@ use super::validation::validate;
 use super::{
     FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint, Judgement,
     LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise,
-    check, floor_law, intervals, law_set, sensitivity, warnings,
+    check, floor_law, intervals, sensitivity, warnings,
 };
 use crate::sweep::MinimumMethod;
 use judge::{admissible, interval_parts, judge, misfit};
@@ -190,7 +190,7 @@ fn laws_through(
         options,
     ));
     let set = intervals::of_set(set, &replicates, reference);
-    let loss = loss_laws(set.loss.clone(), floor, held_out.as_ref(), reference, options);
+    let loss = loss_laws(set.loss.clone(), floor, held_out.as_ref(), reference);
     let has_vocab_law = split.n_vocabularies() > 1;
     Ok(Laws {
         name: options.name.clone(),
@@ -242,10 +242,8 @@ fn loss_laws(
     floor: Option<FloorLaw>,
     held_out: Option<&HeldOut>,
     reference: f64,
-    options: &FitOptions,
 ) -> LossLaws {
-    let there = held_out
-        .map(|h| (law_set::compute(&h.minimum, options.compute), h.minimum.loss_normalised));
+    let there = held_out.map(|h| (h.minimum.budget_flops, h.minimum.loss_normalised));
     let log_error = there.map(|(c, measured)| log.loss_at(c) - measured);
     let floor = floor.map(|law| FloorLaw {
         held_out_error: there.map(|(c, measured)| law.loss_at(c, reference) - measured),

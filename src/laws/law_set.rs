@@ -6,8 +6,7 @@ use super::line::{Line, least_squares_line};
 use super::minima::Grid;
 use super::power::from_line;
 use super::{
-    ComputeAxis, FitOptions, LawSample, LogLaw, Minimum, Parameters, PowerLaw, Weights, log_law,
-    power_law,
+    FitOptions, LawSample, LogLaw, Minimum, Parameters, PowerLaw, Weights, log_law, power_law,
 };
 
 /// The laws through a set of minima.
@@ -38,21 +37,13 @@ impl Columns {
     pub fn new(minima: &[Minimum], grids: &[Grid], options: &FitOptions) -> Self {
         let column = |value: &dyn Fn(&Minimum) -> f64| minima.iter().map(value).collect();
         Self {
-            compute: column(&|m| compute(m, options.compute)),
+            compute: column(&|m| m.budget_flops),
             params_vocab: column(&|m| m.params_vocab),
             params_nonvocab: column(&|m| m.params_nonvocab),
             tokens: column(&|m| m.tokens),
             loss: column(&|m| m.loss_normalised),
             weights: column(&|m| weight(m, grids, options.weights)),
         }
-    }
-}
-
-/// C of a minimum.
-pub(super) fn compute(minimum: &Minimum, axis: ComputeAxis) -> f64 {
-    match axis {
-        ComputeAxis::Declared => minimum.budget_flops,
-        ComputeAxis::Achieved => minimum.flops,
     }
 }
 

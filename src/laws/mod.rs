@@ -95,6 +95,7 @@ mod select;
 mod sensitivity;
 #[cfg(test)]
 pub(crate) mod simulated;
+mod slices;
 mod split;
 mod stats;
 mod summary;
@@ -123,7 +124,7 @@ pub(crate) use least_squares::{LeastSquares, least_squares};
 pub use log_law::log_law;
 pub use metric::{LOSS_NORMALISED, Metric};
 pub use minima::{minima, minimum_at};
-pub use options::{ComputeAxis, FitOptions, HoldOut, Weights};
+pub use options::{FitOptions, HoldOut, Weights};
 pub(crate) use parametric::around;
 pub use parametric::{
     Coefficients, Form, Huber, Optimum, Parametric, ParametricOptions, Space, Starts,
@@ -137,9 +138,10 @@ pub use report::*;
 pub use sample::*;
 pub use scamo::scamo;
 pub use sensitivity::sensitivity_row;
+pub use slices::{Slices, slices};
 pub(crate) use stats::interval95;
 pub use summary::summary;
-pub use text::{fit_to_terminal, wrap};
+pub use text::{fit_to_terminal, times, wrap};
 pub use tokenizer_noise::TokenizerNoise;
 pub use types::*;
 

@@ -14,16 +14,6 @@ pub enum HoldOut {
     Budget(f64),
 }
 
-/// Which C the laws are written in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ComputeAxis {
-    /// The declared budget; right where the runs were planned under the rule of the fit.
-    #[default]
-    Declared,
-    /// What a run at the minimum spends under the rule of the fit; right under any other rule.
-    Achieved,
-}
-
 /// How much each budget weighs in the power laws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weights {
@@ -55,7 +45,6 @@ pub struct FitOptions {
     pub seed: u64,
     /// Fit flagged minima too.
     pub keep_flagged: bool,
-    pub compute: ComputeAxis,
     pub weights: Weights,
     /// Huber's δ in units of the residuals' MAD (scaled to σ) for the power laws; least squares
     /// where absent.
@@ -79,7 +68,6 @@ impl Default for FitOptions {
             bootstrap: 1000,
             seed: 0,
             keep_flagged: false,
-            compute: ComputeAxis::default(),
             weights: Weights::default(),
             huber: None,
             spend_budget: false,

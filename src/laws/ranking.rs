@@ -1,7 +1,7 @@
 //! Which law to believe: the one that predicts the sweep's own larger budgets from its smaller ones.
 
 use super::joint::{JointLaw, fit_joint};
-use super::law_set::{Columns, LawSet, compute, geometric_mean, law_set};
+use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::minima::Grid;
 use super::{
     Candidate, FitOptions, FloorLaw, Minimum, Miss, Parameters, Recommended, RunNoise, Score,
@@ -89,7 +89,7 @@ impl Rows<'_> {
         n_fitted: usize,
         largest: f64,
     ) -> Option<Miss> {
-        let at = compute(measured, self.options.compute);
+        let at = measured.budget_flops;
         let [loss, size, vocab, tokens] = match fitted {
             Fitted::Joint(joint) => {
                 let best = joint.optimum(at)?;

@@ -9,10 +9,9 @@ use crate::sweep::MinimumMethod;
 
 /// The row of laws that were fitted under another convention.
 ///
-/// A table of points carries one FLOP rule, so the rows for other rules come from refits: set
-/// [`IsoFlopPoint::flops`](super::IsoFlopPoint::flops) by the other rule, fit with
-/// [`ComputeAxis::Achieved`](super::ComputeAxis::Achieved) and no bootstrap, and push this row onto
-/// [`Laws::sensitivity`] of the main fit.
+/// A table of points carries one FLOP rule, so the rows for other rules come from refits: move the
+/// points to equal FLOPs by the other rule ([`slices`](super::slices())), fit without a bootstrap, and
+/// push this row onto [`Laws::sensitivity`] of the main fit.
 pub fn sensitivity_row(variant: &str, laws: &Laws) -> Sensitivity {
     let exponent = |law: &Option<PowerLaw>| law.as_ref().map(|law| law.exponent);
     Sensitivity {

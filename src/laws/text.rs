@@ -34,6 +34,13 @@ pub(crate) fn count(x: f64) -> String {
     short(x, 3)
 }
 
+/// A factor in two digits, or three below 2: `1.04`, `1.6`, `9.4`, `94`, `310`.
+pub fn times(factor: f64) -> String {
+    let digits = if factor < 2.0 { 2 } else { 1 };
+    let rounded: f64 = format!("{factor:.digits$e}").parse().expect("a number was written");
+    rounded.to_string()
+}
+
 /// `sentence` broken at spaces into lines of a terminal, 80 columns where none is known, the first after
 /// `bullet`, the others indented as far; a single longer word stays whole. Ends with a newline.
 pub fn wrap(bullet: &str, sentence: &str) -> String {
@@ -78,6 +85,12 @@ mod tests {
         assert_eq!(count(1.2154e18), "1.215e18");
         assert_eq!(short(200.0, 2), "2e2");
         assert_eq!(short(1.9999e3, 2), "2e3");
+    }
+
+    #[test]
+    fn factors_have_two_digits_and_three_below_two() {
+        let factors = [1.04, 1.6, 9.375, 93.75, 312.5, 10.0].map(times);
+        assert_eq!(factors, ["1.04", "1.6", "9.4", "94", "310", "10"]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! How well the laws predict budgets that they have not seen.
 
-use super::law_set::{Columns, compute, geometric_mean, law_set};
+use super::law_set::{Columns, geometric_mean, law_set};
 use super::minima::Grid;
 use super::select::usable;
 use super::split::Split;
@@ -60,7 +60,7 @@ fn predicted(
     let reference = geometric_mean(&columns.compute);
     let laws = law_set(&columns, reference, options)?;
     let floor = floor_law(&columns.compute, &columns.loss, reference);
-    let at = compute(measured, options.compute);
+    let at = measured.budget_flops;
     let ratio = |law: &PowerLaw, measured: f64| law.value_at(at) / measured;
     let size = ratio(&laws.params_nonvocab, measured.params_nonvocab);
     let is_total = options.parameters == Parameters::Total;

@@ -6,7 +6,7 @@ use super::select::flagged_text;
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
 use super::text::count;
-use super::{ComputeAxis, FitOptions, FloorLaw, HeldOut, Minimum, Parameters, RunNoise};
+use super::{FitOptions, FloorLaw, HeldOut, Minimum, Parameters, RunNoise};
 use crate::sweep::MinimumMethod;
 
 /// A minimum may spend this share more or less than declared before a warning says so.
@@ -45,12 +45,12 @@ const NO_RESIDUALS: &str = "No budget has more model sizes than its curve has co
 fn achieved(used: &[Minimum], options: &FitOptions) -> Option<String> {
     let miss = |m: &&Minimum| (m.flops / m.budget_flops).ln().abs();
     let worst = used.iter().max_by(|a, b| miss(a).total_cmp(&miss(b)))?;
-    if options.compute == ComputeAxis::Achieved || miss(&worst) <= ACHIEVED_TOLERANCE {
+    if miss(&worst) <= ACHIEVED_TOLERANCE {
         return None;
     }
     Some(format!(
         "At budget {} the optimum spends {:.3} of it under the rule {}; the laws are written in \
-         declared budgets. Fit them in achieved FLOPs if the sweep was planned by another rule.",
+         declared budgets.",
         count(worst.budget_flops),
         worst.flops / worst.budget_flops,
         options.flops_rule

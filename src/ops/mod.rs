@@ -33,6 +33,7 @@ mod device;
 mod joining;
 mod kernels;
 mod layout;
+mod nearest;
 mod operands;
 mod own;
 mod parts;
@@ -50,6 +51,7 @@ pub use device::{DeviceName, NoDevice};
 pub use joining::{Joining, KeyValues};
 pub use kernels::{HalfFloat, Kernels};
 pub use layout::{BlockSequence, LayoutError, SequenceLayout};
+pub use nearest::nearest;
 pub use operands::{
     Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights,
 };

@@ -1,7 +1,7 @@
 //! A prediction in a few lines.
 
-use super::{Prediction, Raw};
-use crate::laws::text::{count, wrap};
+use super::{Prediction, Raw, Weighed};
+use crate::laws::text::{count, times, wrap};
 
 /// Warnings that are said before the rest are only counted.
 const MOST_SAID: usize = 2;
@@ -13,12 +13,25 @@ pub fn brief(prediction: &Prediction) -> String {
 
 fn title(prediction: &Prediction) -> String {
     let far = match prediction.extrapolation_factor {
-        factor if factor > 1.0 => format!("{factor:.3} times beyond the largest budget fitted"),
+        factor if factor > 1.0 => {
+            format!("{} times beyond the largest budget fitted", times(factor))
+        }
         _ => "within the budgets fitted".to_string(),
     };
-    let law =
-        prediction.recommended.map_or_else(String::new, |law| format!(", by {}", law.about()));
-    format!("Optimum for {} FLOPs, {far}{law}:", count(prediction.budget_flops))
+    format!("Optimum for {} FLOPs, {far}{}:", count(prediction.budget_flops), by(prediction))
+}
+
+/// Whose forecast it is.
+fn by(prediction: &Prediction) -> String {
+    let share = |one: &Weighed| format!("{} {:.2}", one.law.name(), one.weight);
+    match (&prediction.together[..], prediction.recommended) {
+        ([], None) => String::new(),
+        ([], Some(law)) => format!(", by {}", law.about()),
+        (several, _) => {
+            let shares: Vec<String> = several.iter().map(share).collect();
+            format!(", by the laws together ({})", shares.join(", "))
+        }
+    }
 }
 
 /// A quantity with its interval, as it is written.

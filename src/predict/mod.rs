@@ -40,4 +40,4 @@ pub use options::PredictOptions;
 pub use project::{Allocation, project};
 pub use shapes::{Shape, default_ladder};
 pub use text::{said, text};
-pub use types::{Intervals, PredictedShape, Prediction, Raw};
+pub use types::{Intervals, PredictedShape, Prediction, Raw, Weighed};

@@ -74,10 +74,11 @@ impl Spread {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laws::Candidate;
 
     fn opinion(weight: f64, loss: f64) -> Opinion {
         let shift = Quantities { loss, ..Quantities::default() };
-        Opinion { weight, shift, error: Quantities::default(), dof: 4 }
+        Opinion { law: Candidate::Log, weight, shift, error: Quantities::default(), dof: 4 }
     }
 
     #[test]

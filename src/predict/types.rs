@@ -29,11 +29,15 @@ pub struct Prediction {
     pub n_vocab: Option<f64>,
     /// D on the budget.
     pub tokens: f64,
-    /// L_u by the recommended law, in nats.
+    /// L_u in nats, by the recommended law, or beyond the fit by all that were tested together.
     pub loss_normalised: Option<f64>,
-    /// The law that gave the loss, and, where it is a joint one, the allocation.
+    /// The law that missed least where it was tested, whose values `raw` has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recommended: Option<Candidate>,
+    /// Beyond the fit the laws that loss and allocation are the weighted mean of, the heaviest first; empty
+    /// where one law says it all.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub together: Vec<Weighed>,
     /// 95 % bootstrap percentile intervals.
     pub ci95: Intervals,
     /// FLOPs that the raw laws spend at C, by the options' count.
@@ -47,6 +51,14 @@ pub struct Prediction {
     /// Sentences for a person.
     pub warnings: Vec<String>,
     pub raw: Raw,
+}
+
+/// A law in a forecast of several.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Weighed {
+    pub law: Candidate,
+    /// Those of a forecast sum to 1.
+    pub weight: f64,
 }
 
 /// 95 % percentile intervals over the bootstrap of the laws; absent where they hold no bootstrap.

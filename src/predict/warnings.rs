@@ -2,7 +2,7 @@
 
 use super::at_budget::{Vocabulary, shape_for};
 use super::{PredictOptions, Prediction};
-use crate::laws::text::count;
+use crate::laws::text::{count, times};
 use crate::laws::{Candidate, Laws, MinimumFlag, Validated};
 
 /// Laws that spend a budget to within this share count as consistent.
@@ -125,8 +125,8 @@ fn extrapolation(prediction: &Prediction, laws: &Laws) -> Option<String> {
     };
     (prediction.extrapolation_factor > 1.0).then(|| {
         format!(
-            "This is {:.3} times beyond {}, the largest budget fitted.",
-            prediction.extrapolation_factor,
+            "This is {} times beyond {}, the largest budget fitted.",
+            times(prediction.extrapolation_factor),
             count(largest)
         )
     })

@@ -25,6 +25,7 @@ mod quality;
 mod run_record;
 mod score_row;
 mod scored_run;
+mod sliced;
 pub mod table;
 #[cfg(test)]
 mod tests;
@@ -37,4 +38,5 @@ pub use quality::{Quality, write_scores};
 pub use run_record::{FORMAT, Lacking, RunRecord, flops_per_second};
 pub use score_row::{ScoreRow, write_published};
 pub use scored_run::{ScoredRun, read_scores};
+pub use sliced::sliced;
 pub use tuned::Tuned;

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::chart::{Chart, px};
 use super::input::Study;
 use crate::laws::Minimum;
-use crate::laws::text::count;
+use crate::laws::text::{count, times};
 use crate::predict::{Prediction, cells};
 
 /// The section; `None` where nothing is predicted.
@@ -58,7 +58,9 @@ fn shown(prediction: &Prediction) -> Value {
         )
     });
     let far = match prediction.extrapolation_factor {
-        factor if factor > 1.0 => format!("{factor:.3} times beyond the largest budget fitted"),
+        factor if factor > 1.0 => {
+            format!("{} times beyond the largest budget fitted", times(factor))
+        }
         _ => "within the budgets fitted".to_string(),
     };
     json!({

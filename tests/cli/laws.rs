@@ -129,6 +129,24 @@ fn fitting_again_gives_the_same_laws_and_may_go_elsewhere() {
 }
 
 #[test]
+fn laws_by_another_count_of_flops_are_of_runs_at_equal_flops_by_it() {
+    let place = fitted();
+    let by = ["--flops", "6nd", "--hold-out", "3e10", "--save", "--json"];
+    let laws = place.isoflop(&[&["fit", "results/lawful"], &by[..]].concat()).exits(0).json();
+    assert_eq!(laws["flops_rule"], "6nd");
+    let first = laws["warnings"][0].as_str().unwrap();
+    assert!(first.contains("moved along its cell to equal FLOPs by 6nd"), "{first}");
+    let minima = laws["minima"].as_array().unwrap();
+    assert!(minima.len() >= 4, "{minima:#?}");
+    for minimum in minima {
+        let of = |key: &str| number(&minimum[key]);
+        let spent = 6.0 * (of("params_nonvocab") + of("params_vocab")) * of("tokens");
+        assert!((spent / of("budget_flops") - 1.0).abs() < 0.05, "{minimum:#}");
+    }
+    place.isoflop(&["plot", "results/lawful"]).exits(0).does_not_say("left out");
+}
+
+#[test]
 fn running_again_says_the_same_and_mends_what_was_changed_since() {
     let place = fitted();
     let files = || {

@@ -106,6 +106,8 @@ fn a_setting_that_cannot_be_laid_over_the_file_is_shown_as_typed() {
         ("train.min_steps=many", "in --set train.min_steps=many"),
         ("grid.models[0].n_head=3", "3 heads do not divide a width of 8"),
         ("data.source=humanml3d", "needs a `path`"),
+        ("data.path=motions", "a folder, where `source` reads none"),
+        ("data.fps=30", "the rate of files, where `source` reads none"),
         ("text.encoder=file", "`encoder: file` needs a `path`"),
         ("text.path=captions.safetensors", "`encoder: hashed-ngrams` reads no file"),
     ] {
@@ -139,7 +141,7 @@ fn a_command_line_that_makes_no_sense_is_a_usage_error() {
     for (args, words) in [
         (&["predict", "nonsense"][..], "nonsense is not a number of FLOPs"),
         (&["predict", "-1e9"], "--"),
-        (&["predict", "1e18", "--law", "/no/such"], "/no/such does not exist; --law takes"),
+        (&["predict", "1e18", "--law", "/no/such"], "/no/such does not exist; laws are those of"),
         (&["run", "mini.yaml", "--jobs", "0"], "--jobs"),
         (&["plan"], "SWEEP"),
         (&["sing"], "sing"),

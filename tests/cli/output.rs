@@ -21,6 +21,19 @@ fn json_is_one_document_on_standard_output() {
 }
 
 #[test]
+fn a_command_line_that_cannot_be_read_is_a_document_too() {
+    let place = Place::with("mini.yaml");
+    let ended = place.isoflop(&["run", "mini.yaml", "--jobs", "many", "--json"]).exits(2);
+    let error = &ended.json()["error"];
+    assert_eq!(error["exit"], 2);
+    let message = error["message"].as_str().unwrap();
+    assert!(message.starts_with("invalid value 'many'") && message.contains("--jobs"), "{message}");
+    assert!(ended.stderr().contains("invalid value 'many'"));
+    let help = place.isoflop(&["run", "--help", "--json"]).exits(0).stdout();
+    assert!(help.starts_with("Run what is missing"), "{help}");
+}
+
+#[test]
 fn more_is_logged_when_asked_and_only_on_standard_error() {
     let place = Place::with("mini.yaml");
     let args = ["run", "mini.yaml", "--set", "grid.budgets=[1e9]", "-vv"];

@@ -2,8 +2,8 @@
 
 use isoflop::laws;
 use isoflop::laws::{
-    Approach1Options, ComputeAxis, FitError, FitOptions, Form, LawKind, Laws, Parameters,
-    fit_parametric, parametric_laws,
+    Approach1Options, FitError, FitOptions, Form, LawKind, Laws, Parameters, fit_parametric,
+    parametric_laws,
 };
 use isoflop::sweep::MinimumMethod;
 
@@ -56,7 +56,6 @@ fn of_budgets(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
         bootstrap: request.bootstrap.unwrap_or(BOOTSTRAP),
         seed: request.seed,
         keep_flagged: request.keep_flagged,
-        compute: ComputeAxis::Declared,
         huber: request.huber_mads,
         ..FitOptions::default()
     };

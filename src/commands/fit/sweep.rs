@@ -1,8 +1,8 @@
 //! The laws of a sweep's own records.
 
 use isoflop::laws::{
-    self, ComputeAxis, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity,
-    sensitivity_row,
+    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity, Slices,
+    sensitivity_row, slices,
 };
 use isoflop::record::RunRecord;
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
@@ -13,6 +13,9 @@ use super::request::FitRequest;
 
 /// What a fit needs beside the records.
 pub struct SweepFit {
+    /// What the sweep spent its budgets by.
+    planned: FlopsRule,
+    /// What the laws are written in.
     pub rule: FlopsRule,
     pub options: FitOptions,
 }
@@ -31,7 +34,7 @@ pub fn options(sweep: &Sweep) -> SweepFit {
         bootstrap: sweep.fit.bootstrap,
         ..FitOptions::default()
     };
-    SweepFit { rule: sweep.flops.rule, options }
+    SweepFit { planned: sweep.flops.rule, rule: sweep.flops.rule, options }
 }
 
 /// The same with what the command line asks for instead.
@@ -44,8 +47,6 @@ pub fn overridden(mut fit: SweepFit, request: &FitRequest) -> SweepFit {
     options.huber = request.huber_mads.or(options.huber);
     options.keep_flagged |= request.keep_flagged;
     if let Some(rule) = request.rule {
-        let own = fit.rule == rule;
-        options.compute = if own { ComputeAxis::Declared } else { ComputeAxis::Achieved };
         options.flops_rule = rule.name().to_string();
         fit.rule = rule;
     }
@@ -54,14 +55,47 @@ pub fn overridden(mut fit: SweepFit, request: &FitRequest) -> SweepFit {
 
 /// Laws of finished runs, with rows of the sensitivity table for the other counts of FLOPs.
 pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitError> {
-    let (points, left_out) = points(records, fit.rule);
-    let mut laws = fit_or_keep_flagged(&points, &fit.options)?;
-    laws.warnings.splice(0..0, left_out);
+    let (counted, left_out) = points(records, fit.rule);
+    let InSlices { points, options, told } = in_slices(&counted, fit)?;
+    let mut laws = fit_or_keep_flagged(&points, &options)?;
+    laws.warnings.splice(0..0, left_out.into_iter().chain(told));
     of_own_models(&mut laws, records);
     let others = FlopsRule::ALL.into_iter().filter(|rule| *rule != fit.rule);
-    laws.sensitivity
-        .extend(others.filter_map(|rule| refit(records, points.len(), rule, &fit.options)));
+    laws.sensitivity.extend(others.filter_map(|rule| refit(records, counted.len(), rule, fit)));
     Ok(laws)
+}
+
+/// Points at equal FLOPs by the rule of a fit.
+struct InSlices {
+    points: Vec<IsoFlopPoint>,
+    options: FitOptions,
+    /// What was done, in a sentence; `None` where the sweep was planned by that rule.
+    told: Option<String>,
+}
+
+/// Moves the runs of a sweep that was planned by another rule.
+fn in_slices(points: &[IsoFlopPoint], fit: &SweepFit) -> Result<InSlices, FitError> {
+    let mut options = fit.options.clone();
+    if fit.rule == fit.planned || points.is_empty() {
+        return Ok(InSlices { points: points.to_vec(), options, told: None });
+    }
+    let Slices { points: moved, levels } = slices(points)?;
+    if let HoldOut::Budget(asked) = options.hold_out {
+        let level = levels.iter().find(|(budget, _)| (budget / asked - 1.0).abs() < 1e-9);
+        options.hold_out = HoldOut::Budget(level.map_or(asked, |(_, level)| *level));
+    }
+    let moved: Vec<IsoFlopPoint> = moved.into_iter().flatten().collect();
+    let left_out = match points.len() - moved.len() {
+        0 => String::new(),
+        n => format!(" {n} of {} do not reach so far and are left out.", points.len()),
+    };
+    let told = format!(
+        "The budgets were spent by the rule {}: each run is moved along its cell to equal FLOPs by {}.\
+         {left_out}",
+        fit.planned.name(),
+        fit.rule.name(),
+    );
+    Ok(InSlices { points: moved, options, told: Some(told) })
 }
 
 /// Marks laws as those of this project's own models.
@@ -89,19 +123,20 @@ fn refit(
     records: &[RunRecord],
     n_points: usize,
     rule: FlopsRule,
-    options: &FitOptions,
+    fit: &SweepFit,
 ) -> Option<Sensitivity> {
     let options = FitOptions {
         flops_rule: rule.name().to_string(),
         bootstrap: 0,
         recommend: false,
-        compute: ComputeAxis::Achieved,
-        ..options.clone()
+        ..fit.options.clone()
     };
     let (points, _) = points(records, rule);
     // Laws of other runs differ for another reason than the rule.
-    let is_same = points.len() == n_points;
-    let laws = is_same.then(|| fit_or_keep_flagged(&points, &options).ok())??;
+    let fit = SweepFit { planned: fit.planned, rule, options };
+    let InSlices { points, options, .. } =
+        (points.len() == n_points).then(|| in_slices(&points, &fit).ok())??;
+    let laws = fit_or_keep_flagged(&points, &options).ok()?;
     Some(sensitivity_row(&format!("flops: {}", rule.name()), &laws))
 }
 

@@ -20,6 +20,10 @@ const BATCHES: [usize; 4] = [1, 4, 16, 64];
 const LEAST_ROUNDS: usize = 5;
 const LEAST_S: f64 = 0.5;
 
+/// What takes longer than this is made less often.
+const LONG_S: f64 = 20.0;
+const ROUNDS_OF_LONG: usize = 3;
+
 /// Guidance where none is given, and seconds of motion, as LG-Tok's table has them: 4 and a whole clip.
 const GUIDANCE: f64 = 4.0;
 const SECONDS: f64 = 9.8;
@@ -82,7 +86,10 @@ fn timed(
         if round > 0 {
             rounds.push(seconds);
         }
-        if rounds.len() >= LEAST_ROUNDS && began.elapsed().as_secs_f64() > LEAST_S {
+        let elapsed = began.elapsed().as_secs_f64();
+        let (most, least_s) =
+            if elapsed > LONG_S { (ROUNDS_OF_LONG, 0.0) } else { (LEAST_ROUNDS, LEAST_S) };
+        if rounds.len() >= most && elapsed > least_s {
             break;
         }
     }

@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{
-    Inside, IsoFlopPoint, Measured, MinimumMethod, Predicted, Validated, minimum_at,
+    Inside, IsoFlopPoint, Measured, MinimumMethod, Predicted, Validated, minimum_at, times,
 };
 use isoflop::predict::Prediction;
 use isoflop::record::table;
@@ -72,9 +72,9 @@ pub fn text(validated: &Validated) -> String {
     let Validated { predicted, measured, inside, .. } = validated;
     let Inside { loss, params_nonvocab, params_vocab, tokens } = *inside;
     let mut out = format!(
-        "{:e} FLOPs, {:.3} times beyond the fit, {} runs:\n{:<6}{:>12}{:>26}{:>12}\n",
+        "{:e} FLOPs, {} times beyond the fit, {} runs:\n{:<6}{:>12}{:>26}{:>12}\n",
         validated.budget_flops,
-        validated.extrapolation_factor,
+        times(validated.extrapolation_factor),
         measured.runs,
         "",
         "forecast",

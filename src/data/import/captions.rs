@@ -7,6 +7,7 @@ use super::cut::SHORTEST;
 use super::listing::{Listing, SourceFile};
 use super::options::ImportOptions;
 use crate::data::captions::{parse_annotation, parse_annotations};
+use crate::motion::retarget::words;
 
 /// Where a motion's captions come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,26 +90,12 @@ pub fn line(caption: &str) -> String {
 
 /// The words of `walk-left_normal_001` and of `WalkLeft01`; `None` where it has none.
 fn words_of(id: &str) -> Option<String> {
-    let letters: Vec<char> = id.chars().collect();
-    let mut text = String::new();
-    for (i, &c) in letters.iter().enumerate() {
-        let before = i.checked_sub(1).map(|i| letters[i]);
-        let begins = before.is_some_and(|before| {
-            c.is_uppercase() && before.is_lowercase()
-                || c.is_ascii_digit() && before.is_alphabetic()
-        });
-        if begins {
-            text.push(' ');
-        }
-        text.push(if c.is_alphanumeric() { c } else { ' ' });
-    }
-    let is_word = |word: &&str| {
-        word.len() > 1
-            && word.chars().all(char::is_alphabetic)
-            && !EMPTY.contains(&word.to_lowercase().as_str())
+    let is_word = |word: &str| {
+        word.chars().count() > 1 && word.chars().all(char::is_alphabetic) && !EMPTY.contains(&word)
     };
-    let words: Vec<String> =
-        text.split_whitespace().filter(is_word).map(str::to_lowercase).collect();
+    let words = words(id);
+    let parts = words.iter().flat_map(|word| word.split(|c: char| c.is_ascii_digit()));
+    let words: Vec<&str> = parts.filter(|word| is_word(word)).collect();
     (!words.is_empty()).then(|| words.join(" "))
 }
 

@@ -26,7 +26,7 @@ use super::{evaluator, folder};
 use crate::evaluator::OneScore;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
-use crate::plan::{Plan, PlannedRun, ScoreJob};
+use crate::plan::{Plan, PlannedRun, ScoreJob, evaluator_peak_bytes};
 use crate::progress::{Step, beats};
 use crate::sweep::Stage;
 
@@ -138,11 +138,15 @@ fn job(score: &ScoreJob, run: &PlannedRun, plan: &Plan) -> Job {
     let [.., test] = plan.data.clips;
     let ScoreJob { run_id, evaluator_id, spec, .. } = score;
     let motions = spec.repeats * test + spec.multimodal_captions * spec.multimodal_motions;
+    let evaluator = plan.evaluator.as_ref();
+    let evaluating = evaluator.map_or(0, |job| evaluator_peak_bytes(&job.spec, &plan.data));
     Job {
         id: JobId::new(KIND, score.id()),
         label: format!("score of {}", run.spec.label()),
         cost: motions as f64 * run.params.total() as f64 * FLOPS_PER_PARAMETER,
-        peak_bytes: 0,
+        // A batch of motions in the making takes less than a step of training, and true motions are
+        // held as for the evaluator's gates.
+        peak_bytes: run.peak_bytes + evaluating,
         needs: vec![JobId::run(run_id), JobId::new(evaluator::KIND, evaluator_id)],
     }
 }

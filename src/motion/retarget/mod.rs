@@ -27,6 +27,7 @@ mod tree;
 
 pub use axes::{Up, reflected, reflected_joint};
 pub use follow::{follow, unit_m};
+pub(crate) use names::words;
 pub use points::{PointsError, Settled, settled};
 pub use resample::resampled;
 pub use rig::{Neutral, Rig, RigError};

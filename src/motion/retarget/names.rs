@@ -54,7 +54,7 @@ fn side(word: &str) -> Option<Side> {
 }
 
 /// Runs of letters and digits in lower case, parted also where a capital begins a word.
-fn words(name: &str) -> Vec<String> {
+pub fn words(name: &str) -> Vec<String> {
     let letters: Vec<char> = name.chars().collect();
     let mut words: Vec<String> = vec![String::new()];
     for (i, &letter) in letters.iter().enumerate() {

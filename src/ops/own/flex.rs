@@ -9,7 +9,7 @@ use super::attention::{CrossHeads, Heads, half};
 use super::buffers::{Buffer, recycle};
 use super::elements::{contiguous, dims, elements, elements_mut, tensor};
 use super::head::Head;
-use super::{AdamWStep, OwnOps, OwnUpdates, adamw, convolution, feed_forward, rows};
+use super::{AdamWStep, OwnOps, OwnUpdates, adamw, convolution, feed_forward, nearest, rows};
 use crate::ops::{Activation, AttentionOptions, Convolution, CrossOptions};
 
 /// Mean cross-entropy from the rows' losses, in nats.
@@ -151,6 +151,13 @@ impl OwnUpdates for Flex {
         let [x, gamma, weight] = [x_sd, gamma_d, weight_dv].map(contiguous);
         let losses = head([&x, &gamma, &weight], &targets, epsilon).losses();
         tensor(parts(&losses), [losses.len(), 2])
+    }
+
+    fn own_nearest(latents_nc: FlexTensor, codes_vc: FlexTensor) -> FlexTensor {
+        let [latents, codes] = [latents_nc, codes_vc].map(contiguous);
+        let ids = nearest::nearest(elements(&latents), elements(&codes), dims(&codes).1);
+        let n = ids.len();
+        tensor(ids.into_iter().map(|id| id as f32).collect(), [n])
     }
 
     fn own_sum_of_squares(x: FlexTensor) -> FlexTensor {

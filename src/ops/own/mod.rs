@@ -9,6 +9,7 @@
 //! | [`rms_norm`], [`swiglu`], [`gelu`], [`cross_entropy`], [`rows`] | kernel pairs on slices |
 //! | [`attention`], [`feed_forward`], [`head`] | the parts of the model, composed of these |
 //! | [`convolution`] | the layers of tokenizers |
+//! | [`nearest`] | the codes of latents |
 //! | [`adamw`] | the optimiser |
 //! | [`elements`], [`flex`] | flex's tensors, and the operations on them |
 //! | [`autodiff`] | the same with gradients |
@@ -41,6 +42,7 @@ mod lanes;
 mod left;
 mod maths;
 mod matmul;
+mod nearest;
 mod product;
 mod rms_norm;
 mod rows;
@@ -107,6 +109,10 @@ pub trait OwnUpdates: Backend {
         targets: Arc<[u32]>,
         epsilon: f32,
     ) -> FloatTensor<Self>;
+
+    /// The number of the nearest code of each latent, `[n]`; see [`nearest`](super::nearest()).
+    fn own_nearest(latents_nc: FloatTensor<Self>, codes_vc: FloatTensor<Self>)
+    -> FloatTensor<Self>;
 
     /// Σ x², as a large and a small part: `[2]`.
     fn own_sum_of_squares(x: FloatTensor<Self>) -> FloatTensor<Self>;

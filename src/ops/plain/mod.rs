@@ -14,9 +14,11 @@ use super::{
 
 mod convolution;
 mod cross;
+mod nearest;
 
 pub use convolution::convolve;
 pub use cross::cross_attention;
+pub use nearest::nearest;
 
 /// Stands for minus infinity in masked scores: e to it is zero, and it is an ordinary number on
 /// devices whose arithmetic has no infinities.

@@ -38,6 +38,20 @@ mod instruction_sets {
     }
 
     #[test]
+    fn codes_are_the_same_on_every_instruction_set() {
+        let device = Device::flex();
+        let (latents, codes) =
+            (tensor(&input(700, 33, 41), &device), tensor(&input(1003, 33, 42), &device));
+        let on = |isa: Isa| {
+            AT_MOST.set(isa);
+            let ids = crate::ops::nearest(&latents, &codes);
+            AT_MOST.set(Isa::Avx512);
+            ids
+        };
+        assert_eq!(on(Isa::Avx2), on(Isa::Avx512));
+    }
+
+    #[test]
     fn the_portable_kernels_match_the_twins() {
         for case in small_cases().into_iter().chain(large_cases()) {
             let plain = case.outcome(Kernels::Plain, &Device::flex());

@@ -14,6 +14,7 @@ mod attention;
 mod bits;
 mod gradients;
 mod loss;
+mod nearest;
 
 use attending::{attend, attention, block_attention, cross_attend, options};
 

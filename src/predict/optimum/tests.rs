@@ -117,7 +117,7 @@ fn the_true_optimum_beyond_the_sweep_lies_within_the_intervals() {
     assert!(ci.n_vocab.is_some() && ci.loss_normalised.is_some() && ci.loss_floor.is_some());
     // 1e17 is held out of the laws, but not of what a prediction reads.
     assert!(near(prediction.extrapolation_factor, 10.0, 1e-12));
-    assert!(prediction.warnings.iter().any(|s| s.contains("10.000 times beyond 1e17")));
+    assert!(prediction.warnings.iter().any(|s| s.contains("10 times beyond 1e17")));
 }
 
 #[test]
@@ -219,4 +219,31 @@ fn the_text_fits_the_terminal_and_keeps_every_warning() {
         assert_eq!(bullets, prediction.warnings.len());
         assert!(bullets > 0);
     }
+}
+
+#[test]
+fn beyond_the_fit_the_laws_speak_together_and_within_it_one_does() {
+    let laws = sweep(&VOCABULARIES);
+    let near = predict(&laws, 1e17, &PredictOptions::default()).unwrap();
+    assert!(near.together.is_empty());
+    let own = [near.raw.loss_log, near.raw.loss_floor, near.raw.loss_joint];
+    assert!(own.contains(&near.loss_normalised), "{near:?}");
+
+    let far = predict(&laws, 1e19, &PredictOptions::default()).unwrap();
+    let Prediction { params_nonvocab, params_vocab, tokens, loss_normalised, together, .. } = &far;
+    assert!(together.len() > 1 && together.is_sorted_by(|a, b| a.weight >= b.weight), "{far:?}");
+    assert!((together.iter().map(|one| one.weight).sum::<f64>() - 1.0).abs() < 0.02);
+    let joint = laws.of_all_budgets().judgement.joint.as_ref().unwrap().optimum(1e19).unwrap();
+    let said = |law: Candidate| match law {
+        Candidate::Log => far.raw.loss_log,
+        Candidate::Floor => far.raw.loss_floor,
+        _ => Some(joint.loss),
+    };
+    let mean: f64 = together.iter().map(|one| one.weight * said(one.law).unwrap()).sum();
+    assert!((mean / loss_normalised.unwrap() - 1.0).abs() < 0.02, "{mean} {far:?}");
+    // The allocation still spends the budget.
+    let spent = 6.0 * (params_nonvocab.unwrap() + params_vocab.unwrap()) * tokens;
+    assert!((spent / 1e19 - 1.0).abs() < 1e-6, "{spent}");
+    let said = crate::predict::brief(&far).replace('\n', " ");
+    assert!(said.contains("by the laws together ("), "{said}");
 }

@@ -150,6 +150,7 @@ impl DataSection {
             let help = "leave `path` out, and `source` too, or make it humanml3d";
             problems.push(problem("union", "a union is all the data there is", Some(help)));
         }
+        problems.extend(self.of_files_alone());
         let rates = self.union.iter().map(|member| member.fps).chain([self.fps]).flatten();
         if rates.into_iter().any(|fps| fps <= 0.0) {
             problems.push(problem("fps", "a second has more than 0 frames", None));
@@ -161,5 +162,19 @@ impl DataSection {
             problems.push(problem("", "`val_clips` and `test_clips` must be at least 1", None));
         }
         problems
+    }
+
+    /// Keys of files, where no file is read.
+    fn of_files_alone(&self) -> Vec<KeyProblem> {
+        if self.source == DataSource::HumanMl3d || !self.union.is_empty() {
+            return Vec::new();
+        }
+        let keys = [
+            (self.path.is_some(), "path", "a folder, where `source` reads none"),
+            (self.fps.is_some(), "fps", "the rate of files, where `source` reads none"),
+        ];
+        let given = keys.into_iter().filter(|(given, ..)| *given);
+        let help = Some("source: humanml3d");
+        given.map(|(_, field, problem)| KeyProblem { field, problem, help }).collect()
     }
 }

@@ -5,8 +5,8 @@
 use burn::tensor::{Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
-use super::nearest::nearest;
 use crate::learn::params::{below, distinct};
+use crate::ops::nearest;
 use crate::progress::moved;
 
 /// Rounds after which the centres are taken.

@@ -1,22 +1,13 @@
-//! The nearest code of each latent.
+//! The code whose direction is nearest to that of each latent.
 //!
 //! Shapes: n latents, c channels, v codes.
 
 use burn::tensor::Tensor;
 
-/// Entries of the distance matrix that are held at a time.
-const DISTANCES_AT_ONCE: usize = 1 << 22;
+use crate::ops::nearest;
 
 /// Length that a row is taken to have at least before it is made 1 long.
 const SHORTEST: f64 = 1e-12;
-
-/// argmin over codes of |code|² − 2 latent · code, the first of equals.
-pub fn nearest(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
-    let (n, n_codes) = (latents_nc.dims()[0], codes_vc.dims()[0]);
-    let rows = (DISTANCES_AT_ONCE / n_codes).max(1);
-    let part = |start: usize| latents_nc.clone().narrow(0, start, rows.min(n - start));
-    (0..n).step_by(rows).flat_map(|start| nearest_of_part(part(start), codes_vc)).collect()
-}
 
 /// argmax over codes of cos(latent, code), the first of equals.
 pub fn nearest_direction(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
@@ -27,12 +18,4 @@ pub fn nearest_direction(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u3
 fn directions(rows_nc: &Tensor<2>) -> Tensor<2> {
     let norms_n1 = (rows_nc.clone() * rows_nc.clone()).sum_dim(1).sqrt();
     rows_nc.clone() / norms_n1.clamp_min(SHORTEST)
-}
-
-fn nearest_of_part(latents_nc: Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
-    let codes_cv = codes_vc.clone().transpose();
-    let norms_1v = (codes_cv.clone() * codes_cv.clone()).sum_dim(0);
-    let distances_nv = norms_1v - latents_nc.matmul(codes_cv) * 2.0;
-    let ids = distances_nv.argmin(1).into_data();
-    ids.iter::<i64>().map(|id| id as u32).collect()
 }

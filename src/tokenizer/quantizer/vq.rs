@@ -20,9 +20,10 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::averages::Averages;
 use super::k_means::k_means;
-use super::nearest::{nearest, nearest_direction};
+use super::nearest::nearest_direction;
 use super::{Extent, Quantized, Quantizer, clips, mean_square, rows, straight_through};
 use crate::learn::{LearnerState, LoadedState};
+use crate::ops::nearest;
 use crate::spec::TokenizerTraining;
 
 /// A learned codebook.

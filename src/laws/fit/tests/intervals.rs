@@ -80,8 +80,9 @@ fn another_flop_rule_is_fitted_in_what_the_runs_spent() {
     points.iter_mut().for_each(|p| p.flops = p.budget_flops.powf(1.1));
     let declared = fit(&points, &options()).unwrap();
     assert!(declared.warnings.iter().any(|s| s.contains("declared")), "{:?}", declared.warnings);
-    let options = FitOptions { compute: ComputeAxis::Achieved, ..options() };
-    let achieved = fit(&points, &options).unwrap();
+    let moved: Vec<_> = slices(&points).unwrap().points.into_iter().flatten().collect();
+    assert_eq!(moved.len(), points.len());
+    let achieved = fit(&moved, &options()).unwrap();
     for (there, here) in exponents(&achieved).into_iter().zip(exponents(&declared)) {
         assert!((there - here / 1.1).abs() < 1e-9);
     }

@@ -6,7 +6,7 @@ mod refused;
 use super::*;
 use crate::laws::simulated::{SURFACE, Simulated, point};
 use crate::laws::{
-    ComputeAxis, HoldOut, MinimumFlag, PowerLaw, Weights, sensitivity_row, summary, verdict,
+    HoldOut, MinimumFlag, PowerLaw, Weights, sensitivity_row, slices, summary, verdict,
 };
 
 const BUDGETS: [f64; 6] = [1e15, 3e15, 1e16, 3e16, 1e17, 3e17];

@@ -1,0 +1,192 @@
+//! Runs that were planned by one count of FLOPs, at equal FLOPs by another.
+//!
+//! A sweep spends its budgets by one rule. By another the runs of a budget spent more or less than one
+//! another, and a curve through them is none of equal compute. So each run is moved along its own cell:
+//! of one model and vocabulary the loss is a function of ln C, known at the budgets that the cell was
+//! trained at. A run of ln C and loss L stands in the slice at ln C' with L + f(C') − f(C), where f is
+//! the parabola through the cell's means at its budget and at those before and after it, or the line
+//! through two.
+//!
+//! A slice lies at the geometric mean of what the runs of its budget spent by the other rule.
+
+use std::collections::BTreeMap;
+
+use super::budget::{group_budgets, is_same_budget};
+use super::{Budget, FitError, IsoFlopPoint};
+
+/// Steps to the neighbouring budget by which a cell is carried on beyond the budgets that it has.
+const BEYOND: f64 = 0.5;
+
+/// Distance in ln C below which two levels are one but for rounding.
+const SAME: f64 = 1e-9;
+
+/// The slices of a table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slices {
+    /// Each run in its slice, in the table's order; `None` where its cell does not reach so far.
+    pub points: Vec<Option<IsoFlopPoint>>,
+    /// Each declared budget, and where its slice lies.
+    pub levels: Vec<(f64, f64)>,
+}
+
+/// The mean of a cell's runs at one budget.
+#[derive(Clone, Copy, Debug)]
+struct Mean {
+    /// By its place among the budgets.
+    budget: usize,
+    ln_flops: f64,
+    loss: f64,
+}
+
+/// N_nv, N_v and V, by their bits.
+type Cell = [u64; 3];
+
+fn cell(point: &IsoFlopPoint) -> Cell {
+    [point.params_nonvocab, point.params_vocab, point.n_vocab].map(f64::to_bits)
+}
+
+/// Moves runs to equal FLOPs by the rule that [`IsoFlopPoint::flops`] was counted by.
+///
+/// # Errors
+/// As [`group_budgets`].
+pub fn slices(points: &[IsoFlopPoint]) -> Result<Slices, FitError> {
+    let budgets = group_budgets(points)?;
+    let ln_levels: Vec<f64> =
+        budgets.iter().map(|budget| mean(&budget.points, |p| p.flops.ln())).collect();
+    let cells = cells(&budgets);
+    let moved = |point: &IsoFlopPoint| {
+        let budget =
+            budgets.iter().position(|b| is_same_budget(b.budget_flops, point.budget_flops))?;
+        at(point, ln_levels[budget], budget, &cells[&cell(point)])
+    };
+    let levels = budgets.iter().zip(&ln_levels).map(|(b, level)| (b.budget_flops, level.exp()));
+    Ok(Slices { points: points.iter().map(moved).collect(), levels: levels.collect() })
+}
+
+fn mean(points: &[&IsoFlopPoint], of: fn(&IsoFlopPoint) -> f64) -> f64 {
+    points.iter().map(|point| of(point)).sum::<f64>() / points.len() as f64
+}
+
+/// The means of each cell, by budget.
+fn cells(budgets: &[Budget]) -> BTreeMap<Cell, Vec<Mean>> {
+    let mut cells: BTreeMap<Cell, Vec<Mean>> = BTreeMap::new();
+    for (budget, runs) in budgets.iter().enumerate() {
+        let mut of_cells: BTreeMap<Cell, Vec<&IsoFlopPoint>> = BTreeMap::new();
+        runs.points.iter().for_each(|point| of_cells.entry(cell(point)).or_default().push(point));
+        for (cell, runs) in of_cells {
+            let (ln_flops, loss) = (mean(&runs, |p| p.flops.ln()), mean(&runs, |p| p.loss));
+            cells.entry(cell).or_default().push(Mean { budget, ln_flops, loss });
+        }
+    }
+    cells
+}
+
+/// A run at the level of its budget's slice.
+fn at(point: &IsoFlopPoint, level: f64, budget: usize, cell: &[Mean]) -> Option<IsoFlopPoint> {
+    let of = |budget: usize| cell.iter().find(|mean| mean.budget == budget);
+    let (own, before, after) = (of(budget)?, budget.checked_sub(1).and_then(of), of(budget + 1));
+    let near: Vec<Mean> = [before, Some(own), after].into_iter().flatten().copied().collect();
+    reaches(own, before, after, level)?;
+    let (from, flops) = (point.flops.ln(), level.exp());
+    Some(IsoFlopPoint {
+        budget_flops: flops,
+        flops,
+        // At one shape a token costs the same.
+        tokens: point.tokens * (level - from).exp(),
+        loss: point.loss + through(&near, level) - through(&near, from),
+        ..point.clone()
+    })
+}
+
+/// Nothing, unless a level lies among a cell's neighbouring budgets, or beyond the last by half a step
+/// at most.
+fn reaches(own: &Mean, before: Option<&Mean>, after: Option<&Mean>, level: f64) -> Option<()> {
+    let step = |a: &Mean, b: &Mean| b.ln_flops - a.ln_flops;
+    let (least, most) = match (before, after) {
+        (Some(before), Some(after)) => (before.ln_flops, after.ln_flops),
+        (Some(before), None) => (before.ln_flops, own.ln_flops + BEYOND * step(before, own)),
+        (None, Some(after)) => (own.ln_flops - BEYOND * step(own, after), after.ln_flops),
+        (None, None) => (own.ln_flops, own.ln_flops),
+    };
+    (least - SAME..=most + SAME).contains(&level).then_some(())
+}
+
+/// The polynomial through all of them at `x` (Lagrange).
+fn through(means: &[Mean], x: f64) -> f64 {
+    let share = |i: usize| -> f64 {
+        let others = means.iter().enumerate().filter(|(j, _)| *j != i);
+        let factor = |(_, other): (usize, &Mean)| {
+            (x - other.ln_flops) / (means[i].ln_flops - other.ln_flops)
+        };
+        others.map(factor).product()
+    };
+    means.iter().enumerate().map(|(i, mean)| mean.loss * share(i)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::simulated::{SURFACE, point};
+
+    const BUDGETS: [f64; 5] = [1e15, 2e15, 4e15, 8e15, 1.6e16];
+    const SIZES: [f64; 7] = [2e5, 4e5, 8e5, 1.6e6, 3.2e6, 6.4e6, 1.28e7];
+
+    /// The other rule: small models cost up to twice as much as by 6 N D.
+    fn factor(nonvocab: f64) -> f64 {
+        1.0 + 1.0 / (1.0 + nonvocab / 1e6)
+    }
+
+    /// Runs that spend their budgets by 6 N D, with `flops` by the other rule.
+    fn planned() -> Vec<IsoFlopPoint> {
+        let run = |budget: f64, nonvocab: f64| {
+            let vocab = 4e5;
+            let tokens = budget / (6.0 * (nonvocab + vocab));
+            let loss = SURFACE.loss(nonvocab, vocab, tokens);
+            let flops = budget * factor(nonvocab);
+            IsoFlopPoint { budget_flops: budget, flops, tokens, ..point(nonvocab, vocab, loss, 0) }
+        };
+        BUDGETS.iter().flat_map(|budget| SIZES.map(|size| run(*budget, size))).collect()
+    }
+
+    #[test]
+    fn a_run_has_the_loss_that_it_would_have_had_at_the_slice() {
+        let Slices { points, levels } = slices(&planned()).unwrap();
+        assert_eq!(levels.iter().map(|(budget, _)| *budget).collect::<Vec<_>>(), BUDGETS);
+        let mut worst: [f64; 2] = [0.0; 2];
+        for (run, moved) in planned().iter().zip(&points) {
+            let moved = moved.as_ref().expect("no cell is moved by a step");
+            let tokens =
+                moved.flops / (6.0 * (run.params_nonvocab + 4e5) * factor(run.params_nonvocab));
+            assert!((moved.tokens / tokens - 1.0).abs() < 1e-9);
+            let truth = SURFACE.loss(run.params_nonvocab, 4e5, tokens);
+            let at_end = run.budget_flops == BUDGETS[0] || run.budget_flops == BUDGETS[4];
+            let worst = &mut worst[usize::from(at_end)];
+            *worst = worst.max((moved.loss - truth).abs());
+            assert!((run.loss - truth).abs() > 20.0 * (moved.loss - truth).abs() || at_end);
+        }
+        assert!(worst[0] < 1e-3 && worst[1] < 1e-2, "{worst:?}");
+    }
+
+    #[test]
+    fn a_rule_that_counts_in_proportion_moves_nothing() {
+        let mut runs = planned();
+        runs.iter_mut().for_each(|run| run.flops = 1.7 * run.budget_flops);
+        let Slices { points, levels } = slices(&runs).unwrap();
+        for (run, moved) in runs.iter().zip(points) {
+            let moved = moved.unwrap();
+            assert!(
+                (moved.loss - run.loss).abs() < 1e-12
+                    && (moved.tokens / run.tokens - 1.0).abs() < 1e-9
+            );
+        }
+        assert!(levels.iter().all(|(budget, level)| (level / budget - 1.7).abs() < 1e-9));
+    }
+
+    #[test]
+    fn a_cell_at_one_budget_alone_is_left_out() {
+        let mut runs = planned();
+        let alone = IsoFlopPoint { params_nonvocab: 5e5, ..runs[0].clone() };
+        runs.push(alone);
+        assert_eq!(slices(&runs).unwrap().points.last().unwrap(), &None);
+    }
+}
