@@ -12,16 +12,21 @@ pub fn brief(prediction: &Prediction) -> String {
 }
 
 fn title(prediction: &Prediction) -> String {
+    format!("Optimum for {} FLOPs, {}:", count(prediction.budget_flops), standing(prediction))
+}
+
+/// How far beyond the fit a prediction lies, and by which law it is.
+pub fn standing(prediction: &Prediction) -> String {
     let far = match prediction.extrapolation_factor {
         factor if factor > 1.0 => {
             format!("{} times beyond the largest budget fitted", times(factor))
         }
         _ => "within the budgets fitted".to_string(),
     };
-    format!("Optimum for {} FLOPs, {far}{}:", count(prediction.budget_flops), by(prediction))
+    far + &by(prediction)
 }
 
-/// Whose forecast it is.
+/// Whose forecast it is; empty for a published law.
 fn by(prediction: &Prediction) -> String {
     let share = |one: &Weighed| format!("{} {:.2}", one.law.name(), one.weight);
     match (&prediction.together[..], prediction.recommended) {

@@ -31,7 +31,7 @@ mod text;
 mod types;
 mod warnings;
 
-pub use brief::{brief, cells};
+pub use brief::{brief, cells, standing};
 pub use codebook::Codebook;
 pub use error::PredictError;
 pub use flop_count::{CountedBy, FlopCount, SixNd};

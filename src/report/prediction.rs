@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use super::chart::{Chart, px};
 use super::input::Study;
 use crate::laws::Minimum;
-use crate::laws::text::{count, times};
-use crate::predict::{Prediction, cells};
+use crate::laws::text::count;
+use crate::predict::{Prediction, cells, standing};
 
 /// The section; `None` where nothing is predicted.
 pub fn section(study: &Study) -> Option<Markup> {
@@ -57,16 +57,10 @@ fn shown(prediction: &Prediction) -> Value {
             shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab
         )
     });
-    let far = match prediction.extrapolation_factor {
-        factor if factor > 1.0 => {
-            format!("{} times beyond the largest budget fitted", times(factor))
-        }
-        _ => "within the budgets fitted".to_string(),
-    };
     json!({
         "budget_flops": prediction.budget_flops,
         "flops": count(prediction.budget_flops),
-        "far": far,
+        "far": standing(prediction),
         "rows": cells(prediction),
         "shape": shape,
         "warnings": prediction.warnings,
