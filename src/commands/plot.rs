@@ -103,7 +103,7 @@ fn of_one_generator(
 ) -> Result<Vec<PathBuf>> {
     let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
     let tokenizers = tokenizers(&home(folder), output)?;
-    let records = as_laws_count(&home(folder), Tuned::of(records).records, laws.as_ref());
+    let records = as_laws_count(&home(folder), Tuned::of(records).records, laws.as_ref())?;
     Ok(draw(folder, &records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
 }
 
@@ -112,14 +112,15 @@ fn as_laws_count(
     home: &ResultsFolder,
     records: Vec<RunRecord>,
     laws: Option<&Laws>,
-) -> Vec<RunRecord> {
-    let moved = || {
-        let name = &laws?.flops_rule;
-        let planned = frozen_sweep(home).ok()?.flops.rule;
-        let rule = FlopsRule::ALL.into_iter().find(|rule| rule.name() == name)?;
-        (rule != planned).then(|| sliced(&records, rule).ok())?
-    };
-    moved().unwrap_or(records)
+) -> Result<Vec<RunRecord>> {
+    // A table and its laws are drawn without the sweep too.
+    let planned = frozen_sweep(home).ok().map(|sweep| sweep.flops.rule);
+    let counted = laws
+        .and_then(|laws| FlopsRule::ALL.into_iter().find(|rule| rule.name() == laws.flops_rule));
+    match (planned, counted) {
+        (Some(planned), Some(counted)) if counted != planned => Ok(sliced(&records, counted)?),
+        _ => Ok(records),
+    }
 }
 
 /// All of them side by side, then the figures of each.

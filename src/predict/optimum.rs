@@ -179,7 +179,10 @@ fn raw(laws: &Laws, best: &Best, budget: f64, options: &PredictOptions) -> Raw {
         spends_flops,
         loss_log: laws.loss.log.as_ref().map(|law| law.loss_at(budget)),
         loss_floor: laws.loss.floor.as_ref().map(|law| law.loss_at(budget, laws.reference_flops)),
-        loss_joint: best.joint.map(|joint| joint.loss),
+        loss_joint: match best.joint {
+            Some(joint) => Some(joint.loss),
+            None => laws.judgement.joint.as_ref().and_then(|law| Some(law.optimum(budget)?.loss)),
+        },
     }
 }
 

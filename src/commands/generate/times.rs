@@ -24,6 +24,9 @@ const LEAST_S: f64 = 0.5;
 const LONG_S: f64 = 20.0;
 const ROUNDS_OF_LONG: usize = 3;
 
+/// Batches that would take longer than this each time are left out.
+const LONGEST_S: f64 = 60.0;
+
 /// Guidance where none is given, and seconds of motion, as LG-Tok's table has them: 4 and a whole clip.
 const GUIDANCE: f64 = 4.0;
 const SECONDS: f64 = 9.8;
@@ -53,10 +56,8 @@ pub fn times(args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<E
     let guidances = if run.takes_guidance() { vec![0.0, asked] } else { vec![0.0] };
     let mut all = Vec::new();
     for &guidance in &guidances {
-        for batch in BATCHES {
-            let sampling = Sampling { guidance, ..args.sampling() };
-            all.push(timed(run, (&text, n_frames), batch, &sampling)?);
-        }
+        let sampling = Sampling { guidance, ..args.sampling() };
+        all.extend(of_batches(run, (&text, n_frames), &sampling)?);
     }
     let seconds = n_frames as f64 / fps;
     let document = json!({
@@ -64,6 +65,22 @@ pub fn times(args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<E
     });
     output.result(&document, &table(args, run, seconds, &all))?;
     Ok(Exit::Done)
+}
+
+/// Batch after batch, until one would take too long.
+fn of_batches(
+    run: &TrainedRun,
+    motion: (&[f32], usize),
+    sampling: &Sampling,
+) -> Result<Vec<Timed>> {
+    let mut all: Vec<Timed> = Vec::new();
+    for batch in BATCHES {
+        if all.last().is_some_and(|before| before.seconds * batch as f64 > LONGEST_S) {
+            break;
+        }
+        all.push(timed(run, motion, batch, sampling)?);
+    }
+    Ok(all)
 }
 
 fn timed(
