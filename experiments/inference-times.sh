@@ -2,7 +2,7 @@
 # How long the papers' systems take to make a motion, at their sizes, on the device at hand:
 #   experiments/inference-times.sh [ISOFLOP [OUT]]
 # Each is trained for a few steps on few clips, since times do not depend on what weights say. OUT/NAME.json
-# holds the times of a system; what is there already is not measured again. Takes half an hour of two cores,
+# holds the times of a system; what is there already is not measured again. Takes an hour of two cores,
 # which nothing else should use.
 set -euo pipefail
 isoflop=${1:-target/release/isoflop}
@@ -32,7 +32,8 @@ while read -r name preset budget model; do
     "$isoflop" run "$preset" --quiet --out "$out" --set "name=$name" "${grid[@]}" \
         --set 'data={source: procedural, clips: 64, val_clips: 16, test_clips: 16}' \
         --set tokenizer.steps=2 --set tokenizer.pool_clips=64 --set tokenizer.batch=8 \
-        --set train.batch=32 --set train.min_steps=1 --set "grid.budgets=[$budget]" --set 'predict.budgets=[]'
+        --set train.batch=32 --set train.lr=1e-6 --set train.min_steps=1 \
+        --set "grid.budgets=[$budget]" --set 'predict.budgets=[]'
     "$isoflop" generate --run "$out/$name" --times --json > "$out/$name.json.new"
     mv "$out/$name.json.new" "$out/$name.json"
 done < <(systems)
