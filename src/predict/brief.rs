@@ -1,6 +1,6 @@
 //! A prediction in a few lines.
 
-use super::{Prediction, Raw, Weighed};
+use super::{Prediction, Raw};
 use crate::laws::text::{count, times, wrap};
 
 /// Warnings that are said before the rest are only counted.
@@ -8,7 +8,11 @@ const MOST_SAID: usize = 2;
 
 /// The prediction in some eight lines of at most 80 columns; [`text`](super::text()) has everything.
 pub fn brief(prediction: &Prediction) -> String {
-    wrap("", &title(prediction)) + &rows(prediction) + &shape(prediction) + &warnings(prediction)
+    wrap("", &title(prediction))
+        + &rows(prediction)
+        + &shape(prediction)
+        + &together(prediction)
+        + &warnings(prediction)
 }
 
 fn title(prediction: &Prediction) -> String {
@@ -23,20 +27,9 @@ pub fn standing(prediction: &Prediction) -> String {
         }
         _ => "within the budgets fitted".to_string(),
     };
-    far + &by(prediction)
-}
-
-/// Whose forecast it is; empty for a published law.
-fn by(prediction: &Prediction) -> String {
-    let share = |one: &Weighed| format!("{} {:.2}", one.law.name(), one.weight);
-    match (&prediction.together[..], prediction.recommended) {
-        ([], None) => String::new(),
-        ([], Some(law)) => format!(", by {}", law.about()),
-        (several, _) => {
-            let shares: Vec<String> = several.iter().map(share).collect();
-            format!(", by the laws together ({})", shares.join(", "))
-        }
-    }
+    let law =
+        prediction.recommended.map_or_else(String::new, |law| format!(", by {}", law.about()));
+    far + &law
 }
 
 /// A quantity with its interval, as it is written.
@@ -106,6 +99,12 @@ fn shape(prediction: &Prediction) -> String {
             shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab
         )
     })
+}
+
+/// What all laws say together.
+pub(super) fn together(prediction: &Prediction) -> String {
+    let together = prediction.together.as_ref();
+    together.map_or_else(String::new, |together| wrap("- ", &together.sentence()))
 }
 
 fn warnings(prediction: &Prediction) -> String {

@@ -28,6 +28,7 @@ mod project;
 mod shapes;
 mod spread;
 mod text;
+mod together;
 mod types;
 mod warnings;
 
@@ -40,4 +41,4 @@ pub use options::PredictOptions;
 pub use project::{Allocation, project};
 pub use shapes::{Shape, default_ladder};
 pub use text::{said, text};
-pub use types::{Intervals, PredictedShape, Prediction, Raw, Weighed};
+pub use types::{Intervals, PredictedShape, Prediction, Raw, Together, Weighed};

@@ -56,22 +56,6 @@ pub(super) fn opinions(
     opinions
 }
 
-/// What all of them say together, more than the recommended law does: the mean by their weights.
-///
-/// Forecasts combined by their past errors miss less than the forecast that was best in the past (Bates
-/// and Granger 1969); docs/which-law.md has by how much on tables of runs.
-pub(super) fn together(opinions: &[Opinion]) -> Quantities {
-    let mean = |of: fn(&Quantities) -> f64| {
-        opinions.iter().map(|opinion| opinion.weight * of(&opinion.shift)).sum()
-    };
-    Quantities {
-        loss: mean(|q| q.loss),
-        ln_size: mean(|q| q.ln_size),
-        ln_vocab: mean(|q| q.ln_vocab),
-        ln_tokens: mean(|q| q.ln_tokens),
-    }
-}
-
 /// The laws, and the budget that they are asked for.
 struct Asked<'a> {
     laws: &'a Laws,

@@ -2,11 +2,12 @@
 
 use super::at_budget::{Vocabulary, fitted_at, sample_at, shape_for, width_for};
 use super::codebook::Codebook;
-use super::opinion::{Opinion, Quantities, opinions, together};
+use super::opinion::{Quantities, opinions};
 use super::spread::Spread;
+use super::together::together;
 use super::{
-    Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, Weighed,
-    project, warnings,
+    Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
+    warnings,
 };
 use crate::laws::{Candidate, JointLaw, JointOptimum, LawSample, Laws, around, interval95};
 
@@ -14,8 +15,7 @@ use crate::laws::{Candidate, JointLaw, JointOptimum, LawSample, Laws, around, in
 ///
 /// Read are the laws of all budgets, the held-out one included. Where a joint law is recommended, the
 /// allocation is its optimum on the budget. Else the power laws are read at C, and the values, which
-/// rarely spend exactly C, are projected onto it ([`project()`]). Beyond the fit loss and allocation are
-/// the means over all tested laws, by how far each is believed. The nearest shape of the options and the
+/// rarely spend exactly C, are projected onto it ([`project()`]). The nearest shape of the options and the
 /// nearest codebook are chosen. Every interval goes through the same steps, replicate by replicate.
 ///
 /// # Errors
@@ -34,22 +34,19 @@ pub fn predict(
     let straightened = laws.law.bends().then(|| around(laws, budget));
     let laws = straightened.as_ref().unwrap_or(laws);
     let best = Best::at(laws, budget, options)?;
-    let raw = raw(laws, &best, budget, options);
-    let own_loss = loss(laws.recommended_law(), &raw);
-    let own = (own_loss.unwrap_or(f64::NAN), best.on_budget);
-    let opinions = opinions(laws, (best.vocabulary, options), own, budget);
-    let factor = budget / largest_fitted(laws);
-    let shift = if factor > 1.0 { together(&opinions) } else { Quantities::default() };
-    let best = best.moved(&shift, options)?;
     let Best { vocabulary, on_budget, joint, .. } = best;
+    let raw = raw(laws, &best, budget, options);
     let (n_vocab, shape) = match vocabulary {
         Vocabulary::None => (None, None),
         _ if !laws.from_sweep => (None, None),
         _ => shape(&on_budget, joint, options).map(|(v, shape)| (Some(v), Some(shape)))?,
     };
     let size = Size::of(vocabulary, &on_budget);
-    let heard = if factor > 1.0 { weighed(&opinions) } else { Vec::new() };
-    let spread = Spread::new(opinions, factor);
+    let loss_normalised = loss(laws.recommended_law(), &raw);
+    let own = (loss_normalised.unwrap_or(f64::NAN), on_budget);
+    let opinions = opinions(laws, (vocabulary, options), own, budget);
+    let factor = budget / largest_fitted(laws);
+    let spread = Spread::new(opinions.clone(), factor);
     let mut prediction = Prediction {
         budget_flops: budget,
         law: laws.name.clone(),
@@ -58,9 +55,9 @@ pub fn predict(
         params_vocab: size.params_vocab,
         n_vocab,
         tokens: on_budget.tokens,
-        loss_normalised: own_loss.map(|loss| loss + shift.loss),
+        loss_normalised,
         recommended: laws.judgement.recommended.as_ref().map(|recommended| recommended.law),
-        together: heard,
+        together: None,
         ci95: intervals(laws, vocabulary, &spread, budget, options),
         spends_flops: raw.spends_flops,
         budget_ratio: raw.spends_flops / budget,
@@ -69,6 +66,7 @@ pub fn predict(
         warnings: Vec::new(),
         raw,
     };
+    prediction.together = together(&prediction, &on_budget, &opinions, options);
     let missed = warnings::missed(validations);
     let own = warnings::of(&prediction, laws, vocabulary, options);
     prediction.warnings = missed.into_iter().chain(own).collect();
@@ -102,36 +100,6 @@ impl Best {
         let on_budget = project(&at_c, budget, options.flop_count)?;
         Ok(Self { vocabulary, at_c, on_budget, joint: None })
     }
-
-    /// With the allocation moved, spending what it spent.
-    fn moved(self, by: &Quantities, options: &PredictOptions) -> Result<Self, PredictError> {
-        if *by == Quantities::default() {
-            return Ok(self);
-        }
-        let own = self.on_budget;
-        let moved = Allocation {
-            params_nonvocab: own.params_nonvocab * by.ln_size.exp(),
-            params_vocab: own.params_vocab * by.ln_vocab.exp(),
-            tokens: own.tokens * by.ln_tokens.exp(),
-        };
-        let on_budget = project(&moved, own.flops(options.flop_count), options.flop_count)?;
-        let vocabularies = on_budget.params_vocab / own.params_vocab;
-        let joint =
-            self.joint.map(|joint| JointOptimum { n_vocab: joint.n_vocab * vocabularies, ..joint });
-        Ok(Self { on_budget, joint, ..self })
-    }
-}
-
-/// Shares of a forecast that are not worth telling.
-const NOTHING: f64 = 0.005;
-
-/// The laws that say anything in a forecast of several; empty where one says it all.
-fn weighed(opinions: &[Opinion]) -> Vec<Weighed> {
-    let heard = opinions.iter().filter(|opinion| opinion.weight >= NOTHING);
-    let mut laws: Vec<Weighed> =
-        heard.map(|&Opinion { law, weight, .. }| Weighed { law, weight }).collect();
-    laws.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-    if laws.len() > 1 { laws } else { Vec::new() }
 }
 
 /// The joint law, where it is the one to believe.

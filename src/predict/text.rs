@@ -16,6 +16,7 @@ pub fn text(prediction: &Prediction) -> String {
         + &head
         + &rows(prediction)
         + &shape(prediction)
+        + &super::brief::together(prediction)
         + &notes(prediction)
 }
 

@@ -29,15 +29,14 @@ pub struct Prediction {
     pub n_vocab: Option<f64>,
     /// D on the budget.
     pub tokens: f64,
-    /// L_u in nats, by the recommended law, or beyond the fit by all that were tested together.
+    /// L_u by the recommended law, in nats.
     pub loss_normalised: Option<f64>,
-    /// The law that missed least where it was tested, whose values `raw` has.
+    /// The law that gave the loss, and, where it is a joint one, the allocation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recommended: Option<Candidate>,
-    /// Beyond the fit the laws that loss and allocation are the weighted mean of, the heaviest first; empty
-    /// where one law says it all.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub together: Vec<Weighed>,
+    /// Beyond the fit, where several laws were tested: what they say together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub together: Option<Together>,
     /// 95 % bootstrap percentile intervals.
     pub ci95: Intervals,
     /// FLOPs that the raw laws spend at C, by the options' count.
@@ -53,11 +52,33 @@ pub struct Prediction {
     pub raw: Raw,
 }
 
+/// A forecast beyond the fit by every law that was tested: the mean of the mixture that the intervals are of.
+///
+/// Loss, and N_nv, N_v and D in their logarithms, are the means by the laws' weights, brought onto the
+/// budget. Forecasts combined by their past errors miss less than the one that was best in the past (Bates
+/// and Granger 1969); docs/which-law.md has by how much on tables of runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Together {
+    /// The heaviest first.
+    pub laws: Vec<Weighed>,
+    pub loss_normalised: f64,
+    /// Present as in [`Prediction`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params_nonvocab: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params_vocab: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub n_vocab: Option<f64>,
+    pub tokens: f64,
+}
+
 /// A law in a forecast of several.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weighed {
     pub law: Candidate,
-    /// Those of a forecast sum to 1.
+    /// Those of a forecast sum to 1, but for laws below half a percent.
     pub weight: f64,
 }
 

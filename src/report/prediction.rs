@@ -7,7 +7,7 @@ use super::chart::{Chart, px};
 use super::input::Study;
 use crate::laws::Minimum;
 use crate::laws::text::count;
-use crate::predict::{Prediction, cells, standing};
+use crate::predict::{Prediction, Together, cells, standing};
 
 /// The section; `None` where nothing is predicted.
 pub fn section(study: &Study) -> Option<Markup> {
@@ -31,6 +31,7 @@ pub fn section(study: &Study) -> Option<Markup> {
                 }
             }
             p.build {}
+            p.together {}
             ul.cautions {}
             p.faint { "N_nv: parameters beside those of the vocabulary. V: codes. D: tokens of training. \
                        loss: L_u, nats a token below a model that knows only how often each code is met." }
@@ -63,6 +64,7 @@ fn shown(prediction: &Prediction) -> Value {
         "far": standing(prediction),
         "rows": cells(prediction),
         "shape": shape,
+        "together": prediction.together.as_ref().map(Together::sentence),
         "warnings": prediction.warnings,
     })
 }

@@ -16,11 +16,12 @@ function slider(study) {
   const budget = part("budget");
 
   const show = (place) => {
-    const { flops, far, rows, shape, warnings } = data[place];
+    const { flops, far, rows, shape, together, warnings } = data[place];
     part("flops").textContent = flops;
     budget.setAttribute("aria-valuetext", `${flops} FLOPs`);
     part("far").textContent = far;
     part("build").textContent = shape ?? "";
+    part("together").textContent = together ?? "";
     part("configuration").replaceChildren(...rows.map(([name, value, interval]) => {
       const row = document.createElement("tr");
       const head = cell("th", name);

@@ -1,7 +1,7 @@
 //! Do predictions at ten times the largest budget hold the truth, where the truth is not of the form of
 //! any law? `docs/coverage.md` has the table that this prints.
 
-use isoflop::laws::{Candidate, FitOptions, Laws, MinimumMethod, fit};
+use isoflop::laws::{FitOptions, Laws, MinimumMethod, fit};
 use isoflop::predict::{PredictOptions, Prediction, predict};
 use rayon::prelude::*;
 
@@ -19,15 +19,17 @@ fn prediction(laws: &Laws) -> Prediction {
     predict(laws, ASKED, &PredictOptions::default()).unwrap()
 }
 
-/// What the recommended law says of the loss by itself.
-fn alone(prediction: &Prediction) -> f64 {
-    let raw = prediction.raw;
-    let loss = match prediction.recommended.unwrap() {
-        Candidate::Log => raw.loss_log,
-        Candidate::Floor => raw.loss_floor,
-        Candidate::Joint | Candidate::JointRepeats => raw.loss_joint,
-    };
-    loss.unwrap()
+/// Loss and N_nv by the laws together, or by the one that says it all.
+fn together(prediction: &Prediction) -> (f64, f64) {
+    match &prediction.together {
+        Some(all) => (all.loss_normalised, all.params_nonvocab.unwrap()),
+        None => alone(prediction),
+    }
+}
+
+/// The same by the recommended law.
+fn alone(prediction: &Prediction) -> (f64, f64) {
+    (prediction.loss_normalised.unwrap(), prediction.params_nonvocab.unwrap())
 }
 
 fn root_mean_square(misses: impl ExactSizeIterator<Item = f64>) -> f64 {
@@ -62,15 +64,15 @@ fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
         laws.sort_unstable();
         let counts = laws.chunk_by(|a, b| a == b).map(|same| format!("{} {}", same.len(), same[0]));
         let counts = counts.collect::<Vec<_>>().join(", ");
-        let size_of = |p: &Prediction| p.params_nonvocab.unwrap() / size;
-        let together = root_mean_square(all.iter().map(|p| p.loss_normalised.unwrap() - loss));
-        let size_together = root_mean_square(all.iter().map(|p| size_of(p).ln()));
-        let of_one = root_mean_square(all.iter().map(|p| alone(p) - loss));
-        let own_size = |p: &Prediction| p.raw.params_nonvocab.unwrap() / size;
-        let size_of_one = root_mean_square(all.iter().map(|p| own_size(p).ln()));
+        let missed = |said: fn(&Prediction) -> (f64, f64)| {
+            let of_loss = root_mean_square(all.iter().map(|p| said(p).0 - loss));
+            let of_size = root_mean_square(all.iter().map(|p| (said(p).1 / size).ln()));
+            format!("{of_loss:.4}, {of_size:.2}")
+        };
+        let (together, of_one) = (missed(together), missed(alone));
         println!(
-            "| {truth:?} | {of_loss:.2} | {of_size:.2} | {width:.3} | {together:.4}, {size_together:.2} \
-             | {of_one:.4}, {size_of_one:.2} | {counts} |"
+            "| {truth:?} | {of_loss:.2} | {of_size:.2} | {width:.3} | {together} | {of_one} \
+             | {counts} |"
         );
         assert!(of_loss >= 0.92, "{truth:?}: {of_loss}");
     }

@@ -1,0 +1,83 @@
+//! [`Together`]: what all tested laws forecast together, beside the recommended one.
+
+use super::opinion::{Opinion, Quantities};
+use super::{Allocation, PredictOptions, Prediction, Together, Weighed, project};
+use crate::laws::text::count;
+
+/// Shares of a forecast that are not worth telling.
+const NOTHING: f64 = 0.005;
+
+/// The forecast of several laws; `None` within the fit, and where one law says it all.
+///
+/// `own` is the recommended law's, which asks for `on_budget`.
+pub(super) fn together(
+    own: &Prediction,
+    on_budget: &Allocation,
+    opinions: &[Opinion],
+    options: &PredictOptions,
+) -> Option<Together> {
+    let laws = weighed(opinions);
+    if own.extrapolation_factor <= 1.0 || laws.len() < 2 {
+        return None;
+    }
+    let shift = mean(opinions);
+    let moved = Allocation {
+        params_nonvocab: on_budget.params_nonvocab * shift.ln_size.exp(),
+        params_vocab: on_budget.params_vocab * shift.ln_vocab.exp(),
+        tokens: on_budget.tokens * shift.ln_tokens.exp(),
+    };
+    let spent = on_budget.flops(options.flop_count);
+    let moved = project(&moved, spent, options.flop_count).ok()?;
+    let size = moved.params_nonvocab / on_budget.params_nonvocab;
+    let vocab = moved.params_vocab / on_budget.params_vocab;
+    Some(Together {
+        laws,
+        loss_normalised: own.loss_normalised? + shift.loss,
+        params: own.params.map(|n| n * size),
+        params_nonvocab: own.params_nonvocab.map(|n| n * size),
+        params_vocab: own.params_vocab.map(|n| n * vocab),
+        n_vocab: own.n_vocab.map(|v| v * vocab),
+        tokens: moved.tokens,
+    })
+}
+
+fn weighed(opinions: &[Opinion]) -> Vec<Weighed> {
+    let heard = opinions.iter().filter(|opinion| opinion.weight >= NOTHING);
+    let mut laws: Vec<Weighed> =
+        heard.map(|&Opinion { law, weight, .. }| Weighed { law, weight }).collect();
+    laws.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+    laws
+}
+
+fn mean(opinions: &[Opinion]) -> Quantities {
+    let mean = |of: fn(&Quantities) -> f64| {
+        opinions.iter().map(|opinion| opinion.weight * of(&opinion.shift)).sum()
+    };
+    Quantities {
+        loss: mean(|q| q.loss),
+        ln_size: mean(|q| q.ln_size),
+        ln_vocab: mean(|q| q.ln_vocab),
+        ln_tokens: mean(|q| q.ln_tokens),
+    }
+}
+
+impl Together {
+    /// What they say, in a sentence.
+    pub fn sentence(&self) -> String {
+        let quantities = [
+            ("N", self.params.map(count)),
+            ("N_nv", self.params_nonvocab.map(count)),
+            ("V", self.n_vocab.map(|v| format!("{v:.0}"))),
+            ("D", Some(count(self.tokens))),
+            ("loss", Some(format!("{:.4}", self.loss_normalised))),
+        ];
+        let said = quantities.into_iter().filter_map(|(name, x)| Some(format!("{name} {}", x?)));
+        let weights = self.laws.iter().map(|one| format!("{} {:.2}", one.law.name(), one.weight));
+        let join = |parts: Vec<String>| parts.join(", ");
+        format!(
+            "The laws together, weighed by how far they missed ({}): {}.",
+            join(weights.collect()),
+            join(said.collect())
+        )
+    }
+}
