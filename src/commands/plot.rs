@@ -115,8 +115,7 @@ fn as_laws_count(
 ) -> Result<Vec<RunRecord>> {
     // A table and its laws are drawn without the sweep too.
     let planned = frozen_sweep(home).ok().map(|sweep| sweep.flops.rule);
-    let counted = laws
-        .and_then(|laws| FlopsRule::ALL.into_iter().find(|rule| rule.name() == laws.flops_rule));
+    let counted = laws.and_then(|laws| FlopsRule::named(&laws.flops_rule));
     match (planned, counted) {
         (Some(planned), Some(counted)) if counted != planned => Ok(sliced(&records, counted)?),
         _ => Ok(records),

@@ -247,7 +247,7 @@ impl<'a> Sources<'a> {
     /// Counts FLOPs by the rule of the laws, or by a sweep's default where there are none.
     fn of(input: &'a FigureInput<'a>) -> Result<Sources<'a>, FigureError> {
         let name = input.laws.map_or(FlopsRule::default().name(), |laws| &laws.flops_rule);
-        let rule = FlopsRule::ALL.into_iter().find(|rule| rule.name() == name);
+        let rule = FlopsRule::named(name);
         let rule = rule.ok_or_else(|| FigureError::UnknownRule { rule: name.to_owned() })?;
         Ok(Sources { input, cells: Cells::of(input.records, rule), rule })
     }

@@ -9,9 +9,9 @@
 //!
 //! A slice lies at the geometric mean of what the runs of its budget spent by the other rule.
 
-use std::collections::BTreeMap;
-
 use super::budget::{group_budgets, is_same_budget};
+use super::cell::{Cell, cells};
+use super::law_set::geometric_mean;
 use super::{Budget, FitError, IsoFlopPoint};
 
 /// Steps to the neighbouring budget by which a cell is carried on beyond the budgets that it has.
@@ -29,20 +29,12 @@ pub struct Slices {
     pub levels: Vec<(f64, f64)>,
 }
 
-/// The mean of a cell's runs at one budget.
-#[derive(Clone, Copy, Debug)]
-struct Mean {
-    /// By its place among the budgets.
-    budget: usize,
-    ln_flops: f64,
-    loss: f64,
-}
-
-/// N_nv, N_v and V, by their bits.
-type Cell = [u64; 3];
-
-fn cell(point: &IsoFlopPoint) -> Cell {
-    [point.params_nonvocab, point.params_vocab, point.n_vocab].map(f64::to_bits)
+impl Slices {
+    /// Where the slice of a declared budget lies.
+    pub fn level_of(&self, budget_flops: f64) -> Option<f64> {
+        let own = self.levels.iter().find(|(declared, _)| is_same_budget(*declared, budget_flops));
+        own.map(|(_, level)| *level)
+    }
 }
 
 /// Moves runs to equal FLOPs by the rule that [`IsoFlopPoint::flops`] was counted by.
@@ -51,64 +43,72 @@ fn cell(point: &IsoFlopPoint) -> Cell {
 /// As [`group_budgets`].
 pub fn slices(points: &[IsoFlopPoint]) -> Result<Slices, FitError> {
     let budgets = group_budgets(points)?;
-    let ln_levels: Vec<f64> =
-        budgets.iter().map(|budget| mean(&budget.points, |p| p.flops.ln())).collect();
-    let cells = cells(&budgets);
+    let levels: Vec<f64> = budgets.iter().map(level).collect();
+    let grids: Vec<Vec<Cell>> = budgets.iter().map(|budget| cells(&budget.points)).collect();
     let moved = |point: &IsoFlopPoint| {
-        let budget =
-            budgets.iter().position(|b| is_same_budget(b.budget_flops, point.budget_flops))?;
-        at(point, ln_levels[budget], budget, &cells[&cell(point)])
+        let own = |budget: &Budget| is_same_budget(budget.budget_flops, point.budget_flops);
+        let budget = budgets.iter().position(own)?;
+        at(point, levels[budget], budget, &grids)
     };
-    let levels = budgets.iter().zip(&ln_levels).map(|(b, level)| (b.budget_flops, level.exp()));
-    Ok(Slices { points: points.iter().map(moved).collect(), levels: levels.collect() })
+    let points = points.iter().map(moved).collect();
+    let declared = budgets.iter().map(|budget| budget.budget_flops);
+    Ok(Slices { points, levels: declared.zip(levels.iter().copied()).collect() })
 }
 
-fn mean(points: &[&IsoFlopPoint], of: fn(&IsoFlopPoint) -> f64) -> f64 {
-    points.iter().map(|point| of(point)).sum::<f64>() / points.len() as f64
-}
-
-/// The means of each cell, by budget.
-fn cells(budgets: &[Budget]) -> BTreeMap<Cell, Vec<Mean>> {
-    let mut cells: BTreeMap<Cell, Vec<Mean>> = BTreeMap::new();
-    for (budget, runs) in budgets.iter().enumerate() {
-        let mut of_cells: BTreeMap<Cell, Vec<&IsoFlopPoint>> = BTreeMap::new();
-        runs.points.iter().for_each(|point| of_cells.entry(cell(point)).or_default().push(point));
-        for (cell, runs) in of_cells {
-            let (ln_flops, loss) = (mean(&runs, |p| p.flops.ln()), mean(&runs, |p| p.loss));
-            cells.entry(cell).or_default().push(Mean { budget, ln_flops, loss });
-        }
-    }
-    cells
+/// Where the slice of a budget lies.
+fn level(budget: &Budget) -> f64 {
+    geometric_mean(&budget.points.iter().map(|point| point.flops).collect::<Vec<_>>())
 }
 
 /// A run at the level of its budget's slice.
-fn at(point: &IsoFlopPoint, level: f64, budget: usize, cell: &[Mean]) -> Option<IsoFlopPoint> {
-    let of = |budget: usize| cell.iter().find(|mean| mean.budget == budget);
+fn at(
+    point: &IsoFlopPoint,
+    flops: f64,
+    budget: usize,
+    grids: &[Vec<Cell>],
+) -> Option<IsoFlopPoint> {
+    let is_own = |cell: &&Cell| {
+        cell.params_nonvocab == point.params_nonvocab
+            && cell.params_vocab == point.params_vocab
+            && cell.n_vocab == point.n_vocab
+    };
+    let of = |budget: usize| grids.get(budget)?.iter().find(is_own).map(Mean::of);
     let (own, before, after) = (of(budget)?, budget.checked_sub(1).and_then(of), of(budget + 1));
-    let near: Vec<Mean> = [before, Some(own), after].into_iter().flatten().copied().collect();
-    reaches(own, before, after, level)?;
-    let (from, flops) = (point.flops.ln(), level.exp());
-    Some(IsoFlopPoint {
+    let near: Vec<Mean> = [before, Some(own), after].into_iter().flatten().collect();
+    let (from, to) = (point.flops.ln(), flops.ln());
+    reaches(own, before, after, to).then(|| IsoFlopPoint {
         budget_flops: flops,
         flops,
         // At one shape a token costs the same.
-        tokens: point.tokens * (level - from).exp(),
-        loss: point.loss + through(&near, level) - through(&near, from),
+        tokens: point.tokens * flops / point.flops,
+        loss: point.loss + through(&near, to) - through(&near, from),
         ..point.clone()
     })
 }
 
-/// Nothing, unless a level lies among a cell's neighbouring budgets, or beyond the last by half a step
-/// at most.
-fn reaches(own: &Mean, before: Option<&Mean>, after: Option<&Mean>, level: f64) -> Option<()> {
-    let step = |a: &Mean, b: &Mean| b.ln_flops - a.ln_flops;
+/// The mean of a cell's runs at one budget.
+#[derive(Clone, Copy, Debug)]
+struct Mean {
+    ln_flops: f64,
+    loss: f64,
+}
+
+impl Mean {
+    fn of(cell: &Cell) -> Self {
+        Self { ln_flops: cell.flops.ln(), loss: cell.loss }
+    }
+}
+
+/// Whether a level lies among a cell's neighbouring budgets, or beyond the last by half a step at most.
+fn reaches(own: Mean, before: Option<Mean>, after: Option<Mean>, level: f64) -> bool {
+    let step = |a: Mean, b: Mean| b.ln_flops - a.ln_flops;
     let (least, most) = match (before, after) {
         (Some(before), Some(after)) => (before.ln_flops, after.ln_flops),
         (Some(before), None) => (before.ln_flops, own.ln_flops + BEYOND * step(before, own)),
         (None, Some(after)) => (own.ln_flops - BEYOND * step(own, after), after.ln_flops),
         (None, None) => (own.ln_flops, own.ln_flops),
     };
-    (least - SAME..=most + SAME).contains(&level).then_some(())
+    (least - SAME..=most + SAME).contains(&level)
 }
 
 /// The polynomial through all of them at `x` (Lagrange).

@@ -66,18 +66,31 @@ fn rows(prediction: &Prediction) -> String {
     rows.iter().filter_map(Row::text).collect::<String>() + &other_laws(&prediction.raw)
 }
 
+/// The symbol of a quantity, and how it is written.
+type Quantity = (&'static str, fn(f64) -> String);
+
+/// N, N_nv, V, D and the loss.
+pub(super) const QUANTITIES: [Quantity; 5] = [
+    ("N", count),
+    ("N_nv", count),
+    ("V", |x| format!("{x:.0}")),
+    ("D", count),
+    ("loss", |x| format!("{x:.4}")),
+];
+
 fn quantities(prediction: &Prediction) -> [Row; 5] {
     let ci = &prediction.ci95;
-    let whole = |x: f64| format!("{x:.0}");
-    let nats = |x: f64| format!("{x:.4}");
-    let row = |name, value, interval, number| Row { name, value, interval, number };
-    [
-        row("N", prediction.params, ci.params, count as fn(f64) -> String),
-        row("N_nv", prediction.params_nonvocab, ci.params_nonvocab, count),
-        row("V", prediction.n_vocab, ci.n_vocab, whole),
-        row("D", Some(prediction.tokens), ci.tokens, count),
-        row("loss", prediction.loss_normalised, ci.loss_normalised, nats),
-    ]
+    let values = [
+        (prediction.params, ci.params),
+        (prediction.params_nonvocab, ci.params_nonvocab),
+        (prediction.n_vocab, ci.n_vocab),
+        (Some(prediction.tokens), ci.tokens),
+        (prediction.loss_normalised, ci.loss_normalised),
+    ];
+    std::array::from_fn(|i| {
+        let ((name, number), (value, interval)) = (QUANTITIES[i], values[i]);
+        Row { name, value, interval, number }
+    })
 }
 
 /// What the laws that are not recommended say of the loss.

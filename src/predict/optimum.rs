@@ -66,7 +66,7 @@ pub fn predict(
         warnings: Vec::new(),
         raw,
     };
-    prediction.together = together(&prediction, &on_budget, &opinions, options);
+    prediction.together = together(&prediction, &on_budget, &opinions, options)?;
     let missed = warnings::missed(validations);
     let own = warnings::of(&prediction, laws, vocabulary, options);
     prediction.warnings = missed.into_iter().chain(own).collect();

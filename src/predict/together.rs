@@ -1,8 +1,8 @@
 //! [`Together`]: what all tested laws forecast together, beside the recommended one.
 
+use super::brief::QUANTITIES;
 use super::opinion::{Opinion, Quantities};
-use super::{Allocation, PredictOptions, Prediction, Together, Weighed, project};
-use crate::laws::text::count;
+use super::{Allocation, PredictError, PredictOptions, Prediction, Together, Weighed, project};
 
 /// Shares of a forecast that are not worth telling.
 const NOTHING: f64 = 0.005;
@@ -10,16 +10,18 @@ const NOTHING: f64 = 0.005;
 /// The forecast of several laws; `None` within the fit, and where one law says it all.
 ///
 /// `own` is the recommended law's, which asks for `on_budget`.
+///
+/// # Errors
+/// [`PredictError::NotProjected`].
 pub(super) fn together(
     own: &Prediction,
     on_budget: &Allocation,
     opinions: &[Opinion],
     options: &PredictOptions,
-) -> Option<Together> {
+) -> Result<Option<Together>, PredictError> {
     let laws = weighed(opinions);
-    if own.extrapolation_factor <= 1.0 || laws.len() < 2 {
-        return None;
-    }
+    let loss = own.loss_normalised.filter(|_| own.extrapolation_factor > 1.0 && laws.len() > 1);
+    let Some(loss) = loss else { return Ok(None) };
     let shift = mean(opinions);
     let moved = Allocation {
         params_nonvocab: on_budget.params_nonvocab * shift.ln_size.exp(),
@@ -27,18 +29,18 @@ pub(super) fn together(
         tokens: on_budget.tokens * shift.ln_tokens.exp(),
     };
     let spent = on_budget.flops(options.flop_count);
-    let moved = project(&moved, spent, options.flop_count).ok()?;
+    let moved = project(&moved, spent, options.flop_count)?;
     let size = moved.params_nonvocab / on_budget.params_nonvocab;
     let vocab = moved.params_vocab / on_budget.params_vocab;
-    Some(Together {
+    Ok(Some(Together {
         laws,
-        loss_normalised: own.loss_normalised? + shift.loss,
+        loss_normalised: loss + shift.loss,
         params: own.params.map(|n| n * size),
         params_nonvocab: own.params_nonvocab.map(|n| n * size),
         params_vocab: own.params_vocab.map(|n| n * vocab),
         n_vocab: own.n_vocab.map(|v| v * vocab),
         tokens: moved.tokens,
-    })
+    }))
 }
 
 fn weighed(opinions: &[Opinion]) -> Vec<Weighed> {
@@ -64,18 +66,14 @@ fn mean(opinions: &[Opinion]) -> Quantities {
 impl Together {
     /// What they say, in a sentence.
     pub fn sentence(&self) -> String {
-        let quantities = [
-            ("N", self.params.map(count)),
-            ("N_nv", self.params_nonvocab.map(count)),
-            ("V", self.n_vocab.map(|v| format!("{v:.0}"))),
-            ("D", Some(count(self.tokens))),
-            ("loss", Some(format!("{:.4}", self.loss_normalised))),
-        ];
-        let said = quantities.into_iter().filter_map(|(name, x)| Some(format!("{name} {}", x?)));
+        let loss = Some(self.loss_normalised);
+        let values = [self.params, self.params_nonvocab, self.n_vocab, Some(self.tokens), loss];
+        let said = QUANTITIES.into_iter().zip(values);
+        let said = said.filter_map(|((name, number), x)| Some(format!("{name} {}", number(x?))));
         let weights = self.laws.iter().map(|one| format!("{} {:.2}", one.law.name(), one.weight));
         let join = |parts: Vec<String>| parts.join(", ");
         format!(
-            "The laws together, weighed by how far they missed ({}): {}.",
+            "The laws together, weighed by how little they missed ({}): {}.",
             join(weights.collect()),
             join(said.collect())
         )

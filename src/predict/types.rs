@@ -52,11 +52,10 @@ pub struct Prediction {
     pub raw: Raw,
 }
 
-/// A forecast beyond the fit by every law that was tested: the mean of the mixture that the intervals are of.
+/// A forecast beyond the fit by every law that was tested: the centre of the mixture that the intervals are of.
 ///
 /// Loss, and N_nv, N_v and D in their logarithms, are the means by the laws' weights, brought onto the
-/// budget. Forecasts combined by their past errors miss less than the one that was best in the past (Bates
-/// and Granger 1969); docs/which-law.md has by how much on tables of runs.
+/// budget (Bates and Granger 1969); docs/which-law.md has how it did beside the recommended law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Together {
     /// The heaviest first.

@@ -1,8 +1,8 @@
 //! The laws of a sweep's own records.
 
 use isoflop::laws::{
-    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity, Slices,
-    sensitivity_row, slices,
+    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity, sensitivity_row,
+    slices,
 };
 use isoflop::record::RunRecord;
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
@@ -56,12 +56,13 @@ pub fn overridden(mut fit: SweepFit, request: &FitRequest) -> SweepFit {
 /// Laws of finished runs, with rows of the sensitivity table for the other counts of FLOPs.
 pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitError> {
     let (counted, left_out) = points(records, fit.rule);
-    let InSlices { points, options, told } = in_slices(&counted, fit)?;
+    let n_points = counted.len();
+    let InSlices { points, options, told } = in_slices(counted, fit)?;
     let mut laws = fit_or_keep_flagged(&points, &options)?;
     laws.warnings.splice(0..0, left_out.into_iter().chain(told));
     of_own_models(&mut laws, records);
     let others = FlopsRule::ALL.into_iter().filter(|rule| *rule != fit.rule);
-    laws.sensitivity.extend(others.filter_map(|rule| refit(records, counted.len(), rule, fit)));
+    laws.sensitivity.extend(others.filter_map(|rule| refit(records, n_points, rule, fit)));
     Ok(laws)
 }
 
@@ -74,17 +75,16 @@ struct InSlices {
 }
 
 /// Moves the runs of a sweep that was planned by another rule.
-fn in_slices(points: &[IsoFlopPoint], fit: &SweepFit) -> Result<InSlices, FitError> {
+fn in_slices(points: Vec<IsoFlopPoint>, fit: &SweepFit) -> Result<InSlices, FitError> {
     let mut options = fit.options.clone();
     if fit.rule == fit.planned || points.is_empty() {
-        return Ok(InSlices { points: points.to_vec(), options, told: None });
+        return Ok(InSlices { points, options, told: None });
     }
-    let Slices { points: moved, levels } = slices(points)?;
+    let slices = slices(&points)?;
     if let HoldOut::Budget(asked) = options.hold_out {
-        let level = levels.iter().find(|(budget, _)| (budget / asked - 1.0).abs() < 1e-9);
-        options.hold_out = HoldOut::Budget(level.map_or(asked, |(_, level)| *level));
+        options.hold_out = HoldOut::Budget(slices.level_of(asked).unwrap_or(asked));
     }
-    let moved: Vec<IsoFlopPoint> = moved.into_iter().flatten().collect();
+    let moved: Vec<IsoFlopPoint> = slices.points.into_iter().flatten().collect();
     let left_out = match points.len() - moved.len() {
         0 => String::new(),
         n => format!(" {n} of {} do not reach so far and are left out.", points.len()),
@@ -135,7 +135,7 @@ fn refit(
     // Laws of other runs differ for another reason than the rule.
     let fit = SweepFit { planned: fit.planned, rule, options };
     let InSlices { points, options, .. } =
-        (points.len() == n_points).then(|| in_slices(&points, &fit).ok())??;
+        (points.len() == n_points).then(|| in_slices(points, &fit).ok())??;
     let laws = fit_or_keep_flagged(&points, &options).ok()?;
     Some(sensitivity_row(&format!("flops: {}", rule.name()), &laws))
 }

@@ -104,9 +104,9 @@ fn timed(
             rounds.push(seconds);
         }
         let elapsed = began.elapsed().as_secs_f64();
-        let (most, least_s) =
+        let (least_rounds, least_s) =
             if elapsed > LONG_S { (ROUNDS_OF_LONG, 0.0) } else { (LEAST_ROUNDS, LEAST_S) };
-        if rounds.len() >= most && elapsed > least_s {
+        if rounds.len() >= least_rounds && elapsed > least_s {
             break;
         }
     }

@@ -37,6 +37,11 @@ impl FlopsRule {
     /// Every rule.
     pub const ALL: [Self; 3] = [Self::OpenAi, Self::SixNd, Self::Exact];
 
+    /// The rule of a name; `None` where there is none.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|rule| rule.name() == name)
+    }
+
     /// The name in files: `openai`, `6nd`, `exact`.
     pub fn name(self) -> &'static str {
         match self {
