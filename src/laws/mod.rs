@@ -133,7 +133,7 @@ pub use parametric::{
 pub use point::{IsoFlopPoint, Parameters, RunFacts};
 pub use power::power_law;
 pub(crate) use random::Normals;
-pub use recommended::{Belief, Candidate, ForecastError, Miss, Recommended, Score};
+pub use recommended::{Belief, Candidate, ForecastError, MeasuredTo, Miss, Recommended, Score};
 pub use report::*;
 pub use sample::*;
 pub use scamo::scamo;

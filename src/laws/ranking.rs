@@ -4,8 +4,8 @@ use super::joint::{JointLaw, fit_joint};
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::minima::Grid;
 use super::{
-    Candidate, FitOptions, FloorLaw, Minimum, Miss, Parameters, Recommended, RunNoise, Score,
-    floor_law,
+    Candidate, FitOptions, FloorLaw, MeasuredTo, Minimum, Miss, Parameters, Recommended, RunNoise,
+    Score, floor_law,
 };
 use crate::sweep::MinimumMethod;
 
@@ -58,8 +58,9 @@ impl Rows<'_> {
     fn misses(&self, law: Candidate, n: usize) -> Vec<Miss> {
         let Some(fitted) = self.fit(law, n) else { return Vec::new() };
         let largest = self.grids[n - 1].budget_flops;
-        let measured = self.minima[n..].iter().flatten();
-        measured.filter_map(|minimum| self.miss(law, &fitted, minimum, n, largest)).collect()
+        let measured = self.grids[n..].iter().zip(&self.minima[n..]);
+        let measured = measured.filter_map(|(grid, minimum)| Some((grid, minimum.as_ref()?)));
+        measured.filter_map(|measured| self.miss(law, &fitted, measured, n, largest)).collect()
     }
 
     fn fit(&self, law: Candidate, n: usize) -> Option<Fitted> {
@@ -85,15 +86,18 @@ impl Rows<'_> {
         &self,
         law: Candidate,
         fitted: &Fitted,
-        measured: &Minimum,
+        (grid, measured): (&Grid, &Minimum),
         n_fitted: usize,
         largest: f64,
     ) -> Option<Miss> {
         let at = measured.budget_flops;
+        let mut measured_to = MeasuredTo::of(measured);
         let [loss, size, vocab, tokens] = match fitted {
             Fitted::Joint(joint) => {
                 let best = joint.optimum(at)?;
-                [best.loss, best.params_nonvocab, best.params_vocab, best.tokens]
+                let [loss, sd] = joint.above(grid, self.noise);
+                measured_to.loss = sd;
+                [loss, best.params_nonvocab, best.params_vocab, best.tokens]
             }
             Fitted::Lines(lines) => {
                 let Lines { set, floor, reference } = &**lines;
@@ -102,6 +106,7 @@ impl Rows<'_> {
                     _ => floor.as_ref()?.loss_at(at, *reference),
                 };
                 let vocab = set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(at));
+                let loss = loss - measured.loss_normalised;
                 [loss, set.params_nonvocab.value_at(at), vocab, set.tokens.value_at(at)]
             }
         };
@@ -110,10 +115,11 @@ impl Rows<'_> {
             n_fitted,
             budget_flops: measured.budget_flops,
             factor: measured.budget_flops / largest,
-            loss: loss - measured.loss_normalised,
+            loss,
             ln_size: (size / measured.params_nonvocab).ln(),
             ln_vocab: if split { (vocab / measured.params_vocab).ln() } else { 0.0 },
             ln_tokens: (tokens / measured.tokens).ln(),
+            measured_to,
         })
     }
 }

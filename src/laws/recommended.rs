@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Minimum;
 use crate::sweep::MinimumMethod;
 
 /// A law that can be recommended.
@@ -56,7 +57,8 @@ pub struct Miss {
     pub budget_flops: f64,
     /// The budget over the largest that was fitted.
     pub factor: f64,
-    /// Predicted less measured loss, in nats.
+    /// Predicted less measured loss, in nats: that of the minimum, or, of a joint law, which says something
+    /// of every cell, the mean over the cells of the budget's valley.
     pub loss: f64,
     /// ln of predicted over measured N_nv, or N.
     pub ln_size: f64,
@@ -64,7 +66,40 @@ pub struct Miss {
     pub ln_vocab: f64,
     /// ln of predicted over measured D.
     pub ln_tokens: f64,
+    /// How precisely the minimum was measured.
+    #[serde(default)]
+    pub measured_to: MeasuredTo,
 }
+
+/// Standard deviations of a measured minimum; 0 where they are not known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeasuredTo {
+    /// In nats.
+    pub loss: f64,
+    /// Of ln N_nv, ln N_v and ln D.
+    pub ln_size: f64,
+    pub ln_vocab: f64,
+    pub ln_tokens: f64,
+}
+
+impl MeasuredTo {
+    /// Read off the intervals of a minimum.
+    pub(super) fn of(minimum: &Minimum) -> Self {
+        let ci = minimum.ci95.unwrap_or_default();
+        let sd = |interval: Option<[f64; 2]>, of: fn(f64) -> f64| {
+            interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
+        };
+        let ln_size = sd(ci.params_nonvocab, f64::ln);
+        let ln_vocab = sd(ci.params_vocab, f64::ln);
+        // D = C / 6(N_nv + N_v), its logarithm to first order.
+        let share = minimum.params_vocab / (minimum.params_nonvocab + minimum.params_vocab);
+        let ln_tokens = ((1.0 - share) * ln_size).hypot(share * ln_vocab);
+        Self { loss: sd(ci.loss_normalised, |x| x), ln_size, ln_vocab, ln_tokens }
+    }
+}
+
+/// The 97.5th percentile of the normal distribution.
+const NORMAL_97_5: f64 = 1.959_963_985;
 
 /// How a candidate did on budgets that it had not seen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -137,21 +172,26 @@ const EXPECTED: ForecastError =
 
 impl ForecastError {
     /// Of some misses, drawn towards what is expected.
+    ///
+    /// A miss of variance r² ln² f + s² holds the law's own, r for each factor e, and that of the measured
+    /// minimum, s², which does not grow with the distance f: r² is what the squares leave beside s².
     pub(super) fn of(misses: &[Miss]) -> Self {
         let mut fits: Vec<usize> = misses.iter().map(|miss| miss.n_fitted).collect();
         fits.dedup();
         let (tested, dof) = (fits.len(), fits.len() + EXPECTED.dof);
-        let rate = |of: fn(&Miss) -> f64, expected: f64| {
-            let squares = misses.iter().map(|miss| (of(miss) / miss.factor.ln()).powi(2));
-            let seen = squares.sum::<f64>() / misses.len().max(1) as f64;
+        let distances: f64 = misses.iter().map(|miss| miss.factor.ln().powi(2)).sum();
+        let rate = |of: fn(&Miss) -> f64, to: fn(&MeasuredTo) -> f64, expected: f64| {
+            let own = misses.iter().map(|miss| of(miss).powi(2) - to(&miss.measured_to).powi(2));
+            let own = own.sum::<f64>().max(0.0);
+            let seen = if distances > 0.0 { own / distances } else { 0.0 };
             let weighed = tested as f64 * seen + EXPECTED.dof as f64 * expected.powi(2);
             (weighed / dof as f64).sqrt()
         };
         Self {
-            loss: rate(|miss| miss.loss, EXPECTED.loss),
-            ln_size: rate(|miss| miss.ln_size, EXPECTED.ln_size),
-            ln_vocab: rate(|miss| miss.ln_vocab, EXPECTED.ln_vocab),
-            ln_tokens: rate(|miss| miss.ln_tokens, EXPECTED.ln_tokens),
+            loss: rate(|miss| miss.loss, |to| to.loss, EXPECTED.loss),
+            ln_size: rate(|miss| miss.ln_size, |to| to.ln_size, EXPECTED.ln_size),
+            ln_vocab: rate(|miss| miss.ln_vocab, |to| to.ln_vocab, EXPECTED.ln_vocab),
+            ln_tokens: rate(|miss| miss.ln_tokens, |to| to.ln_tokens, EXPECTED.ln_tokens),
             dof,
             tested,
         }
@@ -171,6 +211,7 @@ mod tests {
             ln_size: 0.0,
             ln_vocab: 0.0,
             ln_tokens: 0.0,
+            measured_to: MeasuredTo::default(),
         }
     }
 
@@ -187,5 +228,15 @@ mod tests {
         let expected = f64::sqrt((2.0 * 0.06f64.powi(2) + 2.0 * 0.02f64.powi(2)) / 4.0);
         assert!((found.loss - expected).abs() < 1e-12, "{found:?}");
         assert!((found.ln_size - 0.1 / f64::sqrt(2.0)).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn what_a_minimum_is_measured_to_is_not_the_laws_miss() {
+        let e = std::f64::consts::E;
+        let measured_to = MeasuredTo { loss: 0.03, ..MeasuredTo::default() };
+        let seen = |loss| ForecastError::of(&[Miss { measured_to, ..miss(2, e, loss) }]).loss;
+        let of = |own: f64| f64::sqrt((own.powi(2) + 2.0 * 0.02f64.powi(2)) / 3.0);
+        assert!((seen(0.05) - of(0.04)).abs() < 1e-12, "{}", seen(0.05));
+        assert!((seen(0.02) - of(0.0)).abs() < 1e-12, "{}", seen(0.02));
     }
 }

@@ -11,6 +11,9 @@ pub struct Terms {
     pub vocab: bool,
     /// e2, κa and κb: enough vocabularies to tell them.
     pub coupled: bool,
+    /// χ: a token is worth less, or more, to a larger model.
+    #[serde(default)]
+    pub crossed: bool,
     /// R: some runs repeat their data.
     pub repeats: bool,
 }
@@ -21,7 +24,7 @@ pub struct JointLoss {
     pub terms: Terms,
     /// ln N, ln V and ln D at the middle of the cells.
     pub centre: [f64; 3],
-    /// e0, ln A, α, ln B, β; then e1; then e2, κa, κb; then ln R: those that `terms` has.
+    /// e0, ln A, α, ln B, β; then e1; then e2, κa, κb; then χ; then ln R: those that `terms` has.
     pub values: Vec<f64>,
     /// U, where data repeats.
     pub unique_tokens: Option<f64>,
@@ -36,7 +39,7 @@ pub(super) const BETA: usize = 4;
 impl Terms {
     /// Coefficients.
     pub fn count(self) -> usize {
-        BASE + usize::from(self.vocab) + 3 * usize::from(self.coupled) + usize::from(self.repeats)
+        self.chi() + usize::from(self.crossed) + usize::from(self.repeats)
     }
 
     /// The names of the coefficients, in their order.
@@ -46,6 +49,7 @@ impl Terms {
         let coupled = ["e2", "kappa_a", "kappa_b"].into_iter().filter(move |_| self.coupled);
         own.chain(vocab)
             .chain(coupled)
+            .chain(["chi"].into_iter().filter(|_| self.crossed))
             .chain(["ln R"].into_iter().filter(|_| self.repeats))
             .collect()
     }
@@ -53,6 +57,11 @@ impl Terms {
     /// Where e2 stands among the values.
     pub(super) fn first_coupled(self) -> usize {
         BASE + usize::from(self.vocab)
+    }
+
+    /// Where χ stands among the values.
+    pub(super) fn chi(self) -> usize {
+        self.first_coupled() + 3 * usize::from(self.coupled)
     }
 }
 
@@ -117,6 +126,9 @@ impl JointLoss {
             let first = self.terms.first_coupled();
             row[first..first + 3].copy_from_slice(&[v * v, v * model, v * data]);
         }
+        if self.terms.crossed {
+            row[self.terms.chi()] = n * data;
+        }
         if self.terms.repeats {
             let step = 1e-4;
             let ln_r = self.ln_r();
@@ -138,7 +150,8 @@ impl JointLoss {
             ln_tokens - self.centre[2],
         ];
         let model = (self.values[1] + self.coupled(1) * v - self.values[ALPHA] * n).exp();
-        let data = (self.values[3] + self.coupled(2) * v - self.values[BETA] * d).exp();
+        let data =
+            (self.values[3] + self.coupled(2) * v + self.chi() * n - self.values[BETA] * d).exp();
         Parts { v, n, d, model, data }
     }
 
@@ -148,6 +161,10 @@ impl JointLoss {
 
     fn coupled(&self, i: usize) -> f64 {
         if self.terms.coupled { self.values[self.terms.first_coupled() + i] } else { 0.0 }
+    }
+
+    fn chi(&self) -> f64 {
+        if self.terms.crossed { self.values[self.terms.chi()] } else { 0.0 }
     }
 
     fn ln_r(&self) -> f64 {

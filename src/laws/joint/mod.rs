@@ -1,11 +1,12 @@
 //! One smooth loss over all budgets: L(N, V, D), fitted to every cell of a sweep.
 //!
-//! L = e0 − e1 v + e2 v² + A V^κa N^−α + B V^κb D^−β, v = ln V and N = N_nv.
+//! L = e0 − e1 v + e2 v² + A V^κa N^−α + B V^κb N^χ D^−β, v = ln V and N = N_nv.
 //!
 //! Why these terms. A code of V values tells more of a motion, so the normalised loss falls with
 //! ln V where model and data are large (e1), less and less (e2). How far a run is from there is the
 //! model's and the data's part, as in Hoffmann et al. 2022, and both grow with V where more codes
-//! have to be told apart (κ). With one vocabulary it is their law.
+//! have to be told apart (κ). A larger model takes smaller steps, so that a token is worth less to it
+//! (χ above 0). With one vocabulary χ is left out, and it is their law.
 //!
 //! Where runs repeat their data, D is what repetition is worth of it (Muennighoff et al. 2023):
 //! U(1 + R(1 − e^(−(D/U − 1)/R))) of D tokens of which U are distinct.

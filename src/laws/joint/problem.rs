@@ -40,6 +40,9 @@ fn expected(terms: Terms) -> Vec<Expectation> {
         let near_zero = |(i, sd)| Expectation { index: first + i, mean: 0.0, sd, in_logs: false };
         all.extend([(0, 0.1), (1, 0.4), (2, 0.4)].map(near_zero));
     }
+    if terms.crossed {
+        all.push(Expectation { index: terms.chi(), mean: 0.0, sd: 0.3, in_logs: false });
+    }
     if terms.repeats {
         let index = terms.count() - 1;
         all.push(Expectation { index, mean: LN_R[0], sd: 1.0, in_logs: false });
@@ -56,6 +59,11 @@ pub(in crate::laws) fn expected_sds(law: &JointLoss) -> Vec<f64> {
     sds
 }
 
+/// The standard deviation of a run, in nats; a guess where it is not known.
+pub(super) fn noise_of(noise: Option<RunNoise>) -> f64 {
+    noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0).unwrap_or(UNKNOWN_NOISE)
+}
+
 /// The residuals of every cell, and of every coefficient from what is expected of it.
 pub(super) struct Problem {
     /// Terms, centre and unique tokens, with coefficients that mean nothing.
@@ -69,7 +77,7 @@ pub(super) struct Problem {
 
 impl Problem {
     pub fn new(cells: &Cells, terms: Terms, noise: Option<RunNoise>) -> Self {
-        let noise = noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0).unwrap_or(UNKNOWN_NOISE);
+        let noise = noise_of(noise);
         let all = &cells.all;
         let runs = all.iter().map(|cell| cell.runs).sum::<f64>() / all.len() as f64;
         let unique = all.iter().filter_map(|cell| cell.unique_tokens);
@@ -140,7 +148,7 @@ impl Problem {
     }
 
     fn start(&self, alpha: f64, beta: f64) -> Option<Vec<f64>> {
-        let Terms { vocab, coupled, repeats } = self.frame.terms;
+        let Terms { vocab, coupled, crossed, repeats } = self.frame.terms;
         let [n0, v0, d0] = self.frame.centre;
         let row = |place: &Place| {
             let v = place.ln_vocab - v0;
@@ -157,6 +165,7 @@ impl Problem {
         values.extend(c.get(3));
         values.extend(c.get(4));
         values.extend([0.0, 0.0].into_iter().filter(|_| coupled));
+        values.extend([0.0].into_iter().filter(|_| crossed));
         values.extend([LN_R[0]].into_iter().filter(|_| repeats));
         Some(values)
     }

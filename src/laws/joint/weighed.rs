@@ -49,6 +49,7 @@ impl<'a> Cells<'a> {
         let wanted = [levels >= COUPLED_LEVELS, false].map(|coupled| Terms {
             vocab: levels > 1,
             coupled,
+            crossed: coupled,
             repeats,
         });
         wanted.into_iter().find(|terms| self.all.len() >= terms.count() + SPARE)
