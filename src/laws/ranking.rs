@@ -92,12 +92,12 @@ impl Rows<'_> {
     ) -> Option<Miss> {
         let at = measured.budget_flops;
         let mut measured_to = MeasuredTo::of(measured);
-        let [loss, size, vocab, tokens] = match fitted {
+        let [loss, lowest, size, vocab, tokens] = match fitted {
             Fitted::Joint(joint) => {
                 let best = joint.optimum(at)?;
                 let [loss, sd] = joint.above(grid, self.noise);
                 measured_to.loss = sd;
-                [loss, best.params_nonvocab, best.params_vocab, best.tokens]
+                [loss, best.loss, best.params_nonvocab, best.params_vocab, best.tokens]
             }
             Fitted::Lines(lines) => {
                 let Lines { set, floor, reference } = &**lines;
@@ -106,8 +106,8 @@ impl Rows<'_> {
                     _ => floor.as_ref()?.loss_at(at, *reference),
                 };
                 let vocab = set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(at));
-                let loss = loss - measured.loss_normalised;
-                [loss, set.params_nonvocab.value_at(at), vocab, set.tokens.value_at(at)]
+                let miss = loss - measured.loss_normalised;
+                [miss, loss, set.params_nonvocab.value_at(at), vocab, set.tokens.value_at(at)]
             }
         };
         let split = self.options.parameters == Parameters::Split;
@@ -116,6 +116,7 @@ impl Rows<'_> {
             budget_flops: measured.budget_flops,
             factor: measured.budget_flops / largest,
             loss,
+            of_minimum: lowest - measured.loss_normalised,
             ln_size: (size / measured.params_nonvocab).ln(),
             ln_vocab: if split { (vocab / measured.params_vocab).ln() } else { 0.0 },
             ln_tokens: (tokens / measured.tokens).ln(),
