@@ -187,14 +187,16 @@ impl ForecastError {
     /// A miss of variance r² ln² f + s² holds the law's own, r for each factor e, and that of the measured
     /// minimum, s², which does not grow with the distance f: r² is what the squares leave beside s².
     pub(super) fn of(misses: &[Miss]) -> Self {
+        if misses.is_empty() {
+            return EXPECTED;
+        }
         let mut fits: Vec<usize> = misses.iter().map(|miss| miss.n_fitted).collect();
         fits.dedup();
         let (tested, dof) = (fits.len(), fits.len() + EXPECTED.dof);
         let distances: f64 = misses.iter().map(|miss| miss.factor.ln().powi(2)).sum();
         let rate = |of: fn(&Miss) -> f64, to: fn(&MeasuredTo) -> f64, expected: f64| {
             let own = misses.iter().map(|miss| of(miss).powi(2) - to(&miss.measured_to).powi(2));
-            let own = own.sum::<f64>().max(0.0);
-            let seen = if distances > 0.0 { own / distances } else { 0.0 };
+            let seen = own.sum::<f64>().max(0.0) / distances;
             let weighed = tested as f64 * seen + EXPECTED.dof as f64 * expected.powi(2);
             (weighed / dof as f64).sqrt()
         };

@@ -131,6 +131,11 @@ pub struct Measured {
     pub tokens: f64,
     /// Runs of all cells.
     pub runs: usize,
+    /// Sizes and vocabularies among them, where they were counted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sizes: Option<usize>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vocabularies: Option<usize>,
 }
 
 /// Whether what was measured lies in the interval; absent where there is none.
@@ -152,18 +157,24 @@ impl Validated {
         let holds = |interval: Option<[f64; 2]>, value: f64| {
             interval.map(|[low, high]| (low..=high).contains(&value))
         };
+        // One value alone is the best by default.
+        let varied = |values: Option<usize>| values != Some(1);
         let inside = Inside {
             loss: holds(predicted.loss_ci95, measured.loss),
-            params_nonvocab: holds(predicted.params_nonvocab_ci95, measured.params_nonvocab),
-            params_vocab: holds(predicted.params_vocab_ci95, measured.params_vocab),
+            params_nonvocab: holds(predicted.params_nonvocab_ci95, measured.params_nonvocab)
+                .filter(|_| varied(measured.sizes)),
+            params_vocab: holds(predicted.params_vocab_ci95, measured.params_vocab)
+                .filter(|_| varied(measured.vocabularies)),
             tokens: holds(predicted.tokens_ci95, measured.tokens),
         };
         Self { budget_flops, extrapolation_factor, predicted, measured, inside }
     }
 
-    /// What came of the forecast of the loss, in a sentence; none where no loss was forecast.
+    /// What came of the forecast of the loss, in a sentence; none where no loss was forecast, and within the fit.
     pub(crate) fn sentence(&self) -> Option<String> {
-        let (loss, [low, high]) = (self.predicted.loss?, self.predicted.loss_ci95?);
+        let is_forecast = self.extrapolation_factor > 1.0;
+        let (loss, [low, high]) =
+            (self.predicted.loss.filter(|_| is_forecast)?, self.predicted.loss_ci95?);
         let verdict = if self.inside.loss == Some(true) { "held" } else { "MISSED" };
         Some(format!(
             "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}) was forecast, and \
@@ -202,35 +213,55 @@ pub struct RunNoise {
 mod tests {
     use super::*;
 
+    const PREDICTED: Predicted = Predicted {
+        loss: Some(-5.18),
+        loss_ci95: Some([-5.28, -5.08]),
+        params_nonvocab: Some(2e4),
+        params_nonvocab_ci95: Some([1e4, 4e4]),
+        params_vocab: Some(1e5),
+        params_vocab_ci95: Some([5e4, 2e5]),
+        tokens: 1e7,
+        tokens_ci95: None,
+    };
+    const MEASURED: Measured = Measured {
+        loss: -5.035,
+        params_nonvocab: 3.5e4,
+        params_vocab: 1e5,
+        n_vocab: 4867.0,
+        tokens: 1e7,
+        runs: 5,
+        sizes: Some(3),
+        vocabularies: Some(3),
+    };
+    const BEYOND: (f64, f64) = (3e12, 9.4);
+
     #[test]
     fn a_forecast_says_whether_it_held() {
-        let predicted = Predicted {
-            loss: Some(-5.18),
-            loss_ci95: Some([-5.28, -5.08]),
-            params_nonvocab: None,
-            params_nonvocab_ci95: None,
-            params_vocab: None,
-            params_vocab_ci95: None,
-            tokens: 1e7,
-            tokens_ci95: None,
-        };
-        let measured = Measured {
-            loss: -5.035,
-            params_nonvocab: 3.5e4,
-            params_vocab: 1e5,
-            n_vocab: 4867.0,
-            tokens: 1e7,
-            runs: 5,
-        };
-        let said = |measured| Validated::new((3e12, 9.4), predicted, measured).sentence().unwrap();
+        let said = |measured| Validated::new(BEYOND, PREDICTED, measured).sentence().unwrap();
         assert_eq!(
-            said(measured),
+            said(MEASURED),
             "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080) was forecast, and the \
              best of 5 runs has -5.035."
         );
         assert!(
-            said(Measured { loss: -5.1, ..measured })
+            said(Measured { loss: -5.1, ..MEASURED })
                 .starts_with("A forecast for 3e12 FLOPs held:")
         );
+    }
+
+    #[test]
+    fn what_the_runs_did_not_vary_is_not_judged() {
+        let of = |vocabularies| {
+            let measured = Measured { vocabularies, ..MEASURED };
+            Validated::new(BEYOND, PREDICTED, measured).inside
+        };
+        assert_eq!(of(Some(3)).params_vocab, Some(true));
+        assert_eq!(of(Some(1)).params_vocab, None);
+        assert_eq!(of(Some(1)).params_nonvocab, Some(true));
+    }
+
+    #[test]
+    fn runs_within_the_fit_test_no_forecast() {
+        assert_eq!(Validated::new((1e10, 0.3), PREDICTED, MEASURED).sentence(), None);
     }
 }

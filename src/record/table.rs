@@ -63,16 +63,35 @@ pub fn write_frame(folder: &Path, name: &str, mut frame: DataFrame) -> Result<()
         .map_err(|error| TableError::new(&csv, error))
 }
 
-/// Reads `runs.parquet` of a sweep's folder.
+/// Reads `runs.parquet` of a sweep's folder, or `runs.csv` where that alone was kept.
 ///
 /// # Errors
 /// The file is missing or damaged; a column has another type; a row lacks what it is nothing without.
 pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
-    let path = folder.join("runs.parquet");
+    let [parquet, csv] = ["runs.parquet", "runs.csv"].map(|name| folder.join(name));
+    let is_csv = !parquet.exists() && csv.exists();
+    let path = if is_csv { csv } else { parquet };
     let failed = |error: &dyn std::fmt::Display| TableError::new(&path, error);
     let file = File::open(&path).map_err(|error| failed(&error))?;
-    let frame = ParquetReader::new(file).finish().map_err(|error| failed(&error))?;
-    rows(&frame).map_err(|error| failed(&error))
+    let frame = if is_csv { csv_frame(file) } else { ParquetReader::new(file).finish() };
+    frame.and_then(|frame| rows(&frame)).map_err(|error| failed(&error))
+}
+
+/// A table of text, with each column turned into what it is declared as; the others into numbers.
+fn csv_frame(file: File) -> PolarsResult<DataFrame> {
+    let options = CsvReadOptions::default().with_infer_schema_length(Some(0));
+    let text = options.into_reader_with_file_handle(file).finish()?;
+    let typed = text.columns().iter().map(|column| column.cast(&declared_type(column.name())));
+    DataFrame::new(text.height(), typed.collect::<PolarsResult<_>>()?)
+}
+
+fn declared_type(name: &str) -> DataType {
+    let column = COLUMNS.iter().find(|column| column.name == name);
+    match column.map_or(CellKind::Number, |column| column.kind) {
+        CellKind::Count => DataType::UInt64,
+        CellKind::Number => DataType::Float64,
+        CellKind::Text => DataType::String,
+    }
 }
 
 fn frame(records: &[RunRecord]) -> PolarsResult<DataFrame> {

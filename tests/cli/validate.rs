@@ -39,6 +39,11 @@ fn a_forecast_is_tested_by_five_cells_and_kept_in_the_laws() {
     assert!(validated["predicted"]["loss"].is_number(), "{validated:#}");
     let kept = &place.json("results/mini/laws.json")["validations"];
     assert_eq!(kept[0], validated);
+    // The runs that tested the forecast can be fitted too.
+    let fitted = place.isoflop(&["fit", "results/mini", "--validations", "--json"]).exits(0).json();
+    assert_eq!(fitted["held_out"]["budget_flops"], 6e9, "{fitted:#}");
+    let within = ["validate", "results/mini", "--budget", "1e9", "--register"];
+    place.isoflop(&within).exits(0).says("these runs test no forecast");
     // The laws are made anew, and the validation stays.
     place
         .isoflop(&[&["run", "mini.yaml", "--set", "fit.bootstrap=30"][..], &cells].concat())

@@ -57,6 +57,9 @@ pub struct FitArgs {
     /// The kind of minimum that the laws are fitted to
     #[arg(long, value_enum, help_heading = "Law")]
     pub minima: Option<MinimaName>,
+    /// Fit the runs of a sweep's validations beside its own, as further budgets
+    #[arg(long, help_heading = "Law")]
+    pub validations: bool,
     /// Fit flagged minima too
     #[arg(long, help_heading = "Law")]
     pub keep_flagged: bool,

@@ -24,6 +24,8 @@ pub struct FitRequest {
     pub bootstrap: Option<usize>,
     pub seed: u64,
     pub table: TableRequest,
+    /// Whether the runs of a sweep's validations count too.
+    pub validations: bool,
     /// Whether the table's options were used at all.
     pub as_table: bool,
     args: FitArgs,
@@ -64,6 +66,7 @@ impl FitRequest {
                 drop_highest: args.drop_highest.unwrap_or_else(|| default_drop(compat)),
                 outliers,
             },
+            validations: args.validations,
             as_table,
             args: args.clone(),
         })

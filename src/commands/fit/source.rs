@@ -12,6 +12,7 @@ use isoflop::table::{self, Dropped, TableRequest};
 
 use super::request::FitRequest;
 use crate::commands::by_generator::{of_one, sweep_of};
+use crate::commands::validate::validation_folders;
 
 /// Points, and what they were made of.
 pub struct Source {
@@ -56,8 +57,15 @@ impl Source {
 fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
     let folder = ResultsFolder::new(path);
     let sweep = sweep_of(&folder)?;
-    let records = runs::read(folder.root())?;
+    let mut records = runs::read(folder.root())?;
     of_one(&folder, &records)?;
+    if request.validations {
+        let more = of_validations(&folder)?;
+        if more.is_empty() {
+            bail!("{} has no validation that was run: see isoflop validate", path.display());
+        }
+        records.extend(more);
+    }
     let Tuned { records, told } = Tuned::of(&records);
     let rule = request.rule.unwrap_or(sweep.flops.rule);
     let (points, left_out) = super::sweep::points(&records, rule);
@@ -71,6 +79,18 @@ fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
         notes: left_out.into_iter().chain(told).collect(),
         sweep: Some(OwnSweep { folder, sweep, records }),
     })
+}
+
+/// The runs of every validation that has a table, by budget.
+fn of_validations(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
+    let mut all = Vec::new();
+    for place in validation_folders(folder) {
+        if ["runs.parquet", "runs.csv"].iter().any(|name| place.join(name).exists()) {
+            all.extend(runs::read(&place)?);
+        }
+    }
+    runs::sort(&mut all);
+    Ok(all)
 }
 
 fn of_table(path: &Path, name: &str, rule: FlopsRule, request: &FitRequest) -> Result<Source> {

@@ -1,5 +1,8 @@
 //! A forecast beside the runs that test it.
 
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
 use anyhow::{Context, Result};
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
@@ -41,6 +44,10 @@ pub fn compare(
 /// The cell of the lowest mean loss.
 fn best(points: &[IsoFlopPoint]) -> Option<Measured> {
     let best = minimum_at(MinimumMethod::Argmin, &points.iter().collect::<Vec<_>>())?;
+    let distinct = |of: fn(&IsoFlopPoint) -> f64| {
+        let bits: BTreeSet<u64> = points.iter().map(|point| of(point).to_bits()).collect();
+        Some(bits.len())
+    };
     Some(Measured {
         loss: best.loss_normalised,
         params_nonvocab: best.params_nonvocab,
@@ -48,16 +55,22 @@ fn best(points: &[IsoFlopPoint]) -> Option<Measured> {
         n_vocab: best.n_vocab,
         tokens: best.tokens,
         runs: points.len(),
+        sizes: distinct(|point| point.params_nonvocab),
+        vocabularies: distinct(|point| point.n_vocab),
     })
+}
+
+/// The folder of each validation of a sweep.
+pub fn validation_folders(folder: &ResultsFolder) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(folder.file("validations"));
+    let entries = entries.into_iter().flatten().flatten().map(|entry| entry.path());
+    entries.filter(|path| path.is_dir())
 }
 
 /// Every validation in a sweep's folder, by budget; a damaged one is a warning.
 pub fn gathered(folder: &ResultsFolder, output: &Output) -> Vec<Validated> {
     let mut all: Vec<Validated> = Vec::new();
-    let entries = std::fs::read_dir(folder.file("validations"));
-    let entries = entries.into_iter().flatten().flatten().map(|entry| entry.path());
-    let folders = entries.filter(|path| path.is_dir());
-    for path in folders.map(|path| path.join("validation.json")) {
+    for path in validation_folders(folder).map(|path| path.join("validation.json")) {
         match read_if_there::<Validated>(&path) {
             Ok(found) => all.extend(found),
             Err(error) => output.warn(&error.to_string()),
@@ -91,12 +104,14 @@ pub fn text(validated: &Validated) -> String {
     ];
     for (name, (value, interval), found, inside) in rows {
         let number = |x: f64| if name == "L_u" { format!("{x:.4}") } else { format!("{x:.3e}") };
+        let interval_is_known = interval.is_some();
         let interval = interval
             .map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)));
         let value = value.map_or_else(|| "-".into(), number);
         let verdict = match inside {
             Some(true) => "inside",
             Some(false) => "OUTSIDE",
+            None if interval_is_known => "not varied",
             None => "",
         };
         out += format!("{name:<6}{value:>12}{interval:>26}{:>12}  {verdict}", number(found))

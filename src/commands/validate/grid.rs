@@ -14,6 +14,8 @@ use crate::commands::buildable::{codes, distinct, model};
 /// The factor between neighbouring sizes, and between neighbouring vocabularies.
 const SIZE_STEP: f64 = 1.6;
 const VOCAB_STEP: f64 = 2.0;
+/// The forecast's configuration, two sizes beside it and two vocabularies.
+pub const CELLS: usize = 5;
 
 /// The sweep of a forecast's configuration, its neighbours in size and those in vocabulary: five
 /// cells, trained as the sweep's own are, with more data where it is made on demand.

@@ -13,16 +13,20 @@ use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::ops::DeviceName;
 use isoflop::predict::{Prediction, said};
+use isoflop::record::{flops_per_second, table};
 use serde_json::json;
 
 use super::args::{SweepArgs, an_engine, budget, device};
 use super::by_generator::sweep_of;
 use super::exit::Exit;
 use super::output::Output;
+use super::plan_text::time;
 use super::predict::{laws_of, predict_one};
 use super::run::{RunArgs, run_then};
 
-pub use compare::gathered;
+use grid::CELLS;
+
+pub use compare::{gathered, validation_folders};
 
 #[derive(Args)]
 pub struct ValidateArgs {
@@ -59,11 +63,16 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
         bail!("{} varies other keys, and a forecast is tested with one value of each", sweep.name);
     }
     let forecast = forecast(args, &place, output)?;
+    if forecast.extrapolation_factor <= 1.0 {
+        output
+            .warn(&format!("{} FLOPs are within the fit: these runs test no forecast", place.name));
+    }
     if args.register {
         output.result(&serde_json::to_value(&forecast)?, &said(&forecast, output.full))?;
         return Ok(Exit::Done);
     }
     let own = grid::around(&sweep, &forecast, &place.name, &args.seeds)?;
+    output.note(&price(args)?);
     atomic::write_bytes(&place.sweep(), serde_yaml::to_string(&own)?.as_bytes())?;
     run_then(&place.run(args), output, |folder| {
         let validated = compare::compare(folder, &forecast, sweep.flops.rule)?;
@@ -71,6 +80,19 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
         keep(args, output)?;
         Ok(output.result(&json!(validated), &compare::text(&validated))?)
     })
+}
+
+/// What the cells are about to cost, by the rate of the sweep's own runs.
+fn price(args: &ValidateArgs) -> Result<String> {
+    let flops = CELLS as f64 * args.budget;
+    let rate = flops_per_second(table::read(&args.results)?);
+    let hours = rate.map_or_else(String::new, |rate| {
+        format!(": about {} of a core at the rate of the sweep's runs", time(flops / rate / 3600.0))
+    });
+    Ok(format!(
+        "{CELLS} cells, {flops:.2e} FLOPs for each seed and tokenizer{hours}; tokenizers and codes are \
+         made beside that"
+    ))
 }
 
 /// Where a validation lies within its sweep's folder.

@@ -29,6 +29,9 @@ fn a_table_reads_back_equal_with_its_nulls_and_metrics_that_nobody_declared() {
     let place = tempfile::tempdir().unwrap();
     write(place.path(), &records).unwrap();
     assert_eq!(read(place.path()).unwrap(), records);
+    // The CSV stands in for it where it alone was kept.
+    std::fs::remove_file(place.path().join("runs.parquet")).unwrap();
+    assert_eq!(read(place.path()).unwrap(), records);
 }
 
 #[test]
