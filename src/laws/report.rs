@@ -147,6 +147,20 @@ pub struct Inside {
     pub tokens: Option<bool>,
 }
 
+impl Inside {
+    /// What of the optimum lies outside its interval, as the end of a sentence; empty where nothing does.
+    fn outside(&self) -> String {
+        let of = [("N_nv", self.params_nonvocab), ("N_v", self.params_vocab), ("D", self.tokens)];
+        let outside: Vec<&str> =
+            of.iter().filter(|(_, inside)| *inside == Some(false)).map(|(name, _)| *name).collect();
+        match &outside[..] {
+            [] => String::new(),
+            [one] => format!("; its {one} lies outside of what was forecast"),
+            all => format!("; its {} lie outside of what was forecast", all.join(" and ")),
+        }
+    }
+}
+
 impl Validated {
     /// A forecast beside what was measured.
     pub fn new(
@@ -178,10 +192,11 @@ impl Validated {
         let verdict = if self.inside.loss == Some(true) { "held" } else { "MISSED" };
         Some(format!(
             "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}) was forecast, and \
-             the best of {} runs has {:.3}.",
+             the best of {} runs has {:.3}{}.",
             count(self.budget_flops),
             self.measured.runs,
-            self.measured.loss
+            self.measured.loss,
+            self.inside.outside()
         ))
     }
 }
@@ -246,6 +261,11 @@ mod tests {
         assert!(
             said(Measured { loss: -5.1, ..MEASURED })
                 .starts_with("A forecast for 3e12 FLOPs held:")
+        );
+        let larger = said(Measured { params_nonvocab: 5e4, params_vocab: 3e5, ..MEASURED });
+        assert!(
+            larger.ends_with("has -5.035; its N_nv and N_v lie outside of what was forecast."),
+            "{larger}"
         );
     }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::truths::{ASKED, Truth};
 
-const SWEEPS: u64 = 160;
+const SWEEPS: u64 = 400;
 
 fn laws(truth: Truth, seed: u64) -> Laws {
     let methods = vec![MinimumMethod::Argmin, MinimumMethod::Parabola, MinimumMethod::Cubic];
