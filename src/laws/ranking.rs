@@ -1,6 +1,6 @@
 //! Which law to believe: the one that predicts the sweep's own larger budgets from its smaller ones.
 
-use super::joint::{JointLaw, fit_joint};
+use super::joint::{JointLaw, above, fit_joint};
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::minima::Grid;
 use super::{
@@ -11,6 +11,8 @@ use crate::sweep::MinimumMethod;
 
 /// Fewest budgets that a law is fitted to before it is tested.
 const FEWEST: usize = 3;
+/// The 97.5th percentile of the normal distribution.
+const NORMAL_97_5: f64 = 1.959_963_985;
 
 /// All budgets of a sweep with their measured minima, ascending.
 pub(super) struct Rows<'a> {
@@ -91,11 +93,11 @@ impl Rows<'_> {
         largest: f64,
     ) -> Option<Miss> {
         let at = measured.budget_flops;
-        let mut measured_to = MeasuredTo::of(measured);
+        let mut measured_to = measured_to(measured);
         let [loss, lowest, size, vocab, tokens] = match fitted {
             Fitted::Joint(joint) => {
                 let best = joint.optimum(at)?;
-                let [loss, sd] = joint.above(grid, self.noise);
+                let [loss, sd] = above(joint, grid, self.noise);
                 measured_to.loss = sd;
                 [loss, best.loss, best.params_nonvocab, best.params_vocab, best.tokens]
             }
@@ -123,6 +125,20 @@ impl Rows<'_> {
             measured_to,
         })
     }
+}
+
+/// How precisely a minimum was measured, read off its intervals.
+fn measured_to(minimum: &Minimum) -> MeasuredTo {
+    let ci = minimum.ci95.unwrap_or_default();
+    let sd = |interval: Option<[f64; 2]>, of: fn(f64) -> f64| {
+        interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
+    };
+    let ln_size = sd(ci.params_nonvocab, f64::ln);
+    let ln_vocab = sd(ci.params_vocab, f64::ln);
+    // D = C / 6(N_nv + N_v), its logarithm to first order.
+    let share = minimum.params_vocab / (minimum.params_nonvocab + minimum.params_vocab);
+    let ln_tokens = ((1.0 - share) * ln_size).hypot(share * ln_vocab);
+    MeasuredTo { loss: sd(ci.loss_normalised, |x| x), ln_size, ln_vocab, ln_tokens }
 }
 
 /// The best of some scores, or the log law where nothing could be tested.

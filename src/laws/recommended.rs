@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Minimum;
 use crate::sweep::MinimumMethod;
 
 /// A law that can be recommended.
@@ -84,25 +83,6 @@ pub struct MeasuredTo {
     pub ln_vocab: f64,
     pub ln_tokens: f64,
 }
-
-impl MeasuredTo {
-    /// Read off the intervals of a minimum.
-    pub(super) fn of(minimum: &Minimum) -> Self {
-        let ci = minimum.ci95.unwrap_or_default();
-        let sd = |interval: Option<[f64; 2]>, of: fn(f64) -> f64| {
-            interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
-        };
-        let ln_size = sd(ci.params_nonvocab, f64::ln);
-        let ln_vocab = sd(ci.params_vocab, f64::ln);
-        // D = C / 6(N_nv + N_v), its logarithm to first order.
-        let share = minimum.params_vocab / (minimum.params_nonvocab + minimum.params_vocab);
-        let ln_tokens = ((1.0 - share) * ln_size).hypot(share * ln_vocab);
-        Self { loss: sd(ci.loss_normalised, |x| x), ln_size, ln_vocab, ln_tokens }
-    }
-}
-
-/// The 97.5th percentile of the normal distribution.
-const NORMAL_97_5: f64 = 1.959_963_985;
 
 /// How a candidate did on budgets that it had not seen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -76,10 +76,11 @@ fn outcome(truth: Truth, loss: f64, seed: u64) -> Outcome {
 }
 
 #[test]
-#[ignore = "some minutes"]
+#[ignore = "some minutes; fails of repeated data, at 0.60 (docs/rounds.md)"]
 fn rounds_reach_the_interval_of_the_grid_with_half_its_flops() {
     println!("| truth | FLOPs, median | quartiles | held by rounds | by the grid |");
     println!("| --- | --- | --- | --- | --- |");
+    let mut medians = Vec::new();
     for truth in Truth::ALL {
         let (loss, _) = truth.optimum(ASKED);
         let outcomes: Vec<Outcome> =
@@ -96,6 +97,9 @@ fn rounds_reach_the_interval_of_the_grid_with_half_its_flops() {
             count(|outcome| outcome.held),
             count(|outcome| outcome.held_by_grid),
         );
-        assert!(at(0.5) <= 0.5, "{truth:?}: {shares:?}");
+        medians.push((truth, at(0.5)));
+    }
+    for (truth, median) in medians {
+        assert!(median <= 0.5, "{truth:?}: {median}");
     }
 }

@@ -5,10 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::cost::Cost;
 use super::loss::JointLoss;
 use super::optimum::JointOptimum;
-use super::problem::noise_of;
-use super::weighed::{place, valley};
-use crate::laws::minima::Grid;
-use crate::laws::{Candidate, RunNoise};
+use crate::laws::Candidate;
 
 /// A joint law, and all that a prediction needs of the cells it was fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,21 +32,6 @@ impl JointLaw {
     /// The best allocation of `budget` FLOPs.
     pub fn optimum(&self, budget: f64) -> Option<JointOptimum> {
         self.cost.optimum(&self.loss, budget)
-    }
-
-    /// How far the law lies above the cells of a budget: the mean over its valley, and the standard
-    /// deviation that the noise of the runs gives this mean.
-    pub(in crate::laws) fn above(&self, grid: &Grid, noise: Option<RunNoise>) -> [f64; 2] {
-        let noise = noise_of(noise);
-        let best = grid.best().loss;
-        let [mut counts, mut sum, mut variance] = [0.0; 3];
-        for cell in &grid.cells {
-            let count = cell.runs * valley(cell.loss - best, noise);
-            counts += count;
-            sum += count * (self.loss.value(&place(cell)) - cell.loss);
-            variance += count.powi(2) * noise.powi(2) / cell.runs;
-        }
-        [sum / counts, variance.sqrt() / counts]
     }
 
     /// The best allocation by each replicate that has one.

@@ -19,7 +19,9 @@
 //! | what a token costs, how wide a model is | `cost` |
 //! | the best allocation of a budget | `optimum` |
 //! | intervals | `bootstrap` |
+//! | how far a law lies from cells it has not seen | `above` |
 
+mod above;
 mod bootstrap;
 mod cost;
 mod fit;
@@ -32,6 +34,7 @@ mod problem;
 mod tests;
 mod weighed;
 
+pub(super) use above::above;
 pub(super) use bootstrap::replicates;
 pub(super) use cost::Cost;
 pub(super) use fit::fit_joint;
