@@ -1,6 +1,6 @@
 //! Which law to believe: the one that predicts the sweep's own larger budgets from its smaller ones.
 
-use super::joint::{JointLaw, above, fit_joint};
+use super::joint::{JointLaw, above, fit_joint, repeat};
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::minima::Grid;
 use super::{
@@ -39,8 +39,11 @@ enum Fitted {
 impl Rows<'_> {
     /// Every candidate's score, the best first; empty where there are too few budgets.
     pub fn scores(&self) -> Vec<Score> {
-        let mut scores: Vec<Score> =
-            Candidate::ALL.into_iter().filter_map(|law| self.score(law)).collect();
+        // The joint law with repetition holds the other, R without end: where runs repeat their data it is
+        // the one, and the other would learn of repetition by missing it.
+        let unfit = if repeat(self.grids) { Candidate::Joint } else { Candidate::JointRepeats };
+        let candidates = Candidate::ALL.into_iter().filter(|law| *law != unfit);
+        let mut scores: Vec<Score> = candidates.filter_map(|law| self.score(law)).collect();
         let most = scores.iter().map(|score| score.misses.len()).max().unwrap_or(0);
         // One that could not be tested everywhere is not compared.
         scores.retain(|score| score.misses.len() == most && score.rms.is_finite());

@@ -2,7 +2,7 @@
 
 use crate::laws::bootstrap::{Bootstrap, Sources};
 use crate::laws::cell::Cell;
-use crate::laws::joint::{JointLaw, fit_joint, replicates};
+use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
 use crate::laws::minima::{Grid, lack_of_fit};
 use crate::laws::noise::Scatter;
 use crate::laws::ranking::{Rows, recommended};
@@ -104,7 +104,8 @@ fn joint(
     options: &FitOptions,
 ) -> Option<JointLaw> {
     let best = recommended.scores.iter().map(|score| score.law).find(|law| law.is_joint());
-    let mut joint = fit_joint(grids, scatter.noise, best == Some(Candidate::JointRepeats))?;
+    let repeats = best.map_or_else(|| repeat(grids), |law| law == Candidate::JointRepeats);
+    let mut joint = fit_joint(grids, scatter.noise, repeats)?;
     if recommended.law.is_joint() {
         let count = options.bootstrap.min(JOINT_REPLICATES);
         joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);

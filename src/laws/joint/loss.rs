@@ -9,8 +9,9 @@ use super::levenberg::{MOST, Row};
 pub struct Terms {
     /// e1: several vocabularies were tried.
     pub vocab: bool,
-    /// e2, κa and κb: enough vocabularies to tell them.
-    pub coupled: bool,
+    /// κe, κa and κb: enough vocabularies to tell how the limit of the loss saturates in V, and how
+    /// its two terms grow with V.
+    pub saturating: bool,
     /// χ: a token is worth less, or more, to a larger model.
     #[serde(default)]
     pub crossed: bool,
@@ -24,7 +25,7 @@ pub struct JointLoss {
     pub terms: Terms,
     /// ln N, ln V and ln D at the middle of the cells.
     pub centre: [f64; 3],
-    /// e0, ln A, α, ln B, β; then e1; then e2, κa, κb; then χ; then ln R: those that `terms` has.
+    /// e0, ln A, α, ln B, β; then e1; then κe, κa, κb; then χ; then ln R: those that `terms` has.
     pub values: Vec<f64>,
     /// U, where data repeats.
     pub unique_tokens: Option<f64>,
@@ -46,22 +47,22 @@ impl Terms {
     pub fn names(self) -> Vec<&'static str> {
         let own = ["e0", "ln A", "alpha", "ln B", "beta"].into_iter();
         let vocab = ["e1"].into_iter().filter(move |_| self.vocab);
-        let coupled = ["e2", "kappa_a", "kappa_b"].into_iter().filter(move |_| self.coupled);
+        let kappas = ["kappa_e", "kappa_a", "kappa_b"].into_iter();
         own.chain(vocab)
-            .chain(coupled)
+            .chain(kappas.filter(move |_| self.saturating))
             .chain(["chi"].into_iter().filter(|_| self.crossed))
             .chain(["ln R"].into_iter().filter(|_| self.repeats))
             .collect()
     }
 
-    /// Where e2 stands among the values.
-    pub(super) fn first_coupled(self) -> usize {
+    /// Where κe stands among the values.
+    pub(super) fn kappa_e(self) -> usize {
         BASE + usize::from(self.vocab)
     }
 
     /// Where χ stands among the values.
     pub(super) fn chi(self) -> usize {
-        self.first_coupled() + 3 * usize::from(self.coupled)
+        self.kappa_e() + 3 * usize::from(self.saturating)
     }
 }
 
@@ -105,7 +106,7 @@ impl JointLoss {
 
     pub(in crate::laws) fn value(&self, place: &Place) -> f64 {
         let Parts { v, model, data, .. } = self.parts(place);
-        self.values[0] - self.e1() * v + self.coupled(0) * v * v + model + data
+        self.limit(v) + model + data
     }
 
     /// The derivative of the loss by each coefficient.
@@ -116,15 +117,16 @@ impl JointLoss {
     /// The loss, and its derivative by each coefficient.
     pub(super) fn with_slopes(&self, place: &Place) -> (f64, Row) {
         let Parts { v, n, d, model, data } = self.parts(place);
-        let value = self.values[0] - self.e1() * v + self.coupled(0) * v * v + model + data;
+        let value = self.limit(v) + model + data;
         let mut row = [0.0; MOST];
         row[..BASE].copy_from_slice(&[1.0, model, -n * model, data, -d * data]);
         if self.terms.vocab {
-            row[BASE] = -v;
+            row[BASE] = -self.told(v);
         }
-        if self.terms.coupled {
-            let first = self.terms.first_coupled();
-            row[first..first + 3].copy_from_slice(&[v * v, v * model, v * data]);
+        if self.terms.saturating {
+            let (first, kappa) = (self.terms.kappa_e(), self.kappa(0));
+            let slope = (v * (-kappa * v).exp() - self.told(v)) / kappa;
+            row[first..first + 3].copy_from_slice(&[-self.e1() * slope, v * model, v * data]);
         }
         if self.terms.crossed {
             row[self.terms.chi()] = n * data;
@@ -149,18 +151,33 @@ impl JointLoss {
             place.ln_vocab - self.centre[1],
             ln_tokens - self.centre[2],
         ];
-        let model = (self.values[1] + self.coupled(1) * v - self.values[ALPHA] * n).exp();
+        let model = (self.values[1] + self.kappa(1) * v - self.values[ALPHA] * n).exp();
         let data =
-            (self.values[3] + self.coupled(2) * v + self.chi() * n - self.values[BETA] * d).exp();
+            (self.values[3] + self.kappa(2) * v + self.chi() * n - self.values[BETA] * d).exp();
         Parts { v, n, d, model, data }
+    }
+
+    /// The loss at `v` where model and data are without end.
+    fn limit(&self, v: f64) -> f64 {
+        self.values[0] - self.e1() * self.told(v)
+    }
+
+    /// What a vocabulary tells of a motion more than the middle one does, in units of e1: v, and less
+    /// the larger it is where the limit saturates.
+    fn told(&self, v: f64) -> f64 {
+        match self.terms.saturating {
+            true => -(-self.kappa(0) * v).exp_m1() / self.kappa(0),
+            false => v,
+        }
     }
 
     fn e1(&self) -> f64 {
         if self.terms.vocab { self.values[BASE] } else { 0.0 }
     }
 
-    fn coupled(&self, i: usize) -> f64 {
-        if self.terms.coupled { self.values[self.terms.first_coupled() + i] } else { 0.0 }
+    /// κe, κa or κb.
+    fn kappa(&self, i: usize) -> f64 {
+        if self.terms.saturating { self.values[self.terms.kappa_e() + i] } else { 0.0 }
     }
 
     fn chi(&self) -> f64 {

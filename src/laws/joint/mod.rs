@@ -1,9 +1,10 @@
 //! One smooth loss over all budgets: L(N, V, D), fitted to every cell of a sweep.
 //!
-//! L = e0 − e1 v + e2 v² + A V^κa N^−α + B V^κb N^χ D^−β, v = ln V and N = N_nv.
+//! L = e0 − e1 (1 − V^−κe)/κe + A V^κa N^−α + B V^κb N^χ D^−β, N = N_nv, and V from the middle one.
 //!
 //! Why these terms. A code of V values tells more of a motion, so the normalised loss falls with
-//! ln V where model and data are large (e1), less and less (e2). How far a run is from there is the
+//! ln V where model and data are large (e1), less and less (κe): it cannot fall below the information
+//! that a motion's past and its caption hold of its next frames. How far a run is from there is the
 //! model's and the data's part, as in Hoffmann et al. 2022, and both grow with V where more codes
 //! have to be told apart (κ). A larger model takes smaller steps, so that a token is worth less to it
 //! (χ above 0). With one vocabulary χ is left out, and it is their law.
@@ -43,4 +44,4 @@ pub(super) use loss::Place;
 pub use loss::{JointLoss, Terms};
 pub use optimum::JointOptimum;
 pub(super) use problem::{UNKNOWN_NOISE, expected_sds};
-pub(super) use weighed::valley;
+pub(super) use weighed::{repeat, valley};

@@ -14,6 +14,10 @@ pub(in crate::laws) const UNKNOWN_NOISE: f64 = 0.02;
 const UNEXPECTED: f64 = 10.0;
 /// Bounds of the exponents α and β.
 const EXPONENTS: [f64; 2] = [0.02, 4.0];
+/// The rate at which the limit of the loss saturates in ln V: what is expected, within a factor e, and
+/// its bounds.
+const KAPPA_E: f64 = 0.1;
+const KAPPAS_E: [f64; 2] = [0.002, 2.0];
 /// Passes over the data that are worth the first one, R: what is expected, ln 15 (Muennighoff et al.
 /// 2023), and its bounds.
 const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
@@ -35,10 +39,11 @@ struct Expectation {
 fn expected(terms: Terms) -> Vec<Expectation> {
     let exponent = |index| Expectation { index, mean: 0.4f64.ln(), sd: 0.7, in_logs: true };
     let mut all = [ALPHA, BETA].map(exponent).to_vec();
-    if terms.coupled {
-        let first = terms.first_coupled();
-        let near_zero = |(i, sd)| Expectation { index: first + i, mean: 0.0, sd, in_logs: false };
-        all.extend([(0, 0.1), (1, 0.4), (2, 0.4)].map(near_zero));
+    if terms.saturating {
+        let first = terms.kappa_e();
+        let near_zero = |i| Expectation { index: first + i, mean: 0.0, sd: 0.4, in_logs: false };
+        all.push(Expectation { index: first, mean: KAPPA_E.ln(), sd: 1.0, in_logs: true });
+        all.extend([1, 2].map(near_zero));
     }
     if terms.crossed {
         all.push(Expectation { index: terms.chi(), mean: 0.0, sd: 0.3, in_logs: false });
@@ -148,14 +153,13 @@ impl Problem {
     }
 
     fn start(&self, alpha: f64, beta: f64) -> Option<Vec<f64>> {
-        let Terms { vocab, coupled, crossed, repeats } = self.frame.terms;
+        let Terms { vocab, saturating, crossed, repeats } = self.frame.terms;
         let [n0, v0, d0] = self.frame.centre;
         let row = |place: &Place| {
             let v = place.ln_vocab - v0;
             let mut row = vec![1.0, (-alpha * (place.ln_size - n0)).exp()];
             row.push((-beta * (place.ln_tokens - d0)).exp());
-            row.extend([-v].into_iter().filter(|_| vocab));
-            row.extend([v * v].into_iter().filter(|_| coupled));
+            row.extend([(-KAPPA_E * v).exp_m1() / KAPPA_E].into_iter().filter(|_| vocab));
             row
         };
         let rows: Vec<Vec<f64>> = self.places.iter().map(row).collect();
@@ -163,8 +167,7 @@ impl Problem {
         let positive = |x: f64| x.max(0.02).ln();
         let mut values = vec![c[0], positive(c[1]), alpha, positive(c[2]), beta];
         values.extend(c.get(3));
-        values.extend(c.get(4));
-        values.extend([0.0, 0.0].into_iter().filter(|_| coupled));
+        values.extend([KAPPA_E, 0.0, 0.0].into_iter().filter(|_| saturating));
         values.extend([0.0].into_iter().filter(|_| crossed));
         values.extend([LN_R[0]].into_iter().filter(|_| repeats));
         Some(values)
@@ -194,6 +197,11 @@ impl Residuals for Problem {
         let [low, high] = EXPONENTS;
         for index in [ALPHA, BETA] {
             values[index] = values[index].clamp(low, high);
+        }
+        if self.frame.terms.saturating {
+            let [low, high] = KAPPAS_E;
+            let kappa_e = &mut values[self.frame.terms.kappa_e()];
+            *kappa_e = kappa_e.clamp(low, high);
         }
         if self.frame.terms.repeats {
             let last = values.len() - 1;

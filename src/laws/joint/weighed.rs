@@ -7,10 +7,16 @@ use crate::laws::stats::distinct;
 
 /// Cells beyond the coefficients, at least.
 const SPARE: usize = 4;
-/// Vocabularies that the terms of coupling need.
-const COUPLED_LEVELS: usize = 4;
-/// Passes over the data from which repetition has a term.
+/// Vocabularies that κe, κa and κb need.
+const SATURATING_LEVELS: usize = 4;
+/// Passes over the data from which a run repeats it.
 const REPEATED: f64 = 1.5;
+
+/// Whether runs repeat their data, so that a joint law has a term of repetition.
+pub(in crate::laws) fn repeat(grids: &[Grid]) -> bool {
+    let cells = grids.iter().flat_map(|grid| &grid.cells);
+    cells.filter_map(Cell::epochs).any(|epochs| epochs > REPEATED)
+}
 
 /// How far above its budget's best a cell counts a half, in units of the noise of a run.
 const VALLEY: f64 = 5.0;
@@ -39,17 +45,18 @@ impl<'a> Cells<'a> {
     }
 
     /// The terms that the cells can tell; none where even the fewest are too many, and where a term of
-    /// repetition is asked for that no cell knows.
+    /// repetition is asked for and no cell knows its distinct tokens.
+    ///
+    /// Cells that do not repeat their data leave R at what is expected of it.
     pub fn terms(&self, repeats: bool) -> Option<Terms> {
         let levels = distinct(self.all.iter().map(|cell| cell.n_vocab)).len();
-        let epochs = self.all.iter().filter_map(|cell| cell.epochs());
-        if repeats && epochs.fold(0.0, f64::max) <= REPEATED {
+        if repeats && self.all.iter().all(|cell| cell.unique_tokens.is_none()) {
             return None;
         }
-        let wanted = [levels >= COUPLED_LEVELS, false].map(|coupled| Terms {
+        let wanted = [levels >= SATURATING_LEVELS, false].map(|saturating| Terms {
             vocab: levels > 1,
-            coupled,
-            crossed: coupled,
+            saturating,
+            crossed: saturating,
             repeats,
         });
         wanted.into_iter().find(|terms| self.all.len() >= terms.count() + SPARE)
