@@ -60,8 +60,8 @@ impl Known {
         Some(known)
     }
 
-    /// The window of the smallest budget of which nothing is trained; else lines by gain per FLOP,
-    /// until so many are spent.
+    /// The window of the smallest budget of which nothing is trained; else cells by gain per FLOP, until
+    /// so many are spent.
     pub fn choose(mut self, points: &[IsoFlopPoint], open: &[OpenRun], spend: f64) -> Vec<usize> {
         let mut grids = of_budgets(points, open);
         let beyond: Vec<usize> = grids.iter().flat_map(OpenGrid::beyond_edges).collect();
@@ -75,28 +75,27 @@ impl Known {
         }
         let (mut chosen, mut spent) = (Vec::new(), 0.0);
         while spent < spend
-            && let Some(line) = self.best_line(&grids, open)
+            && let Some(cell) = self.best_cell(&grids, open)
         {
-            self.observe(line.iter().map(|i| &open[*i]));
-            grids.iter_mut().for_each(|grid| grid.take(&line));
-            spent += flops(&line, open);
-            chosen.extend(line);
+            self.observe(cell.iter().map(|i| &open[*i]));
+            grids.iter_mut().for_each(|grid| grid.take(&cell));
+            spent += flops(&cell, open);
+            chosen.extend(cell);
         }
         chosen
     }
 
-    /// The line of the most gain per FLOP.
-    fn best_line(&self, grids: &[OpenGrid], open: &[OpenRun]) -> Option<Vec<usize>> {
+    /// The cell of the most gain per FLOP.
+    fn best_cell(&self, grids: &[OpenGrid], open: &[OpenRun]) -> Option<Vec<usize>> {
         let now = self.belief.variance(&self.target);
-        let worth = |line: &Vec<usize>| {
+        let worth = |cell: &Vec<usize>| {
             let mut after = self.belief.clone();
-            let rows = line.iter().map(|i| self.observation(&open[*i]));
+            let rows = cell.iter().map(|i| self.observation(&open[*i]));
             rows.for_each(|(row, variance)| after.observe(&row, variance));
-            (now - after.variance(&self.target)) / flops(line, open)
+            (now - after.variance(&self.target)) / flops(cell, open)
         };
-        let lines = grids.iter().flat_map(OpenGrid::lines);
-        let priced = lines.map(|line| (worth(&line), line));
-        priced.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, line)| line)
+        let priced = grids.iter().flat_map(OpenGrid::cells).map(|cell| (worth(&cell), cell));
+        priced.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, cell)| cell)
     }
 
     fn observe<'a>(&mut self, runs: impl Iterator<Item = &'a OpenRun>) {

@@ -1,18 +1,18 @@
 //! Which runs of a grid to train next: those that sharpen a prediction most for their FLOPs.
 //!
 //! The cheapest two budgets are trained whole. Each further budget begins with a window of its grid
-//! around the optimum that the joint law through all runs so far puts there. Then windows grow by
-//! lines, a size or a vocabulary at a time, since the minimum of a budget is read off a curve.
+//! around the optimum that the joint law through all runs so far puts there, since the minimum of a
+//! budget is read off a curve. Then windows grow cell by cell.
 //!
 //! What is believed of the losses is normal: the coefficients of the joint law, and beside it a walk in
 //! ln C, for no law holds alike at every budget. A run tells of both, with its own noise. By how much
-//! a line would lower the variance of the loss that is predicted has a closed form, which needs no
-//! training (c-optimal design, Elfving 1952). Lines are taken by that gain per FLOP.
+//! a cell would lower the variance of the loss that is predicted has a closed form, which needs no
+//! training (c-optimal design, Elfving 1952). Cells are taken by that gain per FLOP.
 //!
 //! | step | file |
 //! | --- | --- |
-//! | a budget's window and lines | `open_grid` |
-//! | what a line would tell | `known`, on `belief` |
+//! | a budget's window and cells | `open_grid` |
+//! | what a cell would tell | `known`, on `belief` |
 
 mod belief;
 mod known;

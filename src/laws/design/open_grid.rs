@@ -86,17 +86,18 @@ impl OpenGrid {
         short.flat_map(|side| self.line(side)).collect()
     }
 
-    /// What may be trained next: what is left within the sizes and vocabularies tried; where nothing is,
-    /// the next size or vocabulary on each side of them.
-    pub fn lines(&self) -> Vec<Vec<usize>> {
-        let tried = self.tried();
-        let holes =
-            self.within(|place| AXES.iter().all(|axis| tried[*axis].contains(&place[*axis])));
-        if !holes.is_empty() {
-            return vec![holes];
+    /// The runs of each cell that may be trained next: those within the sizes and vocabularies tried or
+    /// next to them; where nothing is left there, all.
+    pub fn cells(&self) -> Vec<Vec<usize>> {
+        let near = self.tried().map(|tried| tried.start().saturating_sub(1)..=tried.end() + 1);
+        let is_near =
+            |place: &[usize; 2]| AXES.iter().all(|axis| near[*axis].contains(&place[*axis]));
+        let is_any_near = self.left.iter().any(|(_, place)| is_near(place));
+        let mut cells: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
+        for (i, place) in self.left.iter().filter(|(_, place)| is_near(place) || !is_any_near) {
+            cells.entry(*place).or_default().push(*i);
         }
-        let lines = self.sides().into_iter().map(|side| self.line(side));
-        lines.filter(|line| !line.is_empty()).collect()
+        cells.into_values().collect()
     }
 
     /// From the least to the greatest place tried on each axis.

@@ -12,7 +12,7 @@ use crate::commands::context::OpenSweep;
 use crate::commands::fit::points;
 
 /// The share of the grid's FLOPs that a round spends at least, where windows grow.
-const SHARE: f64 = 0.05;
+const SHARE: f64 = 0.03;
 
 /// The runs of the next round, by id, after `records` of those before; none where the grid is trained.
 pub fn next(
