@@ -2,6 +2,7 @@
 
 use super::floor_law::EXPONENT_RANGE;
 use super::minima::{Grid, has_residuals};
+use super::names::flags_text;
 use super::select::flagged_text;
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
@@ -62,8 +63,9 @@ pub(super) fn of_held_out(held_out: Option<&HeldOut>) -> Option<String> {
     let minimum = &held_out?.minimum;
     (!minimum.flags.is_empty()).then(|| {
         format!(
-            "The held-out minimum is flagged too, so the laws' error there is in doubt: {}.",
-            flagged_text(std::slice::from_ref(minimum))
+            "The held-out minimum is flagged too, so the laws' error there is in doubt: {} ({}).",
+            count(minimum.budget_flops),
+            flags_text(&minimum.flags)
         )
     })
 }

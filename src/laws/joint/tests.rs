@@ -11,11 +11,10 @@ const BUDGETS: [f64; 4] = [1e10, 3e10, 1e11, 3e11];
 const WIDTHS: [f64; 7] = [8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0];
 const VOCABULARIES: [f64; 6] = [32.0, 128.0, 256.0, 512.0, 1024.0, 4096.0];
 
-/// A loss of the fitted form, as measured on procedural motion, in natural units.
+/// A loss of the fitted form, near what is measured on procedural motion.
 fn truth(n: f64, v: f64, d: f64) -> f64 {
     let (v, kappa) = (v.ln(), 0.15);
-    -0.9 * v
-        + 0.02 * v * v
+    18.0 * (-0.05 * v).exp() - 20.0
         + 20.0 * (kappa * v).exp() * n.powf(-0.5)
         + 60.0 * (0.5 * v).exp() * d.powf(-0.5)
 }
@@ -73,10 +72,7 @@ fn best(budget: f64) -> (f64, f64, f64) {
 
 #[test]
 fn the_slopes_are_the_derivatives_of_the_loss() {
-    let mut repeated = points(0.02, 0);
-    for point in &mut repeated {
-        point.about = RunFacts { unique_tokens: Some(1e5), ..RunFacts::default() };
-    }
+    let repeated = of_split(1e5, points(0.02, 0));
     let law = fit_joint(&grids(&repeated), noise(0.02), true).unwrap().loss;
     assert_eq!(law.values.len(), law.terms.names().len());
     let cells = grids(&repeated);
@@ -129,6 +125,30 @@ fn intervals_of_replicates_hold_the_truth() {
         held += usize::from(low <= loss && loss <= high);
     }
     assert!(held >= 17, "{held} of 20");
+}
+
+/// The same cells of a split of `unique_tokens`.
+fn of_split(unique_tokens: f64, points: Vec<IsoFlopPoint>) -> Vec<IsoFlopPoint> {
+    let about = RunFacts { unique_tokens: Some(unique_tokens), ..RunFacts::default() };
+    points.into_iter().map(|point| IsoFlopPoint { about: about.clone(), ..point }).collect()
+}
+
+#[test]
+fn what_repetition_is_worth_stays_as_expected_where_no_run_repeats() {
+    let grids = grids(&of_split(1e12, points(0.02, 3)));
+    assert!(!repeat(&grids));
+    let law = fit_joint(&grids, noise(0.02), true).unwrap().loss;
+    assert!((law.values.last().unwrap() - 2.7).abs() < 1e-6, "{:?}", law.values);
+}
+
+#[test]
+fn the_limit_falls_less_and_less_with_the_vocabulary() {
+    let law = fit_joint(&grids(&points(0.0, 4)), noise(1e-3), false).unwrap().loss;
+    let kappa_e = law.values[law.terms.kappa_e()];
+    assert!((kappa_e / 0.05 - 1.0).abs() < 0.2, "{kappa_e}");
+    let far = |vocab: f64| law.at(1e12, vocab, 1e15);
+    let steps = [64.0, 256.0, 1024.0, 4096.0].map(|vocab| far(vocab) - far(4.0 * vocab));
+    assert!(steps.is_sorted_by(|a, b| a > b) && steps[3] > 0.0, "{steps:?}");
 }
 
 #[test]

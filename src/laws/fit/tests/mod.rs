@@ -1,6 +1,7 @@
 //! Laws of simulated sweeps, whose truth is known.
 
 mod intervals;
+mod recommended;
 mod refused;
 
 use super::*;
