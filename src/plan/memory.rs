@@ -2,7 +2,7 @@
 
 use crate::data::DataFacts;
 use crate::motion::N_FEATURES;
-use crate::spec::{BASELINE_CLIPS, EvaluatorSpec, MOST_PATCHES, TextSpec, TokenizerSpec};
+use crate::spec::{BASELINE_CLIPS, EvaluatorSpec, TextSpec, TokenizerSpec};
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
 const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;
@@ -29,7 +29,7 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
         let images = if mirrored { 2.0 } else { 1.0 };
         images * clips.min(train) as f64 * frames_per_clip * POOL_BYTES_PER_FRAME
     };
-    let patches = BYTES_PER_PATCH * MOST_PATCHES.min(data.train_frames()) as f64;
+    let patches = BYTES_PER_PATCH * spec.patches_begun_from().min(data.train_frames()) as f64;
     let training = &spec.training;
     let frames = (training.batch * training.window) as f64;
     let step = frames * spec.training_bytes_per_frame();

@@ -57,7 +57,7 @@ pub use scores::ScoresSpec;
 pub use text::{TextEncoderKind, TextSpec, TextStates};
 pub use tokenizer::TokenizerSpec;
 pub use tokenizer_training::{
-    BASELINE_CLIPS, MOST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule,
+    BASELINE_CLIPS, FEWEST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule,
     TokenizerSection, TokenizerTraining,
 };
 pub use transformer::{Detokenizer, NormPlacement, Positions, SWIGLU_RATIO, TransformerSpec};

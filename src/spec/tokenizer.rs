@@ -5,11 +5,14 @@ use serde::{Deserialize, Serialize};
 use super::architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
 use super::error::{SpecError, require};
 use super::grid::Grid;
-use super::quantizer::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec};
+use super::quantizer::{
+    CodebookKind, CodebookSpec, QuantizerKind, QuantizerSection, QuantizerSpec,
+};
 use super::representation::Representation;
 use super::text::TextSpec;
 use super::tokenizer_training::{
-    TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
+    FEWEST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection,
+    TokenizerTraining,
 };
 
 /// A tokenizer, resolved: what is hashed.
@@ -178,6 +181,18 @@ impl TokenizerSpec {
     /// Codes (V).
     pub fn n_vocab(&self) -> usize {
         self.quantizer.n_vocab()
+    }
+
+    /// Patches of training clips that its weights and the centres of its codes begin from, where the
+    /// pool has as many.
+    pub fn patches_begun_from(&self) -> usize {
+        let codebooks = self.quantizer.codebooks();
+        let learned = codebooks.iter().filter_map(|codebook| match codebook {
+            CodebookSpec::Vq { n_vocab } => Some(*n_vocab),
+            CodebookSpec::Fsq { .. } => None,
+        });
+        let most_codes = learned.max().unwrap_or(0);
+        FEWEST_PATCHES.max(self.training.patches_per_code * most_codes)
     }
 
     /// The codes that it gives clips.

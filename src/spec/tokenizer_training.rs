@@ -10,8 +10,8 @@ use super::representation::Representation;
 use super::transformer::{Detokenizer, NormPlacement, Positions};
 use crate::units::number;
 
-/// Patches of training clips that weights or centres begin from, at most.
-pub const MOST_PATCHES: usize = 1 << 15;
+/// Patches of training clips that weights and centres begin from, where the codes ask for no more.
+pub const FEWEST_PATCHES: usize = 1 << 15;
 
 /// Clips that the centres of k-means are placed by, beside every tokenizer, and their mirror images.
 pub const BASELINE_CLIPS: usize = 512;
@@ -222,6 +222,8 @@ keys! {
     clip_norm: f64 = 0.0, 1.0, "number::optional_number";
     /// Clips of the training split that are held in memory and trained on: 2048.
     pool_clips: usize = 2048, 2048, "number::optional_count";
+    /// VQ of patches: patches that k-means begins a code from, on average: 48, and 32,768 in all at least.
+    patches_per_code: usize = 48, 48, "number::optional_count";
     /// Seed of the weights, the pool and the windows: 0.
     seed: u64 = 0, 0, "number::optional_seed";
 }

@@ -14,8 +14,8 @@ use super::metrics::Baseline;
 use super::pool::WindowPool;
 use crate::data::{MotionSource, Split};
 use crate::spec::{
-    ArchitectureSpec, BASELINE_CLIPS, CodebookSpec, MOST_PATCHES, PatchSpec, QuantizerSpec,
-    ResidualSpec, TokenizerSpec, TokenizerTraining,
+    ArchitectureSpec, BASELINE_CLIPS, CodebookSpec, PatchSpec, QuantizerSpec, ResidualSpec,
+    TokenizerSpec, TokenizerTraining,
 };
 
 /// Codes are placed by so many patches each, or more.
@@ -44,7 +44,7 @@ pub fn k_means_baseline(
     let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
     let n_features = source.stats().mean.len();
     let frames = spec.frames_per_latent();
-    let n_patches = pool.patches(frames, MOST_PATCHES).len() / (frames * n_features);
+    let n_patches = pool.patches(frames, spec.patches_begun_from()).len() / (frames * n_features);
     if n_patches < PATCHES_PER_CODE * n_vocab {
         return Ok(None);
     }

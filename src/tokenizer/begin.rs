@@ -6,7 +6,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::module::TokenizerModule;
 use super::pool::WindowPool;
-use crate::spec::{MOST_PATCHES, TokenizerSpec};
+use crate::spec::TokenizerSpec;
 
 /// The stream of a seed from which weights are drawn.
 const WEIGHTS_STREAM: u64 = 0;
@@ -22,7 +22,7 @@ pub fn begun(
     let mut module = TokenizerModule::new(spec, n_features, &mut rng, device);
     if spec.architecture.begins_from_data() {
         let frames = spec.architecture.frames_per_latent();
-        let patches = pool.patches(frames, MOST_PATCHES);
+        let patches = pool.patches(frames, spec.patches_begun_from());
         let shape = [patches.len() / (frames * n_features), frames * n_features];
         let plain = device.clone().inner();
         module.begin(&Tensor::from_data(TensorData::new(patches, shape), &plain), n_features);

@@ -1,8 +1,15 @@
 //! How many FLOPs do rounds take to reach the interval of the full grid? `docs/rounds.md` has the
 //! table that this prints.
 
-use isoflop::laws::{DesignGoal, FitOptions, IsoFlopPoint, MinimumMethod, OpenRun, fit, next_runs};
+use std::path::Path;
+
+use isoflop::laws::{
+    DesignGoal, FitOptions, IsoFlopPoint, Metric, MinimumMethod, OpenRun, fit, next_runs,
+};
 use isoflop::predict::{PredictOptions, predict};
+use isoflop::record::RunRecord;
+use isoflop::record::table::read;
+use isoflop::spec::FlopsRule;
 use rayon::prelude::*;
 
 use crate::truths::{ASKED, Truth};
@@ -18,11 +25,11 @@ struct Told {
 }
 
 impl Told {
-    fn by(points: &[IsoFlopPoint], seed: u64) -> Option<Self> {
+    fn by(points: &[IsoFlopPoint], asked: f64, seed: u64) -> Option<Self> {
         let methods = vec![MinimumMethod::Argmin, MinimumMethod::Parabola, MinimumMethod::Cubic];
         let options = FitOptions { methods, bootstrap: 100, seed, ..FitOptions::default() };
         let laws = fit(points, &options).ok()?;
-        let prediction = predict(&laws, ASKED, &PredictOptions::default()).ok()?;
+        let prediction = predict(&laws, asked, &PredictOptions::default()).ok()?;
         let is_tested = laws.judgement.forecast_error.is_some_and(|error| error.tested > 0);
         Some(Self { interval: prediction.ci95.loss_normalised?, is_tested })
     }
@@ -41,19 +48,24 @@ fn flops(points: &[IsoFlopPoint]) -> f64 {
 }
 
 /// The points that are trained until the interval is as narrow as that of all of them.
-fn until(all: &[IsoFlopPoint], width: f64, seed: u64) -> (Vec<IsoFlopPoint>, Option<Told>) {
+fn until(
+    all: &[IsoFlopPoint],
+    asked: f64,
+    width: f64,
+    seed: u64,
+) -> (Vec<IsoFlopPoint>, Option<Told>) {
     let (mut trained, mut left) = (Vec::new(), all.to_vec());
     let mut told: Option<Told> = None;
     while !left.is_empty()
         && told.as_ref().is_none_or(|told| !told.is_tested || told.width() > width)
     {
         let open: Vec<OpenRun> = left.iter().map(OpenRun::of).collect();
-        let goal = DesignGoal { budget_flops: ASKED, spend_flops: SHARE * flops(all) };
+        let goal = DesignGoal { budget_flops: asked, spend_flops: SHARE * flops(all) };
         let chosen = next_runs(&trained, &open, goal);
         trained.extend(chosen.iter().map(|i| left[*i].clone()));
         let mut place = 0..;
         left.retain(|_| place.next().is_none_or(|i| !chosen.contains(&i)));
-        told = Told::by(&trained, seed);
+        told = Told::by(&trained, asked, seed);
     }
     (trained, told)
 }
@@ -66,8 +78,8 @@ struct Outcome {
 
 fn outcome(truth: Truth, loss: f64, seed: u64) -> Outcome {
     let all = truth.points(seed);
-    let full = Told::by(&all, seed).unwrap();
-    let (trained, told) = until(&all, full.width(), seed);
+    let full = Told::by(&all, ASKED, seed).unwrap();
+    let (trained, told) = until(&all, ASKED, full.width(), seed);
     Outcome {
         share: flops(&trained) / flops(&all),
         held: told.is_some_and(|told| told.holds(loss)),
@@ -102,4 +114,31 @@ fn rounds_reach_the_interval_of_the_grid_with_half_its_flops() {
     for (truth, median) in medians {
         assert!(median <= 0.5, "{truth:?}: {median}");
     }
+}
+
+/// The trained studies: the budget that is predicted is ten times their largest.
+const STUDIES: [&str; 3] = ["procedural-law", "two-frames", "own-frames"];
+
+#[test]
+#[ignore = "a minute"]
+fn rounds_of_trained_runs_reach_the_interval_of_their_grid_with_half_its_flops() {
+    println!("| study | FLOPs | L_u by rounds | L_u by the grid |");
+    println!("| --- | --- | --- | --- |");
+    let share = |study: &&str| {
+        let records = read(&Path::new("results").join(study)).unwrap();
+        let of = |record: &RunRecord| record.point(FlopsRule::Openai, &Metric::default()).unwrap();
+        let all: Vec<IsoFlopPoint> = records.iter().map(of).collect();
+        let asked = 10.0 * all.iter().map(|point| point.budget_flops).fold(0.0, f64::max);
+        let full = Told::by(&all, asked, 0).unwrap();
+        let (trained, told) = until(&all, asked, full.width(), 0);
+        let share = flops(&trained) / flops(&all);
+        let [low, high] = told.unwrap().interval;
+        let [grid_low, grid_high] = full.interval;
+        println!(
+            "| {study} | {share:.2} | {low:.3} to {high:.3} | {grid_low:.3} to {grid_high:.3} |"
+        );
+        share
+    };
+    let shares: Vec<f64> = STUDIES.iter().map(share).collect();
+    assert!(shares.iter().all(|share| *share <= 0.5), "{shares:?}");
 }
