@@ -3,6 +3,7 @@
 use super::joint::{JointLaw, above, fit_joint, repeat};
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::minima::Grid;
+use super::stats::NORMAL_97_5;
 use super::{
     Candidate, FitOptions, FloorLaw, MeasuredTo, Minimum, Miss, Parameters, Recommended, RunNoise,
     Score, floor_law,
@@ -11,8 +12,6 @@ use crate::sweep::MinimumMethod;
 
 /// Fewest budgets that a law is fitted to before it is tested.
 const FEWEST: usize = 3;
-/// The 97.5th percentile of the normal distribution.
-const NORMAL_97_5: f64 = 1.959_963_985;
 
 /// All budgets of a sweep with their measured minima, ascending.
 pub(super) struct Rows<'a> {

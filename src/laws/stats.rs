@@ -1,5 +1,8 @@
 //! Small statistics that several steps share.
 
+/// The 97.5th percentile of the normal distribution.
+pub(super) const NORMAL_97_5: f64 = 1.959_964;
+
 /// Percentile intervals need the 2.5 % tails to hold at least one replicate.
 pub(crate) const MIN_REPLICATES: usize = 40;
 
@@ -86,17 +89,16 @@ pub(super) fn aic(y: &[f64], fitted: &[f64], coefficients: usize) -> f64 {
 /// (Abramowitz & Stegun 26.7.5), within 0.002 of the exact value.
 pub(super) fn student_t95(dof: usize) -> f64 {
     const TABLE: [f64; 5] = [12.7062, 4.3027, 3.1824, 2.7764, 2.5706];
-    const Z: f64 = 1.959_964;
     assert!(dof >= 1, "Student's t needs a degree of freedom");
     if let Some(tabled) = TABLE.get(dof - 1) {
         return *tabled;
     }
-    let nu = dof as f64;
-    let z2 = Z * Z;
-    let first = Z * (z2 + 1.0) / 4.0;
-    let second = Z * ((5.0 * z2 + 16.0) * z2 + 3.0) / 96.0;
-    let third = Z * (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / 384.0;
-    Z + first / nu + second / nu.powi(2) + third / nu.powi(3)
+    let (nu, z) = (dof as f64, NORMAL_97_5);
+    let z2 = z * z;
+    let first = z * (z2 + 1.0) / 4.0;
+    let second = z * ((5.0 * z2 + 16.0) * z2 + 3.0) / 96.0;
+    let third = z * (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / 384.0;
+    z + first / nu + second / nu.powi(2) + third / nu.powi(3)
 }
 
 /// The probability that a sum of squares of `dof` normal numbers exceeds `chi2`, the numbers being in

@@ -110,3 +110,15 @@ fn a_window_holds_the_longest_scale_and_patches_mix() {
     let error = section.check().unwrap_err().to_string();
     assert!(error.contains("a scale of 49 codes") && error.contains("196 or more"), "{error}");
 }
+
+#[test]
+fn codes_of_a_large_vocabulary_begin_from_as_many_patches_as_those_of_a_small_one() {
+    let begun = |codebook| {
+        let quantizer = QuantizerSpec::of_codebook(codebook);
+        TokenizerSpec { quantizer, ..TokenizerSpec::default() }.patches_begun_from()
+    };
+    let of_vq = [64, 1024, 40_000].map(|n_vocab| begun(CodebookSpec::Vq { n_vocab }));
+    assert_eq!(of_vq, [1 << 15, 48 * 1024, 48 * 40_000]);
+    // FSQ places no codes.
+    assert_eq!(begun(CodebookSpec::Fsq { levels: vec![8, 8, 8, 8] }), 1 << 15);
+}
