@@ -117,13 +117,16 @@ impl Recommended {
     /// Every tested law by how probable its own misses make it.
     ///
     /// Misses are normal with a deviation that is known to few degrees of freedom ν, so that a law whose
-    /// misses are twice as large is 2^ν times less believed, not ruled out.
+    /// misses are twice as large is 2^ν times less believed, not ruled out. They are taken whole: a law
+    /// whose misses may all be noise of the minima is not the better for it.
     pub fn beliefs(&self) -> Vec<Belief> {
-        let errors = self.scores.iter().map(|s| (s.law, ForecastError::of(&s.misses)));
-        let beliefs = errors.map(|(law, error)| {
-            let weight = (error.loss / EXPECTED.loss).powi(-(error.dof as i32));
-            Belief { law, weight, error }
-        });
+        let of = |score: &Score| {
+            let error = ForecastError::of(&score.misses);
+            let ratio = ForecastError::whole(&score.misses) / EXPECTED.loss;
+            let weight = ratio.powi(-(error.dof as i32));
+            Belief { law: score.law, weight, error }
+        };
+        let beliefs = self.scores.iter().map(of);
         let mut beliefs: Vec<Belief> = beliefs.collect();
         let sum: f64 = beliefs.iter().map(|belief| belief.weight).sum();
         beliefs.iter_mut().for_each(|belief| belief.weight /= sum);
@@ -162,6 +165,12 @@ const EXPECTED: ForecastError = ForecastError {
 };
 
 impl ForecastError {
+    /// The deviation of the loss for each factor e, had the minima been measured without noise.
+    fn whole(misses: &[Miss]) -> f64 {
+        let noiseless = |miss: &Miss| Miss { measured_to: MeasuredTo::default(), ..*miss };
+        Self::of(&misses.iter().map(noiseless).collect::<Vec<_>>()).loss
+    }
+
     /// Of some misses, drawn towards what is expected.
     ///
     /// A miss of variance r² ln² f + s² holds the law's own, r for each factor e, and that of the measured
@@ -227,6 +236,26 @@ mod tests {
         assert_eq!((found.tested, found.dof), (2, 2 + EXPECTED.dof));
         assert!((found.loss - drawn(2, 0.06, EXPECTED.loss)).abs() < 1e-12, "{found:?}");
         assert!((found.ln_size - drawn(2, 0.0, EXPECTED.ln_size)).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn of_laws_that_miss_alike_none_is_believed_for_its_noise() {
+        let measured_to = MeasuredTo { loss: 0.05, ..MeasuredTo::default() };
+        let score = |law, measured_to| {
+            let misses = vec![Miss { measured_to, ..miss(2, 2.0, 0.05) }];
+            Score { law, rms: 0.05, misses }
+        };
+        let recommended = Recommended {
+            law: Candidate::Joint,
+            minima_method: MinimumMethod::Parabola,
+            why: String::new(),
+            scores: vec![
+                score(Candidate::Joint, MeasuredTo::default()),
+                score(Candidate::Log, measured_to),
+            ],
+        };
+        let weights: Vec<f64> = recommended.beliefs().iter().map(|belief| belief.weight).collect();
+        assert_eq!(weights, [0.5, 0.5]);
     }
 
     #[test]
