@@ -90,7 +90,8 @@ impl RunRecord {
             about: RunFacts {
                 n_layer: self.planned.n_layer,
                 tokenizer: self.planned.tokenizer_id.clone(),
-                unique_tokens: self.measured.unique_tokens.map(|n| n as f64),
+                // A trainer of somebody's own that does not say leaves 0.
+                unique_tokens: self.measured.unique_tokens.filter(|n| *n > 0).map(|n| n as f64),
             },
         })
     }

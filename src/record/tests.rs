@@ -5,6 +5,8 @@ use serde_json::{Map, Value, json};
 use super::facts::{COLUMNS, LOSSES};
 use super::*;
 use crate::files::{FileError, read_if_there};
+use crate::laws::Metric;
+use crate::spec::FlopsRule::{Exact, OpenAi};
 
 /// A record as builds of format 1 wrote it.
 const FORMAT_1: &str = include_str!("../../tests/fixtures/record-format-1.json");
@@ -151,9 +153,17 @@ fn a_fact_of_another_type_is_damage() {
 }
 
 #[test]
+fn distinct_tokens_that_a_trainer_does_not_tell_are_unknown() {
+    let mut record = whole();
+    let mut of = |unique_tokens| {
+        record.measured.unique_tokens = unique_tokens;
+        record.point(OpenAi, &Metric::default()).unwrap().about.unique_tokens
+    };
+    assert_eq!([Some(7), Some(0), None].map(&mut of), [Some(7.0), None, None]);
+}
+
+#[test]
 fn a_point_says_which_metric_its_loss_is_and_a_record_which_it_lacks() {
-    use crate::laws::Metric;
-    use crate::spec::FlopsRule::{Exact, OpenAi};
     let mut record = of_format_1();
     let point = record.point(OpenAi, &Metric::default()).unwrap();
     assert_eq!((point.metric.name(), point.loss), ("loss_normalised", -0.08920798223131962));
