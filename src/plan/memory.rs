@@ -2,7 +2,7 @@
 
 use crate::data::DataFacts;
 use crate::motion::N_FEATURES;
-use crate::spec::{BASELINE_CLIPS, EvaluatorSpec, TextSpec, TokenizerSpec};
+use crate::spec::{EvaluatorSpec, TextSpec, TokenizerSpec};
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
 const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;
@@ -25,18 +25,22 @@ const BYTES_PER_PATCH: f64 = 2.0 * 4.0 * 4.0 * N_FEATURES as f64;
 pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let [train, ..] = data.clips;
     let frames_per_clip = data.train_frames() as f64 / train.max(1) as f64;
-    let pool = |clips: usize, mirrored: bool| {
-        let images = if mirrored { 2.0 } else { 1.0 };
-        images * clips.min(train) as f64 * frames_per_clip * POOL_BYTES_PER_FRAME
+    let pool_frames = |spec: &TokenizerSpec| {
+        let images = if spec.training.mirror { 2.0 } else { 1.0 };
+        images * spec.training.pool_clips.min(train) as f64 * frames_per_clip
     };
-    let patches = BYTES_PER_PATCH * spec.patches_begun_from().min(data.train_frames()) as f64;
-    let training = &spec.training;
-    let frames = (training.batch * training.window) as f64;
+    // A pool has no more patches than frames.
+    let begun = |spec: &TokenizerSpec| {
+        let patches = spec.patches_begun_from().unwrap_or(0) as f64;
+        BYTES_PER_PATCH * patches.min(pool_frames(spec))
+    };
+    let pool = |spec: &TokenizerSpec| POOL_BYTES_PER_FRAME * pool_frames(spec);
+    let frames = (spec.training.batch * spec.training.window) as f64;
     let step = frames * spec.training_bytes_per_frame();
-    let begun = if spec.architecture.begins_from_data() { patches } else { 0.0 };
-    let training = pool(training.pool_clips, training.mirror) + step.max(begun);
-    let baseline = pool(BASELINE_CLIPS, true) + patches;
-    (MOTION_BASE_BYTES + training.max(baseline)) as u64
+    let training = pool(spec) + step.max(begun(spec));
+    let k_means = TokenizerSpec::k_means_beside(&spec.quantizer);
+    let beside = k_means.map_or(0.0, |spec| pool(&spec) + begun(&spec));
+    (MOTION_BASE_BYTES + training.max(beside)) as u64
 }
 
 /// Peak bytes that tokenising a data set has to itself: a batch of clips in the encoder, and all

@@ -44,11 +44,18 @@ pub struct PatchSpec {
     pub encoder_blocks: usize,
     /// Residual blocks after the quantizer.
     pub decoder_blocks: usize,
+    /// Patches that k-means begins a code from, on average.
+    pub patches_per_code: usize,
 }
+
+/// Patches of training clips that weights and centres begin from, where the codes ask for no more.
+const FEWEST_PATCHES: usize = 1 << 15;
 
 impl Default for PatchSpec {
     fn default() -> Self {
-        Self { width: 128, frames: 4, latent: 32, encoder_blocks: 3, decoder_blocks: 4 }
+        let (width, frames, latent) = (128, 4, 32);
+        let (encoder_blocks, decoder_blocks, patches_per_code) = (3, 4, 48);
+        Self { width, frames, latent, encoder_blocks, decoder_blocks, patches_per_code }
     }
 }
 
@@ -99,11 +106,6 @@ impl ArchitectureSpec {
     /// Whether it sees joints at their height above the root.
     pub fn has_relative_heights(&self) -> bool {
         matches!(self, Self::Patch(_) | Self::Transformer(_))
-    }
-
-    /// Whether its weights begin from patches of training clips.
-    pub fn begins_from_data(&self) -> bool {
-        matches!(self, Self::Patch(_))
     }
 
     /// Which halves see a caption; `None` where neither does.
@@ -176,9 +178,15 @@ impl ArchitectureSpec {
 }
 
 impl PatchSpec {
+    /// Patches of training clips that its weights and the centres of `n_codes` codes begin from, where
+    /// the pool has as many.
+    pub(super) fn patches_begun_from(&self, n_codes: usize) -> usize {
+        FEWEST_PATCHES.max(self.patches_per_code * n_codes)
+    }
+
     /// Multiply-adds of a patch in both halves, beside the features that are none of the joints'.
     fn products(&self) -> f64 {
-        let Self { width, frames, latent, encoder_blocks, decoder_blocks } = self;
+        let Self { width, frames, latent, encoder_blocks, decoder_blocks, .. } = self;
         let (w, k, s) = (*width as f64, *latent as f64, *frames as f64);
         let blocks = (encoder_blocks + decoder_blocks) as f64;
         let (seen, all) = (67.0 * s, 263.0 * s);

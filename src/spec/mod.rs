@@ -57,7 +57,6 @@ pub use scores::ScoresSpec;
 pub use text::{TextEncoderKind, TextSpec, TextStates};
 pub use tokenizer::TokenizerSpec;
 pub use tokenizer_training::{
-    BASELINE_CLIPS, FEWEST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule,
-    TokenizerSection, TokenizerTraining,
+    TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };
 pub use transformer::{Detokenizer, NormPlacement, Positions, SWIGLU_RATIO, TransformerSpec};

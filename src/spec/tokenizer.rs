@@ -11,8 +11,7 @@ use super::quantizer::{
 use super::representation::Representation;
 use super::text::TextSpec;
 use super::tokenizer_training::{
-    FEWEST_PATCHES, TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection,
-    TokenizerTraining,
+    TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };
 
 /// A tokenizer, resolved: what is hashed.
@@ -103,6 +102,7 @@ impl TokenizerSection {
                 latent: self.latent.unwrap_or(default.latent),
                 encoder_blocks: self.encoder_blocks.unwrap_or(default.encoder_blocks),
                 decoder_blocks: self.decoder_blocks.unwrap_or(default.decoder_blocks),
+                patches_per_code: self.patches_per_code.unwrap_or(default.patches_per_code),
             });
         }
         let default = ConvolutionalSpec::default();
@@ -147,6 +147,7 @@ impl TokenizerSection {
             ("commitment", self.commitment, learned, "belongs to VQ"),
             ("reset_share", self.reset_share, vq, "belongs to VQ"),
         ];
+        require(vq || self.patches_per_code.is_none(), "patches_per_code", "belongs to VQ")?;
         for (field, value, is_read, problem) in written {
             require(is_read || value.is_none(), field, problem)?;
         }
@@ -165,9 +166,12 @@ impl TokenizerSection {
             let belongs = "belongs to `kind: patch` and `kind: transformer`";
             require(patch || transformer || written.is_none(), field, belongs)?;
         }
-        let blocks =
-            [("encoder_blocks", self.encoder_blocks), ("decoder_blocks", self.decoder_blocks)];
-        for (field, written) in blocks {
+        let of_patches = [
+            ("encoder_blocks", self.encoder_blocks),
+            ("decoder_blocks", self.decoder_blocks),
+            ("patches_per_code", self.patches_per_code),
+        ];
+        for (field, written) in of_patches {
             require(patch || written.is_none(), field, "belongs to `kind: patch`")?;
         }
         for (field, is_written) in self.of_transformers() {
@@ -184,15 +188,15 @@ impl TokenizerSpec {
     }
 
     /// Patches of training clips that its weights and the centres of its codes begin from, where the
-    /// pool has as many.
-    pub fn patches_begun_from(&self) -> usize {
-        let codebooks = self.quantizer.codebooks();
-        let learned = codebooks.iter().filter_map(|codebook| match codebook {
-            CodebookSpec::Vq { n_vocab } => Some(*n_vocab),
-            CodebookSpec::Fsq { .. } => None,
-        });
-        let most_codes = learned.max().unwrap_or(0);
-        FEWEST_PATCHES.max(self.training.patches_per_code * most_codes)
+    /// pool has as many; none where it begins from no data.
+    pub fn patches_begun_from(&self) -> Option<usize> {
+        let ArchitectureSpec::Patch(patch) = &self.architecture else { return None };
+        let learned = |codebook: &CodebookSpec| match codebook {
+            CodebookSpec::Vq { n_vocab } => *n_vocab,
+            CodebookSpec::Fsq { .. } => 0,
+        };
+        let n_codes = self.quantizer.codebooks().iter().map(learned).max().unwrap_or(0);
+        Some(patch.patches_begun_from(n_codes))
     }
 
     /// The codes that it gives clips.
@@ -267,5 +271,6 @@ impl TokenizerSpec {
     }
 }
 
+mod k_means;
 #[cfg(test)]
 mod tests;

@@ -10,12 +10,6 @@ use super::representation::Representation;
 use super::transformer::{Detokenizer, NormPlacement, Positions};
 use crate::units::number;
 
-/// Patches of training clips that weights and centres begin from, where the codes ask for no more.
-pub const FEWEST_PATCHES: usize = 1 << 15;
-
-/// Clips that the centres of k-means are placed by, beside every tokenizer, and their mirror images.
-pub const BASELINE_CLIPS: usize = 512;
-
 /// Which tokenizer, as it is written in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -128,6 +122,11 @@ macro_rules! keys {
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub decoder_blocks: Option<usize>,
+            /// VQ of patches: patches that k-means begins a code from, on average: 48, and 32,768 in
+            /// all at least.
+            #[serde(deserialize_with = "number::optional_count")]
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub patches_per_code: Option<usize>,
             /// Transformers: layers of each half, an odd number: 3; 9 in LG-Tok.
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
@@ -222,8 +221,6 @@ keys! {
     clip_norm: f64 = 0.0, 1.0, "number::optional_number";
     /// Clips of the training split that are held in memory and trained on: 2048.
     pool_clips: usize = 2048, 2048, "number::optional_count";
-    /// VQ of patches: patches that k-means begins a code from, on average: 48, and 32,768 in all at least.
-    patches_per_code: usize = 48, 48, "number::optional_count";
     /// Seed of the weights, the pool and the windows: 0.
     seed: u64 = 0, 0, "number::optional_seed";
 }

@@ -13,13 +13,10 @@ use super::evaluate::{Score, scores};
 use super::metrics::Baseline;
 use super::pool::WindowPool;
 use crate::data::{MotionSource, Split};
-use crate::spec::{
-    ArchitectureSpec, BASELINE_CLIPS, CodebookSpec, PatchSpec, QuantizerSpec, ResidualSpec,
-    TokenizerSpec, TokenizerTraining,
-};
+use crate::spec::{CodebookSpec, QuantizerSpec, TokenizerSpec};
 
 /// Codes are placed by so many patches each, or more.
-const PATCHES_PER_CODE: usize = 4;
+const FEWEST_PER_CODE: usize = 4;
 
 /// k-means with the codebooks of a quantizer, as [`Baseline`] has it; `None` for a multi-scale one, and
 /// where the training split has too few frames to place the codes.
@@ -31,21 +28,12 @@ pub fn k_means_baseline(
     source: &dyn MotionSource,
     device: &Device,
 ) -> Result<Option<Baseline>, TokenizerError> {
-    let Some((quantizer, n_vocab)) = learned(quantizer) else { return Ok(None) };
-    let spec = TokenizerSpec {
-        architecture: ArchitectureSpec::Patch(PatchSpec::default()),
-        quantizer,
-        training: TokenizerTraining {
-            pool_clips: BASELINE_CLIPS,
-            ..TokenizerTraining::of_patches()
-        },
-        ..TokenizerSpec::default()
-    };
+    let Some(spec) = TokenizerSpec::k_means_beside(quantizer) else { return Ok(None) };
     let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
     let n_features = source.stats().mean.len();
-    let frames = spec.frames_per_latent();
-    let n_patches = pool.patches(frames, spec.patches_begun_from()).len() / (frames * n_features);
-    if n_patches < PATCHES_PER_CODE * n_vocab {
+    let n_patches = pool.n_patches(spec.frames_per_latent());
+    let n_codes = quantizer.codebooks().first().map_or(0, CodebookSpec::n_vocab);
+    if n_patches < FEWEST_PER_CODE * n_codes {
         return Ok(None);
     }
     let module = begun(&spec, &pool, n_features, device).valid();
@@ -56,23 +44,6 @@ pub fn k_means_baseline(
         mpjpe_mm: Score::per_frame(&scores, |score| score.mpjpe_mm),
         mpjpe_heading_mm: Score::per_frame(&scores, |score| score.given_heading_mm),
     }))
-}
-
-/// The quantizer of as many codebooks that k-means can place, and the codes of each; none for scales
-/// of several lengths.
-fn learned(quantizer: &QuantizerSpec) -> Option<(QuantizerSpec, usize)> {
-    let n_vocab = quantizer.codebooks().first()?.n_vocab();
-    let codebook = CodebookSpec::Vq { n_vocab };
-    let learned = match quantizer {
-        QuantizerSpec::Fsq { .. } | QuantizerSpec::Vq { .. } => {
-            QuantizerSpec::of_codebook(codebook)
-        }
-        QuantizerSpec::Residual(own) => {
-            QuantizerSpec::Residual(ResidualSpec { codebook, ..own.clone() })
-        }
-        QuantizerSpec::Multiscale(_) => return None,
-    };
-    Some((learned, n_vocab))
 }
 
 #[cfg(test)]

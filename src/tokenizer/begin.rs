@@ -20,9 +20,9 @@ pub fn begun(
 ) -> TokenizerModule {
     let mut rng = stream(spec.training.seed, WEIGHTS_STREAM);
     let mut module = TokenizerModule::new(spec, n_features, &mut rng, device);
-    if spec.architecture.begins_from_data() {
+    if let Some(most) = spec.patches_begun_from() {
         let frames = spec.architecture.frames_per_latent();
-        let patches = pool.patches(frames, spec.patches_begun_from());
+        let patches = pool.patches(frames, most);
         let shape = [patches.len() / (frames * n_features), frames * n_features];
         let plain = device.clone().inner();
         module.begin(&Tensor::from_data(TensorData::new(patches, shape), &plain), n_features);

@@ -96,21 +96,25 @@ impl WindowPool {
     /// of a clip begin at its start, and once more half a patch later.
     pub fn patches(&self, frames: usize, most: usize) -> Vec<f32> {
         let size = frames * self.n_features;
-        let halves = if frames > 1 { vec![0, frames / 2 * self.n_features] } else { vec![0] };
-        let of = |clip: &'_ Vec<f32>| {
-            let parts = halves.iter().filter(|start| **start < clip.len());
-            parts.map(|start| (clip.len() - start) / size).sum::<usize>()
-        };
-        let all: usize = self.clips.iter().map(of).sum();
+        let all = self.n_patches(frames);
         let step = all.div_ceil(most).max(1);
-        let parts = self.clips.iter().flat_map(|clip| {
-            halves.iter().filter(|start| **start < clip.len()).map(move |start| &clip[*start..])
-        });
         let mut patches = Vec::with_capacity(all.div_ceil(step) * size);
-        for patch in parts.flat_map(|part| part.chunks_exact(size)).step_by(step) {
+        for patch in self.halves(frames).flat_map(|part| part.chunks_exact(size)).step_by(step) {
             patches.extend_from_slice(patch);
         }
         patches
+    }
+
+    /// How many patches of `frames` frames there are.
+    pub fn n_patches(&self, frames: usize) -> usize {
+        self.halves(frames).map(|part| part.len() / (frames * self.n_features)).sum()
+    }
+
+    /// Each clip from its start, and once more from half a patch later.
+    fn halves(&self, frames: usize) -> impl Iterator<Item = &[f32]> {
+        let later = (frames > 1).then_some(frames / 2 * self.n_features);
+        let starts = [Some(0), later].into_iter().flatten();
+        self.clips.iter().flat_map(move |clip| starts.clone().filter_map(|start| clip.get(start..)))
     }
 }
 

@@ -113,12 +113,16 @@ fn a_window_holds_the_longest_scale_and_patches_mix() {
 
 #[test]
 fn codes_of_a_large_vocabulary_begin_from_as_many_patches_as_those_of_a_small_one() {
-    let begun = |codebook| {
+    let begun = |kind, codebook| {
+        let section = with(|s| s.kind = kind);
         let quantizer = QuantizerSpec::of_codebook(codebook);
-        TokenizerSpec { quantizer, ..TokenizerSpec::default() }.patches_begun_from()
+        section.spec(quantizer, &TextSpec::default()).patches_begun_from()
     };
-    let of_vq = [64, 1024, 40_000].map(|n_vocab| begun(CodebookSpec::Vq { n_vocab }));
-    assert_eq!(of_vq, [1 << 15, 48 * 1024, 48 * 40_000]);
-    // FSQ places no codes.
-    assert_eq!(begun(CodebookSpec::Fsq { levels: vec![8, 8, 8, 8] }), 1 << 15);
+    let vq = |n_vocab| CodebookSpec::Vq { n_vocab };
+    let of_vq = [64, 1024, 40_000].map(|n_vocab| begun(TokenizerKind::Patch, vq(n_vocab)));
+    assert_eq!(of_vq, [1 << 15, 48 * 1024, 48 * 40_000].map(Some));
+    // FSQ places no codes, and a convolutional one begins from no data.
+    let fsq = CodebookSpec::Fsq { levels: vec![8, 8, 8, 8] };
+    assert_eq!(begun(TokenizerKind::Patch, fsq), Some(1 << 15));
+    assert_eq!(begun(TokenizerKind::Vq, vq(1024)), None);
 }

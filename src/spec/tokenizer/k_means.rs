@@ -1,0 +1,32 @@
+//! The k-means that a tokenizer is measured beside, as a tokenizer of its own.
+
+use super::TokenizerSpec;
+use crate::spec::{
+    ArchitectureSpec, CodebookSpec, PatchSpec, QuantizerSpec, ResidualSpec, TokenizerTraining,
+};
+
+/// Clips that its centres are placed by, and their mirror images.
+const CLIPS: usize = 512;
+
+impl TokenizerSpec {
+    /// k-means with as many codebooks of as many codes as a quantizer has; none for scales of several
+    /// lengths, which it cannot place.
+    pub fn k_means_beside(quantizer: &QuantizerSpec) -> Option<Self> {
+        let codebook = CodebookSpec::Vq { n_vocab: quantizer.codebooks().first()?.n_vocab() };
+        let quantizer = match quantizer {
+            QuantizerSpec::Fsq { .. } | QuantizerSpec::Vq { .. } => {
+                QuantizerSpec::of_codebook(codebook)
+            }
+            QuantizerSpec::Residual(own) => {
+                QuantizerSpec::Residual(ResidualSpec { codebook, ..own.clone() })
+            }
+            QuantizerSpec::Multiscale(_) => return None,
+        };
+        Some(Self {
+            architecture: ArchitectureSpec::Patch(PatchSpec::default()),
+            quantizer,
+            training: TokenizerTraining { pool_clips: CLIPS, ..TokenizerTraining::of_patches() },
+            ..Self::default()
+        })
+    }
+}
