@@ -121,6 +121,12 @@ impl Simulated<'_> {
     }
 }
 
+/// The same runs on a split of `unique_tokens`.
+pub(crate) fn of_split(unique_tokens: f64, points: Vec<IsoFlopPoint>) -> Vec<IsoFlopPoint> {
+    let about = RunFacts { unique_tokens: Some(unique_tokens), ..RunFacts::default() };
+    points.into_iter().map(|point| IsoFlopPoint { about: about.clone(), ..point }).collect()
+}
+
 /// [`Surface::optimum`] of [`SURFACE`], found once for each budget.
 pub(crate) fn known_optimum(budget: f64) -> (f64, f64) {
     static KNOWN: Mutex<BTreeMap<u64, (f64, f64)>> = Mutex::new(BTreeMap::new());

@@ -42,7 +42,7 @@ fn holds(interval: Option<[f64; 2]>, value: f64) -> bool {
 }
 
 #[test]
-#[ignore = "some minutes"]
+#[ignore = "some minutes; fails: 0.99 are held (docs/coverage.md)"]
 fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
     println!(
         "| truth | loss held | N_nv held | mean width of the loss | the laws together miss the loss, N_nv by \
@@ -78,6 +78,6 @@ fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
         held.push((truth, of_loss));
     }
     for (truth, share) in held {
-        assert!(share >= 0.92, "{truth:?}: {share}");
+        assert!((0.92..=0.98).contains(&share), "{truth:?}: {share}");
     }
 }

@@ -10,8 +10,8 @@ use crate::laws::select::usable;
 use crate::laws::split::Split;
 use crate::laws::stats::{extent, interval95};
 use crate::laws::{
-    Candidate, FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum,
-    Recommended, RunNoise, Tried,
+    FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
+    RunNoise, Tried,
 };
 use crate::sweep::MinimumMethod;
 
@@ -47,7 +47,7 @@ pub(super) fn judge(
     let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
     Judgement {
         forecast_error: Some(ForecastError::of(misses)),
-        joint: joint(&split.fitted, &recommended, scatter, options),
+        joint: joint(&split.fitted, repeat(&grids), &recommended, scatter, options),
         recommended: Some(recommended),
         ..own
     }
@@ -95,16 +95,15 @@ fn rank(rows: &Rows, method: MinimumMethod) -> Recommended {
     recommended(rows.scores(), method, rows.grids.len())
 }
 
-/// The joint law of the kind that was tested best, through some budgets, with its replicates where it is
-/// the one to believe.
+/// The joint law of some budgets, with what repetition is worth where runs repeat, and with its replicates
+/// where it is the one to believe.
 fn joint(
     grids: &[Grid],
+    repeats: bool,
     recommended: &Recommended,
     scatter: Scatter,
     options: &FitOptions,
 ) -> Option<JointLaw> {
-    let best = recommended.scores.iter().map(|score| score.law).find(|law| law.is_joint());
-    let repeats = best.map_or_else(|| repeat(grids), |law| law == Candidate::JointRepeats);
     let mut joint = fit_joint(grids, scatter.noise, repeats)?;
     if recommended.law.is_joint() {
         let count = options.bootstrap.min(JOINT_REPLICATES);

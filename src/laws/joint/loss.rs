@@ -121,11 +121,11 @@ impl JointLoss {
         let mut row = [0.0; MOST];
         row[..BASE].copy_from_slice(&[1.0, model, -n * model, data, -d * data]);
         if self.terms.vocab {
-            row[BASE] = -self.told(v);
+            row[BASE] = -told(v, self.kappa(0));
         }
         if self.terms.saturating {
             let (first, kappa) = (self.terms.kappa_e(), self.kappa(0));
-            let slope = (v * (-kappa * v).exp() - self.told(v)) / kappa;
+            let slope = (v * (-kappa * v).exp() - told(v, kappa)) / kappa;
             row[first..first + 3].copy_from_slice(&[-self.e1() * slope, v * model, v * data]);
         }
         if self.terms.crossed {
@@ -159,16 +159,7 @@ impl JointLoss {
 
     /// The loss at `v` where model and data are without end.
     fn limit(&self, v: f64) -> f64 {
-        self.values[0] - self.e1() * self.told(v)
-    }
-
-    /// What a vocabulary tells of a motion more than the middle one does, in units of e1: v, and less
-    /// the larger it is where the limit saturates.
-    fn told(&self, v: f64) -> f64 {
-        match self.terms.saturating {
-            true => -(-self.kappa(0) * v).exp_m1() / self.kappa(0),
-            false => v,
-        }
+        self.values[0] - self.e1() * told(v, self.kappa(0))
     }
 
     fn e1(&self) -> f64 {
@@ -187,6 +178,12 @@ impl JointLoss {
     fn ln_r(&self) -> f64 {
         self.values[self.values.len() - 1]
     }
+}
+
+/// What a vocabulary tells of a motion more than the middle one does, in units of e1: v, and with a κe
+/// above 0 less the larger it is.
+pub(super) fn told(v: f64, kappa_e: f64) -> f64 {
+    if kappa_e == 0.0 { v } else { -(-kappa_e * v).exp_m1() / kappa_e }
 }
 
 /// ln of what D tokens are worth where U of them are distinct.

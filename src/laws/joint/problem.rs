@@ -1,7 +1,7 @@
 //! What a fit of a joint law makes small.
 
 use super::levenberg::{MOST, MOST_STEPS, Residuals, Row, minimise};
-use super::loss::{ALPHA, BETA, JointLoss, Place, Terms};
+use super::loss::{ALPHA, BETA, JointLoss, Place, Terms, told};
 use super::weighed::{Cells, place};
 use crate::laws::RunNoise;
 use crate::laws::least_squares::least_squares;
@@ -155,11 +155,12 @@ impl Problem {
     fn start(&self, alpha: f64, beta: f64) -> Option<Vec<f64>> {
         let Terms { vocab, saturating, crossed, repeats } = self.frame.terms;
         let [n0, v0, d0] = self.frame.centre;
+        let kappa_e = if saturating { KAPPA_E } else { 0.0 };
         let row = |place: &Place| {
             let v = place.ln_vocab - v0;
             let mut row = vec![1.0, (-alpha * (place.ln_size - n0)).exp()];
             row.push((-beta * (place.ln_tokens - d0)).exp());
-            row.extend([(-KAPPA_E * v).exp_m1() / KAPPA_E].into_iter().filter(|_| vocab));
+            row.extend([-told(v, kappa_e)].into_iter().filter(|_| vocab));
             row
         };
         let rows: Vec<Vec<f64>> = self.places.iter().map(row).collect();
@@ -167,7 +168,7 @@ impl Problem {
         let positive = |x: f64| x.max(0.02).ln();
         let mut values = vec![c[0], positive(c[1]), alpha, positive(c[2]), beta];
         values.extend(c.get(3));
-        values.extend([KAPPA_E, 0.0, 0.0].into_iter().filter(|_| saturating));
+        values.extend([kappa_e, 0.0, 0.0].into_iter().filter(|_| saturating));
         values.extend([0.0].into_iter().filter(|_| crossed));
         values.extend([LN_R[0]].into_iter().filter(|_| repeats));
         Some(values)

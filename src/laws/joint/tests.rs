@@ -5,7 +5,8 @@ use crate::laws::budget::group_checked;
 use crate::laws::minima::Grid;
 use crate::laws::noise::Scatter;
 use crate::laws::random::Normals;
-use crate::laws::{IsoFlopPoint, NoiseSource, Parameters, RunFacts, RunNoise};
+use crate::laws::simulated::of_split;
+use crate::laws::{IsoFlopPoint, NoiseSource, Parameters, RunNoise};
 
 const BUDGETS: [f64; 4] = [1e10, 3e10, 1e11, 3e11];
 const WIDTHS: [f64; 7] = [8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0];
@@ -125,12 +126,6 @@ fn intervals_of_replicates_hold_the_truth() {
         held += usize::from(low <= loss && loss <= high);
     }
     assert!(held >= 17, "{held} of 20");
-}
-
-/// The same cells of a split of `unique_tokens`.
-fn of_split(unique_tokens: f64, points: Vec<IsoFlopPoint>) -> Vec<IsoFlopPoint> {
-    let about = RunFacts { unique_tokens: Some(unique_tokens), ..RunFacts::default() };
-    points.into_iter().map(|point| IsoFlopPoint { about: about.clone(), ..point }).collect()
 }
 
 #[test]

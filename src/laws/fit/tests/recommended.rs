@@ -1,13 +1,11 @@
 //! Which laws are tested.
 
 use super::*;
-use crate::laws::{Candidate, RunFacts};
+use crate::laws::Candidate;
+use crate::laws::simulated::of_split;
 
 fn tested(unique_tokens: f64) -> Vec<Candidate> {
-    let about = RunFacts { unique_tokens: Some(unique_tokens), ..RunFacts::default() };
-    let of_split = |point| IsoFlopPoint { about: about.clone(), ..point };
-    let points: Vec<IsoFlopPoint> = simulated().points().into_iter().map(of_split).collect();
-    let laws = fit(&points, &options()).unwrap();
+    let laws = fit(&of_split(unique_tokens, simulated().points()), &options()).unwrap();
     laws.judgement.recommended.unwrap().scores.into_iter().map(|score| score.law).collect()
 }
 
