@@ -2,7 +2,7 @@
 
 use crate::data::DataFacts;
 use crate::motion::N_FEATURES;
-use crate::spec::{EvaluatorSpec, TextSpec, TokenizerSpec};
+use crate::spec::{BegunFrom, EvaluatorSpec, TextSpec, TokenizerSpec};
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
 const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;
@@ -13,7 +13,7 @@ const FRAMES_ENCODED: f64 = 2048.0;
 /// What the runtime and the data's statistics take in a worker that reads motion.
 const MOTION_BASE_BYTES: f64 = 30e6;
 
-/// Bytes of a patch that k-means or weights begin from: the features of four frames, twice.
+/// Bytes of a patch that weights begin from: the features of four frames, twice.
 const BYTES_PER_PATCH: f64 = 2.0 * 4.0 * 4.0 * N_FEATURES as f64;
 
 /// Peak bytes that training a tokenizer has to itself: its pool of clips, and for each frame of a
@@ -31,8 +31,10 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     };
     // A pool has no more patches than frames.
     let begun = |spec: &TokenizerSpec| {
-        let patches = spec.patches_begun_from().unwrap_or(0) as f64;
-        BYTES_PER_PATCH * patches.min(pool_frames(spec))
+        let Some(BegunFrom { weights, codes }) = spec.begun_from() else { return 0.0 };
+        let most = pool_frames(spec);
+        let bytes_per_latent = 3.0 * 4.0 * spec.architecture.code_dim() as f64;
+        BYTES_PER_PATCH * most.min(weights as f64) + bytes_per_latent * most.min(codes as f64)
     };
     let pool = |spec: &TokenizerSpec| POOL_BYTES_PER_FRAME * pool_frames(spec);
     let frames = (spec.training.batch * spec.training.window) as f64;

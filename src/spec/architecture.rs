@@ -1,5 +1,6 @@
 //! [`ArchitectureSpec`]: which network turns features into latents and back.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::{SpecError, require};
@@ -46,16 +47,47 @@ pub struct PatchSpec {
     pub decoder_blocks: usize,
     /// Patches that k-means begins a code from, on average.
     pub patches_per_code: usize,
+    #[serde(skip_serializing_if = "Codes::are_learned")]
+    pub codes: Codes,
 }
 
-/// Patches of training clips that weights and centres begin from, where the codes ask for no more.
-const FEWEST_PATCHES: usize = 1 << 15;
+/// Whether the codes of patches move after k-means has placed them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Codes {
+    /// They follow the encoder, which training changes.
+    #[default]
+    Learned,
+    /// They stay where k-means of the patches' principal components places them, and only the decoder
+    /// is trained. A code is made of its own frames alone, and a vocabulary differs from another by
+    /// its size alone, however long training takes.
+    Fixed,
+}
+
+impl Codes {
+    fn are_learned(&self) -> bool {
+        *self == Self::Learned
+    }
+}
+
+/// Patches of training clips that weights begin from, and learned codes at least.
+const BEGUN_FROM: usize = 1 << 15;
+
+/// How many patches of training clips a tokenizer begins from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BegunFrom {
+    /// For the weights before and after the quantizer.
+    pub weights: usize,
+    /// For its codes.
+    pub codes: usize,
+}
 
 impl Default for PatchSpec {
     fn default() -> Self {
         let (width, frames, latent) = (128, 4, 32);
         let (encoder_blocks, decoder_blocks, patches_per_code) = (3, 4, 48);
-        Self { width, frames, latent, encoder_blocks, decoder_blocks, patches_per_code }
+        let codes = Codes::Learned;
+        Self { width, frames, latent, encoder_blocks, decoder_blocks, patches_per_code, codes }
     }
 }
 
@@ -106,6 +138,14 @@ impl ArchitectureSpec {
     /// Whether it sees joints at their height above the root.
     pub fn has_relative_heights(&self) -> bool {
         matches!(self, Self::Patch(_) | Self::Transformer(_))
+    }
+
+    /// Whether its codes move after they are placed.
+    pub fn codes(&self) -> Codes {
+        match self {
+            Self::Patch(sizes) => sizes.codes,
+            Self::Convolutional(_) | Self::Transformer(_) => Codes::Learned,
+        }
     }
 
     /// Which halves see a caption; `None` where neither does.
@@ -178,10 +218,12 @@ impl ArchitectureSpec {
 }
 
 impl PatchSpec {
-    /// Patches of training clips that its weights and the centres of `n_codes` codes begin from, where
-    /// the pool has as many.
-    pub(super) fn patches_begun_from(&self, n_codes: usize) -> usize {
-        FEWEST_PATCHES.max(self.patches_per_code * n_codes)
+    /// Patches of training clips that weights and `n_codes` codes of k-means begin from, where the pool
+    /// has as many.
+    pub(super) fn begun_from(&self, n_codes: usize) -> BegunFrom {
+        let wanted = self.patches_per_code * n_codes;
+        let codes = if self.codes.are_learned() { wanted.max(BEGUN_FROM) } else { wanted };
+        BegunFrom { weights: BEGUN_FROM, codes }
     }
 
     /// Multiply-adds of a patch in both halves, beside the features that are none of the joints'.

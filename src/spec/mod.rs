@@ -32,7 +32,7 @@ mod tokenizer_training;
 mod transformer;
 mod transformer_section;
 
-pub use architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
+pub use architecture::{ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, PatchSpec};
 pub use error::{KeyProblem, SpecError};
 pub use evaluator::{
     EvaluatorKind, EvaluatorSection, EvaluatorSpec, MatchingSpec, Mismatches, MotionClipSpec,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::architecture::{ArchitectureSpec, ConvolutionalSpec, PatchSpec};
+use super::architecture::{ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, PatchSpec};
 use super::error::{SpecError, require};
 use super::grid::Grid;
 use super::quantizer::{
@@ -95,7 +95,11 @@ impl TokenizerSection {
             return ArchitectureSpec::Transformer(self.transformer(window, text));
         }
         if self.kind == TokenizerKind::Patch {
-            let default = PatchSpec::default();
+            let mut default = PatchSpec::default();
+            let codes = self.codes.unwrap_or_default();
+            if codes == Codes::Fixed {
+                default.encoder_blocks = 0;
+            }
             return ArchitectureSpec::Patch(PatchSpec {
                 width: self.width.unwrap_or(default.width),
                 frames: self.frames.unwrap_or(default.frames),
@@ -103,6 +107,7 @@ impl TokenizerSection {
                 encoder_blocks: self.encoder_blocks.unwrap_or(default.encoder_blocks),
                 decoder_blocks: self.decoder_blocks.unwrap_or(default.decoder_blocks),
                 patches_per_code: self.patches_per_code.unwrap_or(default.patches_per_code),
+                codes,
             });
         }
         let default = ConvolutionalSpec::default();
@@ -148,8 +153,27 @@ impl TokenizerSection {
             ("reset_share", self.reset_share, vq, "belongs to VQ"),
         ];
         require(vq || self.patches_per_code.is_none(), "patches_per_code", "belongs to VQ")?;
+        self.check_codes(vq)?;
         for (field, value, is_read, problem) in written {
             require(is_read || value.is_none(), field, problem)?;
+        }
+        Ok(())
+    }
+
+    /// Codes are fixed where k-means places them, and then nothing before them is learned.
+    fn check_codes(&self, vq: bool) -> Result<(), SpecError> {
+        if self.codes != Some(Codes::Fixed) {
+            return Ok(());
+        }
+        let patch = self.kind == TokenizerKind::Patch;
+        require(patch && vq, "codes", "`fixed` belongs to `kind: patch` with VQ")?;
+        let learning = [
+            ("encoder_blocks", self.encoder_blocks.is_some()),
+            ("commitment", self.commitment.is_some()),
+            ("reset_share", self.reset_share.is_some()),
+        ];
+        for (field, written) in learning {
+            require(!written, field, "belongs to `codes: learned`")?;
         }
         Ok(())
     }
@@ -187,16 +211,16 @@ impl TokenizerSpec {
         self.quantizer.n_vocab()
     }
 
-    /// Patches of training clips that its weights and the centres of its codes begin from, where the
-    /// pool has as many; none where it begins from no data.
-    pub fn patches_begun_from(&self) -> Option<usize> {
+    /// Patches of training clips that it begins from, where the pool has as many; none where it begins
+    /// from no data.
+    pub fn begun_from(&self) -> Option<BegunFrom> {
         let ArchitectureSpec::Patch(patch) = &self.architecture else { return None };
         let learned = |codebook: &CodebookSpec| match codebook {
             CodebookSpec::Vq { n_vocab } => *n_vocab,
             CodebookSpec::Fsq { .. } => 0,
         };
         let n_codes = self.quantizer.codebooks().iter().map(learned).max().unwrap_or(0);
-        Some(patch.patches_begun_from(n_codes))
+        Some(patch.begun_from(n_codes))
     }
 
     /// The codes that it gives clips.

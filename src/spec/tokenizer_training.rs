@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::architecture::Codes;
 use super::error::{SpecError, require};
 use super::language::LanguageSection;
 use super::quantizer::QuantizerSection;
@@ -122,11 +123,14 @@ macro_rules! keys {
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub decoder_blocks: Option<usize>,
-            /// VQ of patches: patches that k-means begins a code from, on average: 48, and 32,768 in
-            /// all at least.
+            /// VQ of patches: patches that k-means begins a code from, on average: 48, and where codes
+            /// are learned 32,768 in all at least.
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]
             pub patches_per_code: Option<usize>,
+            /// VQ of patches: whether codes move after k-means, `learned`.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub codes: Option<Codes>,
             /// Transformers: layers of each half, an odd number: 3; 9 in LG-Tok.
             #[serde(deserialize_with = "number::optional_count")]
             #[serde(skip_serializing_if = "Option::is_none")]

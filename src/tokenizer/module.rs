@@ -10,7 +10,7 @@ use super::architecture::{self, AnyDecoder, AnyEncoder};
 use super::captions::Captions;
 use super::pass::Pass;
 use super::quantizer::{self, AnyQuantizer, Extent, Quantized, Quantizer};
-use crate::spec::TokenizerSpec;
+use crate::spec::{Codes, TokenizerSpec};
 
 /// What is trained and saved; it works on normalised features.
 #[derive(Module, Debug)]
@@ -18,6 +18,9 @@ pub struct TokenizerModule {
     encoder: AnyEncoder,
     quantizer: AnyQuantizer,
     decoder: AnyDecoder,
+    /// Whether the decoder alone is trained.
+    #[module(skip)]
+    codes_are_fixed: bool,
 }
 
 /// What one training pass gives.
@@ -41,27 +44,48 @@ impl TokenizerModule {
             encoder: kind.encoder(rng, device),
             quantizer: quantizer::init(spec, kind.code_dim(), rng, device),
             decoder: kind.decoder(rng, device),
+            codes_are_fixed: spec.architecture.codes() == Codes::Fixed,
         }
     }
 
-    /// Begins from patches of training clips, `[n, s·f]`: encoder, then quantizer, then decoder, each
-    /// from what those before it make of them.
-    pub fn begin(&mut self, patches_np: &Tensor<2>, n_features: usize) {
+    /// Begins the encoder and the decoder from patches of training clips, `[n, s·f]`.
+    pub fn begin_weights(&mut self, patches_np: &Tensor<2>, n_features: usize) {
         self.encoder.begin(patches_np);
+        let latents_nc = self.latents(patches_np.clone(), n_features);
+        self.decoder.begin(&latents_nc, patches_np);
+    }
+
+    /// Begins the quantizer from latents, `[n, c]`.
+    pub fn begin_codes(&mut self, latents_nc: &Tensor<2>) {
+        self.quantizer.begin(latents_nc);
+    }
+
+    /// The latent of each patch, `[n, c]`, without gradient.
+    pub fn latents(&self, patches_np: Tensor<2>, n_features: usize) -> Tensor<2> {
         let [n, p] = patches_np.dims();
-        let clips_btf = patches_np.clone().reshape([n, p / n_features, n_features]);
+        let clips_btf = patches_np.reshape([n, p / n_features, n_features]);
         let latents_btc = self.encoder.valid().forward(clips_btf, &mut Pass::default());
         let [_, _, c] = latents_btc.dims();
-        let latents_nc = latents_btc.reshape([n, c]);
-        self.quantizer.begin(&latents_nc);
-        self.decoder.begin(&latents_nc, patches_np);
+        latents_btc.reshape([n, c])
     }
 
     /// A training pass: gradients pass through, and the quantizer learns what it learns on the host.
     pub fn reconstruct(&mut self, x_btf: Tensor<3>, pass: &mut Pass) -> Reconstruction {
         let latents_btc = self.encoder.forward(x_btf, pass);
-        let Quantized { quantized_btc, auxiliary_loss } = self.quantizer.quantize(latents_btc);
+        let Quantized { quantized_btc, auxiliary_loss } = if self.codes_are_fixed {
+            self.quantize_fixed(latents_btc.detach())
+        } else {
+            self.quantizer.quantize(latents_btc)
+        };
         Reconstruction { features_btf: self.decoder.forward(quantized_btc, pass), auxiliary_loss }
+    }
+
+    /// Embeddings of the codes of latents, without gradient; no code moves.
+    fn quantize_fixed(&self, latents_btc: Tensor<3>) -> Quantized {
+        let [n_clips, n_latents, _] = latents_btc.dims();
+        let ids = self.quantizer.ids(latents_btc);
+        let quantized_btc = self.quantizer.embed(&ids, Extent { n_clips, n_latents });
+        Quantized { quantized_btc, auxiliary_loss: None }
     }
 
     /// The quantizer, which may learn beside the weights.

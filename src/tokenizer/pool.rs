@@ -92,17 +92,16 @@ impl WindowPool {
         (index, &clip[start..start + taken * self.n_features])
     }
 
-    /// Patches of `frames` frames, `[n, frames·f]`, spread evenly over all clips: `most` at most. Those
-    /// of a clip begin at its start, and once more half a patch later.
-    pub fn patches(&self, frames: usize, most: usize) -> Vec<f32> {
+    /// Patches of `frames` frames, `frames·f` values each, spread evenly over all clips: `most` at most.
+    /// Those of a clip begin at its start, and once more half a patch later.
+    pub fn patches(&self, frames: usize, most: usize) -> impl Iterator<Item = &[f32]> {
         let size = frames * self.n_features;
         let all = self.n_patches(frames);
-        let step = all.div_ceil(most).max(1);
-        let mut patches = Vec::with_capacity(all.div_ceil(step) * size);
-        for patch in self.halves(frames).flat_map(|part| part.chunks_exact(size)).step_by(step) {
-            patches.extend_from_slice(patch);
-        }
-        patches
+        let n = all.min(most);
+        // The i-th of n is number ⌊i · all / n⌋, so that as many are taken as are asked for.
+        let taken = move |at: &usize| (at * n) % all.max(1) < n;
+        let patches = self.halves(frames).flat_map(move |part| part.chunks_exact(size));
+        patches.enumerate().filter(move |(at, _)| taken(at)).map(|(_, patch)| patch)
     }
 
     /// How many patches of `frames` frames there are.
