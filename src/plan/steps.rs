@@ -29,7 +29,7 @@ pub const BUDGET_TOLERANCE: f64 = 0.01;
 
 /// Solves steps and batch so that 3 · `flops_per_token` · steps · batch meets the budget.
 ///
-/// The batch follows its rule, halved while it leaves fewer than `min_steps`. The error is a
+/// The batch follows its rule, made smaller while it leaves fewer than `min_steps`. The error is a
 /// sentence that says why no batch will do.
 pub fn spend(budget: f64, flops_per_token: f64, train: &TrainSection) -> Result<Spending, String> {
     let tokens = tokens_bought(budget, flops_per_token);
@@ -44,12 +44,14 @@ pub fn tokens_bought(budget: f64, flops_per_token: f64) -> f64 {
     budget / (TRAINING_PER_FORWARD * flops_per_token)
 }
 
-/// The batch of the rule for `tokens`, halved while it leaves `fewest` tokens fewer than `min_steps`.
+/// The batch of the rule for `tokens`; while it leaves `fewest` tokens fewer than `min_steps`, halved,
+/// or less by a step of the rule.
 pub fn widest_batch(tokens: f64, fewest: f64, train: &TrainSection) -> usize {
     let rule = &train.batch;
     let mut batch = batch_by_rule(tokens, rule);
-    while fewest / (batch as f64) < train.min_steps as f64 && batch / 2 >= rule.min {
-        batch /= 2;
+    let less = |batch: usize| rule.multiple_of.map_or(batch / 2, |step| batch.saturating_sub(step));
+    while fewest / (batch as f64) < train.min_steps as f64 && less(batch) >= rule.min {
+        batch = less(batch);
     }
     batch
 }
@@ -95,11 +97,14 @@ pub fn pace(params: &ParamCounts, tokens: usize, spending: Spending, train: &Tra
     }
 }
 
-/// The power of two nearest to c·D^p, within the rule's bounds.
+/// The power of two, or the multiple of the rule's step, nearest to c·D^p within the rule's bounds.
 fn batch_by_rule(tokens: f64, rule: &BatchRule) -> usize {
-    let wanted = rule.coefficient * tokens.powf(rule.tokens_exponent);
-    let power = 2f64.powi(wanted.max(1.0).log2().round() as i32) as usize;
-    power.clamp(rule.min, rule.max)
+    let wanted = (rule.coefficient * tokens.powf(rule.tokens_exponent)).max(1.0);
+    let rounded = match rule.multiple_of {
+        Some(step) => (wanted / step as f64).round() as usize * step,
+        None => 2f64.powi(wanted.log2().round() as i32) as usize,
+    };
+    rounded.clamp(rule.min, rule.max)
 }
 
 /// lr = c·N^p·D^q, at most the rule's maximum.
@@ -130,22 +135,38 @@ mod tests {
     proptest! {
         #[test]
         fn spending_meets_the_budget_or_says_why_not(
-            log_budget in 6.0..16.0f64, log_flops in 3.0..9.0f64,
+            log_budget in 6.0..16.0f64, log_flops in 3.0..9.0f64, finely in any::<bool>(),
         ) {
             let (budget, flops) = (10f64.powf(log_budget), 10f64.powf(log_flops));
-            let train = TrainSection::default();
+            let mut train = TrainSection::default();
+            train.batch.multiple_of = finely.then_some(16);
             match spend(budget, flops, &train) {
                 Ok(found) => {
                     let spent = 3.0 * flops * found.tokens() as f64;
                     prop_assert!((spent / budget - 1.0).abs() <= BUDGET_TOLERANCE);
                     prop_assert!((spent / budget - found.achieved_ratio).abs() < 1e-9);
                     prop_assert!(found.steps >= train.min_steps);
-                    prop_assert!(found.batch_tokens.is_power_of_two());
+                    prop_assert!(match train.batch.multiple_of {
+                        Some(step) => found.batch_tokens.is_multiple_of(step),
+                        None => found.batch_tokens.is_power_of_two(),
+                    });
                 }
                 Err(reason) => prop_assert!(budget / (3.0 * flops)
                     < (train.min_steps * train.batch.min) as f64 * 1.01, "{reason}"),
             }
         }
+    }
+
+    #[test]
+    fn a_batch_of_multiples_lies_nearest_to_its_rule_as_far_as_there_are_steps() {
+        let batch = |tokens: f64, multiple_of: Option<usize>, min_steps: usize| {
+            let rule = BatchRule { min: 32, multiple_of, ..BatchRule::default() };
+            let train = TrainSection { batch: rule, min_steps, ..TrainSection::default() };
+            widest_batch(tokens, tokens, &train)
+        };
+        // 0.35 · √250,000 = 175; 250,000 tokens are 2,000 steps of 125.
+        assert_eq!([None, Some(16)].map(|of| batch(250_000.0, of, 1)), [128, 176]);
+        assert_eq!([None, Some(16)].map(|of| batch(250_000.0, of, 2000)), [64, 112]);
     }
 
     #[test]

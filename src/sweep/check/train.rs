@@ -43,6 +43,11 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         ),
         (train.lr.coefficient > 0.0 && train.lr.max > 0.0, "train.lr", "a rate is above 0"),
         (train.batch.min > 0, "train.batch.min", "at least one token a step"),
+        (
+            train.batch.multiple_of != Some(0),
+            "train.batch.multiple_of",
+            "at least one token a step",
+        ),
         (train.batch.max >= train.batch.min, "train.batch.max", "must not be below `min`"),
         (train.min_steps > 0, "train.min_steps", "at least one step"),
         (train.weight_decay >= 0.0, "train.weight_decay", "must not be negative"),

@@ -160,7 +160,7 @@ impl ShortForm for LrRule {
     }
 }
 
-/// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded to a power of two within bounds.
+/// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded within bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BatchRule {
@@ -176,11 +176,16 @@ pub struct BatchRule {
     /// Most tokens a step.
     #[serde(deserialize_with = "number::count")]
     pub max: usize,
+    /// Tokens a step are a multiple of it; where left out, a power of two, which leaves a factor of 1.4
+    /// to either side of the rule.
+    #[serde(deserialize_with = "number::optional_count")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub multiple_of: Option<usize>,
 }
 
 impl Default for BatchRule {
     fn default() -> Self {
-        Self { coefficient: 0.35, tokens_exponent: 0.5, min: 64, max: 4096 }
+        Self { coefficient: 0.35, tokens_exponent: 0.5, min: 64, max: 4096, multiple_of: None }
     }
 }
 
@@ -190,7 +195,8 @@ impl ShortForm for BatchRule {
 
     fn of_number(tokens: f64) -> Result<Self, String> {
         let whole = number::whole(tokens.into())?;
-        Ok(Self { coefficient: tokens, tokens_exponent: 0.0, min: whole, max: whole })
+        let rule = Self { coefficient: tokens, tokens_exponent: 0.0, ..Self::default() };
+        Ok(Self { min: whole, max: whole, ..rule })
     }
 }
 
