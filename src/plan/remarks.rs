@@ -8,8 +8,6 @@ use crate::sweep::Sweep;
 
 /// Steps of a tokenizer below which its codes are mostly those that it began with.
 const FEWEST_TOKENIZER_STEPS: usize = 100;
-/// Steps that a run should have for each step that AdamW's second moment remembers, 1/(1 − β2).
-const MEMORIES: f64 = 10.0;
 
 /// Tokenizers and runs of too few steps, and rates and batches that their bounds cut off.
 pub(super) fn remarks(
@@ -55,7 +53,7 @@ fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
     }
     let train = &sweep.train;
     let count = |is: &dyn Fn(&PlannedRun) -> bool| runs.iter().filter(|run| is(run)).count();
-    let memory = MEMORIES / (1.0 - train.betas[1]);
+    let memory = 1.0 / (1.0 - train.betas[1]);
     let of_all = |n: usize| format!("{n} of {} runs", runs.len());
     let chosen = train.batch.tokens_exponent == 0.0;
     let cases = [
@@ -70,7 +68,7 @@ fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
         (
             count(&|run| (run.spec.steps as f64) < memory),
             format!(
-                "have fewer than {memory:.0} steps, ten times what beta2 = {} remembers",
+                "have fewer than {memory:.0} steps, which beta2 = {} remembers",
                 train.betas[1]
             ),
         ),
@@ -126,7 +124,7 @@ mod tests {
     #[test]
     fn too_few_steps_are_named() {
         let slow = "train: {lr: {max: 1}, betas: [0.9, 0.9999], min_steps: 1}";
-        assert!(says(slow, "have fewer than 100000 steps"), "{:?}", warnings(slow));
+        assert!(says(slow, "have fewer than 10000 steps"), "{:?}", warnings(slow));
         assert!(says("tokenizer: {steps: 10}", "the tokenizers are trained for 10 steps"));
         assert!(!says("tokenizer: {steps: 600}", "the tokenizers are trained"));
     }

@@ -146,10 +146,11 @@ mod tests {
                     prop_assert!((spent / budget - 1.0).abs() <= BUDGET_TOLERANCE);
                     prop_assert!((spent / budget - found.achieved_ratio).abs() < 1e-9);
                     prop_assert!(found.steps >= train.min_steps);
-                    prop_assert!(match train.batch.multiple_of {
-                        Some(step) => found.batch_tokens.is_multiple_of(step),
-                        None => found.batch_tokens.is_power_of_two(),
+                    let batch = found.batch_tokens;
+                    let rounded = train.batch.multiple_of.map_or(batch.is_power_of_two(), |step| {
+                        batch.is_multiple_of(step)
                     });
+                    prop_assert!(rounded, "{} tokens a step", batch);
                 }
                 Err(reason) => prop_assert!(budget / (3.0 * flops)
                     < (train.min_steps * train.batch.min) as f64 * 1.01, "{reason}"),

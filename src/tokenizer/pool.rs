@@ -162,6 +162,7 @@ fn choose(indices: &[usize], n: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spec::TokenizerTraining;
     use crate::tokenizer::testing::Waves;
     use rand_chacha::rand_core::SeedableRng;
 
@@ -202,6 +203,25 @@ mod tests {
         }
         let short = pool.windows(3, 4, &mut rng);
         assert_eq!((short.values.len(), short.n_visible(), short.n_frames), (3 * 8, 12, 4));
+    }
+
+    #[test]
+    fn as_many_patches_are_taken_as_are_asked_for_from_all_clips() {
+        let source = Waves::new(&[24, 9, 32, 17], 3);
+        let spec = TokenizerSpec::default();
+        let spec =
+            TokenizerSpec { training: TokenizerTraining { window: 8, ..spec.training }, ..spec };
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let pool = WindowPool::load(&source, &spec, &mut rng).unwrap();
+        // From the start of each clip, and from its third frame: 6 + 5, 2 + 1, 8 + 7 and 4 + 3.
+        assert_eq!(pool.n_patches(4), 36);
+        for n in 1..36 {
+            assert_eq!(pool.patches(4, n).count(), n);
+        }
+        assert_eq!(pool.patches(4, 50).count(), 36);
+        let four = Vec::from_iter(pool.patches(4, 4).map(<[f32]>::as_ptr));
+        let all = Vec::from_iter(pool.patches(4, 36).map(<[f32]>::as_ptr));
+        assert_eq!(four, [0, 9, 18, 27].map(|at| all[at]));
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use crate::data::{DataError, FeatureStats, MotionSource, Split};
 use crate::spec::{
-    ArchitectureSpec, ConvolutionalSpec, LanguagePlace, LanguageSpec, PatchSpec, QuantizerSpec,
-    TokenizerSpec, TokenizerTraining, TransformerSpec,
+    ArchitectureSpec, Codes, ConvolutionalSpec, LanguagePlace, LanguageSpec, PatchSpec,
+    QuantizerSpec, TokenizerSpec, TokenizerTraining, TransformerSpec,
 };
 use crate::text::{HashedNgrams, TextStore, embed};
 
@@ -125,6 +125,15 @@ pub fn patch_spec(quantizer: QuantizerSpec, steps: usize) -> TokenizerSpec {
         },
         ..TokenizerSpec::default()
     }
+}
+
+/// One of patches whose codes stay where k-means places them.
+pub fn fixed_spec(n_vocab: usize, steps: usize) -> TokenizerSpec {
+    let mut spec = patch_spec(QuantizerSpec::Vq { n_vocab }, steps);
+    if let ArchitectureSpec::Patch(sizes) = &mut spec.architecture {
+        (sizes.encoder_blocks, sizes.codes) = (0, Codes::Fixed);
+    }
+    spec
 }
 
 /// One of a transformer that trains in a moment; some of its halves see captions.

@@ -8,7 +8,7 @@ use crate::spec::{
     CodebookKind, LanguagePlace, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec,
 };
 use crate::tokenizer::testing::{
-    D_TEXT, Waves, patch_spec, small_spec, spec_of, text_of, transformer_spec,
+    D_TEXT, Waves, fixed_spec, patch_spec, small_spec, spec_of, text_of, transformer_spec,
 };
 
 /// Patches know where joints stand among the features, convolutions do not.
@@ -47,7 +47,7 @@ fn specs(steps: usize) -> impl Iterator<Item = TokenizerSpec> {
         quantizers(CONVOLUTIONAL_MIX).into_iter().map(move |quantizer| spec_of(quantizer, steps));
     let patches =
         quantizers(PATCH_MIX).into_iter().map(move |quantizer| patch_spec(quantizer, steps));
-    convolutional.chain(patches).chain(transformers(steps))
+    convolutional.chain(patches).chain(transformers(steps)).chain([fixed_spec(64, steps)])
 }
 
 /// Transformers that see captions nowhere, at both halves, and with several scales at one.
@@ -109,6 +109,24 @@ fn the_same_seed_gives_the_same_bits_and_another_seed_others() {
         assert_eq!(bits(&spec), bits(&spec));
         assert_ne!(bits(&spec), bits(&other));
     }
+}
+
+#[test]
+fn fixed_codes_stay_and_learned_ones_move_while_both_decoders_learn() {
+    let of = |spec: TokenizerSpec| {
+        let (tokenizer, losses) = losses(&spec);
+        let clip = source_of(&spec).clip(0, 0);
+        let ids = tokenizer.encode(&clip, None).unwrap();
+        (ids, losses[losses.len() - 10..].iter().sum::<f64>() / 10.0)
+    };
+    let learned = |steps| of(patch_spec(QuantizerSpec::Vq { n_vocab: 16 }, steps));
+    let fixed = |steps| of(fixed_spec(16, steps));
+    let ((begun, first), (trained, last)) = (fixed(10), fixed(160));
+    assert_eq!(begun, trained);
+    assert!(last < 0.95 * first, "{first} to {last}");
+    let ((begun, first), (trained, last)) = (learned(10), learned(160));
+    assert_ne!(begun, trained);
+    assert!(last < 0.95 * first, "{first} to {last}");
 }
 
 #[test]
