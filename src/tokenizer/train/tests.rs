@@ -119,8 +119,8 @@ fn fixed_codes_stay_and_learned_ones_move_while_both_decoders_learn() {
         let ids = tokenizer.encode(&clip, None).unwrap();
         (ids, losses[losses.len() - 10..].iter().sum::<f64>() / 10.0)
     };
-    let learned = |steps| of(patch_spec(QuantizerSpec::Vq { n_vocab: 16 }, steps));
-    let fixed = |steps| of(fixed_spec(16, steps));
+    let learned = |steps| of(patch_spec(QuantizerSpec::Vq { n_vocab: 64 }, steps));
+    let fixed = |steps| of(fixed_spec(64, steps));
     let ((begun, first), (trained, last)) = (fixed(10), fixed(160));
     assert_eq!(begun, trained);
     assert!(last < 0.95 * first, "{first} to {last}");
