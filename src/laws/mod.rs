@@ -12,6 +12,7 @@
 //! | the loss in N and D at once | [`fit_parametric`], [`optimum`] |
 //! | all of it, with intervals, errors on unseen budgets and advice | [`fit()`] |
 //! | which runs to train next | [`next_runs`] |
+//! | the optimum of a few cells that test a forecast | [`cross_optimum`] |
 //! | the published law | [`scamo()`] |
 //! | the vocabulary laws of Tao et al. 2024, as published | [`tao`] |
 //! | the frontier of loss in compute, and its laws | [`frontier()`], [`tao::frontier_laws`] |
@@ -62,6 +63,7 @@ mod check;
 mod cholesky;
 #[cfg(test)]
 mod coverage;
+mod cross;
 mod design;
 mod difference;
 mod error;
@@ -112,6 +114,7 @@ mod warnings;
 pub use approach1::{Approach1Options, FrontierPoint, approach1, frontier};
 pub use brief::brief;
 pub use budget::{Budget, group_budgets};
+pub use cross::{CrossOptimum, cross_optimum};
 pub use design::{DesignGoal, OpenRun, next_runs};
 pub use difference::{Difference, Estimate};
 pub use error::FitError;

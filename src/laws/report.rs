@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::cross::CrossOptimum;
 use super::text::count;
 use crate::sweep::MinimumMethod;
 
@@ -136,6 +137,18 @@ pub struct Measured {
     pub sizes: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vocabularies: Option<usize>,
+    /// The optimum between the cells, where these tell it: what the forecast is compared with in place
+    /// of the best cell's N_nv, N_v and D.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub optimum: Option<CrossOptimum>,
+}
+
+impl Measured {
+    /// N_nv, N_v and D of the optimum, or of the best cell.
+    pub fn at(&self) -> [f64; 3] {
+        let best = [self.params_nonvocab, self.params_vocab, self.tokens];
+        self.optimum.map_or(best, |o| [o.params_nonvocab, o.params_vocab, o.tokens])
+    }
 }
 
 /// Whether what was measured lies in the interval; absent where there is none.
@@ -173,13 +186,14 @@ impl Validated {
         };
         // One value alone is the best by default.
         let varied = |values: Option<usize>| values != Some(1);
+        let [size, vocab, tokens] = measured.at();
         let inside = Inside {
             loss: holds(predicted.loss_ci95, measured.loss),
-            params_nonvocab: holds(predicted.params_nonvocab_ci95, measured.params_nonvocab)
+            params_nonvocab: holds(predicted.params_nonvocab_ci95, size)
                 .filter(|_| varied(measured.sizes)),
-            params_vocab: holds(predicted.params_vocab_ci95, measured.params_vocab)
+            params_vocab: holds(predicted.params_vocab_ci95, vocab)
                 .filter(|_| varied(measured.vocabularies)),
-            tokens: holds(predicted.tokens_ci95, measured.tokens),
+            tokens: holds(predicted.tokens_ci95, tokens),
         };
         Self { budget_flops, extrapolation_factor, predicted, measured, inside }
     }
@@ -247,6 +261,7 @@ mod tests {
         runs: 5,
         sizes: Some(3),
         vocabularies: Some(3),
+        optimum: None,
     };
     const BEYOND: (f64, f64) = (3e12, 9.4);
 
@@ -267,6 +282,21 @@ mod tests {
             larger.ends_with("has -5.035; its N_nv and N_v lie outside of what was forecast."),
             "{larger}"
         );
+    }
+
+    #[test]
+    fn an_optimum_between_the_cells_is_judged_in_place_of_the_best_one() {
+        let of = |optimum| {
+            let measured = Measured { params_nonvocab: 5e4, optimum, ..MEASURED };
+            Validated::new(BEYOND, PREDICTED, measured).inside.params_nonvocab
+        };
+        let optimum = CrossOptimum {
+            params_nonvocab: 3.9e4,
+            params_vocab: 1e5,
+            n_vocab: 4867.0,
+            tokens: 1e7,
+        };
+        assert_eq!([None, Some(optimum)].map(of), [Some(false), Some(true)]);
     }
 
     #[test]

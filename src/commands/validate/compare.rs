@@ -7,7 +7,8 @@ use anyhow::{Context, Result};
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{
-    Inside, IsoFlopPoint, Measured, MinimumMethod, Predicted, Validated, minimum_at, times,
+    Inside, IsoFlopPoint, Measured, MinimumMethod, Predicted, Validated, cross_optimum, minimum_at,
+    times,
 };
 use isoflop::predict::Prediction;
 use isoflop::record::table;
@@ -57,6 +58,7 @@ fn best(points: &[IsoFlopPoint]) -> Option<Measured> {
         runs: points.len(),
         sizes: distinct(|point| point.params_nonvocab),
         vocabularies: distinct(|point| point.n_vocab),
+        optimum: cross_optimum(points),
     })
 }
 
@@ -96,11 +98,12 @@ pub fn text(validated: &Validated) -> String {
     );
     let size = (predicted.params_nonvocab, predicted.params_nonvocab_ci95);
     let vocab = (predicted.params_vocab, predicted.params_vocab_ci95);
+    let [size_found, vocab_found, tokens_found] = measured.at();
     let rows = [
         ("L_u", (predicted.loss, predicted.loss_ci95), measured.loss, loss),
-        ("N_nv", size, measured.params_nonvocab, params_nonvocab),
-        ("N_v", vocab, measured.params_vocab, params_vocab),
-        ("D", (Some(predicted.tokens), predicted.tokens_ci95), measured.tokens, tokens),
+        ("N_nv", size, size_found, params_nonvocab),
+        ("N_v", vocab, vocab_found, params_vocab),
+        ("D", (Some(predicted.tokens), predicted.tokens_ci95), tokens_found, tokens),
     ];
     for (name, (value, interval), found, inside) in rows {
         let number = |x: f64| if name == "L_u" { format!("{x:.4}") } else { format!("{x:.3e}") };
@@ -117,6 +120,12 @@ pub fn text(validated: &Validated) -> String {
         out += format!("{name:<6}{value:>12}{interval:>26}{:>12}  {verdict}", number(found))
             .trim_end();
         out += "\n";
+    }
+    if measured.optimum.is_some() {
+        out += &format!(
+            "N_nv, N_v and D by parabolas between the cells; the best one has {:.3e}, {:.3e}, {:.3e}\n",
+            measured.params_nonvocab, measured.params_vocab, measured.tokens
+        );
     }
     out
 }
