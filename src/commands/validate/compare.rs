@@ -123,7 +123,7 @@ pub fn text(validated: &Validated) -> String {
     }
     if measured.optimum.is_some() {
         out += &format!(
-            "N_nv, N_v and D by parabolas between the cells; the best one has {:.3e}, {:.3e}, {:.3e}\n",
+            "N_nv, N_v and D by parabolas between the cells;\nthe best cell has {:.3e}, {:.3e}, {:.3e}\n",
             measured.params_nonvocab, measured.params_vocab, measured.tokens
         );
     }
