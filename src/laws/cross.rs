@@ -1,23 +1,11 @@
 //! The optimum between the cells of a cross: sizes at one vocabulary, vocabularies at one size.
 
-use serde::{Deserialize, Serialize};
-
-use super::IsoFlopPoint;
 use super::cell::{Cell, best_index, cells};
 use super::least_squares::least_squares;
 use super::line::least_squares_line;
 use super::minima::Scale;
 use super::stats::distinct;
-
-/// Where the loss of one budget is least, as far as its cells tell.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CrossOptimum {
-    pub params_nonvocab: f64,
-    pub params_vocab: f64,
-    pub n_vocab: f64,
-    /// What the FLOPs of the best cell buy there, by N_nv + N_v.
-    pub tokens: f64,
-}
+use super::{CrossOptimum, IsoFlopPoint};
 
 /// The vertex of a parabola in ln N_nv through the vocabulary with the most sizes, and of one in ln V
 /// through the size with the most vocabularies; none where neither has a vertex between its cells.

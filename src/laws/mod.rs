@@ -114,7 +114,7 @@ mod warnings;
 pub use approach1::{Approach1Options, FrontierPoint, approach1, frontier};
 pub use brief::brief;
 pub use budget::{Budget, group_budgets};
-pub use cross::{CrossOptimum, cross_optimum};
+pub use cross::cross_optimum;
 pub use design::{DesignGoal, OpenRun, next_runs};
 pub use difference::{Difference, Estimate};
 pub use error::FitError;

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cross::CrossOptimum;
 use super::text::count;
 use crate::sweep::MinimumMethod;
 
@@ -149,6 +148,16 @@ impl Measured {
         let best = [self.params_nonvocab, self.params_vocab, self.tokens];
         self.optimum.map_or(best, |o| [o.params_nonvocab, o.params_vocab, o.tokens])
     }
+}
+
+/// Where the loss of one budget is least, as far as its cells tell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CrossOptimum {
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    pub n_vocab: f64,
+    /// What the FLOPs of the best cell buy there, by N_nv + N_v.
+    pub tokens: f64,
 }
 
 /// Whether what was measured lies in the interval; absent where there is none.
