@@ -111,8 +111,7 @@ impl Kind for Tokenizer {
         tokenizer.save(&place)?;
         let wall_s = started.elapsed().as_secs_f64();
         let metrics = tokenizer::evaluate(&tokenizer, &corpus, &assignment.job.id, wall_s)?;
-        let quantizer = &tokenizer.spec().quantizer;
-        let k_means = tokenizer::k_means_baseline(quantizer, &*source, assignment.device)?;
+        let k_means = tokenizer::k_means_baseline(tokenizer.spec(), &*source, assignment.device)?;
         write_json(&assignment.product(), &TokenizerMetrics { k_means, ..metrics })?;
         assignment.remove_checkpoint()?;
         Ok(Outcome::Done)

@@ -40,8 +40,7 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let frames = (spec.training.batch * spec.training.window) as f64;
     let step = frames * spec.training_bytes_per_frame();
     let training = pool(spec) + step.max(begun(spec));
-    let k_means = TokenizerSpec::k_means_beside(&spec.quantizer);
-    let beside = k_means.map_or(0.0, |spec| pool(&spec) + begun(&spec));
+    let beside = spec.k_means_beside().map_or(0.0, |spec| pool(&spec) + begun(&spec));
     (MOTION_BASE_BYTES + training.max(beside)) as u64
 }
 

@@ -13,26 +13,26 @@ use super::evaluate::{Score, scores};
 use super::metrics::Baseline;
 use super::pool::WindowPool;
 use crate::data::{MotionSource, Split};
-use crate::spec::{CodebookSpec, QuantizerSpec, TokenizerSpec};
+use crate::spec::{CodebookSpec, TokenizerSpec};
 
 /// Codes are placed by so many patches each, or more.
 const FEWEST_PER_CODE: usize = 4;
 
-/// k-means with the codebooks of a quantizer, as [`Baseline`] has it; `None` for a multi-scale one, and
-/// where the training split has too few frames to place the codes.
+/// k-means with the codebooks and the frames a code of `beside`, as [`Baseline`] has it; `None` for a
+/// multi-scale quantizer, and where the training split has too few frames to place the codes.
 ///
 /// # Errors
 /// A clip cannot be read.
 pub fn k_means_baseline(
-    quantizer: &QuantizerSpec,
+    beside: &TokenizerSpec,
     source: &dyn MotionSource,
     device: &Device,
 ) -> Result<Option<Baseline>, TokenizerError> {
-    let Some(spec) = TokenizerSpec::k_means_beside(quantizer) else { return Ok(None) };
+    let Some(spec) = beside.k_means_beside() else { return Ok(None) };
     let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
     let n_features = source.stats().mean.len();
     let n_patches = pool.n_patches(spec.frames_per_latent());
-    let n_codes = quantizer.codebooks().first().map_or(0, CodebookSpec::n_vocab);
+    let n_codes = spec.quantizer.codebooks().first().map_or(0, CodebookSpec::n_vocab);
     if n_patches < FEWEST_PER_CODE * n_codes {
         return Ok(None);
     }
@@ -50,22 +50,43 @@ pub fn k_means_baseline(
 mod tests {
     use super::*;
     use crate::data::{Procedural, ProceduralOptions};
-    use crate::spec::QuantizerKind;
+    use crate::spec::{ArchitectureSpec, PatchSpec, QuantizerKind, QuantizerSpec};
+
+    fn baseline(frames: usize, quantizer: QuantizerSpec) -> Option<Baseline> {
+        let options = ProceduralOptions { seed: 3, train_clips: 24, val_clips: 2, test_clips: 6 };
+        let architecture = ArchitectureSpec::Patch(PatchSpec { frames, ..PatchSpec::default() });
+        let beside = TokenizerSpec { architecture, quantizer, ..TokenizerSpec::default() };
+        k_means_baseline(&beside, &Procedural::new(options), &Device::flex()).unwrap()
+    }
+
+    fn of(n_vocab: usize) -> Option<Baseline> {
+        baseline(4, QuantizerSpec::Vq { n_vocab })
+    }
+
+    fn given(baseline: &Baseline) -> f64 {
+        baseline.mpjpe_heading_mm
+    }
 
     #[test]
     fn more_centres_are_nearer_and_too_many_have_no_baseline() {
-        let options = ProceduralOptions { seed: 3, train_clips: 24, val_clips: 2, test_clips: 6 };
-        let source = Procedural::new(options);
-        let baseline = |quantizer| k_means_baseline(&quantizer, &source, &Device::flex()).unwrap();
-        let of = |n_vocab| baseline(QuantizerSpec::Vq { n_vocab });
         let (few, many) = (of(4).unwrap(), of(64).unwrap());
-        let given = |baseline: &Baseline| baseline.mpjpe_heading_mm;
         assert!(given(&many) < 0.8 * given(&few), "{few:?} {many:?}");
         assert!(given(&many) <= many.mpjpe_mm, "{many:?}");
         assert_eq!(of(1 << 14), None);
-        let several = |kind: QuantizerKind| baseline(kind.section().of_size(16).unwrap());
+    }
+
+    #[test]
+    fn several_codebooks_are_nearer_and_scales_have_no_baseline() {
+        let several = |kind: QuantizerKind| baseline(4, kind.section().of_size(16).unwrap());
         let residual = several(QuantizerKind::Residual).unwrap();
         assert!(given(&residual) < given(&of(16).unwrap()), "{residual:?}");
         assert_eq!(several(QuantizerKind::Multiscale), None);
+    }
+
+    #[test]
+    fn codes_of_two_frames_are_measured_beside_centres_of_two_frames() {
+        let two = baseline(2, QuantizerSpec::Vq { n_vocab: 64 }).unwrap();
+        let four = of(64).unwrap();
+        assert!(given(&two) < given(&four), "{two:?} {four:?}");
     }
 }

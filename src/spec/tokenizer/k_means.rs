@@ -9,11 +9,12 @@ use crate::spec::{
 const CLIPS: usize = 512;
 
 impl TokenizerSpec {
-    /// k-means with as many codebooks of as many codes as a quantizer has; none for scales of several
-    /// lengths, which it cannot place.
-    pub fn k_means_beside(quantizer: &QuantizerSpec) -> Option<Self> {
-        let codebook = CodebookSpec::Vq { n_vocab: quantizer.codebooks().first()?.n_vocab() };
-        let quantizer = match quantizer {
+    /// k-means of patches as long as what a code stands for, with as many codebooks of as many codes as
+    /// this tokenizer has; none for scales of several lengths, which it cannot place.
+    pub fn k_means_beside(&self) -> Option<Self> {
+        let n_vocab = self.quantizer.codebooks().first()?.n_vocab();
+        let codebook = CodebookSpec::Vq { n_vocab };
+        let quantizer = match &self.quantizer {
             QuantizerSpec::Fsq { .. } | QuantizerSpec::Vq { .. } => {
                 QuantizerSpec::of_codebook(codebook)
             }
@@ -22,8 +23,9 @@ impl TokenizerSpec {
             }
             QuantizerSpec::Multiscale(_) => return None,
         };
+        let frames = self.frames_per_latent();
         Some(Self {
-            architecture: ArchitectureSpec::Patch(PatchSpec::default()),
+            architecture: ArchitectureSpec::Patch(PatchSpec { frames, ..PatchSpec::default() }),
             quantizer,
             training: TokenizerTraining { pool_clips: CLIPS, ..TokenizerTraining::of_patches() },
             ..Self::default()
