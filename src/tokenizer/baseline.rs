@@ -84,9 +84,11 @@ mod tests {
     }
 
     #[test]
-    fn codes_of_two_frames_are_measured_beside_centres_of_two_frames() {
+    fn codes_are_measured_beside_centres_of_as_many_frames_up_to_four() {
         let two = baseline(2, QuantizerSpec::Vq { n_vocab: 64 }).unwrap();
+        let eight = baseline(8, QuantizerSpec::Vq { n_vocab: 64 }).unwrap();
         let four = of(64).unwrap();
         assert!(given(&two) < given(&four), "{two:?} {four:?}");
+        assert_eq!(four, eight);
     }
 }

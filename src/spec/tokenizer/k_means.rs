@@ -9,8 +9,9 @@ use crate::spec::{
 const CLIPS: usize = 512;
 
 impl TokenizerSpec {
-    /// k-means of patches as long as what a code stands for, with as many codebooks of as many codes as
-    /// this tokenizer has; none for scales of several lengths, which it cannot place.
+    /// k-means of patches as long as what a code stands for, four frames at most, since principal
+    /// components of longer ones take minutes and gigabytes; with as many codebooks of as many codes as
+    /// this tokenizer has. None for scales of several lengths, which it cannot place.
     pub fn k_means_beside(&self) -> Option<Self> {
         let n_vocab = self.quantizer.codebooks().first()?.n_vocab();
         let codebook = CodebookSpec::Vq { n_vocab };
@@ -23,9 +24,10 @@ impl TokenizerSpec {
             }
             QuantizerSpec::Multiscale(_) => return None,
         };
-        let frames = self.frames_per_latent();
+        let longest = PatchSpec::default();
+        let frames = self.frames_per_latent().min(longest.frames);
         Some(Self {
-            architecture: ArchitectureSpec::Patch(PatchSpec { frames, ..PatchSpec::default() }),
+            architecture: ArchitectureSpec::Patch(PatchSpec { frames, ..longest }),
             quantizer,
             training: TokenizerTraining { pool_clips: CLIPS, ..TokenizerTraining::of_patches() },
             ..Self::default()
