@@ -32,7 +32,7 @@ fn laws(points: &[IsoFlopPoint], parameters: isoflop::laws::Parameters, hold_out
 /// The miss at the largest budget by the law that saw all the others.
 fn at_largest(score: &Score) -> f64 {
     let last = score.misses.iter().max_by_key(|miss| miss.n_fitted).unwrap();
-    last.of_minimum.abs()
+    last.minimum.unwrap().loss.abs()
 }
 
 fn scores(laws: &Laws) -> &[Score] {

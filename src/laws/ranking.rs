@@ -5,8 +5,8 @@ use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::minima::Grid;
 use super::stats::NORMAL_97_5;
 use super::{
-    Candidate, FitOptions, FloorLaw, MeasuredTo, Minimum, Miss, Parameters, Recommended, RunNoise,
-    Score, floor_law,
+    Candidate, FitOptions, FloorLaw, Minimum, Miss, MissedMinimum, Off, Parameters, Recommended,
+    RunNoise, Score, floor_law,
 };
 use crate::sweep::MinimumMethod;
 
@@ -22,9 +22,10 @@ pub(super) struct Rows<'a> {
     pub options: &'a FitOptions,
 }
 
-/// Power laws through minima, with both laws of their losses.
+/// Power laws through minima.
 struct Lines {
     set: LawSet,
+    /// The law of the loss; none where it is the log law of the set.
     floor: Option<FloorLaw>,
     reference: f64,
 }
@@ -43,9 +44,10 @@ impl Rows<'_> {
         let unfit = if repeat(self.grids) { Candidate::Joint } else { Candidate::JointRepeats };
         let candidates = Candidate::ALL.into_iter().filter(|law| *law != unfit);
         let mut scores: Vec<Score> = candidates.filter_map(|law| self.score(law)).collect();
-        let most = scores.iter().map(|score| score.misses.len()).max().unwrap_or(0);
-        // One that could not be tested everywhere is not compared.
-        scores.retain(|score| score.misses.len() == most && score.rms.is_finite());
+        let tests = |score: &Score| score.misses.iter().filter(|m| m.minimum.is_some()).count();
+        let most = scores.iter().map(tests).max().unwrap_or(0);
+        // One that could not be tested by every minimum is not compared.
+        scores.retain(|score| tests(score) == most && score.rms.is_finite());
         scores.sort_by(|a, b| a.rms.total_cmp(&b.rms));
         scores
     }
@@ -53,9 +55,10 @@ impl Rows<'_> {
     fn score(&self, law: Candidate) -> Option<Score> {
         let starts = FEWEST..self.grids.len();
         let misses: Vec<Miss> = starts.flat_map(|n| self.misses(law, n)).collect();
-        let squares: f64 = misses.iter().map(|miss| miss.loss.powi(2)).sum();
-        let rms = (squares / misses.len() as f64).sqrt();
-        (!misses.is_empty()).then_some(Score { law, rms, misses })
+        let untold = Score { law, rms: f64::NAN, misses };
+        let squares = untold.compared().map(|miss| miss.loss.by.powi(2));
+        let rms = (squares.sum::<f64>() / untold.compared().count() as f64).sqrt();
+        (!untold.misses.is_empty()).then_some(Score { rms, ..untold })
     }
 
     /// What a law through the first `n` budgets says of the others.
@@ -63,84 +66,116 @@ impl Rows<'_> {
         let Some(fitted) = self.fit(law, n) else { return Vec::new() };
         let largest = self.grids[n - 1].budget_flops;
         let measured = self.grids[n..].iter().zip(&self.minima[n..]);
-        let measured = measured.filter_map(|(grid, minimum)| Some((grid, minimum.as_ref()?)));
-        measured.filter_map(|measured| self.miss(law, &fitted, measured, n, largest)).collect()
+        let miss = |(grid, minimum): (&Grid, &Option<Minimum>)| {
+            let (loss, minimum) = self.missed(&fitted, grid, minimum.as_ref())?;
+            let (budget_flops, factor) = (grid.budget_flops, grid.budget_flops / largest);
+            Some(Miss { n_fitted: n, budget_flops, factor, loss, minimum })
+        };
+        measured.filter_map(miss).collect()
     }
 
     fn fit(&self, law: Candidate, n: usize) -> Option<Fitted> {
-        let used: Vec<Minimum> = self.minima[..n].iter().flatten().cloned().collect();
-        if used.len() < FEWEST {
-            return None;
-        }
         if law.is_joint() {
             let repeats = law == Candidate::JointRepeats;
             let joint = fit_joint(&self.grids[..n], self.noise, repeats)?;
             return Some(Fitted::Joint(Box::new(joint)));
         }
+        let used: Vec<Minimum> = self.minima[..n].iter().flatten().cloned().collect();
+        if used.len() < FEWEST {
+            return None;
+        }
         let columns = Columns::new(&used, self.grids, self.options);
         let reference = geometric_mean(&columns.compute);
         let set = law_set(&columns, reference, self.options)?;
-        let floor = floor_law(&columns.compute, &columns.loss, reference);
-        let lines = Lines { set, floor, reference };
-        let is_whole = law == Candidate::Log || lines.floor.is_some();
-        is_whole.then(|| Fitted::Lines(Box::new(lines)))
+        let floor = match law {
+            Candidate::Log => None,
+            _ => Some(floor_law(&columns.compute, &columns.loss, reference)?),
+        };
+        Some(Fitted::Lines(Box::new(Lines { set, floor, reference })))
     }
 
-    fn miss(
+    /// What a law misses a budget's loss by, and its minimum.
+    fn missed(
         &self,
-        law: Candidate,
         fitted: &Fitted,
-        (grid, measured): (&Grid, &Minimum),
-        n_fitted: usize,
-        largest: f64,
-    ) -> Option<Miss> {
-        let at = measured.budget_flops;
-        let mut measured_to = measured_to(measured);
-        let [loss, lowest, size, vocab, tokens] = match fitted {
-            Fitted::Joint(joint) => {
-                let best = joint.optimum(at)?;
-                let [loss, sd] = above(joint, grid, self.noise);
-                measured_to.loss = sd;
-                [loss, best.loss, best.params_nonvocab, best.params_vocab, best.tokens]
-            }
-            Fitted::Lines(lines) => {
-                let Lines { set, floor, reference } = &**lines;
-                let loss = match law {
-                    Candidate::Log => set.loss.loss_at(at),
-                    _ => floor.as_ref()?.loss_at(at, *reference),
-                };
-                let vocab = set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(at));
-                let miss = loss - measured.loss_normalised;
-                [miss, loss, set.params_nonvocab.value_at(at), vocab, set.tokens.value_at(at)]
-            }
+        grid: &Grid,
+        measured: Option<&Minimum>,
+    ) -> Option<(Off, Option<MissedMinimum>)> {
+        let said = fitted.at(grid.budget_flops)?;
+        let minimum = measured.map(|measured| self.missed_minimum(said, measured));
+        let loss = match fitted {
+            Fitted::Joint(joint) => above(joint, grid, self.noise),
+            Fitted::Lines(_) => Off {
+                by: minimum?.loss,
+                measured_to: deviation(measured?.ci95.unwrap_or_default().loss_normalised, |x| x),
+            },
         };
-        let split = self.options.parameters == Parameters::Split;
-        Some(Miss {
-            n_fitted,
-            budget_flops: measured.budget_flops,
-            factor: measured.budget_flops / largest,
-            loss,
-            of_minimum: lowest - measured.loss_normalised,
-            ln_size: (size / measured.params_nonvocab).ln(),
-            ln_vocab: if split { (vocab / measured.params_vocab).ln() } else { 0.0 },
-            ln_tokens: (tokens / measured.tokens).ln(),
+        Some((loss, minimum))
+    }
+
+    fn missed_minimum(&self, said: Said, measured: &Minimum) -> MissedMinimum {
+        let ci = measured.ci95.unwrap_or_default();
+        let off = |said: f64, measured: f64, measured_to: f64| Off {
+            by: (said / measured).ln(),
             measured_to,
-        })
+        };
+        let ln_size = deviation(ci.params_nonvocab, f64::ln);
+        let ln_vocab = deviation(ci.params_vocab, f64::ln);
+        // D = C / 6(N_nv + N_v), its logarithm to first order.
+        let share = measured.params_vocab / (measured.params_nonvocab + measured.params_vocab);
+        let ln_tokens = ((1.0 - share) * ln_size).hypot(share * ln_vocab);
+        let split = self.options.parameters == Parameters::Split;
+        let vocab = || off(said.params_vocab, measured.params_vocab, ln_vocab);
+        MissedMinimum {
+            loss: said.loss - measured.loss_normalised,
+            ln_size: off(said.params_nonvocab, measured.params_nonvocab, ln_size),
+            ln_vocab: if split { vocab() } else { Off::default() },
+            ln_tokens: off(said.tokens, measured.tokens, ln_tokens),
+        }
     }
 }
 
-/// How precisely a minimum was measured, read off its intervals.
-fn measured_to(minimum: &Minimum) -> MeasuredTo {
-    let ci = minimum.ci95.unwrap_or_default();
-    let sd = |interval: Option<[f64; 2]>, of: fn(f64) -> f64| {
-        interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
-    };
-    let ln_size = sd(ci.params_nonvocab, f64::ln);
-    let ln_vocab = sd(ci.params_vocab, f64::ln);
-    // D = C / 6(N_nv + N_v), its logarithm to first order.
-    let share = minimum.params_vocab / (minimum.params_nonvocab + minimum.params_vocab);
-    let ln_tokens = ((1.0 - share) * ln_size).hypot(share * ln_vocab);
-    MeasuredTo { loss: sd(ci.loss_normalised, |x| x), ln_size, ln_vocab, ln_tokens }
+/// What a law says of a budget.
+#[derive(Clone, Copy)]
+struct Said {
+    loss: f64,
+    params_nonvocab: f64,
+    params_vocab: f64,
+    tokens: f64,
+}
+
+impl Fitted {
+    fn at(&self, budget: f64) -> Option<Said> {
+        match self {
+            Self::Joint(joint) => joint.optimum(budget).map(|best| Said {
+                loss: best.loss,
+                params_nonvocab: best.params_nonvocab,
+                params_vocab: best.params_vocab,
+                tokens: best.tokens,
+            }),
+            Self::Lines(lines) => Some(lines.at(budget)),
+        }
+    }
+}
+
+impl Lines {
+    fn at(&self, budget: f64) -> Said {
+        let Self { set, floor, reference } = self;
+        Said {
+            loss: match floor {
+                Some(floor) => floor.loss_at(budget, *reference),
+                None => set.loss.loss_at(budget),
+            },
+            params_nonvocab: set.params_nonvocab.value_at(budget),
+            params_vocab: set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(budget)),
+            tokens: set.tokens.value_at(budget),
+        }
+    }
+}
+
+/// The standard deviation of a normal quantity of this interval; 0 where there is none.
+fn deviation(interval: Option<[f64; 2]>, of: fn(f64) -> f64) -> f64 {
+    interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
 }
 
 /// The best of some scores, or the log law where nothing could be tested.
@@ -155,7 +190,7 @@ pub(super) fn recommended(
             "fitted to smaller budgets, it missed the losses of larger ones by {:.4} nats (root mean \
              square of {}), {} by {:.4}",
             best.rms,
-            best.misses.len(),
+            best.compared().count(),
             worst.law.about(),
             worst.rms
         ),

@@ -117,7 +117,7 @@ fn rounds_reach_the_interval_of_the_grid_with_half_its_flops() {
 }
 
 /// The trained studies: the budget that is predicted is ten times their largest.
-const STUDIES: [&str; 3] = ["procedural-law", "two-frames", "own-frames"];
+const STUDIES: [&str; 4] = ["procedural-law", "two-frames", "own-frames", "two-frames-fixed"];
 
 #[test]
 #[ignore = "some seconds"]

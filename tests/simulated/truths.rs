@@ -8,6 +8,8 @@ const BUDGETS: [f64; 5] = [1e10, 2.2e10, 5e10, 1e11, 2.2e11];
 const WIDTHS: [f64; 9] = [8.0, 10.0, 12.0, 16.0, 20.0, 24.0, 32.0, 40.0, 52.0];
 const VOCABULARIES: [f64; 6] = [64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0];
 const NOISE: f64 = 0.03;
+/// Distinct tokens of the data, where runs repeat them.
+const UNIQUE_TOKENS: f64 = 1.5e5;
 /// The budget that is predicted: ten times the largest.
 pub const ASKED: f64 = 10.0 * BUDGETS[4];
 
@@ -18,21 +20,21 @@ pub enum Truth {
     DepthChange,
     /// Coupled terms, and data that is repeated beyond 150,000 tokens.
     Repetition,
+    /// The same, and worth less to a larger model, which learns it by heart sooner.
+    Memorising,
     /// Noise of Student's t with three degrees of freedom.
     HeavyTails,
 }
 
 impl Truth {
-    pub const ALL: [Self; 3] = [Self::DepthChange, Self::Repetition, Self::HeavyTails];
+    pub const ALL: [Self; 4] =
+        [Self::DepthChange, Self::Repetition, Self::Memorising, Self::HeavyTails];
 
     fn loss(self, n: f64, v: f64, d: f64) -> f64 {
         let v = v.ln();
         let worth = match self {
-            Self::Repetition => {
-                let (unique, r) = (1.5e5, 15.0);
-                let repeats = (d / unique - 1.0).max(0.0);
-                d.min(unique) + unique * r * (1.0 - (-repeats / r).exp())
-            }
+            Self::Repetition => worth(d, 15.0),
+            Self::Memorising => worth(d, 15.0 * (n / 1e4).powf(-0.5)),
             _ => d,
         };
         let smooth = -0.9 * v
@@ -76,7 +78,8 @@ impl Truth {
         let (nonvocab, params_vocab) = (24.0 * width * width, vocab * width);
         let tokens = budget / (6.0 * (nonvocab + params_vocab));
         let deep = matches!(self, Self::DepthChange) && nonvocab > 9e3;
-        let unique = matches!(self, Self::Repetition).then_some(1.5e5);
+        let repeats = matches!(self, Self::Repetition | Self::Memorising);
+        let unique = repeats.then_some(UNIQUE_TOKENS);
         IsoFlopPoint {
             run_id: format!("{budget:e} {width} {vocab} {seed}"),
             seed,
@@ -113,6 +116,13 @@ impl Truth {
         }
         least
     }
+}
+
+/// What `d` tokens are worth of which [`UNIQUE_TOKENS`] are distinct, r passes over them being worth the
+/// first one (Muennighoff et al. 2023).
+fn worth(d: f64, r: f64) -> f64 {
+    let repeats = (d / UNIQUE_TOKENS - 1.0).max(0.0);
+    d.min(UNIQUE_TOKENS) + UNIQUE_TOKENS * r * (1.0 - (-repeats / r).exp())
 }
 
 /// A standard normal by Box and Muller.

@@ -1,0 +1,46 @@
+//! [`Miss`]: what a law that saw smaller budgets alone said of a larger one, less what was measured there.
+
+use serde::{Deserialize, Serialize};
+
+/// A forecast of one budget of a sweep, against its measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Miss {
+    /// How many budgets the law was fitted to.
+    pub n_fitted: usize,
+    pub budget_flops: f64,
+    /// The budget over the largest that was fitted.
+    pub factor: f64,
+    /// Of the loss, in nats: that of the minimum, or, of a joint law, which says something of every cell,
+    /// the mean over the cells of the budget's valley.
+    pub loss: Off,
+    /// Of the minimum; none where its place is in doubt. A joint law alone is tested there.
+    pub minimum: Option<MissedMinimum>,
+}
+
+/// Of a measured minimum.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MissedMinimum {
+    /// Predicted less measured loss, in nats.
+    pub loss: f64,
+    /// Of ln N_nv, or ln N.
+    pub ln_size: Off,
+    /// Of ln N_v; 0 where N_v is not told apart.
+    pub ln_vocab: Off,
+    /// Of ln D.
+    pub ln_tokens: Off,
+}
+
+/// Predicted less measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Off {
+    pub by: f64,
+    /// The standard deviation of what was measured; 0 where it is not known.
+    pub measured_to: f64,
+}
+
+impl Off {
+    /// The square of what is the law's own.
+    pub(super) fn own_square(self) -> f64 {
+        self.by.powi(2) - self.measured_to.powi(2)
+    }
+}
