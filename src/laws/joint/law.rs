@@ -9,6 +9,7 @@ use crate::laws::Candidate;
 
 /// A joint law, and all that a prediction needs of the cells it was fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Unchecked")]
 pub struct JointLaw {
     pub loss: JointLoss,
     pub(super) cost: Cost,
@@ -19,8 +20,36 @@ pub struct JointLaw {
     /// Cells fitted.
     pub n: usize,
     /// The coefficients of each bootstrap replicate.
-    #[serde(default)]
     pub bootstrap: Vec<Vec<f64>>,
+}
+
+/// A joint law as a file has it.
+#[derive(Deserialize)]
+struct Unchecked {
+    loss: JointLoss,
+    cost: Cost,
+    residual_sd: f64,
+    dof: usize,
+    n: usize,
+    #[serde(default)]
+    bootstrap: Vec<Vec<f64>>,
+}
+
+impl TryFrom<Unchecked> for JointLaw {
+    type Error = String;
+
+    fn try_from(file: Unchecked) -> Result<Self, String> {
+        let Unchecked { loss, cost, residual_sd, dof, n, bootstrap } = file;
+        let (count, own) = (loss.terms.count(), loss.values.len());
+        let others = bootstrap.iter().map(Vec::len);
+        if let Some(other) = [own].into_iter().chain(others).find(|len| *len != count) {
+            return Err(format!(
+                "the joint law has {other} coefficients, and its terms ask for {count}; `isoflop fit` \
+                 with --save makes the laws anew"
+            ));
+        }
+        Ok(Self { loss, cost, residual_sd, dof, n, bootstrap })
+    }
 }
 
 impl JointLaw {

@@ -3,7 +3,7 @@
 use crate::laws::cholesky::solve;
 
 /// Coefficients at most.
-pub(super) const MOST: usize = 11;
+pub(super) const MOST: usize = 12;
 /// A number for each coefficient, and zeros after the last.
 pub(super) type Row = [f64; MOST];
 

@@ -15,7 +15,7 @@ pub struct Terms {
     /// χ: a token is worth less, or more, to a larger model.
     #[serde(default)]
     pub crossed: bool,
-    /// R: some runs repeat their data.
+    /// R and ρ: some runs repeat their data, which may be worth less to a larger model.
     pub repeats: bool,
 }
 
@@ -25,7 +25,8 @@ pub struct JointLoss {
     pub terms: Terms,
     /// ln N, ln V and ln D at the middle of the cells.
     pub centre: [f64; 3],
-    /// e0, ln A, α, ln B, β; then e1; then κe, κa, κb; then χ; then ln R: those that `terms` has.
+    /// e0, ln A, α, ln B, β; then e1; then κe, κa, κb; then χ; then ln R and ρ: those that `terms`
+    /// has.
     pub values: Vec<f64>,
     /// U, where data repeats.
     pub unique_tokens: Option<f64>,
@@ -40,7 +41,7 @@ pub(super) const BETA: usize = 4;
 impl Terms {
     /// Coefficients.
     pub fn count(self) -> usize {
-        self.chi() + usize::from(self.crossed) + usize::from(self.repeats)
+        self.ln_r() + 2 * usize::from(self.repeats)
     }
 
     /// The names of the coefficients, in their order.
@@ -51,7 +52,7 @@ impl Terms {
         own.chain(vocab)
             .chain(kappas.filter(move |_| self.saturating))
             .chain(["chi"].into_iter().filter(|_| self.crossed))
-            .chain(["ln R"].into_iter().filter(|_| self.repeats))
+            .chain(["ln R", "rho"].into_iter().filter(|_| self.repeats))
             .collect()
     }
 
@@ -63,6 +64,11 @@ impl Terms {
     /// Where χ stands among the values.
     pub(super) fn chi(self) -> usize {
         self.kappa_e() + 3 * usize::from(self.saturating)
+    }
+
+    /// Where ln R stands among the values; ρ follows.
+    pub(super) fn ln_r(self) -> usize {
+        self.chi() + usize::from(self.crossed)
     }
 }
 
@@ -133,24 +139,22 @@ impl JointLoss {
         }
         if self.terms.repeats {
             let step = 1e-4;
-            let ln_r = self.ln_r();
+            let ln_r = self.ln_r(n);
             let worth = |ln_r: f64| worth(place.ln_tokens, place.unique_tokens, ln_r);
             let slope = (worth(ln_r + step) - worth(ln_r - step)) / (2.0 * step);
-            row[self.terms.count() - 1] = -self.values[BETA] * data * slope;
+            let by_ln_r = -self.values[BETA] * data * slope;
+            row[self.terms.ln_r()..][..2].copy_from_slice(&[by_ln_r, -n * by_ln_r]);
         }
         (value, row)
     }
 
     fn parts(&self, place: &Place) -> Parts {
+        let [n, v] = [place.ln_size - self.centre[0], place.ln_vocab - self.centre[1]];
         let ln_tokens = match self.terms.repeats {
-            true => worth(place.ln_tokens, place.unique_tokens, self.ln_r()),
+            true => worth(place.ln_tokens, place.unique_tokens, self.ln_r(n)),
             false => place.ln_tokens,
         };
-        let [n, v, d] = [
-            place.ln_size - self.centre[0],
-            place.ln_vocab - self.centre[1],
-            ln_tokens - self.centre[2],
-        ];
+        let d = ln_tokens - self.centre[2];
         let model = (self.values[1] + self.kappa(1) * v - self.values[ALPHA] * n).exp();
         let data =
             (self.values[3] + self.kappa(2) * v + self.chi() * n - self.values[BETA] * d).exp();
@@ -175,8 +179,10 @@ impl JointLoss {
         if self.terms.crossed { self.values[self.terms.chi()] } else { 0.0 }
     }
 
-    fn ln_r(&self) -> f64 {
-        self.values[self.values.len() - 1]
+    /// ln R of a model `n` above the middle one.
+    fn ln_r(&self, n: f64) -> f64 {
+        let at = self.terms.ln_r();
+        self.values[at] - self.values[at + 1] * n
     }
 }
 

@@ -21,6 +21,8 @@ const KAPPAS_E: [f64; 2] = [0.002, 2.0];
 /// Passes over the data that are worth the first one, R: what is expected, ln 15 (Muennighoff et al.
 /// 2023), and its bounds.
 const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
+/// How far R may fall as N^−ρ: a larger model learns its data by heart sooner.
+const RHO: f64 = 0.3;
 /// Steps from each start, and how many of those that are lowest then are followed to their end.
 const FIRST_STEPS: usize = 15;
 const FOLLOWED: usize = 3;
@@ -49,8 +51,9 @@ fn expected(terms: Terms) -> Vec<Expectation> {
         all.push(Expectation { index: terms.chi(), mean: 0.0, sd: 0.3, in_logs: false });
     }
     if terms.repeats {
-        let index = terms.count() - 1;
+        let index = terms.ln_r();
         all.push(Expectation { index, mean: LN_R[0], sd: 1.0, in_logs: false });
+        all.push(Expectation { index: index + 1, mean: 0.0, sd: RHO, in_logs: false });
     }
     all
 }
@@ -170,7 +173,7 @@ impl Problem {
         values.extend(c.get(3));
         values.extend([kappa_e, 0.0, 0.0].into_iter().filter(|_| saturating));
         values.extend([0.0].into_iter().filter(|_| crossed));
-        values.extend([LN_R[0]].into_iter().filter(|_| repeats));
+        values.extend([LN_R[0], 0.0].into_iter().filter(|_| repeats));
         Some(values)
     }
 }
@@ -205,8 +208,8 @@ impl Residuals for Problem {
             *kappa_e = kappa_e.clamp(low, high);
         }
         if self.frame.terms.repeats {
-            let last = values.len() - 1;
-            values[last] = values[last].clamp(LN_R[1], LN_R[2]);
+            let ln_r = &mut values[self.frame.terms.ln_r()];
+            *ln_r = ln_r.clamp(LN_R[1], LN_R[2]);
         }
     }
 }

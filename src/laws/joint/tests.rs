@@ -129,11 +129,22 @@ fn intervals_of_replicates_hold_the_truth() {
 }
 
 #[test]
+fn a_file_with_other_coefficients_than_its_terms_is_refused() {
+    let law = fit_joint(&grids(&points(0.02, 3)), noise(0.02), false).unwrap();
+    let mut file = serde_json::to_value(&law).unwrap();
+    assert_eq!(serde_json::from_value::<JointLaw>(file.clone()).unwrap(), law);
+    file["loss"]["values"].as_array_mut().unwrap().pop();
+    let told = serde_json::from_value::<JointLaw>(file).unwrap_err().to_string();
+    assert!(told.contains("9 coefficients") && told.contains("ask for 10"), "{told}");
+}
+
+#[test]
 fn what_repetition_is_worth_stays_as_expected_where_no_run_repeats() {
     let grids = grids(&of_split(1e12, points(0.02, 3)));
     assert!(!repeat(&grids));
     let law = fit_joint(&grids, noise(0.02), true).unwrap().loss;
-    assert!((law.values.last().unwrap() - 2.7).abs() < 1e-6, "{:?}", law.values);
+    let [ln_r, rho] = law.values[law.terms.ln_r()..] else { panic!("{:?}", law.values) };
+    assert!((ln_r - 2.7).abs() < 1e-6 && rho.abs() < 1e-6, "{:?}", law.values);
 }
 
 #[test]
