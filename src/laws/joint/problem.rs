@@ -22,7 +22,7 @@ const KAPPAS_E: [f64; 2] = [0.002, 2.0];
 /// 2023), and its bounds.
 const LN_R: [f64; 3] = [2.7, -2.0, 8.0];
 /// How far R may fall as N^−ρ: a larger model learns its data by heart sooner.
-const RHO: f64 = 0.3;
+const RHO: f64 = 0.4;
 /// Steps from each start, and how many of those that are lowest then are followed to their end.
 const FIRST_STEPS: usize = 15;
 const FOLLOWED: usize = 3;
