@@ -10,7 +10,8 @@
 //! (χ above 0). With one vocabulary χ is left out, and it is their law.
 //!
 //! Where runs repeat their data, D is what repetition is worth of it (Muennighoff et al. 2023):
-//! U(1 + R(1 − e^(−(D/U − 1)/R))) of D tokens of which U are distinct.
+//! U(1 + R(1 − e^(−(D/U − 1)/R))) of D tokens of which U are distinct. R falls as N^−ρ, for a larger
+//! model may learn its data by heart sooner.
 //!
 //! | step | file |
 //! | --- | --- |
