@@ -44,8 +44,7 @@ impl TryFrom<Unchecked> for JointLaw {
         let others = bootstrap.iter().map(Vec::len);
         if let Some(other) = [own].into_iter().chain(others).find(|len| *len != count) {
             return Err(format!(
-                "the joint law has {other} coefficients, and its terms ask for {count}; `isoflop fit` \
-                 with --save makes the laws anew"
+                "the joint law has {other} coefficients, and its terms ask for {count}"
             ));
         }
         Ok(Self { loss, cost, residual_sd, dof, n, bootstrap })
