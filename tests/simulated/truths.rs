@@ -100,8 +100,8 @@ impl Truth {
         }
     }
 
-    /// The share of the intervals that should hold it at least. Memorising lies far out in what is expected
-    /// of ρ, and is held by less.
+    /// The share of the intervals that should hold it at least. Memorising has ρ = 0.5, beyond one standard
+    /// deviation of what is expected, and is held by less.
     pub fn fewest_held(self) -> f64 {
         if matches!(self, Self::Memorising) { 0.9 } else { 0.92 }
     }
