@@ -11,6 +11,7 @@
 
 mod clip_codes;
 mod histogram;
+mod share;
 mod store;
 
 pub use clip_codes::{ClipCodes, ClipScale};

@@ -103,6 +103,7 @@ fn run_json(run: &PlannedRun, needs: &[JobId], states: &RunStates) -> Value {
         "n_vocab": run.spec.n_vocab(),
         "seed": run.spec.seed,
         "budget_flops": run.spec.budget_flops,
+        "share": run.spec.share,
         "flops_per_token_forward": run.flops_per_token,
         "params_nonvocab": run.params.nonvocab,
         "params_vocab": run.params.vocab,

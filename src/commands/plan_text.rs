@@ -1,5 +1,6 @@
 //! The plan as a person reads it.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use isoflop::data::MemberFacts;
@@ -82,6 +83,12 @@ fn head(out: &mut String, plan: &Plan, states: &RunStates) {
     if plan.n_variants > 1 {
         *out += &wrap("", &format!("each cell in {} variants, of grid.vary", plan.n_variants));
     }
+    let shares: BTreeSet<String> =
+        plan.runs.iter().map(|run| run.spec.share.value().to_string()).collect();
+    if shares.len() > 1 {
+        let all: Vec<String> = shares.into_iter().collect();
+        *out += &wrap("", &format!("each cell on shares {} of the clips", all.join(", ")));
+    }
     if !plan.renamed.is_empty() {
         *out += &wrap("", &vocabularies(&plan.renamed));
     }
@@ -143,9 +150,12 @@ fn row(run: &PlannedRun, states: &RunStates) -> String {
 
 fn dropped(out: &mut String, plan: &Plan) {
     for cell in plan.dropped.iter().take(MOST_ROWS) {
-        let Dropped { n_layer, d_model, n_vocab, budget_flops, reason, .. } = cell;
-        let sentence =
-            format!("L{n_layer} d{d_model} V{n_vocab} C={}: {reason}", exponent(*budget_flops));
+        let Dropped { n_layer, d_model, n_vocab, budget_flops, share, reason, .. } = cell;
+        let sentence = format!(
+            "L{n_layer} d{d_model} V{n_vocab} C={}{}: {reason}",
+            exponent(*budget_flops),
+            share.said()
+        );
         *out += &wrap("dropped: ", &sentence);
     }
     if let Some(more) = plan.dropped.len().checked_sub(MOST_ROWS + 1) {

@@ -24,19 +24,48 @@ pub struct PredictArgs {
     /// A sweep's folder, a laws.json, or scamo for the published law
     #[arg(long, default_value = "scamo")]
     pub law: String,
+    /// Distinct tokens to train on, where that is not the sweep's own data, as in 2e6
+    #[arg(long, value_name = "U", value_parser = budget)]
+    pub unique_tokens: Option<f64>,
 }
 
 pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
-    let laws = laws_named(&args.law)?;
+    let own = laws_named(&args.law)?;
+    let asked = args.unique_tokens.map(|unique| on_data(&own, unique)).transpose()?;
+    let laws = asked.as_ref().unwrap_or(&own);
     let predictions = args
         .budgets
         .iter()
-        .map(|budget| predict_one(&laws, *budget))
-        .collect::<Result<Vec<Prediction>, _>>()?;
+        .map(|budget| Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens)))
+        .collect::<Result<Vec<Prediction>, PredictError>>()?;
     let text: Vec<String> =
         predictions.iter().map(|prediction| predict::said(prediction, output.full)).collect();
     output.result(&serde_json::to_value(&predictions)?, &text.join("\n"))?;
     Ok(Exit::Done)
+}
+
+/// The laws where other data is at hand.
+fn on_data(laws: &Laws, unique_tokens: f64) -> Result<Laws> {
+    laws.on_data(unique_tokens).with_context(|| {
+        format!(
+            "--unique-tokens asks what more data would be worth, which the laws of {} do not tell: it takes a \
+             sweep whose runs repeat their data, and shares of it tell it best (grid.shares)",
+            laws.name
+        )
+    })
+}
+
+/// The prediction, with a sentence where it is of other data than the sweep's.
+fn on_other_data(mut said: Prediction, own: &Laws, unique_tokens: Option<f64>) -> Prediction {
+    let tried = own.of_all_budgets().judgement.tried.and_then(|tried| tried.unique_tokens);
+    if let (Some(asked), Some(tried)) = (unique_tokens, tried) {
+        let sentence = format!(
+            "{asked:.3e} distinct tokens are asked for; the sweep had {tried:.3e}, and its test split is of its own \
+             data."
+        );
+        said.warnings.insert(0, sentence);
+    }
+    said
 }
 
 /// The published law, or those of a sweep's folder or of a file.

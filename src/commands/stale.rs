@@ -34,12 +34,12 @@ pub fn stale(plan: &Plan, folder: &ResultsFolder) -> Vec<Stale> {
     runs.into_iter().map(|(fields, runs)| Stale { runs, fields }).collect()
 }
 
-/// What makes two runs the same cell of a grid: layers, width, V, budget and seed.
-type CellKey = (usize, usize, usize, u64, u64);
+/// What makes two runs the same cell of a grid: layers, width, V, budget, share and seed.
+type CellKey = (usize, usize, usize, [u64; 2], u64);
 
 fn cell(spec: &RunSpec) -> CellKey {
-    let budget = spec.budget_flops.to_bits();
-    (spec.shape().n_layer, spec.shape().d_model, spec.n_vocab(), budget, spec.seed)
+    let spent = [spec.budget_flops, spec.share.value()].map(f64::to_bits);
+    (spec.shape().n_layer, spec.shape().d_model, spec.n_vocab(), spent, spec.seed)
 }
 
 /// The fields that differ, ids replaced by what they stand for.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::ticks::count;
-use crate::record::{Planned, RunRecord};
+use crate::record::{Planned, RunRecord, of_largest_share};
 use crate::spec::FlopsRule;
 
 /// A model's shape, as far as it is known; models are ordered by size.
@@ -77,10 +77,11 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Groups the runs that have a place on the figures; their FLOPs are counted by `rule`.
+    /// Groups the runs that have a place on the figures, those of the largest share of the data; their FLOPs
+    /// are counted by `rule`.
     pub fn of(records: &[RunRecord], rule: FlopsRule) -> Cells {
         let mut groups: BTreeMap<_, Vec<Shown>> = BTreeMap::new();
-        for shown in records.iter().filter_map(|run| Shown::of(run, rule).ok()) {
+        for shown in of_largest_share(records).filter_map(|run| Shown::of(run, rule).ok()) {
             let Planned { n_vocab, budget_flops, .. } = shown.run.planned;
             let key = (ModelSize::of(shown.run), n_vocab, budget_flops.to_bits());
             groups.entry(key).or_default().push(shown);

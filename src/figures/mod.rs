@@ -52,6 +52,7 @@ mod compare;
 mod generators;
 mod isoflop_parabolas;
 mod loss_vs_budget;
+mod loss_vs_data;
 mod loss_vs_flops;
 mod loss_vs_vocab;
 pub mod motion;
@@ -132,12 +133,13 @@ type Drawing = Result<Scene, String>;
 /// A figure: the name of its files, and how it is drawn.
 type Figure = (&'static str, fn(&Sources) -> Drawing);
 
-const FIGURES: [Figure; 7] = [
+const FIGURES: [Figure; 8] = [
     ("loss_vs_flops", loss_vs_flops::draw),
     ("isoflop_parabolas", isoflop_parabolas::draw),
     ("loss_vs_vocab", loss_vs_vocab::draw),
     ("vocab_vs_nonvocab", vocab_vs_nonvocab::draw),
     ("loss_vs_budget", loss_vs_budget::draw),
+    (loss_vs_data::NAME, loss_vs_data::draw),
     ("power_laws", power_laws::draw),
     ("tokenizers", tokenizers::draw),
 ];
@@ -166,7 +168,9 @@ pub fn draw_all(
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
     let left_out = runs_without_a_place(input.records, sources.rule);
     let mut drawn = Drawn { paths: Vec::new(), left_out };
-    for (name, draw) in FIGURES.into_iter().filter(|(name, _)| is_wanted(name)) {
+    // A sweep on one data set has no figure of data, and is not told so.
+    let is_meant = |name: &str| name != loss_vs_data::NAME || loss_vs_data::is_there(input.records);
+    for (name, draw) in FIGURES.into_iter().filter(|(name, _)| is_wanted(name) && is_meant(name)) {
         match draw(&sources) {
             Ok(scene) => drawn.paths.extend(write::figure(&scene, folder, name, formats)?),
             Err(reason) => drawn.left_out.push(LeftOut { name: name.to_owned(), reason }),

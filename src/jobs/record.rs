@@ -162,6 +162,7 @@ fn subject(
         tokenizer_kind: tokenizer.as_ref().map(|job| job.spec.architecture.name().to_string()),
         quantizer: tokenizer.map(|job| job.spec.quantizer.name().to_string()),
         varied: spec.varied.clone(),
+        share: Some(spec.share.value()),
     };
     (planned, price)
 }

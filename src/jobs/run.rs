@@ -15,7 +15,6 @@ use super::record::{ExactFlops, Report};
 use super::spec_file::write_once;
 use super::training::{Opened, share_done, trunk_state};
 use super::{program, text, tokens, trunk};
-use crate::data::Split;
 use crate::files::atomic::{write_bytes, write_json};
 use crate::files::{FileError, read_if_there};
 use crate::generator::{self, Inputs, Trained};
@@ -159,7 +158,7 @@ fn job(run: &PlannedRun, inputs: Vec<JobId>, plan: &Plan) -> Job {
 }
 
 /// What the built-in trainer says of a run.
-fn report(device_name: &str, inputs: &Inputs, trained: &Trained) -> Report {
+fn report(device_name: &str, spec: &RunSpec, inputs: &Inputs, trained: &Trained) -> Report {
     let tokens = inputs.tokens;
     Report {
         device: device_name.to_string(),
@@ -169,7 +168,7 @@ fn report(device_name: &str, inputs: &Inputs, trained: &Trained) -> Report {
         nats_per_frame: Some(trained.test.nats_per_frame),
         nats_per_second: None,
         tokens: None,
-        unique_tokens: tokens.n_targets(Split::Train),
+        unique_tokens: tokens.training_targets(spec.share),
         steps: None,
         batch_tokens: None,
         lr: None,
@@ -198,7 +197,7 @@ fn write_results(
         lines.push('\n');
     }
     write_bytes(&place.join("log.jsonl"), lines.as_bytes())?;
-    let report = report(assignment.device_name, &opened.inputs(), trained);
+    let report = report(assignment.device_name, spec, &opened.inputs(), trained);
     let record = report.record(assignment.folder, &assignment.job.id, spec);
     write_json(&assignment.product(), &record)?;
     assignment.remove_checkpoint()?;

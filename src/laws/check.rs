@@ -71,6 +71,6 @@ pub(super) fn repeats(points: &[IsoFlopPoint]) -> Option<String> {
     ))
 }
 
-fn key(p: &IsoFlopPoint) -> [f64; 4] {
-    [p.budget_flops, p.params_nonvocab, p.params_vocab, p.n_vocab]
+fn key(p: &IsoFlopPoint) -> [f64; 5] {
+    [p.budget_flops, p.params_nonvocab, p.params_vocab, p.n_vocab, p.share()]
 }

@@ -3,8 +3,10 @@
 use super::advice::advise;
 use super::bootstrap::{Bootstrap, Replicate, Sources};
 use super::budget::group_checked;
+use super::cell::Cell;
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::lost_runs::of_lost_runs;
+use super::minima::Grid;
 use super::noise::{Scatter, run_noise};
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
@@ -84,7 +86,8 @@ const MOST_WORK: usize = 50_000_000;
 
 /// The options with no more replicates than a large table can afford, and a sentence if fewer.
 fn affordable(options: &FitOptions, split: &Split) -> (FitOptions, Option<String>) {
-    let cells: usize = split.fitted.iter().map(|grid| grid.cells.len()).sum();
+    let of_grid = |grid: &Grid| grid.of_all_shares().map(<[Cell]>::len).sum::<usize>();
+    let cells: usize = split.fitted.iter().map(of_grid).sum();
     let bootstrap = options.bootstrap.min((MOST_WORK / cells.max(1)).max(2 * MIN_REPLICATES));
     let fewer = (bootstrap < options.bootstrap).then(|| {
         format!(

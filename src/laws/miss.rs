@@ -13,7 +13,8 @@ pub struct Miss {
     /// Of the loss, in nats: that of the minimum, or, of a joint law, which says something of every cell,
     /// the mean over the cells of the budget's valley.
     pub loss: Off,
-    /// Of the minimum; none where its place is in doubt. A joint law alone is tested there.
+    /// Of the minimum; none where its place is in doubt, or where too few minima of smaller budgets are beyond
+    /// it for a law through them. A joint law alone is tested there.
     pub minimum: Option<MissedMinimum>,
 }
 

@@ -115,7 +115,7 @@ mod warnings;
 
 pub use approach1::{Approach1Options, FrontierPoint, approach1, frontier};
 pub use brief::brief;
-pub use budget::{Budget, group_budgets};
+pub use budget::{Budget, group_budgets, of_largest_share};
 pub use cross::cross_optimum;
 pub use design::{DesignGoal, OpenRun, next_runs};
 pub use difference::{Difference, Estimate};
@@ -123,7 +123,7 @@ pub use error::FitError;
 pub use fit::fit;
 pub use floor_law::floor_law;
 pub use forecast_error::ForecastError;
-pub use joint::{JointLaw, JointLoss, JointOptimum, Terms};
+pub use joint::{JointLaw, JointLoss, JointOptimum, Repetition, Terms};
 pub use judgement::{IntervalPart, Judgement, Tried};
 pub use law_kind::LawKind;
 pub(crate) use least_squares::{LeastSquares, least_squares};

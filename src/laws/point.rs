@@ -38,8 +38,18 @@ pub struct RunFacts {
     pub n_layer: Option<usize>,
     /// The tokenizer that made its codes, by id.
     pub tokenizer: Option<String>,
-    /// Distinct tokens of the training split: a run of more tokens repeats them.
+    /// Distinct tokens of what it saw of the training split: a run of more tokens repeats them.
     pub unique_tokens: Option<f64>,
+    /// What it saw of the training split, 1 being all.
+    #[serde(default)]
+    pub share: Option<f64>,
+}
+
+impl IsoFlopPoint {
+    /// What it saw of the training split; all of it where nothing else is known.
+    pub fn share(&self) -> f64 {
+        self.about.share.unwrap_or(1.0)
+    }
 }
 
 /// Whether a table tells a model's parameters apart by the vocabulary.

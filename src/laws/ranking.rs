@@ -66,8 +66,11 @@ impl Rows<'_> {
         let Some(fitted) = self.fit(law, n) else { return Vec::new() };
         let largest = self.grids[n - 1].budget_flops;
         let measured = self.grids[n..].iter().zip(&self.minima[n..]);
+        // Laws are compared by budgets that all of them can be asked of.
+        let compared = self.fitted_minima(n).is_some();
         let miss = |(grid, minimum): (&Grid, &Option<Minimum>)| {
-            let (loss, minimum) = self.missed(&fitted, grid, minimum.as_ref())?;
+            let minimum = minimum.as_ref().filter(|_| compared);
+            let (loss, minimum) = self.missed(&fitted, grid, minimum)?;
             let (budget_flops, factor) = (grid.budget_flops, grid.budget_flops / largest);
             Some(Miss { n_fitted: n, budget_flops, factor, loss, minimum })
         };
@@ -80,10 +83,7 @@ impl Rows<'_> {
             let joint = fit_joint(&self.grids[..n], self.noise, repeats)?;
             return Some(Fitted::Joint(Box::new(joint)));
         }
-        let used: Vec<Minimum> = self.minima[..n].iter().flatten().cloned().collect();
-        if used.len() < FEWEST {
-            return None;
-        }
+        let used = self.fitted_minima(n)?;
         let columns = Columns::new(&used, self.grids, self.options);
         let reference = geometric_mean(&columns.compute);
         let set = law_set(&columns, reference, self.options)?;
@@ -92,6 +92,12 @@ impl Rows<'_> {
             _ => Some(floor_law(&columns.compute, &columns.loss, reference)?),
         };
         Some(Fitted::Lines(Box::new(Lines { set, floor, reference })))
+    }
+
+    /// The minima that power laws through the first `n` budgets are fitted to; none where they are too few.
+    fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
+        let used: Vec<Minimum> = self.minima[..n].iter().flatten().cloned().collect();
+        (used.len() >= FEWEST).then_some(used)
     }
 
     /// What a law misses a budget's loss by, and its minimum.

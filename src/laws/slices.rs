@@ -37,7 +37,8 @@ impl Slices {
     }
 }
 
-/// Moves runs to equal FLOPs by the rule that [`IsoFlopPoint::flops`] was counted by.
+/// Moves runs to equal FLOPs by the rule that [`IsoFlopPoint::flops`] was counted by; all of them saw as much
+/// of the data ([`of_largest_share`](super::of_largest_share)).
 ///
 /// # Errors
 /// As [`group_budgets`].

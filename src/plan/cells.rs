@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::spec::{GeneratorKind, QuantizerSection, QuantizerSpec};
+use crate::spec::{GeneratorKind, QuantizerSection, QuantizerSpec, Share};
 use crate::sweep::condition::Condition;
 use crate::sweep::{Axis, GridSection, ModelEntry, Sweep, VocabSpec, models};
 
@@ -13,6 +13,7 @@ pub struct GridCell {
     pub model: ModelEntry,
     pub quantizer: QuantizerSpec,
     pub budget_flops: f64,
+    pub share: Share,
 }
 
 /// Every cell that no condition excludes, and those that one does, with the condition.
@@ -54,13 +55,18 @@ fn crossed(sweep: &Sweep, grid: &GridSection) -> Vec<GridCell> {
         let generator = *generator;
         triples.iter().map(move |&[m, v, b]| (generator, m, v, b))
     };
-    let all = sweep.generator.0.iter().flat_map(of_kind);
-    let cell = |(generator, m, v, b): (GeneratorKind, usize, usize, usize)| GridCell {
-        generator,
-        model: models[m].clone(),
-        quantizer: quantizers[v].clone(),
-        budget_flops: grid.budgets[b],
-    };
+    let shares: Vec<Share> = grid.shares.iter().filter_map(|share| Share::new(*share)).collect();
+    let of_share =
+        |at: (GeneratorKind, usize, usize, usize)| shares.iter().map(move |share| (at, *share));
+    let all = sweep.generator.0.iter().flat_map(of_kind).flat_map(of_share);
+    let cell =
+        |((generator, m, v, b), share): ((GeneratorKind, usize, usize, usize), Share)| GridCell {
+            generator,
+            model: models[m].clone(),
+            quantizer: quantizers[v].clone(),
+            budget_flops: grid.budgets[b],
+            share,
+        };
     all.map(cell).collect()
 }
 
@@ -77,6 +83,7 @@ fn field(cell: &GridCell, name: &str) -> f64 {
         "n_head" => cell.model.n_head as f64,
         "d_model" => cell.model.d_model as f64,
         "n_vocab" => cell.quantizer.n_vocab() as f64,
+        "share" => cell.share.value(),
         _ => cell.budget_flops,
     }
 }

@@ -78,7 +78,7 @@ pub(super) fn planned_run(
     data: &DataFacts,
 ) -> PlannedRun {
     let spec = RunSpec { varied: varied.clone(), ..run_spec(sweep, cell, seed, inputs, data) };
-    let (tokens, unique_tokens) = (spec.tokens() as f64, inputs.unique_tokens);
+    let (tokens, unique_tokens) = (spec.tokens() as f64, spec.share.of(inputs.unique_tokens));
     PlannedRun {
         run_id: spec.id(),
         params: cell.params,
@@ -106,6 +106,7 @@ fn run_spec(
         generator: cell.generator.clone(),
         codes: cell.codes.clone(),
         budget_flops: cell.budget_flops,
+        share: cell.share,
         batch_tokens: cell.spending.batch_tokens,
         steps,
         lr: cell.pace.lr,

@@ -51,6 +51,7 @@ fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
         quantizer: cell.quantizer.clone(),
         codes,
         budget_flops: cell.budget_flops,
+        share: cell.share,
         flops_per_token,
         spending,
     })

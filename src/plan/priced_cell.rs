@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::cells::GridCell;
 use super::steps::{Pace, Spending};
-use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, QuantizerSpec};
+use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, QuantizerSpec, Share};
 
 /// A cell that can be trained.
 #[derive(Clone, Debug)]
@@ -14,6 +14,7 @@ pub struct PricedCell {
     /// The codes that the quantizer's tokenizer gives clips.
     pub codes: Grid,
     pub budget_flops: f64,
+    pub share: Share,
     pub params: ParamCounts,
     pub flops_per_token: FlopsPerToken,
     pub spending: Spending,
@@ -36,6 +37,7 @@ impl PricedCell {
             d_model: self.generator.shape().d_model,
             n_vocab: self.codes.n_vocab(),
             budget_flops: self.budget_flops,
+            share: self.share,
             reason,
         }
     }
@@ -49,6 +51,7 @@ pub struct Dropped {
     pub d_model: usize,
     pub n_vocab: usize,
     pub budget_flops: f64,
+    pub share: Share,
     pub reason: String,
 }
 
@@ -61,6 +64,7 @@ impl Dropped {
             d_model: cell.model.d_model,
             n_vocab: cell.quantizer.n_vocab(),
             budget_flops: cell.budget_flops,
+            share: cell.share,
             reason,
         }
     }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::spec::Precision;
 use crate::spec::TokenizerSpec;
-use crate::spec::{GeneratorSpec, Grid, ModelShape, ParamCounts, content_id};
+use crate::spec::{GeneratorSpec, Grid, ModelShape, ParamCounts, Share, content_id};
 
 /// Raised when the same spec would train to other bits: records of an older revision are stale.
 pub const TRAINING_REVISION: u32 = 3;
@@ -20,6 +20,9 @@ pub struct RunSpec {
     /// The codes that it learns to make.
     pub codes: Grid,
     pub budget_flops: f64,
+    /// What it sees of the training split; left out where it is all of it.
+    #[serde(default, skip_serializing_if = "Share::is_whole")]
+    pub share: Share,
     pub batch_tokens: usize,
     pub steps: usize,
     pub lr: f64,
@@ -98,11 +101,12 @@ impl RunSpec {
         self.steps * self.batch_tokens
     }
 
-    /// Names the cell for a person: `L2 d32 V240 C=1e10 seed 0`.
+    /// Names the cell for a person: `L2 d32 V240 C=1e10 seed 0`, and its share where that is not all.
     pub fn label(&self) -> String {
         let ModelShape { n_layer, d_model, .. } = *self.shape();
         let (v, c, seed) = (self.n_vocab(), self.budget_flops, self.seed);
-        format!("L{n_layer} d{d_model} V{v} C={c:e} seed {seed}")
+        let share = self.share.said();
+        format!("L{n_layer} d{d_model} V{v} C={c:e}{share} seed {seed}")
     }
 }
 

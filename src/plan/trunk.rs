@@ -67,7 +67,7 @@ fn common(cells: &[PricedCell], train: &TrainSection) -> (usize, Pace) {
 
 /// What cells must agree in to share a trunk.
 fn group_name(cell: &PricedCell) -> String {
-    format!("{:?} {:?}", cell.generator, cell.quantizer)
+    format!("{:?} {:?} {:?}", cell.generator, cell.quantizer, cell.share)
 }
 
 /// Notes in each run which trunk it branches off; returns the trunks, each once, every one after

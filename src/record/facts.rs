@@ -77,4 +77,6 @@ facts! {
     planned quantizer: Option<String>,
     /// What it has of the keys that the sweep varies: `train.lr=0.001`. Null where it varies none.
     planned varied: Option<String>,
+    /// What the run saw of the training split's clips, 1 being all. Null in older records, which saw all.
+    planned share: Option<f64>,
 }

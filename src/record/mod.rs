@@ -35,7 +35,7 @@ pub use cell::{CellKind, CellValue, FactColumn};
 pub use facts::{Measured, Planned};
 pub use metrics::Metrics;
 pub use quality::{Quality, write_scores};
-pub use run_record::{FORMAT, Lacking, RunRecord, flops_per_second};
+pub use run_record::{FORMAT, Lacking, RunRecord, flops_per_second, of_largest_share};
 pub use score_row::{ScoreRow, write_published};
 pub use scored_run::{ScoredRun, read_scores};
 pub use sliced::sliced;

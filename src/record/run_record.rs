@@ -68,6 +68,11 @@ impl RunRecord {
         counted.ok_or_else(|| Lacking { what: format!("flops_{}", rule.name()) })
     }
 
+    /// What it saw of the training split's clips, 1 being all.
+    pub fn share(&self) -> f64 {
+        self.planned.share.unwrap_or(1.0)
+    }
+
     /// The run as the laws see it: its FLOPs counted by a rule, its loss by a metric.
     ///
     /// # Errors
@@ -92,9 +97,16 @@ impl RunRecord {
                 tokenizer: self.planned.tokenizer_id.clone(),
                 // A trainer of somebody's own that does not say leaves 0.
                 unique_tokens: self.measured.unique_tokens.filter(|n| *n > 0).map(|n| n as f64),
+                share: self.planned.share,
             },
         })
     }
+}
+
+/// The runs that saw as much of the data as any.
+pub fn of_largest_share(records: &[RunRecord]) -> impl Iterator<Item = &RunRecord> {
+    let most = records.iter().map(RunRecord::share).fold(0.0, f64::max);
+    records.iter().filter(move |record| record.share() == most)
 }
 
 /// FLOPs of their budgets that runs spent a second, one at a time; `None` where that is no rate. Runs

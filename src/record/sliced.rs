@@ -1,19 +1,20 @@
 //! [`sliced`]: runs as laws by another count of FLOPs see them.
 
 use super::facts::LOSS_NORMALISED;
-use super::run_record::RunRecord;
+use super::run_record::{RunRecord, of_largest_share};
 use crate::laws::{FitError, IsoFlopPoint, Metric, slices};
 use crate::spec::FlopsRule;
 
 /// The runs moved to equal FLOPs by a rule, with the budgets, tokens and L_u that they have there: see
-/// [`slices`]. Those that lack the count or cannot be moved are left out.
+/// [`slices`]. Those that lack the count, saw a smaller share of the data than others or cannot be moved are
+/// left out.
 ///
 /// # Errors
 /// A run has a value that no law can use.
 pub fn sliced(records: &[RunRecord], rule: FlopsRule) -> Result<Vec<RunRecord>, FitError> {
     let point = |record| Some((record, RunRecord::point(record, rule, &Metric::default()).ok()?));
     let (records, points): (Vec<&RunRecord>, Vec<IsoFlopPoint>) =
-        records.iter().filter_map(point).unzip();
+        of_largest_share(records).filter_map(point).unzip();
     let moved = records.into_iter().zip(slices(&points)?.points);
     Ok(moved.filter_map(|(record, point)| Some(at(record, rule, &point?))).collect())
 }

@@ -12,7 +12,7 @@ use crate::spec::FlopsRule::{Exact, OpenAi};
 const FORMAT_1: &str = include_str!("../../tests/fixtures/record-format-1.json");
 
 /// Facts that format 1 does not have.
-const NEW: [&str; 4] = ["generator", "tokenizer_kind", "quantizer", "varied"];
+const NEW: [&str; 5] = ["generator", "tokenizer_kind", "quantizer", "varied", "share"];
 
 pub(super) fn of_format_1() -> RunRecord {
     serde_json::from_str(FORMAT_1).expect("the fixture reads")
@@ -25,6 +25,7 @@ pub(super) fn whole() -> RunRecord {
     record.planned.tokenizer_kind = Some("convolutional".to_string());
     record.planned.quantizer = Some("vq".to_string());
     record.planned.varied = Some("train.lr=0.001".to_string());
+    record.planned.share = Some(0.5);
     record.metrics.set("fid", 0.25);
     record
 }

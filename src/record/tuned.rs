@@ -13,8 +13,8 @@ pub struct Tuned {
     pub told: Option<String>,
 }
 
-/// A cell without what is varied: generator, layers, heads, width, vocabulary, budget.
-type Cell = (Option<String>, [Option<usize>; 3], usize, u64);
+/// A cell without what is varied: generator, layers, heads, width, vocabulary, budget and share.
+type Cell = (Option<String>, [Option<usize>; 3], usize, [u64; 2]);
 
 /// Variants that a sentence names, at most.
 const NAMED: usize = 4;
@@ -49,7 +49,8 @@ impl Tuned {
 fn cell(record: &RunRecord) -> Cell {
     let planned = &record.planned;
     let shape = [planned.n_layer, planned.n_head, planned.d_model];
-    (planned.generator.clone(), shape, planned.n_vocab, planned.budget_flops.to_bits())
+    let spent = [planned.budget_flops, planned.share.unwrap_or(1.0)].map(f64::to_bits);
+    (planned.generator.clone(), shape, planned.n_vocab, spent)
 }
 
 fn best<'a>(variants: &BTreeMap<Option<&'a str>, Vec<f64>>) -> Option<Option<&'a str>> {

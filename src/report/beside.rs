@@ -7,7 +7,7 @@ use super::scaling::budgets;
 use super::table::{interval, table};
 use crate::laws::PowerLaw;
 use crate::laws::text::count;
-use crate::record::RunRecord;
+use crate::record::{RunRecord, of_largest_share};
 
 /// The table; `None` where the sweep has one generator.
 pub fn section(studies: &[Study]) -> Option<Markup> {
@@ -71,7 +71,8 @@ fn hundredths(x: f64) -> String {
 
 /// The run of the lowest L_u at a budget.
 fn best(records: &[RunRecord], budget: f64) -> Option<(&RunRecord, f64)> {
-    let of_budget = records.iter().filter(|record| record.planned.budget_flops == budget);
+    let of_budget =
+        of_largest_share(records).filter(|record| record.planned.budget_flops == budget);
     let measured = of_budget.filter_map(|record| Some((record, record.loss_normalised().ok()?)));
     measured.min_by(|a, b| a.1.total_cmp(&b.1))
 }

@@ -6,7 +6,7 @@ use super::chart::{Chart, px};
 use super::input::Study;
 use super::scaling::{best_of_sizes, budgets, label};
 use crate::laws::text::count;
-use crate::record::RunRecord;
+use crate::record::{RunRecord, of_largest_share};
 
 /// Colours that the style has; further budgets begin again.
 const COLOURS: usize = 8;
@@ -50,7 +50,8 @@ fn curve(chart: &Chart, records: &[RunRecord], budget: f64, colour: usize) -> Ma
     };
     let is_best =
         |record: &RunRecord| best.iter().any(|best| best.planned.run_id == record.planned.run_id);
-    let of_budget = records.iter().filter(|record| record.planned.budget_flops == budget);
+    let of_budget =
+        of_largest_share(records).filter(|record| record.planned.budget_flops == budget);
     html! {
         g class={ "c" (colour) } {
             path.line d=(chart.path(best.iter().filter_map(place))) {}

@@ -6,8 +6,20 @@ use crate::laws::text::count;
 use crate::record::RunRecord;
 
 /// Names of the columns.
-const COLUMNS: [&str; 11] =
-    ["generator", "N_nv", "layers", "width", "V", "C", "seed", "D", "epochs", "L_u", "seconds"];
+const COLUMNS: [&str; 12] = [
+    "generator",
+    "N_nv",
+    "layers",
+    "width",
+    "V",
+    "C",
+    "share",
+    "seed",
+    "D",
+    "epochs",
+    "L_u",
+    "seconds",
+];
 
 /// A cell: what is read, and what it is sorted by.
 struct Cell {
@@ -48,7 +60,7 @@ fn row(record: &RunRecord) -> Markup {
     }
 }
 
-fn cells(record: &RunRecord) -> [Cell; 11] {
+fn cells(record: &RunRecord) -> [Cell; 12] {
     let (planned, measured) = (&record.planned, &record.measured);
     let whole = |value: Option<f64>| number(value, |x| format!("{x}"));
     let many = |value: f64| number(Some(value), count);
@@ -60,6 +72,7 @@ fn cells(record: &RunRecord) -> [Cell; 11] {
         of(planned.d_model),
         of(Some(planned.n_vocab)),
         many(planned.budget_flops),
+        whole(Some(record.share())),
         whole(planned.seed.map(|seed| seed as f64)),
         many(measured.tokens as f64),
         number(measured.epochs, |x| format!("{x:.2}")),

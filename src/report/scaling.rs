@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::laws::text::count;
-use crate::record::RunRecord;
+use crate::record::{RunRecord, of_largest_share};
 
 /// The runs of a study in a sentence.
 pub fn extent(records: &[&RunRecord]) -> String {
@@ -28,7 +28,7 @@ pub fn budgets<'a>(records: impl IntoIterator<Item = &'a RunRecord>) -> Vec<f64>
 /// The lowest L_u of each N_nv at a budget, with its run.
 pub fn best_of_sizes(records: &[RunRecord], budget: f64) -> Vec<&RunRecord> {
     let mut best: BTreeMap<usize, (&RunRecord, f64)> = BTreeMap::new();
-    for record in records.iter().filter(|record| record.planned.budget_flops == budget) {
+    for record in of_largest_share(records).filter(|record| record.planned.budget_flops == budget) {
         let Ok(loss) = record.loss_normalised() else { continue };
         let kept = best.entry(record.planned.params_nonvocab).or_insert((record, loss));
         if loss < kept.1 {

@@ -26,6 +26,7 @@ mod precision;
 mod quantizer;
 mod representation;
 mod scores;
+mod share;
 mod text;
 mod tokenizer;
 mod tokenizer_training;
@@ -54,6 +55,7 @@ pub use quantizer::{
 };
 pub use representation::Representation;
 pub use scores::ScoresSpec;
+pub use share::Share;
 pub use text::{TextEncoderKind, TextSpec, TextStates};
 pub use tokenizer::TokenizerSpec;
 pub use tokenizer_training::{

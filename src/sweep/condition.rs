@@ -1,7 +1,7 @@
 //! Conditions of `grid.exclude`: `n_vocab > 1000 and d_model < 64`.
 
 /// Names that a condition may compare.
-pub const FIELDS: [&str; 5] = ["n_layer", "n_head", "d_model", "n_vocab", "budget"];
+pub const FIELDS: [&str; 6] = ["n_layer", "n_head", "d_model", "n_vocab", "budget", "share"];
 
 /// Comparisons that must all hold.
 #[derive(Clone, Debug, PartialEq)]

@@ -9,6 +9,7 @@
 //! | C | 6 N D | FLOPs |
 //! | FLOPs spent | 6 N D | FLOPs |
 //! | seed, weight | 0, 1 | |
+//! | share of the data, distinct tokens | not known | , tokens |
 //!
 //! N = N_nv + N_v. Where only N is given it stands in the place of N_nv, and N_v and V are 0.
 //! 6 N D counts the multiplications and additions of one forward and one backward pass (Kaplan et
@@ -39,6 +40,9 @@ pub(super) struct Derived {
     pub loss: Vec<f64>,
     pub seed: Vec<f64>,
     pub weight: Vec<f64>,
+    /// NaN where they are not known, as the next.
+    pub share: Vec<f64>,
+    pub unique_tokens: Vec<f64>,
     pub notes: Vec<String>,
 }
 
@@ -77,6 +81,8 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
         loss: loss.to_vec(),
         seed: all(Quantity::Seed, 0.0),
         weight: all(Quantity::Weight, 1.0),
+        share: all(Quantity::Share, f64::NAN),
+        unique_tokens: all(Quantity::UniqueTokens, f64::NAN),
         notes,
     })
 }

@@ -18,7 +18,7 @@ pub(super) fn source(named: &Named, quantity: Quantity) -> String {
 }
 
 impl Derived {
-    /// Every value of a row, by the quantity that it is.
+    /// Every value that a row needs, by the quantity that it is.
     pub fn values(&self, row: usize) -> [(Quantity, f64); 9] {
         let total = self.parameters == Parameters::Total;
         let params = if total { Quantity::Params } else { Quantity::ParamsNonvocab };
@@ -35,10 +35,15 @@ impl Derived {
         ]
     }
 
+    /// What a row may leave out: NaN there.
+    fn optional(&self, row: usize) -> [(Quantity, f64); 2] {
+        [(Quantity::Share, self.share[row]), (Quantity::UniqueTokens, self.unique_tokens[row])]
+    }
+
     /// The point of a row whose logarithms all exist.
     pub fn checked(&self, row: usize, named: &Named) -> Result<IsoFlopPoint, TableError> {
         let run_id = &named.run_ids[row];
-        for (quantity, value) in self.values(row) {
+        for (quantity, value) in self.values(row).into_iter().chain(self.optional(row)) {
             if let Some(expected) = self.rejects(quantity, value) {
                 let source_of = source(named, quantity);
                 let run_id = run_id.clone();
@@ -57,7 +62,11 @@ impl Derived {
             metric: self.metric.clone(),
             loss: self.loss[row],
             weight: self.weight[row],
-            about: RunFacts::default(),
+            about: RunFacts {
+                share: Some(self.share[row]).filter(|share| !share.is_nan()),
+                unique_tokens: Some(self.unique_tokens[row]).filter(|n| !n.is_nan()),
+                ..RunFacts::default()
+            },
         })
     }
 
@@ -66,6 +75,8 @@ impl Derived {
         let unknown = match quantity {
             Quantity::ParamsVocab => self.parameters == Parameters::Total,
             Quantity::NVocab => self.parameters == Parameters::Total || !self.vocab_known,
+            // A row that does not say saw all of the data.
+            Quantity::Share | Quantity::UniqueTokens => value.is_nan(),
             _ => false,
         };
         let is_seed = (0.0..=LARGEST_SEED).contains(&value) && value.fract() == 0.0;

@@ -30,13 +30,17 @@ pub enum Quantity {
     Seed,
     /// How much the row counts.
     Weight,
+    /// Distinct tokens of what the run was trained on.
+    UniqueTokens,
+    /// What it saw of the data, 1 being all.
+    Share,
     /// What messages call the row.
     RunId,
 }
 
 impl Quantity {
     /// Every quantity with its name.
-    pub const ALL: [(&'static str, Self); 12] = [
+    pub const ALL: [(&'static str, Self); 14] = [
         ("params", Self::Params),
         ("params_nonvocab", Self::ParamsNonvocab),
         ("params_vocab", Self::ParamsVocab),
@@ -48,6 +52,8 @@ impl Quantity {
         ("loss", Self::Loss),
         ("seed", Self::Seed),
         ("weight", Self::Weight),
+        ("unique_tokens", Self::UniqueTokens),
+        ("share", Self::Share),
         ("run_id", Self::RunId),
     ];
 

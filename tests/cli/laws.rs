@@ -252,3 +252,23 @@ fn what_to_run_next_is_a_sweep_over_the_one_that_was_run() {
     table.exits(2).says("--next wants a sweep's folder");
     assert!(!place.path("no.yaml").exists());
 }
+
+#[test]
+fn a_law_of_repeated_data_is_asked_of_more_data() {
+    let results = |name: &str| format!("{}/results/{name}", env!("CARGO_MANIFEST_DIR"));
+    let place = Place::new();
+    let asked = |more: &[&str]| {
+        let study = results("motion-law");
+        let words = [&["predict", "3.2e11", "--law", &study, "--json"], more].concat();
+        place.isoflop(&words).exits(0).json()[0].clone()
+    };
+    let loss = |prediction: &serde_json::Value| prediction["loss_normalised"].as_f64().unwrap();
+    let [less, own, more] =
+        [&["--unique-tokens", "4e4"][..], &[], &["--unique-tokens", "1e6"]].map(asked);
+    assert!(loss(&less) > loss(&own) && loss(&own) > loss(&more), "{less} {own} {more}");
+    let told = more["warnings"][0].as_str().unwrap();
+    assert!(told.contains("1.000e6 distinct tokens are asked for"), "{told}");
+    let fresh = results("procedural-law");
+    let asked = ["predict", "3e12", "--law", &fresh, "--unique-tokens", "1e6"];
+    place.isoflop(&asked).exits(2).says("whose runs repeat their data");
+}

@@ -20,6 +20,7 @@ mod presets;
 mod report;
 mod rounds;
 mod scored;
+mod shares;
 mod slurm;
 mod status;
 #[path = "../support/mod.rs"]

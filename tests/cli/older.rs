@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use super::support::{Place, finished_mini, records};
 
 /// Facts that format 1 does not have.
-const NEW: [&str; 4] = ["generator", "tokenizer_kind", "quantizer", "varied"];
+const NEW: [&str; 5] = ["generator", "tokenizer_kind", "quantizer", "varied", "share"];
 
 /// A record as builds of format 1 wrote it.
 fn of_format_1(record: &[u8]) -> Vec<u8> {

@@ -22,18 +22,30 @@ pub enum Truth {
     Repetition,
     /// The same, and worth less to a larger model, which learns it by heart sooner.
     Memorising,
+    /// Every further pass over such data is worth a little, without end: D tokens are worth a power of D.
+    WithoutEnd,
+    /// Such data is worth less and less, and beyond four passes a model gets worse, the more so the larger
+    /// it is.
+    Overfitting,
     /// Noise of Student's t with three degrees of freedom.
     HeavyTails,
 }
 
 impl Truth {
-    pub const ALL: [Self; 4] =
-        [Self::DepthChange, Self::Repetition, Self::Memorising, Self::HeavyTails];
+    pub const ALL: [Self; 6] = [
+        Self::DepthChange,
+        Self::Repetition,
+        Self::Memorising,
+        Self::WithoutEnd,
+        Self::Overfitting,
+        Self::HeavyTails,
+    ];
 
     fn loss(self, n: f64, v: f64, d: f64) -> f64 {
         let v = v.ln();
         let worth = match self {
-            Self::Repetition => worth(d, 15.0),
+            Self::Repetition | Self::Overfitting => worth(d, 15.0),
+            Self::WithoutEnd => d.min(UNIQUE_TOKENS) * passes(d).powf(0.6),
             Self::Memorising => worth(d, 15.0 * (n / 1e4).powf(-0.5)),
             _ => d,
         };
@@ -43,6 +55,10 @@ impl Truth {
             + 40.0 * (0.45 * v).exp() * worth.powf(-0.5);
         match self {
             Self::DepthChange if n > 9e3 => smooth - 0.05,
+            Self::Overfitting => {
+                let late = (passes(d) / 4.0).ln().max(0.0);
+                smooth + 0.03 * (n / 1e4).sqrt() * late * late
+            }
             _ => smooth,
         }
     }
@@ -78,7 +94,7 @@ impl Truth {
         let (nonvocab, params_vocab) = (24.0 * width * width, vocab * width);
         let tokens = budget / (6.0 * (nonvocab + params_vocab));
         let deep = matches!(self, Self::DepthChange) && nonvocab > 9e3;
-        let repeats = matches!(self, Self::Repetition | Self::Memorising);
+        let repeats = !matches!(self, Self::DepthChange | Self::HeavyTails);
         let unique = repeats.then_some(UNIQUE_TOKENS);
         IsoFlopPoint {
             run_id: format!("{budget:e} {width} {vocab} {seed}"),
@@ -124,10 +140,15 @@ impl Truth {
     }
 }
 
+/// Passes over the data in `d` tokens, one at least.
+fn passes(d: f64) -> f64 {
+    (d / UNIQUE_TOKENS).max(1.0)
+}
+
 /// What `d` tokens are worth of which [`UNIQUE_TOKENS`] are distinct, r passes over them being worth the
 /// first one (Muennighoff et al. 2023).
 fn worth(d: f64, r: f64) -> f64 {
-    let repeats = (d / UNIQUE_TOKENS - 1.0).max(0.0);
+    let repeats = passes(d) - 1.0;
     d.min(UNIQUE_TOKENS) + UNIQUE_TOKENS * r * (1.0 - (-repeats / r).exp())
 }
 

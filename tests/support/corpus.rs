@@ -5,7 +5,7 @@ use isoflop::data::{DataError, FeatureStats, MotionSource, Split, UNIT_FRAMES};
 use isoflop::generator::Inputs;
 use isoflop::plan::RunSpec;
 use isoflop::spec::ModelShape;
-use isoflop::spec::{Ffn, GeneratorSpec, Precision};
+use isoflop::spec::{Ffn, GeneratorSpec, Precision, Share};
 use isoflop::text::{HashedNgrams, TextStore, embed};
 
 /// Width of the text vectors.
@@ -133,5 +133,6 @@ pub fn small_run(n_vocab: usize) -> RunSpec {
         tokenizer_id: "made up".to_owned(),
         trainer: None,
         varied: None,
+        share: Share::WHOLE,
     }
 }

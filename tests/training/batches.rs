@@ -1,10 +1,11 @@
 //! Which codes a run is trained on, in which order, and at which rate.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use isoflop::generator::autoregressive::{Batch, TokenStream};
 use isoflop::generator::learning_rate;
 use isoflop::plan::RunSpec;
+use isoflop::spec::Share;
 
 use super::corpus::{Corpus, small_run};
 use super::numbered::{EPOCH_TOKENS, numbered_corpus};
@@ -49,6 +50,29 @@ fn an_epoch_supervises_every_target_once() {
         assert_eq!(counts, expected);
     }
     assert_ne!(met[..EPOCH_TOKENS], met[EPOCH_TOKENS..2 * EPOCH_TOKENS], "epochs are shuffled");
+}
+
+#[test]
+fn an_epoch_of_a_share_is_a_part_of_the_clips() {
+    let clips = vec![vec![1, 2, 3]; 64];
+    let captions = |clip| vec![format!("clip {clip}")];
+    let corpus = Corpus::new(40, [clips.clone(), clips.clone(), clips], captions);
+    let met = |share: f64| {
+        let share = Share::new(share).expect("a share");
+        let mut stream = TokenStream::new(&corpus.tokens, &corpus.text, 9).over(share);
+        let n = stream.epoch_tokens();
+        assert_eq!(n, corpus.tokens.training_targets(share));
+        let mut clips = |from| stream.parts(from, n).into_iter().map(|part| part.clip);
+        let [first, second]: [HashSet<usize>; 2] = [0, n].map(|from| clips(from).collect());
+        assert_eq!(first, second, "each epoch has the same clips");
+        first
+    };
+    let [quarter, half, all] = [0.25, 0.5, 1.0].map(met);
+    assert_eq!([quarter.len(), half.len(), all.len()], [16, 32, 64]);
+    assert!(quarter.is_subset(&half));
+    // Eight neighbours are in a share together.
+    let blocks: HashSet<usize> = quarter.iter().map(|clip| clip / 8).collect();
+    assert_eq!(blocks.len(), 2);
 }
 
 /// All that a batch says, as text.

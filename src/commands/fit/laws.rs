@@ -72,7 +72,7 @@ fn approach1(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
         bootstrap: request.bootstrap.unwrap_or(BOOTSTRAP),
         seed: request.seed,
     };
-    laws::approach1(&source.points, &options)
+    laws::approach1(&laws::of_largest_share(&source.points), &options)
 }
 
 fn parametric(source: &Source, request: &FitRequest, form: Form) -> Result<Laws, FitError> {
@@ -83,6 +83,7 @@ fn parametric(source: &Source, request: &FitRequest, form: Form) -> Result<Laws,
             form.name()
         )));
     }
-    let parametric = fit_parametric(&source.points, &request.parametric(form))?;
-    Ok(parametric_laws(&source.points, parametric, &source.name, source.rule.name()))
+    let points = laws::of_largest_share(&source.points);
+    let parametric = fit_parametric(&points, &request.parametric(form))?;
+    Ok(parametric_laws(&points, parametric, &source.name, source.rule.name()))
 }

@@ -1,8 +1,8 @@
 //! The laws of a sweep's own records.
 
 use isoflop::laws::{
-    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity, sensitivity_row,
-    slices,
+    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity, of_largest_share,
+    sensitivity_row, slices,
 };
 use isoflop::record::RunRecord;
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
@@ -80,6 +80,7 @@ fn in_slices(points: Vec<IsoFlopPoint>, fit: &SweepFit) -> Result<InSlices, FitE
     if fit.rule == fit.planned || points.is_empty() {
         return Ok(InSlices { points, options, told: None });
     }
+    let points = of_largest_share(&points);
     let slices = slices(&points)?;
     if let HoldOut::Budget(asked) = options.hold_out {
         options.hold_out = HoldOut::Budget(slices.level_of(asked).unwrap_or(asked));

@@ -68,7 +68,8 @@ impl Cells {
 
 fn is_same_cell(a: &PlannedRun, b: &PlannedRun) -> bool {
     let (a, b) = (&a.spec, &b.spec);
-    a.budget_flops == b.budget_flops && a.generator == b.generator && a.codes == b.codes
+    (a.budget_flops, a.share) == (b.budget_flops, b.share)
+        && (&a.generator, &a.codes) == (&b.generator, &b.codes)
 }
 
 fn place(run: &PlannedRun, sweep: &Sweep) -> Place {

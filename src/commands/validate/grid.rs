@@ -36,6 +36,7 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
         models: ModelList::List(distinct(sizes)),
         vocab: distinct(vocabularies.to_vec()),
         budgets: vec![forecast.budget_flops],
+        shares: vec![1.0],
         zip: Vec::new(),
         vary: BTreeMap::new(),
         also: Vec::new(),

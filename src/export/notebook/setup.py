@@ -13,6 +13,10 @@ if not (RESULTS / "runs.parquet").exists():
     )
 
 runs = pl.read_parquet(RESULTS / "runs.parquet")
+if "share" in runs.columns:
+    # Figures and laws of minima are those of the runs that saw the most of the data.
+    share = pl.col("share").fill_null(1.0)
+    runs = runs.filter(share == share.max())
 laws_file = RESULTS / "laws.json"
 laws = json.loads(laws_file.read_text()) if laws_file.exists() else {}
 

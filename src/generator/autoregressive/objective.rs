@@ -28,7 +28,7 @@ impl<'a> NextCode<'a> {
         let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
         rng.set_stream(WEIGHTS_STREAM);
         let model = Model::init(spec.shape(), spec.n_vocab(), &mut rng, &device.clone().autodiff());
-        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed);
+        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         Self { spec, inputs, stream, model: model.in_precision(spec.precision) }
     }
 }

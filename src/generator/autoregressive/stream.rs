@@ -9,6 +9,7 @@ use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::generator::autoregressive::{Batch, Sequence, end_token};
 use crate::learn::params::below;
+use crate::spec::Share;
 use crate::text::TextStore;
 
 /// The shuffle of an epoch takes its ChaCha stream from here on, one stream an epoch.
@@ -23,6 +24,8 @@ pub struct TokenStream<'a> {
     tokens: &'a TokenStore,
     text: &'a TextStore,
     seed: u64,
+    /// What it sees of the training split.
+    share: Share,
     /// Supervised tokens of an epoch.
     epoch_tokens: usize,
     /// What of a clip is supervised.
@@ -72,18 +75,24 @@ impl<'a> TokenStream<'a> {
     /// The stream that `seed` gives over the training split.
     pub fn new(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
         let epoch_tokens = tokens.n_targets(Split::Train);
-        Self { tokens, text, seed, epoch_tokens, unit: Unit::Targets, epoch: None }
+        let (share, unit) = (Share::WHOLE, Unit::Targets);
+        Self { tokens, text, seed, share, epoch_tokens, unit, epoch: None }
     }
 
     /// The same of places: the codes of the first scale, without end tokens, for models that are told
     /// how long a clip is.
     pub fn of_places(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
-        let places = |clip| Unit::Places.of_clip(tokens, clip);
-        let epoch_tokens = (0..tokens.n_clips(Split::Train)).map(places).sum();
-        Self { epoch_tokens, unit: Unit::Places, ..Self::new(tokens, text, seed) }
+        Self { unit: Unit::Places, ..Self::new(tokens, text, seed) }.over(Share::WHOLE)
     }
 
-    /// Supervised tokens of the training split.
+    /// The same over a share of the training split.
+    pub fn over(self, share: Share) -> Self {
+        let of_clip = |clip| self.unit.of_clip(self.tokens, clip);
+        let epoch_tokens = self.tokens.training_clips(share).into_iter().map(of_clip).sum();
+        Self { share, epoch_tokens, epoch: None, ..self }
+    }
+
+    /// Supervised tokens of an epoch.
     pub fn epoch_tokens(&self) -> usize {
         self.epoch_tokens
     }
@@ -139,7 +148,7 @@ impl<'a> TokenStream<'a> {
     fn shuffle(&self, index: usize) -> Epoch {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(FIRST_EPOCH_STREAM + index as u64);
-        let mut order: Vec<usize> = (0..self.tokens.n_clips(Split::Train)).collect();
+        let mut order = self.tokens.training_clips(self.share);
         for i in (1..order.len()).rev() {
             order.swap(i, below(&mut rng, i + 1));
         }

@@ -34,7 +34,7 @@ impl<'a> HiddenCodes<'a> {
         let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
         rng.set_stream(WEIGHTS_STREAM);
         let model = Model::init(spec.shape(), spec.n_vocab(), &mut rng, &device.clone().autodiff());
-        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed);
+        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         let shown = Shown::new(spec, inputs);
         Self { spec, inputs, stream, shown, model: model.in_precision(spec.precision) }
     }

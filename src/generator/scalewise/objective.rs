@@ -38,7 +38,7 @@ impl<'a> Scalewise<'a> {
         rng.set_stream(WEIGHTS_STREAM);
         let device = device.clone().autodiff();
         let model = Model::init(own(spec), &spec.codes, spec.precision, &mut rng, &device);
-        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed);
+        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         Self { spec, inputs, stream, model, no_text: vec![0.0; spec.shape().d_text] }
     }
 

@@ -148,7 +148,7 @@ fn tried(grids: &[Grid]) -> Tried {
     let cells = || grids.iter().flat_map(|grid| &grid.cells);
     let range = |(low, high)| [low, high];
     let unique = cells().filter_map(|cell| cell.unique_tokens);
-    let epochs = cells().filter_map(Cell::epochs);
+    let epochs = grids.iter().flat_map(Grid::of_all_shares).flatten().filter_map(Cell::epochs);
     Tried {
         sizes: range(extent(cells().map(|cell| cell.params_nonvocab))),
         vocabularies: range(extent(cells().map(|cell| cell.n_vocab))),

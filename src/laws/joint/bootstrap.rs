@@ -37,7 +37,7 @@ fn replicate(
 ) -> Vec<f64> {
     let sd = law.residual_sd * (law.dof as f64 / normals.chi_square(law.dof)).sqrt();
     let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
-    let cells = || grids.iter().flat_map(|grid| &grid.cells);
+    let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();
     let mean_runs = cells().map(|cell| cell.runs).sum::<f64>() / law.n as f64;
     let mut drawn = |cell: &Cell| {
         let noise = sd * (mean_runs / cell.runs).sqrt() * normals.next();

@@ -57,6 +57,13 @@ impl JointLaw {
         if self.loss.terms.repeats { Candidate::JointRepeats } else { Candidate::Joint }
     }
 
+    /// The law where `unique_tokens` are distinct.
+    pub fn on_data(&self, unique_tokens: f64) -> Self {
+        let mut law = self.clone();
+        law.loss.unique_tokens = Some(unique_tokens);
+        law
+    }
+
     /// The best allocation of `budget` FLOPs.
     pub fn optimum(&self, budget: f64) -> Option<JointOptimum> {
         self.cost.optimum(&self.loss, budget)

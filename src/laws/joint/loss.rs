@@ -193,7 +193,7 @@ pub(super) fn told(v: f64, kappa_e: f64) -> f64 {
 }
 
 /// ln of what D tokens are worth where U of them are distinct.
-fn worth(ln_tokens: f64, unique_tokens: Option<f64>, ln_r: f64) -> f64 {
+pub(super) fn worth(ln_tokens: f64, unique_tokens: Option<f64>, ln_r: f64) -> f64 {
     let Some(unique) = unique_tokens.filter(|unique| ln_tokens > unique.ln()) else {
         return ln_tokens;
     };

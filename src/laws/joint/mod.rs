@@ -22,6 +22,7 @@
 //! | the best allocation of a budget | `optimum` |
 //! | intervals | `bootstrap` |
 //! | how far a law lies from cells it has not seen | `above` |
+//! | what repeated data is worth | `repetition` |
 
 mod above;
 mod bootstrap;
@@ -32,6 +33,7 @@ mod levenberg;
 mod loss;
 mod optimum;
 mod problem;
+mod repetition;
 #[cfg(test)]
 mod tests;
 mod weighed;
@@ -45,4 +47,5 @@ pub(super) use loss::Place;
 pub use loss::{JointLoss, Terms};
 pub use optimum::JointOptimum;
 pub(super) use problem::{UNKNOWN_NOISE, expected_sds};
+pub use repetition::Repetition;
 pub(super) use weighed::{repeat, valley};

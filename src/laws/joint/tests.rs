@@ -6,7 +6,7 @@ use crate::laws::minima::Grid;
 use crate::laws::noise::Scatter;
 use crate::laws::random::Normals;
 use crate::laws::simulated::of_split;
-use crate::laws::{IsoFlopPoint, NoiseSource, Parameters, RunNoise};
+use crate::laws::{IsoFlopPoint, NoiseSource, Parameters, RunFacts, RunNoise};
 
 const BUDGETS: [f64; 4] = [1e10, 3e10, 1e11, 3e11];
 const WIDTHS: [f64; 7] = [8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0];
@@ -145,6 +145,50 @@ fn what_repetition_is_worth_stays_as_expected_where_no_run_repeats() {
     let law = fit_joint(&grids, noise(0.02), true).unwrap().loss;
     let [ln_r, rho] = law.values[law.terms.ln_r()..] else { panic!("{:?}", law.values) };
     assert!((ln_r - 2.7).abs() < 1e-6 && rho.abs() < 1e-6, "{:?}", law.values);
+}
+
+/// The points on a split of `unique` tokens, a share of the data, whose repetition is worth R (n/10⁴)^−ρ.
+fn repeated(unique: f64, share: f64, [r, rho]: [f64; 2]) -> Vec<IsoFlopPoint> {
+    let plain = points(0.0, 0).into_iter().zip(points(0.01, 7 + (8.0 * share) as u64));
+    let of_share = plain.map(|(exact, noisy)| {
+        let (n, v, d) = (exact.params_nonvocab, exact.n_vocab, exact.tokens);
+        let r = r * (n / 1e4).powf(-rho);
+        let fresh = (unique * share).min(d);
+        let worth = fresh * (1.0 - r * (-(d / fresh - 1.0) / r).exp_m1());
+        let loss = truth(n, v, worth) + noisy.loss - exact.loss;
+        let about =
+            RunFacts { share: Some(share), unique_tokens: Some(unique * share), ..exact.about };
+        IsoFlopPoint { loss, about, ..exact }
+    });
+    of_share.collect()
+}
+
+#[test]
+fn shares_of_the_data_tell_what_repetition_is_worth() {
+    const TRUE: [f64; 2] = [8.0, 0.6];
+    let shares = |shares: &[f64]| -> Vec<IsoFlopPoint> {
+        shares.iter().flat_map(|share| repeated(2e5, *share, TRUE)).collect()
+    };
+    let off = |points: &[IsoFlopPoint]| {
+        let law = fit_joint(&grids(points), noise(0.01), true).unwrap();
+        let Repetition { r, rho, params_nonvocab, .. } = law.repetition().unwrap();
+        let at = TRUE[0] * (params_nonvocab / 1e4).powf(-TRUE[1]);
+        [(r / at).ln().abs(), (rho - TRUE[1]).abs()]
+    };
+    let (one, three) = (off(&shares(&[1.0])), off(&shares(&[0.25, 0.5, 1.0])));
+    assert!(three[0] < 0.2 && three[1] < 0.1, "{three:?}");
+    assert!(one[0] > three[0] && one[1] > three[1], "{one:?} {three:?}");
+}
+
+#[test]
+fn curves_are_those_of_the_largest_share() {
+    let [all, half] = [1.0, 0.5].map(|share| repeated(1e5, share, [8.0, 0.0]));
+    let both = grids(&[half.clone(), all.clone()].concat());
+    let plain = |grids: &[Grid]| grids.iter().map(|grid| grid.cells.clone()).collect::<Vec<_>>();
+    assert_eq!(plain(&both), plain(&grids(&all)));
+    assert_eq!(both[0].smaller, [grids(&half)[0].cells.clone()]);
+    let joint = |grids: &[Grid]| fit_joint(grids, noise(0.01), true).unwrap().n;
+    assert_eq!(joint(&both), 2 * joint(&grids(&all)));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The cells that a joint law is fitted to, and what each counts.
 
 use super::loss::{Place, Terms};
-use crate::laws::cell::Cell;
+use crate::laws::cell::{Cell, best_index};
 use crate::laws::minima::Grid;
 use crate::laws::stats::distinct;
 
@@ -14,7 +14,7 @@ const REPEATED: f64 = 1.5;
 
 /// Whether runs repeat their data, so that a joint law has a term of repetition.
 pub(in crate::laws) fn repeat(grids: &[Grid]) -> bool {
-    let cells = grids.iter().flat_map(|grid| &grid.cells);
+    let cells = grids.iter().flat_map(Grid::of_all_shares).flatten();
     cells.filter_map(Cell::epochs).any(|epochs| epochs > REPEATED)
 }
 
@@ -27,21 +27,21 @@ pub(in crate::laws) fn valley(above: f64, noise: f64) -> f64 {
     1.0 / (1.0 + (above / (VALLEY * noise)).powi(2))
 }
 
-/// The cells of all budgets.
+/// The cells of all budgets and shares.
 pub(super) struct Cells<'a> {
     pub all: Vec<&'a Cell>,
-    /// How far each lies above the best of its budget, in nats.
+    /// How far each lies above the best of its budget and share, in nats.
     above: Vec<f64>,
 }
 
 impl<'a> Cells<'a> {
     pub fn new(grids: &'a [Grid]) -> Self {
-        let above =
-            |grid: &'a Grid| grid.cells.iter().map(move |cell| cell.loss - grid.best().loss);
-        Self {
-            all: grids.iter().flat_map(|grid| &grid.cells).collect(),
-            above: grids.iter().flat_map(above).collect(),
-        }
+        let slices = || grids.iter().flat_map(Grid::of_all_shares);
+        let above = |cells: &'a [Cell]| {
+            let best = cells[best_index(cells)].loss;
+            cells.iter().map(move |cell| cell.loss - best)
+        };
+        Self { all: slices().flatten().collect(), above: slices().flat_map(above).collect() }
     }
 
     /// The terms that the cells can tell; none where even the fewest are too many, and where a term of

@@ -11,6 +11,8 @@ pub(in crate::laws) struct Grid {
     pub budget_flops: f64,
     pub n_runs: usize,
     pub cells: Vec<Cell>,
+    /// Those of each smaller share of the data, the smallest share first. A joint law alone looks at them.
+    pub smaller: Vec<Vec<Cell>>,
     pub sizes: Vec<Size>,
     best: usize,
 }
@@ -21,22 +23,31 @@ impl Grid {
         if budget.points.is_empty() {
             return None;
         }
-        Some(Self::of_cells(budget.budget_flops, budget.points.len(), cells(&budget.points)))
+        let whole = Self::of_cells(budget.budget_flops, budget.points.len(), cells(&budget.points));
+        let mut smaller = budget.smaller.clone();
+        smaller.sort_by(|a, b| a.share().total_cmp(&b.share()));
+        let of_share = smaller.chunk_by(|a, b| a.share() == b.share());
+        Some(Self { smaller: of_share.map(cells).collect(), ..whole })
     }
 
     /// At least one cell, sorted by N_nv and then N_v.
     pub fn of_cells(budget_flops: f64, n_runs: usize, cells: Vec<Cell>) -> Self {
         let (sizes, best) = (sizes(&cells), best_index(&cells));
-        Self { budget_flops, n_runs, cells, sizes, best }
+        Self { budget_flops, n_runs, cells, smaller: Vec::new(), sizes, best }
     }
 
     /// The grid with other losses, given cell by cell.
     pub fn with_losses(&self, mut loss: impl FnMut(&Cell) -> f64) -> Self {
-        let mut cells = self.cells.clone();
-        for cell in &mut cells {
+        let (mut cells, mut smaller) = (self.cells.clone(), self.smaller.clone());
+        for cell in cells.iter_mut().chain(smaller.iter_mut().flatten()) {
             cell.loss = loss(cell);
         }
-        Self::of_cells(self.budget_flops, self.n_runs, cells)
+        Self { smaller, ..Self::of_cells(self.budget_flops, self.n_runs, cells) }
+    }
+
+    /// The cells of every share of the data, those of the largest first.
+    pub fn of_all_shares(&self) -> impl Iterator<Item = &[Cell]> {
+        [&self.cells].into_iter().chain(&self.smaller).map(Vec::as_slice)
     }
 
     /// The best vocabulary of each size with N_nv + N_v as its one number of parameters; none where

@@ -92,7 +92,7 @@ impl Located {
 /// points. The points must have passed [`group_budgets`](super::group_budgets).
 pub fn minimum_at(method: MinimumMethod, points: &[&IsoFlopPoint]) -> Option<Minimum> {
     let budget_flops = points.first()?.budget_flops;
-    minima(method, &[Budget { budget_flops, points: points.to_vec() }]).pop()
+    minima(method, &[Budget { budget_flops, points: points.to_vec(), smaller: Vec::new() }]).pop()
 }
 
 /// Whether the fits behind these minima leave residuals to judge their curvature by.

@@ -43,10 +43,13 @@ fn the_columns_are_those_of_format_1_then_the_new_ones_then_other_metrics() {
     let file = include_str!("../../../tests/fixtures/record-format-1.json");
     let mut expected: Vec<&str> = file.lines().filter_map(|line| line.split('"').nth(1)).collect();
     assert_eq!((expected[0], expected.len()), ("run_id", 34));
-    expected.extend(["generator", "tokenizer_kind", "quantizer", "varied", "fid"]);
+    expected.extend(["generator", "tokenizer_kind", "quantizer", "varied", "share", "fid"]);
     assert_eq!(rows[0], expected);
-    assert_eq!(rows[1][34..], ["autoregressive", "convolutional", "vq", "train.lr=0.001", "0.25"]);
-    assert_eq!(rows[2][34..], [""; 5], "what the older record lacks is empty");
+    assert_eq!(
+        rows[1][34..],
+        ["autoregressive", "convolutional", "vq", "train.lr=0.001", "0.5", "0.25"]
+    );
+    assert_eq!(rows[2][34..], [""; 6], "what the older record lacks is empty");
     assert!(rows[2][..34].iter().all(|cell| !cell.is_empty()));
 }
 

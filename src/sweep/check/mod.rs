@@ -3,6 +3,7 @@
 pub mod engine;
 mod grid;
 mod repeated;
+mod shares;
 mod train;
 mod vary;
 
@@ -28,6 +29,7 @@ fn of_one_variant(sweep: &Sweep) -> Vec<Problem> {
         data(sweep),
         text(sweep),
         grid::check(sweep),
+        shares::check(sweep),
         train::check(sweep),
         tokenizer(sweep),
         trainer(sweep),

@@ -19,6 +19,15 @@ pub struct GridSection {
     /// Training budgets of a run, in FLOPs.
     #[serde(deserialize_with = "number::numbers")]
     pub budgets: Vec<f64>,
+    /// Shares of the training split that runs see, as `[0.25, 0.5, 1]`, crossed with the grid. Laws of the
+    /// minimum take the largest alone; the joint law takes all, and learns from them what repeated data is
+    /// worth.
+    #[serde(
+        default = "whole",
+        deserialize_with = "number::numbers",
+        skip_serializing_if = "is_whole"
+    )]
+    pub shares: Vec<f64>,
     /// Groups of axes that advance together, as `[[models, budgets]]`; of one length each.
     #[serde(default)]
     pub zip: Vec<Vec<Axis>>,
@@ -47,6 +56,15 @@ pub struct GridPart {
     pub budgets: Vec<f64>,
 }
 
+/// All of the training split.
+fn whole() -> Vec<f64> {
+    vec![1.0]
+}
+
+fn is_whole(shares: &Vec<f64>) -> bool {
+    *shares == whole()
+}
+
 impl GridPart {
     /// The grid of this part alone.
     pub fn alone(&self) -> GridSection {
@@ -55,6 +73,7 @@ impl GridPart {
             models,
             vocab,
             budgets,
+            shares: whole(),
             zip: Vec::new(),
             exclude: Vec::new(),
             vary: BTreeMap::new(),

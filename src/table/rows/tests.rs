@@ -82,6 +82,21 @@ fn a_value_without_a_logarithm_is_an_error_that_names_row_and_column() {
 }
 
 #[test]
+fn shares_of_the_data_and_distinct_tokens_are_read_where_a_row_has_them() {
+    let table = table(&[
+        ("params", &[1e6, 1e6]),
+        ("tokens", &[1e8, 1e8]),
+        ("loss", &[2.0, 1.9]),
+        ("share", &[0.25, f64::NAN]),
+        ("unique_tokens", &[1e7, f64::NAN]),
+    ]);
+    let points = load(&table, &TableRequest::default()).unwrap().points;
+    let of = |i: usize| (points[i].about.share, points[i].about.unique_tokens, points[i].share());
+    assert_eq!(of(0), (Some(0.25), Some(1e7), 0.25));
+    assert_eq!(of(1), (None, None, 1.0));
+}
+
+#[test]
 fn a_bad_row_that_is_not_kept_is_no_error() {
     let mut table = runs();
     table.columns[2].1 = Column::Number(vec![3.0, -2.0, f64::INFINITY, 4.0, 9.0]);

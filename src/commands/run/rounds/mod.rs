@@ -35,6 +35,9 @@ pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exi
     if !whole.sweep.grid.vary.is_empty() {
         bail!("--rounds chooses cells, and not among the values of grid.vary: run without it");
     }
+    if whole.sweep.grid.shares != [1.0] {
+        bail!("--rounds chooses cells, and not among the values of grid.shares: run without it");
+    }
     let budget = budget(&whole)?;
     let mut held = Some(hold(&whole, output)?);
     let mut history = History::read(&whole.folder, &whole.plan)?;

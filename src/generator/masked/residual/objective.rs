@@ -39,7 +39,7 @@ impl<'a> TwoStages<'a> {
         rng.set_stream(WEIGHTS_STREAM);
         let device = device.clone().autodiff();
         let stages = Stages::init(spec.shape(), &spec.codes, spec.precision, &mut rng, &device);
-        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed);
+        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         Self { spec, inputs, stream, shown: Shown::new(spec, inputs), stages, device }
     }
 

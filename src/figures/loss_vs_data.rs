@@ -1,0 +1,109 @@
+//! The best L_u of each budget against the distinct tokens of the data, with the joint law.
+
+use std::collections::BTreeMap;
+
+use super::axis::{Axis, Scale};
+use super::cells::Cells;
+use super::legend::{Legend, Sample};
+use super::page::{Page, Plot};
+use super::panel::Panel;
+use super::scene::{Point, Scene};
+use super::series::{Look, explain_budgets, law_stroke, ordered_looks};
+use super::{Drawing, Sources};
+use crate::laws::JointLaw;
+use crate::record::RunRecord;
+
+/// The name of its files.
+pub const NAME: &str = "loss_vs_data";
+
+/// Whether runs saw different shares of the data.
+pub fn is_there(records: &[RunRecord]) -> bool {
+    records.windows(2).any(|pair| pair[0].share() != pair[1].share())
+}
+
+/// The best cells of each budget, by the distinct tokens that they were trained on.
+type Best = BTreeMap<u64, Vec<Point>>;
+
+pub fn draw(sources: &Sources) -> Drawing {
+    if !is_there(sources.input.records) {
+        return Err("it needs runs on several shares of the data (grid.shares)".to_owned());
+    }
+    let best = best(sources);
+    let looks = ordered_looks(best.len());
+    let law = law(sources);
+    let page = page(sources, &best, &looks, law.as_ref());
+    let (mut scene, panels) = page.panels(vec![plot(&best)?]);
+    let panel = &panels[0];
+    panel.backdrop(&mut scene);
+    for ((budget, points), look) in best.iter().zip(&looks) {
+        series(&mut scene, panel, law.as_ref(), (f64::from_bits(*budget), points), *look);
+    }
+    Ok(scene)
+}
+
+/// The joint law of all budgets, where it knows what repeated data is worth.
+fn law(sources: &Sources) -> Option<JointLaw> {
+    let joint = sources.input.laws?.of_all_budgets().judgement.joint.clone();
+    joint.filter(|law| law.loss.terms.repeats)
+}
+
+fn best(sources: &Sources) -> Best {
+    let mut shares: BTreeMap<u64, Vec<RunRecord>> = BTreeMap::new();
+    for record in sources.input.records {
+        shares.entry(record.share().to_bits()).or_default().push(record.clone());
+    }
+    let mut best = Best::new();
+    for records in shares.values() {
+        let distinct = records.iter().filter_map(|record| record.measured.unique_tokens);
+        let Some(distinct) = distinct.max() else { continue };
+        for cell in Cells::of(records, sources.rule).envelope() {
+            let own = best.entry(cell.budget_flops.to_bits()).or_default();
+            own.push((distinct as f64, cell.loss_normalised));
+        }
+    }
+    best
+}
+
+fn page(sources: &Sources, best: &Best, looks: &[Look], law: Option<&JointLaw>) -> Page {
+    let mut legend = Legend::default();
+    let budgets: Vec<f64> = best.keys().map(|bits| f64::from_bits(*bits)).collect();
+    let sample = |look: Look| Sample::Mark(look.mark());
+    explain_budgets(&mut legend, &budgets, looks, sources.held_out_budget(), sample);
+    if law.is_some() {
+        legend.heading("Law");
+        legend.entry(Sample::Line(looks[0].stroke()), "joint law, its optimum");
+    }
+    let remarks = "At each budget the best cell of each share of the data; a smaller share is seen more often. \
+                   The best of several cells that scatter is a little too good."
+        .to_owned();
+    let title = sources.title("loss against the amount of data");
+    Page { width: 1000.0, height: 620.0, title, remarks, legend }
+}
+
+fn plot(best: &Best) -> Result<Plot, String> {
+    let points = || best.values().flatten();
+    let label = "Distinct tokens trained on, end tokens included";
+    Ok(Plot {
+        title: Vec::new(),
+        x: Axis::new(label, Scale::Log, points().map(|(distinct, _)| *distinct))?,
+        y: Axis::new("Normalised loss Lᵤ (nats)", Scale::Linear, points().map(|(_, loss)| *loss))?,
+    })
+}
+
+fn series(
+    scene: &mut Scene,
+    panel: &Panel,
+    law: Option<&JointLaw>,
+    (budget, points): (f64, &[Point]),
+    look: Look,
+) {
+    if let Some(law) = law {
+        let ends = (panel.x.value(0.0), panel.x.value(1.0));
+        let loss = |distinct: f64| {
+            let best = law.on_data(distinct).optimum(budget);
+            best.map_or(f64::NAN, |best| best.loss)
+        };
+        panel.curve(scene, ends, loss, law_stroke(look.colour));
+    }
+    points.iter().for_each(|at| panel.mark(scene, *at, look.mark()));
+}
