@@ -22,7 +22,7 @@ fn every_figure_of_a_whole_sweep_is_drawn_in_every_format() {
     let sweep = simulated::sweep();
     let (folder, drawn) = drawn(&sweep.input());
     assert_eq!(drawn.left_out, []);
-    for (name, _) in FIGURES {
+    for (name, _) in FIGURES.into_iter().filter(|(name, _)| *name != loss_vs_data::NAME) {
         let svg = fs::read_to_string(folder.path().join(format!("{name}.svg"))).unwrap();
         assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"), "{name}");
         assert!(svg.contains("quickstart") && svg.contains(font::FAMILY), "{name}");
@@ -44,7 +44,7 @@ fn png_is_twice_the_svg(png: &[u8], svg: &str) -> bool {
 fn drawing_again_gives_the_same_bytes() {
     let sweep = simulated::sweep();
     let (first, second) = (drawn(&sweep.input()), drawn(&sweep.input()));
-    assert_eq!(first.1.paths.len(), Format::ALL.len() * FIGURES.len());
+    assert_eq!(first.1.paths.len(), Format::ALL.len() * (FIGURES.len() - 1));
     for (a, b) in first.1.paths.iter().zip(&second.1.paths) {
         assert_eq!(a.file_name(), b.file_name());
         assert!(fs::read(a).unwrap() == fs::read(b).unwrap(), "{}", a.display());
@@ -79,10 +79,32 @@ fn with_one_vocabulary_what_compares_vocabularies_is_left_out() {
 }
 
 #[test]
+fn several_shares_of_the_data_have_a_figure_of_their_own() {
+    let mut sweep = simulated::sweep();
+    let mut half = sweep.records.clone();
+    for record in &mut half {
+        record.planned.share = Some(0.5);
+        record.measured.unique_tokens = record.measured.unique_tokens.map(|n| n / 2);
+    }
+    let alone = drawn(&sweep.input());
+    sweep.records.extend(half);
+    let both = drawn(&sweep.input());
+    let more = |drawn: &Drawn| {
+        drawn.paths.iter().filter(|path| path.ends_with("loss_vs_data.svg")).count()
+    };
+    assert_eq!((more(&alone.1), more(&both.1)), (0, 1));
+    let same = |name: &str| {
+        let read = |place: &tempfile::TempDir| fs::read(place.path().join(name)).unwrap();
+        read(&alone.0) == read(&both.0)
+    };
+    assert!(same("isoflop_parabolas.svg") && same("loss_vs_flops.svg"));
+}
+
+#[test]
 fn an_empty_sweep_draws_nothing_and_says_why() {
     let input = FigureInput { title: "none", records: &[], laws: None, tokenizers: &[] };
     let (folder, drawn) = drawn(&input);
-    assert_eq!(drawn.left_out.len(), FIGURES.len());
+    assert_eq!(drawn.left_out.len(), FIGURES.len() - 1);
     assert!(drawn.left_out.iter().all(|left_out| !left_out.reason.is_empty()));
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }

@@ -70,9 +70,6 @@ fn an_epoch_of_a_share_is_a_part_of_the_clips() {
     let [quarter, half, all] = [0.25, 0.5, 1.0].map(met);
     assert_eq!([quarter.len(), half.len(), all.len()], [16, 32, 64]);
     assert!(quarter.is_subset(&half));
-    // Eight neighbours are in a share together.
-    let blocks: HashSet<usize> = quarter.iter().map(|clip| clip / 8).collect();
-    assert_eq!(blocks.len(), 2);
 }
 
 /// All that a batch says, as text.
