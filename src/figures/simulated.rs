@@ -123,6 +123,7 @@ fn record(
         flops_6nd: Some(spent),
         flops_exact: Some(spent * 1.1),
         tokens,
+        unique_tokens: Some(1_000_000),
         ..Measured::default()
     };
     let metrics = [(LOSS_NORMALISED, loss_normalised)].into_iter().collect();
