@@ -110,12 +110,11 @@ fn loss(laws: &Laws) -> String {
 /// Passes that a sentence names.
 const PASSES: [f64; 2] = [4.0, 16.0];
 
-/// What repeated data is worth, where the law to believe knows it.
+/// What repeated data is worth, where that is known.
 fn repetition(laws: &Laws) -> String {
-    let all = laws.of_all_budgets();
-    let joint = all.judgement.joint.as_ref();
-    let joint = joint.filter(|_| all.recommended_law() == Candidate::JointRepeats);
-    let Some(own) = joint.and_then(JointLaw::repetition) else { return String::new() };
+    let joint = laws.of_all_budgets().judgement.joint.as_ref();
+    let own = joint.filter(|law| law.tells_repetition()).and_then(JointLaw::repetition);
+    let Some(own) = own else { return String::new() };
     let [few, many] = PASSES.map(|passes| own.worth(passes));
     let r = own.r_ci95.map_or(String::new(), |[l, h]| format!(", 95 %: {l:.1} to {h:.1}"));
     let rho =

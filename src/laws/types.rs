@@ -283,18 +283,17 @@ impl Laws {
         self.refit.as_deref().unwrap_or(self)
     }
 
-    /// The same for another amount of data: what a joint law with repetition says where `unique_tokens` are
-    /// distinct. None where no such law is the one to believe: the others know no data but their own.
+    /// The same for another amount of data: what the joint law with repetition says where `unique_tokens` are
+    /// distinct, whichever law is the one to believe, since the others know no data but their own. None
+    /// without such a law.
     pub fn on_data(&self, unique_tokens: f64) -> Option<Self> {
         let mut laws = self.of_all_budgets().clone();
-        if laws.recommended_law() != Candidate::JointRepeats {
-            return None;
-        }
-        laws.judgement.joint = Some(laws.judgement.joint.as_ref()?.on_data(unique_tokens));
+        let joint = laws.judgement.joint.as_ref().filter(|law| law.tells_repetition())?;
+        laws.judgement.joint = Some(joint.on_data(unique_tokens));
         laws.judgement.tried.as_mut()?.unique_tokens = Some(unique_tokens);
-        // The laws of the minimum know no data but their own.
-        let scores = &mut laws.judgement.recommended.as_mut()?.scores;
-        scores.retain(|score| score.law == Candidate::JointRepeats);
+        let recommended = laws.judgement.recommended.as_mut()?;
+        recommended.law = Candidate::JointRepeats;
+        recommended.scores.retain(|score| score.law == Candidate::JointRepeats);
         laws.judgement.validations = self.judgement.validations.clone();
         Some(laws)
     }

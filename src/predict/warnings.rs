@@ -3,7 +3,7 @@
 use super::at_budget::{Vocabulary, shape_for};
 use super::{PredictOptions, Prediction};
 use crate::laws::text::{count, times};
-use crate::laws::{Candidate, Laws, MinimumFlag, Validated};
+use crate::laws::{Laws, MinimumFlag, Validated};
 
 /// Laws that spend a budget to within this share count as consistent.
 const RATIO_TOLERANCE: f64 = 0.05;
@@ -57,25 +57,39 @@ fn rule(laws: &Laws, options: &PredictOptions) -> Option<String> {
     })
 }
 
-/// Passes over the data beyond which no law of fresh data holds.
-const MOST_EPOCHS: f64 = 10.0;
+/// Passes over the data from which they are worth less than as much fresh data.
+const REPEATED: f64 = 1.5;
 /// How far beyond the sizes and vocabularies tried a prediction goes unremarked.
 const BEYOND_TRIED: f64 = 2.0;
 
-/// Where the prediction repeats the sweep's data more than the runs did.
+/// Where the prediction repeats the sweep's data more than what its law is fitted to did.
 fn repetition(prediction: &Prediction, laws: &Laws) -> Option<String> {
-    let tried = laws.judgement.tried?;
-    let (unique, most) = (tried.unique_tokens?, tried.epochs?);
+    let unique = laws.judgement.tried?.unique_tokens?;
     let epochs = prediction.tokens / unique;
-    let modelled = laws.recommended_law() == Candidate::JointRepeats;
-    let bearable = if modelled { MOST_EPOCHS } else { most.max(1.0) };
-    (epochs > bearable).then(|| {
+    let law = laws.recommended_law();
+    let (what, most) = match law.is_joint() {
+        true => ("runs", laws.judgement.tried?.epochs?),
+        // A law of minima knows no other runs.
+        false => ("minima", most_tokens(laws) / unique),
+    };
+    let joint = laws.judgement.joint.as_ref().filter(|joint| joint.tells_repetition());
+    let other = prediction.raw.loss_joint.filter(|_| joint.is_some() && !law.is_joint());
+    let other = other.map_or(String::new(), |loss| {
+        format!("; the joint law with repetition, which knows it, has {loss:.3}")
+    });
+    (epochs > most.max(REPEATED)).then(|| {
         format!(
-            "D is {epochs:.1} times the sweep's {} distinct tokens, and its runs saw them at most {most:.1} \
-             times: without more data the loss will be higher.",
+            "D is {epochs:.1} times the sweep's {} distinct tokens, and the {what} that the law is fitted to saw \
+             them at most {most:.1} times: without more data the loss will be higher{other}.",
             count(unique)
         )
     })
+}
+
+/// The most tokens of a minimum that laws of minima are fitted to.
+fn most_tokens(laws: &Laws) -> f64 {
+    let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
+    own.map(|minimum| minimum.tokens).fold(0.0, f64::max)
 }
 
 /// Where N_nv or V lies far beyond what was tried.

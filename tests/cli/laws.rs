@@ -268,6 +268,12 @@ fn a_law_of_repeated_data_is_asked_of_more_data() {
     assert!(loss(&less) > loss(&own) && loss(&own) > loss(&more), "{less} {own} {more}");
     let told = more["warnings"][0].as_str().unwrap();
     assert!(told.contains("1.000e6 distinct tokens are asked for"), "{told}");
+    let shares = results("motion-shares");
+    let asked = place.isoflop(&["predict", "3.2e11", "--law", &shares, "--json"]).exits(0);
+    let told = asked.json()[0]["warnings"].to_string();
+    assert!(told.contains("the minima that the law is fitted to saw"), "{told}");
+    assert!(told.contains("the joint law with repetition, which knows it, has"), "{told}");
+    place.isoflop(&["predict", "3.2e11", "--law", &shares, "--unique-tokens", "1e6"]).exits(0);
     let fresh = results("procedural-law");
     let asked = ["predict", "3e12", "--law", &fresh, "--unique-tokens", "1e6"];
     place.isoflop(&asked).exits(2).says("whose runs repeat their data");

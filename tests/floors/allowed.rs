@@ -7,6 +7,7 @@ pub const ALLOWED: [(&[&str], &str); 8] = [
             "src/figures/mod.rs",
             "src/figures/isoflop_parabolas.rs",
             "src/figures/loss_vs_budget.rs",
+            "src/figures/loss_vs_data.rs",
             "src/figures/loss_vs_flops.rs",
             "src/figures/loss_vs_vocab.rs",
             "src/figures/power_laws.rs",

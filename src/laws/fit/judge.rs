@@ -96,7 +96,7 @@ fn rank(rows: &Rows, method: MinimumMethod) -> Recommended {
 }
 
 /// The joint law of some budgets, with what repetition is worth where runs repeat, and with its replicates
-/// where it is the one to believe.
+/// where it is the one to believe, or shares of the data let it tell what repetition is worth.
 fn joint(
     grids: &[Grid],
     repeats: bool,
@@ -105,7 +105,8 @@ fn joint(
     options: &FitOptions,
 ) -> Option<JointLaw> {
     let mut joint = fit_joint(grids, scatter.noise, repeats)?;
-    if recommended.law.is_joint() {
+    let has_shares = grids.iter().any(|grid| !grid.smaller.is_empty());
+    if recommended.law.is_joint() || has_shares {
         let count = options.bootstrap.min(JOINT_REPLICATES);
         joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);
     }

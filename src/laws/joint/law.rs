@@ -57,6 +57,11 @@ impl JointLaw {
         if self.loss.terms.repeats { Candidate::JointRepeats } else { Candidate::Joint }
     }
 
+    /// Whether it says what repeated data is worth, and how well it knows that.
+    pub fn tells_repetition(&self) -> bool {
+        self.loss.terms.repeats && !self.bootstrap.is_empty()
+    }
+
     /// The law where `unique_tokens` are distinct.
     pub fn on_data(&self, unique_tokens: f64) -> Self {
         let mut law = self.clone();
