@@ -116,9 +116,9 @@ fn repetition(laws: &Laws) -> String {
     let own = joint.filter(|law| law.tells_repetition()).and_then(JointLaw::repetition);
     let Some(own) = own else { return String::new() };
     let [few, many] = PASSES.map(|passes| own.worth(passes));
-    let r = own.r_ci95.map_or(String::new(), |[l, h]| format!(", 95 %: {l:.1} to {h:.1}"));
+    let r = own.r_ci95.map_or(String::new(), |[l, h]| format!(", by noise {l:.1} to {h:.1}"));
     let rho =
-        own.rho_ci95.map_or(String::new(), |[l, h]| format!(", 95 %: {:+.2} to {:+.2}", -h, -l));
+        own.rho_ci95.map_or(String::new(), |[l, h]| format!(", by noise {:+.2} to {:+.2}", -h, -l));
     wrap(
         "",
         &format!(

@@ -9,6 +9,7 @@ use crate::laws::stats::interval95;
 pub struct Repetition {
     /// R: what all passes after the first are worth together, in first passes.
     pub r: f64,
+    /// Of the runs' noise and scatter about the law; another form of the law may well lie outside.
     pub r_ci95: Option<[f64; 2]>,
     /// R falls as N^−ρ.
     pub rho: f64,
