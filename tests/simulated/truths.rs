@@ -41,6 +41,10 @@ impl Truth {
         Self::HeavyTails,
     ];
 
+    /// Those of which intervals hold what is promised.
+    pub const HELD: [Self; 4] =
+        [Self::DepthChange, Self::Repetition, Self::Memorising, Self::HeavyTails];
+
     fn loss(self, n: f64, v: f64, d: f64) -> f64 {
         let v = v.ln();
         let worth = match self {
@@ -116,10 +120,18 @@ impl Truth {
         }
     }
 
-    /// The share of the intervals that should hold it at least. Memorising has ρ = 0.5, beyond one standard
-    /// deviation of what is expected, and is held by less.
+    /// The share of the intervals that should hold it at least.
     pub fn fewest_held(self) -> f64 {
-        if matches!(self, Self::Memorising) { 0.9 } else { 0.92 }
+        match self {
+            // ρ = 0.5 lies beyond one standard deviation of what is expected.
+            Self::Memorising => 0.9,
+            // No law has a loss that rises with passes.
+            Self::Overfitting => 0.85,
+            // Nor passes whose worth has no end; nothing is promised of it, and this keeps it from getting
+            // worse unseen.
+            Self::WithoutEnd => 0.55,
+            _ => 0.92,
+        }
     }
 
     /// Loss and N_nv of the true optimum of a budget.
