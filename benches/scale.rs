@@ -60,6 +60,7 @@ fn record(run_id: &str) -> RunRecord {
         tokenizer_kind: Some("convolutional".to_string()),
         quantizer: Some("fsq".to_string()),
         varied: None,
+        share: Some(1.0),
     };
     RunRecord::new(planned, measured(), metrics())
 }
