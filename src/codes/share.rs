@@ -13,7 +13,7 @@ impl TokenStore {
     pub fn training_clips(&self, share: Share) -> Vec<usize> {
         let mut clips: Vec<usize> = (0..self.n_clips(Split::Train)).collect();
         if !share.is_whole() {
-            clips.sort_by_key(|clip| *blake3::hash(&clip.to_le_bytes()).as_bytes());
+            clips.sort_by_cached_key(|clip| *blake3::hash(&clip.to_le_bytes()).as_bytes());
             clips.truncate(share.of(clips.len()));
             clips.sort_unstable();
         }

@@ -51,23 +51,20 @@ fn crossed(sweep: &Sweep, grid: &GridSection) -> Vec<GridCell> {
     let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, &section)).collect();
     let lengths = [models.len(), quantizers.len(), grid.budgets.len()];
     let triples = indices(lengths, &grid.zip);
-    let of_kind = |generator: &GeneratorKind| {
-        let generator = *generator;
-        triples.iter().map(move |&[m, v, b]| (generator, m, v, b))
-    };
     let shares: Vec<Share> = grid.shares.iter().filter_map(|share| Share::new(*share)).collect();
-    let of_share =
-        |at: (GeneratorKind, usize, usize, usize)| shares.iter().map(move |share| (at, *share));
-    let all = sweep.generator.0.iter().flat_map(of_kind).flat_map(of_share);
-    let cell =
-        |((generator, m, v, b), share): ((GeneratorKind, usize, usize, usize), Share)| GridCell {
-            generator,
-            model: models[m].clone(),
-            quantizer: quantizers[v].clone(),
-            budget_flops: grid.budgets[b],
-            share,
-        };
-    all.map(cell).collect()
+    let mut all = Vec::with_capacity(sweep.generator.0.len() * triples.len() * shares.len());
+    for generator in &sweep.generator.0 {
+        for &[m, v, b] in &triples {
+            all.extend(shares.iter().map(|share| GridCell {
+                generator: *generator,
+                model: models[m].clone(),
+                quantizer: quantizers[v].clone(),
+                budget_flops: grid.budgets[b],
+                share: *share,
+            }));
+        }
+    }
+    all
 }
 
 impl GridCell {

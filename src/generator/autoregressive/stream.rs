@@ -24,8 +24,8 @@ pub struct TokenStream<'a> {
     tokens: &'a TokenStore,
     text: &'a TextStore,
     seed: u64,
-    /// What it sees of the training split.
-    share: Share,
+    /// The clips of an epoch, by their place in the training split.
+    clips: Vec<usize>,
     /// Supervised tokens of an epoch.
     epoch_tokens: usize,
     /// What of a clip is supervised.
@@ -74,22 +74,26 @@ struct Epoch {
 impl<'a> TokenStream<'a> {
     /// The stream that `seed` gives over the training split.
     pub fn new(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
-        let epoch_tokens = tokens.n_targets(Split::Train);
-        let (share, unit) = (Share::WHOLE, Unit::Targets);
-        Self { tokens, text, seed, share, epoch_tokens, unit, epoch: None }
+        Self::of_unit(tokens, text, seed, Unit::Targets)
     }
 
     /// The same of places: the codes of the first scale, without end tokens, for models that are told
     /// how long a clip is.
     pub fn of_places(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
-        Self { unit: Unit::Places, ..Self::new(tokens, text, seed) }.over(Share::WHOLE)
+        Self::of_unit(tokens, text, seed, Unit::Places)
+    }
+
+    fn of_unit(tokens: &'a TokenStore, text: &'a TextStore, seed: u64, unit: Unit) -> Self {
+        let empty =
+            Self { tokens, text, seed, clips: Vec::new(), epoch_tokens: 0, unit, epoch: None };
+        empty.over(Share::WHOLE)
     }
 
     /// The same over a share of the training split.
     pub fn over(self, share: Share) -> Self {
-        let of_clip = |clip| self.unit.of_clip(self.tokens, clip);
-        let epoch_tokens = self.tokens.training_clips(share).into_iter().map(of_clip).sum();
-        Self { share, epoch_tokens, epoch: None, ..self }
+        let clips = self.tokens.training_clips(share);
+        let epoch_tokens = clips.iter().map(|clip| self.unit.of_clip(self.tokens, *clip)).sum();
+        Self { clips, epoch_tokens, epoch: None, ..self }
     }
 
     /// Supervised tokens of an epoch.
@@ -148,7 +152,7 @@ impl<'a> TokenStream<'a> {
     fn shuffle(&self, index: usize) -> Epoch {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(FIRST_EPOCH_STREAM + index as u64);
-        let mut order = self.tokens.training_clips(self.share);
+        let mut order = self.clips.clone();
         for i in (1..order.len()).rev() {
             order.swap(i, below(&mut rng, i + 1));
         }
