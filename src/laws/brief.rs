@@ -2,9 +2,7 @@
 
 use super::names::flags_text;
 use super::text::{count, wrap};
-use super::{
-    Candidate, JointLaw, Laws, Minimum, NoiseSource, Parameters, PowerLaw, Recommended, Validated,
-};
+use super::{Candidate, Laws, Minimum, NoiseSource, Parameters, PowerLaw, Recommended, Validated};
 
 /// Minima in doubt that are named before the rest are only counted.
 const MOST_NAMED: usize = 3;
@@ -14,7 +12,7 @@ const MOST_NAMED: usize = 3;
 pub fn brief(laws: &Laws) -> String {
     let sentences = [Some(scope(laws)), recommended(laws)];
     let head: String = sentences.iter().flatten().map(|sentence| wrap("", sentence)).collect();
-    head + "\n" + &table(laws) + &repetition(laws) + &doubts(laws)
+    head + "\n" + &table(laws) + &doubts(laws)
 }
 
 fn scope(laws: &Laws) -> String {
@@ -105,32 +103,6 @@ fn loss(laws: &Laws) -> String {
         }),
     };
     by.map_or_else(String::new, |law| wrap("", &law))
-}
-
-/// Passes that a sentence names.
-const PASSES: [f64; 2] = [4.0, 16.0];
-
-/// What repeated data is worth, where that is known.
-fn repetition(laws: &Laws) -> String {
-    let joint = laws.of_all_budgets().judgement.joint.as_ref();
-    let own = joint.filter(|law| law.tells_repetition()).and_then(JointLaw::repetition);
-    let Some(own) = own else { return String::new() };
-    let [few, many] = PASSES.map(|passes| own.worth(passes));
-    let r = own.r_ci95.map_or(String::new(), |[l, h]| format!(", by noise {l:.1} to {h:.1}"));
-    let rho =
-        own.rho_ci95.map_or(String::new(), |[l, h]| format!(", by noise {:+.2} to {:+.2}", -h, -l));
-    wrap(
-        "",
-        &format!(
-            "Repeated data, at N_nv = {}: {} passes are worth {few:.1} fresh ones, {} are worth {many:.1} \
-             (R = {:.1}{r}; R goes as N^{:+.2}{rho}).",
-            count(own.params_nonvocab),
-            PASSES[0],
-            PASSES[1],
-            own.r,
-            -own.rho,
-        ),
-    )
 }
 
 fn doubts(laws: &Laws) -> String {

@@ -5,8 +5,8 @@ use super::parametric::parametric_text;
 use super::summary_checks::{advice, unseen_budgets};
 use super::text::{count, short, wrap};
 use super::{
-    FloorLaw, HeldOut, Laws, LogLaw, Minimum, NoiseSource, Parameters, PowerLaw, RunNoise,
-    Sensitivity, verdict,
+    FloorLaw, HeldOut, JointLaw, Laws, LogLaw, Minimum, NoiseSource, Parameters, PowerLaw,
+    RunNoise, Sensitivity, verdict,
 };
 
 /// The verdict, the coefficients of a parametric loss, laws with intervals, minima with flags, loss
@@ -26,6 +26,7 @@ pub fn summary(laws: &Laws) -> String {
     );
     text += &power_laws(laws);
     text += &loss_laws(laws);
+    text += &repetition(laws);
     text += &minima(laws);
     text += &unseen_budgets(laws);
     text += &sensitivity(laws);
@@ -118,6 +119,32 @@ fn loss_laws(laws: &Laws) -> String {
         }
     }
     text + &about_aic(laws)
+}
+
+/// Passes that a sentence names.
+const PASSES: [f64; 2] = [4.0, 16.0];
+
+/// What repeated data is worth, where that is known.
+fn repetition(laws: &Laws) -> String {
+    let joint = laws.of_all_budgets().judgement.joint.as_ref();
+    let own = joint.filter(|law| law.tells_repetition()).and_then(JointLaw::repetition);
+    let Some(own) = own else { return String::new() };
+    let [few, many] = PASSES.map(|passes| own.worth(passes));
+    let r = own.r_ci95.map_or(String::new(), |[l, h]| format!(", by noise {l:.1} to {h:.1}"));
+    let rho =
+        own.rho_ci95.map_or(String::new(), |[l, h]| format!(", by noise {:+.2} to {:+.2}", -h, -l));
+    wrap(
+        "",
+        &format!(
+            "Repeated data, at N_nv = {}: {} passes are worth {few:.1} fresh ones, {} are worth {many:.1} \
+             (R = {:.1}{r}; R goes as N^{:+.2}{rho}).",
+            count(own.params_nonvocab),
+            PASSES[0],
+            PASSES[1],
+            own.r,
+            -own.rho,
+        ),
+    )
 }
 
 /// What the column AIC is, where it says something.
