@@ -5,11 +5,11 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use isoflop::data::{self, DataFacts};
+use isoflop::data::{self, DataFacts, MotionSource};
 use isoflop::jobs::ResultsFolder;
 use isoflop::plan::{Plan, demand};
 use isoflop::sweep::{self, Clips, DataSource, Origin, Sweep};
-use isoflop::text;
+use isoflop::text::{self, TextEncoder};
 
 use super::args::SweepArgs;
 
@@ -43,7 +43,7 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let clips = data::Split::ALL.map(|split| source.n_clips(split));
     tracing::info!(?clips, digest = source.digest(), "data opened");
     let encoder = text::encoder(&sweep.text).context("opening the vectors of captions")?;
-    let facts = DataFacts::of(&*source).with_embeddings(encoder.digest());
+    let facts = with_text(DataFacts::of(&*source), &*source, &*encoder);
     let facts = facts.with_trainer_inputs(trainer_inputs(&sweep)?);
     let plan = Plan::new(&sweep, facts);
     Ok(OpenSweep { sweep, plan, folder })
@@ -53,13 +53,15 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
 /// provisional, and it says so.
 pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
     let (sweep, folder) = read_sweep(args)?;
-    let facts = match data::open(&sweep.data, demand(&sweep).as_ref()) {
-        Ok(source) => DataFacts::of(&*source),
+    let source = data::open(&sweep.data, demand(&sweep).as_ref());
+    let facts = match &source {
+        Ok(source) => DataFacts::of(&**source),
         Err(error) => DataFacts::absent(format!("the data could not be opened: {error}")),
     };
-    let facts = match text::encoder(&sweep.text) {
-        Ok(encoder) => facts.with_embeddings(encoder.digest()),
-        Err(error) => facts
+    let facts = match (text::encoder(&sweep.text), &source) {
+        (Ok(encoder), Ok(source)) => with_text(facts, &**source, &*encoder),
+        (Ok(encoder), Err(_)) => facts.with_embeddings(encoder.digest()),
+        (Err(error), _) => facts
             .without_embeddings(format!("the vectors of captions could not be opened: {error}")),
     };
     let facts = match trainer_inputs(&sweep) {
@@ -67,6 +69,12 @@ pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
         Err(error) => facts.with_warning(format!("{error:#}; ids are provisional")),
     };
     Ok((Plan::new(&sweep, facts), folder))
+}
+
+/// Facts with what the captions are to an encoder.
+fn with_text(facts: DataFacts, source: &dyn MotionSource, encoder: &dyn TextEncoder) -> DataFacts {
+    let n_tokens = |caption: &str| encoder.n_tokens(caption).ok();
+    facts.with_embeddings(encoder.digest()).with_captions(source, n_tokens)
 }
 
 /// Digests of the files that a trainer of one's own is made of.

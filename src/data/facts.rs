@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::source::{Member, MotionSource, Split};
-use crate::spec::Grid;
+use crate::spec::{ClipShape, Grid};
 
 /// What a plan needs to know of a data set.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,6 +25,9 @@ pub struct DataFacts {
     pub members: Vec<MemberFacts>,
     /// Training clips by their frames; of a very large split a sample.
     lengths: BTreeMap<usize, usize>,
+    /// Training clips by their frames and the tokens of a caption, a clip counting as one over all its
+    /// captions; of a large split a sample. Empty where the captions were not looked at.
+    pub shapes: BTreeMap<ClipShape, f64>,
 }
 
 /// What a plan tells of a data set of a union.
@@ -76,6 +79,7 @@ impl DataFacts {
             warnings: source.warnings().to_vec(),
             members: source.members().iter().map(MemberFacts::of).collect(),
             lengths: lengths(source),
+            shapes: BTreeMap::new(),
         }
     }
 
@@ -90,12 +94,32 @@ impl DataFacts {
             warnings: vec![format!("{reason}; ids and epochs are provisional")],
             members: Vec::new(),
             lengths: BTreeMap::new(),
+            shapes: BTreeMap::new(),
         }
     }
 
     /// The same with captions' vectors from a file of this content, where they come from a file.
     pub fn with_embeddings(mut self, digest: Option<String>) -> Self {
         self.embeddings = digest;
+        self
+    }
+
+    /// The same with what the captions of its clips take, by `n_tokens` of each; a caption of which that is
+    /// not known is left out.
+    pub fn with_captions(
+        mut self,
+        source: &dyn MotionSource,
+        n_tokens: impl Fn(&str) -> Option<usize>,
+    ) -> Self {
+        let n_clips = source.n_clips(Split::Train);
+        let looked_at = n_clips.min(CAPTIONED);
+        for clip in (0..looked_at).map(|i| i * n_clips / looked_at) {
+            let captions = source.captions(Split::Train, clip);
+            for n_text in captions.iter().filter_map(|caption| n_tokens(caption)) {
+                let shape = ClipShape { n_frames: source.n_frames(Split::Train, clip), n_text };
+                *self.shapes.entry(shape).or_default() += 1.0 / captions.len() as f64;
+            }
+        }
         self
     }
 
@@ -143,6 +167,9 @@ impl DataFacts {
         if sampled == train { sum } else { (sum as f64 / sampled as f64 * train as f64) as usize }
     }
 }
+
+/// Clips whose captions are looked at, spread over the split.
+const CAPTIONED: usize = 1 << 12;
 
 /// Clips that are looked at one by one; larger splits are estimated from as many.
 const SAMPLED: usize = 1 << 18;

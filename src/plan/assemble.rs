@@ -1,6 +1,6 @@
 //! [`Plan`]: every job of a sweep with its id and its price.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -57,7 +57,7 @@ impl Plan {
     }
 
     fn of_variant(sweep: &Sweep, label: &Option<String>, data: DataFacts) -> Self {
-        let (cells, dropped) = price(sweep);
+        let (cells, dropped) = price(sweep, &data.shapes);
         let captions = TextJob::new(&sweep.text, &data.digest, data.embeddings.clone());
         let text_id = captions.id();
         let text = (sweep.data.origin() != Origin::None).then_some(captions);
@@ -210,9 +210,10 @@ impl Plan {
     }
 }
 
-/// What the longest run of a sweep takes of a source without an end.
+/// What the longest run of a sweep takes of a source without an end, priced before its clips are known.
 pub fn demand(sweep: &Sweep) -> Option<Demand> {
-    let cells = sweep.variants().into_iter().flat_map(|variant| price(&variant.sweep).0);
+    let priced = |variant: Variant| price(&variant.sweep, &BTreeMap::new()).0;
+    let cells = sweep.variants().into_iter().flat_map(priced);
     let longest = cells.max_by_key(|cell| cell.spending.tokens())?;
     Some(Demand { targets: longest.spending.tokens(), codes: longest.codes })
 }

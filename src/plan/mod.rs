@@ -19,6 +19,7 @@
 mod assemble;
 mod cells;
 mod evaluator_job;
+mod exact;
 mod expand;
 mod memory;
 mod planned_run;

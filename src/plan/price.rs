@@ -1,33 +1,47 @@
 //! Cells with their price: what each costs, or why it is dropped.
 
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
 use super::cells::{GridCell, cells};
+use super::exact::exact_per_token;
 use super::priced_cell::{Dropped, PricedCell};
-use super::steps::{pace, spend};
+use super::steps::{MOST_TOKENS, Spending, pace, spend_with, tokens_bought, widest_batch};
 use super::trunk;
-use crate::spec::Context;
+use crate::spec::{ClipShape, Context, FlopsPerToken, FlopsRule, GeneratorSpec, Grid};
 use crate::sweep::{Sweep, shape};
 
-/// Prices every cell of a sweep's grid.
-pub fn price(sweep: &Sweep) -> (Vec<PricedCell>, Vec<Dropped>) {
+/// Prices every cell of a sweep's grid, over training clips of these shapes; none where they are not known.
+pub fn price(sweep: &Sweep, clips: &BTreeMap<ClipShape, f64>) -> (Vec<PricedCell>, Vec<Dropped>) {
     let (kept, excluded) = cells(sweep);
     let mut dropped: Vec<Dropped> =
         excluded.into_iter().map(|(cell, reason)| Dropped::new(&cell, reason)).collect();
     let mut priced = Vec::with_capacity(kept.len());
-    for cell in kept {
-        match price_cell(sweep, &cell) {
+    let prices: Vec<_> = kept.par_iter().map(|cell| price_cell(sweep, clips, cell)).collect();
+    for (cell, price) in kept.iter().zip(prices) {
+        match price {
             Ok(cell) => priced.push(cell),
-            Err(reason) => dropped.push(Dropped::new(&cell, reason)),
+            Err(reason) => dropped.push(Dropped::new(cell, reason)),
         }
     }
     if sweep.train.schedule.shares() {
-        let (in_step, out) = trunk::in_step(priced, &sweep.train);
+        let price = |cell: &PricedCell, batch| {
+            let price = Price::of(sweep, clips, cell);
+            (price.per_token(batch), price.tokens(batch))
+        };
+        let (in_step, out) = trunk::in_step(priced, &sweep.train, price);
         dropped.extend(out);
         return (in_step, dropped);
     }
     (priced, dropped)
 }
 
-fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
+fn price_cell(
+    sweep: &Sweep,
+    clips: &BTreeMap<ClipShape, f64>,
+    cell: &GridCell,
+) -> Result<PricedCell, String> {
     let tokenizer = sweep.tokenizer.spec(cell.quantizer.clone(), &sweep.text);
     let codes = tokenizer.grid();
     let context = Context {
@@ -39,9 +53,9 @@ fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
     };
     let shape = shape(&cell.model, &sweep.model, &sweep.text);
     let generator = cell.generator.of(shape, &codes, &context);
-    let flops_per_token = generator.flops_per_token(&codes, sweep.text.max_tokens);
-    let per_token = flops_per_token.by(sweep.flops.rule);
-    let spending = spend(cell.budget_flops, per_token, &sweep.train)?;
+    let budget_flops = cell.budget_flops;
+    let price = Price { sweep, clips, generator: &generator, codes: &codes, budget_flops };
+    let (spending, flops_per_token) = price.spend()?;
     let params = generator.params(&codes);
     Ok(PricedCell {
         group: None,
@@ -50,9 +64,64 @@ fn price_cell(sweep: &Sweep, cell: &GridCell) -> Result<PricedCell, String> {
         generator,
         quantizer: cell.quantizer.clone(),
         codes,
-        budget_flops: cell.budget_flops,
+        budget_flops,
         share: cell.share,
         flops_per_token,
         spending,
     })
+}
+
+/// What a budget buys a generator.
+struct Price<'a> {
+    sweep: &'a Sweep,
+    clips: &'a BTreeMap<ClipShape, f64>,
+    generator: &'a GeneratorSpec,
+    codes: &'a Grid,
+    budget_flops: f64,
+}
+
+impl<'a> Price<'a> {
+    fn of(sweep: &'a Sweep, clips: &'a BTreeMap<ClipShape, f64>, cell: &'a PricedCell) -> Self {
+        let PricedCell { generator, codes, budget_flops, .. } = cell;
+        Self { sweep, clips, generator, codes, budget_flops: *budget_flops }
+    }
+
+    /// Forward FLOPs a token in steps of a batch. By the exact count a clip costs what its own length and
+    /// text do; where the clips are not known, what the longest would.
+    fn per_token(&self, batch_tokens: usize) -> FlopsPerToken {
+        let Self { sweep, generator, codes, clips, .. } = *self;
+        let full = generator.flops_per_token(codes, sweep.text.max_tokens);
+        if sweep.flops.rule != FlopsRule::Exact || clips.is_empty() {
+            return full;
+        }
+        FlopsPerToken { exact: exact_per_token(&**generator, codes, clips, batch_tokens), ..full }
+    }
+
+    /// D that the budget buys in steps of a batch.
+    fn tokens(&self, batch_tokens: usize) -> f64 {
+        let per_token = self.per_token(batch_tokens).by(self.sweep.flops.rule);
+        tokens_bought(self.budget_flops, per_token)
+    }
+
+    /// Steps, and the largest batch that its rule gives for the tokens that it buys itself.
+    ///
+    /// Larger batches part fewer clips, so they buy more tokens, for which the rule's batch is larger: from
+    /// above it comes to rest.
+    fn spend(&self) -> Result<(Spending, FlopsPerToken), String> {
+        let train = &self.sweep.train;
+        let mut batch = train.batch.max;
+        loop {
+            let tokens = self.tokens(batch);
+            if tokens > MOST_TOKENS {
+                return Err(format!(
+                    "the budget buys {tokens:.1e} tokens: more than can be counted"
+                ));
+            }
+            let next = widest_batch(tokens, tokens, train);
+            if next >= batch {
+                return Ok((spend_with(tokens, batch, train)?, self.per_token(batch)));
+            }
+            batch = next;
+        }
+    }
 }

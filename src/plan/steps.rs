@@ -22,22 +22,10 @@ impl Spending {
 }
 
 /// Tokens beyond which counts of them are not exact any more.
-const MOST_TOKENS: f64 = 9e15;
+pub const MOST_TOKENS: f64 = 9e15;
 
 /// How far a run may miss its budget.
 pub const BUDGET_TOLERANCE: f64 = 0.01;
-
-/// Solves steps and batch so that 3 · `flops_per_token` · steps · batch meets the budget.
-///
-/// The batch follows its rule, made smaller while it leaves fewer than `min_steps`. The error is a
-/// sentence that says why no batch will do.
-pub fn spend(budget: f64, flops_per_token: f64, train: &TrainSection) -> Result<Spending, String> {
-    let tokens = tokens_bought(budget, flops_per_token);
-    if tokens > MOST_TOKENS {
-        return Err(format!("the budget buys {tokens:.1e} tokens: more than can be counted"));
-    }
-    spend_with(tokens, widest_batch(tokens, tokens, train), train)
-}
 
 /// D that a budget buys, before whole steps are made of it.
 pub fn tokens_bought(budget: f64, flops_per_token: f64) -> f64 {
@@ -134,17 +122,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn spending_meets_the_budget_or_says_why_not(
-            log_budget in 6.0..16.0f64, log_flops in 3.0..9.0f64, finely in any::<bool>(),
+        fn spending_meets_the_tokens_or_says_why_not(
+            log_tokens in 1.0..12.0f64, finely in any::<bool>(),
         ) {
-            let (budget, flops) = (10f64.powf(log_budget), 10f64.powf(log_flops));
+            let tokens = 10f64.powf(log_tokens);
             let mut train = TrainSection::default();
             train.batch.multiple_of = finely.then_some(16);
-            match spend(budget, flops, &train) {
+            match spend_with(tokens, widest_batch(tokens, tokens, &train), &train) {
                 Ok(found) => {
-                    let spent = 3.0 * flops * found.tokens() as f64;
-                    prop_assert!((spent / budget - 1.0).abs() <= BUDGET_TOLERANCE);
-                    prop_assert!((spent / budget - found.achieved_ratio).abs() < 1e-9);
+                    let ratio = found.tokens() as f64 / tokens;
+                    prop_assert!((ratio - 1.0).abs() <= BUDGET_TOLERANCE);
+                    prop_assert!((ratio - found.achieved_ratio).abs() < 1e-9);
                     prop_assert!(found.steps >= train.min_steps);
                     let batch = found.batch_tokens;
                     let rounded = train.batch.multiple_of.map_or(batch.is_power_of_two(), |step| {
@@ -152,7 +140,7 @@ mod tests {
                     });
                     prop_assert!(rounded, "{} tokens a step", batch);
                 }
-                Err(reason) => prop_assert!(budget / (3.0 * flops)
+                Err(reason) => prop_assert!(tokens
                     < (train.min_steps * train.batch.min) as f64 * 1.01, "{reason}"),
             }
         }

@@ -10,6 +10,7 @@ use super::planned_run::PlannedRun;
 use super::priced_cell::{Dropped, PricedCell};
 use super::run_spec::RunSpec;
 use super::steps::{Pace, Spending, pace, spend_with, widest_batch};
+use crate::spec::FlopsPerToken;
 use crate::sweep::TrainSection;
 
 /// A stretch of training from one branching point to the next.
@@ -28,8 +29,13 @@ pub struct Trunk {
 ///
 /// The batch is the largest budget's, halved while it leaves the smallest fewer than `min_steps`:
 /// small runs bear large batches better than large runs small ones. Rate and warm-up are the
-/// smallest budget's. A cell whose budget is missed by whole steps of that batch is dropped.
-pub fn in_step(cells: Vec<PricedCell>, train: &TrainSection) -> (Vec<PricedCell>, Vec<Dropped>) {
+/// smallest budget's. A cell whose budget is missed by whole steps of that batch is dropped. `price`
+/// says what a token of a cell costs in steps of a batch, and D that its budget then buys.
+pub fn in_step(
+    cells: Vec<PricedCell>,
+    train: &TrainSection,
+    price: impl Fn(&PricedCell, usize) -> (FlopsPerToken, f64),
+) -> (Vec<PricedCell>, Vec<Dropped>) {
     let mut groups: HashMap<String, usize> = HashMap::new();
     let mut members: Vec<Vec<PricedCell>> = Vec::new();
     let mut order = Vec::with_capacity(cells.len());
@@ -45,8 +51,12 @@ pub fn in_step(cells: Vec<PricedCell>, train: &TrainSection) -> (Vec<PricedCell>
     let (mut kept, mut dropped) = (Vec::with_capacity(order.len()), Vec::new());
     for (group, member) in order {
         let (cell, (batch_tokens, pace)) = (members[group][member].clone(), common[group]);
-        match spend_with(cell.tokens_bought(), batch_tokens, train) {
-            Ok(spending) => kept.push(PricedCell { spending, pace, group: Some(group), ..cell }),
+        let (flops_per_token, tokens) = price(&cell, batch_tokens);
+        match spend_with(tokens, batch_tokens, train) {
+            Ok(spending) => {
+                let group = Some(group);
+                kept.push(PricedCell { spending, pace, group, flops_per_token, ..cell });
+            }
             Err(reason) => dropped.push(cell.dropped(reason)),
         }
     }

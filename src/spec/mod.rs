@@ -41,8 +41,9 @@ pub use evaluator::{
 };
 pub use generator::flops;
 pub use generator::{
-    Context, Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, MaskedSpec, ModelShape,
-    ParamCounts, Pricing, Scales, ScalewiseSpec, TARGETS_PER_PASS, exact_of_clip,
+    ClipShape, Context, Ffn, FlopsPerToken, FlopsRule, GeneratorKind, GeneratorSpec, MaskedSpec,
+    ModelShape, ParamCounts, Places, Pricing, Scales, ScalewiseSpec, TARGETS_PER_PASS,
+    exact_of_clip,
 };
 pub use grid::{Grid, Length, Scale};
 pub use id::{changed_fields, content_id};

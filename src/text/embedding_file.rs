@@ -18,6 +18,7 @@
 //! `experiments/embed_captions.py` writes it so.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::encoder::TextEncoder;
@@ -76,6 +77,18 @@ impl EmbeddingFile {
     }
 }
 
+impl EmbeddingFile {
+    /// Where a caption's vectors stand, cut to the limit.
+    fn rows(&self, caption: &str) -> Result<Range<usize>, TextError> {
+        let Some(&place) = self.places.get(&caption_key(caption)) else {
+            let captions = vec![caption.to_string()];
+            return Err(TextError::Missing { captions, file: self.path.clone() });
+        };
+        let [from, to] = [0, 1].map(|i| self.offsets.values()[place + i] as usize);
+        Ok(from..to.min(from + self.max_tokens))
+    }
+}
+
 /// Every caption has vectors, and every vector a caption.
 fn check_offsets(offsets: &[u64], n_captions: usize, n_vectors: usize) -> Result<(), String> {
     let sound = offsets.len() == n_captions + 1
@@ -92,18 +105,17 @@ impl TextEncoder for EmbeddingFile {
     }
 
     fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError> {
-        let Some(&place) = self.places.get(&caption_key(caption)) else {
-            let captions = vec![caption.to_string()];
-            return Err(TextError::Missing { captions, file: self.path.clone() });
-        };
-        let [from, to] = [0, 1].map(|i| self.offsets.values()[place + i] as usize);
-        let to = to.min(from + self.max_tokens);
-        let vectors = &self.embeddings.values()[from * self.dim..to * self.dim];
+        let own = self.rows(caption)?;
+        let vectors = &self.embeddings.values()[own.start * self.dim..own.end * self.dim];
         if vectors.iter().all(|x| x.is_finite()) {
             return Ok(vectors.to_vec());
         }
         let reason = format!("the vectors of `{caption}` hold NaN or infinity");
         Err(self.file.damaged(reason).with_advice(ADVICE).into())
+    }
+
+    fn n_tokens(&self, caption: &str) -> Result<usize, TextError> {
+        Ok(self.rows(caption)?.len())
     }
 
     fn digest(&self) -> Option<String> {

@@ -14,6 +14,12 @@ pub trait TextEncoder: Sync {
     /// The encoder has no vectors for this caption.
     fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError>;
 
+    /// How many vectors [`encode`](Self::encode) gives, without making them.
+    ///
+    /// # Errors
+    /// As there.
+    fn n_tokens(&self, caption: &str) -> Result<usize, TextError>;
+
     /// The same of several captions, in their order.
     fn encode_all(&self, captions: &[String]) -> Vec<Result<Vec<f32>, TextError>> {
         captions.iter().map(|caption| self.encode(caption)).collect()

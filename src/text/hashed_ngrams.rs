@@ -27,6 +27,12 @@ impl HashedNgrams {
         Self { dim, max_tokens }
     }
 
+    /// The words of a caption, cut to the limit, and the end.
+    fn words<'a>(&self, caption: &'a str) -> impl Iterator<Item = &'a str> {
+        let words = caption.split(|c: char| !c.is_alphanumeric() && c != '\'');
+        words.filter(|word| !word.is_empty()).take(self.max_tokens - 1).chain([END])
+    }
+
     fn word(&self, word: &str) -> Vec<f32> {
         let marked: Vec<char> = format!("<{word}>").chars().collect();
         let mut vector = vec![0f32; self.dim];
@@ -47,9 +53,11 @@ impl TextEncoder for HashedNgrams {
     }
 
     fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError> {
-        let words = caption.split(|c: char| !c.is_alphanumeric() && c != '\'');
-        let words = words.filter(|word| !word.is_empty()).take(self.max_tokens - 1);
-        Ok(words.chain([END]).flat_map(|word| self.word(&word.to_lowercase())).collect())
+        Ok(self.words(caption).flat_map(|word| self.word(&word.to_lowercase())).collect())
+    }
+
+    fn n_tokens(&self, caption: &str) -> Result<usize, TextError> {
+        Ok(self.words(caption).count())
     }
 }
 
@@ -91,6 +99,10 @@ mod tests {
         let encoder = HashedNgrams::new(16, 4);
         let encode = |caption| encoder.encode(caption).expect("it has vectors for every caption");
         assert_eq!(encode("").len(), 16);
+        assert_eq!(
+            ["", "a man", "a man walks and"].map(|text| encoder.n_tokens(text).unwrap()),
+            [1, 3, 4]
+        );
         assert_eq!(encode("a man, walks.").len(), 4 * 16);
         let long = encode("a man walks and then runs");
         assert_eq!(long.len(), 4 * 16);

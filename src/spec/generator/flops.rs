@@ -28,7 +28,8 @@ pub enum FlopsRule {
     /// 6 (N_nv + N_v) D, ScaMo Eq. 7.
     #[serde(rename = "6nd")]
     SixNd,
-    /// The multiply-adds of the model as built.
+    /// The multiply-adds of the model as built, each clip at its own length after its own caption, and in
+    /// each step that it stands in.
     #[serde(rename = "exact")]
     Exact,
 }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 pub use flops::{FlopsPerToken, FlopsRule};
 pub use masked::MaskedSpec;
 pub use memory::TARGETS_PER_PASS;
-pub use pricing::{Context, Pricing};
+pub use pricing::{ClipShape, Context, Places, Pricing};
 pub use scalewise::{ScalewiseSpec, exact_of_clip};
 pub use shape::{Ffn, ModelShape, ParamCounts};
 

@@ -1,5 +1,7 @@
 //! [`Pricing`]: what a generator takes, and [`Context`]: what surrounds it.
 
+use std::ops::Range;
+
 use super::flops::FlopsPerToken;
 use super::shape::{ModelShape, ParamCounts};
 use crate::spec::grid::Grid;
@@ -33,6 +35,29 @@ impl Context {
     }
 }
 
+/// A training clip as a price sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ClipShape {
+    pub n_frames: usize,
+    /// Tokens of its text.
+    pub n_text: usize,
+}
+
+impl ClipShape {
+    /// A mean over runs that leave out a share of the captions, as one token.
+    pub fn mean_over_texts(self, text_drop: f64, of: impl Fn(usize) -> f64) -> f64 {
+        (1.0 - text_drop) * of(self.n_text) + text_drop * of(1)
+    }
+}
+
+/// What steps count of a clip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Places {
+    pub count: usize,
+    /// Supervised tokens that each of them is.
+    pub tokens_each: usize,
+}
+
 /// What a generator takes, before it is built.
 pub trait Pricing {
     /// The word in files: `autoregressive`.
@@ -46,6 +71,16 @@ pub trait Pricing {
 
     /// Forward FLOPs a supervised token by every convention, after a text of `prefix` tokens.
     fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken;
+
+    /// What steps count of a clip of so many frames: its targets.
+    fn places(&self, codes: &Grid, n_frames: usize) -> Places {
+        Places { count: codes.n_targets(n_frames), tokens_each: 1 }
+    }
+
+    /// Forward FLOPs by the exact count of a clip in a step that supervises some of its places: every
+    /// position that goes through the network, and the heads of what is supervised. On the mean over
+    /// what training draws.
+    fn exact_of_part(&self, codes: &Grid, clip: ClipShape, supervised: Range<usize>) -> f64;
 
     /// Positions that the codes of a clip of so many frames take in a sequence, after its text.
     fn positions(&self, codes: &Grid, n_frames: usize) -> usize {

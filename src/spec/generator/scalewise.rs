@@ -1,10 +1,12 @@
 //! What the scale-by-scale transformer takes.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 
 use super::flops::{FlopsPerToken, openai_per_token};
 use super::memory::peak_bytes;
-use super::pricing::{Context, Pricing};
+use super::pricing::{ClipShape, Context, Pricing};
 use super::shape::{ModelShape, ParamCounts};
 use crate::spec::grid::Grid;
 
@@ -86,6 +88,20 @@ impl Pricing for ScalewiseSpec {
             exact: exact_of_clip(self, codes, prefix, &lengths, &lengths)
                 / lengths.iter().sum::<usize>() as f64,
         }
+    }
+
+    /// The whole clip goes through the network; each scale has a head for what is supervised of it.
+    fn exact_of_part(&self, codes: &Grid, clip: ClipShape, supervised: Range<usize>) -> f64 {
+        let lengths: Vec<usize> = codes.lengths(clip.n_frames).collect();
+        let mut start = 0;
+        let own = lengths.iter().map(|length| {
+            let scale = start..start + length;
+            start = scale.end;
+            supervised.end.min(scale.end).saturating_sub(supervised.start.max(scale.start))
+        });
+        let own: Vec<usize> = own.collect();
+        let of = |prefix| exact_of_clip(self, codes, prefix, &lengths, &own);
+        clip.mean_over_texts(self.text_drop, of)
     }
 
     fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64 {

@@ -46,7 +46,7 @@ pub fn flops_per_token(shape: &ModelShape, codes: &Grid, prefix: usize) -> Flops
 }
 
 /// V of a layer after the first; those of a residual quantizer are all alike.
-fn mean_later_vocab(codes: &Grid) -> f64 {
+pub fn mean_later_vocab(codes: &Grid) -> f64 {
     let later = &codes.scales[1..];
     later.iter().map(|scale| scale.n_vocab).sum::<usize>() as f64 / later.len() as f64
 }

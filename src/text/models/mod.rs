@@ -135,6 +135,11 @@ impl TextEncoder for LocalModel {
         }
     }
 
+    fn n_tokens(&self, caption: &str) -> Result<usize, TextError> {
+        let n = self.ids(caption)?.len();
+        Ok(if self.states == TextStates::Words { n } else { 1 })
+    }
+
     fn digest(&self) -> Option<String> {
         Some(self.digest.clone())
     }
