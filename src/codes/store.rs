@@ -3,7 +3,8 @@
 //! The file is safetensors: for each split `<split>.codes` (u32, clip after clip, those of a clip
 //! scale after scale), `<split>.offsets` (u64, where each clip starts, and the end) and
 //! `<split>.frames` (u64, the frames of each clip that its codes stand for), with the [`Grid`] as
-//! JSON in its metadata.
+//! JSON in its metadata; `<split>.groups` (u32, clips with one number were recorded together) where that
+//! is known.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -23,6 +24,8 @@ pub struct SplitTokens {
     offsets: Vec<u64>,
     /// `[n_clips]`.
     frames: Vec<u64>,
+    /// `[n_clips]`; empty where it is not known which clips were recorded together.
+    groups: Vec<u32>,
 }
 
 impl SplitTokens {
@@ -36,6 +39,16 @@ impl SplitTokens {
         }
         split
     }
+
+    /// With the group of each clip, a number for each name.
+    pub fn in_groups(self, names: impl IntoIterator<Item = String>) -> Self {
+        let mut numbers: HashMap<String, u32> = HashMap::new();
+        let mut number = |name: String| {
+            let next = numbers.len() as u32;
+            *numbers.entry(name).or_insert(next)
+        };
+        Self { groups: names.into_iter().map(&mut number).collect(), ..self }
+    }
 }
 
 /// Writes the three splits, in [`Split::ALL`]'s order, whole, by rename.
@@ -48,17 +61,22 @@ pub fn write_store(path: &Path, codes: &Grid, splits: &[SplitTokens]) -> Result<
     columns::write(path, &all, HashMap::from([(GRID.to_string(), grid)]))
 }
 
-fn columns_of<'a>((split, tokens): (&Split, &'a SplitTokens)) -> [NewColumn<'a>; 3] {
-    [
+fn columns_of<'a>((split, tokens): (&Split, &'a SplitTokens)) -> Vec<NewColumn<'a>> {
+    let mut columns = vec![
         NewColumn::new(name(*split, CODES), &tokens.codes),
         NewColumn::new(name(*split, OFFSETS), &tokens.offsets),
         NewColumn::new(name(*split, FRAMES), &tokens.frames),
-    ]
+    ];
+    if !tokens.groups.is_empty() {
+        columns.push(NewColumn::new(name(*split, GROUPS), &tokens.groups));
+    }
+    columns
 }
 
 const CODES: &str = "codes";
 const OFFSETS: &str = "offsets";
 const FRAMES: &str = "frames";
+const GROUPS: &str = "groups";
 const GRID: &str = "grid";
 
 fn name(split: Split, part: &str) -> String {
@@ -78,6 +96,7 @@ struct StoredSplit {
     codes: Column<u32>,
     offsets: Column<u64>,
     frames: Column<u64>,
+    groups: Option<Column<u32>>,
 }
 
 impl TokenStore {
@@ -151,6 +170,12 @@ impl TokenStore {
         self.split(split).frames.values()[index] as usize
     }
 
+    /// The group of each clip of a split: clips with one number were recorded together. `None` where the
+    /// file does not say.
+    pub fn groups(&self, split: Split) -> Option<&[u32]> {
+        self.split(split).groups.as_ref().map(Column::values)
+    }
+
     /// The codes of a clip as ids of one vocabulary, in which the codebooks stand after one another:
     /// those of a scale are moved by the codes of the codebooks before it.
     pub fn stream(&self, split: Split, index: usize) -> Cow<'_, [u32]> {
@@ -220,7 +245,9 @@ impl StoredSplit {
     fn read(file: &MappedFile, split: Split, grid: &Grid) -> Result<Self, FileError> {
         let codes = file.column(&name(split, CODES))?;
         let offsets = file.column(&name(split, OFFSETS))?;
-        let split = Self { codes, offsets, frames: file.column(&name(split, FRAMES))? };
+        let groups = name(split, GROUPS);
+        let groups = file.has(&groups).then(|| file.column(&groups)).transpose()?;
+        let split = Self { codes, offsets, frames: file.column(&name(split, FRAMES))?, groups };
         if split.is_sound(grid) {
             Ok(split)
         } else {
@@ -234,6 +261,7 @@ impl StoredSplit {
             && offsets.last() == Some(&(codes.len() as u64))
             && offsets.is_sorted()
             && offsets.len() == self.frames.values().len() + 1
+            && self.groups.as_ref().is_none_or(|own| own.values().len() + 1 == offsets.len())
             && self.clips_are_sound(grid)
     }
 

@@ -1,8 +1,9 @@
 //! [`HumanMl3d`]: a folder in the HumanML3D layout as a [`MotionSource`].
 //!
 //! The folder holds `new_joint_vecs/<id>.npy` or else `new_joints/<id>.npy`, `texts/<id>.txt`,
-//! `train.txt`, `val.txt`, `test.txt`, and may hold `Mean.npy` and `Std.npy`. Motion-X has
-//! `vector_263/<id>.npy` and `texts/semantic_labels/<id>.txt`, whose ids have folders in them.
+//! `train.txt`, `val.txt`, `test.txt`, and may hold `Mean.npy` and `Std.npy`, and a `manifest.csv` that
+//! says which clips were recorded together. Motion-X has `vector_263/<id>.npy` and
+//! `texts/semantic_labels/<id>.txt`, whose ids have folders in them.
 
 use std::collections::HashSet;
 use std::io;
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 use super::clip_file::{ClipFile, LoadedClip, load_clip};
 use super::digest::{UsedFile, digest};
 use super::frame_rate::{FPS, frame_rate};
+use super::groups::Groups;
 use super::items::{Item, LengthRule, items_of};
 use super::motion_files::MotionFiles;
 use super::source::{DataError, FeatureStats, MotionSource, Split};
@@ -54,6 +56,7 @@ impl Default for HumanMl3dOptions {
 /// A data set in memory: each clip's features once, in single precision.
 pub struct HumanMl3d {
     library: Library,
+    groups: Groups,
     stats: FeatureStats,
     fps: f64,
     digest: String,
@@ -84,7 +87,12 @@ impl HumanMl3d {
         let (stats, stats_files) = library.stats(path)?;
         let files = [lists.files, files, stats_files].concat();
         let digest = digest(&rules(options, motion, fps), &files);
-        Ok(HumanMl3d { library, stats, fps, digest, warnings: [broken, skipped].concat() })
+        let (groups, problems) = match Groups::read(path) {
+            Ok(groups) => (groups, Vec::new()),
+            Err(problem) => (Groups::default(), vec![problem]),
+        };
+        let warnings = [broken, skipped, problems].concat();
+        Ok(HumanMl3d { library, groups, stats, fps, digest, warnings })
     }
 }
 
@@ -95,6 +103,10 @@ impl MotionSource for HumanMl3d {
 
     fn clip_id(&self, split: Split, index: usize) -> String {
         self.library.items[split as usize][index].id()
+    }
+
+    fn group(&self, split: Split, index: usize) -> String {
+        self.groups.of(&self.library.items[split as usize][index].stem)
     }
 
     fn n_frames(&self, split: Split, index: usize) -> usize {

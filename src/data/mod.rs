@@ -26,6 +26,7 @@ mod facts;
 #[cfg(test)]
 mod fixtures;
 mod frame_rate;
+mod groups;
 mod humanml3d;
 pub mod import;
 mod items;

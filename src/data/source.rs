@@ -83,6 +83,12 @@ pub trait MotionSource: Sync {
     /// A name for messages: the file's stem, with a letter before it for a sub-caption's clip.
     fn clip_id(&self, split: Split, index: usize) -> String;
 
+    /// What was recorded at one time, or by one performer: clips of a group are alike, those of several are
+    /// not. Each clip is its own unless the source knows more.
+    fn group(&self, split: Split, index: usize) -> String {
+        self.clip_id(split, index)
+    }
+
     /// Frames of the clip; known without producing its features. A multiple of 4.
     fn n_frames(&self, split: Split, index: usize) -> usize;
 

@@ -61,6 +61,11 @@ impl MotionSource for Union {
         format!("{name}/{}", source.clip_id(split, index))
     }
 
+    fn group(&self, split: Split, index: usize) -> String {
+        let (source, name, index) = self.place(split, index);
+        format!("{name}/{}", source.group(split, index))
+    }
+
     fn n_frames(&self, split: Split, index: usize) -> usize {
         let (source, _, index) = self.place(split, index);
         source.n_frames(split, index)

@@ -108,6 +108,11 @@ impl MappedFile {
         number.ok_or_else(|| self.damaged(format!("its note `{name}` is missing")))
     }
 
+    /// Whether the file has a column of this name.
+    pub fn has(&self, name: &str) -> bool {
+        self.metadata.info(name).is_some()
+    }
+
     /// A column of the file.
     ///
     /// # Errors

@@ -46,6 +46,7 @@
 //! ```
 
 pub mod autoregressive;
+mod blocks;
 mod error;
 mod fitness;
 mod kind;
@@ -63,10 +64,12 @@ mod trained;
 
 use std::path::Path;
 
+pub use blocks::losses_by_block;
 pub use error::GeneratorError;
 pub use kind::{Generator, MOST_PROBED_PARAMS, Probe, Training};
 pub use sampling::{Choices, Draw, Edit, Prompt, Sampled, Sampler, Sampling, StreamForm};
 pub use schedule::learning_rate;
+pub use sums::Sums;
 pub use trained::{Inputs, LogLine, ScaleInputs, SplitLoss, Trained};
 
 use crate::plan::RunSpec;

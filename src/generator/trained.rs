@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::sums::Sums;
 use crate::codes::TokenStore;
 use crate::learn::weights::Sources;
 use crate::text::TextStore;
@@ -54,6 +55,8 @@ pub struct SplitLoss {
     /// L_u of the codes of each scale; empty where there is one.
     pub normalised_by_scale: Vec<f64>,
     pub targets: usize,
+    /// Of each clip by itself, in the split's order.
+    pub clips: Vec<Sums>,
 }
 
 /// A line of `log.jsonl`: a run measured on the validation split.

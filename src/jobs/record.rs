@@ -6,7 +6,7 @@ use super::tokenizer;
 use crate::files::read_if_there;
 use crate::plan::{RunSpec, TokenizerJob};
 use crate::record::facts::{LOSS_NATS, LOSS_NORMALISED, NATS_PER_FRAME, NATS_PER_SECOND};
-use crate::record::{Measured, Metrics, Planned, RunRecord};
+use crate::record::{Measured, Metrics, Planned, RunRecord, block_metric};
 use crate::spec::FlopsPerToken;
 use crate::spec::flops::TRAINING_PER_FORWARD;
 
@@ -20,6 +20,8 @@ pub struct Report {
     pub loss_normalised: f64,
     /// L_u of each scale; empty where there is one.
     pub normalised_by_scale: Vec<f64>,
+    /// L_u of each block of the test split; empty where it is not known.
+    pub normalised_by_block: Vec<f64>,
     /// By default from `nats_per_second`, or from `loss_nats`: a code stands for four frames.
     pub nats_per_frame: Option<f64>,
     pub nats_per_second: Option<f64>,
@@ -102,6 +104,9 @@ impl Report {
         let mut metrics: Metrics = metrics.into_iter().collect();
         for (scale, loss) in self.normalised_by_scale.iter().enumerate() {
             metrics.set(format!("{LOSS_NORMALISED}_scale_{}", scale + 1), *loss);
+        }
+        for (block, loss) in self.normalised_by_block.iter().enumerate() {
+            metrics.set(block_metric(block), *loss);
         }
         metrics
     }

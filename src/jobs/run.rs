@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::assignment::{Assignment, Outcome};
 use super::folder::ResultsFolder;
@@ -15,9 +16,11 @@ use super::record::{ExactFlops, Report};
 use super::spec_file::write_once;
 use super::training::{Opened, share_done, trunk_state};
 use super::{program, text, tokens, trunk};
+use crate::codes::TokenStore;
+use crate::data::Split;
 use crate::files::atomic::{write_bytes, write_json};
 use crate::files::{FileError, read_if_there};
-use crate::generator::{self, Inputs, Trained};
+use crate::generator::{self, Inputs, SplitLoss, Trained, losses_by_block};
 use crate::learn::weights;
 use crate::machine::peak::peak_bytes;
 use crate::plan::{Plan, PlannedRun, RunSpec};
@@ -30,6 +33,9 @@ pub struct Run;
 
 /// The weights of a finished run, in its folder.
 pub const MODEL: &str = "model.safetensors";
+
+/// What a finished run has on each clip of the test split, a line a clip, in its folder.
+const TEST_CLIPS: &str = "test.jsonl";
 
 /// As a kind of job.
 pub const KIND: JobKind = JobKind::from_static(&Run);
@@ -165,6 +171,7 @@ fn report(device_name: &str, spec: &RunSpec, inputs: &Inputs, trained: &Trained)
         loss_nats: trained.test.loss_nats,
         loss_normalised: trained.test.loss_normalised,
         normalised_by_scale: trained.test.normalised_by_scale.clone(),
+        normalised_by_block: by_block(tokens, &trained.test),
         nats_per_frame: Some(trained.test.nats_per_frame),
         nats_per_second: None,
         tokens: None,
@@ -183,6 +190,19 @@ fn report(device_name: &str, spec: &RunSpec, inputs: &Inputs, trained: &Trained)
     }
 }
 
+/// L_u of each block of the test split; empty where the codes do not say which clips go together.
+fn by_block(tokens: &TokenStore, test: &SplitLoss) -> Vec<f64> {
+    let Some(groups) = tokens.groups(Split::Test) else { return Vec::new() };
+    let frames = (0..groups.len()).map(|clip| tokens.clip_frames(Split::Test, clip));
+    losses_by_block(&test.clips, groups, &frames.collect::<Vec<_>>())
+}
+
+/// Values as JSON, one a line.
+fn json_lines<T: Serialize>(values: &[T]) -> serde_json::Result<String> {
+    let lines = values.iter().map(|value| Ok(serde_json::to_string(value)? + "\n"));
+    lines.collect()
+}
+
 fn write_results(
     assignment: &Assignment,
     spec: &RunSpec,
@@ -191,12 +211,8 @@ fn write_results(
 ) -> Result<()> {
     let place = assignment.place();
     weights::save(&place.join(MODEL), &trained.weights, Default::default())?;
-    let mut lines = String::new();
-    for line in &trained.log {
-        lines += &serde_json::to_string(line)?;
-        lines.push('\n');
-    }
-    write_bytes(&place.join("log.jsonl"), lines.as_bytes())?;
+    write_bytes(&place.join("log.jsonl"), json_lines(&trained.log)?.as_bytes())?;
+    write_bytes(&place.join(TEST_CLIPS), json_lines(&trained.test.clips)?.as_bytes())?;
     let report = report(assignment.device_name, spec, &opened.inputs(), trained);
     let record = report.record(assignment.folder, &assignment.job.id, spec);
     write_json(&assignment.product(), &record)?;

@@ -15,10 +15,12 @@
 //! they should; basic intervals cover too little, and noise around a smooth surface instead of the
 //! means brings in that surface's misfit.
 //!
-//! Three things move a replicate beside the runs' own noise. Tokenizers: all runs with a vocabulary move
+//! Four things move a replicate beside the runs' own noise. Tokenizers: all runs with a vocabulary move
 //! together, by the scatter between its tokenizers. Misfit: where runs lie further from the curves
 //! than they scatter, they are moved by as much more. The method: laws go through the minima of each
-//! kind of curve in turn. Each can be asked for alone ([`Sources`]).
+//! kind of curve in turn. The test split: all runs move as they would on other clips. Each can be asked
+//! for alone ([`Sources`]). The last moves laws alone: minima are compared with forecasts that were
+//! measured on the same clips.
 //!
 //! A budget whose replicate has no minimum inside the grid is left out of that replicate's laws, as
 //! the fit itself would leave it out, unless flagged minima are kept; then it counts with its best
@@ -31,8 +33,10 @@ use super::law_set::{Columns, law_set};
 use super::minima::{self, Grid};
 use super::random::Normals;
 use super::split::Split;
+use super::test_noise::OtherClips;
 use super::{
-    FitOptions, FloorSample, LawSample, Minimum, NoiseSource, RunNoise, TokenizerNoise, floor_law,
+    FitOptions, FloorSample, LawSample, Minimum, NoiseSource, RunNoise, TestNoise, TokenizerNoise,
+    floor_law,
 };
 use crate::sweep::MinimumMethod;
 use rayon::prelude::*;
@@ -51,6 +55,7 @@ pub(super) struct Bootstrap<'a> {
     pub reference: f64,
     pub noise: RunNoise,
     pub tokenizers: Option<&'a TokenizerNoise>,
+    pub test: Option<TestNoise>,
     /// How many times the variance of the runs their distance from the curves is; at least 1.
     pub misfit: f64,
     /// The kinds of minimum that laws may go through, as indices into `methods`.
@@ -66,11 +71,14 @@ pub(super) struct Sources {
     pub tokenizers: bool,
     pub misfit: bool,
     pub method: bool,
+    pub test: bool,
 }
 
 impl Sources {
-    pub const ALL: Self = Self { runs: true, tokenizers: true, misfit: true, method: true };
-    pub const NONE: Self = Self { runs: false, tokenizers: false, misfit: false, method: false };
+    pub const ALL: Self =
+        Self { runs: true, tokenizers: true, misfit: true, method: true, test: true };
+    pub const NONE: Self =
+        Self { runs: false, tokenizers: false, misfit: false, method: false, test: false };
 }
 
 /// What one replicate gave.
@@ -101,6 +109,7 @@ impl Bootstrap<'_> {
         let drawn_sd = (dof as f64 / normals.chi_square(dof)).sqrt();
         let tokenizers = self.tokenizers.filter(|_| self.sources.tokenizers);
         let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
+        let clips = self.test.filter(|_| self.sources.test).map(|noise| noise.draw(&mut normals));
         let grids = self.split.fitted.iter().chain(&self.split.held_out);
         let noisy = |grid: &Grid| {
             let sd = drawn_sd * self.sd_of_runs(grid);
@@ -109,18 +118,31 @@ impl Bootstrap<'_> {
             })
         };
         let drawn: Vec<Grid> = grids.map(noisy).collect();
-        let minima: Vec<Minimum> = self
-            .methods
-            .iter()
-            .flat_map(|method| drawn.iter().map(|grid| minima::of_grid(*method, grid)))
-            .collect();
+        let of = |method| drawn.iter().map(move |grid| minima::of_grid(method, grid));
+        let minima: Vec<Minimum> = self.methods.iter().copied().flat_map(of).collect();
+        let fitted = self.method_of(stream).map(|own| match &clips {
+            Some(clips) => self.on_other_clips(clips, self.methods[own], &drawn),
+            None => minima[own * drawn.len()..][..self.split.fitted.len()].to_vec(),
+        });
         Replicate {
-            laws: self.laws(&minima, drawn.len(), self.method_of(stream)),
+            laws: fitted.and_then(|fitted| self.laws(&fitted)),
             minima: minima
                 .iter()
                 .map(|m| [m.params_nonvocab, m.params_vocab, m.loss_normalised])
                 .collect(),
         }
+    }
+
+    /// The minima of the fitted budgets on another test split.
+    fn on_other_clips(
+        &self,
+        clips: &OtherClips,
+        method: MinimumMethod,
+        drawn: &[Grid],
+    ) -> Vec<Minimum> {
+        let moved = |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell));
+        let fitted = drawn[..self.split.fitted.len()].iter();
+        fitted.map(|grid| minima::of_grid(method, &moved(grid))).collect()
     }
 
     /// Which kind of minimum a replicate's laws go through.
@@ -139,15 +161,8 @@ impl Bootstrap<'_> {
         variance.sqrt() * of_budget(grid, self.noise)
     }
 
-    /// The laws through the minima of one method and of the budgets used.
-    fn laws(
-        &self,
-        minima: &[Minimum],
-        n_grids: usize,
-        method: Option<usize>,
-    ) -> Option<ReplicateLaws> {
-        let own = method?;
-        let fitted = &minima[own * n_grids..][..self.split.fitted.len()];
+    /// The laws through the minima of the fitted budgets, those of the budgets used.
+    fn laws(&self, fitted: &[Minimum]) -> Option<ReplicateLaws> {
         let is_used = |m: &&Minimum| {
             let used = self.used.iter().any(|used| used.budget_flops == m.budget_flops);
             used && (self.options.keep_flagged || !m.is_best_run_instead())

@@ -1,8 +1,12 @@
 //! The fit on one screen: what to believe, the laws, and what is in doubt.
 
 use super::names::flags_text;
+use super::stats::student_t95;
 use super::text::{count, wrap};
-use super::{Candidate, Laws, Minimum, NoiseSource, Parameters, PowerLaw, Recommended, Validated};
+use super::{
+    Candidate, Judgement, Laws, Minimum, NoiseSource, Parameters, PowerLaw, Recommended, TestNoise,
+    Validated,
+};
 
 /// Minima in doubt that are named before the rest are only counted.
 const MOST_NAMED: usize = 3;
@@ -157,11 +161,7 @@ fn held(laws: &Laws) -> Option<String> {
         Some(format!("{} ±{half:.3}", part.part))
     });
     let told: Vec<String> = told.collect();
-    let missing = match &laws.judgement.tokenizer_noise {
-        Some(_) => "the test split",
-        None if laws.from_sweep => "the test split and the tokenizers, one a vocabulary",
-        None => "what was not varied",
-    };
+    let missing = missing(laws).map_or(String::new(), |missing| format!("; not {missing}"));
     let one_seed = match laws.noise.map(|noise| noise.source) {
         Some(NoiseSource::Surface { .. }) => {
             " Too few cells have a second seed: the runs' noise is what a smooth surface through them leaves."
@@ -170,9 +170,30 @@ fn held(laws: &Laws) -> Option<String> {
     };
     (!told.is_empty()).then(|| {
         format!(
-            "Intervals hold, here for the exponent of {}: {}; not {missing}.{one_seed}",
+            "Intervals hold, here for the exponent of {}: {}{missing}.{one_seed}{}",
             laws.parameters.size(),
-            told.join(", ")
+            told.join(", "),
+            of_test_split(laws)
         )
     })
+}
+
+/// What no interval holds.
+fn missing(laws: &Laws) -> Option<&'static str> {
+    let Judgement { tokenizer_noise: tokenizers, test_noise: test, .. } = &laws.judgement;
+    match (tokenizers, test) {
+        (None, None) if !laws.from_sweep => Some("what was not varied"),
+        (Some(_), Some(_)) => None,
+        (Some(_), None) => Some("the test split"),
+        (None, Some(_)) => Some("the tokenizers, one a vocabulary"),
+        (None, None) => Some("the test split and the tokenizers, one a vocabulary"),
+    }
+}
+
+fn of_test_split(laws: &Laws) -> String {
+    let told = |noise: TestNoise| {
+        let half = student_t95(noise.blocks - 1) * noise.sd;
+        format!(" Another test split would move L_u by ±{half:.3} nats (95 %).")
+    };
+    laws.judgement.test_noise.map_or(String::new(), told)
 }

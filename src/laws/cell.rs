@@ -27,6 +27,11 @@ pub(super) struct Cell {
     pub n_layer: Option<usize>,
     /// Distinct tokens of the training split, where they are known.
     pub unique_tokens: Option<f64>,
+    /// What the runs saw of the training split, 1 being all.
+    pub share: f64,
+    /// Mean over the runs of the loss on each block of the test split, less the mean of all blocks; empty
+    /// where some run does not know it.
+    pub by_block: Vec<f64>,
 }
 
 impl Cell {
@@ -98,7 +103,19 @@ fn mean(runs: &[&IsoFlopPoint]) -> Cell {
         dof,
         n_layer: runs[0].about.n_layer,
         unique_tokens: runs[0].about.unique_tokens,
+        share: runs[0].share(),
+        by_block: by_block(runs, total),
     }
+}
+
+fn by_block(runs: &[&IsoFlopPoint], total: f64) -> Vec<f64> {
+    let n = runs[0].about.by_block.len();
+    if runs.iter().any(|run| run.about.by_block.len() != n) {
+        return Vec::new();
+    }
+    let of =
+        |block: usize| runs.iter().map(|run| run.weight * run.about.by_block[block]).sum::<f64>();
+    (0..n).map(|block| of(block) / total).collect()
 }
 
 /// The runs' squared distances from the mean of those with the same tokenizer, and how many of them

@@ -16,7 +16,7 @@ use super::validation::validate;
 use super::{
     FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint, Judgement,
     LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise,
-    check, floor_law, intervals, sensitivity, warnings,
+    TestNoise, check, floor_law, intervals, sensitivity, warnings,
 };
 use crate::sweep::MinimumMethod;
 use judge::{admissible, interval_parts, judge, misfit};
@@ -63,7 +63,8 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     let used = used_minima(&per_method, method, options)?;
 
     let tokenizers = tokenizer_noise(&budgets);
-    let scatter = Scatter { noise, tokenizers: tokenizers.as_ref() };
+    let test = TestNoise::of(&split.fitted.iter().chain(&split.held_out).collect::<Vec<_>>());
+    let scatter = Scatter { noise, tokenizers: tokenizers.as_ref(), test };
     let replicas = replicas(&used, &split, &per_method, method, scatter, options);
     let mut laws = laws_through(&used, &split, method, &replicas, options)?;
     laws.metric = metric;
@@ -111,7 +112,7 @@ fn replicas(
     split: &Split,
     per_method: &[(MinimumMethod, Vec<Minimum>)],
     method: MinimumMethod,
-    Scatter { noise, tokenizers }: Scatter,
+    Scatter { noise, tokenizers, test }: Scatter,
     options: &FitOptions,
 ) -> Replicas {
     let methods: Vec<MinimumMethod> = per_method.iter().map(|(method, _)| *method).collect();
@@ -125,6 +126,7 @@ fn replicas(
         reference,
         noise,
         tokenizers,
+        test,
         misfit: misfit(method, split, noise),
         admissible: admissible(per_method, method, used, options),
         sources: Sources::ALL,

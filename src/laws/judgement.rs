@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::joint::JointLaw;
-use super::{ForecastError, LackOfFit, Recommended, TokenizerNoise, Validated};
+use super::{ForecastError, LackOfFit, Recommended, TestNoise, TokenizerNoise, Validated};
 
 /// How far laws are to be believed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -22,6 +22,9 @@ pub struct Judgement {
     /// The scatter of tokenizers; absent where each vocabulary has one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tokenizer_noise: Option<TokenizerNoise>,
+    /// What other clips to test on would do; absent where it is not known which were recorded together.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub test_noise: Option<TestNoise>,
     /// What the intervals of the exponents are made of.
     pub interval_parts: Vec<IntervalPart>,
     /// Forecasts that runs have tested.
@@ -47,7 +50,7 @@ pub struct Tried {
 /// The interval of an exponent, had it one reason alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntervalPart {
-    /// `runs`, `tokenizers`, `misfit`, `method`.
+    /// `runs`, `tokenizers`, `misfit`, `method`, `test split`.
     pub part: String,
     /// Of N_nv's exponent, or N's.
     pub exponent_nonvocab: Option<[f64; 2]>,

@@ -4,7 +4,7 @@ use super::cell::Cell;
 use super::least_squares::least_squares;
 use super::minima::{Grid, Scale};
 use super::stats::distinct;
-use super::{NoiseSource, RunNoise, TokenizerNoise};
+use super::{NoiseSource, RunNoise, TestNoise, TokenizerNoise};
 
 /// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever
 /// has more. So many are asked of several tokenizers too.
@@ -37,11 +37,12 @@ pub(super) fn run_noise(grids: &[Grid], beside: Option<RunNoise>) -> Option<RunN
     if by_seeds { own } else { beside.filter(|noise| noise.dof >= ENOUGH).or(own) }
 }
 
-/// How runs and tokenizers scatter.
+/// How runs, tokenizers and test splits scatter.
 #[derive(Clone, Copy)]
 pub(super) struct Scatter<'a> {
     pub noise: Option<RunNoise>,
     pub tokenizers: Option<&'a TokenizerNoise>,
+    pub test: Option<TestNoise>,
 }
 
 impl RunNoise {

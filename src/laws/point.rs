@@ -43,6 +43,10 @@ pub struct RunFacts {
     /// What it saw of the training split, 1 being all.
     #[serde(default)]
     pub share: Option<f64>,
+    /// The loss on each block of the test split, less their mean; empty where it is not known. Blocks have
+    /// no recording in common, and are the same for all runs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub by_block: Vec<f64>,
 }
 
 impl IsoFlopPoint {

@@ -11,6 +11,12 @@ use super::cell::{CellKind, Fact, FactColumn, fill};
 use super::declare::facts;
 use crate::laws;
 
+/// The metric that holds L_u on a block of the test split, counted from 0: a part of it that has no
+/// recording in common with the others.
+pub fn block_metric(block: usize) -> String {
+    format!("{LOSS_NORMALISED}_block_{:02}", block + 1)
+}
+
 facts! {
     /// Hash of the resolved spec, the data's digest, the tokenizer's id and the training revision.
     planned run_id: String,

@@ -32,7 +32,7 @@ mod tests;
 mod tuned;
 
 pub use cell::{CellKind, CellValue, FactColumn};
-pub use facts::{Measured, Planned};
+pub use facts::{Measured, Planned, block_metric};
 pub use metrics::Metrics;
 pub use quality::{Quality, write_scores};
 pub use run_record::{FORMAT, Lacking, RunRecord, flops_per_second, of_largest_share};

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::facts::{LOSS_NORMALISED, Measured, Planned};
+use super::facts::{LOSS_NORMALISED, Measured, Planned, block_metric};
 use super::json::Stored;
 use super::metrics::Metrics;
 use crate::laws::{IsoFlopPoint, Metric, RunFacts};
@@ -73,6 +73,14 @@ impl RunRecord {
         self.planned.share.unwrap_or(1.0)
     }
 
+    /// L_u on each block of the test split, less their mean; empty where it is not known.
+    fn by_block(&self) -> Vec<f64> {
+        let losses = (0..).map_while(|block| self.metrics.get(&block_metric(block)));
+        let losses: Vec<f64> = losses.collect();
+        let mean = losses.iter().sum::<f64>() / losses.len() as f64;
+        losses.iter().map(|loss| loss - mean).collect()
+    }
+
     /// The run as the laws see it: its FLOPs counted by a rule, its loss by a metric.
     ///
     /// # Errors
@@ -98,6 +106,11 @@ impl RunRecord {
                 // A trainer of somebody's own that does not say leaves 0.
                 unique_tokens: self.measured.unique_tokens.filter(|n| *n > 0).map(|n| n as f64),
                 share: self.planned.share,
+                by_block: if metric.name() == LOSS_NORMALISED {
+                    self.by_block()
+                } else {
+                    Vec::new()
+                },
             },
         })
     }

@@ -57,7 +57,8 @@ fn tokenize_split(
             clips[index] = (clip, batch.n_frames);
         }
     }
-    Ok(Some(SplitTokens::new(clips)))
+    let groups = (0..clips.len()).map(|clip| source.group(split, clip));
+    Ok(Some(SplitTokens::new(clips).in_groups(groups)))
 }
 
 /// The codes of every batch, those that are kept and those that are made now; `None`: stopped.

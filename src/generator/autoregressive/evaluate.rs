@@ -8,6 +8,7 @@ use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::generator::SplitLoss;
 use crate::generator::passes::passes;
+use crate::generator::sums::Sums;
 use crate::progress::moved;
 use crate::text::TextStore;
 
@@ -15,12 +16,12 @@ use crate::text::TextStore;
 pub fn split_loss(model: &Model, tokens: &TokenStore, text: &TextStore, split: Split) -> SplitLoss {
     let unigram = tokens.stream_log_probs();
     let end = end_token(tokens.n_vocab());
-    let (mut nll, mut uni, mut targets) = (0.0, 0.0, 0);
+    let mut sums = Vec::with_capacity(tokens.n_clips(split));
     for clips in passes(tokens, split) {
         let streams: Vec<Cow<[u32]>> =
             clips.clone().map(|clip| tokens.stream(split, clip)).collect();
         let to = |clip| tokens.n_targets_of_clip(split, clip);
-        let with_text = clips.zip(&streams);
+        let with_text = clips.clone().zip(&streams);
         let sequences: Vec<Sequence> = with_text
             .map(|(clip, codes)| Sequence {
                 text: caption(text, split, clip),
@@ -30,20 +31,15 @@ pub fn split_loss(model: &Model, tokens: &TokenStore, text: &TextStore, split: S
             })
             .collect();
         let batch = Batch::pack(&sequences, text.dim(), end);
-        nll += model.nll(&batch).iter().sum::<f64>();
-        uni -= batch.targets.iter().map(|&target| unigram[target as usize]).sum::<f64>();
-        targets += batch.targets.len();
+        let mut nats = model.nll(&batch).into_iter();
+        let mut ln_p = batch.targets.iter().map(|&target| unigram[target as usize]);
+        for clip in clips {
+            let n = to(clip);
+            sums.push(vec![Sums::of(nats.by_ref().take(n), ln_p.by_ref().take(n))]);
+        }
         moved();
     }
-    let frames = tokens.n_frames(split) as f64;
-    let n = targets as f64;
-    SplitLoss {
-        loss_nats: nll / n,
-        loss_normalised: (nll - uni) / n,
-        nats_per_frame: nll / frames,
-        normalised_by_scale: Vec::new(),
-        targets,
-    }
+    Sums::split_loss(&sums, tokens.n_frames(split))
 }
 
 /// The caption that a clip shows.

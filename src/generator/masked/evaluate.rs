@@ -24,16 +24,18 @@ const SEED: u64 = 0;
 
 /// Measures a model of codes of one scale.
 pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
-    Sums::split_loss(&[bound(model, inputs, split)], inputs.tokens.n_frames(split))
+    let clips: Vec<Vec<Sums>> =
+        bound(model, inputs, split).into_iter().map(|own| vec![own]).collect();
+    Sums::split_loss(&clips, inputs.tokens.n_frames(split))
 }
 
-/// What a model has on the codes of the first scale, each clip with one of its captions; clip i shows
+/// What a model has on the codes of the first scale of each clip, with one of its captions; clip i shows
 /// caption i mod n.
-pub fn bound(model: &Model, inputs: &Inputs, split: Split) -> Sums {
+pub fn bound(model: &Model, inputs: &Inputs, split: Split) -> Vec<Sums> {
     let tokens = inputs.tokens;
     let (unigram, n_vocab) = (tokens.unigram_log_probs(0), tokens.grid().scales[0].n_vocab);
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-    let mut sums = Sums::default();
+    let mut sums = vec![Sums::default(); tokens.n_clips(split)];
     for clips in passes(tokens, split) {
         for mask in 0..MASKS {
             let hidden = clips.clone().map(|clip| {
@@ -46,17 +48,17 @@ pub fn bound(model: &Model, inputs: &Inputs, split: Split) -> Sums {
             let hidden: Vec<Hidden> = hidden.collect();
             let batch = pack(&hidden, inputs.text.dim());
             let mut own = model.nll(&batch).into_iter();
-            for clip in &hidden {
+            for (sums, clip) in sums[clips.clone()].iter_mut().zip(&hidden) {
                 // The mean over hidden codes stands for every code of the clip.
                 let weight = clip.shown.len() as f64 / (MASKS * clip.targets.len()) as f64;
-                sums.nll += weight * own.by_ref().take(clip.targets.len()).sum::<f64>();
+                sums.nats += weight * own.by_ref().take(clip.targets.len()).sum::<f64>();
             }
             moved();
         }
         for clip in clips {
             let codes = tokens.scale(split, clip, 0);
-            sums.unigram -= codes.iter().map(|&code| unigram[code as usize]).sum::<f64>();
-            sums.n += codes.len();
+            let ln_p = codes.iter().map(|&code| unigram[code as usize]);
+            sums[clip] = Sums::of([sums[clip].nats], ln_p);
         }
     }
     sums

@@ -15,16 +15,19 @@ pub fn split_loss(model: &Model, grid: &Grid, inputs: &Inputs, split: Split) -> 
     let tokens = inputs.tokens;
     let unigrams: Vec<Vec<f64>> =
         (0..grid.scales.len()).map(|scale| tokens.unigram_log_probs(scale)).collect();
-    let mut sums = vec![Sums::default(); grid.scales.len()];
+    let mut sums = Vec::with_capacity(tokens.n_clips(split));
     for clips in passes(tokens, split) {
-        let clips: Vec<Clip> = clips.map(|clip| shown(grid, inputs, split, clip)).collect();
-        let batch = Batch::pack(&clips, grid, inputs.text.dim(), model.places());
-        let nll = model.nll(&batch);
-        for (scale, (sums, nll)) in sums.iter_mut().zip(nll).enumerate() {
-            let codes = &batch.targets[scale].codes;
-            sums.nll += nll.iter().sum::<f64>();
-            sums.unigram -= codes.iter().map(|&code| unigrams[scale][code as usize]).sum::<f64>();
-            sums.n += codes.len();
+        let shown: Vec<Clip> = clips.clone().map(|clip| shown(grid, inputs, split, clip)).collect();
+        let batch = Batch::pack(&shown, grid, inputs.text.dim(), model.places());
+        let mut nats: Vec<_> = model.nll(&batch).into_iter().map(Vec::into_iter).collect();
+        for clip in clips {
+            let scales = nats.iter_mut().zip(&unigrams).enumerate();
+            let of_scale = scales.map(|(scale, (nats, unigram))| {
+                let codes = tokens.scale(split, clip, scale);
+                let ln_p = codes.iter().map(|&code| unigram[code as usize]);
+                Sums::of(nats.by_ref().take(codes.len()), ln_p)
+            });
+            sums.push(of_scale.collect());
         }
         moved();
     }

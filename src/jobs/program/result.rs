@@ -110,6 +110,7 @@ impl TrainerResult {
             loss_nats: self.loss_nats,
             loss_normalised: self.normalised(),
             normalised_by_scale: Vec::new(),
+            normalised_by_block: Vec::new(),
             nats_per_frame: self.nats_per_frame,
             nats_per_second: self.nats_per_second,
             tokens: count(self.tokens),

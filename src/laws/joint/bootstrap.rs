@@ -2,7 +2,7 @@
 //!
 //! A replicate moves every cell around the law by the residuals' own deviation, which holds both the
 //! noise of the runs and the law's misfit, moves all cells of a vocabulary together by the scatter of
-//! its tokenizers, and fits the law anew.
+//! its tokenizers, and all cells by what another test split would give, and fits the law anew.
 
 use rayon::prelude::*;
 
@@ -32,16 +32,18 @@ pub(in crate::laws) fn replicates(
 fn replicate(
     law: &JointLaw,
     grids: &[Grid],
-    Scatter { noise, tokenizers }: Scatter,
+    Scatter { noise, tokenizers, test }: Scatter,
     mut normals: Normals,
 ) -> Vec<f64> {
     let sd = law.residual_sd * (law.dof as f64 / normals.chi_square(law.dof)).sqrt();
     let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
+    let clips = test.map(|noise| noise.draw(&mut normals));
     let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();
     let mean_runs = cells().map(|cell| cell.runs).sum::<f64>() / law.n as f64;
     let mut drawn = |cell: &Cell| {
         let noise = sd * (mean_runs / cell.runs).sqrt() * normals.next();
-        law.loss.value(&place(cell)) + shifts.of(cell.n_vocab) + noise
+        let of_clips = clips.as_ref().map_or(0.0, |clips| clips.shift(cell));
+        law.loss.value(&place(cell)) + shifts.of(cell.n_vocab) + of_clips + noise
     };
     let grids: Vec<Grid> = grids.iter().map(|grid| grid.with_losses(&mut drawn)).collect();
     refitted(law, &grids, noise)

@@ -119,7 +119,7 @@ fn intervals_of_replicates_hold_the_truth() {
     for stream in 0..20 {
         let grids = grids(&points(0.02, 100 + stream));
         let mut law = fit_joint(&grids, noise(0.02), false).unwrap();
-        let scatter = Scatter { noise: None, tokenizers: None };
+        let scatter = Scatter { noise: None, tokenizers: None, test: None };
         law.bootstrap = replicates(&law, &grids, (scatter, stream), 60);
         let losses: Vec<f64> = law.optima(budget).iter().map(|best| best.loss).collect();
         let [low, high] = crate::laws::interval95(&losses).unwrap();
