@@ -90,7 +90,7 @@ mod tests {
         let exact = Off::default();
         let minimum =
             MissedMinimum { loss: loss.by, ln_size: exact, ln_vocab: exact, ln_tokens: exact };
-        Miss { n_fitted, budget_flops: 1.0, factor, loss, minimum: Some(minimum) }
+        Miss { n_fitted, share: 1.0, budget_flops: 1.0, factor, loss, minimum: Some(minimum) }
     }
 
     fn exactly(by: f64) -> Off {

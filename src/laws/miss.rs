@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 pub struct Miss {
     /// How many budgets the law was fitted to.
     pub n_fitted: usize,
+    /// What the runs of the budget saw of the data, the largest share of the sweep being 1.
+    #[serde(default = "largest", skip_serializing_if = "is_largest")]
+    pub share: f64,
     pub budget_flops: f64,
     /// The budget over the largest that was fitted.
     pub factor: f64,
@@ -16,6 +19,14 @@ pub struct Miss {
     /// Of the minimum; none where its place is in doubt, or where too few minima of smaller budgets are beyond
     /// it for a law through them. A joint law alone is tested there.
     pub minimum: Option<MissedMinimum>,
+}
+
+fn largest() -> f64 {
+    1.0
+}
+
+fn is_largest(share: &f64) -> bool {
+    *share == 1.0
 }
 
 /// Of a measured minimum.

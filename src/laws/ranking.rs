@@ -5,21 +5,39 @@ use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::minima::Grid;
 use super::stats::NORMAL_97_5;
 use super::{
-    Candidate, FitOptions, FloorLaw, Minimum, Miss, MissedMinimum, Off, Parameters, Recommended,
-    RunNoise, Score, floor_law,
+    Candidate, FitOptions, FloorLaw, Minimum, MinimumIntervals, Miss, MissedMinimum, Off,
+    Parameters, Recommended, RunNoise, Score, floor_law,
 };
 use crate::sweep::MinimumMethod;
 
 /// Fewest budgets that a law is fitted to before it is tested.
 const FEWEST: usize = 3;
 
-/// All budgets of a sweep with their measured minima, ascending.
+/// All budgets of a sweep, ascending.
 pub(super) struct Rows<'a> {
     pub grids: &'a [Grid],
-    /// The minimum of each grid by the laws' method; none where it may not be used.
-    pub minima: &'a [Option<Minimum>],
+    /// The runs of the largest share of the data, and those of each smaller one.
+    pub shares: Vec<OfShare>,
     pub noise: Option<RunNoise>,
     pub options: &'a FitOptions,
+}
+
+/// Runs that saw one share of the data.
+///
+/// Laws of minima are of one share and are tested within it; a joint law is of all shares and is tested in
+/// each. Where a share is small its larger budgets repeat it as those do that the whole will be asked for.
+pub(super) struct OfShare {
+    /// 1 for the largest.
+    pub of_largest: f64,
+    /// Of each budget, in the order of the rows; none where it has no such run.
+    pub budgets: Vec<Option<OfBudget>>,
+}
+
+/// One budget's runs of a share.
+pub(super) struct OfBudget {
+    pub grid: Grid,
+    /// By the laws' method; none where it may not be used.
+    pub minimum: Option<Minimum>,
 }
 
 /// Power laws through minima.
@@ -61,29 +79,44 @@ impl Rows<'_> {
         (!untold.misses.is_empty()).then_some(Score { rms, ..untold })
     }
 
-    /// What a law through the first `n` budgets says of the others.
+    /// What a law through the first `n` budgets says of the others, share after share.
     fn misses(&self, law: Candidate, n: usize) -> Vec<Miss> {
-        let Some(fitted) = self.fit(law, n) else { return Vec::new() };
-        let largest = self.grids[n - 1].budget_flops;
-        let measured = self.grids[n..].iter().zip(&self.minima[n..]);
-        // Laws are compared by budgets that all of them can be asked of.
-        let compared = self.fitted_minima(n).is_some();
-        let miss = |(grid, minimum): (&Grid, &Option<Minimum>)| {
-            let minimum = minimum.as_ref().filter(|_| compared);
-            let (loss, minimum) = self.missed(&fitted, grid, minimum)?;
-            let (budget_flops, factor) = (grid.budget_flops, grid.budget_flops / largest);
-            Some(Miss { n_fitted: n, budget_flops, factor, loss, minimum })
+        if law.is_joint() {
+            let joint = fit_joint(&self.grids[..n], self.noise, law == Candidate::JointRepeats);
+            let Some(joint) = joint.map(|joint| Fitted::Joint(Box::new(joint))) else {
+                return Vec::new();
+            };
+            return self.shares.iter().flat_map(|own| self.misses_of(&joint, own, n)).collect();
+        }
+        let of_share = |own: &OfShare| {
+            let lines = self.lines(law, own, n)?;
+            Some(self.misses_of(&Fitted::Lines(Box::new(lines)), own, n))
         };
-        measured.filter_map(miss).collect()
+        self.shares.iter().filter_map(of_share).flatten().collect()
     }
 
-    fn fit(&self, law: Candidate, n: usize) -> Option<Fitted> {
-        if law.is_joint() {
-            let repeats = law == Candidate::JointRepeats;
-            let joint = fit_joint(&self.grids[..n], self.noise, repeats)?;
-            return Some(Fitted::Joint(Box::new(joint)));
-        }
-        let used = self.fitted_minima(n)?;
+    /// What a law says of the budgets of a share after the first `n`.
+    fn misses_of(&self, fitted: &Fitted, own: &OfShare, n: usize) -> Vec<Miss> {
+        let largest = self.grids[n - 1].budget_flops;
+        // Laws are compared by budgets that all of them can be asked of.
+        let compared = own.fitted_minima(n).is_some();
+        let miss = |(i, measured): (usize, &OfBudget)| {
+            let minimum = measured.minimum.as_ref().filter(|_| compared);
+            let exact_to = &self.shares[0].budgets[i];
+            let exact_to = exact_to.as_ref().and_then(|largest| largest.minimum.as_ref()?.ci95);
+            let measured_to = exact_to.unwrap_or_default();
+            let (loss, minimum) = self.missed(fitted, &measured.grid, (minimum, measured_to))?;
+            let budget_flops = measured.grid.budget_flops;
+            let factor = budget_flops / largest;
+            Some(Miss { n_fitted: n, share: own.of_largest, budget_flops, factor, loss, minimum })
+        };
+        let later = own.budgets.iter().enumerate().skip(n);
+        later.filter_map(|(i, own)| miss((i, own.as_ref()?))).collect()
+    }
+
+    /// Power laws through the minima of a share's first `n` budgets.
+    fn lines(&self, law: Candidate, own: &OfShare, n: usize) -> Option<Lines> {
+        let used = own.fitted_minima(n)?;
         let columns = Columns::new(&used, self.grids, self.options);
         let reference = geometric_mean(&columns.compute);
         let set = law_set(&columns, reference, self.options)?;
@@ -91,36 +124,35 @@ impl Rows<'_> {
             Candidate::Log => None,
             _ => Some(floor_law(&columns.compute, &columns.loss, reference)?),
         };
-        Some(Fitted::Lines(Box::new(Lines { set, floor, reference })))
+        Some(Lines { set, floor, reference })
     }
 
-    /// The minima that power laws through the first `n` budgets are fitted to; none where they are too few.
-    fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
-        let used: Vec<Minimum> = self.minima[..n].iter().flatten().cloned().collect();
-        (used.len() >= FEWEST).then_some(used)
-    }
-
-    /// What a law misses a budget's loss by, and its minimum.
+    /// What a law misses a budget's loss by, and its minimum, which is measured as exactly as that of the
+    /// largest share.
     fn missed(
         &self,
         fitted: &Fitted,
         grid: &Grid,
-        measured: Option<&Minimum>,
+        (measured, measured_to): (Option<&Minimum>, MinimumIntervals),
     ) -> Option<(Off, Option<MissedMinimum>)> {
-        let said = fitted.at(grid.budget_flops)?;
-        let minimum = measured.map(|measured| self.missed_minimum(said, measured));
+        let said = fitted.at(grid)?;
+        let minimum = measured.map(|measured| self.missed_minimum(said, measured, measured_to));
         let loss = match fitted {
             Fitted::Joint(joint) => above(joint, grid, self.noise),
             Fitted::Lines(_) => Off {
                 by: minimum?.loss,
-                measured_to: deviation(measured?.ci95.unwrap_or_default().loss_normalised, |x| x),
+                measured_to: deviation(measured_to.loss_normalised, |x| x),
             },
         };
         Some((loss, minimum))
     }
 
-    fn missed_minimum(&self, said: Said, measured: &Minimum) -> MissedMinimum {
-        let ci = measured.ci95.unwrap_or_default();
+    fn missed_minimum(
+        &self,
+        said: Said,
+        measured: &Minimum,
+        ci: MinimumIntervals,
+    ) -> MissedMinimum {
         let off = |said: f64, measured: f64, measured_to: f64| Off {
             by: (said / measured).ln(),
             measured_to,
@@ -141,6 +173,15 @@ impl Rows<'_> {
     }
 }
 
+impl OfShare {
+    /// The minima that power laws through the first `n` budgets are fitted to; none where they are too few.
+    fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
+        let minima = self.budgets[..n].iter().flatten().filter_map(|own| own.minimum.clone());
+        let used: Vec<Minimum> = minima.collect();
+        (used.len() >= FEWEST).then_some(used)
+    }
+}
+
 /// What a law says of a budget.
 #[derive(Clone, Copy)]
 struct Said {
@@ -151,9 +192,11 @@ struct Said {
 }
 
 impl Fitted {
-    fn at(&self, budget: f64) -> Option<Said> {
+    /// Of the budget of some runs; a joint law for the distinct tokens that they had.
+    fn at(&self, grid: &Grid) -> Option<Said> {
+        let budget = grid.budget_flops;
         match self {
-            Self::Joint(joint) => joint.optimum(budget).map(|best| Said {
+            Self::Joint(joint) => on_data_of(grid, joint).optimum(budget).map(|best| Said {
                 loss: best.loss,
                 params_nonvocab: best.params_nonvocab,
                 params_vocab: best.params_vocab,
@@ -162,6 +205,11 @@ impl Fitted {
             Self::Lines(lines) => Some(lines.at(budget)),
         }
     }
+}
+
+/// A joint law where the distinct tokens are those of some runs.
+fn on_data_of(grid: &Grid, joint: &JointLaw) -> JointLaw {
+    grid.best().unique_tokens.map_or_else(|| joint.clone(), |unique| joint.on_data(unique))
 }
 
 impl Lines {

@@ -123,7 +123,7 @@ mod tests {
         let exact = Off::default();
         let minimum = MissedMinimum { loss: by, ln_size: exact, ln_vocab: exact, ln_tokens: exact };
         let loss = Off { by, measured_to };
-        Miss { n_fitted: 3, budget_flops, factor: 2.0, loss, minimum: Some(minimum) }
+        Miss { n_fitted: 3, share: 1.0, budget_flops, factor: 2.0, loss, minimum: Some(minimum) }
     }
 
     fn weights(scores: Vec<Score>) -> Vec<f64> {

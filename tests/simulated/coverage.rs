@@ -8,11 +8,13 @@ use rayon::prelude::*;
 use crate::truths::{ASKED, Truth};
 
 const SWEEPS: u64 = 400;
+/// Those of shares have three times the runs.
+const OF_SHARES: u64 = 100;
 
-fn laws(truth: Truth, seed: u64) -> Laws {
+fn laws(truth: Truth, shares: &[f64], seed: u64) -> Laws {
     let methods = vec![MinimumMethod::Argmin, MinimumMethod::Parabola, MinimumMethod::Cubic];
     let options = FitOptions { methods, bootstrap: 100, seed, ..FitOptions::default() };
-    fit(&truth.points(seed), &options).unwrap()
+    fit(&truth.points(shares, seed), &options).unwrap()
 }
 
 fn prediction(laws: &Laws) -> Prediction {
@@ -41,43 +43,61 @@ fn holds(interval: Option<[f64; 2]>, value: f64) -> bool {
     interval.is_some_and(|[low, high]| low <= value && value <= high)
 }
 
+/// What intervals of one truth hold.
+struct Held {
+    truth: Truth,
+    loss: f64,
+    row: String,
+}
+
+/// Of sweeps whose runs see these shares of the data.
+fn held(truth: Truth, shares: &[f64], sweeps: u64) -> Held {
+    let (loss, size) = truth.optimum(ASKED);
+    let fitted: Vec<Laws> =
+        (0..sweeps).into_par_iter().map(|seed| laws(truth, shares, seed)).collect();
+    let all: Vec<Prediction> = fitted.iter().map(prediction).collect();
+    let share = |held: &dyn Fn(&Prediction) -> bool| {
+        all.iter().filter(|p| held(p)).count() as f64 / all.len() as f64
+    };
+    let of_loss = share(&|p| holds(p.ci95.loss_normalised, loss));
+    let of_size = share(&|p| holds(p.ci95.params_nonvocab, size));
+    let widths = all.iter().filter_map(|p| p.ci95.loss_normalised);
+    let width = widths.map(|[low, high]| high - low).sum::<f64>() / all.len() as f64;
+    let mut laws: Vec<&str> = fitted.iter().map(|laws| laws.recommended_law().name()).collect();
+    laws.sort_unstable();
+    let counts = laws.chunk_by(|a, b| a == b).map(|same| format!("{} {}", same.len(), same[0]));
+    let counts = counts.collect::<Vec<_>>().join(", ");
+    let missed = |said: fn(&Prediction) -> (f64, f64)| {
+        let of_loss = root_mean_square(all.iter().map(|p| said(p).0 - loss));
+        let of_size = root_mean_square(all.iter().map(|p| (said(p).1 / size).ln()));
+        format!("{of_loss:.4}, {of_size:.2}")
+    };
+    let (together, of_one) = (missed(together), missed(alone));
+    let row = format!(
+        "| {truth:?} | {of_loss:.3} | {of_size:.2} | {width:.3} | {together} | {of_one} | {counts} |"
+    );
+    Held { truth, loss: of_loss, row }
+}
+
+const HEAD: &str = "| truth | loss held | N_nv held | mean width of the loss | the laws together miss the loss, \
+                    N_nv by | the recommended law alone | recommended |\n| --- | --- | --- | --- | --- | --- | --- |";
+
 #[test]
 #[ignore = "some minutes"]
 fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
-    println!(
-        "| truth | loss held | N_nv held | mean width of the loss | the laws together miss the loss, N_nv by \
-         | the recommended law alone | recommended |"
-    );
-    println!("| --- | --- | --- | --- | --- | --- | --- |");
-    let mut held = Vec::new();
-    for truth in Truth::ALL {
-        let (loss, size) = truth.optimum(ASKED);
-        let fitted: Vec<Laws> = (0..SWEEPS).into_par_iter().map(|seed| laws(truth, seed)).collect();
-        let all: Vec<Prediction> = fitted.iter().map(prediction).collect();
-        let share = |held: &dyn Fn(&Prediction) -> bool| {
-            all.iter().filter(|p| held(p)).count() as f64 / all.len() as f64
-        };
-        let of_loss = share(&|p| holds(p.ci95.loss_normalised, loss));
-        let of_size = share(&|p| holds(p.ci95.params_nonvocab, size));
-        let widths = all.iter().filter_map(|p| p.ci95.loss_normalised);
-        let width = widths.map(|[low, high]| high - low).sum::<f64>() / all.len() as f64;
-        let mut laws: Vec<&str> = fitted.iter().map(|laws| laws.recommended_law().name()).collect();
-        laws.sort_unstable();
-        let counts = laws.chunk_by(|a, b| a == b).map(|same| format!("{} {}", same.len(), same[0]));
-        let counts = counts.collect::<Vec<_>>().join(", ");
-        let missed = |said: fn(&Prediction) -> (f64, f64)| {
-            let of_loss = root_mean_square(all.iter().map(|p| said(p).0 - loss));
-            let of_size = root_mean_square(all.iter().map(|p| (said(p).1 / size).ln()));
-            format!("{of_loss:.4}, {of_size:.2}")
-        };
-        let (together, of_one) = (missed(together), missed(alone));
-        println!(
-            "| {truth:?} | {of_loss:.3} | {of_size:.2} | {width:.3} | {together} | {of_one} \
-             | {counts} |"
-        );
-        held.push((truth, of_loss));
+    println!("{HEAD}");
+    let all = Truth::ALL.map(|truth| held(truth, &[1.0], SWEEPS));
+    all.iter().for_each(|held| println!("{}", held.row));
+    for Held { truth, loss, .. } in all {
+        assert!((truth.fewest_held()..=0.98).contains(&loss), "{truth:?}: {loss}");
     }
-    for (truth, share) in held {
-        assert!((truth.fewest_held()..=0.98).contains(&share), "{truth:?}: {share}");
-    }
+}
+
+#[test]
+#[ignore = "some minutes"]
+fn shares_of_the_data_let_sweeps_tell_what_repetition_is_worth() {
+    println!("{HEAD}");
+    let repeated = Truth::ALL.into_iter().filter(|truth| truth.repeats());
+    let all: Vec<Held> = repeated.map(|truth| held(truth, &[0.25, 0.5, 1.0], OF_SHARES)).collect();
+    all.iter().for_each(|held| println!("{}", held.row));
 }

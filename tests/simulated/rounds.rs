@@ -77,7 +77,7 @@ struct Outcome {
 }
 
 fn outcome(truth: Truth, loss: f64, seed: u64) -> Outcome {
-    let all = truth.points(seed);
+    let all = truth.points(&[1.0], seed);
     let full = Told::by(&all, ASKED, seed).unwrap();
     let (trained, told) = until(&all, ASKED, full.width(), seed);
     Outcome {

@@ -45,12 +45,14 @@ impl Truth {
     pub const HELD: [Self; 4] =
         [Self::DepthChange, Self::Repetition, Self::Memorising, Self::HeavyTails];
 
-    fn loss(self, n: f64, v: f64, d: f64) -> f64 {
+    /// Of runs that saw `unique` distinct tokens.
+    fn loss(self, n: f64, v: f64, (d, unique): (f64, f64)) -> f64 {
         let v = v.ln();
+        let passes = (d / unique).max(1.0);
         let worth = match self {
-            Self::Repetition | Self::Overfitting => worth(d, 15.0),
-            Self::WithoutEnd => d.min(UNIQUE_TOKENS) * passes(d).powf(0.6),
-            Self::Memorising => worth(d, 15.0 * (n / 1e4).powf(-0.5)),
+            Self::Repetition | Self::Overfitting => worth((d, unique), 15.0),
+            Self::WithoutEnd => d.min(unique) * passes.powf(0.6),
+            Self::Memorising => worth((d, unique), 15.0 * (n / 1e4).powf(-0.5)),
             _ => d,
         };
         let smooth = -0.9 * v
@@ -60,7 +62,7 @@ impl Truth {
         match self {
             Self::DepthChange if n > 9e3 => smooth - 0.05,
             Self::Overfitting => {
-                let late = (passes(d) / 4.0).ln().max(0.0);
+                let late = (passes / 4.0).ln().max(0.0);
                 smooth + 0.03 * (n / 1e4).sqrt() * late * late
             }
             _ => smooth,
@@ -78,15 +80,21 @@ impl Truth {
         }
     }
 
-    pub fn points(self, seed: u64) -> Vec<IsoFlopPoint> {
+    /// Whether its runs repeat their data.
+    pub fn repeats(self) -> bool {
+        !matches!(self, Self::DepthChange | Self::HeavyTails)
+    }
+
+    /// A sweep whose runs see these shares of the data.
+    pub fn points(self, shares: &[f64], seed: u64) -> Vec<IsoFlopPoint> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut points = Vec::new();
-        for budget in BUDGETS {
-            for width in WIDTHS {
-                for vocab in VOCABULARIES {
+        for share in shares {
+            for budget in BUDGETS {
+                for (width, vocab) in WIDTHS.iter().flat_map(|w| VOCABULARIES.map(|v| (*w, v))) {
                     for seed in 0..2 {
                         let noise = NOISE * self.noise(&mut rng);
-                        points.push(self.point(budget, (width, vocab), seed, noise));
+                        points.push(self.point((budget, *share), (width, vocab), seed, noise));
                     }
                 }
             }
@@ -94,14 +102,19 @@ impl Truth {
         points
     }
 
-    fn point(self, budget: f64, (width, vocab): (f64, f64), seed: u64, noise: f64) -> IsoFlopPoint {
+    fn point(
+        self,
+        (budget, share): (f64, f64),
+        (width, vocab): (f64, f64),
+        seed: u64,
+        noise: f64,
+    ) -> IsoFlopPoint {
         let (nonvocab, params_vocab) = (24.0 * width * width, vocab * width);
         let tokens = budget / (6.0 * (nonvocab + params_vocab));
         let deep = matches!(self, Self::DepthChange) && nonvocab > 9e3;
-        let repeats = !matches!(self, Self::DepthChange | Self::HeavyTails);
-        let unique = repeats.then_some(UNIQUE_TOKENS);
+        let unique = share * UNIQUE_TOKENS;
         IsoFlopPoint {
-            run_id: format!("{budget:e} {width} {vocab} {seed}"),
+            run_id: format!("{share} {budget:e} {width} {vocab} {seed}"),
             seed,
             budget_flops: budget,
             flops: budget,
@@ -110,11 +123,12 @@ impl Truth {
             n_vocab: vocab,
             tokens,
             metric: Metric::default(),
-            loss: self.loss(nonvocab, vocab, tokens) + noise,
+            loss: self.loss(nonvocab, vocab, (tokens, unique)) + noise,
             weight: 1.0,
             about: RunFacts {
                 n_layer: Some(if deep { 3 } else { 2 }),
-                unique_tokens: unique,
+                unique_tokens: self.repeats().then_some(unique),
+                share: Some(share),
                 ..RunFacts::default()
             },
         }
@@ -142,7 +156,7 @@ impl Truth {
                 let (width, vocab) = (6.0 * 1.01f64.powi(i), 32.0 * 1.03f64.powi(j));
                 let nonvocab = 24.0 * width * width;
                 let tokens = budget / (6.0 * (nonvocab + vocab * width));
-                let loss = self.loss(nonvocab, vocab, tokens);
+                let loss = self.loss(nonvocab, vocab, (tokens, UNIQUE_TOKENS));
                 if loss < least.0 {
                     least = (loss, nonvocab);
                 }
@@ -152,16 +166,11 @@ impl Truth {
     }
 }
 
-/// Passes over the data in `d` tokens, one at least.
-fn passes(d: f64) -> f64 {
-    (d / UNIQUE_TOKENS).max(1.0)
-}
-
-/// What `d` tokens are worth of which [`UNIQUE_TOKENS`] are distinct, r passes over them being worth the
-/// first one (Muennighoff et al. 2023).
-fn worth(d: f64, r: f64) -> f64 {
-    let repeats = passes(d) - 1.0;
-    d.min(UNIQUE_TOKENS) + UNIQUE_TOKENS * r * (1.0 - (-repeats / r).exp())
+/// What `d` tokens are worth of which `unique` are distinct, r passes over them being worth the first one
+/// (Muennighoff et al. 2023).
+fn worth((d, unique): (f64, f64), r: f64) -> f64 {
+    let repeats = (d / unique).max(1.0) - 1.0;
+    d.min(unique) + unique * r * (1.0 - (-repeats / r).exp())
 }
 
 /// A standard normal by Box and Muller.

@@ -3,12 +3,12 @@
 use crate::laws::bootstrap::{Bootstrap, Sources};
 use crate::laws::cell::Cell;
 use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
-use crate::laws::minima::{Grid, lack_of_fit};
+use crate::laws::minima::{Grid, lack_of_fit, of_grids};
 use crate::laws::noise::Scatter;
-use crate::laws::ranking::{Rows, recommended};
+use crate::laws::ranking::{OfBudget, OfShare, Rows, recommended};
 use crate::laws::select::usable;
 use crate::laws::split::Split;
-use crate::laws::stats::{extent, interval95};
+use crate::laws::stats::{distinct, extent, interval95};
 use crate::laws::{
     FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
     RunNoise, Tried,
@@ -34,6 +34,7 @@ pub(super) fn judge(
     let own = Judgement {
         lack_of_fit: methods.filter_map(misfit).collect(),
         tokenizer_noise: scatter.tokenizers.cloned(),
+        test_noise: scatter.test,
         interval_parts,
         tried: Some(tried(&split.fitted)),
         ..Judgement::default()
@@ -41,8 +42,9 @@ pub(super) fn judge(
     if !options.recommend {
         return own;
     }
-    let (grids, minima) = measured(laws, split, options);
-    let rows = Rows { grids: &grids, minima: &minima, noise: scatter.noise, options };
+    let grids = ascending(split);
+    let shares = shares(laws, &grids, scatter, options);
+    let rows = Rows { grids: &grids, shares, noise: scatter.noise, options };
     let recommended = rank(&rows, laws.minima_method);
     let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
     Judgement {
@@ -53,16 +55,40 @@ pub(super) fn judge(
     }
 }
 
-/// Every budget's grid, ascending, with its minimum by the laws' method where that may be used.
-fn measured(laws: &Laws, split: &Split, options: &FitOptions) -> (Vec<Grid>, Vec<Option<Minimum>>) {
+/// Every budget's grid, the held-out one's among them.
+fn ascending(split: &Split) -> Vec<Grid> {
     let mut grids: Vec<Grid> = split.fitted.iter().chain(&split.held_out).cloned().collect();
     grids.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
+    grids
+}
+
+/// The runs of each share of the data with their minima by the laws' method where these may be used; the
+/// largest share first.
+fn shares(laws: &Laws, grids: &[Grid], scatter: Scatter, options: &FitOptions) -> Vec<OfShare> {
+    let largest = grids.first().map_or(1.0, |grid| grid.best().share);
     let own: Vec<Minimum> =
         laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
-    let usable = usable(&own, options);
-    let of = |grid: &Grid| usable.iter().find(|m| m.budget_flops == grid.budget_flops).cloned();
-    let minima = grids.iter().map(of).collect();
-    (grids, minima)
+    let mut all = vec![of_share(1.0, grids.iter().cloned().map(Some), &usable(&own, options))];
+    let smaller = grids.iter().flat_map(|grid| &grid.smaller).map(|cells| cells[0].share);
+    for share in distinct(smaller) {
+        let grids: Vec<Option<Grid>> = grids.iter().map(|grid| grid.of_share(share)).collect();
+        let known: Vec<Grid> = grids.iter().flatten().cloned().collect();
+        let minima = of_grids(laws.minima_method, &known, scatter.noise);
+        all.push(of_share(share / largest, grids.into_iter(), &usable(&minima, options)));
+    }
+    all
+}
+
+fn of_share(
+    of_largest: f64,
+    grids: impl Iterator<Item = Option<Grid>>,
+    usable: &[Minimum],
+) -> OfShare {
+    let budget = |grid: Grid| {
+        let minimum = usable.iter().find(|m| m.budget_flops == grid.budget_flops).cloned();
+        OfBudget { grid, minimum }
+    };
+    OfShare { of_largest, budgets: grids.map(|grid| grid.map(budget)).collect() }
 }
 
 /// [`LackOfFit::variance_ratio`](crate::laws::LackOfFit::variance_ratio) of the laws' method; 1 where no
@@ -121,6 +147,7 @@ pub(super) fn interval_parts(bootstrap: &Bootstrap) -> Vec<IntervalPart> {
         ("tokenizers", Sources { tokenizers: true, ..none }, bootstrap.tokenizers.is_some()),
         ("misfit", Sources { misfit: true, ..none }, bootstrap.misfit > 1.0),
         ("method", Sources { method: true, ..none }, bootstrap.admissible.len() > 1),
+        ("test split", Sources { test: true, ..none }, bootstrap.test.is_some()),
     ];
     let known = parts.into_iter().filter(|(.., known)| *known);
     known.map(|(part, sources, _)| interval_part(part, bootstrap, sources)).collect()

@@ -45,6 +45,13 @@ impl Grid {
         Self { smaller, ..Self::of_cells(self.budget_flops, self.n_runs, cells) }
     }
 
+    /// The grid of the runs that saw a smaller share of the data; none where there are none.
+    pub fn of_share(&self, share: f64) -> Option<Self> {
+        let cells = self.smaller.iter().find(|cells| cells[0].share == share)?;
+        let n_runs = cells.iter().map(|cell| cell.runs).sum::<f64>().round() as usize;
+        Some(Self::of_cells(self.budget_flops, n_runs, cells.clone()))
+    }
+
     /// The cells of every share of the data, those of the largest first.
     pub fn of_all_shares(&self) -> impl Iterator<Item = &[Cell]> {
         [&self.cells].into_iter().chain(&self.smaller).map(Vec::as_slice)
