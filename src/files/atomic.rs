@@ -77,6 +77,13 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), File
     write_bytes(path, text.as_bytes())
 }
 
+/// [`write_whole`] for values as JSON, a line each.
+pub fn write_json_lines(path: &Path, values: &[impl serde::Serialize]) -> Result<(), FileError> {
+    let line = |value| Ok(serde_json::to_string(value)? + "\n");
+    let lines: io::Result<String> = values.iter().map(line).collect();
+    write_bytes(path, lines.map_err(FileError::write(path))?.as_bytes())
+}
+
 /// [`write_json`] for one of very many files that can be made again: a killed process leaves it whole
 /// or not there, but it is not flushed, and a power cut may leave it empty.
 pub fn write_json_unflushed(path: &Path, value: &impl serde::Serialize) -> Result<(), FileError> {

@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use anyhow::Result;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::assignment::{Assignment, Outcome};
 use super::folder::ResultsFolder;
@@ -18,7 +17,7 @@ use super::training::{Opened, share_done, trunk_state};
 use super::{program, text, tokens, trunk};
 use crate::codes::TokenStore;
 use crate::data::Split;
-use crate::files::atomic::{write_bytes, write_json};
+use crate::files::atomic::{write_json, write_json_lines};
 use crate::files::{FileError, read_if_there};
 use crate::generator::{self, Inputs, SplitLoss, Trained, losses_by_block};
 use crate::learn::weights;
@@ -197,12 +196,6 @@ fn by_block(tokens: &TokenStore, test: &SplitLoss) -> Vec<f64> {
     losses_by_block(&test.clips, groups, &frames.collect::<Vec<_>>())
 }
 
-/// Values as JSON, one a line.
-fn json_lines<T: Serialize>(values: &[T]) -> serde_json::Result<String> {
-    let lines = values.iter().map(|value| Ok(serde_json::to_string(value)? + "\n"));
-    lines.collect()
-}
-
 fn write_results(
     assignment: &Assignment,
     spec: &RunSpec,
@@ -211,8 +204,8 @@ fn write_results(
 ) -> Result<()> {
     let place = assignment.place();
     weights::save(&place.join(MODEL), &trained.weights, Default::default())?;
-    write_bytes(&place.join("log.jsonl"), json_lines(&trained.log)?.as_bytes())?;
-    write_bytes(&place.join(TEST_CLIPS), json_lines(&trained.test.clips)?.as_bytes())?;
+    write_json_lines(&place.join("log.jsonl"), &trained.log)?;
+    write_json_lines(&place.join(TEST_CLIPS), &trained.test.clips)?;
     let report = report(assignment.device_name, spec, &opened.inputs(), trained);
     let record = report.record(assignment.folder, &assignment.job.id, spec);
     write_json(&assignment.product(), &record)?;

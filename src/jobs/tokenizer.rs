@@ -13,14 +13,14 @@ use super::kind::{JobKind, Kind};
 use super::mend::{open_or_remake, train_past_damage};
 use super::spec_file::write_once;
 use super::text;
-use crate::files::atomic::write_json;
+use crate::files::atomic::{write_json, write_json_lines};
 use crate::files::{FileError, read_if_there};
 use crate::learn::{Checkpoints, step_of};
 use crate::plan::{Plan, TokenizerJob, tokenizer_peak_bytes};
 use crate::progress::beats;
 use crate::sweep::Stage;
 use crate::text::TextStore;
-use crate::tokenizer::{self, Corpus, TokenizerError, TokenizerMetrics};
+use crate::tokenizer::{self, Corpus, TokenizerError, TokenizerMetrics, Validated};
 
 /// Trains a tokenizer and measures it; metrics are written last.
 pub struct Tokenizer;
@@ -107,12 +107,18 @@ impl Kind for Tokenizer {
         let place = assignment.place();
         let (source, text) = (assignment.source()?, open_text(assignment)?);
         let corpus = Corpus { source: &*source, text: text.as_ref() };
-        let Some(tokenizer) = trained(assignment, &corpus)? else { return Ok(Outcome::Stopped) };
+        let trained = trained(assignment, &corpus)?;
+        let Some((tokenizer, log)) = trained else { return Ok(Outcome::Stopped) };
         tokenizer.save(&place)?;
+        if !log.is_empty() {
+            write_json_lines(&place.join("log.jsonl"), &log)?;
+        }
         let wall_s = started.elapsed().as_secs_f64();
         let metrics = tokenizer::evaluate(&tokenizer, &corpus, &assignment.job.id, wall_s)?;
         let k_means = tokenizer::k_means_baseline(tokenizer.spec(), &*source, assignment.device)?;
-        write_json(&assignment.product(), &TokenizerMetrics { k_means, ..metrics })?;
+        let train_steps = kept_step(&log).unwrap_or(metrics.train_steps);
+        let metrics = TokenizerMetrics { k_means, train_steps, ..metrics };
+        write_json(&assignment.product(), &metrics)?;
         assignment.remove_checkpoint()?;
         Ok(Outcome::Done)
     }
@@ -133,14 +139,23 @@ pub fn open_text(assignment: &Assignment) -> Result<Option<TextStore>> {
     needed.map(|text| open_or_remake(assignment, &text, TextStore::open)).transpose()
 }
 
+/// The step of the weights that were best on the validation split.
+fn kept_step(log: &[Validated]) -> Option<usize> {
+    let best = log.iter().min_by(|a, b| a.val_mpjpe_mm.total_cmp(&b.val_mpjpe_mm));
+    best.map(|line| line.step)
+}
+
 /// Trains from the checkpoint, or from the beginning where that is damaged. `None`: stopped.
-fn trained(assignment: &Assignment, corpus: &Corpus) -> Result<Option<tokenizer::Tokenizer>> {
+fn trained(
+    assignment: &Assignment,
+    corpus: &Corpus,
+) -> Result<Option<(tokenizer::Tokenizer, Vec<Validated>)>> {
     let spec = assignment.spec::<TokenizerJob>()?.spec;
     let (path, every) = (assignment.checkpoint(), assignment.checkpoint_every()?);
     let checkpoints = Checkpoints { path: &path, every, branch: None };
     let place = assignment.place();
     let mut beats = beats(&place, assignment.stop);
     train_past_damage(&[&path], TokenizerError::learn_error, || {
-        tokenizer::train(&spec, corpus, assignment.device, Some(&checkpoints), &mut beats)
+        tokenizer::train_watched(&spec, corpus, assignment.device, Some(&checkpoints), &mut beats)
     })
 }

@@ -75,7 +75,9 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     laws.judgement = judge(&laws, &split, &per_method, replicas.parts, scatter, options);
     let all = minima_of(&per_method, method);
     let lost = of_lost_runs(split.fitted.iter().chain(&split.held_out));
-    let first = [check::repeats(points), hold_out_warning, method_warning, fewer.clone(), lost];
+    let alone = check::smaller_shares_alone(points, &budgets);
+    let first =
+        [check::repeats(points), alone, hold_out_warning, method_warning, fewer.clone(), lost];
     let first = first.into_iter().flatten();
     let of_minima = warnings::of_minima(all, &used, &split, method, options);
     laws.warnings.splice(0..0, first.chain(of_minima));

@@ -49,6 +49,11 @@ pub trait Learner {
         Ok(())
     }
 
+    /// Whether learning is over before its last step.
+    fn is_over(&self) -> bool {
+        false
+    }
+
     /// What it needs to go on from here beside its weights and their moments.
     fn keep(&self) -> LearnerState {
         LearnerState::default()

@@ -85,7 +85,7 @@ impl<L: Learner> Learning<L> {
         Err(FileError::damaged(branch.state, reason))
     }
 
-    /// Takes the steps that are left, and writes a checkpoint now and then.
+    /// Takes the steps that are left, or as many as the learner wants, and writes a checkpoint now and then.
     fn go_on(
         &mut self,
         checkpoints: Option<&Checkpoints>,
@@ -93,14 +93,15 @@ impl<L: Learner> Learning<L> {
     ) -> Result<(), LearnError> {
         let (mut saved, steps) = (Instant::now(), self.steps);
         let before = checkpoints.and_then(|c| c.branch).map_or(0, |branch| branch.steps);
-        while self.step < steps {
+        while self.step < steps && !self.learner.is_over() {
             let began = Instant::now();
             let loss = self.step()?;
             let seconds = began.elapsed().as_secs_f64();
             self.learner.after(self.step, loss)?;
             let step = self.step;
             let done = Step { step: step - before, steps: steps - before, loss, seconds };
-            let stopped = progress(done).is_break() && step < steps;
+            let is_last = step == steps || self.learner.is_over();
+            let stopped = progress(done).is_break() && !is_last;
             if let Some(checkpoints) = checkpoints
                 && (stopped || saved.elapsed() >= checkpoints.every)
             {

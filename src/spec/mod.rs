@@ -22,6 +22,7 @@ mod grid;
 mod id;
 mod language;
 mod levels;
+mod plateau;
 mod precision;
 mod quantizer;
 mod representation;
@@ -49,6 +50,7 @@ pub use grid::{Grid, Length, Scale};
 pub use id::{changed_fields, content_id};
 pub use language::{LanguagePlace, LanguageSection, LanguageSpec};
 pub use levels::{digits_of_index, index_of_digits, levels_for, n_codes, nominal_sizes};
+pub use plateau::Plateau;
 pub use precision::Precision;
 pub use quantizer::{
     CodebookKind, CodebookSpec, MultiscaleSpec, QuantizerKind, QuantizerSection, QuantizerSpec,

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::architecture::{ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, PatchSpec};
 use super::error::{SpecError, require};
 use super::grid::Grid;
+use super::plateau::Plateau;
 use super::quantizer::{
     CodebookKind, CodebookSpec, QuantizerKind, QuantizerSection, QuantizerSpec,
 };
@@ -24,6 +25,9 @@ pub struct TokenizerSpec {
     #[serde(skip_serializing_if = "Representation::is_full")]
     pub representation: Representation,
     pub training: TokenizerTraining,
+    /// None where all steps are taken and the last weights kept.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plateau: Option<Plateau>,
 }
 
 /// VAR's mix, which leaves the signs that latents of patches begin with.
@@ -87,7 +91,8 @@ impl TokenizerSection {
         }
         let architecture = self.architecture(training.window, text);
         let representation = self.representation;
-        TokenizerSpec { architecture, quantizer, representation, training }
+        let plateau = self.plateau;
+        TokenizerSpec { architecture, quantizer, representation, training, plateau }
     }
 
     fn architecture(&self, window: usize, text: &TextSpec) -> ArchitectureSpec {
@@ -263,6 +268,9 @@ impl TokenizerSpec {
         quantizer.map_err(|error| SpecError { field: "quantizer", problem: error.problem })?;
         self.check_window()?;
         self.check_captions()?;
+        if let Some(plateau) = &self.plateau {
+            plateau.check(self.training.steps)?;
+        }
         self.training.check()
     }
 

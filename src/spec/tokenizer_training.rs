@@ -6,6 +6,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use super::architecture::Codes;
 use super::error::{SpecError, require};
 use super::language::LanguageSection;
+use super::plateau::Plateau;
 use super::quantizer::QuantizerSection;
 use super::representation::Representation;
 use super::transformer::{Detokenizer, NormPlacement, Positions};
@@ -156,6 +157,10 @@ macro_rules! keys {
             /// Transformers: which halves see the clip's caption; none where it is left out.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub language: Option<LanguageSection>,
+            /// Ends training at the plateau of the validation split; left out, all steps are taken and the
+            /// last weights kept.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub plateau: Option<Plateau>,
             /// Seeds of several tokenizers a vocabulary: every cell is trained with each of them.
             #[serde(skip_serializing_if = "Vec::is_empty")]
             pub seeds: Vec<u64>,

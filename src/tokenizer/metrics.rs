@@ -36,6 +36,7 @@ pub struct TokenizerMetrics {
     /// codebooks stand in one histogram, apart.
     pub exponential_entropy: f64,
     pub parameters: usize,
+    /// Steps after which the weights are those that are kept.
     pub train_steps: usize,
     pub wall_s: f64,
     /// The use of each scale's own codebook.

@@ -53,6 +53,7 @@ mod report;
 mod testing;
 mod train;
 mod transformer;
+mod watch;
 mod windows;
 
 pub use architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
@@ -73,5 +74,6 @@ pub use quantizer::{
     area_down, linear_up,
 };
 pub use report::{remarks, table};
-pub use train::train;
+pub use train::{train, train_watched};
 pub use transformer::TransformerConfig;
+pub use watch::Validated;

@@ -16,10 +16,11 @@ use super::module::{Reconstruction, TokenizerModule};
 use super::normalise::Normaliser;
 use super::pass::Pass;
 use super::pool::WindowPool;
+use super::watch::{Validated, Watch};
 use super::windows::Windows;
 use crate::learn::adamw::AdamWConfig;
 use crate::learn::params::below;
-use crate::learn::weights::Weights;
+use crate::learn::weights::{Source, Sources, Weights};
 use crate::learn::{Checkpoints, Course, LearnError, Learner, LearnerState, Learning, LoadedState};
 use crate::progress::Progress;
 use crate::spec::{TokenizerLoss, TokenizerSpec, TokenizerTraining};
@@ -43,17 +44,26 @@ pub fn train(
     checkpoints: Option<&Checkpoints>,
     progress: &mut Progress,
 ) -> Result<Tokenizer, TokenizerError> {
+    Ok(train_watched(spec, corpus, device, checkpoints, progress)?.0)
+}
+
+/// [`train`], with what was measured on the validation split; nothing where the spec has no plateau.
+///
+/// # Errors
+/// As there.
+pub fn train_watched(
+    spec: &TokenizerSpec,
+    corpus: &Corpus,
+    device: &Device,
+    checkpoints: Option<&Checkpoints>,
+    progress: &mut Progress,
+) -> Result<(Tokenizer, Vec<Validated>), TokenizerError> {
     spec.check()?;
     let learner = Reconstructing::new(spec, corpus, &device.clone().autodiff())?;
     let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
-    let module = learning.into_learner().into_module();
-    Ok(Tokenizer::new(
-        module,
-        spec.clone(),
-        corpus.source.stats().clone(),
-        corpus.source.fps().into(),
-        device.clone(),
-    ))
+    let (module, log) = learning.into_learner().end()?;
+    let (stats, fps) = (corpus.source.stats().clone(), corpus.source.fps().into());
+    Ok((Tokenizer::new(module, spec.clone(), stats, fps, device.clone()), log))
 }
 
 enum Loss {
@@ -78,6 +88,8 @@ struct Reconstructing<'a> {
     captions: Option<ReadCaptions<'a>>,
     module: TokenizerModule,
     average: Option<Average>,
+    /// `None` where all steps are taken and the last weights kept.
+    watch: Option<Watch<'a>>,
     loss: Loss,
     normaliser: Normaliser,
     /// Draws the windows of a batch.
@@ -97,7 +109,10 @@ impl<'a> Reconstructing<'a> {
         let mut draws = stream(seed, WINDOWS_STREAM);
         let pool = WindowPool::load(source, spec, &mut draws)?;
         let module = begun(spec, &pool, normaliser.n_features(), device);
+        let watch =
+            |plateau| Watch::new(plateau, (spec, *corpus), &module.valid(), device.clone().inner());
         Ok(Self {
+            watch: spec.plateau.map(watch).transpose()?,
             spec,
             pool,
             captions: corpus.read_by(spec)?,
@@ -133,9 +148,16 @@ impl<'a> Reconstructing<'a> {
         (least + below(&mut self.draws, most - least + 1)) * stride
     }
 
-    /// The weights that are kept.
-    fn into_module(self) -> TokenizerModule {
-        self.average.map_or_else(|| self.module.valid(), |average| average.module().clone())
+    /// The weights as they would be kept now.
+    fn kept(&self) -> TokenizerModule {
+        let average = self.average.as_ref().map(|average| average.module().clone());
+        average.unwrap_or_else(|| self.module.valid())
+    }
+
+    /// The weights that are kept, and what the validation split said of them.
+    fn end(self) -> Result<(TokenizerModule, Vec<Validated>), TokenizerError> {
+        let last = self.kept();
+        self.watch.map_or(Ok((last, Vec::new())), Watch::end)
     }
 }
 
@@ -197,34 +219,60 @@ impl Learner for Reconstructing<'_> {
         if let Some(average) = &mut self.average {
             average.follow(&self.module, step);
         }
+        if let Some(mut watch) = self.watch.take() {
+            watch.see(&self.kept(), step);
+            self.watch = Some(watch);
+        }
         Ok(())
     }
 
-    /// Numbers drawn for windows, as text, since they have 68 bits; what the quantizer keeps; and the
-    /// averaged weights.
+    fn is_over(&self) -> bool {
+        self.watch.as_ref().is_some_and(Watch::is_over)
+    }
+
+    /// Numbers drawn for windows, as text, since they have 68 bits; what the quantizer keeps; the averaged
+    /// weights, and the best ones.
     fn keep(&self) -> LearnerState {
         let LearnerState { note, mut tensors } = self.module.quantizer().keep();
-        let note = json!({ DRAWN: self.draws.get_word_pos().to_string(), QUANTIZER: note });
-        let average = self.average.as_ref().map(Average::keep).into_iter().flatten();
-        tensors.extend(average.map(|(name, tensor)| (format!("{AVERAGE}{name}"), tensor)));
+        let mut note = json!({ DRAWN: self.draws.get_word_pos().to_string(), QUANTIZER: note });
+        tensors.extend(self.average.iter().flat_map(|average| named(AVERAGE, average.keep())));
+        if let Some(watch) = &self.watch {
+            let (log, best) = watch.keep();
+            note[LOG] = log;
+            tensors.extend(named(BEST, best));
+        }
         LearnerState { note, tensors }
     }
 
     fn resume(&mut self, mut saved: LoadedState) -> Option<()> {
         self.draws.set_word_pos(saved.note[DRAWN].as_str()?.parse().ok()?);
-        let (averaged, tensors): (Weights, Weights) =
-            saved.tensors.into_iter().partition(|(name, _)| name.starts_with(AVERAGE));
         if let Some(average) = &mut self.average {
-            let named = averaged.into_iter();
-            average
-                .resume(named.map(|(name, x)| (name[AVERAGE.len()..].to_string(), x)).collect())?;
+            average.resume(taken(AVERAGE, &mut saved.tensors))?;
         }
-        let note = saved.note[QUANTIZER].take();
+        if let Some(watch) = &mut self.watch {
+            watch.resume(saved.note[LOG].take(), taken(BEST, &mut saved.tensors))?;
+        }
+        let (note, tensors) = (saved.note[QUANTIZER].take(), saved.tensors);
         self.module.quantizer_mut().resume(LoadedState { note, tensors })
     }
 }
 
+/// Tensors under names of their own.
+fn named(prefix: &str, tensors: Sources) -> impl Iterator<Item = (String, Source)> {
+    tensors.into_iter().map(move |(name, tensor)| (format!("{prefix}{name}"), tensor))
+}
+
+/// The tensors that [`named`] named, by their first names.
+fn taken(prefix: &str, tensors: &mut Weights) -> Weights {
+    let (own, others): (Weights, Weights) =
+        std::mem::take(tensors).into_iter().partition(|(name, _)| name.starts_with(prefix));
+    *tensors = others;
+    own.into_iter().map(|(name, tensor)| (name[prefix.len()..].to_string(), tensor)).collect()
+}
+
 const AVERAGE: &str = "average.";
+const BEST: &str = "best.";
+const LOG: &str = "validated";
 const DRAWN: &str = "windows_drawn";
 const QUANTIZER: &str = "quantizer";
 

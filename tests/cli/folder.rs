@@ -46,17 +46,18 @@ fn a_finished_sweep_leaves_every_file_that_was_promised() {
         let names = place.names(&format!("results/mini/runs/{id}"));
         assert_eq!(
             names,
-            ["log.jsonl", "log.txt", "model.safetensors", "record.json", "spec.json"]
+            ["log.jsonl", "log.txt", "model.safetensors", "record.json", "spec.json", "test.jsonl"]
         );
-        assert_eq!(
-            place.json(&format!("results/mini/runs/{id}/record.json"))["planned"]["run_id"],
-            *id
-        );
-        let log =
-            String::from_utf8(place.read(&format!("results/mini/runs/{id}/log.jsonl"))).unwrap();
-        let lines: Vec<serde_json::Value> =
-            log.lines().map(|line| serde_json::from_str(line).expect("JSON lines")).collect();
-        assert_eq!(lines.len(), 2, "the sweep asks for two evaluations");
+        let record = place.json(&format!("results/mini/runs/{id}/record.json"));
+        assert_eq!(record["planned"]["run_id"], *id);
+        let lines = |name: &str| {
+            let text = place.read(&format!("results/mini/runs/{id}/{name}"));
+            let text = String::from_utf8(text).unwrap();
+            let line = |line| serde_json::from_str(line).expect("JSON lines");
+            text.lines().map(line).collect::<Vec<serde_json::Value>>()
+        };
+        assert_eq!(lines("log.jsonl").len(), 2, "the sweep asks for two evaluations");
+        loss_is_that_of_its_clips(&record["metrics"], &lines("test.jsonl"));
     }
     for tokenizer in place.names("results/mini/tokenizers") {
         let names = place.names(&format!("results/mini/tokenizers/{tokenizer}"));
@@ -64,6 +65,24 @@ fn a_finished_sweep_leaves_every_file_that_was_promised() {
             assert!(names.contains(&name.to_string()), "{name} is not in {names:?}");
         }
     }
+}
+
+/// L_u is the mean over the test split's 16 clips, and each of them is a block of its own.
+fn loss_is_that_of_its_clips(metrics: &serde_json::Value, clips: &[serde_json::Value]) {
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    let sum = |name: &str| clips.iter().map(|clip| number(&clip[name])).sum::<f64>();
+    let loss = (sum("nats") - sum("unigram_nats")) / sum("targets");
+    assert!((loss - number(&metrics["loss_normalised"])).abs() < 1e-12);
+    let own = |clip: &serde_json::Value| {
+        (number(&clip["nats"]) - number(&clip["unigram_nats"])) / number(&clip["targets"])
+    };
+    let mut of_clips: Vec<f64> = clips.iter().map(own).collect();
+    let block = |i: usize| number(&metrics[format!("loss_normalised_block_{:02}", i + 1)]);
+    let mut of_blocks: Vec<f64> = (0..16).map(block).collect();
+    of_clips.sort_by(f64::total_cmp);
+    of_blocks.sort_by(f64::total_cmp);
+    assert_eq!(of_blocks, of_clips);
+    assert!(metrics.get("loss_normalised_block_17").is_none());
 }
 
 #[test]

@@ -1,20 +1,47 @@
 //! Do predictions at ten times the largest budget hold the truth, where the truth is not of the form of
 //! any law? `docs/coverage.md` has the table that this prints.
 
-use isoflop::laws::{FitOptions, Laws, MinimumMethod, fit};
+use isoflop::laws::{FitOptions, IsoFlopPoint, Laws, MinimumMethod, fit};
 use isoflop::predict::{PredictOptions, Prediction, predict};
 use rayon::prelude::*;
 
-use crate::truths::{ASKED, Truth};
+use crate::truths::{ASKED, Truth, on_test_split};
 
 const SWEEPS: u64 = 400;
-/// Those of shares have three times the runs.
-const OF_SHARES: u64 = 100;
+/// Where a row is told by fewer.
+const FEWER: u64 = 100;
 
-fn laws(truth: Truth, shares: &[f64], seed: u64) -> Laws {
+/// What sweeps are made of.
+#[derive(Clone, Copy)]
+struct Made<'a> {
+    truth: Truth,
+    shares: &'a [f64],
+    /// By how much test splits differ, and whether the runs tell their parts.
+    test_split: (f64, bool),
+}
+
+impl<'a> Made<'a> {
+    fn of(truth: Truth) -> Self {
+        Self { truth, shares: &[1.0], test_split: (0.0, false) }
+    }
+
+    fn points(&self, seed: u64) -> Vec<IsoFlopPoint> {
+        let (sd, told) = self.test_split;
+        let mut points = self.truth.points(self.shares, seed);
+        if sd > 0.0 {
+            points = on_test_split(points, sd, seed);
+        }
+        if !told {
+            points.iter_mut().for_each(|point| point.about.by_block.clear());
+        }
+        points
+    }
+}
+
+fn laws(made: Made, seed: u64) -> Laws {
     let methods = vec![MinimumMethod::Argmin, MinimumMethod::Parabola, MinimumMethod::Cubic];
     let options = FitOptions { methods, bootstrap: 100, seed, ..FitOptions::default() };
-    fit(&truth.points(shares, seed), &options).unwrap()
+    fit(&made.points(seed), &options).unwrap()
 }
 
 fn prediction(laws: &Laws) -> Prediction {
@@ -50,11 +77,10 @@ struct Held {
     row: String,
 }
 
-/// Of sweeps whose runs see these shares of the data.
-fn held(truth: Truth, shares: &[f64], sweeps: u64) -> Held {
+fn held(made: Made, sweeps: u64) -> Held {
+    let truth = made.truth;
     let (loss, size) = truth.optimum(ASKED);
-    let fitted: Vec<Laws> =
-        (0..sweeps).into_par_iter().map(|seed| laws(truth, shares, seed)).collect();
+    let fitted: Vec<Laws> = (0..sweeps).into_par_iter().map(|seed| laws(made, seed)).collect();
     let all: Vec<Prediction> = fitted.iter().map(prediction).collect();
     let share = |held: &dyn Fn(&Prediction) -> bool| {
         all.iter().filter(|p| held(p)).count() as f64 / all.len() as f64
@@ -86,7 +112,7 @@ const HEAD: &str = "| truth | loss held | N_nv held | mean width of the loss | t
 #[ignore = "some minutes"]
 fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
     println!("{HEAD}");
-    let all = Truth::ALL.map(|truth| held(truth, &[1.0], SWEEPS));
+    let all = Truth::ALL.map(|truth| held(Made::of(truth), SWEEPS));
     all.iter().for_each(|held| println!("{}", held.row));
     for Held { truth, loss, .. } in all {
         assert!((truth.fewest_held()..=0.98).contains(&loss), "{truth:?}: {loss}");
@@ -98,6 +124,17 @@ fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
 fn shares_of_the_data_let_sweeps_tell_what_repetition_is_worth() {
     println!("{HEAD}");
     let repeated = Truth::ALL.into_iter().filter(|truth| truth.repeats());
-    let all: Vec<Held> = repeated.map(|truth| held(truth, &[0.25, 0.5, 1.0], OF_SHARES)).collect();
+    let made = |truth| Made { shares: &[0.25, 0.5, 1.0], ..Made::of(truth) };
+    let all: Vec<Held> = repeated.map(|truth| held(made(truth), FEWER)).collect();
     all.iter().for_each(|held| println!("{}", held.row));
+}
+
+#[test]
+#[ignore = "some minutes"]
+fn intervals_hold_what_another_test_split_would_give() {
+    println!("{HEAD}");
+    let made = |told| Made { test_split: (0.06, told), ..Made::of(Truth::HeavyTails) };
+    let [untold, told] = [false, true].map(|told| held(made(told), FEWER));
+    println!("{}\n{}", untold.row, told.row);
+    assert!(untold.loss < 0.9 && told.loss >= 0.92, "{} and {}", untold.loss, told.loss);
 }

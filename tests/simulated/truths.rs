@@ -8,6 +8,8 @@ const BUDGETS: [f64; 5] = [1e10, 2.2e10, 5e10, 1e11, 2.2e11];
 const WIDTHS: [f64; 9] = [8.0, 10.0, 12.0, 16.0, 20.0, 24.0, 32.0, 40.0, 52.0];
 const VOCABULARIES: [f64; 6] = [64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0];
 const NOISE: f64 = 0.03;
+/// Parts of a test split.
+const PARTS: usize = 20;
 /// Distinct tokens of the data, where runs repeat them.
 const UNIQUE_TOKENS: f64 = 1.5e5;
 /// The budget that is predicted: ten times the largest.
@@ -164,6 +166,23 @@ impl Truth {
         }
         least
     }
+}
+
+/// Runs as a test split sees them that is harder or easier than others of its kind by normal draws of
+/// deviation `sd`: it moves all losses alike, and its parts say by how much it might.
+pub fn on_test_split(points: Vec<IsoFlopPoint>, sd: f64, seed: u64) -> Vec<IsoFlopPoint> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(1);
+    let parts: Vec<f64> =
+        (0..PARTS).map(|_| sd * (PARTS as f64).sqrt() * normal(&mut rng)).collect();
+    let mean = parts.iter().sum::<f64>() / parts.len() as f64;
+    let by_block: Vec<f64> = parts.iter().map(|part| part - mean).collect();
+    let moved = |point: IsoFlopPoint| IsoFlopPoint {
+        loss: point.loss + mean,
+        about: RunFacts { by_block: by_block.clone(), ..point.about },
+        ..point
+    };
+    points.into_iter().map(moved).collect()
 }
 
 /// What `d` tokens are worth of which `unique` are distinct, r passes over them being worth the first one

@@ -80,7 +80,12 @@ fn in_slices(points: Vec<IsoFlopPoint>, fit: &SweepFit) -> Result<InSlices, FitE
     if fit.rule == fit.planned || points.is_empty() {
         return Ok(InSlices { points, options, told: None });
     }
+    let all = points.len();
     let points = of_largest_share(&points);
+    let smaller = match all - points.len() {
+        0 => String::new(),
+        n => format!(" {n} runs of smaller shares of the data are left out."),
+    };
     let slices = slices(&points)?;
     if let HoldOut::Budget(asked) = options.hold_out {
         options.hold_out = HoldOut::Budget(slices.level_of(asked).unwrap_or(asked));
@@ -92,7 +97,7 @@ fn in_slices(points: Vec<IsoFlopPoint>, fit: &SweepFit) -> Result<InSlices, FitE
     };
     let told = format!(
         "The budgets were spent by the rule {}: each run is moved along its cell to equal FLOPs by {}.\
-         {left_out}",
+         {left_out}{smaller}",
         fit.planned.name(),
         fit.rule.name(),
     );

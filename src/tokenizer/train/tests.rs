@@ -5,8 +5,9 @@ use crate::data::Split;
 use crate::motion::N_FEATURES;
 use crate::progress::Step;
 use crate::spec::{
-    CodebookKind, LanguagePlace, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec,
+    CodebookKind, LanguagePlace, Plateau, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec,
 };
+use crate::tokenizer::reconstruct;
 use crate::tokenizer::testing::{
     D_TEXT, Waves, fixed_spec, patch_spec, small_spec, spec_of, text_of, transformer_spec,
 };
@@ -143,7 +144,11 @@ fn training_stops_when_it_is_told_to() {
 
 #[test]
 fn a_resumed_training_ends_on_the_same_bits() {
-    for spec in specs(9) {
+    let watched = TokenizerSpec {
+        plateau: Some(Plateau { evaluations: 9, patience: 9 }),
+        ..patch_spec(QuantizerSpec::Vq { n_vocab: 64 }, 9)
+    };
+    for spec in specs(9).chain([watched]) {
         let folder = tempfile::tempdir().unwrap();
         let bits = |tokenizer: Tokenizer| {
             tokenizer.save(folder.path()).unwrap();
@@ -170,6 +175,42 @@ fn a_resumed_training_ends_on_the_same_bits() {
         assert_eq!(seen, [1, 2, 3, 4, 5, 6, 7], "no step is done twice");
         assert!(bits(resumed.unwrap()) == straight, "{spec:?}");
     }
+}
+
+/// Steps taken, what the validation split said, and the error of the weights that are kept there.
+fn watched(lr: f64, plateau: Plateau) -> (usize, Vec<Validated>, f64) {
+    let mut spec = patch_spec(QuantizerSpec::Vq { n_vocab: 64 }, 60);
+    spec.plateau = Some(plateau);
+    spec.training.lr = lr;
+    let source = source_of(&spec);
+    let mut steps = 0;
+    let mut progress = |done: Step| {
+        steps = done.step;
+        ControlFlow::Continue(())
+    };
+    let corpus = Corpus::wordless(&source);
+    let (tokenizer, log) =
+        train_watched(&spec, &corpus, &Device::flex(), None, &mut progress).unwrap();
+    let kept = reconstruct(&tokenizer, &corpus, Split::Val, 0.0).unwrap();
+    (steps, log, kept.mpjpe_mm)
+}
+
+#[test]
+fn the_weights_that_are_kept_are_the_best_on_the_validation_split() {
+    // So large a rate spoils what patches begin with.
+    let (steps, log, kept) = watched(0.3, Plateau { evaluations: 12, patience: 60 });
+    assert_eq!((steps, log.len(), log[0].step), (60, 12, 5));
+    let least = log.iter().map(|line| line.val_mpjpe_mm).fold(f64::INFINITY, f64::min);
+    assert_eq!(kept, least);
+    assert!(log[11].val_mpjpe_mm > least, "the last is not the best: {log:?}");
+}
+
+#[test]
+fn training_ends_where_measurements_bring_nothing_new() {
+    let (steps, log, kept) = watched(0.3, Plateau { evaluations: 12, patience: 2 });
+    let best = log.iter().position(|line| line.val_mpjpe_mm == kept).unwrap();
+    assert_eq!((log.len(), steps), (best + 3, 5 * (best + 3)), "{log:?}");
+    assert!(steps < 60);
 }
 
 #[test]

@@ -1,0 +1,109 @@
+//! [`Watch`]: the validation split while a tokenizer is trained, and the weights that were best on it.
+
+use burn::tensor::Device;
+use serde::{Deserialize, Serialize};
+
+use super::codec::Tokenizer;
+use super::corpus::Corpus;
+use super::error::TokenizerError;
+use super::evaluate::reconstruct;
+use super::module::TokenizerModule;
+use crate::data::{DataError, Split};
+use crate::learn::weights::{self, Sources, Weights};
+use crate::spec::{Plateau, TokenizerSpec};
+
+/// A line of a tokenizer's `log.jsonl`: the validation split after a step.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Validated {
+    /// Counted from 1.
+    pub step: usize,
+    /// Mean per-joint position error, pelvis-aligned, in millimetres.
+    pub val_mpjpe_mm: f64,
+}
+
+/// Measures the validation split now and then, and keeps the best weights.
+pub struct Watch<'a> {
+    corpus: Corpus<'a>,
+    plateau: Plateau,
+    spec: &'a TokenizerSpec,
+    device: Device,
+    log: Vec<Validated>,
+    /// The weights of the best line.
+    best: TokenizerModule,
+    /// Why the split could not be measured.
+    failed: Option<TokenizerError>,
+}
+
+impl<'a> Watch<'a> {
+    /// Before the first step of `module`, on `device` without gradients.
+    ///
+    /// # Errors
+    /// There is no validation split.
+    pub fn new(
+        plateau: Plateau,
+        (spec, corpus): (&'a TokenizerSpec, Corpus<'a>),
+        module: &TokenizerModule,
+        device: Device,
+    ) -> Result<Self, TokenizerError> {
+        if corpus.source.n_clips(Split::Val) == 0 {
+            let path = format!("data set {}", corpus.source.digest());
+            return Err(DataError::EmptySplit { path, split: Split::Val.name() }.into());
+        }
+        let (log, failed, best) = (Vec::new(), None, module.clone());
+        Ok(Self { corpus, plateau, spec, device, log, best, failed })
+    }
+
+    /// Is shown the weights that would be kept after a step, counted from 1.
+    pub fn see(&mut self, module: &TokenizerModule, step: usize) {
+        if !self.plateau.is_due(step, self.spec.training.steps) {
+            return;
+        }
+        let Corpus { source, .. } = self.corpus;
+        let (spec, stats) = (self.spec.clone(), source.stats().clone());
+        let fps = source.fps().into();
+        let tokenizer = Tokenizer::new(module.clone(), spec, stats, fps, self.device.clone());
+        match reconstruct(&tokenizer, &self.corpus, Split::Val, 0.0) {
+            Ok(made) => self.take_in(module, Validated { step, val_mpjpe_mm: made.mpjpe_mm }),
+            Err(error) => self.failed = Some(error),
+        }
+    }
+
+    fn take_in(&mut self, module: &TokenizerModule, line: Validated) {
+        self.log.push(line);
+        if self.best_line() + 1 == self.log.len() {
+            self.best = module.clone();
+        }
+    }
+
+    /// The first of the best lines; 0 before any.
+    fn best_line(&self) -> usize {
+        let by_error =
+            |a: &usize, b: &usize| self.log[*a].val_mpjpe_mm.total_cmp(&self.log[*b].val_mpjpe_mm);
+        (0..self.log.len()).min_by(by_error).unwrap_or(0)
+    }
+
+    /// Whether training is over: nothing new for long, or a split that cannot be measured.
+    pub fn is_over(&self) -> bool {
+        self.failed.is_some() || self.log.len() > self.best_line() + self.plateau.patience
+    }
+
+    /// The best weights, and every line.
+    ///
+    /// # Errors
+    /// The split could not be measured.
+    pub fn end(self) -> Result<(TokenizerModule, Vec<Validated>), TokenizerError> {
+        self.failed.map_or(Ok((self.best, self.log)), Err)
+    }
+
+    /// Its lines and weights, to be written.
+    pub fn keep(&self) -> (serde_json::Value, Sources) {
+        (serde_json::to_value(&self.log).expect("plain values"), weights::of_module(&self.best))
+    }
+
+    /// Takes up what [`Watch::keep`] gave; `None` where it is not that.
+    pub fn resume(&mut self, log: serde_json::Value, best: Weights) -> Option<()> {
+        self.log = serde_json::from_value(log).ok()?;
+        self.best = weights::into_module(self.best.clone(), best).ok()?;
+        Some(())
+    }
+}
