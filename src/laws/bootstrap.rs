@@ -18,9 +18,9 @@
 //! Four things move a replicate beside the runs' own noise. Tokenizers: all runs with a vocabulary move
 //! together, by the scatter between its tokenizers. Misfit: where runs lie further from the curves
 //! than they scatter, they are moved by as much more. The method: laws go through the minima of each
-//! kind of curve in turn. The test split: all runs move as they would on other clips. Each can be asked
-//! for alone ([`Sources`]). The last moves laws alone: minima are compared with forecasts that were
-//! measured on the same clips.
+//! kind of curve in turn. The test split: cells move by what each finds harder on other clips than the
+//! others do. Each can be asked for alone ([`Sources`]). The last moves laws alone: minima are compared
+//! with forecasts that were measured on the same clips.
 //!
 //! A budget whose replicate has no minimum inside the grid is left out of that replicate's laws, as
 //! the fit itself would leave it out, unless flagged minima are kept; then it counts with its best
@@ -33,10 +33,9 @@ use super::law_set::{Columns, law_set};
 use super::minima::{self, Grid};
 use super::random::Normals;
 use super::split::Split;
-use super::test_noise::OtherClips;
+use super::test_noise::{Blocks, OtherClips};
 use super::{
-    FitOptions, FloorSample, LawSample, Minimum, NoiseSource, RunNoise, TestNoise, TokenizerNoise,
-    floor_law,
+    FitOptions, FloorSample, LawSample, Minimum, NoiseSource, RunNoise, TokenizerNoise, floor_law,
 };
 use crate::sweep::MinimumMethod;
 use rayon::prelude::*;
@@ -55,7 +54,7 @@ pub(super) struct Bootstrap<'a> {
     pub reference: f64,
     pub noise: RunNoise,
     pub tokenizers: Option<&'a TokenizerNoise>,
-    pub test: Option<TestNoise>,
+    pub test: Option<&'a Blocks>,
     /// How many times the variance of the runs their distance from the curves is; at least 1.
     pub misfit: f64,
     /// The kinds of minimum that laws may go through, as indices into `methods`.
@@ -140,7 +139,8 @@ impl Bootstrap<'_> {
         method: MinimumMethod,
         drawn: &[Grid],
     ) -> Vec<Minimum> {
-        let moved = |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell));
+        let moved =
+            |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell, grid.budget_flops));
         let fitted = drawn[..self.split.fitted.len()].iter();
         fitted.map(|grid| minima::of_grid(method, &moved(grid))).collect()
     }

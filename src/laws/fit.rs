@@ -11,12 +11,13 @@ use super::noise::{Scatter, run_noise};
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
+use super::test_noise::Blocks;
 use super::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use super::validation::validate;
 use super::{
     FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint, Judgement,
     LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise,
-    TestNoise, check, floor_law, intervals, sensitivity, warnings,
+    check, floor_law, intervals, sensitivity, warnings,
 };
 use crate::sweep::MinimumMethod;
 use judge::{admissible, interval_parts, judge, misfit};
@@ -63,8 +64,9 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     let used = used_minima(&per_method, method, options)?;
 
     let tokenizers = tokenizer_noise(&budgets);
-    let test = TestNoise::of(&split.fitted.iter().chain(&split.held_out).collect::<Vec<_>>());
-    let scatter = Scatter { noise, tokenizers: tokenizers.as_ref(), test };
+    let grids: Vec<&Grid> = split.fitted.iter().chain(&split.held_out).collect();
+    let test = Blocks::of(&grids, noise);
+    let scatter = Scatter { noise, tokenizers: tokenizers.as_ref(), test: test.as_ref() };
     let replicas = replicas(&used, &split, &per_method, method, scatter, options);
     let mut laws = laws_through(&used, &split, method, &replicas, options)?;
     laws.metric = metric;

@@ -1,6 +1,6 @@
 //! A prediction in a few lines.
 
-use super::{Prediction, Raw};
+use super::{Intervals, Prediction, Raw};
 use crate::laws::text::{count, times, wrap};
 
 /// Warnings that are said before the rest are only counted.
@@ -63,7 +63,15 @@ pub fn cells(prediction: &Prediction) -> Vec<[String; 3]> {
 
 fn rows(prediction: &Prediction) -> String {
     let rows = quantities(prediction);
-    rows.iter().filter_map(Row::text).collect::<String>() + &other_laws(&prediction.raw)
+    rows.iter().filter_map(Row::text).collect::<String>()
+        + &on_other_clips(&prediction.ci95)
+        + &other_laws(&prediction.raw)
+}
+
+/// The loss, had other clips been held out.
+fn on_other_clips(ci95: &Intervals) -> String {
+    let row = |[low, high]: [f64; 2]| format!("  on other clips     95 %: {low:.4} to {high:.4}\n");
+    ci95.loss_on_other_clips.map_or_else(String::new, row)
 }
 
 /// The symbol of a quantity, and how it is written.

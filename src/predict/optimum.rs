@@ -9,7 +9,9 @@ use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
 };
-use crate::laws::{Candidate, JointLaw, JointOptimum, LawSample, Laws, around, interval95};
+use crate::laws::{
+    Candidate, JointLaw, JointOptimum, LawSample, Laws, TestNoise, around, interval95,
+};
 
 /// The optimal configuration for `budget` FLOPs.
 ///
@@ -201,10 +203,18 @@ fn intervals(
     let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&Quantities) -> f64| {
         interval95(&spread.of_logs(replicates.iter().filter_map(value), of))
     };
-    let loss_floor = interval95(&spread.of(floor_losses(laws, budget), |e| e.loss));
-    let loss_joint = joint.as_ref().map(|optima| optima.iter().map(|o| o.loss));
-    let loss_joint = loss_joint.and_then(|l| interval95(&spread.of(l, |e| e.loss)));
-    let log = || interval95(&spread.of(log_losses(laws, budget), |e| e.loss));
+    let floor = spread.of(floor_losses(laws, budget), |e| e.loss);
+    let loss_floor = interval95(&floor);
+    let losses = match laws.recommended_law() {
+        Candidate::Log if laws.loss.log.is_some() => {
+            spread.of(log_losses(laws, budget), |e| e.loss)
+        }
+        Candidate::Log | Candidate::Floor => floor,
+        Candidate::Joint | Candidate::JointRepeats => {
+            spread.of(joint.iter().flatten().map(|optimum| optimum.loss), |e| e.loss)
+        }
+    };
+    let on_other_clips = |noise: TestNoise| interval95(&noise.moved(&losses));
     Intervals {
         params: interval(&|a| Size::of(vocabulary, a).params, |e| e.ln_size),
         params_nonvocab: interval(&|a| Size::of(vocabulary, a).params_nonvocab, |e| e.ln_size),
@@ -223,11 +233,8 @@ fn intervals(
             ),
         },
         tokens: interval(&|a| Some(a.tokens), |e| e.ln_tokens),
-        loss_normalised: match laws.recommended_law() {
-            Candidate::Log => laws.loss.log.as_ref().and_then(|_| log()).or(loss_floor),
-            Candidate::Floor => loss_floor,
-            Candidate::Joint | Candidate::JointRepeats => loss_joint,
-        },
+        loss_normalised: interval95(&losses),
+        loss_on_other_clips: laws.judgement.test_noise.and_then(on_other_clips),
         loss_floor,
     }
 }

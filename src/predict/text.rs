@@ -60,7 +60,10 @@ fn loss(prediction: &Prediction) -> String {
         format!("{:<8}{:>14}{interval:>28}   by the law with a floor\n", "", number(floor))
     });
     let interval = span(prediction.ci95.loss_normalised, number);
-    format!("{:<8}{:>14}{interval:>28}\n{floor}", "loss", number(loss))
+    let others = prediction.ci95.loss_on_other_clips.map_or_else(String::new, |interval| {
+        format!("{:<22}{:>28}\n", "on other clips", span(Some(interval), number))
+    });
+    format!("{:<8}{:>14}{interval:>28}\n{others}{floor}", "loss", number(loss))
 }
 
 fn span(interval: Option<[f64; 2]>, number: impl Fn(f64) -> String) -> String {

@@ -90,7 +90,11 @@ pub struct Intervals {
     pub params_vocab: Option<[f64; 2]>,
     pub n_vocab: Option<[f64; 2]>,
     pub tokens: Option<[f64; 2]>,
+    /// On the clips that the runs were measured on.
     pub loss_normalised: Option<[f64; 2]>,
+    /// On other clips of their kind; absent where it is not known which were recorded together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss_on_other_clips: Option<[f64; 2]>,
     /// Of the floor law's loss.
     #[serde(default)]
     pub loss_floor: Option<[f64; 2]>,

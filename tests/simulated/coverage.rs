@@ -85,9 +85,10 @@ fn held(made: Made, sweeps: u64) -> Held {
     let share = |held: &dyn Fn(&Prediction) -> bool| {
         all.iter().filter(|p| held(p)).count() as f64 / all.len() as f64
     };
-    let of_loss = share(&|p| holds(p.ci95.loss_normalised, loss));
+    let of_clips = |p: &Prediction| p.ci95.loss_on_other_clips.or(p.ci95.loss_normalised);
+    let of_loss = share(&|p| holds(of_clips(p), loss));
     let of_size = share(&|p| holds(p.ci95.params_nonvocab, size));
-    let widths = all.iter().filter_map(|p| p.ci95.loss_normalised);
+    let widths = all.iter().filter_map(of_clips);
     let width = widths.map(|[low, high]| high - low).sum::<f64>() / all.len() as f64;
     let mut laws: Vec<&str> = fitted.iter().map(|laws| laws.recommended_law().name()).collect();
     laws.sort_unstable();

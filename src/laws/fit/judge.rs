@@ -9,6 +9,7 @@ use crate::laws::ranking::{OfBudget, OfShare, Rows, recommended};
 use crate::laws::select::usable;
 use crate::laws::split::Split;
 use crate::laws::stats::{distinct, extent, interval95};
+use crate::laws::test_noise::Blocks;
 use crate::laws::{
     FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
     RunNoise, Tried,
@@ -34,7 +35,7 @@ pub(super) fn judge(
     let own = Judgement {
         lack_of_fit: methods.filter_map(misfit).collect(),
         tokenizer_noise: scatter.tokenizers.cloned(),
-        test_noise: scatter.test,
+        test_noise: scatter.test.map(Blocks::noise),
         interval_parts,
         tried: Some(tried(&split.fitted)),
         ..Judgement::default()

@@ -2,7 +2,7 @@
 //!
 //! A replicate moves every cell around the law by the residuals' own deviation, which holds both the
 //! noise of the runs and the law's misfit, moves all cells of a vocabulary together by the scatter of
-//! its tokenizers, and all cells by what another test split would give, and fits the law anew.
+//! its tokenizers, and cells by what each would find harder on another test split than others do, and fits the law anew.
 
 use rayon::prelude::*;
 
@@ -40,11 +40,12 @@ fn replicate(
     let clips = test.map(|noise| noise.draw(&mut normals));
     let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();
     let mean_runs = cells().map(|cell| cell.runs).sum::<f64>() / law.n as f64;
-    let mut drawn = |cell: &Cell| {
+    let mut drawn = |cell: &Cell, budget_flops: f64| {
         let noise = sd * (mean_runs / cell.runs).sqrt() * normals.next();
-        let of_clips = clips.as_ref().map_or(0.0, |clips| clips.shift(cell));
+        let of_clips = clips.as_ref().map_or(0.0, |clips| clips.shift(cell, budget_flops));
         law.loss.value(&place(cell)) + shifts.of(cell.n_vocab) + of_clips + noise
     };
-    let grids: Vec<Grid> = grids.iter().map(|grid| grid.with_losses(&mut drawn)).collect();
+    let replicate = |grid: &Grid| grid.with_losses(|cell| drawn(cell, grid.budget_flops));
+    let grids: Vec<Grid> = grids.iter().map(replicate).collect();
     refitted(law, &grids, noise)
 }

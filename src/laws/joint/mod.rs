@@ -46,6 +46,6 @@ pub use law::JointLaw;
 pub(super) use loss::Place;
 pub use loss::{JointLoss, Terms};
 pub use optimum::JointOptimum;
-pub(super) use problem::{UNKNOWN_NOISE, expected_sds};
+pub(super) use problem::{UNKNOWN_NOISE, expected_sds, noise_of};
 pub use repetition::Repetition;
 pub(super) use weighed::{repeat, valley};

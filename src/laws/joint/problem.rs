@@ -68,7 +68,7 @@ pub(in crate::laws) fn expected_sds(law: &JointLoss) -> Vec<f64> {
 }
 
 /// The standard deviation of a run, in nats; a guess where it is not known.
-pub(super) fn noise_of(noise: Option<RunNoise>) -> f64 {
+pub(in crate::laws) fn noise_of(noise: Option<RunNoise>) -> f64 {
     noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0).unwrap_or(UNKNOWN_NOISE)
 }
 
