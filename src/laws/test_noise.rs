@@ -184,10 +184,10 @@ mod tests {
         Blocks::of(&grids.iter().collect::<Vec<_>>(), None)
     }
 
-    /// The deviation of what the largest model of the smallest budget moves by on other splits.
+    /// The deviation of what the smallest model of the smallest budget moves by on other splits.
     fn scatter(grids: &[Grid]) -> f64 {
         let (grid, blocks) = (&grids[0], blocks(grids).unwrap());
-        let cell = grid.cells.last().unwrap();
+        let cell = &grid.cells[0];
         let shift = |i| blocks.draw(&mut Normals::of_stream(1, i)).shift(cell, grid.budget_flops);
         ((0..2000).map(|i| shift(i).powi(2)).sum::<f64>() / 2000.0).sqrt()
     }
