@@ -1,8 +1,8 @@
-//! [`Sums`]: what is summed over codes while a split is measured.
+//! [`Sums`] and [`SplitSums`]: what is summed over codes while a split is measured.
+
+use std::ops::Add;
 
 use serde::{Deserialize, Serialize};
-
-use super::trained::SplitLoss;
 
 /// Sums over codes of one clip, or of many.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -33,27 +33,53 @@ impl Sums {
 
     /// Of all codes together.
     pub fn all<'a>(parts: impl IntoIterator<Item = &'a Self>) -> Self {
-        parts.into_iter().fold(Self::default(), |all, own| Self {
-            nats: all.nats + own.nats,
-            unigram_nats: all.unigram_nats + own.unigram_nats,
-            targets: all.targets + own.targets,
-        })
+        parts.into_iter().fold(Self::default(), |all, own| all + *own)
+    }
+}
+
+impl Add for Sums {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            nats: self.nats + other.nats,
+            unigram_nats: self.unigram_nats + other.unigram_nats,
+            targets: self.targets + other.targets,
+        }
+    }
+}
+
+/// Sums over a split while it is measured: of each scale, pass after pass, and of each clip.
+///
+/// Both are of the same codes. That of a scale is taken in the order of the passes, so that a loss has the
+/// same bits whether clips are told apart or not.
+pub struct SplitSums {
+    pub scales: Vec<Sums>,
+    pub clips: Vec<Sums>,
+}
+
+impl SplitSums {
+    /// Before anything is measured.
+    pub fn new(n_scales: usize, n_clips: usize) -> Self {
+        Self { scales: vec![Sums::default(); n_scales], clips: vec![Sums::default(); n_clips] }
     }
 
-    /// The loss of a split of so many frames, from the sums of each scale of each clip.
-    pub fn split_loss(clips: &[Vec<Self>], n_frames: usize) -> SplitLoss {
-        let n_scales = clips.first().map_or(0, Vec::len);
-        let of_scale = |scale: usize| Self::all(clips.iter().map(|clip| &clip[scale]));
-        let by_scale = || (0..n_scales).map(|scale| of_scale(scale).normalised()).collect();
-        let clips: Vec<Self> = clips.iter().map(Self::all).collect();
-        let all = Self::all(&clips);
-        SplitLoss {
-            loss_nats: all.nats / all.targets as f64,
-            loss_normalised: all.normalised(),
-            nats_per_frame: all.nats / n_frames as f64,
-            normalised_by_scale: if n_scales > 1 { by_scale() } else { Vec::new() },
-            targets: all.targets,
-            clips,
+    /// Takes in the codes of a scale of a pass: −ln p of each, ln p_uni of each, and how many each of the
+    /// clips has.
+    pub fn add(
+        &mut self,
+        scale: usize,
+        (nats, ln_p): (&[f64], &[f64]),
+        clips: impl IntoIterator<Item = (usize, usize)>,
+    ) {
+        let of = |from: usize, to: usize| {
+            Sums::of(nats[from..to].iter().copied(), ln_p[from..to].iter().copied())
+        };
+        self.scales[scale] = self.scales[scale] + of(0, nats.len());
+        let mut at = 0;
+        for (clip, n) in clips {
+            self.clips[clip] = self.clips[clip] + of(at, at + n);
+            at += n;
         }
     }
 }

@@ -33,7 +33,7 @@ use super::law_set::{Columns, law_set};
 use super::minima::{self, Grid};
 use super::random::Normals;
 use super::split::Split;
-use super::test_noise::{Blocks, OtherClips};
+use super::test_split::{Blocks, OtherClips};
 use super::{
     FitOptions, FloorSample, LawSample, Minimum, NoiseSource, RunNoise, TokenizerNoise, floor_law,
 };

@@ -1,10 +1,7 @@
 //! What a row must hold before anything is computed from it.
 
-use super::budget::is_same_budget;
 use super::cell::compare;
-use super::stats::distinct;
-use super::text::count;
-use super::{Budget, FitError, IsoFlopPoint, Metric, Parameters};
+use super::{FitError, IsoFlopPoint, Metric, Parameters};
 
 /// Rejects a row whose logarithms do not exist, whose loss is no number or whose vocabulary is not
 /// as `parameters` says.
@@ -72,20 +69,6 @@ pub(super) fn repeats(points: &[IsoFlopPoint]) -> Option<String> {
          run {first}. Keep one row for each cell and seed if they differ in a setting.",
         repeated.len()
     ))
-}
-
-/// A sentence for the budgets that are left out since no run of theirs saw as much of the data as others.
-pub(super) fn smaller_shares_alone(points: &[IsoFlopPoint], budgets: &[Budget]) -> Option<String> {
-    let known = |c: f64| budgets.iter().any(|own| is_same_budget(own.budget_flops, c));
-    let lost = distinct(points.iter().map(|p| p.budget_flops).filter(|c| !known(*c)));
-    let named: Vec<String> = lost.iter().map(|budget| count(*budget)).collect();
-    (!lost.is_empty()).then(|| {
-        format!(
-            "Runs at {} FLOPs saw smaller shares of the data alone, and are left out: train them on \
-             the largest share too.",
-            named.join(", ")
-        )
-    })
 }
 
 fn key(p: &IsoFlopPoint) -> [f64; 5] {

@@ -6,12 +6,13 @@ use super::budget::group_checked;
 use super::cell::Cell;
 use super::law_set::{Columns, LawSet, geometric_mean, law_set};
 use super::lost_runs::of_lost_runs;
+use super::lost_shares::of_lost_shares;
 use super::minima::Grid;
 use super::noise::{Scatter, run_noise};
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
-use super::test_noise::Blocks;
+use super::test_split::Blocks;
 use super::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use super::validation::validate;
 use super::{
@@ -77,7 +78,7 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
     laws.judgement = judge(&laws, &split, &per_method, replicas.parts, scatter, options);
     let all = minima_of(&per_method, method);
     let lost = of_lost_runs(split.fitted.iter().chain(&split.held_out));
-    let alone = check::smaller_shares_alone(points, &budgets);
+    let alone = of_lost_shares(points, &budgets);
     let first =
         [check::repeats(points), alone, hold_out_warning, method_warning, fewer.clone(), lost];
     let first = first.into_iter().flatten();

@@ -4,7 +4,7 @@ use super::cell::Cell;
 use super::least_squares::least_squares;
 use super::minima::{Grid, Scale};
 use super::stats::distinct;
-use super::test_noise::Blocks;
+use super::test_split::Blocks;
 use super::{NoiseSource, RunNoise, TokenizerNoise};
 
 /// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever

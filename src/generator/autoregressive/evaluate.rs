@@ -8,7 +8,7 @@ use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::generator::SplitLoss;
 use crate::generator::passes::passes;
-use crate::generator::sums::Sums;
+use crate::generator::sums::SplitSums;
 use crate::progress::moved;
 use crate::text::TextStore;
 
@@ -16,7 +16,7 @@ use crate::text::TextStore;
 pub fn split_loss(model: &Model, tokens: &TokenStore, text: &TextStore, split: Split) -> SplitLoss {
     let unigram = tokens.stream_log_probs();
     let end = end_token(tokens.n_vocab());
-    let mut sums = Vec::with_capacity(tokens.n_clips(split));
+    let mut sums = SplitSums::new(1, tokens.n_clips(split));
     for clips in passes(tokens, split) {
         let streams: Vec<Cow<[u32]>> =
             clips.clone().map(|clip| tokens.stream(split, clip)).collect();
@@ -31,15 +31,12 @@ pub fn split_loss(model: &Model, tokens: &TokenStore, text: &TextStore, split: S
             })
             .collect();
         let batch = Batch::pack(&sequences, text.dim(), end);
-        let mut nats = model.nll(&batch).into_iter();
-        let mut ln_p = batch.targets.iter().map(|&target| unigram[target as usize]);
-        for clip in clips {
-            let n = to(clip);
-            sums.push(vec![Sums::of(nats.by_ref().take(n), ln_p.by_ref().take(n))]);
-        }
+        let nats = model.nll(&batch);
+        let ln_p: Vec<f64> = batch.targets.iter().map(|&id| unigram[id as usize]).collect();
+        sums.add(0, (&nats, &ln_p), clips.map(|clip| (clip, to(clip))));
         moved();
     }
-    Sums::split_loss(&sums, tokens.n_frames(split))
+    SplitLoss::of(sums, tokens.n_frames(split))
 }
 
 /// The caption that a clip shows.

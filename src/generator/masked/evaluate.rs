@@ -12,7 +12,7 @@ use super::batch::{Hidden, pack};
 use crate::data::Split;
 use crate::generator::autoregressive::Model;
 use crate::generator::passes::passes;
-use crate::generator::sums::Sums;
+use crate::generator::sums::{SplitSums, Sums};
 use crate::generator::{Inputs, SplitLoss};
 use crate::progress::moved;
 
@@ -24,18 +24,17 @@ const SEED: u64 = 0;
 
 /// Measures a model of codes of one scale.
 pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
-    let clips: Vec<Vec<Sums>> =
-        bound(model, inputs, split).into_iter().map(|own| vec![own]).collect();
-    Sums::split_loss(&clips, inputs.tokens.n_frames(split))
+    let mut sums = SplitSums::new(1, inputs.tokens.n_clips(split));
+    bound(model, inputs, split, &mut sums);
+    SplitLoss::of(sums, inputs.tokens.n_frames(split))
 }
 
-/// What a model has on the codes of the first scale of each clip, with one of its captions; clip i shows
-/// caption i mod n.
-pub fn bound(model: &Model, inputs: &Inputs, split: Split) -> Vec<Sums> {
+/// Takes in what a model has on the codes of the first scale, each clip with one of its captions; clip i
+/// shows caption i mod n.
+pub fn bound(model: &Model, inputs: &Inputs, split: Split, sums: &mut SplitSums) {
     let tokens = inputs.tokens;
     let (unigram, n_vocab) = (tokens.unigram_log_probs(0), tokens.grid().scales[0].n_vocab);
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-    let mut sums = vec![Sums::default(); tokens.n_clips(split)];
     for clips in passes(tokens, split) {
         for mask in 0..MASKS {
             let hidden = clips.clone().map(|clip| {
@@ -48,20 +47,27 @@ pub fn bound(model: &Model, inputs: &Inputs, split: Split) -> Vec<Sums> {
             let hidden: Vec<Hidden> = hidden.collect();
             let batch = pack(&hidden, inputs.text.dim());
             let mut own = model.nll(&batch).into_iter();
-            for (sums, clip) in sums[clips.clone()].iter_mut().zip(&hidden) {
+            for (clip, hidden) in clips.clone().zip(&hidden) {
                 // The mean over hidden codes stands for every code of the clip.
-                let weight = clip.shown.len() as f64 / (MASKS * clip.targets.len()) as f64;
-                sums.nats += weight * own.by_ref().take(clip.targets.len()).sum::<f64>();
+                let n_hidden = hidden.targets.len();
+                let weight = hidden.shown.len() as f64 / (MASKS * n_hidden) as f64;
+                let nats = weight * own.by_ref().take(n_hidden).sum::<f64>();
+                take_in(sums, clip, Sums { nats, ..Sums::default() });
             }
             moved();
         }
         for clip in clips {
             let codes = tokens.scale(split, clip, 0);
             let ln_p = codes.iter().map(|&code| unigram[code as usize]);
-            sums[clip] = Sums::of([sums[clip].nats], ln_p);
+            take_in(sums, clip, Sums::of([], ln_p));
         }
     }
-    sums
+}
+
+/// Of the first scale of a clip.
+fn take_in(sums: &mut SplitSums, clip: usize, own: Sums) {
+    sums.scales[0] = sums.scales[0] + own;
+    sums.clips[clip] = sums.clips[clip] + own;
 }
 
 /// How many of `n` codes are hidden: the values of all masks and clips are spread evenly from 1 to n.

@@ -6,7 +6,7 @@ use super::shown::shown_clip;
 use crate::codes::Grid;
 use crate::data::Split;
 use crate::generator::passes::passes;
-use crate::generator::sums::Sums;
+use crate::generator::sums::SplitSums;
 use crate::generator::{Inputs, SplitLoss};
 use crate::progress::moved;
 
@@ -15,23 +15,19 @@ pub fn split_loss(model: &Model, grid: &Grid, inputs: &Inputs, split: Split) -> 
     let tokens = inputs.tokens;
     let unigrams: Vec<Vec<f64>> =
         (0..grid.scales.len()).map(|scale| tokens.unigram_log_probs(scale)).collect();
-    let mut sums = Vec::with_capacity(tokens.n_clips(split));
+    let mut sums = SplitSums::new(grid.scales.len(), tokens.n_clips(split));
     for clips in passes(tokens, split) {
         let shown: Vec<Clip> = clips.clone().map(|clip| shown(grid, inputs, split, clip)).collect();
         let batch = Batch::pack(&shown, grid, inputs.text.dim(), model.places());
-        let mut nats: Vec<_> = model.nll(&batch).into_iter().map(Vec::into_iter).collect();
-        for clip in clips {
-            let scales = nats.iter_mut().zip(&unigrams).enumerate();
-            let of_scale = scales.map(|(scale, (nats, unigram))| {
-                let codes = tokens.scale(split, clip, scale);
-                let ln_p = codes.iter().map(|&code| unigram[code as usize]);
-                Sums::of(nats.by_ref().take(codes.len()), ln_p)
-            });
-            sums.push(of_scale.collect());
+        for (scale, nats) in model.nll(&batch).iter().enumerate() {
+            let codes = batch.targets[scale].codes.iter();
+            let ln_p: Vec<f64> = codes.map(|&code| unigrams[scale][code as usize]).collect();
+            let own = clips.clone().map(|clip| (clip, tokens.scale(split, clip, scale).len()));
+            sums.add(scale, (nats, &ln_p), own);
         }
         moved();
     }
-    Sums::split_loss(&sums, tokens.n_frames(split))
+    SplitLoss::of(sums, tokens.n_frames(split))
 }
 
 /// A clip that is shown its own codes, all of them supervised.

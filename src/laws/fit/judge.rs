@@ -3,13 +3,12 @@
 use crate::laws::bootstrap::{Bootstrap, Sources};
 use crate::laws::cell::Cell;
 use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
-use crate::laws::minima::{Grid, lack_of_fit, of_grids};
+use crate::laws::minima::{Grid, lack_of_fit};
 use crate::laws::noise::Scatter;
-use crate::laws::ranking::{OfBudget, OfShare, Rows, recommended};
-use crate::laws::select::usable;
+use crate::laws::ranking::{Rows, recommended, shares};
 use crate::laws::split::Split;
-use crate::laws::stats::{distinct, extent, interval95};
-use crate::laws::test_noise::Blocks;
+use crate::laws::stats::{extent, interval95};
+use crate::laws::test_split::Blocks;
 use crate::laws::{
     FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
     RunNoise, Tried,
@@ -44,7 +43,9 @@ pub(super) fn judge(
         return own;
     }
     let grids = ascending(split);
-    let shares = shares(laws, &grids, scatter, options);
+    let minima: Vec<Minimum> =
+        laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
+    let shares = shares(&grids, (laws.minima_method, &minima), scatter.noise, options);
     let rows = Rows { grids: &grids, shares, noise: scatter.noise, options };
     let recommended = rank(&rows, laws.minima_method);
     let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
@@ -61,35 +62,6 @@ fn ascending(split: &Split) -> Vec<Grid> {
     let mut grids: Vec<Grid> = split.fitted.iter().chain(&split.held_out).cloned().collect();
     grids.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
     grids
-}
-
-/// The runs of each share of the data with their minima by the laws' method where these may be used; the
-/// largest share first.
-fn shares(laws: &Laws, grids: &[Grid], scatter: Scatter, options: &FitOptions) -> Vec<OfShare> {
-    let largest = grids.first().map_or(1.0, |grid| grid.best().share);
-    let own: Vec<Minimum> =
-        laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
-    let mut all = vec![of_share(1.0, grids.iter().cloned().map(Some), &usable(&own, options))];
-    let smaller = grids.iter().flat_map(|grid| &grid.smaller).map(|cells| cells[0].share);
-    for share in distinct(smaller) {
-        let grids: Vec<Option<Grid>> = grids.iter().map(|grid| grid.of_share(share)).collect();
-        let known: Vec<Grid> = grids.iter().flatten().cloned().collect();
-        let minima = of_grids(laws.minima_method, &known, scatter.noise);
-        all.push(of_share(share / largest, grids.into_iter(), &usable(&minima, options)));
-    }
-    all
-}
-
-fn of_share(
-    of_largest: f64,
-    grids: impl Iterator<Item = Option<Grid>>,
-    usable: &[Minimum],
-) -> OfShare {
-    let budget = |grid: Grid| {
-        let minimum = usable.iter().find(|m| m.budget_flops == grid.budget_flops).cloned();
-        OfBudget { grid, minimum }
-    };
-    OfShare { of_largest, budgets: grids.map(|grid| grid.map(budget)).collect() }
 }
 
 /// [`LackOfFit::variance_ratio`](crate::laws::LackOfFit::variance_ratio) of the laws' method; 1 where no

@@ -1,17 +1,19 @@
 //! Which law to believe: the one that predicts the sweep's own larger budgets from its smaller ones.
 
-use super::joint::{JointLaw, above, fit_joint, repeat};
-use super::law_set::{Columns, LawSet, geometric_mean, law_set};
+mod fitted;
+mod shares;
+
+use super::joint::{above, fit_joint, repeat};
 use super::minima::Grid;
 use super::stats::NORMAL_97_5;
 use super::{
-    Candidate, FitOptions, FloorLaw, Minimum, MinimumIntervals, Miss, MissedMinimum, Off,
-    Parameters, Recommended, RunNoise, Score, floor_law,
+    Candidate, FitOptions, Minimum, MinimumIntervals, Miss, MissedMinimum, Off, Parameters,
+    Recommended, RunNoise, Score,
 };
 use crate::sweep::MinimumMethod;
-
-/// Fewest budgets that a law is fitted to before it is tested.
-const FEWEST: usize = 3;
+use fitted::{Fitted, Lines, Said};
+pub(super) use shares::shares;
+use shares::{FEWEST, OfBudget, OfShare};
 
 /// All budgets of a sweep, ascending.
 pub(super) struct Rows<'a> {
@@ -20,38 +22,6 @@ pub(super) struct Rows<'a> {
     pub shares: Vec<OfShare>,
     pub noise: Option<RunNoise>,
     pub options: &'a FitOptions,
-}
-
-/// Runs that saw one share of the data.
-///
-/// Laws of minima are of one share and are tested within it; a joint law is of all shares and is tested in
-/// each. Where a share is small its larger budgets repeat it as those do that the whole will be asked for.
-pub(super) struct OfShare {
-    /// 1 for the largest.
-    pub of_largest: f64,
-    /// Of each budget, in the order of the rows; none where it has no such run.
-    pub budgets: Vec<Option<OfBudget>>,
-}
-
-/// One budget's runs of a share.
-pub(super) struct OfBudget {
-    pub grid: Grid,
-    /// By the laws' method; none where it may not be used.
-    pub minimum: Option<Minimum>,
-}
-
-/// Power laws through minima.
-struct Lines {
-    set: LawSet,
-    /// The law of the loss; none where it is the log law of the set.
-    floor: Option<FloorLaw>,
-    reference: f64,
-}
-
-/// A law through the first budgets of a sweep.
-enum Fitted {
-    Lines(Box<Lines>),
-    Joint(Box<JointLaw>),
 }
 
 impl Rows<'_> {
@@ -89,7 +59,7 @@ impl Rows<'_> {
             return self.shares.iter().flat_map(|own| self.misses_of(&joint, own, n)).collect();
         }
         let of_share = |own: &OfShare| {
-            let lines = self.lines(law, own, n)?;
+            let lines = Lines::through(&own.fitted_minima(n)?, law, (self.grids, self.options))?;
             Some(self.misses_of(&Fitted::Lines(Box::new(lines)), own, n))
         };
         self.shares.iter().filter_map(of_share).flatten().collect()
@@ -112,19 +82,6 @@ impl Rows<'_> {
         };
         let later = own.budgets.iter().enumerate().skip(n);
         later.filter_map(|(i, own)| miss((i, own.as_ref()?))).collect()
-    }
-
-    /// Power laws through the minima of a share's first `n` budgets.
-    fn lines(&self, law: Candidate, own: &OfShare, n: usize) -> Option<Lines> {
-        let used = own.fitted_minima(n)?;
-        let columns = Columns::new(&used, self.grids, self.options);
-        let reference = geometric_mean(&columns.compute);
-        let set = law_set(&columns, reference, self.options)?;
-        let floor = match law {
-            Candidate::Log => None,
-            _ => Some(floor_law(&columns.compute, &columns.loss, reference)?),
-        };
-        Some(Lines { set, floor, reference })
     }
 
     /// What a law misses a budget's loss by, and its minimum, which is measured as exactly as that of the
@@ -169,60 +126,6 @@ impl Rows<'_> {
             ln_size: off(said.params_nonvocab, measured.params_nonvocab, ln_size),
             ln_vocab: if split { vocab() } else { Off::default() },
             ln_tokens: off(said.tokens, measured.tokens, ln_tokens),
-        }
-    }
-}
-
-impl OfShare {
-    /// The minima that power laws through the first `n` budgets are fitted to; none where they are too few.
-    fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
-        let minima = self.budgets[..n].iter().flatten().filter_map(|own| own.minimum.clone());
-        let used: Vec<Minimum> = minima.collect();
-        (used.len() >= FEWEST).then_some(used)
-    }
-}
-
-/// What a law says of a budget.
-#[derive(Clone, Copy)]
-struct Said {
-    loss: f64,
-    params_nonvocab: f64,
-    params_vocab: f64,
-    tokens: f64,
-}
-
-impl Fitted {
-    /// Of the budget of some runs; a joint law for the distinct tokens that they had.
-    fn at(&self, grid: &Grid) -> Option<Said> {
-        let budget = grid.budget_flops;
-        match self {
-            Self::Joint(joint) => on_data_of(grid, joint).optimum(budget).map(|best| Said {
-                loss: best.loss,
-                params_nonvocab: best.params_nonvocab,
-                params_vocab: best.params_vocab,
-                tokens: best.tokens,
-            }),
-            Self::Lines(lines) => Some(lines.at(budget)),
-        }
-    }
-}
-
-/// A joint law where the distinct tokens are those of some runs.
-fn on_data_of(grid: &Grid, joint: &JointLaw) -> JointLaw {
-    grid.best().unique_tokens.map_or_else(|| joint.clone(), |unique| joint.on_data(unique))
-}
-
-impl Lines {
-    fn at(&self, budget: f64) -> Said {
-        let Self { set, floor, reference } = self;
-        Said {
-            loss: match floor {
-                Some(floor) => floor.loss_at(budget, *reference),
-                None => set.loss.loss_at(budget),
-            },
-            params_nonvocab: set.params_nonvocab.value_at(budget),
-            params_vocab: set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(budget)),
-            tokens: set.tokens.value_at(budget),
         }
     }
 }

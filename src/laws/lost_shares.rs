@@ -1,0 +1,42 @@
+//! Budgets whose runs all saw smaller shares of the data.
+
+use super::budget::is_same_budget;
+use super::stats::distinct;
+use super::text::count;
+use super::{Budget, IsoFlopPoint};
+
+/// A sentence for the budgets that are left out since no run of theirs saw as much of the data as others.
+pub(super) fn of_lost_shares(points: &[IsoFlopPoint], budgets: &[Budget]) -> Option<String> {
+    let known = |c: f64| budgets.iter().any(|own| is_same_budget(own.budget_flops, c));
+    let lost = distinct(points.iter().map(|p| p.budget_flops).filter(|c| !known(*c)));
+    let named: Vec<String> = lost.iter().map(|budget| count(*budget)).collect();
+    (!lost.is_empty()).then(|| {
+        format!(
+            "Runs at {} FLOPs saw smaller shares of the data alone, and are left out: train them on \
+             the largest share too.",
+            named.join(", ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::simulated::point;
+    use crate::laws::{RunFacts, group_budgets};
+
+    #[test]
+    fn budgets_of_smaller_shares_alone_are_named() {
+        let on = |share, budget_flops| IsoFlopPoint {
+            about: RunFacts { share: Some(share), ..RunFacts::default() },
+            budget_flops,
+            ..point(1e6, 1e4, -1.0, 0)
+        };
+        let points = [on(1.0, 1e9), on(0.5, 1e9), on(0.5, 2e9)];
+        let budgets = group_budgets(&points).unwrap();
+        let told = of_lost_shares(&points, &budgets).unwrap();
+        assert!(told.starts_with("Runs at 2e9 FLOPs saw smaller shares"), "{told}");
+        let budgets = group_budgets(&points[..2]).unwrap();
+        assert_eq!(of_lost_shares(&points[..2], &budgets), None);
+    }
+}
