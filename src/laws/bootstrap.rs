@@ -33,9 +33,10 @@ use super::law_set::{Columns, law_set};
 use super::minima::{self, Grid};
 use super::random::Normals;
 use super::split::Split;
-use super::test_split::{Blocks, OtherClips};
+use super::test_noise::OtherClips;
 use super::{
-    FitOptions, FloorSample, LawSample, Minimum, NoiseSource, RunNoise, TokenizerNoise, floor_law,
+    FitOptions, FloorSample, LawSample, Minimum, NoiseSource, RunNoise, TestNoise, TokenizerNoise,
+    floor_law,
 };
 use crate::sweep::MinimumMethod;
 use rayon::prelude::*;
@@ -54,7 +55,7 @@ pub(super) struct Bootstrap<'a> {
     pub reference: f64,
     pub noise: RunNoise,
     pub tokenizers: Option<&'a TokenizerNoise>,
-    pub test: Option<&'a Blocks>,
+    pub test: Option<&'a TestNoise>,
     /// How many times the variance of the runs their distance from the curves is; at least 1.
     pub misfit: f64,
     /// The kinds of minimum that laws may go through, as indices into `methods`.
@@ -140,7 +141,7 @@ impl Bootstrap<'_> {
         drawn: &[Grid],
     ) -> Vec<Minimum> {
         let moved =
-            |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell, grid.budget_flops));
+            |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell, grid.best()));
         let fitted = drawn[..self.split.fitted.len()].iter();
         fitted.map(|grid| minima::of_grid(method, &moved(grid))).collect()
     }

@@ -191,12 +191,12 @@ fn missing(laws: &Laws) -> Option<&'static str> {
 }
 
 fn of_test_split(laws: &Laws) -> String {
-    let told = |noise: TestNoise| {
+    let told = |noise: &TestNoise| {
         let half = student_t95(noise.blocks - 1) * noise.sd;
         format!(
             " Losses are those on these test clips: on others of their kind all of them may lie up \
              to {half:.2} nats higher or lower (95 %)."
         )
     };
-    laws.judgement.test_noise.map_or(String::new(), told)
+    laws.judgement.test_noise.as_ref().map_or(String::new(), told)
 }

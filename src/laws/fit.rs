@@ -12,7 +12,7 @@ use super::noise::{Scatter, run_noise};
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
-use super::test_split::Blocks;
+use super::test_split::test_noise;
 use super::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use super::validation::validate;
 use super::{
@@ -66,7 +66,7 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
 
     let tokenizers = tokenizer_noise(&budgets);
     let grids: Vec<&Grid> = split.fitted.iter().chain(&split.held_out).collect();
-    let test = Blocks::of(&grids, noise);
+    let test = test_noise(&grids, noise);
     let scatter = Scatter { noise, tokenizers: tokenizers.as_ref(), test: test.as_ref() };
     let replicas = replicas(&used, &split, &per_method, method, scatter, options);
     let mut laws = laws_through(&used, &split, method, &replicas, options)?;

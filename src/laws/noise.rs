@@ -4,8 +4,7 @@ use super::cell::Cell;
 use super::least_squares::least_squares;
 use super::minima::{Grid, Scale};
 use super::stats::distinct;
-use super::test_split::Blocks;
-use super::{NoiseSource, RunNoise, TokenizerNoise};
+use super::{NoiseSource, RunNoise, TestNoise, TokenizerNoise};
 
 /// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever
 /// has more. So many are asked of several tokenizers too.
@@ -43,7 +42,7 @@ pub(super) fn run_noise(grids: &[Grid], beside: Option<RunNoise>) -> Option<RunN
 pub(super) struct Scatter<'a> {
     pub noise: Option<RunNoise>,
     pub tokenizers: Option<&'a TokenizerNoise>,
-    pub test: Option<&'a Blocks>,
+    pub test: Option<&'a TestNoise>,
 }
 
 impl RunNoise {

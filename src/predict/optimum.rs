@@ -60,7 +60,7 @@ pub fn predict(
         loss_normalised,
         recommended: laws.judgement.recommended.as_ref().map(|recommended| recommended.law),
         together: None,
-        ci95: intervals(laws, vocabulary, &spread, budget, options),
+        ci95: intervals(laws, &best, &spread, budget, options),
         spends_flops: raw.spends_flops,
         budget_ratio: raw.spends_flops / budget,
         extrapolation_factor: factor,
@@ -101,6 +101,13 @@ impl Best {
         }
         let on_budget = project(&at_c, budget, options.flop_count)?;
         Ok(Self { vocabulary, at_c, on_budget, joint: None })
+    }
+
+    /// V, where it is told apart.
+    fn n_vocab(&self, options: &PredictOptions) -> Option<f64> {
+        let Allocation { params_nonvocab, params_vocab, .. } = self.on_budget;
+        let by_width = || Some(params_vocab / width_for(params_nonvocab, options.shapes).ok()?);
+        self.joint.map(|joint| joint.n_vocab).or_else(by_width).filter(|v| *v > 0.0)
     }
 }
 
@@ -186,11 +193,12 @@ fn largest_fitted(laws: &Laws) -> f64 {
 /// far the laws' own forecasts missed.
 fn intervals(
     laws: &Laws,
-    vocabulary: Vocabulary,
+    best: &Best,
     spread: &Spread,
     budget: f64,
     options: &PredictOptions,
 ) -> Intervals {
+    let vocabulary = best.vocabulary;
     let joint: Option<Vec<JointOptimum>> = joint_law(laws).map(|law| law.optima(budget));
     let on_budget = |sample| {
         let at_c = sample_at(sample, laws, vocabulary, options.shapes, budget)?;
@@ -214,7 +222,10 @@ fn intervals(
             spread.of(joint.iter().flatten().map(|optimum| optimum.loss), |e| e.loss)
         }
     };
-    let on_other_clips = |noise: TestNoise| interval95(&noise.moved(&losses));
+    let on_other_clips = |noise: &TestNoise| {
+        let place = [best.on_budget.params_nonvocab, best.n_vocab(options)?, budget];
+        interval95(&noise.moved(&losses, place.map(f64::ln)))
+    };
     Intervals {
         params: interval(&|a| Size::of(vocabulary, a).params, |e| e.ln_size),
         params_nonvocab: interval(&|a| Size::of(vocabulary, a).params_nonvocab, |e| e.ln_size),
@@ -234,7 +245,7 @@ fn intervals(
         },
         tokens: interval(&|a| Some(a.tokens), |e| e.ln_tokens),
         loss_normalised: interval95(&losses),
-        loss_on_other_clips: laws.judgement.test_noise.and_then(on_other_clips),
+        loss_on_other_clips: laws.judgement.test_noise.as_ref().and_then(on_other_clips),
         loss_floor,
     }
 }

@@ -8,7 +8,6 @@ use crate::laws::noise::Scatter;
 use crate::laws::ranking::{Rows, recommended, shares};
 use crate::laws::split::Split;
 use crate::laws::stats::{extent, interval95};
-use crate::laws::test_split::Blocks;
 use crate::laws::{
     FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
     RunNoise, Tried,
@@ -34,7 +33,7 @@ pub(super) fn judge(
     let own = Judgement {
         lack_of_fit: methods.filter_map(misfit).collect(),
         tokenizer_noise: scatter.tokenizers.cloned(),
-        test_noise: scatter.test.map(Blocks::noise),
+        test_noise: scatter.test.cloned(),
         interval_parts,
         tried: Some(tried(&split.fitted)),
         ..Judgement::default()

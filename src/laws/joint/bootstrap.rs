@@ -40,12 +40,12 @@ fn replicate(
     let clips = test.map(|noise| noise.draw(&mut normals));
     let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();
     let mean_runs = cells().map(|cell| cell.runs).sum::<f64>() / law.n as f64;
-    let mut drawn = |cell: &Cell, budget_flops: f64| {
+    let mut drawn = |cell: &Cell, best: &Cell| {
         let noise = sd * (mean_runs / cell.runs).sqrt() * normals.next();
-        let of_clips = clips.as_ref().map_or(0.0, |clips| clips.shift(cell, budget_flops));
+        let of_clips = clips.as_ref().map_or(0.0, |clips| clips.shift(cell, best));
         law.loss.value(&place(cell)) + shifts.of(cell.n_vocab) + of_clips + noise
     };
-    let replicate = |grid: &Grid| grid.with_losses(|cell| drawn(cell, grid.budget_flops));
+    let replicate = |grid: &Grid| grid.with_losses(|cell| drawn(cell, grid.best()));
     let grids: Vec<Grid> = grids.iter().map(replicate).collect();
     refitted(law, &grids, noise)
 }
