@@ -13,7 +13,7 @@ use super::Sums;
 use crate::learn::params::distinct;
 
 /// Parts of a split. Twenty tell a deviation to within a sixth.
-pub const MOST_BLOCKS: usize = 20;
+const MOST_BLOCKS: usize = 20;
 
 /// Seeds which groups go together: the same for all runs of a data set.
 const SEED: u64 = 0;
@@ -21,7 +21,7 @@ const SEED: u64 = 0;
 /// L_u of each block of a split, by the sums of each clip, and the group and the frames of each.
 ///
 /// Groups are dealt in an order of chance, each to the block of the fewest frames; so blocks are the same
-/// whatever made the codes. There are fewer than [`MOST_BLOCKS`] where there are fewer groups.
+/// whatever made the codes. There are 20, or fewer where there are fewer groups.
 pub fn losses_by_block(clips: &[Sums], groups: &[u32], frames: &[usize]) -> Vec<f64> {
     let mut of_groups: BTreeMap<u32, (usize, Vec<usize>)> = BTreeMap::new();
     for (clip, group) in groups.iter().enumerate() {
