@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use isoflop::data::{self, DataFacts, MotionSource};
 use isoflop::jobs::ResultsFolder;
 use isoflop::plan::{Plan, demand};
+use isoflop::spec::FlopsRule;
 use isoflop::sweep::{self, Clips, DataSource, Origin, Sweep};
 use isoflop::text::{self, TextEncoder};
 
@@ -43,7 +44,7 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let clips = data::Split::ALL.map(|split| source.n_clips(split));
     tracing::info!(?clips, digest = source.digest(), "data opened");
     let encoder = text::encoder(&sweep.text).context("opening the vectors of captions")?;
-    let facts = with_text(DataFacts::of(&*source), &*source, &*encoder);
+    let facts = with_text(DataFacts::of(&*source), &sweep, &*source, &*encoder);
     let facts = facts.with_trainer_inputs(trainer_inputs(&sweep)?);
     let plan = Plan::new(&sweep, facts);
     Ok(OpenSweep { sweep, plan, folder })
@@ -59,7 +60,7 @@ pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
         Err(error) => DataFacts::absent(format!("the data could not be opened: {error}")),
     };
     let facts = match (text::encoder(&sweep.text), &source) {
-        (Ok(encoder), Ok(source)) => with_text(facts, &**source, &*encoder),
+        (Ok(encoder), Ok(source)) => with_text(facts, &sweep, &**source, &*encoder),
         (Ok(encoder), Err(_)) => facts.with_embeddings(encoder.digest()),
         (Err(error), _) => facts
             .without_embeddings(format!("the vectors of captions could not be opened: {error}")),
@@ -71,10 +72,18 @@ pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
     Ok((Plan::new(&sweep, facts), folder))
 }
 
-/// Facts with what the captions are to an encoder.
-fn with_text(facts: DataFacts, source: &dyn MotionSource, encoder: &dyn TextEncoder) -> DataFacts {
-    let n_tokens = |caption: &str| encoder.n_tokens(caption).ok();
-    facts.with_embeddings(encoder.digest()).with_captions(source, n_tokens)
+/// Facts with what the captions are to an encoder; the exact count alone asks how long they are.
+fn with_text(
+    facts: DataFacts,
+    sweep: &Sweep,
+    source: &dyn MotionSource,
+    encoder: &dyn TextEncoder,
+) -> DataFacts {
+    let facts = facts.with_embeddings(encoder.digest());
+    if sweep.flops.rule != FlopsRule::Exact {
+        return facts;
+    }
+    facts.with_captions(source, |caption| encoder.n_tokens(caption).ok())
 }
 
 /// Digests of the files that a trainer of one's own is made of.

@@ -12,7 +12,9 @@ use super::schedule::learning_rate;
 use super::trained::{LogLine, SplitLoss, Trained};
 use crate::data::Split;
 use crate::learn::adamw::AdamWConfig;
-use crate::learn::{Course, LearnError, Learner, LearnerState, Learning, LoadedState, weights};
+use crate::learn::{
+    Course, LearnError, Learner, LearnerState, Learning, LoadedState, is_due, weights,
+};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
 use crate::spec::flops::TRAINING_PER_FORWARD;
@@ -156,12 +158,6 @@ impl<'a, O: Objective> RunLearner<'a, O> {
             Err(LearnError::NonFinite { step, steps, loss, advice: ADVICE })
         }
     }
-
-    /// Whether the model is measured on the validation split after a step.
-    fn is_due(&self, step: usize) -> bool {
-        let due = |step: usize| step * self.spec.evaluations / self.spec.steps;
-        due(step) != due(step - 1)
-    }
 }
 
 impl<O: Objective> Learner for RunLearner<'_, O> {
@@ -206,7 +202,7 @@ impl<O: Objective> Learner for RunLearner<'_, O> {
         self.totals.loss_sum += loss;
         self.totals.loss_count += 1;
         self.totals.forward_flops += self.batch_flops;
-        if !self.is_due(step) {
+        if !is_due(step, self.spec.steps, self.spec.evaluations) {
             return Ok(());
         }
         let val = self.measure(Split::Val, step)?;

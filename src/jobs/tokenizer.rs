@@ -116,7 +116,7 @@ impl Kind for Tokenizer {
         let wall_s = started.elapsed().as_secs_f64();
         let metrics = tokenizer::evaluate(&tokenizer, &corpus, &assignment.job.id, wall_s)?;
         let k_means = tokenizer::k_means_baseline(tokenizer.spec(), &*source, assignment.device)?;
-        let train_steps = kept_step(&log).unwrap_or(metrics.train_steps);
+        let train_steps = tokenizer::best(&log).map_or(metrics.train_steps, |line| line.step);
         let metrics = TokenizerMetrics { k_means, train_steps, ..metrics };
         write_json(&assignment.product(), &metrics)?;
         assignment.remove_checkpoint()?;
@@ -137,12 +137,6 @@ pub fn captions(job: &TokenizerJob) -> Option<JobId> {
 pub fn open_text(assignment: &Assignment) -> Result<Option<TextStore>> {
     let needed = captions(&assignment.spec::<TokenizerJob>()?);
     needed.map(|text| open_or_remake(assignment, &text, TextStore::open)).transpose()
-}
-
-/// The step of the weights that were best on the validation split.
-fn kept_step(log: &[Validated]) -> Option<usize> {
-    let best = log.iter().min_by(|a, b| a.val_mpjpe_mm.total_cmp(&b.val_mpjpe_mm));
-    best.map(|line| line.step)
 }
 
 /// Trains from the checkpoint, or from the beginning where that is damaged. `None`: stopped.

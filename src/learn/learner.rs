@@ -71,3 +71,9 @@ pub struct Course {
     pub steps: usize,
     pub optimiser: AdamWConfig,
 }
+
+/// Whether what is done `times` times, spread evenly over `steps`, is due after a step, counted from 1.
+pub fn is_due(step: usize, steps: usize, times: usize) -> bool {
+    let due = |step: usize| step * times / steps;
+    due(step) != due(step - 1)
+}

@@ -71,5 +71,5 @@ pub mod weights;
 
 pub use checkpoint::{Branch, Checkpoints, LearnerState, LoadedState, step_of};
 pub use error::LearnError;
-pub use learner::{Course, Learner};
+pub use learner::{Course, Learner, is_due};
 pub use learning::Learning;

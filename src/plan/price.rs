@@ -26,10 +26,7 @@ pub fn price(sweep: &Sweep, clips: &BTreeMap<ClipShape, f64>) -> (Vec<PricedCell
         }
     }
     if sweep.train.schedule.shares() {
-        let price = |cell: &PricedCell, batch| {
-            let price = Price::of(sweep, clips, cell);
-            (price.per_token(batch), price.tokens(batch))
-        };
+        let price = |cell: &PricedCell, batch| Price::of(sweep, clips, cell).buys(batch);
         let (in_step, out) = trunk::in_step(priced, &sweep.train, price);
         dropped.extend(out);
         return (in_step, dropped);
@@ -97,10 +94,10 @@ impl<'a> Price<'a> {
         FlopsPerToken { exact: exact_per_token(&**generator, codes, clips, batch_tokens), ..full }
     }
 
-    /// D that the budget buys in steps of a batch.
-    fn tokens(&self, batch_tokens: usize) -> f64 {
-        let per_token = self.per_token(batch_tokens).by(self.sweep.flops.rule);
-        tokens_bought(self.budget_flops, per_token)
+    /// The same, and D that the budget buys.
+    fn buys(&self, batch_tokens: usize) -> (FlopsPerToken, f64) {
+        let per_token = self.per_token(batch_tokens);
+        (per_token, tokens_bought(self.budget_flops, per_token.by(self.sweep.flops.rule)))
     }
 
     /// Steps, and the largest batch that its rule gives for the tokens that it buys itself.
@@ -111,7 +108,7 @@ impl<'a> Price<'a> {
         let train = &self.sweep.train;
         let mut batch = train.batch.max;
         loop {
-            let tokens = self.tokens(batch);
+            let (per_token, tokens) = self.buys(batch);
             if tokens > MOST_TOKENS {
                 return Err(format!(
                     "the budget buys {tokens:.1e} tokens: more than can be counted"
@@ -119,7 +116,7 @@ impl<'a> Price<'a> {
             }
             let next = widest_batch(tokens, tokens, train);
             if next >= batch {
-                return Ok((spend_with(tokens, batch, train)?, self.per_token(batch)));
+                return Ok((spend_with(tokens, batch, train)?, per_token));
             }
             batch = next;
         }

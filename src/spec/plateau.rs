@@ -32,10 +32,4 @@ impl Plateau {
         require(evaluated, "plateau.evaluations", "lies between 1 and the steps")?;
         require(self.patience > 0, "plateau.patience", "must be at least 1")
     }
-
-    /// Whether the validation split is measured after a step, counted from 1.
-    pub fn is_due(&self, step: usize, steps: usize) -> bool {
-        let due = |step: usize| step * self.evaluations / steps;
-        due(step) != due(step - 1)
-    }
 }

@@ -76,4 +76,4 @@ pub use quantizer::{
 pub use report::{remarks, table};
 pub use train::{train, train_watched};
 pub use transformer::TransformerConfig;
-pub use watch::Validated;
+pub use watch::{Validated, best};

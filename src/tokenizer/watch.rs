@@ -9,6 +9,7 @@ use super::error::TokenizerError;
 use super::evaluate::reconstruct;
 use super::module::TokenizerModule;
 use crate::data::{DataError, Split};
+use crate::learn::is_due;
 use crate::learn::weights::{self, Sources, Weights};
 use crate::spec::{Plateau, TokenizerSpec};
 
@@ -19,6 +20,11 @@ pub struct Validated {
     pub step: usize,
     /// Mean per-joint position error, pelvis-aligned, in millimetres.
     pub val_mpjpe_mm: f64,
+}
+
+/// The first of the best lines; `None` before any.
+pub fn best(log: &[Validated]) -> Option<&Validated> {
+    log.iter().min_by(|a, b| a.val_mpjpe_mm.total_cmp(&b.val_mpjpe_mm))
 }
 
 /// Measures the validation split now and then, and keeps the best weights.
@@ -55,7 +61,7 @@ impl<'a> Watch<'a> {
 
     /// Is shown the weights that would be kept after a step, counted from 1.
     pub fn see(&mut self, module: &TokenizerModule, step: usize) {
-        if !self.plateau.is_due(step, self.spec.training.steps) {
+        if !is_due(step, self.spec.training.steps, self.plateau.evaluations) {
             return;
         }
         let Corpus { source, .. } = self.corpus;
@@ -70,21 +76,15 @@ impl<'a> Watch<'a> {
 
     fn take_in(&mut self, module: &TokenizerModule, line: Validated) {
         self.log.push(line);
-        if self.best_line() + 1 == self.log.len() {
+        if best(&self.log) == Some(&line) {
             self.best = module.clone();
         }
     }
 
-    /// The first of the best lines; 0 before any.
-    fn best_line(&self) -> usize {
-        let by_error =
-            |a: &usize, b: &usize| self.log[*a].val_mpjpe_mm.total_cmp(&self.log[*b].val_mpjpe_mm);
-        (0..self.log.len()).min_by(by_error).unwrap_or(0)
-    }
-
     /// Whether training is over: nothing new for long, or a split that cannot be measured.
     pub fn is_over(&self) -> bool {
-        self.failed.is_some() || self.log.len() > self.best_line() + self.plateau.patience
+        let since = |best: &Validated| self.log.iter().filter(|line| line.step > best.step).count();
+        self.failed.is_some() || best(&self.log).map_or(0, since) >= self.plateau.patience
     }
 
     /// The best weights, and every line.
