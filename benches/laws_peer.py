@@ -209,7 +209,7 @@ def vocabulary_cases():
         "-0.15811069*ln(vocab_size/1000)+1.20470122),loss=Lossu"
     )
     ours = [str(path), "--columns", columns, "--where", "FLOPs >= 2.18e17"]
-    ours += ["--compat", "tao", "--bootstrap", "0"]
+    ours += ["--law", "approach3-vocab", "--space", "raw", "--huber", "1e-3", "--tied", "--bootstrap", "0"]
     run = lambda which: [one_start(starts[i]) for i in which]  # noqa: E731
     return [Case("vocabulary", ours, ours_value, run, len(starts))]
 

@@ -62,7 +62,7 @@ fn analyse(
         "predictions": predictions,
         "figures": drawn.paths,
     });
-    let story = |full| story(sweep, folder, records, laws.as_ref(), &predictions, &drawn, full);
+    let story = |full| story(folder, records, laws.as_ref(), &predictions, &drawn, full);
     let texts = [story(false), story(true)];
     Finished::write(folder, stamp, document, texts, output.warned().split_off(n_warned))
 }
@@ -91,7 +91,6 @@ fn write_laws(
 
 /// What a person sees at the end.
 fn story(
-    sweep: &Sweep,
     folder: &ResultsFolder,
     records: &[RunRecord],
     laws: Option<&Laws>,
@@ -99,14 +98,13 @@ fn story(
     drawn: &Drawn,
     full: bool,
 ) -> String {
-    let mut parts: Vec<String> = Vec::new();
-    parts.extend(laws.map(|laws| fit::text(laws, predictions, full)));
-    let root = folder.root().display();
-    parts.push(format!(
-        "{}: {} finished runs in {root}/runs.parquet\n{} figures in {root}/figures",
-        sweep.name,
+    let laws = laws.map(|laws| fit::text(laws, predictions, full));
+    let files = format!(
+        "{}: {} finished runs{}, {} figures",
+        folder.root().display(),
         records.len(),
+        if laws.is_some() { ", laws.json" } else { "" },
         drawn.paths.len() / Format::ALL.len()
-    ));
-    parts.join("\n")
+    );
+    laws.unwrap_or_default() + &files
 }

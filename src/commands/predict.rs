@@ -38,9 +38,8 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
         .iter()
         .map(|budget| Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens)))
         .collect::<Result<Vec<Prediction>, PredictError>>()?;
-    let text: Vec<String> =
-        predictions.iter().map(|prediction| predict::said(prediction, output.full)).collect();
-    output.result(&serde_json::to_value(&predictions)?, &text.join("\n"))?;
+    let text = predict::said(&predictions, output.full);
+    output.result(&serde_json::to_value(&predictions)?, &text)?;
     Ok(Exit::Done)
 }
 

@@ -170,6 +170,11 @@ pub struct Inside {
 }
 
 impl Inside {
+    /// Whether nothing that was judged lies outside its interval.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.loss != Some(false) && self.outside().is_empty()
+    }
+
     /// What of the optimum lies outside its interval, as the end of a sentence; empty where nothing does.
     fn outside(&self) -> String {
         let of = [("N_nv", self.params_nonvocab), ("N_v", self.params_vocab), ("D", self.tokens)];
@@ -177,8 +182,8 @@ impl Inside {
             of.iter().filter(|(_, inside)| *inside == Some(false)).map(|(name, _)| *name).collect();
         match &outside[..] {
             [] => String::new(),
-            [one] => format!("; its {one} lies outside of what was forecast"),
-            all => format!("; its {} lie outside of what was forecast", all.join(" and ")),
+            [one] => format!("; its {one} lies outside"),
+            all => format!("; its {} lie outside", all.join(" and ")),
         }
     }
 }
@@ -214,8 +219,7 @@ impl Validated {
             (self.predicted.loss.filter(|_| is_forecast)?, self.predicted.loss_ci95?);
         let verdict = if self.inside.loss == Some(true) { "held" } else { "MISSED" };
         Some(format!(
-            "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}) was forecast, and \
-             the best of {} runs has {:.3}{}.",
+            "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}), and the best of {} runs has {:.3}{}.",
             count(self.budget_flops),
             self.measured.runs,
             self.measured.loss,
@@ -279,18 +283,14 @@ mod tests {
         let said = |measured| Validated::new(BEYOND, PREDICTED, measured).sentence().unwrap();
         assert_eq!(
             said(MEASURED),
-            "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080) was forecast, and the \
-             best of 5 runs has -5.035."
+            "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080), and the best of 5 runs has -5.035."
         );
         assert!(
             said(Measured { loss: -5.1, ..MEASURED })
                 .starts_with("A forecast for 3e12 FLOPs held:")
         );
         let larger = said(Measured { params_nonvocab: 5e4, params_vocab: 3e5, ..MEASURED });
-        assert!(
-            larger.ends_with("has -5.035; its N_nv and N_v lie outside of what was forecast."),
-            "{larger}"
-        );
+        assert!(larger.ends_with("has -5.035; its N_nv and N_v lie outside."), "{larger}");
     }
 
     #[test]

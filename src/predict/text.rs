@@ -3,9 +3,12 @@
 use super::Prediction;
 use crate::laws::text::{count, wrap};
 
-/// The prediction in a few lines, or all of it.
-pub fn said(prediction: &Prediction, full: bool) -> String {
-    if full { text(prediction) } else { super::brief(prediction) }
+/// Predictions on one screen, or all that is known of each.
+pub fn said(predictions: &[Prediction], full: bool) -> String {
+    match full {
+        true => predictions.iter().map(text).collect::<Vec<_>>().join("\n"),
+        false => super::brief(predictions),
+    }
 }
 
 /// The prediction in at most 80 columns and without colour.
@@ -16,7 +19,7 @@ pub fn text(prediction: &Prediction) -> String {
         + &head
         + &rows(prediction)
         + &shape(prediction)
-        + &super::brief::together(prediction)
+        + &together(prediction)
         + &notes(prediction)
 }
 
@@ -79,6 +82,12 @@ fn shape(prediction: &Prediction) -> String {
         shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab, shape.levels
     );
     format!("\n{}", wrap("", &sentence))
+}
+
+/// What all laws say together.
+fn together(prediction: &Prediction) -> String {
+    let together = prediction.together.as_ref();
+    together.map_or_else(String::new, |together| wrap("- ", &together.sentence()))
 }
 
 fn notes(prediction: &Prediction) -> String {

@@ -2,7 +2,7 @@
 
 use super::at_budget::{Vocabulary, shape_for};
 use super::{PredictOptions, Prediction};
-use crate::laws::text::{count, times};
+use crate::laws::text::count;
 use crate::laws::{Laws, MinimumFlag, Validated};
 
 /// Laws that spend a budget to within this share count as consistent.
@@ -22,7 +22,7 @@ pub(super) fn of(
         sizes_tried(prediction, laws),
         rule(laws, options),
         overspending(prediction),
-        extrapolation(prediction, laws),
+        unknown_range(laws),
         vocab_edge(laws),
         vocab_range(prediction, laws, vocabulary),
         codebook(prediction),
@@ -67,23 +67,18 @@ fn repetition(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let unique = laws.judgement.tried?.unique_tokens?;
     let epochs = prediction.tokens / unique;
     let law = laws.recommended_law();
-    let (what, most) = match law.is_joint() {
-        true => ("runs", laws.judgement.tried?.epochs?),
+    let most = match law.is_joint() {
+        true => laws.judgement.tried?.epochs?,
         // A law of minima knows no other runs.
-        false => ("minima", most_tokens(laws) / unique),
+        false => most_tokens(laws) / unique,
     };
     let joint = laws.judgement.joint.as_ref().filter(|joint| joint.tells_repetition());
     let other = prediction.raw.loss_joint.filter(|_| joint.is_some() && !law.is_joint());
-    let other = other.map_or(String::new(), |loss| {
-        format!("; the joint law with repetition, which knows it, has {loss:.3}")
+    let so = other.map_or(": expect a higher loss".to_string(), |loss| {
+        format!("; the joint law knows them: {loss:.3}")
     });
-    (epochs > most.max(REPEATED)).then(|| {
-        format!(
-            "D is {epochs:.1} times the sweep's {} distinct tokens, and the {what} that the law is fitted to saw \
-             them at most {most:.1} times: without more data the loss will be higher{other}.",
-            count(unique)
-        )
-    })
+    (epochs > most.max(REPEATED))
+        .then(|| format!("D is {epochs:.1} passes over the data (fit: {most:.1}){so}."))
 }
 
 /// The most tokens of a minimum that laws of minima are fitted to.
@@ -101,15 +96,14 @@ fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let size = prediction.params_nonvocab.or(prediction.params)?;
     let far_size = outside(size, tried.sizes).then(|| {
         let [low, high] = tried.sizes.map(count);
-        format!("{} = {} (tried: {low} to {high})", laws.parameters.size(), count(size))
+        format!("{} = {} ({low} to {high})", laws.parameters.size(), count(size))
     });
     let far_vocab = prediction.n_vocab.filter(|v| outside(*v, tried.vocabularies)).map(|v| {
         let [low, high] = tried.vocabularies;
-        format!("V = {v:.0} (tried: {low:.0} to {high:.0})")
+        format!("V = {v:.0} ({low:.0} to {high:.0})")
     });
     let far: Vec<String> = [far_size, far_vocab].into_iter().flatten().collect();
-    (!far.is_empty())
-        .then(|| format!("The optimum lies far outside what was tried: {}.", far.join(", ")))
+    (!far.is_empty()).then(|| format!("Far outside what was tried: {}.", far.join(", ")))
 }
 
 fn overspending(prediction: &Prediction) -> Option<String> {
@@ -117,31 +111,20 @@ fn overspending(prediction: &Prediction) -> Option<String> {
     let what = if ratio > 1.0 { "overspend" } else { "underspend" };
     ((ratio - 1.0).abs() > RATIO_TOLERANCE).then(|| {
         format!(
-            "The laws {what} the budget by a factor {:.2}: at {} FLOPs they ask for {}. {} \
-             and D were scaled by {:.3} each to spend it.",
+            "The laws {what} by a factor {:.2}; {} and D are scaled by {:.3} each.",
             ratio.max(1.0 / ratio),
-            count(prediction.budget_flops),
-            count(prediction.spends_flops),
             if prediction.params.is_some() { "N" } else { "N_nv, N_v" },
             prediction.tokens / prediction.raw.tokens
         )
     })
 }
 
-fn extrapolation(prediction: &Prediction, laws: &Laws) -> Option<String> {
-    let Some(largest) = laws.fitted_budgets.iter().copied().reduce(f64::max) else {
-        return Some(format!(
-            "{} does not say which budgets it was fitted to; the extrapolation factor counts from \
-             {} FLOPs.",
+fn unknown_range(laws: &Laws) -> Option<String> {
+    laws.fitted_budgets.is_empty().then(|| {
+        format!(
+            "{} does not say which budgets it was fitted to; the extrapolation factor counts from {} FLOPs.",
             laws.name,
             count(laws.reference_flops)
-        ));
-    };
-    (prediction.extrapolation_factor > 1.0).then(|| {
-        format!(
-            "This is {} times beyond {}, the largest budget fitted.",
-            times(prediction.extrapolation_factor),
-            count(largest)
         )
     })
 }

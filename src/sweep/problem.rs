@@ -110,7 +110,8 @@ impl SweepErrors {
     /// The place in words, for what stands in no line: a missing key, or a `--set`.
     fn nowhere(&self, problem: &Problem) -> String {
         match (&problem.setting, problem.path.as_str()) {
-            (Some(setting), _) => format!("in --set {setting}"),
+            (Some(setting), path) if setting.starts_with(path) => format!("in --set {setting}"),
+            (Some(setting), path) => format!("at {path} in --set {setting}"),
             (None, "") => format!("in {}", self.file()),
             (None, path) => format!("at {path} in {}", self.file()),
         }

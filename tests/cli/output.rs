@@ -72,6 +72,22 @@ grid: {models: scamo, vocab: [256, 65536], budgets: [1.2345678e18, 1e9], exclude
 }
 
 #[test]
+fn laws_and_predictions_of_a_study_fit_one_screen() {
+    let place = Place::new();
+    for (study, budgets) in [
+        ("procedural-law", "3e12,3e13,1e14"),
+        ("motion-law-again", "3.2e11"),
+        ("motion-shares", "3.2e11"),
+        ("cmu-motion", "1e11"),
+    ] {
+        let folder = format!("{}/results/{study}", env!("CARGO_MANIFEST_DIR"));
+        let text = place.isoflop(&["fit", &folder, "--predict", budgets]).exits(0).stdout();
+        // `run` adds one line, of its files.
+        assert!(text.lines().count() < 25, "{study}: {text}");
+    }
+}
+
+#[test]
 fn a_reader_that_goes_away_is_no_error() {
     let place = lawful();
     for args in [&["plan", "lawful.yaml", "--json"][..], &["run", "lawful.yaml"]] {

@@ -92,7 +92,7 @@ fn a_submission_that_is_cut_off_is_taken_up_and_not_made_twice() {
         let state = sweep.over();
         assert_eq!(state["runs"]["done"], 2, "{}", sweep.logs());
         assert_eq!(sweep.jobs_done(), 5, "nothing was done twice:\n{}", sweep.logs());
-        assert!(sweep.logs().contains("finished runs in"), "{}", sweep.logs());
+        assert!(sweep.logs().contains("finished runs, laws.json"), "{}", sweep.logs());
         let tokens: BTreeSet<String> = sweep.tokens();
         assert_eq!(tokens.len(), sweep.place.names("results/mini/slurm/ledger").len());
     }

@@ -129,6 +129,6 @@ fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<
 /// The laws and the optima asked for: everything, or one screen.
 pub fn text(laws: &Laws, predictions: &[Prediction], full: bool) -> String {
     let own = if full { summary(laws) } else { brief(laws) };
-    let optima = predictions.iter().map(|prediction| predict::said(prediction, full));
+    let optima = (!predictions.is_empty()).then(|| predict::said(predictions, full));
     [own].into_iter().chain(optima).collect::<Vec<_>>().join("\n")
 }

@@ -68,7 +68,10 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
             .warn(&format!("{} FLOPs are within the fit: these runs test no forecast", place.name));
     }
     if args.register {
-        output.result(&serde_json::to_value(&forecast)?, &said(&forecast, output.full))?;
+        output.result(
+            &serde_json::to_value(&forecast)?,
+            &said(std::slice::from_ref(&forecast), output.full),
+        )?;
         return Ok(Exit::Done);
     }
     let own = grid::around(&sweep, &forecast, &place.name, &args.seeds)?;

@@ -117,7 +117,7 @@ fn the_true_optimum_beyond_the_sweep_lies_within_the_intervals() {
     assert!(ci.n_vocab.is_some() && ci.loss_normalised.is_some() && ci.loss_floor.is_some());
     // 1e17 is held out of the laws, but not of what a prediction reads.
     assert!(near(prediction.extrapolation_factor, 10.0, 1e-12));
-    assert!(prediction.warnings.iter().any(|s| s.contains("10 times beyond 1e17")));
+    assert!(crate::predict::standing(&prediction).contains("10 times beyond the fit"));
 }
 
 #[test]
@@ -241,6 +241,6 @@ fn beyond_the_fit_it_is_told_what_the_laws_say_together() {
     assert!(near(6.0 * params * together.tokens, 1e19, 1e-6), "{together:?}");
     // The recommended law gives the prediction all the same.
     assert_eq!(far.loss_normalised, said(far.recommended.unwrap()));
-    let text = crate::predict::brief(&far).replace('\n', " ");
+    let text = text(&far).replace('\n', " ");
     assert!(text.contains("- The laws together, weighed by"), "{text}");
 }

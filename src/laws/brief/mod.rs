@@ -1,14 +1,15 @@
 //! The fit on one screen: what to believe, the laws, and what is in doubt.
 
-use super::names::flags_text;
-use super::stats::student_t95;
-use super::text::{count, wrap};
-use super::{
-    Candidate, Judgement, Laws, Minimum, NoiseSource, Parameters, PowerLaw, Recommended, TestNoise,
-    Validated,
-};
+mod forecasts;
+mod held;
 
-/// Minima in doubt that are named before the rest are only counted.
+use std::collections::BTreeMap;
+
+use super::names::flags_text;
+use super::text::{count, wrap};
+use super::{Candidate, Laws, Minimum, PowerLaw, Recommended, Score};
+
+/// Minima in doubt that are named before flags are only counted.
 const MOST_NAMED: usize = 3;
 
 /// The recommended law, the laws with intervals and what is in doubt, in some fifteen lines of at most 80
@@ -16,7 +17,7 @@ const MOST_NAMED: usize = 3;
 pub fn brief(laws: &Laws) -> String {
     let sentences = [Some(scope(laws)), recommended(laws)];
     let head: String = sentences.iter().flatten().map(|sentence| wrap("", sentence)).collect();
-    head + "\n" + &table(laws) + &doubts(laws)
+    head + &table(laws) + &doubts(laws)
 }
 
 fn scope(laws: &Laws) -> String {
@@ -32,7 +33,7 @@ fn scope(laws: &Laws) -> String {
         0 => String::new(),
         minima => {
             let trusted = own().filter(|m| m.trusted).count();
-            format!("; {trusted} of {minima} minima ({}) have no flag", all.minima_method)
+            format!("; {trusted} of {minima} minima have no flag")
         }
     };
     format!("{}: {range}{trusted}.", laws.name)
@@ -44,14 +45,15 @@ fn recommended(laws: &Laws) -> Option<String> {
     if scores.is_empty() {
         return Some(format!("Recommended for want of a test: {}, since {why}.", law.about()));
     }
-    let miss = |law: Candidate, rms: f64| format!("{} by {rms:.4}", law.about());
-    let all: Vec<String> = scores.iter().map(|score| miss(score.law, score.rms)).collect();
-    Some(format!(
-        "Recommended: {}. Fitted to smaller budgets, the laws missed the losses of larger ones (root mean \
-         square, nats): {}.",
-        law.about(),
-        all.join(", ")
-    ))
+    let of = |law: Candidate| scores.iter().find(|score| score.law == law).map(|score| score.rms);
+    let others = scores.iter().filter(|score| score.law != *law);
+    let named = |score: &Score| format!("{} by {:.4}", score.law.about(), score.rms);
+    let others: Vec<String> = others.map(named).collect();
+    let others =
+        if others.is_empty() { String::new() } else { format!(" ({})", others.join(", ")) };
+    let missed = of(*law)
+        .map_or_else(String::new, |rms| format!(", {rms:.4} nats r.m.s. off larger budgets"));
+    Some(format!("Recommended: {}{missed}{others}.", law.about()))
 }
 
 /// Exponents through all budgets, and what they were without the held-out one.
@@ -111,92 +113,47 @@ fn loss(laws: &Laws) -> String {
 
 fn doubts(laws: &Laws) -> String {
     let all = laws.of_all_budgets();
-    let tested = laws.judgement.validations.iter().filter_map(Validated::sentence);
-    let mut sentences: Vec<String> = tested.chain(minima_in_doubt(all)).collect();
-    let lack = all.judgement.lack_of_fit.iter().find(|lack| lack.method == all.minima_method);
-    if let Some(lack) = lack.filter(|lack| lack.is_misfit()) {
-        sentences.push(format!(
-            "The curves misfit: chi2 is {:.0} on {} degrees of freedom (p {}), so intervals are {:.1} \
-             times as wide as the runs' noise makes them.",
-            lack.chi2,
-            lack.dof,
-            if lack.p < 1e-4 { "below 1e-4".to_string() } else { format!("= {:.4}", lack.p) },
-            lack.variance_ratio().sqrt()
-        ));
-    }
-    if let Some(sentence) = held(all) {
-        sentences.push(sentence);
-    }
-    if sentences.is_empty() {
-        return String::new();
-    }
-    "\n".to_string() + &sentences.iter().map(|sentence| wrap("- ", sentence)).collect::<String>()
+    let sentences = forecasts::sentences(&laws.judgement.validations).into_iter();
+    let sentences =
+        sentences.chain(minima_in_doubt(all)).chain(misfit(all)).chain(held::sentence(all));
+    sentences.map(|sentence| wrap("- ", &sentence)).collect()
+}
+
+fn misfit(laws: &Laws) -> Option<String> {
+    let lack = laws.judgement.lack_of_fit.iter().find(|lack| lack.method == laws.minima_method);
+    let lack = lack.filter(|lack| lack.is_misfit())?;
+    let p = if lack.p < 1e-4 { "below 1e-4".to_string() } else { format!("= {:.4}", lack.p) };
+    let wider = lack.variance_ratio().sqrt();
+    let (chi2, dof) = (lack.chi2, lack.dof);
+    Some(format!(
+        "Misfit: chi2 {chi2:.0} on {dof} dof (p {p}), so intervals are {wider:.1} times as wide."
+    ))
 }
 
 fn minima_in_doubt(laws: &Laws) -> Option<String> {
     let own = laws.minima.iter().filter(|m| m.method == laws.minima_method);
-    let flagged: Vec<&Minimum> = own.filter(|m| !m.flags.is_empty()).collect();
+    let flagged: Vec<&Minimum> = own.clone().filter(|m| !m.flags.is_empty()).collect();
     let name = |m: &&Minimum| {
         let out = if m.is_usable() { "" } else { "; not fitted" };
         format!("{} ({}{out})", count(m.budget_flops), flags_text(&m.flags))
     };
-    let mut named = flagged.iter().take(MOST_NAMED).map(name).collect::<Vec<_>>().join(", ");
-    if flagged.len() > MOST_NAMED {
-        named += &format!(" and {} more", flagged.len() - MOST_NAMED);
-    }
-    (!flagged.is_empty()).then(|| format!("Minima in doubt: {named}."))
-}
-
-/// What the intervals hold, and what they do not.
-fn held(laws: &Laws) -> Option<String> {
-    let parts = &laws.judgement.interval_parts;
-    let exponent = match laws.parameters {
-        Parameters::Split => laws.power_laws.params_nonvocab.as_ref()?,
-        Parameters::Total => laws.power_laws.params.as_ref()?,
-    };
-    exponent.exponent_ci95?;
-    let width = |[low, high]: [f64; 2]| (high - low) / 2.0;
-    let told = parts.iter().filter_map(|part| {
-        let half = width(part.exponent_nonvocab?);
-        Some(format!("{} ±{half:.3}", part.part))
-    });
-    let told: Vec<String> = told.collect();
-    let missing = missing(laws).map_or(String::new(), |missing| format!("; not {missing}"));
-    let one_seed = match laws.noise.map(|noise| noise.source) {
-        Some(NoiseSource::Surface { .. }) => {
-            " Too few cells have a second seed: the runs' noise is what a smooth surface through them leaves."
+    match flagged.len() {
+        0 => None,
+        1..=MOST_NAMED => {
+            let named: Vec<String> = flagged.iter().map(name).collect();
+            Some(format!("Minima in doubt: {}.", named.join(", ")))
         }
-        _ => "",
-    };
-    (!told.is_empty()).then(|| {
-        format!(
-            "Intervals hold, here for the exponent of {}: {}{missing}.{one_seed}{}",
-            laws.parameters.size(),
-            told.join(", "),
-            of_test_split(laws)
-        )
-    })
-}
-
-/// What no interval holds.
-fn missing(laws: &Laws) -> Option<&'static str> {
-    let Judgement { tokenizer_noise: tokenizers, test_noise: test, .. } = &laws.judgement;
-    match (tokenizers, test) {
-        (None, None) if !laws.from_sweep => Some("what was not varied"),
-        (Some(_), Some(_)) => None,
-        (Some(_), None) => Some("the test split"),
-        (None, Some(_)) => Some("the tokenizers, one a vocabulary"),
-        (None, None) => Some("the test split and the tokenizers, one a vocabulary"),
+        n => Some(format!("Minima in doubt: {n} of {} ({}).", own.count(), of_each_flag(&flagged))),
     }
 }
 
-fn of_test_split(laws: &Laws) -> String {
-    let told = |noise: &TestNoise| {
-        let half = student_t95(noise.blocks - 1) * noise.sd;
-        format!(
-            " Losses are those on these test clips: on others of their kind all of them may lie up \
-             to {half:.2} nats higher or lower (95 %)."
-        )
-    };
-    laws.judgement.test_noise.as_ref().map_or(String::new(), told)
+/// How many minima have each flag.
+fn of_each_flag(flagged: &[&Minimum]) -> String {
+    let all = flagged.iter().flat_map(|minimum| minimum.flags.iter().map(ToString::to_string));
+    let mut counts = BTreeMap::new();
+    all.for_each(|flag| *counts.entry(flag).or_insert(0) += 1);
+    let told: Vec<String> = counts.iter().map(|(flag, n)| format!("{flag} {n}")).collect();
+    let lost = flagged.iter().filter(|minimum| !minimum.is_usable()).count();
+    let lost = if lost > 0 { format!("; {lost} not fitted") } else { String::new() };
+    told.join(", ") + &lost
 }

@@ -1,0 +1,54 @@
+//! What the intervals hold, and what they do not.
+
+use crate::laws::stats::student_t95;
+use crate::laws::{IntervalPart, Judgement, Laws, NoiseSource, Parameters};
+
+/// The part that is the scatter of runs.
+const RUNS: &str = "runs";
+
+/// Each part of the interval of N_nv's exponent; `None` without intervals.
+pub(super) fn sentence(laws: &Laws) -> Option<String> {
+    let exponent = match laws.parameters {
+        Parameters::Split => laws.power_laws.params_nonvocab.as_ref()?,
+        Parameters::Total => laws.power_laws.params.as_ref()?,
+    };
+    exponent.exponent_ci95?;
+    let parts = laws.judgement.interval_parts.iter();
+    let told: Vec<String> = parts.filter_map(|part| told(part, laws)).collect();
+    let missing = missing(laws).map_or(String::new(), |missing| format!("; not {missing}"));
+    let others = on_other_clips(laws).unwrap_or_default();
+    let of = laws.parameters.size();
+    (!told.is_empty()).then(|| {
+        format!("Intervals hold, for {of}'s exponent: {}{missing}.{others}", told.join(", "))
+    })
+}
+
+fn told(part: &IntervalPart, laws: &Laws) -> Option<String> {
+    let [low, high] = part.exponent_nonvocab?;
+    let by = match laws.noise.map(|noise| noise.source) {
+        Some(NoiseSource::Surface { .. }) if part.part == RUNS => {
+            " (by a surface, for want of seeds)"
+        }
+        _ => "",
+    };
+    Some(format!("{} ±{:.3}{by}", part.part, (high - low) / 2.0))
+}
+
+/// What no interval holds.
+fn missing(laws: &Laws) -> Option<&'static str> {
+    let Judgement { tokenizer_noise: tokenizers, test_noise: test, .. } = &laws.judgement;
+    match (tokenizers, test) {
+        (None, None) if !laws.from_sweep => Some("what was not varied"),
+        (Some(_), Some(_)) => None,
+        (Some(_), None) => Some("the test split"),
+        (None, Some(_)) => Some("the tokenizers, one a vocabulary"),
+        (None, None) => Some("the test split and the tokenizers, one a vocabulary"),
+    }
+}
+
+/// What all losses together may move by.
+fn on_other_clips(laws: &Laws) -> Option<String> {
+    let noise = laws.judgement.test_noise.as_ref()?;
+    let half = student_t95(noise.blocks - 1) * noise.sd;
+    Some(format!(" On other test clips all losses may lie {half:.2} nats higher or lower."))
+}
