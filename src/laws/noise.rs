@@ -23,8 +23,9 @@ const DEGREES: std::ops::RangeInclusive<usize> = 2..=5;
 ///
 /// A run of weight w counts as w runs in a mean, and every run scatters alike.
 ///
-/// Where cells hold several runs it is that of the runs around their cell's mean. Else it is that of
-/// the cells around a smooth surface over each budget's grid ([`of_surface`]), unless the runs of
+/// Where cells hold several runs it is that of the runs around their cell's mean, in the better half of
+/// each budget's cells where these know it: runs of few steps, far above the minimum, scatter more, and
+/// one that diverged tells nothing of those beside it. Else it is that of the cells around a smooth surface over each budget's grid ([`of_surface`]), unless the runs of
 /// several tokenizers tell it: `beside`.
 pub(super) fn run_noise(grids: &[Grid], beside: Option<RunNoise>) -> Option<RunNoise> {
     let seeds = of_seeds(grids);
@@ -54,9 +55,23 @@ impl RunNoise {
 }
 
 fn of_seeds(grids: &[Grid]) -> RunNoise {
-    let cells = || grids.iter().flat_map(|grid| &grid.cells);
-    let dof = cells().map(|cell| cell.dof).sum();
-    let spread: f64 = cells().map(|cell| cell.spread).sum();
+    let better = around_means(grids.iter().flat_map(better_half));
+    if better.dof >= ENOUGH {
+        better
+    } else {
+        around_means(grids.iter().flat_map(|grid| &grid.cells))
+    }
+}
+
+fn better_half(grid: &Grid) -> impl Iterator<Item = &Cell> {
+    let mut cells: Vec<&Cell> = grid.cells.iter().collect();
+    cells.sort_by(|a, b| a.loss.total_cmp(&b.loss));
+    let half = cells.len().div_ceil(2);
+    cells.into_iter().take(half)
+}
+
+fn around_means<'a>(cells: impl Iterator<Item = &'a Cell>) -> RunNoise {
+    let (dof, spread) = cells.fold((0, 0.0), |(dof, spread), c| (dof + c.dof, spread + c.spread));
     RunNoise { sd: (spread / (dof as f64).max(1.0)).sqrt(), dof, source: NoiseSource::Seeds }
 }
 
@@ -168,6 +183,18 @@ mod tests {
             assert_eq!(found.source == NoiseSource::Seeds, n_seeds == 3);
             assert!((found.sd / noise - 1.0).abs() < 0.15, "{found:?} for {noise}");
         }
+    }
+
+    #[test]
+    fn cells_that_diverge_say_nothing_of_the_noise_beside_the_minimum() {
+        let mut points = Simulated { n_seeds: 3, ..SWEEP }.points();
+        let worst = points.iter().map(|point| point.loss).fold(f64::MIN, f64::max);
+        let astray = points.iter_mut().find(|point| point.loss == worst).unwrap();
+        astray.loss += 2.0;
+        let budgets = group_budgets(&points).unwrap();
+        let grids: Vec<Grid> = budgets.iter().filter_map(Grid::new).collect();
+        let found = run_noise(&grids, None).unwrap();
+        assert!((found.sd / SWEEP.noise - 1.0).abs() < 0.15, "{found:?}");
     }
 
     #[test]
