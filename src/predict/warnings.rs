@@ -90,20 +90,21 @@ fn most_tokens(laws: &Laws) -> f64 {
 /// Where N_nv or V lies far beyond what was tried.
 fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let tried = laws.judgement.tried?;
-    let outside = |value: f64, [low, high]: [f64; 2]| {
-        high > 0.0 && !(low / BEYOND_TRIED..=high * BEYOND_TRIED).contains(&value)
-    };
     let size = prediction.params_nonvocab.or(prediction.params)?;
-    let far_size = outside(size, tried.sizes).then(|| {
+    let far_size = is_far(size, tried.sizes).then(|| {
         let [low, high] = tried.sizes.map(count);
         format!("{} = {} ({low} to {high})", laws.parameters.size(), count(size))
     });
-    let far_vocab = prediction.n_vocab.filter(|v| outside(*v, tried.vocabularies)).map(|v| {
+    let far_vocab = prediction.n_vocab.filter(|v| is_far(*v, tried.vocabularies)).map(|v| {
         let [low, high] = tried.vocabularies;
         format!("V = {v:.0} ({low:.0} to {high:.0})")
     });
     let far: Vec<String> = [far_size, far_vocab].into_iter().flatten().collect();
     (!far.is_empty()).then(|| format!("Far outside what was tried: {}.", far.join(", ")))
+}
+
+fn is_far(value: f64, [low, high]: [f64; 2]) -> bool {
+    high > 0.0 && !(low / BEYOND_TRIED..=high * BEYOND_TRIED).contains(&value)
 }
 
 fn overspending(prediction: &Prediction) -> Option<String> {
@@ -152,7 +153,9 @@ fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> 
     let own = laws.minima.iter().filter(|m| m.method == laws.minima_method).map(|m| m.n_vocab);
     let (low, high) = own.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
     let v = prediction.n_vocab?;
-    (high > 0.0 && !(low / MISFIT..=high * MISFIT).contains(&v)).then(|| {
+    // Where V was hardly tried at all, the first sentence has it.
+    let tried = laws.judgement.tried.is_none_or(|tried| !is_far(v, tried.vocabularies));
+    (tried && high > 0.0 && !(low / MISFIT..=high * MISFIT).contains(&v)).then(|| {
         format!("V = {v:.0} lies outside the sweep's optima, which span {low:.0} to {high:.0}.")
     })
 }

@@ -19,7 +19,7 @@ pub(super) fn sentence(laws: &Laws) -> Option<String> {
     let others = on_other_clips(laws).unwrap_or_default();
     let of = laws.parameters.size();
     (!told.is_empty()).then(|| {
-        format!("Intervals hold, for {of}'s exponent: {}{missing}.{others}", told.join(", "))
+        format!("Intervals hold, for {of}'s exponent: {}{missing}{others}.", told.join(", "))
     })
 }
 
@@ -50,5 +50,5 @@ fn missing(laws: &Laws) -> Option<&'static str> {
 fn on_other_clips(laws: &Laws) -> Option<String> {
     let noise = laws.judgement.test_noise.as_ref()?;
     let half = student_t95(noise.blocks - 1) * noise.sd;
-    Some(format!(" On other test clips all losses may lie {half:.2} nats higher or lower."))
+    Some(format!("; all losses ±{half:.2} on other test clips"))
 }

@@ -3,7 +3,7 @@
 use super::cautions;
 use super::quantity::{QUANTITIES, values};
 use crate::laws::text::{count, short, times, wrap};
-use crate::predict::{Intervals, Prediction};
+use crate::predict::Prediction;
 
 pub(super) fn text(predictions: &[Prediction]) -> String {
     title(predictions)
@@ -34,18 +34,7 @@ fn rows(prediction: &Prediction) -> String {
         factor if factor > 1.0 => format!("  {} times", times(factor)),
         _ => "  within".to_string(),
     };
-    line(&count(prediction.budget_flops), own)
-        + &line(&far, intervals)
-        + &on_other_clips(prediction, &prediction.ci95)
-}
-
-fn on_other_clips(prediction: &Prediction, ci95: &Intervals) -> String {
-    let told = ci95.loss_on_other_clips.map(|ends| {
-        let [before @ .., _] = values(prediction).map(|(value, _)| value.map(|_| String::new()));
-        let own = span(Some(ends), numbers()[4]);
-        line("  other clips", before.into_iter().chain([Some(own)]))
-    });
-    told.unwrap_or_default()
+    line(&count(prediction.budget_flops), own) + &line(&far, intervals)
 }
 
 /// How the quantities are written in a column.
