@@ -191,6 +191,15 @@ mod tests {
     }
 
     #[test]
+    fn a_setting_of_a_whole_section_is_told_which_of_its_keys_is_at_fault() {
+        let text = "name: a\ngrid: {models: scamo, vocab: [64], budgets: [1e18]}\n";
+        let setting = "tokenizer.plateau={evaluations: 0}";
+        let text = errors(text, &[setting]).render(false);
+        let told = format!("at tokenizer.plateau.evaluations in --set {setting}");
+        assert!(text.contains(&told), "{text}");
+    }
+
+    #[test]
     fn a_text_that_is_not_yaml_is_shown_where_it_breaks() {
         let text = errors("name: a\ngrid: {models: scamo\nseeds: ä\n", &[]).render(false);
         assert!(text.contains("not valid YAML") && text.contains("sweep.yaml:3"), "{text}");
