@@ -3,7 +3,7 @@
 use super::cell::Cell;
 use super::least_squares::least_squares;
 use super::minima::{Grid, Scale};
-use super::stats::distinct;
+use super::stats::{chi_square_tail, distinct};
 use super::{NoiseSource, RunNoise, TestNoise, TokenizerNoise};
 
 /// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever
@@ -13,6 +13,8 @@ const ENOUGH: usize = 10;
 const FEWEST_DOF: usize = 2;
 /// Residuals that a surface of more than the second degree must leave.
 const ENOUGH_RESIDUALS: usize = 10;
+/// The chance below which cells far from the minimum count as noisier than those near it.
+const MORE_NOISE: f64 = 0.01;
 /// Share of a loss that rounding in means and fits may leave.
 const ROUNDING: f64 = 1e-13;
 /// The degrees of the surfaces that are compared.
@@ -23,10 +25,11 @@ const DEGREES: std::ops::RangeInclusive<usize> = 2..=5;
 ///
 /// A run of weight w counts as w runs in a mean, and every run scatters alike.
 ///
-/// Where cells hold several runs it is that of the runs around their cell's mean, in the better half of
-/// each budget's cells where these know it: runs of few steps, far above the minimum, scatter more, and
-/// one that diverged tells nothing of those beside it. Else it is that of the cells around a smooth surface over each budget's grid ([`of_surface`]), unless the runs of
-/// several tokenizers tell it: `beside`.
+/// Where cells hold several runs it is that of the runs around their cell's mean; in the better half of
+/// each budget's cells where the others scatter more: runs of few steps, far above the minimum, do, and
+/// one that diverged tells nothing of those beside it. Else it is that of the cells around a smooth
+/// surface over each budget's grid ([`of_surface`]), unless the runs of several tokenizers tell it:
+/// `beside`.
 pub(super) fn run_noise(grids: &[Grid], beside: Option<RunNoise>) -> Option<RunNoise> {
     let seeds = of_seeds(grids);
     if seeds.dof >= ENOUGH {
@@ -54,25 +57,57 @@ impl RunNoise {
     }
 }
 
+/// All cells where they scatter alike, the better half of each budget's where the others scatter more.
 fn of_seeds(grids: &[Grid]) -> RunNoise {
-    let better = around_means(grids.iter().flat_map(better_half));
-    if better.dof >= ENOUGH {
-        better
-    } else {
-        around_means(grids.iter().flat_map(|grid| &grid.cells))
-    }
+    let halves = grids.iter().map(by_loss);
+    let (better, worse): (Vec<_>, Vec<_>) = halves.map(|cells| half(&cells)).unzip();
+    let (better, worse) = (scatter(better.concat()), scatter(worse.concat()));
+    let all = better.and(worse);
+    if better.dof >= ENOUGH && worse.exceeds(better) { better.noise() } else { all.noise() }
 }
 
-fn better_half(grid: &Grid) -> impl Iterator<Item = &Cell> {
+/// The cells of a budget, the best first.
+fn by_loss(grid: &Grid) -> Vec<&Cell> {
     let mut cells: Vec<&Cell> = grid.cells.iter().collect();
     cells.sort_by(|a, b| a.loss.total_cmp(&b.loss));
-    let half = cells.len().div_ceil(2);
-    cells.into_iter().take(half)
+    cells
 }
 
-fn around_means<'a>(cells: impl Iterator<Item = &'a Cell>) -> RunNoise {
-    let (dof, spread) = cells.fold((0, 0.0), |(dof, spread), c| (dof + c.dof, spread + c.spread));
-    RunNoise { sd: (spread / (dof as f64).max(1.0)).sqrt(), dof, source: NoiseSource::Seeds }
+fn half<'a>(cells: &[&'a Cell]) -> (Vec<&'a Cell>, Vec<&'a Cell>) {
+    let (better, worse) = cells.split_at(cells.len().div_ceil(2));
+    (better.to_vec(), worse.to_vec())
+}
+
+/// How runs lie around the means of their cells.
+#[derive(Clone, Copy)]
+struct AroundMeans {
+    squares: f64,
+    dof: usize,
+}
+
+fn scatter(cells: Vec<&Cell>) -> AroundMeans {
+    let squares = cells.iter().map(|cell| cell.spread).sum();
+    AroundMeans { squares, dof: cells.iter().map(|cell| cell.dof).sum() }
+}
+
+impl AroundMeans {
+    fn and(self, other: Self) -> Self {
+        Self { squares: self.squares + other.squares, dof: self.dof + other.dof }
+    }
+
+    fn variance(self) -> f64 {
+        self.squares / (self.dof as f64).max(1.0)
+    }
+
+    /// Whether it is larger than chance lets two scatters of the same noise be.
+    fn exceeds(self, other: Self) -> bool {
+        let chi2 = self.squares / other.variance();
+        self.dof > 0 && chi_square_tail(chi2, self.dof, other.dof) < MORE_NOISE
+    }
+
+    fn noise(self) -> RunNoise {
+        RunNoise { sd: self.variance().sqrt(), dof: self.dof, source: NoiseSource::Seeds }
+    }
 }
 
 /// The polynomials in (ln N_nv, ln V) through every budget's cells, of the one degree whose residual
