@@ -14,7 +14,7 @@ pub(super) fn text(predictions: &[Prediction]) -> String {
 
 fn title(predictions: &[Prediction]) -> String {
     let law = predictions[0].recommended;
-    let by = law.map_or_else(String::new, |law| format!(", by {}", law.about()));
+    let by = law.map_or_else(String::new, |law| format!(" by {}", law.about()));
     wrap("", &format!("Optima{by}, and how far beyond the fit they lie:"))
 }
 
