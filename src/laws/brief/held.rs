@@ -50,5 +50,5 @@ fn missing(laws: &Laws) -> Option<&'static str> {
 fn on_other_clips(laws: &Laws) -> Option<String> {
     let noise = laws.judgement.test_noise.as_ref()?;
     let half = student_t95(noise.blocks - 1) * noise.sd;
-    Some(format!("; all losses ±{half:.2} on other test clips"))
+    Some(format!("; all losses ±{half:.2} on other clips"))
 }
