@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use super::names::flags_text;
 use super::text::{count, wrap};
 use super::{Candidate, Laws, Minimum, PowerLaw, Recommended, Score};
+use crate::sweep::MinimumMethod;
 
 /// Minima in doubt that are named before flags are only counted.
 const MOST_NAMED: usize = 3;
@@ -33,7 +34,11 @@ fn scope(laws: &Laws) -> String {
         0 => String::new(),
         minima => {
             let trusted = own().filter(|m| m.trusted).count();
-            format!("; {trusted} of {minima} minima have no flag")
+            let kind = match all.minima_method {
+                MinimumMethod::Parabola => String::new(),
+                other => format!(" ({other})"),
+            };
+            format!("; {trusted} of {minima} minima{kind} have no flag")
         }
     };
     format!("{}: {range}{trusted}.", laws.name)
