@@ -272,6 +272,7 @@ fn a_law_of_repeated_data_is_asked_of_more_data() {
     let laws = fs::read_to_string(format!("{shares}/laws.json")).unwrap();
     let mut laws: Value = serde_json::from_str(&laws).unwrap();
     laws["recommended"]["law"] = "floor".into();
+    laws["refit"]["recommended"]["law"] = "floor".into();
     place.write("of-minima.json", laws.to_string());
     let asked = place.isoflop(&["predict", "3.2e11", "--law", "of-minima.json", "--json"]).exits(0);
     let told = asked.json()[0]["warnings"].to_string();

@@ -3,16 +3,11 @@
 mod seeds;
 mod surface;
 
-use self::seeds::of_seeds;
-use self::surface::of_surface;
+use self::seeds::{ENOUGH, of_seeds};
+use self::surface::{FEWEST_DOF, of_surface};
 use super::minima::Grid;
 use super::{NoiseSource, RunNoise, TestNoise, TokenizerNoise};
 
-/// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever
-/// has more. So many are asked of several tokenizers too.
-const ENOUGH: usize = 10;
-/// Fewer say nothing about a standard deviation.
-const FEWEST_DOF: usize = 2;
 /// Share of a loss that rounding in means and fits may leave.
 const ROUNDING: f64 = 1e-13;
 

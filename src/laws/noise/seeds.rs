@@ -1,11 +1,13 @@
 //! The noise of a run by the seeds of its cell.
 
-use super::ENOUGH;
 use crate::laws::cell::Cell;
 use crate::laws::minima::Grid;
 use crate::laws::stats::chi_square_tail;
 use crate::laws::{NoiseSource, RunNoise};
 
+/// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever
+/// has more. So many are asked of several tokenizers too.
+pub(super) const ENOUGH: usize = 10;
 /// The chance below which cells far from the minimum count as noisier than those near it.
 const MORE_NOISE: f64 = 0.01;
 

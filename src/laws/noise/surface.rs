@@ -1,12 +1,13 @@
 //! The noise of a run by what a smooth surface through the cells leaves.
 
-use super::FEWEST_DOF;
 use crate::laws::cell::Cell;
 use crate::laws::least_squares::least_squares;
 use crate::laws::minima::{Grid, Scale};
 use crate::laws::stats::distinct;
 use crate::laws::{NoiseSource, RunNoise};
 
+/// Fewer degrees of freedom say nothing about a standard deviation.
+pub(super) const FEWEST_DOF: usize = 2;
 /// Residuals that a surface of more than the second degree must leave.
 const ENOUGH_RESIDUALS: usize = 10;
 /// The degrees of the surfaces that are compared.
