@@ -1,7 +1,7 @@
 //! The prediction for one budget: values with intervals, what to build, other laws, warnings.
 
-use super::quantity::on_other_clips;
-use super::{cautions, cells, standing};
+use super::quantity::{cells, on_other_clips};
+use super::words::{cautions, standing};
 use crate::laws::text::{count, wrap};
 use crate::predict::{Prediction, Raw};
 

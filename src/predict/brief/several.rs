@@ -1,7 +1,7 @@
 //! Predictions for several budgets: a table, and what the farthest is warned of.
 
-use super::cautions;
 use super::quantity::{QUANTITIES, values};
+use super::words::cautions;
 use crate::laws::text::{count, short, times, wrap};
 use crate::predict::Prediction;
 

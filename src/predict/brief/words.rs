@@ -1,0 +1,21 @@
+//! Words that predictions of one and of several budgets share.
+
+use crate::laws::text::{times, wrap};
+use crate::predict::Prediction;
+
+/// How far beyond the fit a prediction lies, and by which law it is.
+pub fn standing(prediction: &Prediction) -> String {
+    let far = match prediction.extrapolation_factor {
+        factor if factor > 1.0 => format!("{} times beyond the fit", times(factor)),
+        _ => "within the fit".to_string(),
+    };
+    let law =
+        prediction.recommended.map_or_else(String::new, |law| format!(", by {}", law.about()));
+    far + &law
+}
+
+/// Sentences, and how many are left for `--full`.
+pub(super) fn cautions(said: &[String], left: usize) -> String {
+    let said: String = said.iter().map(|sentence| wrap("- ", sentence)).collect();
+    if left == 0 { said } else { format!("{said}- {left} more: --full\n") }
+}
