@@ -1,6 +1,7 @@
 //! A prediction for a terminal.
 
 use super::Prediction;
+use super::brief::span;
 use crate::laws::text::{count, wrap};
 
 /// Predictions on one screen, or all that is known of each.
@@ -67,10 +68,6 @@ fn loss(prediction: &Prediction) -> String {
         format!("{:<22}{:>28}\n", "on other clips", span(Some(interval), number))
     });
     format!("{:<8}{:>14}{interval:>28}\n{others}{floor}", "loss", number(loss))
-}
-
-fn span(interval: Option<[f64; 2]>, number: impl Fn(f64) -> String) -> String {
-    interval.map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)))
 }
 
 fn shape(prediction: &Prediction) -> String {

@@ -9,6 +9,7 @@ use super::Prediction;
 
 pub(super) use quantity::QUANTITIES;
 pub use quantity::cells;
+pub(super) use words::span;
 pub use words::standing;
 
 /// Predictions in some ten lines of at most 80 columns; [`text`](super::text()) has everything.

@@ -1,7 +1,7 @@
 //! Predictions for several budgets: a table, and what the farthest is warned of.
 
 use super::quantity::{QUANTITIES, values};
-use super::words::cautions;
+use super::words::{cautions, span};
 use crate::laws::text::{count, short, times, wrap};
 use crate::predict::Prediction;
 
@@ -44,17 +44,13 @@ fn numbers() -> [fn(f64) -> String; 5] {
     [narrow, narrow, vocab, narrow, |x| format!("{x:.3}")]
 }
 
-fn span(ends: Option<[f64; 2]>, number: fn(f64) -> String) -> String {
-    ends.map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)))
-}
-
 /// A label and a column for each quantity that there is.
 fn line(label: &str, cells: impl Iterator<Item = Option<String>>) -> String {
     let cells: String = cells.flatten().map(|cell| format!("{cell:>16}")).collect();
     format!("{label:<16}{cells}").trim_end().to_string() + "\n"
 }
 
-/// The weightiest warning of the farthest budget that has one.
+/// The weightiest warning of the farthest budget, and how many there are besides.
 fn notes(predictions: &[Prediction]) -> String {
     let all: usize = predictions.iter().map(|prediction| prediction.warnings.len()).sum();
     let farthest = predictions.iter().max_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
