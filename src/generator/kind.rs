@@ -7,7 +7,7 @@ use burn::tensor::Device;
 use super::error::GeneratorError;
 use super::sampling::Sampler;
 use super::trained::{Inputs, Trained};
-use crate::learn::weights::Weights;
+use crate::learn::weights::{Sources, Weights};
 use crate::learn::{Checkpoints, LearnError};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
@@ -32,6 +32,9 @@ pub trait Generator: Sync {
         training: &Training,
         progress: &mut Progress,
     ) -> Result<Trained, GeneratorError>;
+
+    /// The weights that a run begins with, by name.
+    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources;
 
     /// Trains a trunk to its end and writes its state, from which runs branch off.
     ///

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
 use super::error::GeneratorError;
@@ -20,13 +22,20 @@ use crate::progress::Progress;
 use crate::spec::flops::TRAINING_PER_FORWARD;
 
 /// The stream of a seed from which weights are drawn; epochs take theirs far above.
-pub const WEIGHTS_STREAM: u64 = 0;
+const WEIGHTS_STREAM: u64 = 0;
 
 /// What a step hides or corrupts takes its ChaCha stream from here on, one stream a step.
 pub const FIRST_STEP_STREAM: u64 = 1 << 33;
 
 /// A training loss this many nats above the uniform model's ends the run.
 const DIVERGED_NATS: f64 = 3.0;
+
+/// The numbers from which the weights of a run are drawn.
+pub fn weights_rng(spec: &RunSpec) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
+    rng.set_stream(WEIGHTS_STREAM);
+    rng
+}
 
 /// What to do about a loss that is no number.
 const ADVICE: &str = "lower train.lr";

@@ -19,7 +19,7 @@ use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::files::atomic::{write_json, write_json_lines};
 use crate::files::{FileError, read_if_there};
-use crate::generator::{self, Inputs, SplitLoss, Trained, losses_by_block};
+use crate::generator::{self, Inputs, Sums, Trained, losses_by_block};
 use crate::learn::weights;
 use crate::machine::peak::peak_bytes;
 use crate::plan::{Plan, PlannedRun, RunSpec};
@@ -33,8 +33,11 @@ pub struct Run;
 /// The weights of a finished run, in its folder.
 pub const MODEL: &str = "model.safetensors";
 
+/// The validation curve of a finished run, a line a measurement, in its folder.
+pub const LOG: &str = "log.jsonl";
+
 /// What a finished run has on each clip of the test split, a line a clip, in its folder.
-const TEST_CLIPS: &str = "test.jsonl";
+pub const TEST_CLIPS: &str = "test.jsonl";
 
 /// As a kind of job.
 pub const KIND: JobKind = JobKind::from_static(&Run);
@@ -170,7 +173,7 @@ fn report(device_name: &str, spec: &RunSpec, inputs: &Inputs, trained: &Trained)
         loss_nats: trained.test.loss_nats,
         loss_normalised: trained.test.loss_normalised,
         normalised_by_scale: trained.test.normalised_by_scale.clone(),
-        normalised_by_block: by_block(tokens, &trained.test),
+        normalised_by_block: by_block(tokens, &trained.test.clips),
         nats_per_frame: Some(trained.test.nats_per_frame),
         nats_per_second: None,
         tokens: None,
@@ -190,10 +193,10 @@ fn report(device_name: &str, spec: &RunSpec, inputs: &Inputs, trained: &Trained)
 }
 
 /// L_u of each block of the test split; empty where the codes do not say which clips go together.
-fn by_block(tokens: &TokenStore, test: &SplitLoss) -> Vec<f64> {
+pub fn by_block(tokens: &TokenStore, clips: &[Sums]) -> Vec<f64> {
     let Some(groups) = tokens.groups(Split::Test) else { return Vec::new() };
     let frames = (0..groups.len()).map(|clip| tokens.clip_frames(Split::Test, clip));
-    losses_by_block(&test.clips, groups, &frames.collect::<Vec<_>>())
+    losses_by_block(clips, groups, &frames.collect::<Vec<_>>())
 }
 
 fn write_results(
@@ -204,7 +207,7 @@ fn write_results(
 ) -> Result<()> {
     let place = assignment.place();
     weights::save(&place.join(MODEL), &trained.weights, Default::default())?;
-    write_json_lines(&place.join("log.jsonl"), &trained.log)?;
+    write_json_lines(&place.join(LOG), &trained.log)?;
     write_json_lines(&place.join(TEST_CLIPS), &trained.test.clips)?;
     let report = report(assignment.device_name, spec, &opened.inputs(), trained);
     let record = report.record(assignment.folder, &assignment.job.id, spec);

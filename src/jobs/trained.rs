@@ -48,16 +48,16 @@ impl TrainedRun {
     /// Opens the run of a folder `…/runs/<id>`, or of a sweep's folder the run with the lowest L_u.
     ///
     /// # Errors
-    /// There is no such run, it has not ended, a program of somebody's own trained it, or a file that
+    /// There is no such run, it has not ended, its trainer left no weights, or a file that
     /// it needs is missing or damaged.
     pub fn open(path: &Path, device: &Device) -> Result<Self> {
         let (folder, run_id) = find(path)?;
         let place = folder.run(&run_id);
         let spec: Option<RunSpec> = read_if_there(&place.join("spec.json"))?;
         let spec = spec.with_context(|| format!("{} has no spec.json", place.display()))?;
-        if let Some(trainer) = &spec.trainer {
+        if let Some(trainer) = spec.trainer.as_ref().filter(|_| !place.join(MODEL).exists()) {
             bail!(
-                "{} was trained by `{}`, which keeps its weights to itself; generate with that",
+                "{} was trained by `{}`, which left no weights; generate with that",
                 place.display(),
                 trainer.command
             );

@@ -1,10 +1,17 @@
 //! [`TrainerCommand`]: the command of a trainer of one's own, split into words without a shell.
 
 /// What a command may ask for.
-pub const PLACEHOLDERS: [&str; 3] = ["spec", "out", "checkpoint"];
+pub const PLACEHOLDERS: [&str; 4] = ["spec", "out", "checkpoint", "init"];
 
 /// Without these a trainer would not know what to train, or isoflop how it went.
 const NEEDED: [&str; 2] = ["spec", "out"];
+
+/// The word that stands for the trainer in PyTorch that comes with isoflop; words behind it are its options.
+const TORCH: &str = "torch";
+
+/// How it is started; `{python}` is an interpreter.
+const TORCH_COMMAND: &str = "{python} -m isoflop.torch --spec {spec} --out {out} \
+                             --checkpoint {checkpoint} --init {init}";
 
 /// Why a command will not do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -35,6 +42,10 @@ impl TrainerCommand {
         if words.first().is_none_or(String::is_empty) {
             return Err(CommandError::Empty);
         }
+        if is_torch(text) {
+            let own = TORCH_COMMAND.split_whitespace().map(str::to_string);
+            return Ok(Self(own.chain(words.into_iter().skip(1)).collect()));
+        }
         let used: Vec<&str> = words.iter().flat_map(|word| placeholders(word)).collect();
         if let Some(name) = used.iter().find(|name| !PLACEHOLDERS.contains(name)) {
             return Err(CommandError::Unknown(name.to_string()));
@@ -45,10 +56,20 @@ impl TrainerCommand {
         }
     }
 
+    /// Whether a word of the command asks for a placeholder.
+    pub fn asks_for(&self, name: &str) -> bool {
+        self.0.iter().any(|word| placeholders(word).contains(&name))
+    }
+
     /// The words, with what `value` gives for each placeholder.
     pub fn fill(&self, value: impl Fn(&str) -> String) -> Vec<String> {
         self.0.iter().map(|word| filled(word, &value)).collect()
     }
+}
+
+/// Whether a command is that of the trainer in PyTorch that comes with isoflop.
+pub fn is_torch(command: &str) -> bool {
+    command.split_whitespace().next() == Some(TORCH)
 }
 
 /// In one pass, so that braces in a path are left as they are.
@@ -103,6 +124,14 @@ mod tests {
         ];
         assert_eq!(words(command), expected);
         assert_eq!(words("x {spec}{out}{checkpoint}").len(), 2);
+    }
+
+    #[test]
+    fn torch_stands_for_a_command_and_takes_options() {
+        let words = words("torch --device cpu");
+        assert_eq!(words[..3], ["/a b/{python}", "-m", "isoflop.torch"]);
+        assert_eq!(words[words.len() - 3..], ["/a b/{init}", "--device", "cpu"]);
+        assert!(is_torch(" torch") && !is_torch("torchrun x"));
     }
 
     #[test]

@@ -19,13 +19,13 @@ use burn::tensor::Device;
 
 pub use batch::{Batch, Sequence};
 pub use evaluate::split_loss;
-pub use objective::NextCode;
+pub use objective::{NextCode, first_model};
 pub(super) use probe::{MOST_TOKENS, made_up_clip, probed_on};
 pub use stream::{Part, TokenStream};
 pub use transformer::{Model, Transformer, end_token};
 
 use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
-use crate::learn::weights::Weights;
+use crate::learn::weights::{self, Sources, Weights};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
 
@@ -39,6 +39,10 @@ impl Generator for AutoregressiveGenerator {
         progress: &mut Progress,
     ) -> Result<Trained, GeneratorError> {
         learner::train(objective(training)?, training, progress)
+    }
+
+    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources {
+        weights::of_module(&first_model(spec, device).weights)
     }
 
     fn train_trunk(

@@ -1,15 +1,13 @@
 //! [`NextCode`]: the transformer on the batches of a run.
 
 use burn::tensor::Device;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::Batch;
 use super::evaluate::split_loss;
 use super::stream::TokenStream;
 use super::transformer::{Model, Transformer};
 use crate::data::Split;
-use crate::generator::learner::{BatchLoss, Objective, WEIGHTS_STREAM};
+use crate::generator::learner::{BatchLoss, Objective, weights_rng};
 use crate::generator::{Inputs, SplitLoss};
 use crate::plan::RunSpec;
 use crate::spec::flops::exact_of_sequence;
@@ -25,12 +23,15 @@ pub struct NextCode<'a> {
 impl<'a> NextCode<'a> {
     /// A model with the weights of a seed, on `device` in the run's precision.
     pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>, device: &Device) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
-        rng.set_stream(WEIGHTS_STREAM);
-        let model = Model::init(spec.shape(), spec.n_vocab(), &mut rng, &device.clone().autodiff());
+        let model = first_model(spec, &device.clone().autodiff());
         let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         Self { spec, inputs, stream, model: model.in_precision(spec.precision) }
     }
+}
+
+/// The model that a run begins with.
+pub fn first_model(spec: &RunSpec, device: &Device) -> Model {
+    Model::init(spec.shape(), spec.n_vocab(), &mut weights_rng(spec), device)
 }
 
 impl Objective for NextCode<'_> {

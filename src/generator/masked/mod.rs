@@ -25,11 +25,12 @@ pub use batch::{Hidden, pack};
 pub use evaluate::split_loss;
 pub use objective::HiddenCodes;
 
+use super::autoregressive::first_model;
 use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
-use crate::learn::weights::Weights;
+use crate::learn::weights::{self, Sources, Weights};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
-use residual::TwoStages;
+use residual::{TwoStages, first_stages};
 
 /// The masked transformer as a kind of generator.
 pub struct MaskedGenerator;
@@ -44,6 +45,13 @@ impl Generator for MaskedGenerator {
         match has_second_stage(spec) {
             true => learner::train(TwoStages::new(spec, inputs, device), training, progress),
             false => learner::train(HiddenCodes::new(spec, inputs, device), training, progress),
+        }
+    }
+
+    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources {
+        match has_second_stage(spec) {
+            true => weights::of_module(first_stages(spec, device).weights()),
+            false => weights::of_module(&first_model(spec, device).weights),
         }
     }
 

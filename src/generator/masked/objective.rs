@@ -9,8 +9,8 @@ use super::evaluate::split_loss;
 use super::flops::forward_flops;
 use super::shown::Shown;
 use crate::data::Split;
-use crate::generator::autoregressive::{Model, TokenStream, Transformer};
-use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective, WEIGHTS_STREAM};
+use crate::generator::autoregressive::{Model, TokenStream, Transformer, first_model};
+use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective};
 use crate::generator::{Inputs, SplitLoss};
 use crate::plan::RunSpec;
 
@@ -31,9 +31,7 @@ pub struct HiddenCodes<'a> {
 impl<'a> HiddenCodes<'a> {
     /// A model with the weights of a seed, on `device` in the run's precision.
     pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>, device: &Device) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
-        rng.set_stream(WEIGHTS_STREAM);
-        let model = Model::init(spec.shape(), spec.n_vocab(), &mut rng, &device.clone().autodiff());
+        let model = first_model(spec, &device.clone().autodiff());
         let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         let shown = Shown::new(spec, inputs);
         Self { spec, inputs, stream, shown, model: model.in_precision(spec.precision) }

@@ -26,7 +26,7 @@ pub use model::{Model, ScalewiseTransformer};
 pub use objective::Scalewise;
 
 use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
-use crate::learn::weights::Weights;
+use crate::learn::weights::{self, Sources, Weights};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
 
@@ -40,6 +40,10 @@ impl Generator for ScalewiseGenerator {
         progress: &mut Progress,
     ) -> Result<Trained, GeneratorError> {
         learner::train(objective(training)?, training, progress)
+    }
+
+    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources {
+        weights::of_module(&objective::first_model(spec, device).weights)
     }
 
     fn train_trunk(

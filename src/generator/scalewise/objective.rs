@@ -11,7 +11,7 @@ use super::own::own;
 use super::shown::shown_clip;
 use crate::data::Split;
 use crate::generator::autoregressive::{Part, TokenStream};
-use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective, WEIGHTS_STREAM};
+use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective, weights_rng};
 use crate::generator::{Inputs, SplitLoss};
 use crate::learn::params::{below, unit};
 use crate::plan::RunSpec;
@@ -34,10 +34,7 @@ pub struct Scalewise<'a> {
 impl<'a> Scalewise<'a> {
     /// A model with the weights of a seed, on `device` in the run's precision.
     pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>, device: &Device) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
-        rng.set_stream(WEIGHTS_STREAM);
-        let device = device.clone().autodiff();
-        let model = Model::init(own(spec), &spec.codes, spec.precision, &mut rng, &device);
+        let model = first_model(spec, &device.clone().autodiff());
         let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         Self { spec, inputs, stream, model, no_text: vec![0.0; spec.shape().d_text] }
     }
@@ -77,6 +74,11 @@ impl<'a> Scalewise<'a> {
         });
         shown.collect()
     }
+}
+
+/// The model that a run begins with.
+pub fn first_model(spec: &RunSpec, device: &Device) -> Model {
+    Model::init(own(spec), &spec.codes, spec.precision, &mut weights_rng(spec), device)
 }
 
 impl Objective for Scalewise<'_> {

@@ -8,8 +8,9 @@ mod process;
 mod result;
 mod spec;
 
+use std::collections::HashMap;
 use std::fs;
-use std::path::{Path, absolute};
+use std::path::{Path, PathBuf, absolute};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -20,9 +21,13 @@ pub use spec::TrainerSpec;
 
 use super::assignment::{Assignment, Outcome};
 use super::exit;
+use super::run::{LOG, MODEL, TEST_CLIPS};
+use crate::codes::TokenStore;
 use crate::failure::{Failure, FailureKind};
-use crate::files::atomic::{remove, write_json};
+use crate::files::atomic::{remove, write_json, write_json_lines};
 use crate::files::read_if_there;
+use crate::generator;
+use crate::learn::weights::{self, Source};
 use crate::plan::{RunSpec, TrainerProgram};
 use crate::sweep::TrainerCommand;
 
@@ -45,35 +50,111 @@ pub fn run_program(
     let id = job.id.as_str();
     let command = TrainerCommand::parse(&trainer.command)?;
     let place = absolute(folder.run(id)).context("naming the run's folder")?;
-    let spec = TrainerSpec::new(folder, id, run)?;
-    let spec_path = place.join("trainer.json");
-    write_json(&spec_path, &spec).context("writing trainer.json")?;
-    fs::create_dir_all(&spec.checkpoint).context("making the checkpoint's folder")?;
-    remove(&spec.out)?;
-    let words = command.fill(|name| {
-        let path = match name {
-            "spec" => &spec_path,
-            "out" => &spec.out,
-            _ => &spec.checkpoint,
-        };
-        path.display().to_string()
-    });
+    let codes = folder.tokens(&run.tokenizer_id);
+    let tokens = codes.exists().then(|| TokenStore::open(&codes)).transpose()?;
+    let spec = TrainerSpec::new(folder, id, run, tokens.as_ref())?;
+    let spec = with_init(spec, &command, run, assignment)?;
+    let words = prepare(&spec, &command, &place)?;
     let started = Instant::now();
     let problem = process::attend(&words, &place, id, stop)?;
     let wall_s = started.elapsed().as_secs_f64();
+    let unfit = |problem| Failure::new(FailureKind::Trainer, problem);
     let result = match problem {
-        Some(problem) => Err(problem),
+        Some(problem) => Err(result::refusal(&spec.out).unwrap_or(problem)),
         None => TrainerResult::read(&spec.out)
-            .map_err(|problem| Failure::new(FailureKind::Trainer, problem)),
+            .and_then(|result| result.fits(tokens.as_ref()).map(|()| result))
+            .map_err(unfit),
     };
-    match result {
+    let kept = result.and_then(|result| {
+        keep_weights(&result, &place, run, assignment).map(|()| result).map_err(unfit)
+    });
+    match kept {
         Ok(result) => {
-            let record = result.report(&spec, wall_s).record(folder, id, run);
+            if !result.log.is_empty() {
+                write_json_lines(&place.join(LOG), &result.log)?;
+            }
+            if !result.clips.is_empty() {
+                write_json_lines(&place.join(TEST_CLIPS), &result.clips)?;
+            }
+            let record = result.report(&spec, wall_s, tokens.as_ref()).record(folder, id, run);
             write_json(&place.join("record.json"), &record).context("writing record.json")?;
+            spec.init.iter().try_for_each(|init| remove(init))?;
             fs::remove_dir_all(&spec.checkpoint).context("removing the checkpoint")?;
             Ok(Outcome::Done)
         }
         Err(_) if stop.is_raised() => Ok(Outcome::Stopped),
         Err(failure) => Ok(Outcome::Failed(failure)),
     }
+}
+
+/// Writes the weights that the built-in trainer would begin with, where the command asks for them.
+fn with_init(
+    spec: TrainerSpec,
+    command: &TrainerCommand,
+    run: &RunSpec,
+    assignment: &Assignment,
+) -> Result<TrainerSpec> {
+    if !command.asks_for("init") {
+        return Ok(spec);
+    }
+    let path = spec.out.with_file_name("init.safetensors");
+    if !path.exists() {
+        let first = generator::of(run).first_weights(run, assignment.device);
+        weights::save(&path, &first, HashMap::new())?;
+    }
+    Ok(TrainerSpec { init: Some(path), ..spec })
+}
+
+/// Makes the folder ready; the words of the command.
+fn prepare(spec: &TrainerSpec, command: &TrainerCommand, place: &Path) -> Result<Vec<String>> {
+    let path = place.join("trainer.json");
+    write_json(&path, spec).context("writing trainer.json")?;
+    fs::create_dir_all(&spec.checkpoint).context("making the checkpoint's folder")?;
+    remove(&spec.out)?;
+    let python = python();
+    Ok(command.fill(|name| {
+        let value = match name {
+            "python" => &python,
+            "spec" => &path,
+            "out" => &spec.out,
+            "init" => spec.init.as_ref().unwrap_or(&path),
+            _ => &spec.checkpoint,
+        };
+        value.display().to_string()
+    }))
+}
+
+/// The interpreter of the trainer in PyTorch: `ISOFLOP_PYTHON`, or else the one beside this program, as in a
+/// virtual environment, or else the first on the path.
+pub fn python() -> PathBuf {
+    let named = std::env::var_os("ISOFLOP_PYTHON").filter(|name| !name.is_empty());
+    let beside = || {
+        let own = std::env::current_exe().ok()?.with_file_name("python3");
+        own.exists().then_some(own)
+    };
+    named.map(PathBuf::from).or_else(beside).unwrap_or_else(|| PathBuf::from("python3"))
+}
+
+/// Puts the weights of a result into the run's folder; the sentence where they are not the run's.
+fn keep_weights(
+    result: &TrainerResult,
+    place: &Path,
+    run: &RunSpec,
+    assignment: &Assignment,
+) -> Result<(), String> {
+    let Some(named) = &result.weights else { return Ok(()) };
+    let path = place.join(named);
+    let kept = || -> Result<()> {
+        let (found, _) = weights::load(&path)?;
+        let sources = found.iter().map(|(name, own)| (name.clone(), Source::Host(own.clone())));
+        let sources = sources.collect();
+        // Whoever makes motions of them will ask for the same.
+        generator::of(run).sampler(run, found, assignment.device)?;
+        weights::save(&place.join(MODEL), &sources, HashMap::new())?;
+        if path != place.join(MODEL) {
+            remove(&path)?;
+        }
+        Ok(())
+    };
+    kept().map_err(|error| format!("the trainer's weights {}: {error:#}", path.display()))
 }

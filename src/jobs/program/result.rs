@@ -2,12 +2,18 @@
 
 use std::fs;
 use std::io::ErrorKind;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use crate::codes::TokenStore;
+use crate::data::Split;
+use crate::failure::{Failure, FailureKind};
+use crate::files::read_if_there;
+use crate::generator::{LogLine, Sums};
 use crate::jobs::program::TrainerSpec;
 use crate::jobs::record::{ExactFlops, Report};
+use crate::jobs::run::by_block;
 
 /// The result of a run; for every key but the losses the plan's value stands in.
 ///
@@ -44,6 +50,38 @@ pub struct TrainerResult {
     pub tokens_per_s: Option<f64>,
     /// By default the plan's estimate for the built-in trainer.
     pub peak_bytes: Option<f64>,
+    /// What it computed on, `custom` by default.
+    pub device: Option<String>,
+    /// L_u of the codes of each scale, where there are several.
+    #[serde(default)]
+    pub normalised_by_scale: Vec<f64>,
+    /// The sums of each clip of the test split, in its order: what other test clips would give follows.
+    #[serde(default)]
+    pub clips: Vec<Sums>,
+    /// The validation curve.
+    #[serde(default)]
+    pub log: Vec<LogLine>,
+    /// A safetensors file with the weights under the built-in model's names, beside the result or by its
+    /// whole path: motions can then be made of the run.
+    pub weights: Option<PathBuf>,
+}
+
+/// What a program leaves at `{out}` in place of a result, where it knows why there is none.
+#[derive(Deserialize)]
+struct Refusal {
+    error: String,
+    #[serde(default = "trainer")]
+    kind: FailureKind,
+}
+
+fn trainer() -> FailureKind {
+    FailureKind::Trainer
+}
+
+/// Why there is no result, in the program's own words; `None` where it left none.
+pub fn refusal(path: &Path) -> Option<Failure> {
+    let Refusal { error, kind } = read_if_there(path).ok().flatten()?;
+    Some(Failure::new(kind, error))
 }
 
 impl TrainerResult {
@@ -99,18 +137,30 @@ impl TrainerResult {
         wrong.map(|(name, _)| format!("`{name}` is negative"))
     }
 
+    /// Checks a result against the codes that it was measured on.
+    pub fn fits(&self, tokens: Option<&TokenStore>) -> Result<(), String> {
+        let (found, Some(tokens)) = (self.clips.len(), tokens) else { return Ok(()) };
+        let wanted = tokens.n_clips(Split::Test);
+        if found == 0 || found == wanted {
+            return Ok(());
+        }
+        Err(format!("its `clips` has {found} entries, and the test split {wanted} clips"))
+    }
+
     /// The same for the record; what the result does not say of the data and of time is `unique_tokens`
     /// and `ran_s`.
-    pub fn report(&self, spec: &TrainerSpec, ran_s: f64) -> Report {
+    pub fn report(&self, spec: &TrainerSpec, ran_s: f64, tokens: Option<&TokenStore>) -> Report {
         let count = |value: Option<f64>| value.map(|x| x as usize);
         let max_text_tokens = spec.max_text_tokens;
         let full_contexts = ExactFlops::FullContexts { max_text_tokens };
         Report {
-            device: "custom".to_string(),
+            device: self.device.clone().unwrap_or_else(|| "custom".to_string()),
             loss_nats: self.loss_nats,
             loss_normalised: self.normalised(),
-            normalised_by_scale: Vec::new(),
-            normalised_by_block: Vec::new(),
+            normalised_by_scale: self.normalised_by_scale.clone(),
+            normalised_by_block: tokens
+                .filter(|_| !self.clips.is_empty())
+                .map_or_else(Vec::new, |tokens| by_block(tokens, &self.clips)),
             nats_per_frame: self.nats_per_frame,
             nats_per_second: self.nats_per_second,
             tokens: count(self.tokens),
@@ -119,7 +169,9 @@ impl TrainerResult {
             batch_tokens: count(self.batch_tokens),
             lr: self.lr,
             flops_exact: self.flops_exact.map_or(full_contexts, ExactFlops::Counted),
-            zero_count_targets: count(self.zero_count_targets).unwrap_or(0),
+            zero_count_targets: count(self.zero_count_targets)
+                .or(tokens.map(TokenStore::zero_count_targets))
+                .unwrap_or(0),
             wall_s: self.wall_s.unwrap_or(ran_s),
             tokens_per_s: self.tokens_per_s,
             peak_bytes: self.peak_bytes.map(|x| x as u64),

@@ -6,12 +6,14 @@ use anyhow::Result;
 use serde::Serialize;
 
 use crate::codes::TokenStore;
-use crate::data::Split;
 use crate::jobs::ResultsFolder;
 use crate::jobs::folder::CHECKPOINT;
 use crate::jobs::frozen_sweep;
 use crate::plan::RunSpec;
-use crate::spec::ModelShape;
+use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, TARGETS_PER_PASS};
+
+/// Raised when a key changes its meaning or goes.
+const VERSION: u32 = 2;
 
 /// How the learning rate moves: linearly up to `peak`, then half a cosine (`cosine`) down to
 /// `final_share · peak` at the last step, or on to the last `decay_steps` and down there by 1 − √share
@@ -29,9 +31,17 @@ pub struct TrainerLr {
 /// One run as its trainer reads it, in `{spec}`: complete, with absolute paths.
 #[derive(Clone, Debug, Serialize)]
 pub struct TrainerSpec {
+    pub version: u32,
     pub run_id: String,
     pub seed: u64,
+    /// The kind of generator with all that it is told.
+    pub generator: GeneratorSpec,
+    /// The scales of the codes.
+    pub grid: Grid,
+    /// The layers and widths of the generator.
     pub shape: ModelShape,
+    /// What products are computed in.
+    pub precision: Precision,
     /// V, without special tokens.
     pub n_vocab: usize,
     /// Words of the longest caption: `shape.n_ctx` is these and the motion slots.
@@ -53,32 +63,50 @@ pub struct TrainerSpec {
     /// `null` where gradients are not clipped.
     pub clip_norm: Option<f64>,
     pub evaluations: usize,
+    /// Targets that are measured at once at most, but for a single clip.
+    pub targets_per_pass: usize,
+    /// Seconds between two checkpoints.
+    pub checkpoint_s: f64,
     /// Frames per second of the data.
     pub fps: f64,
     /// Distinct supervised tokens in the training split; 0 where isoflop has no data.
     pub unique_tokens: usize,
+    /// The clips of the training split that the run sees, by their place in it; `null` for all.
+    pub clips: Option<Vec<usize>>,
     /// The tokenizer's folder, the codes and the embedded captions; `null` where there are none.
     pub tokenizer: Option<PathBuf>,
     pub codes: Option<PathBuf>,
     pub text: Option<PathBuf>,
-    /// The same paths as `{out}` and `{checkpoint}`.
+    /// The same paths as `{out}`, `{checkpoint}` and `{init}`; the last is `null` where the command does not
+    /// ask for it.
     pub out: PathBuf,
     pub checkpoint: PathBuf,
+    pub init: Option<PathBuf>,
 }
 
 impl TrainerSpec {
     /// Gathers what the run's spec says and where its inputs lie.
-    pub fn new(folder: &ResultsFolder, id: &str, run: &RunSpec) -> Result<Self> {
+    pub fn new(
+        folder: &ResultsFolder,
+        id: &str,
+        run: &RunSpec,
+        tokens: Option<&TokenStore>,
+    ) -> Result<Self> {
         let there = |path: &Path| path.exists().then(|| absolute(path)).transpose();
         let place = absolute(folder.run(id))?;
-        let codes = there(&folder.tokens(&run.tokenizer_id))?;
         let params = run.params();
+        let sweep = frozen_sweep(folder)?;
+        let is_part = !run.share.is_whole();
         Ok(Self {
+            version: VERSION,
             run_id: id.to_string(),
             seed: run.seed,
+            generator: run.generator.clone(),
+            grid: run.codes.clone(),
             shape: run.shape().clone(),
+            precision: run.precision,
             n_vocab: run.n_vocab(),
-            max_text_tokens: frozen_sweep(folder)?.text.max_tokens,
+            max_text_tokens: sweep.text.max_tokens,
             params_nonvocab: params.nonvocab,
             params_vocab: params.vocab,
             budget_flops: run.budget_flops,
@@ -97,19 +125,17 @@ impl TrainerSpec {
             epsilon: run.epsilon,
             clip_norm: run.clip_norm,
             evaluations: run.evaluations,
+            targets_per_pass: TARGETS_PER_PASS,
+            checkpoint_s: sweep.train.checkpoint_s,
             fps: run.fps,
-            unique_tokens: codes.as_deref().map(unique_tokens).transpose()?.unwrap_or(0),
+            unique_tokens: tokens.map_or(0, |tokens| tokens.training_targets(run.share)),
+            clips: tokens.filter(|_| is_part).map(|tokens| tokens.training_clips(run.share)),
             tokenizer: there(&folder.tokenizer(&run.tokenizer_id))?,
-            codes,
+            codes: there(&folder.tokens(&run.tokenizer_id))?,
             text: there(&folder.text(&run.text_id))?,
             out: place.join("result.json"),
             checkpoint: place.join(CHECKPOINT),
+            init: None,
         })
     }
-}
-
-/// Codes of the training split and an end token a clip, as the built-in trainer counts them.
-fn unique_tokens(codes: &Path) -> Result<usize> {
-    let store = TokenStore::open(codes)?;
-    Ok(store.n_targets(Split::Train))
 }

@@ -7,10 +7,10 @@ mod shares;
 mod train;
 mod vary;
 
-use super::command::{CommandError, PLACEHOLDERS, TrainerCommand};
+use super::command::{CommandError, PLACEHOLDERS, TrainerCommand, is_torch};
 use super::condition::Condition;
 use super::nearest::nearest;
-use crate::spec::{GeneratorKind, KeyProblem, Scales, SpecError};
+use crate::spec::{GeneratorKind, KeyProblem, Precision, Scales, SpecError};
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::{DataSource, Sweep};
 
@@ -140,11 +140,6 @@ fn scores(sweep: &Sweep) -> Vec<Problem> {
         let problem = Problem::value("scores", "no evaluator to score by");
         problems.push(problem.with_help("evaluator: {}"));
     }
-    if sweep.trainer.is_some() {
-        let problem =
-            "a trainer of one's own keeps its weights to itself: nothing can be made of them";
-        problems.push(Problem::value("scores", problem));
-    }
     let conditions = scores.only.iter().enumerate();
     problems.extend(conditions.filter_map(|(i, text)| {
         let message = Condition::parse(text).err()?;
@@ -155,6 +150,10 @@ fn scores(sweep: &Sweep) -> Vec<Problem> {
 
 fn trainer(sweep: &Sweep) -> Vec<Problem> {
     let Some(trainer) = &sweep.trainer else { return Vec::new() };
+    if is_torch(&trainer.command) && sweep.train.precision == Precision::F16 {
+        let problem = "the torch trainer computes in f32 or bf16";
+        return vec![Problem::value("train.precision", problem).with_help("precision: bf16")];
+    }
     let Err(error) = TrainerCommand::parse(&trainer.command) else { return Vec::new() };
     let help = match &error {
         CommandError::Unknown(name) => nearest(name, &PLACEHOLDERS),

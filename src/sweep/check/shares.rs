@@ -1,6 +1,7 @@
 //! Impossible shares of the training split.
 
 use crate::spec::Share;
+use crate::sweep::command::is_torch;
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::Sweep;
 
@@ -26,7 +27,8 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         }
     };
     let mut problems: Vec<Problem> = shares.iter().enumerate().filter_map(wrong).collect();
-    if sweep.trainer.is_some() && shares.iter().any(|share| *share != 1.0) {
+    let may_not_know = sweep.trainer.as_ref().is_some_and(|trainer| !is_torch(&trainer.command));
+    if may_not_know && shares.iter().any(|share| *share != 1.0) {
         let message = "a trainer of your own sees all of the training split";
         problems.push(
             Problem::value(PATH, message)

@@ -56,7 +56,12 @@ pub struct Sweep {
     #[serde(default)]
     pub train: TrainSection,
     /// Trains the runs in place of the built-in trainer.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "section_or_command"
+    )]
+    #[schemars(schema_with = "section_or_command_schema")]
     pub trainer: Option<TrainerSection>,
     /// What motions are scored by; where it is not there, none is trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,8 +1,11 @@
 //! Who trains: the `trainer` section.
 
+use std::fmt;
 use std::path::PathBuf;
 
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_yaml::Value;
 
@@ -13,8 +16,9 @@ use crate::units::number;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrainerSection {
-    /// The program and its arguments, with `{spec}`, `{out}` and `{checkpoint}` in them
-    /// (docs/custom-trainer.md).
+    /// The program and its arguments, with `{spec}`, `{out}`, `{checkpoint}` and `{init}` in them
+    /// (docs/custom-trainer.md); or `torch` with its options, the trainer in PyTorch that comes with isoflop
+    /// (docs/torch.md).
     pub command: String,
     /// Anything, as `2`: a change trains every run again, as a change of the command does.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "scalar")]
@@ -36,6 +40,48 @@ pub struct TrainerSection {
     pub gpus: Option<usize>,
 }
 
+impl TrainerSection {
+    /// A program by its command alone.
+    fn of_command(command: &str) -> Self {
+        let command = command.to_string();
+        Self { command, revision: None, inputs: Vec::new(), canary: true, gpus: None }
+    }
+}
+
+/// Reads a section, or the command that stands for it: `trainer: torch`.
+pub fn section_or_command<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Option<TrainerSection>, D::Error> {
+    struct Either;
+    impl<'de> Visitor<'de> for Either {
+        type Value = Option<TrainerSection>;
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("a section, or a command")
+        }
+
+        fn visit_unit<E: Error>(self) -> Result<Self::Value, E> {
+            Ok(None)
+        }
+
+        fn visit_str<E: Error>(self, command: &str) -> Result<Self::Value, E> {
+            Ok(Some(TrainerSection::of_command(command)))
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, section: A) -> Result<Self::Value, A::Error> {
+            TrainerSection::deserialize(MapAccessDeserializer::new(section)).map(Some)
+        }
+    }
+    deserializer.deserialize_any(Either)
+}
+
+/// Both ways of writing it.
+pub fn section_or_command_schema(generator: &mut SchemaGenerator) -> Schema {
+    let section = generator.subschema_for::<TrainerSection>();
+    let command = "The command alone; `torch` is the trainer in PyTorch that comes with isoflop.";
+    json_schema!({"anyOf": [{"type": "string", "description": command}, section, {"type": "null"}]})
+}
+
 fn yes() -> bool {
     true
 }
@@ -52,6 +98,6 @@ fn scalar<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, 
         Value::Null => Ok(None),
         Value::String(text) => Ok(Some(text)),
         Value::Number(number) => Ok(Some(number.to_string())),
-        _ => Err(serde::de::Error::custom("expected a word or a number")),
+        _ => Err(Error::custom("expected a word or a number")),
     }
 }

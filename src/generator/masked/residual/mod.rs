@@ -18,7 +18,7 @@ mod stages;
 
 pub use batch::{Asked, LayerBatch};
 pub use model::{ResidualModel, ResidualTransformer};
-pub use objective::TwoStages;
+pub use objective::{TwoStages, first_stages};
 pub(super) use probe::probed;
 pub(super) use sample::draw_layers;
 pub use stages::{StageWeights, Stages};

@@ -9,7 +9,7 @@ use super::evaluate::split_loss;
 use super::stages::{StageWeights, Stages};
 use crate::data::Split;
 use crate::generator::autoregressive::{Part, TokenStream};
-use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective, WEIGHTS_STREAM};
+use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective, weights_rng};
 use crate::generator::masked::batch::{Hidden, pack};
 use crate::generator::masked::flops::forward_flops;
 use crate::generator::masked::shown::Shown;
@@ -35,10 +35,8 @@ pub struct TwoStages<'a> {
 impl<'a> TwoStages<'a> {
     /// Stages with the weights of a seed, on `device` in the run's precision.
     pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>, device: &Device) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
-        rng.set_stream(WEIGHTS_STREAM);
         let device = device.clone().autodiff();
-        let stages = Stages::init(spec.shape(), &spec.codes, spec.precision, &mut rng, &device);
+        let stages = first_stages(spec, &device);
         let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         Self { spec, inputs, stream, shown: Shown::new(spec, inputs), stages, device }
     }
@@ -50,6 +48,11 @@ impl<'a> TwoStages<'a> {
         let first = self.stream.parts(from.div_ceil(2), to.div_ceil(2) - from.div_ceil(2));
         [first, self.stream.parts(from / 2, to / 2 - from / 2)]
     }
+}
+
+/// The stages that a run begins with.
+pub fn first_stages(spec: &RunSpec, device: &Device) -> Stages {
+    Stages::init(spec.shape(), &spec.codes, spec.precision, &mut weights_rng(spec), device)
 }
 
 impl Objective for TwoStages<'_> {

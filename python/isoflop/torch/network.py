@@ -1,0 +1,209 @@
+"""The blocks that all generators share: pre-norm attention and feed-forward over packed rows.
+
+Parameters have the built-in trainer's names and shapes, products are x W. Shapes: n rows, d width, h heads,
+c features of a head, f width of the feed-forward layer.
+"""
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import nn
+
+from .packing import BLOCK
+
+EPSILON = 1e-5
+
+
+def product(x, weight, dtype):
+    """x W; operands are rounded to `dtype`."""
+    return x.to(dtype) @ weight.to(dtype)
+
+
+def rms_norm(x, gamma):
+    return x * torch.rsqrt(x.square().mean(-1, keepdim=True) + EPSILON) * gamma
+
+
+def angles(positions, c, base):
+    """Cosines and sines of positions, `[n, c / 2]`, computed in double precision."""
+    rates = base ** (-2.0 * torch.arange(c // 2, dtype=torch.float64) / c)
+    turned = torch.as_tensor(positions, dtype=torch.float64)[:, None] * rates
+    return turned.cos().float(), turned.sin().float()
+
+
+def turned(x, cos, sin):
+    """Rotary position embedding of interleaved pairs, `[n, h, c]`."""
+    a, b = x.float().unflatten(-1, (-1, 2)).unbind(-1)
+    cos, sin = cos[:, None], sin[:, None]
+    return torch.stack([a * cos - b * sin, a * sin + b * cos], -1).flatten(-2).to(x.dtype)
+
+
+class View:
+    """What the attention of a batch needs: the angle of each row, and the rows that each sees."""
+
+    def __init__(self, batch, cos, sin):
+        self.batch = batch
+        self.cos, self.sin = cos[batch["angle"]], sin[batch["angle"]]
+        self.mask = None if "grid" in batch else self._blocks()
+
+    def attend(self, q, k, v):
+        """`[n, h, c]` each to the same."""
+        q, k = turned(q, self.cos, self.sin), turned(k, self.cos, self.sin)
+        return self._sequences(q, k, v) if self.mask is None else self._packed(q, k, v)
+
+    def _blocks(self):
+        """The mask of flex attention: of each block of rows the blocks that one of them sees."""
+        from torch.nn.attention.flex_attention import BlockMask
+
+        first, last = self.batch["first"], self.batch["last"]
+        n = len(first) // BLOCK
+        low = first.view(n, BLOCK).amin(1, keepdim=True) // BLOCK
+        high = (last.view(n, BLOCK).amax(1, keepdim=True) - 1) // BLOCK
+        columns = torch.arange(n, dtype=first.dtype, device=first.device)
+        sees = (columns >= low) & (columns <= high)
+        counts = sees.sum(1, dtype=torch.int32)
+        order = sees.to(torch.int32).argsort(1, descending=True, stable=True).to(torch.int32)
+
+        def visible(_batch, _head, query, key):
+            return (key >= first[query]) & (key < last[query])
+
+        return BlockMask.from_kv_blocks(
+            counts[None, None], order[None, None], BLOCK_SIZE=BLOCK, mask_mod=visible
+        )
+
+    def _packed(self, q, k, v):
+        from torch.nn.attention.flex_attention import flex_attention
+
+        q, k, v = (x.transpose(0, 1)[None] for x in (q, k, v))
+        return flex_attention(q, k, v, block_mask=self.mask)[0].transpose(0, 1)
+
+    def _sequences(self, q, k, v):
+        """Sequence by sequence, padded to the longest: on a processor, and wherever nothing is compiled."""
+        grid, at = self.batch["grid"], self.batch["grid_at"]
+        first, last = self.batch["first"], self.batch["last"]
+        rows = grid.clamp(min=0)
+        key = grid[:, None, :]
+        sees = (key >= first[rows][:, :, None]) & (key < last[rows][:, :, None])
+        q, k, v = (x[rows].transpose(1, 2) for x in (q, k, v))
+        mixed = F.scaled_dot_product_attention(q, k, v, attn_mask=sees[:, None])
+        return mixed.transpose(1, 2).flatten(0, 1)[at]
+
+
+class Block(nn.Module):
+    """x + Attention(RMSNorm(x)) W_o, then x + FFN(RMSNorm(x))."""
+
+    def __init__(self, shape):
+        super().__init__()
+        d, f = shape["d_model"], shape["d_ff"]
+        self.n_head, self.ffn = shape["n_head"], shape["ffn"]
+        self.norm_attention, self.norm_ffn = empty(d), empty(d)
+        self.qkv, self.output = empty(d, 3 * d), empty(d, d)
+        self.up, self.down = empty(d, 2 * f if self.ffn == "swiglu" else f), empty(f, d)
+
+    def forward(self, x, view, dtype):
+        n, d = x.shape
+        qkv = product(rms_norm(x, self.norm_attention), self.qkv, dtype)
+        q, k, v = qkv.view(n, 3, self.n_head, d // self.n_head).unbind(1)
+        x = x + product(view.attend(q, k, v).reshape(n, d), self.output, dtype)
+        hidden = product(rms_norm(x, self.norm_ffn), self.up, dtype)
+        if self.ffn == "swiglu":
+            gate, up = hidden.chunk(2, -1)
+            hidden = F.silu(gate) * up
+        else:
+            hidden = F.gelu(hidden)
+        return x + product(hidden, self.down, dtype)
+
+
+def empty(*shape):
+    """A parameter that is filled from a file."""
+    return nn.Parameter(torch.zeros(shape))
+
+
+class Network(nn.Module):
+    """What the models of all generators have: captions, blocks, the norm before a head.
+
+    Frozen tensors (vectors of captions, angles) are buffers that no file holds.
+    """
+
+    def __init__(self, shape, vectors, positions):
+        super().__init__()
+        d = shape["d_model"]
+        self.dtype = torch.float32
+        self.text_weight, self.text_bias = empty(shape["d_text"], d), empty(d)
+        self.blocks = nn.ModuleList(Block(shape) for _ in range(shape["n_layer"]))
+        self.norm = empty(d)
+        cos, sin = angles(positions, d // shape["n_head"], shape["rope_base"])
+        for name, tensor in (("vectors", torch.as_tensor(vectors)), ("cos", cos), ("sin", sin)):
+            self.register_buffer(name, tensor, persistent=False)
+
+    def text(self, batch):
+        """Projected words, `[n_words, d]`."""
+        return product(self.vectors[batch["words"]], self.text_weight, self.dtype) + self.text_bias
+
+    def stacked(self, x, batch):
+        """What the blocks make of all rows, `[n, d]`."""
+        view = View(batch, self.cos, self.sin)
+        for block in self.blocks:
+            x = block(x, view, self.dtype)
+        return x
+
+    def head_loss(self, x, head, targets, weights):
+        """The weighted sum of -ln p of targets, `[s]`, of the rows that predict them, `[s, d]`; the head is
+        `[d, V]`."""
+        return HeadLoss.apply(rms_norm(x, self.norm).to(self.dtype), head, targets, weights)
+
+    def head_nll(self, x, head, targets):
+        """-ln p of each target, in nats, `[s]`, without gradients."""
+        rows, weight = rms_norm(x, self.norm).to(self.dtype), widened(head, x)
+        parts = chunks(weight, rows, targets)
+        return torch.cat([nll_and_total(own, weight, asked, head.shape[1])[0] for own, asked in parts])
+
+
+# Logits that are held at once, at most.
+LOGITS_AT_ONCE = 1 << 28
+
+
+def widened(head, x):
+    """A head whose columns are whole tiles of a GPU's products: an odd V would halve their speed."""
+    width = -(-head.shape[1] // 64) * 64 if x.is_cuda else head.shape[1]
+    return F.pad(head, (0, width - head.shape[1]))
+
+
+def chunks(weight, *tensors):
+    """Tensors of equally many rows in chunks of rows with so many logits."""
+    at_once = max(1, LOGITS_AT_ONCE // weight.shape[1])
+    return zip(*(tensor.split(at_once) for tensor in tensors))
+
+
+def nll_and_total(x, weight, targets, n_classes):
+    """-ln p of targets, `[s]`, ln of the sum of all exponentials, `[s]`, and the logits, `[s, V]`."""
+    logits = (x @ weight.to(x.dtype))[:, :n_classes].float()
+    total = torch.logsumexp(logits, 1)
+    return total - logits.gather(1, targets[:, None]).squeeze(1), total, logits
+
+
+class HeadLoss(torch.autograd.Function):
+    """The weighted sum of the cross-entropies of x W, in chunks of rows.
+
+    Slopes are taken in the forward pass, so that no logits are kept and none are computed twice.
+    """
+
+    @staticmethod
+    def forward(ctx, x, head, targets, weights):
+        weight, n_classes = widened(head, x).to(x.dtype), head.shape[1]
+        loss, of_x, of_head = 0.0, [], 0.0
+        classes = torch.arange(n_classes, device=x.device)
+        for rows, asked, share in chunks(weight, x, targets, weights):
+            nll, total, logits = nll_and_total(rows, weight, asked, n_classes)
+            loss = loss + (nll * share).sum()
+            slope = torch.exp(logits - total[:, None]) - (classes == asked[:, None]).float()
+            slope = F.pad((slope * share[:, None]).to(x.dtype), (0, weight.shape[1] - n_classes))
+            of_x.append(slope @ weight.T)
+            of_head = of_head + (rows.T @ slope).float()
+        ctx.save_for_backward(torch.cat(of_x), of_head[:, :n_classes])
+        return loss
+
+    @staticmethod
+    def backward(ctx, of_loss):
+        of_x, of_head = ctx.saved_tensors
+        return of_x * of_loss.to(of_x.dtype), of_head * of_loss, None, None
