@@ -22,11 +22,14 @@ class Autoregressive(Network):
         self.embedding = empty(n_vocab + 2, d)
         self.head = None if shape["tie_embeddings"] else empty(d, n_vocab + 1)
 
+    def embedded(self, batch):
+        """Projected words and embedded codes, `[n, d]`."""
+        words, codes = self.text(batch), self.embedding[batch["ids"]]
+        return torch.where(batch["is_text"][:, None] != 0, words[batch["text_at"]], codes)
+
     def features(self, batch):
         """What the blocks make of the rows that predict targets, `[s, d]`."""
-        words, codes = self.text(batch), self.embedding[batch["ids"]]
-        x = torch.where(batch["is_text"][:, None] != 0, words[batch["text_at"]], codes)
-        return self.stacked(x, batch)[batch["rows"]]
+        return self.stacked(self.part("embedded")(batch), batch)[batch["rows"]]
 
     def classes(self):
         return self.embedding[: self.n_vocab + 1].T if self.head is None else self.head
@@ -34,7 +37,7 @@ class Autoregressive(Network):
     def forward(self, batch):
         """Mean cross-entropy of the targets of a batch, in nats."""
         weights = batch["valid"] / batch["valid"].sum()
-        return self.head_loss(self.features(batch), self.classes(), batch["targets"], weights)
+        return self.part("head_loss")(self.features(batch), self.classes(), batch["targets"], weights)
 
     def target_nll(self, batch):
         """-ln p of each target of a batch, in nats."""

@@ -199,8 +199,7 @@ class Stepper:
 
     def __init__(self, learning):
         self.learning, self.room, self.graph = learning, {}, None
-        self.model = learning.model
-        self.model.compile(dynamic=False)
+        learning.model.compile_parts()
 
     def take(self, packed, rate):
         """One step of a batch at a learning rate."""

@@ -4,13 +4,14 @@ Parameters have the built-in trainer's names and shapes, products are x W. Shape
 c features of a head, f width of the feed-forward layer.
 """
 
-import math
+from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
 from torch import nn
 
 from .packing import BLOCK
+from .spec import LOGITS_AT_ONCE
 
 EPSILON = 1e-5
 
@@ -38,55 +39,72 @@ def turned(x, cos, sin):
     return torch.stack([a * cos - b * sin, a * sin + b * cos], -1).flatten(-2).to(x.dtype)
 
 
-class View:
-    """What the attention of a batch needs: the angle of each row, and the rows that each sees."""
+class View(NamedTuple):
+    """What the attention of a batch needs, but for queries, keys and values.
 
-    def __init__(self, batch, cos, sin):
-        self.batch = batch
-        self.cos, self.sin = cos[batch["angle"]], sin[batch["angle"]]
-        self.mask = None if "grid" in batch else self._blocks()
+    `cos` and `sin` are the angles of each row, a row sees the rows `first <= k < last`. Of a batch as it is,
+    `grid` and `grid_at` lay its rows out sequence by sequence. Of a padded one, `blocks` has for each block of
+    rows how many blocks it looks at and which, and how many look at it and which.
+    """
+
+    cos: torch.Tensor
+    sin: torch.Tensor
+    first: torch.Tensor
+    last: torch.Tensor
+    grid: torch.Tensor | None
+    grid_at: torch.Tensor | None
+    blocks: tuple | None
+
+    @classmethod
+    def of(cls, batch, cos, sin):
+        first, last, grid = batch["first"], batch["last"], batch.get("grid")
+        blocks = looked_at(first, last) if grid is None else None
+        at = batch["angle"]
+        return cls(cos[at], sin[at], first, last, grid, batch.get("grid_at"), blocks)
 
     def attend(self, q, k, v):
         """`[n, h, c]` each to the same."""
         q, k = turned(q, self.cos, self.sin), turned(k, self.cos, self.sin)
-        return self._sequences(q, k, v) if self.mask is None else self._packed(q, k, v)
+        return self._sequences(q, k, v) if self.blocks is None else self._packed(q, k, v)
 
-    def _blocks(self):
-        """The mask of flex attention: of each block of rows the blocks that one of them sees."""
-        from torch.nn.attention.flex_attention import BlockMask
+    def _packed(self, q, k, v):
+        """Flex attention over all rows: a kernel that a GPU compiles."""
+        from torch.nn.attention.flex_attention import BlockMask, flex_attention
 
-        first, last = self.batch["first"], self.batch["last"]
-        n = len(first) // BLOCK
-        low = first.view(n, BLOCK).amin(1, keepdim=True) // BLOCK
-        high = (last.view(n, BLOCK).amax(1, keepdim=True) - 1) // BLOCK
-        columns = torch.arange(n, dtype=first.dtype, device=first.device)
-        sees = (columns >= low) & (columns <= high)
-        counts = sees.sum(1, dtype=torch.int32)
-        order = sees.to(torch.int32).argsort(1, descending=True, stable=True).to(torch.int32)
+        n, first, last = len(q), self.first, self.last
 
         def visible(_batch, _head, query, key):
             return (key >= first[query]) & (key < last[query])
 
-        return BlockMask.from_kv_blocks(
-            counts[None, None], order[None, None], BLOCK_SIZE=BLOCK, mask_mod=visible
+        counts, order, counts_back, order_back = self.blocks
+        none = (None, None)
+        mask = BlockMask(
+            (n, n), counts, order, *none, counts_back, order_back, *none, (BLOCK, BLOCK), visible
         )
-
-    def _packed(self, q, k, v):
-        from torch.nn.attention.flex_attention import flex_attention
-
         q, k, v = (x.transpose(0, 1)[None] for x in (q, k, v))
-        return flex_attention(q, k, v, block_mask=self.mask)[0].transpose(0, 1)
+        return flex_attention(q, k, v, block_mask=mask)[0].transpose(0, 1)
 
     def _sequences(self, q, k, v):
         """Sequence by sequence, padded to the longest: on a processor, and wherever nothing is compiled."""
-        grid, at = self.batch["grid"], self.batch["grid_at"]
-        first, last = self.batch["first"], self.batch["last"]
-        rows = grid.clamp(min=0)
-        key = grid[:, None, :]
-        sees = (key >= first[rows][:, :, None]) & (key < last[rows][:, :, None])
+        rows, key = self.grid.clamp(min=0), self.grid[:, None, :]
+        sees = (key >= self.first[rows][:, :, None]) & (key < self.last[rows][:, :, None])
         q, k, v = (x[rows].transpose(1, 2) for x in (q, k, v))
         mixed = F.scaled_dot_product_attention(q, k, v, attn_mask=sees[:, None])
-        return mixed.transpose(1, 2).flatten(0, 1)[at]
+        return mixed.transpose(1, 2).flatten(0, 1)[self.grid_at]
+
+
+def looked_at(first, last):
+    """Of each block of rows, how many blocks it looks at and which, the same of those that look at it."""
+    n = len(first) // BLOCK
+    low = first.view(n, BLOCK).amin(1, keepdim=True) // BLOCK
+    high = (last.view(n, BLOCK).amax(1, keepdim=True) - 1) // BLOCK
+    columns = torch.arange(n, dtype=first.dtype, device=first.device)
+    sees = (columns >= low) & (columns <= high)
+    found = []
+    for way in (sees, sees.T):
+        order = way.to(torch.int32).argsort(dim=1, descending=True, stable=True)
+        found += [way.sum(1, dtype=torch.int32)[None, None], order.to(torch.int32)[None, None]]
+    return tuple(found)
 
 
 class Block(nn.Module):
@@ -128,7 +146,8 @@ class Network(nn.Module):
     def __init__(self, shape, vectors, positions):
         super().__init__()
         d = shape["d_model"]
-        self.dtype = torch.float32
+        # What products are computed in, and the parts of a step that are compiled, by name.
+        self.dtype, self.compiled = torch.float32, {}
         self.text_weight, self.text_bias = empty(shape["d_text"], d), empty(d)
         self.blocks = nn.ModuleList(Block(shape) for _ in range(shape["n_layer"]))
         self.norm = empty(d)
@@ -140,11 +159,28 @@ class Network(nn.Module):
         """Projected words, `[n_words, d]`."""
         return product(self.vectors[batch["words"]], self.text_weight, self.dtype) + self.text_bias
 
+    def compile_parts(self):
+        """Compiles what a step consists of. A block is compiled once for all layers: a model of forty layers
+        is ready as soon as one of four."""
+        for block in self.blocks:
+            block.compile(dynamic=False)
+        parts = ("view", "embedded", "head_loss")
+        self.compiled = {name: torch.compile(getattr(self, name), dynamic=False) for name in parts}
+
+    def part(self, name):
+        """A part of a step: compiled for training, as it is for measuring, where shapes vary."""
+        own = getattr(self, name)
+        return self.compiled.get(name, own) if torch.is_grad_enabled() else own
+
+    def view(self, batch):
+        return View.of(batch, self.cos, self.sin)
+
     def stacked(self, x, batch):
         """What the blocks make of all rows, `[n, d]`."""
-        view = View(batch, self.cos, self.sin)
+        view = self.part("view")(batch)
         for block in self.blocks:
-            x = block(x, view, self.dtype)
+            call = block if torch.is_grad_enabled() else block.forward
+            x = call(x, view, self.dtype)
         return x
 
     def head_loss(self, x, head, targets, weights):
@@ -157,10 +193,6 @@ class Network(nn.Module):
         rows, weight = rms_norm(x, self.norm).to(self.dtype), widened(head, x)
         parts = chunks(weight, rows, targets)
         return torch.cat([nll_and_total(own, weight, asked, head.shape[1])[0] for own, asked in parts])
-
-
-# Logits that are held at once, at most.
-LOGITS_AT_ONCE = 1 << 28
 
 
 def widened(head, x):
