@@ -22,6 +22,7 @@ def product(x, weight, dtype):
 
 
 def rms_norm(x, gamma):
+    x = x.float()
     return x * torch.rsqrt(x.square().mean(-1, keepdim=True) + EPSILON) * gamma
 
 
@@ -94,17 +95,21 @@ class View(NamedTuple):
 
 
 def looked_at(first, last):
-    """Of each block of rows, how many blocks it looks at and which, the same of those that look at it."""
+    """Of each block of rows, how many blocks it looks at and which, the same of those that look at it.
+
+    Rows see intervals whose ends only grow from row to row, so blocks do too, both ways, and nothing is sorted.
+    """
     n = len(first) // BLOCK
-    low = first.view(n, BLOCK).amin(1, keepdim=True) // BLOCK
-    high = (last.view(n, BLOCK).amax(1, keepdim=True) - 1) // BLOCK
+    low = first.view(n, BLOCK).amin(1) // BLOCK
+    high = (last.view(n, BLOCK).amax(1) - 1) // BLOCK
     columns = torch.arange(n, dtype=first.dtype, device=first.device)
-    sees = (columns >= low) & (columns <= high)
+    seen_from = (high[None] < columns[:, None]).sum(1)
+    seen_to = (low[None] <= columns[:, None]).sum(1) - 1
     found = []
-    for way in (sees, sees.T):
-        order = way.to(torch.int32).argsort(dim=1, descending=True, stable=True)
-        found += [way.sum(1, dtype=torch.int32)[None, None], order.to(torch.int32)[None, None]]
-    return tuple(found)
+    for a, b in ((low, high), (seen_from, seen_to)):
+        which = (a[:, None] + columns).clamp(max=n - 1)
+        found += [(b - a + 1)[None, None], which[None, None]]
+    return tuple(own.to(torch.int32).contiguous() for own in found)
 
 
 class Block(nn.Module):
@@ -147,7 +152,7 @@ class Network(nn.Module):
         super().__init__()
         d = shape["d_model"]
         # What products are computed in, and the parts of a step that are compiled, by name.
-        self.dtype, self.compiled = torch.float32, {}
+        self.dtype, self.compiled, self.residual = torch.float32, {}, torch.float32
         self.text_weight, self.text_bias = empty(shape["d_text"], d), empty(d)
         self.blocks = nn.ModuleList(Block(shape) for _ in range(shape["n_layer"]))
         self.norm = empty(d)
@@ -164,7 +169,7 @@ class Network(nn.Module):
         is ready as soon as one of four."""
         for block in self.blocks:
             block.compile(dynamic=False)
-        parts = ("view", "embedded", "head_loss")
+        parts = ("embedded", "head_loss")
         self.compiled = {name: torch.compile(getattr(self, name), dynamic=False) for name in parts}
 
     def part(self, name):
@@ -177,7 +182,7 @@ class Network(nn.Module):
 
     def stacked(self, x, batch):
         """What the blocks make of all rows, `[n, d]`."""
-        view = self.part("view")(batch)
+        view, x = self.view(batch), x.to(self.residual)
         for block in self.blocks:
             call = block if torch.is_grad_enabled() else block.forward
             x = call(x, view, self.dtype)
