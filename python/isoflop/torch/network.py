@@ -34,10 +34,18 @@ def angles(positions, c, base):
 
 
 def turned(x, cos, sin):
-    """Rotary position embedding of interleaved pairs, `[n, h, c]`."""
-    a, b = x.float().unflatten(-1, (-1, 2)).unbind(-1)
+    """Rotary position embedding, `[n, h, c]`: the first half of the features are the first of their pairs."""
+    a, b = x.float().chunk(2, -1)
     cos, sin = cos[:, None], sin[:, None]
-    return torch.stack([a * cos - b * sin, a * sin + b * cos], -1).flatten(-2).to(x.dtype)
+    return torch.cat([a * cos - b * sin, a * sin + b * cos], -1).to(x.dtype)
+
+
+def halves(weight, heads, axis):
+    """A weight whose features along `axis`, pairs after pairs in `heads` heads, come half after half: the
+    built-in model turns pairs that lie side by side, and a GPU turns halves four times as fast."""
+    pairs = weight.unflatten(axis, (heads, -1, 2))
+    axis = axis % weight.dim()
+    return pairs.transpose(axis + 1, axis + 2).flatten(axis, axis + 2)
 
 
 class View(NamedTuple):
@@ -61,7 +69,9 @@ class View(NamedTuple):
         first, last, grid = batch["first"], batch["last"], batch.get("grid")
         blocks = looked_at(first, last) if grid is None else None
         at = batch["angle"]
-        return cls(cos[at], sin[at], first, last, grid, batch.get("grid_at"), blocks)
+        # A kernel compares short numbers faster.
+        short = (first.to(torch.int32), last.to(torch.int32))
+        return cls(cos[at], sin[at], *short, grid, batch.get("grid_at"), blocks)
 
     def attend(self, q, k, v):
         """`[n, h, c]` each to the same."""
@@ -125,9 +135,11 @@ class Block(nn.Module):
 
     def forward(self, x, view, dtype):
         n, d = x.shape
-        qkv = product(rms_norm(x, self.norm_attention), self.qkv, dtype)
+        weight = halves(self.qkv, 3 * self.n_head, 1)
+        qkv = product(rms_norm(x, self.norm_attention), weight, dtype)
         q, k, v = qkv.view(n, 3, self.n_head, d // self.n_head).unbind(1)
-        x = x + product(view.attend(q, k, v).reshape(n, d), self.output, dtype)
+        weight = halves(self.output, self.n_head, 0)
+        x = x + product(view.attend(q, k, v).reshape(n, d), weight, dtype)
         hidden = product(rms_norm(x, self.norm_ffn), self.up, dtype)
         if self.ffn == "swiglu":
             gate, up = hidden.chunk(2, -1)
