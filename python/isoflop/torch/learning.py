@@ -51,6 +51,11 @@ class Learning:
             fused=True,
             capturable=compiled,
         )
+        for param in self.params:
+            # Made here, since a head that the first steps ask nothing of would begin to count at its own first.
+            count = torch.zeros((), device=device)
+            moments = {name: torch.zeros_like(param) for name in ("exp_avg", "exp_avg_sq")}
+            self.adam.state[param] = {"step": count, **moments}
         self.step = 0
         # The loss of each step since the last line of the log, in nats.
         self.losses, self.read = torch.zeros(self.spec.steps, device=device), 0
@@ -113,11 +118,10 @@ class Learning:
         return loss.detach()
 
     def _count_steps(self):
-        """Bias is corrected by the steps of the run, also of a head that some steps ask nothing of."""
-        if self.compiled:
-            return
-        for state in self.adam.state.values():
-            state["step"].fill_(self.step)
+        """Bias is corrected by the steps of the run, also of a head that this step asks nothing of."""
+        idle = [self.adam.state[param]["step"] for param in self.params if param.grad is None]
+        if idle:
+            torch._foreach_add_(idle, 1)
 
     def _look(self):
         """Reads the losses of the steps since it last did, and ends a run that has diverged."""
