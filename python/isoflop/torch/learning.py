@@ -286,7 +286,7 @@ def split_loss(objective, device, split):
             own = np.stack([nll, unigram, np.ones_like(nll)], 1)
             np.add.at(clips, clip, own)
             np.add.at(scales, scale, own)
-    nats, unigram, targets = scales.sum(0)
+    nats, unigram, targets = scales.sum(0).tolist()
     frames = int(objective.codes.frames[split].sum())
     by_scale = [(a - b) / n for a, b, n in scales if n > 0]
     return {
