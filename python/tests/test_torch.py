@@ -27,6 +27,8 @@ except ImportError as error:
 CODES, LAYERS = [{"codes": n} for n in (1, 2, 4)], [{"frames_per_code": 4}] * 3
 MULTISCALE = {"kind": "multiscale", "scales": [1, 2, 4], "mix": None}
 RESIDUAL = {"kind": "residual", "layers": 3, "codebook": {"kind": "vq", "n_vocab": 6}}
+# Two threads would wait for each other longer than one computes.
+torch.set_num_threads(1)
 D_TEXT, D_LATENT, MOST_LATENTS, MAX_TEXT = 5, 3, 6, 4
 
 

@@ -30,7 +30,7 @@ class LaterLayers(Headed):
         """Where embeddings are tied, only the last layer has a matrix of its own."""
         tied = self.n_heads - len(self.heads)
         tables = self.embedding.split(self.sizes[:-1])[1 : 1 + tied]
-        return [*(table.T for table in tables), *self.heads]
+        return [table.T for table in tables] + list(self.heads)
 
     def embedded(self, batch):
         """Projected words, and places, `[n, d]`."""
