@@ -19,15 +19,17 @@ def targets_by_head(head, rows, codes, n_heads):
 class Headed(Network):
     """A network with several heads: `classes` gives them, `embedded` the rows that the blocks take."""
 
+    PARTS = ("embedded", "heads_loss")
+
     def features(self, batch):
         """What the blocks make of the rows that predict targets, head after head, `[s, d]` each."""
-        x = self.stacked(self.embedded(batch), batch)
+        x = self.stacked(self.part("embedded")(batch), batch)
         rows = [batch[f"rows_{k}"] for k in range(self.n_heads)]
         return x[torch.cat(rows)].split([len(own) for own in rows])
 
     def forward(self, batch):
         """Mean cross-entropy of all targets of a batch, in nats."""
-        return self.heads_loss(self.features(batch), batch)
+        return self.part("heads_loss")(self.features(batch), batch)
 
     def heads_loss(self, features, batch):
         """The sum over heads; a head that nothing is asked of has no gradient."""

@@ -238,15 +238,13 @@ class Stepper:
         learning.adam.zero_grad(set_to_none=True)
         with torch.cuda.graph(self.graph):
             self.loss = learning.update(batch)
-        for tensor, before in zip(self._state()[: len(kept)], kept):
+        for tensor, before in zip(state, kept):
             tensor.copy_(before)
-        for tensor in self._state()[len(kept) :]:
-            tensor.zero_()
 
     def _state(self):
-        """All that a step changes: parameters, then moments and steps, which the first step makes."""
+        """All that a step changes: parameters, moments and steps."""
         adam = self.learning.adam
-        moments = [own for param in self.learning.params for own in adam.state.get(param, {}).values()]
+        moments = [own for param in self.learning.params for own in adam.state[param].values()]
         return [param.data for param in self.learning.params] + moments
 
 

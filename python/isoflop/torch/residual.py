@@ -56,6 +56,10 @@ class Stages(nn.Module):
     def dtype(self, dtype):
         self.base.dtype = self.residual.dtype = dtype
 
+    def compile_parts(self):
+        self.base.compile_parts()
+        self.residual.compile_parts()
+
     def forward(self, batch):
         """1/K of the first stage's loss and (K - 1)/K of the second's, K layers: nats a code."""
         first, later = self.base(stage(batch, "base")), self.residual(stage(batch, "residual"))
