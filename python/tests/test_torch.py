@@ -66,7 +66,8 @@ class Draws(unittest.TestCase):
         codes = rng.integers(0, 5, n.sum())
         for share in (0.0, 0.4):
             random, after = Stream(4, 5), Stream(4, 5)
-            expected = [_hidden(random, *clip, share) for clip in zip(np.split(codes, np.cumsum(n)), first, last)]
+            clips = zip(np.split(codes, np.cumsum(n)), first, last)
+            expected = [_hidden(random, *clip, share) for clip in clips]
             found = hidden(after, codes, n, parts, 5, 0.3, share)
             for own, each in zip(found, zip(*expected)):
                 np.testing.assert_array_equal(own, np.hstack(each))
@@ -224,16 +225,18 @@ def _write_codes(path, grid, rng):
     for split in ("train", "val", "test"):
         frames = rng.integers(1, MOST_LATENTS + 1, 9) * 4
         lengths = [own["length"] for own in grid["scales"]]
-        n = sum(frames // own.get("frames_per_code", 4) if "codes" not in own else own["codes"] for own in lengths)
-        offsets = np.concatenate([[0], np.cumsum(n + 0 * frames)])
+        n = sum(frames // 4 if "frames_per_code" in own else frames * 0 + own["codes"] for own in lengths)
+        offsets = np.concatenate([[0], np.cumsum(n)])
         arrays[f"{split}.codes"] = rng.integers(0, 6, offsets[-1]).astype(np.uint32)
-        arrays[f"{split}.offsets"], arrays[f"{split}.frames"] = offsets.astype(np.uint64), frames.astype(np.uint64)
+        arrays[f"{split}.offsets"] = offsets.astype(np.uint64)
+        arrays[f"{split}.frames"] = frames.astype(np.uint64)
     save_file(arrays, path, {"grid": json.dumps(grid)})
 
 
 def _write_captions(path, rng):
     words = np.concatenate([[0], np.cumsum(rng.integers(1, MAX_TEXT + 1, 12))])
-    arrays = {"embeddings": rng.standard_normal(words[-1] * D_TEXT).astype(np.float32), "words": words.astype(np.uint64)}
+    arrays = {"embeddings": rng.standard_normal(words[-1] * D_TEXT).astype(np.float32)}
+    arrays["words"] = words.astype(np.uint64)
     for split in ("train", "val", "test"):
         offsets = np.concatenate([[0], np.cumsum(rng.integers(1, 3, 9))])
         arrays[f"{split}.captions"] = rng.integers(0, 12, offsets[-1]).astype(np.uint32)

@@ -4,6 +4,7 @@ The numbers are those of the built-in trainer in its order. How many numbers a c
 numbers themselves, so the clips are walked one by one, and all that need not be is done for all at once.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,16 +17,16 @@ class Numbers:
     """The raw numbers of a stream by their place, and the same in [0, 1)."""
 
     def __init__(self, stream, n):
-        self.stream = stream
+        self.stream, self.raw = stream, ()
         self.at_least(n)
 
     def at_least(self, n):
-        """Draws more, if there are fewer than `n`."""
-        self.raw = self.stream.peek(n)
+        """Draws more, if there are fewer than `n`; whether it did."""
+        if n <= len(self.raw):
+            return False
+        self.raw = self.stream.peek(max(n, 2 * len(self.raw)))
         self.units = units(self.raw)
-
-    def __len__(self):
-        return len(self.raw)
+        return True
 
 
 class Corrupted(NamedTuple):
@@ -41,23 +42,27 @@ def corrupted(stream, codes, n_codes, n_vocab, text_drop, share):
     A clip takes a number for its caption, then one for each code, and where that is hit one more, which
     is the code that is shown.
     """
-    wanted = int(n_codes.sum() * (1 + share)) + len(n_codes)
-    numbers = Numbers(stream, wanted + wanted // 16 + int(n_codes.max()) + 64)
-    hits = Hits(numbers, share)
-    texts, ends = np.zeros_like(n_codes), np.zeros_like(n_codes)
-    at = 0
-    for clip, n in enumerate(n_codes.tolist()):
-        if at + 2 * n + 2 > len(numbers):
-            numbers.at_least(2 * (at + 2 * n + 2))
-            hits = Hits(numbers, share)
-        texts[clip], at = at, hits.end(at + 1, n)
-        ends[clip] = at
+    numbers, hits, texts, ends = walked(stream, n_codes, share)
     clip, place = spans(ends - texts - 1)
     at = texts[clip] + 1 + place
     asked = at[np.minimum(hits.before[at], place) % 2 == 0]
     hit, shown = hits.hit[asked], codes.copy()
     shown[hit] = each_below(numbers.raw[asked[hit] + 1], n_vocab[hit])
     return Corrupted(numbers.units[texts] < text_drop, shown)
+
+
+def walked(stream, n_codes, share):
+    """The numbers of clips, which of them hit, and for each clip the place of the first and the end."""
+    wanted = int(n_codes.sum() * (1 + share)) + len(n_codes)
+    numbers = Numbers(stream, wanted + wanted // 16 + int(n_codes.max()) + 64)
+    hits, at = Hits(numbers, share), 0
+    texts, ends = np.zeros_like(n_codes), np.zeros_like(n_codes)
+    for clip, n in enumerate(n_codes.tolist()):
+        if numbers.at_least(at + 2 * n + 2):
+            hits = Hits(numbers, share)
+        texts[clip], at = at, hits.end(at + 1, n)
+        ends[clip] = at
+    return numbers, hits, texts, ends
 
 
 class Hits:
@@ -109,30 +114,44 @@ class Hidden(NamedTuple):
 
 def hidden(stream, codes, n_codes, parts, n_vocab, text_drop, share):
     """Clips of `n_codes` codes each, of which some are hidden, shown as code `n_vocab`; of those that are
-    supervised a share is shown as random ones. The stream stands behind what was drawn."""
+    supervised a share is shown as random ones. The stream stands behind what was drawn.
+
+    A clip takes a number for its caption, one for how many codes are hidden, one for each of these, and for
+    each that is supervised one, or two where it is shown as a random one.
+    """
     numbers = Numbers(stream, int(2 * n_codes.sum()) + 2 * len(n_codes) + 64)
-    firsts, counts = np.zeros_like(n_codes), np.zeros_like(n_codes)
-    asked, at = [], 0
-    for clip, (n, first, last) in enumerate(zip(n_codes.tolist(), parts.first.tolist(), parts.last.tolist())):
-        if at + 3 * n + 2 > len(numbers):
-            numbers.at_least(2 * (at + 3 * n + 2))
-        part = np.cos(np.pi / 2 * numbers.units[at + 1])
-        count = min(max(int(np.floor(part * n + 0.5)), 1), n)
-        firsts[clip], counts[clip], at = at + 2, count, at + 2 + count
-        n_targets = count
-        if last - first < n:
-            own = hidden_codes(numbers.raw, firsts[clip : clip + 1], n_codes[clip : clip + 1], counts[clip : clip + 1])
-            n_targets = max(1, int(own[first:last].sum()))
-        at = questions(numbers.units, at, n_targets, share, asked)
-    is_hidden = hidden_codes(numbers.raw, firsts, n_codes, counts)
+    walk = Walk(numbers, n_codes, share)
+    for clip in range(len(n_codes)):
+        walk.take(clip, parts.first[clip], parts.last[clip])
+    is_hidden = hidden_codes(numbers.raw, walk.firsts, n_codes, walk.counts)
     is_target = targets_of(is_hidden, n_codes, parts)
-    shown = np.where(is_hidden | is_target, n_vocab, codes)
-    asked = np.array(asked, np.int64)
+    shown, asked = np.where(is_hidden | is_target, n_vocab, codes), np.array(walk.asked, np.int64)
     hit = numbers.units[asked] < share
     shown[np.flatnonzero(is_target)[hit]] = each_below(numbers.raw[asked[hit] + 1], n_vocab)
-    without_text = numbers.units[firsts - 2] < text_drop
-    stream.take(at)
-    return Hidden(without_text, is_target, shown)
+    stream.take(walk.at)
+    return Hidden(numbers.units[walk.firsts - 2] < text_drop, is_target, shown)
+
+
+class Walk:
+    """Where the numbers of clips stand: for each clip the first of those that choose what is hidden, and how
+    many these are; for each supervised code the one that asks whether it is shown as a random one."""
+
+    def __init__(self, numbers, n_codes, share):
+        self.numbers, self.n_codes, self.share, self.at, self.asked = numbers, n_codes, share, 0, []
+        self.firsts, self.counts = np.zeros_like(n_codes), np.zeros_like(n_codes)
+
+    def take(self, clip, first, last):
+        """Goes on by a clip of which codes `first..last` are supervised."""
+        n, numbers = int(self.n_codes[clip]), self.numbers
+        numbers.at_least(self.at + 3 * n + 2)
+        part = math.cos(math.pi / 2 * numbers.units[self.at + 1])
+        count = min(max(math.floor(part * n + 0.5), 1), n)
+        self.firsts[clip], self.counts[clip], self.at = self.at + 2, count, self.at + 2 + count
+        if last - first < n:
+            own = slice(clip, clip + 1)
+            is_hidden = hidden_codes(numbers.raw, self.firsts[own], self.n_codes[own], self.counts[own])
+            count = max(1, int(is_hidden[first:last].sum()))
+        self.at = questions(numbers.units, self.at, count, self.share, self.asked)
 
 
 def questions(drawn, at, n, share, asked):

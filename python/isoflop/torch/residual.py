@@ -116,8 +116,8 @@ class TwoStages:
         self.unigram = codes.unigram()
 
     def batch(self, step):
-        """The batch of a step, which counts from 0: of tokens 2 p and 2 p + 1, both of place p, the first is the
-        first stage's."""
+        """The batch of a step, which counts from 0. Tokens 2 p and 2 p + 1 are those of place p, the first
+        stage's before the second's."""
         spec, stream = self.spec, self.first.stream
         start, end = step * spec.batch_tokens, (step + 1) * spec.batch_tokens
         first = stream.parts((start + 1) // 2, (end + 1) // 2 - (start + 1) // 2)
@@ -145,7 +145,7 @@ class TwoStages:
         return Packed(groups, layout, self.spec.forward_flops(layout, len(words), columns))
 
     def _rows(self, layout, ids, clips):
-        """For each row the layer that is asked for, -1 for text, and its codes in all layers but the last; codes
+        """For each row the layer that is asked for, -1 for text, and its codes in all layers but the last; those
         that are not shown are some or other."""
         n, starts, layer = clips
         clip, place = spans(n)
@@ -161,7 +161,7 @@ class TwoStages:
         return rows
 
     def measured(self, split, clips, device):
-        """Of the first layer a bound, of each later one -ln p given those before it; a tuple of arrays a layer."""
+        """Of the first layer a bound, of each later one -ln p given those before it; a tuple a layer."""
         yield from self.first.measured(split, clips, device)
         n_later = len(self.n_vocab) - 1
         asked, layer = np.repeat(clips, n_later), np.tile(np.arange(n_later), len(clips))

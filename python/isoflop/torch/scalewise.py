@@ -63,6 +63,17 @@ class Scalewise(Headed):
         return x + torch.where(level[:, None] > 0, inputs[batch["input_at"]], 0.0)
 
 
+def seen(ends):
+    """What the rows of codes see: text, and the codes of their clip up to `ends`, `[codes]`."""
+
+    def sees(_sequence, place, prefix):
+        visible = prefix.copy()
+        visible[place >= prefix] += ends
+        return visible
+
+    return sees
+
+
 class NextScale:
     """The scale-by-scale transformer on the batches of a run."""
 
@@ -110,23 +121,17 @@ class NextScale:
         """Parts of a split as a batch, with the codes that it shows."""
         lengths, prefix = self.lengths[split][parts.clip], n_words(self.captions, parts.caption)
         clip, scale, slot = self._scales(lengths)
-        ends = np.cumsum(lengths, 1)[clip, scale]
-
-        def sees(_sequence, place, prefix):
-            visible = prefix.copy()
-            visible[place >= prefix] += ends
-            return visible
-
-        layout = Layout.of(prefix, lengths.sum(1), sees)
+        layout = Layout.of(prefix, lengths.sum(1), seen(np.cumsum(lengths, 1)[clip, scale]))
         words, text_at = text_rows(self.captions, parts.caption, layout)
         latents = self.codes.frames[split][parts.clip] // self.own["frames_per_latent"]
         rows = self._rows(layout, latents, (clip, scale, slot), shown)
         groups = {"row": rows | {"text_at": text_at}, "word": {"words": words}}
         if self.model.inputs is not None:
             groups["shown"] = self.model.inputs.shown(layout.starts + prefix, latents)
+        # Codes that are supervised, among all of the batch.
         asked, place = spans(parts.last - parts.first)
-        starts = np.cumsum(lengths.sum(1)) - lengths.sum(1)
-        at = (starts + parts.first)[asked] + place
+        n_codes = lengths.sum(1)
+        at = (np.cumsum(n_codes) - n_codes + parts.first)[asked] + place
         codes = (self._codes(split, parts.clip) - self.codes.starts()[scale])[at]
         asked_rows = np.flatnonzero(~layout.is_text)[at]
         groups |= targets_by_head(scale[at], asked_rows, codes, len(self.n_vocab))
@@ -136,24 +141,25 @@ class NextScale:
     def _rows(self, layout, latents, codes, shown):
         """The arrays of the rows of a batch; -1 stands for no slot, no level, no length."""
         clip, scale, slot = codes
-        is_code, n = ~layout.is_text, len(layout.place)
+        row, n = np.flatnonzero(~layout.is_text), len(layout.place)
 
-        def of_codes(values, else_):
-            array = np.full(n, else_) if np.isscalar(else_) else else_
-            array[is_code] = values
+        def of_codes(values, others):
+            array = np.zeros(n, np.int64) + others
+            array[row] = values
             return array
 
         angle = self.places.n_text - layout.prefix[layout.sequence] + layout.place
-        length = (latents.clip(1, self.own["most_latents"]) - 1)[layout.sequence]
-        length[np.flatnonzero(is_code)[scale > 0]] = -1
-        rows = {"ids": of_codes(shown, 0), "level": of_codes(scale, -1), "length": length}
-        rows |= {"slot": of_codes(np.where(scale == 0, slot, -1), -1)}
-        rows |= {"angle": of_codes(self.places.starts[scale] + slot, angle)}
+        length = latents.clip(1, self.own["most_latents"]) - 1
+        rows = {"ids": of_codes(shown, 0), "level": of_codes(scale, -1)}
+        rows["slot"] = of_codes(np.where(scale == 0, slot, -1), -1)
+        rows["length"] = of_codes(np.where(scale == 0, length[clip], -1), length[layout.sequence])
+        rows["angle"] = of_codes(self.places.starts[scale] + slot, angle)
         if self.model.inputs is not None:
-            # Rows without inputs are given some or other.
-            later, at = scale > 0, np.arange(n) % max(1, int((scale > 0).sum()))
-            at[np.flatnonzero(is_code)[later]] = self.model.inputs.at(latents, clip[later], scale[later], slot[later])
-            rows["input_at"] = at
+            # Rows without inputs have some or other, as those of codes have some word.
+            later = scale > 0
+            rows["input_at"] = np.arange(n) % max(1, int(later.sum()))
+            at = self.model.inputs.at(latents, clip[later], scale[later], slot[later])
+            rows["input_at"][row[later]] = at
         return rows
 
     def measured(self, split, clips, device):
