@@ -160,6 +160,9 @@ class Network(nn.Module):
     Frozen tensors (vectors of captions, angles) are buffers that no file holds.
     """
 
+    # Methods that are compiled for training, beside blocks.
+    PARTS = ("embedded", "head_loss")
+
     def __init__(self, shape, vectors, positions):
         super().__init__()
         d = shape["d_model"]
@@ -181,8 +184,7 @@ class Network(nn.Module):
         is ready as soon as one of four."""
         for block in self.blocks:
             block.compile(dynamic=False)
-        parts = ("embedded", "head_loss")
-        self.compiled = {name: torch.compile(getattr(self, name), dynamic=False) for name in parts}
+        self.compiled = {name: torch.compile(getattr(self, name), dynamic=False) for name in self.PARTS}
 
     def part(self, name):
         """A part of a step: compiled for training, as it is for measuring, where shapes vary."""
