@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 import unittest
+from types import SimpleNamespace
 
 try:
     import numpy as np
@@ -20,7 +21,7 @@ try:
     from isoflop.torch.packing import on_device, room_for
     from isoflop.torch.scale_inputs import Multiscale, area_down, linear_up
     from isoflop.torch.spec import RunSpec
-    from isoflop.torch.stream import Parts
+    from isoflop.torch.stream import Parts, TokenStream
 except ImportError as error:
     raise unittest.SkipTest(f"the torch trainer needs {error.name}: pip install 'isoflop[torch]'") from error
 
@@ -30,6 +31,21 @@ RESIDUAL = {"kind": "residual", "layers": 3, "codebook": {"kind": "vq", "n_vocab
 # Two threads would wait for each other longer than one computes.
 torch.set_num_threads(1)
 D_TEXT, D_LATENT, MOST_LATENTS, MAX_TEXT = 5, 3, 6, 4
+
+
+class Published(unittest.TestCase):
+    """The built-in trainer's test reads the same file."""
+
+    def test_batches_are_those_that_are_published(self):
+        with open(os.path.join(os.path.dirname(__file__), "batches.json")) as file:
+            published = json.load(file)
+        counts, n = np.array(published["captions"]), published["batch_tokens"]
+        offsets = np.concatenate([[0], np.cumsum(counts)])
+        captions = SimpleNamespace(offsets={"train": offsets}, captions={"train": np.arange(counts.sum())})
+        targets, clips = np.array(published["codes"]) + 1, np.arange(len(counts))
+        stream = TokenStream(captions, targets, clips, published["seed"])
+        for step, parts in enumerate(published["steps"]):
+            np.testing.assert_array_equal(np.stack(stream.parts(step * n, n), 1), parts)
 
 
 class Draws(unittest.TestCase):
