@@ -11,7 +11,7 @@
 //! | --- | --- | --- | --- |
 //! | 1 | [`units`] | numbers and amounts of memory as people write them | |
 //! | 1 | [`failure`] | what can go wrong with a job, as a type | |
-//! | 1 | [`machine`] | memory of this machine, and kills for the lack of it | |
+//! | 1 | [`machine`] | memory of this machine, and kills for the lack of it; GPUs by name | |
 //! | 1 | [`files`] | files written whole, mapped, or set aside | failure |
 //! | 1 | [`progress`] | steps, pieces of work, requests to stop | failure, files |
 //! | 2 | [`spec`] | closed descriptions of what is trained: hashed, free of burn | |

@@ -7,6 +7,7 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use isoflop::engine::{ENGINES, Engine, engine};
 use isoflop::jobs::TrainedTokenizer;
+use isoflop::machine::cards::{self, CARDS, Card};
 use isoflop::ops::DeviceName;
 use isoflop::sweep::presets::NAMES;
 
@@ -96,6 +97,13 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 pub fn device() -> impl TypedValueParser<Value = DeviceName> {
     let names = DeviceName::ALL.map(|(name, about)| PossibleValue::new(name.name()).help(about));
     PossibleValuesParser::new(names).map(|name| name.parse().expect("one of the possible values"))
+}
+
+/// The parser of a card's name.
+pub fn a_card() -> impl TypedValueParser<Value = &'static Card> {
+    let names = CARDS.each_ref().map(|card| card.name);
+    PossibleValuesParser::new(names)
+        .map(|name| cards::find(&name).expect("one of the possible values"))
 }
 
 /// The parser of an engine's name.

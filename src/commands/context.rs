@@ -17,7 +17,8 @@ use super::args::SweepArgs;
 /// A sweep and its plan over its data.
 #[derive(Clone)]
 pub struct OpenSweep {
-    /// As resolved: `clips: auto` is a number here, and the source of a union is named.
+    /// As resolved, where the data are opened to be used: `clips: auto` is a number here, and the source of a
+    /// union is named.
     pub sweep: Sweep,
     pub plan: Plan,
     pub folder: ResultsFolder,
@@ -52,7 +53,7 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
 
 /// The plan of a sweep whose data, or vectors of captions, may not be here: then ids are
 /// provisional, and it says so.
-pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
+pub fn plan_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let (sweep, folder) = read_sweep(args)?;
     let source = data::open(&sweep.data, demand(&sweep).as_ref());
     let facts = match &source {
@@ -69,7 +70,7 @@ pub fn plan_sweep(args: &SweepArgs) -> Result<(Plan, ResultsFolder)> {
         Ok(digests) => facts.with_trainer_inputs(digests),
         Err(error) => facts.with_warning(format!("{error:#}; ids are provisional")),
     };
-    Ok((Plan::new(&sweep, facts), folder))
+    Ok(OpenSweep { plan: Plan::new(&sweep, facts), sweep, folder })
 }
 
 /// Facts with what the captions are to an encoder; the exact count alone asks how long they are.

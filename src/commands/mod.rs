@@ -21,6 +21,7 @@ mod finished;
 mod fit;
 mod generate;
 mod generators;
+mod gpu_cost;
 mod init;
 mod output;
 mod plan;

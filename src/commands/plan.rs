@@ -2,18 +2,21 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use burn::tensor::Device;
 use clap::Args;
+use isoflop::jobs::gpu::Gpu;
 use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs, probe};
+use isoflop::machine::cards::Card;
 use isoflop::plan::{Plan, PlannedRun, TokenizerJob};
 use isoflop::record::flops_per_second;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::args::SweepArgs;
-use super::context::plan_sweep;
+use super::args::{SweepArgs, a_card, not_negative};
+use super::context::{OpenSweep, plan_sweep};
 use super::exit::Exit;
+use super::gpu_cost::GpuCost;
 use super::output::Output;
 use super::plan_text;
 use super::stale::stale;
@@ -22,24 +25,60 @@ use super::stale::stale;
 pub struct PlanArgs {
     #[command(flatten)]
     pub sweep: SweepArgs,
+    /// Estimate hours and memory on this GPU, in place of the sweep's engine.gpu
+    #[arg(long, value_name = "CARD", value_parser = a_card())]
+    pub gpu: Option<&'static Card>,
+    /// Dollars that an hour of the GPU costs, as 2.5
+    #[arg(long, value_name = "DOLLARS", value_parser = not_negative)]
+    pub price: Option<f64>,
+}
+
+impl PlanArgs {
+    /// The GPU that is named here or in the sweep.
+    fn gpu(&self, OpenSweep { sweep, plan, folder }: &OpenSweep) -> Result<Option<Gpu>> {
+        let engine = sweep.engine.as_ref();
+        let Some(card) = self.gpu.or_else(|| engine?.card()) else {
+            if self.price.is_some() {
+                bail!("--price is that of a GPU: name one by --gpu or engine.gpu");
+            }
+            return Ok(None);
+        };
+        let told = engine.and_then(|engine| engine.mfu).map(|mfu| mfu.0);
+        Ok(Some(Gpu::new(card, told, plan, folder)))
+    }
 }
 
 pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let device = args.sweep.device.open()?;
-    let (plan, folder) = plan_sweep(&args.sweep)?;
+    let open = plan_sweep(&args.sweep)?;
+    let gpu = args.gpu(&open)?;
+    let OpenSweep { plan, folder, .. } = open;
     plan.warnings().iter().for_each(|line| output.warn(line));
     let states = folder.run_states();
     let jobs = missing_jobs(&plan, &folder);
-    let hours = hours(&jobs, &plan, &folder, &device, args.sweep.slots());
+    let on_gpu = gpu.as_ref().map(|gpu| GpuCost::new(gpu, args.price, &plan, &jobs));
+    let hours = match &on_gpu {
+        Some(cost) => Some(cost.hours_to_go),
+        None => hours(&jobs, &plan, &folder, &device, args.sweep.slots()),
+    };
     let stale = stale(&plan, &folder);
     let document = || {
         let mut document = json(&plan, &folder, &states);
         document["hours"] = json!(hours);
         document["stale"] = json!(stale);
+        if let Some(cost) = &on_gpu {
+            cost.add_to(&mut document);
+        }
         document
     };
-    let text =
-        || plan_text::text(&plan, &states, &stale, &plan_text::cost(&plan, hours, &args.sweep));
+    let text = || match &on_gpu {
+        Some(cost) => {
+            plan_text::by_budget(&plan, &states, &stale, &cost.table(), &cost.sentences())
+        }
+        None => {
+            plan_text::text(&plan, &states, &stale, &plan_text::cost(&plan, hours, &args.sweep))
+        }
+    };
     output.result_of(document, text)?;
     Ok(Exit::Done)
 }

@@ -20,11 +20,31 @@ pub fn text(plan: &Plan, states: &RunStates, stale: &[Stale], cost: &str) -> Str
     head(&mut out, plan, states);
     table(&mut out, plan, states);
     dropped(&mut out, plan);
+    told_stale(&mut out, stale);
+    out + "\n" + &wrap("", cost)
+}
+
+/// The plan on one screen: a table of its budgets in place of its runs, and no list of what is dropped; `cost`
+/// is its last lines.
+pub fn by_budget(
+    plan: &Plan,
+    states: &RunStates,
+    stale: &[Stale],
+    table: &str,
+    cost: &str,
+) -> String {
+    let mut out = String::new();
+    head(&mut out, plan, states);
+    out += table;
+    told_stale(&mut out, stale);
+    out + "\n" + cost
+}
+
+fn told_stale(out: &mut String, stale: &[Stale]) {
     for Stale { runs, fields } in stale {
         let sentence = format!("{runs} finished runs differ in {}", fields.join(", "));
-        out += &wrap("stale: ", &sentence);
+        *out += &wrap("stale: ", &sentence);
     }
-    out + "\n" + &wrap("", cost)
 }
 
 /// What the plan takes: FLOPs, time, memory, disk.
@@ -45,7 +65,7 @@ pub fn cost(plan: &Plan, hours: Option<f64>, args: &SweepArgs) -> String {
 }
 
 /// What the runs cost together, and what they save where they share trunks.
-fn flops(plan: &Plan) -> String {
+pub fn flops(plan: &Plan) -> String {
     let (alone, trained) = (plan.total_flops(), plan.trained_flops());
     if plan.trunks.is_empty() {
         return format!("{alone:.2e} FLOPs in all");
@@ -164,7 +184,7 @@ fn dropped(out: &mut String, plan: &Plan) {
 }
 
 /// A budget in at most four digits: `1.5e10`, `3e10`.
-fn exponent(budget: f64) -> String {
+pub fn exponent(budget: f64) -> String {
     let shortest = format!("{budget:e}");
     if shortest.len() <= 8 { shortest } else { format!("{budget:.2e}") }
 }
@@ -183,7 +203,7 @@ pub fn time(hours: f64) -> String {
     }
 }
 
-fn bytes(n: u64) -> String {
+pub fn bytes(n: u64) -> String {
     match n as f64 {
         n if n < 1e9 => format!("{:.0} MB", n / 1e6),
         n if n < 1e12 => format!("{:.1} GB", n / 1e9),

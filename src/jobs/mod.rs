@@ -24,6 +24,7 @@ mod assignment;
 mod evaluator;
 mod exit;
 mod folder;
+pub mod gpu;
 mod graph;
 mod id;
 mod job;

@@ -50,7 +50,7 @@ fn params(plan: &Plan) -> HashMap<&str, usize> {
 }
 
 /// Parameters, and budget FLOPs a second.
-type Rate = (f64, f64);
+pub(super) type Rate = (f64, f64);
 
 /// What as many threads measure as `slots` workers can have a core each; the mean of each rate. Workers share
 /// memory and caches, and one alone is faster.
@@ -90,7 +90,7 @@ fn measure(runs: &[&PlannedRun], device: &Device) -> Vec<Rate> {
 }
 
 /// Between probes, linear in logarithms; outside, the nearest.
-fn rate_at(rates: &[Rate], params: usize) -> f64 {
+pub(super) fn rate_at(rates: &[Rate], params: usize) -> f64 {
     let x = (params as f64).ln();
     let above = rates.partition_point(|(n, _)| n.ln() < x);
     match (above.checked_sub(1).map(|i| rates[i]), rates.get(above).copied()) {

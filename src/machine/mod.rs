@@ -1,4 +1,4 @@
-//! What this machine and this process have of memory.
+//! What this machine and this process have of memory; GPUs by name.
 //!
 //! # Example
 //!
@@ -10,6 +10,7 @@
 //! ```
 
 pub mod allocator;
+pub mod cards;
 pub mod memory;
 pub mod oom;
 pub mod peak;

@@ -168,3 +168,71 @@ fn a_plan_says_what_fsq_makes_of_a_size() {
     let plan = place.isoflop(&["plan", "scamo.yaml", "--json"]).exits(0).json();
     assert_eq!(list(&plan, "vocabularies")[1]["codes"], 1000);
 }
+
+/// On one screen: 287 runs of the published grid, with what they cost.
+#[test]
+fn a_plan_on_a_gpu_has_hours_dollars_and_memory() {
+    let place = Place::new();
+    let asked = ["plan", "scamo", "--gpu", "h100", "--price", "2.5"];
+    let ended = place.isoflop(&asked).exits(0);
+    let text = ended.stdout();
+    assert!(text.contains("287 runs") && text.contains("MFU 30 to 45 %, assumed"), "{text}");
+    assert!(text.lines().count() <= 25, "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+
+    let plan = place.isoflop(&[&asked[..], &["--json"]].concat()).exits(0).json();
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{value}"));
+    let gpu = &plan["gpu"];
+    let hours: f64 = list(&plan, "runs").iter().map(|run| number(&run["gpu_hours"])).sum();
+    assert!((hours - number(&gpu["hours"])).abs() < 1e-9 * hours, "{hours} and {gpu}");
+    assert!((2.5 * hours - number(&gpu["dollars"])).abs() < 1e-9 * hours, "{hours} and {gpu}");
+    assert_eq!((&plan["hours"], &gpu["mfu"]["source"]), (&gpu["hours"], &"assumed".into()));
+    // Half of the peak at most, and no less than the least MFU with the start of each run.
+    let at = |mfu: f64| number(&plan["total_flops"]) / (989e12 * mfu) / 3600.0;
+    assert!((at(0.45)..at(0.30) + 287.0 / 120.0).contains(&hours), "{hours}");
+    let bytes = list(&plan, "runs").iter().filter_map(|run| run["gpu_bytes"].as_u64());
+    assert_eq!(bytes.clone().max(), gpu["peak_bytes"].as_u64());
+    let large = bytes.filter(|bytes| *bytes > 80_000_000_000).count();
+    assert_eq!(Some(large as u64), gpu["too_large"].as_u64());
+    assert!(text.contains(&format!("{large} of 287 runs do not fit on one h100")), "{text}");
+}
+
+#[test]
+fn the_sweep_names_a_card_and_its_mfu_and_the_command_line_another() {
+    let place = Place::with("mini.yaml");
+    let plan = |words: &[&str]| {
+        let sweep = ["plan", "mini.yaml", "--set", "engine={gpu: l4, mfu: 0.5}", "--json"];
+        place.isoflop(&[&sweep[..], words].concat()).exits(0).json()["gpu"].clone()
+    };
+    let (own, other) = (plan(&[]), plan(&["--gpu", "h100"]));
+    assert_eq!((&own["name"], &other["name"]), (&"l4".into(), &"h100".into()));
+    let told = serde_json::json!({"source": "told", "least": 0.5, "most": 0.5});
+    assert_eq!((&own["mfu"], &own["dollars"]), (&told, &Value::Null));
+    let none = place.isoflop(&["plan", "mini.yaml", "--json"]).exits(0).json();
+    assert!(none.get("gpu").is_none() && none["runs"][0].get("gpu_hours").is_none());
+}
+
+#[test]
+fn a_card_that_is_not_known_is_refused_with_the_nearest() {
+    let place = Place::with("mini.yaml");
+    place
+        .isoflop(&["plan", "mini.yaml", "--gpu", "h10"])
+        .exits(2)
+        .says("similar value exists: 'h100'");
+    for command in ["plan", "run"] {
+        let ended = place.isoflop(&[command, "mini.yaml", "--set", "engine.gpu=h10"]).exits(2);
+        ended.says("no card is named `h10`").says("did you mean `h100`?");
+    }
+    place.isoflop(&["plan", "mini.yaml", "--set", "engine.mfu=35"]).exits(2).says("at most 1");
+    place.isoflop(&["plan", "mini.yaml", "--price", "2"]).exits(2).says("--gpu or engine.gpu");
+}
+
+#[test]
+fn a_run_that_does_not_fit_on_the_card_is_refused_before_anything_runs() {
+    let place = Place::new();
+    let small = ["--set", "data={clips: 16, val_clips: 4, test_clips: 8}"];
+    let run = ["run", "scamo", "--set", "engine.gpu=l4"];
+    let ended = place.isoflop(&[&run[..], &small].concat()).exits(2);
+    ended.says("nothing was run").says("of 287 runs do not fit on one l4").says("24 GB");
+    assert!(!place.path("results").exists());
+}

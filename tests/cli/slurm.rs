@@ -95,3 +95,18 @@ fn a_machine_without_slurm_says_so_and_nothing_is_changed() {
     check.says("is this a machine with Slurm on it?");
     assert!(!place.path("results").exists());
 }
+
+#[test]
+fn with_a_card_each_task_of_the_runs_asks_for_one_gpu() {
+    let place = place();
+    let card =
+        ["--set", "engine.gpu=h100", "--set", "engine.slurm.flops_per_second=null", "--json"];
+    let ended = place.isoflop(&[&DRY[..], &card].concat()).exits(0);
+    let document = ended.says("FLOPs a second, by the MFU of engine.gpu").json();
+    for submission in document["submissions"].as_array().expect("a list") {
+        let words = submission["sbatch"].as_array().expect("words");
+        let name = words.iter().find_map(|word| word.as_str()?.strip_prefix("--job-name="));
+        let trains = name.is_some_and(|name| name.contains("train"));
+        assert_eq!(words.iter().any(|word| word == "--gres=gpu:1"), trains, "{submission:#}");
+    }
+}

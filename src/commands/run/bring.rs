@@ -1,5 +1,6 @@
 //! A sweep's missing jobs, brought to their end by an engine.
 
+use std::collections::HashSet;
 use std::ops::ControlFlow;
 
 use anyhow::{Context, Result, bail};
@@ -8,7 +9,8 @@ use isoflop::engine::{
 };
 use isoflop::failure::Failure;
 use isoflop::jobs::presence::Held;
-use isoflop::jobs::{Job, missing_jobs, with_needs};
+use isoflop::jobs::{Job, gpu, missing_jobs, with_needs};
+use isoflop::sweep::EngineSection;
 
 use super::args::RunArgs;
 use super::prepare::prepare;
@@ -29,6 +31,7 @@ pub fn bring(
     wanted: impl Fn(&Job) -> bool,
     output: &Output,
 ) -> Result<ControlFlow<Exit, Vec<JobReport>>> {
+    check_card(open, &wanted)?;
     let request = request(args, open, output);
     let engine: &dyn Engine = args.engine;
     let mut session = engine.session(&request)?;
@@ -62,6 +65,16 @@ pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
         bail!("every cell of the grid is dropped; `isoflop plan` gives the reasons");
     }
     Ok(open)
+}
+
+/// Refuses missing runs that the card of `engine.gpu` cannot hold.
+fn check_card(open: &OpenSweep, wanted: impl Fn(&Job) -> bool) -> Result<()> {
+    let OpenSweep { sweep, plan, folder } = open;
+    let Some(card) = sweep.engine.as_ref().and_then(EngineSection::card) else { return Ok(()) };
+    let jobs = with_needs(missing_jobs(plan, folder), wanted);
+    let missing: HashSet<&str> = jobs.iter().map(|job| job.id.id.as_str()).collect();
+    let runs = plan.runs.iter().filter(|run| missing.contains(run.run_id.as_str()));
+    gpu::too_large(card, runs).map_or(Ok(()), |problem| bail!("nothing was run: {problem}"))
 }
 
 fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> SweepRequest<'a> {

@@ -3,6 +3,7 @@
 use burn::tensor::Device;
 
 use crate::files::FileError;
+use crate::jobs::gpu::Gpu;
 use crate::jobs::{Job, probe};
 use crate::jobs::{JobId, JobKind, JobState, ResultsFolder};
 use crate::plan::{Plan, PlannedRun};
@@ -49,6 +50,14 @@ impl Estimates {
         let seconds = 3600.0 * probe::hours(&jobs, plan, device, 1, None);
         let flops_per_second = if seconds > 0.0 { flops / seconds } else { f64::INFINITY };
         Self { flops_per_second, source: "measured here by a few steps" }
+    }
+
+    /// The mean rate of a plan's runs on a card.
+    pub fn of_card(plan: &Plan, gpu: &Gpu) -> Self {
+        let jobs = JobKind::goal().jobs(plan);
+        let flops: f64 = jobs.iter().map(|job| job.cost).sum();
+        let flops_per_second = flops / (3600.0 * gpu.hours(plan, &jobs));
+        Self { flops_per_second, source: "by the MFU of engine.gpu" }
     }
 
     /// Seconds that a job takes on a slot of its own.

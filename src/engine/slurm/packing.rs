@@ -13,6 +13,7 @@ use super::files::SlurmFolder;
 use super::stages::{Array, Layout, arrays};
 use super::submission::{Submission, SubmissionTerms};
 use super::submit::{Submitted, keep_program, submit};
+use crate::jobs::gpu::Gpu;
 use crate::jobs::{Job, JobId, ResultsFolder, all_jobs};
 
 /// FLOPs a second that a GPU is taken to give, where no run has ended on it yet.
@@ -106,16 +107,21 @@ impl Packing<'_> {
         }
     }
 
-    /// How fast jobs are: as the section says, as runs were, or as a few steps here show.
+    /// How fast jobs are: as the section says, as runs were, as the card should be, or as a few steps here show.
     fn estimates(&self) -> Result<Estimates> {
         let (plan, folder) = (self.cluster.request.plan, &self.cluster.folder);
+        let engine = self.cluster.request.sweep.engine.as_ref();
+        let card = engine.and_then(|engine| Some((engine.card()?, engine.mfu.map(|mfu| mfu.0))));
         let given = self.cluster.settings.section().flops_per_second;
         let estimates = match (given, Estimates::of_records(plan, folder)?) {
             (Some(rate), _) => Estimates::given(rate.0),
             (None, Some(measured)) => measured,
-            (None, None) => match self.cluster.request.device {
-                name if name.is_processor() => Estimates::of_probe(plan, &name.open()?),
-                _ => Estimates { flops_per_second: GPU, source: "guessed" },
+            (None, None) => match (card, self.cluster.request.device) {
+                (Some((card, mfu)), _) => {
+                    Estimates::of_card(plan, &Gpu::new(card, mfu, plan, folder))
+                }
+                (None, name) if name.is_processor() => Estimates::of_probe(plan, &name.open()?),
+                (None, _) => Estimates { flops_per_second: GPU, source: "guessed" },
             },
         };
         let Estimates { flops_per_second, source } = &estimates;

@@ -76,14 +76,16 @@ impl Engine for Slurm {
     }
 }
 
-/// The section of the sweep, under that of the profile.
+/// The section of the sweep, under that of the profile; with a card, a GPU for each task of the runs.
 fn settings(request: &SweepRequest) -> Result<Settings> {
-    let of_sweep = request.sweep.engine.clone().unwrap_or_default().slurm;
+    let engine = request.sweep.engine.clone().unwrap_or_default();
+    let (has_card, of_sweep) = (engine.card().is_some(), engine.slurm);
     let section = match request.profile {
         Some(path) => read_profile(path)?.over(of_sweep),
         None => of_sweep,
     };
-    Ok(Settings::new(section))
+    let settings = Settings::new(section);
+    Ok(if has_card { settings.with_a_gpu() } else { settings })
 }
 
 /// MaxArraySize; also shows whether the controller answers.

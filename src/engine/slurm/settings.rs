@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::sweep::{Amount, Count, Resources, SlurmSection, Stage, minutes};
+use crate::sweep::{Amount, Count, Resources, SlurmSection, Stage, Word, minutes};
 
 /// MaxArraySize of a Slurm that says nothing else.
 const MAX_ARRAY: usize = 1001;
@@ -17,6 +17,19 @@ impl Settings {
     /// A section as the sweep and the profile give it.
     pub fn new(section: SlurmSection) -> Self {
         Self { section }
+    }
+
+    /// The same with one GPU for each task of the runs, and one run at a time on it; as it is where the section
+    /// says of GPUs itself what these tasks ask for.
+    pub fn with_a_gpu(mut self) -> Self {
+        let asked = self.resources(Stage::Train);
+        if asked.gpus.is_none() && asked.gres.is_none() && asked.gpus_per_task.is_none() {
+            let stages = self.section.stages.get_or_insert_default();
+            let train = stages.entry(Stage::Train).or_default();
+            train.gres = Some(Word("gpu:1".to_string()));
+            train.runs_at_once = asked.runs_at_once.or(Some(Count(1)));
+        }
+        self
     }
 
     /// The section as it was given.
@@ -136,6 +149,23 @@ mod tests {
         assert_eq!((mem(Stage::Fit).as_str(), mem(Stage::Train).as_str()), ("16G", "4G"));
         assert_eq!(settings.resources(Stage::Fit).time.unwrap().0, "60");
         assert_eq!(settings.program("sbatch"), ["ssh", "login", "sbatch"]);
+    }
+
+    #[test]
+    fn with_a_card_runs_ask_for_one_gpu_unless_the_section_says() {
+        let asked = |text: &str, stage| {
+            let resources = settings(text).with_a_gpu().resources(stage);
+            let word = |word: Option<Word>| word.map(|word| word.0);
+            (word(resources.gres), word(resources.gpus), resources.runs_at_once.map(|n| n.0))
+        };
+        let one = |at_once| (Some("gpu:1".to_string()), None, Some(at_once));
+        assert_eq!(asked("{cpus_per_task: 8}", Stage::Train), one(1));
+        assert_eq!(asked("{stages: {train: {runs_at_once: 4}}}", Stage::Train), one(4));
+        assert_eq!(asked("{cpus_per_task: 8}", Stage::Inputs), (None, None, None));
+        let own = (None, Some("0".to_string()), None);
+        assert_eq!(asked("{gpus: 0}", Stage::Train), own, "none is asked for");
+        let own = (Some("gpu:h100:1".to_string()), None, None);
+        assert_eq!(asked("{stages: {train: {gres: 'gpu:h100:1'}}}", Stage::Train), own);
     }
 
     #[test]

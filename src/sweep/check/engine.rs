@@ -1,7 +1,9 @@
 //! What types alone cannot say of the `engine` section and of a profile file.
 
+use crate::machine::cards::CARDS;
+use crate::sweep::nearest::nearest;
 use crate::sweep::problem::Problem;
-use crate::sweep::sections::{Amount, Count, Resources, SlurmSection, Stage, Sweep};
+use crate::sweep::sections::{Amount, Count, EngineSection, Resources, SlurmSection, Stage, Sweep};
 use crate::sweep::time_limit::minutes;
 
 /// Arguments of `sbatch` that isoflop gives itself.
@@ -24,8 +26,21 @@ const OURS: [&str; 14] = [
 
 /// Problems of a sweep's section.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
-    let section = sweep.engine.as_ref().map(|engine| &engine.slurm);
-    section.map(|section| slurm(section, "engine.slurm.")).unwrap_or_default()
+    let Some(section) = &sweep.engine else { return Vec::new() };
+    gpu(section).into_iter().chain(slurm(&section.slurm, "engine.slurm.")).collect()
+}
+
+/// A card that is not known, and an MFU that is no share of its peak.
+fn gpu(section: &EngineSection) -> Vec<Problem> {
+    let unknown = section.gpu.as_ref().filter(|_| section.card().is_none());
+    let unknown = unknown.map(|name| {
+        let names = CARDS.each_ref().map(|card| card.name);
+        Problem::value("engine.gpu", format!("no card is named `{name}`"))
+            .with_help(nearest(name, &names))
+    });
+    let wrong = section.mfu.filter(|Amount(mfu)| !(*mfu > 0.0 && *mfu <= 1.0));
+    let wrong = wrong.map(|_| Problem::value("engine.mfu", "must be above 0, and at most 1"));
+    unknown.into_iter().chain(wrong).collect()
 }
 
 /// Problems of a section whose keys stand under `prefix`.

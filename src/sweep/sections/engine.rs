@@ -7,14 +7,30 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_yaml::Value;
 
+use crate::machine::cards::{self, Card};
 use crate::units::number;
 
 /// The `engine` section: how an engine is to be used, not which: that is `--engine`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EngineSection {
+    /// The card that runs are trained on (`h100`; `isoflop plan --help` lists all): `plan` then gives GPU hours
+    /// and memory, `run` refuses a run that does not fit, and Slurm is asked for one GPU for each task.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gpu: Option<String>,
+    /// Model FLOPs utilisation, as `0.35`: the fraction of the card's bf16 peak that runs reach, counted in FLOPs
+    /// of their budgets. Finished runs of the folder override it; without either it is assumed by size of model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mfu: Option<Amount>,
     /// What `--engine slurm` asks of Slurm.
     pub slurm: SlurmSection,
+}
+
+impl EngineSection {
+    /// The card of `gpu`; `None` if it is left out or not known.
+    pub fn card(&self) -> Option<&'static Card> {
+        self.gpu.as_deref().and_then(cards::find)
+    }
 }
 
 /// A word or a number, kept as text: `time: 30`, `time: 2-00:00:00`, `mem: 4G`.

@@ -1,0 +1,201 @@
+//! [`GpuCost`]: what a plan's runs cost on a GPU: hours, dollars, memory.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use isoflop::jobs::Job;
+use isoflop::jobs::gpu::{Gpu, MfuSource, bytes_on_card, too_large};
+use isoflop::laws::wrap;
+use isoflop::plan::{Plan, PlannedRun};
+use isoflop::spec::Precision;
+use serde_json::{Value, json};
+
+use super::plan_text::{bytes, exponent, flops};
+
+/// The cost of a plan on one GPU, on which its runs follow one another.
+pub struct GpuCost<'a> {
+    gpu: &'a Gpu,
+    plan: &'a Plan,
+    /// Dollars an hour.
+    price: Option<f64>,
+    runs: Vec<RunCost<'a>>,
+    /// Hours of the trunks that runs share.
+    trunk_hours: f64,
+    /// Hours of the jobs that are missing.
+    pub hours_to_go: f64,
+}
+
+struct RunCost<'a> {
+    run: &'a PlannedRun,
+    hours: f64,
+    bytes: u64,
+    mfu: f64,
+}
+
+impl<'a> GpuCost<'a> {
+    pub fn new(gpu: &'a Gpu, price: Option<f64>, plan: &'a Plan, missing: &[Job]) -> Self {
+        let cost = |run: &'a PlannedRun| RunCost {
+            run,
+            hours: gpu.run_hours(run),
+            bytes: bytes_on_card(&run.spec),
+            mfu: gpu.mfu(run.params.nonvocab),
+        };
+        Self {
+            gpu,
+            plan,
+            price,
+            runs: plan.runs.iter().map(cost).collect(),
+            // The sum of nothing is −0.
+            trunk_hours: 0.0 + plan.trunks.iter().map(|trunk| gpu.trunk_hours(trunk)).sum::<f64>(),
+            hours_to_go: gpu.hours(plan, missing),
+        }
+    }
+
+    /// Hours of all runs and trunks, finished ones too.
+    fn hours(&self) -> f64 {
+        self.trunk_hours + self.runs.iter().map(|cost| cost.hours).sum::<f64>()
+    }
+
+    fn peak_bytes(&self) -> u64 {
+        self.runs.iter().map(|cost| cost.bytes).max().unwrap_or(0)
+    }
+
+    /// Adds `gpu_hours` and `gpu_bytes` to each run of a plan's document, and the totals as `gpu`.
+    pub fn add_to(&self, document: &mut Value) {
+        let runs = document["runs"].as_array_mut().into_iter().flatten();
+        for (run, cost) in runs.zip(&self.runs) {
+            run["gpu_hours"] = json!(cost.hours);
+            run["gpu_bytes"] = json!(cost.bytes);
+        }
+        let (card, hours) = (self.gpu.card, self.hours());
+        let mut mfu = json!(self.gpu.source);
+        let [least, most] = range(&self.runs);
+        (mfu["least"], mfu["most"]) = (json!(least), json!(most));
+        document["gpu"] = json!({
+            "name": card.name,
+            "peak_flops": card.peak_flops,
+            "memory_bytes": card.memory_bytes,
+            "bytes_per_s": card.bytes_per_s,
+            "hours": hours,
+            "hours_to_go": self.hours_to_go,
+            "trunk_hours": self.trunk_hours,
+            "dollars_per_hour": self.price,
+            "dollars": self.price.map(|price| price * hours),
+            "peak_bytes": self.peak_bytes(),
+            "too_large": self.runs.iter().filter(|cost| cost.bytes as f64 > card.memory_bytes).count(),
+            "mfu": mfu,
+        });
+    }
+
+    /// A line for each budget: runs, the largest model and memory, MFU, hours, dollars.
+    pub fn table(&self) -> String {
+        let mut by_budget: BTreeMap<u64, Vec<&RunCost>> = BTreeMap::new();
+        for cost in &self.runs {
+            // Numbers above 0 are in the order of their bits.
+            by_budget.entry(cost.run.spec.budget_flops.to_bits()).or_default().push(cost);
+        }
+        let mut out = format!(
+            "{:>8} {:>6} {:>9} {:>10} {:>12} {:>10}{}\n",
+            "C",
+            "runs",
+            "max N_nv",
+            "max memory",
+            "MFU",
+            "GPU hours",
+            if self.price.is_some() { format!(" {:>10}", "dollars") } else { String::new() }
+        );
+        for (budget, costs) in &by_budget {
+            let hours: f64 = costs.iter().map(|cost| cost.hours).sum();
+            let most = costs.iter().map(|cost| cost.run.params.nonvocab).max().unwrap_or(0);
+            let memory = costs.iter().map(|cost| cost.bytes).max().unwrap_or(0);
+            let _ = writeln!(
+                out,
+                "{:>8} {:>6} {:>9.2e} {:>10} {:>12}{}",
+                exponent(f64::from_bits(*budget)),
+                costs.len(),
+                most as f64,
+                bytes(memory),
+                percent(range(costs.iter().copied())),
+                self.spent(hours)
+            );
+        }
+        if !self.plan.trunks.is_empty() {
+            let n = self.plan.trunks.len();
+            let _ =
+                writeln!(out, "{:>8} {n:>6} {:>33}{}", "trunks", "", self.spent(self.trunk_hours));
+        }
+        let _ = writeln!(
+            out,
+            "{:>8} {:>6} {:>33}{}",
+            "all",
+            self.runs.len(),
+            "",
+            self.spent(self.hours())
+        );
+        out
+    }
+
+    /// Hours and dollars, as the last columns.
+    fn spent(&self, hours: f64) -> String {
+        let dollars = self.price.map(|price| format!(" {:>10.2}", price * hours));
+        format!(" {hours:>10.2}{}", dollars.unwrap_or_default())
+    }
+
+    /// What the plan costs and what that rests on, and whether its runs fit.
+    pub fn sentences(&self) -> String {
+        let Self { gpu, plan, price, .. } = self;
+        let (card, hours) = (gpu.card, self.hours());
+        let dollars =
+            price.map(|price| format!(" = {:.2} dollars at {price} an hour", price * hours));
+        let to_go = format!(" ({:.1} to go)", self.hours_to_go);
+        let cost = format!(
+            "{}; {hours:.1} hours of one {}{}{}, one run at a time; {} of its {} for the largest run; MFU {}, {}",
+            flops(plan),
+            card.name,
+            dollars.unwrap_or_default(),
+            // Sums in another order differ in their last digits.
+            if self.hours_to_go < 0.999999 * hours { to_go.as_str() } else { "" },
+            bytes(self.peak_bytes()),
+            bytes(card.memory_bytes as u64),
+            percent(range(&self.runs)),
+            source(gpu.source),
+        );
+        let of_bf16 = plan.runs.iter().any(|run| run.spec.precision == Precision::F32).then(|| {
+            "hours are those of train.precision: bf16, memory is that of f32, which the sweep has".to_string()
+        });
+        let apart = !plan.tokenizers.is_empty();
+        let apart =
+            apart.then(|| "tokenizers are trained on processors and not counted".to_string());
+        let large = too_large(card, &plan.runs);
+        let notes: Vec<String> = of_bf16.into_iter().chain(apart).collect();
+        let notes = (!notes.is_empty()).then(|| notes.join("; "));
+        [Some(cost), notes, large].into_iter().flatten().map(|said| wrap("", &said)).collect()
+    }
+}
+
+/// The least and the largest MFU.
+fn range<'a>(runs: impl IntoIterator<Item = &'a RunCost<'a>>) -> [f64; 2] {
+    let of = |[least, most]: [f64; 2], cost: &RunCost| [least.min(cost.mfu), most.max(cost.mfu)];
+    let [least, most] = runs.into_iter().fold([f64::INFINITY, 0.0], of);
+    [least.min(most), most]
+}
+
+/// `30 to 45 %`, or `0.5 %`.
+fn percent([least, most]: [f64; 2]) -> String {
+    let digits = |share: f64| {
+        let share = 100.0 * share;
+        if share < 9.95 { format!("{share:.1}") } else { format!("{share:.0}") }
+    };
+    let (least, most) = (digits(least), digits(most));
+    if least == most { format!("{most} %") } else { format!("{least} to {most} %") }
+}
+
+/// `measured by 12 finished runs`.
+fn source(source: MfuSource) -> String {
+    match source {
+        MfuSource::Assumed => "assumed".to_string(),
+        MfuSource::Told => "as engine.mfu says".to_string(),
+        MfuSource::Measured { runs: 1 } => "measured by 1 finished run".to_string(),
+        MfuSource::Measured { runs } => format!("measured by {runs} finished runs"),
+    }
+}

@@ -1,0 +1,264 @@
+//! [`Gpu`]: the hours that training takes on a card, by a stated MFU, and the memory.
+//!
+//! MFU (model FLOPs utilisation) is counted in FLOPs of the budgets, by the rule of the sweep: rows of captions,
+//! which that rule may leave out, cost time and add nothing to it.
+
+use std::collections::{BTreeMap, HashSet};
+
+use serde::Serialize;
+
+use super::folder::ResultsFolder;
+use super::job::Job;
+use super::probe::{Rate, rate_at};
+use crate::machine::cards::Card;
+use crate::plan::{Plan, PlannedRun, RunSpec, Trunk};
+use crate::record::{RunRecord, flops_per_second};
+use crate::spec::Precision;
+
+/// N_nv of a model and its MFU in bf16, **assumed**: guesses that measured values of the PyTorch trainer should
+/// replace, here and nowhere else.
+///
+/// From 27 M on: what compiled PyTorch loops can reach on H100-class cards (27 M, 86 M and 300 M are ScaMo's
+/// 44M, 111M and 343M). Below: the launches of the kernels bound a step, so that a step takes almost as long
+/// whatever the size. Slower cards have a higher MFU at small sizes, so their hours are overestimated.
+const ASSUMED: [Rate; 6] =
+    [(1e4, 0.0005), (1e5, 0.005), (1e6, 0.03), (27e6, 0.30), (86e6, 0.38), (300e6, 0.45)];
+
+/// Seconds from the start of the trainer to the first step, **assumed**: Python, CUDA, compiled kernels.
+const START_S: f64 = 30.0;
+
+/// Devices of records that do not say which card they were.
+const UNNAMED: [&str; 4] = ["custom", "cuda", "vulkan", "wgpu"];
+
+/// A card, and how much of its peak training uses.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    pub card: &'static Card,
+    /// N_nv and MFU, in the order of N_nv.
+    mfu: Vec<Rate>,
+    pub source: MfuSource,
+}
+
+/// Where an MFU comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "source", rename_all = "lowercase")]
+pub enum MfuSource {
+    /// The table in this file.
+    Assumed,
+    /// `engine.mfu`.
+    Told,
+    /// Finished runs of the folder, so many.
+    Measured { runs: usize },
+}
+
+impl Gpu {
+    /// The card with the MFU of the finished runs in the folder; without such runs with the MFU `told`; without
+    /// either with the assumed one.
+    pub fn new(
+        card: &'static Card,
+        told: Option<f64>,
+        plan: &Plan,
+        folder: &ResultsFolder,
+    ) -> Self {
+        let by_size = finished(card, plan, folder);
+        let runs = by_size.values().map(Vec::len).sum();
+        let rate = |(params, records)| Some((params as f64, flops_per_second(records)?));
+        let measured: Vec<Rate> = by_size.into_iter().filter_map(rate).collect();
+        if !measured.is_empty() {
+            let mfu = measured.into_iter().map(|(n, rate)| (n, rate / card.peak_flops)).collect();
+            return Self { card, mfu, source: MfuSource::Measured { runs } };
+        }
+        match told {
+            Some(mfu) => Self { card, mfu: vec![(1.0, mfu)], source: MfuSource::Told },
+            None => Self { card, mfu: ASSUMED.to_vec(), source: MfuSource::Assumed },
+        }
+    }
+
+    /// MFU of a model with `params_nonvocab` parameters (N_nv): between known sizes linear in logarithms, above
+    /// them as the largest. Below the smallest measured size it falls as the assumed MFU does.
+    pub fn mfu(&self, params_nonvocab: usize) -> f64 {
+        let known = rate_at(&self.mfu, params_nonvocab);
+        let least = self.mfu.first().map_or(1.0, |(n, _)| *n) as usize;
+        match self.source {
+            MfuSource::Measured { .. } if params_nonvocab < least => {
+                known * rate_at(&ASSUMED, params_nonvocab) / rate_at(&ASSUMED, least)
+            }
+            _ => known,
+        }
+    }
+
+    /// Hours that a run takes, alone on the card: 30 s to start, then own FLOPs / (peak · MFU).
+    pub fn run_hours(&self, run: &PlannedRun) -> f64 {
+        self.hours_of(run.params.nonvocab, run.own_flops())
+    }
+
+    /// The same for what runs share.
+    pub fn trunk_hours(&self, trunk: &Trunk) -> f64 {
+        self.hours_of(trunk.spec.params().nonvocab, trunk.flops)
+    }
+
+    fn hours_of(&self, params_nonvocab: usize, flops: f64) -> f64 {
+        (START_S + flops / (self.card.peak_flops * self.mfu(params_nonvocab))) / 3600.0
+    }
+
+    /// Hours of the runs and trunks among these jobs. They are counted one after another, although small models
+    /// leave room for others on the card: what side by side saves is not known.
+    pub fn hours(&self, plan: &Plan, jobs: &[Job]) -> f64 {
+        let wanted: HashSet<&str> = jobs.iter().map(|job| job.id.id.as_str()).collect();
+        let runs = plan.runs.iter().filter(|run| wanted.contains(run.run_id.as_str()));
+        let trunks = plan.trunks.iter().filter(|trunk| wanted.contains(trunk.trunk_id.as_str()));
+        let runs = runs.map(|run| self.run_hours(run)).sum::<f64>();
+        // The sum of nothing is −0.
+        0.0 + runs + trunks.map(|trunk| self.trunk_hours(trunk)).sum::<f64>()
+    }
+}
+
+/// Records of the finished runs that such a card may have trained, by N_nv. A damaged record is left out.
+fn finished(card: &Card, plan: &Plan, folder: &ResultsFolder) -> BTreeMap<usize, Vec<RunRecord>> {
+    let mut by_size: BTreeMap<usize, Vec<RunRecord>> = BTreeMap::new();
+    for run in &plan.runs {
+        let Ok(Some(record)) = folder.record(&run.run_id) else { continue };
+        let device = record.measured.device.as_deref().unwrap_or_default();
+        let has_time = record.measured.wall_s.is_some_and(|wall_s| wall_s > 0.0);
+        if has_time && (card.is_named(device) || UNNAMED.contains(&device)) {
+            by_size.entry(run.params.nonvocab).or_default().push(record);
+        }
+    }
+    by_size
+}
+
+/// Rows of a batch for each supervised token: captions come on top.
+const ROWS_PER_TARGET: f64 = 1.6;
+
+/// Logits that the head holds at once, at most.
+const LOGITS_AT_ONCE: f64 = (1 << 28) as f64;
+
+/// What CUDA and its kernels take before there is a model.
+const CONTEXT_BYTES: f64 = 1e9;
+
+/// Bytes on the card of a run that PyTorch trains, as `bytes_on_card` of the trainer counts them:
+///
+/// 16 N + rows · n_layer · (8 d + b (8 d + 3 d_ff)) + logits · (8 + 2 b) + 1e9, where
+///
+/// - N: all parameters; weights, gradients and two moments in f32
+/// - rows: 1.6 for each supervised token of a batch
+/// - b: bytes of a number in products, 2 in bf16 and 4 in f32
+/// - 8 d: the inputs of both halves of a block, in f32; 8 d + 3 d_ff: what its products take and give
+/// - logits: batch_tokens · V, at most 2²⁸ at once
+pub fn bytes_on_card(spec: &RunSpec) -> u64 {
+    let (shape, targets) = (spec.shape(), spec.batch_tokens as f64);
+    let bytes = if spec.precision == Precision::F32 { 4.0 } else { 2.0 };
+    let (d, d_ff) = (shape.d_model as f64, shape.d_ff as f64);
+    let of_row = shape.n_layer as f64 * (8.0 * d + bytes * (8.0 * d + 3.0 * d_ff));
+    let logits = LOGITS_AT_ONCE.min(targets * spec.n_vocab() as f64);
+    let parameters = 16.0 * spec.params().total() as f64;
+    let kept = ROWS_PER_TARGET * targets * of_row;
+    (parameters + kept + logits * (8.0 + 2.0 * bytes) + CONTEXT_BYTES) as u64
+}
+
+/// Says how many runs do not fit on the card, and what the largest needs; `None` if all fit.
+pub fn too_large<'a>(
+    card: &Card,
+    runs: impl IntoIterator<Item = &'a PlannedRun>,
+) -> Option<String> {
+    let bytes: Vec<u64> = runs.into_iter().map(|run| bytes_on_card(&run.spec)).collect();
+    let large = bytes.iter().filter(|bytes| **bytes as f64 > card.memory_bytes);
+    let (n, most) = large.fold((0, 0), |(n, most), bytes| (n + 1, most.max(*bytes)));
+    (n > 0).then(|| {
+        format!(
+            "{n} of {} runs do not fit on one {}: the largest needs {:.1} GB of its {:.0} GB; name a larger \
+             card, lower train.batch.max, or drop cells by grid.exclude",
+            bytes.len(),
+            card.name,
+            most as f64 / 1e9,
+            card.memory_bytes / 1e9,
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::DataFacts;
+    use crate::files::atomic::write_json;
+    use crate::jobs::{JobId, all_jobs};
+    use crate::machine::cards;
+    use crate::sweep;
+
+    fn plan(precision: &str) -> Plan {
+        let text = format!(
+            "name: a\ngrid: {{models: scamo, vocab: [1024], budgets: [1e17]}}\n\
+             train: {{precision: {precision}, batch: 8192}}\n"
+        );
+        let sweep = sweep::parse("a.yaml", &text, &[]).unwrap();
+        Plan::new(&sweep, DataFacts::absent(String::new()))
+    }
+
+    fn gpu(told: Option<f64>, plan: &Plan) -> Gpu {
+        let card = cards::find("h100").unwrap();
+        Gpu::new(card, told, plan, &ResultsFolder::new("/no/such/folder"))
+    }
+
+    #[test]
+    fn hours_follow_from_the_stated_mfu() {
+        let plan = plan("bf16");
+        let gpu = gpu(Some(0.5), &plan);
+        assert_eq!(gpu.source, MfuSource::Told);
+        // 1e17 FLOPs at half of 989e12 a second, and half a minute.
+        let hours = gpu.run_hours(&plan.runs[0]);
+        assert!((3600.0 * hours - 30.0 - 202.22).abs() < 0.01, "{hours}");
+        let jobs: Vec<Job> = all_jobs(&plan).collect();
+        let all = gpu.hours(&plan, &jobs);
+        assert!((all - hours * plan.runs.len() as f64).abs() < 1e-9, "no other job is counted");
+    }
+
+    #[test]
+    fn the_assumed_mfu_grows_with_the_model() {
+        let gpu = gpu(None, &plan("bf16"));
+        assert_eq!(gpu.source, MfuSource::Assumed);
+        assert!((gpu.mfu(27_000_000) - 0.30).abs() < 1e-12);
+        // The geometric mean lies halfway in the logarithm.
+        assert!((gpu.mfu(316_228) - (0.005_f64 * 0.03).sqrt()).abs() < 1e-6);
+        assert_eq!((gpu.mfu(3_000_000_000), gpu.mfu(1)), (0.45, 0.0005));
+    }
+
+    #[test]
+    fn finished_runs_of_the_card_are_asked_before_what_is_told() {
+        let (plan, place) = (plan("bf16"), tempfile::tempdir().unwrap());
+        let folder = ResultsFolder::new(place.path());
+        let written = |at: usize, device: &str, mfu: f64| {
+            let run = &plan.runs[at];
+            let mut record: RunRecord =
+                serde_json::from_str(include_str!("../../tests/fixtures/record-format-1.json"))
+                    .unwrap();
+            record.planned.budget_flops = run.spec.budget_flops;
+            record.measured.wall_s = Some(run.spec.budget_flops / (989e12 * mfu));
+            record.measured.device = Some(device.to_string());
+            let job = JobId::run(&run.run_id);
+            std::fs::create_dir_all(folder.job(&job)).unwrap();
+            write_json(&folder.product(&job), &record).unwrap();
+        };
+        written(0, "NVIDIA L40S", 0.9);
+        let gpu = || Gpu::new(cards::find("h100").unwrap(), Some(0.5), &plan, &folder);
+        assert_eq!(gpu().source, MfuSource::Told, "another card");
+        written(1, "NVIDIA H100 80GB HBM3", 0.2);
+        assert_eq!(gpu().source, MfuSource::Measured { runs: 1 });
+        let mfu = |at: usize| gpu().mfu(plan.runs[at].params.nonvocab);
+        assert!((mfu(1) - 0.2).abs() < 1e-9 && (mfu(2) - 0.2).abs() < 1e-9);
+        assert!((0.14..0.17).contains(&mfu(0)), "smaller models reach less: {}", mfu(0));
+    }
+
+    /// 29 M parameters take 0.47 GB, 8 layers of 13,107 rows 2.3 GB.
+    #[test]
+    fn memory_is_that_of_the_formula() {
+        let plan = plan("bf16");
+        let [small, .., large] = &plan.runs[..] else { panic!("six sizes") };
+        let bytes = bytes_on_card(&small.spec);
+        assert!((3.5e9..4.5e9).contains(&(bytes as f64)), "{bytes}");
+        let bytes = bytes_on_card(&large.spec);
+        assert!((85e9..100e9).contains(&(bytes as f64)), "{bytes}");
+        let said = too_large(cards::find("h100").unwrap(), &plan.runs).unwrap();
+        assert!(said.starts_with("1 of 6 runs do not fit on one h100"), "{said}");
+        assert_eq!(too_large(cards::find("h200").unwrap(), &plan.runs), None);
+    }
+}
