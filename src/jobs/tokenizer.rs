@@ -164,11 +164,7 @@ fn trained(assignment: &Assignment, corpus: &Corpus) -> Result<Trained> {
 }
 
 /// Trains from the checkpoint, or from the beginning if that is damaged.
-fn trained_here(
-    spec: &TokenizerSpec,
-    assignment: &Assignment,
-    corpus: &Corpus,
-) -> Result<Trained> {
+fn trained_here(spec: &TokenizerSpec, assignment: &Assignment, corpus: &Corpus) -> Result<Trained> {
     let (path, every) = (assignment.checkpoint(), assignment.checkpoint_every()?);
     let checkpoints = Checkpoints { path: &path, every, branch: None };
     let place = assignment.place();

@@ -54,12 +54,16 @@ pub struct Handover {
     pub checkpoint: PathBuf,
 }
 
-/// Files of a handover, all in the folder of its checkpoint but the result.
+/// Where a trainer leaves and finds what is not a part of the spec.
 #[derive(Clone, Debug)]
 pub struct HandoverFiles {
+    /// Its result.
     pub out: PathBuf,
+    /// A folder that outlives a kill; the clips and the first weights are put there.
     pub checkpoint: PathBuf,
+    /// The embedded captions, for a tokenizer with language.
     pub text: Option<PathBuf>,
+    /// Seconds between two checkpoints.
     pub checkpoint_s: f64,
 }
 
@@ -81,8 +85,8 @@ impl Handover {
         let pool = WindowPool::load(corpus.source, spec, &mut draws)?;
         let module = begun(spec, &pool, normaliser.n_features(), device);
         let HandoverFiles { out, checkpoint, text, checkpoint_s } = files;
-        let [clips, init] = ["pool", "init"].map(|name| checkpoint.join(name));
-        let [clips, init] = [clips, init].map(|path| path.with_extension("safetensors"));
+        let (clips, init) =
+            (checkpoint.join("pool.safetensors"), checkpoint.join("init.safetensors"));
         pool.write(&clips, &normaliser)?;
         weights::save(&init, &weights::of_module(&module), Default::default())?;
         Ok(Self {

@@ -116,7 +116,8 @@ fn read(
         Failure::new(FailureKind::Trainer, sentence)
     };
     let result = read_if_there::<TokenizerResult>(out).map_err(|error| unfit(error.to_string()))?;
-    let result = result.ok_or_else(|| unfit("it ended well but left no result here".to_string()))?;
+    let result =
+        result.ok_or_else(|| unfit("it ended well but left no result here".to_string()))?;
     let path = out.with_file_name(result.weights);
     let tokenizer = taken_back(&handover.spec, corpus, assignment.device, &path);
     tokenizer.map_err(|error| unfit(format!("its weights {}: {error}", path.display())))

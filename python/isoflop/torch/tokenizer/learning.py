@@ -49,7 +49,8 @@ class Learning:
         self.model.to(device)
         self.loss = (JointLoss if spec.by_joints else FeatureLoss)(spec, pool)
         self.params = list(self.model.parameters())
-        self.average = [param.detach().clone() for param in self.params] if spec.training["average"] > 0.0 else None
+        averages = spec.training["average"] > 0.0
+        self.average = [param.detach().clone() for param in self.params] if averages else None
         self.adam = self._optimiser()
         self.step, self.read, self.wall_s, self.stopped = 0, 0, 0.0, False
         self.losses = torch.zeros(spec.steps, device=device)
@@ -86,7 +87,8 @@ class Learning:
                 saved = self._save()
                 every = max(self.spec.checkpoint_s, (saved - now) / shared.CHECKPOINT_SHARE)
             if stopped:
-                raise shared.Stopped(f"stopped at step {self.step} of {self.spec.steps}; its checkpoint is written")
+                place = f"step {self.step} of {self.spec.steps}"
+                raise shared.Stopped(f"stopped at {place}; its checkpoint is written")
 
     def _stop(self, *_):
         self.stopped = True

@@ -4,6 +4,7 @@ Shapes: b windows, t frames, f features, j joints.
 """
 
 import torch
+import torch.nn.functional as F
 
 ROOT_YAW, POSITIONS = 0, slice(4, 67)
 # Metres, and metres a frame, that count as one.
@@ -12,11 +13,6 @@ DISTANCE_M, VELOCITY_M = 0.1, 0.02
 SOFTENING_M2 = 1e-6
 # How much the turn, the rest of the root and each other feature count for.
 TURN, ROOT, OTHER = 12.0, 6.0, 1.0
-
-
-def smooth_l1(apart):
-    clamped = apart.clamp(-1.0, 1.0)
-    return clamped * (apart - 0.5 * clamped)
 
 
 class FeatureLoss:
@@ -30,7 +26,7 @@ class FeatureLoss:
 
     def __call__(self, made, truth, visible):
         b, t, _ = made.shape
-        return (smooth_l1(made - truth) * (self.shares / (b * t))).sum()
+        return (F.smooth_l1_loss(made, truth, reduction="none") * (self.shares / (b * t))).sum()
 
 
 class JointLoss:
@@ -46,7 +42,7 @@ class JointLoss:
 
     def __call__(self, made, truth, visible):
         made, truth, visible = made.double(), truth.double(), visible.double()
-        features = (smooth_l1(made - truth) * self.shares).sum(-1)
+        features = F.smooth_l1_loss(made, truth, reduction="none") @ self.shares
         loss = ((features + self._distances(made, truth)) * visible).sum()
         both = visible[:, 1:] * visible[:, :-1]
         loss = loss + (self._velocities(made, truth) * both).sum()

@@ -24,7 +24,7 @@ class Said:
 
 
 class Places(nn.Module):
-    """The angles of latents, frames and words, `[n, c / 2]` of each."""
+    """The angles of latents, frames and words on the rotary index, `[2, n, c / 2]` of each."""
 
     def __init__(self, sizes, sees_text):
         super().__init__()
@@ -35,11 +35,16 @@ class Places(nn.Module):
         if sizes["positions"] == "rotary":
             latents, before = (latents + 0.5) * frames - 0.5, words
         all_frames = torch.arange(sizes["span"], dtype=torch.float64)
-        for name, places in [("latents", words + latents), ("frames", before + all_frames), ("words", torch.arange(words or 1))]:
-            rates = ROPE_BASE ** (-2.0 * torch.arange(self.c // 2, dtype=torch.float64) / self.c)
-            angles = places.double()[:, None] * rates
-            turns = torch.stack([angles.cos(), angles.sin()]).float()
-            self.register_buffer(name, turns, persistent=False)
+        self._turn("latents", words + latents)
+        self._turn("frames", before + all_frames)
+        self._turn("words", torch.arange(max(1, words)))
+
+    def _turn(self, name, places):
+        """Cosines and sines of places, `[2, n, c / 2]`, computed in double precision."""
+        rates = ROPE_BASE ** (-2.0 * torch.arange(self.c // 2, dtype=torch.float64) / self.c)
+        angles = places.double()[:, None] * rates
+        turns = torch.stack([angles.cos(), angles.sin()]).float()
+        self.register_buffer(name, turns, persistent=False)
 
 
 def turned(x, turns):
@@ -72,8 +77,8 @@ class SelfAttention(nn.Module):
 class CrossAttention(nn.Module):
     def __init__(self, width, heads):
         super().__init__()
-        self.query, self.key_value, self.output = Linear(width, width), Linear(width, 2 * width), Linear(width, width)
-        self.heads = heads
+        self.query, self.key_value = Linear(width, width), Linear(width, 2 * width)
+        self.output, self.heads = Linear(width, width), heads
 
     def forward(self, x, memory):
         k, v = self.key_value(memory.rows).chunk(2, -1)

@@ -27,8 +27,9 @@ class Pool:
 
     def __init__(self, path, device):
         with safe_open(path, "pt") as file:
-            self.offsets, self.origins = (file.get_tensor(name).view(torch.int64).numpy() for name in ("offsets", "origins"))
-            self.mean, self.std = (file.get_tensor(name).to(device) for name in ("mean", "std"))
+            self.offsets = file.get_tensor("offsets").view(torch.int64).numpy()
+            self.origins = file.get_tensor("origins").view(torch.int64).numpy()
+            self.mean, self.std = file.get_tensor("mean").to(device), file.get_tensor("std").to(device)
             self.values = file.get_tensor("values").view(-1, len(self.mean)).to(device)
         self.frames = np.diff(self.offsets)
 
