@@ -141,14 +141,20 @@ class Plain(nn.Module):
         x = torch.cat([self.text(words), self.embedding(ids[:, :-1]).to(torch.bfloat16)], 1)
         for block in self.blocks:
             x = block(x, self.cos, self.sin)
-        x = F.rms_norm(x[:, WORDS - 1 :], (x.shape[-1],))
+        return self.loss(x[:, WORDS - 1 :], ids)
+
+    def loss(self, x, ids):
+        x = F.rms_norm(x, (x.shape[-1],))
         return F.cross_entropy(self.head(x).flatten(0, 1).float(), ids.flatten())
 
 
 class PlainLoop:
     def __init__(self, shape, n_vocab, tokens, device, compiled=True):
         self.model = Plain(shape, n_vocab).to(device)
-        self.call = torch.compile(self.model, dynamic=False) if compiled else self.model
+        if compiled:
+            for block in self.model.blocks:
+                block.compile(dynamic=False)
+            self.model.loss = torch.compile(self.model.loss, dynamic=False)
         self.adam = torch.optim.AdamW(self.model.parameters(), lr=1e-4, betas=(0.9, 0.95), fused=True)
         n = round(tokens / (CODES + 1))
         self.tokens, self.device = n * (CODES + 1), device
@@ -157,7 +163,7 @@ class PlainLoop:
 
     def step(self):
         with torch.autocast(self.device.type, torch.bfloat16):
-            loss = self.call(self.words, self.ids)
+            loss = self.model(self.words, self.ids)
         loss.backward()
         nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
         self.adam.step()
@@ -200,7 +206,9 @@ def case(args, name, n_vocab, mode, device, folder):
     else:
         grid = corpus(folder, n_vocab)
         spec = run_spec(folder, grid, shape, n_vocab, tokens, "bf16")
-        trainer = Ours(spec, device, mode == "compiled" and device.type == "cuda")
+        trainer = Ours(spec, device, mode.startswith("compiled") and device.type == "cuda")
+        if mode.endswith("-bf16"):
+            trainer.learning.model.residual = torch.bfloat16
     step_s, first_s = timed(trainer, args.seconds, device)
     row = {"shape": name, "vocab": n_vocab, "mode": mode, "tokens_per_s": tokens / step_s, "step_ms": 1e3 * step_s}
     row["first_s"] = first_s

@@ -1,7 +1,7 @@
 //! Runs that a program of somebody's own trains: results, failures, stops, and no process left.
 
 use std::path::PathBuf;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use isoflop::record::Measured;
@@ -288,4 +288,80 @@ fn runs_side_by_side_see_gpus_of_their_own() {
     let seen = |list: &str| logs.iter().filter(|log| log.contains(list)).count();
     let (first, second) = (seen("gpus 0,1"), seen("gpus 2,3"));
     assert!(first + second == 6 && first >= 2 && second >= 2, "{first} {second}: {logs:?}");
+}
+
+/// One run on codes of 16 test clips.
+fn with_codes(script: &str) -> Place {
+    let place = Place::trained_by(script);
+    let codes = "data: {source: procedural, clips: 16, val_clips: 4, test_clips: 16}\n\
+                 text: {dim: 16, max_tokens: 12}\n\
+                 tokenizer: {width: 8, depth: 1, steps: 20, batch: 8}";
+    place.write("own.yaml", OWN.replace("data: {source: none}", codes));
+    place
+}
+
+#[test]
+fn what_a_trainer_says_beside_its_losses_is_used() {
+    if Command::new("python3").arg("--version").output().is_err() {
+        eprintln!("skipped: python3 is not installed");
+        return;
+    }
+    let place = with_codes(
+        r#"python3 - "$1" "$2" <<'END'
+import json, sys
+spec = json.load(open(sys.argv[1]))
+assert spec["version"] == 2 and spec["generator"]["kind"] == "autoregressive", spec
+assert spec["grid"]["end_token"] and spec["precision"] == "f32" and spec["clips"] is None, spec
+clips = [{"nats": 4.0 + i, "unigram_nats": 5.0, "targets": 2} for i in range(16)]
+line = {"step": 1, "tokens": 64, "lr": 0.1, "train_loss_nats": 2.0, "val_loss_normalised": -0.5}
+result = {"loss_nats": 3, "loss_normalised": -1, "clips": clips, "log": [line], "device": "abacus"}
+json.dump(result, open(sys.argv[2], "w"))
+END"#,
+    );
+    place.isoflop(&["run", "own.yaml"]).exits(0);
+    let folder = run_folder(&place);
+    let record = place.json(&format!("{folder}/record.json"));
+    assert_eq!(record["measured"]["device"], "abacus");
+    let blocks = record["metrics"].as_object().expect("by name").keys();
+    assert_eq!(blocks.filter(|name| name.contains("block")).count(), 16);
+    let lines =
+        |name: &str| place.read(&format!("{folder}/{name}")).split(|b| *b == b'\n').count() - 1;
+    assert_eq!((lines("test.jsonl"), lines("log.jsonl")), (16, 1));
+}
+
+#[test]
+fn what_a_trainer_says_is_checked_against_its_codes_and_its_model() {
+    let result =
+        |more: &str| format!(r#"echo '{{"loss_nats": 3, "loss_normalised": -1, {more}}}' > "$2""#);
+    let cases = [
+        (
+            result(r#""clips": [{"nats": 1, "unigram_nats": 2, "targets": 3}]"#),
+            "and the test split 16",
+        ),
+        (result(r#""weights": "none.safetensors""#), "the trainer's weights"),
+    ];
+    for (script, words) in cases {
+        let place = with_codes(&script);
+        place.isoflop(&["run", "own.yaml"]).exits(1).says(words);
+    }
+}
+
+#[test]
+fn a_trainer_may_say_why_it_has_no_result() {
+    let script =
+        r#"echo '{"error": "the loss is nan at step 3", "kind": "diverged"}' > "$2"; exit 1"#;
+    let place = Place::trained_by(script);
+    place.isoflop(&["run", "own.yaml"]).exits(1).says("the loss is nan at step 3");
+    let failure = place.json(&format!("{}/failure.json", run_folder(&place)));
+    assert_eq!(failure["kind"], "diverged");
+}
+
+#[test]
+fn first_weights_are_written_where_a_command_asks_for_them() {
+    let place = Place::trained_by(
+        r#"test -s "$3" && echo '{"loss_nats": 3, "loss_normalised": -1}' > "$2""#,
+    );
+    let command = "trainer.command=sh train.sh {spec} {out} {init}";
+    place.isoflop(&["run", "own.yaml", "--set", command]).exits(0);
+    assert!(!place.path(&run_folder(&place)).join("init.safetensors").exists());
 }

@@ -147,3 +147,31 @@ fn without_warm_up_the_rate_starts_at_its_peak() {
     assert_eq!(learning_rate(&spec, 0), spec.lr);
     assert!(learning_rate(&spec, 1) < spec.lr);
 }
+
+/// Captions of each clip of the published batches.
+const CAPTIONS: [usize; 8] = [1, 2, 3, 1, 2, 1, 3, 2];
+
+/// `docs/custom-trainer.md` promises these batches to other trainers; the torch trainer is tested by the same.
+#[test]
+fn batches_are_those_that_are_published() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("python/tests/batches.json");
+    let text = std::fs::read_to_string(path).expect("the file is there");
+    let published: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let list = |value: &serde_json::Value| -> Vec<usize> {
+        serde_json::from_value(value.clone()).expect("whole numbers")
+    };
+    assert_eq!(list(&published["captions"]), CAPTIONS);
+    let clips: Vec<Vec<u32>> = list(&published["codes"]).into_iter().map(|n| vec![0; n]).collect();
+    let captions = |clip| (0..CAPTIONS[clip]).map(|i| format!("{clip} {i}")).collect();
+    let corpus = Corpus::new(40, [clips.clone(), clips.clone(), clips], captions);
+    let seed = published["seed"].as_u64().expect("a seed");
+    let mut stream = TokenStream::new(&corpus.tokens, &corpus.text, seed);
+    let n = published["batch_tokens"].as_u64().expect("a number") as usize;
+    for (step, parts) in published["steps"].as_array().expect("steps").iter().enumerate() {
+        let found = stream.parts(step * n, n).into_iter();
+        let found: Vec<Vec<usize>> = found
+            .map(|part| vec![part.clip, part.caption as usize, part.targets.start, part.targets.end])
+            .collect();
+        assert_eq!(serde_json::json!(found), *parts, "step {step}");
+    }
+}

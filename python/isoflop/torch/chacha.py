@@ -62,10 +62,12 @@ class Stream:
 
     def peek(self, n):
         """The next `n` numbers of 64 bits, which stay to be taken."""
-        while len(self.left) < n:
-            blocks = max(1, min(AT_ONCE, -(-(n - len(self.left)) // 8)))
-            self.left = np.concatenate([self.left, _blocks(self.key, self.stream, self.block, blocks)])
-            self.block += blocks
+        parts, missing = [self.left], n - len(self.left)
+        while missing > 0:
+            blocks = min(AT_ONCE, -(-missing // 8))
+            parts.append(_blocks(self.key, self.stream, self.block, blocks))
+            self.block, missing = self.block + blocks, missing - 8 * blocks
+        self.left = np.concatenate(parts) if len(parts) > 1 else self.left
         return self.left[:n]
 
     def take(self, n):

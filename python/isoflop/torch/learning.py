@@ -51,6 +51,11 @@ class Learning:
             fused=True,
             capturable=compiled,
         )
+        for param in self.params:
+            # Made here, since a head that the first steps ask nothing of would begin to count at its own first.
+            count = torch.zeros((), device=device)
+            moments = {name: torch.zeros_like(param) for name in ("exp_avg", "exp_avg_sq")}
+            self.adam.state[param] = {"step": count, **moments}
         self.step = 0
         # The loss of each step since the last line of the log, in nats.
         self.losses, self.read = torch.zeros(self.spec.steps, device=device), 0
@@ -113,11 +118,10 @@ class Learning:
         return loss.detach()
 
     def _count_steps(self):
-        """Bias is corrected by the steps of the run, also of a head that some steps ask nothing of."""
-        if self.compiled:
-            return
-        for state in self.adam.state.values():
-            state["step"].fill_(self.step)
+        """Bias is corrected by the steps of the run, also of a head that this step asks nothing of."""
+        idle = [self.adam.state[param]["step"] for param in self.params if param.grad is None]
+        if idle:
+            torch._foreach_add_(idle, 1)
 
     def _look(self):
         """Reads the losses of the steps since it last did, and ends a run that has diverged."""
@@ -234,15 +238,13 @@ class Stepper:
         learning.adam.zero_grad(set_to_none=True)
         with torch.cuda.graph(self.graph):
             self.loss = learning.update(batch)
-        for tensor, before in zip(self._state()[: len(kept)], kept):
+        for tensor, before in zip(state, kept):
             tensor.copy_(before)
-        for tensor in self._state()[len(kept) :]:
-            tensor.zero_()
 
     def _state(self):
-        """All that a step changes: parameters, then moments and steps, which the first step makes."""
+        """All that a step changes: parameters, moments and steps."""
         adam = self.learning.adam
-        moments = [own for param in self.learning.params for own in adam.state.get(param, {}).values()]
+        moments = [own for param in self.learning.params for own in adam.state[param].values()]
         return [param.data for param in self.learning.params] + moments
 
 
@@ -282,7 +284,7 @@ def split_loss(objective, device, split):
             own = np.stack([nll, unigram, np.ones_like(nll)], 1)
             np.add.at(clips, clip, own)
             np.add.at(scales, scale, own)
-    nats, unigram, targets = scales.sum(0)
+    nats, unigram, targets = scales.sum(0).tolist()
     frames = int(objective.codes.frames[split].sum())
     by_scale = [(a - b) / n for a, b, n in scales if n > 0]
     return {

@@ -117,7 +117,7 @@ def room_for(sizes, before):
     """Sizes to pad batches to, at least those before: some more than is wanted, in whole blocks."""
     room = dict(before)
     for group, n in sizes.items():
-        if n > room.get(group, 0):
+        if n > room.get(group, -1):
             room[group] = -(-(n + n // 50) // BLOCK) * BLOCK
     return room
 
