@@ -44,7 +44,8 @@ class Fsq(nn.Module):
 
     def embedded(self, latents):
         """The embedding of each latent's code, `[n, c]`, with a gradient through the rounding."""
-        bounded = (self.project_in(latents) + self.shift).tanh() * self.reach - self.offset
+        projected = exact_product(latents, self.project_in.weight) + self.project_in.bias
+        bounded = (projected + self.shift).tanh() * self.reach - self.offset
         codes = straight_through(bounded.round().detach(), bounded) / self.middle
         return self.project_out(codes)
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from .codebook import Fsq, Vq, straight_through
+from .codebook import Fsq, Vq, exact_product, straight_through
 from .layers import Conv
 
 
@@ -93,7 +93,7 @@ def along_time(x, weights, to):
     """`[b, from, c]` to `[b, to, c]` by a linear map; a length that stays changes nothing."""
     if x.shape[1] == to:
         return x
-    return weights(to, x.shape[1], x.device) @ x
+    return exact_product(weights(to, x.shape[1], x.device), x)
 
 
 @cache
