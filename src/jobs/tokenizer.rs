@@ -1,7 +1,8 @@
 //! A trained tokenizer and its metrics.
 
-use std::path::PathBuf;
-use std::time::Instant;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
 
@@ -11,6 +12,7 @@ use super::id::JobId;
 use super::job::Job;
 use super::kind::{JobKind, Kind};
 use super::mend::{open_or_remake, train_past_damage};
+use super::program;
 use super::spec_file::write_once;
 use super::text;
 use crate::files::atomic::{write_json, write_json_lines};
@@ -18,6 +20,7 @@ use crate::files::{FileError, read_if_there};
 use crate::learn::{Checkpoints, step_of};
 use crate::plan::{Plan, TokenizerJob, tokenizer_peak_bytes};
 use crate::progress::beats;
+use crate::spec::TokenizerSpec;
 use crate::sweep::Stage;
 use crate::text::TextStore;
 use crate::tokenizer::{self, Corpus, TokenizerError, TokenizerMetrics, Validated};
@@ -108,7 +111,10 @@ impl Kind for Tokenizer {
         let (source, text) = (assignment.source()?, open_text(assignment)?);
         let corpus = Corpus { source: &*source, text: text.as_ref() };
         let trained = trained(assignment, &corpus)?;
-        let Some((tokenizer, log)) = trained else { return Ok(Outcome::Stopped) };
+        let (tokenizer, log) = match trained {
+            ControlFlow::Continue(trained) => trained,
+            ControlFlow::Break(ended) => return Ok(ended),
+        };
         tokenizer.save(&place)?;
         if !log.is_empty() {
             write_json_lines(&place.join("log.jsonl"), &log)?;
@@ -121,6 +127,10 @@ impl Kind for Tokenizer {
         write_json(&assignment.product(), &metrics)?;
         assignment.remove_checkpoint()?;
         Ok(Outcome::Done)
+    }
+
+    fn grace(&self, place: &Path) -> Duration {
+        program::tokenizer_grace(place)
     }
 }
 
@@ -139,17 +149,28 @@ pub fn open_text(assignment: &Assignment) -> Result<Option<TextStore>> {
     needed.map(|text| open_or_remake(assignment, &text, TextStore::open)).transpose()
 }
 
-/// Trains from the checkpoint, or from the beginning where that is damaged. `None`: stopped.
-fn trained(
-    assignment: &Assignment,
-    corpus: &Corpus,
-) -> Result<Option<(tokenizer::Tokenizer, Vec<Validated>)>> {
-    let spec = assignment.spec::<TokenizerJob>()?.spec;
+/// A tokenizer and what the validation split said of it; or how the job ended without one.
+type Trained = ControlFlow<Outcome, (tokenizer::Tokenizer, Vec<Validated>)>;
+
+/// Trains by the trainer of the spec.
+fn trained(assignment: &Assignment, corpus: &Corpus) -> Result<Trained> {
+    let job = assignment.spec::<TokenizerJob>()?;
+    if job.spec.trainer.is_built_in() {
+        return trained_here(&job.spec, assignment, corpus);
+    }
+    let text = captions(&job).map(|text| assignment.folder.product(&text));
+    let made = program::train_tokenizer(assignment, &job, corpus, text)?;
+    Ok(made.map_continue(|tokenizer| (tokenizer, Vec::new())))
+}
+
+/// Trains from the checkpoint, or from the beginning if that is damaged.
+fn trained_here(spec: &TokenizerSpec, assignment: &Assignment, corpus: &Corpus) -> Result<Trained> {
     let (path, every) = (assignment.checkpoint(), assignment.checkpoint_every()?);
     let checkpoints = Checkpoints { path: &path, every, branch: None };
     let place = assignment.place();
     let mut beats = beats(&place, assignment.stop);
-    train_past_damage(&[&path], TokenizerError::learn_error, || {
-        tokenizer::train_watched(&spec, corpus, assignment.device, Some(&checkpoints), &mut beats)
-    })
+    let trained = train_past_damage(&[&path], TokenizerError::learn_error, || {
+        tokenizer::train_watched(spec, corpus, assignment.device, Some(&checkpoints), &mut beats)
+    })?;
+    Ok(trained.map_or(ControlFlow::Break(Outcome::Stopped), ControlFlow::Continue))
 }

@@ -1,5 +1,6 @@
 //! The codes that a tokenizer gives a data set.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -68,7 +69,10 @@ impl Kind for Tokens {
     }
 
     fn work(&self, assignment: &Assignment) -> Result<Outcome> {
-        let Some(tokenizer) = load_or_retrain(assignment)? else { return Ok(Outcome::Stopped) };
+        let tokenizer = match load_or_retrain(assignment)? {
+            ControlFlow::Continue(tokenizer) => tokenizer,
+            ControlFlow::Break(ended) => return Ok(ended),
+        };
         let (source, text) = (assignment.source()?, tokenizer::open_text(assignment)?);
         let corpus = Corpus { source: &*source, text: text.as_ref() };
         let kept = assignment.place().join(CHECKPOINT);
@@ -85,18 +89,19 @@ impl Kind for Tokens {
     }
 }
 
-/// The trained tokenizer; where its files are damaged it is trained again here. `None`: stopped.
-fn load_or_retrain(assignment: &Assignment) -> Result<Option<Tokenizer>> {
+/// The trained tokenizer; if its files are damaged it is trained again here. `Break` if that gives none,
+/// and how it ended.
+fn load_or_retrain(assignment: &Assignment) -> Result<ControlFlow<Outcome, Tokenizer>> {
     let job = JobId::new(tokenizer::KIND, &assignment.job.id);
     let place = assignment.folder.job(&job);
     let error = match Tokenizer::load(&place, assignment.device) {
-        Ok(tokenizer) => return Ok(Some(tokenizer)),
+        Ok(tokenizer) => return Ok(ControlFlow::Continue(tokenizer)),
         Err(error) => error,
     };
     let Some(file) = error.damaged_file() else { return Err(error.into()) };
     put_away(&place.join("weights.safetensors"), file, "the tokenizer is trained again")?;
-    match tokenizer::KIND.work(&assignment.of(&job))? {
-        Outcome::Done => Ok(Some(Tokenizer::load(&place, assignment.device)?)),
-        _ => Ok(None),
-    }
+    Ok(match tokenizer::KIND.work(&assignment.of(&job))? {
+        Outcome::Done => ControlFlow::Continue(Tokenizer::load(&place, assignment.device)?),
+        ended => ControlFlow::Break(ended),
+    })
 }

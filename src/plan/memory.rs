@@ -2,7 +2,7 @@
 
 use crate::data::DataFacts;
 use crate::motion::N_FEATURES;
-use crate::spec::{BegunFrom, EvaluatorSpec, TextSpec, TokenizerSpec};
+use crate::spec::{BegunFrom, EvaluatorSpec, TextSpec, TokenizerSpec, TokenizerTrainer};
 
 /// Bytes of a frame's features in the pool of a tokenizer, with what the allocator adds.
 const POOL_BYTES_PER_FRAME: f64 = 1.1 * 4.0 * N_FEATURES as f64;
@@ -12,6 +12,13 @@ const FRAMES_ENCODED: f64 = 2048.0;
 
 /// What the runtime and the data's statistics take in a worker that reads motion.
 const MOTION_BASE_BYTES: f64 = 30e6;
+
+/// What PyTorch takes before its first tensor: 500 MB of libraries were measured, and 100 MB more once
+/// clips and weights were read.
+const TORCH_BASE_BYTES: f64 = 600e6;
+
+/// Copies of the pool that a worker holds while it writes it for another trainer.
+const POOLS_WRITTEN: f64 = 3.0;
 
 /// Bytes of a patch that weights begin from: the features of four frames, twice.
 const BYTES_PER_PATCH: f64 = 2.0 * 4.0 * 4.0 * N_FEATURES as f64;
@@ -39,7 +46,12 @@ pub fn tokenizer_peak_bytes(spec: &TokenizerSpec, data: &DataFacts) -> u64 {
     let pool = |spec: &TokenizerSpec| POOL_BYTES_PER_FRAME * pool_frames(spec);
     let frames = (spec.training.batch * spec.training.window) as f64;
     let step = frames * spec.training_bytes_per_frame();
-    let training = pool(spec) + step.max(begun(spec));
+    let training = match spec.trainer {
+        TokenizerTrainer::BuiltIn => pool(spec) + step.max(begun(spec)),
+        TokenizerTrainer::Torch => {
+            (POOLS_WRITTEN * pool(spec)).max(TORCH_BASE_BYTES + pool(spec) + step)
+        }
+    };
     let beside = spec.k_means_beside().map_or(0.0, |spec| pool(&spec) + begun(&spec));
     (MOTION_BASE_BYTES + training.max(beside)) as u64
 }

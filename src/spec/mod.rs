@@ -30,6 +30,7 @@ mod scores;
 mod share;
 mod text;
 mod tokenizer;
+mod tokenizer_trainer;
 mod tokenizer_training;
 mod transformer;
 mod transformer_section;
@@ -61,6 +62,7 @@ pub use scores::ScoresSpec;
 pub use share::Share;
 pub use text::{TextEncoderKind, TextSpec, TextStates};
 pub use tokenizer::TokenizerSpec;
+pub use tokenizer_trainer::TokenizerTrainer;
 pub use tokenizer_training::{
     TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };

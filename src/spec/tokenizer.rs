@@ -11,6 +11,7 @@ use super::quantizer::{
 };
 use super::representation::Representation;
 use super::text::TextSpec;
+use super::tokenizer_trainer::TokenizerTrainer;
 use super::tokenizer_training::{
     TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };
@@ -28,6 +29,9 @@ pub struct TokenizerSpec {
     /// None where all steps are taken and the last weights kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plateau: Option<Plateau>,
+    /// Left out of ids and files for the built-in trainer.
+    #[serde(skip_serializing_if = "TokenizerTrainer::is_built_in")]
+    pub trainer: TokenizerTrainer,
 }
 
 /// VAR's mix, which leaves the signs that latents of patches begin with.
@@ -92,7 +96,8 @@ impl TokenizerSection {
         let architecture = self.architecture(training.window, text);
         let representation = self.representation;
         let plateau = self.plateau;
-        TokenizerSpec { architecture, quantizer, representation, training, plateau }
+        let trainer = self.trainer;
+        TokenizerSpec { architecture, quantizer, representation, training, plateau, trainer }
     }
 
     fn architecture(&self, window: usize, text: &TextSpec) -> ArchitectureSpec {
@@ -271,6 +276,7 @@ impl TokenizerSpec {
         if let Some(plateau) = &self.plateau {
             plateau.check(self.training.steps)?;
         }
+        self.check_trainer()?;
         self.training.check()
     }
 
@@ -306,3 +312,4 @@ impl TokenizerSpec {
 mod k_means;
 #[cfg(test)]
 mod tests;
+mod trainer;

@@ -9,6 +9,7 @@ use super::language::LanguageSection;
 use super::plateau::Plateau;
 use super::quantizer::QuantizerSection;
 use super::representation::Representation;
+use super::tokenizer_trainer::TokenizerTrainer;
 use super::transformer::{Detokenizer, NormPlacement, Positions};
 use crate::units::number;
 
@@ -89,6 +90,9 @@ macro_rules! keys {
         #[serde(deny_unknown_fields, default)]
         pub struct TokenizerSection {
             pub kind: TokenizerKind,
+            /// Who trains the tokenizers: `built-in` or `torch`.
+            #[serde(skip_serializing_if = "TokenizerTrainer::is_built_in")]
+            pub trainer: TokenizerTrainer,
             /// Which quantizer: FSQ by default, VQ for patches.
             #[serde(skip_serializing_if = "Option::is_none")]
             pub quantizer: Option<QuantizerSection>,

@@ -1,5 +1,8 @@
 //! [`WindowPool`]: training clips held in memory, and random windows of them.
 
+use std::collections::HashMap;
+use std::path::Path;
+
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
@@ -7,6 +10,8 @@ use super::error::TokenizerError;
 use super::normalise::Normaliser;
 use super::windows::Windows;
 use crate::data::{MotionSource, Split};
+use crate::files::FileError;
+use crate::files::columns::{NewColumn, write};
 use crate::learn::params::{below, distinct};
 use crate::motion::mirror_features;
 use crate::progress::moved;
@@ -62,6 +67,27 @@ impl WindowPool {
         let n_features = normaliser.n_features();
         let draw = if by_frames { Draw::by_frames(&clips, n_features) } else { Draw::Evenly };
         Ok(Self { clips, origins, n_features, draw })
+    }
+
+    /// Writes all clips as one file of columns, with what undoes their normalisation.
+    ///
+    /// # Errors
+    /// [`FileError::Write`].
+    pub fn write(&self, path: &Path, normaliser: &Normaliser) -> Result<(), FileError> {
+        let mut offsets = vec![0];
+        for clip in &self.clips {
+            offsets.push(offsets[offsets.len() - 1] + (clip.len() / self.n_features) as u64);
+        }
+        let origins: Vec<u64> = self.origins.iter().map(|&origin| origin as u64).collect();
+        let values = self.clips.concat();
+        let columns = [
+            NewColumn::new("values", &values),
+            NewColumn::new("offsets", &offsets),
+            NewColumn::new("origins", &origins),
+            NewColumn::new("mean", normaliser.mean()),
+            NewColumn::new("std", normaliser.std()),
+        ];
+        write(path, &columns, HashMap::new())
     }
 
     /// `n` windows of `n_frames` frames, those of `spec.training.window` at most: a random clip, then a

@@ -26,7 +26,7 @@ use crate::progress::Progress;
 use crate::spec::{TokenizerLoss, TokenizerSpec, TokenizerTraining};
 
 /// The stream of a seed from which windows are drawn.
-const WINDOWS_STREAM: u64 = 1;
+pub const WINDOWS_STREAM: u64 = 1;
 
 /// The streams of a seed from which captions, and what is dropped, are drawn: one a step.
 const CAPTIONS_STREAMS: u64 = 1 << 40;

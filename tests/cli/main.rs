@@ -30,6 +30,9 @@ mod tables;
 mod text_file;
 mod tokenize;
 mod tokenizer;
+#[path = "../support/torch.rs"]
+mod torch;
+mod torch_tokenizer;
 mod torch_trainer;
 mod trunks;
 mod tune;

@@ -7,6 +7,7 @@ mod guard;
 mod process;
 mod result;
 mod spec;
+mod tokenizer;
 
 use std::collections::HashMap;
 use std::fs;
@@ -18,6 +19,7 @@ use anyhow::{Context, Result};
 pub use guard::{GRACE, guard, wake_guard};
 pub use result::TrainerResult;
 pub use spec::TrainerSpec;
+pub use tokenizer::{tokenizer_grace, train_tokenizer};
 
 use super::assignment::{Assignment, Outcome};
 use super::exit;

@@ -112,6 +112,13 @@ impl Quantizer for Codebook {
         }
     }
 
+    fn keys(&self) -> Vec<[u8; 32]> {
+        match self {
+            Self::Fsq(fsq) => fsq.keys(),
+            Self::Vq(vq) => vq.keys(),
+        }
+    }
+
     fn keep(&self) -> LearnerState {
         match self {
             Self::Fsq(fsq) => fsq.keep(),

@@ -77,6 +77,11 @@ pub trait Quantizer {
         sums.zip(lengths.into_iter().skip(1)).map(|(sum, s)| area_down(sum, s)).collect()
     }
 
+    /// The key of each generator that codebooks draw from while they learn.
+    fn keys(&self) -> Vec<[u8; 32]> {
+        Vec::new()
+    }
+
     /// What training needs to go on from beside the weights.
     fn keep(&self) -> LearnerState {
         LearnerState::default()

@@ -137,6 +137,10 @@ impl Quantizer for Multiscale {
         scales.iter().enumerate().scan(None, add).collect()
     }
 
+    fn keys(&self) -> Vec<[u8; 32]> {
+        self.codebooks.iter().flat_map(Quantizer::keys).collect()
+    }
+
     fn keep(&self) -> LearnerState {
         states::keep(&self.codebooks, serde_json::Value::Null)
     }

@@ -149,6 +149,10 @@ impl Quantizer for Vq {
         vec![clips(self.rows_of(ids), extent.n_clips)]
     }
 
+    fn keys(&self) -> Vec<[u8; 32]> {
+        vec![self.averages.rng.get_seed()]
+    }
+
     fn keep(&self) -> LearnerState {
         self.averages.keep()
     }

@@ -1,0 +1,63 @@
+"""`python3 -m isoflop.torch.tokenizer`: trains one tokenizer that isoflop describes."""
+
+import argparse
+import json
+import os
+import sys
+
+from ..__main__ import chosen, libraries, refuse, write
+
+
+def main():
+    args = arguments()
+    try:
+        torch = libraries()
+        result = train(torch, args, chosen(torch, args.device))
+    except SystemExit as end:
+        if not isinstance(end.code, str):
+            raise
+        refuse(args.out, end.code, "trainer")
+    write(args.out, result)
+
+
+def arguments():
+    parser = argparse.ArgumentParser(prog="isoflop.torch.tokenizer", description=__doc__)
+    parser.add_argument("--spec", required=True, help="what is to be trained, JSON")
+    parser.add_argument("--out", required=True, help="where the result goes, JSON")
+    parser.add_argument("--checkpoint", required=True, help="a folder that outlives a kill")
+    parser.add_argument("--device", default="auto", help="auto (a GPU if there is one), cpu, cuda, cuda:1")
+    parser.add_argument("--eager", action="store_true", help="on a GPU, compile nothing")
+    return parser.parse_args()
+
+
+def train(torch, args, device):
+    """Trains the tokenizer; where its weights lie, and what training took."""
+    from safetensors.torch import load_file, save_file
+
+    from ..learning import Failed, Stopped
+    from .learning import Learning
+    from .spec import Spec
+
+    with open(args.spec) as file:
+        spec = Spec(json.load(file))
+    learning = Learning(spec, load_file(spec.init), device, args.checkpoint)
+    if device.type == "cuda" and not args.eager:
+        learning.compile()
+    try:
+        learning.run()
+    except Failed as failed:
+        refuse(args.out, str(failed), "diverged")
+    except torch.OutOfMemoryError as error:
+        refuse(args.out, f"the GPU has too little memory: {str(error).splitlines()[0]}", "out-of-memory")
+    except Stopped as stopped:
+        print(stopped, file=sys.stderr)
+        sys.exit(143)
+    weights = os.path.join(args.checkpoint, "trained.safetensors")
+    save_file({name: tensor.contiguous().cpu() for name, tensor in learning.kept().items()}, weights)
+    write(os.path.join(args.checkpoint, "losses.json"), learning.losses.tolist())
+    name = torch.cuda.get_device_name(device) if device.type == "cuda" else "torch cpu"
+    return {"weights": weights, "wall_s": learning.wall_s, "device": name}
+
+
+if __name__ == "__main__":
+    main()
