@@ -18,5 +18,5 @@ fn the_calls_of_the_python_module_agree_with_the_program() {
         return;
     };
     let said = String::from_utf8_lossy(&ended.stderr);
-    assert!(ended.status.success() && said.contains("Ran 5 tests"), "{said}");
+    assert!(ended.status.success() && said.contains("OK"), "{said}");
 }

@@ -31,6 +31,7 @@ mod text_file;
 mod tokenize;
 mod tokenizer;
 mod torch_trainer;
+mod track;
 mod trunks;
 mod tune;
 mod validate;
