@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use isoflop::engine::{ENGINES, Engine, engine};
+use isoflop::engine::{ENGINES, Engine, Track, engine};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::machine::cards::{self, CARDS, Card};
 use isoflop::ops::DeviceName;
@@ -110,6 +110,15 @@ pub fn a_card() -> impl TypedValueParser<Value = &'static Card> {
 pub fn an_engine() -> impl TypedValueParser<Value = &'static dyn Engine> {
     let names = ENGINES.map(|engine| PossibleValue::new(engine.name()).help(engine.about()));
     PossibleValuesParser::new(names).map(|name| engine(&name).expect("one of the possible values"))
+}
+
+/// The parser of a tracker's name.
+pub fn a_track() -> impl TypedValueParser<Value = Track> {
+    let names = Track::ALL.map(|(track, about)| PossibleValue::new(track.name()).help(about));
+    PossibleValuesParser::new(names).map(|name| {
+        let mut all = Track::ALL.into_iter().map(|(track, _)| track);
+        all.find(|track| track.name() == name).expect("one of the possible values")
+    })
 }
 
 /// A budget in FLOPs, as 1e18 or 1_000.

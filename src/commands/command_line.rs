@@ -36,6 +36,7 @@ impl CommandLine {
         words.extend(sweep.jobs.iter().flat_map(|n| ["--jobs".to_string(), n.to_string()]));
         words.extend(["--device".to_string(), sweep.device.name().to_string()]);
         words.extend(args.memory.iter().flat_map(|n| ["--memory".to_string(), n.to_string()]));
+        words.extend(args.track.iter().flat_map(|t| ["--track".to_string(), t.name().to_string()]));
         if args.engine.name() != ENGINES[0].name() {
             words.extend(["--engine".to_string(), args.engine.name().to_string()]);
         }

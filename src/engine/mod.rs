@@ -18,11 +18,13 @@ pub mod local;
 mod request;
 mod runner;
 pub mod slurm;
+mod track;
 
 pub use contract::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
 pub use engine_state::{Cancelled, EngineState};
 pub use request::{SweepRequest, Tell};
 pub use runner::{JobEnd, JobReport, Runner};
+pub use track::Track;
 
 /// Every engine, the default first.
 pub static ENGINES: [&dyn Engine; 2] = [&local::Local, &slurm::Slurm];

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::Track;
 use crate::jobs::ResultsFolder;
 use crate::ops::DeviceName;
 use crate::plan::Plan;
@@ -23,6 +24,8 @@ pub struct SweepRequest<'a> {
     pub fail_fast: bool,
     /// A file with keys of the engine's section, laid over those of the sweep.
     pub profile: Option<&'a Path>,
+    /// The tracker that follows training, if one does.
+    pub track: Option<Track>,
     pub tell: &'a dyn Tell,
 }
 

@@ -10,7 +10,5 @@
 //! ```
 
 mod notebook;
-mod tensorboard;
 
 pub use notebook::{NotebookInput, notebook};
-pub use tensorboard::{Scalar, events};

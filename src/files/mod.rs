@@ -1,4 +1,4 @@
-//! Files: written whole, by rename; mapped; read as JSON; set aside where they are damaged.
+//! Files: written whole, by rename; mapped; read as JSON; set aside where they are damaged; TensorBoard's events.
 //!
 //! # Example
 //!
@@ -18,6 +18,7 @@ pub mod columns;
 pub mod damaged;
 mod error;
 mod json;
+pub mod tensorboard;
 
 pub use error::{FileError, failure_kind};
 pub use json::{read_if_there, read_text_if_there};

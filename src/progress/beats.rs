@@ -22,6 +22,9 @@ pub struct Beat {
     /// Seconds that this process has spent in steps.
     #[serde(default)]
     pub train_s: f64,
+    /// As a user's trainer tells it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tokens_per_s: Option<f64>,
 }
 
 /// A line that a worker prints.
@@ -105,7 +108,7 @@ pub fn beats(place: &Path, stop: &Stop) -> impl FnMut(Step) -> ControlFlow<()> +
     };
     move |Step { step, steps, loss, seconds }| {
         train_s += seconds;
-        let beat = Beat { step, steps, loss, train_s };
+        let beat = Beat { step, steps, loss, train_s, tokens_per_s: None };
         let stopped = stop.is_raised();
         if due(&mut printed, Duration::from_millis(100)) || stopped || step == steps {
             Said::Beat(beat).say();

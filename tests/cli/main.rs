@@ -34,6 +34,7 @@ mod tokenizer;
 mod torch;
 mod torch_tokenizer;
 mod torch_trainer;
+mod track;
 mod trunks;
 mod tune;
 mod validate;

@@ -74,9 +74,11 @@ def train(torch, args, device):
     run.model.load_state_dict(load_file(args.init))
     check_memory(torch, run, device)
     learning = Learning(run, device, args.checkpoint, device.type == "cuda" and not args.eager)
+    test = None
     try:
         learning.run()
         test = learning.measured("test")
+        learning.tracker.log(spec.steps, {"test/loss_normalised": test["loss_normalised"]})
     except Failed as failed:
         refuse(args.out, str(failed), "diverged")
     except torch.OutOfMemoryError as error:
@@ -84,6 +86,8 @@ def train(torch, args, device):
     except Stopped as stopped:
         print(stopped, file=sys.stderr)
         sys.exit(143)
+    finally:
+        learning.tracker.finish(test is not None)
     weights = os.path.join(os.path.dirname(args.out), "torch.safetensors")
     save_file({name: tensor.contiguous().cpu() for name, tensor in run.model.state_dict().items()}, weights)
     return result(torch, learning, test, device) | {"weights": weights}

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from .packing import on_device, room_for
+from .track import tracker
 
 # Between two lines of progress, in seconds; losses are read from the device as often.
 TELL_S = 0.5
@@ -61,6 +62,7 @@ class Learning:
         self.losses, self.read = torch.zeros(self.spec.steps, device=device), 0
         self.totals = {"wall_s": 0.0, "forward_flops": 0.0, "log": [], "loss_sum": 0.0, "loss_count": 0}
         self.stopped = False
+        self.tracker = tracker(self.spec)
         self.took = Stepper(self) if compiled else None
 
     def run(self):
@@ -151,6 +153,8 @@ class Learning:
         if peak is not None:
             line["mfu"] = round(tokens_per_s * spec.budget_flops / spec.tokens / peak, 4)
         print(json.dumps(line), flush=True)
+        names = {"loss": "loss_nats", "tokens_per_s": "tokens_per_s", "mfu": "mfu"}
+        self.tracker.log(self.step, {f"train/{names[key]}": line[key] for key in names if key in line})
 
     def _measure(self):
         """A line of the log: the loss on the validation split."""
@@ -160,6 +164,7 @@ class Learning:
         line["lr"] = spec.learning_rate(self.step - 1)
         line["train_loss_nats"] = totals["loss_sum"] / max(1, totals["loss_count"])
         totals["log"].append(line | {"val_loss_normalised": loss})
+        self.tracker.log(self.step, {"train/lr": line["lr"], "val/loss_normalised": loss})
         totals["loss_sum"], totals["loss_count"] = 0.0, 0
 
     def measured(self, split):

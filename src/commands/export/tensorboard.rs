@@ -3,15 +3,12 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use isoflop::export::{Scalar, events};
+use isoflop::files::tensorboard::{NAME, Scalar, events};
 use isoflop::files::{atomic, read_text_if_there};
 use isoflop::generator::LogLine;
 use isoflop::record::{RunRecord, table};
 
 use super::exporter::Exporter;
-
-/// What TensorBoard looks for at the beginning of a file's name.
-const FILE: &str = "events.out.tfevents.0.isoflop";
 
 /// Loss and learning rate along the training of each run that is in the folder, and its result.
 pub fn write(exporter: &Exporter) -> Result<Vec<PathBuf>> {
@@ -24,7 +21,7 @@ pub fn write(exporter: &Exporter) -> Result<Vec<PathBuf>> {
             serde_json::from_str(line).with_context(|| format!("{} is damaged", log.display()))
         });
         let lines: Vec<LogLine> = lines.collect::<Result<_>>()?;
-        let path = exporter.out.join(name(&record)).join(FILE);
+        let path = exporter.out.join(name(&record)).join(format!("{NAME}.0.isoflop"));
         atomic::write_bytes(&path, &events(&scalars(&record, &lines)))?;
         paths.push(path);
     }
@@ -48,16 +45,11 @@ fn name(record: &RunRecord) -> String {
 
 fn scalars(record: &RunRecord, lines: &[LogLine]) -> Vec<Scalar> {
     // The log holds no times: steps are taken to last alike.
-    let steps = lines.last().map_or(1, |line| line.step.max(1)) as f64;
+    let steps = lines.last().map_or(1, |line| line.step.max(1));
     let wall_s = record.measured.wall_s.unwrap_or(0.0);
-    let at = |line: &LogLine| wall_s * line.step as f64 / steps;
+    let at = |line: &LogLine| wall_s * line.step as f64 / steps as f64;
     let of_line = |line: &LogLine| {
-        let scalar = |tag: &str, value: f64| Scalar {
-            tag: tag.to_string(),
-            step: line.step as i64,
-            time_s: at(line),
-            value: value as f32,
-        };
+        let scalar = |tag, value| Scalar { tag, step: line.step, time_s: at(line), value };
         [
             scalar("train/loss_nats", line.train_loss_nats),
             scalar("train/lr", line.lr),
@@ -66,13 +58,8 @@ fn scalars(record: &RunRecord, lines: &[LogLine]) -> Vec<Scalar> {
         ]
     };
     let mut scalars: Vec<Scalar> = lines.iter().flat_map(of_line).collect();
-    if let Ok(loss) = record.loss_normalised() {
-        scalars.push(Scalar {
-            tag: "test/loss_normalised".to_string(),
-            step: steps as i64,
-            time_s: wall_s,
-            value: loss as f32,
-        });
+    if let Ok(value) = record.loss_normalised() {
+        scalars.push(Scalar { tag: "test/loss_normalised", step: steps, time_s: wall_s, value });
     }
     scalars
 }

@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use isoflop::engine::{ENGINES, Engine, Preview};
+use isoflop::engine::{ENGINES, Engine, Preview, Track};
+use isoflop::sweep::Sweep;
 use isoflop::units::parse_bytes;
 
-use crate::commands::args::{SweepArgs, an_engine, share};
+use crate::commands::args::{SweepArgs, a_track, an_engine, share};
 
 #[derive(Args)]
 pub struct RunArgs {
@@ -45,6 +46,9 @@ pub struct RunArgs {
     /// Memory for all jobs together, as in 8GB; by default all that is free at the start
     #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub memory: Option<u64>,
+    /// Follow training in an experiment tracker
+    #[arg(long, value_parser = a_track(), value_name = "TRACKER")]
+    pub track: Option<Track>,
     /// The command in whose name it runs, and options that are that command's own
     #[arg(skip = vec!["run".to_string()])]
     pub said_as: Vec<String>,
@@ -65,6 +69,7 @@ impl RunArgs {
             rounds: None,
             until: None,
             memory: None,
+            track: None,
             said_as: vec!["run".to_string()],
         }
     }
@@ -92,6 +97,20 @@ impl RunArgs {
             "{option} wants {}; `isoflop plan` shows what this machine would do",
             others.join(" or ")
         )
+    }
+
+    /// Whether what trains the runs can tell the tracker of them.
+    ///
+    /// # Errors
+    /// A sentence that says what can.
+    pub fn check_track(&self, sweep: &Sweep) -> Result<()> {
+        match self.track {
+            Some(track @ (Track::Wandb | Track::Mlflow)) if sweep.trainer.is_none() => bail!(
+                "--track {} wants `trainer: torch`; the built-in trainer is followed by --track tensorboard",
+                track.name()
+            ),
+            _ => Ok(()),
+        }
     }
 
     /// What is only to be shown.

@@ -60,6 +60,7 @@ pub fn bring(
 /// Reads, plans and warns.
 pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
     let open = open_sweep(&args.sweep)?;
+    args.check_track(&open.sweep)?;
     open.plan.warnings().iter().for_each(|line| output.warn(line));
     if open.plan.runs.is_empty() {
         bail!("every cell of the grid is dropped; `isoflop plan` gives the reasons");
@@ -87,6 +88,7 @@ fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> Sw
         memory_bytes: args.memory,
         fail_fast: args.fail_fast,
         profile: args.profile.as_deref(),
+        track: args.track,
         tell: output,
     }
 }

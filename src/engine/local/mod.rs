@@ -1,5 +1,6 @@
 //! Slots of this machine: a worker process a job, watched to its end.
 
+mod curve;
 mod display;
 mod gpus;
 mod pool;

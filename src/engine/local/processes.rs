@@ -5,9 +5,12 @@ use std::io::{self, BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::OnceLock;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
+use crate::engine::Track;
+use crate::engine::local::curve::Curve;
 use crate::engine::local::gpus::{Gpus, VISIBLE};
 use crate::engine::local::watch::{Leash, POLL, Watch};
 use crate::engine::runner::{JobEnd, Runner};
@@ -16,10 +19,11 @@ use crate::files::{self, FileError};
 use crate::jobs::ResultsFolder;
 use crate::jobs::program;
 use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, last_lines, write_failure};
-use crate::jobs::{Job, JobId};
+use crate::jobs::{Job, JobId, JobKind};
 use crate::machine::oom::Kills;
 use crate::progress::Stop;
 use crate::progress::{Beat, Said};
+use crate::sweep::Stage;
 
 /// A worker process a job, with one thread each, so that runs side by side give the same bits.
 pub struct LocalProcesses {
@@ -31,19 +35,37 @@ pub struct LocalProcesses {
     pub gpus: Option<Gpus>,
     /// A worker that makes no progress for this long is ended; `None`: it is waited for.
     pub hang: Option<Duration>,
+    /// The tracker that follows runs, if one does.
+    pub track: Option<Track>,
+    /// Why the tracker's files are not complete: the first problem.
+    pub untracked: OnceLock<String>,
 }
 
 impl Runner for LocalProcesses {
     fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
         let place = self.folder.job(&job.id);
         let gpus = self.gpus.as_ref().filter(|_| job.id == JobId::run(&job.id.id)).map(Gpus::lend);
+        let mut curve = self.curve(job);
+        let mut beat = |one: Beat| {
+            curve.iter_mut().for_each(|curve| curve.beat(&one));
+            beat(one);
+        };
         let end = match Attended::start(self, job, &place, gpus.as_deref()) {
-            Ok(worker) => worker.attend(stop, beat),
+            Ok(worker) => worker.attend(stop, &mut beat),
             Err(error) => {
                 let kind = files::failure_kind(&error).unwrap_or(FailureKind::Crashed);
                 JobEnd::of(Failure::new(kind, format!("the worker could not be started: {error}")))
             }
         };
+        if let Some(mut curve) = curve {
+            if end == JobEnd::Done {
+                curve.done();
+            }
+            if let Some(problem) = curve.problem() {
+                // The first of all is told.
+                let _ = self.untracked.set(problem);
+            }
+        }
         with_last_lines(end, &place)
     }
 
@@ -53,6 +75,21 @@ impl Runner for LocalProcesses {
             Ok(()) => failure,
             Err(error) => Failure::new(error.failure_kind(), error.to_string()),
         }
+    }
+}
+
+impl LocalProcesses {
+    /// Where the losses of a run are written, or of a trunk, if TensorBoard is to follow them.
+    fn curve<'a>(&'a self, job: &'a Job) -> Option<Curve<'a>> {
+        let is_written = self.track == Some(Track::Tensorboard);
+        let is_training = job.id.kind <= JobKind::goal() && job.id.kind.stage() == Stage::Train;
+        (is_written && is_training).then(|| Curve::new(&self.folder, job))
+    }
+
+    /// The one sentence on what the tracker missed, if it missed something.
+    pub fn untracked(&self) -> Option<String> {
+        let problem = self.untracked.get()?;
+        Some(format!("--track tensorboard: not all of the curves could be written: {problem}"))
     }
 }
 
@@ -96,6 +133,9 @@ impl<'a> Attended<'a> {
         let mut command = Command::new(&runner.program);
         if let Some(gpus) = gpus {
             command.env(VISIBLE, gpus);
+        }
+        if let Some(track) = runner.track {
+            command.envs(track.variables(runner.folder.name()));
         }
         let mut child = command
             .arg("worker")

@@ -1,6 +1,7 @@
 //! [`Local`]: processes of this machine, until all is done.
 
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -92,6 +93,8 @@ impl Session for Here<'_> {
             program: own_program()?,
             gpus: Gpus::of_sweep(sweep, slots)?,
             hang: sweep.train.hang(),
+            track: self.0.track,
+            untracked: OnceLock::new(),
         };
         let stop = stop_on_signals()?;
         stop_when_asked(folder, &stop);
@@ -108,6 +111,7 @@ impl Session for Here<'_> {
         };
         let reports = pool.execute(jobs);
         display.clear();
+        runner.untracked().iter().for_each(|line| tell.warn(line));
         tell.note(&time_spent(&timeline.spent(), slots));
         Ok(Brought::Ended(reports))
     }

@@ -97,6 +97,7 @@ impl Packing<'_> {
                 device: self.cluster.request.device.name().to_string(),
                 program,
                 flops_per_second: estimates.flops_per_second,
+                track: self.cluster.request.track,
             },
             arrays,
             queued: self.active.clone(),

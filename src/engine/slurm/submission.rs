@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::engine::Track;
 use crate::engine::slurm::files::{Generation, SlurmFolder};
 use crate::engine::slurm::script;
 use crate::engine::slurm::script::{INDEX, SbatchCall, in_pattern};
@@ -23,6 +24,9 @@ pub struct SubmissionTerms {
     pub program: String,
     /// By which runs were packed.
     pub flops_per_second: f64,
+    /// As `--track` takes it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub track: Option<Track>,
 }
 
 /// The jobs of one call of `isoflop run --engine slurm`.

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -84,6 +85,8 @@ impl ChunkWorker {
                 program,
                 gpus: Gpus::of_task(&sweep, self.slots(&settings)),
                 hang: sweep.train.hang(),
+                track: written.track,
+                untracked: OnceLock::new(),
             },
             end: walltime::end(&settings, shell),
             chunk: &chunk,
@@ -91,6 +94,7 @@ impl ChunkWorker {
             out_of_time: &out_of_time,
         };
         let ended = self.pool(&chunk, &guarded, self.slots(&settings), &stop);
+        guarded.processes.untracked().iter().for_each(|line| say(&format!("warning: {line}")));
         if ended == Ended::Interrupted
             && (out_of_time.load(Ordering::SeqCst) || signals::time_is_up())
         {

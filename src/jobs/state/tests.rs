@@ -38,7 +38,7 @@ fn a_live_worker_is_told_from_what_a_dead_one_left() {
     let folder = planned(&place, 3);
     for id in ["0", "1"] {
         fs::create_dir_all(folder.run(id).join("checkpoint")).unwrap();
-        let beat = Beat { step: 1, steps: 4, loss: 2.0, train_s: 0.5 };
+        let beat = Beat { step: 1, steps: 4, loss: 2.0, train_s: 0.5, tokens_per_s: None };
         crate::progress::note_progress(&folder.run(id), &beat);
     }
     fs::write(folder.run("0").join(".lock"), "").unwrap();

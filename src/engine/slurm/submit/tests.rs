@@ -75,6 +75,7 @@ fn submission(place: &tempfile::TempDir) -> Submission {
             device: "flex".to_string(),
             program: "d1".to_string(),
             flops_per_second: 1e9,
+            track: None,
         },
         settings,
         folder: ResultsFolder::new(place.path().join("my sweep")),

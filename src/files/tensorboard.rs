@@ -1,36 +1,61 @@
 //! Scalars as TensorBoard's event files: TFRecords of Event messages.
 //!
 //! A record is the length of its data (u64), the masked CRC-32C of that length, the data, and theirs; an Event
-//! has wall_time (1), step (2) and either file_version (3) or a summary (5) of values with tag (1) and
-//! simple_value (2) (tensorflow/core/lib/io/record_writer.h, tensorflow/core/util/event.proto).
+//! has wall_time (1), step (2) and one of file_version (3), a summary (5) of values with tag (1) and simple_value
+//! (2), and session_log (7) (tensorflow/core/lib/io/record_writer.h, tensorflow/core/util/event.proto).
+
+/// How the name of an event file begins.
+pub const NAME: &str = "events.out.tfevents";
 
 /// A number at a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scalar {
-    pub tag: String,
-    pub step: i64,
-    /// Seconds since the training began.
+    pub tag: &'static str,
+    pub step: usize,
+    /// Seconds since 1970, or since the training began.
     pub time_s: f64,
-    pub value: f32,
+    pub value: f64,
 }
 
 /// The bytes of an event file.
 pub fn events(scalars: &[Scalar]) -> Vec<u8> {
-    let mut file = Vec::new();
+    [header(), records(scalars)].concat()
+}
+
+/// The beginning of an event file.
+pub fn header() -> Vec<u8> {
     let mut version = double(1, 0.0);
     version.extend(bytes(3, b"brain.Event:2"));
+    let mut file = Vec::new();
     record(&mut file, &version);
+    file
+}
+
+/// A record that makes earlier ones of this step and later steps void: training began again before them.
+pub fn restart(time_s: f64, step: usize) -> Vec<u8> {
+    // session_log (7) with status (1) START.
+    let event = [at(time_s, step), bytes(7, &[1 << 3, 1])].concat();
+    let mut file = Vec::new();
+    record(&mut file, &event);
+    file
+}
+
+/// The records of scalars, to be appended to a file.
+pub fn records(scalars: &[Scalar]) -> Vec<u8> {
+    let mut file = Vec::new();
     for scalar in scalars {
         let mut value = bytes(1, scalar.tag.as_bytes());
         value.push(2 << 3 | 5);
-        value.extend(scalar.value.to_le_bytes());
-        let mut event = double(1, scalar.time_s);
-        event.push(2 << 3);
-        event.extend(varint(scalar.step as u64));
-        event.extend(bytes(5, &bytes(1, &value)));
+        value.extend((scalar.value as f32).to_le_bytes());
+        let event = [at(scalar.time_s, scalar.step), bytes(5, &bytes(1, &value))].concat();
         record(&mut file, &event);
     }
     file
+}
+
+/// The time and the step of an event.
+fn at(time_s: f64, step: usize) -> Vec<u8> {
+    [&double(1, time_s)[..], &[2 << 3], &varint(step as u64)].concat()
 }
 
 fn record(file: &mut Vec<u8>, data: &[u8]) {
@@ -87,7 +112,7 @@ mod tests {
 
     #[test]
     fn an_event_holds_its_tag_and_value() {
-        let scalar = Scalar { tag: "a".to_string(), step: 3, time_s: 1.5, value: 2.0 };
+        let scalar = Scalar { tag: "a", step: 3, time_s: 1.5, value: 2.0 };
         let file = events(&[scalar]);
         let first = 8 + 4 + u64::from_le_bytes(file[..8].try_into().unwrap()) as usize + 4;
         let data = &file[first + 12..file.len() - 4];

@@ -1,0 +1,109 @@
+//! [`Curve`]: the losses of a run in TensorBoard's event files, appended while it is trained.
+
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use crate::files::read_text_if_there;
+use crate::files::tensorboard::{NAME, Scalar, header, records, restart};
+use crate::generator::LogLine;
+use crate::jobs::{Job, ResultsFolder};
+use crate::progress::Beat;
+
+/// The event files of a job: `tensorboard/<label>-<id>/`, a new one each time that the job is started.
+pub struct Curve<'a> {
+    folder: &'a ResultsFolder,
+    job: &'a Job,
+    file: Option<File>,
+    /// Why nothing more is written.
+    problem: Option<String>,
+}
+
+impl<'a> Curve<'a> {
+    /// Begins a file with the first number that there is to write.
+    pub fn new(folder: &'a ResultsFolder, job: &'a Job) -> Self {
+        Self { folder, job, file: None, problem: None }
+    }
+
+    /// Writes the training loss of a step, and the tokens per second if they are told.
+    pub fn beat(&mut self, beat: &Beat) {
+        let scalar = |tag, value| Scalar { tag, step: beat.step, time_s: now_s(), value };
+        let mut scalars = vec![scalar("train/loss_nats", beat.loss)];
+        scalars.extend(beat.tokens_per_s.map(|value| scalar("train/tokens_per_s", value)));
+        self.write(&scalars, Some(beat.step));
+    }
+
+    /// Writes what a finished run measured: the validation curve, and L_u on the test split.
+    pub fn done(&mut self) {
+        let text = read_text_if_there(&self.folder.job(&self.job.id).join("log.jsonl"));
+        let text = text.ok().flatten().unwrap_or_default();
+        let lines = text.lines().filter_map(|line| serde_json::from_str::<LogLine>(line).ok());
+        let scalar = |tag, step, value| Scalar { tag, step, time_s: now_s(), value };
+        let mut scalars: Vec<Scalar> = lines
+            .map(|line| scalar("val/loss_normalised", line.step, line.val_loss_normalised))
+            .collect();
+        let last = scalars.last().map_or(0, |scalar| scalar.step);
+        let record = self.folder.record(&self.job.id.id).ok().flatten();
+        if let Some(Ok(loss)) = record.map(|record| record.loss_normalised()) {
+            scalars.push(scalar("test/loss_normalised", last, loss));
+        }
+        self.write(&scalars, None);
+    }
+
+    /// Why the files are not complete, if they are not.
+    pub fn problem(self) -> Option<String> {
+        self.problem
+    }
+
+    /// Appends scalars; a file that is new then voids what was written of `first` and later steps before.
+    fn write(&mut self, scalars: &[Scalar], first: Option<usize>) {
+        if scalars.is_empty() || self.problem.is_some() {
+            return;
+        }
+        let place = self.folder.file("tensorboard").join(name(self.job));
+        if let Err(error) = self.append(&place, scalars, first) {
+            self.problem = Some(format!("{}: {error}", place.display()));
+        }
+    }
+
+    fn append(&mut self, place: &Path, scalars: &[Scalar], first: Option<usize>) -> io::Result<()> {
+        let mut bytes = records(scalars);
+        if self.file.is_none() {
+            let restart = first.map(|step| restart(now_s(), step)).unwrap_or_default();
+            bytes = [header(), restart, bytes].concat();
+        }
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(create(place)?),
+        };
+        // At once, so that a kill tears the last record at most.
+        file.write_all(&bytes)
+    }
+}
+
+/// The label with an id behind it, since labels say neither the generator nor all settings.
+fn name(job: &Job) -> String {
+    let id = &job.id.id;
+    let word = |c: char| if c.is_alphanumeric() || "-.=".contains(c) { c } else { '-' };
+    let label: String = job.label.chars().map(word).collect();
+    format!("{label}-{}", &id[..id.len().min(6)])
+}
+
+/// A new file, whose name sorts behind those that are there: TensorBoard reads them in this order.
+fn create(place: &Path) -> io::Result<File> {
+    fs::create_dir_all(place)?;
+    let mut second = now_s() as u64;
+    loop {
+        let path: PathBuf = place.join(format!("{NAME}.{second:010}.isoflop"));
+        match File::create_new(path) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => second += 1,
+            ended => return ended,
+        }
+    }
+}
+
+/// Seconds since 1970.
+fn now_s() -> f64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |now| now.as_secs_f64())
+}
