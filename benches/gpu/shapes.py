@@ -38,6 +38,8 @@ SHAPES = {
     "tiny": (2, 2, 64, 192),
 }
 WORDS, CODES, D_TEXT, N_CTX = 12, 36, 2048, 201
+# Dense bf16 FLOP/s (data sheets).
+PEAKS = {"H100": 989e12, "H200": 989e12, "A100": 312e12}
 
 
 def corpus(folder, n_vocab, clips=4096):
@@ -72,7 +74,7 @@ def run_spec(folder, grid, shape, n_vocab, tokens, precision):
         seed=0, shape=sizes, grid=grid, generator={"kind": "autoregressive"}, precision=precision,
         batch_tokens=tokens, steps=10**6, tokens=tokens * 10**6, clips=None, evaluations=1, targets_per_pass=2048,
         budget_flops=flops_per_token(shape, n_vocab) * tokens * 10**6, betas=[0.9, 0.95], epsilon=1e-8,
-        weight_decay=0.1, clip_norm=1.0, checkpoint_s=1e9, codes=f"{folder}/codes", text=f"{folder}/text",
+        weight_decay=0.1, peak_flops=PEAKS, clip_norm=1.0, checkpoint_s=1e9, codes=f"{folder}/codes", text=f"{folder}/text",
         lr={"peak": 1e-4, "warmup_steps": 10, "final_share": 0.1, "schedule": "cosine", "decay_steps": None},
     )
     for name in ("training_clips", "learning_rate", "is_due", "forward_flops"):
@@ -212,7 +214,7 @@ def case(args, name, n_vocab, mode, device, folder):
     step_s, first_s = timed(trainer, args.seconds, device)
     row = {"shape": name, "vocab": n_vocab, "mode": mode, "tokens_per_s": tokens / step_s, "step_ms": 1e3 * step_s}
     row["first_s"] = first_s
-    peak = learning.peak_flops(device) or float("nan")
+    peak = learning.peak_flops(device, PEAKS) or float("nan")
     row["mfu"] = tokens / step_s * flops_per_token(shape, n_vocab) / peak
     row["gb"] = torch.cuda.max_memory_allocated() / 1e9 if device.type == "cuda" else 0.0
     return row

@@ -110,7 +110,7 @@ def check_memory(torch, run, device):
     if device.type != "cuda":
         return
     free, _ = torch.cuda.mem_get_info(device)
-    wanted = run.spec.bytes_on_card(sum(param.numel() for param in run.model.parameters()))
+    wanted = run.spec.gpu_bytes
     if wanted > free:
         raise SystemExit(
             f"the run needs about {wanted / 1e9:.1f} GB of the GPU, {free / 1e9:.1f} GB are free: take a larger "

@@ -20,8 +20,6 @@ TELL_S = 0.5
 DIVERGED_NATS = 3.0
 # A checkpoint may take this share of the time.
 CHECKPOINT_SHARE = 0.05
-# Dense bf16 products, in FLOP/s, by a part of the card's name (data sheets).
-PEAKS = {"H200": 989e12, "H100": 989e12, "A100": 312e12, "L40S": 362e12, "L4": 121e12, "4090": 165e12}
 
 
 class Failed(Exception):
@@ -149,7 +147,7 @@ class Learning:
         tokens_per_s = steps_per_s * spec.batch_tokens
         line = {"step": self.step, "steps": spec.steps, "loss": loss, "train_s": self.totals["wall_s"]}
         line["tokens_per_s"] = round(tokens_per_s)
-        peak = peak_flops(self.device)
+        peak = peak_flops(self.device, spec.peak_flops)
         if peak is not None:
             line["mfu"] = round(tokens_per_s * spec.budget_flops / spec.tokens / peak, 4)
         print(json.dumps(line), flush=True)
@@ -232,7 +230,7 @@ class Stepper:
         starts = [0, *ends[:-1]]
         batch = {name: self.flat[a:b] for name, a, b in zip(arrays, starts, ends)}
         state = self._state()
-        kept = [tensor.clone() for tensor in state]
+        kept = [tensor.cpu() for tensor in state]
         side = torch.cuda.Stream()
         side.wait_stream(torch.cuda.current_stream())
         with torch.cuda.stream(side):
@@ -272,12 +270,12 @@ def prefetched(objective, first, last, ahead=8):
         yield packed
 
 
-def peak_flops(device):
-    """What the card can do, or None for one that is not known."""
+def peak_flops(device, peaks):
+    """Of the card, by a word of its name; None for one that is not known."""
     if device.type != "cuda":
         return None
-    name = torch.cuda.get_device_name(device)
-    return next((peak for part, peak in PEAKS.items() if part in name), None)
+    words = torch.cuda.get_device_name(device).replace("-", " ").split()
+    return next((peak for word, peak in peaks.items() if word in words), None)
 
 
 def split_loss(objective, device, split):

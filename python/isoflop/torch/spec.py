@@ -6,14 +6,6 @@ import math
 import numpy as np
 
 
-# Rows of a batch for each target: captions come on top.
-ROWS_PER_TARGET = 1.6
-# Logits that are held at once, at most.
-LOGITS_AT_ONCE = 1 << 28
-# What CUDA and its kernels take before there is a model.
-CONTEXT_BYTES = 1.0e9
-
-
 class RunSpec:
     """The keys of the specification as attributes, and what follows from them."""
 
@@ -51,16 +43,6 @@ class RunSpec:
         block = 4 * d * d + matrices * d * shape["d_ff"]
         blocks = n_layer * (len(layout.place) * block + 2 * d * layout.pairs())
         return 2.0 * (blocks + n_words * shape["d_text"] * d + n_logits * d)
-
-    def bytes_on_card(self, n_params):
-        """What training takes of a GPU, about: weights, gradients and two moments in single precision; of each
-        row and layer the inputs of both halves and what their products give; logits of a chunk."""
-        shape, each = self.shape, 4 if self.precision == "f32" else 2
-        d, f = shape["d_model"], shape["d_ff"]
-        rows = ROWS_PER_TARGET * self.batch_tokens
-        kept = rows * shape["n_layer"] * (8 * d + each * (8 * d + 3 * f))
-        logits = min(LOGITS_AT_ONCE, self.batch_tokens * self.n_vocab)
-        return 16 * n_params + kept + logits * (8 + 2 * each) + CONTEXT_BYTES
 
 
 def share(first, step, last):

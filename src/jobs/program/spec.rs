@@ -1,5 +1,6 @@
 //! [`TrainerSpec`]: what a program is told of the run that it should train.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf, absolute};
 
 use anyhow::Result;
@@ -9,6 +10,8 @@ use crate::codes::TokenStore;
 use crate::jobs::ResultsFolder;
 use crate::jobs::folder::CHECKPOINT;
 use crate::jobs::frozen_sweep;
+use crate::jobs::gpu::bytes_on_card;
+use crate::machine::cards::CARDS;
 use crate::plan::RunSpec;
 use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, TARGETS_PER_PASS};
 
@@ -73,6 +76,10 @@ pub struct TrainerSpec {
     pub unique_tokens: usize,
     /// The clips of the training split that the run sees, by their place in it; `null` for all.
     pub clips: Option<Vec<usize>>,
+    /// What the run takes of a GPU, as the plan counts it.
+    pub gpu_bytes: u64,
+    /// Dense bf16 FLOP/s of cards, by a word of the driver's name of the device.
+    pub peak_flops: BTreeMap<&'static str, f64>,
     /// The tokenizer's folder, the codes and the embedded captions; `null` where there are none.
     pub tokenizer: Option<PathBuf>,
     pub codes: Option<PathBuf>,
@@ -128,6 +135,8 @@ impl TrainerSpec {
             targets_per_pass: TARGETS_PER_PASS,
             checkpoint_s: sweep.train.checkpoint_s,
             fps: run.fps,
+            gpu_bytes: bytes_on_card(run),
+            peak_flops: CARDS.iter().map(|card| (card.word, card.peak_flops)).collect(),
             unique_tokens: tokens.map_or(0, |tokens| tokens.training_targets(run.share)),
             clips: tokens.filter(|_| is_part).map(|tokens| tokens.training_clips(run.share)),
             tokenizer: there(&folder.tokenizer(&run.tokenizer_id))?,

@@ -19,7 +19,7 @@ pub struct EngineSection {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gpu: Option<String>,
     /// Model FLOPs utilisation, as `0.35`: the fraction of the card's bf16 peak that runs reach, counted in FLOPs
-    /// of their budgets. Finished runs of the folder override it; without either it is assumed by size of model.
+    /// of their budgets. Finished runs of the folder override it; without either it is that of an H200, by size of model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mfu: Option<Amount>,
     /// What `--engine slurm` asks of Slurm.
