@@ -17,7 +17,6 @@ pub enum TokenizerTrainer {
 
 impl TokenizerTrainer {
     /// Whether it is the default, which specs and ids leave out.
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for a reference")]
     pub fn is_built_in(&self) -> bool {
         *self == Self::BuiltIn
     }

@@ -176,7 +176,11 @@ fn a_plan_on_a_gpu_has_hours_dollars_and_memory() {
     let asked = ["plan", "scamo", "--gpu", "h100", "--price", "2.5"];
     let ended = place.isoflop(&asked).exits(0);
     let text = ended.stdout();
-    assert!(text.contains("287 runs") && text.replace('\n', " ").contains("as on an H200 at 27M and 308M"), "{text}");
+    assert!(
+        text.contains("287 runs")
+            && text.replace('\n', " ").contains("as on an H200 at 27M and 308M"),
+        "{text}"
+    );
     assert!(text.lines().count() <= 25, "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
 

@@ -167,3 +167,16 @@ fn half_precision_that_torch_does_not_train_in_is_refused() {
     let args = run("mini.yaml", &["trainer=torch", "train.precision=f16"]);
     isoflop(&place, &args).exits(2).says("the torch trainer computes in f32 or bf16");
 }
+
+#[test]
+fn a_python_without_the_trainer_is_told_what_to_install() {
+    let place = Place::with("mini.yaml");
+    place.write("python3", "#!/bin/sh\necho 'No module named isoflop' >&2\nexit 1\n");
+    let python = place.path("python3");
+    let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(&python, executable).expect("a writable directory");
+    let args = run("mini.yaml", &["trainer=torch", "grid.vocab=[16]", "grid.budgets=[1e8]"]);
+    let ended = program(&place, &args).env("ISOFLOP_PYTHON", &python).output();
+    let ended = Ended::of(&args, ended.expect("the binary can be started"));
+    ended.exits(1).says("pip install 'isoflop[torch]'");
+}

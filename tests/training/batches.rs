@@ -170,7 +170,9 @@ fn batches_are_those_that_are_published() {
     for (step, parts) in published["steps"].as_array().expect("steps").iter().enumerate() {
         let found = stream.parts(step * n, n).into_iter();
         let found: Vec<Vec<usize>> = found
-            .map(|part| vec![part.clip, part.caption as usize, part.targets.start, part.targets.end])
+            .map(|part| {
+                vec![part.clip, part.caption as usize, part.targets.start, part.targets.end]
+            })
             .collect();
         assert_eq!(serde_json::json!(found), *parts, "step {step}");
     }

@@ -31,7 +31,7 @@ use crate::files::read_if_there;
 use crate::generator;
 use crate::learn::weights::{self, Source};
 use crate::plan::{RunSpec, TrainerProgram};
-use crate::sweep::TrainerCommand;
+use crate::sweep::{TrainerCommand, is_torch};
 
 /// How long the worker in `place` waits for an orderly end: longer than a program of its own may.
 pub fn grace(place: &Path) -> Duration {
@@ -62,7 +62,9 @@ pub fn run_program(
     let wall_s = started.elapsed().as_secs_f64();
     let unfit = |problem| Failure::new(FailureKind::Trainer, problem);
     let result = match problem {
-        Some(problem) => Err(result::refusal(&spec.out).unwrap_or(problem)),
+        Some(problem) => Err(result::refusal(&spec.out).unwrap_or_else(|| {
+            if is_torch(&trainer.command) { of_torch(problem) } else { problem }
+        })),
         None => TrainerResult::read(&spec.out)
             .and_then(|result| result.fits(tokens.as_ref()).map(|()| result))
             .map_err(unfit),
@@ -135,6 +137,16 @@ pub fn python() -> PathBuf {
         own.exists().then_some(own)
     };
     named.map(PathBuf::from).or_else(beside).unwrap_or_else(|| PathBuf::from("python3"))
+}
+
+/// The failure of the trainer in PyTorch that did not say why: most likely it is not installed.
+fn of_torch(problem: Failure) -> Failure {
+    let advice = "if Python has no module isoflop.torch, run `pip install 'isoflop[torch]'` there, or name \
+                  another Python by ISOFLOP_PYTHON";
+    match problem.kind {
+        FailureKind::Trainer => Failure::new(problem.kind, format!("{}: {advice}", problem.reason)),
+        _ => problem,
+    }
 }
 
 /// Puts the weights of a result into the run's folder; the sentence where they are not the run's.

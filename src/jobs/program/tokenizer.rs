@@ -13,7 +13,7 @@ use serde::Deserialize;
 
 use super::guard::GRACE;
 use super::result::refusal;
-use super::{process, python};
+use super::{of_torch, process, python};
 use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::{remove, write_json};
 use crate::files::read_if_there;
@@ -57,7 +57,7 @@ pub fn train_tokenizer(
     let words = words(&place, &handover);
     let problem = process::attend(&words, &place, &assignment.job.id, assignment.stop)?;
     let trained = match problem {
-        Some(problem) => Err(refusal(&handover.out).unwrap_or(problem)),
+        Some(problem) => Err(refusal(&handover.out).unwrap_or_else(|| of_torch(problem))),
         None => read(&handover, corpus, assignment),
     };
     Ok(match trained {
