@@ -90,7 +90,7 @@ macro_rules! keys {
         #[serde(deny_unknown_fields, default)]
         pub struct TokenizerSection {
             pub kind: TokenizerKind,
-            /// Who trains the tokenizers: `built-in` or `torch`.
+            /// Who trains the tokenizers.
             #[serde(skip_serializing_if = "TokenizerTrainer::is_built_in")]
             pub trainer: TokenizerTrainer,
             /// Which quantizer: FSQ by default, VQ for patches.
