@@ -3,8 +3,11 @@
     python3 -m unittest discover python/tests
 """
 
+import contextlib
+import io
 import json
 import os
+import resource
 import tempfile
 import unittest
 from types import SimpleNamespace
@@ -16,7 +19,8 @@ try:
 
     from isoflop.torch.chacha import Stream, _blocks
     from isoflop.torch.draws import corrupted, hidden, hidden_codes
-    from isoflop.torch.learning import split_loss
+    from isoflop.torch.ends import Failed
+    from isoflop.torch.learning import load_state, save_state, split_loss
     from isoflop.torch.objectives import objective
     from isoflop.torch.packing import on_device, room_for
     from isoflop.torch.scale_inputs import Multiscale, area_down, linear_up
@@ -46,6 +50,34 @@ class Published(unittest.TestCase):
         stream = TokenStream(captions, targets, clips, published["seed"])
         for step, parts in enumerate(published["steps"]):
             np.testing.assert_array_equal(np.stack(stream.parts(step * n, n), 1), parts)
+
+
+class Checkpoints(unittest.TestCase):
+    def test_a_torn_checkpoint_is_set_aside(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "state.pt")
+            self.assertIsNone(load_state(path, "cpu"))
+            save_state(path, {"step": 3})
+            self.assertEqual(load_state(path, "cpu"), {"step": 3})
+            with open(path, "r+b") as file:
+                file.truncate(100)
+            with contextlib.redirect_stdout(io.StringIO()) as said:
+                self.assertIsNone(load_state(path, "cpu"))
+            self.assertIn("training begins anew", said.getvalue())
+            self.assertEqual(os.listdir(folder), ["state.pt.damaged"])
+
+    def test_a_checkpoint_that_cannot_be_written_leaves_the_last_one(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "state.pt")
+            save_state(path, {"step": 3})
+            before = resource.getrlimit(resource.RLIMIT_FSIZE)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+            try:
+                with self.assertRaisesRegex(Failed, "cannot be written"):
+                    save_state(path, {"step": 4, "model": torch.zeros(1 << 20)})
+            finally:
+                resource.setrlimit(resource.RLIMIT_FSIZE, before)
+            self.assertEqual(load_state(path, "cpu"), {"step": 3})
 
 
 class Draws(unittest.TestCase):

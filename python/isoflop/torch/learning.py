@@ -1,9 +1,11 @@
 """The loop: steps, the optimiser, checkpoints, progress, and the end of a run."""
 
+import errno
 import json
 import math
 import os
 import queue
+import shutil
 import signal
 import threading
 import time
@@ -11,6 +13,7 @@ import time
 import numpy as np
 import torch
 
+from .ends import Failed, Stopped
 from .packing import on_device, room_for
 from .track import tracker
 
@@ -18,16 +21,10 @@ from .track import tracker
 TELL_S = 0.5
 # A training loss so many nats above the uniform model's ends the run.
 DIVERGED_NATS = 3.0
+# A disk with so few bytes left is full; numbers of the system that say the same.
+LEAST_FREE, NO_ROOM = 1 << 20, (errno.EFBIG, errno.ENOSPC, errno.EDQUOT)
 # A checkpoint may take this share of the time.
 CHECKPOINT_SHARE = 0.05
-
-
-class Failed(Exception):
-    """A run that ends without a result, with its reason."""
-
-
-class Stopped(Exception):
-    """A run that was asked to stop; its checkpoint is written."""
 
 
 class Learning:
@@ -179,23 +176,46 @@ class Learning:
         return loss
 
     def _save(self):
-        """A checkpoint, whole, by rename; when it was written."""
+        """Writes a checkpoint; when it was written."""
         state = {"step": self.step, "model": self.model.state_dict(), "adam": self.adam.state_dict()}
-        state["totals"] = self.totals
-        partial = self.path + ".partial"
-        torch.save(state, partial)
-        os.replace(partial, self.path)
+        save_state(self.path, state | {"totals": self.totals})
         return time.monotonic()
 
     def _resume(self):
-        if not os.path.exists(self.path):
+        state = load_state(self.path, self.device)
+        if state is None:
             return
-        state = torch.load(self.path, map_location=self.device, weights_only=True)
         self.model.load_state_dict(state["model"])
         self.adam.load_state_dict(state["adam"])
         self.step = self.read = state["step"]
         self.totals = state["totals"]
         print(f"going on from step {self.step}", flush=True)
+
+
+def save_state(path, state):
+    """A checkpoint, whole, by rename."""
+    partial = path + ".partial"
+    try:
+        torch.save(state, partial)
+        os.replace(partial, path)
+    except (OSError, RuntimeError) as error:
+        is_full = shutil.disk_usage(os.path.dirname(path)).free < LEAST_FREE
+        kind = "disk-full" if is_full or getattr(error, "errno", None) in NO_ROOM else "other"
+        raise Failed(f"the checkpoint {path} cannot be written: {error}", kind) from error
+
+
+def load_state(path, device):
+    """The checkpoint, or None where there is none. One that cannot be read is set aside."""
+    if not os.path.exists(path):
+        return None
+    try:
+        return torch.load(path, map_location=device, weights_only=True)
+    except torch.OutOfMemoryError:
+        raise
+    except Exception as error:
+        os.replace(path, path + ".damaged")
+        print(f"warning: {path} cannot be read, and training begins anew: {error}", flush=True)
+        return None
 
 
 class Stepper:

@@ -3,21 +3,12 @@
 import argparse
 import json
 import os
-import sys
 
-from ..__main__ import chosen, libraries, refuse, write
+from ..ends import lead, write
 
 
 def main():
-    args = arguments()
-    try:
-        torch = libraries()
-        result = train(torch, args, chosen(torch, args.device))
-    except SystemExit as end:
-        if not isinstance(end.code, str):
-            raise
-        refuse(args.out, end.code, "trainer")
-    write(args.out, result)
+    lead(arguments(), train)
 
 
 def arguments():
@@ -34,7 +25,6 @@ def train(torch, args, device):
     """Trains the tokenizer; where its weights lie, and what training took."""
     from safetensors.torch import load_file, save_file
 
-    from ..learning import Failed, Stopped
     from .learning import Learning
     from .spec import Spec
 
@@ -43,15 +33,7 @@ def train(torch, args, device):
     learning = Learning(spec, load_file(spec.init), device, args.checkpoint)
     if device.type == "cuda" and not args.eager:
         learning.compile()
-    try:
-        learning.run()
-    except Failed as failed:
-        refuse(args.out, str(failed), "diverged")
-    except torch.OutOfMemoryError as error:
-        refuse(args.out, f"the GPU has too little memory: {str(error).splitlines()[0]}", "out-of-memory")
-    except Stopped as stopped:
-        print(stopped, file=sys.stderr)
-        sys.exit(143)
+    learning.run()
     weights = os.path.join(args.checkpoint, "trained.safetensors")
     save_file({name: tensor.contiguous().cpu() for name, tensor in learning.kept().items()}, weights)
     write(os.path.join(args.checkpoint, "losses.json"), learning.losses.tolist())

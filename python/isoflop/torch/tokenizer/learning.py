@@ -156,19 +156,17 @@ class Learning:
         print(json.dumps({"step": self.step, "steps": steps, "loss": losses[-1]}), flush=True)
 
     def _save(self):
-        """A checkpoint, whole, by rename; when it was written."""
+        """Writes a checkpoint; when it was written."""
         state = {"step": self.step, "model": self.model.state_dict(), "adam": self.adam.state_dict()}
         state |= {"average": self.average, "losses": self.losses, "wall_s": self.wall_s}
         state["codebooks"] = [own.state() for own in codebooks(self.model.quantizer)]
-        partial = self.path + ".partial"
-        torch.save(state, partial)
-        os.replace(partial, self.path)
+        shared.save_state(self.path, state)
         return time.monotonic()
 
     def _resume(self):
-        if not os.path.exists(self.path):
+        state = shared.load_state(self.path, self.device)
+        if state is None:
             return
-        state = torch.load(self.path, map_location=self.device, weights_only=True)
         self.model.load_state_dict(state["model"])
         self.adam.load_state_dict(state["adam"])
         for own, kept in zip(codebooks(self.model.quantizer), state["codebooks"]):
