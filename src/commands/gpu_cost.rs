@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use isoflop::jobs::Job;
-use isoflop::jobs::gpu::{Gpu, MfuSource, bytes_on_card, too_large};
+use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
 use isoflop::laws::wrap;
-use isoflop::plan::{Plan, PlannedRun};
+use isoflop::plan::{Plan, PlannedRun, bytes_on_card};
 use isoflop::spec::Precision;
 use serde_json::{Value, json};
 

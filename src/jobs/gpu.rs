@@ -11,9 +11,8 @@ use super::folder::ResultsFolder;
 use super::job::Job;
 use super::probe::{Rate, rate_at};
 use crate::machine::cards::Card;
-use crate::plan::{Plan, PlannedRun, RunSpec, Trunk};
+use crate::plan::{Plan, PlannedRun, RunSpec, Trunk, bytes_on_card};
 use crate::record::{RunRecord, flops_per_second};
-use crate::spec::Precision;
 
 /// N_nv of a model and its MFU in bf16, without the optimiser's part of a step.
 ///
@@ -138,36 +137,6 @@ fn finished(card: &Card, plan: &Plan, folder: &ResultsFolder) -> BTreeMap<usize,
         }
     }
     by_size
-}
-
-/// Rows of a batch for each supervised token: captions come on top.
-const ROWS_PER_TARGET: f64 = 1.6;
-
-/// Logits that the head holds at once, at most.
-const LOGITS_AT_ONCE: f64 = (1 << 28) as f64;
-
-/// What CUDA and its kernels take before there is a model.
-const CONTEXT_BYTES: f64 = 1e9;
-
-/// Bytes on the card of a run that PyTorch trains; the trainer ends before its first step where fewer are free.
-/// Measured on an H200 at 44M and 343M, V = 1024 and 65,536: 0.8 to 1.2 of it.
-///
-/// 16 N + rows · n_layer · (8 d + b (8 d + 3 d_ff)) + logits · (8 + 2 b) + 1e9, where
-///
-/// - N: all parameters; weights, gradients and two moments in f32
-/// - rows: 1.6 for each supervised token of a batch
-/// - b: bytes of a number in products, 2 in bf16 and 4 in f32
-/// - 8 d: the inputs of both halves of a block, in f32; 8 d + 3 d_ff: what its products take and give
-/// - logits: batch_tokens · V, at most 2²⁸ at once
-pub fn bytes_on_card(spec: &RunSpec) -> u64 {
-    let (shape, targets) = (spec.shape(), spec.batch_tokens as f64);
-    let bytes = if spec.precision == Precision::F32 { 4.0 } else { 2.0 };
-    let (d, d_ff) = (shape.d_model as f64, shape.d_ff as f64);
-    let of_row = shape.n_layer as f64 * (8.0 * d + bytes * (8.0 * d + 3.0 * d_ff));
-    let logits = LOGITS_AT_ONCE.min(targets * spec.n_vocab() as f64);
-    let parameters = 16.0 * spec.params().total() as f64;
-    let kept = ROWS_PER_TARGET * targets * of_row;
-    (parameters + kept + logits * (8.0 + 2.0 * bytes) + CONTEXT_BYTES) as u64
 }
 
 /// Says how many runs do not fit on the card, and what the largest needs; `None` if all fit.

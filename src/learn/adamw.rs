@@ -93,18 +93,18 @@ impl AdamW {
 }
 
 fn global_norm<M: Module>(module: &M, grads: &GradientsParams) -> f64 {
-    struct Norm<'a>(&'a GradientsParams, f64);
+    struct Norm<'a>(&'a GradientsParams, Vec<Tensor<1>>);
     impl burn::module::ModuleVisitor for Norm<'_> {
         fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
             if let Some(grad) = self.0.get::<D>(param.id) {
                 let n = grad.shape().num_elements();
-                self.1 += ops::sum_of_squares(grad.reshape([n]));
+                self.1.push(grad.reshape([n]));
             }
         }
     }
-    let mut norm = Norm(grads, 0.0);
+    let mut norm = Norm(grads, Vec::new());
     module.visit(&mut norm);
-    norm.1.sqrt()
+    ops::sum_of_squares(norm.1).sqrt()
 }
 
 struct Update<'a> {

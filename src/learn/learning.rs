@@ -121,12 +121,13 @@ impl<L: Learner> Learning<L> {
     /// [`LearnError::NonFinite`] and [`LearnError::Diverged`].
     pub fn step(&mut self) -> Result<f64, LearnError> {
         let loss = self.learner.loss(self.step);
-        let value = f64::from(loss.clone().into_scalar::<f32>());
-        self.check(value)?;
         let scale = self.learner.loss_scale();
-        let scaled = if scale == 1.0 { loss } else { loss * scale };
+        let scaled = if scale == 1.0 { loss.clone() } else { loss.clone() * scale };
         let weights = self.learner.weights();
         let gradients = GradientsParams::from_grads(scaled.backward(), weights);
+        // Read once all of the step is on its way, since a GPU is waited for here.
+        let value = f64::from(loss.into_scalar::<f32>());
+        self.check(value)?;
         let (weights, rate) = (weights.clone(), self.learner.learning_rate(self.step));
         let (weights, _) = self.optimiser.step_scaled(weights, gradients, scale, rate);
         self.learner.set_weights(weights);

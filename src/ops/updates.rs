@@ -7,14 +7,16 @@ use super::own::{AdamWStep, OwnUpdates};
 use super::parts::sums_of_parts;
 use super::{Kernels, plain};
 
-/// Σ x² of a tensor outside autodiff.
-pub fn sum_of_squares(x: Tensor<1>) -> f64 {
-    if Kernels::for_device(&x.device()) == Kernels::Own {
-        sums_of_parts(Tensor::<1>::from_dispatch(Dispatch::own_sum_of_squares(x.into_dispatch())))
-            [0]
-    } else {
-        f64::from((x.clone() * x).sum().into_scalar::<f32>())
+/// Σ x² over tensors of one device, outside autodiff. A device other than the processor's default is waited
+/// for once, not once a tensor.
+pub fn sum_of_squares(tensors: Vec<Tensor<1>>) -> f64 {
+    let Some(first) = tensors.first() else { return 0.0 };
+    if Kernels::for_device(&first.device()) == Kernels::Own {
+        let of = |x: Tensor<1>| Dispatch::own_sum_of_squares(x.into_dispatch());
+        return tensors.into_iter().map(|x| sums_of_parts(Tensor::from_dispatch(of(x)))[0]).sum();
     }
+    let sums = tensors.into_iter().map(|x| (x.clone() * x).sum()).collect();
+    f64::from(Tensor::cat(sums, 0).sum().into_scalar::<f32>())
 }
 
 /// A parameter and both its moments after a step of AdamW, all of one length and outside autodiff.

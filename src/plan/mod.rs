@@ -36,7 +36,9 @@ mod vocabulary;
 pub use assemble::{MOST_USEFUL_EPOCHS, Plan, demand};
 pub use evaluator_job::EvaluatorJob;
 pub use expand::NO_TOKENIZER;
-pub use memory::{evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes};
+pub use memory::{
+    bytes_on_card, evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes,
+};
 pub use planned_run::PlannedRun;
 pub use priced_cell::Dropped;
 pub use run_spec::{RunSpec, TRAINING_REVISION, TokenizerJob, TrainerProgram};

@@ -2,7 +2,6 @@
 //!
 //! `ISOFLOP_PYTHON` names another Python than `python3`.
 
-use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
@@ -11,6 +10,7 @@ use serde_json::Value;
 
 use super::support::processes::{kill_9, wait_for};
 use super::support::{Ended, Place, records};
+use super::torch;
 
 /// Steps whose losses are compared one by one.
 const STEPS: usize = 20;
@@ -22,25 +22,14 @@ const AT_THE_END: f64 = 1e-4;
 /// A rate and a number of passes at which rounding does not grow until it shows.
 const CALM: [&str; 4] = ["train.lr=1e-3", "train.evaluations=2000", "data.clips=256", "seeds=[3]"];
 
-fn python() -> String {
-    std::env::var("ISOFLOP_PYTHON").unwrap_or_else(|_| "python3".to_string())
-}
-
 /// A place with a sweep, or `None` where Python has no torch.
 fn place_with(sweep: &str) -> Option<Place> {
-    let asked = Command::new(python()).args(["-c", "import torch, numpy, safetensors"]).output();
-    if asked.is_ok_and(|ended| ended.status.success()) {
-        return Some(Place::with(sweep));
-    }
-    eprintln!("skipped: {} has no torch, numpy and safetensors", python());
-    None
+    torch::python().map(|_| Place::with(sweep))
 }
 
 fn program(place: &Place, args: &[&str]) -> Command {
     let mut program = place.program(args);
-    let package = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");
-    program.env("PYTHONPATH", package).env("PYTHONDONTWRITEBYTECODE", "1");
-    program.env("ISOFLOP_PYTHON", python());
+    torch::with_package(&mut program).env("PYTHONDONTWRITEBYTECODE", "1");
     program
 }
 
@@ -72,9 +61,10 @@ fn runs(place: &Place, name: &str) -> Vec<(Value, Vec<Value>)> {
     runs
 }
 
+/// How far two losses lie apart, relatively; below a tenth of a nat, as if they were so large.
 fn apart(a: &Value, b: &Value) -> f64 {
     let [a, b] = [a, b].map(|x| x.as_f64().unwrap_or_else(|| panic!("{x} is no number")));
-    (b / a - 1.0).abs()
+    (b - a).abs() / a.abs().max(0.1)
 }
 
 /// Trains a sweep by both trainers and compares each run.
@@ -102,6 +92,21 @@ fn assert_twins(sweep: &str, more: &[&str]) {
 #[test]
 fn the_autoregressive_generator_has_a_twin_in_torch() {
     assert_twins("mini.yaml", &["grid.budgets=[3e8]"]);
+}
+
+#[test]
+fn the_generators_of_several_scales_have_twins_in_torch() {
+    assert_twins("generators.yaml", &["grid.budgets=[1e8]", "grid.vocab=[16]"]);
+}
+
+#[test]
+fn the_masked_generator_has_a_twin_in_torch() {
+    assert_twins("mini.yaml", &["generator=masked", "grid.budgets=[1e8]"]);
+}
+
+#[test]
+fn the_two_stages_of_the_masked_generator_have_twins_in_torch() {
+    assert_twins("residual.yaml", &["generator=masked", "grid.budgets=[1e8]", "grid.vocab=[16]"]);
 }
 
 #[test]

@@ -10,9 +10,8 @@ use crate::codes::TokenStore;
 use crate::jobs::ResultsFolder;
 use crate::jobs::folder::CHECKPOINT;
 use crate::jobs::frozen_sweep;
-use crate::jobs::gpu::bytes_on_card;
 use crate::machine::cards::CARDS;
-use crate::plan::RunSpec;
+use crate::plan::{RunSpec, bytes_on_card};
 use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, TARGETS_PER_PASS};
 
 /// Raised when a key changes its meaning or goes.
