@@ -12,10 +12,13 @@ use super::{Kernels, plain};
 pub fn sum_of_squares(tensors: Vec<Tensor<1>>) -> f64 {
     let Some(first) = tensors.first() else { return 0.0 };
     if Kernels::for_device(&first.device()) == Kernels::Own {
-        let of = |x: Tensor<1>| Dispatch::own_sum_of_squares(x.into_dispatch());
-        return tensors.into_iter().map(|x| sums_of_parts(Tensor::from_dispatch(of(x)))[0]).sum();
+        let of = |x: Tensor<1>| {
+            let parts = Dispatch::own_sum_of_squares(x.into_dispatch());
+            sums_of_parts(Tensor::<1>::from_dispatch(parts))[0]
+        };
+        return tensors.into_iter().map(of).sum();
     }
-    let sums = tensors.into_iter().map(|x| (x.clone() * x).sum()).collect();
+    let sums: Vec<Tensor<1>> = tensors.into_iter().map(|x| (x.clone() * x).sum()).collect();
     f64::from(Tensor::cat(sums, 0).sum().into_scalar::<f32>())
 }
 
