@@ -78,7 +78,7 @@ class Learning:
             if due or last or self.stopped or now - told >= TELL_S or now - saved >= every:
                 told = now
                 loss = self._look()
-                self._tell(loss, (self.step - first) / (time.monotonic() - began))
+                self._tell(loss, self.step - first, time.monotonic() - began)
             if due:
                 self._measure()
             if self.stopped and not last or now - saved >= every:
@@ -138,11 +138,12 @@ class Learning:
         self.last = float(losses[-1]) if len(losses) else self.last
         return self.last
 
-    def _tell(self, loss, steps_per_s):
-        """A line of progress: tokens a second, and the share of the card's peak by the plan's FLOPs."""
+    def _tell(self, loss, steps, seconds):
+        """A line of progress: tokens a second by what this process has done, and the share of the card's peak by
+        the plan's FLOPs."""
         spec = self.spec
-        tokens_per_s = steps_per_s * spec.batch_tokens
-        line = {"step": self.step, "steps": spec.steps, "loss": loss, "train_s": self.totals["wall_s"]}
+        tokens_per_s = steps * spec.batch_tokens / seconds
+        line = {"step": self.step, "steps": spec.steps, "loss": loss, "train_s": seconds}
         line["tokens_per_s"] = round(tokens_per_s)
         peak = peak_flops(self.device, spec.peak_flops)
         if peak is not None:
