@@ -208,9 +208,7 @@ def case(args, name, n_vocab, mode, device, folder):
     else:
         grid = corpus(folder, n_vocab)
         spec = run_spec(folder, grid, shape, n_vocab, tokens, "bf16")
-        trainer = Ours(spec, device, mode.startswith("compiled") and device.type == "cuda")
-        if mode.endswith("-bf16"):
-            trainer.learning.model.residual = torch.bfloat16
+        trainer = Ours(spec, device, mode == "compiled" and device.type == "cuda")
     step_s, first_s = timed(trainer, args.seconds, device)
     row = {"shape": name, "vocab": n_vocab, "mode": mode, "tokens_per_s": tokens / step_s, "step_ms": 1e3 * step_s}
     row["first_s"] = first_s

@@ -1,24 +1,14 @@
 """`python3 -m isoflop.torch`: trains one run that isoflop describes."""
 
-import argparse
 import os
 
-from .ends import lead
+from .ends import lead, parser
 
 
 def main():
-    lead(arguments(), train)
-
-
-def arguments():
-    parser = argparse.ArgumentParser(prog="isoflop.torch", description=__doc__)
-    parser.add_argument("--spec", required=True, help="the specification of the run, JSON")
-    parser.add_argument("--out", required=True, help="where the result goes, JSON")
-    parser.add_argument("--checkpoint", required=True, help="a folder that outlives a kill")
-    parser.add_argument("--init", required=True, help="the first weights, safetensors")
-    parser.add_argument("--device", default="auto", help="auto (a GPU where there is one), cpu, cuda, cuda:1")
-    parser.add_argument("--eager", action="store_true", help="on a GPU, compile nothing")
-    return parser.parse_args()
+    options = parser("isoflop.torch", __doc__)
+    options.add_argument("--init", required=True, help="the first weights, safetensors")
+    lead(options.parse_args(), train)
 
 
 def train(torch, args, device):

@@ -1,5 +1,6 @@
 """How training ends: with a result, with a reason why there is none, or at a stop."""
 
+import argparse
 import json
 import os
 import sys
@@ -37,6 +38,17 @@ def lead(args, train):
     except torch.OutOfMemoryError as error:
         refuse(args.out, f"the GPU has too little memory: {str(error).splitlines()[0]}", "out-of-memory")
     write(args.out, result)
+
+
+def parser(module, about):
+    """The options that every trainer has."""
+    options = argparse.ArgumentParser(prog=module, description=about)
+    options.add_argument("--spec", required=True, help="what is to be trained, JSON")
+    options.add_argument("--out", required=True, help="where the result goes, JSON")
+    options.add_argument("--checkpoint", required=True, help="a folder that outlives a kill")
+    options.add_argument("--device", default="auto", help="auto (a GPU if there is one), cpu, cuda, cuda:1")
+    options.add_argument("--eager", action="store_true", help="on a GPU, compile nothing")
+    return options
 
 
 def libraries():

@@ -58,7 +58,7 @@ class Learning:
         self.totals = {"wall_s": 0.0, "forward_flops": 0.0, "log": [], "loss_sum": 0.0, "loss_count": 0}
         self.stopped = False
         self.tracker = tracker(self.spec)
-        self.took = Stepper(self) if compiled else None
+        self.stepper = Stepper(self) if compiled else None
 
     def run(self):
         """Takes the steps that are left."""
@@ -93,8 +93,8 @@ class Learning:
     def _take(self, packed):
         """One step."""
         rate = self.spec.learning_rate(self.step)
-        if self.took is not None:
-            self.took.take(packed, rate)
+        if self.stepper is not None:
+            self.stepper.take(packed, rate)
             return
         for group in self.adam.param_groups:
             group["lr"] = rate
@@ -135,8 +135,7 @@ class Learning:
         self.totals["loss_sum"] += float(losses.sum())
         self.totals["loss_count"] += len(losses)
         self.read = self.step
-        self.last = float(losses[-1]) if len(losses) else self.last
-        return self.last
+        return float(losses[-1])
 
     def _tell(self, loss, steps, seconds):
         """A line of progress: tokens a second by what this process has done, and the share of the card's peak by

@@ -168,7 +168,7 @@ class Network(nn.Module):
         super().__init__()
         d = shape["d_model"]
         # What products are computed in, and the parts of a step that are compiled, by name.
-        self.dtype, self.compiled, self.residual = torch.float32, {}, torch.float32
+        self.dtype, self.compiled = torch.float32, {}
         self.text_weight, self.text_bias = empty(shape["d_text"], d), empty(d)
         self.blocks = nn.ModuleList(Block(shape) for _ in range(shape["n_layer"]))
         self.norm = empty(d)
@@ -197,7 +197,7 @@ class Network(nn.Module):
 
     def stacked(self, x, batch):
         """What the blocks make of all rows, `[n, d]`."""
-        view, x = self.view(batch), x.to(self.residual)
+        view = self.view(batch)
         for block in self.blocks:
             call = block if torch.is_grad_enabled() else block.forward
             x = call(x, view, self.dtype)

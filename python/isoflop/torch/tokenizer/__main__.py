@@ -1,24 +1,13 @@
 """`python3 -m isoflop.torch.tokenizer`: trains one tokenizer that isoflop describes."""
 
-import argparse
 import json
 import os
 
-from ..ends import lead, write
+from ..ends import lead, parser, write
 
 
 def main():
-    lead(arguments(), train)
-
-
-def arguments():
-    parser = argparse.ArgumentParser(prog="isoflop.torch.tokenizer", description=__doc__)
-    parser.add_argument("--spec", required=True, help="what is to be trained, JSON")
-    parser.add_argument("--out", required=True, help="where the result goes, JSON")
-    parser.add_argument("--checkpoint", required=True, help="a folder that outlives a kill")
-    parser.add_argument("--device", default="auto", help="auto (a GPU if there is one), cpu, cuda, cuda:1")
-    parser.add_argument("--eager", action="store_true", help="on a GPU, compile nothing")
-    return parser.parse_args()
+    lead(parser("isoflop.torch.tokenizer", __doc__).parse_args(), train)
 
 
 def train(torch, args, device):
