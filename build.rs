@@ -5,6 +5,7 @@ use std::process::Command;
 fn main() {
     println!("cargo::rerun-if-changed=.git/logs/HEAD");
     println!("cargo::rerun-if-changed=src");
+    println!("cargo::rerun-if-changed=crates");
     println!("cargo::rustc-env=ISOFLOP_GIT_REVISION={}", revision());
 }
 

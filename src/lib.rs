@@ -21,10 +21,7 @@
 //! | 3 | [`text`] | captions into frozen embeddings | data |
 //! | 3 | [`codes`] | the codes of a data set, between a tokenizer and a generator | data |
 //! | 4 | [`plan`] | a sweep into priced runs, and cells dropped with their reasons | |
-//! | 4 | [`laws`] | points into minima, power laws and loss laws | |
-//! | 4 | [`predict`] | laws and a budget into a configuration | laws |
-//! | 4 | [`rates`] | trials at several learning rates into a rule | laws |
-//! | 4 | [`table`] | a table of runs made elsewhere into points | laws |
+//! | 4 | [`rates`] | trials at several learning rates into a rule | |
 //! | 5 | [`ops`] | the operations of the models, with their gradients | |
 //! | 5 | [`learn`] | optimiser, weights, checkpoints: one loop for whatever learns | ops |
 //! | 5 | [`tokenizer`] | clips into codes | learn, ops |
@@ -59,13 +56,11 @@ pub mod figures;
 pub mod files;
 pub mod generator;
 pub mod jobs;
-pub mod laws;
 pub mod learn;
 pub mod machine;
 pub mod motion;
 pub mod ops;
 pub mod plan;
-pub mod predict;
 pub mod progress;
 pub mod rates;
 pub mod record;
@@ -73,7 +68,8 @@ pub mod report;
 pub mod scores;
 pub mod spec;
 pub mod sweep;
-pub mod table;
 pub mod text;
 pub mod tokenizer;
 pub mod units;
+
+pub use isoflop_laws::{laws, predict, table};

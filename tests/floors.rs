@@ -1,4 +1,4 @@
-//! The floors of the library, as the table in `src/lib.rs` has them, held by every import.
+//! The floors of the libraries, as the table in each `lib.rs` has them, held by every import.
 
 #[path = "floors/allowed.rs"]
 mod allowed;
@@ -19,7 +19,7 @@ use allowed::ALLOWED;
 use circles::circles;
 use tree::{Edge, Tree};
 
-const LIBRARY: &str = "src/lib.rs";
+const LIBRARIES: [&str; 2] = ["src/lib.rs", "crates/laws/src/lib.rs"];
 const PROGRAM: &str = "src/main.rs";
 
 /// A line of the table.
@@ -28,9 +28,9 @@ struct Floor {
     beside: BTreeSet<String>,
 }
 
-/// The table in the documentation of the library.
-fn floors() -> BTreeMap<String, Floor> {
-    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(LIBRARY)).unwrap();
+/// The table in the documentation of a library.
+fn floors(library: &str) -> BTreeMap<String, Floor> {
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(library)).unwrap();
     let rows = text.lines().filter_map(|line| line.strip_prefix("//! |")).skip(2);
     rows.map(|row| {
         let cells: Vec<&str> = row.split('|').map(str::trim).collect();
@@ -49,7 +49,12 @@ fn fail_for(problems: &[String], what: &str) {
 
 #[test]
 fn the_table_has_every_module_and_no_other() {
-    let src = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("src")).unwrap();
+    LIBRARIES.into_iter().for_each(the_table_is_whole);
+}
+
+fn the_table_is_whole(library: &str) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(library);
+    let src = fs::read_dir(root.parent().unwrap()).unwrap();
     let names = src.map(|entry| {
         let path = entry.unwrap().path();
         path.file_stem().unwrap().to_str().unwrap().to_string()
@@ -57,16 +62,16 @@ fn the_table_has_every_module_and_no_other() {
     // The roots of the library and of the program, and the program's own modules.
     let modules: BTreeSet<String> =
         names.filter(|name| !["lib", "main", "commands"].contains(&name.as_str())).collect();
-    let floors = floors();
+    let floors = floors(library);
     let mut problems = Vec::new();
     for module in &modules {
         if !floors.contains_key(module) {
-            problems.push(format!("src/{module} has no line in the table of {LIBRARY}"));
+            problems.push(format!("{module} has no line in the table of {library}"));
         }
     }
     for (module, floor) in &floors {
         if !modules.contains(module) {
-            problems.push(format!("the table of {LIBRARY} has `{module}`, which src has not"));
+            problems.push(format!("the table of {library} has `{module}`, which is no module"));
         }
         for beside in &floor.beside {
             if floors.get(beside).is_none_or(|beside| beside.number != floor.number) {
@@ -79,7 +84,11 @@ fn the_table_has_every_module_and_no_other() {
 
 #[test]
 fn a_module_imports_what_stands_below_it_or_is_named_beside_it() {
-    let (floors, tree) = (floors(), Tree::read(LIBRARY));
+    LIBRARIES.into_iter().for_each(every_import_goes_down);
+}
+
+fn every_import_goes_down(library: &str) {
+    let (floors, tree) = (floors(library), Tree::read(library));
     let mut problems = Vec::new();
     for named in tree.named() {
         let file = &tree.files[named.file];
@@ -97,12 +106,16 @@ fn a_module_imports_what_stands_below_it_or_is_named_beside_it() {
             problems.push(format!("{place}: `{needed}` is not named beside `{module}`"));
         }
     }
-    fail_for(&problems, "imports against the table of src/lib.rs");
+    fail_for(&problems, &format!("imports against the table of {library}"));
 }
 
 #[test]
 fn no_modules_need_one_another() {
-    let tree = Tree::read(LIBRARY);
+    LIBRARIES.into_iter().for_each(no_modules_of_a_library_need_one_another);
+}
+
+fn no_modules_of_a_library_need_one_another(library: &str) {
+    let tree = Tree::read(library);
     let named: Vec<(&str, String, String)> = tree
         .named()
         .filter_map(|named| {
@@ -126,7 +139,7 @@ fn no_modules_need_one_another() {
 fn no_files_need_one_another_but_those_that_are_named_with_a_reason() {
     let mut problems = Vec::new();
     let mut met = BTreeSet::new();
-    for root in [LIBRARY, PROGRAM] {
+    for root in LIBRARIES.into_iter().chain([PROGRAM]) {
         let tree = Tree::read(root);
         let edges = tree.edges();
         for circle in circles(edges.iter().map(|edge| (edge.from, edge.to))) {

@@ -1,8 +1,7 @@
 //! L_u against N_nv at each budget, best over V, with parabolas and minima
 //! (Hoffmann et al. 2022, approach 2).
 
-use crate::laws::{Laws, Minimum};
-use crate::sweep::MinimumMethod;
+use crate::laws::{Laws, Minimum, MinimumMethod};
 
 use super::axis::{Axis, Scale};
 use super::cells::CellMean;

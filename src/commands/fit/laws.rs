@@ -1,11 +1,11 @@
 //! The laws of the points, by the law that was asked for.
 
 use isoflop::laws;
+use isoflop::laws::MinimumMethod;
 use isoflop::laws::{
     Approach1Options, FitError, FitOptions, Form, LawKind, Laws, Parameters, fit_parametric,
     parametric_laws,
 };
-use isoflop::sweep::MinimumMethod;
 
 use super::request::FitRequest;
 use super::source::{OwnSweep, Source};

@@ -1,9 +1,9 @@
 //! What a fit was asked for: the command line, over the defaults of the analysis it follows.
 
 use anyhow::{Context, Result};
+use isoflop::laws::MinimumMethod;
 use isoflop::laws::{Form, HoldOut, Huber, LawKind, ParametricOptions, Space, Starts};
 use isoflop::spec::FlopsRule;
-use isoflop::sweep::MinimumMethod;
 use isoflop::table::{OutlierStage, TableRequest};
 
 use super::args::{CompatName, FitArgs, FlopsName, HuberName, MinimaName, SpaceName, StartsName};

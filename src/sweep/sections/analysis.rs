@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::laws::MinimumMethod;
+
 use crate::spec::FlopsRule;
 use crate::units::number;
 
@@ -11,24 +13,6 @@ use crate::units::number;
 #[serde(deny_unknown_fields, default)]
 pub struct FlopsSection {
     pub rule: FlopsRule,
-}
-
-/// How the minimum of one budget was found.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
-)]
-#[serde(rename_all = "kebab-case")]
-pub enum MinimumMethod {
-    /// The best run (ScaMo).
-    Argmin,
-    /// A quadratic in ln N_nv through the best run of each size (Hoffmann et al. 2022, approach 2).
-    Parabola,
-    /// A cubic in ln N_nv, the parabola's check.
-    Cubic,
-    /// Akima's local spline in ln N_nv, which no far-off size can bend.
-    Akima,
-    /// A joint quadratic in (ln N_nv, ln N_v).
-    Surface,
 }
 
 /// Which budget takes no part in the fit.

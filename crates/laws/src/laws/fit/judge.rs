@@ -1,0 +1,158 @@
+//! What a fit says of itself: how its runs scatter, what its curves miss, which law to believe.
+
+use crate::laws::MinimumMethod;
+use crate::laws::bootstrap::{Bootstrap, Sources};
+use crate::laws::cell::Cell;
+use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
+use crate::laws::minima::{Grid, lack_of_fit};
+use crate::laws::noise::Scatter;
+use crate::laws::ranking::{Rows, recommended, shares};
+use crate::laws::split::Split;
+use crate::laws::stats::{extent, interval95};
+use crate::laws::{
+    FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
+    RunNoise, Tried,
+};
+
+/// Replicates of the joint law at most: each is a fit of its own.
+const JOINT_REPLICATES: usize = 200;
+/// Replicates by which a part of an interval is told.
+const PART_REPLICATES: usize = 100;
+
+/// Which law to believe, and how far.
+pub(super) fn judge(
+    laws: &Laws,
+    split: &Split,
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    interval_parts: Vec<IntervalPart>,
+    scatter: Scatter,
+    options: &FitOptions,
+) -> Judgement {
+    let methods = per_method.iter().map(|(method, _)| *method);
+    let misfit = |method| lack_of_fit(method, &split.fitted, scatter.noise?);
+    let own = Judgement {
+        lack_of_fit: methods.filter_map(misfit).collect(),
+        tokenizer_noise: scatter.tokenizers.cloned(),
+        test_noise: scatter.test.cloned(),
+        interval_parts,
+        tried: Some(tried(&split.fitted)),
+        ..Judgement::default()
+    };
+    if !options.recommend {
+        return own;
+    }
+    let grids = ascending(split);
+    let minima: Vec<Minimum> =
+        laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
+    let shares = shares(&grids, (laws.minima_method, &minima), scatter.noise, options);
+    let rows = Rows { grids: &grids, shares, noise: scatter.noise, options };
+    let recommended = rank(&rows, laws.minima_method);
+    let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
+    Judgement {
+        forecast_error: Some(ForecastError::of(misses)),
+        joint: joint(&split.fitted, repeat(&grids), &recommended, scatter, options),
+        recommended: Some(recommended),
+        ..own
+    }
+}
+
+/// Every budget's grid, the held-out one's among them.
+fn ascending(split: &Split) -> Vec<Grid> {
+    let mut grids: Vec<Grid> = split.fitted.iter().chain(&split.held_out).cloned().collect();
+    grids.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
+    grids
+}
+
+/// [`LackOfFit::variance_ratio`](crate::laws::LackOfFit::variance_ratio) of the laws' method; 1 where no
+/// curve leaves residuals.
+pub(super) fn misfit(method: MinimumMethod, split: &Split, noise: RunNoise) -> f64 {
+    lack_of_fit(method, &split.fitted, noise).map_or(1.0, |lack| lack.variance_ratio())
+}
+
+/// The curves whose minima may all be used where those of the laws' method are; that method alone
+/// where it is the best run.
+pub(super) fn admissible(
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    own: MinimumMethod,
+    used: &[Minimum],
+    options: &FitOptions,
+) -> Vec<usize> {
+    let fits = |minima: &[Minimum]| {
+        let same = |m: &Minimum| minima.iter().find(|o| o.budget_flops == m.budget_flops);
+        used.iter().all(|m| same(m).is_some_and(|m| m.is_usable() || options.keep_flagged))
+    };
+    let is_curve = |method| method != MinimumMethod::Argmin && own != MinimumMethod::Argmin;
+    let all = per_method.iter().enumerate();
+    all.filter(|(_, (method, minima))| *method == own || (is_curve(*method) && fits(minima)))
+        .map(|(i, _)| i)
+        .collect()
+}
+
+/// The recommendation over all budgets, measured minima beside each grid.
+fn rank(rows: &Rows, method: MinimumMethod) -> Recommended {
+    recommended(rows.scores(), method, rows.grids.len())
+}
+
+/// The joint law of some budgets, with what repetition is worth where runs repeat, and with its replicates
+/// where it is the one to believe, or shares of the data let it tell what repetition is worth.
+fn joint(
+    grids: &[Grid],
+    repeats: bool,
+    recommended: &Recommended,
+    scatter: Scatter,
+    options: &FitOptions,
+) -> Option<JointLaw> {
+    let mut joint = fit_joint(grids, scatter.noise, repeats)?;
+    let has_shares = grids.iter().any(|grid| !grid.smaller.is_empty());
+    if recommended.law.is_joint() || has_shares {
+        let count = options.bootstrap.min(JOINT_REPLICATES);
+        joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);
+    }
+    Some(joint)
+}
+
+/// What the intervals of the exponents would be for each reason alone.
+pub(super) fn interval_parts(bootstrap: &Bootstrap) -> Vec<IntervalPart> {
+    let none = Sources::NONE;
+    let parts = [
+        ("runs", Sources { runs: true, ..none }, true),
+        ("tokenizers", Sources { tokenizers: true, ..none }, bootstrap.tokenizers.is_some()),
+        ("misfit", Sources { misfit: true, ..none }, bootstrap.misfit > 1.0),
+        ("method", Sources { method: true, ..none }, bootstrap.admissible.len() > 1),
+        ("test split", Sources { test: true, ..none }, bootstrap.test.is_some()),
+    ];
+    let known = parts.into_iter().filter(|(.., known)| *known);
+    known.map(|(part, sources, _)| interval_part(part, bootstrap, sources)).collect()
+}
+
+fn interval_part(part: &str, bootstrap: &Bootstrap, sources: Sources) -> IntervalPart {
+    let count = bootstrap.options.bootstrap.min(PART_REPLICATES);
+    let options = FitOptions { bootstrap: count, ..bootstrap.options.clone() };
+    let alone = Bootstrap { sources, options: &options, ..bootstrap.clone() };
+    let replicates = alone.replicates();
+    let samples: Vec<LawSample> =
+        replicates.iter().filter_map(|replicate| Some(replicate.laws?.sample)).collect();
+    let interval =
+        |of: fn(&LawSample) -> f64| interval95(&samples.iter().map(of).collect::<Vec<_>>());
+    IntervalPart {
+        part: part.to_string(),
+        exponent_nonvocab: interval(|s| s.exponent_nonvocab),
+        exponent_vocab: interval(|s| s.exponent_vocab),
+        exponent_tokens: interval(|s| s.exponent_tokens),
+        slope_per_decade: interval(|s| s.loss_slope_per_decade),
+    }
+}
+
+/// The extent of some cells.
+fn tried(grids: &[Grid]) -> Tried {
+    let cells = || grids.iter().flat_map(|grid| &grid.cells);
+    let range = |(low, high)| [low, high];
+    let unique = cells().filter_map(|cell| cell.unique_tokens);
+    let epochs = grids.iter().flat_map(Grid::of_all_shares).flatten().filter_map(Cell::epochs);
+    Tried {
+        sizes: range(extent(cells().map(|cell| cell.params_nonvocab))),
+        vocabularies: range(extent(cells().map(|cell| cell.n_vocab))),
+        unique_tokens: unique.reduce(f64::max),
+        epochs: epochs.reduce(f64::max),
+    }
+}

@@ -1,0 +1,137 @@
+//! Akima's spline in ln N_nv.
+//!
+//! H. Akima, "A new method of interpolation and smooth curve fitting based on local procedures",
+//! J. ACM 17 (1970): a cubic between each two sizes, whose slopes at the sizes depend on the two
+//! neighbours on either side alone. It passes through every size, so it smooths no noise; it has no
+//! shape of its own either, so it shows where a parabola's or a cubic's shape moves a minimum.
+
+use super::grid::Grid;
+use super::{Located, interpolate};
+use crate::laws::MinimumFlag;
+use crate::laws::MinimumMethod;
+
+const METHOD: MinimumMethod = MinimumMethod::Akima;
+/// Each slope looks at two sizes on either side.
+const FEWEST_SIZES: usize = 5;
+
+/// The lowest stationary point of the spline through the sizes of a grid.
+///
+/// It interpolates, so there are no residuals and its curvature is not tested against noise.
+pub(super) fn locate(grid: &Grid) -> Located {
+    let unfit = |reason| Located { minimum: grid.best_run(METHOD, Some(reason)), curvature: None };
+    if grid.sizes.len() < FEWEST_SIZES {
+        return unfit(MinimumFlag::FewLevels);
+    }
+    let x: Vec<f64> = grid.sizes.iter().map(|size| size.best.params_nonvocab.ln()).collect();
+    let y: Vec<f64> = grid.sizes.iter().map(|size| size.best.loss).collect();
+    let Some((ln_nonvocab, loss)) = lowest_inside(&x, &y) else {
+        return unfit(MinimumFlag::NotBracketed);
+    };
+    let minimum = interpolate::along_sizes(METHOD, grid, ln_nonvocab, loss);
+    Located { minimum, curvature: None }
+}
+
+/// x and y of the spline's lowest point; none where an end of the range is as low.
+fn lowest_inside(x: &[f64], y: &[f64]) -> Option<(f64, f64)> {
+    let slopes = knot_slopes(x, y);
+    let pieces = 0..x.len() - 1;
+    let stationary = pieces.flat_map(|i| {
+        let piece = Piece::between(i, x, y, &slopes);
+        piece.stationary().map(move |t| (piece.start + t, piece.at(t)))
+    });
+    let (at, lowest) = stationary.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let last = x.len() - 1;
+    let inside = x[0] < at && at < x[last] && lowest < y[0].min(y[last]);
+    inside.then_some((at, lowest))
+}
+
+/// Akima's slope at every knot: the mean of the slopes of the pieces before and after it, each
+/// weighted by the bend on the other side; two further pieces at each end continue the last bend.
+fn knot_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
+    let n = x.len();
+    let piece = |i: usize| (y[i + 1] - y[i]) / (x[i + 1] - x[i]);
+    let inner: Vec<f64> = (0..n - 1).map(piece).collect();
+    let (first, last) = (inner[0] - inner[1], inner[n - 2] - inner[n - 3]);
+    let before = [inner[0] + 2.0 * first, inner[0] + first];
+    let after = [inner[n - 2] + last, inner[n - 2] + 2.0 * last];
+    let m: Vec<f64> = before.into_iter().chain(inner).chain(after).collect();
+    m.windows(4).map(|m| knot_slope(m[0], m[1], m[2], m[3])).collect()
+}
+
+fn knot_slope(m1: f64, m2: f64, m3: f64, m4: f64) -> f64 {
+    let (left, right) = ((m4 - m3).abs(), (m2 - m1).abs());
+    if left + right == 0.0 { 0.5 * (m2 + m3) } else { (left * m2 + right * m3) / (left + right) }
+}
+
+/// y = c0 + c1 t + c2 t² + c3 t³ for t in 0..=`length`.
+#[derive(Clone, Copy)]
+struct Piece {
+    start: f64,
+    length: f64,
+    c: [f64; 4],
+}
+
+impl Piece {
+    fn between(i: usize, x: &[f64], y: &[f64], slopes: &[f64]) -> Self {
+        let length = x[i + 1] - x[i];
+        let (mean, s0, s1) = ((y[i + 1] - y[i]) / length, slopes[i], slopes[i + 1]);
+        let c2 = (3.0 * mean - 2.0 * s0 - s1) / length;
+        let c3 = (s0 + s1 - 2.0 * mean) / length.powi(2);
+        Self { start: x[i], length, c: [y[i], s0, c2, c3] }
+    }
+
+    fn at(&self, t: f64) -> f64 {
+        self.c.iter().rev().fold(0.0, |sum, c| sum * t + c)
+    }
+
+    /// Where c1 + 2 c2 t + 3 c3 t² = 0, by the form of the roots that does not cancel.
+    fn stationary(&self) -> impl Iterator<Item = f64> + use<> {
+        let [_, c1, c2, c3] = self.c;
+        let (a, b, c) = (3.0 * c3, 2.0 * c2, c1);
+        let q = -0.5 * (b + (b * b - 4.0 * a * c).sqrt().copysign(b));
+        let length = self.length;
+        // Without a root q is NaN, and no comparison holds.
+        [q / a, c / q].into_iter().filter(move |t| (0.0..=length).contains(t))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_spline_has_the_slopes_of_akimas_formula() {
+        // Piece slopes 1, 1, -1, 3, continued by 1, 1 before and 7, 11 after: the fourth slope weighs
+        // -1 by 7 - 3 and 3 by 1 + 1.
+        let slopes = knot_slopes(&[0.0, 1.0, 2.0, 3.0, 4.0], &[0.0, 1.0, 2.0, 1.0, 4.0]);
+        let expected = [1.0, 1.0, 1.0, (2.0 * 3.0 - 4.0) / 6.0];
+        slopes.iter().zip(expected).for_each(|(s, e)| assert!((s - e).abs() < 1e-15, "{slopes:?}"));
+    }
+
+    #[test]
+    fn a_parabola_on_even_knots_is_reproduced_to_its_vertex() {
+        let x: Vec<f64> = (0..6).map(f64::from).collect();
+        let y: Vec<f64> = x.iter().map(|x| 0.3 * (x - 2.3).powi(2) - 4.0).collect();
+        let (at, lowest) = lowest_inside(&x, &y).unwrap();
+        assert!((at - 2.3).abs() < 1e-12 && (lowest + 4.0).abs() < 1e-12, "{at} {lowest}");
+    }
+
+    #[test]
+    fn the_lowest_of_two_valleys_is_taken_and_a_low_end_is_not_inside() {
+        let x: Vec<f64> = (0..8).map(f64::from).collect();
+        let valleys = [3.0, 1.0, 2.0, 3.0, 2.0, 0.5, 1.5, 3.0];
+        let (at, lowest) = lowest_inside(&x, &valleys).unwrap();
+        assert!((4.5..5.5).contains(&at) && lowest <= 0.5, "{at} {lowest}");
+        assert_eq!(lowest_inside(&x, &[0.1, 1.0, 2.0, 3.0, 2.0, 0.5, 1.5, 3.0]), None);
+        assert_eq!(lowest_inside(&x, &[1.0; 8]), None);
+    }
+
+    #[test]
+    fn a_far_off_size_does_not_move_the_minimum() {
+        let x: Vec<f64> = (0..8).map(f64::from).collect();
+        let mut y: Vec<f64> = x.iter().map(|x| (x - 2.2).powi(2)).collect();
+        let (before, _) = lowest_inside(&x, &y).unwrap();
+        y[7] += 40.0;
+        assert_eq!(lowest_inside(&x, &y).unwrap().0, before);
+    }
+}

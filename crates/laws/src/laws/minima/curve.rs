@@ -1,0 +1,65 @@
+//! The parabola and the cubic in ln N_nv.
+//!
+//! Each size is represented by its best vocabulary (Hoffmann et al. 2022, approach 2, as ScaMo's
+//! figures draw it). N_v, V and D at the minimum come from [`interpolate`].
+
+use super::grid::{Grid, Scale};
+use super::{Curvature, Located, interpolate};
+use crate::laws::MinimumFlag;
+use crate::laws::MinimumMethod;
+use crate::laws::least_squares::{LeastSquares, least_squares};
+
+/// The minimum of the polynomial of `degree` 2 or 3 through the sizes of a grid.
+pub(super) fn locate(method: MinimumMethod, degree: usize, grid: &Grid) -> Located {
+    let unfit =
+        |reason, curvature| Located { minimum: grid.best_run(method, Some(reason)), curvature };
+    if grid.sizes.len() <= degree {
+        return unfit(MinimumFlag::FewLevels, None);
+    }
+    let scale = Scale::over(grid.sizes.iter().map(|size| size.best.params_nonvocab.ln()));
+    let Some(fit) = polynomial(degree, grid, scale) else {
+        return unfit(MinimumFlag::FewLevels, None);
+    };
+    let Some(z) = stationary(&fit.coefficients) else {
+        return unfit(MinimumFlag::NotConvex, None);
+    };
+    let curvature = Some(curvature(&fit, z, grid.runs_of_a_cell()));
+    if z.abs() >= 1.0 {
+        return unfit(MinimumFlag::NotBracketed, curvature);
+    }
+    let loss = powers(z, degree).iter().zip(&fit.coefficients).map(|(z, c)| z * c).sum();
+    Located { minimum: interpolate::along_sizes(method, grid, scale.value_at(z), loss), curvature }
+}
+
+fn polynomial(degree: usize, grid: &Grid, scale: Scale) -> Option<LeastSquares> {
+    let unit = |size: &crate::laws::cell::Size| scale.to_unit(size.best.params_nonvocab.ln());
+    let rows: Vec<_> = grid.sizes.iter().map(|size| powers(unit(size), degree)).collect();
+    let losses: Vec<_> = grid.sizes.iter().map(|size| size.best.loss).collect();
+    least_squares(&rows, &losses)
+}
+
+fn powers(z: f64, degree: usize) -> Vec<f64> {
+    (0..=degree).map(|power| z.powi(power as i32)).collect()
+}
+
+/// Where the polynomial has its local minimum; none where it has none.
+///
+/// For the cubic it is the root of c1 + 2 c2 z + 3 c3 z² with a positive second derivative, written
+/// so that it neither cancels nor breaks down as c3 → 0.
+fn stationary(c: &[f64]) -> Option<f64> {
+    let (c1, c2) = (c[1], c[2]);
+    let c3 = c.get(3).copied().unwrap_or(0.0);
+    let discriminant = 4.0 * c2 * c2 - 12.0 * c1 * c3;
+    if discriminant <= 0.0 || (c3 == 0.0 && c2 <= 0.0) {
+        return None;
+    }
+    let root = discriminant.sqrt();
+    Some(if c2 > 0.0 { -2.0 * c1 / (2.0 * c2 + root) } else { (root - 2.0 * c2) / (6.0 * c3) })
+}
+
+fn curvature(fit: &LeastSquares, z: f64, runs: f64) -> Curvature {
+    let gradient = [0.0, 0.0, 2.0, 6.0 * z];
+    let gradient = &gradient[..fit.coefficients.len()];
+    let value = gradient.iter().zip(&fit.coefficients).map(|(g, c)| g * c).sum();
+    Curvature { value, unit_error: fit.unit_error(gradient), rss: fit.rss, runs, dof: fit.dof }
+}

@@ -1,0 +1,185 @@
+//! One budget's grid, ready for every method.
+
+use crate::laws::MinimumMethod;
+use crate::laws::cell::{Cell, Size, best_index, cells, sizes};
+use crate::laws::stats::{distinct, extent};
+use crate::laws::{Budget, Minimum, MinimumFlag};
+
+/// The cells of one budget, their sizes and the best of them.
+#[derive(Clone)]
+pub(in crate::laws) struct Grid {
+    pub budget_flops: f64,
+    pub n_runs: usize,
+    pub cells: Vec<Cell>,
+    /// Those of each smaller share of the data, the smallest share first. A joint law alone looks at them.
+    pub smaller: Vec<Vec<Cell>>,
+    pub sizes: Vec<Size>,
+    best: usize,
+}
+
+impl Grid {
+    /// None for a budget without points.
+    pub fn new(budget: &Budget) -> Option<Self> {
+        if budget.points.is_empty() {
+            return None;
+        }
+        let whole = Self::of_cells(budget.budget_flops, budget.points.len(), cells(&budget.points));
+        let mut smaller = budget.smaller.clone();
+        smaller.sort_by(|a, b| a.share().total_cmp(&b.share()));
+        let of_share = smaller.chunk_by(|a, b| a.share() == b.share());
+        Some(Self { smaller: of_share.map(cells).collect(), ..whole })
+    }
+
+    /// At least one cell, sorted by N_nv and then N_v.
+    pub fn of_cells(budget_flops: f64, n_runs: usize, cells: Vec<Cell>) -> Self {
+        let (sizes, best) = (sizes(&cells), best_index(&cells));
+        Self { budget_flops, n_runs, cells, smaller: Vec::new(), sizes, best }
+    }
+
+    /// The grid with other losses, given cell by cell.
+    pub fn with_losses(&self, mut loss: impl FnMut(&Cell) -> f64) -> Self {
+        let (mut cells, mut smaller) = (self.cells.clone(), self.smaller.clone());
+        for cell in cells.iter_mut().chain(smaller.iter_mut().flatten()) {
+            cell.loss = loss(cell);
+        }
+        Self { smaller, ..Self::of_cells(self.budget_flops, self.n_runs, cells) }
+    }
+
+    /// The grid of the runs that saw a smaller share of the data; none where there are none.
+    pub fn of_share(&self, share: f64) -> Option<Self> {
+        let cells = self.smaller.iter().find(|cells| cells[0].share == share)?;
+        let n_runs = cells.iter().map(|cell| cell.runs).sum::<f64>().round() as usize;
+        Some(Self::of_cells(self.budget_flops, n_runs, cells.clone()))
+    }
+
+    /// The cells of every share of the data, those of the largest first.
+    pub fn of_all_shares(&self) -> impl Iterator<Item = &[Cell]> {
+        [&self.cells].into_iter().chain(&self.smaller).map(Vec::as_slice)
+    }
+
+    /// The best vocabulary of each size with N_nv + N_v as its one number of parameters; none where
+    /// N_v is not known.
+    pub fn with_total_size(&self) -> Option<Self> {
+        let total = |size: &Size| Cell {
+            params_nonvocab: size.best.params_nonvocab + size.best.params_vocab,
+            params_vocab: 0.0,
+            n_vocab: 0.0,
+            ..size.best.clone()
+        };
+        let mut cells: Vec<Cell> = self.sizes.iter().map(total).collect();
+        cells.sort_by(|a, b| a.params_nonvocab.total_cmp(&b.params_nonvocab));
+        let grid = || Self::of_cells(self.budget_flops, self.n_runs, cells);
+        self.best().has_vocabulary().then(grid)
+    }
+
+    /// Runs that a cell's mean is worth, on average.
+    pub fn runs_of_a_cell(&self) -> f64 {
+        self.cells.iter().map(|cell| cell.runs).sum::<f64>() / self.cells.len() as f64
+    }
+
+    pub fn best(&self) -> &Cell {
+        &self.cells[self.best]
+    }
+
+    /// What is in doubt of a minimum at `ln_nonvocab`, by the sizes on either side of it.
+    pub fn doubts_at(&self, ln_nonvocab: f64) -> Vec<MinimumFlag> {
+        let below = |size: &Size| size.best.params_nonvocab.ln() <= ln_nonvocab;
+        let above = self.sizes.partition_point(below);
+        match (above.checked_sub(1).map(|i| &self.sizes[i]), self.sizes.get(above)) {
+            (Some(left), Some(right)) => doubts_between(left, right),
+            _ => Vec::new(),
+        }
+    }
+
+    /// What is in doubt of the best run, by the sizes next to its own.
+    pub fn doubts_of_best(&self) -> Vec<MinimumFlag> {
+        let own = self.best().params_nonvocab;
+        let around = |pair: &&[Size]| pair.iter().any(|size| size.best.params_nonvocab == own);
+        self.sizes.windows(2).filter(around).flat_map(|p| doubts_between(&p[0], &p[1])).collect()
+    }
+
+    /// The values of the best run, flagged with `reason` and with the vocabulary's edge.
+    pub fn best_run(&self, method: MinimumMethod, reason: Option<MinimumFlag>) -> Minimum {
+        let best = self.best();
+        Minimum {
+            method,
+            budget_flops: self.budget_flops,
+            flops: best.flops,
+            params_nonvocab: best.params_nonvocab,
+            params_vocab: best.params_vocab,
+            n_vocab: best.n_vocab,
+            tokens: best.tokens,
+            loss_normalised: best.loss,
+            ci95: None,
+            flags: reason.into_iter().chain(self.vocab_edge()).collect(),
+            trusted: false,
+        }
+    }
+
+    pub fn best_is_outermost_size(&self) -> bool {
+        let outermost = |size: Option<&Size>| {
+            size.is_some_and(|size| size.best.params_nonvocab == self.best().params_nonvocab)
+        };
+        outermost(self.sizes.first()) || outermost(self.sizes.last())
+    }
+
+    /// The flag where several vocabularies were tried and the best run's is the smallest or the
+    /// largest that was tried at its size. One vocabulary alone is no axis, so it has no edge.
+    pub fn vocab_edge(&self) -> Vec<MinimumFlag> {
+        if self.n_vocabularies() < 2 {
+            return Vec::new();
+        }
+        let best = self.best();
+        let same_size = self.cells.iter().filter(|c| c.params_nonvocab == best.params_nonvocab);
+        let (low, high) = extent(same_size.map(|c| c.n_vocab));
+        let at_edge = best.n_vocab <= low || best.n_vocab >= high;
+        if at_edge {
+            vec![MinimumFlag::VocabNotBracketed, MinimumFlag::EdgeVocab]
+        } else {
+            Vec::new()
+        }
+    }
+
+    pub fn n_vocabularies(&self) -> usize {
+        distinct(self.cells.iter().map(|cell| cell.n_vocab)).len()
+    }
+}
+
+/// Neighbouring sizes further apart leave a gap.
+const WIDEST_STEP: f64 = 2.5;
+
+fn doubts_between(left: &Size, right: &Size) -> Vec<MinimumFlag> {
+    let step = right.best.params_nonvocab / left.best.params_nonvocab;
+    let depths = left.best.n_layer.zip(right.best.n_layer);
+    [
+        (left.at_edge || right.at_edge, MinimumFlag::EdgeVocab),
+        (step > WIDEST_STEP, MinimumFlag::Gap),
+        (depths.is_some_and(|(left, right)| left != right), MinimumFlag::DepthChange),
+    ]
+    .into_iter()
+    .filter_map(|(is, flag)| is.then_some(flag))
+    .collect()
+}
+
+/// x in units of half its range, from −1 to 1: a polynomial's columns are then well conditioned.
+#[derive(Clone, Copy)]
+pub(in crate::laws) struct Scale {
+    centre: f64,
+    half_range: f64,
+}
+
+impl Scale {
+    /// The values must not all be equal.
+    pub fn over(values: impl Iterator<Item = f64>) -> Self {
+        let (low, high) = extent(values);
+        Self { centre: 0.5 * (low + high), half_range: 0.5 * (high - low) }
+    }
+
+    pub fn to_unit(self, x: f64) -> f64 {
+        (x - self.centre) / self.half_range
+    }
+
+    pub fn value_at(self, z: f64) -> f64 {
+        self.centre + self.half_range * z
+    }
+}

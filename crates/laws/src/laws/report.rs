@@ -1,0 +1,326 @@
+//! What a fit holds beside its laws: how they do on unseen budgets, and what to run next.
+
+use serde::{Deserialize, Serialize};
+
+use super::text::count;
+use crate::laws::MinimumMethod;
+
+/// How a budget was kept from the laws that predict it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ValidationKind {
+    /// The laws are fitted to all other fitted budgets.
+    LeaveOneOut,
+    /// The laws are fitted to the smaller budgets.
+    RollForward,
+}
+
+/// What laws that had not seen a budget say of it, against its measured minimum.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    pub kind: ValidationKind,
+    pub budget_flops: f64,
+    /// How many budgets the laws were fitted to.
+    pub n_fitted: usize,
+    /// Predicted less measured loss by the log law, in nats.
+    pub log_error: f64,
+    /// The same by the floor law, where three budgets or more give one.
+    pub floor_error: Option<f64>,
+    /// Predicted over measured N, where N_nv and N_v are not told apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params_ratio: Option<f64>,
+    /// Predicted over measured N_nv.
+    pub params_nonvocab_ratio: Option<f64>,
+    /// Predicted over measured N_v, where several vocabularies were tried.
+    pub params_vocab_ratio: Option<f64>,
+    /// Predicted over measured D.
+    pub tokens_ratio: f64,
+}
+
+/// How far runs lie from the curves of a method, against their own scatter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LackOfFit {
+    pub method: MinimumMethod,
+    /// Squared residuals in units of the scatter, over all curves.
+    pub chi2: f64,
+    pub dof: usize,
+    /// The probability of more, were the curves right.
+    pub p: f64,
+}
+
+/// Probability of a larger χ² below which curves misfit.
+const MISFIT: f64 = 0.01;
+
+impl LackOfFit {
+    /// Whether the runs lie further from the curves than they scatter.
+    pub fn is_misfit(&self) -> bool {
+        self.p < MISFIT
+    }
+
+    /// How many times the variance of the runs their squared distance from the curves is, where the
+    /// curves misfit; else 1.
+    pub fn variance_ratio(&self) -> f64 {
+        if self.is_misfit() { (self.chi2 / self.dof as f64).max(1.0) } else { 1.0 }
+    }
+}
+
+/// What running more would settle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AdviceKind {
+    /// Sizes past an edge of a budget's grid, or sizes where there are too few.
+    AddSizes,
+    /// Vocabularies past an edge of a budget's grid.
+    AddVocabularies,
+    /// Further seeds, where a curve is flat within its noise.
+    AddSeeds,
+    /// A further budget, since an exponent's interval is wide.
+    LargerBudget,
+    /// Where a further budget would be centred; nothing asks for it.
+    NextBudget,
+}
+
+/// Runs that would tell more: every size with every vocabulary.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Advice {
+    pub kind: AdviceKind,
+    pub budget_flops: f64,
+    /// N_nv of the runs; N where it is not told apart.
+    pub params_nonvocab: Vec<f64>,
+    /// V of the runs; empty where it is not known.
+    pub n_vocab: Vec<f64>,
+    /// Sizes × vocabularies × the sweep's runs of a cell.
+    pub runs: usize,
+    /// Their cost.
+    pub flops: f64,
+    /// The reason, for a person.
+    pub why: String,
+}
+
+/// A forecast that was made before its runs, beside what they gave: `validations` of `laws.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Validated {
+    pub budget_flops: f64,
+    /// The budget over the largest that was fitted.
+    pub extrapolation_factor: f64,
+    pub predicted: Predicted,
+    pub measured: Measured,
+    pub inside: Inside,
+}
+
+/// What was forecast, with 95 % intervals.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Predicted {
+    pub loss: Option<f64>,
+    pub loss_ci95: Option<[f64; 2]>,
+    pub params_nonvocab: Option<f64>,
+    pub params_nonvocab_ci95: Option<[f64; 2]>,
+    pub params_vocab: Option<f64>,
+    pub params_vocab_ci95: Option<[f64; 2]>,
+    pub tokens: f64,
+    pub tokens_ci95: Option<[f64; 2]>,
+}
+
+/// The best cell that was trained, averaged over its runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    pub loss: f64,
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    pub n_vocab: f64,
+    pub tokens: f64,
+    /// Runs of all cells.
+    pub runs: usize,
+    /// Sizes and vocabularies among them, where they were counted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sizes: Option<usize>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vocabularies: Option<usize>,
+    /// The optimum between the cells, where these tell it: what the forecast is compared with in place
+    /// of the best cell's N_nv, N_v and D.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub optimum: Option<CrossOptimum>,
+}
+
+impl Measured {
+    /// N_nv, N_v and D of the optimum, or of the best cell.
+    pub fn at(&self) -> [f64; 3] {
+        let best = [self.params_nonvocab, self.params_vocab, self.tokens];
+        self.optimum.map_or(best, |o| [o.params_nonvocab, o.params_vocab, o.tokens])
+    }
+}
+
+/// Where the loss of one budget is least, as far as its cells tell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CrossOptimum {
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    pub n_vocab: f64,
+    /// What the FLOPs of the best cell buy there, by N_nv + N_v.
+    pub tokens: f64,
+}
+
+/// Whether what was measured lies in the interval; absent where there is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Inside {
+    pub loss: Option<bool>,
+    pub params_nonvocab: Option<bool>,
+    pub params_vocab: Option<bool>,
+    pub tokens: Option<bool>,
+}
+
+impl Inside {
+    /// Whether nothing that was judged lies outside its interval.
+    pub fn is_whole(&self) -> bool {
+        self.loss != Some(false) && self.outside().is_empty()
+    }
+
+    /// What of the optimum lies outside its interval, as the end of a sentence; empty where nothing does.
+    fn outside(&self) -> String {
+        let of = [("N_nv", self.params_nonvocab), ("N_v", self.params_vocab), ("D", self.tokens)];
+        let outside: Vec<&str> =
+            of.iter().filter(|(_, inside)| *inside == Some(false)).map(|(name, _)| *name).collect();
+        match &outside[..] {
+            [] => String::new(),
+            [one] => format!("; its {one} lies outside"),
+            all => format!("; its {} lie outside", all.join(" and ")),
+        }
+    }
+}
+
+impl Validated {
+    /// A forecast beside what was measured.
+    pub fn new(
+        (budget_flops, extrapolation_factor): (f64, f64),
+        predicted: Predicted,
+        measured: Measured,
+    ) -> Self {
+        let holds = |interval: Option<[f64; 2]>, value: f64| {
+            interval.map(|[low, high]| (low..=high).contains(&value))
+        };
+        // One value alone is the best by default.
+        let varied = |values: Option<usize>| values != Some(1);
+        let [size, vocab, tokens] = measured.at();
+        let inside = Inside {
+            loss: holds(predicted.loss_ci95, measured.loss),
+            params_nonvocab: holds(predicted.params_nonvocab_ci95, size)
+                .filter(|_| varied(measured.sizes)),
+            params_vocab: holds(predicted.params_vocab_ci95, vocab)
+                .filter(|_| varied(measured.vocabularies)),
+            tokens: holds(predicted.tokens_ci95, tokens),
+        };
+        Self { budget_flops, extrapolation_factor, predicted, measured, inside }
+    }
+
+    /// What came of the forecast of the loss, in a sentence; none where no loss was forecast, and within the fit.
+    pub fn sentence(&self) -> Option<String> {
+        let is_forecast = self.extrapolation_factor > 1.0;
+        let (loss, [low, high]) =
+            (self.predicted.loss.filter(|_| is_forecast)?, self.predicted.loss_ci95?);
+        let verdict = if self.inside.loss == Some(true) { "held" } else { "MISSED" };
+        Some(format!(
+            "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}), and the best of {} runs has {:.3}{}.",
+            count(self.budget_flops),
+            self.measured.runs,
+            self.measured.loss,
+            self.inside.outside()
+        ))
+    }
+}
+
+/// Where the scatter of single runs was read off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NoiseSource {
+    /// Runs of one cell around their mean.
+    Seeds,
+    /// Runs of one cell with several tokenizers, less what each tokenizer moves all its runs by; over
+    /// the better half of each budget's cells.
+    Tokenizers,
+    /// Cells around a polynomial of this degree over each budget's grid.
+    Surface { degree: usize },
+}
+
+/// The scatter of single runs, pooled over the fitted budgets.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunNoise {
+    /// Standard deviation of one run's loss, in nats.
+    pub sd: f64,
+    /// Degrees of freedom of its square.
+    pub dof: usize,
+    pub source: NoiseSource,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PREDICTED: Predicted = Predicted {
+        loss: Some(-5.18),
+        loss_ci95: Some([-5.28, -5.08]),
+        params_nonvocab: Some(2e4),
+        params_nonvocab_ci95: Some([1e4, 4e4]),
+        params_vocab: Some(1e5),
+        params_vocab_ci95: Some([5e4, 2e5]),
+        tokens: 1e7,
+        tokens_ci95: None,
+    };
+    const MEASURED: Measured = Measured {
+        loss: -5.035,
+        params_nonvocab: 3.5e4,
+        params_vocab: 1e5,
+        n_vocab: 4867.0,
+        tokens: 1e7,
+        runs: 5,
+        sizes: Some(3),
+        vocabularies: Some(3),
+        optimum: None,
+    };
+    const BEYOND: (f64, f64) = (3e12, 9.4);
+
+    #[test]
+    fn a_forecast_says_whether_it_held() {
+        let said = |measured| Validated::new(BEYOND, PREDICTED, measured).sentence().unwrap();
+        assert_eq!(
+            said(MEASURED),
+            "A forecast for 3e12 FLOPs MISSED: L_u -5.180 (95 %: -5.280 to -5.080), and the best of 5 runs has -5.035."
+        );
+        assert!(
+            said(Measured { loss: -5.1, ..MEASURED })
+                .starts_with("A forecast for 3e12 FLOPs held:")
+        );
+        let larger = said(Measured { params_nonvocab: 5e4, params_vocab: 3e5, ..MEASURED });
+        assert!(larger.ends_with("has -5.035; its N_nv and N_v lie outside."), "{larger}");
+    }
+
+    #[test]
+    fn an_optimum_between_the_cells_is_judged_in_place_of_the_best_one() {
+        let of = |optimum| {
+            let measured = Measured { params_nonvocab: 5e4, optimum, ..MEASURED };
+            Validated::new(BEYOND, PREDICTED, measured).inside.params_nonvocab
+        };
+        let optimum = CrossOptimum {
+            params_nonvocab: 3.9e4,
+            params_vocab: 1e5,
+            n_vocab: 4867.0,
+            tokens: 1e7,
+        };
+        assert_eq!([None, Some(optimum)].map(of), [Some(false), Some(true)]);
+    }
+
+    #[test]
+    fn what_the_runs_did_not_vary_is_not_judged() {
+        let of = |vocabularies| {
+            let measured = Measured { vocabularies, ..MEASURED };
+            Validated::new(BEYOND, PREDICTED, measured).inside
+        };
+        assert_eq!(of(Some(3)).params_vocab, Some(true));
+        assert_eq!(of(Some(1)).params_vocab, None);
+        assert_eq!(of(Some(1)).params_nonvocab, Some(true));
+    }
+
+    #[test]
+    fn runs_within_the_fit_test_no_forecast() {
+        assert_eq!(Validated::new((1e10, 0.3), PREDICTED, MEASURED).sentence(), None);
+    }
+}

@@ -1,0 +1,90 @@
+//! Which budgets and which minima the laws are fitted to.
+
+use super::budget::is_same_budget;
+use super::names::flags_text;
+use super::text::count;
+use super::{Budget, FitError, FitOptions, HoldOut, Minimum};
+use crate::laws::MinimumMethod;
+
+/// Fewest unflagged parabolas that make them the default.
+const ENOUGH_PARABOLAS: usize = 3;
+
+/// The index of the held-out budget, if any, and a warning where the default was not possible.
+///
+/// # Errors
+/// [`FitError::TooFewBudgets`] and [`FitError::HoldOutAbsent`].
+pub(super) fn hold_out(
+    budgets: &[Budget],
+    wanted: HoldOut,
+) -> Result<(Option<usize>, Option<String>), FitError> {
+    if budgets.len() < 2 {
+        return Err(FitError::TooFewBudgets { found: budgets.len() });
+    }
+    match wanted {
+        HoldOut::None => Ok((None, None)),
+        HoldOut::LargestBudget if budgets.len() == 2 => Ok((None, Some(NOTHING_HELD_OUT.into()))),
+        HoldOut::LargestBudget => Ok((Some(budgets.len() - 1), None)),
+        HoldOut::Budget(asked) => held_out_at(budgets, asked).map(|index| (Some(index), None)),
+    }
+}
+
+const NOTHING_HELD_OUT: &str = "Only two budgets were run, so none is held out: the laws' error \
+     beyond them is not known, and two points fit any line.";
+
+fn held_out_at(budgets: &[Budget], asked: f64) -> Result<usize, FitError> {
+    let same = |b: &Budget| is_same_budget(b.budget_flops, asked);
+    let Some(index) = budgets.iter().position(same) else {
+        let budgets: Vec<_> = budgets.iter().map(|b| count(b.budget_flops)).collect();
+        return Err(FitError::HoldOutAbsent { asked, budgets: budgets.join(", ") });
+    };
+    if budgets.len() == 2 {
+        return Err(FitError::TooFewBudgets { found: 1 });
+    }
+    Ok(index)
+}
+
+/// The method the laws are fitted to, and a warning where it is the second choice. `per_method`
+/// holds the minima of the fitted budgets.
+pub(super) fn law_method(
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    options: &FitOptions,
+) -> (MinimumMethod, Option<String>) {
+    if let Some(method) = options.law_method {
+        return (method, None);
+    }
+    let usable = |method| {
+        let minima = per_method.iter().find(|(m, _)| *m == method);
+        minima.map_or(0, |(_, minima)| usable(minima, options).len())
+    };
+    let (parabola, argmin) = (usable(MinimumMethod::Parabola), usable(MinimumMethod::Argmin));
+    let budgets = per_method.first().map_or(0, |(_, minima)| minima.len());
+    if parabola >= ENOUGH_PARABOLAS.min(budgets) || parabola > argmin.max(1) {
+        return (MinimumMethod::Parabola, None);
+    }
+    let warning = format!(
+        "Only {parabola} of {budgets} fitted budgets have an unflagged parabola, so the laws are \
+         fitted to the best run of each budget (argmin), which is as coarse as the grid."
+    );
+    (MinimumMethod::Argmin, Some(warning))
+}
+
+/// The minima that a fit may use: those that are inside the grid, in doubt or not; all where flagged
+/// ones are kept.
+pub(super) fn usable(minima: &[Minimum], options: &FitOptions) -> Vec<Minimum> {
+    let use_it = |m: &&Minimum| options.keep_flagged || m.is_usable();
+    minima.iter().filter(use_it).cloned().collect()
+}
+
+/// Flagged minima named before the rest are only counted.
+const MOST_NAMED: usize = 8;
+
+/// Every flagged minimum by name: "1e10 (vocab-edge), 3e10 (not-convex)"; of many, the first.
+pub(super) fn flagged_text(minima: &[Minimum]) -> String {
+    let flagged: Vec<&Minimum> = minima.iter().filter(|m| !m.is_usable()).collect();
+    let name = |m: &&Minimum| format!("{} ({})", count(m.budget_flops), flags_text(&m.flags));
+    let named = flagged.iter().take(MOST_NAMED).map(name).collect::<Vec<_>>().join(", ");
+    match flagged.len().saturating_sub(MOST_NAMED) {
+        0 => named,
+        more => format!("{named} and {more} more"),
+    }
+}

@@ -1,0 +1,44 @@
+//! From laws and a budget to a configuration: pure functions over values.
+//!
+//! `Laws → raw values at C → projected onto C → nearest buildable shape`, gathered in a
+//! [`Prediction`].
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop_laws::laws::scamo;
+//! use isoflop_laws::predict::{PredictOptions, predict};
+//!
+//! // What ScaMo's published laws say of 1e18 FLOPs.
+//! let best = predict(&scamo(), 1e18, &PredictOptions::default())?;
+//! let size = best.params_nonvocab.unwrap_or(0.0) + best.params_vocab.unwrap_or(0.0);
+//! assert!((6.0 * size * best.tokens / 1e18 - 1.0).abs() < 1e-6, "N and D spend the budget");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod at_budget;
+mod brief;
+mod codebook;
+mod error;
+mod flop_count;
+mod opinion;
+mod optimum;
+mod options;
+mod project;
+mod shapes;
+mod spread;
+mod text;
+mod together;
+mod types;
+mod warnings;
+
+pub use brief::{brief, cells, standing};
+pub use codebook::Codebook;
+pub use error::PredictError;
+pub use flop_count::{CountedBy, FlopCount, SixNd};
+pub use optimum::predict;
+pub use options::PredictOptions;
+pub use project::{Allocation, project};
+pub use shapes::{Shape, default_ladder};
+pub use text::{said, text};
+pub use types::{Intervals, PredictedShape, Prediction, Raw, Together, Weighed};
