@@ -50,7 +50,7 @@ fn mend(grid: &Grid, minimum: &Minimum, spacing: &Spacing) -> Vec<Advice> {
         MinimumFlag::EdgeVocab if !flags.contains(&MinimumFlag::VocabNotBracketed) => {
             Some(beyond_vocabularies(grid, spacing))
         }
-        MinimumFlag::EdgeVocab | MinimumFlag::LackOfFit => None,
+        MinimumFlag::EdgeVocab | MinimumFlag::LackOfFit | MinimumFlag::BelowRuns => None,
         MinimumFlag::NotBracketed | MinimumFlag::DepthChange => None,
     };
     flags.iter().filter_map(advice).collect()

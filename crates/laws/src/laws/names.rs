@@ -26,6 +26,7 @@ impl fmt::Display for MinimumFlag {
             Self::VocabNotBracketed => "vocab-not-bracketed",
             Self::EdgeVocab => "edge-vocab",
             Self::LackOfFit => "lack-of-fit",
+            Self::BelowRuns => "below-runs",
             Self::Gap => "gap",
             Self::DepthChange => "depth-change",
         })

@@ -28,6 +28,8 @@ pub enum MinimumFlag {
     EdgeVocab,
     /// The runs lie further from the curve than their scatter allows.
     LackOfFit,
+    /// The curve lies further below the best run than noise and the sizes' distance allow.
+    BelowRuns,
     /// The sizes on either side are more than a factor of 2.5 apart.
     Gap,
     /// The models on either side differ in depth.

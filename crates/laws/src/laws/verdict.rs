@@ -188,6 +188,9 @@ fn reason(flag: MinimumFlag) -> &'static str {
             "a size beside the minimum is best with the smallest or largest vocabulary tried"
         }
         MinimumFlag::LackOfFit => "the runs lie further from the curve than they scatter",
+        MinimumFlag::BelowRuns => {
+            "the curve lies further below the best run than noise allows, so it is not used"
+        }
         MinimumFlag::Gap => "the sizes on either side are more than a factor 2.5 apart",
         MinimumFlag::DepthChange => "the models on either side differ in depth",
     }

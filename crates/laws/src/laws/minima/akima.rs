@@ -5,9 +5,10 @@
 //! neighbours on either side alone. It passes through every size, so it smooths no noise; it has no
 //! shape of its own either, so it shows where a parabola's or a cubic's shape moves a minimum.
 
-use super::grid::Grid;
+use super::grid::{Grid, apart};
 use super::{Located, interpolate};
 use crate::laws::MinimumFlag;
+use crate::laws::cell::Size;
 use crate::laws::MinimumMethod;
 
 const METHOD: MinimumMethod = MinimumMethod::Akima;
@@ -19,16 +20,23 @@ const FEWEST_SIZES: usize = 5;
 /// It interpolates, so there are no residuals and its curvature is not tested against noise.
 pub(super) fn locate(grid: &Grid) -> Located {
     let unfit = |reason| Located { minimum: grid.best_run(METHOD, Some(reason)), curvature: None };
-    if grid.sizes.len() < FEWEST_SIZES {
+    let sizes = grid.valley(grid.best_size());
+    let knots: Vec<(f64, f64)> = apart(sizes).map(knot).collect();
+    if knots.len() < FEWEST_SIZES {
         return unfit(MinimumFlag::FewLevels);
     }
-    let x: Vec<f64> = grid.sizes.iter().map(|size| size.best.params_nonvocab.ln()).collect();
-    let y: Vec<f64> = grid.sizes.iter().map(|size| size.best.loss).collect();
-    let Some((ln_nonvocab, loss)) = lowest_inside(&x, &y) else {
+    let (x, y): (Vec<f64>, Vec<f64>) = knots.into_iter().unzip();
+    let Some(place) = lowest_inside(&x, &y) else {
         return unfit(MinimumFlag::NotBracketed);
     };
-    let minimum = interpolate::along_sizes(METHOD, grid, ln_nonvocab, loss);
+    let minimum = interpolate::along_sizes(METHOD, grid, sizes, place);
     Located { minimum, curvature: None }
+}
+
+/// ln N and the loss of sizes that differ by next to nothing: their means.
+fn knot(same: &[Size]) -> (f64, f64) {
+    let mean = |of: fn(&Size) -> f64| same.iter().map(of).sum::<f64>() / same.len() as f64;
+    (mean(|size| size.best.params_nonvocab.ln()), mean(|size| size.best.loss))
 }
 
 /// x and y of the spline's lowest point; none where an end of the range is as low.

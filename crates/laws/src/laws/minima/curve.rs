@@ -3,38 +3,72 @@
 //! Each size is represented by its best vocabulary (Hoffmann et al. 2022, approach 2, as ScaMo's
 //! figures draw it). N_v, V and D at the minimum come from [`interpolate`].
 
-use super::grid::{Grid, Scale};
+use super::grid::{Grid, Scale, apart};
 use super::{Curvature, Located, interpolate};
 use crate::laws::MinimumFlag;
+use crate::laws::cell::Size;
 use crate::laws::MinimumMethod;
 use crate::laws::least_squares::{LeastSquares, least_squares};
 
-/// The minimum of the polynomial of `degree` 2 or 3 through the sizes of a grid.
+/// How often a valley is moved to where its curve has the minimum.
+const MOVES: usize = 4;
+
+/// The minimum of the polynomial of `degree` 2 or 3 through the valley of a grid, which is moved until the
+/// minimum lies at its middle.
 pub(super) fn locate(method: MinimumMethod, degree: usize, grid: &Grid) -> Located {
-    let unfit =
-        |reason, curvature| Located { minimum: grid.best_run(method, Some(reason)), curvature };
-    if grid.sizes.len() <= degree {
-        return unfit(MinimumFlag::FewLevels, None);
+    let mut centre = grid.best_size();
+    let mut located = through(method, degree, grid, centre);
+    for _ in 0..MOVES {
+        let next = located.1.map_or(centre, |ln_size| nearest(grid, ln_size));
+        if next == centre {
+            break;
+        }
+        centre = next;
+        located = through(method, degree, grid, centre);
     }
-    let scale = Scale::over(grid.sizes.iter().map(|size| size.best.params_nonvocab.ln()));
-    let Some(fit) = polynomial(degree, grid, scale) else {
-        return unfit(MinimumFlag::FewLevels, None);
-    };
-    let Some(z) = stationary(&fit.coefficients) else {
-        return unfit(MinimumFlag::NotConvex, None);
-    };
-    let curvature = Some(curvature(&fit, z, grid.runs_of_a_cell()));
-    if z.abs() >= 1.0 {
-        return unfit(MinimumFlag::NotBracketed, curvature);
-    }
-    let loss = powers(z, degree).iter().zip(&fit.coefficients).map(|(z, c)| z * c).sum();
-    Located { minimum: interpolate::along_sizes(method, grid, scale.value_at(z), loss), curvature }
+    located.0
 }
 
-fn polynomial(degree: usize, grid: &Grid, scale: Scale) -> Option<LeastSquares> {
-    let unit = |size: &crate::laws::cell::Size| scale.to_unit(size.best.params_nonvocab.ln());
-    let rows: Vec<_> = grid.sizes.iter().map(|size| powers(unit(size), degree)).collect();
-    let losses: Vec<_> = grid.sizes.iter().map(|size| size.best.loss).collect();
+/// The size nearest to a place.
+fn nearest(grid: &Grid, ln_size: f64) -> usize {
+    let off = |i: &usize| (grid.sizes[*i].best.params_nonvocab.ln() - ln_size).abs();
+    (0..grid.sizes.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or_default()
+}
+
+/// The minimum of the polynomial through the valley round one size, and where it lies, inside or not.
+fn through(
+    method: MinimumMethod,
+    degree: usize,
+    grid: &Grid,
+    centre: usize,
+) -> (Located, Option<f64>) {
+    let unfit =
+        |reason, curvature| Located { minimum: grid.best_run(method, Some(reason)), curvature };
+    let sizes = grid.valley(centre);
+    if apart(sizes).count() <= degree {
+        return (unfit(MinimumFlag::FewLevels, None), None);
+    }
+    let scale = Scale::over(sizes.iter().map(|size| size.best.params_nonvocab.ln()));
+    let Some(fit) = polynomial(degree, sizes, scale) else {
+        return (unfit(MinimumFlag::FewLevels, None), None);
+    };
+    let Some(z) = stationary(&fit.coefficients) else {
+        return (unfit(MinimumFlag::NotConvex, None), None);
+    };
+    let at = Some(scale.value_at(z));
+    let curvature = Some(curvature(&fit, z, grid.runs_of_a_cell()));
+    if z.abs() >= 1.0 {
+        return (unfit(MinimumFlag::NotBracketed, curvature), at);
+    }
+    let loss = powers(z, degree).iter().zip(&fit.coefficients).map(|(z, c)| z * c).sum();
+    let minimum = interpolate::along_sizes(method, grid, sizes, (scale.value_at(z), loss));
+    (Located { minimum, curvature }, at)
+}
+
+fn polynomial(degree: usize, sizes: &[Size], scale: Scale) -> Option<LeastSquares> {
+    let unit = |size: &Size| scale.to_unit(size.best.params_nonvocab.ln());
+    let rows: Vec<_> = sizes.iter().map(|size| powers(unit(size), degree)).collect();
+    let losses: Vec<_> = sizes.iter().map(|size| size.best.loss).collect();
     least_squares(&rows, &losses)
 }
 

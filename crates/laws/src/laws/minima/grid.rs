@@ -116,6 +116,57 @@ impl Grid {
         }
     }
 
+    /// Where the best run's size stands among the sizes.
+    pub fn best_size(&self) -> usize {
+        let own = self.best().params_nonvocab;
+        self.sizes.partition_point(|size| size.best.params_nonvocab < own)
+    }
+
+    /// The sizes round one of them that a curve goes through: those within a factor of four of it, and
+    /// as many of the next nearest as make five that differ.
+    ///
+    /// A loss is no parabola over decades of size: far sizes, which say nothing of the minimum, would
+    /// bend the curve there.
+    pub fn valley(&self, centre: usize) -> &[Size] {
+        let ln = |i: usize| self.sizes[i].best.params_nonvocab.ln();
+        let (mut first, mut last) = (centre, centre);
+        loop {
+            let below = first.checked_sub(1).map(|i| (ln(centre) - ln(i), i));
+            let above = (last + 1 < self.sizes.len()).then(|| (ln(last + 1) - ln(centre), last + 1));
+            let nearest = [below, above].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((distance, next)) = nearest else { break };
+            if distance > VALLEY && apart(&self.sizes[first..=last]).count() >= FEWEST_APART {
+                break;
+            }
+            (first, last) = (first.min(next), last.max(next));
+        }
+        &self.sizes[first..=last]
+    }
+
+    /// The cells of the valley round the best run, in size and in vocabulary.
+    pub fn cells_of_valley(&self) -> Vec<Cell> {
+        let valley = self.valley(self.best_size());
+        let ends = [&valley[0], &valley[valley.len() - 1]].map(|size| size.best.params_nonvocab);
+        let mut vocabularies = distinct(self.cells.iter().map(|cell| cell.n_vocab));
+        let from_best = |v: &f64| (v / self.best().n_vocab).ln().abs();
+        vocabularies.sort_by(|a, b| from_best(a).total_cmp(&from_best(b)));
+        let near = &vocabularies[..vocabularies.len().min(FEWEST_APART)];
+        let within = |cell: &&Cell| {
+            (ends[0]..=ends[1]).contains(&cell.params_nonvocab)
+                && near.iter().any(|v| *v == cell.n_vocab)
+        };
+        self.cells.iter().filter(within).cloned().collect()
+    }
+
+    /// How far below the best run a minimum may lie that no run has: `noise` of a run, and an eighth of
+    /// the rise to the size beside it, which is what a parabola can lie below a run at its side, doubled.
+    pub fn most_below_best(&self, noise: f64) -> f64 {
+        let best = self.best_size();
+        let beside = [best.checked_sub(1), Some(best + 1)].into_iter().flatten();
+        let rises = beside.filter_map(|i| Some(self.sizes.get(i)?.best.loss - self.best().loss));
+        3.0 * noise / self.best().runs.sqrt() + 0.25 * rises.fold(0.0, f64::max)
+    }
+
     pub fn best_is_outermost_size(&self) -> bool {
         let outermost = |size: Option<&Size>| {
             size.is_some_and(|size| size.best.params_nonvocab == self.best().params_nonvocab)
@@ -143,6 +194,18 @@ impl Grid {
     pub fn n_vocabularies(&self) -> usize {
         distinct(self.cells.iter().map(|cell| cell.n_vocab)).len()
     }
+}
+
+/// How far a valley reaches at least, in ln N.
+const VALLEY: f64 = 1.386;
+/// Sizes, or vocabularies, that a valley has where there are so many.
+const FEWEST_APART: usize = 5;
+/// Sizes closer than this in ln N count as one.
+const SAME: f64 = 0.05;
+
+/// Sizes in groups that differ by next to nothing.
+pub(in crate::laws) fn apart(sizes: &[Size]) -> impl Iterator<Item = &[Size]> {
+    sizes.chunk_by(|a, b| (b.best.params_nonvocab / a.best.params_nonvocab).ln() < SAME)
 }
 
 /// Neighbouring sizes further apart leave a gap.

@@ -17,18 +17,18 @@ use crate::laws::stats::extent;
 /// Width of the weights, as a share of the range of ln N_nv.
 const BANDWIDTH: f64 = 1.0 / 3.0;
 
-/// The minimum at `ln_nonvocab` with its loss, and the rest read off the sizes.
+/// The minimum at `ln_nonvocab` with its loss, and the rest read off the sizes of its valley.
 pub(super) fn along_sizes(
     method: MinimumMethod,
     grid: &Grid,
-    ln_nonvocab: f64,
-    loss_normalised: f64,
+    sizes: &[Size],
+    (ln_nonvocab, loss_normalised): (f64, f64),
 ) -> Minimum {
-    let local = LocalLine::at(&grid.sizes, ln_nonvocab);
-    let line = |value: &dyn Fn(&Size) -> f64| local.value(&grid.sizes, value);
+    let local = LocalLine::at(sizes, ln_nonvocab);
+    let line = |value: &dyn Fn(&Size) -> f64| local.value(sizes, value);
     let params_nonvocab = ln_nonvocab.exp();
     let (params_vocab, n_vocab) = if grid.best().has_vocabulary() {
-        let known = with_known_vocabulary(&grid.sizes);
+        let known = with_known_vocabulary(sizes);
         let ln_vocab = LocalLine::at(&known, ln_nonvocab).value(&known, |size| size.ln_vocab);
         (ln_vocab.exp(), (ln_vocab - line(&|size| size.best.ln_width())).exp())
     } else {

@@ -59,7 +59,13 @@ pub(super) fn of_grids(
         minimum.flag((misfits && has_curve).then_some(MinimumFlag::LackOfFit));
         minimum
     };
-    located.into_iter().map(judged).collect()
+    let sd = scatter.map(|noise| noise.sd).or(noise.map(|noise| noise.sd)).unwrap_or_default();
+    let deep = |(mut minimum, grid): (Minimum, &Grid)| {
+        let below = grid.best().loss - minimum.loss_normalised;
+        minimum.flag((below > grid.most_below_best(sd)).then_some(MinimumFlag::BelowRuns));
+        minimum
+    };
+    located.into_iter().map(judged).zip(grids).map(deep).collect()
 }
 
 /// How far the runs of all budgets lie from the curves of a method, against their scatter; none where

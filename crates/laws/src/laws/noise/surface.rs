@@ -13,7 +13,7 @@ const ENOUGH_RESIDUALS: usize = 10;
 /// The degrees of the surfaces that are compared.
 const DEGREES: std::ops::RangeInclusive<usize> = 2..=5;
 
-/// The polynomials in (ln N_nv, ln V) through every budget's cells, of the one degree whose residual
+/// The polynomials in (ln N_nv, ln V) through the cells of every budget's valley, of the one degree whose residual
 /// variance RSS/dof over all budgets is the smallest.
 ///
 /// Too low a degree takes the surface's shape for noise. A criterion made for prediction, such as
@@ -46,11 +46,12 @@ fn highest(grid: &Grid, degree: usize) -> Option<Residuals> {
 /// The polynomial of one degree through a grid, cells weighted by their runs; none where it leaves
 /// no residual or the cells do not fix it.
 fn polynomial(grid: &Grid, degree: usize) -> Option<Residuals> {
-    let basis = Basis::over(&grid.cells, degree);
+    let cells = grid.cells_of_valley();
+    let basis = Basis::over(&cells, degree);
     let weight = |cell: &Cell| cell.runs.sqrt();
     let row = |cell| basis.terms(cell).map(|term| term * weight(cell)).collect();
-    let rows: Vec<Vec<f64>> = grid.cells.iter().map(row).collect();
-    let losses: Vec<f64> = grid.cells.iter().map(|cell| cell.loss * weight(cell)).collect();
+    let rows: Vec<Vec<f64>> = cells.iter().map(row).collect();
+    let losses: Vec<f64> = cells.iter().map(|cell| cell.loss * weight(cell)).collect();
     let fit = least_squares(&rows, &losses).filter(|fit| fit.dof > 0)?;
     Some(Residuals { rss: fit.rss, dof: fit.dof })
 }
