@@ -56,7 +56,7 @@ fn on_data(laws: &Laws, unique_tokens: f64) -> Result<Laws> {
 
 /// The prediction, with a sentence where it is of other data than the sweep's.
 fn on_other_data(mut said: Prediction, own: &Laws, unique_tokens: Option<f64>) -> Prediction {
-    let tried = own.of_all_budgets().judgement.tried.and_then(|tried| tried.unique_tokens);
+    let tried = own.judgement.tried.and_then(|tried| tried.unique_tokens);
     if let (Some(asked), Some(tried)) = (unique_tokens, tried) {
         let sentence = format!(
             "{asked:.3e} distinct tokens are asked for; the sweep had {tried:.3e}, and its test split is of its own \

@@ -1,9 +1,9 @@
 //! N_nv, N_v and D of several studies' optima against C.
 
-use crate::laws::Laws;
+use crate::laws::{Coefficient, Laws};
 
 use super::axis::{Axis, Scale};
-use super::fitted::{minima, power};
+use super::fitted::minima;
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
 use super::panel::Panel;
@@ -37,7 +37,7 @@ fn page(studies: &[Study], looks: &[Look]) -> Page {
     }
     legend.entry(Sample::Line(law_stroke(looks[0].colour).dash(Dash::Dashed)), "95 % interval");
     let title = "Optimal configurations of several studies".to_string();
-    let remarks = "Lines are the power laws through all budgets, marks the minima.".to_string();
+    let remarks = "Lines are the optimum by the law that each study recommends, marks the minima.".to_string();
     Page { width: 1250.0, height: 440.0, title, remarks, legend }
 }
 
@@ -58,15 +58,13 @@ fn plot(quantity: &Quantity, studies: &[Study]) -> Result<Plot, String> {
 
 fn draw_study(quantity: &Quantity, scene: &mut Scene, panel: &Panel, laws: &Laws, look: Look) {
     let stroke = law_stroke(look.colour);
-    let ends = (panel.x.value(0.0), panel.x.value(1.0));
-    if let Some(law) = (quantity.law)(laws) {
-        panel.curve(scene, ends, |flops| power(law, flops), stroke);
-    }
-    if !laws.bootstrap.is_empty() {
-        let interval = |flops| quantity.interval(laws, flops);
-        panel.curve(scene, ends, |flops| interval(flops).0, stroke.dash(Dash::Dashed));
-        panel.curve(scene, ends, |flops| interval(flops).1, stroke.dash(Dash::Dashed));
-    }
+    let path = quantity.path(&laws.answer());
+    let along = |of: fn(&Coefficient) -> Option<f64>| {
+        path.iter().filter_map(|(flops, own)| Some((*flops, of(own)?))).collect::<Vec<_>>()
+    };
+    panel.line(scene, &along(|own| Some(own.value)), stroke);
+    panel.line(scene, &along(|own| Some(own.ci95?[0])), stroke.dash(Dash::Dashed));
+    panel.line(scene, &along(|own| Some(own.ci95?[1])), stroke.dash(Dash::Dashed));
     for (minimum, _) in minima(laws) {
         panel.mark(scene, (minimum.budget_flops, (quantity.of)(minimum)), look.mark());
     }

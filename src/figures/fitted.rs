@@ -1,6 +1,6 @@
 //! The parts of `Laws` that figures draw: minima by kind, laws as functions, their bands.
 
-use crate::laws::{FloorLaw, LawSample, Laws, LogLaw, Minimum, PowerLaw};
+use crate::laws::{FloorLaw, LawKind, Laws, LogLaw, Minimum, PowerLaw};
 
 use super::colour::{HELD_OUT, INK, Rgb};
 use super::legend::{Legend, Sample};
@@ -40,7 +40,7 @@ impl Role {
         match self {
             Role::Fitted => "fitted",
             Role::Flagged => "flagged",
-            Role::HeldOut => "held out",
+            Role::HeldOut => "tested on",
         }
     }
 }
@@ -100,16 +100,12 @@ pub fn floor_loss(law: &FloorLaw, reference: f64, flops: f64) -> f64 {
     law.floor + law.coefficient * (flops / reference).powf(-law.exponent)
 }
 
-/// The 2.5th and 97.5th percentile over replicates, by linear interpolation between ranks.
-pub fn interval95(samples: &[LawSample], value: impl Fn(&LawSample) -> f64) -> (f64, f64) {
-    let mut values: Vec<f64> = samples.iter().map(value).collect();
-    values.sort_unstable_by(f64::total_cmp);
-    let quantile = |share: f64| {
-        let place = share * (values.len() - 1) as f64;
-        let (low, high) = (values[place.floor() as usize], values[place.ceil() as usize]);
-        low + (high - low) * place.fract()
-    };
-    (quantile(0.025), quantile(0.975))
+/// The law that an answer is of, for a legend.
+pub fn law_name(laws: &Laws) -> String {
+    match laws.law {
+        LawKind::Isoflop => laws.recommended_law().about().trim_start_matches("the ").to_owned(),
+        other => other.name().to_owned(),
+    }
 }
 
 #[cfg(test)]
@@ -132,13 +128,5 @@ mod tests {
         let wild = [points.as_slice(), &[(1e19, Role::Flagged)]].concat();
         assert_eq!(within_reach(&wild), [1e4, 1e5, 3e5]);
         assert_eq!(within_reach(&[(1e19, Role::Flagged)]), [1e19]);
-    }
-
-    #[test]
-    fn the_interval_of_a_ramp_cuts_its_ends() {
-        let ramp: Vec<_> = (0..=1000)
-            .map(|i| LawSample { loss_intercept: f64::from(i), ..simulated::sample() })
-            .collect();
-        assert_eq!(interval95(&ramp, |sample| sample.loss_intercept), (25.0, 975.0));
     }
 }

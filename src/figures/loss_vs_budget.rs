@@ -1,11 +1,11 @@
 //! The best L_u of each budget against C, with both loss laws and the held-out point
 //! (ScaMo Fig. 3b).
 
-use crate::laws::{FloorLaw, Laws, LogLaw, Minimum};
+use crate::laws::{Answer, Candidate, Coefficient, FloorLaw, Laws, LogLaw, Minimum};
 
 use super::axis::{Axis, Scale};
 use super::colour::{JOINT_LAW, LAW, SECOND_LAW};
-use super::fitted::{Role, explain_roles, floor_loss, interval95, log_loss, minima};
+use super::fitted::{Role, explain_roles, floor_loss, law_name, log_loss, minima};
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
 use super::panel::Panel;
@@ -23,48 +23,56 @@ pub fn draw(sources: &Sources) -> Drawing {
     if minima.is_empty() {
         return Err("the laws hold no minimum".to_owned());
     }
-    let (mut scene, panels) = page(sources, laws).panels(vec![plot(laws, &minima)?]);
+    let answer = laws.answer();
+    let path = path(&answer);
+    let (mut scene, panels) = page(sources, laws, &answer).panels(vec![plot(laws, &minima)?]);
     let panel = &panels[0];
-    draw_band(&mut scene, panel, laws);
+    panel.ribbon(&mut scene, &path, LAW.tint(BAND));
     panel.backdrop(&mut scene);
     draw_laws(&mut scene, panel, laws);
+    let line: Vec<(f64, f64)> = path.iter().map(|(flops, own)| (*flops, own.value)).collect();
+    panel.line(&mut scene, &line, law_stroke(LAW));
     for (minimum, role) in minima {
         panel.mark(&mut scene, point(minimum), role.mark(role.colour()));
     }
     Ok(scene)
 }
 
-fn page(sources: &Sources, laws: &Laws) -> Page {
+/// The loss of the optimum along the fitted budgets, by the law to believe.
+fn path(answer: &Answer) -> Vec<(f64, Coefficient)> {
+    answer.path.iter().filter_map(|at| Some((at.budget_flops, at.loss?))).collect()
+}
+
+fn page(sources: &Sources, laws: &Laws, answer: &Answer) -> Page {
     let mut legend = Legend::default();
     explain_roles(&mut legend, laws, Role::colour);
     legend.heading("Laws");
-    if laws.loss.log.is_some() {
-        legend.entry(Sample::Line(law_stroke(LAW)), "log law (Eq. 14)");
-    }
-    if has_band(laws) {
+    legend.entry(Sample::Line(law_stroke(LAW)), law_name(laws));
+    if path(answer).iter().any(|(_, own)| own.ci95.is_some()) {
         legend.entry(Sample::Band(LAW.tint(BAND)), "its 95 % interval");
     }
-    if laws.loss.floor.is_some() {
-        legend.entry(Sample::Line(law_stroke(SECOND_LAW).dash(Dash::Dashed)), "power law, floor");
+    let own = laws.recommended_law();
+    if laws.loss.log.is_some() && own != Candidate::Log {
+        legend.entry(Sample::Line(law_stroke(JOINT_LAW)), "log law (Eq. 14)");
     }
-    if laws.judgement.joint.is_some() {
-        legend.entry(Sample::Line(law_stroke(JOINT_LAW)), "joint law");
+    if laws.loss.floor.is_some() && own != Candidate::Floor {
+        legend.entry(Sample::Line(law_stroke(SECOND_LAW).dash(Dash::Dashed)), "law with a floor");
     }
     let title = sources.title("best normalised loss at each budget");
-    Page { width: 1000.0, height: 620.0, title, remarks: remarks(laws), legend }
+    Page { width: 1000.0, height: 620.0, title, remarks: remarks(laws, answer), legend }
 }
 
-/// Both laws in numbers, each with its error at the held-out budget.
-fn remarks(laws: &Laws) -> String {
-    let log = laws.loss.log.as_ref().map(describe_log);
-    let floor = laws.loss.floor.as_ref().map(describe_floor);
-    let recommended = recommended(laws);
-    let missing = || "No loss law could be fitted.".to_owned();
-    [recommended, log, floor]
+/// The law to believe in numbers, and the others with their errors at the held-out budget.
+fn remarks(laws: &Laws, answer: &Answer) -> String {
+    let own = laws.recommended_law();
+    let log = laws.loss.log.as_ref().filter(|_| own != Candidate::Log).map(describe_log);
+    let floor = laws.loss.floor.as_ref().filter(|_| own != Candidate::Floor).map(describe_floor);
+    let formula = Some(answer.formula.clone()).filter(|formula| !formula.is_empty());
+    [recommended(laws), formula, log, floor]
         .into_iter()
         .flatten()
         .reduce(|a, b| format!("{a}\n{b}"))
-        .unwrap_or_else(missing)
+        .unwrap_or_else(|| "No loss law could be fitted.".to_owned())
 }
 
 /// The law that predicts, and how far it missed budgets that it had not seen.
@@ -134,33 +142,16 @@ fn predictions(laws: &Laws, flops: f64) -> impl Iterator<Item = f64> {
     log.into_iter().chain(floor)
 }
 
-fn has_band(laws: &Laws) -> bool {
-    laws.loss.log.is_some() && !laws.bootstrap.is_empty()
-}
-
-fn draw_band(scene: &mut Scene, panel: &Panel, laws: &Laws) {
-    if has_band(laws) {
-        let loss = |flops: f64| {
-            interval95(&laws.bootstrap, |sample| {
-                sample.loss_slope_per_decade * flops.log10() + sample.loss_intercept
-            })
-        };
-        panel.band(scene, loss, LAW.tint(BAND));
-    }
-}
-
+/// The laws beside the one to believe.
 fn draw_laws(scene: &mut Scene, panel: &Panel, laws: &Laws) {
     let ends = (panel.x.value(0.0), panel.x.value(1.0));
-    if let Some(law) = &laws.loss.floor {
+    let own = laws.recommended_law();
+    if let Some(law) = laws.loss.floor.as_ref().filter(|_| own != Candidate::Floor) {
         let stroke = law_stroke(SECOND_LAW).dash(Dash::Dashed);
         panel.curve(scene, ends, |c| floor_loss(law, laws.reference_flops, c), stroke);
     }
-    if let Some(law) = &laws.judgement.joint {
-        let loss = |c| law.optimum(c).map_or(f64::NAN, |best| best.loss);
-        panel.curve(scene, ends, loss, law_stroke(JOINT_LAW));
-    }
-    if let Some(law) = &laws.loss.log {
-        panel.curve(scene, ends, |c| log_loss(law, c), law_stroke(LAW));
+    if let Some(law) = laws.loss.log.as_ref().filter(|_| own != Candidate::Log) {
+        panel.curve(scene, ends, |c| log_loss(law, c), law_stroke(JOINT_LAW));
     }
 }
 

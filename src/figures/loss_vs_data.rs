@@ -43,7 +43,7 @@ pub fn draw(sources: &Sources) -> Drawing {
 
 /// The joint law of all budgets, where it knows what repeated data is worth.
 fn law(sources: &Sources) -> Option<JointLaw> {
-    let joint = sources.input.laws?.of_all_budgets().judgement.joint.as_ref();
+    let joint = sources.input.laws?.judgement.joint.as_ref();
     let mut own = joint.filter(|law| law.loss.terms.repeats)?.clone();
     // A curve asks for the law at many amounts of data, and never for its replicates.
     own.bootstrap.clear();

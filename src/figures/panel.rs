@@ -1,5 +1,7 @@
 //! A framed data area with its two axes; everything in it is drawn in data coordinates.
 
+use crate::laws::Coefficient;
+
 use super::axis::{Axis, Direction, TICK_EM};
 use super::colour::{FRAME, GRID, INK, Rgb};
 use super::font::Weight;
@@ -121,17 +123,19 @@ impl Panel {
         self.line(scene, &points, stroke);
     }
 
-    /// The area between two functions of x over the whole panel, cut at the frame.
-    pub fn band(&self, scene: &mut Scene, limits: impl Fn(f64) -> (f64, f64), colour: Rgb) {
+    /// The area of the intervals of values along x, cut at the frame.
+    pub fn ribbon(&self, scene: &mut Scene, values: &[(f64, Coefficient)], colour: Rgb) {
         let inside = |(x, y)| {
             let (x, y) = self.at((x, y));
             (x, y.clamp(self.frame.top, self.frame.bottom))
         };
-        let ends = (self.x.value(0.0), self.x.value(1.0));
-        let sides: Vec<_> = self.along(ends).map(|x| (x, limits(x))).collect();
-        let lower = sides.iter().map(|&(x, (low, _))| inside((x, low)));
-        let upper = sides.iter().rev().map(|&(x, (_, high))| inside((x, high)));
-        scene.area(lower.chain(upper).collect(), colour);
+        let known = values.iter().filter_map(|(x, own)| Some((*x, own.ci95?)));
+        let sides: Vec<(f64, [f64; 2])> = known.collect();
+        let lower = sides.iter().map(|&(x, [low, _])| inside((x, low)));
+        let upper = sides.iter().rev().map(|&(x, [_, high])| inside((x, high)));
+        if !sides.is_empty() {
+            scene.area(lower.chain(upper).collect(), colour);
+        }
     }
 
     fn along(&self, (from, to): (f64, f64)) -> impl Iterator<Item = f64> {

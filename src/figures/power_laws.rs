@@ -1,10 +1,10 @@
-//! N_nv, N_v and D of the optimum against C, with their power laws (ScaMo Fig. 7).
+//! N_nv, N_v and D of the optimum against C, by the law to believe (ScaMo Fig. 7).
 
-use crate::laws::{Laws, Minimum};
+use crate::laws::{Answer, Laws, Minimum};
 
 use super::axis::{Axis, Scale};
 use super::colour::LAW;
-use super::fitted::{Role, explain_roles, minima, outside_remark, power, within_reach};
+use super::fitted::{Role, explain_roles, law_name, minima, outside_remark, within_reach};
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
 use super::panel::Panel;
@@ -22,22 +22,23 @@ pub fn draw(sources: &Sources) -> Drawing {
     if minima.is_empty() {
         return Err("the laws hold no minimum".to_owned());
     }
-    let plots = QUANTITIES.iter().map(|quantity| quantity.plot(laws, &minima));
+    let answer = laws.answer();
+    let plots = QUANTITIES.iter().map(|quantity| quantity.plot(&answer, &minima));
     let plots = plots.collect::<Result<Vec<_>, _>>()?;
-    let page = page(sources, laws, hidden(&plots, &minima));
+    let page = page(sources, laws, &answer, hidden(&plots, &minima));
     let (mut scene, panels) = page.panels(plots);
     for (quantity, panel) in QUANTITIES.iter().zip(&panels) {
-        quantity.draw(&mut scene, panel, laws, &minima);
+        quantity.draw(&mut scene, panel, &answer, &minima);
     }
     Ok(scene)
 }
 
-fn page(sources: &Sources, laws: &Laws, hidden: usize) -> Page {
+fn page(sources: &Sources, laws: &Laws, answer: &Answer, hidden: usize) -> Page {
     let mut legend = Legend::default();
     explain_roles(&mut legend, laws, Role::colour);
-    legend.heading("Laws (Eq. 9)");
-    legend.entry(Sample::Line(law_stroke(LAW)), "power law");
-    if !laws.bootstrap.is_empty() {
+    legend.heading("Law");
+    legend.entry(Sample::Line(law_stroke(LAW)), law_name(laws));
+    if answer.exponents.named().any(|(_, exponent)| exponent.ci95.is_some()) {
         legend.entry(Sample::Band(LAW.tint(BAND)), "95 % interval");
     }
     let remarks =
@@ -55,43 +56,37 @@ fn hidden(plots: &[Plot], minima: &[(&Minimum, Role)]) -> usize {
 }
 
 impl Quantity {
-    fn plot(&self, laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
+    fn plot(&self, answer: &Answer, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
         let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
         let mut points: Vec<_> =
             minima.iter().map(|(minimum, role)| ((self.of)(minimum), *role)).collect();
         // The law is shown too, but does not stretch the axis by more than a flagged point may.
-        let law = (self.law)(laws);
-        let on_law = |(minimum, _): &(&Minimum, Role)| Some(power(law?, minimum.budget_flops));
-        points.extend(minima.iter().filter_map(on_law).map(|value| (value, Role::Flagged)));
+        points.extend(self.path(answer).iter().map(|(_, own)| (own.value, Role::Flagged)));
         Ok(Plot {
-            title: self.title(laws),
+            title: self.title(answer),
             x: Axis::new("Training compute C (FLOPs)", Scale::Log, budgets)?,
             y: Axis::new(self.label, Scale::Log, within_reach(&points))?,
         })
     }
 
-    fn title(&self, laws: &Laws) -> Vec<String> {
-        let Some(law) = (self.law)(laws) else {
-            return vec![self.form.to_owned(), "not identified".to_owned()];
+    fn title(&self, answer: &Answer) -> Vec<String> {
+        let told = self.exponent_of(answer).and_then(|own| Some((own.value?, own.ci95)));
+        let Some((value, ci95)) = told else {
+            return vec![self.form.to_owned(), "not determined".to_owned()];
         };
-        let exponent = format!("{}, {} = {}", self.form, self.exponent, signed(law.exponent, 3));
-        let interval = law.exponent_ci95.map_or("no interval".to_owned(), |[low, high]| {
+        let exponent = format!("{}, {} = {}", self.form, self.exponent, signed(value, 3));
+        let interval = ci95.map_or("no interval".to_owned(), |[low, high]| {
             format!("95 % interval {} to {}", signed(low, 3), signed(high, 3))
         });
-        let r2 = law.told_r2().map_or_else(String::new, |r2| format!(", R² = {r2:.3}"));
-        vec![exponent, interval + &r2]
+        vec![exponent, interval]
     }
 
-    fn draw(&self, scene: &mut Scene, panel: &Panel, laws: &Laws, minima: &[(&Minimum, Role)]) {
-        let law = (self.law)(laws);
-        if law.is_some() && !laws.bootstrap.is_empty() {
-            panel.band(scene, |flops| self.interval(laws, flops), LAW.tint(BAND));
-        }
+    fn draw(&self, scene: &mut Scene, panel: &Panel, answer: &Answer, minima: &[(&Minimum, Role)]) {
+        let path = self.path(answer);
+        panel.ribbon(scene, &path, LAW.tint(BAND));
         panel.backdrop(scene);
-        if let Some(law) = law {
-            let ends = (panel.x.value(0.0), panel.x.value(1.0));
-            panel.curve(scene, ends, |flops| power(law, flops), law_stroke(LAW));
-        }
+        let line: Vec<(f64, f64)> = path.iter().map(|(flops, own)| (*flops, own.value)).collect();
+        panel.line(scene, &line, law_stroke(LAW));
         for (minimum, role) in minima {
             let at = (minimum.budget_flops, (self.of)(minimum));
             panel.mark(scene, at, role.mark(role.colour()));

@@ -1,8 +1,6 @@
 //! The three quantities of ScaMo Eq. 9: N_nv, N_v and D of the optimum.
 
-use crate::laws::{LawSample, Laws, Minimum, PowerLaw};
-
-use super::fitted::interval95;
+use crate::laws::{Answer, Coefficient, Exponent, Minimum, OptimumAt, OwnExponents};
 
 /// One of the three quantities of ScaMo Eq. 9.
 pub struct Quantity {
@@ -12,9 +10,9 @@ pub struct Quantity {
     /// The exponent's symbol.
     pub exponent: &'static str,
     pub of: fn(&Minimum) -> f64,
-    pub law: fn(&Laws) -> Option<&PowerLaw>,
-    /// ln of the quantity at C0, and its exponent, in one bootstrap replicate.
-    sample: fn(&LawSample) -> (f64, f64),
+    /// Of the law to believe.
+    at: fn(&OptimumAt) -> Option<Coefficient>,
+    told: fn(&OwnExponents) -> Option<&Exponent>,
 }
 
 pub const QUANTITIES: [Quantity; 3] = [
@@ -23,34 +21,38 @@ pub const QUANTITIES: [Quantity; 3] = [
         form: "Nₙᵥ ∝ Cᵇ",
         exponent: "b",
         of: |minimum| minimum.params_nonvocab,
-        law: |laws| laws.power_laws.params_nonvocab.as_ref(),
-        sample: |sample| (sample.ln_nonvocab_at_reference, sample.exponent_nonvocab),
+        at: |optimum| optimum.params_nonvocab.or(optimum.params),
+        told: |own| own.params_nonvocab.as_ref().or(own.params.as_ref()),
     },
     Quantity {
         label: "Vocabulary parameters Nᵥ",
         form: "Nᵥ ∝ Cᵃ",
         exponent: "a",
         of: |minimum| minimum.params_vocab,
-        law: |laws| laws.power_laws.params_vocab.as_ref(),
-        sample: |sample| (sample.ln_vocab_at_reference, sample.exponent_vocab),
+        at: |optimum| optimum.params_vocab,
+        told: |own| own.params_vocab.as_ref(),
     },
     Quantity {
         label: "Training tokens D",
         form: "D ∝ Cᶜ",
         exponent: "c",
         of: |minimum| minimum.tokens,
-        law: |laws| laws.power_laws.tokens.as_ref(),
-        sample: |sample| (sample.ln_tokens_at_reference, sample.exponent_tokens),
+        at: |optimum| optimum.tokens,
+        told: |own| own.tokens.as_ref(),
     },
 ];
 
 impl Quantity {
-    /// Its 95 % interval at C, from the bootstrap.
-    pub fn interval(&self, laws: &Laws, flops: f64) -> (f64, f64) {
-        let ln_ratio = (flops / laws.reference_flops).ln();
-        interval95(&laws.bootstrap, |sample| {
-            let (ln_at_reference, exponent) = (self.sample)(sample);
-            (ln_at_reference + exponent * ln_ratio).exp()
-        })
+    /// Its exponent, where it is determined.
+    pub fn exponent_of<'a>(&self, answer: &'a Answer) -> Option<&'a Exponent> {
+        (self.told)(&answer.exponents).filter(|own| own.value.is_some())
+    }
+
+    /// C, the value there and its 95 % interval along the fitted budgets; empty where the exponent is not
+    /// determined.
+    pub fn path(&self, answer: &Answer) -> Vec<(f64, Coefficient)> {
+        let told = self.exponent_of(answer).is_some();
+        let at = |optimum: &OptimumAt| Some((optimum.budget_flops, (self.at)(optimum)?));
+        answer.path.iter().filter(|_| told).filter_map(at).collect()
     }
 }

@@ -13,8 +13,6 @@ use noise::Noise;
 mod laws;
 mod noise;
 
-pub use laws::sample;
-
 const SHAPES: [(usize, usize, usize); 5] =
     [(2, 2, 32), (2, 4, 64), (4, 4, 64), (4, 4, 128), (6, 6, 192)];
 const VOCABS: [usize; 4] = [64, 256, 1024, 4096];

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::input::Study;
 use super::scaling::budgets;
 use super::table::{interval, table};
-use crate::laws::PowerLaw;
+use crate::laws::{Exponent, Laws};
 use crate::laws::text::count;
 use crate::record::{RunRecord, of_largest_share};
 
@@ -47,18 +47,17 @@ fn row(study: &Study) -> Option<Vec<String>> {
         ],
         None => Default::default(),
     });
-    let laws = study.laws.map(|laws| &laws.of_all_budgets().power_laws);
-    let exponent = |law: Option<&PowerLaw>| {
-        law.map(|law| {
-            let certain = interval(law.exponent_ci95, hundredths);
-            let exponent = hundredths(law.exponent);
-            if certain.is_empty() { exponent } else { format!("{exponent} ({certain})") }
-        })
+    let answer = study.laws.map(Laws::answer);
+    let own = answer.as_ref().map(|answer| &answer.exponents);
+    let exponent = |own: Option<&Exponent>| {
+        let exponent = hundredths(own?.value?);
+        let certain = interval(own?.ci95, hundredths);
+        Some(if certain.is_empty() { exponent } else { format!("{exponent} ({certain})") })
     };
     let of = [
-        exponent(laws.and_then(|laws| laws.params_nonvocab.as_ref())),
-        exponent(laws.and_then(|laws| laws.params_vocab.as_ref())),
-        exponent(laws.and_then(|laws| laws.tokens.as_ref())),
+        exponent(own.and_then(|own| own.params_nonvocab.as_ref())),
+        exponent(own.and_then(|own| own.params_vocab.as_ref())),
+        exponent(own.and_then(|own| own.tokens.as_ref())),
     ];
     cells.extend(of.map(Option::unwrap_or_default));
     Some(cells)

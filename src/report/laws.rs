@@ -6,27 +6,29 @@ use super::input::Study;
 use super::table::{interval, table, thousandths};
 use crate::laws::names::flags_text;
 use crate::laws::text::count;
-use crate::laws::{IntervalPart, Laws, Minimum, PowerLaw};
+use crate::laws::{Exponent, IntervalPart, Laws, Minimum, PowerLaw};
 
 /// Laws, minima and what was said of them.
 pub fn section(study: &Study, laws: &Laws) -> Markup {
-    let held_out = laws.held_out.as_ref().filter(|_| laws.refit.is_some());
+    let held_out = laws.held_out.as_ref();
     let without = held_out.map(|held_out| format!("without {}", count(held_out.budget_flops)));
     let mut head = vec!["quantity", "exponent", "95 %", "at C0", "R²", "budgets"];
     head.extend(without.as_deref());
-    let reference = count(laws.of_all_budgets().reference_flops);
+    let reference = count(laws.reference_flops);
     html! {
         section aria-labelledby=(study.id("laws")) {
             (study.heading("laws", "Laws"))
-            (table(&study.own(&format!("Power laws of C; C0 = {reference} FLOPs")), &head, &powers(laws)))
+            (own(study, laws))
             (table(
-                &study.own("Laws of the loss, through the smaller budgets"),
+                &study.own(&format!("Power laws through the minima ({}); C0 = {reference} FLOPs", laws.minima_method)),
+                &head,
+                &powers(laws)
+            ))
+            (table(
+                &study.own("Laws of the loss through the minima; the error is that of laws without the held-out budget"),
                 &["law", "held-out error, nats", "parameters"],
                 &losses(laws)
             ))
-            @if let Some(recommended) = &laws.judgement.recommended {
-                p { "Recommended: " (recommended.law.about()) ", " (recommended.why) "." }
-            }
             (parts(study, laws))
             (minima(study, laws))
             @if !laws.warnings.is_empty() {
@@ -39,18 +41,46 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
     }
 }
 
-/// The exponents through all budgets, and without the held-out one where there is one.
+/// The law to believe: its formula, its exponents and what is in doubt.
+fn own(study: &Study, laws: &Laws) -> Markup {
+    let answer = laws.answer();
+    let row = |(name, own): (&str, &Exponent)| match own.value {
+        Some(value) => {
+            vec![name.to_string(), thousandths(value), interval(own.ci95, thousandths), String::new()]
+        }
+        None => {
+            let reason = own.reason.clone().unwrap_or_default();
+            vec![name.to_string(), "not determined".to_string(), String::new(), reason]
+        }
+    };
+    let rows: Vec<Vec<String>> = answer.exponents.named().map(row).collect();
+    let [low, high] = laws.range().map(count);
+    let title = format!("How the optimum grows with C, {low} to {high} FLOPs");
+    html! {
+        @if let Some(recommended) = &laws.judgement.recommended {
+            p { "Recommended: " (recommended.law.about()) ", " (recommended.why) "." }
+        }
+        p { code { (answer.formula) } }
+        (table(&study.own(&title), &["quantity", "exponent", "95 %", "why not"], &rows))
+        p { (answer.verdict) }
+        @if !answer.doubts.is_empty() {
+            ul { @for doubt in &answer.doubts { li { (doubt.sentence()) } } }
+        }
+    }
+}
+
+/// The exponents of the laws through minima, and without the held-out budget where there is one.
 fn powers(laws: &Laws) -> Vec<Vec<String>> {
-    let (of, before) = (&laws.of_all_budgets().power_laws, &laws.power_laws);
+    let of = &laws.power_laws;
+    let before = laws.held_out.as_ref().map(|held_out| held_out.exponents);
     let all = [
-        ("N", &of.params, &before.params),
-        ("N_nv", &of.params_nonvocab, &before.params_nonvocab),
-        ("N_v", &of.params_vocab, &before.params_vocab),
-        ("D", &of.tokens, &before.tokens),
+        ("N", &of.params, before.map(|own| own.size)),
+        ("N_nv", &of.params_nonvocab, before.map(|own| own.size)),
+        ("N_v", &of.params_vocab, before.map(|own| own.params_vocab)),
+        ("D", &of.tokens, before.map(|own| own.tokens)),
     ];
-    let row = |(name, law, before): (&str, &Option<PowerLaw>, &Option<PowerLaw>)| {
+    let row = |(name, law, before): (&str, &Option<PowerLaw>, Option<Option<f64>>)| {
         let law = law.as_ref()?;
-        let before = before.as_ref().filter(|_| laws.refit.is_some());
         let fit = law.told_r2().map(thousandths).unwrap_or_default();
         let mut cells = vec![
             name.to_string(),
@@ -60,7 +90,7 @@ fn powers(laws: &Laws) -> Vec<Vec<String>> {
             fit,
             law.n.to_string(),
         ];
-        cells.extend(before.map(|law| thousandths(law.exponent)));
+        cells.extend(before.map(|exponent| exponent.map(thousandths).unwrap_or_default()));
         Some(cells)
     };
     all.into_iter().filter_map(row).collect()

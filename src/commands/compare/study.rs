@@ -20,7 +20,7 @@ impl Study {
     /// Of a folder, a file, or `scamo`.
     pub fn of(given: &str) -> Result<Self> {
         let path = PathBuf::from(given);
-        let laws = laws_named(given)?.of_all_budgets().clone();
+        let laws = laws_named(given)?.clone();
         if laws.power_laws.tokens.is_none() {
             bail!("{given} holds no power laws to compare");
         }

@@ -16,17 +16,18 @@ const BOOTSTRAP: usize = 1000;
 
 /// Fits the law that was asked for.
 pub fn laws(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
-    let mut laws = match (request.law, &source.sweep) {
+    let laws = match (request.law, &source.sweep) {
         (LawKind::Isoflop, Some(own)) => of_sweep(own, request),
         (LawKind::Isoflop, None) => of_budgets(source, request),
         (LawKind::Approach1, _) => approach1(source, request),
         (LawKind::Parametric(form), _) => parametric(source, request, form),
         (LawKind::Published, _) => unreachable!("no law that can be asked for"),
     }?;
-    if let Some(own) = &source.sweep {
-        sweep::of_own_models(&mut laws, &own.records);
-    }
-    Ok(laws)
+    Ok(match (&source.sweep, request.law) {
+        // The laws of a sweep's own kind know its models already.
+        (Some(own), law) if law != LawKind::Isoflop => sweep::of_own_models(laws, &own.records),
+        _ => laws,
+    })
 }
 
 fn of_sweep(own: &OwnSweep, request: &FitRequest) -> Result<Laws, FitError> {

@@ -36,6 +36,9 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     let mut laws = laws::laws(&source, &request)?;
     if let Some(own) = &source.sweep {
         laws.judgement.validations = gathered(&own.folder, output);
+        if !laws.judgement.validations.is_empty() {
+            laws = laws.answered();
+        }
     }
     if let Some(path) = &args.next {
         let Some(own) = &source.sweep else {
@@ -56,7 +59,7 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
         &document(&laws, &predictions, &source)?,
         &text(&laws, &predictions, output.full),
     )?;
-    Ok(Exit::Done)
+    Ok(if laws.answer().exponents.is_undetermined() { Exit::NotIdentifiable } else { Exit::Done })
 }
 
 fn fit_as_tao(

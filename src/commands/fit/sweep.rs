@@ -60,10 +60,9 @@ pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitErr
     let InSlices { points, options, told } = in_slices(counted, fit)?;
     let mut laws = fit_or_keep_flagged(&points, &options)?;
     laws.warnings.splice(0..0, left_out.into_iter().chain(told));
-    of_own_models(&mut laws, records);
     let others = FlopsRule::ALL.into_iter().filter(|rule| *rule != fit.rule);
     laws.sensitivity.extend(others.filter_map(|rule| refit(records, n_points, rule, fit)));
-    Ok(laws)
+    Ok(of_own_models(laws, records))
 }
 
 /// Points at equal FLOPs by the rule of a fit.
@@ -105,12 +104,10 @@ fn in_slices(points: Vec<IsoFlopPoint>, fit: &SweepFit) -> Result<InSlices, FitE
 }
 
 /// Marks laws as those of this project's own models.
-pub fn of_own_models(laws: &mut Laws, records: &[RunRecord]) {
+pub fn of_own_models(mut laws: Laws, records: &[RunRecord]) -> Laws {
     (laws.from_sweep, laws.n_ctx) = (true, n_ctx(records));
     laws.head_share = head_share(records);
-    if let Some(refit) = &mut laws.refit {
-        of_own_models(refit, records);
-    }
+    laws.answered()
 }
 
 /// A small grid may have too few minima that are beyond doubt; then the doubtful ones are used, each

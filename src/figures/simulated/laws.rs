@@ -62,7 +62,11 @@ pub fn laws(noise: &mut Noise) -> Laws {
         reference_flops: reference,
         fitted_budgets: BUDGETS[..3].to_vec(),
         minima_method: MinimumMethod::Parabola,
-        held_out: Some(HeldOut { budget_flops: BUDGETS[3], minimum: held_out.clone() }),
+        held_out: Some(HeldOut {
+            budget_flops: BUDGETS[3],
+            minimum: held_out.clone(),
+            exponents: Exponents::default(),
+        }),
         vocab_from_nonvocab: Some(power_law(
             &minima[..3],
             |m| m.params_nonvocab,
@@ -106,7 +110,7 @@ pub fn laws(noise: &mut Noise) -> Laws {
         validation: Vec::new(),
         advice: Vec::new(),
         judgement: Judgement::default(),
-        refit: None,
+        answer: None,
         noise: None,
         bootstrap,
         warnings: vec!["The minimum at 1e11 is not bracketed.".to_owned()],
@@ -167,9 +171,4 @@ fn replicate(
         loss_slope_per_decade: slope + turn,
         floor: None,
     }
-}
-
-/// A replicate of no law in particular.
-pub fn sample() -> LawSample {
-    replicate([(0.0, 0.5); 3], (0.0, -0.3), 1e11, &mut Noise(2))
 }

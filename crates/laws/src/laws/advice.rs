@@ -26,7 +26,7 @@ const ENOUGH_SIZES: usize = 5;
 /// Advice for every flagged minimum of the laws' method, and for the next budget.
 pub(super) fn advise(laws: &Laws, split: &Split) -> Vec<Advice> {
     let spacing = Spacing::of(split);
-    let grids = split.fitted.iter().chain(&split.held_out);
+    let grids = split.fitted.iter();
     let own = |grid: &Grid| {
         let mut minima = laws.minima.iter().filter(|m| m.method == laws.minima_method);
         minima.find(|m| m.budget_flops == grid.budget_flops)
@@ -135,7 +135,7 @@ fn more_seeds(grid: &Grid, what: &str) -> Advice {
 
 /// One budget further, by the sweep's own ratio of budgets.
 fn next_budget(laws: &Laws, split: &Split, spacing: &Spacing) -> Option<Advice> {
-    let grids: Vec<&Grid> = split.fitted.iter().chain(&split.held_out).collect();
+    let grids: Vec<&Grid> = split.fitted.iter().collect();
     let largest = grids.iter().max_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops))?;
     let budgets: Vec<f64> = grids.iter().map(|grid| grid.budget_flops).collect();
     let budget = largest.budget_flops * median_ratio(&budgets)?;

@@ -16,7 +16,7 @@ pub(super) struct Spacing {
 impl Spacing {
     /// The first ratios that any budget shows.
     pub fn of(split: &Split) -> Self {
-        let grids = || split.fitted.iter().chain(&split.held_out);
+        let grids = || split.fitted.iter();
         Self {
             size: grids().find_map(|grid| median_ratio(&grid.size_levels())),
             vocab: grids().find_map(|grid| median_ratio(&grid.vocabularies())),

@@ -27,7 +27,7 @@
 //! run, as in the fit.
 //!
 //! Replicate i draws from ChaCha8's stream i of the seed, so the samples do not depend on the
-//! number of threads; the held-out budget is drawn last, so they do not depend on it either.
+//! number of threads.
 
 use super::law_set::{Columns, law_set};
 use super::minima::{self, Grid};
@@ -86,7 +86,7 @@ impl Sources {
 pub(super) struct Replicate {
     /// None where fewer than two budgets have a minimum.
     pub laws: Option<ReplicateLaws>,
-    /// N_nv, N_v and L of the minima: for each method every fitted budget and then the held-out one.
+    /// N_nv, N_v and L of the minima: for each method every budget.
     pub minima: Vec<[f64; 3]>,
 }
 
@@ -110,7 +110,7 @@ impl Bootstrap<'_> {
         let tokenizers = self.tokenizers.filter(|_| self.sources.tokenizers);
         let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
         let clips = self.test.filter(|_| self.sources.test).map(|noise| noise.draw(&mut normals));
-        let grids = self.split.fitted.iter().chain(&self.split.held_out);
+        let grids = self.split.fitted.iter();
         let noisy = |grid: &Grid| {
             let sd = drawn_sd * self.sd_of_runs(grid);
             grid.with_losses(|cell| {

@@ -15,38 +15,28 @@ use super::stats::MIN_REPLICATES;
 use super::test_split::test_noise;
 use super::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use super::validation::validate;
+use super::stats::distinct;
 use super::{
-    FitError, FitOptions, FloorLaw, HeldOut, HoldOut, IntervalPart, IsoFlopPoint, Judgement,
-    LawKind, LawSample, Laws, LogLaw, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise,
-    check, floor_law, intervals, sensitivity, warnings,
+    Exponents, FitError, FitOptions, FloorLaw, HeldOut, IntervalPart, IsoFlopPoint, Judgement,
+    LawKind, LawSample, Laws, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise, check,
+    floor_law, intervals, sensitivity, warnings,
 };
 use crate::laws::MinimumMethod;
 use judge::{admissible, interval_parts, judge, misfit};
 
 /// Fits every law to a table of finished runs.
 ///
-/// Runs are grouped by declared budget; the held-out budget is set aside; the minima of the rest
-/// are found by each method; those of one method, less the flagged, give N_nv, N_v and D in C, N_v
-/// in N_nv, and the two loss laws; the bootstrap gives the intervals; budgets left out give the laws'
-/// errors, and the doubts that are left give advice. Nothing is left out without a
-/// sentence in [`Laws::warnings`].
+/// Runs are grouped by declared budget, and the minima of all budgets are found by each method. Those of
+/// one method, less the flagged, give N_nv, N_v and D in C, N_v in N_nv, and the two loss laws; one smooth
+/// loss goes through all cells. The bootstrap gives the intervals. Laws through fewer budgets are tested on
+/// the others, and the one that misses least is recommended. Nothing is left out without a sentence in
+/// [`Laws::warnings`].
 ///
 /// # Errors
 /// [`FitError`]; [`FitError::is_unidentifiable`] tells missing data from wrong input. Where too few
-/// minima are unflagged, a fit with [`FitOptions::keep_flagged`] still gives laws, for a caller who
-/// prefers doubtful ones to none.
+/// minima are unflagged and the cells are too few for a smooth loss, a fit with
+/// [`FitOptions::keep_flagged`] may still give laws, for a caller who prefers doubtful ones to none.
 pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitError> {
-    let mut laws = fit_without(points, options)?;
-    if options.recommend && laws.held_out.is_some() {
-        let law_method = Some(laws.minima_method);
-        let of_all = FitOptions { hold_out: HoldOut::None, law_method, ..options.clone() };
-        laws.refit = fit_without(points, &of_all).ok().map(Box::new);
-    }
-    Ok(laws)
-}
-
-/// The laws without the held-out budget.
-fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitError> {
     options.check()?;
     if points.is_empty() {
         return Err(FitError::NoPoints);
@@ -57,34 +47,41 @@ fn fit_without(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, Fi
         return Err(FitError::ScatteredBudgets { rows: points.len(), budgets: budgets.len() });
     }
     let (held_out, hold_out_warning) = hold_out(&budgets, options.hold_out)?;
-    let split = Split::new(&budgets, held_out);
+    let split = Split::new(&budgets);
     let (options, fewer) = &affordable(options, &split);
     let noise = run_noise(&split.fitted, runs_beside_tokenizers(&budgets));
     let per_method = split.minima_by_method(options, noise);
     let (method, method_warning) = law_method(&per_method, options);
-    let used = used_minima(&per_method, method, options)?;
+    let used = usable(minima_of(&per_method, method), options);
 
     let tokenizers = tokenizer_noise(&budgets);
-    let grids: Vec<&Grid> = split.fitted.iter().chain(&split.held_out).collect();
+    let grids: Vec<&Grid> = split.fitted.iter().collect();
     let test = test_noise(&grids, noise);
     let scatter = Scatter { noise, tokenizers: tokenizers.as_ref(), test: test.as_ref() };
     let replicas = replicas(&used, &split, &per_method, method, scatter, options);
-    let mut laws = laws_through(&used, &split, method, &replicas, options)?;
+    let mut laws = laws_through(&used, &split, method, &replicas, options);
     laws.metric = metric;
-    laws.minima = with_held_out(&per_method, &split, &replicas);
+    laws.minima = with_intervals(&per_method, &replicas);
+    if let Some(index) = held_out {
+        test_on(&mut laws, split.fitted[index].budget_flops, &used, &split, options);
+    }
     laws.sensitivity = sensitivity::by_method(&per_method, method, &split, options);
-    laws.validation = validate(&used, laws.held_out.as_ref(), &split, options);
+    laws.validation = validate(&used, &split, options);
     laws.advice = advise(&laws, &split);
     laws.judgement = judge(&laws, &split, &per_method, replicas.parts, scatter, options);
+    if laws.power_laws.tokens.is_none() && laws.judgement.joint.is_none() {
+        let flagged = flagged_text(minima_of(&per_method, method));
+        return Err(FitError::TooFewMinima { method, usable: used.len(), flagged });
+    }
     let all = minima_of(&per_method, method);
-    let lost = of_lost_runs(split.fitted.iter().chain(&split.held_out));
+    let lost = of_lost_runs(split.fitted.iter());
     let alone = of_lost_shares(points, &budgets);
     let first =
         [check::repeats(points), alone, hold_out_warning, method_warning, fewer.clone(), lost];
     let first = first.into_iter().flatten();
     let of_minima = warnings::of_minima(all, &used, &split, method, options);
     laws.warnings.splice(0..0, first.chain(of_minima));
-    Ok(laws)
+    Ok(laws.answered())
 }
 
 /// Cells times replicates that a fit computes at most: some ten seconds on one core.
@@ -121,7 +118,7 @@ fn replicas(
     options: &FitOptions,
 ) -> Replicas {
     let methods: Vec<MinimumMethod> = per_method.iter().map(|(method, _)| *method).collect();
-    let reference = geometric_mean(&Columns::new(used, &split.fitted, options).compute);
+    let reference = reference_of(used, split);
     let known = noise.filter(|noise| !noise.is_rounding(&split.fitted));
     let bootstrap = |noise| Bootstrap {
         split,
@@ -150,59 +147,53 @@ fn minima_of(per_method: &[(MinimumMethod, Vec<Minimum>)], method: MinimumMethod
     found.map(|(_, minima)| minima.as_slice()).expect("the laws' method is always computed")
 }
 
-/// The minima to fit.
-///
-/// # Errors
-/// [`FitError::TooFewMinima`] for fewer than two.
-fn used_minima(
-    per_method: &[(MinimumMethod, Vec<Minimum>)],
-    method: MinimumMethod,
-    options: &FitOptions,
-) -> Result<Vec<Minimum>, FitError> {
-    let all = minima_of(per_method, method);
-    let used = usable(all, options);
-    if used.len() < 2 {
-        return Err(too_few_minima(method, used.len(), flagged_text(all)));
-    }
-    Ok(used)
+/// Minima that a law goes through, at least: any line goes through two.
+const FEWEST_MINIMA: usize = 3;
+
+/// Whether minima tell an exponent: three that differ, since two argmins of one cell of the grid have a
+/// slope of 0 by the grid alone.
+fn tell_laws(used: &[Minimum]) -> bool {
+    let sizes = distinct(used.iter().map(|minimum| minimum.params_nonvocab));
+    let argmin = used.first().is_some_and(|minimum| minimum.method == MinimumMethod::Argmin);
+    used.len() >= FEWEST_MINIMA && (!argmin || sizes.len() >= FEWEST_MINIMA)
 }
 
-fn too_few_minima(method: MinimumMethod, usable: usize, flagged: String) -> FitError {
-    FitError::TooFewMinima { method, usable, flagged }
+/// C0: the middle of the budgets whose minima are used, or of all where none is.
+fn reference_of(used: &[Minimum], split: &Split) -> f64 {
+    let of_used: Vec<f64> = used.iter().map(|minimum| minimum.budget_flops).collect();
+    let all = || split.fitted.iter().map(|grid| grid.budget_flops).collect();
+    geometric_mean(&if of_used.is_empty() { all() } else { of_used })
 }
 
-/// Every law, interval and held-out error; the minima and the sensitivity table are still empty, and
-/// the metric is the default.
+/// Every law and interval through some minima; the minima and the sensitivity table are still empty, and
+/// the metric is the default. Where the minima are too few there are no laws through them.
 fn laws_through(
     used: &[Minimum],
     split: &Split,
     method: MinimumMethod,
     replicas: &Replicas,
     options: &FitOptions,
-) -> Result<Laws, FitError> {
+) -> Laws {
     let columns = Columns::new(used, &split.fitted, options);
-    let reference = geometric_mean(&columns.compute);
-    let set = law_set(&columns, reference, options).ok_or_else(|| {
-        too_few_minima(method, used.len(), "none, but they spend the same".into())
-    })?;
+    let reference = reference_of(used, split);
+    let told = tell_laws(used);
+    let set = law_set(&columns, reference, options).filter(|_| told);
     let replicates = intervals::laws(&replicas.replicates);
-    let floor = floor_law(&columns.compute, &columns.loss, reference);
+    let floor = floor_law(&columns.compute, &columns.loss, reference).filter(|_| told);
     let samples: Vec<LawSample> = replicates.iter().map(|replicate| replicate.sample).collect();
     let floor = floor.map(|law| intervals::of_floor(law, &samples));
-    let held_out = split.held_out_minimum(method, replicas.noise);
 
-    let mut warnings: Vec<String> = warnings::of_held_out(held_out.as_ref()).into_iter().collect();
-    warnings.extend(warnings::of_floor(floor.as_ref(), used.len()));
+    let mut warnings: Vec<String> =
+        warnings::of_floor(floor.as_ref(), used.len()).into_iter().collect();
     warnings.extend(warnings::of_bootstrap(
         replicas.noise,
         &split.fitted,
         replicates.len(),
         options,
     ));
-    let set = intervals::of_set(set, &replicates, reference);
-    let loss = loss_laws(set.loss.clone(), floor, held_out.as_ref(), reference);
+    let set = set.map(|set| intervals::of_set(set, &replicates, reference));
     let has_vocab_law = split.n_vocabularies() > 1;
-    Ok(Laws {
+    Laws {
         name: options.name.clone(),
         law: LawKind::Isoflop,
         from_sweep: false,
@@ -215,20 +206,25 @@ fn laws_through(
         fitted_budgets: used.iter().map(|m| m.budget_flops).collect(),
         minima_method: method,
         minima: Vec::new(),
-        held_out,
-        power_laws: power_laws(set.clone(), has_vocab_law, options),
-        vocab_from_nonvocab: set.vocab_from_nonvocab.filter(|_| has_vocab_law),
-        loss,
+        held_out: None,
+        loss: LossLaws { log: set.as_ref().map(|set| set.loss.clone()), floor },
+        vocab_from_nonvocab: set
+            .as_ref()
+            .and_then(|set| set.vocab_from_nonvocab.clone())
+            .filter(|_| has_vocab_law),
+        power_laws: set.map_or_else(PowerLaws::default, |set| {
+            power_laws(set, has_vocab_law, options)
+        }),
         parametric: None,
         sensitivity: Vec::new(),
         validation: Vec::new(),
         advice: Vec::new(),
         noise: replicas.noise,
-        bootstrap: samples,
+        bootstrap: if told { samples } else { Vec::new() },
         warnings,
         judgement: Judgement::default(),
-        refit: None,
-    })
+        answer: None,
+    }
 }
 
 /// The laws under the names of what they are laws of.
@@ -246,40 +242,54 @@ fn power_laws(set: LawSet, has_vocab_law: bool, options: &FitOptions) -> PowerLa
     }
 }
 
-/// Both loss laws with what they predict at the held-out budget, less what was measured there.
-fn loss_laws(
-    log: LogLaw,
-    floor: Option<FloorLaw>,
-    held_out: Option<&HeldOut>,
-    reference: f64,
-) -> LossLaws {
-    let there = held_out.map(|h| (h.minimum.budget_flops, h.minimum.loss_normalised));
-    let log_error = there.map(|(c, measured)| log.loss_at(c) - measured);
-    let floor = floor.map(|law| FloorLaw {
-        held_out_error: there.map(|(c, measured)| law.loss_at(c, reference) - measured),
-        ..law
-    });
-    LossLaws { log: Some(LogLaw { held_out_error: log_error, ..log }), floor }
+/// What the laws through the other minima say of one budget, against what was measured there.
+fn test_on(
+    laws: &mut Laws,
+    budget: f64,
+    used: &[Minimum],
+    split: &Split,
+    options: &FitOptions,
+) {
+    let own = laws.minima.iter().find(|m| m.method == laws.minima_method && m.budget_flops == budget);
+    let Some(minimum) = own.cloned() else { return };
+    laws.warnings.extend(warnings::of_held_out(&minimum));
+    let others: Vec<Minimum> =
+        used.iter().filter(|minimum| minimum.budget_flops != budget).cloned().collect();
+    let without = Without::of(&others, split, options);
+    let measured = minimum.loss_normalised;
+    if let (Some(law), Some(without)) = (&mut laws.loss.log, &without) {
+        law.held_out_error = Some(without.set.loss.loss_at(budget) - measured);
+    }
+    if let (Some(law), Some(without)) = (&mut laws.loss.floor, &without) {
+        law.held_out_error = without.floor.as_ref().map(|floor| floor.loss_at(budget, without.reference) - measured);
+    }
+    let exponents = without.map(|without| Exponents::of(&without.set)).unwrap_or_default();
+    laws.held_out = Some(HeldOut { budget_flops: budget, minimum, exponents });
 }
 
-/// Every minimum by every method with its intervals, the held-out budget's in its place among the
-/// others.
-fn with_held_out(
+/// Laws through some of the minima.
+struct Without {
+    set: LawSet,
+    floor: Option<FloorLaw>,
+    reference: f64,
+}
+
+impl Without {
+    fn of(minima: &[Minimum], split: &Split, options: &FitOptions) -> Option<Self> {
+        let columns = Columns::new(minima, &split.fitted, options);
+        let reference = geometric_mean(&columns.compute);
+        let set = law_set(&columns, reference, options)?;
+        Some(Self { set, floor: floor_law(&columns.compute, &columns.loss, reference), reference })
+    }
+}
+
+/// Every minimum by every method with its intervals.
+fn with_intervals(
     per_method: &[(MinimumMethod, Vec<Minimum>)],
-    split: &Split,
     replicas: &Replicas,
 ) -> Vec<Minimum> {
-    let Replicas { noise, replicates, .. } = replicas;
-    let mut index = 0..;
-    let mut of_method = |(method, minima): &(MinimumMethod, Vec<Minimum>)| {
-        let held_out = split.held_out_minimum(*method, *noise).map(|held_out| held_out.minimum);
-        let all = minima.iter().cloned().chain(held_out).zip(&mut index);
-        let all = all.map(|(minimum, i)| intervals::of_minimum(minimum, i, replicates));
-        let mut all: Vec<Minimum> = all.collect();
-        all.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
-        all
-    };
-    per_method.iter().flat_map(&mut of_method).collect()
+    let all = per_method.iter().flat_map(|(_, minima)| minima.iter().cloned()).enumerate();
+    all.map(|(i, minimum)| intervals::of_minimum(minimum, i, &replicas.replicates)).collect()
 }
 
 #[cfg(test)]

@@ -37,6 +37,14 @@ pub struct Judgement {
 /// The extent of the runs that laws rest on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tried {
+    /// Runs, and the budgets that they are of; 0 in a file that does not know them.
+    #[serde(default)]
+    pub runs: usize,
+    #[serde(default)]
+    pub n_budgets: usize,
+    /// The smallest and the largest budget; zeros in a file that does not know them.
+    #[serde(default)]
+    pub budgets: [f64; 2],
     /// The smallest and the largest N_nv, or N.
     pub sizes: [f64; 2],
     /// The smallest and the largest V; zeros where it is not known.

@@ -21,6 +21,14 @@ pub struct Miss {
     pub minimum: Option<MissedMinimum>,
 }
 
+impl Miss {
+    /// What laws are compared by: the miss of the measured minimum, which all laws have in common, or, where
+    /// its place is in doubt, the miss of the loss.
+    pub fn compared(&self) -> f64 {
+        self.minimum.map_or(self.loss.by, |minimum| minimum.loss)
+    }
+}
+
 fn largest() -> f64 {
     1.0
 }

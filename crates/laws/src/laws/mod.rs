@@ -54,6 +54,7 @@
 
 mod advice;
 mod advice_grid;
+mod answer;
 mod approach1;
 mod bootstrap;
 mod brief;
@@ -117,6 +118,7 @@ mod validation;
 mod verdict;
 mod warnings;
 
+pub use answer::{Answer, Coefficient, Doubt, Exponent, HeldOutError, OptimumAt, OwnExponents};
 pub use approach1::{Approach1Options, FrontierPoint, approach1, frontier};
 pub use brief::brief;
 pub use budget::{Budget, group_budgets, of_largest_share};

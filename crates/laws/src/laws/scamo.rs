@@ -45,11 +45,12 @@ pub fn scamo() -> Laws {
         validation: Vec::new(),
         advice: Vec::new(),
         judgement: Judgement::default(),
-        refit: None,
+        answer: None,
         noise: None,
         bootstrap: Vec::new(),
         warnings: WARNINGS.map(String::from).to_vec(),
     }
+    .answered()
 }
 
 const WARNINGS: [&str; 2] = [

@@ -6,8 +6,16 @@ use super::text::count;
 use super::{Budget, FitError, FitOptions, HoldOut, Minimum};
 use crate::laws::MinimumMethod;
 
-/// Fewest unflagged parabolas that make them the default.
-const ENOUGH_PARABOLAS: usize = 3;
+/// Minima that laws go through, at least.
+const ENOUGH: usize = 3;
+/// The kinds of minimum, the first to be preferred.
+const PREFERRED: [MinimumMethod; 5] = [
+    MinimumMethod::Parabola,
+    MinimumMethod::Akima,
+    MinimumMethod::Surface,
+    MinimumMethod::Cubic,
+    MinimumMethod::Argmin,
+];
 
 /// The index of the held-out budget, if any, and a warning where the default was not possible.
 ///
@@ -43,8 +51,9 @@ fn held_out_at(budgets: &[Budget], asked: f64) -> Result<usize, FitError> {
     Ok(index)
 }
 
-/// The method the laws are fitted to, and a warning where it is the second choice. `per_method`
-/// holds the minima of the fitted budgets.
+/// The method the laws are fitted to, and a warning where it is not the first choice: the first kind of
+/// which three minima have no flag, else the first of which three may be used. The best run alone, which is
+/// as coarse as the grid, is the last of them.
 pub(super) fn law_method(
     per_method: &[(MinimumMethod, Vec<Minimum>)],
     options: &FitOptions,
@@ -52,26 +61,29 @@ pub(super) fn law_method(
     if let Some(method) = options.law_method {
         return (method, None);
     }
-    let usable = |method| {
-        let minima = per_method.iter().find(|(m, _)| *m == method);
-        minima.map_or(0, |(_, minima)| usable(minima, options).len())
+    let minima = |method| per_method.iter().find(|(m, _)| *m == method).map(|(_, minima)| minima);
+    let count = |method, is: fn(&Minimum) -> bool| {
+        minima(method).map_or(0, |minima| minima.iter().filter(|m| is(m)).count())
     };
-    let (parabola, argmin) = (usable(MinimumMethod::Parabola), usable(MinimumMethod::Argmin));
+    let first = |is: fn(&Minimum) -> bool| {
+        PREFERRED.into_iter().find(|method| count(*method, is) >= ENOUGH)
+    };
+    let method = first(|m| m.trusted).or_else(|| first(Minimum::is_usable)).unwrap_or(PREFERRED[0]);
     let budgets = per_method.first().map_or(0, |(_, minima)| minima.len());
-    if parabola >= ENOUGH_PARABOLAS.min(budgets) || parabola > argmin.max(1) {
-        return (MinimumMethod::Parabola, None);
-    }
     let warning = format!(
-        "Only {parabola} of {budgets} fitted budgets have an unflagged parabola, so the laws are \
-         fitted to the best run of each budget (argmin), which is as coarse as the grid."
+        "Only {} of {budgets} budgets have an unflagged parabola, so the laws of minima go through          those of the kind `{method}`.",
+        count(PREFERRED[0], |m| m.trusted)
     );
-    (MinimumMethod::Argmin, Some(warning))
+    (method, (method != PREFERRED[0]).then_some(warning))
 }
 
-/// The minima that a fit may use: those that are inside the grid, in doubt or not; all where flagged
-/// ones are kept.
+/// The minima that a fit may use: those without a flag, or, where fewer than three are, those in doubt
+/// too; all where flagged ones are kept.
 pub(super) fn usable(minima: &[Minimum], options: &FitOptions) -> Vec<Minimum> {
-    let use_it = |m: &&Minimum| options.keep_flagged || m.is_usable();
+    let trusted = minima.iter().filter(|m| m.trusted).count();
+    let use_it = |m: &&Minimum| {
+        options.keep_flagged || m.trusted || (trusted < ENOUGH && m.is_usable())
+    };
     minima.iter().filter(use_it).cloned().collect()
 }
 
@@ -80,7 +92,7 @@ const MOST_NAMED: usize = 8;
 
 /// Every flagged minimum by name: "1e10 (vocab-edge), 3e10 (not-convex)"; of many, the first.
 pub(super) fn flagged_text(minima: &[Minimum]) -> String {
-    let flagged: Vec<&Minimum> = minima.iter().filter(|m| !m.is_usable()).collect();
+    let flagged: Vec<&Minimum> = minima.iter().filter(|m| !m.trusted).collect();
     let name = |m: &&Minimum| format!("{} ({})", count(m.budget_flops), flags_text(&m.flags));
     let named = flagged.iter().take(MOST_NAMED).map(name).collect::<Vec<_>>().join(", ");
     match flagged.len().saturating_sub(MOST_NAMED) {

@@ -1,26 +1,23 @@
-//! The budgets that are fitted, and the one that is not.
+//! The budgets of a table, gridded once.
 
 use super::minima::{self, Grid};
 use super::stats::distinct;
-use super::{Budget, FitOptions, HeldOut, Minimum, RunNoise};
+use super::{Budget, FitOptions, Minimum, RunNoise};
 use crate::laws::MinimumMethod;
 
-/// A table's budgets, gridded and parted once at the start of a fit: nothing after this looks at
-/// single runs.
+/// A table's budgets, gridded once at the start of a fit: nothing after this looks at single runs.
 pub(super) struct Split {
+    /// By budget, ascending.
     pub fitted: Vec<Grid>,
-    pub held_out: Option<Grid>,
 }
 
 impl Split {
-    pub fn new(budgets: &[Budget], held_out: Option<usize>) -> Self {
-        let mut grids: Vec<Grid> = budgets.iter().filter_map(Grid::new).collect();
-        let held_out = held_out.map(|index| grids.remove(index));
-        Self { fitted: grids, held_out }
+    pub fn new(budgets: &[Budget]) -> Self {
+        Self { fitted: budgets.iter().filter_map(Grid::new).collect() }
     }
 
     /// Every method asked for, and those that the choice of the laws' method needs, with the
-    /// minima of the fitted budgets.
+    /// minima of the budgets.
     pub fn minima_by_method(
         &self,
         options: &FitOptions,
@@ -39,20 +36,7 @@ impl Split {
             .collect()
     }
 
-    /// The minimum measured at the held-out budget. The noise that its flags are judged by is
-    /// pooled over all budgets, as for the others.
-    pub fn held_out_minimum(
-        &self,
-        method: MinimumMethod,
-        scatter: Option<RunNoise>,
-    ) -> Option<HeldOut> {
-        let grid = self.held_out.as_ref()?;
-        let all: Vec<_> = self.fitted.iter().chain([grid]).cloned().collect();
-        let minimum = minima::of_grids(method, &all, scatter).pop()?;
-        Some(HeldOut { budget_flops: grid.budget_flops, minimum })
-    }
-
-    /// How many vocabularies the fitted budgets tried.
+    /// How many vocabularies were tried.
     pub fn n_vocabularies(&self) -> usize {
         let cells = self.fitted.iter().flat_map(|grid| &grid.cells);
         distinct(cells.map(|cell| cell.n_vocab)).len()

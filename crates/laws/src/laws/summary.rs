@@ -6,14 +6,15 @@ use super::summary_checks::{advice, unseen_budgets};
 use super::text::{count, short, wrap};
 use super::{
     FloorLaw, HeldOut, JointLaw, Laws, LogLaw, Minimum, NoiseSource, Parameters, PowerLaw,
-    RunNoise, Sensitivity, verdict,
+    RunNoise, Sensitivity, brief, verdict,
 };
 
-/// The verdict, the coefficients of a parametric loss, laws with intervals, minima with flags, loss
+/// The first screen, then the coefficients of a parametric loss, laws with intervals, minima with flags, loss
 /// laws with their held-out errors, what unseen budgets say of the laws, the sensitivity table, what
 /// to run next and the warnings, in at most 80 columns and without colour.
 pub fn summary(laws: &Laws) -> String {
-    let mut text: String = verdict(laws).iter().map(|sentence| wrap("", sentence)).collect();
+    let mut text = brief(laws) + "\n";
+    text += &verdict(laws).iter().map(|sentence| wrap("- ", sentence)).collect::<String>();
     text += &laws.parametric.as_ref().map_or_else(String::new, parametric_text);
     text += "\n";
     text += &wrap(
@@ -126,7 +127,7 @@ const PASSES: [f64; 2] = [4.0, 16.0];
 
 /// What repeated data is worth, where that is known.
 fn repetition(laws: &Laws) -> String {
-    let joint = laws.of_all_budgets().judgement.joint.as_ref();
+    let joint = laws.judgement.joint.as_ref();
     let own = joint.filter(|law| law.tells_repetition()).and_then(JointLaw::repetition);
     let Some(own) = own else { return String::new() };
     let [few, many] = PASSES.map(|passes| own.worth(passes));

@@ -1,7 +1,8 @@
 //! The values between a table of runs and a law; [`Laws`] is what `laws.json` holds.
 
+use super::law_set::LawSet;
 use super::{
-    Advice, Candidate, Judgement, LawKind, LawSample, Metric, Parameters, Parametric, RunNoise,
+    Advice, Answer, Candidate, Judgement, LawKind, LawSample, Metric, Parameters, Parametric, RunNoise,
     Validation,
 };
 use serde::{Deserialize, Serialize};
@@ -181,12 +182,34 @@ pub struct LossLaws {
     pub floor: Option<FloorLaw>,
 }
 
-/// The budget kept out of the fit, and what was measured there.
+/// The budget that laws through the others were tested on, and what was measured there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
     pub budget_flops: f64,
     /// The minimum measured there, by the method that the laws use.
     pub minimum: Minimum,
+    /// Of the laws through the minima of the other budgets.
+    #[serde(default)]
+    pub exponents: Exponents,
+}
+
+/// Exponents in C of the size, N_v and D.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Exponents {
+    /// Of N_nv, or N.
+    pub size: Option<f64>,
+    pub params_vocab: Option<f64>,
+    pub tokens: Option<f64>,
+}
+
+impl Exponents {
+    pub(super) fn of(set: &LawSet) -> Self {
+        Self {
+            size: Some(set.params_nonvocab.exponent),
+            params_vocab: set.params_vocab.as_ref().map(|law| law.exponent),
+            tokens: Some(set.tokens.exponent),
+        }
+    }
 }
 
 /// The three power laws of the optimum in C (ScaMo Eq. 9); absent where not identifiable.
@@ -242,8 +265,8 @@ pub struct Laws {
     pub head_share: Option<f64>,
     /// C0, the geometric mean of the fitted budgets.
     pub reference_flops: f64,
-    /// The budgets whose minima the laws were fitted to, ascending: not the held-out one, and not
-    /// the flagged ones unless they were kept. Empty for a published law.
+    /// The budgets whose minima the laws were fitted to, ascending: not the flagged ones, unless they were
+    /// kept or too few are left. Empty for a published law.
     pub fitted_budgets: Vec<f64>,
     /// The kind of minimum that the laws were fitted to.
     pub minima_method: MinimumMethod,
@@ -274,30 +297,36 @@ pub struct Laws {
     /// Which law to believe, and how far.
     #[serde(flatten)]
     pub judgement: Judgement,
-    /// The same laws through all budgets, the held-out one included: what a prediction reads.
+    /// What screen, figures, report and files say of the laws; absent in an older file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refit: Option<Box<Laws>>,
+    pub answer: Option<Answer>,
 }
 
 impl Laws {
-    /// The laws through all budgets, where one was held out of these.
-    pub fn of_all_budgets(&self) -> &Self {
-        self.refit.as_deref().unwrap_or(self)
+    /// What they say; of an older file, which has no answer, made here.
+    pub fn answer(&self) -> Answer {
+        self.answer.clone().unwrap_or_else(|| self.own_answer())
+    }
+
+    /// The smallest and the largest budget that they rest on; C0 for a published law.
+    pub fn range(&self) -> [f64; 2] {
+        let tried = self.judgement.tried.map(|tried| tried.budgets).filter(|[low, _]| *low > 0.0);
+        let used = || Some([*self.fitted_budgets.first()?, *self.fitted_budgets.last()?]);
+        tried.or_else(used).unwrap_or([self.reference_flops; 2])
     }
 
     /// The same for another amount of data: what the joint law with repetition says where `unique_tokens` are
     /// distinct, whichever law is the one to believe, since the others know no data but their own. None
     /// without such a law.
     pub fn on_data(&self, unique_tokens: f64) -> Option<Self> {
-        let mut laws = self.of_all_budgets().clone();
+        let mut laws = self.clone();
         let joint = laws.judgement.joint.as_ref().filter(|law| law.tells_repetition())?;
         laws.judgement.joint = Some(joint.on_data(unique_tokens));
         laws.judgement.tried.as_mut()?.unique_tokens = Some(unique_tokens);
         let recommended = laws.judgement.recommended.as_mut()?;
         recommended.law = Candidate::JointRepeats;
         recommended.scores.retain(|score| score.law == Candidate::JointRepeats);
-        laws.judgement.validations = self.judgement.validations.clone();
-        Some(laws)
+        Some(laws.answered())
     }
 
     /// The law to believe; the log law where none was ranked.

@@ -39,6 +39,6 @@ pub(super) fn unfitted(
         bootstrap: Vec::new(),
         warnings: Vec::new(),
         judgement: Judgement::default(),
-        refit: None,
+        answer: None,
     }
 }

@@ -2,27 +2,25 @@
 
 use super::law_set::{Columns, geometric_mean, law_set};
 use super::minima::Grid;
-use super::select::usable;
 use super::split::Split;
 use super::{
-    FitOptions, HeldOut, Minimum, Parameters, PowerLaw, Validation, ValidationKind, floor_law,
+    FitOptions, Minimum, Parameters, PowerLaw, Validation, ValidationKind, floor_law,
 };
 
 /// Fewest budgets that laws are fitted to; the floor law needs one more.
 const FEWEST: usize = 2;
 
 /// Every fitted budget predicted from all the others, and every budget but the smallest two
-/// predicted from the smaller ones; the held-out budget is in the second only.
+/// predicted from the smaller ones.
 pub(super) fn validate(
     used: &[Minimum],
-    held_out: Option<&HeldOut>,
     split: &Split,
     options: &FitOptions,
 ) -> Vec<Validation> {
-    let grids: Vec<Grid> = split.fitted.iter().chain(&split.held_out).cloned().collect();
+    let grids = &split.fitted;
     let has_vocab_law = split.n_vocabularies() > 1;
     let error = |kind, measured: &Minimum, from: &[Minimum]| {
-        let mut row = predicted(kind, measured, from, &grids, options)?;
+        let mut row = predicted(kind, measured, from, grids, options)?;
         row.params_vocab_ratio = row.params_vocab_ratio.filter(|_| has_vocab_law);
         Some(row)
     };
@@ -31,18 +29,9 @@ pub(super) fn validate(
         let others: Vec<Minimum> = others.cloned().collect();
         error(ValidationKind::LeaveOneOut, measured, &others)
     });
-    let rising = rising(used, held_out, options);
-    let rolled = (FEWEST..rising.len())
-        .filter_map(|i| error(ValidationKind::RollForward, &rising[i], &rising[..i]));
+    let rolled = (FEWEST..used.len())
+        .filter_map(|i| error(ValidationKind::RollForward, &used[i], &used[..i]));
     left_out.chain(rolled).collect()
-}
-
-/// The fitted minima and the held-out one, if it may be used, by budget.
-fn rising(used: &[Minimum], held_out: Option<&HeldOut>, options: &FitOptions) -> Vec<Minimum> {
-    let held_out: Vec<Minimum> = held_out.map(|h| h.minimum.clone()).into_iter().collect();
-    let mut all = [used, &usable(&held_out, options)].concat();
-    all.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
-    all
 }
 
 /// What the laws through `from` say of a budget, against what was measured there.

@@ -7,7 +7,7 @@ use super::select::flagged_text;
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
 use super::text::count;
-use super::{FitOptions, FloorLaw, HeldOut, Minimum, Parameters, RunNoise};
+use super::{FitOptions, FloorLaw, Minimum, Parameters, RunNoise};
 use crate::laws::MinimumMethod;
 
 /// A minimum may spend this share more or less than declared before a warning says so.
@@ -24,11 +24,15 @@ pub(super) fn of_minima(
     method: MinimumMethod,
     options: &FitOptions,
 ) -> Vec<String> {
-    let flagged = all.iter().any(|m| !m.is_usable());
-    let verb = if options.keep_flagged { "kept in" } else { "left out of" };
+    let (kept, out): (Vec<Minimum>, Vec<Minimum>) =
+        all.iter().filter(|m| !m.trusted).cloned().partition(|m| used.contains(m));
+    let told = |minima: &[Minimum], how: &str| {
+        let flagged = flagged_text(minima);
+        (!minima.is_empty()).then(|| format!("Flagged minima {how} the laws of minima: {flagged}."))
+    };
     let sentences = [
-        flagged.then(|| format!("Flagged minima {verb} the fit: {}.", flagged_text(all))),
-        (used.len() == 2).then(|| TWO_BUDGETS.to_string()),
+        told(&out, "left out of"),
+        told(&kept, "used in"),
         (!has_residuals(method, &split.fitted)).then(|| NO_RESIDUALS.to_string()),
         (options.parameters == Parameters::Split && split.n_vocabularies() == 1)
             .then(|| ONE_VOCABULARY.to_string()),
@@ -37,8 +41,6 @@ pub(super) fn of_minima(
     sentences.into_iter().flatten().collect()
 }
 
-const TWO_BUDGETS: &str = "Two budgets are fitted: the power laws pass through both points, so \
-     their R² says nothing.";
 const NO_RESIDUALS: &str = "No budget has more model sizes than its curve has coefficients, so \
      whether a curvature is weak is not known.";
 
@@ -59,8 +61,7 @@ fn achieved(used: &[Minimum], options: &FitOptions) -> Option<String> {
 }
 
 /// Where the held-out minimum is itself doubtful.
-pub(super) fn of_held_out(held_out: Option<&HeldOut>) -> Option<String> {
-    let minimum = &held_out?.minimum;
+pub(super) fn of_held_out(minimum: &Minimum) -> Option<String> {
     (!minimum.flags.is_empty()).then(|| {
         format!(
             "The held-out minimum is flagged too, so the laws' error there is in doubt: {} ({}).",

@@ -31,7 +31,7 @@ pub fn predict(
         return Err(PredictError::BadBudget(budget));
     }
     let validations = &laws.judgement.validations;
-    let laws = laws.of_all_budgets();
+    let laws = laws;
     // Laws that bend are read as tangents at C.
     let straightened = laws.law.bends().then(|| around(laws, budget));
     let laws = straightened.as_ref().unwrap_or(laws);

@@ -107,7 +107,7 @@ fn laws(
     laws.loss.log = laws.loss.log.map(|law| LogLaw { slope_ci95, ..law });
     laws.bootstrap = replicates.iter().filter_map(sample).collect();
     laws.warnings = warnings(points, front, options);
-    laws
+    laws.answered()
 }
 
 fn interval(replicates: &[Fitted], of: impl Fn(&Fitted) -> Option<f64>) -> Option<[f64; 2]> {

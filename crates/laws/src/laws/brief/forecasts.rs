@@ -3,16 +3,13 @@
 use crate::laws::Validated;
 use crate::laws::text::count;
 
-/// A sentence for each forecast with something outside its interval, and one for those that held.
-pub(super) fn sentences(validations: &[Validated]) -> Vec<String> {
-    let (held, missed): (Vec<_>, Vec<_>) =
-        validations.iter().partition(|one| one.inside.is_whole());
-    let held: Vec<&Validated> = held.into_iter().filter(|one| one.sentence().is_some()).collect();
-    let missed = missed.into_iter().filter_map(Validated::sentence);
-    match &held[..] {
-        [] => missed.collect(),
-        [one] => missed.chain(one.sentence()).collect(),
-        several => missed.chain([together(several)]).collect(),
+/// One sentence for the forecasts that held.
+pub(super) fn held(validations: &[Validated]) -> Option<String> {
+    let held = validations.iter().filter(|one| one.inside.is_whole() && one.sentence().is_some());
+    match &held.collect::<Vec<_>>()[..] {
+        [] => None,
+        [one] => one.sentence(),
+        several => Some(together(several)),
     }
 }
 

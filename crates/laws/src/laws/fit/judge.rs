@@ -10,7 +10,7 @@ use crate::laws::ranking::{Rows, recommended, shares};
 use crate::laws::split::Split;
 use crate::laws::stats::{extent, interval95};
 use crate::laws::{
-    FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
+    Candidate, FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
     RunNoise, Tried,
 };
 
@@ -41,26 +41,20 @@ pub(super) fn judge(
     if !options.recommend {
         return own;
     }
-    let grids = ascending(split);
+    let grids = &split.fitted;
     let minima: Vec<Minimum> =
         laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
-    let shares = shares(&grids, (laws.minima_method, &minima), scatter.noise, options);
-    let rows = Rows { grids: &grids, shares, noise: scatter.noise, options };
-    let recommended = rank(&rows, laws.minima_method);
+    let shares = shares(grids, (laws.minima_method, &minima), scatter.noise, options);
+    let rows = Rows { grids, shares, noise: scatter.noise, options };
+    let joint = fit_joint(grids, scatter.noise, repeat(grids));
+    let recommended = rank(&rows, laws, joint.as_ref());
     let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
     Judgement {
         forecast_error: Some(ForecastError::of(misses)),
-        joint: joint(&split.fitted, repeat(&grids), &recommended, scatter, options),
+        joint: joint.map(|law| with_replicates(law, grids, &recommended, scatter, options)),
         recommended: Some(recommended),
         ..own
     }
-}
-
-/// Every budget's grid, the held-out one's among them.
-fn ascending(split: &Split) -> Vec<Grid> {
-    let mut grids: Vec<Grid> = split.fitted.iter().chain(&split.held_out).cloned().collect();
-    grids.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
-    grids
 }
 
 /// [`LackOfFit::variance_ratio`](crate::laws::LackOfFit::variance_ratio) of the laws' method; 1 where no
@@ -88,27 +82,33 @@ pub(super) fn admissible(
         .collect()
 }
 
-/// The recommendation over all budgets, measured minima beside each grid.
-fn rank(rows: &Rows, method: MinimumMethod) -> Recommended {
-    recommended(rows.scores(), method, rows.grids.len())
+/// The recommendation over all budgets, measured minima beside each grid. Where none could be tested it is
+/// the smooth loss through all cells, which forecast best on other tables (`docs/which-law.md`), else the
+/// law with a floor, else the log law.
+fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
+    let untested = match (joint, &laws.loss.floor) {
+        (Some(joint), _) => joint.candidate(),
+        (None, Some(_)) => Candidate::Floor,
+        (None, None) => Candidate::Log,
+    };
+    recommended(rows.scores(), (laws.minima_method, untested), rows.grids.len())
 }
 
-/// The joint law of some budgets, with what repetition is worth where runs repeat, and with its replicates
-/// where it is the one to believe, or shares of the data let it tell what repetition is worth.
-fn joint(
+/// The joint law of some budgets with its replicates, where it is the one to believe, or shares of the data
+/// let it tell what repetition is worth.
+fn with_replicates(
+    mut joint: JointLaw,
     grids: &[Grid],
-    repeats: bool,
     recommended: &Recommended,
     scatter: Scatter,
     options: &FitOptions,
-) -> Option<JointLaw> {
-    let mut joint = fit_joint(grids, scatter.noise, repeats)?;
+) -> JointLaw {
     let has_shares = grids.iter().any(|grid| !grid.smaller.is_empty());
     if recommended.law.is_joint() || has_shares {
         let count = options.bootstrap.min(JOINT_REPLICATES);
         joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);
     }
-    Some(joint)
+    joint
 }
 
 /// What the intervals of the exponents would be for each reason alone.
@@ -150,6 +150,9 @@ fn tried(grids: &[Grid]) -> Tried {
     let unique = cells().filter_map(|cell| cell.unique_tokens);
     let epochs = grids.iter().flat_map(Grid::of_all_shares).flatten().filter_map(Cell::epochs);
     Tried {
+        runs: grids.iter().map(|grid| grid.n_runs).sum(),
+        n_budgets: grids.len(),
+        budgets: range(extent(grids.iter().map(|grid| grid.budget_flops))),
         sizes: range(extent(cells().map(|cell| cell.params_nonvocab))),
         vocabularies: range(extent(cells().map(|cell| cell.n_vocab))),
         unique_tokens: unique.reduce(f64::max),

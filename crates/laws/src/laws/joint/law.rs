@@ -1,5 +1,6 @@
 //! A joint law, as `laws.json` holds it.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cost::Cost;
@@ -74,12 +75,17 @@ impl JointLaw {
         self.cost.optimum(&self.loss, budget)
     }
 
-    /// The best allocation by each replicate that has one.
-    pub fn optima(&self, budget: f64) -> Vec<JointOptimum> {
+    /// The best allocations of some budgets by each replicate, where it has them.
+    pub fn optima_at<const N: usize>(&self, budgets: [f64; N]) -> Vec<[Option<JointOptimum>; N]> {
         let of = |values: &Vec<f64>| {
             let loss = JointLoss { values: values.clone(), ..self.loss.clone() };
-            self.cost.optimum(&loss, budget)
+            budgets.map(|budget| self.cost.optimum(&loss, budget))
         };
-        self.bootstrap.iter().filter_map(of).collect()
+        self.bootstrap.par_iter().map(of).collect()
+    }
+
+    /// The best allocation by each replicate that has one.
+    pub fn optima(&self, budget: f64) -> Vec<JointOptimum> {
+        self.optima_at([budget]).into_iter().filter_map(|[optimum]| optimum).collect()
     }
 }

@@ -110,6 +110,30 @@ impl JointLoss {
         })
     }
 
+    /// The coefficients by name, of N_nv, V and D themselves in place of their distances from the middle.
+    ///
+    /// E is what is left where model, data and vocabulary are without end, or, with few vocabularies, at
+    /// V = 1; the loss falls with V by E_v ln V, or, saturating, by E_v (1 − V^−κe)/κe.
+    pub fn coefficients(&self) -> Vec<(&'static str, f64)> {
+        let ([n, v, d], terms) = (self.centre, self.terms);
+        let (alpha, beta) = (self.values[ALPHA], self.values[BETA]);
+        let [kappa_e, kappa_a, kappa_b] = [0, 1, 2].map(|i| self.kappa(i));
+        let (e, e_v) = match terms.saturating {
+            true => (self.values[0] - self.e1() / kappa_e, self.e1() * (kappa_e * v).exp()),
+            false => (self.values[0] + self.e1() * v, self.e1()),
+        };
+        let a = (self.values[1] - kappa_a * v + alpha * n).exp();
+        let b = (self.values[3] - kappa_b * v - self.chi() * n + beta * d).exp();
+        let mut all = vec![("E", e), ("A", a), ("alpha", alpha), ("B", b), ("beta", beta)];
+        all.extend(terms.vocab.then_some(("E_v", e_v)));
+        let kappas = [("kappa_e", kappa_e), ("kappa_a", kappa_a), ("kappa_b", kappa_b)];
+        all.extend(kappas.into_iter().filter(|_| terms.saturating));
+        all.extend(terms.crossed.then(|| ("chi", self.chi())));
+        let r = [("R", self.ln_r(0.0).exp()), ("rho", -self.ln_r(1.0) + self.ln_r(0.0))];
+        all.extend(terms.repeats.then_some(r).into_iter().flatten());
+        all
+    }
+
     pub(in crate::laws) fn value(&self, place: &Place) -> f64 {
         let Parts { v, model, data, .. } = self.parts(place);
         self.limit(v) + model + data
@@ -182,6 +206,9 @@ impl JointLoss {
     /// ln R of a model `n` above the middle one.
     fn ln_r(&self, n: f64) -> f64 {
         let at = self.terms.ln_r();
+        if !self.terms.repeats {
+            return 0.0;
+        }
         self.values[at] - self.values[at + 1] * n
     }
 }

@@ -138,6 +138,18 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
+    /// The law in numbers, the loss being `symbol`.
+    pub fn formula(&self, symbol: &str) -> String {
+        let (values, k) = (self.values(), self.form.n_terms());
+        let quantities = self.form.quantities();
+        let term = |i: usize| {
+            let [coefficient, exponent] = [values[1 + i], values[1 + k + i]];
+            format!(" + {}/{}^{exponent:.4}", digits(coefficient), quantities[i])
+        };
+        let terms: String = (0..k).map(term).collect();
+        format!("{symbol} = {}{terms}", digits(self.form.sign() * values[0]))
+    }
+
     /// From values in the order of [`Form::names`]; none where there are fewer.
     pub fn new(form: Form, values: &[f64]) -> Option<Self> {
         let mut all = [0.0; MAX_PARAMS];
@@ -215,4 +227,10 @@ impl Coefficients {
         let term = |(term, x): (usize, &f64)| self.coefficient(term) * x.powf(-self.exponent(term));
         self.floor() + quantities.iter().enumerate().map(term).sum::<f64>()
     }
+}
+
+/// Five significant digits.
+fn digits(x: f64) -> String {
+    let whole = x.abs().max(1.0).log10().floor() as usize + 1;
+    if x.abs() < 1e5 { format!("{x:.*}", 5usize.saturating_sub(whole)) } else { format!("{x:.3e}") }
 }

@@ -53,7 +53,7 @@ pub fn around(laws: &Laws, reference: f64) -> Laws {
     laws.warnings = warnings(&parametric, samples.len());
     laws.bootstrap = samples;
     laws.parametric = Some(parametric);
-    laws
+    laws.answered()
 }
 
 /// The laws around C0 as one replicate keeps them; none where the coefficients have no optimum.

@@ -44,7 +44,7 @@ impl Rows<'_> {
         let starts = FEWEST..self.grids.len();
         let misses: Vec<Miss> = starts.flat_map(|n| self.misses(law, n)).collect();
         let untold = Score { law, rms: f64::NAN, misses };
-        let squares = untold.compared().map(|miss| miss.loss.by.powi(2));
+        let squares = untold.compared().map(|miss| miss.compared().powi(2));
         let rms = (squares.sum::<f64>() / untold.compared().count() as f64).sqrt();
         (!untold.misses.is_empty()).then_some(Score { rms, ..untold })
     }
@@ -135,13 +135,13 @@ fn deviation(interval: Option<[f64; 2]>, of: fn(f64) -> f64) -> f64 {
     interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
 }
 
-/// The best of some scores, or the log law where nothing could be tested.
+/// The best of some scores, or another law where nothing could be tested.
 pub(super) fn recommended(
     scores: Vec<Score>,
-    minima_method: MinimumMethod,
+    (minima_method, untested): (MinimumMethod, Candidate),
     budgets: usize,
 ) -> Recommended {
-    let law = scores.first().map_or(Candidate::Log, |best| best.law);
+    let law = scores.first().map_or(untested, |best| best.law);
     let why = match (scores.first(), scores.last()) {
         (Some(best), Some(worst)) if scores.len() > 1 => format!(
             "fitted to smaller budgets, it missed the losses of larger ones by {:.4} nats (root mean \
@@ -152,7 +152,7 @@ pub(super) fn recommended(
             worst.rms
         ),
         (Some(_), _) => "no other law could be tested".to_string(),
-        (None, _) => format!("{budgets} budgets are too few to test any law, so ScaMo's stands"),
+        (None, _) => format!("no law could be tested ({budgets} budgets)"),
     };
     Recommended { law, minima_method, why, scores }
 }

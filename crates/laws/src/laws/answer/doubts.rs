@@ -1,0 +1,139 @@
+//! What is in doubt, and what would settle it.
+
+use serde::{Deserialize, Serialize};
+
+use super::OwnExponents;
+use crate::laws::names::flags_text;
+use crate::laws::text::{count, short};
+use crate::laws::{Laws, LawKind, Minimum, Recommended, Validated};
+
+/// A reason to believe a fit less.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Doubt {
+    pub kind: String,
+    pub what: String,
+    /// What would settle it.
+    #[serde(rename = "do")]
+    pub remedy: String,
+}
+
+impl Doubt {
+    fn new(kind: &str, what: String, remedy: &str) -> Self {
+        Self { kind: kind.to_string(), what, remedy: remedy.to_string() }
+    }
+
+    /// For a person.
+    pub fn sentence(&self) -> String {
+        match self.remedy.as_str() {
+            "" => format!("{}.", self.what),
+            remedy => format!("{}: {remedy}.", self.what),
+        }
+    }
+}
+
+/// All doubts, the heaviest first.
+pub(super) fn of(laws: &Laws, exponents: &OwnExponents) -> Vec<Doubt> {
+    let missed = laws.judgement.validations.iter().filter_map(missed);
+    missed
+        .chain(undetermined(exponents))
+        .chain(untested(laws))
+        .chain(minima(laws))
+        .chain(misfit(laws))
+        .collect()
+}
+
+/// A forecast that did not hold.
+fn missed(one: &Validated) -> Option<Doubt> {
+    let sentence = one.sentence().filter(|_| !one.inside.is_whole())?;
+    let what = sentence.trim_end_matches('.').to_string();
+    Some(Doubt::new("forecast", what, "fit these runs too, by --validations"))
+}
+
+fn undetermined(exponents: &OwnExponents) -> Vec<Doubt> {
+    let of = |name: &str, reason: &str| {
+        let what = format!("The exponent of {name} is not determined: {reason}");
+        Doubt { kind: "not-determined".into(), what, remedy: remedy(reason).into() }
+    };
+    let reasons = exponents.named().filter_map(|(name, own)| Some((name, own.reason.as_ref()?)));
+    let all: Vec<(&str, &String)> = reasons.collect();
+    let all = all.chunk_by(|a, b| a.1 == b.1).map(|same| {
+        let names: Vec<&str> = same.iter().map(|(name, _)| *name).collect();
+        of(&names.join(", "), same[0].1)
+    });
+    all.collect()
+}
+
+fn remedy(reason: &str) -> &'static str {
+    if reason.contains("vocabulary") {
+        "add vocabularies"
+    } else if reason.contains("size") {
+        "add sizes on that side"
+    } else {
+        "add budgets, or sizes on both sides of each minimum"
+    }
+}
+
+/// A law that no held-out budget has tested.
+fn untested(laws: &Laws) -> Option<Doubt> {
+    let own = laws.judgement.recommended.as_ref()?;
+    own.scores.is_empty().then(|| {
+        Doubt::new("untested", format!("Law not tested: {}", own.why), "add a larger budget")
+    })
+}
+
+/// Minima that were left out or used in spite of a flag, where the law goes through minima.
+fn minima(laws: &Laws) -> Option<Doubt> {
+    let own: Vec<&Minimum> =
+        laws.minima.iter().filter(|m| m.method == laws.minima_method).collect();
+    let flagged: Vec<&Minimum> = own.iter().copied().filter(|m| !m.flags.is_empty()).collect();
+    if flagged.is_empty() || laws.law != LawKind::Isoflop {
+        return None;
+    }
+    let used = |m: &Minimum| laws.fitted_budgets.contains(&m.budget_flops);
+    let n_used = flagged.iter().filter(|m| used(m)).count();
+    let named = |m: &&Minimum| {
+        let so = if used(m) { "" } else { "; left out" };
+        format!("{} ({}{so})", count(m.budget_flops), flags_text(&m.flags))
+    };
+    let (n, all) = (flagged.len(), own.len());
+    let every = if n == all { format!("All {all} minima are in doubt") } else { format!("{n} of {all} minima are in doubt") };
+    let what = match n {
+        1..=3 => format!("{every}: {}", flagged.iter().map(named).collect::<Vec<_>>().join(", ")),
+        _ if n_used == 0 => format!("{every} and left out (--full names them)"),
+        _ if n_used == n => format!("{every} and used all the same, since fewer than three others remain (--full names them)"),
+        _ => format!("{every}, {n_used} of them used (--full names them)"),
+    };
+    Some(Doubt::new("minima", what, ""))
+}
+
+fn misfit(laws: &Laws) -> Option<Doubt> {
+    let lack = laws.judgement.lack_of_fit.iter().find(|lack| lack.method == laws.minima_method);
+    let lack = lack.filter(|lack| lack.is_misfit())?;
+    let p = if lack.p < 1e-4 { "below 1e-4".to_string() } else { format!("= {}", short(lack.p, 1)) };
+    let what = format!(
+        "Curves of the minima misfit (chi2 {:.0} on {} degrees of freedom, p {p}); intervals count it as noise",
+        lack.chi2, lack.dof
+    );
+    Some(Doubt::new("misfit", what, ""))
+}
+
+/// One sentence on how far to believe a fit.
+pub(super) fn verdict(laws: &Laws, exponents: &OwnExponents, doubts: &[Doubt]) -> String {
+    if exponents.is_undetermined() {
+        return "No exponent is determined by these runs.".to_string();
+    }
+    let tested = match laws.judgement.recommended.as_ref() {
+        Some(Recommended { scores, .. }) if !scores.is_empty() => {
+            let n = scores[0].compared().count();
+            format!("Tested by {n} forecasts of held-out budgets, off by {:.4} r.m.s.", scores[0].rms)
+        }
+        Some(_) => "Not tested by any held-out budget.".to_string(),
+        None => "Fitted to all runs at once; not tested by held-out budgets.".to_string(),
+    };
+    let doubts = match doubts.len() {
+        0 => "No doubt was found.".to_string(),
+        1 => "One doubt below.".to_string(),
+        n => format!("{n} doubts below."),
+    };
+    format!("{tested} {doubts}")
+}

@@ -1,0 +1,166 @@
+//! How the optimum grows with the budget, by the law to believe.
+
+use serde::{Deserialize, Serialize};
+
+use crate::laws::stats::interval95;
+use crate::laws::text::count;
+use super::path::joint;
+use crate::laws::{JointLaw, JointOptimum, Laws, Parameters, PowerLaw, Tried};
+
+/// An exponent whose 95 % interval is wider than this is not determined.
+const WIDEST: f64 = 1.0;
+/// How far beyond the sizes and vocabularies tried an optimum may lie for its exponent to be told.
+const BEYOND: f64 = 2.0;
+
+/// The exponents in C of the optimum over the fitted range of budgets.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OwnExponents {
+    /// Of N, where N_nv and N_v are not told apart; then the next two are absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params: Option<Exponent>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params_nonvocab: Option<Exponent>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params_vocab: Option<Exponent>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tokens: Option<Exponent>,
+}
+
+/// An exponent, or why there is none.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Exponent {
+    pub value: Option<f64>,
+    /// 95 %.
+    pub ci95: Option<[f64; 2]>,
+    /// The budgets between which the exponent is that of the optimum.
+    pub range_flops: [f64; 2],
+    /// Why the value is absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+impl OwnExponents {
+    /// Each with its symbol, in the order of a table.
+    pub fn named(&self) -> impl Iterator<Item = (&'static str, &Exponent)> {
+        let all = [
+            ("N", &self.params),
+            ("N_nv", &self.params_nonvocab),
+            ("N_v", &self.params_vocab),
+            ("D", &self.tokens),
+        ];
+        all.into_iter().filter_map(|(name, exponent)| Some((name, exponent.as_ref()?)))
+    }
+
+    /// Whether no exponent is determined.
+    pub fn is_undetermined(&self) -> bool {
+        self.named().all(|(_, exponent)| exponent.value.is_none())
+    }
+}
+
+/// Of the law to believe.
+pub(super) fn of(laws: &Laws) -> OwnExponents {
+    match (joint(laws), &laws.judgement.tried) {
+        (Some(joint), Some(tried)) => of_joint(laws, joint, tried),
+        _ => of_power_laws(laws),
+    }
+}
+
+fn of_power_laws(laws: &Laws) -> OwnExponents {
+    let range_flops = laws.range();
+    let exponent = |law: &Option<PowerLaw>, reason: &str| {
+        let value = law.as_ref().map(|law| law.exponent);
+        let own = Exponent {
+            value,
+            ci95: law.as_ref().and_then(|law| law.exponent_ci95),
+            range_flops,
+            reason: value.is_none().then(|| reason.to_string()),
+        };
+        Some(own.if_told())
+    };
+    let powers = &laws.power_laws;
+    let split = laws.parameters == Parameters::Split;
+    let few = "fewer than three budgets have a minimum of their own";
+    let vocab = if powers.tokens.is_some() { ONE_VOCABULARY } else { few };
+    OwnExponents {
+        params: if split { None } else { exponent(&powers.params, few) },
+        params_nonvocab: if split { exponent(&powers.params_nonvocab, few) } else { None },
+        params_vocab: if split { exponent(&powers.params_vocab, vocab) } else { None },
+        tokens: exponent(&powers.tokens, few),
+    }
+}
+
+const ONE_VOCABULARY: &str = "one vocabulary was tried";
+
+/// Slopes of the optimum of a joint law between the smallest and the largest budget.
+fn of_joint(laws: &Laws, joint: &JointLaw, tried: &Tried) -> OwnExponents {
+    let [low, high] = laws.range();
+    let ends = |at: [Option<JointOptimum>; 2]| Some([at[0]?, at[1]?]);
+    let own = ends([low, high].map(|budget| joint.optimum(budget)));
+    let replicates: Vec<[JointOptimum; 2]> =
+        joint.optima_at([low, high]).into_iter().filter_map(ends).collect();
+    let slope = |ends: &[JointOptimum; 2], of: fn(&JointOptimum) -> f64| {
+        (of(&ends[1]) / of(&ends[0])).ln() / (high / low).ln()
+    };
+    let exponent = |of: fn(&JointOptimum) -> f64, reason: Option<String>| {
+        let slopes: Vec<f64> = replicates.iter().map(|ends| slope(ends, of)).collect();
+        let value = own.as_ref().map(|ends| slope(ends, of)).filter(|value| value.is_finite());
+        let none = value.is_none().then(|| "the law has no optimum".to_string());
+        let reason = reason.or(none);
+        Exponent {
+            value: value.filter(|_| reason.is_none()),
+            ci95: interval95(&slopes),
+            range_flops: [low, high],
+            reason,
+        }
+        .if_told()
+    };
+    let split = laws.parameters == Parameters::Split;
+    let size_beyond = own.and_then(|ends| beyond(&ends, |o| o.params_nonvocab, tried.sizes, "size"));
+    let size = exponent(|o| o.params_nonvocab, size_beyond.clone());
+    let vocab = || {
+        let levels = tried.vocabularies;
+        let reason = (!joint.loss.terms.vocab).then(|| ONE_VOCABULARY.to_string());
+        let beyond = own.and_then(|ends| beyond(&ends, |o| o.n_vocab, levels, "vocabulary"));
+        exponent(|o| o.params_vocab, reason.or(beyond))
+    };
+    OwnExponents {
+        params: (!split).then(|| size.clone()),
+        params_nonvocab: split.then_some(size),
+        params_vocab: split.then(vocab),
+        tokens: Some(exponent(|o| o.tokens, size_beyond)),
+    }
+}
+
+/// A sentence where an optimum of the fitted budgets lies far from all that was tried.
+fn beyond(
+    ends: &[JointOptimum; 2],
+    of: fn(&JointOptimum) -> f64,
+    [low, high]: [f64; 2],
+    what: &str,
+) -> Option<String> {
+    let far = ends.iter().map(of).find(|x| *x < low / BEYOND || *x > high * BEYOND)?;
+    let side = if far < low { "smallest" } else { "largest" };
+    let tried = if far < low { low } else { high };
+    Some(format!(
+        "the optimum, {}, lies far beyond the {side} {what} tried, {}",
+        count(far),
+        count(tried)
+    ))
+}
+
+impl Exponent {
+    /// Without a value where the interval says that it is not known.
+    fn if_told(self) -> Self {
+        let wide = self.ci95.filter(|[low, high]| high - low > WIDEST);
+        match (self.value, wide) {
+            (Some(value), Some([low, high])) => Self {
+                value: None,
+                reason: Some(format!(
+                    "{value:.2} fits best, but anything from {low:.2} to {high:.2} fits too"
+                )),
+                ..self
+            },
+            _ => self,
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! The optimum along the fitted budgets, by the law to believe.
+
+use serde::{Deserialize, Serialize};
+
+use super::Coefficient;
+use crate::laws::stats::interval95;
+use crate::laws::{Candidate, JointLaw, JointOptimum, LawKind, LawSample, Laws, Parameters};
+
+/// Budgets at which the optimum is told.
+const STEPS: usize = 13;
+
+/// The optimum of one budget.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OptimumAt {
+    pub budget_flops: f64,
+    /// N, where N_nv and N_v are not told apart; then the next two are absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params: Option<Coefficient>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params_nonvocab: Option<Coefficient>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params_vocab: Option<Coefficient>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tokens: Option<Coefficient>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss: Option<Coefficient>,
+}
+
+/// From the smallest to the largest fitted budget in equal steps of ln C; empty for a law that was not
+/// fitted here.
+pub(super) fn of(laws: &Laws) -> Vec<OptimumAt> {
+    let [low, high] = laws.range();
+    if laws.law == LawKind::Published || low >= high {
+        return Vec::new();
+    }
+    let at = |i: usize| low * (high / low).powf(i as f64 / (STEPS - 1) as f64);
+    let budgets: [f64; STEPS] = std::array::from_fn(at);
+    match joint(laws) {
+        Some(joint) => of_joint(laws, joint, budgets),
+        None => budgets.iter().map(|budget| of_lines(laws, *budget)).collect(),
+    }
+}
+
+/// The joint law, where it is the one to believe.
+pub(super) fn joint(laws: &Laws) -> Option<&JointLaw> {
+    let own = laws.law == LawKind::Isoflop && laws.recommended_law().is_joint();
+    laws.judgement.joint.as_ref().filter(|_| own)
+}
+
+fn of_joint(laws: &Laws, joint: &JointLaw, budgets: [f64; STEPS]) -> Vec<OptimumAt> {
+    let replicates = joint.optima_at(budgets);
+    let told = |i: usize, budget: f64| {
+        let own = joint.optimum(budget);
+        let all: Vec<JointOptimum> = replicates.iter().filter_map(|ends| ends[i]).collect();
+        let told = |of: fn(&JointOptimum) -> f64| {
+            let value = of(own.as_ref()?);
+            let ci95 = interval95(&all.iter().map(of).collect::<Vec<_>>());
+            value.is_finite().then_some(Coefficient { value, ci95 })
+        };
+        let split = laws.parameters == Parameters::Split;
+        let size = told(|o| o.params_nonvocab);
+        OptimumAt {
+            budget_flops: budget,
+            params: size.filter(|_| !split),
+            params_nonvocab: size.filter(|_| split),
+            params_vocab: told(|o| o.params_vocab).filter(|_| split),
+            tokens: told(|o| o.tokens),
+            loss: told(|o| o.loss),
+        }
+    };
+    budgets.into_iter().enumerate().map(|(i, budget)| told(i, budget)).collect()
+}
+
+fn of_lines(laws: &Laws, budget: f64) -> OptimumAt {
+    let step = (budget / laws.reference_flops).ln();
+    let told = |law: Option<&crate::laws::PowerLaw>, of: fn(&LawSample) -> (f64, f64)| {
+        let law = law?;
+        let at = |(level, exponent): (f64, f64)| (level + exponent * step).exp();
+        let all: Vec<f64> = laws.bootstrap.iter().map(|sample| at(of(sample))).collect();
+        Some(Coefficient {
+            value: at((law.ln_at_reference, law.exponent)),
+            ci95: interval95(&all),
+        })
+    };
+    let powers = &laws.power_laws;
+    let size = |s: &LawSample| (s.ln_nonvocab_at_reference, s.exponent_nonvocab);
+    OptimumAt {
+        budget_flops: budget,
+        params: told(powers.params.as_ref(), size),
+        params_nonvocab: told(powers.params_nonvocab.as_ref(), size),
+        params_vocab: told(powers.params_vocab.as_ref(), |s| {
+            (s.ln_vocab_at_reference, s.exponent_vocab)
+        }),
+        tokens: told(powers.tokens.as_ref(), |s| (s.ln_tokens_at_reference, s.exponent_tokens)),
+        loss: loss(laws, budget),
+    }
+}
+
+/// By the floor law where it is the one to believe or the laws follow from a loss with a floor.
+fn loss(laws: &Laws, budget: f64) -> Option<Coefficient> {
+    let floored = laws.recommended_law() == Candidate::Floor || laws.parametric.is_some();
+    let value = match (floored, &laws.loss.log, &laws.loss.floor) {
+        (false, Some(law), _) => law.loss_at(budget),
+        (_, _, law) => law.as_ref()?.loss_at(budget, laws.reference_flops),
+    };
+    let log = |s: &LawSample| s.loss_intercept + s.loss_slope_per_decade * budget.log10();
+    let floor = |s: &LawSample| Some(s.floor?.loss_at(budget, laws.reference_flops));
+    let all: Vec<f64> = match floored || laws.loss.log.is_none() {
+        true => laws.bootstrap.iter().filter_map(floor).collect(),
+        false => laws.bootstrap.iter().map(log).collect(),
+    };
+    Some(Coefficient { value, ci95: interval95(&all) })
+}
