@@ -85,7 +85,10 @@ class Laws:
     law: str
     flops_rule: str
     recommended: Optional[Recommended]
-    #: By ``params_nonvocab``, ``params_vocab``, ``tokens``, or ``params`` where N is not told apart.
+    #: What the fit says: ``formula``, ``coefficients``, ``exponents`` of the optimum by the recommended law,
+    #: ``held_out``, ``verdict`` and ``doubts``, as the program prints them.
+    answer: Mapping[str, Any]
+    #: Through the minima, by ``params_nonvocab``, ``params_vocab``, ``tokens``, or ``params`` where N is not told apart.
     power_laws: Mapping[str, PowerLaw]
     vocab_from_nonvocab: Optional[PowerLaw]
     minima: Tuple[Minimum, ...]
@@ -97,17 +100,16 @@ class Laws:
 
     @staticmethod
     def _of(document: Mapping[str, Any]) -> "Laws":
-        # A prediction reads the laws through all budgets, where one was held out of these.
-        whole = document.get("refit") or document
-        powers = {name: PowerLaw._of(law) for name, law in whole["power_laws"].items()}
+        powers = {name: PowerLaw._of(law) for name, law in document["power_laws"].items()}
         recommended = document.get("recommended")
         return Laws(
             name=document["name"],
             law=document["law"],
             flops_rule=document["flops_rule"],
             recommended=recommended and Recommended(law=recommended["law"], why=recommended["why"]),
+            answer=document.get("answer") or {},
             power_laws={name: law for name, law in powers.items() if law is not None},
-            vocab_from_nonvocab=PowerLaw._of(whole.get("vocab_from_nonvocab")),
+            vocab_from_nonvocab=PowerLaw._of(document.get("vocab_from_nonvocab")),
             minima=tuple(Minimum._of(minimum) for minimum in document["minima"]),
             parametric=document.get("parametric"),
             warnings=tuple(document["warnings"]),

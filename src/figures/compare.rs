@@ -37,7 +37,8 @@ fn page(studies: &[Study], looks: &[Look]) -> Page {
     }
     legend.entry(Sample::Line(law_stroke(looks[0].colour).dash(Dash::Dashed)), "95 % interval");
     let title = "Optimal configurations of several studies".to_string();
-    let remarks = "Lines are the optimum by the law that each study recommends, marks the minima.".to_string();
+    let remarks = "Lines are the optimum by the law that each study recommends, marks the minima."
+        .to_string();
     Page { width: 1250.0, height: 440.0, title, remarks, legend }
 }
 

@@ -5,8 +5,8 @@ use maud::{Markup, html};
 use super::input::Study;
 use super::scaling::budgets;
 use super::table::{interval, table};
-use crate::laws::{Exponent, Laws};
 use crate::laws::text::count;
+use crate::laws::{Exponent, Laws};
 use crate::record::{RunRecord, of_largest_share};
 
 /// The table; `None` where the sweep has one generator.

@@ -46,7 +46,12 @@ fn own(study: &Study, laws: &Laws) -> Markup {
     let answer = laws.answer();
     let row = |(name, own): (&str, &Exponent)| match own.value {
         Some(value) => {
-            vec![name.to_string(), thousandths(value), interval(own.ci95, thousandths), String::new()]
+            vec![
+                name.to_string(),
+                thousandths(value),
+                interval(own.ci95, thousandths),
+                String::new(),
+            ]
         }
         None => {
             let reason = own.reason.clone().unwrap_or_default();

@@ -1,26 +1,8 @@
 ROLES = ["fitted", "flagged", "held out"]
 reference = laws.get("reference_flops")
-
-
-def power(law, flops):
-    return 10 ** (law["log10_coefficient"] + law["exponent"] * math.log10(flops))
-
-
-def interval(values):
-    """The 2.5th and 97.5th percentile; nothing without replicates."""
-    values = pl.Series(values, dtype=pl.Float64)
-    if values.len() == 0:
-        return None
-    return [values.quantile(share, interpolation="linear") for share in (0.025, 0.975)]
-
-
-def replicates(quantity, flops):
-    """A law at one budget, in each bootstrap replicate; quantity is vocab, nonvocab or tokens."""
-    ln_ratio = math.log(flops / reference) if bootstrap else 0.0
-    return [
-        math.exp(sample[f"ln_{quantity}_at_reference"] + sample[f"exponent_{quantity}"] * ln_ratio)
-        for sample in bootstrap
-    ]
+answer = laws.get("answer") or {}
+exponents, path = answer.get("exponents") or {}, answer.get("path") or []
+print(answer.get("formula", ""), answer.get("verdict", ""), sep="\n")
 
 
 def budgets_along(count=60):
@@ -46,31 +28,33 @@ def minima_marks(field, y):
     )
 
 
-def power_law_chart(field, quantity, name):
-    law = power_laws.get(field)
-    title = f"{name}: not identified"
+def optimum_chart(field, name):
+    """The optimum along the budgets by the recommended law, beside the minima."""
+    exponent = exponents.get(field) or {}
+    title = f"{name}: not determined"
+    rows = [
+        {"flops": at["budget_flops"], "law": at[field]["value"],
+         **dict(zip(("low", "high"), at[field].get("ci95") or []))}
+        for at in path
+        if at.get(field) and exponent.get("value") is not None
+    ]
     layers = []
-    if law:
-        rows = [
-            {"flops": c, "law": power(law, c), **dict(zip(("low", "high"), interval(found) or []))}
-            for c in budgets_along()
-            for found in [replicates(quantity, c)]
-        ]
+    if rows:
         line = alt.Chart(pl.DataFrame(rows))
-        if bootstrap:
+        if "low" in rows[0]:
             layers.append(line.mark_area(color="#0072B2", opacity=0.16).encode(
                 x="flops:Q", y=alt.Y("low:Q"), y2="high:Q"
             ))
         layers.append(line.mark_line(color="#0072B2").encode(x="flops:Q", y="law:Q"))
-        bounds = law.get("exponent_ci95")
+        bounds = exponent.get("ci95")
         written = f" [{bounds[0]:.3f}, {bounds[1]:.3f}]" if bounds else ""
-        title = f"{name} ∝ C^{law['exponent']:.3f}{written}"
+        title = f"{name} ∝ C^{exponent['value']:.3f}{written}"
     layers.append(minima_marks(field, log_y(f"{field}:Q", name)))
     return alt.layer(*layers).properties(width=230, height=260, title=title)
 
 
 alt.hconcat(
-    power_law_chart("params_nonvocab", "nonvocab", "N_nv"),
-    power_law_chart("params_vocab", "vocab", "N_v"),
-    power_law_chart("tokens", "tokens", "D"),
+    optimum_chart("params_nonvocab", "N_nv"),
+    optimum_chart("params_vocab", "N_v"),
+    optimum_chart("tokens", "D"),
 )

@@ -1,39 +1,23 @@
-budget = 1e13
-
-largest = max((m["budget_flops"] for m in minima.to_dicts() if m["role"] == "fitted"), default=None)
-if largest:
-    print(f"C = {budget:.3g} FLOPs, {budget / largest:.3g} times the largest fitted budget")
-
-
-def show(name, value, found):
-    bounds = interval(found)
-    written = f"   95 % [{bounds[0]:.4g}, {bounds[1]:.4g}]" if bounds else "   no interval"
-    print(f"{name:28} {value:>12.4g}{written}")
-
-
-quantities = {
-    "nonvocab": ("params_nonvocab", "N_nv"),
-    "vocab": ("params_vocab", "N_v"),
-    "tokens": ("tokens", "D"),
+# As `isoflop predict` wrote them; for another budget: isoflop predict C --law RESULTS
+prediction_file = RESULTS / "prediction.json"
+predictions = json.loads(prediction_file.read_text()) if prediction_file.exists() else []
+predictions = predictions if isinstance(predictions, list) else [predictions]
+names = {
+    "params": "N", "params_nonvocab": "N_nv", "params_vocab": "N_v", "n_vocab": "V", "tokens": "D",
+    "loss_normalised": "L_u (nats)",
 }
-predicted = {}
-for quantity, (field, name) in quantities.items():
-    if power_laws.get(field):
-        predicted[quantity] = power(power_laws[field], budget)
-        show(name, predicted[quantity], replicates(quantity, budget))
-    else:
-        print(f"{name:28} {'not identified':>12}")
 
-if loss_laws.get("log"):
-    found = [
-        sample["loss_slope_per_decade"] * math.log10(budget) + sample["loss_intercept"]
-        for sample in bootstrap
-    ]
-    show("L_u, log law (nats)", log_loss(loss_laws["log"], budget), found)
-if loss_laws.get("floor"):
-    print(f"{'L_u, floor law (nats)':28} {floor_loss(loss_laws['floor'], budget):>12.4g}")
-
-if len(predicted) == 3:
-    params = predicted["nonvocab"] + predicted["vocab"]
-    overspend = 6 * params * predicted["tokens"] / budget
-    print(f"{'overspend 6(N_nv + N_v)D / C':28} {overspend:>12.4g}")
+for one in predictions:
+    beyond = one["extrapolation_factor"]
+    law = one.get("recommended") or one["law"]
+    print(f"C = {one['budget_flops']:.3g} FLOPs, {beyond:.3g} times the largest fitted budget, by {law}")
+    for field, name in names.items():
+        if one.get(field) is None:
+            continue
+        bounds = one["ci95"].get(field)
+        written = f"   95 % [{bounds[0]:.4g}, {bounds[1]:.4g}]" if bounds else "   no interval"
+        print(f"  {name:12} {one[field]:>12.4g}{written}")
+    for warning in one.get("warnings") or []:
+        print("  -", warning)
+if not predictions:
+    print("no prediction.json: isoflop predict C --law", RESULTS)

@@ -23,7 +23,6 @@ laws = json.loads(laws_file.read_text()) if laws_file.exists() else {}
 power_laws = laws.get("power_laws") or {}
 loss_laws = laws.get("loss") or {}
 held_out = laws.get("held_out")
-bootstrap = laws.get("bootstrap") or []
 rule = laws.get("flops_rule") or "openai"
 
 for warning in laws.get("warnings") or []:

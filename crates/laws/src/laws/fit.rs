@@ -12,10 +12,10 @@ use super::noise::{Scatter, run_noise};
 use super::select::{flagged_text, hold_out, law_method, usable};
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
+use super::stats::distinct;
 use super::test_split::test_noise;
 use super::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use super::validation::validate;
-use super::stats::distinct;
 use super::{
     Exponents, FitError, FitOptions, FloorLaw, HeldOut, IntervalPart, IsoFlopPoint, Judgement,
     LawKind, LawSample, Laws, LossLaws, Metric, Minimum, Parameters, PowerLaws, RunNoise, check,
@@ -150,12 +150,13 @@ fn minima_of(per_method: &[(MinimumMethod, Vec<Minimum>)], method: MinimumMethod
 /// Minima that a law goes through, at least: any line goes through two.
 const FEWEST_MINIMA: usize = 3;
 
-/// Whether minima tell an exponent: three that differ, since two argmins of one cell of the grid have a
+/// Whether minima tell an exponent: three that differ, since two best runs of one cell of the grid have a
 /// slope of 0 by the grid alone.
 fn tell_laws(used: &[Minimum]) -> bool {
-    let sizes = distinct(used.iter().map(|minimum| minimum.params_nonvocab));
-    let argmin = used.first().is_some_and(|minimum| minimum.method == MinimumMethod::Argmin);
-    used.len() >= FEWEST_MINIMA && (!argmin || sizes.len() >= FEWEST_MINIMA)
+    let differ = |of: fn(&Minimum) -> f64| distinct(used.iter().map(of)).len();
+    let of_runs = |m: &Minimum| m.method == MinimumMethod::Argmin || m.is_best_run_instead();
+    let sizes = !used.iter().any(of_runs) || differ(|m| m.params_nonvocab) >= FEWEST_MINIMA;
+    used.len() >= FEWEST_MINIMA && sizes && differ(|m| m.loss_normalised) > 1
 }
 
 /// C0: the middle of the budgets whose minima are used, or of all where none is.
@@ -212,9 +213,8 @@ fn laws_through(
             .as_ref()
             .and_then(|set| set.vocab_from_nonvocab.clone())
             .filter(|_| has_vocab_law),
-        power_laws: set.map_or_else(PowerLaws::default, |set| {
-            power_laws(set, has_vocab_law, options)
-        }),
+        power_laws: set
+            .map_or_else(PowerLaws::default, |set| power_laws(set, has_vocab_law, options)),
         parametric: None,
         sensitivity: Vec::new(),
         validation: Vec::new(),
@@ -243,14 +243,9 @@ fn power_laws(set: LawSet, has_vocab_law: bool, options: &FitOptions) -> PowerLa
 }
 
 /// What the laws through the other minima say of one budget, against what was measured there.
-fn test_on(
-    laws: &mut Laws,
-    budget: f64,
-    used: &[Minimum],
-    split: &Split,
-    options: &FitOptions,
-) {
-    let own = laws.minima.iter().find(|m| m.method == laws.minima_method && m.budget_flops == budget);
+fn test_on(laws: &mut Laws, budget: f64, used: &[Minimum], split: &Split, options: &FitOptions) {
+    let own =
+        laws.minima.iter().find(|m| m.method == laws.minima_method && m.budget_flops == budget);
     let Some(minimum) = own.cloned() else { return };
     laws.warnings.extend(warnings::of_held_out(&minimum));
     let others: Vec<Minimum> =
@@ -261,7 +256,8 @@ fn test_on(
         law.held_out_error = Some(without.set.loss.loss_at(budget) - measured);
     }
     if let (Some(law), Some(without)) = (&mut laws.loss.floor, &without) {
-        law.held_out_error = without.floor.as_ref().map(|floor| floor.loss_at(budget, without.reference) - measured);
+        law.held_out_error =
+            without.floor.as_ref().map(|floor| floor.loss_at(budget, without.reference) - measured);
     }
     let exponents = without.map(|without| Exponents::of(&without.set)).unwrap_or_default();
     laws.held_out = Some(HeldOut { budget_flops: budget, minimum, exponents });

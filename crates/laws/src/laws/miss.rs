@@ -13,20 +13,12 @@ pub struct Miss {
     pub budget_flops: f64,
     /// The budget over the largest that was fitted.
     pub factor: f64,
-    /// Of the loss, in nats: that of the minimum, or, of a joint law, which says something of every cell,
-    /// the mean over the cells of the budget's valley.
+    /// Loss error in nats: at the budget's minimum, or, for a joint law of several vocabularies, the mean over
+    /// the cells near the minimum.
     pub loss: Off,
     /// Of the minimum; none where its place is in doubt, or where too few minima of smaller budgets are beyond
     /// it for a law through them. A joint law alone is tested there.
     pub minimum: Option<MissedMinimum>,
-}
-
-impl Miss {
-    /// What laws are compared by: the miss of the measured minimum, which all laws have in common, or, where
-    /// its place is in doubt, the miss of the loss.
-    pub fn compared(&self) -> f64 {
-        self.minimum.map_or(self.loss.by, |minimum| minimum.loss)
-    }
 }
 
 fn largest() -> f64 {

@@ -81,9 +81,8 @@ pub(super) fn law_method(
 /// too; all where flagged ones are kept.
 pub(super) fn usable(minima: &[Minimum], options: &FitOptions) -> Vec<Minimum> {
     let trusted = minima.iter().filter(|m| m.trusted).count();
-    let use_it = |m: &&Minimum| {
-        options.keep_flagged || m.trusted || (trusted < ENOUGH && m.is_usable())
-    };
+    let use_it =
+        |m: &&Minimum| options.keep_flagged || m.trusted || (trusted < ENOUGH && m.is_usable());
     minima.iter().filter(use_it).cloned().collect()
 }
 

@@ -207,7 +207,7 @@ fn known(x: f64, number: impl Fn(f64) -> String) -> String {
 /// One line, and the flags below it where there is more than one.
 fn minimum(m: &Minimum, held_out: Option<&HeldOut>) -> String {
     let is_held_out = held_out.is_some_and(|h| h.budget_flops == m.budget_flops);
-    let mut marks: Vec<String> = is_held_out.then(|| "held out".into()).into_iter().collect();
+    let mut marks: Vec<String> = is_held_out.then(|| "held out once".into()).into_iter().collect();
     marks.extend((!m.flags.is_empty()).then(|| flags_text(&m.flags)));
     let line = format!(
         "{:<9}{:>10}{:>11}{:>11}{:>8}{:>11}{:>9.4}",

@@ -2,8 +2,8 @@
 
 use super::law_set::LawSet;
 use super::{
-    Advice, Answer, Candidate, Judgement, LawKind, LawSample, Metric, Parameters, Parametric, RunNoise,
-    Validation,
+    Advice, Answer, Candidate, Judgement, LawKind, LawSample, Metric, Parameters, Parametric,
+    RunNoise, Validation,
 };
 use serde::{Deserialize, Serialize};
 

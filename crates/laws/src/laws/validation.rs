@@ -3,20 +3,14 @@
 use super::law_set::{Columns, geometric_mean, law_set};
 use super::minima::Grid;
 use super::split::Split;
-use super::{
-    FitOptions, Minimum, Parameters, PowerLaw, Validation, ValidationKind, floor_law,
-};
+use super::{FitOptions, Minimum, Parameters, PowerLaw, Validation, ValidationKind, floor_law};
 
 /// Fewest budgets that laws are fitted to; the floor law needs one more.
 const FEWEST: usize = 2;
 
 /// Every fitted budget predicted from all the others, and every budget but the smallest two
 /// predicted from the smaller ones.
-pub(super) fn validate(
-    used: &[Minimum],
-    split: &Split,
-    options: &FitOptions,
-) -> Vec<Validation> {
+pub(super) fn validate(used: &[Minimum], split: &Split, options: &FitOptions) -> Vec<Validation> {
     let grids = &split.fitted;
     let has_vocab_law = split.n_vocabularies() > 1;
     let error = |kind, measured: &Minimum, from: &[Minimum]| {

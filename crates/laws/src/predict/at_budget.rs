@@ -22,7 +22,8 @@ impl Vocabulary {
         if laws.parameters == Parameters::Total {
             return Ok(Self::None);
         }
-        if laws.power_laws.params_vocab.is_some() {
+        let joint = laws.judgement.joint.as_ref().filter(|_| laws.recommended_law().is_joint());
+        if laws.power_laws.params_vocab.is_some() || joint.is_some_and(|law| law.loss.terms.vocab) {
             return Ok(Self::Law);
         }
         let mut tried = laws.minima.iter().map(|minimum| minimum.n_vocab);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::OwnExponents;
 use crate::laws::names::flags_text;
 use crate::laws::text::{count, short};
-use crate::laws::{Laws, LawKind, Minimum, Recommended, Validated};
+use crate::laws::{LawKind, Laws, Minimum, Recommended, Validated};
 
 /// A reason to believe a fit less.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -96,11 +96,17 @@ fn minima(laws: &Laws) -> Option<Doubt> {
         format!("{} ({}{so})", count(m.budget_flops), flags_text(&m.flags))
     };
     let (n, all) = (flagged.len(), own.len());
-    let every = if n == all { format!("All {all} minima are in doubt") } else { format!("{n} of {all} minima are in doubt") };
+    let every = if n == all {
+        format!("All {all} minima are in doubt")
+    } else {
+        format!("{n} of {all} minima are in doubt")
+    };
     let what = match n {
         1..=3 => format!("{every}: {}", flagged.iter().map(named).collect::<Vec<_>>().join(", ")),
         _ if n_used == 0 => format!("{every} and left out (--full names them)"),
-        _ if n_used == n => format!("{every} and used all the same, since fewer than three others remain (--full names them)"),
+        _ if n_used == n => format!(
+            "{every} and used all the same, since fewer than three others remain (--full names them)"
+        ),
         _ => format!("{every}, {n_used} of them used (--full names them)"),
     };
     Some(Doubt::new("minima", what, ""))
@@ -109,7 +115,8 @@ fn minima(laws: &Laws) -> Option<Doubt> {
 fn misfit(laws: &Laws) -> Option<Doubt> {
     let lack = laws.judgement.lack_of_fit.iter().find(|lack| lack.method == laws.minima_method);
     let lack = lack.filter(|lack| lack.is_misfit())?;
-    let p = if lack.p < 1e-4 { "below 1e-4".to_string() } else { format!("= {}", short(lack.p, 1)) };
+    let p =
+        if lack.p < 1e-4 { "below 1e-4".to_string() } else { format!("= {}", short(lack.p, 1)) };
     let what = format!(
         "Curves of the minima misfit (chi2 {:.0} on {} degrees of freedom, p {p}); intervals count it as noise",
         lack.chi2, lack.dof
@@ -125,7 +132,10 @@ pub(super) fn verdict(laws: &Laws, exponents: &OwnExponents, doubts: &[Doubt]) -
     let tested = match laws.judgement.recommended.as_ref() {
         Some(Recommended { scores, .. }) if !scores.is_empty() => {
             let n = scores[0].compared().count();
-            format!("Tested by {n} forecasts of held-out budgets, off by {:.4} r.m.s.", scores[0].rms)
+            format!(
+                "Tested by {n} forecasts of held-out budgets, off by {:.4} r.m.s.",
+                scores[0].rms
+            )
         }
         Some(_) => "Not tested by any held-out budget.".to_string(),
         None => "Fitted to all runs at once; not tested by held-out budgets.".to_string(),

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::path::joint;
 use crate::laws::stats::interval95;
 use crate::laws::text::count;
-use super::path::joint;
 use crate::laws::{JointLaw, JointOptimum, Laws, Parameters, PowerLaw, Tried};
 
 /// An exponent whose 95 % interval is wider than this is not determined.
@@ -115,7 +115,8 @@ fn of_joint(laws: &Laws, joint: &JointLaw, tried: &Tried) -> OwnExponents {
         .if_told()
     };
     let split = laws.parameters == Parameters::Split;
-    let size_beyond = own.and_then(|ends| beyond(&ends, |o| o.params_nonvocab, tried.sizes, "size"));
+    let size_beyond =
+        own.and_then(|ends| beyond(&ends, |o| o.params_nonvocab, tried.sizes, "size"));
     let size = exponent(|o| o.params_nonvocab, size_beyond.clone());
     let vocab = || {
         let levels = tried.vocabularies;

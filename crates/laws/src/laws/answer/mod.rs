@@ -60,7 +60,7 @@ pub struct HeldOutError {
     pub budget_flops: f64,
     /// Budgets that the law was fitted to.
     pub n_fitted: usize,
-    /// Predicted less measured loss.
+    /// Predicted less measured loss: of the minimum, or, by a joint law, over the cells round it.
     pub error: f64,
 }
 
@@ -109,7 +109,7 @@ impl Laws {
             law: law.name().to_string(),
             budget_flops: miss.budget_flops,
             n_fitted: miss.n_fitted,
-            error: miss.compared(),
+            error: miss.loss.by,
         };
         scores.flat_map(|score| score.compared().map(move |miss| of(score.law, miss))).collect()
     }

@@ -77,10 +77,7 @@ fn of_lines(laws: &Laws, budget: f64) -> OptimumAt {
         let law = law?;
         let at = |(level, exponent): (f64, f64)| (level + exponent * step).exp();
         let all: Vec<f64> = laws.bootstrap.iter().map(|sample| at(of(sample))).collect();
-        Some(Coefficient {
-            value: at((law.ln_at_reference, law.exponent)),
-            ci95: interval95(&all),
-        })
+        Some(Coefficient { value: at((law.ln_at_reference, law.exponent)), ci95: interval95(&all) })
     };
     let powers = &laws.power_laws;
     let size = |s: &LawSample| (s.ln_nonvocab_at_reference, s.exponent_nonvocab);

@@ -10,7 +10,8 @@ use super::{Answer, Exponent, LawKind, Laws, PowerLaw, Score};
 pub fn brief(laws: &Laws) -> String {
     let answer = laws.answer();
     let head = [Some(scope(laws)), law(laws), Some(answer.formula.clone())];
-    let head: String = head.iter().flatten().filter(|s| !s.is_empty()).map(|s| wrap("", s)).collect();
+    let head: String =
+        head.iter().flatten().filter(|s| !s.is_empty()).map(|s| wrap("", s)).collect();
     head + &table(laws, &answer) + &wrap("", &answer.verdict) + &notes(laws, &answer)
 }
 
@@ -72,7 +73,13 @@ fn table(laws: &Laws, answer: &Answer) -> String {
 fn row(name: &str, exponent: &Exponent, minima: Option<&PowerLaw>) -> String {
     let name = format!("{name:<4} in C");
     let Some(value) = exponent.value else {
-        return wrap("", &format!("{name}   not determined: {}", exponent.reason.as_deref().unwrap_or("unknown")));
+        return wrap(
+            "",
+            &format!(
+                "{name}   not determined: {}",
+                exponent.reason.as_deref().unwrap_or("unknown")
+            ),
+        );
     };
     let interval = exponent.ci95.map_or("-".into(), |[l, h]| format!("{l:.3} to {h:.3}"));
     let minima = minima.map_or(String::new(), |law| {

@@ -10,8 +10,8 @@ use crate::laws::ranking::{Rows, recommended, shares};
 use crate::laws::split::Split;
 use crate::laws::stats::{extent, interval95};
 use crate::laws::{
-    Candidate, FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum, Recommended,
-    RunNoise, Tried,
+    Candidate, FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum,
+    Recommended, RunNoise, Tried,
 };
 
 /// Replicates of the joint law at most: each is a fit of its own.

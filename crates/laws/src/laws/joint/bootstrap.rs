@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::JointLaw;
 use super::fit::refitted;
 use super::weighed::place;
+use crate::laws::RunNoise;
 use crate::laws::cell::Cell;
 use crate::laws::minima::Grid;
 use crate::laws::noise::Scatter;
@@ -16,6 +17,9 @@ use crate::laws::random::Normals;
 
 /// Keeps the streams of these replicates apart from those of minima.
 const STREAMS: u64 = 1 << 40;
+
+/// Residuals are taken for misfit up to so many times the scatter.
+const MOST_MISFIT: f64 = 4.0;
 
 /// The coefficients of `count` replicates of `law`, which was fitted to `grids`, drawn from a seed.
 pub(in crate::laws) fn replicates(
@@ -29,6 +33,15 @@ pub(in crate::laws) fn replicates(
     streams.map(|normals| replicate(law, grids, scatter, normals)).collect()
 }
 
+/// How many times the scatter of the runs the residuals are; at least 1. What a form misses is alike in
+/// neighbouring cells, and moves a law further than as much noise would.
+fn misfit(law: &JointLaw, grids: &[Grid], noise: Option<RunNoise>) -> f64 {
+    let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();
+    let runs = cells().map(|cell| cell.runs).sum::<f64>() / law.n as f64;
+    let of_noise = |noise: RunNoise| law.residual_sd / (noise.sd / runs.sqrt());
+    noise.map(of_noise).filter(|ratio| ratio.is_finite()).unwrap_or(1.0).clamp(1.0, MOST_MISFIT)
+}
+
 fn replicate(
     law: &JointLaw,
     grids: &[Grid],
@@ -36,6 +49,7 @@ fn replicate(
     mut normals: Normals,
 ) -> Vec<f64> {
     let sd = law.residual_sd * (law.dof as f64 / normals.chi_square(law.dof)).sqrt();
+    let sd = sd * misfit(law, grids, noise);
     let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
     let clips = test.map(|noise| noise.draw(&mut normals));
     let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();

@@ -7,6 +7,8 @@ use crate::laws::stats::distinct;
 
 /// Cells beyond the coefficients, at least.
 const SPARE: usize = 4;
+/// Sizes, and losses, that tell a term of the size.
+const FEWEST_SIZES: usize = 3;
 /// Vocabularies that κe, κa and κb need.
 const SATURATING_LEVELS: usize = 4;
 /// Passes over the data from which a run repeats it.
@@ -50,6 +52,11 @@ impl<'a> Cells<'a> {
     /// Cells that do not repeat their data leave R at what is expected of it.
     pub fn terms(&self, repeats: bool) -> Option<Terms> {
         let levels = distinct(self.all.iter().map(|cell| cell.n_vocab)).len();
+        let sizes = distinct(self.all.iter().map(|cell| cell.params_nonvocab)).len();
+        let losses = distinct(self.all.iter().map(|cell| cell.loss)).len();
+        if sizes < FEWEST_SIZES || losses < FEWEST_SIZES {
+            return None;
+        }
         if repeats && self.all.iter().all(|cell| cell.unique_tokens.is_none()) {
             return None;
         }

@@ -8,8 +8,8 @@
 use super::grid::{Grid, apart};
 use super::{Located, interpolate};
 use crate::laws::MinimumFlag;
-use crate::laws::cell::Size;
 use crate::laws::MinimumMethod;
+use crate::laws::cell::Size;
 
 const METHOD: MinimumMethod = MinimumMethod::Akima;
 /// Each slope looks at two sizes on either side.

@@ -6,8 +6,8 @@
 use super::grid::{Grid, Scale, apart};
 use super::{Curvature, Located, interpolate};
 use crate::laws::MinimumFlag;
-use crate::laws::cell::Size;
 use crate::laws::MinimumMethod;
+use crate::laws::cell::Size;
 use crate::laws::least_squares::{LeastSquares, least_squares};
 
 /// How often a valley is moved to where its curve has the minimum.

@@ -132,7 +132,8 @@ impl Grid {
         let (mut first, mut last) = (centre, centre);
         loop {
             let below = first.checked_sub(1).map(|i| (ln(centre) - ln(i), i));
-            let above = (last + 1 < self.sizes.len()).then(|| (ln(last + 1) - ln(centre), last + 1));
+            let above =
+                (last + 1 < self.sizes.len()).then(|| (ln(last + 1) - ln(centre), last + 1));
             let nearest = [below, above].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((distance, next)) = nearest else { break };
             if distance > VALLEY && apart(&self.sizes[first..=last]).count() >= FEWEST_APART {
@@ -158,12 +159,16 @@ impl Grid {
         self.cells.iter().filter(within).cloned().collect()
     }
 
-    /// How far below the best run a minimum may lie that no run has: `noise` of a run, and an eighth of
-    /// the rise to the size beside it, which is what a parabola can lie below a run at its side, doubled.
+    /// How far below the best run a minimum may lie that no run has: three times the `noise` of a run, and a
+    /// quarter of the rise to the cells two steps beside it. A parabola through even steps lies below its
+    /// best cell by an eighth of that at most.
     pub fn most_below_best(&self, noise: f64) -> f64 {
         let best = self.best_size();
-        let beside = [best.checked_sub(1), Some(best + 1)].into_iter().flatten();
-        let rises = beside.filter_map(|i| Some(self.sizes.get(i)?.best.loss - self.best().loss));
+        let beside = best.saturating_sub(2)..(best + 3).min(self.sizes.len());
+        let of_sizes = self.sizes[beside].iter().map(|size| &size.best);
+        let same_size = |cell: &&Cell| cell.params_nonvocab == self.best().params_nonvocab;
+        let of_vocabularies = self.cells.iter().filter(same_size);
+        let rises = of_sizes.chain(of_vocabularies).map(|cell| cell.loss - self.best().loss);
         3.0 * noise / self.best().runs.sqrt() + 0.25 * rises.fold(0.0, f64::max)
     }
 

@@ -44,7 +44,7 @@ impl Rows<'_> {
         let starts = FEWEST..self.grids.len();
         let misses: Vec<Miss> = starts.flat_map(|n| self.misses(law, n)).collect();
         let untold = Score { law, rms: f64::NAN, misses };
-        let squares = untold.compared().map(|miss| miss.compared().powi(2));
+        let squares = untold.compared().map(|miss| miss.loss.by.powi(2));
         let rms = (squares.sum::<f64>() / untold.compared().count() as f64).sqrt();
         (!untold.misses.is_empty()).then_some(Score { rms, ..untold })
     }
@@ -94,12 +94,15 @@ impl Rows<'_> {
     ) -> Option<(Off, Option<MissedMinimum>)> {
         let said = fitted.at(grid)?;
         let minimum = measured.map(|measured| self.missed_minimum(said, measured, measured_to));
-        let loss = match fitted {
-            Fitted::Joint(joint) => above(joint, grid, self.noise),
-            Fitted::Lines(_) => Off {
-                by: minimum?.loss,
-                measured_to: deviation(measured_to.loss_normalised, |x| x),
-            },
+        let at_minimum = |minimum: MissedMinimum| Off {
+            by: minimum.loss,
+            measured_to: deviation(measured_to.loss_normalised, |x| x),
+        };
+        let loss = match (fitted, minimum) {
+            // A minimum is read off the best vocabulary of a grid, and lies above the optimum between two.
+            (Fitted::Joint(joint), Some(minimum)) if !joint.loss.terms.vocab => at_minimum(minimum),
+            (Fitted::Joint(joint), _) => above(joint, grid, self.noise),
+            (Fitted::Lines(_), minimum) => at_minimum(minimum?),
         };
         Some((loss, minimum))
     }

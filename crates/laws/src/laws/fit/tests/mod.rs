@@ -32,10 +32,10 @@ fn options() -> FitOptions {
 
 /// The exponents in C of the true optima of the fitted budgets: N_nv, N_v, D.
 fn true_exponents() -> [f64; 3] {
-    let optima: Vec<(f64, f64)> = BUDGETS[..5].iter().map(|c| SURFACE.optimum(*c)).collect();
+    let optima: Vec<(f64, f64)> = BUDGETS.iter().map(|c| SURFACE.optimum(*c)).collect();
     let exponent = |ln_y: &dyn Fn(usize) -> f64| {
-        let y: Vec<f64> = (0..5).map(|i| ln_y(i).exp()).collect();
-        crate::laws::power_law(&BUDGETS[..5], &y, 1e16, &[1.0; 5], None).unwrap().exponent
+        let y: Vec<f64> = (0..6).map(|i| ln_y(i).exp()).collect();
+        crate::laws::power_law(&BUDGETS, &y, 1e16, &[1.0; 6], None).unwrap().exponent
     };
     let total = |i: usize| (optima[i].0.exp() + optima[i].1.exp()).ln();
     [
@@ -55,7 +55,7 @@ fn exponents(laws: &Laws) -> [f64; 3] {
 fn known_exponents_are_recovered_without_noise() {
     let points = Simulated { noise: 0.0, ..simulated() }.points();
     for (method, near) in [
-        (MinimumMethod::Argmin, 0.02),
+        (MinimumMethod::Argmin, 0.04),
         (MinimumMethod::Parabola, 0.005),
         (MinimumMethod::Cubic, 0.005),
         (MinimumMethod::Surface, 0.01),
@@ -102,20 +102,20 @@ fn the_laws_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn the_held_out_budget_changes_its_error_and_nothing_else() {
+fn laws_are_of_all_budgets_and_tested_by_those_without_the_held_out_one() {
     let points = simulated().points();
     let laws = fit(&points, &options()).unwrap();
-    let worse = |p: IsoFlopPoint| match p.budget_flops == 3e17 {
-        true => IsoFlopPoint { loss: p.loss + 0.5, ..p },
-        false => p,
-    };
-    let spoiled = fit(&points.into_iter().map(worse).collect::<Vec<_>>(), &options()).unwrap();
-    assert_eq!(laws.held_out.as_ref().unwrap().budget_flops, 3e17);
-    assert_eq!(laws.fitted_budgets, BUDGETS[..5]);
-    assert_eq!(laws.power_laws, spoiled.power_laws);
-    let error = |laws: &Laws| laws.loss.floor.as_ref().unwrap().held_out_error.unwrap();
-    assert!(error(&laws).abs() < 0.05, "{}", error(&laws));
-    assert!((error(&spoiled) - error(&laws) + 0.5).abs() < 1e-9);
+    let held_out = laws.held_out.as_ref().unwrap();
+    assert_eq!((held_out.budget_flops, &laws.fitted_budgets[..]), (3e17, &BUDGETS[..]));
+    let smaller: Vec<IsoFlopPoint> =
+        points.iter().filter(|p| p.budget_flops < 3e17).cloned().collect();
+    let without = fit(&smaller, &FitOptions { hold_out: HoldOut::None, ..options() }).unwrap();
+    let [size, vocab, tokens] = exponents(&without);
+    let own = held_out.exponents;
+    assert_eq!([own.size, own.params_vocab, own.tokens], [size, vocab, tokens].map(Some));
+    let predicted = without.loss.floor.unwrap().loss_at(3e17, without.reference_flops);
+    let error = laws.loss.floor.unwrap().held_out_error.unwrap();
+    assert!((predicted - held_out.minimum.loss_normalised - error).abs() < 1e-9, "{error}");
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn a_budget_can_be_held_out_by_name_or_not_at_all() {
     let points = simulated().points();
     let held_out = |hold_out| fit(&points, &FitOptions { hold_out, ..options() });
     let middle = held_out(HoldOut::Budget(1e16 * (1.0 + 1e-12))).unwrap();
-    assert_eq!(middle.fitted_budgets, [1e15, 3e15, 3e16, 1e17, 3e17]);
+    assert_eq!(middle.held_out.unwrap().budget_flops, 1e16);
     let none = held_out(HoldOut::None).unwrap();
     assert_eq!((none.fitted_budgets.len(), none.held_out), (6, None));
     let absent = held_out(HoldOut::Budget(2e16)).unwrap_err();
@@ -146,14 +146,14 @@ fn flagged_minima_are_left_out_and_named_unless_they_are_kept() {
     let sizes = |p: &IsoFlopPoint| p.budget_flops != 3e15 || p.params_nonvocab > 2.5e7;
     points.retain(sizes);
     let laws = fit(&points, &options()).unwrap();
-    assert_eq!(laws.fitted_budgets, [1e15, 1e16, 3e16, 1e17]);
-    assert_eq!(laws.power_laws.tokens.as_ref().unwrap().n, 4);
+    assert_eq!(laws.fitted_budgets, [1e15, 1e16, 3e16, 1e17, 3e17]);
+    assert_eq!(laws.power_laws.tokens.as_ref().unwrap().n, 5);
     let named = |sentences: &[String]| sentences.iter().any(|s| s.contains("3e15"));
     assert!(named(&laws.warnings) && named(&verdict(&laws)), "{:?}", laws.warnings);
     let flagged = laws.minima.iter().find(|m| m.budget_flops == 3e15).unwrap();
     assert!(flagged.flags.contains(&MinimumFlag::NotBracketed));
     let kept = fit(&points, &FitOptions { keep_flagged: true, ..options() }).unwrap();
-    assert_eq!(kept.fitted_budgets.len(), 5);
+    assert_eq!(kept.fitted_budgets.len(), 6);
     assert!(named(&kept.warnings));
     let row = |laws: &Laws| laws.sensitivity.iter().any(|r| r.variant.contains("flagged kept"));
     assert!(row(&laws) && !row(&kept));
@@ -217,7 +217,10 @@ fn a_table_of_n_alone_gives_a_law_of_n() {
     let text = serde_json::to_string(&laws).unwrap();
     assert_eq!(serde_json::from_str::<Laws>(&text).unwrap(), laws);
     let said = summary(&laws) + &verdict(&laws).join("\n");
-    assert!(said.contains("N as C^") && !said.contains("N_nv") && !said.contains("NaN"), "{said}");
+    assert!(
+        said.contains("N    in C") && !said.contains("N_nv") && !said.contains("NaN"),
+        "{said}"
+    );
     let kept = FitOptions { keep_flagged: true, spend_budget: true, ..options };
     assert!(fit(&points, &kept).unwrap().power_laws.params.is_some());
 }

@@ -3,13 +3,11 @@
 
 use std::path::Path;
 
-use isoflop::laws::{
-    DesignGoal, FitOptions, IsoFlopPoint, Metric, MinimumMethod, OpenRun, fit, next_runs,
+use isoflop_laws::laws::{
+    DesignGoal, FitOptions, IsoFlopPoint, MinimumMethod, OpenRun, fit, next_runs,
 };
-use isoflop::predict::{PredictOptions, predict};
-use isoflop::record::RunRecord;
-use isoflop::record::table::read;
-use isoflop::spec::FlopsRule;
+use isoflop_laws::predict::{PredictOptions, predict};
+use isoflop_laws::table::{TableRequest, load, read};
 use rayon::prelude::*;
 
 use crate::truths::{ASKED, Truth};
@@ -125,9 +123,10 @@ fn rounds_of_trained_runs_reach_the_interval_of_most_grids_with_half_their_flops
     println!("| study | FLOPs | L_u by rounds | L_u by the grid |");
     println!("| --- | --- | --- | --- |");
     let share = |study: &&str| {
-        let records = read(&Path::new("results").join(study)).unwrap();
-        let of = |record: &RunRecord| record.point(FlopsRule::OpenAi, &Metric::default()).unwrap();
-        let all: Vec<IsoFlopPoint> = records.iter().map(of).collect();
+        let runs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../results").join(study);
+        let columns = Some("loss=loss_normalised".to_string());
+        let request = TableRequest { columns, ..TableRequest::default() };
+        let all = load(&read(&runs.join("runs.csv")).unwrap(), &request).unwrap().points;
         let asked = 10.0 * all.iter().map(|point| point.budget_flops).fold(0.0, f64::max);
         let full = Told::by(&all, asked, 0).unwrap();
         let (trained, told) = until(&all, asked, full.width(), 0);

@@ -1,6 +1,6 @@
 //! Sweeps of truths that no law has the form of.
 
-use isoflop::laws::{IsoFlopPoint, Metric, RunFacts};
+use isoflop_laws::laws::{IsoFlopPoint, Metric, RunFacts};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -31,16 +31,31 @@ pub enum Truth {
     Overfitting,
     /// Noise of Student's t with three degrees of freedom.
     HeavyTails,
+    /// Terms of N_nv and D that V does not touch, beside one of ln V: the loss of Hoffmann et al. 2022.
+    Chinchilla,
+    /// Terms of N_nv, N_v and D apart: the loss of Tao et al. 2024.
+    Tao,
+    /// Data whose worth falls ever slower: a second, flatter power of D.
+    Bend,
+    /// The best size moves with the vocabulary.
+    CoupledValley,
+    /// A learning rate that is right at one horizon alone.
+    UntunedRate,
 }
 
 impl Truth {
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 11] = [
         Self::DepthChange,
         Self::Repetition,
         Self::Memorising,
         Self::WithoutEnd,
         Self::Overfitting,
         Self::HeavyTails,
+        Self::Chinchilla,
+        Self::Tao,
+        Self::Bend,
+        Self::CoupledValley,
+        Self::UntunedRate,
     ];
 
     /// Those of which intervals hold what is promised.
@@ -49,7 +64,7 @@ impl Truth {
 
     /// Of runs that saw `unique` distinct tokens.
     fn loss(self, n: f64, v: f64, (d, unique): (f64, f64)) -> f64 {
-        let v = v.ln();
+        let (n_v, v) = (v * (n / 24.0).sqrt(), v.ln());
         let passes = (d / unique).max(1.0);
         let worth = match self {
             Self::Repetition | Self::Overfitting => worth((d, unique), 15.0),
@@ -67,6 +82,13 @@ impl Truth {
                 let late = (passes / 4.0).ln().max(0.0);
                 smooth + 0.03 * (n / 1e4).sqrt() * late * late
             }
+            Self::Chinchilla => -0.12 * v + 16.0 * n.powf(-0.45) + 180.0 * d.powf(-0.42),
+            Self::Tao => {
+                -4.0 + 16.0 * n.powf(-0.45) + 6.0 * n_v.powf(-0.35) + 180.0 * d.powf(-0.42)
+            }
+            Self::Bend => smooth + 0.6 * d.powf(-0.1),
+            Self::CoupledValley => smooth + 0.015 * (n / 1e4).ln() * (v - 6.0),
+            Self::UntunedRate => smooth + 0.01 * (d / 3e5).ln().powi(2),
             _ => smooth,
         }
     }
@@ -84,7 +106,7 @@ impl Truth {
 
     /// Whether its runs repeat their data.
     pub fn repeats(self) -> bool {
-        !matches!(self, Self::DepthChange | Self::HeavyTails)
+        matches!(self, Self::Repetition | Self::Memorising | Self::WithoutEnd | Self::Overfitting)
     }
 
     /// A sweep whose runs see these shares of the data.
@@ -150,19 +172,37 @@ impl Truth {
         }
     }
 
+    /// The true exponents of N_nv, N_v and D between the smallest and the largest budget.
+    pub fn exponents(self) -> [f64; 3] {
+        let [low, high] = [BUDGETS[0], BUDGETS[BUDGETS.len() - 1]];
+        let at = |budget: f64| {
+            let (_, n, v) = self.fine_optimum(budget);
+            let n_v = v * (n / 24.0).sqrt();
+            [n, n_v, budget / (6.0 * (n + n_v))]
+        };
+        let (low_at, high_at) = (at(low), at(high));
+        std::array::from_fn(|i| (high_at[i] / low_at[i]).ln() / (high / low).ln())
+    }
+
     /// Loss and N_nv of the true optimum of a budget.
     pub fn optimum(self, budget: f64) -> (f64, f64) {
-        let mut least = (f64::INFINITY, 0.0);
-        for i in 0..500 {
-            for j in 0..250 {
-                let (width, vocab) = (6.0 * 1.01f64.powi(i), 32.0 * 1.03f64.powi(j));
-                let nonvocab = 24.0 * width * width;
-                let tokens = budget / (6.0 * (nonvocab + vocab * width));
-                let loss = self.loss(nonvocab, vocab, (tokens, UNIQUE_TOKENS));
+        let (loss, n, _) = self.fine_optimum(budget);
+        (loss, n)
+    }
+
+    fn fine_optimum(self, budget: f64) -> (f64, f64, f64) {
+        let (mut least, mut step) = ((f64::INFINITY, 1e4, 500.0), 0.4);
+        for _ in 0..12 {
+            let (_, n0, v0) = least;
+            for (i, j) in (-12..=12).flat_map(|i| (-12..=12).map(move |j| (i, j))) {
+                let (n, v) = (n0 * (step * f64::from(i)).exp(), v0 * (step * f64::from(j)).exp());
+                let tokens = budget / (6.0 * (n + v * (n / 24.0).sqrt()));
+                let loss = self.loss(n, v, (tokens, UNIQUE_TOKENS));
                 if loss < least.0 {
-                    least = (loss, nonvocab);
+                    least = (loss, n, v);
                 }
             }
+            step *= 0.5;
         }
         least
     }

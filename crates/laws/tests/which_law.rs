@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use isoflop::laws::{Candidate, FitOptions, HoldOut, IsoFlopPoint, Laws, Score, fit};
-use isoflop::predict::{PredictOptions, predict};
-use isoflop::table::{self, TableRequest};
+use isoflop_laws::laws::{Candidate, FitOptions, HoldOut, IsoFlopPoint, Laws, Score, fit};
+use isoflop_laws::predict::{PredictOptions, predict};
+use isoflop_laws::table::{self, TableRequest};
 
 /// The public IsoFLOP sets, by the name of their experiment.
 const EXPERIMENTS: [&str; 3] = [
@@ -14,7 +14,7 @@ const EXPERIMENTS: [&str; 3] = [
     "marin_202603__comma__llama_2",
 ];
 
-fn points(path: &Path, experiment: &str) -> (Vec<IsoFlopPoint>, isoflop::laws::Parameters) {
+fn points(path: &Path, experiment: &str) -> (Vec<IsoFlopPoint>, isoflop_laws::laws::Parameters) {
     let request = TableRequest {
         columns: Some("params=params,tokens=tokens,budget_flops=budget,loss=loss".into()),
         filters: vec![format!("experiment == \"{experiment}\""), "not outlier".into()],
@@ -24,7 +24,11 @@ fn points(path: &Path, experiment: &str) -> (Vec<IsoFlopPoint>, isoflop::laws::P
     (loaded.points, loaded.parameters)
 }
 
-fn laws(points: &[IsoFlopPoint], parameters: isoflop::laws::Parameters, hold_out: HoldOut) -> Laws {
+fn laws(
+    points: &[IsoFlopPoint],
+    parameters: isoflop_laws::laws::Parameters,
+    hold_out: HoldOut,
+) -> Laws {
     let options = FitOptions { parameters, hold_out, bootstrap: 0, ..FitOptions::default() };
     fit(points, &options).unwrap()
 }
@@ -41,7 +45,7 @@ fn scores(laws: &Laws) -> &[Score] {
 
 #[test]
 fn the_recommended_law_predicts_the_largest_budget_of_public_runs() {
-    let path = Path::new("../shared/data/runs/isoflop_collection/isoflops.csv");
+    let path = Path::new("../../../shared/data/runs/isoflop_collection/isoflops.csv");
     if !path.exists() {
         eprintln!("skipped: {} is not here", path.display());
         return;

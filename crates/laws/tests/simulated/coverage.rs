@@ -1,0 +1,168 @@
+//! Do predictions at ten times the largest budget hold the truth, where the truth is not of the form of
+//! any law? `docs/coverage.md` has the table that this prints.
+
+use isoflop_laws::laws::{FitOptions, IsoFlopPoint, Laws, MinimumMethod, fit};
+use isoflop_laws::predict::{PredictOptions, Prediction, predict};
+use rayon::prelude::*;
+
+use crate::truths::{ASKED, Truth, on_test_split};
+
+const SWEEPS: u64 = 60;
+/// Where a row is told by fewer.
+const FEWER: u64 = 100;
+
+/// What sweeps are made of.
+#[derive(Clone, Copy)]
+struct Made<'a> {
+    truth: Truth,
+    shares: &'a [f64],
+    /// By how much test splits differ, and whether the runs tell their parts.
+    test_split: (f64, bool),
+}
+
+impl<'a> Made<'a> {
+    fn of(truth: Truth) -> Self {
+        Self { truth, shares: &[1.0], test_split: (0.0, false) }
+    }
+
+    fn points(&self, seed: u64) -> Vec<IsoFlopPoint> {
+        let (sd, told) = self.test_split;
+        let mut points = self.truth.points(self.shares, seed);
+        if sd > 0.0 {
+            points = on_test_split(points, sd, seed);
+        }
+        if !told {
+            points.iter_mut().for_each(|point| point.about.by_block.clear());
+        }
+        points
+    }
+}
+
+fn laws(made: Made, seed: u64) -> Laws {
+    let methods = vec![MinimumMethod::Argmin, MinimumMethod::Parabola, MinimumMethod::Cubic];
+    let options = FitOptions { methods, bootstrap: 100, seed, ..FitOptions::default() };
+    fit(&made.points(seed), &options).unwrap()
+}
+
+fn prediction(laws: &Laws) -> Prediction {
+    predict(laws, ASKED, &PredictOptions::default()).unwrap()
+}
+
+fn root_mean_square(misses: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let n = misses.len() as f64;
+    (misses.map(|miss| miss * miss).sum::<f64>() / n).sqrt()
+}
+
+fn holds(interval: Option<[f64; 2]>, value: f64) -> bool {
+    interval.is_some_and(|[low, high]| low <= value && value <= high)
+}
+
+/// What intervals of one quantity of one truth hold.
+struct Held {
+    share: f64,
+    /// Mean half width over 1.96 root mean squares of what the estimate misses the truth by.
+    width: f64,
+    /// The root mean square of these misses.
+    missed: f64,
+}
+
+impl Held {
+    /// Of estimates with their intervals; one without an interval holds nothing.
+    fn of(told: &[(f64, Option<[f64; 2]>)], truth: f64) -> Self {
+        let n = told.len() as f64;
+        let missed = root_mean_square(told.iter().map(|(value, _)| value - truth));
+        let widths = told.iter().filter_map(|(_, interval)| *interval);
+        let widths: Vec<f64> = widths.map(|[low, high]| (high - low) / 2.0).collect();
+        let mean = widths.iter().sum::<f64>() / widths.len() as f64;
+        let held = told.iter().filter(|(_, interval)| holds(*interval, truth)).count();
+        Self { share: held as f64 / n, width: mean / (1.96 * missed), missed }
+    }
+}
+
+impl std::fmt::Display for Held {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.3}, {:.1} ({:.3})", self.share, self.width, self.missed)
+    }
+}
+
+/// What intervals of one truth hold.
+struct Row {
+    truth: Truth,
+    loss: Held,
+    exponents: [Held; 3],
+    text: String,
+}
+
+fn held(made: Made, sweeps: u64) -> Row {
+    let truth = made.truth;
+    let (loss, size) = truth.optimum(ASKED);
+    let fitted: Vec<Laws> = (0..sweeps).into_par_iter().map(|seed| laws(made, seed)).collect();
+    let all: Vec<Prediction> = fitted.iter().map(prediction).collect();
+    let of = |told: &dyn Fn(&Prediction) -> (f64, Option<[f64; 2]>), truth: f64| {
+        Held::of(&all.iter().map(told).collect::<Vec<_>>(), truth)
+    };
+    let ln = |interval: Option<[f64; 2]>| interval.map(|ends| ends.map(f64::ln));
+    let of_clips = |p: &Prediction| p.ci95.loss_on_other_clips.or(p.ci95.loss_normalised);
+    let of_loss = of(&|p| (p.loss_normalised.unwrap(), of_clips(p)), loss);
+    let of_size = of(&|p| (p.params_nonvocab.unwrap().ln(), ln(p.ci95.params_nonvocab)), size.ln());
+    let true_exponents = truth.exponents();
+    let exponents: [Held; 3] = std::array::from_fn(|i| {
+        let told = |laws: &Laws| {
+            let own = laws.answer().exponents;
+            let own = [own.params_nonvocab, own.params_vocab, own.tokens][i].clone()?;
+            Some((own.value?, own.ci95))
+        };
+        let told: Vec<_> = fitted.iter().filter_map(told).collect();
+        Held::of(&told, true_exponents[i])
+    });
+    let mut laws: Vec<&str> = fitted.iter().map(|laws| laws.recommended_law().name()).collect();
+    laws.sort_unstable();
+    let counts = laws.chunk_by(|a, b| a == b).map(|same| format!("{} {}", same.len(), same[0]));
+    let counts = counts.collect::<Vec<_>>().join(", ");
+    let [n, v, d] = &exponents;
+    let text = format!("| {truth:?} | {of_loss} | {of_size} | {n} | {v} | {d} | {counts} |");
+    Row { truth, loss: of_loss, exponents, text }
+}
+
+const HEAD: &str = "| truth | L_u at 10 times | ln N_nv at 10 times | exponent of N_nv | of N_v | of D | \
+                    recommended |\n| --- | --- | --- | --- | --- | --- | --- |";
+
+#[test]
+#[ignore = "some minutes"]
+fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
+    println!("{HEAD}");
+    let all = Truth::ALL.map(|truth| held(Made::of(truth), SWEEPS));
+    all.iter().for_each(|held| println!("{}", held.text));
+    for Row { truth, loss, exponents, .. } in all {
+        let fewest = truth.fewest_held();
+        assert!((fewest..=0.99).contains(&loss.share), "{truth:?}: {loss}");
+        for exponent in exponents {
+            assert!((fewest..=1.0).contains(&exponent.share), "{truth:?}: {exponent}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "some minutes"]
+fn shares_of_the_data_let_sweeps_tell_what_repetition_is_worth() {
+    println!("{HEAD}");
+    let repeated = Truth::ALL.into_iter().filter(|truth| truth.repeats());
+    let made = |truth| Made { shares: &[0.25, 0.5, 1.0], ..Made::of(truth) };
+    let all: Vec<Row> = repeated.map(|truth| held(made(truth), FEWER)).collect();
+    all.iter().for_each(|held| println!("{}", held.text));
+}
+
+#[test]
+#[ignore = "some minutes"]
+fn intervals_hold_what_another_test_split_would_give() {
+    println!("{HEAD}");
+    let made = |told| Made { test_split: (0.06, told), ..Made::of(Truth::HeavyTails) };
+    let [untold, told] = [false, true].map(|told| held(made(told), FEWER));
+    println!("{}\n{}", untold.text, told.text);
+    assert!(
+        untold.loss.share < 0.9 && told.loss.share >= 0.92,
+        "{} and {}",
+        untold.loss,
+        told.loss
+    );
+}
