@@ -4,6 +4,7 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
@@ -12,6 +13,7 @@ use nix::sys::signal::Signal;
 
 use crate::failure::{Failure, FailureKind};
 use crate::jobs::program::guard::{DONE, LOCK, MARK, READY};
+use crate::jobs::program::log::Log;
 use crate::machine::oom::Kills;
 use crate::progress::Stop;
 use crate::progress::{Beat, Said};
@@ -20,6 +22,8 @@ use crate::progress::{Beat, Said};
 const POLL: Duration = Duration::from_millis(10);
 /// Between two forwarded beats.
 const BEAT: Duration = Duration::from_millis(100);
+/// Bytes of its output that are copied at once.
+const AT_ONCE: u64 = 1 << 16;
 /// Time for the last lines to arrive after the program's end.
 const LAST_LINES: Duration = Duration::from_secs(2);
 
@@ -37,11 +41,15 @@ pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<O
             return Ok(Some(Failure::new(FailureKind::Trainer, sentence)));
         }
     };
-    let lines = forward(child.stdout.take().expect("stdout is piped"));
+    let log = Arc::new(Mutex::new(Log::of(place)));
+    let said = [
+        forward(child.stdout.take().expect("stdout is piped"), log.clone()),
+        copy(child.stderr.take().expect("stderr is piped"), log),
+    ];
     let ended = follow(&mut child, &mut guard, stop);
     guard.finish()?;
     let waited = Instant::now();
-    while !lines.is_finished() && waited.elapsed() < LAST_LINES {
+    while !said.iter().all(JoinHandle::is_finished) && waited.elapsed() < LAST_LINES {
         sleep(POLL);
     }
     let status = ended?;
@@ -63,13 +71,13 @@ fn kind(status: ExitStatus, kills: &Kills) -> FailureKind {
     }
 }
 
-/// In the guard's group, with its mark; standard error is the log already.
+/// In the guard's group, with its mark.
 fn start(words: &[String], guard: &Guard) -> io::Result<Child> {
     let mut command = Command::new(&words[0]);
     command.args(&words[1..]).env(MARK, &guard.mark);
     // Meant for the built-in trainer.
     command.env_remove("RAYON_NUM_THREADS");
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::inherit());
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command.process_group(guard.child.id() as i32).spawn()
 }
 
@@ -90,13 +98,13 @@ fn follow(child: &mut Child, guard: &mut Guard, stop: &Stop) -> Result<ExitStatu
     }
 }
 
-/// Copies lines to the log, and prints those that are beats.
-fn forward(output: impl Read + Send + 'static) -> JoinHandle<()> {
+/// Copies lines to the log, and prints those that are beats. A line without an end is copied in parts.
+fn forward(output: impl Read + Send + 'static, log: Arc<Mutex<Log>>) -> JoinHandle<()> {
     std::thread::spawn(move || {
         let (mut reader, mut line, mut last) =
             (BufReader::new(output), Vec::new(), None::<Instant>);
-        while reader.read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
-            let _ = io::stderr().write_all(&line);
+        while (&mut reader).take(AT_ONCE).read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
+            write(&log, &line);
             let due = last.is_none_or(|last| last.elapsed() > BEAT);
             if let (true, Ok(beat)) = (due, serde_json::from_slice::<Beat>(&line)) {
                 last = Some(Instant::now());
@@ -105,6 +113,20 @@ fn forward(output: impl Read + Send + 'static) -> JoinHandle<()> {
             line.clear();
         }
     })
+}
+
+/// Copies all to the log, as it comes: a bar of progress has no lines.
+fn copy(mut output: impl Read + Send + 'static, log: Arc<Mutex<Log>>) -> JoinHandle<()> {
+    std::thread::spawn(move || {
+        let mut bytes = vec![0; AT_ONCE as usize];
+        while let Ok(n @ 1..) = output.read(&mut bytes) {
+            write(&log, &bytes[..n]);
+        }
+    })
+}
+
+fn write(log: &Mutex<Log>, bytes: &[u8]) {
+    log.lock().expect("nothing panics while it holds this").write(bytes);
 }
 
 /// This side of a guard process.
