@@ -145,8 +145,8 @@ impl Grid {
     }
 }
 
-/// Neighbouring sizes further apart leave a gap.
-const WIDEST_STEP: f64 = 2.5;
+/// Factor in N_nv: neighbouring sizes further apart leave a gap.
+pub const WIDEST_STEP: f64 = 2.5;
 
 fn doubts_between(left: &Size, right: &Size) -> Vec<MinimumFlag> {
     let step = right.best.params_nonvocab / left.best.params_nonvocab;
