@@ -97,6 +97,11 @@ fn a_sweep_is_sized_to_the_data_and_the_time() {
     let place = Place::new();
     let synth = ["data", "synth", "--out", "made", "--clips", "40", "--val-clips", "4"];
     place.isoflop(&[&synth[..], &["--test-clips", "4"]].concat()).exits(0);
+    let checked = place.isoflop(&["data", "check", "made"]).exits(0).stdout();
+    assert!(
+        checked.contains("0 problems") && checked.contains("codes: the mean loss"),
+        "{checked}"
+    );
     let init = ["init", "study.yaml", "--data", "made", "--hours", "100"];
     let ended = place.isoflop(&init).exits(0).says("laws of so little motion").says("with --hours");
     let said = ended.says("small-test: the test split holds about").stdout();

@@ -2,8 +2,8 @@
 
 use isoflop::laws::MinimumFlag;
 
+use super::doubt::{Doubt, at};
 use super::tried::Tried;
-use super::{Doubt, at};
 use crate::commands::expected::Expected;
 
 /// A side of what is tried.

@@ -3,10 +3,10 @@
 use isoflop::plan::Plan;
 use isoflop::sweep::Sweep;
 
-use super::{Doubt, StudyDoubt};
+use super::doubt::{Doubt, StudyDoubt};
 
 /// Codes of the test split below which its mean loss is too rough to tell sizes apart.
-pub const FEWEST_CODES: f64 = 2000.0;
+const FEWEST_CODES: f64 = 2000.0;
 /// Standard error of the mean loss times the square root of the number of codes, in nats: 3.3 to 4.4 on 512 clips of
 /// procedural motion, whose codes go together within a clip.
 const ERROR_OF_A_CODE: f64 = 3.5;
@@ -25,19 +25,23 @@ pub fn one_seed(sweep: &Sweep, plan: &Plan) -> Option<Doubt> {
 /// The test split has too few codes.
 pub fn small_test(plan: &Plan) -> Option<Doubt> {
     let codes = test_codes(plan)?;
-    if codes >= FEWEST_CODES {
-        return None;
-    }
-    let error = |codes: f64| ERROR_OF_A_CODE / codes.sqrt();
-    let what = format!(
-        "the test split holds about {codes:.0} codes: the mean loss is known to ±{:.2} nats",
-        error(codes)
-    );
-    let mend = format!(
-        "{FEWEST_CODES} codes bring that to {:.2}: give more test clips",
-        error(FEWEST_CODES)
-    );
+    let [what, mend] = too_few(codes)?;
     Some(Doubt::study(StudyDoubt::SmallTest, what, mend))
+}
+
+/// What is wrong with a test split of so many codes, and what to change; `None` if it measures a loss.
+pub fn too_few(codes: f64) -> Option<[String; 2]> {
+    let error = |codes: f64| ERROR_OF_A_CODE / codes.sqrt();
+    let few = error(FEWEST_CODES);
+    (codes < FEWEST_CODES).then(|| {
+        [
+            format!(
+                "the test split holds about {codes:.0} codes: the mean loss is known to ±{:.2} nats",
+                error(codes)
+            ),
+            format!("{FEWEST_CODES} codes bring that to {few:.2}: give more test clips"),
+        ]
+    })
 }
 
 /// Supervised codes of the test split, if its clips are as long as those of the training split; `None` without

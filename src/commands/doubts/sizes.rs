@@ -2,8 +2,8 @@
 
 use isoflop::laws::{MinimumFlag, WIDEST_STEP};
 
+use super::doubt::{Doubt, at};
 use super::tried::{Size, Tried};
-use super::{Doubt, at};
 
 /// Pairs of sizes that are named, at most.
 const SHOWN: usize = 3;
