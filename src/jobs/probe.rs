@@ -10,14 +10,15 @@ use super::speed::{Rate, Speed};
 use crate::generator::{self, MOST_PROBED_PARAMS};
 use crate::plan::{Plan, PlannedRun};
 
-/// Models measured at most, from the smallest to the largest.
+/// Models of a plan that are measured at most, from the smallest to the largest.
 const PROBES: usize = 4;
 const PROBE_TIME: Duration = Duration::from_millis(300);
 
 /// The speed of training steps of these runs, measured now, side by side on as many cores as workers will have.
-/// Jobs that train no generator go at the best rate of all.
-pub fn speed(runs: &[&PlannedRun], device: &Device, slots: usize) -> Speed {
-    let rates = side_by_side(slots, || measure(runs, device));
+/// `probes` sizes are measured at most, two at least, from the smallest to the largest. Jobs that train no generator
+/// go at the best rate of all.
+pub fn speed(runs: &[&PlannedRun], device: &Device, slots: usize, probes: usize) -> Speed {
+    let rates = side_by_side(slots, || measure(runs, device, probes.max(2)));
     let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
     Speed::new(rates, best)
 }
@@ -26,7 +27,7 @@ pub fn speed(runs: &[&PlannedRun], device: &Device, slots: usize) -> Speed {
 pub fn speed_of(jobs: &[Job], plan: &Plan, device: &Device, slots: usize) -> Speed {
     let wanted: HashSet<&str> = jobs.iter().map(|job| job.id.id.as_str()).collect();
     let missing = |run: &&PlannedRun| wanted.contains(run.run_id.as_str());
-    speed(&plan.runs.iter().filter(missing).collect::<Vec<_>>(), device, slots)
+    speed(&plan.runs.iter().filter(missing).collect::<Vec<_>>(), device, slots, PROBES)
 }
 
 /// What as many threads measure as `slots` workers can have a core each; the mean of each rate. Workers share
@@ -55,12 +56,12 @@ fn on_one_thread<T: Send>(measure: impl Fn() -> T + Send) -> T {
 }
 
 /// Parameters and budget FLOPs a second of each probed run, by size.
-fn measure(runs: &[&PlannedRun], device: &Device) -> Vec<Rate> {
+fn measure(runs: &[&PlannedRun], device: &Device, probes: usize) -> Vec<Rate> {
     let mut sizes: Vec<_> = runs.iter().collect();
     sizes.sort_by_key(|run| run.params.total());
     sizes.dedup_by_key(|run| run.params.total().min(MOST_PROBED_PARAMS));
     let last = sizes.len().saturating_sub(1);
-    let mut picked: Vec<usize> = (0..PROBES).map(|i| i * last / (PROBES - 1)).collect();
+    let mut picked: Vec<usize> = (0..probes).map(|i| i * last / (probes - 1)).collect();
     picked.dedup();
     let rate = |run: &PlannedRun| (run.params.total() as f64, flops_per_second(run, device));
     picked.into_iter().filter_map(|i| sizes.get(i)).map(|run| rate(run)).collect()

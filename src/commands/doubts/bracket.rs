@@ -113,9 +113,10 @@ fn told(
     let where_: Vec<f64> = found.iter().map(|outside| outside.budget_flops).collect();
     let Outside { side, budget_flops, expected, end, by } = worst;
     let most = if *side == Side::Below { "smallest" } else { "largest" };
+    let there = if found.len() > 1 { format!(" at {budget_flops:e}") } else { String::new() };
     let what = format!(
-        "by {by} the optimum lies at or beyond the {most} {noun} tried {}: at {budget_flops:e} FLOPs \
-         {symbol} = {expected:.2e}, and {end:.2e} is the {most}",
+        "by {by} the optimum lies at or beyond the {most} {noun} tried {}: {symbol} = {expected:.2e}{there}, \
+         and {end:.2e} is the {most}",
         at(&where_, all)
     );
     Some(Doubt::flag(flag, what, mend, where_))

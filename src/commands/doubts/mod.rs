@@ -21,8 +21,10 @@ pub fn doubts(sweep: &Sweep, plan: &Plan) -> Vec<Doubt> {
     let mut found: Vec<Doubt> = Vec::new();
     if is_study {
         for budgets in &generators {
-            found.extend(sizes::doubts(budgets));
-            found.extend(bracket::doubts(budgets));
+            let own = [sizes::doubts(budgets), bracket::doubts(budgets)].concat();
+            // Generators that share their sizes share what is in doubt of them.
+            found
+                .extend(own.into_iter().filter(|doubt| !found.contains(doubt)).collect::<Vec<_>>());
         }
         found.extend(measure::one_seed(sweep, plan));
     }

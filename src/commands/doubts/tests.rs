@@ -57,6 +57,9 @@ fn each_doubt_is_named_before_anything_is_trained() {
     assert_eq!(kinds(&["seeds=[0]", "tokenizer.seeds=[0, 1]"]), [""; 0]);
     let two = "grid.exclude=['budget < 6e10 and d_model > 16']";
     assert_eq!(kinds(&[two])[0], "few-levels");
+    let generators = ["seeds=[0]", "generator=[autoregressive, masked]"];
+    let twice = [&generators[..], &["grid.exclude=['d_model == 16']"]].concat();
+    assert_eq!(kinds(&twice), ["gap", "one-seed"], "both generators have the same gap");
     assert_eq!(kinds(&[ONE_SIZE, "seeds=[0]"]), [""; 0], "one size makes no law");
 }
 

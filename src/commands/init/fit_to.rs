@@ -17,6 +17,9 @@ const SEEDS: [[u64; 2]; 4] = [[1, 1], [2, 1], [3, 1], [3, 3]];
 /// With these the noise of runs is measured, and the rest of the time goes to larger budgets.
 const MEASURED: [u64; 2] = SEEDS[1];
 
+/// Share of the hours that a sweep may take by the estimate, which is not exact.
+const SPENT: f64 = 0.93;
+
 /// What a sweep takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Price {
@@ -75,7 +78,7 @@ impl Terms<'_> {
     }
 
     fn fits(&self, step: i32, seeds: [u64; 2]) -> Result<bool> {
-        Ok((self.price)(&self.design(step).with_seeds(seeds))?.hours <= self.hours)
+        Ok((self.price)(&self.design(step).with_seeds(seeds))?.hours <= SPENT * self.hours)
     }
 
     /// The largest step that fits, between two of which the first does or is the least there is.

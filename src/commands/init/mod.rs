@@ -165,10 +165,12 @@ impl<'a> Desk<'a> {
         let plan = |budget: f64| plan(&self.text(&Design::up_to(budget, None)));
         let plans = PROBED.into_iter().map(plan).collect::<Result<Vec<_>>>()?;
         let runs: Vec<&PlannedRun> = plans.iter().flat_map(|plan| &plan.runs).collect();
-        Ok(probe::speed(&runs, &self.args.device.open()?, slots))
+        Ok(probe::speed(&runs, &self.args.device.open()?, slots, PROBES))
     }
 }
 
+/// Sizes that are measured: they reach further than those of a plan.
+const PROBES: usize = 10;
 /// Largest budgets of the sweeps whose models are probed.
 const PROBED: [f64; 3] = [LEAST, 1e12, 1e14];
 
