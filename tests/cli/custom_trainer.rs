@@ -231,15 +231,13 @@ echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#,
     );
     place.isoflop(&["run", "own.yaml"]).exits(0);
     let log = place.read(&format!("{}/log.txt", run_folder(&place)));
-    assert!(log.len() < (16 << 20) + (1 << 17), "{} bytes", log.len());
+    assert!(log.len() <= 16 << 20, "{} bytes", log.len());
     let log = String::from_utf8(log).expect("UTF-8");
     assert!(log.starts_with("begun\n") && log.contains("over\n"));
     let left_out = log.split("[isoflop left out ").nth(1).expect("it says so");
     let bytes: usize = left_out.split(' ').next().unwrap().parse().unwrap();
-    assert_eq!(
-        bytes + log.len() - "\n[isoflop left out  bytes here]\n".len() - bytes.to_string().len(),
-        60_000_026
-    );
+    let all = bytes + log.len();
+    assert!(all.abs_diff(60_000_026) < 1_000_000, "{all} bytes");
 }
 
 #[test]

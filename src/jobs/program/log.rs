@@ -1,8 +1,8 @@
-//! [`Log`]: the log of a job whose program may say whatever it likes, bounded.
+//! A bound for the log of a job whose program may say whatever it likes.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Bytes of a log at most; then its middle is cut out.
 const MOST: usize = 16 << 20;
@@ -12,28 +12,13 @@ const KEPT: usize = 4 << 20;
 const LEFT_OUT: &[u8] = b"\n[isoflop left out ";
 const BYTES: &str = " bytes here]\n";
 
-/// The log in a job's folder, to which this process's standard error goes.
-pub struct Log {
-    path: PathBuf,
-    length: usize,
-}
-
-impl Log {
-    /// Goes on with the log of a job's folder.
-    pub fn of(place: &Path) -> Self {
-        let path = place.join("log.txt");
-        let length = fs::metadata(&path).map_or(0, |file| file.len() as usize);
-        Self { path, length }
-    }
-
-    /// Writes what the program said. What cannot be written is left out: the program goes on.
-    pub fn write(&mut self, bytes: &[u8]) {
-        let _ = io::stderr().write_all(bytes);
-        self.length += bytes.len();
-        if self.length > MOST {
-            // Looked at again after as much more, if it cannot be cut.
-            self.length = cut(&self.path, KEPT).unwrap_or(0);
-        }
+/// Cuts the middle out of the log of a job's folder, if it is too long. The program appends to it by itself, so that
+/// what it says survives its worker.
+pub fn bound(place: &Path) {
+    let path = place.join("log.txt");
+    if fs::metadata(&path).is_ok_and(|file| file.len() as usize > MOST) {
+        // Looked at again soon: a log that cannot be cut stops no work.
+        let _ = cut(&path, KEPT);
     }
 }
 
@@ -45,6 +30,8 @@ fn cut(path: &Path, kept: usize) -> io::Result<usize> {
     }
     let Parts { head, left_out, tail } = parts(&bytes, kept);
     let file = OpenOptions::new().append(true).open(path)?;
+    // What was said since it was read goes with the middle.
+    let left_out = left_out + (file.metadata()?.len() as usize).saturating_sub(bytes.len());
     file.set_len(head.len() as u64)?;
     let mark = format!("{}{left_out}{BYTES}", String::from_utf8_lossy(LEFT_OUT));
     let rest = [mark.as_bytes(), tail].concat();

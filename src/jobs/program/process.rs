@@ -4,7 +4,6 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
-use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
@@ -13,7 +12,7 @@ use nix::sys::signal::Signal;
 
 use crate::failure::{Failure, FailureKind};
 use crate::jobs::program::guard::{DONE, LOCK, MARK, READY};
-use crate::jobs::program::log::Log;
+use crate::jobs::program::log::bound;
 use crate::machine::oom::Kills;
 use crate::progress::Stop;
 use crate::progress::{Beat, Said};
@@ -41,17 +40,14 @@ pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<O
             return Ok(Some(Failure::new(FailureKind::Trainer, sentence)));
         }
     };
-    let log = Arc::new(Mutex::new(Log::of(place)));
-    let said = [
-        forward(child.stdout.take().expect("stdout is piped"), log.clone()),
-        copy(child.stderr.take().expect("stderr is piped"), log),
-    ];
-    let ended = follow(&mut child, &mut guard, stop);
+    let lines = forward(child.stdout.take().expect("stdout is piped"));
+    let ended = follow(&mut child, &mut guard, place, stop);
     guard.finish()?;
     let waited = Instant::now();
-    while !said.iter().all(JoinHandle::is_finished) && waited.elapsed() < LAST_LINES {
+    while !lines.is_finished() && waited.elapsed() < LAST_LINES {
         sleep(POLL);
     }
+    bound(place);
     let status = ended?;
     let sentence = || format!("the trainer `{}` ended with {status}", words[0]);
     Ok((!status.success()).then(|| Failure::new(kind(status, &kills), sentence())))
@@ -71,19 +67,20 @@ fn kind(status: ExitStatus, kills: &Kills) -> FailureKind {
     }
 }
 
-/// In the guard's group, with its mark.
+/// In the guard's group, with its mark; standard error is the log already.
 fn start(words: &[String], guard: &Guard) -> io::Result<Child> {
     let mut command = Command::new(&words[0]);
     command.args(&words[1..]).env(MARK, &guard.mark);
     // Meant for the built-in trainer.
     command.env_remove("RAYON_NUM_THREADS");
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::inherit());
     command.process_group(guard.child.id() as i32).spawn()
 }
 
-/// Waits for the program's end; a stop makes the guard end it.
-fn follow(child: &mut Child, guard: &mut Guard, stop: &Stop) -> Result<ExitStatus> {
+/// Waits for the program's end and keeps its log in bounds; a stop makes the guard end it.
+fn follow(child: &mut Child, guard: &mut Guard, place: &Path, stop: &Stop) -> Result<ExitStatus> {
     loop {
+        bound(place);
         if let Some(status) = child.try_wait().context("waiting for the trainer")? {
             return Ok(status);
         }
@@ -99,12 +96,12 @@ fn follow(child: &mut Child, guard: &mut Guard, stop: &Stop) -> Result<ExitStatu
 }
 
 /// Copies lines to the log, and prints those that are beats. A line without an end is copied in parts.
-fn forward(output: impl Read + Send + 'static, log: Arc<Mutex<Log>>) -> JoinHandle<()> {
+fn forward(output: impl Read + Send + 'static) -> JoinHandle<()> {
     std::thread::spawn(move || {
         let (mut reader, mut line, mut last) =
             (BufReader::new(output), Vec::new(), None::<Instant>);
         while (&mut reader).take(AT_ONCE).read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
-            write(&log, &line);
+            let _ = io::stderr().write_all(&line);
             let due = last.is_none_or(|last| last.elapsed() > BEAT);
             if let (true, Ok(beat)) = (due, serde_json::from_slice::<Beat>(&line)) {
                 last = Some(Instant::now());
@@ -113,20 +110,6 @@ fn forward(output: impl Read + Send + 'static, log: Arc<Mutex<Log>>) -> JoinHand
             line.clear();
         }
     })
-}
-
-/// Copies all to the log, as it comes: a bar of progress has no lines.
-fn copy(mut output: impl Read + Send + 'static, log: Arc<Mutex<Log>>) -> JoinHandle<()> {
-    std::thread::spawn(move || {
-        let mut bytes = vec![0; AT_ONCE as usize];
-        while let Ok(n @ 1..) = output.read(&mut bytes) {
-            write(&log, &bytes[..n]);
-        }
-    })
-}
-
-fn write(log: &Mutex<Log>, bytes: &[u8]) {
-    log.lock().expect("nothing panics while it holds this").write(bytes);
 }
 
 /// This side of a guard process.
