@@ -3,7 +3,9 @@
 use std::process::Command;
 
 fn main() {
-    println!("cargo::rerun-if-changed=.git/logs/HEAD");
+    if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]) {
+        println!("cargo::rerun-if-changed={log}");
+    }
     println!("cargo::rerun-if-changed=src");
     println!("cargo::rerun-if-changed=crates");
     println!("cargo::rustc-env=ISOFLOP_GIT_REVISION={}", revision());
@@ -11,12 +13,12 @@ fn main() {
 
 /// The short commit hash, with `-dirty` where files differ from it; `unknown` outside git.
 fn revision() -> String {
-    let described =
-        Command::new("git").args(["describe", "--always", "--dirty", "--exclude=*"]).output();
-    match described {
-        Ok(output) if output.status.success() => {
-            String::from_utf8_lossy(&output.stdout).trim().to_string()
-        }
-        _ => "unknown".to_string(),
-    }
+    git(&["describe", "--always", "--dirty", "--exclude=*"])
+        .unwrap_or_else(|| "unknown".to_string())
+}
+
+/// What git says; `None` outside git.
+fn git(words: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(words).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_string())
 }

@@ -1,12 +1,13 @@
 //! The records of a sweep, and what follows from them.
 
 use anyhow::{Context, Result};
-use isoflop::files::read_if_there;
+use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::{RunRecord, table};
 use isoflop::sweep;
 use rayon::prelude::*;
 use serde::Deserialize;
+use serde_json::json;
 
 use super::analysis::analysed;
 use super::by_generator::parted;
@@ -22,6 +23,9 @@ use super::quality::Scored;
 pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
     let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
     let records = gather(folder, output)?;
+    if records.is_empty() {
+        return nothing(folder, output);
+    }
     let by_generator = parted(&records);
     // Before the laws: what they were made beside is compared by the figures that are there.
     let scored = Scored::of(&sweep, folder, &records, output)?;
@@ -34,6 +38,20 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
     };
     let (document, text) = Scored::join(scored, document, &text);
     Ok(output.result(&document, &text)?)
+}
+
+/// What there is before the first run is done: an empty table, and no word of laws and figures.
+fn nothing(folder: &ResultsFolder, output: &Output) -> Result<()> {
+    table::write(folder.root(), &[])?;
+    // Those of an earlier state of the sweep would be taken for its own.
+    for file in ["laws.json", "prediction.json", "finished.json"] {
+        atomic::remove(&folder.file(file))?;
+    }
+    let root = folder.root();
+    let document = json!({
+        "results": root, "runs": 0, "laws": null, "predictions": [], "figures": [],
+    });
+    Ok(output.result(&document, &format!("{}: no run is done yet", root.display()))?)
 }
 
 /// The table alone.

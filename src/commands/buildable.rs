@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use isoflop::predict::Codebook;
-use isoflop::spec::{CodebookKind, QuantizerSection};
+use isoflop::spec::CodebookKind;
 use isoflop::sweep::{LevelsSpec, ModelEntry, Sweep, VocabSpec, models, shape};
 
 /// Widths beyond which no model is looked for.
@@ -18,15 +18,16 @@ pub fn distinct<T: PartialEq>(values: Vec<T>) -> Vec<T> {
     })
 }
 
-/// V codes in all codebooks together, as near as the quantizer has them.
-pub fn codes(n_vocab: f64, quantizer: &QuantizerSection) -> VocabSpec {
+/// V codes in all codebooks together, as near as the sweep's quantizer has them.
+pub fn codes(n_vocab: f64, sweep: &Sweep) -> VocabSpec {
+    let quantizer = sweep.tokenizer.quantizer();
     let n_vocab = n_vocab / quantizer.n_codebooks() as f64;
     match quantizer.codebook_kind() {
-        CodebookKind::Fsq => {
+        CodebookKind::Fsq if sweep.has_tokenizers() => {
             let levels = Codebook::near(n_vocab).levels;
             VocabSpec::Levels(LevelsSpec { levels: levels.iter().map(|l| *l as usize).collect() })
         }
-        CodebookKind::Vq => VocabSpec::Size(n_vocab.round().max(2.0) as usize),
+        _ => VocabSpec::Size(n_vocab.round().max(2.0) as usize),
     }
 }
 

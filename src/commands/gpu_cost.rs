@@ -28,7 +28,8 @@ pub struct GpuCost<'a> {
 struct RunCost<'a> {
     run: &'a PlannedRun,
     hours: f64,
-    bytes: u64,
+    /// `None` for a user's program.
+    bytes: Option<u64>,
     mfu: f64,
 }
 
@@ -37,7 +38,7 @@ impl<'a> GpuCost<'a> {
         let cost = |run: &'a PlannedRun| RunCost {
             run,
             hours: gpu.run_hours(run),
-            bytes: bytes_on_card(&run.spec),
+            bytes: (!run.spec.is_users_own()).then(|| bytes_on_card(&run.spec)),
             mfu: gpu.mfu(run.params.nonvocab),
         };
         Self {
@@ -56,12 +57,14 @@ impl<'a> GpuCost<'a> {
         self.trunk_hours + self.runs.iter().map(|cost| cost.hours).sum::<f64>()
     }
 
-    fn peak_bytes(&self) -> u64 {
-        self.runs.iter().map(|cost| cost.bytes).max().unwrap_or(0)
+    fn peak_bytes(&self) -> Option<u64> {
+        self.runs.iter().filter_map(|cost| cost.bytes).max()
     }
 
     /// Adds `gpu_hours` and `gpu_bytes` to each run of a plan's document, and the totals as `gpu`.
     pub fn add_to(&self, document: &mut Value) {
+        let is_too_large =
+            |cost: &&RunCost| cost.bytes.is_some_and(|n| n as f64 > self.gpu.card.memory_bytes);
         let runs = document["runs"].as_array_mut().into_iter().flatten();
         for (run, cost) in runs.zip(&self.runs) {
             run["gpu_hours"] = json!(cost.hours);
@@ -82,7 +85,7 @@ impl<'a> GpuCost<'a> {
             "dollars_per_hour": self.price,
             "dollars": self.price.map(|price| price * hours),
             "peak_bytes": self.peak_bytes(),
-            "too_large": self.runs.iter().filter(|cost| cost.bytes as f64 > card.memory_bytes).count(),
+            "too_large": self.runs.iter().filter(is_too_large).count(),
             "mfu": mfu,
         });
     }
@@ -107,14 +110,14 @@ impl<'a> GpuCost<'a> {
         for (budget, costs) in &by_budget {
             let hours: f64 = costs.iter().map(|cost| cost.hours).sum();
             let most = costs.iter().map(|cost| cost.run.params.nonvocab).max().unwrap_or(0);
-            let memory = costs.iter().map(|cost| cost.bytes).max().unwrap_or(0);
+            let memory = costs.iter().filter_map(|cost| cost.bytes).max();
             let _ = writeln!(
                 out,
                 "{:>8} {:>6} {:>9.2e} {:>10} {:>12}{}",
                 exponent(f64::from_bits(*budget)),
                 costs.len(),
                 most as f64,
-                bytes(memory),
+                memory.map_or_else(|| "-".to_string(), bytes),
                 percent(range(costs.iter().copied())),
                 self.spent(hours)
             );
@@ -148,15 +151,18 @@ impl<'a> GpuCost<'a> {
         let dollars =
             price.map(|price| format!(" = {:.2} dollars at {price} an hour", price * hours));
         let to_go = format!(" ({:.1} to go)", self.hours_to_go);
+        let memory = self.peak_bytes().map(|peak| {
+            let all = bytes(card.memory_bytes as u64);
+            format!("; {} of its {all} for the largest run", bytes(peak))
+        });
         let cost = format!(
-            "{}; {hours:.1} hours of one {}{}{}, one run at a time; {} of its {} for the largest run; MFU {}, {}",
+            "{}; {hours:.1} hours of one {}{}{}, one run at a time{}; MFU {}, {}",
             flops(plan),
             card.name,
             dollars.unwrap_or_default(),
             // Sums in another order differ in their last digits.
             if self.hours_to_go < 0.999999 * hours { to_go.as_str() } else { "" },
-            bytes(self.peak_bytes()),
-            bytes(card.memory_bytes as u64),
+            memory.unwrap_or_default(),
             percent(range(&self.runs)),
             source(gpu.source),
         );

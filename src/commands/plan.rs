@@ -5,16 +5,17 @@ use std::collections::BTreeMap;
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use clap::Args;
-use isoflop::jobs::gpu::Gpu;
+use isoflop::jobs::gpu::{Gpu, MfuSource};
+use isoflop::jobs::history::{Finished, known};
 use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs, probe};
 use isoflop::machine::cards::Card;
 use isoflop::plan::{Plan, PlannedRun, TokenizerJob};
-use isoflop::record::flops_per_second;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::args::{SweepArgs, a_card, not_negative};
 use super::context::{OpenSweep, plan_sweep};
+use super::doubts::doubts;
 use super::exit::Exit;
 use super::gpu_cost::GpuCost;
 use super::output::Output;
@@ -35,7 +36,11 @@ pub struct PlanArgs {
 
 impl PlanArgs {
     /// The GPU that is named here or in the sweep.
-    fn gpu(&self, OpenSweep { sweep, plan, folder }: &OpenSweep) -> Result<Option<Gpu>> {
+    fn gpu(
+        &self,
+        OpenSweep { sweep, plan, folder }: &OpenSweep,
+        output: &Output,
+    ) -> Result<Option<Gpu>> {
         let engine = sweep.engine.as_ref();
         let Some(card) = self.gpu.or_else(|| engine?.card()) else {
             if self.price.is_some() {
@@ -44,16 +49,28 @@ impl PlanArgs {
             return Ok(None);
         };
         let told = engine.and_then(|engine| engine.mfu).map(|mfu| mfu.0);
-        Ok(Some(Gpu::new(card, told, plan, folder)))
+        let gpu = Gpu::new(card, told, plan, folder);
+        if gpu.source == MfuSource::Reference && plan.runs.iter().any(|run| run.spec.is_users_own())
+        {
+            output.warn(&format!(
+                "hours on a {} are not known: how much of it your trainer uses is told by engine.mfu, as \
+                 `--set engine.mfu=0.3`, or by a finished run",
+                card.name
+            ));
+            return Ok(None);
+        }
+        Ok(Some(gpu))
     }
 }
 
 pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let device = args.sweep.device.open()?;
     let open = plan_sweep(&args.sweep)?;
-    let gpu = args.gpu(&open)?;
-    let OpenSweep { plan, folder, .. } = open;
-    plan.warnings().iter().for_each(|line| output.warn(line));
+    let gpu = args.gpu(&open, output)?;
+    let OpenSweep { sweep, plan, folder } = open;
+    let (warnings, doubts) = (plan.warnings(), doubts(&sweep, &plan));
+    warnings.iter().for_each(|line| output.warn(line));
+    doubts.iter().for_each(|doubt| output.warn(&doubt.sentence()));
     let states = folder.run_states();
     let jobs = missing_jobs(&plan, &folder);
     let on_gpu = gpu.as_ref().map(|gpu| GpuCost::new(gpu, args.price, &plan, &jobs));
@@ -66,6 +83,8 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
         let mut document = json(&plan, &folder, &states);
         document["hours"] = json!(hours);
         document["stale"] = json!(stale);
+        document["warnings"] = json!(warnings);
+        document["doubts"] = json!(doubts);
         if let Some(cost) = &on_gpu {
             cost.add_to(&mut document);
         }
@@ -83,8 +102,8 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Hours that jobs take on `slots` slots. How fast a program of somebody's own is, its finished runs
-/// alone can tell: `None` before there are any.
+/// Hours that jobs take on `slots` slots: at the speed of the folder's finished jobs, or else by a probe. How fast a
+/// user's trainer is, its finished runs alone can tell: `None` before there are any.
 fn hours(
     jobs: &[Job],
     plan: &Plan,
@@ -92,12 +111,10 @@ fn hours(
     device: &Device,
     slots: usize,
 ) -> Option<f64> {
-    if plan.runs.iter().all(|run| run.spec.trainer.is_none()) {
-        return Some(probe::hours(jobs, plan, device, slots, None));
-    }
-    let records = plan.runs.iter().filter_map(|run| folder.record(&run.run_id).ok().flatten());
-    let rate = flops_per_second(records)?;
-    Some(probe::hours(jobs, plan, device, slots, Some(rate)))
+    let known = known(folder, &Finished::of(plan, folder));
+    let is_built_in = plan.runs.iter().all(|run| run.spec.trainer.is_none());
+    let probed = || is_built_in.then(|| probe::speed_of(jobs, plan, device, slots));
+    Some(known.or_else(probed)?.hours(jobs, plan, slots))
 }
 
 /// The plan as a JSON document, but for the hours, which are measured, and what is stale.
@@ -155,7 +172,7 @@ fn run_json(run: &PlannedRun, needs: &[JobId], states: &RunStates) -> Value {
         "warmup_steps": run.spec.warmup_steps,
         "decay_steps": run.spec.decay_steps,
         "achieved_ratio": run.achieved_ratio,
-        "peak_bytes": run.peak_bytes,
+        "peak_bytes": run.known_peak_bytes(),
         "tokenizer_id": run.spec.tokenizer_id,
         "trunk_id": run.trunk_id,
         "own_flops": run.own_flops(),

@@ -49,19 +49,19 @@ fn told_stale(out: &mut String, stale: &[Stale]) {
 
 /// What the plan takes: FLOPs, time, memory, disk.
 pub fn cost(plan: &Plan, hours: Option<f64>, args: &SweepArgs) -> String {
-    let peak = plan.runs.iter().map(|run| run.peak_bytes).max().unwrap_or(0);
-    format!(
-        "{}; {} with {} jobs side by side; {} of memory for the largest \
-         run, {} on disk",
-        flops(plan),
-        hours.map_or_else(
-            || "time unknown before the trainer's first run is done,".to_string(),
-            |hours| time(hours) + " to go"
-        ),
-        args.slots(),
-        bytes(peak),
-        bytes(plan.disk_bytes()),
-    )
+    let hours = hours.map_or_else(
+        || "time unknown before the trainer's first run is done".to_string(),
+        |hours| format!("{} to go with {} jobs side by side", time(hours), args.slots()),
+    );
+    let peaks: Option<Vec<u64>> = plan.runs.iter().map(PlannedRun::known_peak_bytes).collect();
+    let memory = match peaks {
+        Some(peaks) => {
+            let peak = bytes(peaks.into_iter().max().unwrap_or(0));
+            format!("; {peak} of memory for the largest run, {} on disk", bytes(plan.disk_bytes()))
+        }
+        None => "; memory and disk are the trainer's".to_string(),
+    };
+    format!("{}; {hours}{memory}", flops(plan))
 }
 
 /// What the runs cost together, and what they save where they share trunks.

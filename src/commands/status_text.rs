@@ -80,7 +80,8 @@ fn table(state: &SweepState) -> String {
     }
     out += &row("runs", counts(&state.runs).map(|n| n.to_string()));
     if state.runs.blocked > 0 {
-        out += &format!("{} of the runs need something that failed\n", state.runs.blocked);
+        out +=
+            &format!("{} runs not started: something that they need failed\n", state.runs.blocked);
     }
     out
 }

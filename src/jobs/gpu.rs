@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::folder::ResultsFolder;
 use super::job::Job;
-use super::probe::{Rate, rate_at};
+use super::speed::{Rate, rate_at};
 use crate::machine::cards::Card;
 use crate::plan::{Plan, PlannedRun, RunSpec, Trunk, bytes_on_card};
 use crate::record::{RunRecord, flops_per_second};
@@ -139,12 +139,14 @@ fn finished(card: &Card, plan: &Plan, folder: &ResultsFolder) -> BTreeMap<usize,
     by_size
 }
 
-/// Says how many runs do not fit on the card, and what the largest needs; `None` if all fit.
+/// Says how many runs do not fit on the card, and what the largest needs; `None` if all fit, as far as that is
+/// known: not of a user's program.
 pub fn too_large<'a>(
     card: &Card,
     runs: impl IntoIterator<Item = &'a PlannedRun>,
 ) -> Option<String> {
-    let bytes: Vec<u64> = runs.into_iter().map(|run| bytes_on_card(&run.spec)).collect();
+    let known = runs.into_iter().filter(|run| !run.spec.is_users_own());
+    let bytes: Vec<u64> = known.map(|run| bytes_on_card(&run.spec)).collect();
     let large = bytes.iter().filter(|bytes| **bytes as f64 > card.memory_bytes);
     let (n, most) = large.fold((0, 0), |(n, most), bytes| (n + 1, most.max(*bytes)));
     (n > 0).then(|| {

@@ -1,56 +1,34 @@
-//! How long a plan takes here: a few real training steps, then arithmetic.
+//! How fast this machine is: a few real training steps.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
 use burn::tensor::Device;
 
 use super::job::Job;
+use super::speed::{Rate, Speed};
 use crate::generator::{self, MOST_PROBED_PARAMS};
 use crate::plan::{Plan, PlannedRun};
 
-/// Models measured at most, from the smallest to the largest.
+/// Models of a plan that are measured at most, from the smallest to the largest.
 const PROBES: usize = 4;
 const PROBE_TIME: Duration = Duration::from_millis(300);
 
-/// Hours that jobs take on `slots` slots, by training steps measured now, side by side on as many cores as
-/// workers will have. Jobs that train no generator are priced at the best rate measured; runs at `run_rate`, FLOPs a second, where
-/// it is given.
-pub fn hours(
-    jobs: &[Job],
-    plan: &Plan,
-    device: &Device,
-    slots: usize,
-    run_rate: Option<f64>,
-) -> f64 {
+/// The speed of training steps of these runs, measured now, side by side on as many cores as workers will have.
+/// `probes` sizes are measured at most, two at least, from the smallest to the largest. Jobs that train no generator
+/// go at the best rate of all.
+pub fn speed(runs: &[&PlannedRun], device: &Device, slots: usize, probes: usize) -> Speed {
+    let rates = side_by_side(slots, || measure(runs, device, probes.max(2)));
+    let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
+    Speed::new(rates, best)
+}
+
+/// The same, for the runs of a plan that are among these jobs.
+pub fn speed_of(jobs: &[Job], plan: &Plan, device: &Device, slots: usize) -> Speed {
     let wanted: HashSet<&str> = jobs.iter().map(|job| job.id.id.as_str()).collect();
     let missing = |run: &&PlannedRun| wanted.contains(run.run_id.as_str());
-    let runs: Vec<&PlannedRun> = plan.runs.iter().filter(missing).collect();
-    let params = params(plan);
-    let measured =
-        run_rate.is_none() || jobs.iter().any(|job| !params.contains_key(job.id.id.as_str()));
-    let rates = if measured { side_by_side(slots, || measure(&runs, device)) } else { Vec::new() };
-    let best = rates.iter().map(|(_, rate)| *rate).fold(f64::MIN_POSITIVE, f64::max);
-    let rate = |job: &Job| match params.get(job.id.id.as_str()) {
-        Some(params) => run_rate.unwrap_or_else(|| rate_at(&rates, *params)),
-        None => best,
-    };
-    let seconds: Vec<f64> = jobs.iter().map(|job| job.cost / rate(job)).collect();
-    let longest = seconds.iter().copied().fold(0.0, f64::max);
-    (seconds.iter().sum::<f64>() / slots as f64).max(longest) / 3600.0
+    speed(&plan.runs.iter().filter(missing).collect::<Vec<_>>(), device, slots, PROBES)
 }
-
-/// Parameters of the generator that each run and each trunk trains, by id; no other job has one of
-/// these ids.
-fn params(plan: &Plan) -> HashMap<&str, usize> {
-    let runs = plan.runs.iter().map(|run| (run.run_id.as_str(), run.params.total()));
-    let trunks = plan.trunks.iter();
-    let trunks = trunks.map(|trunk| (trunk.trunk_id.as_str(), trunk.spec.params().total()));
-    runs.chain(trunks).collect()
-}
-
-/// Parameters, and budget FLOPs a second.
-pub(super) type Rate = (f64, f64);
 
 /// What as many threads measure as `slots` workers can have a core each; the mean of each rate. Workers share
 /// memory and caches, and one alone is faster.
@@ -78,29 +56,15 @@ fn on_one_thread<T: Send>(measure: impl Fn() -> T + Send) -> T {
 }
 
 /// Parameters and budget FLOPs a second of each probed run, by size.
-fn measure(runs: &[&PlannedRun], device: &Device) -> Vec<Rate> {
+fn measure(runs: &[&PlannedRun], device: &Device, probes: usize) -> Vec<Rate> {
     let mut sizes: Vec<_> = runs.iter().collect();
     sizes.sort_by_key(|run| run.params.total());
     sizes.dedup_by_key(|run| run.params.total().min(MOST_PROBED_PARAMS));
     let last = sizes.len().saturating_sub(1);
-    let mut picked: Vec<usize> = (0..PROBES).map(|i| i * last / (PROBES - 1)).collect();
+    let mut picked: Vec<usize> = (0..probes).map(|i| i * last / (probes - 1)).collect();
     picked.dedup();
     let rate = |run: &PlannedRun| (run.params.total() as f64, flops_per_second(run, device));
     picked.into_iter().filter_map(|i| sizes.get(i)).map(|run| rate(run)).collect()
-}
-
-/// Between probes, linear in logarithms; outside, the nearest.
-pub(super) fn rate_at(rates: &[Rate], params: usize) -> f64 {
-    let x = (params as f64).ln();
-    let above = rates.partition_point(|(n, _)| n.ln() < x);
-    match (above.checked_sub(1).map(|i| rates[i]), rates.get(above).copied()) {
-        (Some((n0, r0)), Some((n1, r1))) => {
-            let share = (x - n0.ln()) / (n1.ln() - n0.ln());
-            (r0.ln() * (1.0 - share) + r1.ln() * share).exp()
-        }
-        (Some((_, rate)), None) | (None, Some((_, rate))) => rate,
-        (None, None) => f64::INFINITY,
-    }
 }
 
 /// Budget FLOPs a second of a run's training step, the median of as many as fit the time; 0 where the

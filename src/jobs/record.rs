@@ -35,6 +35,7 @@ pub struct Report {
     pub zero_count_targets: usize,
     pub wall_s: f64,
     pub tokens_per_s: Option<f64>,
+    /// `None` where the trainer does not say.
     pub peak_bytes: Option<u64>,
     /// Parameters of the model as built, by group.
     pub params_nonvocab: Option<usize>,
@@ -85,7 +86,7 @@ impl Report {
             zero_count_targets: Some(self.zero_count_targets),
             wall_s: Some(self.wall_s),
             tokens_per_s: Some(per_s),
-            peak_bytes: Some(self.peak_bytes.unwrap_or(price.peak_bytes)),
+            peak_bytes: self.peak_bytes,
             device: Some(self.device.clone()),
             git_revision: Some(env!("ISOFLOP_GIT_REVISION").to_string()),
         }
@@ -116,7 +117,6 @@ impl Report {
 struct Price {
     tokens: usize,
     per_token: FlopsPerToken,
-    peak_bytes: u64,
     /// Frames per second of the data.
     fps: f64,
     frames_per_code: f64,
@@ -139,7 +139,6 @@ fn subject(
     let price = Price {
         tokens: spec.tokens(),
         per_token: spec.generator.flops_per_token(&spec.codes, max_text_tokens),
-        peak_bytes: spec.generator.peak_bytes(&spec.codes, spec.batch_tokens),
         fps: spec.fps,
         frames_per_code: frames.unwrap_or(FRAMES_PER_CODE),
     };

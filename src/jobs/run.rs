@@ -160,7 +160,7 @@ fn job(run: &PlannedRun, inputs: Vec<JobId>, plan: &Plan) -> Job {
         label: run.spec.label(),
         cost: run.own_flops(),
         // What a program of somebody's own takes is not known.
-        peak_bytes: if run.spec.trainer.is_some() { 0 } else { run.peak_bytes },
+        peak_bytes: run.known_peak_bytes().unwrap_or(0),
         needs: inputs.into_iter().chain(own).collect(),
     }
 }

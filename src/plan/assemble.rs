@@ -172,9 +172,11 @@ impl Plan {
     }
 
     /// Bytes of the results: weights of each run, weights and moments of each trunk, codes of each
-    /// tokenizer; checkpoints while they last are three times a run's weights.
+    /// tokenizer; checkpoints while they last are three times a run's weights. What a user's program keeps is not
+    /// known, and not counted.
     pub fn disk_bytes(&self) -> u64 {
-        let weights: usize = self.runs.iter().map(|run| 4 * run.params.total()).sum();
+        let kept = self.runs.iter().filter(|run| !run.spec.is_users_own());
+        let weights: usize = kept.map(|run| 4 * run.params.total()).sum();
         let codes = self.tokenizers.len() * 4 * self.unique_tokens();
         let params = |trunk: &Trunk| trunk.spec.params().total();
         let trunks: usize = self.trunks.iter().map(|trunk| 12 * params(trunk)).sum();

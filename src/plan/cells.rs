@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::spec::{GeneratorKind, QuantizerSection, QuantizerSpec, Share};
+use crate::spec::{GeneratorKind, QuantizerSpec, Share};
 use crate::sweep::condition::Condition;
 use crate::sweep::{Axis, GridSection, ModelEntry, Sweep, VocabSpec, models};
 
@@ -47,8 +47,8 @@ fn all_parts(sweep: &Sweep) -> Vec<GridCell> {
 
 /// The cells of one grid, generator after generator.
 fn crossed(sweep: &Sweep, grid: &GridSection) -> Vec<GridCell> {
-    let (models, section) = (models(&grid.models), sweep.tokenizer.quantizer());
-    let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, &section)).collect();
+    let models = models(&grid.models);
+    let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, sweep)).collect();
     let lengths = [models.len(), quantizers.len(), grid.budgets.len()];
     let triples = indices(lengths, &grid.zip);
     let shares: Vec<Share> = grid.shares.iter().filter_map(|share| Share::new(*share)).collect();
@@ -86,8 +86,8 @@ fn field(cell: &GridCell, name: &str) -> f64 {
 }
 
 /// The quantizer of a vocabulary entry that the check has let pass.
-fn quantizer(entry: &VocabSpec, section: &QuantizerSection) -> QuantizerSpec {
-    entry.quantizer(section).expect("checked when the sweep was read")
+fn quantizer(entry: &VocabSpec, sweep: &Sweep) -> QuantizerSpec {
+    sweep.quantizer(entry).expect("checked when the sweep was read")
 }
 
 /// Index triples (model, vocabulary, budget): groups of zipped axes advance together.

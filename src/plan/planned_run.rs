@@ -11,6 +11,7 @@ pub struct PlannedRun {
     pub params: ParamCounts,
     pub flops_per_token: FlopsPerToken,
     pub achieved_ratio: f64,
+    /// What the built-in trainer takes.
     pub peak_bytes: u64,
     /// The trunk that it branches off; `None` where it is trained alone.
     pub trunk_id: Option<String>,
@@ -19,6 +20,11 @@ pub struct PlannedRun {
 }
 
 impl PlannedRun {
+    /// Bytes at the run's peak; `None` where a trainer other than the built-in one takes what it takes.
+    pub fn known_peak_bytes(&self) -> Option<u64> {
+        self.spec.trainer.is_none().then_some(self.peak_bytes)
+    }
+
     /// FLOPs of the budget that the run's own job trains: all but what its trunk does.
     pub fn own_flops(&self) -> f64 {
         match (&self.trunk_id, self.spec.decay_steps) {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::spec::Precision;
 use crate::spec::TokenizerSpec;
 use crate::spec::{GeneratorSpec, Grid, ModelShape, ParamCounts, Share, content_id};
+use crate::sweep::is_torch;
 
 /// Raised when the same spec would train to other bits: records of an older revision are stale.
 pub const TRAINING_REVISION: u32 = 3;
@@ -79,6 +80,12 @@ impl RunSpec {
         let decay_steps = Some(0);
         let own = Self { steps, decay_steps, budget_flops: 0.0, ..self.clone() };
         Some(Self { evaluations: 1, final_share: 0.0, ..own })
+    }
+
+    /// Whether a user's program trains it, so that nothing measured of the built-in model holds for it: neither
+    /// time nor memory.
+    pub fn is_users_own(&self) -> bool {
+        self.trainer.as_ref().is_some_and(|trainer| !is_torch(&trainer.command))
     }
 
     /// The generator's layers and widths.

@@ -16,10 +16,9 @@ pub struct Renamed {
 
 /// Those of a sweep, in its order.
 pub(super) fn renamed(sweep: &Sweep) -> Vec<Renamed> {
-    let section = sweep.tokenizer.quantizer();
     let of_entry = |entry: &VocabSpec| {
         let VocabSpec::Size(named) = *entry else { return None };
-        let quantizer = entry.quantizer(&section).ok()?;
+        let quantizer = sweep.quantizer(entry).ok()?;
         let levels = quantizer.levels()?.to_vec();
         let codes = levels.iter().product();
         (codes != named).then_some(Renamed { named, codes, levels })
@@ -50,5 +49,6 @@ mod tests {
         assert_eq!(fsq[0], Renamed { named: 256, codes: 240, levels: vec![8, 6, 5] });
         assert_eq!(fsq.iter().map(|entry| entry.codes).collect::<Vec<_>>(), [240, 1000]);
         assert_eq!(of(&["tokenizer.kind=vq", "grid.vocab=[64, 256]"]), []);
+        assert_eq!(of(&["data.source=none", "trainer={command: 't {spec} {out}'}"]), []);
     }
 }

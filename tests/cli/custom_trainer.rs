@@ -197,11 +197,47 @@ fn the_time_that_a_program_takes_is_unknown_until_a_run_of_it_is_done() {
     );
     let plan = |more: &[&str]| place.isoflop(&[&["plan", "own.yaml"], more].concat()).exits(0);
     assert_eq!(plan(&["--json"]).json()["hours"], Value::Null);
-    assert!(plan(&[]).stdout().contains("time unknown before the trainer's first"));
+    let said = plan(&[]).stdout();
+    assert!(said.contains("time unknown before the trainer's first"), "{said}");
+    let of_the_built_in = ["of memory", "on disk", "side by side"];
+    assert!(of_the_built_in.iter().all(|words| !said.contains(words)), "{said}");
+    assert_eq!(plan(&["--json"]).json()["runs"][0]["peak_bytes"], Value::Null);
+    plan(&["--gpu", "h100"]).says("told by engine.mfu").does_not_say("do not fit");
     place.isoflop(&["run", "own.yaml"]).exits(0);
     let more = ["--set", "grid.budgets=[1e9, 3e9]", "--jobs", "1", "--json"];
     let hours = plan(&more).json()["hours"].as_f64().expect("a time");
     assert!((hours - 6.0).abs() < 0.1, "{hours}");
+}
+
+#[test]
+fn a_trainer_without_tokenizers_has_the_vocabularies_as_they_are_written() {
+    let place = Place::trained_by("exit 3");
+    let sizes = [256, 1024, 2048, 4096, 32_000, 50_257];
+    let vocab = format!("grid.vocab={sizes:?}");
+    let plan = ["plan", "own.yaml", "--set", &vocab, "--set", "grid.budgets=[1e11]"];
+    let document = place.isoflop(&[&plan[..], &["--json"]].concat()).exits(0).json();
+    let runs = document["runs"].as_array().unwrap();
+    assert_eq!(runs.iter().map(|run| run["n_vocab"].clone()).collect::<Vec<_>>(), sizes);
+    assert_eq!(document["vocabularies"], serde_json::json!([]));
+    assert!(!place.isoflop(&plan).exits(0).stdout().contains("FSQ"));
+}
+
+#[test]
+fn a_trainer_that_says_too_much_fills_no_disk() {
+    let place = Place::trained_by(
+        r#"echo begun; yes "a long line of nothing" | head -c 30000000
+yes "and of errors" | head -c 30000000 >&2; printf 'no end of line'; echo ; echo over
+echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#,
+    );
+    place.isoflop(&["run", "own.yaml"]).exits(0);
+    let log = place.read(&format!("{}/log.txt", run_folder(&place)));
+    assert!(log.len() <= 16 << 20, "{} bytes", log.len());
+    let log = String::from_utf8(log).expect("UTF-8");
+    assert!(log.starts_with("begun\n") && log.contains("over\n"));
+    let left_out = log.split("[isoflop left out ").nth(1).expect("it says so");
+    let bytes: usize = left_out.split(' ').next().unwrap().parse().unwrap();
+    let all = bytes + log.len();
+    assert!(all.abs_diff(60_000_026) < 1_000_000, "{all} bytes");
 }
 
 #[test]
@@ -244,9 +280,18 @@ fn a_broken_trainer_is_stopped_after_one_run() {
     let ended = place.isoflop(&run).exits(1);
     let said = ended.stderr();
     let failures = said.lines().filter(|line| line.contains("failed [trainer]")).count();
-    let without = said.lines().filter(|line| line.contains("no result: the run failed")).count();
-    assert_eq!((failures, without), (1, 1), "{said}");
-    assert!(said.contains("and 4 more have no result"), "{said}");
+    assert_eq!(failures, 1, "{said}");
+    assert!(said.contains("and 4 more were not started: the run that tries the trainer"), "{said}");
+    assert!(said.contains("6 of 6 runs have no result (1 failed, 5 not started)"), "{said}");
+    for of_results in ["laws", "figure", "vocab_vs_nonvocab", "is left out"] {
+        assert!(!said.contains(of_results), "{of_results}: {said}");
+    }
+    assert!(ended.stdout().contains("no run is done yet"), "{}", ended.stdout());
+    let status = place.isoflop(&["status", "results/own", "--json"]).exits(0).json();
+    let counts = ["failed", "missing", "blocked"].map(|state| status["runs"][state].clone());
+    assert_eq!(counts, [1, 5, 5]);
+    let status = place.isoflop(&["status", "results/own"]).exits(0).stdout();
+    assert!(status.contains("5 runs not started"), "{status}");
     let tried = |place: &Place| {
         let runs = place.names("results/own/runs");
         let has = |id: &&String| place.path(&format!("results/own/runs/{id}/log.txt")).exists();

@@ -97,12 +97,22 @@ fn a_sweep_is_sized_to_the_data_and_the_time() {
     let place = Place::new();
     let synth = ["data", "synth", "--out", "made", "--clips", "40", "--val-clips", "4"];
     place.isoflop(&[&synth[..], &["--test-clips", "4"]].concat()).exits(0);
+    let checked = place.isoflop(&["data", "check", "made"]).exits(0).stdout();
+    assert!(
+        checked.contains("0 problems") && checked.contains("codes: the mean loss"),
+        "{checked}"
+    );
     let init = ["init", "study.yaml", "--data", "made", "--hours", "100"];
-    let said = place.isoflop(&init).exits(0).stdout();
-    assert!(said.contains("larger budgets would see made more than 4 times"), "{said}");
+    let ended = place.isoflop(&init).exits(0).says("laws of so little motion").says("with --hours");
+    let said = ended.says("small-test: the test split holds about").stdout();
     assert!(said.contains("next     isoflop run study.yaml"), "{said}");
     let text = String::from_utf8(place.read("study.yaml")).expect("UTF-8");
-    assert!(text.contains("seeds: [0, 1, 2]") && text.contains("path: \"made\""), "{text}");
+    assert!(
+        text.contains("seeds: [0, 1, 2]")
+            && text.contains("steps: 800, seeds: [0, 1, 2]")
+            && text.contains("path: \"made\""),
+        "{text}"
+    );
     let plan = place.isoflop(&["plan", "study.yaml", "--json"]).exits(0).json();
     let runs = plan["runs"].as_array().expect("runs");
     let budgets: std::collections::BTreeSet<String> =

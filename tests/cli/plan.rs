@@ -243,3 +243,19 @@ fn a_run_that_does_not_fit_on_the_card_is_refused_before_anything_runs() {
     ended.says("nothing was run").says("of 287 runs do not fit on one l4").says("24 GB");
     assert!(!place.path("results").exists());
 }
+
+#[test]
+fn what_will_be_in_doubt_of_the_minima_is_told_with_what_to_change() {
+    let place = Place::with("mini.yaml");
+    let models =
+        "grid.models=[{n_layer: 1, n_head: 1, d_model: 8}, {n_layer: 2, n_head: 1, d_model: 16}]";
+    let plan = ["plan", "mini.yaml", "--json", "--set", models];
+    let ended = place.isoflop(&plan).exits(0);
+    let ended = ended.says("gap: neighbouring sizes").says("depth-change: ").says("few-levels: ");
+    let document = ended.json();
+    for doubt in list(&document, "doubts") {
+        has_keys(doubt, &["kind", "what", "do", "budgets_flops"]);
+    }
+    assert_eq!(list(&document, "doubts")[0]["kind"], "gap");
+    assert!(list(&document, "warnings").iter().all(Value::is_string));
+}

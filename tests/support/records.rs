@@ -28,7 +28,8 @@ pub fn timeless(results: &Path) -> BTreeMap<String, RunRecord> {
 fn without_time(mut record: RunRecord) -> RunRecord {
     let Measured { wall_s, tokens_per_s, peak_bytes, .. } = &mut record.measured;
     assert!(wall_s.take().is_some() && tokens_per_s.take().is_some());
-    assert!(peak_bytes.take().is_some());
+    // A program of somebody's own need not tell its memory.
+    assert!(peak_bytes.take().is_some() || record.measured.device.as_deref() != Some("flex"));
     record
 }
 

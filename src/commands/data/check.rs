@@ -1,12 +1,14 @@
 //! `isoflop data check`: every file of a data set, and all that is wrong.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
-use isoflop::data::check_folder;
+use isoflop::data::{self, Split, check_folder};
+use isoflop::sweep::{DataSection, DataSource};
 use serde_json::json;
 
+use crate::commands::doubts::too_few;
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
 
@@ -20,7 +22,8 @@ pub struct CheckArgs {
 const TOLD: usize = 20;
 
 pub fn check(args: &CheckArgs, output: &Output) -> Result<Exit> {
-    let found = check_folder(&args.data);
+    let mut found = check_folder(&args.data);
+    found.remarks.extend(small_test(&args.data));
     let limit = if output.full { usize::MAX } else { TOLD };
     let list = |title: &str, lines: &[String]| {
         let mut text = if lines.is_empty() { String::new() } else { format!("{title}\n") };
@@ -42,4 +45,17 @@ pub fn check(args: &CheckArgs, output: &Output) -> Result<Exit> {
     );
     output.result(&json!(found), &text)?;
     Ok(if found.problems.is_empty() { Exit::Done } else { Exit::SomeRunsFailed })
+}
+
+/// Frames of a code, as most tokenizers have them.
+const FRAMES_PER_CODE: f64 = 4.0;
+
+/// On a test split that is too small to measure a loss; nothing of a folder that cannot be opened.
+fn small_test(path: &Path) -> Option<String> {
+    let path = Some(path.to_path_buf());
+    let section = DataSection { source: DataSource::HumanMl3d, path, ..DataSection::default() };
+    let source = data::open(&section, None).ok()?;
+    let frames = (0..source.n_clips(Split::Test)).map(|i| source.n_frames(Split::Test, i));
+    let [what, mend] = too_few(frames.sum::<usize>() as f64 / FRAMES_PER_CODE)?;
+    Some(format!("{what}; {mend}"))
 }

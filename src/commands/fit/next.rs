@@ -46,12 +46,10 @@ fn part(sweep: &Sweep, advice: &Advice) -> Result<GridPart> {
         let near = |entry: &&ModelEntry| (nonvocab(sweep, entry) / size).ln().abs() < SAME;
         tried.iter().find(near).cloned().map_or_else(|| model(sweep, *size), Ok)
     };
-    let quantizer = sweep.tokenizer.quantizer();
     let vocabulary = |v: &f64| {
-        let has = |entry: &&VocabSpec| {
-            entry.quantizer(&quantizer).is_ok_and(|own| own.n_vocab() as f64 == *v)
-        };
-        sweep.grid.vocab.iter().find(has).cloned().unwrap_or_else(|| codes(*v, &quantizer))
+        let has =
+            |entry: &&VocabSpec| sweep.quantizer(entry).is_ok_and(|own| own.n_vocab() as f64 == *v);
+        sweep.grid.vocab.iter().find(has).cloned().unwrap_or_else(|| codes(*v, sweep))
     };
     let models: Vec<ModelEntry> =
         advice.params_nonvocab.iter().map(entry).collect::<Result<_>>()?;

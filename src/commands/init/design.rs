@@ -1,9 +1,6 @@
 //! [`Design`]: a grid round where the optimum is expected.
 
-/// N_nv and N_v of the optimum at 1e11 FLOPs and their exponents in C, as this program's own studies of motion
-/// found them (`results/procedural-law`, `results/cmu-motion`): where to look, and no more.
-const NONVOCAB: (f64, f64) = (7.0e3, 0.45);
-const VOCAB: (f64, f64) = (2.6e4, 0.57);
+use crate::commands::expected;
 
 /// Budgets of a study, each twice the one before.
 const BUDGETS: i32 = 5;
@@ -14,10 +11,12 @@ const VOCAB_WITHIN: f64 = 3.0;
 /// Layers: one depth, so that sizes differ in width alone.
 const LAYERS: usize = 2;
 /// Widths a factor of about 1.25 apart: N_nv a factor of at most 1.6.
-const WIDTHS: [usize; 20] =
-    [6, 8, 10, 12, 14, 16, 20, 24, 28, 36, 44, 54, 64, 80, 96, 120, 144, 176, 216, 264];
+const WIDTHS: [usize; 30] = [
+    6, 8, 10, 12, 14, 16, 20, 24, 28, 36, 44, 54, 64, 80, 96, 120, 144, 176, 216, 264, 320, 392,
+    480, 576, 704, 864, 1056, 1296, 1584, 1920,
+];
 const SMALLEST_VOCAB: usize = 32;
-const LARGEST_VOCAB: usize = 16384;
+const LARGEST_VOCAB: usize = 65536;
 /// Vocabularies at least, so that one lies between two.
 const VOCABULARIES: usize = 3;
 
@@ -31,6 +30,8 @@ pub struct Design {
     /// Cells far from what is expected, as conditions.
     pub exclude: Vec<String>,
     pub seeds: Vec<u64>,
+    /// Of each vocabulary's tokenizer.
+    pub tokenizer_seeds: Vec<u64>,
 }
 
 impl Design {
@@ -62,7 +63,14 @@ impl Design {
             let below = below.then(|| format!("{here} and d_model < {low}"));
             below.into_iter().chain(above.then(|| format!("{here} and d_model > {high}")))
         });
-        Self { exclude: exclude.collect(), widths, vocab, budgets, seeds: vec![0] }
+        let exclude = exclude.collect();
+        Self { exclude, widths, vocab, budgets, seeds: vec![0], tokenizer_seeds: vec![0] }
+    }
+
+    /// The same with so many seeds of each run, and of each tokenizer.
+    pub fn with_seeds(self, [runs, tokenizers]: [u64; 2]) -> Self {
+        let (seeds, tokenizer_seeds) = ((0..runs).collect(), (0..tokenizers).collect());
+        Self { seeds, tokenizer_seeds, ..self }
     }
 
     /// D of the expected optimum of the largest budget.
@@ -79,9 +87,10 @@ impl Design {
     }
 }
 
-/// Heads of up to 128 channels, an even number each.
+/// The fewest heads of up to 128 channels, an even number each.
 fn heads(width: usize) -> usize {
-    width.div_ceil(128)
+    let is_good = |heads: &usize| width.is_multiple_of(2 * heads);
+    (width.div_ceil(128)..).find(is_good).unwrap_or(1)
 }
 
 /// Where the optimum of a budget is looked for.
@@ -93,8 +102,8 @@ struct Expected {
 
 impl Expected {
     fn at(budget: f64) -> Self {
-        let law = |(at, exponent): (f64, f64)| at * (budget / 1e11).powf(exponent);
-        let (params_nonvocab, params_vocab) = (law(NONVOCAB), law(VOCAB));
+        let law = expected::Expected::by_own_studies(budget);
+        let (params_nonvocab, params_vocab) = (law.params_nonvocab, law.params_vocab);
         let width = (params_nonvocab / (12 * LAYERS) as f64).sqrt();
         let tokens = budget / (6.0 * (params_nonvocab + params_vocab));
         Self { params_nonvocab, n_vocab: params_vocab / width, tokens }
@@ -155,9 +164,10 @@ mod tests {
 
     #[test]
     fn tiny_and_huge_budgets_still_have_three_sizes() {
-        for largest in [1e7, 1e9, 1e13, 1e15] {
+        for largest in [1e7, 1e9, 1e13, 1e15, 1e17] {
             let design = Design::up_to(largest, None);
             assert!(design.widths.len() >= 3, "{largest:e}: {:?}", design.widths);
         }
+        assert!(WIDTHS.iter().all(|width| width.is_multiple_of(2 * heads(*width))));
     }
 }

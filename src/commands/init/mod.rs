@@ -1,25 +1,29 @@
 //! `isoflop init`: a sweep file for one's data, sized to a time.
 
 mod design;
+mod fit_to;
 mod text;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::data::{self, DataFacts};
 use isoflop::files::atomic;
-use isoflop::jobs::{ResultsFolder, missing_jobs, probe};
+use isoflop::jobs::speed::Speed;
+use isoflop::jobs::{Job, all_jobs, probe};
 use isoflop::ops::DeviceName;
-use isoflop::plan::{Plan, demand};
+use isoflop::plan::{Plan, PlannedRun};
 use isoflop::sweep;
 use isoflop::units::quoted;
 use serde_json::json;
 
 use super::args::device;
+use super::doubts::{Doubt, doubts};
 use super::exit::Exit;
 use super::output::Output;
 use design::Design;
+use fit_to::{LEAST, Offer, Price, Terms};
 
 #[derive(Args)]
 pub struct InitArgs {
@@ -49,14 +53,8 @@ fn hours(text: &str) -> Result<f64, String> {
     sensible.then_some(hours).ok_or_else(|| "hours are above 0, and at most 10000".to_string())
 }
 
-/// The largest budget of the smallest sweep that is offered, FLOPs.
-const LEAST: f64 = 1.6e10;
-/// Doublings of it that are tried.
-const DOUBLINGS: i32 = 15;
 /// Times that the expected optimum of the largest budget may see the data.
 const EPOCHS: f64 = 4.0;
-/// Seeds of each run where there is time for them.
-const SEEDS: u64 = 3;
 
 pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
     if args.file.exists() && !args.overwrite {
@@ -66,28 +64,19 @@ pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
     let offer = desk.largest()?;
     let text = desk.text(&offer.design);
     atomic::write_bytes(&args.file, text.as_bytes())?;
-    let hours = offer.hours;
-    if let Some(epochs) = desk.epochs(&offer.design).filter(|epochs| *epochs > EPOCHS) {
-        output.warn(&format!(
-            "the optimum of the largest budget will see the data about {epochs:.0} times: laws of so little \
-             motion are laws of its repetition"
-        ));
-    }
-    if hours > args.hours {
-        output.warn(&format!("the smallest sweep that bears laws takes {hours:.1} hours"));
-    }
-    let Design { budgets, widths, vocab, seeds, .. } = &offer.design;
+    desk.warnings(&offer)?.iter().for_each(|line| output.warn(line));
+    let Price { hours, runs } = offer.price;
+    let Design { budgets, widths, vocab, seeds, tokenizer_seeds, .. } = &offer.design;
+    let bound_by = "larger budgets would take longer: --hours";
     let document = json!({
-        "file": args.file, "hours": hours, "runs": offer.runs, "budgets": budgets,
-        "d_model": widths, "vocab": vocab, "seeds": seeds, "bound_by": offer.bound_by,
+        "file": args.file, "hours": hours, "runs": runs, "budgets": budgets, "d_model": widths,
+        "vocab": vocab, "seeds": seeds, "tokenizer_seeds": tokenizer_seeds, "bound_by": bound_by,
     });
     let file = quoted(&args.file.display().to_string());
     let said = format!(
-        "{}: {} runs, about {} by a probe of this machine\n{}\nnext     isoflop run {file}",
+        "{}: {runs} runs, about {} by a probe of this machine\n{bound_by}\nnext     isoflop run {file}",
         args.file.display(),
-        offer.runs,
         duration(hours),
-        offer.bound_by
     );
     output.result(&document, &said)?;
     Ok(Exit::Done)
@@ -108,15 +97,6 @@ struct Desk<'a> {
     name: String,
     /// Those of the data set; `None` for the procedural motion, which has no end.
     facts: Option<DataFacts>,
-}
-
-/// A sweep that fits.
-struct Offer {
-    design: Design,
-    hours: f64,
-    runs: usize,
-    /// What keeps it from being larger.
-    bound_by: String,
 }
 
 impl<'a> Desk<'a> {
@@ -143,53 +123,69 @@ impl<'a> Desk<'a> {
         Some(design.most_tokens() / unique_tokens(facts) as f64)
     }
 
-    /// The largest sweep within the time and the data, with seeds where there is time for them.
-    fn largest(&self) -> Result<Offer> {
-        let unique = self.facts.as_ref().map(unique_tokens);
-        let design = |doublings: i32| Design::up_to(LEAST * 2f64.powi(doublings), unique);
-        let is_fresh =
-            |doublings: i32| self.epochs(&design(doublings)).is_none_or(|epochs| epochs <= EPOCHS);
-        let by_data = (0..=DOUBLINGS).rev().find(|doublings| is_fresh(*doublings)).unwrap_or(0);
-        let (mut best, mut cost) = (0, self.price(&design(0))?);
-        // Hours grow with each doubling, but not by a fixed factor: small models are slow.
-        let (mut low, mut high) = (0, by_data);
-        while low < high {
-            let middle = (low + high + 1) / 2;
-            let priced = self.price(&design(middle))?;
-            if priced.0 <= self.args.hours {
-                (best, cost, low) = (middle, priced, middle);
-            } else {
-                high = middle - 1;
-            }
+    /// What a person should know of an offer before it is run.
+    fn warnings(&self, offer: &Offer) -> Result<Vec<String>> {
+        let sweep = sweep::parse("init", &self.text(&offer.design), &[])?;
+        let facts = self.facts.clone().unwrap_or_else(|| DataFacts::absent(String::new()));
+        let plan = Plan::new(&sweep, facts);
+        let mut warnings: Vec<String> = doubts(&sweep, &plan).iter().map(Doubt::sentence).collect();
+        if let Some(epochs) = self.epochs(&offer.design).filter(|epochs| *epochs > EPOCHS) {
+            let less = offer.fresh_hours.map_or_else(String::new, |hours| {
+                format!("; with --hours {hours:.2} it is {EPOCHS} times")
+            });
+            warnings.push(format!(
+                "the optimum of the largest budget will see the data about {epochs:.0} times: laws of so \
+                 little motion are laws of its repetition{less}"
+            ));
         }
-        let mut design = design(best);
-        let bound_by = match (best == by_data && best < DOUBLINGS, &self.args.data) {
-            (true, Some(data)) => format!(
-                "larger budgets would see {} more than {EPOCHS} times: more data bear more",
-                data.display()
-            ),
-            _ => "larger budgets would take longer: --hours".to_string(),
-        };
-        if cost.0 * SEEDS as f64 <= self.args.hours {
-            design.seeds = (0..SEEDS).collect();
-            cost = self.price(&design)?;
+        if offer.price.hours > self.args.hours {
+            let hours = offer.price.hours;
+            warnings.push(format!("the smallest sweep that bears laws takes {hours:.1} hours"));
         }
-        Ok(Offer { design, hours: cost.0, runs: cost.1, bound_by })
+        Ok(warnings)
     }
 
-    /// Hours and runs.
-    fn price(&self, design: &Design) -> Result<(f64, usize)> {
-        let sweep = sweep::parse("init", &self.text(design), &[])?;
-        let facts = match &self.facts {
-            Some(facts) => facts.clone(),
-            None => DataFacts::of(&*data::open(&sweep.data, demand(&sweep).as_ref())?),
-        };
-        let plan = Plan::new(&sweep, facts);
-        let nowhere = ResultsFolder::new(Path::new("results").join(".init"));
-        let jobs = missing_jobs(&plan, &nowhere);
+    /// The largest sweep within the time.
+    fn largest(&self) -> Result<Offer> {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         let slots = self.args.jobs.map_or_else(cores, usize::from);
-        let device = self.args.device.open()?;
-        Ok((probe::hours(&jobs, &plan, &device, slots, None), plan.runs.len()))
+        let speed = self.speed(slots)?;
+        let price = |design: &Design| price(&self.text(design), &speed, slots);
+        let terms = Terms {
+            hours: self.args.hours,
+            unique_tokens: self.facts.as_ref().map(unique_tokens),
+            epochs: EPOCHS,
+            price: &price,
+        };
+        terms.largest()
+    }
+
+    /// How fast this machine trains the models that may be in a sweep, small and large.
+    fn speed(&self, slots: usize) -> Result<Speed> {
+        let plan = |budget: f64| plan(&self.text(&Design::up_to(budget, None)));
+        let plans = PROBED.into_iter().map(plan).collect::<Result<Vec<_>>>()?;
+        let runs: Vec<&PlannedRun> = plans.iter().flat_map(|plan| &plan.runs).collect();
+        Ok(probe::speed(&runs, &self.args.device.open()?, slots, PROBES))
     }
 }
+
+/// Sizes that are measured: they reach further than those of a plan.
+const PROBES: usize = 10;
+/// Largest budgets of the sweeps whose models are probed.
+const PROBED: [f64; 3] = [LEAST, 1e12, 1e14];
+
+/// A sweep's plan. What it costs does not depend on its data.
+fn plan(text: &str) -> Result<Plan> {
+    let sweep = sweep::parse("init", text, &[])?;
+    Ok(Plan::new(&sweep, DataFacts::absent(String::new())))
+}
+
+/// Hours and runs of a sweep at a speed.
+fn price(text: &str, speed: &Speed, slots: usize) -> Result<Price> {
+    let plan = plan(text)?;
+    let jobs: Vec<Job> = all_jobs(&plan).collect();
+    Ok(Price { hours: speed.hours(&jobs, &plan, slots), runs: plan.runs.len() })
+}
+
+#[cfg(test)]
+mod tests;

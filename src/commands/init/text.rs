@@ -17,6 +17,13 @@ pub fn text(name: &str, data: Option<&Path>, design: &Design) -> String {
     };
     let list = |values: Vec<String>| values.join(", ");
     let seeds = list(design.seeds.iter().map(u64::to_string).collect());
+    let of_tokenizers = match design.tokenizer_seeds[..] {
+        [_] => String::new(),
+        _ => {
+            let seeds = design.tokenizer_seeds.iter().map(u64::to_string).collect();
+            format!(", seeds: [{}]", list(seeds))
+        }
+    };
     let vocab = list(design.vocab.iter().map(usize::to_string).collect());
     let budgets = list(design.budgets.iter().map(|budget| written(*budget)).collect());
     let largest = design.budgets.last().copied().unwrap_or_default();
@@ -39,7 +46,7 @@ pub fn text(name: &str, data: Option<&Path>, design: &Design) -> String {
          # Captions as hashed n-grams; t5, clip, bert or llama read local weights.\n\
          text: {{encoder: hashed-ngrams, dim: 64, max_tokens: 32}}\n\
          # A tokenizer a vocabulary; `isoflop tokenizer eval` compares them with k-means.\n\
-         tokenizer: {{kind: patch, steps: 800}}\n\
+         tokenizer: {{kind: patch, steps: 800{of_tokenizers}}}\n\
          # autoregressive, scalewise or masked; a list makes it an axis of the grid.\n\
          generator: autoregressive\n\
          grid:\n  # One depth and sizes a factor of 1.6 apart at most: a gap or a change of depth puts a minimum in doubt.\n  \

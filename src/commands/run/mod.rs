@@ -31,8 +31,14 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
         output,
         |_| true,
         |open, summary| {
+            if summary.has_results() {
+                analyse::finish(&open.folder, output)?;
+                return Ok(summary.tell(output));
+            }
+            // Why there is nothing comes before all else.
+            let exit = summary.tell(output);
             analyse::finish(&open.folder, output)?;
-            Ok(summary.tell(output))
+            Ok(exit)
         },
     )
 }

@@ -7,8 +7,8 @@ use anyhow::Result;
 use isoflop::engine::{JobEnd, JobReport};
 use isoflop::failure::Failure;
 use isoflop::jobs::{Job, all_jobs};
-use isoflop::jobs::{JobId, JobState, ResultsFolder};
-use isoflop::plan::Plan;
+use isoflop::jobs::{JobId, JobKind, JobState, ResultsFolder};
+use isoflop::plan::{Plan, PlannedRun};
 
 use super::args::RunArgs;
 use crate::commands::command_line::CommandLine;
@@ -37,31 +37,60 @@ impl<'a> Summary<'a> {
         Ok(Self { plan, folder, reports, command: CommandLine::of(args)? })
     }
 
+    fn state(&self, run: &PlannedRun) -> JobState {
+        self.folder.state(&JobId::run(&run.run_id))
+    }
+
+    /// Whether a run of the plan is done.
+    pub fn has_results(&self) -> bool {
+        self.plan.runs.iter().any(|run| self.state(run) == JobState::Done)
+    }
+
     /// Every failure, then every run without a record with its reason, and how to try again.
     pub fn tell(&self, output: &Output) -> Exit {
         self.failures(output);
-        let done = |id: &str| self.folder.state(&JobId::run(id)) == JobState::Done;
-        let lost: Vec<_> = self.plan.runs.iter().filter(|run| !done(&run.run_id)).collect();
+        let done = |run: &PlannedRun| self.state(run) == JobState::Done;
+        let lost: Vec<_> = self.plan.runs.iter().filter(|run| !done(run)).collect();
         if lost.is_empty() {
             let failed = |job: Job| self.folder.state(&job.id) == JobState::Failed;
             let failed = all_jobs(self.plan).any(failed);
             return if failed { Exit::SomeRunsFailed } else { Exit::Done };
         }
         let needs = Needs::of(self.plan);
-        let reasons = lost
-            .iter()
-            .filter_map(|run| Some((self.reason(&run.run_id, &needs)?, run.spec.label())));
-        for (reason, labels) in together(reasons) {
-            let have = if labels.len() == 1 { "has" } else { "have" };
-            output.warn(&format!("{} {have} no result: {reason}", several(&labels)));
+        let reasons = lost.iter().filter_map(|run| {
+            let is_begun = self.state(run) != JobState::Missing;
+            Some(((is_begun, self.reason(&run.run_id, &needs)?), run.spec.label()))
+        });
+        for ((is_begun, reason), labels) in together(reasons) {
+            let what = match (is_begun, labels.len()) {
+                (true, 1) => "has no result",
+                (true, _) => "have no result",
+                (false, 1) => "was not started",
+                (false, _) => "were not started",
+            };
+            output.warn(&format!("{} {what}: {reason}", several(&labels)));
         }
         output.warn(&format!(
-            "{} of {} runs have no result; to try them again: {}",
+            "{} of {} runs have no result ({}); to try them again: {}",
             lost.len(),
             self.plan.runs.len(),
+            self.counts(&lost),
             self.command.retry()
         ));
         Exit::SomeRunsFailed
+    }
+
+    /// `1 failed, 5 not started`: what became of the runs without a result.
+    fn counts(&self, lost: &[&PlannedRun]) -> String {
+        let count = |state| lost.iter().filter(|run| self.state(run) == state).count();
+        let counts = [
+            (count(JobState::Failed), "failed"),
+            (count(JobState::Missing), "not started"),
+            (count(JobState::Started), "begun and not finished"),
+        ];
+        let counts = counts.iter().filter(|(n, _)| *n > 0);
+        let said: Vec<String> = counts.map(|(n, what)| format!("{n} {what}")).collect();
+        said.join(", ")
     }
 
     /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it; those
@@ -99,9 +128,11 @@ impl<'a> Summary<'a> {
             return None;
         }
         for need in needs.all_of(&run) {
-            if let Ok(Some(failure)) = self.folder.failure(&need) {
-                return Some(format!("{} failed: {}", need.kind.role(), failure.reason));
+            let Ok(Some(failure)) = self.folder.failure(&need) else { continue };
+            if need.kind == JobKind::goal() {
+                return Some("the run that tries the trainer failed (trainer.canary)".to_string());
             }
+            return Some(format!("{} failed: {}", need.kind.role(), failure.reason));
         }
         let report = self.reports.iter().find(|report| report.job.id == run);
         Some(match report.map(|report| &report.end) {

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use anyhow::{Result, bail};
 use isoflop::predict::Prediction;
-use isoflop::spec::QuantizerSection;
 use isoflop::sweep::{
     Clips, GridSection, HoldOutSpec, ModelEntry, ModelList, Origin, Sweep, VocabSpec,
 };
@@ -26,13 +25,11 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
     let sizes = [size / SIZE_STEP, size, size * SIZE_STEP];
     let sizes: Vec<ModelEntry> =
         sizes.iter().map(|size| model(sweep, *size)).collect::<Result<_>>()?;
-    let quantizer = sweep.tokenizer.quantizer();
-    let vocabularies =
-        [vocab / VOCAB_STEP, vocab, vocab * VOCAB_STEP].map(|v| codes(v, &quantizer));
+    let vocabularies = [vocab / VOCAB_STEP, vocab, vocab * VOCAB_STEP].map(|v| codes(v, sweep));
     let mut own = sweep.clone();
     own.name = name.to_string();
     own.grid = GridSection {
-        exclude: corners(&sizes, &vocabularies, &quantizer)?,
+        exclude: corners(&sizes, &vocabularies, sweep)?,
         models: ModelList::List(distinct(sizes)),
         vocab: distinct(vocabularies.to_vec()),
         budgets: vec![forecast.budget_flops],
@@ -54,12 +51,8 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
 }
 
 /// A cell lies on the cross through the middle: what is off it on both axes is left out.
-fn corners(
-    sizes: &[ModelEntry],
-    vocabularies: &[VocabSpec],
-    quantizer: &QuantizerSection,
-) -> Result<Vec<String>> {
-    let n_vocab = vocabularies[1].quantizer(quantizer)?.n_vocab();
+fn corners(sizes: &[ModelEntry], vocabularies: &[VocabSpec], sweep: &Sweep) -> Result<Vec<String>> {
+    let n_vocab = sweep.quantizer(&vocabularies[1])?.n_vocab();
     let d_model = sizes[1].d_model;
     let sides = ["<", ">"];
     let pairs = sides.iter().flat_map(|size| sides.map(|vocab| (size, vocab)));

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -15,11 +15,39 @@ use crate::progress::Beat;
 /// Shows how far a sweep is.
 pub struct Display {
     how: How,
-    started: Instant,
+    /// Seconds to the end, as the folder tells.
+    time_left: TimeLeft,
+    estimate: Mutex<Estimate>,
     /// FLOPs of all jobs.
     total: f64,
     progress: Mutex<Progress>,
     jobs: usize,
+}
+
+type TimeLeft = Box<dyn Fn() -> Option<f64> + Send + Sync>;
+
+/// The last estimate, when it was made, and how long that took.
+#[derive(Default)]
+struct Estimate {
+    seconds: Option<f64>,
+    made: Option<(Instant, Duration)>,
+}
+
+/// Time between two estimates, at least; it is many times what making one takes.
+const EVERY: Duration = Duration::from_secs(2);
+const TIMES: u32 = 50;
+
+impl Estimate {
+    fn seconds(&mut self, time_left: &TimeLeft) -> Option<f64> {
+        let is_due = |(at, took): (Instant, Duration)| at.elapsed() > EVERY.max(TIMES * took);
+        if self.made.is_none_or(is_due) {
+            let began = Instant::now();
+            self.seconds = time_left();
+            self.made = Some((Instant::now(), began.elapsed()));
+        }
+        let age = self.made.map_or(0.0, |(at, _)| at.elapsed().as_secs_f64());
+        self.seconds.map(|seconds| (seconds - age).max(0.0))
+    }
 }
 
 #[derive(Default)]
@@ -46,11 +74,17 @@ impl Display {
         };
         Self {
             how,
-            started: Instant::now(),
+            time_left: Box::new(|| None),
+            estimate: Mutex::default(),
             total: jobs.iter().map(|job| job.cost).sum(),
             progress: Mutex::default(),
             jobs: jobs.len(),
         }
+    }
+
+    /// The same, with the time that is left.
+    pub fn with_time_left(self, left: impl Fn() -> Option<f64> + Send + Sync + 'static) -> Self {
+        Self { time_left: Box::new(left), ..self }
     }
 
     /// Shows nothing.
@@ -144,13 +178,14 @@ impl Display {
         }
     }
 
-    /// `, 3 min left`, by the FLOPs that are done and to do.
+    /// `, 3 min left`, until all has ended.
     fn eta(&self) -> String {
-        let share = self.share();
-        if !(0.01..1.0).contains(&share) {
+        if self.lock().jobs_ended == self.jobs {
             return String::new();
         }
-        format!(", {}", left(self.started.elapsed().as_secs_f64() * (1.0 - share) / share))
+        let mut estimate = self.estimate.lock().expect("nothing panics while it holds this");
+        let seconds = estimate.seconds(&self.time_left);
+        seconds.filter(|s| *s > 0.0).map_or_else(String::new, |s| format!(", {}", left(s)))
     }
 }
 

@@ -1,5 +1,6 @@
 //! [`Local`]: processes of this machine, until all is done.
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -13,14 +14,18 @@ use super::processes::LocalProcesses;
 use super::timeline::{Spent, Timeline};
 use crate::engine::contract::{Brought, Engine, Session};
 use crate::engine::{Cancelled, SweepRequest, Tell};
+use crate::jobs::history::{self, Finished, known};
 use crate::jobs::presence::{ask_no_more, ask_to_end, is_held, stop_when_asked};
-use crate::jobs::{Job, JobState, ResultsFolder};
+use crate::jobs::{Job, JobId, JobState, ResultsFolder, probe, time_left};
 use crate::machine::memory;
 use crate::plan::PlannedRun;
 use crate::progress::stop_on_signals;
 
 /// Processes of this machine, until all is done.
 pub struct Local;
+
+/// FLOPs of jobs that take a minute or more.
+const WORTH_A_PROBE: f64 = 1e12;
 
 /// Far longer than a step and a checkpoint take.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -98,7 +103,11 @@ impl Session for Here<'_> {
         };
         let stop = stop_on_signals()?;
         stop_when_asked(folder, &stop);
-        let display = Display::new(&jobs, slots, tell.is_quiet());
+        self.note_speed(&jobs, slots)?;
+        let wanted: HashSet<JobId> = jobs.iter().map(|job| job.id.clone()).collect();
+        let own = folder.clone();
+        let left = move || time_left(&own, slots, &|id| wanted.contains(id)).ok().flatten();
+        let display = Display::new(&jobs, slots, tell.is_quiet()).with_time_left(left);
         let timeline = Timeline::open(folder)?;
         let pool = LocalPool {
             runner: &runner,
@@ -118,6 +127,18 @@ impl Session for Here<'_> {
 }
 
 impl Here<'_> {
+    /// Measures how fast this machine is, where nothing in the folder tells and it is worth a second.
+    fn note_speed(&self, jobs: &[Job], slots: usize) -> Result<()> {
+        let SweepRequest { plan, folder, device, .. } = *self.0;
+        let is_long = jobs.iter().map(|job| job.cost).sum::<f64>() > WORTH_A_PROBE;
+        let is_built_in = plan.runs.iter().all(|run| run.spec.trainer.is_none());
+        if !is_long || !is_built_in || known(folder, &Finished::of(plan, folder)).is_some() {
+            return Ok(());
+        }
+        let speed = probe::speed_of(jobs, plan, &device.open()?, slots);
+        Ok(history::note(folder, &speed)?)
+    }
+
     /// Memory for all jobs together; a job that wants more than that is named.
     fn memory_bytes(&self, jobs: &[Job]) -> Option<u64> {
         let bytes = self.0.memory_bytes.or_else(memory::available)?;

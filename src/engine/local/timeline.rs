@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::engine::runner::JobEnd;
 use crate::files::FileError;
 use crate::jobs::Job;
+use crate::jobs::history::SCHEDULE;
 use crate::jobs::{JobId, ResultsFolder};
 
 /// One start of a job and its end.
@@ -67,7 +68,7 @@ impl Timeline {
     /// # Errors
     /// The folder cannot be written to.
     pub fn open(folder: &ResultsFolder) -> Result<Self, FileError> {
-        let path = folder.file("schedule.jsonl");
+        let path = folder.file(SCHEDULE);
         let sessions = std::fs::read_to_string(&path).map_or(0, |text| {
             let last = text.lines().rev().find_map(|line| serde_json::from_str(line).ok());
             last.map_or(0, |last: Stretch| last.session + 1)

@@ -47,7 +47,7 @@ impl Estimates {
     pub fn of_probe(plan: &Plan, device: &Device) -> Self {
         let jobs = JobKind::goal().jobs(plan);
         let flops: f64 = jobs.iter().map(|job| job.cost).sum();
-        let seconds = 3600.0 * probe::hours(&jobs, plan, device, 1, None);
+        let seconds = 3600.0 * probe::speed_of(&jobs, plan, device, 1).hours(&jobs, plan, 1);
         let flops_per_second = if seconds > 0.0 { flops / seconds } else { f64::INFINITY };
         Self { flops_per_second, source: "measured here by a few steps" }
     }

@@ -4,6 +4,7 @@
 //! outlives the worker, forwards its progress, and checks what it leaves (`result.json`).
 
 mod guard;
+mod log;
 mod process;
 mod result;
 mod spec;

@@ -12,6 +12,7 @@ use nix::sys::signal::Signal;
 
 use crate::failure::{Failure, FailureKind};
 use crate::jobs::program::guard::{DONE, LOCK, MARK, READY};
+use crate::jobs::program::log::bound;
 use crate::machine::oom::Kills;
 use crate::progress::Stop;
 use crate::progress::{Beat, Said};
@@ -20,6 +21,8 @@ use crate::progress::{Beat, Said};
 const POLL: Duration = Duration::from_millis(10);
 /// Between two forwarded beats.
 const BEAT: Duration = Duration::from_millis(100);
+/// Bytes of its output that are copied at once.
+const AT_ONCE: u64 = 1 << 16;
 /// Time for the last lines to arrive after the program's end.
 const LAST_LINES: Duration = Duration::from_secs(2);
 
@@ -38,12 +41,13 @@ pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<O
         }
     };
     let lines = forward(child.stdout.take().expect("stdout is piped"));
-    let ended = follow(&mut child, &mut guard, stop);
+    let ended = follow(&mut child, &mut guard, place, stop);
     guard.finish()?;
     let waited = Instant::now();
     while !lines.is_finished() && waited.elapsed() < LAST_LINES {
         sleep(POLL);
     }
+    bound(place);
     let status = ended?;
     let sentence = || format!("the trainer `{}` ended with {status}", words[0]);
     Ok((!status.success()).then(|| Failure::new(kind(status, &kills), sentence())))
@@ -73,9 +77,10 @@ fn start(words: &[String], guard: &Guard) -> io::Result<Child> {
     command.process_group(guard.child.id() as i32).spawn()
 }
 
-/// Waits for the program's end; a stop makes the guard end it.
-fn follow(child: &mut Child, guard: &mut Guard, stop: &Stop) -> Result<ExitStatus> {
+/// Waits for the program's end and keeps its log in bounds; a stop makes the guard end it.
+fn follow(child: &mut Child, guard: &mut Guard, place: &Path, stop: &Stop) -> Result<ExitStatus> {
     loop {
+        bound(place);
         if let Some(status) = child.try_wait().context("waiting for the trainer")? {
             return Ok(status);
         }
@@ -90,12 +95,12 @@ fn follow(child: &mut Child, guard: &mut Guard, stop: &Stop) -> Result<ExitStatu
     }
 }
 
-/// Copies lines to the log, and prints those that are beats.
+/// Copies lines to the log, and prints those that are beats. A line without an end is copied in parts.
 fn forward(output: impl Read + Send + 'static) -> JoinHandle<()> {
     std::thread::spawn(move || {
         let (mut reader, mut line, mut last) =
             (BufReader::new(output), Vec::new(), None::<Instant>);
-        while reader.read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
+        while (&mut reader).take(AT_ONCE).read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
             let _ = io::stderr().write_all(&line);
             let due = last.is_none_or(|last| last.elapsed() > BEAT);
             if let (true, Ok(beat)) = (due, serde_json::from_slice::<Beat>(&line)) {

@@ -48,7 +48,7 @@ pub struct TrainerResult {
     /// By default the time that the program ran since it was last started.
     pub wall_s: Option<f64>,
     pub tokens_per_s: Option<f64>,
-    /// By default the plan's estimate for the built-in trainer.
+    /// Not known where it is left out.
     pub peak_bytes: Option<f64>,
     /// What it computed on, `custom` by default.
     pub device: Option<String>,

@@ -1,17 +1,18 @@
 //! [`Look`]: what the folders of all jobs tell, beside the plan.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use rayon::prelude::*;
 use serde::Deserialize;
 
 use super::sweep_state::{Counts, FailedJob, Running, SweepState};
 use crate::files::read_if_there;
+use crate::jobs::history::{Finished, costs, known};
 use crate::jobs::presence::{self, is_locked};
+use crate::jobs::speed::{Speed, seconds_left};
 use crate::jobs::{Job, JobId, JobKind, JobState, ResultsFolder};
 use crate::plan::RunSpec;
 use crate::progress::{Beat, progress};
-use crate::record::flops_per_second;
 use crate::sweep::Stage;
 
 /// Records that are read for the rate: as many tell it as well as all.
@@ -30,6 +31,19 @@ pub struct PlannedRun {
     /// As `tokens 8a0f68a1`.
     pub needs: Vec<String>,
     pub own_flops: f64,
+    pub trunk_id: Option<String>,
+    #[serde(default)]
+    params_nonvocab: usize,
+    #[serde(default)]
+    params_vocab: usize,
+    #[serde(default)]
+    params_text: usize,
+}
+
+impl PlannedRun {
+    fn params(&self) -> usize {
+        self.params_nonvocab + self.params_vocab + self.params_text
+    }
 }
 
 /// What a look at a job's folder tells.
@@ -38,16 +52,21 @@ enum Seen {
     At(JobState),
     /// The share that its checkpoint holds.
     Started(f64),
-    Running(Option<Beat>),
+    /// What it last said, and the share that its checkpoint holds.
+    Running(Option<Beat>, f64),
 }
 
 fn see(folder: &ResultsFolder, job: &JobId) -> Seen {
     let state = folder.state(job);
     let unfinished = matches!(state, JobState::Missing | JobState::Started);
     let place = folder.job(job);
+    let share_done = || job.kind.share_done(folder, &job.id);
     match state {
-        _ if unfinished && is_locked(&place) => Seen::Running(progress(&place)),
-        JobState::Started => Seen::Started(job.kind.share_done(folder, &job.id)),
+        _ if unfinished && is_locked(&place) => match progress(&place) {
+            Some(beat) => Seen::Running(Some(beat), 0.0),
+            None => Seen::Running(None, share_done()),
+        },
+        JobState::Started => Seen::Started(share_done()),
         state => Seen::At(state),
     }
 }
@@ -73,11 +92,11 @@ impl<'a> Look<'a> {
     pub fn state(&self) -> SweepState {
         let lost = self.lost();
         let running = self.running();
-        let (sum, longest) =
-            self.to_do(&lost).fold((0.0, 0.0_f64), |(s, l), cost| (s + cost, l.max(cost)));
-        let (rate, mut warnings) = self.flops_per_second();
+        let (finished, mut warnings) = self.finished();
+        let speed = known(self.folder, &finished);
         let failures = self.failures(&mut warnings);
-        let at_once = running.len() as f64;
+        let all = |_: &JobId| true;
+        let left = |slots| speed.as_ref().map(|speed| self.seconds_left(speed, &lost, slots, &all));
         SweepState {
             at_work: presence::is_held(self.folder),
             scheduler: presence::scheduler(self.folder),
@@ -87,12 +106,28 @@ impl<'a> Look<'a> {
             warnings,
             flops_total: self.trained(|_| 1.0),
             flops_done: self.trained(done),
-            job_seconds_left: rate.map(|rate| sum / rate),
-            eta_s: rate
-                .filter(|_| !running.is_empty())
-                .map(|rate| (sum / at_once).max(longest) / rate),
+            job_seconds_left: left(1),
+            eta_s: left(running.len()).filter(|_| !running.is_empty()),
             running,
         }
+    }
+
+    /// Seconds until what is wanted and can still be done is done on `slots` slots; `None` if it is not known how
+    /// fast runs are.
+    pub fn time_left(&self, slots: usize, wanted: &dyn Fn(&JobId) -> bool) -> Option<f64> {
+        let speed = known(self.folder, &self.finished().0)?;
+        Some(self.seconds_left(&speed, &self.lost(), slots, wanted))
+    }
+
+    fn seconds_left(
+        &self,
+        speed: &Speed,
+        lost: &HashSet<JobId>,
+        slots: usize,
+        wanted: &dyn Fn(&JobId) -> bool,
+    ) -> f64 {
+        let to_do = self.to_do(lost, wanted);
+        seconds_left(to_do.map(|(cost, params)| speed.seconds(cost, params)), slots)
     }
 
     fn seen_runs(&self) -> impl Iterator<Item = (&PlannedRun, Seen)> {
@@ -104,18 +139,23 @@ impl<'a> Look<'a> {
     }
 
     /// What failed, and what needs it: the plan has every input after what it needs.
-    fn lost(&self) -> HashSet<&JobId> {
+    fn lost(&self) -> HashSet<JobId> {
         let mut lost = HashSet::new();
         for (job, seen) in self.seen_inputs() {
             let orphan = open(seen) && job.needs.iter().any(|need| lost.contains(need));
             if orphan || seen == Seen::At(JobState::Failed) {
-                lost.insert(&job.id);
+                lost.insert(job.id.clone());
             }
         }
+        // A run that tries the trainer for all others.
+        let needed: HashSet<&String> = self.plan.runs.iter().flat_map(|run| &run.needs).collect();
+        let failed = self.seen_runs().filter(|(_, seen)| *seen == Seen::At(JobState::Failed));
+        let failed = failed.map(|(run, _)| JobId::run(run.run_id.as_str()));
+        lost.extend(failed.filter(|run| needed.contains(&run.to_string())));
         lost
     }
 
-    fn count_inputs(&self, lost: &HashSet<&JobId>) -> BTreeMap<JobKind, Counts> {
+    fn count_inputs(&self, lost: &HashSet<JobId>) -> BTreeMap<JobKind, Counts> {
         let mut counts: BTreeMap<JobKind, Counts> = BTreeMap::new();
         for (job, seen) in self.seen_inputs() {
             let blocked = open(seen) && lost.contains(&job.id);
@@ -124,7 +164,7 @@ impl<'a> Look<'a> {
         counts
     }
 
-    fn count_runs(&self, lost: &HashSet<&JobId>) -> Counts {
+    fn count_runs(&self, lost: &HashSet<JobId>) -> Counts {
         let mut counts = Counts::default();
         for (run, seen) in self.seen_runs() {
             add(&mut counts, seen, open(seen) && is_blocked(run, lost));
@@ -132,12 +172,29 @@ impl<'a> Look<'a> {
         counts
     }
 
-    /// What is left of each job that can still be done.
-    fn to_do(&self, lost: &HashSet<&JobId>) -> impl Iterator<Item = f64> {
-        let inputs = self.seen_inputs().filter(|(job, _)| !lost.contains(&job.id));
-        let runs = self.seen_runs().filter(|(run, _)| !is_blocked(run, lost));
-        let inputs = inputs.map(|(job, seen)| job.cost * left(seen));
-        inputs.chain(runs.map(|(run, seen)| run.own_flops * left(seen)))
+    /// What is left of the cost of each job that can still be done, and the parameters of the generator that it
+    /// trains.
+    fn to_do(
+        &self,
+        lost: &HashSet<JobId>,
+        wanted: &dyn Fn(&JobId) -> bool,
+    ) -> impl Iterator<Item = (f64, Option<usize>)> {
+        let of_trunks = self.params_of_trunks();
+        let is_wanted = |run: &PlannedRun| wanted(&JobId::run(run.run_id.as_str()));
+        let inputs = self.seen_inputs();
+        let inputs = inputs.filter(|(job, _)| wanted(&job.id) && !lost.contains(&job.id));
+        let runs = self.seen_runs();
+        let runs = runs.filter(move |(run, _)| is_wanted(run) && !is_blocked(run, lost));
+        let inputs = inputs.map(move |(job, seen)| {
+            (job.cost * left(seen), of_trunks.get(job.id.id.as_str()).copied())
+        });
+        inputs.chain(runs.map(|(run, seen)| (run.own_flops * left(seen), Some(run.params()))))
+    }
+
+    /// A trunk's generator is that of the runs that branch off.
+    fn params_of_trunks(&self) -> HashMap<&str, usize> {
+        let of = |run: &'a PlannedRun| Some((run.trunk_id.as_deref()?, run.params()));
+        self.plan.runs.iter().filter_map(of).collect()
     }
 
     /// FLOPs of runs and trunks, each weighed by how far it is.
@@ -148,9 +205,9 @@ impl<'a> Look<'a> {
     }
 
     fn running(&self) -> Vec<Running> {
-        let at_work = |seen| matches!(seen, Seen::Running(_));
+        let at_work = |seen| matches!(seen, Seen::Running(..));
         let running = |(id, label, seen)| match seen {
-            Seen::Running(progress) => Running { id, label, progress },
+            Seen::Running(progress, _) => Running { id, label, progress },
             _ => unreachable!("only those at work are asked for"),
         };
         self.named(at_work).into_iter().map(running).collect()
@@ -181,19 +238,18 @@ impl<'a> Look<'a> {
         named
     }
 
-    /// FLOPs a second of one job, from finished runs spread over the plan, and what was wrong with
-    /// their records.
-    fn flops_per_second(&self) -> (Option<f64>, Vec<String>) {
-        let finished = self.seen_runs().filter(|(_, seen)| *seen == Seen::At(JobState::Done));
-        let finished: Vec<&PlannedRun> = finished.map(|(run, _)| run).collect();
-        let (mut records, mut warnings) = (Vec::new(), Vec::new());
-        for run in finished.iter().step_by(finished.len().div_ceil(RATE_SAMPLE).max(1)) {
+    /// What is done of runs, spread over the plan, and of other jobs; and what was wrong with their records.
+    fn finished(&self) -> (Finished, Vec<String>) {
+        let done = self.seen_runs().filter(|(_, seen)| *seen == Seen::At(JobState::Done));
+        let done: Vec<&PlannedRun> = done.map(|(run, _)| run).collect();
+        let (mut runs, mut warnings) = (Vec::new(), Vec::new());
+        for run in done.iter().step_by(done.len().div_ceil(RATE_SAMPLE).max(1)) {
             match self.folder.record(&run.run_id) {
-                Ok(record) => records.extend(record),
+                Ok(record) => runs.extend(record.map(|record| (run.params(), record))),
                 Err(error) => warnings.push(error.to_string()),
             }
         }
-        (flops_per_second(records), warnings)
+        (Finished { runs, inputs: costs(&self.plan.inputs) }, warnings)
     }
 }
 
@@ -205,7 +261,7 @@ fn add(counts: &mut Counts, seen: Seen, blocked: bool) {
         Seen::At(JobState::Failed) => &mut counts.failed,
         Seen::At(JobState::Started) | Seen::Started(_) => &mut counts.started,
         Seen::At(JobState::Missing) => &mut counts.missing,
-        Seen::Running(_) => &mut counts.running,
+        Seen::Running(..) => &mut counts.running,
     } += 1;
 }
 
@@ -214,7 +270,7 @@ fn open(seen: Seen) -> bool {
 }
 
 /// Whether something that a run needs will not come.
-fn is_blocked(run: &PlannedRun, lost: &HashSet<&JobId>) -> bool {
+fn is_blocked(run: &PlannedRun, lost: &HashSet<JobId>) -> bool {
     lost.iter().any(|id| run.needs.contains(&id.to_string()))
 }
 
@@ -222,9 +278,9 @@ fn is_blocked(run: &PlannedRun, lost: &HashSet<&JobId>) -> bool {
 fn done(seen: Seen) -> f64 {
     match seen {
         Seen::At(JobState::Done) => 1.0,
-        Seen::Running(Some(beat)) => (beat.step as f64 / beat.steps.max(1) as f64).min(1.0),
-        Seen::Started(share) => share,
-        Seen::At(_) | Seen::Running(None) => 0.0,
+        Seen::Running(Some(beat), _) => (beat.step as f64 / beat.steps.max(1) as f64).min(1.0),
+        Seen::Running(None, share) | Seen::Started(share) => share,
+        Seen::At(_) => 0.0,
     }
 }
 

@@ -7,7 +7,9 @@ use serde_json::json;
 use super::*;
 use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::write_json;
-use crate::jobs::{JobId, JobKind};
+use crate::jobs::JobKind;
+use crate::jobs::history;
+use crate::jobs::speed::Speed;
 use crate::progress::Beat;
 
 /// A folder whose plan has runs of 1, 2, 3, … FLOPs named `0`, `1`, `2`, …
@@ -65,4 +67,27 @@ fn runs_of_a_failed_tokenizer_are_told_from_those_to_come() {
     assert_eq!(tokens, Counts { missing: 1, blocked: 1, ..Counts::default() });
     assert_eq!(state.failures[0].reason, failure.reason);
     assert_eq!(state.failures[0].failure_kind, FailureKind::Diverged);
+}
+
+#[test]
+fn one_estimate_counts_tokenizers_and_checkpoints_right_after_a_resume() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = planned(&place, 3);
+    let all = |_: &JobId| true;
+    assert_eq!(time_left(&folder, 1, &all).unwrap(), None, "nothing tells how fast runs are");
+    history::note(&folder, &Speed::new(vec![(1.0, 0.5)], 0.25)).unwrap();
+    // Runs of 1, 2 and 3 FLOPs at a half a second; a tokenizer and its codes of 1 each at a quarter.
+    let estimate = |slots| time_left(&folder, slots, &all).unwrap().unwrap();
+    assert_eq!([estimate(1), estimate(2)], [12.0 + 8.0, 10.0]);
+    assert_eq!(sweep_state(&folder).unwrap().unwrap().job_seconds_left, Some(20.0));
+    let runs_alone = |id: &JobId| id.kind == JobKind::goal();
+    assert_eq!(time_left(&folder, 1, &runs_alone).unwrap(), Some(12.0));
+    // A run that was stopped half way, and is at work again.
+    fs::create_dir_all(folder.run("2").join("checkpoint")).unwrap();
+    let beat = Beat { step: 2, steps: 4, loss: 2.0, train_s: 0.0, tokens_per_s: None };
+    crate::progress::note_progress(&folder.run("2"), &beat);
+    let lock = File::create(folder.run("2").join(".lock")).unwrap();
+    lock.try_lock().unwrap();
+    let state = sweep_state(&folder).unwrap().unwrap();
+    assert_eq!((state.eta_s, estimate(1)), (Some(17.0), 17.0));
 }

@@ -117,6 +117,20 @@ impl QuantizerSection {
         }
     }
 
+    /// The quantizer whose codebooks have so many codes, whatever their kind: FSQ's levels bind no codes but
+    /// those of a tokenizer.
+    ///
+    /// # Errors
+    /// Fewer codes than two, or too many to count.
+    pub fn of_codes(&self, n: usize) -> Result<QuantizerSpec, VocabularyError> {
+        match self.codebook_kind() {
+            CodebookKind::Vq => self.of_size(n),
+            CodebookKind::Fsq => {
+                self.of_codebooks(vec![CodebookSpec::Vq { n_vocab: n }; self.n_codebooks()])
+            }
+        }
+    }
+
     /// The quantizer whose codebooks have these levels.
     ///
     /// # Errors

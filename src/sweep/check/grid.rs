@@ -89,7 +89,7 @@ fn vocab(sweep: &Sweep) -> Vec<Problem> {
         return Vec::new();
     }
     let wrong = |(i, entry): (usize, &VocabSpec)| {
-        let VocabularyError { problem, help } = entry.quantizer(&section).err()?;
+        let VocabularyError { problem, help } = sweep.quantizer(entry).err()?;
         let problem = Problem::value(format!("grid.vocab[{i}]"), problem);
         Some(help.into_iter().fold(problem, Problem::with_help))
     };

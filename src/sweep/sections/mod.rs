@@ -20,7 +20,10 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::spec::{EvaluatorSection, GeneratorKind, ScoresSpec, TextSpec, TokenizerSection};
+use crate::spec::{
+    EvaluatorSection, GeneratorKind, QuantizerSpec, ScoresSpec, TextSpec, TokenizerSection,
+    VocabularyError,
+};
 
 /// A study: a grid of models, vocabularies and budgets, and how each cell is trained and judged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -86,6 +89,26 @@ pub struct Generators(pub Vec<GeneratorKind>);
 impl Default for Generators {
     fn default() -> Self {
         Self(vec![GeneratorKind::default()])
+    }
+}
+
+impl Sweep {
+    /// The quantizer of a vocabulary of the grid. Where no tokenizer is trained (`data: {source: none}`), a size
+    /// is taken as it is written.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn quantizer(&self, entry: &VocabSpec) -> Result<QuantizerSpec, VocabularyError> {
+        let section = self.tokenizer.quantizer();
+        match entry {
+            VocabSpec::Size(n) if !self.has_tokenizers() => section.of_codes(*n),
+            _ => entry.quantizer(&section),
+        }
+    }
+
+    /// Whether a tokenizer is trained for each vocabulary: not where a trainer brings its own data.
+    pub fn has_tokenizers(&self) -> bool {
+        self.data.source != DataSource::None || !self.data.union.is_empty()
     }
 }
 

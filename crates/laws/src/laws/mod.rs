@@ -135,7 +135,7 @@ pub use law_kind::LawKind;
 pub use least_squares::{LeastSquares, least_squares};
 pub use log_law::log_law;
 pub use metric::{LOSS_NORMALISED, Metric};
-pub use minima::{minima, minimum_at};
+pub use minima::{WIDEST_STEP, minima, minimum_at};
 pub use miss::{Miss, MissedMinimum, Off};
 pub use options::{FitOptions, HoldOut, Weights};
 pub use parametric::around;

@@ -213,8 +213,8 @@ pub(in crate::laws) fn apart(sizes: &[Size]) -> impl Iterator<Item = &[Size]> {
     sizes.chunk_by(|a, b| (b.best.params_nonvocab / a.best.params_nonvocab).ln() < SAME)
 }
 
-/// Neighbouring sizes further apart leave a gap.
-const WIDEST_STEP: f64 = 2.5;
+/// Factor in N_nv: neighbouring sizes further apart leave a gap.
+pub const WIDEST_STEP: f64 = 2.5;
 
 fn doubts_between(left: &Size, right: &Size) -> Vec<MinimumFlag> {
     let step = right.best.params_nonvocab / left.best.params_nonvocab;

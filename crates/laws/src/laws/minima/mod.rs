@@ -13,6 +13,7 @@ mod surface;
 use super::stats::{chi_square_tail, student_t95};
 use super::{Budget, IsoFlopPoint, LackOfFit, Minimum, MinimumFlag, RunNoise};
 use crate::laws::MinimumMethod;
+pub use grid::WIDEST_STEP;
 pub(super) use grid::{Grid, Scale};
 
 /// A minimum, and how sharply its curve bends there.

@@ -1,0 +1,53 @@
+//! Losses that are measured too roughly: on too few codes, or once.
+
+use isoflop::plan::Plan;
+use isoflop::sweep::Sweep;
+
+use super::doubt::{Doubt, StudyDoubt};
+
+/// Codes of the test split below which its mean loss is too rough to tell sizes apart.
+const FEWEST_CODES: f64 = 2000.0;
+/// Standard error of the mean loss times the square root of the number of codes, in nats: 3.3 to 4.4 on 512 clips of
+/// procedural motion, whose codes go together within a clip.
+const ERROR_OF_A_CODE: f64 = 3.5;
+
+/// Nothing tells the noise of runs from the curve of the loss.
+pub fn one_seed(sweep: &Sweep, plan: &Plan) -> Option<Doubt> {
+    if sweep.seeds.len() > 1 || sweep.tokenizer.seeds.len() > 1 {
+        return None;
+    }
+    let what = "each cell is trained once, so the noise of runs is guessed from how they scatter round a \
+                surface";
+    let mend = format!("set seeds: [0, 1], which doubles the {} runs", plan.runs.len());
+    Some(Doubt::study(StudyDoubt::OneSeed, what.to_string(), mend))
+}
+
+/// The test split has too few codes.
+pub fn small_test(plan: &Plan) -> Option<Doubt> {
+    let codes = test_codes(plan)?;
+    let [what, mend] = too_few(codes)?;
+    Some(Doubt::study(StudyDoubt::SmallTest, what, mend))
+}
+
+/// What is wrong with a test split of so many codes, and what to change; `None` if it measures a loss.
+pub fn too_few(codes: f64) -> Option<[String; 2]> {
+    let error = |codes: f64| ERROR_OF_A_CODE / codes.sqrt();
+    let few = error(FEWEST_CODES);
+    (codes < FEWEST_CODES).then(|| {
+        [
+            format!(
+                "the test split holds about {codes:.0} codes: the mean loss is known to ±{:.2} nats",
+                error(codes)
+            ),
+            format!("{FEWEST_CODES} codes bring that to {few:.2}: give more test clips"),
+        ]
+    })
+}
+
+/// Supervised codes of the test split, if its clips are as long as those of the training split; `None` without
+/// data.
+fn test_codes(plan: &Plan) -> Option<f64> {
+    let [train, _, test] = plan.data.clips;
+    let per_clip = plan.unique_tokens() as f64 / train as f64;
+    (train > 0 && per_clip > 0.0).then(|| per_clip * test as f64)
+}

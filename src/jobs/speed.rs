@@ -1,0 +1,105 @@
+//! [`Speed`]: how fast jobs go, and from it when they are all done. Every estimate of time is made here.
+
+use std::collections::HashMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::job::Job;
+use crate::plan::Plan;
+
+/// Parameters of a generator, and FLOPs a second.
+pub type Rate = (f64, f64);
+
+/// FLOPs of their cost that jobs do a second, each on a slot of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Speed {
+    /// Of runs and trunks by the size of their generator, ascending.
+    runs: Vec<Rate>,
+    /// Of all other jobs.
+    inputs: f64,
+}
+
+impl Speed {
+    /// Rates of runs, ascending by size, and of all other jobs.
+    pub fn new(runs: Vec<Rate>, inputs: f64) -> Self {
+        Self { runs, inputs }
+    }
+
+    /// The same, as finished work bears it out: runs, of which parameters, FLOPs and seconds are given, were
+    /// slower by some factor, and so will be others; other jobs had another rate.
+    pub fn borne_out_by(&self, runs: &[(usize, f64, f64)], inputs: Option<f64>) -> Self {
+        let expected: f64 = runs.iter().map(|run| self.seconds(run.1, Some(run.0))).sum();
+        let took: f64 = runs.iter().map(|run| run.2).sum();
+        let factor = if took > 0.0 { expected / took } else { 1.0 };
+        let runs = self.runs.iter().map(|(params, rate)| (*params, rate * factor)).collect();
+        Self { runs, inputs: inputs.unwrap_or(self.inputs) }
+    }
+
+    /// Seconds for work of this cost; `params` are those of the generator that it trains, if it trains one.
+    pub fn seconds(&self, cost: f64, params: Option<usize>) -> f64 {
+        cost / params.map_or(self.inputs, |params| rate_at(&self.runs, params))
+    }
+
+    /// Hours that jobs of a plan take on `slots` slots side by side.
+    pub fn hours(&self, jobs: &[Job], plan: &Plan, slots: usize) -> f64 {
+        let params = params(plan);
+        let seconds = |job: &Job| self.seconds(job.cost, params.get(job.id.id.as_str()).copied());
+        seconds_left(jobs.iter().map(seconds), slots) / 3600.0
+    }
+}
+
+/// Seconds until jobs that take so many seconds each are done on `slots` slots: as long as the longest of them,
+/// at least.
+pub fn seconds_left(jobs: impl Iterator<Item = f64>, slots: usize) -> f64 {
+    let (sum, longest) = jobs.fold((0.0, 0.0_f64), |(sum, most), s| (sum + s, most.max(s)));
+    (sum / slots.max(1) as f64).max(longest)
+}
+
+/// Parameters of the generator that each run and each trunk trains, by id; no other job has one of
+/// these ids.
+pub fn params(plan: &Plan) -> HashMap<&str, usize> {
+    let runs = plan.runs.iter().map(|run| (run.run_id.as_str(), run.params.total()));
+    let trunks = plan.trunks.iter();
+    let trunks = trunks.map(|trunk| (trunk.trunk_id.as_str(), trunk.spec.params().total()));
+    runs.chain(trunks).collect()
+}
+
+/// Between known sizes linear in logarithms; outside, as the nearest.
+pub fn rate_at(rates: &[Rate], params: usize) -> f64 {
+    let x = (params as f64).ln();
+    let above = rates.partition_point(|(n, _)| n.ln() < x);
+    match (above.checked_sub(1).map(|i| rates[i]), rates.get(above).copied()) {
+        (Some((n0, r0)), Some((n1, r1))) => {
+            let share = (x - n0.ln()) / (n1.ln() - n0.ln());
+            (r0.ln() * (1.0 - share) + r1.ln() * share).exp()
+        }
+        (Some((_, rate)), None) | (None, Some((_, rate))) => rate,
+        (None, None) => f64::INFINITY,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jobs_take_as_long_as_the_longest_and_as_their_sum_on_all_slots() {
+        assert_eq!(seconds_left([10.0, 1.0, 1.0].into_iter(), 4), 10.0);
+        assert_eq!(seconds_left([4.0; 6].into_iter(), 2), 12.0);
+        assert_eq!(seconds_left(std::iter::empty(), 0), 0.0);
+    }
+
+    #[test]
+    fn runs_go_by_their_size_and_other_jobs_at_a_rate_of_their_own() {
+        let speed = Speed::new(vec![(1e4, 1e9), (1e6, 4e9)], 1e10);
+        let seconds = |params| speed.seconds(1e10, params);
+        assert_eq!(
+            [seconds(None), seconds(Some(100)), seconds(Some(10_000_000))],
+            [1.0, 10.0, 2.5]
+        );
+        assert!((seconds(Some(100_000)) - 5.0).abs() < 1e-9);
+        // Twice as slow as it was thought to be.
+        let slow = speed.borne_out_by(&[(10_000, 1e10, 20.0)], None);
+        assert_eq!([slow.seconds(1e10, None), slow.seconds(1e10, Some(10_000_000))], [1.0, 5.0]);
+    }
+}
