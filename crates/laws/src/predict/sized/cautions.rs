@@ -1,7 +1,7 @@
 //! What makes the loss of a model less certain than it seems.
 
-use super::SizedPrediction;
 use super::told::Told;
+use super::types::SizedPrediction;
 use crate::laws::text::count;
 use crate::laws::{JointLaw, Laws};
 use crate::predict::warnings::is_far;

@@ -1,6 +1,6 @@
 //! The loss of a model for a terminal.
 
-use super::{SizedOptimum, SizedPrediction};
+use super::types::{SizedOptimum, SizedPrediction};
 use crate::laws::text::{count, times, wrap};
 use crate::predict::brief::of_loss;
 

@@ -1,6 +1,6 @@
 //! The law of N and D that laws hold, and what it says of a model.
 
-use super::{ModelSize, SizedOptimum};
+use super::types::{ModelSize, SizedOptimum};
 use crate::laws::{
     Coefficients, JointLaw, JointOptimum, Laws, Optimum, Parameters, Parametric, optimum,
 };
