@@ -23,7 +23,7 @@ pub fn draw(sources: &Sources) -> Drawing {
     if minima.is_empty() {
         return Err("the laws hold no minimum".to_owned());
     }
-    let (mut scene, panels) = page(sources, laws).panels(vec![plot(laws, &minima)?]);
+    let (mut scene, panels) = page(sources, laws).panels(vec![plot(sources, laws, &minima)?]);
     let panel = &panels[0];
     draw_band(&mut scene, panel, laws);
     panel.backdrop(&mut scene);
@@ -50,15 +50,24 @@ fn page(sources: &Sources, laws: &Laws) -> Page {
     if laws.judgement.joint.is_some() {
         legend.entry(Sample::Line(law_stroke(JOINT_LAW)), "joint law");
     }
-    let title = sources.title("best normalised loss at each budget");
-    Page { width: 1000.0, height: 620.0, title, remarks: remarks(laws), legend }
+    let title = sources.title(match sources.input.loss_name {
+        None => "best normalised loss at each budget",
+        Some(_) => "best loss at each budget",
+    });
+    Page {
+        width: 1000.0,
+        height: 620.0,
+        title,
+        remarks: remarks(laws, sources.loss_symbol()),
+        legend,
+    }
 }
 
 /// Both laws in numbers, each with its error at the held-out budget.
-fn remarks(laws: &Laws) -> String {
-    let log = laws.loss.log.as_ref().map(describe_log);
-    let floor = laws.loss.floor.as_ref().map(describe_floor);
-    let recommended = recommended(laws);
+fn remarks(laws: &Laws, [symbol, unit]: [&str; 2]) -> String {
+    let log = laws.loss.log.as_ref().map(|law| describe_log(law, symbol, unit));
+    let floor = laws.loss.floor.as_ref().map(|law| describe_floor(law, symbol, unit));
+    let recommended = recommended(laws, unit);
     let missing = || "No loss law could be fitted.".to_owned();
     [recommended, log, floor]
         .into_iter()
@@ -68,40 +77,41 @@ fn remarks(laws: &Laws) -> String {
 }
 
 /// The law that predicts, and how far it missed budgets that it had not seen.
-fn recommended(laws: &Laws) -> Option<String> {
+fn recommended(laws: &Laws, unit: &str) -> Option<String> {
     let recommended = laws.judgement.recommended.as_ref()?;
     let best = recommended.scores.first()?;
     Some(format!(
-        "Recommended: {}, which missed larger budgets of this sweep by {:.3} nats (root mean square).",
+        "Recommended: {}, which missed larger budgets of {} by {:.3}{unit} (root mean square).",
         recommended.law.about(),
+        if laws.from_sweep { "this sweep" } else { "these runs" },
         best.rms
     ))
 }
 
-fn describe_floor(law: &FloorLaw) -> String {
+fn describe_floor(law: &FloorLaw, symbol: &str, unit: &str) -> String {
     if law.is_at_bound() {
         return "Floor law: its exponent runs into a bound, so no floor is identified.".to_owned();
     }
     format!(
-        "Floor law: Lᵤ = {} + {}·(C/C₀)^{}{}{}.",
+        "Floor law: {symbol} = {} + {}·(C/C₀)^{}{}{}.",
         signed(law.floor, 3),
         signed(law.coefficient, 3),
         signed(-law.exponent, 3),
         goodness(law.goodness()),
-        held_out_error(law.held_out_error)
+        held_out_error(law.held_out_error, unit)
     )
 }
 
-fn describe_log(law: &LogLaw) -> String {
+fn describe_log(law: &LogLaw, symbol: &str, unit: &str) -> String {
     let interval = law.slope_ci95.map_or(String::new(), |[low, high]| {
         format!(" (95 % interval {} to {})", signed(low, 3), signed(high, 3))
     });
     format!(
-        "Log law: Lᵤ = {}·log₁₀ C + {}{interval}{}{}.",
+        "Log law: {symbol} = {}·log₁₀ C + {}{interval}{}{}.",
         signed(law.slope_per_decade, 3),
         signed(law.intercept, 2),
         goodness(law.goodness()),
-        held_out_error(law.held_out_error)
+        held_out_error(law.held_out_error, unit)
     )
 }
 
@@ -109,13 +119,13 @@ fn goodness(r2_and_aic: Option<[f64; 2]>) -> String {
     r2_and_aic.map_or_else(String::new, |[r2, _]| format!(", R² = {r2:.3}"))
 }
 
-fn held_out_error(error: Option<f64>) -> String {
+fn held_out_error(error: Option<f64>, unit: &str) -> String {
     let written =
         |error: f64| format!("{}{}", if error < 0.0 { "" } else { "+" }, signed(error, 3));
-    error.map_or(String::new(), |e| format!(", held-out error {} nats", written(e)))
+    error.map_or(String::new(), |e| format!(", held-out error {}{unit}", written(e)))
 }
 
-fn plot(laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
+fn plot(sources: &Sources, laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
     let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
     let measured = minima.iter().map(|(minimum, _)| minimum.loss_normalised);
     let predicted = budgets.clone().flat_map(|flops| predictions(laws, flops));
@@ -123,7 +133,7 @@ fn plot(laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
     Ok(Plot {
         title: Vec::new(),
         x: Axis::new("Training compute C (FLOPs)", Scale::Log, budgets)?,
-        y: Axis::new("Normalised loss Lᵤ (nats)", Scale::Linear, losses)?,
+        y: Axis::new(&sources.loss_axis(), Scale::Linear, losses)?,
     })
 }
 

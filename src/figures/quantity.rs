@@ -17,7 +17,7 @@ pub struct Quantity {
     sample: fn(&LawSample) -> (f64, f64),
 }
 
-pub const QUANTITIES: [Quantity; 3] = [
+pub static QUANTITIES: [Quantity; 3] = [
     Quantity {
         label: "Non-vocabulary parameters Nₙᵥ",
         form: "Nₙᵥ ∝ Cᵇ",
@@ -43,6 +43,24 @@ pub const QUANTITIES: [Quantity; 3] = [
         sample: |sample| (sample.ln_tokens_at_reference, sample.exponent_tokens),
     },
 ];
+
+/// The quantities of the optimum: N and D where the vocabulary's parameters are not told apart.
+pub fn quantities(size_alone: bool) -> Vec<&'static Quantity> {
+    match size_alone {
+        true => vec![&SIZE, &QUANTITIES[2]],
+        false => QUANTITIES.iter().collect(),
+    }
+}
+
+/// N, where the vocabulary's parameters are not told apart.
+pub static SIZE: Quantity = Quantity {
+    label: "Model size N (parameters)",
+    form: "N ∝ Cᵃ",
+    exponent: "a",
+    of: |minimum| minimum.params_nonvocab,
+    law: |laws| laws.power_laws.params.as_ref(),
+    sample: |sample| (sample.ln_nonvocab_at_reference, sample.exponent_nonvocab),
+};
 
 impl Quantity {
     /// Its 95 % interval at C, from the bootstrap.

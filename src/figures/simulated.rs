@@ -31,6 +31,7 @@ impl Simulated {
     pub fn input(&self) -> FigureInput<'_> {
         FigureInput {
             title: "quickstart",
+            loss_name: None,
             records: &self.records,
             laws: Some(&self.laws),
             tokenizers: &self.tokenizers,
