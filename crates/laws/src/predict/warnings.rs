@@ -152,7 +152,7 @@ fn vocab_edge(laws: &Laws) -> Option<String> {
 fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> Option<String> {
     if let Vocabulary::Fixed(n_vocab) = vocabulary {
         return Some(format!(
-            "One vocabulary was tried, so V stays at {n_vocab:.0} and nothing is known of \
+            "The runs tried one vocabulary, so V stays at {n_vocab:.0} and nothing is known of \
              the optimal N_v."
         ));
     }

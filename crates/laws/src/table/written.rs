@@ -37,7 +37,9 @@ pub(super) fn read(mut table: Table) -> Table {
         let Column::Text(cells) = column else { continue };
         let Some((numbers, example)) = numbers(cells, decimal) else { continue };
         let (cell, number) = example;
-        table.notes.push(format!("column `{name}`: {cell} is read as {number:e}"));
+        let plain = (1e-3..1e5).contains(&number.abs());
+        let number = if plain { number.to_string() } else { format!("{number:e}") };
+        table.notes.push(format!("column `{name}`: {cell} is read as {number}"));
         *column = Column::Written { numbers, cells: std::mem::take(cells) };
     }
     table
@@ -217,7 +219,7 @@ mod tests {
         let table = table(&[&["1,234", "2,500"], &["0,75", "1,5"]]);
         let Column::Written { numbers, .. } = &table.columns[0].1 else { panic!("{table:?}") };
         assert_eq!(numbers, &[1.234, 2.5]);
-        assert_eq!(table.notes[0], "column `c0`: 1,234 is read as 1.234e0");
+        assert_eq!(table.notes[0], "column `c0`: 1,234 is read as 1.234");
     }
 
     #[test]

@@ -98,7 +98,7 @@ fn the_fit_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn rows_that_move_the_optimum_together_are_named_and_others_are_not() {
+fn rows_that_move_the_optimum_are_named_with_the_optimum_of_the_others() {
     let mut runs = chinchilla_runs(7, 0.003, 3);
     let fitted = |runs: &[IsoFlopPoint]| {
         let options =
@@ -110,13 +110,14 @@ fn rows_that_move_the_optimum_together_are_named_and_others_are_not() {
         runs[row].loss *= 1.25;
     }
     let fit = fitted(&runs);
-    let found = fit.influence.as_ref().expect("three wrong rows move the optimum");
-    for row in [0, 1, 7] {
-        assert!(found.rows.contains(&runs[row].run_id), "{row}: {found:?}");
-    }
-    let true_size = optimum(&chinchilla(), 1e24).unwrap().params_nonvocab;
-    let off = |params: f64| (params / true_size).ln().abs();
-    assert!(off(found.params_without) < off(found.params), "{found:?}");
+    let found = fit.influence.as_ref().expect("wrong rows make the optimum hang on a few");
+    assert!(found.rows.len() <= 5, "{found:?}");
+    let at = |fit: &Parametric| optimum(&fit.coefficients, 1e24).unwrap().params_nonvocab;
+    let rest: Vec<IsoFlopPoint> =
+        runs.iter().filter(|run| !found.rows.contains(&run.run_id)).cloned().collect();
+    let near = |found: f64, wanted: f64| (found / wanted).ln().abs() < 1e-3;
+    assert!(near(found.params, at(&fit)) && near(found.params_without, at(&fitted(&rest))));
+    assert!((found.params / found.params_without).ln().abs() > 1.2f64.ln(), "{found:?}");
     assert!(fit.warnings.iter().any(|warning| warning.contains(&found.rows[0])));
 }
 
