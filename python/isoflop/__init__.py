@@ -11,13 +11,14 @@ Everything is computed by the program ``isoflop``, which is in the wheel; ``ISOF
 """
 
 from ._program import IsoflopError
-from ._results import Results, fit, predict, read
-from ._types import Interval, Laws, Minimum, PowerLaw, Prediction, Recommended, Shape
+from ._results import Results, fit, predict, predict_loss, read
+from ._types import Interval, Laws, LossPrediction, Minimum, PowerLaw, Prediction, Recommended, Shape
 
 __all__ = [
     "Interval",
     "IsoflopError",
     "Laws",
+    "LossPrediction",
     "Minimum",
     "PowerLaw",
     "Prediction",
@@ -26,5 +27,6 @@ __all__ = [
     "Shape",
     "fit",
     "predict",
+    "predict_loss",
     "read",
 ]

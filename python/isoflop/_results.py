@@ -1,4 +1,4 @@
-"""``read``, ``fit`` and ``predict``."""
+"""``read``, ``fit``, ``predict`` and ``predict_loss``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
 
 from ._program import IsoflopError, ask
-from ._types import Laws, Prediction
+from ._types import Laws, LossPrediction, Prediction
 
 PathLike = Union[str, "os.PathLike[str]"]
 
@@ -83,7 +83,7 @@ def fit(
         return Laws._of(ask(["fit", str(path), *words]))
 
 
-def predict(*budgets: float, law: Union[Laws, PathLike] = "scamo") -> List[Prediction]:
+def predict(*budgets: float, law: Union[Laws, PathLike]) -> List[Prediction]:
     """The optimal configuration for each budget in FLOPs.
 
     ``law`` is ``"scamo"``, laws of ``fit``, or the path of a sweep's folder or of its ``laws.json``.
@@ -91,12 +91,39 @@ def predict(*budgets: float, law: Union[Laws, PathLike] = "scamo") -> List[Predi
     if not budgets:
         raise IsoflopError("give a budget in FLOPs", 2)
     asked = [repr(float(budget)) for budget in budgets]
+    return [Prediction._of(each) for each in _by(law, asked)]
+
+
+def predict_loss(
+    *,
+    params: float,
+    tokens: float,
+    law: Union[Laws, PathLike],
+    vocab: Optional[float] = None,
+    params_vocab: Optional[float] = None,
+) -> LossPrediction:
+    """The loss of a model of ``params`` parameters trained on ``tokens``, beside the best model for its FLOPs.
+
+    ``law`` is as in ``predict``, and must know the loss of any N and D: ``approach3``, ``approach3-vocab`` or the
+    joint law of a sweep. Where it tells the vocabulary apart, ``params`` is N_nv and ``vocab`` is V;
+    ``approach3-vocab`` of a table takes N_v as ``params_vocab``.
+
+    Raises ``IsoflopError`` where the law knows the loss of optimal models only.
+    """
+    amounts = {"params": params, "tokens": tokens, "vocab": vocab, "params-vocab": params_vocab}
+    asked = [f"--{name}={float(amount)!r}" for name, amount in amounts.items() if amount is not None]
+    [found] = _by(law, asked)
+    return LossPrediction._of(found)
+
+
+def _by(law: Union[Laws, PathLike], asked: Sequence[str]) -> Any:
+    """What ``isoflop predict`` prints by some law."""
     if not isinstance(law, Laws):
-        return [Prediction._of(each) for each in ask(["predict", *asked, "--law", str(law)])]
+        return ask(["predict", *asked, "--law", str(law)])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "laws.json"
         path.write_text(json.dumps(law.document), encoding="utf-8")
-        return [Prediction._of(each) for each in ask(["predict", *asked, "--law", str(path)])]
+        return ask(["predict", *asked, "--law", str(path)])
 
 
 def _document(path: Path) -> Any:

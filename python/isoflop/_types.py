@@ -177,3 +177,52 @@ class Prediction:
             warnings=tuple(document["warnings"]),
             document=document,
         )
+
+
+@dataclass(frozen=True)
+class LossPrediction:
+    """The loss of a model on some tokens, beside that of the best model for the same FLOPs."""
+
+    law: str
+    #: The law of N and D that was asked: ``approach3``, ``approach3-vocab``, ``joint`` or ``joint-repeats``.
+    form: str
+    #: N, where N_nv and N_v are not told apart; then those are ``None``.
+    params: Optional[float]
+    params_nonvocab: Optional[float]
+    params_vocab: Optional[float]
+    n_vocab: Optional[float]
+    tokens: float
+    flops: float
+    loss: float
+    #: The best model for ``flops``: ``params`` (or ``params_nonvocab``, ``params_vocab``), ``tokens``,
+    #: ``loss_normalised``.
+    optimum: Mapping[str, float]
+    loss_above_optimum: float
+    #: FLOPs with which the best model reaches ``loss``.
+    flops_of_equal_loss: Optional[float]
+    #: Of ``loss_normalised``, ``optimum_loss`` and ``loss_above_optimum``.
+    ci95: Mapping[str, Optional[Interval]]
+    extrapolation_factor: float
+    warnings: Tuple[str, ...]
+    document: Mapping[str, Any] = field(repr=False)
+
+    @staticmethod
+    def _of(document: Mapping[str, Any]) -> "LossPrediction":
+        return LossPrediction(
+            law=document["law"],
+            form=document["form"],
+            params=document.get("params"),
+            params_nonvocab=document.get("params_nonvocab"),
+            params_vocab=document.get("params_vocab"),
+            n_vocab=document.get("n_vocab"),
+            tokens=document["tokens"],
+            flops=document["flops"],
+            loss=document["loss_normalised"],
+            optimum=document["optimum"],
+            loss_above_optimum=document["loss_above_optimum"],
+            flops_of_equal_loss=document.get("flops_of_equal_loss"),
+            ci95={name: _interval(value) for name, value in document["ci95"].items()},
+            extrapolation_factor=document["extrapolation_factor"],
+            warnings=tuple(document["warnings"]),
+            document=document,
+        )

@@ -1,4 +1,4 @@
-"""The module's three calls, with the program that `ISOFLOP_PROGRAM` names or that the wheel holds.
+"""The module's calls, with the program that `ISOFLOP_PROGRAM` names or that the wheel holds.
 
     python3 -m unittest discover python/tests
 """
@@ -30,13 +30,23 @@ class Module(unittest.TestCase):
         self.assertAlmostEqual(found.loss, -5.277, places=3)
         self.assertEqual(found.shape.n_vocab, math.prod(found.shape.levels))
         self.assertIsNone(found.ci95["loss_normalised"])
-        self.assertEqual(len(isoflop.predict(1e17, 1e18)), 2)
+        self.assertEqual(len(isoflop.predict(1e17, 1e18, law="scamo")), 2)
 
     def test_fit_finds_the_law_of_a_table_and_predicts_by_it(self):
         laws = isoflop.fit(_table(), columns=COLUMNS, law="approach3")
         self.assertAlmostEqual(laws.parametric["alpha"], 0.34, places=4)
         [found] = isoflop.predict(1e21, law=laws)
         self.assertAlmostEqual(6 * found.params * found.tokens / 1e21, 1, places=6)
+
+    def test_the_loss_of_a_model_on_more_tokens_than_the_optimum(self):
+        laws = isoflop.fit(_table(), columns=COLUMNS, law="approach3")
+        found = isoflop.predict_loss(params=1e9, tokens=1e12, law=laws)
+        self.assertAlmostEqual(found.loss, 1.7 + 400 * 1e9**-0.34 + 410 * 1e12**-0.28, places=4)
+        self.assertGreater(found.loss_above_optimum, 0)
+        self.assertLess(found.optimum["tokens"], 1e12)
+        self.assertAlmostEqual(found.flops / 6e21, 1, places=9)
+        with self.assertRaisesRegex(isoflop.IsoflopError, "--law approach3"):
+            isoflop.predict_loss(params=1e9, tokens=1e12, law="scamo")
 
     def test_frames_are_fitted_as_mappings_are(self):
         expected = isoflop.fit(_table(), columns=COLUMNS, law="approach3").parametric["beta"]

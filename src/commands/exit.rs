@@ -57,7 +57,7 @@ fn document(message: &str, exit: Exit) {
 }
 
 /// An error and what caused it, each said once: some messages hold their causes already.
-fn sentence(error: &anyhow::Error) -> String {
+pub fn sentence(error: &anyhow::Error) -> String {
     let mut said = String::new();
     for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {
         if said.is_empty() {

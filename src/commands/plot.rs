@@ -1,7 +1,8 @@
-//! `isoflop plot`: every figure of a sweep again, from its table and laws alone.
+//! `isoflop plot`: every figure of a sweep again, from its table and laws alone; those of a table made
+//! elsewhere or of a `laws.json`, as far as it holds what they show.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
@@ -16,12 +17,19 @@ use serde_json::json;
 
 use super::by_generator::{draw as draw_side_by_side, home, parted};
 use super::exit::Exit;
+use super::fit::{TableArgs, TableStudy, beside};
 use super::output::Output;
 
 #[derive(Args)]
 pub struct PlotArgs {
-    /// A sweep's folder
+    /// A sweep's folder, a table of runs made elsewhere (.csv, .tsv, .parquet), or a laws.json
+    #[arg(value_name = "RESULTS|TABLE|LAWS")]
     pub results: PathBuf,
+    /// The folder to draw into; `figures` of a sweep's folder, or NAME-figures beside a table
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    table: TableArgs,
     /// Draw these figures alone, by the names of their files
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
@@ -83,16 +91,46 @@ impl Wanted {
 
 pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
     let wanted = Wanted::of(args)?;
-    let folder = ResultsFolder::new(&args.results);
-    let records = table::read(folder.root())?;
-    let by_generator = parted(&records);
-    let paths = match by_generator.len() {
-        0 | 1 => of_one_generator(&folder, &records, &wanted, output)?,
-        _ => of_several_generators(&folder, &by_generator, &wanted, output)?,
+    let paths = match args.results.is_file() {
+        true => of_table(args, &wanted, output)?,
+        false => of_sweep(args, &wanted, output)?,
     };
     let text: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
     output.result(&json!({ "figures": paths }), &text.join("\n"))?;
     Ok(Exit::Done)
+}
+
+fn of_sweep(args: &PlotArgs, wanted: &Wanted, output: &Output) -> Result<Vec<PathBuf>> {
+    if args.out.is_some() || args.table != TableArgs::default() {
+        bail!(
+            "a sweep is drawn into its own folder, from all of its runs: --out and the table's options are of a table"
+        );
+    }
+    let folder = ResultsFolder::new(&args.results);
+    let records = table::read(folder.root())?;
+    let by_generator = parted(&records);
+    match by_generator.len() {
+        0 | 1 => of_one_generator(&folder, &records, wanted, output),
+        _ => of_several_generators(&folder, &by_generator, wanted, output),
+    }
+}
+
+/// The figures that a table or a `laws.json` allows.
+fn of_table(args: &PlotArgs, wanted: &Wanted, output: &Output) -> Result<Vec<PathBuf>> {
+    let study = TableStudy::open(&args.results, &args.table, output)?;
+    let figures = args.out.clone().unwrap_or_else(|| beside(&args.results, "-figures"));
+    let input = FigureInput {
+        title: &study.name,
+        loss_name: study.loss_name(),
+        records: &study.records,
+        laws: study.laws.as_ref(),
+        tokenizers: &[],
+    };
+    let paths = draw_into(&figures, &input, wanted, output)?.paths;
+    if paths.is_empty() {
+        bail!("no figure could be drawn of {}", args.results.display());
+    }
+    Ok(paths)
 }
 
 fn of_one_generator(
@@ -156,9 +194,17 @@ pub fn draw(
     output: &Output,
 ) -> Result<Drawn> {
     let name = folder.name();
-    let input = FigureInput { title: &name, records, laws, tokenizers };
-    let figures = folder.file("figures");
-    let drawn = figures::draw_all(&input, &figures, |name| wanted.has(name), &wanted.formats)?;
+    let input = FigureInput { title: &name, loss_name: None, records, laws, tokenizers };
+    draw_into(&folder.file("figures"), &input, wanted, output)
+}
+
+fn draw_into(
+    figures: &Path,
+    input: &FigureInput,
+    wanted: &Wanted,
+    output: &Output,
+) -> Result<Drawn> {
+    let drawn = figures::draw_all(input, figures, |name| wanted.has(name), &wanted.formats)?;
     for LeftOut { name, reason } in &drawn.left_out {
         output.warn(&format!("{name} is left out: {reason}"));
         for format in Format::ALL {

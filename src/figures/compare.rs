@@ -1,13 +1,13 @@
 //! N_nv, N_v and D of several studies' optima against C.
 
-use crate::laws::{Coefficient, Laws};
+use crate::laws::{Coefficient, Laws, Parameters};
 
 use super::axis::{Axis, Scale};
 use super::fitted::minima;
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
 use super::panel::Panel;
-use super::quantity::{QUANTITIES, Quantity};
+use super::quantity::{Quantity, quantities};
 use super::scene::{Dash, Scene};
 use super::series::{Look, category_looks, law_stroke};
 
@@ -17,10 +17,12 @@ pub type Study<'a> = (&'a str, &'a Laws);
 /// The page, or the reason why there is none.
 pub fn draw(studies: &[Study]) -> Result<Scene, String> {
     let looks = category_looks(studies.len());
-    let plots = QUANTITIES.iter().map(|quantity| plot(quantity, studies));
+    let size_alone = studies.iter().all(|(_, laws)| laws.parameters == Parameters::Total);
+    let quantities = quantities(size_alone);
+    let plots = quantities.iter().map(|quantity| plot(quantity, studies));
     let plots = plots.collect::<Result<Vec<_>, _>>()?;
     let (mut scene, panels) = page(studies, &looks).panels(plots);
-    for (quantity, panel) in QUANTITIES.iter().zip(&panels) {
+    for (quantity, panel) in quantities.iter().zip(&panels) {
         panel.backdrop(&mut scene);
         for ((_, laws), look) in studies.iter().zip(&looks) {
             draw_study(quantity, &mut scene, panel, laws, *look);

@@ -12,6 +12,7 @@ use super::page::{Page, Plot};
 use super::panel::Panel;
 use super::scene::{Mark, Marker, Point, Scene, Stroke};
 use super::series::{Look, explain_budgets, ordered_looks};
+use super::words::few_enough;
 use super::{Drawing, Sources};
 
 pub fn draw(sources: &Sources) -> Drawing {
@@ -19,6 +20,7 @@ pub fn draw(sources: &Sources) -> Drawing {
     if cells.models.len() < 2 {
         return Err(format!("it needs two model sizes, the runs have {}", cells.models.len()));
     }
+    few_enough(cells.budgets.len(), "budgets")?;
     let looks = ordered_looks(cells.budgets.len());
     let plot = plot(sources)?;
     let minima = minima(sources);
@@ -46,11 +48,11 @@ fn page(sources: &Sources, plot: &Plot, minima: &[&Minimum], looks: &[Look]) -> 
         plot.x.holds(minimum.params_nonvocab) && plot.y.holds(minimum.loss_normalised)
     };
     let hidden = minima.len() - minima.iter().filter(shown).count();
-    let remarks = format!(
-        "Each model at its best vocabulary; curves are quadratics in ln Nₙᵥ. {}{}",
-        sources.cells.bars_remark(),
-        outside_remark(hidden)
-    );
+    let curves = match sources.knows_size_alone() {
+        true => "Curves are quadratics in ln N.",
+        false => "Each model at its best vocabulary; curves are quadratics in ln Nₙᵥ.",
+    };
+    let remarks = format!("{curves} {}{}", sources.cells.bars_remark(), outside_remark(hidden));
     let title = sources.title("IsoFLOP curves");
     Page { width: 1000.0, height: 700.0, title, remarks, legend }
 }
@@ -72,14 +74,12 @@ fn plot(sources: &Sources) -> Result<Plot, String> {
     let (smallest, largest) = ends(&all);
     let inside = minima.iter().filter(|m| (smallest..=largest).contains(&m.params_nonvocab));
     let losses = inside.map(|minimum| minimum.loss_normalised);
+    let over = if sources.knows_size_alone() { "" } else { ", best over V" };
+    let loss = sources.loss_axis() + over;
     Ok(Plot {
         title: Vec::new(),
-        x: Axis::new("Non-vocabulary parameters Nₙᵥ", Scale::Log, all.iter().map(|p| p.0))?,
-        y: Axis::new(
-            "Normalised loss Lᵤ (nats), best over V",
-            Scale::Linear,
-            all.iter().map(|p| p.1).chain(losses),
-        )?,
+        x: Axis::new(sources.size_axis(), Scale::Log, all.iter().map(|p| p.0))?,
+        y: Axis::new(&loss, Scale::Linear, all.iter().map(|p| p.1).chain(losses))?,
     })
 }
 

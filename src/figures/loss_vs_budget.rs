@@ -25,7 +25,8 @@ pub fn draw(sources: &Sources) -> Drawing {
     }
     let answer = laws.answer();
     let path = path(&answer);
-    let (mut scene, panels) = page(sources, laws, &answer).panels(vec![plot(laws, &minima)?]);
+    let (mut scene, panels) =
+        page(sources, laws, &answer).panels(vec![plot(sources, laws, &minima)?]);
     let panel = &panels[0];
     panel.ribbon(&mut scene, &path, LAW.tint(BAND));
     panel.backdrop(&mut scene);
@@ -58,17 +59,23 @@ fn page(sources: &Sources, laws: &Laws, answer: &Answer) -> Page {
     if laws.loss.floor.is_some() && own != Candidate::Floor {
         legend.entry(Sample::Line(law_stroke(SECOND_LAW).dash(Dash::Dashed)), "law with a floor");
     }
-    let title = sources.title("best normalised loss at each budget");
-    Page { width: 1000.0, height: 620.0, title, remarks: remarks(laws, answer), legend }
+    let title = sources.title(match sources.input.loss_name {
+        None => "best normalised loss at each budget",
+        Some(_) => "best loss at each budget",
+    });
+    let remarks = remarks(laws, answer, sources.loss_symbol());
+    Page { width: 1000.0, height: 620.0, title, remarks, legend }
 }
 
 /// The law to believe in numbers, and the others with their errors at the held-out budget.
-fn remarks(laws: &Laws, answer: &Answer) -> String {
+fn remarks(laws: &Laws, answer: &Answer, [symbol, unit]: [&str; 2]) -> String {
     let own = laws.recommended_law();
-    let log = laws.loss.log.as_ref().filter(|_| own != Candidate::Log).map(describe_log);
-    let floor = laws.loss.floor.as_ref().filter(|_| own != Candidate::Floor).map(describe_floor);
+    let log = laws.loss.log.as_ref().filter(|_| own != Candidate::Log);
+    let floor = laws.loss.floor.as_ref().filter(|_| own != Candidate::Floor);
+    let log = log.map(|law| describe_log(law, symbol, unit));
+    let floor = floor.map(|law| describe_floor(law, symbol, unit));
     let formula = Some(answer.formula.clone()).filter(|formula| !formula.is_empty());
-    [recommended(laws), formula, log, floor]
+    [recommended(laws, unit), formula, log, floor]
         .into_iter()
         .flatten()
         .reduce(|a, b| format!("{a}\n{b}"))
@@ -76,40 +83,41 @@ fn remarks(laws: &Laws, answer: &Answer) -> String {
 }
 
 /// The law that predicts, and how far it missed budgets that it had not seen.
-fn recommended(laws: &Laws) -> Option<String> {
+fn recommended(laws: &Laws, unit: &str) -> Option<String> {
     let recommended = laws.judgement.recommended.as_ref()?;
     let best = recommended.scores.first()?;
     Some(format!(
-        "Recommended: {}, which missed larger budgets of this sweep by {:.3} nats (root mean square).",
+        "Recommended: {}, which missed larger budgets of {} by {:.3}{unit} (root mean square).",
         recommended.law.about(),
+        if laws.from_sweep { "this sweep" } else { "these runs" },
         best.rms
     ))
 }
 
-fn describe_floor(law: &FloorLaw) -> String {
+fn describe_floor(law: &FloorLaw, symbol: &str, unit: &str) -> String {
     if law.is_at_bound() {
         return "Floor law: its exponent runs into a bound, so no floor is identified.".to_owned();
     }
     format!(
-        "Floor law: Lᵤ = {} + {}·(C/C₀)^{}{}{}.",
+        "Floor law: {symbol} = {} + {}·(C/C₀)^{}{}{}.",
         signed(law.floor, 3),
         signed(law.coefficient, 3),
         signed(-law.exponent, 3),
         goodness(law.goodness()),
-        held_out_error(law.held_out_error)
+        held_out_error(law.held_out_error, unit)
     )
 }
 
-fn describe_log(law: &LogLaw) -> String {
+fn describe_log(law: &LogLaw, symbol: &str, unit: &str) -> String {
     let interval = law.slope_ci95.map_or(String::new(), |[low, high]| {
         format!(" (95 % interval {} to {})", signed(low, 3), signed(high, 3))
     });
     format!(
-        "Log law: Lᵤ = {}·log₁₀ C + {}{interval}{}{}.",
+        "Log law: {symbol} = {}·log₁₀ C + {}{interval}{}{}.",
         signed(law.slope_per_decade, 3),
         signed(law.intercept, 2),
         goodness(law.goodness()),
-        held_out_error(law.held_out_error)
+        held_out_error(law.held_out_error, unit)
     )
 }
 
@@ -117,13 +125,13 @@ fn goodness(r2_and_aic: Option<[f64; 2]>) -> String {
     r2_and_aic.map_or_else(String::new, |[r2, _]| format!(", R² = {r2:.3}"))
 }
 
-fn held_out_error(error: Option<f64>) -> String {
+fn held_out_error(error: Option<f64>, unit: &str) -> String {
     let written =
         |error: f64| format!("{}{}", if error < 0.0 { "" } else { "+" }, signed(error, 3));
-    error.map_or(String::new(), |e| format!(", held-out error {} nats", written(e)))
+    error.map_or(String::new(), |e| format!(", held-out error {}{unit}", written(e)))
 }
 
-fn plot(laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
+fn plot(sources: &Sources, laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
     let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
     let measured = minima.iter().map(|(minimum, _)| minimum.loss_normalised);
     let predicted = budgets.clone().flat_map(|flops| predictions(laws, flops));
@@ -131,7 +139,7 @@ fn plot(laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
     Ok(Plot {
         title: Vec::new(),
         x: Axis::new("Training compute C (FLOPs)", Scale::Log, budgets)?,
-        y: Axis::new("Normalised loss Lᵤ (nats)", Scale::Linear, losses)?,
+        y: Axis::new(&sources.loss_axis(), Scale::Linear, losses)?,
     })
 }
 

@@ -32,7 +32,7 @@ pub fn draw(sources: &Sources) -> Drawing {
     let looks = ordered_looks(best.len());
     let law = law(sources);
     let page = page(sources, &best, &looks, law.as_ref());
-    let (mut scene, panels) = page.panels(vec![plot(&best)?]);
+    let (mut scene, panels) = page.panels(vec![plot(&best, &sources.loss_axis())?]);
     let panel = &panels[0];
     panel.backdrop(&mut scene);
     for ((budget, points), look) in best.iter().zip(&looks) {
@@ -83,13 +83,13 @@ fn page(sources: &Sources, best: &Best, looks: &[Look], law: Option<&JointLaw>) 
     Page { width: 1000.0, height: 620.0, title, remarks, legend }
 }
 
-fn plot(best: &Best) -> Result<Plot, String> {
+fn plot(best: &Best, loss: &str) -> Result<Plot, String> {
     let points = || best.values().flatten();
     let label = "Distinct tokens trained on, end tokens included";
     Ok(Plot {
         title: Vec::new(),
         x: Axis::new(label, Scale::Log, points().map(|(distinct, _)| *distinct))?,
-        y: Axis::new("Normalised loss Lᵤ (nats)", Scale::Linear, points().map(|(_, loss)| *loss))?,
+        y: Axis::new(loss, Scale::Linear, points().map(|(_, loss)| *loss))?,
     })
 }
 

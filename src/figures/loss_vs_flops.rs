@@ -8,6 +8,7 @@ use super::page::{Page, Plot};
 use super::panel::Panel;
 use super::scene::{Point, Scene, Stroke};
 use super::series::{Look, category_looks, explain_models, marked_line};
+use super::words::few_enough;
 use super::{Drawing, Sources};
 
 pub fn draw(sources: &Sources) -> Drawing {
@@ -15,6 +16,8 @@ pub fn draw(sources: &Sources) -> Drawing {
     if cells.cells.is_empty() {
         return Err("there is no finished run".to_owned());
     }
+    few_enough(cells.models.len(), "model sizes")?;
+    few_enough(cells.vocabs.len(), "vocabularies")?;
     let looks = category_looks(cells.models.len());
     let (mut scene, panels) = page(sources, &looks).multiples(plots(sources)?);
     let envelope: Vec<Point> = cells.envelope().into_iter().map(point).collect();
@@ -30,8 +33,8 @@ pub fn draw(sources: &Sources) -> Drawing {
 
 fn page(sources: &Sources, looks: &[Look]) -> Page {
     let mut legend = Legend::default();
-    explain_models(&mut legend, &sources.cells.models, looks);
-    legend.heading("All vocabularies");
+    explain_models(&mut legend, sources.size_symbol(), &sources.cells.models, looks);
+    legend.heading(if sources.knows_size_alone() { "All models" } else { "All vocabularies" });
     legend.entry(Sample::Line(envelope_stroke()), "lower envelope");
     let remarks = format!(
         "Each line joins the runs of one model over its budgets. {} FLOPs counted by the {} rule.",
@@ -46,9 +49,9 @@ fn plots(sources: &Sources) -> Result<Vec<Plot>, String> {
     let cells = &sources.cells;
     let flops = cells.cells.iter().map(|cell| cell.flops);
     let x = Axis::new("Training compute C (FLOPs)", Scale::Log, flops)?;
-    let y = Axis::new("Normalised loss Lᵤ (nats)", Scale::Linear, cells.losses())?;
+    let y = Axis::new(&sources.loss_axis(), Scale::Linear, cells.losses())?;
     let plot = |n_vocab: &usize| Plot {
-        title: vec![format!("V = {n_vocab}")],
+        title: (*n_vocab > 0).then(|| format!("V = {n_vocab}")).into_iter().collect(),
         x: x.clone(),
         y: y.clone(),
     };

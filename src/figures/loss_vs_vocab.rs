@@ -12,6 +12,7 @@ use super::ticks::scientific;
 use super::{Drawing, Sources};
 
 pub fn draw(sources: &Sources) -> Drawing {
+    sources.needs_vocabulary()?;
     let cells = &sources.cells;
     if cells.vocabs.len() < 2 {
         return Err(format!("it needs two vocabulary sizes, the runs have {}", cells.vocabs.len()));
@@ -32,7 +33,7 @@ pub fn draw(sources: &Sources) -> Drawing {
 
 fn page(sources: &Sources, looks: &[Look]) -> Page {
     let mut legend = Legend::default();
-    explain_models(&mut legend, &sources.cells.models, looks);
+    explain_models(&mut legend, sources.size_symbol(), &sources.cells.models, looks);
     legend.heading("Each budget");
     legend.entry(Sample::Mark(best_mark()), "its best cell");
     let remarks = format!(
@@ -47,7 +48,7 @@ fn plots(sources: &Sources) -> Result<Vec<Plot>, String> {
     let cells = &sources.cells;
     let vocabs: Vec<f64> = cells.vocabs.iter().map(|&n_vocab| n_vocab as f64).collect();
     let x = Axis::new("Vocabulary size V (codes)", Scale::Log, vocabs.clone())?.ticks_at(vocabs);
-    let y = Axis::new("Normalised loss Lᵤ (nats)", Scale::Linear, cells.losses())?;
+    let y = Axis::new(&sources.loss_axis(), Scale::Linear, cells.losses())?;
     let held_out = sources.held_out_budget();
     let plot = |&budget: &f64| {
         let note = if held_out == Some(budget) { " (held out)" } else { "" };

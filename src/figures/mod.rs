@@ -23,7 +23,13 @@
 //! use isoflop::record::table;
 //!
 //! let records = table::read(Path::new("results/cmu-motion"))?;
-//! let input = FigureInput { title: "cmu-motion", records: &records, laws: None, tokenizers: &[] };
+//! let input = FigureInput {
+//!     title: "cmu-motion",
+//!     loss_name: None,
+//!     records: &records,
+//!     laws: None,
+//!     tokenizers: &[],
+//! };
 //! let folder = tempfile::tempdir()?;
 //! let drawn = draw_all(&input, folder.path(), |name| name == "loss_vs_flops", &[Format::Pdf])?;
 //! assert!(drawn.paths[0].ends_with("loss_vs_flops.pdf"));
@@ -45,6 +51,7 @@ mod scene;
 mod series;
 mod ticks;
 mod true_type;
+mod words;
 mod write;
 
 mod codes;
@@ -83,6 +90,8 @@ pub use write::Format;
 pub struct FigureInput<'a> {
     /// The sweep's name, at the head of each figure.
     pub title: &'a str,
+    /// What the loss is called, if it is not L_u: the column or expression of a table.
+    pub loss_name: Option<&'a str>,
     pub records: &'a [RunRecord],
     pub laws: Option<&'a Laws>,
     pub tokenizers: &'a [TokenizerMetrics],
@@ -248,9 +257,9 @@ fn alone(
 }
 
 impl<'a> Sources<'a> {
-    /// Counts FLOPs by the rule of the laws, or by a sweep's default where there are none.
+    /// Counts FLOPs by the rule of the laws; without laws by one that the runs are counted by.
     fn of(input: &'a FigureInput<'a>) -> Result<Sources<'a>, FigureError> {
-        let name = input.laws.map_or(FlopsRule::default().name(), |laws| &laws.flops_rule);
+        let name = input.laws.map_or(counted(input.records).name(), |laws| &laws.flops_rule);
         let rule = FlopsRule::named(name);
         let rule = rule.ok_or_else(|| FigureError::UnknownRule { rule: name.to_owned() })?;
         Ok(Sources { input, cells: Cells::of(input.records, rule), rule })
@@ -268,6 +277,14 @@ impl<'a> Sources<'a> {
     fn held_out_budget(&self) -> Option<f64> {
         self.input.laws?.held_out.as_ref().map(|held_out| held_out.budget_flops)
     }
+}
+
+/// The rule of a sweep by default, or that of a table which counts by one rule alone.
+fn counted(records: &[RunRecord]) -> FlopsRule {
+    let usual = FlopsRule::default();
+    let others = [FlopsRule::SixNd, FlopsRule::OpenAi, FlopsRule::Exact];
+    let has = |rule: &FlopsRule| records.iter().any(|run| run.flops(*rule).is_ok());
+    [usual].into_iter().chain(others).find(has).unwrap_or(usual)
 }
 
 fn runs_without_a_place(records: &[RunRecord], rule: FlopsRule) -> Vec<LeftOut> {

@@ -8,7 +8,7 @@ use super::fitted::{Role, explain_roles, law_name, minima, outside_remark, withi
 use super::legend::{Legend, Sample};
 use super::page::{Page, Plot};
 use super::panel::Panel;
-use super::quantity::{QUANTITIES, Quantity};
+use super::quantity::Quantity;
 use super::scene::Scene;
 use super::series::law_stroke;
 use super::ticks::signed;
@@ -22,12 +22,12 @@ pub fn draw(sources: &Sources) -> Drawing {
     if minima.is_empty() {
         return Err("the laws hold no minimum".to_owned());
     }
-    let answer = laws.answer();
-    let plots = QUANTITIES.iter().map(|quantity| quantity.plot(&answer, &minima));
+    let (answer, quantities) = (laws.answer(), sources.quantities());
+    let plots = quantities.iter().map(|quantity| quantity.plot(&answer, &minima));
     let plots = plots.collect::<Result<Vec<_>, _>>()?;
-    let page = page(sources, laws, &answer, hidden(&plots, &minima));
+    let page = page(sources, laws, &answer, hidden(&quantities, &plots, &minima));
     let (mut scene, panels) = page.panels(plots);
-    for (quantity, panel) in QUANTITIES.iter().zip(&panels) {
+    for (quantity, panel) in quantities.iter().zip(&panels) {
         quantity.draw(&mut scene, panel, &answer, &minima);
     }
     Ok(scene)
@@ -48,9 +48,9 @@ fn page(sources: &Sources, laws: &Laws, answer: &Answer, hidden: usize) -> Page 
 }
 
 /// How many minima lie outside at least one panel.
-fn hidden(plots: &[Plot], minima: &[(&Minimum, Role)]) -> usize {
+fn hidden(quantities: &[&Quantity], plots: &[Plot], minima: &[(&Minimum, Role)]) -> usize {
     let outside = |minimum: &Minimum| {
-        QUANTITIES.iter().zip(plots).any(|(quantity, plot)| !plot.y.holds((quantity.of)(minimum)))
+        quantities.iter().zip(plots).any(|(quantity, plot)| !plot.y.holds((quantity.of)(minimum)))
     };
     minima.iter().filter(|(minimum, _)| outside(minimum)).count()
 }

@@ -15,7 +15,7 @@ pub struct Quantity {
     told: fn(&OwnExponents) -> Option<&Exponent>,
 }
 
-pub const QUANTITIES: [Quantity; 3] = [
+pub static QUANTITIES: [Quantity; 3] = [
     Quantity {
         label: "Non-vocabulary parameters Nₙᵥ",
         form: "Nₙᵥ ∝ Cᵇ",
@@ -41,6 +41,24 @@ pub const QUANTITIES: [Quantity; 3] = [
         told: |own| own.tokens.as_ref(),
     },
 ];
+
+/// The quantities of the optimum: N and D where the vocabulary's parameters are not told apart.
+pub fn quantities(size_alone: bool) -> Vec<&'static Quantity> {
+    match size_alone {
+        true => vec![&SIZE, &QUANTITIES[2]],
+        false => QUANTITIES.iter().collect(),
+    }
+}
+
+/// N, where the vocabulary's parameters are not told apart.
+pub static SIZE: Quantity = Quantity {
+    label: "Model size N (parameters)",
+    form: "N ∝ Cᵃ",
+    exponent: "a",
+    of: |minimum| minimum.params_nonvocab,
+    at: |optimum| optimum.params,
+    told: |own| own.params.as_ref(),
+};
 
 impl Quantity {
     /// Its exponent, where it is determined.

@@ -51,9 +51,9 @@ fn looks(colours: Vec<Rgb>) -> Vec<Look> {
     colours.into_iter().enumerate().map(look).collect()
 }
 
-/// Lists the models by their sizes.
-pub fn explain_models(legend: &mut Legend, models: &[ModelSize], looks: &[Look]) {
-    legend.heading("Model, by Nₙᵥ");
+/// Lists the models by their sizes, which have a symbol.
+pub fn explain_models(legend: &mut Legend, symbol: &str, models: &[ModelSize], looks: &[Look]) {
+    legend.heading(&format!("Model, by {symbol}"));
     for (model, look) in models.iter().zip(looks) {
         legend.entry(look.sample(), model.label());
     }

@@ -29,6 +29,7 @@ impl Simulated {
     pub fn input(&self) -> FigureInput<'_> {
         FigureInput {
             title: "quickstart",
+            loss_name: None,
             records: &self.records,
             laws: Some(&self.laws),
             tokenizers: &self.tokenizers,

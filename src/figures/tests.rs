@@ -107,7 +107,8 @@ fn several_shares_of_the_data_have_a_figure_of_their_own() {
 
 #[test]
 fn an_empty_sweep_draws_nothing_and_says_why() {
-    let input = FigureInput { title: "none", records: &[], laws: None, tokenizers: &[] };
+    let input =
+        FigureInput { title: "none", loss_name: None, records: &[], laws: None, tokenizers: &[] };
     let (folder, drawn) = drawn(&input);
     assert_eq!(drawn.left_out.len(), FIGURES.len() - 1);
     assert!(drawn.left_out.iter().all(|left_out| !left_out.reason.is_empty()));
@@ -139,6 +140,7 @@ fn laws_without_a_single_fit_are_drawn_as_minima() {
     laws.minima.iter_mut().for_each(|minimum| minimum.flags = vec![MinimumFlag::FewLevels]);
     let input = FigureInput {
         title: "bare",
+        loss_name: None,
         records: &records,
         laws: Some(&laws),
         tokenizers: &tokenizers,

@@ -14,6 +14,7 @@ use super::ticks::signed;
 use super::{Drawing, Sources};
 
 pub fn draw(sources: &Sources) -> Drawing {
+    sources.needs_vocabulary()?;
     let laws = sources.laws()?;
     let minima = minima(laws);
     if minima.is_empty() {

@@ -39,6 +39,31 @@ impl RunRecord {
         Self { format: FORMAT, planned, measured, metrics }
     }
 
+    /// A row of a table made elsewhere, with its loss as L_u; counts are rounded to whole numbers.
+    pub fn of_point(point: &IsoFlopPoint, rule: FlopsRule) -> Self {
+        let whole = |x: f64| x.round() as usize;
+        let planned = Planned {
+            run_id: point.run_id.clone(),
+            seed: Some(point.seed),
+            n_vocab: whole(point.n_vocab),
+            budget_flops: point.budget_flops,
+            params_nonvocab: whole(point.params_nonvocab),
+            params_vocab: whole(point.params_vocab),
+            share: point.about.share,
+            ..Planned::default()
+        };
+        let by = |own: FlopsRule| (own == rule).then_some(point.flops);
+        let measured = Measured {
+            flops_openai: by(FlopsRule::OpenAi),
+            flops_6nd: by(FlopsRule::SixNd),
+            flops_exact: by(FlopsRule::Exact),
+            tokens: whole(point.tokens),
+            unique_tokens: point.about.unique_tokens.map(whole),
+            ..Measured::default()
+        };
+        Self::new(planned, measured, [(LOSS_NORMALISED, point.loss)].into_iter().collect())
+    }
+
     /// A metric of the run.
     ///
     /// # Errors

@@ -29,9 +29,11 @@ pub fn section(input: &ReportInput) -> Markup {
                     ul { @for cell in input.dropped { li { (cell) } } }
                 }
             }
-            details {
-                summary { "The resolved sweep" }
-                pre tabindex="0" role="region" aria-label="The resolved sweep" { (input.sweep.trim()) }
+            @if !input.sweep.is_empty() {
+                details {
+                    summary { "The resolved sweep" }
+                    pre tabindex="0" role="region" aria-label="The resolved sweep" { (input.sweep.trim()) }
+                }
             }
         }
     }

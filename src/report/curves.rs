@@ -22,17 +22,20 @@ pub fn section(study: &Study) -> Option<Markup> {
     let drawn = html! {
         (optimum(&chart, study))
         @for (place, budget) in budgets.iter().enumerate() {
-            (curve(&chart, study.records, *budget, place % COLOURS))
+            (curve(&chart, study, *budget, place % COLOURS))
         }
     };
-    let about = "L_u of runs against N_nv, with a line through the best of each size of a budget";
+    let words = study.words();
+    let about = format!(
+        "{} of runs against {}, with a line through the best of each size of a budget",
+        words.loss, words.size
+    );
     Some(html! {
         section aria-labelledby=(study.id("curves")) {
             (study.heading("curves", "IsoFLOP curves"))
             p { "The lines go through the best run of each size; the other runs near them are faint. Point \
-                 at a run, or tap it, to read it. The shaded band is the predicted N_nv of the budget \
-                 chosen above." }
-            (chart.drawing(&study.id("isoflop"), &study.own(about), ["N_nv", "L_u, nats"], &drawn))
+                 at a run, or tap it, to read it. The shaded band is the predicted " (words.size) " of the budget chosen above." }
+            (chart.drawing(&study.id("isoflop"), &study.own(&about), [words.size, &words.loss_axis], &drawn))
             p.pointed aria-live="polite" { "\u{a0}" }
             ul.legend {
                 @for (place, budget) in budgets.iter().enumerate() {
@@ -43,7 +46,8 @@ pub fn section(study: &Study) -> Option<Markup> {
     })
 }
 
-fn curve(chart: &Chart, records: &[RunRecord], budget: f64, colour: usize) -> Markup {
+fn curve(chart: &Chart, study: &Study, budget: f64, colour: usize) -> Markup {
+    let (records, words) = (study.records, study.words());
     let best = best_of_sizes(records, budget);
     let place = |record: &&RunRecord| {
         Some((record.planned.params_nonvocab as f64, record.loss_normalised().ok()?))
@@ -58,7 +62,7 @@ fn curve(chart: &Chart, records: &[RunRecord], budget: f64, colour: usize) -> Ma
             @for record in of_budget {
                 @if let Some((x, y)) = place(&record).filter(|(_, y)| chart.holds(*y)) {
                     circle.best[is_best(record)] cx=(px(chart.x(x))) cy=(px(chart.y(y)))
-                        r=(if is_best(record) { "4" } else { "2.5" }) data-label=(label(record)) {}
+                        r=(if is_best(record) { "4" } else { "2.5" }) data-label=(label(record, &words)) {}
                 }
             }
         }
@@ -73,7 +77,8 @@ fn optimum(chart: &Chart, study: &Study) -> Markup {
         .iter()
         .map(|prediction| {
             let size = prediction.params_nonvocab.or(prediction.params).unwrap_or(f64::NAN);
-            let [low, high] = prediction.ci95.params_nonvocab.unwrap_or([size, size]);
+            let [low, high] =
+                prediction.ci95.params_nonvocab.or(prediction.ci95.params).unwrap_or([size, size]);
             [size, low, high].map(|x| px(chart.x_within(x))).join(" ")
         })
         .collect();

@@ -17,7 +17,7 @@ pub struct ReportInput<'a> {
     pub tokenizers: &'a [TokenizerMetrics],
     /// Those of all generators together.
     pub figures: &'a [Figure],
-    /// The resolved sweep, in YAML.
+    /// The resolved sweep, in YAML; empty for a table made elsewhere.
     pub sweep: &'a str,
     /// Cells that were not run, each with its reason.
     pub dropped: &'a [String],
@@ -27,6 +27,8 @@ pub struct ReportInput<'a> {
 pub struct Study<'a> {
     /// The generator's name; `None` where the sweep has one alone.
     pub generator: Option<&'a str>,
+    /// What the loss is called, if it is not L_u: the column or expression of a table.
+    pub loss_name: Option<&'a str>,
     /// What `isoflop run` says at its end.
     pub verdict: &'a str,
     /// Absent where the runs bear none.

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::input::Study;
 use super::table::{interval, table, thousandths};
+use super::words::Words;
 use crate::laws::names::flags_text;
 use crate::laws::text::count;
 use crate::laws::{Exponent, IntervalPart, Laws, Minimum, PowerLaw};
@@ -26,7 +27,7 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
             ))
             (table(
                 &study.own("Laws of the loss through the minima; the error is that of laws without the held-out budget"),
-                &["law", "held-out error, nats", "parameters"],
+                &["law", if study.loss_name.is_none() { "held-out error, nats" } else { "held-out error" }, "parameters"],
                 &losses(laws)
             ))
             (parts(study, laws))
@@ -134,7 +135,7 @@ fn parts(study: &Study, laws: &Laws) -> Markup {
         ]
     };
     let rows: Vec<Vec<String>> = laws.judgement.interval_parts.iter().map(row).collect();
-    let head = ["reason", "N_nv", "N_v", "D"];
+    let head = ["reason", study.words().size, "N_v", "D"];
     html! { @if !rows.is_empty() { (table(&study.own("The intervals of the exponents, had they one reason alone"), &head, &rows)) } }
 }
 
@@ -151,6 +152,7 @@ fn minima(study: &Study, laws: &Laws) -> Markup {
     };
     let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
     let rows: Vec<Vec<String>> = own.map(row).collect();
-    let head = ["C", "N_nv", "V", "D", "L_u", "flags"];
-    table(&study.own("Minima"), &head, &rows)
+    let Words { size, loss, .. } = study.words();
+    let head = ["C", size, "V", "D", &loss, "flags"];
+    html! { @if !rows.is_empty() { (table(&study.own("Minima"), &head, &rows)) } }
 }

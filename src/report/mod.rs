@@ -14,6 +14,7 @@
 //! let records = table::read(Path::new("results/cmu-motion"))?;
 //! let study = Study {
 //!     generator: None,
+//!     loss_name: None,
 //!     verdict: "No laws yet.",
 //!     laws: None,
 //!     predictions: &[],
@@ -46,6 +47,7 @@ mod samples;
 mod scaling;
 mod table;
 mod tokenizers;
+mod words;
 
 pub use input::{Figure, ReportInput, Sample, Study};
 pub use page::page;

@@ -12,7 +12,7 @@ pub fn page(input: &ReportInput) -> String {
         beside::section(input.studies),
         Some(html! { @for study in input.studies { (of_study(study)) } }),
         samples::section(input.samples),
-        runs::section(&records),
+        input.studies.first().and_then(|study| runs::section(&records, &study.words())),
         tokenizers::section(input.tokenizers),
         Some(figures(input)),
         Some(about::section(input)),

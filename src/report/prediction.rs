@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::chart::{Chart, px};
 use super::input::Study;
+use super::words::Words;
 use crate::laws::Minimum;
 use crate::laws::text::count;
 use crate::predict::{Prediction, Together, cells, standing};
@@ -33,8 +34,7 @@ pub fn section(study: &Study) -> Option<Markup> {
             p.build {}
             p.together {}
             ul.cautions {}
-            p.faint { "N_nv: parameters beside those of the vocabulary. V: codes. D: tokens of training. \
-                       loss: L_u, nats a token below a model that knows only how often each code is met." }
+            p.faint { (explained(study)) }
             (losses(study).unwrap_or_default())
             p { "The same numbers: " code {
                 "isoflop predict C --law RESULTS" @if let Some(generator) = study.generator { "/generators/" (generator) }
@@ -42,6 +42,19 @@ pub fn section(study: &Study) -> Option<Markup> {
         }
         script.predictions type="application/json" { (PreEscaped(escaped(&data))) }
     })
+}
+
+/// The symbols in words.
+fn explained(study: &Study) -> String {
+    match (study.loss_name, study.words().size) {
+        (None, _) => "N_nv: parameters beside those of the vocabulary. V: codes. D: tokens of training. \
+                      loss: L_u, nats a token below a model that knows only how often each code is met."
+            .to_string(),
+        (Some(name), "N") => format!("N: model size. D: tokens of training. loss: {name}."),
+        (Some(name), _) => format!(
+            "N_nv: parameters beside those of the vocabulary. D: tokens of training. loss: {name}."
+        ),
+    }
 }
 
 /// The first budget beyond the runs, or the last.
@@ -90,18 +103,23 @@ fn losses(study: &Study) -> Option<Markup> {
     let around = low.iter().copied().chain(high.iter().rev().copied());
     let marks: Vec<String> =
         line.iter().map(|(x, y)| format!("{} {}", px(chart.x(*x)), px(chart.y(*y)))).collect();
+    let words = study.words();
     let drawn = html! {
         path.band d=(chart.path(around)) {}
         path.law d=(chart.path(line.iter().copied())) {}
         @for minimum in minima {
             circle.minimum.doubtful[!minimum.trusted]
                 cx=(px(chart.x(minimum.flops))) cy=(px(chart.y(minimum.loss_normalised))) r="4.5"
-                data-label=(told(minimum)) {}
+                data-label=(told(minimum, &words)) {}
         }
         circle.mark r="6" data-places=(marks.join(",")) {}
     };
-    let about = "Predicted L_u against budgets with its 95 % interval, and the minima of the runs";
-    Some(chart.drawing(&study.id("losses"), &study.own(about), ["FLOPs", "L_u, nats"], &drawn))
+    let about = format!(
+        "Predicted {} against budgets with its 95 % interval, and the minima of the runs",
+        words.loss
+    );
+    let axes = ["FLOPs", &words.loss_axis];
+    Some(chart.drawing(&study.id("losses"), &study.own(&about), axes, &drawn))
 }
 
 /// The minima that the laws stand on, and the one held out.
@@ -111,13 +129,15 @@ fn minima<'a>(study: &Study<'a>) -> Vec<&'a Minimum> {
     own.filter(|minimum| minimum.loss_normalised.is_finite()).collect()
 }
 
-fn told(minimum: &Minimum) -> String {
+fn told(minimum: &Minimum, words: &Words) -> String {
     let word = if minimum.trusted { "trusted minimum" } else { "minimum in doubt" };
+    let vocab = if words.has_vocab { format!(", V {:.0}", minimum.n_vocab) } else { String::new() };
     format!(
-        "{word} at {}: L_u {:.4}, N_nv {}, V {:.0}",
+        "{word} at {}: {} {:.4}, {} {}{vocab}",
         count(minimum.budget_flops),
+        words.loss,
         minimum.loss_normalised,
-        count(minimum.params_nonvocab),
-        minimum.n_vocab
+        words.size,
+        count(minimum.params_nonvocab)
     )
 }

@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::words::Words;
 use crate::laws::text::count;
 use crate::record::RunRecord;
 
@@ -28,7 +29,7 @@ struct Cell {
 }
 
 /// The table; `None` where there is no run.
-pub fn section(records: &[&RunRecord]) -> Option<Markup> {
+pub fn section(records: &[&RunRecord], words: &Words) -> Option<Markup> {
     (!records.is_empty()).then(|| {
         html! {
             section aria-labelledby="runs" {
@@ -40,7 +41,7 @@ pub fn section(records: &[&RunRecord]) -> Option<Markup> {
                     table id="table" {
                         caption { "Finished runs" }
                         thead { tr {
-                            @for name in COLUMNS { th scope="col" { button type="button" { (name) } } }
+                            @for name in COLUMNS { th scope="col" { button type="button" { (called(name, words)) } } }
                         } }
                         tbody { @for record in records { (row(record)) } }
                     }
@@ -48,6 +49,15 @@ pub fn section(records: &[&RunRecord]) -> Option<Markup> {
             }
         }
     })
+}
+
+/// A column's name in the words of the study.
+fn called<'a>(name: &'a str, words: &'a Words) -> &'a str {
+    match name {
+        "N_nv" => words.size,
+        "L_u" => &words.loss,
+        other => other,
+    }
 }
 
 fn row(record: &RunRecord) -> Markup {

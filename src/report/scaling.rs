@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::words::Words;
 use crate::laws::text::count;
 use crate::record::{RunRecord, of_largest_share};
 
@@ -13,7 +14,10 @@ pub fn extent(records: &[&RunRecord]) -> String {
         _ => String::new(),
     };
     let seconds: f64 = records.iter().filter_map(|record| record.measured.wall_s).sum();
-    format!("{} runs{span}, {:.1} core-hours", records.len(), seconds / 3600.0)
+    // A table made elsewhere knows no times.
+    let hours =
+        if seconds > 0.0 { format!(", {:.1} core-hours", seconds / 3600.0) } else { String::new() };
+    format!("{} runs{span}{hours}", records.len())
 }
 
 /// The budgets of runs, ascending.
@@ -39,16 +43,18 @@ pub fn best_of_sizes(records: &[RunRecord], budget: f64) -> Vec<&RunRecord> {
 }
 
 /// A run in a line.
-pub fn label(record: &RunRecord) -> String {
+pub fn label(record: &RunRecord, words: &Words) -> String {
     let planned = &record.planned;
-    let loss =
-        record.loss_normalised().map_or("no loss".to_string(), |loss| format!("L_u {loss:.4}"));
+    let loss = record
+        .loss_normalised()
+        .map_or("no loss".to_string(), |loss| format!("{} {loss:.4}", words.loss));
+    let vocab = if words.has_vocab { format!(", V {}", planned.n_vocab) } else { String::new() };
     let generator = planned.generator.as_deref().unwrap_or("run");
     let seed = planned.seed.map_or_else(String::new, |seed| format!(", seed {seed}"));
     format!(
-        "{generator}, N_nv {}, V {}, C {}, D {}{seed}: {loss}",
+        "{generator}, {} {}{vocab}, C {}, D {}{seed}: {loss}",
+        words.size,
         count(planned.params_nonvocab as f64),
-        planned.n_vocab,
         count(planned.budget_flops),
         count(record.measured.tokens as f64),
     )

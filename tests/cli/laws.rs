@@ -207,7 +207,8 @@ fn a_notebook_finds_the_results_from_where_it_lies() {
 #[test]
 fn the_published_law_needs_no_files() {
     let place = Place::new();
-    let predictions = place.isoflop(&["predict", "1e18", "--json"]).exits(0).json();
+    let predictions =
+        place.isoflop(&["predict", "1e18", "--law", "scamo", "--json"]).exits(0).json();
     let prediction = &predictions[0];
     assert_eq!(prediction["law"], "scamo");
     assert!((number(&prediction["loss_normalised"]) + 5.277).abs() < 1e-3, "{prediction}");

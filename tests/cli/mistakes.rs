@@ -141,6 +141,9 @@ fn a_command_line_that_makes_no_sense_is_a_usage_error() {
     for (args, words) in [
         (&["predict", "nonsense"][..], "nonsense is not a number of FLOPs"),
         (&["predict", "-1e9"], "--"),
+        (&["predict", "1e18"], "--law scamo"),
+        (&["predict", "--params", "7e9", "--law", "scamo"], "--tokens"),
+        (&["predict", "1e18", "--params", "7e9", "--tokens", "1e12"], "cannot be used with"),
         (&["predict", "1e18", "--law", "/no/such"], "/no/such does not exist; laws are those of"),
         (&["run", "mini.yaml", "--jobs", "0"], "--jobs"),
         (&["plan"], "SWEEP"),

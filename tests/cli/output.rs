@@ -61,7 +61,7 @@ grid: {models: scamo, vocab: [256, 65536], budgets: [1.2345678e18, 1e9], exclude
         &["run", "lawful.yaml"],
         &["plan", "lawful.yaml", "--set", "train.lr.coefficient=0.1"],
         &["fit", "results/lawful"],
-        &["predict", "1e18", "3.3333333e24"],
+        &["predict", "1e18", "3.3333333e24", "--law", "scamo"],
         &["predict", "1e12", "--law", "results/lawful"],
     ] {
         let text = place.isoflop(args).exits(0).stdout();

@@ -202,6 +202,45 @@ fn laws_of_a_table_predict_from_their_file() {
 }
 
 #[test]
+fn the_loss_of_a_model_trained_past_its_optimum_stands_beside_the_optimum() {
+    let place = known();
+    let fit = ["fit", "runs.csv", "--columns", KNOWN, "--law", "approach3", "--out", "laws.json"];
+    place.isoflop(&fit).exits(0);
+    let ask = ["predict", "--params", "1e9", "--tokens", "1e12", "--law", "laws.json"];
+    let found = place.isoflop(&[&ask[..], &["--json"]].concat()).exits(0).json()[0].clone();
+    let loss = |n: f64, d: f64| 1.8 + 480.0 * n.powf(-0.35) + 2100.0 * d.powf(-0.37);
+    near(&found, "/loss_normalised", loss(1e9, 1e12), 1e-4);
+    near(&found, "/flops", 6e21, 1e-9);
+    let best = ["/optimum/params", "/optimum/tokens"].map(|at| number(&found, at));
+    near(&found, "/optimum/loss_normalised", loss(best[0], best[1]), 1e-4);
+    let lost = loss(1e9, 1e12) - loss(best[0], best[1]);
+    near(&found, "/loss_above_optimum", lost, 1e-2);
+    assert!(number(&found, "/flops_of_equal_loss") < 6e21);
+    assert!(number(&found, "/ci95/loss_normalised/0") <= loss(1e9, 1e12) + 1e-4);
+    let text = place.isoflop(&ask).exits(0).stdout();
+    assert!(text.contains("best model for the same FLOPs") && text.contains("(loss: L)"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let minima = ["fit", "runs.csv", "--columns", KNOWN, "--law", "approach1", "--out", "one.json"];
+    place.isoflop(&minima).exits(0);
+    let ask = ["predict", "--params", "1e9", "--tokens", "1e12", "--law", "one.json"];
+    place.isoflop(&ask).exits(2).says("--law approach3");
+}
+
+#[test]
+fn a_prediction_names_its_law_and_takes_budgets_in_a_list() {
+    let place = known();
+    place.isoflop(&["predict", "1e18"]).exits(2).says("--law scamo").does_not_say("here:");
+    std::fs::create_dir_all(place.path("results/mine")).unwrap();
+    let fit = ["fit", "runs.csv", "--columns", KNOWN, "--out", "results/mine/laws.json"];
+    place.isoflop(&fit).exits(0);
+    place.isoflop(&["predict", "1e18"]).exits(2).says("here: --law results/mine");
+    let args = ["predict", "1e22,2e22", "3e22", "--law", "results/mine", "--json"];
+    let found = place.isoflop(&args).exits(0).json();
+    let budgets: Vec<f64> = (0..3).map(|i| number(&found, &format!("/{i}/budget_flops"))).collect();
+    assert_eq!(budgets, [1e22, 2e22, 3e22]);
+}
+
+#[test]
 fn a_fit_fits_the_terminal() {
     let place = known();
     for law in ["isoflop", "approach1", "approach3"] {
@@ -240,4 +279,174 @@ fn rows_left_out_are_named() {
     let args = ["fit", "runs.csv", "--columns", KNOWN, "--where", "C > 1e18", "--json"];
     let laws = place.isoflop(&args).exits(0).says("54 of 63 rows pass").json();
     assert!(laws["notes"].to_string().contains("54 of 63"));
+}
+
+/// Two experiments of one law with other floors, three budgets of nine sizes each, and one of a size.
+fn experiments() -> Place {
+    let mut text = String::from("experiment,params,tokens,budget_flops,loss\n");
+    for (name, floor) in [("ours", 1.8), ("theirs", 2.4)] {
+        for budget in [1e18, 1e19, 1e20f64] {
+            for size in -4..=4 {
+                let n = (budget / 6.0).sqrt() / 4.0 * 1.5f64.powi(size);
+                let d = budget / 6.0 / n;
+                let loss = floor + 480.0 * n.powf(-0.35) + 2100.0 * d.powf(-0.37);
+                text += &format!("{name},{n},{d},{budget:e},{loss}\n");
+            }
+        }
+    }
+    for budget in [1e18, 1e19, 1e20] {
+        text += &format!("one size,1e8,{},{budget:e},3\n", budget / 6e8);
+    }
+    let place = Place::new();
+    place.write("runs.csv", text);
+    place
+}
+
+#[test]
+fn groups_of_a_column_are_fitted_side_by_side_and_one_that_cannot_be_says_why() {
+    let place = experiments();
+    let ended = place.isoflop(&["fit", "runs.csv"]).exits(0);
+    ended.says(
+        "column `experiment` has 3 values; their rows are fitted as one law: --by experiment",
+    );
+    let args = ["fit", "runs.csv", "--by", "experiment", "--law", "approach3", "--bootstrap", "50"];
+    let text = place.isoflop(&args).exits(0).stdout();
+    for words in ["experiment = ours, 27 runs", "experiment = theirs", "cannot be fitted: "] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let more = ["--out", "laws", "--json"];
+    let found = place.isoflop(&[&args[..], &more].concat()).exits(0).does_not_say("--by").json();
+    assert_eq!(found["by"], "experiment");
+    near(&found, "/groups/ours/parametric/E", 1.8, 1e-3);
+    near(&found, "/groups/theirs/parametric/E", 2.4, 1e-3);
+    assert!(found["groups"]["one size"].is_null());
+    assert!(
+        found["failed"]["one size"].as_str().is_some_and(|why| why.contains("rows")),
+        "{found}"
+    );
+    assert_eq!(place.names("laws"), ["ours.json", "theirs.json"]);
+    place.isoflop(&["predict", "1e21", "--law", "laws/theirs.json"]).exits(0);
+    let one = ["--where", "experiment == \"one size\""];
+    place.isoflop(&[&args[..], &one].concat()).exits(3).says("none of the 1 groups");
+    let slip = ["fit", "runs.csv", "--by", "experimnet"];
+    place.isoflop(&slip).exits(2).says("did you mean `experiment`");
+    let slip = ["fit", "runs.csv", "--by", "experiment", "--columns", "loss=los"];
+    place.isoflop(&slip).exits(2).says("los");
+}
+
+#[test]
+fn numbers_as_people_write_them_are_read_and_told() {
+    let place = Place::new();
+    let mut text = String::from("size;tokens;budget;ce\n");
+    for budget in [1e18, 1e19, 1e20f64] {
+        for size in -3..=3 {
+            let n = (budget / 6.0).sqrt() / 4.0 * 1.5f64.powi(size);
+            let loss = 1.8 + 480.0 * n.powf(-0.35) + 2100.0 * (budget / 6.0 / n).powf(-0.37);
+            let comma = |x: f64, digits: usize| format!("{x:.digits$e}").replace('.', ",");
+            let d = comma(budget / 6.0 / n, 8);
+            text += &format!(
+                "{:.9}M;{d};{budget:e};{}\n",
+                n / 1e6,
+                format!("{loss:.9}").replace('.', ",")
+            );
+        }
+    }
+    text += "-;1,5e9;1e20;2,5\n";
+    place.write("runs.csv", text);
+    let columns = "params=size,tokens=tokens,budget_flops=budget,loss=ce";
+    let args = ["fit", "runs.csv", "--columns", columns, "--law", "approach3", "--json"];
+    let ended = place.isoflop(&args).exits(0).says("separated by semicolons");
+    let ended =
+        ended.says("column `size`: ").says("M is read as ").says("dropped row 22 (missing)");
+    near(&ended.json(), "/parametric/alpha", 0.35, 1e-2);
+    place.write("unclear.csv", "params,tokens,loss\n\"1,234\",1e9,3\n\"2,345\",2e9,2.9\n");
+    let args = ["fit", "unclear.csv", "--law", "approach3"];
+    place.isoflop(&args).exits(2).says("`1,234` may be 1234 or 1.234: write the one that is meant");
+    place.write("tabs.csv", "params\ttokens\tbudget_flops\tloss\n7M\t1.5k\t6.3e10\t3\n");
+    place
+        .isoflop(&["fit", "tabs.csv"])
+        .exits(3)
+        .says("separated by tabs")
+        .says("7M is read as 7e6");
+}
+
+#[test]
+fn a_table_and_a_laws_file_have_the_figures_and_the_page_that_they_allow() {
+    let place = known();
+    let columns = ["--columns", KNOWN];
+    let plot = [&["plot", "runs.csv", "--format", "svg"][..], &columns].concat();
+    let ended = place.isoflop(&plot).exits(0).says("vocabulary's parameters are not told apart");
+    assert!(ended.stdout().contains("runs-figures/isoflop_parabolas.svg"), "{}", ended.stdout());
+    let svg = String::from_utf8(place.read("runs-figures/power_laws.svg")).unwrap();
+    assert!(svg.contains("Model size N") && !svg.contains("Non-vocabulary"), "names of a table");
+    let fit = [&["fit", "runs.csv", "--out", "laws.json"][..], &columns].concat();
+    place.isoflop(&fit).exits(0);
+    let args = ["plot", "laws.json", "--out", "drawn", "--format", "svg"];
+    place.isoflop(&args).exits(0).says("isoflop_parabolas is left out");
+    assert_eq!(place.names("drawn"), ["loss_vs_budget.svg", "power_laws.svg"]);
+    for (source, file) in [("runs.csv", "runs.html"), ("laws.json", "laws.html")] {
+        let more = if source == "runs.csv" { &columns[..] } else { &[] };
+        place.isoflop(&[&["report", source][..], more].concat()).exits(0);
+        let page = String::from_utf8(place.read(file)).unwrap();
+        assert!(page.contains("Power laws of C") && !page.contains("L_u"), "{file}");
+    }
+    place.isoflop(&["plot", "laws.json", "--columns", "loss=L"]).exits(2).says("holds laws");
+    place.isoflop(&["plot", "runs.csv", "--columns", "loss=nope"]).exits(2).says("nope");
+}
+
+#[test]
+fn laws_of_tables_are_compared_by_their_files() {
+    let place = known();
+    let laws = ["fit", "runs.csv", "--columns", KNOWN, "--out", "a.json"];
+    place.isoflop(&laws).exits(0);
+    let laws = ["fit", "runs.csv", "--columns", KNOWN, "--law", "approach3", "--out", "b.json"];
+    place.isoflop(&laws).exits(0);
+    let found = place.isoflop(&["compare", "a.json", "b.json", "--json"]).exits(0).json();
+    assert_eq!(found["studies"], serde_json::json!(["a", "b"]));
+    assert_eq!(found["quantities"][0]["name"], "exponent of N in C");
+    assert_eq!(found["sweeps"], serde_json::json!([]));
+    place.isoflop(&["compare", "a.json", "a.json", "--out", "drawn"]).exits(0);
+    assert!(place.names("drawn").contains(&"compare.svg".to_string()));
+}
+
+#[test]
+fn rows_that_the_optimum_hangs_on_are_named() {
+    let Some(table) = shared("epoch_chinchilla/svg_extracted_data.csv") else { return };
+    let options = ["--law", "approach3", "--predict", "5.76e23", "--json"];
+    let args = [&["fit", table.as_str(), "--columns", EPOCH], &options[..]].concat();
+    let ended = Place::new().isoflop(&args).exits(0).says("5 row(s) move the optimal N");
+    let influence = ended.json()["parametric"]["influence"].clone();
+    assert_eq!(influence["rows"].as_array().map(Vec::len), Some(5));
+    let factor = number(&influence, "/params") / number(&influence, "/params_without");
+    assert!((1.6..1.8).contains(&factor), "{factor}");
+    let dropped = [&args[..], &["--drop-highest", "5"]].concat();
+    Place::new().isoflop(&dropped).exits(0).does_not_say("without row 1,");
+}
+
+#[test]
+fn a_vocabulary_known_by_its_parameters_alone_is_fitted() {
+    let mut text = String::from("params_nonvocab,params_vocab,tokens,budget_flops,loss\n");
+    for budget in [1e18, 1e19, 1e20f64] {
+        for size in -3..=3 {
+            for vocab in -2..=2 {
+                let n = (budget / 6.0).sqrt() / 4.0 * 1.5f64.powi(size);
+                let v = 0.6 * n.powf(0.95) * 2f64.powi(vocab);
+                let d = budget / 6.0 / (n + v);
+                let loss =
+                    480.0 * n.powf(-0.35) + 8.0 * v.powf(-0.2) + 2100.0 * d.powf(-0.37) - 6.0;
+                text += &format!("{n},{v},{d},{budget:e},{loss}\n");
+            }
+        }
+    }
+    let place = Place::new();
+    place.write("runs.csv", text);
+    let args = ["fit", "runs.csv", "--law", "approach3-vocab", "--out", "laws.json", "--json"];
+    let laws = place.isoflop(&args).exits(0).json();
+    near(&laws, "/parametric/alpha2", 0.2, 0.05);
+    let ask = ["predict", "--params", "1e9", "--tokens", "1e10", "--law", "laws.json"];
+    place.isoflop(&ask).exits(2).says("--params-vocab N_v");
+    let found = place.isoflop(&[&ask[..], &["--params-vocab", "1e8", "--json"]].concat());
+    near(&found.exits(0).json(), "/0/flops", 6.6e19, 1e-9);
+    let laws = place.isoflop(&["fit", "runs.csv", "--json"]).exits(0).json();
+    assert!(laws["power_laws"]["params_vocab"].is_object(), "{}", laws["power_laws"]);
 }

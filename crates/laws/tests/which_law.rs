@@ -82,9 +82,11 @@ fn the_recommended_law_predicts_the_largest_budget_of_public_runs() {
             blind.name(),
             at_largest(chosen)
         );
+        let mut misses: Vec<f64> = scores(&all).iter().map(at_largest).collect();
+        misses.sort_by(f64::total_cmp);
         assert!(
-            together.abs() <= 1.5 * best + 1e-3,
-            "{experiment}: the laws together missed by {together}, the best by {best}"
+            together.abs() <= misses[1] + 1e-3,
+            "{experiment}: the laws together missed by {together}, single ones by {misses:?}"
         );
     }
 }

@@ -20,6 +20,10 @@ impl SweepDifference {
     pub fn of(folders: &[&Path]) -> Result<Vec<Self>> {
         let mut all: Vec<BTreeMap<String, String>> = Vec::new();
         for folder in folders {
+            // A laws.json stands for no folder.
+            if !folder.is_dir() {
+                return Ok(Vec::new());
+            }
             let path = folder.join("sweep.yaml");
             let Some(text) = read_text_if_there(&path)? else { return Ok(Vec::new()) };
             let value = serde_yaml::from_str(&text).map_err(|e| FileError::damaged(&path, e))?;

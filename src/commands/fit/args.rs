@@ -25,15 +25,14 @@ Examples:
   Budgets that were not declared, rounded to a tenth of a decade
     isoflop fit runs.csv --columns 'params=N,tokens=D,loss=L,budget_flops=10^(round(10*log10(6*N*D))/10)'
 
+  One law for each experiment of a table
+    isoflop fit runs.csv --by experiment
+
 docs/fitting.md tells which law to choose and how to read the answer.";
 
-#[derive(Args, Clone)]
-#[command(after_help = EXAMPLES)]
-pub struct FitArgs {
-    /// A sweep's folder, or a table of runs made elsewhere (.csv, .tsv, .parquet)
-    #[arg(value_name = "RESULTS|TABLE")]
-    pub source: PathBuf,
-
+/// Which rows of a table are fitted, by which law.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub struct TableArgs {
     /// What the table's columns mean, as in params=N,tokens=D*1e9,loss=L
     ///
     /// Names: params, params_nonvocab, params_vocab, n_vocab, d_model, tokens, budget_flops, flops,
@@ -50,10 +49,28 @@ pub struct FitArgs {
     /// Leave out doubtful rows, naming each: duplicates, few-levels, off-centre, spline
     #[arg(long, value_name = "STAGE,…", value_delimiter = ',', help_heading = "Table")]
     pub outliers: Vec<String>,
-
     /// Which law to fit
     #[arg(long, value_parser = a_law(), help_heading = "Law")]
     pub law: Option<LawKind>,
+}
+
+#[derive(Args, Clone, Default)]
+#[command(after_help = EXAMPLES)]
+pub struct FitArgs {
+    /// A sweep's folder, or a table of runs made elsewhere (.csv, .tsv, .parquet)
+    #[arg(value_name = "RESULTS|TABLE")]
+    pub source: PathBuf,
+
+    #[command(flatten)]
+    pub table: TableArgs,
+    /// Fit the groups of a column side by side, each by its own rows
+    #[arg(
+        long,
+        value_name = "COLUMN",
+        conflicts_with_all = ["save", "next", "validations"],
+        help_heading = "Table"
+    )]
+    pub by: Option<String>,
     /// The kind of minimum that the laws are fitted to
     #[arg(long, value_enum, help_heading = "Law")]
     pub minima: Option<MinimaName>,
@@ -104,7 +121,7 @@ pub struct FitArgs {
     /// Write what to run next as a sweep file, with models and codebooks that can be built
     #[arg(long, value_name = "FILE")]
     pub next: Option<PathBuf>,
-    /// The file to write the laws to
+    /// The file to write the laws to; with --by a folder, for a file of each group
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }

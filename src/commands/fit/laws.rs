@@ -3,8 +3,8 @@
 use isoflop::laws;
 use isoflop::laws::MinimumMethod;
 use isoflop::laws::{
-    Approach1Options, FitError, FitOptions, Form, LawKind, Laws, Parameters, fit_parametric,
-    parametric_laws,
+    Approach1Options, FitError, FitOptions, Form, LawKind, Laws, Parameters, ParametricOptions,
+    fit_parametric, parametric_laws,
 };
 
 use super::request::FitRequest;
@@ -85,6 +85,9 @@ fn parametric(source: &Source, request: &FitRequest, form: Form) -> Result<Laws,
         )));
     }
     let points = laws::of_largest_share(&source.points);
-    let parametric = fit_parametric(&points, &request.parametric(form))?;
+    let budgets = points.iter().map(|point| point.budget_flops).reduce(f64::max);
+    let influence_at = request.budgets(budgets).into_iter().reduce(f64::max);
+    let options = ParametricOptions { influence_at, ..request.parametric(form) };
+    let parametric = fit_parametric(&points, &options)?;
     Ok(parametric_laws(&points, parametric, &source.name, source.rule.name()))
 }

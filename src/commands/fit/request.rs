@@ -6,7 +6,9 @@ use isoflop::laws::{Form, HoldOut, Huber, LawKind, ParametricOptions, Space, Sta
 use isoflop::spec::FlopsRule;
 use isoflop::table::{OutlierStage, TableRequest};
 
-use super::args::{CompatName, FitArgs, FlopsName, HuberName, MinimaName, SpaceName, StartsName};
+use super::args::{
+    CompatName, FitArgs, FlopsName, HuberName, MinimaName, SpaceName, StartsName, TableArgs,
+};
 
 /// Power laws' Huber δ where `mad` is asked for: 95 % of the precision of least squares.
 const MADS: f64 = 1.345;
@@ -34,17 +36,18 @@ pub struct FitRequest {
 impl FitRequest {
     pub fn of(args: &FitArgs) -> Result<Self> {
         let outliers: Result<Vec<OutlierStage>, _> =
-            args.outliers.iter().map(|name| name.parse::<OutlierStage>()).collect();
+            args.table.outliers.iter().map(|name| name.parse::<OutlierStage>()).collect();
         let outliers = outliers.context("--outliers")?;
         let compat = args.compat;
         let scamo = compat == Some(CompatName::Scamo);
-        let as_table = args.columns.is_some()
-            || !args.filters.is_empty()
-            || args.drop_highest.is_some()
+        let as_table = args.table.columns.is_some()
+            || !args.table.filters.is_empty()
+            || args.table.drop_highest.is_some()
             || !outliers.is_empty()
+            || args.by.is_some()
             || compat == Some(CompatName::Epoch);
         Ok(Self {
-            law: args.law.unwrap_or_else(|| default_law(compat)),
+            law: args.table.law.unwrap_or_else(|| default_law(compat)),
             compat,
             rule: args.flops.map(rule),
             minima: args.minima.map(method).or(scamo.then_some(MinimumMethod::Argmin)),
@@ -61,15 +64,21 @@ impl FitRequest {
             bootstrap: args.bootstrap,
             seed: args.seed.unwrap_or(0),
             table: TableRequest {
-                columns: args.columns.clone(),
-                filters: args.filters.clone(),
-                drop_highest: args.drop_highest.unwrap_or_else(|| default_drop(compat)),
+                columns: args.table.columns.clone(),
+                group: None,
+                filters: args.table.filters.clone(),
+                drop_highest: args.table.drop_highest.unwrap_or_else(|| default_drop(compat)),
                 outliers,
             },
             validations: args.validations,
             as_table,
             args: args.clone(),
         })
+    }
+
+    /// Of a table's rows and law alone.
+    pub fn of_table(table: &TableArgs) -> Result<Self> {
+        Self::of(&FitArgs { table: table.clone(), ..FitArgs::default() })
     }
 
     /// The options of a parametric law.

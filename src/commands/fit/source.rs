@@ -4,14 +4,15 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{FitError, IsoFlopPoint, Parameters};
+use isoflop::laws::{IsoFlopPoint, Parameters};
 use isoflop::record::{RunRecord, Tuned, table as runs};
 use isoflop::spec::FlopsRule;
 use isoflop::sweep::Sweep;
-use isoflop::table::{self, Dropped, TableRequest};
+use isoflop::table::Dropped;
 
 use super::request::FitRequest;
 use crate::commands::by_generator::{of_one, sweep_of};
+use crate::commands::output::Output;
 use crate::commands::validate::validation_folders;
 
 /// Points, and what they were made of.
@@ -37,24 +38,21 @@ pub struct OwnSweep {
 }
 
 impl Source {
-    pub fn open(path: &Path, request: &FitRequest) -> Result<Self> {
-        match (path.is_dir(), request.as_table) {
-            (true, false) => of_sweep(path, request),
-            (true, true) => {
-                let sweep = sweep_of(&ResultsFolder::new(path))?;
-                let rule = request.rule.unwrap_or(sweep.flops.rule);
-                of_table(&path.join("runs.parquet"), &sweep.name, rule, request)
-            }
-            (false, _) => {
-                let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
-                let rule = request.rule.unwrap_or(FlopsRule::SixNd);
-                of_table(path, &stem.unwrap_or_else(|| "table".into()), rule, request)
-            }
-        }
+    /// Says what became of rows, and what was taken without being asked.
+    pub fn tell(&self, output: &Output) {
+        self.notes.iter().cloned().chain(self.lost()).for_each(|line| output.note(&line));
+    }
+
+    /// A sentence for each row that was dropped.
+    pub fn lost(&self) -> impl Iterator<Item = String> {
+        let said =
+            |row: &Dropped| format!("dropped {} ({}): {}", row.run_id, row.stage, row.reason);
+        self.dropped.iter().map(said)
     }
 }
 
-fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
+/// The runs of a sweep's folder.
+pub fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
     let folder = ResultsFolder::new(path);
     let sweep = sweep_of(&folder)?;
     let mut records = runs::read(folder.root())?;
@@ -91,46 +89,4 @@ fn of_validations(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
     }
     runs::sort(&mut all);
     Ok(all)
-}
-
-fn of_table(path: &Path, name: &str, rule: FlopsRule, request: &FitRequest) -> Result<Source> {
-    let table = table::read(path)?;
-    let columns = with_flops(&table, rule, request.table.columns.as_deref())?;
-    let wanted = TableRequest { columns, ..request.table.clone() };
-    let loaded = table::load(&table, &wanted)?;
-    if loaded.points.is_empty() {
-        return Err(FitError::NoPoints.into());
-    }
-    Ok(Source {
-        name: name.to_string(),
-        points: loaded.points,
-        parameters: loaded.parameters,
-        rule,
-        budget_declared: loaded.budget_declared,
-        dropped: loaded.dropped,
-        notes: loaded.notes,
-        sweep: None,
-    })
-}
-
-/// `--columns` with what a run spent under `rule`: 6ND follows from the rest, the others need a
-/// column of their own, as a sweep's table has it.
-fn with_flops(
-    table: &table::Table,
-    rule: FlopsRule,
-    columns: Option<&str>,
-) -> Result<Option<String>> {
-    let own = format!("flops_{}", rule.name());
-    let given = columns.is_some_and(|text| text.split(',').any(|c| c.trim().starts_with("flops=")));
-    if given || (rule == FlopsRule::SixNd && table.column(&own).is_none()) {
-        return Ok(columns.map(String::from));
-    }
-    if table.column(&own).is_none() {
-        bail!(
-            "--flops {} needs a column {own}, or flops=… in --columns: only 6nd follows from N and D",
-            rule.name()
-        );
-    }
-    let flops = format!("flops={own}");
-    Ok(Some(columns.map_or(flops.clone(), |text| format!("{text},{flops}"))))
 }

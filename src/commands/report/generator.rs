@@ -55,6 +55,7 @@ impl GeneratorResults {
     pub fn study(&self) -> Study<'_> {
         Study {
             generator: self.generator.as_deref(),
+            loss_name: None,
             verdict: &self.verdict,
             laws: self.laws.as_ref(),
             predictions: &self.predictions,
@@ -77,7 +78,7 @@ pub fn of_each(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Gene
 }
 
 /// Predictions for the slider: rounded budgets from the first fitted one on, and those of the sweep.
-fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
+pub fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
     let fitted = &laws.fitted_budgets;
     let (Some(first), Some(last)) = (fitted.first(), fitted.last()) else { return told.to_vec() };
     let powers = first.log10().floor() as i32..=(last * FARTHEST).log10().ceil() as i32;

@@ -129,7 +129,7 @@ pub use error::FitError;
 pub use fit::fit;
 pub use floor_law::floor_law;
 pub use forecast_error::ForecastError;
-pub use joint::{JointLaw, JointLoss, JointOptimum, Repetition, Terms};
+pub use joint::{JointLaw, JointLoss, JointOptimum, JointSized, Repetition, Terms};
 pub use judgement::{IntervalPart, Judgement, Tried};
 pub use law_kind::LawKind;
 pub use least_squares::{LeastSquares, least_squares};
@@ -140,7 +140,7 @@ pub use miss::{Miss, MissedMinimum, Off};
 pub use options::{FitOptions, HoldOut, Weights};
 pub use parametric::around;
 pub use parametric::{
-    Coefficients, Form, Huber, Optimum, Parametric, ParametricOptions, Space, Starts,
+    Coefficients, Form, Huber, Influence, Optimum, Parametric, ParametricOptions, Space, Starts,
     fit_parametric, optimum, parametric_laws, parametric_text, vocab_exponent,
 };
 pub use point::{IsoFlopPoint, Parameters, RunFacts};

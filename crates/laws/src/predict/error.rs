@@ -18,6 +18,16 @@ pub enum PredictError {
     )]
     NotProjected { budget: f64, rule: String },
 
+    #[error(
+        "{laws} knows the loss of compute-optimal models only, not that of any N and D; fit a law that \
+         does: `isoflop fit TABLE --law approach3 --out laws.json`, or `isoflop fit RESULTS` of a \
+         sweep with four budgets or more, which gives a joint law"
+    )]
+    NoLossLaw { laws: String },
+
+    #[error("the law of {laws} tells the vocabulary apart: --params is N_nv, and it needs {needs}")]
+    NoVocabulary { laws: String, needs: &'static str },
+
     #[error("no {0} to choose from: give at least one in the options")]
     NothingToChoose(&'static str),
 }

@@ -1,7 +1,8 @@
 //! From laws and a budget to a configuration: pure functions over values.
 //!
 //! `Laws → raw values at C → projected onto C → nearest buildable shape`, gathered in a
-//! [`Prediction`].
+//! [`Prediction`]. Laws of N and D also tell the loss of a model that is not the best one for its
+//! FLOPs: [`predict_sized`].
 //!
 //! # Example
 //!
@@ -26,6 +27,7 @@ mod optimum;
 mod options;
 mod project;
 mod shapes;
+mod sized;
 mod spread;
 mod text;
 mod together;
@@ -40,5 +42,8 @@ pub use optimum::predict;
 pub use options::PredictOptions;
 pub use project::{Allocation, project};
 pub use shapes::{Shape, default_ladder};
+pub use sized::{
+    ModelSize, SizedIntervals, SizedOptimum, SizedPrediction, predict_sized, sized_text,
+};
 pub use text::{said, text};
 pub use types::{Intervals, PredictedShape, Prediction, Raw, Together, Weighed};

@@ -10,7 +10,8 @@ use super::{
     warnings,
 };
 use crate::laws::{
-    Candidate, JointLaw, JointOptimum, LawSample, Laws, TestNoise, around, interval95,
+    Candidate, JointLaw, JointOptimum, LOSS_NORMALISED, LawSample, Laws, TestNoise, around,
+    interval95,
 };
 
 /// The optimal configuration for `budget` FLOPs.
@@ -58,6 +59,7 @@ pub fn predict(
         n_vocab,
         tokens: on_budget.tokens,
         loss_normalised,
+        loss_name: loss_name(laws),
         recommended: laws.judgement.recommended.as_ref().map(|recommended| recommended.law),
         together: None,
         ci95: intervals(laws, &best, &spread, budget, options),
@@ -73,6 +75,12 @@ pub fn predict(
     let own = warnings::of(&prediction, laws, vocabulary, options);
     prediction.warnings = missed.into_iter().chain(own).collect();
     Ok(prediction)
+}
+
+/// The name of a loss that is not L_u.
+pub(super) fn loss_name(laws: &Laws) -> Option<String> {
+    let name = laws.metric.name();
+    (name != LOSS_NORMALISED).then(|| name.to_string())
 }
 
 /// What the recommended law asks for at a budget.
@@ -185,7 +193,7 @@ fn shape(
 }
 
 /// The largest fitted budget; C0 where the laws were not fitted here.
-fn largest_fitted(laws: &Laws) -> f64 {
+pub(super) fn largest_fitted(laws: &Laws) -> f64 {
     laws.fitted_budgets.iter().copied().reduce(f64::max).unwrap_or(laws.reference_flops)
 }
 

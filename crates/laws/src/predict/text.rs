@@ -1,7 +1,7 @@
 //! A prediction for a terminal.
 
 use super::Prediction;
-use super::brief::span;
+use super::brief::{of_loss, span};
 use crate::laws::text::{count, wrap};
 
 /// Predictions on one screen, or all that is known of each.
@@ -26,9 +26,10 @@ pub fn text(prediction: &Prediction) -> String {
 
 fn title(prediction: &Prediction) -> String {
     format!(
-        "Optimum for {} FLOPs by {}: each law by itself, they would spend {:.3} of it; extrapolation factor {:.3}.",
+        "Optimum for {} FLOPs by {}{}: each law by itself, they would spend {:.3} of it; extrapolation factor {:.3}.",
         count(prediction.budget_flops),
         prediction.law,
+        of_loss(prediction.loss_name.as_deref()),
         prediction.budget_ratio,
         prediction.extrapolation_factor
     )

@@ -29,8 +29,11 @@ pub struct Prediction {
     pub n_vocab: Option<f64>,
     /// D on the budget.
     pub tokens: f64,
-    /// L_u by the recommended law, in nats.
+    /// The loss by the recommended law: L_u in nats, or what `loss_name` says in its unit.
     pub loss_normalised: Option<f64>,
+    /// The column or expression of a table that gives the loss; absent for L_u.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss_name: Option<String>,
     /// The law that gave the loss, and, where it is a joint one, the allocation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recommended: Option<Candidate>,

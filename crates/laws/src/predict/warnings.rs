@@ -93,7 +93,7 @@ fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let size = prediction.params_nonvocab.or(prediction.params)?;
     let far_size = is_far(size, tried.sizes).then(|| {
         let [low, high] = tried.sizes.map(count);
-        format!("{} = {} ({low} to {high})", laws.parameters.size(), count(size))
+        format!("{} {} ({low} to {high})", size_name(prediction), count(size))
     });
     let far_vocab = prediction.n_vocab.filter(|v| is_far(*v, tried.vocabularies)).map(|v| {
         let [low, high] = tried.vocabularies;
@@ -103,8 +103,13 @@ fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
     (!far.is_empty()).then(|| format!("Far outside what was tried: {}.", far.join(", ")))
 }
 
-fn is_far(value: f64, [low, high]: [f64; 2]) -> bool {
+pub(super) fn is_far(value: f64, [low, high]: [f64; 2]) -> bool {
     high > 0.0 && !(low / BEYOND_TRIED..=high * BEYOND_TRIED).contains(&value)
+}
+
+/// What a prediction calls the size of the model.
+fn size_name(prediction: &Prediction) -> &'static str {
+    if prediction.params.is_some() { "model size" } else { "N_nv =" }
 }
 
 fn overspending(prediction: &Prediction) -> Option<String> {
@@ -112,9 +117,10 @@ fn overspending(prediction: &Prediction) -> Option<String> {
     let what = if ratio > 1.0 { "overspend" } else { "underspend" };
     ((ratio - 1.0).abs() > RATIO_TOLERANCE).then(|| {
         format!(
-            "The laws {what} by a factor {:.2}; {} and D are scaled by {:.3} each.",
+            "The laws {what} by a factor {:.2}; {} and {} are scaled by {:.3} each.",
             ratio.max(1.0 / ratio),
-            if prediction.params.is_some() { "N" } else { "N_nv, N_v" },
+            if prediction.params.is_some() { "model size" } else { "N_nv, N_v" },
+            if prediction.params.is_some() { "tokens" } else { "D" },
             prediction.tokens / prediction.raw.tokens
         )
     })
@@ -146,7 +152,7 @@ fn vocab_edge(laws: &Laws) -> Option<String> {
 fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> Option<String> {
     if let Vocabulary::Fixed(n_vocab) = vocabulary {
         return Some(format!(
-            "The sweep tried one vocabulary, so V stays at {n_vocab:.0} and nothing is known of \
+            "The runs tried one vocabulary, so V stays at {n_vocab:.0} and nothing is known of \
              the optimal N_v."
         ));
     }
@@ -156,7 +162,7 @@ fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> 
     // Where V was hardly tried at all, the first sentence has it.
     let tried = laws.judgement.tried.is_none_or(|tried| !is_far(v, tried.vocabularies));
     (tried && high > 0.0 && !(low / MISFIT..=high * MISFIT).contains(&v)).then(|| {
-        format!("V = {v:.0} lies outside the sweep's optima, which span {low:.0} to {high:.0}.")
+        format!("V = {v:.0} lies outside the optima of the fit, which span {low:.0} to {high:.0}.")
     })
 }
 
@@ -185,7 +191,7 @@ fn shape(prediction: &Prediction, options: &PredictOptions) -> Option<String> {
 
 fn no_vocabulary(vocabulary: Vocabulary) -> Option<String> {
     (vocabulary == Vocabulary::None).then(|| {
-        "The laws are of N alone, so neither a vocabulary nor a shape is predicted.".into()
+        "The laws are of model size alone, so neither a vocabulary nor a shape is predicted.".into()
     })
 }
 
@@ -196,7 +202,7 @@ fn loss_laws(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let floor_error = laws.loss.floor.as_ref().filter(|law| !law.is_at_bound())?.held_out_error?;
     (floor_error.abs() < log_error.abs()).then(|| {
         format!(
-            "L_u = {log:.3} is the log law's; the floor law, which was nearer at the held-out \
+            "The loss {log:.3} is the log law's; the floor law, which was nearer at the held-out \
              budget ({floor_error:+.3} against {log_error:+.3}), gives {floor:.3}."
         )
     })

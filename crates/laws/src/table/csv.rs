@@ -7,15 +7,28 @@ use super::records::{Fault, Records};
 use super::{Column, Table};
 
 /// What a numeric column may hold where a value is missing, without regard to case.
-const MISSING: [&str; 6] = ["", "na", "n/a", "nan", "null", "none"];
+const MISSING: [&str; 8] = ["", "-", "na", "n/a", "#n/a", "nan", "null", "none"];
 
 type Cells<'a> = Vec<Cow<'a, str>>;
 
-/// The separator of a `.csv`: a semicolon where the first line has one and no comma, as
-/// spreadsheets of half of Europe write it.
+/// The separator of a text: of comma, semicolon and tab the most frequent outside quotes in its first
+/// line, the comma if it has none.
 pub(super) fn separator(text: &str) -> u8 {
-    let head = text.lines().next().unwrap_or_default();
-    if head.contains(';') && !head.contains(',') { b';' } else { b',' }
+    let head = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    let outside: String = head.split('"').step_by(2).collect();
+    let count = |separator: &u8| outside.bytes().filter(|byte| byte == separator).count();
+    // Of equal counts the last one counts.
+    [b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b',')
+}
+
+/// A note for a separator that is not the comma.
+pub(super) fn note(separator: u8) -> Option<String> {
+    let name = match separator {
+        b';' => "semicolons",
+        b'\t' => "tabs",
+        _ => return None,
+    };
+    Some(format!("cells are taken to be separated by {name}"))
 }
 
 /// The table in a text whose first record is the header.
@@ -107,10 +120,16 @@ impl Numbers {
     }
 }
 
+/// Whether a cell says that its value is missing.
+pub(super) fn is_missing(cell: &str) -> bool {
+    let cell = cell.trim();
+    cell.len() <= 4 && MISSING.iter().any(|name| cell.eq_ignore_ascii_case(name))
+}
+
 /// The type of a cell and its number; none where it is missing.
 fn value(cell: &str) -> Option<(Kind, f64)> {
     let cell = cell.trim();
-    if cell.len() <= 4 && MISSING.iter().any(|name| cell.eq_ignore_ascii_case(name)) {
+    if is_missing(cell) {
         return None;
     }
     Some(match cell.parse() {

@@ -3,7 +3,7 @@
 //! | quantity | where it is not given | unit |
 //! | --- | --- | --- |
 //! | N_v | V·d, else N − N_nv | parameters |
-//! | V | N_v/d; 0 where d is unknown | codes |
+//! | V | N_v/d; N_v where d is unknown | codes |
 //! | N_nv | N − N_v | parameters |
 //! | D | C/(6 N), C being the declared budget | tokens |
 //! | C | 6 N D | FLOPs |
@@ -27,8 +27,6 @@ const LIKELY_SLIP: f64 = 3.0;
 pub(super) struct Derived {
     pub parameters: Parameters,
     pub budget_declared: bool,
-    /// Whether `n_vocab` holds V and not 0.
-    pub vocab_known: bool,
     pub params_nonvocab: Vec<f64>,
     pub params_vocab: Vec<f64>,
     pub n_vocab: Vec<f64>,
@@ -70,7 +68,6 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
     Ok(Derived {
         parameters: model.parameters,
         budget_declared: budget.is_some(),
-        vocab_known: model.vocab_known,
         flops: given(Quantity::Flops).map_or_else(|| flops_6nd(&params, &tokens), <[f64]>::to_vec),
         params_nonvocab: model.nonvocab,
         params_vocab: model.vocab,

@@ -28,6 +28,12 @@ pub enum TableError {
     #[error("--where: {0}")]
     Filter(ExpressionError),
 
+    #[error("--by: no column is named `{name}`; {hint}columns: {columns}")]
+    NoColumn { name: String, hint: String, columns: String },
+
+    #[error("--by: column `{0}` is empty in every row, so that there is no group to fit")]
+    NoGroups(String),
+
     #[error("the table has no {what}: name {remedy} with --columns; its columns are {columns}")]
     Missing { what: &'static str, remedy: &'static str, columns: String },
 
@@ -49,7 +55,7 @@ pub enum ReadProblem {
     #[error("cannot be read: {0}")]
     Unreadable(String),
 
-    #[error("not a table that can be read: the name must end in .csv, .tsv or .parquet")]
+    #[error("not a table that can be read: the name must end in .csv, .txt, .tsv or .parquet")]
     Extension,
 
     #[error("the file is empty; it needs a line of column names and a line for each run")]

@@ -5,9 +5,11 @@
 //! | step | function |
 //! | --- | --- |
 //! | a CSV, TSV or Parquet file into columns | [`read()`] |
+//! | `7M`, `1,5e7` and other written numbers | `written` |
 //! | `Model Size*1e6`, `loss < 4 and not outlier` | [`Expression::parse`] |
 //! | `--columns` into the quantities a law knows | `columns` |
 //! | the quantities that follow from the others | `derive` |
+//! | the groups of a column | [`groups()`] |
 //! | rows that cannot be trusted | [`OutlierStage::split`] |
 //! | all of it | [`load`] |
 //!
@@ -33,6 +35,9 @@ mod derive;
 mod drop_stage;
 mod error;
 mod expression;
+mod group;
+mod groups;
+mod mixed;
 mod model;
 mod nearest;
 mod outliers;
@@ -44,10 +49,13 @@ mod read;
 mod records;
 mod rows;
 mod types;
+mod written;
 
 pub use drop_stage::DropStage;
 pub use error::{ReadProblem, TableError};
 pub use expression::{Expression, ExpressionError, ExpressionProblem};
+pub use group::Group;
+pub use groups::groups;
 pub use outliers::{OutlierStage, UnknownStage};
 pub use quantity::{Quantity, UnknownQuantity};
 pub use read::{ReadError, read};

@@ -10,7 +10,6 @@ const SAME_PARAMS: f64 = 0.01;
 /// N_nv, N_v and V.
 pub(super) struct ModelSizes {
     pub parameters: Parameters,
-    pub vocab_known: bool,
     pub nonvocab: Vec<f64>,
     pub vocab: Vec<f64>,
     pub n_vocab: Vec<f64>,
@@ -40,7 +39,6 @@ pub(super) fn model_sizes(
             notes.extend(unused(named));
             return Ok(ModelSizes {
                 parameters: Parameters::Total,
-                vocab_known: false,
                 nonvocab: total.to_vec(),
                 vocab: nothing(),
                 n_vocab: nothing(),
@@ -52,12 +50,15 @@ pub(super) fn model_sizes(
     };
     let n_vocab = n_vocab.map(<[f64]>::to_vec);
     let n_vocab = n_vocab.or_else(|| Some(zip(&vocab, d_model?, |params, d| params / d)));
-    let vocab_known = n_vocab.is_some();
-    if !vocab_known {
-        notes.push("V is unknown, and 0 in each row: neither n_vocab nor d_model is given".into());
+    if n_vocab.is_none() {
+        notes.push(
+            "V is unknown, neither n_vocab nor d_model being given: vocabularies are told apart by \
+             N_v, which stands in the place of V"
+                .into(),
+        );
     }
-    let n_vocab = n_vocab.unwrap_or_else(nothing);
-    Ok(ModelSizes { parameters: Parameters::Split, vocab_known, nonvocab, vocab, n_vocab })
+    let n_vocab = n_vocab.unwrap_or_else(|| vocab.clone());
+    Ok(ModelSizes { parameters: Parameters::Split, nonvocab, vocab, n_vocab })
 }
 
 const NO_PARAMS: (&str, &str) = (

@@ -73,8 +73,7 @@ impl Derived {
     /// What the value would have to be; none where it will do.
     fn rejects(&self, quantity: Quantity, value: f64) -> Option<&'static str> {
         let unknown = match quantity {
-            Quantity::ParamsVocab => self.parameters == Parameters::Total,
-            Quantity::NVocab => self.parameters == Parameters::Total || !self.vocab_known,
+            Quantity::ParamsVocab | Quantity::NVocab => self.parameters == Parameters::Total,
             // A row that does not say saw all of the data.
             Quantity::Share | Quantity::UniqueTokens => value.is_nan(),
             _ => false,

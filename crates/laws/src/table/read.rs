@@ -8,7 +8,7 @@ use polars::prelude::*;
 
 use super::error::ReadProblem;
 use super::quiet::quietly;
-use super::{Column, Table, csv, pages};
+use super::{Column, Table, csv, pages, written};
 
 /// Why a file gives no table.
 #[derive(Debug, thiserror::Error)]
@@ -21,13 +21,14 @@ pub struct ReadError {
 /// A Parquet file can claim any number of rows in a few bytes; a table of runs has fewer.
 const MAX_ROWS: usize = 100_000_000;
 
-/// Reads a table; the extension (`.csv`, `.tsv`, `.parquet`) says what it is.
+/// Reads a table; the extension (`.csv`, `.txt`, `.tsv`, `.parquet`) says what it is.
 ///
 /// # Errors
 /// The path, and what is wrong on which line. A table without rows is an error.
 pub fn read(path: &Path) -> Result<Table, ReadError> {
     contents(path)
         .and_then(checked)
+        .map(written::read)
         .map_err(|problem| ReadError { path: path.display().to_string(), problem })
 }
 
@@ -35,10 +36,13 @@ fn contents(path: &Path) -> Result<Table, ReadProblem> {
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
     let bytes = || std::fs::read(path).map_err(|e| ReadProblem::Unreadable(e.to_string()));
     match extension.to_str() {
-        Some("csv") => {
+        Some("csv" | "txt") => {
             let bytes = bytes()?;
             let text = utf8(&bytes)?;
-            csv::table(text, csv::separator(text))
+            let separator = csv::separator(text);
+            let mut table = csv::table(text, separator)?;
+            table.notes.extend(csv::note(separator));
+            Ok(table)
         }
         Some("tsv") => csv::table(utf8(&bytes()?)?, b'\t'),
         Some("parquet") => parquet(bytes()?),

@@ -5,8 +5,9 @@ use serde::Serialize;
 use super::columns::{Named, named};
 use super::derive::{Derived, derive};
 use super::drop_stage::DropStage;
+use super::mixed::mixed;
 use super::point::source;
-use super::{Expression, OutlierStage, Table, TableError};
+use super::{Expression, Group, OutlierStage, Table, TableError};
 use crate::laws::{IsoFlopPoint, Parameters};
 
 /// What to make of a table.
@@ -14,6 +15,8 @@ use crate::laws::{IsoFlopPoint, Parameters};
 pub struct TableRequest {
     /// `name=expression,…`; without it the columns named as quantities are taken.
     pub columns: Option<String>,
+    /// The one group whose rows count; all rows if none is named.
+    pub group: Option<Group>,
     /// Conditions that a row must meet, all of them.
     pub filters: Vec<String>,
     /// How many rows of the highest loss to drop, after the filters.
@@ -54,10 +57,12 @@ pub struct Dropped {
 pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError> {
     let named = named(request.columns.as_deref(), table)?;
     let mut notes = [&table.notes[..], &named.notes].concat();
-    let rows = filtered(table, &request.filters, &mut notes)?;
+    let rows = filtered(table, request, &mut notes)?;
     let named = select(&named, &rows);
     let derived = derive(&named, table)?;
     notes.extend(derived.notes.iter().cloned());
+    let budgets = derived.budget_declared.then_some(&derived.budget_flops[..]);
+    notes.extend(mixed(table, &rows, budgets).filter(|_| request.group.is_none()));
     let mut dropped = Vec::new();
     let rows = (0..rows.len()).collect();
     let reason = |row| missing(&named, &derived, row);
@@ -73,14 +78,15 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
     Ok(Loaded { points, parameters, budget_declared, dropped, notes })
 }
 
-/// The rows that pass every filter.
-fn filtered(
+/// The rows of the group that pass every filter.
+pub(super) fn filtered(
     table: &Table,
-    filters: &[String],
+    request: &TableRequest,
     notes: &mut Vec<String>,
 ) -> Result<Vec<usize>, TableError> {
-    let mut rows: Vec<usize> = (0..table.n_rows).collect();
-    for filter in filters {
+    let is_in = |row: &usize| request.group.as_ref().is_none_or(|group| group.has(table, *row));
+    let mut rows: Vec<usize> = (0..table.n_rows).filter(is_in).collect();
+    for filter in &request.filters {
         let expression = Expression::parse(filter, table).map_err(TableError::Filter)?;
         let passes = expression.mask(table).map_err(TableError::Filter)?;
         let before = rows.len();

@@ -18,6 +18,17 @@ pub enum Column {
     Number(Vec<f64>),
     /// Text; a missing cell is empty.
     Text(Vec<String>),
+    /// Text whose cells are numbers, as `7M` is: a number where one is needed, else the text.
+    Written { numbers: Vec<f64>, cells: Vec<String> },
+}
+
+/// What a column stands for in an expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reads {
+    Number,
+    Text,
+    /// A number, or a text where it is compared with one.
+    Either,
 }
 
 impl Table {
@@ -44,5 +55,14 @@ impl Column {
         let is_text = |cell: &str| !cell.is_empty() && cell.trim().parse::<f64>().is_err();
         let row = cells.iter().position(|cell| is_text(cell))?;
         Some((row + 1, &cells[row]))
+    }
+
+    /// How it stands in an expression.
+    pub(super) fn reads(&self) -> Reads {
+        match self {
+            Self::Number(_) => Reads::Number,
+            Self::Text(_) => Reads::Text,
+            Self::Written { .. } => Reads::Either,
+        }
     }
 }

@@ -6,8 +6,12 @@ use crate::laws::{IntervalPart, Judgement, Laws, NoiseSource, Parameters};
 /// The part that is the scatter of runs.
 const RUNS: &str = "runs";
 
-/// Each part of the interval of N_nv's exponent; `None` without intervals.
+/// What the intervals of the exponents hold: of laws of minima, each part of the interval of N_nv's exponent;
+/// `None` without intervals.
 pub(super) fn sentence(laws: &Laws) -> Option<String> {
+    if laws.recommended_law().is_joint() {
+        return of_joint(laws);
+    }
     let exponent = match laws.parameters {
         Parameters::Split => laws.power_laws.params_nonvocab.as_ref()?,
         Parameters::Total => laws.power_laws.params.as_ref()?,
@@ -21,6 +25,20 @@ pub(super) fn sentence(laws: &Laws) -> Option<String> {
     (!told.is_empty()).then(|| {
         format!("Intervals hold, for {of}'s exponent: {}{missing}{others}.", told.join(", "))
     })
+}
+
+fn of_joint(laws: &Laws) -> Option<String> {
+    let joint = laws.judgement.joint.as_ref().filter(|joint| !joint.bootstrap.is_empty())?;
+    let missing = missing(laws).map_or(String::new(), |missing| format!("; not {missing}"));
+    let others = on_other_clips(laws).unwrap_or_default();
+    let parts = [
+        Some("the scatter of the cells around the law"),
+        laws.judgement.tokenizer_noise.as_ref().map(|_| "that of tokenizers"),
+        laws.judgement.test_noise.as_ref().map(|_| "what other clips change of the optimum"),
+    ];
+    let parts: Vec<&str> = parts.into_iter().flatten().collect();
+    let (sd, n) = (joint.residual_sd, joint.n);
+    Some(format!("Intervals hold {} ({sd:.4}, {n} cells){missing}{others}.", parts.join(", ")))
 }
 
 fn told(part: &IntervalPart, laws: &Laws) -> Option<String> {
@@ -38,7 +56,7 @@ fn told(part: &IntervalPart, laws: &Laws) -> Option<String> {
 fn missing(laws: &Laws) -> Option<&'static str> {
     let Judgement { tokenizer_noise: tokenizers, test_noise: test, .. } = &laws.judgement;
     match (tokenizers, test) {
-        (None, None) if !laws.from_sweep => Some("what was not varied"),
+        (None, None) if !laws.from_sweep => Some("what the runs did not vary"),
         (Some(_), Some(_)) => None,
         (Some(_), None) => Some("the test split"),
         (None, Some(_)) => Some("the tokenizers, one a vocabulary"),

@@ -20,6 +20,7 @@
 //! | cells into coefficients | `fit`: a `problem`, solved by `levenberg` |
 //! | what a token costs, how wide a model is | `cost` |
 //! | the best allocation of a budget | `optimum` |
+//! | a model that is not the best one | `sized` |
 //! | intervals | `bootstrap` |
 //! | how far a law lies from cells it has not seen | `above` |
 //! | what repeated data is worth | `repetition` |
@@ -34,6 +35,7 @@ mod loss;
 mod optimum;
 mod problem;
 mod repetition;
+mod sized;
 #[cfg(test)]
 mod tests;
 mod weighed;
@@ -48,4 +50,5 @@ pub use loss::{JointLoss, Terms};
 pub use optimum::JointOptimum;
 pub(super) use problem::{UNKNOWN_NOISE, expected_sds, noise_of};
 pub use repetition::Repetition;
+pub use sized::JointSized;
 pub(super) use weighed::{repeat, valley};

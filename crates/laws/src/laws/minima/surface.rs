@@ -1,8 +1,8 @@
-//! The joint quadratic in (ln N_nv, ln N_v) over every cell of a budget.
+//! The joint quadratic in (ln N_nv, ln N_v) over the cells of a budget's valley.
 //!
 //! L = c0 + c1 u + c2 v + c3 u² + c4 uv + c5 v², u and v being the two logarithms in units of half
-//! their range. It places both optima between the levels tried and uses every run, where the
-//! curves use the best vocabulary of each size.
+//! their range. It places both optima between the levels tried and uses every vocabulary, where
+//! the curves use the best of each size.
 
 use super::grid::{Grid, Scale};
 use super::{Curvature, Located};
@@ -43,16 +43,17 @@ pub(super) fn locate(grid: &Grid) -> Located {
         minimum: Minimum { flags: flags.to_vec(), ..grid.best_run(METHOD, None) },
         curvature,
     };
-    let few = grid.cells.len() < 6 || grid.sizes.len() < 3 || grid.n_vocabularies() < 3;
-    let axes = Axes::over(&grid.cells);
-    let Some(fit) = (if few { None } else { quadratic(grid, axes) }) else {
+    let cells = &grid.cells_of_valley()[..];
+    let few = cells.len() < 6 || grid.sizes.len() < 3 || grid.n_vocabularies() < 3;
+    let axes = Axes::over(cells);
+    let Some(fit) = (if few { None } else { quadratic(cells, axes) }) else {
         return unfit(&[MinimumFlag::FewLevels], None);
     };
     let Some((u, v)) = stationary(&fit.coefficients) else {
         return unfit(&[MinimumFlag::NotConvex], None);
     };
     let curvature = Some(smallest_curvature(&fit, grid));
-    let minimum = interpolate(grid, axes, &fit, (u, v));
+    let minimum = interpolate(grid, cells, (axes, (u, v)), &fit);
     let outside = outside(grid, &minimum, u);
     if outside.is_empty() {
         return Located { minimum, curvature };
@@ -60,9 +61,9 @@ pub(super) fn locate(grid: &Grid) -> Located {
     unfit(&outside, curvature)
 }
 
-fn quadratic(grid: &Grid, axes: Axes) -> Option<LeastSquares> {
-    let rows: Vec<_> = grid.cells.iter().map(|cell| terms(axes.of(cell)).to_vec()).collect();
-    let losses: Vec<_> = grid.cells.iter().map(|cell| cell.loss).collect();
+fn quadratic(cells: &[Cell], axes: Axes) -> Option<LeastSquares> {
+    let rows: Vec<_> = cells.iter().map(|cell| terms(axes.of(cell)).to_vec()).collect();
+    let losses: Vec<_> = cells.iter().map(|cell| cell.loss).collect();
     least_squares(&rows, &losses)
 }
 
@@ -95,8 +96,13 @@ fn smallest_curvature(fit: &LeastSquares, grid: &Grid) -> Curvature {
 
 /// The minimum at (u, v); what is not on the axes comes from planes in (u, v) through the cells,
 /// D by way of ln D(N_nv + N_v) as for the curves.
-fn interpolate(grid: &Grid, axes: Axes, fit: &LeastSquares, (u, v): (f64, f64)) -> Minimum {
-    let plane = |value: fn(&Cell) -> f64| plane_at(grid, axes, (u, v), value);
+fn interpolate(
+    grid: &Grid,
+    cells: &[Cell],
+    (axes, (u, v)): (Axes, (f64, f64)),
+    fit: &LeastSquares,
+) -> Minimum {
+    let plane = |value: fn(&Cell) -> f64| plane_at(cells, axes, (u, v), value);
     let params_nonvocab = axes.nonvocab.value_at(u).exp();
     let params_vocab = axes.vocab.value_at(v).exp();
     Minimum {
@@ -120,10 +126,10 @@ fn doubts(grid: &Grid, params_nonvocab: f64) -> Vec<MinimumFlag> {
     all.filter(|flag| *flag != MinimumFlag::EdgeVocab).collect()
 }
 
-fn plane_at(grid: &Grid, axes: Axes, at: (f64, f64), value: fn(&Cell) -> f64) -> f64 {
+fn plane_at(cells: &[Cell], axes: Axes, at: (f64, f64), value: fn(&Cell) -> f64) -> f64 {
     let row = |(u, v): (f64, f64)| vec![1.0, u, v];
-    let rows: Vec<_> = grid.cells.iter().map(|cell| row(axes.of(cell))).collect();
-    let values: Vec<_> = grid.cells.iter().map(value).collect();
+    let rows: Vec<_> = cells.iter().map(|cell| row(axes.of(cell))).collect();
+    let values: Vec<_> = cells.iter().map(value).collect();
     let plane = least_squares(&rows, &values).expect("cells that fix a quadratic fix a plane");
     row(at).iter().zip(&plane.coefficients).map(|(x, c)| x * c).sum()
 }

@@ -3,6 +3,7 @@
 use super::bootstrap::{Replicates, bootstrap};
 use super::data::Data;
 use super::form::Coefficients;
+use super::influence::{Influence, influence};
 use super::objective::Space;
 use super::options::{Huber, ParametricOptions};
 use super::search::{Found, Target, search};
@@ -26,7 +27,9 @@ pub fn fit_parametric(
     let target = target(&data, options)?;
     let found = found(&target, options)?;
     let replicates = bootstrap(points, &target, &found, options);
-    Ok(summarised(&target, &found, &replicates))
+    let influence =
+        options.influence_at.and_then(|budget| influence(points, &target, &found, budget));
+    Ok(summarised(&target, &found, &replicates, influence))
 }
 
 fn found(target: &Target, options: &ParametricOptions) -> Result<Found, FitError> {
@@ -77,7 +80,12 @@ pub(super) fn residuals(target: &Target, coefficients: &Coefficients) -> Vec<f64
     (0..columns.n).map(|i| columns.y[i] - predicted(i)).collect()
 }
 
-fn summarised(target: &Target, found: &Found, replicates: &Replicates) -> Parametric {
+fn summarised(
+    target: &Target,
+    found: &Found,
+    replicates: &Replicates,
+    influence: Option<Influence>,
+) -> Parametric {
     let coefficients = Coefficients::from_centred(
         target.form,
         target.data.constant,
@@ -110,6 +118,7 @@ fn summarised(target: &Target, found: &Found, replicates: &Replicates) -> Parame
         ci95: replicates.intervals(),
         replicates_converged: replicates.converged,
         bootstrap: replicates.coefficients.clone(),
-        warnings: super::warnings::of(target, found, &coefficients, replicates),
+        warnings: super::warnings::of(target, found, &coefficients, replicates, influence.as_ref()),
+        influence,
     }
 }

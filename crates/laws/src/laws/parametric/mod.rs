@@ -8,6 +8,7 @@
 //! | starts by variable projection | `search`, `inner` |
 //! | downhill to the last digit | `newton` |
 //! | intervals | `bootstrap` |
+//! | rows that an optimum hangs on | `influence` |
 //! | all of it | [`fit_parametric`] |
 //! | the laws that follow | [`parametric_laws`] |
 //! | the best allocation of a budget | [`optimum()`] |
@@ -17,6 +18,7 @@ mod data;
 mod draws;
 mod fit;
 mod form;
+mod influence;
 mod inner;
 mod lanes;
 mod laws;
@@ -33,6 +35,7 @@ mod warnings;
 
 pub use fit::fit_parametric;
 pub use form::{Coefficients, Form};
+pub use influence::Influence;
 pub use laws::around;
 pub use laws::parametric_laws;
 pub use objective::Space;

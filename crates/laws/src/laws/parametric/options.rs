@@ -36,6 +36,8 @@ pub struct ParametricOptions {
     pub bootstrap: usize,
     /// Seed of the bootstrap.
     pub seed: u64,
+    /// The budget whose optimum single rows should not move far; `None` to ask for none.
+    pub influence_at: Option<f64>,
 }
 
 impl ParametricOptions {
@@ -51,6 +53,7 @@ impl ParametricOptions {
             bounds: [0.02, 3.0],
             bootstrap: 1000,
             seed: SEED,
+            influence_at: None,
         }
     }
 

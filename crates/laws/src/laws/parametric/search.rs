@@ -63,7 +63,7 @@ pub(super) struct Found {
 }
 
 impl<'a> Target<'a> {
-    fn problem(
+    pub fn problem(
         &self,
         (delta, curvature): (f64, Curvature),
         slots: Slots,

@@ -1,6 +1,7 @@
 //! What a parametric fit holds: the key `parametric` of `laws.json`.
 
 use super::form::{Coefficients, Form};
+use super::influence::Influence;
 use super::objective::Space;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -38,6 +39,8 @@ pub struct Parametric {
     /// Replicates that ended at an optimum.
     pub replicates_converged: usize,
     pub bootstrap: Vec<Coefficients>,
+    /// Rows that the optimum at the largest budget asked for hangs on.
+    pub influence: Option<Influence>,
     /// Sentences for a person.
     pub warnings: Vec<String>,
 }
@@ -62,6 +65,8 @@ struct Written {
     replicates_converged: usize,
     /// One array a replicate, in the order of the form's names.
     bootstrap: Vec<Vec<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    influence: Option<Influence>,
     warnings: Vec<String>,
     #[serde(flatten)]
     coefficients: BTreeMap<String, f64>,
@@ -87,6 +92,7 @@ impl From<Parametric> for Written {
             ci95: named(form, p.ci95),
             replicates_converged: p.replicates_converged,
             bootstrap: p.bootstrap.iter().map(|c| c.values().to_vec()).collect(),
+            influence: p.influence,
             warnings: p.warnings,
             coefficients: named(form, p.coefficients.values().to_vec()),
         }
@@ -118,6 +124,7 @@ impl TryFrom<Written> for Parametric {
             r2: w.r2,
             aic: w.aic,
             replicates_converged: w.replicates_converged,
+            influence: w.influence,
             warnings: w.warnings,
         })
     }

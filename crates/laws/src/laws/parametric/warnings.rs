@@ -2,12 +2,15 @@
 
 use super::bootstrap::Replicates;
 use super::form::Coefficients;
+use super::influence::Influence;
 use super::search::{Found, Target};
 
 /// Share of starts at the optimum below which a second optimum may have been missed.
 const FEW_STARTS: f64 = 0.1;
 /// Rows for each coefficient below which a bootstrap understates.
 const ENOUGH_ROWS: usize = 6;
+/// Rows for each coefficient below which a law follows single rows.
+const LEAST_ROWS: usize = 3;
 /// Share of the mean loss below which a term counts as absent.
 const ABSENT: f64 = 1e-4;
 
@@ -16,12 +19,15 @@ pub(super) fn of(
     found: &Found,
     coefficients: &Coefficients,
     replicates: &Replicates,
+    influence: Option<&Influence>,
 ) -> Vec<String> {
     let mut sentences = Vec::new();
     sentences.extend(terms(target, coefficients));
     sentences.extend(starts(found));
     sentences.extend(unfinished(replicates));
     sentences.extend(few_rows(target, replicates));
+    let size = target.form.quantities()[0];
+    sentences.extend(influence.map(|influence| influence.sentence(size)));
     sentences
 }
 
@@ -63,6 +69,12 @@ fn starts(found: &Found) -> Option<String> {
 
 fn few_rows(target: &Target, replicates: &Replicates) -> Option<String> {
     let (rows, coefficients) = (target.data.columns.n, target.form.n_params());
+    if rows < LEAST_ROWS * coefficients {
+        return Some(format!(
+            "{rows} rows are fewer than {LEAST_ROWS} times the {coefficients} coefficients: the law \
+             follows single rows, and its intervals are too narrow. Add runs."
+        ));
+    }
     (replicates.asked > 0 && rows < ENOUGH_ROWS * coefficients).then(|| {
         format!(
             "{rows} rows are few for {coefficients} coefficients: drawing among so few makes \

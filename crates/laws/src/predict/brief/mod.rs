@@ -9,8 +9,8 @@ use super::Prediction;
 
 pub(super) use quantity::QUANTITIES;
 pub use quantity::cells;
-pub(super) use words::span;
 pub use words::standing;
+pub(super) use words::{of_loss, span};
 
 /// Predictions in some ten lines of at most 80 columns; [`text`](super::text()) has everything.
 pub fn brief(predictions: &[Prediction]) -> String {

@@ -1,7 +1,7 @@
 //! The prediction for one budget: values with intervals, what to build, other laws, warnings.
 
 use super::quantity::{cells, on_other_clips};
-use super::words::{cautions, standing};
+use super::words::{cautions, of_loss, standing};
 use crate::laws::text::{count, wrap};
 use crate::predict::{Prediction, Raw};
 
@@ -19,7 +19,14 @@ pub(super) fn text(prediction: &Prediction) -> String {
 
 fn title(prediction: &Prediction) -> String {
     let budget = count(prediction.budget_flops);
-    wrap("", &format!("For {budget} FLOPs, {}:", standing(prediction)))
+    wrap(
+        "",
+        &format!(
+            "For {budget} FLOPs, {}{}:",
+            standing(prediction),
+            of_loss(prediction.loss_name.as_deref())
+        ),
+    )
 }
 
 fn rows(prediction: &Prediction) -> String {

@@ -1,7 +1,7 @@
 //! Predictions for several budgets: a table, and what the farthest is warned of.
 
 use super::quantity::{QUANTITIES, values};
-use super::words::{cautions, span};
+use super::words::{cautions, of_loss, span};
 use crate::laws::text::{count, short, times, wrap};
 use crate::predict::Prediction;
 
@@ -15,7 +15,8 @@ pub(super) fn text(predictions: &[Prediction]) -> String {
 fn title(predictions: &[Prediction]) -> String {
     let law = predictions[0].recommended;
     let by = law.map_or_else(String::new, |law| format!(" by {}", law.about()));
-    wrap("", &format!("Optima{by}, and how far beyond the fit they lie:"))
+    let loss = of_loss(predictions[0].loss_name.as_deref());
+    wrap("", &format!("Optima{by}, and how far beyond the fit they lie{loss}:"))
 }
 
 fn head(predictions: &[Prediction]) -> String {
@@ -46,7 +47,7 @@ fn numbers() -> [fn(f64) -> String; 5] {
 
 /// A label and a column for each quantity that there is.
 fn line(label: &str, cells: impl Iterator<Item = Option<String>>) -> String {
-    let cells: String = cells.flatten().map(|cell| format!("{cell:>16}")).collect();
+    let cells: String = cells.flatten().map(|cell| format!(" {cell:>15}")).collect();
     format!("{label:<16}{cells}").trim_end().to_string() + "\n"
 }
 

@@ -14,6 +14,12 @@ pub fn standing(prediction: &Prediction) -> String {
     far + &law
 }
 
+/// Which loss a table's predictions are of, in parentheses; nothing for L_u and for a column `loss`.
+pub(in crate::predict) fn of_loss(name: Option<&str>) -> String {
+    let named = |name| format!(" (loss: {name})");
+    name.filter(|name| *name != "loss").map_or_else(String::new, named)
+}
+
 /// Sentences, and how many are left for `--full`.
 pub(super) fn cautions(said: &[String], left: usize) -> String {
     let said: String = said.iter().map(|sentence| wrap("- ", sentence)).collect();

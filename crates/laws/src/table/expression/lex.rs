@@ -8,14 +8,15 @@ use std::ops::Range;
 
 use super::ExpressionProblem as Problem;
 use super::tree::{Fault, Function, Operator};
+use crate::table::Table;
 use crate::table::nearest::hint;
-use crate::table::{Column, Table};
+use crate::table::types::Reads;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token {
     Number(f64),
     Text(String),
-    Column { name: String, is_text: bool },
+    Column { name: String, reads: Reads },
     Function(Function),
     Operator(Operator),
     Not,
@@ -148,8 +149,8 @@ impl Lexer<'_> {
     }
 
     fn column(&self, name: &str) -> Option<Token> {
-        let is_text = matches!(self.table.column(name)?, Column::Text(_));
-        Some(Token::Column { name: name.to_string(), is_text })
+        let reads = self.table.column(name)?.reads();
+        Some(Token::Column { name: name.to_string(), reads })
     }
 
     /// A word by what is due; of column, keyword and function, the longest that fits.

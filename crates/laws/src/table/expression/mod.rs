@@ -46,14 +46,16 @@ impl Expression {
     /// What was not understood, with a caret under it and the nearest valid name.
     pub fn parse(text: &str, table: &Table) -> Result<Self, ExpressionError> {
         let root = lex::tokens(text, table).and_then(|tokens| parse::tree(tokens, text.len()));
-        let root = root.map_err(|(span, problem)| ExpressionError::new(text, span, problem))?;
+        let root = root.map_err(|(span, problem)| {
+            ExpressionError::new(text, span, with_cell(problem, table))
+        })?;
         Ok(Self { text: text.to_string(), root })
     }
 
     /// The expression that is the column of a name, whatever the name holds.
     pub(super) fn column(name: &str, table: &Table) -> Option<Self> {
-        let is_text = matches!(table.column(name)?, super::Column::Text(_));
-        let form = Form::Column { name: name.to_string(), is_text };
+        let reads = table.column(name)?.reads();
+        let form = Form::Column { name: name.to_string(), reads };
         let root = Node { form, span: 0..name.len(), depth: 1 };
         Some(Self { text: name.to_string(), root })
     }
@@ -85,6 +87,11 @@ impl Expression {
 
     /// The value for each row as text; empty where it is missing.
     pub(super) fn texts(&self, table: &Table) -> Result<Vec<String>, ExpressionError> {
+        if let Form::Column { name, .. } = &self.root.form
+            && let Some(super::Column::Written { cells, .. }) = table.column(name)
+        {
+            return Ok(cells.clone());
+        }
         let shown = |x: &f64| if x.is_nan() { String::new() } else { x.to_string() };
         Ok(match self.value(table)? {
             Value::Numbers(numbers) => numbers.spread(table.n_rows).iter().map(shown).collect(),
@@ -105,11 +112,23 @@ impl Expression {
 fn not_a_number(node: &Node, table: &Table) -> tree::Fault {
     let problem = match &node.form {
         Form::Column { name, .. } => {
-            let cell = table.column(name).and_then(super::Column::first_text);
-            let cell = cell.map(|(row, cell)| format!(" (row {row} is `{cell}`)"));
-            ExpressionProblem::TextColumn { name: name.clone(), cell: cell.unwrap_or_default() }
+            ExpressionProblem::TextColumn { name: name.clone(), cell: String::new() }
         }
         _ => ExpressionProblem::Text,
     };
-    (node.span.clone(), problem)
+    (node.span.clone(), with_cell(problem, table))
+}
+
+/// The problem of a text column, with its first cell that is no number and why it is none.
+fn with_cell(problem: ExpressionProblem, table: &Table) -> ExpressionProblem {
+    let ExpressionProblem::TextColumn { name, .. } = problem else { return problem };
+    let column = table.column(&name);
+    let first = column.and_then(super::Column::first_text);
+    let why = match column {
+        Some(super::Column::Text(cells)) => super::written::unclear(cells),
+        _ => None,
+    };
+    let why = why.map_or_else(String::new, |why| format!(": {why}"));
+    let cell = first.map(|(row, cell)| format!(" (row {row} is `{cell}`{why})"));
+    ExpressionProblem::TextColumn { cell: cell.unwrap_or_default(), name }
 }

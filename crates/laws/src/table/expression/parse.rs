@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::ExpressionProblem as Problem;
 use super::lex::Token;
 use super::tree::{Fault, Form, Function, NEGATE, NOT, Node, Operator};
+use crate::table::types::Reads;
 
 /// Levels allowed, so that no expression exhausts the stack.
 const MAX_DEPTH: usize = 200;
@@ -74,7 +75,7 @@ impl Parser {
         let form = match token {
             Some(Token::Number(number)) => Form::Number(number),
             Some(Token::Text(text)) => Form::Text(text),
-            Some(Token::Column { name, is_text }) => Form::Column { name, is_text },
+            Some(Token::Column { name, reads }) => Form::Column { name, reads },
             Some(Token::Operator(Operator::Minus)) => {
                 return self.prefixed(NEGATE, span, Form::Negate);
             }
@@ -140,6 +141,8 @@ impl Parser {
 fn binary(operator: Operator, left: Node, right: Node) -> Result<Node, Fault> {
     let is_equality = matches!(operator, Operator::Equal | Operator::Unequal);
     let span = left.span.start..right.span.end;
+    let texts = [left.is_text(), right.is_text()].map(|is_text| is_text && is_equality);
+    let (left, right) = (left.beside(texts[1]), right.beside(texts[0]));
     let (left, right) = match (left.is_text(), right.is_text()) {
         (false, false) => (left, right),
         (true, true) if is_equality => (left, right),
@@ -150,10 +153,22 @@ fn binary(operator: Operator, left: Node, right: Node) -> Result<Node, Fault> {
     deepened(Form::Binary(operator, Box::new([left, right])), span, depth)
 }
 
+impl Node {
+    /// The node as a text, if it may be one and stands beside one.
+    fn beside(mut self, is_text: bool) -> Self {
+        if let Form::Column { reads: reads @ Reads::Either, .. } = &mut self.form
+            && is_text
+        {
+            *reads = Reads::Text;
+        }
+        self
+    }
+}
+
 /// The node where it is a number.
 fn number(node: Node) -> Result<Node, Fault> {
     let problem = match &node.form {
-        Form::Column { name, is_text: true } => {
+        Form::Column { name, reads: Reads::Text } => {
             Problem::TextColumn { name: name.clone(), cell: String::new() }
         }
         Form::Text(_) => Problem::Text,

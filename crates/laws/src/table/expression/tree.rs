@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::ExpressionProblem;
+use crate::table::types::Reads;
 
 /// What is wrong, and in which bytes.
 pub(super) type Fault = (Range<usize>, ExpressionProblem);
@@ -20,7 +21,7 @@ pub(super) struct Node {
 pub(super) enum Form {
     Number(f64),
     Text(String),
-    Column { name: String, is_text: bool },
+    Column { name: String, reads: Reads },
     Negate(Box<Node>),
     Not(Box<Node>),
     Binary(Operator, Box<[Node; 2]>),
@@ -29,7 +30,7 @@ pub(super) enum Form {
 
 impl Node {
     pub fn is_text(&self) -> bool {
-        matches!(self.form, Form::Text(_) | Form::Column { is_text: true, .. })
+        matches!(self.form, Form::Text(_) | Form::Column { reads: Reads::Text, .. })
     }
 }
 

@@ -69,7 +69,7 @@ fn a_column_that_is_neither_number_nor_text_is_left_out_and_named() {
 
 #[test]
 fn a_file_that_is_no_table_is_refused_with_its_path() {
-    assert!(refused(".xlsx", b"x").contains(".csv, .tsv or .parquet"));
+    assert!(refused(".xlsx", b"x").contains(".csv, .txt, .tsv or .parquet"));
     for extension in [".csv", ".tsv", ".parquet"] {
         assert!(refused(extension, b"").contains("empty"));
     }
@@ -114,7 +114,7 @@ fn written(grid: &[Vec<(String, String)>], end: &str) -> String {
 
 fn as_text(column: &Column) -> Vec<String> {
     match column {
-        Column::Text(cells) => cells.clone(),
+        Column::Text(cells) | Column::Written { cells, .. } => cells.clone(),
         Column::Number(cells) => cells.iter().map(|_| String::new()).collect(),
     }
 }
@@ -145,7 +145,7 @@ proptest! {
             if let Ok(table) = read_bytes(extension, text.as_bytes()) {
                 let lengths = table.columns.iter().map(|(_, column)| match column {
                     Column::Number(cells) => cells.len(),
-                    Column::Text(cells) => cells.len(),
+                    Column::Text(cells) | Column::Written { cells, .. } => cells.len(),
                 });
                 prop_assert!(lengths.into_iter().all(|length| length == table.n_rows));
             }

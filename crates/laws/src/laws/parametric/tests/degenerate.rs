@@ -96,3 +96,38 @@ fn the_fit_does_not_depend_on_the_number_of_threads() {
     };
     assert_eq!(with(1), with(4));
 }
+
+#[test]
+fn rows_that_move_the_optimum_are_named_with_the_optimum_of_the_others() {
+    let mut runs = chinchilla_runs(7, 0.003, 3);
+    let fitted = |runs: &[IsoFlopPoint]| {
+        let options =
+            ParametricOptions { influence_at: Some(1e24), ..without_intervals(Form::Approach3) };
+        fit_parametric(runs, &ParametricOptions { huber: Huber::None, ..options }).unwrap()
+    };
+    assert_eq!(fitted(&runs).influence, None);
+    for row in [0, 1, 7] {
+        runs[row].loss *= 1.25;
+    }
+    let fit = fitted(&runs);
+    let found = fit.influence.as_ref().expect("wrong rows make the optimum hang on a few");
+    assert!(found.rows.len() <= 5, "{found:?}");
+    let at = |fit: &Parametric| optimum(&fit.coefficients, 1e24).unwrap().params_nonvocab;
+    let rest: Vec<IsoFlopPoint> =
+        runs.iter().filter(|run| !found.rows.contains(&run.run_id)).cloned().collect();
+    let near = |found: f64, wanted: f64| (found / wanted).ln().abs() < 1e-3;
+    assert!(near(found.params, at(&fit)) && near(found.params_without, at(&fitted(&rest))));
+    assert!((found.params / found.params_without).ln().abs() > 1.2f64.ln(), "{found:?}");
+    assert!(fit.warnings.iter().any(|warning| warning.contains(&found.rows[0])));
+}
+
+#[test]
+fn fewer_rows_than_three_a_coefficient_are_a_warning() {
+    let runs: Vec<IsoFlopPoint> = chinchilla_runs(7, 0.003, 3).into_iter().step_by(4).collect();
+    let said = |runs: &[IsoFlopPoint]| {
+        let fit = fit_parametric(runs, &without_intervals(Form::Approach3)).unwrap();
+        fit.warnings.iter().any(|warning| warning.contains("fewer than 3 times the 5"))
+    };
+    assert!(said(&runs), "{} rows", runs.len());
+    assert!(!said(&chinchilla_runs(7, 0.003, 3)));
+}

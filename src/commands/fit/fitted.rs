@@ -1,0 +1,103 @@
+//! [`Fitted`]: what a fit prints and keeps.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use isoflop::files::atomic;
+use isoflop::laws::{Laws, brief, summary};
+use isoflop::predict::{self, Prediction};
+use serde_json::{Value, json};
+
+use super::args::CompatName;
+use super::laws::laws;
+use super::request::FitRequest;
+use super::slow::Slow;
+use super::source::Source;
+use super::tao::Tao;
+use crate::commands::output::Output;
+use crate::commands::predict::predict_one;
+use crate::commands::validate::gathered;
+
+/// What a fit prints and keeps.
+pub struct Fitted {
+    /// `None` for Tao's analysis, which keeps its document.
+    pub laws: Option<Laws>,
+    pub document: Value,
+    pub text: String,
+}
+
+impl Fitted {
+    pub fn of(source: &Source, request: &FitRequest, output: &Output) -> Result<Self> {
+        let runs = source.points.len();
+        let line = format!("fitting {runs} runs of {} and their bootstrap …", source.name);
+        let _slow = Slow::watch(output, line);
+        if request.compat == Some(CompatName::Tao) {
+            let tao = Tao::fit(source, request)?;
+            return Ok(Self { laws: None, document: tao.document()?, text: tao.text() });
+        }
+        let mut laws = laws(source, request)?;
+        if let Some(own) = &source.sweep {
+            laws.judgement.validations = gathered(&own.folder, output);
+            if !laws.judgement.validations.is_empty() {
+                laws = laws.answered();
+            }
+        }
+        let doubts = laws.parametric.iter().flat_map(|parametric| &parametric.warnings);
+        doubts.for_each(|warning| output.warn(warning));
+        let predictions = predictions(&laws, source, request, output);
+        Ok(Self {
+            document: document(&laws, &predictions, source)?,
+            text: text(&laws, &predictions, output.full),
+            laws: Some(laws),
+        })
+    }
+
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let written = match &self.laws {
+            Some(laws) => atomic::write_json(path, laws),
+            None => atomic::write_json(path, &self.document),
+        };
+        written.with_context(|| format!("writing {}", path.display()))
+    }
+}
+
+/// The optimum of each budget asked for; one that the laws cannot give is a warning.
+fn predictions(
+    laws: &Laws,
+    source: &Source,
+    request: &FitRequest,
+    output: &Output,
+) -> Vec<Prediction> {
+    // A sweep has a list of its own, for `isoflop predict`.
+    let budgets = source.points.iter().map(|point| point.budget_flops);
+    let largest = budgets.reduce(f64::max).filter(|_| source.sweep.is_none());
+    let predicted = |budget| match predict_one(laws, budget) {
+        Ok(prediction) => Some(prediction),
+        Err(error) => {
+            output.warn(&format!("no optimum for {budget:e} FLOPs: {error}"));
+            None
+        }
+    };
+    request.budgets(largest).into_iter().filter_map(predicted).collect()
+}
+
+/// What `laws.json` holds; beside it the optima asked for, and what became of a table's rows.
+fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<Value> {
+    let mut document = serde_json::to_value(laws)?;
+    document["verdict"] = json!(brief(laws));
+    if source.sweep.is_none() {
+        document["dropped"] = json!(source.dropped);
+        document["notes"] = json!(source.notes);
+    }
+    if !predictions.is_empty() {
+        document["predictions"] = serde_json::to_value(predictions)?;
+    }
+    Ok(document)
+}
+
+/// The laws and the optima asked for: everything, or one screen.
+pub fn text(laws: &Laws, predictions: &[Prediction], full: bool) -> String {
+    let own = if full { summary(laws) } else { brief(laws) };
+    let optima = (!predictions.is_empty()).then(|| predict::said(predictions, full));
+    [own].into_iter().chain(optima).collect::<Vec<_>>().join("\n")
+}

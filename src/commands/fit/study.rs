@@ -1,0 +1,72 @@
+//! [`TableStudy`]: a table or a `laws.json` as what figures and pages are made of.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use isoflop::laws::{LOSS_NORMALISED, Laws};
+use isoflop::record::RunRecord;
+
+use super::args::TableArgs;
+use super::laws::laws;
+use super::request::FitRequest;
+use super::table::RunTable;
+
+use crate::commands::exit::sentence;
+use crate::commands::output::Output;
+use crate::commands::predict::laws_of;
+
+/// Runs and laws that lie in no sweep's folder.
+pub struct TableStudy {
+    pub name: String,
+    /// Empty for a `laws.json`.
+    pub records: Vec<RunRecord>,
+    /// `None` if the table's runs bear none.
+    pub laws: Option<Laws>,
+    loss: String,
+}
+
+impl TableStudy {
+    /// Reads a `laws.json`, or a table whose runs are then fitted; that they bear no laws is a warning.
+    pub fn open(path: &Path, args: &TableArgs, output: &Output) -> Result<Self> {
+        if path.extension().is_some_and(|extension| extension == "json") {
+            return Self::of_laws(path, args);
+        }
+        let request = FitRequest::of_table(args)?;
+        let source = RunTable::open(path, request.rule)?.source(&request.table)?;
+        source.tell(output);
+        let laws = laws(&source, &request);
+        if let Err(error) = &laws {
+            output.warn(&format!("no laws: {}", sentence(&anyhow::anyhow!(error.clone()))));
+        }
+        let records = source.points.iter().map(|point| RunRecord::of_point(point, source.rule));
+        Ok(Self {
+            records: records.collect(),
+            loss: source.points[0].metric.name().to_string(),
+            name: source.name,
+            laws: laws.ok(),
+        })
+    }
+
+    fn of_laws(path: &Path, args: &TableArgs) -> Result<Self> {
+        if args.columns.is_some() || !args.filters.is_empty() || args.law.is_some() {
+            bail!(
+                "{} holds laws, not runs: --columns, --where and --law are of a table",
+                path.display()
+            );
+        }
+        let laws = laws_of(path)?;
+        let (name, loss) = (laws.name.clone(), laws.metric.name().to_string());
+        Ok(Self { name, records: Vec::new(), laws: Some(laws), loss })
+    }
+
+    /// What the loss is called, if it is not L_u.
+    pub fn loss_name(&self) -> Option<&str> {
+        Some(&*self.loss).filter(|name| *name != LOSS_NORMALISED)
+    }
+}
+
+/// A path beside a file: its name without the ending, and `end`.
+pub fn beside(path: &Path, end: &str) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}{end}"))
+}

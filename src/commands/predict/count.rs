@@ -1,0 +1,48 @@
+//! The count of FLOPs by which a sweep's prediction is brought onto its budget.
+
+use isoflop::predict::{self, CountedBy};
+use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
+use isoflop::spec::{Ffn, ModelShape};
+
+/// Training FLOPs by ScaMo's Code 1 along the ladder of buildable shapes: what a token costs beside
+/// its vocabulary is interpolated between rungs, in logarithms of N_nv; a code is chosen among
+/// `head_share` of the vocabulary.
+pub(super) fn openai_count(
+    n_ctx: usize,
+    head_share: f64,
+) -> CountedBy<impl Fn(f64, f64, f64) -> f64 + Sync> {
+    let rungs: Vec<(f64, f64)> = predict::default_ladder()
+        .iter()
+        .map(|rung| {
+            let shape = model_shape(rung, n_ctx);
+            let flops = openai_per_token(&shape, 0) as f64;
+            ((rung.params_nonvocab() as f64).ln(), flops.ln())
+        })
+        .collect();
+    let count = move |nonvocab: f64, vocab: f64, tokens: f64| {
+        let per_token = interpolate(&rungs, nonvocab.ln()).exp() + 2.0 * head_share * vocab;
+        TRAINING_PER_FORWARD * per_token * tokens
+    };
+    CountedBy { rule: "openai".to_string(), count }
+}
+
+fn model_shape(rung: &predict::Shape, n_ctx: usize) -> ModelShape {
+    ModelShape {
+        n_layer: rung.n_layer as usize,
+        n_head: rung.n_head as usize,
+        d_model: rung.d_model as usize,
+        d_ff: rung.d_ff as usize,
+        n_ctx,
+        d_text: 0,
+        ffn: Ffn::SwiGlu,
+        tie_embeddings: false,
+        rope_base: 10_000.0,
+    }
+}
+
+/// Linear between the two nearest of at least two rising points, and beyond the ends.
+fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
+    let above = points.partition_point(|(at, _)| *at < x).clamp(1, points.len() - 1);
+    let ((x0, y0), (x1, y1)) = (points[above - 1], points[above]);
+    y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+}
