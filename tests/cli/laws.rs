@@ -1,6 +1,7 @@
 //! From records to laws, figures, predictions and a notebook, without training anything.
 
 use std::fs;
+use std::process::Command;
 
 use serde_json::Value;
 
@@ -273,7 +274,6 @@ fn a_law_of_repeated_data_is_asked_of_more_data() {
     let laws = fs::read_to_string(format!("{shares}/laws.json")).unwrap();
     let mut laws: Value = serde_json::from_str(&laws).unwrap();
     laws["recommended"]["law"] = "floor".into();
-    laws["refit"]["recommended"]["law"] = "floor".into();
     place.write("of-minima.json", laws.to_string());
     let asked = place.isoflop(&["predict", "3.2e11", "--law", "of-minima.json", "--json"]).exits(0);
     let told = asked.json()[0]["warnings"].to_string();
@@ -283,4 +283,59 @@ fn a_law_of_repeated_data_is_asked_of_more_data() {
     let fresh = results("procedural-law");
     let asked = ["predict", "3e12", "--law", &fresh, "--unique-tokens", "1e6"];
     place.isoflop(&asked).exits(2).says("whose runs repeat their data");
+}
+
+/// The exponents of an answer with their intervals, as a screen writes them.
+fn exponents(answer: &Value) -> Vec<[String; 3]> {
+    let number = |x: &Value| format!("{:.3}", x.as_f64().unwrap());
+    let told = answer["exponents"].as_object().unwrap().values();
+    told.filter(|own| own["value"].is_number())
+        .map(|own| [&own["value"], &own["ci95"][0], &own["ci95"][1]].map(number))
+        .collect()
+}
+
+#[test]
+fn every_exponent_has_one_value_on_the_screen_in_figures_in_the_report_and_in_files() {
+    for study in ["procedural-law", "motion-law", "two-frames"] {
+        let own = format!("{}/results/{study}", env!("CARGO_MANIFEST_DIR"));
+        let place = Place::new();
+        fs::create_dir_all(place.path("results")).unwrap();
+        let copied = Command::new("cp").args(["-r", &own]).arg(place.path("results")).status();
+        assert!(copied.unwrap().success());
+        let folder = format!("results/{study}");
+        let screen = place.isoflop(&["fit", &folder, "--save"]).exits(0).stdout();
+        let full = place.isoflop(&["fit", &folder, "--full"]).exits(0).stdout();
+        let printed = place.isoflop(&["fit", &folder, "--json"]).exits(0).json();
+        let kept = place.json(&format!("{folder}/laws.json"));
+        assert_eq!(printed["answer"], kept["answer"]);
+        place.isoflop(&["plot", &folder]).exits(0);
+        place.isoflop(&["report", &folder]).exits(0);
+        let read = |file: &str| {
+            String::from_utf8(place.read(&format!("{folder}/{file}")))
+                .unwrap()
+                .replace('\u{2212}', "-")
+        };
+        let (figure, report) = (read("figures/power_laws.svg"), read("report.html"));
+        let told = exponents(&kept["answer"]);
+        assert!(!told.is_empty(), "{study}: {:#}", kept["answer"]);
+        for number in told.iter().flatten() {
+            for (place, text) in
+                [("screen", &screen), ("full", &full), ("figure", &figure), ("report", &report)]
+            {
+                assert!(text.contains(number.as_str()), "{study}: {number} is not in the {place}");
+            }
+        }
+        let formula = kept["answer"]["formula"].as_str().unwrap();
+        let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(words(&screen).contains(formula), "{study}: {formula}");
+        assert!(words(&report).contains(formula), "{study}: {formula}");
+        // What a prediction reads at the largest fitted budget is the end of the path.
+        let path = kept["answer"]["path"].as_array().unwrap();
+        let last = path.last().unwrap();
+        let budget = format!("{:e}", last["budget_flops"].as_f64().unwrap());
+        let asked = place.isoflop(&["predict", &budget, "--law", &folder, "--json"]).exits(0);
+        let predicted = asked.json()[0]["loss_normalised"].as_f64().unwrap();
+        let along = last["loss"]["value"].as_f64().unwrap();
+        assert!((predicted - along).abs() < 1e-6, "{study}: {predicted} and {along}");
+    }
 }

@@ -19,7 +19,7 @@ fn a_forecast_is_registered_and_stands() {
 }
 
 #[test]
-fn a_forecast_is_tested_by_five_cells_and_kept_in_the_laws() {
+fn a_forecast_is_tested_by_a_cross_of_cells_and_kept_in_the_laws() {
     let place = Place::with("mini.yaml");
     let cells = [
         "--set",
@@ -35,7 +35,7 @@ fn a_forecast_is_tested_by_five_cells_and_kept_in_the_laws() {
     let validated = place.isoflop(&words).exits(0).json();
     assert_eq!(validated["budget_flops"], 6e9);
     let runs = validated["measured"]["runs"].as_u64().unwrap_or_default();
-    assert!((6..=10).contains(&runs), "{validated:#}");
+    assert!((6..=18).contains(&runs), "{validated:#}");
     assert!(validated["predicted"]["loss"].is_number(), "{validated:#}");
     let kept = &place.json("results/mini/laws.json")["validations"];
     assert_eq!(kept[0], validated);

@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{
-    Inside, IsoFlopPoint, Measured, MinimumMethod, Predicted, Validated, cross_optimum, minimum_at,
-    times,
+    Inside, IsoFlopPoint, Measured, MinimumMethod, Predicted, TriedCells, Validated, cross_optimum,
+    minimum_at, times,
 };
 use isoflop::predict::Prediction;
 use isoflop::record::table;
@@ -58,8 +58,18 @@ fn best(points: &[IsoFlopPoint]) -> Option<Measured> {
         runs: points.len(),
         sizes: distinct(|point| point.params_nonvocab),
         vocabularies: distinct(|point| point.n_vocab),
+        tried: Some(TriedCells {
+            params_nonvocab: range(points, |point| point.params_nonvocab),
+            params_vocab: range(points, |point| point.params_vocab),
+        }),
         optimum: cross_optimum(points),
     })
+}
+
+/// The smallest and the largest value.
+fn range(points: &[IsoFlopPoint], of: fn(&IsoFlopPoint) -> f64) -> [f64; 2] {
+    let values = || points.iter().map(of);
+    [values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max)]
 }
 
 /// The folder of each validation of a sweep.
@@ -114,7 +124,7 @@ pub fn text(validated: &Validated) -> String {
         let verdict = match inside {
             Some(true) => "inside",
             Some(false) => "OUTSIDE",
-            None if interval_is_known => "not varied",
+            None if interval_is_known => "could not have failed",
             None => "",
         };
         out += format!("{name:<6}{value:>12}{interval:>26}{:>12}  {verdict}", number(found))

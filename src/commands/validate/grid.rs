@@ -10,26 +10,26 @@ use isoflop::sweep::{
 
 use crate::commands::buildable::{codes, distinct, model};
 
-/// The factor between neighbouring sizes, and between neighbouring vocabularies.
+/// The factors between the forecast's size, or vocabulary, and its neighbours where no interval is known.
 const SIZE_STEP: f64 = 1.6;
 const VOCAB_STEP: f64 = 2.0;
-/// The forecast's configuration, two sizes beside it and two vocabularies.
-pub const CELLS: usize = 5;
+/// How far beyond the ends of an interval the outermost cells lie: a forecast that is wrong by so much fails.
+const BEYOND: f64 = 2.0;
 
-/// The sweep of a forecast's configuration, its neighbours in size and those in vocabulary: five
-/// cells, trained as the sweep's own are, with more data where it is made on demand.
+/// The sweep of a forecast's configuration, of sizes within and beyond its interval, and of vocabularies:
+/// trained as the sweep's own runs are, with more data where it is made on demand.
 pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -> Result<Sweep> {
     let (Some(size), Some(vocab)) = (forecast.params_nonvocab, forecast.n_vocab) else {
         bail!("the laws of {} tell no vocabulary, so there is nothing to build", sweep.name);
     };
-    let sizes = [size / SIZE_STEP, size, size * SIZE_STEP];
+    let sizes = levels(size, forecast.ci95.params_nonvocab, SIZE_STEP);
     let sizes: Vec<ModelEntry> =
         sizes.iter().map(|size| model(sweep, *size)).collect::<Result<_>>()?;
-    let vocabularies = [vocab / VOCAB_STEP, vocab, vocab * VOCAB_STEP].map(|v| codes(v, sweep));
+    let vocabularies = levels(vocab, forecast.ci95.n_vocab, VOCAB_STEP).map(|v| codes(v, sweep));
     let mut own = sweep.clone();
     own.name = name.to_string();
     own.grid = GridSection {
-        exclude: corners(&sizes, &vocabularies, sweep)?,
+        exclude: corners(&sizes[MIDDLE], &vocabularies[MIDDLE], sweep)?,
         models: ModelList::List(distinct(sizes)),
         vocab: distinct(vocabularies.to_vec()),
         budgets: vec![forecast.budget_flops],
@@ -50,14 +50,47 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
     Ok(own)
 }
 
+/// Cells of a cross of such sizes and vocabularies.
+pub fn cells(cross: &Sweep) -> usize {
+    let sizes = match &cross.grid.models {
+        ModelList::List(models) => models.len(),
+        _ => 1,
+    };
+    sizes + cross.grid.vocab.len() - 1
+}
+
+/// The forecast's place among [`levels`].
+const MIDDLE: usize = 2;
+
+/// A value, two beyond the ends of its interval, and two halfway there in logarithms.
+fn levels(value: f64, interval: Option<[f64; 2]>, step: f64) -> [f64; 5] {
+    let [low, high] = interval.unwrap_or([value, value]);
+    let low = (low / BEYOND).min(value / step.powi(2));
+    let high = (high * BEYOND).max(value * step.powi(2));
+    [low, (low * value).sqrt(), value, (value * high).sqrt(), high]
+}
+
 /// A cell lies on the cross through the middle: what is off it on both axes is left out.
-fn corners(sizes: &[ModelEntry], vocabularies: &[VocabSpec], sweep: &Sweep) -> Result<Vec<String>> {
-    let n_vocab = sweep.quantizer(&vocabularies[1])?.n_vocab();
-    let d_model = sizes[1].d_model;
+fn corners(model: &ModelEntry, vocabulary: &VocabSpec, sweep: &Sweep) -> Result<Vec<String>> {
+    let (n_vocab, d_model) = (sweep.quantizer(vocabulary)?.n_vocab(), model.d_model);
     let sides = ["<", ">"];
     let pairs = sides.iter().flat_map(|size| sides.map(|vocab| (size, vocab)));
     let corner = |(size, vocab): (&&str, &str)| {
         format!("d_model {size} {d_model} and n_vocab {vocab} {n_vocab}")
     };
     Ok(pairs.map(corner).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::levels;
+
+    #[test]
+    fn cells_lie_beyond_both_ends_of_an_interval_so_that_a_forecast_can_fail() {
+        let [low, below, middle, above, high] = levels(100.0, Some([50.0, 300.0]), 1.6);
+        assert_eq!([low, middle, high], [25.0, 100.0, 600.0]);
+        assert!(low < below && below < middle && middle < above && above < high);
+        let [low, .., high] = levels(100.0, None, 2.0);
+        assert_eq!([low, high], [25.0, 400.0]);
+    }
 }

@@ -24,8 +24,6 @@ use super::plan_text::time;
 use super::predict::{laws_of, predict_one};
 use super::run::{RunArgs, run_then};
 
-use grid::CELLS;
-
 pub use compare::{gathered, validation_folders};
 
 #[derive(Args)]
@@ -75,7 +73,7 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
         return Ok(Exit::Done);
     }
     let own = grid::around(&sweep, &forecast, &place.name, &args.seeds)?;
-    output.note(&price(args)?);
+    output.note(&price(args, grid::cells(&own))?);
     atomic::write_bytes(&place.sweep(), serde_yaml::to_string(&own)?.as_bytes())?;
     run_then(&place.run(args), output, |folder| {
         let validated = compare::compare(folder, &forecast, sweep.flops.rule)?;
@@ -86,14 +84,14 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
 }
 
 /// What the cells are about to cost, by the rate of the sweep's own runs.
-fn price(args: &ValidateArgs) -> Result<String> {
-    let flops = CELLS as f64 * args.budget;
+fn price(args: &ValidateArgs, cells: usize) -> Result<String> {
+    let flops = cells as f64 * args.budget;
     let rate = flops_per_second(table::read(&args.results)?);
     let hours = rate.map_or_else(String::new, |rate| {
         format!(": about {} of a core at the rate of the sweep's runs", time(flops / rate / 3600.0))
     });
     Ok(format!(
-        "{CELLS} cells, {flops:.2e} FLOPs for each seed and tokenizer{hours}; tokenizers and codes are \
+        "{cells} cells, {flops:.2e} FLOPs for each seed and tokenizer{hours}; tokenizers and codes are \
          made beside that"
     ))
 }
@@ -150,5 +148,6 @@ fn keep(args: &ValidateArgs, output: &Output) -> Result<()> {
     let folder = ResultsFolder::new(&args.results);
     let mut laws = laws_of(&args.results)?;
     laws.judgement.validations = gathered(&folder, output);
+    let laws = laws.answered();
     Ok(atomic::write_json(&folder.file("laws.json"), &laws)?)
 }

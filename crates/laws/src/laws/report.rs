@@ -136,10 +136,20 @@ pub struct Measured {
     pub sizes: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vocabularies: Option<usize>,
+    /// What the cells tried; absent in a file of before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tried: Option<TriedCells>,
     /// The optimum between the cells, where these tell it: what the forecast is compared with in place
     /// of the best cell's N_nv, N_v and D.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub optimum: Option<CrossOptimum>,
+}
+
+/// The extent of the cells that test a forecast.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TriedCells {
+    pub params_nonvocab: [f64; 2],
+    pub params_vocab: [f64; 2],
 }
 
 impl Measured {
@@ -198,15 +208,23 @@ impl Validated {
         let holds = |interval: Option<[f64; 2]>, value: f64| {
             interval.map(|[low, high]| (low..=high).contains(&value))
         };
-        // One value alone is the best by default.
+        // One value alone is the best by default, and the best of cells within the interval lies in it.
         let varied = |values: Option<usize>| values != Some(1);
+        let beyond = |tried: Option<[f64; 2]>, interval: Option<[f64; 2]>| {
+            let both = tried.zip(interval);
+            both.is_none_or(|(tried, interval)| tried[0] < interval[0] || tried[1] > interval[1])
+        };
+        let sizes = measured.tried.map(|tried| tried.params_nonvocab);
+        let vocabularies = measured.tried.map(|tried| tried.params_vocab);
         let [size, vocab, tokens] = measured.at();
         let inside = Inside {
             loss: holds(predicted.loss_ci95, measured.loss),
             params_nonvocab: holds(predicted.params_nonvocab_ci95, size)
-                .filter(|_| varied(measured.sizes)),
+                .filter(|_| varied(measured.sizes))
+                .filter(|_| beyond(sizes, predicted.params_nonvocab_ci95)),
             params_vocab: holds(predicted.params_vocab_ci95, vocab)
-                .filter(|_| varied(measured.vocabularies)),
+                .filter(|_| varied(measured.vocabularies))
+                .filter(|_| beyond(vocabularies, predicted.params_vocab_ci95)),
             tokens: holds(predicted.tokens_ci95, tokens),
         };
         Self { budget_flops, extrapolation_factor, predicted, measured, inside }
@@ -274,6 +292,7 @@ mod tests {
         runs: 5,
         sizes: Some(3),
         vocabularies: Some(3),
+        tried: None,
         optimum: None,
     };
     const BEYOND: (f64, f64) = (3e12, 9.4);
@@ -317,6 +336,17 @@ mod tests {
         assert_eq!(of(Some(3)).params_vocab, Some(true));
         assert_eq!(of(Some(1)).params_vocab, None);
         assert_eq!(of(Some(1)).params_nonvocab, Some(true));
+    }
+
+    #[test]
+    fn cells_that_all_lie_within_the_interval_judge_nothing() {
+        let of = |params_nonvocab| {
+            let tried = Some(TriedCells { params_nonvocab, params_vocab: [1e4, 4e5] });
+            Validated::new(BEYOND, PREDICTED, Measured { tried, ..MEASURED }).inside
+        };
+        assert_eq!(of([1.2e4, 3.9e4]).params_nonvocab, None, "of 1e4 to 4e4");
+        assert_eq!(of([8e3, 3.9e4]).params_nonvocab, Some(true));
+        assert_eq!(of([8e3, 3.9e4]).params_vocab, Some(true));
     }
 
     #[test]
