@@ -148,7 +148,7 @@ fn laws_without_a_single_fit_are_drawn_as_minima() {
     let (folder, drawn) = drawn(&input);
     assert_eq!(drawn.left_out, []);
     let svg = fs::read_to_string(folder.path().join("power_laws.svg")).unwrap();
-    assert_eq!(svg.matches("not identified").count(), 3);
+    assert_eq!(svg.matches("not determined").count(), 3);
 }
 
 #[test]

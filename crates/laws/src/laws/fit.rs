@@ -9,10 +9,9 @@ use super::lost_runs::of_lost_runs;
 use super::lost_shares::of_lost_shares;
 use super::minima::Grid;
 use super::noise::{Scatter, run_noise};
-use super::select::{flagged_text, hold_out, law_method, usable};
+use super::select::{flagged_text, hold_out, law_method, tell_laws, usable};
 use super::split::Split;
 use super::stats::MIN_REPLICATES;
-use super::stats::distinct;
 use super::test_split::test_noise;
 use super::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use super::validation::validate;
@@ -147,18 +146,6 @@ fn minima_of(per_method: &[(MinimumMethod, Vec<Minimum>)], method: MinimumMethod
     found.map(|(_, minima)| minima.as_slice()).expect("the laws' method is always computed")
 }
 
-/// Minima that a law goes through, at least: any line goes through two.
-const FEWEST_MINIMA: usize = 3;
-
-/// Whether minima tell an exponent: three that differ, since two best runs of one cell of the grid have a
-/// slope of 0 by the grid alone.
-fn tell_laws(used: &[Minimum]) -> bool {
-    let differ = |of: fn(&Minimum) -> f64| distinct(used.iter().map(of)).len();
-    let of_runs = |m: &Minimum| m.method == MinimumMethod::Argmin || m.is_best_run_instead();
-    let sizes = !used.iter().any(of_runs) || differ(|m| m.params_nonvocab) >= FEWEST_MINIMA;
-    used.len() >= FEWEST_MINIMA && sizes && differ(|m| m.loss_normalised) > 1
-}
-
 /// C0: the middle of the budgets whose minima are used, or of all where none is.
 fn reference_of(used: &[Minimum], split: &Split) -> f64 {
     let of_used: Vec<f64> = used.iter().map(|minimum| minimum.budget_flops).collect();
@@ -177,7 +164,8 @@ fn laws_through(
 ) -> Laws {
     let columns = Columns::new(used, &split.fitted, options);
     let reference = reference_of(used, split);
-    let told = tell_laws(used);
+    // Who asks for flagged minima gets the laws through them; the answer does not rest on these.
+    let told = tell_laws(used) || options.keep_flagged;
     let set = law_set(&columns, reference, options).filter(|_| told);
     let replicates = intervals::laws(&replicas.replicates);
     let floor = floor_law(&columns.compute, &columns.loss, reference).filter(|_| told);

@@ -2,6 +2,7 @@
 
 use super::budget::is_same_budget;
 use super::names::flags_text;
+use super::stats::distinct;
 use super::text::count;
 use super::{Budget, FitError, FitOptions, HoldOut, Minimum};
 use crate::laws::MinimumMethod;
@@ -84,6 +85,15 @@ pub(super) fn usable(minima: &[Minimum], options: &FitOptions) -> Vec<Minimum> {
     let use_it =
         |m: &&Minimum| options.keep_flagged || m.trusted || (trusted < ENOUGH && m.is_usable());
     minima.iter().filter(use_it).cloned().collect()
+}
+
+/// Whether minima tell an exponent: three that differ, since any line goes through two, and two best runs of
+/// one cell of the grid have a slope of 0 by the grid alone.
+pub(super) fn tell_laws(used: &[Minimum]) -> bool {
+    let differ = |of: fn(&Minimum) -> f64| distinct(used.iter().map(of)).len();
+    let of_runs = |m: &Minimum| m.method == MinimumMethod::Argmin || m.is_best_run_instead();
+    let sizes = !used.iter().any(of_runs) || differ(|m| m.params_nonvocab) >= ENOUGH;
+    used.len() >= ENOUGH && sizes && differ(|m| m.loss_normalised) > 1
 }
 
 /// Flagged minima named before the rest are only counted.

@@ -112,7 +112,11 @@ fn minima(laws: &Laws) -> Option<Doubt> {
     Some(Doubt::new("minima", what, ""))
 }
 
+/// Of the curves, where the law goes through their minima.
 fn misfit(laws: &Laws) -> Option<Doubt> {
+    if laws.recommended_law().is_joint() {
+        return None;
+    }
     let lack = laws.judgement.lack_of_fit.iter().find(|lack| lack.method == laws.minima_method);
     let lack = lack.filter(|lack| lack.is_misfit())?;
     let p =

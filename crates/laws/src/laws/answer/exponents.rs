@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::path::joint;
+use crate::laws::select::tell_laws;
 use crate::laws::stats::interval95;
 use crate::laws::text::count;
-use crate::laws::{JointLaw, JointOptimum, Laws, Parameters, PowerLaw, Tried};
+use crate::laws::{JointLaw, JointOptimum, LawKind, Laws, Parameters, PowerLaw, Tried};
 
 /// An exponent whose 95 % interval is wider than this is not determined.
 const WIDEST: f64 = 1.0;
@@ -66,12 +67,13 @@ pub(super) fn of(laws: &Laws) -> OwnExponents {
 }
 
 fn of_power_laws(laws: &Laws) -> OwnExponents {
-    let range_flops = laws.range();
+    let (range_flops, told) = (laws.range(), minima_tell(laws));
     let exponent = |law: &Option<PowerLaw>, reason: &str| {
-        let value = law.as_ref().map(|law| law.exponent);
+        let law = law.as_ref().filter(|_| told);
+        let value = law.map(|law| law.exponent);
         let own = Exponent {
             value,
-            ci95: law.as_ref().and_then(|law| law.exponent_ci95),
+            ci95: law.and_then(|law| law.exponent_ci95),
             range_flops,
             reason: value.is_none().then(|| reason.to_string()),
         };
@@ -80,13 +82,20 @@ fn of_power_laws(laws: &Laws) -> OwnExponents {
     let powers = &laws.power_laws;
     let split = laws.parameters == Parameters::Split;
     let few = "fewer than three budgets have a minimum of their own";
-    let vocab = if powers.tokens.is_some() { ONE_VOCABULARY } else { few };
+    let vocab = if powers.tokens.is_some() && told { ONE_VOCABULARY } else { few };
     OwnExponents {
         params: if split { None } else { exponent(&powers.params, few) },
         params_nonvocab: if split { exponent(&powers.params_nonvocab, few) } else { None },
         params_vocab: if split { exponent(&powers.params_vocab, vocab) } else { None },
         tokens: exponent(&powers.tokens, few),
     }
+}
+
+/// Whether the minima that the laws go through tell an exponent; laws that go through none do.
+fn minima_tell(laws: &Laws) -> bool {
+    let own = laws.minima.iter().filter(|m| m.method == laws.minima_method);
+    let used = own.filter(|m| laws.fitted_budgets.contains(&m.budget_flops));
+    laws.law != LawKind::Isoflop || tell_laws(&used.cloned().collect::<Vec<_>>())
 }
 
 const ONE_VOCABULARY: &str = "one vocabulary was tried";

@@ -32,13 +32,12 @@ fn of_joint(laws: &Laws) -> Option<String> {
     let missing = missing(laws).map_or(String::new(), |missing| format!("; not {missing}"));
     let others = on_other_clips(laws).unwrap_or_default();
     let parts = [
-        Some("the scatter of the cells around the law"),
-        laws.judgement.tokenizer_noise.as_ref().map(|_| "that of tokenizers"),
-        laws.judgement.test_noise.as_ref().map(|_| "what other clips change of the optimum"),
+        Some(format!("the scatter of {} cells ({:.3})", joint.n, joint.residual_sd)),
+        laws.judgement.tokenizer_noise.as_ref().map(|_| "tokenizers".to_string()),
+        laws.judgement.test_noise.as_ref().map(|_| "the test split".to_string()),
     ];
-    let parts: Vec<&str> = parts.into_iter().flatten().collect();
-    let (sd, n) = (joint.residual_sd, joint.n);
-    Some(format!("Intervals hold {} ({sd:.4}, {n} cells){missing}{others}.", parts.join(", ")))
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    Some(format!("Intervals hold {}{missing}{others}.", parts.join(", ")))
 }
 
 fn told(part: &IntervalPart, laws: &Laws) -> Option<String> {

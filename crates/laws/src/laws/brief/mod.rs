@@ -44,14 +44,15 @@ fn law(laws: &Laws) -> Option<String> {
             _ => None,
         };
     };
+    let minima = laws.answer().method.map(|method| format!(" through the {method} minima"));
+    let name = own.law.about().to_string() + &minima.unwrap_or_default();
     if own.scores.is_empty() {
-        return Some(format!("Law: {}; {}.", own.law.about(), own.why));
+        return Some(format!("Law: {name}; {}.", own.why));
     }
     let missed = |score: &Score| format!("{} {:.4}", score.law.name(), score.rms);
     let all: Vec<String> = own.scores.iter().map(missed).collect();
     Some(format!(
-        "Law: {}, best of those tested on held-out budgets (r.m.s. off: {}).",
-        own.law.about(),
+        "Law: {name}, best of those tested on held-out budgets (r.m.s. off: {}).",
         all.join(", ")
     ))
 }

@@ -9,7 +9,6 @@ use rayon::prelude::*;
 use super::JointLaw;
 use super::fit::refitted;
 use super::weighed::place;
-use crate::laws::RunNoise;
 use crate::laws::cell::Cell;
 use crate::laws::minima::Grid;
 use crate::laws::noise::Scatter;
@@ -19,7 +18,7 @@ use crate::laws::random::Normals;
 const STREAMS: u64 = 1 << 40;
 
 /// Residuals are taken for misfit up to so many times the scatter.
-const MOST_MISFIT: f64 = 4.0;
+const MOST_MISFIT: f64 = 2.0;
 
 /// The coefficients of `count` replicates of `law`, which was fitted to `grids`, drawn from a seed.
 pub(in crate::laws) fn replicates(
@@ -33,23 +32,24 @@ pub(in crate::laws) fn replicates(
     streams.map(|normals| replicate(law, grids, scatter, normals)).collect()
 }
 
-/// How many times the scatter of the runs the residuals are; at least 1. What a form misses is alike in
-/// neighbouring cells, and moves a law further than as much noise would.
-fn misfit(law: &JointLaw, grids: &[Grid], noise: Option<RunNoise>) -> f64 {
-    let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();
-    let runs = cells().map(|cell| cell.runs).sum::<f64>() / law.n as f64;
-    let of_noise = |noise: RunNoise| law.residual_sd / (noise.sd / runs.sqrt());
-    noise.map(of_noise).filter(|ratio| ratio.is_finite()).unwrap_or(1.0).clamp(1.0, MOST_MISFIT)
+/// How many times what runs and tokenizers scatter by the residuals are; at least 1. What a form misses is
+/// alike in neighbouring cells, and moves a law further than as much noise would.
+fn misfit(law: &JointLaw, grids: &[Grid], Scatter { noise, tokenizers, .. }: Scatter) -> f64 {
+    let Some(noise) = noise else { return 1.0 };
+    let cells = grids.iter().flat_map(Grid::of_all_shares).flatten();
+    let of_cell = |cell: &Cell| {
+        let tokenizer = tokenizers.map_or(0.0, |noise| noise.of_mean(cell.n_vocab));
+        noise.sd.powi(2) / cell.runs + tokenizer.powi(2)
+    };
+    let variance = cells.map(of_cell).sum::<f64>() / law.n as f64;
+    let ratio = law.residual_sd / variance.sqrt();
+    if ratio.is_finite() { ratio.clamp(1.0, MOST_MISFIT) } else { 1.0 }
 }
 
-fn replicate(
-    law: &JointLaw,
-    grids: &[Grid],
-    Scatter { noise, tokenizers, test }: Scatter,
-    mut normals: Normals,
-) -> Vec<f64> {
+fn replicate(law: &JointLaw, grids: &[Grid], scatter: Scatter, mut normals: Normals) -> Vec<f64> {
+    let Scatter { noise, tokenizers, test } = scatter;
     let sd = law.residual_sd * (law.dof as f64 / normals.chi_square(law.dof)).sqrt();
-    let sd = sd * misfit(law, grids, noise);
+    let sd = sd * misfit(law, grids, scatter);
     let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
     let clips = test.map(|noise| noise.draw(&mut normals));
     let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();
