@@ -119,7 +119,8 @@ fn generators_are_an_axis_with_laws_of_their_own() {
     for name in &names {
         let own = format!("results/generators/generators/{name}");
         let laws = place.json(&format!("{own}/laws.json"));
-        let fitted = place.isoflop(&["fit", &own, "--json"]).exits(0).json();
+        // Two sizes at two budgets determine nothing.
+        let fitted = place.isoflop(&["fit", &own, "--json"]).exits(3).json();
         assert_eq!(fitted["power_laws"], laws["power_laws"], "{name}");
     }
     let own = "results/generators/generators/scalewise";

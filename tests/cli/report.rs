@@ -77,7 +77,8 @@ fn of_several() -> (Place, String) {
     for generator in GENERATORS {
         copy(&format!("generators/{generator}/runs.parquet"));
         let own = format!("results/quality/generators/{generator}");
-        place.isoflop(&["fit", &own, "--save"]).exits(0);
+        // Its optimum lies beyond the sizes tried, so no exponent is determined.
+        place.isoflop(&["fit", &own, "--save"]).exits(3);
     }
     place.isoflop(&["plot", "results/quality", "--format", "svg"]).exits(0);
     place.isoflop(&["report", "results/quality", "--out", "page.html"]).exits(0);

@@ -28,14 +28,14 @@ fn runs(place: &Place) -> Vec<Vec<Value>> {
 #[test]
 fn rounds_end_where_the_prediction_is_as_sharp_as_asked() {
     let Some(place) = worked_trainer() else { return };
-    let words = rounds(&["--rounds", "20", "--until", "0.03"]);
+    let words = rounds(&["--rounds", "20", "--until", "0.05"]);
     place.isoflop(&words).exits(0).says("round 1: 82 runs").says("of the grid's FLOPs");
     let history = history(&place);
     let last = &history[history.len() - 1]["known"];
     let number = |value: &Value| value.as_f64().unwrap();
     let half = 0.5 * (number(&last["loss_ci95"][1]) - number(&last["loss_ci95"][0]));
     assert_eq!(last["is_tested"], true);
-    assert!(half / number(&last["loss_normalised"]).abs() <= 0.03, "{last}");
+    assert!(half / number(&last["loss_normalised"]).abs() <= 0.05, "{last}");
     let before = &history[history.len() - 2]["known"];
     assert!(before["is_tested"] == false || number(&before["loss_ci95"][0]) < -1.0, "{before}");
     let trained = records::timeless(&place.path(RESULTS));

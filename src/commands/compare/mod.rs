@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::Args;
 use isoflop::figures::draw_compared;
-use isoflop::laws::Laws;
+use isoflop::laws::{LawKind, Laws};
 use serde_json::json;
 
 use super::args::budget;
@@ -40,8 +40,8 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
     if rules.iter().any(|rule| *rule != rules[0]) {
         output.warn(&format!("FLOPs are counted by different rules: {}", rules.join(", ")));
     }
-    let fitted = studies.iter().flat_map(|study| &study.laws.fitted_budgets);
-    let largest = fitted.copied().fold(f64::NAN, f64::max);
+    let fitted = studies.iter().filter(|study| study.laws.law != LawKind::Published);
+    let largest = fitted.map(|study| study.laws.range()[1]).fold(f64::NAN, f64::max);
     let budget = args.budget.or(Some(largest).filter(|budget| budget.is_finite()));
     let budget = budget.context("no study says which budgets it was fitted to; give --budget")?;
     let quantities = Quantity::all(&studies, budget)?;

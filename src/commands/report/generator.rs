@@ -79,12 +79,14 @@ pub fn of_each(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Gene
 
 /// Predictions for the slider: rounded budgets from the first fitted one on, and those of the sweep.
 pub fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
-    let fitted = &laws.fitted_budgets;
-    let (Some(first), Some(last)) = (fitted.first(), fitted.last()) else { return told.to_vec() };
+    let [first, last] = laws.range();
+    if first >= last {
+        return told.to_vec();
+    }
     let powers = first.log10().floor() as i32..=(last * FARTHEST).log10().ceil() as i32;
     let rounded = powers.flat_map(|power| STEPS.map(|step| format!("{step}e{power}")));
     let rounded = rounded.filter_map(|budget| budget.parse().ok());
-    let within = rounded.filter(|budget| (*first..=last * FARTHEST).contains(budget));
+    let within = rounded.filter(|budget| (first..=last * FARTHEST).contains(budget));
     let mut budgets: Vec<f64> =
         within.chain(told.iter().map(|prediction| prediction.budget_flops)).collect();
     budgets.sort_by(f64::total_cmp);

@@ -13,6 +13,8 @@ use crate::commands::buildable::{codes, distinct, model};
 /// The factors between the forecast's size, or vocabulary, and its neighbours where no interval is known.
 const SIZE_STEP: f64 = 1.6;
 const VOCAB_STEP: f64 = 2.0;
+/// The smallest vocabulary there is.
+const FEWEST_CODES: f64 = 2.0;
 /// How far beyond the ends of an interval the outermost cells lie: a forecast that is wrong by so much fails.
 const BEYOND: f64 = 2.0;
 
@@ -25,7 +27,8 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
     let sizes = levels(size, forecast.ci95.params_nonvocab, SIZE_STEP);
     let sizes: Vec<ModelEntry> =
         sizes.iter().map(|size| model(sweep, *size)).collect::<Result<_>>()?;
-    let vocabularies = levels(vocab, forecast.ci95.n_vocab, VOCAB_STEP).map(|v| codes(v, sweep));
+    let vocabularies =
+        levels(vocab, forecast.ci95.n_vocab, VOCAB_STEP).map(|v| codes(v.max(FEWEST_CODES), sweep));
     let mut own = sweep.clone();
     own.name = name.to_string();
     own.grid = GridSection {

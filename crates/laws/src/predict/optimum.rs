@@ -48,7 +48,7 @@ pub fn predict(
     let loss_normalised = loss(laws.recommended_law(), &raw);
     let own = (loss_normalised.unwrap_or(f64::NAN), on_budget);
     let opinions = opinions(laws, (vocabulary, options), own, budget);
-    let factor = budget / largest_fitted(laws);
+    let factor = budget / laws.range()[1];
     let spread = Spread::new(opinions.clone(), factor);
     let mut prediction = Prediction {
         budget_flops: budget,
@@ -190,11 +190,6 @@ fn shape(
         levels: codebook.levels,
     };
     Ok((n_vocab, shape))
-}
-
-/// The largest fitted budget; C0 where the laws were not fitted here.
-pub(super) fn largest_fitted(laws: &Laws) -> f64 {
-    laws.fitted_budgets.iter().copied().reduce(f64::max).unwrap_or(laws.reference_flops)
 }
 
 /// The interval of every quantity: what the replicates say, spread by what the other laws say and by how

@@ -3,7 +3,7 @@
 use super::at_budget::{Vocabulary, shape_for};
 use super::{PredictOptions, Prediction};
 use crate::laws::text::count;
-use crate::laws::{Laws, MinimumFlag, Validated};
+use crate::laws::{Candidate, Laws, MinimumFlag, Validated};
 
 /// Laws that spend a budget to within this share count as consistent.
 const RATIO_TOLERANCE: f64 = 0.05;
@@ -127,7 +127,8 @@ fn overspending(prediction: &Prediction) -> Option<String> {
 }
 
 fn unknown_range(laws: &Laws) -> Option<String> {
-    laws.fitted_budgets.is_empty().then(|| {
+    let known = !laws.fitted_budgets.is_empty() || laws.judgement.tried.is_some();
+    (!known).then(|| {
         format!(
             "{} does not say which budgets it was fitted to; the extrapolation factor counts from {} FLOPs.",
             laws.name,
@@ -197,6 +198,9 @@ fn no_vocabulary(vocabulary: Vocabulary) -> Option<String> {
 
 /// Where the floor law, judged by the held-out budget, is the better guide to the loss.
 fn loss_laws(prediction: &Prediction, laws: &Laws) -> Option<String> {
+    if laws.recommended_law() != Candidate::Log {
+        return None;
+    }
     let (log, floor) = (prediction.raw.loss_log?, prediction.raw.loss_floor?);
     let log_error = laws.loss.log.as_ref()?.held_out_error?;
     let floor_error = laws.loss.floor.as_ref().filter(|law| !law.is_at_bound())?.held_out_error?;

@@ -136,16 +136,13 @@ pub(super) fn verdict(laws: &Laws, exponents: &OwnExponents, doubts: &[Doubt]) -
     let tested = match laws.judgement.recommended.as_ref() {
         Some(Recommended { scores, .. }) if !scores.is_empty() => {
             let n = scores[0].compared().count();
-            format!(
-                "Tested by {n} forecasts of held-out budgets, off by {:.4} r.m.s.",
-                scores[0].rms
-            )
+            format!("Tested by {n} held-out forecasts, off by {:.4} r.m.s.", scores[0].rms)
         }
         Some(_) => "Not tested by any held-out budget.".to_string(),
         None => "Fitted to all runs at once; not tested by held-out budgets.".to_string(),
     };
     let doubts = match doubts.len() {
-        0 => "No doubt was found.".to_string(),
+        0 => "No doubts.".to_string(),
         1 => "One doubt below.".to_string(),
         n => format!("{n} doubts below."),
     };

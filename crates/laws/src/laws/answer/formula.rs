@@ -99,10 +99,7 @@ fn joint_formula(
     };
     let data = if terms.repeats { "D'" } else { "D" };
     let worth = if terms.repeats {
-        format!(
-            ", D' being what D tokens of U distinct ones are worth (R = {} at the middle size)",
-            short(of("R"), 2)
-        )
+        format!(", D' = worth of repeated D (R = {})", number(of("R")))
     } else {
         String::new()
     };
