@@ -49,5 +49,5 @@ pub fn too_few(codes: f64) -> Option<[String; 2]> {
 fn test_codes(plan: &Plan) -> Option<f64> {
     let [train, _, test] = plan.data.clips;
     let per_clip = plan.unique_tokens() as f64 / train as f64;
-    (train > 0 && per_clip > 0.0).then(|| per_clip * test as f64)
+    (train > 0 && per_clip > 0.0).then_some(per_clip * test as f64)
 }

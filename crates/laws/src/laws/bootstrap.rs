@@ -114,7 +114,7 @@ impl Bootstrap<'_> {
         let noisy = |grid: &Grid| {
             let sd = drawn_sd * self.sd_of_runs(grid);
             grid.with_losses(|cell| {
-                cell.loss + shifts.of(cell.n_vocab) + sd / cell.runs.sqrt() * normals.next()
+                cell.loss + shifts.of(cell.n_vocab) + sd / cell.runs.sqrt() * normals.draw()
             })
         };
         let drawn: Vec<Grid> = grids.map(noisy).collect();

@@ -23,7 +23,7 @@ impl Normals {
     }
 
     /// A standard normal by Box and Muller, both of whose numbers are used.
-    pub fn next(&mut self) -> f64 {
+    pub fn draw(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
@@ -36,10 +36,10 @@ impl Normals {
     /// A χ² of `dof` degrees of freedom.
     pub fn chi_square(&mut self, dof: usize) -> f64 {
         if dof <= EXACT_DOF {
-            return (0..dof).map(|_| self.next().powi(2)).sum();
+            return (0..dof).map(|_| self.draw().powi(2)).sum();
         }
         let variance = 2.0 / (9.0 * dof as f64);
-        dof as f64 * (1.0 - variance + variance.sqrt() * self.next()).powi(3)
+        dof as f64 * (1.0 - variance + variance.sqrt() * self.draw()).powi(3)
     }
 
     /// A uniform number in [0, 1).
@@ -65,7 +65,7 @@ mod tests {
             let variance = draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
             (mean, variance / draws.len() as f64)
         };
-        let draws: Vec<f64> = (0..40_000).map(|_| normals.next()).collect();
+        let draws: Vec<f64> = (0..40_000).map(|_| normals.draw()).collect();
         let (mean, variance) = moments(&draws);
         assert!(mean.abs() < 0.02 && (variance - 1.0).abs() < 0.03, "{mean} {variance}");
         for dof in [4, 60] {
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn a_stream_is_the_same_every_time_and_unlike_its_neighbour() {
-        let first = |seed, stream| Normals::of_stream(seed, stream).next();
+        let first = |seed, stream| Normals::of_stream(seed, stream).draw();
         assert_eq!(first(1, 2), first(1, 2));
         assert_ne!(first(1, 2), first(1, 3));
         assert_ne!(first(1, 2), first(2, 2));

@@ -37,7 +37,7 @@ pub fn quantile(values: &[f64], p: f64) -> Option<f64> {
     Some(at_rank(&sorted, p * sorted.len().checked_sub(1)? as f64))
 }
 
-/// The 95 % percentile interval; none from fewer than [`MIN_REPLICATES`] values.
+/// The 95 % percentile interval; none from fewer than forty values.
 ///
 /// Its ends have rank p(n + 1) (R's type 6): a further value falls between them with a probability of
 /// 95 % for every n, where type 7 gives 94 % for 200 values.

@@ -45,7 +45,7 @@ impl TestNoise {
         let sd = self.sd_at(place);
         let moved = |(i, loss): (usize, &f64)| {
             let mut normals = Normals::of_stream(STREAMS, i as u64);
-            loss + sd * self.student(&mut normals) * normals.next()
+            loss + sd * self.student(&mut normals) * normals.draw()
         };
         losses.iter().enumerate().map(moved).collect()
     }
@@ -55,7 +55,7 @@ impl TestNoise {
         let scale = self.student(normals) * self.of_mean();
         let mut slopes = [0.0; 2];
         for [_, size, vocab, _] in &self.effects {
-            let weight = scale * normals.next();
+            let weight = scale * normals.draw();
             slopes[0] += weight * size;
             slopes[1] += weight * vocab;
         }

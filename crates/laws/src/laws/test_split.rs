@@ -85,9 +85,9 @@ mod tests {
     /// A sweep whose blocks differ by what `of` says of a run, a block's draw, and a draw of its own.
     fn grids(of: impl Fn(&IsoFlopPoint, f64, f64) -> f64) -> Vec<Grid> {
         let mut normals = Normals::of_stream(3, 0);
-        let blocks: Vec<f64> = (0..20).map(|_| normals.next()).collect();
+        let blocks: Vec<f64> = (0..20).map(|_| normals.draw()).collect();
         let mut known = |point: IsoFlopPoint| {
-            let by_block = blocks.iter().map(|draw| of(&point, *draw, normals.next())).collect();
+            let by_block = blocks.iter().map(|draw| of(&point, *draw, normals.draw())).collect();
             IsoFlopPoint { about: RunFacts { by_block, ..RunFacts::default() }, ..point }
         };
         let points: Vec<IsoFlopPoint> = SWEEP.points().into_iter().map(&mut known).collect();

@@ -28,7 +28,7 @@ impl TokenizerNoise {
     /// What a replicate moves all runs of each vocabulary by.
     pub(super) fn shifts(&self, normals: &mut Normals) -> Shifts {
         let scale = (self.dof as f64 / normals.chi_square(self.dof)).sqrt();
-        let shift = |(v, _): &(f64, usize)| (*v, scale * self.of_mean(*v) * normals.next());
+        let shift = |(v, _): &(f64, usize)| (*v, scale * self.of_mean(*v) * normals.draw());
         Shifts(self.tokenizers.iter().map(shift).collect())
     }
 }
@@ -150,7 +150,7 @@ mod tests {
         let with = |tokenizer: u64| {
             let seeded = Simulated { seed: tokenizer, ..SWEEP }.points();
             seeded.into_iter().map(move |point| {
-                let shift = Normals::of_stream(point.n_vocab as u64, tokenizer).next();
+                let shift = Normals::of_stream(point.n_vocab as u64, tokenizer).draw();
                 let id = Some(format!("{} {tokenizer}", point.n_vocab));
                 let about = RunFacts { tokenizer: id, ..RunFacts::default() };
                 IsoFlopPoint { loss: point.loss + sd * shift, about, ..point }

@@ -32,7 +32,6 @@ pub fn predict(
         return Err(PredictError::BadBudget(budget));
     }
     let validations = &laws.judgement.validations;
-    let laws = laws;
     // Laws that bend are read as tangents at C.
     let straightened = laws.law.bends().then(|| around(laws, budget));
     let laws = straightened.as_ref().unwrap_or(laws);

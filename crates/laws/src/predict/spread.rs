@@ -56,7 +56,7 @@ impl Spread {
     fn change(&self, normals: &mut Normals, of: fn(&Quantities) -> f64) -> f64 {
         let Opinion { shift, error, dof, .. } = self.drawn(normals.uniform());
         let scale = (*dof as f64 / normals.chi_square(*dof)).sqrt();
-        of(shift) + of(error) * self.distance * scale * normals.next()
+        of(shift) + of(error) * self.distance * scale * normals.draw()
     }
 
     fn drawn(&self, mut share: f64) -> &Opinion {

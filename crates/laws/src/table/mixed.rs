@@ -24,7 +24,7 @@ pub(super) fn mixed(table: &Table, rows: &[usize], budgets: Option<&[f64]>) -> O
     let mixed: Vec<_> = enough.filter(|(.., column)| mixes(column)).collect();
     let (n, name, _) = mixed.iter().max_by_key(|(n, name, _)| (*n, Reverse(rank(name))))?;
     let is_word = name.chars().all(|c| c.is_alphanumeric() || c == '_');
-    let option = if is_word { name.to_string() } else { format!("'{name}'") };
+    let option = if is_word { (*name).clone() } else { format!("'{name}'") };
     Some(format!(
         "column `{name}` has {n} values; their rows are fitted as one law: --by {option} fits each"
     ))

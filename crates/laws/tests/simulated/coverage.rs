@@ -57,6 +57,9 @@ fn holds(interval: Option<[f64; 2]>, value: f64) -> bool {
     interval.is_some_and(|[low, high]| low <= value && value <= high)
 }
 
+/// An estimate and its interval.
+type Told = (f64, Option<[f64; 2]>);
+
 /// What intervals of one quantity of one truth hold.
 struct Held {
     share: f64,
@@ -68,7 +71,7 @@ struct Held {
 
 impl Held {
     /// Of estimates with their intervals; one without an interval holds nothing.
-    fn of(told: &[(f64, Option<[f64; 2]>)], truth: f64) -> Self {
+    fn of(told: &[Told], truth: f64) -> Self {
         let n = told.len() as f64;
         let missed = root_mean_square(told.iter().map(|(value, _)| value - truth));
         let widths = told.iter().filter_map(|(_, interval)| *interval);
@@ -98,13 +101,17 @@ fn held(made: Made, sweeps: u64) -> Row {
     let (loss, size) = truth.optimum(ASKED);
     let fitted: Vec<Laws> = (0..sweeps).into_par_iter().map(|seed| laws(made, seed)).collect();
     let all: Vec<Prediction> = fitted.iter().map(prediction).collect();
-    let of = |told: &dyn Fn(&Prediction) -> (f64, Option<[f64; 2]>), truth: f64| {
+    let of = |told: fn(&Prediction) -> Told, truth: f64| {
         Held::of(&all.iter().map(told).collect::<Vec<_>>(), truth)
     };
-    let ln = |interval: Option<[f64; 2]>| interval.map(|ends| ends.map(f64::ln));
-    let of_clips = |p: &Prediction| p.ci95.loss_on_other_clips.or(p.ci95.loss_normalised);
-    let of_loss = of(&|p| (p.loss_normalised.unwrap(), of_clips(p)), loss);
-    let of_size = of(&|p| (p.params_nonvocab.unwrap().ln(), ln(p.ci95.params_nonvocab)), size.ln());
+    let loss_told = |p: &Prediction| {
+        (p.loss_normalised.unwrap(), p.ci95.loss_on_other_clips.or(p.ci95.loss_normalised))
+    };
+    let size_told = |p: &Prediction| {
+        let interval = p.ci95.params_nonvocab.map(|ends| ends.map(f64::ln));
+        (p.params_nonvocab.unwrap().ln(), interval)
+    };
+    let (of_loss, of_size) = (of(loss_told, loss), of(size_told, size.ln()));
     let true_exponents = truth.exponents();
     let exponents: [Held; 3] = std::array::from_fn(|i| {
         let told = |laws: &Laws| {

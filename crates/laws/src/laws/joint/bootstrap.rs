@@ -55,7 +55,7 @@ fn replicate(law: &JointLaw, grids: &[Grid], scatter: Scatter, mut normals: Norm
     let cells = || grids.iter().flat_map(Grid::of_all_shares).flatten();
     let mean_runs = cells().map(|cell| cell.runs).sum::<f64>() / law.n as f64;
     let mut drawn = |cell: &Cell, best: &Cell| {
-        let noise = sd * (mean_runs / cell.runs).sqrt() * normals.next();
+        let noise = sd * (mean_runs / cell.runs).sqrt() * normals.draw();
         let of_clips = clips.as_ref().map_or(0.0, |clips| clips.shift(cell, best));
         law.loss.value(&place(cell)) + shifts.of(cell.n_vocab) + of_clips + noise
     };

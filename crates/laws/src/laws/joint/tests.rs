@@ -34,7 +34,7 @@ fn points(noise: f64, stream: u64) -> Vec<IsoFlopPoint> {
                     flops: budget,
                     n_vocab: vocab,
                     tokens,
-                    loss: truth(n, vocab, tokens) + noise * normals.next(),
+                    loss: truth(n, vocab, tokens) + noise * normals.draw(),
                     ..crate::laws::simulated::point(n, nv, 0.0, 0)
                 });
             }

@@ -153,8 +153,7 @@ impl Grid {
         vocabularies.sort_by(|a, b| from_best(a).total_cmp(&from_best(b)));
         let near = &vocabularies[..vocabularies.len().min(FEWEST_APART)];
         let within = |cell: &&Cell| {
-            (ends[0]..=ends[1]).contains(&cell.params_nonvocab)
-                && near.iter().any(|v| *v == cell.n_vocab)
+            (ends[0]..=ends[1]).contains(&cell.params_nonvocab) && near.contains(&cell.n_vocab)
         };
         self.cells.iter().filter(within).cloned().collect()
     }

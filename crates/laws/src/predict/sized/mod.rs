@@ -31,7 +31,6 @@ const LN_FEWEST: f64 = 30.0;
 /// [`PredictError::NoLossLaw`] if the laws know the loss of optimal models only,
 /// [`PredictError::NoVocabulary`] if they need V and it is not given, [`PredictError::OutOfRange`].
 pub fn predict_sized(laws: &Laws, model: &ModelSize) -> Result<SizedPrediction, PredictError> {
-    let laws = laws;
     let law = Told::of(laws)?;
     let said = law.at(laws, model)?;
     let out_of_range = || PredictError::OutOfRange { laws: laws.name.clone(), budget: said.flops };

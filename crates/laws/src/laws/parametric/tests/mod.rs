@@ -54,7 +54,7 @@ fn chinchilla_runs(sizes: usize, noise: f64, stream: u64) -> Vec<IsoFlopPoint> {
         for size in 0..sizes {
             let step = size as f64 - (sizes as f64 - 1.0) / 2.0;
             let n = (budget / 6.0).sqrt() / 4.0 * 1.5f64.powf(step);
-            runs.push(run(&truth, [n, 0.0, budget / 6.0 / n], noise * normals.next()));
+            runs.push(run(&truth, [n, 0.0, budget / 6.0 / n], noise * normals.draw()));
         }
     }
     runs
@@ -72,7 +72,7 @@ fn motion_runs(noise: f64, stream: u64) -> Vec<IsoFlopPoint> {
                 let n = best.params_nonvocab * 1.8f64.powi(size);
                 let v = best.params_vocab * 2.5f64.powi(vocab);
                 let d = budget / 6.0 / (n + v);
-                runs.push(run(&truth, [n, v, d], noise * normals.next()));
+                runs.push(run(&truth, [n, v, d], noise * normals.draw()));
             }
         }
     }
