@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::truths::{ASKED, Truth, on_test_split};
 
-const SWEEPS: u64 = 60;
+const SWEEPS: u64 = 200;
 /// Where a row is told by fewer.
 const FEWER: u64 = 100;
 
@@ -143,8 +143,8 @@ fn predictions_ten_times_beyond_hold_truths_of_no_fitted_form() {
     for Row { truth, loss, exponents, .. } in all {
         let fewest = truth.fewest_held();
         assert!((fewest..=0.99).contains(&loss.share), "{truth:?}: {loss}");
-        for exponent in exponents {
-            assert!((fewest..=1.0).contains(&exponent.share), "{truth:?}: {exponent}");
+        for exponent in exponents.iter().filter(|_| truth.tells_exponents()) {
+            assert!((0.88..=1.0).contains(&exponent.share), "{truth:?}: {exponent}");
         }
     }
 }
