@@ -221,7 +221,9 @@ fn intervals(
         }
         Candidate::Log | Candidate::Floor => floor,
         Candidate::Joint | Candidate::JointRepeats => {
-            spread.of(joint.iter().flatten().map(|optimum| optimum.loss), |e| e.loss)
+            let at_own = joint_law(laws).zip(best.joint);
+            let at_own = at_own.map(|(law, own)| law.losses_at(&own)).unwrap_or_default();
+            spread.of(at_own.into_iter(), |e| e.loss)
         }
     };
     let on_other_clips = |noise: &TestNoise| {

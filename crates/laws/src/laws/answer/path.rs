@@ -59,13 +59,16 @@ fn of_joint(laws: &Laws, joint: &JointLaw, budgets: [f64; STEPS]) -> Vec<Optimum
         };
         let split = laws.parameters == Parameters::Split;
         let size = told(|o| o.params_nonvocab);
+        let loss = own
+            .as_ref()
+            .map(|own| Coefficient { value: own.loss, ci95: interval95(&joint.losses_at(own)) });
         OptimumAt {
             budget_flops: budget,
             params: size.filter(|_| !split),
             params_nonvocab: size.filter(|_| split),
             params_vocab: told(|o| o.params_vocab).filter(|_| split),
             tokens: told(|o| o.tokens),
-            loss: told(|o| o.loss),
+            loss: loss.filter(|loss| loss.value.is_finite()),
         }
     };
     budgets.into_iter().enumerate().map(|(i, budget)| told(i, budget)).collect()

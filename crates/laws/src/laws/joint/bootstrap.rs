@@ -60,6 +60,6 @@ fn replicate(law: &JointLaw, grids: &[Grid], scatter: Scatter, mut normals: Norm
         law.loss.value(&place(cell)) + shifts.of(cell.n_vocab) + of_clips + noise
     };
     let replicate = |grid: &Grid| grid.with_losses(|cell| drawn(cell, grid.best()));
-    let grids: Vec<Grid> = grids.iter().map(replicate).collect();
-    refitted(law, &grids, noise)
+    let drawn: Vec<Grid> = grids.iter().map(replicate).collect();
+    refitted(law, (grids, &drawn), noise)
 }

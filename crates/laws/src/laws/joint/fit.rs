@@ -1,7 +1,7 @@
 //! Cells into the coefficients of a joint loss.
 
 use super::levenberg::{MOST_STEPS, minimise};
-use super::problem::Problem;
+use super::problem::{Problem, noise_of};
 use super::weighed::Cells;
 use super::{Cost, JointLaw};
 use crate::laws::RunNoise;
@@ -36,9 +36,17 @@ pub fn fit_joint(grids: &[Grid], noise: Option<RunNoise>, repeats: bool) -> Opti
 }
 
 /// The coefficients through other losses of the same cells, downhill from those of `law`.
-pub fn refitted(law: &JointLaw, grids: &[Grid], noise: Option<RunNoise>) -> Vec<f64> {
-    let cells = Cells::new(grids);
+///
+/// Cells count as those of `grids` do: weighed by the losses that were drawn, those that chance made low would
+/// count more, and every replicate would lie below the law.
+pub fn refitted(
+    law: &JointLaw,
+    (grids, drawn): (&[Grid], &[Grid]),
+    noise: Option<RunNoise>,
+) -> Vec<f64> {
+    let cells = Cells::new(drawn);
     let mut problem = Problem::new(&cells, law.loss.terms, noise);
+    problem.weights = Cells::new(grids).weights(noise_of(noise));
     problem.frame = law.loss.clone();
     minimise(&problem, law.loss.values.clone(), MOST_STEPS).0
 }

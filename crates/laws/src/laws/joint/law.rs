@@ -84,6 +84,17 @@ impl JointLaw {
         self.bootstrap.par_iter().map(of).collect()
     }
 
+    /// The loss of an allocation by each replicate. The least loss of each replicate would lie lower: a surface
+    /// that is moved at random has its minimum where chance made it low.
+    pub fn losses_at(&self, place: &JointOptimum) -> Vec<f64> {
+        let JointOptimum { params_nonvocab, n_vocab, tokens, .. } = *place;
+        let of = |values: &Vec<f64>| {
+            let loss = JointLoss { values: values.clone(), ..self.loss.clone() };
+            loss.at(params_nonvocab, n_vocab, tokens)
+        };
+        self.bootstrap.iter().map(of).filter(|loss| loss.is_finite()).collect()
+    }
+
     /// The best allocation by each replicate that has one.
     pub fn optima(&self, budget: f64) -> Vec<JointOptimum> {
         self.optima_at([budget]).into_iter().filter_map(|[optimum]| optimum).collect()

@@ -78,7 +78,7 @@ pub(super) struct Problem {
     pub frame: JointLoss,
     places: Vec<Place>,
     losses: Vec<f64>,
-    weights: Vec<f64>,
+    pub weights: Vec<f64>,
     expected: Vec<Expectation>,
     noise: f64,
 }
