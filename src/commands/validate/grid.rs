@@ -13,8 +13,6 @@ use crate::commands::buildable::{codes, distinct, model};
 /// The factors between the forecast's size, or vocabulary, and its neighbours where no interval is known.
 const SIZE_STEP: f64 = 1.6;
 const VOCAB_STEP: f64 = 2.0;
-/// The smallest vocabulary there is.
-const FEWEST_CODES: f64 = 2.0;
 /// How far beyond the ends of an interval the outermost cells lie: a forecast that is wrong by so much fails.
 const BEYOND: f64 = 2.0;
 
@@ -27,14 +25,15 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
     let sizes = levels(size, forecast.ci95.params_nonvocab, SIZE_STEP);
     let sizes: Vec<ModelEntry> =
         sizes.iter().map(|size| model(sweep, *size)).collect::<Result<_>>()?;
-    let vocabularies =
-        levels(vocab, forecast.ci95.n_vocab, VOCAB_STEP).map(|v| codes(v.max(FEWEST_CODES), sweep));
+    let vocabularies = levels(vocab, forecast.ci95.n_vocab, VOCAB_STEP).map(|v| codes(v, sweep));
+    // Half of a small vocabulary may leave a codebook without codes.
+    let buildable = vocabularies.iter().filter(|codes| sweep.quantizer(codes).is_ok());
     let mut own = sweep.clone();
     own.name = name.to_string();
     own.grid = GridSection {
         exclude: corners(&sizes[MIDDLE], &vocabularies[MIDDLE], sweep)?,
         models: ModelList::List(distinct(sizes)),
-        vocab: distinct(vocabularies.to_vec()),
+        vocab: distinct(buildable.cloned().collect()),
         budgets: vec![forecast.budget_flops],
         shares: vec![1.0],
         zip: Vec::new(),

@@ -51,7 +51,7 @@ pub(super) fn judge(
     let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
     Judgement {
         forecast_error: Some(ForecastError::of(misses)),
-        joint: joint.map(|law| with_replicates(law, grids, &recommended, scatter, options)),
+        joint: joint.map(|law| with_replicates(law, grids, scatter, options)),
         recommended: Some(recommended),
         ..own
     }
@@ -94,20 +94,16 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
     recommended(rows.scores(), (laws.minima_method, untested), rows.grids.len())
 }
 
-/// The joint law of some budgets with its replicates, where it is the one to believe, or shares of the data
-/// let it tell what repetition is worth.
+/// The joint law of some budgets with its replicates: it is asked of models that are not optimal and of repeated
+/// data also where another law is recommended.
 fn with_replicates(
     mut joint: JointLaw,
     grids: &[Grid],
-    recommended: &Recommended,
     scatter: Scatter,
     options: &FitOptions,
 ) -> JointLaw {
-    let has_shares = grids.iter().any(|grid| !grid.smaller.is_empty());
-    if recommended.law.is_joint() || has_shares {
-        let count = options.bootstrap.min(JOINT_REPLICATES);
-        joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);
-    }
+    let count = options.bootstrap.min(JOINT_REPLICATES);
+    joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);
     joint
 }
 
