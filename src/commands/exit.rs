@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use isoflop::failure::Consequence;
 use isoflop::files::failure_kind;
 use isoflop::laws::FitError;
+use isoflop::predict::PredictError;
 use isoflop::sweep::SweepErrors;
 use serde_json::json;
 
@@ -82,8 +83,7 @@ fn told(error: &anyhow::Error) -> Exit {
         say(&format!("  {}; then the same command goes on", kind.advice().unwrap_or("mend that")));
         return Exit::SomeRunsFailed;
     }
-    match error.downcast_ref::<FitError>() {
-        Some(fit) if fit.is_unidentifiable() => Exit::NotIdentifiable,
-        _ => Exit::Usage,
-    }
+    let unidentifiable = error.downcast_ref::<FitError>().is_some_and(FitError::is_unidentifiable)
+        || matches!(error.downcast_ref(), Some(PredictError::NoOptimum { .. }));
+    if unidentifiable { Exit::NotIdentifiable } else { Exit::Usage }
 }

@@ -264,7 +264,7 @@ fn a_law_of_repeated_data_is_asked_of_more_data() {
         let words = [&["predict", "3.2e11", "--law", &study, "--json"], more].concat();
         place.isoflop(&words).exits(0).json()[0].clone()
     };
-    let loss = |prediction: &Value| prediction["loss_normalised"].as_f64().unwrap();
+    let loss = |prediction: &Value| prediction["raw"]["loss_joint"].as_f64().unwrap();
     let [less, own, more] =
         [&["--unique-tokens", "4e4"][..], &[], &["--unique-tokens", "1e6"]].map(asked);
     assert!(loss(&less) > loss(&own) && loss(&own) > loss(&more), "{less} {own} {more}");

@@ -388,7 +388,7 @@ fn a_table_and_a_laws_file_have_the_figures_and_the_page_that_they_allow() {
         let more = if source == "runs.csv" { &columns[..] } else { &[] };
         place.isoflop(&[&["report", source][..], more].concat()).exits(0);
         let page = String::from_utf8(place.read(file)).unwrap();
-        assert!(page.contains("Power laws of C") && !page.contains("L_u"), "{file}");
+        assert!(page.contains("Power laws through the minima") && !page.contains("L_u"), "{file}");
     }
     place.isoflop(&["plot", "laws.json", "--columns", "loss=L"]).exits(2).says("holds laws");
     place.isoflop(&["plot", "runs.csv", "--columns", "loss=nope"]).exits(2).says("nope");

@@ -1,6 +1,8 @@
 //! `isoflop validate`: a forecast that is written down before its runs, and what they say of it.
 
-use super::support::{Place, lawful};
+use serde_json::Value;
+
+use super::support::{Place, lawful, worked_trainer};
 
 #[test]
 fn a_forecast_is_registered_and_stands() {
@@ -20,33 +22,49 @@ fn a_forecast_is_registered_and_stands() {
 
 #[test]
 fn a_forecast_is_tested_by_a_cross_of_cells_and_kept_in_the_laws() {
-    let place = Place::with("mini.yaml");
-    let cells = [
-        "--set",
-        "grid.models=[{n_layer: 1, n_head: 1, d_model: 4}, {n_layer: 1, n_head: 1, d_model: 8}, \
-         {n_layer: 1, n_head: 1, d_model: 16}]",
-        "--set",
-        "tokenizer.seeds=[0, 1]",
-    ];
-    place.isoflop(&[&["run", "mini.yaml"][..], &cells].concat()).exits(0);
-    let runs = place.json("results/mini/plan.json")["runs"].as_array().map(Vec::len);
-    assert_eq!(runs, Some(24), "three sizes, two vocabularies, two budgets, two tokenizers");
-    let words = ["validate", "results/mini", "--budget", "6e9", "--json"];
-    let validated = place.isoflop(&words).exits(0).json();
-    assert_eq!(validated["budget_flops"], 6e9);
-    let runs = validated["measured"]["runs"].as_u64().unwrap_or_default();
-    assert!((6..=18).contains(&runs), "{validated:#}");
-    assert!(validated["predicted"]["loss"].is_number(), "{validated:#}");
-    let kept = &place.json("results/mini/laws.json")["validations"];
+    let Some(place) = worked_trainer() else { return };
+    let sweep = "experiments/custom-trainer.yaml";
+    let results = "results/custom-trainer";
+    place.isoflop(&["run", sweep, "--jobs", "4"]).exits(0);
+    let words = ["validate", results, "--budget", "1e12"];
+    let told = place.isoflop(&words).exits(0).says("parabolas between the cells").stdout();
+    assert!(told.contains("cross-entropy of the best cell: "), "{told}");
+    let file = format!("{results}/validations/1e12/validation.json");
+    let validated = place.json(&file);
+    assert_eq!(validated["budget_flops"], 1e12);
+    let number = |name: &str| validated.pointer(name).and_then(Value::as_f64).unwrap_or(f64::NAN);
+    assert!((7.0..=9.0).contains(&number("/measured/runs")), "{validated:#}");
+    // The trainer's law is known, and so is its optimum at this budget.
+    let [forecast, found] = ["/predicted/loss", "/measured/loss"].map(number);
+    assert!((forecast - found).abs() < 0.01, "{forecast} {found}");
+    assert_eq!(validated["inside"]["loss"], true);
+    for side in ["/measured/tried/params_nonvocab", "/predicted/params_nonvocab_ci95"] {
+        let [low, high] = [0, 1].map(|end| number(&format!("{side}/{end}")));
+        assert!(low < number("/measured/params_nonvocab"), "{side}: {low}");
+        assert!(high > number("/measured/params_nonvocab"), "{side}: {high}");
+    }
+    assert!(number("/measured/tied/loss/0") < found && found < number("/measured/tied/loss/1"));
+    let entropy = number("/measured/loss_nats") - found;
+    assert!((entropy - number("/measured/n_vocab").ln()).abs() < 1e-9, "{entropy}");
+    let kept = &place.json(&format!("{results}/laws.json"))["validations"];
     assert_eq!(kept[0], validated);
     // The runs that tested the forecast can be fitted too.
-    let fitted = place.isoflop(&["fit", "results/mini", "--validations", "--json"]).exits(0).json();
-    assert_eq!(fitted["held_out"]["budget_flops"], 6e9, "{fitted:#}");
-    let within = ["validate", "results/mini", "--budget", "1e9", "--register"];
+    let fitted = place.isoflop(&["fit", results, "--validations", "--json"]).exits(0).json();
+    assert!(fitted["fitted_budgets"].to_string().contains("1000000000000"), "{fitted:#}");
+    let within = ["validate", results, "--budget", "1e11", "--register"];
     place.isoflop(&within).exits(0).says("these runs test no forecast");
     // The laws are made anew, and the validation stays.
-    place
-        .isoflop(&[&["run", "mini.yaml", "--set", "fit.bootstrap=30"][..], &cells].concat())
-        .exits(0);
-    assert_eq!(place.json("results/mini/laws.json")["validations"][0], validated);
+    place.isoflop(&["run", sweep, "--set", "fit.bootstrap=30"]).exits(0);
+    assert_eq!(place.json(&format!("{results}/laws.json"))["validations"][0], validated);
+}
+
+#[test]
+fn what_the_laws_do_not_tell_is_not_validated() {
+    let place = Place::with("mini.yaml");
+    let sizes = "grid.models=[{n_layer: 1, n_head: 1, d_model: 4}, {n_layer: 1, n_head: 1, d_model: 8}, \
+                 {n_layer: 1, n_head: 1, d_model: 16}]";
+    place.isoflop(&["run", "mini.yaml", "--set", sizes]).exits(0).says("no prediction for");
+    let words = ["validate", "results/mini", "--budget", "6e9"];
+    place.isoflop(&words).exits(3).says("has no optimum at 6e9 FLOPs");
+    assert!(!place.path("results/mini/validations").exists());
 }

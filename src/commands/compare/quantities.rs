@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use isoflop::laws::{Difference, Estimate, Laws, PowerLaw};
-use isoflop::predict::Prediction;
+use isoflop::predict::{PredictError, Prediction};
 use serde::Serialize;
 
 use super::study::Study;
@@ -44,12 +44,18 @@ impl Quantity {
     /// All that some study has.
     pub fn all(studies: &[Study], budget: f64) -> Result<Vec<Self>> {
         let optima = studies.iter().map(|study| predict_one(&study.laws, budget));
-        let optima: Vec<Prediction> = optima.collect::<Result<_, _>>()?;
+        let told = optima.map(|optimum| match optimum {
+            Err(PredictError::NoOptimum { .. }) => Ok(None),
+            other => other.map(Some),
+        });
+        let optima: Vec<Option<Prediction>> = told.collect::<Result<_, PredictError>>()?;
         let of_laws = EXPONENTS.iter().map(|(name, of)| {
             Self::new(name, false, studies.iter().map(|study| of(&study.laws)).collect())
         });
-        let of_optima =
-            OPTIMA.iter().map(|(name, of)| Self::new(name, true, optima.iter().map(of).collect()));
+        let of_optima = OPTIMA.iter().map(|(name, of)| {
+            let estimates = optima.iter().map(|optimum| of(optimum.as_ref()?)).collect();
+            Self::new(name, true, estimates)
+        });
         let all = of_laws.chain(of_optima);
         Ok(all.filter(|quantity| quantity.estimates.iter().any(Option::is_some)).collect())
     }

@@ -63,7 +63,8 @@ pub fn open(args: &RunArgs, output: &Output) -> Result<OpenSweep> {
     args.check_track(&open.sweep)?;
     open.plan.warnings().iter().for_each(|line| output.warn(line));
     if open.plan.runs.is_empty() {
-        bail!("every cell of the grid is dropped; `isoflop plan` gives the reasons");
+        let first = open.plan.dropped.first().map_or("none was left", |first| &first.reason);
+        bail!("every cell of the grid is dropped, the first since {first}");
     }
     Ok(open)
 }

@@ -7,26 +7,28 @@ use anyhow::{Context, Result};
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{
-    Inside, IsoFlopPoint, Measured, MinimumMethod, Predicted, TriedCells, Validated, cross_optimum,
-    minimum_at, times,
+    Inside, IsoFlopPoint, Laws, Measured, MinimumMethod, Predicted, TriedCells, Validated,
+    cross_optimum, minimum_at, tied_cells, times,
 };
 use isoflop::predict::Prediction;
-use isoflop::record::table;
+use isoflop::record::{RunRecord, table};
 use isoflop::spec::FlopsRule;
 
 use crate::commands::fit::points;
 use crate::commands::output::Output;
 
-/// The forecast and the best cell of the validation's folder.
+/// The forecast of some laws and the best cell of the validation's folder.
 pub fn compare(
     folder: &ResultsFolder,
-    forecast: &Prediction,
+    (laws, forecast): (&Laws, &Prediction),
     rule: FlopsRule,
 ) -> Result<Validated> {
     let records = table::read(folder.root())?;
     let (points, left_out) = points(&records, rule);
+    let of_a_run = laws.noise.map(|noise| noise.sd);
     let measured =
-        best(&points).context(left_out.unwrap_or_else(|| "no run is finished".into()))?;
+        best(&points, of_a_run).context(left_out.unwrap_or_else(|| "no run is finished".into()))?;
+    let measured = Measured { loss_nats: cross_entropy(&records, &points, &measured), ..measured };
     let ci = &forecast.ci95;
     let predicted = Predicted {
         loss: forecast.loss_normalised,
@@ -42,8 +44,21 @@ pub fn compare(
     Ok(Validated::new(at, predicted, measured))
 }
 
+/// The mean cross-entropy of the best cell's runs, where all know it.
+fn cross_entropy(records: &[RunRecord], points: &[IsoFlopPoint], best: &Measured) -> Option<f64> {
+    let is_best = |point: &&IsoFlopPoint| {
+        (point.params_nonvocab, point.n_vocab) == (best.params_nonvocab, best.n_vocab)
+    };
+    let of = |point: &IsoFlopPoint| {
+        let record = records.iter().find(|record| record.planned.run_id == point.run_id)?;
+        record.metrics.get("loss_nats")
+    };
+    let losses: Option<Vec<f64>> = points.iter().filter(is_best).map(of).collect();
+    losses.map(|losses| losses.iter().sum::<f64>() / losses.len() as f64)
+}
+
 /// The cell of the lowest mean loss.
-fn best(points: &[IsoFlopPoint]) -> Option<Measured> {
+fn best(points: &[IsoFlopPoint], of_a_run: Option<f64>) -> Option<Measured> {
     let best = minimum_at(MinimumMethod::Argmin, &points.iter().collect::<Vec<_>>())?;
     let distinct = |of: fn(&IsoFlopPoint) -> f64| {
         let bits: BTreeSet<u64> = points.iter().map(|point| of(point).to_bits()).collect();
@@ -63,6 +78,8 @@ fn best(points: &[IsoFlopPoint]) -> Option<Measured> {
             params_vocab: range(points, |point| point.params_vocab),
         }),
         optimum: cross_optimum(points),
+        tied: tied_cells(points, of_a_run),
+        loss_nats: None,
     })
 }
 
@@ -118,18 +135,29 @@ pub fn text(validated: &Validated) -> String {
     for (name, (value, interval), found, inside) in rows {
         let number = |x: f64| if name == "L_u" { format!("{x:.4}") } else { format!("{x:.3e}") };
         let interval_is_known = interval.is_some();
+        let lies_outside = interval.is_some_and(|[low, high]| !(low..=high).contains(&found));
         let interval = interval
             .map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)));
         let value = value.map_or_else(|| "-".into(), number);
         let verdict = match inside {
             Some(true) => "inside",
             Some(false) => "OUTSIDE",
+            None if interval_is_known && lies_outside => "a tie, within the noise of the runs",
             None if interval_is_known => "could not have failed",
             None => "",
         };
         out += format!("{name:<6}{value:>12}{interval:>26}{:>12}  {verdict}", number(found))
             .trim_end();
         out += "\n";
+    }
+    if let Some([forecast, found]) = validated.cross_entropy() {
+        let off = |forecast: f64, found: f64| 100.0 * ((forecast - found) / found).abs();
+        let of_loss = predicted.loss.map_or(f64::NAN, |loss| off(loss, measured.loss));
+        out += &format!(
+            "cross-entropy of the best cell: {forecast:.4} nats forecast, {found:.4} measured, {:.2} % off\n\
+             (of L_u {of_loss:.2} %)\n",
+            off(forecast, found)
+        );
     }
     if measured.optimum.is_some() {
         out += &format!(

@@ -15,6 +15,8 @@ const SIZE_STEP: f64 = 1.6;
 const VOCAB_STEP: f64 = 2.0;
 /// How far beyond the ends of an interval the outermost cells lie: a forecast that is wrong by so much fails.
 const BEYOND: f64 = 2.0;
+/// How far from the forecast they lie at most: cells farther apart tell no valley.
+const FARTHEST: f64 = 8.0;
 
 /// The sweep of a forecast's configuration, of sizes within and beyond its interval, and of vocabularies:
 /// trained as the sweep's own runs are, with more data where it is made on demand.
@@ -67,8 +69,8 @@ const MIDDLE: usize = 2;
 /// A value, two beyond the ends of its interval, and two halfway there in logarithms.
 fn levels(value: f64, interval: Option<[f64; 2]>, step: f64) -> [f64; 5] {
     let [low, high] = interval.unwrap_or([value, value]);
-    let low = (low / BEYOND).min(value / step.powi(2));
-    let high = (high * BEYOND).max(value * step.powi(2));
+    let low = (low / BEYOND).min(value / step.powi(2)).max(value / FARTHEST);
+    let high = (high * BEYOND).max(value * step.powi(2)).min(value * FARTHEST);
     [low, (low * value).sqrt(), value, (value * high).sqrt(), high]
 }
 
@@ -94,5 +96,7 @@ mod tests {
         assert!(low < below && below < middle && middle < above && above < high);
         let [low, .., high] = levels(100.0, None, 2.0);
         assert_eq!([low, high], [25.0, 400.0]);
+        let [low, .., high] = levels(100.0, Some([1.0, 1e5]), 2.0);
+        assert_eq!([low, high], [12.5, 800.0], "an interval that knows nothing");
     }
 }

@@ -76,7 +76,8 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
     output.note(&price(args, grid::cells(&own))?);
     atomic::write_bytes(&place.sweep(), serde_yaml::to_string(&own)?.as_bytes())?;
     run_then(&place.run(args), output, |folder| {
-        let validated = compare::compare(folder, &forecast, sweep.flops.rule)?;
+        let laws = laws_of(&args.results)?;
+        let validated = compare::compare(folder, (&laws, &forecast), sweep.flops.rule)?;
         atomic::write_json(&folder.file("validation.json"), &validated)?;
         keep(args, output)?;
         Ok(output.result(&json!(validated), &compare::text(&validated))?)

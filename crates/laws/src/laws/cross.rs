@@ -4,8 +4,8 @@ use super::cell::{Cell, best_index, cells};
 use super::least_squares::least_squares;
 use super::line::least_squares_line;
 use super::minima::Scale;
-use super::stats::distinct;
-use super::{CrossOptimum, IsoFlopPoint};
+use super::stats::{distinct, extent};
+use super::{CrossOptimum, IsoFlopPoint, TiedCells};
 
 /// The vertex of a parabola in ln N_nv through the vocabulary with the most sizes, and of one in ln V
 /// through the size with the most vocabularies; none where neither has a vertex between its cells.
@@ -25,6 +25,32 @@ pub fn cross_optimum(points: &[IsoFlopPoint]) -> Option<CrossOptimum> {
     let params_vocab = n_vocab * width(&sizes, best, params_nonvocab);
     let tokens = best.ln_work().exp() / (params_nonvocab + params_vocab);
     Some(CrossOptimum { params_nonvocab, params_vocab, n_vocab, tokens })
+}
+
+/// The cells that tie with the best one; none where neither repeated runs nor `run_sd`, the standard deviation of
+/// a run's loss elsewhere, tell the noise. The scatter of tokenizers, which sizes of one vocabulary share, is not
+/// counted.
+pub fn tied_cells(points: &[IsoFlopPoint], run_sd: Option<f64>) -> Option<TiedCells> {
+    let cells = cells(&Vec::from_iter(points));
+    let spread: f64 = cells.iter().map(|cell| cell.spread).sum();
+    let dof: usize = cells.iter().map(|cell| cell.dof).sum();
+    let sd = if dof > 0 { Some((spread / dof as f64).sqrt()) } else { run_sd }?;
+    let best = (!cells.is_empty()).then(|| &cells[best_index(&cells)])?;
+    let is_tied = |cell: &&Cell| {
+        cell.loss - best.loss <= 2.0 * sd * (1.0 / cell.runs + 1.0 / best.runs).sqrt()
+    };
+    let tied = Vec::from_iter(cells.iter().filter(is_tied));
+    let range = |of: fn(&Cell) -> f64| {
+        let (low, high) = extent(tied.iter().map(|cell| of(cell)));
+        [low, high]
+    };
+    let around = 2.0 * sd / best.runs.sqrt();
+    Some(TiedCells {
+        params_nonvocab: range(|cell| cell.params_nonvocab),
+        params_vocab: range(|cell| cell.params_vocab),
+        tokens: range(|cell| cell.tokens),
+        loss: [best.loss - around, best.loss + around],
+    })
 }
 
 /// The cells of the value that most cells share.
@@ -102,6 +128,25 @@ mod tests {
         near(found.n_vocab, 4e3);
         near(found.params_vocab, 4e3 * 20.0);
         near(found.tokens, 1e12 / 6.0 / 9e4);
+    }
+
+    #[test]
+    fn cells_tie_with_the_best_one_within_the_noise() {
+        let points = SIZES.map(|size| point(size, 4e3));
+        let sizes = |sd| tied_cells(&points, Some(sd)).unwrap().params_nonvocab;
+        // Losses of 0.0127, 0.0069 and 0.0480 above the least.
+        assert_eq!(sizes(1e-4), [13e3, 13e3]);
+        assert_eq!(sizes(3e-3), [7e3, 13e3]);
+        assert_eq!(sizes(0.05), [7e3, 20e3]);
+        assert_eq!(tied_cells(&points, None), None);
+        // Two runs of each cell, 0.02 apart, know it themselves.
+        let again = |(i, run): (usize, &IsoFlopPoint)| {
+            let moved =
+                |loss: f64| IsoFlopPoint { loss: run.loss + loss, seed: i as u64, ..run.clone() };
+            [moved(-0.01), moved(0.01)]
+        };
+        let twice = Vec::from_iter(points.iter().enumerate().flat_map(again));
+        assert_eq!(tied_cells(&twice, None).unwrap().params_nonvocab, [7e3, 13e3]);
     }
 
     #[test]

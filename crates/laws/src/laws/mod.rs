@@ -122,7 +122,7 @@ pub use answer::{Answer, Coefficient, Doubt, Exponent, HeldOutError, OptimumAt, 
 pub use approach1::{Approach1Options, FrontierPoint, approach1, frontier};
 pub use brief::brief;
 pub use budget::{Budget, group_budgets, of_largest_share};
-pub use cross::cross_optimum;
+pub use cross::{cross_optimum, tied_cells};
 pub use design::{DesignGoal, OpenRun, next_runs};
 pub use difference::{Difference, Estimate};
 pub use error::FitError;

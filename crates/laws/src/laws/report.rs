@@ -143,6 +143,12 @@ pub struct Measured {
     /// of the best cell's N_nv, N_v and D.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub optimum: Option<CrossOptimum>,
+    /// What the noise of the runs leaves open; absent where it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tied: Option<TiedCells>,
+    /// Cross-entropy of the best cell in nats a token, where the runs know it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loss_nats: Option<f64>,
 }
 
 /// The extent of the cells that test a forecast.
@@ -150,6 +156,16 @@ pub struct Measured {
 pub struct TriedCells {
     pub params_nonvocab: [f64; 2],
     pub params_vocab: [f64; 2],
+}
+
+/// The cells whose loss the noise does not tell from that of the best one, which is among them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TiedCells {
+    pub params_nonvocab: [f64; 2],
+    pub params_vocab: [f64; 2],
+    pub tokens: [f64; 2],
+    /// Of the loss: two standard deviations of the best cell's mean around it.
+    pub loss: [f64; 2],
 }
 
 impl Measured {
@@ -205,8 +221,13 @@ impl Validated {
         predicted: Predicted,
         measured: Measured,
     ) -> Self {
-        let holds = |interval: Option<[f64; 2]>, value: f64| {
-            interval.map(|[low, high]| (low..=high).contains(&value))
+        let tied = |of: fn(&TiedCells) -> [f64; 2]| measured.tied.as_ref().map(of);
+        // Neither true nor false where the value lies outside and what ties with it does not.
+        let holds = |interval: Option<[f64; 2]>, value: f64, tied: Option<[f64; 2]>| {
+            let [low, high] = interval?;
+            let is_inside = (low..=high).contains(&value);
+            let is_open = tied.is_some_and(|tied| tied[0] <= high && tied[1] >= low);
+            (is_inside || !is_open).then_some(is_inside)
         };
         // One value alone is the best by default, and the best of cells within the interval lies in it.
         let varied = |values: Option<usize>| values != Some(1);
@@ -218,16 +239,27 @@ impl Validated {
         let vocabularies = measured.tried.map(|tried| tried.params_vocab);
         let [size, vocab, tokens] = measured.at();
         let inside = Inside {
-            loss: holds(predicted.loss_ci95, measured.loss),
-            params_nonvocab: holds(predicted.params_nonvocab_ci95, size)
-                .filter(|_| varied(measured.sizes))
-                .filter(|_| beyond(sizes, predicted.params_nonvocab_ci95)),
-            params_vocab: holds(predicted.params_vocab_ci95, vocab)
+            loss: holds(predicted.loss_ci95, measured.loss, tied(|t| t.loss)),
+            params_nonvocab: holds(
+                predicted.params_nonvocab_ci95,
+                size,
+                tied(|t| t.params_nonvocab),
+            )
+            .filter(|_| varied(measured.sizes))
+            .filter(|_| beyond(sizes, predicted.params_nonvocab_ci95)),
+            params_vocab: holds(predicted.params_vocab_ci95, vocab, tied(|t| t.params_vocab))
                 .filter(|_| varied(measured.vocabularies))
                 .filter(|_| beyond(vocabularies, predicted.params_vocab_ci95)),
-            tokens: holds(predicted.tokens_ci95, tokens),
+            tokens: holds(predicted.tokens_ci95, tokens, tied(|t| t.tokens)),
         };
         Self { budget_flops, extrapolation_factor, predicted, measured, inside }
+    }
+
+    /// The cross-entropy of the best cell, in nats a token: forecast, by its own entropy of single codes, and
+    /// measured.
+    pub fn cross_entropy(&self) -> Option<[f64; 2]> {
+        let measured = self.measured.loss_nats?;
+        Some([self.predicted.loss? + measured - self.measured.loss, measured])
     }
 
     /// What came of the forecast of the loss, in a sentence; none where no loss was forecast, and within the fit.
@@ -235,7 +267,11 @@ impl Validated {
         let is_forecast = self.extrapolation_factor > 1.0;
         let (loss, [low, high]) =
             (self.predicted.loss.filter(|_| is_forecast)?, self.predicted.loss_ci95?);
-        let verdict = if self.inside.loss == Some(true) { "held" } else { "MISSED" };
+        let verdict = match self.inside.loss {
+            Some(true) => "held",
+            Some(false) => "MISSED",
+            None => "is within the noise of its runs",
+        };
         Some(format!(
             "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}), and the best of {} runs has {:.3}{}.",
             count(self.budget_flops),
@@ -294,6 +330,8 @@ mod tests {
         vocabularies: Some(3),
         tried: None,
         optimum: None,
+        tied: None,
+        loss_nats: None,
     };
     const BEYOND: (f64, f64) = (3e12, 9.4);
 
@@ -347,6 +385,32 @@ mod tests {
         assert_eq!(of([1.2e4, 3.9e4]).params_nonvocab, None, "of 1e4 to 4e4");
         assert_eq!(of([8e3, 3.9e4]).params_nonvocab, Some(true));
         assert_eq!(of([8e3, 3.9e4]).params_vocab, Some(true));
+    }
+
+    #[test]
+    fn a_tie_within_the_noise_neither_holds_nor_misses() {
+        let of = |loss, params_nonvocab| {
+            let tied = Some(TiedCells {
+                params_nonvocab,
+                params_vocab: [1e5; 2],
+                tokens: [1e7; 2],
+                loss: [loss - 0.05, loss + 0.05],
+            });
+            let measured = Measured { loss, params_nonvocab: 5e4, tied, ..MEASURED };
+            let inside = Validated::new(BEYOND, PREDICTED, measured).inside;
+            [inside.loss, inside.params_nonvocab]
+        };
+        assert_eq!(of(-5.05, [3e4, 5e4]), [None; 2], "of -5.28 to -5.08 and 1e4 to 4e4");
+        assert_eq!(of(-5.02, [4.5e4, 5e4]), [Some(false); 2]);
+        assert_eq!(of(-5.1, [3e4, 5e4])[0], Some(true));
+    }
+
+    #[test]
+    fn cross_entropy_is_compared_at_the_best_cell() {
+        let measured = Measured { loss_nats: Some(2.965), ..MEASURED };
+        let [forecast, found] =
+            Validated::new(BEYOND, PREDICTED, measured).cross_entropy().unwrap();
+        assert!((forecast - 2.82).abs() < 1e-9 && found == 2.965, "{forecast}");
     }
 
     #[test]

@@ -13,6 +13,12 @@ pub enum PredictError {
     OutOfRange { laws: String, budget: f64 },
 
     #[error(
+        "the joint law of {laws} has no optimum at {budget:e} FLOPs: its loss falls with each step of the {what} \
+         to the end of all that is looked at; add runs on both sides of the best {what} of each budget"
+    )]
+    NoOptimum { laws: String, budget: f64, what: &'static str },
+
+    #[error(
         "no scale of the optimum spends {budget:e} FLOPs under rule {rule}; \
          its count must grow with the model and with the tokens"
     )]

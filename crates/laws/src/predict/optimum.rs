@@ -97,7 +97,11 @@ struct Best {
 impl Best {
     fn at(laws: &Laws, budget: f64, options: &PredictOptions) -> Result<Self, PredictError> {
         let vocabulary = Vocabulary::of(laws)?;
-        if let Some(joint) = joint_law(laws).and_then(|law| law.optimum(budget)) {
+        let joint = joint_law(laws).and_then(|law| Some((law, law.optimum(budget)?)));
+        if let Some((law, joint)) = joint {
+            if let Some(what) = law.at_an_end(&joint) {
+                return Err(PredictError::NoOptimum { laws: laws.name.clone(), budget, what });
+            }
             // Its allocation spends the budget at the prices of the sweep's own models.
             let own = Allocation::from(joint);
             return Ok(Self { vocabulary, at_c: own, on_budget: own, joint: Some(joint) });

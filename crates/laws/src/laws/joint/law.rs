@@ -75,6 +75,11 @@ impl JointLaw {
         self.cost.optimum(&self.loss, budget)
     }
 
+    /// What an optimum has at an end of all that is looked at: then the loss has no valley there.
+    pub fn at_an_end(&self, optimum: &JointOptimum) -> Option<&'static str> {
+        self.cost.at_an_end(&self.loss, optimum)
+    }
+
     /// The best allocations of some budgets by each replicate, where it has them.
     pub fn optima_at<const N: usize>(&self, budgets: [f64; N]) -> Vec<[Option<JointOptimum>; N]> {
         let of = |values: &Vec<f64>| {

@@ -8,6 +8,8 @@ const SIZES_ABOVE: f64 = 1e4;
 const VOCABULARIES_ABOVE: f64 = 64.0;
 /// Halvings of a golden section: a logarithm to a thousandth.
 const STEPS: usize = 28;
+/// The share of all that is looked at, in logarithms, within which an optimum lies at an end.
+const AT_AN_END: f64 = 1e-3;
 
 /// The allocation of least loss that spends a budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,8 +26,7 @@ pub struct JointOptimum {
 impl Cost {
     /// Of `loss` at `budget` FLOPs; none where it is not finite.
     pub fn optimum(&self, loss: &JointLoss, budget: f64) -> Option<JointOptimum> {
-        let [low, high] = self.sizes.map(f64::ln);
-        let sizes = [low - BELOW.ln(), high + SIZES_ABOVE.ln()];
+        let sizes = self.sizes_looked_at();
         let best_of = |ln_vocab: f64| {
             let at = |ln_size: f64| self.at(loss, budget, ln_size, ln_vocab);
             golden(sizes, |ln_size| at(ln_size).loss)
@@ -38,6 +39,24 @@ impl Cost {
         let ln_size = golden(sizes, |ln_size| self.at(loss, budget, ln_size, ln_vocab).loss)?;
         let best = self.at(loss, budget, ln_size, ln_vocab);
         (best.loss.is_finite() && best.tokens.is_finite()).then_some(best)
+    }
+
+    /// What an optimum has at an end of all that is looked at, where the loss has no valley: the size, or the
+    /// vocabulary.
+    pub fn at_an_end(&self, loss: &JointLoss, optimum: &JointOptimum) -> Option<&'static str> {
+        let is_end = |x: f64, [low, high]: [f64; 2]| {
+            (x.ln() - low).min(high - x.ln()) < AT_AN_END * (high - low)
+        };
+        let vocabularies = self.vocabularies_looked_at(loss);
+        let vocab = vocabularies.is_some_and(|range| is_end(optimum.n_vocab, range));
+        let size = is_end(optimum.params_nonvocab, self.sizes_looked_at());
+        if size { Some("size") } else { vocab.then_some("vocabulary") }
+    }
+
+    /// ln N_nv.
+    fn sizes_looked_at(&self) -> [f64; 2] {
+        let [low, high] = self.sizes.map(f64::ln);
+        [low - BELOW.ln(), high + SIZES_ABOVE.ln()]
     }
 
     /// ln V, where several vocabularies were tried.
