@@ -72,7 +72,7 @@ pub(super) fn law_method(
     let method = first(|m| m.trusted).or_else(|| first(Minimum::is_usable)).unwrap_or(PREFERRED[0]);
     let budgets = per_method.first().map_or(0, |(_, minima)| minima.len());
     let warning = format!(
-        "Only {} of {budgets} budgets have an unflagged parabola, so the laws of minima go through          those of the kind `{method}`.",
+        "Only {} of {budgets} budgets have an unflagged parabola, so the laws of minima go through those of the kind `{method}`.",
         count(PREFERRED[0], |m| m.trusted)
     );
     (method, (method != PREFERRED[0]).then_some(warning))
