@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use isoflop_laws::laws::{
     FitOptions, IsoFlopPoint, Laws, MinimumMethod, Parameters, brief, fit, summary,
 };
+use isoflop_laws::predict::{PredictOptions, predict};
 use isoflop_laws::table::{TableRequest, load, read};
 
 fn points(path: &Path, columns: &str, filter: Option<String>) -> Vec<IsoFlopPoint> {
@@ -58,6 +59,8 @@ fn two_best_runs_of_one_cell_tell_no_exponent() {
     sizes.dedup();
     assert!(sizes.len() < 3, "the table should have a tie: {sizes:?}");
     assert!(laws.power_laws.params_nonvocab.is_none(), "{:?}", laws.power_laws);
+    assert!(laws.recommended_law().is_joint(), "{:?}", laws.recommended_law());
+    predict(&laws, 1e15, &PredictOptions::default()).unwrap();
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Do predictions at ten times the largest budget hold the truth, where the truth is not of the form of
 //! any law? `docs/coverage.md` has the table that this prints.
 
-use isoflop_laws::laws::{FitOptions, IsoFlopPoint, Laws, MinimumMethod, fit};
+use isoflop_laws::laws::{FitOptions, IsoFlopPoint, Laws, MinimumMethod, brief, fit};
 use isoflop_laws::predict::{PredictOptions, Prediction, predict};
 use rayon::prelude::*;
 
@@ -45,7 +45,8 @@ fn laws(made: Made, seed: u64) -> Laws {
 }
 
 fn prediction(laws: &Laws) -> Prediction {
-    predict(laws, ASKED, &PredictOptions::default()).unwrap()
+    let told = predict(laws, ASKED, &PredictOptions::default());
+    told.unwrap_or_else(|error| panic!("{error}: {}", brief(laws)))
 }
 
 fn root_mean_square(misses: impl ExactSizeIterator<Item = f64>) -> f64 {

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::path::joint;
-use crate::laws::select::tell_laws;
 use crate::laws::random::Normals;
+use crate::laws::select::tell_laws;
 use crate::laws::stats::interval95;
 use crate::laws::text::count;
 use crate::laws::{JointLaw, JointOptimum, LawKind, Laws, Parameters, PowerLaw, Tried};

@@ -91,7 +91,10 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
         (None, Some(_)) => Candidate::Floor,
         (None, None) => Candidate::Log,
     };
-    recommended(rows.scores(), (laws.minima_method, untested), rows.grids.len())
+    let mut scores = rows.scores();
+    // A law of minima that all budgets together do not tell predicts nothing.
+    scores.retain(|score| score.law.is_joint() || laws.power_laws.tokens.is_some());
+    recommended(scores, (laws.minima_method, untested), rows.grids.len())
 }
 
 /// The joint law of some budgets with its replicates: it is asked of models that are not optimal and of repeated

@@ -2,7 +2,7 @@
 
 use crate::laws::MinimumMethod;
 use crate::laws::minima::{Grid, of_grids};
-use crate::laws::select::usable;
+use crate::laws::select::{tell_laws, usable};
 use crate::laws::stats::distinct;
 use crate::laws::{FitOptions, Minimum, RunNoise};
 
@@ -32,7 +32,7 @@ impl OfShare {
     pub fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
         let minima = self.budgets[..n].iter().flatten().filter_map(|own| own.minimum.clone());
         let used: Vec<Minimum> = minima.collect();
-        (used.len() >= FEWEST).then_some(used)
+        tell_laws(&used).then_some(used)
     }
 }
 
