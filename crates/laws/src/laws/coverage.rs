@@ -1,8 +1,8 @@
 //! Do intervals of nominally 95 % hold the truth in 95 % of sweeps? `docs/coverage.md` explains the
 //! table that this prints.
 
-use super::simulated::{SURFACE, Simulated, known_optimum};
 use super::*;
+use crate::laws::simulated::{SURFACE, Simulated, known_optimum};
 use rayon::prelude::*;
 
 const BUDGETS: [f64; 5] = [1e15, 3e15, 1e16, 3e16, 1e17];

@@ -2,22 +2,25 @@
 //!
 //! `IsoFlopPoint → Minimum → PowerLaw, LossLaws`, gathered in [`Laws`].
 //!
-//! | step | function |
-//! | --- | --- |
-//! | rows into budgets, checked | [`group_budgets`] |
-//! | the best configuration of each budget | [`minima()`], [`minimum_at`] |
-//! | N_v, N_nv and D in C; N_v in N_nv | [`power_law`] |
-//! | L_u in C | [`log_law()`], [`floor_law()`] |
-//! | the laws of the running minimum | [`approach1()`] |
-//! | the loss in N and D at once | [`fit_parametric`], [`optimum`] |
-//! | all of it, with intervals, errors on unseen budgets and advice | [`fit()`] |
-//! | which runs to train next | [`next_runs`] |
-//! | the optimum of a few cells that test a forecast | [`cross_optimum`] |
-//! | the published law | [`scamo()`] |
-//! | the vocabulary laws of Tao et al. 2024, as published | [`tao`] |
-//! | the frontier of loss in compute, and its laws | [`frontier()`], [`tao::frontier_laws`] |
-//! | N_v in N_nv by the derivative of the compute | [`tao::derivative_gamma`] |
-//! | for a person | [`verdict()`], [`summary()`] |
+//! | floor | room | what it is for | beside it |
+//! | --- | --- | --- | --- |
+//! | 1 | `maths` | statistics, lines, least squares and draws, which know nothing of runs | |
+//! | 1 | `words` | numbers and sentences for a terminal | |
+//! | 2 | `input` | what a fit is given: runs and how it is asked for; runs by budget and cell: [`group_budgets`] | |
+//! | 3 | `minima` | the best configuration of each budget: [`minima()`], [`minimum_at`]; of a few cells that test a forecast: [`cross_optimum`] | |
+//! | 4 | `noise` | the scatter of runs, of tokenizers and of test splits | |
+//! | 5 | `lines` | laws through minima: [`power_law`], [`log_law()`], [`floor_law()`], with intervals; equal FLOPs by another count: [`slices()`] | |
+//! | 5 | `joint` | one smooth loss over all cells, its optimum and its intervals: [`JointLaw`] | |
+//! | 5 | `parametric` | the loss in N and D of papers, by variable projection: [`fit_parametric`], [`optimum`] | |
+//! | 6 | `ranking` | which law predicts the larger budgets: [`Recommended`] | |
+//! | 7 | `file` | what `laws.json` holds: [`Laws`] | |
+//! | 8 | `answer` | what laws say, once, for screen, figures, report and files: [`Laws::answered`] | |
+//! | 8 | `design` | what to run next: [`next_runs`], [`Advice`] | |
+//! | 8 | `say` | a fit in words: [`brief()`], [`verdict()`], [`summary()`] | |
+//! | 9 | `fit` | all of it: [`fit()`]; by the running minimum: [`approach1()`]; from a parametric loss: [`parametric_laws`] | |
+//! | 9 | `published` | laws and procedures of papers: [`scamo()`], [`tao`] | |
+//!
+//! A room imports from rooms of lower floors; `tests/floors.rs` reads this table.
 //!
 //! # Example
 //!
@@ -52,112 +55,91 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod advice;
-mod advice_grid;
 mod answer;
-mod approach1;
-mod bootstrap;
-mod brief;
-mod budget;
-mod cell;
-mod check;
-mod cholesky;
 #[cfg(test)]
 mod coverage;
-mod cross;
 mod design;
-mod difference;
-mod error;
+mod file;
 mod fit;
-mod floor_law;
-mod forecast_error;
-mod intervals;
+mod input;
 mod joint;
-mod judgement;
-mod law_kind;
-mod law_set;
-mod least_squares;
-mod line;
-mod log_law;
-mod lost_runs;
-mod lost_shares;
-mod method;
-mod metric;
+mod lines;
+mod maths;
 mod minima;
-mod miss;
-pub mod names;
 mod noise;
-mod options;
 mod parametric;
-mod point;
-mod power;
-mod random;
+mod published;
 mod ranking;
-mod recommended;
-mod report;
-mod robust;
-mod sample;
-mod scamo;
-mod select;
-mod sensitivity;
+mod say;
 #[cfg(test)]
 pub mod simulated;
-mod slices;
-mod split;
-mod stats;
-mod summary;
-mod summary_checks;
-pub mod tao;
-mod test_noise;
-mod test_split;
-pub mod text;
-mod tokenizer_noise;
-mod types;
-mod unfitted;
-mod validation;
-mod verdict;
-mod warnings;
+mod words;
 
-pub use answer::{Answer, Coefficient, Doubt, Exponent, HeldOutError, OptimumAt, OwnExponents};
-pub use approach1::{Approach1Options, FrontierPoint, approach1, frontier};
-pub use brief::brief;
-pub use budget::{Budget, group_budgets, of_largest_share};
-pub use cross::{cross_optimum, tied_cells};
-pub use design::{DesignGoal, OpenRun, next_runs};
-pub use difference::{Difference, Estimate};
-pub use error::FitError;
-pub use fit::fit;
-pub use floor_law::floor_law;
-pub use forecast_error::ForecastError;
-pub use joint::{JointLaw, JointLoss, JointOptimum, JointSized, Repetition, Terms};
-pub use judgement::{IntervalPart, Judgement, Tried};
-pub use law_kind::LawKind;
-pub use least_squares::{LeastSquares, least_squares};
-pub use log_law::log_law;
-pub use metric::{LOSS_NORMALISED, Metric};
-pub use minima::{WIDEST_STEP, minima, minimum_at};
-pub use miss::{Miss, MissedMinimum, Off};
-pub use options::{FitOptions, HoldOut, Weights};
-pub use parametric::around;
-pub use parametric::{
-    Coefficients, Form, Huber, Influence, Optimum, Parametric, ParametricOptions, Space, Starts,
-    fit_parametric, optimum, parametric_laws, parametric_text, vocab_exponent,
+pub use design::open_run::OpenRun;
+pub use design::{DesignGoal, next_runs};
+pub use file::advice::{Advice, AdviceKind};
+pub use file::answer::{
+    Answer, Coefficient, Doubt, Exponent, HeldOutError, OptimumAt, OwnExponents,
 };
-pub use point::{IsoFlopPoint, Parameters, RunFacts};
-pub use power::power_law;
-pub use random::Normals;
-pub use recommended::{Belief, Candidate, Recommended, Score};
-pub use report::*;
-pub use sample::*;
-pub use scamo::scamo;
-pub use sensitivity::sensitivity_row;
-pub use slices::{Slices, slices};
-pub use stats::interval95;
-pub use summary::summary;
-pub use test_noise::TestNoise;
-pub use text::{fit_to_terminal, times, wrap};
-pub use tokenizer_noise::TokenizerNoise;
-pub use types::*;
+pub use file::difference::{Difference, Estimate};
+pub use file::judgement::{IntervalPart, Judgement, Tried};
+pub use file::kind::LawKind;
+pub use file::laws::{HeldOut, Laws};
+pub use file::validated::{Inside, Measured, Predicted, Validated};
+pub use fit::approach1::approach1;
+pub use fit::approach1::frontier::{FrontierPoint, frontier};
+pub use fit::approach1::options::Approach1Options;
+pub use fit::fit;
+pub use fit::parametric_laws::{around, parametric_laws};
+pub use fit::sensitivity::sensitivity_row;
+pub use input::budget::{Budget, group_budgets, of_largest_share};
+pub use input::error::FitError;
+pub use input::method::MinimumMethod;
+pub use input::metric::{LOSS_NORMALISED, Metric};
+pub use input::options::{FitOptions, HoldOut, Weights};
+pub use input::point::{IsoFlopPoint, Parameters, RunFacts};
+pub use joint::above::Off;
+pub use joint::law::JointLaw;
+pub use joint::loss::{JointLoss, Terms};
+pub use joint::optimum::JointOptimum;
+pub use joint::repetition::Repetition;
+pub use joint::sized::JointSized;
+pub use lines::floor_law::floor_law;
+pub use lines::log_law::log_law;
+pub use lines::power::power_law;
+pub use lines::sample::{FloorSample, LawSample};
+pub use lines::slices::{Slices, slices};
+pub use lines::types::{
+    Exponents, FloorLaw, LogLaw, LossLaws, PowerLaw, PowerLaws, Sensitivity, Validation,
+    ValidationKind,
+};
+pub use maths::least_squares::{LeastSquares, least_squares};
+pub use maths::random::Normals;
+pub use maths::stats::interval95;
+pub use minima::cross::{CrossOptimum, TiedCells, TriedCells, cross_optimum, tied_cells};
+pub use minima::grid::WIDEST_STEP;
+pub use minima::run_noise::{NoiseSource, RunNoise};
+pub use minima::types::{LackOfFit, Minimum, MinimumFlag, MinimumIntervals, flags_text};
+pub use minima::{minima, minimum_at};
+pub use noise::test_noise::TestNoise;
+pub use noise::tokenizer_noise::TokenizerNoise;
+pub use parametric::fit::fit_parametric;
+pub use parametric::form::{Coefficients, Form};
+pub use parametric::influence::Influence;
+pub use parametric::objective::Space;
 
-pub use method::MinimumMethod;
-pub use verdict::verdict;
+pub use parametric::optimum::{Optimum, optimum, vocab_exponent};
+pub use parametric::options::{Huber, ParametricOptions};
+pub use parametric::search::Starts;
+pub use parametric::text::parametric_text;
+pub use parametric::types::Parametric;
+pub use published::scamo::scamo;
+pub use published::tao;
+pub use ranking::forecast_error::ForecastError;
+pub use ranking::miss::{Miss, MissedMinimum};
+pub use ranking::recommended::{Belief, Candidate, Recommended, Score};
+pub use say::brief::brief;
+pub use say::summary::summary;
+pub use say::verdict::verdict;
+pub use words::text;
+pub use words::text::{fit_to_terminal, times, wrap};

@@ -3,7 +3,8 @@
 //! L(N_nv, N_v, D) = −E + A1/N_nv^α1 + A2/N_v^α2 + B/D^β with C = 6(N_nv + N_v)D: the form of
 //! approach 3 with a vocabulary. The true optimum of a budget is found by minimising it directly.
 
-use super::{IsoFlopPoint, Metric, RunFacts};
+use crate::laws::input::metric::Metric;
+use crate::laws::input::point::{IsoFlopPoint, RunFacts};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::collections::BTreeMap;

@@ -1,35 +1,12 @@
 //! What is in doubt, and what would settle it.
 
-use serde::{Deserialize, Serialize};
-
-use super::OwnExponents;
-use crate::laws::names::flags_text;
-use crate::laws::text::{count, short};
-use crate::laws::{LawKind, Laws, Minimum, Recommended, Validated};
-
-/// A reason to believe a fit less.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Doubt {
-    pub kind: String,
-    pub what: String,
-    /// What would settle it.
-    #[serde(rename = "do")]
-    pub remedy: String,
-}
-
-impl Doubt {
-    fn new(kind: &str, what: String, remedy: &str) -> Self {
-        Self { kind: kind.to_string(), what, remedy: remedy.to_string() }
-    }
-
-    /// For a person.
-    pub fn sentence(&self) -> String {
-        match self.remedy.as_str() {
-            "" => format!("{}.", self.what),
-            remedy => format!("{}: {remedy}.", self.what),
-        }
-    }
-}
+use crate::laws::file::answer::{Doubt, OwnExponents};
+use crate::laws::file::kind::LawKind;
+use crate::laws::file::laws::Laws;
+use crate::laws::file::validated::Validated;
+use crate::laws::minima::types::{Minimum, flags_text};
+use crate::laws::ranking::recommended::Recommended;
+use crate::laws::words::text::{count, short};
 
 /// All doubts, the heaviest first.
 pub(super) fn of(laws: &Laws, exponents: &OwnExponents) -> Vec<Doubt> {

@@ -1,16 +1,19 @@
 //! How the optimum grows with the budget, by the law to believe.
 
-use serde::{Deserialize, Serialize};
-
 use super::path::joint;
-use crate::laws::random::Normals;
-use crate::laws::select::tell_laws;
-use crate::laws::stats::interval95;
-use crate::laws::text::count;
-use crate::laws::{JointLaw, JointOptimum, LawKind, Laws, Parameters, PowerLaw, Tried};
+use crate::laws::file::answer::{Exponent, OwnExponents};
+use crate::laws::file::judgement::Tried;
+use crate::laws::file::kind::LawKind;
+use crate::laws::file::laws::Laws;
+use crate::laws::input::point::Parameters;
+use crate::laws::joint::law::JointLaw;
+use crate::laws::joint::optimum::JointOptimum;
+use crate::laws::lines::types::PowerLaw;
+use crate::laws::maths::random::Normals;
+use crate::laws::maths::stats::interval95;
+use crate::laws::minima::select::tell_laws;
+use crate::laws::words::text::count;
 
-/// An exponent whose 95 % interval is wider than this is not determined.
-const WIDEST: f64 = 1.0;
 /// How well a smooth form places an optimum, as a standard deviation in logarithms: it moves either end of the
 /// budgets for itself (`docs/coverage.md`).
 const FORM: f64 = 0.015;
@@ -18,51 +21,6 @@ const FORM: f64 = 0.015;
 const FORM_STREAM: u64 = 1 << 41;
 /// How far beyond the sizes and vocabularies tried an optimum may lie for its exponent to be told.
 const BEYOND: f64 = 2.0;
-
-/// The exponents in C of the optimum over the fitted range of budgets.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct OwnExponents {
-    /// Of N, where N_nv and N_v are not told apart; then the next two are absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<Exponent>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<Exponent>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<Exponent>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tokens: Option<Exponent>,
-}
-
-/// An exponent, or why there is none.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Exponent {
-    pub value: Option<f64>,
-    /// 95 %.
-    pub ci95: Option<[f64; 2]>,
-    /// The budgets between which the exponent is that of the optimum.
-    pub range_flops: [f64; 2],
-    /// Why the value is absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reason: Option<String>,
-}
-
-impl OwnExponents {
-    /// Each with its symbol, in the order of a table.
-    pub fn named(&self) -> impl Iterator<Item = (&'static str, &Exponent)> {
-        let all = [
-            ("N", &self.params),
-            ("N_nv", &self.params_nonvocab),
-            ("N_v", &self.params_vocab),
-            ("D", &self.tokens),
-        ];
-        all.into_iter().filter_map(|(name, exponent)| Some((name, exponent.as_ref()?)))
-    }
-
-    /// Whether no exponent is determined.
-    pub fn is_undetermined(&self) -> bool {
-        self.named().all(|(_, exponent)| exponent.value.is_none())
-    }
-}
 
 /// Of the law to believe.
 pub(super) fn of(laws: &Laws) -> OwnExponents {
@@ -165,21 +123,4 @@ fn beyond(
         count(far),
         count(tried)
     ))
-}
-
-impl Exponent {
-    /// Without a value where the interval says that it is not known.
-    fn if_told(self) -> Self {
-        let wide = self.ci95.filter(|[low, high]| high - low > WIDEST);
-        match (self.value, wide) {
-            (Some(value), Some([low, high])) => Self {
-                value: None,
-                reason: Some(format!(
-                    "{value:.2} fits best, but anything from {low:.2} to {high:.2} fits too"
-                )),
-                ..self
-            },
-            _ => self,
-        }
-    }
 }

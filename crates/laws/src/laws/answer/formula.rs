@@ -2,10 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use super::Coefficient;
-use crate::laws::stats::interval95;
-use crate::laws::text::{count, short};
-use crate::laws::{Candidate, JointLaw, JointLoss, LawKind, Laws, Parameters};
+use crate::laws::file::answer::Coefficient;
+use crate::laws::file::kind::LawKind;
+use crate::laws::file::laws::Laws;
+use crate::laws::input::point::Parameters;
+use crate::laws::joint::law::JointLaw;
+use crate::laws::joint::loss::JointLoss;
+use crate::laws::maths::stats::interval95;
+use crate::laws::ranking::recommended::Candidate;
+use crate::laws::words::text::{count, short};
 
 type Named = (String, BTreeMap<String, Coefficient>);
 

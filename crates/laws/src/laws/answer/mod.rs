@@ -1,4 +1,4 @@
-//! [`Answer`]: what a fit says, once, for screen, figures, report, notebook and files.
+//! How an [`Answer`] follows from laws.
 //!
 //! | part | file |
 //! | --- | --- |
@@ -7,64 +7,38 @@
 //! | the loss as a formula with its coefficients | `formula` |
 //! | what is in doubt, and what to do about it | `doubts` |
 
-mod doubts;
-mod exponents;
-mod formula;
-mod path;
+pub(in crate::laws) mod doubts;
+pub(in crate::laws) mod exponents;
+pub(in crate::laws) mod formula;
+pub(in crate::laws) mod path;
 
-use std::collections::BTreeMap;
-
-use serde::{Deserialize, Serialize};
-
-use super::{Candidate, LawKind, Laws, Miss};
-use crate::laws::MinimumMethod;
-pub use doubts::Doubt;
-pub use exponents::{Exponent, OwnExponents};
-pub use path::OptimumAt;
-
-/// What a fit says.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Answer {
-    /// The law that everything below is of: `joint`, `floor`, `approach3`, …
-    pub law: String,
-    /// The minima that the law goes through; absent where it goes through the cells themselves.
-    pub method: Option<MinimumMethod>,
-    /// Why this law.
-    pub why: String,
-    /// The loss, with numbers.
-    pub formula: String,
-    pub coefficients: BTreeMap<String, Coefficient>,
-    /// `nats`, or `as given` in a table of another's.
-    pub loss_unit: String,
-    pub exponents: OwnExponents,
-    /// The optimum from the smallest to the largest fitted budget: what figures draw.
-    pub path: Vec<OptimumAt>,
-    /// How far each law that could be tested missed each budget that it had not seen.
-    pub held_out: Vec<HeldOutError>,
-    /// One sentence.
-    pub verdict: String,
-    pub doubts: Vec<Doubt>,
-}
-
-/// A coefficient with its 95 % interval.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Coefficient {
-    pub value: f64,
-    pub ci95: Option<[f64; 2]>,
-}
-
-/// How far a law through smaller budgets missed one that it had not seen.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HeldOutError {
-    pub law: String,
-    pub budget_flops: f64,
-    /// Budgets that the law was fitted to.
-    pub n_fitted: usize,
-    /// Predicted less measured loss: of the minimum, or, by a joint law, over the cells round it.
-    pub error: f64,
-}
+use crate::laws::file::answer::{Answer, HeldOutError};
+use crate::laws::file::kind::LawKind;
+use crate::laws::file::laws::Laws;
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::ranking::miss::Miss;
+use crate::laws::ranking::recommended::Candidate;
 
 impl Laws {
+    /// What they say; of an older file, which has no answer, made here.
+    pub fn answer(&self) -> Answer {
+        self.answer.clone().unwrap_or_else(|| self.own_answer())
+    }
+
+    /// The same for another amount of data: what the joint law with repetition says where `unique_tokens` are
+    /// distinct, whichever law is the one to believe, since the others know no data but their own. None
+    /// without such a law.
+    pub fn on_data(&self, unique_tokens: f64) -> Option<Self> {
+        let mut laws = self.clone();
+        let joint = laws.judgement.joint.as_ref().filter(|law| law.tells_repetition())?;
+        laws.judgement.joint = Some(joint.on_data(unique_tokens));
+        laws.judgement.tried.as_mut()?.unique_tokens = Some(unique_tokens);
+        let recommended = laws.judgement.recommended.as_mut()?;
+        recommended.law = Candidate::JointRepeats;
+        recommended.scores.retain(|score| score.law == Candidate::JointRepeats);
+        Some(laws.answered())
+    }
+
     /// The laws with their answer, which follows from all else that they hold.
     pub fn answered(mut self) -> Self {
         self.answer = Some(self.own_answer());

@@ -1,30 +1,17 @@
 //! The optimum along the fitted budgets, by the law to believe.
 
-use serde::{Deserialize, Serialize};
-
-use super::Coefficient;
-use crate::laws::stats::interval95;
-use crate::laws::{Candidate, JointLaw, JointOptimum, LawKind, LawSample, Laws, Parameters};
+use crate::laws::file::answer::{Coefficient, OptimumAt};
+use crate::laws::file::kind::LawKind;
+use crate::laws::file::laws::Laws;
+use crate::laws::input::point::Parameters;
+use crate::laws::joint::law::JointLaw;
+use crate::laws::joint::optimum::JointOptimum;
+use crate::laws::lines::sample::LawSample;
+use crate::laws::maths::stats::interval95;
+use crate::laws::ranking::recommended::Candidate;
 
 /// Budgets at which the optimum is told.
 const STEPS: usize = 13;
-
-/// The optimum of one budget.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct OptimumAt {
-    pub budget_flops: f64,
-    /// N, where N_nv and N_v are not told apart; then the next two are absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<Coefficient>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<Coefficient>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<Coefficient>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tokens: Option<Coefficient>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub loss: Option<Coefficient>,
-}
 
 /// From the smallest to the largest fitted budget in equal steps of ln C; empty for a law that was not
 /// fitted here.
@@ -76,7 +63,8 @@ fn of_joint(laws: &Laws, joint: &JointLaw, budgets: [f64; STEPS]) -> Vec<Optimum
 
 fn of_lines(laws: &Laws, budget: f64) -> OptimumAt {
     let step = (budget / laws.reference_flops).ln();
-    let told = |law: Option<&crate::laws::PowerLaw>, of: fn(&LawSample) -> (f64, f64)| {
+    let told = |law: Option<&crate::laws::lines::types::PowerLaw>,
+                of: fn(&LawSample) -> (f64, f64)| {
         let law = law?;
         let at = |(level, exponent): (f64, f64)| (level + exponent * step).exp();
         let all: Vec<f64> = laws.bootstrap.iter().map(|sample| at(of(sample))).collect();

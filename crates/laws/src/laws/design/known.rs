@@ -3,13 +3,17 @@
 use super::belief::Belief;
 use super::open_grid::{OpenGrid, of_budgets};
 use super::open_run::OpenRun;
-use crate::laws::budget::group_checked;
-use crate::laws::joint::{JointLaw, Place, UNKNOWN_NOISE, expected_sds, fit_joint, valley};
-use crate::laws::minima::Grid;
+use crate::laws::input::budget::group_checked;
+use crate::laws::input::point::{IsoFlopPoint, Parameters};
+use crate::laws::joint::fit::fit_joint;
+use crate::laws::joint::law::JointLaw;
+use crate::laws::joint::loss::Place;
+use crate::laws::joint::problem::{UNKNOWN_NOISE, expected_sds};
+use crate::laws::joint::weighed::valley;
+use crate::laws::maths::stats::distinct;
+use crate::laws::minima::grid::Grid;
 use crate::laws::noise::run_noise;
-use crate::laws::stats::distinct;
-use crate::laws::tokenizer_noise::runs_beside_tokenizers;
-use crate::laws::{IsoFlopPoint, Parameters};
+use crate::laws::noise::tokenizer_noise::runs_beside_tokenizers;
 
 /// How far a law strays between budgets a factor e apart, in nats.
 ///

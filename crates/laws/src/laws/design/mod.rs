@@ -14,17 +14,19 @@
 //! | a budget's window and cells | `open_grid` |
 //! | what a cell would tell | `known`, on `belief` |
 
-mod belief;
-mod known;
-mod open_grid;
-mod open_run;
+pub(in crate::laws) mod advice;
+pub(in crate::laws) mod advice_grid;
+pub(in crate::laws) mod belief;
+pub(in crate::laws) mod known;
+pub(in crate::laws) mod open_grid;
+pub(in crate::laws) mod open_run;
 
 use known::Known;
 
 pub use open_run::OpenRun;
 
-use super::IsoFlopPoint;
-use super::stats::distinct;
+use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::maths::stats::distinct;
 
 /// Budgets that are trained whole before anything is known.
 const FEWEST_BUDGETS: usize = 2;

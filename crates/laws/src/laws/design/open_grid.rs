@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 use super::open_run::OpenRun;
-use crate::laws::IsoFlopPoint;
-use crate::laws::stats::distinct;
+use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::maths::stats::distinct;
 
 /// Sizes and vocabularies of a first window: a curve through fewer sizes cannot be tested, and the
 /// best of fewer vocabularies has no neighbours.

@@ -1,7 +1,7 @@
 //! [`OpenRun`]: a run that could be trained.
 
-use crate::laws::IsoFlopPoint;
-use crate::laws::joint::Place;
+use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::joint::loss::Place;
 
 /// A run that could be trained.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! Choices of runs on a grid of known losses.
 
 use super::*;
-use crate::laws::RunFacts;
+use crate::laws::input::point::RunFacts;
 use crate::laws::simulated::{SWEEP, Simulated};
 
 const GRID: Simulated = Simulated { n_sizes: 9, ..SWEEP };

@@ -1,8 +1,11 @@
 //! Tables that tell little or nothing: a clear message or the right answer, never a silent number.
 
 use super::*;
+use crate::laws::file::advice::AdviceKind;
+use crate::laws::input::options::HoldOut;
+use crate::laws::minima::types::MinimumFlag;
+use crate::laws::say::summary::summary;
 use crate::laws::simulated::Simulated;
-use crate::laws::{AdviceKind, HoldOut, MinimumFlag, summary};
 
 const SWEEP: Simulated = Simulated {
     budgets: &[1e15, 1e16, 1e17],

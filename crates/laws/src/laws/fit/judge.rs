@@ -1,18 +1,26 @@
 //! What a fit says of itself: how its runs scatter, what its curves miss, which law to believe.
 
-use crate::laws::MinimumMethod;
-use crate::laws::bootstrap::{Bootstrap, Sources};
-use crate::laws::cell::Cell;
-use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
-use crate::laws::minima::{Grid, lack_of_fit};
+use crate::laws::file::judgement::{IntervalPart, Judgement, Tried};
+use crate::laws::file::laws::Laws;
+use crate::laws::input::cell::Cell;
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::input::options::FitOptions;
+use crate::laws::joint::bootstrap::replicates;
+use crate::laws::joint::fit::fit_joint;
+use crate::laws::joint::law::JointLaw;
+use crate::laws::joint::weighed::repeat;
+use crate::laws::lines::bootstrap::{Bootstrap, Sources};
+use crate::laws::lines::sample::LawSample;
+use crate::laws::maths::stats::{extent, interval95};
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::lack_of_fit;
+use crate::laws::minima::run_noise::RunNoise;
+use crate::laws::minima::split::Split;
+use crate::laws::minima::types::Minimum;
 use crate::laws::noise::Scatter;
+use crate::laws::ranking::forecast_error::ForecastError;
+use crate::laws::ranking::recommended::{Candidate, Recommended};
 use crate::laws::ranking::{Rows, recommended, shares};
-use crate::laws::split::Split;
-use crate::laws::stats::{extent, interval95};
-use crate::laws::{
-    Candidate, FitOptions, ForecastError, IntervalPart, Judgement, LawSample, Laws, Minimum,
-    Recommended, RunNoise, Tried,
-};
 
 /// Replicates of the joint law at most: each is a fit of its own.
 const JOINT_REPLICATES: usize = 200;
@@ -57,7 +65,7 @@ pub(super) fn judge(
     }
 }
 
-/// [`LackOfFit::variance_ratio`](crate::laws::LackOfFit::variance_ratio) of the laws' method; 1 where no
+/// [`LackOfFit::variance_ratio`](crate::laws::minima::types::LackOfFit::variance_ratio) of the laws' method; 1 where no
 /// curve leaves residuals.
 pub(super) fn misfit(method: MinimumMethod, split: &Split, noise: RunNoise) -> f64 {
     lack_of_fit(method, &split.fitted, noise).map_or(1.0, |lack| lack.variance_ratio())

@@ -3,8 +3,24 @@
 use super::JointLaw;
 use super::problem::noise_of;
 use super::weighed::{place, valley};
-use crate::laws::minima::Grid;
-use crate::laws::{Off, RunNoise};
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::run_noise::RunNoise;
+use serde::{Deserialize, Serialize};
+
+/// Predicted less measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Off {
+    pub by: f64,
+    /// The standard deviation of what was measured; 0 where it is not known.
+    pub measured_to: f64,
+}
+
+impl Off {
+    /// The square of what is the law's own.
+    pub(in crate::laws) fn own_square(self) -> f64 {
+        self.by.powi(2) - self.measured_to.powi(2)
+    }
+}
 
 /// How far a law lies above the cells of a budget: the mean over its valley, and the standard deviation
 /// that the noise of the runs gives this mean, in nats.

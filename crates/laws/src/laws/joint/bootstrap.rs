@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use super::JointLaw;
 use super::fit::refitted;
 use super::weighed::place;
-use crate::laws::cell::Cell;
-use crate::laws::minima::Grid;
+use crate::laws::input::cell::Cell;
+use crate::laws::maths::random::Normals;
+use crate::laws::minima::grid::Grid;
 use crate::laws::noise::Scatter;
-use crate::laws::random::Normals;
 
 /// Keeps the streams of these replicates apart from those of minima.
 const STREAMS: u64 = 1 << 40;

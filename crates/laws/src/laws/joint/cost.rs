@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::laws::cell::Cell;
-use crate::laws::least_squares::least_squares;
-use crate::laws::stats::extent;
+use crate::laws::input::cell::Cell;
+use crate::laws::maths::least_squares::least_squares;
+use crate::laws::maths::stats::extent;
 
 /// FLOPs of a trained token and the width, as functions of N_nv.
 ///

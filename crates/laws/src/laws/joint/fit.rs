@@ -4,8 +4,8 @@ use super::levenberg::{MOST_STEPS, minimise};
 use super::problem::{Problem, noise_of};
 use super::weighed::Cells;
 use super::{Cost, JointLaw};
-use crate::laws::RunNoise;
-use crate::laws::minima::Grid;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::run_noise::RunNoise;
 
 /// Degrees of freedom that the residuals are given, at least.
 const FEWEST_FREE: f64 = 4.0;

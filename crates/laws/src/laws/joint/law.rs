@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use super::cost::Cost;
 use super::loss::JointLoss;
 use super::optimum::JointOptimum;
-use crate::laws::Candidate;
 
 /// A joint law, and all that a prediction needs of the cells it was fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,11 +52,6 @@ impl TryFrom<Unchecked> for JointLaw {
 }
 
 impl JointLaw {
-    /// Its name among the laws that can be recommended.
-    pub fn candidate(&self) -> Candidate {
-        if self.loss.terms.repeats { Candidate::JointRepeats } else { Candidate::Joint }
-    }
-
     /// Whether it says what repeated data is worth, and how well it knows that.
     pub fn tells_repetition(&self) -> bool {
         self.loss.terms.repeats && !self.bootstrap.is_empty()

@@ -1,6 +1,6 @@
 //! Least squares of a smooth model by Levenberg and Marquardt's damped steps.
 
-use crate::laws::cholesky::solve;
+use crate::laws::maths::cholesky::solve;
 
 /// Coefficients at most.
 pub(super) const MOST: usize = 12;

@@ -25,30 +25,23 @@
 //! | how far a law lies from cells it has not seen | `above` |
 //! | what repeated data is worth | `repetition` |
 
-mod above;
-mod bootstrap;
-mod cost;
-mod fit;
-mod law;
-mod levenberg;
-mod loss;
-mod optimum;
-mod problem;
-mod repetition;
-mod sized;
+pub(in crate::laws) mod above;
+pub(in crate::laws) mod bootstrap;
+pub(in crate::laws) mod cost;
+pub(in crate::laws) mod fit;
+pub(in crate::laws) mod law;
+pub(in crate::laws) mod levenberg;
+pub(in crate::laws) mod loss;
+pub(in crate::laws) mod optimum;
+pub(in crate::laws) mod problem;
+pub(in crate::laws) mod repetition;
+pub(in crate::laws) mod sized;
 #[cfg(test)]
 mod tests;
-mod weighed;
+pub(in crate::laws) mod weighed;
 
 pub(super) use above::above;
-pub(super) use bootstrap::replicates;
 pub(super) use cost::Cost;
-pub(super) use fit::fit_joint;
 pub use law::JointLaw;
-pub(super) use loss::Place;
-pub use loss::{JointLoss, Terms};
+pub use loss::JointLoss;
 pub use optimum::JointOptimum;
-pub(super) use problem::{UNKNOWN_NOISE, expected_sds, noise_of};
-pub use repetition::Repetition;
-pub use sized::JointSized;
-pub(super) use weighed::{repeat, valley};

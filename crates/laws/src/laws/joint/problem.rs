@@ -3,8 +3,8 @@
 use super::levenberg::{MOST, MOST_STEPS, Residuals, Row, minimise};
 use super::loss::{ALPHA, BETA, JointLoss, Place, Terms, told};
 use super::weighed::{Cells, place};
-use crate::laws::RunNoise;
-use crate::laws::least_squares::least_squares;
+use crate::laws::maths::least_squares::least_squares;
+use crate::laws::minima::run_noise::RunNoise;
 
 /// The exponents that a search starts from.
 const STARTS: [f64; 3] = [0.2, 0.5, 1.0];

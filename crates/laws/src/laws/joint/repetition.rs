@@ -2,7 +2,7 @@
 
 use super::JointLaw;
 use super::loss::worth;
-use crate::laws::stats::interval95;
+use crate::laws::maths::stats::interval95;
 
 /// What passes over the data are worth to a model of the middle size.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,12 +1,17 @@
 //! Joint laws of simulated cells, whose truth is known.
 
+use super::bootstrap::replicates;
+use super::fit::fit_joint;
+use super::repetition::Repetition;
+use super::weighed::repeat;
 use super::*;
-use crate::laws::budget::group_checked;
-use crate::laws::minima::Grid;
+use crate::laws::input::budget::group_checked;
+use crate::laws::input::point::{IsoFlopPoint, Parameters, RunFacts};
+use crate::laws::maths::random::Normals;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
 use crate::laws::noise::Scatter;
-use crate::laws::random::Normals;
 use crate::laws::simulated::of_split;
-use crate::laws::{IsoFlopPoint, NoiseSource, Parameters, RunFacts, RunNoise};
 
 const BUDGETS: [f64; 4] = [1e10, 3e10, 1e11, 3e11];
 const WIDTHS: [f64; 7] = [8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0];
@@ -122,7 +127,7 @@ fn intervals_of_replicates_hold_the_truth() {
         let scatter = Scatter { noise: None, tokenizers: None, test: None };
         law.bootstrap = replicates(&law, &grids, (scatter, stream), 60);
         let losses: Vec<f64> = law.optima(budget).iter().map(|best| best.loss).collect();
-        let [low, high] = crate::laws::interval95(&losses).unwrap();
+        let [low, high] = crate::laws::maths::stats::interval95(&losses).unwrap();
         held += usize::from(low <= loss && loss <= high);
     }
     assert!(held >= 17, "{held} of 20");

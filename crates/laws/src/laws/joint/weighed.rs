@@ -1,9 +1,9 @@
 //! The cells that a joint law is fitted to, and what each counts.
 
 use super::loss::{Place, Terms};
-use crate::laws::cell::{Cell, best_index};
-use crate::laws::minima::Grid;
-use crate::laws::stats::distinct;
+use crate::laws::input::cell::{Cell, best_index};
+use crate::laws::maths::stats::distinct;
+use crate::laws::minima::grid::Grid;
 
 /// Cells beyond the coefficients, at least.
 const SPARE: usize = 4;

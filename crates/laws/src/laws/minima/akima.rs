@@ -6,10 +6,10 @@
 //! shape of its own either, so it shows where a parabola's or a cubic's shape moves a minimum.
 
 use super::grid::{Grid, apart};
+use super::types::MinimumFlag;
 use super::{Located, interpolate};
-use crate::laws::MinimumFlag;
-use crate::laws::MinimumMethod;
-use crate::laws::cell::Size;
+use crate::laws::input::cell::Size;
+use crate::laws::input::method::MinimumMethod;
 
 const METHOD: MinimumMethod = MinimumMethod::Akima;
 /// Each slope looks at two sizes on either side.

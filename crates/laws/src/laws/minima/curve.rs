@@ -4,11 +4,11 @@
 //! figures draw it). N_v, V and D at the minimum come from [`interpolate`].
 
 use super::grid::{Grid, Scale, apart};
+use super::types::MinimumFlag;
 use super::{Curvature, Located, interpolate};
-use crate::laws::MinimumFlag;
-use crate::laws::MinimumMethod;
-use crate::laws::cell::Size;
-use crate::laws::least_squares::{LeastSquares, least_squares};
+use crate::laws::input::cell::Size;
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::maths::least_squares::{LeastSquares, least_squares};
 
 /// How often a valley is moved to where its curve has the minimum.
 const MOVES: usize = 4;

@@ -1,9 +1,10 @@
 //! One budget's grid, ready for every method.
 
-use crate::laws::MinimumMethod;
-use crate::laws::cell::{Cell, Size, best_index, cells, sizes};
-use crate::laws::stats::{distinct, extent};
-use crate::laws::{Budget, Minimum, MinimumFlag};
+use super::types::{Minimum, MinimumFlag};
+use crate::laws::input::budget::Budget;
+use crate::laws::input::cell::{Cell, Size, best_index, cells, sizes};
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::maths::stats::{distinct, extent};
 
 /// The cells of one budget, their sizes and the best of them.
 #[derive(Clone)]

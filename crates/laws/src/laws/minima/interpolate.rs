@@ -2,17 +2,17 @@
 //!
 //! The best vocabulary of each size is a staircase in ln N_nv, since only some vocabularies were
 //! tried. Two things smooth it: each size's optimum is refined between its neighbouring
-//! vocabularies ([`Size::ln_vocab`](crate::laws::cell::Size::ln_vocab)), and a straight line in
+//! vocabularies ([`Size::ln_vocab`](crate::laws::input::cell::Size::ln_vocab)), and a straight line in
 //! ln N_nv is laid through the sizes, weighted towards the minimum by a Gaussian of a third of
 //! their range. D follows from the budget: ln D(N_nv + N_v), which a budget leaves nearly constant,
 //! is interpolated in the same way, and D solved from it, so that the minimum spends what its
 //! neighbours spent.
 
 use super::grid::Grid;
-use crate::laws::Minimum;
-use crate::laws::MinimumMethod;
-use crate::laws::cell::Size;
-use crate::laws::stats::extent;
+use super::types::Minimum;
+use crate::laws::input::cell::Size;
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::maths::stats::extent;
 
 /// Width of the weights, as a share of the range of ln N_nv.
 const BANDWIDTH: f64 = 1.0 / 3.0;

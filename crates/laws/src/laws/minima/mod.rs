@@ -4,17 +4,25 @@
 //! the values it reports are those of the best run, with the flag that says so: no minimum is ever
 //! extrapolated.
 
-mod akima;
-mod curve;
-mod grid;
-mod interpolate;
-mod surface;
+pub(in crate::laws) mod akima;
+pub(in crate::laws) mod cross;
+pub(in crate::laws) mod curve;
+pub(in crate::laws) mod grid;
+pub(in crate::laws) mod interpolate;
+pub(in crate::laws) mod lost_runs;
+pub(in crate::laws) mod run_noise;
+pub(in crate::laws) mod select;
+pub(in crate::laws) mod split;
+pub(in crate::laws) mod surface;
+pub(in crate::laws) mod types;
 
-use super::stats::{chi_square_tail, student_t95};
-use super::{Budget, IsoFlopPoint, LackOfFit, Minimum, MinimumFlag, RunNoise};
-use crate::laws::MinimumMethod;
-pub use grid::WIDEST_STEP;
-pub(super) use grid::{Grid, Scale};
+use self::run_noise::RunNoise;
+use self::types::{LackOfFit, Minimum, MinimumFlag};
+use crate::laws::input::budget::Budget;
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::maths::stats::{chi_square_tail, student_t95};
+pub(super) use grid::Grid;
 
 /// A minimum, and how sharply its curve bends there.
 struct Located {
@@ -38,7 +46,7 @@ struct Curvature {
 /// The curvature is weak where its 95 % interval holds zero. The noise is taken to be alike at all
 /// budgets, so its variance is pooled over their residuals: a curve through three to five sizes
 /// leaves too few of its own. Where no budget leaves a residual (three sizes each), the interval
-/// is unknown and the flag is not raised; [`fit`](super::fit()) says so.
+/// is unknown and the flag is not raised; [`fit`](crate::laws::fit::fit()) says so.
 pub fn minima(method: MinimumMethod, budgets: &[Budget]) -> Vec<Minimum> {
     of_grids(method, &budgets.iter().filter_map(Grid::new).collect::<Vec<_>>(), None)
 }
@@ -96,7 +104,7 @@ impl Located {
 }
 
 /// The minimum of one budget by one method, the noise taken from its own residuals; none for no
-/// points. The points must have passed [`group_budgets`](super::group_budgets).
+/// points. The points must have passed [`group_budgets`](crate::laws::input::budget::group_budgets).
 pub fn minimum_at(method: MinimumMethod, points: &[&IsoFlopPoint]) -> Option<Minimum> {
     let budget_flops = points.first()?.budget_flops;
     minima(method, &[Budget { budget_flops, points: points.to_vec(), smaller: Vec::new() }]).pop()

@@ -5,12 +5,12 @@
 //! the curves use the best of each size.
 
 use super::grid::{Grid, Scale};
+use super::types::{Minimum, MinimumFlag};
 use super::{Curvature, Located};
-use crate::laws::MinimumMethod;
-use crate::laws::cell::Cell;
-use crate::laws::least_squares::{LeastSquares, least_squares};
-use crate::laws::stats::extent;
-use crate::laws::{Minimum, MinimumFlag};
+use crate::laws::input::cell::Cell;
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::maths::least_squares::{LeastSquares, least_squares};
+use crate::laws::maths::stats::extent;
 
 const METHOD: MinimumMethod = MinimumMethod::Surface;
 

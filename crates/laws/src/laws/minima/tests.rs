@@ -1,5 +1,5 @@
 use super::*;
-use crate::laws::group_budgets;
+use crate::laws::input::budget::group_budgets;
 use crate::laws::simulated::{SURFACE, Simulated, point};
 use proptest::prelude::*;
 

@@ -1,12 +1,16 @@
 //! How much one run's loss scatters, from the runs themselves.
 
-mod seeds;
-mod surface;
+pub(in crate::laws) mod seeds;
+pub(in crate::laws) mod surface;
+pub(in crate::laws) mod test_noise;
+pub(in crate::laws) mod tokenizer_noise;
 
 use self::seeds::{ENOUGH, of_seeds};
 use self::surface::{FEWEST_DOF, of_surface};
-use super::minima::Grid;
-use super::{NoiseSource, RunNoise, TestNoise, TokenizerNoise};
+use self::test_noise::TestNoise;
+use self::tokenizer_noise::TokenizerNoise;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
 
 /// Share of a loss that rounding in means and fits may leave.
 const ROUNDING: f64 = 1e-13;
@@ -51,7 +55,7 @@ impl RunNoise {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::laws::group_budgets;
+    use crate::laws::input::budget::group_budgets;
     use crate::laws::simulated::Simulated;
 
     const SWEEP: Simulated = Simulated {

@@ -1,9 +1,9 @@
 //! The noise of a run by the seeds of its cell.
 
-use crate::laws::cell::Cell;
-use crate::laws::minima::Grid;
-use crate::laws::stats::chi_square_tail;
-use crate::laws::{NoiseSource, RunNoise};
+use crate::laws::input::cell::Cell;
+use crate::laws::maths::stats::chi_square_tail;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
 
 /// Seeds are preferred to the surface from this many degrees of freedom on; with fewer, whichever
 /// has more. So many are asked of several tokenizers too.

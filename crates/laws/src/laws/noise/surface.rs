@@ -1,10 +1,10 @@
 //! The noise of a run by what a smooth surface through the cells leaves.
 
-use crate::laws::cell::Cell;
-use crate::laws::least_squares::least_squares;
-use crate::laws::minima::{Grid, Scale};
-use crate::laws::stats::distinct;
-use crate::laws::{NoiseSource, RunNoise};
+use crate::laws::input::cell::Cell;
+use crate::laws::maths::least_squares::least_squares;
+use crate::laws::maths::stats::distinct;
+use crate::laws::minima::grid::{Grid, Scale};
+use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
 
 /// Fewer degrees of freedom say nothing about a standard deviation.
 pub(super) const FEWEST_DOF: usize = 2;

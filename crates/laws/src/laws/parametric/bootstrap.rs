@@ -12,7 +12,9 @@ use super::draws::Draws;
 use super::form::Coefficients;
 use super::options::ParametricOptions;
 use super::search::{End, Found, Target};
-use crate::laws::{IsoFlopPoint, cell::compare, stats};
+use crate::laws::input::cell::compare;
+use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::maths::stats;
 use rayon::prelude::*;
 
 /// Clusters above which a replicate draws fewer than there are.

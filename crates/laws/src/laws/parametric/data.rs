@@ -2,8 +2,9 @@
 
 use super::form::Form;
 use super::objective::{Columns, Constant, Space};
-use crate::laws::check::{loss, metric};
-use crate::laws::{FitError, IsoFlopPoint};
+use crate::laws::input::check::{loss, metric};
+use crate::laws::input::error::FitError;
+use crate::laws::input::point::IsoFlopPoint;
 
 /// Spread of a logarithm below which a quantity counts as constant.
 const CONSTANT: f64 = 1e-6;

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_mt::Mt;
 
-use crate::laws::random::below;
+use crate::laws::maths::random::below;
 
 /// Numbers that are kept at once, 4 bytes each.
 const MOST_LISTED: usize = 20_000_000;

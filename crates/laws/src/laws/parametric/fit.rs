@@ -8,7 +8,9 @@ use super::objective::Space;
 use super::options::{Huber, ParametricOptions};
 use super::search::{Found, Target, search};
 use super::types::Parametric;
-use crate::laws::{FitError, IsoFlopPoint, stats};
+use crate::laws::input::error::FitError;
+use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::maths::stats;
 
 /// Fits a parametric law: the global optimum, how sure it is, and what speaks against it.
 ///

@@ -3,7 +3,7 @@
 use super::objective::{Constant, Space};
 use super::problem::Slots;
 use super::vector::{MAX_PARAMS, Vector};
-use crate::laws::{IsoFlopPoint, Parameters};
+use crate::laws::input::point::{IsoFlopPoint, Parameters};
 use serde::{Deserialize, Serialize};
 
 /// A parametric form of the loss.

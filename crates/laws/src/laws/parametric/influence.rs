@@ -12,9 +12,9 @@ use super::objective::Curvature;
 use super::optimum::optimum;
 use super::search::{Found, Target};
 use super::vector::Vector;
-use crate::laws::IsoFlopPoint;
-use crate::laws::cholesky::solve;
-use crate::laws::text::{count, times};
+use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::maths::cholesky::solve;
+use crate::laws::words::text::{count, times};
 
 /// Rows that are named, at most.
 const MOST_NAMED: usize = 5;

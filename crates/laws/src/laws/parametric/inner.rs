@@ -7,7 +7,7 @@
 use super::data::Data;
 use super::objective::{Constant, Space};
 use super::vector::{MAX_PARAMS, Matrix, Vector};
-use crate::laws::cholesky::solve;
+use crate::laws::maths::cholesky::solve;
 
 /// Columns of the linear problem: one a term, and the constant last.
 pub(super) struct Basis {

@@ -9,41 +9,28 @@
 //! | downhill to the last digit | `newton` |
 //! | intervals | `bootstrap` |
 //! | rows that an optimum hangs on | `influence` |
-//! | all of it | [`fit_parametric`] |
-//! | the laws that follow | [`parametric_laws`] |
-//! | the best allocation of a budget | [`optimum()`] |
+//! | all of it | [`fit_parametric`](crate::laws::fit_parametric) |
+//! | the laws that follow | [`parametric_laws`](crate::laws::parametric_laws) |
+//! | the best allocation of a budget | [`optimum()`](crate::laws::optimum()) |
 
-mod bootstrap;
-mod data;
-mod draws;
-mod fit;
-mod form;
-mod influence;
-mod inner;
-mod lanes;
-mod laws;
-mod newton;
-mod objective;
-mod optimum;
-mod options;
-mod problem;
-mod search;
-mod text;
-mod types;
-mod vector;
-mod warnings;
-
-pub use fit::fit_parametric;
-pub use form::{Coefficients, Form};
-pub use influence::Influence;
-pub use laws::around;
-pub use laws::parametric_laws;
-pub use objective::Space;
-pub use optimum::{Optimum, optimum, vocab_exponent};
-pub use options::{Huber, ParametricOptions};
-pub use search::Starts;
-pub use text::parametric_text;
-pub use types::Parametric;
+pub(in crate::laws) mod bootstrap;
+pub(in crate::laws) mod data;
+pub(in crate::laws) mod draws;
+pub(in crate::laws) mod fit;
+pub(in crate::laws) mod form;
+pub(in crate::laws) mod influence;
+pub(in crate::laws) mod inner;
+pub(in crate::laws) mod lanes;
+pub(in crate::laws) mod newton;
+pub(in crate::laws) mod objective;
+pub(in crate::laws) mod optimum;
+pub(in crate::laws) mod options;
+pub(in crate::laws) mod problem;
+pub(in crate::laws) mod search;
+pub(in crate::laws) mod text;
+pub(in crate::laws) mod types;
+pub(in crate::laws) mod vector;
+pub(in crate::laws) mod warnings;
 
 #[cfg(test)]
 mod tests;

@@ -11,7 +11,7 @@
 use super::objective::Evaluation;
 use super::problem::Problem;
 use super::vector::{Matrix, Vector, dot, times};
-use crate::laws::cholesky::solve;
+use crate::laws::maths::cholesky::solve;
 use argmin::core::{
     Error, Executor, IterState, KV, Problem as Counted, Solver, State, TerminationReason,
     TerminationStatus,

@@ -1,7 +1,7 @@
 //! The compute-optimal allocation of a parametric law, under C = 6 N D.
 
 use super::form::Coefficients;
-use crate::laws::Parameters;
+use crate::laws::input::point::Parameters;
 
 /// FLOPs for a parameter and a token.
 const FLOPS_PER_PARAM_TOKEN: f64 = 6.0;
@@ -90,7 +90,7 @@ fn rising_zero(f: impl Fn(f64) -> f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::laws::Form;
+    use crate::laws::parametric::form::Form;
 
     #[test]
     fn the_optimum_of_epochs_chinchilla_is_the_published_one() {

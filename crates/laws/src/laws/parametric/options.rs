@@ -3,7 +3,7 @@
 use super::form::Form;
 use super::objective::Space;
 use super::search::Starts;
-use crate::laws::FitError;
+use crate::laws::input::error::FitError;
 
 /// Huber's threshold between squares and absolute values.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub enum Huber {
 /// The seed by default, that of the analysis whose draws these are (see [`draws`](super::draws)).
 const SEED: u64 = 42;
 
-/// The options of [`fit_parametric`](super::fit_parametric).
+/// The options of [`fit_parametric`](crate::laws::fit_parametric).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParametricOptions {
     pub form: Form,

@@ -2,7 +2,7 @@
 
 use super::objective::Space;
 use super::types::Parametric;
-use crate::laws::text::{short, wrap};
+use crate::laws::words::text::{short, wrap};
 
 /// Its coefficients with errors and intervals, and how well the search for them ended, in at most
 /// 80 columns.

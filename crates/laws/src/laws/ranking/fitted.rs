@@ -1,9 +1,14 @@
 //! Laws through the first budgets of a sweep, and what they say of a later one.
 
-use crate::laws::joint::JointLaw;
-use crate::laws::law_set::{Columns, LawSet, geometric_mean, law_set};
-use crate::laws::minima::Grid;
-use crate::laws::{Candidate, FitOptions, FloorLaw, Minimum, floor_law};
+use super::recommended::Candidate;
+use crate::laws::input::options::FitOptions;
+use crate::laws::joint::law::JointLaw;
+use crate::laws::lines::floor_law::floor_law;
+use crate::laws::lines::law_set::{Columns, LawSet, law_set};
+use crate::laws::lines::types::FloorLaw;
+use crate::laws::maths::stats::geometric_mean;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::types::Minimum;
 
 /// Power laws through minima.
 pub struct Lines {

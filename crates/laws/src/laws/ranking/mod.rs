@@ -1,16 +1,24 @@
 //! Which law to believe: the one that predicts the sweep's own larger budgets from its smaller ones.
 
-mod fitted;
-mod shares;
+pub(in crate::laws) mod fitted;
+pub(in crate::laws) mod forecast_error;
+pub(in crate::laws) mod miss;
+pub(in crate::laws) mod recommended;
+pub(in crate::laws) mod shares;
 
-use super::joint::{above, fit_joint, repeat};
-use super::minima::Grid;
-use super::stats::NORMAL_97_5;
-use super::{
-    Candidate, FitOptions, Minimum, MinimumIntervals, Miss, MissedMinimum, Off, Parameters,
-    Recommended, RunNoise, Score,
-};
-use crate::laws::MinimumMethod;
+use self::miss::{Miss, MissedMinimum};
+use self::recommended::{Candidate, Recommended, Score};
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::input::options::FitOptions;
+use crate::laws::input::point::Parameters;
+use crate::laws::joint::above;
+use crate::laws::joint::above::Off;
+use crate::laws::joint::fit::fit_joint;
+use crate::laws::joint::weighed::repeat;
+use crate::laws::maths::stats::NORMAL_97_5;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::run_noise::RunNoise;
+use crate::laws::minima::types::{Minimum, MinimumIntervals};
 use fitted::{Fitted, Lines, Said};
 pub(super) use shares::shares;
 use shares::{FEWEST, OfBudget, OfShare};

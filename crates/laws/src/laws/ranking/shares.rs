@@ -1,10 +1,13 @@
 //! What laws are tested by: the budgets of each share of the data, with their minima.
 
-use crate::laws::MinimumMethod;
-use crate::laws::minima::{Grid, of_grids};
-use crate::laws::select::{tell_laws, usable};
-use crate::laws::stats::distinct;
-use crate::laws::{FitOptions, Minimum, RunNoise};
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::input::options::FitOptions;
+use crate::laws::maths::stats::distinct;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::of_grids;
+use crate::laws::minima::run_noise::RunNoise;
+use crate::laws::minima::select::{tell_laws, usable};
+use crate::laws::minima::types::Minimum;
 
 /// Fewest budgets that a law is fitted to before it is tested.
 pub const FEWEST: usize = 3;

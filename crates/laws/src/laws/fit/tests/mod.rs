@@ -5,10 +5,14 @@ mod recommended;
 mod refused;
 
 use super::*;
+use crate::laws::fit::sensitivity::sensitivity_row;
+use crate::laws::input::options::{HoldOut, Weights};
+use crate::laws::lines::slices::slices;
+use crate::laws::lines::types::PowerLaw;
+use crate::laws::minima::types::MinimumFlag;
+use crate::laws::say::summary::summary;
+use crate::laws::say::verdict::verdict;
 use crate::laws::simulated::{SURFACE, Simulated, point};
-use crate::laws::{
-    HoldOut, MinimumFlag, PowerLaw, Weights, sensitivity_row, slices, summary, verdict,
-};
 
 const BUDGETS: [f64; 6] = [1e15, 3e15, 1e16, 3e16, 1e17, 3e17];
 const VOCABULARIES: [f64; 9] =
@@ -35,7 +39,7 @@ fn true_exponents() -> [f64; 3] {
     let optima: Vec<(f64, f64)> = BUDGETS.iter().map(|c| SURFACE.optimum(*c)).collect();
     let exponent = |ln_y: &dyn Fn(usize) -> f64| {
         let y: Vec<f64> = (0..6).map(|i| ln_y(i).exp()).collect();
-        crate::laws::power_law(&BUDGETS, &y, 1e16, &[1.0; 6], None).unwrap().exponent
+        crate::laws::lines::power::power_law(&BUDGETS, &y, 1e16, &[1.0; 6], None).unwrap().exponent
     };
     let total = |i: usize| (optima[i].0.exp() + optima[i].1.exp()).ln();
     [

@@ -1,8 +1,8 @@
 //! Which laws are tested.
 
 use super::*;
+use crate::laws::ranking::recommended::{Candidate, Score};
 use crate::laws::simulated::of_split;
-use crate::laws::{Candidate, Score};
 
 fn tested(unique_tokens: f64) -> Vec<Candidate> {
     let laws = fit(&of_split(unique_tokens, simulated().points()), &options()).unwrap();

@@ -85,13 +85,20 @@ fn the_summary_fits_the_terminal_and_shows_every_minimum() {
     }
     let parabolas = text.lines().filter(|line| line.starts_with("parabola")).count();
     assert_eq!(parabolas, BUDGETS.len());
-    assert!(text.starts_with(&crate::laws::brief(&laws)), "the first screen comes first");
+    assert!(
+        text.starts_with(&crate::laws::say::brief::brief(&laws)),
+        "the first screen comes first"
+    );
     for part in ["unseen budgets", "what to run next", "minima: akima", "minima: surface"] {
         assert!(text.contains(part), "{part}");
     }
     assert!(text.contains("size: N = N_nv + N_v"), "{text}");
     assert!(text.contains("held out") && text.contains("not-bracketed"), "{text}");
-    assert!(summary(&crate::laws::scamo()).lines().all(|line| line.chars().count() <= 80));
+    assert!(
+        summary(&crate::laws::published::scamo::scamo())
+            .lines()
+            .all(|line| line.chars().count() <= 80)
+    );
 }
 
 #[test]

@@ -1,4 +1,7 @@
 use super::*;
+use crate::laws::parametric::fit::fit_parametric;
+use crate::laws::parametric::form::{Coefficients, Form};
+use crate::laws::parametric::options::ParametricOptions;
 use rayon::prelude::*;
 
 const SIMULATIONS: u64 = 500;
@@ -22,7 +25,7 @@ fn covered(stream: u64) -> [bool; 4] {
     let replicates: Vec<[f64; 4]> = fit.bootstrap.iter().map(quantities).collect();
     std::array::from_fn(|i| {
         let column: Vec<f64> = replicates.iter().map(|r| r[i]).filter(|x| x.is_finite()).collect();
-        let [low, high] = crate::laws::stats::interval95(&column).unwrap();
+        let [low, high] = crate::laws::maths::stats::interval95(&column).unwrap();
         low < truth[i] && truth[i] < high
     })
 }

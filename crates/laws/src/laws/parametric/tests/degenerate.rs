@@ -1,5 +1,11 @@
 use super::*;
-use crate::laws::FitError;
+use crate::laws::fit::parametric_laws::parametric_laws;
+use crate::laws::input::error::FitError;
+use crate::laws::parametric::fit::fit_parametric;
+use crate::laws::parametric::form::Form;
+use crate::laws::parametric::objective::Space;
+use crate::laws::parametric::options::{Huber, ParametricOptions};
+use crate::laws::parametric::types::Parametric;
 
 fn fit(runs: &[IsoFlopPoint]) -> Result<Parametric, FitError> {
     fit_parametric(

@@ -1,6 +1,6 @@
 use super::super::objective::{Columns, Constant, Curvature, Objective};
 use super::super::vector::Vector;
-use super::*;
+use crate::laws::parametric::objective::Space;
 use proptest::prelude::*;
 
 /// Twelve rows of three quantities, for losses around 2.

@@ -6,8 +6,11 @@ mod derivatives;
 mod recovery;
 
 use super::*;
-use crate::laws::random::Normals;
-use crate::laws::{IsoFlopPoint, Metric, RunFacts};
+use crate::laws::input::metric::Metric;
+use crate::laws::input::point::{IsoFlopPoint, RunFacts};
+use crate::laws::maths::random::Normals;
+use crate::laws::parametric::form::{Coefficients, Form};
+use crate::laws::parametric::options::ParametricOptions;
 
 /// A run of N_nv, N_v and D with the loss of `truth` times or plus `noise`.
 fn run(truth: &Coefficients, [n, v, d]: [f64; 3], noise: f64) -> IsoFlopPoint {

@@ -1,4 +1,11 @@
 use super::*;
+use crate::laws::fit::parametric_laws::{around, parametric_laws};
+use crate::laws::parametric::fit::fit_parametric;
+use crate::laws::parametric::form::{Coefficients, Form};
+use crate::laws::parametric::objective::Space;
+use crate::laws::parametric::options::{Huber, ParametricOptions};
+use crate::laws::parametric::search::Starts;
+use crate::laws::parametric::types::Parametric;
 use proptest::prelude::*;
 
 fn close(found: &Coefficients, truth: &Coefficients, relative: f64) {
@@ -117,7 +124,9 @@ fn the_laws_of_a_parametric_loss_are_those_of_its_optima() {
     let laws = parametric_laws(&runs, fit, "motion", "6nd");
     let at = |c: f64| optimum(&motion(), c).unwrap();
     let c0 = laws.reference_flops;
-    let law = |law: &Option<crate::laws::PowerLaw>, c: f64| law.as_ref().unwrap().value_at(c);
+    let law = |law: &Option<crate::laws::lines::types::PowerLaw>, c: f64| {
+        law.as_ref().unwrap().value_at(c)
+    };
     assert!(
         (law(&laws.power_laws.params_nonvocab, c0) / at(c0).params_nonvocab - 1.0).abs() < 1e-3
     );

@@ -1,0 +1,299 @@
+//! The whole fit: points in, [`Laws`] out.
+
+pub(in crate::laws) mod approach1;
+pub(in crate::laws) mod parametric_laws;
+pub(in crate::laws) mod sensitivity;
+pub(in crate::laws) mod test_split;
+pub(in crate::laws) mod unfitted;
+pub(in crate::laws) mod warnings;
+
+use self::test_split::test_noise;
+use crate::laws::design::advice::advise;
+use crate::laws::file::judgement::{IntervalPart, Judgement};
+use crate::laws::file::kind::LawKind;
+use crate::laws::file::laws::{HeldOut, Laws};
+use crate::laws::input::budget::group_checked;
+use crate::laws::input::cell::Cell;
+use crate::laws::input::check;
+use crate::laws::input::error::FitError;
+use crate::laws::input::lost_shares::of_lost_shares;
+use crate::laws::input::method::MinimumMethod;
+use crate::laws::input::metric::Metric;
+use crate::laws::input::options::FitOptions;
+use crate::laws::input::point::{IsoFlopPoint, Parameters};
+use crate::laws::lines::bootstrap::{Bootstrap, Replicate, Sources};
+use crate::laws::lines::floor_law::floor_law;
+use crate::laws::lines::intervals;
+use crate::laws::lines::law_set::{Columns, LawSet, law_set};
+use crate::laws::lines::sample::LawSample;
+use crate::laws::lines::types::{Exponents, FloorLaw, LossLaws, PowerLaws};
+use crate::laws::lines::validation::validate;
+use crate::laws::maths::stats::{MIN_REPLICATES, geometric_mean};
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::lost_runs::of_lost_runs;
+use crate::laws::minima::run_noise::RunNoise;
+use crate::laws::minima::select::{flagged_text, hold_out, law_method, tell_laws, usable};
+use crate::laws::minima::split::Split;
+use crate::laws::minima::types::Minimum;
+use crate::laws::noise::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
+use crate::laws::noise::{Scatter, run_noise};
+use judge::{admissible, interval_parts, judge, misfit};
+
+/// Fits every law to a table of finished runs.
+///
+/// Runs are grouped by declared budget, and the minima of all budgets are found by each method. Those of
+/// one method, less the flagged, give N_nv, N_v and D in C, N_v in N_nv, and the two loss laws; one smooth
+/// loss goes through all cells. The bootstrap gives the intervals. Laws through fewer budgets are tested on
+/// the others, and the one that misses least is recommended. Nothing is left out without a sentence in
+/// [`Laws::warnings`].
+///
+/// # Errors
+/// [`FitError`]; [`FitError::is_unidentifiable`] tells missing data from wrong input. Where too few
+/// minima are unflagged and the cells are too few for a smooth loss, a fit with
+/// [`FitOptions::keep_flagged`] may still give laws, for a caller who prefers doubtful ones to none.
+pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitError> {
+    options.check()?;
+    if points.is_empty() {
+        return Err(FitError::NoPoints);
+    }
+    let metric = check::metric(points)?;
+    let budgets = group_checked(points, options.parameters)?;
+    if points.len() > 3 && 2 * budgets.len() > points.len() {
+        return Err(FitError::ScatteredBudgets { rows: points.len(), budgets: budgets.len() });
+    }
+    let (held_out, hold_out_warning) = hold_out(&budgets, options.hold_out)?;
+    let split = Split::new(&budgets);
+    let (options, fewer) = &affordable(options, &split);
+    let noise = run_noise(&split.fitted, runs_beside_tokenizers(&budgets));
+    let per_method = split.minima_by_method(options, noise);
+    let (method, method_warning) = law_method(&per_method, options);
+    let used = usable(minima_of(&per_method, method), options);
+
+    let tokenizers = tokenizer_noise(&budgets);
+    let grids: Vec<&Grid> = split.fitted.iter().collect();
+    let test = test_noise(&grids, noise);
+    let scatter = Scatter { noise, tokenizers: tokenizers.as_ref(), test: test.as_ref() };
+    let replicas = replicas(&used, &split, &per_method, method, scatter, options);
+    let mut laws = laws_through(&used, &split, method, &replicas, options);
+    laws.metric = metric;
+    laws.minima = with_intervals(&per_method, &replicas);
+    if let Some(index) = held_out {
+        test_on(&mut laws, split.fitted[index].budget_flops, &used, &split, options);
+    }
+    laws.sensitivity = sensitivity::by_method(&per_method, method, &split, options);
+    laws.validation = validate(&used, &split, options);
+    laws.advice = advise(&laws, &split);
+    laws.judgement = judge(&laws, &split, &per_method, replicas.parts, scatter, options);
+    if laws.power_laws.tokens.is_none() && laws.judgement.joint.is_none() {
+        let flagged = flagged_text(minima_of(&per_method, method));
+        return Err(FitError::TooFewMinima { method, usable: used.len(), flagged });
+    }
+    let all = minima_of(&per_method, method);
+    let lost = of_lost_runs(split.fitted.iter());
+    let alone = of_lost_shares(points, &budgets);
+    let first =
+        [check::repeats(points), alone, hold_out_warning, method_warning, fewer.clone(), lost];
+    let first = first.into_iter().flatten();
+    let of_minima = warnings::of_minima(all, &used, &split, method, options);
+    laws.warnings.splice(0..0, first.chain(of_minima));
+    Ok(laws.answered())
+}
+
+/// Cells times replicates that a fit computes at most: some ten seconds on one core.
+const MOST_WORK: usize = 50_000_000;
+
+/// The options with no more replicates than a large table can afford, and a sentence if fewer.
+fn affordable(options: &FitOptions, split: &Split) -> (FitOptions, Option<String>) {
+    let of_grid = |grid: &Grid| grid.of_all_shares().map(<[Cell]>::len).sum::<usize>();
+    let cells: usize = split.fitted.iter().map(of_grid).sum();
+    let bootstrap = options.bootstrap.min((MOST_WORK / cells.max(1)).max(2 * MIN_REPLICATES));
+    let fewer = (bootstrap < options.bootstrap).then(|| {
+        format!(
+            "The table has {cells} cells, so {bootstrap} bootstrap replicates are made instead of \
+             {}.",
+            options.bootstrap
+        )
+    });
+    (FitOptions { bootstrap, ..options.clone() }, fewer)
+}
+
+/// The noise of the runs, and the bootstrap that it drives.
+struct Replicas {
+    noise: Option<RunNoise>,
+    replicates: Vec<Replicate>,
+    parts: Vec<IntervalPart>,
+}
+
+fn replicas(
+    used: &[Minimum],
+    split: &Split,
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    method: MinimumMethod,
+    Scatter { noise, tokenizers, test }: Scatter,
+    options: &FitOptions,
+) -> Replicas {
+    let methods: Vec<MinimumMethod> = per_method.iter().map(|(method, _)| *method).collect();
+    let reference = reference_of(used, split);
+    let known = noise.filter(|noise| !noise.is_rounding(&split.fitted));
+    let bootstrap = |noise| Bootstrap {
+        split,
+        methods: &methods,
+        method,
+        used,
+        reference,
+        noise,
+        tokenizers,
+        test,
+        misfit: misfit(method, split, noise),
+        admissible: admissible(per_method, method, used, options),
+        sources: Sources::ALL,
+        options,
+    };
+    let bootstrap = known.map(bootstrap);
+    let replicates = bootstrap.as_ref().map(Bootstrap::replicates).unwrap_or_default();
+    let parts = bootstrap.filter(|_| options.recommend && options.bootstrap > 0);
+    let parts = parts.as_ref().map(interval_parts).unwrap_or_default();
+    Replicas { noise, replicates, parts }
+}
+
+/// The minima of one method.
+fn minima_of(per_method: &[(MinimumMethod, Vec<Minimum>)], method: MinimumMethod) -> &[Minimum] {
+    let found = per_method.iter().find(|(m, _)| *m == method);
+    found.map(|(_, minima)| minima.as_slice()).expect("the laws' method is always computed")
+}
+
+/// C0: the middle of the budgets whose minima are used, or of all where none is.
+fn reference_of(used: &[Minimum], split: &Split) -> f64 {
+    let of_used: Vec<f64> = used.iter().map(|minimum| minimum.budget_flops).collect();
+    let all = || split.fitted.iter().map(|grid| grid.budget_flops).collect();
+    geometric_mean(&if of_used.is_empty() { all() } else { of_used })
+}
+
+/// Every law and interval through some minima; the minima and the sensitivity table are still empty, and
+/// the metric is the default. Where the minima are too few there are no laws through them.
+fn laws_through(
+    used: &[Minimum],
+    split: &Split,
+    method: MinimumMethod,
+    replicas: &Replicas,
+    options: &FitOptions,
+) -> Laws {
+    let columns = Columns::new(used, &split.fitted, options);
+    let reference = reference_of(used, split);
+    // Who asks for flagged minima gets the laws through them; the answer does not rest on these.
+    let told = tell_laws(used) || options.keep_flagged;
+    let set = law_set(&columns, reference, options).filter(|_| told);
+    let replicates = intervals::laws(&replicas.replicates);
+    let floor = floor_law(&columns.compute, &columns.loss, reference).filter(|_| told);
+    let samples: Vec<LawSample> = replicates.iter().map(|replicate| replicate.sample).collect();
+    let floor = floor.map(|law| intervals::of_floor(law, &samples));
+
+    let mut warnings: Vec<String> =
+        warnings::of_floor(floor.as_ref(), used.len()).into_iter().collect();
+    warnings.extend(warnings::of_bootstrap(
+        replicas.noise,
+        &split.fitted,
+        replicates.len(),
+        options,
+    ));
+    let set = set.map(|set| intervals::of_set(set, &replicates, reference));
+    let has_vocab_law = split.n_vocabularies() > 1;
+    Laws {
+        name: options.name.clone(),
+        law: LawKind::Isoflop,
+        from_sweep: false,
+        flops_rule: options.flops_rule.clone(),
+        metric: Metric::default(),
+        parameters: options.parameters,
+        n_ctx: None,
+        head_share: None,
+        reference_flops: reference,
+        fitted_budgets: used.iter().map(|m| m.budget_flops).collect(),
+        minima_method: method,
+        minima: Vec::new(),
+        held_out: None,
+        loss: LossLaws { log: set.as_ref().map(|set| set.loss.clone()), floor },
+        vocab_from_nonvocab: set
+            .as_ref()
+            .and_then(|set| set.vocab_from_nonvocab.clone())
+            .filter(|_| has_vocab_law),
+        power_laws: set
+            .map_or_else(PowerLaws::default, |set| power_laws(set, has_vocab_law, options)),
+        parametric: None,
+        sensitivity: Vec::new(),
+        validation: Vec::new(),
+        advice: Vec::new(),
+        noise: replicas.noise,
+        bootstrap: if told { samples } else { Vec::new() },
+        warnings,
+        judgement: Judgement::default(),
+        answer: None,
+    }
+}
+
+/// The laws under the names of what they are laws of.
+fn power_laws(set: LawSet, has_vocab_law: bool, options: &FitOptions) -> PowerLaws {
+    let size = Some(set.params_nonvocab);
+    let (params, params_nonvocab) = match options.parameters {
+        Parameters::Split => (None, size),
+        Parameters::Total => (size, None),
+    };
+    PowerLaws {
+        params,
+        params_vocab: set.params_vocab.filter(|_| has_vocab_law),
+        params_nonvocab,
+        tokens: Some(set.tokens),
+    }
+}
+
+/// What the laws through the other minima say of one budget, against what was measured there.
+fn test_on(laws: &mut Laws, budget: f64, used: &[Minimum], split: &Split, options: &FitOptions) {
+    let own =
+        laws.minima.iter().find(|m| m.method == laws.minima_method && m.budget_flops == budget);
+    let Some(minimum) = own.cloned() else { return };
+    laws.warnings.extend(warnings::of_held_out(&minimum));
+    let others: Vec<Minimum> =
+        used.iter().filter(|minimum| minimum.budget_flops != budget).cloned().collect();
+    let without = Without::of(&others, split, options);
+    let measured = minimum.loss_normalised;
+    if let (Some(law), Some(without)) = (&mut laws.loss.log, &without) {
+        law.held_out_error = Some(without.set.loss.loss_at(budget) - measured);
+    }
+    if let (Some(law), Some(without)) = (&mut laws.loss.floor, &without) {
+        law.held_out_error =
+            without.floor.as_ref().map(|floor| floor.loss_at(budget, without.reference) - measured);
+    }
+    let exponents = without.map(|without| Exponents::of(&without.set)).unwrap_or_default();
+    laws.held_out = Some(HeldOut { budget_flops: budget, minimum, exponents });
+}
+
+/// Laws through some of the minima.
+struct Without {
+    set: LawSet,
+    floor: Option<FloorLaw>,
+    reference: f64,
+}
+
+impl Without {
+    fn of(minima: &[Minimum], split: &Split, options: &FitOptions) -> Option<Self> {
+        let columns = Columns::new(minima, &split.fitted, options);
+        let reference = geometric_mean(&columns.compute);
+        let set = law_set(&columns, reference, options)?;
+        Some(Self { set, floor: floor_law(&columns.compute, &columns.loss, reference), reference })
+    }
+}
+
+/// Every minimum by every method with its intervals.
+fn with_intervals(
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    replicas: &Replicas,
+) -> Vec<Minimum> {
+    let all = per_method.iter().flat_map(|(_, minima)| minima.iter().cloned()).enumerate();
+    all.map(|(i, minimum)| intervals::of_minimum(minimum, i, &replicas.replicates)).collect()
+}
+
+#[cfg(test)]
+pub(in crate::laws) mod degenerate;
+pub(in crate::laws) mod judge;
+#[cfg(test)]
+mod tests;

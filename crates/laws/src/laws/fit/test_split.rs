@@ -1,0 +1,156 @@
+//! How far laws hang on which clips were held out: the effects of [`TestNoise`].
+//!
+//! All runs of a sweep are measured on the same clips, so a test split that happens to be hard moves all
+//! losses together, and no seed tells. What tells is the split itself, in blocks that have no recording in
+//! common. What a block is harder by is taken as a smooth function of the cell; what a cell's own runs
+//! scatter about it is the noise of the runs, and counted there.
+
+use crate::laws::input::cell::Cell;
+use crate::laws::joint::problem::noise_of;
+use crate::laws::joint::weighed::valley;
+use crate::laws::maths::least_squares::least_squares;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::run_noise::RunNoise;
+use crate::laws::noise::test_noise::TestNoise;
+
+/// Fewer blocks say nothing about a standard deviation.
+const FEWEST: usize = 5;
+
+/// Of some budgets, ascending; none where a cell does not know its blocks, there are few, or the cells do not
+/// tell how blocks differ over them.
+pub(in crate::laws) fn test_noise(grids: &[&Grid], noise: Option<RunNoise>) -> Option<TestNoise> {
+    let largest = grids.last()?;
+    let (best, n_blocks) = (largest.best(), largest.best().by_block.len());
+    let centre = place(best, largest.budget_flops);
+    let mut rows = Rows::default();
+    for grid in grids {
+        for cells in grid.of_all_shares() {
+            let least = cells.iter().map(|cell| cell.loss).fold(f64::INFINITY, f64::min);
+            for cell in cells {
+                let count = cell.runs * valley(cell.loss - least, noise_of(noise));
+                let place = place(cell, grid.budget_flops);
+                let away = std::array::from_fn(|i| place[i] - centre[i]);
+                rows.add(cell, away, count.sqrt());
+            }
+        }
+    }
+    let is_known = n_blocks >= FEWEST && rows.cells.iter().all(|own| own.len() == n_blocks);
+    let effects = is_known.then(|| (0..n_blocks).map(|block| rows.effect(block)).collect());
+    Some(TestNoise::new(centre, effects.flatten()?))
+}
+
+fn place(cell: &Cell, budget_flops: f64) -> [f64; 3] {
+    [cell.params_nonvocab.ln(), cell.n_vocab.max(1.0).ln(), budget_flops.ln()]
+}
+
+/// Cells with what each counts.
+#[derive(Default)]
+struct Rows<'a> {
+    places: Vec<[f64; 3]>,
+    weights: Vec<f64>,
+    cells: Vec<&'a [f64]>,
+}
+
+impl<'a> Rows<'a> {
+    fn add(&mut self, cell: &'a Cell, place: [f64; 3], weight: f64) {
+        self.places.push(place);
+        self.weights.push(weight);
+        self.cells.push(&cell.by_block);
+    }
+
+    /// a_b and s_b of a block; a slope is 0 where all cells lie at one place.
+    fn effect(&self, block: usize) -> Option<[f64; 4]> {
+        let varies =
+            |axis: &usize| self.places.iter().any(|own| own[*axis] != self.places[0][*axis]);
+        let axes: Vec<usize> = (0..3).filter(varies).collect();
+        let row = |(place, weight): (&[f64; 3], &f64)| {
+            let terms = axes.iter().map(|axis| place[*axis]);
+            [1.0].into_iter().chain(terms).map(|term| weight * term).collect()
+        };
+        let rows: Vec<Vec<f64>> = self.places.iter().zip(&self.weights).map(row).collect();
+        let losses = self.cells.iter().zip(&self.weights).map(|(own, weight)| weight * own[block]);
+        let found = least_squares(&rows, &losses.collect::<Vec<_>>())?.coefficients;
+        let mut effect = [found[0], 0.0, 0.0, 0.0];
+        axes.iter().zip(&found[1..]).for_each(|(axis, slope)| effect[axis + 1] = *slope);
+        Some(effect)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::input::budget::group_budgets;
+    use crate::laws::input::point::{IsoFlopPoint, RunFacts};
+    use crate::laws::maths::random::Normals;
+    use crate::laws::simulated::SWEEP;
+
+    /// A sweep whose blocks differ by what `of` says of a run, a block's draw, and a draw of its own.
+    fn grids(of: impl Fn(&IsoFlopPoint, f64, f64) -> f64) -> Vec<Grid> {
+        let mut normals = Normals::of_stream(3, 0);
+        let blocks: Vec<f64> = (0..20).map(|_| normals.draw()).collect();
+        let mut known = |point: IsoFlopPoint| {
+            let by_block = blocks.iter().map(|draw| of(&point, *draw, normals.draw())).collect();
+            IsoFlopPoint { about: RunFacts { by_block, ..RunFacts::default() }, ..point }
+        };
+        let points: Vec<IsoFlopPoint> = SWEEP.points().into_iter().map(&mut known).collect();
+        group_budgets(&points).unwrap().iter().filter_map(Grid::new).collect()
+    }
+
+    fn noise(grids: &[Grid]) -> Option<TestNoise> {
+        test_noise(&grids.iter().collect::<Vec<_>>(), None)
+    }
+
+    fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
+        let values: Vec<f64> = values.collect();
+        (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
+    }
+
+    /// The deviation of what the smallest model of a budget moves by on other splits, beside the best.
+    fn scatter(grids: &[Grid]) -> f64 {
+        let (grid, noise) = (&grids[0], noise(grids).unwrap());
+        let shift = |i| {
+            let clips = noise.draw(&mut Normals::of_stream(1, i));
+            clips.shift(&grid.cells[0], grid.best())
+        };
+        root_mean_square((0..2000).map(shift))
+    }
+
+    #[test]
+    fn what_all_losses_have_in_common_moves_no_optimum() {
+        let grids = grids(|point, draw, _| (0.4 + 0.1 * (point.budget_flops / 1e10).ln()) * draw);
+        let noise = noise(&grids).unwrap();
+        let (best, budget) = (grids[4].best(), grids[4].budget_flops);
+        let sd = |budget: f64| (0.4 + 0.1 * (budget / 1e10).ln()) / 20f64.sqrt();
+        assert!((noise.sd / sd(budget) - 1.0).abs() < 0.35, "{noise:?}");
+        assert!(scatter(&grids) < 1e-9);
+        // Student's t of 19 degrees of freedom has a variance of 19/17.
+        let moved = |budget| {
+            let moved = noise.moved(&[-3.0; 4000], place(best, budget));
+            root_mean_square(moved.iter().map(|loss| loss + 3.0)) / (19f64 / 17.0).sqrt()
+        };
+        assert!((moved(budget) / noise.sd - 1.0).abs() < 0.05);
+        let farther = sd(100.0 * budget) / sd(budget);
+        assert!((moved(100.0 * budget) / moved(budget) / farther - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn blocks_that_large_models_find_harder_move_an_optimum_and_noise_of_runs_does_not() {
+        let slope = |point: &IsoFlopPoint| 0.1 * (point.params_nonvocab / 1e4).ln();
+        let smooth = scatter(&grids(|point, draw, _| slope(point) * draw));
+        let noisy = scatter(&grids(|point, draw, own| slope(point) * draw + 0.1 * own));
+        assert!(smooth > 0.02 && (noisy / smooth - 1.0).abs() < 0.3, "{smooth}, {noisy}");
+        let noise = scatter(&grids(|_, _, own| 0.1 * own));
+        assert!(noise < 0.3 * smooth, "{noise}, {smooth}");
+    }
+
+    #[test]
+    fn few_blocks_or_a_run_without_them_tell_nothing() {
+        let points = SWEEP.points();
+        let plain = group_budgets(&points).unwrap();
+        let plain: Vec<Grid> = plain.iter().filter_map(Grid::new).collect();
+        assert_eq!(noise(&plain), None);
+        let mut known = grids(|_, draw, _| draw);
+        known[0].cells[0].by_block.clear();
+        assert_eq!(noise(&known), None);
+    }
+}

@@ -1,0 +1,135 @@
+//! Every law through one set of minima: what the fit, the sensitivity table and each bootstrap
+//! replicate have in common.
+
+use super::log_law::log_law;
+use super::power::{from_line, power_law};
+use super::sample::LawSample;
+use super::types::{LogLaw, PowerLaw};
+use crate::laws::input::budget::is_same_budget;
+use crate::laws::input::options::{FitOptions, Weights};
+use crate::laws::input::point::Parameters;
+use crate::laws::maths::line::{Line, least_squares_line};
+use crate::laws::maths::stats::geometric_mean;
+use crate::laws::minima::grid::Grid;
+use crate::laws::minima::types::Minimum;
+
+/// The laws through a set of minima.
+#[derive(Clone, Debug, PartialEq)]
+pub(in crate::laws) struct LawSet {
+    /// None where N_v is not told apart.
+    pub params_vocab: Option<PowerLaw>,
+    /// The law of N where N_v is not told apart.
+    pub params_nonvocab: PowerLaw,
+    pub tokens: PowerLaw,
+    /// N_v in N_nv (ScaMo Eq. 10); none where N_nv does not vary or N_v is not told apart.
+    pub vocab_from_nonvocab: Option<PowerLaw>,
+    pub loss: LogLaw,
+}
+
+/// The minima as columns, C in the axis asked for.
+pub(in crate::laws) struct Columns {
+    pub compute: Vec<f64>,
+    params_vocab: Vec<f64>,
+    params_nonvocab: Vec<f64>,
+    tokens: Vec<f64>,
+    pub loss: Vec<f64>,
+    weights: Vec<f64>,
+}
+
+impl Columns {
+    /// `grids` holds the grid of every minimum, in any order and among others.
+    pub fn new(minima: &[Minimum], grids: &[Grid], options: &FitOptions) -> Self {
+        let column = |value: &dyn Fn(&Minimum) -> f64| minima.iter().map(value).collect();
+        Self {
+            compute: column(&|m| m.budget_flops),
+            params_vocab: column(&|m| m.params_vocab),
+            params_nonvocab: column(&|m| m.params_nonvocab),
+            tokens: column(&|m| m.tokens),
+            loss: column(&|m| m.loss_normalised),
+            weights: column(&|m| weight(m, grids, options.weights)),
+        }
+    }
+}
+
+fn weight(minimum: &Minimum, grids: &[Grid], weights: Weights) -> f64 {
+    let same = |g: &&Grid| is_same_budget(g.budget_flops, minimum.budget_flops);
+    match weights {
+        Weights::Equal => 1.0,
+        Weights::Runs => grids.iter().find(same).map_or(1.0, |grid| grid.n_runs as f64),
+    }
+}
+
+/// The laws through `columns` around C0 = `reference`; none where C does not vary.
+pub(in crate::laws) fn law_set(
+    columns: &Columns,
+    reference: f64,
+    options: &FitOptions,
+) -> Option<LawSet> {
+    let in_compute = |y| power_law(&columns.compute, y, reference, &columns.weights, options.huber);
+    let params_vocab = match options.parameters {
+        Parameters::Split => Some(in_compute(&columns.params_vocab)?),
+        Parameters::Total => None,
+    };
+    let params_nonvocab = in_compute(&columns.params_nonvocab)?;
+    let tokens = match options.spend_budget {
+        false => in_compute(&columns.tokens)?,
+        true => spending_tokens(columns, reference, &params_nonvocab, params_vocab.as_ref())?,
+    };
+    let (x, y) = (&columns.params_nonvocab, &columns.params_vocab);
+    let in_nonvocab = || power_law(x, y, geometric_mean(x), &columns.weights, options.huber);
+    let vocab_from_nonvocab = params_vocab.as_ref().and_then(|_| in_nonvocab());
+    let loss = log_law(&columns.compute, &columns.loss)?;
+    Some(LawSet { params_vocab, params_nonvocab, tokens, vocab_from_nonvocab, loss })
+}
+
+/// The law of D that makes the three laws spend C, to first order around C0.
+///
+/// C = κ(N_nv + N_v)D holds at every minimum, with κ = 6 under the rule `6nd` and a slowly varying
+/// κ ∝ C^e, read off the minima, under the others. Three power laws cannot meet it at every C; they
+/// meet it and its first derivative at C0 with ln D(C0) = ln C0 − ln κ − ln(N_nv + N_v) and
+/// c = 1 − e − (w a + (1 − w) b), where a, b and c are the exponents of N_nv, N_v and D, and
+/// w = N_nv/(N_nv + N_v) at C0.
+fn spending_tokens(
+    columns: &Columns,
+    reference: f64,
+    nonvocab: &PowerLaw,
+    vocab: Option<&PowerLaw>,
+) -> Option<PowerLaw> {
+    let ln_c: Vec<f64> = columns.compute.iter().map(|c| c.ln()).collect();
+    let ln_tokens: Vec<f64> = columns.tokens.iter().map(|d| d.ln()).collect();
+    let totals = columns.params_nonvocab.iter().zip(&columns.params_vocab).map(|(n, v)| n + v);
+    let ln_kappa: Vec<f64> =
+        totals.zip(&ln_c).zip(&ln_tokens).map(|((n, c), d)| c - n.ln() - d).collect();
+    let kappa = least_squares_line(&ln_c, &ln_kappa, &columns.weights)?;
+    let n = nonvocab.ln_at_reference.exp();
+    let (v, vocab_exponent) =
+        vocab.map_or((0.0, 0.0), |law| (law.ln_at_reference.exp(), law.exponent));
+    let share = n / (n + v);
+    let growth = share * nonvocab.exponent + (1.0 - share) * vocab_exponent;
+    let centre = reference.ln();
+    let level = centre - kappa.at(centre) - (n + v).ln();
+    let line = Line { centre, level, slope: 1.0 - kappa.slope - growth };
+    Some(from_line(&line, &ln_c, &ln_tokens, reference, &columns.weights))
+}
+
+impl LawSet {
+    /// The coefficients as one bootstrap replicate keeps them; none where one is not finite.
+    pub fn sample(&self) -> Option<LawSample> {
+        let vocab = self.params_vocab.as_ref();
+        let sample = LawSample {
+            ln_vocab_at_reference: vocab.map_or(0.0, |law| law.ln_at_reference),
+            exponent_vocab: vocab.map_or(0.0, |law| law.exponent),
+            ln_nonvocab_at_reference: self.params_nonvocab.ln_at_reference,
+            exponent_nonvocab: self.params_nonvocab.exponent,
+            ln_tokens_at_reference: self.tokens.ln_at_reference,
+            exponent_tokens: self.tokens.exponent,
+            loss_intercept: self.loss.intercept,
+            loss_slope_per_decade: self.loss.slope_per_decade,
+            floor: None,
+        };
+        let laws = [vocab, Some(&self.params_nonvocab), Some(&self.tokens)];
+        let finite =
+            laws.iter().flatten().all(|law| (law.ln_at_reference + law.exponent).is_finite());
+        (finite && (self.loss.intercept + self.loss.slope_per_decade).is_finite()).then_some(sample)
+    }
+}

@@ -1,0 +1,167 @@
+//! Small statistics that several steps share.
+
+/// The 97.5th percentile of the normal distribution.
+pub(in crate::laws) const NORMAL_97_5: f64 = 1.959_964;
+
+/// Percentile intervals need the 2.5 % tails to hold at least one replicate.
+pub const MIN_REPLICATES: usize = 40;
+
+/// The standard deviation of normal numbers in units of their median absolute deviation.
+pub const SD_PER_MAD: f64 = 1.4826;
+
+/// The sample's standard deviation; 0 for fewer than two values.
+pub fn standard_deviation(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    if values.len() < 2 { 0.0 } else { (squares / (n - 1.0)).sqrt() }
+}
+
+/// The different values among some, ascending.
+pub fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
+}
+
+/// The smallest and the largest of some values.
+pub fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
+/// The geometric mean.
+pub(in crate::laws) fn geometric_mean(values: &[f64]) -> f64 {
+    (values.iter().map(|v| v.ln()).sum::<f64>() / values.len() as f64).exp()
+}
+
+/// The quantile at `p` in 0..=1 by linear interpolation between order statistics (R's type 7);
+/// none for no values.
+pub fn quantile(values: &[f64], p: f64) -> Option<f64> {
+    let sorted = sorted(values);
+    Some(at_rank(&sorted, p * sorted.len().checked_sub(1)? as f64))
+}
+
+/// The 95 % percentile interval; none from fewer than forty values.
+///
+/// Its ends have rank p(n + 1) (R's type 6): a further value falls between them with a probability of
+/// 95 % for every n, where type 7 gives 94 % for 200 values.
+pub fn interval95(values: &[f64]) -> Option<[f64; 2]> {
+    if values.len() < MIN_REPLICATES {
+        return None;
+    }
+    let sorted = sorted(values);
+    let end = |p: f64| at_rank(&sorted, p * (sorted.len() + 1) as f64 - 1.0);
+    Some([end(0.025), end(0.975)])
+}
+
+fn sorted(values: &[f64]) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted
+}
+
+/// The value at a rank counted from 0, between its neighbours where it is no integer.
+fn at_rank(sorted: &[f64], rank: f64) -> f64 {
+    let (below, above) = (sorted[rank.floor() as usize], sorted[rank.ceil() as usize]);
+    below + (rank - rank.floor()) * (above - below)
+}
+
+/// 1 − RSS/TSS with weights; 0 where y does not vary.
+pub(in crate::laws) fn r2(y: &[f64], fitted: &[f64], weights: &[f64]) -> f64 {
+    let total: f64 = weights.iter().sum();
+    let mean = weights.iter().zip(y).map(|(w, y)| w * y).sum::<f64>() / total;
+    let tss: f64 = weights.iter().zip(y).map(|(w, y)| w * (y - mean).powi(2)).sum();
+    let rss: f64 = y.iter().zip(fitted).zip(weights).map(|((y, f), w)| w * (y - f).powi(2)).sum();
+    if tss > 0.0 { 1.0 - rss / tss } else { 0.0 }
+}
+
+/// Akaike's criterion n ln(RSS/n) + 2(k + 1) of a least-squares fit of k coefficients, the noise's
+/// variance being one more.
+///
+/// RSS is floored at the rounding of y, so that an exact fit gives a finite number.
+pub(in crate::laws) fn aic(y: &[f64], fitted: &[f64], coefficients: usize) -> f64 {
+    let n = y.len() as f64;
+    let rss: f64 = y.iter().zip(fitted).map(|(y, f)| (y - f).powi(2)).sum();
+    let largest = y.iter().fold(f64::MIN_POSITIVE.sqrt(), |m, y| m.max(y.abs()));
+    let rounding = (f64::EPSILON * largest).powi(2).max(f64::MIN_POSITIVE);
+    n * (rss / n).max(rounding).ln() + 2.0 * (coefficients as f64 + 1.0)
+}
+
+/// The two-sided 95 % point of Student's t, for `dof` ≥ 1.
+///
+/// Tabled to 5 degrees of freedom, beyond by the Cornish-Fisher expansion around the normal point
+/// (Abramowitz & Stegun 26.7.5), within 0.002 of the exact value.
+pub(in crate::laws) fn student_t95(dof: usize) -> f64 {
+    const TABLE: [f64; 5] = [12.7062, 4.3027, 3.1824, 2.7764, 2.5706];
+    assert!(dof >= 1, "Student's t needs a degree of freedom");
+    if let Some(tabled) = TABLE.get(dof - 1) {
+        return *tabled;
+    }
+    let (nu, z) = (dof as f64, NORMAL_97_5);
+    let z2 = z * z;
+    let first = z * (z2 + 1.0) / 4.0;
+    let second = z * ((5.0 * z2 + 16.0) * z2 + 3.0) / 96.0;
+    let third = z * (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / 384.0;
+    z + first / nu + second / nu.powi(2) + third / nu.powi(3)
+}
+
+/// The probability that a sum of squares of `dof` normal numbers exceeds `chi2`, the numbers being in
+/// units of a deviation that is itself known to `scale_dof` degrees of freedom only.
+///
+/// It is the tail of Snedecor's F at χ²/ν, by Paulson's normal approximation (Abramowitz & Stegun
+/// 26.6.15), right to two digits where it is above 1e-4.
+pub fn chi_square_tail(chi2: f64, dof: usize, scale_dof: usize) -> f64 {
+    let (a, b) = (2.0 / (9.0 * dof as f64), 2.0 / (9.0 * scale_dof as f64));
+    let root = (chi2 / dof as f64).cbrt();
+    let z = (root * (1.0 - b) - (1.0 - a)) / (root.powi(2) * b + a).sqrt();
+    0.5 * libm::erfc(z / std::f64::consts::SQRT_2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_interpolate_between_order_statistics() {
+        assert_eq!(quantile(&[3.0, 1.0, 2.0, 4.0], 0.5), Some(2.5));
+        assert_eq!(quantile(&[5.0], 0.975), Some(5.0));
+        assert_eq!(quantile(&[], 0.5), None);
+    }
+
+    #[test]
+    fn interval_ends_cut_a_fortieth_of_all_ranks() {
+        let ramp: Vec<f64> = (1..=199).map(f64::from).collect();
+        let [low, high] = interval95(&ramp).unwrap();
+        assert!((low - 5.0).abs() < 1e-9 && (high - 195.0).abs() < 1e-9, "{low}..{high}");
+        assert_eq!(interval95(&ramp[..39]), None);
+        assert!(interval95(&ramp[..40]).is_some());
+    }
+
+    #[test]
+    fn student_points_agree_with_published_tables() {
+        for (dof, t) in
+            [(1, 12.706), (5, 2.571), (6, 2.447), (10, 2.228), (30, 2.042), (120, 1.980)]
+        {
+            assert!((student_t95(dof) - t).abs() < 2e-3, "{dof}: {}", student_t95(dof));
+        }
+    }
+
+    #[test]
+    fn tails_agree_with_published_tables() {
+        let exact = 1_000_000;
+        let tabled = [(3.841, 1, exact, 0.05), (9.210, 2, exact, 0.01), (33.41, 17, exact, 0.01)];
+        let of_f = [(2.0 * 4.103, 2, 10, 0.05), (5.0 * 3.326, 5, 10, 0.05)];
+        for (chi2, dof, scale_dof, p) in tabled.into_iter().chain(of_f) {
+            let found = chi_square_tail(chi2, dof, scale_dof);
+            assert!((found / p - 1.0).abs() < 0.2, "{chi2} {dof} {scale_dof}: {found}");
+        }
+        assert!(chi_square_tail(75.0, 17, 200) < 1e-5);
+    }
+
+    #[test]
+    fn an_exact_fit_has_a_finite_criterion() {
+        assert!(aic(&[-1.0, -2.0, -3.0], &[-1.0, -2.0, -3.0], 2).is_finite());
+        assert!(aic(&[0.0, 0.0], &[0.0, 0.0], 2).is_finite());
+    }
+}

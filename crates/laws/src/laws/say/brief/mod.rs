@@ -1,0 +1,114 @@
+//! The fit on one screen: the law, its formula, the exponents, and what is in doubt.
+
+mod forecasts;
+mod held;
+
+use crate::laws::file::answer::{Answer, Exponent};
+use crate::laws::file::kind::LawKind;
+use crate::laws::file::laws::Laws;
+use crate::laws::lines::types::PowerLaw;
+use crate::laws::ranking::recommended::Score;
+use crate::laws::words::text::{count, wrap};
+
+/// The answer in some fifteen lines of at most 80 columns; [`summary`](crate::laws::say::summary::summary()) goes on from it.
+pub fn brief(laws: &Laws) -> String {
+    let answer = laws.answer();
+    let head = [Some(scope(laws)), law(laws), Some(answer.formula.clone())];
+    let head: String =
+        head.iter().flatten().filter(|s| !s.is_empty()).map(|s| wrap("", s)).collect();
+    head + &table(laws, &answer) + &wrap("", &answer.verdict) + &notes(laws, &answer)
+}
+
+fn scope(laws: &Laws) -> String {
+    let runs = match (laws.parametric.as_ref(), laws.judgement.tried.as_ref()) {
+        (Some(parametric), _) => format!("{} runs, ", parametric.n),
+        (None, Some(tried)) if tried.runs > 0 => {
+            format!("{} runs at {} budgets, ", tried.runs, tried.n_budgets)
+        }
+        _ => String::new(),
+    };
+    let [low, high] = laws.range();
+    match laws.law {
+        LawKind::Published => format!("{}: published, rule {}.", laws.name, laws.flops_rule),
+        _ => format!(
+            "{}: {runs}{} to {} FLOPs, rule {}.",
+            laws.name,
+            count(low),
+            count(high),
+            laws.flops_rule
+        ),
+    }
+}
+
+/// The law to believe, and how far each that could be tested missed the held-out budgets.
+fn law(laws: &Laws) -> Option<String> {
+    let Some(own) = &laws.judgement.recommended else {
+        return match laws.law {
+            LawKind::Approach1 => Some("Law: the running minimum of the loss (approach 1).".into()),
+            _ => None,
+        };
+    };
+    let minima = laws.answer().method.map(|method| format!(" through the {method} minima"));
+    let name = own.law.about().to_string() + &minima.unwrap_or_default();
+    if own.scores.is_empty() {
+        return Some(format!("Law: {name}; {}.", own.why));
+    }
+    let missed = |score: &Score| format!("{} {:.4}", score.law.name(), score.rms);
+    let all: Vec<String> = own.scores.iter().map(missed).collect();
+    Some(format!(
+        "Law: {name}, best of those tested on held-out budgets (r.m.s. off: {}).",
+        all.join(", ")
+    ))
+}
+
+/// The exponents of the answer, and beside them those of the laws through minima, where these are others.
+fn table(laws: &Laws, answer: &Answer) -> String {
+    let beside = answer.method.is_none() && laws.power_laws.tokens.is_some();
+    let beside = beside && laws.law == LawKind::Isoflop;
+    let head = if beside { format!("by minima ({})", laws.minima_method) } else { String::new() };
+    let mut out = format!("{:<12}{:>9}{:>19}  {head}", "exponent", "", "95 % interval");
+    out = out.trim_end().to_string() + "\n";
+    for (name, exponent) in answer.exponents.named() {
+        let other = of_minima(laws, name).filter(|_| beside);
+        out += &row(name, exponent, other);
+    }
+    out
+}
+
+fn row(name: &str, exponent: &Exponent, minima: Option<&PowerLaw>) -> String {
+    let name = format!("{name:<4} in C");
+    let Some(value) = exponent.value else {
+        return wrap(
+            "",
+            &format!(
+                "{name}   not determined: {}",
+                exponent.reason.as_deref().unwrap_or("unknown")
+            ),
+        );
+    };
+    let interval = exponent.ci95.map_or("-".into(), |[l, h]| format!("{l:.3} to {h:.3}"));
+    let minima = minima.map_or(String::new(), |law| {
+        let interval = law.exponent_ci95;
+        let interval = interval.map_or(String::new(), |[l, h]| format!(" ({l:.3} to {h:.3})"));
+        format!("{:.3}{interval}", law.exponent)
+    });
+    let line = format!("{name:<12}{value:>9.3}{interval:>19}  {minima}");
+    line.trim_end().to_string() + "\n"
+}
+
+fn of_minima<'a>(laws: &'a Laws, name: &str) -> Option<&'a PowerLaw> {
+    let powers = &laws.power_laws;
+    match name {
+        "N" => powers.params.as_ref(),
+        "N_nv" => powers.params_nonvocab.as_ref(),
+        "N_v" => powers.params_vocab.as_ref(),
+        _ => powers.tokens.as_ref(),
+    }
+}
+
+fn notes(laws: &Laws, answer: &Answer) -> String {
+    let doubts = answer.doubts.iter().map(crate::laws::file::answer::Doubt::sentence);
+    let held = forecasts::held(&laws.judgement.validations);
+    let all = doubts.chain(held).chain(held::sentence(laws));
+    all.map(|sentence| wrap("- ", &sentence)).collect()
+}

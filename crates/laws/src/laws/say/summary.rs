@@ -1,0 +1,266 @@
+//! The fit as a table for a terminal.
+
+use super::brief::brief;
+use super::summary_checks::{advice, unseen_budgets};
+use super::verdict::verdict;
+use crate::laws::file::laws::{HeldOut, Laws};
+use crate::laws::input::point::Parameters;
+use crate::laws::joint::law::JointLaw;
+use crate::laws::lines::types::{FloorLaw, LogLaw, PowerLaw, Sensitivity};
+use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
+use crate::laws::minima::types::{Minimum, flags_text};
+use crate::laws::parametric::text::parametric_text;
+use crate::laws::words::text::{count, short, wrap};
+
+/// The first screen, then the coefficients of a parametric loss, laws with intervals, minima with flags, loss
+/// laws with their held-out errors, what unseen budgets say of the laws, the sensitivity table, what
+/// to run next and the warnings, in at most 80 columns and without colour.
+pub fn summary(laws: &Laws) -> String {
+    let mut text = brief(laws) + "\n";
+    text += &verdict(laws).iter().map(|sentence| wrap("- ", sentence)).collect::<String>();
+    text += &laws.parametric.as_ref().map_or_else(String::new, parametric_text);
+    text += "\n";
+    text += &wrap(
+        "",
+        &format!(
+            "C0 = {} FLOPs, the middle of the fitted budgets{}",
+            count(laws.reference_flops),
+            noise(laws)
+        ),
+    );
+    text += &power_laws(laws);
+    text += &loss_laws(laws);
+    text += &repetition(laws);
+    text += &minima(laws);
+    text += &unseen_budgets(laws);
+    text += &sensitivity(laws);
+    text += &advice(laws);
+    text += &warnings(&laws.warnings);
+    text
+}
+
+fn noise(laws: &Laws) -> String {
+    let Some(RunNoise { sd, dof, source }) = laws.noise else {
+        return String::new();
+    };
+    let source = match source {
+        NoiseSource::Seeds => "seeds".to_string(),
+        NoiseSource::Tokenizers => "tokenizers".to_string(),
+        NoiseSource::Surface { degree } => format!("a surface of degree {degree}"),
+    };
+    format!("; one run scatters by {} nats ({dof} degrees of freedom, {source})", short(sd, 2))
+}
+
+fn power_laws(laws: &Laws) -> String {
+    let tokens = ("D    in C", &laws.power_laws.tokens);
+    let rows = match laws.parameters {
+        Parameters::Split => vec![
+            ("N_nv in C", &laws.power_laws.params_nonvocab),
+            ("N_v  in C", &laws.power_laws.params_vocab),
+            tokens,
+            ("N_v  in N_nv", &laws.vocab_from_nonvocab),
+        ],
+        Parameters::Total => vec![("N    in C", &laws.power_laws.params), tokens],
+    };
+    let head = format!(
+        "\n{:<14}{:>10}{:>18}{:>14}{:>12}{:>8}{:>4}\n",
+        "law", "exponent", "95 % interval", "log10 coef.", "at C0", "R2", "n"
+    );
+    let rows = rows
+        .into_iter()
+        .map(|(name, law)| law.as_ref().map_or_else(|| absent(name), |l| power(name, l, laws)))
+        .collect::<String>();
+    head + &rows
+}
+
+fn absent(name: &str) -> String {
+    format!("{name:<14}{:>10}\n", "absent")
+}
+
+fn power(name: &str, law: &PowerLaw, laws: &Laws) -> String {
+    // A law that follows from a parametric loss goes through no points of its own.
+    let r2 = law.told_r2().filter(|_| laws.parametric.is_none());
+    let r2 = r2.map_or_else(|| "-".to_string(), |r2| format!("{r2:.4}"));
+    format!(
+        "{name:<14}{:>10.4}{:>18}{:>14.4}{:>12}{r2:>8}{:>4}\n",
+        law.exponent,
+        interval(law.exponent_ci95),
+        law.log10_coefficient,
+        count(law.ln_at_reference.exp()),
+        law.n
+    )
+}
+
+fn interval(ci95: Option<[f64; 2]>) -> String {
+    ci95.map_or_else(|| "-".into(), |[low, high]| format!("{low:.4}..{high:.4}"))
+}
+
+fn loss_laws(laws: &Laws) -> String {
+    let loss = laws.loss_symbol();
+    let mut text = format!("\n{:<50}{:>8}{:>9}{:>13}\n", "loss law", "R2", "AIC", "held-out err");
+    if let Some(law) = &laws.loss.log {
+        let formula = format!("{loss} = {:.4} log10 C {:+.4}", law.slope_per_decade, law.intercept);
+        text += &loss_row(&formula, law.goodness(), law.held_out_error);
+        if let Some([low, high]) = law.slope_ci95 {
+            text += &format!("    95 % interval of the slope {low:.4}..{high:.4}\n");
+        }
+    }
+    if let Some(law) = &laws.loss.floor {
+        let formula = format!(
+            "{loss} = {} {:+} (C/C0)^-{:.4}",
+            decimal(law.floor),
+            Signed(law.coefficient),
+            law.exponent
+        );
+        text += &loss_row(&formula, law.goodness(), law.held_out_error);
+        if let (Some([low, high]), Some(_)) = (law.floor_ci95, law.exponent_ci95) {
+            text += &format!(
+                "    95 % interval of the floor {}..{}, of the exponent {}\n",
+                decimal(low),
+                decimal(high),
+                interval(law.exponent_ci95)
+            );
+        }
+    }
+    text + &about_aic(laws)
+}
+
+/// Passes that a sentence names.
+const PASSES: [f64; 2] = [4.0, 16.0];
+
+/// What repeated data is worth, where that is known.
+fn repetition(laws: &Laws) -> String {
+    let joint = laws.judgement.joint.as_ref();
+    let own = joint.filter(|law| law.tells_repetition()).and_then(JointLaw::repetition);
+    let Some(own) = own else { return String::new() };
+    let [few, many] = PASSES.map(|passes| own.worth(passes));
+    let r = own.r_ci95.map_or(String::new(), |[l, h]| format!(", by noise {l:.1} to {h:.1}"));
+    let rho =
+        own.rho_ci95.map_or(String::new(), |[l, h]| format!(", by noise {:+.2} to {:+.2}", -h, -l));
+    wrap(
+        "",
+        &format!(
+            "Repeated data, at N_nv = {}: {} passes are worth {few:.1} fresh ones, {} are worth {many:.1} \
+             (R = {:.1}{r}; R goes as N^{:+.2}{rho}).",
+            count(own.params_nonvocab),
+            PASSES[0],
+            PASSES[1],
+            own.r,
+            -own.rho,
+        ),
+    )
+}
+
+/// What the column AIC is, where it says something.
+fn about_aic(laws: &Laws) -> String {
+    let of_log = laws.loss.log.as_ref().and_then(LogLaw::goodness);
+    let of_floor = laws.loss.floor.as_ref().and_then(FloorLaw::goodness);
+    match of_log.and(of_floor) {
+        Some(_) => "AIC: lower is better; a difference of 2 says little\n".to_string(),
+        None => String::new(),
+    }
+}
+
+/// Four decimals, or scientific where that would be wide.
+fn decimal(x: f64) -> String {
+    if x.abs() < 1e4 { format!("{x:.4}") } else { short(x, 3) }
+}
+
+/// [`decimal`] with its sign.
+struct Signed(f64);
+
+impl std::fmt::Display for Signed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {}", if self.0 < 0.0 { "-" } else { "+" }, decimal(self.0.abs()))
+    }
+}
+
+fn loss_row(formula: &str, goodness: Option<[f64; 2]>, held_out_error: Option<f64>) -> String {
+    let (r2, aic) = match goodness {
+        None => ("-".into(), "-".into()),
+        Some([r2, aic]) => (format!("{r2:.4}"), format!("{aic:.1}")),
+    };
+    let error = held_out_error.map_or_else(|| "-".into(), |error| format!("{error:+.4}"));
+    format!("{formula:<50}{r2:>8}{aic:>9}{error:>13}\n")
+}
+
+fn minima(laws: &Laws) -> String {
+    if laws.minima.is_empty() {
+        return String::new();
+    }
+    let head = format!(
+        "\n{:<9}{:>10}{:>11}{:>11}{:>8}{:>11}{:>9}  {}\n",
+        "minima",
+        "budget",
+        laws.parameters.size(),
+        "N_v",
+        "V",
+        "D",
+        laws.loss_symbol(),
+        "flags"
+    );
+    head + &laws.minima.iter().map(|m| minimum(m, laws.held_out.as_ref())).collect::<String>()
+}
+
+/// A count, or a dash for the 0 that stands for what is not known.
+fn known(x: f64, number: impl Fn(f64) -> String) -> String {
+    if x > 0.0 { number(x) } else { "-".into() }
+}
+
+/// One line, and the flags below it where there is more than one.
+fn minimum(m: &Minimum, held_out: Option<&HeldOut>) -> String {
+    let is_held_out = held_out.is_some_and(|h| h.budget_flops == m.budget_flops);
+    let mut marks: Vec<String> = is_held_out.then(|| "held out once".into()).into_iter().collect();
+    marks.extend((!m.flags.is_empty()).then(|| flags_text(&m.flags)));
+    let line = format!(
+        "{:<9}{:>10}{:>11}{:>11}{:>8}{:>11}{:>9.4}",
+        m.method,
+        count(m.budget_flops),
+        count(m.params_nonvocab),
+        known(m.params_vocab, count),
+        known(m.n_vocab, |v| format!("{v:.0}")),
+        count(m.tokens),
+        m.loss_normalised
+    );
+    match marks.join(", ") {
+        marks if marks.is_empty() => line + "\n",
+        marks if line.len() + 2 + marks.len() <= crate::laws::words::text::COLUMNS => {
+            format!("{line}  {marks}\n")
+        }
+        marks => format!("{line}\n{}", wrap("            ", &marks)),
+    }
+}
+
+fn sensitivity(laws: &Laws) -> String {
+    let rows = &laws.sensitivity;
+    if rows.is_empty() {
+        return String::new();
+    }
+    let number = |x: Option<f64>| x.map_or_else(|| "-".to_string(), |x| format!("{x:.4}"));
+    let row = |r: &Sensitivity| {
+        format!(
+            "{:<36}{:>10}{:>10}{:>10}{:>12}\n",
+            r.variant,
+            number(r.exponent_nonvocab.or(r.exponent_params)),
+            number(r.exponent_vocab),
+            number(r.exponent_tokens),
+            number(r.slope_per_decade)
+        )
+    };
+    let head = format!(
+        "\n{:<36}{:>10}{:>10}{:>10}{:>12}\n",
+        "exponents under other choices",
+        laws.parameters.size(),
+        "N_v",
+        "D",
+        "nats/decade"
+    );
+    head + &rows.iter().map(row).collect::<String>()
+}
+
+fn warnings(sentences: &[String]) -> String {
+    if sentences.is_empty() {
+        return String::new();
+    }
+    "\nwarnings\n".to_string() + &sentences.iter().map(|s| wrap("  - ", s)).collect::<String>()
+}

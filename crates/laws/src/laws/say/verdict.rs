@@ -1,0 +1,147 @@
+//! What the laws through minima say of themselves, in sentences.
+
+use crate::laws::file::laws::Laws;
+use crate::laws::input::point::Parameters;
+use crate::laws::lines::types::{PowerLaw, Sensitivity};
+use crate::laws::minima::types::{Minimum, MinimumFlag, flags_text};
+use crate::laws::words::text::count;
+
+/// Two values of γ, or of an exponent by two methods, that differ by more than this disagree.
+const DISAGREEMENT: f64 = 0.1;
+
+/// γ, the exponent of N_v in N_nv, both ways (as the ratio of the exponents in C, and by the direct fit,
+/// ScaMo Eq. 10), where kinds of minimum disagree, and every flagged minimum of the laws' kind.
+pub fn verdict(laws: &Laws) -> Vec<String> {
+    let said = [gamma(laws), methods_disagree(laws)];
+    said.into_iter().flatten().chain(flagged(laws)).collect()
+}
+
+fn exponent(law: &PowerLaw) -> String {
+    match law.exponent_ci95 {
+        Some([low, high]) => format!("{:.3} ({low:.3} to {high:.3})", law.exponent),
+        None => format!("{:.3}", law.exponent),
+    }
+}
+
+fn gamma(laws: &Laws) -> Option<String> {
+    let (vocab, nonvocab) =
+        (laws.power_laws.params_vocab.as_ref()?, laws.power_laws.params_nonvocab.as_ref()?);
+    let direct = laws.vocab_from_nonvocab.as_ref()?;
+    let ratio = vocab.exponent / nonvocab.exponent;
+    let judgement = if (ratio - direct.exponent).abs() > DISAGREEMENT {
+        "the two disagree, so quote neither alone"
+    } else if ratio.min(direct.exponent) > 1.0 {
+        "the vocabulary should grow faster than the model"
+    } else {
+        "the vocabulary need not grow faster than the model"
+    };
+    Some(format!(
+        "N_v grows as N_nv^{ratio:.3} by the ratio of the exponents in C, and as N_nv^{} by the \
+         direct fit (Eq. 10): {judgement}.",
+        exponent(direct)
+    ))
+}
+
+/// The two kinds of minimum whose exponents of N_nv lie furthest apart, where that is far.
+fn methods_disagree(laws: &Laws) -> Option<String> {
+    let rows = laws.sensitivity.iter();
+    let size = laws.parameters.size();
+    let known = || rows.clone().filter_map(|r| Some((own_exponent(laws, r)?, r.variant.as_str())));
+    let (low, low_name) = known().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (high, high_name) = known().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (high - low > DISAGREEMENT).then(|| {
+        format!(
+            "The exponent of {size} depends on a choice: {low:.3} ({low_name}) against {high:.3} \
+             ({high_name})."
+        )
+    })
+}
+
+/// The exponent of what the laws take for the size.
+fn own_exponent(laws: &Laws, row: &Sensitivity) -> Option<f64> {
+    match laws.parameters {
+        Parameters::Split => row.exponent_nonvocab,
+        Parameters::Total => row.exponent_params,
+    }
+}
+
+fn flagged(laws: &Laws) -> impl Iterator<Item = String> {
+    let own = laws.minima.iter().filter(|m| m.method == laws.minima_method);
+    own.filter(|m| !m.flags.is_empty()).map(|m| {
+        let reasons: Vec<_> = m.flags.iter().map(|flag| reason(*flag)).collect();
+        let fitted = if is_fitted(laws, m) { "used all the same" } else { "not fitted" };
+        format!(
+            "Budget {} ({}, {fitted}): {}.",
+            count(m.budget_flops),
+            flags_text(&m.flags),
+            reasons.join("; ")
+        )
+    })
+}
+
+fn is_fitted(laws: &Laws, minimum: &Minimum) -> bool {
+    laws.fitted_budgets.contains(&minimum.budget_flops)
+}
+
+fn reason(flag: MinimumFlag) -> &'static str {
+    match flag {
+        MinimumFlag::NotBracketed => {
+            "the best model is the smallest or largest tried, so add sizes on that side"
+        }
+        MinimumFlag::NotConvex => "the loss has no minimum in the model size",
+        MinimumFlag::WeakCurvature => "the curve is flat within its noise, so add sizes or seeds",
+        MinimumFlag::FewLevels => "too few model sizes for a curve",
+        MinimumFlag::VocabNotBracketed => {
+            "the best vocabulary is the smallest or largest tried, so add vocabularies on that side"
+        }
+        MinimumFlag::EdgeVocab => {
+            "a size beside the minimum is best with the smallest or largest vocabulary tried"
+        }
+        MinimumFlag::LackOfFit => "the runs lie further from the curve than they scatter",
+        MinimumFlag::BelowRuns => {
+            "the curve lies further below the best run than noise allows, so it is not used"
+        }
+        MinimumFlag::Gap => "the sizes on either side are more than a factor 2.5 apart",
+        MinimumFlag::DepthChange => "the models on either side differ in depth",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::published::scamo::scamo;
+
+    #[test]
+    fn the_published_gammas_are_given_both_ways_and_called_inconsistent() {
+        let sentences = verdict(&scamo()).join("\n");
+        assert!(sentences.contains("N_nv^1.316"), "{sentences}");
+        assert!(sentences.contains("N_nv^1.467"), "{sentences}");
+        assert!(sentences.contains("disagree"), "{sentences}");
+    }
+
+    #[test]
+    fn every_flagged_minimum_is_named() {
+        let mut laws = scamo();
+        let minimum = |budget_flops, flags| Minimum {
+            method: laws.minima_method,
+            budget_flops,
+            flops: budget_flops,
+            params_nonvocab: 1.0,
+            params_vocab: 1.0,
+            n_vocab: 1.0,
+            tokens: 1.0,
+            loss_normalised: -1.0,
+            ci95: None,
+            trusted: false,
+            flags,
+        };
+        laws.minima = vec![
+            minimum(1e15, vec![MinimumFlag::VocabNotBracketed]),
+            minimum(3e15, vec![]),
+            minimum(1e16, vec![MinimumFlag::NotBracketed, MinimumFlag::WeakCurvature]),
+        ];
+        let sentences = verdict(&laws);
+        let naming = |budget: &str| sentences.iter().filter(|s| s.contains(budget)).count();
+        assert_eq!([naming("1e15"), naming("3e15"), naming("1e16")], [1, 0, 1], "{sentences:?}");
+    }
+}

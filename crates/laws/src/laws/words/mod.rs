@@ -1,0 +1,3 @@
+//! Numbers and sentences for a terminal.
+
+pub mod text;
