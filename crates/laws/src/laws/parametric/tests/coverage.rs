@@ -10,7 +10,7 @@ const NAMES: [&str; 4] = ["alpha", "beta", "N exponent", "N at ten times C"];
 /// The quantities whose intervals are tested.
 fn quantities(c: &Coefficients) -> [f64; 4] {
     let (alpha, beta) = (c.exponent(0), c.exponent(1));
-    let far = optimum(c, 1e22).map_or(f64::NAN, |o| o.params_nonvocab.ln());
+    let far = optimum::optimum(c, 1e22).map_or(f64::NAN, |o| o.params_nonvocab.ln());
     [alpha, beta, beta / (alpha + beta), far]
 }
 

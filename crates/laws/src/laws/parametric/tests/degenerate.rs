@@ -118,7 +118,7 @@ fn rows_that_move_the_optimum_are_named_with_the_optimum_of_the_others() {
     let fit = fitted(&runs);
     let found = fit.influence.as_ref().expect("wrong rows make the optimum hang on a few");
     assert!(found.rows.len() <= 5, "{found:?}");
-    let at = |fit: &Parametric| optimum(&fit.coefficients, 1e24).unwrap().params_nonvocab;
+    let at = |fit: &Parametric| optimum::optimum(&fit.coefficients, 1e24).unwrap().params_nonvocab;
     let rest: Vec<IsoFlopPoint> =
         runs.iter().filter(|run| !found.rows.contains(&run.run_id)).cloned().collect();
     let near = |found: f64, wanted: f64| (found / wanted).ln().abs() < 1e-3;

@@ -69,7 +69,7 @@ fn motion_runs(noise: f64, stream: u64) -> Vec<IsoFlopPoint> {
     let truth = motion();
     let mut runs = Vec::new();
     for budget in [1e15, 3e15, 1e16, 3e16, 1e17f64] {
-        let best = optimum(&truth, budget).unwrap();
+        let best = optimum::optimum(&truth, budget).unwrap();
         for size in -3..=3 {
             for vocab in -3..=2 {
                 let n = best.params_nonvocab * 1.8f64.powi(size);

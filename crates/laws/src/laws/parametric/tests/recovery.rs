@@ -122,7 +122,7 @@ fn the_laws_of_a_parametric_loss_are_those_of_its_optima() {
     let runs = motion_runs(0.0, 0);
     let fit = fit_parametric(&runs, &without_intervals(Form::Approach3Vocab)).unwrap();
     let laws = parametric_laws(&runs, fit, "motion", "6nd");
-    let at = |c: f64| optimum(&motion(), c).unwrap();
+    let at = |c: f64| optimum::optimum(&motion(), c).unwrap();
     let c0 = laws.reference_flops;
     let law = |law: &Option<crate::laws::lines::types::PowerLaw>, c: f64| {
         law.as_ref().unwrap().value_at(c)
