@@ -67,6 +67,7 @@ mod coverage;
 mod cross;
 mod design;
 mod difference;
+mod engine;
 mod error;
 mod fit;
 mod floor_law;

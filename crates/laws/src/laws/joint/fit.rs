@@ -1,10 +1,10 @@
 //! Cells into the coefficients of a joint loss.
 
-use super::levenberg::{MOST_STEPS, minimise};
 use super::problem::{Problem, noise_of};
 use super::weighed::Cells;
 use super::{Cost, JointLaw};
 use crate::laws::RunNoise;
+use crate::laws::engine::{MOST_STEPS, minimise};
 use crate::laws::minima::Grid;
 
 /// Degrees of freedom that the residuals are given, at least.

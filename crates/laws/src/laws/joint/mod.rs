@@ -17,7 +17,7 @@
 //! | --- | --- |
 //! | coefficients, loss, derivatives | `loss` |
 //! | which cells count, and how much | `weighed` |
-//! | cells into coefficients | `fit`: a `problem`, solved by `levenberg` |
+//! | cells into coefficients | `fit`: a `problem`, solved by the laws' `engine` |
 //! | what a token costs, how wide a model is | `cost` |
 //! | the best allocation of a budget | `optimum` |
 //! | a model that is not the best one | `sized` |
@@ -30,7 +30,6 @@ mod bootstrap;
 mod cost;
 mod fit;
 mod law;
-mod levenberg;
 mod loss;
 mod optimum;
 mod problem;

@@ -1,9 +1,9 @@
 //! What a fit of a joint law makes small.
 
-use super::levenberg::{MOST, MOST_STEPS, Residuals, Row, minimise};
 use super::loss::{ALPHA, BETA, JointLoss, Place, Terms, told};
 use super::weighed::{Cells, place};
 use crate::laws::RunNoise;
+use crate::laws::engine::{MOST, MOST_STEPS, Residuals, Row, minimise};
 use crate::laws::least_squares::least_squares;
 
 /// The exponents that a search starts from.
