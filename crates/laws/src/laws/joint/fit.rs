@@ -1,9 +1,9 @@
 //! Cells into the coefficients of a joint loss.
 
-use super::levenberg::{MOST_STEPS, minimise};
 use super::problem::{Problem, noise_of};
 use super::weighed::Cells;
 use super::{Cost, JointLaw};
+use crate::laws::maths::engine::{MOST_STEPS, minimise};
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::run_noise::RunNoise;
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::levenberg::{MOST, Row};
+use crate::laws::maths::engine::{MOST, Row};
 
 /// Which terms a joint loss has beside e0, A, α, B and β.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

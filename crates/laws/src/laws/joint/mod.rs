@@ -17,7 +17,7 @@
 //! | --- | --- |
 //! | coefficients, loss, derivatives | `loss` |
 //! | which cells count, and how much | `weighed` |
-//! | cells into coefficients | `fit`: a `problem`, solved by `levenberg` |
+//! | cells into coefficients | `fit`: a `problem`, solved by `maths::engine` |
 //! | what a token costs, how wide a model is | `cost` |
 //! | the best allocation of a budget | `optimum` |
 //! | a model that is not the best one | `sized` |
@@ -30,7 +30,6 @@ pub(in crate::laws) mod bootstrap;
 pub(in crate::laws) mod cost;
 pub(in crate::laws) mod fit;
 pub(in crate::laws) mod law;
-pub(in crate::laws) mod levenberg;
 pub(in crate::laws) mod loss;
 pub(in crate::laws) mod optimum;
 pub(in crate::laws) mod problem;

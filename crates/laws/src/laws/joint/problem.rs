@@ -1,8 +1,8 @@
 //! What a fit of a joint law makes small.
 
-use super::levenberg::{MOST, MOST_STEPS, Residuals, Row, minimise};
 use super::loss::{ALPHA, BETA, JointLoss, Place, Terms, told};
 use super::weighed::{Cells, place};
+use crate::laws::maths::engine::{MOST, MOST_STEPS, Residuals, Row, minimise};
 use crate::laws::maths::least_squares::least_squares;
 use crate::laws::minima::run_noise::RunNoise;
 

@@ -5,12 +5,8 @@
 //! points cannot move, and stays fixed: the objective is then convex, so the iteration finds its
 //! one minimum from any start.
 
-use crate::laws::maths::line::{Line, least_squares_line};
+use crate::laws::maths::line::{Line, Points};
 use crate::laws::maths::stats::{SD_PER_MAD, quantile};
-
-const MAX_ITERATIONS: usize = 500;
-/// Relative to the scale of the residuals, so that it means the same for any unit of y.
-const TOLERANCE: f64 = 1e-12;
 
 /// Huber's line with `delta` in units of the scaled MAD; none where x does not vary.
 ///
@@ -22,27 +18,13 @@ pub(in crate::laws) fn huber_line(
     weights: &[f64],
     delta: f64,
 ) -> Option<Line> {
-    let mut line = theil_sen(x, y)?;
+    let line = theil_sen(x, y)?;
     let scale = SD_PER_MAD * median_residual(&line, x, y);
     let magnitude = y.iter().fold(0.0f64, |m, y| m.max(y.abs()));
     if scale <= 4.0 * f64::EPSILON * magnitude {
         return Some(line);
     }
-    for _ in 0..MAX_ITERATIONS {
-        let next = least_squares_line(x, y, &reweight(&line, x, y, weights, delta * scale))?;
-        let moved = x.iter().map(|x| (next.at(*x) - line.at(*x)).abs()).fold(0.0, f64::max);
-        line = next;
-        if moved <= TOLERANCE * scale {
-            break;
-        }
-    }
-    Some(line)
-}
-
-/// Each weight times min(1, threshold/|residual|).
-fn reweight(line: &Line, x: &[f64], y: &[f64], weights: &[f64], threshold: f64) -> Vec<f64> {
-    let residuals = x.iter().zip(y).map(|(x, y)| (y - line.at(*x)).abs());
-    residuals.zip(weights).map(|(r, w)| w * threshold / r.max(threshold)).collect()
+    Some(Points::new(x, y, weights)?.huber_line(&line, delta * scale))
 }
 
 /// The line whose slope is the median over pairs, and whose level is the median residual.
@@ -64,6 +46,7 @@ fn median_residual(line: &Line, x: &[f64], y: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laws::maths::line::least_squares_line;
 
     const X: [f64; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
     const NOISE: [f64; 8] = [0.01, -0.02, 0.015, 0.0, -0.01, 0.02, -0.015, 0.005];
