@@ -5,9 +5,8 @@ use maud::{Markup, html};
 use super::input::Study;
 use super::table::{interval, table, thousandths};
 use super::words::Words;
-use crate::laws::names::flags_text;
 use crate::laws::text::count;
-use crate::laws::{Exponent, IntervalPart, Laws, Minimum, PowerLaw};
+use crate::laws::{Exponent, IntervalPart, Laws, Minimum, PowerLaw, flags_text};
 
 /// Laws, minima and what was said of them.
 pub fn section(study: &Study, laws: &Laws) -> Markup {

@@ -43,7 +43,6 @@ fn a_forecast_is_tested_by_a_cross_of_cells_and_kept_in_the_laws() {
         assert!(low < number("/measured/params_nonvocab"), "{side}: {low}");
         assert!(high > number("/measured/params_nonvocab"), "{side}: {high}");
     }
-    assert!(number("/measured/tied/loss/0") < found && found < number("/measured/tied/loss/1"));
     let entropy = number("/measured/loss_nats") - found;
     assert!((entropy - number("/measured/n_vocab").ln()).abs() < 1e-9, "{entropy}");
     let kept = &place.json(&format!("{results}/laws.json"))["validations"];
@@ -67,4 +66,28 @@ fn what_the_laws_do_not_tell_is_not_validated() {
     let words = ["validate", "results/mini", "--budget", "6e9"];
     place.isoflop(&words).exits(3).says("has no optimum at 6e9 FLOPs");
     assert!(!place.path("results/mini/validations").exists());
+}
+
+#[test]
+fn a_trainer_of_one_vocabulary_is_tested_with_it_alone() {
+    let Some(place) = worked_trainer() else { return };
+    let one = ["--set", "grid.vocab=[1000]"];
+    let run = ["run", "experiments/custom-trainer.yaml", "--jobs", "4"];
+    place.isoflop(&[&run[..], &one].concat()).exits(0);
+    let results = "results/custom-trainer";
+    let exponent = |more: &[&str]| {
+        let fitted = place.isoflop(&[&["fit", results, "--json"], more].concat()).exits(0).json();
+        fitted["answer"]["exponents"]["tokens"]["value"].as_f64().unwrap()
+    };
+    let before = exponent(&[]);
+    let words = ["validate", results, "--budget", "1e12"];
+    place.isoflop(&words).exits(0).says("not varied");
+    let validated = place.json(&format!("{results}/validations/1e12/validation.json"));
+    assert_eq!(validated["measured"]["vocabularies"], 1);
+    assert_eq!(validated["measured"]["n_vocab"], 1000.0);
+    assert!(validated["inside"]["params_vocab"].is_null(), "{validated:#}");
+    // One run of each cell tells no noise, so no cell ties with another.
+    assert!(validated["measured"]["tied"].is_null(), "{validated:#}");
+    let after = exponent(&["--validations"]);
+    assert!((after - before).abs() < 0.1, "{before} {after}");
 }

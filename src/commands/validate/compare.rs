@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{
-    Inside, IsoFlopPoint, Laws, Measured, MinimumMethod, Predicted, TriedCells, Validated,
-    cross_optimum, minimum_at, tied_cells, times,
+    Inside, IsoFlopPoint, Laws, Measured, MinimumMethod, NoiseSource, Predicted, RunNoise,
+    TriedCells, Validated, cross_optimum, minimum_at, tied_cells, times,
 };
 use isoflop::predict::Prediction;
 use isoflop::record::{RunRecord, table};
@@ -25,7 +25,9 @@ pub fn compare(
 ) -> Result<Validated> {
     let records = table::read(folder.root())?;
     let (points, left_out) = points(&records, rule);
-    let of_a_run = laws.noise.map(|noise| noise.sd);
+    // What cells scatter round a surface by is no less than the noise, and may be its misfit.
+    let is_of_runs = |noise: &RunNoise| !matches!(noise.source, NoiseSource::Surface { .. });
+    let of_a_run = laws.noise.filter(is_of_runs).map(|noise| noise.sd);
     let measured =
         best(&points, of_a_run).context(left_out.unwrap_or_else(|| "no run is finished".into()))?;
     let measured = Measured { loss_nats: cross_entropy(&records, &points, &measured), ..measured };
@@ -142,6 +144,7 @@ pub fn text(validated: &Validated) -> String {
         let verdict = match inside {
             Some(true) => "inside",
             Some(false) => "OUTSIDE",
+            None if name == "N_v" && measured.vocabularies == Some(1) => "not varied",
             None if interval_is_known && lies_outside => "a tie, within the noise of the runs",
             None if interval_is_known => "could not have failed",
             None => "",

@@ -27,7 +27,11 @@ pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -
     let sizes = levels(size, forecast.ci95.params_nonvocab, SIZE_STEP);
     let sizes: Vec<ModelEntry> =
         sizes.iter().map(|size| model(sweep, *size)).collect::<Result<_>>()?;
-    let vocabularies = levels(vocab, forecast.ci95.n_vocab, VOCAB_STEP).map(|v| codes(v, sweep));
+    let vocabularies = match &sweep.grid.vocab[..] {
+        // One vocabulary is the trainer's own, or was chosen: the forecast is of no other.
+        [only] => vec![only.clone(); 2 * MIDDLE + 1],
+        _ => levels(vocab, forecast.ci95.n_vocab, VOCAB_STEP).map(|v| codes(v, sweep)).to_vec(),
+    };
     // Half of a small vocabulary may leave a codebook without codes.
     let buildable = vocabularies.iter().filter(|codes| sweep.quantizer(codes).is_ok());
     let mut own = sweep.clone();

@@ -26,7 +26,17 @@ use super::run::{RunArgs, run_then};
 
 pub use compare::{gathered, validation_folders};
 
+/// Shown below the options.
+const EXAMPLES: &str = "\
+Examples:
+  Write a forecast down before anybody runs it, then train the cells that test it
+    isoflop validate results/NAME --budget 1e13 --register
+    isoflop validate results/NAME --budget 1e13
+
+docs/validate.md tells which cells are trained, and what is said of them.";
+
 #[derive(Args)]
+#[command(after_help = EXAMPLES)]
 pub struct ValidateArgs {
     /// A sweep's folder
     #[arg(value_name = "RESULTS")]

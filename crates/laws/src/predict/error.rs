@@ -13,10 +13,11 @@ pub enum PredictError {
     OutOfRange { laws: String, budget: f64 },
 
     #[error(
-        "the joint law of {laws} has no optimum at {budget:e} FLOPs: its loss falls with each step of the {what} \
-         to the end of all that is looked at; add runs on both sides of the best {what} of each budget"
+        "the joint law of {laws} has no optimum at {budget:e} FLOPs between the {what} {low} and {high}, 8 times \
+         below what was tried and far above it: give a budget nearer to the runs, or add runs on both sides of \
+         the best {what} of each budget"
     )]
-    NoOptimum { laws: String, budget: f64, what: &'static str },
+    NoOptimum { laws: String, budget: f64, what: &'static str, low: String, high: String },
 
     #[error(
         "no scale of the optimum spends {budget:e} FLOPs under rule {rule}; \

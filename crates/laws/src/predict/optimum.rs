@@ -9,9 +9,10 @@ use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
 };
+use crate::laws::text::count;
 use crate::laws::{
-    Candidate, JointLaw, JointOptimum, LOSS_NORMALISED, LawSample, Laws, TestNoise, around,
-    interval95,
+    Candidate, JointLaw, JointOptimum, LOSS_NORMALISED, LawKind, LawSample, Laws, TestNoise,
+    around, interval95,
 };
 
 /// The optimal configuration for `budget` FLOPs.
@@ -65,6 +66,7 @@ pub fn predict(
         spends_flops: raw.spends_flops,
         budget_ratio: raw.spends_flops / budget,
         extrapolation_factor: factor,
+        below_fit: below_fit(laws, budget),
         shape,
         warnings: Vec::new(),
         raw,
@@ -74,6 +76,12 @@ pub fn predict(
     let own = warnings::of(&prediction, laws, vocabulary, options);
     prediction.warnings = missed.into_iter().chain(own).collect();
     Ok(prediction)
+}
+
+/// The smallest fitted budget over `budget`, where that is above 1; a published law does not say its budgets.
+pub(super) fn below_fit(laws: &Laws, budget: f64) -> Option<f64> {
+    let factor = laws.range()[0] / budget;
+    (factor > 1.0 + 1e-9 && laws.law != LawKind::Published).then_some(factor)
 }
 
 /// The name of a loss that is not L_u.
@@ -99,8 +107,10 @@ impl Best {
         let vocabulary = Vocabulary::of(laws)?;
         let joint = joint_law(laws).and_then(|law| Some((law, law.optimum(budget)?)));
         if let Some((law, joint)) = joint {
-            if let Some(what) = law.at_an_end(&joint) {
-                return Err(PredictError::NoOptimum { laws: laws.name.clone(), budget, what });
+            if let Some((what, looked_at)) = law.at_an_end(&joint) {
+                let [low, high] = looked_at.map(count);
+                let laws = laws.name.clone();
+                return Err(PredictError::NoOptimum { laws, budget, what, low, high });
             }
             // Its allocation spends the budget at the prices of the sweep's own models.
             let own = Allocation::from(joint);

@@ -48,6 +48,9 @@ pub struct Prediction {
     pub budget_ratio: f64,
     /// C over the largest fitted budget; over C0 for a published law.
     pub extrapolation_factor: f64,
+    /// The smallest fitted budget over C, where C lies below the fit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub below_fit: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<PredictedShape>,
     /// Sentences for a person.

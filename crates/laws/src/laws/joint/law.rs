@@ -69,8 +69,8 @@ impl JointLaw {
         self.cost.optimum(&self.loss, budget)
     }
 
-    /// What an optimum has at an end of all that is looked at: then the loss has no valley there.
-    pub fn at_an_end(&self, optimum: &JointOptimum) -> Option<&'static str> {
+    /// What an optimum has at an end of all that is looked at, and those ends: the loss has no valley between them.
+    pub fn at_an_end(&self, optimum: &JointOptimum) -> Option<(&'static str, [f64; 2])> {
         self.cost.at_an_end(&self.loss, optimum)
     }
 

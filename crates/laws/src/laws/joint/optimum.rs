@@ -41,16 +41,20 @@ impl Cost {
         (best.loss.is_finite() && best.tokens.is_finite()).then_some(best)
     }
 
-    /// What an optimum has at an end of all that is looked at, where the loss has no valley: the size, or the
-    /// vocabulary.
-    pub fn at_an_end(&self, loss: &JointLoss, optimum: &JointOptimum) -> Option<&'static str> {
+    /// What an optimum has at an end of all that is looked at, the size or the vocabulary, and those ends.
+    pub fn at_an_end(
+        &self,
+        loss: &JointLoss,
+        optimum: &JointOptimum,
+    ) -> Option<(&'static str, [f64; 2])> {
         let is_end = |x: f64, [low, high]: [f64; 2]| {
             (x.ln() - low).min(high - x.ln()) < AT_AN_END * (high - low)
         };
-        let vocabularies = self.vocabularies_looked_at(loss);
-        let vocab = vocabularies.is_some_and(|range| is_end(optimum.n_vocab, range));
-        let size = is_end(optimum.params_nonvocab, self.sizes_looked_at());
-        if size { Some("size") } else { vocab.then_some("vocabulary") }
+        let size = ("size", optimum.params_nonvocab, Some(self.sizes_looked_at()));
+        let vocab = ("vocabulary", optimum.n_vocab, self.vocabularies_looked_at(loss));
+        [size, vocab].into_iter().find_map(|(what, x, range)| {
+            range.filter(|range| is_end(x, *range)).map(|range| (what, range.map(f64::exp)))
+        })
     }
 
     /// ln N_nv.

@@ -10,7 +10,7 @@ use super::Prediction;
 pub(super) use quantity::QUANTITIES;
 pub use quantity::cells;
 pub use words::standing;
-pub(super) use words::{of_loss, span};
+pub(super) use words::{distance, of_loss, span};
 
 /// Predictions in some ten lines of at most 80 columns; [`text`](super::text()) has everything.
 pub fn brief(predictions: &[Prediction]) -> String {

@@ -1,8 +1,8 @@
 //! Predictions for several budgets: a table, and what the farthest is warned of.
 
 use super::quantity::{QUANTITIES, values};
-use super::words::{cautions, of_loss, span};
-use crate::laws::text::{count, short, times, wrap};
+use super::words::{cautions, distance, of_loss, span};
+use crate::laws::text::{count, short, wrap};
 use crate::predict::Prediction;
 
 pub(super) fn text(predictions: &[Prediction]) -> String {
@@ -31,10 +31,8 @@ fn rows(prediction: &Prediction) -> String {
     let told = numbers.into_iter().zip(values);
     let own = told.clone().map(|(number, (value, _))| value.map(number));
     let intervals = told.map(|(number, (value, ends))| value.map(|_| span(ends, number)));
-    let far = match prediction.extrapolation_factor {
-        factor if factor > 1.0 => format!("  {} times", times(factor)),
-        _ => "  within".to_string(),
-    };
+    let far = distance(prediction.extrapolation_factor, prediction.below_fit);
+    let far = format!("  {}", far.trim_end_matches(" the fit").trim_end_matches(" beyond"));
     line(&count(prediction.budget_flops), own) + &line(&far, intervals)
 }
 

@@ -3,12 +3,18 @@
 use crate::laws::text::{times, wrap};
 use crate::predict::Prediction;
 
+/// How far from the fitted budgets one lies, by its ratio to the largest and by that of the smallest to it.
+pub(in crate::predict) fn distance(beyond: f64, below: Option<f64>) -> String {
+    match below {
+        Some(factor) => format!("{} times below the fit", times(factor)),
+        None if beyond > 1.0 => format!("{} times beyond the fit", times(beyond)),
+        None => "within the fit".to_string(),
+    }
+}
+
 /// How far beyond the fit a prediction lies, and by which law it is.
 pub fn standing(prediction: &Prediction) -> String {
-    let far = match prediction.extrapolation_factor {
-        factor if factor > 1.0 => format!("{} times beyond the fit", times(factor)),
-        _ => "within the fit".to_string(),
-    };
+    let far = distance(prediction.extrapolation_factor, prediction.below_fit);
     let law =
         prediction.recommended.map_or_else(String::new, |law| format!(", by {}", law.about()));
     far + &law

@@ -3,7 +3,7 @@
 use super::told::Told;
 use super::types::SizedPrediction;
 use crate::laws::text::count;
-use crate::laws::{JointLaw, Laws};
+use crate::laws::{Candidate, JointLaw, Laws};
 use crate::predict::warnings::is_far;
 
 /// Runs that count less than this share are hardly fitted.
@@ -11,6 +11,7 @@ const HARDLY: f64 = 0.5;
 
 pub(super) fn of(prediction: &SizedPrediction, laws: &Laws, law: &Told) -> Vec<String> {
     let sentences = [
+        other_law(prediction, laws, law),
         size(prediction, laws),
         off_the_minimum(prediction, laws, law),
         rule(laws, law),
@@ -47,6 +48,31 @@ fn off_the_minimum(prediction: &SizedPrediction, laws: &Laws, law: &Told) -> Opt
     })
 }
 
+/// Another law than the joint one is recommended, and says another loss of the best model.
+fn other_law(prediction: &SizedPrediction, laws: &Laws, law: &Told) -> Option<String> {
+    let Told::Joint(..) = law else { return None };
+    let own = laws.recommended_law();
+    let loss = match own {
+        Candidate::Log => laws.loss.log.as_ref()?.loss_at(prediction.flops),
+        Candidate::Floor => {
+            laws.loss.floor.as_ref()?.loss_at(prediction.flops, laws.reference_flops)
+        }
+        Candidate::Joint | Candidate::JointRepeats => return None,
+    };
+    Some(format!(
+        "{} is recommended, and knows the loss of best models alone: {loss:.4} at these FLOPs, where the joint law, \
+         which knows every model, has {:.4}.",
+        capital(own.about()),
+        prediction.optimum.loss_normalised
+    ))
+}
+
+/// With a capital letter.
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
 /// The parametric laws count 6ND, whatever the table's budgets count.
 fn rule(laws: &Laws, law: &Told) -> Option<String> {
     (matches!(law, Told::Parametric(_)) && laws.flops_rule != "6nd")
@@ -55,15 +81,7 @@ fn rule(laws: &Laws, law: &Told) -> Option<String> {
 
 /// Beyond the fit a joint law's own interval knows nothing of how its forecasts missed.
 fn noise_alone(prediction: &SizedPrediction, law: &Told) -> Option<String> {
-    let has = prediction.ci95.loss_normalised.is_some();
-    if !has && matches!(law, Told::Joint(..)) {
-        return Some(
-            "The joint law is not the recommended one of this fit, which therefore holds no bootstrap \
-             of it: there are no intervals."
-                .to_string(),
-        );
-    }
-    if !has {
+    if prediction.ci95.loss_normalised.is_none() {
         return Some(format!("{} holds no bootstrap, so there are no intervals.", prediction.law));
     }
     (matches!(law, Told::Joint(..)) && prediction.extrapolation_factor > 1.0).then(|| {

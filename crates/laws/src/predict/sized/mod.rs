@@ -16,7 +16,7 @@ pub use text::sized_text;
 pub use types::{ModelSize, SizedIntervals, SizedOptimum, SizedPrediction};
 
 use super::PredictError;
-use super::optimum::loss_name;
+use super::optimum::{below_fit, loss_name};
 use crate::laws::{Laws, interval95};
 use told::Told;
 
@@ -59,6 +59,7 @@ pub fn predict_sized(laws: &Laws, model: &ModelSize) -> Result<SizedPrediction, 
             loss_above_optimum: each(|[loss, best]| loss - best),
         },
         extrapolation_factor: said.flops / laws.range()[1],
+        below_fit: below_fit(laws, said.flops),
         warnings: Vec::new(),
     };
     prediction.warnings = cautions::of(&prediction, laws, &law);

@@ -2,7 +2,7 @@
 
 use super::types::{SizedOptimum, SizedPrediction};
 use crate::laws::text::{count, times, wrap};
-use crate::predict::brief::of_loss;
+use crate::predict::brief::{distance, of_loss};
 
 /// The loss, the best model for the same FLOPs, and what lies between them, in at most 80 columns.
 pub fn sized_text(prediction: &SizedPrediction) -> String {
@@ -17,10 +17,7 @@ pub fn sized_text(prediction: &SizedPrediction) -> String {
 }
 
 fn title(prediction: &SizedPrediction) -> String {
-    let far = match prediction.extrapolation_factor {
-        factor if factor > 1.0 => format!("{} times beyond the fit", times(factor)),
-        _ => "within the fit".to_string(),
-    };
+    let far = distance(prediction.extrapolation_factor, prediction.below_fit);
     let loss = of_loss(prediction.loss_name.as_deref());
     let sentence = format!(
         "{} on {} tokens, {} FLOPs, {far}, by {} of {}{loss}:",

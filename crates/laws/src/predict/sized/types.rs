@@ -48,6 +48,9 @@ pub struct SizedPrediction {
     pub ci95: SizedIntervals,
     /// `flops` over the largest fitted budget.
     pub extrapolation_factor: f64,
+    /// The smallest fitted budget over `flops`, where these lie below the fit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub below_fit: Option<f64>,
     /// Sentences for a person.
     pub warnings: Vec<String>,
 }
