@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::input::Study;
 use super::table::{interval, table, thousandths};
 use super::words::Words;
-use crate::laws::names::flags_text;
+use crate::laws::flags_text;
 use crate::laws::text::count;
 use crate::laws::{Exponent, IntervalPart, Laws, Minimum, PowerLaw};
 
