@@ -19,6 +19,7 @@ use super::by_generator::{draw as draw_side_by_side, home, parted};
 use super::exit::Exit;
 use super::fit::{TableArgs, TableStudy, beside};
 use super::output::Output;
+use super::predict::not_of_groups;
 
 #[derive(Args)]
 pub struct PlotArgs {
@@ -106,6 +107,7 @@ fn of_sweep(args: &PlotArgs, wanted: &Wanted, output: &Output) -> Result<Vec<Pat
             "a sweep is drawn into its own folder, from all of its runs: --out and the table's options are of a table"
         );
     }
+    not_of_groups(&args.results)?;
     let folder = ResultsFolder::new(&args.results);
     let records = table::read(folder.root())?;
     let by_generator = parted(&records);

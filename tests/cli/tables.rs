@@ -202,6 +202,30 @@ fn laws_of_a_table_predict_from_their_file() {
 }
 
 #[test]
+fn rows_in_other_units_are_a_doubt_of_the_answer() {
+    let place = known();
+    let columns = KNOWN.replace("*1e6", "");
+    let fit = ["fit", "runs.csv", "--columns", &columns, "--law", "approach3"];
+    let said = place.isoflop(&fit).exits(0).stdout();
+    assert!(said.contains("budget_flops is 1.000e6 times 6 N D"), "{said}");
+    assert!(!said.contains("No doubts"), "{said}");
+    let laws = place.isoflop(&[&fit[..], &["--json"]].concat()).exits(0).json();
+    assert_eq!(laws["answer"]["doubts"][0]["kind"], "units");
+}
+
+#[test]
+fn losses_below_zero_are_fitted_themselves() {
+    let place = known();
+    let columns = KNOWN.replace("loss=L", "loss=L-3");
+    let fit = ["fit", "runs.csv", "--columns", &columns, "--law", "approach3"];
+    let ended = place.isoflop(&[&fit[..], &["--json"]].concat()).exits(0);
+    let laws = ended.says("so the loss itself is fitted").json();
+    assert_eq!(laws["parametric"]["space"], "raw");
+    near(&laws, "/parametric/alpha", 0.35, 1e-3);
+    place.isoflop(&[&fit[..], &["--space", "log"]].concat()).exits(2).says("--space raw");
+}
+
+#[test]
 fn the_loss_of_a_model_trained_past_its_optimum_stands_beside_the_optimum() {
     let place = known();
     let fit = ["fit", "runs.csv", "--columns", KNOWN, "--law", "approach3", "--out", "laws.json"];
@@ -211,6 +235,10 @@ fn the_loss_of_a_model_trained_past_its_optimum_stands_beside_the_optimum() {
     let loss = |n: f64, d: f64| 1.8 + 480.0 * n.powf(-0.35) + 2100.0 * d.powf(-0.37);
     near(&found, "/loss_normalised", loss(1e9, 1e12), 1e-4);
     near(&found, "/flops", 6e21, 1e-9);
+    let suffixed = ["predict", "--params", "1B", "--tokens", "1T", "--law", "laws.json", "--json"];
+    assert_eq!(place.isoflop(&suffixed).exits(0).json()[0], found);
+    let vocab = [&ask[..], &["--vocab", "50000"]].concat();
+    place.isoflop(&vocab).exits(2).says("knows no vocabulary");
     let best = ["/optimum/params", "/optimum/tokens"].map(|at| number(&found, at));
     near(&found, "/optimum/loss_normalised", loss(best[0], best[1]), 1e-4);
     let lost = loss(1e9, 1e12) - loss(best[0], best[1]);
@@ -326,6 +354,12 @@ fn groups_of_a_column_are_fitted_side_by_side_and_one_that_cannot_be_says_why() 
     );
     assert_eq!(place.names("laws"), ["ours.json", "theirs.json"]);
     place.isoflop(&["predict", "1e21", "--law", "laws/theirs.json"]).exits(0);
+    for args in [&["plot", "laws"][..], &["report", "laws"], &["predict", "1e21", "--law", "laws"]]
+    {
+        place.isoflop(args).exits(2).says("laws holds laws of groups: name one, as laws/ours.json");
+    }
+    let slip = ["fit", "runs.csv", "--where", "experiment = ours"];
+    place.isoflop(&slip).exits(2).says("did you mean the text 'ours'?");
     let one = ["--where", "experiment == \"one size\""];
     place.isoflop(&[&args[..], &one].concat()).exits(3).says("none of the 1 groups");
     let slip = ["fit", "runs.csv", "--by", "experimnet"];
@@ -414,8 +448,10 @@ fn rows_that_the_optimum_hangs_on_are_named() {
     let Some(table) = shared("epoch_chinchilla/svg_extracted_data.csv") else { return };
     let options = ["--law", "approach3", "--predict", "5.76e23", "--json"];
     let args = [&["fit", table.as_str(), "--columns", EPOCH], &options[..]].concat();
-    let ended = Place::new().isoflop(&args).exits(0).says("5 row(s) move the optimal N");
-    let influence = ended.json()["parametric"]["influence"].clone();
+    let laws = Place::new().isoflop(&args).exits(0).json();
+    let said = laws["answer"]["doubts"][0]["what"].as_str().unwrap_or_default();
+    assert!(said.starts_with("5 row(s) move the optimal N"), "{said}");
+    let influence = laws["parametric"]["influence"].clone();
     assert_eq!(influence["rows"].as_array().map(Vec::len), Some(5));
     let factor = number(&influence, "/params") / number(&influence, "/params_without");
     assert!((1.6..1.8).contains(&factor), "{factor}");

@@ -1,7 +1,7 @@
 //! What is compared: exponents, and optima at a budget.
 
 use anyhow::Result;
-use isoflop::laws::{Difference, Estimate, Laws, PowerLaw};
+use isoflop::laws::{Difference, Estimate, Exponent, Laws, OwnExponents};
 use isoflop::predict::{PredictError, Prediction};
 use serde::Serialize;
 
@@ -22,12 +22,12 @@ pub struct Quantity {
 
 type Of<T> = fn(&T) -> Option<Estimate>;
 
-const EXPONENTS: [(&str, Of<Laws>); 5] = [
-    ("exponent of N_nv in C", |laws| exponent(laws.power_laws.params_nonvocab.as_ref())),
-    ("exponent of N_v in C", |laws| exponent(laws.power_laws.params_vocab.as_ref())),
-    ("exponent of N in C", |laws| exponent(laws.power_laws.params.as_ref())),
-    ("exponent of D in C", |laws| exponent(laws.power_laws.tokens.as_ref())),
-    ("exponent of N_v in N_nv", |laws| exponent(laws.vocab_from_nonvocab.as_ref())),
+/// Those that `isoflop fit` prints: of the law to believe.
+const EXPONENTS: [(&str, Of<OwnExponents>); 4] = [
+    ("exponent of N_nv in C", |own| exponent(own.params_nonvocab.as_ref())),
+    ("exponent of N_v in C", |own| exponent(own.params_vocab.as_ref())),
+    ("exponent of N in C", |own| exponent(own.params.as_ref())),
+    ("exponent of D in C", |own| exponent(own.tokens.as_ref())),
 ];
 
 const OPTIMA: [(&str, Of<Prediction>); 5] = [
@@ -49,9 +49,16 @@ impl Quantity {
             other => other.map(Some),
         });
         let optima: Vec<Option<Prediction>> = told.collect::<Result<_, PredictError>>()?;
-        let of_laws = EXPONENTS.iter().map(|(name, of)| {
-            Self::new(name, false, studies.iter().map(|study| of(&study.laws)).collect())
-        });
+        let own: Vec<OwnExponents> =
+            studies.iter().map(|study| study.laws.answer().exponents).collect();
+        let of_laws = EXPONENTS
+            .iter()
+            .map(|(name, of)| Self::new(name, false, own.iter().map(of).collect()))
+            .chain([Self::new(
+                "exponent of N_v in N_nv",
+                false,
+                studies.iter().map(|study| of_vocabulary(&study.laws)).collect(),
+            )]);
         let of_optima = OPTIMA.iter().map(|(name, of)| {
             let estimates = optima.iter().map(|optimum| of(optimum.as_ref()?)).collect();
             Self::new(name, true, estimates)
@@ -71,6 +78,18 @@ impl Quantity {
     }
 }
 
-fn exponent(law: Option<&PowerLaw>) -> Option<Estimate> {
-    law.map(|law| Estimate { value: law.exponent, ci95: law.exponent_ci95 })
+/// Of a joint law the ratio of its two exponents; of others that of their own law.
+fn of_vocabulary(laws: &Laws) -> Option<Estimate> {
+    if laws.recommended_law().is_joint() {
+        let own = laws.answer().exponents;
+        let [vocab, size] = [own.params_vocab, own.params_nonvocab].map(|own| own?.value);
+        return Some(Estimate { value: vocab? / size?, ci95: None });
+    }
+    let law = laws.vocab_from_nonvocab.as_ref()?;
+    Some(Estimate { value: law.exponent, ci95: law.exponent_ci95 })
+}
+
+/// `None` where it is not determined.
+fn exponent(own: Option<&Exponent>) -> Option<Estimate> {
+    own.and_then(|own| Some(Estimate { value: own.value?, ci95: own.ci95 }))
 }

@@ -42,8 +42,7 @@ impl Fitted {
                 laws = laws.answered();
             }
         }
-        let doubts = laws.parametric.iter().flat_map(|parametric| &parametric.warnings);
-        doubts.for_each(|warning| output.warn(warning));
+        request.raw_note(source).iter().for_each(|note| output.note(note));
         let predictions = predictions(&laws, source, request, output);
         Ok(Self {
             document: document(&laws, &predictions, source)?,

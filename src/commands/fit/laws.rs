@@ -3,8 +3,8 @@
 use isoflop::laws;
 use isoflop::laws::MinimumMethod;
 use isoflop::laws::{
-    Approach1Options, FitError, FitOptions, Form, LawKind, Laws, Parameters, ParametricOptions,
-    fit_parametric, parametric_laws,
+    Approach1Options, FitError, FitOptions, Form, Judgement, LawKind, Laws, Parameters,
+    ParametricOptions, Space, fit_parametric, parametric_laws,
 };
 
 use super::request::FitRequest;
@@ -23,10 +23,17 @@ pub fn laws(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
         (LawKind::Parametric(form), _) => parametric(source, request, form),
         (LawKind::Published, _) => unreachable!("no law that can be asked for"),
     }?;
-    Ok(match (&source.sweep, request.law) {
+    let laws = match (&source.sweep, request.law) {
         // The laws of a sweep's own kind know its models already.
         (Some(own), law) if law != LawKind::Isoflop => sweep::of_own_models(laws, &own.records),
         _ => laws,
+    };
+    Ok(match &source.doubts[..] {
+        [] => laws,
+        doubts => {
+            let judgement = Judgement { rows: doubts.to_vec(), ..laws.judgement };
+            Laws { judgement, ..laws }.answered()
+        }
     })
 }
 
@@ -87,7 +94,13 @@ fn parametric(source: &Source, request: &FitRequest, form: Form) -> Result<Laws,
     let points = laws::of_largest_share(&source.points);
     let budgets = points.iter().map(|point| point.budget_flops).reduce(f64::max);
     let influence_at = request.budgets(budgets).into_iter().reduce(f64::max);
-    let options = ParametricOptions { influence_at, ..request.parametric(form) };
+    let mut options = ParametricOptions { influence_at, ..request.parametric(form) };
+    let raw_note = request.raw_note(source);
+    if raw_note.is_some() {
+        options.space = Space::Raw;
+    }
     let parametric = fit_parametric(&points, &options)?;
-    Ok(parametric_laws(&points, parametric, &source.name, source.rule.name()))
+    let mut laws = parametric_laws(&points, parametric, &source.name, source.rule.name());
+    laws.warnings.extend(raw_note);
+    Ok(laws)
 }

@@ -9,6 +9,7 @@ use isoflop::table::{OutlierStage, TableRequest};
 use super::args::{
     CompatName, FitArgs, FlopsName, HuberName, MinimaName, SpaceName, StartsName, TableArgs,
 };
+use super::source::Source;
 
 /// Power laws' Huber δ where `mad` is asked for: 95 % of the precision of least squares.
 const MADS: f64 = 1.345;
@@ -121,6 +122,20 @@ impl FitRequest {
         options.bootstrap = args.bootstrap.unwrap_or(options.bootstrap);
         options.seed = args.seed.unwrap_or(options.seed);
         options
+    }
+
+    /// A note where the loss itself is fitted for want of logarithms, its space not being asked for.
+    pub fn raw_note(&self, source: &Source) -> Option<String> {
+        let LawKind::Parametric(form) = self.law else { return None };
+        let in_logs = self.args.space.is_none() && self.parametric(form).space == Space::Log;
+        let below = source.points.iter().filter(|point| point.loss <= 0.0).count();
+        (in_logs && below > 0).then(|| {
+            format!(
+                "{below} of {} losses are not above 0, so the loss itself is fitted, not its logarithm \
+                 (--space raw)",
+                source.points.len()
+            )
+        })
     }
 
     /// Budgets to give the optimum for: those asked for, else `largest` and ten times it.

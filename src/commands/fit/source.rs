@@ -26,6 +26,8 @@ pub struct Source {
     pub budget_declared: bool,
     pub dropped: Vec<Dropped>,
     pub notes: Vec<String>,
+    /// Sentences on what is likely wrong with all rows.
+    pub doubts: Vec<String>,
     /// Where the points are a sweep's own, untouched.
     pub sweep: Option<OwnSweep>,
 }
@@ -75,6 +77,7 @@ pub fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
         budget_declared: true,
         dropped: Vec::new(),
         notes: left_out.into_iter().chain(told).collect(),
+        doubts: Vec::new(),
         sweep: Some(OwnSweep { folder, sweep, records }),
     })
 }

@@ -107,6 +107,9 @@ fn in_slices(points: Vec<IsoFlopPoint>, fit: &SweepFit) -> Result<InSlices, FitE
 pub fn of_own_models(mut laws: Laws, records: &[RunRecord]) -> Laws {
     (laws.from_sweep, laws.n_ctx) = (true, n_ctx(records));
     laws.head_share = head_share(records);
+    // Data of its own names no tokenizer.
+    let is_own = |record: &RunRecord| record.planned.tokenizer_id.as_deref() == Some("none");
+    laws.own_vocabularies = records.iter().all(is_own);
     laws.answered()
 }
 

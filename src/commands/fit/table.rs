@@ -62,6 +62,7 @@ impl RunTable {
             budget_declared: loaded.budget_declared,
             dropped: loaded.dropped,
             notes: loaded.notes,
+            doubts: loaded.doubts,
             sweep: None,
         })
     }

@@ -17,6 +17,9 @@ const SEEDS: [[u64; 2]; 4] = [[1, 1], [2, 1], [3, 1], [3, 3]];
 /// With these the noise of runs is measured, and the rest of the time goes to larger budgets.
 const MEASURED: [u64; 2] = SEEDS[1];
 
+/// Fewer hours that are looked at, each a fifth below the last: a thousandth at least.
+const FEWER: i32 = 30;
+
 /// Share of the hours that a sweep may take by the estimate, which is not exact.
 const SPENT: f64 = 0.93;
 
@@ -32,8 +35,6 @@ pub struct Price {
 pub struct Offer {
     pub design: Design,
     pub price: Price,
-    /// Hours of the same up to the largest budget that the data bear, if its own is larger.
-    pub fresh_hours: Option<f64>,
 }
 
 /// What sweeps are made of and measured by.
@@ -57,7 +58,7 @@ impl Terms<'_> {
         let seeds = if self.fits(0, MEASURED)? { MEASURED } else { SEEDS[0] };
         let step = self.search(0, fresh, seeds)?;
         if step < fresh {
-            return self.offer(step, fresh, seeds);
+            return self.offer(step, seeds);
         }
         let mut most = seeds;
         for more in SEEDS {
@@ -65,7 +66,23 @@ impl Terms<'_> {
                 most = more;
             }
         }
-        self.offer(self.search(fresh, LAST, most)?, fresh, most)
+        self.offer(self.search(fresh, LAST, most)?, most)
+    }
+
+    /// The most of fewer hours whose offer does not repeat the data beyond measure, in two digits; `None`
+    /// where none does.
+    ///
+    /// # Errors
+    /// A sweep cannot be priced.
+    pub fn fresh_hours(&self) -> Result<Option<f64>> {
+        for step in 1..=FEWER {
+            let hours = format!("{:.1e}", self.hours * 0.8f64.powi(step));
+            let hours = hours.parse().expect("a number was written");
+            if self.bears(&Self { hours, ..*self }.largest()?.design) {
+                return Ok(Some(hours));
+            }
+        }
+        Ok(None)
     }
 
     fn design(&self, step: i32) -> Design {
@@ -73,8 +90,13 @@ impl Terms<'_> {
     }
 
     fn is_fresh(&self, step: i32) -> bool {
-        let Some(unique) = self.unique_tokens else { return true };
-        self.design(step).most_tokens() / unique as f64 <= self.epochs
+        self.bears(&self.design(step))
+    }
+
+    /// Whether the data bear the sweep.
+    fn bears(&self, design: &Design) -> bool {
+        let epochs = |unique: usize| design.most_tokens() / unique as f64;
+        self.unique_tokens.map(epochs).is_none_or(|epochs| epochs <= self.epochs)
     }
 
     fn fits(&self, step: i32, seeds: [u64; 2]) -> Result<bool> {
@@ -100,13 +122,9 @@ impl Terms<'_> {
         Ok(low)
     }
 
-    fn offer(&self, step: i32, fresh: i32, seeds: [u64; 2]) -> Result<Offer> {
-        let priced = |step| {
-            let design = self.design(step).with_seeds(seeds);
-            (self.price)(&design).map(|price| (design, price))
-        };
-        let (design, price) = priced(step)?;
-        let fresh_hours = if step > fresh { Some(priced(fresh)?.1.hours) } else { None };
-        Ok(Offer { design, price, fresh_hours })
+    fn offer(&self, step: i32, seeds: [u64; 2]) -> Result<Offer> {
+        let design = self.design(step).with_seeds(seeds);
+        let price = (self.price)(&design)?;
+        Ok(Offer { design, price })
     }
 }

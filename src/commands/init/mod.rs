@@ -61,10 +61,10 @@ pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
         bail!("{} is there already; give another file, or --overwrite", args.file.display());
     }
     let desk = Desk::open(args)?;
-    let offer = desk.largest()?;
+    let (offer, fresh_hours) = desk.largest()?;
     let text = desk.text(&offer.design);
     atomic::write_bytes(&args.file, text.as_bytes())?;
-    desk.warnings(&offer)?.iter().for_each(|line| output.warn(line));
+    desk.warnings(&offer, fresh_hours)?.iter().for_each(|line| output.warn(line));
     let Price { hours, runs } = offer.price;
     let Design { budgets, widths, vocab, seeds, tokenizer_seeds, .. } = &offer.design;
     let bound_by = "larger budgets would take longer: --hours";
@@ -83,7 +83,7 @@ pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
 }
 
 fn duration(hours: f64) -> String {
-    if hours < 1.0 { format!("{:.0} min", hours * 60.0) } else { format!("{hours:.1} h") }
+    if hours < 1.0 { format!("{:.0} min", (hours * 60.0).ceil()) } else { format!("{hours:.1} h") }
 }
 
 /// Codes of the training split at four frames a code.
@@ -124,14 +124,14 @@ impl<'a> Desk<'a> {
     }
 
     /// What a person should know of an offer before it is run.
-    fn warnings(&self, offer: &Offer) -> Result<Vec<String>> {
+    fn warnings(&self, offer: &Offer, fresh_hours: Option<f64>) -> Result<Vec<String>> {
         let sweep = sweep::parse("init", &self.text(&offer.design), &[])?;
         let facts = self.facts.clone().unwrap_or_else(|| DataFacts::absent(String::new()));
         let plan = Plan::new(&sweep, facts);
         let mut warnings: Vec<String> = doubts(&sweep, &plan).iter().map(Doubt::sentence).collect();
         if let Some(epochs) = self.epochs(&offer.design).filter(|epochs| *epochs > EPOCHS) {
-            let less = offer.fresh_hours.map_or_else(String::new, |hours| {
-                format!("; with --hours {hours:.2} it is {EPOCHS} times")
+            let less = fresh_hours.map_or_else(String::new, |hours| {
+                format!("; with --hours {hours} it is {EPOCHS} times at most")
             });
             warnings.push(format!(
                 "the optimum of the largest budget will see the data about {epochs:.0} times: laws of so \
@@ -139,14 +139,14 @@ impl<'a> Desk<'a> {
             ));
         }
         if offer.price.hours > self.args.hours {
-            let hours = offer.price.hours;
-            warnings.push(format!("the smallest sweep that bears laws takes {hours:.1} hours"));
+            let time = duration(offer.price.hours);
+            warnings.push(format!("the smallest sweep that bears laws takes about {time}"));
         }
         Ok(warnings)
     }
 
-    /// The largest sweep within the time.
-    fn largest(&self) -> Result<Offer> {
+    /// The largest sweep within the time, and, if it repeats the data, hours of one that does not.
+    fn largest(&self) -> Result<(Offer, Option<f64>)> {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         let slots = self.args.jobs.map_or_else(cores, usize::from);
         let speed = self.speed(slots)?;
@@ -157,7 +157,10 @@ impl<'a> Desk<'a> {
             epochs: EPOCHS,
             price: &price,
         };
-        terms.largest()
+        let offer = terms.largest()?;
+        let repeats = self.epochs(&offer.design).is_some_and(|epochs| epochs > EPOCHS);
+        let fresh_hours = if repeats { terms.fresh_hours()? } else { None };
+        Ok((offer, fresh_hours))
     }
 
     /// How fast this machine trains the models that may be in a sweep, small and large.

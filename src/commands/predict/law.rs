@@ -25,6 +25,7 @@ pub fn laws_of(path: &Path) -> Result<Laws> {
             several.display()
         );
     }
+    not_of_groups(path)?;
     let path = if path.is_dir() { path.join("laws.json") } else { path.to_path_buf() };
     match read_if_there(&path)? {
         Some(laws) => Ok(laws),
@@ -32,6 +33,22 @@ pub fn laws_of(path: &Path) -> Result<Laws> {
             "{} does not exist; laws are those of a sweep's folder, a laws.json or scamo",
             path.display()
         ),
+    }
+}
+
+/// Refuses a folder of laws alone, as `isoflop fit TABLE --by COLUMN --out FOLDER` writes it.
+pub fn not_of_groups(folder: &Path) -> Result<()> {
+    let of_sweep = ["sweep.yaml", "runs.parquet", "runs.csv", "laws.json", "generators"];
+    if of_sweep.iter().any(|name| folder.join(name).exists()) {
+        return Ok(());
+    }
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let laws = files.filter(|path| path.extension().is_some_and(|end| end == "json"));
+    match laws.min() {
+        Some(one) => {
+            bail!("{} holds laws of groups: name one, as {}", folder.display(), one.display())
+        }
+        None => Ok(()),
     }
 }
 

@@ -17,7 +17,7 @@ use super::output::Output;
 use count::openai_count;
 use sized::SizedArgs;
 
-pub use law::{laws_named, laws_of};
+pub use law::{laws_named, laws_of, not_of_groups};
 
 /// Shown below the options.
 const EXAMPLES: &str = "\

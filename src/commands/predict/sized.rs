@@ -4,6 +4,7 @@ use anyhow::Result;
 use clap::Args;
 use isoflop::laws::Laws;
 use isoflop::predict::{ModelSize, predict_sized, sized_text};
+use isoflop::table::number;
 use serde_json::json;
 
 use crate::commands::exit::Exit;
@@ -64,9 +65,9 @@ impl SizedArgs {
 
 /// A count of parameters or tokens.
 fn amount(text: &str) -> Result<f64, String> {
-    match text.replace('_', "").parse::<f64>() {
-        Ok(amount) if amount > 0.0 && amount.is_finite() => Ok(amount),
-        _ => Err(format!("{text} is not a number above 0, as 7e9")),
+    match number(&text.replace('_', "")) {
+        Some(amount) if amount > 0.0 && amount.is_finite() => Ok(amount),
+        _ => Err(format!("{text} is not a number above 0, as 7e9 or 7B")),
     }
 }
 

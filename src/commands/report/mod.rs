@@ -21,6 +21,7 @@ use super::exit::Exit;
 use super::fit::{TableArgs, beside};
 use super::output::Output;
 use super::plot;
+use super::predict::not_of_groups;
 use generator::{GeneratorResults, of_each};
 use kept::{dropped, figures, text};
 use samples::samples;
@@ -45,6 +46,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
     if args.table != TableArgs::default() {
         bail!("a sweep's page is of all of its runs: --columns, --where and --law are of a table");
     }
+    not_of_groups(&args.results)?;
     let folder = ResultsFolder::new(&args.results);
     let home = home(&folder);
     let records = runs::read(folder.root())?;

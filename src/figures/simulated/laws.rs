@@ -59,6 +59,7 @@ pub fn laws(noise: &mut Noise) -> Laws {
         parameters: Parameters::Split,
         n_ctx: None,
         head_share: None,
+        own_vocabularies: false,
         reference_flops: reference,
         fitted_budgets: BUDGETS[..3].to_vec(),
         minima_method: MinimumMethod::Parabola,

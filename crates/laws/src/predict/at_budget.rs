@@ -26,6 +26,10 @@ impl Vocabulary {
         if laws.power_laws.params_vocab.is_some() || joint.is_some_and(|law| law.loss.terms.vocab) {
             return Ok(Self::Law);
         }
+        if let Some(only) = laws.only_vocabulary() {
+            return Ok(Self::Fixed(only));
+        }
+        // An older file does not say what was tried.
         let mut tried = laws.minima.iter().map(|minimum| minimum.n_vocab);
         let missing = || missing(laws, "N_v");
         let first = tried.next().ok_or_else(missing)?;

@@ -5,7 +5,7 @@
 pub struct Codebook {
     /// V, the product of the levels.
     pub n_vocab: u64,
-    /// The largest first.
+    /// The largest first; empty where V is no product of them.
     pub levels: Vec<u32>,
 }
 
@@ -23,6 +23,11 @@ impl Codebook {
     pub fn of(levels: &[u32]) -> Self {
         let n_vocab = levels.iter().map(|level| u64::from(*level)).product();
         Self { n_vocab, levels: levels.to_vec() }
+    }
+
+    /// A vocabulary that no levels make.
+    pub fn without_levels(n_vocab: f64) -> Self {
+        Self { n_vocab: n_vocab.round() as u64, levels: Vec::new() }
     }
 
     /// The codebook nearest to `n_vocab` codes by ratio: of 5 to 8 levels a dimension, or of 4 to 8

@@ -35,6 +35,9 @@ pub enum PredictError {
     #[error("the law of {laws} tells the vocabulary apart: --params is N_nv, and it needs {needs}")]
     NoVocabulary { laws: String, needs: &'static str },
 
+    #[error("the law of {laws} knows no vocabulary: leave out --vocab and --params-vocab")]
+    VocabularyUnknown { laws: String },
+
     #[error("no {0} to choose from: give at least one in the options")]
     NothingToChoose(&'static str),
 }

@@ -37,12 +37,12 @@ pub fn predict(
     let straightened = laws.law.bends().then(|| around(laws, budget));
     let laws = straightened.as_ref().unwrap_or(laws);
     let best = Best::at(laws, budget, options)?;
-    let Best { vocabulary, on_budget, joint, .. } = best;
+    let Best { vocabulary, on_budget, .. } = best;
     let raw = raw(laws, &best, budget, options);
     let (n_vocab, shape) = match vocabulary {
         Vocabulary::None => (None, None),
         _ if !laws.from_sweep => (None, None),
-        _ => shape(&on_budget, joint, options).map(|(v, shape)| (Some(v), Some(shape)))?,
+        _ => shape(laws, &best, options).map(|(v, shape)| (Some(v), Some(shape)))?,
     };
     let size = Size::of(vocabulary, &on_budget);
     let loss_normalised = loss(laws.recommended_law(), &raw);
@@ -71,7 +71,7 @@ pub fn predict(
         warnings: Vec::new(),
         raw,
     };
-    prediction.together = together(&prediction, &on_budget, &opinions, options)?;
+    prediction.together = together(&prediction, (vocabulary, &on_budget), &opinions, options)?;
     let missed = warnings::missed(validations);
     let own = warnings::of(&prediction, laws, vocabulary, options);
     prediction.warnings = missed.into_iter().chain(own).collect();
@@ -184,17 +184,27 @@ fn raw(laws: &Laws, best: &Best, budget: f64, options: &PredictOptions) -> Raw {
     }
 }
 
-/// V of an allocation, in the sweep's own models where a joint law knows them, else in the nearest
-/// shape; and that shape with the nearest codebook.
+/// V: the only one tried, else that of the sweep's own models where a joint law knows them, else that of
+/// the nearest shape; and that shape with the codebook to build.
 fn shape(
-    on_budget: &Allocation,
-    joint: Option<JointOptimum>,
+    laws: &Laws,
+    best: &Best,
     options: &PredictOptions,
 ) -> Result<(f64, PredictedShape), PredictError> {
+    let Best { vocabulary, on_budget, joint, .. } = best;
     let shape = shape_for(on_budget.params_nonvocab, options.shapes)?;
-    let n_vocab =
-        joint.map_or(on_budget.params_vocab / shape.d_model as f64, |joint| joint.n_vocab);
-    let codebook = Codebook::near(n_vocab);
+    let by_width = on_budget.params_vocab / shape.d_model as f64;
+    let n_vocab = match (vocabulary, joint) {
+        (Vocabulary::Fixed(only), _) => *only,
+        (_, Some(joint)) => joint.n_vocab,
+        _ => by_width,
+    };
+    let near = Codebook::near(n_vocab);
+    let is_fixed = matches!(vocabulary, Vocabulary::Fixed(_)) && near.n_vocab as f64 != n_vocab;
+    let codebook = match laws.own_vocabularies || is_fixed {
+        true => Codebook::without_levels(n_vocab),
+        false => near,
+    };
     let shape = PredictedShape {
         n_layer: shape.n_layer,
         n_head: shape.n_head,
@@ -251,12 +261,12 @@ fn intervals(
         n_vocab: match &joint {
             Some(optima) => {
                 interval95(&spread.of_logs(optima.iter().map(|o| o.n_vocab), |e| e.ln_vocab))
-                    .filter(|_| vocabulary != Vocabulary::None)
+                    .filter(|_| vocabulary == Vocabulary::Law)
             }
             None => interval(
                 &|a| {
-                    let params_vocab = Size::of(vocabulary, a).params_vocab?;
-                    Some(params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?)
+                    (vocabulary == Vocabulary::Law).then_some(())?;
+                    Some(a.params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?)
                 },
                 |e| e.ln_vocab,
             ),

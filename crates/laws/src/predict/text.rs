@@ -38,8 +38,9 @@ fn title(prediction: &Prediction) -> String {
 fn rows(prediction: &Prediction) -> String {
     let Prediction { ci95, raw, .. } = prediction;
     let row = |name: &str, value: f64, interval: Option<[f64; 2]>, raw: Option<f64>| {
+        let number = if name == "V" { |x| format!("{x:.0}") } else { count };
         let raw = raw.map_or_else(|| "-".into(), count);
-        format!("{name:<8}{:>14}{:>28}{raw:>14}\n", count(value), span(interval, count))
+        format!("{name:<8}{:>14}{:>28}{raw:>14}\n", number(value), span(interval, number))
     };
     let params = (prediction.params, ci95.params, raw.params);
     let nonvocab = (prediction.params_nonvocab, ci95.params_nonvocab, raw.params_nonvocab);
@@ -75,9 +76,13 @@ fn shape(prediction: &Prediction) -> String {
     let Some(shape) = &prediction.shape else {
         return String::new();
     };
+    let levels = match &shape.levels[..] {
+        [] => String::new(),
+        levels => format!(" (FSQ levels {levels:?})"),
+    };
     let sentence = format!(
-        "nearest shape: {} layers, {} heads, width {}, vocabulary {} (FSQ levels {:?})",
-        shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab, shape.levels
+        "nearest shape: {} layers, {} heads, width {}, vocabulary {}{levels}",
+        shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab
     );
     format!("\n{}", wrap("", &sentence))
 }

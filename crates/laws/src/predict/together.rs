@@ -1,5 +1,6 @@
 //! [`Together`]: what all tested laws forecast together, beside the recommended one.
 
+use super::at_budget::Vocabulary;
 use super::brief::QUANTITIES;
 use super::opinion::{Opinion, Quantities};
 use super::{Allocation, PredictError, PredictOptions, Prediction, Together, Weighed, project};
@@ -15,7 +16,7 @@ const NOTHING: f64 = 0.005;
 /// [`PredictError::NotProjected`].
 pub(super) fn together(
     own: &Prediction,
-    on_budget: &Allocation,
+    (vocabulary, on_budget): (Vocabulary, &Allocation),
     opinions: &[Opinion],
     options: &PredictOptions,
 ) -> Result<Option<Together>, PredictError> {
@@ -38,7 +39,7 @@ pub(super) fn together(
         params: own.params.map(|n| n * size),
         params_nonvocab: own.params_nonvocab.map(|n| n * size),
         params_vocab: own.params_vocab.map(|n| n * vocab),
-        n_vocab: own.n_vocab.map(|v| v * vocab),
+        n_vocab: own.n_vocab.map(|v| if vocabulary == Vocabulary::Law { v * vocab } else { v }),
         tokens: moved.tokens,
     }))
 }

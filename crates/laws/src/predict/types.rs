@@ -113,7 +113,8 @@ pub struct PredictedShape {
     pub n_head: u64,
     pub d_model: u64,
     pub n_vocab: u64,
-    /// FSQ levels whose product is `n_vocab`.
+    /// FSQ levels whose product is `n_vocab`; empty where the vocabulary is the trainer's own, or the only
+    /// one that was tried and no such product.
     pub levels: Vec<u32>,
 }
 

@@ -1,7 +1,7 @@
 //! The sentences a prediction owes its reader.
 
 use super::at_budget::{Vocabulary, shape_for};
-use super::{PredictOptions, Prediction};
+use super::{Intervals, PredictOptions, Prediction};
 use crate::laws::text::count;
 use crate::laws::{Candidate, Laws, MinimumFlag, Validated};
 
@@ -27,9 +27,9 @@ pub(super) fn of(
         vocab_range(prediction, laws, vocabulary),
         codebook(prediction),
         shape(prediction, options),
-        no_vocabulary(vocabulary),
         loss_laws(prediction, laws),
-        no_intervals(laws),
+        no_intervals(prediction, laws),
+        no_vocabulary(laws, vocabulary),
     ];
     sentences.into_iter().flatten().collect()
 }
@@ -190,8 +190,9 @@ fn shape(prediction: &Prediction, options: &PredictOptions) -> Option<String> {
     })
 }
 
-fn no_vocabulary(vocabulary: Vocabulary) -> Option<String> {
-    (vocabulary == Vocabulary::None).then(|| {
+/// Of a sweep, whose models have both; a table of N holds no doubt in that.
+fn no_vocabulary(laws: &Laws, vocabulary: Vocabulary) -> Option<String> {
+    (vocabulary == Vocabulary::None && laws.from_sweep).then(|| {
         "The laws are of model size alone, so neither a vocabulary nor a shape is predicted.".into()
     })
 }
@@ -212,8 +213,8 @@ fn loss_laws(prediction: &Prediction, laws: &Laws) -> Option<String> {
     })
 }
 
-fn no_intervals(laws: &Laws) -> Option<String> {
-    laws.bootstrap
-        .is_empty()
+/// A joint law has replicates of its own.
+fn no_intervals(prediction: &Prediction, laws: &Laws) -> Option<String> {
+    (prediction.ci95 == Intervals::default())
         .then(|| format!("{} holds no bootstrap, so there are no intervals.", laws.name))
 }

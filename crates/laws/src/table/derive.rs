@@ -42,6 +42,8 @@ pub(super) struct Derived {
     pub share: Vec<f64>,
     pub unique_tokens: Vec<f64>,
     pub notes: Vec<String>,
+    /// Sentences on what is likely wrong with all rows.
+    pub doubts: Vec<String>,
 }
 
 /// Fills in what is not given; `table` is named in errors.
@@ -50,7 +52,7 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
     let missing = |what, remedy| TableError::Missing { what, remedy, columns: table.listed() };
     let given = |quantity| named.numbers.get(&quantity).map(Vec::as_slice);
     let loss = given(Quantity::Loss).ok_or_else(|| missing("loss", "`loss`"))?;
-    let mut notes = Vec::new();
+    let (mut notes, mut doubts) = (Vec::new(), Vec::new());
     let model = model_sizes(named, &mut notes).map_err(|(what, remedy)| missing(what, remedy))?;
     let params = zip(&model.nonvocab, &model.vocab, |a, b| a + b);
     let (budget, tokens) = (given(Quantity::BudgetFlops), given(Quantity::Tokens));
@@ -61,7 +63,7 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
         (None, None) => return Err(missing("tokens", "`tokens`, or `budget_flops`,")),
     };
     if budget.is_some() && given(Quantity::Tokens).is_some() {
-        notes.extend(unit_slip(&budget_flops, &flops_6nd(&params, &tokens)));
+        doubts.extend(unit_slip(&budget_flops, &flops_6nd(&params, &tokens)));
     }
     let all =
         |quantity, otherwise| given(quantity).map_or(vec![otherwise; n_rows], <[f64]>::to_vec);
@@ -79,9 +81,16 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
         seed: all(Quantity::Seed, 0.0),
         weight: all(Quantity::Weight, 1.0),
         share: all(Quantity::Share, f64::NAN),
-        unique_tokens: all(Quantity::UniqueTokens, f64::NAN),
+        unique_tokens: known(all(Quantity::UniqueTokens, f64::NAN)),
         notes,
+        doubts,
     })
+}
+
+/// 0 is what a trainer writes that does not know.
+fn known(mut values: Vec<f64>) -> Vec<f64> {
+    values.iter_mut().filter(|value| **value == 0.0).for_each(|value| *value = f64::NAN);
+    values
 }
 
 fn flops_6nd(params: &[f64], tokens: &[f64]) -> Vec<f64> {

@@ -61,3 +61,4 @@ pub use quantity::{Quantity, UnknownQuantity};
 pub use read::{ReadError, read};
 pub use rows::{Dropped, Loaded, TableRequest, load};
 pub use types::{Column, Table};
+pub use written::number;

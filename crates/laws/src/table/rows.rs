@@ -37,6 +37,8 @@ pub struct Loaded {
     pub dropped: Vec<Dropped>,
     /// Sentences for a person: what was taken implicitly, what looks wrong.
     pub notes: Vec<String>,
+    /// Sentences on what is likely wrong with all rows; they are notes too.
+    pub doubts: Vec<String>,
 }
 
 /// A row that is not among the points.
@@ -60,7 +62,7 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
     let rows = filtered(table, request, &mut notes)?;
     let named = select(&named, &rows);
     let derived = derive(&named, table)?;
-    notes.extend(derived.notes.iter().cloned());
+    notes.extend(derived.notes.iter().chain(&derived.doubts).cloned());
     let budgets = derived.budget_declared.then_some(&derived.budget_flops[..]);
     notes.extend(mixed(table, &rows, budgets).filter(|_| request.group.is_none()));
     let mut dropped = Vec::new();
@@ -74,8 +76,8 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
     for stage in &request.outliers {
         points = without_outliers(*stage, points, &mut dropped)?;
     }
-    let Derived { parameters, budget_declared, .. } = derived;
-    Ok(Loaded { points, parameters, budget_declared, dropped, notes })
+    let Derived { parameters, budget_declared, doubts, .. } = derived;
+    Ok(Loaded { points, parameters, budget_declared, dropped, notes, doubts })
 }
 
 /// The rows of the group that pass every filter.

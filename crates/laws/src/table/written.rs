@@ -104,6 +104,13 @@ fn numbers(cells: &[String], decimal: bool) -> Option<(Vec<f64>, (String, f64))>
     Some((numbers, example))
 }
 
+/// A number as a cell may have it; `None` if it is none, or may be two.
+pub fn number(text: &str) -> Option<f64> {
+    let found = written(text)?;
+    let meant = found.comma.unwrap_or(Comma::Thousands);
+    if meant == Comma::Unclear { None } else { found.number(meant) }
+}
+
 /// A cell in its parts; `None` if it is no number in any form.
 fn written(cell: &str) -> Option<Written<'_>> {
     let cell = cell.trim();
@@ -220,6 +227,12 @@ mod tests {
         let Column::Written { numbers, .. } = &table.columns[0].1 else { panic!("{table:?}") };
         assert_eq!(numbers, &[1.234, 2.5]);
         assert_eq!(table.notes[0], "column `c0`: 1,234 is read as 1.234");
+    }
+
+    #[test]
+    fn one_number_is_read_alone() {
+        let read = ["7B", "1.5k", "2e9", "7e9M", "1,234", "7X"].map(number);
+        assert_eq!(read, [Some(7e9), Some(1500.0), Some(2e9), Some(7e15), None, None]);
     }
 
     #[test]

@@ -11,12 +11,22 @@ use crate::laws::words::text::{count, short};
 /// All doubts, the heaviest first.
 pub(super) fn of(laws: &Laws, exponents: &OwnExponents) -> Vec<Doubt> {
     let missed = laws.judgement.validations.iter().filter_map(missed);
-    missed
+    rows(laws)
+        .chain(missed)
         .chain(undetermined(exponents))
         .chain(untested(laws))
         .chain(minima(laws))
         .chain(misfit(laws))
         .collect()
+}
+
+/// What is wrong with the rows, or hangs on few of them.
+fn rows(laws: &Laws) -> impl Iterator<Item = Doubt> {
+    let doubt = |kind: &'static str| {
+        move |said: &String| Doubt::new(kind, said.trim_end_matches('.').to_string(), "")
+    };
+    let parametric = laws.parametric.iter().flat_map(|own| &own.warnings);
+    laws.judgement.rows.iter().map(doubt("units")).chain(parametric.map(doubt("parametric")))
 }
 
 /// A forecast that did not hold.

@@ -21,6 +21,8 @@ const FORM: f64 = 0.015;
 const FORM_STREAM: u64 = 1 << 41;
 /// How far beyond the sizes and vocabularies tried an optimum may lie for its exponent to be told.
 const BEYOND: f64 = 2.0;
+/// Numbers below are written out.
+const WRITTEN_OUT: f64 = 1e5;
 
 /// Of the law to believe.
 pub(super) fn of(laws: &Laws) -> OwnExponents {
@@ -118,9 +120,11 @@ fn beyond(
     let far = ends.iter().map(of).find(|x| *x < low / BEYOND || *x > high * BEYOND)?;
     let side = if far < low { "smallest" } else { "largest" };
     let tried = if far < low { low } else { high };
+    // A vocabulary is a whole number.
+    let number = |x: f64| if x < WRITTEN_OUT { format!("{x:.0}") } else { count(x) };
     Some(format!(
         "the optimum, {}, lies far beyond the {side} {what} tried, {}",
-        count(far),
-        count(tried)
+        number(far),
+        number(tried)
     ))
 }

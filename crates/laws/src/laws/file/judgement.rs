@@ -34,6 +34,9 @@ pub struct Judgement {
     pub interval_parts: Vec<IntervalPart>,
     /// Forecasts that runs have tested.
     pub validations: Vec<Validated>,
+    /// What is likely wrong with all rows of a table, in sentences.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rows: Vec<String>,
     /// What the runs tried.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tried: Option<Tried>,

@@ -54,6 +54,9 @@ pub struct Laws {
     /// 1 where each scale has a head of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub head_share: Option<f64>,
+    /// Whether vocabularies are the trainer's own: any V, and no levels of FSQ.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub own_vocabularies: bool,
     /// C0, the geometric mean of the fitted budgets.
     pub reference_flops: f64,
     /// The budgets whose minima the laws were fitted to, ascending: not the flagged ones, unless they were
@@ -99,6 +102,12 @@ impl Laws {
         let tried = self.judgement.tried.map(|tried| tried.budgets).filter(|[low, _]| *low > 0.0);
         let used = || Some([*self.fitted_budgets.first()?, *self.fitted_budgets.last()?]);
         tried.or_else(used).unwrap_or([self.reference_flops; 2])
+    }
+
+    /// The one V that all runs have; `None` where several were tried or none is known.
+    pub fn only_vocabulary(&self) -> Option<f64> {
+        let [low, high] = self.judgement.tried?.vocabularies;
+        (low == high && low > 0.0).then_some(low)
     }
 
     /// The law to believe; the log law where none was ranked.

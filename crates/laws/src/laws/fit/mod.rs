@@ -207,6 +207,7 @@ fn laws_through(
         parameters: options.parameters,
         n_ctx: None,
         head_share: None,
+        own_vocabularies: false,
         reference_flops: reference,
         fitted_budgets: used.iter().map(|m| m.budget_flops).collect(),
         minima_method: method,

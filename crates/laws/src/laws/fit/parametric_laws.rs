@@ -51,7 +51,7 @@ pub fn around(laws: &Laws, reference: f64) -> Laws {
             (form.parameters() == Parameters::Split).then(|| vocabulary(&own, &parametric));
     }
     laws.reference_flops = reference;
-    laws.warnings = warnings(&parametric, samples.len());
+    laws.warnings = lost(&parametric, samples.len()).into_iter().collect();
     laws.bootstrap = samples;
     laws.parametric = Some(parametric);
     laws.answered()
@@ -147,15 +147,14 @@ fn floor_law(own: &FloorSample, samples: &[LawSample], parametric: &Parametric) 
     intervals::of_floor(law, samples)
 }
 
-fn warnings(parametric: &Parametric, samples: usize) -> Vec<String> {
-    let mut sentences = parametric.warnings.clone();
+/// The warnings of the parametric loss itself are doubts of the answer.
+fn lost(parametric: &Parametric, samples: usize) -> Option<String> {
     let lost = parametric.bootstrap.len() - samples;
-    if lost > 0 {
-        sentences.push(format!(
+    (lost > 0).then(|| {
+        format!(
             "{lost} of {} bootstrap replicates have no optimum, a term being absent from them: the \
              intervals are those of the rest.",
             parametric.bootstrap.len()
-        ));
-    }
-    sentences
+        )
+    })
 }

@@ -27,6 +27,7 @@ pub(in crate::laws) fn unfitted(
         parameters,
         n_ctx: None,
         head_share: None,
+        own_vocabularies: false,
         reference_flops,
         fitted_budgets: if least < most { vec![least, most] } else { vec![most] },
         minima_method: MinimumMethod::Argmin,

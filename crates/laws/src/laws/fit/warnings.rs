@@ -117,11 +117,17 @@ pub(in crate::laws) fn of_bootstrap(
         return if asked > 0 { vec![sentence.into()] } else { Vec::new() };
     }
     let failed = asked - succeeded;
-    let sentences = [
-        (failed > 0).then(|| format!("{failed} of {asked} bootstrap replicates gave no laws.")),
-        (asked > 0 && succeeded < MIN_REPLICATES).then(|| {
-            format!("{succeeded} bootstrap replicates are too few for intervals; ask for 1000.")
-        }),
-    ];
-    sentences.into_iter().flatten().collect()
+    let few = succeeded < MIN_REPLICATES;
+    let sentence = match (asked, failed) {
+        (0, _) => None,
+        (_, 0) if few => {
+            Some(format!("{asked} bootstrap replicates are too few for intervals; ask for 1000."))
+        }
+        (_, 0) => None,
+        _ if few => Some(format!(
+            "{failed} of {asked} bootstrap replicates gave no laws of minima, so these have no intervals."
+        )),
+        _ => Some(format!("{failed} of {asked} bootstrap replicates gave no laws.")),
+    };
+    sentence.into_iter().collect()
 }

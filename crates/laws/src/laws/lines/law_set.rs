@@ -4,7 +4,7 @@
 use super::log_law::log_law;
 use super::power::{from_line, power_law};
 use super::sample::LawSample;
-use super::types::{LogLaw, PowerLaw};
+use super::types::{Exponents, LogLaw, PowerLaw};
 use crate::laws::input::budget::is_same_budget;
 use crate::laws::input::options::{FitOptions, Weights};
 use crate::laws::input::point::Parameters;
@@ -24,6 +24,16 @@ pub(in crate::laws) struct LawSet {
     /// N_v in N_nv (ScaMo Eq. 10); none where N_nv does not vary or N_v is not told apart.
     pub vocab_from_nonvocab: Option<PowerLaw>,
     pub loss: LogLaw,
+}
+
+impl Exponents {
+    pub(in crate::laws) fn of(set: &LawSet) -> Self {
+        Self {
+            size: Some(set.params_nonvocab.exponent),
+            params_vocab: set.params_vocab.as_ref().map(|law| law.exponent),
+            tokens: Some(set.tokens.exponent),
+        }
+    }
 }
 
 /// The minima as columns, C in the axis asked for.

@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::law_set::LawSet;
-
 /// log10 y = `log10_coefficient` + `exponent` · log10 x.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PowerLaw {
@@ -104,16 +102,6 @@ pub struct Exponents {
     pub size: Option<f64>,
     pub params_vocab: Option<f64>,
     pub tokens: Option<f64>,
-}
-
-impl Exponents {
-    pub(in crate::laws) fn of(set: &LawSet) -> Self {
-        Self {
-            size: Some(set.params_nonvocab.exponent),
-            params_vocab: set.params_vocab.as_ref().map(|law| law.exponent),
-            tokens: Some(set.tokens.exponent),
-        }
-    }
 }
 
 /// Exponents under another convention or another kind of minimum.

@@ -67,10 +67,13 @@ pub(in crate::laws) fn law_method(
     let count = |method, is: fn(&Minimum) -> bool| {
         minima(method).map_or(0, |minima| minima.iter().filter(|m| is(m)).count())
     };
-    let first = |is: fn(&Minimum) -> bool| {
-        PREFERRED.into_iter().find(|method| count(*method, is) >= ENOUGH)
-    };
-    let method = first(|m| m.trusted).or_else(|| first(Minimum::is_usable)).unwrap_or(PREFERRED[0]);
+    // Best runs are cells of the grid, and no curve is so doubtful that they would be nearer.
+    let [curves @ .., best_run] = PREFERRED;
+    let is_curve =
+        |is: fn(&Minimum) -> bool| curves.into_iter().find(|method| count(*method, is) >= ENOUGH);
+    let of_runs = || Some(best_run).filter(|method| count(*method, Minimum::is_usable) >= ENOUGH);
+    let method = is_curve(|m| m.trusted).or_else(|| is_curve(Minimum::is_usable));
+    let method = method.or_else(of_runs).unwrap_or(PREFERRED[0]);
     let budgets = per_method.first().map_or(0, |(_, minima)| minima.len());
     let warning = format!(
         "Only {} of {budgets} budgets have an unflagged parabola, so the laws of minima go through those of the kind `{method}`.",

@@ -84,9 +84,10 @@ fn check(p: &IsoFlopPoint, form: Form, space: Space) -> Result<(), FitError> {
         return bad("weight", p.weight, "finite and not below 0");
     }
     match space {
-        Space::Log if !(p.loss.is_finite() && p.loss > 0.0) => {
-            Err(loss(p, "finite and above 0 where its logarithm is fitted"))
-        }
+        Space::Log if !(p.loss.is_finite() && p.loss > 0.0) => Err(loss(
+            p,
+            "finite and above 0 where its logarithm is fitted (--space raw fits the loss itself)",
+        )),
         Space::Raw if !p.loss.is_finite() => Err(loss(p, "finite")),
         _ => Ok(()),
     }

@@ -32,6 +32,7 @@ pub fn scamo() -> Laws {
         parameters: Parameters::Split,
         n_ctx: None,
         head_share: None,
+        own_vocabularies: false,
         reference_flops: REFERENCE_FLOPS,
         fitted_budgets: Vec::new(),
         minima_method: MinimumMethod::Argmin,

@@ -131,6 +131,26 @@ fn one_vocabulary_is_kept_in_the_prediction() {
 }
 
 #[test]
+fn the_only_vocabulary_is_itself_without_interval_and_built_as_it_is() {
+    let laws = Laws { from_sweep: true, ..sweep(&[32000.0]) };
+    let prediction = predict(&laws, 1e19, &PredictOptions::default()).unwrap();
+    assert_eq!((prediction.n_vocab, prediction.ci95.n_vocab), (Some(32000.0), None));
+    assert!(prediction.together.as_ref().is_none_or(|all| all.n_vocab == Some(32000.0)));
+    let shape = prediction.shape.as_ref().unwrap();
+    assert_eq!((shape.n_vocab, shape.levels.len()), (32000, 0));
+    assert!(!text(&prediction).contains("FSQ"));
+}
+
+#[test]
+fn a_vocabulary_of_the_trainers_own_has_no_levels() {
+    let laws = Laws { from_sweep: true, own_vocabularies: true, ..sweep(&VOCABULARIES) };
+    let prediction = predict(&laws, 1e19, &PredictOptions::default()).unwrap();
+    let shape = prediction.shape.as_ref().unwrap();
+    assert_eq!(shape.n_vocab, prediction.n_vocab.unwrap().round() as u64);
+    assert!(shape.levels.is_empty() && prediction.ci95.n_vocab.is_some());
+}
+
+#[test]
 fn laws_of_n_alone_predict_n_and_invent_no_vocabulary() {
     let total = |p: IsoFlopPoint| IsoFlopPoint {
         params_nonvocab: p.params_nonvocab + p.params_vocab,
@@ -151,6 +171,7 @@ fn laws_of_n_alone_predict_n_and_invent_no_vocabulary() {
         assert!(json.get(key).is_none(), "{key}");
     }
     assert_eq!(serde_json::from_str::<Prediction>(&json.to_string()).unwrap(), prediction);
+    assert!(!prediction.warnings.iter().any(|s| s.contains("model size alone")));
     let text = text(&prediction);
     assert!(text.lines().any(|line| line.starts_with("N  ")), "{text}");
     assert!(!text.contains("N_nv") && !text.contains("nearest shape"), "{text}");

@@ -8,11 +8,14 @@ use crate::predict::warnings::is_far;
 
 /// Runs that count less than this share are hardly fitted.
 const HARDLY: f64 = 0.5;
+/// Vocabularies no further apart in logarithms are one.
+const SAME: f64 = 1e-6;
 
 pub(super) fn of(prediction: &SizedPrediction, laws: &Laws, law: &Told) -> Vec<String> {
     let sentences = [
         other_law(prediction, laws, law),
         size(prediction, laws),
+        vocabulary(prediction, laws),
         off_the_minimum(prediction, laws, law),
         rule(laws, law),
         noise_alone(prediction, law),
@@ -32,6 +35,14 @@ fn size(prediction: &SizedPrediction, laws: &Laws) -> Option<String> {
             count(low),
             count(high)
         )
+    })
+}
+
+/// Another vocabulary than the only one tried.
+fn vocabulary(prediction: &SizedPrediction, laws: &Laws) -> Option<String> {
+    let (asked, only) = (prediction.n_vocab?, laws.only_vocabulary()?);
+    ((asked / only).ln().abs() > SAME).then(|| {
+        format!("The runs tried V = {only:.0} alone: the law knows nothing of V = {asked:.0}.")
     })
 }
 

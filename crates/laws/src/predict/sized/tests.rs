@@ -101,3 +101,26 @@ fn laws_of_optima_alone_say_what_to_fit() {
     let error = predict_sized(&scamo(), &MODEL).unwrap_err().to_string();
     assert!(error.contains("--law approach3"), "{error}");
 }
+
+#[test]
+fn another_vocabulary_than_the_only_one_is_warned_of() {
+    let sweep = Simulated {
+        budgets: &[1e15, 3e15, 1e16, 3e16, 1e17],
+        n_sizes: 7,
+        off_centre: 0.1,
+        vocabularies: &[4096.0],
+        n_seeds: 1,
+        noise: 0.005,
+        seed: 3,
+    };
+    let options = FitOptions { flops_rule: "6nd".into(), bootstrap: 0, ..FitOptions::default() };
+    let laws = fit(&sweep.points(), &options).unwrap();
+    let warned = |n_vocab| {
+        let said = predict_sized(&laws, &ModelSize { n_vocab, params: 1e7, tokens: 1e9, ..MODEL });
+        said.unwrap().warnings.iter().any(|warning| warning.contains("knows nothing of V = 50000"))
+    };
+    assert!(warned(Some(50_000.0)) && !warned(Some(4096.0)) && !warned(None));
+    let total = by_approach3(0);
+    let error = predict_sized(&total, &ModelSize { n_vocab: Some(50_000.0), ..MODEL }).unwrap_err();
+    assert!(error.to_string().contains("knows no vocabulary"), "{error}");
+}

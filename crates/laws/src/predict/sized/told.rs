@@ -53,8 +53,12 @@ impl<'a> Told<'a> {
     /// What it says of `model`.
     ///
     /// # Errors
-    /// [`PredictError::NoVocabulary`].
+    /// [`PredictError::NoVocabulary`], or [`PredictError::VocabularyUnknown`] where one is given to a law
+    /// without.
     pub fn at(&self, laws: &Laws, model: &ModelSize) -> Result<Said, PredictError> {
+        if !self.is_split() && (model.n_vocab.is_some() || model.params_vocab.is_some()) {
+            return Err(PredictError::VocabularyUnknown { laws: laws.name.clone() });
+        }
         match self {
             Self::Parametric(law) => self.parametric(law, laws, model),
             Self::Joint(law, _) => self.joint(law, laws, model),
@@ -146,9 +150,7 @@ fn of_vocabulary(laws: &Laws, model: &ModelSize) -> Result<f64, PredictError> {
 
 /// V as given, or that of the N_v given, or the only one that was tried.
 fn codes(law: &JointLaw, laws: &Laws, model: &ModelSize) -> Result<f64, PredictError> {
-    let tried = laws.judgement.tried.map(|tried| tried.vocabularies);
-    let only = tried.and_then(|[low, high]| (low == high && low > 0.0).then_some(low));
     let missing = || PredictError::NoVocabulary { laws: laws.name.clone(), needs: "--vocab V" };
     let by_params = model.params_vocab.map(|params| law.codes(model.params, params));
-    model.n_vocab.or(by_params).or(only).ok_or_else(missing)
+    model.n_vocab.or(by_params).or(laws.only_vocabulary()).ok_or_else(missing)
 }

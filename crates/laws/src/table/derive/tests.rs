@@ -56,7 +56,13 @@ fn budgets_are_declared_or_what_was_spent() {
 #[test]
 fn budgets_far_from_6nd_are_a_likely_slip_of_the_unit() {
     let slip = derived(&[(Params, 100.0), (Tokens, 1e3), (BudgetFlops, 6e11)]);
-    assert!(slip.notes[0].contains("1.000e6 times 6 N D"), "{:?}", slip.notes);
+    assert!(slip.doubts[0].contains("1.000e6 times 6 N D"), "{:?}", slip.doubts);
+}
+
+#[test]
+fn no_unique_tokens_are_unknown_ones() {
+    let one = derived(&[(Params, 1e6), (Tokens, 1e7), (UniqueTokens, 0.0)]);
+    assert!(one.unique_tokens[0].is_nan());
 }
 
 #[test]

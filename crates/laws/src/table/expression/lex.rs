@@ -8,9 +8,9 @@ use std::ops::Range;
 
 use super::ExpressionProblem as Problem;
 use super::tree::{Fault, Function, Operator};
-use crate::table::Table;
 use crate::table::nearest::hint;
 use crate::table::types::Reads;
+use crate::table::{Column, Table};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token {
@@ -208,7 +208,12 @@ impl Lexer<'_> {
     }
 
     fn unknown_column(&self, name: &str) -> Problem {
-        let (hint, columns) = (hint(name, self.table.names()), self.table.listed());
+        let columns = self.table.listed();
+        let is_cell = |column: &Column| matches!(column, Column::Text(cells) if cells.iter().any(|cell| cell == name));
+        let hint = match self.table.columns.iter().any(|(_, column)| is_cell(column)) {
+            true => format!("did you mean the text '{name}'? "),
+            false => hint(name, self.table.names()),
+        };
         Problem::UnknownColumn { name: name.to_string(), hint, columns }
     }
 }

@@ -126,6 +126,7 @@ fn an_error_shows_the_place_and_the_nearest_name() {
          1e6*Modle Size + a\n      ^^^^^^^^^^"
     );
     assert_eq!(error("1e6*Modle Size + a"), expected);
+    assert!(error("experiment = first").contains("did you mean the text 'first'? "));
     let expected =
         "a text is compared with a number\n  a and experiment == 3\n        ^^^^^^^^^^^^^^^";
     assert_eq!(error("a and experiment == 3"), expected);

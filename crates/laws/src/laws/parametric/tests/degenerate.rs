@@ -77,7 +77,8 @@ fn a_loss_that_does_not_fall_with_a_quantity_says_so() {
     let fit = fit(&runs).unwrap();
     assert!(fit.warnings.iter().any(|w| w.contains("of N is not identified")), "{fit:?}");
     let laws = parametric_laws(&runs, fit, "flat", "6nd");
-    assert!(laws.warnings.iter().any(|w| w.contains("of N is not identified")));
+    let doubts = laws.answer().doubts;
+    assert!(doubts.iter().any(|doubt| doubt.what.contains("of N is not identified")));
     // No loss at all to explain.
     runs.iter_mut().for_each(|run| run.loss = 2.0);
     let flat = fit_parametric(&runs, &without_intervals(Form::Approach3)).unwrap();
