@@ -38,7 +38,7 @@ fn a_forecast_is_tested_by_a_cross_of_cells_and_kept_in_the_laws() {
     assert!((7.0..=9.0).contains(&number("/measured/runs")), "{validated:#}");
     // The trainer's law is known, and so is its optimum at this budget.
     let [forecast, found] = ["/predicted/loss", "/measured/loss"].map(number);
-    assert!((forecast - found).abs() < 0.01, "{forecast} {found}");
+    assert!((forecast - found).abs() < 0.03, "{forecast} {found}");
     assert_eq!(validated["inside"]["loss"], true);
     for side in ["/measured/tried/params_nonvocab", "/predicted/params_nonvocab_ci95"] {
         let [low, high] = [0, 1].map(|end| number(&format!("{side}/{end}")));
