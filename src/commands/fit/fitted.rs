@@ -42,7 +42,7 @@ impl Fitted {
                 laws = laws.answered();
             }
         }
-        request.raw_note(source).iter().for_each(|note| output.note(note));
+        request.raw_note(&source.points).iter().for_each(|note| output.note(note));
         let predictions = predictions(&laws, source, request, output);
         Ok(Self {
             document: document(&laws, &predictions, source)?,

@@ -95,7 +95,7 @@ fn parametric(source: &Source, request: &FitRequest, form: Form) -> Result<Laws,
     let budgets = points.iter().map(|point| point.budget_flops).reduce(f64::max);
     let influence_at = request.budgets(budgets).into_iter().reduce(f64::max);
     let mut options = ParametricOptions { influence_at, ..request.parametric(form) };
-    let raw_note = request.raw_note(source);
+    let raw_note = request.raw_note(&source.points);
     if raw_note.is_some() {
         options.space = Space::Raw;
     }

@@ -1,15 +1,15 @@
 //! What a fit was asked for: the command line, over the defaults of the analysis it follows.
 
 use anyhow::{Context, Result};
-use isoflop::laws::MinimumMethod;
-use isoflop::laws::{Form, HoldOut, Huber, LawKind, ParametricOptions, Space, Starts};
+use isoflop::laws::{
+    Form, HoldOut, Huber, IsoFlopPoint, LawKind, MinimumMethod, ParametricOptions, Space, Starts,
+};
 use isoflop::spec::FlopsRule;
 use isoflop::table::{OutlierStage, TableRequest};
 
 use super::args::{
     CompatName, FitArgs, FlopsName, HuberName, MinimaName, SpaceName, StartsName, TableArgs,
 };
-use super::source::Source;
 
 /// Power laws' Huber δ where `mad` is asked for: 95 % of the precision of least squares.
 const MADS: f64 = 1.345;
@@ -125,15 +125,15 @@ impl FitRequest {
     }
 
     /// A note where the loss itself is fitted for want of logarithms, its space not being asked for.
-    pub fn raw_note(&self, source: &Source) -> Option<String> {
+    pub fn raw_note(&self, points: &[IsoFlopPoint]) -> Option<String> {
         let LawKind::Parametric(form) = self.law else { return None };
         let in_logs = self.args.space.is_none() && self.parametric(form).space == Space::Log;
-        let below = source.points.iter().filter(|point| point.loss <= 0.0).count();
+        let below = points.iter().filter(|point| point.loss <= 0.0).count();
         (in_logs && below > 0).then(|| {
             format!(
                 "{below} of {} losses are not above 0, so the loss itself is fitted, not its logarithm \
                  (--space raw)",
-                source.points.len()
+                points.len()
             )
         })
     }
