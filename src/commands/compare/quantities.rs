@@ -57,7 +57,11 @@ impl Quantity {
             .chain([Self::new(
                 "exponent of N_v in N_nv",
                 false,
-                studies.iter().map(|study| of_vocabulary(&study.laws)).collect(),
+                studies
+                    .iter()
+                    .zip(&own)
+                    .map(|(study, own)| of_vocabulary(&study.laws, own))
+                    .collect(),
             )]);
         let of_optima = OPTIMA.iter().map(|(name, of)| {
             let estimates = optima.iter().map(|optimum| of(optimum.as_ref()?)).collect();
@@ -79,10 +83,10 @@ impl Quantity {
 }
 
 /// Of a joint law the ratio of its two exponents; of others that of their own law.
-fn of_vocabulary(laws: &Laws) -> Option<Estimate> {
+fn of_vocabulary(laws: &Laws, own: &OwnExponents) -> Option<Estimate> {
     if laws.recommended_law().is_joint() {
-        let own = laws.answer().exponents;
-        let [vocab, size] = [own.params_vocab, own.params_nonvocab].map(|own| own?.value);
+        let [vocab, size] =
+            [&own.params_vocab, &own.params_nonvocab].map(|own| own.as_ref()?.value);
         return Some(Estimate { value: vocab? / size?, ci95: None });
     }
     let law = laws.vocab_from_nonvocab.as_ref()?;

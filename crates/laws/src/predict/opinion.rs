@@ -68,10 +68,7 @@ impl Asked<'_> {
     fn of(&self, law: Candidate) -> Option<Said> {
         let Self { laws, budget, .. } = *self;
         let said = match law {
-            Candidate::Log => (laws.loss.log.as_ref()?.loss_at(budget), self.lines()?),
-            Candidate::Floor => {
-                (laws.loss.floor.as_ref()?.loss_at(budget, laws.reference_flops), self.lines()?)
-            }
+            Candidate::Log | Candidate::Floor => (laws.loss_of_minima(law, budget)?, self.lines()?),
             Candidate::Joint | Candidate::JointRepeats => {
                 let joint = laws.judgement.joint.as_ref().filter(|own| own.candidate() == law)?;
                 let best = joint.optimum(budget)?;

@@ -175,8 +175,8 @@ fn raw(laws: &Laws, best: &Best, budget: f64, options: &PredictOptions) -> Raw {
         params_vocab: size.params_vocab,
         tokens: best.at_c.tokens,
         spends_flops,
-        loss_log: laws.loss.log.as_ref().map(|law| law.loss_at(budget)),
-        loss_floor: laws.loss.floor.as_ref().map(|law| law.loss_at(budget, laws.reference_flops)),
+        loss_log: laws.loss_of_minima(Candidate::Log, budget),
+        loss_floor: laws.loss_of_minima(Candidate::Floor, budget),
         loss_joint: match best.joint {
             Some(joint) => Some(joint.loss),
             None => laws.judgement.joint.as_ref().and_then(|law| Some(law.optimum(budget)?.loss)),

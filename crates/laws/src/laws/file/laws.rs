@@ -115,6 +115,17 @@ impl Laws {
         self.judgement.recommended.as_ref().map_or(Candidate::Log, |recommended| recommended.law)
     }
 
+    /// The loss of the best model at `budget` by a law of minima; `None` of a joint law, or if there is no such law.
+    pub fn loss_of_minima(&self, law: Candidate, budget: f64) -> Option<f64> {
+        match law {
+            Candidate::Log => Some(self.loss.log.as_ref()?.loss_at(budget)),
+            Candidate::Floor => {
+                Some(self.loss.floor.as_ref()?.loss_at(budget, self.reference_flops))
+            }
+            Candidate::Joint | Candidate::JointRepeats => None,
+        }
+    }
+
     /// What the loss is called: L_u in a sweep, L in a table whose loss may be any.
     pub(in crate::laws) fn loss_symbol(&self) -> &'static str {
         if self.from_sweep { "L_u" } else { "L" }

@@ -153,15 +153,14 @@ fn interval_part(part: &str, bootstrap: &Bootstrap, sources: Sources) -> Interva
 /// The extent of some cells.
 fn tried(grids: &[Grid]) -> Tried {
     let cells = || grids.iter().flat_map(|grid| &grid.cells);
-    let range = |(low, high)| [low, high];
     let unique = cells().filter_map(|cell| cell.unique_tokens);
     let epochs = grids.iter().flat_map(Grid::of_all_shares).flatten().filter_map(Cell::epochs);
     Tried {
         runs: grids.iter().map(|grid| grid.n_runs).sum(),
         n_budgets: grids.len(),
-        budgets: range(extent(grids.iter().map(|grid| grid.budget_flops))),
-        sizes: range(extent(cells().map(|cell| cell.params_nonvocab))),
-        vocabularies: range(extent(cells().map(|cell| cell.n_vocab))),
+        budgets: extent(grids.iter().map(|grid| grid.budget_flops)),
+        sizes: extent(cells().map(|cell| cell.params_nonvocab)),
+        vocabularies: extent(cells().map(|cell| cell.n_vocab)),
         unique_tokens: unique.reduce(f64::max),
         epochs: epochs.reduce(f64::max),
     }

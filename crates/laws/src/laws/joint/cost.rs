@@ -27,17 +27,14 @@ impl Cost {
     pub fn of(cells: &[&Cell]) -> Option<Self> {
         let has_vocab = cells.iter().all(|cell| cell.has_vocabulary());
         let [per_param, per_root, per_vocab] = per_token(cells, has_vocab)?;
-        let range = |of: &dyn Fn(&Cell) -> f64| {
-            let (low, high) = extent(cells.iter().map(|cell| of(cell)));
-            [low, high]
-        };
+        let range = |of: fn(&Cell) -> f64| extent(cells.iter().map(|cell| of(cell)));
         Some(Self {
             per_param,
             per_root,
             per_vocab,
             width: if has_vocab { Some(width(cells)?) } else { None },
-            sizes: range(&|cell| cell.params_nonvocab),
-            vocabularies: range(&|cell| cell.n_vocab),
+            sizes: range(|cell| cell.params_nonvocab),
+            vocabularies: range(|cell| cell.n_vocab),
         })
     }
 

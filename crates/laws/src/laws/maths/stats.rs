@@ -26,8 +26,8 @@ pub fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
 }
 
 /// The smallest and the largest of some values.
-pub fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+pub fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
 }
 
 /// The geometric mean.

@@ -68,10 +68,7 @@ pub fn tied_cells(points: &[IsoFlopPoint], run_sd: Option<f64>) -> Option<TiedCe
         cell.loss - best.loss <= 2.0 * sd * (1.0 / cell.runs + 1.0 / best.runs).sqrt()
     };
     let tied = Vec::from_iter(cells.iter().filter(is_tied));
-    let range = |of: fn(&Cell) -> f64| {
-        let (low, high) = extent(tied.iter().map(|cell| of(cell)));
-        [low, high]
-    };
+    let range = |of: fn(&Cell) -> f64| extent(tied.iter().map(|cell| of(cell)));
     let around = 2.0 * sd / best.runs.sqrt();
     Some(TiedCells {
         params_nonvocab: range(|cell| cell.params_nonvocab),

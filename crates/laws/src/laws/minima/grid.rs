@@ -187,7 +187,7 @@ impl Grid {
         }
         let best = self.best();
         let same_size = self.cells.iter().filter(|c| c.params_nonvocab == best.params_nonvocab);
-        let (low, high) = extent(same_size.map(|c| c.n_vocab));
+        let [low, high] = extent(same_size.map(|c| c.n_vocab));
         let at_edge = best.n_vocab <= low || best.n_vocab >= high;
         if at_edge {
             vec![MinimumFlag::VocabNotBracketed, MinimumFlag::EdgeVocab]
@@ -239,7 +239,7 @@ pub(in crate::laws) struct Scale {
 impl Scale {
     /// The values must not all be equal.
     pub fn over(values: impl Iterator<Item = f64>) -> Self {
-        let (low, high) = extent(values);
+        let [low, high] = extent(values);
         Self { centre: 0.5 * (low + high), half_range: 0.5 * (high - low) }
     }
 

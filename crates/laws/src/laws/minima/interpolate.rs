@@ -65,7 +65,7 @@ struct LocalLine {
 impl LocalLine {
     fn at(sizes: &[Size], at: f64) -> Self {
         let x: Vec<f64> = sizes.iter().map(|size| size.best.params_nonvocab.ln()).collect();
-        let (low, high) = extent(x.iter().copied());
+        let [low, high] = extent(x.iter().copied());
         let bandwidth = BANDWIDTH * (high - low);
         let weights: Vec<f64> =
             x.iter().map(|x| (-0.5 * ((x - at) / bandwidth).powi(2)).exp()).collect();

@@ -136,7 +136,7 @@ fn plane_at(cells: &[Cell], axes: Axes, at: (f64, f64), value: fn(&Cell) -> f64)
 
 /// Which edges of the grid a minimum lies at or beyond.
 fn outside(grid: &Grid, minimum: &Minimum, u: f64) -> Vec<MinimumFlag> {
-    let (low, high) = extent(grid.cells.iter().map(|cell| cell.n_vocab));
+    let [low, high] = extent(grid.cells.iter().map(|cell| cell.n_vocab));
     let beyond_sizes = u.abs() >= 1.0;
     let beyond_vocab = !(low < minimum.n_vocab && minimum.n_vocab < high);
     [(beyond_sizes, MinimumFlag::NotBracketed), (beyond_vocab, MinimumFlag::VocabNotBracketed)]

@@ -32,7 +32,7 @@ fn rows(prediction: &Prediction) -> String {
     let own = told.clone().map(|(number, (value, _))| value.map(number));
     let intervals = told.map(|(number, (value, ends))| value.map(|_| span(ends, number)));
     let far = distance(prediction.extrapolation_factor, prediction.below_fit);
-    let far = format!("  {}", far.trim_end_matches(" the fit").trim_end_matches(" beyond"));
+    let far = format!("  {}", far.trim_end_matches(" beyond"));
     line(&count(prediction.budget_flops), own) + &line(&far, intervals)
 }
 

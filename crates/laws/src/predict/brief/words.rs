@@ -3,12 +3,13 @@
 use crate::laws::text::{times, wrap};
 use crate::predict::Prediction;
 
-/// How far from the fitted budgets one lies, by its ratio to the largest and by that of the smallest to it.
+/// Where a budget lies by the fitted ones, from its ratio to the largest and that of the smallest to it: before
+/// "the fit" in a sentence.
 pub(in crate::predict) fn distance(beyond: f64, below: Option<f64>) -> String {
     match below {
-        Some(factor) => format!("{} times below the fit", times(factor)),
-        None if beyond > 1.0 => format!("{} times beyond the fit", times(beyond)),
-        None => "within the fit".to_string(),
+        Some(factor) => format!("{} times below", times(factor)),
+        None if beyond > 1.0 => format!("{} times beyond", times(beyond)),
+        None => "within".to_string(),
     }
 }
 
@@ -17,7 +18,7 @@ pub fn standing(prediction: &Prediction) -> String {
     let far = distance(prediction.extrapolation_factor, prediction.below_fit);
     let law =
         prediction.recommended.map_or_else(String::new, |law| format!(", by {}", law.about()));
-    far + &law
+    format!("{far} the fit{law}")
 }
 
 /// Which loss a table's predictions are of, in parentheses; nothing for L_u and for a column `loss`.

@@ -3,7 +3,7 @@
 use super::told::Told;
 use super::types::SizedPrediction;
 use crate::laws::text::count;
-use crate::laws::{Candidate, JointLaw, Laws};
+use crate::laws::{JointLaw, Laws};
 use crate::predict::warnings::is_far;
 
 /// Runs that count less than this share are hardly fitted.
@@ -63,25 +63,13 @@ fn off_the_minimum(prediction: &SizedPrediction, laws: &Laws, law: &Told) -> Opt
 fn other_law(prediction: &SizedPrediction, laws: &Laws, law: &Told) -> Option<String> {
     let Told::Joint(..) = law else { return None };
     let own = laws.recommended_law();
-    let loss = match own {
-        Candidate::Log => laws.loss.log.as_ref()?.loss_at(prediction.flops),
-        Candidate::Floor => {
-            laws.loss.floor.as_ref()?.loss_at(prediction.flops, laws.reference_flops)
-        }
-        Candidate::Joint | Candidate::JointRepeats => return None,
-    };
+    let loss = laws.loss_of_minima(own, prediction.flops)?;
     Some(format!(
-        "{} is recommended, and knows the loss of best models alone: {loss:.4} at these FLOPs, where the joint law, \
-         which knows every model, has {:.4}.",
-        capital(own.about()),
+        "The recommended law is {}, which knows best models alone: their loss at these FLOPs is {loss:.4} by it, and \
+         {:.4} by the joint law.",
+        own.about(),
         prediction.optimum.loss_normalised
     ))
-}
-
-/// With a capital letter.
-fn capital(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// The parametric laws count 6ND, whatever the table's budgets count.

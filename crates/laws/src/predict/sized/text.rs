@@ -20,7 +20,7 @@ fn title(prediction: &SizedPrediction) -> String {
     let far = distance(prediction.extrapolation_factor, prediction.below_fit);
     let loss = of_loss(prediction.loss_name.as_deref());
     let sentence = format!(
-        "{} on {} tokens, {} FLOPs, {far}, by {} of {}{loss}:",
+        "{} on {} tokens, {} FLOPs, {far} the fit, by {} of {}{loss}:",
         model(prediction),
         count(prediction.tokens),
         count(prediction.flops),
