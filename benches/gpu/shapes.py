@@ -29,8 +29,11 @@ from isoflop.torch import learning, network
 from isoflop.torch.objectives import objective
 from isoflop.torch.spec import RunSpec
 
-# n_layer, n_head, d_model, d_ff of ScaMo's Table 1, by the paper's names.
+# n_layer, n_head, d_model, d_ff: ScaMo's Table 1, by the paper's names, and three below it, by N_nv.
 SHAPES = {
+    "0.1M": (4, 2, 48, 128),
+    "1M": (4, 4, 128, 384),
+    "6M": (8, 4, 256, 768),
     "44M": (8, 8, 512, 1536),
     "111M": (12, 12, 768, 2048),
     "343M": (24, 16, 1024, 2816),

@@ -13,6 +13,8 @@ from torch import nn
 from .packing import BLOCK
 
 EPSILON = 1e-5
+# Features of a head that flex attention takes, at least.
+LEAST_HEAD = 16
 # Logits that are held at once, at most.
 LOGITS_AT_ONCE = 1 << 28
 
@@ -93,8 +95,11 @@ class View(NamedTuple):
         mask = BlockMask(
             (n, n), counts, order, *none, counts_back, order_back, *none, (BLOCK, BLOCK), visible
         )
-        q, k, v = (x.transpose(0, 1)[None] for x in (q, k, v))
-        return flex_attention(q, k, v, block_mask=mask)[0].transpose(0, 1)
+        c = q.shape[-1]
+        wider = (0, max(0, LEAST_HEAD - c))
+        q, k, v = (F.pad(x, wider).transpose(0, 1)[None] for x in (q, k, v))
+        mixed = flex_attention(q, k, v, block_mask=mask, scale=c**-0.5)
+        return mixed[0].transpose(0, 1)[..., :c]
 
     def _sequences(self, q, k, v):
         """Sequence by sequence, padded to the longest: on a processor, and wherever nothing is compiled."""

@@ -3,15 +3,17 @@
 import json
 
 import numpy as np
+import torch
 from safetensors import safe_open
 
 SPLITS = ("train", "val", "test")
 
 
-def columns(path):
-    """The arrays of a safetensors file by name, and its notes."""
+def columns(path, but=()):
+    """The arrays of a safetensors file by name, but for some, and its notes."""
     with safe_open(path, "np") as file:
-        return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}
+        names = [name for name in file.keys() if name not in but]
+        return {name: file.get_tensor(name) for name in names}, file.metadata() or {}
 
 
 class Scale:
@@ -81,11 +83,13 @@ class Captions:
     """The vectors of all captions, word after word."""
 
     def __init__(self, path):
-        arrays, notes = columns(path)
+        arrays, notes = columns(path, but=("embeddings",))
         self.dim = int(notes["dim"])
-        # The last row is the caption that is left out, one vector of zeros.
-        vectors = arrays["embeddings"].reshape(-1, self.dim)
-        self.vectors = np.concatenate([vectors, np.zeros((1, self.dim), np.float32)])
+        # Gigabytes for a large corpus, copied once. The last row is the caption that is left out, one vector of
+        # zeros.
+        with safe_open(path, "pt") as file:
+            vectors = file.get_tensor("embeddings").view(-1, self.dim)
+            self.vectors = torch.cat([vectors, torch.zeros(1, self.dim)])
         self.first_word = arrays["words"].astype(np.int64)
         self.n_words = np.diff(self.first_word)
         self.captions = {name: arrays[f"{name}.captions"].astype(np.int64) for name in SPLITS}

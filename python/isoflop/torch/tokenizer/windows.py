@@ -84,7 +84,7 @@ class CaptionsOfSteps:
 
     def __init__(self, spec, captions, device):
         self.spec, self.captions, self.device = spec, captions, device
-        self.vectors = on_device(captions.vectors, device)
+        self.vectors = captions.vectors.to(device)
 
     def of(self, step, clips):
         """Vectors `[b, words, dim]`, and how many words each has `[b]`."""
