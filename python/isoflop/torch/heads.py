@@ -21,6 +21,10 @@ class Headed(Network):
 
     PARTS = ("embedded", "heads_loss")
 
+    def optional(self, batch):
+        first = self.n_heads - len(self.heads)
+        return [(batch[f"valid_{k}"].any(), head) for k, head in enumerate(self.heads, first)]
+
     def features(self, batch):
         """What the blocks make of the rows that predict targets, head after head, `[s, d]` each."""
         x = self.stacked(self.part("embedded")(batch), batch)

@@ -111,8 +111,20 @@ class Learning:
             norm = torch.linalg.vector_norm(torch.stack(torch._foreach_norm(grads)))
             torch._foreach_mul_(grads, (self.spec.clip_norm / norm).clamp(max=1.0))
         self._count_steps()
+        optional = [(asked, tensor, tensor.clone()) for asked, tensor in self._optional(batch)]
         self.adam.step()
+        for asked, tensor, before in optional:
+            tensor.copy_(torch.where(asked, tensor, before))
         return loss.detach()
+
+    def _optional(self, batch):
+        """What the step leaves as it is where a batch asks nothing of it, and whether it does: heads and their
+        moments. Only a padded batch has gradients of such a head, zeros, by which moments would decay."""
+        for asked, param in self.model.optional(batch):
+            if param.grad is not None:
+                state = self.adam.state[param]
+                for tensor in (param.data, state["exp_avg"], state["exp_avg_sq"]):
+                    yield asked, tensor
 
     def _count_steps(self):
         """Bias is corrected by the steps of the run, also of a head that this step asks nothing of."""

@@ -197,6 +197,10 @@ class Network(nn.Module):
         own = getattr(self, name)
         return self.compiled.get(name, own) if torch.is_grad_enabled() else own
 
+    def optional(self, batch):
+        """Parameters that a batch may ask nothing of, each with whether it does."""
+        return []
+
     def view(self, batch):
         return View.of(batch, self.cos, self.sin)
 

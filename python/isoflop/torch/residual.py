@@ -60,6 +60,9 @@ class Stages(nn.Module):
         self.base.compile_parts()
         self.residual.compile_parts()
 
+    def optional(self, batch):
+        return self.residual.optional(stage(batch, "residual"))
+
     def forward(self, batch):
         """1/K of the first stage's loss and (K - 1)/K of the second's, K layers: nats a code."""
         first, later = self.base(stage(batch, "base")), self.residual(stage(batch, "residual"))
