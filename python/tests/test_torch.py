@@ -20,7 +20,7 @@ try:
     from isoflop.torch.chacha import Stream, _blocks
     from isoflop.torch.draws import corrupted, hidden, hidden_codes
     from isoflop.torch.ends import Failed
-    from isoflop.torch.learning import load_state, save_state, split_loss
+    from isoflop.torch.learning import Learning, load_state, save_state, split_loss
     from isoflop.torch.objectives import objective
     from isoflop.torch.packing import on_device, room_for
     from isoflop.torch.scale_inputs import Multiscale, area_down, linear_up
@@ -204,17 +204,33 @@ class Padding(unittest.TestCase):
     def test_two_stages_with_tied_embeddings(self):
         self._check("masked", LAYERS, None, tie_embeddings=True)
 
+    def test_a_head_that_a_step_asks_nothing_of_stays_as_it_is(self):
+        ends, idle = [], 0
+        for is_padded in (False, True):
+            with tempfile.TemporaryDirectory() as folder:
+                run = objective(_spec(folder, "masked", LAYERS, None, batch_tokens=4))
+                _fill(run.model)
+                learning, room = Learning(run, torch.device("cpu"), folder, False), {}
+            learning.adam.param_groups[0]["lr"] = 0.1
+            batches = [run.batch(step) for step in range(8)]
+            for packed in batches:
+                room = room_for(packed.sizes(), room)
+            for packed in batches:
+                idle += any(n == 0 for name, n in packed.sizes().items() if "target" in name)
+                learning.update(on_device(_padded(packed, room) if is_padded else packed.as_it_is(), "cpu"))
+            ends.append([param.detach() for param in learning.params])
+        self.assertGreater(idle, 0)
+        for a, b in zip(*ends):
+            torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-5)
+
     def _check(self, kind, lengths, quantizer, **shape):
         with tempfile.TemporaryDirectory() as folder:
             run = objective(_spec(folder, kind, lengths, quantizer, **shape))
-        random = torch.Generator().manual_seed(1)
-        with torch.no_grad():
-            for param in run.model.parameters():
-                param.normal_(0, 0.3, generator=random)
+        _fill(run.model)
         for step in range(3):
             packed = run.batch(step)
             plain, own = self._gradients(run.model, packed.as_it_is())
-            padded, others = self._gradients(run.model, _padded(packed))
+            padded, others = self._gradients(run.model, _padded(packed, room_for(packed.sizes(), {})))
             self.assertAlmostEqual(plain, padded, places=5)
             for a, b in zip(own, others):
                 torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-6)
@@ -232,9 +248,16 @@ class Padding(unittest.TestCase):
         return loss.item(), grads
 
 
-def _padded(packed):
+def _fill(model):
+    random = torch.Generator().manual_seed(1)
+    with torch.no_grad():
+        for param in model.parameters():
+            param.normal_(0, 0.3, generator=random)
+
+
+def _padded(packed, room):
     """A padded batch with the grid of its rows, so that attention goes sequence by sequence."""
-    arrays, plain = packed.padded(room_for(packed.sizes(), {})), packed.as_it_is()
+    arrays, plain = packed.padded(room), packed.as_it_is()
     for name in [name for name in plain if name.endswith("grid_at")]:
         rows = len(arrays[name.replace("grid_at", "first")])
         arrays[name] = np.concatenate([plain[name], np.zeros(rows - len(plain[name]), np.int64)])
@@ -242,7 +265,7 @@ def _padded(packed):
     return arrays
 
 
-def _spec(folder, kind, lengths, quantizer, tie_embeddings=False):
+def _spec(folder, kind, lengths, quantizer, tie_embeddings=False, batch_tokens=41):
     """A run on a made-up data set whose files lie in a folder."""
     rng = np.random.default_rng(0)
     grid = {"scales": [{"n_vocab": 6, "length": own} for own in lengths]}
@@ -255,7 +278,9 @@ def _spec(folder, kind, lengths, quantizer, tie_embeddings=False):
         shape["n_ctx"] = MAX_TEXT + MOST_LATENTS
     generator = {"kind": kind, "shape": shape, "d_latent": D_LATENT, "frames_per_latent": 4}
     generator |= {"most_latents": MOST_LATENTS, "corruption": 0.3, "text_drop": 0.3}
-    spec = {"generator": generator, "shape": shape, "grid": grid, "seed": 2, "batch_tokens": 41, "clips": None}
+    spec = {"generator": generator, "shape": shape, "grid": grid, "seed": 2, "clips": None}
+    spec |= {"batch_tokens": batch_tokens, "steps": 8, "precision": "f32", "clip_norm": 1.0}
+    spec |= {"betas": [0.9, 0.99], "epsilon": 1e-8, "weight_decay": 0.1}
     spec |= {"targets_per_pass": 64, "tokenizer": folder}
     spec |= {name: os.path.join(folder, f"{name}.safetensors") for name in ("codes", "text")}
     _write_codes(spec["codes"], grid, rng)

@@ -199,7 +199,7 @@ fn percent([least, most]: [f64; 2]) -> String {
 /// `measured by 12 finished runs`.
 fn source(source: MfuSource) -> String {
     match source {
-        MfuSource::Reference => "as on an H200 at 27M and 308M".to_string(),
+        MfuSource::Reference => "as on an H200 from 0.1M to 731M".to_string(),
         MfuSource::Told => "as engine.mfu says".to_string(),
         MfuSource::Measured { runs: 1 } => "measured by 1 finished run".to_string(),
         MfuSource::Measured { runs } => format!("measured by {runs} finished runs"),

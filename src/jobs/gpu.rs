@@ -16,11 +16,19 @@ use crate::record::{RunRecord, flops_per_second};
 
 /// N_nv of a model and its MFU in bf16, without the optimiser's part of a step.
 ///
-/// At 27 M and 308 M (ScaMo's 44M and 343M): the torch trainer on an H200 (`benches/gpu/shapes.py`, steps of 8192
-/// tokens, V = 1024). Below 27 M **assumed**: the launches of the kernels bound a step, so that a step takes almost
-/// as long whatever the size. Slower cards have a higher MFU at small sizes, so their hours are overestimated.
-const REFERENCE: [Rate; 5] =
-    [(1e4, 0.0005), (1e5, 0.005), (1e6, 0.03), (27.27e6, 0.158), (308.3e6, 0.298)];
+/// The torch trainer on an H200 (`benches/gpu/shapes.py`, steps of 8192 tokens, V = 1024); 27 M to 731 M are
+/// ScaMo's 44M to 775M. Below 27 M a step takes 8 to 9 ms whatever the size; that it does so at 10 k is **assumed**.
+/// Slower cards have a higher MFU at small sizes, so their hours are overestimated.
+const REFERENCE: [Rate; 8] = [
+    (1e4, 0.000_11),
+    (110.6e3, 0.0012),
+    (852e3, 0.0058),
+    (6.82e6, 0.0395),
+    (27.27e6, 0.158),
+    (84.9e6, 0.250),
+    (308.3e6, 0.298),
+    (731.4e6, 0.312),
+];
 
 /// Bytes that a step moves for each parameter, whatever its batch: AdamW, clipping, and weights in bf16 (by the
 /// profile of the same runs).
@@ -46,7 +54,7 @@ pub struct Gpu {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "source", rename_all = "lowercase")]
 pub enum MfuSource {
-    /// The table in this file: an H200 at two sizes, extrapolated to others.
+    /// The table in this file: an H200 at seven sizes, interpolated.
     Reference,
     /// `engine.mfu`.
     Told,
@@ -203,8 +211,8 @@ mod tests {
         assert_eq!(gpu.source, MfuSource::Reference);
         assert!((gpu.mfu(27_270_000) - 0.158).abs() < 1e-12);
         // The geometric mean lies halfway in the logarithm.
-        assert!((gpu.mfu(316_228) - (0.005_f64 * 0.03).sqrt()).abs() < 1e-6);
-        assert_eq!((gpu.mfu(3_000_000_000), gpu.mfu(1)), (0.298, 0.0005));
+        assert!((gpu.mfu(306_973) - (0.0012_f64 * 0.0058).sqrt()).abs() < 1e-6);
+        assert_eq!((gpu.mfu(3_000_000_000), gpu.mfu(1)), (0.312, 0.000_11));
     }
 
     /// 8192 tokens a step of ScaMo's 44M took 8.66 ms on an H200 with 1024 codes, and of 343M 55.06 ms.
