@@ -253,7 +253,7 @@ mod tests {
         assert_eq!(gpu().source, MfuSource::Measured { runs: 1 });
         let mfu = |at: usize| gpu().mfu(plan.runs[at].params.nonvocab);
         assert!((mfu(1) - 0.2).abs() < 1e-9 && (mfu(2) - 0.2).abs() < 1e-9);
-        assert!((0.14..0.17).contains(&mfu(0)), "smaller models reach less: {}", mfu(0));
+        assert!((0.12..0.13).contains(&mfu(0)), "smaller models reach less: {}", mfu(0));
     }
 
     /// 29 M parameters take 0.47 GB, 8 layers of 13,107 rows 2.3 GB.
