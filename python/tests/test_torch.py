@@ -211,7 +211,7 @@ class Padding(unittest.TestCase):
                 run = objective(_spec(folder, "masked", LAYERS, None, batch_tokens=4))
                 _fill(run.model)
                 learning, room = Learning(run, torch.device("cpu"), folder, False), {}
-            learning.adam.param_groups[0]["lr"] = 0.1
+            learning.compiled, learning.adam.param_groups[0]["lr"] = is_padded, 0.1
             batches = [run.batch(step) for step in range(8)]
             for packed in batches:
                 room = room_for(packed.sizes(), room)

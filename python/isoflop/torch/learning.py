@@ -118,9 +118,10 @@ class Learning:
         return loss.detach()
 
     def _optional(self, batch):
-        """What the step leaves as it is where a batch asks nothing of it, and whether it does: heads and their
-        moments. Only a padded batch has gradients of such a head, zeros, by which moments would decay."""
-        for asked, param in self.model.optional(batch):
+        """Heads and their moments, each with whether the batch asks anything of it: if not, the step leaves it
+        as it is. Batches are padded only when steps are compiled; they give an idle head a gradient of zero, by
+        which its moments would decay."""
+        for asked, param in self.model.optional(batch) if self.compiled else []:
             if param.grad is not None:
                 state = self.adam.state[param]
                 for tensor in (param.data, state["exp_avg"], state["exp_avg_sq"]):

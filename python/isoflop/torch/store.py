@@ -9,11 +9,10 @@ from safetensors import safe_open
 SPLITS = ("train", "val", "test")
 
 
-def columns(path, but=()):
-    """The arrays of a safetensors file by name, but for some, and its notes."""
-    with safe_open(path, "np") as file:
-        names = [name for name in file.keys() if name not in but]
-        return {name: file.get_tensor(name) for name in names}, file.metadata() or {}
+def columns(path):
+    """The arrays of a safetensors file by name, mapped and not read, and its notes."""
+    with safe_open(path, "pt") as file:
+        return {name: file.get_tensor(name).numpy() for name in file.keys()}, file.metadata() or {}
 
 
 class Scale:
@@ -83,13 +82,11 @@ class Captions:
     """The vectors of all captions, word after word."""
 
     def __init__(self, path):
-        arrays, notes = columns(path, but=("embeddings",))
+        arrays, notes = columns(path)
         self.dim = int(notes["dim"])
-        # Gigabytes for a large corpus, copied once. The last row is the caption that is left out, one vector of
-        # zeros.
-        with safe_open(path, "pt") as file:
-            vectors = file.get_tensor("embeddings").view(-1, self.dim)
-            self.vectors = torch.cat([vectors, torch.zeros(1, self.dim)])
+        # The last row is the caption that is left out, one vector of zeros.
+        vectors = torch.from_numpy(arrays["embeddings"]).view(-1, self.dim)
+        self.vectors = torch.cat([vectors, torch.zeros(1, self.dim)])
         self.first_word = arrays["words"].astype(np.int64)
         self.n_words = np.diff(self.first_word)
         self.captions = {name: arrays[f"{name}.captions"].astype(np.int64) for name in SPLITS}
