@@ -14,6 +14,7 @@
 //! | 1 | [`machine`] | memory of this machine, and kills for the lack of it; GPUs by name | |
 //! | 1 | [`files`] | files written whole, mapped, or set aside | failure |
 //! | 1 | [`progress`] | steps, pieces of work, requests to stop | failure, files |
+//! | 1 | [`words`] | laws and predictions in words, for a terminal | |
 //! | 2 | [`spec`] | closed descriptions of what is trained: hashed, free of burn | |
 //! | 2 | [`sweep`] | a YAML file into a checked [`sweep::Sweep`] | spec |
 //! | 3 | [`motion`] | joints into features and back, into BVH, from other skeletons; the procedural source | |
@@ -71,5 +72,6 @@ pub mod sweep;
 pub mod text;
 pub mod tokenizer;
 pub mod units;
+pub mod words;
 
 pub use isoflop_laws::{laws, predict, table};

@@ -5,9 +5,9 @@ use std::fmt::Write;
 
 use isoflop::jobs::Job;
 use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
-use isoflop::laws::wrap;
 use isoflop::plan::{Plan, PlannedRun, bytes_on_card};
 use isoflop::spec::Precision;
+use isoflop::words::wrap;
 use serde_json::{Value, json};
 
 use super::plan_text::{bytes, exponent, flops};

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 
 use isoflop::engine::Tell;
-use isoflop::laws::fit_to_terminal;
+use isoflop::words::fit_to_terminal;
 use tracing_subscriber::EnvFilter;
 
 use super::args::Common;

@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use isoflop::data::MemberFacts;
 use isoflop::jobs::{JobState, RunStates};
-use isoflop::laws::wrap;
 use isoflop::plan::{Dropped, Plan, PlannedRun, Renamed};
+use isoflop::words::wrap;
 
 use super::args::SweepArgs;
 use super::stale::Stale;

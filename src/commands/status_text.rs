@@ -5,7 +5,7 @@ use std::path::Path;
 use isoflop::engine::EngineState;
 use isoflop::engine::local::left;
 use isoflop::jobs::{Counts, FailedJob, Running, SweepState};
-use isoflop::laws::wrap;
+use isoflop::words::wrap;
 
 use super::command_line::CommandLine;
 

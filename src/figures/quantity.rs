@@ -1,6 +1,6 @@
 //! The three quantities of ScaMo Eq. 9: N_nv, N_v and D of the optimum.
 
-use crate::laws::{Answer, Coefficient, Exponent, Minimum, OptimumAt, OwnExponents};
+use crate::laws::{Answer, Coefficient, Exponent, Minimum, OptimumAt};
 
 /// One of the three quantities of ScaMo Eq. 9.
 pub struct Quantity {
@@ -10,9 +10,8 @@ pub struct Quantity {
     /// The exponent's symbol.
     pub exponent: &'static str,
     pub of: fn(&Minimum) -> f64,
-    /// Of the law to believe.
-    at: fn(&OptimumAt) -> Option<Coefficient>,
-    told: fn(&OwnExponents) -> Option<&Exponent>,
+    /// Its symbol in what the law to believe says.
+    symbol: &'static str,
 }
 
 pub static QUANTITIES: [Quantity; 3] = [
@@ -21,24 +20,21 @@ pub static QUANTITIES: [Quantity; 3] = [
         form: "Nₙᵥ ∝ Cᵇ",
         exponent: "b",
         of: |minimum| minimum.params_nonvocab,
-        at: |optimum| optimum.params_nonvocab.or(optimum.params),
-        told: |own| own.params_nonvocab.as_ref().or(own.params.as_ref()),
+        symbol: "N_nv",
     },
     Quantity {
         label: "Vocabulary parameters Nᵥ",
         form: "Nᵥ ∝ Cᵃ",
         exponent: "a",
         of: |minimum| minimum.params_vocab,
-        at: |optimum| optimum.params_vocab,
-        told: |own| own.params_vocab.as_ref(),
+        symbol: "N_v",
     },
     Quantity {
         label: "Training tokens D",
         form: "D ∝ Cᶜ",
         exponent: "c",
         of: |minimum| minimum.tokens,
-        at: |optimum| optimum.tokens,
-        told: |own| own.tokens.as_ref(),
+        symbol: "D",
     },
 ];
 
@@ -56,21 +52,20 @@ pub static SIZE: Quantity = Quantity {
     form: "N ∝ Cᵃ",
     exponent: "a",
     of: |minimum| minimum.params_nonvocab,
-    at: |optimum| optimum.params,
-    told: |own| own.params.as_ref(),
+    symbol: "N",
 };
 
 impl Quantity {
     /// Its exponent, where it is determined.
     pub fn exponent_of<'a>(&self, answer: &'a Answer) -> Option<&'a Exponent> {
-        (self.told)(&answer.exponents).filter(|own| own.value.is_some())
+        answer.exponents.of(self.symbol).filter(|own| own.value.is_some())
     }
 
     /// C, the value there and its 95 % interval along the fitted budgets; empty where the exponent is not
     /// determined.
     pub fn path(&self, answer: &Answer) -> Vec<(f64, Coefficient)> {
         let told = self.exponent_of(answer).is_some();
-        let at = |optimum: &OptimumAt| Some((optimum.budget_flops, (self.at)(optimum)?));
+        let at = |optimum: &OptimumAt| Some((optimum.budget_flops, *optimum.at.of(self.symbol)?));
         answer.path.iter().filter(|_| told).filter_map(at).collect()
     }
 }

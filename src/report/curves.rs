@@ -76,9 +76,8 @@ fn optimum(chart: &Chart, study: &Study) -> Markup {
         .predictions
         .iter()
         .map(|prediction| {
-            let size = prediction.params_nonvocab.or(prediction.params).unwrap_or(f64::NAN);
-            let [low, high] =
-                prediction.ci95.params_nonvocab.or(prediction.ci95.params).unwrap_or([size, size]);
+            let size = prediction.at.size().copied().unwrap_or(f64::NAN);
+            let [low, high] = prediction.ci95.at.size().copied().unwrap_or([size, size]);
             [size, low, high].map(|x| px(chart.x_within(x))).join(" ")
         })
         .collect();

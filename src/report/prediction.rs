@@ -8,7 +8,8 @@ use super::input::Study;
 use super::words::Words;
 use crate::laws::Minimum;
 use crate::laws::text::count;
-use crate::predict::{Prediction, Together, cells, standing};
+use crate::predict::Prediction;
+use crate::words::prediction::{all_together, cells, standing};
 
 /// The section; `None` where nothing is predicted.
 pub fn section(study: &Study) -> Option<Markup> {
@@ -77,7 +78,7 @@ fn shown(prediction: &Prediction) -> Value {
         "far": standing(prediction),
         "rows": cells(prediction),
         "shape": shape,
-        "together": prediction.together.as_ref().map(Together::sentence),
+        "together": prediction.together.as_ref().map(all_together),
         "warnings": prediction.warnings,
     })
 }

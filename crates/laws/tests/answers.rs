@@ -1,10 +1,8 @@
-//! What the first screen of a fit says of tables that tell little, or whose truth is known.
+//! What a fit answers of tables that tell little, or whose truth is known.
 
 use std::path::{Path, PathBuf};
 
-use isoflop_laws::laws::{
-    FitOptions, IsoFlopPoint, Laws, MinimumMethod, Parameters, brief, fit, summary,
-};
+use isoflop_laws::laws::{FitOptions, IsoFlopPoint, Laws, MinimumMethod, Parameters, fit};
 use isoflop_laws::predict::{PredictOptions, predict};
 use isoflop_laws::table::{TableRequest, load, read};
 
@@ -41,7 +39,6 @@ fn exponents_of_a_coarse_grid_are_those_of_the_truth() {
             "{exponent:?}, {truth}"
         );
     }
-    assert!(!brief(&laws).contains("0.000"), "{}", brief(&laws));
 }
 
 #[test]
@@ -69,7 +66,7 @@ fn a_constant_loss_tells_no_exponent() {
     runs.iter_mut().for_each(|run| run.loss = -1.5);
     match fit(&runs, &FitOptions { bootstrap: 100, ..FitOptions::default() }) {
         Err(error) => assert!(error.is_unidentifiable(), "{error}"),
-        Ok(laws) => assert!(laws.answer().exponents.is_undetermined(), "{}", brief(&laws)),
+        Ok(laws) => assert!(laws.answer().exponents.is_undetermined(), "{:?}", laws.answer()),
     }
 }
 
@@ -86,17 +83,10 @@ fn one_vocabulary_leaves_its_exponent_untold_and_the_others_told() {
 }
 
 #[test]
-fn the_first_screen_is_the_head_of_the_full_text_and_every_number_has_one_value() {
+fn an_answer_survives_its_file() {
     let laws = fitted(&own_trainer());
-    let (first, full) = (brief(&laws), summary(&laws));
-    assert!(full.starts_with(&first));
-    assert!(first.lines().all(|line| line.chars().count() <= 80), "{first}");
-    let answer = laws.answer();
-    for (_, exponent) in answer.exponents.named() {
-        let value = format!("{:.3}", exponent.value.unwrap());
-        assert!(first.contains(&value), "{value}: {first}");
-    }
     let file: Laws = serde_json::from_str(&serde_json::to_string(&laws).unwrap()).unwrap();
+    assert!(laws.answer.is_some());
     assert_eq!(file.answer, laws.answer);
 }
 

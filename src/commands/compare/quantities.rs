@@ -1,7 +1,7 @@
 //! What is compared: exponents, and optima at a budget.
 
 use anyhow::Result;
-use isoflop::laws::{Difference, Estimate, Exponent, Laws, OwnExponents};
+use isoflop::laws::{Difference, Estimate, Exponent, Laws, PerQuantity};
 use isoflop::predict::{PredictError, Prediction};
 use serde::Serialize;
 
@@ -20,25 +20,15 @@ pub struct Quantity {
     pub differences: Vec<Option<Difference>>,
 }
 
-type Of<T> = fn(&T) -> Option<Estimate>;
-
-/// Those that `isoflop fit` prints: of the law to believe.
-const EXPONENTS: [(&str, Of<OwnExponents>); 4] = [
-    ("exponent of N_nv in C", |own| exponent(own.params_nonvocab.as_ref())),
-    ("exponent of N_v in C", |own| exponent(own.params_vocab.as_ref())),
-    ("exponent of N in C", |own| exponent(own.params.as_ref())),
-    ("exponent of D in C", |own| exponent(own.tokens.as_ref())),
+/// Exponents that `isoflop fit` prints, and their symbols: of the law to believe.
+const EXPONENTS: [(&str, &str); 4] = [
+    ("exponent of N_nv in C", "N_nv"),
+    ("exponent of N_v in C", "N_v"),
+    ("exponent of N in C", "N"),
+    ("exponent of D in C", "D"),
 ];
-
-const OPTIMA: [(&str, Of<Prediction>); 5] = [
-    ("N_nv", |found| {
-        Some(Estimate { value: found.params_nonvocab?, ci95: found.ci95.params_nonvocab })
-    }),
-    ("N_v", |found| Some(Estimate { value: found.params_vocab?, ci95: found.ci95.params_vocab })),
-    ("N", |found| Some(Estimate { value: found.params?, ci95: found.ci95.params })),
-    ("V", |found| Some(Estimate { value: found.n_vocab?, ci95: found.ci95.n_vocab })),
-    ("D", |found| Some(Estimate { value: found.tokens, ci95: found.ci95.tokens })),
-];
+/// What is compared of an optimum.
+const OPTIMA: [&str; 5] = ["N_nv", "N_v", "N", "V", "D"];
 
 impl Quantity {
     /// All that some study has.
@@ -49,23 +39,22 @@ impl Quantity {
             other => other.map(Some),
         });
         let optima: Vec<Option<Prediction>> = told.collect::<Result<_, PredictError>>()?;
-        let own: Vec<OwnExponents> =
+        let own: Vec<PerQuantity<Exponent>> =
             studies.iter().map(|study| study.laws.answer().exponents).collect();
-        let of_laws = EXPONENTS
-            .iter()
-            .map(|(name, of)| Self::new(name, false, own.iter().map(of).collect()))
-            .chain([Self::new(
-                "exponent of N_v in N_nv",
-                false,
-                studies
-                    .iter()
-                    .zip(&own)
-                    .map(|(study, own)| of_vocabulary(&study.laws, own))
-                    .collect(),
-            )]);
-        let of_optima = OPTIMA.iter().map(|(name, of)| {
+        let of_laws = EXPONENTS.iter().map(|(name, symbol)| {
+            Self::new(name, false, own.iter().map(|own| exponent(own.of(symbol)?)).collect())
+        });
+        let vocabularies = studies.iter().zip(&own);
+        let vocabularies = vocabularies.map(|(study, own)| of_vocabulary(&study.laws, own));
+        let of_laws =
+            of_laws.chain([Self::new("exponent of N_v in N_nv", false, vocabularies.collect())]);
+        let of_optima = OPTIMA.iter().map(|symbol| {
+            let of = |found: &Prediction| {
+                let ci95 = found.ci95.at.of(symbol).copied();
+                Some(Estimate { value: *found.at.of(symbol)?, ci95 })
+            };
             let estimates = optima.iter().map(|optimum| of(optimum.as_ref()?)).collect();
-            Self::new(name, true, estimates)
+            Self::new(symbol, true, estimates)
         });
         let all = of_laws.chain(of_optima);
         Ok(all.filter(|quantity| quantity.estimates.iter().any(Option::is_some)).collect())
@@ -83,7 +72,7 @@ impl Quantity {
 }
 
 /// Of a joint law the ratio of its two exponents; of others that of their own law.
-fn of_vocabulary(laws: &Laws, own: &OwnExponents) -> Option<Estimate> {
+fn of_vocabulary(laws: &Laws, own: &PerQuantity<Exponent>) -> Option<Estimate> {
     if laws.recommended_law().is_joint() {
         let [vocab, size] =
             [&own.params_vocab, &own.params_nonvocab].map(|own| own.as_ref()?.value);
@@ -94,6 +83,6 @@ fn of_vocabulary(laws: &Laws, own: &OwnExponents) -> Option<Estimate> {
 }
 
 /// `None` where it is not determined.
-fn exponent(own: Option<&Exponent>) -> Option<Estimate> {
-    own.and_then(|own| Some(Estimate { value: own.value?, ci95: own.ci95 }))
+fn exponent(own: &Exponent) -> Option<Estimate> {
+    Some(Estimate { value: own.value?, ci95: own.ci95 })
 }

@@ -4,8 +4,10 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use isoflop::files::atomic;
-use isoflop::laws::{Laws, brief, summary};
-use isoflop::predict::{self, Prediction};
+use isoflop::laws::Laws;
+use isoflop::predict::Prediction;
+use isoflop::words::fit::{brief, summary};
+use isoflop::words::prediction::said;
 use serde_json::{Value, json};
 
 use super::args::CompatName;
@@ -97,6 +99,6 @@ fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<
 /// The laws and the optima asked for: everything, or one screen.
 pub fn text(laws: &Laws, predictions: &[Prediction], full: bool) -> String {
     let own = if full { summary(laws) } else { brief(laws) };
-    let optima = (!predictions.is_empty()).then(|| predict::said(predictions, full));
+    let optima = (!predictions.is_empty()).then(|| said(predictions, full));
     [own].into_iter().chain(optima).collect::<Vec<_>>().join("\n")
 }

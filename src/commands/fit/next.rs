@@ -4,8 +4,9 @@ use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::files::atomic;
-use isoflop::laws::{Advice, AdviceKind, Laws, wrap};
+use isoflop::laws::{Advice, AdviceKind, Laws};
 use isoflop::sweep::{GridPart, ModelEntry, ModelList, Sweep, VocabSpec, models};
+use isoflop::words::wrap;
 
 use super::source::OwnSweep;
 use crate::commands::buildable::{codes, distinct, model, nonvocab};

@@ -6,9 +6,9 @@ use isoflop::laws::tao::{
     Criterion, DERIVATIVE_SIZES, FrontierLaws, Interpolation, PUBLISHED_MIN_FLOPS,
     TokensPerCharacter, derivative_gamma, frontier, frontier_laws, in_millions, published_units,
 };
-use isoflop::laws::{
-    Form, IsoFlopPoint, Parameters, Parametric, fit_parametric, parametric_text, wrap,
-};
+use isoflop::laws::{Form, IsoFlopPoint, Parameters, Parametric, fit_parametric};
+use isoflop::words::fit::parametric_text;
+use isoflop::words::wrap;
 use serde_json::{Value, json};
 
 use super::request::FitRequest;

@@ -10,6 +10,7 @@ use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::predict::{self, PredictError, PredictOptions, Prediction};
+use isoflop::words::prediction::said;
 
 use super::args::budget;
 use super::exit::Exit;
@@ -64,7 +65,7 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
         .iter()
         .map(|budget| Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens)))
         .collect::<Result<Vec<Prediction>, PredictError>>()?;
-    let text = predict::said(&predictions, output.full);
+    let text = said(&predictions, output.full);
     output.result(&serde_json::to_value(&predictions)?, &text)?;
     Ok(Exit::Done)
 }

@@ -3,8 +3,9 @@
 use anyhow::Result;
 use clap::Args;
 use isoflop::laws::Laws;
-use isoflop::predict::{ModelSize, predict_sized, sized_text};
+use isoflop::predict::{ModelSize, predict_sized};
 use isoflop::table::number;
+use isoflop::words::prediction::sized_text;
 use serde_json::json;
 
 use crate::commands::exit::Exit;

@@ -2,9 +2,9 @@
 
 use anyhow::Result;
 use isoflop::jobs::ResultsFolder;
-use isoflop::laws::wrap;
 use isoflop::rates::{CellRate, Rule};
 use isoflop::sweep::{LrRule, ScheduleKind, Sweep};
+use isoflop::words::wrap;
 use serde_json::json;
 
 use super::trials::Asked;

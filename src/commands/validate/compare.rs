@@ -35,12 +35,12 @@ pub fn compare(
     let predicted = Predicted {
         loss: forecast.loss_normalised,
         loss_ci95: ci.loss_normalised,
-        params_nonvocab: forecast.params_nonvocab,
-        params_nonvocab_ci95: ci.params_nonvocab,
-        params_vocab: forecast.params_vocab,
-        params_vocab_ci95: ci.params_vocab,
-        tokens: forecast.tokens,
-        tokens_ci95: ci.tokens,
+        params_nonvocab: forecast.at.params_nonvocab,
+        params_nonvocab_ci95: ci.at.params_nonvocab,
+        params_vocab: forecast.at.params_vocab,
+        params_vocab_ci95: ci.at.params_vocab,
+        tokens: forecast.at.tokens,
+        tokens_ci95: ci.at.tokens,
     };
     let at = (forecast.budget_flops, forecast.extrapolation_factor);
     Ok(Validated::new(at, predicted, measured))
@@ -132,7 +132,7 @@ pub fn text(validated: &Validated) -> String {
         ("L_u", (predicted.loss, predicted.loss_ci95), measured.loss, loss),
         ("N_nv", size, size_found, params_nonvocab),
         ("N_v", vocab, vocab_found, params_vocab),
-        ("D", (Some(predicted.tokens), predicted.tokens_ci95), tokens_found, tokens),
+        ("D", (predicted.tokens, predicted.tokens_ci95), tokens_found, tokens),
     ];
     for (name, (value, interval), found, inside) in rows {
         let number = |x: f64| if name == "L_u" { format!("{x:.4}") } else { format!("{x:.3e}") };

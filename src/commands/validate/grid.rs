@@ -21,16 +21,16 @@ const FARTHEST: f64 = 8.0;
 /// The sweep of a forecast's configuration, of sizes within and beyond its interval, and of vocabularies:
 /// trained as the sweep's own runs are, with more data where it is made on demand.
 pub fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -> Result<Sweep> {
-    let (Some(size), Some(vocab)) = (forecast.params_nonvocab, forecast.n_vocab) else {
+    let (Some(size), Some(vocab)) = (forecast.at.params_nonvocab, forecast.at.n_vocab) else {
         bail!("the laws of {} tell no vocabulary, so there is nothing to build", sweep.name);
     };
-    let sizes = levels(size, forecast.ci95.params_nonvocab, SIZE_STEP);
+    let sizes = levels(size, forecast.ci95.at.params_nonvocab, SIZE_STEP);
     let sizes: Vec<ModelEntry> =
         sizes.iter().map(|size| model(sweep, *size)).collect::<Result<_>>()?;
     let vocabularies = match &sweep.grid.vocab[..] {
         // One vocabulary is the trainer's own, or was chosen: the forecast is of no other.
         [only] => vec![only.clone(); 2 * MIDDLE + 1],
-        _ => levels(vocab, forecast.ci95.n_vocab, VOCAB_STEP).map(|v| codes(v, sweep)).to_vec(),
+        _ => levels(vocab, forecast.ci95.at.n_vocab, VOCAB_STEP).map(|v| codes(v, sweep)).to_vec(),
     };
     // Half of a small vocabulary may leave a codebook without codes.
     let buildable = vocabularies.iter().filter(|codes| sweep.quantizer(codes).is_ok());

@@ -12,8 +12,9 @@ use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::ops::DeviceName;
-use isoflop::predict::{Prediction, said};
+use isoflop::predict::Prediction;
 use isoflop::record::{flops_per_second, table};
+use isoflop::words::prediction::said;
 use serde_json::json;
 
 use super::args::{SweepArgs, an_engine, budget, device};

@@ -13,7 +13,7 @@ use super::queue::{Queue, QueuedTask, TaskState};
 use super::reasons::outlook;
 use crate::engine::EngineState;
 use crate::jobs::{JobKind, JobState, ResultsFolder, SweepState};
-use crate::laws::wrap;
+use crate::words::wrap;
 
 /// What Slurm says, in numbers.
 #[derive(Clone, Debug, Default, Serialize)]

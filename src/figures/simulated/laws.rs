@@ -50,17 +50,9 @@ pub fn laws(noise: &mut Noise) -> Laws {
     let bootstrap = (0..200).map(|_| replicate(centre, line, reference, noise)).collect();
     let at = |c: f64| line.0 + line.1 * c.log10();
     let held_out = minima[3].clone();
+    let names = ("quickstart", "6nd");
     Laws {
-        name: "quickstart".to_owned(),
-        law: LawKind::Isoflop,
         from_sweep: true,
-        flops_rule: "6nd".to_owned(),
-        metric: Metric::default(),
-        parameters: Parameters::Split,
-        n_ctx: None,
-        head_share: None,
-        own_vocabularies: false,
-        reference_flops: reference,
         fitted_budgets: BUDGETS[..3].to_vec(),
         minima_method: MinimumMethod::Parabola,
         held_out: Some(HeldOut {
@@ -100,21 +92,15 @@ pub fn laws(noise: &mut Noise) -> Laws {
             }),
         },
         power_laws: PowerLaws {
-            params: None,
             params_vocab: Some(params_vocab),
             params_nonvocab: Some(params_nonvocab),
             tokens: Some(tokens),
+            ..PowerLaws::default()
         },
         minima,
-        parametric: None,
-        sensitivity: Vec::new(),
-        validation: Vec::new(),
-        advice: Vec::new(),
-        judgement: Judgement::default(),
-        answer: None,
-        noise: None,
         bootstrap,
         warnings: vec!["The minimum at 1e11 is not bracketed.".to_owned()],
+        ..Laws::unfitted(LawKind::Isoflop, names, Parameters::Split, reference)
     }
 }
 

@@ -5,7 +5,7 @@
 //! | floor | room | what it is for | beside it |
 //! | --- | --- | --- | --- |
 //! | 1 | `maths` | statistics, lines, least squares and draws, which know nothing of runs | |
-//! | 1 | `words` | numbers and sentences for a terminal | |
+//! | 1 | `words` | numbers for a person | |
 //! | 2 | `input` | what a fit is given: runs and how it is asked for; runs by budget and cell: [`group_budgets`] | |
 //! | 3 | `minima` | the best configuration of each budget: [`minima()`], [`minimum_at`]; of a few cells that test a forecast: [`cross_optimum`] | |
 //! | 4 | `noise` | the scatter of runs, of tokenizers and of test splits | |
@@ -14,11 +14,11 @@
 //! | 5 | `parametric` | the loss in N and D of papers, by variable projection: [`fit_parametric`], [`optimum`] | |
 //! | 6 | `ranking` | which law predicts the larger budgets: [`Recommended`] | |
 //! | 7 | `file` | what `laws.json` holds: [`Laws`] | |
-//! | 8 | `answer` | what laws say, once, for screen, figures, report and files: [`Laws::answered`] | |
-//! | 8 | `design` | what to run next: [`next_runs`], [`Advice`] | |
-//! | 8 | `say` | a fit in words: [`brief()`], [`verdict()`], [`summary()`] | |
-//! | 9 | `fit` | all of it: [`fit()`]; by the running minimum: [`approach1()`]; from a parametric loss: [`parametric_laws`] | |
-//! | 9 | `published` | laws and procedures of papers: [`scamo()`], [`tao`] | |
+//! | 8 | `say` | all of this in sentences | |
+//! | 9 | `answer` | what laws say, once, for screen, figures, report and files: [`Laws::answered`] | |
+//! | 9 | `design` | what to run next: [`next_runs`], [`Advice`] | |
+//! | 10 | `fit` | all of it: [`fit()`]; by the running minimum: [`approach1()`]; from a parametric loss: [`parametric_laws`] | |
+//! | 10 | `published` | laws and procedures of papers: [`scamo()`], [`tao`] | |
 //!
 //! A room imports from rooms of lower floors; `tests/floors.rs` reads this table.
 //!
@@ -78,9 +78,7 @@ mod words;
 pub use design::open_run::OpenRun;
 pub use design::{DesignGoal, next_runs};
 pub use file::advice::{Advice, AdviceKind};
-pub use file::answer::{
-    Answer, Coefficient, Doubt, Exponent, HeldOutError, OptimumAt, OwnExponents,
-};
+pub use file::answer::{Answer, Coefficient, Doubt, Exponent, HeldOutError, OptimumAt};
 pub use file::difference::{Difference, Estimate};
 pub use file::judgement::{IntervalPart, Judgement, Tried};
 pub use file::kind::LawKind;
@@ -90,7 +88,7 @@ pub use fit::approach1::approach1;
 pub use fit::approach1::frontier::{FrontierPoint, frontier};
 pub use fit::approach1::options::Approach1Options;
 pub use fit::fit;
-pub use fit::parametric_laws::{around, parametric_laws};
+pub use fit::parametric_laws::{around, fit_parametric, parametric_laws};
 pub use fit::sensitivity::sensitivity_row;
 pub use input::budget::{Budget, group_budgets, of_largest_share};
 pub use input::error::FitError;
@@ -98,6 +96,7 @@ pub use input::method::MinimumMethod;
 pub use input::metric::{LOSS_NORMALISED, Metric};
 pub use input::options::{FitOptions, HoldOut, Weights};
 pub use input::point::{IsoFlopPoint, Parameters, RunFacts};
+pub use input::quantities::PerQuantity;
 pub use joint::above::Off;
 pub use joint::law::JointLaw;
 pub use joint::loss::{JointLoss, Terms};
@@ -115,15 +114,14 @@ pub use lines::types::{
 };
 pub use maths::least_squares::{LeastSquares, least_squares};
 pub use maths::random::Normals;
-pub use maths::stats::interval95;
+pub use maths::stats::{interval95, student_t95};
 pub use minima::cross::{CrossOptimum, TiedCells, TriedCells, cross_optimum, tied_cells};
 pub use minima::grid::WIDEST_STEP;
 pub use minima::run_noise::{NoiseSource, RunNoise};
-pub use minima::types::{LackOfFit, Minimum, MinimumFlag, MinimumIntervals, flags_text};
+pub use minima::types::{LackOfFit, Minimum, MinimumFlag, MinimumIntervals};
 pub use minima::{minima, minimum_at};
 pub use noise::test_noise::TestNoise;
 pub use noise::tokenizer_noise::TokenizerNoise;
-pub use parametric::fit::fit_parametric;
 pub use parametric::form::{Coefficients, Form};
 pub use parametric::influence::Influence;
 pub use parametric::objective::Space;
@@ -131,15 +129,12 @@ pub use parametric::objective::Space;
 pub use parametric::optimum::{Optimum, optimum, vocab_exponent};
 pub use parametric::options::{Huber, ParametricOptions};
 pub use parametric::search::Starts;
-pub use parametric::text::parametric_text;
 pub use parametric::types::Parametric;
 pub use published::scamo::scamo;
 pub use published::tao;
 pub use ranking::forecast_error::ForecastError;
 pub use ranking::miss::{Miss, MissedMinimum};
 pub use ranking::recommended::{Belief, Candidate, Recommended, Score};
-pub use say::brief::brief;
-pub use say::summary::summary;
-pub use say::verdict::verdict;
+pub use say::flags::flags_text;
 pub use words::text;
-pub use words::text::{fit_to_terminal, times, wrap};
+pub use words::text::times;

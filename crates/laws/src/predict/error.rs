@@ -1,5 +1,7 @@
 //! Why laws give no prediction.
 
+use crate::laws::text::count;
+
 /// Why [`predict`](super::predict) gave no prediction.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PredictError {
@@ -13,11 +15,11 @@ pub enum PredictError {
     OutOfRange { laws: String, budget: f64 },
 
     #[error(
-        "the joint law of {laws} has no optimum at {budget:e} FLOPs between the {what} {low} and {high}, 8 times \
+        "the joint law of {laws} has no optimum at {budget:e} FLOPs between the {what} {} and {}, 8 times \
          below what was tried and far above it: give a budget nearer to the runs, or add runs on both sides of \
-         the best {what} of each budget"
+         the best {what} of each budget", count(*.low), count(*.high)
     )]
-    NoOptimum { laws: String, budget: f64, what: &'static str, low: String, high: String },
+    NoOptimum { laws: String, budget: f64, what: &'static str, low: f64, high: f64 },
 
     #[error(
         "no scale of the optimum spends {budget:e} FLOPs under rule {rule}; \

@@ -12,13 +12,13 @@
 //!
 //! // What ScaMo's published laws say of 1e18 FLOPs.
 //! let best = predict(&scamo(), 1e18, &PredictOptions::default())?;
-//! let size = best.params_nonvocab.unwrap_or(0.0) + best.params_vocab.unwrap_or(0.0);
-//! assert!((6.0 * size * best.tokens / 1e18 - 1.0).abs() < 1e-6, "N and D spend the budget");
+//! let [size, vocab, tokens] =
+//!     [best.at.params_nonvocab, best.at.params_vocab, best.at.tokens].map(Option::unwrap);
+//! assert!((6.0 * (size + vocab) * tokens / 1e18 - 1.0).abs() < 1e-6, "N and D spend the budget");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 mod at_budget;
-mod brief;
 mod codebook;
 mod error;
 mod flop_count;
@@ -29,12 +29,10 @@ mod project;
 mod shapes;
 mod sized;
 mod spread;
-mod text;
 mod together;
 mod types;
 mod warnings;
 
-pub use brief::{brief, cells, standing};
 pub use codebook::Codebook;
 pub use error::PredictError;
 pub use flop_count::{CountedBy, FlopCount, SixNd};
@@ -42,8 +40,5 @@ pub use optimum::predict;
 pub use options::PredictOptions;
 pub use project::{Allocation, project};
 pub use shapes::{Shape, default_ladder};
-pub use sized::{
-    ModelSize, SizedIntervals, SizedOptimum, SizedPrediction, predict_sized, sized_text,
-};
-pub use text::{said, text};
+pub use sized::{ModelSize, SizedIntervals, SizedOptimum, SizedPrediction, predict_sized};
 pub use types::{Intervals, PredictedShape, Prediction, Raw, Together, Weighed};

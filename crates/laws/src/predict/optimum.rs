@@ -9,10 +9,9 @@ use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
 };
-use crate::laws::text::count;
 use crate::laws::{
-    Candidate, JointLaw, JointOptimum, LOSS_NORMALISED, LawKind, LawSample, Laws, TestNoise,
-    around, interval95,
+    Candidate, JointLaw, JointOptimum, LOSS_NORMALISED, LawKind, LawSample, Laws, PerQuantity,
+    TestNoise, around, interval95,
 };
 
 /// The optimal configuration for `budget` FLOPs.
@@ -44,7 +43,6 @@ pub fn predict(
         _ if !laws.from_sweep => (None, None),
         _ => shape(laws, &best, options).map(|(v, shape)| (Some(v), Some(shape)))?,
     };
-    let size = Size::of(vocabulary, &on_budget);
     let loss_normalised = loss(laws.recommended_law(), &raw);
     let own = (loss_normalised.unwrap_or(f64::NAN), on_budget);
     let opinions = opinions(laws, (vocabulary, options), own, budget);
@@ -53,11 +51,7 @@ pub fn predict(
     let mut prediction = Prediction {
         budget_flops: budget,
         law: laws.name.clone(),
-        params: size.params,
-        params_nonvocab: size.params_nonvocab,
-        params_vocab: size.params_vocab,
-        n_vocab,
-        tokens: on_budget.tokens,
+        at: PerQuantity { n_vocab, ..on_budget.named(laws.parameters) },
         loss_normalised,
         loss_name: loss_name(laws),
         recommended: laws.judgement.recommended.as_ref().map(|recommended| recommended.law),
@@ -107,8 +101,7 @@ impl Best {
         let vocabulary = Vocabulary::of(laws)?;
         let joint = joint_law(laws).and_then(|law| Some((law, law.optimum(budget)?)));
         if let Some((law, joint)) = joint {
-            if let Some((what, looked_at)) = law.at_an_end(&joint) {
-                let [low, high] = looked_at.map(count);
+            if let Some((what, [low, high])) = law.at_an_end(&joint) {
                 let laws = laws.name.clone();
                 return Err(PredictError::NoOptimum { laws, budget, what, low, high });
             }
@@ -145,35 +138,13 @@ fn loss(law: Candidate, raw: &Raw) -> Option<f64> {
     }
 }
 
-/// An allocation's size under the names of what is known of it.
-struct Size {
-    params: Option<f64>,
-    params_nonvocab: Option<f64>,
-    params_vocab: Option<f64>,
-}
-
-impl Size {
-    fn of(vocabulary: Vocabulary, allocation: &Allocation) -> Self {
-        let is_split = vocabulary != Vocabulary::None;
-        Self {
-            params: (!is_split).then_some(allocation.params_nonvocab),
-            params_nonvocab: is_split.then_some(allocation.params_nonvocab),
-            params_vocab: is_split.then_some(allocation.params_vocab),
-        }
-    }
-}
-
 fn raw(laws: &Laws, best: &Best, budget: f64, options: &PredictOptions) -> Raw {
-    let size = Size::of(best.vocabulary, &best.at_c);
     let spends_flops = match best.joint {
         Some(_) => budget,
         None => best.at_c.flops(options.flop_count),
     };
     Raw {
-        params: size.params,
-        params_nonvocab: size.params_nonvocab,
-        params_vocab: size.params_vocab,
-        tokens: best.at_c.tokens,
+        at: best.at_c.named(laws.parameters),
         spends_flops,
         loss_log: laws.loss_of_minima(Candidate::Log, budget),
         loss_floor: laws.loss_of_minima(Candidate::Floor, budget),
@@ -254,24 +225,24 @@ fn intervals(
         let place = [best.on_budget.params_nonvocab, best.n_vocab(options)?, budget];
         interval95(&noise.moved(&losses, place.map(f64::ln)))
     };
-    Intervals {
-        params: interval(&|a| Size::of(vocabulary, a).params, |e| e.ln_size),
-        params_nonvocab: interval(&|a| Size::of(vocabulary, a).params_nonvocab, |e| e.ln_size),
-        params_vocab: interval(&|a| Size::of(vocabulary, a).params_vocab, |e| e.ln_vocab),
-        n_vocab: match &joint {
-            Some(optima) => {
-                interval95(&spread.of_logs(optima.iter().map(|o| o.n_vocab), |e| e.ln_vocab))
-                    .filter(|_| vocabulary == Vocabulary::Law)
-            }
-            None => interval(
-                &|a| {
-                    (vocabulary == Vocabulary::Law).then_some(())?;
-                    Some(a.params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?)
-                },
-                |e| e.ln_vocab,
-            ),
-        },
+    let by_law = vocabulary == Vocabulary::Law;
+    let by_width =
+        |a: &Allocation| Some(a.params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?);
+    let n_vocab = || match &joint {
+        Some(optima) => {
+            interval95(&spread.of_logs(optima.iter().map(|o| o.n_vocab), |e| e.ln_vocab))
+        }
+        None => interval(&by_width, |e| e.ln_vocab),
+    };
+    let at = PerQuantity {
+        params_nonvocab: interval(&|a| Some(a.params_nonvocab), |e| e.ln_size),
+        params_vocab: interval(&|a| Some(a.params_vocab), |e| e.ln_vocab),
+        n_vocab: if by_law { n_vocab() } else { None },
         tokens: interval(&|a| Some(a.tokens), |e| e.ln_tokens),
+        ..PerQuantity::default()
+    };
+    Intervals {
+        at: at.under(laws.parameters),
         loss_normalised: interval95(&losses),
         loss_on_other_clips: laws.judgement.test_noise.as_ref().and_then(on_other_clips),
         loss_floor,

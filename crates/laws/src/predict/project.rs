@@ -1,7 +1,7 @@
 //! Laws that spend too much or too little, brought onto the budget.
 
 use super::{FlopCount, PredictError};
-use crate::laws::JointOptimum;
+use crate::laws::{JointOptimum, Parameters, PerQuantity};
 
 /// Relative error of the spent FLOPs at which a projection is done.
 const TOLERANCE: f64 = 1e-13;
@@ -26,6 +26,17 @@ impl Allocation {
     /// Training FLOPs under a rule.
     pub fn flops(&self, count: &dyn FlopCount) -> f64 {
         count.flops(self.params_nonvocab, self.params_vocab, self.tokens)
+    }
+
+    /// The same under the names that laws of `parameters` have; without V.
+    pub(super) fn named(&self, parameters: Parameters) -> PerQuantity<f64> {
+        let all = PerQuantity {
+            params_nonvocab: Some(self.params_nonvocab),
+            params_vocab: Some(self.params_vocab),
+            tokens: Some(self.tokens),
+            ..PerQuantity::default()
+        };
+        all.under(parameters)
     }
 
     fn scaled(&self, factor: f64) -> Self {

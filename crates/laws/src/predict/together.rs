@@ -1,9 +1,9 @@
 //! [`Together`]: what all tested laws forecast together, beside the recommended one.
 
 use super::at_budget::Vocabulary;
-use super::brief::QUANTITIES;
 use super::opinion::{Opinion, Quantities};
 use super::{Allocation, PredictError, PredictOptions, Prediction, Together, Weighed, project};
+use crate::laws::PerQuantity;
 
 /// Shares of a forecast that are not worth telling.
 const NOTHING: f64 = 0.005;
@@ -33,14 +33,17 @@ pub(super) fn together(
     let moved = project(&moved, spent, options.flop_count)?;
     let size = moved.params_nonvocab / on_budget.params_nonvocab;
     let vocab = moved.params_vocab / on_budget.params_vocab;
+    let by_law = vocabulary == Vocabulary::Law;
     Ok(Some(Together {
         laws,
         loss_normalised: loss + shift.loss,
-        params: own.params.map(|n| n * size),
-        params_nonvocab: own.params_nonvocab.map(|n| n * size),
-        params_vocab: own.params_vocab.map(|n| n * vocab),
-        n_vocab: own.n_vocab.map(|v| if vocabulary == Vocabulary::Law { v * vocab } else { v }),
-        tokens: moved.tokens,
+        at: PerQuantity {
+            params: own.at.params.map(|n| n * size),
+            params_nonvocab: own.at.params_nonvocab.map(|n| n * size),
+            params_vocab: own.at.params_vocab.map(|n| n * vocab),
+            n_vocab: own.at.n_vocab.map(|v| if by_law { v * vocab } else { v }),
+            tokens: Some(moved.tokens),
+        },
     }))
 }
 
@@ -61,22 +64,5 @@ fn mean(opinions: &[Opinion]) -> Quantities {
         ln_size: mean(|q| q.ln_size),
         ln_vocab: mean(|q| q.ln_vocab),
         ln_tokens: mean(|q| q.ln_tokens),
-    }
-}
-
-impl Together {
-    /// What they say, in a sentence.
-    pub fn sentence(&self) -> String {
-        let loss = Some(self.loss_normalised);
-        let values = [self.params, self.params_nonvocab, self.n_vocab, Some(self.tokens), loss];
-        let said = QUANTITIES.into_iter().zip(values);
-        let said = said.filter_map(|((name, number), x)| Some(format!("{name} {}", number(x?))));
-        let weights = self.laws.iter().map(|one| format!("{} {:.2}", one.law.name(), one.weight));
-        let join = |parts: Vec<String>| parts.join(", ");
-        format!(
-            "The laws together, weighed by how little they missed ({}): {}.",
-            join(weights.collect()),
-            join(said.collect())
-        )
     }
 }

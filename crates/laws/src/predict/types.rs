@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::laws::Candidate;
+use crate::laws::{Candidate, PerQuantity};
 
 /// The optimal configuration for a budget.
 ///
@@ -14,21 +14,10 @@ pub struct Prediction {
     pub budget_flops: f64,
     /// Name of the laws.
     pub law: String,
-    /// N on the budget, where the laws do not tell N_nv and N_v apart. Then those two, V and the
-    /// shape are absent; else N is.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<f64>,
-    /// N_nv on the budget.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<f64>,
-    /// N_v on the budget.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<f64>,
-    /// V = N_v/d, d being the width of `shape`; not rounded to a codebook.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub n_vocab: Option<f64>,
-    /// D on the budget.
-    pub tokens: f64,
+    /// On the budget. V = N_v/d, d being the width of `shape`; it is not rounded to a codebook, and absent in
+    /// laws that were not fitted to a sweep.
+    #[serde(flatten)]
+    pub at: PerQuantity<f64>,
     /// The loss by the recommended law: L_u in nats, or what `loss_name` says in its unit.
     pub loss_normalised: Option<f64>,
     /// The column or expression of a table that gives the loss; absent for L_u.
@@ -67,16 +56,8 @@ pub struct Together {
     /// The heaviest first.
     pub laws: Vec<Weighed>,
     pub loss_normalised: f64,
-    /// Present as in [`Prediction`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub n_vocab: Option<f64>,
-    pub tokens: f64,
+    #[serde(flatten)]
+    pub at: PerQuantity<f64>,
 }
 
 /// A law in a forecast of several.
@@ -90,12 +71,8 @@ pub struct Weighed {
 /// 95 % percentile intervals over the bootstrap of the laws; absent where they hold no bootstrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Intervals {
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<[f64; 2]>,
-    pub params_nonvocab: Option<[f64; 2]>,
-    pub params_vocab: Option<[f64; 2]>,
-    pub n_vocab: Option<[f64; 2]>,
-    pub tokens: Option<[f64; 2]>,
+    #[serde(flatten)]
+    pub at: PerQuantity<[f64; 2]>,
     /// On the clips that the runs were measured on.
     pub loss_normalised: Option<[f64; 2]>,
     /// On other clips of their kind; absent where it is not known which were recorded together.
@@ -121,13 +98,8 @@ pub struct PredictedShape {
 /// The laws' own values at C, before the projection.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Raw {
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<f64>,
-    pub tokens: f64,
+    #[serde(flatten)]
+    pub at: PerQuantity<f64>,
     /// The same as [`Prediction::spends_flops`].
     pub spends_flops: f64,
     /// L_u by the log law.

@@ -65,7 +65,7 @@ const BEYOND_TRIED: f64 = 2.0;
 /// Where the prediction repeats the sweep's data more than what its law is fitted to did.
 fn repetition(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let unique = laws.judgement.tried?.unique_tokens?;
-    let epochs = prediction.tokens / unique;
+    let epochs = prediction.at.tokens? / unique;
     let law = laws.recommended_law();
     let most = match law.is_joint() {
         true => laws.judgement.tried?.epochs?,
@@ -90,12 +90,12 @@ fn most_tokens(laws: &Laws) -> f64 {
 /// Where N_nv or V lies far beyond what was tried.
 fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let tried = laws.judgement.tried?;
-    let size = prediction.params_nonvocab.or(prediction.params)?;
+    let size = *prediction.at.size()?;
     let far_size = is_far(size, tried.sizes).then(|| {
         let [low, high] = tried.sizes.map(count);
         format!("{} {} ({low} to {high})", size_name(prediction), count(size))
     });
-    let far_vocab = prediction.n_vocab.filter(|v| is_far(*v, tried.vocabularies)).map(|v| {
+    let far_vocab = prediction.at.n_vocab.filter(|v| is_far(*v, tried.vocabularies)).map(|v| {
         let [low, high] = tried.vocabularies;
         format!("V = {v:.0} ({low:.0} to {high:.0})")
     });
@@ -109,19 +109,20 @@ pub(super) fn is_far(value: f64, [low, high]: [f64; 2]) -> bool {
 
 /// What a prediction calls the size of the model.
 fn size_name(prediction: &Prediction) -> &'static str {
-    if prediction.params.is_some() { "model size" } else { "N_nv =" }
+    if prediction.at.params.is_some() { "model size" } else { "N_nv =" }
 }
 
 fn overspending(prediction: &Prediction) -> Option<String> {
     let ratio = prediction.budget_ratio;
+    let scale = prediction.at.tokens? / prediction.raw.at.tokens?;
     let what = if ratio > 1.0 { "overspend" } else { "underspend" };
     ((ratio - 1.0).abs() > RATIO_TOLERANCE).then(|| {
         format!(
             "The laws {what} by a factor {:.2}; {} and {} are scaled by {:.3} each.",
             ratio.max(1.0 / ratio),
-            if prediction.params.is_some() { "model size" } else { "N_nv, N_v" },
-            if prediction.params.is_some() { "tokens" } else { "D" },
-            prediction.tokens / prediction.raw.tokens
+            if prediction.at.params.is_some() { "model size" } else { "N_nv, N_v" },
+            if prediction.at.params.is_some() { "tokens" } else { "D" },
+            scale
         )
     })
 }
@@ -159,7 +160,7 @@ fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> 
     }
     let own = laws.minima.iter().filter(|m| m.method == laws.minima_method).map(|m| m.n_vocab);
     let (low, high) = own.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
-    let v = prediction.n_vocab?;
+    let v = prediction.at.n_vocab?;
     // Where V was hardly tried at all, the first sentence has it.
     let tried = laws.judgement.tried.is_none_or(|tried| !is_far(v, tried.vocabularies));
     (tried && high > 0.0 && !(low / MISFIT..=high * MISFIT).contains(&v)).then(|| {
@@ -168,7 +169,7 @@ fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> 
 }
 
 fn codebook(prediction: &Prediction) -> Option<String> {
-    let (wanted, built) = (prediction.n_vocab?, prediction.shape.as_ref()?.n_vocab as f64);
+    let (wanted, built) = (prediction.at.n_vocab?, prediction.shape.as_ref()?.n_vocab as f64);
     ((wanted / built).ln().abs() > MISFIT.ln()).then(|| {
         format!(
             "The nearest codebook that can be built has {built:.0} codes, for V = {wanted:.0}: its \
@@ -179,7 +180,7 @@ fn codebook(prediction: &Prediction) -> Option<String> {
 }
 
 fn shape(prediction: &Prediction, options: &PredictOptions) -> Option<String> {
-    let wanted = prediction.params_nonvocab?;
+    let wanted = prediction.at.params_nonvocab?;
     let built = shape_for(wanted, options.shapes).ok()?.params_nonvocab() as f64;
     ((wanted / built).ln().abs() > MISFIT.ln()).then(|| {
         format!(

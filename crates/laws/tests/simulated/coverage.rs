@@ -1,7 +1,7 @@
 //! Do predictions at ten times the largest budget hold the truth, where the truth is not of the form of
 //! any law? `docs/coverage.md` has the table that this prints.
 
-use isoflop_laws::laws::{FitOptions, IsoFlopPoint, Laws, MinimumMethod, brief, fit};
+use isoflop_laws::laws::{FitOptions, IsoFlopPoint, Laws, MinimumMethod, fit};
 use isoflop_laws::predict::{PredictOptions, Prediction, predict};
 use rayon::prelude::*;
 
@@ -46,7 +46,7 @@ fn laws(made: Made, seed: u64) -> Laws {
 
 fn prediction(laws: &Laws) -> Prediction {
     let told = predict(laws, ASKED, &PredictOptions::default());
-    told.unwrap_or_else(|error| panic!("{error}: {}", brief(laws)))
+    told.unwrap_or_else(|error| panic!("{error}: {:?}", laws.answer()))
 }
 
 fn root_mean_square(misses: impl ExactSizeIterator<Item = f64>) -> f64 {
@@ -109,8 +109,8 @@ fn held(made: Made, sweeps: u64) -> Row {
         (p.loss_normalised.unwrap(), p.ci95.loss_on_other_clips.or(p.ci95.loss_normalised))
     };
     let size_told = |p: &Prediction| {
-        let interval = p.ci95.params_nonvocab.map(|ends| ends.map(f64::ln));
-        (p.params_nonvocab.unwrap().ln(), interval)
+        let interval = p.ci95.at.params_nonvocab.map(|ends| ends.map(f64::ln));
+        (p.at.params_nonvocab.unwrap().ln(), interval)
     };
     let (of_loss, of_size) = (of(loss_told, loss), of(size_told, size.ln()));
     let true_exponents = truth.exponents();

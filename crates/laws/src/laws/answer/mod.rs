@@ -4,12 +4,11 @@
 //! | --- | --- |
 //! | the optimum along the fitted budgets | `path` |
 //! | the exponents of the optimum, or why there is none | `exponents` |
-//! | the loss as a formula with its coefficients | `formula` |
-//! | what is in doubt, and what to do about it | `doubts` |
+//! | the coefficients of the loss | `coefficients` |
+//! | the formula, what is in doubt, the verdict | in words, `say` |
 
-pub(in crate::laws) mod doubts;
+pub(in crate::laws) mod coefficients;
 pub(in crate::laws) mod exponents;
-pub(in crate::laws) mod formula;
 pub(in crate::laws) mod path;
 
 use crate::laws::file::answer::{Answer, HeldOutError};
@@ -18,6 +17,9 @@ use crate::laws::file::laws::Laws;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::ranking::miss::Miss;
 use crate::laws::ranking::recommended::Candidate;
+use crate::laws::say::doubts::{doubts, verdict};
+use crate::laws::say::formula::formula;
+use crate::laws::say::reasons::Undetermined;
 
 impl Laws {
     /// What they say; of an older file, which has no answer, made here.
@@ -46,17 +48,20 @@ impl Laws {
     }
 
     pub(super) fn own_answer(&self) -> Answer {
-        let (formula, coefficients) = formula::of(self);
-        let exponents = exponents::of(self);
-        let doubts = doubts::of(self, &exponents);
+        let found = exponents::of(self);
+        let undetermined: Vec<(&str, Undetermined)> =
+            found.named().filter_map(|(name, own)| Some((name, own.why?))).collect();
+        let exponents = found.map(|own| own.told(self.range()));
+        let doubts = doubts(self, &undetermined);
+        let (symbol, coefficients) = (self.loss_symbol(), coefficients::of(self));
         Answer {
             law: self.own_law().to_string(),
             method: self.own_method(),
             why: self.judgement.recommended.as_ref().map_or_else(String::new, |r| r.why.clone()),
-            formula,
+            formula: formula(self, symbol, &coefficients),
             coefficients,
             loss_unit: if self.from_sweep { "nats" } else { "as given" }.to_string(),
-            verdict: doubts::verdict(self, &exponents, &doubts),
+            verdict: verdict(self, !exponents.is_undetermined(), &doubts),
             path: path::of(self),
             exponents,
             held_out: self.misses(),

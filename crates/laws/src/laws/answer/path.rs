@@ -3,10 +3,11 @@
 use crate::laws::file::answer::{Coefficient, OptimumAt};
 use crate::laws::file::kind::LawKind;
 use crate::laws::file::laws::Laws;
-use crate::laws::input::point::Parameters;
+use crate::laws::input::quantities::PerQuantity;
 use crate::laws::joint::law::JointLaw;
 use crate::laws::joint::optimum::JointOptimum;
 use crate::laws::lines::sample::LawSample;
+use crate::laws::lines::types::PowerLaw;
 use crate::laws::maths::stats::interval95;
 use crate::laws::ranking::recommended::Candidate;
 
@@ -44,17 +45,18 @@ fn of_joint(laws: &Laws, joint: &JointLaw, budgets: [f64; STEPS]) -> Vec<Optimum
             let ci95 = interval95(&all.iter().map(of).collect::<Vec<_>>());
             value.is_finite().then_some(Coefficient { value, ci95 })
         };
-        let split = laws.parameters == Parameters::Split;
-        let size = told(|o| o.params_nonvocab);
         let loss = own
             .as_ref()
             .map(|own| Coefficient { value: own.loss, ci95: interval95(&joint.losses_at(own)) });
+        let at = PerQuantity {
+            params_nonvocab: told(|o| o.params_nonvocab),
+            params_vocab: told(|o| o.params_vocab),
+            tokens: told(|o| o.tokens),
+            ..PerQuantity::default()
+        };
         OptimumAt {
             budget_flops: budget,
-            params: size.filter(|_| !split),
-            params_nonvocab: size.filter(|_| split),
-            params_vocab: told(|o| o.params_vocab).filter(|_| split),
-            tokens: told(|o| o.tokens),
+            at: at.under(laws.parameters),
             loss: loss.filter(|loss| loss.value.is_finite()),
         }
     };
@@ -63,8 +65,7 @@ fn of_joint(laws: &Laws, joint: &JointLaw, budgets: [f64; STEPS]) -> Vec<Optimum
 
 fn of_lines(laws: &Laws, budget: f64) -> OptimumAt {
     let step = (budget / laws.reference_flops).ln();
-    let told = |law: Option<&crate::laws::lines::types::PowerLaw>,
-                of: fn(&LawSample) -> (f64, f64)| {
+    let told = |law: Option<&PowerLaw>, of: fn(&LawSample) -> (f64, f64)| {
         let law = law?;
         let at = |(level, exponent): (f64, f64)| (level + exponent * step).exp();
         let all: Vec<f64> = laws.bootstrap.iter().map(|sample| at(of(sample))).collect();
@@ -72,16 +73,16 @@ fn of_lines(laws: &Laws, budget: f64) -> OptimumAt {
     };
     let powers = &laws.power_laws;
     let size = |s: &LawSample| (s.ln_nonvocab_at_reference, s.exponent_nonvocab);
-    OptimumAt {
-        budget_flops: budget,
+    let vocab = |s: &LawSample| (s.ln_vocab_at_reference, s.exponent_vocab);
+    let tokens = |s: &LawSample| (s.ln_tokens_at_reference, s.exponent_tokens);
+    let at = PerQuantity {
         params: told(powers.params.as_ref(), size),
         params_nonvocab: told(powers.params_nonvocab.as_ref(), size),
-        params_vocab: told(powers.params_vocab.as_ref(), |s| {
-            (s.ln_vocab_at_reference, s.exponent_vocab)
-        }),
-        tokens: told(powers.tokens.as_ref(), |s| (s.ln_tokens_at_reference, s.exponent_tokens)),
-        loss: loss(laws, budget),
-    }
+        params_vocab: told(powers.params_vocab.as_ref(), vocab),
+        n_vocab: None,
+        tokens: told(powers.tokens.as_ref(), tokens),
+    };
+    OptimumAt { budget_flops: budget, at, loss: loss(laws, budget) }
 }
 
 /// By the floor law where it is the one to believe or the laws follow from a loss with a floor.

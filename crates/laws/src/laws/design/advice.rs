@@ -6,7 +6,7 @@
 
 use super::advice_grid::{Spacing, around, beyond, median_ratio};
 use crate::laws::file::advice::{Advice, AdviceKind};
-use crate::laws::file::laws::{Laws, law_name};
+use crate::laws::file::laws::Laws;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::input::point::Parameters;
 use crate::laws::lines::power::power_law;
@@ -15,7 +15,7 @@ use crate::laws::maths::stats::geometric_mean;
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::split::Split;
 use crate::laws::minima::types::{Minimum, MinimumFlag};
-use crate::laws::words::text::count;
+use crate::laws::say::advice::Why;
 
 /// An exponent whose 95 % interval is wider than this wants another budget.
 const WIDE: f64 = 0.2;
@@ -47,8 +47,8 @@ fn mend(grid: &Grid, minimum: &Minimum, spacing: &Spacing) -> Vec<Advice> {
         MinimumFlag::FewLevels => few_levels(grid, minimum.method, spacing),
         MinimumFlag::NotBracketed if !few => Some(beyond_sizes(grid, spacing)),
         MinimumFlag::VocabNotBracketed => Some(beyond_vocabularies(grid, spacing)),
-        MinimumFlag::WeakCurvature => Some(more_seeds(grid, "is flat within its noise")),
-        MinimumFlag::NotConvex => Some(more_seeds(grid, "has no minimum, which noise may explain")),
+        MinimumFlag::WeakCurvature => Some(more_seeds(grid, Why::Flat)),
+        MinimumFlag::NotConvex => Some(more_seeds(grid, Why::NoMinimum)),
         MinimumFlag::Gap => between_sizes(grid, minimum),
         MinimumFlag::EdgeVocab if !flags.contains(&MinimumFlag::VocabNotBracketed) => {
             Some(beyond_vocabularies(grid, spacing))
@@ -64,11 +64,10 @@ fn beyond_sizes(grid: &Grid, spacing: &Spacing) -> Advice {
     let sizes = grid.size_levels();
     let place = sizes.iter().filter(|n| **n < grid.best().params_nonvocab).count();
     let upwards = 2 * place + 1 > sizes.len();
-    let side = if upwards { "largest" } else { "smallest" };
     Advice {
         params_nonvocab: beyond(&sizes, upwards, spacing.size_ratio(&sizes), BEYOND),
         n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
-        why: format!("the minimum lies at or beyond the {side} size tried"),
+        why: Why::SizeAtEdge { largest: upwards }.phrase(),
         ..Advice::at(AdviceKind::AddSizes, grid.budget_flops)
     }
     .costed(grid.runs_per_cell())
@@ -82,12 +81,7 @@ fn between_sizes(grid: &Grid, minimum: &Minimum) -> Option<Advice> {
     let advice = Advice {
         params_nonvocab: vec![(left * right).sqrt()],
         n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
-        why: format!(
-            "the minimum lies between {} and {}, a factor {:.1} apart",
-            count(*left),
-            count(*right),
-            right / left
-        ),
+        why: Why::Gap(*left, *right).phrase(),
         ..Advice::at(AdviceKind::AddSizes, grid.budget_flops)
     };
     Some(advice.costed(grid.runs_per_cell()))
@@ -103,7 +97,7 @@ fn few_levels(grid: &Grid, method: MinimumMethod, spacing: &Spacing) -> Option<A
     let advice = Advice {
         params_nonvocab: all.into_iter().filter(|n| !sizes.contains(n)).collect(),
         n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
-        why: format!("{} size(s) are too few for the {method}", sizes.len()),
+        why: Why::FewSizes(sizes.len(), method).phrase(),
         ..Advice::at(AdviceKind::AddSizes, grid.budget_flops)
     };
     Some(advice.costed(grid.runs_per_cell()))
@@ -114,23 +108,22 @@ fn beyond_vocabularies(grid: &Grid, spacing: &Spacing) -> Advice {
     let tried = grid.vocabularies();
     let at = grid.best().n_vocab;
     let upwards = tried.iter().filter(|v| **v < at).count() * 2 + 1 > tried.len();
-    let side = if upwards { "largest" } else { "smallest" };
     let n_vocab = beyond(&tried, upwards, spacing.vocab_ratio(&tried), BEYOND);
     Advice {
         params_nonvocab: nearest(&grid.size_levels(), grid.best().params_nonvocab),
         n_vocab: n_vocab.into_iter().map(f64::round).filter(|v| *v >= 2.0).collect(),
-        why: format!("the best vocabulary is the {side} tried"),
+        why: Why::VocabularyAtEdge { largest: upwards }.phrase(),
         ..Advice::at(AdviceKind::AddVocabularies, grid.budget_flops)
     }
     .costed(grid.runs_per_cell())
 }
 
 /// As many seeds again, at every size and its vocabularies nearest to the best.
-fn more_seeds(grid: &Grid, what: &str) -> Advice {
+fn more_seeds(grid: &Grid, why: Why) -> Advice {
     Advice {
         params_nonvocab: grid.size_levels(),
         n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
-        why: format!("the curve {what}; as many seeds again reduce the noise by a factor 1.4"),
+        why: why.phrase(),
         ..Advice::at(AdviceKind::AddSeeds, grid.budget_flops)
     }
     .costed(grid.runs_per_cell())
@@ -157,30 +150,20 @@ fn next_budget(laws: &Laws, split: &Split, spacing: &Spacing) -> Option<Advice> 
     let advice = Advice {
         params_nonvocab: around(&[centre], spacing.size_ratio(&sizes), sizes.len()),
         n_vocab,
-        why: why_next(laws, centre, &wide),
+        why: Why::Next { wide, size: laws.parameters.size(), centre }.phrase(),
         ..Advice::at(kind, budget)
     };
     let usable = advice.params_nonvocab.iter().all(|n| n.is_finite() && *n > 0.0);
     usable.then(|| advice.costed(largest.runs_per_cell()))
 }
 
-fn why_next(laws: &Laws, centre: f64, wide: &[String]) -> String {
-    let size = laws.parameters.size();
-    let centred = format!("the laws put its optimum at {size} = {}", count(centre));
-    match wide {
-        [] => centred,
-        _ => format!("{}; {centred}", wide.join(" and ")),
-    }
-}
-
-/// A phrase for every exponent that another budget would tell better.
-fn wide_exponents(laws: &Laws) -> Vec<String> {
-    let wide = |(name, law): (&str, &PowerLaw)| {
+/// The exponents that another budget would tell better, with the widths of their intervals.
+fn wide_exponents(laws: &Laws) -> Vec<(&'static str, f64)> {
+    let wide = |(name, law): (&'static str, &PowerLaw)| {
         let [low, high] = law.exponent_ci95?;
-        (high - low > WIDE)
-            .then(|| format!("the interval of the exponent of {name} is {:.2} wide", high - low))
+        (high - low > WIDE).then_some((name, high - low))
     };
-    law_name(laws).into_iter().filter_map(wide).collect()
+    laws.power_laws.named().filter_map(wide).collect()
 }
 
 /// V at a budget by a power law through the fitted minima.

@@ -5,9 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::laws::input::method::MinimumMethod;
-
-/// An exponent whose 95 % interval is wider than this is not determined.
-const WIDEST: f64 = 1.0;
+use crate::laws::input::quantities::PerQuantity;
 
 /// What a fit says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,7 +21,8 @@ pub struct Answer {
     pub coefficients: BTreeMap<String, Coefficient>,
     /// `nats`, or `as given` in a table of another's.
     pub loss_unit: String,
-    pub exponents: OwnExponents,
+    /// Those in C of the optimum over the fitted budgets.
+    pub exponents: PerQuantity<Exponent>,
     /// The optimum from the smallest to the largest fitted budget: what figures draw.
     pub path: Vec<OptimumAt>,
     /// How far each law that could be tested missed each budget that it had not seen.
@@ -51,32 +50,7 @@ pub struct HeldOutError {
     pub error: f64,
 }
 
-/// The exponents in C of the optimum over the fitted range of budgets.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct OwnExponents {
-    /// Of N, where N_nv and N_v are not told apart; then the next two are absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<Exponent>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<Exponent>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<Exponent>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tokens: Option<Exponent>,
-}
-
-impl OwnExponents {
-    /// Each with its symbol, in the order of a table.
-    pub fn named(&self) -> impl Iterator<Item = (&'static str, &Exponent)> {
-        let all = [
-            ("N", &self.params),
-            ("N_nv", &self.params_nonvocab),
-            ("N_v", &self.params_vocab),
-            ("D", &self.tokens),
-        ];
-        all.into_iter().filter_map(|(name, exponent)| Some((name, exponent.as_ref()?)))
-    }
-
+impl PerQuantity<Exponent> {
     /// Whether no exponent is determined.
     pub fn is_undetermined(&self) -> bool {
         self.named().all(|(_, exponent)| exponent.value.is_none())
@@ -96,23 +70,6 @@ pub struct Exponent {
     pub reason: Option<String>,
 }
 
-impl Exponent {
-    /// Without a value where the interval says that it is not known.
-    pub(in crate::laws) fn if_told(self) -> Self {
-        let wide = self.ci95.filter(|[low, high]| high - low > WIDEST);
-        match (self.value, wide) {
-            (Some(value), Some([low, high])) => Self {
-                value: None,
-                reason: Some(format!(
-                    "{value:.2} fits best, but anything from {low:.2} to {high:.2} fits too"
-                )),
-                ..self
-            },
-            _ => self,
-        }
-    }
-}
-
 /// A reason to believe a fit less.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Doubt {
@@ -123,33 +80,12 @@ pub struct Doubt {
     pub remedy: String,
 }
 
-impl Doubt {
-    pub(in crate::laws) fn new(kind: &str, what: String, remedy: &str) -> Self {
-        Self { kind: kind.to_string(), what, remedy: remedy.to_string() }
-    }
-
-    /// For a person.
-    pub fn sentence(&self) -> String {
-        match self.remedy.as_str() {
-            "" => format!("{}.", self.what),
-            remedy => format!("{}: {remedy}.", self.what),
-        }
-    }
-}
-
 /// The optimum of one budget.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OptimumAt {
     pub budget_flops: f64,
-    /// N, where N_nv and N_v are not told apart; then the next two are absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<Coefficient>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<Coefficient>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<Coefficient>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tokens: Option<Coefficient>,
+    #[serde(flatten)]
+    pub at: PerQuantity<Coefficient>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss: Option<Coefficient>,
 }

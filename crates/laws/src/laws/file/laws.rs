@@ -97,6 +97,43 @@ pub struct Laws {
 }
 
 impl Laws {
+    /// Laws that hold nothing yet, around C0 = `reference_flops`.
+    pub fn unfitted(
+        law: LawKind,
+        (name, flops_rule): (&str, &str),
+        parameters: Parameters,
+        reference_flops: f64,
+    ) -> Self {
+        Self {
+            name: name.to_string(),
+            law,
+            from_sweep: false,
+            flops_rule: flops_rule.to_string(),
+            metric: Metric::default(),
+            parameters,
+            n_ctx: None,
+            head_share: None,
+            own_vocabularies: false,
+            reference_flops,
+            fitted_budgets: Vec::new(),
+            minima_method: MinimumMethod::Argmin,
+            minima: Vec::new(),
+            held_out: None,
+            power_laws: PowerLaws::default(),
+            vocab_from_nonvocab: None,
+            loss: LossLaws::default(),
+            parametric: None,
+            sensitivity: Vec::new(),
+            noise: None,
+            validation: Vec::new(),
+            advice: Vec::new(),
+            bootstrap: Vec::new(),
+            warnings: Vec::new(),
+            judgement: Judgement::default(),
+            answer: None,
+        }
+    }
+
     /// The smallest and the largest budget that they rest on; C0 for a published law.
     pub fn range(&self) -> [f64; 2] {
         let tried = self.judgement.tried.map(|tried| tried.budgets).filter(|[low, _]| *low > 0.0);
@@ -127,14 +164,7 @@ impl Laws {
     }
 
     /// What the loss is called: L_u in a sweep, L in a table whose loss may be any.
-    pub(in crate::laws) fn loss_symbol(&self) -> &'static str {
+    pub fn loss_symbol(&self) -> &'static str {
         if self.from_sweep { "L_u" } else { "L" }
     }
-}
-
-/// The laws in C with the symbols of what they are laws of.
-pub(in crate::laws) fn law_name(laws: &Laws) -> Vec<(&'static str, &PowerLaw)> {
-    let PowerLaws { params, params_nonvocab, params_vocab, tokens } = &laws.power_laws;
-    let named = [("N", params), ("N_nv", params_nonvocab), ("N_v", params_vocab), ("D", tokens)];
-    named.into_iter().filter_map(|(name, law)| Some((name, law.as_ref()?))).collect()
 }

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::laws::minima::cross::{CrossOptimum, TiedCells, TriedCells};
-use crate::laws::words::text::count;
 
 /// A forecast that was made before its runs, beside what they gave: `validations` of `laws.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,7 +24,7 @@ pub struct Predicted {
     pub params_nonvocab_ci95: Option<[f64; 2]>,
     pub params_vocab: Option<f64>,
     pub params_vocab_ci95: Option<[f64; 2]>,
-    pub tokens: f64,
+    pub tokens: Option<f64>,
     pub tokens_ci95: Option<[f64; 2]>,
 }
 
@@ -77,21 +76,15 @@ pub struct Inside {
 }
 
 impl Inside {
-    /// Whether nothing that was judged lies outside its interval.
-    pub fn is_whole(&self) -> bool {
-        self.loss != Some(false) && self.outside().is_empty()
+    /// The symbols of what of the optimum lies outside its interval.
+    pub(in crate::laws) fn outside(&self) -> impl Iterator<Item = &'static str> {
+        let of = [("N_nv", self.params_nonvocab), ("N_v", self.params_vocab), ("D", self.tokens)];
+        of.into_iter().filter(|(_, inside)| *inside == Some(false)).map(|(name, _)| name)
     }
 
-    /// What of the optimum lies outside its interval, as the end of a sentence; empty where nothing does.
-    fn outside(&self) -> String {
-        let of = [("N_nv", self.params_nonvocab), ("N_v", self.params_vocab), ("D", self.tokens)];
-        let outside: Vec<&str> =
-            of.iter().filter(|(_, inside)| *inside == Some(false)).map(|(name, _)| *name).collect();
-        match &outside[..] {
-            [] => String::new(),
-            [one] => format!("; its {one} lies outside"),
-            all => format!("; its {} lie outside", all.join(" and ")),
-        }
+    /// Whether nothing that was judged lies outside its interval.
+    pub fn is_whole(&self) -> bool {
+        self.loss != Some(false) && self.outside().next().is_none()
     }
 }
 
@@ -142,25 +135,6 @@ impl Validated {
         let measured = self.measured.loss_nats?;
         Some([self.predicted.loss? + measured - self.measured.loss, measured])
     }
-
-    /// What came of the forecast of the loss, in a sentence; none where no loss was forecast, and within the fit.
-    pub fn sentence(&self) -> Option<String> {
-        let is_forecast = self.extrapolation_factor > 1.0;
-        let (loss, [low, high]) =
-            (self.predicted.loss.filter(|_| is_forecast)?, self.predicted.loss_ci95?);
-        let verdict = match self.inside.loss {
-            Some(true) => "held",
-            Some(false) => "MISSED",
-            None => "is within the noise of its runs",
-        };
-        Some(format!(
-            "A forecast for {} FLOPs {verdict}: L_u {loss:.3} (95 %: {low:.3} to {high:.3}), and the best of {} runs has {:.3}{}.",
-            count(self.budget_flops),
-            self.measured.runs,
-            self.measured.loss,
-            self.inside.outside()
-        ))
-    }
 }
 
 #[cfg(test)]
@@ -174,7 +148,7 @@ mod tests {
         params_nonvocab_ci95: Some([1e4, 4e4]),
         params_vocab: Some(1e5),
         params_vocab_ci95: Some([5e4, 2e5]),
-        tokens: 1e7,
+        tokens: Some(1e7),
         tokens_ci95: None,
     };
     const MEASURED: Measured = Measured {

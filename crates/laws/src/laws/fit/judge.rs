@@ -20,7 +20,8 @@ use crate::laws::minima::types::Minimum;
 use crate::laws::noise::Scatter;
 use crate::laws::ranking::forecast_error::ForecastError;
 use crate::laws::ranking::recommended::{Candidate, Recommended};
-use crate::laws::ranking::{Rows, recommended, shares};
+use crate::laws::ranking::{Rows, shares};
+use crate::laws::say::recommended::why;
 
 /// Replicates of the joint law at most: each is a fit of its own.
 const JOINT_REPLICATES: usize = 200;
@@ -102,7 +103,9 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
     let mut scores = rows.scores();
     // A law of minima that all budgets together do not tell predicts nothing.
     scores.retain(|score| score.law.is_joint() || laws.power_laws.tokens.is_some());
-    recommended(scores, (laws.minima_method, untested), rows.grids.len())
+    let law = scores.first().map_or(untested, |best| best.law);
+    let why = why(&scores, rows.grids.len());
+    Recommended { law, minima_method: laws.minima_method, why, scores }
 }
 
 /// The joint law of some budgets with its replicates: it is asked of models that are not optimal and of repeated

@@ -5,22 +5,20 @@ pub(in crate::laws) mod parametric_laws;
 pub(in crate::laws) mod sensitivity;
 pub(in crate::laws) mod test_split;
 pub(in crate::laws) mod unfitted;
-pub(in crate::laws) mod warnings;
 
 use self::test_split::test_noise;
 use crate::laws::design::advice::advise;
-use crate::laws::file::judgement::{IntervalPart, Judgement};
+use crate::laws::file::judgement::IntervalPart;
 use crate::laws::file::kind::LawKind;
 use crate::laws::file::laws::{HeldOut, Laws};
 use crate::laws::input::budget::group_checked;
 use crate::laws::input::cell::Cell;
 use crate::laws::input::check;
 use crate::laws::input::error::FitError;
-use crate::laws::input::lost_shares::of_lost_shares;
+use crate::laws::input::lost_shares::lost_shares;
 use crate::laws::input::method::MinimumMethod;
-use crate::laws::input::metric::Metric;
-use crate::laws::input::options::FitOptions;
-use crate::laws::input::point::{IsoFlopPoint, Parameters};
+use crate::laws::input::options::{FitOptions, HoldOut};
+use crate::laws::input::point::IsoFlopPoint;
 use crate::laws::lines::bootstrap::{Bootstrap, Replicate, Sources};
 use crate::laws::lines::floor_law::floor_law;
 use crate::laws::lines::intervals;
@@ -30,13 +28,15 @@ use crate::laws::lines::types::{Exponents, FloorLaw, LossLaws, PowerLaws};
 use crate::laws::lines::validation::validate;
 use crate::laws::maths::stats::{MIN_REPLICATES, geometric_mean};
 use crate::laws::minima::grid::Grid;
-use crate::laws::minima::lost_runs::of_lost_runs;
+use crate::laws::minima::lost_runs::lost_runs;
 use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::select::{flagged_text, hold_out, law_method, tell_laws, usable};
+use crate::laws::minima::select::{hold_out, law_method, tell_laws, usable};
 use crate::laws::minima::split::Split;
 use crate::laws::minima::types::Minimum;
 use crate::laws::noise::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use crate::laws::noise::{Scatter, run_noise};
+use crate::laws::say::flags::flagged;
+use crate::laws::say::warnings;
 use judge::{admissible, interval_parts, judge, misfit};
 
 /// Fits every law to a table of finished runs.
@@ -61,12 +61,13 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     if points.len() > 3 && 2 * budgets.len() > points.len() {
         return Err(FitError::ScatteredBudgets { rows: points.len(), budgets: budgets.len() });
     }
-    let (held_out, hold_out_warning) = hold_out(&budgets, options.hold_out)?;
+    let held_out = hold_out(&budgets, options.hold_out)?;
     let split = Split::new(&budgets);
-    let (options, fewer) = &affordable(options, &split);
+    let (asked, cells) = (options.bootstrap, n_cells(&split));
+    let options = &affordable(options, cells);
     let noise = run_noise(&split.fitted, runs_beside_tokenizers(&budgets));
     let per_method = split.minima_by_method(options, noise);
-    let (method, method_warning) = law_method(&per_method, options);
+    let method = law_method(&per_method, options);
     let used = usable(minima_of(&per_method, method), options);
 
     let tokenizers = tokenizer_noise(&budgets);
@@ -85,14 +86,19 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     laws.advice = advise(&laws, &split);
     laws.judgement = judge(&laws, &split, &per_method, replicas.parts, scatter, options);
     if laws.power_laws.tokens.is_none() && laws.judgement.joint.is_none() {
-        let flagged = flagged_text(minima_of(&per_method, method));
+        let flagged = flagged(minima_of(&per_method, method));
         return Err(FitError::TooFewMinima { method, usable: used.len(), flagged });
     }
     let all = minima_of(&per_method, method);
-    let lost = of_lost_runs(split.fitted.iter());
-    let alone = of_lost_shares(points, &budgets);
-    let first =
-        [check::repeats(points), alone, hold_out_warning, method_warning, fewer.clone(), lost];
+    let none_held_out = held_out.is_none() && options.hold_out == HoldOut::LargestBudget;
+    let first = [
+        check::repeats(points).map(warnings::of_repeats),
+        warnings::of_lost_shares(&lost_shares(points, &budgets)),
+        none_held_out.then(|| warnings::NOTHING_HELD_OUT.to_string()),
+        warnings::of_method(method, &per_method, options),
+        warnings::of_cost(cells, options.bootstrap, asked),
+        warnings::of_lost_runs(&lost_runs(split.fitted.iter())),
+    ];
     let first = first.into_iter().flatten();
     let of_minima = warnings::of_minima(all, &used, &split, method, options);
     laws.warnings.splice(0..0, first.chain(of_minima));
@@ -102,19 +108,16 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
 /// Cells times replicates that a fit computes at most: some ten seconds on one core.
 const MOST_WORK: usize = 50_000_000;
 
-/// The options with no more replicates than a large table can afford, and a sentence if fewer.
-fn affordable(options: &FitOptions, split: &Split) -> (FitOptions, Option<String>) {
+/// The cells of all shares of the data.
+fn n_cells(split: &Split) -> usize {
     let of_grid = |grid: &Grid| grid.of_all_shares().map(<[Cell]>::len).sum::<usize>();
-    let cells: usize = split.fitted.iter().map(of_grid).sum();
+    split.fitted.iter().map(of_grid).sum()
+}
+
+/// The options with no more replicates than a table of so many cells can afford.
+fn affordable(options: &FitOptions, cells: usize) -> FitOptions {
     let bootstrap = options.bootstrap.min((MOST_WORK / cells.max(1)).max(2 * MIN_REPLICATES));
-    let fewer = (bootstrap < options.bootstrap).then(|| {
-        format!(
-            "The table has {cells} cells, so {bootstrap} bootstrap replicates are made instead of \
-             {}.",
-            options.bootstrap
-        )
-    });
-    (FitOptions { bootstrap, ..options.clone() }, fewer)
+    FitOptions { bootstrap, ..options.clone() }
 }
 
 /// The noise of the runs, and the bootstrap that it drives.
@@ -198,21 +201,10 @@ fn laws_through(
     ));
     let set = set.map(|set| intervals::of_set(set, &replicates, reference));
     let has_vocab_law = split.n_vocabularies() > 1;
+    let names = (options.name.as_str(), options.flops_rule.as_str());
     Laws {
-        name: options.name.clone(),
-        law: LawKind::Isoflop,
-        from_sweep: false,
-        flops_rule: options.flops_rule.clone(),
-        metric: Metric::default(),
-        parameters: options.parameters,
-        n_ctx: None,
-        head_share: None,
-        own_vocabularies: false,
-        reference_flops: reference,
         fitted_budgets: used.iter().map(|m| m.budget_flops).collect(),
         minima_method: method,
-        minima: Vec::new(),
-        held_out: None,
         loss: LossLaws { log: set.as_ref().map(|set| set.loss.clone()), floor },
         vocab_from_nonvocab: set
             .as_ref()
@@ -220,31 +212,22 @@ fn laws_through(
             .filter(|_| has_vocab_law),
         power_laws: set
             .map_or_else(PowerLaws::default, |set| power_laws(set, has_vocab_law, options)),
-        parametric: None,
-        sensitivity: Vec::new(),
-        validation: Vec::new(),
-        advice: Vec::new(),
         noise: replicas.noise,
         bootstrap: if told { samples } else { Vec::new() },
         warnings,
-        judgement: Judgement::default(),
-        answer: None,
+        ..Laws::unfitted(LawKind::Isoflop, names, options.parameters, reference)
     }
 }
 
 /// The laws under the names of what they are laws of.
 fn power_laws(set: LawSet, has_vocab_law: bool, options: &FitOptions) -> PowerLaws {
-    let size = Some(set.params_nonvocab);
-    let (params, params_nonvocab) = match options.parameters {
-        Parameters::Split => (None, size),
-        Parameters::Total => (size, None),
-    };
-    PowerLaws {
-        params,
+    let all = PowerLaws {
+        params_nonvocab: Some(set.params_nonvocab),
         params_vocab: set.params_vocab.filter(|_| has_vocab_law),
-        params_nonvocab,
         tokens: Some(set.tokens),
-    }
+        ..PowerLaws::default()
+    };
+    all.under(options.parameters)
 }
 
 /// What the laws through the other minima say of one budget, against what was measured there.

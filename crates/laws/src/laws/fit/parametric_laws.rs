@@ -7,15 +7,36 @@
 use super::unfitted::unfitted;
 use crate::laws::file::kind::LawKind;
 use crate::laws::file::laws::Laws;
+use crate::laws::input::error::FitError;
 use crate::laws::input::point::{IsoFlopPoint, Parameters};
 use crate::laws::lines::intervals;
 use crate::laws::lines::sample::{FloorSample, LawSample};
 use crate::laws::lines::types::{FloorLaw, PowerLaw, PowerLaws};
 use crate::laws::maths::stats::{geometric_mean, interval95};
+use crate::laws::parametric::findings::Finding;
+use crate::laws::parametric::fit::fitted;
 use crate::laws::parametric::form::{Coefficients, Form};
 use crate::laws::parametric::optimum::{Optimum, optimum, vocab_exponent};
+use crate::laws::parametric::options::ParametricOptions;
 use crate::laws::parametric::types::Parametric;
+use crate::laws::say::warnings::of_lost_optima;
 use std::f64::consts::LN_10;
+
+/// Fits a parametric law: the global optimum, how sure it is, and what speaks against it.
+///
+/// # Errors
+/// [`FitError::BadValue`], [`FitError::BadLoss`], [`FitError::Metrics`] and [`FitError::BadOption`] for
+/// wrong input, [`FitError::NotIdentified`] where the rows cannot tell the coefficients.
+pub fn fit_parametric(
+    points: &[IsoFlopPoint],
+    options: &ParametricOptions,
+) -> Result<Parametric, FitError> {
+    let (own, findings) = fitted(points, options)?;
+    let size = options.form.quantities()[0];
+    let of_rows = own.influence.as_ref().map(|influence| influence.sentence(size));
+    let warnings = findings.iter().map(Finding::sentence).chain(of_rows).collect();
+    Ok(Parametric { warnings, ..own })
+}
 
 /// Half the step in ln C over which exponents are read off.
 const HALF_STEP: f64 = 0.01;
@@ -51,7 +72,9 @@ pub fn around(laws: &Laws, reference: f64) -> Laws {
             (form.parameters() == Parameters::Split).then(|| vocabulary(&own, &parametric));
     }
     laws.reference_flops = reference;
-    laws.warnings = lost(&parametric, samples.len()).into_iter().collect();
+    // The warnings of the parametric loss itself are doubts of the answer.
+    let all = parametric.bootstrap.len();
+    laws.warnings = of_lost_optima(all - samples.len(), all).into_iter().collect();
     laws.bootstrap = samples;
     laws.parametric = Some(parametric);
     laws.answered()
@@ -104,14 +127,13 @@ fn power_laws(
         intervals::of_power(&mut law, &coefficients, reference.ln());
         law
     };
-    let size = law(|s| (s.ln_nonvocab_at_reference, s.exponent_nonvocab));
-    let split = form.parameters() == Parameters::Split;
-    PowerLaws {
-        params: (!split).then(|| size.clone()),
-        params_nonvocab: split.then_some(size),
-        params_vocab: split.then(|| law(|s| (s.ln_vocab_at_reference, s.exponent_vocab))),
+    let all = PowerLaws {
+        params_nonvocab: Some(law(|s| (s.ln_nonvocab_at_reference, s.exponent_nonvocab))),
+        params_vocab: Some(law(|s| (s.ln_vocab_at_reference, s.exponent_vocab))),
         tokens: Some(law(|s| (s.ln_tokens_at_reference, s.exponent_tokens))),
-    }
+        ..PowerLaws::default()
+    };
+    all.under(form.parameters())
 }
 
 /// N_v in N_nv, which is a power law everywhere: its exponent is (1 + α1)/(1 + α2).
@@ -145,16 +167,4 @@ fn floor_law(own: &FloorSample, samples: &[LawSample], parametric: &Parametric) 
         n: parametric.n,
     };
     intervals::of_floor(law, samples)
-}
-
-/// The warnings of the parametric loss itself are doubts of the answer.
-fn lost(parametric: &Parametric, samples: usize) -> Option<String> {
-    let lost = parametric.bootstrap.len() - samples;
-    (lost > 0).then(|| {
-        format!(
-            "{lost} of {} bootstrap replicates have no optimum, a term being absent from them: the \
-             intervals are those of the rest.",
-            parametric.bootstrap.len()
-        )
-    })
 }

@@ -55,22 +55,17 @@ pub(in crate::laws) fn metric(points: &[IsoFlopPoint]) -> Result<Metric, FitErro
     }
 }
 
-/// A sentence for every cell, tokenizer and seed that more than one row holds.
+/// How many cells, tokenizers and seeds more than one row holds, and the first repeat.
 ///
 /// Repeats of one seed are averaged like seeds, which is wrong where they differ by a setting that
 /// the table does not show, such as the learning rate.
-pub(in crate::laws) fn repeats(points: &[IsoFlopPoint]) -> Option<String> {
+pub(in crate::laws) fn repeats(points: &[IsoFlopPoint]) -> Option<(usize, &str)> {
     let mut rows: Vec<_> = points.iter().collect();
     let own = |p: &IsoFlopPoint| (p.seed, p.about.tokenizer.clone());
     rows.sort_by(|a, b| compare(&key(a), &key(b)).then_with(|| own(a).cmp(&own(b))));
     let groups = rows.chunk_by(|a, b| key(a) == key(b) && own(a) == own(b));
     let repeated: Vec<_> = groups.filter(|g| g.len() > 1).map(|g| g[1].run_id.as_str()).collect();
-    let first = repeated.first()?;
-    Some(format!(
-        "{} cell(s) hold several runs of one seed, and their mean is taken; the first repeat is \
-         run {first}. Keep one row for each cell and seed if they differ in a setting.",
-        repeated.len()
-    ))
+    Some((repeated.len(), *repeated.first()?))
 }
 
 fn key(p: &IsoFlopPoint) -> [f64; 5] {

@@ -2,6 +2,7 @@
 
 use super::method::MinimumMethod;
 use super::metric::Metric;
+use crate::laws::words::text::count;
 
 /// Why [`fit`](crate::laws::fit::fit()) gave no laws; every message says what is wrong, where, and the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -23,8 +24,8 @@ pub enum FitError {
     #[error("fit option {option} is {value}, but it must be {expected}")]
     BadOption { option: &'static str, value: String, expected: &'static str },
 
-    #[error("held-out budget {asked:e} has no runs; the table has these budgets: {budgets}")]
-    HoldOutAbsent { asked: f64, budgets: String },
+    #[error("held-out budget {asked:e} has no runs; the table has these budgets: {}", listed(.budgets))]
+    HoldOutAbsent { asked: f64, budgets: Vec<f64> },
 
     #[error("{found} budget(s) left to fit, but a law in C needs two: run more, or hold none out")]
     TooFewBudgets { found: usize },
@@ -67,4 +68,8 @@ impl FitError {
                 | Self::ScatteredBudgets { .. }
         )
     }
+}
+
+fn listed(budgets: &[f64]) -> String {
+    budgets.iter().map(|budget| count(*budget)).collect::<Vec<_>>().join(", ")
 }

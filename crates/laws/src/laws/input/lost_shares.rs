@@ -3,23 +3,11 @@
 use super::budget::{Budget, is_same_budget};
 use super::point::IsoFlopPoint;
 use crate::laws::maths::stats::distinct;
-use crate::laws::words::text::count;
 
-/// A sentence for the budgets that are left out since no run of theirs saw as much of the data as others.
-pub(in crate::laws) fn of_lost_shares(
-    points: &[IsoFlopPoint],
-    budgets: &[Budget],
-) -> Option<String> {
+/// The budgets that are left out since no run of theirs saw as much of the data as others.
+pub(in crate::laws) fn lost_shares(points: &[IsoFlopPoint], budgets: &[Budget]) -> Vec<f64> {
     let known = |c: f64| budgets.iter().any(|own| is_same_budget(own.budget_flops, c));
-    let lost = distinct(points.iter().map(|p| p.budget_flops).filter(|c| !known(*c)));
-    let named: Vec<String> = lost.iter().map(|budget| count(*budget)).collect();
-    (!lost.is_empty()).then(|| {
-        format!(
-            "Runs at {} FLOPs saw smaller shares of the data alone, and are left out: train them on \
-             the largest share too.",
-            named.join(", ")
-        )
-    })
+    distinct(points.iter().map(|p| p.budget_flops).filter(|c| !known(*c)))
 }
 
 #[cfg(test)]
@@ -37,10 +25,8 @@ mod tests {
             ..point(1e6, 1e4, -1.0, 0)
         };
         let points = [on(1.0, 1e9), on(0.5, 1e9), on(0.5, 2e9)];
-        let budgets = group_budgets(&points).unwrap();
-        let told = of_lost_shares(&points, &budgets).unwrap();
-        assert!(told.starts_with("Runs at 2e9 FLOPs saw smaller shares"), "{told}");
-        let budgets = group_budgets(&points[..2]).unwrap();
-        assert_eq!(of_lost_shares(&points[..2], &budgets), None);
+        let lost = |points: &[IsoFlopPoint]| lost_shares(points, &group_budgets(points).unwrap());
+        assert_eq!(lost_shares(&points, &group_budgets(&points).unwrap()), [2e9]);
+        assert!(lost(&points[..2]).is_empty());
     }
 }

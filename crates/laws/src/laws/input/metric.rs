@@ -58,10 +58,10 @@ mod tests {
     use crate::laws::fit::approach1::approach1;
     use crate::laws::fit::approach1::options::Approach1Options;
     use crate::laws::fit::fit;
+    use crate::laws::fit::parametric_laws::fit_parametric;
     use crate::laws::input::error::FitError;
     use crate::laws::input::options::FitOptions;
     use crate::laws::input::point::Parameters;
-    use crate::laws::parametric::fit::fit_parametric;
     use crate::laws::parametric::form::Form;
     use crate::laws::parametric::options::ParametricOptions;
     use crate::laws::published::scamo::scamo;

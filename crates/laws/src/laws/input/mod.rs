@@ -9,3 +9,4 @@ pub(in crate::laws) mod method;
 pub(in crate::laws) mod metric;
 pub(in crate::laws) mod options;
 pub(in crate::laws) mod point;
+pub(in crate::laws) mod quantities;

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::laws::input::quantities::PerQuantity;
+
 /// log10 y = `log10_coefficient` + `exponent` · log10 x.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PowerLaw {
@@ -84,16 +86,8 @@ pub struct LossLaws {
     pub floor: Option<FloorLaw>,
 }
 
-/// The three power laws of the optimum in C (ScaMo Eq. 9); absent where not identifiable.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct PowerLaws {
-    /// N in C, where the parameters are not told apart; then the next two are absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<PowerLaw>,
-    pub params_vocab: Option<PowerLaw>,
-    pub params_nonvocab: Option<PowerLaw>,
-    pub tokens: Option<PowerLaw>,
-}
+/// The power laws of the optimum in C (ScaMo Eq. 9); absent where not identifiable.
+pub type PowerLaws = PerQuantity<PowerLaw>;
 
 /// Exponents in C of the size, N_v and D.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -92,7 +92,7 @@ pub(in crate::laws) fn aic(y: &[f64], fitted: &[f64], coefficients: usize) -> f6
 ///
 /// Tabled to 5 degrees of freedom, beyond by the Cornish-Fisher expansion around the normal point
 /// (Abramowitz & Stegun 26.7.5), within 0.002 of the exact value.
-pub(in crate::laws) fn student_t95(dof: usize) -> f64 {
+pub fn student_t95(dof: usize) -> f64 {
     const TABLE: [f64; 5] = [12.7062, 4.3027, 3.1824, 2.7764, 2.5706];
     assert!(dof >= 1, "Student's t needs a degree of freedom");
     if let Some(tabled) = TABLE.get(dof - 1) {

@@ -1,17 +1,16 @@
 //! Which budgets and which minima the laws are fitted to.
 
-use super::types::{Minimum, flags_text};
+use super::types::Minimum;
 use crate::laws::input::budget::{Budget, is_same_budget};
 use crate::laws::input::error::FitError;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::input::options::{FitOptions, HoldOut};
 use crate::laws::maths::stats::distinct;
-use crate::laws::words::text::count;
 
 /// Minima that laws go through, at least.
 const ENOUGH: usize = 3;
 /// The kinds of minimum, the first to be preferred.
-const PREFERRED: [MinimumMethod; 5] = [
+pub(in crate::laws) const PREFERRED: [MinimumMethod; 5] = [
     MinimumMethod::Parabola,
     MinimumMethod::Akima,
     MinimumMethod::Surface,
@@ -19,33 +18,29 @@ const PREFERRED: [MinimumMethod; 5] = [
     MinimumMethod::Argmin,
 ];
 
-/// The index of the held-out budget, if any, and a warning where the default was not possible.
+/// The index of the held-out budget, if any; by default there is none of two.
 ///
 /// # Errors
 /// [`FitError::TooFewBudgets`] and [`FitError::HoldOutAbsent`].
 pub(in crate::laws) fn hold_out(
     budgets: &[Budget],
     wanted: HoldOut,
-) -> Result<(Option<usize>, Option<String>), FitError> {
+) -> Result<Option<usize>, FitError> {
     if budgets.len() < 2 {
         return Err(FitError::TooFewBudgets { found: budgets.len() });
     }
     match wanted {
-        HoldOut::None => Ok((None, None)),
-        HoldOut::LargestBudget if budgets.len() == 2 => Ok((None, Some(NOTHING_HELD_OUT.into()))),
-        HoldOut::LargestBudget => Ok((Some(budgets.len() - 1), None)),
-        HoldOut::Budget(asked) => held_out_at(budgets, asked).map(|index| (Some(index), None)),
+        HoldOut::None => Ok(None),
+        HoldOut::LargestBudget => Ok((budgets.len() > 2).then_some(budgets.len() - 1)),
+        HoldOut::Budget(asked) => held_out_at(budgets, asked).map(Some),
     }
 }
-
-const NOTHING_HELD_OUT: &str = "Only two budgets were run, so none is held out: the laws' error \
-     beyond them is not known, and two points fit any line.";
 
 fn held_out_at(budgets: &[Budget], asked: f64) -> Result<usize, FitError> {
     let same = |b: &Budget| is_same_budget(b.budget_flops, asked);
     let Some(index) = budgets.iter().position(same) else {
-        let budgets: Vec<_> = budgets.iter().map(|b| count(b.budget_flops)).collect();
-        return Err(FitError::HoldOutAbsent { asked, budgets: budgets.join(", ") });
+        let budgets = budgets.iter().map(|b| b.budget_flops).collect();
+        return Err(FitError::HoldOutAbsent { asked, budgets });
     };
     if budgets.len() == 2 {
         return Err(FitError::TooFewBudgets { found: 1 });
@@ -53,15 +48,15 @@ fn held_out_at(budgets: &[Budget], asked: f64) -> Result<usize, FitError> {
     Ok(index)
 }
 
-/// The method the laws are fitted to, and a warning where it is not the first choice: the first kind of
-/// which three minima have no flag, else the first of which three may be used. The best run alone, which is
-/// as coarse as the grid, is the last of them.
+/// The method the laws are fitted to, unless one is asked for: the first kind of which three minima have no
+/// flag, else the first of which three may be used. The best run alone, which is as coarse as the grid, is
+/// the last of them.
 pub(in crate::laws) fn law_method(
     per_method: &[(MinimumMethod, Vec<Minimum>)],
     options: &FitOptions,
-) -> (MinimumMethod, Option<String>) {
+) -> MinimumMethod {
     if let Some(method) = options.law_method {
-        return (method, None);
+        return method;
     }
     let minima = |method| per_method.iter().find(|(m, _)| *m == method).map(|(_, minima)| minima);
     let count = |method, is: fn(&Minimum) -> bool| {
@@ -73,13 +68,7 @@ pub(in crate::laws) fn law_method(
         |is: fn(&Minimum) -> bool| curves.into_iter().find(|method| count(*method, is) >= ENOUGH);
     let of_runs = || Some(best_run).filter(|method| count(*method, Minimum::is_usable) >= ENOUGH);
     let method = is_curve(|m| m.trusted).or_else(|| is_curve(Minimum::is_usable));
-    let method = method.or_else(of_runs).unwrap_or(PREFERRED[0]);
-    let budgets = per_method.first().map_or(0, |(_, minima)| minima.len());
-    let warning = format!(
-        "Only {} of {budgets} budgets have an unflagged parabola, so the laws of minima go through those of the kind `{method}`.",
-        count(PREFERRED[0], |m| m.trusted)
-    );
-    (method, (method != PREFERRED[0]).then_some(warning))
+    method.or_else(of_runs).unwrap_or(PREFERRED[0])
 }
 
 /// The minima that a fit may use: those without a flag, or, where fewer than three are, those in doubt
@@ -98,18 +87,4 @@ pub(in crate::laws) fn tell_laws(used: &[Minimum]) -> bool {
     let of_runs = |m: &Minimum| m.method == MinimumMethod::Argmin || m.is_best_run_instead();
     let sizes = !used.iter().any(of_runs) || differ(|m| m.params_nonvocab) >= ENOUGH;
     used.len() >= ENOUGH && sizes && differ(|m| m.loss_normalised) > 1
-}
-
-/// Flagged minima named before the rest are only counted.
-const MOST_NAMED: usize = 8;
-
-/// Every flagged minimum by name: "1e10 (vocab-edge), 3e10 (not-convex)"; of many, the first.
-pub(in crate::laws) fn flagged_text(minima: &[Minimum]) -> String {
-    let flagged: Vec<&Minimum> = minima.iter().filter(|m| !m.trusted).collect();
-    let name = |m: &&Minimum| format!("{} ({})", count(m.budget_flops), flags_text(&m.flags));
-    let named = flagged.iter().take(MOST_NAMED).map(name).collect::<Vec<_>>().join(", ");
-    match flagged.len().saturating_sub(MOST_NAMED) {
-        0 => named,
-        more => format!("{named} and {more} more"),
-    }
 }

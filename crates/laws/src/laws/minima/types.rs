@@ -140,8 +140,3 @@ impl fmt::Display for MinimumFlag {
         })
     }
 }
-
-/// The flags in one phrase: "not-convex, vocab-edge".
-pub fn flags_text(flags: &[MinimumFlag]) -> String {
-    flags.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
-}

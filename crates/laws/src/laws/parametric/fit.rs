@@ -2,6 +2,7 @@
 
 use super::bootstrap::{Replicates, bootstrap};
 use super::data::Data;
+use super::findings::{Finding, findings};
 use super::form::Coefficients;
 use super::influence::{Influence, influence};
 use super::objective::Space;
@@ -12,15 +13,14 @@ use crate::laws::input::error::FitError;
 use crate::laws::input::point::IsoFlopPoint;
 use crate::laws::maths::stats;
 
-/// Fits a parametric law: the global optimum, how sure it is, and what speaks against it.
+/// The global optimum, how sure it is, and what speaks against it, which is not yet among the warnings.
 ///
 /// # Errors
-/// [`FitError::BadValue`], [`FitError::BadLoss`], [`FitError::Metrics`] and [`FitError::BadOption`] for
-/// wrong input, [`FitError::NotIdentified`] where the rows cannot tell the coefficients.
-pub fn fit_parametric(
+/// Those of [`fit_parametric`](crate::laws::fit_parametric).
+pub(in crate::laws) fn fitted(
     points: &[IsoFlopPoint],
     options: &ParametricOptions,
-) -> Result<Parametric, FitError> {
+) -> Result<(Parametric, Vec<Finding>), FitError> {
     options.check()?;
     if points.is_empty() {
         return Err(FitError::NoPoints);
@@ -31,7 +31,9 @@ pub fn fit_parametric(
     let replicates = bootstrap(points, &target, &found, options);
     let influence =
         options.influence_at.and_then(|budget| influence(points, &target, &found, budget));
-    Ok(summarised(&target, &found, &replicates, influence))
+    let own = summarised(&target, &found, &replicates, influence);
+    let findings = findings(&target, &found, &own.coefficients, &replicates);
+    Ok((own, findings))
 }
 
 fn found(target: &Target, options: &ParametricOptions) -> Result<Found, FitError> {
@@ -120,7 +122,7 @@ fn summarised(
         ci95: replicates.intervals(),
         replicates_converged: replicates.converged,
         bootstrap: replicates.coefficients.clone(),
-        warnings: super::warnings::of(target, found, &coefficients, replicates, influence.as_ref()),
+        warnings: Vec::new(),
         influence,
     }
 }

@@ -106,7 +106,7 @@ impl Form {
     }
 
     /// The quantities of the terms, for messages.
-    pub(super) fn quantities(self) -> &'static [&'static str] {
+    pub(in crate::laws) fn quantities(self) -> &'static [&'static str] {
         match self {
             Self::Approach3 => &["N", "D"],
             Self::Approach3Vocab => &["N_nv", "N_v", "D"],

@@ -14,7 +14,6 @@ use super::search::{Found, Target};
 use super::vector::Vector;
 use crate::laws::input::point::IsoFlopPoint;
 use crate::laws::maths::cholesky::solve;
-use crate::laws::words::text::{count, times};
 
 /// Rows that are named, at most.
 const MOST_NAMED: usize = 5;
@@ -124,22 +123,4 @@ fn moves(target: &Target, theta: &Vector, kept: &[usize], budget: f64) -> Vec<f6
         Some(ln_size(target, &there, budget)? - here?)
     };
     kept.iter().map(|row| step(row).unwrap_or(0.0)).collect()
-}
-
-impl Influence {
-    /// What hangs on which rows, in a sentence.
-    pub(super) fn sentence(&self, size: &str) -> String {
-        let Self { budget_flops, rows, params, params_without } = self;
-        let factor = (params / params_without).max(params_without / params);
-        format!(
-            "{} row(s) move the optimal {size} at {} FLOPs by a factor {}: without {} it is {}, with \
-             them {}. Look at them, or leave them out by --where or --drop-highest.",
-            rows.len(),
-            count(*budget_flops),
-            times(factor),
-            rows.join(", "),
-            count(*params_without),
-            count(*params)
-        )
-    }
 }

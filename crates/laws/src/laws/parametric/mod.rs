@@ -9,6 +9,7 @@
 //! | downhill to the last digit | `newton` |
 //! | intervals | `bootstrap` |
 //! | rows that an optimum hangs on | `influence` |
+//! | what speaks against it | `findings` |
 //! | all of it | [`fit_parametric`](crate::laws::fit_parametric) |
 //! | the laws that follow | [`parametric_laws`](crate::laws::parametric_laws) |
 //! | the best allocation of a budget | [`optimum()`](crate::laws::optimum()) |
@@ -16,6 +17,7 @@
 pub(in crate::laws) mod bootstrap;
 pub(in crate::laws) mod data;
 pub(in crate::laws) mod draws;
+pub(in crate::laws) mod findings;
 pub(in crate::laws) mod fit;
 pub(in crate::laws) mod form;
 pub(in crate::laws) mod influence;
@@ -27,10 +29,8 @@ pub(in crate::laws) mod optimum;
 pub(in crate::laws) mod options;
 pub(in crate::laws) mod problem;
 pub(in crate::laws) mod search;
-pub(in crate::laws) mod text;
 pub(in crate::laws) mod types;
 pub(in crate::laws) mod vector;
-pub(in crate::laws) mod warnings;
 
 #[cfg(test)]
 mod tests;

@@ -1,10 +1,7 @@
 //! The published law.
 
-use crate::laws::file::judgement::Judgement;
 use crate::laws::file::kind::LawKind;
 use crate::laws::file::laws::Laws;
-use crate::laws::input::method::MinimumMethod;
-use crate::laws::input::metric::Metric;
 use crate::laws::input::point::Parameters;
 use crate::laws::lines::types::{LogLaw, LossLaws, PowerLaw, PowerLaws};
 use std::f64::consts::LN_10;
@@ -23,38 +20,19 @@ const REFERENCE_FLOPS: f64 = 1e18;
 /// published, so there are no minima, no R² and no intervals, `n` is 0, and C0 is the 1e18 of its
 /// validating run. The laws do not agree with one another; [`predict`](crate::predict) says how far.
 pub fn scamo() -> Laws {
+    let names = ("scamo", "6nd");
     Laws {
-        name: "scamo".into(),
-        law: LawKind::Published,
         from_sweep: true,
-        flops_rule: "6nd".into(),
-        metric: Metric::default(),
-        parameters: Parameters::Split,
-        n_ctx: None,
-        head_share: None,
-        own_vocabularies: false,
-        reference_flops: REFERENCE_FLOPS,
-        fitted_budgets: Vec::new(),
-        minima_method: MinimumMethod::Argmin,
-        minima: Vec::new(),
-        held_out: None,
         power_laws: PowerLaws {
-            params: None,
             params_vocab: Some(published(-5.29, 0.75, REFERENCE_FLOPS)),
             params_nonvocab: Some(published(-0.52, 0.57, REFERENCE_FLOPS)),
             tokens: Some(published(-0.05, 0.43, REFERENCE_FLOPS)),
+            ..PowerLaws::default()
         },
         vocab_from_nonvocab: Some(published(-5.604, 1.467, 10f64.powf(-0.52 + 0.57 * 18.0))),
         loss: LossLaws { log: Some(published_loss()), floor: None },
-        parametric: None,
-        sensitivity: Vec::new(),
-        validation: Vec::new(),
-        advice: Vec::new(),
-        judgement: Judgement::default(),
-        answer: None,
-        noise: None,
-        bootstrap: Vec::new(),
         warnings: WARNINGS.map(String::from).to_vec(),
+        ..Laws::unfitted(LawKind::Published, names, Parameters::Split, REFERENCE_FLOPS)
     }
     .answered()
 }

@@ -7,8 +7,7 @@ pub(in crate::laws) mod recommended;
 pub(in crate::laws) mod shares;
 
 use self::miss::{Miss, MissedMinimum};
-use self::recommended::{Candidate, Recommended, Score};
-use crate::laws::input::method::MinimumMethod;
+use self::recommended::{Candidate, Score};
 use crate::laws::input::options::FitOptions;
 use crate::laws::input::point::Parameters;
 use crate::laws::joint::above;
@@ -144,26 +143,4 @@ impl Rows<'_> {
 /// The standard deviation of a normal quantity of this interval; 0 where there is none.
 fn deviation(interval: Option<[f64; 2]>, of: fn(f64) -> f64) -> f64 {
     interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
-}
-
-/// The best of some scores, or another law where nothing could be tested.
-pub(super) fn recommended(
-    scores: Vec<Score>,
-    (minima_method, untested): (MinimumMethod, Candidate),
-    budgets: usize,
-) -> Recommended {
-    let law = scores.first().map_or(untested, |best| best.law);
-    let why = match (scores.first(), scores.last()) {
-        (Some(best), Some(worst)) if scores.len() > 1 => format!(
-            "fitted to smaller budgets, it missed the losses of larger ones by {:.4} nats (root mean \
-             square of {}), {} by {:.4}",
-            best.rms,
-            best.compared().count(),
-            worst.law.about(),
-            worst.rms
-        ),
-        (Some(_), _) => "no other law could be tested".to_string(),
-        (None, _) => format!("no law could be tested ({budgets} budgets)"),
-    };
-    Recommended { law, minima_method, why, scores }
 }

@@ -26,7 +26,7 @@ pub(super) fn of(prediction: &SizedPrediction, laws: &Laws, law: &Told) -> Vec<S
 /// A size far outside those that were tried.
 fn size(prediction: &SizedPrediction, laws: &Laws) -> Option<String> {
     let [low, high] = laws.judgement.tried?.sizes;
-    let size = prediction.params.or(prediction.params_nonvocab)?;
+    let size = *prediction.model.size()?;
     is_far(size, [low, high]).then(|| {
         format!(
             "{} = {} lies far outside the sizes tried ({} to {}).",
@@ -40,7 +40,7 @@ fn size(prediction: &SizedPrediction, laws: &Laws) -> Option<String> {
 
 /// Another vocabulary than the only one tried.
 fn vocabulary(prediction: &SizedPrediction, laws: &Laws) -> Option<String> {
-    let (asked, only) = (prediction.n_vocab?, laws.only_vocabulary()?);
+    let (asked, only) = (prediction.model.n_vocab?, laws.only_vocabulary()?);
     ((asked / only).ln().abs() > SAME).then(|| {
         format!("The runs tried V = {only:.0} alone: the law knows nothing of V = {asked:.0}.")
     })

@@ -5,19 +5,16 @@
 //! | which law knows L(N, D), and what it says | `told` |
 //! | the values, the keys of `predict --params --json` | `types` |
 //! | sentences of caution | `cautions` |
-//! | for a terminal | `text` |
 
 mod cautions;
-mod text;
 mod told;
 mod types;
 
-pub use text::sized_text;
 pub use types::{ModelSize, SizedIntervals, SizedOptimum, SizedPrediction};
 
 use super::PredictError;
 use super::optimum::{below_fit, loss_name};
-use crate::laws::{Laws, interval95};
+use crate::laws::{Laws, PerQuantity, interval95};
 use told::Told;
 
 /// Bisections for the FLOPs of an equal loss: ln C to 1e-10.
@@ -38,16 +35,18 @@ pub fn predict_sized(laws: &Laws, model: &ModelSize) -> Result<SizedPrediction, 
     let each = |of: fn(&[f64; 2]) -> f64| {
         interval95(&said.replicates.iter().map(of).collect::<Vec<f64>>())
     };
-    let split = law.is_split();
     let mut prediction = SizedPrediction {
         law: laws.name.clone(),
         form: law.name().to_string(),
         loss_name: loss_name(laws),
-        params: (!split).then_some(model.params),
-        params_nonvocab: split.then_some(model.params),
-        params_vocab: split.then_some(said.params_vocab),
-        n_vocab: said.n_vocab,
-        tokens: model.tokens,
+        model: PerQuantity {
+            params_nonvocab: Some(model.params),
+            params_vocab: Some(said.params_vocab),
+            n_vocab: said.n_vocab,
+            tokens: Some(model.tokens),
+            ..PerQuantity::default()
+        }
+        .under(law.parameters()),
         flops: said.flops,
         loss_normalised: said.loss,
         optimum: best,

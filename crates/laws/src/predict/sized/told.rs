@@ -2,10 +2,11 @@
 
 use super::types::{ModelSize, SizedOptimum};
 use crate::laws::{
-    Coefficients, JointLaw, JointOptimum, Laws, Optimum, Parameters, Parametric, optimum,
+    Coefficients, JointLaw, JointOptimum, Laws, Optimum, Parameters, Parametric, PerQuantity,
+    optimum,
 };
 use crate::predict::at_budget::width_for;
-use crate::predict::{FlopCount, PredictError, SixNd, default_ladder};
+use crate::predict::{Allocation, FlopCount, PredictError, SixNd, default_ladder};
 
 /// A law of N and D.
 pub(super) enum Told<'a> {
@@ -42,12 +43,16 @@ impl<'a> Told<'a> {
     }
 
     /// Whether it tells N_nv and N_v apart.
-    pub fn is_split(&self) -> bool {
-        let parameters = match self {
+    fn is_split(&self) -> bool {
+        self.parameters() == Parameters::Split
+    }
+
+    /// What its size is.
+    pub fn parameters(&self) -> Parameters {
+        match self {
             Self::Parametric(law) => law.coefficients.form.parameters(),
             Self::Joint(_, parameters) => *parameters,
-        };
-        parameters == Parameters::Split
+        }
     }
 
     /// What it says of `model`.
@@ -116,27 +121,17 @@ impl<'a> Told<'a> {
     }
 
     fn of_parametric(&self, best: Optimum) -> SizedOptimum {
-        let split = self.is_split();
-        SizedOptimum {
-            params: (!split).then_some(best.params_nonvocab),
-            params_nonvocab: split.then_some(best.params_nonvocab),
-            params_vocab: split.then_some(best.params_vocab),
-            n_vocab: None,
-            tokens: best.tokens,
-            loss_normalised: best.loss,
-        }
+        let Optimum { params_nonvocab, params_vocab, tokens, loss } = best;
+        self.best(Allocation { params_nonvocab, params_vocab, tokens }, None, loss)
     }
 
     fn of_joint(&self, best: JointOptimum) -> SizedOptimum {
-        let split = self.is_split();
-        SizedOptimum {
-            params: (!split).then_some(best.params_nonvocab),
-            params_nonvocab: split.then_some(best.params_nonvocab),
-            params_vocab: split.then_some(best.params_vocab),
-            n_vocab: split.then_some(best.n_vocab),
-            tokens: best.tokens,
-            loss_normalised: best.loss,
-        }
+        self.best(best.into(), self.is_split().then_some(best.n_vocab), best.loss)
+    }
+
+    fn best(&self, at: Allocation, n_vocab: Option<f64>, loss_normalised: f64) -> SizedOptimum {
+        let at = PerQuantity { n_vocab, ..at.named(self.parameters()) };
+        SizedOptimum { at, loss_normalised }
     }
 }
 

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::laws::PerQuantity;
+
 /// A model, and the tokens that it is trained on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelSize {
@@ -25,17 +27,9 @@ pub struct SizedPrediction {
     /// The column or expression of a table that gives the loss; absent for L_u.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loss_name: Option<String>,
-    /// N, if the law does not tell N_nv and N_v apart; else those two stand in its place.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<f64>,
-    /// V, if it was given or only one was tried.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub n_vocab: Option<f64>,
-    pub tokens: f64,
+    /// V is known if it was given or only one was tried.
+    #[serde(flatten)]
+    pub model: PerQuantity<f64>,
     /// C that the model spends on its tokens, as the law counts.
     pub flops: f64,
     pub loss_normalised: f64,
@@ -58,15 +52,8 @@ pub struct SizedPrediction {
 /// The best model for a budget, under the names that [`SizedPrediction`] has.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizedOptimum {
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_nonvocab: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub params_vocab: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub n_vocab: Option<f64>,
-    pub tokens: f64,
+    #[serde(flatten)]
+    pub at: PerQuantity<f64>,
     pub loss_normalised: f64,
 }
 

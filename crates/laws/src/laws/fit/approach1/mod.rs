@@ -24,6 +24,7 @@ use crate::laws::lines::sample::{FloorSample, LawSample};
 use crate::laws::lines::types::{LogLaw, PowerLaw, PowerLaws};
 use crate::laws::maths::random::below;
 use crate::laws::maths::stats::{distinct, geometric_mean, interval95};
+use crate::laws::say::warnings;
 use fitted::Fitted;
 use frontier::Candidates;
 use rand_chacha::ChaCha8Rng;
@@ -93,14 +94,13 @@ fn laws(
         log10_coefficient_ci95: interval(replicates, |f| Some(of(f)?.log10_coefficient)),
         ..law
     };
-    let size = law(fitted.nonvocab, |f| Some(&f.nonvocab));
-    let total = options.parameters == Parameters::Total;
-    laws.power_laws = PowerLaws {
-        params: total.then(|| size.clone()),
-        params_nonvocab: (!total).then_some(size),
+    let all = PowerLaws {
+        params_nonvocab: Some(law(fitted.nonvocab, |f| Some(&f.nonvocab))),
         params_vocab: fitted.vocab.map(|v| law(v, |f| f.vocab.as_ref())),
         tokens: Some(law(fitted.tokens, |f| Some(&f.tokens))),
+        ..PowerLaws::default()
     };
+    laws.power_laws = all.under(options.parameters);
     laws.vocab_from_nonvocab =
         fitted.vocab_from_nonvocab.map(|v| law(v, |f| f.vocab_from_nonvocab.as_ref()));
     laws.loss = fitted.loss;
@@ -108,7 +108,7 @@ fn laws(
     let slope_ci95 = interval(replicates, slope);
     laws.loss.log = laws.loss.log.map(|law| LogLaw { slope_ci95, ..law });
     laws.bootstrap = replicates.iter().filter_map(sample).collect();
-    laws.warnings = warnings(points, front, options);
+    laws.warnings = sentences(points, front, options);
     laws.answered()
 }
 
@@ -132,20 +132,15 @@ fn sample(fitted: &Fitted) -> Option<LawSample> {
     })
 }
 
-fn warnings(
+fn sentences(
     points: &[IsoFlopPoint],
     front: &[FrontierPoint],
     options: &Approach1Options,
 ) -> Vec<String> {
-    let mut sentences = vec![format!(
-        "Approach 1 goes through the {} lowest of {} runs, and the lowest of noisy runs is a lucky \
-         one: its intervals come from drawing training curves anew and do not know that.",
-        front.len(),
-        points.len()
-    )];
+    let mut sentences = vec![warnings::of_frontier(front.len(), points.len())];
     let one_vocabulary = points.iter().all(|p| p.n_vocab == points[0].n_vocab);
     if options.parameters == Parameters::Split && one_vocabulary {
-        sentences.push(crate::laws::fit::warnings::ONE_VOCABULARY.to_string());
+        sentences.push(warnings::ONE_VOCABULARY.to_string());
     }
     sentences
 }

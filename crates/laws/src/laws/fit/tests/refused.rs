@@ -75,33 +75,6 @@ fn identical_rows_identify_no_law_and_are_named() {
 }
 
 #[test]
-fn the_summary_fits_the_terminal_and_shows_every_minimum() {
-    let mut points = simulated().points();
-    points.retain(|p| p.budget_flops != 3e15 || (p.params_nonvocab > 2.5e7 && p.n_vocab > 2e5));
-    let laws = fit(&points, &FitOptions { bootstrap: 50, ..options() }).unwrap();
-    let text = summary(&laws);
-    for line in text.lines() {
-        assert!(line.chars().count() <= 80, "{line}");
-    }
-    let parabolas = text.lines().filter(|line| line.starts_with("parabola")).count();
-    assert_eq!(parabolas, BUDGETS.len());
-    assert!(
-        text.starts_with(&crate::laws::say::brief::brief(&laws)),
-        "the first screen comes first"
-    );
-    for part in ["unseen budgets", "what to run next", "minima: akima", "minima: surface"] {
-        assert!(text.contains(part), "{part}");
-    }
-    assert!(text.contains("size: N = N_nv + N_v"), "{text}");
-    assert!(text.contains("held out") && text.contains("not-bracketed"), "{text}");
-    assert!(
-        summary(&crate::laws::published::scamo::scamo())
-            .lines()
-            .all(|line| line.chars().count() <= 80)
-    );
-}
-
-#[test]
 fn a_huber_delta_must_be_a_positive_number() {
     for huber in [0.0, -1.0, f64::NAN] {
         let error = fit(&simulated().points(), &FitOptions { huber: Some(huber), ..options() });

@@ -1,5 +1,5 @@
 use super::*;
-use crate::laws::parametric::fit::fit_parametric;
+use crate::laws::fit::parametric_laws::fit_parametric;
 use crate::laws::parametric::form::{Coefficients, Form};
 use crate::laws::parametric::options::ParametricOptions;
 use rayon::prelude::*;

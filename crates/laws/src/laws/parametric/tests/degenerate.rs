@@ -1,7 +1,7 @@
 use super::*;
+use crate::laws::fit::parametric_laws::fit_parametric;
 use crate::laws::fit::parametric_laws::parametric_laws;
 use crate::laws::input::error::FitError;
-use crate::laws::parametric::fit::fit_parametric;
 use crate::laws::parametric::form::Form;
 use crate::laws::parametric::objective::Space;
 use crate::laws::parametric::options::{Huber, ParametricOptions};

@@ -1,6 +1,6 @@
 use super::*;
+use crate::laws::fit::parametric_laws::fit_parametric;
 use crate::laws::fit::parametric_laws::{around, parametric_laws};
-use crate::laws::parametric::fit::fit_parametric;
 use crate::laws::parametric::form::{Coefficients, Form};
 use crate::laws::parametric::objective::Space;
 use crate::laws::parametric::options::{Huber, ParametricOptions};

@@ -1,19 +1,21 @@
 //! What is in doubt, and what would settle it.
 
-use crate::laws::file::answer::{Doubt, OwnExponents};
+use super::flags::flags_text;
+use super::reasons::Undetermined;
+use crate::laws::file::answer::Doubt;
 use crate::laws::file::kind::LawKind;
 use crate::laws::file::laws::Laws;
 use crate::laws::file::validated::Validated;
-use crate::laws::minima::types::{Minimum, flags_text};
+use crate::laws::minima::types::Minimum;
 use crate::laws::ranking::recommended::Recommended;
 use crate::laws::words::text::{count, short};
 
 /// All doubts, the heaviest first.
-pub(super) fn of(laws: &Laws, exponents: &OwnExponents) -> Vec<Doubt> {
+pub(in crate::laws) fn doubts(laws: &Laws, undetermined: &[(&str, Undetermined)]) -> Vec<Doubt> {
     let missed = laws.judgement.validations.iter().filter_map(missed);
     rows(laws)
         .chain(missed)
-        .chain(undetermined(exponents))
+        .chain(of_exponents(undetermined))
         .chain(untested(laws))
         .chain(minima(laws))
         .chain(misfit(laws))
@@ -36,28 +38,15 @@ fn missed(one: &Validated) -> Option<Doubt> {
     Some(Doubt::new("forecast", what, "fit these runs too, by --validations"))
 }
 
-fn undetermined(exponents: &OwnExponents) -> Vec<Doubt> {
-    let of = |name: &str, reason: &str| {
-        let what = format!("The exponent of {name} is not determined: {reason}");
-        Doubt { kind: "not-determined".into(), what, remedy: remedy(reason).into() }
-    };
-    let reasons = exponents.named().filter_map(|(name, own)| Some((name, own.reason.as_ref()?)));
-    let all: Vec<(&str, &String)> = reasons.collect();
-    let all = all.chunk_by(|a, b| a.1 == b.1).map(|same| {
+/// Exponents that are not determined, those of one reason together.
+fn of_exponents(all: &[(&str, Undetermined)]) -> Vec<Doubt> {
+    let of = |same: &[(&str, Undetermined)]| {
         let names: Vec<&str> = same.iter().map(|(name, _)| *name).collect();
-        of(&names.join(", "), same[0].1)
-    });
-    all.collect()
-}
-
-fn remedy(reason: &str) -> &'static str {
-    if reason.contains("vocabulary") {
-        "add vocabularies"
-    } else if reason.contains("size") {
-        "add sizes on that side"
-    } else {
-        "add budgets, or sizes on both sides of each minimum"
-    }
+        let (names, why) = (names.join(", "), same[0].1);
+        let what = format!("The exponent of {names} is not determined: {}", why.sentence());
+        Doubt::new("not-determined", what, why.remedy())
+    };
+    all.chunk_by(|a, b| a.1 == b.1).map(of).collect()
 }
 
 /// A law that no held-out budget has tested.
@@ -116,14 +105,17 @@ fn misfit(laws: &Laws) -> Option<Doubt> {
 }
 
 /// One sentence on how far to believe a fit.
-pub(super) fn verdict(laws: &Laws, exponents: &OwnExponents, doubts: &[Doubt]) -> String {
-    if exponents.is_undetermined() {
+pub(in crate::laws) fn verdict(laws: &Laws, is_determined: bool, doubts: &[Doubt]) -> String {
+    if !is_determined {
         return "No exponent is determined by these runs.".to_string();
     }
     let tested = match laws.judgement.recommended.as_ref() {
         Some(Recommended { scores, .. }) if !scores.is_empty() => {
-            let n = scores[0].compared().count();
-            format!("Tested by {n} held-out forecasts, off by {:.4} r.m.s.", scores[0].rms)
+            let forecasts = match scores[0].compared().count() {
+                1 => "one held-out forecast".to_string(),
+                n => format!("{n} held-out forecasts"),
+            };
+            format!("Tested by {forecasts}, off by {:.4} r.m.s.", scores[0].rms)
         }
         Some(_) => "Not tested by any held-out budget.".to_string(),
         None => "Fitted to all runs at once; not tested by held-out budgets.".to_string(),
@@ -134,4 +126,18 @@ pub(super) fn verdict(laws: &Laws, exponents: &OwnExponents, doubts: &[Doubt]) -
         n => format!("{n} doubts below."),
     };
     format!("{tested} {doubts}")
+}
+
+impl Doubt {
+    fn new(kind: &str, what: String, remedy: &str) -> Self {
+        Self { kind: kind.to_string(), what, remedy: remedy.to_string() }
+    }
+
+    /// For a person.
+    pub fn sentence(&self) -> String {
+        match self.remedy.as_str() {
+            "" => format!("{}.", self.what),
+            remedy => format!("{}: {remedy}.", self.what),
+        }
+    }
 }

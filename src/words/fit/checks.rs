@@ -1,12 +1,13 @@
 //! The parts of the summary that question the laws: unseen budgets, and what to run next.
 
-use crate::laws::file::advice::{Advice, AdviceKind};
-use crate::laws::file::laws::Laws;
-use crate::laws::lines::types::{Validation, ValidationKind};
-use crate::laws::words::text::{count, wrap};
+use crate::laws::Laws;
+use crate::laws::text::count;
+use crate::laws::{Advice, AdviceKind};
+use crate::laws::{Validation, ValidationKind};
+use crate::words::wrap;
 
 /// The errors on budgets that the laws had not seen; empty where there are none.
-pub(in crate::laws) fn unseen_budgets(laws: &Laws) -> String {
+pub(super) fn unseen_budgets(laws: &Laws) -> String {
     if laws.validation.is_empty() {
         return String::new();
     }
@@ -42,7 +43,7 @@ fn unseen(row: &Validation) -> String {
 }
 
 /// What to run next, one item an advice; empty where there is none.
-pub(in crate::laws) fn advice(laws: &Laws) -> String {
+pub(super) fn advice(laws: &Laws) -> String {
     let advice = &laws.advice;
     if advice.is_empty() {
         return String::new();

@@ -1,16 +1,17 @@
 //! The fit as a table for a terminal.
 
 use super::brief::brief;
-use super::summary_checks::{advice, unseen_budgets};
+use super::checks::{advice, unseen_budgets};
+use super::parametric::parametric_text;
 use super::verdict::verdict;
-use crate::laws::file::laws::{HeldOut, Laws};
-use crate::laws::input::point::Parameters;
-use crate::laws::joint::law::JointLaw;
-use crate::laws::lines::types::{FloorLaw, LogLaw, PowerLaw, Sensitivity};
-use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
-use crate::laws::minima::types::{Minimum, flags_text};
-use crate::laws::parametric::text::parametric_text;
-use crate::laws::words::text::{count, short, wrap};
+use crate::laws::JointLaw;
+use crate::laws::Parameters;
+use crate::laws::text::{count, short};
+use crate::laws::{FloorLaw, LogLaw, PowerLaw, Sensitivity};
+use crate::laws::{HeldOut, Laws};
+use crate::laws::{Minimum, flags_text};
+use crate::laws::{NoiseSource, RunNoise};
+use crate::words::wrap::{COLUMNS, wrap};
 
 /// The first screen, then the coefficients of a parametric loss, laws with intervals, minima with flags, loss
 /// laws with their held-out errors, what unseen budgets say of the laws, the sensitivity table, what
@@ -224,7 +225,7 @@ fn minimum(m: &Minimum, held_out: Option<&HeldOut>) -> String {
     );
     match marks.join(", ") {
         marks if marks.is_empty() => line + "\n",
-        marks if line.len() + 2 + marks.len() <= crate::laws::words::text::COLUMNS => {
+        marks if line.len() + 2 + marks.len() <= COLUMNS => {
             format!("{line}  {marks}\n")
         }
         marks => format!("{line}\n{}", wrap("            ", &marks)),

@@ -1,10 +1,10 @@
 //! What the intervals hold, and what they do not.
 
-use crate::laws::file::judgement::{IntervalPart, Judgement};
-use crate::laws::file::laws::Laws;
-use crate::laws::input::point::Parameters;
-use crate::laws::maths::stats::student_t95;
-use crate::laws::minima::run_noise::NoiseSource;
+use crate::laws::Laws;
+use crate::laws::NoiseSource;
+use crate::laws::Parameters;
+use crate::laws::student_t95;
+use crate::laws::{IntervalPart, Judgement};
 
 /// The part that is the scatter of runs.
 const RUNS: &str = "runs";

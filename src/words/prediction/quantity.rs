@@ -4,10 +4,10 @@ use crate::laws::text::count;
 use crate::predict::{Intervals, Prediction};
 
 /// The symbol of a quantity, and how it is written.
-pub(in crate::predict) type Quantity = (&'static str, fn(f64) -> String);
+pub(super) type Quantity = (&'static str, fn(f64) -> String);
 
 /// N, N_nv, V, D and the loss.
-pub(in crate::predict) const QUANTITIES: [Quantity; 5] = [
+pub(super) const QUANTITIES: [Quantity; 5] = [
     ("N", count),
     ("N_nv", count),
     ("V", |x| format!("{x:.0}")),
@@ -17,12 +17,12 @@ pub(in crate::predict) const QUANTITIES: [Quantity; 5] = [
 
 /// Of a prediction, in the order of [`QUANTITIES`]: each value with its 95 % interval.
 pub(super) fn values(prediction: &Prediction) -> [(Option<f64>, Option<[f64; 2]>); 5] {
-    let ci = &prediction.ci95;
+    let (at, ci) = (&prediction.at, &prediction.ci95);
     [
-        (prediction.params, ci.params),
-        (prediction.params_nonvocab, ci.params_nonvocab),
-        (prediction.n_vocab, ci.n_vocab),
-        (Some(prediction.tokens), ci.tokens),
+        (at.params, ci.at.params),
+        (at.params_nonvocab, ci.at.params_nonvocab),
+        (at.n_vocab, ci.at.n_vocab),
+        (at.tokens, ci.at.tokens),
         (prediction.loss_normalised, ci.loss_normalised),
     ]
 }

@@ -1,8 +1,8 @@
 //! A parametric law for a terminal.
 
-use super::objective::Space;
-use super::types::Parametric;
-use crate::laws::words::text::{short, wrap};
+use crate::laws::text::short;
+use crate::laws::{Parametric, Space};
+use crate::words::wrap;
 
 /// Its coefficients with errors and intervals, and how well the search for them ended, in at most
 /// 80 columns.

@@ -1,14 +1,17 @@
 //! A prediction for a terminal.
 
-use super::Prediction;
-use super::brief::{of_loss, span};
-use crate::laws::text::{count, wrap};
+use super::brief::brief;
+use super::parts::{of_loss, span};
+use super::quantity::QUANTITIES;
+use crate::laws::text::count;
+use crate::predict::{Prediction, Together};
+use crate::words::wrap;
 
 /// Predictions on one screen, or all that is known of each.
 pub fn said(predictions: &[Prediction], full: bool) -> String {
     match full {
         true => predictions.iter().map(text).collect::<Vec<_>>().join("\n"),
-        false => super::brief(predictions),
+        false => brief(predictions),
     }
 }
 
@@ -36,22 +39,14 @@ fn title(prediction: &Prediction) -> String {
 }
 
 fn rows(prediction: &Prediction) -> String {
-    let Prediction { ci95, raw, .. } = prediction;
-    let row = |name: &str, value: f64, interval: Option<[f64; 2]>, raw: Option<f64>| {
+    let Prediction { at, ci95, raw, .. } = prediction;
+    let row = |(name, value): (&str, &f64)| {
         let number = if name == "V" { |x| format!("{x:.0}") } else { count };
-        let raw = raw.map_or_else(|| "-".into(), count);
-        format!("{name:<8}{:>14}{:>28}{raw:>14}\n", number(value), span(interval, number))
+        let interval = span(ci95.at.of(name).copied(), number);
+        let raw = raw.at.of(name).map_or_else(|| "-".into(), |raw| count(*raw));
+        format!("{name:<8}{:>14}{interval:>28}{raw:>14}\n", number(*value))
     };
-    let params = (prediction.params, ci95.params, raw.params);
-    let nonvocab = (prediction.params_nonvocab, ci95.params_nonvocab, raw.params_nonvocab);
-    let vocab = (prediction.params_vocab, ci95.params_vocab, raw.params_vocab);
-    let tokens = (Some(prediction.tokens), ci95.tokens, Some(raw.tokens));
-    let n_vocab = (prediction.n_vocab, ci95.n_vocab, None);
-    [("N", params), ("N_nv", nonvocab), ("N_v", vocab), ("V", n_vocab), ("D", tokens)]
-        .into_iter()
-        .filter_map(|(name, (value, interval, raw))| Some(row(name, value?, interval, raw)))
-        .collect::<String>()
-        + &loss(prediction)
+    at.named().map(row).collect::<String>() + &loss(prediction)
 }
 
 fn loss(prediction: &Prediction) -> String {
@@ -90,7 +85,21 @@ fn shape(prediction: &Prediction) -> String {
 /// What all laws say together.
 fn together(prediction: &Prediction) -> String {
     let together = prediction.together.as_ref();
-    together.map_or_else(String::new, |together| wrap("- ", &together.sentence()))
+    together.map_or_else(String::new, |together| wrap("- ", &all_together(together)))
+}
+
+/// What all laws say together, in a sentence.
+pub fn all_together(together: &Together) -> String {
+    let Together { laws, loss_normalised, at } = together;
+    let values = [at.params, at.params_nonvocab, at.n_vocab, at.tokens, Some(*loss_normalised)];
+    let said = QUANTITIES.into_iter().zip(values);
+    let said = said.filter_map(|((name, number), x)| Some(format!("{name} {}", number(x?))));
+    let weights = laws.iter().map(|one| format!("{} {:.2}", one.law.name(), one.weight));
+    format!(
+        "The laws together, weighed by how little they missed ({}): {}.",
+        weights.collect::<Vec<_>>().join(", "),
+        said.collect::<Vec<_>>().join(", ")
+    )
 }
 
 fn notes(prediction: &Prediction) -> String {

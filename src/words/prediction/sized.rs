@@ -1,18 +1,20 @@
 //! The loss of a model for a terminal.
 
-use super::types::{SizedOptimum, SizedPrediction};
-use crate::laws::text::{count, times, wrap};
-use crate::predict::brief::{distance, of_loss};
+use super::parts::{distance, of_loss};
+use crate::laws::PerQuantity;
+use crate::laws::text::{count, times};
+use crate::predict::{SizedOptimum, SizedPrediction};
+use crate::words::wrap;
 
 /// The loss, the best model for the same FLOPs, and what lies between them, in at most 80 columns.
 pub fn sized_text(prediction: &SizedPrediction) -> String {
     let SizedPrediction { ci95, optimum, .. } = prediction;
     title(prediction)
-        + &row("loss", Some(prediction.loss_normalised), loss, ci95.loss_normalised)
+        + &row("loss", prediction.loss_normalised, loss, ci95.loss_normalised)
         + "The best model for the same FLOPs, and how much this one loses by:\n"
         + &of_optimum(optimum)
-        + &row("loss", Some(optimum.loss_normalised), loss, ci95.optimum_loss)
-        + &row("lost", Some(prediction.loss_above_optimum), loss, ci95.loss_above_optimum)
+        + &row("loss", optimum.loss_normalised, loss, ci95.optimum_loss)
+        + &row("lost", prediction.loss_above_optimum, loss, ci95.loss_above_optimum)
         + &notes(prediction)
 }
 
@@ -22,7 +24,7 @@ fn title(prediction: &SizedPrediction) -> String {
     let sentence = format!(
         "{} on {} tokens, {} FLOPs, {far} the fit, by {} of {}{loss}:",
         model(prediction),
-        count(prediction.tokens),
+        count(tokens(&prediction.model)),
         count(prediction.flops),
         prediction.form,
         prediction.law
@@ -32,42 +34,31 @@ fn title(prediction: &SizedPrediction) -> String {
 
 /// The model's size under the names that the law knows.
 fn model(prediction: &SizedPrediction) -> String {
-    let sizes = [
-        ("N", prediction.params),
-        ("N_nv", prediction.params_nonvocab),
-        ("N_v", prediction.params_vocab),
-    ];
-    let told = sizes.iter().filter_map(|(name, x)| Some(format!("{name} = {}", count((*x)?))));
-    let codes = prediction.n_vocab.map(|n_vocab| format!("V = {n_vocab:.0}"));
-    told.chain(codes).collect::<Vec<_>>().join(", ")
+    let named = prediction.model.named().filter(|(name, _)| *name != "D");
+    named.map(|(name, x)| format!("{name} = {}", number(name)(*x))).collect::<Vec<_>>().join(", ")
 }
 
 fn of_optimum(optimum: &SizedOptimum) -> String {
-    row("N", optimum.params, count, None)
-        + &row("N_nv", optimum.params_nonvocab, count, None)
-        + &row("N_v", optimum.params_vocab, count, None)
-        + &row("V", optimum.n_vocab, |x| format!("{x:.0}"), None)
-        + &row("D", Some(optimum.tokens), count, None)
+    optimum.at.named().map(|(name, x)| row(name, *x, number(name), None)).collect()
+}
+
+/// How a quantity is written; N_v like N.
+fn number(name: &str) -> fn(f64) -> String {
+    if name == "V" { |x| format!("{x:.0}") } else { count }
 }
 
 fn loss(x: f64) -> String {
     format!("{x:.4}")
 }
 
-fn row(
-    name: &str,
-    value: Option<f64>,
-    number: fn(f64) -> String,
-    interval: Option<[f64; 2]>,
-) -> String {
-    let Some(value) = value else { return String::new() };
+fn row(name: &str, value: f64, number: fn(f64) -> String, interval: Option<[f64; 2]>) -> String {
     let ends = interval.map(|ends| ends.map(number));
     let ends = ends.map_or(String::new(), |[low, high]| format!("   95 %: {low} to {high}"));
     format!("  {name:<5}{:>11}{ends}\n", number(value))
 }
 
 fn notes(prediction: &SizedPrediction) -> String {
-    let tokens = prediction.tokens / prediction.optimum.tokens;
+    let tokens = tokens(&prediction.model) / tokens(&prediction.optimum.at);
     let trained = if tokens > 1.0 {
         format!("It is trained on {} times the best model's tokens", times(tokens))
     } else {
@@ -80,4 +71,9 @@ fn notes(prediction: &SizedPrediction) -> String {
     let first = format!("{trained}{equal}.");
     let sentences = [first].into_iter().chain(prediction.warnings.iter().cloned());
     sentences.map(|sentence| wrap("- ", &sentence)).collect()
+}
+
+/// D, which a model on some tokens always has.
+fn tokens(of: &PerQuantity<f64>) -> f64 {
+    of.tokens.unwrap_or(f64::NAN)
 }

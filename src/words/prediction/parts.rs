@@ -1,11 +1,12 @@
 //! Words that predictions of one and of several budgets share.
 
-use crate::laws::text::{times, wrap};
+use crate::laws::text::times;
 use crate::predict::Prediction;
+use crate::words::wrap;
 
 /// Where a budget lies by the fitted ones, from its ratio to the largest and that of the smallest to it: before
 /// "the fit" in a sentence.
-pub(in crate::predict) fn distance(beyond: f64, below: Option<f64>) -> String {
+pub(super) fn distance(beyond: f64, below: Option<f64>) -> String {
     match below {
         Some(factor) => format!("{} times below", times(factor)),
         None if beyond > 1.0 => format!("{} times beyond", times(beyond)),
@@ -22,7 +23,7 @@ pub fn standing(prediction: &Prediction) -> String {
 }
 
 /// Which loss a table's predictions are of, in parentheses; nothing for L_u and for a column `loss`.
-pub(in crate::predict) fn of_loss(name: Option<&str>) -> String {
+pub(super) fn of_loss(name: Option<&str>) -> String {
     let named = |name| format!(" (loss: {name})");
     name.filter(|name| *name != "loss").map_or_else(String::new, named)
 }
@@ -34,6 +35,6 @@ pub(super) fn cautions(said: &[String], left: usize) -> String {
 }
 
 /// An interval in a column of a table.
-pub(in crate::predict) fn span(ends: Option<[f64; 2]>, number: impl Fn(f64) -> String) -> String {
+pub(super) fn span(ends: Option<[f64; 2]>, number: impl Fn(f64) -> String) -> String {
     ends.map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)))
 }

@@ -1,9 +1,10 @@
 //! Predictions for several budgets: a table, and what the farthest is warned of.
 
+use super::parts::{cautions, distance, of_loss, span};
 use super::quantity::{QUANTITIES, values};
-use super::words::{cautions, distance, of_loss, span};
-use crate::laws::text::{count, short, wrap};
+use crate::laws::text::{count, short};
 use crate::predict::Prediction;
+use crate::words::wrap;
 
 pub(super) fn text(predictions: &[Prediction]) -> String {
     title(predictions)

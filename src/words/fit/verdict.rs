@@ -1,10 +1,10 @@
 //! What the laws through minima say of themselves, in sentences.
 
-use crate::laws::file::laws::Laws;
-use crate::laws::input::point::Parameters;
-use crate::laws::lines::types::{PowerLaw, Sensitivity};
-use crate::laws::minima::types::{Minimum, MinimumFlag, flags_text};
-use crate::laws::words::text::count;
+use crate::laws::Laws;
+use crate::laws::Parameters;
+use crate::laws::text::count;
+use crate::laws::{Minimum, MinimumFlag, flags_text};
+use crate::laws::{PowerLaw, Sensitivity};
 
 /// Two values of γ, or of an exponent by two methods, that differ by more than this disagree.
 const DISAGREEMENT: f64 = 0.1;
@@ -109,7 +109,7 @@ fn reason(flag: MinimumFlag) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::laws::published::scamo::scamo;
+    use crate::laws::scamo;
 
     #[test]
     fn the_published_gammas_are_given_both_ways_and_called_inconsistent() {

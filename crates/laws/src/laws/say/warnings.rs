@@ -1,5 +1,7 @@
-//! The sentences a fit owes its reader.
+//! What a fit left out or rests on, in sentences.
 
+use super::flags::{flagged, flags_text};
+use crate::laws::input::cell::Cell;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::input::options::FitOptions;
 use crate::laws::input::point::Parameters;
@@ -9,14 +11,19 @@ use crate::laws::maths::stats::MIN_REPLICATES;
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::has_residuals;
 use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::select::flagged_text;
+use crate::laws::minima::select::PREFERRED;
 use crate::laws::minima::split::Split;
-use crate::laws::minima::types::{Minimum, flags_text};
+use crate::laws::minima::types::Minimum;
 use crate::laws::words::text::count;
 
 /// A minimum may spend this share more or less than declared before a warning says so.
 const ACHIEVED_TOLERANCE: f64 = 0.05;
 
+/// Cells that a sentence names, at most.
+const NAMED: usize = 3;
+
+pub(in crate::laws) const NOTHING_HELD_OUT: &str = "Only two budgets were run, so none is held out: the laws' \
+     error beyond them is not known, and two points fit any line.";
 pub(in crate::laws) const ONE_VOCABULARY: &str = "The exponent of N_v is not identified: one vocabulary \
      only. Its law and the law of N_v in N_nv are left out.";
 
@@ -31,7 +38,7 @@ pub(in crate::laws) fn of_minima(
     let (kept, out): (Vec<Minimum>, Vec<Minimum>) =
         all.iter().filter(|m| !m.trusted).cloned().partition(|m| used.contains(m));
     let told = |minima: &[Minimum], how: &str| {
-        let flagged = flagged_text(minima);
+        let flagged = flagged(minima);
         (!minima.is_empty()).then(|| format!("Flagged minima {how} the laws of minima: {flagged}."))
     };
     let sentences = [
@@ -130,4 +137,90 @@ pub(in crate::laws) fn of_bootstrap(
         _ => Some(format!("{failed} of {asked} bootstrap replicates gave no laws.")),
     };
     sentence.into_iter().collect()
+}
+
+/// Rows that repeat a cell and seed, the first of them by name.
+pub(in crate::laws) fn of_repeats((cells, first): (usize, &str)) -> String {
+    format!(
+        "{cells} cell(s) hold several runs of one seed, and their mean is taken; the first repeat is \
+         run {first}. Keep one row for each cell and seed if they differ in a setting."
+    )
+}
+
+/// Budgets without a run on the largest share of the data.
+pub(in crate::laws) fn of_lost_shares(budgets: &[f64]) -> Option<String> {
+    let named: Vec<String> = budgets.iter().map(|budget| count(*budget)).collect();
+    (!budgets.is_empty()).then(|| {
+        format!(
+            "Runs at {} FLOPs saw smaller shares of the data alone, and are left out: train them on \
+             the largest share too.",
+            named.join(", ")
+        )
+    })
+}
+
+/// Cells, with their budgets, that have fewer runs than others.
+pub(in crate::laws) fn of_lost_runs(lost: &[(f64, &Cell)]) -> Option<String> {
+    let named = lost.iter().take(NAMED).map(|(budget, cell)| {
+        let v = cell.n_vocab;
+        let vocab = if v > 0.0 { format!(", V = {v}") } else { String::new() };
+        format!("{} FLOPs, N = {}{vocab}", count(*budget), count(cell.params_nonvocab))
+    });
+    let named = named.collect::<Vec<_>>().join("; ");
+    let more = match lost.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        n => format!("; {n} more"),
+    };
+    (!lost.is_empty()).then(|| {
+        format!(
+            "{} cell(s) that are the best of their size have fewer runs than the others of their \
+             budget ({named}{more}). If the runs that are missing diverged, the mean is that of the \
+             luckier ones: lower the rate, or train those cells again with other seeds.",
+            lost.len()
+        )
+    })
+}
+
+/// Laws that do not go through the kind of minimum that is preferred, though none was asked for.
+pub(in crate::laws) fn of_method(
+    method: MinimumMethod,
+    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    options: &FitOptions,
+) -> Option<String> {
+    let budgets = per_method.first().map_or(0, |(_, minima)| minima.len());
+    let parabolas = per_method.iter().filter(|(method, _)| *method == PREFERRED[0]);
+    let unflagged = parabolas.flat_map(|(_, minima)| minima).filter(|m| m.trusted).count();
+    (options.law_method.is_none() && method != PREFERRED[0]).then(|| {
+        format!(
+            "Only {unflagged} of {budgets} budgets have an unflagged parabola, so the laws of minima go \
+             through those of the kind `{method}`."
+        )
+    })
+}
+
+/// Fewer replicates than were asked for, since the table is large.
+pub(in crate::laws) fn of_cost(cells: usize, made: usize, asked: usize) -> Option<String> {
+    (made < asked).then(|| {
+        format!(
+            "The table has {cells} cells, so {made} bootstrap replicates are made instead of {asked}."
+        )
+    })
+}
+
+/// Replicates of a parametric loss that have no optimum.
+pub(in crate::laws) fn of_lost_optima(lost: usize, all: usize) -> Option<String> {
+    (lost > 0).then(|| {
+        format!(
+            "{lost} of {all} bootstrap replicates have no optimum, a term being absent from them: the \
+             intervals are those of the rest."
+        )
+    })
+}
+
+/// What the intervals of approach 1 do not know.
+pub(in crate::laws) fn of_frontier(lowest: usize, runs: usize) -> String {
+    format!(
+        "Approach 1 goes through the {lowest} lowest of {runs} runs, and the lowest of noisy runs is a lucky \
+         one: its intervals come from drawing training curves anew and do not know that."
+    )
 }

@@ -1,9 +1,10 @@
 //! The prediction for one budget: values with intervals, what to build, other laws, warnings.
 
+use super::parts::{cautions, of_loss, standing};
 use super::quantity::{cells, on_other_clips};
-use super::words::{cautions, of_loss, standing};
-use crate::laws::text::{count, wrap};
+use crate::laws::text::count;
 use crate::predict::{Prediction, Raw};
+use crate::words::wrap;
 
 /// Warnings that are said before the rest are only counted.
 const MOST_SAID: usize = 2;

@@ -1,16 +1,15 @@
 //! The fit on one screen: the law, its formula, the exponents, and what is in doubt.
 
-mod forecasts;
-mod held;
+use super::intervals;
+use crate::laws::LawKind;
+use crate::laws::Laws;
+use crate::laws::PowerLaw;
+use crate::laws::Score;
+use crate::laws::text::count;
+use crate::laws::{Answer, Doubt, Exponent, Validated};
+use crate::words::wrap;
 
-use crate::laws::file::answer::{Answer, Exponent};
-use crate::laws::file::kind::LawKind;
-use crate::laws::file::laws::Laws;
-use crate::laws::lines::types::PowerLaw;
-use crate::laws::ranking::recommended::Score;
-use crate::laws::words::text::{count, wrap};
-
-/// The answer in some fifteen lines of at most 80 columns; [`summary`](crate::laws::say::summary::summary()) goes on from it.
+/// The answer in some fifteen lines of at most 80 columns; [`summary`](super::full::summary()) goes on from it.
 pub fn brief(laws: &Laws) -> String {
     let answer = laws.answer();
     let head = [Some(scope(laws)), law(laws), Some(answer.formula.clone())];
@@ -69,7 +68,7 @@ fn table(laws: &Laws, answer: &Answer) -> String {
     let mut out = format!("{:<12}{:>9}{:>19}  {head}", "exponent", "", "95 % interval");
     out = out.trim_end().to_string() + "\n";
     for (name, exponent) in answer.exponents.named() {
-        let other = of_minima(laws, name).filter(|_| beside);
+        let other = laws.power_laws.of(name).filter(|_| beside);
         out += &row(name, exponent, other);
     }
     out
@@ -96,19 +95,29 @@ fn row(name: &str, exponent: &Exponent, minima: Option<&PowerLaw>) -> String {
     line.trim_end().to_string() + "\n"
 }
 
-fn of_minima<'a>(laws: &'a Laws, name: &str) -> Option<&'a PowerLaw> {
-    let powers = &laws.power_laws;
-    match name {
-        "N" => powers.params.as_ref(),
-        "N_nv" => powers.params_nonvocab.as_ref(),
-        "N_v" => powers.params_vocab.as_ref(),
-        _ => powers.tokens.as_ref(),
+fn notes(laws: &Laws, answer: &Answer) -> String {
+    let doubts = answer.doubts.iter().map(Doubt::sentence);
+    let held = forecasts_held(&laws.judgement.validations);
+    let all = doubts.chain(held).chain(intervals::sentence(laws));
+    all.map(|sentence| wrap("- ", &sentence)).collect()
+}
+
+/// One sentence for the forecasts that held.
+fn forecasts_held(validations: &[Validated]) -> Option<String> {
+    let held = validations.iter().filter(|one| one.inside.is_whole() && one.sentence().is_some());
+    match &held.collect::<Vec<_>>()[..] {
+        [] => None,
+        [one] => one.sentence(),
+        several => Some(together(several)),
     }
 }
 
-fn notes(laws: &Laws, answer: &Answer) -> String {
-    let doubts = answer.doubts.iter().map(crate::laws::file::answer::Doubt::sentence);
-    let held = forecasts::held(&laws.judgement.validations);
-    let all = doubts.chain(held).chain(held::sentence(laws));
-    all.map(|sentence| wrap("- ", &sentence)).collect()
+fn together(held: &[&Validated]) -> String {
+    let told = held.iter().filter_map(|one| {
+        let [low, high] = one.predicted.loss_ci95?;
+        let budget = count(one.budget_flops);
+        Some(format!("{:.3} ({low:.3} to {high:.3}) at {budget}", one.measured.loss))
+    });
+    let told: Vec<String> = told.collect();
+    format!("{} forecasts held, L_u measured (95 % forecast): {}.", held.len(), told.join(", "))
 }
