@@ -1,6 +1,6 @@
 //! [`DataFacts`]: what a plan needs to know of a data set.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
@@ -14,6 +14,8 @@ pub struct DataFacts {
     pub digest: String,
     /// Clips to train on, to validate on and to test on.
     pub clips: [usize; 3],
+    /// Groups of test clips that were recorded together; a clip of no group is one of its own.
+    pub test_groups: usize,
     pub fps: f64,
     /// Content of the file that the captions' vectors come from, where they come from one; `absent`
     /// where it is not here.
@@ -73,6 +75,7 @@ impl DataFacts {
         Self {
             digest: source.digest().to_string(),
             clips: Split::ALL.map(|split| source.n_clips(split)),
+            test_groups: test_groups(source),
             fps: f64::from(source.fps()),
             embeddings: None,
             trainer_inputs: BTreeMap::new(),
@@ -88,6 +91,7 @@ impl DataFacts {
         Self {
             digest: "absent".to_string(),
             clips: [0; 3],
+            test_groups: 0,
             fps: 20.0,
             embeddings: None,
             trainer_inputs: BTreeMap::new(),
@@ -181,4 +185,9 @@ fn lengths(source: &dyn MotionSource) -> BTreeMap<usize, usize> {
         *lengths.entry(source.n_frames(Split::Train, clip)).or_default() += 1;
     }
     lengths
+}
+/// Groups of the test split.
+pub fn test_groups(source: &dyn MotionSource) -> usize {
+    let groups = (0..source.n_clips(Split::Test)).map(|clip| source.group(Split::Test, clip));
+    groups.collect::<BTreeSet<_>>().len()
 }

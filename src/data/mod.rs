@@ -44,7 +44,7 @@ mod union;
 pub use captions::{Annotation, CaptionProblem, parse_annotation};
 pub use check::{Checked, check_folder};
 pub use count::{Counted, LENGTH_BIN, Tally, WORDS_BIN, count};
-pub use facts::{DataFacts, Demand, MemberFacts};
+pub use facts::{DataFacts, Demand, MemberFacts, test_groups};
 pub use frame_rate::FPS;
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
 pub use motion_file::read_motion;

@@ -1,7 +1,7 @@
 //! The circles of files that are left.
 
 /// Files that need one another and cannot well be had apart, and why.
-pub const ALLOWED: [(&[&str], &str); 8] = [
+pub const ALLOWED: [(&[&str], &str); 6] = [
     (
         &[
             "src/figures/mod.rs",
@@ -50,15 +50,6 @@ pub const ALLOWED: [(&[&str], &str); 8] = [
         "a job's id names its kind, and each kind says how it is worked on",
     ),
     (
-        &[
-            "crates/laws/src/laws/minima/mod.rs",
-            "crates/laws/src/laws/minima/akima.rs",
-            "crates/laws/src/laws/minima/curve.rs",
-            "crates/laws/src/laws/minima/surface.rs",
-        ],
-        "the choice among methods, and what each gives back",
-    ),
-    (
         &["src/ops/own/lanes.rs", "src/ops/own/x86.rs", "src/ops/own/x86/transpose.rs"],
         "a macro that chooses among instruction sets, each of which has lanes",
     ),
@@ -71,16 +62,6 @@ pub const ALLOWED: [(&[&str], &str); 8] = [
             "src/record/run_record.rs",
         ],
         "a record is made of facts, and each fact is read from a record and written into one",
-    ),
-    (
-        &[
-            "crates/laws/src/table/outliers/mod.rs",
-            "crates/laws/src/table/outliers/duplicates.rs",
-            "crates/laws/src/table/outliers/few_levels.rs",
-            "crates/laws/src/table/outliers/off_centre.rs",
-            "crates/laws/src/table/outliers/spline.rs",
-        ],
-        "the choice among stages, and what each gives back",
     ),
     (
         &[

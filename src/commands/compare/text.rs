@@ -28,7 +28,7 @@ pub fn text(
         let rows = studies.iter().zip(&quantity.estimates).zip(&quantity.differences);
         for ((study, estimate), difference) in rows {
             let name: String = study.name.chars().take(width).collect();
-            let estimate = estimate.map_or("-".to_string(), |found| said(found, quantity.is_ratio));
+            let estimate = estimate.map_or("-".to_string(), |found| said(found, quantity));
             let difference =
                 difference.map_or(String::new(), |found| against(found, quantity.is_ratio));
             let line = format!("  {name:<width$}  {estimate:<25}{difference}");
@@ -39,8 +39,12 @@ pub fn text(
     text
 }
 
-fn said(Estimate { value, ci95 }: Estimate, is_ratio: bool) -> String {
-    let number = |x: f64| if is_ratio { format!("{x:.2e}") } else { format!("{x:.3}") };
+fn said(Estimate { value, ci95 }: Estimate, quantity: &Quantity) -> String {
+    let number = |x: f64| match (quantity.name, quantity.is_ratio) {
+        ("V", _) => format!("{x:.0}"),
+        (_, true) => format!("{x:.2e}"),
+        (_, false) => format!("{x:.3}"),
+    };
     let interval = ci95.map(|[low, high]| format!(" {}..{}", number(low), number(high)));
     format!("{}{}", number(value), interval.unwrap_or_default())
 }

@@ -56,6 +56,8 @@ fn small_test(path: &Path) -> Option<String> {
     let section = DataSection { source: DataSource::HumanMl3d, path, ..DataSection::default() };
     let source = data::open(&section, None).ok()?;
     let frames = (0..source.n_clips(Split::Test)).map(|i| source.n_frames(Split::Test, i));
-    let [what, mend] = too_few(frames.sum::<usize>() as f64 / FRAMES_PER_CODE)?;
+    let codes = frames.sum::<usize>() as f64 / FRAMES_PER_CODE;
+    let (clips, groups) = (source.n_clips(Split::Test), data::test_groups(&*source));
+    let [what, mend] = too_few(codes, clips, groups)?;
     Some(format!("{what}; {mend}"))
 }

@@ -15,6 +15,8 @@ pub enum DoubtKind {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StudyDoubt {
+    /// One budget.
+    OneBudget,
     /// One seed of each run and of each tokenizer.
     OneSeed,
     /// A test split too small to measure a loss.

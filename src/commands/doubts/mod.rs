@@ -26,6 +26,7 @@ pub fn doubts(sweep: &Sweep, plan: &Plan) -> Vec<Doubt> {
             found
                 .extend(own.into_iter().filter(|doubt| !found.contains(doubt)).collect::<Vec<_>>());
         }
+        found.extend(measure::one_budget(plan));
         found.extend(measure::one_seed(sweep, plan));
     }
     found.extend(measure::small_test(plan));

@@ -4,14 +4,15 @@ use isoflop::predict::{self, CountedBy};
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use isoflop::spec::{Ffn, ModelShape};
 
-/// Training FLOPs by ScaMo's Code 1 along the ladder of buildable shapes: what a token costs beside
+/// Training FLOPs by ScaMo's Code 1 along a ladder of shapes: what a token costs beside
 /// its vocabulary is interpolated between rungs, in logarithms of N_nv; a code is chosen among
 /// `head_share` of the vocabulary.
 pub(super) fn openai_count(
     n_ctx: usize,
     head_share: f64,
+    ladder: &[predict::Shape],
 ) -> CountedBy<impl Fn(f64, f64, f64) -> f64 + Sync> {
-    let rungs: Vec<(f64, f64)> = predict::default_ladder()
+    let rungs: Vec<(f64, f64)> = ladder
         .iter()
         .map(|rung| {
             let shape = model_shape(rung, n_ctx);

@@ -96,13 +96,14 @@ fn on_other_data(mut said: Prediction, own: &Laws, unique_tokens: Option<f64>) -
 
 /// Predicts with FLOPs counted by the rule that the laws are written in, where they can be.
 pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError> {
+    let shapes = predict::ladder_of(laws);
+    let options = PredictOptions { shapes: &shapes, ..PredictOptions::default() };
     match (laws.flops_rule.as_str(), laws.n_ctx) {
         ("openai", Some(n_ctx)) => {
-            let count = openai_count(n_ctx, laws.head_share.unwrap_or(1.0));
-            let options = PredictOptions { flop_count: &count, ..PredictOptions::default() };
-            predict::predict(laws, budget, &options)
+            let count = openai_count(n_ctx, laws.head_share.unwrap_or(1.0), &shapes);
+            predict::predict(laws, budget, &PredictOptions { flop_count: &count, ..options })
         }
-        _ => predict::predict(laws, budget, &PredictOptions::default()),
+        _ => predict::predict(laws, budget, &options),
     }
 }
 

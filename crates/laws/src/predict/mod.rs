@@ -39,6 +39,6 @@ pub use flop_count::{CountedBy, FlopCount, SixNd};
 pub use optimum::predict;
 pub use options::PredictOptions;
 pub use project::{Allocation, project};
-pub use shapes::{Shape, default_ladder};
+pub use shapes::{Shape, default_ladder, ladder_of};
 pub use sized::{ModelSize, SizedIntervals, SizedOptimum, SizedPrediction, predict_sized};
 pub use types::{Intervals, PredictedShape, Prediction, Raw, Together, Weighed};

@@ -1,6 +1,9 @@
 //! Buildable shapes.
 
+use std::borrow::Cow;
 use std::sync::LazyLock;
+
+use crate::laws::Laws;
 
 /// The shape of a LLaMA-like decoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,16 +36,29 @@ impl Shape {
 /// least two heads of at most 32. No shape has fewer than two layers. The SwiGLU rounds to 256 from
 /// d = 512, the paper's smallest, and to 8 below, where 256 would dwarf it.
 pub fn default_ladder() -> &'static [Shape] {
-    static LADDER: LazyLock<Vec<Shape>> = LazyLock::new(|| {
-        let small = (16..128).step_by(8);
-        let large = (128..=16_384).step_by(64);
-        small.chain(large).map(rung).collect()
-    });
+    static LADDER: LazyLock<Vec<Shape>> = LazyLock::new(|| widths(16).map(rung).collect());
     &LADDER
 }
 
+/// The shapes of the models that laws were fitted to, where all have one depth: widths from 8 at that depth; else
+/// the [`default_ladder`].
+pub fn ladder_of(laws: &Laws) -> Cow<'static, [Shape]> {
+    match laws.judgement.tried.and_then(|tried| tried.n_layer) {
+        Some(n_layer) => widths(8).map(|d_model| of_width(d_model, n_layer as u64)).collect(),
+        None => Cow::Borrowed(default_ladder()),
+    }
+}
+
+/// Multiples of 8 up to 128, then of 64.
+fn widths(smallest: usize) -> impl Iterator<Item = u64> {
+    (smallest..128).step_by(8).chain((128..=16_384).step_by(64)).map(|d_model| d_model as u64)
+}
+
 fn rung(d_model: u64) -> Shape {
-    let n_layer = ((d_model + 32) / 64).max(2);
+    of_width(d_model, ((d_model + 32) / 64).max(2))
+}
+
+fn of_width(d_model: u64, n_layer: u64) -> Shape {
     let multiple = if d_model >= 512 { 256 } else { 8 };
     Shape::swiglu(n_layer, d_model / head_width(d_model), d_model, multiple)
 }
@@ -51,7 +67,7 @@ fn head_width(d_model: u64) -> u64 {
     let fits = |width: &u64| d_model.is_multiple_of(*width) && d_model / width >= 2;
     match d_model {
         128.. => 64,
-        _ => [32, 16, 8].into_iter().find(fits).expect("widths are multiples of 8 from 16"),
+        _ => [32, 16, 8].into_iter().find(fits).unwrap_or(d_model),
     }
 }
 
@@ -64,6 +80,18 @@ pub(super) fn nearest<T>(candidates: &[T], target: f64, size: impl Fn(&T) -> f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laws::{Tried, scamo};
+
+    const TRIED: Tried = Tried {
+        runs: 0,
+        n_budgets: 0,
+        budgets: [0.0; 2],
+        sizes: [0.0; 2],
+        vocabularies: [0.0; 2],
+        n_layer: None,
+        unique_tokens: None,
+        epochs: None,
+    };
 
     #[test]
     fn the_papers_shapes_have_their_published_counts() {
@@ -89,6 +117,14 @@ mod tests {
             assert_eq!(shape.d_model % 8, 0, "{shape:?}");
             assert_eq!(shape.d_model % (2 * shape.n_head), 0, "rotary needs even heads {shape:?}");
         }
+        let mut laws = scamo();
+        assert_eq!(ladder_of(&laws)[..], *ladder);
+        let tried = Tried { n_layer: Some(4), ..TRIED };
+        laws.judgement.tried = Some(tried);
+        let own = ladder_of(&laws);
+        assert!(
+            own.iter().all(|shape| shape.n_layer == 4 && shape.d_model % (2 * shape.n_head) == 0)
+        );
         let grows = |pair: &[Shape]| pair[0].params_nonvocab() < pair[1].params_nonvocab();
         assert!(ladder.windows(2).all(grows));
     }

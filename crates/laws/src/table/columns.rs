@@ -110,7 +110,7 @@ fn split(text: &str) -> Vec<&str> {
 }
 
 /// Columns named as a quantity that `--columns` does not give; a sweep's table names its loss
-/// [`LOSS_NORMALISED`].
+/// [`LOSS_NORMALISED`], and budgets may stand under `budget`.
 ///
 /// Where `--columns` gives N, a column N_nv is left alone: the two could disagree.
 fn implicit(given: &[(Quantity, Expression)], table: &Table) -> Vec<(Quantity, Expression)> {
@@ -119,8 +119,12 @@ fn implicit(given: &[(Quantity, Expression)], table: &Table) -> Vec<(Quantity, E
     for (name, quantity) in Quantity::ALL {
         let disagrees = quantity == Quantity::ParamsNonvocab && is_given(Quantity::Params)
             || quantity == Quantity::Params && is_given(Quantity::ParamsNonvocab);
-        let sweep = (quantity == Quantity::Loss).then_some(LOSS_NORMALISED);
-        let mut names = [Some(name), sweep].into_iter().flatten();
+        let other = match quantity {
+            Quantity::Loss => Some(LOSS_NORMALISED),
+            Quantity::BudgetFlops => Some("budget"),
+            _ => None,
+        };
+        let mut names = [Some(name), other].into_iter().flatten();
         let column = names.find_map(|name| Expression::column(name, table));
         if let Some(column) = column.filter(|_| !is_given(quantity) && !disagrees) {
             taken.push((quantity, column));
@@ -136,7 +140,8 @@ mod tests {
 
     fn table() -> Table {
         let number = |name: &str| (name.to_string(), Column::Number(vec![1.0, 2.0]));
-        let names = ["Model Size", "a,b", "6N/D", "loss_normalised", "tokens", "params_nonvocab"];
+        let names =
+            ["Model Size", "a,b", "6N/D", "loss_normalised", "tokens", "params_nonvocab", "budget"];
         let mut columns: Vec<_> = names.into_iter().map(number).collect();
         columns.push(("name".into(), Column::Text(vec!["first".into(), String::new()])));
         Table { columns, n_rows: 2, notes: vec![] }
@@ -163,7 +168,7 @@ mod tests {
     #[test]
     fn columns_named_as_a_quantity_are_taken_and_said() {
         let named = named(Some("tokens=Model Size"), &table()).unwrap();
-        let note = "columns taken by their own names: params_nonvocab, loss = loss_normalised";
+        let note = "columns taken by their own names: params_nonvocab, budget_flops = budget, loss = loss_normalised";
         assert_eq!(named.notes, [note]);
         assert_eq!(named.numbers[&Quantity::Loss], [1.0, 2.0]);
     }

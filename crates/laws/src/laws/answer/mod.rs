@@ -52,7 +52,7 @@ impl Laws {
         let undetermined: Vec<(&str, Undetermined)> =
             found.named().filter_map(|(name, own)| Some((name, own.why?))).collect();
         let exponents = found.map(|own| own.told(self.range()));
-        let doubts = doubts(self, &undetermined);
+        let doubts = doubts(self, &exponents, &undetermined);
         let (symbol, coefficients) = (self.loss_symbol(), coefficients::of(self));
         Answer {
             law: self.own_law().to_string(),

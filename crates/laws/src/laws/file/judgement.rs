@@ -57,6 +57,9 @@ pub struct Tried {
     pub sizes: [f64; 2],
     /// The smallest and the largest V; zeros where it is not known.
     pub vocabularies: [f64; 2],
+    /// Layers of every model, where all have as many.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub n_layer: Option<usize>,
     /// Distinct tokens of the training split, where they are known.
     pub unique_tokens: Option<f64>,
     /// The most passes over them.

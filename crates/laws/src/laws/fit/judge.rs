@@ -156,6 +156,7 @@ fn interval_part(part: &str, bootstrap: &Bootstrap, sources: Sources) -> Interva
 /// The extent of some cells.
 fn tried(grids: &[Grid]) -> Tried {
     let cells = || grids.iter().flat_map(|grid| &grid.cells);
+    let n_layer = cells().next().and_then(|cell| cell.n_layer);
     let unique = cells().filter_map(|cell| cell.unique_tokens);
     let epochs = grids.iter().flat_map(Grid::of_all_shares).flatten().filter_map(Cell::epochs);
     Tried {
@@ -164,6 +165,7 @@ fn tried(grids: &[Grid]) -> Tried {
         budgets: extent(grids.iter().map(|grid| grid.budget_flops)),
         sizes: extent(cells().map(|cell| cell.params_nonvocab)),
         vocabularies: extent(cells().map(|cell| cell.n_vocab)),
+        n_layer: n_layer.filter(|n| cells().all(|cell| cell.n_layer == Some(*n))),
         unique_tokens: unique.reduce(f64::max),
         epochs: epochs.reduce(f64::max),
     }

@@ -6,8 +6,8 @@
 //! shape of its own either, so it shows where a parabola's or a cubic's shape moves a minimum.
 
 use super::grid::{Grid, apart};
-use super::types::MinimumFlag;
-use super::{Located, interpolate};
+use super::interpolate;
+use super::types::{Located, MinimumFlag};
 use crate::laws::input::cell::Size;
 use crate::laws::input::method::MinimumMethod;
 

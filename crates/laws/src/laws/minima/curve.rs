@@ -4,8 +4,8 @@
 //! figures draw it). N_v, V and D at the minimum come from [`interpolate`].
 
 use super::grid::{Grid, Scale, apart};
-use super::types::MinimumFlag;
-use super::{Curvature, Located, interpolate};
+use super::interpolate;
+use super::types::{Curvature, Located, MinimumFlag};
 use crate::laws::input::cell::Size;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::maths::least_squares::{LeastSquares, least_squares};

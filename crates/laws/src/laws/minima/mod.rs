@@ -17,29 +17,12 @@ pub(in crate::laws) mod surface;
 pub(in crate::laws) mod types;
 
 use self::run_noise::RunNoise;
-use self::types::{LackOfFit, Minimum, MinimumFlag};
+use self::types::{LackOfFit, Located, Minimum, MinimumFlag};
 use crate::laws::input::budget::Budget;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::input::point::IsoFlopPoint;
 use crate::laws::maths::stats::{chi_square_tail, student_t95};
 pub(super) use grid::Grid;
-
-/// A minimum, and how sharply its curve bends there.
-struct Located {
-    minimum: Minimum,
-    curvature: Option<Curvature>,
-}
-
-/// The smallest second derivative at a minimum, and what its interval needs.
-struct Curvature {
-    value: f64,
-    /// Standard error for noise of unit standard deviation.
-    unit_error: f64,
-    rss: f64,
-    /// Runs that each point of the curve is worth.
-    runs: f64,
-    dof: usize,
-}
 
 /// The minimum of every budget by one method, in the order of `budgets`.
 ///

@@ -5,8 +5,7 @@
 //! the curves use the best of each size.
 
 use super::grid::{Grid, Scale};
-use super::types::{Minimum, MinimumFlag};
-use super::{Curvature, Located};
+use super::types::{Curvature, Located, Minimum, MinimumFlag};
 use crate::laws::input::cell::Cell;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::maths::least_squares::{LeastSquares, least_squares};

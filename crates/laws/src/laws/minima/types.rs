@@ -64,6 +64,23 @@ pub struct Minimum {
     pub trusted: bool,
 }
 
+/// A minimum, and how sharply its curve bends there.
+pub(super) struct Located {
+    pub minimum: Minimum,
+    pub curvature: Option<Curvature>,
+}
+
+/// The smallest second derivative at a minimum, and what its interval needs.
+pub(super) struct Curvature {
+    pub value: f64,
+    /// Standard error for noise of unit standard deviation.
+    pub unit_error: f64,
+    pub rss: f64,
+    /// Runs that each point of the curve is worth.
+    pub runs: f64,
+    pub dof: usize,
+}
+
 impl Minimum {
     /// Raises further flags.
     pub(super) fn flag(&mut self, flags: impl IntoIterator<Item = MinimumFlag>) {

@@ -2,21 +2,27 @@
 
 use super::flags::flags_text;
 use super::reasons::Undetermined;
-use crate::laws::file::answer::Doubt;
+use crate::laws::file::answer::{Doubt, Exponent};
 use crate::laws::file::kind::LawKind;
 use crate::laws::file::laws::Laws;
 use crate::laws::file::validated::Validated;
+use crate::laws::input::quantities::PerQuantity;
 use crate::laws::minima::types::Minimum;
 use crate::laws::ranking::recommended::Recommended;
 use crate::laws::words::text::{count, short};
 
 /// All doubts, the heaviest first.
-pub(in crate::laws) fn doubts(laws: &Laws, undetermined: &[(&str, Undetermined)]) -> Vec<Doubt> {
+pub(in crate::laws) fn doubts(
+    laws: &Laws,
+    exponents: &PerQuantity<Exponent>,
+    undetermined: &[(&str, Undetermined)],
+) -> Vec<Doubt> {
     let missed = laws.judgement.validations.iter().filter_map(missed);
     rows(laws)
         .chain(missed)
         .chain(of_exponents(undetermined))
         .chain(untested(laws))
+        .chain(disagreement(laws, exponents))
         .chain(minima(laws))
         .chain(misfit(laws))
         .collect()
@@ -55,6 +61,29 @@ fn untested(laws: &Laws) -> Option<Doubt> {
     own.scores.is_empty().then(|| {
         Doubt::new("untested", format!("Law not tested: {}", own.why), "add a larger budget")
     })
+}
+
+/// Two exponents of one quantity further apart than this, each outside the other's interval, disagree.
+const DISAGREEMENT: f64 = 0.1;
+
+/// Exponents of a joint law that those of the laws through minima contradict.
+fn disagreement(laws: &Laws, exponents: &PerQuantity<Exponent>) -> Option<Doubt> {
+    let far = |name: &str, own: &Exponent| {
+        let minima = laws.power_laws.of(name)?;
+        let (value, [low, high]) = (own.value?, own.ci95?);
+        let [least, most] = minima.exponent_ci95?;
+        let outside = !(low..=high).contains(&minima.exponent) && !(least..=most).contains(&value);
+        let far = outside && (value - minima.exponent).abs() > DISAGREEMENT;
+        far.then(|| format!("{name} {value:.3} and {:.3}", minima.exponent))
+    };
+    let told = exponents.named().filter_map(|(name, own)| far(name, own));
+    let told: Vec<String> = told.filter(|_| laws.recommended_law().is_joint()).collect();
+    let what = format!(
+        "The exponents by the joint law and by the minima contradict each other: {}",
+        told.join(", ")
+    );
+    let remedy = "quote neither alone; add seeds, or sizes on both sides of each minimum";
+    (!told.is_empty()).then(|| Doubt::new("disagreement", what, remedy))
 }
 
 /// Minima that were left out or used in spite of a flag, where the law goes through minima.

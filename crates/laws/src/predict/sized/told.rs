@@ -6,7 +6,7 @@ use crate::laws::{
     optimum,
 };
 use crate::predict::at_budget::width_for;
-use crate::predict::{Allocation, FlopCount, PredictError, SixNd, default_ladder};
+use crate::predict::{Allocation, FlopCount, PredictError, SixNd, ladder_of};
 
 /// A law of N and D.
 pub(super) enum Told<'a> {
@@ -137,7 +137,7 @@ impl<'a> Told<'a> {
 
 /// N_v as given, or V times the width of the nearest model that can be built.
 fn of_vocabulary(laws: &Laws, model: &ModelSize) -> Result<f64, PredictError> {
-    let by_width = || Some(model.n_vocab? * width_for(model.params, default_ladder()).ok()?);
+    let by_width = || Some(model.n_vocab? * width_for(model.params, &ladder_of(laws)).ok()?);
     let own = model.params_vocab.or_else(|| by_width().filter(|_| laws.from_sweep));
     let needs = if laws.from_sweep { "--vocab V" } else { "--params-vocab N_v" };
     own.ok_or_else(|| PredictError::NoVocabulary { laws: laws.name.clone(), needs })

@@ -1,7 +1,6 @@
 //! Runs made twice.
 
-use super::Verdicts;
-use super::group::{budgets, by, params};
+use super::group::{Verdicts, budgets, by, params};
 use crate::laws::IsoFlopPoint;
 
 /// Sizes within this share of each other are one.

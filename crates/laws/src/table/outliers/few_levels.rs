@@ -1,7 +1,6 @@
 //! Budgets with too few sizes for a curve.
 
-use super::Verdicts;
-use super::group::{budgets, by, params};
+use super::group::{Verdicts, budgets, by, params};
 use crate::laws::IsoFlopPoint;
 
 /// A parabola needs three sizes.

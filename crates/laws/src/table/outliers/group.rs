@@ -2,6 +2,9 @@
 
 use crate::laws::IsoFlopPoint;
 
+/// For each point the reason to drop it, or none.
+pub(super) type Verdicts = Vec<Option<String>>;
+
 /// Relative distance within which two values are one but for rounding.
 const SAME: f64 = 1e-9;
 

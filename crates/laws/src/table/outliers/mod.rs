@@ -26,9 +26,6 @@ pub enum OutlierStage {
     Spline,
 }
 
-/// For each point the reason to drop it, or none.
-type Verdicts = Vec<Option<String>>;
-
 /// Points dropped, with the reason of each.
 type WithReasons = Vec<(IsoFlopPoint, String)>;
 

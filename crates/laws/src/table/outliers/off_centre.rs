@@ -1,7 +1,6 @@
 //! Budgets whose minimum the sizes tried do not bracket.
 
-use super::Verdicts;
-use super::group::{budgets, by, params};
+use super::group::{Verdicts, budgets, by, params};
 use crate::laws::IsoFlopPoint;
 
 /// The share of the range of ln N, around its middle, that the vertex must lie in.

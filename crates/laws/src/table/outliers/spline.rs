@@ -15,8 +15,7 @@
 
 use std::collections::BTreeSet;
 
-use super::Verdicts;
-use super::group::{budgets, by, params};
+use super::group::{Verdicts, budgets, by, params};
 use crate::laws::IsoFlopPoint;
 
 /// Scaled median misses that a run may miss by.
