@@ -114,14 +114,21 @@ impl Packing<'_> {
         let engine = self.cluster.request.sweep.engine.as_ref();
         let card = engine.and_then(|engine| Some((engine.card()?, engine.mfu.map(|mfu| mfu.0))));
         let given = self.cluster.settings.section().flops_per_second;
+        let trainer = self.cluster.request.sweep.trainer.as_ref();
         let estimates = match (given, Estimates::of_records(plan, folder)?) {
             (Some(rate), _) => Estimates::given(rate.0),
             (None, Some(measured)) => measured,
+            (None, None) if card.is_none() && trainer.is_some_and(|own| own.gpus.is_some()) => {
+                Estimates { flops_per_second: GPU, source: UNTIMED }
+            }
             (None, None) => match (card, self.cluster.request.device) {
                 (Some((card, mfu)), _) => {
                     Estimates::of_card(plan, &Gpu::new(card, mfu, plan, folder))
                 }
-                (None, name) if name.is_processor() => Estimates::of_probe(plan, &name.open()?),
+                (None, name) if name.is_processor() => {
+                    let probe = Estimates::of_probe(plan, &name.open()?);
+                    if trainer.is_some() { Estimates { source: UNTIMED, ..probe } } else { probe }
+                }
                 (None, _) => Estimates { flops_per_second: GPU, source: "guessed" },
             },
         };
@@ -133,6 +140,9 @@ impl Packing<'_> {
         Ok(estimates)
     }
 }
+
+/// The rate of a program that is not ours.
+const UNTIMED: &str = "guessed, since your trainer has not been timed: flops_per_second says it";
 
 fn tasks(arrays: &[Array]) -> usize {
     arrays.iter().map(|array| array.chunks.len()).sum()

@@ -76,7 +76,8 @@ impl Engine for Slurm {
     }
 }
 
-/// The section of the sweep, under that of the profile; with a card, a GPU for each task of the runs.
+/// The section of the sweep, under that of the profile; each task of the runs has the GPUs that the trainer shares
+/// out, or, with a card, one.
 fn settings(request: &SweepRequest) -> Result<Settings> {
     let engine = request.sweep.engine.clone().unwrap_or_default();
     let (has_card, of_sweep) = (engine.card().is_some(), engine.slurm);
@@ -85,7 +86,11 @@ fn settings(request: &SweepRequest) -> Result<Settings> {
         None => of_sweep,
     };
     let settings = Settings::new(section);
-    Ok(if has_card { settings.with_a_gpu() } else { settings })
+    let shared = request.sweep.trainer.as_ref().and_then(|trainer| trainer.gpus);
+    Ok(match shared.or(has_card.then_some(1)) {
+        Some(n) => settings.with_gpus(n),
+        None => settings,
+    })
 }
 
 /// MaxArraySize; also shows whether the controller answers.

@@ -19,15 +19,15 @@ impl Settings {
         Self { section }
     }
 
-    /// The same with one GPU for each task of the runs, and one run at a time on it; as it is where the section
+    /// The same with `n` GPUs for each task of the runs, and as many runs at a time; as it is where the section
     /// says of GPUs itself what these tasks ask for.
-    pub fn with_a_gpu(mut self) -> Self {
+    pub fn with_gpus(mut self, n: usize) -> Self {
         let asked = self.resources(Stage::Train);
         if asked.gpus.is_none() && asked.gres.is_none() && asked.gpus_per_task.is_none() {
             let stages = self.section.stages.get_or_insert_default();
             let train = stages.entry(Stage::Train).or_default();
-            train.gres = Some(Word("gpu:1".to_string()));
-            train.runs_at_once = asked.runs_at_once.or(Some(Count(1)));
+            train.gres = Some(Word(format!("gpu:{n}")));
+            train.runs_at_once = asked.runs_at_once.or(Some(Count(n)));
         }
         self
     }
@@ -154,13 +154,15 @@ mod tests {
     #[test]
     fn with_a_card_runs_ask_for_one_gpu_unless_the_section_says() {
         let asked = |text: &str, stage| {
-            let resources = settings(text).with_a_gpu().resources(stage);
+            let resources = settings(text).with_gpus(1).resources(stage);
             let word = |word: Option<Word>| word.map(|word| word.0);
             (word(resources.gres), word(resources.gpus), resources.runs_at_once.map(|n| n.0))
         };
         let one = |at_once| (Some("gpu:1".to_string()), None, Some(at_once));
         assert_eq!(asked("{cpus_per_task: 8}", Stage::Train), one(1));
         assert_eq!(asked("{stages: {train: {runs_at_once: 4}}}", Stage::Train), one(4));
+        let four = settings("{}").with_gpus(4).resources(Stage::Train);
+        assert_eq!((four.gres.unwrap().0.as_str(), four.runs_at_once.unwrap().0), ("gpu:4", 4));
         assert_eq!(asked("{cpus_per_task: 8}", Stage::Inputs), (None, None, None));
         let own = (None, Some("0".to_string()), None);
         assert_eq!(asked("{gpus: 0}", Stage::Train), own, "none is asked for");

@@ -88,15 +88,12 @@ fn of_lines(laws: &Laws, budget: f64) -> OptimumAt {
 /// By the floor law where it is the one to believe or the laws follow from a loss with a floor.
 fn loss(laws: &Laws, budget: f64) -> Option<Coefficient> {
     let floored = laws.recommended_law() == Candidate::Floor || laws.parametric.is_some();
-    let value = match (floored, &laws.loss.log, &laws.loss.floor) {
-        (false, Some(law), _) => law.loss_at(budget),
-        (_, _, law) => law.as_ref()?.loss_at(budget, laws.reference_flops),
+    let law = if floored || laws.loss.log.is_none() { Candidate::Floor } else { Candidate::Log };
+    let value = laws.loss_of_minima(law, budget)?;
+    let of = |s: &LawSample| match law {
+        Candidate::Log => Some(s.loss_intercept + s.loss_slope_per_decade * budget.log10()),
+        _ => Some(s.floor?.loss_at(budget, laws.reference_flops)),
     };
-    let log = |s: &LawSample| s.loss_intercept + s.loss_slope_per_decade * budget.log10();
-    let floor = |s: &LawSample| Some(s.floor?.loss_at(budget, laws.reference_flops));
-    let all: Vec<f64> = match floored || laws.loss.log.is_none() {
-        true => laws.bootstrap.iter().filter_map(floor).collect(),
-        false => laws.bootstrap.iter().map(log).collect(),
-    };
+    let all: Vec<f64> = laws.bootstrap.iter().filter_map(of).collect();
     Some(Coefficient { value, ci95: interval95(&all) })
 }

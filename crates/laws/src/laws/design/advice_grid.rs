@@ -1,11 +1,13 @@
 //! Levels of a grid, continued by the grid's own ratio.
 
 use crate::laws::maths::stats::distinct;
-use crate::laws::minima::grid::Grid;
+use crate::laws::minima::grid::{Grid, WIDEST_STEP};
 use crate::laws::minima::split::Split;
 
 /// The ratio of neighbouring levels where a sweep shows none.
 const DEFAULT_RATIO: f64 = 2.0;
+/// Models that can be built lie off the sizes that are asked for.
+const MARGIN: f64 = 0.88;
 
 /// The sweep's own ratios of neighbouring levels, where it has them.
 pub(in crate::laws) struct Spacing {
@@ -23,9 +25,9 @@ impl Spacing {
         }
     }
 
-    /// The ratio of these sizes; else the sweep's; else 2.
+    /// The ratio of these sizes; else the sweep's; else 2; no wider than a minimum between two may have.
     pub fn size_ratio(&self, sizes: &[f64]) -> f64 {
-        median_ratio(sizes).or(self.size).unwrap_or(DEFAULT_RATIO)
+        median_ratio(sizes).or(self.size).unwrap_or(DEFAULT_RATIO).min(MARGIN * WIDEST_STEP)
     }
 
     /// The ratio of these vocabularies; else the sweep's; else 2.

@@ -9,6 +9,7 @@ use crate::laws::lines::types::FloorLaw;
 use crate::laws::maths::stats::geometric_mean;
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::types::Minimum;
+use crate::laws::parametric::optimum::Optimum;
 
 /// Power laws through minima.
 pub struct Lines {
@@ -24,21 +25,12 @@ pub enum Fitted {
     Joint(Box<JointLaw>),
 }
 
-/// What a law says of a budget.
-#[derive(Clone, Copy)]
-pub struct Said {
-    pub loss: f64,
-    pub params_nonvocab: f64,
-    pub params_vocab: f64,
-    pub tokens: f64,
-}
-
 impl Fitted {
     /// Of the budget of some runs; a joint law for the distinct tokens that they had.
-    pub fn at(&self, grid: &Grid) -> Option<Said> {
+    pub fn at(&self, grid: &Grid) -> Option<Optimum> {
         let budget = grid.budget_flops;
         match self {
-            Self::Joint(joint) => on_data_of(grid, joint).optimum(budget).map(|best| Said {
+            Self::Joint(joint) => on_data_of(grid, joint).optimum(budget).map(|best| Optimum {
                 loss: best.loss,
                 params_nonvocab: best.params_nonvocab,
                 params_vocab: best.params_vocab,
@@ -71,9 +63,9 @@ impl Lines {
         Some(Self { set, floor, reference })
     }
 
-    fn at(&self, budget: f64) -> Said {
+    fn at(&self, budget: f64) -> Optimum {
         let Self { set, floor, reference } = self;
-        Said {
+        Optimum {
             loss: match floor {
                 Some(floor) => floor.loss_at(budget, *reference),
                 None => set.loss.loss_at(budget),

@@ -18,7 +18,8 @@ use crate::laws::maths::stats::NORMAL_97_5;
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::run_noise::RunNoise;
 use crate::laws::minima::types::{Minimum, MinimumIntervals};
-use fitted::{Fitted, Lines, Said};
+use crate::laws::parametric::optimum::Optimum;
+use fitted::{Fitted, Lines};
 pub(super) use shares::shares;
 use shares::{FEWEST, OfBudget, OfShare};
 
@@ -116,7 +117,7 @@ impl Rows<'_> {
 
     fn missed_minimum(
         &self,
-        said: Said,
+        said: Optimum,
         measured: &Minimum,
         ci: MinimumIntervals,
     ) -> MissedMinimum {
