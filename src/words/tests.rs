@@ -20,8 +20,8 @@ fn fitted(points: &[IsoFlopPoint], options: FitOptions) -> Laws {
 }
 
 /// A study's own laws.
-fn committed() -> Laws {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("results/procedural-law/laws.json");
+fn committed(study: &str) -> Laws {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("results").join(study).join("laws.json");
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
@@ -45,7 +45,7 @@ fn the_first_screen_is_the_head_of_the_full_text_and_has_every_exponent() {
         assert!(first.contains(&value), "{value}: {first}");
     }
     fits(&summary(&scamo()));
-    let full = summary(&committed());
+    let full = summary(&committed("procedural-law"));
     fits(&full);
     for part in ["unseen budgets", "what to run next", "minima: akima", "size: N = N_nv + N_v"] {
         assert!(full.contains(part), "{part}: {full}");
@@ -99,7 +99,7 @@ fn a_prediction_keeps_every_warning_and_says_how_far_it_lies() {
 
 #[test]
 fn the_laws_together_are_told_beyond_the_fit() {
-    let laws = committed();
+    let laws = committed("many-patches");
     let text = said(&[at(&laws, 1e14)], true).replace('\n', " ");
     assert!(text.contains("- The laws together, weighed by"), "{text}");
     fits(&said(&[at(&laws, 1e13), at(&laws, 1e14)], false));

@@ -115,12 +115,13 @@ fn loss_laws(laws: &Laws) -> String {
         );
         text += &loss_row(&formula, law.goodness(), law.held_out_error);
         if let (Some([low, high]), Some(_)) = (law.floor_ci95, law.exponent_ci95) {
-            text += &format!(
-                "    95 % interval of the floor {}..{}, of the exponent {}\n",
+            let told = format!(
+                "95 % interval of the floor {}..{}, of the exponent {}",
                 decimal(low),
                 decimal(high),
                 interval(law.exponent_ci95)
             );
+            text += &wrap("    ", &told);
         }
     }
     text + &about_aic(laws)
