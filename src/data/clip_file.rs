@@ -6,6 +6,7 @@ use super::captions::{Annotation, parse_annotations};
 use super::digest::UsedFile;
 use super::motion_files::MotionFiles;
 use super::npy::parse_npy;
+use crate::files::{LARGE, read_regular};
 use crate::motion::N_FEATURES;
 
 /// A clip whose two files are sound.
@@ -86,5 +87,5 @@ fn read_annotations(
 }
 
 fn read(root: &Path, name: &str) -> Result<Vec<u8>, String> {
-    std::fs::read(root.join(name)).map_err(|error| format!("{name}: cannot be read: {error}"))
+    read_regular(&root.join(name), LARGE).map_err(|error| format!("{name}: cannot be read: {error}"))
 }

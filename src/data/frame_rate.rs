@@ -44,7 +44,7 @@ pub(super) fn frame_rate(
 fn imported(root: &Path) -> Result<Option<f64>, DataError> {
     let path = root.join(IMPORT);
     let name = path.display().to_string();
-    let text = match std::fs::read_to_string(&path) {
+    let text = match crate::files::read_text(&path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(source) => {

@@ -14,7 +14,7 @@ impl Groups {
     /// # Errors
     /// A sentence: there is a manifest that cannot be read.
     pub fn read(path: &Path) -> Result<Self, String> {
-        match std::fs::read_to_string(path.join("manifest.csv")) {
+        match crate::files::read_text(&path.join("manifest.csv")) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(Self::default()),
             Err(error) => Err(problem(&error)),
             Ok(text) => Self::parse(&text).map_err(|error| problem(&error)),

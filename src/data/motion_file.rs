@@ -6,6 +6,7 @@ use std::path::Path;
 use super::motion_files::MotionFiles;
 use super::npy::{NpyProblem, parse_npy};
 use super::source::DataError;
+use crate::files::{LARGE, read_regular};
 use crate::motion::bvh::Bvh;
 use crate::motion::{JOINT_NAMES, N_FEATURES, build_features};
 
@@ -26,7 +27,7 @@ pub fn read_motion(path: &Path, fps: f64) -> Result<Vec<f32>, DataError> {
     let name = path.display().to_string();
     let advice = "give .npy or .bvh files";
     let unread = |source| DataError::Read { path: name.clone(), source, advice };
-    let bytes = fs::read(path).map_err(unread)?;
+    let bytes = read_regular(path, LARGE).map_err(unread)?;
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     let features = match ending.to_str() {
         Some("npy") => of_array(&bytes).map_err(|problem| problem.to_string()),

@@ -39,7 +39,7 @@ pub(super) fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, D
 
 fn read_text(root: &Path, name: &str) -> Result<String, DataError> {
     let path = root.join(name);
-    std::fs::read_to_string(&path).map_err(|source| DataError::Read {
+    crate::files::read_text(&path).map_err(|source| DataError::Read {
         path: path.display().to_string(),
         source,
         advice: "a data set needs train.txt, val.txt and test.txt",

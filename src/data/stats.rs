@@ -6,6 +6,7 @@ use std::path::Path;
 use super::digest::UsedFile;
 use super::npy::{NpyProblem, parse_npy};
 use super::source::{DataError, FeatureStats};
+use crate::files::{LARGE, read_regular};
 use crate::motion::N_FEATURES;
 
 /// Columns that share one deviation, the mean of theirs: root turn, root step, root height,
@@ -109,7 +110,7 @@ pub(super) fn read_stats(root: &Path) -> Result<Option<(FeatureStats, [UsedFile;
 
 fn read_row(root: &Path, name: &str) -> Result<(Vec<f32>, UsedFile), DataError> {
     let path = root.join(name).display().to_string();
-    let bytes = std::fs::read(root.join(name)).map_err(|source| DataError::Read {
+    let bytes = read_regular(&root.join(name), LARGE).map_err(|source| DataError::Read {
         path: path.clone(),
         source,
         advice: "Mean.npy and Std.npy are given together or not at all",

@@ -1,8 +1,9 @@
 //! Files that are either whole or not there.
 
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Path, PathBuf};
 
 use super::error::FileError;
 
@@ -35,7 +36,8 @@ pub fn remove(path: &Path) -> Result<(), FileError> {
 /// Writes `path` whole: into a temporary file beside it, flushed to disk, then renamed.
 ///
 /// The parent folder is made where it is missing. Readers see the old file or the new one, never a
-/// part; a full disk leaves the old one as it was.
+/// part; a full disk leaves the old one as it was. A link is followed, a device or a pipe is written through, and a
+/// read-only file is left.
 ///
 /// # Errors
 /// [`FileError::Write`].
@@ -46,12 +48,55 @@ pub fn write_whole(
     write(path, fill, File::sync_all).map_err(FileError::write(path))
 }
 
+/// What is done with what stands at a path.
+enum Standing {
+    /// This file is replaced, or made: the one that a link leads to.
+    Replaced(PathBuf),
+    /// A device or a pipe, which is written through.
+    Through(File),
+}
+
+impl Standing {
+    fn at(path: &Path) -> io::Result<Self> {
+        let about = match fs::metadata(path) {
+            Ok(about) => about,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                return Ok(Self::Replaced(path.to_path_buf()));
+            }
+            Err(error) => return Err(error),
+        };
+        let kind = about.file_type();
+        if kind.is_file() {
+            let refused = io::ErrorKind::PermissionDenied;
+            return match about.permissions().readonly() {
+                true => Err(io::Error::new(refused, "the file there is read-only")),
+                false => Ok(Self::Replaced(fs::canonicalize(path)?)),
+            };
+        }
+        if kind.is_char_device() || kind.is_block_device() || kind.is_fifo() {
+            return OpenOptions::new().write(true).open(path).map(Self::Through);
+        }
+        let what = if kind.is_dir() { "a folder" } else { "no file" };
+        Err(io::Error::other(format!("what stands there is {what}")))
+    }
+}
+
 /// Writes `path` as `flush` says: see [`write_whole`].
 fn write(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
     flush: impl FnOnce(&File) -> io::Result<()>,
 ) -> io::Result<()> {
+    let path = &match Standing::at(path)? {
+        Standing::Replaced(path) => path,
+        Standing::Through(mut file) => {
+            let mut writer = BufWriter::new(&file);
+            fill(&mut writer)?;
+            writer.flush()?;
+            drop(writer);
+            return file.flush();
+        }
+    };
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
     let temporary = tempfile::Builder::new().prefix(PARTIAL).tempfile_in(folder)?;
@@ -120,6 +165,33 @@ mod tests {
         assert!(failed.is_err());
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_link_is_followed_a_pipe_written_through_and_a_read_only_file_left() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link, pipe] = ["a.json", "link", "pipe"].map(|name| folder.path().join(name));
+        write_bytes(&file, b"old").unwrap();
+        symlink(&file, &link).unwrap();
+        write_bytes(&link, b"new").unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        write_bytes(Path::new("/dev/null"), b"gone").unwrap();
+        assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || fs::read(pipe).unwrap()
+        });
+        write_bytes(&pipe, b"through").unwrap();
+        assert_eq!(reader.join().unwrap(), b"through");
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o444)).unwrap();
+        let error = write_bytes(&link, b"third").unwrap_err().to_string();
+        assert!(error.contains("read-only"), "{error}");
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        let error = write_bytes(folder.path(), b"").unwrap_err().to_string();
+        assert!(error.contains("a folder"), "{error}");
     }
 
     #[test]

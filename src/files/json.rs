@@ -1,19 +1,19 @@
 //! JSON files that may be missing or damaged.
 
-use std::fs;
 use std::io;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
 use super::error::FileError;
+use super::regular::{LARGE, read_regular, read_text};
 
 /// Reads a JSON file; a missing one is `None`, a damaged one an error that names it.
 ///
 /// # Errors
 /// [`FileError::Read`] and [`FileError::Damaged`].
 pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
-    match fs::read(path) {
+    match read_regular(path, LARGE) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(FileError::read(path)(error)),
         Ok(bytes) => serde_json::from_slice(&bytes).map(Some).map_err(|error| FileError::Damaged {
@@ -29,7 +29,7 @@ pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, File
 /// # Errors
 /// [`FileError::Read`].
 pub fn read_text_if_there(path: &Path) -> Result<Option<String>, FileError> {
-    match fs::read_to_string(path) {
+    match read_text(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(FileError::read(path)(error)),
         Ok(text) => Ok(Some(text)),

@@ -18,7 +18,9 @@ pub mod columns;
 pub mod damaged;
 mod error;
 mod json;
+mod regular;
 pub mod tensorboard;
 
 pub use error::{FileError, failure_kind};
+pub use regular::{LARGE, SMALL, read_regular, read_text};
 pub use json::{read_if_there, read_text_if_there};

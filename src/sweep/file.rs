@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_yaml::{Mapping, Value};
 
+use super::bounded;
 use super::problem::{Problem, SweepErrors};
 use super::source::Source;
 
@@ -16,7 +17,7 @@ pub const SWEEP_FILE: &str = "a sweep file is a mapping with at least `name` and
 /// It cannot be read.
 pub fn source_of(path: &Path) -> Result<Source, SweepErrors> {
     let file = path.display().to_string();
-    match std::fs::read_to_string(path) {
+    match crate::files::read_text(path) {
         Ok(text) => Ok(Source::new(file, text)),
         Err(error) => Err(SweepErrors {
             problems: vec![Problem::value("", format!("cannot read {file}: {error}"))],
@@ -30,7 +31,7 @@ pub fn source_of(path: &Path) -> Result<Source, SweepErrors> {
 /// # Errors
 /// It is not YAML, or no mapping.
 pub fn mapping(text: &str, otherwise: &str) -> Result<Mapping, Problem> {
-    let value: Value = serde_yaml::from_str(text).map_err(|error| Problem {
+    let value = bounded::value(text).map_err(|error| Problem {
         byte: error.location().map(|location| location.index()),
         ..Problem::value("", format!("not valid YAML: {error}"))
     })?;

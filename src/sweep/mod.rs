@@ -15,6 +15,7 @@
 //! ```
 
 mod alternatives;
+mod bounded;
 mod check;
 mod command;
 pub mod condition;

@@ -1,18 +1,22 @@
 //! BVH files as poses of HumanML3D's skeleton, each skeleton read from all its files.
-
-use std::collections::BTreeMap;
+//!
+//! Files are of one skeleton where they have the same joints and their OFFSETs lie alike: one that was turned,
+//! laid down or mirrored with its OFFSETs is of a skeleton of its own.
 
 use rayon::prelude::*;
 
 use super::listing::SourceFile;
 use super::motions::{Motion, Motions, Skeleton};
 use super::options::ImportOptions;
+use crate::files::{LARGE, read_regular};
 use crate::motion::bvh::{Bvh, Placed};
 use crate::motion::retarget::{
-    Rig, Roles, Survey, draft, follow, reflected_joint, roles_of, unit_m, with_ends,
+    Pose64, Rig, Roles, Survey, draft, follow, reflected_joint, roles_of, unit_m, with_ends,
 };
+use crate::motion::vector::{Point, dot, norm, sub, with_length};
+use crate::motion::{N_JOINTS, PARENTS};
 
-/// Joints and parents: what makes files of one skeleton.
+/// Joints and parents.
 type Key = Vec<(String, Option<usize>)>;
 
 /// A file read once.
@@ -28,25 +32,87 @@ struct Surveyed {
     survey: Survey,
 }
 
+/// The files of one skeleton: the first of them, and the sums over all.
+struct Group<'a> {
+    first: &'a Surveyed,
+    survey: Survey,
+    files: usize,
+}
+
 /// Reads every file twice: first for what its skeleton is, then for its motion.
 pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
     let surveyed: Vec<Result<Surveyed, String>> =
         files.par_iter().map(|file| survey(file, options)).collect();
-    let rigs = rigs(&surveyed, options);
-    let followed: Vec<Result<Motion, String>> = (files.par_iter().zip(&surveyed))
-        .map(|(file, surveyed)| {
-            let surveyed = surveyed.as_ref().map_err(String::clone)?;
-            motion(file, rigs[&surveyed.key].as_ref().map_err(String::clone)?, options)
+    let (groups, of_files) = groups(&surveyed);
+    let rig = |group: &Group| {
+        let Group { first, survey, .. } = group;
+        Rig::of(&first.zero, first.roles, survey, options.up).map_err(|error| error.to_string())
+    };
+    let rigs: Vec<Result<Rig, String>> = groups.iter().map(rig).collect();
+    let followed: Vec<Result<Motion, String>> = (files.par_iter().zip(&of_files))
+        .map(|(file, group)| {
+            let group = group.as_ref().map_err(String::clone)?;
+            motion(file, rigs[*group].as_ref().map_err(String::clone)?, options)
         })
         .collect();
-    let skeletons = (rigs.iter())
-        .filter_map(|(key, rig)| Some(skeleton(key, rig.as_ref().ok()?, &surveyed)))
-        .collect();
+    let mut skeletons: Vec<(&Group, &Rig)> =
+        groups.iter().zip(&rigs).filter_map(|(own, rig)| Some((own, rig.as_ref().ok()?))).collect();
+    skeletons.sort_by_key(|(group, _)| &group.first.key);
+    let skeletons = skeletons.into_iter().map(|(group, rig)| skeleton(group, rig)).collect();
     let draft = surveyed.iter().zip(files).find_map(|(found, file)| match found {
         Err(_) => parsed(file).ok().and_then(|read| wanted_draft(&read, options)),
         Ok(_) => None,
     });
     Motions { motions: followed, skeletons, draft }
+}
+
+/// The skeletons of some files, and which is each file's, or why it has none.
+fn groups(surveyed: &[Result<Surveyed, String>]) -> (Vec<Group<'_>>, Vec<Result<usize, String>>) {
+    let mut groups: Vec<Group> = Vec::new();
+    let mut of_files = Vec::new();
+    for found in surveyed {
+        let own = match found {
+            Err(problem) => Err(problem.clone()),
+            Ok(found) => {
+                let place = groups.iter().position(|group| group.first.is_of_one_skeleton(found));
+                let place = place.unwrap_or(groups.len());
+                if place == groups.len() {
+                    groups.push(Group { first: found, survey: Survey::default(), files: 0 });
+                }
+                let group = &mut groups[place];
+                group.survey = std::mem::take(&mut group.survey).and(&found.survey);
+                group.files += 1;
+                Ok(place)
+            }
+        };
+        of_files.push(own);
+    }
+    (groups, of_files)
+}
+
+/// Cosine within which a bone of the OFFSETs lies as another file's: 45°, since performers differ.
+const ALIKE: f64 = 0.7;
+/// Share of a leg below which a bone has no direction of its own.
+const SHORT: f64 = 0.02;
+
+impl Surveyed {
+    /// Whether another file has the same joints, and its OFFSETs lie as these do.
+    fn is_of_one_skeleton(&self, other: &Surveyed) -> bool {
+        self.key == other.key
+            && (1..N_JOINTS).all(|joint| match (self.bone(joint), other.bone(joint)) {
+                (Some(own), Some(others)) => dot(own, others) > ALIKE,
+                _ => true,
+            })
+    }
+
+    /// The direction of the bone of the OFFSETs that ends in a role; `None` for a joint that the file has not,
+    /// and for a bone that is hardly there.
+    fn bone(&self, joint: usize) -> Option<Point> {
+        let at = |role: usize| Some(self.zero[self.roles[role]?].position);
+        let bone = sub(at(joint)?, at(PARENTS[joint]?)?);
+        let leg = norm(sub(at(4)?, at(1)?));
+        if norm(bone) > SHORT * leg { with_length(bone, 1.0) } else { None }
+    }
 }
 
 /// A mapping file for a skeleton whose joints are not all found.
@@ -56,7 +122,7 @@ fn wanted_draft(read: &Read, options: &ImportOptions) -> Option<String> {
 }
 
 fn parsed(file: &SourceFile) -> Result<Read, String> {
-    let bytes = std::fs::read(&file.path).map_err(|error| format!("cannot be read: {error}"))?;
+    let bytes = read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
     let text = std::str::from_utf8(&bytes).map_err(|_| "is not UTF-8".to_string())?;
     let bvh = with_ends(Bvh::parse(text).map_err(|error| error.to_string())?);
     let key = bvh.joints.iter().map(|joint| (joint.name.clone(), joint.parent)).collect();
@@ -84,51 +150,84 @@ fn handed(joints: Vec<Placed>, options: &ImportOptions) -> Vec<Placed> {
     if options.left_handed { joints.into_iter().map(reflected_joint).collect() } else { joints }
 }
 
-fn rigs(
-    surveyed: &[Result<Surveyed, String>],
-    options: &ImportOptions,
-) -> BTreeMap<Key, Result<Rig, String>> {
-    let mut sums: BTreeMap<&Key, (&Surveyed, Survey)> = BTreeMap::new();
-    for found in surveyed.iter().flatten() {
-        let (_, sum) = sums.entry(&found.key).or_insert((found, Survey::default()));
-        *sum = std::mem::take(sum).and(&found.survey);
-    }
-    let rig = |(key, (first, sum)): (&Key, (&Surveyed, Survey))| {
-        let rig = Rig::of(&first.zero, first.roles, &sum, options.up);
-        (key.clone(), rig.map_err(|error| error.to_string()))
-    };
-    sums.into_iter().map(rig).collect()
-}
-
 fn motion(file: &SourceFile, rig: &Rig, options: &ImportOptions) -> Result<Motion, String> {
     let Read { bvh, .. } = parsed(file)?;
     let frames = frames(&bvh, options);
     let unit_m = unit_m(&frames, rig).ok_or("has legs without length")?;
-    let poses: Vec<_> = frames.iter().map(|joints| follow(joints, rig, unit_m)).collect();
-    let fps = frames_a_second(bvh.frame_time_s);
+    let poses: Vec<Pose64> = frames.iter().map(|joints| follow(joints, rig, unit_m)).collect();
+    if !poses.iter().all(is_near) {
+        return Err(format!("has a body farther than {FARTHEST_M} m from the origin"));
+    }
+    let fps = frames_a_second(bvh.frame_time_s)?;
     Ok(Motion { poses: options.rate.of(&poses, fps), fps, unit_m: Some(unit_m) })
 }
 
 /// Shares of a frame a second that a rounded frame time may be off.
 const ROUNDED: f64 = 1e-3;
+/// Rates of captures and of film, in frames a second.
+const USUAL: [f64; 16] = [
+    24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 72.0, 90.0, 100.0, 120.0, 144.0, 150.0, 200.0, 240.0, 250.0,
+    300.0,
+];
+/// Frames a second of a file of motion, at least and at most.
+const RATES: [f64; 2] = [1.0, 2000.0];
 
-/// `Frame Time: 0.0333333` means 30 frames a second, not 30.00003.
-fn frames_a_second(frame_time_s: f64) -> f64 {
+/// `Frame Time: 0.0333333` means 30 frames a second, not 30.00003, and so does `0.033`: the one usual rate that is
+/// written so.
+fn frames_a_second(frame_time_s: f64) -> Result<f64, String> {
     let fps = 1.0 / frame_time_s;
+    let [least, most] = RATES;
+    if !(least..=most).contains(&fps) {
+        return Err(format!(
+            "has a Frame Time of {frame_time_s} s, which is no rate of motion: {least} to {most} frames a second are"
+        ));
+    }
     let whole = fps.round();
-    if whole > 0.0 && (fps / whole - 1.0).abs() < ROUNDED { whole } else { fps }
+    if (fps / whole - 1.0).abs() < ROUNDED {
+        return Ok(whole);
+    }
+    let digits = format!("{frame_time_s}").split_once('.').map_or(0, |(_, digits)| digits.len());
+    let half = 0.5 * 10f64.powi(-(digits as i32));
+    let is_meant = |rate: &f64| (1.0 / rate - frame_time_s).abs() <= half;
+    let meant: Vec<f64> = USUAL.into_iter().filter(is_meant).collect();
+    Ok(if let [one] = meant[..] { one } else { fps })
 }
 
-fn skeleton(key: &Key, rig: &Rig, surveyed: &[Result<Surveyed, String>]) -> Skeleton {
+/// How far from the origin a body may be, in metres.
+const FARTHEST_M: f64 = 1e4;
+
+/// Whether a pose is near enough to the origin for numbers of four bytes.
+fn is_near(pose: &Pose64) -> bool {
+    pose.iter().flatten().all(|x| x.abs() < FARTHEST_M)
+}
+
+fn skeleton(group: &Group, rig: &Rig) -> Skeleton {
+    let key = &group.first.key;
     let name = |joint: usize| key[joint].0.clone();
     let roles = (crate::motion::JOINT_NAMES.iter().zip(rig.roles))
         .filter_map(|(role, joint)| Some((*role, name(joint?))))
         .collect();
     Skeleton {
         joints: key.iter().map(|(name, _)| name.clone()).collect(),
-        files: surveyed.iter().flatten().filter(|found| found.key == *key).count(),
+        files: group.files,
         up: rig.up.to_string(),
         neutral: rig.neutral,
         roles,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_is_the_usual_one_that_is_written_so() {
+        let times = [0.0333333, 0.033, 0.0083, 0.00833333, 0.04, 0.01, 0.0416667, 0.037];
+        let rates = times.map(|time| frames_a_second(time).unwrap());
+        assert_eq!(rates[..7], [30.0, 30.0, 120.0, 120.0, 25.0, 100.0, 24.0]);
+        assert!((rates[7] - 1.0 / 0.037).abs() < 1e-9, "no usual rate is written so");
+        for time in [3600.0, 1e5, 1e15, 1e-9] {
+            assert!(frames_a_second(time).unwrap_err().contains("no rate of motion"));
+        }
     }
 }

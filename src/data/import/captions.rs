@@ -65,7 +65,7 @@ pub fn captions(
 
 fn lines(path: &Path) -> Result<Vec<String>, String> {
     let told = |problem: String| format!("{}: {problem}", path.display());
-    let text = std::fs::read_to_string(path).map_err(|error| told(error.to_string()))?;
+    let text = crate::files::read_text(path).map_err(|error| told(error.to_string()))?;
     let (_, problems) = parse_annotations(&text);
     if let Some(problem) = problems.first() {
         return Err(told(problem.clone()));

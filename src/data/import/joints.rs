@@ -7,6 +7,7 @@ use super::kit::{self, First};
 use super::listing::{Listing, SourceFile};
 use super::motions::{Motion, Motions};
 use super::options::{Form, ImportOptions};
+use crate::files::{LARGE, read_regular};
 use crate::data::FPS;
 use crate::data::npy::{NpyArray, NpyProblem, parse_npy};
 use crate::motion::N_JOINTS;
@@ -28,7 +29,7 @@ pub fn read(listing: &Listing, options: &ImportOptions) -> Result<Motions, Impor
 }
 
 fn motion(file: &SourceFile, fps: f64, options: &ImportOptions) -> Result<Motion, String> {
-    let bytes = std::fs::read(&file.path).map_err(|error| format!("cannot be read: {error}"))?;
+    let bytes = read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
     let array = parse_npy(&bytes).map_err(|problem| problem.to_string())?;
     let settle = |poses: Result<Vec<Pose64>, NpyProblem>| {
         let poses = poses.map_err(|problem| problem.to_string())?;

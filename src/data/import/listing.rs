@@ -1,6 +1,6 @@
 //! The files of an import.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::error::ImportError;
@@ -40,7 +40,7 @@ pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
     let humanml3d = own.is_some();
     let base = own.unwrap_or_else(|| root.to_path_buf());
     let mut paths = Vec::new();
-    walk(&base, form.ending(), &mut paths)?;
+    walk(&base, form.ending(), &mut HashSet::new(), &mut paths)?;
     if paths.is_empty() {
         return Err(ImportError::NoFiles { path: base, ending: form.ending() });
     }
@@ -64,17 +64,40 @@ fn layout(root: &Path, form: Form) -> Option<PathBuf> {
     places.iter().map(|place| root.join(place)).find(|place| place.is_dir())
 }
 
-fn walk(folder: &Path, ending: &str, found: &mut Vec<PathBuf>) -> Result<(), FileError> {
-    for entry in std::fs::read_dir(folder).map_err(FileError::read(folder))? {
-        let path = entry.map_err(FileError::read(folder))?.path();
+/// Files and folders that links lead to are `seen` once, under the first name.
+fn walk(
+    folder: &Path,
+    ending: &str,
+    seen: &mut HashSet<PathBuf>,
+    found: &mut Vec<PathBuf>,
+) -> Result<(), FileError> {
+    let mut is_new = |path: &Path| {
+        let real = path.canonicalize().map_err(FileError::read(path))?;
+        Ok::<_, FileError>(seen.insert(real))
+    };
+    if !is_new(folder)? {
+        return Ok(());
+    }
+    let entries: Result<Vec<PathBuf>, FileError> = std::fs::read_dir(folder)
+        .map_err(FileError::read(folder))?
+        .map(|entry| Ok(entry.map_err(FileError::read(folder))?.path()))
+        .collect();
+    let mut entries = entries?;
+    // A file stands before the links to it, whatever their names.
+    entries.sort_by_key(|path| (path.is_symlink(), path.clone()));
+    let mut folders = Vec::new();
+    for path in entries {
         let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
         if path.is_dir() && !hidden {
-            walk(&path, ending, found)?;
-        } else if path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending)) && !hidden {
+            folders.push(path);
+        } else if path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
+            && !hidden
+            && is_new(&path)?
+        {
             found.push(path);
         }
     }
-    Ok(())
+    folders.iter().try_for_each(|folder| walk(folder, ending, seen, found))
 }
 
 fn named(base: &Path, paths: Vec<PathBuf>) -> Vec<SourceFile> {
@@ -88,12 +111,27 @@ fn named(base: &Path, paths: Vec<PathBuf>) -> Vec<SourceFile> {
         let long = clean(&relative.with_extension("").to_string_lossy());
         SourceFile { id: if count[&short] == 1 { short } else { long }, name, path }
     });
-    named.collect()
+    distinct(named.collect())
 }
 
-/// A clip's name: letters, digits, `.`, `-` and `_`, not beginning with a dot.
+/// The same, each with an id of its own: a later file of an id that is taken gets a number.
+fn distinct(mut files: Vec<SourceFile>) -> Vec<SourceFile> {
+    let mut taken: HashSet<String> = files.iter().map(|file| file.id.clone()).collect();
+    let mut met = HashSet::new();
+    for file in &mut files {
+        if !met.insert(file.id.clone()) {
+            let numbered = (2..).map(|n| format!("{}-{n}", file.id)).find(|id| !taken.contains(id));
+            file.id = numbered.expect("numbers have no end");
+            taken.insert(file.id.clone());
+            met.insert(file.id.clone());
+        }
+    }
+    files
+}
+
+/// A clip's name: letters, digits, `.`, `-`, `_` and the `~` of a part, not beginning with a dot.
 fn clean(text: &str) -> String {
-    let allowed = |c: char| if c.is_alphanumeric() || ".-_".contains(c) { c } else { '_' };
+    let allowed = |c: char| if c.is_alphanumeric() || ".-_~".contains(c) { c } else { '_' };
     let text: String = text.chars().map(allowed).collect();
     text.trim_start_matches('.').to_string()
 }

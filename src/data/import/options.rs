@@ -83,7 +83,7 @@ pub struct ImportOptions {
 /// The file cannot be read, or names a joint that the skeleton has not.
 pub fn read_map(path: &Path) -> Result<NameMap, ImportError> {
     let invalid = |problem: String| ImportError::Map { path: path.to_path_buf(), problem };
-    let text = std::fs::read_to_string(path).map_err(|error| invalid(error.to_string()))?;
+    let text = crate::files::read_text(path).map_err(|error| invalid(error.to_string()))?;
     let lines: std::collections::BTreeMap<String, String> =
         serde_yaml::from_str(&text).map_err(|error| invalid(error.to_string()))?;
     let entry = |(role, name): (String, String)| {

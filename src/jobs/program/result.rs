@@ -1,11 +1,11 @@
 //! [`TrainerResult`]: what a program leaves at `{out}`, checked, and what it reports.
 
-use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use crate::files::{LARGE, read_regular};
 use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::failure::{Failure, FailureKind};
@@ -66,6 +66,9 @@ pub struct TrainerResult {
     pub weights: Option<PathBuf>,
 }
 
+/// A loss beyond this many nats is none.
+const LARGEST_LOSS: f64 = 1e6;
+
 /// What a program leaves at `{out}` in place of a result, where it knows why there is none.
 #[derive(Deserialize)]
 struct Refusal {
@@ -88,7 +91,7 @@ impl TrainerResult {
     /// Reads and checks a result; says in one sentence what is wrong with it.
     pub fn read(path: &Path) -> Result<Self, String> {
         let shown = path.display();
-        let bytes = fs::read(path).map_err(|error| match error.kind() {
+        let bytes = read_regular(path, LARGE).map_err(|error| match error.kind() {
             ErrorKind::NotFound => format!("the trainer ended well but left no result at {shown}"),
             _ => format!("the result at {shown} cannot be read: {error}"),
         })?;
@@ -123,6 +126,18 @@ impl TrainerResult {
             if let Some(x) = value.filter(|x| !whole(*x, least)) {
                 return Some(format!("`{name}` is {x} and no whole number from {least} up"));
             }
+        }
+        let losses = [
+            ("loss_nats", Some(self.loss_nats)),
+            ("loss_normalised", self.loss_normalised),
+            ("unigram_nats", self.unigram_nats),
+            ("nats_per_frame", self.nats_per_frame),
+            ("nats_per_second", self.nats_per_second),
+        ];
+        let is_loss = |x: f64| x.abs() <= LARGEST_LOSS;
+        if let Some((name, x)) = losses.into_iter().find(|(_, x)| x.is_some_and(|x| !is_loss(x))) {
+            let x = x.unwrap_or(f64::NAN);
+            return Some(format!("`{name}` is {x:e}, which is no loss: did the run diverge?"));
         }
         let positive = [
             ("lr", self.lr),
@@ -191,6 +206,15 @@ impl TrainerResult {
 #[cfg(test)]
 mod tests {
     use crate::jobs::program::result::TrainerResult;
+
+    #[test]
+    fn a_loss_that_overflows_is_no_result() {
+        let parse = |text: &str| TrainerResult::parse(text.as_bytes()).err().unwrap();
+        let huge = parse(r#"{"loss_nats": 1e308, "unigram_nats": -1e308}"#);
+        assert_eq!(huge, "`loss_nats` is 1e308, which is no loss: did the run diverge?");
+        let other = parse(r#"{"loss_nats": 3, "loss_normalised": -1e9}"#);
+        assert!(other.contains("`loss_normalised` is -1e9"), "{other}");
+    }
 
     #[test]
     fn a_result_needs_its_losses_and_nothing_unknown() {

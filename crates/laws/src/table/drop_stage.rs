@@ -11,6 +11,8 @@ use super::OutlierStage;
 pub enum DropStage {
     /// A cell that is needed is empty.
     Missing,
+    /// It is the copy of a row before it.
+    Copy,
     /// `--drop-highest`.
     DropHighest,
     Outliers(OutlierStage),
@@ -20,6 +22,7 @@ impl fmt::Display for DropStage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Missing => f.pad("missing"),
+            Self::Copy => f.pad("copy"),
             Self::DropHighest => f.pad("drop-highest"),
             Self::Outliers(stage) => stage.fmt(f),
         }

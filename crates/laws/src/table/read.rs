@@ -34,6 +34,12 @@ pub fn read(path: &Path) -> Result<Table, ReadError> {
 
 fn contents(path: &Path) -> Result<Table, ReadProblem> {
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    // A device or a pipe may have no end.
+    let is_endless = std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir());
+    if is_endless {
+        let problem = "it is a device or a pipe, and no regular file".to_string();
+        return Err(ReadProblem::Unreadable(problem));
+    }
     let bytes = || std::fs::read(path).map_err(|e| ReadProblem::Unreadable(e.to_string()));
     match extension.to_str() {
         Some("csv" | "txt") => {

@@ -1,5 +1,7 @@
 //! A table's rows into the points that laws are fitted to.
 
+use std::collections::HashMap;
+
 use serde::Serialize;
 
 use super::columns::{Named, named};
@@ -7,6 +9,7 @@ use super::derive::{Derived, derive};
 use super::drop_stage::DropStage;
 use super::mixed::mixed;
 use super::point::source;
+use super::types::Key;
 use super::{Expression, Group, OutlierStage, Table, TableError};
 use crate::laws::{IsoFlopPoint, Parameters};
 
@@ -50,7 +53,7 @@ pub struct Dropped {
     pub reason: String,
 }
 
-/// Makes points of the rows of `table`: filters, derives, drops what is missing, what has the
+/// Makes points of the rows of `table`: filters, derives, drops copies, what is missing, what has the
 /// highest loss, and outliers, in this order.
 ///
 /// # Errors
@@ -66,7 +69,13 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
     let budgets = derived.budget_declared.then_some(&derived.budget_flops[..]);
     notes.extend(mixed(table, &rows, budgets).filter(|_| request.group.is_none()));
     let mut dropped = Vec::new();
+    let first = first_alike(table, &rows);
     let rows = (0..rows.len()).collect();
+    let reason = |row: usize| {
+        let first = &named.run_ids[first[row]?];
+        Some(format!("it is {first} again, cell by cell: a copy is no second run"))
+    };
+    let rows = kept(DropStage::Copy, rows, &named, &mut dropped, reason)?;
     let reason = |row| missing(&named, &derived, row);
     let rows = kept(DropStage::Missing, rows, &named, &mut dropped, reason)?;
     let highest = highest(&derived.loss, &rows, request.drop_highest);
@@ -141,6 +150,17 @@ fn something_left(stage: DropStage, nothing: bool, dropped: &[Dropped]) -> Resul
     } else {
         Ok(())
     }
+}
+
+/// For each of some rows the first of them that has the same cell in every column, where that is another.
+fn first_alike(table: &Table, rows: &[usize]) -> Vec<Option<usize>> {
+    let mut seen: HashMap<Vec<Key>, usize> = HashMap::new();
+    let cells = |row: usize| table.columns.iter().map(move |(_, column)| column.key(row)).collect();
+    let first = |(place, row): (usize, &usize)| {
+        let first = *seen.entry(cells(*row)).or_insert(place);
+        (first != place).then_some(first)
+    };
+    rows.iter().enumerate().map(first).collect()
 }
 
 fn missing(named: &Named, derived: &Derived, row: usize) -> Option<String> {

@@ -48,7 +48,22 @@ impl Table {
     }
 }
 
+/// A cell as it is compared with others of its column: the bits of a number, or a text.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Key<'a> {
+    Number(u64),
+    Text(&'a str),
+}
+
 impl Column {
+    /// The cell of a row.
+    pub(super) fn key(&self, row: usize) -> Key<'_> {
+        match self {
+            Self::Number(values) => Key::Number(values[row].to_bits()),
+            Self::Text(cells) | Self::Written { cells, .. } => Key::Text(&cells[row]),
+        }
+    }
+
     /// The first cell of a text column that is no number, with its 1-based row.
     pub(super) fn first_text(&self) -> Option<(usize, &str)> {
         let Self::Text(cells) = self else { return None };

@@ -22,6 +22,7 @@ use crate::laws::ranking::forecast_error::ForecastError;
 use crate::laws::ranking::recommended::{Candidate, Recommended};
 use crate::laws::ranking::{Rows, shares};
 use crate::laws::say::recommended::why;
+use crate::laws::say::warnings::of_spend;
 
 /// Replicates of the joint law at most: each is a fit of its own.
 const JOINT_REPLICATES: usize = 200;
@@ -45,6 +46,7 @@ pub(super) fn judge(
         test_noise: scatter.test.cloned(),
         interval_parts,
         tried: Some(tried(&split.fitted)),
+        rows: unequal_spend(&split.fitted).into_iter().collect(),
         ..Judgement::default()
     };
     if !options.recommend {
@@ -151,6 +153,18 @@ fn interval_part(part: &str, bootstrap: &Bootstrap, sources: Sources) -> Interva
         exponent_tokens: interval(|s| s.exponent_tokens),
         slope_per_decade: interval(|s| s.loss_slope_per_decade),
     }
+}
+
+/// Runs of a budget spend shares of it that differ by no more than this factor.
+const EQUAL_SPEND: f64 = 1.2;
+
+/// A sentence for the budget whose runs spend the most unequal shares of it, where these are far apart.
+fn unequal_spend(grids: &[Grid]) -> Option<String> {
+    let shares = |grid: &Grid| extent(grid.cells.iter().map(|cell| cell.flops / grid.budget_flops));
+    let spread = |[least, most]: [f64; 2]| most / least;
+    let all = grids.iter().map(|grid| (grid.budget_flops, shares(grid)));
+    let (budget, shares) = all.max_by(|a, b| spread(a.1).total_cmp(&spread(b.1)))?;
+    (spread(shares) > EQUAL_SPEND).then(|| of_spend(shares, budget))
 }
 
 /// The extent of some cells.

@@ -1,18 +1,19 @@
 //! Intervals of a parametric law by drawing rows anew (Efron 1979).
 //!
 //! Each replicate draws as many rows as there are and goes from the optimum downhill to its own.
-//! Rows that differ in their seed alone are one cluster and are drawn together: they share what the
-//! law misses at their configuration.
+//! Rows of one configuration are one cluster and are drawn together, whether a column tells their seeds or
+//! not: they share what the law misses there.
 //!
 //! Nothing depends on the number of threads (see [`draws`](super::draws)). Tables of more than
 //! `MAX_CLUSTERS` clusters draw that many and shrink the deviations by the root of the ratio (m out
 //! of n; Bickel et al. 1997).
 
+use std::collections::HashMap;
+
 use super::draws::Draws;
 use super::form::Coefficients;
 use super::options::ParametricOptions;
 use super::search::{End, Found, Target};
-use crate::laws::input::cell::compare;
 use crate::laws::input::point::IsoFlopPoint;
 use crate::laws::maths::stats;
 use rayon::prelude::*;
@@ -59,19 +60,19 @@ pub(super) fn bootstrap(
     }
 }
 
-/// Rows of one configuration and budget, whatever their seed.
+/// Rows of one configuration, in the order of their first.
 fn clusters(points: &[IsoFlopPoint]) -> Vec<Vec<usize>> {
-    let seeds = points.iter().any(|p| p.seed != points[0].seed);
-    if !seeds {
-        return (0..points.len()).map(|row| vec![row]).collect();
+    let mut places: HashMap<[u64; 4], usize> = HashMap::new();
+    let mut clusters: Vec<Vec<usize>> = Vec::new();
+    for (row, p) in points.iter().enumerate() {
+        let key = [p.params_nonvocab, p.params_vocab, p.n_vocab, p.tokens].map(f64::to_bits);
+        let place = *places.entry(key).or_insert(clusters.len());
+        if place == clusters.len() {
+            clusters.push(Vec::new());
+        }
+        clusters[place].push(row);
     }
-    let key = |row: usize| {
-        let p = &points[row];
-        [p.budget_flops, p.params_nonvocab, p.params_vocab, p.n_vocab]
-    };
-    let mut rows: Vec<usize> = (0..points.len()).collect();
-    rows.sort_by(|a, b| compare(&key(*a), &key(*b)).then(a.cmp(b)));
-    rows.chunk_by(|a, b| key(*a) == key(*b)).map(<[usize]>::to_vec).collect()
+    clusters
 }
 
 impl Replicates {

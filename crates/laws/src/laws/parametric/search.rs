@@ -33,6 +33,9 @@ const MAX_ROWS: usize = 2000;
 /// Relative difference of two objectives that count as one optimum.
 const SAME: f64 = 1e-8;
 
+/// Share of a loss, or of its logarithm, that counts as rounding.
+const ROUNDING: f64 = 1e-9;
+
 /// What is minimised.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target<'a> {
@@ -127,12 +130,19 @@ pub(super) fn search(target: &Target, starts: Starts) -> Option<Found> {
     let ends: Vec<End> = starts.par_iter().filter_map(|start| few.descend(start)).collect();
     let best = ends.iter().min_by(|a, b| a.minimised.value.total_cmp(&b.minimised.value))?;
     let lowest = few.settle(&best.theta, &thinned.weights, EXACT)?;
-    let most = lowest.minimised.value * (1.0 + SAME);
+    let most = lowest.minimised.value * (1.0 + SAME) + rounding(&few);
     Some(Found {
         end: target.settle(&lowest.theta, &target.data.weights, EXACT)?,
         starts: starts.len(),
         starts_at_optimum: ends.iter().filter(|end| end.minimised.value <= most).count(),
     })
+}
+
+/// The objective of residuals that are rounding: where a law goes through all rows, every start ends below it, each
+/// on other digits.
+fn rounding(target: &Target) -> f64 {
+    let largest = target.data.columns.y.iter().fold(0.0f64, |most, y| most.max(y.abs()));
+    target.data.weights.iter().sum::<f64>() * (ROUNDING * largest).powi(2)
 }
 
 /// The lowest points of the grid of exponents.

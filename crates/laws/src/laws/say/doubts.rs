@@ -22,6 +22,7 @@ pub(in crate::laws) fn doubts(
         .chain(missed)
         .chain(of_exponents(undetermined))
         .chain(untested(laws))
+        .chain(no_intervals(laws))
         .chain(disagreement(laws, exponents))
         .chain(minima(laws))
         .chain(misfit(laws))
@@ -60,6 +61,15 @@ fn untested(laws: &Laws) -> Option<Doubt> {
     let own = laws.judgement.recommended.as_ref()?;
     own.scores.is_empty().then(|| {
         Doubt::new("untested", format!("Law not tested: {}", own.why), "add a larger budget")
+    })
+}
+
+/// Laws of a grid whose runs do not tell how they scatter.
+fn no_intervals(laws: &Laws) -> Option<Doubt> {
+    let none = laws.law == LawKind::Isoflop && laws.noise.is_none();
+    none.then(|| {
+        let what = "There are no intervals: how much single runs scatter is not known".to_string();
+        Doubt::new("no-intervals", what, "run every cell with a second seed, or add sizes")
     })
 }
 

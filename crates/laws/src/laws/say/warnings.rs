@@ -198,6 +198,15 @@ pub(in crate::laws) fn of_method(
     })
 }
 
+/// Runs of one budget that spend unequal shares of it, the least and the most of the budget where they differ most.
+pub(in crate::laws) fn of_spend([least, most]: [f64; 2], budget: f64) -> String {
+    format!(
+        "Runs of the budget {} spend {least:.2} to {most:.2} of it, so its minimum compares unequal FLOPs: name what \
+         they spent as flops, or group them by it",
+        count(budget)
+    )
+}
+
 /// Fewer replicates than were asked for, since the table is large.
 pub(in crate::laws) fn of_cost(cells: usize, made: usize, asked: usize) -> Option<String> {
     (made < asked).then(|| {

@@ -61,6 +61,23 @@ fn filters_come_first_then_what_is_missing_then_the_highest_losses() {
 }
 
 #[test]
+fn copies_of_a_row_are_no_further_runs_and_are_named() {
+    let once = runs();
+    let ten = |cells: &[f64]| cells.repeat(10);
+    let columns = once.columns.iter().map(|(name, column)| match column {
+        Column::Number(cells) => (name.clone(), Column::Number(ten(cells))),
+        _ => panic!("numbers alone"),
+    });
+    let copied = Table { columns: columns.collect(), n_rows: 50, notes: vec![] };
+    let [once, copied] = [once, copied].map(|table| load(&table, &request("", &[])).unwrap());
+    assert_eq!(once.points, copied.points);
+    let copies = copied.dropped.iter().filter(|row| row.stage == DropStage::Copy);
+    assert_eq!(copies.clone().count(), 45);
+    let first = copies.clone().next().unwrap();
+    assert!(first.run_id == "row 6" && first.reason.starts_with("it is row 1 again"), "{first:?}");
+}
+
+#[test]
 fn a_missing_cell_that_nothing_needs_drops_no_row() {
     let mut table = runs();
     table.columns.push(("d_model".into(), Column::Number(vec![f64::NAN; 5])));

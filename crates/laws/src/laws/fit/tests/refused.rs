@@ -107,3 +107,19 @@ fn a_best_cell_that_lost_a_run_is_told_of() {
     points.retain(|point| point.run_id != worst.run_id);
     assert_eq!(told(&points), None);
 }
+
+#[test]
+fn runs_that_spend_unequal_shares_of_their_budget_are_told_of() {
+    let told = |points: &[IsoFlopPoint]| {
+        let doubts = fit(points, &options()).unwrap().answer().doubts;
+        doubts.into_iter().find(|doubt| doubt.what.contains("spend")).map(|doubt| doubt.what)
+    };
+    let mut points = simulated().points();
+    assert_eq!(told(&points), None);
+    let smallest = points.iter().map(|p| p.params_nonvocab).fold(f64::INFINITY, f64::min);
+    for point in points.iter_mut().filter(|p| p.params_nonvocab < 1.5 * smallest) {
+        point.flops *= 1.54;
+    }
+    let sentence = told(&points).expect("a doubt");
+    assert!(sentence.contains("spend 1.00 to 1.54 of it"), "{sentence}");
+}

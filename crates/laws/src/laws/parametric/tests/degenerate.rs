@@ -138,3 +138,38 @@ fn fewer_rows_than_three_a_coefficient_are_a_warning() {
     assert!(said(&runs), "{} rows", runs.len());
     assert!(!said(&chinchilla_runs(7, 0.003, 3)));
 }
+
+#[test]
+fn repeats_of_a_configuration_are_drawn_together_with_or_without_a_seed() {
+    let once = chinchilla_runs(15, 0.01, 3);
+    let ten = |seed: fn(usize) -> u64| -> Vec<IsoFlopPoint> {
+        let copy = |i: usize| {
+            once.iter().map(move |p| IsoFlopPoint {
+                run_id: format!("{} {i}", p.run_id),
+                seed: seed(i),
+                ..p.clone()
+            })
+        };
+        (0..10).flat_map(copy).collect()
+    };
+    let options = ParametricOptions { bootstrap: 200, ..ParametricOptions::of(Form::Approach3) };
+    let intervals = |points: &[IsoFlopPoint]| fit_parametric(points, &options).unwrap().ci95;
+    let own = intervals(&once);
+    for copies in [ten(|_| 0), ten(|i| i as u64)] {
+        for (own, copied) in own.iter().zip(intervals(&copies)) {
+            let near = |i: usize| (own[i] / copied[i] - 1.0).abs() < 1e-6;
+            assert!(near(0) && near(1), "{own:?} {copied:?}");
+        }
+    }
+}
+
+#[test]
+fn starts_on_rows_without_noise_all_reach_the_optimum() {
+    let found = fit_parametric(
+        &chinchilla_runs(15, 0.0, 3),
+        &ParametricOptions { bootstrap: 0, ..ParametricOptions::of(Form::Approach3) },
+    );
+    let found = found.unwrap();
+    assert!(found.starts_at_optimum > found.starts / 2, "{found:?}");
+    assert!(!found.warnings.iter().any(|s| s.contains("starts")), "{:?}", found.warnings);
+}
