@@ -87,5 +87,6 @@ fn read_annotations(
 }
 
 fn read(root: &Path, name: &str) -> Result<Vec<u8>, String> {
-    read_regular(&root.join(name), LARGE).map_err(|error| format!("{name}: cannot be read: {error}"))
+    read_regular(&root.join(name), LARGE)
+        .map_err(|error| format!("{name}: cannot be read: {error}"))
 }

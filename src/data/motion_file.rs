@@ -1,6 +1,5 @@
 //! One motion from one file: features, joints, or BVH.
 
-use std::fs;
 use std::path::Path;
 
 use super::motion_files::MotionFiles;
@@ -88,6 +87,8 @@ fn finite(features: Vec<f32>) -> Result<Vec<f32>, String> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::data::fixtures::npy_bytes;
     use crate::motion::bvh::fit_bvh;

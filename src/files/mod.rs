@@ -22,5 +22,5 @@ mod regular;
 pub mod tensorboard;
 
 pub use error::{FileError, failure_kind};
-pub use regular::{LARGE, SMALL, read_regular, read_text};
 pub use json::{read_if_there, read_text_if_there};
+pub use regular::{LARGE, SMALL, read_regular, read_text};

@@ -52,7 +52,10 @@ mod tests {
             let error = read_text(endless).unwrap_err().to_string();
             assert!(error.contains("no regular file"), "{error}");
         }
-        assert_eq!(read_text(&folder.path().join("none")).unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert_eq!(
+            read_text(&folder.path().join("none")).unwrap_err().kind(),
+            io::ErrorKind::NotFound
+        );
         assert!(read_regular(&text, 4).unwrap_err().to_string().contains("more than"));
         fs::write(&text, [0xff, 0xfe]).unwrap();
         assert!(read_text(&text).unwrap_err().to_string().contains("UTF-8"));

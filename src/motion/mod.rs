@@ -32,7 +32,7 @@ pub mod retarget;
 mod rotation;
 mod skeleton;
 pub mod synth;
-mod vector;
+pub(crate) mod vector;
 
 /// Features of one frame in the HumanML3D layout with 22 joints.
 pub const N_FEATURES: usize = 263;

@@ -95,7 +95,8 @@ fn captions_of_made(folder: &Path) -> Result<Vec<String>> {
     if !path.is_file() {
         return Ok(Vec::new());
     }
-    let text = isoflop::files::read_regular(&path, isoflop::files::SMALL).with_context(|| format!("reading {}", path.display()))?;
+    let text = isoflop::files::read_regular(&path, isoflop::files::SMALL)
+        .with_context(|| format!("reading {}", path.display()))?;
     let made: Vec<MadeMotion> =
         serde_json::from_slice(&text).with_context(|| format!("reading {}", path.display()))?;
     Ok(made.into_iter().map(|motion| motion.caption).collect())

@@ -31,7 +31,8 @@ pub fn laws(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
     Ok(match &source.doubts[..] {
         [] => laws,
         doubts => {
-            let judgement = Judgement { rows: [doubts, &laws.judgement.rows].concat(), ..laws.judgement };
+            let judgement =
+                Judgement { rows: [doubts, &laws.judgement.rows].concat(), ..laws.judgement };
             Laws { judgement, ..laws }.answered()
         }
     })

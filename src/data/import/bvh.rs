@@ -122,7 +122,8 @@ fn wanted_draft(read: &Read, options: &ImportOptions) -> Option<String> {
 }
 
 fn parsed(file: &SourceFile) -> Result<Read, String> {
-    let bytes = read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
+    let bytes =
+        read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
     let text = std::str::from_utf8(&bytes).map_err(|_| "is not UTF-8".to_string())?;
     let bvh = with_ends(Bvh::parse(text).map_err(|error| error.to_string())?);
     let key = bvh.joints.iter().map(|joint| (joint.name.clone(), joint.parent)).collect();
@@ -166,8 +167,8 @@ fn motion(file: &SourceFile, rig: &Rig, options: &ImportOptions) -> Result<Motio
 const ROUNDED: f64 = 1e-3;
 /// Rates of captures and of film, in frames a second.
 const USUAL: [f64; 16] = [
-    24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 72.0, 90.0, 100.0, 120.0, 144.0, 150.0, 200.0, 240.0, 250.0,
-    300.0,
+    24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 72.0, 90.0, 100.0, 120.0, 144.0, 150.0, 200.0, 240.0,
+    250.0, 300.0,
 ];
 /// Frames a second of a file of motion, at least and at most.
 const RATES: [f64; 2] = [1.0, 2000.0];

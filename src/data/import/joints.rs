@@ -7,9 +7,9 @@ use super::kit::{self, First};
 use super::listing::{Listing, SourceFile};
 use super::motions::{Motion, Motions};
 use super::options::{Form, ImportOptions};
-use crate::files::{LARGE, read_regular};
 use crate::data::FPS;
 use crate::data::npy::{NpyArray, NpyProblem, parse_npy};
+use crate::files::{LARGE, read_regular};
 use crate::motion::N_JOINTS;
 use crate::motion::retarget::{PointsError, Pose64, Settled, reflected, settled};
 
@@ -29,7 +29,8 @@ pub fn read(listing: &Listing, options: &ImportOptions) -> Result<Motions, Impor
 }
 
 fn motion(file: &SourceFile, fps: f64, options: &ImportOptions) -> Result<Motion, String> {
-    let bytes = read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
+    let bytes =
+        read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
     let array = parse_npy(&bytes).map_err(|problem| problem.to_string())?;
     let settle = |poses: Result<Vec<Pose64>, NpyProblem>| {
         let poses = poses.map_err(|problem| problem.to_string())?;

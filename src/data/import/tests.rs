@@ -171,7 +171,8 @@ fn turned(bvh: &Bvh) -> Bvh {
         let own = &mut turned.joints[index];
         own.offset = flip(own.offset);
         own.end_sites.iter_mut().for_each(|end| *end = flip(*end));
-        let first = joint.channels.iter().position(|channel| matches!(channel, Channel::Rotation(_)));
+        let first =
+            joint.channels.iter().position(|channel| matches!(channel, Channel::Rotation(_)));
         for (place, channel) in joint.channels.iter().enumerate() {
             let of = column + place;
             for frame in &mut turned.frames {

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::files::{LARGE, read_regular};
 use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::failure::{Failure, FailureKind};
 use crate::files::read_if_there;
+use crate::files::{LARGE, read_regular};
 use crate::generator::{LogLine, Sums};
 use crate::jobs::program::TrainerSpec;
 use crate::jobs::record::{ExactFlops, Report};
