@@ -7,7 +7,9 @@ use super::npy::{NpyProblem, parse_npy};
 use super::source::DataError;
 use crate::files::{LARGE, read_regular};
 use crate::motion::bvh::Bvh;
-use crate::motion::{JOINT_NAMES, N_FEATURES, build_features};
+use crate::motion::{
+    BONE_LENGTHS, JOINT_NAMES, N_FEATURES, PARENTS, Pose, build_features, recover_joints,
+};
 
 /// How far the frames a second of a file may be from a multiple of those wanted, as a share.
 const FPS_TOLERANCE: f64 = 0.01;
@@ -33,7 +35,7 @@ pub fn read_motion(path: &Path, fps: f64) -> Result<Vec<f32>, DataError> {
         Some("bvh") => of_bvh(&bytes, fps),
         _ => Err(format!("is no motion that can be read; {advice}")),
     };
-    let features = features.and_then(finite);
+    let features = features.and_then(finite).and_then(of_a_body);
     features.map_err(|problem| DataError::Invalid { path: name, problem })
 }
 
@@ -85,6 +87,31 @@ fn finite(features: Vec<f32>) -> Result<Vec<f32>, String> {
     }
 }
 
+/// Legs shorter or longer by these factors are of another unit of length.
+const LEGS: [f64; 2] = [0.2, 5.0];
+
+/// A body whose legs are a hundredth or a hundred times as long is one in another unit.
+fn of_a_body(features: Vec<f32>) -> Result<Vec<f32>, String> {
+    let poses = recover_joints(&features);
+    let bone = |pose: &Pose, joint: usize| {
+        let parent = PARENTS[joint].unwrap_or(0);
+        let square = |axis: usize| f64::from(pose[joint][axis] - pose[parent][axis]).powi(2);
+        (square(0) + square(1) + square(2)).sqrt()
+    };
+    let leg = |pose: &Pose| [4, 5, 7, 8].into_iter().map(|joint| bone(pose, joint)).sum::<f64>();
+    let mean = poses.iter().map(leg).sum::<f64>() / poses.len().max(1) as f64;
+    let usual: f64 = [4, 5, 7, 8].into_iter().map(|joint| f64::from(BONE_LENGTHS[joint])).sum();
+    let factor = mean / usual;
+    let [shortest, longest] = LEGS;
+    if (shortest..=longest).contains(&factor) {
+        return Ok(features);
+    }
+    Err(format!(
+        "has legs {factor:.3} times as long as a body's: joints are in metres, BVH is in centimetres; `isoflop \
+         data import` reads other units"
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use std::fs;
@@ -92,8 +119,8 @@ mod tests {
     use super::*;
     use crate::data::fixtures::npy_bytes;
     use crate::motion::bvh::fit_bvh;
+    use crate::motion::mpjpe_mm;
     use crate::motion::synth::Script;
-    use crate::motion::{Pose, mpjpe_mm, recover_joints};
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
 
@@ -132,6 +159,23 @@ mod tests {
         assert_eq!((rows(60.0), rows(120.0)), (Ok(6), Ok(3)));
         let problem = rows(30.0).unwrap_err();
         assert!(problem.contains("has 30.0000 frames a second, which is no multiple"), "{problem}");
+    }
+
+    #[test]
+    fn a_body_in_another_unit_is_refused() {
+        let in_unit = |factor: f32| {
+            let scaled = |pose: &Pose| pose.map(|place| place.map(|x| x * factor));
+            let poses: Vec<Pose> = walk(21).iter().map(scaled).collect();
+            [
+                read("a.npy", &joints(&poses)),
+                read("a.bvh", fit_bvh(&poses, 20.0).unwrap().bvh.to_string().as_bytes()),
+            ]
+        };
+        assert!(in_unit(1.0).iter().chain(&in_unit(1.3)).all(Result::is_ok));
+        for told in in_unit(0.01).into_iter().chain(in_unit(100.0)) {
+            let problem = told.unwrap_err();
+            assert!(problem.contains("times as long as a body's"), "{problem}");
+        }
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Left and right exchanged, in features and in captions.
 
+use std::borrow::Cow;
+
 use super::features::{CONTACTS, POSITIONS, ROOT_VELOCITY, ROOT_YAW, ROTATIONS, VELOCITIES};
 use super::skeleton::{MIRROR_PARTNER, N_JOINTS};
 use crate::motion::N_FEATURES;
@@ -31,27 +33,57 @@ pub fn mirror_features(features: &[f32]) -> Vec<f32> {
     mirrored
 }
 
+/// What may follow a side in one word: `leftward`, `righthanded`.
+const AFTER_A_SIDE: [&str; 24] = [
+    "", "s", "y", "ie", "ward", "wards", "wardly", "most", "hand", "hands", "handed", "hander",
+    "handers", "handedly", "foot", "footed", "footer", "arm", "armed", "leg", "legged", "side",
+    "sided", "sides",
+];
+/// What turns `clockwise` about, before it in one word or parted by `-` or a blank.
+const AGAINST: [&str; 3] = ["counter", "anti", "contra"];
+
 /// `caption` with the words `left` and `right` exchanged.
 ///
-/// Whole lower-case words only: `leftover` and `upright` stay, `left-handed` changes. A `right` that
-/// means `at once` or `correct` is changed too, as in HumanML3D's own mirrored captions. Senses of
-/// turning are exchanged as well.
+/// Lower-case words only, and compounds that begin with a side: `leftover` and `upright` stay, `left-handed` and
+/// `leftward` change. A `right` that means `at once` or `correct` is changed too, as in HumanML3D's own mirrored
+/// captions. Senses of turning are exchanged as well.
 pub fn mirror_caption(caption: &str) -> String {
     let mut mirrored = String::with_capacity(caption.len() + 8);
     let mut rest = caption;
-    while let Some(first) = rest.chars().next() {
-        let in_word = first.is_alphanumeric();
-        let end = rest.find(|c: char| c.is_alphanumeric() != in_word).unwrap_or(rest.len());
-        mirrored.push_str(match &rest[..end] {
-            "left" => "right",
-            "right" => "left",
-            "clockwise" => "counterclockwise",
-            "counterclockwise" | "anticlockwise" => "clockwise",
-            other => other,
-        });
-        rest = &rest[end..];
+    while !rest.is_empty() {
+        let (word, after) = word(rest);
+        let next = after.strip_prefix(['-', ' ']).map(self::word);
+        match next {
+            Some(("clockwise", after)) if AGAINST.contains(&word) => {
+                mirrored.push_str("clockwise");
+                rest = after;
+            }
+            _ => {
+                mirrored.push_str(&mirrored_word(word));
+                rest = after;
+            }
+        }
     }
     mirrored
+}
+
+/// The letters and digits, or what stands between such words, at the beginning of a text; and the rest.
+fn word(text: &str) -> (&str, &str) {
+    let in_word = text.starts_with(char::is_alphanumeric);
+    text.split_at(text.find(|c: char| c.is_alphanumeric() != in_word).unwrap_or(text.len()))
+}
+
+fn mirrored_word(word: &str) -> Cow<'_, str> {
+    for (side, other) in [("left", "right"), ("right", "left")] {
+        if let Some(after) = word.strip_prefix(side).filter(|end| AFTER_A_SIDE.contains(end)) {
+            return Cow::Owned(format!("{other}{after}"));
+        }
+    }
+    match word.strip_suffix("clockwise") {
+        Some("") => Cow::Borrowed("counterclockwise"),
+        Some(against) if AGAINST.contains(&against) => Cow::Borrowed("clockwise"),
+        _ => Cow::Borrowed(word),
+    }
 }
 
 const fn mirrored_columns() -> [(usize, f32); N_FEATURES] {
@@ -127,10 +159,41 @@ mod tests {
             ("an upright man picks leftovers brightly", "an upright man picks leftovers brightly"),
             ("", ""),
             ("é left", "é right"),
+            ("turns clockwise twice", "turns counterclockwise twice"),
+            ("a leftward step, rightmost foot", "a rightward step, leftmost foot"),
+            ("lefthanded, with the righthand", "righthanded, with the lefthand"),
+            ("two quick lefts on the leftside", "two quick rights on the rightside"),
+            ("rightly, rightfully, leftovers", "rightly, rightfully, leftovers"),
         ];
         for (caption, expected) in cases {
             assert_eq!(mirror_caption(caption), expected);
             assert_eq!(mirror_caption(expected), caption);
+        }
+    }
+
+    #[test]
+    fn every_way_to_write_against_the_clock_becomes_with_it() {
+        for against in ["counter", "anti", "contra"] {
+            for joint in ["", "-", " "] {
+                let caption = format!("he walks {against}{joint}clockwise in a circle");
+                assert_eq!(mirror_caption(&caption), "he walks clockwise in a circle");
+            }
+        }
+        assert_eq!(mirror_caption("an anti hero, clockwise"), "an anti hero, counterclockwise");
+        assert_eq!(mirror_caption("at the counter"), "at the counter");
+    }
+
+    #[test]
+    fn each_compound_changes_its_side_and_back() {
+        for side in ["left", "right"] {
+            let other = if side == "left" { "right" } else { "left" };
+            for after in AFTER_A_SIDE {
+                for sentence in ["{} first", "with the {} arm", "turns {}-first, twice"] {
+                    let [own, mirrored] =
+                        [side, other].map(|side| sentence.replace("{}", &format!("{side}{after}")));
+                    assert_eq!(mirror_caption(&own), mirrored);
+                }
+            }
         }
     }
 }

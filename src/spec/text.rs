@@ -86,12 +86,21 @@ impl Default for TextSpec {
     }
 }
 
+/// Columns of a caption's vectors, and tokens of a caption, at most.
+const WIDEST: usize = 65_536;
+const MOST_TOKENS: usize = 16_384;
+
 impl TextSpec {
     /// What no encoder can use.
     pub fn problems(&self) -> Vec<KeyProblem> {
         let sizes = (self.max_tokens == 0 || self.dim == 0).then_some(KeyProblem {
             field: "",
             problem: "`dim` and `max_tokens` must be at least 1",
+            help: None,
+        });
+        let large = (self.max_tokens > MOST_TOKENS || self.dim > WIDEST).then_some(KeyProblem {
+            field: "",
+            problem: "`dim` is at most 65536 and `max_tokens` at most 16384",
             help: None,
         });
         let path = match (self.encoder, &self.path) {
@@ -124,6 +133,6 @@ impl TextSpec {
             problem: "`states: sentence` is of encoders with weights",
             help: Some("a file may hold one vector a caption"),
         });
-        sizes.into_iter().chain(path).chain(built).chain(states).collect()
+        sizes.into_iter().chain(large).chain(path).chain(built).chain(states).collect()
     }
 }

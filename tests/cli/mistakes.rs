@@ -156,3 +156,18 @@ fn a_command_line_that_makes_no_sense_is_a_usage_error() {
     }
     assert_eq!(place.names(""), ["mini.yaml"]);
 }
+
+#[test]
+fn sizes_that_no_machine_has_are_refused_before_anything_is_made() {
+    let many: Vec<String> = (1..=1000).map(|i| format!("{i}e9")).collect();
+    let seeds: Vec<String> = (0..2000).map(|i| i.to_string()).collect();
+    let budgets = format!("grid.budgets=[{}]", many.join(", "));
+    let seeds = format!("seeds=[{}]", seeds.join(", "));
+    let (_, ended) = refused(SOUND, &["--set", &budgets, "--set", &seeds]);
+    assert!(ended.stderr().contains("makes 2e6 runs"), "{}", ended.stderr());
+    let (_, ended) = refused(SOUND, &["--set", "text.dim=2147483648"]);
+    assert!(ended.stderr().contains("`dim` is at most 65536"), "{}", ended.stderr());
+    let deep = format!("{SOUND}train: {}\n", "[".repeat(100_000));
+    let (_, ended) = refused(&deep, &[]);
+    assert!(ended.stderr().contains("nest deeper than 128"), "{}", ended.stderr());
+}

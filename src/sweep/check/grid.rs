@@ -14,6 +14,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         models(sweep),
         vocab(sweep),
         budgets(sweep),
+        cells(sweep),
         zip(sweep),
         repeated::check(sweep),
         exclude(sweep),
@@ -116,6 +117,30 @@ fn budgets(sweep: &Sweep) -> Vec<Problem> {
     let mut problems = listed("grid.budgets", &sweep.grid.budgets);
     problems.extend(listed("predict.budgets", &sweep.predict.budgets));
     problems
+}
+
+/// Runs of a grid at most: a plan holds each of them.
+const MOST_RUNS: f64 = 1e6;
+
+/// More runs than a plan can hold, axes that are zipped counted as one.
+fn cells(sweep: &Sweep) -> Vec<Problem> {
+    let grid = &sweep.grid;
+    let length = |axis: &Axis| match axis {
+        Axis::Models => crate::sweep::models(&grid.models).len(),
+        Axis::Vocab => grid.vocab.len(),
+        Axis::Budgets => grid.budgets.len(),
+    };
+    let zipped: Vec<Axis> = grid.zip.iter().flatten().copied().collect();
+    let alone = [Axis::Models, Axis::Vocab, Axis::Budgets].into_iter();
+    let alone = alone.filter(|axis| !zipped.contains(axis)).map(|axis| length(&axis));
+    let groups = grid.zip.iter().filter_map(|group| group.iter().map(length).max());
+    let seeds = [sweep.seeds.len(), sweep.tokenizer.seeds.len(), sweep.generator.0.len()];
+    let runs: f64 = alone.chain(groups).chain(seeds).map(|n| n.max(1) as f64).product();
+    let problem = || {
+        Problem::value("grid", format!("makes {runs:e} runs"))
+            .with_help(format!("at most {MOST_RUNS:e}; list fewer values"))
+    };
+    (runs > MOST_RUNS).then(problem).into_iter().collect()
 }
 
 fn zip(sweep: &Sweep) -> Vec<Problem> {
