@@ -43,3 +43,16 @@ fn every_notebook_runs_to_its_end() {
         assert!(ended.status.success(), "{notebook}: {said}");
     }
 }
+
+#[test]
+fn the_notebooks_of_studies_are_those_that_the_program_exports() {
+    for name in ["cmu-motion", "procedural-law"] {
+        let path = format!("{}/notebooks-export/{name}.ipynb", env!("CARGO_MANIFEST_DIR"));
+        let kept: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+        let results = format!("../results/{name}");
+        let own =
+            isoflop::export::notebook(&isoflop::export::NotebookInput { name, results: &results });
+        assert_eq!(kept, own, "`isoflop export results/{name} --to notebook` makes another");
+    }
+}

@@ -13,6 +13,14 @@ def _interval(value: Any) -> Optional[Interval]:
     return None if value is None else (float(value[0]), float(value[1]))
 
 
+def _intervals(document: Mapping[str, Any]) -> "dict[str, Optional[Interval]]":
+    return {name: _interval(value) for name, value in document.items()}
+
+
+#: The names of a prediction's intervals; the program leaves out what is not known.
+_INTERVALS = ("params", "params_nonvocab", "params_vocab", "n_vocab", "tokens", "loss_normalised")
+
+
 @dataclass(frozen=True)
 class PowerLaw:
     """``y = 10**log10_coefficient * C**exponent``."""
@@ -164,7 +172,7 @@ class Prediction:
             n_vocab=document.get("n_vocab"),
             tokens=document["tokens"],
             loss=document.get("loss_normalised"),
-            ci95={name: _interval(value) for name, value in (document.get("ci95") or {}).items()},
+            ci95={**dict.fromkeys(_INTERVALS), **_intervals(document.get("ci95") or {})},
             extrapolation_factor=document["extrapolation_factor"],
             shape=shape
             and Shape(

@@ -1,6 +1,6 @@
 //! A prediction for a terminal.
 
-use super::brief::brief;
+use super::brief;
 use super::parts::{of_loss, span};
 use super::quantity::QUANTITIES;
 use crate::laws::text::count;

@@ -21,7 +21,7 @@ use crate::laws::noise::Scatter;
 use crate::laws::ranking::forecast_error::ForecastError;
 use crate::laws::ranking::recommended::{Candidate, Recommended};
 use crate::laws::ranking::{Rows, shares};
-use crate::laws::say::recommended::why;
+use crate::laws::say::reasons::why_recommended;
 use crate::laws::say::warnings::of_spend;
 
 /// Replicates of the joint law at most: each is a fit of its own.
@@ -106,7 +106,7 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
     // A law of minima that all budgets together do not tell predicts nothing.
     scores.retain(|score| score.law.is_joint() || laws.power_laws.tokens.is_some());
     let law = scores.first().map_or(untested, |best| best.law);
-    let why = why(&scores, rows.grids.len());
+    let why = why_recommended(&scores, rows.grids.len());
     Recommended { law, minima_method: laws.minima_method, why, scores }
 }
 

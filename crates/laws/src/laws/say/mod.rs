@@ -7,5 +7,4 @@ pub(in crate::laws) mod forecasts;
 pub(in crate::laws) mod formula;
 pub(in crate::laws) mod parametric;
 pub(in crate::laws) mod reasons;
-pub(in crate::laws) mod recommended;
 pub(in crate::laws) mod warnings;

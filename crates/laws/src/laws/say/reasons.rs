@@ -1,5 +1,6 @@
-//! Why an exponent is not determined.
+//! Why an exponent is not determined, and why a law is recommended.
 
+use crate::laws::ranking::recommended::Score;
 use crate::laws::words::text::count;
 
 /// Why an exponent is not determined.
@@ -65,5 +66,21 @@ impl Beyond {
             number(self.optimum),
             number(self.tried)
         )
+    }
+}
+
+/// Why the first of some scores is that of the law to believe, of `budgets` budgets.
+pub(in crate::laws) fn why_recommended(scores: &[Score], budgets: usize) -> String {
+    match scores {
+        [] => format!("no law could be tested ({budgets} budgets)"),
+        [_] => "no other law could be tested".to_string(),
+        [best, .., worst] => format!(
+            "fitted to smaller budgets, it missed the losses of larger ones by {:.4} nats (root mean \
+             square of {}), {} by {:.4}",
+            best.rms,
+            best.compared().count(),
+            worst.law.about(),
+            worst.rms
+        ),
     }
 }
