@@ -11,7 +11,8 @@ use super::options::ImportOptions;
 use crate::files::{LARGE, read_regular};
 use crate::motion::bvh::{Bvh, Placed};
 use crate::motion::retarget::{
-    Pose64, Rig, Roles, Survey, draft, follow, reflected_joint, roles_of, unit_m, with_ends,
+    Neutral, Pose64, Rig, Roles, Survey, draft, follow, reflected_joint, roles_of, unit_m,
+    with_ends,
 };
 use crate::motion::vector::{Point, dot, norm, sub, with_length};
 use crate::motion::{N_JOINTS, PARENTS};
@@ -44,15 +45,21 @@ pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
     let surveyed: Vec<Result<Surveyed, String>> =
         files.par_iter().map(|file| survey(file, options)).collect();
     let (groups, of_files) = groups(&surveyed);
-    let rig = |group: &Group| {
+    let rig = |zero: &[Placed], group: &Group| {
         let Group { first, survey, .. } = group;
-        Rig::of(&first.zero, first.roles, survey, options.up).map_err(|error| error.to_string())
+        Rig::of(zero, first.roles, survey, options.up).map_err(|error| error.to_string())
     };
-    let rigs: Vec<Result<Rig, String>> = groups.iter().map(rig).collect();
-    let followed: Vec<Result<Motion, String>> = (files.par_iter().zip(&of_files))
-        .map(|(file, group)| {
+    let rigs: Vec<Result<Rig, String>> =
+        groups.iter().map(|group| rig(&group.first.zero, group)).collect();
+    let followed: Vec<Result<Motion, String>> = (files.par_iter().zip(&surveyed).zip(&of_files))
+        .map(|((file, found), group)| {
             let group = group.as_ref().map_err(String::clone)?;
-            motion(file, rigs[*group].as_ref().map_err(String::clone)?, options)
+            let shared = rigs[*group].as_ref().map_err(String::clone)?;
+            // Each file stands as its own OFFSETs do, where these are a standing body: performers differ.
+            let zero = &found.as_ref().map_err(String::clone)?.zero;
+            let own = rig(zero, &groups[*group]).ok();
+            let own = own.filter(|rig| rig.neutral == Neutral::ZeroPose);
+            motion(file, own.as_ref().unwrap_or(shared), options)
         })
         .collect();
     let mut skeletons: Vec<(&Group, &Rig)> =
