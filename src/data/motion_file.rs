@@ -31,22 +31,23 @@ pub fn read_motion(path: &Path, fps: f64) -> Result<Vec<f32>, DataError> {
     let bytes = read_regular(path, LARGE).map_err(unread)?;
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     let features = match ending.to_str() {
-        Some("npy") => of_array(&bytes).map_err(|problem| problem.to_string()),
-        Some("bvh") => of_bvh(&bytes, fps),
+        Some("npy") => of_array(&bytes),
+        Some("bvh") => of_bvh(&bytes, fps).and_then(of_a_body),
         _ => Err(format!("is no motion that can be read; {advice}")),
     };
-    let features = features.and_then(finite).and_then(of_a_body);
+    let features = features.and_then(finite);
     features.map_err(|problem| DataError::Invalid { path: name, problem })
 }
 
-fn of_array(bytes: &[u8]) -> Result<Vec<f32>, NpyProblem> {
-    let array = parse_npy(bytes)?;
+fn of_array(bytes: &[u8]) -> Result<Vec<f32>, String> {
+    let told = |problem: NpyProblem| problem.to_string();
+    let array = parse_npy(bytes).map_err(told)?;
     match array.shape.len() {
-        2 => MotionFiles::Features.features(array),
-        3 => MotionFiles::Joints.features(array),
+        2 => MotionFiles::Features.features(array).map_err(told),
+        3 => MotionFiles::Joints.features(array).map_err(told).and_then(of_a_body),
         _ => {
             let expected = "[frames, 263] or [frames, 22, 3]";
-            Err(NpyProblem::Shape { found: array.shape, expected })
+            Err(told(NpyProblem::Shape { found: array.shape, expected }))
         }
     }
 }
@@ -102,6 +103,10 @@ fn of_a_body(features: Vec<f32>) -> Result<Vec<f32>, String> {
     let mean = poses.iter().map(leg).sum::<f64>() / poses.len().max(1) as f64;
     let usual: f64 = [4, 5, 7, 8].into_iter().map(|joint| f64::from(BONE_LENGTHS[joint])).sum();
     let factor = mean / usual;
+    // Numbers that are not finite have an error of their own.
+    if !factor.is_finite() {
+        return Ok(features);
+    }
     let [shortest, longest] = LEGS;
     if (shortest..=longest).contains(&factor) {
         return Ok(features);
