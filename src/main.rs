@@ -17,7 +17,8 @@ static ALLOCATOR: isoflop::machine::allocator::Allocator = isoflop::machine::all
 
 fn main() -> ExitCode {
     ignore_file_size_signal();
-    let cli = Cli::try_parse().unwrap_or_else(|error| commands::refuse(&error));
+    let cli = commands::words_are_utf8().and_then(|()| Cli::try_parse());
+    let cli = cli.unwrap_or_else(|error| commands::refuse(&error));
     let json = cli.is_json();
     match commands::dispatch(cli) {
         Ok(exit) => exit.into(),

@@ -105,7 +105,7 @@ impl TokenStore {
     /// # Errors
     /// [`FileError::Read`] and [`FileError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let file = MappedFile::open(path)?;
+        let file = MappedFile::open(path)?.verified()?;
         let grid = file.note(GRID).and_then(|text| serde_json::from_str(text).ok());
         let grid: Grid = grid.ok_or_else(|| file.damaged("the grid of its codes is missing"))?;
         let [train, val, test] = Split::ALL.map(|split| StoredSplit::read(&file, split, &grid));

@@ -126,6 +126,23 @@ impl Cli {
     }
 }
 
+/// What is written names files, and its documents hold UTF-8 alone.
+///
+/// # Errors
+/// The first word of the command line that is not UTF-8.
+pub fn words_are_utf8() -> Result<(), clap::Error> {
+    match std::env::args_os().find(|word| word.to_str().is_none()) {
+        None => Ok(()),
+        Some(word) => Err(Cli::command().error(
+            clap::error::ErrorKind::InvalidUtf8,
+            format!(
+                "`{}` is not UTF-8, and what is written names files: rename it",
+                word.display()
+            ),
+        )),
+    }
+}
+
 /// Calls the command that was asked for.
 pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
     let output = output::Output::new(&cli.common);

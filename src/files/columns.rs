@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 use memmap2::Mmap;
-use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorView, serialize};
+use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, TensorView, serialize};
 
 use super::atomic::write_whole;
 use super::error::FileError;
@@ -48,13 +48,29 @@ impl<'a> NewColumn<'a> {
     }
 }
 
-/// Writes columns and text entries as one file, whole, by rename.
+/// The column that holds the digest of all others.
+const DIGEST: &str = "digest";
+
+/// Of the names and bytes of columns, in the order of their names.
+fn digest<'a>(columns: impl Iterator<Item = (&'a str, &'a [u8])>) -> [u8; 32] {
+    let mut columns: Vec<(&str, &[u8])> = columns.filter(|(name, _)| *name != DIGEST).collect();
+    columns.sort_unstable_by_key(|(name, _)| *name);
+    let mut hasher = blake3::Hasher::new();
+    for (name, bytes) in columns {
+        hasher.update(name.as_bytes()).update(&(bytes.len() as u64).to_le_bytes()).update(bytes);
+    }
+    hasher.finalize().into()
+}
+
+/// Writes columns, their digest and text entries as one file, whole, by rename.
 pub fn write(
     path: &Path,
     columns: &[NewColumn],
     notes: HashMap<String, String>,
 ) -> Result<(), FileError> {
-    let views = columns.iter().map(|column| {
+    let digest = digest(columns.iter().map(|column| (column.name.as_str(), column.bytes)));
+    let digest = NewColumn { name: DIGEST.into(), dtype: Dtype::U32, len: 8, bytes: &digest };
+    let views = columns.iter().chain([&digest]).map(|column| {
         let view = TensorView::new(column.dtype, vec![column.len], column.bytes);
         (column.name.clone(), view.expect("shape and length agree"))
     });
@@ -87,6 +103,24 @@ impl MappedFile {
             SafeTensors::read_metadata(&map).map_err(|error| FileError::damaged(path, error))?;
         let start = size_of::<u64>() + header;
         Ok(Self { path: path.to_path_buf(), map: Arc::new(map), metadata, start })
+    }
+
+    /// The same file, where its columns are those that were written; a file without a digest is another's.
+    ///
+    /// # Errors
+    /// [`FileError::Damaged`].
+    pub fn verified(self) -> Result<Self, FileError> {
+        let tensors = self.metadata.tensors();
+        let bytes = |info: &TensorInfo| {
+            let (from, to) = info.data_offsets;
+            &self.map[self.start + from..self.start + to]
+        };
+        let found = || digest(tensors.iter().map(|(name, info)| (name.as_str(), bytes(info))));
+        if tensors.get(DIGEST).is_none_or(|told| bytes(told) == found()) {
+            drop(tensors);
+            return Ok(self);
+        }
+        Err(self.damaged("its bytes are not those that were written"))
     }
 
     /// All bytes of the file.
@@ -169,6 +203,23 @@ impl<T: Pod> Column<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bit_that_turned_over_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("codes.safetensors");
+        let columns = [NewColumn::new("b", &[1u32, 2, 3]), NewColumn::new("a", &[0.5f32])];
+        write(&path, &columns, HashMap::new()).unwrap();
+        let file = MappedFile::open(&path).unwrap().verified().unwrap();
+        assert_eq!(file.column::<u32>("b").unwrap().values(), [1, 2, 3]);
+        let mut bytes = std::fs::read(&path).unwrap();
+        let last = bytes.len() - 1;
+        bytes[last] ^= 4;
+        std::fs::remove_file(&path).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        let error = MappedFile::open(&path).unwrap().verified().unwrap_err().to_string();
+        assert!(error.contains("not those that were written"), "{error}");
+    }
 
     #[test]
     fn numbers_out_of_line_are_copied() {

@@ -65,8 +65,40 @@ const LAST_LINES: usize = 10;
 pub fn last_lines(job: &Path) -> Vec<String> {
     let log = fs::read(job.join("log.txt")).unwrap_or_default();
     let log = String::from_utf8_lossy(&log);
-    let lines: Vec<String> = log.lines().map(String::from).collect();
-    lines[lines.len().saturating_sub(LAST_LINES)..].to_vec()
+    let lines: Vec<&str> = log.lines().collect();
+    lines[lines.len().saturating_sub(LAST_LINES)..].iter().map(|line| as_shown(line)).collect()
+}
+
+/// Letters of a line that a failure keeps.
+const LONGEST_LINE: usize = 500;
+
+/// What a terminal ends up showing of a line: its last state, where `\r` goes back to its beginning, without colours
+/// and other controls, and no more than [`LONGEST_LINE`] of it.
+fn as_shown(line: &str) -> String {
+    let states = line.split('\r').rfind(|state| !state.trim().is_empty());
+    let mut letters = states.unwrap_or_default().chars();
+    let mut shown = String::new();
+    while let Some(letter) = letters.next() {
+        match letter {
+            '\u{1b}' => skip_escape(&mut letters),
+            '\t' => shown.push(' '),
+            letter if letter.is_control() => {}
+            letter => shown.push(letter),
+        }
+    }
+    match shown.char_indices().nth(LONGEST_LINE) {
+        None => shown,
+        Some((end, _)) => shown[..end].to_string() + "…",
+    }
+}
+
+/// What follows an escape: `[` and numbers to a letter, `]` and a text to a bell, or one letter.
+fn skip_escape(letters: &mut std::str::Chars) {
+    match letters.next() {
+        Some('[') => drop(letters.find(|letter| ('@'..='~').contains(letter))),
+        Some(']') => drop(letters.find(|letter| *letter == '\u{7}')),
+        _ => {}
+    }
 }
 
 /// Notes a failure in the job's folder: the job is not tried again unasked.
@@ -125,6 +157,22 @@ mod tests {
 
     use super::*;
     use crate::learn::LearnError;
+
+    #[test]
+    fn a_line_is_what_a_terminal_ends_up_showing() {
+        for (line, shown) in [
+            ("step 1\rstep 2\rstep 30", "step 30"),
+            ("step 3\r", "step 3"),
+            ("\u{1b}[31mred\u{1b}[0m and \u{1b}]0;title\u{7}plain\u{7}", "red and plain"),
+            ("a\tb\u{8}", "a b"),
+            ("é", "é"),
+            ("\u{1b}", ""),
+        ] {
+            assert_eq!(as_shown(line), shown, "{line:?}");
+        }
+        let long = as_shown(&"é".repeat(2_000_000));
+        assert_eq!((long.chars().count(), long.chars().last()), (LONGEST_LINE + 1, Some('…')));
+    }
 
     #[test]
     fn a_job_belongs_to_one_worker_at_a_time() {

@@ -104,7 +104,7 @@ impl TextStore {
     /// # Errors
     /// [`FileError::Read`] and [`FileError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let file = MappedFile::open(path)?;
+        let file = MappedFile::open(path)?.verified()?;
         let split = |split: Split| {
             let name = split.name();
             let captions = file.column(&format!("{name}.captions"))?;

@@ -171,3 +171,18 @@ fn sizes_that_no_machine_has_are_refused_before_anything_is_made() {
     let (_, ended) = refused(&deep, &[]);
     assert!(ended.stderr().contains("nest deeper than 128"), "{}", ended.stderr());
 }
+
+#[test]
+fn a_path_that_is_not_utf8_is_refused_by_every_command() {
+    use std::os::unix::ffi::OsStrExt;
+    let path = std::ffi::OsStr::from_bytes(b"bad\xff");
+    for words in
+        [&["status"][..], &["report"], &["plot"], &["cancel"], &["predict", "1e9", "--law"]]
+    {
+        let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_isoflop"));
+        let ended = program.args(words).arg(path).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&ended.stderr).into_owned();
+        assert_eq!(ended.status.code(), Some(2), "{words:?}: {told}");
+        assert!(told.contains("is not UTF-8"), "{words:?}: {told}");
+    }
+}

@@ -68,11 +68,16 @@ fn runs_of_a_damaged_trunk_are_trained_without_it_to_the_same_bits() {
 
 /// A finished sweep, but for one run, with a file of the folder cut short.
 fn with_cut(find: impl Fn(&Place) -> String) -> (Place, String) {
+    with_damage(find, cut)
+}
+
+/// The same with a file of the folder damaged.
+fn with_damage(find: impl Fn(&Place) -> String, damage: fn(&Path)) -> (Place, String) {
     let place = finished_mini();
     let run = run_folders(&place, "mini").remove(0);
     fs::remove_file(place.path(&run).join("record.json")).expect("a record");
     let file = find(&place);
-    cut(&place.path(&file));
+    damage(&place.path(&file));
     (place, file)
 }
 
@@ -118,6 +123,19 @@ fn every_file_that_is_cut_short_is_made_again_by_the_same_command() {
         let (place, _) = with_cut(|_| format!("results/mini/{file}"));
         place.isoflop(&["run", "mini.yaml"]).exits(0);
         assert_undisturbed(&place.path("results/mini"));
+    }
+}
+
+#[test]
+fn codes_and_vectors_with_a_bit_turned_over_are_made_again() {
+    for (folder, file) in
+        [("tokenizers", "tokens/codes.safetensors"), ("text", "vectors.safetensors")]
+    {
+        let (place, path) = with_damage(|place| read_by_it(place, folder, file), flip);
+        place.isoflop(&["run", "mini.yaml"]).exits(0);
+        assert_undisturbed(&place.path("results/mini"));
+        let whole = fs::read(finished_mini().path(&path)).expect("as it was");
+        assert!(fs::read(place.path(&path)).expect("it is there again") == whole, "{path}");
     }
 }
 
