@@ -48,7 +48,12 @@ pub fn captions(
 ) -> Result<Captions, String> {
     let folder = options.texts.as_deref().or(listing.texts.as_deref());
     let beside = match folder {
-        Some(folder) => folder.join(format!("{}.txt", file.id)),
+        Some(folder) => {
+            // Under the file's own name, which may hold blanks, or under the name of the clip.
+            let named = |name: &String| folder.join(format!("{name}.txt"));
+            let own = file.stem.as_ref().map(named).filter(|path| path.exists());
+            own.unwrap_or_else(|| named(&file.id))
+        }
         None => file.path.with_extension("txt"),
     };
     if beside.exists() {

@@ -70,7 +70,7 @@ mod tests {
 
     fn file(name: &str) -> SourceFile {
         let id = name.rsplit('/').next().unwrap().to_string();
-        SourceFile { path: name.into(), name: name.to_string(), id }
+        SourceFile { path: name.into(), name: name.to_string(), stem: None, id }
     }
 
     #[test]

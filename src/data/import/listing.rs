@@ -15,6 +15,8 @@ pub struct SourceFile {
     pub path: PathBuf,
     /// Relative to the folder that is imported, with `/`.
     pub name: String,
+    /// The stem as it is, where no other file has it.
+    pub stem: Option<String>,
     /// Name of its clips: the stem, with the folders before it where two files have one stem.
     pub id: String,
 }
@@ -102,6 +104,9 @@ fn walk(
 
 fn named(base: &Path, paths: Vec<PathBuf>) -> Vec<SourceFile> {
     let stem = |path: &Path| clean(&path.file_stem().unwrap_or_default().to_string_lossy());
+    let raw = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut stems: HashMap<String, usize> = HashMap::new();
+    paths.iter().for_each(|path| *stems.entry(raw(path)).or_default() += 1);
     let mut count: HashMap<String, usize> = HashMap::new();
     paths.iter().for_each(|path| *count.entry(stem(path)).or_default() += 1);
     let named = paths.into_iter().map(|path| {
@@ -109,7 +114,8 @@ fn named(base: &Path, paths: Vec<PathBuf>) -> Vec<SourceFile> {
         let name = relative.to_string_lossy().replace('\\', "/");
         let short = stem(&path);
         let long = clean(&relative.with_extension("").to_string_lossy());
-        SourceFile { id: if count[&short] == 1 { short } else { long }, name, path }
+        let own = Some(raw(&path)).filter(|stem| stems[stem] == 1);
+        SourceFile { stem: own, id: if count[&short] == 1 { short } else { long }, name, path }
     });
     distinct(named.collect())
 }

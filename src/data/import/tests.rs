@@ -245,8 +245,18 @@ fn files_of_one_name_are_two_clips_and_links_are_followed_once() {
     fs::write(from.path().join("walk 01.bvh"), &text).unwrap();
     std::os::unix::fs::symlink(".", from.path().join("again")).unwrap();
     std::os::unix::fs::symlink("run_01.bvh", from.path().join("a_link.bvh")).unwrap();
-    let data = to.path().join("mine");
-    import(&options(from.path(), Form::Bvh), &data).unwrap();
+    let (data, texts) = (to.path().join("mine"), to.path().join("texts"));
+    fs::create_dir(&texts).unwrap();
+    for name in ["bow_01", "run_01", "turn_01", "walk_01", "walk_02", "walk 01"] {
+        fs::write(texts.join(format!("{name}.txt")), format!("words of {name}\n")).unwrap();
+    }
+    let own = ImportOptions { texts: Some(texts), ..options(from.path(), Form::Bvh) };
+    import(&own, &data).unwrap();
+    let captions = |id: &str| fs::read_to_string(data.join(format!("texts/{id}.txt"))).unwrap();
+    // `walk 01` sorts first, and has the name that both would have.
+    for (id, name) in [("walk_01", "walk 01"), ("walk_01-2", "walk_01"), ("run_01", "run_01")] {
+        assert!(captions(id).starts_with(&format!("words of {name}#")), "{id}: {}", captions(id));
+    }
     let all = fs::read_to_string(data.join("all.txt")).unwrap();
     let mut ids: Vec<&str> = all.lines().collect();
     ids.sort_unstable();
