@@ -1,7 +1,7 @@
 //! A bound for the log of a job whose program may say whatever it likes.
 
 use std::fs::{self, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 
 /// Bytes of a log at most; then its middle is cut out.
@@ -29,12 +29,14 @@ fn cut(path: &Path, kept: usize) -> io::Result<usize> {
         return Ok(bytes.len());
     }
     let Parts { head, left_out, tail } = parts(&bytes, kept);
-    let file = OpenOptions::new().append(true).open(path)?;
-    // What was said since it was read goes with the middle.
-    let left_out = left_out + (file.metadata()?.len() as usize).saturating_sub(bytes.len());
-    file.set_len(head.len() as u64)?;
+    let mut file = OpenOptions::new().read(true).append(true).open(path)?;
     let mark = format!("{}{left_out}{BYTES}", String::from_utf8_lossy(LEFT_OUT));
-    let rest = [mark.as_bytes(), tail].concat();
+    // What was said since it was read; what is said between here and the cut goes with the middle.
+    let mut since = Vec::new();
+    file.seek(SeekFrom::Start(bytes.len() as u64))?;
+    io::copy(&mut file, &mut since)?;
+    file.set_len(head.len() as u64)?;
+    let rest = [mark.as_bytes(), tail, &since].concat();
     (&file).write_all(&rest)?;
     Ok(head.len() + rest.len())
 }
