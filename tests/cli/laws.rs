@@ -294,8 +294,37 @@ fn exponents(answer: &Value) -> Vec<[String; 3]> {
         .collect()
 }
 
+/// Runs two cells of a notebook with stand-ins for what draws, and prints the titles of its charts.
+const CELLS: &str = r#"
+import json, math, sys
+from pathlib import Path
+from unittest.mock import MagicMock
+RESULTS = Path(sys.argv[1])
+laws = json.loads((RESULTS / "laws.json").read_text())
+alt, pl, minima, log_x, log_y = (MagicMock() for _ in range(5))
+cells = {cell["id"]: "".join(cell["source"]) for cell in json.loads(Path(sys.argv[2]).read_text())["cells"]}
+exec(cells["power-laws"])
+exec(cells["predict"])
+for call in alt.layer.return_value.properties.call_args_list:
+    print(call.kwargs["title"])
+"#;
+
+/// What a study's notebook prints and has in the titles of its charts; `None` without Python.
+fn notebook(place: &Place, folder: &str, study: &str) -> Option<String> {
+    place.isoflop(&["export", folder, "--to", "notebook", "--out", "."]).exits(0);
+    place.write("cells.py", CELLS);
+    let words = ["cells.py", folder, &format!("{study}.ipynb")];
+    let Ok(ended) = Command::new("python3").args(words).current_dir(place.path("")).output() else {
+        eprintln!("skipped: the notebook, since there is no python3");
+        return None;
+    };
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+    Some(String::from_utf8(ended.stdout).unwrap())
+}
+
 #[test]
-fn every_exponent_has_one_value_on_the_screen_in_figures_in_the_report_and_in_files() {
+fn every_exponent_has_one_value_on_the_screen_in_figures_in_the_report_in_the_notebook_and_in_files()
+ {
     for study in ["procedural-law", "motion-law", "two-frames"] {
         let own = format!("{}/results/{study}", env!("CARGO_MANIFEST_DIR"));
         let place = Place::new();
@@ -325,7 +354,13 @@ fn every_exponent_has_one_value_on_the_screen_in_figures_in_the_report_and_in_fi
                 assert!(text.contains(number.as_str()), "{study}: {number} is not in the {place}");
             }
         }
+        let notebook = notebook(&place, &folder, study);
+        for number in told.iter().flatten() {
+            let is_in = |text: &String| text.contains(number.as_str());
+            assert!(notebook.as_ref().is_none_or(is_in), "{study}: {number}: {notebook:?}");
+        }
         let formula = kept["answer"]["formula"].as_str().unwrap();
+        assert!(notebook.as_ref().is_none_or(|text| text.contains(formula)), "{study}: {formula}");
         let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(words(&screen).contains(formula), "{study}: {formula}");
         assert!(words(&report).contains(formula), "{study}: {formula}");
@@ -337,5 +372,15 @@ fn every_exponent_has_one_value_on_the_screen_in_figures_in_the_report_and_in_fi
         let predicted = asked.json()[0]["loss_normalised"].as_f64().unwrap();
         let along = last["loss"]["value"].as_f64().unwrap();
         assert!((predicted - along).abs() < 1e-6, "{study}: {predicted} and {along}");
+        // The predictions that the folder keeps, as a screen and the notebook write them.
+        for one in place.json(&format!("{folder}/prediction.json")).as_array().unwrap() {
+            let budget = format!("{:e}", one["budget_flops"].as_f64().unwrap());
+            let screen = place.isoflop(&["predict", &budget, "--law", &folder]).exits(0).stdout();
+            let loss = format!("{:.4}", one["loss_normalised"].as_f64().unwrap());
+            assert!(screen.contains(&loss), "{study}: {loss} is not in {screen}");
+            let near = format!("{:.3}", one["loss_normalised"].as_f64().unwrap());
+            let is_in = |text: &String| text.contains(near.trim_end_matches('0'));
+            assert!(notebook.as_ref().is_none_or(is_in), "{study}: {near}: {notebook:?}");
+        }
     }
 }
