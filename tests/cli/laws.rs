@@ -381,6 +381,23 @@ fn every_exponent_has_one_value_on_the_screen_in_figures_in_the_report_in_the_no
             let near = format!("{:.3}", one["loss_normalised"].as_f64().unwrap());
             let is_in = |text: &String| text.contains(near.trim_end_matches('0'));
             assert!(notebook.as_ref().is_none_or(is_in), "{study}: {near}: {notebook:?}");
+            // Sizes and tokens: 1.863e4 on the screen and in the report, 1.863e+04 in the notebook.
+            for field in ["params_nonvocab", "tokens"] {
+                let written = format!("{:.3e}", one[field].as_f64().unwrap());
+                let (digits, power) = written.split_once('e').unwrap();
+                let digits = digits.trim_end_matches('0').trim_end_matches('.');
+                let shown = format!("{digits}e{power}");
+                for (place, text) in [("screen", &screen), ("report", &report)] {
+                    assert!(
+                        text.contains(&shown),
+                        "{study}: {field} {shown} is not in the {place}"
+                    );
+                }
+                let power: i32 = power.parse().unwrap();
+                let told = format!("{digits}e+{power:02}");
+                let is_in = |text: &String| power < 4 || text.contains(&told);
+                assert!(notebook.as_ref().is_none_or(is_in), "{study}: {told}: {notebook:?}");
+            }
         }
     }
 }
