@@ -7,9 +7,8 @@ use super::npy::{NpyProblem, parse_npy};
 use super::source::DataError;
 use crate::files::{LARGE, read_regular};
 use crate::motion::bvh::Bvh;
-use crate::motion::{
-    BONE_LENGTHS, JOINT_NAMES, N_FEATURES, PARENTS, Pose, build_features, recover_joints,
-};
+use crate::motion::retarget::leg_ratio;
+use crate::motion::{JOINT_NAMES, N_FEATURES, build_features, recover_joints};
 
 /// How far the frames a second of a file may be from a multiple of those wanted, as a share.
 const FPS_TOLERANCE: f64 = 0.01;
@@ -93,16 +92,7 @@ const LEGS: [f64; 2] = [0.2, 5.0];
 
 /// A body whose legs are a hundredth or a hundred times as long is one in another unit.
 fn of_a_body(features: Vec<f32>) -> Result<Vec<f32>, String> {
-    let poses = recover_joints(&features);
-    let bone = |pose: &Pose, joint: usize| {
-        let parent = PARENTS[joint].unwrap_or(0);
-        let square = |axis: usize| f64::from(pose[joint][axis] - pose[parent][axis]).powi(2);
-        (square(0) + square(1) + square(2)).sqrt()
-    };
-    let leg = |pose: &Pose| [4, 5, 7, 8].into_iter().map(|joint| bone(pose, joint)).sum::<f64>();
-    let mean = poses.iter().map(leg).sum::<f64>() / poses.len().max(1) as f64;
-    let usual: f64 = [4, 5, 7, 8].into_iter().map(|joint| f64::from(BONE_LENGTHS[joint])).sum();
-    let factor = mean / usual;
+    let factor = leg_ratio(&recover_joints(&features));
     // Numbers that are not finite have an error of their own.
     if !factor.is_finite() {
         return Ok(features);
@@ -124,8 +114,8 @@ mod tests {
     use super::*;
     use crate::data::fixtures::npy_bytes;
     use crate::motion::bvh::fit_bvh;
-    use crate::motion::mpjpe_mm;
     use crate::motion::synth::Script;
+    use crate::motion::{Pose, mpjpe_mm};
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
 

@@ -28,7 +28,7 @@ mod tree;
 pub use axes::{Up, reflected, reflected_joint};
 pub use follow::{follow, unit_m};
 pub(crate) use names::words;
-pub use points::{PointsError, Settled, settled};
+pub use points::{PointsError, Settled, leg_ratio, settled};
 pub use resample::resampled;
 pub use rig::{Neutral, Rig, RigError};
 pub use roles::{NameMap, RoleError, Roles, draft, roles_of};

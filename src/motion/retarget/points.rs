@@ -50,7 +50,7 @@ pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsErro
     if poses.iter().all(has_target_bones) {
         return Ok(Settled { poses, up, unit_m: None });
     }
-    let mean = poses.iter().map(|pose| Body::from(pose).leg()).sum::<f64>() / poses.len() as f64;
+    let mean = mean_leg(&poses);
     if mean <= 0.0 {
         return Err(PointsError::NoLegs);
     }
@@ -71,4 +71,14 @@ fn bone(pose: &Pose64, joint: usize) -> f64 {
 
 fn has_target_bones(pose: &Pose64) -> bool {
     (0..N_JOINTS).all(|joint| (bone(pose, joint) - f64::from(BONE_LENGTHS[joint])).abs() < SAME)
+}
+
+fn mean_leg(poses: &[Pose64]) -> f64 {
+    poses.iter().map(|pose| Body::from(pose).leg()).sum::<f64>() / poses.len() as f64
+}
+
+/// Mean length of the legs of poses in metres, as a multiple of the target's.
+pub fn leg_ratio(poses: &[Pose]) -> f64 {
+    let wide = |pose: &Pose| pose.map(|place| place.map(f64::from));
+    mean_leg(&poses.iter().map(wide).collect::<Vec<Pose64>>()) / leg()
 }

@@ -6,7 +6,7 @@ use crate::sweep::condition::Condition;
 use crate::sweep::model_lists;
 use crate::sweep::nearest::nearest;
 use crate::sweep::problem::Problem;
-use crate::sweep::sections::{Axis, GridPart, ModelList, Sweep, VocabSpec};
+use crate::sweep::sections::{Axis, GridPart, GridSection, ModelList, Sweep, VocabSpec};
 
 /// What is wrong with the grid.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -122,14 +122,19 @@ fn budgets(sweep: &Sweep) -> Vec<Problem> {
 /// Runs of a grid at most: a plan holds each of them.
 const MOST_RUNS: f64 = 1e6;
 
-/// More runs than a plan can hold, axes that are zipped counted as one.
-fn cells(sweep: &Sweep) -> Vec<Problem> {
-    let grid = &sweep.grid;
-    let length = |axis: &Axis| match axis {
+/// Values of an axis.
+fn length(grid: &GridSection, axis: &Axis) -> usize {
+    match axis {
         Axis::Models => crate::sweep::models(&grid.models).len(),
         Axis::Vocab => grid.vocab.len(),
         Axis::Budgets => grid.budgets.len(),
-    };
+    }
+}
+
+/// More runs than a plan can hold, axes that are zipped counted as one.
+fn cells(sweep: &Sweep) -> Vec<Problem> {
+    let grid = &sweep.grid;
+    let length = |axis: &Axis| length(&sweep.grid, axis);
     let zipped: Vec<Axis> = grid.zip.iter().flatten().copied().collect();
     let alone = [Axis::Models, Axis::Vocab, Axis::Budgets].into_iter();
     let alone = alone.filter(|axis| !zipped.contains(axis)).map(|axis| length(&axis));
@@ -145,11 +150,7 @@ fn cells(sweep: &Sweep) -> Vec<Problem> {
 
 fn zip(sweep: &Sweep) -> Vec<Problem> {
     let grid = &sweep.grid;
-    let length = |axis: &Axis| match axis {
-        Axis::Models => crate::sweep::models(&grid.models).len(),
-        Axis::Vocab => grid.vocab.len(),
-        Axis::Budgets => grid.budgets.len(),
-    };
+    let length = |axis: &Axis| length(&sweep.grid, axis);
     let mut seen = Vec::new();
     let mut problems = Vec::new();
     for (i, group) in grid.zip.iter().enumerate() {

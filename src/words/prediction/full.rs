@@ -2,7 +2,7 @@
 
 use super::brief;
 use super::parts::{of_loss, span};
-use super::quantity::QUANTITIES;
+use super::quantity::{QUANTITIES, number};
 use crate::laws::text::count;
 use crate::predict::{Prediction, Together};
 use crate::words::wrap;
@@ -41,7 +41,7 @@ fn title(prediction: &Prediction) -> String {
 fn rows(prediction: &Prediction) -> String {
     let Prediction { at, ci95, raw, .. } = prediction;
     let row = |(name, value): (&str, &f64)| {
-        let number = if name == "V" { |x| format!("{x:.0}") } else { count };
+        let number = number(name);
         let interval = span(ci95.at.of(name).copied(), number);
         let raw = raw.at.of(name).map_or_else(|| "-".into(), |raw| count(*raw));
         format!("{name:<8}{:>14}{interval:>28}{raw:>14}\n", number(*value))

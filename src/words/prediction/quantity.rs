@@ -15,6 +15,12 @@ pub(super) const QUANTITIES: [Quantity; 5] = [
     ("loss", |x| format!("{x:.4}")),
 ];
 
+/// How the quantity of a symbol is written; N_v like N.
+pub(super) fn number(symbol: &str) -> fn(f64) -> String {
+    let own = QUANTITIES.into_iter().find(|(name, _)| *name == symbol);
+    own.map_or(count, |(_, number)| number)
+}
+
 /// Of a prediction, in the order of [`QUANTITIES`]: each value with its 95 % interval.
 pub(super) fn values(prediction: &Prediction) -> [(Option<f64>, Option<[f64; 2]>); 5] {
     let (at, ci) = (&prediction.at, &prediction.ci95);

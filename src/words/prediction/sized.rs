@@ -1,6 +1,7 @@
 //! The loss of a model for a terminal.
 
 use super::parts::{distance, of_loss};
+use super::quantity::number;
 use crate::laws::PerQuantity;
 use crate::laws::text::{count, times};
 use crate::predict::{SizedOptimum, SizedPrediction};
@@ -40,11 +41,6 @@ fn model(prediction: &SizedPrediction) -> String {
 
 fn of_optimum(optimum: &SizedOptimum) -> String {
     optimum.at.named().map(|(name, x)| row(name, *x, number(name), None)).collect()
-}
-
-/// How a quantity is written; N_v like N.
-fn number(name: &str) -> fn(f64) -> String {
-    if name == "V" { |x| format!("{x:.0}") } else { count }
 }
 
 fn loss(x: f64) -> String {
