@@ -5,7 +5,7 @@ use super::body::{BACKWARDS, Body};
 use super::target::{Pose64, leg, with_lengths};
 use crate::motion::bvh::Axis;
 use crate::motion::vector::{add, norm, scale, sub};
-use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, rotate};
+use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, Pose, rotate};
 
 /// Metres that a bone may differ from the target's and still be the target's.
 const SAME: f64 = 1e-3;
