@@ -159,8 +159,6 @@ pub enum StartsName {
 pub enum CompatName {
     /// Besiroglu et al. 2024 on Chinchilla's runs: approach 3, 5 highest losses dropped
     Epoch,
-    /// Tao et al. 2024: vocabulary laws, their units and their cut
-    Tao,
     /// ScaMo: the best run of each budget, least squares, nothing held out
     Scamo,
 }

@@ -10,20 +10,17 @@ use isoflop::words::fit::{brief, summary};
 use isoflop::words::prediction::said;
 use serde_json::{Value, json};
 
-use super::args::CompatName;
 use super::laws::laws;
 use super::request::FitRequest;
 use super::slow::Slow;
 use super::source::Source;
-use super::tao::Tao;
 use crate::commands::output::Output;
 use crate::commands::predict::predict_one;
 use crate::commands::validate::gathered;
 
 /// What a fit prints and keeps.
 pub struct Fitted {
-    /// `None` for Tao's analysis, which keeps its document.
-    pub laws: Option<Laws>,
+    pub laws: Laws,
     pub document: Value,
     pub text: String,
 }
@@ -33,10 +30,6 @@ impl Fitted {
         let runs = source.points.len();
         let line = format!("fitting {runs} runs of {} and their bootstrap …", source.name);
         let _slow = Slow::watch(output, line);
-        if request.compat == Some(CompatName::Tao) {
-            let tao = Tao::fit(source, request)?;
-            return Ok(Self { laws: None, document: tao.document()?, text: tao.text() });
-        }
         let mut laws = laws(source, request)?;
         if let Some(own) = &source.sweep {
             laws.judgement.validations = gathered(&own.folder, output);
@@ -49,16 +42,12 @@ impl Fitted {
         Ok(Self {
             document: document(&laws, &predictions, source)?,
             text: text(&laws, &predictions, output.full),
-            laws: Some(laws),
+            laws,
         })
     }
 
     pub fn write(&self, path: &Path) -> Result<()> {
-        let written = match &self.laws {
-            Some(laws) => atomic::write_json(path, laws),
-            None => atomic::write_json(path, &self.document),
-        };
-        written.with_context(|| format!("writing {}", path.display()))
+        atomic::write_json(path, &self.laws).with_context(|| format!("writing {}", path.display()))
     }
 }
 

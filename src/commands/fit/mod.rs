@@ -11,7 +11,6 @@ mod source;
 mod study;
 mod sweep;
 mod table;
-mod tao;
 
 use std::path::PathBuf;
 
@@ -37,19 +36,18 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     let source = table::open(&args.source, &request)?;
     source.tell(output);
     let fitted = Fitted::of(&source, &request, output)?;
-    if let (Some(path), Some(own), Some(laws)) = (&args.next, &source.sweep, &fitted.laws) {
-        next::write(path, own, laws)?;
+    if let (Some(path), Some(own)) = (&args.next, &source.sweep) {
+        next::write(path, own, &fitted.laws)?;
         output.note(&format!("what to run next is {}", path.display()));
     } else if args.next.is_some() {
         bail!("--next wants a sweep's folder: nothing is known of how {} was made", source.name);
     }
-    let own = fitted.laws.as_ref().and_then(|laws| own_file(&source, laws));
+    let own = own_file(&source, &fitted.laws);
     if let Some(path) = args.out.clone().or_else(|| own.filter(|_| args.save)) {
         fitted.write(&path)?;
     }
     output.result(&fitted.document, &fitted.text)?;
-    let undetermined =
-        fitted.laws.as_ref().is_some_and(|laws| laws.answer().exponents.is_undetermined());
+    let undetermined = fitted.laws.answer().exponents.is_undetermined();
     Ok(if undetermined { Exit::NotIdentifiable } else { Exit::Done })
 }
 

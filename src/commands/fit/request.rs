@@ -85,17 +85,10 @@ impl FitRequest {
     /// The options of a parametric law.
     pub fn parametric(&self, form: Form) -> ParametricOptions {
         let mut options = ParametricOptions::of(form);
-        match self.compat {
-            Some(CompatName::Epoch) => {
-                options.huber = Huber::Delta(1e-3);
-                options.starts = Starts::Grid;
-                options.bootstrap = 4000;
-            }
-            Some(CompatName::Tao) => {
-                options.huber = Huber::Delta(1e-3);
-                (options.tied, options.bounds) = (true, [0.1, 1.0]);
-            }
-            Some(CompatName::Scamo) | None => {}
+        if self.compat == Some(CompatName::Epoch) {
+            options.huber = Huber::Delta(1e-3);
+            options.starts = Starts::Grid;
+            options.bootstrap = 4000;
         }
         self.override_parametric(options)
     }
@@ -150,7 +143,6 @@ impl FitRequest {
 fn default_law(compat: Option<CompatName>) -> LawKind {
     match compat {
         Some(CompatName::Epoch) => LawKind::Parametric(Form::Approach3),
-        Some(CompatName::Tao) => LawKind::Parametric(Form::Approach3Vocab),
         Some(CompatName::Scamo) | None => LawKind::Isoflop,
     }
 }

@@ -131,7 +131,6 @@ pub use parametric::options::{Huber, ParametricOptions};
 pub use parametric::search::Starts;
 pub use parametric::types::Parametric;
 pub use published::scamo::scamo;
-pub use published::tao;
 pub use ranking::forecast_error::ForecastError;
 pub use ranking::miss::{Miss, MissedMinimum};
 pub use ranking::recommended::{Belief, Candidate, Recommended, Score};

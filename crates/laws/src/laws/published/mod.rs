@@ -1,4 +1,3 @@
-//! Laws and procedures of papers.
+//! Laws of papers.
 
 pub(in crate::laws) mod scamo;
-pub mod tao;
