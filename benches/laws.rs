@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use isoflop::laws::{
-    Approach1Options, FitOptions, Form, HoldOut, Huber, IsoFlopPoint, Metric, Parameters,
-    ParametricOptions, Space, Starts, approach1, fit, fit_parametric,
+    FitOptions, Form, HoldOut, Huber, IsoFlopPoint, Metric, ParametricOptions, Space, Starts,
+    approach1, fit, fit_parametric,
 };
 use isoflop::record::{RunRecord, table as runs};
 use isoflop::spec::FlopsRule;
@@ -113,14 +113,11 @@ fn sweep_of_motion(criterion: &mut Criterion) {
         case(criterion, &name, || fit(&points, &options).expect("the minima have laws"));
     }
     for bootstrap in [0, 1000] {
-        let options = Approach1Options {
+        let options = FitOptions {
             name: "cmu-motion".into(),
             flops_rule: sweep.flops.rule.name().into(),
-            parameters: Parameters::Split,
-            interpolate: true,
-            huber: None,
             bootstrap,
-            seed: 0,
+            ..FitOptions::default()
         };
         let name = format!("cmu-motion: approach 1, {bootstrap} replicates");
         case(criterion, &name, || approach1(&points, &options).expect("the frontier has laws"));

@@ -58,9 +58,10 @@ pub fn fit_rule(places: &[Place], train: &TrainSection, trials: &[Trial]) -> Opt
         let regrets = cells.iter().filter_map(|cell| cell.regret(of(cell)?));
         mean_of(regrets).map(|[mean, _]| mean)
     };
+    let coefficient = train.batch.coefficient * 2f64.powi(batch_doublings);
     Some(Rule {
         lr: line.rule(&cells, 2f64.powf(f64::from(batch_doublings) / 2.0)),
-        batch: multiplied(&train.batch, 2f64.powi(batch_doublings)),
+        batch: BatchRule { coefficient, ..train.batch.clone() },
         schedule: if is_clear(schedule_gain) { other(own) } else { own },
         vocab_exponent: vocab_exponent(&cells)?,
         regret: regret(&|cell| Some(line.at(&cell.place))),
@@ -84,10 +85,6 @@ fn mean_of(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
 
 fn is_clear(gain: Option<[f64; 2]>) -> bool {
     gain.is_some_and(|[mean, error]| mean < -CLEAR * error)
-}
-
-fn multiplied(rule: &BatchRule, factor: f64) -> BatchRule {
-    BatchRule { coefficient: rule.coefficient * factor, ..rule.clone() }
 }
 
 /// ln lr = `ln_coefficient` + `params` ln N_nv + `tokens` ln D.

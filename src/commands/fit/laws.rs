@@ -3,8 +3,8 @@
 use isoflop::laws;
 use isoflop::laws::MinimumMethod;
 use isoflop::laws::{
-    Approach1Options, FitError, FitOptions, Form, Judgement, LawKind, Laws, Parameters,
-    ParametricOptions, Space, fit_parametric, parametric_laws,
+    FitError, FitOptions, Form, Judgement, LawKind, Laws, Parameters, ParametricOptions, Space,
+    fit_parametric, parametric_laws,
 };
 
 use super::request::FitRequest;
@@ -56,32 +56,29 @@ fn of_budgets(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
         methods.push(MinimumMethod::Surface);
     }
     let options = FitOptions {
-        name: source.name.clone(),
-        flops_rule: source.rule.name().to_string(),
-        parameters: source.parameters,
         methods,
         law_method: request.minima,
         hold_out: request.hold_out.unwrap_or_default(),
-        bootstrap: request.bootstrap.unwrap_or(BOOTSTRAP),
-        seed: request.seed,
         keep_flagged: request.keep_flagged,
-        huber: request.huber_mads,
-        ..FitOptions::default()
+        ..options(source, request)
     };
     laws::fit(&source.points, &options)
 }
 
 fn approach1(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
-    let options = Approach1Options {
+    laws::approach1(&laws::of_largest_share(&source.points), &options(source, request))
+}
+
+fn options(source: &Source, request: &FitRequest) -> FitOptions {
+    FitOptions {
         name: source.name.clone(),
         flops_rule: source.rule.name().to_string(),
         parameters: source.parameters,
-        interpolate: true,
         huber: request.huber_mads,
         bootstrap: request.bootstrap.unwrap_or(BOOTSTRAP),
         seed: request.seed,
-    };
-    laws::approach1(&laws::of_largest_share(&source.points), &options)
+        ..FitOptions::default()
+    }
 }
 
 fn parametric(source: &Source, request: &FitRequest, form: Form) -> Result<Laws, FitError> {

@@ -1,6 +1,6 @@
 //! The count of FLOPs by which a sweep's prediction is brought onto its budget.
 
-use isoflop::predict::{self, CountedBy};
+use isoflop::predict;
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use isoflop::spec::{Ffn, ModelShape};
 
@@ -11,7 +11,7 @@ pub(super) fn openai_count(
     n_ctx: usize,
     head_share: f64,
     ladder: &[predict::Shape],
-) -> CountedBy<impl Fn(f64, f64, f64) -> f64 + Sync> {
+) -> impl Fn(f64, f64, f64) -> f64 + Sync {
     let rungs: Vec<(f64, f64)> = ladder
         .iter()
         .map(|rung| {
@@ -20,11 +20,10 @@ pub(super) fn openai_count(
             ((rung.params_nonvocab() as f64).ln(), flops.ln())
         })
         .collect();
-    let count = move |nonvocab: f64, vocab: f64, tokens: f64| {
+    move |nonvocab: f64, vocab: f64, tokens: f64| {
         let per_token = interpolate(&rungs, nonvocab.ln()).exp() + 2.0 * head_share * vocab;
         TRAINING_PER_FORWARD * per_token * tokens
-    };
-    CountedBy { rule: "openai".to_string(), count }
+    }
 }
 
 fn model_shape(rung: &predict::Shape, n_ctx: usize) -> ModelShape {

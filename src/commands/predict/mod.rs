@@ -9,7 +9,7 @@ use clap::Args;
 use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
-use isoflop::predict::{self, PredictError, PredictOptions, Prediction};
+use isoflop::predict::{self, FlopCount, PredictError, PredictOptions, Prediction};
 use isoflop::words::prediction::said;
 
 use super::args::budget;
@@ -101,7 +101,8 @@ pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError>
     match (laws.flops_rule.as_str(), laws.n_ctx) {
         ("openai", Some(n_ctx)) => {
             let count = openai_count(n_ctx, laws.head_share.unwrap_or(1.0), &shapes);
-            predict::predict(laws, budget, &PredictOptions { flop_count: &count, ..options })
+            let flop_count = FlopCount { rule: "openai", flops: &count };
+            predict::predict(laws, budget, &PredictOptions { flop_count, ..options })
         }
         _ => predict::predict(laws, budget, &options),
     }

@@ -18,7 +18,7 @@
 //! | 9 | `answer` | what laws say, once, for screen, figures, report and files: [`Laws::answered`] | |
 //! | 9 | `design` | what to run next: [`next_runs`], [`Advice`] | |
 //! | 10 | `fit` | all of it: [`fit()`]; by the running minimum: [`approach1()`]; from a parametric loss: [`parametric_laws`] | |
-//! | 10 | `published` | laws and procedures of papers: [`scamo()`], [`tao`] | |
+//! | 10 | `published` | laws of papers: [`scamo()`] | |
 //!
 //! A room imports from rooms of lower floors; `tests/floors.rs` reads this table.
 //!
@@ -86,7 +86,6 @@ pub use file::laws::{HeldOut, Laws};
 pub use file::validated::{Inside, Measured, Predicted, Validated};
 pub use fit::approach1::approach1;
 pub use fit::approach1::frontier::{FrontierPoint, frontier};
-pub use fit::approach1::options::Approach1Options;
 pub use fit::fit;
 pub use fit::parametric_laws::{around, fit_parametric, parametric_laws};
 pub use fit::sensitivity::sensitivity_row;
@@ -100,9 +99,8 @@ pub use input::quantities::PerQuantity;
 pub use joint::above::Off;
 pub use joint::law::JointLaw;
 pub use joint::loss::{JointLoss, Terms};
-pub use joint::optimum::JointOptimum;
 pub use joint::repetition::Repetition;
-pub use joint::sized::JointSized;
+pub use joint::sized::SizedLoss;
 pub use lines::floor_law::floor_law;
 pub use lines::log_law::log_law;
 pub use lines::power::power_law;
@@ -115,10 +113,11 @@ pub use lines::types::{
 pub use maths::least_squares::{LeastSquares, least_squares};
 pub use maths::random::Normals;
 pub use maths::stats::{interval95, student_t95};
+pub(crate) use minima::akima::spline_at;
 pub use minima::cross::{CrossOptimum, TiedCells, TriedCells, cross_optimum, tied_cells};
 pub use minima::grid::WIDEST_STEP;
 pub use minima::run_noise::{NoiseSource, RunNoise};
-pub use minima::types::{LackOfFit, Minimum, MinimumFlag, MinimumIntervals};
+pub use minima::types::{LackOfFit, Minimum, MinimumFlag, MinimumIntervals, Optimum};
 pub use minima::{minima, minimum_at};
 pub use noise::test_noise::TestNoise;
 pub use noise::tokenizer_noise::TokenizerNoise;
@@ -126,13 +125,13 @@ pub use parametric::form::{Coefficients, Form};
 pub use parametric::influence::Influence;
 pub use parametric::objective::Space;
 
-pub use parametric::optimum::{Optimum, optimum, vocab_exponent};
+pub use parametric::optimum::{optimum, vocab_exponent};
 pub use parametric::options::{Huber, ParametricOptions};
 pub use parametric::search::Starts;
 pub use parametric::types::Parametric;
 pub use published::scamo::scamo;
 pub use ranking::forecast_error::ForecastError;
-pub use ranking::miss::{Miss, MissedMinimum};
+pub use ranking::miss::{Deviations, Miss, MissedMinimum};
 pub use ranking::recommended::{Belief, Candidate, Recommended, Score};
 pub use say::flags::flags_text;
 pub use words::text;

@@ -2,7 +2,7 @@
 
 use super::shapes::nearest;
 use super::{Allocation, PredictError, Shape};
-use crate::laws::{LawSample, Laws, Parameters, PowerLaw};
+use crate::laws::{LawSample, Laws, Parameters};
 
 /// How N_v is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,19 +22,11 @@ impl Vocabulary {
         if laws.parameters == Parameters::Total {
             return Ok(Self::None);
         }
-        let joint = laws.judgement.joint.as_ref().filter(|_| laws.recommended_law().is_joint());
+        let joint = laws.joint_law();
         if laws.power_laws.params_vocab.is_some() || joint.is_some_and(|law| law.loss.terms.vocab) {
             return Ok(Self::Law);
         }
-        if let Some(only) = laws.only_vocabulary() {
-            return Ok(Self::Fixed(only));
-        }
-        // An older file does not say what was tried.
-        let mut tried = laws.minima.iter().map(|minimum| minimum.n_vocab);
-        let missing = || missing(laws, "N_v");
-        let first = tried.next().ok_or_else(missing)?;
-        let same = |v: f64| (v / first - 1.0).abs() < 1e-6;
-        if tried.all(same) { Ok(Self::Fixed(first)) } else { Err(missing()) }
+        laws.only_vocabulary().map(Self::Fixed).ok_or_else(|| missing(laws, "N_v"))
     }
 }
 
@@ -52,23 +44,11 @@ pub(super) fn fitted_at(
     shapes: &[Shape],
     budget: f64,
 ) -> Result<Allocation, PredictError> {
-    let at = |law: &PowerLaw| value(law.ln_at_reference, law.exponent, laws, budget);
-    let law = |law: &Option<PowerLaw>, quantity| {
-        law.as_ref().map(at).ok_or_else(|| missing(laws, quantity))
+    let law = |symbol| {
+        let law = laws.power_laws.of(symbol).ok_or_else(|| missing(laws, symbol))?;
+        Ok((law.ln_at_reference, law.exponent))
     };
-    let params_nonvocab = match vocabulary {
-        Vocabulary::None => law(&laws.power_laws.params, "N")?,
-        _ => law(&laws.power_laws.params_nonvocab, "N_nv")?,
-    };
-    let params_vocab = match vocabulary {
-        Vocabulary::None => 0.0,
-        Vocabulary::Law => law(&laws.power_laws.params_vocab, "N_v")?,
-        Vocabulary::Fixed(n_vocab) => n_vocab * width_for(params_nonvocab, shapes)?,
-    };
-    let tokens = law(&laws.power_laws.tokens, "D")?;
-    let allocation = Allocation { params_nonvocab, params_vocab, tokens };
-    let out_of_range = PredictError::OutOfRange { laws: laws.name.clone(), budget };
-    if allocation.is_finite() { Ok(allocation) } else { Err(out_of_range) }
+    read_at(law, laws, (vocabulary, shapes), budget)
 }
 
 /// N_nv, N_v and D of one replicate at C; none where they leave the range of numbers.
@@ -79,21 +59,34 @@ pub(super) fn sample_at(
     shapes: &[Shape],
     budget: f64,
 ) -> Option<Allocation> {
-    let at = |level, exponent| value(level, exponent, laws, budget);
-    let params_nonvocab = at(sample.ln_nonvocab_at_reference, sample.exponent_nonvocab);
-    let params_vocab = match vocabulary {
-        Vocabulary::None => 0.0,
-        Vocabulary::Law => at(sample.ln_vocab_at_reference, sample.exponent_vocab),
-        Vocabulary::Fixed(n_vocab) => n_vocab * width_for(params_nonvocab, shapes).ok()?,
+    let law = |symbol| match symbol {
+        "N_v" => Ok(sample.vocab()),
+        "D" => Ok(sample.tokens()),
+        _ => Ok(sample.size()),
     };
-    let tokens = at(sample.ln_tokens_at_reference, sample.exponent_tokens);
-    let allocation = Allocation { params_nonvocab, params_vocab, tokens };
-    allocation.is_finite().then_some(allocation)
+    read_at(law, laws, (vocabulary, shapes), budget).ok()
 }
 
-/// y(C0) (C/C0)^exponent.
-fn value(ln_at_reference: f64, exponent: f64, laws: &Laws, budget: f64) -> f64 {
-    (ln_at_reference + exponent * (budget.ln() - laws.reference_flops.ln())).exp()
+/// y(C0) (C/C0)^exponent of each quantity, `law` giving ln y(C0) and the exponent.
+fn read_at(
+    law: impl Fn(&'static str) -> Result<(f64, f64), PredictError>,
+    laws: &Laws,
+    (vocabulary, shapes): (Vocabulary, &[Shape]),
+    budget: f64,
+) -> Result<Allocation, PredictError> {
+    let step = budget.ln() - laws.reference_flops.ln();
+    let at = |symbol| law(symbol).map(|(level, exponent)| (level + exponent * step).exp());
+    let params_nonvocab = at(if vocabulary == Vocabulary::None { "N" } else { "N_nv" })?;
+    let params_vocab = match vocabulary {
+        Vocabulary::None => 0.0,
+        Vocabulary::Law => at("N_v")?,
+        Vocabulary::Fixed(n_vocab) => n_vocab * width_for(params_nonvocab, shapes)?,
+    };
+    let allocation = Allocation { params_nonvocab, params_vocab, tokens: at("D")? };
+    match allocation.is_finite() {
+        true => Ok(allocation),
+        false => Err(PredictError::OutOfRange { laws: laws.name.clone(), budget }),
+    }
 }
 
 /// The shape nearest to N_nv.

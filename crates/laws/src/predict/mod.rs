@@ -21,7 +21,6 @@
 mod at_budget;
 mod codebook;
 mod error;
-mod flop_count;
 mod opinion;
 mod optimum;
 mod options;
@@ -35,9 +34,8 @@ mod warnings;
 
 pub use codebook::Codebook;
 pub use error::PredictError;
-pub use flop_count::{CountedBy, FlopCount, SixNd};
 pub use optimum::predict;
-pub use options::PredictOptions;
+pub use options::{FlopCount, PredictOptions};
 pub use project::{Allocation, project};
 pub use shapes::{Shape, default_ladder, ladder_of};
 pub use sized::{ModelSize, SizedIntervals, SizedOptimum, SizedPrediction, predict_sized};

@@ -2,7 +2,7 @@
 
 use super::at_budget::{Vocabulary, fitted_at, sample_at, shape_for, width_for};
 use super::codebook::Codebook;
-use super::opinion::{Quantities, opinions};
+use super::opinion::opinions;
 use super::spread::Spread;
 use super::together::together;
 use super::{
@@ -10,7 +10,7 @@ use super::{
     warnings,
 };
 use crate::laws::{
-    Candidate, JointLaw, JointOptimum, LOSS_NORMALISED, LawKind, LawSample, Laws, PerQuantity,
+    Candidate, Deviations, LOSS_NORMALISED, LawKind, LawSample, Laws, Optimum, PerQuantity,
     TestNoise, around, interval95,
 };
 
@@ -93,13 +93,13 @@ struct Best {
     /// Spending the budget.
     on_budget: Allocation,
     /// Where a joint law is recommended.
-    joint: Option<JointOptimum>,
+    joint: Option<Optimum>,
 }
 
 impl Best {
     fn at(laws: &Laws, budget: f64, options: &PredictOptions) -> Result<Self, PredictError> {
         let vocabulary = Vocabulary::of(laws)?;
-        let joint = joint_law(laws).and_then(|law| Some((law, law.optimum(budget)?)));
+        let joint = laws.joint_law().and_then(|law| Some((law, law.optimum(budget)?)));
         if let Some((law, joint)) = joint {
             if let Some((what, [low, high])) = law.at_an_end(&joint) {
                 let laws = laws.name.clone();
@@ -121,13 +121,8 @@ impl Best {
     fn n_vocab(&self, options: &PredictOptions) -> Option<f64> {
         let Allocation { params_nonvocab, params_vocab, .. } = self.on_budget;
         let by_width = || Some(params_vocab / width_for(params_nonvocab, options.shapes).ok()?);
-        self.joint.map(|joint| joint.n_vocab).or_else(by_width).filter(|v| *v > 0.0)
+        self.joint.map_or_else(by_width, |joint| joint.n_vocab).filter(|v| *v > 0.0)
     }
-}
-
-/// The joint law, where it is the one to believe.
-fn joint_law(laws: &Laws) -> Option<&JointLaw> {
-    laws.judgement.joint.as_ref().filter(|_| laws.recommended_law().is_joint())
 }
 
 fn loss(law: Candidate, raw: &Raw) -> Option<f64> {
@@ -167,7 +162,7 @@ fn shape(
     let by_width = on_budget.params_vocab / shape.d_model as f64;
     let n_vocab = match (vocabulary, joint) {
         (Vocabulary::Fixed(only), _) => *only,
-        (_, Some(joint)) => joint.n_vocab,
+        (_, Some(Optimum { n_vocab: Some(own), .. })) => *own,
         _ => by_width,
     };
     let near = Codebook::near(n_vocab);
@@ -196,7 +191,7 @@ fn intervals(
     options: &PredictOptions,
 ) -> Intervals {
     let vocabulary = best.vocabulary;
-    let joint: Option<Vec<JointOptimum>> = joint_law(laws).map(|law| law.optima(budget));
+    let joint: Option<Vec<Optimum>> = laws.joint_law().map(|law| law.optima(budget));
     let on_budget = |sample| {
         let at_c = sample_at(sample, laws, vocabulary, options.shapes, budget)?;
         project(&at_c, budget, options.flop_count).ok()
@@ -205,7 +200,7 @@ fn intervals(
         Some(optima) => optima.iter().copied().map(Allocation::from).collect(),
         None => laws.bootstrap.iter().filter_map(on_budget).collect(),
     };
-    let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&Quantities) -> f64| {
+    let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&Deviations) -> f64| {
         interval95(&spread.of_logs(replicates.iter().filter_map(value), of))
     };
     let floor = spread.of(floor_losses(laws, budget), |e| e.loss);
@@ -216,7 +211,7 @@ fn intervals(
         }
         Candidate::Log | Candidate::Floor => floor,
         Candidate::Joint | Candidate::JointRepeats => {
-            let at_own = joint_law(laws).zip(best.joint);
+            let at_own = laws.joint_law().zip(best.joint);
             let at_own = at_own.map(|(law, own)| law.losses_at(&own)).unwrap_or_default();
             spread.of(at_own.into_iter(), |e| e.loss)
         }
@@ -230,7 +225,7 @@ fn intervals(
         |a: &Allocation| Some(a.params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?);
     let n_vocab = || match &joint {
         Some(optima) => {
-            interval95(&spread.of_logs(optima.iter().map(|o| o.n_vocab), |e| e.ln_vocab))
+            interval95(&spread.of_logs(optima.iter().filter_map(|o| o.n_vocab), |e| e.ln_vocab))
         }
         None => interval(&by_width, |e| e.ln_vocab),
     };

@@ -1,7 +1,7 @@
 //! Laws that spend too much or too little, brought onto the budget.
 
 use super::{FlopCount, PredictError};
-use crate::laws::{JointOptimum, Parameters, PerQuantity};
+use crate::laws::{Optimum, Parameters, PerQuantity};
 
 /// Relative error of the spent FLOPs at which a projection is done.
 const TOLERANCE: f64 = 1e-13;
@@ -15,17 +15,17 @@ pub struct Allocation {
     pub tokens: f64,
 }
 
-impl From<JointOptimum> for Allocation {
-    fn from(optimum: JointOptimum) -> Self {
-        let JointOptimum { params_nonvocab, params_vocab, tokens, .. } = optimum;
+impl From<Optimum> for Allocation {
+    fn from(optimum: Optimum) -> Self {
+        let Optimum { params_nonvocab, params_vocab, tokens, .. } = optimum;
         Self { params_nonvocab, params_vocab, tokens }
     }
 }
 
 impl Allocation {
     /// Training FLOPs under a rule.
-    pub fn flops(&self, count: &dyn FlopCount) -> f64 {
-        count.flops(self.params_nonvocab, self.params_vocab, self.tokens)
+    pub fn flops(&self, count: FlopCount) -> f64 {
+        (count.flops)(self.params_nonvocab, self.params_vocab, self.tokens)
     }
 
     /// The same under the names that laws of `parameters` have; without V.
@@ -66,7 +66,7 @@ impl Allocation {
 pub fn project(
     raw: &Allocation,
     budget: f64,
-    count: &dyn FlopCount,
+    count: FlopCount,
 ) -> Result<Allocation, PredictError> {
     let mut ln_factor = 0.0f64;
     for _ in 0..MAX_STEPS {
@@ -77,13 +77,12 @@ pub fn project(
         }
         ln_factor -= 0.5 * excess;
     }
-    Err(PredictError::NotProjected { budget, rule: count.rule().to_string() })
+    Err(PredictError::NotProjected { budget, rule: count.rule.to_string() })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::predict::{CountedBy, SixNd};
     use proptest::prelude::*;
 
     proptest! {
@@ -102,11 +101,11 @@ mod tests {
             };
             let budget = 10f64.powf(log10_budget);
             // Attention's share falls as models grow, as the rule `openai` has it.
-            let attention = CountedBy {
-                rule: "openai".into(),
-                count: |n: f64, v: f64, d: f64| 6.0 * (n + v + 40.0 * n.powf(0.667)) * d,
+            let attention = FlopCount {
+                rule: "openai",
+                flops: &|n, v, d| 6.0 * (n + v + 40.0 * n.powf(0.667)) * d,
             };
-            for count in [&SixNd as &dyn FlopCount, &attention] {
+            for count in [FlopCount::SIX_ND, attention] {
                 let projected = project(&raw, budget, count).unwrap();
                 prop_assert!((projected.flops(count) / budget - 1.0).abs() < 1e-9);
                 let same = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
@@ -124,10 +123,10 @@ mod tests {
 
     #[test]
     fn a_count_that_does_not_grow_is_refused() {
-        let flat = CountedBy { rule: "flat".into(), count: |_: f64, _: f64, _: f64| 1.0 };
+        let flat = FlopCount { rule: "flat", flops: &|_, _, _| 1.0 };
         let raw = Allocation { params_nonvocab: 1e6, params_vocab: 1e5, tokens: 1e7 };
         assert_eq!(
-            project(&raw, 1e12, &flat),
+            project(&raw, 1e12, flat),
             Err(PredictError::NotProjected { budget: 1e12, rule: "flat".into() })
         );
     }

@@ -1,7 +1,7 @@
 //! The part of an interval that grows with the distance from the fit.
 
-use super::opinion::{Opinion, Quantities};
-use crate::laws::Normals;
+use super::opinion::Opinion;
+use crate::laws::{Belief, Deviations, Normals};
 
 /// How far forecasts go astray at a distance from their fit, drawn anew for each replicate: which law is
 /// right, and how far it misses.
@@ -21,7 +21,7 @@ impl Spread {
     }
 
     /// Values moved by the quantity that `of` names.
-    pub fn of(&self, values: impl Iterator<Item = f64>, of: fn(&Quantities) -> f64) -> Vec<f64> {
+    pub fn of(&self, values: impl Iterator<Item = f64>, of: fn(&Deviations) -> f64) -> Vec<f64> {
         self.moved(values, of, |value, change| value + change)
     }
 
@@ -29,7 +29,7 @@ impl Spread {
     pub fn of_logs(
         &self,
         values: impl Iterator<Item = f64>,
-        of: fn(&Quantities) -> f64,
+        of: fn(&Deviations) -> f64,
     ) -> Vec<f64> {
         self.moved(values, of, |value, change| value * change.exp())
     }
@@ -37,7 +37,7 @@ impl Spread {
     fn moved(
         &self,
         values: impl Iterator<Item = f64>,
-        of: fn(&Quantities) -> f64,
+        of: fn(&Deviations) -> f64,
         apply: impl Fn(f64, f64) -> f64,
     ) -> Vec<f64> {
         if self.opinions.is_empty() || self.distance == 0.0 {
@@ -53,10 +53,10 @@ impl Spread {
 
     /// A law by its weight, and a miss of it: normal, with a deviation that is itself known to few
     /// degrees of freedom.
-    fn change(&self, normals: &mut Normals, of: fn(&Quantities) -> f64) -> f64 {
-        let Opinion { shift, error, dof, .. } = self.drawn(normals.uniform());
-        let scale = (*dof as f64 / normals.chi_square(*dof)).sqrt();
-        of(shift) + of(error) * self.distance * scale * normals.draw()
+    fn change(&self, normals: &mut Normals, of: fn(&Deviations) -> f64) -> f64 {
+        let Opinion { shift, belief: Belief { error, .. } } = self.drawn(normals.uniform());
+        let scale = (error.dof as f64 / normals.chi_square(error.dof)).sqrt();
+        of(shift) + of(&error.sd) * self.distance * scale * normals.draw()
     }
 
     fn drawn(&self, mut share: f64) -> &Opinion {
@@ -64,7 +64,7 @@ impl Spread {
         let last = &self.opinions[self.opinions.len() - 1];
         opinions
             .find(|opinion| {
-                share -= opinion.weight;
+                share -= opinion.belief.weight;
                 share < 0.0
             })
             .unwrap_or(last)
@@ -74,11 +74,12 @@ impl Spread {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::laws::Candidate;
+    use crate::laws::{Candidate, ForecastError};
 
     fn opinion(weight: f64, loss: f64) -> Opinion {
-        let shift = Quantities { loss, ..Quantities::default() };
-        Opinion { law: Candidate::Log, weight, shift, error: Quantities::default(), dof: 4 }
+        let shift = Deviations { loss, ..Deviations::default() };
+        let error = ForecastError { sd: Deviations::default(), dof: 4, tested: 0 };
+        Opinion { belief: Belief { law: Candidate::Log, weight, error }, shift }
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! [`Together`]: what all tested laws forecast together, beside the recommended one.
 
 use super::at_budget::Vocabulary;
-use super::opinion::{Opinion, Quantities};
+use super::opinion::Opinion;
 use super::{Allocation, PredictError, PredictOptions, Prediction, Together, Weighed, project};
-use crate::laws::PerQuantity;
+use crate::laws::{Belief, Deviations, PerQuantity};
 
 /// Shares of a forecast that are not worth telling.
 const NOTHING: f64 = 0.005;
@@ -48,18 +48,18 @@ pub(super) fn together(
 }
 
 fn weighed(opinions: &[Opinion]) -> Vec<Weighed> {
-    let heard = opinions.iter().filter(|opinion| opinion.weight >= NOTHING);
+    let heard = opinions.iter().map(|opinion| opinion.belief).filter(|own| own.weight >= NOTHING);
     let mut laws: Vec<Weighed> =
-        heard.map(|&Opinion { law, weight, .. }| Weighed { law, weight }).collect();
+        heard.map(|Belief { law, weight, .. }| Weighed { law, weight }).collect();
     laws.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     laws
 }
 
-fn mean(opinions: &[Opinion]) -> Quantities {
-    let mean = |of: fn(&Quantities) -> f64| {
-        opinions.iter().map(|opinion| opinion.weight * of(&opinion.shift)).sum()
+fn mean(opinions: &[Opinion]) -> Deviations {
+    let mean = |of: fn(&Deviations) -> f64| {
+        opinions.iter().map(|opinion| opinion.belief.weight * of(&opinion.shift)).sum()
     };
-    Quantities {
+    Deviations {
         loss: mean(|q| q.loss),
         ln_size: mean(|q| q.ln_size),
         ln_vocab: mean(|q| q.ln_vocab),

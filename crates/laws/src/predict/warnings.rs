@@ -48,7 +48,7 @@ pub(super) fn missed(validations: &[Validated]) -> Option<String> {
 }
 
 fn rule(laws: &Laws, options: &PredictOptions) -> Option<String> {
-    let counted = options.flop_count.rule();
+    let counted = options.flop_count.rule;
     (counted != laws.flops_rule).then(|| {
         format!(
             "The laws are written in {} FLOPs, but the projection counts by {counted}.",
@@ -83,8 +83,7 @@ fn repetition(prediction: &Prediction, laws: &Laws) -> Option<String> {
 
 /// The most tokens of a minimum that laws of minima are fitted to.
 fn most_tokens(laws: &Laws) -> f64 {
-    let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
-    own.map(|minimum| minimum.tokens).fold(0.0, f64::max)
+    laws.own_minima().map(|minimum| minimum.tokens).fold(0.0, f64::max)
 }
 
 /// Where N_nv or V lies far beyond what was tried.
@@ -139,13 +138,13 @@ fn unknown_range(laws: &Laws) -> Option<String> {
 }
 
 fn vocab_edge(laws: &Laws) -> Option<String> {
-    let own = || laws.minima.iter().filter(|m| m.method == laws.minima_method);
-    let edges = own().filter(|m| m.flags.contains(&MinimumFlag::VocabNotBracketed)).count();
+    let edges =
+        laws.own_minima().filter(|m| m.flags.contains(&MinimumFlag::VocabNotBracketed)).count();
     (edges > 0).then(|| {
         format!(
             "At {edges} of {} budgets the best vocabulary was the smallest or largest tried: the \
              optimum of N_v lies at the edge of the grid.",
-            own().count()
+            laws.own_minima().count()
         )
     })
 }
@@ -158,7 +157,7 @@ fn vocab_range(prediction: &Prediction, laws: &Laws, vocabulary: Vocabulary) -> 
              the optimal N_v."
         ));
     }
-    let own = laws.minima.iter().filter(|m| m.method == laws.minima_method).map(|m| m.n_vocab);
+    let own = laws.own_minima().map(|m| m.n_vocab);
     let (low, high) = own.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
     let v = prediction.at.n_vocab?;
     // Where V was hardly tried at all, the first sentence has it.

@@ -19,7 +19,8 @@ pub(super) struct Named {
 /// Reads `--columns`, and takes the columns that are themselves named as a quantity.
 pub(super) fn named(columns: Option<&str>, table: &Table) -> Result<Named, TableError> {
     let mut chosen = given(columns.unwrap_or(""), table)?;
-    let mut named = Named { run_ids: numbered(table.n_rows), ..Named::default() };
+    let run_ids = (1..=table.n_rows).map(|row| format!("row {row}")).collect();
+    let mut named = Named { run_ids, ..Named::default() };
     let taken = implicit(&chosen, table);
     if !taken.is_empty() {
         let taken: Vec<_> = taken.iter().map(|(quantity, e)| shown(*quantity, e.text())).collect();
@@ -34,10 +35,6 @@ pub(super) fn named(columns: Option<&str>, table: &Table) -> Result<Named, Table
         evaluate(quantity, &expression, table, &mut named).map_err(failed)?;
     }
     Ok(named)
-}
-
-fn numbered(n_rows: usize) -> Vec<String> {
-    (1..=n_rows).map(|row| format!("row {row}")).collect()
 }
 
 fn shown(quantity: Quantity, column: &str) -> String {

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::error::ReadProblem;
-use super::records::{Fault, Records};
+use super::records::Records;
 use super::{Column, Table};
 
 /// What a numeric column may hold where a value is missing, without regard to case.
@@ -37,7 +37,7 @@ pub(super) fn note(separator: u8) -> Option<String> {
 pub(super) fn table(text: &str, separator: u8) -> Result<Table, ReadProblem> {
     let mut records = Records::new(text.strip_prefix('\u{feff}').unwrap_or(text), separator);
     let mut cells = Cells::new();
-    step(&mut records, &mut cells)?.ok_or(ReadProblem::Empty)?;
+    records.next_into(&mut cells)?.ok_or(ReadProblem::Empty)?;
     let names: Vec<String> = cells.iter().enumerate().map(|(i, c)| name(i, c)).collect();
     let numbers = numbers(records, names.len())?;
     let n_rows = numbers.iter().map(|column| column.n_rows).max().unwrap_or(0);
@@ -61,16 +61,6 @@ fn name(index: usize, header: &str) -> String {
     }
 }
 
-fn step<'a>(
-    records: &mut Records<'a>,
-    cells: &mut Cells<'a>,
-) -> Result<Option<usize>, ReadProblem> {
-    records.next_into(cells).map_err(|fault| match fault {
-        Fault::Unclosed(byte) => ReadProblem::Unclosed { line: records.line_of(byte) },
-        Fault::AfterQuote(byte) => ReadProblem::AfterQuote { line: records.line_of(byte) },
-    })
-}
-
 /// Calls `row` with the cells of each record, which must be `width` many.
 fn each_row<'a>(
     mut records: Records<'a>,
@@ -78,7 +68,7 @@ fn each_row<'a>(
     mut row: impl FnMut(&mut Cells<'a>),
 ) -> Result<(), ReadProblem> {
     let mut cells = Cells::new();
-    while let Some(start) = step(&mut records, &mut cells)? {
+    while let Some(start) = records.next_into(&mut cells)? {
         if cells.len() != width {
             let line = records.line_of(start);
             return Err(ReadProblem::Ragged { line, found: cells.len(), expected: width });
@@ -88,9 +78,10 @@ fn each_row<'a>(
     Ok(())
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Kind {
     /// Nothing but missing cells so far.
+    #[default]
     Unknown,
     Number,
     Boolean,
@@ -98,6 +89,7 @@ enum Kind {
 }
 
 /// A column while it may still be numeric.
+#[derive(Default)]
 struct Numbers {
     kind: Kind,
     values: Vec<f64>,
@@ -105,10 +97,6 @@ struct Numbers {
 }
 
 impl Numbers {
-    fn new() -> Self {
-        Self { kind: Kind::Unknown, values: Vec::new(), n_rows: 0 }
-    }
-
     fn push(&mut self, cell: &str) {
         self.n_rows += 1;
         if self.kind == Kind::Text {
@@ -141,7 +129,7 @@ fn value(cell: &str) -> Option<(Kind, f64)> {
 }
 
 fn numbers(records: Records<'_>, width: usize) -> Result<Vec<Numbers>, ReadProblem> {
-    let mut columns: Vec<Numbers> = (0..width).map(|_| Numbers::new()).collect();
+    let mut columns: Vec<Numbers> = (0..width).map(|_| Numbers::default()).collect();
     each_row(records, width, |cells| {
         columns.iter_mut().zip(cells.iter()).for_each(|(column, cell)| column.push(cell));
     })?;

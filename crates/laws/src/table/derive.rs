@@ -27,20 +27,10 @@ const LIKELY_SLIP: f64 = 3.0;
 pub(super) struct Derived {
     pub parameters: Parameters,
     pub budget_declared: bool,
-    pub params_nonvocab: Vec<f64>,
-    pub params_vocab: Vec<f64>,
-    pub n_vocab: Vec<f64>,
-    pub tokens: Vec<f64>,
-    pub budget_flops: Vec<f64>,
-    pub flops: Vec<f64>,
     /// The column or expression that gives the loss.
     pub metric: Metric,
-    pub loss: Vec<f64>,
-    pub seed: Vec<f64>,
-    pub weight: Vec<f64>,
-    /// NaN where they are not known, as the next.
-    pub share: Vec<f64>,
-    pub unique_tokens: Vec<f64>,
+    /// N_nv is under the name of N if that is all that is known.
+    pub columns: Vec<(Quantity, Vec<f64>)>,
     pub notes: Vec<String>,
     /// Sentences on what is likely wrong with all rows.
     pub doubts: Vec<String>,
@@ -67,24 +57,35 @@ pub(super) fn derive(named: &Named, table: &Table) -> Result<Derived, TableError
     }
     let all =
         |quantity, otherwise| given(quantity).map_or(vec![otherwise; n_rows], <[f64]>::to_vec);
+    let flops = given(Quantity::Flops).map_or_else(|| flops_6nd(&params, &tokens), <[f64]>::to_vec);
     Ok(Derived {
         parameters: model.parameters,
         budget_declared: budget.is_some(),
-        flops: given(Quantity::Flops).map_or_else(|| flops_6nd(&params, &tokens), <[f64]>::to_vec),
-        params_nonvocab: model.nonvocab,
-        params_vocab: model.vocab,
-        n_vocab: model.n_vocab,
-        tokens,
-        budget_flops,
         metric: named.sources.get(&Quantity::Loss).map_or_else(Metric::default, |m| Metric::new(m)),
-        loss: loss.to_vec(),
-        seed: all(Quantity::Seed, 0.0),
-        weight: all(Quantity::Weight, 1.0),
-        share: all(Quantity::Share, f64::NAN),
-        unique_tokens: known(all(Quantity::UniqueTokens, f64::NAN)),
+        columns: vec![
+            (Quantity::Loss, loss.to_vec()),
+            (size(model.parameters), model.nonvocab),
+            (Quantity::ParamsVocab, model.vocab),
+            (Quantity::NVocab, model.n_vocab),
+            (Quantity::Tokens, tokens),
+            (Quantity::BudgetFlops, budget_flops),
+            (Quantity::Flops, flops),
+            (Quantity::Seed, all(Quantity::Seed, 0.0)),
+            (Quantity::Weight, all(Quantity::Weight, 1.0)),
+            (Quantity::Share, all(Quantity::Share, f64::NAN)),
+            (Quantity::UniqueTokens, known(all(Quantity::UniqueTokens, f64::NAN))),
+        ],
         notes,
         doubts,
     })
+}
+
+/// What a model's size is called.
+pub(super) fn size(parameters: Parameters) -> Quantity {
+    match parameters {
+        Parameters::Split => Quantity::ParamsNonvocab,
+        Parameters::Total => Quantity::Params,
+    }
 }
 
 /// 0 is what a trainer writes that does not know.

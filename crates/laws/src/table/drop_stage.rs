@@ -2,12 +2,13 @@
 
 use std::fmt;
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use super::OutlierStage;
 
 /// What dropped a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum DropStage {
     /// A cell that is needed is empty.
     Missing,
@@ -15,22 +16,12 @@ pub enum DropStage {
     Copy,
     /// `--drop-highest`.
     DropHighest,
+    #[serde(untagged)]
     Outliers(OutlierStage),
 }
 
 impl fmt::Display for DropStage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Missing => f.pad("missing"),
-            Self::Copy => f.pad("copy"),
-            Self::DropHighest => f.pad("drop-highest"),
-            Self::Outliers(stage) => stage.fmt(f),
-        }
-    }
-}
-
-impl Serialize for DropStage {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
+        self.serialize(f)
     }
 }

@@ -1,7 +1,7 @@
 //! Why a file gives no table, and a table no points.
 
 use super::drop_stage::DropStage;
-use super::quantity::UnknownQuantity;
+use super::nearest::UnknownName;
 use super::{ExpressionError, Quantity};
 
 /// Why a table gives no points; every message says what is wrong, where, and the remedy.
@@ -11,7 +11,7 @@ pub enum TableError {
     NotAnAssignment(String),
 
     #[error("--columns: {0}")]
-    UnknownQuantity(#[from] UnknownQuantity),
+    UnknownQuantity(#[from] UnknownName),
 
     #[error("--columns gives {0} twice; keep one")]
     Repeated(Quantity),

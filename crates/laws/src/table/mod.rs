@@ -41,9 +41,13 @@ mod mixed;
 mod model;
 mod nearest;
 mod outliers;
+#[cfg(feature = "parquet")]
 mod pages;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod point;
 mod quantity;
+#[cfg(feature = "parquet")]
 mod quiet;
 mod read;
 mod records;
@@ -56,8 +60,9 @@ pub use error::{ReadProblem, TableError};
 pub use expression::{Expression, ExpressionError, ExpressionProblem};
 pub use group::Group;
 pub use groups::groups;
-pub use outliers::{OutlierStage, UnknownStage};
-pub use quantity::{Quantity, UnknownQuantity};
+pub use nearest::UnknownName;
+pub use outliers::OutlierStage;
+pub use quantity::Quantity;
 pub use read::{ReadError, read};
 pub use rows::{Dropped, Loaded, TableRequest, load};
 pub use types::{Column, Table};

@@ -18,6 +18,37 @@ pub(super) fn hint<'a>(wrong: &str, names: impl Iterator<Item = &'a str>) -> Str
     nearest(wrong, names).map(|name| format!("did you mean `{name}`? ")).unwrap_or_default()
 }
 
+/// A name that none has of those that are valid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{name}` is no {kind}; {hint}valid: {valid}")]
+pub struct UnknownName {
+    kind: &'static str,
+    name: String,
+    hint: String,
+    valid: String,
+}
+
+/// What a name stands for among all of a kind.
+pub(super) fn named<T: Copy>(
+    kind: &'static str,
+    name: &str,
+    all: &[(&'static str, T)],
+) -> Result<T, UnknownName> {
+    let names = || all.iter().map(|(name, _)| *name);
+    let found = all.iter().find(|(of, _)| *of == name).map(|(_, value)| *value);
+    found.ok_or_else(|| UnknownName {
+        kind,
+        name: name.to_string(),
+        hint: hint(name, names()),
+        valid: names().collect::<Vec<_>>().join(", "),
+    })
+}
+
+/// The name of one among all of its kind.
+pub(super) fn name_of<T: PartialEq>(value: &T, all: &[(&'static str, T)]) -> &'static str {
+    all.iter().find(|(_, of)| of == value).map_or("", |(name, _)| name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

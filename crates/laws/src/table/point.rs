@@ -1,7 +1,7 @@
 //! One row of derived quantities into a point, if all of its logarithms exist.
 
 use super::columns::Named;
-use super::derive::Derived;
+use super::derive::{Derived, size};
 use super::{Quantity, TableError};
 use crate::laws::{IsoFlopPoint, Parameters, RunFacts};
 
@@ -18,53 +18,44 @@ pub(super) fn source(named: &Named, quantity: Quantity) -> String {
 }
 
 impl Derived {
-    /// Every value that a row needs, by the quantity that it is.
-    pub fn values(&self, row: usize) -> [(Quantity, f64); 9] {
-        let total = self.parameters == Parameters::Total;
-        let params = if total { Quantity::Params } else { Quantity::ParamsNonvocab };
-        [
-            (Quantity::Loss, self.loss[row]),
-            (params, self.params_nonvocab[row]),
-            (Quantity::ParamsVocab, self.params_vocab[row]),
-            (Quantity::NVocab, self.n_vocab[row]),
-            (Quantity::Tokens, self.tokens[row]),
-            (Quantity::BudgetFlops, self.budget_flops[row]),
-            (Quantity::Flops, self.flops[row]),
-            (Quantity::Seed, self.seed[row]),
-            (Quantity::Weight, self.weight[row]),
-        ]
+    /// One quantity, a value a row.
+    pub fn of(&self, quantity: Quantity) -> &[f64] {
+        let own = self.columns.iter().find(|(own, _)| *own == quantity);
+        own.map_or(&[], |(_, values)| values)
     }
 
-    /// What a row may leave out: NaN there.
-    fn optional(&self, row: usize) -> [(Quantity, f64); 2] {
-        [(Quantity::Share, self.share[row]), (Quantity::UniqueTokens, self.unique_tokens[row])]
+    /// Every value of a row by the quantity that it is.
+    pub fn values(&self, row: usize) -> impl Iterator<Item = (Quantity, f64)> {
+        self.columns.iter().map(move |(quantity, values)| (*quantity, values[row]))
     }
 
     /// The point of a row whose logarithms all exist.
     pub fn checked(&self, row: usize, named: &Named) -> Result<IsoFlopPoint, TableError> {
         let run_id = &named.run_ids[row];
-        for (quantity, value) in self.values(row).into_iter().chain(self.optional(row)) {
+        for (quantity, value) in self.values(row) {
             if let Some(expected) = self.rejects(quantity, value) {
                 let source_of = source(named, quantity);
                 let run_id = run_id.clone();
                 return Err(TableError::BadValue { run_id, source_of, value, expected });
             }
         }
+        let at = |quantity| self.of(quantity)[row];
+        let known = |quantity| Some(at(quantity)).filter(|value| !value.is_nan());
         Ok(IsoFlopPoint {
             run_id: run_id.clone(),
-            seed: self.seed[row] as u64,
-            budget_flops: self.budget_flops[row],
-            flops: self.flops[row],
-            params_nonvocab: self.params_nonvocab[row],
-            params_vocab: self.params_vocab[row],
-            n_vocab: self.n_vocab[row],
-            tokens: self.tokens[row],
+            seed: at(Quantity::Seed) as u64,
+            budget_flops: at(Quantity::BudgetFlops),
+            flops: at(Quantity::Flops),
+            params_nonvocab: at(size(self.parameters)),
+            params_vocab: at(Quantity::ParamsVocab),
+            n_vocab: at(Quantity::NVocab),
+            tokens: at(Quantity::Tokens),
             metric: self.metric.clone(),
-            loss: self.loss[row],
-            weight: self.weight[row],
+            loss: at(Quantity::Loss),
+            weight: at(Quantity::Weight),
             about: RunFacts {
-                share: Some(self.share[row]).filter(|share| !share.is_nan()),
-                unique_tokens: Some(self.unique_tokens[row]).filter(|n| !n.is_nan()),
+                share: known(Quantity::Share),
+                unique_tokens: known(Quantity::UniqueTokens),
                 ..RunFacts::default()
             },
         })

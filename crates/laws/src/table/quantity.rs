@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::nearest::hint;
+use super::nearest::{UnknownName, name_of, named};
 
 /// What a column of a table can be, by the names of `--columns`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -59,7 +59,7 @@ impl Quantity {
 
     /// The name of `--columns`.
     pub fn name(self) -> &'static str {
-        Self::ALL.into_iter().find(|(_, of)| *of == self).map_or("", |(name, _)| name)
+        name_of(&self, &Self::ALL)
     }
 }
 
@@ -69,25 +69,10 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// A name that is no quantity's.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{name}` is no quantity; {hint}valid: {valid}")]
-pub struct UnknownQuantity {
-    name: String,
-    hint: String,
-    valid: String,
-}
-
 impl FromStr for Quantity {
-    type Err = UnknownQuantity;
+    type Err = UnknownName;
 
-    fn from_str(name: &str) -> Result<Self, UnknownQuantity> {
-        let names = || Self::ALL.into_iter().map(|(name, _)| name);
-        let found = Self::ALL.into_iter().find(|(of, _)| *of == name).map(|(_, quantity)| quantity);
-        found.ok_or_else(|| UnknownQuantity {
-            name: name.to_string(),
-            hint: hint(name, names()),
-            valid: names().collect::<Vec<_>>().join(", "),
-        })
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        named("quantity", name, &Self::ALL)
     }
 }

@@ -6,19 +6,14 @@
 
 use std::borrow::Cow;
 
+use super::error::ReadProblem;
+
 /// Walks through a text; a copy starts again from where it was taken.
 #[derive(Clone, Copy)]
 pub(super) struct Records<'a> {
     text: &'a str,
     separator: u8,
     at: usize,
-}
-
-/// Why a text is no CSV, with the byte where it shows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Fault {
-    Unclosed(usize),
-    AfterQuote(usize),
 }
 
 impl<'a> Records<'a> {
@@ -36,7 +31,10 @@ impl<'a> Records<'a> {
 
     /// Puts the next record into `cells` and returns its first byte; none at the end. Blank lines
     /// are no records.
-    pub fn next_into(&mut self, cells: &mut Vec<Cow<'a, str>>) -> Result<Option<usize>, Fault> {
+    pub fn next_into(
+        &mut self,
+        cells: &mut Vec<Cow<'a, str>>,
+    ) -> Result<Option<usize>, ReadProblem> {
         cells.clear();
         while matches!(self.peek(), Some(b'\n' | b'\r')) {
             self.at += 1;
@@ -60,7 +58,7 @@ impl<'a> Records<'a> {
     }
 
     /// The cell that starts here; stops before what ends it.
-    fn cell(&mut self) -> Result<Cow<'a, str>, Fault> {
+    fn cell(&mut self) -> Result<Cow<'a, str>, ReadProblem> {
         if self.peek() == Some(b'"') { self.quoted() } else { Ok(Cow::Borrowed(self.plain())) }
     }
 
@@ -72,12 +70,14 @@ impl<'a> Records<'a> {
         &self.text[start..self.at]
     }
 
-    fn quoted(&mut self) -> Result<Cow<'a, str>, Fault> {
+    fn quoted(&mut self) -> Result<Cow<'a, str>, ReadProblem> {
         let open = self.at;
         let mut value = Cow::Borrowed("");
         loop {
             self.at += 1;
-            let length = self.text[self.at..].find('"').ok_or(Fault::Unclosed(open))?;
+            let length = self.text[self.at..].find('"');
+            let length =
+                length.ok_or_else(|| ReadProblem::Unclosed { line: self.line_of(open) })?;
             value += &self.text[self.at..self.at + length];
             self.at += length + 1;
             if self.peek() != Some(b'"') {
@@ -86,7 +86,7 @@ impl<'a> Records<'a> {
             value += "\"";
         }
         let ended = self.peek().is_none_or(|b| b == self.separator || b == b'\n' || b == b'\r');
-        if ended { Ok(value) } else { Err(Fault::AfterQuote(self.at)) }
+        if ended { Ok(value) } else { Err(ReadProblem::AfterQuote { line: self.line_of(self.at) }) }
     }
 }
 
@@ -94,7 +94,7 @@ impl<'a> Records<'a> {
 mod tests {
     use super::*;
 
-    fn all(text: &str) -> Result<Vec<Vec<String>>, Fault> {
+    fn all(text: &str) -> Result<Vec<Vec<String>>, ReadProblem> {
         let (mut records, mut cells, mut rows) = (Records::new(text, b','), Vec::new(), Vec::new());
         while records.next_into(&mut cells)?.is_some() {
             rows.push(cells.iter().map(ToString::to_string).collect());
@@ -120,8 +120,8 @@ mod tests {
 
     #[test]
     fn a_quote_left_open_and_text_after_a_quote_are_faults_where_they_stand() {
-        assert_eq!(all("a\n\"b,c\n"), Err(Fault::Unclosed(2)));
-        assert_eq!(all("\"a\"b\n"), Err(Fault::AfterQuote(3)));
+        assert_eq!(all("a\n\"b,c\n"), Err(ReadProblem::Unclosed { line: 2 }));
+        assert_eq!(all("\"a\"b\n"), Err(ReadProblem::AfterQuote { line: 1 }));
         let records = Records::new("a\r\nb\r\nc", b',');
         assert_eq!([0, 3, 6].map(|byte| records.line_of(byte)), [1, 2, 3]);
     }

@@ -10,7 +10,7 @@ use super::drop_stage::DropStage;
 use super::mixed::mixed;
 use super::point::source;
 use super::types::Key;
-use super::{Expression, Group, OutlierStage, Table, TableError};
+use super::{Expression, Group, OutlierStage, Quantity, Table, TableError};
 use crate::laws::{IsoFlopPoint, Parameters};
 
 /// What to make of a table.
@@ -66,7 +66,7 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
     let named = select(&named, &rows);
     let derived = derive(&named, table)?;
     notes.extend(derived.notes.iter().chain(&derived.doubts).cloned());
-    let budgets = derived.budget_declared.then_some(&derived.budget_flops[..]);
+    let budgets = derived.budget_declared.then(|| derived.of(Quantity::BudgetFlops));
     notes.extend(mixed(table, &rows, budgets).filter(|_| request.group.is_none()));
     let mut dropped = Vec::new();
     let first = first_alike(table, &rows);
@@ -78,10 +78,12 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
     let rows = kept(DropStage::Copy, rows, &named, &mut dropped, reason)?;
     let reason = |row| missing(&named, &derived, row);
     let rows = kept(DropStage::Missing, rows, &named, &mut dropped, reason)?;
-    let highest = highest(&derived.loss, &rows, request.drop_highest);
-    let reason = |row| is_highest(&derived.loss, &highest, row);
+    let loss = derived.of(Quantity::Loss);
+    let highest = highest(loss, &rows, request.drop_highest);
+    let reason = |row| is_highest(loss, &highest, row);
     let rows = kept(DropStage::DropHighest, rows, &named, &mut dropped, reason)?;
-    let mut points = points(&rows, &named, &derived)?;
+    let points = rows.iter().map(|row| derived.checked(*row, &named));
+    let mut points = points.collect::<Result<Vec<_>, _>>()?;
     for stage in &request.outliers {
         points = without_outliers(*stage, points, &mut dropped)?;
     }
@@ -164,7 +166,9 @@ fn first_alike(table: &Table, rows: &[usize]) -> Vec<Option<usize>> {
 }
 
 fn missing(named: &Named, derived: &Derived, row: usize) -> Option<String> {
-    let (quantity, _) = derived.values(row).into_iter().find(|(_, value)| value.is_nan())?;
+    // A row may leave out its share of the data and its distinct tokens.
+    let needed = |quantity| !matches!(quantity, Quantity::Share | Quantity::UniqueTokens);
+    let (quantity, _) = derived.values(row).find(|(q, value)| needed(*q) && value.is_nan())?;
     let given = named.numbers.iter().find(|(_, values)| values[row].is_nan());
     Some(match given {
         Some((quantity, _)) => format!("{} is missing", source(named, *quantity)),
@@ -184,14 +188,6 @@ fn highest(loss: &[f64], rows: &[usize], count: usize) -> Vec<usize> {
 fn is_highest(loss: &[f64], highest: &[usize], row: usize) -> Option<String> {
     highest.binary_search(&row).ok()?;
     Some(format!("its loss of {} is among the {} highest", loss[row], highest.len()))
-}
-
-fn points(
-    rows: &[usize],
-    named: &Named,
-    derived: &Derived,
-) -> Result<Vec<IsoFlopPoint>, TableError> {
-    rows.iter().map(|row| derived.checked(*row, named)).collect()
 }
 
 fn without_outliers(

@@ -35,14 +35,11 @@ pub(super) fn of(laws: &Laws) -> BTreeMap<String, Coefficient> {
 }
 
 fn of_joint(law: &JointLaw) -> BTreeMap<String, Coefficient> {
-    let all: Vec<Vec<f64>> = law
-        .bootstrap
-        .iter()
-        .map(|values| JointLoss { values: values.clone(), ..law.loss.clone() })
-        .map(|loss| loss.coefficients().into_iter().map(|(_, value)| value).collect())
-        .collect();
+    let values =
+        |loss: JointLoss| loss.coefficients().into_iter().map(|(_, value)| value).collect();
+    let all: Vec<Vec<f64>> = law.bootstrap.iter().map(|own| values(law.loss.with(own))).collect();
     let named = law.loss.coefficients().into_iter().enumerate().map(|(i, (name, value))| {
-        let ci95 = interval95(&all.iter().map(|values| values[i]).collect::<Vec<_>>());
+        let ci95 = interval95(all.iter().map(|values| values[i]));
         (name.to_string(), Coefficient { value, ci95 })
     });
     named.collect()

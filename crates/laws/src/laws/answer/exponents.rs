@@ -1,17 +1,16 @@
 //! How the optimum grows with the budget, by the law to believe.
 
-use super::path::joint;
 use crate::laws::file::answer::Exponent;
 use crate::laws::file::judgement::Tried;
 use crate::laws::file::kind::LawKind;
 use crate::laws::file::laws::Laws;
 use crate::laws::input::quantities::PerQuantity;
 use crate::laws::joint::law::JointLaw;
-use crate::laws::joint::optimum::JointOptimum;
 use crate::laws::lines::types::PowerLaw;
 use crate::laws::maths::random::Normals;
 use crate::laws::maths::stats::interval95;
 use crate::laws::minima::select::tell_laws;
+use crate::laws::minima::types::Optimum;
 use crate::laws::say::reasons::{Beyond, Undetermined};
 
 /// How well a smooth form places an optimum, as a standard deviation in logarithms: it moves either end of the
@@ -49,7 +48,7 @@ impl Found {
 
 /// Of the law to believe.
 pub(super) fn of(laws: &Laws) -> PerQuantity<Found> {
-    match (joint(laws), &laws.judgement.tried) {
+    match (laws.joint_law(), &laws.judgement.tried) {
         (Some(joint), Some(tried)) => of_joint(laws, joint, tried),
         _ => of_power_laws(laws),
     }
@@ -75,23 +74,22 @@ fn of_power_laws(laws: &Laws) -> PerQuantity<Found> {
 
 /// Whether the minima that the laws go through tell an exponent; laws that go through none do.
 fn minima_tell(laws: &Laws) -> bool {
-    let own = laws.minima.iter().filter(|m| m.method == laws.minima_method);
-    let used = own.filter(|m| laws.fitted_budgets.contains(&m.budget_flops));
+    let used = laws.own_minima().filter(|m| laws.fitted_budgets.contains(&m.budget_flops));
     laws.law != LawKind::Isoflop || tell_laws(&used.cloned().collect::<Vec<_>>())
 }
 
 /// Slopes of the optimum of a joint law between the smallest and the largest budget.
 fn of_joint(laws: &Laws, joint: &JointLaw, tried: &Tried) -> PerQuantity<Found> {
     let [low, high] = laws.range();
-    let ends = |at: [Option<JointOptimum>; 2]| Some([at[0]?, at[1]?]);
+    let ends = |at: [Option<Optimum>; 2]| Some([at[0]?, at[1]?]);
     let own = ends([low, high].map(|budget| joint.optimum(budget)));
-    let replicates: Vec<[JointOptimum; 2]> =
+    let replicates: Vec<[Optimum; 2]> =
         joint.optima_at([low, high]).into_iter().filter_map(ends).collect();
-    let slope = |ends: &[JointOptimum; 2], of: fn(&JointOptimum) -> f64| {
+    let slope = |ends: &[Optimum; 2], of: fn(&Optimum) -> f64| {
         (of(&ends[1]) / of(&ends[0])).ln() / (high / low).ln()
     };
     let of_form = FORM * 2f64.sqrt() / (high / low).ln();
-    let exponent = |of: fn(&JointOptimum) -> f64, why: Option<Undetermined>| {
+    let exponent = |of: fn(&Optimum) -> f64, why: Option<Undetermined>| {
         let slopes = replicates.iter().map(|ends| slope(ends, of));
         let mut normals = Normals::of_stream(0, FORM_STREAM);
         let slopes: Vec<f64> = slopes.map(|slope| slope + of_form * normals.draw()).collect();
@@ -99,10 +97,11 @@ fn of_joint(laws: &Laws, joint: &JointLaw, tried: &Tried) -> PerQuantity<Found> 
         let none = value.is_none().then_some(Undetermined::NoOptimum);
         Some(Found::new(value, interval95(&slopes), why.or(none)))
     };
-    let beyond = |of: fn(&JointOptimum) -> f64, tried| beyond(own.as_ref()?, of, tried);
+    let beyond = |of: fn(&Optimum) -> f64, tried| beyond(own.as_ref()?, of, tried);
     let size = beyond(|o| o.params_nonvocab, tried.sizes).map(Undetermined::BeyondSizes);
     let one = (!joint.loss.terms.vocab).then_some(Undetermined::OneVocabulary);
-    let vocab = beyond(|o| o.n_vocab, tried.vocabularies).map(Undetermined::BeyondVocabularies);
+    let vocab = beyond(|o| o.n_vocab.unwrap_or_default(), tried.vocabularies)
+        .map(Undetermined::BeyondVocabularies);
     let all = PerQuantity {
         params_nonvocab: exponent(|o| o.params_nonvocab, size),
         params_vocab: exponent(|o| o.params_vocab, one.or(vocab)),
@@ -113,11 +112,7 @@ fn of_joint(laws: &Laws, joint: &JointLaw, tried: &Tried) -> PerQuantity<Found> 
 }
 
 /// An optimum of the fitted budgets that lies far from all that was tried.
-fn beyond(
-    ends: &[JointOptimum; 2],
-    of: fn(&JointOptimum) -> f64,
-    [low, high]: [f64; 2],
-) -> Option<Beyond> {
+fn beyond(ends: &[Optimum; 2], of: fn(&Optimum) -> f64, [low, high]: [f64; 2]) -> Option<Beyond> {
     let optimum = ends.iter().map(of).find(|x| *x < low / BEYOND || *x > high * BEYOND)?;
     Some(Beyond { optimum, tried: if optimum < low { low } else { high } })
 }

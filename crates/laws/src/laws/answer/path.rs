@@ -5,10 +5,10 @@ use crate::laws::file::kind::LawKind;
 use crate::laws::file::laws::Laws;
 use crate::laws::input::quantities::PerQuantity;
 use crate::laws::joint::law::JointLaw;
-use crate::laws::joint::optimum::JointOptimum;
 use crate::laws::lines::sample::LawSample;
 use crate::laws::lines::types::PowerLaw;
 use crate::laws::maths::stats::interval95;
+use crate::laws::minima::types::Optimum;
 use crate::laws::ranking::recommended::Candidate;
 
 /// Budgets at which the optimum is told.
@@ -23,26 +23,20 @@ pub(super) fn of(laws: &Laws) -> Vec<OptimumAt> {
     }
     let at = |i: usize| low * (high / low).powf(i as f64 / (STEPS - 1) as f64);
     let budgets: [f64; STEPS] = std::array::from_fn(at);
-    match joint(laws) {
+    match laws.joint_law() {
         Some(joint) => of_joint(laws, joint, budgets),
         None => budgets.iter().map(|budget| of_lines(laws, *budget)).collect(),
     }
-}
-
-/// The joint law, where it is the one to believe.
-pub(super) fn joint(laws: &Laws) -> Option<&JointLaw> {
-    let own = laws.law == LawKind::Isoflop && laws.recommended_law().is_joint();
-    laws.judgement.joint.as_ref().filter(|_| own)
 }
 
 fn of_joint(laws: &Laws, joint: &JointLaw, budgets: [f64; STEPS]) -> Vec<OptimumAt> {
     let replicates = joint.optima_at(budgets);
     let told = |i: usize, budget: f64| {
         let own = joint.optimum(budget);
-        let all: Vec<JointOptimum> = replicates.iter().filter_map(|ends| ends[i]).collect();
-        let told = |of: fn(&JointOptimum) -> f64| {
+        let all: Vec<Optimum> = replicates.iter().filter_map(|ends| ends[i]).collect();
+        let told = |of: fn(&Optimum) -> f64| {
             let value = of(own.as_ref()?);
-            let ci95 = interval95(&all.iter().map(of).collect::<Vec<_>>());
+            let ci95 = interval95(all.iter().map(of));
             value.is_finite().then_some(Coefficient { value, ci95 })
         };
         let loss = own
@@ -72,15 +66,12 @@ fn of_lines(laws: &Laws, budget: f64) -> OptimumAt {
         Some(Coefficient { value: at((law.ln_at_reference, law.exponent)), ci95: interval95(&all) })
     };
     let powers = &laws.power_laws;
-    let size = |s: &LawSample| (s.ln_nonvocab_at_reference, s.exponent_nonvocab);
-    let vocab = |s: &LawSample| (s.ln_vocab_at_reference, s.exponent_vocab);
-    let tokens = |s: &LawSample| (s.ln_tokens_at_reference, s.exponent_tokens);
     let at = PerQuantity {
-        params: told(powers.params.as_ref(), size),
-        params_nonvocab: told(powers.params_nonvocab.as_ref(), size),
-        params_vocab: told(powers.params_vocab.as_ref(), vocab),
+        params: told(powers.params.as_ref(), LawSample::size),
+        params_nonvocab: told(powers.params_nonvocab.as_ref(), LawSample::size),
+        params_vocab: told(powers.params_vocab.as_ref(), LawSample::vocab),
         n_vocab: None,
-        tokens: told(powers.tokens.as_ref(), tokens),
+        tokens: told(powers.tokens.as_ref(), LawSample::tokens),
     };
     OptimumAt { budget_flops: budget, at, loss: loss(laws, budget) }
 }

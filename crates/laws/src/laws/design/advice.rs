@@ -13,7 +13,6 @@ use crate::laws::lines::power::power_law;
 use crate::laws::lines::types::PowerLaw;
 use crate::laws::maths::stats::geometric_mean;
 use crate::laws::minima::grid::Grid;
-use crate::laws::minima::split::Split;
 use crate::laws::minima::types::{Minimum, MinimumFlag};
 use crate::laws::say::advice::Why;
 
@@ -27,15 +26,11 @@ const NEIGHBOURS: usize = 3;
 const ENOUGH_SIZES: usize = 5;
 
 /// Advice for every flagged minimum of the laws' method, and for the next budget.
-pub(in crate::laws) fn advise(laws: &Laws, split: &Split) -> Vec<Advice> {
-    let spacing = Spacing::of(split);
-    let grids = split.fitted.iter();
-    let own = |grid: &Grid| {
-        let mut minima = laws.minima.iter().filter(|m| m.method == laws.minima_method);
-        minima.find(|m| m.budget_flops == grid.budget_flops)
-    };
-    let mending = grids.filter_map(|grid| Some(mend(grid, own(grid)?, &spacing))).flatten();
-    mending.chain(next_budget(laws, split, &spacing)).collect()
+pub(in crate::laws) fn advise(laws: &Laws, grids: &[Grid]) -> Vec<Advice> {
+    let spacing = Spacing::of(grids);
+    let own = |grid: &Grid| laws.own_minima().find(|m| m.budget_flops == grid.budget_flops);
+    let mending = grids.iter().filter_map(|grid| Some(mend(grid, own(grid)?, &spacing))).flatten();
+    mending.chain(next_budget(laws, grids, &spacing)).collect()
 }
 
 /// What would clear a minimum's flags.
@@ -130,12 +125,11 @@ fn more_seeds(grid: &Grid, why: Why) -> Advice {
 }
 
 /// One budget further, by the sweep's own ratio of budgets.
-fn next_budget(laws: &Laws, split: &Split, spacing: &Spacing) -> Option<Advice> {
-    let grids: Vec<&Grid> = split.fitted.iter().collect();
+fn next_budget(laws: &Laws, grids: &[Grid], spacing: &Spacing) -> Option<Advice> {
     let largest = grids.iter().max_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops))?;
     let budgets: Vec<f64> = grids.iter().map(|grid| grid.budget_flops).collect();
     let budget = largest.budget_flops * median_ratio(&budgets)?;
-    let size = laws.power_laws.params.as_ref().or(laws.power_laws.params_nonvocab.as_ref())?;
+    let size = laws.power_laws.size()?;
     let centre = size.value_at(budget);
     let (sizes, tried) = (largest.size_levels(), largest.vocabularies());
     let n_vocab = match optimal_vocabulary(laws, budget) {
@@ -171,10 +165,8 @@ fn optimal_vocabulary(laws: &Laws, budget: f64) -> Option<f64> {
     if laws.parameters == Parameters::Total {
         return None;
     }
-    let own = |m: &&Minimum| {
-        m.method == laws.minima_method && laws.fitted_budgets.contains(&m.budget_flops)
-    };
-    let minima: Vec<&Minimum> = laws.minima.iter().filter(own).collect();
+    let own = |m: &&Minimum| laws.fitted_budgets.contains(&m.budget_flops);
+    let minima: Vec<&Minimum> = laws.own_minima().filter(own).collect();
     let budgets: Vec<f64> = minima.iter().map(|m| m.budget_flops).collect();
     let vocabularies: Vec<f64> = minima.iter().map(|m| m.n_vocab).collect();
     let weights = vec![1.0; budgets.len()];

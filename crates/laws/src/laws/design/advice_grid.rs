@@ -2,7 +2,6 @@
 
 use crate::laws::maths::stats::distinct;
 use crate::laws::minima::grid::{Grid, WIDEST_STEP};
-use crate::laws::minima::split::Split;
 
 /// The ratio of neighbouring levels where a sweep shows none.
 const DEFAULT_RATIO: f64 = 2.0;
@@ -17,11 +16,10 @@ pub(in crate::laws) struct Spacing {
 
 impl Spacing {
     /// The first ratios that any budget shows.
-    pub fn of(split: &Split) -> Self {
-        let grids = || split.fitted.iter();
+    pub fn of(grids: &[Grid]) -> Self {
         Self {
-            size: grids().find_map(|grid| median_ratio(&grid.size_levels())),
-            vocab: grids().find_map(|grid| median_ratio(&grid.vocabularies())),
+            size: grids.iter().find_map(|grid| median_ratio(&grid.size_levels())),
+            vocab: grids.iter().find_map(|grid| median_ratio(&grid.vocabularies())),
         }
     }
 

@@ -1,5 +1,7 @@
 //! What is known of some quantities, and what one more observation would tell.
 
+use crate::laws::maths::stats::dot;
+
 /// A normal belief: the covariance of the quantities.
 #[derive(Clone, Debug)]
 pub(super) struct Belief {
@@ -29,10 +31,6 @@ impl Belief {
             own.iter_mut().zip(&with).for_each(|(own, b)| *own -= a * b / total);
         }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

@@ -75,7 +75,7 @@ impl Known {
         if let Some(new) = grids.iter().find(|grid| grid.is_untouched())
             && let Some(optimum) = self.law.optimum(new.budget_flops)
         {
-            return new.window(optimum.params_nonvocab, optimum.n_vocab);
+            return new.window(optimum.params_nonvocab, optimum.n_vocab.unwrap_or_default());
         }
         let (mut chosen, mut spent) = (Vec::new(), 0.0);
         while spent < spend
@@ -133,7 +133,7 @@ fn row(law: &JointLaw, place: &Place, budgets: &[f64], budget: f64) -> Vec<f64> 
 /// the place.
 fn lowest(law: &JointLaw, budgets: &[f64], budget: f64) -> Option<Vec<f64>> {
     let best = law.optimum(budget)?;
-    let at = [best.params_nonvocab, best.n_vocab, best.tokens];
+    let at = [best.params_nonvocab, best.n_vocab.unwrap_or_default(), best.tokens];
     Some(row(law, &Place::new(at, law.loss.unique_tokens), budgets, budget))
 }
 

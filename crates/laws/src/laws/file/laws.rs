@@ -6,6 +6,7 @@ use super::judgement::Judgement;
 use super::kind::LawKind;
 use crate::laws::input::metric::Metric;
 use crate::laws::input::point::Parameters;
+use crate::laws::joint::law::JointLaw;
 use crate::laws::lines::sample::LawSample;
 use crate::laws::lines::types::Validation;
 use crate::laws::minima::run_noise::RunNoise;
@@ -29,7 +30,7 @@ pub struct HeldOut {
 }
 
 /// Every fit of a sweep, with the convention used: `laws.json`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Laws {
     /// Name of the sweep or table, or `scamo` for the built-in law.
     pub name: String,
@@ -107,30 +108,10 @@ impl Laws {
         Self {
             name: name.to_string(),
             law,
-            from_sweep: false,
             flops_rule: flops_rule.to_string(),
-            metric: Metric::default(),
             parameters,
-            n_ctx: None,
-            head_share: None,
-            own_vocabularies: false,
             reference_flops,
-            fitted_budgets: Vec::new(),
-            minima_method: MinimumMethod::Argmin,
-            minima: Vec::new(),
-            held_out: None,
-            power_laws: PowerLaws::default(),
-            vocab_from_nonvocab: None,
-            loss: LossLaws::default(),
-            parametric: None,
-            sensitivity: Vec::new(),
-            noise: None,
-            validation: Vec::new(),
-            advice: Vec::new(),
-            bootstrap: Vec::new(),
-            warnings: Vec::new(),
-            judgement: Judgement::default(),
-            answer: None,
+            ..Self::default()
         }
     }
 
@@ -150,6 +131,16 @@ impl Laws {
     /// The law to believe; the log law where none was ranked.
     pub fn recommended_law(&self) -> Candidate {
         self.judgement.recommended.as_ref().map_or(Candidate::Log, |recommended| recommended.law)
+    }
+
+    /// The joint law, if it is the one to believe.
+    pub fn joint_law(&self) -> Option<&JointLaw> {
+        self.judgement.joint.as_ref().filter(|_| self.recommended_law().is_joint())
+    }
+
+    /// The minima of the kind that the laws of minima go through.
+    pub fn own_minima(&self) -> impl Iterator<Item = &Minimum> {
+        self.minima.iter().filter(|minimum| minimum.method == self.minima_method)
     }
 
     /// The loss of the best model at `budget` by a law of minima; `None` of a joint law, or if there is no such law.

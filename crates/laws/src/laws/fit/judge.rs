@@ -15,7 +15,6 @@ use crate::laws::maths::stats::{extent, interval95};
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::lack_of_fit;
 use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::split::Split;
 use crate::laws::minima::types::Minimum;
 use crate::laws::noise::Scatter;
 use crate::laws::ranking::forecast_error::ForecastError;
@@ -32,29 +31,27 @@ const PART_REPLICATES: usize = 100;
 /// Which law to believe, and how far.
 pub(super) fn judge(
     laws: &Laws,
-    split: &Split,
+    grids: &[Grid],
     per_method: &[(MinimumMethod, Vec<Minimum>)],
     interval_parts: Vec<IntervalPart>,
     scatter: Scatter,
     options: &FitOptions,
 ) -> Judgement {
     let methods = per_method.iter().map(|(method, _)| *method);
-    let misfit = |method| lack_of_fit(method, &split.fitted, scatter.noise?);
+    let misfit = |method| lack_of_fit(method, grids, scatter.noise?);
     let own = Judgement {
         lack_of_fit: methods.filter_map(misfit).collect(),
         tokenizer_noise: scatter.tokenizers.cloned(),
         test_noise: scatter.test.cloned(),
         interval_parts,
-        tried: Some(tried(&split.fitted)),
-        rows: unequal_spend(&split.fitted).into_iter().collect(),
+        tried: Some(tried(grids)),
+        rows: unequal_spend(grids).into_iter().collect(),
         ..Judgement::default()
     };
     if !options.recommend {
         return own;
     }
-    let grids = &split.fitted;
-    let minima: Vec<Minimum> =
-        laws.minima.iter().filter(|m| m.method == laws.minima_method).cloned().collect();
+    let minima: Vec<Minimum> = laws.own_minima().cloned().collect();
     let shares = shares(grids, (laws.minima_method, &minima), scatter.noise, options);
     let rows = Rows { grids, shares, noise: scatter.noise, options };
     let joint = fit_joint(grids, scatter.noise, repeat(grids));
@@ -70,8 +67,8 @@ pub(super) fn judge(
 
 /// [`LackOfFit::variance_ratio`](crate::laws::minima::types::LackOfFit::variance_ratio) of the laws' method; 1 where no
 /// curve leaves residuals.
-pub(super) fn misfit(method: MinimumMethod, split: &Split, noise: RunNoise) -> f64 {
-    lack_of_fit(method, &split.fitted, noise).map_or(1.0, |lack| lack.variance_ratio())
+pub(super) fn misfit(method: MinimumMethod, grids: &[Grid], noise: RunNoise) -> f64 {
+    lack_of_fit(method, grids, noise).map_or(1.0, |lack| lack.variance_ratio())
 }
 
 /// The curves whose minima may all be used where those of the laws' method are; that method alone
@@ -125,7 +122,7 @@ fn with_replicates(
 
 /// What the intervals of the exponents would be for each reason alone.
 pub(super) fn interval_parts(bootstrap: &Bootstrap) -> Vec<IntervalPart> {
-    let none = Sources::NONE;
+    let none = Sources::default();
     let parts = [
         ("runs", Sources { runs: true, ..none }, true),
         ("tokenizers", Sources { tokenizers: true, ..none }, bootstrap.tokenizers.is_some()),
@@ -144,8 +141,7 @@ fn interval_part(part: &str, bootstrap: &Bootstrap, sources: Sources) -> Interva
     let replicates = alone.replicates();
     let samples: Vec<LawSample> =
         replicates.iter().filter_map(|replicate| Some(replicate.laws?.sample)).collect();
-    let interval =
-        |of: fn(&LawSample) -> f64| interval95(&samples.iter().map(of).collect::<Vec<_>>());
+    let interval = |of: fn(&LawSample) -> f64| interval95(samples.iter().map(of));
     IntervalPart {
         part: part.to_string(),
         exponent_nonvocab: interval(|s| s.exponent_nonvocab),

@@ -20,18 +20,17 @@ use crate::laws::input::method::MinimumMethod;
 use crate::laws::input::options::{FitOptions, HoldOut};
 use crate::laws::input::point::IsoFlopPoint;
 use crate::laws::lines::bootstrap::{Bootstrap, Replicate, Sources};
-use crate::laws::lines::floor_law::floor_law;
 use crate::laws::lines::intervals;
 use crate::laws::lines::law_set::{Columns, LawSet, law_set};
-use crate::laws::lines::sample::LawSample;
-use crate::laws::lines::types::{Exponents, FloorLaw, LossLaws, PowerLaws};
+use crate::laws::lines::types::{Exponents, LossLaws};
 use crate::laws::lines::validation::validate;
 use crate::laws::maths::stats::{MIN_REPLICATES, geometric_mean};
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::lost_runs::lost_runs;
 use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::select::{hold_out, law_method, tell_laws, usable};
-use crate::laws::minima::split::Split;
+use crate::laws::minima::select::{
+    hold_out, law_method, minima_by_method, n_vocabularies, tell_laws, usable,
+};
 use crate::laws::minima::types::Minimum;
 use crate::laws::noise::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
 use crate::laws::noise::{Scatter, run_noise};
@@ -62,29 +61,28 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
         return Err(FitError::ScatteredBudgets { rows: points.len(), budgets: budgets.len() });
     }
     let held_out = hold_out(&budgets, options.hold_out)?;
-    let split = Split::new(&budgets);
-    let (asked, cells) = (options.bootstrap, n_cells(&split));
+    let grids: Vec<Grid> = budgets.iter().filter_map(Grid::new).collect();
+    let (asked, cells) = (options.bootstrap, n_cells(&grids));
     let options = &affordable(options, cells);
-    let noise = run_noise(&split.fitted, runs_beside_tokenizers(&budgets));
-    let per_method = split.minima_by_method(options, noise);
+    let noise = run_noise(&grids, runs_beside_tokenizers(&budgets));
+    let per_method = minima_by_method(&grids, options, noise);
     let method = law_method(&per_method, options);
     let used = usable(minima_of(&per_method, method), options);
 
     let tokenizers = tokenizer_noise(&budgets);
-    let grids: Vec<&Grid> = split.fitted.iter().collect();
     let test = test_noise(&grids, noise);
     let scatter = Scatter { noise, tokenizers: tokenizers.as_ref(), test: test.as_ref() };
-    let replicas = replicas(&used, &split, &per_method, method, scatter, options);
-    let mut laws = laws_through(&used, &split, method, &replicas, options);
+    let replicas = replicas(&used, &grids, &per_method, method, scatter, options);
+    let mut laws = laws_through(&used, &grids, method, &replicas, options);
     laws.metric = metric;
     laws.minima = with_intervals(&per_method, &replicas);
     if let Some(index) = held_out {
-        test_on(&mut laws, split.fitted[index].budget_flops, &used, &split, options);
+        test_on(&mut laws, grids[index].budget_flops, &used, &grids, options);
     }
-    laws.sensitivity = sensitivity::by_method(&per_method, method, &split, options);
-    laws.validation = validate(&used, &split, options);
-    laws.advice = advise(&laws, &split);
-    laws.judgement = judge(&laws, &split, &per_method, replicas.parts, scatter, options);
+    laws.sensitivity = sensitivity::by_method(&per_method, method, &grids, options);
+    laws.validation = validate(&used, &grids, options);
+    laws.advice = advise(&laws, &grids);
+    laws.judgement = judge(&laws, &grids, &per_method, replicas.parts, scatter, options);
     if laws.power_laws.tokens.is_none() && laws.judgement.joint.is_none() {
         let flagged = flagged(minima_of(&per_method, method));
         return Err(FitError::TooFewMinima { method, usable: used.len(), flagged });
@@ -97,10 +95,10 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
         none_held_out.then(|| warnings::NOTHING_HELD_OUT.to_string()),
         warnings::of_method(method, &per_method, options),
         warnings::of_cost(cells, options.bootstrap, asked),
-        warnings::of_lost_runs(&lost_runs(split.fitted.iter())),
+        warnings::of_lost_runs(&lost_runs(grids.iter())),
     ];
     let first = first.into_iter().flatten();
-    let of_minima = warnings::of_minima(all, &used, &split, method, options);
+    let of_minima = warnings::of_minima(all, &used, &grids, method, options);
     laws.warnings.splice(0..0, first.chain(of_minima));
     Ok(laws.answered())
 }
@@ -109,9 +107,9 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
 const MOST_WORK: usize = 50_000_000;
 
 /// The cells of all shares of the data.
-fn n_cells(split: &Split) -> usize {
+fn n_cells(grids: &[Grid]) -> usize {
     let of_grid = |grid: &Grid| grid.of_all_shares().map(<[Cell]>::len).sum::<usize>();
-    split.fitted.iter().map(of_grid).sum()
+    grids.iter().map(of_grid).sum()
 }
 
 /// The options with no more replicates than a table of so many cells can afford.
@@ -129,17 +127,17 @@ struct Replicas {
 
 fn replicas(
     used: &[Minimum],
-    split: &Split,
+    grids: &[Grid],
     per_method: &[(MinimumMethod, Vec<Minimum>)],
     method: MinimumMethod,
     Scatter { noise, tokenizers, test }: Scatter,
     options: &FitOptions,
 ) -> Replicas {
     let methods: Vec<MinimumMethod> = per_method.iter().map(|(method, _)| *method).collect();
-    let reference = reference_of(used, split);
-    let known = noise.filter(|noise| !noise.is_rounding(&split.fitted));
+    let reference = reference_of(used, grids);
+    let known = noise.filter(|noise| !noise.is_rounding(grids));
     let bootstrap = |noise| Bootstrap {
-        split,
+        grids,
         methods: &methods,
         method,
         used,
@@ -147,7 +145,7 @@ fn replicas(
         noise,
         tokenizers,
         test,
-        misfit: misfit(method, split, noise),
+        misfit: misfit(method, grids, noise),
         admissible: admissible(per_method, method, used, options),
         sources: Sources::ALL,
         options,
@@ -166,9 +164,9 @@ fn minima_of(per_method: &[(MinimumMethod, Vec<Minimum>)], method: MinimumMethod
 }
 
 /// C0: the middle of the budgets whose minima are used, or of all where none is.
-fn reference_of(used: &[Minimum], split: &Split) -> f64 {
+fn reference_of(used: &[Minimum], grids: &[Grid]) -> f64 {
     let of_used: Vec<f64> = used.iter().map(|minimum| minimum.budget_flops).collect();
-    let all = || split.fitted.iter().map(|grid| grid.budget_flops).collect();
+    let all = || grids.iter().map(|grid| grid.budget_flops).collect();
     geometric_mean(&if of_used.is_empty() { all() } else { of_used })
 }
 
@@ -176,95 +174,62 @@ fn reference_of(used: &[Minimum], split: &Split) -> f64 {
 /// the metric is the default. Where the minima are too few there are no laws through them.
 fn laws_through(
     used: &[Minimum],
-    split: &Split,
+    grids: &[Grid],
     method: MinimumMethod,
     replicas: &Replicas,
     options: &FitOptions,
 ) -> Laws {
-    let columns = Columns::new(used, &split.fitted, options);
-    let reference = reference_of(used, split);
+    let columns = Columns::new(used, grids, options);
+    let reference = reference_of(used, grids);
     // Who asks for flagged minima gets the laws through them; the answer does not rest on these.
     let told = tell_laws(used) || options.keep_flagged;
-    let set = law_set(&columns, reference, options).filter(|_| told);
     let replicates = intervals::laws(&replicas.replicates);
-    let floor = floor_law(&columns.compute, &columns.loss, reference).filter(|_| told);
-    let samples: Vec<LawSample> = replicates.iter().map(|replicate| replicate.sample).collect();
-    let floor = floor.map(|law| intervals::of_floor(law, &samples));
-
-    let mut warnings: Vec<String> =
-        warnings::of_floor(floor.as_ref(), used.len()).into_iter().collect();
-    warnings.extend(warnings::of_bootstrap(
-        replicas.noise,
-        &split.fitted,
-        replicates.len(),
-        options,
-    ));
-    let set = set.map(|set| intervals::of_set(set, &replicates, reference));
-    let has_vocab_law = split.n_vocabularies() > 1;
+    let set = law_set(&columns, reference, options).filter(|_| told);
+    let set = set.map(|set| intervals::of_set(set, &replicates));
+    let floor = set.as_ref().and_then(|set| set.floor.as_ref());
+    let mut warnings: Vec<String> = warnings::of_floor(floor, used.len()).into_iter().collect();
+    warnings.extend(warnings::of_bootstrap(replicas.noise, grids, replicates.len(), options));
     let names = (options.name.as_str(), options.flops_rule.as_str());
-    Laws {
+    let samples = replicates.iter().filter(|_| told).map(|replicate| replicate.sample);
+    let mut laws = Laws {
         fitted_budgets: used.iter().map(|m| m.budget_flops).collect(),
         minima_method: method,
-        loss: LossLaws { log: set.as_ref().map(|set| set.loss.clone()), floor },
-        vocab_from_nonvocab: set
-            .as_ref()
-            .and_then(|set| set.vocab_from_nonvocab.clone())
-            .filter(|_| has_vocab_law),
-        power_laws: set
-            .map_or_else(PowerLaws::default, |set| power_laws(set, has_vocab_law, options)),
         noise: replicas.noise,
-        bootstrap: if told { samples } else { Vec::new() },
+        bootstrap: samples.collect(),
         warnings,
         ..Laws::unfitted(LawKind::Isoflop, names, options.parameters, reference)
+    };
+    if let Some(set) = set {
+        fill(&mut laws, set, n_vocabularies(grids) > 1);
     }
+    laws
 }
 
-/// The laws under the names of what they are laws of.
-fn power_laws(set: LawSet, has_vocab_law: bool, options: &FitOptions) -> PowerLaws {
-    let all = PowerLaws {
-        params_nonvocab: Some(set.params_nonvocab),
-        params_vocab: set.params_vocab.filter(|_| has_vocab_law),
-        tokens: Some(set.tokens),
-        ..PowerLaws::default()
-    };
-    all.under(options.parameters)
+/// Writes every law of a set, those of N_v only if `several` vocabularies were tried.
+fn fill(laws: &mut Laws, set: LawSet, several: bool) {
+    laws.power_laws = set.powers(several, laws.parameters);
+    laws.vocab_from_nonvocab = set.vocab_from_nonvocab.filter(|_| several);
+    laws.loss = LossLaws { log: Some(set.log), floor: set.floor };
 }
 
 /// What the laws through the other minima say of one budget, against what was measured there.
-fn test_on(laws: &mut Laws, budget: f64, used: &[Minimum], split: &Split, options: &FitOptions) {
-    let own =
-        laws.minima.iter().find(|m| m.method == laws.minima_method && m.budget_flops == budget);
+fn test_on(laws: &mut Laws, budget: f64, used: &[Minimum], grids: &[Grid], options: &FitOptions) {
+    let own = laws.own_minima().find(|m| m.budget_flops == budget);
     let Some(minimum) = own.cloned() else { return };
     laws.warnings.extend(warnings::of_held_out(&minimum));
     let others: Vec<Minimum> =
         used.iter().filter(|minimum| minimum.budget_flops != budget).cloned().collect();
-    let without = Without::of(&others, split, options);
+    let without = LawSet::through(&others, grids, options);
     let measured = minimum.loss_normalised;
     if let (Some(law), Some(without)) = (&mut laws.loss.log, &without) {
-        law.held_out_error = Some(without.set.loss.loss_at(budget) - measured);
+        law.held_out_error = Some(without.log.loss_at(budget) - measured);
     }
     if let (Some(law), Some(without)) = (&mut laws.loss.floor, &without) {
         law.held_out_error =
             without.floor.as_ref().map(|floor| floor.loss_at(budget, without.reference) - measured);
     }
-    let exponents = without.map(|without| Exponents::of(&without.set)).unwrap_or_default();
+    let exponents = without.as_ref().map(Exponents::of).unwrap_or_default();
     laws.held_out = Some(HeldOut { budget_flops: budget, minimum, exponents });
-}
-
-/// Laws through some of the minima.
-struct Without {
-    set: LawSet,
-    floor: Option<FloorLaw>,
-    reference: f64,
-}
-
-impl Without {
-    fn of(minima: &[Minimum], split: &Split, options: &FitOptions) -> Option<Self> {
-        let columns = Columns::new(minima, &split.fitted, options);
-        let reference = geometric_mean(&columns.compute);
-        let set = law_set(&columns, reference, options)?;
-        Some(Self { set, floor: floor_law(&columns.compute, &columns.loss, reference), reference })
-    }
 }
 
 /// Every minimum by every method with its intervals.

@@ -13,10 +13,11 @@ use crate::laws::lines::intervals;
 use crate::laws::lines::sample::{FloorSample, LawSample};
 use crate::laws::lines::types::{FloorLaw, PowerLaw, PowerLaws};
 use crate::laws::maths::stats::{geometric_mean, interval95};
+use crate::laws::minima::types::Optimum;
 use crate::laws::parametric::findings::Finding;
 use crate::laws::parametric::fit::fitted;
 use crate::laws::parametric::form::{Coefficients, Form};
-use crate::laws::parametric::optimum::{Optimum, optimum, vocab_exponent};
+use crate::laws::parametric::optimum::{optimum, vocab_exponent};
 use crate::laws::parametric::options::ParametricOptions;
 use crate::laws::parametric::types::Parametric;
 use crate::laws::say::warnings::of_lost_optima;
@@ -48,7 +49,7 @@ pub fn parametric_laws(
     name: &str,
     flops_rule: &str,
 ) -> Laws {
-    let reference = geometric_mean(&points.iter().map(|p| p.flops).collect::<Vec<_>>());
+    let reference = geometric_mean(points.iter().map(|p| p.flops));
     let form = parametric.coefficients.form;
     let kind = LawKind::Parametric(form);
     let mut laws = unfitted(kind, (name, flops_rule), form.parameters(), reference, points);
@@ -118,19 +119,17 @@ fn power_laws(
             exponent,
             ln_at_reference: level,
             r2: 1.0,
-            exponent_ci95: None,
-            ln_at_reference_ci95: None,
-            log10_coefficient_ci95: None,
             n,
+            ..PowerLaw::default()
         };
         let coefficients: Vec<_> = samples.iter().map(of).collect();
         intervals::of_power(&mut law, &coefficients, reference.ln());
         law
     };
     let all = PowerLaws {
-        params_nonvocab: Some(law(|s| (s.ln_nonvocab_at_reference, s.exponent_nonvocab))),
-        params_vocab: Some(law(|s| (s.ln_vocab_at_reference, s.exponent_vocab))),
-        tokens: Some(law(|s| (s.ln_tokens_at_reference, s.exponent_tokens))),
+        params_nonvocab: Some(law(LawSample::size)),
+        params_vocab: Some(law(LawSample::vocab)),
+        tokens: Some(law(LawSample::tokens)),
         ..PowerLaws::default()
     };
     all.under(form.parameters())
@@ -147,9 +146,8 @@ fn vocabulary(own: &LawSample, parametric: &Parametric) -> PowerLaw {
         ln_at_reference: own.ln_vocab_at_reference,
         r2: 1.0,
         exponent_ci95: interval95(&exponents),
-        ln_at_reference_ci95: None,
-        log10_coefficient_ci95: None,
         n: parametric.n,
+        ..PowerLaw::default()
     }
 }
 
@@ -160,11 +158,8 @@ fn floor_law(own: &FloorSample, samples: &[LawSample], parametric: &Parametric) 
         exponent: own.exponent,
         r2: parametric.r2,
         aic: parametric.aic,
-        held_out_error: None,
-        floor_ci95: None,
-        coefficient_ci95: None,
-        exponent_ci95: None,
         n: parametric.n,
+        ..FloorLaw::default()
     };
     intervals::of_floor(law, samples)
 }

@@ -4,13 +4,11 @@ use crate::laws::file::laws::Laws;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::input::options::FitOptions;
 use crate::laws::input::point::Parameters;
-use crate::laws::lines::law_set::{Columns, law_set};
-use crate::laws::lines::types::{PowerLaw, Sensitivity};
-use crate::laws::maths::stats::geometric_mean;
+use crate::laws::lines::law_set::LawSet;
+use crate::laws::lines::types::{PowerLaws, Sensitivity};
 use crate::laws::minima;
 use crate::laws::minima::grid::Grid;
-use crate::laws::minima::select::usable;
-use crate::laws::minima::split::Split;
+use crate::laws::minima::select::{n_vocabularies, usable};
 use crate::laws::minima::types::Minimum;
 
 /// The row of laws that were fitted under another convention.
@@ -19,14 +17,19 @@ use crate::laws::minima::types::Minimum;
 /// points to equal FLOPs by the other rule ([`slices`](crate::laws::lines::slices::slices())), fit without a bootstrap, and
 /// push this row onto [`Laws::sensitivity`] of the main fit.
 pub fn sensitivity_row(variant: &str, laws: &Laws) -> Sensitivity {
-    let exponent = |law: &Option<PowerLaw>| law.as_ref().map(|law| law.exponent);
+    let slope = laws.loss.log.as_ref().map(|law| law.slope_per_decade);
+    row(variant.to_string(), &laws.power_laws, slope)
+}
+
+fn row(variant: String, laws: &PowerLaws, slope_per_decade: Option<f64>) -> Sensitivity {
+    let exponents = laws.map(|law| law.exponent);
     Sensitivity {
-        variant: variant.to_string(),
-        exponent_vocab: exponent(&laws.power_laws.params_vocab),
-        exponent_nonvocab: exponent(&laws.power_laws.params_nonvocab),
-        exponent_params: exponent(&laws.power_laws.params),
-        exponent_tokens: exponent(&laws.power_laws.tokens),
-        slope_per_decade: laws.loss.log.as_ref().map(|law| law.slope_per_decade),
+        variant,
+        exponent_vocab: exponents.params_vocab,
+        exponent_nonvocab: exponents.params_nonvocab,
+        exponent_params: exponents.params,
+        exponent_tokens: exponents.tokens,
+        slope_per_decade,
     }
 }
 
@@ -35,13 +38,12 @@ pub fn sensitivity_row(variant: &str, laws: &Laws) -> Sensitivity {
 pub(in crate::laws) fn by_method(
     per_method: &[(MinimumMethod, Vec<Minimum>)],
     law_method: MinimumMethod,
-    split: &Split,
+    grids: &[Grid],
     options: &FitOptions,
 ) -> Vec<Sensitivity> {
-    let has_vocab_law = split.n_vocabularies() > 1;
+    let has_vocab_law = n_vocabularies(grids) > 1;
     let row = |variant: String, minima: &[Minimum]| {
-        let columns = Columns::new(minima, &split.fitted, options);
-        numbers(variant, &columns, has_vocab_law, options)
+        through(variant, (minima, grids), has_vocab_law, options)
     };
     let mut rows: Vec<_> = per_method
         .iter()
@@ -52,21 +54,21 @@ pub(in crate::laws) fn by_method(
             rows.push(row(format!("minima: {method}, flagged kept"), minima));
         }
     }
-    rows.extend(other_methods(per_method, split, options).map(|(m, used)| row(m, &used)));
-    rows.extend(size_with_vocabulary(law_method, split, options));
+    rows.extend(other_methods(per_method, grids, options).map(|(m, used)| row(m, &used)));
+    rows.extend(size_with_vocabulary(law_method, grids, options));
     rows
 }
 
 /// Akima's spline and the surface where they were not asked for and two budgets have one.
 fn other_methods(
     per_method: &[(MinimumMethod, Vec<Minimum>)],
-    split: &Split,
+    grids: &[Grid],
     options: &FitOptions,
 ) -> impl Iterator<Item = (String, Vec<Minimum>)> {
     let asked = |method: &MinimumMethod| per_method.iter().any(|(asked, _)| asked == method);
     let methods = [MinimumMethod::Akima, MinimumMethod::Surface];
     let rows = methods.into_iter().filter(|method| !asked(method)).map(|method| {
-        let used = usable(&minima::of_grids(method, &split.fitted, None), options);
+        let used = usable(&minima::of_grids(method, grids, None), options);
         let found: Vec<Minimum> = used.into_iter().filter(|m| !m.is_best_run_instead()).collect();
         (format!("minima: {method}"), found)
     });
@@ -77,36 +79,26 @@ fn other_methods(
 /// its own. None where the table tells no N_v apart, or has too few minima so counted.
 fn size_with_vocabulary(
     method: MinimumMethod,
-    split: &Split,
+    grids: &[Grid],
     options: &FitOptions,
 ) -> Option<Sensitivity> {
     // The surface needs both parameters; the parabola is its nearest kin.
     let method = if method == MinimumMethod::Surface { MinimumMethod::Parabola } else { method };
-    let grids: Vec<Grid> = split.fitted.iter().filter_map(Grid::with_total_size).collect();
+    let grids: Vec<Grid> = grids.iter().filter_map(Grid::with_total_size).collect();
     let used = usable(&minima::of_grids(method, &grids, None), options);
     let total = FitOptions { parameters: Parameters::Total, ..options.clone() };
-    let columns = Columns::new(&used, &grids, &total);
-    let row = numbers("size: N = N_nv + N_v".into(), &columns, false, &total);
+    let row = through("size: N = N_nv + N_v".into(), (&used, &grids), false, &total);
     row.exponent_params.map(|_| row)
 }
 
-fn numbers(
+/// The row of the laws through some minima.
+fn through(
     variant: String,
-    columns: &Columns,
-    has_vocab_law: bool,
+    (minima, grids): (&[Minimum], &[Grid]),
+    several: bool,
     options: &FitOptions,
 ) -> Sensitivity {
-    let laws = law_set(columns, geometric_mean(&columns.compute), options);
-    let laws = laws.as_ref();
-    let vocab = laws.filter(|_| has_vocab_law).and_then(|l| l.params_vocab.as_ref());
-    let size = laws.map(|l| l.params_nonvocab.exponent);
-    let is_total = options.parameters == Parameters::Total;
-    Sensitivity {
-        variant,
-        exponent_vocab: vocab.map(|law| law.exponent),
-        exponent_nonvocab: size.filter(|_| !is_total),
-        exponent_params: size.filter(|_| is_total),
-        exponent_tokens: laws.map(|l| l.tokens.exponent),
-        slope_per_decade: laws.map(|l| l.loss.slope_per_decade),
-    }
+    let set = LawSet::through(minima, grids, options);
+    let laws = set.as_ref().map(|set| set.powers(several, options.parameters));
+    row(variant, &laws.unwrap_or_default(), set.map(|set| set.log.slope_per_decade))
 }

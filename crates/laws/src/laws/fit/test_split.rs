@@ -18,7 +18,7 @@ const FEWEST: usize = 5;
 
 /// Of some budgets, ascending; none where a cell does not know its blocks, there are few, or the cells do not
 /// tell how blocks differ over them.
-pub(in crate::laws) fn test_noise(grids: &[&Grid], noise: Option<RunNoise>) -> Option<TestNoise> {
+pub(in crate::laws) fn test_noise(grids: &[Grid], noise: Option<RunNoise>) -> Option<TestNoise> {
     let largest = grids.last()?;
     let (best, n_blocks) = (largest.best(), largest.best().by_block.len());
     let centre = place(best, largest.budget_flops);
@@ -97,7 +97,7 @@ mod tests {
     }
 
     fn noise(grids: &[Grid]) -> Option<TestNoise> {
-        test_noise(&grids.iter().collect::<Vec<_>>(), None)
+        test_noise(grids, None)
     }
 
     fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {

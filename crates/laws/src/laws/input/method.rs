@@ -7,11 +7,23 @@ use serde::{Deserialize, Serialize};
 
 /// How the minimum of one budget was found.
 #[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    JsonSchema,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum MinimumMethod {
     /// The best run (ScaMo).
+    #[default]
     Argmin,
     /// A quadratic in ln N_nv through the best run of each size (Hoffmann et al. 2022, approach 2).
     Parabola,
@@ -25,12 +37,6 @@ pub enum MinimumMethod {
 
 impl fmt::Display for MinimumMethod {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Argmin => "argmin",
-            Self::Parabola => "parabola",
-            Self::Cubic => "cubic",
-            Self::Akima => "akima",
-            Self::Surface => "surface",
-        })
+        self.serialize(f)
     }
 }

@@ -56,12 +56,10 @@ mod tests {
     use super::*;
     use crate::laws::file::laws::Laws;
     use crate::laws::fit::approach1::approach1;
-    use crate::laws::fit::approach1::options::Approach1Options;
     use crate::laws::fit::fit;
     use crate::laws::fit::parametric_laws::fit_parametric;
     use crate::laws::input::error::FitError;
     use crate::laws::input::options::FitOptions;
-    use crate::laws::input::point::Parameters;
     use crate::laws::parametric::form::Form;
     use crate::laws::parametric::options::ParametricOptions;
     use crate::laws::published::scamo::scamo;
@@ -85,18 +83,9 @@ mod tests {
     fn points_of_two_metrics_are_not_fitted_together() {
         let mut points = SWEEP.points();
         points[3].metric = Metric::new("nats_per_frame");
-        let approach1_options = Approach1Options {
-            name: String::new(),
-            flops_rule: "6nd".to_string(),
-            parameters: Parameters::Split,
-            interpolate: true,
-            huber: None,
-            bootstrap: 0,
-            seed: 0,
-        };
         let errors = [
             fit(&points, &FitOptions::default()).unwrap_err(),
-            approach1(&points, &approach1_options).unwrap_err(),
+            approach1(&points, &FitOptions::default()).unwrap_err(),
             fit_parametric(&points, &ParametricOptions::of(Form::Approach3)).unwrap_err(),
         ];
         for error in errors {

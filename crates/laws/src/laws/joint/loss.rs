@@ -100,6 +100,11 @@ struct Parts {
 }
 
 impl JointLoss {
+    /// The same law with other coefficients.
+    pub(in crate::laws) fn with(&self, values: &[f64]) -> Self {
+        Self { values: values.to_vec(), ..self.clone() }
+    }
+
     /// The loss of a model of N_nv parameters and V codes, trained on D tokens.
     pub fn at(&self, params_nonvocab: f64, n_vocab: f64, tokens: f64) -> f64 {
         self.value(&Place {

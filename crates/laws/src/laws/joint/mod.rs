@@ -43,4 +43,3 @@ pub(super) use above::above;
 pub(super) use cost::Cost;
 pub use law::JointLaw;
 pub use loss::JointLoss;
-pub use optimum::JointOptimum;

@@ -1,6 +1,7 @@
 //! The best allocation of a budget by a joint loss.
 
 use super::{Cost, JointLoss};
+use crate::laws::minima::types::Optimum;
 
 /// How far beyond the sizes and vocabularies tried an optimum is looked for, as factors.
 const BELOW: f64 = 8.0;
@@ -11,21 +12,9 @@ const STEPS: usize = 28;
 /// The share of all that is looked at, in logarithms, within which an optimum lies at an end.
 const AT_AN_END: f64 = 1e-3;
 
-/// The allocation of least loss that spends a budget.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct JointOptimum {
-    pub params_nonvocab: f64,
-    /// 0 where N alone is known.
-    pub params_vocab: f64,
-    /// 0 where N alone is known.
-    pub n_vocab: f64,
-    pub tokens: f64,
-    pub loss: f64,
-}
-
 impl Cost {
     /// Of `loss` at `budget` FLOPs; none where it is not finite.
-    pub fn optimum(&self, loss: &JointLoss, budget: f64) -> Option<JointOptimum> {
+    pub fn optimum(&self, loss: &JointLoss, budget: f64) -> Option<Optimum> {
         let sizes = self.sizes_looked_at();
         let best_of = |ln_vocab: f64| {
             let at = |ln_size: f64| self.at(loss, budget, ln_size, ln_vocab);
@@ -45,13 +34,14 @@ impl Cost {
     pub fn at_an_end(
         &self,
         loss: &JointLoss,
-        optimum: &JointOptimum,
+        optimum: &Optimum,
     ) -> Option<(&'static str, [f64; 2])> {
         let is_end = |x: f64, [low, high]: [f64; 2]| {
             (x.ln() - low).min(high - x.ln()) < AT_AN_END * (high - low)
         };
         let size = ("size", optimum.params_nonvocab, Some(self.sizes_looked_at()));
-        let vocab = ("vocabulary", optimum.n_vocab, self.vocabularies_looked_at(loss));
+        let vocab =
+            ("vocabulary", optimum.n_vocab.unwrap_or_default(), self.vocabularies_looked_at(loss));
         [size, vocab].into_iter().find_map(|(what, x, range)| {
             range.filter(|range| is_end(x, *range)).map(|range| (what, range.map(f64::exp)))
         })
@@ -69,17 +59,16 @@ impl Cost {
         loss.terms.vocab.then_some([low - BELOW.ln(), high + VOCABULARIES_ABOVE.ln()])
     }
 
-    fn at(&self, loss: &JointLoss, budget: f64, ln_size: f64, ln_vocab: f64) -> JointOptimum {
+    fn at(&self, loss: &JointLoss, budget: f64, ln_size: f64, ln_vocab: f64) -> Optimum {
         let (params_nonvocab, n_vocab) = (ln_size.exp(), ln_vocab.exp());
         let params_vocab = self.params_vocab(params_nonvocab, n_vocab);
         let tokens = self.tokens(budget, params_nonvocab, params_vocab);
-        let n_vocab = if params_vocab > 0.0 { n_vocab } else { 0.0 };
-        JointOptimum {
+        Optimum {
             params_nonvocab,
             params_vocab,
-            n_vocab,
+            n_vocab: (params_vocab > 0.0).then_some(n_vocab),
             tokens,
-            loss: loss.at(params_nonvocab, ln_vocab.exp(), tokens),
+            loss: loss.at(params_nonvocab, n_vocab, tokens),
         }
     }
 }

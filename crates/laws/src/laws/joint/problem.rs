@@ -117,7 +117,7 @@ impl Problem {
     }
 
     pub fn law(&self, values: &[f64]) -> JointLoss {
-        JointLoss { values: values.to_vec(), ..self.frame.clone() }
+        self.frame.with(values)
     }
 
     /// The weighed sum of squares of the cells alone.

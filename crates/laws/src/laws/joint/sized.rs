@@ -1,37 +1,42 @@
 //! What a joint law says of a model that need not be the best one for its FLOPs.
 
 use super::weighed::valley;
-use super::{JointLaw, JointLoss, JointOptimum};
+use super::{JointLaw, JointLoss};
+use crate::laws::minima::types::Optimum;
 
 /// A model on some tokens, beside the best model for the same FLOPs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct JointSized {
+pub struct SizedLoss {
     pub flops: f64,
     pub params_vocab: f64,
+    /// V, if the law or the caller tells it.
+    pub n_vocab: Option<f64>,
     pub loss: f64,
     /// `None` if the law has no finite optimum there.
-    pub best: Option<JointOptimum>,
+    pub best: Option<Optimum>,
     /// The loss, and that of the best model, by each bootstrap replicate that has both.
     pub replicates: Vec<[f64; 2]>,
 }
 
 impl JointLaw {
     /// A model of `params_nonvocab` parameters and `n_vocab` codes, trained on `tokens`.
-    pub fn sized(&self, params_nonvocab: f64, n_vocab: f64, tokens: f64) -> JointSized {
-        let params_vocab = self.cost.params_vocab(params_nonvocab, n_vocab);
+    pub fn sized(&self, params_nonvocab: f64, n_vocab: Option<f64>, tokens: f64) -> SizedLoss {
+        let v = n_vocab.unwrap_or_default();
+        let params_vocab = self.cost.params_vocab(params_nonvocab, v);
         let flops = tokens / self.cost.tokens(1.0, params_nonvocab, params_vocab);
         let pair = |loss: &JointLoss| {
             let best = self.cost.optimum(loss, flops)?;
-            Some((loss.at(params_nonvocab, n_vocab, tokens), best))
+            Some((loss.at(params_nonvocab, v, tokens), best))
         };
         let replicate = |values: &Vec<f64>| {
-            let (loss, best) = pair(&JointLoss { values: values.clone(), ..self.loss.clone() })?;
+            let (loss, best) = pair(&self.loss.with(values))?;
             Some([loss, best.loss])
         };
-        JointSized {
+        SizedLoss {
             flops,
             params_vocab,
-            loss: self.loss.at(params_nonvocab, n_vocab, tokens),
+            n_vocab,
+            loss: self.loss.at(params_nonvocab, v, tokens),
             best: pair(&self.loss).map(|(_, best)| best),
             replicates: self.bootstrap.iter().filter_map(replicate).collect(),
         }

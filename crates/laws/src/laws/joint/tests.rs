@@ -107,7 +107,7 @@ fn an_optimum_far_beyond_the_cells_is_predicted() {
         assert!((found.loss - loss).abs() < nats, "{factor}: {found:?}, {loss}");
         let near = |a: f64, b: f64| (a / b).ln().abs() < f64::ln(ratio);
         assert!(
-            near(found.params_nonvocab, n) && near(found.n_vocab, vocab),
+            near(found.params_nonvocab, n) && near(found.n_vocab.unwrap(), vocab),
             "{found:?} {n} {vocab}"
         );
         let spent = 6.0 * (found.params_nonvocab + found.params_vocab) * found.tokens

@@ -29,16 +29,14 @@
 //! Replicate i draws from ChaCha8's stream i of the seed, so the samples do not depend on the
 //! number of threads.
 
-use super::floor_law::floor_law;
 use super::law_set::{Columns, law_set};
-use super::sample::{FloorSample, LawSample};
+use super::sample::LawSample;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::input::options::FitOptions;
 use crate::laws::maths::random::Normals;
 use crate::laws::minima;
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
-use crate::laws::minima::split::Split;
 use crate::laws::minima::types::Minimum;
 use crate::laws::noise::test_noise::{OtherClips, TestNoise};
 use crate::laws::noise::tokenizer_noise::TokenizerNoise;
@@ -47,7 +45,8 @@ use rayon::prelude::*;
 /// What the replicates are made of.
 #[derive(Clone)]
 pub(in crate::laws) struct Bootstrap<'a> {
-    pub split: &'a Split,
+    /// The cells of each budget.
+    pub grids: &'a [Grid],
     /// The kinds of minimum to find in each replicate.
     pub methods: &'a [MinimumMethod],
     /// The kind the laws are fitted to; one of `methods`.
@@ -68,7 +67,7 @@ pub(in crate::laws) struct Bootstrap<'a> {
 }
 
 /// What an interval holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::laws) struct Sources {
     pub runs: bool,
     pub tokenizers: bool,
@@ -80,8 +79,6 @@ pub(in crate::laws) struct Sources {
 impl Sources {
     pub const ALL: Self =
         Self { runs: true, tokenizers: true, misfit: true, method: true, test: true };
-    pub const NONE: Self =
-        Self { runs: false, tokenizers: false, misfit: false, method: false, test: false };
 }
 
 /// What one replicate gave.
@@ -113,7 +110,7 @@ impl Bootstrap<'_> {
         let tokenizers = self.tokenizers.filter(|_| self.sources.tokenizers);
         let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
         let clips = self.test.filter(|_| self.sources.test).map(|noise| noise.draw(&mut normals));
-        let grids = self.split.fitted.iter();
+        let grids = self.grids.iter();
         let noisy = |grid: &Grid| {
             let sd = drawn_sd * self.sd_of_runs(grid);
             grid.with_losses(|cell| {
@@ -125,7 +122,7 @@ impl Bootstrap<'_> {
         let minima: Vec<Minimum> = self.methods.iter().copied().flat_map(of).collect();
         let fitted = self.method_of(stream).map(|own| match &clips {
             Some(clips) => self.on_other_clips(clips, self.methods[own], &drawn),
-            None => minima[own * drawn.len()..][..self.split.fitted.len()].to_vec(),
+            None => minima[own * drawn.len()..][..self.grids.len()].to_vec(),
         });
         Replicate {
             laws: fitted.and_then(|fitted| self.laws(&fitted)),
@@ -145,7 +142,7 @@ impl Bootstrap<'_> {
     ) -> Vec<Minimum> {
         let moved =
             |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell, grid.best()));
-        let fitted = drawn[..self.split.fitted.len()].iter();
+        let fitted = drawn[..self.grids.len()].iter();
         fitted.map(|grid| minima::of_grid(method, &moved(grid))).collect()
     }
 
@@ -172,11 +169,10 @@ impl Bootstrap<'_> {
             used && (self.options.keep_flagged || !m.is_best_run_instead())
         };
         let used: Vec<Minimum> = fitted.iter().filter(is_used).cloned().collect();
-        let columns = Columns::new(&used, &self.split.fitted, self.options);
+        let columns = Columns::new(&used, self.grids, self.options);
         let laws = law_set(&columns, self.reference, self.options)?;
-        let floor = floor_law(&columns.compute, &columns.loss, self.reference);
         Some(ReplicateLaws {
-            sample: LawSample { floor: floor.as_ref().map(FloorSample::of), ..laws.sample()? },
+            sample: laws.sample()?,
             vocab_from_nonvocab: laws.vocab_from_nonvocab.map(|law| law.exponent),
         })
     }

@@ -6,7 +6,7 @@
 //! its square root.
 
 use super::types::FloorLaw;
-use crate::laws::maths::stats::{aic, r2};
+use crate::laws::maths::stats::{aic, dot, r2};
 use argmin::core::{CostFunction, Error, Executor, State};
 use argmin::solver::brent::BrentRoot;
 
@@ -32,11 +32,8 @@ pub fn floor_law(compute: &[f64], loss: &[f64], reference: f64) -> Option<FloorL
         exponent,
         r2: r2(loss, &fitted, &vec![1.0; loss.len()]),
         aic: aic(loss, &fitted, 3),
-        held_out_error: None,
-        floor_ci95: None,
-        coefficient_ci95: None,
-        exponent_ci95: None,
         n: loss.len(),
+        ..FloorLaw::default()
     })
 }
 
@@ -146,10 +143,6 @@ fn minus_mean(mut v: Vec<f64>) -> Vec<f64> {
     let mean = v.iter().sum::<f64>() / v.len() as f64;
     v.iter_mut().for_each(|v| *v -= mean);
     v
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

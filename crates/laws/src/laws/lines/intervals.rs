@@ -13,27 +13,25 @@ pub(in crate::laws) fn laws(replicates: &[Replicate]) -> Vec<ReplicateLaws> {
     replicates.iter().filter_map(|replicate| replicate.laws).collect()
 }
 
-/// The laws with the interval of every coefficient; `reference` is C0.
-pub(in crate::laws) fn of_set(
-    mut set: LawSet,
-    replicates: &[ReplicateLaws],
-    reference: f64,
-) -> LawSet {
+/// The laws with the interval of every coefficient.
+pub(in crate::laws) fn of_set(mut set: LawSet, replicates: &[ReplicateLaws]) -> LawSet {
     let samples: Vec<LawSample> = replicates.iter().map(|r| r.sample).collect();
+    let ln_reference = set.reference.ln();
     let power = |law: &mut PowerLaw, of: fn(&LawSample) -> (f64, f64)| {
         let coefficients: Vec<_> = samples.iter().map(of).collect();
-        of_power(law, &coefficients, reference.ln());
+        of_power(law, &coefficients, ln_reference);
     };
     if let Some(law) = &mut set.params_vocab {
-        power(law, |s| (s.ln_vocab_at_reference, s.exponent_vocab));
+        power(law, LawSample::vocab);
     }
-    power(&mut set.params_nonvocab, |s| (s.ln_nonvocab_at_reference, s.exponent_nonvocab));
-    power(&mut set.tokens, |s| (s.ln_tokens_at_reference, s.exponent_tokens));
+    power(&mut set.params_nonvocab, LawSample::size);
+    power(&mut set.tokens, LawSample::tokens);
     if let Some(law) = &mut set.vocab_from_nonvocab {
         let exponents = replicates.iter().filter_map(|r| r.vocab_from_nonvocab);
-        law.exponent_ci95 = interval95(&exponents.collect::<Vec<_>>());
+        law.exponent_ci95 = interval95(exponents);
     }
-    set.loss = of_log(set.loss, &samples);
+    set.log = of_log(set.log, &samples);
+    set.floor = set.floor.map(|law| of_floor(law, &samples));
     set
 }
 
@@ -43,9 +41,7 @@ pub(in crate::laws) fn of_power(
     coefficients: &[(f64, f64)],
     ln_reference: f64,
 ) {
-    let interval = |value: &dyn Fn(&(f64, f64)) -> f64| {
-        interval95(&coefficients.iter().map(value).collect::<Vec<_>>())
-    };
+    let interval = |value: &dyn Fn(&(f64, f64)) -> f64| interval95(coefficients.iter().map(value));
     law.exponent_ci95 = interval(&|(_, exponent)| *exponent);
     law.ln_at_reference_ci95 = interval(&|(level, _)| *level);
     law.log10_coefficient_ci95 =
@@ -53,8 +49,7 @@ pub(in crate::laws) fn of_power(
 }
 
 fn of_log(law: LogLaw, samples: &[LawSample]) -> LogLaw {
-    let interval =
-        |value: fn(&LawSample) -> f64| interval95(&samples.iter().map(value).collect::<Vec<_>>());
+    let interval = |value: fn(&LawSample) -> f64| interval95(samples.iter().map(value));
     LogLaw {
         slope_ci95: interval(|s| s.loss_slope_per_decade),
         intercept_ci95: interval(|s| s.loss_intercept),
@@ -65,8 +60,7 @@ fn of_log(law: LogLaw, samples: &[LawSample]) -> LogLaw {
 /// The floor law with the interval of each coefficient, over the replicates that had one.
 pub(in crate::laws) fn of_floor(law: FloorLaw, samples: &[LawSample]) -> FloorLaw {
     let samples: Vec<FloorSample> = samples.iter().filter_map(|sample| sample.floor).collect();
-    let interval =
-        |value: fn(&FloorSample) -> f64| interval95(&samples.iter().map(value).collect::<Vec<_>>());
+    let interval = |value: fn(&FloorSample) -> f64| interval95(samples.iter().map(value));
     FloorLaw {
         floor_ci95: interval(|s| s.floor),
         coefficient_ci95: interval(|s| s.coefficient),
@@ -85,8 +79,7 @@ pub(in crate::laws) fn of_minimum(
     if minimum.is_best_run_instead() {
         return minimum;
     }
-    let interval =
-        |i: usize| interval95(&replicates.iter().map(|r| r.minima[index][i]).collect::<Vec<_>>());
+    let interval = |i: usize| interval95(replicates.iter().map(|r| r.minima[index][i]));
     let intervals = MinimumIntervals {
         params_nonvocab: interval(0),
         params_vocab: interval(1).filter(|_| minimum.params_vocab > 0.0),

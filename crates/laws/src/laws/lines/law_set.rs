@@ -1,10 +1,11 @@
 //! Every law through one set of minima: what the fit, the sensitivity table and each bootstrap
 //! replicate have in common.
 
+use super::floor_law::floor_law;
 use super::log_law::log_law;
 use super::power::{from_line, power_law};
-use super::sample::LawSample;
-use super::types::{Exponents, LogLaw, PowerLaw};
+use super::sample::{FloorSample, LawSample};
+use super::types::{Exponents, FloorLaw, LogLaw, PowerLaw, PowerLaws};
 use crate::laws::input::budget::is_same_budget;
 use crate::laws::input::options::{FitOptions, Weights};
 use crate::laws::input::point::Parameters;
@@ -13,9 +14,11 @@ use crate::laws::maths::stats::geometric_mean;
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::types::Minimum;
 
-/// The laws through a set of minima.
+/// The laws through a set of minima, around C0.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::laws) struct LawSet {
+    /// C0.
+    pub reference: f64,
     /// None where N_v is not told apart.
     pub params_vocab: Option<PowerLaw>,
     /// The law of N where N_v is not told apart.
@@ -23,7 +26,9 @@ pub(in crate::laws) struct LawSet {
     pub tokens: PowerLaw,
     /// N_v in N_nv (ScaMo Eq. 10); none where N_nv does not vary or N_v is not told apart.
     pub vocab_from_nonvocab: Option<PowerLaw>,
-    pub loss: LogLaw,
+    pub log: LogLaw,
+    /// None for fewer than three C, or if the loss does not fall with C.
+    pub floor: Option<FloorLaw>,
 }
 
 impl Exponents {
@@ -39,11 +44,11 @@ impl Exponents {
 /// The minima as columns, C in the axis asked for.
 pub(in crate::laws) struct Columns {
     pub compute: Vec<f64>,
-    params_vocab: Vec<f64>,
-    params_nonvocab: Vec<f64>,
-    tokens: Vec<f64>,
+    pub params_vocab: Vec<f64>,
+    pub params_nonvocab: Vec<f64>,
+    pub tokens: Vec<f64>,
     pub loss: Vec<f64>,
-    weights: Vec<f64>,
+    pub weights: Vec<f64>,
 }
 
 impl Columns {
@@ -88,8 +93,17 @@ pub(in crate::laws) fn law_set(
     let (x, y) = (&columns.params_nonvocab, &columns.params_vocab);
     let in_nonvocab = || power_law(x, y, geometric_mean(x), &columns.weights, options.huber);
     let vocab_from_nonvocab = params_vocab.as_ref().and_then(|_| in_nonvocab());
-    let loss = log_law(&columns.compute, &columns.loss)?;
-    Some(LawSet { params_vocab, params_nonvocab, tokens, vocab_from_nonvocab, loss })
+    let log = log_law(&columns.compute, &columns.loss)?;
+    let floor = floor_law(&columns.compute, &columns.loss, reference);
+    Some(LawSet {
+        reference,
+        params_vocab,
+        params_nonvocab,
+        tokens,
+        vocab_from_nonvocab,
+        log,
+        floor,
+    })
 }
 
 /// The law of D that makes the three laws spend C, to first order around C0.
@@ -123,6 +137,23 @@ fn spending_tokens(
 }
 
 impl LawSet {
+    /// The laws through some minima, around the middle of their budgets.
+    pub fn through(minima: &[Minimum], grids: &[Grid], options: &FitOptions) -> Option<Self> {
+        let columns = Columns::new(minima, grids, options);
+        law_set(&columns, geometric_mean(&columns.compute), options)
+    }
+
+    /// The power laws by what they are laws of; that of N_v only if `several` vocabularies were tried.
+    pub fn powers(&self, several: bool, parameters: Parameters) -> PowerLaws {
+        let all = PowerLaws {
+            params_nonvocab: Some(self.params_nonvocab.clone()),
+            params_vocab: self.params_vocab.clone().filter(|_| several),
+            tokens: Some(self.tokens.clone()),
+            ..PowerLaws::default()
+        };
+        all.under(parameters)
+    }
+
     /// The coefficients as one bootstrap replicate keeps them; none where one is not finite.
     pub fn sample(&self) -> Option<LawSample> {
         let vocab = self.params_vocab.as_ref();
@@ -133,13 +164,13 @@ impl LawSet {
             exponent_nonvocab: self.params_nonvocab.exponent,
             ln_tokens_at_reference: self.tokens.ln_at_reference,
             exponent_tokens: self.tokens.exponent,
-            loss_intercept: self.loss.intercept,
-            loss_slope_per_decade: self.loss.slope_per_decade,
-            floor: None,
+            loss_intercept: self.log.intercept,
+            loss_slope_per_decade: self.log.slope_per_decade,
+            floor: self.floor.as_ref().map(FloorSample::of),
         };
         let laws = [vocab, Some(&self.params_nonvocab), Some(&self.tokens)];
         let finite =
             laws.iter().flatten().all(|law| (law.ln_at_reference + law.exponent).is_finite());
-        (finite && (self.loss.intercept + self.loss.slope_per_decade).is_finite()).then_some(sample)
+        (finite && (self.log.intercept + self.log.slope_per_decade).is_finite()).then_some(sample)
     }
 }

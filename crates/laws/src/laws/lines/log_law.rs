@@ -15,10 +15,8 @@ pub fn log_law(compute: &[f64], loss: &[f64]) -> Option<LogLaw> {
         intercept: line.at(0.0),
         r2: r2(loss, &fitted, &weights),
         aic: aic(loss, &fitted, 2),
-        held_out_error: None,
-        slope_ci95: None,
-        intercept_ci95: None,
         n: x.len(),
+        ..LogLaw::default()
     })
 }
 

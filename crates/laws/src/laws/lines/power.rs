@@ -41,10 +41,8 @@ pub(in crate::laws) fn from_line(
         exponent: line.slope,
         ln_at_reference: line.at(reference.ln()),
         r2: r2(ln_y, &fitted, weights),
-        exponent_ci95: None,
-        ln_at_reference_ci95: None,
-        log10_coefficient_ci95: None,
         n: ln_x.len(),
+        ..PowerLaw::default()
     }
 }
 

@@ -31,6 +31,21 @@ pub struct FloorSample {
     pub exponent: f64,
 }
 
+/// ln y at C0 and the exponent of each law.
+impl LawSample {
+    pub fn size(&self) -> (f64, f64) {
+        (self.ln_nonvocab_at_reference, self.exponent_nonvocab)
+    }
+
+    pub fn vocab(&self) -> (f64, f64) {
+        (self.ln_vocab_at_reference, self.exponent_vocab)
+    }
+
+    pub fn tokens(&self) -> (f64, f64) {
+        (self.ln_tokens_at_reference, self.exponent_tokens)
+    }
+}
+
 impl FloorSample {
     /// What a replicate keeps of its floor law.
     pub(in crate::laws) fn of(law: &FloorLaw) -> Self {

@@ -59,7 +59,7 @@ pub fn slices(points: &[IsoFlopPoint]) -> Result<Slices, FitError> {
 
 /// Where the slice of a budget lies.
 fn level(budget: &Budget) -> f64 {
-    geometric_mean(&budget.points.iter().map(|point| point.flops).collect::<Vec<_>>())
+    geometric_mean(budget.points.iter().map(|point| point.flops))
 }
 
 /// A run at the level of its budget's slice.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::laws::input::quantities::PerQuantity;
 
 /// log10 y = `log10_coefficient` + `exponent` · log10 x.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PowerLaw {
     pub log10_coefficient: f64,
     pub exponent: f64,
@@ -16,9 +16,7 @@ pub struct PowerLaw {
     pub r2: f64,
     /// 95 % bootstrap percentile interval; absent where too few points allow none.
     pub exponent_ci95: Option<[f64; 2]>,
-    #[serde(default)]
     pub ln_at_reference_ci95: Option<[f64; 2]>,
-    #[serde(default)]
     pub log10_coefficient_ci95: Option<[f64; 2]>,
     /// Points fitted; 0 for a published law.
     pub n: usize,
@@ -32,7 +30,7 @@ impl PowerLaw {
 }
 
 /// L_u = `slope_per_decade` · log10 C + `intercept` (ScaMo Eq. 14).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LogLaw {
     pub slope_per_decade: f64,
     pub intercept: f64,
@@ -41,7 +39,6 @@ pub struct LogLaw {
     /// Predicted minus measured at the held-out budget, in nats.
     pub held_out_error: Option<f64>,
     pub slope_ci95: Option<[f64; 2]>,
-    #[serde(default)]
     pub intercept_ci95: Option<[f64; 2]>,
     pub n: usize,
 }
@@ -54,7 +51,7 @@ impl LogLaw {
 }
 
 /// L_u = `floor` + `coefficient` · (C / C0)^(−`exponent`), C0 = [`Laws::reference_flops`](crate::laws::Laws::reference_flops).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FloorLaw {
     pub floor: f64,
     pub coefficient: f64,
@@ -63,11 +60,8 @@ pub struct FloorLaw {
     pub aic: f64,
     /// Predicted minus measured at the held-out budget, in nats.
     pub held_out_error: Option<f64>,
-    #[serde(default)]
     pub floor_ci95: Option<[f64; 2]>,
-    #[serde(default)]
     pub coefficient_ci95: Option<[f64; 2]>,
-    #[serde(default)]
     pub exponent_ci95: Option<[f64; 2]>,
     pub n: usize,
 }

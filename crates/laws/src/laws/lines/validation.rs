@@ -1,13 +1,11 @@
 //! How well the laws predict budgets that they have not seen.
 
-use super::floor_law::floor_law;
-use super::law_set::{Columns, law_set};
+use super::law_set::LawSet;
 use super::types::{PowerLaw, Validation, ValidationKind};
 use crate::laws::input::options::FitOptions;
 use crate::laws::input::point::Parameters;
-use crate::laws::maths::stats::geometric_mean;
 use crate::laws::minima::grid::Grid;
-use crate::laws::minima::split::Split;
+use crate::laws::minima::select::n_vocabularies;
 use crate::laws::minima::types::Minimum;
 
 /// Fewest budgets that laws are fitted to; the floor law needs one more.
@@ -17,11 +15,10 @@ const FEWEST: usize = 2;
 /// predicted from the smaller ones.
 pub(in crate::laws) fn validate(
     used: &[Minimum],
-    split: &Split,
+    grids: &[Grid],
     options: &FitOptions,
 ) -> Vec<Validation> {
-    let grids = &split.fitted;
-    let has_vocab_law = split.n_vocabularies() > 1;
+    let has_vocab_law = n_vocabularies(grids) > 1;
     let error = |kind, measured: &Minimum, from: &[Minimum]| {
         let mut row = predicted(kind, measured, from, grids, options)?;
         row.params_vocab_ratio = row.params_vocab_ratio.filter(|_| has_vocab_law);
@@ -48,10 +45,8 @@ fn predicted(
     if from.len() < FEWEST {
         return None;
     }
-    let columns = Columns::new(from, grids, options);
-    let reference = geometric_mean(&columns.compute);
-    let laws = law_set(&columns, reference, options)?;
-    let floor = floor_law(&columns.compute, &columns.loss, reference);
+    let laws = LawSet::through(from, grids, options)?;
+    let floor = laws.floor.as_ref();
     let at = measured.budget_flops;
     let ratio = |law: &PowerLaw, measured: f64| law.value_at(at) / measured;
     let size = ratio(&laws.params_nonvocab, measured.params_nonvocab);
@@ -60,8 +55,8 @@ fn predicted(
         kind,
         budget_flops: measured.budget_flops,
         n_fitted: from.len(),
-        log_error: laws.loss.loss_at(at) - measured.loss_normalised,
-        floor_error: floor.map(|law| law.loss_at(at, reference) - measured.loss_normalised),
+        log_error: laws.log.loss_at(at) - measured.loss_normalised,
+        floor_error: floor.map(|law| law.loss_at(at, laws.reference) - measured.loss_normalised),
         params_ratio: is_total.then_some(size),
         params_nonvocab_ratio: (!is_total).then_some(size),
         params_vocab_ratio: laws.params_vocab.as_ref().map(|l| ratio(l, measured.params_vocab)),

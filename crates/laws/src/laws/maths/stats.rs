@@ -1,5 +1,7 @@
 //! Small statistics that several steps share.
 
+use std::borrow::Borrow;
+
 /// The 97.5th percentile of the normal distribution.
 pub(in crate::laws) const NORMAL_97_5: f64 = 1.959_964;
 
@@ -30,15 +32,22 @@ pub fn extent(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
 }
 
+/// Σ a b.
+pub(in crate::laws) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
 /// The geometric mean.
-pub(in crate::laws) fn geometric_mean(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v.ln()).sum::<f64>() / values.len() as f64).exp()
+pub(in crate::laws) fn geometric_mean(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
+    let logs: Vec<f64> = values.into_iter().map(|value| value.borrow().ln()).collect();
+    (logs.iter().sum::<f64>() / logs.len() as f64).exp()
 }
 
 /// The quantile at `p` in 0..=1 by linear interpolation between order statistics (R's type 7);
 /// none for no values.
 pub fn quantile(values: &[f64], p: f64) -> Option<f64> {
-    let sorted = sorted(values);
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
     Some(at_rank(&sorted, p * sorted.len().checked_sub(1)? as f64))
 }
 
@@ -46,19 +55,14 @@ pub fn quantile(values: &[f64], p: f64) -> Option<f64> {
 ///
 /// Its ends have rank p(n + 1) (R's type 6): a further value falls between them with a probability of
 /// 95 % for every n, where type 7 gives 94 % for 200 values.
-pub fn interval95(values: &[f64]) -> Option<[f64; 2]> {
-    if values.len() < MIN_REPLICATES {
+pub fn interval95(values: impl IntoIterator<Item: Borrow<f64>>) -> Option<[f64; 2]> {
+    let mut sorted: Vec<f64> = values.into_iter().map(|value| *value.borrow()).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    if sorted.len() < MIN_REPLICATES {
         return None;
     }
-    let sorted = sorted(values);
     let end = |p: f64| at_rank(&sorted, p * (sorted.len() + 1) as f64 - 1.0);
     Some([end(0.025), end(0.975)])
-}
-
-fn sorted(values: &[f64]) -> Vec<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    sorted
 }
 
 /// The value at a rank counted from 0, between its neighbours where it is no integer.

@@ -53,13 +53,20 @@ fn lowest_inside(x: &[f64], y: &[f64]) -> Option<(f64, f64)> {
     inside.then_some((at, lowest))
 }
 
+/// The spline through two points or more of ascending x, at a place between two of them.
+pub(crate) fn spline_at(x: &[f64], y: &[f64], place: f64) -> f64 {
+    let i = x.iter().rposition(|x| *x <= place).unwrap_or(0).min(x.len() - 2);
+    let piece = Piece::between(i, x, y, &knot_slopes(x, y));
+    piece.at(place - piece.start)
+}
+
 /// Akima's slope at every knot: the mean of the slopes of the pieces before and after it, each
 /// weighted by the bend on the other side; two further pieces at each end continue the last bend.
 fn knot_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     let n = x.len();
     let piece = |i: usize| (y[i + 1] - y[i]) / (x[i + 1] - x[i]);
     let inner: Vec<f64> = (0..n - 1).map(piece).collect();
-    let (first, last) = (inner[0] - inner[1], inner[n - 2] - inner[n - 3]);
+    let (first, last) = (inner[0] - inner[1.min(n - 2)], inner[n - 2] - inner[n.saturating_sub(3)]);
     let before = [inner[0] + 2.0 * first, inner[0] + first];
     let after = [inner[n - 2] + last, inner[n - 2] + 2.0 * last];
     let m: Vec<f64> = before.into_iter().chain(inner).chain(after).collect();
@@ -106,6 +113,38 @@ impl Piece {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn at(knots: &[(f64, f64)], place: f64) -> f64 {
+        let (x, y): (Vec<f64>, Vec<f64>) = knots.iter().copied().unzip();
+        spline_at(&x, &y, place)
+    }
+
+    #[test]
+    fn the_spline_passes_its_knots_and_is_exact_on_a_line() {
+        let knots = [(0.0, 1.0), (1.0, 3.0), (2.5, 2.0), (3.0, 2.5), (4.0, 7.0)];
+        for (x, y) in knots {
+            assert!((at(&knots, x) - y).abs() < 1e-14);
+        }
+        let line = [0.0, 1.0, 2.5, 4.0].map(|x| (x, 3.0 - 2.0 * x));
+        assert!((at(&line, 3.3) + 3.6).abs() < 1e-14);
+        assert!((at(&line[..2], 0.5) - 2.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn the_spline_agrees_with_scipys() {
+        // scipy.interpolate.Akima1DInterpolator([0, 1, 2.5, 3, 4, 6], [1, 3, 2, 2.5, 7, 7.2])
+        let knots = [(0.0, 1.0), (1.0, 3.0), (2.5, 2.0), (3.0, 2.5), (4.0, 7.0), (6.0, 7.2)];
+        let expected = [
+            (0.3, 1.899_384_615_384_615_2),
+            (1.7, 2.611_984_291_984_292),
+            (2.8, 2.185_363_825_363_825),
+            (3.3, 3.599_656_280_428_431_6),
+            (5.0, 8.262_658_227_848_101),
+        ];
+        for (x, y) in expected {
+            assert!((at(&knots, x) - y).abs() < 1e-12, "{x}");
+        }
+    }
 
     #[test]
     fn the_spline_has_the_slopes_of_akimas_formula() {

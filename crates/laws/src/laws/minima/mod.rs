@@ -12,7 +12,6 @@ pub(in crate::laws) mod interpolate;
 pub(in crate::laws) mod lost_runs;
 pub(in crate::laws) mod run_noise;
 pub(in crate::laws) mod select;
-pub(in crate::laws) mod split;
 pub(in crate::laws) mod surface;
 pub(in crate::laws) mod types;
 

@@ -1,11 +1,14 @@
 //! Which budgets and which minima the laws are fitted to.
 
+use super::grid::Grid;
+use super::run_noise::RunNoise;
 use super::types::Minimum;
 use crate::laws::input::budget::{Budget, is_same_budget};
 use crate::laws::input::error::FitError;
 use crate::laws::input::method::MinimumMethod;
 use crate::laws::input::options::{FitOptions, HoldOut};
 use crate::laws::maths::stats::distinct;
+use crate::laws::minima;
 
 /// Minima that laws go through, at least.
 const ENOUGH: usize = 3;
@@ -87,4 +90,25 @@ pub(in crate::laws) fn tell_laws(used: &[Minimum]) -> bool {
     let of_runs = |m: &Minimum| m.method == MinimumMethod::Argmin || m.is_best_run_instead();
     let sizes = !used.iter().any(of_runs) || differ(|m| m.params_nonvocab) >= ENOUGH;
     used.len() >= ENOUGH && sizes && differ(|m| m.loss_normalised) > 1
+}
+
+/// The minima by each method asked for; without a method for the laws, the two that it may fall on too.
+pub(in crate::laws) fn minima_by_method(
+    grids: &[Grid],
+    options: &FitOptions,
+    scatter: Option<RunNoise>,
+) -> Vec<(MinimumMethod, Vec<Minimum>)> {
+    let mut methods = options.methods.clone();
+    match options.law_method {
+        Some(method) => methods.push(method),
+        None => methods.extend([MinimumMethod::Argmin, MinimumMethod::Parabola]),
+    }
+    methods.sort();
+    methods.dedup();
+    methods.into_iter().map(|method| (method, minima::of_grids(method, grids, scatter))).collect()
+}
+
+/// How many vocabularies were tried.
+pub(in crate::laws) fn n_vocabularies(grids: &[Grid]) -> usize {
+    distinct(grids.iter().flat_map(|grid| &grid.cells).map(|cell| cell.n_vocab)).len()
 }

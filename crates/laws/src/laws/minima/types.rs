@@ -64,6 +64,17 @@ pub struct Minimum {
     pub trusted: bool,
 }
 
+/// What a law asks for at a budget; `params_nonvocab` is N, and N_v is 0, if the law knows N alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Optimum {
+    pub params_nonvocab: f64,
+    pub params_vocab: f64,
+    /// V, if the law tells it.
+    pub n_vocab: Option<f64>,
+    pub tokens: f64,
+    pub loss: f64,
+}
+
 /// A minimum, and how sharply its curve bends there.
 pub(super) struct Located {
     pub minimum: Minimum,
@@ -143,17 +154,6 @@ const MISFIT: f64 = 0.01;
 
 impl fmt::Display for MinimumFlag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::NotBracketed => "not-bracketed",
-            Self::NotConvex => "not-convex",
-            Self::WeakCurvature => "weak-curvature",
-            Self::FewLevels => "few-levels",
-            Self::VocabNotBracketed => "vocab-not-bracketed",
-            Self::EdgeVocab => "edge-vocab",
-            Self::LackOfFit => "lack-of-fit",
-            Self::BelowRuns => "below-runs",
-            Self::Gap => "gap",
-            Self::DepthChange => "depth-change",
-        })
+        self.serialize(f)
     }
 }

@@ -93,6 +93,6 @@ impl Replicates {
 
     /// 95 % percentile intervals, likewise.
     pub fn intervals(&self) -> Vec<[f64; 2]> {
-        self.each(stats::interval95)
+        self.each(|column| stats::interval95(column))
     }
 }

@@ -5,6 +5,7 @@ use super::objective::{Columns, Constant, Space};
 use crate::laws::input::check::{loss, metric};
 use crate::laws::input::error::FitError;
 use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::maths::stats::dot;
 
 /// Spread of a logarithm below which a quantity counts as constant.
 const CONSTANT: f64 = 1e-6;
@@ -108,7 +109,6 @@ fn levels(column: &[f64]) -> usize {
 
 fn identified(x: &[Vec<f64>], form: Form) -> Result<(), FitError> {
     let names = form.quantities();
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     for (i, column) in x.iter().enumerate() {
         if (dot(column, column) / column.len() as f64).sqrt() < CONSTANT {
             let reason = format!("{} is the same in every row, so its term is unknown", names[i]);

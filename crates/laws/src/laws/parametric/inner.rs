@@ -8,6 +8,7 @@ use super::data::Data;
 use super::objective::{Constant, Space};
 use super::vector::{MAX_PARAMS, Matrix, Vector};
 use crate::laws::maths::cholesky::solve;
+use crate::laws::maths::stats::dot;
 
 /// Columns of the linear problem: one a term, and the constant last.
 pub(super) struct Basis {
@@ -47,7 +48,6 @@ impl Basis {
     }
 
     fn normal(&self) -> (Matrix, Vector) {
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut gram = [[0.0; MAX_PARAMS]; MAX_PARAMS];
         let mut moments = [0.0; MAX_PARAMS];
         for (i, column) in self.columns.iter().enumerate() {

@@ -2,18 +2,10 @@
 
 use super::form::Coefficients;
 use crate::laws::input::point::Parameters;
+use crate::laws::minima::types::Optimum;
 
 /// FLOPs for a parameter and a token.
 const FLOPS_PER_PARAM_TOKEN: f64 = 6.0;
-
-/// N_nv, N_v and D that a law asks for at a budget; N_v is 0 where the law knows N alone.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Optimum {
-    pub params_nonvocab: f64,
-    pub params_vocab: f64,
-    pub tokens: f64,
-    pub loss: f64,
-}
 
 /// The allocation of least loss that spends `budget` FLOPs; none where the coefficients have none.
 ///
@@ -42,7 +34,8 @@ fn of_total(c: &Coefficients, budget: f64) -> Optimum {
     let ln_work = (budget / FLOPS_PER_PARAM_TOKEN).ln();
     let params = (ln_g + beta / (alpha + beta) * ln_work).exp();
     let tokens = (alpha / (alpha + beta) * ln_work - ln_g).exp();
-    Optimum { params_nonvocab: params, params_vocab: 0.0, tokens, loss: c.loss(&[params, tokens]) }
+    let loss = c.loss(&[params, tokens]);
+    Optimum { params_nonvocab: params, params_vocab: 0.0, n_vocab: None, tokens, loss }
 }
 
 /// The exponent of N_v in N_nv at the optima of a law with a vocabulary, (1 + α1)/(1 + α2).
@@ -70,7 +63,8 @@ fn of_split(c: &Coefficients, budget: f64) -> Option<Optimum> {
         data + (n / (n + v)).ln() - model
     };
     let (n, v, d) = at(rising_zero(imbalance)?);
-    Some(Optimum { params_nonvocab: n, params_vocab: v, tokens: d, loss: c.loss(&[n, v, d]) })
+    let loss = c.loss(&[n, v, d]);
+    Some(Optimum { params_nonvocab: n, params_vocab: v, n_vocab: None, tokens: d, loss })
 }
 
 /// The zero of a growing function of ln N, by bisection to the last bit; none without a change of

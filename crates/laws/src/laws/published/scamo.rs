@@ -21,6 +21,7 @@ const REFERENCE_FLOPS: f64 = 1e18;
 /// validating run. The laws do not agree with one another; [`predict`](crate::predict) says how far.
 pub fn scamo() -> Laws {
     let names = ("scamo", "6nd");
+    let log = LogLaw { slope_per_decade: -1.062, intercept: 13.839, ..LogLaw::default() };
     Laws {
         from_sweep: true,
         power_laws: PowerLaws {
@@ -30,7 +31,7 @@ pub fn scamo() -> Laws {
             ..PowerLaws::default()
         },
         vocab_from_nonvocab: Some(published(-5.604, 1.467, 10f64.powf(-0.52 + 0.57 * 18.0))),
-        loss: LossLaws { log: Some(published_loss()), floor: None },
+        loss: LossLaws { log: Some(log), floor: None },
         warnings: WARNINGS.map(String::from).to_vec(),
         ..Laws::unfitted(LawKind::Published, names, Parameters::Split, REFERENCE_FLOPS)
     }
@@ -49,24 +50,7 @@ fn published(log10_coefficient: f64, exponent: f64, reference: f64) -> PowerLaw 
         log10_coefficient,
         exponent,
         ln_at_reference: (log10_coefficient + exponent * reference.log10()) * LN_10,
-        r2: 0.0,
-        exponent_ci95: None,
-        ln_at_reference_ci95: None,
-        log10_coefficient_ci95: None,
-        n: 0,
-    }
-}
-
-fn published_loss() -> LogLaw {
-    LogLaw {
-        slope_per_decade: -1.062,
-        intercept: 13.839,
-        r2: 0.0,
-        aic: 0.0,
-        held_out_error: None,
-        slope_ci95: None,
-        intercept_ci95: None,
-        n: 0,
+        ..PowerLaw::default()
     }
 }
 

@@ -1,27 +1,15 @@
 //! Laws through the first budgets of a sweep, and what they say of a later one.
 
 use super::recommended::Candidate;
-use crate::laws::input::options::FitOptions;
 use crate::laws::joint::law::JointLaw;
-use crate::laws::lines::floor_law::floor_law;
-use crate::laws::lines::law_set::{Columns, LawSet, law_set};
-use crate::laws::lines::types::FloorLaw;
-use crate::laws::maths::stats::geometric_mean;
+use crate::laws::lines::law_set::LawSet;
 use crate::laws::minima::grid::Grid;
-use crate::laws::minima::types::Minimum;
-use crate::laws::parametric::optimum::Optimum;
-
-/// Power laws through minima.
-pub struct Lines {
-    set: LawSet,
-    /// The law of the loss; none where it is the log law of the set.
-    floor: Option<FloorLaw>,
-    reference: f64,
-}
+use crate::laws::minima::types::Optimum;
 
 /// A law through the first budgets of a sweep.
 pub enum Fitted {
-    Lines(Box<Lines>),
+    /// By the log law of the loss, or the law with a floor.
+    Lines(Box<LawSet>, Candidate),
     Joint(Box<JointLaw>),
 }
 
@@ -30,13 +18,8 @@ impl Fitted {
     pub fn at(&self, grid: &Grid) -> Option<Optimum> {
         let budget = grid.budget_flops;
         match self {
-            Self::Joint(joint) => on_data_of(grid, joint).optimum(budget).map(|best| Optimum {
-                loss: best.loss,
-                params_nonvocab: best.params_nonvocab,
-                params_vocab: best.params_vocab,
-                tokens: best.tokens,
-            }),
-            Self::Lines(lines) => Some(lines.at(budget)),
+            Self::Joint(joint) => on_data_of(grid, joint).optimum(budget),
+            Self::Lines(set, law) => of_lines(set, *law, budget),
         }
     }
 }
@@ -46,33 +29,14 @@ fn on_data_of(grid: &Grid, joint: &JointLaw) -> JointLaw {
     grid.best().unique_tokens.map_or_else(|| joint.clone(), |unique| joint.on_data(unique))
 }
 
-impl Lines {
-    /// Through some minima, by the log law or the law with a floor.
-    pub fn through(
-        used: &[Minimum],
-        law: Candidate,
-        (grids, options): (&[Grid], &FitOptions),
-    ) -> Option<Self> {
-        let columns = Columns::new(used, grids, options);
-        let reference = geometric_mean(&columns.compute);
-        let set = law_set(&columns, reference, options)?;
-        let floor = match law {
-            Candidate::Log => None,
-            _ => Some(floor_law(&columns.compute, &columns.loss, reference)?),
-        };
-        Some(Self { set, floor, reference })
-    }
-
-    fn at(&self, budget: f64) -> Optimum {
-        let Self { set, floor, reference } = self;
-        Optimum {
-            loss: match floor {
-                Some(floor) => floor.loss_at(budget, *reference),
-                None => set.loss.loss_at(budget),
-            },
-            params_nonvocab: set.params_nonvocab.value_at(budget),
-            params_vocab: set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(budget)),
-            tokens: set.tokens.value_at(budget),
-        }
-    }
+/// The optimum by laws through minima; None if there is no such law of the loss.
+fn of_lines(set: &LawSet, law: Candidate, budget: f64) -> Option<Optimum> {
+    let by_floor = || Some(set.floor.as_ref()?.loss_at(budget, set.reference));
+    Some(Optimum {
+        loss: if law == Candidate::Log { set.log.loss_at(budget) } else { by_floor()? },
+        params_nonvocab: set.params_nonvocab.value_at(budget),
+        params_vocab: set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(budget)),
+        n_vocab: None,
+        tokens: set.tokens.value_at(budget),
+    })
 }

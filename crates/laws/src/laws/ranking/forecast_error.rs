@@ -2,19 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::miss::{Miss, MissedMinimum};
+use super::miss::{Deviations, Miss, MissedMinimum};
 use crate::laws::joint::above::Off;
 
 /// How a law's misses grow with the distance from its fit: the part of an interval that no noise of
 /// the runs holds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ForecastError {
-    /// Standard deviation of the loss's miss, in nats for each factor e beyond the fit.
-    pub loss: f64,
-    /// Of ln N_nv, ln N_v and ln D, likewise.
-    pub ln_size: f64,
-    pub ln_vocab: f64,
-    pub ln_tokens: f64,
+    /// Standard deviations of its misses for each factor e beyond the fit.
+    #[serde(flatten)]
+    pub sd: Deviations,
     /// Degrees of freedom: budgets that forecasts were made from, and those of what is expected.
     pub dof: usize,
     /// Budgets that forecasts were made from; 0 where none could be tested.
@@ -27,10 +24,7 @@ pub struct ForecastError {
 /// since those of one sweep tell little. Chosen on simulated sweeps, so that intervals ten times beyond
 /// the fit hold what they should (`docs/coverage.md`).
 pub(in crate::laws) const EXPECTED: ForecastError = ForecastError {
-    loss: 0.010,
-    ln_size: 0.06,
-    ln_vocab: 0.06,
-    ln_tokens: 0.06,
+    sd: Deviations { loss: 0.010, ln_size: 0.06, ln_vocab: 0.06, ln_tokens: 0.06 },
     dof: 10,
     tested: 0,
 };
@@ -54,15 +48,15 @@ impl ForecastError {
             let off = |miss: &Miss| miss.minimum.as_ref().map(of);
             growth(misses, off, expected)
         };
+        let expected = EXPECTED.sd;
+        let sd = Deviations {
+            loss: growth(misses, |miss| Some(miss.loss), expected.loss),
+            ln_size: of_minimum(|minimum| minimum.ln_size, expected.ln_size),
+            ln_vocab: of_minimum(|minimum| minimum.ln_vocab, expected.ln_vocab),
+            ln_tokens: of_minimum(|minimum| minimum.ln_tokens, expected.ln_tokens),
+        };
         let tested = tested(misses);
-        Self {
-            loss: growth(misses, |miss| Some(miss.loss), EXPECTED.loss),
-            ln_size: of_minimum(|minimum| minimum.ln_size, EXPECTED.ln_size),
-            ln_vocab: of_minimum(|minimum| minimum.ln_vocab, EXPECTED.ln_vocab),
-            ln_tokens: of_minimum(|minimum| minimum.ln_tokens, EXPECTED.ln_tokens),
-            dof: tested + EXPECTED.dof,
-            tested,
-        }
+        Self { sd, dof: tested + EXPECTED.dof, tested }
     }
 }
 
@@ -115,22 +109,22 @@ mod tests {
         let misses = misses.map(|(n, factor, by)| miss(n, factor, exactly(by)));
         let found = ForecastError::of(&misses);
         assert_eq!((found.tested, found.dof), (2, 2 + EXPECTED.dof));
-        assert!((found.loss - drawn(2, 0.06, EXPECTED.loss)).abs() < 1e-12, "{found:?}");
-        assert!((found.ln_size - drawn(2, 0.0, EXPECTED.ln_size)).abs() < 1e-12, "{found:?}");
+        assert!((found.sd.loss - drawn(2, 0.06, EXPECTED.sd.loss)).abs() < 1e-12, "{found:?}");
+        assert!((found.sd.ln_size - drawn(2, 0.0, EXPECTED.sd.ln_size)).abs() < 1e-12, "{found:?}");
     }
 
     #[test]
     fn a_doubtful_minimum_tests_the_loss_alone() {
         let doubtful = Miss { minimum: None, ..miss(2, E, exactly(0.06)) };
         let found = ForecastError::of(&[doubtful]);
-        assert!((found.loss - drawn(1, 0.06, EXPECTED.loss)).abs() < 1e-12, "{found:?}");
-        assert_eq!((found.ln_size, found.tested), (EXPECTED.ln_size, 1));
+        assert!((found.sd.loss - drawn(1, 0.06, EXPECTED.sd.loss)).abs() < 1e-12, "{found:?}");
+        assert_eq!((found.sd.ln_size, found.tested), (EXPECTED.sd.ln_size, 1));
     }
 
     #[test]
     fn what_a_minimum_is_measured_to_is_not_the_laws_miss() {
-        let seen = |by| ForecastError::of(&[miss(2, E, Off { by, measured_to: 0.03 })]).loss;
-        let of = |own: f64| drawn(1, own, EXPECTED.loss);
+        let seen = |by| ForecastError::of(&[miss(2, E, Off { by, measured_to: 0.03 })]).sd.loss;
+        let of = |own: f64| drawn(1, own, EXPECTED.sd.loss);
         assert!((seen(0.05) - of(0.04)).abs() < 1e-12, "{}", seen(0.05));
         assert!((seen(0.02) - of(0.0)).abs() < 1e-12, "{}", seen(0.02));
     }

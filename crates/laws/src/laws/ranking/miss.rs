@@ -30,15 +30,18 @@ fn is_largest(share: &f64) -> bool {
     *share == 1.0
 }
 
-/// Of a measured minimum.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MissedMinimum {
-    /// Predicted less measured loss, in nats.
+/// A value for the loss, and one for the logarithm of each part of an allocation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Deviations<T = f64> {
+    /// In nats.
     pub loss: f64,
     /// Of ln N_nv, or ln N.
-    pub ln_size: Off,
+    pub ln_size: T,
     /// Of ln N_v; 0 where N_v is not told apart.
-    pub ln_vocab: Off,
+    pub ln_vocab: T,
     /// Of ln D.
-    pub ln_tokens: Off,
+    pub ln_tokens: T,
 }
+
+/// Predicted less measured minimum.
+pub type MissedMinimum = Deviations<Off>;

@@ -14,12 +14,13 @@ use crate::laws::joint::above;
 use crate::laws::joint::above::Off;
 use crate::laws::joint::fit::fit_joint;
 use crate::laws::joint::weighed::repeat;
+use crate::laws::lines::law_set::LawSet;
 use crate::laws::maths::stats::NORMAL_97_5;
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::run_noise::RunNoise;
+use crate::laws::minima::types::Optimum;
 use crate::laws::minima::types::{Minimum, MinimumIntervals};
-use crate::laws::parametric::optimum::Optimum;
-use fitted::{Fitted, Lines};
+use fitted::Fitted;
 pub(super) use shares::shares;
 use shares::{FEWEST, OfBudget, OfShare};
 
@@ -67,8 +68,8 @@ impl Rows<'_> {
             return self.shares.iter().flat_map(|own| self.misses_of(&joint, own, n)).collect();
         }
         let of_share = |own: &OfShare| {
-            let lines = Lines::through(&own.fitted_minima(n)?, law, (self.grids, self.options))?;
-            Some(self.misses_of(&Fitted::Lines(Box::new(lines)), own, n))
+            let lines = LawSet::through(&own.fitted_minima(n)?, self.grids, self.options)?;
+            Some(self.misses_of(&Fitted::Lines(Box::new(lines), law), own, n))
         };
         self.shares.iter().filter_map(of_share).flatten().collect()
     }
@@ -110,7 +111,7 @@ impl Rows<'_> {
             // A minimum is read off the best vocabulary of a grid, and lies above the optimum between two.
             (Fitted::Joint(joint), Some(minimum)) if !joint.loss.terms.vocab => at_minimum(minimum),
             (Fitted::Joint(joint), _) => above(joint, grid, self.noise),
-            (Fitted::Lines(_), minimum) => at_minimum(minimum?),
+            (Fitted::Lines(..), minimum) => at_minimum(minimum?),
         };
         Some((loss, minimum))
     }

@@ -108,7 +108,7 @@ impl Recommended {
         let of = |score: &Score| {
             let error = ForecastError::of(&score.misses);
             let whole = ForecastError::whole(score.compared());
-            let weight = (whole.loss / EXPECTED.loss).powi(-(whole.dof as i32));
+            let weight = (whole.sd.loss / EXPECTED.sd.loss).powi(-(whole.dof as i32));
             Belief { law: score.law, weight, error }
         };
         let beliefs = self.scores.iter().map(of);

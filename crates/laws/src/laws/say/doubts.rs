@@ -98,8 +98,7 @@ fn disagreement(laws: &Laws, exponents: &PerQuantity<Exponent>) -> Option<Doubt>
 
 /// Minima that were left out or used in spite of a flag, where the law goes through minima.
 fn minima(laws: &Laws) -> Option<Doubt> {
-    let own: Vec<&Minimum> =
-        laws.minima.iter().filter(|m| m.method == laws.minima_method).collect();
+    let own: Vec<&Minimum> = laws.own_minima().collect();
     let flagged: Vec<&Minimum> = own.iter().copied().filter(|m| !m.flags.is_empty()).collect();
     if flagged.is_empty() || laws.law != LawKind::Isoflop {
         return None;

@@ -11,8 +11,7 @@ use crate::laws::maths::stats::MIN_REPLICATES;
 use crate::laws::minima::grid::Grid;
 use crate::laws::minima::has_residuals;
 use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::select::PREFERRED;
-use crate::laws::minima::split::Split;
+use crate::laws::minima::select::{PREFERRED, n_vocabularies};
 use crate::laws::minima::types::Minimum;
 use crate::laws::words::text::count;
 
@@ -31,7 +30,7 @@ pub(in crate::laws) const ONE_VOCABULARY: &str = "The exponent of N_v is not ide
 pub(in crate::laws) fn of_minima(
     all: &[Minimum],
     used: &[Minimum],
-    split: &Split,
+    grids: &[Grid],
     method: MinimumMethod,
     options: &FitOptions,
 ) -> Vec<String> {
@@ -44,8 +43,8 @@ pub(in crate::laws) fn of_minima(
     let sentences = [
         told(&out, "left out of"),
         told(&kept, "used in"),
-        (!has_residuals(method, &split.fitted)).then(|| NO_RESIDUALS.to_string()),
-        (options.parameters == Parameters::Split && split.n_vocabularies() == 1)
+        (!has_residuals(method, grids)).then(|| NO_RESIDUALS.to_string()),
+        (options.parameters == Parameters::Split && n_vocabularies(grids) == 1)
             .then(|| ONE_VOCABULARY.to_string()),
         achieved(used, options),
     ];

@@ -1,7 +1,7 @@
 use super::*;
 use crate::laws::simulated::{SURFACE, Simulated};
 use crate::laws::{FitOptions, IsoFlopPoint, Parameters, fit, scamo};
-use crate::predict::{CountedBy, Shape};
+use crate::predict::{FlopCount, Shape};
 
 const VOCABULARIES: [f64; 7] = [4096.0, 8192.0, 16384.0, 32768.0, 65536.0, 131072.0, 262144.0];
 
@@ -178,17 +178,15 @@ fn laws_of_n_alone_predict_n_and_invent_no_vocabulary() {
 
 #[test]
 fn another_flop_count_is_spent_and_its_name_compared() {
-    let count = CountedBy {
-        rule: "openai".into(),
-        count: |n: f64, v: f64, d: f64| 6.0 * (n + v + 30.0 * n.powf(0.667)) * d,
-    };
-    let options = PredictOptions { flop_count: &count, ..PredictOptions::default() };
+    let flop_count =
+        FlopCount { rule: "openai", flops: &|n, v, d| 6.0 * (n + v + 30.0 * n.powf(0.667)) * d };
+    let options = PredictOptions { flop_count, ..PredictOptions::default() };
     let prediction = predict(&scamo(), 1e18, &options).unwrap();
     let spent = prediction
         .at
         .params_nonvocab
         .zip(prediction.at.params_vocab)
-        .map(|(n, v)| (count.count)(n, v, prediction.at.tokens.unwrap()))
+        .map(|(n, v)| (flop_count.flops)(n, v, prediction.at.tokens.unwrap()))
         .unwrap();
     assert!(near(spent, 1e18, 1e-9));
     assert!(prediction.warnings.iter().any(|s| s.contains("counts by openai")));

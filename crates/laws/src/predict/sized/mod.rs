@@ -32,9 +32,7 @@ pub fn predict_sized(laws: &Laws, model: &ModelSize) -> Result<SizedPrediction, 
     let said = law.at(laws, model)?;
     let out_of_range = || PredictError::OutOfRange { laws: laws.name.clone(), budget: said.flops };
     let best = said.best.filter(|_| said.loss.is_finite()).ok_or_else(out_of_range)?;
-    let each = |of: fn(&[f64; 2]) -> f64| {
-        interval95(&said.replicates.iter().map(of).collect::<Vec<f64>>())
-    };
+    let each = |of: fn(&[f64; 2]) -> f64| interval95(said.replicates.iter().map(of));
     let mut prediction = SizedPrediction {
         law: laws.name.clone(),
         form: law.name().to_string(),
@@ -49,8 +47,8 @@ pub fn predict_sized(laws: &Laws, model: &ModelSize) -> Result<SizedPrediction, 
         .under(law.parameters()),
         flops: said.flops,
         loss_normalised: said.loss,
-        optimum: best,
-        loss_above_optimum: said.loss - best.loss_normalised,
+        optimum: law.named(best),
+        loss_above_optimum: said.loss - best.loss,
         flops_of_equal_loss: equal_loss(&law, said.loss, said.flops),
         ci95: SizedIntervals {
             loss_normalised: each(|[loss, _]| *loss),
@@ -68,7 +66,7 @@ pub fn predict_sized(laws: &Laws, model: &ModelSize) -> Result<SizedPrediction, 
 /// The FLOPs with which the best model reaches `loss`, at most `flops`; `None` if that is out of reach.
 fn equal_loss(law: &Told, loss: f64, flops: f64) -> Option<f64> {
     let (mut low, mut high) = (flops.ln() - LN_FEWEST, flops.ln());
-    let above = |ln_flops: f64| Some(law.optimum(ln_flops.exp())?.loss_normalised - loss);
+    let above = |ln_flops: f64| Some(law.optimum(ln_flops.exp())?.loss - loss);
     above(low).filter(|above| *above > 0.0)?;
     for _ in 0..STEPS {
         let middle = 0.5 * (low + high);

@@ -52,7 +52,7 @@ fn a_parametric_law_knows_the_loss_of_any_model_and_of_the_best() {
 /// The best model for a budget.
 fn at(laws: &Laws, flops: f64) -> ModelSize {
     let best = Told::of(laws).unwrap().optimum(flops).unwrap();
-    ModelSize { params: best.at.params.unwrap(), tokens: best.at.tokens.unwrap(), ..MODEL }
+    ModelSize { params: best.params_nonvocab, tokens: best.tokens, ..MODEL }
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn a_joint_law_knows_the_loss_beside_the_minimum_and_asks_for_a_vocabulary() {
     let best = joint.optimum(1e17).unwrap();
     let model = ModelSize {
         params: best.params_nonvocab / 4.0,
-        n_vocab: Some(best.n_vocab),
+        n_vocab: best.n_vocab,
         params_vocab: None,
         tokens: 4.0 * best.tokens,
     };

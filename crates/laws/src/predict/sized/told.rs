@@ -2,28 +2,15 @@
 
 use super::types::{ModelSize, SizedOptimum};
 use crate::laws::{
-    Coefficients, JointLaw, JointOptimum, Laws, Optimum, Parameters, Parametric, PerQuantity,
-    optimum,
+    Coefficients, JointLaw, Laws, Optimum, Parameters, Parametric, PerQuantity, SizedLoss, optimum,
 };
 use crate::predict::at_budget::width_for;
-use crate::predict::{Allocation, FlopCount, PredictError, SixNd, ladder_of};
+use crate::predict::{Allocation, FlopCount, PredictError, ladder_of};
 
 /// A law of N and D.
 pub(super) enum Told<'a> {
     Parametric(&'a Parametric),
     Joint(&'a JointLaw, Parameters),
-}
-
-/// What it says of a model.
-pub(super) struct Said {
-    pub flops: f64,
-    /// 0 if the law knows N alone.
-    pub params_vocab: f64,
-    pub n_vocab: Option<f64>,
-    pub loss: f64,
-    pub best: Option<SizedOptimum>,
-    /// The loss, and that of the best model, by each bootstrap replicate.
-    pub replicates: Vec<[f64; 2]>,
 }
 
 impl<'a> Told<'a> {
@@ -60,7 +47,7 @@ impl<'a> Told<'a> {
     /// # Errors
     /// [`PredictError::NoVocabulary`], or [`PredictError::VocabularyUnknown`] where one is given to a law
     /// without.
-    pub fn at(&self, laws: &Laws, model: &ModelSize) -> Result<Said, PredictError> {
+    pub fn at(&self, laws: &Laws, model: &ModelSize) -> Result<SizedLoss, PredictError> {
         if !self.is_split() && (model.n_vocab.is_some() || model.params_vocab.is_some()) {
             return Err(PredictError::VocabularyUnknown { laws: laws.name.clone() });
         }
@@ -70,13 +57,11 @@ impl<'a> Told<'a> {
         }
     }
 
-    /// The best model for `flops`.
-    pub fn optimum(&self, flops: f64) -> Option<SizedOptimum> {
+    /// The best model for `flops`; none where the law has none.
+    pub fn optimum(&self, flops: f64) -> Option<Optimum> {
         match self {
-            Self::Parametric(law) => {
-                optimum(&law.coefficients, flops).map(|best| self.of_parametric(best))
-            }
-            Self::Joint(law, _) => law.optimum(flops).map(|best| self.of_joint(best)),
+            Self::Parametric(law) => optimum(&law.coefficients, flops),
+            Self::Joint(law, _) => law.optimum(flops),
         }
     }
 
@@ -85,19 +70,19 @@ impl<'a> Told<'a> {
         law: &Parametric,
         laws: &Laws,
         model: &ModelSize,
-    ) -> Result<Said, PredictError> {
+    ) -> Result<SizedLoss, PredictError> {
         let params_vocab = match self.is_split() {
             true => of_vocabulary(laws, model)?,
             false => 0.0,
         };
-        let flops = SixNd.flops(model.params, params_vocab, model.tokens);
+        let flops = (FlopCount::SIX_ND.flops)(model.params, params_vocab, model.tokens);
         let loss = |coefficients: &Coefficients| match self.is_split() {
             true => coefficients.loss(&[model.params, params_vocab, model.tokens]),
             false => coefficients.loss(&[model.params, model.tokens]),
         };
         let replicate =
             |each: &Coefficients| Some([loss(each), optimum(each, flops).map(|best| best.loss)?]);
-        Ok(Said {
+        Ok(SizedLoss {
             flops,
             params_vocab,
             n_vocab: model.n_vocab,
@@ -107,31 +92,21 @@ impl<'a> Told<'a> {
         })
     }
 
-    fn joint(&self, law: &JointLaw, laws: &Laws, model: &ModelSize) -> Result<Said, PredictError> {
+    fn joint(
+        &self,
+        law: &JointLaw,
+        laws: &Laws,
+        model: &ModelSize,
+    ) -> Result<SizedLoss, PredictError> {
         let n_vocab = if self.is_split() { Some(codes(law, laws, model)?) } else { None };
-        let sized = law.sized(model.params, n_vocab.unwrap_or(0.0), model.tokens);
-        Ok(Said {
-            flops: sized.flops,
-            params_vocab: sized.params_vocab,
-            n_vocab,
-            loss: sized.loss,
-            best: sized.best.map(|best| self.of_joint(best)),
-            replicates: sized.replicates,
-        })
+        Ok(law.sized(model.params, n_vocab, model.tokens))
     }
 
-    fn of_parametric(&self, best: Optimum) -> SizedOptimum {
-        let Optimum { params_nonvocab, params_vocab, tokens, loss } = best;
-        self.best(Allocation { params_nonvocab, params_vocab, tokens }, None, loss)
-    }
-
-    fn of_joint(&self, best: JointOptimum) -> SizedOptimum {
-        self.best(best.into(), self.is_split().then_some(best.n_vocab), best.loss)
-    }
-
-    fn best(&self, at: Allocation, n_vocab: Option<f64>, loss_normalised: f64) -> SizedOptimum {
-        let at = PerQuantity { n_vocab, ..at.named(self.parameters()) };
-        SizedOptimum { at, loss_normalised }
+    /// The best model by the names of its quantities.
+    pub fn named(&self, best: Optimum) -> SizedOptimum {
+        let n_vocab = best.n_vocab.filter(|_| self.is_split());
+        let at = PerQuantity { n_vocab, ..Allocation::from(best).named(self.parameters()) };
+        SizedOptimum { at, loss_normalised: best.loss }
     }
 }
 

@@ -21,8 +21,8 @@ fn the_vocabulary_follows_from_any_two_of_its_three() {
     let rest = [(Tokens, 1e3), (ParamsNonvocab, 100.0)];
     for given in [[(NVocab, 8.0), (DModel, 4.0)], [(ParamsVocab, 32.0), (DModel, 4.0)]] {
         let derived = derived(&[&rest[..], &given].concat());
-        assert_eq!((derived.params_vocab[0], derived.n_vocab[0]), (32.0, 8.0));
-        assert_eq!(derived.flops, [6.0 * 132.0 * 1e3]);
+        assert_eq!((derived.of(ParamsVocab)[0], derived.of(NVocab)[0]), (32.0, 8.0));
+        assert_eq!(derived.of(Flops), [6.0 * 132.0 * 1e3]);
         assert_eq!(derived.parameters, Parameters::Split);
     }
 }
@@ -30,7 +30,7 @@ fn the_vocabulary_follows_from_any_two_of_its_three() {
 #[test]
 fn non_vocabulary_parameters_are_the_total_less_the_vocabularys() {
     let derived = derived(&[(Params, 132.0), (ParamsVocab, 32.0), (Tokens, 1.0)]);
-    assert_eq!((derived.params_nonvocab[0], derived.n_vocab[0]), (100.0, 32.0));
+    assert_eq!((derived.of(ParamsNonvocab)[0], derived.of(NVocab)[0]), (100.0, 32.0));
     assert!(derived.notes[0].contains("V is unknown"));
 }
 
@@ -38,18 +38,18 @@ fn non_vocabulary_parameters_are_the_total_less_the_vocabularys() {
 fn a_total_alone_is_not_told_apart() {
     let derived = derived(&[(Params, 100.0), (BudgetFlops, 6e5), (NVocab, 8.0)]);
     assert_eq!(derived.parameters, Parameters::Total);
-    assert_eq!((derived.params_nonvocab[0], derived.params_vocab[0]), (100.0, 0.0));
-    assert_eq!((derived.n_vocab[0], derived.tokens[0]), (0.0, 1e3));
+    assert_eq!((derived.of(Params)[0], derived.of(ParamsVocab)[0]), (100.0, 0.0));
+    assert_eq!((derived.of(NVocab)[0], derived.of(Tokens)[0]), (0.0, 1e3));
     assert!(derived.notes[0].contains("n_vocab"));
 }
 
 #[test]
 fn budgets_are_declared_or_what_was_spent() {
     let spent = derived(&[(Params, 100.0), (Tokens, 1e3), (Flops, 7e5)]);
-    assert_eq!((spent.budget_flops[0], spent.flops[0]), (6e5, 7e5));
+    assert_eq!((spent.of(BudgetFlops)[0], spent.of(Flops)[0]), (6e5, 7e5));
     assert!(!spent.budget_declared);
     let declared = derived(&[(Params, 100.0), (Tokens, 1e3), (BudgetFlops, 8e5)]);
-    assert_eq!((declared.budget_flops[0], declared.flops[0]), (8e5, 6e5));
+    assert_eq!((declared.of(BudgetFlops)[0], declared.of(Flops)[0]), (8e5, 6e5));
     assert!(declared.budget_declared && declared.notes.is_empty());
 }
 
@@ -62,7 +62,7 @@ fn budgets_far_from_6nd_are_a_likely_slip_of_the_unit() {
 #[test]
 fn no_unique_tokens_are_unknown_ones() {
     let one = derived(&[(Params, 1e6), (Tokens, 1e7), (UniqueTokens, 0.0)]);
-    assert!(one.unique_tokens[0].is_nan());
+    assert!(one.of(UniqueTokens)[0].is_nan());
 }
 
 #[test]
@@ -81,10 +81,10 @@ proptest::proptest! {
         let from_tokens = derived(&[(Params, n), (Tokens, d)]);
         let from_budget = derived(&[(Params, n), (BudgetFlops, c)]);
         for derived in [from_tokens, from_budget] {
-            for flops in [derived.flops[0], derived.budget_flops[0]] {
+            for flops in [derived.of(Flops)[0], derived.of(BudgetFlops)[0]] {
                 proptest::prop_assert!((flops / c - 1.0).abs() < 1e-14);
             }
-            proptest::prop_assert!((derived.tokens[0] / d - 1.0).abs() < 1e-14);
+            proptest::prop_assert!((derived.of(Tokens)[0] / d - 1.0).abs() < 1e-14);
         }
     }
 }

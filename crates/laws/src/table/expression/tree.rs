@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::ExpressionProblem;
+use crate::table::nearest::name_of;
 use crate::table::types::Reads;
 
 /// What is wrong, and in which bytes.
@@ -127,7 +128,7 @@ impl Function {
     }
 
     pub fn name(self) -> &'static str {
-        Self::ALL.into_iter().find(|(_, of)| *of == self).map_or("", |(name, _)| name)
+        name_of(&self, &Self::ALL)
     }
 
     /// Whether it takes two arguments or more; the others take one.

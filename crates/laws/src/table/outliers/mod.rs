@@ -9,11 +9,14 @@ mod spline;
 use std::fmt;
 use std::str::FromStr;
 
-use super::nearest::hint;
+use serde::Serialize;
+
+use super::nearest::{UnknownName, named};
 use crate::laws::IsoFlopPoint;
 
 /// A rule that drops rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum OutlierStage {
     /// Runs of one budget, V and seed whose N agree within 1 %: the first in the table stays.
     Duplicates,
@@ -59,30 +62,15 @@ impl OutlierStage {
 
 impl fmt::Display for OutlierStage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(Self::ALL.into_iter().find(|(_, of)| of == self).map_or("", |(name, _)| name))
+        self.serialize(f)
     }
 }
 
-/// A name that is no stage's.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("`{name}` is no stage of outliers; {hint}valid: {valid}")]
-pub struct UnknownStage {
-    name: String,
-    hint: String,
-    valid: String,
-}
-
 impl FromStr for OutlierStage {
-    type Err = UnknownStage;
+    type Err = UnknownName;
 
-    fn from_str(name: &str) -> Result<Self, UnknownStage> {
-        let names = || Self::ALL.into_iter().map(|(name, _)| name);
-        let found = Self::ALL.into_iter().find(|(of, _)| *of == name).map(|(_, stage)| stage);
-        found.ok_or_else(|| UnknownStage {
-            name: name.to_string(),
-            hint: hint(name, names()),
-            valid: names().collect::<Vec<_>>().join(", "),
-        })
+    fn from_str(name: &str) -> Result<Self, UnknownName> {
+        named("stage of outliers", name, &Self::ALL)
     }
 }
 

@@ -16,7 +16,7 @@
 use std::collections::BTreeSet;
 
 use super::group::{Verdicts, budgets, by, params};
-use crate::laws::IsoFlopPoint;
+use crate::laws::{IsoFlopPoint, spline_at};
 
 /// Scaled median misses that a run may miss by.
 const MAX_DEVIATIONS: f64 = 5.0;
@@ -95,10 +95,10 @@ fn misses(points: &[IsoFlopPoint], group: &[usize]) -> Vec<Miss> {
         let loss = size.iter().map(|run| points[*run].loss).sum::<f64>();
         (params(&points[size[0]]).ln(), loss / size.len() as f64)
     };
-    let knots: Vec<(f64, f64)> = sizes.iter().map(knot).collect();
+    let (x, y): (Vec<f64>, Vec<f64>) = sizes.iter().map(knot).unzip();
     (1..sizes.len() - 1)
         .flat_map(|i| {
-            let predicted = akima(&window(&knots, i), knots[i].0);
+            let predicted = spline_at(&window(&x, i), &window(&y, i), x[i]);
             let miss = move |run: &usize| points[*run].loss - predicted;
             sizes[i].iter().map(move |run| Miss { run: *run, size: i, by: miss(run) })
         })
@@ -106,75 +106,16 @@ fn misses(points: &[IsoFlopPoint], group: &[usize]) -> Vec<Miss> {
 }
 
 /// The knots without the `left_out`, as far as the spline there depends on them.
-fn window(knots: &[(f64, f64)], left_out: usize) -> Vec<(f64, f64)> {
+fn window(knots: &[f64], left_out: usize) -> Vec<f64> {
     let (first, last) = (left_out.saturating_sub(REACH), (left_out + REACH + 1).min(knots.len()));
     [&knots[first..left_out], &knots[left_out + 1..last]].concat()
-}
-
-/// Akima's spline through `knots`, two or more and ascending, at `x` between two of them.
-fn akima(knots: &[(f64, f64)], x: f64) -> f64 {
-    let i = knots.iter().rposition(|knot| knot.0 <= x).unwrap_or(0).min(knots.len() - 2);
-    let ((x0, y0), (x1, y1)) = (knots[i], knots[i + 1]);
-    let slopes = slopes(knots);
-    let (t0, t1) = (tangent(&slopes[i..i + 4]), tangent(&slopes[i + 1..i + 5]));
-    let (width, t) = (x1 - x0, (x - x0) / (x1 - x0));
-    let (t2, t3) = (t * t, t * t * t);
-    (2.0 * t3 - 3.0 * t2 + 1.0) * y0
-        + (t3 - 2.0 * t2 + t) * width * t0
-        + (3.0 * t2 - 2.0 * t3) * y1
-        + (t3 - t2) * width * t1
-}
-
-/// The slopes between the knots, with two more a side that continue them in a straight line.
-fn slopes(knots: &[(f64, f64)]) -> Vec<f64> {
-    let inner: Vec<f64> = knots.windows(2).map(|k| (k[1].1 - k[0].1) / (k[1].0 - k[0].0)).collect();
-    let step = |from: f64, next: f64| from + (from - next);
-    let (first, last) = (inner[0], inner[inner.len() - 1]);
-    let before = step(first, inner[1.min(inner.len() - 1)]);
-    let after = step(last, inner[inner.len().saturating_sub(2)]);
-    [&[step(before, first), before], &inner[..], &[after, step(after, last)]].concat()
-}
-
-/// The tangent at a knot from two slopes on either side, each weighted by the other side's bend.
-fn tangent(m: &[f64]) -> f64 {
-    let (left, right) = ((m[3] - m[2]).abs(), (m[1] - m[0]).abs());
-    let total = left + right;
-    if total > 0.0 { (left * m[1] + right * m[2]) / total } else { 0.5 * (m[1] + m[2]) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::OutlierStage::Spline;
     use super::super::group::testing::parabola;
-    use super::akima;
     use crate::laws::IsoFlopPoint;
-
-    #[test]
-    fn the_spline_passes_its_knots_and_is_exact_on_a_line() {
-        let knots = [(0.0, 1.0), (1.0, 3.0), (2.5, 2.0), (3.0, 2.5), (4.0, 7.0)];
-        for (x, y) in knots {
-            assert!((akima(&knots, x) - y).abs() < 1e-14);
-        }
-        let line = [0.0, 1.0, 2.5, 4.0].map(|x| (x, 3.0 - 2.0 * x));
-        assert!((akima(&line, 3.3) + 3.6).abs() < 1e-14);
-        assert!((akima(&line[..2], 0.5) - 2.0).abs() < 1e-14);
-    }
-
-    #[test]
-    fn the_spline_agrees_with_scipys() {
-        // scipy.interpolate.Akima1DInterpolator([0, 1, 2.5, 3, 4, 6], [1, 3, 2, 2.5, 7, 7.2])
-        let knots = [(0.0, 1.0), (1.0, 3.0), (2.5, 2.0), (3.0, 2.5), (4.0, 7.0), (6.0, 7.2)];
-        let expected = [
-            (0.3, 1.899_384_615_384_615_2),
-            (1.7, 2.611_984_291_984_292),
-            (2.8, 2.185_363_825_363_825),
-            (3.3, 3.599_656_280_428_431_6),
-            (5.0, 8.262_658_227_848_101),
-        ];
-        for (x, y) in expected {
-            assert!((akima(&knots, x) - y).abs() < 1e-12, "{x}");
-        }
-    }
 
     #[test]
     fn one_wild_run_is_dropped_and_its_neighbours_stay() {

@@ -1,11 +1,12 @@
 //! What is read comes out right or is refused with the file's name, whatever the bytes.
 
-use std::io::Write;
+use std::io::{Cursor, Write};
 
-use polars::prelude::{CsvReadOptions, ParquetCompression};
+use polars::prelude::*;
 use proptest::prelude::*;
 
 use super::*;
+use crate::table::Column;
 
 fn read_bytes(extension: &str, bytes: &[u8]) -> Result<Table, ReadError> {
     let mut file = tempfile::Builder::new().suffix(extension).tempfile().expect("a private file");

@@ -2,6 +2,7 @@
 
 use crate::laws::input::cell::compare;
 use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::maths::stats::extent;
 
 /// Values of C at which training curves are read.
 const GRID: usize = 256;
@@ -34,7 +35,7 @@ impl Candidates {
     /// Every run, and between the runs of a training curve its loss interpolated in ln C.
     pub fn new(points: &[IsoFlopPoint], interpolate: bool) -> Self {
         let curves = curves(points);
-        let range = range(points);
+        let range = extent(points.iter().map(|p| p.flops.ln()));
         let mut all = Vec::new();
         for (index, curve) in curves.iter().enumerate() {
             all.extend(curve.iter().map(|p| (index, measured(p))));
@@ -66,13 +67,6 @@ fn curves(points: &[IsoFlopPoint]) -> Vec<Vec<&IsoFlopPoint>> {
     let mut rows: Vec<&IsoFlopPoint> = points.iter().collect();
     rows.sort_by(|a, b| compare(&key(a), &key(b)).then(a.flops.total_cmp(&b.flops)));
     rows.chunk_by(|a, b| key(a) == key(b)).map(<[_]>::to_vec).collect()
-}
-
-/// The least and the greatest ln C.
-fn range(points: &[IsoFlopPoint]) -> [f64; 2] {
-    points.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], p| {
-        [low.min(p.flops.ln()), high.max(p.flops.ln())]
-    })
 }
 
 fn measured(p: &IsoFlopPoint) -> FrontierPoint {

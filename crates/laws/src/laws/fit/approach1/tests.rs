@@ -24,15 +24,13 @@ fn curves() -> Vec<IsoFlopPoint> {
     runs
 }
 
-fn options() -> Approach1Options {
-    Approach1Options {
+fn options() -> FitOptions {
+    FitOptions {
         name: "curves".into(),
         flops_rule: "6nd".into(),
         parameters: Parameters::Total,
-        interpolate: true,
-        huber: None,
         bootstrap: 60,
-        seed: 0,
+        ..FitOptions::default()
     }
 }
 

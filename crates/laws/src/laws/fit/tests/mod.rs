@@ -9,7 +9,7 @@ use crate::laws::fit::sensitivity::sensitivity_row;
 use crate::laws::input::options::{HoldOut, Weights};
 use crate::laws::input::point::Parameters;
 use crate::laws::lines::slices::slices;
-use crate::laws::lines::types::PowerLaw;
+use crate::laws::lines::types::{PowerLaw, PowerLaws};
 use crate::laws::minima::types::MinimumFlag;
 use crate::laws::simulated::{SURFACE, Simulated, point};
 
