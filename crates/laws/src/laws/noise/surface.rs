@@ -1,7 +1,7 @@
 //! The noise of a run by what a smooth surface through the cells leaves.
 
 use crate::laws::input::cell::Cell;
-use crate::laws::maths::least_squares::least_squares;
+use crate::laws::maths::least_squares::{LeastSquares, least_squares};
 use crate::laws::maths::stats::distinct;
 use crate::laws::minima::grid::{Grid, Scale};
 use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
@@ -32,28 +32,21 @@ pub(super) fn of_surface(grids: &[Grid]) -> Option<RunNoise> {
     pooled.min_by(|a, b| a.sd.total_cmp(&b.sd))
 }
 
-/// What a polynomial over one budget's grid leaves.
-struct Residuals {
-    rss: f64,
-    dof: usize,
-}
-
-/// The residuals of the highest degree up to `degree` that leaves any.
-fn highest(grid: &Grid, degree: usize) -> Option<Residuals> {
+/// The fit of the highest degree up to `degree` that leaves residuals.
+fn highest(grid: &Grid, degree: usize) -> Option<LeastSquares> {
     (*DEGREES.start()..=degree).rev().find_map(|degree| polynomial(grid, degree))
 }
 
 /// The polynomial of one degree through a grid, cells weighted by their runs; none where it leaves
 /// no residual or the cells do not fix it.
-fn polynomial(grid: &Grid, degree: usize) -> Option<Residuals> {
+fn polynomial(grid: &Grid, degree: usize) -> Option<LeastSquares> {
     let cells = grid.cells_of_valley();
     let basis = Basis::over(&cells, degree);
     let weight = |cell: &Cell| cell.runs.sqrt();
     let row = |cell| basis.terms(cell).map(|term| term * weight(cell)).collect();
     let rows: Vec<Vec<f64>> = cells.iter().map(row).collect();
     let losses: Vec<f64> = cells.iter().map(|cell| cell.loss * weight(cell)).collect();
-    let fit = least_squares(&rows, &losses).filter(|fit| fit.dof > 0)?;
-    Some(Residuals { rss: fit.rss, dof: fit.dof })
+    least_squares(&rows, &losses).filter(|fit| fit.dof > 0)
 }
 
 /// The monomials u^i v^j of i + j ≤ degree, u and v being ln N_nv and ln V in units of half their

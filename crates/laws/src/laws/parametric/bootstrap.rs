@@ -51,7 +51,7 @@ pub(super) fn bootstrap(
     let centre = found.end.theta;
     let coefficients = |end: &End| {
         let near = std::array::from_fn(|p| centre[p] + shrink * (end.theta[p] - centre[p]));
-        Coefficients::from_centred(target.form, target.data.constant, &near, &target.data.means)
+        target.coefficients(&near)
     };
     Replicates {
         coefficients: ends.iter().map(coefficients).collect(),

@@ -57,12 +57,7 @@ fn target<'a>(data: &'a Data, options: &ParametricOptions) -> Result<Target<'a>,
 /// The residuals' standard deviation by their median absolute deviation; infinite for an exact fit,
 /// where squares do as well.
 fn spread(target: &Target, found: &Found) -> f64 {
-    let coefficients = Coefficients::from_centred(
-        target.form,
-        target.data.constant,
-        &found.end.theta,
-        &target.data.means,
-    );
+    let coefficients = target.coefficients(&found.end.theta);
     let deviations: Vec<f64> = residuals(target, &coefficients).into_iter().map(f64::abs).collect();
     let typical = target.data.columns.y.iter().fold(0.0f64, |most, y| most.max(y.abs()));
     let median = stats::quantile(&deviations, 0.5).unwrap_or(0.0);
@@ -90,12 +85,7 @@ fn summarised(
     replicates: &Replicates,
     influence: Option<Influence>,
 ) -> Parametric {
-    let coefficients = Coefficients::from_centred(
-        target.form,
-        target.data.constant,
-        &found.end.theta,
-        &target.data.means,
-    );
+    let coefficients = target.coefficients(&found.end.theta);
     let total: f64 = target.data.weights.iter().sum();
     let objective = match target.space {
         Space::Log => found.end.minimised.value,

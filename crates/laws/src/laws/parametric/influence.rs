@@ -7,7 +7,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::form::Coefficients;
 use super::objective::Curvature;
 use super::optimum::optimum;
 use super::search::{Found, Target};
@@ -65,9 +64,7 @@ pub(super) fn influence(
 
 /// ln of the optimal N.
 fn ln_size(target: &Target, theta: &Vector, budget: f64) -> Option<f64> {
-    let Target { form, data, .. } = *target;
-    let law = Coefficients::from_centred(form, data.constant, theta, &data.means);
-    Some(optimum(&law, budget)?.params_nonvocab.ln())
+    Some(optimum(&target.coefficients(theta), budget)?.params_nonvocab.ln())
 }
 
 /// ln N without the rows that move it furthest up or down, by the sign, and those rows: one after the

@@ -66,6 +66,11 @@ pub(super) struct Found {
 }
 
 impl<'a> Target<'a> {
+    /// The coefficients in the units of the table's columns.
+    pub fn coefficients(&self, theta: &Vector) -> Coefficients {
+        Coefficients::from_centred(self.form, self.data.constant, theta, &self.data.means)
+    }
+
     pub fn problem(
         &self,
         (delta, curvature): (f64, Curvature),
