@@ -16,6 +16,17 @@ pub enum Anchor {
     End,
 }
 
+impl Anchor {
+    /// The share of a text that lies before its point.
+    pub fn share(self) -> f64 {
+        match self {
+            Anchor::Start => 0.0,
+            Anchor::Middle => 0.5,
+            Anchor::End => 1.0,
+        }
+    }
+}
+
 /// One line of text; its point lies on the baseline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text {
@@ -131,6 +142,12 @@ pub struct Scene {
 impl Scene {
     pub fn new(width: f64, height: f64) -> Scene {
         Scene { width, height, shapes: Vec::new() }
+    }
+
+    /// The page's own.
+    pub fn corners(&self) -> [Point; 4] {
+        let (w, h) = (self.width, self.height);
+        [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)]
     }
 
     /// Strokes a line through the points, broken as the stroke says.

@@ -96,12 +96,8 @@ impl Row<'_> {
     fn title(&self, scene: &mut Scene) -> f64 {
         let facts = facts(self.poses, self.fps);
         let room = measure(&facts, Weight::Normal, LABEL_EM) + 24.0;
-        let mut y = MARGIN / 2.0;
-        for line in caption::lines(self.caption, TITLE_EM, WIDTH - 2.0 * MARGIN - room) {
-            y += 1.35 * TITLE_EM;
-            let text = plain_text(&line, (MARGIN, y - 0.4 * TITLE_EM), Anchor::Start, TITLE_EM);
-            scene.text(Text { weight: Weight::Bold, ..text });
-        }
+        let (corner, width) = ((MARGIN, MARGIN / 2.0), WIDTH - 2.0 * MARGIN - room);
+        let y = caption::write(scene, self.caption, TITLE_EM, corner, width);
         let at = (WIDTH - MARGIN, MARGIN / 2.0 + 0.95 * TITLE_EM);
         scene.text(Text { colour: MUTED, ..plain_text(&facts, at, Anchor::End, LABEL_EM) });
         y.max(MARGIN / 2.0 + 1.35 * TITLE_EM) + 4.0
