@@ -17,8 +17,7 @@ pub fn section(input: &ReportInput) -> Markup {
         ("devices", each(&records, |run| run.measured.device.clone())),
         ("seeds", each(&records, |run| run.planned.seed.map(|seed| seed.to_string()))),
     ];
-    let rows: Vec<Vec<String>> =
-        rows.into_iter().map(|(name, value)| vec![name.to_string(), value]).collect();
+    let rows = rows.map(|(name, value)| vec![name.to_string(), value]);
     html! {
         section aria-labelledby="about" {
             h2 id="about" { "Provenance" }

@@ -6,22 +6,6 @@ use super::words::Words;
 use crate::laws::text::count;
 use crate::record::RunRecord;
 
-/// Names of the columns.
-const COLUMNS: [&str; 12] = [
-    "generator",
-    "N_nv",
-    "layers",
-    "width",
-    "V",
-    "C",
-    "share",
-    "seed",
-    "D",
-    "epochs",
-    "L_u",
-    "seconds",
-];
-
 /// A cell: what is read, and what it is sorted by.
 struct Cell {
     text: String,
@@ -30,6 +14,21 @@ struct Cell {
 
 /// The table; `None` where there is no run.
 pub fn section(records: &[&RunRecord], words: &Words) -> Option<Markup> {
+    let (size, loss) = (words.size, words.loss);
+    let columns = [
+        "generator",
+        size,
+        "layers",
+        "width",
+        "V",
+        "C",
+        "share",
+        "seed",
+        "D",
+        "epochs",
+        loss,
+        "seconds",
+    ];
     (!records.is_empty()).then(|| {
         html! {
             section aria-labelledby="runs" {
@@ -41,7 +40,7 @@ pub fn section(records: &[&RunRecord], words: &Words) -> Option<Markup> {
                     table id="table" {
                         caption { "Finished runs" }
                         thead { tr {
-                            @for name in COLUMNS { th scope="col" { button type="button" { (called(name, words)) } } }
+                            @for name in columns { th scope="col" { button type="button" { (name) } } }
                         } }
                         tbody { @for record in records { (row(record)) } }
                     }
@@ -49,15 +48,6 @@ pub fn section(records: &[&RunRecord], words: &Words) -> Option<Markup> {
             }
         }
     })
-}
-
-/// A column's name in the words of the study.
-fn called<'a>(name: &'a str, words: &'a Words) -> &'a str {
-    match name {
-        "N_nv" => words.size,
-        "L_u" => &words.loss,
-        other => other,
-    }
 }
 
 fn row(record: &RunRecord) -> Markup {
