@@ -173,7 +173,7 @@ pub fn sorted<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figures::simulated;
+    use crate::figures::tests::simulated;
     use crate::record::facts::LOSS_NORMALISED;
 
     #[test]

@@ -1,9 +1,8 @@
 //! The codes of a tokenizer, scale by scale: how often each is met, and where they lie (LG-Tok, Figs. 6
 //! and 7).
 
-use super::colour::MUTED;
 use super::{
-    Axis, Dash, Drawing, Legend, Look, Mark, Marker, Page, Plot, Point, Sample, Scale, Stroke,
+    Axis, Drawing, Legend, Look, Mark, Marker, Page, Plot, Point, Sample, Scale, bound_stroke,
     ordered_looks,
 };
 use crate::tokenizer::{CodeMap, ScaleCodes};
@@ -35,7 +34,7 @@ fn page(title: &str, map: &CodeMap, looks: &[Look]) -> Page {
         legend.entry(sample, format!("{}: {:.0} % of {all}", i + 1, 100.0 * used));
     }
     legend.heading("Bound");
-    legend.entry(Sample::Line(alike()), "all codes alike");
+    legend.entry(Sample::Line(bound_stroke()), "all codes alike");
     let remarks = "Codes of the test split. Left: a code's share of its scale's, times the size of the \
                    codebook. Right: the embeddings of the codes that were met, a mark the larger the \
                    more often."
@@ -50,7 +49,7 @@ fn use_plot(map: &CodeMap, looks: &[Look]) -> Result<Plot, String> {
     let frequencies = lines.iter().flatten().map(|point| point.1);
     let y = Axis::new("Frequency (1: all alike)", Scale::Log, frequencies.chain([1.0]))?;
     let mut plot = Plot::new(["Use".to_owned()], x, y);
-    plot.line([(0.0, 1.0), (100.0, 1.0)], alike());
+    plot.line([(0.0, 1.0), (100.0, 1.0)], bound_stroke());
     lines.into_iter().zip(looks).for_each(|(line, look)| plot.line(line, look.stroke()));
     Ok(plot)
 }
@@ -80,9 +79,4 @@ fn by_rank(scale: &ScaleCodes) -> Vec<Point> {
     let all = scale.places.len() as f64;
     let point = |(rank, frequency)| (100.0 * (rank as f64 + 0.5) / all, frequency);
     frequencies.into_iter().enumerate().map(point).collect()
-}
-
-/// What every code would be met at if all were alike.
-fn alike() -> Stroke {
-    Stroke::solid(MUTED, 1.3).dash(Dash::Dashed)
 }

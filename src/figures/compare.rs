@@ -3,7 +3,7 @@
 use super::fitted::minima;
 use super::quantity::{Quantity, quantities};
 use super::{
-    Axis, COMPUTE, Dash, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, category_looks,
+    Axis, COMPUTE, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, category_looks,
     law_stroke,
 };
 use crate::laws::{Coefficient, Laws, Minimum, Parameters};
@@ -26,7 +26,7 @@ fn page(studies: &[Study], looks: &[Look]) -> Page {
     for ((name, _), look) in studies.iter().zip(looks) {
         legend.entry(Sample::MarkedLine(law_stroke(look.colour), look.mark()), *name);
     }
-    legend.entry(Sample::Line(law_stroke(looks[0].colour).dash(Dash::Dashed)), "95 % interval");
+    legend.entry(Sample::Line(law_stroke(looks[0].colour).dashed()), "95 % interval");
     let title = "Optimal configurations of several studies".to_string();
     let remarks = "Lines are the optimum by the law that each study recommends, marks the minima."
         .to_string();
@@ -52,8 +52,8 @@ fn plot(quantity: &Quantity, studies: &[Study], looks: &[Look]) -> Result<Plot, 
             path.iter().filter_map(|(flops, own)| Some((*flops, of(own)?))).collect::<Vec<_>>()
         };
         plot.line(along(|own| Some(own.value)), stroke);
-        plot.line(along(|own| Some(own.ci95?[0])), stroke.dash(Dash::Dashed));
-        plot.line(along(|own| Some(own.ci95?[1])), stroke.dash(Dash::Dashed));
+        plot.line(along(|own| Some(own.ci95?[0])), stroke.dashed());
+        plot.line(along(|own| Some(own.ci95?[1])), stroke.dashed());
         points(laws).into_iter().for_each(|at| plot.mark(at, look.mark()));
     }
     Ok(plot)

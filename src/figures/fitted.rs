@@ -111,7 +111,7 @@ pub fn law_name(laws: &Laws) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figures::simulated;
+    use crate::figures::tests::simulated;
 
     #[test]
     fn the_held_out_minimum_is_shown_once() {

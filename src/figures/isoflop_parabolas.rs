@@ -1,6 +1,8 @@
 //! L_u against N_nv at each budget, best over V, with parabolas and minima
 //! (Hoffmann et al. 2022, approach 2).
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::cells::CellMean;
 use super::colour::INK;
 use super::fitted::{explain_marks, outside_remark};
@@ -62,7 +64,7 @@ fn plot(sources: &Sources, minima: &[&Minimum]) -> Result<Plot, String> {
     let losses = inside.map(|minimum| minimum.loss_normalised);
     let over = if sources.knows_size_alone() { "" } else { ", best over V" };
     let loss = sources.loss_axis() + over;
-    let x = Axis::new(sources.size_axis(), Scale::Log, all.iter().map(|p| p.0))?;
+    let x = Axis::new(sources.quantities()[0].label, Scale::Log, all.iter().map(|p| p.0))?;
     let y = Axis::new(&loss, Scale::Linear, all.iter().map(|p| p.1).chain(losses))?;
     Ok(Plot::new([], x, y))
 }
@@ -129,24 +131,13 @@ fn parabola(points: &[Point]) -> Option<Quadratic> {
     let centre = points.iter().map(|point| point.0.ln()).sum::<f64>() / n;
     let moment = |k: i32| points.iter().map(|p| (p.0.ln() - centre).powi(k)).sum::<f64>();
     let against = |k: i32| points.iter().map(|p| p.1 * (p.0.ln() - centre).powi(k)).sum::<f64>();
-    let columns = [0, 1, 2].map(|k| [0, 1, 2].map(|row| moment(k + row)));
-    let right = [0, 1, 2].map(against);
-    let whole = determinant(columns);
+    let moments = Matrix3::from_fn(|row, column| moment((row + column) as i32));
+    let right = Vector3::from_fn(|row, _| against(row as i32));
     let scale = moment(0) * moment(2) * moment(4);
-    if points.len() < 3 || whole.abs() <= 1e-12 * scale {
+    if points.len() < 3 || moments.determinant().abs() <= 1e-12 * scale {
         return None;
     }
-    let cramer = |k: usize| {
-        let mut replaced = columns;
-        replaced[k] = right;
-        determinant(replaced) / whole
-    };
-    Some(Quadratic { centre, coefficients: [0, 1, 2].map(cramer) })
-}
-
-fn determinant([a, b, c]: [[f64; 3]; 3]) -> f64 {
-    a[0] * (b[1] * c[2] - b[2] * c[1]) - b[0] * (a[1] * c[2] - a[2] * c[1])
-        + c[0] * (a[1] * b[2] - a[2] * b[1])
+    Some(Quadratic { centre, coefficients: moments.lu().solve(&right)?.into() })
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use super::fitted::{Role, explain_roles, known_minima, law_name};
 use super::panel::BAND;
 use super::ticks::signed;
 use super::{
-    Axis, COMPUTE, Dash, Drawing, Legend, Page, Plot, Sample, Scale, Sources, Stroke, law_stroke,
+    Axis, COMPUTE, Drawing, Legend, Page, Plot, Sample, Scale, Sources, Stroke, law_stroke,
 };
 use crate::laws::{Answer, Candidate, Coefficient, FloorLaw, Laws, LogLaw, Minimum};
 
@@ -46,7 +46,7 @@ fn others(laws: &Laws) -> Vec<Other<'_>> {
     });
     let floor = laws.loss.floor.as_ref().filter(|_| own != Candidate::Floor).map(|law| Other {
         name: "law with a floor",
-        stroke: law_stroke(SECOND_LAW).dash(Dash::Dashed),
+        stroke: law_stroke(SECOND_LAW).dashed(),
         loss: Box::new(move |flops| law.loss_at(flops, laws.reference_flops)),
         about: Box::new(move |words| describe_floor(law, words)),
     });

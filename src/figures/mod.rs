@@ -68,9 +68,6 @@ mod quality;
 mod tokenizers;
 mod vocab_vs_nonvocab;
 
-#[cfg(test)]
-mod simulated;
-
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -89,8 +86,8 @@ use legend::{Legend, Sample};
 use page::Page;
 use panel::Plot;
 pub use quality::draw as quality;
-use scene::{Dash, Mark, Marker, Point, Scene, Stroke};
-use series::{Look, category_looks, law_stroke, ordered_looks};
+use scene::{Mark, Marker, Point, Scene, Stroke};
+use series::{Look, bound_stroke, category_looks, law_stroke, ordered_looks};
 pub use write::Format;
 
 /// What the figures of a sweep are drawn from.

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::colour::MUTED;
 use super::{
-    Axis, COMPUTE, Dash, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, Stroke,
+    Axis, COMPUTE, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, bound_stroke,
     category_looks,
 };
 use crate::record::Quality;
@@ -94,13 +93,9 @@ fn plot([along, up]: [&Quantity; 2], rows: &[Quality]) -> Result<Plot, String> {
     });
     let mut plot = Plot::new(title, x, y);
     if let Some(truth) = truth.first() {
-        plot.curve(plot.x.ends(), |_| *truth, truth_stroke());
+        plot.curve(plot.x.ends(), |_| *truth, bound_stroke());
     }
     Ok(plot)
-}
-
-fn truth_stroke() -> Stroke {
-    Stroke::solid(MUTED, 1.3).dash(Dash::Dashed)
 }
 
 fn page(
@@ -115,7 +110,7 @@ fn page(
         legend.entry(Sample::Mark(look.mark()), format!("{generator} {n_vocab}"));
     }
     legend.heading("Bound");
-    legend.entry(Sample::Line(truth_stroke()), "true motions");
+    legend.entry(Sample::Line(bound_stroke()), "true motions");
     let remarks = format!(
         "{} runs, scored by evaluator {}; comparable only with scores of the same evaluator.",
         rows.len(),

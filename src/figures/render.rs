@@ -2,8 +2,9 @@
 //!
 //! plotters counts in whole pixels, so a PNG is drawn at `SUPERSAMPLE` times its size and averaged down.
 
-use image::codecs::png::PngEncoder;
-use image::{ColorType, ImageEncoder};
+use std::io::Cursor;
+
+use image::{ImageOutputFormat, RgbImage, imageops};
 use plotters::backend::{BitMapBackend, DrawingBackend};
 use plotters::style::{Color, RGBColor};
 
@@ -12,9 +13,9 @@ use super::font::{font, measure, side_bearing};
 use super::scene::{Point, Scene, Shape, Text};
 
 /// A PNG has this many pixels for one of the page.
-const PNG_SCALE: usize = 2;
+const PNG_SCALE: u32 = 2;
 /// Samples along each side of a PNG's pixel.
-const SUPERSAMPLE: usize = 3;
+const SUPERSAMPLE: u32 = 3;
 /// Samples along a page pixel.
 const SCALE: f64 = (PNG_SCALE * SUPERSAMPLE) as f64;
 
@@ -22,38 +23,16 @@ const SCALE: f64 = (PNG_SCALE * SUPERSAMPLE) as f64;
 pub type DrawError = Box<dyn std::error::Error + Send + Sync>;
 
 /// The whole PNG.
-pub fn png(scene: &Scene) -> Result<Vec<u8>, DrawError> {
-    raster(scene)?.png()
-}
-
-/// Pixels, RGB row by row.
-pub struct Raster {
-    width: u32,
-    height: u32,
-    samples: Vec<u8>,
-}
-
-impl Raster {
-    pub fn png(&self) -> Result<Vec<u8>, DrawError> {
-        let mut bytes = Vec::new();
-        let encoder = PngEncoder::new(&mut bytes);
-        encoder.write_image(&self.samples, self.width, self.height, ColorType::Rgb8)?;
-        Ok(bytes)
-    }
-
-    /// Both pictures, `other` below; they are of one width.
-    pub fn above(mut self, other: &Raster) -> Raster {
-        assert_eq!(self.width, other.width, "pictures of one width");
-        self.height += other.height;
-        self.samples.extend(&other.samples);
-        self
-    }
+pub fn png(picture: &RgbImage) -> Result<Vec<u8>, DrawError> {
+    let mut bytes = Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, ImageOutputFormat::Png)?;
+    Ok(bytes.into_inner())
 }
 
 /// A page as pixels.
-pub fn raster(scene: &Scene) -> Result<Raster, DrawError> {
+pub fn raster(scene: &Scene) -> Result<RgbImage, DrawError> {
     let (width, height) = (pixels(scene.width), pixels(scene.height));
-    let mut samples = vec![255; 3 * width as usize * height as usize];
+    let mut samples = RgbImage::from_pixel(width, height, image::Rgb([255; 3]));
     let mut pen = Pen(BitMapBackend::with_buffer(&mut samples, (width, height)));
     for shape in &scene.shapes {
         match shape {
@@ -64,9 +43,7 @@ pub fn raster(scene: &Scene) -> Result<Raster, DrawError> {
         }
     }
     drop(pen);
-    let samples = box_average(&samples, width as usize, height as usize);
-    let step = SUPERSAMPLE as u32;
-    Ok(Raster { width: width / step, height: height / step, samples })
+    Ok(imageops::thumbnail(&samples, width / SUPERSAMPLE, height / SUPERSAMPLE))
 }
 
 fn pixels(length: f64) -> u32 {
@@ -75,24 +52,6 @@ fn pixels(length: f64) -> u32 {
 
 fn place((x, y): Point) -> (i32, i32) {
     ((x * SCALE).round() as i32, (y * SCALE).round() as i32)
-}
-
-/// Averages squares of [`SUPERSAMPLE`]² RGB samples.
-fn box_average(samples: &[u8], width: usize, height: usize) -> Vec<u8> {
-    let (step, area) = (SUPERSAMPLE, (SUPERSAMPLE * SUPERSAMPLE) as u32);
-    let mut averaged = Vec::with_capacity(samples.len() / area as usize);
-    for y in 0..height / step {
-        for x in 0..width / step {
-            for channel in 0..3 {
-                let sum: u32 = (0..step * step)
-                    .map(|i| (y * step + i / step) * width + x * step + i % step)
-                    .map(|sample| u32::from(samples[3 * sample + channel]))
-                    .sum();
-                averaged.push(((sum + area / 2) / area) as u8);
-            }
-        }
-    }
-    averaged
 }
 
 /// A plotters backend that is told page pixels.

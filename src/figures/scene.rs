@@ -48,37 +48,23 @@ pub enum Shape {
     Text(Text),
 }
 
-/// How a line is broken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dash {
-    Solid,
-    Dashed,
-}
-
-impl Dash {
-    /// Lengths of stroke and gap, in pixels.
-    fn pattern(self) -> Option<(f64, f64)> {
-        match self {
-            Dash::Solid => None,
-            Dash::Dashed => Some((7.0, 4.0)),
-        }
-    }
-}
+/// Lengths of stroke and gap of a dashed line, in pixels.
+const DASH: (f64, f64) = (7.0, 4.0);
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
     pub colour: Rgb,
     pub width: f64,
-    pub dash: Dash,
+    pub dashed: bool,
 }
 
 impl Stroke {
     pub fn solid(colour: Rgb, width: f64) -> Stroke {
-        Stroke { colour, width, dash: Dash::Solid }
+        Stroke { colour, width, dashed: false }
     }
 
-    pub fn dash(self, dash: Dash) -> Stroke {
-        Stroke { dash, ..self }
+    pub fn dashed(self) -> Stroke {
+        Stroke { dashed: true, ..self }
     }
 }
 
@@ -152,11 +138,8 @@ impl Scene {
 
     /// Strokes a line through the points, broken as the stroke says.
     pub fn line(&mut self, points: &[Point], stroke: Stroke) {
-        let Stroke { colour, width, dash } = stroke;
-        let pieces = match dash.pattern() {
-            None => vec![points.to_vec()],
-            Some((on, off)) => dashes(points, on, off),
-        };
+        let Stroke { colour, width, dashed } = stroke;
+        let pieces = if dashed { dashes(points, DASH.0, DASH.1) } else { vec![points.to_vec()] };
         let long = pieces.into_iter().filter(|points| points.len() > 1);
         self.shapes.extend(long.map(|points| Shape::Line { points, width, colour }));
     }

@@ -1,7 +1,7 @@
 //! Looks of the series of a figure, and the rows of the legend that explain them.
 
 use super::cells::ModelSize;
-use super::colour::{Rgb, categories, ordered};
+use super::colour::{MUTED, Rgb, categories, ordered};
 use super::legend::{Legend, Sample};
 use super::scene::{Mark, Marker, Stroke};
 use super::ticks::scientific;
@@ -63,6 +63,11 @@ pub fn explain_budgets(
         let held = if held_out == Some(budget) { ", held out" } else { "" };
         legend.entry(sample(look), format!("{}{held}", scientific(budget)));
     }
+}
+
+/// The line of a bound.
+pub fn bound_stroke() -> Stroke {
+    Stroke::solid(MUTED, 1.3).dashed()
 }
 
 /// The line of a law.

@@ -2,6 +2,8 @@
 
 use std::fs;
 
+pub mod simulated;
+
 use super::*;
 use crate::laws::MinimumFlag;
 use crate::record::facts::LOSS_NORMALISED;

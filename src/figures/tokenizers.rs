@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::cells::sorted;
 use super::colour::MUTED;
 use super::{
-    Axis, Dash, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, Sources, Stroke,
+    Axis, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, Sources, Stroke, bound_stroke,
     category_looks,
 };
 use crate::tokenizer::TokenizerMetrics;
@@ -75,7 +75,7 @@ fn page(sources: &Sources, kinds: &[String], looks: &[Look]) -> Page {
         legend.entry(Sample::Line(k_means()), "k-means");
     }
     legend.heading("Bound");
-    legend.entry(Sample::Line(bound()), "all codes equal");
+    legend.entry(Sample::Line(bound_stroke()), "all codes equal");
     let remarks = "Over the whole test split; a line joins the means at each V.".to_owned();
     let title = sources.title("tokenizers");
     Page { width: 1000.0, height: 700.0, title, remarks, legend }
@@ -95,7 +95,8 @@ impl Metric {
         let y = Axis::new(self.label, self.scale, values)?;
         let mut plot = Plot::new([self.title.to_owned()], x.ticks_at(vocabs), y);
         if self.scale == Scale::Log {
-            plot.curve(plot.x.ends(), |v| v, bound());
+            // exp H = V: no code is met more often than another.
+            plot.curve(plot.x.ends(), |v| v, bound_stroke());
         }
         plot.line(means(tokenizers, self.of_k_means), k_means());
         for (kind, look) in kinds.iter().zip(looks) {
@@ -133,9 +134,4 @@ fn in_capitals(name: &str) -> String {
 /// What any tokenizer has to beat.
 fn k_means() -> Stroke {
     Stroke::solid(MUTED, 1.6)
-}
-
-/// exp H = V: no code is met more often than another.
-fn bound() -> Stroke {
-    Stroke::solid(MUTED, 1.3).dash(Dash::Dashed)
 }

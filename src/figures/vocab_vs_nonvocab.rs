@@ -5,7 +5,7 @@ use super::fitted::{Role, explain_roles, known_minima, minima, outside_remark, w
 use super::series::explain_budgets;
 use super::ticks::signed;
 use super::{
-    Axis, Dash, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, Sources, law_stroke,
+    Axis, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, Sources, law_stroke,
     ordered_looks,
 };
 use crate::laws::{Laws, Minimum};
@@ -60,7 +60,7 @@ fn implied(laws: &Laws) -> Option<(f64, impl Fn(f64) -> f64)> {
 
 fn draw_laws(plot: &mut Plot, laws: &Laws) {
     if let Some((_, law)) = implied(laws) {
-        plot.curve(plot.x.ends(), law, law_stroke(SECOND_LAW).dash(Dash::Dashed));
+        plot.curve(plot.x.ends(), law, law_stroke(SECOND_LAW).dashed());
     }
     if let Some(law) = &laws.vocab_from_nonvocab {
         plot.curve(plot.x.ends(), |params| law.value_at(params), law_stroke(LAW));
@@ -74,7 +74,7 @@ fn explain_laws(legend: &mut Legend, laws: &Laws) {
         legend.entry(Sample::Line(law_stroke(LAW)), text);
     }
     if let Some((gamma, _)) = implied(laws) {
-        let sample = Sample::Line(law_stroke(SECOND_LAW).dash(Dash::Dashed));
+        let sample = Sample::Line(law_stroke(SECOND_LAW).dashed());
         legend.entry(sample, format!("laws in C: a/b = {}", signed(gamma, 3)));
     }
 }

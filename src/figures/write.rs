@@ -36,7 +36,7 @@ impl Format {
     fn bytes(self, scene: &Scene) -> Result<Vec<u8>, DrawError> {
         match self {
             Format::Svg => Ok(svg(scene, "", "").into_bytes()),
-            Format::Png => render::png(scene),
+            Format::Png => render::png(&render::raster(scene)?),
             Format::Pdf => pdf::pdf(scene),
         }
     }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::input::Study;
+use super::input::{self, Study};
 use super::scaling::{budgets, of_budget};
 use super::table::{interval, table};
 use crate::laws::text::count;
@@ -14,23 +14,19 @@ pub fn section(studies: &[Study]) -> Option<Markup> {
     let head =
         ["generator", "runs", "C", "lowest L_u", "N_nv", "V", "exponent of N_nv", "of N_v", "of D"];
     let rows: Vec<Vec<String>> = studies.iter().filter_map(row).collect();
-    (!rows.is_empty()).then(|| {
-        html! {
-            section aria-labelledby="generators" {
-                h2 id="generators" { "Generators" }
-                (table("The best run at the largest budget, and exponents of C with 95 % intervals", &head, &rows))
-                nav aria-label="Generators" {
-                    ul.legend {
-                        @for study in studies {
-                            li { a href={ "#" (study.id("verdict")) } { (study.generator.unwrap_or_default()) } }
-                        }
-                    }
+    let within = html! {
+        (table("The best run at the largest budget, and exponents of C with 95 % intervals", &head, &rows))
+        nav aria-label="Generators" {
+            ul.legend {
+                @for study in studies {
+                    li { a href={ "#" (study.id("verdict")) } { (study.generator.unwrap_or_default()) } }
                 }
-                p.faint { "L_u is in nats a token. Losses of generators with other kinds of tokens do not compare; \
-                           the scores of their motions do." }
             }
         }
-    })
+        p.faint { "L_u is in nats a token. Losses of generators with other kinds of tokens do not compare; \
+                   the scores of their motions do." }
+    };
+    (!rows.is_empty()).then(|| input::section("generators", "Generators", &within))
 }
 
 /// A generator that has a name.

@@ -27,20 +27,18 @@ pub fn section(study: &Study) -> Option<Markup> {
         "{} of runs against {}, with a line through the best of each size of a budget",
         words.loss, words.size
     );
-    Some(html! {
-        section aria-labelledby=(study.id("curves")) {
-            (study.heading("curves", "IsoFLOP curves"))
-            p { "The lines go through the best run of each size; the other runs near them are faint. Point \
-                 at a run, or tap it, to read it. The shaded band is the predicted " (words.size) " of the budget chosen above." }
-            (chart.drawing(&study.id("isoflop"), &study.own(&about), [words.size, &words.loss_axis], &drawn))
-            p.pointed aria-live="polite" { "\u{a0}" }
-            ul.legend {
-                @for (place, budget) in budgets.iter().enumerate() {
-                    li { span class={ "swatch c" (place % COLOURS) } {} (count(*budget)) }
-                }
+    let within = html! {
+        p { "The lines go through the best run of each size; the other runs near them are faint. Point \
+             at a run, or tap it, to read it. The shaded band is the predicted " (words.size) " of the budget chosen above." }
+        (chart.drawing(&study.id("isoflop"), &study.own(&about), [words.size, &words.loss_axis], &drawn))
+        p.pointed aria-live="polite" { "\u{a0}" }
+        ul.legend {
+            @for (place, budget) in budgets.iter().enumerate() {
+                li { span class={ "swatch c" (place % COLOURS) } {} (count(*budget)) }
             }
         }
-    })
+    };
+    Some(study.section("curves", "IsoFLOP curves", &within))
 }
 
 fn curve(chart: &Chart, study: &Study, budget: f64, colour: usize) -> Markup {

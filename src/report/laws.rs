@@ -16,30 +16,28 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
     let mut head = vec!["quantity", "exponent", "95 %", "at C0", "R²", "budgets"];
     head.extend(without.as_deref());
     let reference = count(laws.reference_flops);
-    html! {
-        section aria-labelledby=(study.id("laws")) {
-            (study.heading("laws", "Laws"))
-            (own(study, laws))
-            (table(
-                &study.own(&format!("Power laws through the minima ({}); C0 = {reference} FLOPs", laws.minima_method)),
-                &head,
-                &powers(laws)
-            ))
-            (table(
-                &study.own("Laws of the loss through the minima; the error is that of laws without the held-out budget"),
-                &["law", if study.loss_name.is_none() { "held-out error, nats" } else { "held-out error" }, "parameters"],
-                &losses(laws)
-            ))
-            (parts(study, laws))
-            (minima(study, laws))
-            @if !laws.warnings.is_empty() {
-                details {
-                    summary { "Remarks on the fit: " (laws.warnings.len()) }
-                    ul { @for warning in &laws.warnings { li { (warning) } } }
-                }
+    let within = html! {
+        (own(study, laws))
+        (table(
+            &study.own(&format!("Power laws through the minima ({}); C0 = {reference} FLOPs", laws.minima_method)),
+            &head,
+            &powers(laws)
+        ))
+        (table(
+            &study.own("Laws of the loss through the minima; the error is that of laws without the held-out budget"),
+            &["law", if study.loss_name.is_none() { "held-out error, nats" } else { "held-out error" }, "parameters"],
+            &losses(laws)
+        ))
+        (parts(study, laws))
+        (minima(study, laws))
+        @if !laws.warnings.is_empty() {
+            details {
+                summary { "Remarks on the fit: " (laws.warnings.len()) }
+                ul { @for warning in &laws.warnings { li { (warning) } } }
             }
         }
-    }
+    };
+    study.section("laws", "Laws", &within)
 }
 
 /// The law to believe: its formula, its exponents and what is in doubt.

@@ -2,6 +2,7 @@
 
 use maud::{Markup, html};
 
+use super::input;
 use super::words::Words;
 use crate::laws::text::count;
 use crate::record::RunRecord;
@@ -29,25 +30,21 @@ pub fn section(records: &[&RunRecord], words: &Words) -> Option<Markup> {
         loss,
         "seconds",
     ];
-    (!records.is_empty()).then(|| {
-        html! {
-            section aria-labelledby="runs" {
-                h2 id="runs" { "Runs" }
-                label for="filter" { "Show runs with " }
-                input id="filter" type="search" placeholder="masked 1e11 V=128";
-                " " span id="shown" aria-live="polite" {}
-                div.wide.tall tabindex="0" role="region" aria-label="Table of runs" {
-                    table id="table" {
-                        caption { "Finished runs" }
-                        thead { tr {
-                            @for name in columns { th scope="col" { button type="button" { (name) } } }
-                        } }
-                        tbody { @for record in records { (row(record)) } }
-                    }
-                }
+    let within = html! {
+        label for="filter" { "Show runs with " }
+        input id="filter" type="search" placeholder="masked 1e11 V=128";
+        " " span id="shown" aria-live="polite" {}
+        div.wide.tall tabindex="0" role="region" aria-label="Table of runs" {
+            table id="table" {
+                caption { "Finished runs" }
+                thead { tr {
+                    @for name in columns { th scope="col" { button type="button" { (name) } } }
+                } }
+                tbody { @for record in records { (row(record)) } }
             }
         }
-    })
+    };
+    (!records.is_empty()).then(|| input::section("runs", "Runs", &within))
 }
 
 fn row(record: &RunRecord) -> Markup {

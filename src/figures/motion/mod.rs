@@ -103,15 +103,17 @@ pub fn write_motion(
 ///
 /// # Errors
 /// [`MotionFileError`], where there is no motion, one is none, or the file cannot be written.
-pub fn write_sheet(path: &Path, motions: &[CaptionedMotion]) -> Result<(), MotionFileError> {
+pub fn write_sheet<'a>(
+    path: &Path,
+    motions: &[CaptionedMotion<'a>],
+) -> Result<(), MotionFileError> {
     if motions.is_empty() {
         return Err(MotionFileError::NoMotions);
     }
-    let poses: Vec<Vec<Pose>> =
-        motions.iter().map(CaptionedMotion::poses).collect::<Result<_, _>>()?;
-    let rows: Vec<sheet::Row> = (motions.iter().zip(&poses))
-        .map(|(motion, poses)| sheet::Row { poses, fps: motion.fps, caption: motion.caption })
-        .collect();
+    let row = |motion: &CaptionedMotion<'a>| -> Result<sheet::Row<'a>, MotionFileError> {
+        Ok(sheet::Row { poses: motion.poses()?, fps: motion.fps, caption: motion.caption })
+    };
+    let rows: Vec<sheet::Row> = motions.iter().map(row).collect::<Result<_, _>>()?;
     let failed = |error| MotionFileError::Draw { path: path.to_path_buf(), error };
     let pixels = sheet::png(&rows).map_err(failed)?;
     Ok(atomic::write_bytes(path, &pixels)?)
