@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use isoflop::figures::{Format, GeneratorRuns, draw_generators};
+use isoflop::figures::{self, Format, GeneratorRuns, draw_alone};
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::RunRecord;
 use isoflop::sweep::{self, Sweep};
@@ -68,6 +68,6 @@ pub fn draw(
 ) -> Result<Vec<PathBuf>> {
     let runs: Vec<GeneratorRuns> =
         by_generator.iter().map(|(name, records)| GeneratorRuns { name, records }).collect();
-    let figures = folder.file("figures");
-    Ok(draw_generators(&sweep.name, &runs, sweep.flops.rule, &figures, formats)?)
+    let drawing = figures::generators(&sweep.name, &runs, sweep.flops.rule);
+    Ok(draw_alone("generators", drawing, &folder.file("figures"), formats)?)
 }

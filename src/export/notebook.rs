@@ -15,45 +15,33 @@ pub struct NotebookInput<'a> {
     pub results: &'a str,
 }
 
-enum Kind {
-    Markdown,
-    Code,
-}
+/// A cell: the name of its file, which without its ending is unique and stable, as nbformat 4.5 asks of an
+/// id, and what the file holds.
+type NotebookCell = (&'static str, &'static str);
 
-struct NotebookCell {
-    /// Unique within the notebook and stable, as nbformat 4.5 asks.
-    id: &'static str,
-    kind: Kind,
-    source: &'static str,
-}
-
-macro_rules! cell {
-    ($id:literal, $kind:ident, $extension:literal) => {
-        NotebookCell {
-            id: $id,
-            kind: Kind::$kind,
-            source: include_str!(concat!("notebook/", $id, $extension)),
-        }
+macro_rules! cells {
+    ($($file:literal),* $(,)?) => {
+        [$(($file, include_str!(concat!("notebook/", $file)))),*]
     };
 }
 
-const CELLS: [NotebookCell; 16] = [
-    cell!("title", Markdown, ".md"),
-    cell!("setup", Code, ".py"),
-    cell!("runs-text", Markdown, ".md"),
-    cell!("runs", Code, ".py"),
-    cell!("loss-flops-text", Markdown, ".md"),
-    cell!("loss-flops", Code, ".py"),
-    cell!("isoflop-text", Markdown, ".md"),
-    cell!("isoflop", Code, ".py"),
-    cell!("power-laws-text", Markdown, ".md"),
-    cell!("power-laws", Code, ".py"),
-    cell!("loss-law-text", Markdown, ".md"),
-    cell!("loss-law", Code, ".py"),
-    cell!("vocab-text", Markdown, ".md"),
-    cell!("vocab", Code, ".py"),
-    cell!("predict-text", Markdown, ".md"),
-    cell!("predict", Code, ".py"),
+const CELLS: [NotebookCell; 16] = cells![
+    "title.md",
+    "setup.py",
+    "runs-text.md",
+    "runs.py",
+    "loss-flops-text.md",
+    "loss-flops.py",
+    "isoflop-text.md",
+    "isoflop.py",
+    "power-laws-text.md",
+    "power-laws.py",
+    "loss-law-text.md",
+    "loss-law.py",
+    "vocab-text.md",
+    "vocab.py",
+    "predict-text.md",
+    "predict.py",
 ];
 
 /// The notebook as a JSON document of nbformat 4.5, not yet executed.
@@ -62,7 +50,7 @@ const CELLS: [NotebookCell; 16] = [
 /// `runs.parquet` and `laws.json` in the sweep's folder; a law that is null is passed over.
 /// The same input gives the same document.
 pub fn notebook(input: &NotebookInput) -> Value {
-    let cells: Vec<Value> = CELLS.iter().map(|cell| cell.document(input)).collect();
+    let cells: Vec<Value> = CELLS.into_iter().map(|cell| document(cell, input)).collect();
     json!({
         "cells": cells,
         "metadata": {
@@ -74,38 +62,27 @@ pub fn notebook(input: &NotebookInput) -> Value {
     })
 }
 
-impl NotebookCell {
-    fn document(&self, input: &NotebookInput) -> Value {
-        let filled = self.filled(input);
-        let source = lines(&filled);
-        match self.kind {
-            Kind::Markdown => json!({
-                "cell_type": "markdown", "id": self.id, "metadata": {}, "source": source,
-            }),
-            Kind::Code => json!({
-                "cell_type": "code", "id": self.id, "metadata": {}, "source": source,
-                "execution_count": null, "outputs": [],
-            }),
-        }
+/// The name and the folder of the sweep are filled in; in code both are quoted strings.
+fn document((file, source): NotebookCell, input: &NotebookInput) -> Value {
+    let markdown = file.strip_suffix(".md");
+    let quoted = |text: &str| match markdown {
+        Some(_) => text.to_owned(),
+        // A JSON string is a Python string.
+        None => json!(text).to_string(),
+    };
+    let source = source.trim_end().replace("SWEEP_NAME", &quoted(input.name));
+    let source = source.replace("SWEEP_FOLDER", &quoted(input.results));
+    // Lines that keep their ends, as notebooks store text.
+    let lines: Vec<&str> = source.split_inclusive('\n').collect();
+    match markdown {
+        Some(id) => json!({
+            "cell_type": "markdown", "id": id, "metadata": {}, "source": lines,
+        }),
+        None => json!({
+            "cell_type": "code", "id": file.trim_end_matches(".py"), "metadata": {}, "source": lines,
+            "execution_count": null, "outputs": [],
+        }),
     }
-
-    /// The source with the sweep's name and folder; in code both are quoted strings.
-    fn filled(&self, input: &NotebookInput) -> String {
-        let quoted = |text: &str| match self.kind {
-            Kind::Markdown => text.to_owned(),
-            // A JSON string is a Python string.
-            Kind::Code => json!(text).to_string(),
-        };
-        let source = self.source.trim_end();
-        source
-            .replace("SWEEP_NAME", &quoted(input.name))
-            .replace("SWEEP_FOLDER", &quoted(input.results))
-    }
-}
-
-/// Lines that keep their ends, as notebooks store text.
-fn lines(source: &str) -> Vec<&str> {
-    source.split_inclusive('\n').collect()
 }
 
 #[cfg(test)]

@@ -5,6 +5,8 @@ use super::ticks::{self, Tick};
 
 /// Size of tick labels, in pixels.
 pub const TICK_EM: f64 = 12.0;
+/// What C is called along an axis.
+pub const COMPUTE: &str = "Training compute C (FLOPs)";
 /// Space left free beyond the outermost data, as a share of the span.
 const PADDING: f64 = 0.05;
 
@@ -75,6 +77,11 @@ impl Axis {
         }
     }
 
+    /// The values at both ends.
+    pub fn ends(&self) -> (f64, f64) {
+        (self.value(0.0), self.value(1.0))
+    }
+
     pub fn holds(&self, value: f64) -> bool {
         (0.0..=1.0).contains(&self.share(value))
     }
@@ -82,7 +89,7 @@ impl Axis {
     /// The ticks for an axis `length` pixels long, labelled as densely as the labels fit.
     pub fn ticks(&self, length: f64, direction: Direction) -> Vec<Tick> {
         let fits = |ticks: &[Tick]| self.labels_fit(ticks, length, direction);
-        let (low, high) = (self.value(0.0), self.value(1.0));
+        let (low, high) = self.ends();
         match (&self.at, self.scale) {
             (Some(values), _) => self.thinned(values, length, direction),
             (None, Scale::Linear) => ticks::linear(low, high, fits),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::Point;
 use super::ticks::count;
 use crate::record::{Planned, RunRecord, of_largest_share};
 use crate::spec::FlopsRule;
@@ -65,6 +66,13 @@ pub struct CellMean {
     /// Of that mean over the seeds; `None` of one seed.
     pub standard_error: Option<f64>,
     pub seeds: usize,
+}
+
+impl CellMean {
+    /// Its loss at what it spent.
+    pub fn at_its_flops(&self) -> Point {
+        (self.flops, self.loss_normalised)
+    }
 }
 
 /// Every cell of a sweep, with the sorted values of each axis of the grid.
@@ -154,7 +162,8 @@ fn best<'a>(cells: impl Iterator<Item = &'a CellMean>) -> Option<&'a CellMean> {
     cells.min_by(|a, b| a.loss_normalised.total_cmp(&b.loss_normalised))
 }
 
-fn sorted<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
+/// Each value once, ascending.
+pub fn sorted<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
     let mut values: Vec<_> = values.collect();
     values.sort_unstable();
     values.dedup();
@@ -164,7 +173,7 @@ fn sorted<T: Ord>(values: impl Iterator<Item = T>) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figures::simulated;
+    use crate::figures::tests::simulated;
     use crate::record::facts::LOSS_NORMALISED;
 
     #[test]

@@ -51,6 +51,13 @@ const VIRIDIS: [Rgb; 10] = [
     Rgb(189, 223, 38),
 ];
 
+/// As CSS has it.
+impl std::fmt::Display for Rgb {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "#{:02X}{:02X}{:02X}", self.0, self.1, self.2)
+    }
+}
+
 impl Rgb {
     /// Mixes with white: `share` 1 is the colour itself, 0 is white.
     pub fn tint(self, share: f64) -> Rgb {

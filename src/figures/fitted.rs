@@ -1,10 +1,8 @@
 //! The parts of `Laws` that figures draw: minima by kind, laws as functions, their bands.
 
-use crate::laws::{FloorLaw, LawKind, Laws, LogLaw, Minimum, PowerLaw};
-
 use super::colour::{HELD_OUT, INK, Rgb};
-use super::legend::{Legend, Sample};
-use super::scene::{Mark, Marker};
+use super::{Legend, Mark, Marker, Sample};
+use crate::laws::{LawKind, Laws, Minimum, MinimumMethod};
 
 /// What a minimum is to the laws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,15 +51,32 @@ pub fn minima(laws: &Laws) -> Vec<(&Minimum, Role)> {
     fitted.filter(|(_, role)| *role != Role::HeldOut).chain(held_out).collect()
 }
 
+/// The same, or the reason why there are none.
+pub fn known_minima(laws: &Laws) -> Result<Vec<(&Minimum, Role)>, String> {
+    let minima = minima(laws);
+    if minima.is_empty() { Err("the laws hold no minimum".to_owned()) } else { Ok(minima) }
+}
+
+/// Explains the marks of minima by a method.
+pub fn explain_marks(
+    legend: &mut Legend,
+    method: MinimumMethod,
+    marks: impl Iterator<Item = (Mark, &'static str)>,
+) {
+    legend.heading(&format!("Minima ({method})"));
+    marks.for_each(|(mark, text)| legend.entry(Sample::Mark(mark), text));
+}
+
 /// Explains the marks of those roles that occur, in the colours that `colour` gives them.
 pub fn explain_roles(legend: &mut Legend, laws: &Laws, colour: fn(Role) -> Rgb) {
     let minima = minima(laws);
-    legend.heading(&format!("Minima ({})", laws.minima_method));
-    for role in [Role::Fitted, Role::Flagged, Role::HeldOut] {
-        if minima.iter().any(|(_, of)| *of == role) {
-            legend.entry(Sample::Mark(role.mark(colour(role))), role.label());
-        }
-    }
+    let roles = [Role::Fitted, Role::Flagged, Role::HeldOut].into_iter();
+    let met = roles.filter(|role| minima.iter().any(|(_, of)| of == role));
+    explain_marks(
+        legend,
+        laws.minima_method,
+        met.map(|role| (role.mark(colour(role)), role.label())),
+    );
 }
 
 /// Values that an axis must hold: those of trusted points, and flagged ones within a decade.
@@ -85,21 +100,6 @@ pub fn outside_remark(hidden: usize) -> String {
     }
 }
 
-/// y = 10^(coefficient + exponent · log10 x).
-pub fn power(law: &PowerLaw, x: f64) -> f64 {
-    10f64.powf(law.log10_coefficient + law.exponent * x.log10())
-}
-
-/// L_u of ScaMo Eq. 14.
-pub fn log_loss(law: &LogLaw, flops: f64) -> f64 {
-    law.slope_per_decade * flops.log10() + law.intercept
-}
-
-/// L_u of the law with a floor; `reference` is C0.
-pub fn floor_loss(law: &FloorLaw, reference: f64, flops: f64) -> f64 {
-    law.floor + law.coefficient * (flops / reference).powf(-law.exponent)
-}
-
 /// The law that an answer is of, for a legend.
 pub fn law_name(laws: &Laws) -> String {
     match laws.law {
@@ -111,7 +111,7 @@ pub fn law_name(laws: &Laws) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figures::simulated;
+    use crate::figures::tests::simulated;
 
     #[test]
     fn the_held_out_minimum_is_shown_once() {

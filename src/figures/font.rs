@@ -3,12 +3,10 @@
 //! plotters measures and rasterises the glyphs. It draws each glyph from its own left edge and
 //! drops the side bearing, so the bearings are read from the font; a PDF wants the rest of its metrics.
 
-use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use plotters::style::{FontDesc, FontFamily, FontStyle, register_font};
-
-use super::true_type::{Glyph, Metrics, TrueType};
+use ttf_parser::Face;
 
 /// The CSS family written into an SVG; the first name is the face that the layout measured.
 pub const FAMILY: &str = "DejaVu Sans, sans-serif";
@@ -31,20 +29,31 @@ impl Weight {
         }
     }
 
-    pub fn face(self) -> &'static Face {
-        static FACES: OnceLock<[Face; 2]> = OnceLock::new();
+    pub fn face(self) -> &'static Face<'static> {
+        static FACES: OnceLock<[Face<'static>; 2]> = OnceLock::new();
         let faces = FACES.get_or_init(|| {
             [(Weight::Normal, dejavu::sans::regular()), (Weight::Bold, dejavu::sans::bold())]
-                .map(|(weight, bytes)| Face::register(weight, bytes))
+                .map(|(weight, bytes)| registered(weight, bytes))
         });
         &faces[self as usize]
     }
+
+    /// Units of the face in ems.
+    pub fn ems(self, units: impl Into<f64>) -> f64 {
+        units.into() / f64::from(self.face().units_per_em())
+    }
+}
+
+fn registered(weight: Weight, bytes: &'static [u8]) -> Face<'static> {
+    let registered = register_font(FAMILY, weight.style(), bytes);
+    assert!(registered.is_ok(), "the bundled DejaVu Sans is a valid font");
+    Face::parse(bytes, 0).expect("the bundled DejaVu Sans is a valid font")
 }
 
 /// plotters' font at `em` pixels; plotters counts a font's size from ascender to descender.
 pub fn font(weight: Weight, em: f64) -> FontDesc<'static> {
-    let metrics = &weight.face().metrics;
-    let size = em * (metrics.ascender - metrics.descender);
+    let face = weight.face();
+    let size = em * weight.ems(face.ascender() - face.descender());
     FontDesc::new(FontFamily::Name(FAMILY), size, weight.style())
 }
 
@@ -57,7 +66,9 @@ pub fn measure(text: &str, weight: Weight, em: f64) -> f64 {
 
 /// Distance from the pen to the left edge of a glyph, in the unit of `em`.
 pub fn side_bearing(glyph: char, weight: Weight, em: f64) -> f64 {
-    weight.face().glyph(glyph).side_bearing * em
+    let face = weight.face();
+    let units = face.glyph_index(glyph).and_then(|glyph| face.glyph_hor_side_bearing(glyph));
+    units.map_or(0.0, |units| weight.ems(units) * em)
 }
 
 /// Breaks a text at spaces into lines no wider than `width`.
@@ -73,29 +84,6 @@ pub fn wrap(text: &str, weight: Weight, em: f64, width: f64) -> Vec<String> {
         }
     }
     lines
-}
-
-/// What plotters does not tell about a TrueType face.
-pub struct Face {
-    /// The whole font file.
-    pub bytes: &'static [u8],
-    pub metrics: Metrics,
-    /// The characters of the basic plane.
-    glyphs: BTreeMap<char, Glyph>,
-}
-
-impl Face {
-    fn register(weight: Weight, bytes: &'static [u8]) -> Face {
-        let registered = register_font(FAMILY, weight.style(), bytes);
-        assert!(registered.is_ok(), "the bundled DejaVu Sans is a valid font");
-        let font = TrueType::new(bytes);
-        Face { bytes, metrics: font.metrics(), glyphs: font.glyphs() }
-    }
-
-    /// The glyph of a character; that of a missing one, an empty box, where there is none.
-    pub fn glyph(&self, character: char) -> Glyph {
-        self.glyphs.get(&character).copied().unwrap_or_default()
-    }
 }
 
 #[cfg(test)]
@@ -115,7 +103,7 @@ mod tests {
         for symbol in "⁰¹²³⁴⁵⁶⁷⁸⁹⁻ₙᵥᵤ₁₀ᵃᵇᶜγ∝−×·–≥…".chars()
         {
             for weight in [Weight::Normal, Weight::Bold] {
-                assert!(weight.face().glyphs.contains_key(&symbol), "{symbol}");
+                assert!(weight.face().glyph_index(symbol).is_some(), "{symbol}");
             }
         }
     }

@@ -1,11 +1,6 @@
 //! The best L_u of each budget against C, a line a generator.
 
-use super::axis::{Axis, Scale};
-use super::cells::Cells;
-use super::legend::Legend;
-use super::page::{Page, Plot};
-use super::scene::{Point, Scene};
-use super::series::{category_looks, marked_line};
+use super::{Axis, COMPUTE, Cells, Drawing, Legend, Page, Plot, Point, Scale, category_looks};
 use crate::record::RunRecord;
 use crate::spec::FlopsRule;
 
@@ -16,37 +11,19 @@ pub struct GeneratorRuns<'a> {
 }
 
 /// The page, or the reason why there is none.
-pub fn draw(sweep: &str, generators: &[GeneratorRuns], rule: FlopsRule) -> Result<Scene, String> {
-    let lines: Vec<Vec<Point>> = generators
-        .iter()
-        .map(|own| {
-            let cells = Cells::of(own.records, rule);
-            cells.envelope().iter().map(|cell| (cell.flops, cell.loss_normalised)).collect()
-        })
-        .collect();
+pub fn draw(sweep: &str, generators: &[GeneratorRuns], rule: FlopsRule) -> Drawing {
+    let line = |own: &GeneratorRuns| -> Vec<Point> {
+        Cells::of(own.records, rule).envelope().iter().map(|cell| cell.at_its_flops()).collect()
+    };
+    let lines: Vec<Vec<Point>> = generators.iter().map(line).collect();
     let points = || lines.iter().flatten();
-    let x = Axis::new("Training compute C (FLOPs)", Scale::Log, points().map(|point| point.0))?;
+    let x = Axis::new(COMPUTE, Scale::Log, points().map(|point| point.0))?;
     let y = Axis::new("Normalised loss Lᵤ (nats)", Scale::Linear, points().map(|point| point.1))?;
-    let looks = category_looks(generators.len());
-    let (mut scene, panels) =
-        page(sweep, generators, rule, &looks).panels(vec![Plot { title: Vec::new(), x, y }]);
-    panels[0].backdrop(&mut scene);
-    for (line, look) in lines.iter().zip(&looks) {
-        marked_line(&mut scene, &panels[0], line, *look);
-    }
-    Ok(scene)
-}
-
-fn page(
-    sweep: &str,
-    generators: &[GeneratorRuns],
-    rule: FlopsRule,
-    looks: &[super::series::Look],
-) -> Page {
-    let mut legend = Legend::default();
+    let (mut plot, mut legend) = (Plot::new([], x, y), Legend::default());
     legend.heading("Generator");
-    for (own, look) in generators.iter().zip(looks) {
+    for ((own, line), look) in generators.iter().zip(&lines).zip(category_looks(lines.len())) {
         legend.entry(look.sample(), own.name);
+        plot.series(line, look);
     }
     let mut remarks = format!(
         "The lowest loss that each generator reaches by a budget. FLOPs counted by the {} rule.",
@@ -56,5 +33,5 @@ fn page(
         remarks += "\nThe loss of a masked generator is a bound: its likelihood may be better.";
     }
     let title = format!("{sweep}: best normalised loss by generator");
-    Page { width: 1000.0, height: 620.0, title, remarks, legend }
+    Ok(Page { width: 1000.0, height: 620.0, title, remarks, legend }.panels(vec![plot]))
 }

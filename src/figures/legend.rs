@@ -1,6 +1,6 @@
 //! What marks and lines mean, in a column right of the data.
 
-use super::colour::{INK, Rgb};
+use super::colour::Rgb;
 use super::font::{Weight, measure};
 use super::panel::plain_text;
 use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text};
@@ -93,6 +93,5 @@ fn entry(scene: &mut Scene, sample: Sample, text: &str, (left, baseline): Point)
             scene.area(vec![(left, top), (to.0, top), (to.0, bottom), (left, bottom)], colour);
         }
     }
-    let text = plain_text(text, (left + SWATCH + 8.0, baseline), Anchor::Start, EM);
-    scene.text(Text { colour: INK, ..text });
+    scene.text(plain_text(text, (left + SWATCH + 8.0, baseline), Anchor::Start, EM));
 }

@@ -1,42 +1,56 @@
 //! The best L_u of each budget against C, with both loss laws and the held-out point
 //! (ScaMo Fig. 3b).
 
-use crate::laws::{Answer, Candidate, Coefficient, FloorLaw, Laws, LogLaw, Minimum};
-
-use super::axis::{Axis, Scale};
 use super::colour::{JOINT_LAW, LAW, SECOND_LAW};
-use super::fitted::{Role, explain_roles, floor_loss, law_name, log_loss, minima};
-use super::legend::{Legend, Sample};
-use super::page::{Page, Plot};
-use super::panel::Panel;
-use super::scene::{Dash, Scene};
-use super::series::law_stroke;
+use super::fitted::{Role, explain_roles, known_minima, law_name};
+use super::panel::BAND;
 use super::ticks::signed;
-use super::{Drawing, Sources};
-
-/// How strongly an interval is tinted with its law's colour.
-const BAND: f64 = 0.16;
+use super::{
+    Axis, COMPUTE, Drawing, Legend, Page, Plot, Sample, Scale, Sources, Stroke, law_stroke,
+};
+use crate::laws::{Answer, Candidate, Coefficient, FloorLaw, Laws, LogLaw, Minimum};
 
 pub fn draw(sources: &Sources) -> Drawing {
     let laws = sources.laws()?;
-    let minima = minima(laws);
-    if minima.is_empty() {
-        return Err("the laws hold no minimum".to_owned());
-    }
+    let minima = known_minima(laws)?;
     let answer = laws.answer();
-    let path = path(&answer);
-    let (mut scene, panels) =
-        page(sources, laws, &answer).panels(vec![plot(sources, laws, &minima)?]);
-    let panel = &panels[0];
-    panel.ribbon(&mut scene, &path, LAW.tint(BAND));
-    panel.backdrop(&mut scene);
-    draw_laws(&mut scene, panel, laws);
-    let line: Vec<(f64, f64)> = path.iter().map(|(flops, own)| (*flops, own.value)).collect();
-    panel.line(&mut scene, &line, law_stroke(LAW));
-    for (minimum, role) in minima {
-        panel.mark(&mut scene, point(minimum), role.mark(role.colour()));
+    let mut plot = plot(sources, laws, &minima)?;
+    for law in others(laws).into_iter().rev() {
+        plot.curve(plot.x.ends(), law.loss, law.stroke);
     }
-    Ok(scene)
+    plot.law(&path(&answer), LAW);
+    for (minimum, role) in minima {
+        let at = (minimum.budget_flops, minimum.loss_normalised);
+        plot.mark(at, role.mark(role.colour()));
+    }
+    Ok(page(sources, laws, &answer).panels(vec![plot]))
+}
+
+/// A law beside the one to believe.
+struct Other<'a> {
+    name: &'static str,
+    stroke: Stroke,
+    loss: Box<dyn Fn(f64) -> f64 + 'a>,
+    /// In words, given the symbol of the loss and its unit.
+    about: Box<dyn Fn([&str; 2]) -> String + 'a>,
+}
+
+/// The log law and the law with a floor, if they are not the law to believe.
+fn others(laws: &Laws) -> Vec<Other<'_>> {
+    let own = laws.recommended_law();
+    let log = laws.loss.log.as_ref().filter(|_| own != Candidate::Log).map(|law| Other {
+        name: "log law (Eq. 14)",
+        stroke: law_stroke(JOINT_LAW),
+        loss: Box::new(move |flops| law.loss_at(flops)),
+        about: Box::new(move |words| describe_log(law, words)),
+    });
+    let floor = laws.loss.floor.as_ref().filter(|_| own != Candidate::Floor).map(|law| Other {
+        name: "law with a floor",
+        stroke: law_stroke(SECOND_LAW).dashed(),
+        loss: Box::new(move |flops| law.loss_at(flops, laws.reference_flops)),
+        about: Box::new(move |words| describe_floor(law, words)),
+    });
+    log.into_iter().chain(floor).collect()
 }
 
 /// The loss of the optimum along the fitted budgets, by the law to believe.
@@ -52,12 +66,8 @@ fn page(sources: &Sources, laws: &Laws, answer: &Answer) -> Page {
     if path(answer).iter().any(|(_, own)| own.ci95.is_some()) {
         legend.entry(Sample::Band(LAW.tint(BAND)), "its 95 % interval");
     }
-    let own = laws.recommended_law();
-    if laws.loss.log.is_some() && own != Candidate::Log {
-        legend.entry(Sample::Line(law_stroke(JOINT_LAW)), "log law (Eq. 14)");
-    }
-    if laws.loss.floor.is_some() && own != Candidate::Floor {
-        legend.entry(Sample::Line(law_stroke(SECOND_LAW).dash(Dash::Dashed)), "law with a floor");
+    for law in others(laws) {
+        legend.entry(Sample::Line(law.stroke), law.name);
     }
     let title = sources.title(match sources.input.loss_name {
         None => "best normalised loss at each budget",
@@ -68,16 +78,12 @@ fn page(sources: &Sources, laws: &Laws, answer: &Answer) -> Page {
 }
 
 /// The law to believe in numbers, and the others with their errors at the held-out budget.
-fn remarks(laws: &Laws, answer: &Answer, [symbol, unit]: [&str; 2]) -> String {
-    let own = laws.recommended_law();
-    let log = laws.loss.log.as_ref().filter(|_| own != Candidate::Log);
-    let floor = laws.loss.floor.as_ref().filter(|_| own != Candidate::Floor);
-    let log = log.map(|law| describe_log(law, symbol, unit));
-    let floor = floor.map(|law| describe_floor(law, symbol, unit));
+fn remarks(laws: &Laws, answer: &Answer, words: [&str; 2]) -> String {
     let formula = Some(answer.formula.clone()).filter(|formula| !formula.is_empty());
-    [recommended(laws, unit), formula, log, floor]
-        .into_iter()
-        .flatten()
+    let others = others(laws);
+    let others = others.iter().map(|law| (law.about)(words));
+    let lines = recommended(laws, words[1]).into_iter().chain(formula).chain(others);
+    lines
         .reduce(|a, b| format!("{a}\n{b}"))
         .unwrap_or_else(|| "No loss law could be fitted.".to_owned())
 }
@@ -94,7 +100,7 @@ fn recommended(laws: &Laws, unit: &str) -> Option<String> {
     ))
 }
 
-fn describe_floor(law: &FloorLaw, symbol: &str, unit: &str) -> String {
+fn describe_floor(law: &FloorLaw, [symbol, unit]: [&str; 2]) -> String {
     if law.is_at_bound() {
         return "Floor law: its exponent runs into a bound, so no floor is identified.".to_owned();
     }
@@ -108,7 +114,7 @@ fn describe_floor(law: &FloorLaw, symbol: &str, unit: &str) -> String {
     )
 }
 
-fn describe_log(law: &LogLaw, symbol: &str, unit: &str) -> String {
+fn describe_log(law: &LogLaw, [symbol, unit]: [&str; 2]) -> String {
     let interval = law.slope_ci95.map_or(String::new(), |[low, high]| {
         format!(" (95 % interval {} to {})", signed(low, 3), signed(high, 3))
     });
@@ -126,43 +132,22 @@ fn goodness(r2_and_aic: Option<[f64; 2]>) -> String {
 }
 
 fn held_out_error(error: Option<f64>, unit: &str) -> String {
-    let written =
-        |error: f64| format!("{}{}", if error < 0.0 { "" } else { "+" }, signed(error, 3));
-    error.map_or(String::new(), |e| format!(", held-out error {}{unit}", written(e)))
+    let sign = |error: f64| if error < 0.0 { "" } else { "+" };
+    error.map_or(String::new(), |e| format!(", held-out error {}{}{unit}", sign(e), signed(e, 3)))
 }
 
 fn plot(sources: &Sources, laws: &Laws, minima: &[(&Minimum, Role)]) -> Result<Plot, String> {
     let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
     let measured = minima.iter().map(|(minimum, _)| minimum.loss_normalised);
     let predicted = budgets.clone().flat_map(|flops| predictions(laws, flops));
-    let losses = measured.chain(predicted);
-    Ok(Plot {
-        title: Vec::new(),
-        x: Axis::new("Training compute C (FLOPs)", Scale::Log, budgets)?,
-        y: Axis::new(&sources.loss_axis(), Scale::Linear, losses)?,
-    })
+    let x = Axis::new(COMPUTE, Scale::Log, budgets)?;
+    let y = Axis::new(&sources.loss_axis(), Scale::Linear, measured.chain(predicted))?;
+    Ok(Plot::new([], x, y))
 }
 
 /// What the laws say of a budget; the held-out one's errors should be seen.
 fn predictions(laws: &Laws, flops: f64) -> impl Iterator<Item = f64> {
-    let log = laws.loss.log.as_ref().map(|law| log_loss(law, flops));
-    let floor = laws.loss.floor.as_ref().map(|law| floor_loss(law, laws.reference_flops, flops));
+    let log = laws.loss.log.as_ref().map(|law| law.loss_at(flops));
+    let floor = laws.loss.floor.as_ref().map(|law| law.loss_at(flops, laws.reference_flops));
     log.into_iter().chain(floor)
-}
-
-/// The laws beside the one to believe.
-fn draw_laws(scene: &mut Scene, panel: &Panel, laws: &Laws) {
-    let ends = (panel.x.value(0.0), panel.x.value(1.0));
-    let own = laws.recommended_law();
-    if let Some(law) = laws.loss.floor.as_ref().filter(|_| own != Candidate::Floor) {
-        let stroke = law_stroke(SECOND_LAW).dash(Dash::Dashed);
-        panel.curve(scene, ends, |c| floor_loss(law, laws.reference_flops, c), stroke);
-    }
-    if let Some(law) = laws.loss.log.as_ref().filter(|_| own != Candidate::Log) {
-        panel.curve(scene, ends, |c| log_loss(law, c), law_stroke(JOINT_LAW));
-    }
-}
-
-fn point(minimum: &Minimum) -> (f64, f64) {
-    (minimum.budget_flops, minimum.loss_normalised)
 }

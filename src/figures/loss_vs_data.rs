@@ -2,14 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use super::axis::{Axis, Scale};
-use super::cells::Cells;
-use super::legend::{Legend, Sample};
-use super::page::{Page, Plot};
-use super::panel::Panel;
-use super::scene::{Point, Scene};
-use super::series::{Look, explain_budgets, law_stroke, ordered_looks};
-use super::{Drawing, Sources};
+use super::series::explain_budgets;
+use super::{
+    Axis, Cells, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, Sources, law_stroke,
+    ordered_looks,
+};
 use crate::laws::JointLaw;
 use crate::record::RunRecord;
 
@@ -31,14 +28,22 @@ pub fn draw(sources: &Sources) -> Drawing {
     let best = best(sources);
     let looks = ordered_looks(best.len());
     let law = law(sources);
-    let page = page(sources, &best, &looks, law.as_ref());
-    let (mut scene, panels) = page.panels(vec![plot(&best, &sources.loss_axis())?]);
-    let panel = &panels[0];
-    panel.backdrop(&mut scene);
+    let points = || best.values().flatten();
+    let label = "Distinct tokens trained on, end tokens included";
+    let x = Axis::new(label, Scale::Log, points().map(|(distinct, _)| *distinct))?;
+    let y = Axis::new(&sources.loss_axis(), Scale::Linear, points().map(|(_, loss)| *loss))?;
+    let mut plot = Plot::new([], x, y);
     for ((budget, points), look) in best.iter().zip(&looks) {
-        series(&mut scene, panel, law.as_ref(), (f64::from_bits(*budget), points), *look);
+        if let Some(law) = &law {
+            let loss = |distinct: f64| {
+                let best = law.on_data(distinct).optimum(f64::from_bits(*budget));
+                best.map_or(f64::NAN, |best| best.loss)
+            };
+            plot.curve(plot.x.ends(), loss, law_stroke(look.colour));
+        }
+        points.iter().for_each(|at| plot.mark(*at, look.mark()));
     }
-    Ok(scene)
+    Ok(page(sources, &best, &looks, law.is_some()).panels(vec![plot]))
 }
 
 /// The joint law of all budgets, where it knows what repeated data is worth.
@@ -67,12 +72,12 @@ fn best(sources: &Sources) -> Best {
     best
 }
 
-fn page(sources: &Sources, best: &Best, looks: &[Look], law: Option<&JointLaw>) -> Page {
+fn page(sources: &Sources, best: &Best, looks: &[Look], has_law: bool) -> Page {
     let mut legend = Legend::default();
     let budgets: Vec<f64> = best.keys().map(|bits| f64::from_bits(*bits)).collect();
     let sample = |look: Look| Sample::Mark(look.mark());
     explain_budgets(&mut legend, &budgets, looks, sources.held_out_budget(), sample);
-    if law.is_some() {
+    if has_law {
         legend.heading("Law");
         legend.entry(Sample::Line(looks[0].stroke()), "joint law, its optimum");
     }
@@ -81,32 +86,4 @@ fn page(sources: &Sources, best: &Best, looks: &[Look], law: Option<&JointLaw>) 
         .to_owned();
     let title = sources.title("loss against the amount of data");
     Page { width: 1000.0, height: 620.0, title, remarks, legend }
-}
-
-fn plot(best: &Best, loss: &str) -> Result<Plot, String> {
-    let points = || best.values().flatten();
-    let label = "Distinct tokens trained on, end tokens included";
-    Ok(Plot {
-        title: Vec::new(),
-        x: Axis::new(label, Scale::Log, points().map(|(distinct, _)| *distinct))?,
-        y: Axis::new(loss, Scale::Linear, points().map(|(_, loss)| *loss))?,
-    })
-}
-
-fn series(
-    scene: &mut Scene,
-    panel: &Panel,
-    law: Option<&JointLaw>,
-    (budget, points): (f64, &[Point]),
-    look: Look,
-) {
-    if let Some(law) = law {
-        let ends = (panel.x.value(0.0), panel.x.value(1.0));
-        let loss = |distinct: f64| {
-            let best = law.on_data(distinct).optimum(budget);
-            best.map_or(f64::NAN, |best| best.loss)
-        };
-        panel.curve(scene, ends, loss, law_stroke(look.colour));
-    }
-    points.iter().for_each(|at| panel.mark(scene, *at, look.mark()));
 }

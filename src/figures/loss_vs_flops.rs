@@ -1,15 +1,13 @@
 //! L_u against training FLOPs, a panel a vocabulary, with the lower envelope (ScaMo Fig. 2).
 
-use super::axis::{Axis, Scale};
-use super::cells::{CellMean, ModelSize};
+use super::cells::CellMean;
 use super::colour::ENVELOPE;
-use super::legend::{Legend, Sample};
-use super::page::{Page, Plot};
-use super::panel::Panel;
-use super::scene::{Point, Scene, Stroke};
-use super::series::{Look, category_looks, explain_models, marked_line};
+use super::series::explain_models;
 use super::words::few_enough;
-use super::{Drawing, Sources};
+use super::{
+    Axis, COMPUTE, Drawing, Legend, Look, Page, Plot, Sample, Scale, Sources, Stroke,
+    category_looks,
+};
 
 pub fn draw(sources: &Sources) -> Drawing {
     let cells = &sources.cells;
@@ -19,16 +17,7 @@ pub fn draw(sources: &Sources) -> Drawing {
     few_enough(cells.models.len(), "model sizes")?;
     few_enough(cells.vocabs.len(), "vocabularies")?;
     let looks = category_looks(cells.models.len());
-    let (mut scene, panels) = page(sources, &looks).multiples(plots(sources)?);
-    let envelope: Vec<Point> = cells.envelope().into_iter().map(point).collect();
-    for (panel, &n_vocab) in panels.iter().zip(&cells.vocabs) {
-        panel.backdrop(&mut scene);
-        panel.line(&mut scene, &envelope, envelope_stroke());
-        for (model, look) in cells.models.iter().zip(&looks) {
-            series(&mut scene, panel, sources, (model, n_vocab), *look);
-        }
-    }
-    Ok(scene)
+    Ok(page(sources, &looks).multiples(plots(sources, &looks)?))
 }
 
 fn page(sources: &Sources, looks: &[Look]) -> Page {
@@ -45,33 +34,23 @@ fn page(sources: &Sources, looks: &[Look]) -> Page {
     Page { width: 1000.0, height: 700.0, title, remarks, legend }
 }
 
-fn plots(sources: &Sources) -> Result<Vec<Plot>, String> {
+fn plots(sources: &Sources, looks: &[Look]) -> Result<Vec<Plot>, String> {
     let cells = &sources.cells;
     let flops = cells.cells.iter().map(|cell| cell.flops);
-    let x = Axis::new("Training compute C (FLOPs)", Scale::Log, flops)?;
+    let x = Axis::new(COMPUTE, Scale::Log, flops)?;
     let y = Axis::new(&sources.loss_axis(), Scale::Linear, cells.losses())?;
-    let plot = |n_vocab: &usize| Plot {
-        title: (*n_vocab > 0).then(|| format!("V = {n_vocab}")).into_iter().collect(),
-        x: x.clone(),
-        y: y.clone(),
+    let plot = |&n_vocab: &usize| {
+        let title = (n_vocab > 0).then(|| format!("V = {n_vocab}"));
+        let mut plot = Plot::new(title, x.clone(), y.clone());
+        let envelope = cells.envelope();
+        plot.line(envelope.into_iter().map(CellMean::at_its_flops), envelope_stroke());
+        for (model, look) in cells.models.iter().zip(looks) {
+            let own = cells.cells.iter().filter(|c| c.model == *model && c.n_vocab == n_vocab);
+            plot.series(&own.map(CellMean::at_its_flops).collect::<Vec<_>>(), *look);
+        }
+        plot
     };
     Ok(cells.vocabs.iter().map(plot).collect())
-}
-
-fn series(
-    scene: &mut Scene,
-    panel: &Panel,
-    sources: &Sources,
-    (model, n_vocab): (&ModelSize, usize),
-    look: Look,
-) {
-    let of_series = |cell: &&CellMean| cell.model == *model && cell.n_vocab == n_vocab;
-    let points: Vec<_> = sources.cells.cells.iter().filter(of_series).map(point).collect();
-    marked_line(scene, panel, &points, look);
-}
-
-fn point(cell: &CellMean) -> Point {
-    (cell.flops, cell.loss_normalised)
 }
 
 fn envelope_stroke() -> Stroke {

@@ -1,15 +1,13 @@
 //! L_u against V by model size, a panel a budget (ScaMo Fig. 8).
 
-use super::axis::{Axis, Scale};
-use super::cells::{CellMean, ModelSize};
+use super::cells::CellMean;
 use super::colour::INK;
-use super::legend::{Legend, Sample};
-use super::page::{Page, Plot};
-use super::panel::Panel;
-use super::scene::{Mark, Marker, Point, Scene};
-use super::series::{Look, category_looks, explain_models, marked_line};
+use super::series::explain_models;
 use super::ticks::scientific;
-use super::{Drawing, Sources};
+use super::{
+    Axis, Drawing, Legend, Look, Mark, Marker, Page, Plot, Point, Sample, Scale, Sources,
+    category_looks,
+};
 
 pub fn draw(sources: &Sources) -> Drawing {
     sources.needs_vocabulary()?;
@@ -18,17 +16,7 @@ pub fn draw(sources: &Sources) -> Drawing {
         return Err(format!("it needs two vocabulary sizes, the runs have {}", cells.vocabs.len()));
     }
     let looks = category_looks(cells.models.len());
-    let (mut scene, panels) = page(sources, &looks).multiples(plots(sources)?);
-    let best = cells.envelope();
-    for ((panel, &budget), best) in panels.iter().zip(&cells.budgets).zip(best) {
-        panel.backdrop(&mut scene);
-        // Below the series, as a ring around the best one's marker.
-        panel.mark(&mut scene, point(best), best_mark());
-        for (model, look) in cells.models.iter().zip(&looks) {
-            series(&mut scene, panel, sources, (model, budget), *look);
-        }
-    }
-    Ok(scene)
+    Ok(page(sources, &looks).multiples(plots(sources, &looks)?))
 }
 
 fn page(sources: &Sources, looks: &[Look]) -> Page {
@@ -44,32 +32,28 @@ fn page(sources: &Sources, looks: &[Look]) -> Page {
     Page { width: 1000.0, height: 700.0, title, remarks, legend }
 }
 
-fn plots(sources: &Sources) -> Result<Vec<Plot>, String> {
+fn plots(sources: &Sources, looks: &[Look]) -> Result<Vec<Plot>, String> {
     let cells = &sources.cells;
     let vocabs: Vec<f64> = cells.vocabs.iter().map(|&n_vocab| n_vocab as f64).collect();
     let x = Axis::new("Vocabulary size V (codes)", Scale::Log, vocabs.clone())?.ticks_at(vocabs);
     let y = Axis::new(&sources.loss_axis(), Scale::Linear, cells.losses())?;
     let held_out = sources.held_out_budget();
-    let plot = |&budget: &f64| {
+    let plot = |best: &CellMean| {
+        let budget = best.budget_flops;
         let note = if held_out == Some(budget) { " (held out)" } else { "" };
         let title = format!("C = {} FLOPs{note}", scientific(budget));
-        Plot { title: vec![title], x: x.clone(), y: y.clone() }
+        let mut plot = Plot::new([title], x.clone(), y.clone());
+        // Below the series, as a ring around the best one's marker.
+        plot.mark(point(best), best_mark());
+        for (model, look) in cells.models.iter().zip(looks) {
+            let is_own = |c: &&CellMean| c.model == *model && c.budget_flops == budget;
+            let own: Vec<&CellMean> = cells.cells.iter().filter(is_own).collect();
+            own.iter().for_each(|c| plot.bar(point(c), c.standard_error, look.colour));
+            plot.series(&own.into_iter().map(point).collect::<Vec<_>>(), *look);
+        }
+        plot
     };
-    Ok(cells.budgets.iter().map(plot).collect())
-}
-
-fn series(
-    scene: &mut Scene,
-    panel: &Panel,
-    sources: &Sources,
-    (model, budget): (&ModelSize, f64),
-    look: Look,
-) {
-    let of_series = |cell: &&CellMean| cell.model == *model && cell.budget_flops == budget;
-    let cells: Vec<&CellMean> = sources.cells.cells.iter().filter(of_series).collect();
-    cells.iter().for_each(|cell| panel.bar(scene, point(cell), cell.standard_error, look.colour));
-    let points: Vec<_> = cells.into_iter().map(point).collect();
-    marked_line(scene, panel, &points, look);
+    Ok(cells.envelope().into_iter().map(plot).collect())
 }
 
 fn point(cell: &CellMean) -> Point {

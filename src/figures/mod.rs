@@ -8,7 +8,7 @@
 //! | --- | --- |
 //! | what is shown | `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
 //! | how a page is laid out | `page`, `panel`, `axis`, `ticks`, `legend`, `series` |
-//! | shapes and files | `scene`, `colour`, `font`, `true_type`, `render`, `pdf`, `write` |
+//! | shapes and files | `scene`, `colour`, `font`, `svg`, `render` (PNG), `pdf`, `write` |
 //!
 //! Motions have pages of their own in [`motion`].
 //!
@@ -49,8 +49,8 @@ mod quantity;
 mod render;
 mod scene;
 mod series;
+mod svg;
 mod ticks;
-mod true_type;
 mod words;
 mod write;
 
@@ -68,21 +68,26 @@ mod quality;
 mod tokenizers;
 mod vocab_vs_nonvocab;
 
-#[cfg(test)]
-mod simulated;
-
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use crate::files::FileError;
 use crate::laws::Laws;
-use crate::record::{Quality, RunRecord};
+use crate::record::RunRecord;
 use crate::spec::FlopsRule;
-use crate::tokenizer::{CodeMap, TokenizerMetrics};
+use crate::tokenizer::TokenizerMetrics;
+use axis::{Axis, COMPUTE, Scale};
 use cells::{Cells, Shown};
-pub use generators::GeneratorRuns;
-use scene::Scene;
+pub use codes::draw as codes;
+pub use compare::draw as compare;
+pub use generators::{GeneratorRuns, draw as generators};
+use legend::{Legend, Sample};
+use page::Page;
+use panel::Plot;
+pub use quality::draw as quality;
+use scene::{Mark, Marker, Point, Scene, Stroke};
+use series::{Look, bound_stroke, category_looks, law_stroke, ordered_looks};
 pub use write::Format;
 
 /// What the figures of a sweep are drawn from.
@@ -137,7 +142,7 @@ struct Sources<'a> {
 }
 
 /// A page, or the reason why there is none.
-type Drawing = Result<Scene, String>;
+pub type Drawing = Result<Scene, String>;
 
 /// A figure: the name of its files, and how it is drawn.
 type Figure = (&'static str, fn(&Sources) -> Drawing);
@@ -188,63 +193,13 @@ pub fn draw_all(
     Ok(drawn)
 }
 
-/// Draws several generators side by side, as `generators.svg` and its kin; gives their paths.
+/// Writes a figure that stands by itself as `<name>.svg` and its kin: [`codes`](codes()),
+/// [`compare`](compare()), [`generators`](generators()) or [`quality`](quality()). Gives their paths.
 ///
 /// # Errors
 ///
-/// Where a file cannot be written, or no run can be shown.
-pub fn draw_generators(
-    sweep: &str,
-    generators: &[GeneratorRuns],
-    rule: FlopsRule,
-    folder: &Path,
-    formats: &[Format],
-) -> Result<Vec<PathBuf>, FigureError> {
-    alone("generators", generators::draw(sweep, generators, rule), folder, formats)
-}
-
-/// Draws the optima of several studies side by side, as `compare.svg` and its kin; gives their paths.
-///
-/// # Errors
-///
-/// Where a file cannot be written, or no study holds a minimum.
-pub fn draw_compared(
-    studies: &[(&str, &Laws)],
-    folder: &Path,
-) -> Result<Vec<PathBuf>, FigureError> {
-    alone("compare", compare::draw(studies), folder, &Format::ALL)
-}
-
-/// Draws the quality of scored runs against their loss, as `quality.svg` and its kin; gives their
-/// paths.
-///
-/// # Errors
-///
-/// Where a file cannot be written, or too few runs are scored.
-pub fn draw_quality(
-    sweep: &str,
-    rows: &[Quality],
-    folder: &Path,
-) -> Result<Vec<PathBuf>, FigureError> {
-    alone("quality", quality::draw(sweep, rows), folder, &Format::ALL)
-}
-
-/// Draws the codes of a tokenizer as `<name>.svg` and its kin; gives their paths.
-///
-/// # Errors
-///
-/// Where a file cannot be written, or no code was met.
-pub fn draw_codes(
-    title: &str,
-    map: &CodeMap,
-    folder: &Path,
-    name: &str,
-) -> Result<Vec<PathBuf>, FigureError> {
-    alone(name, codes::draw(title, map), folder, &Format::ALL)
-}
-
-/// Writes a figure that stands by itself.
-fn alone(
+/// There is nothing to show, or a file cannot be written.
+pub fn draw_alone(
     name: &str,
     drawing: Drawing,
     folder: &Path,

@@ -1,10 +1,9 @@
 //! The page of a figure: title and remarks above, panels below them, the legend to the right.
 
-use super::axis::Axis;
 use super::colour::MUTED;
 use super::font::{Weight, wrap};
 use super::legend::Legend;
-use super::panel::{Panel, Rect, plain_text};
+use super::panel::{Panel, Plot, Rect, plain_text};
 use super::scene::{Anchor, Scene, Text};
 
 const MARGIN: f64 = 18.0;
@@ -15,15 +14,6 @@ const AXIS_EM: f64 = 13.0;
 const TICK_ROOM: f64 = 24.0;
 /// The name of an axis, below the tick labels or left of them.
 const NAME_ROOM: f64 = 24.0;
-
-/// What a panel shows, before it has a place.
-#[derive(Clone, Debug)]
-pub struct Plot {
-    /// The first line in bold.
-    pub title: Vec<String>,
-    pub x: Axis,
-    pub y: Axis,
-}
 
 /// Everything on a page but the data.
 #[derive(Clone, Debug)]
@@ -38,34 +28,36 @@ pub struct Page {
 
 impl Page {
     /// Small multiples: all panels have the same axes, named once, valued on the outer sides.
-    pub fn multiples(&self, plots: Vec<Plot>) -> (Scene, Vec<Panel>) {
+    pub fn multiples(&self, plots: Vec<Plot>) -> Scene {
         let (mut scene, area) = self.begin();
-        let grid = Grid::of(plots.len(), &plots);
+        let grid = Grid::of(&plots);
         let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
         let inner = Rect { left: area.left + left, bottom: area.bottom - NAME_ROOM, ..area };
         let ragged = if grid.is_ragged() { TICK_ROOM } else { 0.0 };
         let gaps = Gaps { across: 24.0, down: 8.0 + ragged, below: TICK_ROOM, left: 0.0 };
         x_name(&mut scene, &plots[0].x.label, &inner, area.bottom);
         y_name(&mut scene, &plots[0].y.label, &inner, area.left);
-        let place = |(i, plot)| grid.panel(i, plot, &inner, gaps, true);
-        let panels = titled(&mut scene, plots, place);
-        (scene, panels)
+        let panels = grid.panels(plots, &inner, gaps, true);
+        panels.iter().for_each(|panel| panel.title(&mut scene));
+        panels.iter().for_each(|panel| panel.draw(&mut scene));
+        scene
     }
 
     /// Panels side by side, each with axes of its own.
-    pub fn panels(&self, plots: Vec<Plot>) -> (Scene, Vec<Panel>) {
+    pub fn panels(&self, plots: Vec<Plot>) -> Scene {
         let (mut scene, area) = self.begin();
-        let grid = Grid::of(plots.len(), &plots);
+        let grid = Grid::of(&plots);
         let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
         let below = TICK_ROOM + NAME_ROOM;
         let gaps = Gaps { across: 16.0, down: 12.0, below, left };
-        let place = |(i, plot)| grid.panel(i, plot, &area, gaps, false);
-        let panels = titled(&mut scene, plots, place);
-        for panel in &panels {
-            x_name(&mut scene, &panel.x.label, &panel.frame, panel.frame.bottom + below);
-            y_name(&mut scene, &panel.y.label, &panel.frame, panel.frame.left - left);
+        let panels = grid.panels(plots, &area, gaps, false);
+        panels.iter().for_each(|panel| panel.title(&mut scene));
+        for Panel { frame, plot, .. } in &panels {
+            x_name(&mut scene, &plot.x.label, frame, frame.bottom + below);
+            y_name(&mut scene, &plot.y.label, frame, frame.left - left);
         }
-        (scene, panels)
+        panels.iter().for_each(|panel| panel.draw(&mut scene));
+        scene
     }
 
     /// Writes title, remarks and legend; returns what is left for the panels.
@@ -117,7 +109,8 @@ struct Grid {
 }
 
 impl Grid {
-    fn of(panels: usize, plots: &[Plot]) -> Grid {
+    fn of(plots: &[Plot]) -> Grid {
+        let panels = plots.len();
         let columns = match panels {
             0..=3 => panels,
             4 => 2,
@@ -131,6 +124,11 @@ impl Grid {
 
     fn is_ragged(self) -> bool {
         !self.panels.is_multiple_of(self.columns)
+    }
+
+    fn panels(self, plots: Vec<Plot>, area: &Rect, gaps: Gaps, shared: bool) -> Vec<Panel> {
+        let panel = |(i, plot)| self.panel(i, plot, area, gaps, shared);
+        plots.into_iter().enumerate().map(panel).collect()
     }
 
     /// The i-th panel in `area`; `shared` axes are valued on the outer sides only.
@@ -149,28 +147,13 @@ impl Grid {
             bottom: top + height - below,
         };
         let x_labels = !shared || i + self.columns >= self.panels;
-        Panel { frame, x: plot.x, y: plot.y, x_labels, y_labels: !shared || column == 0 }
+        Panel { frame, plot, x_labels, y_labels: !shared || column == 0 }
     }
 }
 
 /// What each of `n` gets of a length with gaps between them.
 fn share(length: f64, n: usize, gap: f64) -> f64 {
     (length - gap * (n - 1) as f64) / n as f64
-}
-
-fn titled(
-    scene: &mut Scene,
-    plots: Vec<Plot>,
-    place: impl Fn((usize, Plot)) -> Panel,
-) -> Vec<Panel> {
-    let mut panels = Vec::with_capacity(plots.len());
-    for (i, plot) in plots.into_iter().enumerate() {
-        let title = plot.title.clone();
-        let panel = place((i, plot));
-        panel.title(scene, &title);
-        panels.push(panel);
-    }
-    panels
 }
 
 fn widest_label(plots: &[Plot], height: f64) -> f64 {

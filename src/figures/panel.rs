@@ -6,8 +6,11 @@ use super::axis::{Axis, Direction, TICK_EM};
 use super::colour::{FRAME, GRID, INK, Rgb};
 use super::font::Weight;
 use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text};
+use super::series::{Look, law_stroke};
 
 const TICK_LENGTH: f64 = 5.0;
+/// How strongly an interval is tinted with its law's colour.
+pub const BAND: f64 = 0.16;
 /// Width of an error bar.
 const BAR: f64 = 1.2;
 const MINOR_TICK_LENGTH: f64 = 3.0;
@@ -39,40 +42,115 @@ impl Rect {
     }
 }
 
-/// A data area. Draw its bands first, then [`Panel::backdrop`], then lines and marks.
+/// What a panel shows, in the values of its axes: bands below the grid, lines and marks above it.
 #[derive(Clone, Debug)]
-pub struct Panel {
-    pub frame: Rect,
+pub struct Plot {
+    /// The first line in bold.
+    pub title: Vec<String>,
     pub x: Axis,
     pub y: Axis,
-    /// Whether the ticks' values stand below and to the left.
-    pub x_labels: bool,
-    pub y_labels: bool,
+    bands: Vec<(Vec<(f64, [f64; 2])>, Rgb)>,
+    items: Vec<Item>,
 }
 
-impl Panel {
-    /// Where a value lies on the page.
-    pub fn at(&self, (x, y): Point) -> Point {
-        let frame = &self.frame;
-        (
-            frame.left + self.x.share(x) * frame.width(),
-            frame.bottom - self.y.share(y) * frame.height(),
-        )
+#[derive(Clone, Debug)]
+enum Item {
+    Line(Vec<Point>, Stroke),
+    Mark(Point, Mark),
+}
+
+impl Plot {
+    pub fn new(title: impl IntoIterator<Item = String>, x: Axis, y: Axis) -> Plot {
+        let title = title.into_iter().collect();
+        Plot { title, x, y, bands: Vec::new(), items: Vec::new() }
     }
 
     pub fn holds(&self, (x, y): Point) -> bool {
         self.x.holds(x) && self.y.holds(y)
     }
 
+    /// A line through data points.
+    pub fn line(&mut self, points: impl IntoIterator<Item = Point>, stroke: Stroke) {
+        self.items.push(Item::Line(points.into_iter().collect(), stroke));
+    }
+
+    /// A function of x between two values of x.
+    pub fn curve(&mut self, (from, to): (f64, f64), y_of_x: impl Fn(f64) -> f64, stroke: Stroke) {
+        let (first, last) = (self.x.share(from), self.x.share(to));
+        let step = (last - first) / CURVE_POINTS as f64;
+        let xs = (0..=CURVE_POINTS).map(|i| self.x.value(first + step * i as f64));
+        let points: Vec<Point> = xs.map(|x| (x, y_of_x(x))).collect();
+        self.line(points, stroke);
+    }
+
+    /// A marker at a data point; one outside the frame is not drawn.
+    pub fn mark(&mut self, at: Point, mark: Mark) {
+        self.items.push(Item::Mark(at, mark));
+    }
+
+    /// Points joined by a line and marked, all in one look.
+    pub fn series(&mut self, points: &[Point], look: Look) {
+        self.line(points.iter().copied(), look.stroke());
+        points.iter().for_each(|at| self.mark(*at, look.mark()));
+    }
+
+    /// A bar of one standard error to either side of a point, if it is known.
+    pub fn bar(&mut self, (x, y): Point, error: Option<f64>, colour: Rgb) {
+        if let Some(error) = error {
+            self.line([(x, y - error), (x, y + error)], Stroke::solid(colour, BAR));
+        }
+    }
+
+    /// The line of a law along x, and the band of its intervals.
+    pub fn law(&mut self, path: &[(f64, Coefficient)], colour: Rgb) {
+        let known = path.iter().filter_map(|(x, own)| Some((*x, own.ci95?)));
+        self.bands.push((known.collect(), colour.tint(BAND)));
+        self.line(path.iter().map(|(x, own)| (*x, own.value)), law_stroke(colour));
+    }
+}
+
+/// A plot with its place on the page.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    pub frame: Rect,
+    pub plot: Plot,
+    /// Whether the ticks' values stand below and to the left.
+    pub x_labels: bool,
+    pub y_labels: bool,
+}
+
+impl Panel {
+    /// Everything but title and names of axes.
+    pub fn draw(&self, scene: &mut Scene) {
+        for (sides, colour) in &self.plot.bands {
+            self.band(scene, sides, *colour);
+        }
+        self.backdrop(scene);
+        for item in &self.plot.items {
+            match item {
+                Item::Line(points, stroke) => self.line(scene, points, *stroke),
+                Item::Mark(at, mark) => self.mark(scene, *at, *mark),
+            }
+        }
+    }
+
+    /// Where a value lies on the page.
+    fn at(&self, (x, y): Point) -> Point {
+        let frame = &self.frame;
+        let (x, y) = (self.plot.x.share(x), self.plot.y.share(y));
+        (frame.left + x * frame.width(), frame.bottom - y * frame.height())
+    }
+
     /// Grid, frame, ticks and their values.
-    pub fn backdrop(&self, scene: &mut Scene) {
+    fn backdrop(&self, scene: &mut Scene) {
         let Rect { left, top, right, bottom } = self.frame;
-        for tick in self.x.ticks(self.frame.width(), Direction::Across) {
-            let x = left + self.x.share(tick.value) * self.frame.width();
+        let (x_axis, y_axis) = (&self.plot.x, &self.plot.y);
+        for tick in x_axis.ticks(self.frame.width(), Direction::Across) {
+            let x = left + x_axis.share(tick.value) * self.frame.width();
             self.tick(scene, (x, bottom), (0.0, 1.0), (x, top), tick.label.as_deref());
         }
-        for tick in self.y.ticks(self.frame.height(), Direction::Up) {
-            let y = bottom - self.y.share(tick.value) * self.frame.height();
+        for tick in y_axis.ticks(self.frame.height(), Direction::Up) {
+            let y = bottom - y_axis.share(tick.value) * self.frame.height();
             self.tick(scene, (left, y), (-1.0, 0.0), (right, y), tick.label.as_deref());
         }
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
@@ -104,63 +182,37 @@ impl Panel {
     }
 
     /// A line through data points, cut at the frame.
-    pub fn line(&self, scene: &mut Scene, points: &[Point], stroke: Stroke) {
+    fn line(&self, scene: &mut Scene, points: &[Point], stroke: Stroke) {
         let placed: Vec<_> = points.iter().map(|&point| self.at(point)).collect();
         for piece in clipped(&placed, &self.frame) {
             scene.line(&piece, stroke);
         }
     }
 
-    /// A function of x between two values of x, cut at the frame.
-    pub fn curve(
-        &self,
-        scene: &mut Scene,
-        (from, to): (f64, f64),
-        y_of_x: impl Fn(f64) -> f64,
-        stroke: Stroke,
-    ) {
-        let points: Vec<_> = self.along((from, to)).map(|x| (x, y_of_x(x))).collect();
-        self.line(scene, &points, stroke);
-    }
-
-    /// The area of the intervals of values along x, cut at the frame.
-    pub fn ribbon(&self, scene: &mut Scene, values: &[(f64, Coefficient)], colour: Rgb) {
-        let inside = |(x, y)| {
+    /// The area between the two sides, cut at the frame.
+    fn band(&self, scene: &mut Scene, sides: &[(f64, [f64; 2])], colour: Rgb) {
+        let inside = |x, y| {
             let (x, y) = self.at((x, y));
             (x, y.clamp(self.frame.top, self.frame.bottom))
         };
-        let known = values.iter().filter_map(|(x, own)| Some((*x, own.ci95?)));
-        let sides: Vec<(f64, [f64; 2])> = known.collect();
-        let lower = sides.iter().map(|&(x, [low, _])| inside((x, low)));
-        let upper = sides.iter().rev().map(|&(x, [_, high])| inside((x, high)));
+        let lower = sides.iter().map(|&(x, [low, _])| inside(x, low));
+        let upper = sides.iter().rev().map(|&(x, [_, high])| inside(x, high));
         if !sides.is_empty() {
             scene.area(lower.chain(upper).collect(), colour);
         }
     }
 
-    fn along(&self, (from, to): (f64, f64)) -> impl Iterator<Item = f64> {
-        let (first, last) = (self.x.share(from), self.x.share(to));
-        let step = (last - first) / CURVE_POINTS as f64;
-        (0..=CURVE_POINTS).map(move |i| self.x.value(first + step * i as f64))
-    }
-
-    /// A bar of one standard error to either side of a point, where it is known.
-    pub fn bar(&self, scene: &mut Scene, (x, y): Point, error: Option<f64>, colour: Rgb) {
-        if let Some(error) = error {
-            self.line(scene, &[(x, y - error), (x, y + error)], Stroke::solid(colour, BAR));
-        }
-    }
-
     /// A marker at a data point; one outside the frame is not drawn.
-    pub fn mark(&self, scene: &mut Scene, point: Point, mark: Mark) {
+    fn mark(&self, scene: &mut Scene, point: Point, mark: Mark) {
         let share = if self.frame.width() < SMALL { 0.75 } else { 1.0 };
-        if self.holds(point) {
+        if self.plot.holds(point) {
             scene.mark(self.at(point), Mark { radius: mark.radius * share, ..mark });
         }
     }
 
     /// Lines of text above the frame, the lowest next to it.
-    pub fn title(&self, scene: &mut Scene, lines: &[String]) {
+    pub fn title(&self, scene: &mut Scene) {
+        let lines = &self.plot.title;
         for (i, line) in lines.iter().enumerate() {
             let above = 7.0 + 16.0 * (lines.len() - 1 - i) as f64;
             let at = (self.frame.left, self.frame.top - above);

@@ -1,36 +1,21 @@
 //! N_nv, N_v and D of the optimum against C, by the law to believe (ScaMo Fig. 7).
 
-use crate::laws::{Answer, Laws, Minimum};
-
-use super::axis::{Axis, Scale};
 use super::colour::LAW;
-use super::fitted::{Role, explain_roles, law_name, minima, outside_remark, within_reach};
-use super::legend::{Legend, Sample};
-use super::page::{Page, Plot};
-use super::panel::Panel;
+use super::fitted::{Role, explain_roles, known_minima, law_name, outside_remark, within_reach};
+use super::panel::BAND;
 use super::quantity::Quantity;
-use super::scene::Scene;
-use super::series::law_stroke;
 use super::ticks::signed;
-use super::{Drawing, Sources};
-
-const BAND: f64 = 0.16;
+use super::{Axis, COMPUTE, Drawing, Legend, Page, Plot, Sample, Scale, Sources, law_stroke};
+use crate::laws::{Answer, Laws, Minimum};
 
 pub fn draw(sources: &Sources) -> Drawing {
     let laws = sources.laws()?;
-    let minima = minima(laws);
-    if minima.is_empty() {
-        return Err("the laws hold no minimum".to_owned());
-    }
+    let minima = known_minima(laws)?;
     let (answer, quantities) = (laws.answer(), sources.quantities());
     let plots = quantities.iter().map(|quantity| quantity.plot(&answer, &minima));
     let plots = plots.collect::<Result<Vec<_>, _>>()?;
     let page = page(sources, laws, &answer, hidden(&quantities, &plots, &minima));
-    let (mut scene, panels) = page.panels(plots);
-    for (quantity, panel) in quantities.iter().zip(&panels) {
-        quantity.draw(&mut scene, panel, &answer, &minima);
-    }
-    Ok(scene)
+    Ok(page.panels(plots))
 }
 
 fn page(sources: &Sources, laws: &Laws, answer: &Answer, hidden: usize) -> Page {
@@ -61,12 +46,17 @@ impl Quantity {
         let mut points: Vec<_> =
             minima.iter().map(|(minimum, role)| ((self.of)(minimum), *role)).collect();
         // The law is shown too, but does not stretch the axis by more than a flagged point may.
-        points.extend(self.path(answer).iter().map(|(_, own)| (own.value, Role::Flagged)));
-        Ok(Plot {
-            title: self.title(answer),
-            x: Axis::new("Training compute C (FLOPs)", Scale::Log, budgets)?,
-            y: Axis::new(self.label, Scale::Log, within_reach(&points))?,
-        })
+        let path = self.path(answer);
+        points.extend(path.iter().map(|(_, own)| (own.value, Role::Flagged)));
+        let x = Axis::new(COMPUTE, Scale::Log, budgets)?;
+        let y = Axis::new(self.label, Scale::Log, within_reach(&points))?;
+        let mut plot = Plot::new(self.title(answer), x, y);
+        plot.law(&path, LAW);
+        for (minimum, role) in minima {
+            let at = (minimum.budget_flops, (self.of)(minimum));
+            plot.mark(at, role.mark(role.colour()));
+        }
+        Ok(plot)
     }
 
     fn title(&self, answer: &Answer) -> Vec<String> {
@@ -79,17 +69,5 @@ impl Quantity {
             format!("95 % interval {} to {}", signed(low, 3), signed(high, 3))
         });
         vec![exponent, interval]
-    }
-
-    fn draw(&self, scene: &mut Scene, panel: &Panel, answer: &Answer, minima: &[(&Minimum, Role)]) {
-        let path = self.path(answer);
-        panel.ribbon(scene, &path, LAW.tint(BAND));
-        panel.backdrop(scene);
-        let line: Vec<(f64, f64)> = path.iter().map(|(flops, own)| (*flops, own.value)).collect();
-        panel.line(scene, &line, law_stroke(LAW));
-        for (minimum, role) in minima {
-            let at = (minimum.budget_flops, (self.of)(minimum));
-            panel.mark(scene, at, role.mark(role.colour()));
-        }
     }
 }

@@ -2,13 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::axis::{Axis, Scale};
-use super::colour::MUTED;
-use super::legend::{Legend, Sample};
-use super::page::{Page, Plot};
-use super::panel::Panel;
-use super::scene::{Dash, Point, Scene, Stroke};
-use super::series::{Look, category_looks};
+use super::{
+    Axis, COMPUTE, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, bound_stroke,
+    category_looks,
+};
 use crate::record::Quality;
 use crate::scores::rank_correlation;
 
@@ -28,8 +25,8 @@ const LOSS: Quantity = Quantity {
     of_truth: None,
 };
 
-const COMPUTE: Quantity = Quantity {
-    label: "Training compute C (FLOPs)",
+const BUDGET: Quantity = Quantity {
+    label: COMPUTE,
     scale: Scale::Log,
     of: |row| Some(row.run.planned.budget_flops),
     of_truth: None,
@@ -47,27 +44,25 @@ const PRECISION: Quantity = Quantity {
 
 /// What each panel shows, along and up.
 const PANELS: [[Quantity; 2]; 4] =
-    [[LOSS, FID], [COMPUTE, FID], [LOSS, PRECISION], [COMPUTE, PRECISION]];
+    [[LOSS, FID], [BUDGET, FID], [LOSS, PRECISION], [BUDGET, PRECISION]];
 
 /// The page, or the reason why there is none.
-pub fn draw(sweep: &str, rows: &[Quality]) -> Result<Scene, String> {
+pub fn draw(sweep: &str, rows: &[Quality]) -> Drawing {
     if rows.len() < 2 {
         return Err(format!("it needs two scored runs, there are {}", rows.len()));
     }
     let series = series(rows);
     let looks = category_looks(series.len());
-    let plots = PANELS.iter().map(|panel| plot(panel, rows)).collect::<Result<Vec<_>, _>>()?;
-    let (mut scene, panels) = page(sweep, rows, &series, &looks).panels(plots);
-    for ([along, up], panel) in PANELS.iter().zip(&panels) {
-        panel.backdrop(&mut scene);
-        truth_line(&mut scene, panel, up, rows);
+    let plot = |[along, up]: &[Quantity; 2]| {
+        let mut plot = plot([along, up], rows)?;
         for (own, look) in series.values().zip(&looks) {
-            for at in own.iter().filter_map(|row| point(along, up, row)) {
-                panel.mark(&mut scene, at, look.mark());
-            }
+            let points = own.iter().filter_map(|row| point(along, up, row));
+            points.for_each(|at| plot.mark(at, look.mark()));
         }
-    }
-    Ok(scene)
+        Ok(plot)
+    };
+    let plots = PANELS.iter().map(plot).collect::<Result<Vec<_>, String>>()?;
+    Ok(page(sweep, rows, &series, &looks).panels(plots))
 }
 
 /// Runs by generator and vocabulary.
@@ -83,28 +78,24 @@ fn point(along: &Quantity, up: &Quantity, row: &Quality) -> Option<Point> {
     Some(((along.of)(row)?, (up.of)(row)?))
 }
 
-fn plot([along, up]: &[Quantity; 2], rows: &[Quality]) -> Result<Plot, String> {
+fn plot([along, up]: [&Quantity; 2], rows: &[Quality]) -> Result<Plot, String> {
     let values = |quantity: &Quantity| rows.iter().filter_map(quantity.of).collect::<Vec<f64>>();
+    // What true motions score.
     let truth = up.of_truth.map(|of| rows.iter().filter_map(of).collect::<Vec<f64>>());
+    let truth = truth.unwrap_or_default();
     let x = Axis::new(along.label, along.scale, values(along))?;
-    let y = Axis::new(up.label, up.scale, values(up).into_iter().chain(truth.unwrap_or_default()))?;
+    let y = Axis::new(up.label, up.scale, values(up).into_iter().chain(truth.iter().copied()))?;
     let pairs: Vec<Point> = rows.iter().filter_map(|row| point(along, up, row)).collect();
     let is_one = rows.iter().all(|row| row.generator() == rows[0].generator());
     let title = rank_correlation(&pairs).ok().filter(|_| is_one).map(|rank| {
         let [low, high] = rank.interval;
         format!("rank correlation {:.2} (95 %: {low:.2} to {high:.2})", rank.value)
     });
-    Ok(Plot { title: title.into_iter().collect(), x, y })
-}
-
-/// What true motions score.
-fn truth_line(scene: &mut Scene, panel: &Panel, up: &Quantity, rows: &[Quality]) {
-    let Some(truth) = up.of_truth.and_then(|of| rows.iter().find_map(of)) else { return };
-    panel.curve(scene, (panel.x.value(0.0), panel.x.value(1.0)), |_| truth, truth_stroke());
-}
-
-fn truth_stroke() -> Stroke {
-    Stroke::solid(MUTED, 1.3).dash(Dash::Dashed)
+    let mut plot = Plot::new(title, x, y);
+    if let Some(truth) = truth.first() {
+        plot.curve(plot.x.ends(), |_| *truth, bound_stroke());
+    }
+    Ok(plot)
 }
 
 fn page(
@@ -119,7 +110,7 @@ fn page(
         legend.entry(Sample::Mark(look.mark()), format!("{generator} {n_vocab}"));
     }
     legend.heading("Bound");
-    legend.entry(Sample::Line(truth_stroke()), "true motions");
+    legend.entry(Sample::Line(bound_stroke()), "true motions");
     let remarks = format!(
         "{} runs, scored by evaluator {}; comparable only with scores of the same evaluator.",
         rows.len(),

@@ -14,7 +14,7 @@ pub struct Quantity {
     symbol: &'static str,
 }
 
-pub static QUANTITIES: [Quantity; 3] = [
+static QUANTITIES: [Quantity; 3] = [
     Quantity {
         label: "Non-vocabulary parameters Nₙᵥ",
         form: "Nₙᵥ ∝ Cᵇ",
@@ -47,7 +47,7 @@ pub fn quantities(size_alone: bool) -> Vec<&'static Quantity> {
 }
 
 /// N, where the vocabulary's parameters are not told apart.
-pub static SIZE: Quantity = Quantity {
+static SIZE: Quantity = Quantity {
     label: "Model size N (parameters)",
     form: "N ∝ Cᵃ",
     exponent: "a",

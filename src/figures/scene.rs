@@ -16,6 +16,17 @@ pub enum Anchor {
     End,
 }
 
+impl Anchor {
+    /// The share of a text that lies before its point.
+    pub fn share(self) -> f64 {
+        match self {
+            Anchor::Start => 0.0,
+            Anchor::Middle => 0.5,
+            Anchor::End => 1.0,
+        }
+    }
+}
+
 /// One line of text; its point lies on the baseline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text {
@@ -37,37 +48,23 @@ pub enum Shape {
     Text(Text),
 }
 
-/// How a line is broken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dash {
-    Solid,
-    Dashed,
-}
-
-impl Dash {
-    /// Lengths of stroke and gap, in pixels.
-    fn pattern(self) -> Option<(f64, f64)> {
-        match self {
-            Dash::Solid => None,
-            Dash::Dashed => Some((7.0, 4.0)),
-        }
-    }
-}
+/// Lengths of stroke and gap of a dashed line, in pixels.
+const DASH: (f64, f64) = (7.0, 4.0);
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
     pub colour: Rgb,
     pub width: f64,
-    pub dash: Dash,
+    pub dashed: bool,
 }
 
 impl Stroke {
     pub fn solid(colour: Rgb, width: f64) -> Stroke {
-        Stroke { colour, width, dash: Dash::Solid }
+        Stroke { colour, width, dashed: false }
     }
 
-    pub fn dash(self, dash: Dash) -> Stroke {
-        Stroke { dash, ..self }
+    pub fn dashed(self) -> Stroke {
+        Stroke { dashed: true, ..self }
     }
 }
 
@@ -133,13 +130,16 @@ impl Scene {
         Scene { width, height, shapes: Vec::new() }
     }
 
+    /// The page's own.
+    pub fn corners(&self) -> [Point; 4] {
+        let (w, h) = (self.width, self.height);
+        [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)]
+    }
+
     /// Strokes a line through the points, broken as the stroke says.
     pub fn line(&mut self, points: &[Point], stroke: Stroke) {
-        let Stroke { colour, width, dash } = stroke;
-        let pieces = match dash.pattern() {
-            None => vec![points.to_vec()],
-            Some((on, off)) => dashes(points, on, off),
-        };
+        let Stroke { colour, width, dashed } = stroke;
+        let pieces = if dashed { dashes(points, DASH.0, DASH.1) } else { vec![points.to_vec()] };
         let long = pieces.into_iter().filter(|points| points.len() > 1);
         self.shapes.extend(long.map(|points| Shape::Line { points, width, colour }));
     }

@@ -1,10 +1,9 @@
 //! Looks of the series of a figure, and the rows of the legend that explain them.
 
 use super::cells::ModelSize;
-use super::colour::{Rgb, categories, ordered};
+use super::colour::{MUTED, Rgb, categories, ordered};
 use super::legend::{Legend, Sample};
-use super::panel::Panel;
-use super::scene::{Mark, Marker, Point, Scene, Stroke};
+use super::scene::{Mark, Marker, Stroke};
 use super::ticks::scientific;
 
 /// Colour and marker of one series.
@@ -25,14 +24,6 @@ impl Look {
 
     pub fn sample(self) -> Sample {
         Sample::MarkedLine(self.stroke(), self.mark())
-    }
-}
-
-/// Points joined by a line and marked, all in one look.
-pub fn marked_line(scene: &mut Scene, panel: &Panel, points: &[Point], look: Look) {
-    panel.line(scene, points, look.stroke());
-    for &at in points {
-        panel.mark(scene, at, look.mark());
     }
 }
 
@@ -72,6 +63,11 @@ pub fn explain_budgets(
         let held = if held_out == Some(budget) { ", held out" } else { "" };
         legend.entry(sample(look), format!("{}{held}", scientific(budget)));
     }
+}
+
+/// The line of a bound.
+pub fn bound_stroke() -> Stroke {
+    Stroke::solid(MUTED, 1.3).dashed()
 }
 
 /// The line of a law.

@@ -2,6 +2,8 @@
 
 use std::fs;
 
+pub mod simulated;
+
 use super::*;
 use crate::laws::MinimumFlag;
 use crate::record::facts::LOSS_NORMALISED;
@@ -188,11 +190,7 @@ fn every_text_lies_on(scene: &Scene, name: &str) {
 
 fn lies_on(text: &scene::Text, scene: &Scene) -> bool {
     let width = font::measure(&text.content, text.weight, text.em);
-    let before = match text.anchor {
-        scene::Anchor::Start => 0.0,
-        scene::Anchor::Middle => width / 2.0,
-        scene::Anchor::End => width,
-    };
+    let before = text.anchor.share() * width;
     let (x, y) = text.at;
     if text.upward {
         y + before <= scene.height && y + before - width >= 0.0

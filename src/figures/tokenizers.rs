@@ -2,16 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use crate::tokenizer::TokenizerMetrics;
-
-use super::axis::{Axis, Scale};
+use super::cells::sorted;
 use super::colour::MUTED;
-use super::legend::{Legend, Sample};
-use super::page::{Page, Plot};
-use super::panel::Panel;
-use super::scene::{Dash, Point, Scene, Stroke};
-use super::series::{Look, category_looks};
-use super::{Drawing, Sources};
+use super::{
+    Axis, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, Sources, Stroke, bound_stroke,
+    category_looks,
+};
+use crate::tokenizer::TokenizerMetrics;
 
 /// One panel: its title, the name of its axis, its values.
 struct Metric {
@@ -56,22 +53,16 @@ const METRICS: [Metric; 4] = [
 
 pub fn draw(sources: &Sources) -> Drawing {
     let tokenizers = sources.input.tokenizers;
-    let vocabs = vocabs(tokenizers);
+    let vocabs = sorted(tokenizers.iter().map(|t| t.n_vocab));
     if vocabs.len() < 2 {
-        return Err(format!(
-            "it needs tokenizers of two vocabulary sizes, there are {}",
-            vocabs.len()
-        ));
+        let n = vocabs.len();
+        return Err(format!("it needs tokenizers of two vocabulary sizes, there are {n}"));
     }
-    let kinds = kinds(tokenizers);
+    let kinds = sorted(tokenizers.iter().map(TokenizerMetrics::name));
     let looks = category_looks(kinds.len());
-    let plots = METRICS.iter().map(|metric| metric.plot(tokenizers, &vocabs));
+    let plots = METRICS.iter().map(|metric| metric.plot(tokenizers, &vocabs, (&kinds, &looks)));
     let plots = plots.collect::<Result<Vec<_>, _>>()?;
-    let (mut scene, panels) = page(sources, &kinds, &looks).panels(plots);
-    for (metric, panel) in METRICS.iter().zip(&panels) {
-        metric.draw(&mut scene, panel, tokenizers, (&kinds, &looks));
-    }
-    Ok(scene)
+    Ok(page(sources, &kinds, &looks).panels(plots))
 }
 
 fn page(sources: &Sources, kinds: &[String], looks: &[Look]) -> Page {
@@ -84,53 +75,48 @@ fn page(sources: &Sources, kinds: &[String], looks: &[Look]) -> Page {
         legend.entry(Sample::Line(k_means()), "k-means");
     }
     legend.heading("Bound");
-    legend.entry(Sample::Line(bound()), "all codes equal");
+    legend.entry(Sample::Line(bound_stroke()), "all codes equal");
     let remarks = "Over the whole test split; a line joins the means at each V.".to_owned();
     let title = sources.title("tokenizers");
     Page { width: 1000.0, height: 700.0, title, remarks, legend }
 }
 
 impl Metric {
-    fn plot(&self, tokenizers: &[TokenizerMetrics], vocabs: &[f64]) -> Result<Plot, String> {
-        let k_means = tokenizers.iter().filter_map(self.of_k_means);
-        let values = tokenizers.iter().map(self.of).chain(k_means);
-        let x = Axis::new("Vocabulary size V (codes)", Scale::Log, vocabs.iter().copied())?;
-        let y = Axis::new(self.label, self.scale, values)?;
-        let x = x.ticks_at(vocabs.iter().copied());
-        Ok(Plot { title: vec![self.title.to_owned()], x, y })
-    }
-
-    fn draw(
+    fn plot(
         &self,
-        scene: &mut Scene,
-        panel: &Panel,
         tokenizers: &[TokenizerMetrics],
+        vocabs: &[usize],
         (kinds, looks): (&[String], &[Look]),
-    ) {
-        panel.backdrop(scene);
+    ) -> Result<Plot, String> {
+        let k_means_values = tokenizers.iter().filter_map(self.of_k_means);
+        let values = tokenizers.iter().map(self.of).chain(k_means_values);
+        let vocabs = vocabs.iter().map(|&n_vocab| n_vocab as f64);
+        let x = Axis::new("Vocabulary size V (codes)", Scale::Log, vocabs.clone())?;
+        let y = Axis::new(self.label, self.scale, values)?;
+        let mut plot = Plot::new([self.title.to_owned()], x.ticks_at(vocabs), y);
         if self.scale == Scale::Log {
-            panel.curve(scene, (panel.x.value(0.0), panel.x.value(1.0)), |v| v, bound());
+            // exp H = V: no code is met more often than another.
+            plot.curve(plot.x.ends(), |v| v, bound_stroke());
         }
-        let all: Vec<_> = tokenizers.iter().collect();
-        panel.line(scene, &means(&all, self.of_k_means), k_means());
+        plot.line(means(tokenizers, self.of_k_means), k_means());
         for (kind, look) in kinds.iter().zip(looks) {
-            let of_kind: Vec<_> = tokenizers.iter().filter(|t| t.name() == *kind).collect();
-            panel.line(scene, &means(&of_kind, |metrics| Some((self.of)(metrics))), look.stroke());
+            let of_kind = tokenizers.iter().filter(|t| t.name() == *kind);
+            plot.line(means(of_kind.clone(), |metrics| Some((self.of)(metrics))), look.stroke());
             for metrics in of_kind {
-                let at = (metrics.n_vocab as f64, (self.of)(metrics));
-                panel.mark(scene, at, look.mark());
+                plot.mark((metrics.n_vocab as f64, (self.of)(metrics)), look.mark());
             }
         }
+        Ok(plot)
     }
 }
 
 /// The mean at each V that has a value, by V.
-fn means(
-    tokenizers: &[&TokenizerMetrics],
+fn means<'a>(
+    tokenizers: impl IntoIterator<Item = &'a TokenizerMetrics>,
     of: impl Fn(&TokenizerMetrics) -> Option<f64>,
 ) -> Vec<Point> {
     let mut by_vocab: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
-    for (n_vocab, value) in tokenizers.iter().filter_map(|t| Some((t.n_vocab, of(t)?))) {
+    for (n_vocab, value) in tokenizers.into_iter().filter_map(|t| Some((t.n_vocab, of(t)?))) {
         by_vocab.entry(n_vocab).or_default().push(value);
     }
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
@@ -148,23 +134,4 @@ fn in_capitals(name: &str) -> String {
 /// What any tokenizer has to beat.
 fn k_means() -> Stroke {
     Stroke::solid(MUTED, 1.6)
-}
-
-/// exp H = V: no code is met more often than another.
-fn bound() -> Stroke {
-    Stroke::solid(MUTED, 1.3).dash(Dash::Dashed)
-}
-
-fn vocabs(tokenizers: &[TokenizerMetrics]) -> Vec<f64> {
-    let mut vocabs: Vec<_> = tokenizers.iter().map(|t| t.n_vocab).collect();
-    vocabs.sort_unstable();
-    vocabs.dedup();
-    vocabs.into_iter().map(|n_vocab| n_vocab as f64).collect()
-}
-
-fn kinds(tokenizers: &[TokenizerMetrics]) -> Vec<String> {
-    let mut kinds: Vec<_> = tokenizers.iter().map(TokenizerMetrics::name).collect();
-    kinds.sort_unstable();
-    kinds.dedup();
-    kinds
 }

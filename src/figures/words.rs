@@ -1,7 +1,7 @@
 //! What figures call the loss and the size of a model: in a sweep, and in a table made elsewhere.
 
 use super::Sources;
-use super::quantity::{QUANTITIES, Quantity, SIZE, quantities};
+use super::quantity::{Quantity, quantities};
 use crate::laws::Parameters;
 
 /// Series that a legend can list.
@@ -46,17 +46,12 @@ impl Sources<'_> {
         }
     }
 
-    /// The axis of a model's size.
-    pub fn size_axis(&self) -> &'static str {
-        if self.knows_size_alone() { SIZE.label } else { QUANTITIES[0].label }
-    }
-
     /// The symbol of a model's size.
     pub fn size_symbol(&self) -> &'static str {
         if self.knows_size_alone() { "N" } else { "Nₙᵥ" }
     }
 
-    /// The quantities of the optimum that laws are of.
+    /// The quantities of the optimum that laws are of, the model's size first.
     pub fn quantities(&self) -> Vec<&'static Quantity> {
         quantities(self.knows_size_alone())
     }

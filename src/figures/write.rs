@@ -6,6 +6,7 @@ use super::FigureError;
 use super::pdf;
 use super::render::{self, DrawError};
 use super::scene::Scene;
+use super::svg::svg;
 use crate::files::atomic;
 
 /// A kind of file that a figure is written as.
@@ -34,8 +35,8 @@ impl Format {
 
     fn bytes(self, scene: &Scene) -> Result<Vec<u8>, DrawError> {
         match self {
-            Format::Svg => render::svg(scene).map(String::into_bytes),
-            Format::Png => render::png(scene),
+            Format::Svg => Ok(svg(scene, "", "").into_bytes()),
+            Format::Png => render::png(&render::raster(scene)?),
             Format::Pdf => pdf::pdf(scene),
         }
     }
@@ -48,7 +49,8 @@ pub fn figure(
     name: &str,
     formats: &[Format],
 ) -> Result<Vec<PathBuf>, FigureError> {
-    let failed = |message| FigureError::Draw { name: name.to_owned(), message };
+    let failed =
+        |error: DrawError| FigureError::Draw { name: name.to_owned(), message: error.to_string() };
     let one = |format: &Format| {
         let path = folder.join(format!("{name}.{}", format.extension()));
         atomic::write_bytes(&path, &format.bytes(scene).map_err(failed)?)?;

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use maud::{Markup, html};
 
-use super::input::ReportInput;
+use super::input::{self, ReportInput};
 use super::table::table;
 use crate::record::RunRecord;
 
@@ -17,26 +17,23 @@ pub fn section(input: &ReportInput) -> Markup {
         ("devices", each(&records, |run| run.measured.device.clone())),
         ("seeds", each(&records, |run| run.planned.seed.map(|seed| seed.to_string()))),
     ];
-    let rows: Vec<Vec<String>> =
-        rows.into_iter().map(|(name, value)| vec![name.to_string(), value]).collect();
-    html! {
-        section aria-labelledby="about" {
-            h2 id="about" { "Provenance" }
-            (table("Versions and machines", &["what", "which"], &rows))
-            @if !input.dropped.is_empty() {
-                details {
-                    summary { "Cells of the grid that were not run: " (input.dropped.len()) }
-                    ul { @for cell in input.dropped { li { (cell) } } }
-                }
-            }
-            @if !input.sweep.is_empty() {
-                details {
-                    summary { "The resolved sweep" }
-                    pre tabindex="0" role="region" aria-label="The resolved sweep" { (input.sweep.trim()) }
-                }
+    let rows = rows.map(|(name, value)| vec![name.to_string(), value]);
+    let within = html! {
+        (table("Versions and machines", &["what", "which"], &rows))
+        @if !input.dropped.is_empty() {
+            details {
+                summary { "Cells of the grid that were not run: " (input.dropped.len()) }
+                ul { @for cell in input.dropped { li { (cell) } } }
             }
         }
-    }
+        @if !input.sweep.is_empty() {
+            details {
+                summary { "The resolved sweep" }
+                pre tabindex="0" role="region" aria-label="The resolved sweep" { (input.sweep.trim()) }
+            }
+        }
+    };
+    input::section("about", "Provenance", &within)
 }
 
 /// The values that runs have, each once.

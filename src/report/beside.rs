@@ -2,35 +2,31 @@
 
 use maud::{Markup, html};
 
-use super::input::Study;
-use super::scaling::budgets;
+use super::input::{self, Study};
+use super::scaling::{budgets, of_budget};
 use super::table::{interval, table};
 use crate::laws::text::count;
 use crate::laws::{Exponent, Laws};
-use crate::record::{RunRecord, of_largest_share};
+use crate::record::RunRecord;
 
 /// The table; `None` where the sweep has one generator.
 pub fn section(studies: &[Study]) -> Option<Markup> {
     let head =
         ["generator", "runs", "C", "lowest L_u", "N_nv", "V", "exponent of N_nv", "of N_v", "of D"];
     let rows: Vec<Vec<String>> = studies.iter().filter_map(row).collect();
-    (!rows.is_empty()).then(|| {
-        html! {
-            section aria-labelledby="generators" {
-                h2 id="generators" { "Generators" }
-                (table("The best run at the largest budget, and exponents of C with 95 % intervals", &head, &rows))
-                nav aria-label="Generators" {
-                    ul.legend {
-                        @for study in studies {
-                            li { a href={ "#" (study.id("verdict")) } { (study.generator.unwrap_or_default()) } }
-                        }
-                    }
+    let within = html! {
+        (table("The best run at the largest budget, and exponents of C with 95 % intervals", &head, &rows))
+        nav aria-label="Generators" {
+            ul.legend {
+                @for study in studies {
+                    li { a href={ "#" (study.id("verdict")) } { (study.generator.unwrap_or_default()) } }
                 }
-                p.faint { "L_u is in nats a token. Losses of generators with other kinds of tokens do not compare; \
-                           the scores of their motions do." }
             }
         }
-    })
+        p.faint { "L_u is in nats a token. Losses of generators with other kinds of tokens do not compare; \
+                   the scores of their motions do." }
+    };
+    (!rows.is_empty()).then(|| input::section("generators", "Generators", &within))
 }
 
 /// A generator that has a name.
@@ -54,12 +50,8 @@ fn row(study: &Study) -> Option<Vec<String>> {
         let certain = interval(own?.ci95, hundredths);
         Some(if certain.is_empty() { exponent } else { format!("{exponent} ({certain})") })
     };
-    let of = [
-        exponent(own.and_then(|own| own.params_nonvocab.as_ref())),
-        exponent(own.and_then(|own| own.params_vocab.as_ref())),
-        exponent(own.and_then(|own| own.tokens.as_ref())),
-    ];
-    cells.extend(of.map(Option::unwrap_or_default));
+    let of = |symbol| exponent(own.and_then(|own| own.of(symbol))).unwrap_or_default();
+    cells.extend(["N_nv", "N_v", "D"].map(of));
     Some(cells)
 }
 
@@ -70,8 +62,7 @@ fn hundredths(x: f64) -> String {
 
 /// The run of the lowest L_u at a budget.
 fn best(records: &[RunRecord], budget: f64) -> Option<(&RunRecord, f64)> {
-    let of_budget =
-        of_largest_share(records).filter(|record| record.planned.budget_flops == budget);
-    let measured = of_budget.filter_map(|record| Some((record, record.loss_normalised().ok()?)));
+    let measured = of_budget(records, budget)
+        .filter_map(|record| Some((record, record.loss_normalised().ok()?)));
     measured.min_by(|a, b| a.1.total_cmp(&b.1))
 }

@@ -4,21 +4,18 @@ use maud::{Markup, html};
 
 use super::chart::{Chart, px};
 use super::input::Study;
-use super::scaling::{best_of_sizes, budgets, label};
+use super::scaling::{best_of_sizes, budgets, label, of_budget, point};
 use crate::laws::text::count;
-use crate::record::{RunRecord, of_largest_share};
+use crate::record::RunRecord;
 
 /// Colours that the style has; further budgets begin again.
 const COLOURS: usize = 8;
 
 /// The curves; `None` where no run has a loss.
 pub fn section(study: &Study) -> Option<Markup> {
-    let at = |record: &RunRecord| {
-        Some((record.planned.params_nonvocab as f64, record.loss_normalised().ok()?))
-    };
     let budgets = budgets(study.records);
     let best = budgets.iter().flat_map(|budget| best_of_sizes(study.records, *budget));
-    let chart = Chart::around(best.filter_map(at))?;
+    let chart = Chart::around(best.filter_map(point))?;
     let drawn = html! {
         (optimum(&chart, study))
         @for (place, budget) in budgets.iter().enumerate() {
@@ -30,37 +27,30 @@ pub fn section(study: &Study) -> Option<Markup> {
         "{} of runs against {}, with a line through the best of each size of a budget",
         words.loss, words.size
     );
-    Some(html! {
-        section aria-labelledby=(study.id("curves")) {
-            (study.heading("curves", "IsoFLOP curves"))
-            p { "The lines go through the best run of each size; the other runs near them are faint. Point \
-                 at a run, or tap it, to read it. The shaded band is the predicted " (words.size) " of the budget chosen above." }
-            (chart.drawing(&study.id("isoflop"), &study.own(&about), [words.size, &words.loss_axis], &drawn))
-            p.pointed aria-live="polite" { "\u{a0}" }
-            ul.legend {
-                @for (place, budget) in budgets.iter().enumerate() {
-                    li { span class={ "swatch c" (place % COLOURS) } {} (count(*budget)) }
-                }
+    let within = html! {
+        p { "The lines go through the best run of each size; the other runs near them are faint. Point \
+             at a run, or tap it, to read it. The shaded band is the predicted " (words.size) " of the budget chosen above." }
+        (chart.drawing(&study.id("isoflop"), &study.own(&about), [words.size, &words.loss_axis], &drawn))
+        p.pointed aria-live="polite" { "\u{a0}" }
+        ul.legend {
+            @for (place, budget) in budgets.iter().enumerate() {
+                li { span class={ "swatch c" (place % COLOURS) } {} (count(*budget)) }
             }
         }
-    })
+    };
+    Some(study.section("curves", "IsoFLOP curves", &within))
 }
 
 fn curve(chart: &Chart, study: &Study, budget: f64, colour: usize) -> Markup {
     let (records, words) = (study.records, study.words());
     let best = best_of_sizes(records, budget);
-    let place = |record: &&RunRecord| {
-        Some((record.planned.params_nonvocab as f64, record.loss_normalised().ok()?))
-    };
     let is_best =
         |record: &RunRecord| best.iter().any(|best| best.planned.run_id == record.planned.run_id);
-    let of_budget =
-        of_largest_share(records).filter(|record| record.planned.budget_flops == budget);
     html! {
         g class={ "c" (colour) } {
-            path.line d=(chart.path(best.iter().filter_map(place))) {}
-            @for record in of_budget {
-                @if let Some((x, y)) = place(&record).filter(|(_, y)| chart.holds(*y)) {
+            path.line d=(chart.path(best.iter().copied().filter_map(point))) {}
+            @for record in of_budget(records, budget) {
+                @if let Some((x, y)) = point(record).filter(|(_, y)| chart.holds(*y)) {
                     circle.best[is_best(record)] cx=(px(chart.x(x))) cy=(px(chart.y(y)))
                         r=(if is_best(record) { "4" } else { "2.5" }) data-label=(label(record, &words)) {}
                 }

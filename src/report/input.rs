@@ -57,10 +57,15 @@ impl Study<'_> {
         self.generator.map_or_else(|| text.to_string(), |generator| format!("{text}, {generator}"))
     }
 
-    /// The heading of a section.
-    pub(super) fn heading(&self, name: &str, text: &str) -> Markup {
-        html! { h2 id=(self.id(name)) { (self.own(text)) } }
+    /// A section of the page that no other generator has.
+    pub(super) fn section(&self, name: &str, heading: &str, within: &Markup) -> Markup {
+        section(&self.id(name), &self.own(heading), within)
     }
+}
+
+/// A section of the page with its heading.
+pub(super) fn section(id: &str, heading: &str, within: &Markup) -> Markup {
+    html! { section aria-labelledby=(id) { h2 id=(id) { (heading) } (within) } }
 }
 
 /// A figure of the sweep's folder.

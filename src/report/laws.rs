@@ -3,10 +3,11 @@
 use maud::{Markup, html};
 
 use super::input::Study;
-use super::table::{interval, table, thousandths};
+use super::table::{interval, table};
 use super::words::Words;
 use crate::laws::text::count;
 use crate::laws::{Exponent, IntervalPart, Laws, Minimum, PowerLaw, flags_text};
+use crate::words::number::thousandths;
 
 /// Laws, minima and what was said of them.
 pub fn section(study: &Study, laws: &Laws) -> Markup {
@@ -15,48 +16,42 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
     let mut head = vec!["quantity", "exponent", "95 %", "at C0", "R²", "budgets"];
     head.extend(without.as_deref());
     let reference = count(laws.reference_flops);
-    html! {
-        section aria-labelledby=(study.id("laws")) {
-            (study.heading("laws", "Laws"))
-            (own(study, laws))
-            (table(
-                &study.own(&format!("Power laws through the minima ({}); C0 = {reference} FLOPs", laws.minima_method)),
-                &head,
-                &powers(laws)
-            ))
-            (table(
-                &study.own("Laws of the loss through the minima; the error is that of laws without the held-out budget"),
-                &["law", if study.loss_name.is_none() { "held-out error, nats" } else { "held-out error" }, "parameters"],
-                &losses(laws)
-            ))
-            (parts(study, laws))
-            (minima(study, laws))
-            @if !laws.warnings.is_empty() {
-                details {
-                    summary { "Remarks on the fit: " (laws.warnings.len()) }
-                    ul { @for warning in &laws.warnings { li { (warning) } } }
-                }
+    let within = html! {
+        (own(study, laws))
+        (table(
+            &study.own(&format!("Power laws through the minima ({}); C0 = {reference} FLOPs", laws.minima_method)),
+            &head,
+            &powers(laws)
+        ))
+        (table(
+            &study.own("Laws of the loss through the minima; the error is that of laws without the held-out budget"),
+            &["law", if study.loss_name.is_none() { "held-out error, nats" } else { "held-out error" }, "parameters"],
+            &losses(laws)
+        ))
+        (parts(study, laws))
+        (minima(study, laws))
+        @if !laws.warnings.is_empty() {
+            details {
+                summary { "Remarks on the fit: " (laws.warnings.len()) }
+                ul { @for warning in &laws.warnings { li { (warning) } } }
             }
         }
-    }
+    };
+    study.section("laws", "Laws", &within)
 }
 
 /// The law to believe: its formula, its exponents and what is in doubt.
 fn own(study: &Study, laws: &Laws) -> Markup {
     let answer = laws.answer();
-    let row = |(name, own): (&str, &Exponent)| match own.value {
-        Some(value) => {
-            vec![
-                name.to_string(),
-                thousandths(value),
-                interval(own.ci95, thousandths),
-                String::new(),
-            ]
-        }
-        None => {
-            let reason = own.reason.clone().unwrap_or_default();
-            vec![name.to_string(), "not determined".to_string(), String::new(), reason]
-        }
+    let row = |(name, own): (&str, &Exponent)| {
+        let [value, ci95, reason] = match own.value {
+            Some(value) => [thousandths(value), interval(own.ci95, thousandths), String::new()],
+            None => {
+                let reason = own.reason.clone().unwrap_or_default();
+                ["not determined".to_string(), String::new(), reason]
+            }
+        };
+        vec![name.to_string(), value, ci95, reason]
     };
     let rows: Vec<Vec<String>> = answer.exponents.named().map(row).collect();
     let [low, high] = laws.range().map(count);
@@ -76,16 +71,12 @@ fn own(study: &Study, laws: &Laws) -> Markup {
 
 /// The exponents of the laws through minima, and without the held-out budget where there is one.
 fn powers(laws: &Laws) -> Vec<Vec<String>> {
-    let of = &laws.power_laws;
-    let before = laws.held_out.as_ref().map(|held_out| held_out.exponents);
-    let all = [
-        ("N", &of.params, before.map(|own| own.size)),
-        ("N_nv", &of.params_nonvocab, before.map(|own| own.size)),
-        ("N_v", &of.params_vocab, before.map(|own| own.params_vocab)),
-        ("D", &of.tokens, before.map(|own| own.tokens)),
-    ];
-    let row = |(name, law, before): (&str, &Option<PowerLaw>, Option<Option<f64>>)| {
-        let law = law.as_ref()?;
+    let row = |(name, law): (&str, &PowerLaw)| {
+        let before = laws.held_out.as_ref().map(|held_out| match name {
+            "N_v" => held_out.exponents.params_vocab,
+            "D" => held_out.exponents.tokens,
+            _ => held_out.exponents.size,
+        });
         let fit = law.told_r2().map(thousandths).unwrap_or_default();
         let mut cells = vec![
             name.to_string(),
@@ -96,28 +87,21 @@ fn powers(laws: &Laws) -> Vec<Vec<String>> {
             law.n.to_string(),
         ];
         cells.extend(before.map(|exponent| exponent.map(thousandths).unwrap_or_default()));
-        Some(cells)
+        cells
     };
-    all.into_iter().filter_map(row).collect()
+    laws.power_laws.named().map(row).collect()
 }
 
 fn losses(laws: &Laws) -> Vec<Vec<String>> {
     let error = |error: Option<f64>| error.map(thousandths).unwrap_or_default();
     let log = laws.loss.log.as_ref().map(|law| {
-        let said = format!(
-            "{:.4} per decade ({})",
-            law.slope_per_decade,
-            interval(law.slope_ci95, thousandths)
-        );
+        let ci95 = interval(law.slope_ci95, thousandths);
+        let said = format!("{:.4} per decade ({ci95})", law.slope_per_decade);
         vec!["log".to_string(), error(law.held_out_error), said]
     });
     let floor = laws.loss.floor.as_ref().map(|law| {
-        let said = format!(
-            "floor {:.3} ({}), exponent {:.3}",
-            law.floor,
-            interval(law.floor_ci95, thousandths),
-            law.exponent
-        );
+        let ci95 = interval(law.floor_ci95, thousandths);
+        let said = format!("floor {:.3} ({ci95}), exponent {:.3}", law.floor, law.exponent);
         vec!["with a floor".to_string(), error(law.held_out_error), said]
     });
     log.into_iter().chain(floor).collect()
@@ -126,12 +110,9 @@ fn losses(laws: &Laws) -> Vec<Vec<String>> {
 /// What the intervals are made of.
 fn parts(study: &Study, laws: &Laws) -> Markup {
     let row = |part: &IntervalPart| {
-        vec![
-            part.part.clone(),
-            interval(part.exponent_nonvocab, thousandths),
-            interval(part.exponent_vocab, thousandths),
-            interval(part.exponent_tokens, thousandths),
-        ]
+        let of = [part.exponent_nonvocab, part.exponent_vocab, part.exponent_tokens];
+        let of = of.map(|ends| interval(ends, thousandths));
+        [part.part.clone()].into_iter().chain(of).collect()
     };
     let rows: Vec<Vec<String>> = laws.judgement.interval_parts.iter().map(row).collect();
     let head = ["reason", study.words().size, "N_v", "D"];
@@ -152,6 +133,6 @@ fn minima(study: &Study, laws: &Laws) -> Markup {
     let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
     let rows: Vec<Vec<String>> = own.map(row).collect();
     let Words { size, loss, .. } = study.words();
-    let head = ["C", size, "V", "D", &loss, "flags"];
+    let head = ["C", size, "V", "D", loss, "flags"];
     html! { @if !rows.is_empty() { (table(&study.own("Minima"), &head, &rows)) } }
 }

@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::input::{Figure, ReportInput, Study};
+use super::input::{Figure, ReportInput, Study, section};
 use super::{about, beside, curves, laws, prediction, runs, samples, scaling, tokenizers};
 
 /// The page, in HTML.
@@ -49,38 +49,31 @@ fn of_study(study: &Study) -> Markup {
 }
 
 fn verdict(study: &Study) -> Markup {
-    html! {
-        section aria-labelledby=(study.id("verdict")) {
-            (study.heading("verdict", "Verdict"))
-            pre tabindex="0" role="region" aria-label=(study.own("The verdict in full")) { (study.verdict.trim()) }
-        }
-    }
+    let within = html! {
+        pre tabindex="0" role="region" aria-label=(study.own("The verdict in full")) { (study.verdict.trim()) }
+    };
+    study.section("verdict", "Verdict", &within)
 }
 
 /// The figures of all generators together, then those of each.
 fn figures(input: &ReportInput) -> Markup {
-    let heading = html! { h2 id="all-figures" { "Figures" } };
+    let has_any = |study: &&Study| !study.figures.is_empty();
     html! {
-        (drawn("all-figures", &heading, input.figures))
-        @for study in input.studies {
-            (drawn(&study.id("figures"), &study.heading("figures", "Figures"), study.figures))
+        @if !input.figures.is_empty() { (section("all-figures", "Figures", &drawn(input.figures))) }
+        @for study in input.studies.iter().filter(has_any) {
+            (study.section("figures", "Figures", &drawn(study.figures)))
         }
     }
 }
 
-fn drawn(id: &str, heading: &Markup, figures: &[Figure]) -> Markup {
+fn drawn(figures: &[Figure]) -> Markup {
     html! {
-        @if !figures.is_empty() {
-            section aria-labelledby=(id) {
-                (heading)
-                @for Figure { name, svg } in figures {
-                    figure {
-                        div.paper role="img" aria-label=(name.replace('_', " ")) {
-                            (PreEscaped(drawing(svg)))
-                        }
-                        figcaption { (name.replace('_', " ")) }
-                    }
+        @for Figure { name, svg } in figures {
+            figure {
+                div.paper role="img" aria-label=(name.replace('_', " ")) {
+                    (PreEscaped(drawing(svg)))
                 }
+                figcaption { (name.replace('_', " ")) }
             }
         }
     }

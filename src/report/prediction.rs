@@ -17,30 +17,30 @@ pub fn section(study: &Study) -> Option<Markup> {
     let first = start(study);
     let data: Vec<Value> = study.predictions.iter().map(shown).collect();
     let [budget, far] = ["budget", "far"].map(|name| study.id(name));
-    Some(html! {
-        section aria-labelledby=(study.id("prediction")) {
-            (study.heading("prediction", "Prediction"))
-            label for=(budget) { "Budget: " output.flops for=(budget) {} " FLOPs" }
-            input.budget id=(budget) type="range" min="0" max=(last) value=(first) step="1"
-                aria-describedby=(far);
-            p.far id=(far) {}
-            div.wide tabindex="0" role="region" aria-label=(study.own("Predicted configuration")) {
-                table {
-                    caption { "The optimal configuration, with 95 % intervals" }
-                    thead { tr { th scope="col" { "quantity" } th scope="col" { "value" }
-                        th scope="col" { "95 %" } } }
-                    tbody.configuration {}
-                }
+    let within = html! {
+        label for=(budget) { "Budget: " output.flops for=(budget) {} " FLOPs" }
+        input.budget id=(budget) type="range" min="0" max=(last) value=(first) step="1"
+            aria-describedby=(far);
+        p.far id=(far) {}
+        div.wide tabindex="0" role="region" aria-label=(study.own("Predicted configuration")) {
+            table {
+                caption { "The optimal configuration, with 95 % intervals" }
+                thead { tr { th scope="col" { "quantity" } th scope="col" { "value" }
+                    th scope="col" { "95 %" } } }
+                tbody.configuration {}
             }
-            p.build {}
-            p.together {}
-            ul.cautions {}
-            p.faint { (explained(study)) }
-            (losses(study).unwrap_or_default())
-            p { "The same numbers: " code {
-                "isoflop predict C --law RESULTS" @if let Some(generator) = study.generator { "/generators/" (generator) }
-            } }
         }
+        p.build {}
+        p.together {}
+        ul.cautions {}
+        p.faint { (explained(study)) }
+        (losses(study).unwrap_or_default())
+        p { "The same numbers: " code {
+            "isoflop predict C --law RESULTS" @if let Some(generator) = study.generator { "/generators/" (generator) }
+        } }
+    };
+    Some(html! {
+        (study.section("prediction", "Prediction", &within))
         script.predictions type="application/json" { (PreEscaped(escaped(&data))) }
     })
 }

@@ -2,25 +2,10 @@
 
 use maud::{Markup, html};
 
+use super::input;
 use super::words::Words;
 use crate::laws::text::count;
 use crate::record::RunRecord;
-
-/// Names of the columns.
-const COLUMNS: [&str; 12] = [
-    "generator",
-    "N_nv",
-    "layers",
-    "width",
-    "V",
-    "C",
-    "share",
-    "seed",
-    "D",
-    "epochs",
-    "L_u",
-    "seconds",
-];
 
 /// A cell: what is read, and what it is sorted by.
 struct Cell {
@@ -30,34 +15,36 @@ struct Cell {
 
 /// The table; `None` where there is no run.
 pub fn section(records: &[&RunRecord], words: &Words) -> Option<Markup> {
-    (!records.is_empty()).then(|| {
-        html! {
-            section aria-labelledby="runs" {
-                h2 id="runs" { "Runs" }
-                label for="filter" { "Show runs with " }
-                input id="filter" type="search" placeholder="masked 1e11 V=128";
-                " " span id="shown" aria-live="polite" {}
-                div.wide.tall tabindex="0" role="region" aria-label="Table of runs" {
-                    table id="table" {
-                        caption { "Finished runs" }
-                        thead { tr {
-                            @for name in COLUMNS { th scope="col" { button type="button" { (called(name, words)) } } }
-                        } }
-                        tbody { @for record in records { (row(record)) } }
-                    }
-                }
+    let (size, loss) = (words.size, words.loss);
+    let columns = [
+        "generator",
+        size,
+        "layers",
+        "width",
+        "V",
+        "C",
+        "share",
+        "seed",
+        "D",
+        "epochs",
+        loss,
+        "seconds",
+    ];
+    let within = html! {
+        label for="filter" { "Show runs with " }
+        input id="filter" type="search" placeholder="masked 1e11 V=128";
+        " " span id="shown" aria-live="polite" {}
+        div.wide.tall tabindex="0" role="region" aria-label="Table of runs" {
+            table id="table" {
+                caption { "Finished runs" }
+                thead { tr {
+                    @for name in columns { th scope="col" { button type="button" { (name) } } }
+                } }
+                tbody { @for record in records { (row(record)) } }
             }
         }
-    })
-}
-
-/// A column's name in the words of the study.
-fn called<'a>(name: &'a str, words: &'a Words) -> &'a str {
-    match name {
-        "N_nv" => words.size,
-        "L_u" => &words.loss,
-        other => other,
-    }
+    };
+    (!records.is_empty()).then(|| input::section("runs", "Runs", &within))
 }
 
 fn row(record: &RunRecord) -> Markup {

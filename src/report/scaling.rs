@@ -29,10 +29,20 @@ pub fn budgets<'a>(records: impl IntoIterator<Item = &'a RunRecord>) -> Vec<f64>
     budgets
 }
 
+/// The runs of a budget on the largest share of the data.
+pub fn of_budget(records: &[RunRecord], budget: f64) -> impl Iterator<Item = &RunRecord> {
+    of_largest_share(records).filter(move |record| record.planned.budget_flops == budget)
+}
+
+/// N_nv and L_u of a run, if it has a loss.
+pub fn point(record: &RunRecord) -> Option<(f64, f64)> {
+    Some((record.planned.params_nonvocab as f64, record.loss_normalised().ok()?))
+}
+
 /// The lowest L_u of each N_nv at a budget, with its run.
 pub fn best_of_sizes(records: &[RunRecord], budget: f64) -> Vec<&RunRecord> {
     let mut best: BTreeMap<usize, (&RunRecord, f64)> = BTreeMap::new();
-    for record in of_largest_share(records).filter(|record| record.planned.budget_flops == budget) {
+    for record in of_budget(records, budget) {
         let Ok(loss) = record.loss_normalised() else { continue };
         let kept = best.entry(record.planned.params_nonvocab).or_insert((record, loss));
         if loss < kept.1 {

@@ -2,6 +2,8 @@
 
 use maud::{Markup, html};
 
+use crate::words::number::from_to;
+
 /// A table whose first column names its rows; it scrolls by itself where it is wider than the page.
 pub fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> Markup {
     html! {
@@ -23,12 +25,7 @@ pub fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> Markup {
     }
 }
 
-/// An interval in words; empty where there is none.
+/// An interval in words; empty if there is none.
 pub fn interval(interval: Option<[f64; 2]>, number: fn(f64) -> String) -> String {
-    interval.map_or_else(String::new, |[low, high]| format!("{} to {}", number(low), number(high)))
-}
-
-/// Three decimals.
-pub fn thousandths(x: f64) -> String {
-    format!("{x:.3}")
+    interval.map_or_else(String::new, |ends| from_to(ends, number))
 }

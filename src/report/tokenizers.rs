@@ -1,7 +1,8 @@
 //! The tokenizers beside k-means.
 
-use maud::{Markup, html};
+use maud::Markup;
 
+use super::input;
 use super::table::table;
 use crate::tokenizer::TokenizerMetrics;
 
@@ -19,14 +20,8 @@ pub fn section(tokenizers: &[TokenizerMetrics]) -> Option<Markup> {
     ];
     let rows: Vec<Vec<String>> = tokenizers.iter().map(row).collect();
     let caption = "Error of the joints on the test split, beside k-means of as many codes";
-    (!rows.is_empty()).then(|| {
-        html! {
-            section aria-labelledby="tokenizers" {
-                h2 id="tokenizers" { "Tokenizers" }
-                (table(caption, &head, &rows))
-            }
-        }
-    })
+    let table = table(caption, &head, &rows);
+    (!rows.is_empty()).then(|| input::section("tokenizers", "Tokenizers", &table))
 }
 
 fn row(metrics: &TokenizerMetrics) -> Vec<String> {

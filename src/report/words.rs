@@ -9,7 +9,7 @@ pub struct Words {
     /// The size of a model: N_nv, or N where the vocabulary's parameters are not told apart.
     pub size: &'static str,
     /// The loss in a sentence.
-    pub loss: String,
+    pub loss: &'static str,
     /// The loss with its unit, at an axis.
     pub loss_axis: String,
     /// Whether models have a vocabulary.
@@ -26,16 +26,7 @@ impl Study<'_> {
             None if !has_vocab && !self.records.is_empty() => "N",
             _ => "N_nv",
         };
-        match self.loss_name {
-            None => Words {
-                size,
-                loss: "L_u".to_string(),
-                loss_axis: "L_u, nats".to_string(),
-                has_vocab,
-            },
-            Some(name) => {
-                Words { size, loss: "loss".to_string(), loss_axis: name.to_string(), has_vocab }
-            }
-        }
+        let (loss, loss_axis) = self.loss_name.map_or(("L_u", "L_u, nats"), |name| ("loss", name));
+        Words { size, loss, loss_axis: loss_axis.to_string(), has_vocab }
     }
 }

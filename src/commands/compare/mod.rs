@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Args;
-use isoflop::figures::draw_compared;
+use isoflop::figures::{self, Format, draw_alone};
 use isoflop::laws::{LawKind, Laws};
 use serde_json::json;
 
@@ -60,5 +60,5 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
 fn draw(studies: &[Study], out: &Path) -> Result<Vec<PathBuf>> {
     let named: Vec<(&str, &Laws)> =
         studies.iter().map(|study| (&*study.name, &study.laws)).collect();
-    Ok(draw_compared(&named, out)?)
+    Ok(draw_alone("compare", figures::compare(&named), out, &Format::ALL)?)
 }

@@ -8,7 +8,7 @@ mod rows;
 mod text;
 
 use anyhow::Result;
-use isoflop::figures::draw_quality;
+use isoflop::figures::{self, Format, draw_alone};
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::{RunRecord, write_scores};
 use isoflop::sweep::Sweep;
@@ -41,13 +41,12 @@ impl Scored {
             return Ok(None);
         }
         write_scores(folder.root(), &rows)?;
-        let figures = match draw_quality(&folder.name(), &rows, &folder.file("figures")) {
-            Ok(paths) => paths,
-            Err(error) => {
-                output.warn(&error.to_string());
-                Vec::new()
-            }
-        };
+        let drawing = figures::quality(&folder.name(), &rows);
+        let drawn = draw_alone("quality", drawing, &folder.file("figures"), &Format::ALL);
+        let figures = drawn.unwrap_or_else(|error| {
+            output.warn(&error.to_string());
+            Vec::new()
+        });
         let (ranks, best) = (Ranks::of(&rows), best(&rows));
         let laws = fid_laws(&best);
         let agreements = Agreement::of(&rows, &by_others);

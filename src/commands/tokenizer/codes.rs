@@ -5,7 +5,7 @@ use std::fmt::Write;
 use anyhow::Result;
 use clap::Args;
 use isoflop::data::Split;
-use isoflop::figures;
+use isoflop::figures::{self, Format, draw_alone};
 use isoflop::ops::DeviceName;
 use isoflop::tokenizer::{CodeMap, ScaleUse};
 use serde_json::json;
@@ -32,8 +32,8 @@ pub fn codes(args: &CodesArgs, output: &Output) -> Result<Exit> {
     let scales: Vec<ScaleUse> = map.scales.iter().map(|scale| ScaleUse::of(&scale.met)).collect();
     let name = format!("codes-{}", trained.id);
     let title = format!("{}: codes of tokenizer {}", trained.folder.name(), trained.id);
-    let figures = trained.folder.file("figures");
-    let paths = figures::draw_codes(&title, &map, &figures, &name)?;
+    let folder = trained.folder.file("figures");
+    let paths = draw_alone(&name, figures::codes(&title, &map), &folder, &Format::ALL)?;
     let document = json!({
         "tokenizer": trained.id, "scales": scales, "explained": map.explained, "figures": paths,
     });

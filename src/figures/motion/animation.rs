@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use super::body::{HEAD_RADIUS, far_to_near, head};
-use super::camera::{Seen, View, see};
+use super::camera::{Seen, View};
 use super::ground;
 use crate::figures::colour::{INK, Rgb, SHADOW};
-use crate::figures::render::SVG_SCALE;
 use crate::figures::scene::Point;
+use crate::figures::svg::unit;
 use crate::motion::{N_JOINTS, Pose};
 
 /// More poses than this are thinned; the browser draws straight lines between them.
@@ -42,8 +42,7 @@ impl Loop {
 
     /// The body and its shadow.
     pub fn elements(&self, view: &View) -> String {
-        let mut svg = String::new();
-        svg.push_str(&self.shadow(view));
+        let mut svg = self.shadow(view);
         svg.push_str("<g fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n");
         for stroke in far_to_near(&self.poses) {
             let corners = |pose: &Pose| points(stroke.corners(pose), view);
@@ -51,7 +50,7 @@ impl Loop {
             let _ = writeln!(
                 svg,
                 "<polyline stroke=\"{}\" stroke-width=\"{}\" points=\"{}\">{}</polyline>",
-                hex(stroke.colour),
+                stroke.colour,
                 unit(stroke.width * view.scale),
                 corners(&self.poses[0]),
                 self.animate("points", &values)
@@ -72,7 +71,7 @@ impl Loop {
              values=\"0;{full};{full}\" keyTimes=\"0;{:.4};1\"/></rect>\n",
             unit(x),
             unit(y),
-            hex(INK),
+            INK,
             self.seconds,
             self.moving,
             full = unit(width),
@@ -81,20 +80,13 @@ impl Loop {
 
     fn head(&self, view: &View) -> String {
         let centre = |pose: &Pose| view.place(head(pose));
-        self.moving_shape(
-            "circle",
-            &format!("r=\"{}\"", unit(HEAD_RADIUS * view.scale)),
-            INK,
-            centre,
-        )
+        let radius = format!("r=\"{}\"", unit(HEAD_RADIUS * view.scale));
+        self.moving_shape("circle", &radius, INK, centre)
     }
 
     fn shadow(&self, view: &View) -> String {
         let [rx, ry] = SHADOW_RADII.map(|radius| unit(radius * view.scale));
-        let centre = |pose: &Pose| {
-            let [root] = ground::path(std::slice::from_ref(pose))[..] else { return (0.0, 0.0) };
-            view.place(see(root))
-        };
+        let centre = |pose: &Pose| view.point(ground::below(pose));
         self.moving_shape("ellipse", &format!("rx=\"{rx}\" ry=\"{ry}\""), SHADOW, centre)
     }
 
@@ -110,10 +102,9 @@ impl Loop {
         let ys = self.values(|pose| unit(centre(pose).1).to_string());
         let (x, y) = centre(&self.poses[0]);
         format!(
-            "<{element} cx=\"{}\" cy=\"{}\" {size} fill=\"{}\" stroke=\"none\">{}{}</{element}>\n",
+            "<{element} cx=\"{}\" cy=\"{}\" {size} fill=\"{fill}\" stroke=\"none\">{}{}</{element}>\n",
             unit(x),
             unit(y),
-            hex(fill),
             self.animate("cx", &xs),
             self.animate("cy", &ys)
         )
@@ -157,15 +148,6 @@ fn points(corners: Vec<Seen>, view: &View) -> String {
         format!("{},{}", unit(x), unit(y))
     };
     corners.into_iter().map(pair).collect::<Vec<_>>().join(" ")
-}
-
-/// Page pixels in whole units of the SVG's view box.
-fn unit(pixels: f64) -> i64 {
-    (pixels * SVG_SCALE).round() as i64
-}
-
-fn hex(Rgb(r, g, b): Rgb) -> String {
-    format!("#{r:02x}{g:02x}{b:02x}")
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! A caption as the lines of a title.
 
 use crate::figures::font::{Weight, measure, wrap};
+use crate::figures::panel::plain_text;
+use crate::figures::scene::{Anchor, Point, Scene, Text};
 
 /// `caption` on one line of plain text: characters that no SVG may hold are blanks.
 pub fn cleaned(caption: &str) -> String {
@@ -10,7 +12,7 @@ pub fn cleaned(caption: &str) -> String {
 }
 
 /// A cleaned caption in bold lines no wider than `width`; words that are wider are cut.
-pub fn lines(caption: &str, em: f64, width: f64) -> Vec<String> {
+fn lines(caption: &str, em: f64, width: f64) -> Vec<String> {
     let words: Vec<String> =
         cleaned(caption).split(' ').flat_map(|word| pieces(word, em, width)).collect();
     wrap(&words.join(" "), Weight::Bold, em, width)
@@ -31,14 +33,21 @@ fn pieces(word: &str, em: f64, width: f64) -> Vec<String> {
     pieces
 }
 
-/// Text between the tags of an XML document.
-pub fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+/// Writes a caption from `at` downwards; returns where it ends.
+pub fn write(scene: &mut Scene, caption: &str, em: f64, (left, top): Point, width: f64) -> f64 {
+    let mut y = top;
+    for line in lines(caption, em, width) {
+        y += 1.35 * em;
+        let text = plain_text(&line, (left, y - 0.4 * em), Anchor::Start, em);
+        scene.text(Text { weight: Weight::Bold, ..text });
+    }
+    y
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::figures::svg::escaped;
 
     #[test]
     fn every_line_fits_even_of_a_word_that_does_not() {

@@ -12,7 +12,12 @@ pub type Segment = [[f64; 3]; 2];
 
 /// The root of each pose, on the ground.
 pub fn path(poses: &[Pose]) -> Vec<[f64; 3]> {
-    poses.iter().map(|pose| [f64::from(pose[0][0]), 0.0, f64::from(pose[0][2])]).collect()
+    poses.iter().map(below).collect()
+}
+
+/// The root of a pose, on the ground.
+pub fn below(pose: &Pose) -> [f64; 3] {
+    [f64::from(pose[0][0]), 0.0, f64::from(pose[0][2])]
 }
 
 /// Length of a path, metres.

@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::render::DrawError;
 use crate::data::write_npy;
 use crate::files::{FileError, atomic};
 use crate::motion::bvh::{Deviation, FitBvhError, fit_bvh};
@@ -66,8 +67,8 @@ pub enum MotionFileError {
     Motion(#[from] FitBvhError),
     #[error("a sheet without motions is empty; give at least one")]
     NoMotions,
-    #[error("cannot draw {}: {message}", path.display())]
-    Draw { path: PathBuf, message: String },
+    #[error("cannot draw {}: {error}", path.display())]
+    Draw { path: PathBuf, error: DrawError },
 }
 
 /// Writes `<stem>.joints.npy`, `<stem>.features.npy`, `<stem>.bvh` and `<stem>.svg` into `folder`.
@@ -87,8 +88,7 @@ pub fn write_motion(
         (file("joints.npy"), file("features.npy"), file("bvh"), file("svg"));
     let poses = motion.poses()?;
     let fitted = fit_bvh(&poses, motion.fps)?;
-    let page = page::svg(&poses, motion.fps, motion.caption)
-        .map_err(|message| MotionFileError::Draw { path: svg.clone(), message })?;
+    let page = page::svg(&poses, motion.fps, motion.caption);
     let n_frames = poses.len();
     write_npy(&joints, &[n_frames, N_JOINTS, 3], poses.as_flattened().as_flattened())?;
     write_npy(&features, &[n_frames, N_FEATURES], motion.features)?;
@@ -103,17 +103,19 @@ pub fn write_motion(
 ///
 /// # Errors
 /// [`MotionFileError`], where there is no motion, one is none, or the file cannot be written.
-pub fn write_sheet(path: &Path, motions: &[CaptionedMotion]) -> Result<(), MotionFileError> {
+pub fn write_sheet<'a>(
+    path: &Path,
+    motions: &[CaptionedMotion<'a>],
+) -> Result<(), MotionFileError> {
     if motions.is_empty() {
         return Err(MotionFileError::NoMotions);
     }
-    let poses: Vec<Vec<Pose>> =
-        motions.iter().map(CaptionedMotion::poses).collect::<Result<_, _>>()?;
-    let rows: Vec<sheet::Row> = (motions.iter().zip(&poses))
-        .map(|(motion, poses)| sheet::Row { poses, fps: motion.fps, caption: motion.caption })
-        .collect();
-    let pixels = sheet::png(&rows)
-        .map_err(|message| MotionFileError::Draw { path: path.to_path_buf(), message })?;
+    let row = |motion: &CaptionedMotion<'a>| -> Result<sheet::Row<'a>, MotionFileError> {
+        Ok(sheet::Row { poses: motion.poses()?, fps: motion.fps, caption: motion.caption })
+    };
+    let rows: Vec<sheet::Row> = motions.iter().map(row).collect::<Result<_, _>>()?;
+    let failed = |error| MotionFileError::Draw { path: path.to_path_buf(), error };
+    let pixels = sheet::png(&rows).map_err(failed)?;
     Ok(atomic::write_bytes(path, &pixels)?)
 }
 

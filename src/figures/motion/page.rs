@@ -9,8 +9,8 @@ use super::legend;
 use crate::figures::colour::{GRID, MUTED};
 use crate::figures::font::{Weight, measure};
 use crate::figures::panel::plain_text;
-use crate::figures::render::{self, DrawError};
 use crate::figures::scene::{Anchor, Scene, Stroke, Text};
+use crate::figures::svg::{self, escaped};
 use crate::motion::Pose;
 
 const WIDTH: f64 = 640.0;
@@ -25,11 +25,11 @@ const GROUND_MARGIN: f64 = 0.6;
 const FOOTER: f64 = 14.0;
 
 /// The SVG of a motion of at least one pose, which plays in a loop at `fps` poses a second.
-pub fn svg(poses: &[Pose], fps: f32, text: &str) -> Result<String, DrawError> {
+pub fn svg(poses: &[Pose], fps: f32, text: &str) -> String {
     let mut scene = Scene::new(WIDTH, 0.0);
     let path = ground::path(poses);
     let (lines, side) = ground::grid(&path, GROUND_MARGIN);
-    let top = title(&mut scene, text);
+    let top = caption::write(&mut scene, text, TITLE_EM, (MARGIN, MARGIN), WIDTH - 2.0 * MARGIN);
     let top = remarks(&mut scene, top, &facts(poses, fps), side) + MARGIN;
     let bounds = bounds(poses, &lines);
     let (view, height) = view(bounds, top);
@@ -41,8 +41,9 @@ pub fn svg(poses: &[Pose], fps: f32, text: &str) -> Result<String, DrawError> {
     scene.height = (top + height + FOOTER + MARGIN).ceil();
     let turn = Loop::of(poses, fps);
     let bar = turn.progress((MARGIN, scene.height - MARGIN), WIDTH - 2.0 * MARGIN);
-    let moving = [turn.elements(&view), bar].concat();
-    Ok(with_motion(&render::svg(&scene)?, &caption::cleaned(text), &moving))
+    // For readers of the screen.
+    let title = format!("<title>{}</title>\n", escaped(&caption::cleaned(text)));
+    svg::svg(&scene, &title, &(turn.elements(&view) + &bar))
 }
 
 /// What one reads of a motion: "6.4 s, 20 frames a second, path 4.2 m".
@@ -50,17 +51,6 @@ pub fn facts(poses: &[Pose], fps: f32) -> String {
     let seconds = poses.len() as f64 / f64::from(fps);
     let metres = ground::length(&ground::path(poses));
     format!("{seconds:.1} s, {fps} frames a second, path {metres:.1} m")
-}
-
-/// Writes the caption; returns where it ends.
-fn title(scene: &mut Scene, text: &str) -> f64 {
-    let mut y = MARGIN;
-    for line in caption::lines(text, TITLE_EM, WIDTH - 2.0 * MARGIN) {
-        y += 1.35 * TITLE_EM;
-        let text = plain_text(&line, (MARGIN, y - 0.4 * TITLE_EM), Anchor::Start, TITLE_EM);
-        scene.text(Text { weight: Weight::Bold, ..text });
-    }
-    y
 }
 
 /// Writes the facts and the legend below the caption; returns where they end.
@@ -90,12 +80,4 @@ fn view(bounds: Bounds, top: f64) -> (View, f64) {
     let middle = [bounds.left + bounds.right, bounds.bottom + bounds.top].map(|sum| sum / 2.0);
     let origin = (WIDTH / 2.0 - scale * middle[0], top + height / 2.0 + scale * middle[1]);
     (View { scale, origin }, height)
-}
-
-/// The page with a title for readers of the screen, and what moves on top.
-fn with_motion(page: &str, caption: &str, moving: &str) -> String {
-    let (head, body) = page.split_once('\n').unwrap_or((page, ""));
-    let body = body.trim_end().trim_end_matches("</svg>");
-    let title = caption::escaped(caption);
-    format!("{head}\n<title>{title}</title>\n{body}{moving}</svg>\n")
 }

@@ -1,5 +1,7 @@
 //! The contact sheet: a row a motion, its poses at even times from left to right.
 
+use image::RgbImage;
+
 use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
 use super::camera::{Bounds, View, see};
 use super::caption;
@@ -29,7 +31,7 @@ const HALO: f64 = 1.2;
 
 /// What a row shows: at least one pose.
 pub struct Row<'a> {
-    pub poses: &'a [Pose],
+    pub poses: Vec<Pose>,
     pub fps: f32,
     pub caption: &'a str,
 }
@@ -41,9 +43,12 @@ pub fn png(rows: &[Row]) -> Result<Vec<u8>, DrawError> {
     let mut sheet = render::raster(&header())?;
     // Row by row: a whole sheet in the renderer's fine pixels would fill the memory.
     for row in rows {
-        sheet = sheet.above(&render::raster(&row.scene(bounds))?);
+        let row = render::raster(&row.scene(bounds))?;
+        let (width, height) = (sheet.width(), sheet.height() + row.height());
+        let samples = [sheet.into_raw(), row.into_raw()].concat();
+        sheet = RgbImage::from_raw(width, height, samples).ok_or("rows differ in width")?;
     }
-    sheet.png()
+    render::png(&sheet)
 }
 
 /// The legend above the rows.
@@ -94,14 +99,10 @@ impl Row<'_> {
 
     /// Writes caption and facts; returns where they end.
     fn title(&self, scene: &mut Scene) -> f64 {
-        let facts = facts(self.poses, self.fps);
+        let facts = facts(&self.poses, self.fps);
         let room = measure(&facts, Weight::Normal, LABEL_EM) + 24.0;
-        let mut y = MARGIN / 2.0;
-        for line in caption::lines(self.caption, TITLE_EM, WIDTH - 2.0 * MARGIN - room) {
-            y += 1.35 * TITLE_EM;
-            let text = plain_text(&line, (MARGIN, y - 0.4 * TITLE_EM), Anchor::Start, TITLE_EM);
-            scene.text(Text { weight: Weight::Bold, ..text });
-        }
+        let (corner, width) = ((MARGIN, MARGIN / 2.0), WIDTH - 2.0 * MARGIN - room);
+        let y = caption::write(scene, self.caption, TITLE_EM, corner, width);
         let at = (WIDTH - MARGIN, MARGIN / 2.0 + 0.95 * TITLE_EM);
         scene.text(Text { colour: MUTED, ..plain_text(&facts, at, Anchor::End, LABEL_EM) });
         y.max(MARGIN / 2.0 + 1.35 * TITLE_EM) + 4.0

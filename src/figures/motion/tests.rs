@@ -47,7 +47,7 @@ fn the_longest_clip_is_a_modest_svg_without_scripts_and_always_the_same() {
     let (features, _) = clip(7);
     let row = &features[..N_FEATURES];
     let (long, caption) = (row.repeat(196), "a <b> & c ".repeat(30));
-    let draw = || page::svg(&recover_joints(&long), 20.0, &caption).unwrap();
+    let draw = || page::svg(&recover_joints(&long), 20.0, &caption);
     let svg = draw();
     assert!(svg.len() < 300_000, "{} bytes", svg.len());
     assert_eq!(svg, draw());
@@ -64,7 +64,7 @@ fn the_longest_clip_is_a_modest_svg_without_scripts_and_always_the_same() {
 fn the_whole_motion_stays_on_the_page() {
     for seed in 0..20 {
         let (features, caption) = clip(seed);
-        let svg = page::svg(&recover_joints(&features), 20.0, &caption).unwrap();
+        let svg = page::svg(&recover_joints(&features), 20.0, &caption);
         let (_, view_box) = svg.split_once("viewBox=\"0 0 ").unwrap();
         let size: Vec<f64> = view_box.split('"').next().unwrap().split(' ').map(number).collect();
         for line in svg.split("<animate attributeName=\"points\"").skip(1) {

@@ -5,7 +5,7 @@ use pdf_writer::{Content, Name, Str};
 
 use super::subset::Subset;
 use crate::figures::colour::{Rgb, WHITE};
-use crate::figures::scene::{Anchor, Point, Scene, Shape, Text};
+use crate::figures::scene::{Point, Scene, Shape, Text};
 
 /// Points, of which an inch has 72, for one of the page's pixels, of which it has 96.
 pub const POINTS: f64 = 0.75;
@@ -18,9 +18,7 @@ pub fn operations(scene: &Scene, faces: &[Subset]) -> Vec<u8> {
     let (points, height) = (POINTS as f32, (scene.height * POINTS) as f32);
     content.transform([points, 0.0, 0.0, -points, 0.0, height]);
     content.set_line_join(LineJoinStyle::RoundJoin);
-    let corners =
-        [(0.0, 0.0), (scene.width, 0.0), (scene.width, scene.height), (0.0, scene.height)];
-    area(&mut content, &corners, WHITE);
+    area(&mut content, &scene.corners(), WHITE);
     for shape in &scene.shapes {
         match shape {
             Shape::Line { points, width, colour } => line(&mut content, points, *width, *colour),
@@ -73,12 +71,7 @@ fn disc(content: &mut Content, (x, y): Point, radius: f64, colour: Rgb) {
 
 fn show(content: &mut Content, text: &Text, faces: &[Subset]) {
     let Some(face) = faces.iter().find(|face| face.weight == text.weight) else { return };
-    let width = face.width(&text.content) * text.em;
-    let back = match text.anchor {
-        Anchor::Start => 0.0,
-        Anchor::Middle => width / 2.0,
-        Anchor::End => width,
-    };
+    let back = text.anchor.share() * face.width(&text.content) * text.em;
     let (x, y) = text.at;
     // The page is upside down, and so is its text but for this.
     let matrix = if text.upward {
@@ -100,6 +93,7 @@ fn parts(Rgb(r, g, b): Rgb) -> [f32; 3] {
 mod tests {
     use super::*;
     use crate::figures::font::Weight;
+    use crate::figures::scene::Anchor;
 
     #[test]
     fn shapes_stand_where_the_page_has_them() {

@@ -10,7 +10,6 @@ use super::packed::packed;
 use crate::figures::font::Weight;
 use crate::figures::render::DrawError;
 use crate::figures::scene::{Scene, Shape};
-use crate::figures::true_type::Glyph;
 
 /// Objects of a face in a PDF: the font, its glyphs, their metrics, their characters, the file.
 pub const N_OBJECTS: usize = 5;
@@ -19,12 +18,20 @@ const PER_EM: f64 = 1000.0;
 /// The thickness of a face's stems, in thousandths of an em; viewers use it only where they have not the font.
 const STEM: f32 = 80.0;
 
+/// What a character is shown by.
+struct Glyph {
+    number: u16,
+    /// Its number in the whole face.
+    id: u16,
+    /// From its pen to that of the next glyph, in ems.
+    advance: f64,
+}
+
 /// Some glyphs of a face, numbered anew from 1.
 pub struct Subset {
     pub weight: Weight,
     glyphs: GlyphRemapper,
-    /// What each character is shown by: its number, and the glyph that it was.
-    of: BTreeMap<char, (u16, Glyph)>,
+    of: BTreeMap<char, Glyph>,
 }
 
 impl Subset {
@@ -37,8 +44,11 @@ impl Subset {
         let characters: BTreeSet<char> = texts.flat_map(|text| text.chars()).collect();
         let mut glyphs = GlyphRemapper::new();
         let mut numbered = |character| {
-            let glyph = weight.face().glyph(character);
-            (character, (glyphs.remap(glyph.id), glyph))
+            // A missing one is shown by an empty box.
+            let known = weight.face().glyph_index(character);
+            let advance = known.and_then(|glyph| weight.face().glyph_hor_advance(glyph));
+            let (id, advance) = (known.unwrap_or_default().0, weight.ems(advance.unwrap_or(0)));
+            (character, Glyph { number: glyphs.remap(id), id, advance })
         };
         let of: BTreeMap<_, _> = characters.into_iter().map(&mut numbered).collect();
         (!of.is_empty()).then_some(Subset { weight, glyphs, of })
@@ -54,12 +64,12 @@ impl Subset {
 
     /// The width of a text of its characters, in ems.
     pub fn width(&self, text: &str) -> f64 {
-        text.chars().map(|character| self.of[&character].1.advance).sum()
+        text.chars().map(|character| self.of[&character].advance).sum()
     }
 
     /// The numbers of a text of its characters, two bytes each.
     pub fn encoded(&self, text: &str) -> Vec<u8> {
-        text.chars().flat_map(|character| self.of[&character].0.to_be_bytes()).collect()
+        text.chars().flat_map(|character| self.of[&character].number.to_be_bytes()).collect()
     }
 
     /// Writes it as those objects.
@@ -69,8 +79,7 @@ impl Subset {
     pub fn write(&self, pdf: &mut Pdf, objects: [Ref; N_OBJECTS]) -> Result<(), DrawError> {
         let [font, glyphs, descriptor, characters, file] = objects;
         let face = self.weight.face();
-        let cut =
-            subsetter::subset(face.bytes, 0, &self.glyphs).map_err(|error| error.to_string())?;
+        let cut = subsetter::subset(face.raw_face().data, 0, &self.glyphs)?;
         let name = self.name();
         let name = Name(name.as_bytes());
         pdf.type0_font(font)
@@ -88,9 +97,11 @@ impl Subset {
             .cid_to_gid_map_predefined(Name(b"Identity"));
         glyph_font.widths().consecutive(0, self.widths());
         drop(glyph_font);
-        let metrics = &face.metrics;
-        let [ascent, descent] = [metrics.ascender, metrics.descender].map(thousandths);
-        let [left, bottom, right, top] = metrics.bounds.map(thousandths);
+        let units = |units: i16| thousandths(self.weight.ems(units));
+        let [ascent, descent] = [face.ascender(), face.descender()].map(units);
+        let bounds = face.global_bounding_box();
+        let [left, bottom, right, top] =
+            [bounds.x_min, bounds.y_min, bounds.x_max, bounds.y_max].map(units);
         pdf.font_descriptor(descriptor)
             .name(name)
             .flags(FontFlags::SYMBOLIC)
@@ -110,8 +121,7 @@ impl Subset {
 
     /// Six letters that differ with its glyphs, and the face's name, as PDF wants of parts of fonts.
     fn name(&self) -> String {
-        let glyphs: Vec<u8> =
-            self.of.values().flat_map(|(_, glyph)| glyph.id.to_be_bytes()).collect();
+        let glyphs: Vec<u8> = self.of.values().flat_map(|glyph| glyph.id.to_be_bytes()).collect();
         let hash = blake3::hash(&glyphs);
         let letters: String =
             hash.as_bytes()[..6].iter().map(|byte| char::from(b'A' + byte % 26)).collect();
@@ -122,8 +132,8 @@ impl Subset {
     /// The widths of glyph 0, which stands for a missing one, and of all others.
     fn widths(&self) -> Vec<f32> {
         let mut widths = vec![0.0; usize::from(self.glyphs.num_gids())];
-        for (number, glyph) in self.of.values() {
-            widths[usize::from(*number)] = thousandths(glyph.advance);
+        for glyph in self.of.values() {
+            widths[usize::from(glyph.number)] = thousandths(glyph.advance);
         }
         widths
     }
@@ -131,7 +141,7 @@ impl Subset {
     /// What character each number stands for, so that text can be searched and copied.
     fn characters(&self) -> Vec<u8> {
         let mut map = UnicodeCmap::new(Name(b"Custom"), IDENTITY);
-        self.of.iter().for_each(|(character, (number, _))| map.pair(*number, *character));
+        self.of.iter().for_each(|(character, glyph)| map.pair(glyph.number, *character));
         map.finish().into_vec()
     }
 }

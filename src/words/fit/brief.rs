@@ -1,20 +1,16 @@
 //! The fit on one screen: the law, its formula, the exponents, and what is in doubt.
 
-use super::intervals;
-use crate::laws::LawKind;
-use crate::laws::Laws;
-use crate::laws::PowerLaw;
-use crate::laws::Score;
+use super::{intervals, verdict};
 use crate::laws::text::count;
-use crate::laws::{Answer, Doubt, Exponent, Validated};
+use crate::laws::{Answer, Doubt, Exponent, LawKind, Laws, PowerLaw, Score, Validated};
+use crate::words::number::{from_to, thousandths};
 use crate::words::wrap;
 
 /// The answer in some fifteen lines of at most 80 columns; [`summary`](super::full::summary()) goes on from it.
 pub fn brief(laws: &Laws) -> String {
     let answer = laws.answer();
-    let head = [Some(scope(laws)), law(laws), Some(answer.formula.clone())];
-    let head: String =
-        head.iter().flatten().filter(|s| !s.is_empty()).map(|s| wrap("", s)).collect();
+    let head = [scope(laws), law(laws).unwrap_or_default(), answer.formula.clone()];
+    let head: String = head.iter().filter(|s| !s.is_empty()).map(|s| wrap("", s)).collect();
     head + &table(laws, &answer) + &wrap("", &answer.verdict) + &notes(laws, &answer)
 }
 
@@ -26,16 +22,12 @@ fn scope(laws: &Laws) -> String {
         }
         _ => String::new(),
     };
-    let [low, high] = laws.range();
     match laws.law {
         LawKind::Published => format!("{}: published, rule {}.", laws.name, laws.flops_rule),
-        _ => format!(
-            "{}: {runs}{} to {} FLOPs, rule {}.",
-            laws.name,
-            count(low),
-            count(high),
-            laws.flops_rule
-        ),
+        _ => {
+            let [low, high] = laws.range().map(count);
+            format!("{}: {runs}{low} to {high} FLOPs, rule {}.", laws.name, laws.flops_rule)
+        }
     }
 }
 
@@ -77,20 +69,11 @@ fn table(laws: &Laws, answer: &Answer) -> String {
 fn row(name: &str, exponent: &Exponent, minima: Option<&PowerLaw>) -> String {
     let name = format!("{name:<4} in C");
     let Some(value) = exponent.value else {
-        return wrap(
-            "",
-            &format!(
-                "{name}   not determined: {}",
-                exponent.reason.as_deref().unwrap_or("unknown")
-            ),
-        );
+        let reason = exponent.reason.as_deref().unwrap_or("unknown");
+        return wrap("", &format!("{name}   not determined: {reason}"));
     };
-    let interval = exponent.ci95.map_or("-".into(), |[l, h]| format!("{l:.3} to {h:.3}"));
-    let minima = minima.map_or(String::new(), |law| {
-        let interval = law.exponent_ci95;
-        let interval = interval.map_or(String::new(), |[l, h]| format!(" ({l:.3} to {h:.3})"));
-        format!("{:.3}{interval}", law.exponent)
-    });
+    let interval = exponent.ci95.map_or("-".into(), |ends| from_to(ends, thousandths));
+    let minima = minima.map_or(String::new(), verdict::exponent);
     let line = format!("{name:<12}{value:>9.3}{interval:>19}  {minima}");
     line.trim_end().to_string() + "\n"
 }

@@ -1,10 +1,9 @@
 //! The parts of the summary that question the laws: unseen budgets, and what to run next.
 
-use crate::laws::Laws;
 use crate::laws::text::count;
-use crate::laws::{Advice, AdviceKind};
-use crate::laws::{Validation, ValidationKind};
-use crate::words::wrap;
+use crate::laws::{Advice, AdviceKind, Laws, Validation, ValidationKind};
+use crate::words::number::{known, thousandths};
+use crate::words::{listed, wrap};
 
 /// The errors on budgets that the laws had not seen; empty where there are none.
 pub(super) fn unseen_budgets(laws: &Laws) -> String {
@@ -29,13 +28,13 @@ fn unseen(row: &Validation) -> String {
         ValidationKind::LeaveOneOut => "left out",
         ValidationKind::RollForward => "from smaller",
     };
-    let ratio = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| format!("{x:.3}"));
+    let ratio = |x: Option<f64>| known(x, thousandths);
     format!(
         "{kind:<16}{:>11}{:>8}{:>+9.4}{:>9}{:>9}{:>9}{:>9}\n",
         count(row.budget_flops),
         row.n_fitted,
         row.log_error,
-        row.floor_error.map_or_else(|| "-".into(), |x| format!("{x:+.4}")),
+        known(row.floor_error, |x| format!("{x:+.4}")),
         ratio(row.params_nonvocab_ratio.or(row.params_ratio)),
         ratio(row.params_vocab_ratio),
         ratio(Some(row.tokens_ratio)),
@@ -48,15 +47,9 @@ pub(super) fn advice(laws: &Laws) -> String {
     if advice.is_empty() {
         return String::new();
     }
-    let line = |advice: &Advice| wrap("  - ", &advised(advice));
-    let file = match laws.from_sweep {
-        true => wrap(
-            "  ",
-            "--next FILE writes this as a sweep, with models and codebooks that can be built.",
-        ),
-        false => String::new(),
-    };
-    "\nwhat to run next\n".to_string() + &advice.iter().map(line).collect::<String>() + &file
+    let file = "--next FILE writes this as a sweep, with models and codebooks that can be built.";
+    let file = if laws.from_sweep { wrap("  ", file) } else { String::new() };
+    listed("what to run next", advice.iter().map(advised)) + &file
 }
 
 fn advised(advice: &Advice) -> String {
@@ -67,18 +60,18 @@ fn advised(advice: &Advice) -> String {
         AdviceKind::LargerBudget => "add this budget",
         AdviceKind::NextBudget => "the next budget, if any",
     };
-    let list = |values: &[f64]| values.iter().map(|x| count(*x)).collect::<Vec<_>>().join(", ");
-    let whole =
-        |values: &[f64]| values.iter().map(|x| format!("{x:.0}")).collect::<Vec<_>>().join(", ");
+    let list = |values: &[f64], number: fn(f64) -> String| {
+        values.iter().map(|x| number(*x)).collect::<Vec<_>>().join(", ")
+    };
     let vocabularies = match &advice.n_vocab[..] {
         [] => String::new(),
-        tried => format!("; V {}", whole(tried)),
+        tried => format!("; V {}", list(tried, |x| format!("{x:.0}"))),
     };
     format!(
         "{} FLOPs, {what}: {}. Sizes {}{vocabularies}: {} runs, {} FLOPs.",
         count(advice.budget_flops),
         advice.why,
-        list(&advice.params_nonvocab),
+        list(&advice.params_nonvocab, count),
         advice.runs,
         count(advice.flops),
     )

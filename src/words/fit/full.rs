@@ -4,40 +4,39 @@ use super::brief::brief;
 use super::checks::{advice, unseen_budgets};
 use super::parametric::parametric_text;
 use super::verdict::verdict;
-use crate::laws::JointLaw;
-use crate::laws::Parameters;
 use crate::laws::text::{count, short};
-use crate::laws::{FloorLaw, LogLaw, PowerLaw, Sensitivity};
-use crate::laws::{HeldOut, Laws};
-use crate::laws::{Minimum, flags_text};
-use crate::laws::{NoiseSource, RunNoise};
-use crate::words::wrap::{COLUMNS, wrap};
+use crate::laws::{
+    FloorLaw, HeldOut, JointLaw, Laws, LogLaw, Minimum, NoiseSource, Parameters, PowerLaw,
+    RunNoise, Sensitivity, flags_text,
+};
+use crate::words::number::{four, known, span};
+use crate::words::wrap::COLUMNS;
+use crate::words::{listed, wrap};
 
 /// The first screen, then the coefficients of a parametric loss, laws with intervals, minima with flags, loss
 /// laws with their held-out errors, what unseen budgets say of the laws, the sensitivity table, what
 /// to run next and the warnings, in at most 80 columns and without colour.
 pub fn summary(laws: &Laws) -> String {
-    let mut text = brief(laws) + "\n";
-    text += &verdict(laws).iter().map(|sentence| wrap("- ", sentence)).collect::<String>();
-    text += &laws.parametric.as_ref().map_or_else(String::new, parametric_text);
-    text += "\n";
-    text += &wrap(
-        "",
-        &format!(
-            "C0 = {} FLOPs, the middle of the fitted budgets{}",
-            count(laws.reference_flops),
-            noise(laws)
-        ),
+    let reference = format!(
+        "C0 = {} FLOPs, the middle of the fitted budgets{}",
+        count(laws.reference_flops),
+        noise(laws)
     );
-    text += &power_laws(laws);
-    text += &loss_laws(laws);
-    text += &repetition(laws);
-    text += &minima(laws);
-    text += &unseen_budgets(laws);
-    text += &sensitivity(laws);
-    text += &advice(laws);
-    text += &warnings(&laws.warnings);
-    text
+    [
+        brief(laws) + "\n",
+        verdict(laws).iter().map(|sentence| wrap("- ", sentence)).collect(),
+        laws.parametric.as_ref().map_or_else(String::new, parametric_text) + "\n",
+        wrap("", &reference),
+        power_laws(laws),
+        loss_laws(laws),
+        repetition(laws),
+        minima(laws),
+        unseen_budgets(laws),
+        sensitivity(laws),
+        advice(laws),
+        listed("warnings", laws.warnings.iter().cloned()),
+    ]
+    .concat()
 }
 
 fn noise(laws: &Laws) -> String {
@@ -67,33 +66,25 @@ fn power_laws(laws: &Laws) -> String {
         "\n{:<14}{:>10}{:>18}{:>14}{:>12}{:>8}{:>4}\n",
         "law", "exponent", "95 % interval", "log10 coef.", "at C0", "R2", "n"
     );
-    let rows = rows
-        .into_iter()
-        .map(|(name, law)| law.as_ref().map_or_else(|| absent(name), |l| power(name, l, laws)))
-        .collect::<String>();
-    head + &rows
-}
-
-fn absent(name: &str) -> String {
-    format!("{name:<14}{:>10}\n", "absent")
+    let row = |(name, law): (&str, &Option<PowerLaw>)| match law {
+        Some(law) => power(name, law, laws),
+        None => format!("{name:<14}{:>10}\n", "absent"),
+    };
+    head + &rows.into_iter().map(row).collect::<String>()
 }
 
 fn power(name: &str, law: &PowerLaw, laws: &Laws) -> String {
     // A law that follows from a parametric loss goes through no points of its own.
     let r2 = law.told_r2().filter(|_| laws.parametric.is_none());
-    let r2 = r2.map_or_else(|| "-".to_string(), |r2| format!("{r2:.4}"));
+    let r2 = known(r2, four);
     format!(
         "{name:<14}{:>10.4}{:>18}{:>14.4}{:>12}{r2:>8}{:>4}\n",
         law.exponent,
-        interval(law.exponent_ci95),
+        span(law.exponent_ci95, four),
         law.log10_coefficient,
         count(law.ln_at_reference.exp()),
         law.n
     )
-}
-
-fn interval(ci95: Option<[f64; 2]>) -> String {
-    ci95.map_or_else(|| "-".into(), |[low, high]| format!("{low:.4}..{high:.4}"))
 }
 
 fn loss_laws(laws: &Laws) -> String {
@@ -108,18 +99,18 @@ fn loss_laws(laws: &Laws) -> String {
     }
     if let Some(law) = &laws.loss.floor {
         let formula = format!(
-            "{loss} = {} {:+} (C/C0)^-{:.4}",
+            "{loss} = {} {} {} (C/C0)^-{:.4}",
             decimal(law.floor),
-            Signed(law.coefficient),
+            if law.coefficient < 0.0 { "-" } else { "+" },
+            decimal(law.coefficient.abs()),
             law.exponent
         );
         text += &loss_row(&formula, law.goodness(), law.held_out_error);
-        if let (Some([low, high]), Some(_)) = (law.floor_ci95, law.exponent_ci95) {
+        if law.floor_ci95.is_some() && law.exponent_ci95.is_some() {
             let told = format!(
-                "95 % interval of the floor {}..{}, of the exponent {}",
-                decimal(low),
-                decimal(high),
-                interval(law.exponent_ci95)
+                "95 % interval of the floor {}, of the exponent {}",
+                span(law.floor_ci95, decimal),
+                span(law.exponent_ci95, four)
             );
             text += &wrap("    ", &told);
         }
@@ -168,21 +159,10 @@ fn decimal(x: f64) -> String {
     if x.abs() < 1e4 { format!("{x:.4}") } else { short(x, 3) }
 }
 
-/// [`decimal`] with its sign.
-struct Signed(f64);
-
-impl std::fmt::Display for Signed {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} {}", if self.0 < 0.0 { "-" } else { "+" }, decimal(self.0.abs()))
-    }
-}
-
 fn loss_row(formula: &str, goodness: Option<[f64; 2]>, held_out_error: Option<f64>) -> String {
-    let (r2, aic) = match goodness {
-        None => ("-".into(), "-".into()),
-        Some([r2, aic]) => (format!("{r2:.4}"), format!("{aic:.1}")),
-    };
-    let error = held_out_error.map_or_else(|| "-".into(), |error| format!("{error:+.4}"));
+    let r2 = known(goodness.map(|[r2, _]| r2), four);
+    let aic = known(goodness.map(|[_, aic]| aic), |aic| format!("{aic:.1}"));
+    let error = known(held_out_error, |error| format!("{error:+.4}"));
     format!("{formula:<50}{r2:>8}{aic:>9}{error:>13}\n")
 }
 
@@ -204,23 +184,20 @@ fn minima(laws: &Laws) -> String {
     head + &laws.minima.iter().map(|m| minimum(m, laws.held_out.as_ref())).collect::<String>()
 }
 
-/// A count, or a dash for the 0 that stands for what is not known.
-fn known(x: f64, number: impl Fn(f64) -> String) -> String {
-    if x > 0.0 { number(x) } else { "-".into() }
-}
-
 /// One line, and the flags below it where there is more than one.
 fn minimum(m: &Minimum, held_out: Option<&HeldOut>) -> String {
     let is_held_out = held_out.is_some_and(|h| h.budget_flops == m.budget_flops);
     let mut marks: Vec<String> = is_held_out.then(|| "held out once".into()).into_iter().collect();
     marks.extend((!m.flags.is_empty()).then(|| flags_text(&m.flags)));
+    // A 0 stands for what is not known.
+    let positive = |x: f64| Some(x).filter(|x| *x > 0.0);
     let line = format!(
         "{:<9}{:>10}{:>11}{:>11}{:>8}{:>11}{:>9.4}",
         m.method,
         count(m.budget_flops),
         count(m.params_nonvocab),
-        known(m.params_vocab, count),
-        known(m.n_vocab, |v| format!("{v:.0}")),
+        known(positive(m.params_vocab), count),
+        known(positive(m.n_vocab), |v| format!("{v:.0}")),
         count(m.tokens),
         m.loss_normalised
     );
@@ -238,7 +215,7 @@ fn sensitivity(laws: &Laws) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let number = |x: Option<f64>| x.map_or_else(|| "-".to_string(), |x| format!("{x:.4}"));
+    let number = |x: Option<f64>| known(x, four);
     let row = |r: &Sensitivity| {
         format!(
             "{:<36}{:>10}{:>10}{:>10}{:>12}\n",
@@ -258,11 +235,4 @@ fn sensitivity(laws: &Laws) -> String {
         "nats/decade"
     );
     head + &rows.iter().map(row).collect::<String>()
-}
-
-fn warnings(sentences: &[String]) -> String {
-    if sentences.is_empty() {
-        return String::new();
-    }
-    "\nwarnings\n".to_string() + &sentences.iter().map(|s| wrap("  - ", s)).collect::<String>()
 }

@@ -1,10 +1,6 @@
 //! What the intervals hold, and what they do not.
 
-use crate::laws::Laws;
-use crate::laws::NoiseSource;
-use crate::laws::Parameters;
-use crate::laws::student_t95;
-use crate::laws::{IntervalPart, Judgement};
+use crate::laws::{IntervalPart, Judgement, Laws, NoiseSource, student_t95};
 
 /// The part that is the scatter of runs.
 const RUNS: &str = "runs";
@@ -15,32 +11,24 @@ pub(super) fn sentence(laws: &Laws) -> Option<String> {
     if laws.recommended_law().is_joint() {
         return of_joint(laws);
     }
-    let exponent = match laws.parameters {
-        Parameters::Split => laws.power_laws.params_nonvocab.as_ref()?,
-        Parameters::Total => laws.power_laws.params.as_ref()?,
-    };
-    exponent.exponent_ci95?;
+    let of = laws.parameters.size();
+    laws.power_laws.of(of)?.exponent_ci95?;
     let parts = laws.judgement.interval_parts.iter();
     let told: Vec<String> = parts.filter_map(|part| told(part, laws)).collect();
-    let missing = missing(laws).map_or(String::new(), |missing| format!("; not {missing}"));
-    let others = on_other_clips(laws).unwrap_or_default();
-    let of = laws.parameters.size();
-    (!told.is_empty()).then(|| {
-        format!("Intervals hold, for {of}'s exponent: {}{missing}{others}.", told.join(", "))
-    })
+    let rest = rest(laws);
+    (!told.is_empty())
+        .then(|| format!("Intervals hold, for {of}'s exponent: {}{rest}.", told.join(", ")))
 }
 
 fn of_joint(laws: &Laws) -> Option<String> {
     let joint = laws.judgement.joint.as_ref().filter(|joint| !joint.bootstrap.is_empty())?;
-    let missing = missing(laws).map_or(String::new(), |missing| format!("; not {missing}"));
-    let others = on_other_clips(laws).unwrap_or_default();
     let parts = [
         Some(format!("the scatter of {} cells ({:.3})", joint.n, joint.residual_sd)),
         laws.judgement.tokenizer_noise.as_ref().map(|_| "tokenizers".to_string()),
         laws.judgement.test_noise.as_ref().map(|_| "the test split".to_string()),
     ];
     let parts: Vec<String> = parts.into_iter().flatten().collect();
-    Some(format!("Intervals hold {}{missing}{others}.", parts.join(", ")))
+    Some(format!("Intervals hold {}{}.", parts.join(", "), rest(laws)))
 }
 
 fn told(part: &IntervalPart, laws: &Laws) -> Option<String> {
@@ -52,6 +40,12 @@ fn told(part: &IntervalPart, laws: &Laws) -> Option<String> {
         _ => "",
     };
     Some(format!("{} ±{:.3}{by}", part.part, (high - low) / 2.0))
+}
+
+/// What no interval holds, and what all losses may move by.
+fn rest(laws: &Laws) -> String {
+    let missing = missing(laws).map_or(String::new(), |missing| format!("; not {missing}"));
+    missing + &on_other_clips(laws).unwrap_or_default()
 }
 
 /// What no interval holds.

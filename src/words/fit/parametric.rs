@@ -2,6 +2,7 @@
 
 use crate::laws::text::short;
 use crate::laws::{Parametric, Space};
+use crate::words::number::{known, span};
 use crate::words::wrap;
 
 /// Its coefficients with errors and intervals, and how well the search for them ended, in at most
@@ -18,11 +19,8 @@ pub fn parametric_text(parametric: &Parametric) -> String {
 
 fn row(parametric: &Parametric, i: usize) -> String {
     let value = parametric.coefficients.values()[i];
-    let error = parametric.se.get(i).map_or("-".into(), |se| number(*se));
-    let interval = parametric
-        .ci95
-        .get(i)
-        .map_or("-".into(), |[low, high]| format!("{}..{}", number(*low), number(*high)));
+    let error = known(parametric.se.get(i).copied(), number);
+    let interval = span(parametric.ci95.get(i).copied(), number);
     let name = parametric.coefficients.form.names()[i];
     format!("{name:<14}{:>14}{error:>14}{interval:>28}\n", number(value))
 }

@@ -1,10 +1,8 @@
 //! What the laws through minima say of themselves, in sentences.
 
-use crate::laws::Laws;
-use crate::laws::Parameters;
 use crate::laws::text::count;
-use crate::laws::{Minimum, MinimumFlag, flags_text};
-use crate::laws::{PowerLaw, Sensitivity};
+use crate::laws::{Laws, MinimumFlag, Parameters, PowerLaw, Sensitivity, flags_text};
+use crate::words::number::{from_to, thousandths};
 
 /// Two values of γ, or of an exponent by two methods, that differ by more than this disagree.
 const DISAGREEMENT: f64 = 0.1;
@@ -16,11 +14,10 @@ pub fn verdict(laws: &Laws) -> Vec<String> {
     said.into_iter().flatten().chain(flagged(laws)).collect()
 }
 
-fn exponent(law: &PowerLaw) -> String {
-    match law.exponent_ci95 {
-        Some([low, high]) => format!("{:.3} ({low:.3} to {high:.3})", law.exponent),
-        None => format!("{:.3}", law.exponent),
-    }
+/// An exponent with its interval.
+pub(super) fn exponent(law: &PowerLaw) -> String {
+    let interval = law.exponent_ci95.map(|ends| format!(" ({})", from_to(ends, thousandths)));
+    thousandths(law.exponent) + &interval.unwrap_or_default()
 }
 
 fn gamma(laws: &Laws) -> Option<String> {
@@ -69,7 +66,8 @@ fn flagged(laws: &Laws) -> impl Iterator<Item = String> {
     let own = laws.minima.iter().filter(|m| m.method == laws.minima_method);
     own.filter(|m| !m.flags.is_empty()).map(|m| {
         let reasons: Vec<_> = m.flags.iter().map(|flag| reason(*flag)).collect();
-        let fitted = if is_fitted(laws, m) { "used all the same" } else { "not fitted" };
+        let is_fitted = laws.fitted_budgets.contains(&m.budget_flops);
+        let fitted = if is_fitted { "used all the same" } else { "not fitted" };
         format!(
             "Budget {} ({}, {fitted}): {}.",
             count(m.budget_flops),
@@ -77,10 +75,6 @@ fn flagged(laws: &Laws) -> impl Iterator<Item = String> {
             reasons.join("; ")
         )
     })
-}
-
-fn is_fitted(laws: &Laws, minimum: &Minimum) -> bool {
-    laws.fitted_budgets.contains(&minimum.budget_flops)
 }
 
 fn reason(flag: MinimumFlag) -> &'static str {
@@ -109,7 +103,7 @@ fn reason(flag: MinimumFlag) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::laws::scamo;
+    use crate::laws::{Minimum, scamo};
 
     #[test]
     fn the_published_gammas_are_given_both_ways_and_called_inconsistent() {

@@ -1,11 +1,12 @@
 //! A prediction for a terminal.
 
 use super::brief;
-use super::parts::{of_loss, span};
+use super::parts::of_loss;
 use super::quantity::{QUANTITIES, number};
 use crate::laws::text::count;
 use crate::predict::{Prediction, Together};
-use crate::words::wrap;
+use crate::words::number::{four, known, span};
+use crate::words::{listed, wrap};
 
 /// Predictions on one screen, or all that is known of each.
 pub fn said(predictions: &[Prediction], full: bool) -> String {
@@ -24,7 +25,7 @@ pub fn text(prediction: &Prediction) -> String {
         + &rows(prediction)
         + &shape(prediction)
         + &together(prediction)
-        + &notes(prediction)
+        + &listed("warnings", prediction.warnings.iter().cloned())
 }
 
 fn title(prediction: &Prediction) -> String {
@@ -43,28 +44,27 @@ fn rows(prediction: &Prediction) -> String {
     let row = |(name, value): (&str, &f64)| {
         let number = number(name);
         let interval = span(ci95.at.of(name).copied(), number);
-        let raw = raw.at.of(name).map_or_else(|| "-".into(), |raw| count(*raw));
+        let raw = known(raw.at.of(name).copied(), count);
         format!("{name:<8}{:>14}{interval:>28}{raw:>14}\n", number(*value))
     };
     at.named().map(row).collect::<String>() + &loss(prediction)
 }
 
 fn loss(prediction: &Prediction) -> String {
-    let number = |x: f64| format!("{x:.4}");
     let Some(loss) = prediction.loss_normalised else {
         return String::new();
     };
     // Where there is no log law, the loss is the floor law's already.
     let both = prediction.raw.loss_log.and(prediction.raw.loss_floor);
     let floor = both.map_or_else(String::new, |floor| {
-        let interval = span(prediction.ci95.loss_floor, number);
-        format!("{:<8}{:>14}{interval:>28}   by the law with a floor\n", "", number(floor))
+        let interval = span(prediction.ci95.loss_floor, four);
+        format!("{:<8}{:>14}{interval:>28}   by the law with a floor\n", "", four(floor))
     });
-    let interval = span(prediction.ci95.loss_normalised, number);
+    let interval = span(prediction.ci95.loss_normalised, four);
     let others = prediction.ci95.loss_on_other_clips.map_or_else(String::new, |interval| {
-        format!("{:<22}{:>28}\n", "on other clips", span(Some(interval), number))
+        format!("{:<22}{:>28}\n", "on other clips", span(Some(interval), four))
     });
-    format!("{:<8}{:>14}{interval:>28}\n{others}{floor}", "loss", number(loss))
+    format!("{:<8}{:>14}{interval:>28}\n{others}{floor}", "loss", four(loss))
 }
 
 fn shape(prediction: &Prediction) -> String {
@@ -91,21 +91,14 @@ fn together(prediction: &Prediction) -> String {
 /// What all laws say together, in a sentence.
 pub fn all_together(together: &Together) -> String {
     let Together { laws, loss_normalised, at } = together;
-    let values = [at.params, at.params_nonvocab, at.n_vocab, at.tokens, Some(*loss_normalised)];
-    let said = QUANTITIES.into_iter().zip(values);
-    let said = said.filter_map(|((name, number), x)| Some(format!("{name} {}", number(x?))));
+    let said = QUANTITIES.into_iter().filter_map(|(name, number)| {
+        let value = if name == "loss" { *loss_normalised } else { *at.of(name)? };
+        Some(format!("{name} {}", number(value)))
+    });
     let weights = laws.iter().map(|one| format!("{} {:.2}", one.law.name(), one.weight));
     format!(
         "The laws together, weighed by how little they missed ({}): {}.",
         weights.collect::<Vec<_>>().join(", "),
         said.collect::<Vec<_>>().join(", ")
     )
-}
-
-fn notes(prediction: &Prediction) -> String {
-    if prediction.warnings.is_empty() {
-        return String::new();
-    }
-    "\nwarnings\n".to_string()
-        + &prediction.warnings.iter().map(|s| wrap("  - ", s)).collect::<String>()
 }

@@ -33,8 +33,3 @@ pub(super) fn cautions(said: &[String], left: usize) -> String {
     let said: String = said.iter().map(|sentence| wrap("- ", sentence)).collect();
     if left == 0 { said } else { format!("{said}- {left} more: --full\n") }
 }
-
-/// An interval in a column of a table.
-pub(super) fn span(ends: Option<[f64; 2]>, number: impl Fn(f64) -> String) -> String {
-    ends.map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)))
-}

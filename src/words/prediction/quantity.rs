@@ -2,18 +2,14 @@
 
 use crate::laws::text::count;
 use crate::predict::{Intervals, Prediction};
+use crate::words::number::{four, from_to};
 
 /// The symbol of a quantity, and how it is written.
 pub(super) type Quantity = (&'static str, fn(f64) -> String);
 
 /// N, N_nv, V, D and the loss.
-pub(super) const QUANTITIES: [Quantity; 5] = [
-    ("N", count),
-    ("N_nv", count),
-    ("V", |x| format!("{x:.0}")),
-    ("D", count),
-    ("loss", |x| format!("{x:.4}")),
-];
+pub(super) const QUANTITIES: [Quantity; 5] =
+    [("N", count), ("N_nv", count), ("V", |x| format!("{x:.0}")), ("D", count), ("loss", four)];
 
 /// How the quantity of a symbol is written; N_v like N.
 pub(super) fn number(symbol: &str) -> fn(f64) -> String {
@@ -23,14 +19,10 @@ pub(super) fn number(symbol: &str) -> fn(f64) -> String {
 
 /// Of a prediction, in the order of [`QUANTITIES`]: each value with its 95 % interval.
 pub(super) fn values(prediction: &Prediction) -> [(Option<f64>, Option<[f64; 2]>); 5] {
-    let (at, ci) = (&prediction.at, &prediction.ci95);
-    [
-        (at.params, ci.at.params),
-        (at.params_nonvocab, ci.at.params_nonvocab),
-        (at.n_vocab, ci.at.n_vocab),
-        (at.tokens, ci.at.tokens),
-        (prediction.loss_normalised, ci.loss_normalised),
-    ]
+    QUANTITIES.map(|(name, _)| match name {
+        "loss" => (prediction.loss_normalised, prediction.ci95.loss_normalised),
+        _ => (prediction.at.of(name).copied(), prediction.ci95.at.of(name).copied()),
+    })
 }
 
 /// Each quantity of the prediction with its value and its 95 % interval, as a screen writes them, and the
@@ -47,11 +39,5 @@ pub fn cells(prediction: &Prediction) -> Vec<[String; 3]> {
 
 /// The interval of the loss, had other clips been held out.
 pub(super) fn on_other_clips(ci95: &Intervals) -> Option<String> {
-    let [.., (_, number)] = QUANTITIES;
-    ci95.loss_on_other_clips.map(|ends| from_to(ends, number))
-}
-
-fn from_to(ends: [f64; 2], number: fn(f64) -> String) -> String {
-    let [low, high] = ends.map(number);
-    format!("{low} to {high}")
+    ci95.loss_on_other_clips.map(|ends| from_to(ends, four))
 }

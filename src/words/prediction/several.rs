@@ -1,9 +1,10 @@
 //! Predictions for several budgets: a table, and what the farthest is warned of.
 
-use super::parts::{cautions, distance, of_loss, span};
+use super::parts::{cautions, distance, of_loss};
 use super::quantity::{QUANTITIES, values};
 use crate::laws::text::{count, short};
 use crate::predict::Prediction;
+use crate::words::number::{span, thousandths};
 use crate::words::wrap;
 
 pub(super) fn text(predictions: &[Prediction]) -> String {
@@ -41,7 +42,7 @@ fn rows(prediction: &Prediction) -> String {
 fn numbers() -> [fn(f64) -> String; 5] {
     let [_, _, (_, vocab), _, _] = QUANTITIES;
     let narrow = |x| short(x, 2);
-    [narrow, narrow, vocab, narrow, |x| format!("{x:.3}")]
+    [narrow, narrow, vocab, narrow, thousandths]
 }
 
 /// A label and a column for each quantity that there is.

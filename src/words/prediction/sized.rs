@@ -5,17 +5,18 @@ use super::quantity::number;
 use crate::laws::PerQuantity;
 use crate::laws::text::{count, times};
 use crate::predict::{SizedOptimum, SizedPrediction};
+use crate::words::number::{four, from_to};
 use crate::words::wrap;
 
 /// The loss, the best model for the same FLOPs, and what lies between them, in at most 80 columns.
 pub fn sized_text(prediction: &SizedPrediction) -> String {
     let SizedPrediction { ci95, optimum, .. } = prediction;
     title(prediction)
-        + &row("loss", prediction.loss_normalised, loss, ci95.loss_normalised)
+        + &row("loss", prediction.loss_normalised, four, ci95.loss_normalised)
         + "The best model for the same FLOPs, and how much this one loses by:\n"
         + &of_optimum(optimum)
-        + &row("loss", optimum.loss_normalised, loss, ci95.optimum_loss)
-        + &row("lost", prediction.loss_above_optimum, loss, ci95.loss_above_optimum)
+        + &row("loss", optimum.loss_normalised, four, ci95.optimum_loss)
+        + &row("lost", prediction.loss_above_optimum, four, ci95.loss_above_optimum)
         + &notes(prediction)
 }
 
@@ -43,13 +44,9 @@ fn of_optimum(optimum: &SizedOptimum) -> String {
     optimum.at.named().map(|(name, x)| row(name, *x, number(name), None)).collect()
 }
 
-fn loss(x: f64) -> String {
-    format!("{x:.4}")
-}
-
 fn row(name: &str, value: f64, number: fn(f64) -> String, interval: Option<[f64; 2]>) -> String {
-    let ends = interval.map(|ends| ends.map(number));
-    let ends = ends.map_or(String::new(), |[low, high]| format!("   95 %: {low} to {high}"));
+    let ends = interval.map(|ends| format!("   95 %: {}", from_to(ends, number)));
+    let ends = ends.unwrap_or_default();
     format!("  {name:<5}{:>11}{ends}\n", number(value))
 }
 

@@ -7,7 +7,7 @@ use crate::record::facts::LOSS_NORMALISED;
 use crate::record::{Measured, Planned, RunRecord};
 use crate::tokenizer::TokenizerMetrics;
 
-use super::FigureInput;
+use crate::figures::FigureInput;
 use noise::Noise;
 
 mod laws;
