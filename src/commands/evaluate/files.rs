@@ -38,6 +38,17 @@ pub struct FileScore {
     pub reason: Option<String>,
 }
 
+impl FileScore {
+    fn new(
+        name: &'static str,
+        found: Result<Repeated, EvaluatorError>,
+        truth: Result<Repeated, EvaluatorError>,
+    ) -> Self {
+        let reason = found.as_ref().err().map(ToString::to_string);
+        Self { name, found: found.ok(), truth: truth.ok(), reason }
+    }
+}
+
 /// Draws pools and pairs.
 struct Draws {
     repeats: usize,
@@ -119,34 +130,24 @@ impl Draws {
 
     /// FID from true motions; beside it that of as many true motions from the others.
     fn fid(&self, made: &Embeddings, truth: &Embeddings) -> FileScore {
-        let found = self.repeated(|_| Ok(frechet_distance(truth, made)?));
         let n = FileScores::true_motions(made.len(), truth.len());
-        let of_truth = self.repeated(|rng| {
+        let of_truth = |rng: &mut ChaCha8Rng| {
             let order = distinct(truth.len(), truth.len(), rng);
             let [some, others] = [&order[..n], &order[n..]].map(|part| truth.select(part));
             Ok(frechet_distance(&others, &some)?)
-        });
-        FileScore {
-            name: "FID",
-            reason: found.as_ref().err().map(ToString::to_string),
-            found: found.ok(),
-            truth: of_truth.ok(),
-        }
+        };
+        let found = self.repeated(|_| Ok(frechet_distance(truth, made)?));
+        FileScore::new("FID", found, self.repeated(of_truth))
     }
 
     fn score(
         &self,
         name: &'static str,
-        [made, truth]: [&Side; 2],
+        sides: [&Side; 2],
         of: impl Fn(&Side, &mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
     ) -> FileScore {
-        let found = self.repeated(|rng| of(made, rng));
-        FileScore {
-            name,
-            reason: found.as_ref().err().map(ToString::to_string),
-            found: found.ok(),
-            truth: self.repeated(|rng| of(truth, rng)).ok(),
-        }
+        let [found, truth] = sides.map(|side| self.repeated(|rng| of(side, rng)));
+        FileScore::new(name, found, truth)
     }
 
     fn repeated(

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use isoflop::files::atomic;
 use isoflop::laws::Laws;
 use isoflop::predict::Prediction;
@@ -10,9 +10,8 @@ use isoflop::words::fit::{brief, summary};
 use isoflop::words::prediction::said;
 use serde_json::{Value, json};
 
-use super::args::CompatName;
+use super::args::{CompatName, FitArgs};
 use super::laws::laws;
-use super::request::FitRequest;
 use super::slow::Slow;
 use super::source::Source;
 use super::tao::Tao;
@@ -29,8 +28,8 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    pub fn of(source: &Source, request: &FitRequest, output: &Output) -> Result<Self> {
-        let runs = source.points.len();
+    pub fn of(source: &Source, request: &FitArgs, output: &Output) -> Result<Self> {
+        let runs = source.rows.points.len();
         let line = format!("fitting {runs} runs of {} and their bootstrap …", source.name);
         let _slow = Slow::watch(output, line);
         if request.compat == Some(CompatName::Tao) {
@@ -44,7 +43,7 @@ impl Fitted {
                 laws = laws.answered();
             }
         }
-        request.raw_note(&source.points).iter().for_each(|note| output.note(note));
+        request.raw_note(&source.rows.points).iter().for_each(|note| output.note(note));
         let predictions = predictions(&laws, source, request, output);
         Ok(Self {
             document: document(&laws, &predictions, source)?,
@@ -54,11 +53,10 @@ impl Fitted {
     }
 
     pub fn write(&self, path: &Path) -> Result<()> {
-        let written = match &self.laws {
+        Ok(match &self.laws {
             Some(laws) => atomic::write_json(path, laws),
             None => atomic::write_json(path, &self.document),
-        };
-        written.with_context(|| format!("writing {}", path.display()))
+        }?)
     }
 }
 
@@ -66,11 +64,11 @@ impl Fitted {
 fn predictions(
     laws: &Laws,
     source: &Source,
-    request: &FitRequest,
+    request: &FitArgs,
     output: &Output,
 ) -> Vec<Prediction> {
     // A sweep has a list of its own, for `isoflop predict`.
-    let budgets = source.points.iter().map(|point| point.budget_flops);
+    let budgets = source.rows.points.iter().map(|point| point.budget_flops);
     let largest = budgets.reduce(f64::max).filter(|_| source.sweep.is_none());
     let predicted = |budget| match predict_one(laws, budget) {
         Ok(prediction) => Some(prediction),
@@ -87,8 +85,8 @@ fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<
     let mut document = serde_json::to_value(laws)?;
     document["verdict"] = json!(brief(laws));
     if source.sweep.is_none() {
-        document["dropped"] = json!(source.dropped);
-        document["notes"] = json!(source.notes);
+        document["dropped"] = json!(source.rows.dropped);
+        document["notes"] = json!(source.rows.notes);
     }
     if !predictions.is_empty() {
         document["predictions"] = serde_json::to_value(predictions)?;

@@ -11,8 +11,9 @@ use isoflop::words::fit::parametric_text;
 use isoflop::words::wrap;
 use serde_json::{Value, json};
 
-use super::request::FitRequest;
+use super::args::FitArgs;
 use super::source::Source;
+use crate::commands::screen::table;
 
 /// The published analysis, and approach 3 with the right D.
 pub struct Tao {
@@ -28,13 +29,13 @@ pub struct Tao {
 }
 
 impl Tao {
-    pub fn fit(source: &Source, request: &FitRequest) -> Result<Self> {
-        if source.parameters == Parameters::Total {
+    pub fn fit(source: &Source, request: &FitArgs) -> Result<Self> {
+        if source.rows.parameters == Parameters::Total {
             bail!(
                 "--compat tao needs N_nv and V: name params_nonvocab, n_vocab and d_model in --columns"
             );
         }
-        let points = &source.points;
+        let points = &source.rows.points;
         let front =
             frontier(points, Interpolation::Published).context("approach 1 of --compat tao")?;
         let laws = |criterion| {
@@ -82,23 +83,21 @@ impl Tao {
     }
 
     pub fn text(&self) -> String {
-        let approach1 = |how: &str, laws: &FrontierLaws| {
-            format!(
-                "{how:<16}{:>12.6}{:>12}{:>12.6}{:>12.6}\n",
-                laws.ln_nonvocab, "0.5", laws.ln_vocab, laws.exponent_vocab
-            )
+        let approach1 = |(how, laws): (&str, &FrontierLaws)| {
+            let [size, vocab, exponent] =
+                [laws.ln_nonvocab, laws.ln_vocab, laws.exponent_vocab].map(|x| format!("{x:.6}"));
+            [how.to_string(), size, "0.5".to_string(), vocab, exponent]
         };
+        let rows = [("Huber", &self.huber), ("least squares", &self.least_squares)];
         [
             wrap("", &format!("Approach 1, {} frontier points: ln N = K + s ln C.", self.huber.n)),
-            format!("{:<16}{:>12}{:>12}{:>12}{:>12}\n", "", "K of N_nv", "s", "K of N_v", "s"),
-            approach1("Huber", &self.huber),
-            approach1("least squares", &self.least_squares),
+            table(["<", "K of N_nv", "s", "K of N_v", "s"], rows.map(approach1)),
             format!("\nApproach 2: N_v grows as N_nv^{:.5}.\n", self.gamma),
             "\nApproach 3 in the published units (N in millions, D = H/1e9 f(V/1000)).\n".into(),
             parametric_text(&self.published),
             "\nApproach 3 with the right tokens (D = H f(V), in billions).\n".into(),
             parametric_text(&self.correct),
-            notes(&self.correct.warnings),
+            self.correct.warnings.iter().map(|sentence| wrap("  - ", sentence)).collect(),
             "\n".into(),
             wrap("", &self.difference()),
         ]
@@ -119,8 +118,4 @@ impl Tao {
             if self.correct.warnings.is_empty() { "identified" } else { "not identified" },
         )
     }
-}
-
-fn notes(sentences: &[String]) -> String {
-    sentences.iter().map(|sentence| wrap("  - ", sentence)).collect()
 }

@@ -11,7 +11,7 @@ use isoflop::jobs::TrainedRun;
 use isoflop::ops::DeviceName;
 
 use super::edit::{self, Source};
-use crate::commands::args::{device, not_negative, share};
+use crate::commands::args::{device, not_negative, number, share};
 
 #[derive(Args)]
 pub struct GenerateArgs {
@@ -112,5 +112,5 @@ impl GenerateArgs {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    not_negative(text).and_then(|x| if x > 0.0 { Ok(x) } else { Err("must be above 0".into()) })
+    number(text, |x| x > 0.0, "a number above 0")
 }

@@ -61,8 +61,7 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
     let motions = write(args, &run, &orders, &made, &out)?;
     let summary = text::Summary { run: &run, motions: &motions, out: &out, made_s };
     let document = json!({ "run": run.run_id, "folder": out, "motions": motions });
-    output.result(&document, &summary.text())?;
-    Ok(Exit::Done)
+    output.result(&document, &summary.text())
 }
 
 /// The folder that motions are written to, which holds none yet, or none that are to stay.

@@ -7,6 +7,7 @@ use isoflop::jobs::TrainedRun;
 use isoflop::scores::Physics;
 
 use super::motion::Motion;
+use crate::commands::screen::{clip, many, more, table};
 
 /// Motions that are listed, at most.
 const LISTED: usize = 12;
@@ -27,22 +28,22 @@ impl Summary<'_> {
     /// The run, the motions, and their files.
     pub fn text(&self) -> String {
         let n = self.motions.len();
-        let noun = if n == 1 { "motion" } else { "motions" };
+        let row = |(index, motion): (usize, &Motion)| {
+            let cut = if motion.ended { "" } else { "  cut" };
+            let caption = clip(&motion.caption, CAPTION) + cut;
+            [format!("  {index}"), format!("{:.1} s", motion.seconds), caption]
+        };
+        let rows = self.motions.iter().enumerate().take(LISTED).map(row);
         let mut text = format!(
-            "{n} {noun} in {:.2} s, {:.0} a minute, by\n{} ({})\n\n",
+            "{} in {:.2} s, {:.0} a minute, by\n{} ({})\n\n{}{}",
+            many(n, "motion"),
             self.made_s,
             60.0 * n as f64 / self.made_s,
             self.run.spec.label(),
             self.run.run_id,
+            table(["", "", "<"], rows),
+            more(n, LISTED, "")
         );
-        for (index, motion) in self.motions.iter().enumerate().take(LISTED) {
-            let cut = if motion.ended { "" } else { "  cut" };
-            let caption = shortened(&motion.caption);
-            let _ = writeln!(text, "  {index:>3}  {:4.1} s  {caption}{cut}", motion.seconds);
-        }
-        if n > LISTED {
-            let _ = writeln!(text, "  and {} more", n - LISTED);
-        }
         if self.motions.iter().any(|motion| !motion.ended) {
             text += "  cut: the model's context had no room for more\n";
         }
@@ -75,12 +76,4 @@ impl Summary<'_> {
             mean(|physics| physics.penetration_mm),
         )
     }
-}
-
-/// The beginning of a caption.
-fn shortened(caption: &str) -> String {
-    if caption.chars().count() <= CAPTION {
-        return caption.to_string();
-    }
-    caption.chars().take(CAPTION - 1).chain(['…']).collect()
 }

@@ -15,6 +15,7 @@ use isoflop::words::prediction::said;
 use super::args::budget;
 use super::exit::Exit;
 use super::output::Output;
+pub use count::openai_blocks;
 use count::openai_count;
 use sized::SizedArgs;
 
@@ -66,8 +67,7 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
         .map(|budget| Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens)))
         .collect::<Result<Vec<Prediction>, PredictError>>()?;
     let text = said(&predictions, output.full);
-    output.result(&serde_json::to_value(&predictions)?, &text)?;
-    Ok(Exit::Done)
+    output.result(&serde_json::to_value(&predictions)?, &text)
 }
 
 /// The laws where other data is at hand.
@@ -121,8 +121,6 @@ pub fn write(
             Err(error) => output.warn(&format!("no prediction for {budget:e} FLOPs: {error}")),
         }
     }
-    let path = folder.file("prediction.json");
-    atomic::write_json(&path, &predictions)
-        .with_context(|| format!("writing {}", path.display()))?;
+    atomic::write_json(&folder.file("prediction.json"), &predictions)?;
     Ok(predictions)
 }

@@ -5,19 +5,18 @@ mod grid;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use isoflop::engine::{ENGINES, Engine};
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
-use isoflop::ops::DeviceName;
 use isoflop::predict::Prediction;
 use isoflop::record::{flops_per_second, table};
 use isoflop::words::prediction::said;
 use serde_json::json;
 
-use super::args::{SweepArgs, an_engine, budget, device};
+use super::args::{SweepArgs, WorkArgs, an_engine, budget};
 use super::by_generator::sweep_of;
 use super::exit::Exit;
 use super::output::Output;
@@ -54,12 +53,8 @@ pub struct ValidateArgs {
     /// Override a setting of the runs, as in data.clips=400000; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
-    /// Jobs that run side by side; by default one per core
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    jobs: Option<u16>,
-    /// The backend that computes
-    #[arg(long, value_parser = device(), default_value = "flex")]
-    device: DeviceName,
+    #[command(flatten)]
+    work: WorkArgs,
     /// Where jobs run
     #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
     engine: &'static dyn Engine,
@@ -91,7 +86,8 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
         let validated = compare::compare(folder, (&laws, &forecast), sweep.flops.rule)?;
         atomic::write_json(&folder.file("validation.json"), &validated)?;
         keep(args, output)?;
-        Ok(output.result(&json!(validated), &compare::text(&validated))?)
+        output.result(&json!(validated), &compare::text(&validated))?;
+        Ok(())
     })
 }
 
@@ -135,8 +131,7 @@ impl Place {
             sweep: self.sweep(),
             settings: args.settings.clone(),
             out: self.root.clone(),
-            jobs: args.jobs,
-            device: args.device,
+            work: args.work.clone(),
         };
         RunArgs::of(sweep, args.engine)
     }
@@ -151,7 +146,7 @@ fn forecast(args: &ValidateArgs, place: &Place, output: &Output) -> Result<Predi
     }
     let laws: Laws = laws_of(&args.results)?;
     let forecast = predict_one(&laws, args.budget)?;
-    atomic::write_json(&path, &forecast).with_context(|| format!("writing {}", path.display()))?;
+    atomic::write_json(&path, &forecast)?;
     Ok(forecast)
 }
 

@@ -13,7 +13,6 @@ use isoflop::record::{RunRecord, table};
 
 use super::args::RunArgs;
 use super::bring::{bring, hold, open};
-use super::summary::Summary;
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;
@@ -46,9 +45,7 @@ pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exi
         let part = part(&whole, &history);
         output.note(&price(&whole.plan, &history, finished(&part)));
         exit = match bring(args, &part, &mut held, |_| true, output)? {
-            ControlFlow::Continue(reports) => {
-                Summary::new(args, &part.plan, &part.folder, &reports)?.tell(output)
-            }
+            ControlFlow::Continue(summary) => summary.tell(output),
             ControlFlow::Break(stopped) => return Ok(stopped),
         };
         let known = known(&part, budget, output);
