@@ -35,12 +35,12 @@ impl CommandLine {
             ("--out", Some(out.display().to_string())),
             ("--jobs", work.jobs.map(|n| n.to_string())),
             ("--device", Some(work.device.name().to_string())),
-            ("--memory", args.memory.map(|n| n.to_string())),
-            ("--track", args.track.map(|track| track.name().to_string())),
+            ("--memory", args.options.memory.map(|n| n.to_string())),
+            ("--track", args.options.track.map(|track| track.name().to_string())),
             ("--engine", engine.map(String::from)),
-            ("--rounds", args.rounds.map(|n| n.to_string())),
-            ("--until", args.until.map(|share| share.to_string())),
-            ("--profile", args.profile.as_ref().map(|path| path.display().to_string())),
+            ("--rounds", args.options.rounds.map(|n| n.to_string())),
+            ("--until", args.options.until.map(|share| share.to_string())),
+            ("--profile", args.options.profile.as_ref().map(|path| path.display().to_string())),
         ];
         for (option, value) in settings.chain(options) {
             words.extend(value.into_iter().flat_map(|value| [option.to_string(), value]));

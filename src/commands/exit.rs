@@ -10,7 +10,7 @@ use isoflop::predict::PredictError;
 use isoflop::sweep::SweepErrors;
 use serde_json::json;
 
-use super::output::{is_coloured, say};
+use super::screen::{is_coloured, say};
 
 /// What the program tells its caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

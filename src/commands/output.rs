@@ -1,7 +1,7 @@
 //! Where a command's words go: results to standard output, everything else to standard error.
 
 use std::cell::RefCell;
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::{ErrorKind, Write};
 
 use anyhow::Result;
 use isoflop::engine::Tell;
@@ -11,6 +11,7 @@ use tracing_subscriber::EnvFilter;
 
 use super::args::Common;
 use super::exit::Exit;
+use super::screen::{is_coloured, say};
 
 /// The three ways to speak: for people, `--json`, quiet.
 pub struct Output {
@@ -103,14 +104,4 @@ impl Tell for Output {
     fn is_quiet(&self) -> bool {
         self.quiet
     }
-}
-
-/// A line on standard error; that nobody reads it any more is no error.
-pub fn say(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
-}
-
-/// Whether standard error is a terminal that colours are wanted on.
-pub fn is_coloured() -> bool {
-    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }

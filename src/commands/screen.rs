@@ -1,6 +1,7 @@
 //! Tables, lists and counts as a person reads them.
 
 use std::array::from_fn;
+use std::io::{IsTerminal, Write};
 
 /// Lines of a table, its columns two blanks apart and as wide as what stands in them: flush left if the head begins
 /// with `<`, else flush right. Without any head there is no first line.
@@ -44,6 +45,16 @@ pub fn clip(line: &str, most: usize) -> String {
         return line.to_string();
     }
     line.chars().take(most - 1).chain(['…']).collect()
+}
+
+/// A line on standard error; that nobody reads it any more is no error.
+pub fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Whether standard error is a terminal that colours are wanted on.
+pub fn is_coloured() -> bool {
+    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use isoflop::plan::Plan;
 use isoflop::sweep::Sweep;
 
-use super::Doubt;
+use super::doubt::Doubt;
 
 /// Codes of the test split below which its mean loss is too rough to tell sizes apart.
 const FEWEST_CODES: f64 = 2000.0;

@@ -49,12 +49,6 @@ impl FileScore {
     }
 }
 
-/// Draws pools and pairs.
-struct Draws {
-    repeats: usize,
-    seed: u64,
-}
-
 impl FileScores {
     /// True motions whose FID from the others stands beside that of `n_made` motions: as many, and half
     /// of all at most, since FID falls as sets grow.
@@ -81,7 +75,6 @@ impl FileScores {
             motions: all.select(&own),
             captions: evaluator.captions(captioned.iter().map(|(caption, _)| *caption))?,
         };
-        let draws = Draws { repeats: usize::from(args.repeats), seed: args.seed };
         let fps = evaluator.fps();
         let features = motions.iter().map(|motion| motion.features.as_slice());
         Ok(Self {
@@ -89,7 +82,7 @@ impl FileScores {
             n_motions: motions.len(),
             n_captions: captioned.len(),
             n_truth: truth.n_clips(),
-            scores: draws.scores(
+            scores: args.scores(
                 &Side { motions: &all, pairs: &pairs },
                 &Side { motions: &truth.embedded.motions, pairs: &truth.embedded },
             ),
@@ -105,7 +98,8 @@ struct Side<'a> {
     pairs: &'a Embedded,
 }
 
-impl Draws {
+/// How often, and by which seed, pools and pairs are drawn.
+impl EvaluateArgs {
     /// Of these motions, and of true ones.
     fn scores(&self, made: &Side, truth: &Side) -> Vec<FileScore> {
         let both = [made, truth];
@@ -159,7 +153,7 @@ impl Draws {
             rng.set_stream(index as u64);
             of(&mut rng)
         };
-        let drawn = (0..self.repeats).map(draw).collect::<Result<Vec<f64>, _>>()?;
+        let drawn = (0..self.repeats.into()).map(draw).collect::<Result<Vec<f64>, _>>()?;
         Ok(Repeated::of(&drawn)?)
     }
 }

@@ -16,7 +16,7 @@ use super::slow::Slow;
 use super::source::Source;
 use super::tao::Tao;
 use crate::commands::output::Output;
-use crate::commands::predict::predict_one;
+use crate::commands::predict::each;
 use crate::commands::validate::gathered;
 
 /// What a fit prints and keeps.
@@ -70,14 +70,7 @@ fn predictions(
     // A sweep has a list of its own, for `isoflop predict`.
     let budgets = source.rows.points.iter().map(|point| point.budget_flops);
     let largest = budgets.reduce(f64::max).filter(|_| source.sweep.is_none());
-    let predicted = |budget| match predict_one(laws, budget) {
-        Ok(prediction) => Some(prediction),
-        Err(error) => {
-            output.warn(&format!("no optimum for {budget:e} FLOPs: {error}"));
-            None
-        }
-    };
-    request.budgets(largest).into_iter().filter_map(predicted).collect()
+    each(laws, &request.budgets(largest), output)
 }
 
 /// What `laws.json` holds; beside it the optima asked for, and what became of a table's rows.

@@ -107,20 +107,25 @@ pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError>
     }
 }
 
-/// Predicts a sweep's own budgets into `prediction.json`; one that cannot be made is a warning.
+/// Predicts each budget; one that the laws cannot predict is a warning.
+pub fn each(laws: &Laws, budgets: &[f64], output: &Output) -> Vec<Prediction> {
+    let predicted = |budget: &f64| {
+        let failed = |error: &PredictError| {
+            output.warn(&format!("no prediction for {budget:e} FLOPs: {error}"));
+        };
+        predict_one(laws, *budget).inspect_err(failed).ok()
+    };
+    budgets.iter().filter_map(predicted).collect()
+}
+
+/// Predicts a sweep's own budgets into `prediction.json`.
 pub fn write(
     folder: &ResultsFolder,
     laws: &Laws,
     budgets: &[f64],
     output: &Output,
 ) -> Result<Vec<Prediction>> {
-    let mut predictions = Vec::new();
-    for &budget in budgets {
-        match predict_one(laws, budget) {
-            Ok(prediction) => predictions.push(prediction),
-            Err(error) => output.warn(&format!("no prediction for {budget:e} FLOPs: {error}")),
-        }
-    }
+    let predictions = each(laws, budgets, output);
     atomic::write_json(&folder.file("prediction.json"), &predictions)?;
     Ok(predictions)
 }

@@ -89,10 +89,10 @@ fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> Sw
         folder: &open.folder,
         device: args.sweep.work.device,
         slots: args.sweep.work.slots(),
-        memory_bytes: args.memory,
-        fail_fast: args.fail_fast,
-        profile: args.profile.as_deref(),
-        track: args.track,
+        memory_bytes: args.options.memory,
+        fail_fast: args.options.fail_fast,
+        profile: args.options.profile.as_deref(),
+        track: args.options.track,
         tell: output,
     }
 }
@@ -124,7 +124,7 @@ fn interruption(args: &RunArgs, summary: &Summary, output: &Output) -> Option<Ex
         output.warn(&halted(halt, &summary.command));
         return Some(Exit::SomeRunsFailed);
     }
-    if interrupted(&summary.reports, args.fail_fast) {
+    if interrupted(&summary.reports, args.options.fail_fast) {
         summary.failures(output);
         output.note("interrupted; the same command goes on from here");
         return Some(Exit::Interrupted);

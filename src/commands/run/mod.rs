@@ -23,7 +23,7 @@ pub use args::RunArgs;
 pub use bring::{bring, hold, open};
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
-    if let Some(most) = args.rounds {
+    if let Some(most) = args.options.rounds {
         return run_in_rounds(args, most.into(), output);
     }
     carry_out(

@@ -6,7 +6,7 @@ use std::hash::Hash;
 use isoflop::engine::{JobEnd, JobReport};
 use isoflop::failure::Failure;
 use isoflop::jobs::{Job, JobId, JobKind, JobState, all_jobs};
-use isoflop::plan::{Plan, PlannedRun};
+use isoflop::plan::PlannedRun;
 
 use crate::commands::command_line::CommandLine;
 use crate::commands::context::OpenSweep;
@@ -43,7 +43,7 @@ impl Summary<'_> {
             let failed = all_jobs(&self.open.plan).any(failed);
             return if failed { Exit::SomeRunsFailed } else { Exit::Done };
         }
-        let needs = Needs::of(&self.open.plan);
+        let needs = all_jobs(&self.open.plan).map(|job| (job.id, job.needs)).collect();
         let reasons = lost.iter().filter_map(|run| {
             let is_begun = self.state(run) != JobState::Missing;
             Some(((is_begun, self.reason(&run.run_id, &needs)?), run.spec.label()))
@@ -109,12 +109,12 @@ impl Summary<'_> {
     }
 
     /// Why a run has no result whose failure was not told yet.
-    fn reason(&self, id: &str, needs: &Needs) -> Option<String> {
+    fn reason(&self, id: &str, needs: &HashMap<JobId, Vec<JobId>>) -> Option<String> {
         let run = JobId::run(id);
         if self.open.folder.state(&run) == JobState::Failed {
             return None;
         }
-        for need in needs.all_of(&run) {
+        for need in all_needs(needs, &run) {
             let Ok(Some(failure)) = self.open.folder.failure(&need) else { continue };
             if need.kind == JobKind::goal() {
                 return Some("the run that tries the trainer failed (trainer.canary)".to_string());
@@ -153,23 +153,14 @@ fn several(labels: &[String]) -> String {
     }
 }
 
-/// What each job of a plan needs.
-struct Needs(HashMap<JobId, Vec<JobId>>);
-
-impl Needs {
-    fn of(plan: &Plan) -> Self {
-        Self(all_jobs(plan).map(|job| (job.id, job.needs)).collect())
+/// What a job needs, and what those jobs need, in the order of their kinds.
+fn all_needs(needs: &HashMap<JobId, Vec<JobId>>, job: &JobId) -> Vec<JobId> {
+    let mut all = Vec::new();
+    let mut open: Vec<JobId> = needs.get(job).cloned().unwrap_or_default();
+    while let Some(need) = open.pop() {
+        open.extend(needs.get(&need).into_iter().flatten().cloned());
+        all.push(need);
     }
-
-    /// What a job needs, and what those jobs need, nearest last.
-    fn all_of(&self, job: &JobId) -> Vec<JobId> {
-        let mut needs = Vec::new();
-        let mut open: Vec<JobId> = self.0.get(job).cloned().unwrap_or_default();
-        while let Some(need) = open.pop() {
-            open.extend(self.0.get(&need).into_iter().flatten().cloned());
-            needs.push(need);
-        }
-        needs.sort();
-        needs
-    }
+    all.sort();
+    all
 }

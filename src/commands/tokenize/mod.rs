@@ -16,7 +16,7 @@ use serde_json::json;
 
 pub use args::{TokenizeArgs, motion_name};
 use caption::captions;
-pub use caption::{caption_beside, captions_of_lines};
+pub use caption::{caption_beside, captions_of_lines, lines_of};
 
 use super::exit::Exit;
 use super::output::Output;

@@ -69,7 +69,7 @@ fn begin(
     if history.is_open() {
         return Ok(true);
     }
-    let met = history.known().is_some_and(|known| is_met(known, args.until));
+    let met = history.known().is_some_and(|known| is_met(known, args.options.until));
     if met || history.rounds.len() >= most {
         return Ok(false);
     }
@@ -136,8 +136,8 @@ fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> AfterRound {
 /// Why the rounds are over.
 fn conclude(args: &RunArgs, plan: &Plan, history: &History, output: &Output) {
     let taken = words::taken(plan, history);
-    let met = history.known().is_some_and(|known| is_met(known, args.until));
-    match args.until {
+    let met = history.known().is_some_and(|known| is_met(known, args.options.until));
+    match args.options.until {
         Some(until) if !met => {
             output.warn(&format!("{taken}; the interval is wider than --until {until}"));
         }
