@@ -1,7 +1,7 @@
 //! The records of a sweep, and what follows from them.
 
 use anyhow::{Context, Result};
-use isoflop::files::{atomic, read_if_there};
+use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::{RunRecord, table};
 use isoflop::sweep;
@@ -9,8 +9,9 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::analysis::analysed;
+use super::analysis::{analysed, forget};
 use super::by_generator::parted;
+use super::exit::Exit;
 use super::generators;
 use super::output::Output;
 use super::quality::Scored;
@@ -20,7 +21,7 @@ use super::quality::Scored;
 /// What was made of the same records and the same settings before is only shown again.
 ///
 /// The folder alone says what was planned, so that whoever trained the runs can have this done.
-pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
+pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
     let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
     let records = gather(folder, output)?;
     if records.is_empty() {
@@ -29,29 +30,29 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<()> {
     let by_generator = parted(&records);
     // Before the laws: what they were made beside is compared by the figures that are there.
     let scored = Scored::of(&sweep, folder, &records, output)?;
-    let (document, text) = if by_generator.len() > 1 {
+    let (mut document, mut text) = if by_generator.len() > 1 {
         table::write(folder.root(), &records)?;
         generators::finish(&sweep, folder, &by_generator, output)?
     } else {
         let finished = analysed(&sweep, (folder, folder), &records, output)?;
         (finished.document, if output.full { finished.full } else { finished.text })
     };
-    let (document, text) = Scored::join(scored, document, &text);
-    Ok(output.result(&document, &text)?)
+    if let Some(scored) = scored {
+        document["scores"] = scored.document;
+        text = format!("{}\n\n{}", text.trim_end(), scored.text);
+    }
+    output.result(&document, &text)
 }
 
 /// What there is before the first run is done: an empty table, and no word of laws and figures.
-fn nothing(folder: &ResultsFolder, output: &Output) -> Result<()> {
+fn nothing(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
     table::write(folder.root(), &[])?;
-    // Those of an earlier state of the sweep would be taken for its own.
-    for file in ["laws.json", "prediction.json", "finished.json"] {
-        atomic::remove(&folder.file(file))?;
-    }
+    forget(folder)?;
     let root = folder.root();
     let document = json!({
         "results": root, "runs": 0, "laws": null, "predictions": [], "figures": [],
     });
-    Ok(output.result(&document, &format!("{}: no run is done yet", root.display()))?)
+    output.result(&document, &format!("{}: no run is done yet", root.display()))
 }
 
 /// The table alone.

@@ -1,7 +1,7 @@
 //! What follows from records: table, laws, figures, predictions.
 
 use anyhow::Result;
-use isoflop::figures::{Drawn, Format};
+use isoflop::figures::Format;
 use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
@@ -23,35 +23,20 @@ pub fn analysed(
     output: &Output,
 ) -> Result<Finished> {
     let stamp = finished::stamp(sweep, folder, records);
-    match Finished::again(folder, &stamp, output)? {
-        Some(finished) => Ok(finished),
-        None => analyse(sweep, (folder, home), records, stamp, output),
+    if let Some(finished) = Finished::again(folder, &stamp, output)? {
+        return Ok(finished);
     }
-}
-
-fn analyse(
-    sweep: &Sweep,
-    (folder, home): (&ResultsFolder, &ResultsFolder),
-    records: &[RunRecord],
-    stamp: String,
-    output: &Output,
-) -> Result<Finished> {
     let n_warned = output.warned().len();
     table::write(folder.root(), records)?;
     let tuned = Tuned::of(records);
     tuned.told.iter().for_each(|told| output.warn(told));
     let laws = write_laws(sweep, folder, &tuned.records, output)?;
+    let laws = laws.as_ref();
     let tokenizers = plot::tokenizers(home, output)?;
-    let drawn = plot::draw(
-        folder,
-        &tuned.records,
-        laws.as_ref(),
-        &tokenizers,
-        &plot::Wanted::all(),
-        output,
-    )?;
+    let wanted = plot::Wanted::default();
+    let drawn = plot::draw(folder, &tuned.records, laws, &tokenizers, &wanted, output)?;
     remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
-    let predictions = match &laws {
+    let predictions = match laws {
         Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,
         None => Vec::new(),
     };
@@ -62,9 +47,24 @@ fn analyse(
         "predictions": predictions,
         "figures": drawn.paths,
     });
-    let story = |full| story(folder, records, laws.as_ref(), &predictions, &drawn, full);
-    let texts = [story(false), story(true)];
+    let files = format!(
+        "{}: {} finished runs{}, {} figures",
+        folder.root().display(),
+        records.len(),
+        if laws.is_some() { ", laws.json" } else { "" },
+        drawn.paths.len() / Format::ALL.len()
+    );
+    let story = |full| laws.map(|laws| fit::text(laws, &predictions, full)).unwrap_or_default();
+    let texts = [false, true].map(|full| story(full) + &files);
     Finished::write(folder, stamp, document, texts, output.warned().split_off(n_warned))
+}
+
+/// Removes what an earlier state of the sweep had: it would be taken for this one's own.
+pub fn forget(folder: &ResultsFolder) -> Result<()> {
+    for file in ["laws.json", "prediction.json", "finished.json"] {
+        atomic::remove(&folder.file(file))?;
+    }
+    Ok(())
 }
 
 fn write_laws(
@@ -81,30 +81,8 @@ fn write_laws(
         }
         Err(error) => {
             output.warn(&format!("no laws: {error:#}"));
-            // Those of an earlier state of the sweep would be taken for its own.
-            atomic::remove(&folder.file("laws.json"))?;
-            atomic::remove(&folder.file("prediction.json"))?;
+            forget(folder)?;
             Ok(None)
         }
     }
-}
-
-/// What a person sees at the end.
-fn story(
-    folder: &ResultsFolder,
-    records: &[RunRecord],
-    laws: Option<&Laws>,
-    predictions: &[isoflop::predict::Prediction],
-    drawn: &Drawn,
-    full: bool,
-) -> String {
-    let laws = laws.map(|laws| fit::text(laws, predictions, full));
-    let files = format!(
-        "{}: {} finished runs{}, {} figures",
-        folder.root().display(),
-        records.len(),
-        if laws.is_some() { ", laws.json" } else { "" },
-        drawn.paths.len() / Format::ALL.len()
-    );
-    laws.unwrap_or_default() + &files
 }

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use isoflop::engine::{ENGINES, Engine, Track, engine};
-use isoflop::jobs::TrainedTokenizer;
-use isoflop::machine::cards::{self, CARDS, Card};
+use isoflop::engine::{ENGINES, Engine, Track};
+use isoflop::jobs::{ResultsFolder, TrainedTokenizer};
+use isoflop::machine::cards::{CARDS, Card};
 use isoflop::ops::DeviceName;
 use isoflop::sweep::presets::NAMES;
 
@@ -39,6 +39,18 @@ pub struct SweepArgs {
     /// The folder in which the sweep's own folder lies
     #[arg(long, default_value = "results", value_name = "DIR")]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// What may stand in the place of a sweep file.
+fn sweep_help() -> String {
+    format!("The sweep file, or a preset: {}", NAMES.join(", "))
+}
+
+/// What computes, and how much of it side by side.
+#[derive(Args, Clone)]
+pub struct WorkArgs {
     /// Jobs that run side by side, one thread each; by default one per core, or one on a GPU
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub jobs: Option<u16>,
@@ -47,7 +59,7 @@ pub struct SweepArgs {
     pub device: DeviceName,
 }
 
-impl SweepArgs {
+impl WorkArgs {
     /// Jobs side by side: by default one a core, and one on a GPU, whose memory is not known here.
     pub fn slots(&self) -> usize {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -56,28 +68,65 @@ impl SweepArgs {
     }
 }
 
-/// What may stand in the place of a sweep file.
-fn sweep_help() -> String {
-    format!("The sweep file, or a preset: {}", NAMES.join(", "))
+/// A sweep's folder.
+#[derive(Args)]
+pub struct FolderArg {
+    /// A sweep's folder
+    pub results: PathBuf,
+}
+
+/// The folders of several sweeps.
+#[derive(Args)]
+pub struct FolderArgs {
+    /// Sweeps' folders
+    #[arg(required = true)]
+    results: Vec<PathBuf>,
+}
+
+impl FolderArgs {
+    /// What is read of each, one after another.
+    ///
+    /// # Errors
+    /// A folder does not exist, or cannot be read.
+    pub fn read<T>(&self, read: impl Fn(&ResultsFolder) -> Result<Vec<T>>) -> Result<Vec<T>> {
+        let mut all = Vec::new();
+        for folder in self.results.iter().map(ResultsFolder::new) {
+            if !folder.root().is_dir() {
+                bail!("{} does not exist; give a sweep's folder", folder.root().display());
+            }
+            all.extend(read(&folder)?);
+        }
+        Ok(all)
+    }
+}
+
+/// A trained tokenizer, and what it runs on.
+#[derive(Args)]
+pub struct TokenizerChoice {
+    #[command(flatten)]
+    place: TokenizerPlace,
+    /// The backend that computes
+    #[arg(long, value_parser = device(), default_value = "flex")]
+    device: DeviceName,
 }
 
 /// Which trained tokenizer: one of the two.
 #[derive(Args)]
 #[group(required = true, multiple = false)]
-pub struct TokenizerPlace {
+struct TokenizerPlace {
     /// A run's folder, or a sweep's, whose run with the lowest loss is taken
     #[arg(long, value_name = "RUN")]
-    pub run: Option<PathBuf>,
+    run: Option<PathBuf>,
     /// A tokenizer's own folder: `tokenizers/<id>` of a sweep's
     #[arg(long, value_name = "FOLDER")]
-    pub tokenizer: Option<PathBuf>,
+    tokenizer: Option<PathBuf>,
 }
 
-impl TokenizerPlace {
+impl TokenizerChoice {
     /// Opens it.
-    pub fn open(&self, device: DeviceName) -> Result<TrainedTokenizer> {
-        let device = device.open()?;
-        match (&self.run, &self.tokenizer) {
+    pub fn open(&self) -> Result<TrainedTokenizer> {
+        let device = self.device.open()?;
+        match (&self.place.run, &self.place.tokenizer) {
             (Some(run), _) => TrainedTokenizer::of_run(run, &device),
             (None, Some(folder)) => TrainedTokenizer::open(folder, &device),
             (None, None) => bail!("give a tokenizer by --run or --tokenizer"),
@@ -85,54 +134,58 @@ impl TokenizerPlace {
     }
 }
 
-/// The parser of a number from 0 on.
-pub fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(x) if x >= 0.0 && x.is_finite() => Ok(x),
-        _ => Err(format!("{text} is not a number from 0 on")),
-    }
+/// The parser of one of several values, each by its name, with what the help says of it.
+pub fn one_of<T: Clone + Send + Sync + 'static>(
+    choices: impl IntoIterator<Item = (&'static str, &'static str, T)>,
+) -> impl TypedValueParser<Value = T> {
+    let choices: Vec<(&str, &str, T)> = choices.into_iter().collect();
+    let values = choices.iter().map(|(name, about, _)| match *about {
+        "" => PossibleValue::new(*name),
+        about => PossibleValue::new(*name).help(about),
+    });
+    PossibleValuesParser::new(values.collect::<Vec<_>>()).map(move |given| {
+        let chosen = choices.iter().find(|(name, ..)| *name == given);
+        chosen.expect("one of the possible values").2.clone()
+    })
 }
 
 /// The parser of a device's name.
 pub fn device() -> impl TypedValueParser<Value = DeviceName> {
-    let names = DeviceName::ALL.map(|(name, about)| PossibleValue::new(name.name()).help(about));
-    PossibleValuesParser::new(names).map(|name| name.parse().expect("one of the possible values"))
+    one_of(DeviceName::ALL.map(|(device, about)| (device.name(), about, device)))
 }
 
 /// The parser of a card's name.
 pub fn a_card() -> impl TypedValueParser<Value = &'static Card> {
-    let names = CARDS.each_ref().map(|card| card.name);
-    PossibleValuesParser::new(names)
-        .map(|name| cards::find(&name).expect("one of the possible values"))
+    one_of(CARDS.iter().map(|card| (card.name, "", card)))
 }
 
 /// The parser of an engine's name.
 pub fn an_engine() -> impl TypedValueParser<Value = &'static dyn Engine> {
-    let names = ENGINES.map(|engine| PossibleValue::new(engine.name()).help(engine.about()));
-    PossibleValuesParser::new(names).map(|name| engine(&name).expect("one of the possible values"))
+    one_of(ENGINES.map(|engine| (engine.name(), engine.about(), engine)))
 }
 
 /// The parser of a tracker's name.
 pub fn a_track() -> impl TypedValueParser<Value = Track> {
-    let names = Track::ALL.map(|(track, about)| PossibleValue::new(track.name()).help(about));
-    PossibleValuesParser::new(names).map(|name| {
-        let mut all = Track::ALL.into_iter().map(|(track, _)| track);
-        all.find(|track| track.name() == name).expect("one of the possible values")
-    })
+    one_of(Track::ALL.map(|(track, about)| (track.name(), about, track)))
+}
+
+/// A number that is as it should be; else a sentence on what it is not.
+pub fn number(text: &str, is_good: impl Fn(f64) -> bool, what: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|x: &f64| x.is_finite() && is_good(*x));
+    number.ok_or_else(|| format!("{text} is not {what}"))
+}
+
+/// The parser of a number from 0 on.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    number(text, |x| x >= 0.0, "a number from 0 on")
 }
 
 /// A budget in FLOPs, as 1e18 or 1_000.
 pub fn budget(text: &str) -> Result<f64, String> {
-    match text.replace('_', "").parse::<f64>() {
-        Ok(budget) if budget > 0.0 && budget.is_finite() => Ok(budget),
-        _ => Err(format!("{text} is not a number of FLOPs, as 1e18")),
-    }
+    number(&text.replace('_', ""), |x| x > 0.0, "a number of FLOPs, as 1e18")
 }
 
 /// A share, above 0 and below 1.
 pub fn share(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(share) if share > 0.0 && share < 1.0 => Ok(share),
-        _ => Err(format!("{text} is not a share between 0 and 1, as 0.02")),
-    }
+    number(text, |x| x > 0.0 && x < 1.0, "a share between 0 and 1, as 0.02")
 }

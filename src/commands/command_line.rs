@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use isoflop::engine::ENGINES;
 use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::{JobId, ResultsFolder};
+use isoflop::jobs::ResultsFolder;
 use isoflop::units::quoted;
 use serde::{Deserialize, Serialize};
 
+use super::args::SweepArgs;
 use super::run::RunArgs;
 
 /// Width of a terminal that shows a command whole.
@@ -24,26 +25,26 @@ pub struct CommandLine {
 impl CommandLine {
     /// The command as it was given, without what says how to treat failures.
     pub fn of(args: &RunArgs) -> Result<Self> {
-        let sweep = &args.sweep;
-        let mut words = vec!["isoflop".to_string()];
-        words.extend(args.said_as.iter().take(1).cloned());
-        words.push(sweep.sweep.display().to_string());
-        words.extend(args.said_as.iter().skip(1).cloned());
-        for setting in &sweep.settings {
-            words.extend(["--set".to_string(), setting.clone()]);
+        let SweepArgs { sweep, settings, out, work } = &args.sweep;
+        let [command, own @ ..] = &args.said_as[..] else { bail!("a command has a name") };
+        let mut words = vec!["isoflop".to_string(), command.clone(), sweep.display().to_string()];
+        words.extend(own.iter().cloned());
+        let settings = settings.iter().map(|setting| ("--set", Some(setting.clone())));
+        let engine = Some(args.engine.name()).filter(|name| *name != ENGINES[0].name());
+        let options = [
+            ("--out", Some(out.display().to_string())),
+            ("--jobs", work.jobs.map(|n| n.to_string())),
+            ("--device", Some(work.device.name().to_string())),
+            ("--memory", args.options.memory.map(|n| n.to_string())),
+            ("--track", args.options.track.map(|track| track.name().to_string())),
+            ("--engine", engine.map(String::from)),
+            ("--rounds", args.options.rounds.map(|n| n.to_string())),
+            ("--until", args.options.until.map(|share| share.to_string())),
+            ("--profile", args.options.profile.as_ref().map(|path| path.display().to_string())),
+        ];
+        for (option, value) in settings.chain(options) {
+            words.extend(value.into_iter().flat_map(|value| [option.to_string(), value]));
         }
-        words.extend(["--out".to_string(), sweep.out.display().to_string()]);
-        words.extend(sweep.jobs.iter().flat_map(|n| ["--jobs".to_string(), n.to_string()]));
-        words.extend(["--device".to_string(), sweep.device.name().to_string()]);
-        words.extend(args.memory.iter().flat_map(|n| ["--memory".to_string(), n.to_string()]));
-        words.extend(args.track.iter().flat_map(|t| ["--track".to_string(), t.name().to_string()]));
-        if args.engine.name() != ENGINES[0].name() {
-            words.extend(["--engine".to_string(), args.engine.name().to_string()]);
-        }
-        words.extend(args.rounds.iter().flat_map(|n| ["--rounds".to_string(), n.to_string()]));
-        words.extend(args.until.iter().flat_map(|n| ["--until".to_string(), n.to_string()]));
-        let profile = args.profile.iter();
-        words.extend(profile.flat_map(|path| ["--profile".into(), path.display().to_string()]));
         let directory = std::env::current_dir().context("finding the current directory")?;
         Ok(Self { directory, words })
     }
@@ -53,57 +54,32 @@ impl CommandLine {
         Ok(atomic::write_json(&folder.file("command.json"), self)?)
     }
 
-    /// The command that a folder came from; the resolved sweep in it, where none was kept whole.
+    /// The command that a folder came from; the resolved sweep in it if none was kept whole.
     pub fn read(folder: &ResultsFolder) -> Result<Self> {
         if let Ok(Some(kept)) = read_if_there(&folder.file("command.json")) {
             return Ok(kept);
         }
         let out = folder.root().parent().filter(|parent| !parent.as_os_str().is_empty());
         let out = out.unwrap_or(Path::new("."));
-        let words = ["isoflop", "run", &folder.file("sweep.yaml").display().to_string(), "--out"];
-        let mut words: Vec<String> = words.into_iter().map(String::from).collect();
-        words.push(out.display().to_string());
+        let (sweep, out) = (folder.file("sweep.yaml"), out.display().to_string());
+        let words = ["isoflop", "run", &sweep.display().to_string(), "--out", &out];
+        let words = words.map(String::from).to_vec();
         let directory = std::env::current_dir().context("finding the current directory")?;
         Ok(Self { directory, words })
     }
 
-    /// What goes on from where the sweep stands, as a shell reads it from the same directory.
-    pub fn go_on(&self) -> String {
-        self.groups(&[]).join(" ")
+    /// The command with more options, as a shell reads it: from the same directory, or from `here`.
+    pub fn said(&self, here: Option<&Path>, more: &[&str]) -> String {
+        let words = self.words.iter().map(String::as_str).chain(more.iter().copied());
+        let command = words.map(quoted).collect::<Vec<_>>().join(" ");
+        match here.filter(|here| *here != self.directory) {
+            Some(_) => format!("cd {} && {command}", quoted(&self.directory.display().to_string())),
+            None => command,
+        }
     }
 
-    /// What tries again what failed, as a shell reads it from the same directory.
-    pub fn retry(&self) -> String {
-        self.groups(&["--retry-failed"]).join(" ")
-    }
-
-    /// [`CommandLine::go_on`] from wherever one stands.
-    pub fn go_on_from(&self, here: &Path) -> String {
-        self.change_to(here) + &self.go_on()
-    }
-
-    /// What tries one job again, and what it needs.
-    pub fn retry_one(&self, job: &JobId) -> String {
-        self.groups(&["--retry", &job.id]).join(" ")
-    }
-
-    /// [`CommandLine::retry`] from wherever one stands.
-    pub fn retry_from(&self, here: &Path) -> String {
-        self.change_to(here) + &self.retry()
-    }
-
-    /// [`CommandLine::retry_one`] from wherever one stands.
-    pub fn retry_one_from(&self, here: &Path, job: &JobId) -> String {
-        self.change_to(here) + &self.retry_one(job)
-    }
-
-    /// A command over as many lines as it needs, which a shell still reads as one.
-    pub fn broken(command: &str) -> String {
-        Self::broken_after("  ", command)
-    }
-
-    /// [`CommandLine::broken`] with something before it on its first line.
-    pub fn broken_after(head: &str, command: &str) -> String {
+    /// A command over as many lines as it needs, which a shell still reads as one, after a head on its first line.
+    pub fn broken(head: &str, command: &str) -> String {
         let mut out = String::new();
         let mut width = head.chars().count();
         for (place, word) in split_quoted(command).into_iter().enumerate() {
@@ -119,18 +95,6 @@ impl CommandLine {
             width += length;
         }
         format!("{head}{out}")
-    }
-
-    fn change_to(&self, here: &Path) -> String {
-        if here == self.directory {
-            return String::new();
-        }
-        format!("cd {} && ", quoted(&self.directory.display().to_string()))
-    }
-
-    fn groups(&self, more: &[&str]) -> Vec<String> {
-        let words = self.words.iter().map(String::as_str).chain(more.iter().copied());
-        words.map(quoted).collect()
     }
 }
 
@@ -158,7 +122,7 @@ mod tests {
     #[test]
     fn a_long_command_is_broken_between_words_alone() {
         let long = format!("isoflop run a.yaml --set '{}' --jobs 2", "b c ".repeat(20));
-        let broken = CommandLine::broken(&long);
+        let broken = CommandLine::broken("  ", &long);
         assert_eq!(broken.lines().count(), 3, "{broken}");
         assert_eq!(broken.trim_start().replace(" \\\n      ", " "), long);
     }

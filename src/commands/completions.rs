@@ -21,8 +21,7 @@ pub fn completions(args: &CompletionsArgs, mut cli: Command, output: &Output) ->
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut cli, "isoflop", &mut script);
     let script = String::from_utf8_lossy(&script);
-    output.result(&json!({ "script": script }), &script)?;
-    Ok(Exit::Done)
+    output.result(&json!({ "script": script }), &script)
 }
 
 #[derive(Args)]
@@ -37,6 +36,5 @@ pub fn man(args: &ManArgs, cli: Command, output: &Output) -> Result<Exit> {
     std::fs::create_dir_all(&args.out).with_context(place)?;
     clap_mangen::generate_to(cli, &args.out).with_context(place)?;
     let said = format!("{}: isoflop.1 and a page for each command", args.out.display());
-    output.result(&json!({ "man": args.out }), &said)?;
-    Ok(Exit::Done)
+    output.result(&json!({ "man": args.out }), &said)
 }

@@ -12,6 +12,7 @@ use serde_json::json;
 
 use super::exit::Exit;
 use super::output::Output;
+use super::screen::table;
 
 /// Rows and columns of the matrices that are multiplied.
 const SIZE: usize = 512;
@@ -36,18 +37,18 @@ pub fn doctor(output: &Output) -> Result<Exit> {
     findings.extend(DeviceName::ALL.map(|(name, _)| device(name)));
     findings.extend([speed(), slurm(), encoders()]);
     let fine = findings.iter().all(|finding| finding.good != Some(false));
-    let text: Vec<String> = findings.iter().map(line).collect();
-    output.result(&json!({ "good": fine, "findings": findings }), &text.join("\n"))?;
+    let text = table(["<", "<", "<"], findings.iter().map(row));
+    output.result(&json!({ "good": fine, "findings": findings }), &text)?;
     Ok(if fine { Exit::Done } else { Exit::SomeRunsFailed })
 }
 
-fn line(Finding { what, good, found }: &Finding) -> String {
+fn row(Finding { what, good, found }: &Finding) -> [String; 3] {
     let word = match good {
         Some(true) => "ok",
         Some(false) => "FAILS",
         None => "-",
     };
-    format!("{word:<6}{what:<10}{found}")
+    [word.to_string(), (*what).to_string(), found.clone()]
 }
 
 fn build() -> Finding {

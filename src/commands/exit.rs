@@ -1,6 +1,6 @@
 //! Exit codes, and how an error that ends the program is shown.
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::process::ExitCode;
 
 use isoflop::failure::Consequence;
@@ -10,7 +10,7 @@ use isoflop::predict::PredictError;
 use isoflop::sweep::SweepErrors;
 use serde_json::json;
 
-use super::output::say;
+use super::screen::{is_coloured, say};
 
 /// What the program tells its caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,8 +72,7 @@ pub fn sentence(error: &anyhow::Error) -> String {
 
 fn told(error: &anyhow::Error) -> Exit {
     if let Some(errors) = error.downcast_ref::<SweepErrors>() {
-        let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-        say(&errors.render(colour));
+        say(&errors.render(is_coloured()));
         return Exit::Usage;
     }
     say(&format!("error: {}", sentence(error)));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::RunRecord;
@@ -42,9 +42,7 @@ impl Finished {
     ) -> Result<Self> {
         let files = digests(folder)?;
         let finished = Self { stamp, files, document, text, full, warnings };
-        let path = folder.file("finished.json");
-        atomic::write_json(&path, &finished)
-            .with_context(|| format!("writing {}", path.display()))?;
+        atomic::write_json(&folder.file("finished.json"), &finished)?;
         Ok(finished)
     }
 

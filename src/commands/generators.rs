@@ -6,15 +6,15 @@ use std::fmt::Write;
 
 use anyhow::Result;
 use isoflop::figures::Format;
-use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::RunRecord;
 use isoflop::sweep::Sweep;
 use serde_json::{Value, json};
 
-use super::analysis::analysed;
+use super::analysis::{analysed, forget};
 use super::by_generator::draw;
 use super::output::Output;
+use super::screen::{dash, table};
 
 /// Laws for each generator: those of one would say nothing of another. Gives what there is to say.
 pub fn finish(
@@ -23,10 +23,7 @@ pub fn finish(
     by_generator: &BTreeMap<String, Vec<RunRecord>>,
     output: &Output,
 ) -> Result<(Value, String)> {
-    // Those of an earlier state of the sweep, with one generator, would be taken for all.
-    for file in ["laws.json", "prediction.json", "finished.json"] {
-        atomic::remove(&folder.file(file))?;
-    }
+    forget(folder)?;
     let figure = draw(sweep, folder, by_generator, &Format::ALL)?;
     let mut documents = BTreeMap::new();
     for (name, records) in by_generator {
@@ -53,26 +50,18 @@ fn text(
     documents: &BTreeMap<String, Value>,
     by_generator: &BTreeMap<String, Vec<RunRecord>>,
 ) -> String {
-    let mut text =
-        String::from("generator        runs   N_nv in C   N_v in C   D in C   L_u predicted\n");
-    let number = |value: &Value, digits: usize| {
-        value.as_f64().map_or_else(|| "-".to_string(), |x| format!("{x:.digits$}"))
-    };
-    for (name, document) in documents {
+    let number = |value: &Value, digits: usize| dash(value.as_f64(), |x| format!("{x:.digits$}"));
+    let row = |(name, document): (&String, &Value)| {
         let exponent = |of: &str| number(&document["laws"]["power_laws"][of]["exponent"], 3);
         let prediction = &document["predictions"][0];
         let at = prediction["budget_flops"].as_f64();
         let at = at.map_or_else(String::new, |budget| format!(" at {budget:e}"));
-        let _ = writeln!(
-            text,
-            "{name:<15} {:>5}   {:>9}   {:>8}   {:>6}   {}{at}",
-            by_generator[name].len(),
-            exponent("params_nonvocab"),
-            exponent("params_vocab"),
-            exponent("tokens"),
-            number(&prediction["loss_normalised"], 3),
-        );
-    }
+        let [size, vocab, tokens] = ["params_nonvocab", "params_vocab", "tokens"].map(exponent);
+        let predicted = number(&prediction["loss_normalised"], 3) + &at;
+        [name.clone(), by_generator[name].len().to_string(), size, vocab, tokens, predicted]
+    };
+    let heads = ["<generator", "runs", "N_nv in C", "N_v in C", "D in C", "<L_u predicted"];
+    let mut text = table(heads, documents.iter().map(row));
     let root = folder.root().display();
     let _ = writeln!(text, "\ntable     {root}/runs.parquet");
     let _ = writeln!(text, "figure    {root}/figures/generators.svg");

@@ -1,7 +1,6 @@
 //! [`GpuCost`]: what a plan's runs cost on a GPU: hours, dollars, memory.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 use isoflop::jobs::Job;
 use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
@@ -11,6 +10,7 @@ use isoflop::words::wrap;
 use serde_json::{Value, json};
 
 use super::plan_text::{bytes, exponent, flops};
+use super::screen::{dash, many, table};
 
 /// The cost of a plan on one GPU, on which its runs follow one another.
 pub struct GpuCost<'a> {
@@ -97,51 +97,26 @@ impl<'a> GpuCost<'a> {
             // Numbers above 0 are in the order of their bits.
             by_budget.entry(cost.run.spec.budget_flops.to_bits()).or_default().push(cost);
         }
-        let mut out = format!(
-            "{:>8} {:>6} {:>9} {:>10} {:>12} {:>10}{}\n",
-            "C",
-            "runs",
-            "max N_nv",
-            "max memory",
-            "MFU",
-            "GPU hours",
-            if self.price.is_some() { format!(" {:>10}", "dollars") } else { String::new() }
-        );
-        for (budget, costs) in &by_budget {
+        let dollars = |hours: f64| self.price.map(|price| format!("{:.2}", price * hours));
+        let row = |name: &str, runs: usize, [size, memory, mfu]: [String; 3], hours: f64| {
+            let dollars = dollars(hours).unwrap_or_default();
+            [name.to_string(), runs.to_string(), size, memory, mfu, format!("{hours:.2}"), dollars]
+        };
+        let of_budget = |(budget, costs): (&u64, &Vec<&RunCost>)| {
             let hours: f64 = costs.iter().map(|cost| cost.hours).sum();
             let most = costs.iter().map(|cost| cost.run.params.nonvocab).max().unwrap_or(0);
             let memory = costs.iter().filter_map(|cost| cost.bytes).max();
-            let _ = writeln!(
-                out,
-                "{:>8} {:>6} {:>9.2e} {:>10} {:>12}{}",
-                exponent(f64::from_bits(*budget)),
-                costs.len(),
-                most as f64,
-                memory.map_or_else(|| "-".to_string(), bytes),
-                percent(range(costs.iter().copied())),
-                self.spent(hours)
-            );
-        }
-        if !self.plan.trunks.is_empty() {
-            let n = self.plan.trunks.len();
-            let _ =
-                writeln!(out, "{:>8} {n:>6} {:>33}{}", "trunks", "", self.spent(self.trunk_hours));
-        }
-        let _ = writeln!(
-            out,
-            "{:>8} {:>6} {:>33}{}",
-            "all",
-            self.runs.len(),
-            "",
-            self.spent(self.hours())
-        );
-        out
-    }
-
-    /// Hours and dollars, as the last columns.
-    fn spent(&self, hours: f64) -> String {
-        let dollars = self.price.map(|price| format!(" {:>10.2}", price * hours));
-        format!(" {hours:>10.2}{}", dollars.unwrap_or_default())
+            let mfu = percent(range(costs.iter().copied()));
+            let facts = [format!("{:.2e}", most as f64), dash(memory, bytes), mfu];
+            row(&exponent(f64::from_bits(*budget)), costs.len(), facts, hours)
+        };
+        let n_trunks = self.plan.trunks.len();
+        let trunks =
+            (n_trunks > 0).then(|| row("trunks", n_trunks, Default::default(), self.trunk_hours));
+        let all = row("all", self.runs.len(), Default::default(), self.hours());
+        let dollars = if self.price.is_some() { "dollars" } else { "" };
+        let heads = ["C", "runs", "max N_nv", "max memory", "MFU", "GPU hours", dollars];
+        table(heads, by_budget.iter().map(of_budget).chain(trunks).chain([all]))
     }
 
     /// What the plan costs and what that rests on, and whether its runs fit.
@@ -166,14 +141,14 @@ impl<'a> GpuCost<'a> {
             percent(range(&self.runs)),
             source(gpu.source),
         );
-        let of_bf16 = plan.runs.iter().any(|run| run.spec.precision == Precision::F32).then(|| {
-            "hours are those of train.precision: bf16, memory is that of f32, which the sweep has".to_string()
-        });
+        let is_f32 = plan.runs.iter().any(|run| run.spec.precision == Precision::F32);
+        let of_bf16 = is_f32.then_some(
+            "hours are those of train.precision: bf16, memory is that of f32, which the sweep has",
+        );
         let apart = !plan.tokenizers.is_empty();
-        let apart =
-            apart.then(|| "tokenizers are trained on processors and not counted".to_string());
+        let apart = apart.then_some("tokenizers are trained on processors and not counted");
         let large = too_large(card, &plan.runs);
-        let notes: Vec<String> = of_bf16.into_iter().chain(apart).collect();
+        let notes: Vec<&str> = of_bf16.into_iter().chain(apart).collect();
         let notes = (!notes.is_empty()).then(|| notes.join("; "));
         [Some(cost), notes, large].into_iter().flatten().map(|said| wrap("", &said)).collect()
     }
@@ -201,7 +176,6 @@ fn source(source: MfuSource) -> String {
     match source {
         MfuSource::Reference => "as on an H200 from 0.1M to 731M".to_string(),
         MfuSource::Told => "as engine.mfu says".to_string(),
-        MfuSource::Measured { runs: 1 } => "measured by 1 finished run".to_string(),
-        MfuSource::Measured { runs } => format!("measured by {runs} finished runs"),
+        MfuSource::Measured { runs } => format!("measured by {}", many(runs, "finished run")),
     }
 }

@@ -35,6 +35,7 @@ mod quality;
 mod report;
 mod run;
 mod schema;
+mod screen;
 mod stale;
 mod status;
 mod status_text;
@@ -68,9 +69,9 @@ enum Command {
     /// Run what is missing of a sweep, then fit, plot and predict
     Run(run::RunArgs),
     /// How far a sweep is, what runs, what failed and how to try it again
-    Status(status::StatusArgs),
+    Status(args::FolderArg),
     /// End a sweep cleanly, wherever it runs; what is finished stays
-    Cancel(cancel::CancelArgs),
+    Cancel(args::FolderArg),
     /// Fit laws to a sweep, or to any table of runs
     Fit(fit::FitArgs),
     /// Draw every figure of a sweep again, from its table alone

@@ -1,13 +1,17 @@
 //! Where a command's words go: results to standard output, everything else to standard error.
 
 use std::cell::RefCell;
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, Write};
 
+use anyhow::Result;
 use isoflop::engine::Tell;
 use isoflop::words::fit_to_terminal;
+use serde_json::Value;
 use tracing_subscriber::EnvFilter;
 
 use super::args::Common;
+use super::exit::Exit;
+use super::screen::{is_coloured, say};
 
 /// The three ways to speak: for people, `--json`, quiet.
 pub struct Output {
@@ -27,10 +31,9 @@ impl Output {
             _ => "isoflop=debug",
         };
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-        let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
         let _ = tracing_subscriber::fmt()
             .with_env_filter(filter)
-            .with_ansi(colour)
+            .with_ansi(is_coloured())
             .with_writer(std::io::stderr)
             .without_time()
             .log_internal_errors(false)
@@ -46,28 +49,28 @@ impl Output {
         }
     }
 
-    /// A result: the JSON document or the text for people, on standard output.
-    pub fn result(&self, json: &serde_json::Value, text: &str) -> std::io::Result<()> {
+    /// A result: the JSON document or the text for people, on standard output. A command that ends with it is done.
+    pub fn result(&self, json: &Value, text: &str) -> Result<Exit> {
         let mut out = std::io::stdout().lock();
         let written = if self.json {
             serde_json::to_writer_pretty(&mut out, json).map_err(Into::into)
         } else {
             out.write_all(text.trim_end().as_bytes())
         };
-        ignore_closed_pipe(written.and_then(|()| out.write_all(b"\n")))
+        match written.and_then(|()| out.write_all(b"\n")) {
+            // `isoflop … | head` is no error.
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error.into()),
+            _ => Ok(Exit::Done),
+        }
     }
 
     /// A result of which only the form asked for is made: a document may be large.
     pub fn result_of(
         &self,
-        json: impl FnOnce() -> serde_json::Value,
+        json: impl FnOnce() -> Value,
         text: impl FnOnce() -> String,
-    ) -> std::io::Result<()> {
-        if self.json {
-            self.result(&json(), "")
-        } else {
-            self.result(&serde_json::Value::Null, &text())
-        }
+    ) -> Result<Exit> {
+        if self.json { self.result(&json(), "") } else { self.result(&Value::Null, &text()) }
     }
 
     /// Something worth knowing that is no result.
@@ -100,18 +103,5 @@ impl Tell for Output {
 
     fn is_quiet(&self) -> bool {
         self.quiet
-    }
-}
-
-/// A line on standard error; that nobody reads it any more is no error.
-pub fn say(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
-}
-
-/// `isoflop … | head` is no error.
-fn ignore_closed_pipe(written: std::io::Result<()>) -> std::io::Result<()> {
-    match written {
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        other => other,
     }
 }

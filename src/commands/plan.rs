@@ -64,7 +64,7 @@ impl PlanArgs {
 }
 
 pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
-    let device = args.sweep.device.open()?;
+    let device = args.sweep.work.device.open()?;
     let open = plan_sweep(&args.sweep)?;
     let gpu = args.gpu(&open, output)?;
     let OpenSweep { sweep, plan, folder } = open;
@@ -76,7 +76,7 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let on_gpu = gpu.as_ref().map(|gpu| GpuCost::new(gpu, args.price, &plan, &jobs));
     let hours = match &on_gpu {
         Some(cost) => Some(cost.hours_to_go),
-        None => hours(&jobs, &plan, &folder, &device, args.sweep.slots()),
+        None => hours(&jobs, &plan, &folder, &device, args.sweep.work.slots()),
     };
     let stale = stale(&plan, &folder);
     let document = || {
@@ -90,16 +90,17 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
         }
         document
     };
-    let text = || match &on_gpu {
-        Some(cost) => {
-            plan_text::by_budget(&plan, &states, &stale, &cost.table(), &cost.sentences())
-        }
-        None => {
-            plan_text::text(&plan, &states, &stale, &plan_text::cost(&plan, hours, &args.sweep))
-        }
+    let text = || {
+        let (table, cost) = match &on_gpu {
+            Some(cost) => (cost.table(), cost.sentences()),
+            None => (
+                plan_text::runs(&plan, &states),
+                plan_text::cost(&plan, hours, args.sweep.work.slots()),
+            ),
+        };
+        plan_text::text(&plan, &states, &stale, &table, &cost)
     };
-    output.result_of(document, text)?;
-    Ok(Exit::Done)
+    output.result_of(document, text)
 }
 
 /// Hours that jobs take on `slots` slots: at the speed of the folder's finished jobs, or else by a probe. How fast a

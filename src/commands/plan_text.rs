@@ -1,41 +1,22 @@
 //! The plan as a person reads it.
 
 use std::collections::BTreeSet;
-use std::fmt::Write;
 
 use isoflop::data::MemberFacts;
 use isoflop::jobs::{JobState, RunStates};
 use isoflop::plan::{Dropped, Plan, PlannedRun, Renamed};
 use isoflop::words::wrap;
 
-use super::args::SweepArgs;
+use super::screen::{dash, more, table};
 use super::stale::Stale;
 
 /// Rows printed before a long table is cut.
 const MOST_ROWS: usize = 40;
 
-/// The whole plan, at most 80 columns wide; `cost` is its last sentence.
-pub fn text(plan: &Plan, states: &RunStates, stale: &[Stale], cost: &str) -> String {
-    let mut out = String::new();
-    head(&mut out, plan, states);
-    table(&mut out, plan, states);
-    dropped(&mut out, plan);
-    told_stale(&mut out, stale);
-    out + "\n" + &wrap("", cost)
-}
-
-/// The plan on one screen: a table of its budgets in place of its runs, and no list of what is dropped; `cost`
-/// is its last lines.
-pub fn by_budget(
-    plan: &Plan,
-    states: &RunStates,
-    stale: &[Stale],
-    table: &str,
-    cost: &str,
-) -> String {
-    let mut out = String::new();
-    head(&mut out, plan, states);
-    out += table;
+/// The plan, at most 80 columns wide: `table` is of its runs, or of its budgets where these cost hours of a GPU,
+/// and `cost` its last sentences.
+pub fn text(plan: &Plan, states: &RunStates, stale: &[Stale], table: &str, cost: &str) -> String {
+    let mut out = head(plan, states) + table;
     told_stale(&mut out, stale);
     out + "\n" + cost
 }
@@ -48,10 +29,10 @@ fn told_stale(out: &mut String, stale: &[Stale]) {
 }
 
 /// What the plan takes: FLOPs, time, memory, disk.
-pub fn cost(plan: &Plan, hours: Option<f64>, args: &SweepArgs) -> String {
+pub fn cost(plan: &Plan, hours: Option<f64>, slots: usize) -> String {
     let hours = hours.map_or_else(
         || "time unknown before the trainer's first run is done".to_string(),
-        |hours| format!("{} to go with {} jobs side by side", time(hours), args.slots()),
+        |hours| format!("{} to go with {slots} jobs side by side", time(hours)),
     );
     let peaks: Option<Vec<u64>> = plan.runs.iter().map(PlannedRun::known_peak_bytes).collect();
     let memory = match peaks {
@@ -61,7 +42,7 @@ pub fn cost(plan: &Plan, hours: Option<f64>, args: &SweepArgs) -> String {
         }
         None => "; memory and disk are the trainer's".to_string(),
     };
-    format!("{}; {hours}{memory}", flops(plan))
+    wrap("", &format!("{}; {hours}{memory}", flops(plan)))
 }
 
 /// What the runs cost together, and what they save where they share trunks.
@@ -77,42 +58,41 @@ pub fn flops(plan: &Plan) -> String {
     )
 }
 
-fn head(out: &mut String, plan: &Plan, states: &RunStates) {
-    let done = count(plan, states, JobState::Done);
-    let _ = writeln!(
-        out,
-        "{} tokenizers, {} runs ({done} done), {} cells dropped",
+fn head(plan: &Plan, states: &RunStates) -> String {
+    let done = plan.runs.iter().filter(|run| states.of(&run.run_id) == JobState::Done).count();
+    let mut out = format!(
+        "{} tokenizers, {} runs ({done} done), {} cells dropped\n",
         plan.tokenizers.len(),
         plan.runs.len(),
         plan.dropped.len()
     );
     if plan.evaluator.is_some() {
-        let _ = writeln!(out, "an evaluator, {} runs scored", plan.scores.len());
+        out += &format!("an evaluator, {} runs scored\n", plan.scores.len());
     }
     let [train, val, test] = plan.data.clips;
     let unique_tokens = plan.unique_tokens();
     if unique_tokens > 0 {
-        *out += &wrap(
+        out += &wrap(
             "",
             &format!(
                 "data: {train} clips to train on ({unique_tokens} tokens), {val} to validate, {test} to test"
             ),
         );
-        plan.data.members.iter().for_each(|member| *out += &wrap("  ", &told(member)));
+        plan.data.members.iter().for_each(|member| out += &wrap("  ", &told(member)));
     }
     if plan.n_variants > 1 {
-        *out += &wrap("", &format!("each cell in {} variants, of grid.vary", plan.n_variants));
+        out += &wrap("", &format!("each cell in {} variants, of grid.vary", plan.n_variants));
     }
     let shares: BTreeSet<String> =
         plan.runs.iter().map(|run| run.spec.share.value().to_string()).collect();
     if shares.len() > 1 {
         let all: Vec<String> = shares.into_iter().collect();
-        *out += &wrap("", &format!("each cell on shares {} of the clips", all.join(", ")));
+        out += &wrap("", &format!("each cell on shares {} of the clips", all.join(", ")));
     }
     if !plan.renamed.is_empty() {
-        *out += &wrap("", &vocabularies(&plan.renamed));
+        out += &wrap("", &vocabularies(&plan.renamed));
     }
-    out.push('\n');
+    out + "\n"
 }
 
 /// `256 codes are 240 (levels 8, 6, 5)`.
@@ -133,42 +113,11 @@ fn told(MemberFacts { name, licence, clips, frames, fps, .. }: &MemberFacts) -> 
     format!("{name}: {minutes:.0} min in {train}, {val} and {test} clips; {licence}")
 }
 
-fn count(plan: &Plan, states: &RunStates, state: JobState) -> usize {
-    plan.runs.iter().filter(|run| states.of(&run.run_id) == state).count()
-}
-
-fn table(out: &mut String, plan: &Plan, states: &RunStates) {
-    let _ = writeln!(
-        out,
-        "{:>8} {:>3} {:>5} {:>6} {:>8} {:>8} {:>8} {:>8} {:>7} {:>7}",
-        "C", "L", "d", "V", "N_nv", "N_v", "D", "steps", "epochs", "state"
-    );
-    for run in plan.runs.iter().take(MOST_ROWS) {
-        let _ = writeln!(out, "{}", row(run, states));
-    }
-    if let Some(more) = plan.runs.len().checked_sub(MOST_ROWS + 1) {
-        let _ = writeln!(out, "… and {} more; --json lists all", more + 1);
-    }
-}
-
-fn row(run: &PlannedRun, states: &RunStates) -> String {
-    let spec = &run.spec;
-    format!(
-        "{:>8} {:>3} {:>5} {:>6} {:>8.2e} {:>8.2e} {:>8.2e} {:>8} {:>7} {:>7}",
-        exponent(spec.budget_flops),
-        spec.shape().n_layer,
-        spec.shape().d_model,
-        spec.n_vocab(),
-        run.params.nonvocab as f64,
-        run.params.vocab as f64,
-        spec.tokens() as f64,
-        spec.steps,
-        run.epochs.map_or_else(|| "-".to_string(), epochs),
-        format!("{:?}", states.of(&run.run_id)).to_lowercase(),
-    )
-}
-
-fn dropped(out: &mut String, plan: &Plan) {
+/// The runs, and what is dropped of the grid.
+pub fn runs(plan: &Plan, states: &RunStates) -> String {
+    let heads = ["C", "L", "d", "V", "N_nv", "N_v", "D", "steps", "epochs", "state"];
+    let mut out = table(heads, plan.runs.iter().take(MOST_ROWS).map(|run| row(run, states)));
+    out += &more(plan.runs.len(), MOST_ROWS, "; --json lists all");
     for cell in plan.dropped.iter().take(MOST_ROWS) {
         let Dropped { n_layer, d_model, n_vocab, budget_flops, share, reason, .. } = cell;
         let sentence = format!(
@@ -176,11 +125,27 @@ fn dropped(out: &mut String, plan: &Plan) {
             exponent(*budget_flops),
             share.said()
         );
-        *out += &wrap("dropped: ", &sentence);
+        out += &wrap("dropped: ", &sentence);
     }
-    if let Some(more) = plan.dropped.len().checked_sub(MOST_ROWS + 1) {
-        let _ = writeln!(out, "… and {} more dropped; --json lists all", more + 1);
-    }
+    out + &more(plan.dropped.len(), MOST_ROWS, " dropped; --json lists all")
+}
+
+fn row(run: &PlannedRun, states: &RunStates) -> [String; 10] {
+    let (spec, shape) = (&run.spec, run.spec.shape());
+    let [size, vocab, tokens] = [run.params.nonvocab, run.params.vocab, spec.tokens()]
+        .map(|count| format!("{:.2e}", count as f64));
+    [
+        exponent(spec.budget_flops),
+        shape.n_layer.to_string(),
+        shape.d_model.to_string(),
+        spec.n_vocab().to_string(),
+        size,
+        vocab,
+        tokens,
+        spec.steps.to_string(),
+        dash(run.epochs, epochs),
+        format!("{:?}", states.of(&run.run_id)).to_lowercase(),
+    ]
 }
 
 /// A budget in at most four digits: `1.5e10`, `3e10`.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::{ResultsFolder, frozen_sweep};
@@ -15,6 +15,7 @@ use isoflop::spec::FlopsRule;
 use isoflop::tokenizer::TokenizerMetrics;
 use serde_json::json;
 
+use super::args::one_of;
 use super::by_generator::{draw as draw_side_by_side, home, parted};
 use super::exit::Exit;
 use super::fit::{TableArgs, TableStudy, beside};
@@ -31,77 +32,60 @@ pub struct PlotArgs {
     out: Option<PathBuf>,
     #[command(flatten)]
     table: TableArgs,
-    /// Draw these figures alone, by the names of their files
-    #[arg(long, value_name = "NAME", value_delimiter = ',')]
-    only: Vec<String>,
-    /// Write files of these kinds alone
-    #[arg(long, value_enum, value_name = "FORMAT", value_delimiter = ',')]
-    format: Vec<FormatArg>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum FormatArg {
-    /// For web pages
-    Svg,
-    /// For slides
-    Png,
-    /// For papers
-    Pdf,
-}
-
-impl From<FormatArg> for Format {
-    fn from(format: FormatArg) -> Self {
-        match format {
-            FormatArg::Svg => Format::Svg,
-            FormatArg::Png => Format::Png,
-            FormatArg::Pdf => Format::Pdf,
-        }
-    }
+    #[command(flatten)]
+    wanted: Wanted,
 }
 
 /// The figure of several generators side by side.
 const SIDE_BY_SIDE: &str = "generators";
 
-/// Which figures are drawn, and as what.
+/// Which figures are drawn, and as what: all that can be, in every format, by default.
+#[derive(Args, Default)]
 pub struct Wanted {
-    /// Names; empty for all.
+    /// Draw these figures alone, by the names of their files
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
     only: Vec<String>,
-    formats: Vec<Format>,
+    /// Write files of these kinds alone
+    #[arg(long, value_parser = one_of(FORMATS), value_name = "FORMAT", value_delimiter = ',')]
+    format: Vec<Format>,
 }
 
-impl Wanted {
-    /// All that can be drawn, in every format.
-    pub fn all() -> Self {
-        Self { only: Vec::new(), formats: Format::ALL.to_vec() }
-    }
+const FORMATS: [(&str, &str, Format); 3] = [
+    ("svg", "For web pages", Format::Svg),
+    ("png", "For slides", Format::Png),
+    ("pdf", "For papers", Format::Pdf),
+];
 
-    fn of(args: &PlotArgs) -> Result<Self> {
+impl Wanted {
+    /// Refuses names that no figure has.
+    fn check(&self) -> Result<()> {
         let names = [&figures::names()[..], &[SIDE_BY_SIDE]].concat();
-        if let Some(name) = args.only.iter().find(|name| !names.contains(&name.as_str())) {
-            bail!("no figure is named {name:?}; there are {}", names.join(", "));
+        match self.only.iter().find(|name| !names.contains(&name.as_str())) {
+            Some(name) => bail!("no figure is named {name:?}; there are {}", names.join(", ")),
+            None => Ok(()),
         }
-        let formats: Vec<Format> = args.format.iter().map(|format| (*format).into()).collect();
-        let formats = if formats.is_empty() { Format::ALL.to_vec() } else { formats };
-        Ok(Self { only: args.only.clone(), formats })
     }
 
     fn has(&self, name: &str) -> bool {
         self.only.is_empty() || self.only.iter().any(|only| only == name)
     }
+
+    fn formats(&self) -> &[Format] {
+        if self.format.is_empty() { &Format::ALL } else { &self.format }
+    }
 }
 
 pub fn plot(args: &PlotArgs, output: &Output) -> Result<Exit> {
-    let wanted = Wanted::of(args)?;
+    args.wanted.check()?;
     let paths = match args.results.is_file() {
-        true => of_table(args, &wanted, output)?,
-        false => of_sweep(args, &wanted, output)?,
+        true => of_table(args, output)?,
+        false => of_sweep(args, output)?,
     };
     let text: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
-    output.result(&json!({ "figures": paths }), &text.join("\n"))?;
-    Ok(Exit::Done)
+    output.result(&json!({ "figures": paths }), &text.join("\n"))
 }
 
-fn of_sweep(args: &PlotArgs, wanted: &Wanted, output: &Output) -> Result<Vec<PathBuf>> {
+fn of_sweep(args: &PlotArgs, output: &Output) -> Result<Vec<PathBuf>> {
     if args.out.is_some() || args.table != TableArgs::default() {
         bail!(
             "a sweep is drawn into its own folder, from all of its runs: --out and the table's options are of a table"
@@ -112,23 +96,16 @@ fn of_sweep(args: &PlotArgs, wanted: &Wanted, output: &Output) -> Result<Vec<Pat
     let records = table::read(folder.root())?;
     let by_generator = parted(&records);
     match by_generator.len() {
-        0 | 1 => of_one_generator(&folder, &records, wanted, output),
-        _ => of_several_generators(&folder, &by_generator, wanted, output),
+        0 | 1 => of_one_generator(&folder, &records, &args.wanted, output),
+        _ => of_several_generators(&folder, &by_generator, &args.wanted, output),
     }
 }
 
 /// The figures that a table or a `laws.json` allows.
-fn of_table(args: &PlotArgs, wanted: &Wanted, output: &Output) -> Result<Vec<PathBuf>> {
+fn of_table(args: &PlotArgs, output: &Output) -> Result<Vec<PathBuf>> {
     let study = TableStudy::open(&args.results, &args.table, output)?;
     let figures = args.out.clone().unwrap_or_else(|| beside(&args.results, "-figures"));
-    let input = FigureInput {
-        title: &study.name,
-        loss_name: study.loss_name(),
-        records: &study.records,
-        laws: study.laws.as_ref(),
-        tokenizers: &[],
-    };
-    let paths = draw_into(&figures, &input, wanted, output)?.paths;
+    let paths = draw_into(&figures, &study.figures(), &args.wanted, output)?.paths;
     if paths.is_empty() {
         bail!("no figure could be drawn of {}", args.results.display());
     }
@@ -171,7 +148,7 @@ fn of_several_generators(
 ) -> Result<Vec<PathBuf>> {
     let sweep = frozen_sweep(folder)?;
     let mut paths = match wanted.has(SIDE_BY_SIDE) {
-        true => draw_side_by_side(&sweep, folder, by_generator, &wanted.formats)?,
+        true => draw_side_by_side(&sweep, folder, by_generator, wanted.formats())?,
         false => Vec::new(),
     };
     for (name, records) in by_generator {
@@ -206,7 +183,7 @@ fn draw_into(
     wanted: &Wanted,
     output: &Output,
 ) -> Result<Drawn> {
-    let drawn = figures::draw_all(input, figures, |name| wanted.has(name), &wanted.formats)?;
+    let drawn = figures::draw_all(input, figures, |name| wanted.has(name), wanted.formats())?;
     for LeftOut { name, reason } in &drawn.left_out {
         output.warn(&format!("{name} is left out: {reason}"));
         for format in Format::ALL {

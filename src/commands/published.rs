@@ -12,6 +12,7 @@ use serde_json::json;
 
 use super::exit::Exit;
 use super::output::Output;
+use super::screen::table;
 
 #[derive(Args)]
 pub struct PublishedArgs {
@@ -39,8 +40,7 @@ pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
     if let Some(out) = &args.out {
         write_published(out, &rows)?;
     }
-    output.result(&json!({ "rows": rows, "sources": published::sources() }), &text(&rows))?;
-    Ok(Exit::Done)
+    output.result(&json!({ "rows": rows, "sources": published::sources() }), &text(&rows))
 }
 
 /// The run of the lowest FID of each generator.
@@ -58,34 +58,24 @@ fn best(runs: &[ScoredRun]) -> impl Iterator<Item = &ScoredRun> {
 
 /// A table an evaluator and data set.
 fn text(rows: &[ScoreRow]) -> String {
-    let mut text = String::new();
-    let mut above = None;
-    for row in rows {
-        let group = (&row.evaluator, &row.dataset);
-        if above != Some(group) {
-            above = Some(group);
-            text += &heading(row);
-        }
-        let cells = ["r_precision_1", "fid", "matching_distance", "multimodality"];
-        text += &line(
-            &row.system,
-            cells.map(|name| row.scores.get(name).map(Printed::to_string).unwrap_or_default()),
-        );
-    }
+    let groups = rows.chunk_by(|a, b| (&a.evaluator, &a.dataset) == (&b.evaluator, &b.dataset));
+    let text: String = groups.map(of_group).collect();
     text + "\nscores by different evaluators are not comparable; sources: docs/published.md"
 }
 
-fn heading(row: &ScoreRow) -> String {
-    let about = evaluators().iter().find(|(name, _)| *name == row.evaluator);
-    let evaluator = about.map_or_else(
-        || format!("evaluator {}, trained by isoflop: not comparable with the rest", row.evaluator),
+fn of_group(rows: &[ScoreRow]) -> String {
+    let ScoreRow { evaluator, dataset, .. } = &rows[0];
+    let about = evaluators().iter().find(|(name, _)| name == evaluator);
+    let about = about.map_or_else(
+        || format!("evaluator {evaluator}, trained by isoflop: not comparable with the rest"),
         |(_, about)| format!("evaluator: {about}"),
     );
-    let names = ["R@1", "FID", "MM-Dist", "MultiModality"].map(String::from);
-    format!("\n{evaluator}\n{}", line(&row.dataset, names))
-}
-
-fn line(first: &str, cells: [String; 4]) -> String {
-    let [a, b, c, d] = cells;
-    format!("{first:<20}{a:>15}{b:>15}{c:>15}{d:>15}\n")
+    let row = |row: &ScoreRow| {
+        let score = |name| row.scores.get(name).map(Printed::to_string).unwrap_or_default();
+        let names = ["r_precision_1", "fid", "matching_distance", "multimodality"];
+        let [first, fid, distance, multimodality] = names.map(score);
+        [row.system.clone(), first, fid, distance, multimodality]
+    };
+    let heads = [&*format!("<{dataset}"), "<R@1", "<FID", "<MM-Dist", "<MultiModality"];
+    format!("\n{about}\n{}", table(heads, rows.iter().map(row)))
 }

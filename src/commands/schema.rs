@@ -8,6 +8,5 @@ use super::output::Output;
 
 pub fn schema(output: &Output) -> Result<Exit> {
     let schema = of_sweeps();
-    output.result(&schema, &serde_json::to_string_pretty(&schema)?)?;
-    Ok(Exit::Done)
+    output.result(&schema, &serde_json::to_string_pretty(&schema)?)
 }

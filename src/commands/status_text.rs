@@ -1,13 +1,12 @@
 //! What `isoflop status` and `isoflop cancel` show to people, within 80 columns.
 
-use std::path::Path;
-
 use isoflop::engine::EngineState;
 use isoflop::engine::local::left;
 use isoflop::jobs::{Counts, FailedJob, Running, SweepState};
 use isoflop::words::wrap;
 
 use super::command_line::CommandLine;
+use super::screen::{clip, more, table};
 
 const WIDTH: usize = 80;
 
@@ -17,21 +16,19 @@ const SHOWN: usize = 10;
 /// The last lines of a failure that are shown.
 const LAST_LINES: usize = 3;
 
-/// The whole story.
+/// The whole story; `command` is what made the folder, with more options.
 pub fn text(
     name: &str,
     state: &SweepState,
     engines: &[(&str, EngineState)],
-    command: &CommandLine,
+    command: &dyn Fn(&[&str]) -> String,
 ) -> String {
-    let here = std::env::current_dir().unwrap_or_default();
-    let go_on = command.go_on_from(&here);
     let parts = [
         heading(name, state, engines),
-        table(state),
+        counts(state),
         running(&state.running),
-        failures(state, command, &here),
-        advice(state, engines, &go_on),
+        failures(state, command),
+        advice(state, engines, &command(&[])),
     ];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("\n")
 }
@@ -67,18 +64,15 @@ fn at_work(state: &SweepState) -> String {
     }
 }
 
-fn table(state: &SweepState) -> String {
-    let row = |name: &str, cells: [String; 5]| {
-        let cells: Vec<String> = cells.iter().map(|cell| format!("{cell:>9}")).collect();
-        format!("{name:<12}{}\n", cells.concat())
+fn counts(state: &SweepState) -> String {
+    let row = |name: &str, c: &Counts| {
+        let [a, b, c, d, e] =
+            [c.done, c.failed, c.running, c.started, c.missing].map(|n| n.to_string());
+        [name.to_string(), a, b, c, d, e]
     };
-    let counts = |c: &Counts| [c.done, c.failed, c.running, c.started, c.missing];
-    let head = ["done", "failed", "running", "started", "missing"];
-    let mut out = row("", head.map(String::from));
-    for (kind, of_kind) in &state.inputs {
-        out += &row(kind.plural(), counts(of_kind).map(|n| n.to_string()));
-    }
-    out += &row("runs", counts(&state.runs).map(|n| n.to_string()));
+    let inputs = state.inputs.iter().map(|(kind, of_kind)| row(kind.plural(), of_kind));
+    let heads = ["<", "done", "failed", "running", "started", "missing"];
+    let mut out = table(heads, inputs.chain([row("runs", &state.runs)]));
     if state.runs.blocked > 0 {
         out +=
             &format!("{} runs not started: something that they need failed\n", state.runs.blocked);
@@ -95,33 +89,31 @@ fn running(running: &[Running]) -> String {
             Some(beat) => format!("step {} of {}, loss {:.3}", beat.step, beat.steps, beat.loss),
             None => "before its first step".to_string(),
         };
-        clip(&format!("  {}: {far}", job.label)) + "\n"
+        clip(&format!("  {}: {far}", job.label), WIDTH) + "\n"
     };
     "running\n".to_string() + &running.iter().map(line).collect::<String>()
 }
 
-fn failures(state: &SweepState, command: &CommandLine, here: &Path) -> String {
+fn failures(state: &SweepState, command: &dyn Fn(&[&str]) -> String) -> String {
     if state.failures.is_empty() {
         return String::new();
     }
     let mut out = "failed\n".to_string();
     for job in state.failures.iter().take(SHOWN) {
         out += &failure(job);
-        let again = command.retry_one_from(here, &job.id);
-        out += &(CommandLine::broken_after("    again: ", &again) + "\n");
+        let again = command(&["--retry", &job.id.id]);
+        out += &(CommandLine::broken("    again: ", &again) + "\n");
     }
-    if state.failures.len() > SHOWN {
-        out += &format!("  and {} more; --json has them all\n", state.failures.len() - SHOWN);
-    }
-    let retry = command.retry_from(here);
-    out + "to try again what failed:\n" + &CommandLine::broken(&retry) + "\n"
+    out += &more(state.failures.len(), SHOWN, "; --json has them all");
+    let retry = CommandLine::broken("  ", &command(&["--retry-failed"]));
+    out + "to try again what failed:\n" + &retry + "\n"
 }
 
 fn failure(job: &FailedJob) -> String {
     let FailedJob { label, failure_kind, reason, last_lines: lines, .. } = job;
     let mut out = wrap(&format!("  {label} [{}]: ", failure_kind.word()), reason);
     for line in &lines[lines.len().saturating_sub(LAST_LINES)..] {
-        out += &(clip(&format!("    | {line}")) + "\n");
+        out += &(clip(&format!("    | {line}"), WIDTH) + "\n");
     }
     out
 }
@@ -134,13 +126,5 @@ fn advice(state: &SweepState, engines: &[(&str, EngineState)], go_on: &str) -> S
     if in_hand || open == 0 {
         return String::new();
     }
-    format!("to go on:\n{}\n", CommandLine::broken(go_on))
-}
-
-/// A line that fits; what is cut off is in the log.
-fn clip(line: &str) -> String {
-    if line.chars().count() <= WIDTH {
-        return line.to_string();
-    }
-    line.chars().take(WIDTH - 1).chain(['…']).collect()
+    format!("to go on:\n{}\n", CommandLine::broken("  ", go_on))
 }

@@ -7,9 +7,13 @@ use isoflop::laws::{Difference, Estimate};
 use super::quantities::Quantity;
 use super::study::Study;
 use super::sweeps::SweepDifference;
+use crate::commands::screen::{dash, more, table};
 
 /// Keys of sweeps that are told, at most.
 const KEYS: usize = 12;
+/// Characters of a study's name that are shown.
+const WIDEST: usize = 24;
+
 /// Characters of a value that are shown.
 const SHOWN: usize = 22;
 
@@ -20,20 +24,21 @@ pub fn text(
     sweeps: &[SweepDifference],
     full: bool,
 ) -> String {
-    let width = studies.iter().map(|study| study.name.chars().count()).max().unwrap_or(0).min(24);
     let mut text = String::new();
     for quantity in quantities {
         let at = if quantity.is_ratio { format!(" at {budget:.3e} FLOPs") } else { String::new() };
         let _ = writeln!(text, "{}{at}", quantity.name);
         let rows = studies.iter().zip(&quantity.estimates).zip(&quantity.differences);
-        for ((study, estimate), difference) in rows {
-            let name: String = study.name.chars().take(width).collect();
-            let estimate = estimate.map_or("-".to_string(), |found| said(found, quantity));
-            let difference =
-                difference.map_or(String::new(), |found| against(found, quantity.is_ratio));
-            let line = format!("  {name:<width$}  {estimate:<25}{difference}");
-            let _ = writeln!(text, "{}", line.trim_end());
-        }
+        let row = |((study, estimate), difference): (
+            (&Study, &Option<Estimate>),
+            &Option<Difference>,
+        )| {
+            let name: String = study.name.chars().take(WIDEST).collect();
+            let difference = difference.map(|found| against(found, quantity.is_ratio));
+            let estimate = dash(*estimate, |found| said(found, quantity));
+            [format!("  {name}"), estimate, difference.unwrap_or_default()]
+        };
+        text += &table(["<", "<", "<"], rows.map(row));
     }
     text += &of_sweeps(studies, sweeps, full);
     text
@@ -52,9 +57,9 @@ fn said(Estimate { value, ci95 }: Estimate, quantity: &Quantity) -> String {
 /// A difference, and whether it is one.
 fn against(Difference { value, ci95, differs }: Difference, is_ratio: bool) -> String {
     let number = |x: f64| if is_ratio { format!("x{:.2}", x.exp()) } else { format!("{x:+.3}") };
-    let Some([low, high]) = ci95 else { return format!("  {}", number(value)) };
+    let Some([low, high]) = ci95 else { return number(value) };
     let verdict = if differs == Some(true) { "differs" } else { "" };
-    format!("  {} ({}..{}) {verdict}", number(value), number(low), number(high))
+    format!("{} ({}..{}) {verdict}", number(value), number(low), number(high))
 }
 
 /// Characters with which all values begin.
@@ -93,9 +98,7 @@ fn of_sweeps(studies: &[Study], sweeps: &[SweepDifference], full: bool) -> Strin
         let values: Vec<String> = values.iter().map(shown).collect();
         let _ = writeln!(text, "  {key}: {}", values.join(" | "));
     }
-    if sweeps.len() > limit {
-        let _ = writeln!(text, "  and {} more: --full", sweeps.len() - limit);
-    }
+    text += &more(sweeps.len(), limit, ": --full");
     let codes = sweeps.iter().any(|each| {
         ["data", "tokenizer"].contains(&each.key.split('.').next().unwrap_or_default())
     });

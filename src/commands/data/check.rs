@@ -11,6 +11,7 @@ use serde_json::json;
 use crate::commands::doubts::too_few;
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
+use crate::commands::screen::{many, more};
 
 #[derive(Args)]
 pub struct CheckArgs {
@@ -28,12 +29,8 @@ pub fn check(args: &CheckArgs, output: &Output) -> Result<Exit> {
     let list = |title: &str, lines: &[String]| {
         let mut text = if lines.is_empty() { String::new() } else { format!("{title}\n") };
         lines.iter().take(limit).for_each(|line| text += &format!("  {line}\n"));
-        if lines.len() > limit {
-            text += &format!("  and {} more: --full\n", lines.len() - limit);
-        }
-        text
+        text + &more(lines.len(), limit, ": --full")
     };
-    let many = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
     let (problems, remarks) = (found.problems.len(), found.remarks.len());
     let text = format!(
         "{}: {}, {}\n{}{}",

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use isoflop::data::import::{
     self, Form, GroupBy, ImportError, ImportOptions, Imported, Rate, SHORTEST, Skeleton,
 };
@@ -16,8 +16,10 @@ use isoflop::motion::retarget::Up;
 use isoflop::units::quoted;
 use serde_json::{Value, json};
 
+use crate::commands::args::{number, one_of};
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
+use crate::commands::screen::{many, more, table};
 
 #[derive(Args)]
 pub struct ImportArgs {
@@ -25,8 +27,8 @@ pub struct ImportArgs {
     #[arg(value_name = "DIR")]
     from: PathBuf,
     /// What the files hold
-    #[arg(long = "from", value_name = "FORM")]
-    form: FormName,
+    #[arg(long = "from", value_name = "FORM", value_parser = one_of(FORMS))]
+    form: Form,
     /// The data set to write
     #[arg(long, value_name = "DATA")]
     out: PathBuf,
@@ -52,45 +54,33 @@ pub struct ImportArgs {
     #[arg(long, value_name = "TEXT", default_value = "a person moves")]
     caption: String,
     /// What stays in one split; by default folders, or names up to their last number
-    #[arg(long, value_name = "BY")]
-    group: Option<GroupName>,
+    #[arg(long, value_name = "BY", value_parser = one_of(GROUPS))]
+    group: Option<GroupBy>,
     /// Replace a data set that was imported
     #[arg(long)]
     overwrite: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum FormName {
-    /// BVH of any human hierarchy
-    Bvh,
-    /// .npy of T × 22 × 3, HumanML3D's joints
-    Joints,
-    /// .npy of T × J × 3, of which the first 22 are SMPL's body
-    SmplxJoints,
-    /// KIT-ML: .npy of T × 21 × 3 or T × 251, or its folder
-    Kit,
-}
+const FORMS: [(&str, &str, Form); 4] = [
+    ("bvh", "BVH of any human hierarchy", Form::Bvh),
+    ("joints", ".npy of T × 22 × 3, HumanML3D's joints", Form::Joints),
+    ("smplx-joints", ".npy of T × J × 3, of which the first 22 are SMPL's body", Form::SmplxJoints),
+    ("kit", "KIT-ML: .npy of T × 21 × 3 or T × 251, or its folder", Form::Kit),
+];
 
-#[derive(Clone, Copy, ValueEnum)]
-enum GroupName {
-    /// Files of one folder
-    Folder,
-    /// Files whose names differ in their last number alone
-    Name,
-    /// Files whose names agree up to the first _
-    Prefix,
-    /// Each file by itself
-    File,
-}
+const GROUPS: [(&str, &str, GroupBy); 4] = [
+    ("folder", "Files of one folder", GroupBy::Folder),
+    ("name", "Files whose names differ in their last number alone", GroupBy::Name),
+    ("prefix", "Files whose names agree up to the first _", GroupBy::Prefix),
+    ("file", "Each file by itself", GroupBy::File),
+];
 
 fn rate(text: &str) -> Result<Rate, String> {
     if text == "keep" { Ok(Rate::Kept) } else { fps(text).map(Rate::Fixed) }
 }
 
 fn fps(text: &str) -> Result<f64, String> {
-    let fps: f64 = text.parse().map_err(|_| "is no number".to_string())?;
-    let sensible = (1.0..=1000.0).contains(&fps);
-    sensible.then_some(fps).ok_or_else(|| "frames a second are from 1 to 1000".to_string())
+    number(text, |fps| (1.0..=1000.0).contains(&fps), "a number of frames a second, 1 to 1000")
 }
 
 /// The file in the data set that shows some of its motions.
@@ -117,12 +107,7 @@ fn options(args: &ImportArgs) -> Result<ImportOptions> {
     let map = args.map.as_deref().map(import::read_map).transpose()?.unwrap_or_default();
     Ok(ImportOptions {
         from: args.from.clone(),
-        form: match args.form {
-            FormName::Bvh => Form::Bvh,
-            FormName::Joints => Form::Joints,
-            FormName::SmplxJoints => Form::SmplxJoints,
-            FormName::Kit => Form::Kit,
-        },
+        form: args.form,
         map,
         up: args.up,
         left_handed: args.left_handed,
@@ -130,12 +115,7 @@ fn options(args: &ImportArgs) -> Result<ImportOptions> {
         rate: args.rate,
         texts: args.texts.clone(),
         caption: args.caption.clone(),
-        group: args.group.map(|group| match group {
-            GroupName::Folder => GroupBy::Folder,
-            GroupName::Name => GroupBy::Name,
-            GroupName::Prefix => GroupBy::Prefix,
-            GroupName::File => GroupBy::File,
-        }),
+        group: args.group,
         overwrite: args.overwrite,
     })
 }
@@ -146,8 +126,9 @@ const TOLD: usize = 12;
 fn tell(imported: &Imported, args: &ImportArgs, output: &Output) {
     let limit = if output.full { usize::MAX } else { TOLD };
     imported.problems.iter().take(limit).for_each(|problem| output.warn(problem));
-    if imported.problems.len() > limit {
-        output.note(&format!("and {} more: --full", imported.problems.len() - limit));
+    let unsaid = more(imported.problems.len(), limit, ": --full");
+    if !unsaid.is_empty() {
+        output.note(unsaid.trim());
     }
     if let Some(draft) = &imported.draft {
         write_draft(draft, args, output);
@@ -218,15 +199,16 @@ fn text(imported: &Imported, args: &ImportArgs) -> String {
     let frames: usize = imported.splits.iter().map(|split| split.frames).sum();
     let clips: usize = imported.splits.iter().map(|split| split.clips).sum();
     let _ = writeln!(text, "{clips} clips, {}", hours(frames, imported.fps));
-    for (split, count) in Split::ALL.iter().zip(imported.splits) {
-        let (clips, groups, hours) = (count.clips, count.groups, hours(count.frames, imported.fps));
-        let _ =
-            writeln!(text, "  {:<6}{clips:>6} clips  {groups:>5} groups  {hours}", split.name());
-    }
+    let rows = Split::ALL.iter().zip(imported.splits).map(|(split, count)| {
+        let (clips, groups) =
+            (format!("{} clips", count.clips), format!("{} groups", count.groups));
+        [format!("  {}", split.name()), clips, groups, hours(count.frames, imported.fps)]
+    });
+    text += &table(["<", "", "", "<"], rows);
     for skeleton in &imported.skeletons {
         let Skeleton { joints, files, up, .. } = skeleton;
-        let noun = if *files == 1 { "file" } else { "files" };
-        let _ = writeln!(text, "\nskeleton of {} joints, {files} {noun}, {up} up", joints.len());
+        let files = many(*files, "file");
+        let _ = writeln!(text, "\nskeleton of {} joints, {files}, {up} up", joints.len());
         let _ = writeln!(text, "  upright in {}", skeleton.neutral_words());
     }
     if imported.too_short > 0 {

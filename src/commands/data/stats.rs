@@ -11,6 +11,7 @@ use serde_json::json;
 
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
+use crate::commands::screen::table;
 
 #[derive(Args)]
 pub struct StatsArgs {
@@ -26,32 +27,34 @@ pub fn stats(args: &StatsArgs, output: &Output) -> Result<Exit> {
     let data = HumanMl3d::open(&args.data, &options)?;
     let left_out = data.warnings().len();
     let counted = count(&data);
-    output
-        .result(&json!({ "counted": counted, "left_out": left_out }), &text(&counted, left_out))?;
-    Ok(Exit::Done)
+    output.result(&json!({ "counted": counted, "left_out": left_out }), &text(&counted, left_out))
 }
 
 fn text(counted: &Counted, left_out: usize) -> String {
-    let mut text = String::from(
-        "split   clips  frames  hours   codes at 1, 2, 4 frames  captions distinct  words\n",
-    );
-    let rows = [
-        ("train", &counted.train),
-        ("val", &counted.val),
-        ("test", &counted.test),
-        ("all", &counted.all),
-    ];
-    for (name, tally) in rows {
-        let Tally { clips, frames, hours, tokens, captions, distinct_captions, words, .. } = tally;
+    let Counted { train, val, test, all, .. } = counted;
+    let row = |(name, tally): (&str, &Tally)| {
+        let Tally { clips, frames, tokens, captions, distinct_captions, words, .. } = tally;
         let at = |rate: usize| tokens.get(&rate).copied().unwrap_or(0);
-        let _ = writeln!(
-            text,
-            "{name:<6}{clips:>7}{frames:>8}{hours:>7.2}{:>10}{:>8}{:>8}{captions:>9}{distinct_captions:>9}{words:>7}",
-            at(1),
-            at(2),
-            at(4)
-        );
-    }
+        let counts = [at(1), at(2), at(4), *captions, *distinct_captions, *words];
+        let [one, two, four, captions, distinct, words] = counts.map(|n| n.to_string());
+        let [clips, frames, hours] =
+            [clips.to_string(), frames.to_string(), format!("{:.2}", tally.hours)];
+        [name.to_string(), clips, frames, hours, one, two, four, captions, distinct, words]
+    };
+    let rows = [("train", train), ("val", val), ("test", test), ("all", all)];
+    let heads = [
+        "<split",
+        "clips",
+        "frames",
+        "hours",
+        "codes at 1",
+        "2",
+        "4 frames",
+        "captions",
+        "distinct",
+        "words",
+    ];
+    let mut text = table(heads, rows.map(row));
     let _ = writeln!(text, "\n{:.1} words a caption", counted.all.words_a_caption);
     text += "\nclips by frames\n";
     bars(&mut text, &counted.lengths, isoflop::data::LENGTH_BIN);
@@ -68,9 +71,9 @@ const WIDTH: usize = 50;
 
 fn bars(text: &mut String, bins: &BTreeMap<usize, usize>, width: usize) {
     let most = bins.values().max().copied().unwrap_or(1).max(1);
-    for (first, count) in bins {
+    let row = |(first, count): (&usize, &usize)| {
         let bar = "#".repeat((count * WIDTH).div_ceil(most));
-        let range = format!("{first} to {}", first + width - 1);
-        let _ = writeln!(text, "  {range:<12}{count:>7}  {bar}");
-    }
+        [format!("  {first} to {}", first + width - 1), count.to_string(), bar]
+    };
+    *text += &table(["<", "", "<"], bins.iter().map(row));
 }

@@ -46,6 +46,5 @@ pub fn synth(args: &SynthArgs, output: &Output) -> Result<Exit> {
         val.clips,
         test.clips
     );
-    output.result(&json!({ "data": args.out, "train": train, "val": val, "test": test }), &text)?;
-    Ok(Exit::Done)
+    output.result(&json!({ "data": args.out, "train": train, "val": val, "test": test }), &text)
 }

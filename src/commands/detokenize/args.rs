@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use isoflop::ops::DeviceName;
 
-use crate::commands::args::{TokenizerPlace, device, not_negative};
+use crate::commands::args::{TokenizerChoice, not_negative};
 
 #[derive(Args)]
 pub struct DetokenizeArgs {
@@ -13,7 +12,7 @@ pub struct DetokenizeArgs {
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
     #[command(flatten)]
-    pub tokenizer: TokenizerPlace,
+    pub tokenizer: TokenizerChoice,
     /// The original of a single file, or a folder that holds originals under their names; by default
     /// the codes' own folder
     #[arg(long, value_name = "PATH")]
@@ -27,7 +26,4 @@ pub struct DetokenizeArgs {
     /// Write over motions that the folder holds
     #[arg(long)]
     pub overwrite: bool,
-    /// The backend that computes
-    #[arg(long, value_parser = device(), default_value = "flex")]
-    pub device: DeviceName,
 }

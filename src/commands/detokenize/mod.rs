@@ -23,7 +23,7 @@ use super::output::Output;
 use super::tokenize::motion_name;
 
 pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
-    let tokenizer = args.tokenizer.open(args.device)?;
+    let tokenizer = args.tokenizer.open()?;
     if args.detokenizer_guidance > 0.0 && !tokenizer.has_language() {
         bail!("the tokenizer has no language that --detokenizer-guidance could follow");
     }
@@ -39,8 +39,7 @@ pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     let document = json!({
         "tokenizer": tokenizer.id, "folder": args.out, "motions": made, "mpjpe_mm": mean,
     });
-    output.result(&document, &text::text(&tokenizer, &made, mean, args))?;
-    Ok(Exit::Done)
+    output.result(&document, &text::text(&tokenizer, &made, mean, args))
 }
 
 /// The name of each motion, of which the folder holds no file yet, or none that is to stay.

@@ -1,11 +1,10 @@
 //! What a person reads of motions that were made of codes: a screen.
 
-use std::fmt::Write;
-
 use isoflop::jobs::TrainedTokenizer;
 
 use super::args::DetokenizeArgs;
 use super::made::Made;
+use crate::commands::screen::{dash, many, more, table};
 
 /// Motions that are listed, at most.
 const LISTED: usize = 12;
@@ -17,16 +16,14 @@ pub fn text(
     mean: Option<f64>,
     args: &DetokenizeArgs,
 ) -> String {
-    let n = made.len();
-    let noun = if n == 1 { "motion" } else { "motions" };
-    let mut text = format!("{n} {noun} by tokenizer {}\n\n", tokenizer.id);
-    for Made { motion, frames, mpjpe_mm, .. } in made.iter().take(LISTED) {
-        let off = mpjpe_mm.map_or_else(|| "-".to_string(), |mm| format!("{mm:.1}"));
-        let _ = writeln!(text, "  {frames:>5} frames {off:>8} mm  {motion}");
-    }
-    if n > LISTED {
-        let _ = writeln!(text, "  and {} more", n - LISTED);
-    }
+    let heading = many(made.len(), "motion");
+    let row = |Made { motion, frames, mpjpe_mm, .. }: &Made| {
+        let off = dash(*mpjpe_mm, |mm| format!("{mm:.1}"));
+        [format!("  {frames} frames"), format!("{off} mm"), motion.clone()]
+    };
+    let rows = table(["", "", "<"], made.iter().take(LISTED).map(row));
+    let unsaid = more(made.len(), LISTED, "");
+    let mut text = format!("{heading} by tokenizer {}\n\n{rows}{unsaid}", tokenizer.id);
     text += &match mean {
         Some(mean) => format!("\nMPJPE     {mean:.1} mm from the originals, over their frames\n"),
         None => "\nMPJPE     unknown: no original lies beside the codes; name it by --truth\n"

@@ -3,7 +3,7 @@
 use isoflop::plan::Plan;
 use isoflop::sweep::Sweep;
 
-use super::doubt::{Doubt, StudyDoubt};
+use super::doubt::Doubt;
 
 /// Codes of the test split below which its mean loss is too rough to tell sizes apart.
 const FEWEST_CODES: f64 = 2000.0;
@@ -21,8 +21,8 @@ const FEWEST_GROUPS: usize = 36;
 pub fn one_budget(plan: &Plan) -> Option<Doubt> {
     let first = plan.runs.first()?.spec.budget_flops;
     plan.runs.iter().all(|run| run.spec.budget_flops == first).then(|| {
-        let what = "all runs have one budget, which gives a minimum and no law in C".to_string();
-        Doubt::study(StudyDoubt::OneBudget, what, "list three budgets or more".to_string())
+        let what = "all runs have one budget, which gives a minimum and no law in C";
+        of_study("one-budget", [what, "list three budgets or more"].map(String::from))
     })
 }
 
@@ -34,13 +34,17 @@ pub fn one_seed(sweep: &Sweep, plan: &Plan) -> Option<Doubt> {
     let what = "each cell is trained once, so the noise of runs is guessed from how they scatter round a \
                 surface";
     let mend = format!("set seeds: [0, 1], which doubles the {} runs", plan.runs.len());
-    Some(Doubt::study(StudyDoubt::OneSeed, what.to_string(), mend))
+    Some(of_study("one-seed", [what.to_string(), mend]))
 }
 
 /// The test split has too few codes, or too few groups.
 pub fn small_test(plan: &Plan) -> Option<Doubt> {
-    let [what, mend] = too_few(test_codes(plan)?, plan.data.clips[2], plan.data.test_groups)?;
-    Some(Doubt::study(StudyDoubt::SmallTest, what, mend))
+    let words = too_few(test_codes(plan)?, plan.data.clips[2], plan.data.test_groups)?;
+    Some(of_study("small-test", words))
+}
+
+fn of_study(kind: &'static str, [what, mend]: [String; 2]) -> Doubt {
+    Doubt { kind, what, mend, budgets_flops: Vec::new() }
 }
 
 /// What is wrong with a test split of so many codes in clips of so many groups that were recorded together, and

@@ -1,6 +1,6 @@
 //! Sizes that are too few, too far apart or of different depth for a minimum between them.
 
-use isoflop::laws::{MinimumFlag, WIDEST_STEP};
+use isoflop::laws::WIDEST_STEP;
 
 use super::doubt::{Doubt, at};
 use super::tried::{Size, Tried};
@@ -16,47 +16,50 @@ pub fn doubts(budgets: &[Tried]) -> Vec<Doubt> {
 
 fn gaps(budgets: &[Tried]) -> Option<Doubt> {
     let step = |[left, right]: [Size; 2]| right.params_nonvocab / left.params_nonvocab;
-    let (pairs, where_) = pairs(budgets, |pair| step(pair) > WIDEST_STEP);
+    let (pairs, budgets_flops) = pairs(budgets, |pair| step(pair) > WIDEST_STEP);
     let named = named(&pairs, |pair| {
         format!("{} and {} ({:.1})", name(pair[0]), name(pair[1]), step(pair))
     })?;
     let what = format!(
         "neighbouring sizes are more than a factor {WIDEST_STEP} apart in N_nv {}: {named}",
-        at(&where_, budgets.len())
+        at(&budgets_flops, budgets.len())
     );
     let mend = "add a width between them, or a minimum that falls there is flagged";
-    Some(Doubt::flag(MinimumFlag::Gap, what, mend, where_))
+    Some(Doubt { kind: "gap", what, mend: mend.to_string(), budgets_flops })
 }
 
 fn depth_changes(budgets: &[Tried]) -> Option<Doubt> {
-    let (pairs, where_) = pairs(budgets, |[left, right]| left.n_layer != right.n_layer);
+    let (pairs, budgets_flops) = pairs(budgets, |[left, right]| left.n_layer != right.n_layer);
     let named = named(&pairs, |[left, right]| format!("{} and {}", name(left), name(right)))?;
-    let what =
-        format!("neighbouring sizes differ in depth {}: {named}", at(&where_, budgets.len()));
+    let what = format!(
+        "neighbouring sizes differ in depth {}: {named}",
+        at(&budgets_flops, budgets.len())
+    );
     let mend = "list models of one n_layer (width_per_layer changes it), or a minimum that falls there \
                 is flagged";
-    Some(Doubt::flag(MinimumFlag::DepthChange, what, mend, where_))
+    Some(Doubt { kind: "depth-change", what, mend: mend.to_string(), budgets_flops })
 }
 
 fn few(budgets: &[Tried]) -> Option<Doubt> {
     let few = budgets.iter().filter(|budget| budget.sizes.len() < FEWEST);
-    let where_: Vec<f64> = few.map(|budget| budget.budget_flops).collect();
-    if where_.is_empty() {
+    let budgets_flops: Vec<f64> = few.map(|budget| budget.budget_flops).collect();
+    if budgets_flops.is_empty() {
         return None;
     }
-    let what = format!("fewer than {FEWEST} sizes {}: no minimum", at(&where_, budgets.len()));
+    let what =
+        format!("fewer than {FEWEST} sizes {}: no minimum", at(&budgets_flops, budgets.len()));
     let mend = "add models there, or look at what is dropped";
-    Some(Doubt::flag(MinimumFlag::FewLevels, what, mend, where_))
+    Some(Doubt { kind: "few-levels", what, mend: mend.to_string(), budgets_flops })
 }
 
 /// The neighbouring sizes of which something holds, each pair once, and the budgets where it does.
 fn pairs(budgets: &[Tried], holds: impl Fn([Size; 2]) -> bool) -> (Vec<[Size; 2]>, Vec<f64>) {
-    let (mut pairs, mut where_) = (Vec::new(), Vec::new());
+    let (mut pairs, mut budgets_flops) = (Vec::new(), Vec::new());
     for budget in budgets {
         let next = budget.sizes.windows(2).map(|pair| [pair[0], pair[1]]);
         let found: Vec<[Size; 2]> = next.filter(|pair| holds(*pair)).collect();
         if !found.is_empty() {
-            where_.push(budget.budget_flops);
+            budgets_flops.push(budget.budget_flops);
         }
         for pair in found {
             if !pairs.contains(&pair) {
@@ -64,7 +67,7 @@ fn pairs(budgets: &[Tried], holds: impl Fn([Size; 2]) -> bool) -> (Vec<[Size; 2]
             }
         }
     }
-    (pairs, where_)
+    (pairs, budgets_flops)
 }
 
 /// The first pairs, and how many there are besides; `None` without any.

@@ -38,10 +38,15 @@ pub struct FileScore {
     pub reason: Option<String>,
 }
 
-/// Draws pools and pairs.
-struct Draws {
-    repeats: usize,
-    seed: u64,
+impl FileScore {
+    fn new(
+        name: &'static str,
+        found: Result<Repeated, EvaluatorError>,
+        truth: Result<Repeated, EvaluatorError>,
+    ) -> Self {
+        let reason = found.as_ref().err().map(ToString::to_string);
+        Self { name, found: found.ok(), truth: truth.ok(), reason }
+    }
 }
 
 impl FileScores {
@@ -70,7 +75,6 @@ impl FileScores {
             motions: all.select(&own),
             captions: evaluator.captions(captioned.iter().map(|(caption, _)| *caption))?,
         };
-        let draws = Draws { repeats: usize::from(args.repeats), seed: args.seed };
         let fps = evaluator.fps();
         let features = motions.iter().map(|motion| motion.features.as_slice());
         Ok(Self {
@@ -78,7 +82,7 @@ impl FileScores {
             n_motions: motions.len(),
             n_captions: captioned.len(),
             n_truth: truth.n_clips(),
-            scores: draws.scores(
+            scores: args.scores(
                 &Side { motions: &all, pairs: &pairs },
                 &Side { motions: &truth.embedded.motions, pairs: &truth.embedded },
             ),
@@ -94,7 +98,8 @@ struct Side<'a> {
     pairs: &'a Embedded,
 }
 
-impl Draws {
+/// How often, and by which seed, pools and pairs are drawn.
+impl EvaluateArgs {
     /// Of these motions, and of true ones.
     fn scores(&self, made: &Side, truth: &Side) -> Vec<FileScore> {
         let both = [made, truth];
@@ -119,34 +124,24 @@ impl Draws {
 
     /// FID from true motions; beside it that of as many true motions from the others.
     fn fid(&self, made: &Embeddings, truth: &Embeddings) -> FileScore {
-        let found = self.repeated(|_| Ok(frechet_distance(truth, made)?));
         let n = FileScores::true_motions(made.len(), truth.len());
-        let of_truth = self.repeated(|rng| {
+        let of_truth = |rng: &mut ChaCha8Rng| {
             let order = distinct(truth.len(), truth.len(), rng);
             let [some, others] = [&order[..n], &order[n..]].map(|part| truth.select(part));
             Ok(frechet_distance(&others, &some)?)
-        });
-        FileScore {
-            name: "FID",
-            reason: found.as_ref().err().map(ToString::to_string),
-            found: found.ok(),
-            truth: of_truth.ok(),
-        }
+        };
+        let found = self.repeated(|_| Ok(frechet_distance(truth, made)?));
+        FileScore::new("FID", found, self.repeated(of_truth))
     }
 
     fn score(
         &self,
         name: &'static str,
-        [made, truth]: [&Side; 2],
+        sides: [&Side; 2],
         of: impl Fn(&Side, &mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
     ) -> FileScore {
-        let found = self.repeated(|rng| of(made, rng));
-        FileScore {
-            name,
-            reason: found.as_ref().err().map(ToString::to_string),
-            found: found.ok(),
-            truth: self.repeated(|rng| of(truth, rng)).ok(),
-        }
+        let [found, truth] = sides.map(|side| self.repeated(|rng| of(side, rng)));
+        FileScore::new(name, found, truth)
     }
 
     fn repeated(
@@ -158,7 +153,7 @@ impl Draws {
             rng.set_stream(index as u64);
             of(&mut rng)
         };
-        let drawn = (0..self.repeats).map(draw).collect::<Result<Vec<f64>, _>>()?;
+        let drawn = (0..self.repeats.into()).map(draw).collect::<Result<Vec<f64>, _>>()?;
         Ok(Repeated::of(&drawn)?)
     }
 }

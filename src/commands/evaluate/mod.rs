@@ -41,8 +41,7 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
         output.note(&format!("[{done}/{all}] FID {fid:.4}, R@1 {first:.3}"));
     }
     let scores: RunScores = scoring.finish(&repeats, &trusted.id)?;
-    output.result(&serde_json::to_value(&scores)?, &text::of_run(&run.spec.label(), &scores))?;
-    Ok(Exit::Done)
+    output.result(&serde_json::to_value(&scores)?, &text::of_run(&run.spec.label(), &scores))
 }
 
 fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
@@ -50,6 +49,5 @@ fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     let trusted = TrustedEvaluator::open(place, &args.device.open()?)?;
     let motions = named_motions(args, trusted.evaluator.fps())?;
     let scores = FileScores::of(&motions, &trusted, args)?;
-    output.result(&serde_json::to_value(&scores)?, &text::of_files(&scores))?;
-    Ok(Exit::Done)
+    output.result(&serde_json::to_value(&scores)?, &text::of_files(&scores))
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::data::read_motion;
+use isoflop::files::read_if_there;
 use isoflop::text::as_in_data;
 use rayon::prelude::*;
 use serde::Deserialize;
@@ -91,15 +92,8 @@ struct MadeMotion {
 
 /// The captions of a folder that `isoflop generate` filled, in the order of its files' numbers.
 fn captions_of_made(folder: &Path) -> Result<Vec<String>> {
-    let path = folder.join("motions.json");
-    if !path.is_file() {
-        return Ok(Vec::new());
-    }
-    let text = isoflop::files::read_regular(&path, isoflop::files::SMALL)
-        .with_context(|| format!("reading {}", path.display()))?;
-    let made: Vec<MadeMotion> =
-        serde_json::from_slice(&text).with_context(|| format!("reading {}", path.display()))?;
-    Ok(made.into_iter().map(|motion| motion.caption).collect())
+    let made: Option<Vec<MadeMotion>> = read_if_there(&folder.join("motions.json"))?;
+    Ok(made.into_iter().flatten().map(|motion| motion.caption).collect())
 }
 
 /// The caption of each motion, where it has one: a line of `--texts`, else that of its folder, else that

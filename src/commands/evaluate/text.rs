@@ -6,31 +6,30 @@ use isoflop::evaluator::MotionScores;
 use isoflop::jobs::{RunScores, ScoredPhysics};
 use isoflop::scores::Repeated;
 
-use super::files::FileScores;
+use super::files::{FileScore, FileScores};
+use crate::commands::screen::{dash, many, table};
 
 /// The scores of a run's motions, beside those of motions that are known to be better or worse.
 pub fn of_run(label: &str, scores: &RunScores) -> String {
     let RunScores { made, shuffled, truth, reconstructed, .. } = scores;
-    let mut text = format!(
-        "motions of {label} ({})\n{} captions of the test split, {} times\n\n{:<22}{:<18}{:<16}{:<16}{}\n",
-        scores.run_id, scores.n_clips, made.fid.repeats, "", "FID", "R@1", "R@3", "cosine"
-    );
+    let row = |(name, scores): (&str, &MotionScores)| {
+        let MotionScores { fid, precision: [first, _, third], cosine, .. } = scores;
+        let [fid, cosine] = [fid.shown(4), cosine.shown(2)];
+        [name.to_string(), fid, first.shown(3), third.shown(3), cosine]
+    };
     let rows = [
         ("made", made),
         ("made, captions mixed", shuffled),
         ("true", truth),
         ("true, reconstructed", reconstructed),
     ];
-    for (name, MotionScores { fid, precision: [first, _, third], cosine, .. }) in rows {
-        let _ = writeln!(
-            text,
-            "{name:<22}{:<18}{:<16}{:<16}{}",
-            fid.shown(4),
-            first.shown(3),
-            third.shown(3),
-            cosine.shown(2),
-        );
-    }
+    let mut text = format!(
+        "motions of {label} ({})\n{} captions of the test split, {} times\n\n{}",
+        scores.run_id,
+        scores.n_clips,
+        made.fid.repeats,
+        table(["<", "<FID", "<R@1", "<R@3", "<cosine"], rows.map(row))
+    );
     let _ = writeln!(
         text,
         "\nFID of one half of the true motions from the other: {}\ndiversity {}, of true motions {}",
@@ -49,17 +48,13 @@ pub fn of_run(label: &str, scores: &RunScores) -> String {
 /// The scores of motions of files.
 pub fn of_files(scores: &FileScores) -> String {
     let FileScores { n_motions, n_captions, n_truth, .. } = scores;
-    let noun = if *n_motions == 1 { "motion" } else { "motions" };
+    let shown = |score: Option<Repeated>| dash(score, |score| score.shown(3));
+    let row = |score: &FileScore| [score.name.to_string(), shown(score.found), shown(score.truth)];
     let mut text = format!(
-        "{n_motions} {noun}, {n_captions} with a caption, beside {n_truth} true ones\n\n{:<12}{:<20}{}\n",
-        "", "these", "true"
+        "{}, {n_captions} with a caption, beside {n_truth} true ones\n\n{}",
+        many(*n_motions, "motion"),
+        table(["<", "<these", "<true"], scores.scores.iter().map(row))
     );
-    let shown =
-        |score: Option<Repeated>| score.map_or_else(|| "-".to_string(), |score| score.shown(3));
-    for score in &scores.scores {
-        let (found, truth) = (shown(score.found), shown(score.truth));
-        let _ = writeln!(text, "{:<12}{found:<20}{truth}", score.name);
-    }
     text.push('\n');
     let mut reasons: Vec<&String> =
         scores.scores.iter().filter_map(|score| score.reason.as_ref()).collect();

@@ -1,14 +1,13 @@
 //! `isoflop evaluator`: what motions are scored by, and what it is worth.
 
-use std::path::PathBuf;
-
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
 use isoflop::evaluator::{EvaluatorReport, table};
-use isoflop::jobs::{JobKind, ResultsFolder};
+use isoflop::jobs::JobKind;
 use isoflop::plan::EvaluatorJob;
 use serde_json::json;
 
+use super::args::FolderArgs;
 use super::context::{OpenSweep, read_sweep};
 use super::exit::Exit;
 use super::output::Output;
@@ -25,14 +24,7 @@ enum What {
     /// Train the evaluator of a sweep and measure its gates, and nothing else of the sweep
     Train(RunArgs),
     /// Show the gates of the evaluators of sweeps
-    Gates(GatesArgs),
-}
-
-#[derive(Args)]
-struct GatesArgs {
-    /// Sweeps' folders
-    #[arg(required = true)]
-    results: Vec<PathBuf>,
+    Gates(FolderArgs),
 }
 
 pub fn evaluator(args: &EvaluatorArgs, output: &Output) -> Result<Exit> {
@@ -52,29 +44,22 @@ fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
     let kind = JobKind::of("evaluator").expect("a kind of job");
     run_only(args, kind, output, |OpenSweep { plan, folder, .. }| {
         let id = plan.evaluator.as_ref().map(EvaluatorJob::id);
-        match id.map(|id| folder.gates(&id)).transpose()?.flatten() {
-            Some(report) => show(&[report], output),
-            None => Ok(()),
+        if let Some(report) = id.map(|id| folder.gates(&id)).transpose()?.flatten() {
+            show(&[report], output)?;
         }
+        Ok(())
     })
 }
 
-fn gates(args: &GatesArgs, output: &Output) -> Result<Exit> {
-    let mut reports = Vec::new();
-    for folder in args.results.iter().map(ResultsFolder::new) {
-        if !folder.root().is_dir() {
-            bail!("{} does not exist; give a sweep's folder", folder.root().display());
-        }
-        reports.extend(folder.all_gates(|line| output.warn(&line))?);
-    }
+fn gates(args: &FolderArgs, output: &Output) -> Result<Exit> {
+    let reports = args.read(|folder| Ok(folder.all_gates(|line| output.warn(&line))?))?;
     if reports.is_empty() {
         bail!("no evaluator is trained yet; `isoflop evaluator train` trains that of a sweep");
     }
-    show(&reports, output)?;
-    Ok(Exit::Done)
+    show(&reports, output)
 }
 
-fn show(reports: &[EvaluatorReport], output: &Output) -> Result<()> {
+fn show(reports: &[EvaluatorReport], output: &Output) -> Result<Exit> {
     let texts: Vec<String> = reports.iter().map(table).collect();
-    Ok(output.result(&json!({ "evaluators": reports }), &texts.join("\n\n"))?)
+    output.result(&json!({ "evaluators": reports }), &texts.join("\n\n"))
 }

@@ -15,6 +15,7 @@ use serde_json::json;
 use super::exit::Exit;
 use super::output::Output;
 use exporter::Exporter;
+pub use notebook::way;
 
 #[derive(Args)]
 pub struct ExportArgs {
@@ -63,8 +64,7 @@ pub fn export(args: &ExportArgs, output: &Output) -> Result<Exit> {
         ExportForm::Notebook => json!({ "notebook": paths[0] }),
         _ => json!({ "files": paths }),
     };
-    output.result(&document, &text)?;
-    Ok(Exit::Done)
+    output.result(&document, &text)
 }
 
 /// Files that are named one by one, at most.

@@ -15,7 +15,7 @@ pub fn write(exporter: &Exporter) -> Result<Vec<PathBuf>> {
     let results = seen_from(exporter.folder.root(), &exporter.out)?;
     let document = notebook(&NotebookInput { name: &name, results: &results });
     let path = exporter.out.join(format!("{name}.ipynb"));
-    atomic::write_json(&path, &document).with_context(|| format!("writing {}", path.display()))?;
+    atomic::write_json(&path, &document)?;
     Ok(vec![path])
 }
 
@@ -23,10 +23,14 @@ pub fn write(exporter: &Exporter) -> Result<Vec<PathBuf>> {
 fn seen_from(target: &Path, from: &Path) -> Result<String> {
     let here = std::env::current_dir().context("finding the working folder")?;
     let [target, from] = [target, from].map(|path| normal(&here.join(path)));
+    Ok(way(&from, &target).to_string_lossy().replace('\\', "/"))
+}
+
+/// The way to `target` from the folder `from`, both from the root on.
+pub fn way(from: &Path, target: &Path) -> PathBuf {
     let shared = target.components().zip(from.components()).take_while(|(a, b)| a == b).count();
     let up = from.components().skip(shared).map(|_| Component::ParentDir);
-    let way: PathBuf = up.chain(target.components().skip(shared)).collect();
-    Ok(way.to_string_lossy().replace('\\', "/"))
+    up.chain(target.components().skip(shared)).collect()
 }
 
 /// Without `.` and `..`.

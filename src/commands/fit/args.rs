@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
-use isoflop::laws::LawKind;
+use isoflop::laws::{HoldOut, Huber, LawKind, MinimumMethod, Space, Starts};
+use isoflop::spec::FlopsRule;
+use isoflop::table::OutlierStage;
 
-use crate::commands::args::budget;
+use crate::commands::args::{budget, number, one_of};
 
 /// Shown below the options.
 const EXAMPLES: &str = "\
@@ -47,8 +49,14 @@ pub struct TableArgs {
     #[arg(long, value_name = "K", help_heading = "Table")]
     pub drop_highest: Option<usize>,
     /// Leave out doubtful rows, naming each: duplicates, few-levels, off-centre, spline
-    #[arg(long, value_name = "STAGE,…", value_delimiter = ',', help_heading = "Table")]
-    pub outliers: Vec<String>,
+    #[arg(
+        long,
+        value_name = "STAGE,…",
+        value_delimiter = ',',
+        value_parser = str::parse::<OutlierStage>,
+        help_heading = "Table"
+    )]
+    pub outliers: Vec<OutlierStage>,
     /// Which law to fit
     #[arg(long, value_parser = a_law(), help_heading = "Law")]
     pub law: Option<LawKind>,
@@ -72,8 +80,8 @@ pub struct FitArgs {
     )]
     pub by: Option<String>,
     /// The kind of minimum that the laws are fitted to
-    #[arg(long, value_enum, help_heading = "Law")]
-    pub minima: Option<MinimaName>,
+    #[arg(long, value_parser = one_of(MINIMA), help_heading = "Law")]
+    pub minima: Option<MinimumMethod>,
     /// Fit the runs of a sweep's validations beside its own, as further budgets
     #[arg(long, help_heading = "Law")]
     pub validations: bool,
@@ -81,20 +89,20 @@ pub struct FitArgs {
     #[arg(long, help_heading = "Law")]
     pub keep_flagged: bool,
     /// The count of FLOPs that the laws are written in
-    #[arg(long, value_enum, help_heading = "Law")]
-    pub flops: Option<FlopsName>,
+    #[arg(long, value_parser = a_rule(), help_heading = "Law")]
+    pub flops: Option<FlopsRule>,
     /// Residuals of the loss or of its logarithm, for a parametric law
-    #[arg(long, value_enum, help_heading = "Law")]
-    pub space: Option<SpaceName>,
+    #[arg(long, value_parser = one_of(SPACES), help_heading = "Law")]
+    pub space: Option<Space>,
     /// Huber's threshold: a number, mad (1.345 standard deviations by the residuals' MAD) or none
     ///
     /// For a parametric law a number is in units of the loss or its logarithm; for the power laws of
     /// minima and of the frontier, in MADs of their residuals.
     #[arg(long, value_name = "DELTA|mad|none", value_parser = huber, help_heading = "Law")]
-    pub huber: Option<HuberName>,
+    pub huber: Option<Huber>,
     /// Where the search for a parametric law begins: a few good points, or Hoffmann's 4500
-    #[arg(long, value_enum, help_heading = "Law")]
-    pub starts: Option<StartsName>,
+    #[arg(long, value_parser = one_of(STARTS), help_heading = "Law")]
+    pub starts: Option<Starts>,
     /// Keep the exponents of model and data equal (alpha1 = beta)
     #[arg(long, help_heading = "Law")]
     pub tied: bool,
@@ -103,8 +111,8 @@ pub struct FitArgs {
     pub compat: Option<CompatName>,
 
     /// largest, none, or the declared budget that takes no part
-    #[arg(long, value_name = "largest|none|C", help_heading = "Uncertainty")]
-    pub hold_out: Option<String>,
+    #[arg(long, value_name = "largest|none|C", value_parser = hold_out, help_heading = "Uncertainty")]
+    pub hold_out: Option<HoldOut>,
     /// Bootstrap replicates; 0 for no intervals
     #[arg(long, value_name = "N", help_heading = "Uncertainty")]
     pub bootstrap: Option<usize>,
@@ -126,33 +134,22 @@ pub struct FitArgs {
     pub out: Option<PathBuf>,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum MinimaName {
-    Argmin,
-    Parabola,
-    Cubic,
-    Akima,
-    Surface,
-}
+const MINIMA: [(&str, &str, MinimumMethod); 5] = [
+    ("argmin", "", MinimumMethod::Argmin),
+    ("parabola", "", MinimumMethod::Parabola),
+    ("cubic", "", MinimumMethod::Cubic),
+    ("akima", "", MinimumMethod::Akima),
+    ("surface", "", MinimumMethod::Surface),
+];
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FlopsName {
-    Openai,
-    #[value(name = "6nd")]
-    SixNd,
-    Exact,
-}
+const SPACES: [(&str, &str, Space); 2] = [("log", "", Space::Log), ("raw", "", Space::Raw)];
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum SpaceName {
-    Log,
-    Raw,
-}
+const STARTS: [(&str, &str, Starts); 2] =
+    [("grid", "", Starts::Grid), ("default", "", Starts::Projected)];
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum StartsName {
-    Grid,
-    Default,
+/// The parser of the name of a count of FLOPs.
+fn a_rule() -> impl TypedValueParser<Value = FlopsRule> {
+    one_of(FlopsRule::ALL.map(|rule| (rule.name(), "", rule)))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -163,28 +160,28 @@ pub enum CompatName {
     Scamo,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum HuberName {
-    Delta(f64),
-    Mad,
-    None,
+/// Power laws' Huber δ where `mad` is asked for: 95 % of the precision of least squares.
+const MADS: f64 = 1.345;
+
+fn huber(text: &str) -> Result<Huber, String> {
+    match text {
+        "mad" => Ok(Huber::Mad(MADS)),
+        "none" => Ok(Huber::None),
+        delta => number(delta, |x| x > 0.0, "a number above 0, mad or none").map(Huber::Delta),
+    }
 }
 
-fn huber(text: &str) -> Result<HuberName, String> {
+fn hold_out(text: &str) -> Result<HoldOut, String> {
     match text {
-        "mad" => Ok(HuberName::Mad),
-        "none" => Ok(HuberName::None),
-        number => match number.parse::<f64>() {
-            Ok(delta) if delta.is_finite() && delta > 0.0 => Ok(HuberName::Delta(delta)),
-            _ => Err(format!("{number} is neither a number above 0, nor mad, nor none")),
-        },
+        "largest" => Ok(HoldOut::LargestBudget),
+        "none" => Ok(HoldOut::None),
+        budget => {
+            number(budget, |_| true, "largest, none or a number of FLOPs").map(HoldOut::Budget)
+        }
     }
 }
 
 /// The parser of a law's name.
 fn a_law() -> impl TypedValueParser<Value = LawKind> {
-    let names = LawKind::fitted().map(|law| PossibleValue::new(law.name()).help(law.about()));
-    let named = |name: String| LawKind::fitted().find(|law| law.name() == name);
-    PossibleValuesParser::new(names)
-        .map(move |name| named(name).expect("one of the possible values"))
+    one_of(LawKind::fitted().map(|law| (law.name(), law.about(), law)))
 }

@@ -10,7 +10,6 @@ use serde_json::{Map, Value, json};
 
 use super::args::FitArgs;
 use super::fitted::Fitted;
-use super::request::FitRequest;
 use super::table::RunTable;
 use crate::commands::exit::{Exit, sentence};
 use crate::commands::output::Output;
@@ -26,10 +25,10 @@ struct Done {
 ///
 /// # Errors
 /// Where no group can be fitted, the first one's error unless it is that of its runs.
-pub fn fit(column: &str, args: &FitArgs, request: &FitRequest, output: &Output) -> Result<Exit> {
-    let table = RunTable::open(&args.source, request.rule)?;
-    let groups = table.groups(&request.table, column)?;
-    let files = args.out.as_deref().map(|folder| files(folder, &groups)).transpose()?;
+pub fn fit(column: &str, request: &FitArgs, output: &Output) -> Result<Exit> {
+    let table = RunTable::open(&request.source, request.flops)?;
+    let groups = table.groups(&request.rows(), column)?;
+    let files = request.out.as_deref().map(|folder| files(folder, &groups)).transpose()?;
     let each = groups.into_iter().map(|group| one(&table, group, request, output));
     let mut done: Vec<Done> = each.collect();
     let count = done.iter().filter(|one| one.fitted.is_ok()).count();
@@ -53,17 +52,17 @@ fn is_of_the_runs(error: &anyhow::Error) -> bool {
     error.downcast_ref::<FitError>().is_some_and(FitError::is_unidentifiable)
 }
 
-fn one(table: &RunTable, group: Group, request: &FitRequest, output: &Output) -> Done {
-    let own = TableRequest { group: Some(group.clone()), ..request.table.clone() };
+fn one(table: &RunTable, group: Group, request: &FitArgs, output: &Output) -> Done {
+    let own = TableRequest { group: Some(group.clone()), ..request.rows() };
     let mut source = match table.source(&own) {
         Ok(source) => source,
         Err(error) => return Done { group, runs: 0, fitted: Err(error) },
     };
     source.name = format!("{} {}", table.name, group.value);
-    let told = source.notes.iter().cloned().chain(source.lost());
+    let told = source.rows.notes.iter().cloned().chain(source.lost());
     told.for_each(|line| output.note(&format!("{}: {line}", group.value)));
     let fitted = Fitted::of(&source, request, output);
-    Done { group, runs: source.points.len(), fitted }
+    Done { group, runs: source.rows.points.len(), fitted }
 }
 
 fn document(column: &str, done: &[Done]) -> Value {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use isoflop::files::atomic;
 use isoflop::laws::Laws;
 use isoflop::predict::Prediction;
@@ -10,12 +10,12 @@ use isoflop::words::fit::{brief, summary};
 use isoflop::words::prediction::said;
 use serde_json::{Value, json};
 
+use super::args::FitArgs;
 use super::laws::laws;
-use super::request::FitRequest;
 use super::slow::Slow;
 use super::source::Source;
 use crate::commands::output::Output;
-use crate::commands::predict::predict_one;
+use crate::commands::predict::each;
 use crate::commands::validate::gathered;
 
 /// What a fit prints and keeps.
@@ -26,8 +26,8 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    pub fn of(source: &Source, request: &FitRequest, output: &Output) -> Result<Self> {
-        let runs = source.points.len();
+    pub fn of(source: &Source, request: &FitArgs, output: &Output) -> Result<Self> {
+        let runs = source.rows.points.len();
         let line = format!("fitting {runs} runs of {} and their bootstrap …", source.name);
         let _slow = Slow::watch(output, line);
         let mut laws = laws(source, request)?;
@@ -37,7 +37,7 @@ impl Fitted {
                 laws = laws.answered();
             }
         }
-        request.raw_note(&source.points).iter().for_each(|note| output.note(note));
+        request.raw_note(&source.rows.points).iter().for_each(|note| output.note(note));
         let predictions = predictions(&laws, source, request, output);
         Ok(Self {
             document: document(&laws, &predictions, source)?,
@@ -47,7 +47,7 @@ impl Fitted {
     }
 
     pub fn write(&self, path: &Path) -> Result<()> {
-        atomic::write_json(path, &self.laws).with_context(|| format!("writing {}", path.display()))
+        Ok(atomic::write_json(path, &self.laws)?)
     }
 }
 
@@ -55,20 +55,13 @@ impl Fitted {
 fn predictions(
     laws: &Laws,
     source: &Source,
-    request: &FitRequest,
+    request: &FitArgs,
     output: &Output,
 ) -> Vec<Prediction> {
     // A sweep has a list of its own, for `isoflop predict`.
-    let budgets = source.points.iter().map(|point| point.budget_flops);
+    let budgets = source.rows.points.iter().map(|point| point.budget_flops);
     let largest = budgets.reduce(f64::max).filter(|_| source.sweep.is_none());
-    let predicted = |budget| match predict_one(laws, budget) {
-        Ok(prediction) => Some(prediction),
-        Err(error) => {
-            output.warn(&format!("no optimum for {budget:e} FLOPs: {error}"));
-            None
-        }
-    };
-    request.budgets(largest).into_iter().filter_map(predicted).collect()
+    each(laws, &request.budgets(largest), output)
 }
 
 /// What `laws.json` holds; beside it the optima asked for, and what became of a table's rows.
@@ -76,8 +69,8 @@ fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<
     let mut document = serde_json::to_value(laws)?;
     document["verdict"] = json!(brief(laws));
     if source.sweep.is_none() {
-        document["dropped"] = json!(source.dropped);
-        document["notes"] = json!(source.notes);
+        document["dropped"] = json!(source.rows.dropped);
+        document["notes"] = json!(source.rows.notes);
     }
     if !predictions.is_empty() {
         document["predictions"] = serde_json::to_value(predictions)?;

@@ -3,11 +3,11 @@
 use isoflop::laws;
 use isoflop::laws::MinimumMethod;
 use isoflop::laws::{
-    FitError, FitOptions, Form, Judgement, LawKind, Laws, Parameters, ParametricOptions, Space,
-    fit_parametric, parametric_laws,
+    FitError, FitOptions, Form, Judgement, LawKind, Laws, Parameters,
+    ParametricOptions, Space, fit_parametric, parametric_laws,
 };
 
-use super::request::FitRequest;
+use super::args::FitArgs;
 use super::source::{OwnSweep, Source};
 use super::sweep;
 
@@ -15,20 +15,20 @@ use super::sweep;
 const BOOTSTRAP: usize = 1000;
 
 /// Fits the law that was asked for.
-pub fn laws(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
-    let laws = match (request.law, &source.sweep) {
+pub fn laws(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
+    let laws = match (request.law(), &source.sweep) {
         (LawKind::Isoflop, Some(own)) => of_sweep(own, request),
         (LawKind::Isoflop, None) => of_budgets(source, request),
         (LawKind::Approach1, _) => approach1(source, request),
         (LawKind::Parametric(form), _) => parametric(source, request, form),
         (LawKind::Published, _) => unreachable!("no law that can be asked for"),
     }?;
-    let laws = match (&source.sweep, request.law) {
+    let laws = match (&source.sweep, request.law()) {
         // The laws of a sweep's own kind know its models already.
         (Some(own), law) if law != LawKind::Isoflop => sweep::of_own_models(laws, &own.records),
         _ => laws,
     };
-    Ok(match &source.doubts[..] {
+    Ok(match &source.rows.doubts[..] {
         [] => laws,
         doubts => {
             let judgement =
@@ -38,12 +38,12 @@ pub fn laws(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
     })
 }
 
-fn of_sweep(own: &OwnSweep, request: &FitRequest) -> Result<Laws, FitError> {
+fn of_sweep(own: &OwnSweep, request: &FitArgs) -> Result<Laws, FitError> {
     sweep::fit_records(&own.records, &sweep::overridden(sweep::options(&own.sweep), request))
 }
 
-fn of_budgets(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
-    if !source.budget_declared {
+fn of_budgets(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
+    if !source.rows.budget_declared {
         return Err(FitError::NoBudgets);
     }
     let mut methods = vec![
@@ -52,48 +52,45 @@ fn of_budgets(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
         MinimumMethod::Cubic,
         MinimumMethod::Akima,
     ];
-    if source.parameters == Parameters::Split {
+    if source.rows.parameters == Parameters::Split {
         methods.push(MinimumMethod::Surface);
     }
-    let options = FitOptions {
-        methods,
-        law_method: request.minima,
-        hold_out: request.hold_out.unwrap_or_default(),
-        keep_flagged: request.keep_flagged,
-        ..options(source, request)
-    };
-    laws::fit(&source.points, &options)
+    let options = sweep::asked(FitOptions { methods, ..named(source) }, request);
+    laws::fit(&source.rows.points, &options)
 }
 
-fn approach1(source: &Source, request: &FitRequest) -> Result<Laws, FitError> {
-    laws::approach1(&laws::of_largest_share(&source.points), &options(source, request))
-}
-
-fn options(source: &Source, request: &FitRequest) -> FitOptions {
+fn named(source: &Source) -> FitOptions {
     FitOptions {
         name: source.name.clone(),
         flops_rule: source.rule.name().to_string(),
-        parameters: source.parameters,
-        huber: request.huber_mads,
-        bootstrap: request.bootstrap.unwrap_or(BOOTSTRAP),
-        seed: request.seed,
+        parameters: source.rows.parameters,
         ..FitOptions::default()
     }
 }
 
-fn parametric(source: &Source, request: &FitRequest, form: Form) -> Result<Laws, FitError> {
-    if form.parameters() == Parameters::Split && source.parameters == Parameters::Total {
+fn approach1(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
+    let options = FitOptions {
+        huber: request.huber_mads(),
+        bootstrap: request.bootstrap.unwrap_or(BOOTSTRAP),
+        seed: request.seed.unwrap_or(0),
+        ..named(source)
+    };
+    laws::approach1(&laws::of_largest_share(&source.rows.points), &options)
+}
+
+fn parametric(source: &Source, request: &FitArgs, form: Form) -> Result<Laws, FitError> {
+    if form.parameters() == Parameters::Split && source.rows.parameters == Parameters::Total {
         return Err(FitError::NotIdentified(format!(
             "{} needs N_nv and N_v apart: name params_nonvocab, and params_vocab or n_vocab and \
              d_model, in --columns",
             form.name()
         )));
     }
-    let points = laws::of_largest_share(&source.points);
+    let points = laws::of_largest_share(&source.rows.points);
     let budgets = points.iter().map(|point| point.budget_flops).reduce(f64::max);
     let influence_at = request.budgets(budgets).into_iter().reduce(f64::max);
     let mut options = ParametricOptions { influence_at, ..request.parametric(form) };
-    let raw_note = request.raw_note(&source.points);
+    let raw_note = request.raw_note(&source.rows.points);
     if raw_note.is_some() {
         options.space = Space::Raw;
     }

@@ -20,7 +20,6 @@ use isoflop::laws::{LawKind, Laws};
 use super::exit::Exit;
 use super::output::Output;
 use fitted::Fitted;
-use request::FitRequest;
 use source::Source;
 
 pub use args::{FitArgs, TableArgs};
@@ -29,9 +28,9 @@ pub use study::{TableStudy, beside};
 pub use sweep::{fit_records, options, points};
 
 pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
-    let request = FitRequest::of(args)?;
+    let request = args.resolved();
     if let Some(column) = &args.by {
-        return by::fit(column, args, &request, output);
+        return by::fit(column, &request, output);
     }
     let source = table::open(&args.source, &request)?;
     source.tell(output);

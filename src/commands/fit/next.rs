@@ -1,6 +1,6 @@
 //! `--next`: what the laws advise to run, as a sweep file over the sweep's own.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use isoflop::files::atomic;
@@ -11,6 +11,7 @@ use isoflop::words::wrap;
 use super::source::OwnSweep;
 use crate::commands::buildable::{codes, distinct, model, nonvocab};
 use crate::commands::by_generator::home;
+use crate::commands::export::way;
 
 /// How far a size may be from one of the sweep's for that one to be taken.
 const SAME: f64 = 0.01;
@@ -36,8 +37,7 @@ pub fn write(path: &Path, own: &OwnSweep, laws: &Laws) -> Result<()> {
     }
     let base = own.folder.file("sweep.yaml");
     let text = text(&own.sweep, &relative(path, &base)?, own.folder.root(), path, &parts);
-    atomic::write_bytes(path, text.as_bytes())
-        .with_context(|| format!("writing {}", path.display()))
+    Ok(atomic::write_bytes(path, text.as_bytes())?)
 }
 
 /// What an advice names, as models and vocabularies that can be built.
@@ -131,11 +131,7 @@ fn relative(file: &Path, base: &Path) -> Result<PathBuf> {
     let find =
         |path: &Path| path.canonicalize().with_context(|| format!("finding {}", path.display()));
     let (folder, base) = (find(folder)?, find(base)?);
-    let (from, to): (Vec<Component>, Vec<Component>) =
-        (folder.components().collect(), base.components().collect());
-    let shared = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
-    let up = std::iter::repeat_n(Component::ParentDir, from.len() - shared);
-    Ok(up.chain(to[shared..].iter().copied()).collect())
+    Ok(way(&folder, &base))
 }
 
 #[cfg(test)]

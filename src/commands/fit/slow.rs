@@ -5,7 +5,8 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
-use crate::commands::output::{Output, say};
+use crate::commands::output::Output;
+use crate::commands::screen::say;
 
 /// How long a fit takes without a word.
 const PATIENCE: Duration = Duration::from_secs(2);

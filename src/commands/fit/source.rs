@@ -4,13 +4,13 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{IsoFlopPoint, Parameters};
+use isoflop::laws::Parameters;
 use isoflop::record::{RunRecord, Tuned, table as runs};
 use isoflop::spec::FlopsRule;
 use isoflop::sweep::Sweep;
-use isoflop::table::Dropped;
+use isoflop::table::{Dropped, Loaded};
 
-use super::request::FitRequest;
+use super::args::FitArgs;
 use crate::commands::by_generator::{of_one, sweep_of};
 use crate::commands::output::Output;
 use crate::commands::validate::validation_folders;
@@ -18,16 +18,10 @@ use crate::commands::validate::validation_folders;
 /// Points, and what they were made of.
 pub struct Source {
     pub name: String,
-    pub points: Vec<IsoFlopPoint>,
-    pub parameters: Parameters,
-    /// The count of FLOPs of [`IsoFlopPoint::flops`].
+    /// The count of FLOPs of [`IsoFlopPoint::flops`](isoflop::laws::IsoFlopPoint::flops).
     pub rule: FlopsRule,
-    /// Whether rows can be grouped by a budget that somebody declared.
-    pub budget_declared: bool,
-    pub dropped: Vec<Dropped>,
-    pub notes: Vec<String>,
-    /// Sentences on what is likely wrong with all rows.
-    pub doubts: Vec<String>,
+    /// The points, what became of other rows, and what is likely wrong.
+    pub rows: Loaded,
     /// Where the points are a sweep's own, untouched.
     pub sweep: Option<OwnSweep>,
 }
@@ -42,19 +36,19 @@ pub struct OwnSweep {
 impl Source {
     /// Says what became of rows, and what was taken without being asked.
     pub fn tell(&self, output: &Output) {
-        self.notes.iter().cloned().chain(self.lost()).for_each(|line| output.note(&line));
+        self.rows.notes.iter().cloned().chain(self.lost()).for_each(|line| output.note(&line));
     }
 
     /// A sentence for each row that was dropped.
     pub fn lost(&self) -> impl Iterator<Item = String> {
         let said =
             |row: &Dropped| format!("dropped {} ({}): {}", row.run_id, row.stage, row.reason);
-        self.dropped.iter().map(said)
+        self.rows.dropped.iter().map(said)
     }
 }
 
 /// The runs of a sweep's folder.
-pub fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
+pub fn of_sweep(path: &Path, request: &FitArgs) -> Result<Source> {
     let folder = ResultsFolder::new(path);
     let sweep = sweep_of(&folder)?;
     let mut records = runs::read(folder.root())?;
@@ -67,19 +61,18 @@ pub fn of_sweep(path: &Path, request: &FitRequest) -> Result<Source> {
         records.extend(more);
     }
     let Tuned { records, told } = Tuned::of(&records);
-    let rule = request.rule.unwrap_or(sweep.flops.rule);
+    let rule = request.flops.unwrap_or(sweep.flops.rule);
     let (points, left_out) = super::sweep::points(&records, rule);
-    Ok(Source {
-        name: sweep.name.clone(),
+    let rows = Loaded {
         points,
         parameters: Parameters::Split,
-        rule,
         budget_declared: true,
         dropped: Vec::new(),
         notes: left_out.into_iter().chain(told).collect(),
         doubts: Vec::new(),
-        sweep: Some(OwnSweep { folder, sweep, records }),
-    })
+    };
+    let name = sweep.name.clone();
+    Ok(Source { name, rule, rows, sweep: Some(OwnSweep { folder, sweep, records }) })
 }
 
 /// The runs of every validation that has a table, by budget.

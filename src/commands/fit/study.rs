@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use isoflop::figures::FigureInput;
 use isoflop::laws::{LOSS_NORMALISED, Laws};
 use isoflop::record::RunRecord;
 
-use super::args::TableArgs;
+use super::args::{FitArgs, TableArgs};
 use super::laws::laws;
-use super::request::FitRequest;
 use super::table::RunTable;
 
 use crate::commands::exit::sentence;
@@ -31,17 +31,18 @@ impl TableStudy {
         if path.extension().is_some_and(|extension| extension == "json") {
             return Self::of_laws(path, args);
         }
-        let request = FitRequest::of_table(args)?;
-        let source = RunTable::open(path, request.rule)?.source(&request.table)?;
+        let request = FitArgs::of_table(args);
+        let source = RunTable::open(path, request.flops)?.source(&request.rows())?;
         source.tell(output);
         let laws = laws(&source, &request);
         if let Err(error) = &laws {
             output.warn(&format!("no laws: {}", sentence(&anyhow::anyhow!(error.clone()))));
         }
-        let records = source.points.iter().map(|point| RunRecord::of_point(point, source.rule));
+        let records =
+            source.rows.points.iter().map(|point| RunRecord::of_point(point, source.rule));
         Ok(Self {
             records: records.collect(),
-            loss: source.points[0].metric.name().to_string(),
+            loss: source.rows.points[0].metric.name().to_string(),
             name: source.name,
             laws: laws.ok(),
         })
@@ -57,6 +58,17 @@ impl TableStudy {
         let laws = laws_of(path)?;
         let (name, loss) = (laws.name.clone(), laws.metric.name().to_string());
         Ok(Self { name, records: Vec::new(), laws: Some(laws), loss })
+    }
+
+    /// What figures show of it.
+    pub fn figures(&self) -> FigureInput<'_> {
+        FigureInput {
+            title: &self.name,
+            loss_name: self.loss_name(),
+            records: &self.records,
+            laws: self.laws.as_ref(),
+            tokenizers: &[],
+        }
     }
 
     /// What the loss is called, if it is not L_u.

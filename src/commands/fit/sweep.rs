@@ -5,11 +5,12 @@ use isoflop::laws::{
     sensitivity_row, slices,
 };
 use isoflop::record::RunRecord;
-use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
-use isoflop::spec::{Ffn, FlopsRule, ModelShape};
+use isoflop::spec::FlopsRule;
+use isoflop::spec::flops::TRAINING_PER_FORWARD;
 use isoflop::sweep::{HoldOutSpec, Sweep};
 
-use super::request::FitRequest;
+use super::args::FitArgs;
+use crate::commands::predict::openai_blocks;
 
 /// What a fit needs beside the records.
 pub struct SweepFit {
@@ -38,19 +39,24 @@ pub fn options(sweep: &Sweep) -> SweepFit {
 }
 
 /// The same with what the command line asks for instead.
-pub fn overridden(mut fit: SweepFit, request: &FitRequest) -> SweepFit {
-    let options = &mut fit.options;
-    options.seed = request.seed;
-    options.bootstrap = request.bootstrap.unwrap_or(options.bootstrap);
-    options.law_method = request.minima.or(options.law_method);
-    options.hold_out = request.hold_out.unwrap_or(options.hold_out);
-    options.huber = request.huber_mads.or(options.huber);
-    options.keep_flagged |= request.keep_flagged;
-    if let Some(rule) = request.rule {
-        options.flops_rule = rule.name().to_string();
-        fit.rule = rule;
+pub fn overridden(fit: SweepFit, request: &FitArgs) -> SweepFit {
+    let mut options = asked(fit.options, request);
+    let rule = request.flops.unwrap_or(fit.rule);
+    options.flops_rule = rule.name().to_string();
+    SweepFit { rule, options, ..fit }
+}
+
+/// Options with those that the command line gives.
+pub fn asked(options: FitOptions, request: &FitArgs) -> FitOptions {
+    FitOptions {
+        seed: request.seed.unwrap_or(0),
+        bootstrap: request.bootstrap.unwrap_or(options.bootstrap),
+        law_method: request.minima.or(options.law_method),
+        hold_out: request.hold_out.unwrap_or(options.hold_out),
+        huber: request.huber_mads().or(options.huber),
+        keep_flagged: options.keep_flagged || request.keep_flagged,
+        ..options
     }
-    fit
 }
 
 /// Laws of finished runs, with rows of the sensitivity table for the other counts of FLOPs.
@@ -161,20 +167,11 @@ fn head_share(records: &[RunRecord]) -> Option<f64> {
 /// What a token costs by the OpenAI rule beside the blocks, as a share of a head over all codes.
 fn share_of(record: &RunRecord) -> Option<f64> {
     let RunRecord { planned, measured, .. } = record;
-    let shape = ModelShape {
-        n_layer: planned.n_layer?,
-        n_head: planned.n_head?,
-        d_model: planned.d_model?,
-        d_ff: 0,
-        n_ctx: planned.n_ctx?,
-        d_text: 0,
-        ffn: Ffn::SwiGlu,
-        tie_embeddings: false,
-        rope_base: 10_000.0,
-    };
+    let (layers, width) = (planned.n_layer?, planned.d_model?);
+    let blocks = openai_blocks(layers, width, planned.n_ctx?);
     let tokens = TRAINING_PER_FORWARD * measured.tokens as f64;
-    let head = measured.flops_openai? / tokens - openai_per_token(&shape, 0) as f64;
-    Some(head / (2 * planned.n_vocab * shape.d_model) as f64)
+    let head = measured.flops_openai? / tokens - blocks;
+    Some(head / (2 * planned.n_vocab * width) as f64)
 }
 
 /// The runs as the laws see them, and a sentence on those whose records lack what a point needs.

@@ -8,15 +8,15 @@ use isoflop::laws::FitError;
 use isoflop::spec::FlopsRule;
 use isoflop::table::{self, Group, Table, TableRequest};
 
-use super::request::FitRequest;
+use super::args::FitArgs;
 use super::source::{Source, of_sweep};
 use crate::commands::by_generator::sweep_of;
 
 /// The points of a sweep's folder, or of a table.
-pub fn open(path: &Path, request: &FitRequest) -> Result<Source> {
-    match path.is_dir() && !request.as_table {
+pub fn open(path: &Path, request: &FitArgs) -> Result<Source> {
+    match path.is_dir() && !request.is_of_rows() {
         true => of_sweep(path, request),
-        false => RunTable::open(path, request.rule)?.source(&request.table),
+        false => RunTable::open(path, request.flops)?.source(&request.rows()),
     }
 }
 
@@ -50,21 +50,11 @@ impl RunTable {
     /// Its points.
     pub fn source(&self, request: &TableRequest) -> Result<Source> {
         let columns = self.with_flops(request.columns.as_deref())?;
-        let loaded = table::load(&self.table, &TableRequest { columns, ..request.clone() })?;
-        if loaded.points.is_empty() {
+        let rows = table::load(&self.table, &TableRequest { columns, ..request.clone() })?;
+        if rows.points.is_empty() {
             return Err(FitError::NoPoints.into());
         }
-        Ok(Source {
-            name: self.name.clone(),
-            points: loaded.points,
-            parameters: loaded.parameters,
-            rule: self.rule,
-            budget_declared: loaded.budget_declared,
-            dropped: loaded.dropped,
-            notes: loaded.notes,
-            doubts: loaded.doubts,
-            sweep: None,
-        })
+        Ok(Source { name: self.name.clone(), rule: self.rule, rows, sweep: None })
     }
 
     /// `--columns` with what a run spent by the rule: 6ND follows from the rest, the others need a

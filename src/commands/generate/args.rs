@@ -1,17 +1,17 @@
 //! What `isoflop generate` takes, and the motions that follow from it.
 
-use std::fs;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use isoflop::generator::{Draw, Sampling};
 use isoflop::jobs::TrainedRun;
 use isoflop::ops::DeviceName;
 
 use super::edit::{self, Source};
-use crate::commands::args::{device, not_negative, share};
+use crate::commands::args::{device, not_negative, number, share};
+use crate::commands::tokenize::lines_of;
 
 #[derive(Args)]
 pub struct GenerateArgs {
@@ -79,10 +79,7 @@ impl GenerateArgs {
     pub fn all_captions(&self) -> Result<Vec<String>> {
         let mut captions = self.captions.clone();
         if let Some(path) = &self.texts {
-            let text = fs::read_to_string(path);
-            let text = text.with_context(|| format!("reading {}", path.display()))?;
-            let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
-            captions.extend(lines.map(String::from));
+            captions.extend(lines_of(path)?);
         }
         if captions.is_empty() {
             bail!("no caption; give one, as in `isoflop generate \"a person walks\" --run RUN`");
@@ -112,5 +109,5 @@ impl GenerateArgs {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    not_negative(text).and_then(|x| if x > 0.0 { Ok(x) } else { Err("must be above 0".into()) })
+    number(text, |x| x > 0.0, "a number above 0")
 }

@@ -59,10 +59,8 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
     let made = make(args, &run, &orders, source.as_ref())?;
     let made_s = started.elapsed().as_secs_f64();
     let motions = write(args, &run, &orders, &made, &out)?;
-    let summary = text::Summary { run: &run, motions: &motions, out: &out, made_s };
     let document = json!({ "run": run.run_id, "folder": out, "motions": motions });
-    output.result(&document, &summary.text())?;
-    Ok(Exit::Done)
+    output.result(&document, &text::text(&run, &motions, &out, made_s))
 }
 
 /// The folder that motions are written to, which holds none yet, or none that are to stay.

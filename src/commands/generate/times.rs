@@ -1,6 +1,5 @@
 //! `isoflop generate --times`: how long a motion takes, by batch, with and without guidance.
 
-use std::fmt::Write;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -12,6 +11,7 @@ use serde_json::json;
 use super::args::GenerateArgs;
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
+use crate::commands::screen::table;
 
 /// Motions that are made side by side.
 const BATCHES: [usize; 4] = [1, 4, 16, 64];
@@ -49,7 +49,7 @@ struct Timed {
 /// Measures a run's generator and tokenizer on the device at hand.
 pub fn times(args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<Exit> {
     let caption = args.captions.first().map_or(CAPTION, String::as_str);
-    let text = run.embed(caption)?;
+    let vectors = run.embed(caption)?;
     let fps = run.spec.fps;
     let n_frames = args.n_frames(fps).unwrap_or((SECONDS * fps).round() as usize);
     let asked = if args.guidance > 0.0 { args.guidance } else { GUIDANCE };
@@ -57,14 +57,13 @@ pub fn times(args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<E
     let mut all = Vec::new();
     for &guidance in &guidances {
         let sampling = Sampling { guidance, ..args.sampling() };
-        all.extend(of_batches(run, (&text, n_frames), &sampling)?);
+        all.extend(of_batches(run, (&vectors, n_frames), &sampling)?);
     }
     let seconds = n_frames as f64 / fps;
     let document = json!({
         "run": run.run_id, "device": args.device.name(), "seconds_of_motion": seconds, "times": all,
     });
-    output.result(&document, &table(args, run, seconds, &all))?;
-    Ok(Exit::Done)
+    output.result(&document, &text(args, run, seconds, &all))
 }
 
 /// Batch after batch, until one would take too long.
@@ -122,26 +121,21 @@ fn timed(
 }
 
 /// A line a batch and guidance.
-fn table(args: &GenerateArgs, run: &TrainedRun, seconds: f64, times: &[Timed]) -> String {
-    let generator = run.spec.generator.name();
-    let mut text = format!(
-        "{generator}, {} ({})\nmotions of {seconds:.1} s on {}\n\n{:>6} {:>9}  {:<12} {:<22} {}\n",
+fn text(args: &GenerateArgs, run: &TrainedRun, seconds: f64, times: &[Timed]) -> String {
+    let row = |timed: &Timed| {
+        let Timed { batch, guidance, seconds, least, most, .. } = timed;
+        let [own, a_minute] = [format!("{seconds:.5}"), format!("{:.0}", 60.0 / seconds)];
+        let range = format!("{least:.5} to {most:.5}");
+        [batch.to_string(), guidance.to_string(), own, range, a_minute]
+    };
+    let heads = ["batch", "guidance", "<s a motion", "<least to most", "<motions a minute"];
+    format!(
+        "{}, {} ({})\nmotions of {seconds:.1} s on {}\n\n{}\
+         the median of five rounds and more; decoding is part of it, files are not",
+        run.spec.generator.name(),
         run.spec.label(),
         run.run_id,
         args.device.name(),
-        "batch",
-        "guidance",
-        "s a motion",
-        "least to most",
-        "motions a minute",
-    );
-    for Timed { batch, guidance, seconds, least, most, .. } in times {
-        let _ = writeln!(
-            text,
-            "{batch:>6} {guidance:>9}  {seconds:<12.5} {:<22} {:.0}",
-            format!("{least:.5} to {most:.5}"),
-            60.0 / seconds,
-        );
-    }
-    text + "the median of five rounds and more; decoding is part of it, files are not"
+        table(heads, times.iter().map(row))
+    )
 }

@@ -12,13 +12,12 @@ use isoflop::data::{self, DataFacts};
 use isoflop::files::atomic;
 use isoflop::jobs::speed::Speed;
 use isoflop::jobs::{Job, all_jobs, probe};
-use isoflop::ops::DeviceName;
 use isoflop::plan::{Plan, PlannedRun};
 use isoflop::sweep;
 use isoflop::units::quoted;
 use serde_json::json;
 
-use super::args::device;
+use super::args::{WorkArgs, number};
 use super::doubts::{Doubt, doubts};
 use super::exit::Exit;
 use super::output::Output;
@@ -36,21 +35,16 @@ pub struct InitArgs {
     /// Hours that the sweep may take on this machine
     #[arg(long, default_value_t = 1.0, value_parser = hours)]
     hours: f64,
-    /// Jobs that run side by side; by default one per core
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    jobs: Option<u16>,
-    /// The backend that computes
-    #[arg(long, value_parser = device(), default_value = "flex")]
-    device: DeviceName,
+    #[command(flatten)]
+    work: WorkArgs,
     /// Write over a file that is there
     #[arg(long)]
     overwrite: bool,
 }
 
 fn hours(text: &str) -> Result<f64, String> {
-    let hours: f64 = text.parse().map_err(|_| "is no number of hours".to_string())?;
-    let sensible = hours > 0.0 && hours <= 10_000.0;
-    sensible.then_some(hours).ok_or_else(|| "hours are above 0, and at most 10000".to_string())
+    let what = "a time that a sweep takes: hours are above 0, and at most 10000";
+    number(text, |hours| hours > 0.0 && hours <= 10_000.0, what)
 }
 
 /// Times that the expected optimum of the largest budget may see the data.
@@ -78,8 +72,7 @@ pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
         args.file.display(),
         duration(hours),
     );
-    output.result(&document, &said)?;
-    Ok(Exit::Done)
+    output.result(&document, &said)
 }
 
 fn duration(hours: f64) -> String {
@@ -147,8 +140,7 @@ impl<'a> Desk<'a> {
 
     /// The largest sweep within the time, and, if it repeats the data, hours of one that does not.
     fn largest(&self) -> Result<(Offer, Option<f64>)> {
-        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-        let slots = self.args.jobs.map_or_else(cores, usize::from);
+        let slots = self.args.work.slots();
         let speed = self.speed(slots)?;
         let price = |design: &Design| price(&self.text(design), &speed, slots);
         let terms = Terms {
@@ -168,7 +160,7 @@ impl<'a> Desk<'a> {
         let plan = |budget: f64| plan(&self.text(&Design::up_to(budget, None)));
         let plans = PROBED.into_iter().map(plan).collect::<Result<Vec<_>>>()?;
         let runs: Vec<&PlannedRun> = plans.iter().flat_map(|plan| &plan.runs).collect();
-        Ok(probe::speed(&runs, &self.args.device.open()?, slots, PROBES))
+        Ok(probe::speed(&runs, &self.args.work.device.open()?, slots, PROBES))
     }
 }
 

@@ -15,8 +15,7 @@ pub(super) fn openai_count(
     let rungs: Vec<(f64, f64)> = ladder
         .iter()
         .map(|rung| {
-            let shape = model_shape(rung, n_ctx);
-            let flops = openai_per_token(&shape, 0) as f64;
+            let flops = openai_blocks(rung.n_layer as usize, rung.d_model as usize, n_ctx);
             ((rung.params_nonvocab() as f64).ln(), flops.ln())
         })
         .collect();
@@ -26,18 +25,20 @@ pub(super) fn openai_count(
     }
 }
 
-fn model_shape(rung: &predict::Shape, n_ctx: usize) -> ModelShape {
-    ModelShape {
-        n_layer: rung.n_layer as usize,
-        n_head: rung.n_head as usize,
-        d_model: rung.d_model as usize,
-        d_ff: rung.d_ff as usize,
+/// Forward FLOPs a token by the OpenAI rule beside the head, which depend on these numbers alone.
+pub fn openai_blocks(n_layer: usize, d_model: usize, n_ctx: usize) -> f64 {
+    let shape = ModelShape {
+        n_layer,
+        n_head: 1,
+        d_model,
+        d_ff: 0,
         n_ctx,
         d_text: 0,
         ffn: Ffn::SwiGlu,
         tie_embeddings: false,
         rope_base: 10_000.0,
-    }
+    };
+    openai_per_token(&shape, 0) as f64
 }
 
 /// Linear between the two nearest of at least two rising points, and beyond the ends.

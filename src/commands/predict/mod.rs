@@ -15,6 +15,7 @@ use isoflop::words::prediction::said;
 use super::args::budget;
 use super::exit::Exit;
 use super::output::Output;
+pub use count::openai_blocks;
 use count::openai_count;
 use sized::SizedArgs;
 
@@ -66,8 +67,7 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
         .map(|budget| Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens)))
         .collect::<Result<Vec<Prediction>, PredictError>>()?;
     let text = said(&predictions, output.full);
-    output.result(&serde_json::to_value(&predictions)?, &text)?;
-    Ok(Exit::Done)
+    output.result(&serde_json::to_value(&predictions)?, &text)
 }
 
 /// The laws where other data is at hand.
@@ -108,22 +108,25 @@ pub fn predict_one(laws: &Laws, budget: f64) -> Result<Prediction, PredictError>
     }
 }
 
-/// Predicts a sweep's own budgets into `prediction.json`; one that cannot be made is a warning.
+/// Predicts each budget; one that the laws cannot predict is a warning.
+pub fn each(laws: &Laws, budgets: &[f64], output: &Output) -> Vec<Prediction> {
+    let predicted = |budget: &f64| {
+        let failed = |error: &PredictError| {
+            output.warn(&format!("no prediction for {budget:e} FLOPs: {error}"));
+        };
+        predict_one(laws, *budget).inspect_err(failed).ok()
+    };
+    budgets.iter().filter_map(predicted).collect()
+}
+
+/// Predicts a sweep's own budgets into `prediction.json`.
 pub fn write(
     folder: &ResultsFolder,
     laws: &Laws,
     budgets: &[f64],
     output: &Output,
 ) -> Result<Vec<Prediction>> {
-    let mut predictions = Vec::new();
-    for &budget in budgets {
-        match predict_one(laws, budget) {
-            Ok(prediction) => predictions.push(prediction),
-            Err(error) => output.warn(&format!("no prediction for {budget:e} FLOPs: {error}")),
-        }
-    }
-    let path = folder.file("prediction.json");
-    atomic::write_json(&path, &predictions)
-        .with_context(|| format!("writing {}", path.display()))?;
+    let predictions = each(laws, budgets, output);
+    atomic::write_json(&folder.file("prediction.json"), &predictions)?;
     Ok(predictions)
 }

@@ -12,43 +12,19 @@ use crate::commands::exit::Exit;
 use crate::commands::output::Output;
 
 #[derive(Args)]
+#[command(next_help_heading = "Loss of a given model")]
 pub struct SizedArgs {
     /// N of a model whose loss is asked for, in place of an optimum; N_nv if the law tells N_v apart
-    #[arg(
-        long,
-        value_name = "N",
-        value_parser = amount,
-        requires = "tokens",
-        help_heading = "Loss of a given model"
-    )]
+    #[arg(long, value_name = "N", value_parser = amount, requires = "tokens")]
     params: Option<f64>,
     /// D, the tokens that it is trained on
-    #[arg(
-        long,
-        value_name = "D",
-        value_parser = amount,
-        requires = "params",
-        help_heading = "Loss of a given model"
-    )]
+    #[arg(long, value_name = "D", value_parser = amount, requires = "params")]
     tokens: Option<f64>,
     /// V, for the laws of a sweep of several vocabularies
-    #[arg(
-        long,
-        value_name = "V",
-        value_parser = amount,
-        requires = "params",
-        help_heading = "Loss of a given model"
-    )]
+    #[arg(long, value_name = "V", value_parser = amount, requires = "params")]
     vocab: Option<f64>,
     /// N_v in place of V
-    #[arg(
-        long,
-        value_name = "N_v",
-        value_parser = amount,
-        requires = "params",
-        conflicts_with = "vocab",
-        help_heading = "Loss of a given model"
-    )]
+    #[arg(long, value_name = "N_v", value_parser = amount, requires = "params", conflicts_with = "vocab")]
     params_vocab: Option<f64>,
 }
 
@@ -74,6 +50,5 @@ fn amount(text: &str) -> Result<f64, String> {
 
 pub fn predict(laws: &Laws, model: &ModelSize, output: &Output) -> Result<Exit> {
     let said = predict_sized(laws, model)?;
-    output.result(&json!([said]), &sized_text(&said))?;
-    Ok(Exit::Done)
+    output.result(&json!([said]), &sized_text(&said))
 }

@@ -3,15 +3,16 @@
 use std::collections::HashMap;
 
 use isoflop::record::Quality;
-use isoflop::scores::{RankCorrelation, rank_correlation};
 use serde::Serialize;
+
+use super::ranks::Ranks;
 
 /// How far two evaluators order the runs alike that both scored.
 #[derive(Serialize)]
 pub struct Agreement {
     pub evaluator_id: String,
-    pub fid: RankCorrelation,
-    pub r_precision_1: RankCorrelation,
+    #[serde(flatten)]
+    pub ranks: Ranks,
 }
 
 impl Agreement {
@@ -24,15 +25,13 @@ impl Agreement {
         let evaluator_id = others.first()?.evaluator_id.clone();
         let by_run: HashMap<&str, &Quality> =
             others.iter().map(|row| (row.run.planned.run_id.as_str(), row)).collect();
-        let correlation = |name: &str| {
-            let pair = |row: &Quality| {
-                let other = by_run.get(row.run.planned.run_id.as_str())?;
-                Some((row.mean(name)?, other.mean(name)?))
-            };
-            rank_correlation(&own.iter().filter_map(pair).collect::<Vec<_>>()).ok()
+        let pair = |row: &Quality, name: &str| {
+            let other = by_run.get(row.run.planned.run_id.as_str())?;
+            Some((row.mean(name)?, other.mean(name)?))
         };
-        let (fid, r_precision_1) = (correlation("fid")?, correlation("r_precision_1")?);
-        Some(Self { evaluator_id, fid, r_precision_1 })
+        let ranks = Ranks::of(|name| own.iter().filter_map(|row| pair(row, name)).collect());
+        let is_known = ranks.fid.is_some() && ranks.r_precision_1.is_some();
+        is_known.then_some(Self { evaluator_id, ranks })
     }
 }
 
@@ -63,9 +62,12 @@ mod tests {
         let contrary = rows("contrary", &[5.0, 4.0, 3.0, 2.0, 1.0]);
         let few = rows("few", &[1.0, 2.0, 3.0, 4.0]);
         let found = Agreement::of(&own, &[alike, contrary, few]);
-        let told: Vec<(&str, f64, usize)> =
-            found.iter().map(|one| (one.evaluator_id.as_str(), one.fid.value, one.fid.n)).collect();
-        assert_eq!(told, [("alike", 1.0, 5), ("contrary", -1.0, 5)]);
-        assert_eq!(found[1].r_precision_1.value, -1.0);
+        let told = |one: &Agreement| {
+            let fid = one.ranks.fid.expect("five runs");
+            (one.evaluator_id.clone(), fid.value, fid.n)
+        };
+        let told: Vec<(String, f64, usize)> = found.iter().map(told).collect();
+        assert_eq!(told, [("alike".to_string(), 1.0, 5), ("contrary".to_string(), -1.0, 5)]);
+        assert_eq!(found[1].ranks.r_precision_1.map(|rank| rank.value), Some(-1.0));
     }
 }

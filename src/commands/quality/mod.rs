@@ -18,14 +18,14 @@ use super::output::Output;
 use agreement::Agreement;
 use best::best;
 use fid_law::fid_laws;
-use ranks::Ranks;
+use ranks::LossRanks;
 use rows::Rows;
 use text::text;
 
 /// What is said of scored runs.
 pub struct Scored {
-    document: Value,
-    text: String,
+    pub document: Value,
+    pub text: String,
 }
 
 impl Scored {
@@ -47,7 +47,7 @@ impl Scored {
             output.warn(&error.to_string());
             Vec::new()
         });
-        let (ranks, best) = (Ranks::of(&rows), best(&rows));
+        let (ranks, best) = (LossRanks::of(&rows), best(&rows));
         let laws = fid_laws(&best);
         let agreements = Agreement::of(&rows, &by_others);
         let text = text(folder, &rows, (&ranks, &agreements), (&best, &laws));
@@ -56,16 +56,5 @@ impl Scored {
             "agreement": agreements, "best": best, "fid_laws": laws, "figures": figures,
         });
         Ok(Some(Self { document, text }))
-    }
-
-    /// A document and a text with what there is to say of scores.
-    pub fn join(scored: Option<Self>, mut document: Value, text: &str) -> (Value, String) {
-        match scored {
-            None => (document, text.to_string()),
-            Some(scored) => {
-                document["scores"] = scored.document;
-                (document, format!("{}\n\n{}", text.trim_end(), scored.text))
-            }
-        }
     }
 }

@@ -7,9 +7,10 @@ use isoflop::record::Quality;
 use isoflop::scores::RankCorrelation;
 
 use super::agreement::Agreement;
-use super::best::Best;
+use super::best::{Best, Cell};
 use super::fid_law::{Curve, FidLaw};
-use super::ranks::Ranks;
+use super::ranks::{LossRanks, Ranks};
+use crate::commands::screen::{dash, more, table};
 
 /// Runs, and budgets, that are listed, at most.
 const LISTED: usize = 12;
@@ -18,36 +19,30 @@ const LISTED: usize = 12;
 pub fn text(
     folder: &ResultsFolder,
     rows: &[Quality],
-    (ranks, agreements): (&[Ranks], &[Agreement]),
+    (ranks, agreements): (&[LossRanks], &[Agreement]),
     (best, laws): (&[Best], &[FidLaw]),
 ) -> String {
-    let mut text = format!(
-        "{:<14} {:>5} {:>8} {:>8} {:>7}  {:<16} {}\n",
-        "scored runs", "V", "N_nv", "C", "L_u", "FID", "R@1"
-    );
-    for row in rows.iter().take(LISTED) {
+    let row = |row: &Quality| {
         let planned = &row.run.planned;
-        let loss = row.run.loss_normalised().map_or("-".to_string(), |loss| format!("{loss:.3}"));
-        let _ = writeln!(
-            text,
-            "{:<14} {:>5} {:>8} {:>8.1e} {loss:>7}  {:<16} {}",
-            row.generator(),
-            planned.n_vocab,
-            planned.params_nonvocab,
-            planned.budget_flops,
-            with_interval(row, "fid", 4),
-            with_interval(row, "r_precision_1", 3),
-        );
-    }
-    if rows.len() > LISTED {
-        let _ = writeln!(text, "  and {} more", rows.len() - LISTED);
-    }
+        let [codes, size] = [planned.n_vocab, planned.params_nonvocab].map(|n| n.to_string());
+        let budget = format!("{:.1e}", planned.budget_flops);
+        let loss = dash(row.run.loss_normalised().ok(), |loss| format!("{loss:.3}"));
+        let [fid, first] = [with_interval(row, "fid", 4), with_interval(row, "r_precision_1", 3)];
+        [row.generator().to_string(), codes, size, budget, loss, fid, first]
+    };
+    let heads = ["<scored runs", "V", "N_nv", "C", "L_u", "<FID", "<R@1"];
+    let mut text = table(heads, rows.iter().take(LISTED).map(row));
+    text += &more(rows.len(), LISTED, "");
     let truth = with_interval(&rows[0], "truth_r_precision_1", 3);
     let _ = writeln!(text, "true motions: R@1 {truth}; means and 95 % intervals of repeats");
     text += &of_budgets(best);
     laws.iter().for_each(|law| text += &of_law(law));
-    text += &of_ranks(ranks);
-    text += &of_agreements(agreements);
+    // Nothing of generators that have too few runs.
+    let ranks = ranks.iter().filter(|own| own.ranks.fid.is_some());
+    let ranks = ranks.map(|own| (&own.generator, &own.ranks)).collect();
+    text += &of_ranks("<rank correlation with L_u", ranks);
+    let agreements = agreements.iter().map(|own| (&own.evaluator_id, &own.ranks)).collect();
+    text += &of_ranks("<with those by evaluator", agreements);
     let root = folder.root().display();
     let evaluator = &rows[0].evaluator_id;
     let _ = writeln!(text, "{root}/scores.parquet, {root}/figures/quality.svg");
@@ -66,69 +61,38 @@ fn of_law(law: &FidLaw) -> String {
     )
 }
 
-/// Whether loss orders runs as their motions do; nothing where each generator has too few.
-fn of_ranks(ranks: &[Ranks]) -> String {
-    let told: Vec<&Ranks> = ranks.iter().filter(|ranks| ranks.fid.is_some()).collect();
-    if told.is_empty() {
+/// Whether runs are ordered alike by what the title says, one after another; nothing of nobody.
+fn of_ranks(title: &str, all: Vec<(&String, &Ranks)>) -> String {
+    if all.is_empty() {
         return String::new();
     }
-    let mut text = format!("{:<28}{:<24}R@1\n", "rank correlation with L_u", "FID");
-    for Ranks { generator, fid, r_precision_1 } in told {
-        text += &of_correlations(generator, *fid, *r_precision_1);
-    }
-    text
-}
-
-/// Whether other evaluators order the runs alike.
-fn of_agreements(agreements: &[Agreement]) -> String {
-    if agreements.is_empty() {
-        return String::new();
-    }
-    let mut text = format!("{:<28}{:<24}R@1\n", "with those by evaluator", "FID");
-    for Agreement { evaluator_id, fid, r_precision_1 } in agreements {
-        text += &of_correlations(evaluator_id, Some(*fid), Some(*r_precision_1));
-    }
-    text
-}
-
-fn of_correlations(
-    name: &str,
-    fid: Option<RankCorrelation>,
-    r_precision_1: Option<RankCorrelation>,
-) -> String {
     let shown = |rank: Option<RankCorrelation>| {
-        rank.map_or("-".to_string(), |RankCorrelation { value, interval: [low, high], .. }| {
+        dash(rank, |RankCorrelation { value, interval: [low, high], .. }| {
             format!("{value:.2} ({low:.2} to {high:.2})")
         })
     };
-    format!("{name:<28}{:<24}{}\n", shown(fid), shown(r_precision_1))
+    let row = |(name, ranks): (&String, &Ranks)| {
+        [name.clone(), shown(ranks.fid), shown(ranks.r_precision_1)]
+    };
+    table([title, "<FID", "<R@1"], all.into_iter().map(row))
 }
 
 /// The best run of each budget by loss, and by FID.
 fn of_budgets(best: &[Best]) -> String {
-    let mut text = format!(
-        "\n{:<14} {:>8}  {:>8} {:>5} {:>7}  {:>8} {:>5} {:>7}\n",
-        "best", "C", "L_u:N_nv", "V", "FID", "FID:N_nv", "V", "FID"
-    );
-    for Best { generator, budget_flops, by_loss, by_fid } in best.iter().take(LISTED) {
-        let _ = writeln!(
-            text,
-            "{generator:<14} {budget_flops:>8.1e}  {:>8} {:>5} {:>7.4}  {:>8} {:>5} {:>7.4}",
-            by_loss.params_nonvocab,
-            by_loss.n_vocab,
-            by_loss.fid,
-            by_fid.params_nonvocab,
-            by_fid.n_vocab,
-            by_fid.fid,
-        );
-    }
-    if best.len() > LISTED {
-        let _ = writeln!(text, "  and {} more", best.len() - LISTED);
-    }
-    text + "\n"
+    let cell = |Cell { params_nonvocab, n_vocab, fid, .. }: &Cell| {
+        [params_nonvocab.to_string(), n_vocab.to_string(), format!("{fid:.4}")]
+    };
+    let row = |Best { generator, budget_flops, by_loss, by_fid }: &Best| {
+        let ([size, codes, fid], [size_by, codes_by, fid_by]) = (cell(by_loss), cell(by_fid));
+        let budget = format!("{budget_flops:.1e}");
+        [generator.clone(), budget, size, codes, fid, size_by, codes_by, fid_by]
+    };
+    let heads = ["<best", "C", "L_u:N_nv", "V", "FID", "FID:N_nv", "V", "FID"];
+    let rows = table(heads, best.iter().take(LISTED).map(row));
+    format!("\n{rows}{}\n", more(best.len(), LISTED, ""))
 }
 
 fn with_interval(row: &Quality, name: &str, digits: usize) -> String {
     let score = row.scores.iter().find(|(own, _)| *own == name).and_then(|(_, score)| *score);
-    score.map_or("-".to_string(), |score| score.shown(digits))
+    dash(score, |score| score.shown(digits))
 }

@@ -1,5 +1,7 @@
 //! The results of one generator of a sweep, for its page.
 
+use std::path::Path;
+
 use anyhow::Result;
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
@@ -8,7 +10,7 @@ use isoflop::predict::Prediction;
 use isoflop::record::{RunRecord, Tuned};
 use isoflop::report::{Figure, Study};
 
-use super::kept::figures;
+use super::kept;
 use crate::commands::by_generator::parted;
 use crate::commands::{fit, predict};
 
@@ -21,6 +23,8 @@ const STEPS: [f64; 10] = [1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0];
 /// The runs of one generator, and what its folder says of them.
 pub struct GeneratorResults {
     generator: Option<String>,
+    /// What the loss is called, if it is not L_u.
+    pub loss_name: Option<String>,
     verdict: String,
     laws: Option<Laws>,
     predictions: Vec<Prediction>,
@@ -29,6 +33,22 @@ pub struct GeneratorResults {
 }
 
 impl GeneratorResults {
+    /// Runs that bear `laws`, or none, with predictions for the slider and for the budgets that were `told`.
+    pub fn new(
+        laws: Option<Laws>,
+        told: &[Prediction],
+        records: Vec<RunRecord>,
+        figures: &Path,
+    ) -> Result<Self> {
+        let verdict = laws.as_ref().map_or_else(
+            || "The runs bear no laws; `isoflop fit` says why.".to_string(),
+            |laws| fit::text(laws, &[], false),
+        );
+        let predictions = laws.as_ref().map(|laws| along(laws, told)).unwrap_or_default();
+        let (generator, loss_name, figures) = (None, None, kept::figures(figures)?);
+        Ok(Self { generator, loss_name, verdict, laws, predictions, records, figures })
+    }
+
     fn read(
         folder: &ResultsFolder,
         generator: Option<String>,
@@ -36,26 +56,15 @@ impl GeneratorResults {
     ) -> Result<Self> {
         let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
         let told: Option<Vec<Prediction>> = read_if_there(&folder.file("prediction.json"))?;
-        let verdict = laws.as_ref().map_or_else(
-            || "The runs bear no laws; `isoflop fit` says why.".to_string(),
-            |laws| fit::text(laws, &[], false),
-        );
-        let along = |laws| along(laws, &told.unwrap_or_default());
-        Ok(Self {
-            generator,
-            verdict,
-            predictions: laws.as_ref().map(along).unwrap_or_default(),
-            laws,
-            records: Tuned::of(records).records,
-            figures: figures(&folder.file("figures"))?,
-        })
+        let (told, records) = (told.unwrap_or_default(), Tuned::of(records).records);
+        Ok(Self { generator, ..Self::new(laws, &told, records, &folder.file("figures"))? })
     }
 
     /// What the page shows of it.
     pub fn study(&self) -> Study<'_> {
         Study {
             generator: self.generator.as_deref(),
-            loss_name: None,
+            loss_name: self.loss_name.as_deref(),
             verdict: &self.verdict,
             laws: self.laws.as_ref(),
             predictions: &self.predictions,
@@ -78,7 +87,7 @@ pub fn of_each(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Gene
 }
 
 /// Predictions for the slider: rounded budgets from the first fitted one on, and those of the sweep.
-pub fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
+fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
     let [first, last] = laws.range();
     if first >= last {
         return told.to_vec();

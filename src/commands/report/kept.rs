@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
-use isoflop::files::read_if_there;
+use anyhow::Result;
+use isoflop::files::{read_if_there, read_text_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::report::Figure;
 use serde_json::Value;
@@ -24,10 +24,7 @@ pub fn figures(folder: &Path) -> Result<Vec<Figure>> {
 
 /// A file's text; empty where there is none.
 pub fn text(path: &Path) -> Result<String> {
-    match fs::read_to_string(path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(String::new()),
-        read => read.with_context(|| format!("reading {}", path.display())),
-    }
+    Ok(read_text_if_there(path)?.unwrap_or_default())
 }
 
 /// The cells that were not run, each in a line; none where no plan is kept.

@@ -8,7 +8,7 @@ mod table;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use isoflop::files::atomic;
 use isoflop::jobs::ResultsFolder;
@@ -67,9 +67,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
 /// Writes the page to the file asked for, or to the usual one.
 fn written(args: &ReportArgs, usual: PathBuf, html: &str, output: &Output) -> Result<Exit> {
     let path = args.out.clone().unwrap_or(usual);
-    atomic::write_bytes(&path, html.as_bytes())
-        .with_context(|| format!("writing {}", path.display()))?;
+    atomic::write_bytes(&path, html.as_bytes())?;
     let said = format!("{}, {:.1} MB", path.display(), html.len() as f64 / 1e6);
-    output.result(&json!({ "report": path, "bytes": html.len() }), &said)?;
-    Ok(Exit::Done)
+    output.result(&json!({ "report": path, "bytes": html.len() }), &said)
 }

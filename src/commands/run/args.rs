@@ -17,6 +17,16 @@ pub struct RunArgs {
     /// Where jobs run
     #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
     pub engine: &'static dyn Engine,
+    #[command(flatten)]
+    pub options: RunOptions,
+    /// The command in whose name it runs, and options that are that command's own
+    #[arg(skip = vec!["run".to_string()])]
+    pub said_as: Vec<String>,
+}
+
+/// How a sweep is run.
+#[derive(Args, Default)]
+pub struct RunOptions {
     /// A file with keys of the engine's section, which override those of the sweep
     #[arg(long, value_name = "FILE")]
     pub profile: Option<PathBuf>,
@@ -49,29 +59,12 @@ pub struct RunArgs {
     /// Follow training in an experiment tracker
     #[arg(long, value_parser = a_track(), value_name = "TRACKER")]
     pub track: Option<Track>,
-    /// The command in whose name it runs, and options that are that command's own
-    #[arg(skip = vec!["run".to_string()])]
-    pub said_as: Vec<String>,
 }
 
 impl RunArgs {
     /// All that is missing of a sweep, on an engine.
     pub fn of(sweep: SweepArgs, engine: &'static dyn Engine) -> Self {
-        Self {
-            sweep,
-            engine,
-            profile: None,
-            dry_run: false,
-            check: false,
-            fail_fast: false,
-            retry_failed: false,
-            retry: Vec::new(),
-            rounds: None,
-            until: None,
-            memory: None,
-            track: None,
-            said_as: vec!["run".to_string()],
-        }
+        Self { sweep, engine, options: RunOptions::default(), said_as: vec!["run".to_string()] }
     }
 
     /// Whether the engine has what is asked of it.
@@ -80,16 +73,12 @@ impl RunArgs {
     /// A sentence that names the engines that have.
     pub fn check_engine(&self) -> Result<()> {
         let asked = [
-            ("--dry-run", self.dry_run),
-            ("--check", self.check),
-            ("--profile", self.profile.is_some()),
+            ("--dry-run", self.options.dry_run),
+            ("--check", self.options.check),
+            ("--profile", self.options.profile.is_some()),
         ];
-        let Some((option, _)) = asked.into_iter().find(|(_, is_asked)| *is_asked) else {
-            return Ok(());
-        };
-        if self.engine.hands_over() {
-            return Ok(());
-        }
+        let mut asked = asked.into_iter().filter(|_| !self.engine.hands_over());
+        let Some((option, _)) = asked.find(|(_, is_asked)| *is_asked) else { return Ok(()) };
         let others = ENGINES.into_iter().filter(|engine| engine.hands_over());
         let others: Vec<String> =
             others.map(|engine| format!("--engine {}", engine.name())).collect();
@@ -104,7 +93,7 @@ impl RunArgs {
     /// # Errors
     /// A sentence that says what can.
     pub fn check_track(&self, sweep: &Sweep) -> Result<()> {
-        match self.track {
+        match self.options.track {
             Some(track @ (Track::Wandb | Track::Mlflow)) if sweep.trainer.is_none() => bail!(
                 "--track {} wants `trainer: torch`; the built-in trainer is followed by --track tensorboard",
                 track.name()
@@ -115,7 +104,7 @@ impl RunArgs {
 
     /// What is only to be shown.
     pub fn preview(&self) -> Option<Preview> {
-        let dry_run = self.dry_run.then_some(Preview::DryRun);
-        dry_run.or_else(|| self.check.then_some(Preview::Check))
+        let dry_run = self.options.dry_run.then_some(Preview::DryRun);
+        dry_run.or_else(|| self.options.check.then_some(Preview::Check))
     }
 }

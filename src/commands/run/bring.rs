@@ -24,13 +24,13 @@ use crate::commands::output::Output;
 /// is to do, it has told of them, and breaks off with how to exit.
 ///
 /// The folder is taken into `held`, unless it is there: whoever has that may write to the folder.
-pub fn bring(
+pub fn bring<'a>(
     args: &RunArgs,
-    open: &OpenSweep,
+    open: &'a OpenSweep,
     held: &mut Option<Held>,
     wanted: impl Fn(&Job) -> bool,
     output: &Output,
-) -> Result<ControlFlow<Exit, Vec<JobReport>>> {
+) -> Result<ControlFlow<Exit, Summary<'a>>> {
     check_card(open, &wanted)?;
     let request = request(args, open, output);
     let engine: &dyn Engine = args.engine;
@@ -43,7 +43,8 @@ pub fn bring(
         *held = Some(hold(open, output)?);
     }
     prepare(open, args, output)?;
-    CommandLine::of(args)?.write(&open.folder)?;
+    let command = CommandLine::of(args)?;
+    command.write(&open.folder)?;
     let jobs = with_needs(missing_jobs(&open.plan, &open.folder), wanted);
     let reports = match session.bring(jobs)? {
         Brought::Ended(reports) => reports,
@@ -52,9 +53,11 @@ pub fn bring(
             return Ok(ControlFlow::Break(Exit::Done));
         }
     };
-    let summary = Summary::new(args, &open.plan, &open.folder, &reports)?;
-    let interrupted = interruption(args, &summary, output);
-    Ok(interrupted.map_or(ControlFlow::Continue(reports), ControlFlow::Break))
+    let summary = Summary { open, reports, command };
+    Ok(match interruption(args, &summary, output) {
+        Some(exit) => ControlFlow::Break(exit),
+        None => ControlFlow::Continue(summary),
+    })
 }
 
 /// Reads, plans and warns.
@@ -84,12 +87,12 @@ fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> Sw
         sweep: &open.sweep,
         plan: &open.plan,
         folder: &open.folder,
-        device: args.sweep.device,
-        slots: args.sweep.slots(),
-        memory_bytes: args.memory,
-        fail_fast: args.fail_fast,
-        profile: args.profile.as_deref(),
-        track: args.track,
+        device: args.sweep.work.device,
+        slots: args.sweep.work.slots(),
+        memory_bytes: args.options.memory,
+        fail_fast: args.options.fail_fast,
+        profile: args.options.profile.as_deref(),
+        track: args.options.track,
         tell: output,
     }
 }
@@ -116,12 +119,12 @@ pub fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
 
 /// Tells why the jobs ended too early, if they did.
 fn interruption(args: &RunArgs, summary: &Summary, output: &Output) -> Option<Exit> {
-    if let Some(halt) = halt(summary.reports) {
+    if let Some(halt) = halt(&summary.reports) {
         summary.failures(output);
         output.warn(&halted(halt, &summary.command));
         return Some(Exit::SomeRunsFailed);
     }
-    if interrupted(summary.reports, args.fail_fast) {
+    if interrupted(&summary.reports, args.options.fail_fast) {
         summary.failures(output);
         output.note("interrupted; the same command goes on from here");
         return Some(Exit::Interrupted);
@@ -144,7 +147,7 @@ fn halted(failure: &Failure, command: &CommandLine) -> String {
         "stopped [{}]: {reason}. Nothing is half-written, and no run is marked as failed: {advice}, \
          and this goes on: {}",
         kind.word(),
-        command.go_on()
+        command.said(None, &[])
     )
 }
 

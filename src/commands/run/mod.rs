@@ -23,22 +23,18 @@ pub use args::RunArgs;
 pub use bring::{bring, hold, open};
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
-    if let Some(most) = args.rounds {
+    if let Some(most) = args.options.rounds {
         return run_in_rounds(args, most.into(), output);
     }
     carry_out(
         args,
         output,
         |_| true,
-        |open, summary| {
-            if summary.has_results() {
-                analyse::finish(&open.folder, output)?;
-                return Ok(summary.tell(output));
-            }
+        |summary| {
             // Why there is nothing comes before all else.
-            let exit = summary.tell(output);
-            analyse::finish(&open.folder, output)?;
-            Ok(exit)
+            let told = (!summary.has_results()).then(|| summary.tell(output));
+            analyse::finish(&summary.open.folder, output)?;
+            Ok(told.unwrap_or_else(|| summary.tell(output)))
         },
     )
 }
@@ -53,10 +49,10 @@ pub fn run_then(
         args,
         output,
         |_| true,
-        |open, summary| {
-            analyse::tabulate(&open.folder, output)?;
+        |summary| {
+            analyse::tabulate(&summary.open.folder, output)?;
             let exit = summary.tell(output);
-            then(&open.folder)?;
+            then(&summary.open.folder)?;
             Ok(exit)
         },
     )
@@ -76,9 +72,9 @@ pub fn run_only(
         args,
         output,
         |job| job.id.kind == kind,
-        |open, summary| {
+        |summary| {
             summary.failures(output);
-            then(open)?;
+            then(summary.open)?;
             let ended_well = summary.reports.iter().all(|report| report.end == JobEnd::Done);
             Ok(if ended_well { Exit::Done } else { Exit::SomeRunsFailed })
         },
@@ -90,16 +86,14 @@ fn carry_out(
     args: &RunArgs,
     output: &Output,
     wanted: impl Fn(&Job) -> bool,
-    then: impl FnOnce(&OpenSweep, &Summary) -> Result<Exit>,
+    then: impl FnOnce(&Summary) -> Result<Exit>,
 ) -> Result<Exit> {
     args.check_engine()?;
     let open = open(args, output)?;
     // Held to the end: another command tidies the folder up as soon as it has it.
     let mut held = None;
     match bring(args, &open, &mut held, wanted, output)? {
-        ControlFlow::Continue(reports) => {
-            then(&open, &Summary::new(args, &open.plan, &open.folder, &reports)?)
-        }
+        ControlFlow::Continue(summary) => then(&summary),
         ControlFlow::Break(exit) => Ok(exit),
     }
 }

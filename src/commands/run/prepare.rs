@@ -47,13 +47,13 @@ fn mend(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
 
 /// Takes back the failures that should be tried again.
 fn forget_failures(args: &RunArgs, plan: &Plan, folder: &ResultsFolder) -> Result<()> {
-    if !args.retry_failed && args.retry.is_empty() {
+    if !args.options.retry_failed && args.options.retry.is_empty() {
         return Ok(());
     }
     let jobs: Vec<Job> = all_jobs(plan).collect();
-    let forgotten: HashSet<&JobId> = match args.retry_failed {
+    let forgotten: HashSet<&JobId> = match args.options.retry_failed {
         true => jobs.iter().map(|job| &job.id).collect(),
-        false => with_needs(&jobs, &args.retry)?,
+        false => with_needs(&jobs, &args.options.retry)?,
     };
     for job in forgotten {
         atomic::remove(&folder.job(job).join("failure.json"))?;

@@ -3,15 +3,13 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
-use anyhow::Result;
 use isoflop::engine::{JobEnd, JobReport};
 use isoflop::failure::Failure;
-use isoflop::jobs::{Job, all_jobs};
-use isoflop::jobs::{JobId, JobKind, JobState, ResultsFolder};
-use isoflop::plan::{Plan, PlannedRun};
+use isoflop::jobs::{Job, JobId, JobKind, JobState, all_jobs};
+use isoflop::plan::PlannedRun;
 
-use super::args::RunArgs;
 use crate::commands::command_line::CommandLine;
+use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
 
@@ -20,43 +18,32 @@ const LAST_LINES: usize = 3;
 
 /// What a summary is about.
 pub struct Summary<'a> {
-    pub plan: &'a Plan,
-    pub folder: &'a ResultsFolder,
-    pub reports: &'a [JobReport],
+    pub open: &'a OpenSweep,
+    pub reports: Vec<JobReport>,
     pub command: CommandLine,
 }
 
-impl<'a> Summary<'a> {
-    /// A summary of what a command has done.
-    pub fn new(
-        args: &RunArgs,
-        plan: &'a Plan,
-        folder: &'a ResultsFolder,
-        reports: &'a [JobReport],
-    ) -> Result<Self> {
-        Ok(Self { plan, folder, reports, command: CommandLine::of(args)? })
-    }
-
+impl Summary<'_> {
     fn state(&self, run: &PlannedRun) -> JobState {
-        self.folder.state(&JobId::run(&run.run_id))
+        self.open.folder.state(&JobId::run(&run.run_id))
     }
 
     /// Whether a run of the plan is done.
     pub fn has_results(&self) -> bool {
-        self.plan.runs.iter().any(|run| self.state(run) == JobState::Done)
+        self.open.plan.runs.iter().any(|run| self.state(run) == JobState::Done)
     }
 
     /// Every failure, then every run without a record with its reason, and how to try again.
     pub fn tell(&self, output: &Output) -> Exit {
         self.failures(output);
         let done = |run: &PlannedRun| self.state(run) == JobState::Done;
-        let lost: Vec<_> = self.plan.runs.iter().filter(|run| !done(run)).collect();
+        let lost: Vec<_> = self.open.plan.runs.iter().filter(|run| !done(run)).collect();
         if lost.is_empty() {
-            let failed = |job: Job| self.folder.state(&job.id) == JobState::Failed;
-            let failed = all_jobs(self.plan).any(failed);
+            let failed = |job: Job| self.open.folder.state(&job.id) == JobState::Failed;
+            let failed = all_jobs(&self.open.plan).any(failed);
             return if failed { Exit::SomeRunsFailed } else { Exit::Done };
         }
-        let needs = Needs::of(self.plan);
+        let needs = all_jobs(&self.open.plan).map(|job| (job.id, job.needs)).collect();
         let reasons = lost.iter().filter_map(|run| {
             let is_begun = self.state(run) != JobState::Missing;
             Some(((is_begun, self.reason(&run.run_id, &needs)?), run.spec.label()))
@@ -73,9 +60,9 @@ impl<'a> Summary<'a> {
         output.warn(&format!(
             "{} of {} runs have no result ({}); to try them again: {}",
             lost.len(),
-            self.plan.runs.len(),
+            self.open.plan.runs.len(),
             self.counts(&lost),
-            self.command.retry()
+            self.command.said(None, &["--retry-failed"])
         ));
         Exit::SomeRunsFailed
     }
@@ -96,9 +83,9 @@ impl<'a> Summary<'a> {
     /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it; those
     /// that failed for one reason together, by the first of them.
     pub fn failures(&self, output: &Output) {
-        let failed = all_jobs(self.plan).filter_map(|job| {
-            let is_failed = self.folder.state(&job.id) == JobState::Failed;
-            let failure = self.folder.failure(&job.id).ok().flatten().filter(|_| is_failed)?;
+        let failed = all_jobs(&self.open.plan).filter_map(|job| {
+            let is_failed = self.open.folder.state(&job.id) == JobState::Failed;
+            let failure = self.open.folder.failure(&job.id).ok().flatten().filter(|_| is_failed)?;
             Some(((failure.kind.word(), failure.reason.clone()), (job, failure)))
         });
         for (_, failed) in together(failed) {
@@ -117,18 +104,18 @@ impl<'a> Summary<'a> {
         if let Some(advice) = kind.advice() {
             output.warn(&format!("  {advice}"));
         }
-        output.warn(&format!("  see {}", self.folder.job(job).join("log.txt").display()));
-        output.warn(&format!("  again: {}", self.command.retry_one(job)));
+        output.warn(&format!("  see {}", self.open.folder.job(job).join("log.txt").display()));
+        output.warn(&format!("  again: {}", self.command.said(None, &["--retry", &job.id])));
     }
 
     /// Why a run has no result whose failure was not told yet.
-    fn reason(&self, id: &str, needs: &Needs) -> Option<String> {
+    fn reason(&self, id: &str, needs: &HashMap<JobId, Vec<JobId>>) -> Option<String> {
         let run = JobId::run(id);
-        if self.folder.state(&run) == JobState::Failed {
+        if self.open.folder.state(&run) == JobState::Failed {
             return None;
         }
-        for need in needs.all_of(&run) {
-            let Ok(Some(failure)) = self.folder.failure(&need) else { continue };
+        for need in all_needs(needs, &run) {
+            let Ok(Some(failure)) = self.open.folder.failure(&need) else { continue };
             if need.kind == JobKind::goal() {
                 return Some("the run that tries the trainer failed (trainer.canary)".to_string());
             }
@@ -166,23 +153,14 @@ fn several(labels: &[String]) -> String {
     }
 }
 
-/// What each job of a plan needs.
-struct Needs(HashMap<JobId, Vec<JobId>>);
-
-impl Needs {
-    fn of(plan: &Plan) -> Self {
-        Self(all_jobs(plan).map(|job| (job.id, job.needs)).collect())
+/// What a job needs, and what those jobs need, in the order of their kinds.
+fn all_needs(needs: &HashMap<JobId, Vec<JobId>>, job: &JobId) -> Vec<JobId> {
+    let mut all = Vec::new();
+    let mut open: Vec<JobId> = needs.get(job).cloned().unwrap_or_default();
+    while let Some(need) = open.pop() {
+        open.extend(needs.get(&need).into_iter().flatten().cloned());
+        all.push(need);
     }
-
-    /// What a job needs, and what those jobs need, nearest last.
-    fn all_of(&self, job: &JobId) -> Vec<JobId> {
-        let mut needs = Vec::new();
-        let mut open: Vec<JobId> = self.0.get(job).cloned().unwrap_or_default();
-        while let Some(need) = open.pop() {
-            open.extend(self.0.get(&need).into_iter().flatten().cloned());
-            needs.push(need);
-        }
-        needs.sort();
-        needs
-    }
+    all.sort();
+    all
 }

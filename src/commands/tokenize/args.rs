@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use isoflop::ops::DeviceName;
 
-use crate::commands::args::{TokenizerPlace, device};
+use crate::commands::args::TokenizerChoice;
 
 #[derive(Args)]
 pub struct TokenizeArgs {
@@ -13,7 +12,7 @@ pub struct TokenizeArgs {
     #[arg(value_name = "FILE", required = true)]
     pub files: Vec<PathBuf>,
     #[command(flatten)]
-    pub tokenizer: TokenizerPlace,
+    pub tokenizer: TokenizerChoice,
     /// The caption of every motion, for a tokenizer with language; by default that of a .txt beside it
     #[arg(long, value_name = "TEXT", conflicts_with = "texts")]
     pub caption: Option<String>,
@@ -26,9 +25,6 @@ pub struct TokenizeArgs {
     /// Write over codes that the folder holds
     #[arg(long)]
     pub overwrite: bool,
-    /// The backend that computes
-    #[arg(long, value_parser = device(), default_value = "flex")]
-    pub device: DeviceName,
 }
 
 /// The name of a motion: `walk` of `a/walk.npy`, of `walk.features.npy` and of `walk.joints.npy`.

@@ -21,14 +21,19 @@ pub fn captions(args: &TokenizeArgs) -> Result<Vec<Option<String>>> {
 
 /// A caption a line, as many as there are motions.
 pub fn captions_of_lines(path: &Path, n: usize) -> Result<Vec<Option<String>>> {
-    let text = fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
-    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
-    let captions: Vec<Option<String>> = lines.map(|line| Some(line.to_string())).collect();
+    let captions: Vec<Option<String>> = lines_of(path)?.into_iter().map(Some).collect();
     if captions.len() != n {
         let found = captions.len();
         bail!("{} has {found} captions for {n} motions; write one a line", path.display());
     }
     Ok(captions)
+}
+
+/// The lines of a file that are not blank.
+pub fn lines_of(path: &Path) -> Result<Vec<String>> {
+    let text = fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    Ok(lines.map(String::from).collect())
 }
 
 /// The first caption of the whole clip in the `.txt` beside a motion, plain or as HumanML3D has them.

@@ -4,7 +4,6 @@ mod args;
 mod caption;
 
 use std::collections::HashMap;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -17,13 +16,14 @@ use serde_json::json;
 
 pub use args::{TokenizeArgs, motion_name};
 use caption::captions;
-pub use caption::{caption_beside, captions_of_lines};
+pub use caption::{caption_beside, captions_of_lines, lines_of};
 
 use super::exit::Exit;
 use super::output::Output;
+use super::screen::{many, more, table};
 
 pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
-    let tokenizer = args.tokenizer.open(args.device)?;
+    let tokenizer = args.tokenizer.open()?;
     let captions = captions(args)?;
     let places = places(args)?;
     let motions = args.files.par_iter().zip(captions);
@@ -36,8 +36,7 @@ pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
     let clips: Vec<ClipCodes> = encoded.into_iter().map(|(clip, _)| clip).collect();
     places.iter().zip(&clips).try_for_each(|(place, clip)| clip.write(place))?;
     let document = json!({ "tokenizer": tokenizer.id, "files": places, "motions": clips });
-    output.result(&document, &text(&tokenizer, &clips, args))?;
-    Ok(Exit::Done)
+    output.result(&document, &text(&tokenizer, &clips, args))
 }
 
 /// The file of each motion's codes.
@@ -101,15 +100,13 @@ const LISTED: usize = 12;
 fn text(tokenizer: &TrainedTokenizer, clips: &[ClipCodes], args: &TokenizeArgs) -> String {
     let spec = tokenizer.tokenizer.spec();
     let (n, kind, v) = (clips.len(), spec.quantizer.name(), spec.n_vocab());
-    let noun = if n == 1 { "motion" } else { "motions" };
-    let mut text = format!("{n} {noun} by tokenizer {} ({kind}, V {v})\n\n", tokenizer.id);
-    for clip in clips.iter().take(LISTED) {
-        let seconds = clip.frames as f64 / clip.fps;
-        let (frames, codes, name) = (clip.frames, clip.codes.len(), &clip.motion);
-        let _ = writeln!(text, "  {frames:>5} frames {seconds:>6.1} s {codes:>6} codes  {name}");
-    }
-    if n > LISTED {
-        let _ = writeln!(text, "  and {} more", n - LISTED);
-    }
+    let row = |clip: &ClipCodes| {
+        let seconds = format!("{:.1} s", clip.frames as f64 / clip.fps);
+        let (frames, codes) = (format!("  {} frames", clip.frames), clip.codes.len());
+        [frames, seconds, format!("{codes} codes"), clip.motion.clone()]
+    };
+    let rows = table(["", "", "", "<"], clips.iter().take(LISTED).map(row));
+    let heading = format!("{} by tokenizer {} ({kind}, V {v})", many(n, "motion"), tokenizer.id);
+    let text = format!("{heading}\n\n{rows}{}", more(n, LISTED, ""));
     text + &format!("\nfiles     {}/<motion>.json\n", args.out.display())
 }

@@ -3,14 +3,13 @@
 mod codes;
 mod guidance;
 
-use std::path::PathBuf;
-
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
-use isoflop::jobs::{JobKind, ResultsFolder};
+use isoflop::jobs::JobKind;
 use isoflop::tokenizer::{TokenizerMetrics, remarks, table};
 use serde_json::json;
 
+use super::args::FolderArgs;
 use super::exit::Exit;
 use super::output::Output;
 use super::plot;
@@ -29,18 +28,11 @@ enum What {
     /// Train the tokenizers of a sweep, and nothing else of it
     Train(RunArgs),
     /// Compare the tokenizers of sweeps with one another and with k-means
-    Eval(EvalArgs),
+    Eval(FolderArgs),
     /// Draw how often the codes of a tokenizer are met, scale by scale, and where they lie
     Codes(CodesArgs),
     /// Measure reconstruction as the detokenizer follows the caption the more
     Guidance(GuidanceArgs),
-}
-
-#[derive(Args)]
-struct EvalArgs {
-    /// Sweeps' folders
-    #[arg(required = true)]
-    results: Vec<PathBuf>,
 }
 
 pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
@@ -55,29 +47,25 @@ pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
 /// Trains what is missing; then all of the folder's are compared, if any is there.
 fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
     let kind = JobKind::of("tokenizer").expect("a kind of job");
-    run_only(args, kind, output, |open| match plot::tokenizers(&open.folder, output)? {
-        none if none.is_empty() => Ok(()),
-        tokenizers => compare(&tokenizers, output),
+    run_only(args, kind, output, |open| {
+        let tokenizers = plot::tokenizers(&open.folder, output)?;
+        if !tokenizers.is_empty() {
+            compare(&tokenizers, output)?;
+        }
+        Ok(())
     })
 }
 
-fn eval(args: &EvalArgs, output: &Output) -> Result<Exit> {
-    let mut tokenizers: Vec<TokenizerMetrics> = Vec::new();
-    for folder in args.results.iter().map(ResultsFolder::new) {
-        if !folder.root().is_dir() {
-            bail!("{} does not exist; give a sweep's folder", folder.root().display());
-        }
-        tokenizers.extend(plot::tokenizers(&folder, output)?);
-    }
+fn eval(args: &FolderArgs, output: &Output) -> Result<Exit> {
+    let tokenizers = args.read(|folder| plot::tokenizers(folder, output))?;
     if tokenizers.is_empty() {
         bail!("no tokenizer is trained yet; `isoflop tokenizer train` trains those of a sweep");
     }
-    compare(&tokenizers, output)?;
-    Ok(Exit::Done)
+    compare(&tokenizers, output)
 }
 
-fn compare(tokenizers: &[TokenizerMetrics], output: &Output) -> Result<()> {
-    output.result(&json!({ "tokenizers": tokenizers }), &table(tokenizers))?;
+fn compare(tokenizers: &[TokenizerMetrics], output: &Output) -> Result<Exit> {
+    let exit = output.result(&json!({ "tokenizers": tokenizers }), &table(tokenizers))?;
     remarks(tokenizers).iter().for_each(|remark| output.warn(remark));
-    Ok(())
+    Ok(exit)
 }

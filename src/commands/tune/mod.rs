@@ -59,8 +59,7 @@ pub fn tune(args: &TuneArgs, output: &Output) -> Result<Exit> {
     atomic::write_json(&part.folder.file("rates.json"), &document)?;
     let yaml = text::yaml(&rule, &part.sweep)?;
     atomic::write_bytes(&part.folder.file("rates.yaml"), yaml.as_bytes())?;
-    output.result(&document, &text::text(&rule, trials.len(), &part.folder))?;
-    Ok(Exit::Done)
+    output.result(&document, &text::text(&rule, trials.len(), &part.folder))
 }
 
 /// Every trial until there is nothing more to try. Those that ended before are read, not trained.

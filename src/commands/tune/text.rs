@@ -8,6 +8,7 @@ use isoflop::words::wrap;
 use serde_json::json;
 
 use super::trials::Asked;
+use crate::commands::screen::{dash, table};
 
 /// What the next trials cost.
 pub fn price(asked: &[Asked], so_far: usize) -> String {
@@ -18,34 +19,29 @@ pub fn price(asked: &[Asked], so_far: usize) -> String {
 
 /// The best rate of each cell, the rule, and what it is worth.
 pub fn text(rule: &Rule, n_trials: usize, folder: &ResultsFolder) -> String {
-    let mut out = format!(
-        "{:>8}{:>10}{:>8}{:>10}{:>10}{:>10}{:>9}{:>9}\n",
-        "C", "N_nv", "V", "D", "own lr", "best lr", "L_u", "gain"
-    );
-    rule.cells.iter().for_each(|cell| out += &line(cell));
+    let heads = ["C", "N_nv", "V", "D", "own lr", "best lr", "L_u", "gain"];
+    let mut out = table(heads, rule.cells.iter().map(row));
     out += "\n";
     sentences(rule, n_trials).iter().for_each(|sentence| out += &wrap("- ", sentence));
     out + &format!("\n{}: the rule, as a sweep takes it\n", folder.file("rates.yaml").display())
 }
 
-fn line(cell: &CellRate) -> String {
-    let place = cell.place;
-    let gain = cell.own_loss.map(|own| format!("{:.3}", own - cell.best_loss));
-    format!(
-        "{:>8}{:>10.3e}{:>8}{:>10.2e}{:>10.4}{:>10.4}{:>9.3}{:>9}\n",
+fn row(cell: &CellRate) -> [String; 8] {
+    let CellRate { place, optimal_lr, best_loss, own_loss, .. } = cell;
+    [
         format!("{:e}", place.budget_flops),
-        place.params_nonvocab,
-        place.n_vocab,
-        place.tokens,
-        place.lr,
-        cell.optimal_lr,
-        cell.best_loss,
-        gain.unwrap_or_else(|| "-".into())
-    )
+        format!("{:.3e}", place.params_nonvocab),
+        place.n_vocab.to_string(),
+        format!("{:.2e}", place.tokens),
+        format!("{:.4}", place.lr),
+        format!("{optimal_lr:.4}"),
+        format!("{best_loss:.3}"),
+        dash(*own_loss, |own| format!("{:.3}", own - best_loss)),
+    ]
 }
 
 fn sentences(rule: &Rule, n_trials: usize) -> Vec<String> {
-    let nats = |regret: Option<f64>| regret.map_or_else(|| "-".into(), |x| format!("{x:.3}"));
+    let nats = |regret: Option<f64>| dash(regret, |x| format!("{x:.3}"));
     let [exponent, error] = rule.vocab_exponent;
     let known = if exponent.abs() > 2.0 * error { "which the rule leaves out" } else { "none" };
     let mut all = vec![

@@ -11,11 +11,12 @@ use isoflop::laws::{
     TriedCells, Validated, cross_optimum, minimum_at, tied_cells, times,
 };
 use isoflop::predict::Prediction;
-use isoflop::record::{RunRecord, table};
+use isoflop::record::{RunRecord, table as runs};
 use isoflop::spec::FlopsRule;
 
 use crate::commands::fit::points;
 use crate::commands::output::Output;
+use crate::commands::screen::{dash, table};
 
 /// The forecast of some laws and the best cell of the validation's folder.
 pub fn compare(
@@ -23,7 +24,7 @@ pub fn compare(
     (laws, forecast): (&Laws, &Prediction),
     rule: FlopsRule,
 ) -> Result<Validated> {
-    let records = table::read(folder.root())?;
+    let records = runs::read(folder.root())?;
     let (points, left_out) = points(&records, rule);
     // What cells scatter round a surface by is no less than the noise, and may be its misfit.
     let is_of_runs = |noise: &RunNoise| !matches!(noise.source, NoiseSource::Surface { .. });
@@ -115,16 +116,6 @@ pub fn gathered(folder: &ResultsFolder, output: &Output) -> Vec<Validated> {
 pub fn text(validated: &Validated) -> String {
     let Validated { predicted, measured, inside, .. } = validated;
     let Inside { loss, params_nonvocab, params_vocab, tokens } = *inside;
-    let mut out = format!(
-        "{:e} FLOPs, {} times beyond the fit, {} runs:\n{:<6}{:>12}{:>26}{:>12}\n",
-        validated.budget_flops,
-        times(validated.extrapolation_factor),
-        measured.runs,
-        "",
-        "forecast",
-        "95 % interval",
-        "measured"
-    );
     let size = (predicted.params_nonvocab, predicted.params_nonvocab_ci95);
     let vocab = (predicted.params_vocab, predicted.params_vocab_ci95);
     let [size_found, vocab_found, tokens_found] = measured.at();
@@ -134,25 +125,27 @@ pub fn text(validated: &Validated) -> String {
         ("N_v", vocab, vocab_found, params_vocab),
         ("D", (predicted.tokens, predicted.tokens_ci95), tokens_found, tokens),
     ];
-    for (name, (value, interval), found, inside) in rows {
+    let rows = rows.map(|(name, (value, interval), found, inside)| {
         let number = |x: f64| if name == "L_u" { format!("{x:.4}") } else { format!("{x:.3e}") };
-        let interval_is_known = interval.is_some();
         let lies_outside = interval.is_some_and(|[low, high]| !(low..=high).contains(&found));
-        let interval = interval
-            .map_or_else(|| "-".into(), |[low, high]| format!("{}..{}", number(low), number(high)));
-        let value = value.map_or_else(|| "-".into(), number);
         let verdict = match inside {
             Some(true) => "inside",
             Some(false) => "OUTSIDE",
             None if name == "N_v" && measured.vocabularies == Some(1) => "not varied",
-            None if interval_is_known && lies_outside => "a tie, within the noise of the runs",
-            None if interval_is_known => "could not have failed",
+            None if lies_outside => "a tie, within the noise of the runs",
+            None if interval.is_some() => "could not have failed",
             None => "",
         };
-        out += format!("{name:<6}{value:>12}{interval:>26}{:>12}  {verdict}", number(found))
-            .trim_end();
-        out += "\n";
-    }
+        let interval = dash(interval, |[low, high]| format!("{}..{}", number(low), number(high)));
+        [name.to_string(), dash(value, number), interval, number(found), verdict.to_string()]
+    });
+    let mut out = format!(
+        "{:e} FLOPs, {} times beyond the fit, {} runs:\n{}",
+        validated.budget_flops,
+        times(validated.extrapolation_factor),
+        measured.runs,
+        table(["<", "forecast", "95 % interval", "measured", "<"], rows)
+    );
     if let Some([forecast, found]) = validated.cross_entropy() {
         let off = |forecast: f64, found: f64| 100.0 * ((forecast - found) / found).abs();
         let of_loss = predicted.loss.map_or(f64::NAN, |loss| off(loss, measured.loss));

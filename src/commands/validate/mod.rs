@@ -5,19 +5,17 @@ mod grid;
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use isoflop::engine::{ENGINES, Engine};
 use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
-use isoflop::laws::Laws;
-use isoflop::ops::DeviceName;
 use isoflop::predict::Prediction;
 use isoflop::record::{flops_per_second, table};
 use isoflop::words::prediction::said;
 use serde_json::json;
 
-use super::args::{SweepArgs, an_engine, budget, device};
+use super::args::{SweepArgs, WorkArgs, an_engine, budget};
 use super::by_generator::sweep_of;
 use super::exit::Exit;
 use super::output::Output;
@@ -54,44 +52,45 @@ pub struct ValidateArgs {
     /// Override a setting of the runs, as in data.clips=400000; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
-    /// Jobs that run side by side; by default one per core
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    jobs: Option<u16>,
-    /// The backend that computes
-    #[arg(long, value_parser = device(), default_value = "flex")]
-    device: DeviceName,
+    #[command(flatten)]
+    work: WorkArgs,
     /// Where jobs run
     #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
     engine: &'static dyn Engine,
 }
 
 pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
-    let place = Place::of(args);
+    // The budget names all that is of the validation.
+    let name = format!("{:e}", args.budget);
     let sweep = sweep_of(&ResultsFolder::new(&args.results))?;
     if !sweep.grid.vary.is_empty() {
         bail!("{} varies other keys, and a forecast is tested with one value of each", sweep.name);
     }
-    let forecast = forecast(args, &place, output)?;
+    let forecast = forecast(args, &name, output)?;
     if forecast.extrapolation_factor <= 1.0 {
-        output
-            .warn(&format!("{} FLOPs are within the fit: these runs test no forecast", place.name));
+        output.warn(&format!("{name} FLOPs are within the fit: these runs test no forecast"));
     }
     if args.register {
-        output.result(
-            &serde_json::to_value(&forecast)?,
-            &said(std::slice::from_ref(&forecast), output.full),
-        )?;
-        return Ok(Exit::Done);
+        let text = said(std::slice::from_ref(&forecast), output.full);
+        return output.result(&json!(forecast), &text);
     }
-    let own = grid::around(&sweep, &forecast, &place.name, &args.seeds)?;
+    let rule = sweep.flops.rule;
+    let own = grid::around(&sweep, &forecast, &name, &args.seeds)?;
     output.note(&price(args, grid::cells(&own))?);
-    atomic::write_bytes(&place.sweep(), serde_yaml::to_string(&own)?.as_bytes())?;
-    run_then(&place.run(args), output, |folder| {
+    let sweep = SweepArgs {
+        sweep: root(args).join(format!("{name}.yaml")),
+        settings: args.settings.clone(),
+        out: root(args),
+        work: args.work.clone(),
+    };
+    atomic::write_bytes(&sweep.sweep, serde_yaml::to_string(&own)?.as_bytes())?;
+    run_then(&RunArgs::of(sweep, args.engine), output, |folder| {
         let laws = laws_of(&args.results)?;
-        let validated = compare::compare(folder, (&laws, &forecast), sweep.flops.rule)?;
+        let validated = compare::compare(folder, (&laws, &forecast), rule)?;
         atomic::write_json(&folder.file("validation.json"), &validated)?;
         keep(args, output)?;
-        Ok(output.result(&json!(validated), &compare::text(&validated))?)
+        output.result(&json!(validated), &compare::text(&validated))?;
+        Ok(())
     })
 }
 
@@ -108,50 +107,20 @@ fn price(args: &ValidateArgs, cells: usize) -> Result<String> {
     ))
 }
 
-/// Where a validation lies within its sweep's folder.
-struct Place {
-    /// `validations`.
-    root: PathBuf,
-    /// The budget, as `1e12`.
-    name: String,
-}
-
-impl Place {
-    fn of(args: &ValidateArgs) -> Self {
-        Self { root: args.results.join("validations"), name: format!("{:e}", args.budget) }
-    }
-
-    fn forecast(&self) -> PathBuf {
-        self.root.join(&self.name).join("forecast.json")
-    }
-
-    fn sweep(&self) -> PathBuf {
-        self.root.join(format!("{}.yaml", self.name))
-    }
-
-    /// The `run` that trains it.
-    fn run(&self, args: &ValidateArgs) -> RunArgs {
-        let sweep = SweepArgs {
-            sweep: self.sweep(),
-            settings: args.settings.clone(),
-            out: self.root.clone(),
-            jobs: args.jobs,
-            device: args.device,
-        };
-        RunArgs::of(sweep, args.engine)
-    }
+/// The folder of a sweep's validations.
+fn root(args: &ValidateArgs) -> PathBuf {
+    args.results.join("validations")
 }
 
 /// The forecast that was written down before any run, or one that is written down now.
-fn forecast(args: &ValidateArgs, place: &Place, output: &Output) -> Result<Prediction> {
-    let path = place.forecast();
+fn forecast(args: &ValidateArgs, name: &str, output: &Output) -> Result<Prediction> {
+    let path = root(args).join(name).join("forecast.json");
     if let Some(forecast) = read_if_there::<Prediction>(&path)? {
         output.note(&format!("the forecast of {} stands", path.display()));
         return Ok(forecast);
     }
-    let laws: Laws = laws_of(&args.results)?;
-    let forecast = predict_one(&laws, args.budget)?;
-    atomic::write_json(&path, &forecast).with_context(|| format!("writing {}", path.display()))?;
+    let forecast = predict_one(&laws_of(&args.results)?, args.budget)?;
+    atomic::write_json(&path, &forecast)?;
     Ok(forecast)
 }
 

@@ -19,7 +19,8 @@ use isoflop::progress::stop_on_signals;
 use isoflop::progress::{forget_progress, tell_of_pieces};
 
 use crate::commands::exit::Exit;
-use crate::commands::output::{Output, say};
+use crate::commands::output::Output;
+use crate::commands::screen::say;
 
 pub use args::{GuardArgs, WorkerArgs};
 

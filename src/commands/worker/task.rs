@@ -9,7 +9,8 @@ use isoflop::jobs::{FailedJob, ResultsFolder, SweepState};
 
 use super::args::WorkerArgs;
 use crate::commands::exit::Exit;
-use crate::commands::output::{Output, say};
+use crate::commands::output::Output;
+use crate::commands::screen::say;
 use crate::commands::{analyse, status};
 
 /// Does a chunk, and exits with the code that says how it ended.
@@ -56,14 +57,11 @@ fn wait(folder: &ResultsFolder, grace: Duration) -> Result<SweepState> {
 
 fn incomplete(folder: &ResultsFolder, state: &SweepState, missing: usize) -> String {
     let runs = &state.runs;
+    let reason = |job: &FailedJob| format!("{} ({})", job.label, job.reason);
     let mut text = format!("incomplete: {missing} of {} runs are missing", runs.total());
     let first: Vec<String> = state.failures.iter().take(3).map(reason).collect();
     if !first.is_empty() {
         text += &format!("; failed: {}", first.join("; "));
     }
     text + &format!("; isoflop status {} says more", folder.root().display())
-}
-
-fn reason(job: &FailedJob) -> String {
-    format!("{} ({})", job.label, job.reason)
 }

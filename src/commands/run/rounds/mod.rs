@@ -13,7 +13,6 @@ use isoflop::record::{RunRecord, table};
 
 use super::args::RunArgs;
 use super::bring::{bring, hold, open};
-use super::summary::Summary;
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;
@@ -46,9 +45,7 @@ pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exi
         let part = part(&whole, &history);
         output.note(&price(&whole.plan, &history, finished(&part)));
         exit = match bring(args, &part, &mut held, |_| true, output)? {
-            ControlFlow::Continue(reports) => {
-                Summary::new(args, &part.plan, &part.folder, &reports)?.tell(output)
-            }
+            ControlFlow::Continue(summary) => summary.tell(output),
             ControlFlow::Break(stopped) => return Ok(stopped),
         };
         let known = known(&part, budget, output);
@@ -72,7 +69,7 @@ fn begin(
     if history.is_open() {
         return Ok(true);
     }
-    let met = history.known().is_some_and(|known| is_met(known, args.until));
+    let met = history.known().is_some_and(|known| is_met(known, args.options.until));
     if met || history.rounds.len() >= most {
         return Ok(false);
     }
@@ -139,8 +136,8 @@ fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> AfterRound {
 /// Why the rounds are over.
 fn conclude(args: &RunArgs, plan: &Plan, history: &History, output: &Output) {
     let taken = words::taken(plan, history);
-    let met = history.known().is_some_and(|known| is_met(known, args.until));
-    match args.until {
+    let met = history.known().is_some_and(|known| is_met(known, args.options.until));
+    match args.options.until {
         Some(until) if !met => {
             output.warn(&format!("{taken}; the interval is wider than --until {until}"));
         }
