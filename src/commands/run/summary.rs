@@ -129,7 +129,7 @@ impl<'a> Summary<'a> {
         }
         for need in needs.all_of(&run) {
             let Ok(Some(failure)) = self.folder.failure(&need) else { continue };
-            if need.kind == JobKind::goal() {
+            if need.kind == JobKind::Run {
                 return Some("the run that tries the trainer failed (trainer.canary)".to_string());
             }
             return Some(format!("{} failed: {}", need.kind.role(), failure.reason));

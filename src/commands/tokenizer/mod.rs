@@ -54,10 +54,11 @@ pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
 
 /// Trains what is missing; then all of the folder's are compared, if any is there.
 fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
-    let kind = JobKind::of("tokenizer").expect("a kind of job");
-    run_only(args, kind, output, |open| match plot::tokenizers(&open.folder, output)? {
-        none if none.is_empty() => Ok(()),
-        tokenizers => compare(&tokenizers, output),
+    run_only(args, JobKind::Tokenizer, output, |open| {
+        match plot::tokenizers(&open.folder, output)? {
+            none if none.is_empty() => Ok(()),
+            tokenizers => compare(&tokenizers, output),
+        }
     })
 }
 
