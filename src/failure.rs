@@ -56,32 +56,44 @@ pub enum Consequence {
 }
 
 impl FailureKind {
+    /// The word in files, what follows, and what to do about it where the sentence alone does not say.
+    const fn facts(self) -> (&'static str, Consequence, Option<&'static str>) {
+        use Consequence::{Final, MayPass, StopsAll};
+        match self {
+            Self::Diverged => ("diverged", Final, None),
+            Self::BadData => ("bad-data", Final, None),
+            Self::DiskFull => {
+                ("disk-full", StopsAll, Some("free some space, or raise the quota or limit"))
+            }
+            Self::ReadOnly => {
+                let advice = "make the folder writable, or name another with --out";
+                ("read-only", StopsAll, Some(advice))
+            }
+            Self::Damaged => ("damaged", Final, None),
+            Self::Hung => ("hung", MayPass, Some("raise train.hang_s where it only was slow")),
+            Self::Killed => ("killed", MayPass, None),
+            Self::OutOfMemory => {
+                ("out-of-memory", MayPass, Some("give it more memory, or fewer --jobs"))
+            }
+            Self::Crashed => ("crashed", MayPass, None),
+            Self::Trainer => ("trainer", Final, None),
+            Self::Other => ("other", Final, None),
+        }
+    }
+
     /// Whether trying again, or going on with other jobs, makes sense.
     pub fn consequence(self) -> Consequence {
-        match self {
-            Self::DiskFull | Self::ReadOnly => Consequence::StopsAll,
-            Self::Hung | Self::Killed | Self::OutOfMemory | Self::Crashed => Consequence::MayPass,
-            Self::Diverged | Self::BadData | Self::Damaged | Self::Trainer | Self::Other => {
-                Consequence::Final
-            }
-        }
+        self.facts().1
     }
 
     /// The word as it stands in `failure.json`.
     pub fn word(self) -> &'static str {
-        match self {
-            Self::Diverged => "diverged",
-            Self::BadData => "bad-data",
-            Self::DiskFull => "disk-full",
-            Self::ReadOnly => "read-only",
-            Self::Damaged => "damaged",
-            Self::Hung => "hung",
-            Self::Killed => "killed",
-            Self::OutOfMemory => "out-of-memory",
-            Self::Crashed => "crashed",
-            Self::Trainer => "trainer",
-            Self::Other => "other",
-        }
+        self.facts().0
+    }
+
+    /// What to do about it, if the sentence alone does not say.
+    pub fn advice(self) -> Option<&'static str> {
+        self.facts().2
     }
 
     /// What the system's refusal means; `None` where it is none of those that are told apart.
@@ -93,17 +105,6 @@ impl FailureKind {
             30 => Some(Self::ReadOnly),
             // ENOMEM.
             12 => Some(Self::OutOfMemory),
-            _ => None,
-        }
-    }
-
-    /// What to do about it, where the sentence alone does not say.
-    pub fn advice(self) -> Option<&'static str> {
-        match self {
-            Self::DiskFull => Some("free some space, or raise the quota or limit"),
-            Self::ReadOnly => Some("make the folder writable, or name another with --out"),
-            Self::OutOfMemory => Some("give it more memory, or fewer --jobs"),
-            Self::Hung => Some("raise train.hang_s where it only was slow"),
             _ => None,
         }
     }

@@ -121,7 +121,7 @@ fn hours(
 /// The plan as a JSON document, but for the hours, which are measured, and what is stale.
 pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
     let inputs = inputs(plan);
-    let runs = plan.runs.par_iter().zip(JobKind::goal().jobs(plan));
+    let runs = plan.runs.par_iter().zip(JobKind::Run.jobs(plan));
     let runs: Vec<Value> = runs.map(|(run, job)| run_json(run, &job.needs, states)).collect();
     json!({
         "runs": runs,
@@ -139,8 +139,8 @@ pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
 
 /// Jobs by kind.
 fn jobs(plan: &Plan, inputs: &[Job]) -> BTreeMap<JobKind, usize> {
-    let mut jobs: BTreeMap<JobKind, usize> = JobKind::all().map(|kind| (kind, 0)).collect();
-    jobs.insert(JobKind::goal(), plan.runs.len());
+    let mut jobs: BTreeMap<JobKind, usize> = JobKind::ALL.map(|kind| (kind, 0)).into();
+    jobs.insert(JobKind::Run, plan.runs.len());
     for job in inputs {
         *jobs.entry(job.id.kind).or_default() += 1;
     }
@@ -189,6 +189,6 @@ fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
         "kind": job.spec.quantizer.name(),
         "n_vocab": job.spec.n_vocab(),
         "steps": job.spec.training.steps,
-        "state": folder.metrics_state(&id),
+        "state": folder.state(&JobId::new(JobKind::Tokenizer, &id)),
     })
 }

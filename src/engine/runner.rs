@@ -2,8 +2,7 @@
 
 use crate::failure::{Consequence, Failure};
 use crate::jobs::Job;
-use crate::progress::Beat;
-use crate::progress::Stop;
+use crate::progress::{Beat, Stop};
 
 /// How a job ended.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,7 @@
 //! Files that are not what was written are set aside.
 
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use super::error::FileError;
 

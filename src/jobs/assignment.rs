@@ -1,7 +1,6 @@
 //! [`Assignment`]: a job in the hands of a worker.
 
 use std::fs;
-use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -13,7 +12,6 @@ use super::folder::{CHECKPOINT, ResultsFolder};
 use super::id::JobId;
 use crate::data::{self, MotionSource};
 use crate::failure::Failure;
-use crate::files::read_if_there;
 use crate::progress::Stop;
 use crate::sweep::{self, Sweep};
 
@@ -64,8 +62,7 @@ impl<'a> Assignment<'a> {
     /// # Errors
     /// The file is missing or damaged.
     pub fn spec<T: DeserializeOwned>(&self) -> Result<T> {
-        let path = self.folder.spec(self.job);
-        read_if_there(&path)?.with_context(|| format!("{} is missing", path.display()))
+        spec_of(self.folder, self.job)
     }
 
     /// The sweep as it was resolved when the folder was made.
@@ -92,14 +89,26 @@ impl<'a> Assignment<'a> {
         Ok(self.sweep()?.train.checkpoint_every())
     }
 
-    /// What is finished needs no checkpoint any more.
+    /// The end of a job that is done: it needs no checkpoint any more.
     ///
     /// # Errors
     /// The folder cannot be written to.
-    pub fn remove_checkpoint(&self) -> io::Result<()> {
+    pub fn done(&self) -> Result<Outcome> {
         let checkpoint = self.place().join(CHECKPOINT);
-        if checkpoint.exists() { fs::remove_dir_all(checkpoint) } else { Ok(()) }
+        if checkpoint.exists() {
+            fs::remove_dir_all(checkpoint)?;
+        }
+        Ok(Outcome::Done)
     }
+}
+
+/// What a job is to make.
+///
+/// # Errors
+/// The file is missing or damaged.
+pub fn spec_of<T: DeserializeOwned>(folder: &ResultsFolder, job: &JobId) -> Result<T> {
+    let missing = || format!("{} is missing", folder.spec(job).display());
+    folder.read_spec(job)?.with_context(missing)
 }
 
 /// The sweep of a folder, as it was resolved when the folder was made.

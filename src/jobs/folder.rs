@@ -1,17 +1,15 @@
 //! [`ResultsFolder`]: where everything of a sweep lies, and what state each job is in.
 
 use std::collections::HashMap;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::id::JobId;
 use super::kind::JobKind;
-use super::score::{self, RunScores};
-use super::{evaluator, text, tokenizer, tokens, trunk};
+use super::score::RunScores;
 use crate::evaluator::EvaluatorReport;
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
@@ -21,6 +19,13 @@ use crate::tokenizer::TokenizerMetrics;
 
 /// Where a job keeps its checkpoint, in its folder.
 pub const CHECKPOINT: &str = "checkpoint";
+
+/// The weights of a finished run, in its folder.
+pub const MODEL: &str = "model.safetensors";
+/// The validation curve of a finished run, a line a measurement, in its folder.
+pub const LOG: &str = "log.jsonl";
+/// What a finished run has on each clip of the test split, a line a clip, in its folder.
+pub const TEST_CLIPS: &str = "test.jsonl";
 
 /// How far a job is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -105,6 +110,33 @@ impl ResultsFolder {
         self.file(kind.spec(id))
     }
 
+    /// What a job is to make; `None` if its spec is missing.
+    ///
+    /// # Errors
+    /// The spec is damaged.
+    pub fn read_spec<T: DeserializeOwned>(&self, job: &JobId) -> Result<Option<T>, FileError> {
+        read_if_there(&self.spec(job))
+    }
+
+    /// The same; `None` if it is damaged, too.
+    pub fn known_spec<T: DeserializeOwned>(&self, job: &JobId) -> Option<T> {
+        self.read_spec(job).ok().flatten()
+    }
+
+    /// Whether the product of a finished job can be read, where that is quickly seen.
+    ///
+    /// # Errors
+    /// [`FileError::Damaged`].
+    pub fn inspect(&self, JobId { kind, id }: &JobId) -> Result<(), FileError> {
+        match kind {
+            JobKind::Text | JobKind::Tokens | JobKind::Trunk => Ok(()),
+            JobKind::Tokenizer => self.metrics(id).map(drop),
+            JobKind::Run => self.record(id).map(drop),
+            JobKind::Evaluator => self.gates(id).map(drop),
+            JobKind::Score => self.scores(id).map(drop),
+        }
+    }
+
     /// How far a job is.
     pub fn state(&self, job: &JobId) -> JobState {
         let folder = self.job(job);
@@ -126,22 +158,17 @@ impl ResultsFolder {
 
     /// The folder of a tokenizer.
     pub fn tokenizer(&self, tokenizer_id: &str) -> PathBuf {
-        self.job(&JobId::new(tokenizer::KIND, tokenizer_id))
+        self.job(&JobId::new(JobKind::Tokenizer, tokenizer_id))
     }
 
     /// The codes of a data set.
     pub fn tokens(&self, tokenizer_id: &str) -> PathBuf {
-        self.product(&JobId::new(tokens::KIND, tokenizer_id))
+        self.product(&JobId::new(JobKind::Tokens, tokenizer_id))
     }
 
     /// The embedded captions of a data set.
     pub fn text(&self, text_id: &str) -> PathBuf {
-        self.product(&JobId::new(text::KIND, text_id))
-    }
-
-    /// Where a trunk ends and runs branch off.
-    pub fn trunk(&self, trunk_id: &str) -> PathBuf {
-        self.product(&JobId::new(trunk::KIND, trunk_id))
+        self.product(&JobId::new(JobKind::Text, text_id))
     }
 
     /// How far each run is that has a folder, by id; the others are missing. One listing of the
@@ -171,11 +198,6 @@ impl ResultsFolder {
         }
     }
 
-    /// How far a tokenizer is.
-    pub fn metrics_state(&self, tokenizer_id: &str) -> JobState {
-        self.state(&JobId::new(tokenizer::KIND, tokenizer_id))
-    }
-
     /// The metrics of a finished tokenizer.
     pub fn metrics(&self, tokenizer_id: &str) -> Result<Option<TokenizerMetrics>, FileError> {
         read_if_there(&self.tokenizer(tokenizer_id).join("metrics.json"))
@@ -183,17 +205,17 @@ impl ResultsFolder {
 
     /// The folder of an evaluator.
     pub fn evaluator(&self, evaluator_id: &str) -> PathBuf {
-        self.job(&JobId::new(evaluator::KIND, evaluator_id))
+        self.job(&JobId::new(JobKind::Evaluator, evaluator_id))
     }
 
     /// What a finished evaluator is worth.
     pub fn gates(&self, evaluator_id: &str) -> Result<Option<EvaluatorReport>, FileError> {
-        read_if_there(&self.product(&JobId::new(evaluator::KIND, evaluator_id)))
+        read_if_there(&self.product(&JobId::new(JobKind::Evaluator, evaluator_id)))
     }
 
     /// What the motions of a run score.
     pub fn scores(&self, score_id: &str) -> Result<Option<RunScores>, FileError> {
-        read_if_there(&self.product(&JobId::new(score::KIND, score_id)))
+        read_if_there(&self.product(&JobId::new(JobKind::Score, score_id)))
     }
 
     /// Metrics of every finished tokenizer that lies here, by vocabulary; `warn` is told of each
@@ -202,7 +224,7 @@ impl ResultsFolder {
     /// # Errors
     /// The folder cannot be listed.
     pub fn all_metrics(&self, warn: impl FnMut(String)) -> io::Result<Vec<TokenizerMetrics>> {
-        let mut metrics: Vec<TokenizerMetrics> = self.products(tokenizer::KIND, warn)?;
+        let mut metrics: Vec<TokenizerMetrics> = self.products(JobKind::Tokenizer, warn)?;
         metrics.sort_by_key(|m| (m.n_vocab, m.tokenizer_id.clone()));
         Ok(metrics)
     }
@@ -212,7 +234,7 @@ impl ResultsFolder {
     /// # Errors
     /// The folder cannot be listed.
     pub fn all_gates(&self, warn: impl FnMut(String)) -> io::Result<Vec<EvaluatorReport>> {
-        let mut reports: Vec<EvaluatorReport> = self.products(evaluator::KIND, warn)?;
+        let mut reports: Vec<EvaluatorReport> = self.products(JobKind::Evaluator, warn)?;
         reports.sort_by(|a, b| a.evaluator_id.cmp(&b.evaluator_id));
         Ok(reports)
     }
@@ -235,7 +257,7 @@ impl ResultsFolder {
     /// # Errors
     /// The folder cannot be listed.
     pub fn all_scores(&self, warn: impl FnMut(String)) -> io::Result<Vec<RunScores>> {
-        let mut scores: Vec<RunScores> = self.products(score::KIND, warn)?;
+        let mut scores: Vec<RunScores> = self.products(JobKind::Score, warn)?;
         scores.sort_by(|a, b| a.run_id.cmp(&b.run_id));
         Ok(scores)
     }

@@ -3,16 +3,17 @@
 //! MFU (model FLOPs utilisation) is counted in FLOPs of the budgets, by the rule of the sweep: rows of captions,
 //! which that rule may leave out, cost time and add nothing to it.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 
 use serde::Serialize;
 
 use super::folder::ResultsFolder;
+use super::history::rates;
 use super::job::Job;
 use super::speed::{Rate, rate_at};
 use crate::machine::cards::Card;
 use crate::plan::{Plan, PlannedRun, RunSpec, Trunk, bytes_on_card};
-use crate::record::{RunRecord, flops_per_second};
+use crate::record::RunRecord;
 
 /// N_nv of a model and its MFU in bf16, without the optimiser's part of a step.
 ///
@@ -71,10 +72,8 @@ impl Gpu {
         plan: &Plan,
         folder: &ResultsFolder,
     ) -> Self {
-        let by_size = finished(card, plan, folder);
-        let runs = by_size.values().map(Vec::len).sum();
-        let rate = |(params, records)| Some((params as f64, flops_per_second(records)?));
-        let measured: Vec<Rate> = by_size.into_iter().filter_map(rate).collect();
+        let finished = finished(card, plan, folder);
+        let (runs, measured) = (finished.len(), rates(finished));
         if !measured.is_empty() {
             let mfu = measured.into_iter().map(|(n, rate)| (n, rate / card.peak_flops)).collect();
             return Self { card, mfu, source: MfuSource::Measured { runs } };
@@ -134,17 +133,15 @@ impl Gpu {
 }
 
 /// Records of the finished runs that such a card may have trained, by N_nv. A damaged record is left out.
-fn finished(card: &Card, plan: &Plan, folder: &ResultsFolder) -> BTreeMap<usize, Vec<RunRecord>> {
-    let mut by_size: BTreeMap<usize, Vec<RunRecord>> = BTreeMap::new();
-    for run in &plan.runs {
-        let Ok(Some(record)) = folder.record(&run.run_id) else { continue };
+fn finished(card: &Card, plan: &Plan, folder: &ResultsFolder) -> Vec<(usize, RunRecord)> {
+    let own = |run: &PlannedRun| {
+        let record = folder.record(&run.run_id).ok().flatten()?;
         let device = record.measured.device.as_deref().unwrap_or_default();
         let has_time = record.measured.wall_s.is_some_and(|wall_s| wall_s > 0.0);
-        if has_time && (card.is_named(device) || UNNAMED.contains(&device)) {
-            by_size.entry(run.params.nonvocab).or_default().push(record);
-        }
-    }
-    by_size
+        let is_own = has_time && (card.is_named(device) || UNNAMED.contains(&device));
+        is_own.then_some((run.params.nonvocab, record))
+    };
+    plan.runs.iter().filter_map(own).collect()
 }
 
 /// Says how many runs do not fit on the card, and what the largest needs; `None` if all fit, as far as that is

@@ -10,13 +10,13 @@ use crate::plan::Plan;
 
 /// All but the runs of a plan: what they need, each after what it needs itself, and what needs them.
 pub fn inputs(plan: &Plan) -> Vec<Job> {
-    let kinds = JobKind::all().filter(|kind| *kind != JobKind::goal());
+    let kinds = JobKind::ALL.into_iter().filter(|kind| *kind != JobKind::Run);
     kinds.flat_map(|kind| kind.jobs(plan)).collect()
 }
 
 /// Every job of a plan, finished ones too, each after what it needs itself.
 pub fn all_jobs(plan: &Plan) -> impl Iterator<Item = Job> {
-    JobKind::all().flat_map(|kind| kind.jobs(plan))
+    JobKind::ALL.into_iter().flat_map(|kind| kind.jobs(plan))
 }
 
 /// The jobs whose results are not in the folder and that can be had, the most urgent first: what
@@ -26,7 +26,7 @@ pub fn all_jobs(plan: &Plan) -> impl Iterator<Item = Job> {
 pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
     let is_open = |state| matches!(state, JobState::Missing | JobState::Started);
     let open = |id: &JobId| is_open(folder.state(id));
-    let (runs, states) = (JobKind::goal().jobs(plan), folder.run_states());
+    let (runs, states) = (JobKind::Run.jobs(plan), folder.run_states());
     let before_others: HashSet<JobId> = runs.iter().flat_map(|run| run.needs.clone()).collect();
     let goals = runs.into_iter().filter(|run| is_open(states.of(&run.id.id)));
     let (first, goals): (Vec<Job>, Vec<Job>) =
@@ -46,7 +46,7 @@ pub fn missing_jobs(plan: &Plan, folder: &ResultsFolder) -> Vec<Job> {
         wanted.availability(need);
     }
     let mut jobs = std::mem::take(&mut wanted.jobs);
-    let followers = JobKind::all().filter(|kind| *kind > JobKind::goal());
+    let followers = JobKind::ALL.into_iter().filter(|kind| *kind > JobKind::Run);
     let followers: Vec<Job> = followers.flat_map(|kind| kind.jobs(plan)).collect();
     if !followers.is_empty() {
         let to_do = goals.iter().map(|job| (job.id.clone(), Availability::ToDo));

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::folder::{JobState, ResultsFolder};
 use super::graph::inputs;
@@ -43,24 +43,36 @@ impl Finished {
     pub fn of(plan: &Plan, folder: &ResultsFolder) -> Self {
         let states = folder.run_states();
         let done = |run: &&PlannedRun| states.of(&run.run_id) == JobState::Done;
-        let done: Vec<&PlannedRun> = plan.runs.iter().filter(done).collect();
-        let sample = done.iter().step_by(done.len().div_ceil(SAMPLE).max(1));
-        let record = |run: &&PlannedRun| folder.record(&run.run_id).ok().flatten();
-        let runs = sample.filter_map(|run| Some((run.params.total(), record(run)?)));
-        Self { runs: runs.collect(), inputs: costs(&inputs(plan)) }
+        let done = plan.runs.iter().filter(done);
+        let done: Vec<_> = done.map(|run| (run.params.total(), run.run_id.as_str())).collect();
+        Self::read(folder, &done, &inputs(plan)).0
     }
-}
 
-/// The cost of each job that trains no generator.
-pub fn costs(inputs: &[Job]) -> HashMap<JobId, f64> {
-    let other = inputs.iter().filter(|job| job.id.kind.stage() != Stage::Train);
-    other.map(|job| (job.id.clone(), job.cost)).collect()
+    /// What is done of runs, of which parameters and ids are given, and the cost of the other jobs among these; and
+    /// what was wrong with records. The records that are read are spread over all.
+    pub fn read(
+        folder: &ResultsFolder,
+        done: &[(usize, &str)],
+        jobs: &[Job],
+    ) -> (Self, Vec<String>) {
+        let (mut runs, mut problems) = (Vec::new(), Vec::new());
+        for (params, id) in done.iter().step_by(done.len().div_ceil(SAMPLE).max(1)) {
+            match folder.record(id) {
+                Ok(record) => runs.extend(record.map(|record| (*params, record))),
+                Err(error) => problems.push(error.to_string()),
+            }
+        }
+        // Those that train no generator.
+        let other = jobs.iter().filter(|job| job.id.kind.stage() != Stage::Train);
+        let inputs = other.map(|job| (job.id.clone(), job.cost)).collect();
+        (Self { runs, inputs }, problems)
+    }
 }
 
 /// The speed of a folder's jobs: that which was measured before, as far as finished jobs bear it out; without
 /// one, that of finished jobs. `None` if neither tells how fast runs are.
 pub fn known(folder: &ResultsFolder, finished: &Finished) -> Option<Speed> {
-    let runs = rates(&finished.runs);
+    let runs = rates(finished.runs.iter().cloned());
     let inputs = rate_of_inputs(folder, &finished.inputs);
     match read_if_there::<Speed>(&folder.file(PROBED)).ok().flatten() {
         Some(probed) => Some(probed.borne_out_by(&work(&finished.runs), inputs)),
@@ -81,23 +93,32 @@ fn work(runs: &[(usize, RunRecord)]) -> Vec<(usize, f64, f64)> {
     runs.iter().filter_map(one).collect()
 }
 
-fn rates(runs: &[(usize, RunRecord)]) -> Vec<Rate> {
+/// The rate of finished runs of each size.
+pub fn rates(runs: impl IntoIterator<Item = (usize, RunRecord)>) -> Vec<Rate> {
     let mut by_size: BTreeMap<usize, Vec<RunRecord>> = BTreeMap::new();
     for (params, record) in runs {
-        by_size.entry(*params).or_default().push(record.clone());
+        by_size.entry(params).or_default().push(record);
     }
     let rate = |(params, records)| Some((params as f64, flops_per_second(records)?));
     by_size.into_iter().filter_map(rate).collect()
 }
 
-/// A line of the schedule.
-#[derive(Deserialize)]
-struct Stretch {
+/// A line of the schedule: one start of a job and its end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stretch {
+    /// Counts the schedulers that have written to the file, from 0.
+    pub session: usize,
     #[serde(flatten)]
-    id: JobId,
-    start_s: f64,
-    end_s: f64,
-    end: String,
+    pub id: JobId,
+    pub label: String,
+    pub slot: usize,
+    /// Seconds since this scheduler began.
+    pub start_s: f64,
+    pub end_s: f64,
+    /// Seconds in training steps.
+    pub train_s: f64,
+    /// `done`, `stopped`, or the kind of the failure.
+    pub end: String,
 }
 
 /// FLOPs of their cost that finished jobs other than runs did a second; a job that was interrupted took all of
@@ -106,7 +127,9 @@ fn rate_of_inputs(folder: &ResultsFolder, costs: &HashMap<JobId, f64>) -> Option
     let text = fs::read_to_string(folder.file(SCHEDULE)).ok()?;
     let stretches = text.lines().filter_map(|line| serde_json::from_str::<Stretch>(line).ok());
     let (mut seconds, mut done) = (HashMap::new(), HashSet::new());
-    for Stretch { id, start_s, end_s, end } in stretches.filter(|one| costs.contains_key(&one.id)) {
+    for Stretch { id, start_s, end_s, end, .. } in
+        stretches.filter(|one| costs.contains_key(&one.id))
+    {
         if end == "done" {
             done.insert(id.clone());
         }
@@ -126,7 +149,7 @@ mod tests {
     fn a_speed_that_was_measured_is_borne_out_by_the_jobs_that_are_done() {
         let place = tempfile::tempdir().unwrap();
         let folder = ResultsFolder::new(place.path());
-        let tokenizer = JobId::new(JobKind::of("tokenizer").unwrap(), "a");
+        let tokenizer = JobId::new(JobKind::Tokenizer, "a");
         let finished = |runs| Finished { runs, inputs: [(tokenizer.clone(), 8e10)].into() };
         assert_eq!(known(&folder, &finished(Vec::new())), None);
         let probed = Speed::new(vec![(1e4, 1e9), (1e6, 4e9)], 4e9);
@@ -135,7 +158,7 @@ mod tests {
         // Stopped once: 40 s in all, where the probe would have it take 20.
         let line = |start: f64, end: f64, how: &str| {
             format!(
-                r#"{{"session": 0, "kind": "tokenizer", "id": "a", "start_s": {start}, "end_s": {end}, "end": "{how}"}}"#
+                r#"{{"session": 0, "kind": "tokenizer", "id": "a", "label": "", "slot": 0, "start_s": {start}, "end_s": {end}, "train_s": 0, "end": "{how}"}}"#
             )
         };
         let lines = [line(0.0, 10.0, "stopped"), line(10.0, 40.0, "done")];

@@ -22,7 +22,7 @@ impl JobId {
 
     /// The run of an id.
     pub fn run(id: impl Into<String>) -> Self {
-        Self::new(super::run::KIND, id)
+        Self::new(JobKind::Run, id)
     }
 }
 

@@ -1,8 +1,17 @@
 //! [`Job`]: one thing to do, and what it waits for.
 
+use std::collections::HashMap;
+
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::id::JobId;
+use super::kind::JobKind;
+use crate::plan::{
+    EvaluatorJob, Plan, PlannedRun, ScoreJob, TextJob, TokenizerJob, Trunk, evaluator_peak_bytes,
+    text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes,
+};
+use crate::spec::ModelShape;
 
 /// One thing to do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,4 +26,146 @@ pub struct Job {
     pub peak_bytes: u64,
     /// What must be there first.
     pub needs: Vec<JobId>,
+}
+
+/// What tokenising costs, as a share of training the tokenizer.
+const TOKENISING: f64 = 0.1;
+
+/// FLOPs that a motion counts for, as a multiple of the model's parameters: a forward pass a code.
+const FLOPS_PER_PARAMETER: f64 = 2.0 * 49.0;
+
+impl JobKind {
+    /// The jobs of a plan, finished ones too; one that needs another of its kind after that one.
+    pub fn jobs(self, plan: &Plan) -> Vec<Job> {
+        match self {
+            Self::Text => plan.text.iter().map(|job| text(job, plan)).collect(),
+            Self::Tokenizer => plan.tokenizers.iter().map(|job| tokenizer(job, plan)).collect(),
+            Self::Tokens => plan.tokenizers.iter().map(|job| tokens(job, plan)).collect(),
+            Self::Trunk => plan.trunks.iter().map(trunk).collect(),
+            Self::Run => {
+                let text = plan.text.iter().map(|text| JobId::new(Self::Text, text.id()));
+                let (captions, canary) = (text.collect::<Vec<_>>(), canary(plan));
+                plan.runs.par_iter().map(|one| run(one, &captions, canary, plan)).collect()
+            }
+            Self::Evaluator => plan.evaluator.iter().map(|job| evaluator(job, plan)).collect(),
+            Self::Score => scores(plan),
+        }
+    }
+}
+
+fn text(text: &TextJob, plan: &Plan) -> Job {
+    Job {
+        id: JobId::new(JobKind::Text, text.id()),
+        label: "captions".to_string(),
+        cost: 0.0,
+        peak_bytes: text_peak_bytes(&text.spec, &plan.data),
+        needs: Vec::new(),
+    }
+}
+
+fn tokenizer(job: &TokenizerJob, plan: &Plan) -> Job {
+    Job {
+        id: JobId::new(JobKind::Tokenizer, job.id()),
+        label: format!("{} tokenizer V{}", job.spec.quantizer.name(), job.spec.n_vocab()),
+        cost: tokenizer_cost(job),
+        peak_bytes: tokenizer_peak_bytes(&job.spec, &plan.data),
+        needs: captions(job).into_iter().collect(),
+    }
+}
+
+/// FLOPs that training a tokenizer counts for, beside the budgets of runs.
+fn tokenizer_cost(job: &TokenizerJob) -> f64 {
+    let training = &job.spec.training;
+    let frames = (training.steps * training.batch * training.window) as f64;
+    frames * job.spec.flops_per_frame()
+}
+
+/// The job that a tokenizer with language waits for: the captions that it sees.
+pub fn captions(job: &TokenizerJob) -> Option<JobId> {
+    job.text_id.as_ref().map(|id| JobId::new(JobKind::Text, id))
+}
+
+fn tokens(job: &TokenizerJob, plan: &Plan) -> Job {
+    let tokenizer = JobId::new(JobKind::Tokenizer, job.id());
+    Job {
+        id: JobId::new(JobKind::Tokens, job.id()),
+        label: format!("codes V{}", job.spec.n_vocab()),
+        cost: TOKENISING * tokenizer_cost(job),
+        peak_bytes: tokens_peak_bytes(&job.spec, &plan.data),
+        needs: captions(job).into_iter().chain([tokenizer]).collect(),
+    }
+}
+
+fn trunk(trunk: &Trunk) -> Job {
+    let Trunk { trunk_id, spec, from, flops } = trunk;
+    let data = [(JobKind::Tokens, &spec.tokenizer_id), (JobKind::Text, &spec.text_id)];
+    let needs = data.into_iter().chain(from.iter().map(|id| (JobKind::Trunk, id)));
+    let ModelShape { n_layer, d_model, .. } = *spec.shape();
+    let (n_vocab, seed, steps) = (spec.n_vocab(), spec.seed, spec.steps);
+    Job {
+        id: JobId::new(JobKind::Trunk, trunk_id),
+        label: format!("L{n_layer} d{d_model} V{n_vocab} seed {seed} to step {steps}"),
+        cost: *flops,
+        peak_bytes: spec.generator.peak_bytes(&spec.codes, spec.batch_tokens),
+        needs: needs.map(|(kind, id)| JobId::new(kind, id)).collect(),
+    }
+}
+
+/// The run that tries a program of somebody's own before the others: the cheapest.
+fn canary(plan: &Plan) -> Option<&PlannedRun> {
+    let cheapest = plan.runs.iter().min_by(|a, b| a.own_flops().total_cmp(&b.own_flops()));
+    cheapest.filter(|_| plan.canary)
+}
+
+fn run(run: &PlannedRun, captions: &[JobId], canary: Option<&PlannedRun>, plan: &Plan) -> Job {
+    let first = canary.filter(|canary| canary.run_id != run.run_id);
+    let first = first.map(|canary| JobId::run(&canary.run_id));
+    let codes =
+        (!plan.tokenizers.is_empty()).then(|| JobId::new(JobKind::Tokens, &run.spec.tokenizer_id));
+    let trunk = run.trunk_id.iter().map(|id| JobId::new(JobKind::Trunk, id));
+    Job {
+        id: JobId::run(&run.run_id),
+        label: run.spec.label(),
+        cost: run.own_flops(),
+        // What a program of somebody's own takes is not known.
+        peak_bytes: run.known_peak_bytes().unwrap_or(0),
+        needs: captions.iter().cloned().chain(first).chain(codes).chain(trunk).collect(),
+    }
+}
+
+fn evaluator(job: &EvaluatorJob, plan: &Plan) -> Job {
+    Job {
+        id: JobId::new(JobKind::Evaluator, job.id()),
+        label: "evaluator".to_string(),
+        cost: job.spec.training_flops(),
+        peak_bytes: evaluator_peak_bytes(&job.spec, &plan.data),
+        needs: Vec::new(),
+    }
+}
+
+fn scores(plan: &Plan) -> Vec<Job> {
+    if plan.scores.is_empty() {
+        return Vec::new();
+    }
+    let runs: HashMap<&str, &PlannedRun> =
+        plan.runs.iter().map(|run| (run.run_id.as_str(), run)).collect();
+    let of = |job: &ScoreJob| Some(score(job, runs.get(job.run_id.as_str())?, plan));
+    plan.scores.iter().filter_map(of).collect()
+}
+
+fn score(score: &ScoreJob, run: &PlannedRun, plan: &Plan) -> Job {
+    let [.., test] = plan.data.clips;
+    let ScoreJob { run_id, evaluator_id, spec, .. } = score;
+    let motions = spec.repeats * test + spec.multimodal_captions * spec.multimodal_motions;
+    let evaluator = plan.evaluator.as_ref();
+    let evaluating = evaluator.map_or(0, |job| evaluator_peak_bytes(&job.spec, &plan.data));
+    Job {
+        id: JobId::new(JobKind::Score, score.id()),
+        label: format!("score of {}", run.spec.label()),
+        cost: motions as f64 * run.params.total() as f64 * FLOPS_PER_PARAMETER,
+        // A batch of motions in the making takes less than a step of training, and true motions are
+        // held as for the evaluator's gates.
+        peak_bytes: run.peak_bytes + evaluating,
+        needs: vec![JobId::run(run_id), JobId::new(JobKind::Evaluator, evaluator_id)],
+    }
 }

@@ -1,162 +1,121 @@
 //! [`JobKind`]: all that engines and commands need to know of a kind of job.
 
-use std::fmt;
-use std::hash::{Hash, Hasher};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
-use std::time::Duration;
 
-use anyhow::Result;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
-use super::KINDS;
-use super::assignment::{Assignment, Outcome};
-use super::exit::GRACE;
-use super::folder::ResultsFolder;
-use super::job::Job;
-use crate::files::FileError;
-use crate::plan::Plan;
 use crate::sweep::Stage;
 
-/// What a kind of job makes, where, from what, and how.
-pub trait Kind: Sync {
-    /// The word in files and on a worker's command line.
-    fn word(&self) -> &'static str;
+/// A kind of job, in the order in which they are needed: each needs only what stands before it, or its own kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JobKind {
+    /// Embeds every caption of the data once.
+    Text,
+    /// Trains a tokenizer and measures it.
+    Tokenizer,
+    /// Turns every clip of the data into codes.
+    Tokens,
+    /// Trains a trunk, from the one that it goes on from, up to where runs branch off.
+    Trunk,
+    /// Trains a run: what a sweep is for. What follows is done beside it or after it.
+    Run,
+    /// Trains an evaluator and measures its gates.
+    Evaluator,
+    /// Makes motions of a run and scores them.
+    Score,
+}
 
-    /// The name of many of them, for tables.
-    fn plural(&self) -> &'static str;
+/// What is known of a kind.
+struct Facts {
+    word: &'static str,
+    plural: &'static str,
+    role: &'static str,
+    product: &'static str,
+}
+
+static FACTS: [Facts; 7] = [
+    facts("text", "text", "the embedding of captions", "vectors.safetensors"),
+    facts("tokenizer", "tokenizers", "its tokenizer", "metrics.json"),
+    facts("tokens", "tokens", "tokenising", "codes.safetensors"),
+    facts("trunk", "trunks", "its trunk", "state.safetensors"),
+    facts("run", "runs", "the run", "record.json"),
+    facts("evaluator", "evaluators", "its evaluator", "gates.json"),
+    facts("score", "scores", "its score", "scores.json"),
+];
+
+const fn facts(
+    word: &'static str,
+    plural: &'static str,
+    role: &'static str,
+    product: &'static str,
+) -> Facts {
+    Facts { word, plural, role, product }
+}
+
+impl JobKind {
+    /// Every kind, in its order.
+    pub const ALL: [Self; 7] = [
+        Self::Text,
+        Self::Tokenizer,
+        Self::Tokens,
+        Self::Trunk,
+        Self::Run,
+        Self::Evaluator,
+        Self::Score,
+    ];
+
+    /// The word in files and on a worker's command line.
+    pub fn word(self) -> &'static str {
+        FACTS[self as usize].word
+    }
+
+    /// The name of many of them, for tables and folders.
+    pub fn plural(self) -> &'static str {
+        FACTS[self as usize].plural
+    }
+
+    /// What a failure of one such job means for a run: `its tokenizer`.
+    pub fn role(self) -> &'static str {
+        FACTS[self as usize].role
+    }
+
+    /// The file in a job's folder that is written when all else is there.
+    pub fn product(self) -> &'static str {
+        FACTS[self as usize].product
+    }
 
     /// The folder of the job of an id, in a sweep's folder.
-    fn folder(&self, id: &str) -> PathBuf;
-
-    /// The file in it that is written when all else is there.
-    fn product(&self) -> &'static str;
+    pub fn folder(self, id: &str) -> PathBuf {
+        match self {
+            Self::Tokens => Self::Tokenizer.folder(id).join(self.plural()),
+            _ => PathBuf::from(self.plural()).join(id),
+        }
+    }
 
     /// The file in a sweep's folder that says what the job of an id is to make.
-    fn spec(&self, id: &str) -> PathBuf;
+    pub fn spec(self, id: &str) -> PathBuf {
+        match self {
+            Self::Text => PathBuf::from("sweep.yaml"),
+            Self::Tokens => Self::Tokenizer.spec(id),
+            Self::Run => self.folder(id).join("spec.json"),
+            _ => self.folder(id).join("job.json"),
+        }
+    }
 
     /// The part of a sweep that it belongs to.
-    fn stage(&self) -> Stage;
-
-    /// The jobs of a plan, finished ones too; one that needs another of its kind after that one.
-    fn jobs(&self, plan: &Plan) -> Vec<Job>;
-
-    /// Writes the specs of a plan's jobs into its folder; `warn` is told of each that was not as
-    /// planned.
-    ///
-    /// # Errors
-    /// The folder cannot be written to.
-    fn prepare(
-        &self,
-        _: &Plan,
-        _: &ResultsFolder,
-        _warn: &mut dyn FnMut(String),
-    ) -> Result<(), FileError> {
-        Ok(())
-    }
-
-    /// Whether the product of a finished job can be read, where that is quickly seen.
-    ///
-    /// # Errors
-    /// [`FileError::Damaged`].
-    fn inspect(&self, _: &ResultsFolder, _id: &str) -> Result<(), FileError> {
-        Ok(())
-    }
-
-    /// The share of its steps that its checkpoint holds; 0 where that cannot be told.
-    fn share_done(&self, _: &ResultsFolder, _id: &str) -> f64 {
-        0.0
+    pub fn stage(self) -> Stage {
+        match self {
+            Self::Trunk | Self::Run | Self::Score => Stage::Train,
+            _ => Stage::Inputs,
+        }
     }
 
     /// Whether its product is shown by itself, so that it is made again where it is gone although
     /// nothing that needs it is missing.
-    fn is_result(&self) -> bool {
-        false
-    }
-
-    /// What else a failure of one such job means for a run: `its tokenizer`.
-    fn role(&self) -> &'static str;
-
-    /// Does the job.
-    ///
-    /// # Errors
-    /// Why it has no result.
-    fn work(&self, assignment: &Assignment) -> Result<Outcome>;
-
-    /// How long the worker in `place` takes for an orderly end, once a stop is asked for.
-    fn grace(&self, _place: &Path) -> Duration {
-        GRACE
-    }
-}
-
-/// A kind of job: one of [`KINDS`].
-#[derive(Clone, Copy)]
-pub struct JobKind(&'static dyn Kind);
-
-impl JobKind {
-    /// The handle of a kind.
-    pub const fn from_static(kind: &'static dyn Kind) -> Self {
-        Self(kind)
-    }
-
-    /// Every kind, in the order in which they are needed.
-    pub fn all() -> impl DoubleEndedIterator<Item = Self> {
-        KINDS.into_iter()
-    }
-
-    /// What a sweep is for: a run. What follows it in [`KINDS`] is done beside it or
-    /// after it.
-    pub fn goal() -> Self {
-        super::run::KIND
-    }
-
-    /// The kind of a word.
-    pub fn of(word: &str) -> Option<Self> {
-        Self::all().find(|kind| kind.word() == word)
-    }
-
-    fn position(self) -> usize {
-        Self::all().position(|kind| kind.word() == self.word()).expect("every kind stands in KINDS")
-    }
-}
-
-impl std::ops::Deref for JobKind {
-    type Target = dyn Kind;
-
-    fn deref(&self) -> &Self::Target {
-        self.0
-    }
-}
-
-impl PartialEq for JobKind {
-    fn eq(&self, other: &Self) -> bool {
-        self.word() == other.word()
-    }
-}
-
-impl Eq for JobKind {}
-
-impl PartialOrd for JobKind {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for JobKind {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.position().cmp(&other.position())
-    }
-}
-
-impl Hash for JobKind {
-    fn hash<H: Hasher>(&self, state: &mut H) {
-        self.word().hash(state);
-    }
-}
-
-impl fmt::Debug for JobKind {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(self.word())
+    pub fn is_result(self) -> bool {
+        matches!(self, Self::Tokenizer | Self::Evaluator | Self::Score)
     }
 }
 
@@ -164,19 +123,7 @@ impl FromStr for JobKind {
     type Err = String;
 
     fn from_str(word: &str) -> Result<Self, String> {
-        Self::of(word).ok_or_else(|| format!("no kind of job is named `{word}`"))
-    }
-}
-
-impl Serialize for JobKind {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.word())
-    }
-}
-
-impl<'de> Deserialize<'de> for JobKind {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let word = String::deserialize(deserializer)?;
-        word.parse().map_err(serde::de::Error::custom)
+        let kind = Self::ALL.into_iter().find(|kind| kind.word() == word);
+        kind.ok_or_else(|| format!("no kind of job is named `{word}`"))
     }
 }

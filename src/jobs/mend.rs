@@ -4,9 +4,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 
-use super::assignment::Assignment;
+use super::assignment::{Assignment, Outcome};
 use super::id::JobId;
-use super::worker::{claim, work};
+use super::presence::claim;
 use crate::files::FileError;
 use crate::files::damaged::set_aside;
 use crate::learn::LearnError;
@@ -48,7 +48,7 @@ pub fn train_past_damage<T, E: Into<anyhow::Error>>(
     }
 }
 
-/// What a job has made, opened; where it is damaged or gone, the job is done again here first.
+/// What a job has made, opened; where it is damaged or gone, the job is done again here first, by `work`.
 ///
 /// Workers that need the same file wait for the one that makes it.
 ///
@@ -58,6 +58,7 @@ pub fn open_or_remake<T>(
     assignment: &Assignment,
     job: &JobId,
     open: impl Fn(&Path) -> Result<T, FileError>,
+    work: fn(&Assignment) -> Result<Outcome>,
 ) -> Result<T> {
     let path = assignment.folder.product(job);
     let error = match open(&path) {

@@ -1,7 +1,7 @@
 //! What there is to do for a sweep: a file a kind of job.
 //!
-//! A [`Kind`] says what it makes, where, from what, at what cost, and does it. [`KINDS`] lists them;
-//! engines and commands iterate, and name none.
+//! A [`JobKind`] says what it makes, where, from what and at what cost; [`worker::work`] does it. [`JobKind::ALL`]
+//! lists them.
 //!
 //! # Example
 //!
@@ -57,20 +57,10 @@ pub use folder::{JobState, ResultsFolder, RunStates};
 pub use graph::{all_jobs, inputs, missing_jobs, with_needs};
 pub use id::JobId;
 pub use job::Job;
-pub use kind::{JobKind, Kind};
+pub use kind::JobKind;
 pub use score::{RunScores, ScoredPhysics, Scoring};
+pub use spec_file::write_specs;
 pub use state::{Counts, FailedJob, Running, SweepState, sweep_state, time_left};
 pub use trained::{MadeMotion, TrainedRun};
 pub use trained_tokenizer::TrainedTokenizer;
 pub use trusted_evaluator::TrustedEvaluator;
-
-/// Every kind of job. Each needs only what stands before it, or its own kind.
-pub static KINDS: [JobKind; 7] = [
-    text::KIND,
-    tokenizer::KIND,
-    tokens::KIND,
-    trunk::KIND,
-    run::KIND,
-    evaluator::KIND,
-    score::KIND,
-];

@@ -5,12 +5,13 @@ use std::fs::{self, File, TryLockError};
 use std::path::Path;
 use std::time::Duration;
 
+use anyhow::{Context, Result as AnyResult};
 use serde::{Deserialize, Serialize};
 
-use crate::files::FileError;
-use crate::files::{atomic, read_if_there};
+use crate::files::{FileError, atomic, read_if_there};
 use crate::jobs::ResultsFolder;
-use crate::progress::Stop;
+use crate::jobs::folder::CHECKPOINT;
+use crate::progress::{Stop, forget_progress};
 
 const LOCK: &str = ".lock";
 const SCHEDULER: &str = ".scheduler.json";
@@ -98,6 +99,29 @@ fn try_twice(lock: &File) -> Result<(), TryLockError> {
     }
 }
 
+/// Waits until no other worker has this job, and keeps it from others for as long as it lives.
+///
+/// The worker of a scheduler that was killed may still be at its last step while the next
+/// scheduler starts another one. `None` where a stop was asked for first.
+pub fn claim(job: &Path, stop: &Stop) -> AnyResult<Option<File>> {
+    let path = job.join(LOCK);
+    let file = File::create(&path).map_err(FileError::write(&path))?;
+    while let Err(error) = file.try_lock() {
+        match error {
+            TryLockError::WouldBlock if stop.is_raised() => return Ok(None),
+            TryLockError::WouldBlock => std::thread::sleep(Duration::from_millis(20)),
+            TryLockError::Error(error) => {
+                return Err(error).with_context(|| format!("locking {}", path.display()));
+            }
+        }
+    }
+    forget_progress(job);
+    for folder in [job, &job.join(CHECKPOINT)] {
+        atomic::remove_partial(folder)?;
+    }
+    Ok(Some(file))
+}
+
 /// Whether a scheduler has the folder.
 pub fn is_held(folder: &ResultsFolder) -> bool {
     is_locked(folder.root())
@@ -181,5 +205,30 @@ mod tests {
         ask_to_end(&folder).unwrap();
         let _held = Held::take(&folder, || ()).unwrap();
         assert!(!folder.file(CANCEL).exists());
+    }
+
+    #[test]
+    fn a_job_belongs_to_one_worker_at_a_time() {
+        let job = tempfile::tempdir().unwrap();
+        let (running, stopped) = (Stop::default(), Stop::default());
+        stopped.raise();
+        let first = claim(job.path(), &running).unwrap();
+        assert!(first.is_some());
+        assert!(claim(job.path(), &stopped).unwrap().is_none());
+        drop(first);
+        assert!(claim(job.path(), &stopped).unwrap().is_some());
+    }
+
+    #[test]
+    fn a_worker_clears_what_a_killed_one_left_half_written() {
+        let job = tempfile::tempdir().unwrap();
+        let checkpoint = job.path().join(CHECKPOINT);
+        fs::create_dir(&checkpoint).unwrap();
+        fs::write(checkpoint.join("state.safetensors"), b"whole").unwrap();
+        fs::write(checkpoint.join(".partial-a1b2c3"), b"hal").unwrap();
+        let _lock = claim(job.path(), &Stop::default()).unwrap();
+        let left: Vec<_> = fs::read_dir(&checkpoint).unwrap().collect();
+        assert_eq!(left.len(), 1);
+        assert!(checkpoint.join("state.safetensors").exists());
     }
 }

@@ -9,13 +9,10 @@ use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use super::assignment::frozen_sweep;
-use super::folder::{JobState, ResultsFolder};
+use super::folder::{JobState, MODEL, ResultsFolder};
 use super::id::JobId;
-use super::run::MODEL;
-use super::tokenizer;
 use crate::codes::TokenStore;
 use crate::data::Split;
-use crate::files::read_if_there;
 use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::params::below;
 use crate::learn::weights;
@@ -53,7 +50,7 @@ impl TrainedRun {
     pub fn open(path: &Path, device: &Device) -> Result<Self> {
         let (folder, run_id) = find(path)?;
         let place = folder.run(&run_id);
-        let spec: Option<RunSpec> = read_if_there(&place.join("spec.json"))?;
+        let spec: Option<RunSpec> = folder.read_spec(&JobId::run(&run_id))?;
         let spec = spec.with_context(|| format!("{} has no spec.json", place.display()))?;
         if let Some(trainer) = spec.trainer.as_ref().filter(|_| !place.join(MODEL).exists()) {
             bail!(
@@ -64,8 +61,8 @@ impl TrainedRun {
         }
         let (loaded, _) = weights::load(&place.join(MODEL))?;
         let sampler = generator::of(&spec).sampler(&spec, loaded, device)?;
-        let tokenizer = folder.job(&JobId::new(tokenizer::KIND, &spec.tokenizer_id));
-        let tokenizer = Tokenizer::load(&tokenizer, device).context("opening its tokenizer")?;
+        let tokenizer = Tokenizer::load(&folder.tokenizer(&spec.tokenizer_id), device)
+            .context("opening its tokenizer")?;
         let encoder = text::encoder(&frozen_sweep(&folder)?.text)
             .context("opening the vectors of captions")?;
         Ok(Self { folder, run_id, spec, tokenizer, encoder, sampler })

@@ -5,14 +5,13 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 
-use super::assignment::frozen_sweep;
+use super::assignment::{frozen_sweep, spec_of};
 use super::folder::ResultsFolder;
 use super::id::JobId;
-use super::tokenizer;
+use super::kind::JobKind;
 use super::trained::find;
 use crate::codes::TokenStore;
 use crate::data::{self, Split};
-use crate::files::read_if_there;
 use crate::plan::{RunSpec, TokenizerJob};
 use crate::text::{self, TextEncoder, TextStore, as_in_data};
 use crate::tokenizer::{Corpus, Reconstruction, Tokenizer, reconstruct};
@@ -35,11 +34,8 @@ impl TrainedTokenizer {
     /// There is no such run, it has not ended, or a file that is needed is missing or damaged.
     pub fn of_run(path: &Path, device: &Device) -> Result<Self> {
         let (folder, run_id) = find(path)?;
-        let place = folder.run(&run_id).join("spec.json");
-        let spec: Option<RunSpec> = read_if_there(&place)?;
-        let spec = spec.with_context(|| format!("{} is missing", place.display()))?;
-        let id = JobId::new(tokenizer::KIND, &spec.tokenizer_id);
-        Self::open(&folder.job(&id), device)
+        let spec: RunSpec = spec_of(&folder, &JobId::run(&run_id))?;
+        Self::open(&folder.tokenizer(&spec.tokenizer_id), device)
     }
 
     /// Opens a tokenizer's own folder, `…/tokenizers/<id>`.
@@ -87,9 +83,8 @@ impl TrainedTokenizer {
     /// The data or the vectors of their captions are missing or damaged.
     pub fn reconstruct(&self, split: Split, guidances: &[f64]) -> Result<Vec<Reconstruction>> {
         let source = data::open(&frozen_sweep(&self.folder)?.data, None)?;
-        let spec = self.folder.spec(&JobId::new(tokenizer::KIND, &self.id));
-        let job: Option<TokenizerJob> = read_if_there(&spec)?;
-        let job = job.with_context(|| format!("{} is missing", spec.display()))?;
+        let id = JobId::new(JobKind::Tokenizer, &self.id);
+        let job: TokenizerJob = spec_of(&self.folder, &id)?;
         let text = job.text_id.map(|id| TextStore::open(&self.folder.text(&id))).transpose();
         let text = text.context("opening the vectors of the data's captions")?;
         let corpus = Corpus { source: &*source, text: text.as_ref() };

@@ -8,12 +8,12 @@ use anyhow::{Context, Result};
 use super::assignment::Assignment;
 use super::folder::ResultsFolder;
 use super::id::JobId;
+use super::kind::JobKind;
 use super::mend::{open_or_remake, train_past_damage};
-use super::{text, tokens, trunk};
+use super::{text, tokens};
 use crate::codes::TokenStore;
-use crate::files::read_if_there;
 use crate::generator::{self, GeneratorError, Inputs, ScaleInputs, Training};
-use crate::learn::{Branch, Checkpoints, step_of};
+use crate::learn::{Branch, Checkpoints};
 use crate::plan::{RunSpec, Trunk};
 use crate::text::TextStore;
 use crate::tokenizer::Tokenizer;
@@ -42,14 +42,14 @@ impl<'a> Opened<'a> {
         spec: &'a RunSpec,
         trunk: Option<(PathBuf, usize)>,
     ) -> Result<Self> {
-        let tokens = JobId::new(tokens::KIND, &spec.tokenizer_id);
-        let text = JobId::new(text::KIND, &spec.text_id);
+        let tokens = JobId::new(JobKind::Tokens, &spec.tokenizer_id);
+        let text = JobId::new(JobKind::Text, &spec.text_id);
         let wants_scales = generator::of(spec).wants_scales();
         let tokenizer = assignment.folder.tokenizer(&spec.tokenizer_id);
         let load = || Tokenizer::load(&tokenizer, assignment.device);
         Ok(Self {
-            tokens: open_or_remake(assignment, &tokens, TokenStore::open)?,
-            text: open_or_remake(assignment, &text, TextStore::open)?,
+            tokens: open_or_remake(assignment, &tokens, TokenStore::open, tokens::work)?,
+            text: open_or_remake(assignment, &text, TextStore::open, text::work)?,
             tokenizer: wants_scales.then(load).transpose().context("opening its tokenizer")?,
             checkpoint: assignment.checkpoint(),
             every: assignment.checkpoint_every()?,
@@ -93,22 +93,7 @@ impl<'a> Opened<'a> {
 
 /// The state of a trunk and its steps, as its spec says.
 pub fn trunk_state(folder: &ResultsFolder, trunk_id: &str) -> Option<(PathBuf, usize)> {
-    let job = JobId::new(trunk::KIND, trunk_id);
-    let trunk: Trunk = read_if_there(&folder.spec(&job)).ok().flatten()?;
+    let job = JobId::new(JobKind::Trunk, trunk_id);
+    let trunk: Trunk = folder.known_spec(&job)?;
     Some((folder.product(&job), trunk.spec.steps))
-}
-
-/// The share of its own steps that a run's or a trunk's checkpoint holds, where it begins with the
-/// trunk of an id.
-pub fn share_done(
-    folder: &ResultsFolder,
-    job: &JobId,
-    spec: &RunSpec,
-    from: Option<&str>,
-) -> Option<f64> {
-    let step = step_of(&folder.checkpoint(job))?;
-    let trunk = from.and_then(|id| trunk_state(folder, id));
-    let before = trunk.filter(|(state, _)| state.exists()).map_or(0, |(_, steps)| steps);
-    let [done, all] = [step, spec.steps].map(|end| end.saturating_sub(before) as f64);
-    Some((done / all.max(1.0)).clamp(0.0, 1.0))
 }

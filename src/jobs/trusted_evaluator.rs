@@ -6,9 +6,7 @@ use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 
 use super::assignment::frozen_sweep;
-use super::evaluator::KIND;
 use super::folder::ResultsFolder;
-use super::id::JobId;
 use crate::data;
 use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
 
@@ -43,7 +41,7 @@ impl TrustedEvaluator {
             let failed: Vec<&str> = report.failed().map(|verdict| verdict.gate.as_str()).collect();
             bail!("evaluator {id} scores nothing: it fails {}", failed.join(", "));
         }
-        let evaluator = Evaluator::load(&folder.job(&JobId::new(KIND, id)), device)
+        let evaluator = Evaluator::load(&folder.evaluator(id), device)
             .with_context(|| format!("opening evaluator {id}"))?;
         Ok(Self { id: id.to_string(), folder: folder.clone(), evaluator })
     }
@@ -66,7 +64,7 @@ fn place_of(path: &Path) -> Result<PathBuf> {
         return Ok(path.to_path_buf());
     }
     let folder = ResultsFolder::new(path);
-    let place = |report: &EvaluatorReport| folder.job(&JobId::new(KIND, &report.evaluator_id));
+    let place = |report: &EvaluatorReport| folder.evaluator(&report.evaluator_id);
     let trained = folder.all_gates(|_| ()).unwrap_or_default();
     match trained.as_slice() {
         [one] => Ok(place(one)),

@@ -1,25 +1,28 @@
 //! The other side of a job: what a worker process does.
 
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::io::Read;
 use std::path::Path;
 use std::time::Duration;
 
-use anyhow::{Context, Error, Result};
+use anyhow::{Error, Result};
 
 use super::assignment::{Assignment, Outcome};
-use super::folder::{CHECKPOINT, JobState};
+use super::folder::JobState;
+use super::kind::JobKind;
+use super::{evaluator, run, score, text, tokenizer, tokens, trunk};
 use crate::data::DataError;
 use crate::evaluator::EvaluatorError;
 use crate::failure::{Consequence, Failure, FailureKind};
-use crate::files::atomic::{remove_partial, write_json};
+use crate::files::atomic::write_json;
 use crate::files::{self, FileError};
 use crate::generator::GeneratorError;
-use crate::progress::{Said, Stop, forget_progress};
+use crate::progress::{Said, Stop};
 use crate::text::TextError;
 use crate::tokenizer::TokenizerError;
 
-pub use super::exit::{FAILED, GRACE, REFUSED_MEMORY, STOPPED};
+pub use super::exit::{FAILED, GRACE, REFUSED_MEMORY, STOPPED, killed_by};
+pub use super::presence::claim;
 
 /// Raises `stop` when standard input ends: the scheduler holds it open for as long as it lives.
 ///
@@ -33,29 +36,6 @@ pub fn stop_with_parent(stop: &Stop, grace: Duration) {
         std::thread::sleep(grace);
         std::process::exit(STOPPED);
     });
-}
-
-/// Waits until no other worker has this job, and keeps it from others for as long as it lives.
-///
-/// The worker of a scheduler that was killed may still be at its last step while the next
-/// scheduler starts another one. `None` where a stop was asked for first.
-pub fn claim(job: &Path, stop: &Stop) -> Result<Option<File>> {
-    let path = job.join(".lock");
-    let file = File::create(&path).map_err(FileError::write(&path))?;
-    while let Err(error) = file.try_lock() {
-        match error {
-            TryLockError::WouldBlock if stop.is_raised() => return Ok(None),
-            TryLockError::WouldBlock => std::thread::sleep(Duration::from_millis(20)),
-            TryLockError::Error(error) => {
-                return Err(error).with_context(|| format!("locking {}", path.display()));
-            }
-        }
-    }
-    forget_progress(job);
-    for folder in [job, &job.join(CHECKPOINT)] {
-        remove_partial(folder)?;
-    }
-    Ok(Some(file))
 }
 
 /// Lines of a log that a failure keeps.
@@ -148,7 +128,15 @@ pub fn work(assignment: &Assignment) -> Result<Outcome> {
     if assignment.folder.state(assignment.job) == JobState::Done {
         return Ok(Outcome::Done);
     }
-    assignment.job.kind.work(assignment)
+    match assignment.job.kind {
+        JobKind::Text => text::work(assignment),
+        JobKind::Tokenizer => tokenizer::work(assignment),
+        JobKind::Tokens => tokens::work(assignment),
+        JobKind::Trunk => trunk::work(assignment),
+        JobKind::Run => run::work(assignment),
+        JobKind::Evaluator => evaluator::work(assignment),
+        JobKind::Score => score::work(assignment),
+    }
 }
 
 #[cfg(test)]
@@ -172,31 +160,6 @@ mod tests {
         }
         let long = as_shown(&"é".repeat(2_000_000));
         assert_eq!((long.chars().count(), long.chars().last()), (LONGEST_LINE + 1, Some('…')));
-    }
-
-    #[test]
-    fn a_job_belongs_to_one_worker_at_a_time() {
-        let job = tempfile::tempdir().unwrap();
-        let (running, stopped) = (Stop::default(), Stop::default());
-        stopped.raise();
-        let first = claim(job.path(), &running).unwrap();
-        assert!(first.is_some());
-        assert!(claim(job.path(), &stopped).unwrap().is_none());
-        drop(first);
-        assert!(claim(job.path(), &stopped).unwrap().is_some());
-    }
-
-    #[test]
-    fn a_worker_clears_what_a_killed_one_left_half_written() {
-        let job = tempfile::tempdir().unwrap();
-        let checkpoint = job.path().join(CHECKPOINT);
-        fs::create_dir(&checkpoint).unwrap();
-        fs::write(checkpoint.join("state.safetensors"), b"whole").unwrap();
-        fs::write(checkpoint.join(".partial-a1b2c3"), b"hal").unwrap();
-        let _lock = claim(job.path(), &Stop::default()).unwrap();
-        let left: Vec<_> = fs::read_dir(&checkpoint).unwrap().collect();
-        assert_eq!(left.len(), 1);
-        assert!(checkpoint.join("state.safetensors").exists());
     }
 
     #[test]

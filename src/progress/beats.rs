@@ -10,8 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
 use crate::files::read_if_there;
-use crate::progress::Stop;
-use crate::progress::{Step, pieces};
+use crate::progress::{Step, Stop, pieces};
 
 /// What a worker prints, a line each: how far it is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

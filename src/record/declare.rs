@@ -27,17 +27,17 @@ macro_rules! facts {
         pub const COLUMNS: &[FactColumn] = &[$($columns)*];
     };
     (@heap {$($planned:tt)*} $measured:tt $losses:tt {$($columns:tt)*}
-     $(#[$doc:meta])* planned $name:ident: $type:ty, $($rest:tt)*) => {
+     $(#[$doc:meta])* planned $name:ident: $type:ident $(<$of:ident>)?, $($rest:tt)*) => {
         facts! {
-            @heap {$($planned)* $(#[$doc])* pub $name: $type,} $measured $losses
-            {$($columns)* facts!(@column planned $name $type),} $($rest)*
+            @heap {$($planned)* $(#[$doc])* pub $name: $type $(<$of>)?,} $measured $losses
+            {$($columns)* facts!(@column $name $type $(<$of>)?),} $($rest)*
         }
     };
     (@heap $planned:tt {$($measured:tt)*} $losses:tt {$($columns:tt)*}
-     $(#[$doc:meta])* measured $name:ident: $type:ty, $($rest:tt)*) => {
+     $(#[$doc:meta])* measured $name:ident: $type:ident $(<$of:ident>)?, $($rest:tt)*) => {
         facts! {
-            @heap $planned {$($measured)* $(#[$doc])* pub $name: $type,} $losses
-            {$($columns)* facts!(@column measured $name $type),} $($rest)*
+            @heap $planned {$($measured)* $(#[$doc])* pub $name: $type $(<$of>)?,} $losses
+            {$($columns)* facts!(@column $name $type $(<$of>)?),} $($rest)*
         }
     };
     (@heap $planned:tt $measured:tt {$($losses:tt)*} {$($columns:tt)*}
@@ -47,23 +47,18 @@ macro_rules! facts {
             {$($columns)* facts!(@metric $loss),} $($rest)*
         }
     };
-    (@column $group:ident $name:ident $type:ty) => {
-        FactColumn {
-            name: stringify!($name),
-            kind: <$type as Fact>::KIND,
-            is_required: <$type as Fact>::IS_REQUIRED,
-            read: |record| record.$group.$name.cell(),
-            fill: |record, cell| fill(&mut record.$group.$name, cell),
-        }
+    // One that is no `Option` is required.
+    (@column $name:ident Option<$type:ident>) => {
+        FactColumn { name: stringify!($name), kind: facts!(@kind $type), is_required: false }
     };
+    (@column $name:ident $type:ident) => {
+        FactColumn { name: stringify!($name), kind: facts!(@kind $type), is_required: true }
+    };
+    (@kind f64) => { CellKind::Number };
+    (@kind String) => { CellKind::Text };
+    (@kind $count:ident) => { CellKind::Count };
     (@metric $name:ident) => {
-        FactColumn {
-            name: $name,
-            kind: CellKind::Number,
-            is_required: false,
-            read: |record| record.metrics.cell($name),
-            fill: |record, cell| record.metrics.fill($name, cell),
-        }
+        FactColumn { name: $name, kind: CellKind::Number, is_required: false }
     };
     ($($facts:tt)*) => {
         facts! { @heap {} {} {} {} $($facts)* }

@@ -7,14 +7,26 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cell::{CellKind, Fact, FactColumn, fill};
+use super::cell::{CellKind, FactColumn};
 use super::declare::facts;
 use crate::laws;
+use crate::spec::FlopsRule;
 
 /// The metric that holds L_u on a block of the test split, counted from 0: a part of it that has no
 /// recording in common with the others.
 pub fn block_metric(block: usize) -> String {
     format!("{LOSS_NORMALISED}_block_{:02}", block + 1)
+}
+
+impl Measured {
+    /// Training FLOPs achieved, by a rule.
+    pub fn flops_mut(&mut self, rule: FlopsRule) -> &mut Option<f64> {
+        match rule {
+            FlopsRule::OpenAi => &mut self.flops_openai,
+            FlopsRule::SixNd => &mut self.flops_6nd,
+            FlopsRule::Exact => &mut self.flops_exact,
+        }
+    }
 }
 
 facts! {

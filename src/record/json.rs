@@ -15,30 +15,13 @@ use super::facts::{LOSSES, Measured, Planned};
 use super::metrics::Metrics;
 use super::run_record::RunRecord;
 
-/// The file of either format.
-#[derive(Deserialize)]
-pub(super) struct Stored {
-    #[serde(default = "first")]
-    format: u32,
-    planned: Option<Planned>,
-    measured: Option<Measured>,
-    metrics: Option<Metrics>,
-    /// What format 1 has beside `format`.
-    #[serde(flatten)]
-    rest: Map<String, Value>,
-}
-
-fn first() -> u32 {
-    1
-}
-
-impl TryFrom<Stored> for RunRecord {
+impl TryFrom<Map<String, Value>> for RunRecord {
     type Error = serde_json::Error;
 
-    fn try_from(stored: Stored) -> Result<Self, Self::Error> {
-        let record = match stored.format {
-            0 | 1 => flat(&stored.rest)?,
-            _ => nested(stored)?,
+    fn try_from(file: Map<String, Value>) -> Result<Self, Self::Error> {
+        let record = match file.get("format").and_then(Value::as_u64) {
+            None | Some(0 | 1) => flat(&file)?,
+            Some(_) => nested(&file)?,
         };
         if !record.metrics.have_a_loss() {
             return Err(Self::Error::custom(format!("none of the losses {}", LOSSES.join(", "))));
@@ -47,15 +30,16 @@ impl TryFrom<Stored> for RunRecord {
     }
 }
 
-fn flat(facts: &Map<String, Value>) -> Result<RunRecord, serde_json::Error> {
+/// The record of facts and losses side by side, as a row of the table has them.
+pub(super) fn flat(facts: &Map<String, Value>) -> Result<RunRecord, serde_json::Error> {
     let loss = |name: &&'static str| Some((*name, facts.get(*name)?.as_f64()?));
     let metrics = LOSSES.iter().filter_map(loss).collect();
     Ok(RunRecord::new(Planned::deserialize(facts)?, Measured::deserialize(facts)?, metrics))
 }
 
-fn nested(stored: Stored) -> Result<RunRecord, serde_json::Error> {
-    let missing = serde_json::Error::missing_field;
-    let planned = stored.planned.ok_or_else(|| missing("planned"))?;
-    let measured = stored.measured.ok_or_else(|| missing("measured"))?;
-    Ok(RunRecord::new(planned, measured, stored.metrics.ok_or_else(|| missing("metrics"))?))
+fn nested(file: &Map<String, Value>) -> Result<RunRecord, serde_json::Error> {
+    let group = |name| file.get(name).ok_or_else(|| serde_json::Error::missing_field(name));
+    let planned = Planned::deserialize(group("planned")?)?;
+    let measured = Measured::deserialize(group("measured")?)?;
+    Ok(RunRecord::new(planned, measured, Metrics::deserialize(group("metrics")?)?))
 }

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::cell::CellValue;
 use super::facts::LOSSES;
 
 /// How well a run did: values by name. A metric that nobody declared is kept like the others.
@@ -31,18 +30,6 @@ impl Metrics {
     /// Whether a loss is among them.
     pub(super) fn have_a_loss(&self) -> bool {
         LOSSES.iter().any(|name| self.0.contains_key(*name))
-    }
-
-    pub(super) fn cell(&self, name: &str) -> CellValue<'_> {
-        self.get(name).map_or(CellValue::Null, CellValue::Number)
-    }
-
-    /// `false` where the cell is neither a number nor null.
-    pub(super) fn fill(&mut self, name: &'static str, cell: CellValue<'_>) -> bool {
-        if let Some(value) = cell.number() {
-            self.set(name, value);
-        }
-        matches!(cell, CellValue::Null | CellValue::Number(_))
     }
 }
 

@@ -31,7 +31,7 @@ pub mod table;
 mod tests;
 mod tuned;
 
-pub use cell::{CellKind, CellValue, FactColumn};
+pub use cell::{CellKind, FactColumn};
 pub use facts::{Measured, Planned, block_metric};
 pub use metrics::Metrics;
 pub use quality::{Quality, write_scores};

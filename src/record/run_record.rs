@@ -1,9 +1,9 @@
 //! [`RunRecord`]: everything a finished run knows about itself, one row of `runs.parquet`.
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use super::facts::{LOSS_NORMALISED, Measured, Planned, block_metric};
-use super::json::Stored;
 use super::metrics::Metrics;
 use crate::laws::{IsoFlopPoint, Metric, RunFacts};
 use crate::spec::FlopsRule;
@@ -16,7 +16,7 @@ pub const FORMAT: u32 = 2;
 /// Written whole, by rename, after success only. Losses are in nats, times in seconds. A fact that the
 /// record lacks, because an older build wrote it, is `None`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Stored")]
+#[serde(try_from = "Map<String, Value>")]
 pub struct RunRecord {
     /// [`FORMAT`], whatever format the record was read from.
     pub format: u32,
@@ -52,15 +52,12 @@ impl RunRecord {
             share: point.about.share,
             ..Planned::default()
         };
-        let by = |own: FlopsRule| (own == rule).then_some(point.flops);
-        let measured = Measured {
-            flops_openai: by(FlopsRule::OpenAi),
-            flops_6nd: by(FlopsRule::SixNd),
-            flops_exact: by(FlopsRule::Exact),
+        let mut measured = Measured {
             tokens: whole(point.tokens),
             unique_tokens: point.about.unique_tokens.map(whole),
             ..Measured::default()
         };
+        *measured.flops_mut(rule) = Some(point.flops);
         Self::new(planned, measured, [(LOSS_NORMALISED, point.loss)].into_iter().collect())
     }
 

@@ -23,12 +23,7 @@ fn at(record: &RunRecord, rule: FlopsRule, point: &IsoFlopPoint) -> RunRecord {
     let mut moved = record.clone();
     moved.planned.budget_flops = point.budget_flops;
     moved.measured.tokens = point.tokens.round() as usize;
-    let flops = match rule {
-        FlopsRule::OpenAi => &mut moved.measured.flops_openai,
-        FlopsRule::SixNd => &mut moved.measured.flops_6nd,
-        FlopsRule::Exact => &mut moved.measured.flops_exact,
-    };
-    *flops = Some(point.flops);
+    *moved.measured.flops_mut(rule) = Some(point.flops);
     moved.metrics.set(LOSS_NORMALISED, point.loss);
     moved
 }

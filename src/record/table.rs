@@ -10,10 +10,11 @@ use std::path::Path;
 
 use polars::prelude::*;
 use rayon::prelude::*;
+use serde_json::{Map, Value, json};
 
-use super::cell::{CellKind, CellValue, FactColumn};
-use super::facts::{COLUMNS, LOSSES, Measured, Planned};
-use super::metrics::Metrics;
+use super::cell::{CellKind, FactColumn};
+use super::facts::{COLUMNS, LOSSES, Planned};
+use super::json::flat;
 use super::run_record::RunRecord;
 use crate::files::atomic::write_whole;
 
@@ -95,22 +96,33 @@ fn declared_type(name: &str) -> DataType {
 }
 
 fn frame(records: &[RunRecord]) -> PolarsResult<DataFrame> {
-    let declared: Vec<_> = COLUMNS.par_iter().map(|column| written(column, records)).collect();
-    let others = undeclared(records);
-    let others = others.iter().map(|name| {
+    let rows: Vec<Vec<Value>> = records.par_iter().map(cells).collect();
+    let metric = |name: &str| {
         let values: Vec<_> = records.iter().map(|record| record.metrics.get(name)).collect();
-        Column::new((*name).into(), values)
+        Column::new(name.into(), values)
+    };
+    let declared = COLUMNS.par_iter().enumerate().map(|(at, column)| match column.name {
+        loss if LOSSES.contains(&loss) => metric(loss),
+        _ => written(column, rows.iter().map(|row| &row[at])),
     });
-    DataFrame::new(records.len(), declared.into_iter().chain(others).collect())
+    let mut columns: Vec<Column> = declared.collect();
+    columns.extend(undeclared(records).into_iter().map(metric));
+    DataFrame::new(records.len(), columns)
 }
 
-fn written(column: &FactColumn, records: &[RunRecord]) -> Column {
-    let cells = records.iter().map(|record| column.of(record));
+/// The facts of a record in the order of the columns; null for what it lacks.
+fn cells(record: &RunRecord) -> Vec<Value> {
+    let (planned, measured) = (json!(record.planned), json!(record.measured));
+    let fact = |column: &FactColumn| planned.get(column.name).or(measured.get(column.name));
+    COLUMNS.iter().map(|column| fact(column).cloned().unwrap_or_default()).collect()
+}
+
+fn written<'a>(column: &FactColumn, cells: impl Iterator<Item = &'a Value>) -> Column {
     let name = column.name.into();
     match column.kind {
-        CellKind::Count => Column::new(name, cells.map(CellValue::count).collect::<Vec<_>>()),
-        CellKind::Number => Column::new(name, cells.map(CellValue::number).collect::<Vec<_>>()),
-        CellKind::Text => Column::new(name, cells.map(CellValue::text).collect::<Vec<_>>()),
+        CellKind::Count => Column::new(name, cells.map(Value::as_u64).collect::<Vec<_>>()),
+        CellKind::Number => Column::new(name, cells.map(Value::as_f64).collect::<Vec<_>>()),
+        CellKind::Text => Column::new(name, cells.map(Value::as_str).collect::<Vec<_>>()),
     }
 }
 
@@ -126,17 +138,15 @@ fn is_declared(name: &str) -> bool {
 }
 
 fn rows(frame: &DataFrame) -> PolarsResult<Vec<RunRecord>> {
-    let blank = RunRecord::new(Planned::default(), Measured::default(), Metrics::default());
-    let mut records = vec![blank; frame.height()];
-    for column in COLUMNS {
-        match frame.column(column.name) {
-            Ok(cells) => read_column(column, cells, &mut records)?,
-            Err(_) if column.is_required => {
-                polars_bail!(ColumnNotFound: "column {} is missing", column.name)
-            }
-            Err(_) => {}
-        }
-    }
+    let facts = COLUMNS.iter().filter(|column| !LOSSES.contains(&column.name));
+    let columns = facts.filter_map(|column| read_column(column, frame).transpose());
+    let mut columns = columns.collect::<PolarsResult<Vec<(&str, Vec<Value>)>>>()?;
+    let row = |at: usize| {
+        let cells = columns.iter_mut().map(|(name, cells)| (name.to_string(), cells[at].take()));
+        let facts: Map<String, Value> = cells.collect();
+        flat(&facts).map_err(|error| polars_err!(ComputeError: "row {}: {error}", at + 1))
+    };
+    let mut records = (0..frame.height()).map(row).collect::<PolarsResult<Vec<_>>>()?;
     read_metrics(frame, &mut records)?;
     match records.iter().position(|record| !record.metrics.have_a_loss()) {
         None => Ok(records),
@@ -147,35 +157,40 @@ fn rows(frame: &DataFrame) -> PolarsResult<Vec<RunRecord>> {
     }
 }
 
-/// Takes every column of numbers that nobody declared for a metric.
+/// The name and the cells of a column; `None` if the table has none and may lack it.
+fn read_column<'a>(
+    column: &'a FactColumn,
+    frame: &DataFrame,
+) -> PolarsResult<Option<(&'a str, Vec<Value>)>> {
+    let FactColumn { name, kind, is_required } = *column;
+    let cells = match frame.column(name) {
+        Ok(cells) => cells,
+        Err(_) if is_required => polars_bail!(ColumnNotFound: "column {name} is missing"),
+        Err(_) => return Ok(None),
+    };
+    if is_required && cells.null_count() > 0 {
+        polars_bail!(ComputeError: "column {name} has an empty cell")
+    }
+    let cells = match kind {
+        CellKind::Count => cells.u64()?.iter().map(Value::from).collect(),
+        CellKind::Number => cells.f64()?.iter().map(Value::from).collect(),
+        CellKind::Text => cells.str()?.iter().map(Value::from).collect(),
+    };
+    Ok(Some((name, cells)))
+}
+
+/// Takes every loss for a metric, and every column of numbers that nobody declared.
 fn read_metrics(frame: &DataFrame, to: &mut [RunRecord]) -> PolarsResult<()> {
-    let others = frame.columns().iter().filter(|column| !is_declared(column.name()));
-    for column in others.filter(|column| column.dtype() == &DataType::Float64) {
-        for (record, value) in to.iter_mut().zip(column.f64()?.iter()) {
-            value.into_iter().for_each(|x| record.metrics.set(column.name().to_string(), x));
+    for column in frame.columns() {
+        let name = column.name().as_str();
+        let is_other = !is_declared(name) && column.dtype() == &DataType::Float64;
+        if is_other || LOSSES.contains(&name) {
+            for (record, value) in to.iter_mut().zip(column.f64()?.iter()) {
+                value.into_iter().for_each(|x| record.metrics.set(name.to_string(), x));
+            }
         }
     }
     Ok(())
-}
-
-fn read_column(column: &FactColumn, cells: &Column, to: &mut [RunRecord]) -> PolarsResult<()> {
-    let empty = || polars_err!(ComputeError: "column {} has an empty cell", column.name);
-    let fill = |(record, cell): (&mut RunRecord, Option<CellValue>)| {
-        let filled = column.fill(record, cell.unwrap_or(CellValue::Null));
-        if filled { Ok(()) } else { Err(empty()) }
-    };
-    let records = to.iter_mut();
-    match column.kind {
-        CellKind::Count => {
-            records.zip(cells.u64()?.iter().map(|x| x.map(CellValue::Count))).try_for_each(fill)
-        }
-        CellKind::Number => {
-            records.zip(cells.f64()?.iter().map(|x| x.map(CellValue::Number))).try_for_each(fill)
-        }
-        CellKind::Text => {
-            records.zip(cells.str()?.iter().map(|x| x.map(CellValue::Text))).try_for_each(fill)
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The circles of files that are left.
 
 /// Files that need one another and cannot well be had apart, and why.
-pub const ALLOWED: [(&[&str], &str); 6] = [
+pub const ALLOWED: [(&[&str], &str); 4] = [
     (
         &[
             "src/figures/mod.rs",
@@ -19,49 +19,8 @@ pub const ALLOWED: [(&[&str], &str); 6] = [
         "the list of figures, and what each is drawn from",
     ),
     (
-        &[
-            "src/jobs/assignment.rs",
-            "src/jobs/evaluator.rs",
-            "src/jobs/folder.rs",
-            "src/jobs/id.rs",
-            "src/jobs/job.rs",
-            "src/jobs/kind.rs",
-            "src/jobs/mend.rs",
-            "src/jobs/mod.rs",
-            "src/jobs/program/mod.rs",
-            "src/jobs/program/result.rs",
-            "src/jobs/program/spec.rs",
-            "src/jobs/program/tokenizer.rs",
-            "src/jobs/record.rs",
-            "src/jobs/run.rs",
-            "src/jobs/score/made.rs",
-            "src/jobs/score/mod.rs",
-            "src/jobs/score/samples.rs",
-            "src/jobs/score/scoring.rs",
-            "src/jobs/text.rs",
-            "src/jobs/tokenizer.rs",
-            "src/jobs/tokens.rs",
-            "src/jobs/trained.rs",
-            "src/jobs/training.rs",
-            "src/jobs/trunk.rs",
-            "src/jobs/trusted_evaluator.rs",
-            "src/jobs/worker.rs",
-        ],
-        "a job's id names its kind, and each kind says how it is worked on",
-    ),
-    (
         &["src/ops/own/lanes.rs", "src/ops/own/x86.rs", "src/ops/own/x86/transpose.rs"],
         "a macro that chooses among instruction sets, each of which has lanes",
-    ),
-    (
-        &[
-            "src/record/cell.rs",
-            "src/record/facts.rs",
-            "src/record/json.rs",
-            "src/record/metrics.rs",
-            "src/record/run_record.rs",
-        ],
-        "a record is made of facts, and each fact is read from a record and written into one",
     ),
     (
         &[

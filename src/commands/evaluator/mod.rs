@@ -41,8 +41,7 @@ fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
             "the sweep names no evaluator; add `evaluator: {{}}` to it, or --set 'evaluator={{}}'"
         );
     }
-    let kind = JobKind::of("evaluator").expect("a kind of job");
-    run_only(args, kind, output, |OpenSweep { plan, folder, .. }| {
+    run_only(args, JobKind::Evaluator, output, |OpenSweep { plan, folder, .. }| {
         let id = plan.evaluator.as_ref().map(EvaluatorJob::id);
         if let Some(report) = id.map(|id| folder.gates(&id)).transpose()?.flatten() {
             show(&[report], output)?;

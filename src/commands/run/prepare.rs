@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use anyhow::{Result, bail};
 use isoflop::files::damaged::set_aside;
 use isoflop::files::{FileError, atomic};
-use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, all_jobs};
+use isoflop::jobs::{Job, JobId, ResultsFolder, all_jobs, write_specs};
 use isoflop::plan::Plan;
 use rayon::prelude::*;
 
@@ -24,16 +24,14 @@ pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> 
     atomic::write_bytes(&folder.file("sweep.yaml"), serde_yaml::to_string(sweep)?.as_bytes())?;
     let document = plan::json(plan, folder, &folder.run_states());
     atomic::write_json(&folder.file("plan.json"), &document)?;
-    for kind in JobKind::all() {
-        kind.prepare(plan, folder, &mut |line| output.warn(&line))?;
-    }
+    write_specs(plan, folder, &mut |line| output.warn(&line))?;
     forget_failures(args, plan, folder)
 }
 
 /// Results that cannot be read are set aside, so that they are made again; each is a warning.
 fn mend(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
     let jobs: Vec<Job> = all_jobs(plan).collect();
-    let damaged = |job: &Job| match job.id.kind.inspect(folder, &job.id.id) {
+    let damaged = |job: &Job| match folder.inspect(&job.id) {
         Err(error @ FileError::Damaged { .. }) => Some((folder.product(&job.id), error)),
         _ => None,
     };

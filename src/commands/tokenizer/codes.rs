@@ -27,8 +27,8 @@ pub fn codes(args: &CodesArgs, output: &Output) -> Result<Exit> {
     let scales: Vec<ScaleUse> = map.scales.iter().map(|scale| ScaleUse::of(&scale.met)).collect();
     let name = format!("codes-{}", trained.id);
     let title = format!("{}: codes of tokenizer {}", trained.folder.name(), trained.id);
-    let figures = trained.folder.file("figures");
-    let paths = draw_alone(&name, figures::codes(&title, &map), &figures, &Format::ALL)?;
+    let folder = trained.folder.file("figures");
+    let paths = draw_alone(&name, figures::codes(&title, &map), &folder, &Format::ALL)?;
     let document = json!({
         "tokenizer": trained.id, "scales": scales, "explained": map.explained, "figures": paths,
     });

@@ -46,8 +46,7 @@ pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
 
 /// Trains what is missing; then all of the folder's are compared, if any is there.
 fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
-    let kind = JobKind::of("tokenizer").expect("a kind of job");
-    run_only(args, kind, output, |open| {
+    run_only(args, JobKind::Tokenizer, output, |open| {
         let tokenizers = plot::tokenizers(&open.folder, output)?;
         if !tokenizers.is_empty() {
             compare(&tokenizers, output)?;

@@ -38,7 +38,7 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
     let stop = stop_on_signals()?;
     let folder = ResultsFolder::new(&args.results);
     let place = folder.job(job);
-    stop_with_parent(&stop, job.kind.grace(&place));
+    stop_with_parent(&stop, program::grace(&folder, job));
     tell_of_pieces();
     let device = args.device.open()?;
     let device_name = args.device.name();

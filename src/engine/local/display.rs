@@ -66,7 +66,12 @@ enum How {
 
 impl Display {
     /// Bars where standard error is a terminal, lines where not.
-    pub fn new(jobs: &[Job], slots: usize, quiet: bool) -> Self {
+    pub fn new(
+        jobs: &[Job],
+        slots: usize,
+        quiet: bool,
+        time_left: impl Fn() -> Option<f64> + Send + Sync + 'static,
+    ) -> Self {
         let how = match (quiet, std::io::stderr().is_terminal()) {
             (true, _) => How::Hidden,
             (false, false) => How::Lines,
@@ -74,7 +79,7 @@ impl Display {
         };
         Self {
             how,
-            time_left: Box::new(|| None),
+            time_left: Box::new(time_left),
             estimate: Mutex::default(),
             total: jobs.iter().map(|job| job.cost).sum(),
             progress: Mutex::default(),
@@ -82,14 +87,9 @@ impl Display {
         }
     }
 
-    /// The same, with the time that is left.
-    pub fn with_time_left(self, left: impl Fn() -> Option<f64> + Send + Sync + 'static) -> Self {
-        Self { time_left: Box::new(left), ..self }
-    }
-
     /// Shows nothing.
     pub fn hidden() -> Self {
-        Self::new(&[], 1, true)
+        Self::new(&[], 1, true, || None)
     }
 
     /// A slot takes up a job.
@@ -121,14 +121,12 @@ impl Display {
             progress.jobs_ended += 1;
             progress.jobs_ended
         };
-        let line = match end {
-            JobEnd::Done => format!("{} done", job.label),
-            JobEnd::Stopped => format!("{} stopped", job.label),
-            JobEnd::Failed(Failure { kind, reason, .. })
-            | JobEnd::Crashed(Failure { kind, reason, .. })
-            | JobEnd::Halted(Failure { kind, reason, .. }) => {
+        let line = match (end, end.failure()) {
+            (_, Some(Failure { kind, reason, .. })) => {
                 format!("{} FAILED ({}): {reason}", job.label, kind.word())
             }
+            (JobEnd::Done, None) => format!("{} done", job.label),
+            (_, None) => format!("{} stopped", job.label),
         };
         match (&self.how, end) {
             (How::Lines, _) => say(&format!("[{number}/{}] {line}{}", self.jobs, self.eta())),

@@ -9,10 +9,8 @@ use crate::engine::local::retry::{Next, next};
 use crate::engine::local::timeline::Timeline;
 use crate::engine::runner::{JobEnd, JobReport, Runner};
 use crate::failure::Failure;
-use crate::jobs::Job;
-use crate::jobs::JobId;
-use crate::progress::Beat;
-use crate::progress::Stop;
+use crate::jobs::{Job, JobId};
+use crate::progress::{Beat, Stop};
 
 /// Slots that do jobs side by side, the most urgent first.
 pub struct LocalPool<'a> {

@@ -16,14 +16,10 @@ use crate::engine::local::watch::{Leash, POLL, Watch};
 use crate::engine::runner::{JobEnd, Runner};
 use crate::failure::{Failure, FailureKind};
 use crate::files::{self, FileError};
-use crate::jobs::ResultsFolder;
-use crate::jobs::program;
-use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, last_lines, write_failure};
-use crate::jobs::{Job, JobId, JobKind};
+use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, killed_by, last_lines, write_failure};
+use crate::jobs::{Job, JobKind, ResultsFolder, program};
 use crate::machine::oom::Kills;
-use crate::progress::Stop;
-use crate::progress::{Beat, Said};
-use crate::sweep::Stage;
+use crate::progress::{Beat, Said, Stop};
 
 /// A worker process a job, with one thread each, so that runs side by side give the same bits.
 pub struct LocalProcesses {
@@ -44,7 +40,7 @@ pub struct LocalProcesses {
 impl Runner for LocalProcesses {
     fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
         let place = self.folder.job(&job.id);
-        let gpus = self.gpus.as_ref().filter(|_| job.id == JobId::run(&job.id.id)).map(Gpus::lend);
+        let gpus = self.gpus.as_ref().filter(|_| job.id.kind == JobKind::Run).map(Gpus::lend);
         let mut curve = self.curve(job);
         let mut beat = |one: Beat| {
             curve.iter_mut().for_each(|curve| curve.beat(&one));
@@ -82,7 +78,7 @@ impl LocalProcesses {
     /// Where the losses of a run are written, or of a trunk, if TensorBoard is to follow them.
     fn curve<'a>(&'a self, job: &'a Job) -> Option<Curve<'a>> {
         let is_written = self.track == Some(Track::Tensorboard);
-        let is_training = job.id.kind <= JobKind::goal() && job.id.kind.stage() == Stage::Train;
+        let is_training = matches!(job.id.kind, JobKind::Trunk | JobKind::Run);
         (is_written && is_training).then(|| Curve::new(&self.folder, job))
     }
 
@@ -159,7 +155,8 @@ impl<'a> Attended<'a> {
     /// when this process asks for a stop, or dies, the worker sees the end of it and stops.
     fn attend(mut self, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
         let mut watch = Watch::new(self.runner.hang, self.place.join("log.txt"));
-        let mut leash = Leash::new(self.child.stdin.take(), self.job.id.kind.grace(self.place));
+        let mut leash =
+            Leash::new(self.child.stdin.take(), program::grace(&self.runner.folder, &self.job.id));
         let mut hung = None;
         loop {
             match self.said.recv_timeout(POLL) {
@@ -237,23 +234,17 @@ impl<'a> Attended<'a> {
         if status.code() == Some(REFUSED_MEMORY) {
             return Failure::new(FailureKind::OutOfMemory, "the worker was refused memory");
         }
-        match status.signal() {
-            Some(SIGKILL) if self.kills.have_risen() => {
-                let sentence = "the system was out of memory and killed the worker";
-                Failure::new(FailureKind::OutOfMemory, sentence)
+        let kind = killed_by(status.signal(), &self.kills).unwrap_or(FailureKind::Crashed);
+        let sentence = match kind {
+            FailureKind::OutOfMemory => {
+                "the system was out of memory and killed the worker".to_string()
             }
-            Some(SIGKILL | SIGTERM | SIGHUP | SIGINT) => {
-                Failure::new(FailureKind::Killed, format!("the worker was killed: {status}"))
-            }
-            _ => Failure::new(FailureKind::Crashed, format!("the worker ended with {status}")),
-        }
+            FailureKind::Killed => format!("the worker was killed: {status}"),
+            _ => format!("the worker ended with {status}"),
+        };
+        Failure::new(kind, sentence)
     }
 }
-
-const SIGHUP: i32 = nix::sys::signal::Signal::SIGHUP as i32;
-const SIGINT: i32 = nix::sys::signal::Signal::SIGINT as i32;
-const SIGKILL: i32 = nix::sys::signal::Signal::SIGKILL as i32;
-const SIGTERM: i32 = nix::sys::signal::Signal::SIGTERM as i32;
 
 /// What a worker prints, as it comes; the channel closes when the worker ends.
 fn read_words(child: &mut Child) -> io::Result<mpsc::Receiver<Said>> {

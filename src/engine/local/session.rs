@@ -107,7 +107,7 @@ impl Session for Here<'_> {
         let wanted: HashSet<JobId> = jobs.iter().map(|job| job.id.clone()).collect();
         let own = folder.clone();
         let left = move || time_left(&own, slots, &|id| wanted.contains(id)).ok().flatten();
-        let display = Display::new(&jobs, slots, tell.is_quiet()).with_time_left(left);
+        let display = Display::new(&jobs, slots, tell.is_quiet(), left);
         let timeline = Timeline::open(folder)?;
         let pool = LocalPool {
             runner: &runner,

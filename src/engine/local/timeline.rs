@@ -5,39 +5,16 @@ use std::io::Write;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
-
 use crate::engine::runner::JobEnd;
 use crate::files::FileError;
-use crate::jobs::Job;
-use crate::jobs::history::SCHEDULE;
-use crate::jobs::{JobId, ResultsFolder};
-
-/// One start of a job and its end.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Stretch {
-    /// Counts the schedulers that have written to the file, from 0.
-    pub session: usize,
-    #[serde(flatten)]
-    pub id: JobId,
-    pub label: String,
-    pub slot: usize,
-    /// Seconds since this scheduler began.
-    pub start_s: f64,
-    pub end_s: f64,
-    /// Seconds in training steps.
-    pub train_s: f64,
-    /// `done`, `stopped`, or the kind of the failure.
-    pub end: String,
-}
+use crate::jobs::history::{SCHEDULE, Stretch};
+use crate::jobs::{Job, ResultsFolder};
 
 /// What a scheduler's jobs took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spent {
     /// Seconds from the scheduler's beginning to the last end of a job.
     pub span_s: f64,
-    /// Core-seconds in jobs.
-    pub jobs_s: f64,
     /// Core-seconds in training steps.
     pub train_s: f64,
 }
@@ -45,7 +22,6 @@ pub struct Spent {
 impl Spent {
     fn add(&mut self, stretch: &Stretch) {
         self.span_s = self.span_s.max(stretch.end_s);
-        self.jobs_s += stretch.end_s - stretch.start_s;
         self.train_s += stretch.train_s;
     }
 
@@ -126,7 +102,7 @@ mod tests {
 
     #[test]
     fn an_idle_core_trains_nothing() {
-        let spent = Spent { span_s: 10.0, jobs_s: 12.0, train_s: 9.0 };
+        let spent = Spent { span_s: 10.0, train_s: 9.0 };
         assert_eq!(spent.training_share(2), 0.45);
     }
 }

@@ -2,8 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap};
 
-use crate::jobs::Job;
-use crate::jobs::JobId;
+use crate::jobs::{Job, JobId};
 
 /// Jobs in their order of urgency, each ready once all that it needs is there.
 #[derive(Debug, Default)]

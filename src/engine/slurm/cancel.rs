@@ -33,8 +33,7 @@ pub fn cancel(
     // Tasks look for this too: one may be starting just now.
     ask_to_end(folder)?;
     let call = |arguments: &[&str], ids: Vec<String>| {
-        let arguments = arguments.iter().map(ToString::to_string).collect();
-        let words = [settings.program("scancel"), arguments, ids].concat();
+        let words = [settings.program("scancel", arguments), ids].concat();
         // A job that has ended meanwhile is no error.
         shell.call(&words, QUERY)
     };

@@ -4,7 +4,8 @@ use std::io::{self, Write};
 
 use crate::engine::slurm::command::{Answer, QUERY, Shell};
 use crate::engine::slurm::error::SlurmError;
-use crate::engine::slurm::submission::{SbatchStep, Submission};
+use crate::engine::slurm::stages::Array;
+use crate::engine::slurm::submission::Submission;
 use crate::sweep::minutes;
 
 /// Slurm's word on one step.
@@ -23,21 +24,20 @@ pub struct Verdict {
 /// # Errors
 /// Slurm gave no answer, or a script could not be written for it to read.
 pub fn check(submission: &Submission, shell: &dyn Shell) -> Result<Vec<Verdict>, SlurmError> {
-    let steps = submission.steps();
     let verdict = |(at, step)| verdict(submission, at, step, shell);
-    steps.iter().enumerate().map(verdict).collect()
+    submission.steps.iter().enumerate().map(verdict).collect()
 }
 
 fn verdict(
     submission: &Submission,
     at: usize,
-    step: &SbatchStep,
+    step: &Array,
     shell: &dyn Shell,
 ) -> Result<Verdict, SlurmError> {
     // Where the command was given, which the machine that submits must see anyhow.
     let mut script =
         tempfile::Builder::new().prefix(".isoflop-check-").tempfile_in(&submission.directory)?;
-    script.write_all(step.script.as_bytes())?;
+    script.write_all(submission.script(step).as_bytes())?;
     let words = tried(submission, at, step, &script.path().display().to_string())?;
     let answer = shell.call(&words, QUERY)?;
     let said = last_line(&answer);
@@ -55,13 +55,16 @@ fn verdict(
 fn tried(
     submission: &Submission,
     at: usize,
-    step: &SbatchStep,
+    step: &Array,
     script: &str,
 ) -> io::Result<Vec<String>> {
     let numbers = vec!["0".to_string(); at];
-    let mut words = submission.words(at, step, "check", &numbers);
+    let mut words = submission.words(step, "check", &numbers);
     words.retain(|word| !word.starts_with("--dependency="));
-    words.insert(submission.settings.program("sbatch").len(), "--test-only".to_string());
+    words.insert(
+        submission.written.settings.program("sbatch", &[]).len(),
+        "--test-only".to_string(),
+    );
     words.pop();
     words.push(script.to_string());
     Ok(words)
@@ -98,16 +101,15 @@ fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
 /// A sentence on a time limit beyond that of the partition that Slurm chose.
 fn too_long(
     submission: &Submission,
-    step: &SbatchStep,
+    step: &Array,
     said: &str,
     shell: &dyn Shell,
 ) -> Result<Option<String>, SlurmError> {
     let partition = between(said, " in partition ", " ");
-    let asked = submission.settings.resources(step.stage).time;
+    let asked = submission.written.settings.resources(step.stage).time;
     let (Some(partition), Some(asked)) = (partition, asked) else { return Ok(None) };
-    let mut words = submission.settings.program("scontrol");
-    words.extend(["show", "partition", partition, "--oneliner"].map(String::from));
-    let shown = shell.ask(&words, QUERY)?;
+    let words = ["show", "partition", partition, "--oneliner"];
+    let shown = shell.ask(&submission.written.settings.program("scontrol", &words), QUERY)?;
     let most = shown.split_whitespace().find_map(|word| word.strip_prefix("MaxTime="));
     let Some(most) = most else { return Ok(None) };
     let beyond = minutes(&asked.0).zip(minutes(most)).is_some_and(|(asked, most)| asked > most);

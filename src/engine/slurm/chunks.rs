@@ -1,8 +1,5 @@
 //! Many short jobs into few tasks of about the same length.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 /// Seconds below which a task is not worth its place in the queue.
 const LEAST_S: f64 = 60.0;
 
@@ -33,40 +30,13 @@ pub fn pack<T>(units: Vec<(f64, T)>, count: usize) -> Vec<Vec<T>> {
     let mut units = units;
     units.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut bins: Vec<(f64, Vec<T>)> = (0..count).map(|_| (0.0, Vec::new())).collect();
-    let mut least: BinaryHeap<Reverse<(Load, usize)>> =
-        (0..count).map(|bin| Reverse((Load(0.0), bin))).collect();
     for (seconds, unit) in units {
-        let Some(Reverse((Load(load), bin))) = least.pop() else { break };
-        bins[bin].0 += seconds;
-        bins[bin].1.push(unit);
-        least.push(Reverse((Load(load + seconds), bin)));
+        let Some(least) = bins.iter_mut().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        least.0 += seconds;
+        least.1.push(unit);
     }
     bins.sort_by(|a, b| b.0.total_cmp(&a.0));
     bins.into_iter().map(|(_, units)| units).filter(|units| !units.is_empty()).collect()
-}
-
-/// Seconds in a bin, in their order.
-#[derive(Clone, Copy, Debug)]
-struct Load(f64);
-
-impl PartialEq for Load {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Load {}
-
-impl PartialOrd for Load {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Load {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0)
-    }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::absolute;
 use anyhow::Result;
 
 use super::files::{Generation, SlurmFolder};
-use super::ledger::{Entry, Ledger};
+use super::ledger::Entry;
 use super::queue::Queue;
 use super::settings::Settings;
 use super::submission::SubmissionTerms;
@@ -33,7 +33,7 @@ pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)
     let files = SlurmFolder::of(&folder);
     let Some(generation) = files.latest()? else { return Ok(None) };
     let settings = settings_of(&files, Some(generation))?;
-    Ok(Some((settings, Ledger::of(&files).entries()?)))
+    Ok(Some((settings, files.entries()?)))
 }
 
 /// The settings of a submission; the defaults where there is none.
@@ -42,5 +42,5 @@ pub fn settings_of(files: &SlurmFolder, submission: Option<Generation>) -> Resul
         Some(generation) => read_if_there::<SubmissionTerms>(&files.written(generation))?,
         None => None,
     };
-    Ok(Settings::new(written.map(|written| written.settings).unwrap_or_default()))
+    Ok(written.map(|written| written.settings).unwrap_or_default())
 }

@@ -4,8 +4,7 @@ use burn::tensor::Device;
 
 use crate::files::FileError;
 use crate::jobs::gpu::Gpu;
-use crate::jobs::{Job, probe};
-use crate::jobs::{JobId, JobKind, JobState, ResultsFolder};
+use crate::jobs::{Job, JobId, JobKind, JobState, ResultsFolder, probe};
 use crate::plan::{Plan, PlannedRun};
 use crate::record::flops_per_second;
 
@@ -45,7 +44,7 @@ impl Estimates {
 
     /// The rate of a few training steps on this machine.
     pub fn of_probe(plan: &Plan, device: &Device) -> Self {
-        let jobs = JobKind::goal().jobs(plan);
+        let jobs = JobKind::Run.jobs(plan);
         let flops: f64 = jobs.iter().map(|job| job.cost).sum();
         let seconds = 3600.0 * probe::speed_of(&jobs, plan, device, 1).hours(&jobs, plan, 1);
         let flops_per_second = if seconds > 0.0 { flops / seconds } else { f64::INFINITY };
@@ -54,7 +53,7 @@ impl Estimates {
 
     /// The mean rate of a plan's runs on a card.
     pub fn of_card(plan: &Plan, gpu: &Gpu) -> Self {
-        let jobs = JobKind::goal().jobs(plan);
+        let jobs = JobKind::Run.jobs(plan);
         let flops: f64 = jobs.iter().map(|job| job.cost).sum();
         let flops_per_second = flops / (3600.0 * gpu.hours(plan, &jobs));
         Self { flops_per_second, source: "by the MFU of engine.gpu" }

@@ -1,13 +1,11 @@
 //! [`SlurmFolder`]: what submissions leave in a sweep's folder, under `slurm`.
 
-use std::fs;
-use std::io;
 use std::path::PathBuf;
+use std::{fs, io};
 
 use serde::{Deserialize, Serialize};
 
-use crate::jobs::Job;
-use crate::jobs::{JobId, ResultsFolder};
+use crate::jobs::{Job, JobId, ResultsFolder};
 
 /// The number of a submission, from 1.
 pub type Generation = u32;

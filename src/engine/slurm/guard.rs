@@ -8,8 +8,7 @@ use crate::engine::slurm::files::ChunkFile;
 use crate::engine::{JobEnd, Runner};
 use crate::failure::Failure;
 use crate::jobs::Job;
-use crate::progress::Beat;
-use crate::progress::Stop;
+use crate::progress::{Beat, Stop};
 
 /// Worker processes within a time limit.
 pub struct Guarded<'a> {

@@ -1,8 +1,6 @@
-//! [`Ledger`]: which jobs of Slurm's are ours, written so that a crash at any moment loses none.
+//! The ledger: which jobs of Slurm's are ours, written so that a crash at any moment loses none.
 
-use std::fs;
-use std::io;
-use std::path::PathBuf;
+use std::{fs, io};
 
 use serde::{Deserialize, Serialize};
 
@@ -26,26 +24,17 @@ pub struct Entry {
     pub void: bool,
 }
 
-/// The entries of a sweep's folder, a file each.
-#[derive(Clone, Debug)]
-pub struct Ledger(PathBuf);
-
-impl Ledger {
-    /// That of a folder.
-    pub fn of(folder: &SlurmFolder) -> Self {
-        Self(folder.ledger())
-    }
-
+impl SlurmFolder {
     /// Every entry that was not taken back, in the order of submission.
     ///
     /// # Errors
     /// A file is damaged, or cannot be read.
     pub fn entries(&self) -> io::Result<Vec<Entry>> {
-        if !self.0.exists() {
+        if !self.ledger().exists() {
             return Ok(Vec::new());
         }
         let mut entries: Vec<Entry> = Vec::new();
-        for file in fs::read_dir(&self.0)? {
+        for file in fs::read_dir(self.ledger())? {
             let path = file?.path();
             if path.extension().is_some_and(|extension| extension == "json") {
                 entries.extend(read_if_there::<Entry>(&path)?);
@@ -63,7 +52,7 @@ impl Ledger {
     /// The folder cannot be written to.
     pub fn write(&self, entry: &Entry) -> io::Result<()> {
         let name = format!("{}-{}.json", entry.generation, entry.array);
-        Ok(atomic::write_json(&self.0.join(name), entry)?)
+        Ok(atomic::write_json(&self.ledger().join(name), entry)?)
     }
 
     /// Takes an entry back.
@@ -90,7 +79,7 @@ mod tests {
     #[test]
     fn what_was_taken_back_is_not_ours_any_more() {
         let place = tempfile::tempdir().unwrap();
-        let ledger = Ledger::of(&SlurmFolder::of(&ResultsFolder::new(place.path())));
+        let ledger = SlurmFolder::of(&ResultsFolder::new(place.path()));
         assert_eq!(ledger.entries().unwrap(), []);
         let entry = |array: &str, id: Option<&str>| Entry {
             generation: 1,

@@ -1,4 +1,4 @@
-//! [`Packing`]: missing jobs, cut into the arrays of a submission.
+//! Missing jobs, cut into the arrays of a submission.
 
 use std::collections::HashMap;
 use std::fs;
@@ -10,9 +10,10 @@ use super::cluster::Cluster;
 use super::command::{Shell, site_defaults};
 use super::estimate::Estimates;
 use super::files::SlurmFolder;
+use super::ledger::Entry;
 use super::stages::{Array, Layout, arrays};
 use super::submission::{Submission, SubmissionTerms};
-use super::submit::{Submitted, keep_program, submit};
+use super::submit::{keep_program, submit};
 use crate::jobs::gpu::Gpu;
 use crate::jobs::{Job, JobId, ResultsFolder, all_jobs};
 
@@ -20,19 +21,16 @@ use crate::jobs::{Job, JobId, ResultsFolder, all_jobs};
 const GPU: f64 = 1e12;
 
 /// What is to be submitted, before it is cut into arrays.
-pub struct Packing<'a> {
-    pub(super) cluster: &'a Cluster<'a>,
-    pub jobs: Vec<Job>,
+pub struct Packed<'a> {
+    pub jobs: &'a [Job],
     /// Jobs that are in the queue already, and their tasks.
-    pub queued: HashMap<JobId, String>,
-    /// Numbers of the jobs that are in the queue already.
-    pub active: Vec<String>,
+    pub queued: &'a HashMap<JobId, String>,
 }
 
-impl Packing<'_> {
+impl Cluster<'_> {
     /// Submits; in fewer and longer tasks, where Slurm takes no more.
-    pub fn submit(&self, shell: &dyn Shell) -> Result<(u32, Vec<Submitted>)> {
-        let tell = self.cluster.request.tell;
+    pub fn submit(&self, packed: &Packed, shell: &dyn Shell) -> Result<(u32, Vec<Entry>)> {
+        let tell = self.request.tell;
         for name in site_defaults() {
             tell.note(&format!(
                 "{name} is set in this shell and applies wherever the sweep is silent"
@@ -40,20 +38,20 @@ impl Packing<'_> {
         }
         let program = std::env::current_exe().context("finding this program")?;
         let digest = digest(&program)?;
-        let files = SlurmFolder::of(&self.cluster.folder);
+        let files = SlurmFolder::of(&self.folder);
         keep_program(&program, &files.program(&digest)).context("copying this program")?;
         let estimates = self.estimates()?;
-        let user = user(&self.cluster.folder)?;
-        let mut most = self.cluster.settings.max_submit();
+        let user = user(&self.folder)?;
+        let mut most = self.settings.max_submit();
         loop {
-            let submission = self.submission(digest.clone(), &estimates, most)?;
-            let tasks = tasks(&submission.arrays);
+            let submission = self.submission(packed, digest.clone(), &estimates, most)?;
+            let tasks = tasks(&submission.steps);
             match submit(&submission, user, shell) {
                 Ok(submitted) => return Ok((submission.generation, submitted)),
                 Err(error) if error.is_submit_limit() && tasks > 2 => {
                     most = tasks / 2;
-                    let fewer = self.submission(digest.clone(), &estimates, most)?;
-                    if tasks == self::tasks(&fewer.arrays) {
+                    let fewer = self.submission(packed, digest.clone(), &estimates, most)?;
+                    if tasks == self::tasks(&fewer.steps) {
                         return Err(error).context("Slurm takes no more jobs of this user");
                     }
                     tell.note(&format!("{error}; trying again in {most} longer tasks at most"));
@@ -64,43 +62,44 @@ impl Packing<'_> {
     }
 
     /// What would be submitted now, by a program that is not copied yet.
-    pub fn preview(&self) -> Result<Submission> {
-        let estimates = self.estimates()?;
-        self.submission("PROGRAM".to_string(), &estimates, self.cluster.settings.max_submit())
+    pub fn packed(&self, packed: &Packed) -> Result<Submission> {
+        let (estimates, most) = (self.estimates()?, self.settings.max_submit());
+        self.submission(packed, "PROGRAM".to_string(), &estimates, most)
     }
 
     fn submission(
         &self,
+        packed: &Packed,
         program: String,
         estimates: &Estimates,
         max_tasks: usize,
     ) -> Result<Submission> {
-        let (plan, folder) = (self.cluster.request.plan, &self.cluster.folder);
+        let (plan, folder) = (self.request.plan, &self.folder);
         let reads: HashMap<JobId, Vec<JobId>> =
             all_jobs(plan).map(|job| (job.id, job.needs)).collect();
         let layout = Layout {
-            settings: &self.cluster.settings,
+            settings: &self.settings,
             estimates,
             reads: &|id| reads.get(id).cloned().unwrap_or_default(),
-            queued: &self.queued,
-            max_array: self.cluster.settings.max_array(self.cluster.asked),
+            queued: packed.queued,
+            max_array: self.settings.max_array(self.asked),
             max_tasks,
         };
-        let arrays = arrays(&self.jobs, &layout);
+        let mut steps = arrays(packed.jobs, &layout);
+        steps.push(Array::fit());
         let submission = Submission {
-            settings: self.cluster.settings.clone(),
             folder: folder.clone(),
             generation: SlurmFolder::of(folder).latest()?.unwrap_or(0) + 1,
             directory: std::env::current_dir().context("finding the current directory")?,
             written: SubmissionTerms {
-                settings: self.cluster.settings.section().clone(),
-                device: self.cluster.request.device.name().to_string(),
+                settings: self.settings.clone(),
+                device: self.request.device.name().to_string(),
                 program,
                 flops_per_second: estimates.flops_per_second,
-                track: self.cluster.request.track,
+                track: self.request.track,
             },
-            arrays,
-            queued: self.active.clone(),
+            steps,
+            queued: self.queue.active_jobs(),
         };
         match submission.unspeakable() {
             Some(problem) => bail!(problem),
@@ -110,18 +109,18 @@ impl Packing<'_> {
 
     /// How fast jobs are: as the section says, as runs were, as the card should be, or as a few steps here show.
     fn estimates(&self) -> Result<Estimates> {
-        let (plan, folder) = (self.cluster.request.plan, &self.cluster.folder);
-        let engine = self.cluster.request.sweep.engine.as_ref();
+        let (plan, folder) = (self.request.plan, &self.folder);
+        let engine = self.request.sweep.engine.as_ref();
         let card = engine.and_then(|engine| Some((engine.card()?, engine.mfu.map(|mfu| mfu.0))));
-        let given = self.cluster.settings.section().flops_per_second;
-        let trainer = self.cluster.request.sweep.trainer.as_ref();
+        let given = self.settings.0.flops_per_second;
+        let trainer = self.request.sweep.trainer.as_ref();
         let estimates = match (given, Estimates::of_records(plan, folder)?) {
             (Some(rate), _) => Estimates::given(rate.0),
             (None, Some(measured)) => measured,
             (None, None) if card.is_none() && trainer.is_some_and(|own| own.gpus.is_some()) => {
                 Estimates { flops_per_second: GPU, source: UNTIMED }
             }
-            (None, None) => match (card, self.cluster.request.device) {
+            (None, None) => match (card, self.request.device) {
                 (Some((card, mfu)), _) => {
                     Estimates::of_card(plan, &Gpu::new(card, mfu, plan, folder))
                 }
@@ -133,8 +132,7 @@ impl Packing<'_> {
             },
         };
         let Estimates { flops_per_second, source } = &estimates;
-        self.cluster
-            .request
+        self.request
             .tell
             .note(&format!("runs are packed by {flops_per_second:.2e} FLOPs a second, {source}"));
         Ok(estimates)

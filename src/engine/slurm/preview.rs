@@ -4,8 +4,9 @@ use anyhow::{Context, Result};
 use serde_json::json;
 
 use super::check::{self, Verdict};
+use super::cluster::Cluster;
 use super::command::Shell;
-use super::packing::Packing;
+use super::packing::Packed;
 use super::stages::{After, Array};
 use crate::engine::contract::Previewed;
 use crate::jobs::JobKind;
@@ -16,32 +17,34 @@ use crate::units::quoted;
 ///
 /// # Errors
 /// The jobs cannot be packed.
-pub fn dry_run(packing: &Packing) -> Result<Previewed> {
-    let submission = packing.preview()?;
-    let steps = submission.steps();
+pub fn dry_run(cluster: &Cluster, packed: &Packed) -> Result<Previewed> {
+    let submission = cluster.packed(packed)?;
+    let steps = &submission.steps;
     let ids: Vec<String> = steps.iter().map(|step| format!("ID_OF_{}", step.name)).collect();
     let (mut text, mut documents) = (String::new(), Vec::new());
     for (at, step) in steps.iter().enumerate() {
-        let words = submission.words(at, step, "TOKEN", &ids[..at]);
+        let words = submission.words(step, "TOKEN", &ids[..at]);
         let path = submission.files().script(submission.generation, &step.name);
-        let jobs = submission.arrays.get(at).map(counts);
-        text += &format!("# {}{}\n", step.name, jobs.clone().unwrap_or_default());
-        text += &format!("{}\n\n# {}\n{}\n", shown(&words), path.display(), step.script);
-        documents.push(json!({"name": step.name, "sbatch": words, "script": step.script}));
+        let (jobs, script) = (counts(step), submission.script(step));
+        text += &format!("# {}{jobs}\n", step.name);
+        text += &format!("{}\n\n# {}\n{script}\n", shown(&words), path.display());
+        documents.push(json!({"name": step.name, "sbatch": words, "script": script}));
     }
-    let document = json!({"jobs": packing.jobs.len(), "submissions": documents});
+    let document = json!({"jobs": packed.jobs.len(), "submissions": documents});
     Ok(Previewed { document, text, taken: true })
 }
 
-/// `: 2 tasks, 12 × run`.
+/// `: 2 tasks, 12 × run`; nothing of the fit.
 fn counts(array: &Array) -> String {
+    let Some(tasks) = array.tasks() else { return String::new() };
     let jobs = || array.chunks.iter().flat_map(|chunk| &chunk.jobs);
     let of = |kind| jobs().filter(|timed| timed.job.id.kind == kind).count();
-    let kinds = JobKind::all().map(|kind| (kind, of(kind))).filter(|(_, count)| *count > 0);
+    let kinds =
+        JobKind::ALL.into_iter().map(|kind| (kind, of(kind))).filter(|(_, count)| *count > 0);
     let named: Vec<String> = kinds.map(|(kind, n)| format!("{n} × {}", kind.word())).collect();
     let waits = array.after.iter().any(|after| matches!(after, After::Queued(_)));
     let waits = if waits { ", after jobs in the queue" } else { "" };
-    format!(": {} tasks, {}{waits}", array.chunks.len(), named.join(", "))
+    format!(": {tasks} tasks, {}{waits}", named.join(", "))
 }
 
 /// A call over several lines, as a shell reads it.
@@ -54,8 +57,8 @@ fn shown(words: &[String]) -> String {
 ///
 /// # Errors
 /// Slurm gave no answer.
-pub fn check(packing: &Packing, shell: &dyn Shell) -> Result<Previewed> {
-    let submission = packing.preview()?;
+pub fn check(cluster: &Cluster, packed: &Packed, shell: &dyn Shell) -> Result<Previewed> {
+    let submission = cluster.packed(packed)?;
     let verdicts = check::check(&submission, shell).context("asking Slurm")?;
     let line = |verdict: &Verdict| {
         let word = if verdict.taken { "taken" } else { "REFUSED" };
@@ -68,7 +71,7 @@ pub fn check(packing: &Packing, shell: &dyn Shell) -> Result<Previewed> {
     };
     let text = format!(
         "{}: nothing is submitted\n{}{end}",
-        packing.cluster.request.sweep.name,
+        cluster.request.sweep.name,
         verdicts.iter().map(line).collect::<String>()
     );
     Ok(Previewed { document: json!({"taken": taken, "steps": verdicts}), text, taken })

@@ -35,7 +35,6 @@ pub struct QueuedTask {
     /// The state in Slurm's word.
     pub word: String,
     pub reason: String,
-    pub nodes: String,
     pub token: String,
 }
 
@@ -78,9 +77,8 @@ impl Queue {
             return Ok(Self::default());
         }
         let users = users.iter().map(u32::to_string).collect::<Vec<_>>().join(",");
-        let mut words = settings.program("squeue");
         let asked = ["-h", "-r", "-t", "all", "-u", &users, "-o", FORMAT];
-        words.extend(asked.map(String::from));
+        let words = settings.program("squeue", &asked);
         let lines = shell.ask(&words, QUERY)?;
         let ours = |task: &QueuedTask| entries.iter().any(|entry| entry.token == task.token);
         let tasks = lines.lines().filter_map(|line| parse(line, settings.requeue()));
@@ -131,7 +129,7 @@ impl Queue {
 
 fn parse(line: &str, requeue: bool) -> Option<QueuedTask> {
     let fields: Vec<&str> = line.splitn(6, '|').map(str::trim).collect();
-    let [job_id, index, state, reason, nodes, token] = fields[..] else { return None };
+    let [job_id, index, state, reason, _, token] = fields[..] else { return None };
     let word = state.split_whitespace().next()?.to_string();
     Some(QueuedTask {
         job_id: job_id.to_string(),
@@ -139,7 +137,6 @@ fn parse(line: &str, requeue: bool) -> Option<QueuedTask> {
         state: state_of(&word, requeue),
         word,
         reason: reason.to_string(),
-        nodes: nodes.to_string(),
         token: token.to_string(),
     })
 }

@@ -1,16 +1,8 @@
 //! Slurm's reasons, in words, and which of them will not pass.
 
-/// What a waiting task waits for.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Outlook {
-    /// Ends the sentence "they wait: …".
-    pub words: String,
-    /// It waits for ever, unless somebody does something.
-    pub never: bool,
-}
-
-/// The meaning of a reason that `squeue` gives, such as `Resources`.
-pub fn outlook(reason: &str) -> Outlook {
+/// The meaning of a reason that `squeue` gives, such as `Resources`: words that end the sentence "they wait: …", and
+/// whether a task that waits for it waits for ever, unless somebody does something.
+pub fn outlook(reason: &str) -> (String, bool) {
     let (words, never) = match reason {
         "None" | "" => ("Slurm has not looked at them yet", false),
         "Priority" => ("others come first", false),
@@ -36,11 +28,11 @@ pub fn outlook(reason: &str) -> Outlook {
         "JobHeldUser" | "JobHeldAdmin" => ("they are held; `scontrol release` lets them go", true),
         _ => return other(reason),
     };
-    Outlook { words: words.to_string(), never }
+    (words.to_string(), never)
 }
 
 /// Families of reasons; of the rest, Slurm's own word must do.
-fn other(reason: &str) -> Outlook {
+fn other(reason: &str) -> (String, bool) {
     let never = reason.contains("held") || reason.starts_with("launch_failed");
     let limit = ["QOSMax", "QOSGrp", "AssocMax", "AssocGrp", "MaxCpu", "MaxMem"];
     let words = if never {
@@ -50,7 +42,7 @@ fn other(reason: &str) -> Outlook {
     } else {
         reason.to_string()
     };
-    Outlook { words, never }
+    (words, never)
 }
 
 #[cfg(test)]
@@ -60,12 +52,12 @@ mod tests {
     #[test]
     fn reasons_that_do_not_pass_are_told_from_those_that_do() {
         for reason in ["DependencyNeverSatisfied", "PartitionTimeLimit", "JobHeldUser"] {
-            assert!(outlook(reason).never, "{reason}");
+            assert!(outlook(reason).1, "{reason}");
         }
-        assert!(outlook("launch failed requeued held").never);
+        assert!(outlook("launch failed requeued held").1);
         for reason in ["Priority", "QOSMaxJobsPerUserLimit", "SomethingNew"] {
-            assert!(!outlook(reason).never, "{reason}");
+            assert!(!outlook(reason).1, "{reason}");
         }
-        assert_eq!(outlook("SomethingNew").words, "SomethingNew");
+        assert_eq!(outlook("SomethingNew").0, "SomethingNew");
     }
 }

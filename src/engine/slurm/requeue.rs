@@ -1,8 +1,7 @@
 //! A task whose time is over puts itself back into the queue, a limited number of times.
 
-use std::fs;
-use std::io;
 use std::path::Path;
+use std::{fs, io};
 
 use crate::engine::slurm::command::{QUERY, Shell};
 use crate::engine::slurm::ledger::token;
@@ -27,8 +26,7 @@ pub fn requeue(folder: &Path, settings: &Settings, shell: &dyn Shell) -> io::Res
         return Ok("the time limit is reached, and this task does not know its number".to_string());
     };
     atomic::write_json(&folder.join(token()?), &name)?;
-    let mut words = settings.program("scontrol");
-    words.extend(["requeue".to_string(), name]);
+    let words = settings.program("scontrol", &["requeue", &name]);
     Ok(match shell.ask(&words, QUERY) {
         Ok(_) => "the time limit is reached; this task is back in the queue and goes on later"
             .to_string(),

@@ -1,74 +1,17 @@
-//! What Slurm is given: the batch script, and every argument of `sbatch`.
+//! What Slurm is given: the batch script, and what `sbatch` is asked for.
 
 use std::path::Path;
 
-use crate::engine::slurm::settings::Settings;
-use crate::sweep::{Resources, Stage, Word};
+use crate::sweep::{Resources, Word};
 
-/// A job of Slurm's, but for what it is to do.
-pub struct SbatchCall<'a> {
-    pub settings: &'a Settings,
-    pub stage: Stage,
-    /// For a person: `<sweep>-<array>`.
-    pub name: String,
-    pub token: &'a str,
-    /// Tasks of the array; `None` for a job that is no array.
-    pub tasks: Option<usize>,
-    /// `afterok:1_0,afterany:2`.
-    pub dependency: Option<String>,
-    /// Where the program is to run.
-    pub directory: &'a Path,
-    /// Where it is to write what it says, with Slurm's patterns.
-    pub log: String,
-    pub script: &'a Path,
-}
-
-/// The words of the call. Nothing stands in the script, so that what is printed is all that there is;
-/// nothing of a site's is given that the section does not name.
-pub fn sbatch(request: &SbatchCall) -> Vec<String> {
-    let settings = request.settings;
-    let resources = settings.resources(request.stage);
-    let mut words = settings.program("sbatch");
-    words.extend(fixed(request));
-    // Without the B, the signal would reach steps alone, of which there are none. The fit has nothing
-    // to checkpoint.
-    let grace = settings.signal_grace_s(request.stage);
-    let warned = request.stage != Stage::Fit;
-    words.extend(warned.then(|| format!("--signal=B:USR2@{grace}")));
-    words.extend(request.tasks.map(|tasks| array(tasks, settings.array_parallel())));
-    words.extend(request.dependency.iter().map(|text| format!("--dependency={text}")));
-    words.extend(asked_for(&resources));
-    words.extend(resources.extra.into_iter().flatten());
-    words.push(request.script.display().to_string());
-    words
-}
-
-fn fixed(request: &SbatchCall) -> Vec<String> {
-    let settings = request.settings;
-    let requeue = if settings.requeue() { "--requeue" } else { "--no-requeue" };
-    let words = [
-        "--parsable".to_string(),
-        format!("--job-name={}", request.name),
-        format!("--comment={}", request.token),
-        format!("--chdir={}", request.directory.display()),
-        format!("--output={}", request.log),
-        "--open-mode=append".to_string(),
-        requeue.to_string(),
-        // Without it, what waits for something that failed would wait for ever.
-        "--kill-on-invalid-dep=yes".to_string(),
-        "--nodes=1".to_string(),
-        "--ntasks=1".to_string(),
-        format!("--export={}", settings.export()),
-    ];
-    words.into()
-}
-
-fn array(tasks: usize, parallel: Option<usize>) -> String {
+/// The tasks of an array, and how many of them run at once.
+pub fn array(tasks: usize, parallel: Option<usize>) -> String {
     let limit = parallel.map(|parallel| format!("%{parallel}")).unwrap_or_default();
     format!("--array=0-{}{limit}", tasks.saturating_sub(1))
 }
 
-fn asked_for(resources: &Resources) -> Vec<String> {
+/// What the section names, and no more.
+pub fn asked_for(resources: &Resources) -> Vec<String> {
     let text = |text: &Option<String>| text.clone();
     let word = |word: &Option<Word>| word.as_ref().map(|word| word.0.clone());
     let gpus = |gpus: &Option<Word>| word(gpus).filter(|gpus| gpus != "0");

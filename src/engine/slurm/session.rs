@@ -11,13 +11,12 @@ use super::cluster::{Cluster, of_folder, settings_of};
 use super::command::{QUERY, Shell, System};
 use super::error::SlurmError;
 use super::files::SlurmFolder;
-use super::ledger::{Entry, Ledger};
-use super::packing::Packing;
+use super::ledger::Entry;
+use super::packing::Packed;
 use super::preview;
 use super::queue::{Queue, QueuedTask};
 use super::settings::Settings;
 use super::status::status;
-use super::submit::Submitted;
 use super::worker::ChunkWorker;
 use crate::engine::contract::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
 use crate::engine::{Cancelled, EngineState, SweepRequest, Tell};
@@ -85,7 +84,7 @@ fn settings(request: &SweepRequest) -> Result<Settings> {
         Some(path) => read_profile(path)?.over(of_sweep),
         None => of_sweep,
     };
-    let settings = Settings::new(section);
+    let settings = Settings(section);
     let shared = request.sweep.trainer.as_ref().and_then(|trainer| trainer.gpus);
     Ok(match shared.or(has_card.then_some(1)) {
         Some(n) => settings.with_gpus(n),
@@ -95,9 +94,7 @@ fn settings(request: &SweepRequest) -> Result<Settings> {
 
 /// MaxArraySize; also shows whether the controller answers.
 pub fn max_array(settings: &Settings, shell: &dyn Shell) -> Result<Option<usize>, SlurmError> {
-    let mut words = settings.program("scontrol");
-    words.extend(["show", "config"].map(String::from));
-    let said = shell.ask(&words, QUERY)?;
+    let said = shell.ask(&settings.program("scontrol", &["show", "config"]), QUERY)?;
     let line = said.lines().find(|line| line.starts_with("MaxArraySize"));
     Ok(line.and_then(|line| line.split('=').nth(1)?.trim().parse().ok()))
 }
@@ -120,9 +117,8 @@ impl Session for Cluster<'_> {
         if left == 0 && !self.queue.is_active() {
             return Ok(Brought::Ended(Vec::new()));
         }
-        let active = self.queue.active_jobs();
-        let packing = Packing { cluster: &self, jobs, queued: held, active };
-        let (generation, submitted) = packing.submit(&System)?;
+        let packed = Packed { jobs: &jobs, queued: &held };
+        let (generation, submitted) = self.submit(&packed, &System)?;
         Ok(self.submitted(generation, &submitted, left))
     }
 
@@ -133,11 +129,10 @@ impl Session for Cluster<'_> {
         if preview == Preview::Check {
             self.asked = max_array(&self.settings, &System)?;
         }
-        let (queued, active) = (HashMap::new(), Vec::new());
-        let packing = Packing { cluster: self, jobs, queued, active };
+        let packed = Packed { jobs: &jobs, queued: &HashMap::new() };
         match preview {
-            Preview::DryRun => preview::dry_run(&packing),
-            Preview::Check => preview::check(&packing, &System),
+            Preview::DryRun => preview::dry_run(self, &packed),
+            Preview::Check => preview::check(self, &packed, &System),
         }
     }
 }
@@ -146,7 +141,7 @@ impl Cluster<'_> {
     /// The ledger and what Slurm says of it. An entry without a number is of a submission that was
     /// cut off: its job is looked for, and the entry settled.
     fn look(&mut self, shell: &dyn Shell) -> Result<()> {
-        let ledger = Ledger::of(&SlurmFolder::of(&self.folder));
+        let ledger = SlurmFolder::of(&self.folder);
         let entries = ledger.entries()?;
         self.queue = Queue::ask(shell, &self.settings, &entries)?;
         for entry in entries.iter().filter(|entry| entry.job_id.is_none()) {
@@ -184,21 +179,27 @@ impl Cluster<'_> {
         Brought::HandedOver { document, text }
     }
 
-    fn submitted(&self, generation: u32, submitted: &[Submitted], left: usize) -> Brought {
-        let results = self.folder.root();
+    fn submitted(&self, generation: u32, entries: &[Entry], left: usize) -> Brought {
+        let taken = |entry: &Entry| {
+            let Entry { array, job_id, tasks, .. } = entry;
+            json!({"name": array, "job_id": job_id, "tasks": tasks})
+        };
+        let (results, submitted) =
+            (self.folder.root(), entries.iter().map(taken).collect::<Vec<_>>());
         let document =
             json!({"generation": generation, "submitted": submitted, "results": results});
-        let tasks = |job: &Submitted| match job.tasks {
-            Some(1) => "1 task".to_string(),
-            Some(tasks) => format!("{tasks} tasks"),
-            None => "after all others".to_string(),
+        let line = |Entry { array, job_id, tasks, .. }: &Entry| {
+            let tasks = match tasks {
+                Some(1) => "1 task".to_string(),
+                Some(tasks) => format!("{tasks} tasks"),
+                None => "after all others".to_string(),
+            };
+            format!("  {array:<12} job {:<10} {tasks}\n", job_id.as_deref().unwrap_or_default())
         };
-        let line =
-            |job: &Submitted| format!("  {:<12} job {:<10} {}\n", job.name, job.job_id, tasks(job));
         let text = format!(
             "{}: {left} jobs submitted\n{}{}",
             self.request.sweep.name,
-            submitted.iter().map(line).collect::<String>(),
+            entries.iter().map(line).collect::<String>(),
             self.how_far()
         );
         Brought::HandedOver { document, text }

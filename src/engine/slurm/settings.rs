@@ -1,6 +1,8 @@
-//! [`Settings`]: the section with every default filled in.
+//! [`Settings`]: the section, as the sweep and the profile give it, with every default filled in.
 
 use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
 
 use crate::sweep::{Amount, Count, Resources, SlurmSection, Stage, Word, minutes};
 
@@ -8,23 +10,17 @@ use crate::sweep::{Amount, Count, Resources, SlurmSection, Stage, Word, minutes}
 const MAX_ARRAY: usize = 1001;
 
 /// What is asked of Slurm, and how.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    section: SlurmSection,
-}
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Settings(pub SlurmSection);
 
 impl Settings {
-    /// A section as the sweep and the profile give it.
-    pub fn new(section: SlurmSection) -> Self {
-        Self { section }
-    }
-
     /// The same with `n` GPUs for each task of the runs, and as many runs at a time; as it is where the section
     /// says of GPUs itself what these tasks ask for.
     pub fn with_gpus(mut self, n: usize) -> Self {
         let asked = self.resources(Stage::Train);
         if asked.gpus.is_none() && asked.gres.is_none() && asked.gpus_per_task.is_none() {
-            let stages = self.section.stages.get_or_insert_default();
+            let stages = self.0.stages.get_or_insert_default();
             let train = stages.entry(Stage::Train).or_default();
             train.gres = Some(Word(format!("gpu:{n}")));
             train.runs_at_once = asked.runs_at_once.or(Some(Count(n)));
@@ -32,28 +28,24 @@ impl Settings {
         self
     }
 
-    /// The section as it was given.
-    pub fn section(&self) -> &SlurmSection {
-        &self.section
-    }
-
     /// What the tasks of a stage ask for.
     pub fn resources(&self, stage: Stage) -> Resources {
-        let of_stage = self.section.stages.as_ref().and_then(|stages| stages.get(&stage)).cloned();
-        of_stage.unwrap_or_default().over(self.section.resources())
+        let of_stage = self.0.stages.as_ref().and_then(|stages| stages.get(&stage)).cloned();
+        of_stage.unwrap_or_default().over(self.0.resources())
     }
 
-    /// The words that call one of Slurm's programs: `sbatch`, `squeue`, `scancel`, `scontrol`.
-    pub fn program(&self, name: &str) -> Vec<String> {
+    /// The words that call one of Slurm's programs, `sbatch`, `squeue`, `scancel` or `scontrol`, with these arguments.
+    pub fn program(&self, name: &str, arguments: &[&str]) -> Vec<String> {
         let given = match name {
-            "sbatch" => &self.section.sbatch,
-            "squeue" => &self.section.squeue,
-            "scancel" => &self.section.scancel,
-            _ => &self.section.scontrol,
+            "sbatch" => &self.0.sbatch,
+            "squeue" => &self.0.squeue,
+            "scancel" => &self.0.scancel,
+            _ => &self.0.scontrol,
         };
         let split = given.as_deref().and_then(shlex::split);
         let mut words = split.unwrap_or_else(|| vec![name.to_string()]);
-        words.extend(self.section.clusters.iter().map(|name| format!("--clusters={name}")));
+        words.extend(self.0.clusters.iter().map(|name| format!("--clusters={name}")));
+        words.extend(arguments.iter().map(ToString::to_string));
         words
     }
 
@@ -72,60 +64,60 @@ impl Settings {
 
     /// Seconds of work that a task should have: half of the time limit at most.
     pub fn target_s(&self) -> f64 {
-        let Amount(target) = self.section.target_chunk_minutes.unwrap_or(Amount(30.0));
+        let Amount(target) = self.0.target_chunk_minutes.unwrap_or(Amount(30.0));
         let half = self.limit_s(Stage::Train).map_or(f64::INFINITY, |limit| limit / 2.0);
         (60.0 * target).min(half)
     }
 
     /// Tasks of an array that run at once at most.
     pub fn array_parallel(&self) -> Option<usize> {
-        self.section.array_parallel.map(|count| count.0)
+        self.0.array_parallel.map(|count| count.0)
     }
 
     /// Tasks of an array at most, where the section or else Slurm says so.
     pub fn max_array(&self, asked: Option<usize>) -> usize {
-        self.section.max_array.map(|count| count.0).or(asked).unwrap_or(MAX_ARRAY).max(1)
+        self.0.max_array.map(|count| count.0).or(asked).unwrap_or(MAX_ARRAY).max(1)
     }
 
     /// Tasks of a submission at most.
     pub fn max_submit(&self) -> usize {
-        self.section.max_submit.map_or(usize::MAX, |count| count.0)
+        self.0.max_submit.map_or(usize::MAX, |count| count.0)
     }
 
     /// Seconds before the time limit at which a task of a stage is warned: a quarter of a short one.
     pub fn signal_grace_s(&self, stage: Stage) -> usize {
         let quarter = self.limit_s(stage).map_or(120, |limit| (limit / 4.0) as usize);
-        self.section.signal_grace_s.map_or(120.min(quarter), |count| count.0)
+        self.0.signal_grace_s.map_or(120.min(quarter), |count| count.0)
     }
 
     /// Whether Slurm may put a task back into the queue.
     pub fn requeue(&self) -> bool {
-        self.section.requeue.unwrap_or(true)
+        self.0.requeue.unwrap_or(true)
     }
 
     /// Times that a task puts itself back when its time is over.
     pub fn max_requeues(&self) -> usize {
-        if self.requeue() { self.section.max_requeues.map_or(20, |count| count.0) } else { 0 }
+        if self.requeue() { self.0.max_requeues.map_or(20, |count| count.0) } else { 0 }
     }
 
     /// How long `isoflop cancel` waits for checkpoints.
     pub fn cancel_grace(&self) -> Duration {
-        seconds(self.section.cancel_grace_s, 60.0)
+        seconds(self.0.cancel_grace_s, 60.0)
     }
 
     /// How long a task waits for files written on another machine to appear.
     pub fn fs_grace(&self) -> Duration {
-        seconds(self.section.fs_grace_s, 90.0)
+        seconds(self.0.fs_grace_s, 90.0)
     }
 
     /// Whether laws are fitted although runs are missing.
     pub fn allow_missing(&self) -> bool {
-        self.section.allow_missing.unwrap_or(false)
+        self.0.allow_missing.unwrap_or(false)
     }
 
     /// `--export`.
     pub fn export(&self) -> &str {
-        self.section.export.as_deref().unwrap_or("ALL")
+        self.0.export.as_deref().unwrap_or("ALL")
     }
 }
 
@@ -138,7 +130,7 @@ mod tests {
     use super::*;
 
     fn settings(text: &str) -> Settings {
-        Settings::new(serde_yaml::from_str(text).unwrap())
+        Settings(serde_yaml::from_str(text).unwrap())
     }
 
     #[test]
@@ -148,7 +140,7 @@ mod tests {
         let mem = |stage| settings.resources(stage).mem.unwrap().0;
         assert_eq!((mem(Stage::Fit).as_str(), mem(Stage::Train).as_str()), ("16G", "4G"));
         assert_eq!(settings.resources(Stage::Fit).time.unwrap().0, "60");
-        assert_eq!(settings.program("sbatch"), ["ssh", "login", "sbatch"]);
+        assert_eq!(settings.program("sbatch", &[]), ["ssh", "login", "sbatch"]);
     }
 
     #[test]

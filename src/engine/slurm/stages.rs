@@ -6,8 +6,7 @@ use crate::engine::slurm::chunks;
 use crate::engine::slurm::estimate::Estimates;
 use crate::engine::slurm::files::{ChunkFile, Timed};
 use crate::engine::slurm::settings::Settings;
-use crate::jobs::Job;
-use crate::jobs::JobId;
+use crate::jobs::{Job, JobId, JobKind};
 use crate::sweep::Stage;
 
 /// A task that must have succeeded first.
@@ -27,6 +26,19 @@ pub struct Array {
     pub stage: Stage,
     pub chunks: Vec<ChunkFile>,
     pub after: Vec<After>,
+}
+
+impl Array {
+    /// The fit, which is a job by itself, after the end of all others.
+    pub fn fit() -> Self {
+        let (name, stage) = (Stage::Fit.word().to_string(), Stage::Fit);
+        Self { name, stage, chunks: Vec::new(), after: Vec::new() }
+    }
+
+    /// How many tasks it has; `None` for the fit.
+    pub fn tasks(&self) -> Option<usize> {
+        (self.stage != Stage::Fit).then_some(self.chunks.len())
+    }
 }
 
 /// What arrays are made of, besides the jobs.
@@ -102,8 +114,7 @@ fn pack(groups: Vec<Vec<Unit>>, layout: &Layout, max_tasks: usize) -> Vec<Vec<Ve
 
 /// Whether a job waits for one of its own kind that is tried before all others, in an array of its own.
 fn goes_before(job: &Job, need: &JobId) -> bool {
-    let is_run = |id: &JobId| *id == JobId::run(&id.id);
-    is_run(&job.id) && is_run(need)
+    [&job.id, need].iter().all(|id| id.kind == JobKind::Run)
 }
 
 /// Joins jobs that need one another within a stage, in the order in which they come.

@@ -69,8 +69,7 @@ fn look(folder: &ResultsFolder, state: &SweepState) -> Result<Option<QueueState>
     };
     let open = |state| matches!(state, JobState::Missing | JobState::Started);
     let held = queue.held(&entries, &files)?;
-    let held =
-        held.keys().filter(|id| id.kind == JobKind::goal() && open(folder.state(id))).count();
+    let held = held.keys().filter(|id| id.kind == JobKind::Run && open(folder.state(id))).count();
     let runs = &state.runs;
     let count = |state| queue.tasks.iter().filter(|task| task.state == state).count();
     Ok(Some(QueueState {
@@ -91,14 +90,9 @@ fn waiting(tasks: &[QueuedTask]) -> Vec<Waiting> {
         reasons.entry(&task.reason).or_default().push(task);
     }
     let waiting = reasons.into_iter().map(|(reason, tasks)| {
-        let outlook = outlook(reason);
-        Waiting {
-            reason: reason.to_string(),
-            meaning: outlook.words,
-            never: outlook.never,
-            tasks: tasks.len(),
-            example: tasks[0].name(),
-        }
+        let (meaning, never) = outlook(reason);
+        let (tasks, example) = (tasks.len(), tasks[0].name());
+        Waiting { reason: reason.to_string(), meaning, never, tasks, example }
     });
     waiting.collect()
 }

@@ -1,15 +1,14 @@
 //! Gives a submission to Slurm: whole, or not at all.
 
-use std::fs;
-use std::io;
 use std::path::Path;
 use std::time::Duration;
+use std::{fs, io};
 
 use crate::engine::slurm::command::{QUERY, Shell};
 use crate::engine::slurm::error::SlurmError;
-use crate::engine::slurm::ledger::{Entry, Ledger, token};
+use crate::engine::slurm::ledger::{Entry, token};
 use crate::engine::slurm::queue::Queue;
-use crate::engine::slurm::submission::{SbatchStep, Submission};
+use crate::engine::slurm::submission::Submission;
 use crate::files::atomic;
 
 /// Times that a call is made that fails for a reason that may pass.
@@ -18,20 +17,11 @@ const TRIES: u32 = 3;
 /// The first wait between two of them.
 const WAIT: Duration = Duration::from_secs(2);
 
-/// A job that Slurm has taken.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Submitted {
-    pub name: String,
-    pub job_id: String,
-    /// `None` for a job that is no array.
-    pub tasks: Option<usize>,
-}
-
 /// Writes what tasks will read, then submits every step after those that it waits for.
 ///
 /// Before each call the ledger says what is to be submitted, by a token that the job carries; after
 /// it, the job's number. Where a call fails for good, what this submission gave Slurm before is
-/// cancelled, so that nothing is left half wired.
+/// cancelled, so that nothing is left half wired. What the ledger then holds of it is returned.
 ///
 /// # Errors
 /// Slurm refused, or gave no answer; a file could not be written.
@@ -39,24 +29,23 @@ pub fn submit(
     submission: &Submission,
     user: u32,
     shell: &dyn Shell,
-) -> Result<Vec<Submitted>, SlurmError> {
-    let steps = submission.steps();
-    write(submission, &steps)?;
-    let ledger = Ledger::of(&submission.files());
+) -> Result<Vec<Entry>, SlurmError> {
+    write(submission)?;
+    let ledger = submission.files();
     let mut entries: Vec<Entry> = Vec::new();
-    for (at, step) in steps.iter().enumerate() {
+    for step in &submission.steps {
         let entry = Entry {
             generation: submission.generation,
             array: step.name.clone(),
             token: token()?,
             user,
-            tasks: step.tasks,
+            tasks: step.tasks(),
             job_id: None,
             void: false,
         };
         ledger.write(&entry)?;
         let ids: Vec<String> = entries.iter().filter_map(|entry| entry.job_id.clone()).collect();
-        let words = submission.words(at, step, &entry.token, &ids);
+        let words = submission.words(step, &entry.token, &ids);
         match call(&words, submission, &entry, shell) {
             Ok(id) => {
                 let entry = Entry { job_id: Some(id), ..entry };
@@ -64,7 +53,7 @@ pub fn submit(
                 entries.push(entry);
             }
             Err(Failed { error, certain }) => {
-                undo(submission, &ledger, &entries, shell)?;
+                undo(submission, &entries, shell)?;
                 if certain {
                     ledger.take_back(&entry)?;
                 }
@@ -72,22 +61,18 @@ pub fn submit(
             }
         }
     }
-    let submitted = entries.into_iter().filter_map(|entry| {
-        Some(Submitted { name: entry.array, job_id: entry.job_id?, tasks: entry.tasks })
-    });
-    Ok(submitted.collect())
+    Ok(entries)
 }
 
 /// Files first: what Slurm starts finds all that it reads.
-fn write(submission: &Submission, steps: &[SbatchStep]) -> io::Result<()> {
+fn write(submission: &Submission) -> io::Result<()> {
     let (files, generation) = (submission.files(), submission.generation);
-    for array in &submission.arrays {
-        for (index, chunk) in array.chunks.iter().enumerate() {
-            atomic::write_json(&files.chunk(generation, &array.name, index), chunk)?;
+    for step in &submission.steps {
+        for (index, chunk) in step.chunks.iter().enumerate() {
+            atomic::write_json(&files.chunk(generation, &step.name, index), chunk)?;
         }
-    }
-    for step in steps {
-        atomic::write_bytes(&files.script(generation, &step.name), step.script.as_bytes())?;
+        let script = submission.script(step);
+        atomic::write_bytes(&files.script(generation, &step.name), script.as_bytes())?;
     }
     fs::create_dir_all(files.logs())?;
     Ok(atomic::write_json(&files.written(generation), &submission.written)?)
@@ -132,7 +117,7 @@ fn call(
             Err(error) => error,
         };
         let known_nothing = matches!(error, SlurmError::NotThere { .. });
-        let queue = Queue::ask(shell, &submission.settings, std::slice::from_ref(entry));
+        let queue = Queue::ask(shell, &submission.written.settings, std::slice::from_ref(entry));
         match queue.map(|queue| queue.tasks.first().map(|task| task.job_id.clone())) {
             Ok(Some(id)) => return Ok(id),
             Ok(None) => {}
@@ -156,21 +141,17 @@ fn number(said: &str) -> Result<String, SlurmError> {
 }
 
 /// Cancels what was submitted before a call failed.
-fn undo(
-    submission: &Submission,
-    ledger: &Ledger,
-    entries: &[Entry],
-    shell: &dyn Shell,
-) -> Result<(), SlurmError> {
+fn undo(submission: &Submission, entries: &[Entry], shell: &dyn Shell) -> Result<(), SlurmError> {
     // What waits for others first, lest it begin at their end.
     let ids = entries.iter().rev().filter_map(|entry| entry.job_id.clone());
     let ids: Vec<String> = ids.collect();
     if ids.is_empty() {
         return Ok(());
     }
-    let words = [submission.settings.program("scancel"), ids].concat();
+    let words = [submission.written.settings.program("scancel", &[]), ids].concat();
     // Where this fails too the entries stay, so that the jobs are known to be ours.
     if shell.ask(&words, QUERY).is_ok() {
+        let ledger = submission.files();
         entries.iter().try_for_each(|entry| ledger.take_back(entry))?;
     }
     Ok(())

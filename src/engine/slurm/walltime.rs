@@ -9,8 +9,7 @@ use crate::sweep::minutes;
 /// When the task of this process is over; `None` where it has no limit, or Slurm does not say.
 pub fn end(settings: &Settings, shell: &dyn Shell) -> Option<Instant> {
     let id = std::env::var("SLURM_JOB_ID").ok()?;
-    let mut words = settings.program("squeue");
-    words.extend(["-h", "-j", &id, "-o", "%L"].map(String::from));
+    let words = settings.program("squeue", &["-h", "-j", &id, "-o", "%L"]);
     let said = shell.ask(&words, QUERY).ok()?;
     let left = minutes(said.lines().next()?)?;
     Instant::now().checked_add(Duration::from_secs_f64(60.0 * left))

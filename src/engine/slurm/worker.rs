@@ -1,12 +1,11 @@
 //! What a task of Slurm's does: the jobs of its chunk, as `isoflop run` would on one machine.
 
 use std::collections::HashSet;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use std::{fs, io};
 
 use crate::engine::JobEnd;
 use crate::engine::contract::Task;
@@ -14,14 +13,12 @@ use crate::engine::local::{Display, Gpus, LocalPool, LocalProcesses};
 use crate::engine::slurm::command::Shell;
 use crate::engine::slurm::files::{ChunkFile, SlurmFolder};
 use crate::engine::slurm::guard::Guarded;
-use crate::engine::slurm::requeue;
 use crate::engine::slurm::settings::Settings;
 use crate::engine::slurm::submission::SubmissionTerms;
-use crate::engine::slurm::{signals, walltime};
+use crate::engine::slurm::{requeue, signals, walltime};
 use crate::files::read_if_there;
-use crate::jobs::Job;
 use crate::jobs::presence::is_asked_to_end;
-use crate::jobs::{JobId, JobState, ResultsFolder};
+use crate::jobs::{Job, JobId, JobState, ResultsFolder};
 use crate::machine::memory;
 use crate::progress::Stop;
 use crate::sweep::{self, Stage};
@@ -67,8 +64,8 @@ impl ChunkWorker {
     ) -> io::Result<Ended> {
         signals::listen()?;
         let files = SlurmFolder::of(&self.folder);
-        let written: SubmissionTerms = appear(&files.written(self.task.submission), FIRST_FILES)?;
-        let settings = Settings::new(written.settings.clone());
+        let SubmissionTerms { settings, device, track, .. } =
+            appear(&files.written(self.task.submission), FIRST_FILES)?;
         let path = files.chunk(self.task.submission, &self.task.array, self.task.index);
         let chunk: ChunkFile = appear(&path, settings.fs_grace())?;
         if let Some(missing) = self.missing(&chunk, settings.fs_grace()) {
@@ -81,11 +78,11 @@ impl ChunkWorker {
         let guarded = Guarded {
             processes: LocalProcesses {
                 folder: self.folder.clone(),
-                device: written.device,
+                device,
                 program,
                 gpus: Gpus::of_task(&sweep, self.slots(&settings)),
                 hang: sweep.train.hang(),
-                track: written.track,
+                track,
                 untracked: OnceLock::new(),
             },
             end: walltime::end(&settings, shell),
@@ -115,7 +112,7 @@ impl ChunkWorker {
     /// Does what is to do with several jobs side by side, watching for signals.
     fn pool(&self, chunk: &ChunkFile, guarded: &Guarded, slots: usize, stop: &Stop) -> Ended {
         let jobs = self.to_do(chunk);
-        let display = Display::new(&jobs, slots, false);
+        let display = Display::new(&jobs, slots, false, || None);
         let over = AtomicBool::new(false);
         let reports = std::thread::scope(|scope| {
             scope.spawn(|| self.watch(stop, &over));

@@ -28,7 +28,7 @@ fn cut(path: &Path, kept: usize) -> io::Result<usize> {
     if bytes.len() <= 3 * kept {
         return Ok(bytes.len());
     }
-    let Parts { head, left_out, tail } = parts(&bytes, kept);
+    let (head, left_out, tail) = parts(&bytes, kept);
     let mut file = OpenOptions::new().read(true).append(true).open(path)?;
     let mark = format!("{}{left_out}{BYTES}", String::from_utf8_lossy(LEFT_OUT));
     // What was said since it was read; what is said between here and the cut goes with the middle.
@@ -41,24 +41,14 @@ fn cut(path: &Path, kept: usize) -> io::Result<usize> {
     Ok(head.len() + rest.len())
 }
 
-/// What a cut leaves.
-struct Parts<'a> {
-    head: &'a [u8],
-    /// Bytes between the two, those of earlier cuts included.
-    left_out: usize,
-    tail: &'a [u8],
-}
-
-fn parts(bytes: &[u8], kept: usize) -> Parts<'_> {
+/// The head and the tail that a cut leaves, and between them the number of bytes left out, those of earlier cuts
+/// included.
+fn parts(bytes: &[u8], kept: usize) -> (&[u8], usize, &[u8]) {
     let (_, tail) = bytes.split_at(bytes.len() - kept);
     let end_of_line = |bytes: &[u8]| bytes.iter().position(|byte| *byte == b'\n');
     let tail = &tail[end_of_line(tail).map_or(0, |end| end + 1)..];
-    let (head, said, earlier) = match earlier(&bytes[..bytes.len() - kept]) {
-        Some((head, said, n)) => (head, said, n),
-        None => (kept, 0, 0),
-    };
-    let left_out = earlier + bytes.len() - tail.len() - head - said;
-    Parts { head: &bytes[..head], left_out, tail }
+    let (head, said, before) = earlier(&bytes[..bytes.len() - kept]).unwrap_or((kept, 0, 0));
+    (&bytes[..head], before + bytes.len() - tail.len() - head - said, tail)
 }
 
 /// Where an earlier cut stands, the length of its sentence, and the bytes that it left out.

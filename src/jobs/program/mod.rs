@@ -20,26 +20,33 @@ use anyhow::{Context, Result};
 pub use guard::{GRACE, guard, wake_guard};
 pub use result::TrainerResult;
 pub use spec::TrainerSpec;
-pub use tokenizer::{tokenizer_grace, train_tokenizer};
+pub use tokenizer::train_tokenizer;
 
 use super::assignment::{Assignment, Outcome};
 use super::exit;
-use super::run::{LOG, MODEL, TEST_CLIPS};
+use super::folder::{LOG, MODEL, ResultsFolder, TEST_CLIPS};
+use super::id::JobId;
+use super::kind::JobKind;
+use super::record::FinishedRun;
 use crate::codes::TokenStore;
 use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::{remove, write_json, write_json_lines};
-use crate::files::read_if_there;
 use crate::generator;
 use crate::learn::weights::{self, Source};
-use crate::plan::{RunSpec, TrainerProgram};
+use crate::plan::{RunSpec, TokenizerJob, TrainerProgram};
 use crate::sweep::{TrainerCommand, is_torch};
 
-/// How long the worker in `place` waits for an orderly end: longer than a program of its own may.
-pub fn grace(place: &Path) -> Duration {
-    let spec = read_if_there::<RunSpec>(&place.join("spec.json")).ok().flatten();
-    match spec.is_some_and(|spec| spec.trainer.is_some()) {
-        true => GRACE + 2 * exit::GRACE,
-        false => exit::GRACE,
+/// How long the worker of a job takes for an orderly end, once a stop is asked for: longer than a program of its own may.
+pub fn grace(folder: &ResultsFolder, job: &JobId) -> Duration {
+    let run = || folder.known_spec::<RunSpec>(job).is_some_and(|spec| spec.trainer.is_some());
+    let tokenizer = || {
+        let job = folder.known_spec::<TokenizerJob>(job);
+        job.is_some_and(|job| !job.spec.trainer.is_built_in())
+    };
+    match job.kind {
+        JobKind::Run if run() => GRACE + 2 * exit::GRACE,
+        JobKind::Tokenizer if tokenizer() => GRACE + 2 * exit::GRACE,
+        _ => exit::GRACE,
     }
 }
 
@@ -60,7 +67,7 @@ pub fn run_program(
     let words = prepare(&spec, &command, &place)?;
     let started = Instant::now();
     let problem = process::attend(&words, &place, id, stop)?;
-    let wall_s = started.elapsed().as_secs_f64();
+    let ran_s = started.elapsed().as_secs_f64();
     let unfit = |problem| Failure::new(FailureKind::Trainer, problem);
     let result = match problem {
         Some(problem) => Err(result::refusal(&spec.out).unwrap_or_else(|| {
@@ -81,7 +88,9 @@ pub fn run_program(
             if !result.clips.is_empty() {
                 write_json_lines(&place.join(TEST_CLIPS), &result.clips)?;
             }
-            let record = result.report(&spec, wall_s, tokens.as_ref()).record(folder, id, run);
+            let (tokens, max_text_tokens) = (tokens.as_ref(), spec.max_text_tokens);
+            let run = FinishedRun { folder, id, spec: run, tokens, max_text_tokens, ran_s };
+            let record = run.record(&result);
             write_json(&place.join("record.json"), &record).context("writing record.json")?;
             spec.init.iter().try_for_each(|init| remove(init))?;
             fs::remove_dir_all(&spec.checkpoint).context("removing the checkpoint")?;

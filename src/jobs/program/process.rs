@@ -8,14 +8,13 @@ use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use nix::sys::signal::Signal;
 
 use crate::failure::{Failure, FailureKind};
+use crate::jobs::exit::killed_by;
 use crate::jobs::program::guard::{DONE, LOCK, MARK, READY};
 use crate::jobs::program::log::bound;
 use crate::machine::oom::Kills;
-use crate::progress::Stop;
-use crate::progress::{Beat, Said};
+use crate::progress::{Beat, Said, Stop};
 
 /// How often the program and the stop flag are looked at.
 const POLL: Duration = Duration::from_millis(10);
@@ -56,15 +55,8 @@ pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<O
 /// Whether a program failed by itself or was ended by others; a shell tells of its last command's
 /// end by 128 and the signal.
 fn kind(status: ExitStatus, kills: &Kills) -> FailureKind {
-    const KILL: i32 = Signal::SIGKILL as i32;
-    const OTHERS: [i32; 3] = [Signal::SIGTERM as i32, Signal::SIGHUP as i32, Signal::SIGINT as i32];
     let signal = status.signal().or_else(|| status.code()?.checked_sub(128));
-    match signal {
-        Some(KILL) if kills.have_risen() => FailureKind::OutOfMemory,
-        Some(KILL) => FailureKind::Killed,
-        Some(signal) if OTHERS.contains(&signal) => FailureKind::Killed,
-        _ => FailureKind::Trainer,
-    }
+    killed_by(signal, kills).unwrap_or(FailureKind::Trainer)
 }
 
 /// In the guard's group, with its mark; standard error is the log already.

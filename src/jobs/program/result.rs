@@ -8,17 +8,13 @@ use serde::Deserialize;
 use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::failure::{Failure, FailureKind};
-use crate::files::read_if_there;
-use crate::files::{LARGE, read_regular};
+use crate::files::{LARGE, read_if_there, read_regular};
 use crate::generator::{LogLine, Sums};
-use crate::jobs::program::TrainerSpec;
-use crate::jobs::record::{ExactFlops, Report};
-use crate::jobs::run::by_block;
 
 /// The result of a run; for every key but the losses the plan's value stands in.
 ///
 /// Counts may be written as `1e6`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainerResult {
     /// Cross-entropy on the test split, per supervised token.
@@ -162,42 +158,8 @@ impl TrainerResult {
         Err(format!("its `clips` has {found} entries, and the test split {wanted} clips"))
     }
 
-    /// The same for the record; what the result does not say of the data and of time is `unique_tokens`
-    /// and `ran_s`.
-    pub fn report(&self, spec: &TrainerSpec, ran_s: f64, tokens: Option<&TokenStore>) -> Report {
-        let count = |value: Option<f64>| value.map(|x| x as usize);
-        let max_text_tokens = spec.max_text_tokens;
-        let full_contexts = ExactFlops::FullContexts { max_text_tokens };
-        Report {
-            device: self.device.clone().unwrap_or_else(|| "custom".to_string()),
-            loss_nats: self.loss_nats,
-            loss_normalised: self.normalised(),
-            normalised_by_scale: self.normalised_by_scale.clone(),
-            normalised_by_block: tokens
-                .filter(|_| !self.clips.is_empty())
-                .map_or_else(Vec::new, |tokens| by_block(tokens, &self.clips)),
-            nats_per_frame: self.nats_per_frame,
-            nats_per_second: self.nats_per_second,
-            tokens: count(self.tokens),
-            unique_tokens: count(self.unique_tokens).unwrap_or(spec.unique_tokens),
-            steps: count(self.steps),
-            batch_tokens: count(self.batch_tokens),
-            lr: self.lr,
-            flops_exact: self.flops_exact.map_or(full_contexts, ExactFlops::Counted),
-            zero_count_targets: count(self.zero_count_targets)
-                .or(tokens.map(TokenStore::zero_count_targets))
-                .unwrap_or(0),
-            wall_s: self.wall_s.unwrap_or(ran_s),
-            tokens_per_s: self.tokens_per_s,
-            peak_bytes: self.peak_bytes.map(|x| x as u64),
-            params_nonvocab: count(self.params_nonvocab),
-            params_vocab: count(self.params_vocab),
-            params_text: count(self.params_text),
-        }
-    }
-
     /// L_u as given, or as it follows.
-    fn normalised(&self) -> f64 {
+    pub fn normalised(&self) -> f64 {
         let follows = || self.unigram_nats.map(|unigram| self.loss_nats - unigram);
         self.loss_normalised.or_else(follows).unwrap_or(f64::NAN)
     }

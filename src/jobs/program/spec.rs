@@ -7,9 +7,8 @@ use anyhow::Result;
 use serde::Serialize;
 
 use crate::codes::TokenStore;
-use crate::jobs::ResultsFolder;
 use crate::jobs::folder::CHECKPOINT;
-use crate::jobs::frozen_sweep;
+use crate::jobs::{ResultsFolder, frozen_sweep};
 use crate::machine::cards::CARDS;
 use crate::plan::{RunSpec, bytes_on_card};
 use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, TARGETS_PER_PASS};

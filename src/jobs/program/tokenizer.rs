@@ -6,19 +6,16 @@
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf, absolute};
-use std::time::Duration;
 
 use anyhow::{Context, Result};
 use serde::Deserialize;
 
-use super::guard::GRACE;
 use super::result::refusal;
 use super::{of_torch, process, python};
 use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::{remove, write_json};
 use crate::files::read_if_there;
 use crate::jobs::assignment::{Assignment, Outcome};
-use crate::jobs::exit;
 use crate::jobs::folder::CHECKPOINT;
 use crate::plan::TokenizerJob;
 use crate::tokenizer::{Corpus, Handover, HandoverFiles, Tokenizer, taken_back};
@@ -31,15 +28,6 @@ const MODULE: &str = "isoflop.torch.tokenizer";
 struct TokenizerResult {
     /// The weights, beside the result or by their whole path.
     weights: PathBuf,
-}
-
-/// How long the worker of a tokenizer in `place` waits for an orderly end.
-pub fn tokenizer_grace(place: &Path) -> Duration {
-    let job = read_if_there::<TokenizerJob>(&place.join("job.json")).ok().flatten();
-    match job.is_some_and(|job| !job.spec.trainer.is_built_in()) {
-        true => GRACE + 2 * exit::GRACE,
-        false => exit::GRACE,
-    }
 }
 
 /// Has the trainer in PyTorch train a tokenizer; `Break` if there is none, and how it ended.

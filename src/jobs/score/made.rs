@@ -14,23 +14,6 @@ use crate::spec::ScoresSpec;
 /// Motions that are made side by side.
 const BATCH: usize = 64;
 
-/// A motion that is to be made.
-pub struct Wanted<'a> {
-    /// The vectors of its caption.
-    pub text: &'a [f32],
-    /// For generators that ask for a length.
-    pub n_frames: usize,
-    /// Its stream of random numbers.
-    pub index: u64,
-}
-
-impl<'a> Wanted<'a> {
-    fn prompt(&self, wants_length: bool, seed: u64) -> Prompt<'a> {
-        let n_frames = wants_length.then_some(self.n_frames);
-        Prompt { text: self.text, n_frames, seed, index: self.index, edit: None }
-    }
-}
-
 /// Motions that were made.
 pub struct Made {
     pub motions: Embeddings,
@@ -45,12 +28,11 @@ pub fn make(
     run: &TrainedRun,
     evaluator: &Evaluator,
     spec: &ScoresSpec,
-    wanted: &[Wanted],
-    seed: u64,
+    prompts: &[Prompt],
 ) -> Result<Made> {
     let (mut values, mut bodies) = (Vec::new(), Vec::new());
-    for batch in wanted.chunks(BATCH) {
-        let motions = decoded(run, spec, batch, seed)?;
+    for batch in prompts.chunks(BATCH) {
+        let motions = decoded(run, spec, batch)?;
         let embedded = evaluator.motions(motions.iter().map(Vec::as_slice))?;
         values.extend(embedded.rows().flatten());
         let body = |motion: &Vec<f32>| physics(&recover_joints(motion), run.spec.fps).ok();
@@ -65,16 +47,8 @@ pub fn make(
 ///
 /// # Errors
 /// The run cannot make one.
-pub fn decoded(
-    run: &TrainedRun,
-    spec: &ScoresSpec,
-    batch: &[Wanted],
-    seed: u64,
-) -> Result<Vec<Vec<f32>>> {
-    let wants_length = run.wants_length();
-    let prompts: Vec<Prompt> =
-        batch.iter().map(|wanted| wanted.prompt(wants_length, seed)).collect();
-    let made = run.motions(&prompts, &sampling(run, spec), spec.detokenizer_guidance)?;
+pub fn decoded(run: &TrainedRun, spec: &ScoresSpec, prompts: &[Prompt]) -> Result<Vec<Vec<f32>>> {
+    let made = run.motions(prompts, &sampling(run, spec), spec.detokenizer_guidance)?;
     Ok(made.into_iter().map(|motion| motion.features).collect())
 }
 

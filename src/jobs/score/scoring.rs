@@ -4,9 +4,10 @@ use anyhow::Result;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::made::{Made, Wanted, decoded, guidance, make};
+use super::made::{Made, decoded, guidance, make};
 use super::run_scores::{RunScores, ScoredPhysics};
 use crate::evaluator::{Embedded, Evaluator, MotionScores, OneScore, Truth, halves_fid, swapped};
+use crate::generator::Prompt;
 use crate::jobs::trained::TrainedRun;
 use crate::motion::N_FEATURES;
 use crate::progress::moved;
@@ -101,8 +102,8 @@ impl<'a> Scoring<'a> {
 
     /// A motion of each true clip's caption.
     fn made(&self, index: usize) -> Result<Made> {
-        let wanted = self.wanted(self.truth.n_clips());
-        make(self.run, self.evaluator, self.spec, &wanted, self.seed(index))
+        let prompts = self.prompts(self.truth.n_clips(), index);
+        make(self.run, self.evaluator, self.spec, &prompts)
     }
 
     /// Features of the first motions of the first repeat.
@@ -110,22 +111,20 @@ impl<'a> Scoring<'a> {
     /// # Errors
     /// A motion cannot be made.
     pub fn first_motions(&self, n: usize) -> Result<Vec<Vec<f32>>> {
-        decoded(self.run, self.spec, &self.wanted(n), self.seed(0))
+        decoded(self.run, self.spec, &self.prompts(n, 0))
     }
 
-    /// A motion of each of the first captions.
-    fn wanted(&self, n: usize) -> Vec<Wanted<'_>> {
-        (0..n).map(|clip| self.wanted_of(clip, clip)).collect()
+    /// A motion of each of the first captions, in a repeat.
+    fn prompts(&self, n: usize, repeat: usize) -> Vec<Prompt<'_>> {
+        let seed = self.spec.seed.wrapping_add(repeat as u64);
+        (0..n).map(|clip| self.prompt(clip, seed, clip)).collect()
     }
 
     /// A motion of a true clip's caption, by a stream of random numbers.
-    fn wanted_of(&self, clip: usize, index: usize) -> Wanted<'_> {
+    fn prompt(&self, clip: usize, seed: u64, index: usize) -> Prompt<'_> {
         let n_frames = self.truth.features[clip].len() / N_FEATURES;
-        Wanted { text: &self.texts[clip], n_frames, index: index as u64 }
-    }
-
-    fn seed(&self, index: usize) -> u64 {
-        self.spec.seed.wrapping_add(index as u64)
+        let n_frames = self.run.wants_length().then_some(n_frames);
+        Prompt { text: &self.texts[clip], n_frames, seed, index: index as u64, edit: None }
     }
 
     /// Several motions of each of the first captions, which are in a random order.
@@ -135,10 +134,10 @@ impl<'a> Scoring<'a> {
         if n_captions == 0 {
             return Ok(None);
         }
-        let wanted = |index: usize| self.wanted_of(index / n_motions, index);
-        let wanted: Vec<Wanted> = (0..n_captions * n_motions).map(wanted).collect();
         let seed = self.spec.seed.wrapping_add(MULTIMODAL_SEED);
-        let made = make(self.run, self.evaluator, self.spec, &wanted, seed)?;
+        let prompt = |index: usize| self.prompt(index / n_motions, seed, index);
+        let prompts: Vec<Prompt> = (0..n_captions * n_motions).map(prompt).collect();
+        let made = make(self.run, self.evaluator, self.spec, &prompts)?;
         let one = |index: usize| multimodality(&made.motions, n_motions, &mut self.pools(index));
         let drawn = (0..self.spec.repeats).map(one).collect::<Result<Vec<f64>, _>>()?;
         Ok(Some(Repeated::of(&drawn)?))

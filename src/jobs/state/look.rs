@@ -5,18 +5,15 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use rayon::prelude::*;
 use serde::Deserialize;
 
+use super::share::share_done;
 use super::sweep_state::{Counts, FailedJob, Running, SweepState};
-use crate::files::read_if_there;
-use crate::jobs::history::{Finished, costs, known};
+use crate::jobs::history::{Finished, known};
 use crate::jobs::presence::{self, is_locked};
 use crate::jobs::speed::{Speed, seconds_left};
 use crate::jobs::{Job, JobId, JobKind, JobState, ResultsFolder};
 use crate::plan::RunSpec;
 use crate::progress::{Beat, progress};
 use crate::sweep::Stage;
-
-/// Records that are read for the rate: as many tell it as well as all.
-const RATE_SAMPLE: usize = 200;
 
 /// What is read of `plan.json`.
 #[derive(Deserialize)]
@@ -41,6 +38,10 @@ pub struct PlannedRun {
 }
 
 impl PlannedRun {
+    fn id(&self) -> JobId {
+        JobId::run(self.run_id.as_str())
+    }
+
     fn params(&self) -> usize {
         self.params_nonvocab + self.params_vocab + self.params_text
     }
@@ -60,7 +61,7 @@ fn see(folder: &ResultsFolder, job: &JobId) -> Seen {
     let state = folder.state(job);
     let unfinished = matches!(state, JobState::Missing | JobState::Started);
     let place = folder.job(job);
-    let share_done = || job.kind.share_done(folder, &job.id);
+    let share_done = || share_done(folder, job).unwrap_or(0.0);
     match state {
         _ if unfinished && is_locked(&place) => match progress(&place) {
             Some(beat) => Seen::Running(Some(beat), 0.0),
@@ -71,37 +72,68 @@ fn see(folder: &ResultsFolder, job: &JobId) -> Seen {
     }
 }
 
+/// A job of the plan, and what was seen of it.
+struct Looked<'a> {
+    id: JobId,
+    /// `None` for a run, whose spec has it.
+    label: Option<&'a str>,
+    cost: f64,
+    /// Those of the generator that it trains.
+    params: Option<usize>,
+    /// Whether it failed, or needs something that did.
+    is_lost: bool,
+    seen: Seen,
+}
+
 /// Everything that was seen, beside the plan, in its order.
 pub struct Look<'a> {
     folder: &'a ResultsFolder,
     plan: &'a Planned,
-    inputs: Vec<Seen>,
-    runs: Vec<Seen>,
+    jobs: Vec<Looked<'a>>,
 }
 
 impl<'a> Look<'a> {
     /// Looks at every job; a finished run costs one look at whether its record is there.
     pub fn at(folder: &'a ResultsFolder, plan: &'a Planned) -> Self {
-        let inputs = plan.inputs.iter().map(|job| see(folder, &job.id)).collect();
-        let see_run = |run: &PlannedRun| see(folder, &JobId::run(run.run_id.as_str()));
-        let runs = plan.runs.par_iter().map(see_run).collect();
-        Self { folder, plan, inputs, runs }
+        let inputs: Vec<Seen> = plan.inputs.iter().map(|job| see(folder, &job.id)).collect();
+        let runs: Vec<Seen> = plan.runs.par_iter().map(|run| see(folder, &run.id())).collect();
+        let lost = lost(plan, &inputs, &runs);
+        // A trunk's generator is that of the runs that branch off.
+        let of_trunk = |run: &'a PlannedRun| Some((run.trunk_id.as_deref()?, run.params()));
+        let of_trunks: HashMap<&str, usize> = plan.runs.iter().filter_map(of_trunk).collect();
+        let input = |(job, seen): (&'a Job, Seen)| Looked {
+            id: job.id.clone(),
+            label: Some(&job.label),
+            cost: job.cost,
+            params: of_trunks.get(job.id.id.as_str()).copied(),
+            is_lost: lost.contains(&job.id),
+            seen,
+        };
+        let run = |(run, seen): (&'a PlannedRun, Seen)| Looked {
+            id: run.id(),
+            label: None,
+            cost: run.own_flops,
+            params: Some(run.params()),
+            is_lost: lost.iter().any(|id| run.needs.contains(&id.to_string())),
+            seen,
+        };
+        let inputs = plan.inputs.iter().zip(inputs).map(input);
+        let jobs = inputs.chain(plan.runs.iter().zip(runs).map(run)).collect();
+        Self { folder, plan, jobs }
     }
 
     /// How far the sweep is.
     pub fn state(&self) -> SweepState {
-        let lost = self.lost();
-        let running = self.running();
         let (finished, mut warnings) = self.finished();
         let speed = known(self.folder, &finished);
-        let failures = self.failures(&mut warnings);
-        let all = |_: &JobId| true;
-        let left = |slots| speed.as_ref().map(|speed| self.seconds_left(speed, &lost, slots, &all));
+        let left = |slots| speed.as_ref().map(|speed| self.seconds_left(speed, slots, &|_| true));
+        let (failures, running) = (self.failures(&mut warnings), self.running());
+        let mut inputs = self.counts();
         SweepState {
             at_work: presence::is_held(self.folder),
             scheduler: presence::scheduler(self.folder),
-            inputs: self.count_inputs(&lost),
-            runs: self.count_runs(&lost),
+            runs: inputs.remove(&JobKind::Run).unwrap_or_default(),
+            inputs,
             failures,
             warnings,
             flops_total: self.trained(|_| 1.0),
@@ -116,141 +148,84 @@ impl<'a> Look<'a> {
     /// fast runs are.
     pub fn time_left(&self, slots: usize, wanted: &dyn Fn(&JobId) -> bool) -> Option<f64> {
         let speed = known(self.folder, &self.finished().0)?;
-        Some(self.seconds_left(&speed, &self.lost(), slots, wanted))
+        Some(self.seconds_left(&speed, slots, wanted))
     }
 
-    fn seconds_left(
-        &self,
-        speed: &Speed,
-        lost: &HashSet<JobId>,
-        slots: usize,
-        wanted: &dyn Fn(&JobId) -> bool,
-    ) -> f64 {
-        let to_do = self.to_do(lost, wanted);
-        seconds_left(to_do.map(|(cost, params)| speed.seconds(cost, params)), slots)
+    fn seconds_left(&self, speed: &Speed, slots: usize, wanted: &dyn Fn(&JobId) -> bool) -> f64 {
+        let to_do = self.jobs.iter().filter(|job| wanted(&job.id) && !job.is_lost);
+        seconds_left(to_do.map(|job| speed.seconds(job.cost * left(job.seen), job.params)), slots)
     }
 
-    fn seen_runs(&self) -> impl Iterator<Item = (&PlannedRun, Seen)> {
-        self.plan.runs.iter().zip(self.runs.iter().copied())
-    }
-
-    fn seen_inputs(&self) -> impl Iterator<Item = (&Job, Seen)> {
-        self.plan.inputs.iter().zip(self.inputs.iter().copied())
-    }
-
-    /// What failed, and what needs it: the plan has every input after what it needs.
-    fn lost(&self) -> HashSet<JobId> {
-        let mut lost = HashSet::new();
-        for (job, seen) in self.seen_inputs() {
-            let orphan = open(seen) && job.needs.iter().any(|need| lost.contains(need));
-            if orphan || seen == Seen::At(JobState::Failed) {
-                lost.insert(job.id.clone());
-            }
-        }
-        // A run that tries the trainer for all others.
-        let needed: HashSet<&String> = self.plan.runs.iter().flat_map(|run| &run.needs).collect();
-        let failed = self.seen_runs().filter(|(_, seen)| *seen == Seen::At(JobState::Failed));
-        let failed = failed.map(|(run, _)| JobId::run(run.run_id.as_str()));
-        lost.extend(failed.filter(|run| needed.contains(&run.to_string())));
-        lost
-    }
-
-    fn count_inputs(&self, lost: &HashSet<JobId>) -> BTreeMap<JobKind, Counts> {
+    fn counts(&self) -> BTreeMap<JobKind, Counts> {
         let mut counts: BTreeMap<JobKind, Counts> = BTreeMap::new();
-        for (job, seen) in self.seen_inputs() {
-            let blocked = open(seen) && lost.contains(&job.id);
-            add(counts.entry(job.id.kind).or_default(), seen, blocked);
+        for job in &self.jobs {
+            add(counts.entry(job.id.kind).or_default(), job.seen, job.is_lost && open(job.seen));
         }
         counts
-    }
-
-    fn count_runs(&self, lost: &HashSet<JobId>) -> Counts {
-        let mut counts = Counts::default();
-        for (run, seen) in self.seen_runs() {
-            add(&mut counts, seen, open(seen) && is_blocked(run, lost));
-        }
-        counts
-    }
-
-    /// What is left of the cost of each job that can still be done, and the parameters of the generator that it
-    /// trains.
-    fn to_do(
-        &self,
-        lost: &HashSet<JobId>,
-        wanted: &dyn Fn(&JobId) -> bool,
-    ) -> impl Iterator<Item = (f64, Option<usize>)> {
-        let of_trunks = self.params_of_trunks();
-        let is_wanted = |run: &PlannedRun| wanted(&JobId::run(run.run_id.as_str()));
-        let inputs = self.seen_inputs();
-        let inputs = inputs.filter(|(job, _)| wanted(&job.id) && !lost.contains(&job.id));
-        let runs = self.seen_runs();
-        let runs = runs.filter(move |(run, _)| is_wanted(run) && !is_blocked(run, lost));
-        let inputs = inputs.map(move |(job, seen)| {
-            (job.cost * left(seen), of_trunks.get(job.id.id.as_str()).copied())
-        });
-        inputs.chain(runs.map(|(run, seen)| (run.own_flops * left(seen), Some(run.params()))))
-    }
-
-    /// A trunk's generator is that of the runs that branch off.
-    fn params_of_trunks(&self) -> HashMap<&str, usize> {
-        let of = |run: &'a PlannedRun| Some((run.trunk_id.as_deref()?, run.params()));
-        self.plan.runs.iter().filter_map(of).collect()
     }
 
     /// FLOPs of runs and trunks, each weighed by how far it is.
     fn trained(&self, share: impl Fn(Seen) -> f64) -> f64 {
-        let trunks = self.seen_inputs().filter(|(job, _)| job.id.kind.stage() == Stage::Train);
-        let trunks: f64 = trunks.map(|(job, seen)| job.cost * share(seen)).sum();
-        trunks + self.seen_runs().map(|(run, seen)| run.own_flops * share(seen)).sum::<f64>()
+        let trained = self.jobs.iter().filter(|job| job.id.kind.stage() == Stage::Train);
+        trained.map(|job| job.cost * share(job.seen)).sum()
     }
 
     fn running(&self) -> Vec<Running> {
-        let at_work = |seen| matches!(seen, Seen::Running(..));
-        let running = |(id, label, seen)| match seen {
-            Seen::Running(progress, _) => Running { id, label, progress },
-            _ => unreachable!("only those at work are asked for"),
+        let running = |job: &Looked| match job.seen {
+            Seen::Running(progress, _) => {
+                Some(Running { id: job.id.clone(), label: self.label(job), progress })
+            }
+            _ => None,
         };
-        self.named(at_work).into_iter().map(running).collect()
+        self.jobs.iter().filter_map(running).collect()
     }
 
     fn failures(&self, warnings: &mut Vec<String>) -> Vec<FailedJob> {
         let mut failures = Vec::new();
-        for (id, label, _) in self.named(|seen| seen == Seen::At(JobState::Failed)) {
-            match self.folder.failure(&id) {
-                Ok(read) => {
-                    failures.extend(read.map(|failure| FailedJob::new(id, label, failure)));
-                }
+        for job in self.jobs.iter().filter(|job| job.seen == Seen::At(JobState::Failed)) {
+            let named = |failure| FailedJob::new(job.id.clone(), self.label(job), failure);
+            match self.folder.failure(&job.id) {
+                Ok(read) => failures.extend(read.map(named)),
                 Err(error) => warnings.push(error.to_string()),
             }
         }
         failures
     }
 
-    /// The jobs of a kind of look, with their names for a person.
-    fn named(&self, wanted: impl Fn(Seen) -> bool) -> Vec<(JobId, String, Seen)> {
-        let inputs = self.seen_inputs().filter(|(_, seen)| wanted(*seen));
-        let mut named: Vec<_> =
-            inputs.map(|(job, seen)| (job.id.clone(), job.label.clone(), seen)).collect();
-        for (run, seen) in self.seen_runs().filter(|(_, seen)| wanted(*seen)) {
-            let label = label_of_run(self.folder, &run.run_id);
-            named.push((JobId::run(run.run_id.as_str()), label, seen));
-        }
-        named
+    /// The name of a job for a person.
+    fn label(&self, job: &Looked) -> String {
+        let of_run = || match self.folder.known_spec::<RunSpec>(&job.id) {
+            Some(spec) => spec.label(),
+            None => job.id.to_string(),
+        };
+        job.label.map_or_else(of_run, str::to_string)
     }
 
-    /// What is done of runs, spread over the plan, and of other jobs; and what was wrong with their records.
+    /// What is done, and what was wrong with records.
     fn finished(&self) -> (Finished, Vec<String>) {
-        let done = self.seen_runs().filter(|(_, seen)| *seen == Seen::At(JobState::Done));
-        let done: Vec<&PlannedRun> = done.map(|(run, _)| run).collect();
-        let (mut runs, mut warnings) = (Vec::new(), Vec::new());
-        for run in done.iter().step_by(done.len().div_ceil(RATE_SAMPLE).max(1)) {
-            match self.folder.record(&run.run_id) {
-                Ok(record) => runs.extend(record.map(|record| (run.params(), record))),
-                Err(error) => warnings.push(error.to_string()),
-            }
-        }
-        (Finished { runs, inputs: costs(&self.plan.inputs) }, warnings)
+        let done = self.jobs.iter().filter(|job| job.seen == Seen::At(JobState::Done));
+        let runs = done.filter(|job| job.id.kind == JobKind::Run);
+        let runs: Vec<_> = runs.filter_map(|run| Some((run.params?, run.id.id.as_str()))).collect();
+        Finished::read(self.folder, &runs, &self.plan.inputs)
     }
+}
+
+/// What failed, and what needs it: the plan has every input after what it needs.
+fn lost(plan: &Planned, inputs: &[Seen], runs: &[Seen]) -> HashSet<JobId> {
+    let mut lost = HashSet::new();
+    for (job, seen) in plan.inputs.iter().zip(inputs) {
+        let orphan = open(*seen) && job.needs.iter().any(|need| lost.contains(need));
+        if orphan || *seen == Seen::At(JobState::Failed) {
+            lost.insert(job.id.clone());
+        }
+    }
+    // A run that tries the trainer for all others.
+    let needed: HashSet<&String> = plan.runs.iter().flat_map(|run| &run.needs).collect();
+    let runs = plan.runs.iter().zip(runs);
+    let failed = runs.filter(|(_, seen)| **seen == Seen::At(JobState::Failed));
+    let failed = failed.map(|(run, _)| run.id());
+    lost.extend(failed.filter(|run| needed.contains(&run.to_string())));
+    lost
 }
 
 /// Counts a job.
@@ -269,11 +244,6 @@ fn open(seen: Seen) -> bool {
     !matches!(seen, Seen::At(JobState::Done | JobState::Failed))
 }
 
-/// Whether something that a run needs will not come.
-fn is_blocked(run: &PlannedRun, lost: &HashSet<JobId>) -> bool {
-    lost.iter().any(|id| run.needs.contains(&id.to_string()))
-}
-
 /// The share of a job that is done.
 fn done(seen: Seen) -> f64 {
     match seen {
@@ -287,9 +257,4 @@ fn done(seen: Seen) -> f64 {
 /// The share of a job that the next hours hold: nothing of one that failed.
 fn left(seen: Seen) -> f64 {
     if seen == Seen::At(JobState::Failed) { 0.0 } else { 1.0 - done(seen) }
-}
-
-fn label_of_run(folder: &ResultsFolder, id: &str) -> String {
-    let spec: Option<RunSpec> = read_if_there(&folder.spec(&JobId::run(id))).ok().flatten();
-    spec.map_or_else(|| format!("run {id}"), |spec| spec.label())
 }

@@ -1,6 +1,7 @@
 //! How far a sweep is, from its folder alone.
 
 mod look;
+mod share;
 mod sweep_state;
 #[cfg(test)]
 mod tests;

@@ -7,9 +7,8 @@ use serde_json::json;
 use super::*;
 use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::write_json;
-use crate::jobs::JobKind;
-use crate::jobs::history;
 use crate::jobs::speed::Speed;
+use crate::jobs::{JobKind, history};
 use crate::progress::Beat;
 
 /// A folder whose plan has runs of 1, 2, 3, … FLOPs named `0`, `1`, `2`, …
@@ -63,7 +62,7 @@ fn runs_of_a_failed_tokenizer_are_told_from_those_to_come() {
     write_json(&folder.tokenizer("t").join("failure.json"), &failure).unwrap();
     let state = sweep_state(&folder).unwrap().unwrap();
     assert_eq!(state.runs, Counts { missing: 2, blocked: 2, ..Counts::default() });
-    let tokens = state.inputs[&JobKind::of("tokens").unwrap()];
+    let tokens = state.inputs[&JobKind::Tokens];
     assert_eq!(tokens, Counts { missing: 1, blocked: 1, ..Counts::default() });
     assert_eq!(state.failures[0].reason, failure.reason);
     assert_eq!(state.failures[0].failure_kind, FailureKind::Diverged);
@@ -80,7 +79,7 @@ fn one_estimate_counts_tokenizers_and_checkpoints_right_after_a_resume() {
     let estimate = |slots| time_left(&folder, slots, &all).unwrap().unwrap();
     assert_eq!([estimate(1), estimate(2)], [12.0 + 8.0, 10.0]);
     assert_eq!(sweep_state(&folder).unwrap().unwrap().job_seconds_left, Some(20.0));
-    let runs_alone = |id: &JobId| id.kind == JobKind::goal();
+    let runs_alone = |id: &JobId| id.kind == JobKind::Run;
     assert_eq!(time_left(&folder, 1, &runs_alone).unwrap(), Some(12.0));
     // A run that was stopped half way, and is at work again.
     fs::create_dir_all(folder.run("2").join("checkpoint")).unwrap();

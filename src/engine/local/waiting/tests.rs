@@ -8,8 +8,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use super::Waiting;
 use crate::data::{self, DataFacts};
 use crate::jobs::{Job, JobId, ResultsFolder, missing_jobs};
-use crate::plan::Plan;
-use crate::plan::demand;
+use crate::plan::{Plan, demand};
 use crate::sweep;
 use std::collections::HashMap;
 

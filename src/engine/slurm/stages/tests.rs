@@ -1,7 +1,6 @@
 //! Arrays of made-up jobs.
 
 use super::*;
-use crate::jobs::JobKind;
 
 fn kind(word: &str) -> JobKind {
     word.parse().expect("a kind of job")
@@ -31,7 +30,7 @@ fn sweep(runs: usize) -> Vec<Job> {
 }
 
 fn lay_out(jobs: &[Job], section: &str, queued: &[(JobId, &str)], max: usize) -> Vec<Array> {
-    let settings = Settings::new(serde_yaml::from_str(section).unwrap());
+    let settings = Settings(serde_yaml::from_str(section).unwrap());
     let queued = queued.iter().map(|(id, task)| (id.clone(), task.to_string())).collect();
     arrays(
         jobs,

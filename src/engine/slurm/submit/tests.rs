@@ -68,42 +68,40 @@ fn submission(place: &tempfile::TempDir) -> Submission {
         chunks: vec![ChunkFile::default()],
         after,
     };
-    let settings = Settings::new(Default::default());
     Submission {
         written: SubmissionTerms {
-            settings: settings.section().clone(),
+            settings: Settings::default(),
             device: "flex".to_string(),
             program: "d1".to_string(),
             flops_per_second: 1e9,
             track: None,
         },
-        settings,
         folder: ResultsFolder::new(place.path().join("my sweep")),
         generation: 3,
         directory: place.path().to_path_buf(),
-        arrays: vec![
+        steps: vec![
             array("inputs", Stage::Inputs, Vec::new()),
             array("train", Stage::Train, vec![After::Ours { array: 0, index: 0 }]),
+            Array::fit(),
         ],
         queued: vec!["5".to_string()],
     }
 }
 
 /// What comes of a submission, and what the ledger holds then.
-fn go(mock: &Mock) -> (Result<Vec<Submitted>, SlurmError>, Vec<Entry>) {
+fn go(mock: &Mock) -> (Result<Vec<Entry>, SlurmError>, Vec<Entry>) {
     let place = tempfile::tempdir().unwrap();
     let submission = submission(&place);
     let ended = submit(&submission, 1000, mock);
     assert!(submission.files().logs().exists());
-    let ledger = Ledger::of(&SlurmFolder::of(&submission.folder));
-    (ended, ledger.entries().unwrap())
+    (ended, SlurmFolder::of(&submission.folder).entries().unwrap())
 }
 
 #[test]
 fn each_step_waits_for_the_numbers_just_given() {
     let mock = Mock::new(&[(true, "11\n"), (true, "Welcome!\n12;alpha\n"), (true, "13\n")], None);
     let (ended, entries) = go(&mock);
-    let ids: Vec<String> = ended.unwrap().into_iter().map(|job| job.job_id).collect();
+    let ids: Vec<String> = ended.unwrap().into_iter().filter_map(|job| job.job_id).collect();
     assert_eq!(ids, ["11", "12", "13"]);
     assert_eq!(entries.len(), 3);
     let calls = mock.calls_of("sbatch");
@@ -130,7 +128,7 @@ fn a_lost_answer_is_looked_for_and_not_asked_for_twice() {
     let queue = Some("12|0|PENDING|None||");
     let mock = Mock::new(&[(true, "11\n"), lost, (true, "13\n")], queue);
     let (ended, _) = go(&mock);
-    assert_eq!(ended.unwrap()[1].job_id, "12");
+    assert_eq!(ended.unwrap()[1].job_id.as_deref(), Some("12"));
     assert_eq!(mock.calls_of("sbatch").len(), 3);
 }
 
