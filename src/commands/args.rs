@@ -95,7 +95,7 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
 
 /// The parser of a device's name.
 pub fn device() -> impl TypedValueParser<Value = DeviceName> {
-    let names = DeviceName::ALL.map(|(name, about)| PossibleValue::new(name.name()).help(about));
+    let names = DeviceName::ALL.map(|(_, name, about)| PossibleValue::new(name).help(about));
     PossibleValuesParser::new(names).map(|name| name.parse().expect("one of the possible values"))
 }
 

@@ -3,7 +3,7 @@
 
 use burn_flex::FlexTensor;
 
-use super::autodiff::Operation;
+use super::autodiff::{Above, Gradients, Operation};
 use super::buffers::{Buffer, recycle};
 use super::elements::{dims, elements, elements_mut};
 use super::{attention, rms_norm, swiglu};
@@ -20,12 +20,7 @@ impl Operation<1> for AttentionOptions {
         (mixed.into_tensor([n, columns / 3]), keep.then(|| (qkv.clone(), statistics)))
     }
 
-    fn backward(
-        &self,
-        (qkv, statistics): Self::Kept,
-        gradient: FlexTensor,
-        _: [bool; 1],
-    ) -> [Option<FlexTensor>; 1] {
+    fn backward(&self, (qkv, statistics): Self::Kept, (gradient, _): Above<1>) -> Gradients<1> {
         let change = elements(&gradient);
         let by = attention::alone_back(elements(&qkv), self.heads(), &statistics, change);
         let shape = dims(&qkv);
@@ -46,12 +41,7 @@ impl Operation<2> for CrossOptions {
         (mixed.into_tensor(shape), keep.then(|| (inputs.clone(), statistics)))
     }
 
-    fn backward(
-        &self,
-        (inputs, statistics): Self::Kept,
-        gradient: FlexTensor,
-        _: [bool; 2],
-    ) -> [Option<FlexTensor>; 2] {
+    fn backward(&self, (inputs, statistics): Self::Kept, (gradient, _): Above<2>) -> Gradients<2> {
         let [queries, memory] = inputs.each_ref().map(elements);
         let ([of_queries, of_memory], change) = (inputs.each_ref().map(dims), elements(&gradient));
         let heads = self.heads(of_queries[1]);
@@ -82,9 +72,8 @@ impl Operation<2> for RmsNorm {
     fn backward(
         &self,
         (inputs, inverses): Self::Kept,
-        mut gradient: FlexTensor,
-        _: [bool; 2],
-    ) -> [Option<FlexTensor>; 2] {
+        (mut gradient, _): Above<2>,
+    ) -> Gradients<2> {
         let ([x, gamma], [n, d]) = (inputs.each_ref().map(elements), dims(&inputs[0]));
         let (mut by_x, mut by_gamma) = (Buffer::zeros(n * d), Buffer::zeros(d));
         let change = elements_mut(&mut gradient);
@@ -109,12 +98,7 @@ impl Operation<1> for SwiGlu {
         (output.into_tensor([n, columns / 2]), keep.then(|| gate_up.clone()))
     }
 
-    fn backward(
-        &self,
-        gate_up: FlexTensor,
-        mut gradient: FlexTensor,
-        _: [bool; 1],
-    ) -> [Option<FlexTensor>; 1] {
+    fn backward(&self, gate_up: FlexTensor, (mut gradient, _): Above<1>) -> Gradients<1> {
         let [n, columns] = dims(&gate_up);
         let mut by = Buffer::new(n * columns);
         let change = elements_mut(&mut gradient);

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::marker::PhantomData;
 
 use burn::backend::autodiff::checkpoint::{base::Checkpointer, strategy::CheckpointStrategy};
-use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::grads;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Backend, Dispatch, Flex, backend_extension};
@@ -23,14 +23,15 @@ pub trait Operation<const N: usize>: Clone + Debug + Send + 'static {
     /// The output, and what to keep if `keep` asks for it.
     fn forward(&self, inputs: &[FlexTensor; N], keep: bool) -> (FlexTensor, Option<Self::Kept>);
 
-    /// The gradient by each input, given the one by the output; `None` if it was not wanted.
-    fn backward(
-        &self,
-        kept: Self::Kept,
-        gradient: FlexTensor,
-        wanted: [bool; N],
-    ) -> [Option<FlexTensor>; N];
+    /// The gradients by the inputs, from what comes from above.
+    fn backward(&self, kept: Self::Kept, above: Above<N>) -> Gradients<N>;
 }
+
+/// The gradient by the output, and whether those by the inputs are wanted.
+pub type Above<const N: usize> = (FlexTensor, [bool; N]);
+
+/// The gradient by each input; `None` if it was not wanted.
+pub type Gradients<const N: usize> = [Option<FlexTensor>; N];
 
 /// The operations on so many tensors of a backend, and of burn's own type.
 macro_rules! operations {
@@ -124,11 +125,16 @@ struct WayBack<O>(PhantomData<O>);
 impl<O: Operation<N>, const N: usize> Backward<Flex, N> for WayBack<O> {
     type State = (O, O::Kept);
 
-    fn backward(self, ops: Ops<Self::State, N>, grads: &mut Gradients, _: &mut Checkpointer) {
+    fn backward(
+        self,
+        ops: Ops<Self::State, N>,
+        grads: &mut grads::Gradients,
+        _: &mut Checkpointer,
+    ) {
         let (operation, kept) = ops.state;
         let gradient = contiguous(grads.consume::<Flex>(&ops.node));
         let wanted = ops.parents.each_ref().map(Option::is_some);
-        let by = operation.backward(kept, gradient, wanted);
+        let by = operation.backward(kept, (gradient, wanted));
         for (parent, by) in ops.parents.into_iter().zip(by) {
             match (parent, by) {
                 (Some(parent), Some(by)) => grads.register::<Flex>(parent.id, by),

@@ -7,7 +7,7 @@ use burn::backend::{Backend, Flex, backend_extension};
 use burn_flex::FlexTensor;
 
 use super::attention::{CrossHeads, Heads, half};
-use super::autodiff::Operation;
+use super::autodiff::{Above, Gradients, Operation};
 use super::buffers::{Buffer, recycle};
 use super::elements::{contiguous, dims, elements, elements_mut, tensor};
 use super::head::Head;
@@ -42,12 +42,7 @@ impl Operation<4> for AttentionOptions {
         (y.into_tensor(dims(&inputs[0])), kept.map(|kept| (inputs.clone(), kept)))
     }
 
-    fn backward(
-        &self,
-        (inputs, kept): Self::Kept,
-        mut gradient: FlexTensor,
-        _: [bool; 4],
-    ) -> [Option<FlexTensor>; 4] {
+    fn backward(&self, (inputs, kept): Self::Kept, (mut gradient, _): Above<4>) -> Gradients<4> {
         let [x, gamma, qkv, output] = inputs.each_ref().map(elements);
         let (d, change) = (gamma.len(), elements_mut(&mut gradient));
         let weights = half::Weights { gamma, qkv, output, epsilon: self.epsilon };
@@ -82,12 +77,7 @@ impl Operation<4> for FeedForward {
         (y.into_tensor(dims(&inputs[0])), kept.map(|kept| (inputs.clone(), kept)))
     }
 
-    fn backward(
-        &self,
-        (inputs, kept): Self::Kept,
-        mut gradient: FlexTensor,
-        _: [bool; 4],
-    ) -> [Option<FlexTensor>; 4] {
+    fn backward(&self, (inputs, kept): Self::Kept, (mut gradient, _): Above<4>) -> Gradients<4> {
         let (operands, change) = (inputs.each_ref().map(elements), elements_mut(&mut gradient));
         let by = feed_forward::backward(change, operands[0], self.weights(operands), kept);
         let ([gamma, up, down], of_up, of_down) = (by, dims(&inputs[2]), dims(&inputs[3]));
@@ -129,12 +119,7 @@ impl Operation<3> for HeadLoss {
         (mean(&losses), Some(gradients))
     }
 
-    fn backward(
-        &self,
-        by: Self::Kept,
-        gradient: FlexTensor,
-        _: [bool; 3],
-    ) -> [Option<FlexTensor>; 3] {
+    fn backward(&self, by: Self::Kept, (gradient, _): Above<3>) -> Gradients<3> {
         let above = elements(&gradient)[0];
         let [x, gamma, weight] = by.map(|by| scaled(by, above));
         let d = gamma.len();
@@ -162,12 +147,7 @@ impl Operation<3> for Convolution {
         (y.into_tensor(shape), keep.then(|| inputs.clone()))
     }
 
-    fn backward(
-        &self,
-        inputs: Self::Kept,
-        gradient: FlexTensor,
-        [wants_x, ..]: [bool; 3],
-    ) -> [Option<FlexTensor>; 3] {
+    fn backward(&self, inputs: Self::Kept, (gradient, [wants_x, ..]): Above<3>) -> Gradients<3> {
         let [x, weight, bias] = inputs.each_ref().map(elements);
         let (weights, change) = (convolution::Weights { weight, bias }, elements(&gradient));
         let by = convolution::backward(*self, change, x, weights, wants_x);
@@ -192,12 +172,7 @@ impl Operation<1> for SelectRows {
         (picked.into_tensor([self.0.len(), d]), Some([m, d]))
     }
 
-    fn backward(
-        &self,
-        [m, d]: Self::Kept,
-        gradient: FlexTensor,
-        _: [bool; 1],
-    ) -> [Option<FlexTensor>; 1] {
+    fn backward(&self, [m, d]: Self::Kept, (gradient, _): Above<1>) -> Gradients<1> {
         let by_x = rows::backward(elements(&gradient), &self.0, m, d);
         recycle(gradient);
         [Some(by_x.into_tensor([m, d]))]
