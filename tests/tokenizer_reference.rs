@@ -14,8 +14,8 @@ use rand_chacha::rand_core::SeedableRng;
 use serde::Deserialize;
 
 use isoflop::learn::weights::{self, HostTensor, Source, Weights};
-use isoflop::spec::TransformerSpec;
-use isoflop::tokenizer::{Architecture, Captions, Pass, TransformerConfig};
+use isoflop::spec::{ArchitectureSpec, TransformerSpec};
+use isoflop::tokenizer::{AnyDecoder, AnyEncoder, Captions, Pass};
 use reference::{Reference, TOLERANCE, relative_error};
 
 /// Norm, positions, detokenizer, and the halves that see captions.
@@ -65,10 +65,10 @@ impl Reference<Notes> {
 
 fn compare(variant: &str, device: &Device) {
     let reference = Reference::<Notes>::read("transformer-tokenizer", variant);
-    let config = TransformerConfig { sizes: reference.notes.sizes.clone(), n_features: 70 };
+    let spec = ArchitectureSpec::Transformer(reference.notes.sizes.clone());
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let encoder = reference.half("encoder", config.encoder(&mut rng, device));
-    let decoder = reference.half("decoder", config.decoder(&mut rng, device));
+    let encoder = reference.half("encoder", AnyEncoder::new(&spec, 70, &mut rng, device));
+    let decoder = reference.half("decoder", AnyDecoder::new(&spec, 70, &mut rng, device));
     let captions = reference.captions();
     let mut pass = Pass::reading(Some(&captions));
     let latents = encoder.forward(reference.tensor("clips", device), &mut pass);

@@ -104,11 +104,15 @@ impl Case {
 
 /// The trainer, to be started.
 fn program(python: &Path, handover: &Handover) -> Command {
-    let spec = handover.checkpoint.join("trainer.json");
+    let spec = handover.files.checkpoint.join("trainer.json");
     std::fs::write(&spec, serde_json::to_string(handover).expect("plain values")).expect("written");
     let mut command = Command::new(python);
     command.args(["-m", "isoflop.torch.tokenizer", "--device", "cpu", "--spec"]).arg(&spec);
-    command.arg("--out").arg(&handover.out).arg("--checkpoint").arg(&handover.checkpoint);
+    command
+        .arg("--out")
+        .arg(&handover.files.out)
+        .arg("--checkpoint")
+        .arg(&handover.files.checkpoint);
     torch::with_package(&mut command);
     command
 }
@@ -117,8 +121,8 @@ fn program(python: &Path, handover: &Handover) -> Command {
 fn trained(python: &Path, handover: &Handover) -> (Vec<f64>, PathBuf) {
     let ended = program(python, handover).output().expect("python can be started");
     assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
-    let losses = std::fs::read(handover.checkpoint.join("losses.json")).expect("left there");
-    let weights = handover.checkpoint.join("trained.safetensors");
+    let losses = std::fs::read(handover.files.checkpoint.join("losses.json")).expect("left there");
+    let weights = handover.files.checkpoint.join("trained.safetensors");
     (serde_json::from_slice(&losses).expect("numbers"), weights)
 }
 
@@ -173,7 +177,7 @@ fn a_stopped_trainer_goes_on_with_the_same_bits() {
     lines.read_line(&mut line).expect("a line of progress");
     kill(Pid::from_raw(child.id() as i32), Signal::SIGTERM).expect("it runs");
     assert_eq!(child.wait().expect("it ends").code(), Some(STOPPED), "after {line}");
-    assert!(handover.checkpoint.join("state.pt").exists());
+    assert!(handover.files.checkpoint.join("state.pt").exists());
     let (resumed, _) = trained(&python, &handover);
     assert_eq!(straight, resumed);
 }

@@ -4,8 +4,8 @@ use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use isoflop::ops::Kernels;
-use isoflop::spec::{LanguagePlace, LanguageSpec, TransformerSpec};
-use isoflop::tokenizer::{AnyDecoder, AnyEncoder, Architecture, Captions, Pass, TransformerConfig};
+use isoflop::spec::{ArchitectureSpec, LanguagePlace, LanguageSpec, TransformerSpec};
+use isoflop::tokenizer::{AnyDecoder, AnyEncoder, Captions, Pass};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -64,7 +64,7 @@ impl Halves {
 }
 
 impl TokenizerCase {
-    fn config(&self) -> TransformerConfig {
+    fn spec(&self) -> ArchitectureSpec {
         let language = LanguageSpec {
             at: vec![LanguagePlace::Tokenizer, LanguagePlace::Detokenizer],
             drop: 0.1,
@@ -72,15 +72,14 @@ impl TokenizerCase {
             max_tokens: WORDS,
         };
         let &Self { width, layers, latent, frames: span, .. } = self;
-        let sizes = TransformerSpec {
+        ArchitectureSpec::Transformer(TransformerSpec {
             width,
             layers,
             latent,
             span,
             language: Some(language),
             ..TransformerSpec::default()
-        };
-        TransformerConfig { sizes, n_features: FEATURES }
+        })
     }
 
     /// Multiply-adds of a clip's forward pass.
@@ -118,10 +117,11 @@ impl Case for TokenizerCase {
     }
 
     fn stepper(&self, _: Kernels) -> Stepper {
-        let (config, device) = (self.config(), Device::flex().autodiff());
+        let (spec, device) = (self.spec(), Device::flex().autodiff());
         let mut rng = ChaCha8Rng::seed_from_u64(0);
-        let encoder = config.encoder(&mut rng, &device);
-        let mut halves = Halves { encoder, decoder: config.decoder(&mut rng, &device) };
+        let encoder = AnyEncoder::new(&spec, FEATURES, &mut rng, &device);
+        let decoder = AnyDecoder::new(&spec, FEATURES, &mut rng, &device);
+        let mut halves = Halves { encoder, decoder };
         let caption = vec![0.5; WORDS * D_TEXT];
         let captions = Captions::of(vec![&caption[..]; self.clips], D_TEXT);
         let shape = [self.clips, self.frames, FEATURES];

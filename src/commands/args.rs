@@ -151,7 +151,7 @@ pub fn one_of<T: Clone + Send + Sync + 'static>(
 
 /// The parser of a device's name.
 pub fn device() -> impl TypedValueParser<Value = DeviceName> {
-    one_of(DeviceName::ALL.map(|(device, about)| (device.name(), about, device)))
+    one_of(DeviceName::ALL.map(|(device, name, about)| (name, about, device)))
 }
 
 /// The parser of a card's name.

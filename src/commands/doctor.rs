@@ -34,7 +34,7 @@ struct Finding {
 
 pub fn doctor(output: &Output) -> Result<Exit> {
     let mut findings = vec![build(), cores(), memory()];
-    findings.extend(DeviceName::ALL.map(|(name, _)| device(name)));
+    findings.extend(DeviceName::ALL.map(|(name, ..)| device(name)));
     findings.extend([speed(), slurm(), encoders()]);
     let fine = findings.iter().all(|finding| finding.good != Some(false));
     let text = table(["<", "<", "<"], findings.iter().map(row));

@@ -1,10 +1,9 @@
 //! The parts of a block by themselves, for blocks that are put together otherwise: what stands around
 //! them is the caller's, such as biases, other norms, or no residual.
 
-use burn::backend::Dispatch;
 use burn::tensor::Tensor;
 
-use super::own::OwnParts;
+use super::own::{self, RmsNorm, SwiGlu};
 use super::{AttentionOptions, CrossOptions, Kernels, plain, shapes};
 
 impl Kernels {
@@ -19,10 +18,7 @@ impl Kernels {
         shapes::attention([n, columns / 3], [columns / 3, columns], options);
         match self {
             Kernels::Plain | Kernels::Half(_) => plain::attention(qkv_n3d, options, self.product()),
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_attend(
-                qkv_n3d.into_dispatch(),
-                options.clone(),
-            )),
+            Kernels::Own => own::of_one(options.clone(), qkv_n3d),
         }
     }
 
@@ -44,11 +40,7 @@ impl Kernels {
             Kernels::Plain | Kernels::Half(_) => {
                 plain::cross_attention(queries_nd, key_values_m2d, options, self.product())
             }
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_cross_attend(
-                queries_nd.into_dispatch(),
-                key_values_m2d.into_dispatch(),
-                options.clone(),
-            )),
+            Kernels::Own => own::of_two(options.clone(), queries_nd, key_values_m2d),
         }
     }
 
@@ -61,11 +53,7 @@ impl Kernels {
         assert_eq!([x_nd.dims()[1]], gamma_d.dims(), "rms_norm: rows and gains of one width");
         match self {
             Kernels::Plain | Kernels::Half(_) => plain::rms_norm(x_nd, gamma_d, epsilon),
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_rms_norm(
-                x_nd.into_dispatch(),
-                gamma_d.into_dispatch(),
-                epsilon,
-            )),
+            Kernels::Own => own::of_two(RmsNorm { epsilon }, x_nd, gamma_d),
         }
     }
 
@@ -78,9 +66,7 @@ impl Kernels {
         assert!(gate_up_n2f.dims()[1].is_multiple_of(2), "swi_glu: as many gates as values");
         match self {
             Kernels::Plain | Kernels::Half(_) => plain::swiglu(gate_up_n2f),
-            Kernels::Own => {
-                Tensor::from_dispatch(Dispatch::own_swi_glu(gate_up_n2f.into_dispatch()))
-            }
+            Kernels::Own => own::of_one(SwiGlu, gate_up_n2f),
         }
     }
 }

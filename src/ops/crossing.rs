@@ -68,7 +68,8 @@ impl CrossLayout {
     }
 }
 
-fn offsets(counts: &[usize]) -> Vec<usize> {
+/// Where each of so many begins, then their sum.
+pub(super) fn offsets(counts: &[usize]) -> Vec<usize> {
     let ends = counts.iter().scan(0, |end, count| {
         *end += count;
         Some(*end)

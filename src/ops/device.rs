@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use burn::tensor::Device;
 
-/// A device that burn can compute on.
+/// A device that burn can compute on, in the order of [`DeviceName::ALL`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceName {
     /// burn-flex: this processor.
@@ -25,27 +25,26 @@ pub enum DeviceName {
 pub struct NoDevice(&'static str);
 
 impl DeviceName {
-    /// Every device with what it is, the default first.
-    pub const ALL: [(Self, &'static str); 5] = [
-        (Self::Flex, "burn-flex: this processor"),
-        (Self::Ndarray, "burn-ndarray: this processor, slower; deprecated by burn"),
-        (Self::Wgpu, "A GPU through Vulkan, Metal or DirectX; needs a build with --features wgpu"),
+    /// Every device with its name as it is typed and what it is, the default first.
+    pub const ALL: [(Self, &'static str, &'static str); 5] = [
+        (Self::Flex, "flex", "burn-flex: this processor"),
+        (Self::Ndarray, "ndarray", "burn-ndarray: this processor, slower; deprecated by burn"),
+        (
+            Self::Wgpu,
+            "wgpu",
+            "A GPU through Vulkan, Metal or DirectX; needs a build with --features wgpu",
+        ),
         (
             Self::Vulkan,
+            "vulkan",
             "A GPU through Vulkan, with kernels in SPIR-V; needs a build with --features vulkan",
         ),
-        (Self::Cuda, "An NVIDIA GPU; needs a build with --features cuda"),
+        (Self::Cuda, "cuda", "An NVIDIA GPU; needs a build with --features cuda"),
     ];
 
     /// The name as it is typed.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Flex => "flex",
-            Self::Ndarray => "ndarray",
-            Self::Wgpu => "wgpu",
-            Self::Vulkan => "vulkan",
-            Self::Cuda => "cuda",
-        }
+        Self::ALL[self as usize].1
     }
 
     /// Whether it is this machine's processor, on which jobs are spread over the cores.
@@ -78,7 +77,7 @@ impl FromStr for DeviceName {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().map(|(device, _)| device).find(|d| d.name() == name);
-        found.ok_or_else(|| format!("no device is named `{name}`"))
+        let found = Self::ALL.into_iter().find(|(_, own, _)| *own == name);
+        found.map(|(device, ..)| device).ok_or_else(|| format!("no device is named `{name}`"))
     }
 }

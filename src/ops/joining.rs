@@ -53,20 +53,11 @@ impl Joining {
         hidden: &[bool],
         device: &Device,
     ) -> Self {
-        let (b, pairs) = (n_sequences, rope.head_dim() / 2);
+        let b = n_sequences;
         let (m, t) = (positions.len() / b, hidden.len() / b);
         assert!(b * m == positions.len() && b * t == hidden.len(), "a row a sequence");
-        let angles = |of: fn(&Rope, usize) -> &[f32]| {
-            let values: Vec<f32> =
-                positions.iter().flat_map(|&position| of(rope, position)).copied().collect();
-            Tensor::from_data(TensorData::new(values, [b, 1, m, pairs, 1]), device)
-        };
-        let hidden = TensorData::new(hidden.to_vec(), [b, 1, 1, t]);
-        Self {
-            n_head,
-            turns: [angles(|rope, t| rope.turn(t).0), angles(|rope, t| rope.turn(t).1)],
-            hidden: Tensor::from_data(hidden, device),
-        }
+        let hidden = Tensor::from_data(TensorData::new(hidden.to_vec(), [b, 1, 1, t]), device);
+        Self { n_head, turns: rope.turns(b, positions, device), hidden }
     }
 
     /// Hides the first `n` positions of every sequence from some of those that join, `[b, m]` row-major.
@@ -92,9 +83,9 @@ impl Joining {
         let [n, d] = x_nd.dims();
         let qkv_n3d = rms_norm(x_nd.clone(), weights.gamma_d, epsilon).matmul(weights.qkv_d3d);
         let [queries, keys, values] = [0, 1, 2].map(|part| self.heads(&qkv_n3d, part));
-        let [keys, values] = kept.join([self.turned(keys), values]);
+        let [keys, values] = kept.join([turn(keys, &self.turns), values]);
         let c = d / self.n_head;
-        let queries = self.turned(queries).div_scalar((c as f64).sqrt());
+        let queries = turn(queries, &self.turns).div_scalar((c as f64).sqrt());
         let scores_bhmt = queries.matmul(keys.swap_dims(2, 3));
         let hidden_bhmt = self.hidden.clone().expand(scores_bhmt.dims());
         let weights_bhmt = softmax(scores_bhmt.mask_fill(hidden_bhmt, MASKED), 3);
@@ -109,10 +100,6 @@ impl Joining {
         let d = columns / 3;
         let part_nd = qkv_n3d.clone().slice([0..n, part * d..(part + 1) * d]);
         part_nd.reshape([b, m, self.n_head, d / self.n_head]).swap_dims(1, 2)
-    }
-
-    fn turned(&self, x_bhmc: Tensor<4>) -> Tensor<4> {
-        turn(x_bhmc, &self.turns)
     }
 }
 

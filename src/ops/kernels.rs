@@ -5,7 +5,7 @@ use std::sync::Arc;
 use burn::backend::Dispatch;
 use burn::tensor::{Device, FloatDType, Tensor};
 
-use super::own::{OwnOps, OwnUpdates};
+use super::own::{self, FeedForward, HeadLoss, OwnUpdates, SelectRows};
 use super::parts::sums_of_parts;
 use super::{
     Activation, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights, HeadWeights,
@@ -84,13 +84,10 @@ impl Kernels {
             Kernels::Plain | Kernels::Half(_) => {
                 plain::attention_half(x_nd, weights, options, self.product())
             }
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_attention(
-                x_nd.into_dispatch(),
-                weights.gamma_d.into_dispatch(),
-                weights.qkv_d3d.into_dispatch(),
-                weights.output_dd.into_dispatch(),
-                options.clone(),
-            )),
+            Kernels::Own => {
+                let AttentionWeights { gamma_d, qkv_d3d, output_dd } = weights;
+                own::of_four(options.clone(), x_nd, gamma_d, qkv_d3d, output_dd)
+            }
         }
     }
 
@@ -111,14 +108,10 @@ impl Kernels {
             Kernels::Plain | Kernels::Half(_) => {
                 plain::feed_forward_half(x_nd, weights, activation, epsilon, self.product())
             }
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_feed_forward(
-                x_nd.into_dispatch(),
-                weights.gamma_d.into_dispatch(),
-                weights.up_du.into_dispatch(),
-                weights.down_fd.into_dispatch(),
-                activation,
-                epsilon,
-            )),
+            Kernels::Own => {
+                let FeedForwardWeights { gamma_d, up_du, down_fd } = weights;
+                own::of_four(FeedForward { activation, epsilon }, x_nd, gamma_d, up_du, down_fd)
+            }
         }
     }
 
@@ -144,13 +137,10 @@ impl Kernels {
                 let logits_sv = plain::logits(x_sd, weights, epsilon, self.product());
                 plain::cross_entropy(logits_sv, targets)
             }
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_head_loss(
-                x_sd.into_dispatch(),
-                weights.gamma_d.into_dispatch(),
-                weights.weight_dv.into_dispatch(),
-                targets.clone(),
-                epsilon,
-            )),
+            Kernels::Own => {
+                let head = HeadLoss { targets: targets.clone(), epsilon };
+                own::of_three(head, x_sd, weights.gamma_d, weights.weight_dv)
+            }
         }
     }
 
@@ -172,11 +162,10 @@ impl Kernels {
                 plain::nll(plain::logits(x_sd, weights, epsilon, self.product()), targets)
             }
             Kernels::Own => sums_of_parts(Tensor::<2>::from_dispatch(Dispatch::own_head_nll(
+                HeadLoss { targets: targets.clone(), epsilon },
                 x_sd.without_autodiff().into_dispatch(),
                 weights.gamma_d.without_autodiff().into_dispatch(),
                 weights.weight_dv.without_autodiff().into_dispatch(),
-                targets.clone(),
-                epsilon,
             ))),
         }
     }
@@ -204,12 +193,7 @@ impl Kernels {
             Kernels::Plain | Kernels::Half(_) => {
                 plain::convolve(x_nc, weight, bias_o, convolution, self.product())
             }
-            Kernels::Own => Tensor::from_dispatch(Dispatch::own_convolve(
-                x_nc.into_dispatch(),
-                weight.into_dispatch(),
-                bias_o.into_dispatch(),
-                convolution,
-            )),
+            Kernels::Own => own::of_three(convolution, x_nc, weight, bias_o),
         }
     }
 
@@ -232,9 +216,7 @@ impl Kernels {
         assert!(last < m, "select_rows: row {last} of a matrix of {m}");
         match self {
             Kernels::Plain | Kernels::Half(_) => plain::select_rows(x_md, rows),
-            Kernels::Own => {
-                Tensor::from_dispatch(Dispatch::own_select_rows(x_md.into_dispatch(), rows.clone()))
-            }
+            Kernels::Own => own::of_one(SelectRows(rows.clone()), x_md),
         }
     }
 }

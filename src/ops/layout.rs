@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::crossing::offsets;
+
 /// Why lengths and prefixes do not make a layout.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
@@ -73,12 +75,7 @@ impl SequenceLayout {
         for (sequence, (&length, &prefix)) in lengths.iter().zip(prefixes).enumerate() {
             check_sequence(sequence, length, prefix)?;
         }
-        let ends = lengths.iter().scan(0, |end, length| {
-            *end += length;
-            Some(*end)
-        });
-        let offsets = std::iter::once(0).chain(ends).collect();
-        let blocks = vec![Arc::from([]); lengths.len()];
+        let (offsets, blocks) = (offsets(lengths), vec![Arc::from([]); lengths.len()]);
         Ok(Self { offsets, prefixes: prefixes.to_vec(), blocks, angles: Vec::new() })
     }
 

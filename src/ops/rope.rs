@@ -1,5 +1,7 @@
 //! [`Rope`]: the angles of rotary position embedding.
 
+use burn::tensor::{Device, Tensor, TensorData};
+
 /// Cosines and sines of rotary position embedding (Su et al. 2021), on interleaved pairs.
 ///
 /// Position t turns the pair (x₂ᵢ, x₂ᵢ₊₁) of each head by the angle t θᵢ, where
@@ -11,10 +13,6 @@
 /// from 0 in each sequence, text included.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rope {
-    /// `[max_len, head_dim / 2]`.
-    cos: Vec<f32>,
-    /// `[max_len, head_dim / 2]`.
-    sin: Vec<f32>,
     /// (cos, cos) of each pair, `[max_len, head_dim]`.
     along: Vec<f32>,
     /// (−sin, sin) of each pair, `[max_len, head_dim]`.
@@ -50,11 +48,10 @@ impl Rope {
                 (0..head_dim / 2).map(move |i| t * base.powf(-2.0 * i as f64 / head_dim as f64))
             })
         };
-        let cos: Vec<f32> = angles().map(|angle| angle.cos() as f32).collect();
-        let sin: Vec<f32> = angles().map(|angle| angle.sin() as f32).collect();
-        let along = cos.iter().flat_map(|&cos| [cos, cos]).collect();
-        let across = sin.iter().flat_map(|&sin| [-sin, sin]).collect();
-        Self { cos, sin, along, across, max_len, head_dim }
+        let along = angles().flat_map(|angle| [angle.cos() as f32; 2]).collect();
+        let sines = angles().map(|angle| angle.sin() as f32);
+        let across = sines.flat_map(|sin| [-sin, sin]).collect();
+        Self { along, across, max_len, head_dim }
     }
 
     /// Positions there are angles for.
@@ -75,16 +72,16 @@ impl Rope {
         (&self.along[row.clone()], &self.across[row])
     }
 
-    /// Cosines and sines of position `t`, each `[head_dim / 2]`.
-    pub fn turn(&self, t: usize) -> (&[f32], &[f32]) {
-        let row = t * self.head_dim / 2..(t + 1) * self.head_dim / 2;
-        (&self.cos[row.clone()], &self.sin[row])
-    }
-
-    /// Cosines and sines of the first `len` positions, each `[len, head_dim / 2]`.
-    pub fn first(&self, len: usize) -> (&[f32], &[f32]) {
-        let n = len * self.head_dim / 2;
-        (&self.cos[..n], &self.sin[..n])
+    /// Cosines and sines of the positions `places`, the same number for each of `b` sequences,
+    /// `[b, 1, places of each, head_dim / 2, 1]`.
+    pub fn turns(&self, b: usize, places: &[usize], device: &Device) -> [Tensor<5>; 2] {
+        let shape = [b, 1, places.len() / b, self.head_dim / 2, 1];
+        [&self.along, &self.across].map(|of_features| {
+            let row = |place: &usize| &of_features[place * self.head_dim..][..self.head_dim];
+            let values = places.iter().flat_map(|place| row(place).iter().skip(1).step_by(2));
+            let values: Vec<f32> = values.copied().collect();
+            Tensor::from_data(TensorData::new(values, shape), device)
+        })
     }
 }
 
@@ -92,16 +89,22 @@ impl Rope {
 mod tests {
     use super::*;
 
+    /// Cosines and sines of one position.
+    fn turns(rope: &Rope, place: usize) -> [Vec<f32>; 2] {
+        let turns = rope.turns(1, &[place], &Device::flex());
+        turns.map(|values| values.into_data().try_into_vec().unwrap())
+    }
+
     #[test]
     fn angles_are_those_of_the_definition() {
         let rope = Rope::new(4, 4, 10_000.0);
-        let ([cos, sin], (along, across)) = ([rope.first(4).0, rope.first(4).1], rope.at(3));
-        let (cos, sin) = (&cos[6..], &sin[6..]);
+        let [cos, sin] = turns(&rope, 3);
+        let (along, across) = rope.at(3);
         let close = |a: &[f32], b: [f64; 2]| {
             a.iter().zip(b).all(|(&a, b)| (f64::from(a) - b).abs() < 1e-7) && a.len() == 2
         };
-        assert!(close(cos, [3f64.cos(), 0.03f64.cos()]), "{cos:?}");
-        assert!(close(sin, [3f64.sin(), 0.03f64.sin()]), "{sin:?}");
+        assert!(close(&cos, [3f64.cos(), 0.03f64.cos()]), "{cos:?}");
+        assert!(close(&sin, [3f64.sin(), 0.03f64.sin()]), "{sin:?}");
         assert_eq!(along, [cos[0], cos[0], cos[1], cos[1]]);
         assert_eq!(across, [-sin[0], sin[0], -sin[1], sin[1]]);
     }
@@ -110,7 +113,7 @@ mod tests {
     fn positions_may_lie_between_others() {
         let (each, some) = (Rope::new(9, 6, 100.0), Rope::at_positions(&[2.0, 8.0, 0.5], 6, 100.0));
         assert_eq!([some.at(0), some.at(1)], [each.at(2), each.at(8)]);
-        assert!((f64::from(some.turn(2).0[0]) - 0.5f64.cos()).abs() < 1e-7);
+        assert!((f64::from(turns(&some, 2)[0][0]) - 0.5f64.cos()).abs() < 1e-7);
     }
 
     #[test]

@@ -1,48 +1,19 @@
 //! What lies around the quantizer of a tokenizer: features to latents and back. A folder a kind.
 //!
-//! [`of`] is the one place that tells kinds apart.
+//! The macros below are the one place that tells kinds apart.
 //!
 //! Shapes: b clips, t frames, f features, c latent channels; t/s latents where a latent stands for s
 //! frames.
-
-use std::ops::{Deref, DerefMut};
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::convolutional::{AutoencoderConfig, Decoder, Encoder};
+use super::convolutional::{Decoder, Encoder};
 use super::pass::Pass;
-use super::patch::{PatchConfig, PatchDecoder, PatchEncoder};
-use super::transformer::{TransformerConfig, TransformerDecoder, TransformerEncoder};
+use super::patch::{PatchDecoder, PatchEncoder};
+use super::transformer::{TransformerDecoder, TransformerEncoder};
 use crate::spec::ArchitectureSpec;
-
-/// A kind of architecture with its sizes.
-pub trait Architecture {
-    /// Channels of a latent.
-    fn code_dim(&self) -> usize;
-
-    /// The half that turns features into latents.
-    fn encoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyEncoder;
-
-    /// The half that turns latents into features.
-    fn decoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyDecoder;
-}
-
-/// The architecture of a spec for frames of `n_features`.
-pub fn of(spec: &ArchitectureSpec, n_features: usize) -> Box<dyn Architecture> {
-    match spec {
-        ArchitectureSpec::Convolutional(sizes) => {
-            Box::new(AutoencoderConfig::of(sizes, n_features))
-        }
-        ArchitectureSpec::Patch(sizes) => {
-            Box::new(PatchConfig { sizes: sizes.clone(), n_features })
-        }
-        ArchitectureSpec::Transformer(sizes) => {
-            Box::new(TransformerConfig { sizes: sizes.clone(), n_features })
-        }
-    }
-}
 
 /// Normalised features to latents.
 pub trait Encode {
@@ -80,46 +51,52 @@ pub enum AnyDecoder {
     Transformer(TransformerDecoder),
 }
 
-impl Deref for AnyEncoder {
-    type Target = dyn Encode;
+/// Has an enum stand for whichever part it holds, by the trait that all of them have.
+macro_rules! stands_for {
+    ($any:ident, $part:ident: $($kind:ident),*) => {
+        impl std::ops::Deref for $any {
+            type Target = dyn $part;
 
-    fn deref(&self) -> &Self::Target {
-        match self {
-            Self::Convolutional(encoder) => encoder,
-            Self::Patch(encoder) => encoder,
-            Self::Transformer(encoder) => encoder,
+            fn deref(&self) -> &Self::Target {
+                match self {
+                    $(Self::$kind(part) => part,)*
+                }
+            }
         }
-    }
+
+        impl std::ops::DerefMut for $any {
+            fn deref_mut(&mut self) -> &mut Self::Target {
+                match self {
+                    $(Self::$kind(part) => part,)*
+                }
+            }
+        }
+    };
+}
+pub(super) use stands_for;
+
+/// Has a half begin with fresh weights.
+macro_rules! begins {
+    ($any:ident, $part:ident: $($kind:ident $half:ident),*) => {
+        impl $any {
+            /// Fresh weights of an architecture, for frames of `n_features`.
+            pub fn new(
+                spec: &ArchitectureSpec,
+                n_features: usize,
+                rng: &mut ChaCha8Rng,
+                device: &Device,
+            ) -> Self {
+                match spec {
+                    $(ArchitectureSpec::$kind(sizes) => {
+                        Self::$kind($half::new(sizes, n_features, rng, device))
+                    })*
+                }
+            }
+        }
+
+        stands_for!($any, $part: $($kind),*);
+    };
 }
 
-impl Deref for AnyDecoder {
-    type Target = dyn Decode;
-
-    fn deref(&self) -> &Self::Target {
-        match self {
-            Self::Convolutional(decoder) => decoder,
-            Self::Patch(decoder) => decoder,
-            Self::Transformer(decoder) => decoder,
-        }
-    }
-}
-
-impl DerefMut for AnyEncoder {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        match self {
-            Self::Convolutional(encoder) => encoder,
-            Self::Patch(encoder) => encoder,
-            Self::Transformer(encoder) => encoder,
-        }
-    }
-}
-
-impl DerefMut for AnyDecoder {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        match self {
-            Self::Convolutional(decoder) => decoder,
-            Self::Patch(decoder) => decoder,
-            Self::Transformer(decoder) => decoder,
-        }
-    }
-}
+begins!(AnyEncoder, Encode: Convolutional Encoder, Patch PatchEncoder, Transformer TransformerEncoder);
+begins!(AnyDecoder, Decode: Convolutional Decoder, Patch PatchDecoder, Transformer TransformerDecoder);

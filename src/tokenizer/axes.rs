@@ -44,6 +44,7 @@ fn orthonormal(columns: Vec<f32>, k: usize) -> Vec<f32> {
     (0..p).flat_map(|i| found.iter().map(move |axis| axis[i] as f32)).collect()
 }
 
-fn host(tensor: Tensor<2>) -> Vec<f32> {
+/// The values of a tensor, row-major.
+pub fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.into_data().try_into_vec().expect("values are f32")
 }

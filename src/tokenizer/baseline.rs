@@ -9,7 +9,7 @@ use super::begin::begun;
 use super::codec::Tokenizer;
 use super::corpus::Corpus;
 use super::error::TokenizerError;
-use super::evaluate::{Score, scores};
+use super::evaluate::{Reconstruction, reconstruct};
 use super::metrics::Baseline;
 use super::pool::WindowPool;
 use crate::data::{MotionSource, Split};
@@ -37,13 +37,10 @@ pub fn k_means_baseline(
         return Ok(None);
     }
     let module = begun(&spec, &pool, n_features, device).valid();
-    let tokenizer =
-        Tokenizer::new(module, spec, source.stats().clone(), source.fps().into(), device.clone());
-    let scores = scores(&tokenizer, &Corpus::wordless(source), Split::Test, 0.0)?;
-    Ok(Some(Baseline {
-        mpjpe_mm: Score::per_frame(&scores, |score| score.mpjpe_mm),
-        mpjpe_heading_mm: Score::per_frame(&scores, |score| score.given_heading_mm),
-    }))
+    let tokenizer = Tokenizer::of_clips(module, &spec, source, device);
+    let made = reconstruct(&tokenizer, &Corpus::wordless(source), Split::Test, 0.0)?;
+    let Reconstruction { mpjpe_mm, mpjpe_heading_mm, .. } = made;
+    Ok(Some(Baseline { mpjpe_mm, mpjpe_heading_mm }))
 }
 
 #[cfg(test)]

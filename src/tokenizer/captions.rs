@@ -32,11 +32,6 @@ impl Captions {
         &self.words
     }
 
-    /// Words of the longest caption.
-    pub fn longest(&self) -> usize {
-        self.words.iter().copied().max().unwrap_or(0)
-    }
-
     /// All vectors, `[words of all clips, dim]`; `None` where no clip has a caption.
     pub fn tensor(&self, device: &Device) -> Option<Tensor<2>> {
         let n: usize = self.words.iter().sum();

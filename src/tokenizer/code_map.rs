@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::axes::leading;
+use super::axes::{host, leading};
 use super::codec::Tokenizer;
 use crate::codes::{CodeHistogram, TokenStore};
 use crate::data::Split;
@@ -68,7 +68,7 @@ struct Codes {
 impl Codes {
     fn of(book_vc: Tensor<2>, met: &CodeHistogram) -> Self {
         let c = book_vc.dims()[1];
-        let values: Vec<f32> = book_vc.into_data().try_into_vec().expect("codes are f32");
+        let values = host(book_vc);
         let row = |row: &[f32]| row.iter().copied().map(f64::from).collect();
         let met = met.counts().iter().map(|&count| count > 0).collect();
         Self { rows: values.chunks_exact(c).map(row).collect(), met }
@@ -111,8 +111,7 @@ fn axes(scales: &[Codes]) -> (Axes, [f64; 2]) {
     let device = Device::flex();
     let values: Vec<f32> = covariance.iter().map(|&x| x as f32).collect();
     let covariance_cc = Tensor::from_data(TensorData::new(values, [c, c]), &device);
-    let found = leading(&covariance_cc, k, &device).into_data().try_into_vec::<f32>();
-    let found = found.expect("axes are f32");
+    let found = host(leading(&covariance_cc, k, &device));
     let axis = |j: usize| -> Vec<f64> {
         (0..c).map(|i| if j < k { f64::from(found[i * k + j]) } else { 0.0 }).collect()
     };

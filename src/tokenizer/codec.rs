@@ -5,15 +5,13 @@ use std::path::Path;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 
 use super::captions::Captions;
 use super::error::TokenizerError;
 use super::module::TokenizerModule;
 use super::normalise::Normaliser;
 use super::quantizer::{Extent, Quantizer};
-use crate::data::{self, FeatureStats};
+use crate::data::{self, FeatureStats, MotionSource};
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
 use crate::learn::weights;
@@ -41,6 +39,17 @@ impl Tokenizer {
     ) -> Self {
         let normaliser = Normaliser::new(&spec, &stats);
         Self { module, spec, stats, fps, normaliser, device }
+    }
+
+    /// As [`Tokenizer::new`], after training on clips.
+    pub(super) fn of_clips(
+        module: TokenizerModule,
+        spec: &TokenizerSpec,
+        clips: &dyn MotionSource,
+        device: &Device,
+    ) -> Self {
+        let (stats, fps) = (clips.stats().clone(), clips.fps().into());
+        Self::new(module, spec.clone(), stats, fps, device.clone())
     }
 
     /// What it was trained by.
@@ -195,10 +204,7 @@ impl Tokenizer {
         let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
         let fps = weights::take_number(&mut tensors, FPS).unwrap_or(data::FPS);
         let stats = weights::take_stats(&mut tensors)?;
-        let mut unused = ChaCha8Rng::seed_from_u64(0);
-        let n_features = spec.representation.n_features(stats.mean.len());
-        let module = TokenizerModule::new(&spec, n_features, &mut unused, device);
-        let module = weights::into_module(module, tensors)?;
+        let module = TokenizerModule::of_weights(&spec, &stats, tensors, device)?;
         Ok(Self::new(module, spec, stats, fps, device.clone()))
     }
 }

@@ -87,10 +87,12 @@ pub fn reconstruct(
 
 impl Reconstruction {
     fn of(scores: &[Score]) -> Self {
+        let sum = |of: fn(&Score) -> f64| scores.iter().map(of).sum::<f64>();
+        let n_frames = sum(|score| score.n_frames);
         Self {
-            reconstruction_l1: Score::per_frame(scores, |score| score.l1),
-            mpjpe_mm: Score::per_frame(scores, |score| score.mpjpe_mm),
-            mpjpe_heading_mm: Score::per_frame(scores, |score| score.given_heading_mm),
+            reconstruction_l1: sum(|score| score.l1) / n_frames,
+            mpjpe_mm: sum(|score| score.mpjpe_mm) / n_frames,
+            mpjpe_heading_mm: sum(|score| score.given_heading_mm) / n_frames,
         }
     }
 }
@@ -109,24 +111,17 @@ fn has_frames(grid: &Grid) -> bool {
 }
 
 /// Sums over one batch.
-pub(super) struct Score {
+struct Score {
     /// Of |x − x̂| / std, a frame's mean.
     l1: f64,
-    pub mpjpe_mm: f64,
-    pub given_heading_mm: f64,
+    mpjpe_mm: f64,
+    given_heading_mm: f64,
     n_frames: f64,
     /// The codes of each scale.
     scales: Vec<Vec<u32>>,
 }
 
-impl Score {
-    /// The mean over all frames.
-    pub fn per_frame(scores: &[Self], sum: fn(&Self) -> f64) -> f64 {
-        scores.iter().map(sum).sum::<f64>() / scores.iter().map(|score| score.n_frames).sum::<f64>()
-    }
-}
-
-pub(super) fn scores(
+fn scores(
     tokenizer: &Tokenizer,
     corpus: &Corpus,
     split: Split,
@@ -135,8 +130,7 @@ pub(super) fn scores(
     let (source, captions) = (corpus.source, corpus.read_by(tokenizer.spec())?);
     let batches = equal_length_batches(source, split, tokenizer.spec().frames_per_latent())?;
     if batches.is_empty() {
-        let path = format!("data set {}", source.digest());
-        return Err(DataError::EmptySplit { path, split: split.name() }.into());
+        return Err(empty_split(corpus, split));
     }
     let of = |batch: &ClipBatch| {
         let captions = captions.as_ref().map(|read| read.of(split, &batch.indices));
@@ -144,6 +138,12 @@ pub(super) fn scores(
         Ok(score(tokenizer, batch, truth, captions.as_ref(), guidance))
     };
     batches.par_iter().map(of).collect()
+}
+
+/// Why nothing can be measured on a split.
+pub(super) fn empty_split(corpus: &Corpus, split: Split) -> TokenizerError {
+    let path = format!("data set {}", corpus.source.digest());
+    DataError::EmptySplit { path, split: split.name() }.into()
 }
 
 fn score(

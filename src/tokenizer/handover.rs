@@ -9,8 +9,6 @@
 use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 
 use super::begin::{begun, stream};
@@ -45,26 +43,21 @@ pub struct Handover {
     pub drawn: u64,
     /// Keys of the generators that the codebooks of VQ draw from, a codebook each.
     pub codebook_keys: Vec<[u32; 8]>,
+    #[serde(flatten)]
+    pub files: HandoverFiles,
+}
+
+/// Where a trainer leaves and finds what is not a part of the spec.
+#[derive(Clone, Debug, Serialize)]
+pub struct HandoverFiles {
     /// The embedded captions; `null` if the tokenizer has no language.
     pub text: Option<PathBuf>,
     /// Seconds between two checkpoints.
     pub checkpoint_s: f64,
-    /// Where the result goes, and a folder that outlives a kill.
-    pub out: PathBuf,
-    pub checkpoint: PathBuf,
-}
-
-/// Where a trainer leaves and finds what is not a part of the spec.
-#[derive(Clone, Debug)]
-pub struct HandoverFiles {
     /// Its result.
     pub out: PathBuf,
     /// A folder that outlives a kill; the clips and the first weights are put there.
     pub checkpoint: PathBuf,
-    /// The embedded captions, for a tokenizer with language.
-    pub text: Option<PathBuf>,
-    /// Seconds between two checkpoints.
-    pub checkpoint_s: f64,
 }
 
 impl Handover {
@@ -84,9 +77,8 @@ impl Handover {
         let mut draws = stream(spec.training.seed, WINDOWS_STREAM);
         let pool = WindowPool::load(corpus.source, spec, &mut draws)?;
         let module = begun(spec, &pool, normaliser.n_features(), device);
-        let HandoverFiles { out, checkpoint, text, checkpoint_s } = files;
-        let (clips, init) =
-            (checkpoint.join("pool.safetensors"), checkpoint.join("init.safetensors"));
+        let [clips, init] =
+            ["pool.safetensors", "init.safetensors"].map(|name| files.checkpoint.join(name));
         pool.write(&clips, &normaliser)?;
         weights::save(&init, &weights::of_module(&module), Default::default())?;
         Ok(Self {
@@ -96,10 +88,7 @@ impl Handover {
             init,
             drawn: (draws.get_word_pos() / WORDS_PER_NUMBER) as u64,
             codebook_keys: module.quantizer().keys().into_iter().map(words).collect(),
-            text,
-            checkpoint_s,
-            out,
-            checkpoint,
+            files,
         })
     }
 }
@@ -121,10 +110,6 @@ pub fn taken_back(
     path: &Path,
 ) -> Result<Tokenizer, TokenizerError> {
     let (found, _) = weights::load(path)?;
-    let stats = corpus.source.stats().clone();
-    let n_features = spec.representation.n_features(stats.mean.len());
-    let mut unused = ChaCha8Rng::seed_from_u64(0);
-    let module = TokenizerModule::new(spec, n_features, &mut unused, device);
-    let module = weights::into_module(module, found)?;
-    Ok(Tokenizer::new(module, spec.clone(), stats, corpus.source.fps().into(), device.clone()))
+    let module = TokenizerModule::of_weights(spec, corpus.source.stats(), found, device)?;
+    Ok(Tokenizer::of_clips(module, spec, corpus.source, device))
 }

@@ -9,7 +9,6 @@ use crate::codes::CodeHistogram;
 pub struct TokenizerMetrics {
     pub tokenizer_id: String,
     /// `convolutional` or `patch`.
-    #[serde(default)]
     pub architecture: Option<String>,
     /// The quantizer: `fsq`, `vq`, `residual` or `multiscale`.
     pub kind: String,
@@ -22,13 +21,10 @@ pub struct TokenizerMetrics {
     /// Mean per-joint position error, pelvis-aligned, in millimetres.
     pub mpjpe_mm: f64,
     /// The same with the true heading in place of the tokenizer's own.
-    #[serde(default)]
     pub mpjpe_heading_mm: Option<f64>,
     /// `mpjpe_mm` on the validation split, by which tokenizers are chosen.
-    #[serde(default)]
     pub val_mpjpe_mm: Option<f64>,
     /// `mpjpe_heading_mm` on the validation split.
-    #[serde(default)]
     pub val_mpjpe_heading_mm: Option<f64>,
     /// Share of codes met in the test split, of all codebooks together.
     pub utilisation: f64,
@@ -40,13 +36,10 @@ pub struct TokenizerMetrics {
     pub train_steps: usize,
     pub wall_s: f64,
     /// The use of each scale's own codebook.
-    #[serde(default)]
     pub scales: Option<Vec<ScaleUse>>,
     /// Frames that a code stands for; `None` where that depends on the clip.
-    #[serde(default)]
     pub frames_per_code: Option<usize>,
     /// Seed of its weights, clips and windows.
-    #[serde(default)]
     pub seed: Option<u64>,
     /// k-means with as many codes on the same split; its keys are absent where it was not measured.
     #[serde(flatten)]

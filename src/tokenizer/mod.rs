@@ -57,12 +57,11 @@ mod transformer;
 mod watch;
 mod windows;
 
-pub use architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
+pub use architecture::{AnyDecoder, AnyEncoder, Decode, Encode};
 pub use baseline::k_means_baseline;
 pub use captions::Captions;
 pub use code_map::{CodeMap, ScaleCodes};
 pub use codec::Tokenizer;
-pub use convolutional::{AutoencoderConfig, Decoder, Encoder};
 pub use corpus::Corpus;
 pub use encode::tokenize;
 pub use error::TokenizerError;
@@ -77,5 +76,4 @@ pub use quantizer::{
 };
 pub use report::{remarks, table};
 pub use train::{train, train_watched};
-pub use transformer::TransformerConfig;
 pub use watch::{Validated, best};

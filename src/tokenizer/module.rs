@@ -5,11 +5,14 @@
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
-use super::architecture::{self, AnyDecoder, AnyEncoder};
+use super::architecture::{AnyDecoder, AnyEncoder};
 use super::captions::Captions;
 use super::pass::Pass;
 use super::quantizer::{self, AnyQuantizer, Extent, Quantized, Quantizer};
+use crate::data::FeatureStats;
+use crate::learn::weights::{self, Weights, WeightsError};
 use crate::spec::{Codes, TokenizerSpec};
 
 /// What is trained and saved; it works on normalised features.
@@ -23,14 +26,6 @@ pub struct TokenizerModule {
     codes_are_fixed: bool,
 }
 
-/// What one training pass gives.
-pub struct Reconstruction {
-    /// Normalised features, `[b, t, f]`.
-    pub features_btf: Tensor<3>,
-    /// The quantizer's own term of the loss, `[1]`.
-    pub auxiliary_loss: Option<Tensor<1>>,
-}
-
 impl TokenizerModule {
     /// Fresh weights from `rng`, for frames of `n_features`.
     pub fn new(
@@ -39,13 +34,28 @@ impl TokenizerModule {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let kind = architecture::of(&spec.architecture, n_features);
+        let kind = &spec.architecture;
         Self {
-            encoder: kind.encoder(rng, device),
+            encoder: AnyEncoder::new(kind, n_features, rng, device),
             quantizer: quantizer::init(spec, kind.code_dim(), rng, device),
-            decoder: kind.decoder(rng, device),
-            codes_are_fixed: spec.architecture.codes() == Codes::Fixed,
+            decoder: AnyDecoder::new(kind, n_features, rng, device),
+            codes_are_fixed: kind.codes() == Codes::Fixed,
         }
+    }
+
+    /// The module of weights, for features with these statistics.
+    ///
+    /// # Errors
+    /// The weights are not those of such a tokenizer.
+    pub fn of_weights(
+        spec: &TokenizerSpec,
+        stats: &FeatureStats,
+        saved: Weights,
+        device: &Device,
+    ) -> Result<Self, WeightsError> {
+        let mut unused = ChaCha8Rng::seed_from_u64(0);
+        let n_features = spec.representation.n_features(stats.mean.len());
+        weights::into_module(Self::new(spec, n_features, &mut unused, device), saved)
     }
 
     /// Begins the encoder and the decoder from patches of training clips, `[n, s·f]`.
@@ -69,15 +79,20 @@ impl TokenizerModule {
         latents_btc.reshape([n, c])
     }
 
-    /// A training pass: gradients pass through, and the quantizer learns what it learns on the host.
-    pub fn reconstruct(&mut self, x_btf: Tensor<3>, pass: &mut Pass) -> Reconstruction {
+    /// A training pass: normalised features, `[b, t, f]`, and the quantizer's own term of the loss, `[1]`.
+    /// Gradients pass through, and the quantizer learns what it learns on the host.
+    pub fn reconstruct(
+        &mut self,
+        x_btf: Tensor<3>,
+        pass: &mut Pass,
+    ) -> (Tensor<3>, Option<Tensor<1>>) {
         let latents_btc = self.encoder.forward(x_btf, pass);
         let Quantized { quantized_btc, auxiliary_loss } = if self.codes_are_fixed {
             self.quantize_fixed(latents_btc.detach())
         } else {
             self.quantizer.quantize(latents_btc)
         };
-        Reconstruction { features_btf: self.decoder.forward(quantized_btc, pass), auxiliary_loss }
+        (self.decoder.forward(quantized_btc, pass), auxiliary_loss)
     }
 
     /// Embeddings of the codes of latents, without gradient; no code moves.

@@ -15,9 +15,10 @@ fn joint_heights() -> impl Iterator<Item = usize> {
 /// Features to normalised values of those that a tokenizer sees, and back.
 #[derive(Clone, Debug)]
 pub struct Normaliser {
-    /// Of what is normalised: `[f]`.
-    mean: Vec<f32>,
-    std: Vec<f32>,
+    /// Mean of what is normalised, `[f]`.
+    pub mean: Vec<f32>,
+    /// Deviation of each feature, `[f]`.
+    pub std: Vec<f32>,
     /// Whether joints stand at their height above the root, and values are bounded.
     relative: bool,
     /// Features of a frame before it is narrowed to f.
@@ -40,16 +41,6 @@ impl Normaliser {
     /// Features of a frame.
     pub fn n_features(&self) -> usize {
         self.mean.len()
-    }
-
-    /// Mean of what is normalised, `[f]`.
-    pub fn mean(&self) -> &[f32] {
-        &self.mean
-    }
-
-    /// Deviation of each feature, `[f]`.
-    pub fn std(&self) -> &[f32] {
-        &self.std
     }
 
     /// (x − mean) / std of each feature that is seen, `[n_frames, all]` to `[n_frames, f]`.

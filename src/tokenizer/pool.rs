@@ -26,15 +26,9 @@ pub struct WindowPool {
     /// The index of each in the training split; an image has that of its original.
     origins: Vec<usize>,
     n_features: usize,
-    draw: Draw,
-}
-
-/// How a clip is drawn.
-enum Draw {
-    /// Each clip as often; all hold a window.
-    Evenly,
-    /// By its frames, which are summed up to and with each clip; some are shorter than a window.
-    ByFrames(Vec<usize>),
+    /// Frames up to and with each clip, if clips are drawn by their frames, and some are shorter than a
+    /// window; `None` if each is drawn as often.
+    frames_upto: Option<Vec<usize>>,
 }
 
 impl WindowPool {
@@ -65,8 +59,13 @@ impl WindowPool {
         let origins = chosen.iter().flat_map(|&index| vec![index; images]).collect();
         let clips: Vec<Vec<f32>> = clips.into_iter().flatten().collect();
         let n_features = normaliser.n_features();
-        let draw = if by_frames { Draw::by_frames(&clips, n_features) } else { Draw::Evenly };
-        Ok(Self { clips, origins, n_features, draw })
+        let mut frames = 0;
+        let upto = |clip: &Vec<f32>| {
+            frames += clip.len() / n_features;
+            frames
+        };
+        let frames_upto = by_frames.then(|| clips.iter().map(upto).collect());
+        Ok(Self { clips, origins, n_features, frames_upto })
     }
 
     /// Writes all clips as one file of columns, with what undoes their normalisation.
@@ -84,8 +83,8 @@ impl WindowPool {
             NewColumn::new("values", &values),
             NewColumn::new("offsets", &offsets),
             NewColumn::new("origins", &origins),
-            NewColumn::new("mean", normaliser.mean()),
-            NewColumn::new("std", normaliser.std()),
+            NewColumn::new("mean", &normaliser.mean),
+            NewColumn::new("std", &normaliser.std),
         ];
         write(path, &columns, HashMap::new())
     }
@@ -110,7 +109,13 @@ impl WindowPool {
 
     /// A clip of the pool and a window of it, or all of a clip that is shorter.
     fn draw(&self, window: usize, rng: &mut ChaCha8Rng) -> (usize, &[f32]) {
-        let index = self.draw.clip(self.clips.len(), rng);
+        let index = match &self.frames_upto {
+            None => below(rng, self.clips.len()),
+            Some(upto) => {
+                let frame = below(rng, upto.last().copied().unwrap_or(1));
+                upto.partition_point(|end| *end <= frame)
+            }
+        };
         let clip = &self.clips[index];
         let n_frames = clip.len() / self.n_features;
         let taken = window.min(n_frames);
@@ -140,28 +145,6 @@ impl WindowPool {
         let later = (frames > 1).then_some(frames / 2 * self.n_features);
         let starts = [Some(0), later].into_iter().flatten();
         self.clips.iter().flat_map(move |clip| starts.clone().filter_map(|start| clip.get(start..)))
-    }
-}
-
-impl Draw {
-    fn by_frames(clips: &[Vec<f32>], n_features: usize) -> Self {
-        let mut frames = 0;
-        let upto = |clip: &Vec<f32>| {
-            frames += clip.len() / n_features;
-            frames
-        };
-        Self::ByFrames(clips.iter().map(upto).collect())
-    }
-
-    /// The index of one of `n` clips.
-    fn clip(&self, n: usize, rng: &mut ChaCha8Rng) -> usize {
-        match self {
-            Self::Evenly => below(rng, n),
-            Self::ByFrames(upto) => {
-                let frame = below(rng, upto.last().copied().unwrap_or(1));
-                upto.partition_point(|end| *end <= frame)
-            }
-        }
     }
 }
 

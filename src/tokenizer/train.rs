@@ -12,7 +12,7 @@ use super::corpus::{Corpus, ReadCaptions};
 use super::error::TokenizerError;
 use super::loss::{JointLoss, of_gradient, reconstruction_loss};
 use super::mix::Mixing;
-use super::module::{Reconstruction, TokenizerModule};
+use super::module::TokenizerModule;
 use super::normalise::Normaliser;
 use super::pass::Pass;
 use super::pool::WindowPool;
@@ -62,22 +62,7 @@ pub fn train_watched(
     let learner = Reconstructing::new(spec, corpus, &device.clone().autodiff())?;
     let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
     let (module, log) = learning.into_learner().end()?;
-    let (stats, fps) = (corpus.source.stats().clone(), corpus.source.fps().into());
-    Ok((Tokenizer::new(module, spec.clone(), stats, fps, device.clone()), log))
-}
-
-enum Loss {
-    Features { position_weight: f64 },
-    Joints(JointLoss),
-}
-
-impl Loss {
-    fn new(normaliser: &Normaliser, training: &TokenizerTraining) -> Self {
-        match training.loss {
-            TokenizerLoss::Features => Self::Features { position_weight: training.position_weight },
-            TokenizerLoss::Joints => Self::Joints(JointLoss::new(normaliser.clone(), training)),
-        }
-    }
+    Ok((Tokenizer::of_clips(module, spec, corpus.source, device), log))
 }
 
 /// A tokenizer that learns to reconstruct windows of clips.
@@ -90,7 +75,8 @@ struct Reconstructing<'a> {
     average: Option<Average>,
     /// `None` where all steps are taken and the last weights kept.
     watch: Option<Watch<'a>>,
-    loss: Loss,
+    /// `None` for the loss in features.
+    joints: Option<JointLoss>,
     normaliser: Normaliser,
     /// Draws the windows of a batch.
     draws: ChaCha8Rng,
@@ -104,7 +90,7 @@ impl<'a> Reconstructing<'a> {
         device: &Device,
     ) -> Result<Self, TokenizerError> {
         let Corpus { source, .. } = *corpus;
-        let TokenizerTraining { seed, average, .. } = spec.training;
+        let TokenizerTraining { seed, average, loss, .. } = spec.training;
         let normaliser = Normaliser::new(spec, source.stats());
         let mut draws = stream(seed, WINDOWS_STREAM);
         let pool = WindowPool::load(source, spec, &mut draws)?;
@@ -118,7 +104,8 @@ impl<'a> Reconstructing<'a> {
             captions: corpus.read_by(spec)?,
             average: (average > 0.0).then(|| Average::new(&module, average)),
             module,
-            loss: Loss::new(&normaliser, &spec.training),
+            joints: (loss == TokenizerLoss::Joints)
+                .then(|| JointLoss::new(normaliser.clone(), &spec.training)),
             normaliser,
             draws,
             device: device.clone(),
@@ -130,7 +117,7 @@ impl<'a> Reconstructing<'a> {
         let n_frames = self.window_frames();
         let mut windows = self.pool.windows(batch, n_frames, &mut self.draws);
         let mixing = Mixing { body: mix_body, arm: mix_arm };
-        mixing.apply(&mut windows, self.normaliser.std(), &mut self.draws);
+        mixing.apply(&mut windows, &self.normaliser.std, &mut self.draws);
         windows
     }
 
@@ -189,15 +176,15 @@ impl Learner for Reconstructing<'_> {
         let shape = [windows.len(), windows.n_frames, self.normaliser.n_features()];
         let data = TensorData::new(windows.values.clone(), shape);
         let target_btf = Tensor::<3>::from_data(data, &self.device);
-        let Reconstruction { features_btf, auxiliary_loss } =
-            self.module.reconstruct(target_btf.clone(), &mut pass);
-        let loss = match &self.loss {
-            Loss::Features { position_weight } => {
-                reconstruction_loss(features_btf, target_btf, *position_weight)
+        let (features_btf, auxiliary_loss) = self.module.reconstruct(target_btf.clone(), &mut pass);
+        let loss = match &self.joints {
+            None => {
+                let position_weight = self.spec.training.position_weight;
+                reconstruction_loss(features_btf, target_btf, position_weight)
             }
-            Loss::Joints(loss) => {
+            Some(joints) => {
                 let made = features_btf.clone().into_data().try_into_vec();
-                let (value, gradient) = loss.of(&made.expect("features are f32"), &windows);
+                let (value, gradient) = joints.of(&made.expect("features are f32"), &windows);
                 of_gradient(features_btf, value, gradient)
             }
         };

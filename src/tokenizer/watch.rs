@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::codec::Tokenizer;
 use super::corpus::Corpus;
 use super::error::TokenizerError;
-use super::evaluate::reconstruct;
+use super::evaluate::{empty_split, reconstruct};
 use super::module::TokenizerModule;
-use crate::data::{DataError, Split};
+use crate::data::Split;
 use crate::learn::is_due;
 use crate::learn::weights::{self, Sources, Weights};
 use crate::spec::{Plateau, TokenizerSpec};
@@ -52,8 +52,7 @@ impl<'a> Watch<'a> {
         device: Device,
     ) -> Result<Self, TokenizerError> {
         if corpus.source.n_clips(Split::Val) == 0 {
-            let path = format!("data set {}", corpus.source.digest());
-            return Err(DataError::EmptySplit { path, split: Split::Val.name() }.into());
+            return Err(empty_split(&corpus, Split::Val));
         }
         let (log, failed, best) = (Vec::new(), None, module.clone());
         Ok(Self { corpus, plateau, spec, device, log, best, failed })
@@ -64,10 +63,8 @@ impl<'a> Watch<'a> {
         if !is_due(step, self.spec.training.steps, self.plateau.evaluations) {
             return;
         }
-        let Corpus { source, .. } = self.corpus;
-        let (spec, stats) = (self.spec.clone(), source.stats().clone());
-        let fps = source.fps().into();
-        let tokenizer = Tokenizer::new(module.clone(), spec, stats, fps, self.device.clone());
+        let tokenizer =
+            Tokenizer::of_clips(module.clone(), self.spec, self.corpus.source, &self.device);
         match reconstruct(&tokenizer, &self.corpus, Split::Val, 0.0) {
             Ok(made) => self.take_in(module, Validated { step, val_mpjpe_mm: made.mpjpe_mm }),
             Err(error) => self.failed = Some(error),

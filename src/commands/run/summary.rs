@@ -109,12 +109,12 @@ impl Summary<'_> {
     }
 
     /// Why a run has no result whose failure was not told yet.
-    fn reason(&self, id: &str, needs: &Needs) -> Option<String> {
+    fn reason(&self, id: &str, needs: &HashMap<JobId, Vec<JobId>>) -> Option<String> {
         let run = JobId::run(id);
         if self.open.folder.state(&run) == JobState::Failed {
             return None;
         }
-        for need in needs.all_of(&run) {
+        for need in all_needs(needs, &run) {
             let Ok(Some(failure)) = self.open.folder.failure(&need) else { continue };
             if need.kind == JobKind::Run {
                 return Some("the run that tries the trainer failed (trainer.canary)".to_string());
@@ -154,7 +154,7 @@ fn several(labels: &[String]) -> String {
 }
 
 /// What a job needs, and what those jobs need, in the order of their kinds.
-fn all_needs(needs: &Needs, job: &JobId) -> Vec<JobId> {
+fn all_needs(needs: &HashMap<JobId, Vec<JobId>>, job: &JobId) -> Vec<JobId> {
     let mut all = Vec::new();
     let mut open: Vec<JobId> = needs.get(job).cloned().unwrap_or_default();
     while let Some(need) = open.pop() {

@@ -45,7 +45,7 @@ pub fn train_tokenizer(
     let words = words(&place, &handover);
     let problem = process::attend(&words, &place, &assignment.job.id, assignment.stop)?;
     let trained = match problem {
-        Some(problem) => Err(refusal(&handover.out).unwrap_or_else(|| of_torch(problem))),
+        Some(problem) => Err(refusal(&handover.files.out).unwrap_or_else(|| of_torch(problem))),
         None => read(&handover, corpus, assignment),
     };
     Ok(match trained {
@@ -84,8 +84,8 @@ fn words(place: &Path, handover: &Handover) -> Vec<String> {
     let path = |path: &Path| path.display().to_string();
     let options = [
         ("--spec", path(&spec)),
-        ("--out", path(&handover.out)),
-        ("--checkpoint", path(&handover.checkpoint)),
+        ("--out", path(&handover.files.out)),
+        ("--checkpoint", path(&handover.files.checkpoint)),
     ];
     let module = [path(&python), "-m".to_string(), MODULE.to_string()];
     let options = options.into_iter().flat_map(|(name, value)| [name.to_string(), value]);
@@ -98,7 +98,7 @@ fn read(
     corpus: &Corpus,
     assignment: &Assignment,
 ) -> Result<Tokenizer, Failure> {
-    let out = &handover.out;
+    let out = &handover.files.out;
     let unfit = |problem: String| {
         let sentence = format!("the tokenizer's trainer: {}: {problem}", out.display());
         Failure::new(FailureKind::Trainer, sentence)

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::buffers::Buffer;
-use super::feed_forward::{part, part_mut};
+use super::feed_forward::{chunks, part, part_mut};
 use super::matmul::{Panels, Target, View, add_transposed, multiply};
 use crate::ops::{Convolution, Taps};
 
@@ -107,7 +107,7 @@ pub fn forward(convolution: Convolution, x: &[f32], weights: Weights<'_>) -> Buf
     let panels = Panels::of(View::new(weights.weight, o), kc, o);
     let n = reading.rows_out();
     let (mut output, mut room) = (Buffer::new(n * o), Buffer::new(CHUNK * kc));
-    for rows in chunks(n) {
+    for rows in chunks(n, CHUNK) {
         let taps = reading.of(&rows, &mut room);
         let output = part_mut(&mut output, &rows, o);
         output.chunks_exact_mut(o).for_each(|row| row.copy_from_slice(weights.bias));
@@ -136,7 +136,7 @@ pub fn backward(
         bias: Buffer::zeros(o),
     };
     let (mut room, mut panels) = (Buffer::new(CHUNK * kc), Panels::default());
-    for rows in chunks(reading.rows_out()) {
+    for rows in chunks(reading.rows_out(), CHUNK) {
         let (count, change) = (rows.len(), part(gradient, &rows, o));
         for row in change.chunks_exact(o) {
             by.bias.iter_mut().zip(row).for_each(|(to, from)| *to += from);
@@ -161,9 +161,4 @@ pub fn backward(
 /// max(x, 0), but what is no number stays none: `f32::max` would hide it.
 fn rectified(x: f32) -> f32 {
     if x < 0.0 { 0.0 } else { x }
-}
-
-/// `0..n` in pieces of [`CHUNK`].
-fn chunks(n: usize) -> impl Iterator<Item = Range<usize>> {
-    (0..n).step_by(CHUNK).map(move |first| first..n.min(first + CHUNK))
 }

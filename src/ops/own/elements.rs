@@ -27,7 +27,7 @@ pub fn tensor<const D: usize>(elements: Vec<f32>, shape: [usize; D]) -> FlexTens
 }
 
 /// Rows and columns.
-pub fn dims(x: &FlexTensor) -> (usize, usize) {
+pub fn dims(x: &FlexTensor) -> [usize; 2] {
     let shape = x.layout().shape();
-    (shape[0], shape[1])
+    [shape[0], shape[1]]
 }

@@ -35,13 +35,6 @@ pub struct Intermediates {
     before: Buffer,
 }
 
-/// Gradients by the parameters.
-pub struct Gradients {
-    pub gamma: Buffer,
-    pub up: Buffer,
-    pub down: Buffer,
-}
-
 impl Weights<'_> {
     fn d(&self) -> usize {
         self.gamma.len()
@@ -67,7 +60,7 @@ pub fn forward(x: &[f32], weights: Weights<'_>, keep: bool) -> (Buffer, Option<I
     let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
     let mut inverses = Buffer::new(n);
     let mut before = Buffer::new(if keep { n } else { CHUNK } * u);
-    for rows in chunks(n) {
+    for rows in chunks(n, CHUNK) {
         let count = rows.len();
         let inverses = &mut inverses[rows.clone()];
         rms_norm::forward(part(x, &rows, d), weights.gamma, weights.epsilon, &mut normed, inverses);
@@ -85,21 +78,20 @@ pub fn forward(x: &[f32], weights: Weights<'_>, keep: bool) -> (Buffer, Option<I
     (output, keep.then_some(Intermediates { inverses, before }))
 }
 
-/// Turns the gradient by the output into that by `x`; gives those by the parameters.
+/// Turns the gradient by the output into that by `x`; gives those by γ, W_up and W_down.
 pub fn backward(
     gradient: &mut [f32],
     x: &[f32],
     weights: Weights<'_>,
     kept: Intermediates,
-) -> Gradients {
+) -> [Buffer; 3] {
     let (d, f, u) = (weights.d(), weights.f(), weights.u());
     let up = Panels::of(View::new(weights.up, u).transposed(), u, d);
     let down = Panels::of(View::new(weights.down, d).transposed(), d, f);
-    let mut by =
-        Gradients { gamma: Buffer::zeros(d), up: Buffer::zeros(d * u), down: Buffer::zeros(f * d) };
+    let [mut by_gamma, mut by_up, mut by_down] = [d, d * u, f * d].map(Buffer::zeros);
     let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
     let (mut by_before, mut panels) = (Buffer::new(CHUNK * u), Panels::default());
-    for rows in chunks(x.len() / d) {
+    for rows in chunks(x.len() / d, CHUNK) {
         let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
         let (x, gradient) = (part(x, &rows, d), part_mut(gradient, &rows, d));
         let before = part(&kept.before, &rows, u);
@@ -109,20 +101,19 @@ pub fn backward(
             Activation::Gelu => gelu::backward(before, &mut by_before, &mut hidden),
         }
         let (hidden, change) = (View::new(&hidden, f), View::new(gradient, d));
-        add_transposed(Target::new(&mut by.down, d), (f, d), hidden, change, count, &mut panels);
+        add_transposed(Target::new(&mut by_down, d), (f, d), hidden, change, count, &mut panels);
         rms_norm::again(x, weights.gamma, inverses, &mut normed);
         let (input, change) = (View::new(&normed, d), View::new(&by_before, u));
-        add_transposed(Target::new(&mut by.up, d), (u, d), change, input, count, &mut panels);
+        add_transposed(Target::new(&mut by_up, d), (u, d), change, input, count, &mut panels);
         multiply(Target::new(&mut normed, d), count, change, &up, false);
-        rms_norm::backward(&mut normed, x, weights.gamma, inverses, &mut by.gamma, gradient);
+        rms_norm::backward(&mut normed, x, weights.gamma, inverses, &mut by_gamma, gradient);
     }
-    by.up = transposed(&by.up, d);
-    by
+    [by_gamma, transposed(&by_up, d), by_down]
 }
 
-/// `0..n` in pieces of [`CHUNK`].
-fn chunks(n: usize) -> impl Iterator<Item = Range<usize>> {
-    (0..n).step_by(CHUNK).map(move |first| first..n.min(first + CHUNK))
+/// `0..n` in pieces of `size`.
+pub fn chunks(n: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..n).step_by(size).map(move |first| first..n.min(first + size))
 }
 
 /// Rows of a matrix of `columns` columns.

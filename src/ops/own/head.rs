@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use super::buffers::Buffer;
 use super::cross_entropy::{LogSum, add_block, gradient_block};
-use super::feed_forward::part;
+use super::feed_forward::{chunks, part, part_mut};
 use super::lanes::LANES;
 use super::matmul::{Panels, Target, View, add_transposed, multiply_part};
 use super::rms_norm;
@@ -34,14 +34,6 @@ pub struct Head<'a> {
     pub targets: &'a [u32],
 }
 
-/// Gradients of the mean loss.
-#[derive(Clone, Debug)]
-pub struct Gradients {
-    pub x: Buffer,
-    pub gamma: Buffer,
-    pub weight: Buffer,
-}
-
 /// Room for one chunk.
 struct Room {
     normed: Buffer,
@@ -64,12 +56,7 @@ impl Head<'_> {
     fn blocks(&self) -> impl Iterator<Item = Range<usize>> + use<> {
         let n = self.n_vocab();
         let width = n.div_ceil(n.div_ceil(BLOCK + BLOCK / 8)).next_multiple_of(32);
-        (0..n).step_by(width).map(move |first| first..n.min(first + width))
-    }
-
-    fn chunks(&self) -> impl Iterator<Item = Range<usize>> + use<> {
-        let n = self.targets.len();
-        (0..n).step_by(CHUNK).map(move |first| first..n.min(first + CHUNK))
+        chunks(n, width)
     }
 
     fn room(&self, columns: usize) -> Room {
@@ -87,27 +74,23 @@ impl Head<'_> {
         let panels = Panels::of(View::new(self.weight, self.n_vocab()), self.d(), self.n_vocab());
         let mut room = self.room(self.blocks().map(|block| stride(&block)).max().unwrap_or(0));
         let mut losses = Vec::with_capacity(self.targets.len());
-        for rows in self.chunks() {
+        for rows in chunks(self.targets.len(), CHUNK) {
             self.look(&rows, &panels, &mut room, false);
             losses.extend(room.sums.iter().map(LogSum::loss));
         }
         losses
     }
 
-    /// −ln p of each row's target, in nats, and the gradients of their mean.
-    pub fn losses_and_gradients(&self) -> (Vec<f64>, Gradients) {
+    /// −ln p of each row's target, in nats, and the gradients of their mean by x, γ and W.
+    pub fn losses_and_gradients(&self) -> (Vec<f64>, [Buffer; 3]) {
         let (d, v) = (self.d(), self.n_vocab());
         let there = Panels::of(View::new(self.weight, v), d, v);
         let back = Panels::of(View::new(self.weight, v).transposed(), v, d);
-        let mut by = Gradients {
-            x: Buffer::zeros(self.x.len()),
-            gamma: Buffer::zeros(d),
-            weight: Buffer::zeros(d * v),
-        };
+        let mut by = [self.x.len(), d, d * v].map(Buffer::zeros);
         let columns = self.blocks().map(|block| stride(&block)).sum();
         let (mut room, mut panels) = (self.room(columns), Panels::default());
         let mut losses = Vec::with_capacity(self.targets.len());
-        for rows in self.chunks() {
+        for rows in chunks(self.targets.len(), CHUNK) {
             self.look(&rows, &there, &mut room, true);
             losses.extend(room.sums.iter().map(LogSum::loss));
             self.learn(&rows, &back, &mut room, &mut by, &mut panels);
@@ -137,7 +120,7 @@ impl Head<'_> {
         rows: &Range<usize>,
         back: &Panels,
         room: &mut Room,
-        by: &mut Gradients,
+        [by_x, by_gamma, by_weight]: &mut [Buffer; 3],
         panels: &mut Panels,
     ) {
         let (d, v, count) = (self.d(), self.n_vocab(), rows.len());
@@ -150,12 +133,12 @@ impl Head<'_> {
             let by_logits = View::new(logits, stride(&block));
             let target = Target::new(&mut change, d);
             multiply_part(target, count, by_logits, back, 0..d, block.clone(), true);
-            let target = Target::new(&mut by.weight[block.start..], v);
+            let target = Target::new(&mut by_weight[block.start..], v);
             let (size, normed) = ((d, block.len()), View::new(normed, d));
             add_transposed(target, size, normed, by_logits, count, panels);
         }
-        let (x, to) = (part(self.x, rows, d), &mut by.x[rows.start * d..rows.end * d]);
-        rms_norm::backward(&mut change, x, self.gamma, inverses, &mut by.gamma, to);
+        let (x, to) = (part(self.x, rows, d), part_mut(by_x, rows, d));
+        rms_norm::backward(&mut change, x, self.gamma, inverses, by_gamma, to);
     }
 }
 

@@ -138,6 +138,23 @@ macro_rules! vectorised {
 }
 pub(super) use vectorised;
 
+/// Whether [`Lanes::mul_add`] of the portable version rounds once.
+const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
+
+/// Methods of the portable version, lane by lane.
+macro_rules! lane_by_lane {
+    ($($method:ident($x:ident $(, $other:ident)*) $value:expr;)*) => {$(
+        #[inline(always)]
+        fn $method(self $(, $other: Self)*) -> Self {
+            let $x = self;
+            std::array::from_fn(|i| {
+                let ($x, $($other),*) = ($x[i], $($other[i]),*);
+                $value
+            })
+        }
+    )*};
+}
+
 /// The portable version, which the compiler may or may not turn into vectors.
 impl Lanes for [f32; LANES] {
     const MANY: bool = false;
@@ -154,49 +171,22 @@ impl Lanes for [f32; LANES] {
     fn store(self, out: &mut [f32; LANES]) {
         *out = self;
     }
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] + other[i])
+
+    lane_by_lane! {
+        add(a, b) a + b;
+        sub(a, b) a - b;
+        mul(a, b) a * b;
+        div(a, b) a / b;
+        max(a, b) if a > b { a } else { b };
+        min(a, b) if a < b { a } else { b };
+        sqrt(a) a.sqrt();
+        mul_add(x, a, b) if FUSED { x.mul_add(a, b) } else { x * a + b };
+        power_of_two(a) f32::from_bits((a.to_bits() << 23).wrapping_add(1f32.to_bits()));
     }
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] - other[i])
-    }
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] * other[i])
-    }
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] / other[i])
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        std::array::from_fn(|i| if self[i] > other[i] { self[i] } else { other[i] })
-    }
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        std::array::from_fn(|i| if self[i] < other[i] { self[i] } else { other[i] })
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.map(f32::sqrt)
-    }
+
     #[inline(always)]
     fn swap_pairs(self) -> Self {
         std::array::from_fn(|i| self[i ^ 1])
-    }
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
-        let one =
-            |i: usize| if FUSED { self[i].mul_add(a[i], b[i]) } else { self[i] * a[i] + b[i] };
-        std::array::from_fn(one)
-    }
-    #[inline(always)]
-    fn power_of_two(self) -> Self {
-        let power = |x: f32| f32::from_bits((x.to_bits() << 23).wrapping_add(1f32.to_bits()));
-        self.map(power)
     }
     #[inline(always)]
     fn sum(mut self) -> f32 {

@@ -104,105 +104,68 @@ fn mask(n: usize) -> __mmask16 {
     ((1u32 << n.min(LANES)) - 1) as __mmask16
 }
 
+/// Methods that are sound once the processor has their instructions.
+macro_rules! on_this_processor {
+    ($(fn $method:ident($($argument:tt)*) $(-> $result:ty)? $body:block)*) => {$(
+        #[inline(always)]
+        fn $method($($argument)*) $(-> $result)? {
+            // SAFETY: the processor has the instructions, see the head of the file; what is loaded and
+            // stored lies within references, or within slices whose length a mask keeps to.
+            unsafe { $body }
+        }
+    )*};
+}
+
 impl Lanes for Wide {
     const MANY: bool = true;
 
     binary!(Wide add _mm512_add_ps, sub _mm512_sub_ps, mul _mm512_mul_ps, div _mm512_div_ps);
     binary!(Wide max _mm512_max_ps, min _mm512_min_ps);
 
-    #[inline(always)]
-    fn splat(x: f32) -> Self {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        Wide(unsafe { _mm512_set1_ps(x) })
-    }
+    on_this_processor! {
+        fn splat(x: f32) -> Self { Wide(_mm512_set1_ps(x)) }
+        fn load(x: &[f32; LANES]) -> Self { Wide(_mm512_loadu_ps(x.as_ptr())) }
+        fn store(self, out: &mut [f32; LANES]) { _mm512_storeu_ps(out.as_mut_ptr(), self.0) }
+        fn sqrt(self) -> Self { Wide(_mm512_sqrt_ps(self.0)) }
+        fn swap_pairs(self) -> Self { Wide(_mm512_permute_ps::<0b1011_0001>(self.0)) }
+        fn mul_add(self, a: Self, b: Self) -> Self { Wide(_mm512_fmadd_ps(self.0, a.0, b.0)) }
 
-    #[inline(always)]
-    fn load(x: &[f32; LANES]) -> Self {
-        // SAFETY: as above; sixteen elements lie behind the reference.
-        Wide(unsafe { _mm512_loadu_ps(x.as_ptr()) })
-    }
-
-    #[inline(always)]
-    fn store(self, out: &mut [f32; LANES]) {
-        // SAFETY: as above; sixteen elements lie behind the reference.
-        unsafe { _mm512_storeu_ps(out.as_mut_ptr(), self.0) }
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        Wide(unsafe { _mm512_sqrt_ps(self.0) })
-    }
-
-    #[inline(always)]
-    fn swap_pairs(self) -> Self {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        Wide(unsafe { _mm512_permute_ps::<0b1011_0001>(self.0) })
-    }
-
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        Wide(unsafe { _mm512_fmadd_ps(self.0, a.0, b.0) })
-    }
-
-    #[inline(always)]
-    fn power_of_two(self) -> Self {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        unsafe {
+        fn power_of_two(self) -> Self {
             let exponent = _mm512_slli_epi32(_mm512_castps_si512(self.0), 23);
             let one = _mm512_castps_si512(_mm512_set1_ps(1.0));
             Wide(_mm512_castsi512_ps(_mm512_add_epi32(exponent, one)))
         }
-    }
 
-    #[inline(always)]
-    fn sum(self) -> f32 {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        unsafe {
+        fn sum(self) -> f32 {
             let high = _mm512_extractf32x8_ps(self.0, 1);
             sum_of_eight(_mm256_add_ps(_mm512_castps512_ps256(self.0), high))
         }
-    }
 
-    #[inline(always)]
-    fn largest(self) -> f32 {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        unsafe {
+        fn largest(self) -> f32 {
             let high = _mm512_extractf32x8_ps(self.0, 1);
             largest_of_eight(_mm256_max_ps(_mm512_castps512_ps256(self.0), high))
         }
-    }
 
-    #[inline(always)]
-    fn first(self, n: usize, rest: Self) -> Self {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        Wide(unsafe { _mm512_mask_blend_ps(mask(n), rest.0, self.0) })
-    }
-
-    #[inline(always)]
-    fn transpose(block: [Self; LANES]) -> [Self; LANES] {
-        // SAFETY: the processor has AVX-512, see the head of the file.
-        unsafe { transpose::transpose(block) }
-    }
-
-    #[inline(always)]
-    fn read(x: &[f32]) -> Self {
-        if let Ok(whole) = x.try_into() {
-            return Self::load(whole);
+        fn first(self, n: usize, rest: Self) -> Self {
+            Wide(_mm512_mask_blend_ps(mask(n), rest.0, self.0))
         }
-        // SAFETY: as above; the mask lets through no more elements than the slice has.
-        Wide(unsafe { _mm512_maskz_loadu_ps(mask(x.len()), x.as_ptr()) })
-    }
 
-    #[inline(always)]
-    fn write(self, out: &mut [f32]) {
-        // What a masked store writes cannot be read back until it has reached the cache.
-        if let Ok(whole) = out.try_into() {
-            return self.store(whole);
+        fn transpose(block: [Self; LANES]) -> [Self; LANES] { transpose::transpose(block) }
+
+        fn read(x: &[f32]) -> Self {
+            match x.try_into() {
+                Ok(whole) => Self::load(whole),
+                Err(_) => Wide(_mm512_maskz_loadu_ps(mask(x.len()), x.as_ptr())),
+            }
         }
-        // SAFETY: as above; the mask lets through no more elements than the slice has.
-        unsafe { _mm512_mask_storeu_ps(out.as_mut_ptr(), mask(out.len()), self.0) }
+
+        fn write(self, out: &mut [f32]) {
+            // What a masked store writes cannot be read back until it has reached the cache.
+            if let Ok(whole) = out.try_into() {
+                return self.store(whole);
+            }
+            _mm512_mask_storeu_ps(out.as_mut_ptr(), mask(out.len()), self.0);
+        }
     }
 }
 
@@ -212,74 +175,43 @@ impl Lanes for Pair {
     binary!(Pair add _mm256_add_ps, sub _mm256_sub_ps, mul _mm256_mul_ps, div _mm256_div_ps);
     binary!(Pair max _mm256_max_ps, min _mm256_min_ps);
 
-    #[inline(always)]
-    fn splat(x: f32) -> Self {
-        // SAFETY: the processor has AVX2, see the head of the file.
-        unsafe { Pair(_mm256_set1_ps(x), _mm256_set1_ps(x)) }
-    }
+    on_this_processor! {
+        fn splat(x: f32) -> Self { Pair(_mm256_set1_ps(x), _mm256_set1_ps(x)) }
 
-    #[inline(always)]
-    fn load(x: &[f32; LANES]) -> Self {
-        // SAFETY: as above; twice eight elements lie behind the reference.
-        unsafe { Pair(_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(x[8..].as_ptr())) }
-    }
+        fn load(x: &[f32; LANES]) -> Self {
+            Pair(_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(x[8..].as_ptr()))
+        }
 
-    #[inline(always)]
-    fn store(self, out: &mut [f32; LANES]) {
-        let (low, high) = out.split_at_mut(8);
-        // SAFETY: as above; eight elements lie behind each slice.
-        unsafe {
+        fn store(self, out: &mut [f32; LANES]) {
+            let (low, high) = out.split_at_mut(8);
             _mm256_storeu_ps(low.as_mut_ptr(), self.0);
             _mm256_storeu_ps(high.as_mut_ptr(), self.1);
         }
-    }
 
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: the processor has AVX, see the head of the file.
-        unsafe { Pair(_mm256_sqrt_ps(self.0), _mm256_sqrt_ps(self.1)) }
-    }
+        fn sqrt(self) -> Self { Pair(_mm256_sqrt_ps(self.0), _mm256_sqrt_ps(self.1)) }
 
-    #[inline(always)]
-    fn swap_pairs(self) -> Self {
-        // SAFETY: the processor has AVX, see the head of the file.
-        let swap = |x| unsafe { _mm256_permute_ps::<0b1011_0001>(x) };
-        Pair(swap(self.0), swap(self.1))
-    }
+        fn swap_pairs(self) -> Self {
+            let swap = |x| _mm256_permute_ps::<0b1011_0001>(x);
+            Pair(swap(self.0), swap(self.1))
+        }
 
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        // SAFETY: the processor has FMA, see the head of the file.
-        unsafe { Pair(_mm256_fmadd_ps(self.0, a.0, b.0), _mm256_fmadd_ps(self.1, a.1, b.1)) }
-    }
+        fn mul_add(self, a: Self, b: Self) -> Self {
+            Pair(_mm256_fmadd_ps(self.0, a.0, b.0), _mm256_fmadd_ps(self.1, a.1, b.1))
+        }
 
-    #[inline(always)]
-    fn power_of_two(self) -> Self {
-        // SAFETY: the processor has AVX2, see the head of the file.
-        let power = |x| unsafe {
-            let exponent = _mm256_slli_epi32(_mm256_castps_si256(x), 23);
-            let one = _mm256_castps_si256(_mm256_set1_ps(1.0));
-            _mm256_castsi256_ps(_mm256_add_epi32(exponent, one))
-        };
-        Pair(power(self.0), power(self.1))
-    }
+        fn power_of_two(self) -> Self {
+            let power = |x| {
+                let exponent = _mm256_slli_epi32(_mm256_castps_si256(x), 23);
+                let one = _mm256_castps_si256(_mm256_set1_ps(1.0));
+                _mm256_castsi256_ps(_mm256_add_epi32(exponent, one))
+            };
+            Pair(power(self.0), power(self.1))
+        }
 
-    #[inline(always)]
-    fn sum(self) -> f32 {
-        // SAFETY: the processor has AVX2, see the head of the file.
-        unsafe { sum_of_eight(_mm256_add_ps(self.0, self.1)) }
-    }
+        fn sum(self) -> f32 { sum_of_eight(_mm256_add_ps(self.0, self.1)) }
+        fn largest(self) -> f32 { largest_of_eight(_mm256_max_ps(self.0, self.1)) }
 
-    #[inline(always)]
-    fn largest(self) -> f32 {
-        // SAFETY: the processor has AVX2, see the head of the file.
-        unsafe { largest_of_eight(_mm256_max_ps(self.0, self.1)) }
-    }
-
-    #[inline(always)]
-    fn first(self, n: usize, rest: Self) -> Self {
-        // SAFETY: the processor has AVX2, see the head of the file.
-        unsafe {
+        fn first(self, n: usize, rest: Self) -> Self {
             let low = _mm256_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0);
             let high = _mm256_add_ps(low, _mm256_set1_ps(8.0));
             let n = _mm256_set1_ps(n as f32);

@@ -5,7 +5,7 @@ use std::ops::Range;
 use burn::tensor::activation::softmax;
 use burn::tensor::{Bool, Device, Tensor, TensorData};
 
-use super::{MASKED, Product, integers, rotate};
+use super::{MASKED, Product, integers, padded_of_rows, rotate, rows_of_padded};
 use crate::ops::CrossOptions;
 
 /// See [`Kernels::cross_attend`](crate::ops::Kernels::cross_attend): pads queries and memories to one
@@ -54,11 +54,8 @@ fn pad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     if is_even(sequences) {
         return x_nd;
     }
-    let (t, device) = (longest(sequences), x_nd.device());
-    let row =
-        |rows: &Range<usize>, i: usize| if i < rows.len() { rows.start + i } else { rows.start };
-    let rows = sequences.iter().flat_map(|rows| (0..t).map(move |i| row(rows, i) as u32));
-    x_nd.select(0, integers(rows, &device))
+    let rows = integers(rows_of_padded(sequences, longest(sequences)), &x_nd.device());
+    x_nd.select(0, rows)
 }
 
 /// Takes out again what [`pad`] has put in.
@@ -66,9 +63,8 @@ fn unpad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     if is_even(sequences) {
         return x_nd;
     }
-    let (t, device) = (longest(sequences), x_nd.device());
-    let own = |(i, rows): (usize, &Range<usize>)| (i * t..i * t + rows.len()).map(|row| row as u32);
-    x_nd.select(0, integers(sequences.iter().enumerate().flat_map(own), &device))
+    let rows = integers(padded_of_rows(sequences, longest(sequences)), &x_nd.device());
+    x_nd.select(0, rows)
 }
 
 /// True where a row of a memory is padding, `[b, 1, 1, t]`; `None` where none is.

@@ -4,6 +4,8 @@
 //! Shapes: n rows, d features, f hidden features, v vocabulary, b sequences, h heads, t positions
 //! of the longest sequence, c features of a head.
 
+use std::ops::Range;
+
 use burn::tensor::activation::{log_softmax, silu, softmax};
 use burn::tensor::{Bool, Device, FloatDType, Int, Tensor, TensorData};
 
@@ -144,7 +146,8 @@ pub fn attention(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Produc
     let device = qkv_n3d.device();
     let (b, t, c) = (layout.n_sequences(), layout.max_len(), rope.head_dim());
     let d = n_head * c;
-    let padded = qkv_n3d.select(0, integers(rows_of_padded(layout), &device));
+    let sequences: Vec<_> = (0..b).map(|i| layout.rows(i)).collect();
+    let padded = qkv_n3d.select(0, integers(rows_of_padded(&sequences, t), &device));
     let part_bhtc = |part: usize| {
         let columns = padded.clone().slice([0..b * t, part * d..(part + 1) * d]);
         columns.reshape([b, t, n_head, c]).swap_dims(1, 2)
@@ -155,37 +158,28 @@ pub fn attention(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Produc
     let hidden_bhtt = hidden(layout, &device).expand([b, n_head, t, t]);
     let weights_bhtt = softmax(scores_bhtt.mask_fill(hidden_bhtt, MASKED), 3);
     let output = product.of(weights_bhtt, part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
-    output.select(0, integers(padded_of_rows(layout), &device))
+    output.select(0, integers(padded_of_rows(&sequences, t), &device))
 }
 
 /// Cosines and sines of the angles of each position of the padded batch, `[b, 1, t, c / 2, 1]`, or of
 /// the first t, `[1, 1, t, c / 2, 1]`, where sequences have no others.
 fn turns(rope: &Rope, layout: &SequenceLayout, device: &Device) -> [Tensor<5>; 2] {
-    let (b, t, pairs) = (layout.n_sequences(), layout.max_len(), rope.head_dim() / 2);
-    let Some(_) = layout.angles(0) else {
-        let (cos, sin) = rope.first(t);
-        return [cos, sin]
-            .map(|x| Tensor::from_data(TensorData::new(x.to_vec(), [1, 1, t, pairs, 1]), device));
-    };
+    let (b, t) = (layout.n_sequences(), layout.max_len());
+    if layout.angles(0).is_none() {
+        return rope.turns(1, &Vec::from_iter(0..t), device);
+    }
     let place = |(i, q): (usize, usize)| {
         let angles = layout.angles(i).expect("all sequences have them, or none");
         angles.get(q).map_or(0, |&angle| angle as usize)
     };
     let places: Vec<usize> = (0..b).flat_map(|i| (0..t).map(move |q| (i, q))).map(place).collect();
-    [|turn: (&[f32], &[f32])| turn.0.to_vec(), |turn: (&[f32], &[f32])| turn.1.to_vec()].map(|of| {
-        let values: Vec<f32> = places.iter().flat_map(|&place| of(rope.turn(place))).collect();
-        Tensor::from_data(TensorData::new(values, [b, 1, t, pairs, 1]), device)
-    })
+    rope.turns(b, &places, device)
 }
 
 /// Turns the pairs of features of the first positions by their rows of `rope`, `[b, h, t, c]`.
 pub fn rotate(x_bhtc: Tensor<4>, rope: &Rope) -> Tensor<4> {
-    let [_, _, t, c] = x_bhtc.dims();
-    let (cos, sin) = rope.first(t);
-    let device = x_bhtc.device();
-    let angles =
-        |x: &[f32]| Tensor::from_data(TensorData::new(x.to_vec(), [1, 1, t, c / 2, 1]), &device);
-    turn(x_bhtc, &[angles(cos), angles(sin)])
+    let (places, device) = (Vec::from_iter(0..x_bhtc.dims()[2]), x_bhtc.device());
+    turn(x_bhtc, &rope.turns(1, &places, &device))
 }
 
 /// Turns the pairs of features by angles whose cosines and sines are `[b or 1, 1, t, c / 2, 1]`.
@@ -210,19 +204,19 @@ fn hidden(layout: &SequenceLayout, device: &Device) -> Tensor<4, Bool> {
     keys_111t.expand([b, 1, t, t]).greater_equal(visible_b1t1.expand([b, 1, t, t]))
 }
 
-/// The packed row of each position of the padded batch; the sequence's first for padding.
-fn rows_of_padded(layout: &SequenceLayout) -> impl Iterator<Item = u32> {
-    let t = layout.max_len();
-    (0..layout.n_sequences()).flat_map(move |i| {
-        let rows = layout.rows(i);
-        (0..t).map(move |q| if q < rows.len() { rows.start + q } else { rows.start } as u32)
-    })
+/// The row of each position of sequences that are padded to `t` rows; a sequence's first for padding.
+fn rows_of_padded(sequences: &[Range<usize>], t: usize) -> impl Iterator<Item = u32> {
+    let row =
+        move |rows: &Range<usize>, q| if q < rows.len() { rows.start + q } else { rows.start };
+    sequences.iter().flat_map(move |rows| (0..t).map(move |q| row(rows, q) as u32))
 }
 
-/// The position in the padded batch of each packed row.
-fn padded_of_rows(layout: &SequenceLayout) -> impl Iterator<Item = u32> {
-    let t = layout.max_len();
-    (0..layout.n_sequences()).flat_map(move |i| (0..layout.len(i)).map(move |q| (i * t + q) as u32))
+/// The position in the padded batch of each row.
+fn padded_of_rows(sequences: &[Range<usize>], t: usize) -> impl Iterator<Item = u32> {
+    let own = move |(i, rows): (usize, &Range<usize>)| {
+        (i * t..i * t + rows.len()).map(|position| position as u32)
+    };
+    sequences.iter().enumerate().flat_map(own)
 }
 
 fn integers(values: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, Int> {

@@ -1,5 +1,8 @@
 //! Saved tokenizers, and what is no code.
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
 use super::*;
 use crate::motion::N_FEATURES;
 use crate::spec::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec};

@@ -2,4 +2,4 @@
 
 mod autoencoder;
 
-pub use autoencoder::{AutoencoderConfig, Decoder, Encoder};
+pub use autoencoder::{Decoder, Encoder};

@@ -105,7 +105,7 @@ impl JointLoss {
         gradient: &mut [f32],
     ) -> f64 {
         let n = self.normaliser.n_features();
-        let turn_std = f64::from(self.normaliser.std()[ROOT_YAW]);
+        let turn_std = f64::from(self.normaliser.std[ROOT_YAW]);
         let (mut sum, mut angle) = (0.0, 0.0);
         // What the loss of a frame grows by with the error of the heading there.
         let mut by_angle = vec![0.0; visible.len()];
@@ -192,7 +192,7 @@ impl JointLoss {
 
     /// Slopes by positions in metres into those by normalised values.
     fn spread(&self, slopes: &[Point; JOINTS], share: f64, gradient: &mut [f32]) {
-        let std = &self.normaliser.std()[POSITIONS];
+        let std = &self.normaliser.std[POSITIONS];
         let slopes = slopes.as_flattened().iter().zip(std);
         for (gradient, (slope, std)) in gradient[POSITIONS].iter_mut().zip(slopes) {
             *gradient += (slope * share * f64::from(*std)) as f32;
@@ -203,7 +203,7 @@ impl JointLoss {
     fn position(&self, frame: &[f32], joint: usize) -> Point {
         std::array::from_fn(|i| {
             let column = POSITIONS.start + 3 * joint + i;
-            let (mean, std) = (self.normaliser.mean()[column], self.normaliser.std()[column]);
+            let (mean, std) = (self.normaliser.mean[column], self.normaliser.std[column]);
             f64::from(frame[column]) * f64::from(std) + f64::from(mean)
         })
     }

@@ -5,7 +5,7 @@
 use burn::tensor::{Tensor, TensorData};
 
 use crate::motion::{POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW};
-use crate::tokenizer::axes::leading;
+use crate::tokenizer::axes::{host, leading};
 
 /// How much a feature counts for: near what MPJPE counts.
 const YAW_WEIGHT: f32 = 8.0;
@@ -125,10 +125,6 @@ fn eliminate(row: &mut [f64], others: &[Vec<f64>], factors: &[f64], pivot: f64) 
         row.iter_mut().zip(other).for_each(|(x, other)| *x -= factor * other);
     }
     row.iter_mut().for_each(|x| *x /= pivot);
-}
-
-fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().try_into_vec().expect("values are f32")
 }
 
 #[cfg(test)]

@@ -5,4 +5,4 @@ mod block;
 mod components;
 mod network;
 
-pub use network::{PatchConfig, PatchDecoder, PatchEncoder};
+pub use network::{PatchDecoder, PatchEncoder};

@@ -11,58 +11,15 @@ use super::components::{Components, Line, components, line};
 use crate::learn::layers::Affine;
 use crate::motion::POSITIONS;
 use crate::spec::PatchSpec;
-use crate::tokenizer::architecture::{AnyDecoder, AnyEncoder, Architecture, Decode, Encode};
+use crate::tokenizer::architecture::{Decode, Encode};
 use crate::tokenizer::pass::Pass;
 
 /// Dilations of blocks, over and over.
 const DILATIONS: [usize; 3] = [1, 2, 4];
 
-/// The shape of both halves.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PatchConfig {
-    pub sizes: PatchSpec,
-    pub n_features: usize,
-}
-
-impl PatchConfig {
-    fn blocks(&self, n: usize, rng: &mut ChaCha8Rng, device: &Device) -> Vec<Block> {
-        let dilations = DILATIONS.into_iter().cycle().take(n);
-        dilations.map(|dilation| Block::new(self.sizes.width, dilation, rng, device)).collect()
-    }
-
-    /// Features that the encoder's network sees: the root and the joints' positions.
-    fn n_seen(&self) -> usize {
-        POSITIONS.end.min(self.n_features)
-    }
-}
-
-impl Architecture for PatchConfig {
-    fn code_dim(&self) -> usize {
-        self.sizes.latent
-    }
-
-    fn encoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyEncoder {
-        let PatchSpec { width, frames, latent, encoder_blocks, .. } = self.sizes;
-        AnyEncoder::Patch(PatchEncoder {
-            components: Affine::new(frames * self.n_features, latent, rng, device).fixed(),
-            input: Affine::new(frames * self.n_seen(), width, rng, device),
-            blocks: self.blocks(encoder_blocks, rng, device),
-            output: Affine::zero(width, latent, device),
-            frames,
-            n_seen: self.n_seen(),
-        })
-    }
-
-    fn decoder(&self, rng: &mut ChaCha8Rng, device: &Device) -> AnyDecoder {
-        let PatchSpec { width, frames, latent, decoder_blocks, .. } = self.sizes;
-        AnyDecoder::Patch(PatchDecoder {
-            line: Affine::new(latent, frames * self.n_features, rng, device),
-            input: Affine::new(latent, width, rng, device),
-            blocks: self.blocks(decoder_blocks, rng, device),
-            output: Affine::zero(width, frames * self.n_features, device),
-            frames,
-        })
-    }
+fn blocks(n: usize, width: usize, rng: &mut ChaCha8Rng, device: &Device) -> Vec<Block> {
+    let dilations = DILATIONS.into_iter().cycle().take(n);
+    dilations.map(|dilation| Block::new(width, dilation, rng, device)).collect()
 }
 
 /// Principal components of each patch, and what a network adds to them.
@@ -76,6 +33,27 @@ pub struct PatchEncoder {
     frames: usize,
     #[module(skip)]
     n_seen: usize,
+}
+
+impl PatchEncoder {
+    /// Fresh weights; the network sees the root and the joints' positions.
+    pub fn new(
+        sizes: &PatchSpec,
+        n_features: usize,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        let &PatchSpec { width, frames, latent, encoder_blocks, .. } = sizes;
+        let n_seen = POSITIONS.end.min(n_features);
+        Self {
+            components: Affine::new(frames * n_features, latent, rng, device).fixed(),
+            input: Affine::new(frames * n_seen, width, rng, device),
+            blocks: blocks(encoder_blocks, width, rng, device),
+            output: Affine::zero(width, latent, device),
+            frames,
+            n_seen,
+        }
+    }
 }
 
 impl Encode for PatchEncoder {
@@ -106,6 +84,25 @@ pub struct PatchDecoder {
     output: Affine,
     #[module(skip)]
     frames: usize,
+}
+
+impl PatchDecoder {
+    /// Fresh weights.
+    pub fn new(
+        sizes: &PatchSpec,
+        n_features: usize,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        let &PatchSpec { width, frames, latent, decoder_blocks, .. } = sizes;
+        Self {
+            line: Affine::new(latent, frames * n_features, rng, device),
+            input: Affine::new(latent, width, rng, device),
+            blocks: blocks(decoder_blocks, width, rng, device),
+            output: Affine::zero(width, frames * n_features, device),
+            frames,
+        }
+    }
 }
 
 impl Decode for PatchDecoder {

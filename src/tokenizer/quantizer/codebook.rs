@@ -6,9 +6,9 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Extent, Fsq, Quantized, Quantizer, Vq};
-use crate::learn::{LearnerState, LoadedState};
+use super::{Fsq, Quantizer, Vq};
 use crate::spec::{CodebookSpec, TokenizerTraining};
+use crate::tokenizer::architecture::stands_for;
 
 /// A codebook of either kind.
 #[derive(Module, Debug)]
@@ -30,8 +30,9 @@ impl Codebook {
         match spec {
             CodebookSpec::Fsq { levels } => Self::Fsq(Fsq::new(levels, code_dim, rng, device)),
             CodebookSpec::Vq { n_vocab } => {
-                let vq = Vq::new(*n_vocab, code_dim, training, rng, device);
-                Self::Vq(vq.comparing_directions(cosine))
+                let mut vq = Vq::new(*n_vocab, code_dim, training, rng, device);
+                vq.cosine = cosine;
+                Self::Vq(vq)
             }
         }
     }
@@ -76,60 +77,4 @@ impl Codebook {
     }
 }
 
-impl Quantizer for Codebook {
-    fn begin(&mut self, latents_nc: &Tensor<2>) {
-        match self {
-            Self::Fsq(fsq) => fsq.begin(latents_nc),
-            Self::Vq(vq) => vq.begin(latents_nc),
-        }
-    }
-
-    fn quantize(&mut self, latents_btc: Tensor<3>) -> Quantized {
-        match self {
-            Self::Fsq(fsq) => fsq.quantize(latents_btc),
-            Self::Vq(vq) => vq.quantize(latents_btc),
-        }
-    }
-
-    fn ids(&self, latents_btc: Tensor<3>) -> Vec<u32> {
-        match self {
-            Self::Fsq(fsq) => fsq.ids(latents_btc),
-            Self::Vq(vq) => vq.ids(latents_btc),
-        }
-    }
-
-    fn codebooks(&self) -> Vec<Tensor<2>> {
-        match self {
-            Self::Fsq(fsq) => fsq.codebooks(),
-            Self::Vq(vq) => vq.codebooks(),
-        }
-    }
-
-    fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
-        match self {
-            Self::Fsq(fsq) => fsq.sums(ids, extent),
-            Self::Vq(vq) => vq.sums(ids, extent),
-        }
-    }
-
-    fn keys(&self) -> Vec<[u8; 32]> {
-        match self {
-            Self::Fsq(fsq) => fsq.keys(),
-            Self::Vq(vq) => vq.keys(),
-        }
-    }
-
-    fn keep(&self) -> LearnerState {
-        match self {
-            Self::Fsq(fsq) => fsq.keep(),
-            Self::Vq(vq) => vq.keep(),
-        }
-    }
-
-    fn resume(&mut self, saved: LoadedState) -> Option<()> {
-        match self {
-            Self::Fsq(fsq) => fsq.resume(saved),
-            Self::Vq(vq) => vq.resume(saved),
-        }
-    }
-}
+stands_for!(Codebook, Quantizer: Fsq, Vq);

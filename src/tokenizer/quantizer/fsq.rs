@@ -15,7 +15,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
-use super::{Extent, Quantized, Quantizer, clips, rows, straight_through};
+use super::{Extent, Quantized, Quantizer, begin_projections, clips, rows, straight_through};
 use crate::learn::layers::Affine;
 use crate::spec::{digits_of_index, index_of_digits, n_codes};
 
@@ -96,17 +96,10 @@ impl Quantizer for Fsq {
     /// Each dimension begins as a channel of its own, the first channels first, with the outermost codes
     /// at 1.3 deviations.
     fn begin(&mut self, latents_nc: &Tensor<2>) {
-        let [n, c] = latents_nc.dims();
-        let d = self.levels.len();
-        let squares = (latents_nc.clone() * latents_nc.clone()).sum_dim(0) / n as f64;
-        let deviations: Vec<f32> = squares.sqrt().into_data().try_into_vec().expect("f32");
-        let (mut inward, mut outward) = (vec![0.0; c * d], vec![0.0; d * c]);
-        for (i, deviation) in deviations.iter().take(d).enumerate() {
-            inward[i * d + i] = 1.0 / deviation.max(f32::MIN_POSITIVE);
-            outward[i * c + i] = OUTERMOST * deviation;
-        }
-        self.project_in.set(inward, vec![0.0; d]);
-        self.project_out.set(outward, vec![0.0; c]);
+        let projections = [&mut self.project_in, &mut self.project_out];
+        begin_projections(projections, latents_nc, |deviation| {
+            [1.0 / deviation.max(f32::MIN_POSITIVE), OUTERMOST * deviation]
+        });
     }
 
     fn quantize(&mut self, latents_btc: Tensor<3>) -> Quantized {

@@ -19,8 +19,6 @@ mod smoothing;
 mod states;
 mod vq;
 
-use std::ops::{Deref, DerefMut};
-
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
@@ -33,8 +31,10 @@ pub use residual_fsq::ResidualFsq;
 pub use residual_vq::ResidualVq;
 pub use vq::Vq;
 
+use crate::learn::layers::Affine;
 use crate::learn::{LearnerState, LoadedState};
 use crate::spec::{CodebookSpec, QuantizerSpec, TokenizerSpec};
+use crate::tokenizer::architecture::stands_for;
 
 /// A map from the latents of clips to the codes of a [`Grid`](crate::codes::Grid).
 ///
@@ -139,30 +139,36 @@ pub fn init(
     }
 }
 
-impl Deref for AnyQuantizer {
-    type Target = dyn Quantizer;
+stands_for!(AnyQuantizer, Quantizer: Fsq, Vq, ResidualFsq, ResidualVq, Multiscale);
 
-    fn deref(&self) -> &Self::Target {
-        match self {
-            AnyQuantizer::Fsq(fsq) => fsq,
-            AnyQuantizer::Vq(vq) => vq,
-            AnyQuantizer::ResidualFsq(residual) => residual,
-            AnyQuantizer::ResidualVq(residual) => residual,
-            AnyQuantizer::Multiscale(multiscale) => multiscale,
-        }
-    }
+/// The sums of the first, the first two, and so on. The first is added to zeros, so that a code of −0
+/// has the bits that it has in training.
+fn running_sums<const D: usize>(
+    parts: impl Iterator<Item = Tensor<D>>,
+) -> impl Iterator<Item = Tensor<D>> {
+    parts.scan(None, |sum: &mut Option<Tensor<D>>, part| {
+        let before = sum.take().unwrap_or_else(|| part.zeros_like());
+        Some(sum.insert(before + part).clone())
+    })
 }
 
-impl DerefMut for AnyQuantizer {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        match self {
-            AnyQuantizer::Fsq(fsq) => fsq,
-            AnyQuantizer::Vq(vq) => vq,
-            AnyQuantizer::ResidualFsq(residual) => residual,
-            AnyQuantizer::ResidualVq(residual) => residual,
-            AnyQuantizer::Multiscale(multiscale) => multiscale,
-        }
+/// Begins the projections of scalar quantization: each dimension as a channel of its own, the first
+/// channels first, times `factors` of its deviation on the way in and on the way out.
+fn begin_projections(
+    [project_in, project_out]: [&mut Affine; 2],
+    latents_nc: &Tensor<2>,
+    factors: impl Fn(f32) -> [f32; 2],
+) {
+    let [n, c] = latents_nc.dims();
+    let d = project_in.channels_out();
+    let squares = (latents_nc.clone() * latents_nc.clone()).sum_dim(0) / n as f64;
+    let deviations: Vec<f32> = squares.sqrt().into_data().try_into_vec().expect("f32");
+    let (mut inward, mut outward) = (vec![0.0; c * d], vec![0.0; d * c]);
+    for (i, deviation) in deviations.into_iter().take(d).enumerate() {
+        [inward[i * d + i], outward[i * c + i]] = factors(deviation);
     }
+    project_in.set(inward, vec![0.0; d]);
+    project_out.set(outward, vec![0.0; c]);
 }
 
 /// Latents of all clips as rows, `[b·t, c]`.

@@ -24,8 +24,8 @@ use super::codebook::Codebook;
 use super::order::{by_clip, by_scale};
 use super::smoothing::Smoothing;
 use super::{
-    Extent, Quantized, Quantizer, area_down, clips, linear_up, mean_square, rows, states,
-    straight_through,
+    Extent, Quantized, Quantizer, area_down, clips, linear_up, mean_square, rows, running_sums,
+    states, straight_through,
 };
 use crate::learn::{LearnerState, LoadedState};
 use crate::spec::{MultiscaleSpec, TokenizerTraining};
@@ -123,29 +123,25 @@ impl Quantizer for Multiscale {
     }
 
     fn codebooks(&self) -> Vec<Tensor<2>> {
-        self.codebooks.iter().flat_map(Quantizer::codebooks).collect()
+        self.codebooks.iter().flat_map(|codebook| codebook.codebooks()).collect()
     }
 
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         let scales = by_scale(ids, &self.scales, extent.n_clips);
-        let add = |sum_btc: &mut Option<Tensor<3>>, (n, own): (usize, &Vec<u32>)| {
-            let added_btc = self.added(n, self.codebooks[n].rows_of(own), extent);
-            let before_btc = sum_btc.take().unwrap_or_else(|| added_btc.zeros_like());
-            *sum_btc = Some(before_btc + added_btc);
-            sum_btc.clone()
-        };
-        scales.iter().enumerate().scan(None, add).collect()
+        let added =
+            |(n, own): (usize, &Vec<u32>)| self.added(n, self.codebooks[n].rows_of(own), extent);
+        running_sums(scales.iter().enumerate().map(added)).collect()
     }
 
     fn keys(&self) -> Vec<[u8; 32]> {
-        self.codebooks.iter().flat_map(Quantizer::keys).collect()
+        self.codebooks.iter().flat_map(|codebook| codebook.keys()).collect()
     }
 
     fn keep(&self) -> LearnerState {
-        states::keep(&self.codebooks, serde_json::Value::Null)
+        states::keep(self.codebooks.iter().map(|codebook| &**codebook), serde_json::Value::Null)
     }
 
     fn resume(&mut self, saved: LoadedState) -> Option<()> {
-        states::resume(&mut self.codebooks, saved).map(|_| ())
+        states::resume(self.codebooks.iter_mut().map(|codebook| &mut **codebook), saved).map(|_| ())
     }
 }

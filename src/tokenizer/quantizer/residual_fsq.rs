@@ -18,7 +18,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::dropout::Dropout;
 use super::order::{by_clip, by_scale};
-use super::{Extent, Quantized, Quantizer, clips, rows, straight_through};
+use super::{
+    Extent, Quantized, Quantizer, begin_projections, clips, rows, running_sums, straight_through,
+};
 use crate::learn::layers::Affine;
 use crate::learn::{LearnerState, LoadedState};
 use crate::spec::{ResidualSpec, digits_of_index, index_of_digits, n_codes};
@@ -99,18 +101,11 @@ impl ResidualFsq {
 impl Quantizer for ResidualFsq {
     /// Each dimension begins as a channel of its own, the first channels first.
     fn begin(&mut self, latents_nc: &Tensor<2>) {
-        let [n, c] = latents_nc.dims();
-        let d = self.levels.len();
-        let squares = (latents_nc.clone() * latents_nc.clone()).sum_dim(0) / n as f64;
-        let deviations: Vec<f32> = squares.sqrt().into_data().try_into_vec().expect("f32");
-        let (mut inward, mut outward) = (vec![0.0; c * d], vec![0.0; d * c]);
-        for (i, deviation) in deviations.iter().take(d).enumerate() {
+        let projections = [&mut self.project_in, &mut self.project_out];
+        begin_projections(projections, latents_nc, |deviation| {
             let spread = SPREAD * deviation.max(f32::MIN_POSITIVE);
-            inward[i * d + i] = 1.0 / spread;
-            outward[i * c + i] = spread;
-        }
-        self.project_in.set(inward, vec![0.0; d]);
-        self.project_out.set(outward, vec![0.0; c]);
+            [1.0 / spread, spread]
+        });
     }
 
     fn quantize(&mut self, latents_btc: Tensor<3>) -> Quantized {
@@ -151,14 +146,10 @@ impl Quantizer for ResidualFsq {
 
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         let scales = by_scale(ids, &self.lengths(extent.n_latents), extent.n_clips);
-        let add = |sum_nd: &mut Option<Tensor<2>>, (i, own): (usize, &Vec<u32>)| {
-            let code_nd = self.codes(self.digits_of_ids(own), i);
-            let before_nd = sum_nd.take().unwrap_or_else(|| code_nd.zeros_like());
-            *sum_nd = Some(before_nd + code_nd);
-            let sum_nd = sum_nd.clone()?;
-            Some(clips(self.project_out.forward(sum_nd), extent.n_clips))
-        };
-        scales.iter().enumerate().scan(None, add).collect()
+        let codes =
+            scales.iter().enumerate().map(|(i, own)| self.codes(self.digits_of_ids(own), i));
+        let embedded = |sum_nd| clips(self.project_out.forward(sum_nd), extent.n_clips);
+        running_sums(codes).map(embedded).collect()
     }
 
     fn keep(&self) -> LearnerState {

@@ -18,7 +18,10 @@ use rand_chacha::ChaCha8Rng;
 
 use super::dropout::Dropout;
 use super::order::{by_clip, by_scale};
-use super::{Extent, Quantized, Quantizer, Vq, clips, mean_square, rows, states, straight_through};
+use super::{
+    Extent, Quantized, Quantizer, Vq, clips, mean_square, rows, running_sums, states,
+    straight_through,
+};
 use crate::learn::{LearnerState, LoadedState};
 use crate::spec::{ResidualSpec, TokenizerTraining};
 
@@ -107,22 +110,16 @@ impl Quantizer for ResidualVq {
     fn sums(&self, ids: &[u32], extent: Extent) -> Vec<Tensor<3>> {
         let lengths = self.lengths(extent.n_latents);
         let scales = by_scale(ids, &lengths, extent.n_clips);
-        let add = |sum_nc: &mut Option<Tensor<2>>, (layer, own): (&Vq, &Vec<u32>)| {
-            let code_nc = layer.rows_of(own);
-            // The first is added to zeros, so that a code of −0 has the bits that it has in training.
-            let before_nc = sum_nc.take().unwrap_or_else(|| code_nc.zeros_like());
-            *sum_nc = Some(before_nc + code_nc);
-            sum_nc.clone().map(|sum_nc| clips(sum_nc, extent.n_clips))
-        };
-        self.layers.iter().zip(&scales).scan(None, add).collect()
+        let codes = self.layers.iter().zip(&scales).map(|(layer, own)| layer.rows_of(own));
+        running_sums(codes).map(|sum_nc| clips(sum_nc, extent.n_clips)).collect()
     }
 
     fn keep(&self) -> LearnerState {
-        states::keep(&self.layers, self.dropout.keep())
+        states::keep(self.layers.iter().map(|layer| layer as _), self.dropout.keep())
     }
 
     fn resume(&mut self, saved: LoadedState) -> Option<()> {
-        let note = states::resume(&mut self.layers, saved)?;
+        let note = states::resume(self.layers.iter_mut().map(|layer| layer as _), saved)?;
         self.dropout.resume(&note)
     }
 }

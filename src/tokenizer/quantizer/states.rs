@@ -6,13 +6,13 @@ use super::Quantizer;
 use crate::learn::{LearnerState, LoadedState};
 
 /// The states of `parts` as one, with `note` beside theirs.
-pub fn keep<'a, Q: Quantizer + 'a>(
-    parts: impl IntoIterator<Item = &'a Q>,
+pub fn keep<'a>(
+    parts: impl Iterator<Item = &'a (dyn Quantizer + 'static)>,
     note: Value,
 ) -> LearnerState {
     let mut all = LearnerState::default();
     let mut notes = Vec::new();
-    for (i, part) in parts.into_iter().enumerate() {
+    for (i, part) in parts.enumerate() {
         let LearnerState { note, tensors } = part.keep();
         notes.push(note);
         all.tensors.extend(tensors.into_iter().map(|(name, x)| (format!("{i}.{name}"), x)));
@@ -22,11 +22,11 @@ pub fn keep<'a, Q: Quantizer + 'a>(
 }
 
 /// Gives each part its own of what [`keep`] gave, and returns the note; `None` where it is not that.
-pub fn resume<'a, Q: Quantizer + 'a>(
-    parts: impl IntoIterator<Item = &'a mut Q>,
+pub fn resume<'a>(
+    parts: impl Iterator<Item = &'a mut (dyn Quantizer + 'static)>,
     mut saved: LoadedState,
 ) -> Option<Value> {
-    for (i, part) in parts.into_iter().enumerate() {
+    for (i, part) in parts.enumerate() {
         let prefix = format!("{i}.");
         let own = saved.tensors.iter().filter_map(|(name, tensor)| {
             Some((name.strip_prefix(&prefix)?.to_string(), tensor.clone()))

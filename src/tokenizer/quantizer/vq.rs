@@ -25,6 +25,7 @@ use super::{Extent, Quantized, Quantizer, clips, mean_square, rows, straight_thr
 use crate::learn::{LearnerState, LoadedState};
 use crate::ops::nearest;
 use crate::spec::TokenizerTraining;
+use crate::tokenizer::axes::host;
 
 /// A learned codebook.
 #[derive(Module, Debug)]
@@ -36,7 +37,7 @@ pub struct Vq {
     commitment: f64,
     /// Whether latents and codes are compared by direction.
     #[module(skip)]
-    cosine: bool,
+    pub cosine: bool,
     #[module(skip)]
     averages: Averages,
 }
@@ -61,11 +62,6 @@ impl Vq {
         }
     }
 
-    /// The same, with latents and codes compared by direction where `cosine`.
-    pub fn comparing_directions(self, cosine: bool) -> Self {
-        Self { cosine, ..self }
-    }
-
     fn set_codebook(&mut self, codes: Vec<f32>) {
         let data = TensorData::new(codes, self.codebook.dims());
         let codes = Tensor::from_data(data, &self.codebook.device());
@@ -80,14 +76,14 @@ impl Vq {
     /// Places the codes at the first latents of a batch, unless they have been placed.
     pub fn place(&mut self, latents_nc: &Tensor<2>) {
         if !self.is_placed() {
-            let codes = self.averages.start(&on_host(latents_nc));
+            let codes = self.averages.start(&host(latents_nc.clone()));
             self.set_codebook(codes);
         }
     }
 
     /// Moves the codes after a batch of latents, each of which has taken a code.
     pub fn follow(&mut self, latents_nc: &Tensor<2>, ids: &[u32]) {
-        let codes = self.averages.follow(&on_host(latents_nc), ids);
+        let codes = self.averages.follow(&host(latents_nc.clone()), ids);
         self.set_codebook(codes);
     }
 
@@ -114,10 +110,6 @@ impl Vq {
         self.follow(latents_nc, &ids);
         embedded_nc
     }
-}
-
-fn on_host(latents_nc: &Tensor<2>) -> Vec<f32> {
-    latents_nc.clone().into_data().try_into_vec().expect("latents are f32")
 }
 
 impl Quantizer for Vq {

@@ -1,32 +1,17 @@
-//! [`TransformerConfig`]: the sizes of both halves, and how their weights begin.
+//! Which halves see captions, and how weights begin.
 
 use burn::module::Param;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use crate::learn::params::normal;
-use crate::motion::POSITIONS;
 use crate::spec::{LanguageSpec, TransformerSpec};
 
-/// The shape of both halves.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TransformerConfig {
-    pub sizes: TransformerSpec,
-    pub n_features: usize,
-}
-
-impl TransformerConfig {
-    /// Features that the encoder sees: the root and the joints' positions, as in LG-Tok.
-    pub(super) fn n_seen(&self) -> usize {
-        POSITIONS.end.min(self.n_features)
-    }
-
-    /// The language of the tokenizer and that of the detokenizer.
-    pub(super) fn languages(&self) -> [Option<&LanguageSpec>; 2] {
-        let language = self.sizes.language.as_ref();
-        let places = language.map_or([false; 2], LanguageSpec::places);
-        places.map(|sees| language.filter(|_| sees))
-    }
+/// The language of the tokenizer and that of the detokenizer.
+pub fn languages(sizes: &TransformerSpec) -> [Option<&LanguageSpec>; 2] {
+    let language = sizes.language.as_ref();
+    let places = language.map_or([false; 2], LanguageSpec::places);
+    places.map(|sees| language.filter(|_| sees))
 }
 
 /// The deviation of a layer's weights at the beginning: LG-Tok's 0.02 at its width of 256, with

@@ -7,14 +7,14 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::attention::Memory;
-use super::config::{TransformerConfig, deviation, learned_rows};
+use super::config::{deviation, languages, learned_rows};
 use super::layer::{Crossing, Layers, Seen};
 use super::linear::Linear;
-use super::packing::{Packing, Places, pieces};
+use super::packing::{Packing, Places, by_pieces};
 use crate::learn::layers::Conv1d;
 use crate::learn::params::constant;
 use crate::ops::{CrossLayout, CrossOptions, Kernels, Rope};
-use crate::spec::{Detokenizer, Positions};
+use crate::spec::{Detokenizer, Positions, TransformerSpec};
 use crate::tokenizer::architecture::Decode;
 use crate::tokenizer::pass::Pass;
 
@@ -37,19 +37,18 @@ pub struct TransformerDecoder {
     #[module(skip)]
     kind: Detokenizer,
     #[module(skip)]
-    n_head: usize,
-    #[module(skip)]
-    frames: usize,
-    #[module(skip)]
-    most_latents: usize,
-    #[module(skip)]
     places: Places,
 }
 
 impl TransformerDecoder {
     /// Fresh weights; learned positions begin at 0.
-    pub fn new(config: &TransformerConfig, rng: &mut ChaCha8Rng, device: &Device) -> Self {
-        let (sizes, [_, language]) = (&config.sizes, config.languages());
+    pub fn new(
+        sizes: &TransformerSpec,
+        n_features: usize,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        let [_, language] = languages(sizes);
         let (width, std) = (sizes.width, deviation(sizes.width));
         let kind = sizes.detokenizer;
         let crosses = kind == Detokenizer::Cross;
@@ -63,11 +62,8 @@ impl TransformerDecoder {
             latent_positions: positions(sizes.most_latents()),
             text: language.map(|read| Linear::new([read.dim, width], std, rng, device)),
             layers: Layers::new(sizes, crossing, rng, device),
-            output: Linear::new([width, config.n_features], std, rng, device),
+            output: Linear::new([width, n_features], std, rng, device),
             kind,
-            n_head: sizes.heads,
-            frames: sizes.frames,
-            most_latents: sizes.most_latents(),
             places: Places::of(sizes, language.is_some()),
         }
     }
@@ -75,28 +71,28 @@ impl TransformerDecoder {
     /// The frames of clips that are seen at once: `[b, t, c]` to `[b, f, features]`.
     fn piece(&self, latents_btc: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
         let [b, t, _] = latents_btc.dims();
-        let f = t * self.frames;
+        let (f, n_head) = (t * self.places.frames, self.places.heads);
         let latents_nd = self.latents(latents_btc);
         let queries_nd = self.queries(b, f);
         let (words, text_nd) = self.words(b, pass);
         let rows_nd = match self.kind {
             Detokenizer::Cross => {
-                let packing = Packing::new([0, f], &vec![0; b], &self.places, self.n_head);
+                let packing = Packing::new([0, f], &vec![0; b], &self.places);
                 let memory = |rows_md, counts: &[usize], ropes| {
                     let layout = Arc::new(CrossLayout::new(&vec![f; b], counts));
-                    Memory { rows_md, options: CrossOptions { n_head: self.n_head, layout, ropes } }
+                    Memory { rows_md, options: CrossOptions { n_head, layout, ropes } }
                 };
                 let seen = Seen {
-                    options: packing.options(),
+                    options: packing.options.clone(),
                     latents: Some(memory(latents_nd, &vec![t; b], self.ropes(t, f))),
                     text: text_nd.map(|text_md| memory(text_md, &words, None)),
                 };
                 self.layers.forward(queries_nd, &seen, pass)
             }
             Detokenizer::Context => {
-                let packing = Packing::new([t, f], &words, &self.places, self.n_head);
+                let packing = Packing::new([t, f], &words, &self.places);
                 let rows = [latents_nd, queries_nd].into_iter().chain(text_nd).collect();
-                let seen = Seen { options: packing.options(), latents: None, text: None };
+                let seen = Seen { options: packing.options.clone(), latents: None, text: None };
                 packing.frames(self.layers.forward(packing.pack(rows), &seen, pass))
             }
         };
@@ -167,12 +163,6 @@ impl TransformerDecoder {
 
 impl Decode for TransformerDecoder {
     fn forward(&self, latents_btc: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
-        let n = latents_btc.dims()[1];
-        let mut start = 0;
-        let pieces = pieces(n, self.most_latents).map(|latents| {
-            start += latents;
-            self.piece(latents_btc.clone().narrow(1, start - latents, latents), pass)
-        });
-        Tensor::cat(pieces.collect(), 1)
+        by_pieces(latents_btc, self.places.latents, 1, |part_btc| self.piece(part_btc, pass))
     }
 }

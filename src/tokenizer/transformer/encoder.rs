@@ -4,11 +4,13 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::config::{TransformerConfig, deviation, learned_rows};
+use super::config::{deviation, languages, learned_rows};
 use super::layer::{Crossing, Layers, Seen};
 use super::linear::Linear;
-use super::packing::{Packing, Places, pieces};
+use super::packing::{Packing, Places, by_pieces};
 use crate::learn::layers::Conv1d;
+use crate::motion::POSITIONS;
+use crate::spec::TransformerSpec;
 use crate::tokenizer::architecture::Encode;
 use crate::tokenizer::pass::Pass;
 
@@ -27,27 +29,26 @@ pub struct TransformerEncoder {
     #[module(skip)]
     n_seen: usize,
     #[module(skip)]
-    n_head: usize,
-    #[module(skip)]
-    frames: usize,
-    #[module(skip)]
     places: Places,
 }
 
 impl TransformerEncoder {
-    /// Fresh weights.
-    pub fn new(config: &TransformerConfig, rng: &mut ChaCha8Rng, device: &Device) -> Self {
-        let (sizes, [language, _]) = (&config.sizes, config.languages());
+    /// Fresh weights, that see the root and the joints' positions, as in LG-Tok.
+    pub fn new(
+        sizes: &TransformerSpec,
+        n_features: usize,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        let ([language, _], n_seen) = (languages(sizes), POSITIONS.end.min(n_features));
         let (width, std) = (sizes.width, deviation(sizes.width));
         Self {
-            motion: Linear::new([config.n_seen(), width], std, rng, device),
+            motion: Linear::new([n_seen, width], std, rng, device),
             latents: learned_rows([sizes.most_latents(), width], rng, device),
             text: language.map(|read| Linear::new([read.dim, width], std, rng, device)),
             layers: Layers::new(sizes, Crossing::default(), rng, device),
             output: Conv1d::same([width, sizes.latent], 1, rng, device),
-            n_seen: config.n_seen(),
-            n_head: sizes.heads,
-            frames: sizes.frames,
+            n_seen,
             places: Places::of(sizes, language.is_some()),
         }
     }
@@ -55,15 +56,15 @@ impl TransformerEncoder {
     /// The latents of clips that are seen at once: `[b, f, seen features]` to `[b, t, c]`.
     fn piece(&self, x_bfs: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
         let [b, f, s] = x_bfs.dims();
-        let t = f / self.frames;
+        let t = f / self.places.frames;
         let latents_td = self.latents.val().narrow(0, 0, t);
         let d = latents_td.dims()[1];
         let latents_nd = latents_td.unsqueeze::<3>().expand([b, t, d]).reshape([b * t, d]);
         let mut rows = vec![latents_nd, self.motion.forward(x_bfs.reshape([b * f, s]))];
         let (words, text_nd) = self.words(b, pass);
         rows.extend(text_nd);
-        let packing = Packing::new([t, f], &words, &self.places, self.n_head);
-        let seen = Seen { options: packing.options(), latents: None, text: None };
+        let packing = Packing::new([t, f], &words, &self.places);
+        let seen = Seen { options: packing.options.clone(), latents: None, text: None };
         let rows_nd = self.layers.forward(packing.pack(rows), &seen, pass);
         self.output.forward(packing.latents(rows_nd).reshape([b, t, d]))
     }
@@ -81,14 +82,8 @@ impl TransformerEncoder {
 
 impl Encode for TransformerEncoder {
     fn forward(&self, x_btf: Tensor<3>, pass: &mut Pass) -> Tensor<3> {
+        let Places { latents, frames, .. } = self.places;
         let seen = x_btf.narrow(2, 0, self.n_seen);
-        let n = seen.dims()[1] / self.frames;
-        let mut start = 0;
-        let pieces = pieces(n, self.latents.dims()[0]).map(|latents| {
-            let frames = latents * self.frames;
-            start += frames;
-            self.piece(seen.clone().narrow(1, start - frames, frames), pass)
-        });
-        Tensor::cat(pieces.collect(), 1)
+        by_pieces(seen, latents, frames, |x_bfs| self.piece(x_bfs, pass))
     }
 }

@@ -20,10 +20,8 @@ mod decoder;
 mod encoder;
 mod layer;
 mod linear;
-mod network;
 mod packing;
 
-pub use config::TransformerConfig;
 pub use decoder::TransformerDecoder;
 pub use encoder::TransformerEncoder;
 

@@ -21,13 +21,14 @@ pub const ROPE_BASE: f64 = 100.0;
 /// together, a latent at the middle of its frames.
 #[derive(Clone, Debug)]
 pub struct Places {
+    pub heads: usize,
     head_dim: usize,
     /// Places kept for words.
     words: usize,
-    /// Places kept for latents.
-    latents: usize,
+    /// Places kept for latents: most of a piece.
+    pub latents: usize,
     /// Frames of a latent.
-    frames: usize,
+    pub frames: usize,
     positions: Positions,
 }
 
@@ -36,6 +37,7 @@ impl Places {
     pub fn of(sizes: &TransformerSpec, sees_text: bool) -> Self {
         let longest = sizes.language.as_ref().map_or(0, |language| language.max_tokens);
         Self {
+            heads: sizes.heads,
             head_dim: sizes.width / sizes.heads,
             words: if sees_text { longest } else { 0 },
             latents: sizes.most_latents(),
@@ -83,21 +85,15 @@ impl Places {
 pub struct Packing {
     n_latents: usize,
     n_frames: usize,
-    layout: Arc<SequenceLayout>,
-    rope: Arc<Rope>,
-    n_head: usize,
+    /// What attention over the rows is told.
+    pub options: AttentionOptions,
     /// For each row, where it stands among all latents, all frames, then all words.
     order: Arc<[u32]>,
 }
 
 impl Packing {
     /// Packs clips; `words` has one entry a clip.
-    pub fn new(
-        [n_latents, n_frames]: [usize; 2],
-        words: &[usize],
-        places: &Places,
-        n_head: usize,
-    ) -> Self {
+    pub fn new([n_latents, n_frames]: [usize; 2], words: &[usize], places: &Places) -> Self {
         let b = words.len();
         let lengths: Vec<usize> = words.iter().map(|words| n_latents + n_frames + words).collect();
         let layout = SequenceLayout::new(&lengths, &lengths).expect("clips have frames");
@@ -110,20 +106,11 @@ impl Packing {
             word += words;
         }
         let longest = words.iter().copied().max().unwrap_or(0);
-        Self {
-            n_latents,
-            n_frames,
-            layout: Arc::new(layout),
-            rope: Arc::new(places.rope(n_latents, n_frames, longest)),
-            n_head,
-            order: order.into_iter().map(|row| row as u32).collect(),
-        }
-    }
-
-    /// What attention over the rows is told.
-    pub fn options(&self) -> AttentionOptions {
-        let (layout, rope) = (self.layout.clone(), self.rope.clone());
-        AttentionOptions { n_head: self.n_head, layout, rope, epsilon: EPSILON }
+        let (layout, rope) =
+            (Arc::new(layout), Arc::new(places.rope(n_latents, n_frames, longest)));
+        let options = AttentionOptions { n_head: places.heads, layout, rope, epsilon: EPSILON };
+        let order = order.into_iter().map(|row| row as u32).collect();
+        Self { n_latents, n_frames, options, order }
     }
 
     /// All latents `[b·t, d]`, all frames `[b·f, d]` and all words, those that there are, into rows
@@ -144,14 +131,32 @@ impl Packing {
     }
 
     fn pick(&self, rows_nd: Tensor<2>, part: Range<usize>) -> Tensor<2> {
-        let clips = (0..self.layout.n_sequences()).map(|clip| self.layout.rows(clip).start);
+        let layout = &self.options.layout;
+        let clips = (0..layout.n_sequences()).map(|clip| layout.rows(clip).start);
         let rows = clips.flat_map(|start| part.clone().map(move |i| (start + i) as u32));
         Kernels::for_device(&rows_nd.device()).select_rows(rows_nd, &rows.collect())
     }
 }
 
+/// What `of` makes of clips piece by piece, of `most` latents or fewer each; a latent stands for `stride`
+/// rows of a clip.
+pub fn by_pieces(
+    x_btc: Tensor<3>,
+    most: usize,
+    stride: usize,
+    mut of: impl FnMut(Tensor<3>) -> Tensor<3>,
+) -> Tensor<3> {
+    let mut start = 0;
+    let pieces = pieces(x_btc.dims()[1] / stride, most).map(|latents| {
+        let rows = latents * stride;
+        start += rows;
+        of(x_btc.clone().narrow(1, start - rows, rows))
+    });
+    Tensor::cat(pieces.collect(), 1)
+}
+
 /// The sizes of as few pieces of `n` latents as have `most` or fewer each, as equal as may be.
-pub fn pieces(n: usize, most: usize) -> impl Iterator<Item = usize> {
+fn pieces(n: usize, most: usize) -> impl Iterator<Item = usize> {
     let count = n.div_ceil(most).max(1);
     (0..count).map(move |i| n * (i + 1) / count - n * i / count)
 }
@@ -168,7 +173,7 @@ mod tests {
     #[test]
     fn rows_come_back_from_where_they_were_packed() {
         let places = Places::of(&sizes(Positions::Learned), false);
-        let packing = Packing::new([2, 3], &[1, 0, 2], &places, 2);
+        let packing = Packing::new([2, 3], &[1, 0, 2], &places);
         let rows = |from: usize, n: usize| {
             let values: Vec<f32> = (from..from + n).map(|x| x as f32).collect();
             Tensor::<2>::from_data(TensorData::new(values, [n, 1]), &Device::flex())

@@ -3,8 +3,8 @@
 
 use std::ops::Range;
 
-use super::head_rows::{HeadRows, load, store};
-use super::rotation::rotate_back;
+use super::head_rows::HeadRows;
+use super::rotation::{rotate, rotate_back};
 use super::sight::Sight;
 use super::softmax::{self, Statistics, Tile};
 use super::{Heads, Workspace};
@@ -35,7 +35,8 @@ vectorised! {
             sum_by_keys_and_values::<L>(work, &head);
             let to = (&mut *qkv, head.part(1));
             rotate_back::<L>(to, &work.grad_keys, 0..head.len, angles, 1.0);
-            store::<L>((qkv, head.part(2)), 0..head.len, &work.grad_values);
+            let to = (&mut *qkv, head.part(2));
+            rotate_back::<L>(to, &work.grad_values, 0..head.len, None, 1.0);
         }
     }
 }
@@ -50,7 +51,7 @@ pub fn load_gradient<L: Lanes>(
     let (queries, keys, head_dim) = (sight.n_queries(), sight.n_keys(), sight.head_dim());
     work.values_across.set_transposed::<L>(&work.values, keys, head_dim);
     work.output.resize(queries, head_dim);
-    load::<L>(&mut work.output, gradient, queries);
+    rotate::<L>(&mut work.output, gradient, 0..queries, None, 1.0);
     work.weights.resize(queries, keys);
     work.grad_scores.resize(queries, keys);
     work.grad_queries.resize(ROWS, head_dim);

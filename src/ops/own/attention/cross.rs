@@ -2,7 +2,7 @@
 
 use super::backward::{differentiate, load_gradient, sum_by_keys_and_values};
 use super::forward::mix;
-use super::head_rows::{HeadRows, load, store};
+use super::head_rows::HeadRows;
 use super::rotation::{Angles, rotate, rotate_back};
 use super::sight::Sight;
 use super::softmax::Statistics;
@@ -166,7 +166,8 @@ vectorised! {
             sum_by_keys_and_values::<L>(&mut work, &head);
             let (keys, rows) = ((&mut *by_memory, head.memory(0)), 0..head.n_keys());
             rotate_back::<L>(keys, &work.grad_keys, rows.clone(), of_keys, 1.0);
-            store::<L>((&mut *by_memory, head.memory(1)), rows, &work.grad_values);
+            let values = (&mut *by_memory, head.memory(1));
+            rotate_back::<L>(values, &work.grad_values, rows, None, 1.0);
         }
     }
 }
@@ -181,6 +182,6 @@ fn read<L: Lanes>(work: &mut Workspace, queries: &[f32], memory: &[f32], head: C
     work.values.resize(m, head_dim);
     rotate::<L>(&mut work.queries, (queries, head.queries()), 0..n, of_queries, head.scale());
     rotate::<L>(&mut work.keys, (memory, head.memory(0)), 0..m, of_keys, 1.0);
-    load::<L>(&mut work.values, (memory, head.memory(1)), m);
+    rotate::<L>(&mut work.values, (memory, head.memory(1)), 0..m, None, 1.0);
     work.keys_across.set_transposed::<L>(&work.keys, m, head_dim);
 }

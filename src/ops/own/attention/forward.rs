@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::head_rows::{HeadRows, store};
+use super::head_rows::HeadRows;
+use super::rotation::rotate_back;
 use super::sight::Sight;
 use super::softmax::{self, Statistics, Tile};
 use super::{Heads, Workspace};
@@ -46,7 +47,8 @@ pub fn mix<L: Lanes>(
         if keep {
             statistics.keep(sight.rows(first).len(), room);
         }
-        store::<L>((&mut *output, place), sight.rows(first), &work.output);
+        let to = (&mut *output, place);
+        rotate_back::<L>(to, &work.output, sight.rows(first), None, 1.0);
     }
 }
 

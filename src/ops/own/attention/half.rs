@@ -41,13 +41,6 @@ pub struct Intermediates {
     mixed: Buffer,
 }
 
-/// Gradients by the parameters.
-pub struct Gradients {
-    pub gamma: Buffer,
-    pub qkv: Buffer,
-    pub output: Buffer,
-}
-
 /// The output `[n, d]` for `x` `[n, d]`, and what to keep if `keep` asks for it.
 pub fn forward(
     x: &[f32],
@@ -77,23 +70,20 @@ pub fn forward(
     (output, keep.then_some(Intermediates { inverses, qkv, statistics: kept, mixed }))
 }
 
-/// Turns the gradient by the output into that by `x`; gives those by the parameters.
+/// Turns the gradient by the output into that by `x`; gives those by γ, W_qkv and W_output.
 pub fn backward(
     gradient: &mut [f32],
     x: &[f32],
     weights: Weights<'_>,
     heads: Heads<'_>,
     kept: Intermediates,
-) -> Gradients {
+) -> [Buffer; 3] {
     let d = heads.d_model();
     let into_qkv = Panels::of(View::new(weights.qkv, 3 * d).transposed(), 3 * d, d);
     let out_of = Panels::of(View::new(weights.output, d).transposed(), d, d);
-    let mut by = Gradients {
-        gamma: Buffer::zeros(d),
-        // Transposed until the end, so that the narrower operand is the one that is copied.
-        qkv: Buffer::zeros(3 * d * d),
-        output: Buffer::zeros(d * d),
-    };
+    let (mut by_gamma, mut by_output) = (Buffer::zeros(d), Buffer::zeros(d * d));
+    // Transposed until the end, so that the narrower operand is the one that is copied.
+    let mut by_weight = Buffer::zeros(3 * d * d);
     let longest = longest_chunk(heads.layout);
     let (mut normed, mut by_qkv) = (Buffer::new(longest * d), Buffer::new(longest * 3 * d));
     let (mut panels, mut work) = (Panels::default(), Workspace::default());
@@ -102,7 +92,7 @@ pub fn backward(
         let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
         let (x, gradient) = (part(x, &rows, d), part_mut(gradient, &rows, d));
         let (mixed, change) = (View::new(part(&kept.mixed, &rows, d), d), View::new(gradient, d));
-        add_transposed(Target::new(&mut by.output, d), (d, d), mixed, change, count, &mut panels);
+        add_transposed(Target::new(&mut by_output, d), (d, d), mixed, change, count, &mut panels);
         multiply(Target::new(&mut normed, d), count, change, &out_of, false);
         // Read in one go here, and never written: it has long left the cache.
         let by_qkv = &mut by_qkv[..count * 3 * d];
@@ -111,13 +101,12 @@ pub fn backward(
         attend_back(by_qkv, heads, sequences, &mut attended, &normed, &mut work);
         rms_norm::again(x, weights.gamma, inverses, &mut normed);
         let change = View::new(by_qkv, 3 * d);
-        let (target, input) = (Target::new(&mut by.qkv, d), View::new(&normed, d));
+        let (target, input) = (Target::new(&mut by_weight, d), View::new(&normed, d));
         add_transposed(target, (3 * d, d), change, input, count, &mut panels);
         multiply(Target::new(&mut normed, d), count, change, &into_qkv, false);
-        rms_norm::backward(&mut normed, x, weights.gamma, inverses, &mut by.gamma, gradient);
+        rms_norm::backward(&mut normed, x, weights.gamma, inverses, &mut by_gamma, gradient);
     }
-    by.qkv = transposed(&by.qkv, d);
-    by
+    [by_gamma, transposed(&by_weight, d), by_output]
 }
 
 /// Sequences, with their rows, in pieces of about [`CHUNK`] rows.

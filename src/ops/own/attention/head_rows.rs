@@ -1,10 +1,6 @@
-//! Rows of one head in the matrices of all heads, and their way from there to a [`Scratch`] and
-//! back.
-
-use std::ops::Range;
+//! Rows of one head in the matrices of all heads.
 
 use crate::ops::own::lanes::{LANES, Lanes};
-use crate::ops::own::scratch::Scratch;
 
 /// Rows of `columns` elements, `stride` elements apart.
 #[derive(Clone, Copy)]
@@ -51,52 +47,4 @@ pub fn write<L: Lanes, const WHOLE: bool>(row: &mut [f32], j: usize, vector: L) 
 #[inline(always)]
 fn end<const WHOLE: bool>(row: &[f32], j: usize) -> usize {
     if WHOLE { j + LANES } else { row.len().min(j + LANES) }
-}
-
-/// Reads `rows` rows.
-#[inline(always)]
-pub fn load<L: Lanes>(to: &mut Scratch, from: (&[f32], HeadRows), rows: usize) {
-    if from.1.is_whole() {
-        load_as::<L, true>(to, from, rows);
-    } else {
-        load_as::<L, false>(to, from, rows);
-    }
-}
-
-#[inline(always)]
-fn load_as<L: Lanes, const WHOLE: bool>(
-    to: &mut Scratch,
-    (values, place): (&[f32], HeadRows),
-    rows: usize,
-) {
-    for t in 0..rows {
-        let (to, from) = (to.row_mut(t), place.row(values, t));
-        for j in (0..place.columns).step_by(LANES) {
-            write::<L, true>(to, j, read::<L, WHOLE>(from, j));
-        }
-    }
-}
-
-/// Writes the rows `rows` from the first ones of `from`.
-#[inline(always)]
-pub fn store<L: Lanes>(to: (&mut [f32], HeadRows), rows: Range<usize>, from: &Scratch) {
-    if to.1.is_whole() {
-        store_as::<L, true>(to, rows, from);
-    } else {
-        store_as::<L, false>(to, rows, from);
-    }
-}
-
-#[inline(always)]
-fn store_as<L: Lanes, const WHOLE: bool>(
-    (values, place): (&mut [f32], HeadRows),
-    rows: Range<usize>,
-    from: &Scratch,
-) {
-    for (i, t) in rows.enumerate() {
-        let (to, from) = (place.row_mut(values, t), from.row(i));
-        for j in (0..place.columns).step_by(LANES) {
-            write::<L, WHOLE>(to, j, read::<L, true>(from, j));
-        }
-    }
 }

@@ -1,4 +1,5 @@
-//! Turning queries and keys by their positions, and their gradients back; see [`Rope`].
+//! Rows of one head on their way to a [`Scratch`], queries and keys turned by their positions, and back;
+//! see [`Rope`].
 
 use std::ops::Range;
 
@@ -60,8 +61,8 @@ fn rotate_as<L: Lanes, const WHOLE: bool>(
     }
 }
 
-/// Turns the gradients by rotated vectors, the first rows of `from`, back, by the opposite
-/// angle.
+/// Turns the gradients by rotated vectors, the first rows of `from`, back, by the opposite angle, where
+/// they have angles, and multiplies them by `scale`.
 #[inline(always)]
 pub fn rotate_back<L: Lanes>(
     to: (&mut [f32], HeadRows),

@@ -1,6 +1,5 @@
 //! [`Workspace`]: the matrices of one head.
 
-use super::head_rows::load;
 use super::heads::Head;
 use super::rotation::rotate;
 use super::sight::Sight;
@@ -45,7 +44,7 @@ impl Workspace {
         }
         rotate::<L>(&mut self.queries, (qkv, head.part(0)), 0..len, angles, scale);
         rotate::<L>(&mut self.keys, (qkv, head.part(1)), 0..len, angles, 1.0);
-        load::<L>(&mut self.values, (qkv, head.part(2)), len);
+        rotate::<L>(&mut self.values, (qkv, head.part(2)), 0..len, None, 1.0);
         self.keys_across.set_transposed::<L>(&self.keys, len, head_dim);
     }
 
