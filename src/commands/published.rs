@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
-use isoflop::scores::published::{self, Printed, Published, evaluators};
+use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
 use serde_json::json;
 
 use super::exit::Exit;
@@ -39,7 +39,7 @@ pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
     if let Some(out) = &args.out {
         write_published(out, &rows)?;
     }
-    output.result(&json!({ "rows": rows, "sources": published::sources() }), &text(&rows))?;
+    output.result(&json!({ "rows": rows, "sources": published::SOURCES }), &text(&rows))?;
     Ok(Exit::Done)
 }
 
@@ -76,7 +76,7 @@ fn text(rows: &[ScoreRow]) -> String {
 }
 
 fn heading(row: &ScoreRow) -> String {
-    let about = evaluators().iter().find(|(name, _)| *name == row.evaluator);
+    let about = EVALUATORS.iter().find(|(name, _)| *name == row.evaluator);
     let evaluator = about.map_or_else(
         || format!("evaluator {}, trained by isoflop: not comparable with the rest", row.evaluator),
         |(_, about)| format!("evaluator: {about}"),

@@ -1,16 +1,23 @@
-//! [`Generator`]: what a kind of generator does.
+//! [`Generator`]: what can be asked of a kind of generator; [`Kind`]: what a kind says of itself.
 
 use std::path::Path;
 
-use burn::tensor::Device;
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
 use super::error::GeneratorError;
+use super::learner::{learn, trained, weights_rng};
+use super::probed::probed;
 use super::sampling::Sampler;
-use super::trained::{Inputs, Trained};
-use crate::learn::weights::{Sources, Weights};
+use super::trained::{Inputs, SplitLoss, Trained};
+use crate::data::Split;
+use crate::learn::weights::{self, Sources, Weights};
 use crate::learn::{Checkpoints, LearnError};
 use crate::plan::RunSpec;
 use crate::progress::Progress;
+use crate::spec::Precision;
 
 /// What is trained, on what, and where its state lies.
 #[derive(Clone, Copy)]
@@ -21,7 +28,67 @@ pub struct Training<'a> {
     pub checkpoints: &'a Checkpoints<'a>,
 }
 
-/// A kind of generator.
+/// A model of codes.
+pub trait Network {
+    /// Its parameters.
+    type Weights: Module + Clone;
+
+    /// What a step shows it.
+    type Batch;
+
+    /// The model of a run with drawn parameters; on an autodiff device it can be trained.
+    fn drawn(spec: &RunSpec, precision: Precision, rng: &mut ChaCha8Rng, device: &Device) -> Self;
+
+    /// The parameters as they are.
+    fn weights(&self) -> &Self::Weights;
+
+    /// Takes over parameters.
+    fn set_weights(&mut self, weights: Self::Weights);
+
+    /// Mean cross-entropy over the supervised codes of a batch, in nats, `[1]`.
+    fn loss(&self, batch: &Self::Batch) -> Tensor<1>;
+}
+
+/// What a kind of generator shows its model in training, and how it measures it.
+pub trait Objective {
+    /// The model.
+    type Network: Network;
+
+    /// A step's batch, a pure function of the step, which counts from 0; and its forward FLOPs, by the
+    /// exact count.
+    fn batch(&mut self, network: &Self::Network, step: usize) -> (BatchOf<Self::Network>, f64);
+
+    /// The loss of a model as it is on a split.
+    fn split_loss(&self, network: &Self::Network, split: Split) -> SplitLoss;
+
+    /// The loss of a model that knows nothing but which codes there are, in nats.
+    fn uniform_nats(&self) -> f64;
+}
+
+type BatchOf<N> = <N as Network>::Batch;
+
+/// A kind of generator, as it says of itself.
+pub trait Kind: Sync + 'static {
+    /// The model.
+    type Network: Network;
+
+    /// Whether it asks for [`Inputs::scales`].
+    const WANTS_SCALES: bool = false;
+
+    /// What its runs make small.
+    fn objective<'a>(
+        spec: &'a RunSpec,
+        inputs: &'a Inputs<'a>,
+    ) -> impl Objective<Network = Self::Network>;
+
+    /// A trained model that makes motions.
+    fn sampler(spec: &RunSpec, network: Self::Network) -> Box<dyn Sampler>;
+
+    /// A step's batch of made-up clips, and how many tokens it supervises.
+    fn made_up(spec: &RunSpec, network: &Self::Network) -> (BatchOf<Self::Network>, usize);
+}
+
+/// What can be asked of a kind of generator.
 pub trait Generator: Sync {
     /// Trains a run to its end and measures it on the test split.
     ///
@@ -48,9 +115,7 @@ pub trait Generator: Sync {
     ) -> Result<(), GeneratorError>;
 
     /// Whether it asks for [`Inputs::scales`].
-    fn wants_scales(&self) -> bool {
-        false
-    }
+    fn wants_scales(&self) -> bool;
 
     /// A trained run that makes motions, without gradients, on `device`.
     ///
@@ -66,6 +131,50 @@ pub trait Generator: Sync {
     /// A run on made-up codes, whose steps can be timed. A model above [`MOST_PROBED_PARAMS`] is
     /// timed at a smaller size, and priced at the rate found there.
     fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe>;
+}
+
+impl<K: Kind> Generator for K {
+    fn train(
+        &self,
+        training: &Training,
+        progress: &mut Progress,
+    ) -> Result<Trained, GeneratorError> {
+        trained(&learn::<K>(training, progress)?)
+    }
+
+    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources {
+        let first = K::Network::drawn(spec, spec.precision, &mut weights_rng(spec), device);
+        weights::of_module(first.weights())
+    }
+
+    fn train_trunk(
+        &self,
+        training: &Training,
+        state: &Path,
+        progress: &mut Progress,
+    ) -> Result<(), GeneratorError> {
+        Ok(learn::<K>(training, progress)?.save(state).map_err(LearnError::from)?)
+    }
+
+    fn wants_scales(&self) -> bool {
+        K::WANTS_SCALES
+    }
+
+    fn sampler(
+        &self,
+        spec: &RunSpec,
+        weights: Weights,
+        device: &Device,
+    ) -> Result<Box<dyn Sampler>, GeneratorError> {
+        let mut unused = ChaCha8Rng::seed_from_u64(0);
+        let mut network = K::Network::drawn(spec, Precision::F32, &mut unused, device);
+        network.set_weights(weights::into_module(network.weights().clone(), weights)?);
+        Ok(K::sampler(spec, network))
+    }
+
+    fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
+        Box::new(probed::<K>(spec, device))
+    }
 }
 
 /// Parameters of a model that a probe builds, at most.

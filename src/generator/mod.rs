@@ -1,4 +1,4 @@
-//! Generators: models of codes given text. A folder a kind, each with one [`Generator`].
+//! Generators: models of codes given text. A folder a kind, each with a [`Kind`] and so a [`Generator`].
 //!
 //! [`of`] is the one place that tells kinds apart.
 //!
@@ -52,7 +52,6 @@ mod fitness;
 mod kind;
 mod learner;
 pub mod masked;
-mod measurable;
 mod passes;
 mod probed;
 mod sampling;
@@ -66,7 +65,7 @@ use std::path::Path;
 
 pub use blocks::losses_by_block;
 pub use error::GeneratorError;
-pub use kind::{Generator, MOST_PROBED_PARAMS, Probe, Training};
+pub use kind::{Generator, Kind, MOST_PROBED_PARAMS, Network, Objective, Probe, Training};
 pub use sampling::{Choices, Draw, Edit, Prompt, Sampled, Sampler, Sampling, StreamForm};
 pub use schedule::learning_rate;
 pub use sums::Sums;
@@ -79,9 +78,10 @@ use crate::spec::GeneratorSpec;
 /// The generator of a run.
 pub fn of(spec: &RunSpec) -> &'static dyn Generator {
     match spec.generator {
-        GeneratorSpec::Autoregressive(_) => &autoregressive::AutoregressiveGenerator,
-        GeneratorSpec::Masked(_) => &masked::MaskedGenerator,
-        GeneratorSpec::Scalewise(_) => &scalewise::ScalewiseGenerator,
+        GeneratorSpec::Autoregressive(_) => &autoregressive::Autoregressive,
+        GeneratorSpec::Masked(_) if spec.codes.scales.len() == 1 => &masked::Masked,
+        GeneratorSpec::Masked(_) => &masked::residual::MaskedResidual,
+        GeneratorSpec::Scalewise(_) => &scalewise::Scalewise,
     }
 }
 

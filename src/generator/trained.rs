@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::sums::{SplitSums, Sums};
+use super::sums::Sums;
 use crate::codes::TokenStore;
 use crate::learn::weights::Sources;
 use crate::text::TextStore;
@@ -57,23 +57,6 @@ pub struct SplitLoss {
     pub targets: usize,
     /// Of each clip by itself, in the split's order.
     pub clips: Vec<Sums>,
-}
-
-impl SplitLoss {
-    /// Of a split of so many frames.
-    pub fn of(sums: SplitSums, n_frames: usize) -> Self {
-        let SplitSums { scales, clips } = sums;
-        let all = Sums::all(&scales);
-        let by_scale = || scales.iter().map(Sums::normalised).collect();
-        Self {
-            loss_nats: all.nats / all.targets as f64,
-            loss_normalised: all.normalised(),
-            nats_per_frame: all.nats / n_frames as f64,
-            normalised_by_scale: if scales.len() > 1 { by_scale() } else { Vec::new() },
-            targets: all.targets,
-            clips,
-        }
-    }
 }
 
 /// A line of `log.jsonl`: a run measured on the validation split.

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use rand_chacha::ChaCha8Rng;
 
 use super::batch::Hidden;
-use super::own::own;
+use super::own;
 use super::residual::batch::Asked;
 use crate::data::Split;
 use crate::generator::Inputs;
