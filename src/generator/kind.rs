@@ -50,9 +50,12 @@ pub trait Network {
 }
 
 /// What a kind of generator shows its model in training, and how it measures it.
-pub trait Objective {
+pub trait Objective<'a> {
     /// The model.
     type Network: Network;
+
+    /// That of a run.
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self;
 
     /// A step's batch, a pure function of the step, which counts from 0; and its forward FLOPs, by the
     /// exact count.
@@ -72,14 +75,11 @@ pub trait Kind: Sync + 'static {
     /// The model.
     type Network: Network;
 
+    /// What its runs make small.
+    type Objective<'a>: Objective<'a, Network = Self::Network>;
+
     /// Whether it asks for [`Inputs::scales`].
     const WANTS_SCALES: bool = false;
-
-    /// What its runs make small.
-    fn objective<'a>(
-        spec: &'a RunSpec,
-        inputs: &'a Inputs<'a>,
-    ) -> impl Objective<Network = Self::Network>;
 
     /// A trained model that makes motions.
     fn sampler(spec: &RunSpec, network: Self::Network) -> Box<dyn Sampler>;

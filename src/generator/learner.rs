@@ -45,8 +45,8 @@ const ADVICE: &str = "lower train.lr";
 ///
 /// # Errors
 /// Its last update spoilt it.
-pub fn trained<O: Objective>(
-    learning: &Learning<RunLearner<O>>,
+pub fn trained<'a, O: Objective<'a>>(
+    learning: &Learning<RunLearner<'a, O>>,
 ) -> Result<Trained, GeneratorError> {
     let learner = learning.learner();
     Ok(Trained {
@@ -65,16 +65,13 @@ pub fn trained<O: Objective>(
 pub fn learn<'a, K: Kind>(
     training: &Training<'a>,
     progress: &mut Progress,
-) -> Result<
-    Learning<RunLearner<'a, impl Objective<Network = K::Network> + use<'a, K>>>,
-    GeneratorError,
-> {
+) -> Result<Learning<RunLearner<'a, K::Objective<'a>>>, GeneratorError> {
     let Training { spec, inputs, device, checkpoints } = *training;
     check_inputs(spec, inputs)?;
     check_precision(spec.precision, device)?;
     let (mut rng, device) = (weights_rng(spec), device.clone().autodiff());
     let network = K::Network::drawn(spec, spec.precision, &mut rng, &device);
-    let (objective, totals) = (K::objective(spec, inputs), Totals::default());
+    let (objective, totals) = (K::Objective::new(spec, inputs), Totals::default());
     let learner = RunLearner { spec, objective, network, batch_flops: 0.0, totals };
     Ok(Learning::run(learner, &course(spec), Some(checkpoints), progress)?)
 }
@@ -92,7 +89,7 @@ pub fn course(spec: &RunSpec) -> Course {
 }
 
 /// A run of an objective.
-pub struct RunLearner<'a, O: Objective> {
+pub struct RunLearner<'a, O: Objective<'a>> {
     spec: &'a RunSpec,
     objective: O,
     network: O::Network,
@@ -114,7 +111,7 @@ struct Totals {
     log: Vec<LogLine>,
 }
 
-impl<O: Objective> RunLearner<'_, O> {
+impl<'a, O: Objective<'a>> RunLearner<'a, O> {
     /// The loss on a split at a step, which the last update may have spoilt after its own loss was
     /// checked.
     fn measure(&self, split: Split, step: usize) -> Result<SplitLoss, LearnError> {
@@ -128,7 +125,7 @@ impl<O: Objective> RunLearner<'_, O> {
     }
 }
 
-impl<O: Objective> Learner for RunLearner<'_, O> {
+impl<'a, O: Objective<'a>> Learner for RunLearner<'a, O> {
     type Weights = <O::Network as Network>::Weights;
 
     fn weights(&self) -> &Self::Weights {

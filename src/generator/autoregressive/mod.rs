@@ -18,7 +18,7 @@ pub use stream::{Part, TokenStream};
 pub use transformer::{Model, Transformer, end_token};
 
 use super::probed::{MOST_TOKENS, made_up_clip};
-use super::{Inputs, Kind, Objective, Sampler};
+use super::{Kind, Sampler};
 use crate::plan::RunSpec;
 
 /// Logits of a measured step, at most.
@@ -34,10 +34,7 @@ pub struct Autoregressive;
 
 impl Kind for Autoregressive {
     type Network = Model;
-
-    fn objective<'a>(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> impl Objective<Network = Model> {
-        objective::NextCode::new(spec, inputs)
-    }
+    type Objective<'a> = objective::NextCode<'a>;
 
     fn sampler(spec: &RunSpec, model: Model) -> Box<dyn Sampler> {
         Box::new(sample::AutoregressiveSampler { model, grid: spec.codes.clone() })

@@ -16,16 +16,13 @@ pub struct NextCode<'a> {
     stream: TokenStream<'a>,
 }
 
-impl<'a> NextCode<'a> {
-    /// The batches of a run.
-    pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
+impl<'a> Objective<'a> for NextCode<'a> {
+    type Network = Model;
+
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
         let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         Self { spec, inputs, stream }
     }
-}
-
-impl Objective for NextCode<'_> {
-    type Network = Model;
 
     fn batch(&mut self, _: &Model, step: usize) -> (Batch, f64) {
         let n = self.spec.batch_tokens;

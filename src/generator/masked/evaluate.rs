@@ -9,11 +9,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::{Hidden, pack};
-use crate::data::Split;
+use crate::generator::Inputs;
 use crate::generator::autoregressive::Model;
 use crate::generator::passes::passes;
 use crate::generator::sums::SplitSums;
-use crate::generator::{Inputs, SplitLoss};
 use crate::progress::moved;
 
 /// How often each clip is measured.
@@ -21,13 +20,6 @@ const MASKS: usize = 4;
 
 /// Seeds what is hidden: the same for every model.
 const SEED: u64 = 0;
-
-/// Measures a model of codes of one scale.
-pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
-    let mut sums = SplitSums::by_scale(inputs.tokens, split);
-    bound(model, inputs, &mut sums);
-    sums.loss()
-}
 
 /// Takes in what a model has on the codes of the first scale, each clip with one of its captions.
 pub fn bound(model: &Model, inputs: &Inputs, sums: &mut SplitSums) {

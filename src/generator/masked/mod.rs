@@ -20,7 +20,7 @@ pub use batch::{Hidden, pack};
 
 use super::autoregressive::{Batch, Model, end_token, probed_tokens};
 use super::probed::made_up_clip;
-use super::{Inputs, Kind, Objective, Sampler};
+use super::{Kind, Sampler};
 use crate::plan::RunSpec;
 use crate::spec::{GeneratorSpec, MaskedSpec};
 
@@ -29,10 +29,7 @@ pub struct Masked;
 
 impl Kind for Masked {
     type Network = Model;
-
-    fn objective<'a>(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> impl Objective<Network = Model> {
-        objective::HiddenCodes::new(spec, inputs)
-    }
+    type Objective<'a> = objective::HiddenCodes<'a>;
 
     fn sampler(spec: &RunSpec, model: Model) -> Box<dyn Sampler> {
         Box::new(sample::MaskedSampler::new(spec, model, None))

@@ -1,12 +1,13 @@
 //! [`HiddenCodes`]: the batches of a run of the masked transformer of one codebook.
 
 use super::batch::{Hidden, pack};
-use super::evaluate::split_loss;
+use super::evaluate::bound;
 use super::flops::forward_flops;
 use super::shown::Shown;
 use crate::data::Split;
 use crate::generator::autoregressive::{Batch, Model, TokenStream};
 use crate::generator::learner::step_rng;
+use crate::generator::sums::SplitSums;
 use crate::generator::{Inputs, Objective, SplitLoss};
 use crate::plan::RunSpec;
 
@@ -23,16 +24,13 @@ pub struct HiddenCodes<'a> {
     shown: Shown<'a>,
 }
 
-impl<'a> HiddenCodes<'a> {
-    /// The batches of a run.
-    pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
+impl<'a> Objective<'a> for HiddenCodes<'a> {
+    type Network = Model;
+
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
         let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
         Self { spec, inputs, stream, shown: Shown::new(spec, inputs) }
     }
-}
-
-impl Objective for HiddenCodes<'_> {
-    type Network = Model;
 
     fn batch(&mut self, _: &Model, step: usize) -> (Batch, f64) {
         let n = self.spec.batch_tokens;
@@ -46,7 +44,9 @@ impl Objective for HiddenCodes<'_> {
     }
 
     fn split_loss(&self, model: &Model, split: Split) -> SplitLoss {
-        split_loss(&model.frozen(), self.inputs, split)
+        let mut sums = SplitSums::by_scale(self.inputs.tokens, split);
+        bound(&model.frozen(), self.inputs, &mut sums);
+        sums.loss()
     }
 
     fn uniform_nats(&self) -> f64 {

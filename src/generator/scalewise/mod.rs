@@ -13,13 +13,12 @@ mod model;
 mod objective;
 mod places;
 mod sample;
-mod shown;
 
 pub use batch::{Batch, Clip};
 pub use model::{Model, ScalewiseTransformer};
 
 use super::probed::WORDS;
-use super::{Inputs, Kind, Objective, Sampler};
+use super::{Kind, Sampler};
 use crate::plan::RunSpec;
 use crate::spec::{GeneratorSpec, ScalewiseSpec};
 
@@ -28,12 +27,9 @@ pub struct Scalewise;
 
 impl Kind for Scalewise {
     type Network = Model;
+    type Objective<'a> = objective::EachScale<'a>;
 
     const WANTS_SCALES: bool = true;
-
-    fn objective<'a>(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> impl Objective<Network = Model> {
-        objective::EachScale::new(spec, inputs)
-    }
 
     fn sampler(spec: &RunSpec, model: Model) -> Box<dyn Sampler> {
         Box::new(sample::ScalewiseSampler::new(spec, model))

@@ -6,7 +6,6 @@ use super::batch::{Batch, Clip};
 use super::evaluate::split_loss;
 use super::model::Model;
 use super::own;
-use super::shown::shown_clip;
 use crate::data::Split;
 use crate::generator::autoregressive::{Part, TokenStream};
 use crate::generator::learner::step_rng;
@@ -28,25 +27,13 @@ pub struct EachScale<'a> {
     no_text: Vec<f32>,
 }
 
-impl<'a> EachScale<'a> {
-    /// The batches of a run.
-    pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
-        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
-        Self { spec, inputs, stream, no_text: vec![0.0; spec.shape().d_text] }
-    }
-
+impl EachScale<'_> {
     fn clip(&self, part: Part, rng: &mut ChaCha8Rng) -> Clip<'_> {
         let dropped = unit(rng) < own(self.spec).text_drop;
-        let text = self.inputs.text.embedding(part.caption);
-        let clip = self.inputs.tokens.clip(Split::Train, part.clip);
-        let frames = self.inputs.tokens.clip_frames(Split::Train, part.clip);
-        let lengths: Vec<usize> = self.spec.codes.lengths(frames).collect();
-        let shown = self.corrupted(clip, &lengths, rng);
-        shown_clip(self.inputs, &shown, frames, lengths, |own| Clip {
-            text: if dropped { &self.no_text } else { text },
-            codes: clip,
-            supervised: part.targets,
-            ..own
+        let text = if dropped { &self.no_text } else { self.inputs.text.embedding(part.caption) };
+        let (inputs, clip) = ((self.inputs, &self.spec.codes), (Split::Train, part.clip));
+        Clip::of(inputs, clip, (text, part.targets), |codes, lengths| {
+            self.corrupted(codes, lengths, rng)
         })
     }
 
@@ -62,8 +49,13 @@ impl<'a> EachScale<'a> {
     }
 }
 
-impl Objective for EachScale<'_> {
+impl<'a> Objective<'a> for EachScale<'a> {
     type Network = Model;
+
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
+        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
+        Self { spec, inputs, stream, no_text: vec![0.0; spec.shape().d_text] }
+    }
 
     fn batch(&mut self, model: &Model, step: usize) -> (Batch, f64) {
         let n = self.spec.batch_tokens;
@@ -76,7 +68,7 @@ impl Objective for EachScale<'_> {
     }
 
     fn split_loss(&self, model: &Model, split: Split) -> SplitLoss {
-        split_loss(&model.frozen(), &self.spec.codes, self.inputs, split)
+        split_loss(&model.frozen(), self.inputs, split)
     }
 
     /// Of the largest scale: an ignorant model is no worse on another.

@@ -25,7 +25,7 @@ use super::hidden_clip;
 use super::sample::MaskedSampler;
 use super::shown::drawn_layer;
 use crate::generator::probed::{MOST_TOKENS, made_up_clip};
-use crate::generator::{Inputs, Kind, Objective, Sampler};
+use crate::generator::{Kind, Sampler};
 use crate::plan::RunSpec;
 
 /// Both masked transformers, for codes of several layers, as a kind of generator.
@@ -33,13 +33,7 @@ pub struct MaskedResidual;
 
 impl Kind for MaskedResidual {
     type Network = Stages;
-
-    fn objective<'a>(
-        spec: &'a RunSpec,
-        inputs: &'a Inputs<'a>,
-    ) -> impl Objective<Network = Stages> {
-        objective::TwoStages::new(spec, inputs)
-    }
+    type Objective<'a> = objective::TwoStages<'a>;
 
     fn sampler(spec: &RunSpec, stages: Stages) -> Box<dyn Sampler> {
         Box::new(MaskedSampler::new(spec, stages.base, Some(stages.residual)))

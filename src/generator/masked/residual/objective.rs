@@ -1,14 +1,16 @@
 //! [`TwoStages`]: the batches of a run of both stages.
 
 use super::batch::{Asked, LayerBatch};
-use super::evaluate::split_loss;
+use super::evaluate::later_layers;
 use super::stages::{StageBatches, Stages};
 use crate::data::Split;
 use crate::generator::autoregressive::{Part, TokenStream};
 use crate::generator::learner::step_rng;
 use crate::generator::masked::batch::{Hidden, pack};
+use crate::generator::masked::evaluate::bound;
 use crate::generator::masked::flops::forward_flops;
 use crate::generator::masked::shown::Shown;
+use crate::generator::sums::SplitSums;
 use crate::generator::{Inputs, Objective, SplitLoss};
 use crate::plan::RunSpec;
 use crate::spec::ModelShape;
@@ -26,13 +28,7 @@ pub struct TwoStages<'a> {
     shown: Shown<'a>,
 }
 
-impl<'a> TwoStages<'a> {
-    /// The batches of a run.
-    pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
-        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
-        Self { spec, inputs, stream, shown: Shown::new(spec, inputs) }
-    }
-
+impl TwoStages<'_> {
     /// The places of a step for each stage. Token t belongs to place t / 2: the even ones to the first
     /// stage, the odd ones to the second.
     fn parts(&mut self, step: usize) -> [Vec<Part>; 2] {
@@ -42,8 +38,13 @@ impl<'a> TwoStages<'a> {
     }
 }
 
-impl Objective for TwoStages<'_> {
+impl<'a> Objective<'a> for TwoStages<'a> {
     type Network = Stages;
+
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
+        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
+        Self { spec, inputs, stream, shown: Shown::new(spec, inputs) }
+    }
 
     fn batch(&mut self, _: &Stages, step: usize) -> (StageBatches, f64) {
         let [first, later] = self.parts(step);
@@ -62,7 +63,10 @@ impl Objective for TwoStages<'_> {
     }
 
     fn split_loss(&self, stages: &Stages, split: Split) -> SplitLoss {
-        split_loss(stages, &self.spec.codes, self.inputs, split)
+        let mut sums = SplitSums::by_scale(self.inputs.tokens, split);
+        bound(&stages.base.frozen(), self.inputs, &mut sums);
+        later_layers(&stages.residual.frozen(), &self.spec.codes, self.inputs, &mut sums);
+        sums.loss()
     }
 
     /// Of the largest layer: an ignorant model is no worse on another.
