@@ -48,6 +48,7 @@
 pub mod autoregressive;
 mod blocks;
 mod error;
+mod every_kind;
 mod fitness;
 mod kind;
 mod learner;
@@ -65,11 +66,12 @@ use std::path::Path;
 
 pub use blocks::losses_by_block;
 pub use error::GeneratorError;
-pub use kind::{Generator, Kind, MOST_PROBED_PARAMS, Network, Objective, Probe, Training};
+pub use every_kind::Generator;
+pub use kind::{Kind, MOST_PROBED_PARAMS, Network, Objective, Probe, Training};
 pub use sampling::{Choices, Draw, Edit, Prompt, Sampled, Sampler, Sampling, StreamForm};
 pub use schedule::learning_rate;
-pub use sums::Sums;
-pub use trained::{Inputs, LogLine, ScaleInputs, SplitLoss, Trained};
+pub use sums::{SplitLoss, Sums};
+pub use trained::{Inputs, LogLine, ScaleInputs, Trained};
 
 use crate::plan::RunSpec;
 use crate::progress::Progress;

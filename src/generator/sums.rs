@@ -5,7 +5,6 @@ use std::ops::{Add, Range};
 use serde::{Deserialize, Serialize};
 
 use super::stack::Supervised;
-use super::trained::SplitLoss;
 use crate::codes::TokenStore;
 use crate::data::Split;
 
@@ -52,6 +51,25 @@ impl Add for Sums {
             targets: self.targets + other.targets,
         }
     }
+}
+
+/// Losses of a model on a split, in nats.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplitLoss {
+    /// Mean −ln p over targets, end tokens included where clips have them.
+    pub loss_nats: f64,
+    /// L_u: mean of −ln p + ln p_uni over the same targets (ScaMo §4.4); p_uni is that of the target's
+    /// own scale.
+    ///
+    /// From log-probabilities throughout: a ratio of probabilities would underflow first.
+    pub loss_normalised: f64,
+    /// Cross-entropy per frame of motion.
+    pub nats_per_frame: f64,
+    /// L_u of the codes of each scale; empty where there is one.
+    pub normalised_by_scale: Vec<f64>,
+    pub targets: usize,
+    /// Of each clip by itself, in the split's order.
+    pub clips: Vec<Sums>,
 }
 
 /// Sums over a split while it is measured: of each scale, pass after pass, and of each clip.

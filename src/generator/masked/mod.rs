@@ -14,15 +14,13 @@ pub mod residual;
 mod sample;
 mod shown;
 
-use std::f64::consts::FRAC_2_PI;
-
+use batch::hidden_clip;
 pub use batch::{Hidden, pack};
 
-use super::autoregressive::{Batch, Model, end_token, probed_tokens};
+use super::autoregressive::{Batch, Model, probed_tokens};
 use super::probed::made_up_clip;
 use super::{Kind, Sampler};
 use crate::plan::RunSpec;
-use crate::spec::{GeneratorSpec, MaskedSpec};
 
 /// The masked transformer of one codebook as a kind of generator.
 pub struct Masked;
@@ -40,21 +38,5 @@ impl Kind for Masked {
         let n_clips = probed_tokens(spec).div_ceil(codes.len());
         let clips = vec![hidden_clip(&text, &codes, spec.n_vocab()); n_clips];
         (pack(&clips, model.shape().d_text), n_clips * codes.len())
-    }
-}
-
-/// A clip of which as many codes are hidden as in the mean of training: the mean of cos(π u / 2).
-fn hidden_clip<'a>(text: &'a [f32], codes: &[u32], n_vocab: usize) -> Hidden<'a> {
-    let n_hidden = (FRAC_2_PI * codes.len() as f64).ceil() as usize;
-    let mut shown = codes.to_vec();
-    shown[..n_hidden].fill(end_token(n_vocab));
-    Hidden { text, shown, targets: codes[..n_hidden].iter().copied().enumerate().collect() }
-}
-
-/// The description of a run's generator, which is of this kind.
-fn own(spec: &RunSpec) -> &MaskedSpec {
-    match &spec.generator {
-        GeneratorSpec::Masked(own) => own,
-        other => unreachable!("a {} generator", other.name()),
     }
 }

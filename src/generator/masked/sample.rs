@@ -4,11 +4,11 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::batch::{Hidden, pack};
-use super::own;
 use super::residual::{ResidualModel, draw_layers};
+use super::shown::own;
 use crate::codes::Grid;
 use crate::generator::autoregressive::{Model, end_token};
-use crate::generator::sampling::{Making, check_length, guide, rows};
+use crate::generator::sampling::{Making, check_length, guided, rows};
 use crate::generator::{Draw, GeneratorError, Prompt, Sampled, Sampler, Sampling, ScaleInputs};
 use crate::plan::RunSpec;
 
@@ -89,19 +89,6 @@ impl MaskedSampler {
             }
         }
     }
-}
-
-/// A row of logits a place, from those with text; where motions are guided, moved away from those without.
-pub fn guided<'a>(
-    pass: impl Fn(Option<&'a [f32]>) -> Vec<Vec<f32>>,
-    no_text: &'a [f32],
-    strength: f64,
-) -> Vec<Vec<f32>> {
-    let mut rows = pass(None);
-    if strength != 0.0 {
-        guide(&mut rows, &pass(Some(no_text)), strength);
-    }
-    rows
 }
 
 impl Sampler for MaskedSampler {

@@ -88,6 +88,19 @@ pub fn guide(rows: &mut [Vec<f32>], without: &[Vec<f32>], strength: f64) {
     }
 }
 
+/// A row of logits a place, from those with text; where motions are guided, moved away from those without.
+pub fn guided<'a>(
+    pass: impl Fn(Option<&'a [f32]>) -> Vec<Vec<f32>>,
+    no_text: &'a [f32],
+    strength: f64,
+) -> Vec<Vec<f32>> {
+    let mut rows = pass(None);
+    if strength != 0.0 {
+        guide(&mut rows, &pass(Some(no_text)), strength);
+    }
+    rows
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,7 +7,7 @@ mod form;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-pub use draw::{Draw, guide, rows};
+pub use draw::{Draw, guide, guided, rows};
 pub use edit::Edit;
 pub use form::{Choices, StreamForm};
 

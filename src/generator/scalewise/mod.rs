@@ -20,7 +20,6 @@ pub use model::{Model, ScalewiseTransformer};
 use super::probed::WORDS;
 use super::{Kind, Sampler};
 use crate::plan::RunSpec;
-use crate::spec::{GeneratorSpec, ScalewiseSpec};
 
 /// The scale-by-scale transformer as a kind of generator.
 pub struct Scalewise;
@@ -53,13 +52,5 @@ impl Kind for Scalewise {
         let clips = vec![clip; spec.batch_tokens.div_ceil(n_codes)];
         let batch = Batch::pack(&clips, &spec.codes, own.shape.d_text, model.places());
         (batch, clips.len() * n_codes)
-    }
-}
-
-/// The description of a run's generator, which is of this kind.
-fn own(spec: &RunSpec) -> &ScalewiseSpec {
-    match &spec.generator {
-        GeneratorSpec::Scalewise(own) => own,
-        other => unreachable!("a {} generator", other.name()),
     }
 }

@@ -9,7 +9,6 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::batch::Batch;
-use super::own;
 use super::places::Places;
 use crate::codes::Grid;
 use crate::generator::Network;
@@ -17,7 +16,7 @@ use crate::generator::stack::{Backbone, Block, EPSILON, heads_loss, heads_nll, k
 use crate::learn::params::{constant, normal};
 use crate::ops::HeadWeights;
 use crate::plan::RunSpec;
-use crate::spec::{Precision, ScalewiseSpec};
+use crate::spec::{GeneratorSpec, Precision, ScalewiseSpec};
 
 /// All parameters of the model.
 #[derive(Module, Debug)]
@@ -182,5 +181,13 @@ impl Network for Model {
     fn loss(&self, batch: &Batch) -> Tensor<1> {
         let x_nd = self.features(batch);
         heads_loss(self.backbone.kernels, &x_nd, &batch.targets, |scale| self.head(scale))
+    }
+}
+
+/// The description of a run's generator, which is of this kind.
+pub fn own(spec: &RunSpec) -> &ScalewiseSpec {
+    match &spec.generator {
+        GeneratorSpec::Scalewise(own) => own,
+        other => unreachable!("a {} generator", other.name()),
     }
 }

@@ -4,8 +4,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::batch::{Batch, Clip};
 use super::evaluate::split_loss;
-use super::model::Model;
-use super::own;
+use super::model::{Model, own};
 use crate::data::Split;
 use crate::generator::autoregressive::{Part, TokenStream};
 use crate::generator::learner::step_rng;

@@ -20,8 +20,7 @@ pub use model::{ResidualModel, ResidualTransformer};
 pub(super) use sample::draw_layers;
 pub use stages::{StageBatches, StageWeights, Stages};
 
-use super::batch::pack;
-use super::hidden_clip;
+use super::batch::{hidden_clip, pack};
 use super::sample::MaskedSampler;
 use super::shown::drawn_layer;
 use crate::generator::probed::{MOST_TOKENS, made_up_clip};

@@ -4,8 +4,7 @@ use super::batch::{Asked, LayerBatch};
 use super::model::ResidualModel;
 use crate::codes::Grid;
 use crate::generator::Sampling;
-use crate::generator::masked::sample::guided;
-use crate::generator::sampling::{Making, rows};
+use crate::generator::sampling::{Making, guided, rows};
 
 /// The codes of the layers after the first join motions that have those of the first; `no_text` is the
 /// text of a caption that is left out, `[d_text]`.

@@ -74,7 +74,7 @@ impl Network for Stages {
     /// layer and (K − 1)/K of the mean over the codes that the second stage was asked for.
     ///
     /// Layers that were drawn evenly would so make it the nats a code of the whole stream, apart from
-    /// what [`HiddenCodes`](super::super::objective::HiddenCodes) says of the first. Of the others each
+    /// what `HiddenCodes` says of the first. Of the others each
     /// weighs as it is drawn. The stages share no parameter, so that the weight of either tells on the
     /// other by the norm at which gradients are clipped alone. A step that has codes of one stage has
     /// that one's mean.
