@@ -14,6 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Deserialize;
 
+use isoflop::generator::Network;
 use isoflop::generator::autoregressive::{Batch, Model, Sequence, Transformer, end_token};
 use isoflop::learn::adamw::{AdamW, AdamWConfig};
 use isoflop::learn::weights::{self, HostTensor, Source, Weights};
@@ -95,7 +96,7 @@ fn stepped(reference: &Reference<Notes>) -> Weights {
     let (mut optimiser, batch) = (AdamW::new(config), reference.batch());
     for _ in 0..steps {
         let grads = GradientsParams::from_grads(model.loss(&batch).backward(), &model.weights);
-        (model.weights, _) = optimiser.step(model.weights, grads, lr);
+        (model.weights, _) = optimiser.step(model.weights, grads, 1.0, lr);
     }
     weights::on_host(&weights::of_module(&model.weights))
 }

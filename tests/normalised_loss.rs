@@ -76,11 +76,12 @@ fn constant_model(log_probs: &[f64], kernels: Kernels) -> Model {
 
 #[test]
 fn a_unigram_model_scores_zero() {
-    let Corpus { tokens, text, .. } = &zipf_corpus();
+    let corpus = zipf_corpus();
+    let tokens = &corpus.tokens;
     assert!(tokens.zero_count_targets() > 20, "smoothing must matter");
     for kernels in [Kernels::Own, Kernels::Plain] {
         let model = constant_model(&tokens.unigram_log_probs(0), kernels);
-        let loss = split_loss(&model, tokens, text, Split::Test);
+        let loss = split_loss(&model, &corpus.inputs(), Split::Test);
         assert!(loss.targets > 2 * 2048, "{} targets must take several passes", loss.targets);
         assert!(loss.loss_normalised.abs() < 1e-6, "{kernels:?}: {}", loss.loss_normalised);
     }
@@ -88,9 +89,10 @@ fn a_unigram_model_scores_zero() {
 
 #[test]
 fn a_model_that_knows_nothing_scores_the_logarithm_of_the_vocabulary() {
-    let Corpus { tokens, text, .. } = &zipf_corpus();
+    let corpus = zipf_corpus();
+    let tokens = &corpus.tokens;
     let model = constant_model(&[0.0; ZIPF_VOCAB + 1], Kernels::Own);
-    let loss = split_loss(&model, tokens, text, Split::Test);
+    let loss = split_loss(&model, &corpus.inputs(), Split::Test);
     let (targets, codes) = (tokens.n_tokens(Split::Test) + 300, tokens.n_tokens(Split::Test));
     let nats = 51f64.ln();
     let nats_per_frame = nats * targets as f64 / (UNIT_FRAMES * codes) as f64;

@@ -2,6 +2,7 @@
 
 use burn::optim::GradientsParams;
 use burn::tensor::Device;
+use isoflop::generator::Network;
 use isoflop::generator::autoregressive::{Batch, Model, Sequence, Transformer, end_token};
 use isoflop::learn::adamw::AdamW;
 use isoflop::ops::Kernels;
@@ -100,7 +101,7 @@ impl Case for Autoregressive {
             let loss = model.loss(&batch);
             let value = loss.clone().into_scalar::<f32>();
             let gradients = GradientsParams::from_grads(loss.backward(), &model.weights);
-            model.weights = optimiser.step(model.weights.clone(), gradients, 1e-3).0;
+            model.weights = optimiser.step(model.weights.clone(), gradients, 1.0, 1e-3).0;
             value
         })
     }

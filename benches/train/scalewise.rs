@@ -3,6 +3,7 @@
 use burn::optim::GradientsParams;
 use burn::tensor::Device;
 use isoflop::codes::{Grid, Length, Scale};
+use isoflop::generator::Network;
 use isoflop::generator::scalewise::{Batch, Clip, Model};
 use isoflop::ops::Kernels;
 use isoflop::spec::flops::TRAINING_PER_FORWARD;
@@ -133,7 +134,7 @@ impl Case for Scalewise {
             let loss = model.loss(&batch);
             let value = loss.clone().into_scalar::<f32>();
             let gradients = GradientsParams::from_grads(loss.backward(), &model.weights);
-            model.weights = optimiser.step(model.weights.clone(), gradients, 1e-3).0;
+            model.weights = optimiser.step(model.weights.clone(), gradients, 1.0, 1e-3).0;
             value
         })
     }

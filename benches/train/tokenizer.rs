@@ -132,7 +132,7 @@ impl Case for TokenizerCase {
             let loss = halves.loss(x_btf.clone(), &captions);
             let value = loss.clone().into_scalar::<f32>();
             let gradients = GradientsParams::from_grads(loss.backward(), &halves);
-            halves = optimiser.step(halves.clone(), gradients, 1e-3).0;
+            halves = optimiser.step(halves.clone(), gradients, 1.0, 1e-3).0;
             value
         })
     }

@@ -232,11 +232,7 @@ impl TokenStore {
     }
 
     fn split(&self, split: Split) -> &StoredSplit {
-        match split {
-            Split::Train => &self.splits[0],
-            Split::Val => &self.splits[1],
-            Split::Test => &self.splits[2],
-        }
+        &self.splits[split as usize]
     }
 }
 

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
-use isoflop::scores::published::{self, Printed, Published, evaluators};
+use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
 use serde_json::json;
 
 use super::exit::Exit;
@@ -40,7 +40,7 @@ pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
     if let Some(out) = &args.out {
         write_published(out, &rows)?;
     }
-    output.result(&json!({ "rows": rows, "sources": published::sources() }), &text(&rows))
+    output.result(&json!({ "rows": rows, "sources": published::SOURCES }), &text(&rows))
 }
 
 /// The run of the lowest FID of each generator.
@@ -65,7 +65,7 @@ fn text(rows: &[ScoreRow]) -> String {
 
 fn of_group(rows: &[ScoreRow]) -> String {
     let ScoreRow { evaluator, dataset, .. } = &rows[0];
-    let about = evaluators().iter().find(|(name, _)| name == evaluator);
+    let about = EVALUATORS.iter().find(|(name, _)| name == evaluator);
     let about = about.map_or_else(
         || format!("evaluator {evaluator}, trained by isoflop: not comparable with the rest"),
         |(_, about)| format!("evaluator: {about}"),

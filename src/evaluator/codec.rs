@@ -40,12 +40,12 @@ impl Evaluator {
 
     /// What it was trained by.
     pub fn spec(&self) -> &EvaluatorSpec {
-        self.seen.spec()
+        &self.seen.spec
     }
 
     /// What motions are normalised by.
     pub fn stats(&self) -> &FeatureStats {
-        self.seen.stats()
+        &self.seen.stats
     }
 
     /// Frames a second of the motions that it knows.

@@ -37,20 +37,10 @@ impl Corruption {
         }
     }
 
-    /// What a strength counts.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Noise => "deviations",
-            Self::Shuffling => "of frames",
-            Self::Sliding => "m/s",
-        }
-    }
-
     /// How much, from little to much.
     pub fn strengths(self) -> [f64; 3] {
         match self {
-            Self::Noise => [0.1, 0.3, 1.0],
-            Self::Shuffling => [0.1, 0.3, 1.0],
+            Self::Noise | Self::Shuffling => [0.1, 0.3, 1.0],
             Self::Sliding => [0.25, 0.5, 1.0],
         }
     }

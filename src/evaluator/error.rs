@@ -46,10 +46,7 @@ impl EvaluatorError {
                 Some(error.failure_kind())
             }
             Self::Weights(WeightsError::Mismatch { .. }) => Some(FailureKind::Damaged),
-            Self::TooFewClips { .. }
-            | Self::TooShort { .. }
-            | Self::Features { .. }
-            | Self::Score(_) => Some(FailureKind::BadData),
+            _ => Some(FailureKind::BadData),
         }
     }
 

@@ -46,7 +46,7 @@ impl<'a> Pool<'a> {
         most: usize,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self, EvaluatorError> {
-        let usable = usable(source, split, seen.spec(), 2)?;
+        let usable = usable(source, split, &seen.spec, 2)?;
         let chosen = distinct(usable.len(), most, rng).into_iter().map(|i| usable[i]);
         let chosen: Vec<usize> = chosen.collect();
         let load = |&clip: &usize| {
@@ -54,23 +54,32 @@ impl<'a> Pool<'a> {
             seen.rows(&source.features(split, clip)?)
         };
         let clips = chosen.par_iter().map(load).collect::<Result<_, _>>()?;
-        let (captions, words) = captions_of(source, split, &chosen, seen.spec());
+        let (captions, words) = captions_of(source, split, &chosen, &seen.spec);
         Ok(Self { seen, clips, captions, words })
     }
 
     /// A batch of different clips: a random window of each, and a random caption, of which some words
     /// are left out.
     pub fn drawn(&self, rng: &mut ChaCha8Rng) -> Pairs {
-        let spec = self.seen.spec();
+        let spec = &self.seen.spec;
         let clips = distinct(self.clips.len(), spec.batch, rng);
         let windows: Vec<&[f32]> = clips.iter().map(|&clip| self.window(clip, rng)).collect();
         let pick = |&clip: &usize| self.captions[clip][below(rng, self.captions[clip].len())];
         let caption_ids: Vec<u32> = clips.iter().map(pick).collect();
         let thinned = |&id: &u32| thinned(&self.words[id as usize], spec, rng);
         let captions: Vec<Vec<f32>> = caption_ids.iter().map(thinned).collect();
+        self.pairs(windows, captions.iter().map(Vec::as_slice), caption_ids)
+    }
+
+    fn pairs<'b>(
+        &self,
+        motions: impl IntoIterator<Item = &'b [f32]>,
+        captions: impl IntoIterator<Item = &'b [f32]>,
+        caption_ids: Vec<u32>,
+    ) -> Pairs {
         Pairs {
-            motions: Rows::of(windows, self.seen.channels()),
-            captions: Rows::of(captions.iter().map(Vec::as_slice), spec.word_dim),
+            motions: Rows::of(motions, self.seen.channels()),
+            captions: Rows::of(captions, self.seen.spec.word_dim),
             caption_ids,
         }
     }
@@ -79,21 +88,17 @@ impl<'a> Pool<'a> {
     /// is one too where it has two clips.
     pub fn batches(&self) -> Vec<Pairs> {
         let clips: Vec<usize> = (0..self.clips.len()).collect();
-        let batches = clips.chunks(self.seen.spec().batch).filter(|batch| batch.len() > 1);
+        let batches = clips.chunks(self.seen.spec.batch).filter(|batch| batch.len() > 1);
         batches.map(|batch| self.plain(batch)).collect()
     }
 
     fn plain(&self, clips: &[usize]) -> Pairs {
-        let spec = self.seen.spec();
         let own = |&clip: &usize| self.captions[clip][clip % self.captions[clip].len()];
         let caption_ids: Vec<u32> = clips.iter().map(own).collect();
         let motions = clips.iter().map(|&clip| self.seen.first_window(&self.clips[clip]));
-        let captions = caption_ids.iter().map(|&id| self.words[id as usize].as_slice());
-        Pairs {
-            motions: Rows::of(motions, self.seen.channels()),
-            captions: Rows::of(captions, spec.word_dim),
-            caption_ids,
-        }
+        let captions: Vec<&[f32]> =
+            caption_ids.iter().map(|&id| self.words[id as usize].as_slice()).collect();
+        self.pairs(motions, captions, caption_ids)
     }
 
     /// A random window of a clip, in whole rows; all of a shorter one.

@@ -10,23 +10,15 @@ const BOUND: f32 = 10.0;
 /// How an evaluator sees motions.
 #[derive(Clone, Debug)]
 pub struct Seen {
-    spec: EvaluatorSpec,
-    stats: FeatureStats,
+    pub spec: EvaluatorSpec,
+    /// What is normalised by.
+    pub stats: FeatureStats,
 }
 
 impl Seen {
     /// That of a spec, with the statistics of its training split.
     pub fn new(spec: &EvaluatorSpec, stats: &FeatureStats) -> Self {
         Self { spec: spec.clone(), stats: stats.clone() }
-    }
-
-    pub fn spec(&self) -> &EvaluatorSpec {
-        &self.spec
-    }
-
-    /// What is normalised by.
-    pub fn stats(&self) -> &FeatureStats {
-        &self.stats
     }
 
     /// Features of a frame that are seen.

@@ -2,8 +2,6 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
 use super::codec::Evaluator;
@@ -13,9 +11,11 @@ use super::pool::{Pairs, Pool};
 use super::seen::Seen;
 use crate::data::{MotionSource, Split};
 use crate::learn::adamw::AdamWConfig;
+use crate::learn::params::stream;
 use crate::learn::weights;
 use crate::learn::{
-    Checkpoints, Course as LearningCourse, LearnError, Learner, LearnerState, Learning, LoadedState,
+    Checkpoints, Course as LearningCourse, LearnError, Learner, LearnerState, Learning,
+    LoadedState, is_due,
 };
 use crate::progress::Progress;
 use crate::spec::EvaluatorSpec;
@@ -70,35 +70,27 @@ pub fn train(
     progress: &mut Progress,
 ) -> Result<TrainedEvaluator, EvaluatorError> {
     let seen = Seen::new(spec, source.stats());
-    let pool = |split, most, stream| {
-        Pool::load(source, split, &seen, most, &mut of_stream(spec.seed, stream))
-    };
+    let pool = |split, most, of| Pool::load(source, split, &seen, most, &mut stream(spec.seed, of));
     let learner = Contrasting {
         spec,
         train: pool(Split::Train, spec.pool_clips, POOL_STREAM)?,
         val: pool(Split::Val, VALIDATION_CLIPS, VALIDATION_STREAM)?.batches(),
         networks: fresh(spec, seen.n_features(), &device.clone().autodiff()),
-        device: device.clone().autodiff(),
         best: None,
         totals: Totals::default(),
     };
     let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
     let wall_s = learning.wall_s();
     let Contrasting { best, totals, .. } = learning.into_learner();
-    let Best { step, networks, .. } = best.expect("measured after the last step");
+    let (line, networks) = best.expect("measured after the last step");
     let evaluator = Evaluator::new(networks, seen.clone(), f64::from(source.fps()));
-    Ok(TrainedEvaluator { evaluator, course: Course { best_step: step, log: totals.log, wall_s } })
+    let course = Course { best_step: line.step, log: totals.log, wall_s };
+    Ok(TrainedEvaluator { evaluator, course })
 }
 
 /// AnyNetworks before the first step.
 pub(super) fn fresh(spec: &EvaluatorSpec, n_features: usize, device: &Device) -> AnyNetworks {
-    AnyNetworks::init(spec, n_features, &mut of_stream(spec.seed, WEIGHTS_STREAM), device)
-}
-
-fn of_stream(seed: u64, stream: u64) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(stream);
-    rng
+    AnyNetworks::init(spec, n_features, &mut stream(spec.seed, WEIGHTS_STREAM), device)
 }
 
 fn course(spec: &EvaluatorSpec) -> LearningCourse {
@@ -118,16 +110,9 @@ struct Contrasting<'a> {
     train: Pool<'a>,
     val: Vec<Pairs>,
     networks: AnyNetworks,
-    device: Device,
-    best: Option<Best>,
+    /// The networks with the lowest validation loss, and what they have.
+    best: Option<(ValidationLine, AnyNetworks)>,
     totals: Totals,
-}
-
-/// The networks with the lowest validation loss.
-struct Best {
-    step: usize,
-    val_loss: f64,
-    networks: AnyNetworks,
 }
 
 /// Where training stands, beside its weights.
@@ -149,11 +134,6 @@ impl Contrasting<'_> {
         self.val.iter().map(of).sum::<f64>() / n as f64
     }
 
-    fn is_due(&self, step: usize) -> bool {
-        let due = |step: usize| step * self.spec.evaluations / self.spec.steps;
-        due(step) != due(step - 1) || step == self.spec.steps
-    }
-
     /// The line of the log whose weights are the best.
     fn best_line(&self) -> Option<&ValidationLine> {
         self.totals.log.iter().min_by(|a, b| a.val_loss.total_cmp(&b.val_loss))
@@ -171,12 +151,8 @@ impl Learner for Contrasting<'_> {
         self.networks = weights;
     }
 
-    fn device(&self) -> &Device {
-        &self.device
-    }
-
     fn loss(&mut self, step: usize) -> Tensor<1> {
-        let mut rng = of_stream(self.spec.seed, FIRST_STEP_STREAM + step as u64);
+        let mut rng = stream(self.spec.seed, FIRST_STEP_STREAM + step as u64);
         let pairs = self.train.drawn(&mut rng);
         self.networks.loss(&pairs, Some(&mut rng))
     }
@@ -193,7 +169,7 @@ impl Learner for Contrasting<'_> {
     fn after(&mut self, step: usize, loss: f64) -> Result<(), LearnError> {
         self.totals.loss_sum += loss;
         self.totals.loss_count += 1;
-        if !self.is_due(step) {
+        if !is_due(step, self.spec.steps, self.spec.evaluations) {
             return Ok(());
         }
         let networks = self.networks.valid();
@@ -204,26 +180,26 @@ impl Learner for Contrasting<'_> {
         }
         let train_loss = self.totals.loss_sum / self.totals.loss_count as f64;
         (self.totals.loss_sum, self.totals.loss_count) = (0.0, 0);
-        self.totals.log.push(ValidationLine { step, train_loss, val_loss });
-        if self.best.as_ref().is_none_or(|best| val_loss < best.val_loss) {
-            self.best = Some(Best { step, val_loss, networks });
+        let line = ValidationLine { step, train_loss, val_loss };
+        self.totals.log.push(line);
+        if self.best.as_ref().is_none_or(|(best, _)| val_loss < best.val_loss) {
+            self.best = Some((line, networks));
         }
         Ok(())
     }
 
     fn keep(&self) -> LearnerState {
         let note = serde_json::to_value(&self.totals).expect("plain values");
-        let tensors = self.best.as_ref().map(|best| weights::of_module(&best.networks));
+        let tensors = self.best.as_ref().map(|(_, networks)| weights::of_module(networks));
         LearnerState { note, tensors: tensors.unwrap_or_default() }
     }
 
     fn resume(&mut self, saved: LoadedState) -> Option<()> {
         self.totals = serde_json::from_value(saved.note).ok()?;
-        let Some(&ValidationLine { step, val_loss, .. }) = self.best_line() else {
-            return Some(());
-        };
-        let networks = weights::into_module(self.networks.valid(), saved.tensors).ok()?;
-        self.best = Some(Best { step, val_loss, networks });
+        if let Some(line) = self.best_line().copied() {
+            let networks = weights::into_module(self.networks.valid(), saved.tensors).ok()?;
+            self.best = Some((line, networks));
+        }
         Some(())
     }
 }

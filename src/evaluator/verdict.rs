@@ -24,6 +24,17 @@ pub struct Verdict {
     pub passes: bool,
 }
 
+impl Verdict {
+    fn new(
+        gate: impl Into<String>,
+        found: String,
+        wanted: impl Into<String>,
+        passes: bool,
+    ) -> Self {
+        Self { gate: gate.into(), found, wanted: wanted.into(), passes }
+    }
+}
+
 impl Gates {
     /// One verdict a gate.
     pub fn verdicts(&self) -> Vec<Verdict> {
@@ -42,12 +53,9 @@ impl Gates {
     fn retrieval(&self) -> Verdict {
         let [found, ..] = self.truth;
         let least = TIMES_CHANCE / POOL as f64;
-        Verdict {
-            gate: "R@1 of true motions".to_string(),
-            found: found.shown(3),
-            wanted: format!("≥ {least:.3}, {TIMES_CHANCE} × chance"),
-            passes: found.mean - found.half_width >= least,
-        }
+        let passes = found.mean - found.half_width >= least;
+        let wanted = format!("≥ {least:.3}, {TIMES_CHANCE} × chance");
+        Verdict::new("R@1 of true motions", found.shown(3), wanted, passes)
     }
 
     /// True motions are nearer to other true motions than these are once they are made worse.
@@ -55,24 +63,18 @@ impl Gates {
         let strongest = Corruption::ALL.map(|corruption| self.of(corruption).last());
         let strongest = strongest.into_iter().flatten().map(|corrupted| corrupted.halves_fid);
         let least = strongest.min_by(|a, b| a.mean.total_cmp(&b.mean));
-        Verdict {
-            gate: "FID of halves of truth".to_string(),
-            found: self.halves_fid.shown(4),
-            wanted: format!("below {}", least.map(|least| least.shown(4)).unwrap_or_default()),
-            passes: least.is_some_and(|least| least.is_above(&self.halves_fid)),
-        }
+        let passes = least.is_some_and(|least| least.is_above(&self.halves_fid));
+        let wanted = format!("below {}", least.map(|least| least.shown(4)).unwrap_or_default());
+        Verdict::new("FID of halves of truth", self.halves_fid.shown(4), wanted, passes)
     }
 
     /// FID rises the more motions are made worse.
     fn rising(&self, corruption: Corruption) -> Verdict {
         let fids: Vec<f64> = self.of(corruption).map(|corrupted| corrupted.fid).collect();
         let words: Vec<String> = fids.iter().map(|fid| format!("{fid:.4}")).collect();
-        Verdict {
-            gate: format!("FID under {}", corruption.name()),
-            found: words.join(" < "),
-            wanted: "rises from 0".to_string(),
-            passes: fids.len() > 1 && fids[0] > 0.0 && fids.is_sorted_by(|a, b| a < b),
-        }
+        let passes = fids.len() > 1 && fids[0] > 0.0 && fids.is_sorted_by(|a, b| a < b);
+        let gate = format!("FID under {}", corruption.name());
+        Verdict::new(gate, words.join(" < "), "rises from 0", passes)
     }
 
     /// From little to much.
@@ -87,24 +89,18 @@ impl Gates {
         let chance = 1.0 / POOL as f64;
         let falls = means.is_sorted_by(|a, b| a > b);
         let most = SWAPPED_TIMES_CHANCE * chance;
-        Verdict {
-            gate: "R@1 with swapped captions".to_string(),
-            found: words.join(" > "),
-            wanted: format!("≤ {most:.3} at last"),
-            passes: falls && means.last().is_some_and(|last| *last <= most),
-        }
+        let passes = falls && means.last().is_some_and(|last| *last <= most);
+        let wanted = format!("≤ {most:.3} at last");
+        Verdict::new("R@1 with swapped captions", words.join(" > "), wanted, passes)
     }
 
     /// Motions of one caption are nearer to one another than to others.
     fn spread(&self) -> Option<Verdict> {
         let same = self.same_caption?;
         let share = same.distance / same.any_distance;
-        Some(Verdict {
-            gate: "spread within a caption".to_string(),
-            found: format!("{share:.2} of any two"),
-            wanted: format!("≤ {SAME_CAPTION_SHARE}"),
-            passes: share <= SAME_CAPTION_SHARE,
-        })
+        let (found, passes) = (format!("{share:.2} of any two"), share <= SAME_CAPTION_SHARE);
+        let wanted = format!("≤ {SAME_CAPTION_SHARE}");
+        Some(Verdict::new("spread within a caption", found, wanted, passes))
     }
 }
 

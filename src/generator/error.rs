@@ -59,14 +59,9 @@ impl GeneratorError {
     pub fn failure_kind(&self) -> Option<FailureKind> {
         match self {
             Self::Learn(error) => error.failure_kind(),
-            Self::Vocabulary { .. }
-            | Self::Context { .. }
-            | Self::Length { .. }
-            | Self::NoCode { .. }
-            | Self::Guidance
-            | Self::Edit => Some(FailureKind::BadData),
             Self::Weights(_) => Some(FailureKind::Damaged),
             Self::Precision(_) => Some(FailureKind::Other),
+            _ => Some(FailureKind::BadData),
         }
     }
 }

@@ -1,16 +1,16 @@
-//! [`Generator`]: what a kind of generator does.
+//! [`Kind`]: what a kind of generator says of itself.
 
-use std::path::Path;
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
 
-use burn::tensor::Device;
-
-use super::error::GeneratorError;
 use super::sampling::Sampler;
-use super::trained::{Inputs, Trained};
-use crate::learn::weights::{Sources, Weights};
+use super::sums::SplitLoss;
+use super::trained::Inputs;
+use crate::data::Split;
 use crate::learn::{Checkpoints, LearnError};
 use crate::plan::RunSpec;
-use crate::progress::Progress;
+use crate::spec::Precision;
 
 /// What is trained, on what, and where its state lies.
 #[derive(Clone, Copy)]
@@ -21,51 +21,64 @@ pub struct Training<'a> {
     pub checkpoints: &'a Checkpoints<'a>,
 }
 
-/// A kind of generator.
-pub trait Generator: Sync {
-    /// Trains a run to its end and measures it on the test split.
-    ///
-    /// # Errors
-    /// Codes or device do not suit the run; learning diverged or was stopped.
-    fn train(
-        &self,
-        training: &Training,
-        progress: &mut Progress,
-    ) -> Result<Trained, GeneratorError>;
+/// A model of codes.
+pub trait Network {
+    /// Its parameters.
+    type Weights: Module + Clone;
 
-    /// The weights that a run begins with, by name.
-    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources;
+    /// What a step shows it.
+    type Batch;
 
-    /// Trains a trunk to its end and writes its state, from which runs branch off.
-    ///
-    /// # Errors
-    /// As [`Generator::train`].
-    fn train_trunk(
-        &self,
-        training: &Training,
-        state: &Path,
-        progress: &mut Progress,
-    ) -> Result<(), GeneratorError>;
+    /// The model of a run with drawn parameters; on an autodiff device it can be trained.
+    fn drawn(spec: &RunSpec, precision: Precision, rng: &mut ChaCha8Rng, device: &Device) -> Self;
+
+    /// The parameters as they are.
+    fn weights(&self) -> &Self::Weights;
+
+    /// Takes over parameters.
+    fn set_weights(&mut self, weights: Self::Weights);
+
+    /// Mean cross-entropy over the supervised codes of a batch, in nats, `[1]`.
+    fn loss(&self, batch: &Self::Batch) -> Tensor<1>;
+}
+
+/// What a kind of generator shows its model in training, and how it measures it.
+pub trait Objective<'a> {
+    /// The model.
+    type Network: Network;
+
+    /// That of a run.
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self;
+
+    /// A step's batch, a pure function of the step, which counts from 0; and its forward FLOPs, by the
+    /// exact count.
+    fn batch(&mut self, network: &Self::Network, step: usize) -> (BatchOf<Self::Network>, f64);
+
+    /// The loss of a model as it is on a split.
+    fn split_loss(&self, network: &Self::Network, split: Split) -> SplitLoss;
+
+    /// The loss of a model that knows nothing but which codes there are, in nats.
+    fn uniform_nats(&self) -> f64;
+}
+
+type BatchOf<N> = <N as Network>::Batch;
+
+/// A kind of generator, as it says of itself.
+pub trait Kind: Sync + 'static {
+    /// The model.
+    type Network: Network;
+
+    /// What its runs make small.
+    type Objective<'a>: Objective<'a, Network = Self::Network>;
 
     /// Whether it asks for [`Inputs::scales`].
-    fn wants_scales(&self) -> bool {
-        false
-    }
+    const WANTS_SCALES: bool = false;
 
-    /// A trained run that makes motions, without gradients, on `device`.
-    ///
-    /// # Errors
-    /// [`GeneratorError::Weights`].
-    fn sampler(
-        &self,
-        spec: &RunSpec,
-        weights: Weights,
-        device: &Device,
-    ) -> Result<Box<dyn Sampler>, GeneratorError>;
+    /// A trained model that makes motions.
+    fn sampler(spec: &RunSpec, network: Self::Network) -> Box<dyn Sampler>;
 
-    /// A run on made-up codes, whose steps can be timed. A model above [`MOST_PROBED_PARAMS`] is
-    /// timed at a smaller size, and priced at the rate found there.
-    fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe>;
+    /// A step's batch of made-up clips, and how many tokens it supervises.
+    fn made_up(spec: &RunSpec, network: &Self::Network) -> (BatchOf<Self::Network>, usize);
 }
 
 /// Parameters of a model that a probe builds, at most.

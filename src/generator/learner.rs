@@ -1,19 +1,18 @@
 //! [`RunLearner`]: a run of any kind of generator as a learner; [`Objective`] is what kinds differ in.
 
-use std::path::Path;
-
-use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
 use super::error::GeneratorError;
-use super::kind::Training;
+use super::fitness::{check_inputs, check_precision};
+use super::kind::{Kind, Network, Objective, Training};
 use super::schedule::learning_rate;
-use super::trained::{LogLine, SplitLoss, Trained};
+use super::sums::SplitLoss;
+use super::trained::{LogLine, Trained};
 use crate::data::Split;
 use crate::learn::adamw::AdamWConfig;
+use crate::learn::params::stream;
 use crate::learn::{
     Course, LearnError, Learner, LearnerState, Learning, LoadedState, is_due, weights,
 };
@@ -25,66 +24,34 @@ use crate::spec::flops::TRAINING_PER_FORWARD;
 const WEIGHTS_STREAM: u64 = 0;
 
 /// What a step hides or corrupts takes its ChaCha stream from here on, one stream a step.
-pub const FIRST_STEP_STREAM: u64 = 1 << 33;
+const FIRST_STEP_STREAM: u64 = 1 << 33;
 
 /// A training loss this many nats above the uniform model's ends the run.
 const DIVERGED_NATS: f64 = 3.0;
 
 /// The numbers from which the weights of a run are drawn.
 pub fn weights_rng(spec: &RunSpec) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
-    rng.set_stream(WEIGHTS_STREAM);
-    rng
+    stream(spec.seed, WEIGHTS_STREAM)
+}
+
+/// The numbers from which a step draws what it hides or corrupts.
+pub fn step_rng(spec: &RunSpec, step: usize) -> ChaCha8Rng {
+    stream(spec.seed, FIRST_STEP_STREAM + step as u64)
 }
 
 /// What to do about a loss that is no number.
 const ADVICE: &str = "lower train.lr";
 
-/// What a kind of generator makes small, and how it is measured.
-pub trait Objective {
-    /// Its parameters.
-    type Weights: Module + Clone;
-
-    /// The parameters as they are.
-    fn weights(&self) -> &Self::Weights;
-
-    /// Takes over parameters.
-    fn set_weights(&mut self, weights: Self::Weights);
-
-    /// Where the parameters live, with gradients.
-    fn device(&self) -> &Device;
-
-    /// The loss of a step's batch, a pure function of the weights and the step, which counts from 0.
-    fn loss(&mut self, step: usize) -> BatchLoss;
-
-    /// The loss of the parameters as they are on a split.
-    fn split_loss(&self, split: Split) -> SplitLoss;
-
-    /// The loss of a model that knows nothing but which codes there are, in nats.
-    fn uniform_nats(&self) -> f64;
-}
-
-/// The loss of a batch, and what it took.
-pub struct BatchLoss {
-    /// Mean over the supervised tokens, in nats, `[1]`.
-    pub loss: Tensor<1>,
-    /// Forward FLOPs, by the exact count.
-    pub forward_flops: f64,
-}
-
-/// Trains a run to its end and measures it on the test split.
+/// A finished run, measured on the test split.
 ///
 /// # Errors
-/// Learning diverged or was stopped.
-pub fn train<O: Objective>(
-    objective: O,
-    training: &Training,
-    progress: &mut Progress,
+/// Its last update spoilt it.
+pub fn trained<'a, O: Objective<'a>>(
+    learning: &Learning<RunLearner<'a, O>>,
 ) -> Result<Trained, GeneratorError> {
-    let learning = learn(objective, training, progress)?;
     let learner = learning.learner();
     Ok(Trained {
-        test: learner.measure(Split::Test, training.spec.steps)?,
+        test: learner.measure(Split::Test, learner.spec.steps)?,
         weights: weights::of_module(learner.weights()),
         log: learner.totals.log.clone(),
         flops_exact: TRAINING_PER_FORWARD * learner.totals.forward_flops,
@@ -92,27 +59,21 @@ pub fn train<O: Objective>(
     })
 }
 
-/// Trains a trunk to its end and writes its state.
+/// Trains a run of a kind to its end.
 ///
 /// # Errors
-/// As [`train`].
-pub fn train_trunk<O: Objective>(
-    objective: O,
-    training: &Training,
-    state: &Path,
-    progress: &mut Progress,
-) -> Result<(), GeneratorError> {
-    let learning = learn(objective, training, progress)?;
-    Ok(learning.save(state).map_err(LearnError::from)?)
-}
-
-fn learn<'a, O: Objective>(
-    objective: O,
+/// Codes or device do not suit the run; learning diverged or was stopped.
+pub fn learn<'a, K: Kind>(
     training: &Training<'a>,
     progress: &mut Progress,
-) -> Result<Learning<RunLearner<'a, O>>, GeneratorError> {
-    let Training { spec, checkpoints, .. } = *training;
-    let learner = RunLearner::new(spec, objective);
+) -> Result<Learning<RunLearner<'a, K::Objective<'a>>>, GeneratorError> {
+    let Training { spec, inputs, device, checkpoints } = *training;
+    check_inputs(spec, inputs)?;
+    check_precision(spec.precision, device)?;
+    let (mut rng, device) = (weights_rng(spec), device.clone().autodiff());
+    let network = K::Network::drawn(spec, spec.precision, &mut rng, &device);
+    let (objective, totals) = (K::Objective::new(spec, inputs), Totals::default());
+    let learner = RunLearner { spec, objective, network, batch_flops: 0.0, totals };
     Ok(Learning::run(learner, &course(spec), Some(checkpoints), progress)?)
 }
 
@@ -129,9 +90,10 @@ pub fn course(spec: &RunSpec) -> Course {
 }
 
 /// A run of an objective.
-pub struct RunLearner<'a, O> {
+pub struct RunLearner<'a, O: Objective<'a>> {
     spec: &'a RunSpec,
     objective: O,
+    network: O::Network,
     /// Forward FLOPs of the batch at hand.
     batch_flops: f64,
     totals: Totals,
@@ -150,16 +112,11 @@ struct Totals {
     log: Vec<LogLine>,
 }
 
-impl<'a, O: Objective> RunLearner<'a, O> {
-    /// A run before its first step.
-    pub fn new(spec: &'a RunSpec, objective: O) -> Self {
-        Self { spec, objective, batch_flops: 0.0, totals: Totals::default() }
-    }
-
+impl<'a, O: Objective<'a>> RunLearner<'a, O> {
     /// The loss on a split at a step, which the last update may have spoilt after its own loss was
     /// checked.
     fn measure(&self, split: Split, step: usize) -> Result<SplitLoss, LearnError> {
-        let measured = self.objective.split_loss(split);
+        let measured = self.objective.split_loss(&self.network, split);
         let (steps, loss) = (self.spec.steps, measured.loss_nats);
         if loss.is_finite() {
             Ok(measured)
@@ -169,25 +126,21 @@ impl<'a, O: Objective> RunLearner<'a, O> {
     }
 }
 
-impl<O: Objective> Learner for RunLearner<'_, O> {
-    type Weights = O::Weights;
+impl<'a, O: Objective<'a>> Learner for RunLearner<'a, O> {
+    type Weights = <O::Network as Network>::Weights;
 
-    fn weights(&self) -> &O::Weights {
-        self.objective.weights()
+    fn weights(&self) -> &Self::Weights {
+        self.network.weights()
     }
 
-    fn set_weights(&mut self, weights: O::Weights) {
-        self.objective.set_weights(weights);
-    }
-
-    fn device(&self) -> &Device {
-        self.objective.device()
+    fn set_weights(&mut self, weights: Self::Weights) {
+        self.network.set_weights(weights);
     }
 
     fn loss(&mut self, step: usize) -> Tensor<1> {
-        let BatchLoss { loss, forward_flops } = self.objective.loss(step);
+        let (batch, forward_flops) = self.objective.batch(&self.network, step);
         self.batch_flops = forward_flops;
-        loss
+        self.network.loss(&batch)
     }
 
     fn learning_rate(&self, step: usize) -> f64 {

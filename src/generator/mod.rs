@@ -1,4 +1,4 @@
-//! Generators: models of codes given text. A folder a kind, each with one [`Generator`].
+//! Generators: models of codes given text. A folder a kind, each with a [`Kind`] and so a [`Generator`].
 //!
 //! [`of`] is the one place that tells kinds apart.
 //!
@@ -48,11 +48,11 @@
 pub mod autoregressive;
 mod blocks;
 mod error;
+mod every_kind;
 mod fitness;
 mod kind;
 mod learner;
 pub mod masked;
-mod measurable;
 mod passes;
 mod probed;
 mod sampling;
@@ -66,11 +66,12 @@ use std::path::Path;
 
 pub use blocks::losses_by_block;
 pub use error::GeneratorError;
-pub use kind::{Generator, MOST_PROBED_PARAMS, Probe, Training};
+pub use every_kind::Generator;
+pub use kind::{Kind, MOST_PROBED_PARAMS, Network, Objective, Probe, Training};
 pub use sampling::{Choices, Draw, Edit, Prompt, Sampled, Sampler, Sampling, StreamForm};
 pub use schedule::learning_rate;
-pub use sums::Sums;
-pub use trained::{Inputs, LogLine, ScaleInputs, SplitLoss, Trained};
+pub use sums::{SplitLoss, Sums};
+pub use trained::{Inputs, LogLine, ScaleInputs, Trained};
 
 use crate::plan::RunSpec;
 use crate::progress::Progress;
@@ -79,9 +80,10 @@ use crate::spec::GeneratorSpec;
 /// The generator of a run.
 pub fn of(spec: &RunSpec) -> &'static dyn Generator {
     match spec.generator {
-        GeneratorSpec::Autoregressive(_) => &autoregressive::AutoregressiveGenerator,
-        GeneratorSpec::Masked(_) => &masked::MaskedGenerator,
-        GeneratorSpec::Scalewise(_) => &scalewise::ScalewiseGenerator,
+        GeneratorSpec::Autoregressive(_) => &autoregressive::Autoregressive,
+        GeneratorSpec::Masked(_) if spec.codes.scales.len() == 1 => &masked::Masked,
+        GeneratorSpec::Masked(_) => &masked::residual::MaskedResidual,
+        GeneratorSpec::Scalewise(_) => &scalewise::Scalewise,
     }
 }
 

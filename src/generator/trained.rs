@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::sums::{SplitSums, Sums};
+use super::sums::SplitLoss;
 use crate::codes::TokenStore;
 use crate::learn::weights::Sources;
 use crate::text::TextStore;
@@ -38,42 +38,6 @@ pub struct Trained {
     pub flops_exact: f64,
     /// Seconds, those of earlier processes included.
     pub wall_s: f64,
-}
-
-/// Losses of a model on a split, in nats.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SplitLoss {
-    /// Mean −ln p over targets, end tokens included where clips have them.
-    pub loss_nats: f64,
-    /// L_u: mean of −ln p + ln p_uni over the same targets (ScaMo §4.4); p_uni is that of the target's
-    /// own scale.
-    ///
-    /// From log-probabilities throughout: a ratio of probabilities would underflow first.
-    pub loss_normalised: f64,
-    /// Cross-entropy per frame of motion.
-    pub nats_per_frame: f64,
-    /// L_u of the codes of each scale; empty where there is one.
-    pub normalised_by_scale: Vec<f64>,
-    pub targets: usize,
-    /// Of each clip by itself, in the split's order.
-    pub clips: Vec<Sums>,
-}
-
-impl SplitLoss {
-    /// Of a split of so many frames.
-    pub fn of(sums: SplitSums, n_frames: usize) -> Self {
-        let SplitSums { scales, clips } = sums;
-        let all = Sums::all(&scales);
-        let by_scale = || scales.iter().map(Sums::normalised).collect();
-        Self {
-            loss_nats: all.nats / all.targets as f64,
-            loss_normalised: all.normalised(),
-            nats_per_frame: all.nats / n_frames as f64,
-            normalised_by_scale: if scales.len() > 1 { by_scale() } else { Vec::new() },
-            targets: all.targets,
-            clips,
-        }
-    }
 }
 
 /// A line of `log.jsonl`: a run measured on the validation split.

@@ -42,13 +42,9 @@ impl AdamW {
         Self { config, steps: 0, moments: BTreeMap::new() }
     }
 
-    /// One step; returns the module and the global norm of the gradients before clipping.
-    pub fn step<M: Module>(&mut self, module: M, grads: GradientsParams, lr: f64) -> (M, f64) {
-        self.step_scaled(module, grads, 1.0, lr)
-    }
-
-    /// The same where the gradients are `scale` times too large.
-    pub fn step_scaled<M: Module>(
+    /// One step by gradients that are `scale` times too large; returns the module and the global norm
+    /// of the gradients before clipping.
+    pub fn step<M: Module>(
         &mut self,
         module: M,
         grads: GradientsParams,
@@ -120,7 +116,7 @@ impl Update<'_> {
     /// The parameter after the step; all tensors flat and of one length.
     fn apply(&mut self, value: Tensor<1>, grad: Tensor<1>) -> Tensor<1> {
         let AdamW { config, steps, moments } = &mut *self.optimiser;
-        let step = adamw_step(config, *steps, self.lr, self.clip);
+        let step = config.numbers(*steps, self.lr, self.clip);
         let before = moments.remove(&self.index);
         let before = before.unwrap_or_else(|| [value.zeros_like(), value.zeros_like()]);
         let (value, after) = ops::adamw(value, grad, before, step);
@@ -129,17 +125,18 @@ impl Update<'_> {
     }
 }
 
-/// The numbers of step `t`, from 1 on.
-fn adamw_step(config: &AdamWConfig, t: i32, lr: f64, clip: f64) -> AdamWStep {
-    let AdamWConfig { beta_1, beta_2, epsilon, weight_decay, .. } = *config;
-    AdamWStep {
-        beta_1: beta_1 as f32,
-        beta_2: beta_2 as f32,
-        epsilon: epsilon as f32,
-        clip: clip as f32,
-        keep: (1.0 - lr * weight_decay) as f32,
-        rate: (lr / (1.0 - beta_1.powi(t))) as f32,
-        scale: (1.0 - beta_2.powi(t)).sqrt().recip() as f32,
+impl AdamWConfig {
+    /// The numbers of step `t`, from 1 on.
+    fn numbers(&self, t: i32, lr: f64, clip: f64) -> AdamWStep {
+        AdamWStep {
+            beta_1: self.beta_1 as f32,
+            beta_2: self.beta_2 as f32,
+            epsilon: self.epsilon as f32,
+            clip: clip as f32,
+            keep: (1.0 - lr * self.weight_decay) as f32,
+            rate: (lr / (1.0 - self.beta_1.powi(t))) as f32,
+            scale: (1.0 - self.beta_2.powi(t)).sqrt().recip() as f32,
+        }
     }
 }
 

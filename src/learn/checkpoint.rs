@@ -7,7 +7,6 @@ use std::path::Path;
 use std::time::Duration;
 
 use burn::module::Module;
-use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -101,7 +100,6 @@ pub(super) fn load<M: Module>(
     path: &Path,
     module: M,
     optimiser: AdamW,
-    device: &Device,
 ) -> Result<Loaded<M>, FileError> {
     let (mut tensors, notes) = weights::load(path)?;
     let damaged = |reason: &str| FileError::damaged(path, reason);
@@ -113,7 +111,8 @@ pub(super) fn load<M: Module>(
     let module =
         weights::into_module(module, parameters).map_err(|error| damaged(&error.to_string()))?;
     let steps = i32::try_from(header.step).map_err(|_| damaged("an impossible step"))?;
-    let optimiser = optimiser.with_state(steps, tensors, &device.clone().inner());
+    let device = module.devices().swap_remove(0).inner();
+    let optimiser = optimiser.with_state(steps, tensors, &device);
     let optimiser = optimiser.ok_or_else(|| damaged("moments are missing"))?;
     Ok(Loaded { module, optimiser, saved, header })
 }

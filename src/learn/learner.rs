@@ -1,7 +1,7 @@
 //! [`Learner`]: what learning asks of whatever learns.
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Tensor;
 
 use super::adamw::AdamWConfig;
 use super::checkpoint::{LearnerState, LoadedState};
@@ -17,9 +17,6 @@ pub trait Learner {
 
     /// Takes over parameters: those after a step, or those of a checkpoint.
     fn set_weights(&mut self, weights: Self::Weights);
-
-    /// Where the parameters live, with gradients.
-    fn device(&self) -> &Device;
 
     /// The mean loss of a step's batch, `[1]`; steps count from 0.
     fn loss(&mut self, step: usize) -> Tensor<1>;

@@ -44,11 +44,10 @@ impl<L: Learner> Learning<L> {
         checkpoints: Option<&Checkpoints>,
         progress: &mut Progress,
     ) -> Result<Self, LearnError> {
-        let fresh = Self::new(learner, course);
-        let mut learning = match checkpoints {
-            Some(checkpoints) => fresh.resumed(checkpoints)?,
-            None => fresh,
-        };
+        let mut learning = Self::new(learner, course);
+        if let Some(checkpoints) = checkpoints {
+            learning = learning.resumed(checkpoints)?;
+        }
         learning.go_on(checkpoints, progress)?;
         Ok(learning)
     }
@@ -64,9 +63,8 @@ impl<L: Learner> Learning<L> {
 
     fn load(mut self, path: &Path) -> Result<Self, FileError> {
         let module = self.learner.weights().clone();
-        let device = self.learner.device().clone();
         let Loaded { module, optimiser, saved, header } =
-            checkpoint::load(path, module, self.optimiser, &device)?;
+            checkpoint::load(path, module, self.optimiser)?;
         self.learner.set_weights(module);
         let taken_up = self.learner.resume(saved);
         taken_up.ok_or_else(|| FileError::damaged(path, "the learner's own state is missing"))?;
@@ -129,7 +127,7 @@ impl<L: Learner> Learning<L> {
         let value = f64::from(loss.into_scalar::<f32>());
         self.check(value)?;
         let (weights, rate) = (weights.clone(), self.learner.learning_rate(self.step));
-        let (weights, _) = self.optimiser.step_scaled(weights, gradients, scale, rate);
+        let (weights, _) = self.optimiser.step(weights, gradients, scale, rate);
         self.learner.set_weights(weights);
         self.step += 1;
         Ok(value)

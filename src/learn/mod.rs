@@ -30,10 +30,6 @@
 //!         self.weights = weights;
 //!     }
 //!
-//!     fn device(&self) -> &Device {
-//!         &self.device
-//!     }
-//!
 //!     fn loss(&mut self, _step: usize) -> Tensor<1> {
 //!         let x = Tensor::<2>::from_data([[1.0], [2.0]], &self.device);
 //!         let error = self.weights.forward(x.clone()) - x * 3.0;

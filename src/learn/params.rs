@@ -3,7 +3,7 @@
 use burn::module::{Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// A parameter of independent normal values, mean 0, standard deviation `std`.
 pub fn normal<const D: usize>(
@@ -54,6 +54,13 @@ pub fn from_values<const D: usize>(
     Param::initialized(ParamId::new(), tensor)
 }
 
+/// The numbers of one of a seed's independent streams.
+pub fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream);
+    rng
+}
+
 /// Uniform in [0, 1) with 53 random bits.
 pub fn unit(rng: &mut ChaCha8Rng) -> f64 {
     (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
@@ -86,7 +93,6 @@ pub fn normal_pair(rng: &mut ChaCha8Rng) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand_chacha::rand_core::SeedableRng;
 
     #[test]
     fn normal_parameters_have_the_asked_deviation() {

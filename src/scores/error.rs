@@ -19,3 +19,15 @@ pub enum ScoreError {
     #[error("{score} needs {least} {what} or more, there are {found}")]
     TooFew { score: &'static str, what: &'static str, least: usize, found: usize },
 }
+
+impl ScoreError {
+    /// Whether there are as many things as a score needs.
+    pub(super) fn unless_enough(
+        score: &'static str,
+        what: &'static str,
+        least: usize,
+        found: usize,
+    ) -> Result<(), Self> {
+        if found >= least { Ok(()) } else { Err(Self::TooFew { score, what, least, found }) }
+    }
+}

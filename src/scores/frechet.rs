@@ -20,10 +20,7 @@ impl Gaussian {
     /// [`ScoreError::TooFew`].
     pub fn of(embeddings: &Embeddings) -> Result<Self, ScoreError> {
         let (n, dim) = (embeddings.len(), embeddings.dim());
-        if n < 2 {
-            let (score, what) = ("FID", "motions in each set");
-            return Err(ScoreError::TooFew { score, what, least: 2, found: n });
-        }
+        ScoreError::unless_enough("FID", "motions in each set", 2, n)?;
         let rows = DMatrix::from_fn(n, dim, |row, column| embeddings.row(row)[column]);
         let mean = rows.row_mean().transpose();
         let centred = DMatrix::from_fn(n, dim, |row, column| rows[(row, column)] - mean[column]);

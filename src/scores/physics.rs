@@ -32,10 +32,7 @@ pub struct Physics {
 /// # Errors
 /// [`ScoreError::TooFew`] below four frames, which have no jerk.
 pub fn physics(poses: &[Pose], fps: f64) -> Result<Physics, ScoreError> {
-    if poses.len() < 4 {
-        let (score, what) = ("jerk", "frames");
-        return Err(ScoreError::TooFew { score, what, least: 4, found: poses.len() });
-    }
+    ScoreError::unless_enough("jerk", "frames", 4, poses.len())?;
     Ok(Physics {
         foot_skate: foot_skate(poses, fps),
         jerk: jerk(poses, fps),

@@ -28,10 +28,7 @@ pub struct RankCorrelation {
 /// [`ScoreError::TooFew`] below five pairs.
 pub fn rank_correlation(pairs: &[(f64, f64)]) -> Result<RankCorrelation, ScoreError> {
     let n = pairs.len();
-    if n < LEAST {
-        let (score, what) = ("a rank correlation", "runs");
-        return Err(ScoreError::TooFew { score, what, least: LEAST, found: n });
-    }
+    ScoreError::unless_enough("a rank correlation", "runs", LEAST, n)?;
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let draw = |_| spearman(&(0..n).map(|_| pairs[below(&mut rng, n)]).collect::<Vec<_>>());
     let mut drawn: Vec<f64> = (0..DRAWS).map(draw).collect();
@@ -42,10 +39,8 @@ pub fn rank_correlation(pairs: &[(f64, f64)]) -> Result<RankCorrelation, ScoreEr
 
 /// The correlation of ranks; 0 where all of a side are alike.
 fn spearman(pairs: &[(f64, f64)]) -> f64 {
-    let [x, y] = [
-        ranks(&pairs.iter().map(|pair| pair.0).collect::<Vec<_>>()),
-        ranks(&pairs.iter().map(|pair| pair.1).collect::<Vec<_>>()),
-    ];
+    let (x, y): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
+    let (x, y) = (ranks(&x), ranks(&y));
     let mean = (pairs.len() + 1) as f64 / 2.0;
     let sum = |a: &[f64], b: &[f64]| -> f64 {
         a.iter().zip(b).map(|(a, b)| (a - mean) * (b - mean)).sum()

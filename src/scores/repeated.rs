@@ -23,10 +23,7 @@ impl Repeated {
     /// [`ScoreError::TooFew`].
     pub fn of(scores: &[f64]) -> Result<Self, ScoreError> {
         let repeats = scores.len();
-        if repeats == 0 {
-            let (score, what) = ("an interval", "repeats");
-            return Err(ScoreError::TooFew { score, what, least: 1, found: 0 });
-        }
+        ScoreError::unless_enough("an interval", "repeats", 1, repeats)?;
         let n = repeats as f64;
         let mean = scores.iter().sum::<f64>() / n;
         let squares: f64 = scores.iter().map(|score| (score - mean).powi(2)).sum();

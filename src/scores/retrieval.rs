@@ -33,12 +33,9 @@ pub fn retrieval(
     pool: usize,
 ) -> Result<Retrieval, ScoreError> {
     texts.paired_with(motions)?;
-    let (n_pools, found) = (texts.len() / pool.max(1), texts.len());
-    if n_pools == 0 || pool == 0 {
-        let (score, what) = ("R-precision", "pairs of text and motion");
-        return Err(ScoreError::TooFew { score, what, least: pool.max(1), found });
-    }
-    let n_texts = n_pools * pool;
+    let found = if pool == 0 { 0 } else { texts.len() };
+    ScoreError::unless_enough("R-precision", "pairs of text and motion", pool.max(1), found)?;
+    let n_texts = found / pool * pool;
     let (mut hits, mut matching) = ([0.0; 3], 0.0);
     for text in 0..n_texts {
         let first = text / pool * pool;
@@ -68,12 +65,10 @@ fn share_within(k: usize, nearer: usize, level: usize) -> f64 {
 /// [`ScoreError::TooFew`] without a pair, [`ScoreError::Unpaired`] and [`ScoreError::Widths`].
 pub fn cosine_score(texts: &Embeddings, motions: &Embeddings) -> Result<f64, ScoreError> {
     texts.paired_with(motions)?;
-    if texts.is_empty() {
-        let (score, what) = ("the cosine score", "pairs of text and motion");
-        return Err(ScoreError::TooFew { score, what, least: 1, found: 0 });
-    }
+    let n = texts.len();
+    ScoreError::unless_enough("the cosine score", "pairs of text and motion", 1, n)?;
     let cosines = texts.rows().zip(motions.rows()).map(|(text, motion)| cosine(text, motion));
-    Ok(cosines.sum::<f64>() / texts.len() as f64)
+    Ok(cosines.sum::<f64>() / n as f64)
 }
 
 fn cosine(a: &[f64], b: &[f64]) -> f64 {

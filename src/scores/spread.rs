@@ -21,13 +21,10 @@ const PAIRS_OF_A_TEXT: usize = 10;
 /// [`ScoreError::TooFew`].
 pub fn diversity(motions: &Embeddings, rng: &mut ChaCha8Rng) -> Result<f64, ScoreError> {
     let n = motions.len();
-    if n < 2 {
-        return Err(too_few("diversity", "motions", n));
-    }
+    ScoreError::unless_enough("diversity", "motions", 2, n)?;
     let pairs = if n > PAIRS { PAIRS } else { FEW_PAIRS.min(n) };
     let (left, right) = (distinct(n, pairs, rng), distinct(n, pairs, rng));
-    let between = |(a, b): (&usize, &usize)| distance(motions.row(*a), motions.row(*b));
-    Ok(left.iter().zip(&right).map(between).sum::<f64>() / pairs as f64)
+    Ok(mean_distance(motions, 0, &left, &right))
 }
 
 /// MultiModality: the mean distance of ten pairs of the motions of one text, over all texts. `motions`
@@ -41,25 +38,23 @@ pub fn multimodality(
     n_samples: usize,
     rng: &mut ChaCha8Rng,
 ) -> Result<f64, ScoreError> {
-    if n_samples < 2 || motions.is_empty() {
-        return Err(too_few("MultiModality", "motions of each text", n_samples.min(motions.len())));
-    }
+    let found = n_samples.min(motions.len());
+    ScoreError::unless_enough("MultiModality", "motions of each text", 2, found)?;
     if !motions.len().is_multiple_of(n_samples) {
         return Err(ScoreError::Ragged { values: motions.len(), dim: n_samples });
     }
     let pairs = PAIRS_OF_A_TEXT.min(n_samples);
     let (left, right) = (distinct(n_samples, pairs, rng), distinct(n_samples, pairs, rng));
     let starts = (0..motions.len()).step_by(n_samples);
-    let of_text = |start: usize| {
-        let between =
-            |(a, b): (&usize, &usize)| distance(motions.row(start + a), motions.row(start + b));
-        left.iter().zip(&right).map(between).sum::<f64>() / pairs as f64
-    };
+    let of_text = |start: usize| mean_distance(motions, start, &left, &right);
     Ok(starts.clone().map(of_text).sum::<f64>() / starts.len() as f64)
 }
 
-fn too_few(score: &'static str, what: &'static str, found: usize) -> ScoreError {
-    ScoreError::TooFew { score, what, least: 2, found }
+/// The mean distance of pairs of motions, counted from one of them.
+fn mean_distance(motions: &Embeddings, start: usize, left: &[usize], right: &[usize]) -> f64 {
+    let between =
+        |(a, b): (&usize, &usize)| distance(motions.row(start + a), motions.row(start + b));
+    left.iter().zip(right).map(between).sum::<f64>() / left.len() as f64
 }
 
 #[cfg(test)]

@@ -75,9 +75,7 @@ impl EmbeddingFile {
         let path = path.to_path_buf();
         Ok(Self { path, file, dim, max_tokens, places, offsets, embeddings })
     }
-}
 
-impl EmbeddingFile {
     /// Where a caption's vectors stand, cut to the limit.
     fn rows(&self, caption: &str) -> Result<Range<usize>, TextError> {
         let Some(&place) = self.places.get(&caption_key(caption)) else {

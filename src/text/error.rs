@@ -38,11 +38,8 @@ impl TextError {
     /// The failure of a job that ends with it.
     pub fn failure_kind(&self) -> FailureKind {
         match self {
-            Self::Missing { .. }
-            | Self::Width { .. }
-            | Self::Changed { .. }
-            | Self::Model { .. } => FailureKind::BadData,
             Self::File(error) => error.failure_kind(),
+            _ => FailureKind::BadData,
         }
     }
 }

@@ -50,15 +50,8 @@ pub fn encoder(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
 /// An encoder from a folder with its weights.
 #[cfg(feature = "encoders")]
 fn with_weights(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
-    use models::{LocalModel, ModelKind};
-    let kind = match spec.encoder {
-        TextEncoderKind::T5 => ModelKind::T5,
-        TextEncoderKind::Clip => ModelKind::Clip,
-        TextEncoderKind::Llama => ModelKind::Llama,
-        _ => ModelKind::Bert,
-    };
     let path = spec.path.as_deref().expect("checked when the sweep was read");
-    Ok(Box::new(LocalModel::open(path, kind, spec)?))
+    Ok(Box::new(models::LocalModel::open(path, spec)?))
 }
 
 /// Such encoders are not built in.

@@ -150,6 +150,12 @@ impl TextStore {
         &captions.values()[offsets[clip] as usize..offsets[clip + 1] as usize]
     }
 
+    /// The vectors of the caption that a clip shows where it is measured: clip i shows caption i mod n.
+    pub fn shown(&self, split: Split, clip: usize) -> &[f32] {
+        let captions = self.captions(split, clip);
+        self.embedding(captions[clip % captions.len()])
+    }
+
     /// The vectors of a caption, `[n_words, dim]` row-major.
     pub fn embedding(&self, caption: u32) -> &[f32] {
         let words = self.words.values();

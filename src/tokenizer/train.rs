@@ -159,10 +159,6 @@ impl Learner for Reconstructing<'_> {
         self.module = weights;
     }
 
-    fn device(&self) -> &Device {
-        &self.device
-    }
-
     fn loss(&mut self, step: usize) -> Tensor<1> {
         let windows = self.windows();
         // Streams of a step's own: a checkpoint need not hold how far they have come.

@@ -11,7 +11,7 @@ use crate::corpus::small_run;
 use crate::no_scales::NoScales;
 use isoflop::generator::autoregressive;
 use isoflop::generator::masked::{Hidden, pack};
-use isoflop::generator::{self, Draw, Prompt, Sampling};
+use isoflop::generator::{self, Draw, Network, Prompt, Sampling};
 use isoflop::learn::weights::HostTensor;
 use isoflop::ops::Kernels;
 use isoflop::plan::RunSpec;

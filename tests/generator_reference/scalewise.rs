@@ -8,6 +8,7 @@ use serde::Deserialize;
 use super::reference::{Reference, gradients};
 use super::{close, concat, read};
 use isoflop::codes::{Grid, Length, Scale};
+use isoflop::generator::Network;
 use isoflop::generator::scalewise;
 use isoflop::learn::weights::HostTensor;
 use isoflop::spec::{ModelShape, Precision, ScalewiseSpec};

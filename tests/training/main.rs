@@ -22,7 +22,7 @@ use rand_chacha::rand_core::SeedableRng;
 use burn::optim::GradientsParams;
 use corpus::{Corpus, small_run};
 use isoflop::generator::autoregressive::{Model, TokenStream, Transformer};
-use isoflop::generator::{self, GeneratorError, Trained, Training};
+use isoflop::generator::{self, GeneratorError, Network, Trained, Training};
 use isoflop::learn::adamw::{AdamW, AdamWConfig};
 use isoflop::learn::weights;
 use isoflop::learn::{Checkpoints, LearnError};
@@ -136,7 +136,7 @@ fn losses(corpus: &Corpus, shape: &ModelShape, kernels: Kernels, steps: usize) -
     let mut step = |step: usize| {
         let loss = model.loss(&stream.batch(20 * step, 20));
         let gradients = GradientsParams::from_grads(loss.clone().backward(), &model.weights);
-        model.weights = optimiser.step(model.weights.clone(), gradients, 3e-3).0;
+        model.weights = optimiser.step(model.weights.clone(), gradients, 1.0, 3e-3).0;
         f64::from(loss.into_scalar::<f32>())
     };
     (0..steps).map(&mut step).collect()
@@ -217,7 +217,7 @@ fn a_power_of_two_on_the_loss_changes_no_bit() {
         for step in 0..5 {
             let loss = model.loss(&stream.batch(20 * step, 20)) * scale;
             let gradients = GradientsParams::from_grads(loss.backward(), &model.weights);
-            let (next, norm) = optimiser.step_scaled(model.weights, gradients, scale, 3e-3);
+            let (next, norm) = optimiser.step(model.weights, gradients, scale, 3e-3);
             assert!(norm > 0.5, "clipping is tried: {norm}");
             model.weights = next;
         }

@@ -9,7 +9,7 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use crate::evaluator::rows::Rows;
-use crate::generator::stack::{Block, EPSILON, Stack, projected};
+use crate::generator::stack::{Backbone, Block, EPSILON};
 use crate::learn::params::{constant, normal};
 use crate::ops::{HeadWeights, Kernels, Rope};
 use crate::spec::{EvaluatorSpec, Ffn, ModelShape, MotionClipSpec};
@@ -58,15 +58,14 @@ impl Tower {
 
     /// A unit vector of each sequence, `[n, e]`.
     pub fn embed(&self, rows: &Rows) -> Tensor<2> {
-        let device = self.weight.device();
+        let (device, shape, rope) = (self.weight.device(), self.shape.clone(), self.rope.clone());
         let kernels = Kernels::for_device(&device);
-        let vectors_md = projected(rows.values.clone(), &self.weight, &self.bias, &device);
+        let backbone = Backbone { shape, rope, kernels, device };
+        let vectors_md = backbone.projected(rows.values.clone(), &self.weight, &self.bias);
         let summary = vectors_md.dims()[0] as u32;
         let all = Tensor::cat(vec![vectors_md, self.summary.val()], 0);
         let x_md = kernels.select_rows(all, &rows.order(summary));
-        let Self { blocks, shape, rope, .. } = self;
-        let stack = Stack { blocks, shape, rope, kernels, device: &device };
-        let x_md = stack.forward(x_md, &rows.summarised());
+        let x_md = backbone.forward(&self.blocks, x_md, &rows.summarised());
         let x_nd = kernels.select_rows(x_md, &rows.summaries());
         let head = HeadWeights { gamma_d: self.norm.val(), weight_dv: self.head.val() };
         unit(kernels.logits(x_nd, head, EPSILON))

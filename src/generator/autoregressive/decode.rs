@@ -24,15 +24,15 @@ impl<'a> Decoder<'a> {
     /// Sequences of text alone, `[n_text, d_text]` each, at least one row; and the logits of their
     /// first codes, `[b, V + 1]`.
     pub fn new(model: &'a Model, texts: &[&[f32]]) -> (Self, Tensor<2>) {
-        let d_text = model.shape().d_text;
+        let (backbone, d_text) = (&model.backbone, model.shape().d_text);
         let prefixes: Vec<usize> = texts.iter().map(|text| text.len() / d_text).collect();
-        let mut growing = Growing::new(model.stack(), prefixes);
+        let mut growing = Growing::new(backbone, &model.weights.blocks, prefixes);
         let (b, p) = (texts.len(), growing.longest_text());
         let x_nd = model.embed_text(padded(texts, p * d_text));
         let angles: Vec<usize> = (0..b).flat_map(|_| 0..p).collect();
         let x_nd = growing.text(x_nd, &angles);
         let last = growing.prefixes().iter().enumerate().map(|(i, n)| (i * p + n - 1) as u32);
-        let logits = model.head_logits(model.rows(x_nd, &Arc::from_iter(last)));
+        let logits = model.head_logits(backbone.kernels.select_rows(x_nd, &Arc::from_iter(last)));
         (Self { model, growing, n_codes: 0 }, logits)
     }
 

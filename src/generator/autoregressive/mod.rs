@@ -8,69 +8,45 @@ mod batch;
 mod decode;
 mod evaluate;
 mod objective;
-mod probe;
 mod sample;
 mod stream;
 mod transformer;
 
-use std::path::Path;
-
-use burn::tensor::Device;
-
 pub use batch::{Batch, Sequence};
 pub use evaluate::split_loss;
-pub use objective::{NextCode, first_model};
-pub(super) use probe::{MOST_TOKENS, made_up_clip, probed_on};
 pub use stream::{Part, TokenStream};
 pub use transformer::{Model, Transformer, end_token};
 
-use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
-use crate::learn::weights::{self, Sources, Weights};
+use super::probed::{MOST_TOKENS, made_up_clip};
+use super::{Kind, Sampler};
 use crate::plan::RunSpec;
-use crate::progress::Progress;
 
-/// The text-prefix autoregressive transformer as a kind of generator.
-pub struct AutoregressiveGenerator;
+/// Logits of a measured step, at most.
+const MOST_LOGITS: usize = 1 << 24;
 
-impl Generator for AutoregressiveGenerator {
-    fn train(
-        &self,
-        training: &Training,
-        progress: &mut Progress,
-    ) -> Result<Trained, GeneratorError> {
-        learner::train(objective(training)?, training, progress)
-    }
-
-    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources {
-        weights::of_module(&first_model(spec, device).weights)
-    }
-
-    fn train_trunk(
-        &self,
-        training: &Training,
-        state: &Path,
-        progress: &mut Progress,
-    ) -> Result<(), GeneratorError> {
-        learner::train_trunk(objective(training)?, training, state, progress)
-    }
-
-    fn sampler(
-        &self,
-        spec: &RunSpec,
-        weights: Weights,
-        device: &Device,
-    ) -> Result<Box<dyn Sampler>, GeneratorError> {
-        Ok(Box::new(sample::AutoregressiveSampler::new(spec, weights, device)?))
-    }
-
-    fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
-        Box::new(probe::probed(spec, device))
-    }
+/// Tokens of a measured step, a few more apart.
+pub fn probed_tokens(spec: &RunSpec) -> usize {
+    spec.batch_tokens.min(MOST_TOKENS).min(MOST_LOGITS / spec.n_vocab())
 }
 
-fn objective<'a>(training: &Training<'a>) -> Result<NextCode<'a>, GeneratorError> {
-    let Training { spec, inputs, device, .. } = *training;
-    fitness::check_inputs(spec, inputs)?;
-    fitness::check_precision(spec.precision, device)?;
-    Ok(NextCode::new(spec, inputs, device))
+/// The text-prefix autoregressive transformer as a kind of generator.
+pub struct Autoregressive;
+
+impl Kind for Autoregressive {
+    type Network = Model;
+    type Objective<'a> = objective::NextCode<'a>;
+
+    fn sampler(spec: &RunSpec, model: Model) -> Box<dyn Sampler> {
+        Box::new(sample::AutoregressiveSampler { model, grid: spec.codes.clone() })
+    }
+
+    fn made_up(spec: &RunSpec, model: &Model) -> (Batch, usize) {
+        let (shape, n_vocab) = (model.shape(), spec.n_vocab());
+        let (text, codes) = made_up_clip(shape, n_vocab);
+        let to = codes.len() + 1;
+        let clips = probed_tokens(spec).div_ceil(to);
+        let sequence = Sequence { text: &text, codes: &codes, from: 0, to };
+        let batch = Batch::pack(&vec![sequence; clips], shape.d_text, end_token(n_vocab));
+        (batch, clips * to)
+    }
 }

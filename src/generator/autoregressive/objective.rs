@@ -1,14 +1,11 @@
-//! [`NextCode`]: the transformer on the batches of a run.
-
-use burn::tensor::Device;
+//! [`NextCode`]: the batches of a run of the transformer.
 
 use super::batch::Batch;
 use super::evaluate::split_loss;
 use super::stream::TokenStream;
-use super::transformer::{Model, Transformer};
+use super::transformer::Model;
 use crate::data::Split;
-use crate::generator::learner::{BatchLoss, Objective, weights_rng};
-use crate::generator::{Inputs, SplitLoss};
+use crate::generator::{Inputs, Objective, SplitLoss};
 use crate::plan::RunSpec;
 use crate::spec::flops::exact_of_sequence;
 
@@ -17,47 +14,25 @@ pub struct NextCode<'a> {
     spec: &'a RunSpec,
     inputs: &'a Inputs<'a>,
     stream: TokenStream<'a>,
-    model: Model,
 }
 
-impl<'a> NextCode<'a> {
-    /// A model with the weights of a seed, on `device` in the run's precision.
-    pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>, device: &Device) -> Self {
-        let model = first_model(spec, &device.clone().autodiff());
+impl<'a> Objective<'a> for NextCode<'a> {
+    type Network = Model;
+
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
         let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
-        Self { spec, inputs, stream, model: model.in_precision(spec.precision) }
-    }
-}
-
-/// The model that a run begins with.
-pub fn first_model(spec: &RunSpec, device: &Device) -> Model {
-    Model::init(spec.shape(), spec.n_vocab(), &mut weights_rng(spec), device)
-}
-
-impl Objective for NextCode<'_> {
-    type Weights = Transformer;
-
-    fn weights(&self) -> &Transformer {
-        &self.model.weights
+        Self { spec, inputs, stream }
     }
 
-    fn set_weights(&mut self, weights: Transformer) {
-        self.model.weights = weights;
-    }
-
-    fn device(&self) -> &Device {
-        self.model.device()
-    }
-
-    fn loss(&mut self, step: usize) -> BatchLoss {
+    fn batch(&mut self, _: &Model, step: usize) -> (Batch, f64) {
         let n = self.spec.batch_tokens;
         let batch = self.stream.batch(step * n, n);
         let forward_flops = forward_flops(self.spec, &batch);
-        BatchLoss { loss: self.model.loss(&batch), forward_flops }
+        (batch, forward_flops)
     }
 
-    fn split_loss(&self, split: Split) -> SplitLoss {
-        split_loss(&self.model.frozen(), self.inputs.tokens, self.inputs.text, split)
+    fn split_loss(&self, model: &Model, split: Split) -> SplitLoss {
+        split_loss(&model.frozen(), self.inputs, split)
     }
 
     fn uniform_nats(&self) -> f64 {

@@ -2,13 +2,10 @@
 
 use std::ops::Range;
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
-
 use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::generator::autoregressive::{Batch, Sequence, end_token};
-use crate::learn::params::below;
+use crate::learn::params::{below, stream};
 use crate::spec::Share;
 use crate::text::TextStore;
 
@@ -28,28 +25,9 @@ pub struct TokenStream<'a> {
     clips: Vec<usize>,
     /// Supervised tokens of an epoch.
     epoch_tokens: usize,
-    /// What of a clip is supervised.
-    unit: Unit,
+    /// How much of a clip of the training split is supervised.
+    n_targets: fn(&TokenStore, usize) -> usize,
     epoch: Option<Epoch>,
-}
-
-/// What a clip of the stream consists of.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Unit {
-    /// Codes, and an end token where they have one.
-    Targets,
-    /// Codes of the first scale.
-    Places,
-}
-
-impl Unit {
-    /// How many a clip of the training split has.
-    fn of_clip(self, tokens: &TokenStore, clip: usize) -> usize {
-        match self {
-            Self::Targets => tokens.n_targets_of_clip(Split::Train, clip),
-            Self::Places => tokens.scale(Split::Train, clip, 0).len(),
-        }
-    }
 }
 
 /// A clip of the stream, and which of its targets are supervised.
@@ -74,25 +52,29 @@ struct Epoch {
 impl<'a> TokenStream<'a> {
     /// The stream that `seed` gives over the training split.
     pub fn new(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
-        Self::of_unit(tokens, text, seed, Unit::Targets)
+        Self::of(tokens, text, seed, |tokens, clip| tokens.n_targets_of_clip(Split::Train, clip))
     }
 
     /// The same of places: the codes of the first scale, without end tokens, for models that are told
     /// how long a clip is.
     pub fn of_places(tokens: &'a TokenStore, text: &'a TextStore, seed: u64) -> Self {
-        Self::of_unit(tokens, text, seed, Unit::Places)
+        Self::of(tokens, text, seed, |tokens, clip| tokens.scale(Split::Train, clip, 0).len())
     }
 
-    fn of_unit(tokens: &'a TokenStore, text: &'a TextStore, seed: u64, unit: Unit) -> Self {
-        let empty =
-            Self { tokens, text, seed, clips: Vec::new(), epoch_tokens: 0, unit, epoch: None };
-        empty.over(Share::WHOLE)
+    fn of(
+        tokens: &'a TokenStore,
+        text: &'a TextStore,
+        seed: u64,
+        n_targets: fn(&TokenStore, usize) -> usize,
+    ) -> Self {
+        let (clips, epoch_tokens, epoch) = (Vec::new(), 0, None);
+        Self { tokens, text, seed, clips, epoch_tokens, n_targets, epoch }.over(Share::WHOLE)
     }
 
     /// The same over a share of the training split.
     pub fn over(self, share: Share) -> Self {
         let clips = self.tokens.training_clips(share);
-        let epoch_tokens = clips.iter().map(|clip| self.unit.of_clip(self.tokens, *clip)).sum();
+        let epoch_tokens = clips.iter().map(|clip| (self.n_targets)(self.tokens, *clip)).sum();
         Self { clips, epoch_tokens, epoch: None, ..self }
     }
 
@@ -150,8 +132,7 @@ impl<'a> TokenStream<'a> {
 
     /// Fisher and Yates, then a caption for each clip, all from the epoch's own stream.
     fn shuffle(&self, index: usize) -> Epoch {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        rng.set_stream(FIRST_EPOCH_STREAM + index as u64);
+        let mut rng = stream(self.seed, FIRST_EPOCH_STREAM + index as u64);
         let mut order = self.clips.clone();
         for i in (1..order.len()).rev() {
             order.swap(i, below(&mut rng, i + 1));
@@ -163,7 +144,7 @@ impl<'a> TokenStream<'a> {
         let clips: Vec<(usize, u32)> = order.into_iter().map(caption).collect();
         let mut starts = vec![0];
         for (clip, _) in &clips {
-            let targets = self.unit.of_clip(self.tokens, *clip);
+            let targets = (self.n_targets)(self.tokens, *clip);
             starts.push(starts[starts.len() - 1] + targets);
         }
         Epoch { index, clips, starts }

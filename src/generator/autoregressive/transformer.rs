@@ -8,10 +8,12 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
+use crate::generator::Network;
 use crate::generator::autoregressive::batch::Batch;
-use crate::generator::stack::{Block, EPSILON, Stack, kernels_of, projected, single};
+use crate::generator::stack::{Backbone, Block, EPSILON, kernels_of};
 use crate::learn::params::{constant, normal};
-use crate::ops::{HeadWeights, Kernels, Rope};
+use crate::ops::{HeadWeights, Kernels};
+use crate::plan::RunSpec;
 use crate::spec::{ModelShape, Precision};
 
 /// The id of the end token, after the codes; the pad token is one more.
@@ -27,7 +29,7 @@ pub struct Transformer {
     /// `[d_text, d]`.
     text_weight: Param<Tensor<2>>,
     text_bias: Param<Tensor<1>>,
-    blocks: Vec<Block>,
+    pub(super) blocks: Vec<Block>,
     norm: Param<Tensor<1>>,
     /// `[d, V + 1]`: codes and end; absent where tied to the embedding.
     head: Option<Param<Tensor<2>>>,
@@ -55,11 +57,8 @@ impl Transformer {
 #[derive(Clone, Debug)]
 pub struct Model {
     pub weights: Transformer,
-    shape: ModelShape,
+    pub(super) backbone: Backbone,
     n_vocab: usize,
-    rope: Arc<Rope>,
-    kernels: Kernels,
-    device: Device,
 }
 
 impl Model {
@@ -77,50 +76,48 @@ impl Model {
         kernels: Kernels,
         device: &Device,
     ) -> Self {
-        let head_dim = shape.d_model / shape.n_head;
-        let rope = Arc::new(Rope::new(shape.n_ctx, head_dim, shape.rope_base));
-        Self { weights, shape: shape.clone(), n_vocab, rope, kernels, device: device.clone() }
+        Self { weights, backbone: Backbone::new(shape, kernels, device), n_vocab }
     }
 
     /// The same model with its products computed in a precision.
-    pub fn in_precision(self, precision: Precision) -> Self {
-        Self { kernels: kernels_of(precision, &self.device), ..self }
+    pub fn in_precision(mut self, precision: Precision) -> Self {
+        self.backbone.kernels = kernels_of(precision, &self.backbone.device);
+        self
     }
 
     /// The same model without gradients and in single precision, for evaluation.
     pub fn frozen(&self) -> Self {
-        let kernels = single(self.kernels, &self.device);
-        let (weights, device) = (self.weights.valid(), self.device.clone().inner());
-        Self { weights, kernels, device, ..self.clone() }
-    }
-
-    /// Where the parameters live.
-    pub fn device(&self) -> &Device {
-        &self.device
-    }
-
-    /// Mean cross-entropy over the batch's targets, in nats, `[1]`.
-    pub fn loss(&self, batch: &Batch) -> Tensor<1> {
-        self.kernels.head_loss(self.features(batch), self.head(), &batch.targets, EPSILON)
+        Self {
+            weights: self.weights.valid(),
+            backbone: self.backbone.frozen(),
+            n_vocab: self.n_vocab,
+        }
     }
 
     /// −ln p of each target of the batch, in nats.
     pub fn nll(&self, batch: &Batch) -> Vec<f64> {
-        self.kernels.head_nll(self.features(batch), self.head(), &batch.targets, EPSILON)
+        let kernels = self.backbone.kernels;
+        kernels.head_nll(self.features(batch), self.head(), &batch.targets, EPSILON)
     }
 
     /// Logits over codes and end, of the supervised rows only, `[s, V + 1]`.
     pub fn logits(&self, batch: &Batch) -> Tensor<2> {
-        self.kernels.logits(self.features(batch), self.head(), EPSILON)
+        self.head_logits(self.features(batch))
     }
 
     /// What the blocks make of the supervised rows, `[s, d]`.
     fn features(&self, batch: &Batch) -> Tensor<2> {
-        let x_nd = self.stack().forward(self.embed(batch), &batch.layout);
+        let Backbone { kernels, .. } = self.backbone;
+        let mut rows = vec![self.embed_text(batch.text.clone())];
+        if !batch.codes.is_empty() {
+            rows.push(self.embed_codes(&batch.codes));
+        }
+        let x_nd = kernels.select_rows(Tensor::cat(rows, 0), &batch.order);
+        let x_nd = self.backbone.forward(&self.weights.blocks, x_nd, &batch.layout);
         if batch.target_rows.len() == batch.layout.n_rows() {
             return x_nd;
         }
-        self.kernels.select_rows(x_nd, &batch.target_rows)
+        kernels.select_rows(x_nd, &batch.target_rows)
     }
 
     fn head(&self) -> HeadWeights {
@@ -131,50 +128,45 @@ impl Model {
         HeadWeights { gamma_d: self.weights.norm.val(), weight_dv }
     }
 
-    /// Projected text and embedded codes, in the batch's order, `[n, d]`.
-    fn embed(&self, batch: &Batch) -> Tensor<2> {
-        let text_nd = self.embed_text(batch.text.clone());
-        if batch.codes.is_empty() {
-            return self.kernels.select_rows(text_nd, &batch.order);
-        }
-        let codes_nd = self.embed_codes(&batch.codes);
-        self.kernels.select_rows(Tensor::cat(vec![text_nd, codes_nd], 0), &batch.order)
-    }
-
     /// Projected text vectors, `[n, d]`.
     pub(super) fn embed_text(&self, vectors: Vec<f32>) -> Tensor<2> {
-        let Transformer { text_weight, text_bias, .. } = &self.weights;
-        projected(vectors, text_weight, text_bias, &self.device)
+        self.backbone.projected(vectors, &self.weights.text_weight, &self.weights.text_bias)
     }
 
     /// Embedded codes, `[n, d]`.
     pub(super) fn embed_codes(&self, codes: &Arc<[u32]>) -> Tensor<2> {
-        self.kernels.select_rows(self.weights.embedding.val(), codes)
+        self.backbone.looked_up(&self.weights.embedding, codes)
     }
 
     /// Logits over codes and end for rows that the blocks are done with, `[n, V + 1]`.
     pub(super) fn head_logits(&self, x_nd: Tensor<2>) -> Tensor<2> {
-        self.kernels.logits(x_nd, self.head(), EPSILON)
-    }
-
-    /// Its blocks, to be run over positions that come one after another.
-    pub(super) fn stack(&self) -> Stack<'_> {
-        Stack {
-            blocks: &self.weights.blocks,
-            shape: &self.shape,
-            rope: &self.rope,
-            kernels: self.kernels,
-            device: &self.device,
-        }
-    }
-
-    /// Rows of a matrix, in the order given.
-    pub(super) fn rows(&self, x_nd: Tensor<2>, rows: &Arc<[u32]>) -> Tensor<2> {
-        self.kernels.select_rows(x_nd, rows)
+        self.backbone.kernels.logits(x_nd, self.head(), EPSILON)
     }
 
     /// Its sizes.
     pub fn shape(&self) -> &ModelShape {
-        &self.shape
+        &self.backbone.shape
+    }
+}
+
+impl Network for Model {
+    type Weights = Transformer;
+    type Batch = Batch;
+
+    fn drawn(spec: &RunSpec, precision: Precision, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        Self::init(spec.shape(), spec.n_vocab(), rng, device).in_precision(precision)
+    }
+
+    fn weights(&self) -> &Transformer {
+        &self.weights
+    }
+
+    fn set_weights(&mut self, weights: Transformer) {
+        self.weights = weights;
+    }
+
+    fn loss(&self, batch: &Batch) -> Tensor<1> {
+        let kernels = self.backbone.kernels;
+        kernels.head_loss(self.features(batch), self.head(), &batch.targets, EPSILON)
     }
 }

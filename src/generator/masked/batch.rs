@@ -1,5 +1,6 @@
 //! Clips with hidden codes, packed as the transformer takes them.
 
+use std::f64::consts::FRAC_2_PI;
 use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
@@ -40,6 +41,14 @@ impl<'a> Hidden<'a> {
     pub fn corrupt(&mut self, place: usize, n_vocab: usize, rng: &mut ChaCha8Rng) {
         self.shown[place] = below(rng, n_vocab) as u32;
     }
+}
+
+/// A clip of which as many codes are hidden as in the mean of training: the mean of cos(π u / 2).
+pub fn hidden_clip<'a>(text: &'a [f32], codes: &[u32], n_vocab: usize) -> Hidden<'a> {
+    let n_hidden = (FRAC_2_PI * codes.len() as f64).ceil() as usize;
+    let mut shown = codes.to_vec();
+    shown[..n_hidden].fill(end_token(n_vocab));
+    Hidden { text, shown, targets: codes[..n_hidden].iter().copied().enumerate().collect() }
 }
 
 /// Packs clips; every position of `[text | codes]` sees every other.

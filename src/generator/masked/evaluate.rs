@@ -9,11 +9,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::{Hidden, pack};
-use crate::data::Split;
+use crate::generator::Inputs;
 use crate::generator::autoregressive::Model;
 use crate::generator::passes::passes;
-use crate::generator::sums::{SplitSums, Sums};
-use crate::generator::{Inputs, SplitLoss};
+use crate::generator::sums::SplitSums;
 use crate::progress::moved;
 
 /// How often each clip is measured.
@@ -22,24 +21,15 @@ const MASKS: usize = 4;
 /// Seeds what is hidden: the same for every model.
 const SEED: u64 = 0;
 
-/// Measures a model of codes of one scale.
-pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
-    let mut sums = SplitSums::new(1, inputs.tokens.n_clips(split));
-    bound(model, inputs, split, &mut sums);
-    SplitLoss::of(sums, inputs.tokens.n_frames(split))
-}
-
-/// Takes in what a model has on the codes of the first scale, each clip with one of its captions; clip i
-/// shows caption i mod n.
-pub fn bound(model: &Model, inputs: &Inputs, split: Split, sums: &mut SplitSums) {
-    let tokens = inputs.tokens;
-    let (unigram, n_vocab) = (tokens.unigram_log_probs(0), tokens.grid().scales[0].n_vocab);
+/// Takes in what a model has on the codes of the first scale, each clip with one of its captions.
+pub fn bound(model: &Model, inputs: &Inputs, sums: &mut SplitSums) {
+    let (tokens, split) = (inputs.tokens, sums.split);
+    let n_vocab = tokens.grid().scales[0].n_vocab;
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     for clips in passes(tokens, split) {
         for mask in 0..MASKS {
             let hidden = clips.clone().map(|clip| {
-                let captions = inputs.text.captions(split, clip);
-                let text = inputs.text.embedding(captions[clip % captions.len()]);
+                let text = inputs.text.shown(split, clip);
                 let codes = tokens.scale(split, clip, 0);
                 let n_hidden = spread(codes.len(), mask, clip);
                 Hidden::some(text, codes, n_hidden, n_vocab, &mut rng)
@@ -51,23 +41,12 @@ pub fn bound(model: &Model, inputs: &Inputs, split: Split, sums: &mut SplitSums)
                 // The mean over hidden codes stands for every code of the clip.
                 let n_hidden = hidden.targets.len();
                 let weight = hidden.shown.len() as f64 / (MASKS * n_hidden) as f64;
-                let nats = weight * own.by_ref().take(n_hidden).sum::<f64>();
-                take_in(sums, clip, Sums { nats, ..Sums::default() });
+                sums.add_nats(clip, weight * own.by_ref().take(n_hidden).sum::<f64>());
             }
             moved();
         }
-        for clip in clips {
-            let codes = tokens.scale(split, clip, 0);
-            let ln_p = codes.iter().map(|&code| unigram[code as usize]);
-            take_in(sums, clip, Sums::of([], ln_p));
-        }
+        clips.for_each(|clip| sums.add_unigrams(clip));
     }
-}
-
-/// Of the first scale of a clip.
-fn take_in(sums: &mut SplitSums, clip: usize, own: Sums) {
-    sums.scales[0] = sums.scales[0] + own;
-    sums.clips[clip] = sums.clips[clip] + own;
 }
 
 /// How many of `n` codes are hidden: the values of all masks and clips are spread evenly from 1 to n.

@@ -9,92 +9,34 @@
 mod batch;
 mod evaluate;
 mod flops;
-mod making;
 mod objective;
-mod own;
-mod probe;
 pub mod residual;
 mod sample;
 mod shown;
 
-use std::path::Path;
-
-use burn::tensor::Device;
-
+use batch::hidden_clip;
 pub use batch::{Hidden, pack};
-pub use evaluate::split_loss;
-pub use objective::HiddenCodes;
 
-use super::autoregressive::first_model;
-use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
-use crate::learn::weights::{self, Sources, Weights};
+use super::autoregressive::{Batch, Model, probed_tokens};
+use super::probed::made_up_clip;
+use super::{Kind, Sampler};
 use crate::plan::RunSpec;
-use crate::progress::Progress;
-use residual::{TwoStages, first_stages};
 
-/// The masked transformer as a kind of generator.
-pub struct MaskedGenerator;
+/// The masked transformer of one codebook as a kind of generator.
+pub struct Masked;
 
-impl Generator for MaskedGenerator {
-    fn train(
-        &self,
-        training: &Training,
-        progress: &mut Progress,
-    ) -> Result<Trained, GeneratorError> {
-        let Training { spec, inputs, device, .. } = *checked(training)?;
-        match has_second_stage(spec) {
-            true => learner::train(TwoStages::new(spec, inputs, device), training, progress),
-            false => learner::train(HiddenCodes::new(spec, inputs, device), training, progress),
-        }
+impl Kind for Masked {
+    type Network = Model;
+    type Objective<'a> = objective::HiddenCodes<'a>;
+
+    fn sampler(spec: &RunSpec, model: Model) -> Box<dyn Sampler> {
+        Box::new(sample::MaskedSampler::new(spec, model, None))
     }
 
-    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources {
-        match has_second_stage(spec) {
-            true => weights::of_module(first_stages(spec, device).weights()),
-            false => weights::of_module(&first_model(spec, device).weights),
-        }
+    fn made_up(spec: &RunSpec, model: &Model) -> (Batch, usize) {
+        let (text, codes) = made_up_clip(model.shape(), spec.n_vocab());
+        let n_clips = probed_tokens(spec).div_ceil(codes.len());
+        let clips = vec![hidden_clip(&text, &codes, spec.n_vocab()); n_clips];
+        (pack(&clips, model.shape().d_text), n_clips * codes.len())
     }
-
-    fn train_trunk(
-        &self,
-        training: &Training,
-        state: &Path,
-        progress: &mut Progress,
-    ) -> Result<(), GeneratorError> {
-        let Training { spec, inputs, device, .. } = *checked(training)?;
-        if has_second_stage(spec) {
-            let stages = TwoStages::new(spec, inputs, device);
-            return learner::train_trunk(stages, training, state, progress);
-        }
-        learner::train_trunk(HiddenCodes::new(spec, inputs, device), training, state, progress)
-    }
-
-    fn sampler(
-        &self,
-        spec: &RunSpec,
-        weights: Weights,
-        device: &Device,
-    ) -> Result<Box<dyn Sampler>, GeneratorError> {
-        Ok(Box::new(sample::MaskedSampler::new(spec, weights, device)?))
-    }
-
-    fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
-        match has_second_stage(spec) {
-            true => Box::new(residual::probed(spec, device)),
-            false => Box::new(probe::probed(spec, device)),
-        }
-    }
-}
-
-/// Whether codes have layers after the first.
-fn has_second_stage(spec: &RunSpec) -> bool {
-    spec.codes.scales.len() > 1
-}
-
-/// A training that can be done.
-fn checked<'a, 'b>(training: &'b Training<'a>) -> Result<&'b Training<'a>, GeneratorError> {
-    let Training { spec, inputs, device, .. } = *training;
-    fitness::check_inputs(spec, inputs)?;
-    fitness::check_precision(spec.precision, device)?;
-    Ok(training)
 }

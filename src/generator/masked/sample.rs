@@ -2,22 +2,15 @@
 //! then, where there are further layers, those of a layer all at once.
 
 use std::f64::consts::FRAC_PI_2;
-use std::slice;
-
-use burn::tensor::Device;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::{Hidden, pack};
-use super::making::{Making, guided};
-use super::own::own;
-use super::residual::{ResidualModel, Stages, draw_layers};
+use super::residual::{ResidualModel, draw_layers};
+use super::shown::own;
 use crate::codes::Grid;
 use crate::generator::autoregressive::{Model, end_token};
+use crate::generator::sampling::{Making, check_length, guided, rows};
 use crate::generator::{Draw, GeneratorError, Prompt, Sampled, Sampler, Sampling, ScaleInputs};
-use crate::learn::weights::{self, Weights};
 use crate::plan::RunSpec;
-use crate::spec::Precision;
 
 /// A trained transformer, or both stages.
 pub struct MaskedSampler {
@@ -30,50 +23,27 @@ pub struct MaskedSampler {
 }
 
 impl MaskedSampler {
-    /// The transformer of a run with its weights.
-    ///
-    /// # Errors
-    /// [`GeneratorError::Weights`].
-    pub fn new(spec: &RunSpec, weights: Weights, device: &Device) -> Result<Self, GeneratorError> {
-        let (model, residual) = models(spec, weights, device)?;
+    /// The models of a run; there is a second where codes have several layers.
+    pub fn new(spec: &RunSpec, model: Model, residual: Option<ResidualModel>) -> Self {
         let (text_drop, no_text) = (own(spec).text_drop, vec![0.0; spec.shape().d_text]);
-        Ok(Self { model, residual, grid: spec.codes.clone(), text_drop, no_text })
+        Self { model, residual, grid: spec.codes.clone(), text_drop, no_text }
     }
 
-    fn begin<'a>(
-        &self,
-        prompt: &Prompt<'a>,
-        sampling: &Sampling,
-    ) -> Result<Making<'a>, GeneratorError> {
-        if sampling.guidance > 0.0 && self.text_drop == 0.0 {
-            return Err(GeneratorError::Guidance);
-        }
-        let asked = prompt.n_frames.expect("the caller gives lengths where they are wanted");
-        let n_places = self.n_places(asked, prompt.text.len() / self.no_text.len())?;
-        let n_frames = self.grid.frames_of(n_places).unwrap_or(asked);
-        let Prompt { text, edit, .. } = *prompt;
-        let rng = prompt.rng();
-        let mut making = Making { text, rng, codes: Vec::new(), n_places, n_frames, edit };
-        let end = end_token(self.n_vocab());
-        making.codes = making.kept(0).into_iter().map(|code| code.unwrap_or(end)).collect();
-        Ok(making)
-    }
-
-    /// Places of a motion of so many frames after so many text positions.
-    fn n_places(&self, n_frames: usize, n_text: usize) -> Result<usize, GeneratorError> {
-        let of = |frames| self.grid.lengths(frames).next().unwrap_or(0);
-        let (n_places, n_ctx) = (of(n_frames), self.model.shape().n_ctx);
-        let positions = n_places + n_text;
+    fn begin<'a>(&self, prompt: &Prompt<'a>) -> Result<Making<'a>, GeneratorError> {
+        let n_frames = prompt.n_frames.expect("the caller gives lengths where they are wanted");
+        let n_text = prompt.text.len() / self.no_text.len();
+        let places = |frames| self.grid.lengths(frames).next().unwrap_or(0);
+        let n_places = places(n_frames);
         if n_places == 0 {
             let least = self.grid.frames_of(1).unwrap_or(0);
             return Err(GeneratorError::NoCode { n_frames, least });
         }
-        if positions > n_ctx {
-            let fits = |frames: &usize| of(*frames) + n_text <= n_ctx;
-            let most = (0..n_frames).rev().find(fits).unwrap_or(0);
-            return Err(GeneratorError::Length { n_frames, positions, n_ctx, most });
-        }
-        Ok(n_places)
+        check_length(n_frames, self.model.shape().n_ctx, |frames| places(frames) + n_text)?;
+        let mut making = Making::new(prompt, self.grid.frames_of(n_places).unwrap_or(n_frames));
+        let end = end_token(self.n_vocab());
+        let kept = making.kept(0, n_places).into_iter();
+        making.codes = kept.map(|code| code.unwrap_or(end)).collect();
+        Ok(making)
     }
 
     /// Codes of the first layer.
@@ -91,10 +61,7 @@ impl MaskedSampler {
             Hidden { text, shown: motion.codes.clone(), targets }
         });
         let clips: Vec<Hidden> = hidden.collect();
-        let logits = self.model.logits(&pack(&clips, self.no_text.len()));
-        let [_, columns] = logits.dims();
-        let values: Vec<f32> = logits.into_data().try_into_vec().expect("logits are f32");
-        values.chunks_exact(columns).map(<[f32]>::to_vec).collect()
+        rows(self.model.logits(&pack(&clips, self.no_text.len())))
     }
 
     /// One round: every hidden code is drawn, and the least sure of them are hidden again for the next
@@ -104,18 +71,17 @@ impl MaskedSampler {
         let pass = |text| self.logits(making, text);
         let mut rows = guided(pass, &self.no_text, sampling.guidance).into_iter();
         for motion in making {
-            let n_drawn = motion.kept(0).iter().filter(|code| code.is_none()).count() as f64;
+            let kept = motion.kept(0, motion.codes.len());
+            let n_drawn = kept.iter().filter(|code| code.is_none()).count() as f64;
             let n_hidden = next.map_or(0, |share| (share * n_drawn).round().max(1.0) as usize);
-            let places: Vec<usize> = (0..motion.codes.len())
-                .filter(|&place| motion.codes[place] == end_token(n_vocab))
-                .collect();
-            let mut drawn: Vec<(usize, u32, f64)> = Vec::with_capacity(places.len());
-            for place in places {
-                let row = rows.next().expect("a row a hidden code");
-                let code =
-                    sampling.draw.code(&row, slice::from_ref(&(0..n_vocab)), &mut motion.rng);
-                drawn.push((place, code as u32, Draw::confidence(&row[..n_vocab], code)));
-            }
+            let hidden = motion.codes.iter().enumerate();
+            let hidden = hidden.filter(|(_, code)| **code == end_token(n_vocab));
+            let draw = |(place, _): (usize, &u32)| {
+                let row = &rows.next().expect("a row a hidden code")[..n_vocab];
+                let code = sampling.draw.any_code(row, &mut motion.rng);
+                (place, code, Draw::confidence(row, code as usize))
+            };
+            let mut drawn: Vec<(usize, u32, f64)> = hidden.map(draw).collect();
             drawn.sort_by(|a, b| b.2.total_cmp(&a.2).then(a.0.cmp(&b.0)));
             let stay = drawn.len().saturating_sub(n_hidden);
             for (place, code, _) in drawn.into_iter().take(stay) {
@@ -125,28 +91,7 @@ impl MaskedSampler {
     }
 }
 
-/// The stages of a run with its weights; there is a second where codes have several layers.
-fn models(
-    spec: &RunSpec,
-    weights: Weights,
-    device: &Device,
-) -> Result<(Model, Option<ResidualModel>), GeneratorError> {
-    let mut unused = ChaCha8Rng::seed_from_u64(0);
-    if spec.codes.scales.len() == 1 {
-        let mut model = Model::init(spec.shape(), spec.n_vocab(), &mut unused, device);
-        model.weights = weights::into_module(model.weights, weights)?;
-        return Ok((model, None));
-    }
-    let mut stages = Stages::init(spec.shape(), &spec.codes, Precision::F32, &mut unused, device);
-    stages.set_weights(weights::into_module(stages.weights().clone(), weights)?);
-    Ok((stages.base, Some(stages.residual)))
-}
-
 impl Sampler for MaskedSampler {
-    fn wants_length(&self) -> bool {
-        true
-    }
-
     /// Rounds as MoMask's: round i of n begins with the share cos(π/2 · i / (n − 1)) of a motion hidden,
     /// i from 0, and one code at least; a code that was shown once stays.
     fn sample(
@@ -155,7 +100,8 @@ impl Sampler for MaskedSampler {
         _: &dyn ScaleInputs,
         sampling: &Sampling,
     ) -> Result<Vec<Sampled>, GeneratorError> {
-        let making = prompts.iter().map(|prompt| self.begin(prompt, sampling));
+        sampling.check_guidance(self.text_drop)?;
+        let making = prompts.iter().map(|prompt| self.begin(prompt));
         let mut making = making.collect::<Result<Vec<_>, _>>()?;
         let last = sampling.rounds.max(1) - 1;
         for round in 0..=last {
@@ -166,8 +112,6 @@ impl Sampler for MaskedSampler {
         if let Some(residual) = &self.residual {
             draw_layers(residual, &self.grid, &mut making, &self.no_text, sampling);
         }
-        let done =
-            |Making { codes, n_frames, .. }: Making| Sampled { codes, n_frames, ended: true };
-        Ok(making.into_iter().map(done).collect())
+        Ok(making.into_iter().map(Making::done).collect())
     }
 }

@@ -5,13 +5,13 @@ use std::f64::consts::FRAC_PI_2;
 use rand_chacha::ChaCha8Rng;
 
 use super::batch::Hidden;
-use super::own::own;
 use super::residual::batch::Asked;
 use crate::data::Split;
 use crate::generator::Inputs;
 use crate::generator::autoregressive::Part;
 use crate::learn::params::unit;
 use crate::plan::RunSpec;
+use crate::spec::{GeneratorSpec, MaskedSpec};
 
 /// The training clips of a run.
 pub struct Shown<'a> {
@@ -62,6 +62,14 @@ impl<'a> Shown<'a> {
     fn text(&self, part: &Part, rng: &mut ChaCha8Rng) -> &[f32] {
         let text = self.inputs.text.embedding(part.caption);
         if unit(rng) < own(self.spec).text_drop { &self.no_text } else { text }
+    }
+}
+
+/// The description of a run's generator, which is of this kind.
+pub fn own(spec: &RunSpec) -> &MaskedSpec {
+    match &spec.generator {
+        GeneratorSpec::Masked(own) => own,
+        other => unreachable!("a {} generator", other.name()),
     }
 }
 

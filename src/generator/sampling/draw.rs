@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
@@ -49,6 +50,11 @@ impl Draw {
         rest[rest.len() - 1].0
     }
 
+    /// A code of those that have logits, each of which may follow.
+    pub fn any_code(&self, logits: &[f32], rng: &mut ChaCha8Rng) -> u32 {
+        self.code(logits, std::slice::from_ref(&(0..logits.len())), rng) as u32
+    }
+
     /// The probability of a code by its logits alone.
     pub fn confidence(logits: &[f32], code: usize) -> f64 {
         let own = f64::from(logits[code]);
@@ -66,6 +72,33 @@ impl Draw {
         });
         rest.truncate(last.map_or(rest.len(), |last| last + 1));
     }
+}
+
+/// The rows of logits, on the host.
+pub fn rows(logits: Tensor<2>) -> Vec<Vec<f32>> {
+    let [_, columns] = logits.dims();
+    let values: Vec<f32> = logits.into_data().try_into_vec().expect("logits are f32");
+    values.chunks_exact(columns).map(<[f32]>::to_vec).collect()
+}
+
+/// Moves rows of logits away from those without text, by (1 + s) with − s without.
+pub fn guide(rows: &mut [Vec<f32>], without: &[Vec<f32>], strength: f64) {
+    for (x, free) in rows.iter_mut().flatten().zip(without.iter().flatten()) {
+        *x += strength as f32 * (*x - free);
+    }
+}
+
+/// A row of logits a place, from those with text; where motions are guided, moved away from those without.
+pub fn guided<'a>(
+    pass: impl Fn(Option<&'a [f32]>) -> Vec<Vec<f32>>,
+    no_text: &'a [f32],
+    strength: f64,
+) -> Vec<Vec<f32>> {
+    let mut rows = pass(None);
+    if strength != 0.0 {
+        guide(&mut rows, &pass(Some(no_text)), strength);
+    }
+    rows
 }
 
 #[cfg(test)]

@@ -12,9 +12,15 @@ pub struct Edit<'a> {
 }
 
 impl Edit<'_> {
+    /// Of each of `n` codes of a scale that stands behind `before` codes, the code where it stays.
+    pub fn kept(&self, before: usize, n: usize) -> Vec<Option<u32>> {
+        let codes = &self.codes[before..before + n];
+        self.places(n).into_iter().zip(codes).map(|(anew, &code)| (!anew).then_some(code)).collect()
+    }
+
     /// Of each of `n` codes that span the clip, whether it is made anew: the mask is resized linearly,
     /// corners not aligned, and what is above one half is made anew (MoSa).
-    pub fn places(&self, n: usize) -> Vec<bool> {
+    fn places(&self, n: usize) -> Vec<bool> {
         let (len, last) = (self.anew.len(), self.anew.len() - 1);
         let at = |place: usize| {
             let x = (place as f64 + 0.5) * len as f64 / n as f64 - 0.5;

@@ -5,14 +5,14 @@ mod edit;
 mod form;
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 
-pub use draw::Draw;
+pub use draw::{Draw, guide, guided, rows};
 pub use edit::Edit;
 pub use form::{Choices, StreamForm};
 
 use super::{GeneratorError, ScaleInputs};
+use crate::learn::params::stream;
 
 /// What a motion is made from.
 #[derive(Clone, Copy, Debug)]
@@ -31,9 +31,53 @@ pub struct Prompt<'a> {
 impl Prompt<'_> {
     /// The random numbers of the motion.
     pub fn rng(&self) -> ChaCha8Rng {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        rng.set_stream(self.index);
-        rng
+        stream(self.seed, self.index)
+    }
+}
+
+/// Whether motions of so many frames fit a context, by the positions that they take with their text.
+///
+/// # Errors
+/// [`GeneratorError::Length`].
+pub fn check_length(
+    n_frames: usize,
+    n_ctx: usize,
+    positions: impl Fn(usize) -> usize,
+) -> Result<(), GeneratorError> {
+    let fits = |frames: &usize| positions(*frames) <= n_ctx;
+    if fits(&n_frames) {
+        return Ok(());
+    }
+    let most = (0..n_frames).rev().find(fits).unwrap_or(0);
+    Err(GeneratorError::Length { n_frames, positions: positions(n_frames), n_ctx, most })
+}
+
+/// A motion that is being made.
+pub struct Making<'a> {
+    pub text: &'a [f32],
+    pub rng: ChaCha8Rng,
+    /// Its codes so far, scale after scale.
+    pub codes: Vec<u32>,
+    pub n_frames: usize,
+    /// What stays of it, where a part is made anew.
+    edit: Option<Edit<'a>>,
+}
+
+impl<'a> Making<'a> {
+    /// A motion without a code.
+    pub fn new(prompt: &Prompt<'a>, n_frames: usize) -> Self {
+        let Prompt { text, edit, .. } = *prompt;
+        Self { text, rng: prompt.rng(), codes: Vec::new(), n_frames, edit }
+    }
+
+    /// Of each of `n` codes of a scale that stands behind `before` codes, the code where it stays.
+    pub fn kept(&self, before: usize, n: usize) -> Vec<Option<u32>> {
+        self.edit.map_or_else(|| vec![None; n], |edit| edit.kept(before, n))
+    }
+
+    /// The motion, which has met its length.
+    pub fn done(self) -> Sampled {
+        Sampled { codes: self.codes, n_frames: self.n_frames, ended: true }
     }
 }
 
@@ -54,6 +98,17 @@ impl Default for Sampling {
     }
 }
 
+impl Sampling {
+    /// Whether a model can be guided that was trained without this share of the captions.
+    ///
+    /// # Errors
+    /// [`GeneratorError::Guidance`].
+    pub fn check_guidance(&self, text_drop: f64) -> Result<(), GeneratorError> {
+        let refused = self.guidance > 0.0 && text_drop == 0.0;
+        if refused { Err(GeneratorError::Guidance) } else { Ok(()) }
+    }
+}
+
 /// The codes of a motion that was made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sampled {
@@ -68,7 +123,9 @@ pub struct Sampled {
 /// A trained generator that makes motions.
 pub trait Sampler {
     /// Whether a prompt has to say how long the motion is.
-    fn wants_length(&self) -> bool;
+    fn wants_length(&self) -> bool {
+        true
+    }
 
     /// Whether motions can be moved away from those without text.
     fn takes_guidance(&self) -> bool {

@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use super::places::Places;
 use crate::codes::Grid;
+use crate::data::Split;
+use crate::generator::Inputs;
 use crate::generator::stack::{Supervised, n_supervised};
 use crate::ops::{BlockSequence, SequenceLayout};
 
@@ -23,6 +25,24 @@ pub struct Clip<'a> {
     pub n_latents: usize,
     /// The codes that are supervised.
     pub supervised: Range<usize>,
+}
+
+impl<'a> Clip<'a> {
+    /// A clip of a split whose scales are shown what `shown` makes of its codes and their numbers.
+    pub fn of(
+        (inputs, grid): (&Inputs<'a>, &Grid),
+        (split, index): (Split, usize),
+        (text, supervised): (&'a [f32], Range<usize>),
+        shown: impl FnOnce(&[u32], &[usize]) -> Vec<u32>,
+    ) -> Self {
+        let scales = inputs.scales.expect("the job opens the tokenizer for a kind that wants it");
+        let codes = inputs.tokens.clip(split, index);
+        let n_frames = inputs.tokens.clip_frames(split, index);
+        let lengths: Vec<usize> = grid.lengths(n_frames).collect();
+        let inputs = scales.inputs(&shown(codes, &lengths), 1, n_frames);
+        let n_latents = scales.n_latents(n_frames);
+        Self { text, codes, lengths, inputs, n_latents, supervised }
+    }
 }
 
 /// A batch as the model takes it.

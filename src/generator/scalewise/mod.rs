@@ -11,71 +11,46 @@ mod batch;
 mod evaluate;
 mod model;
 mod objective;
-mod own;
 mod places;
-mod probe;
 mod sample;
-mod shown;
-
-use std::path::Path;
-
-use burn::tensor::Device;
 
 pub use batch::{Batch, Clip};
 pub use model::{Model, ScalewiseTransformer};
-pub use objective::Scalewise;
 
-use super::{Generator, GeneratorError, Probe, Sampler, Trained, Training, fitness, learner};
-use crate::learn::weights::{self, Sources, Weights};
+use super::probed::WORDS;
+use super::{Kind, Sampler};
 use crate::plan::RunSpec;
-use crate::progress::Progress;
 
 /// The scale-by-scale transformer as a kind of generator.
-pub struct ScalewiseGenerator;
+pub struct Scalewise;
 
-impl Generator for ScalewiseGenerator {
-    fn train(
-        &self,
-        training: &Training,
-        progress: &mut Progress,
-    ) -> Result<Trained, GeneratorError> {
-        learner::train(objective(training)?, training, progress)
+impl Kind for Scalewise {
+    type Network = Model;
+    type Objective<'a> = objective::EachScale<'a>;
+
+    const WANTS_SCALES: bool = true;
+
+    fn sampler(spec: &RunSpec, model: Model) -> Box<dyn Sampler> {
+        Box::new(sample::ScalewiseSampler::new(spec, model))
     }
 
-    fn first_weights(&self, spec: &RunSpec, device: &Device) -> Sources {
-        weights::of_module(&objective::first_model(spec, device).weights)
+    /// Clips as long as the longest.
+    fn made_up(spec: &RunSpec, model: &Model) -> (Batch, usize) {
+        let own = model.spec();
+        let lengths = own.longest(&spec.codes);
+        let n_codes: usize = lengths.iter().sum();
+        let words = WORDS.min(own.shape.n_ctx - n_codes).max(1);
+        let (text, codes) = (vec![0.5; own.shape.d_text * words], vec![0; n_codes]);
+        let clip = Clip {
+            text: &text,
+            codes: &codes,
+            inputs: lengths.iter().skip(1).map(|n| vec![0.5; n * own.d_latent]).collect(),
+            lengths,
+            n_latents: own.most_latents,
+            supervised: 0..n_codes,
+        };
+        let clips = vec![clip; spec.batch_tokens.div_ceil(n_codes)];
+        let batch = Batch::pack(&clips, &spec.codes, own.shape.d_text, model.places());
+        (batch, clips.len() * n_codes)
     }
-
-    fn train_trunk(
-        &self,
-        training: &Training,
-        state: &Path,
-        progress: &mut Progress,
-    ) -> Result<(), GeneratorError> {
-        learner::train_trunk(objective(training)?, training, state, progress)
-    }
-
-    fn wants_scales(&self) -> bool {
-        true
-    }
-
-    fn sampler(
-        &self,
-        spec: &RunSpec,
-        weights: Weights,
-        device: &Device,
-    ) -> Result<Box<dyn Sampler>, GeneratorError> {
-        Ok(Box::new(sample::ScalewiseSampler::new(spec, weights, device)?))
-    }
-
-    fn probe(&self, spec: &RunSpec, device: &Device) -> Box<dyn Probe> {
-        Box::new(probe::probed(spec, device))
-    }
-}
-
-fn objective<'a>(training: &Training<'a>) -> Result<Scalewise<'a>, GeneratorError> {
-    let Training { spec, inputs, device, .. } = *training;
-    fitness::check_inputs(spec, inputs)?;
-    fitness::check_precision(spec.precision, device)?;
-    Ok(Scalewise::new(spec, inputs, device))
 }

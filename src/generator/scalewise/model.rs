@@ -11,12 +11,12 @@ use rand_chacha::ChaCha8Rng;
 use super::batch::Batch;
 use super::places::Places;
 use crate::codes::Grid;
-use crate::generator::stack::{
-    Block, EPSILON, Stack, heads_loss, heads_nll, kernels_of, projected, single,
-};
+use crate::generator::Network;
+use crate::generator::stack::{Backbone, Block, EPSILON, heads_loss, heads_nll, kernels_of};
 use crate::learn::params::{constant, normal};
-use crate::ops::{HeadWeights, Kernels};
-use crate::spec::{Precision, ScalewiseSpec};
+use crate::ops::HeadWeights;
+use crate::plan::RunSpec;
+use crate::spec::{GeneratorSpec, Precision, ScalewiseSpec};
 
 /// All parameters of the model.
 #[derive(Module, Debug)]
@@ -33,7 +33,7 @@ pub struct ScalewiseTransformer {
     /// `[c, d]`: from what the scales before make of the latents.
     input_weight: Param<Tensor<2>>,
     input_bias: Param<Tensor<1>>,
-    blocks: Vec<Block>,
+    pub(super) blocks: Vec<Block>,
     norm: Param<Tensor<1>>,
     /// `[d, V_k]` each.
     heads: Vec<Param<Tensor<2>>>,
@@ -67,10 +67,9 @@ impl ScalewiseTransformer {
 #[derive(Clone, Debug)]
 pub struct Model {
     pub weights: ScalewiseTransformer,
+    pub(super) backbone: Backbone,
     spec: ScalewiseSpec,
     places: Places,
-    kernels: Kernels,
-    device: Device,
 }
 
 impl Model {
@@ -82,25 +81,17 @@ impl Model {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        Self {
-            weights: ScalewiseTransformer::init(spec, codes, rng, device),
-            spec: spec.clone(),
-            places: Places::new(spec, codes),
-            kernels: kernels_of(precision, device),
-            device: device.clone(),
-        }
+        let weights = ScalewiseTransformer::init(spec, codes, rng, device);
+        let places = Places::new(spec, codes);
+        let backbone = Backbone::new(&spec.shape, kernels_of(precision, device), device);
+        let backbone = Backbone { rope: places.rope.clone(), ..backbone };
+        Self { weights, backbone, spec: spec.clone(), places }
     }
 
     /// The same model without gradients and in single precision, for evaluation.
     pub fn frozen(&self) -> Self {
-        let kernels = single(self.kernels, &self.device);
-        let (weights, device) = (self.weights.valid(), self.device.clone().inner());
-        Self { weights, kernels, device, ..self.clone() }
-    }
-
-    /// Where the parameters live.
-    pub fn device(&self) -> &Device {
-        &self.device
+        let (weights, backbone) = (self.weights.valid(), self.backbone.frozen());
+        Self { weights, backbone, spec: self.spec.clone(), places: self.places.clone() }
     }
 
     /// Its sizes.
@@ -113,32 +104,15 @@ impl Model {
         &self.places
     }
 
-    /// Its blocks.
-    pub fn stack(&self) -> Stack<'_> {
-        Stack {
-            blocks: &self.weights.blocks,
-            shape: &self.spec.shape,
-            rope: &self.places.rope,
-            kernels: self.kernels,
-            device: &self.device,
-        }
-    }
-
-    /// Mean cross-entropy over the batch's supervised codes, in nats, `[1]`.
-    pub fn loss(&self, batch: &Batch) -> Tensor<1> {
-        let x_nd = self.features(batch);
-        heads_loss(self.kernels, &x_nd, &batch.targets, |scale| self.head(scale))
-    }
-
     /// −ln p of each supervised code of each scale, in nats.
     pub fn nll(&self, batch: &Batch) -> Vec<Vec<f64>> {
         let x_nd = self.features(batch);
-        heads_nll(self.kernels, &x_nd, &batch.targets, |scale| self.head(scale))
+        heads_nll(self.backbone.kernels, &x_nd, &batch.targets, |scale| self.head(scale))
     }
 
     /// Logits over the codes of a scale for rows of the blocks' output, `[n, V_k]`.
     pub fn logits(&self, scale: usize, x_nd: Tensor<2>) -> Tensor<2> {
-        self.kernels.logits(x_nd, self.head(scale), EPSILON)
+        self.backbone.kernels.logits(x_nd, self.head(scale), EPSILON)
     }
 
     /// What the blocks make of all rows, `[n, d]`.
@@ -149,43 +123,71 @@ impl Model {
         if !batch.levels.is_empty() {
             rows.push(self.input_rows(batch.inputs.clone(), &batch.levels));
         }
-        let x_nd = self.kernels.select_rows(Tensor::cat(rows, 0), &batch.order);
-        self.stack().forward(x_nd, &batch.layout)
+        let x_nd = self.backbone.kernels.select_rows(Tensor::cat(rows, 0), &batch.order);
+        self.backbone.forward(&self.weights.blocks, x_nd, &batch.layout)
     }
 
     /// Projected text vectors with the lengths of their clips, `[n, d]`.
     pub fn text_rows(&self, vectors: Vec<f32>, lengths: &Arc<[u32]>) -> Tensor<2> {
-        let weights = &self.weights;
-        let text = projected(vectors, &weights.text_weight, &weights.text_bias, &self.device);
-        text + self.lengths(lengths)
+        let ScalewiseTransformer { text_weight, text_bias, .. } = &self.weights;
+        self.backbone.projected(vectors, text_weight, text_bias) + self.lengths(lengths)
     }
 
     /// The rows of the first scale, `[n, d]`.
     pub fn start_rows(&self, slots: &Arc<[u32]>, lengths: &Arc<[u32]>) -> Tensor<2> {
-        let starts_nd = self.kernels.select_rows(self.weights.starts.val(), slots);
+        let starts_nd = self.backbone.looked_up(&self.weights.starts, slots);
         let first: Arc<[u32]> = vec![0; slots.len()].into();
         starts_nd + self.lengths(lengths) + self.levels(&first)
     }
 
     /// The rows of later scales, `[n, d]`.
     pub fn input_rows(&self, inputs: Vec<f32>, levels: &Arc<[u32]>) -> Tensor<2> {
-        let weights = &self.weights;
-        let x_nd = projected(inputs, &weights.input_weight, &weights.input_bias, &self.device);
-        x_nd + self.levels(levels)
+        let ScalewiseTransformer { input_weight, input_bias, .. } = &self.weights;
+        self.backbone.projected(inputs, input_weight, input_bias) + self.levels(levels)
     }
 
     fn lengths(&self, latents: &Arc<[u32]>) -> Tensor<2> {
         let last = self.spec.most_latents as u32;
         let rows: Arc<[u32]> = latents.iter().map(|&n| n.clamp(1, last) - 1).collect();
-        self.kernels.select_rows(self.weights.lengths.val(), &rows)
+        self.backbone.looked_up(&self.weights.lengths, &rows)
     }
 
     fn levels(&self, scales: &Arc<[u32]>) -> Tensor<2> {
-        self.kernels.select_rows(self.weights.levels.val(), scales)
+        self.backbone.looked_up(&self.weights.levels, scales)
     }
 
     fn head(&self, scale: usize) -> HeadWeights {
         let weight_dv = self.weights.heads[scale].val();
         HeadWeights { gamma_d: self.weights.norm.val(), weight_dv }
+    }
+}
+
+impl Network for Model {
+    type Weights = ScalewiseTransformer;
+    type Batch = Batch;
+
+    fn drawn(spec: &RunSpec, precision: Precision, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        Self::init(own(spec), &spec.codes, precision, rng, device)
+    }
+
+    fn weights(&self) -> &ScalewiseTransformer {
+        &self.weights
+    }
+
+    fn set_weights(&mut self, weights: ScalewiseTransformer) {
+        self.weights = weights;
+    }
+
+    fn loss(&self, batch: &Batch) -> Tensor<1> {
+        let x_nd = self.features(batch);
+        heads_loss(self.backbone.kernels, &x_nd, &batch.targets, |scale| self.head(scale))
+    }
+}
+
+/// The description of a run's generator, which is of this kind.
+pub fn own(spec: &RunSpec) -> &ScalewiseSpec {
+    match &spec.generator {
+        GeneratorSpec::Scalewise(own) => own,
+        other => unreachable!("a {} generator", other.name()),
     }
 }

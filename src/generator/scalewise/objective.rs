@@ -1,18 +1,14 @@
-//! [`Scalewise`]: the scale-by-scale transformer on the batches of a run.
+//! [`EachScale`]: the batches of a run of the scale-by-scale transformer.
 
-use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
 
 use super::batch::{Batch, Clip};
 use super::evaluate::split_loss;
-use super::model::{Model, ScalewiseTransformer};
-use super::own::own;
-use super::shown::shown_clip;
+use super::model::{Model, own};
 use crate::data::Split;
 use crate::generator::autoregressive::{Part, TokenStream};
-use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective, weights_rng};
-use crate::generator::{Inputs, SplitLoss};
+use crate::generator::learner::step_rng;
+use crate::generator::{Inputs, Objective, SplitLoss};
 use crate::learn::params::{below, unit};
 use crate::plan::RunSpec;
 use crate::spec::exact_of_clip;
@@ -22,45 +18,21 @@ use crate::spec::exact_of_clip;
 /// As MoSa trains: a share of the codes is shown as random ones, and a share of the captions as one
 /// vector of zeros. MoSa weighs its last scale as much as all others together; here every code counts
 /// alike, so that the loss is the likelihood that laws are about.
-pub struct Scalewise<'a> {
+pub struct EachScale<'a> {
     spec: &'a RunSpec,
     inputs: &'a Inputs<'a>,
     stream: TokenStream<'a>,
-    model: Model,
     /// The text of a caption that is left out.
     no_text: Vec<f32>,
 }
 
-impl<'a> Scalewise<'a> {
-    /// A model with the weights of a seed, on `device` in the run's precision.
-    pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>, device: &Device) -> Self {
-        let model = first_model(spec, &device.clone().autodiff());
-        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
-        Self { spec, inputs, stream, model, no_text: vec![0.0; spec.shape().d_text] }
-    }
-
-    /// The batch of a step.
-    fn batch(&mut self, step: usize) -> Batch {
-        let n = self.spec.batch_tokens;
-        let parts = self.stream.parts(step * n, n);
-        let mut rng = ChaCha8Rng::seed_from_u64(self.spec.seed);
-        rng.set_stream(FIRST_STEP_STREAM + step as u64);
-        let clips: Vec<Clip> = parts.into_iter().map(|part| self.clip(part, &mut rng)).collect();
-        Batch::pack(&clips, &self.spec.codes, self.inputs.text.dim(), self.model.places())
-    }
-
+impl EachScale<'_> {
     fn clip(&self, part: Part, rng: &mut ChaCha8Rng) -> Clip<'_> {
         let dropped = unit(rng) < own(self.spec).text_drop;
-        let text = self.inputs.text.embedding(part.caption);
-        let clip = self.inputs.tokens.clip(Split::Train, part.clip);
-        let frames = self.inputs.tokens.clip_frames(Split::Train, part.clip);
-        let lengths: Vec<usize> = self.spec.codes.lengths(frames).collect();
-        let shown = self.corrupted(clip, &lengths, rng);
-        shown_clip(self.inputs, &shown, frames, lengths, |own| Clip {
-            text: if dropped { &self.no_text } else { text },
-            codes: clip,
-            supervised: part.targets,
-            ..own
+        let text = if dropped { &self.no_text } else { self.inputs.text.embedding(part.caption) };
+        let (inputs, clip) = ((self.inputs, &self.spec.codes), (Split::Train, part.clip));
+        Clip::of(inputs, clip, (text, part.targets), |codes, lengths| {
+            self.corrupted(codes, lengths, rng)
         })
     }
 
@@ -76,33 +48,26 @@ impl<'a> Scalewise<'a> {
     }
 }
 
-/// The model that a run begins with.
-pub fn first_model(spec: &RunSpec, device: &Device) -> Model {
-    Model::init(own(spec), &spec.codes, spec.precision, &mut weights_rng(spec), device)
-}
+impl<'a> Objective<'a> for EachScale<'a> {
+    type Network = Model;
 
-impl Objective for Scalewise<'_> {
-    type Weights = ScalewiseTransformer;
-
-    fn weights(&self) -> &ScalewiseTransformer {
-        &self.model.weights
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
+        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
+        Self { spec, inputs, stream, no_text: vec![0.0; spec.shape().d_text] }
     }
 
-    fn set_weights(&mut self, weights: ScalewiseTransformer) {
-        self.model.weights = weights;
+    fn batch(&mut self, model: &Model, step: usize) -> (Batch, f64) {
+        let n = self.spec.batch_tokens;
+        let parts = self.stream.parts(step * n, n);
+        let mut rng = step_rng(self.spec, step);
+        let clips: Vec<Clip> = parts.into_iter().map(|part| self.clip(part, &mut rng)).collect();
+        let batch = Batch::pack(&clips, &self.spec.codes, self.inputs.text.dim(), model.places());
+        let forward_flops = forward_flops(self.spec, &batch);
+        (batch, forward_flops)
     }
 
-    fn device(&self) -> &Device {
-        self.model.device()
-    }
-
-    fn loss(&mut self, step: usize) -> BatchLoss {
-        let batch = self.batch(step);
-        BatchLoss { loss: self.model.loss(&batch), forward_flops: forward_flops(self.spec, &batch) }
-    }
-
-    fn split_loss(&self, split: Split) -> SplitLoss {
-        split_loss(&self.model.frozen(), &self.spec.codes, self.inputs, split)
+    fn split_loss(&self, model: &Model, split: Split) -> SplitLoss {
+        split_loss(&model.frozen(), self.inputs, split)
     }
 
     /// Of the largest scale: an ignorant model is no worse on another.

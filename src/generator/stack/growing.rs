@@ -7,12 +7,14 @@
 
 use burn::tensor::Tensor;
 
-use super::layers::{EPSILON, Stack};
+use super::block::Block;
+use super::layers::{Backbone, EPSILON};
 use crate::ops::{Joining, KeyValues};
 
 /// Sequences of text and what came after it.
 pub struct Growing<'a> {
-    stack: Stack<'a>,
+    backbone: &'a Backbone,
+    blocks: &'a [Block],
     /// Keys and values, one entry a block.
     kept: Vec<KeyValues>,
     /// Text positions of each sequence.
@@ -23,9 +25,9 @@ pub struct Growing<'a> {
 
 impl<'a> Growing<'a> {
     /// Sequences of so many text positions each, at least one, which [`Growing::join`] takes first.
-    pub fn new(stack: Stack<'a>, prefixes: Vec<usize>) -> Self {
-        let kept = vec![KeyValues::default(); stack.blocks.len()];
-        Self { stack, kept, prefixes, joined: 0 }
+    pub fn new(backbone: &'a Backbone, blocks: &'a [Block], prefixes: Vec<usize>) -> Self {
+        let kept = vec![KeyValues::default(); blocks.len()];
+        Self { backbone, blocks, kept, prefixes, joined: 0 }
     }
 
     /// p.
@@ -56,9 +58,9 @@ impl<'a> Growing<'a> {
     }
 
     fn pass(&mut self, x_nd: Tensor<2>, joining: Joining) -> Tensor<2> {
-        self.stack.blocks.iter().zip(&mut self.kept).fold(x_nd, |x_nd, (block, kept)| {
+        self.blocks.iter().zip(&mut self.kept).fold(x_nd, |x_nd, (block, kept)| {
             let x_nd = joining.attention(x_nd, block.attention(), kept, EPSILON);
-            self.stack.feed_forward(block, x_nd)
+            self.backbone.feed_forward(block, x_nd)
         })
     }
 
@@ -69,7 +71,7 @@ impl<'a> Growing<'a> {
             (0..p + self.joined).map(move |slot| slot >= prefix && slot < p)
         };
         let padding: Vec<bool> = self.prefixes.iter().flat_map(is_padding).collect();
-        let Stack { rope, shape, device, .. } = self.stack;
+        let Backbone { rope, shape, device, .. } = self.backbone;
         Joining::new(rope, shape.n_head, self.prefixes.len(), angles, &padding, device)
     }
 }

@@ -4,10 +4,8 @@ mod block;
 mod growing;
 mod heads;
 mod layers;
-mod projected;
 
 pub use block::Block;
 pub use growing::{Growing, padded};
 pub use heads::{Supervised, heads_loss, heads_nll, n_supervised};
-pub use layers::{EPSILON, Stack, kernels_of, single};
-pub use projected::projected;
+pub use layers::{Backbone, EPSILON, kernels_of};

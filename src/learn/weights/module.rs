@@ -16,10 +16,7 @@ pub fn of_module<M: Module>(module: &M) -> Sources {
 pub fn into_module<M: Module>(module: M, weights: Weights) -> Result<M, WeightsError> {
     let mut writer = Writer { path: Vec::new(), weights, mismatch: None };
     let module = module.map(&mut writer);
-    match writer.mismatch {
-        None => Ok(module),
-        Some(mismatch) => Err(mismatch),
-    }
+    writer.mismatch.map_or(Ok(module), Err)
 }
 
 struct Reader {

@@ -11,15 +11,15 @@ pub use page::page;
 /// The rows, as a table; `x±y` is a mean with the half of its 95 % interval.
 const ROWS: &str = include_str!("rows.csv");
 
-/// What rows are scored by. Scores by different evaluators are not comparable.
-const EVALUATORS: [(&str, &str); 3] = [
+/// Each evaluator's name, and what it is: what rows are scored by. Scores by different evaluators are not comparable.
+pub const EVALUATORS: [(&str, &str); 3] = [
     ("guo", "matching networks of Guo et al. (2022), on 263 features (KIT-ML: 251)"),
     ("mardm", "MARDM's (Meng et al. 2024), on the first 67 features"),
     ("lg-tok", "LG-Tok's, whose row of MARDM on HumanML3D is that of `mardm`"),
 ];
 
-/// Where rows were read.
-const SOURCES: [(&str, &str); 4] = [
+/// Each source's name, and what it is: where rows were read.
+pub const SOURCES: [(&str, &str); 4] = [
     ("motion-anything", "Motion Anything (arXiv 2503.06955), supplementary material, Table 1"),
     ("vimorag", "VimoRAG (NeurIPS 2025), Table 7; codebooks of 512"),
     ("msflow", "MSFLOW (Yu and Fujiwara), Table 1; read by OCR, rows checked against other copies"),
@@ -31,9 +31,9 @@ const SOURCES: [(&str, &str); 4] = [
 pub struct Published {
     pub system: &'static str,
     pub dataset: &'static str,
-    /// One of [`evaluators`].
+    /// One of [`EVALUATORS`].
     pub evaluator: &'static str,
-    /// One of [`sources`].
+    /// One of [`SOURCES`].
     pub source: &'static str,
     /// By the name of the score, those that are printed.
     pub scores: Vec<(&'static str, Printed)>,
@@ -61,16 +61,6 @@ impl Published {
     pub fn score(&self, name: &str) -> Option<Printed> {
         self.scores.iter().find(|(own, _)| *own == name).map(|(_, score)| *score)
     }
-}
-
-/// Each evaluator's name, and what it is.
-pub fn evaluators() -> &'static [(&'static str, &'static str)] {
-    &EVALUATORS
-}
-
-/// Each source's name, and what it is.
-pub fn sources() -> &'static [(&'static str, &'static str)] {
-    &SOURCES
 }
 
 /// The names of the scores, in the order of the table.

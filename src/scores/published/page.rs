@@ -1,6 +1,6 @@
 //! The page about scores of other systems.
 
-use super::{Published, evaluators, names, rows, sources};
+use super::{EVALUATORS, Published, SOURCES, names, rows};
 
 const HEAD: &str = "\
 <!-- Made from src/scores/published; written by
@@ -40,9 +40,9 @@ fn heading(name: &str) -> &str {
 pub fn page() -> String {
     let all = rows();
     let mut text = HEAD.to_string();
-    for (evaluator, about) in evaluators() {
+    for (evaluator, about) in EVALUATORS {
         text += &format!("\n## Evaluator `{evaluator}`: {about}\n");
-        let own: Vec<&Published> = all.iter().filter(|row| row.evaluator == *evaluator).collect();
+        let own: Vec<&Published> = all.iter().filter(|row| row.evaluator == evaluator).collect();
         let mut datasets: Vec<&str> = own.iter().map(|row| row.dataset).collect();
         datasets.dedup();
         for dataset in datasets {
@@ -52,7 +52,7 @@ pub fn page() -> String {
         }
     }
     text += "\n## Sources\n\n";
-    text.extend(sources().iter().map(|(name, about)| format!("- `{name}`: {about}.\n")));
+    text.extend(SOURCES.iter().map(|(name, about)| format!("- `{name}`: {about}.\n")));
     text
 }
 

@@ -7,17 +7,15 @@ use super::folder::ModelFolder;
 use super::network::Network;
 use crate::text::error::TextError;
 
-struct Bert(BertModel);
-
 /// The network and the width of its states.
 pub fn load(folder: &ModelFolder) -> Result<(Box<dyn Network>, usize), TextError> {
     let config: Config = folder.config()?;
     let model = folder.network(folder.weights()?, |weights| BertModel::load(weights, &config))?;
-    Ok((Box::new(Bert(model)), config.hidden_size))
+    Ok((Box::new(model), config.hidden_size))
 }
 
-impl Network for Bert {
+impl Network for BertModel {
     fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor> {
-        self.0.forward(ids, &ids.zeros_like()?, None)
+        self.forward(ids, &ids.zeros_like()?, None)
     }
 }

@@ -19,21 +19,12 @@ use tokenizers::Tokenizer;
 
 use super::encoder::TextEncoder;
 use super::error::TextError;
-use crate::spec::{TextSpec, TextStates};
+use crate::spec::{TextEncoderKind, TextSpec, TextStates};
 use folder::{ModelFolder, first_line};
 use network::Network;
 
 /// Captions that go through a model together.
 const BATCH: usize = 32;
-
-/// Which kind of model a folder holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ModelKind {
-    T5,
-    Clip,
-    Bert,
-    Llama,
-}
 
 /// A text encoder of a folder.
 pub struct LocalModel {
@@ -51,13 +42,13 @@ impl LocalModel {
     ///
     /// # Errors
     /// A file is missing, is not of such a model, or its states have another width than `spec.dim`.
-    pub fn open(path: &Path, kind: ModelKind, spec: &TextSpec) -> Result<Self, TextError> {
+    pub fn open(path: &Path, spec: &TextSpec) -> Result<Self, TextError> {
         let folder = ModelFolder::open(path)?;
-        let (network, found): (Box<dyn Network>, usize) = match kind {
-            ModelKind::T5 => t5::load(&folder)?,
-            ModelKind::Clip => clip::load(&folder, spec.states)?,
-            ModelKind::Bert => bert::load(&folder)?,
-            ModelKind::Llama => llama::load(&folder)?,
+        let (network, found): (Box<dyn Network>, usize) = match spec.encoder {
+            TextEncoderKind::T5 => t5::load(&folder)?,
+            TextEncoderKind::Clip => clip::load(&folder, spec.states)?,
+            TextEncoderKind::Llama => llama::load(&folder)?,
+            _ => bert::load(&folder)?,
         };
         if found != spec.dim {
             return Err(TextError::Width { found, wanted: spec.dim, file: path.to_path_buf() });

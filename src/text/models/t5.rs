@@ -9,19 +9,17 @@ use super::folder::ModelFolder;
 use super::network::Network;
 use crate::text::error::TextError;
 
-/// Its forward pass wants it for itself, though an encoder keeps nothing.
-struct T5(Mutex<T5EncoderModel>);
-
 /// The network and the width of its states.
 pub fn load(folder: &ModelFolder) -> Result<(Box<dyn Network>, usize), TextError> {
     let config: Config = folder.config()?;
     let load = |weights| T5EncoderModel::load(weights, &config);
     let model = folder.network(folder.weights()?, load)?;
-    Ok((Box::new(T5(Mutex::new(model))), config.d_model))
+    Ok((Box::new(Mutex::new(model)), config.d_model))
 }
 
-impl Network for T5 {
+/// Its forward pass wants it for itself, though an encoder keeps nothing.
+impl Network for Mutex<T5EncoderModel> {
     fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).forward(ids)
+        self.lock().unwrap_or_else(PoisonError::into_inner).forward(ids)
     }
 }

@@ -10,6 +10,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use crate::corpus::{D_TEXT, small_run};
 use isoflop::codes::{Grid, Length, Scale};
+use isoflop::generator::Network;
 use isoflop::generator::masked::residual::{Asked, LayerBatch, Stages};
 use isoflop::plan::RunSpec;
 use isoflop::spec::{GeneratorSpec, MaskedSpec, Precision};

@@ -8,7 +8,7 @@ use super::{LAYERS, V, logits, spec, stages, text};
 use crate::corpus::D_TEXT;
 use crate::no_scales::NoScales;
 use isoflop::generator::masked::{Hidden, pack};
-use isoflop::generator::{self, Draw, Prompt, Sampled, Sampling};
+use isoflop::generator::{self, Draw, Network, Prompt, Sampled, Sampling};
 use isoflop::learn::weights;
 use isoflop::plan::RunSpec;
 

@@ -2,19 +2,15 @@
 //!
 //! Shapes: n rows of the batch, p places of all clips, d width, K layers, V_k codes of layer k.
 
-use std::sync::Arc;
-
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::batch::{LayerBatch, rows_of_embedding};
 use crate::codes::Grid;
-use crate::generator::stack::{
-    Block, EPSILON, Stack, heads_loss, heads_nll, kernels_of, projected, single,
-};
+use crate::generator::stack::{Backbone, Block, EPSILON, heads_loss, heads_nll, kernels_of};
 use crate::learn::params::{constant, normal};
-use crate::ops::{HeadWeights, Kernels, Rope};
+use crate::ops::HeadWeights;
 use crate::spec::{ModelShape, Precision};
 
 /// All parameters of the second stage.
@@ -59,11 +55,8 @@ impl ResidualTransformer {
 #[derive(Clone, Debug)]
 pub struct ResidualModel {
     pub weights: ResidualTransformer,
-    shape: ModelShape,
+    backbone: Backbone,
     grid: Grid,
-    rope: Arc<Rope>,
-    kernels: Kernels,
-    device: Device,
 }
 
 impl ResidualModel {
@@ -75,67 +68,54 @@ impl ResidualModel {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let head_dim = shape.d_model / shape.n_head;
-        Self {
-            weights: ResidualTransformer::init(shape, grid, rng, device),
-            shape: shape.clone(),
-            grid: grid.clone(),
-            rope: Arc::new(Rope::new(shape.n_ctx, head_dim, shape.rope_base)),
-            kernels: kernels_of(precision, device),
-            device: device.clone(),
-        }
+        let weights = ResidualTransformer::init(shape, grid, rng, device);
+        let backbone = Backbone::new(shape, kernels_of(precision, device), device);
+        Self { weights, backbone, grid: grid.clone() }
     }
 
     /// The same model without gradients and in single precision, for evaluation.
     pub fn frozen(&self) -> Self {
-        let kernels = single(self.kernels, &self.device);
-        let (weights, device) = (self.weights.valid(), self.device.clone().inner());
-        Self { weights, kernels, device, ..self.clone() }
+        let (weights, backbone) = (self.weights.valid(), self.backbone.frozen());
+        Self { weights, backbone, grid: self.grid.clone() }
     }
 
     /// Mean cross-entropy over the batch's supervised codes, in nats, `[1]`.
     pub fn loss(&self, batch: &LayerBatch) -> Tensor<1> {
         let x_nd = self.features(batch);
-        heads_loss(self.kernels, &x_nd, &batch.targets, |later| self.head(later))
+        heads_loss(self.backbone.kernels, &x_nd, &batch.targets, |later| self.head(later))
     }
 
     /// −ln p of each supervised code of each layer after the first, in nats.
     pub fn nll(&self, batch: &LayerBatch) -> Vec<Vec<f64>> {
         let x_nd = self.features(batch);
-        heads_nll(self.kernels, &x_nd, &batch.targets, |later| self.head(later))
+        heads_nll(self.backbone.kernels, &x_nd, &batch.targets, |later| self.head(later))
     }
 
     /// Logits over the codes of a layer, counted from 0, of the batch's rows for it, `[s, V_k]`.
     pub fn logits(&self, batch: &LayerBatch, layer: usize) -> Tensor<2> {
-        let x_nd = self.features(batch);
-        let x_sd = self.kernels.select_rows(x_nd, &batch.targets[layer - 1].rows);
-        self.kernels.logits(x_sd, self.head(layer - 1), EPSILON)
+        let kernels = self.backbone.kernels;
+        let x_sd = kernels.select_rows(self.features(batch), &batch.targets[layer - 1].rows);
+        kernels.logits(x_sd, self.head(layer - 1), EPSILON)
     }
 
     /// What the blocks make of all rows, `[n, d]`.
     fn features(&self, batch: &LayerBatch) -> Tensor<2> {
-        let ResidualTransformer { text_weight, text_bias, .. } = &self.weights;
-        let text_nd = projected(batch.text.clone(), text_weight, text_bias, &self.device);
-        let rows = vec![text_nd, self.place_rows(batch)];
-        let x_nd = self.kernels.select_rows(Tensor::cat(rows, 0), &batch.order);
-        let stack = Stack {
-            blocks: &self.weights.blocks,
-            shape: &self.shape,
-            rope: &self.rope,
-            kernels: self.kernels,
-            device: &self.device,
-        };
-        stack.forward(x_nd, &batch.layout)
+        let ResidualTransformer { text_weight, text_bias, blocks, .. } = &self.weights;
+        let text_nd = self.backbone.projected(batch.text.clone(), text_weight, text_bias);
+        let rows = Tensor::cat(vec![text_nd, self.place_rows(batch)], 0);
+        let x_nd = self.backbone.kernels.select_rows(rows, &batch.order);
+        self.backbone.forward(blocks, x_nd, &batch.layout)
     }
 
     /// The sum of what the layers before add to each place, and the layer that is asked for, `[p, d]`.
     fn place_rows(&self, batch: &LayerBatch) -> Tensor<2> {
-        let (places, d) = (batch.layers.len(), self.shape.d_model);
+        let Backbone { shape, kernels, device, .. } = &self.backbone;
+        let (places, d) = (batch.layers.len(), shape.d_model);
         let shown = batch.shown.len() / places;
-        let nothing = Tensor::zeros([1, d], &self.device);
+        let nothing = Tensor::zeros([1, d], device);
         let table = Tensor::cat(vec![self.weights.embedding.val(), nothing], 0);
-        let codes_kpd = self.kernels.select_rows(table, &batch.shown).reshape([shown, places, d]);
-        let asked_pd = self.kernels.select_rows(self.weights.layers.val(), &batch.layers);
+        let codes_kpd = kernels.select_rows(table, &batch.shown).reshape([shown, places, d]);
+        let asked_pd = self.backbone.looked_up(&self.weights.layers, &batch.layers);
         codes_kpd.sum_dim(0).reshape([places, d]) + asked_pd
     }
 

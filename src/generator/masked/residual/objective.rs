@@ -1,19 +1,17 @@
-//! [`TwoStages`]: both stages on the batches of a run.
-
-use burn::tensor::Device;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+//! [`TwoStages`]: the batches of a run of both stages.
 
 use super::batch::{Asked, LayerBatch};
-use super::evaluate::split_loss;
-use super::stages::{StageWeights, Stages};
+use super::evaluate::later_layers;
+use super::stages::{StageBatches, Stages};
 use crate::data::Split;
 use crate::generator::autoregressive::{Part, TokenStream};
-use crate::generator::learner::{BatchLoss, FIRST_STEP_STREAM, Objective, weights_rng};
+use crate::generator::learner::step_rng;
 use crate::generator::masked::batch::{Hidden, pack};
+use crate::generator::masked::evaluate::bound;
 use crate::generator::masked::flops::forward_flops;
 use crate::generator::masked::shown::Shown;
-use crate::generator::{Inputs, SplitLoss};
+use crate::generator::sums::SplitSums;
+use crate::generator::{Inputs, Objective, SplitLoss};
 use crate::plan::RunSpec;
 use crate::spec::ModelShape;
 use crate::spec::flops::exact_whole;
@@ -28,19 +26,9 @@ pub struct TwoStages<'a> {
     inputs: &'a Inputs<'a>,
     stream: TokenStream<'a>,
     shown: Shown<'a>,
-    stages: Stages,
-    device: Device,
 }
 
-impl<'a> TwoStages<'a> {
-    /// Stages with the weights of a seed, on `device` in the run's precision.
-    pub fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>, device: &Device) -> Self {
-        let device = device.clone().autodiff();
-        let stages = first_stages(spec, &device);
-        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
-        Self { spec, inputs, stream, shown: Shown::new(spec, inputs), stages, device }
-    }
-
+impl TwoStages<'_> {
     /// The places of a step for each stage. Token t belongs to place t / 2: the even ones to the first
     /// stage, the odd ones to the second.
     fn parts(&mut self, step: usize) -> [Vec<Part>; 2] {
@@ -50,45 +38,35 @@ impl<'a> TwoStages<'a> {
     }
 }
 
-/// The stages that a run begins with.
-pub fn first_stages(spec: &RunSpec, device: &Device) -> Stages {
-    Stages::init(spec.shape(), &spec.codes, spec.precision, &mut weights_rng(spec), device)
-}
+impl<'a> Objective<'a> for TwoStages<'a> {
+    type Network = Stages;
 
-impl Objective for TwoStages<'_> {
-    type Weights = StageWeights;
-
-    fn weights(&self) -> &StageWeights {
-        self.stages.weights()
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
+        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
+        Self { spec, inputs, stream, shown: Shown::new(spec, inputs) }
     }
 
-    fn set_weights(&mut self, weights: StageWeights) {
-        self.stages.set_weights(weights);
-    }
-
-    fn device(&self) -> &Device {
-        &self.device
-    }
-
-    fn loss(&mut self, step: usize) -> BatchLoss {
+    fn batch(&mut self, _: &Stages, step: usize) -> (StageBatches, f64) {
         let [first, later] = self.parts(step);
         let (spec, d_text) = (self.spec, self.inputs.text.dim());
-        let mut rng = ChaCha8Rng::seed_from_u64(spec.seed);
-        rng.set_stream(FIRST_STEP_STREAM + step as u64);
+        let mut rng = step_rng(spec, step);
         let hidden: Vec<Hidden> =
             first.iter().map(|part| self.shown.hidden(part, &mut rng)).collect();
         let asked: Vec<Asked> = later.iter().map(|part| self.shown.asked(part, &mut rng)).collect();
         let base = (!hidden.is_empty()).then(|| pack(&hidden, d_text));
-        let layers = (!asked.is_empty()).then(|| LayerBatch::pack(&asked, &spec.codes, d_text));
+        let later = (!asked.is_empty()).then(|| LayerBatch::pack(&asked, &spec.codes, d_text));
         let n_vocab = spec.codes.scales[0].n_vocab;
         let of_base = |batch| forward_flops(spec.shape(), n_vocab, &hidden, batch);
-        let of_layers = |batch| flops_of_layers(spec, batch);
-        let flops = base.as_ref().map_or(0.0, of_base) + layers.as_ref().map_or(0.0, of_layers);
-        BatchLoss { loss: self.stages.loss(base.as_ref(), layers.as_ref()), forward_flops: flops }
+        let of_later = |batch| flops_of_layers(spec, batch);
+        let flops = base.as_ref().map_or(0.0, of_base) + later.as_ref().map_or(0.0, of_later);
+        (StageBatches { base, later }, flops)
     }
 
-    fn split_loss(&self, split: Split) -> SplitLoss {
-        split_loss(&self.stages, &self.spec.codes, self.inputs, split)
+    fn split_loss(&self, stages: &Stages, split: Split) -> SplitLoss {
+        let mut sums = SplitSums::by_scale(self.inputs.tokens, split);
+        bound(&stages.base.frozen(), self.inputs, &mut sums);
+        later_layers(&stages.residual.frozen(), &self.spec.codes, self.inputs, &mut sums);
+        sums.loss()
     }
 
     /// Of the largest layer: an ignorant model is no worse on another.

@@ -7,7 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use super::batch::LayerBatch;
 use super::model::{ResidualModel, ResidualTransformer};
 use crate::codes::Grid;
+use crate::generator::Network;
 use crate::generator::autoregressive::{Batch, Model, Transformer};
+use crate::plan::RunSpec;
 use crate::spec::{ModelShape, Precision};
 
 /// The parameters of both stages, which share none.
@@ -15,6 +17,12 @@ use crate::spec::{ModelShape, Precision};
 pub struct StageWeights {
     base: Transformer,
     residual: ResidualTransformer,
+}
+
+/// What a step shows each stage, where it shows it anything.
+pub struct StageBatches {
+    pub base: Option<Batch>,
+    pub later: Option<LayerBatch>,
 }
 
 /// The stage that makes the codes of the first layer, and the one that makes all others.
@@ -42,14 +50,21 @@ impl Stages {
             StageWeights { base: base.weights.clone(), residual: residual.weights.clone() };
         Self { base, residual, weights, n_layers: grid.scales.len() }
     }
+}
 
-    /// The parameters as they are.
-    pub fn weights(&self) -> &StageWeights {
+impl Network for Stages {
+    type Weights = StageWeights;
+    type Batch = StageBatches;
+
+    fn drawn(spec: &RunSpec, precision: Precision, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        Self::init(spec.shape(), &spec.codes, precision, rng, device)
+    }
+
+    fn weights(&self) -> &StageWeights {
         &self.weights
     }
 
-    /// Takes over parameters.
-    pub fn set_weights(&mut self, weights: StageWeights) {
+    fn set_weights(&mut self, weights: StageWeights) {
         self.base.weights = weights.base.clone();
         self.residual.weights = weights.residual.clone();
         self.weights = weights;
@@ -59,13 +74,13 @@ impl Stages {
     /// layer and (K − 1)/K of the mean over the codes that the second stage was asked for.
     ///
     /// Layers that were drawn evenly would so make it the nats a code of the whole stream, apart from
-    /// what [`HiddenCodes`](crate::generator::masked::HiddenCodes) says of the first. Of the others each
+    /// what `HiddenCodes` says of the first. Of the others each
     /// weighs as it is drawn. The stages share no parameter, so that the weight of either tells on the
     /// other by the norm at which gradients are clipped alone. A step that has codes of one stage has
     /// that one's mean.
-    pub fn loss(&self, base: Option<&Batch>, residual: Option<&LayerBatch>) -> Tensor<1> {
-        let first = base.map(|batch| self.base.loss(batch));
-        let later = residual.map(|batch| self.residual.loss(batch));
+    fn loss(&self, batches: &StageBatches) -> Tensor<1> {
+        let first = batches.base.as_ref().map(|batch| self.base.loss(batch));
+        let later = batches.later.as_ref().map(|batch| self.residual.loss(batch));
         let share = 1.0 / self.n_layers as f64;
         match (first, later) {
             (Some(first), Some(later)) => first * share + later * (1.0 - share),
