@@ -59,7 +59,7 @@ fn unlisted(path: &Path) -> Option<String> {
     }
     let listed: HashSet<String> =
         read_splits(path, files.in_folders()).ok()?.clips.into_iter().map(|(_, id)| id).collect();
-    let entries = std::fs::read_dir(path.join(files.folder())).ok()?.flatten();
+    let entries = std::fs::read_dir(path.join(files.folder)).ok()?.flatten();
     let mut names: Vec<String> = entries
         .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".npy")?.to_string()))
         .filter(|name| !listed.contains(name) && !listed.contains(name.trim_start_matches('M')))

@@ -26,18 +26,16 @@ impl ClipFile {
     }
 }
 
-/// A clip as far as it could be read, and a sentence for each thing that is wrong with it.
-pub(super) struct LoadedClip {
-    /// Absent if the clip cannot be used at all.
-    pub clip: Option<ClipFile>,
-    pub problems: Vec<String>,
-}
-
-/// Reads the motion of a clip and `texts/<id>.txt` in `root`.
+/// Reads the motion of a clip and `texts/<id>.txt` in `root`: the clip if it can be used at all, and a sentence
+/// for each thing that is wrong with it.
 ///
 /// Both are always read, so that all that is wrong is told at once. A bad line among good captions
 /// is a problem, and the clip can still be used.
-pub(super) fn load_clip(root: &Path, files: MotionFiles, id: &str) -> LoadedClip {
+pub(super) fn load_clip(
+    root: &Path,
+    files: MotionFiles,
+    id: &str,
+) -> (Option<ClipFile>, Vec<String>) {
     crate::progress::moved();
     let mut problems = Vec::new();
     let features = read_features(root, files, id).map_err(|problem| problems.push(problem)).ok();
@@ -50,7 +48,7 @@ pub(super) fn load_clip(root: &Path, files: MotionFiles, id: &str) -> LoadedClip
             files: [features_file, captions_file],
         },
     );
-    LoadedClip { clip, problems }
+    (clip, problems)
 }
 
 fn read_features(

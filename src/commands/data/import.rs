@@ -196,11 +196,6 @@ fn sheet(folder: &Path, fps: f64) -> Result<()> {
 
 fn document(imported: &Imported, args: &ImportArgs) -> Value {
     let [train, val, test] = imported.splits;
-    let skeleton = |skeleton: &Skeleton| {
-        let roles: serde_json::Map<String, Value> =
-            skeleton.roles.iter().map(|(role, name)| (role.to_string(), json!(name))).collect();
-        json!({ "files": skeleton.files, "up": skeleton.up, "neutral": skeleton.neutral_words(), "joints": roles })
-    };
     json!({
         "data": args.out,
         "fps": imported.fps,
@@ -209,7 +204,7 @@ fn document(imported: &Imported, args: &ImportArgs) -> Value {
         "captioned_by_name": imported.captioned_by_name,
         "uncaptioned": imported.uncaptioned,
         "problems": imported.problems,
-        "skeletons": imported.skeletons.iter().map(skeleton).collect::<Vec<_>>(),
+        "skeletons": imported.skeletons,
     })
 }
 
@@ -224,10 +219,10 @@ fn text(imported: &Imported, args: &ImportArgs) -> String {
             writeln!(text, "  {:<6}{clips:>6} clips  {groups:>5} groups  {hours}", split.name());
     }
     for skeleton in &imported.skeletons {
-        let Skeleton { joints, files, up, .. } = skeleton;
+        let Skeleton { joints, files, up, neutral, .. } = skeleton;
         let noun = if *files == 1 { "file" } else { "files" };
         let _ = writeln!(text, "\nskeleton of {} joints, {files} {noun}, {up} up", joints.len());
-        let _ = writeln!(text, "  upright in {}", skeleton.neutral_words());
+        let _ = writeln!(text, "  upright in {neutral}");
     }
     if imported.too_short > 0 {
         let (n, shortest_s) = (imported.too_short, (SHORTEST - 1) as f64 / imported.fps);
