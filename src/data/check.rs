@@ -71,9 +71,7 @@ fn unlisted(path: &Path) -> Option<String> {
 
 /// A sentence for each way in which clips are odd.
 fn odd_clips(data: &HumanMl3d) -> Vec<String> {
-    let clips: Vec<(Split, usize)> = (Split::ALL.into_iter())
-        .flat_map(|split| (0..data.n_clips(split)).map(move |i| (split, i)))
-        .collect();
+    let clips = data.clips(&Split::ALL);
     let found: Vec<[bool; WAYS.len()]> =
         clips.par_iter().map(|clip| oddities(data, *clip)).collect();
     let sentence = |(way, words): (usize, &&str)| {

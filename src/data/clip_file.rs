@@ -26,6 +26,9 @@ impl ClipFile {
     }
 }
 
+/// What one file of a clip holds.
+type Held<T> = Result<(T, UsedFile), String>;
+
 /// Reads the motion of a clip and `texts/<id>.txt` in `root`: the clip if it can be used at all, and a sentence
 /// for each thing that is wrong with it.
 ///
@@ -39,7 +42,9 @@ pub(super) fn load_clip(
     crate::progress::moved();
     let mut problems = Vec::new();
     let features = read_features(root, files, id).map_err(|problem| problems.push(problem)).ok();
-    let annotations = read_annotations(root, files, id, &mut problems);
+    let texts = format!("{}/{id}.txt", files.texts(root));
+    let annotations = read_annotations(root, &texts, &mut problems);
+    let annotations = annotations.map_err(|problem| problems.push(problem)).ok();
     let clip = features.zip(annotations).map(
         |((features, features_file), (annotations, captions_file))| ClipFile {
             id: id.to_owned(),
@@ -51,11 +56,7 @@ pub(super) fn load_clip(
     (clip, problems)
 }
 
-fn read_features(
-    root: &Path,
-    files: MotionFiles,
-    id: &str,
-) -> Result<(Vec<f32>, UsedFile), String> {
+fn read_features(root: &Path, files: MotionFiles, id: &str) -> Held<Vec<f32>> {
     let name = files.name(id);
     let bytes = read(root, &name)?;
     let features = parse_npy(&bytes).and_then(|array| files.features(array));
@@ -63,25 +64,16 @@ fn read_features(
     Ok((features, UsedFile::new(&name, &bytes)))
 }
 
-fn read_annotations(
-    root: &Path,
-    files: MotionFiles,
-    id: &str,
-    problems: &mut Vec<String>,
-) -> Option<(Vec<Annotation>, UsedFile)> {
-    let name = format!("{}/{id}.txt", files.texts(root));
-    let bytes = read(root, &name).map_err(|problem| problems.push(problem)).ok()?;
-    let Ok(content) = std::str::from_utf8(&bytes) else {
-        problems.push(format!("{name}: is not UTF-8"));
-        return None;
-    };
+/// The annotations of a file; `problems` are of lines that hold none.
+fn read_annotations(root: &Path, name: &str, problems: &mut Vec<String>) -> Held<Vec<Annotation>> {
+    let bytes = read(root, name)?;
+    let content = std::str::from_utf8(&bytes).map_err(|_| format!("{name}: is not UTF-8"))?;
     let (annotations, lines) = parse_annotations(content);
     problems.extend(lines.iter().map(|line| format!("{name}: {line}")));
     if annotations.is_empty() {
-        problems.push(format!("{name}: holds no caption"));
-        return None;
+        return Err(format!("{name}: holds no caption"));
     }
-    Some((annotations, UsedFile::new(&name, &bytes)))
+    Ok((annotations, UsedFile::new(name, &bytes)))
 }
 
 fn read(root: &Path, name: &str) -> Result<Vec<u8>, String> {

@@ -102,6 +102,12 @@ pub trait MotionSource: Sync {
         format!("{}-{index}", split.name())
     }
 
+    /// The clips of some splits, split by split.
+    fn clips(&self, splits: &[Split]) -> Vec<(Split, usize)> {
+        let of = |&split: &Split| (0..self.n_clips(split)).map(move |index| (split, index));
+        splits.iter().flat_map(of).collect()
+    }
+
     /// What was recorded at one time, or by one performer: clips of a group are alike, those of several are
     /// not. Each clip is its own unless the source knows more.
     fn group(&self, split: Split, index: usize) -> String {
