@@ -45,8 +45,8 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let clips = data::Split::ALL.map(|split| source.n_clips(split));
     tracing::info!(?clips, digest = source.digest(), "data opened");
     let encoder = text::encoder(&sweep.text).context("opening the vectors of captions")?;
-    let facts = with_text(DataFacts::of(&*source), &sweep, &*source, &*encoder);
-    let facts = facts.with_trainer_inputs(trainer_inputs(&sweep)?);
+    let mut facts = with_text(DataFacts::of(&*source), &sweep, &*source, &*encoder);
+    facts.trainer_inputs = trainer_inputs(&sweep)?;
     let plan = Plan::new(&sweep, facts);
     Ok(OpenSweep { sweep, plan, folder })
 }
@@ -56,35 +56,39 @@ pub fn open_sweep(args: &SweepArgs) -> Result<OpenSweep> {
 pub fn plan_sweep(args: &SweepArgs) -> Result<OpenSweep> {
     let (sweep, folder) = read_sweep(args)?;
     let source = data::open(&sweep.data, demand(&sweep).as_ref());
-    let facts = match &source {
+    let mut facts = match &source {
         Ok(source) => DataFacts::of(&**source),
         Err(error) => DataFacts::absent(format!("the data could not be opened: {error}")),
     };
-    let facts = match (text::encoder(&sweep.text), &source) {
-        (Ok(encoder), Ok(source)) => with_text(facts, &sweep, &**source, &*encoder),
-        (Ok(encoder), Err(_)) => facts.with_embeddings(encoder.digest()),
-        (Err(error), _) => facts
-            .without_embeddings(format!("the vectors of captions could not be opened: {error}")),
-    };
-    let facts = match trainer_inputs(&sweep) {
-        Ok(digests) => facts.with_trainer_inputs(digests),
-        Err(error) => facts.with_warning(format!("{error:#}; ids are provisional")),
-    };
+    match (text::encoder(&sweep.text), &source) {
+        (Ok(encoder), Ok(source)) => facts = with_text(facts, &sweep, &**source, &*encoder),
+        (Ok(encoder), Err(_)) => facts.embeddings = encoder.digest(),
+        (Err(error), _) => {
+            facts.embeddings = Some("absent".to_string());
+            facts.warnings.push(format!(
+                "the vectors of captions could not be opened: {error}; ids are provisional"
+            ));
+        }
+    }
+    match trainer_inputs(&sweep) {
+        Ok(digests) => facts.trainer_inputs = digests,
+        Err(error) => facts.warnings.push(format!("{error:#}; ids are provisional")),
+    }
     Ok(OpenSweep { plan: Plan::new(&sweep, facts), sweep, folder })
 }
 
 /// Facts with what the captions are to an encoder; the exact count alone asks how long they are.
 fn with_text(
-    facts: DataFacts,
+    mut facts: DataFacts,
     sweep: &Sweep,
     source: &dyn MotionSource,
     encoder: &dyn TextEncoder,
 ) -> DataFacts {
-    let facts = facts.with_embeddings(encoder.digest());
-    if sweep.flops.rule != FlopsRule::Exact {
-        return facts;
+    facts.embeddings = encoder.digest();
+    if sweep.flops.rule == FlopsRule::Exact {
+        facts.look_at_captions(source, |caption| encoder.n_tokens(caption).ok());
     }
-    facts.with_captions(source, |caption| encoder.n_tokens(caption).ok())
+    facts
 }
 
 /// Digests of the files that a trainer of one's own is made of.

@@ -59,7 +59,7 @@ fn unlisted(path: &Path) -> Option<String> {
     }
     let listed: HashSet<String> =
         read_splits(path, files.in_folders()).ok()?.clips.into_iter().map(|(_, id)| id).collect();
-    let entries = std::fs::read_dir(path.join(files.folder())).ok()?.flatten();
+    let entries = std::fs::read_dir(path.join(files.folder)).ok()?.flatten();
     let mut names: Vec<String> = entries
         .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".npy")?.to_string()))
         .filter(|name| !listed.contains(name) && !listed.contains(name.trim_start_matches('M')))
@@ -71,9 +71,7 @@ fn unlisted(path: &Path) -> Option<String> {
 
 /// A sentence for each way in which clips are odd.
 fn odd_clips(data: &HumanMl3d) -> Vec<String> {
-    let clips: Vec<(Split, usize)> = (Split::ALL.into_iter())
-        .flat_map(|split| (0..data.n_clips(split)).map(move |i| (split, i)))
-        .collect();
+    let clips = data.clips(&Split::ALL);
     let found: Vec<[bool; WAYS.len()]> =
         clips.par_iter().map(|clip| oddities(data, *clip)).collect();
     let sentence = |(way, words): (usize, &&str)| {

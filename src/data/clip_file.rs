@@ -26,22 +26,25 @@ impl ClipFile {
     }
 }
 
-/// A clip as far as it could be read, and a sentence for each thing that is wrong with it.
-pub(super) struct LoadedClip {
-    /// Absent if the clip cannot be used at all.
-    pub clip: Option<ClipFile>,
-    pub problems: Vec<String>,
-}
+/// What one file of a clip holds.
+type Held<T> = Result<(T, UsedFile), String>;
 
-/// Reads the motion of a clip and `texts/<id>.txt` in `root`.
+/// Reads the motion of a clip and `texts/<id>.txt` in `root`: the clip if it can be used at all, and a sentence
+/// for each thing that is wrong with it.
 ///
 /// Both are always read, so that all that is wrong is told at once. A bad line among good captions
 /// is a problem, and the clip can still be used.
-pub(super) fn load_clip(root: &Path, files: MotionFiles, id: &str) -> LoadedClip {
+pub(super) fn load_clip(
+    root: &Path,
+    files: MotionFiles,
+    id: &str,
+) -> (Option<ClipFile>, Vec<String>) {
     crate::progress::moved();
     let mut problems = Vec::new();
     let features = read_features(root, files, id).map_err(|problem| problems.push(problem)).ok();
-    let annotations = read_annotations(root, files, id, &mut problems);
+    let texts = format!("{}/{id}.txt", files.texts(root));
+    let annotations = read_annotations(root, &texts, &mut problems);
+    let annotations = annotations.map_err(|problem| problems.push(problem)).ok();
     let clip = features.zip(annotations).map(
         |((features, features_file), (annotations, captions_file))| ClipFile {
             id: id.to_owned(),
@@ -50,14 +53,10 @@ pub(super) fn load_clip(root: &Path, files: MotionFiles, id: &str) -> LoadedClip
             files: [features_file, captions_file],
         },
     );
-    LoadedClip { clip, problems }
+    (clip, problems)
 }
 
-fn read_features(
-    root: &Path,
-    files: MotionFiles,
-    id: &str,
-) -> Result<(Vec<f32>, UsedFile), String> {
+fn read_features(root: &Path, files: MotionFiles, id: &str) -> Held<Vec<f32>> {
     let name = files.name(id);
     let bytes = read(root, &name)?;
     let features = parse_npy(&bytes).and_then(|array| files.features(array));
@@ -65,25 +64,16 @@ fn read_features(
     Ok((features, UsedFile::new(&name, &bytes)))
 }
 
-fn read_annotations(
-    root: &Path,
-    files: MotionFiles,
-    id: &str,
-    problems: &mut Vec<String>,
-) -> Option<(Vec<Annotation>, UsedFile)> {
-    let name = format!("{}/{id}.txt", files.texts(root));
-    let bytes = read(root, &name).map_err(|problem| problems.push(problem)).ok()?;
-    let Ok(content) = std::str::from_utf8(&bytes) else {
-        problems.push(format!("{name}: is not UTF-8"));
-        return None;
-    };
+/// The annotations of a file; `problems` are of lines that hold none.
+fn read_annotations(root: &Path, name: &str, problems: &mut Vec<String>) -> Held<Vec<Annotation>> {
+    let bytes = read(root, name)?;
+    let content = std::str::from_utf8(&bytes).map_err(|_| format!("{name}: is not UTF-8"))?;
     let (annotations, lines) = parse_annotations(content);
     problems.extend(lines.iter().map(|line| format!("{name}: {line}")));
     if annotations.is_empty() {
-        problems.push(format!("{name}: holds no caption"));
-        return None;
+        return Err(format!("{name}: holds no caption"));
     }
-    Some((annotations, UsedFile::new(&name, &bytes)))
+    Ok((annotations, UsedFile::new(name, &bytes)))
 }
 
 fn read(root: &Path, name: &str) -> Result<Vec<u8>, String> {

@@ -48,7 +48,7 @@ pub fn count(data: &dyn MotionSource) -> Counted {
     let [train, val, test] = Split::ALL.map(|split| tally(data, &[split]));
     let mut lengths = BTreeMap::new();
     let mut caption_words = BTreeMap::new();
-    for (split, index) in clips(data, &Split::ALL) {
+    for (split, index) in data.clips(&Split::ALL) {
         *lengths.entry(data.n_frames(split, index) / LENGTH_BIN * LENGTH_BIN).or_default() += 1;
         for caption in data.captions(split, index) {
             let words = caption.split_whitespace().count();
@@ -59,18 +59,11 @@ pub fn count(data: &dyn MotionSource) -> Counted {
     Counted { fps: data.fps(), train, val, test, all, lengths, caption_words }
 }
 
-fn clips<'a>(
-    data: &'a dyn MotionSource,
-    splits: &'a [Split],
-) -> impl Iterator<Item = (Split, usize)> + 'a {
-    splits.iter().flat_map(|split| (0..data.n_clips(*split)).map(|index| (*split, index)))
-}
-
 fn tally(data: &dyn MotionSource, splits: &[Split]) -> Tally {
     let mut tally = Tally::default();
     let (mut captions, mut words): (HashSet<String>, HashSet<String>) = Default::default();
     let mut n_words = 0;
-    for (split, index) in clips(data, splits) {
+    for (split, index) in data.clips(splits) {
         let frames = data.n_frames(split, index);
         tally.clips += 1;
         tally.frames += frames;

@@ -8,7 +8,7 @@ use super::source::{Member, MotionSource, Split};
 use crate::spec::{ClipShape, Grid};
 
 /// What a plan needs to know of a data set.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DataFacts {
     /// Content of the data; `absent` where there is none yet, so that ids are provisional.
     pub digest: String,
@@ -77,12 +77,10 @@ impl DataFacts {
             clips: Split::ALL.map(|split| source.n_clips(split)),
             test_groups: test_groups(source),
             fps: f64::from(source.fps()),
-            embeddings: None,
-            trainer_inputs: BTreeMap::new(),
             warnings: source.warnings().to_vec(),
             members: source.members().iter().map(MemberFacts::of).collect(),
             lengths: lengths(source),
-            shapes: BTreeMap::new(),
+            ..Self::default()
         }
     }
 
@@ -90,31 +88,19 @@ impl DataFacts {
     pub fn absent(reason: String) -> Self {
         Self {
             digest: "absent".to_string(),
-            clips: [0; 3],
-            test_groups: 0,
             fps: 20.0,
-            embeddings: None,
-            trainer_inputs: BTreeMap::new(),
             warnings: vec![format!("{reason}; ids and epochs are provisional")],
-            members: Vec::new(),
-            lengths: BTreeMap::new(),
-            shapes: BTreeMap::new(),
+            ..Self::default()
         }
     }
 
-    /// The same with captions' vectors from a file of this content, where they come from a file.
-    pub fn with_embeddings(mut self, digest: Option<String>) -> Self {
-        self.embeddings = digest;
-        self
-    }
-
-    /// The same with what the captions of its clips take, by `n_tokens` of each; a caption of which that is
-    /// not known is left out.
-    pub fn with_captions(
-        mut self,
+    /// Looks at what the captions of its clips take, by `n_tokens` of each; a caption of which that is not
+    /// known is left out.
+    pub fn look_at_captions(
+        &mut self,
         source: &dyn MotionSource,
         n_tokens: impl Fn(&str) -> Option<usize>,
-    ) -> Self {
+    ) {
         let n_clips = source.n_clips(Split::Train);
         let looked_at = n_clips.min(CAPTIONED);
         for clip in (0..looked_at).map(|i| i * n_clips / looked_at) {
@@ -124,26 +110,6 @@ impl DataFacts {
                 *self.shapes.entry(shape).or_default() += 1.0 / captions.len() as f64;
             }
         }
-        self
-    }
-
-    /// The same with something that a person should know.
-    pub fn with_warning(mut self, warning: String) -> Self {
-        self.warnings.push(warning);
-        self
-    }
-
-    /// The same with the contents of a trainer's files.
-    pub fn with_trainer_inputs(mut self, digests: BTreeMap<String, String>) -> Self {
-        self.trainer_inputs = digests;
-        self
-    }
-
-    /// The same without the file that the captions' vectors should come from.
-    pub fn without_embeddings(mut self, reason: String) -> Self {
-        self.embeddings = Some("absent".to_string());
-        self.warnings.push(format!("{reason}; ids are provisional"));
-        self
     }
 
     /// Supervised tokens of the training split as codes of a grid, end tokens included; of a very

@@ -31,34 +31,28 @@ pub(super) fn frame_rate(
     files: MotionFiles,
     told: Option<f64>,
 ) -> Result<f64, DataError> {
-    let by_layout = if files == MotionFiles::MotionX { MOTION_X } else { FPS };
+    let by_layout = if files == MotionFiles::MOTION_X { MOTION_X } else { FPS };
     match (imported(root)?, told) {
-        (Some(fps), Some(told)) if fps != told => Err(DataError::Invalid {
-            path: root.join(IMPORT).display().to_string(),
-            problem: format!("{fps} frames a second, where data.fps is {told}"),
-        }),
+        (Some(fps), Some(told)) if fps != told => Err(DataError::invalid(
+            root.join(IMPORT).display(),
+            format!("{fps} frames a second, where data.fps is {told}"),
+        )),
         (imported, told) => Ok(imported.or(told).unwrap_or(by_layout)),
     }
 }
 
 fn imported(root: &Path) -> Result<Option<f64>, DataError> {
     let path = root.join(IMPORT);
-    let name = path.display().to_string();
+    let invalid = |problem: String| DataError::invalid(path.display(), problem);
     let text = match crate::files::read_text(&path) {
-        Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        Err(source) => {
-            let advice = "`isoflop data import` writes it";
-            return Err(DataError::Read { path: name, source, advice });
-        }
+        text => text.map_err(DataError::read(&path, "`isoflop data import` writes it"))?,
     };
-    let import: Import = serde_json::from_str(&text)
-        .map_err(|error| DataError::Invalid { path: name.clone(), problem: error.to_string() })?;
+    let import: Import = serde_json::from_str(&text).map_err(|error| invalid(error.to_string()))?;
     match import.fps {
-        Some(fps) if !(fps.is_finite() && fps > 0.0) => Err(DataError::Invalid {
-            path: name,
-            problem: format!("{fps} frames a second are no rate"),
-        }),
+        Some(fps) if !(fps.is_finite() && fps > 0.0) => {
+            Err(invalid(format!("{fps} frames a second are no rate")))
+        }
         fps => Ok(fps),
     }
 }
@@ -72,17 +66,17 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let rate =
             |files, told| frame_rate(root.path(), files, told).map_err(|error| error.to_string());
-        assert_eq!(rate(MotionFiles::Features, None), Ok(20.0));
-        assert_eq!(rate(MotionFiles::MotionX, None), Ok(30.0));
-        assert_eq!(rate(MotionFiles::MotionX, Some(25.0)), Ok(25.0));
+        assert_eq!(rate(MotionFiles::FEATURES, None), Ok(20.0));
+        assert_eq!(rate(MotionFiles::MOTION_X, None), Ok(30.0));
+        assert_eq!(rate(MotionFiles::MOTION_X, Some(25.0)), Ok(25.0));
         std::fs::write(root.path().join(IMPORT), r#"{"fps": 60.0, "form": "bvh"}"#).unwrap();
-        assert_eq!(rate(MotionFiles::Features, None), Ok(60.0));
-        assert_eq!(rate(MotionFiles::Features, Some(60.0)), Ok(60.0));
-        let told = rate(MotionFiles::Features, Some(30.0)).unwrap_err();
+        assert_eq!(rate(MotionFiles::FEATURES, None), Ok(60.0));
+        assert_eq!(rate(MotionFiles::FEATURES, Some(60.0)), Ok(60.0));
+        let told = rate(MotionFiles::FEATURES, Some(30.0)).unwrap_err();
         assert!(told.contains("60 frames a second, where data.fps is 30"), "{told}");
         std::fs::write(root.path().join(IMPORT), r#"{"by": "somebody else"}"#).unwrap();
-        assert_eq!(rate(MotionFiles::Features, None), Ok(20.0));
+        assert_eq!(rate(MotionFiles::FEATURES, None), Ok(20.0));
         std::fs::write(root.path().join(IMPORT), r#"{"fps": 0}"#).unwrap();
-        assert!(rate(MotionFiles::Features, None).unwrap_err().contains("are no rate"));
+        assert!(rate(MotionFiles::FEATURES, None).unwrap_err().contains("are no rate"));
     }
 }

@@ -11,56 +11,38 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::clip_file::{ClipFile, LoadedClip, load_clip};
+use super::clip_file::{ClipFile, load_clip};
 use super::digest::{UsedFile, digest};
 use super::frame_rate::{FPS, frame_rate};
 use super::groups::Groups;
 use super::items::{Item, LengthRule, items_of};
 use super::motion_files::MotionFiles;
-use super::source::{DataError, FeatureStats, MotionSource, Split};
+use super::source::{DataError, FeatureStats, Metadata, MotionSource, Split};
 use super::splits::read_splits;
 use super::stats::{StatsAccumulator, read_stats};
 use crate::motion::N_FEATURES;
 use crate::motion::mirror_features;
 use crate::sweep::BrokenFiles;
 
-/// How clips are made from the files.
-#[derive(Clone, Debug, PartialEq)]
+/// How clips are made from the files; by default not mirrored, broken files skipped.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct HumanMl3dOptions {
     /// Whether each training clip `<id>` is joined by its mirror image `M<id>`: from the data
     /// set's own files if it has them, listed or not; by [`mirror_features`] if not.
     pub mirror: bool,
     /// What to do about broken files and lines.
     pub broken: BrokenFiles,
-    /// Clips and parts with fewer frames are left out.
-    pub min_frames: usize,
-    /// Longest item; what exceeds it after cropping to a multiple of 4 is left out.
-    pub max_frames: usize,
+    /// Which lengths are used.
+    pub lengths: LengthRule,
     /// Frames a second, where the folder does not say it.
     pub fps: Option<f64>,
-}
-
-impl Default for HumanMl3dOptions {
-    /// Not mirrored, broken files skipped, 40 to 196 frames: 199 are cropped, 200 left out.
-    fn default() -> Self {
-        HumanMl3dOptions {
-            mirror: false,
-            broken: BrokenFiles::default(),
-            min_frames: 40,
-            max_frames: 196,
-            fps: None,
-        }
-    }
 }
 
 /// A data set in memory: each clip's features once, in single precision.
 pub struct HumanMl3d {
     library: Library,
     groups: Groups,
-    stats: FeatureStats,
-    fps: f64,
-    digest: String,
-    warnings: Vec<String>,
+    metadata: Metadata,
 }
 
 impl HumanMl3d {
@@ -80,19 +62,20 @@ impl HumanMl3d {
         let is_there = |id: &str| path.join(motion.name(id)).exists();
         let wanted = wanted_clips(&lists.clips, options.mirror, is_there);
         let loaded = wanted.par_iter().map(|wanted| load_clip(path, motion, &wanted.id)).collect();
-        let Assembled { library, files, broken, skipped } = assemble(&wanted, loaded, options, fps);
-        let broken = [lists.problems, broken].concat();
+        let library = Library::of(&wanted, loaded, options, fps);
+        let broken = [&lists.problems[..], &library.broken].concat();
         refuse(path, options, &broken)?;
         check_splits(path, &library)?;
         let (stats, stats_files) = library.stats(path)?;
-        let files = [lists.files, files, stats_files].concat();
+        let files = [&lists.files[..], &library.files, &stats_files].concat();
         let digest = digest(&rules(options, motion, fps), &files);
         let (groups, problems) = match Groups::read(path) {
             Ok(groups) => (groups, Vec::new()),
             Err(problem) => (Groups::default(), vec![problem]),
         };
-        let warnings = [broken, skipped, problems].concat();
-        Ok(HumanMl3d { library, groups, stats, fps, digest, warnings })
+        let warnings = [&broken[..], &library.skipped, &problems].concat();
+        let metadata = Metadata { stats, fps: fps as f32, digest, warnings };
+        Ok(HumanMl3d { library, groups, metadata })
     }
 }
 
@@ -121,33 +104,56 @@ impl MotionSource for HumanMl3d {
         Ok(self.library.features(&self.library.items[split as usize][index]))
     }
 
-    fn stats(&self) -> &FeatureStats {
-        &self.stats
-    }
-
-    fn fps(&self) -> f32 {
-        self.fps as f32
-    }
-
-    fn digest(&self) -> &str {
-        &self.digest
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
+    fn metadata(&self) -> &Metadata {
+        &self.metadata
     }
 }
 
-/// Clips and the items made of them.
+/// What became of the clips that were read: those that are used, and the items made of them.
 #[derive(Default)]
 struct Library {
     /// Features of each clip that some item refers to, `[T, 263]`.
     clips: Vec<Vec<f32>>,
     /// Items of train, val and test.
     items: [Vec<Item>; 3],
+    /// Files of the clips.
+    files: Vec<UsedFile>,
+    /// Sentences about broken files and lines.
+    broken: Vec<String>,
+    /// Sentences about sound clips whose length rules them out.
+    skipped: Vec<String>,
 }
 
 impl Library {
+    fn of(
+        wanted: &[Wanted],
+        loaded: Vec<(Option<ClipFile>, Vec<String>)>,
+        options: &HumanMl3dOptions,
+        fps: f64,
+    ) -> Self {
+        let mut library = Self::default();
+        for (wanted, (clip, problems)) in wanted.iter().zip(loaded) {
+            library.broken.extend(problems);
+            if let Some(clip) = clip {
+                library.add(clip, wanted, options.lengths, fps);
+            }
+        }
+        library
+    }
+
+    fn add(&mut self, clip: ClipFile, wanted: &Wanted, rule: LengthRule, fps: f64) {
+        let (items, skipped) = items_of(&clip, self.clips.len(), rule, fps);
+        self.skipped.extend(skipped);
+        if items.is_empty() {
+            return;
+        }
+        let twins: Vec<Item> =
+            if wanted.twin { items.iter().map(Item::mirrored).collect() } else { Vec::new() };
+        self.items[wanted.split as usize].extend(items.into_iter().chain(twins));
+        self.clips.push(clip.features);
+        self.files.extend(clip.files);
+    }
+
     fn features(&self, item: &Item) -> Vec<f32> {
         let end = item.first_frame + item.n_frames;
         let rows = &self.clips[item.clip][item.first_frame * N_FEATURES..end * N_FEATURES];
@@ -163,13 +169,10 @@ impl Library {
         for item in &self.items[Split::Train as usize] {
             accumulator.add(&self.features(item));
         }
-        let stats = accumulator.finish().ok_or_else(|| DataError::Invalid {
-            path: path.display().to_string(),
-            problem: "a group of features is constant over the training clips, so that its \
-                      deviation is zero; add other clips, or Mean.npy and Std.npy"
-                .to_owned(),
-        })?;
-        Ok((stats, Vec::new()))
+        let problem = "a group of features is constant over the training clips, so that its \
+                       deviation is zero; add other clips, or Mean.npy and Std.npy";
+        let stats = accumulator.finish();
+        Ok((stats.ok_or_else(|| DataError::invalid(path.display(), problem))?, Vec::new()))
     }
 }
 
@@ -206,57 +209,14 @@ fn wanted_clips(
     wanted
 }
 
-/// What became of the clips that were read.
-#[derive(Default)]
-struct Assembled {
-    library: Library,
-    /// Files of the clips in the library.
-    files: Vec<UsedFile>,
-    /// Sentences about broken files and lines.
-    broken: Vec<String>,
-    /// Sentences about sound clips whose length rules them out.
-    skipped: Vec<String>,
-}
-
-fn assemble(
-    wanted: &[Wanted],
-    loaded: Vec<LoadedClip>,
-    options: &HumanMl3dOptions,
-    fps: f64,
-) -> Assembled {
-    let rule = LengthRule { min_frames: options.min_frames, max_frames: options.max_frames };
-    let mut assembled = Assembled::default();
-    for (wanted, loaded) in wanted.iter().zip(loaded) {
-        assembled.broken.extend(loaded.problems);
-        if let Some(clip) = loaded.clip {
-            assembled.add(clip, wanted, rule, fps);
-        }
-    }
-    assembled
-}
-
-impl Assembled {
-    fn add(&mut self, clip: ClipFile, wanted: &Wanted, rule: LengthRule, fps: f64) {
-        let (items, skipped) = items_of(&clip, self.library.clips.len(), rule, fps);
-        self.skipped.extend(skipped);
-        if items.is_empty() {
-            return;
-        }
-        let twins: Vec<Item> =
-            if wanted.twin { items.iter().map(Item::mirrored).collect() } else { Vec::new() };
-        self.library.items[wanted.split as usize].extend(items.into_iter().chain(twins));
-        self.library.clips.push(clip.features);
-        self.files.extend(clip.files);
-    }
-}
-
 /// What the items follow from beside the files; its first word changes when the rules do.
 ///
 /// What is done about broken files is left out: if nothing is broken it changes no item, and if
 /// something is, no data set comes of refusing it.
 fn rules(options: &HumanMl3dOptions, motion: MotionFiles, fps: f64) -> String {
-    let HumanMl3dOptions { mirror, min_frames, max_frames, broken: _, fps: _ } = options;
-    let rule = motion.rule();
+    let HumanMl3dOptions { mirror, lengths, broken: _, fps: _ } = options;
+    let LengthRule { min_frames, max_frames } = lengths;
+    let rule = motion.rule;
     let rate = if fps == FPS { String::new() } else { format!(" fps={fps}") };
     format!(
         "humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}{rule}{rate}"
@@ -265,11 +225,10 @@ fn rules(options: &HumanMl3dOptions, motion: MotionFiles, fps: f64) -> String {
 
 /// How the folder holds its motion.
 fn check_folders(path: &Path) -> Result<MotionFiles, DataError> {
-    let missing = |folder: &str| DataError::Read {
-        path: path.join(folder).display().to_string(),
-        source: io::Error::other("no such folder"),
-        advice: "a data set in the HumanML3D layout has its features in new_joint_vecs, or its \
-                 joints in new_joints, and its captions in texts",
+    let advice = "a data set in the HumanML3D layout has its features in new_joint_vecs, or its \
+                  joints in new_joints, and its captions in texts";
+    let missing = |folder: &str| {
+        DataError::read(&path.join(folder), advice)(io::Error::other("no such folder"))
     };
     let motion = MotionFiles::of(path).ok_or_else(|| missing("new_joint_vecs"))?;
     if path.join("texts").is_dir() { Ok(motion) } else { Err(missing("texts")) }

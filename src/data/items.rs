@@ -7,10 +7,19 @@ use crate::motion::mirror_caption;
 const UNIT_FRAMES: usize = 4;
 
 /// Which lengths are used.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LengthRule {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LengthRule {
+    /// Clips and parts with fewer frames are left out.
     pub min_frames: usize,
+    /// Longest item; what exceeds it after cropping to a multiple of 4 is left out.
     pub max_frames: usize,
+}
+
+impl Default for LengthRule {
+    /// 40 to 196 frames: 199 are cropped, 200 left out.
+    fn default() -> Self {
+        Self { min_frames: 40, max_frames: 196 }
+    }
 }
 
 impl LengthRule {

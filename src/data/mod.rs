@@ -47,11 +47,12 @@ pub use count::{Counted, LENGTH_BIN, Tally, WORDS_BIN, count};
 pub use facts::{DataFacts, Demand, MemberFacts, test_groups};
 pub use frame_rate::FPS;
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
+pub use items::LengthRule;
 pub use motion_file::read_motion;
 pub use npy::{NpyArray, NpyProblem, parse_npy};
 pub use npy_write::write_npy;
 pub use procedural::{Procedural, ProceduralOptions};
-pub use source::{DataError, FeatureStats, Member, MotionSource, Split, UNIT_FRAMES};
+pub use source::{DataError, FeatureStats, Member, Metadata, MotionSource, Split, UNIT_FRAMES};
 pub use stats::{FAR, FEATURE_GROUPS, StatsAccumulator};
 pub use union::Union;
 
@@ -92,13 +93,9 @@ fn folder(spec: &DataSection, path: &Path, fps: Option<f64>) -> Result<HumanMl3d
 }
 
 fn procedural(spec: &DataSection, demand: Option<&Demand>) -> Procedural {
+    let DataSection { seed, val_clips, test_clips, .. } = *spec;
     let with = |train_clips| {
-        Procedural::new(ProceduralOptions {
-            seed: spec.seed,
-            train_clips,
-            val_clips: spec.val_clips,
-            test_clips: spec.test_clips,
-        })
+        Procedural::new(ProceduralOptions { seed, train_clips, val_clips, test_clips })
     };
     match spec.clips {
         Clips::Count(train_clips) => with(train_clips),

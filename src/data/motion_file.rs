@@ -24,26 +24,23 @@ const FPS_TOLERANCE: f64 = 0.01;
 /// # Errors
 /// The file cannot be read, is none of these, holds too few frames or a number that is not finite.
 pub fn read_motion(path: &Path, fps: f64) -> Result<Vec<f32>, DataError> {
-    let name = path.display().to_string();
     let advice = "give .npy or .bvh files";
-    let unread = |source| DataError::Read { path: name.clone(), source, advice };
-    let bytes = read_regular(path, LARGE).map_err(unread)?;
+    let bytes = read_regular(path, LARGE).map_err(DataError::read(path, advice))?;
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     let features = match ending.to_str() {
         Some("npy") => of_array(&bytes),
         Some("bvh") => of_bvh(&bytes, fps).and_then(of_a_body),
         _ => Err(format!("is no motion that can be read; {advice}")),
     };
-    let features = features.and_then(finite);
-    features.map_err(|problem| DataError::Invalid { path: name, problem })
+    features.and_then(finite).map_err(|problem| DataError::invalid(path.display(), problem))
 }
 
 fn of_array(bytes: &[u8]) -> Result<Vec<f32>, String> {
     let told = |problem: NpyProblem| problem.to_string();
     let array = parse_npy(bytes).map_err(told)?;
     match array.shape.len() {
-        2 => MotionFiles::Features.features(array).map_err(told),
-        3 => MotionFiles::Joints.features(array).map_err(told).and_then(of_a_body),
+        2 => MotionFiles::FEATURES.features(array).map_err(told),
+        3 => MotionFiles::JOINTS.features(array).map_err(told).and_then(of_a_body),
         _ => {
             let expected = "[frames, 263] or [frames, 22, 3]";
             Err(told(NpyProblem::Shape { found: array.shape, expected }))

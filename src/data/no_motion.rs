@@ -1,23 +1,20 @@
 //! [`NoMotion`]: stands where a sweep names no data, since its trainer brings its own.
 
-use super::source::{DataError, FeatureStats, MotionSource, Split};
+use super::source::{DataError, Metadata, MotionSource, Split};
 
 /// A source without a clip.
-pub struct NoMotion(FeatureStats);
+pub struct NoMotion(Metadata);
 
 impl Default for NoMotion {
+    /// At HumanML3D's frames a second, for losses a second.
     fn default() -> Self {
-        Self(FeatureStats { mean: Vec::new(), std: Vec::new() })
+        Self(Metadata { fps: 20.0, digest: "none".to_string(), ..Metadata::default() })
     }
 }
 
 impl MotionSource for NoMotion {
     fn n_clips(&self, _: Split) -> usize {
         0
-    }
-
-    fn clip_id(&self, split: Split, index: usize) -> String {
-        format!("{}-{index}", split.name())
     }
 
     fn n_frames(&self, _: Split, _: usize) -> usize {
@@ -29,24 +26,11 @@ impl MotionSource for NoMotion {
     }
 
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
-        let problem = "the sweep has no motion (`source: none`)".to_string();
-        Err(DataError::Invalid { path: self.clip_id(split, index), problem })
+        let problem = "the sweep has no motion (`source: none`)";
+        Err(DataError::invalid(self.clip_id(split, index), problem))
     }
 
-    fn stats(&self) -> &FeatureStats {
+    fn metadata(&self) -> &Metadata {
         &self.0
-    }
-
-    /// HumanML3D's, for losses a second.
-    fn fps(&self) -> f32 {
-        20.0
-    }
-
-    fn digest(&self) -> &str {
-        "none"
-    }
-
-    fn warnings(&self) -> &[String] {
-        &[]
     }
 }

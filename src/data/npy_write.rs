@@ -1,6 +1,5 @@
 //! Arrays of numbers into `.npy` files.
 
-use std::io;
 use std::path::Path;
 
 use npyz::{WriteOptions, WriterBuilder};
@@ -15,9 +14,7 @@ use crate::files::{FileError, atomic};
 /// # Panics
 /// If `shape` has another number of elements than `values`.
 pub fn write_npy(path: &Path, shape: &[usize], values: &[f32]) -> Result<(), FileError> {
-    assert_eq!(shape.iter().product::<usize>(), values.len(), "the values fill the shape");
-    let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
-    atomic::write_whole(path, |file| fill(file, &shape, values))
+    atomic::write_bytes(path, &npy_bytes(shape, values))
 }
 
 /// The bytes of such a file.
@@ -28,15 +25,13 @@ pub fn npy_bytes(shape: &[usize], values: &[f32]) -> Vec<u8> {
     assert_eq!(shape.iter().product::<usize>(), values.len(), "the values fill the shape");
     let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
     let mut bytes = Vec::with_capacity(128 + 4 * values.len());
-    fill(&mut bytes, &shape, values).expect("a vector takes every byte");
+    let options = WriteOptions::new().default_dtype().shape(&shape);
+    let filled = options.writer(&mut bytes).begin_nd().and_then(|mut writer| {
+        values.iter().try_for_each(|value| writer.push(value))?;
+        writer.finish()
+    });
+    filled.expect("a vector takes every byte");
     bytes
-}
-
-fn fill(file: impl io::Write, shape: &[u64], values: &[f32]) -> io::Result<()> {
-    let options = WriteOptions::new().default_dtype().shape(shape);
-    let mut writer = options.writer(file).begin_nd()?;
-    values.iter().try_for_each(|value| writer.push(value))?;
-    writer.finish()
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::digest::digest;
-use super::source::{DataError, FeatureStats, MotionSource, Split};
+use super::source::{DataError, FeatureStats, Metadata, MotionSource, Split};
 use super::stats::StatsAccumulator;
 use crate::motion::synth::{FPS, REVISION, Script};
 use crate::motion::{Pose, build_features};
@@ -30,8 +30,7 @@ pub struct ProceduralOptions {
 #[derive(Clone, Debug)]
 pub struct Procedural {
     options: ProceduralOptions,
-    stats: FeatureStats,
-    digest: String,
+    metadata: Metadata,
 }
 
 impl Procedural {
@@ -47,7 +46,8 @@ impl Procedural {
             "procedural, revision {REVISION}, seed {seed}, clips {train_clips} {val_clips} \
              {test_clips}"
         );
-        Self { options, stats: estimate_stats(seed), digest: digest(&rules, &[]) }
+        let (stats, digest) = (estimate_stats(seed), digest(&rules, &[]));
+        Self { options, metadata: Metadata { stats, fps: FPS, digest, warnings: Vec::new() } }
     }
 
     fn script(&self, split: Split, index: usize) -> Script {
@@ -59,11 +59,8 @@ impl Procedural {
 
 impl MotionSource for Procedural {
     fn n_clips(&self, split: Split) -> usize {
-        match split {
-            Split::Train => self.options.train_clips,
-            Split::Val => self.options.val_clips,
-            Split::Test => self.options.test_clips,
-        }
+        let ProceduralOptions { train_clips, val_clips, test_clips, .. } = self.options;
+        [train_clips, val_clips, test_clips][split as usize]
     }
 
     fn clip_id(&self, split: Split, index: usize) -> String {
@@ -82,30 +79,14 @@ impl MotionSource for Procedural {
         Ok(build_features(&self.poses(split, index)))
     }
 
-    fn stats(&self) -> &FeatureStats {
-        &self.stats
-    }
-
-    fn fps(&self) -> f32 {
-        FPS
-    }
-
-    fn digest(&self) -> &str {
-        &self.digest
-    }
-
-    fn warnings(&self) -> &[String] {
-        &[]
+    fn metadata(&self) -> &Metadata {
+        &self.metadata
     }
 }
 
 /// Each clip has a stream of its own: the split in the upper bits, the index in the lower.
 fn script(seed: u64, split: Split, index: usize) -> Script {
-    let upper = match split {
-        Split::Train => 1u64,
-        Split::Val => 2,
-        Split::Test => 3,
-    };
+    let upper = split as u64 + 1;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(upper << 56 | index as u64);
     Script::sample(&mut rng)

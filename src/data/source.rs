@@ -1,6 +1,8 @@
 //! [`MotionSource`]: what every source of motion offers to tokenizers and trainers.
 
+use std::fmt::Display;
 use std::io;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
@@ -24,21 +26,26 @@ impl Split {
 
     /// The name used in files: `train`, `val`, `test`.
     pub fn name(self) -> &'static str {
-        match self {
-            Split::Train => "train",
-            Split::Val => "val",
-            Split::Test => "test",
-        }
+        ["train", "val", "test"][self as usize]
     }
 }
 
 /// Mean and standard deviation of each feature over the training split, for z-normalisation.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FeatureStats {
     /// `[N_FEATURES]`.
     pub mean: Vec<f32>,
     /// `[N_FEATURES]`, strictly positive.
     pub std: Vec<f32>,
+}
+
+/// What holds for all clips of a source; see [`MotionSource`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Metadata {
+    pub stats: FeatureStats,
+    pub fps: f32,
+    pub digest: String,
+    pub warnings: Vec<String>,
 }
 
 /// What can be wrong with a data set.
@@ -63,6 +70,16 @@ pub enum DataError {
 }
 
 impl DataError {
+    /// What stands at `path` is not what it should be.
+    pub(super) fn invalid(path: impl Display, problem: impl Into<String>) -> Self {
+        Self::Invalid { path: path.to_string(), problem: problem.into() }
+    }
+
+    /// The file at `path` could not be read.
+    pub(super) fn read(path: &Path, advice: &'static str) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Read { path: path.display().to_string(), source, advice }
+    }
+
     /// The failure of a job that ends with it.
     pub fn failure_kind(&self) -> FailureKind {
         match self {
@@ -81,7 +98,15 @@ pub trait MotionSource: Sync {
     fn n_clips(&self, split: Split) -> usize;
 
     /// A name for messages: the file's stem, with a letter before it for a sub-caption's clip.
-    fn clip_id(&self, split: Split, index: usize) -> String;
+    fn clip_id(&self, split: Split, index: usize) -> String {
+        format!("{}-{index}", split.name())
+    }
+
+    /// The clips of some splits, split by split.
+    fn clips(&self, splits: &[Split]) -> Vec<(Split, usize)> {
+        let of = |&split: &Split| (0..self.n_clips(split)).map(move |index| (split, index));
+        splits.iter().flat_map(of).collect()
+    }
 
     /// What was recorded at one time, or by one performer: clips of a group are alike, those of several are
     /// not. Each clip is its own unless the source knows more.
@@ -98,17 +123,28 @@ pub trait MotionSource: Sync {
     /// Raw (not normalised) features, row-major `[n_frames, N_FEATURES]`.
     fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError>;
 
+    /// What holds for all clips.
+    fn metadata(&self) -> &Metadata;
+
     /// Mean and deviation over the training split.
-    fn stats(&self) -> &FeatureStats;
+    fn stats(&self) -> &FeatureStats {
+        &self.metadata().stats
+    }
 
     /// Frames per second.
-    fn fps(&self) -> f32;
+    fn fps(&self) -> f32 {
+        self.metadata().fps
+    }
 
     /// Blake3 hex digest of everything that the clips follow from; no path and no time in it.
-    fn digest(&self) -> &str;
+    fn digest(&self) -> &str {
+        &self.metadata().digest
+    }
 
     /// Sentences about files that were skipped, one each, naming the file and the reason.
-    fn warnings(&self) -> &[String];
+    fn warnings(&self) -> &[String] {
+        &self.metadata().warnings
+    }
 
     /// The data sets that it is put together from; none where it is one.
     fn members(&self) -> &[Member] {

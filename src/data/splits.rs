@@ -39,11 +39,8 @@ pub(super) fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, D
 
 fn read_text(root: &Path, name: &str) -> Result<String, DataError> {
     let path = root.join(name);
-    crate::files::read_text(&path).map_err(|source| DataError::Read {
-        path: path.display().to_string(),
-        source,
-        advice: "a data set needs train.txt, val.txt and test.txt",
-    })
+    let advice = "a data set needs train.txt, val.txt and test.txt";
+    crate::files::read_text(&path).map_err(DataError::read(&path, advice))
 }
 
 /// The names in `content` that no split owns yet, and a sentence for each other line.
@@ -54,13 +51,12 @@ fn claim_lines(
     owners: &mut HashMap<String, Split>,
 ) -> (Vec<String>, Vec<String>) {
     let (mut ids, mut problems) = (Vec::new(), Vec::new());
+    let unwanted = if in_folders { "ending" } else { "folder and ending" };
     for (index, line) in content.trim_start_matches('\u{feff}').lines().enumerate() {
         let id = line.trim();
         let claimed = match is_name(id, in_folders) {
             true => claim(id, split, owners),
-            false => {
-                Some(format!("is `{id}`; write one clip's name, without {}", unwanted(in_folders)))
-            }
+            false => Some(format!("is `{id}`; write one clip's name, without {unwanted}")),
         };
         match claimed {
             _ if id.is_empty() => {}
@@ -92,11 +88,6 @@ fn is_name(line: &str, in_folders: bool) -> bool {
         !part.is_empty() && !part.starts_with('.') && !part.contains(odd)
     };
     line.split('/').all(is_part) && (in_folders || !line.contains('/'))
-}
-
-/// What a name should not have.
-fn unwanted(in_folders: bool) -> &'static str {
-    if in_folders { "ending" } else { "folder and ending" }
 }
 
 #[cfg(test)]

@@ -100,30 +100,21 @@ pub(super) fn read_stats(root: &Path) -> Result<Option<(FeatureStats, [UsedFile;
         [read_row(root, names[0])?, read_row(root, names[1])?];
     if let Some(column) = std.iter().position(|&value| value <= 0.0) {
         let problem = format!("deviation {} of column {column} is not positive", std[column]);
-        return Err(DataError::Invalid {
-            path: root.join(names[1]).display().to_string(),
-            problem,
-        });
+        return Err(DataError::invalid(root.join(names[1]).display(), problem));
     }
     Ok(Some((FeatureStats { mean, std }, [mean_file, std_file])))
 }
 
 fn read_row(root: &Path, name: &str) -> Result<(Vec<f32>, UsedFile), DataError> {
-    let path = root.join(name).display().to_string();
-    let bytes = read_regular(&root.join(name), LARGE).map_err(|source| DataError::Read {
-        path: path.clone(),
-        source,
-        advice: "Mean.npy and Std.npy are given together or not at all",
-    })?;
-    let invalid = |problem: NpyProblem| DataError::Invalid { path, problem: problem.to_string() };
-    let array = match parse_npy(&bytes) {
-        Ok(array) if array.shape == [N_FEATURES] => array,
-        Ok(array) => {
-            return Err(invalid(NpyProblem::Shape { found: array.shape, expected: "[263]" }));
-        }
-        Err(problem) => return Err(invalid(problem)),
-    };
-    Ok((array.values, UsedFile::new(name, &bytes)))
+    let path = root.join(name);
+    let advice = "Mean.npy and Std.npy are given together or not at all";
+    let bytes = read_regular(&path, LARGE).map_err(DataError::read(&path, advice))?;
+    let row = parse_npy(&bytes).and_then(|array| match array.shape[..] {
+        [N_FEATURES] => Ok(array.values),
+        _ => Err(NpyProblem::Shape { found: array.shape, expected: "[263]" }),
+    });
+    let row = row.map_err(|problem| DataError::invalid(path.display(), problem.to_string()))?;
+    Ok((row, UsedFile::new(name, &bytes)))
 }
 
 #[cfg(test)]

@@ -1,16 +1,14 @@
 //! [`Union`]: several data sets as one.
 
 use super::digest::{UsedFile, digest};
-use super::source::{DataError, FeatureStats, Member, MotionSource, Split};
+use super::source::{DataError, FeatureStats, Member, Metadata, MotionSource, Split};
 use super::stats::StatsAccumulator;
 
 /// Several data sets as one: each split is the members' own, one after another, and mean and deviation
 /// are those of all training clips, each frame counting alike.
 pub struct Union {
     members: Vec<Member>,
-    stats: FeatureStats,
-    digest: String,
-    warnings: Vec<String>,
+    metadata: Metadata,
 }
 
 impl Union {
@@ -21,7 +19,6 @@ impl Union {
     /// Without a member.
     pub fn new(members: Vec<Member>) -> Result<Self, DataError> {
         check_fps(&members)?;
-        let stats = stats(&members)?;
         let part = |(i, member): (usize, &Member)| {
             UsedFile::new(&i.to_string(), member.source.digest().as_bytes())
         };
@@ -31,7 +28,13 @@ impl Union {
             lines.map(|line| format!("{}: {line}", member.name)).collect::<Vec<_>>()
         };
         let warnings = members.iter().flat_map(told).collect();
-        Ok(Self { stats, digest: digest("union-1", &parts), warnings, members })
+        let metadata = Metadata {
+            stats: stats(&members)?,
+            fps: members[0].source.fps(),
+            digest: digest("union-1", &parts),
+            warnings,
+        };
+        Ok(Self { metadata, members })
     }
 
     /// The member that has clip `index` of `split`, and the clip's index there.
@@ -81,20 +84,8 @@ impl MotionSource for Union {
         source.features(split, index)
     }
 
-    fn stats(&self) -> &FeatureStats {
-        &self.stats
-    }
-
-    fn fps(&self) -> f32 {
-        self.members[0].source.fps()
-    }
-
-    fn digest(&self) -> &str {
-        &self.digest
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
+    fn metadata(&self) -> &Metadata {
+        &self.metadata
     }
 
     fn members(&self) -> &[Member] {
@@ -114,7 +105,7 @@ fn check_fps(members: &[Member]) -> Result<(), DataError> {
         first.name,
         first.source.fps()
     );
-    Err(DataError::Invalid { path: other.name.clone(), problem })
+    Err(DataError::invalid(&other.name, problem))
 }
 
 /// Of the training clips of all members.
@@ -125,10 +116,8 @@ fn stats(members: &[Member]) -> Result<FeatureStats, DataError> {
             accumulator.add(&source.features(Split::Train, clip)?);
         }
     }
-    accumulator.finish().ok_or_else(|| DataError::Invalid {
-        path: "the union".to_owned(),
-        problem: "a group of features is constant over the training clips".to_owned(),
-    })
+    let problem = "a group of features is constant over the training clips";
+    accumulator.finish().ok_or_else(|| DataError::invalid("the union", problem))
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use std::ops::Range;
 use super::heading::{facing_turn, root_headings};
 use super::rotation::{Yaw, between, conjugate, multiply, to_6d};
 use super::skeleton::{CHAINS, CONTACT_JOINTS, Pose, RAW_OFFSETS};
+use super::vector::sub;
 use crate::motion::N_FEATURES;
 
 /// Column of the root's half turn to the next frame, radians.
@@ -96,7 +97,7 @@ pub(super) fn features_with_headings(poses: &[Pose], headings: &[Yaw]) -> Vec<f3
 }
 
 fn write_root(row: &mut [f32], pose: &Pose, next: &Pose, heading: Yaw, next_heading: Yaw) {
-    let [x, _, z] = next_heading.rotate(difference(next[0], pose[0]));
+    let [x, _, z] = next_heading.rotate(sub(next[0], pose[0]));
     row[ROOT_YAW] = heading.half_step_to(next_heading) as f32;
     row[ROOT_VELOCITY].copy_from_slice(&[x, z]);
     row[ROOT_HEIGHT] = pose[0][1];
@@ -118,7 +119,7 @@ fn write_rotations(columns: &mut [f32], pose: &Pose, heading: Yaw) {
     for chain in CHAINS {
         let mut parent = heading.quat();
         for bone in chain.windows(2) {
-            let direction = difference(pose[bone[1]], pose[bone[0]]).map(f64::from);
+            let direction = sub(pose[bone[1]], pose[bone[0]]).map(f64::from);
             let global = between(RAW_OFFSETS[bone[1]].map(f64::from), direction).unwrap_or(parent);
             let six = to_6d(multiply(conjugate(parent), global));
             columns[(bone[1] - 1) * 6..bone[1] * 6].copy_from_slice(&six);
@@ -129,24 +130,19 @@ fn write_rotations(columns: &mut [f32], pose: &Pose, heading: Yaw) {
 
 fn write_steps(row: &mut [f32], pose: &Pose, next: &Pose, heading: Yaw) {
     for (column, (to, from)) in row[VELOCITIES].chunks_exact_mut(3).zip(next.iter().zip(pose)) {
-        column.copy_from_slice(&heading.rotate(difference(*to, *from)));
+        column.copy_from_slice(&heading.rotate(sub(*to, *from)));
     }
     for (column, joint) in row[CONTACTS].iter_mut().zip(CONTACT_JOINTS) {
-        let squared: f32 = difference(next[joint], pose[joint]).iter().map(|c| c * c).sum();
+        let squared: f32 = sub(next[joint], pose[joint]).iter().map(|c| c * c).sum();
         *column = f32::from(u8::from(squared < CONTACT_THRESHOLD_M2));
     }
-}
-
-#[inline]
-fn difference(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::fixtures::{dance, largest_difference, moved};
-    use crate::motion::rotation::{from_6d, rotate};
+    use crate::motion::fixtures::{dance, from_6d, largest_difference, moved};
+    use crate::motion::rotation::rotate;
     use crate::motion::{L_HIP, L_SHOULDER, N_JOINTS, R_HIP, R_SHOULDER};
 
     #[test]
@@ -215,7 +211,7 @@ mod tests {
                 let at = ROTATIONS.start + 6 * (bone[1] - 1);
                 let local = from_6d(std::array::from_fn(|i| row[at + i]));
                 global = local.map(|column| apply(&global, column));
-                let step = difference(pose[bone[1]], pose[bone[0]]).map(f64::from);
+                let step = sub(pose[bone[1]], pose[bone[0]]).map(f64::from);
                 let length = step.iter().map(|c| c * c).sum::<f64>().sqrt();
                 let turned = apply(&global, RAW_OFFSETS[bone[1]].map(|c| f64::from(c) * length));
                 placed[bone[1]] = std::array::from_fn(|c| placed[bone[0]][c] + turned[c]);

@@ -2,6 +2,7 @@
 
 use super::rotation::Yaw;
 use super::skeleton::{BONE_LENGTHS, MIRROR_PARTNER, N_JOINTS, PARENTS, Pose, RAW_OFFSETS};
+use super::vector::{cross, dot};
 
 /// `n` frames of a body that walks a curve and swings every joint at its own pace.
 pub(super) fn dance(n: usize) -> Vec<Pose> {
@@ -44,4 +45,21 @@ pub(super) fn mirrored_poses(poses: &[Pose]) -> Vec<Pose> {
 pub(super) fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len());
     a.iter().zip(b).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max)
+}
+
+/// The rotation matrix, as its three columns, by Gram-Schmidt on the two columns `six`.
+///
+/// The columns need not be of unit length nor at right angles, as a decoder gives them; if they
+/// are parallel or zero no rotation follows and the columns hold NaN.
+pub(super) fn from_6d(six: [f32; 6]) -> [[f64; 3]; 3] {
+    let [a, b, c, d, e, f] = six.map(f64::from);
+    let x = normalised([a, b, c]);
+    let z = normalised(cross(x, [d, e, f]));
+    [x, cross(z, x), z]
+}
+
+/// `v` with length 1.
+pub(super) fn normalised(v: [f64; 3]) -> [f64; 3] {
+    let length = dot(v, v).sqrt();
+    v.map(|c| c / length)
 }

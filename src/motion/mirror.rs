@@ -1,13 +1,14 @@
 //! Left and right exchanged, in features and in captions.
 
 use std::borrow::Cow;
+use std::sync::LazyLock;
 
 use super::features::{CONTACTS, POSITIONS, ROOT_VELOCITY, ROOT_YAW, ROTATIONS, VELOCITIES};
-use super::skeleton::{MIRROR_PARTNER, N_JOINTS};
+use super::skeleton::MIRROR_PARTNER;
 use crate::motion::N_FEATURES;
 
 /// For each column of the mirrored row: the column it comes from, and its sign.
-const COLUMNS: [(usize, f32); N_FEATURES] = mirrored_columns();
+static COLUMNS: LazyLock<[(usize, f32); N_FEATURES]> = LazyLock::new(mirrored_columns);
 
 /// Signs of a point and of the two columns of a rotation under `x → -x`; with `M = diag(-1, 1, 1)`
 /// the point `p` becomes `M p`, the matrix `R` becomes `M R M`.
@@ -86,43 +87,26 @@ fn mirrored_word(word: &str) -> Cow<'_, str> {
     }
 }
 
-const fn mirrored_columns() -> [(usize, f32); N_FEATURES] {
-    let mut columns = [(0, 1.0); N_FEATURES];
-    let mut column = 0;
-    while column < N_FEATURES {
-        columns[column] = (column, 1.0);
-        column += 1;
-    }
+fn mirrored_columns() -> [(usize, f32); N_FEATURES] {
+    let mut columns = std::array::from_fn(|column| (column, 1.0));
     columns[ROOT_YAW].1 = -1.0;
     columns[ROOT_VELOCITY.start].1 = -1.0;
-    exchange(&mut columns, POSITIONS.start, 1, &POINT_SIGNS);
-    exchange(&mut columns, ROTATIONS.start, 1, &ROTATION_SIGNS);
-    exchange(&mut columns, VELOCITIES.start, 0, &POINT_SIGNS);
-    let mut foot = 0;
-    while foot < 4 {
+    exchange(&mut columns[POSITIONS], POSITIONS.start, 1, &POINT_SIGNS);
+    exchange(&mut columns[ROTATIONS], ROTATIONS.start, 1, &ROTATION_SIGNS);
+    exchange(&mut columns[VELOCITIES], VELOCITIES.start, 0, &POINT_SIGNS);
+    for foot in 0..4 {
         columns[CONTACTS.start + foot].0 = CONTACTS.start + (foot + 2) % 4;
-        foot += 1;
     }
     columns
 }
 
-/// Gives the columns of each joint from `first_joint` on, `signs.len()` a joint and beginning at
-/// `start`, the other side's columns with `signs`.
-const fn exchange(
-    columns: &mut [(usize, f32); N_FEATURES],
-    start: usize,
-    first_joint: usize,
-    signs: &[f32],
-) {
-    let mut joint = first_joint;
-    while joint < N_JOINTS {
-        let mut i = 0;
-        while i < signs.len() {
-            let source = start + (MIRROR_PARTNER[joint] - first_joint) * signs.len() + i;
-            columns[start + (joint - first_joint) * signs.len() + i] = (source, signs[i]);
-            i += 1;
-        }
-        joint += 1;
+/// Gives the `columns` of each joint from `first_joint` on, `signs.len()` a joint, the other side's columns
+/// with `signs`; `start` is the place of the first of them in a row.
+fn exchange(columns: &mut [(usize, f32)], start: usize, first_joint: usize, signs: &[f32]) {
+    for (i, own) in columns.iter_mut().enumerate() {
+        let (joint, part) = (i / signs.len(), i % signs.len());
+        let partner = MIRROR_PARTNER[joint + first_joint] - first_joint;
+        *own = (start + partner * signs.len() + part, signs[part]);
     }
 }
 

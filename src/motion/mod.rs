@@ -45,7 +45,7 @@ pub use features::{
 pub use metrics::mpjpe_mm;
 pub use mirror::{mirror_caption, mirror_features};
 pub use recover::{recover_body, recover_joints, width as feature_width};
-pub use rotation::{NO_ROTATION, Quat, Yaw, between, conjugate, from_6d, multiply, rotate, to_6d};
+pub use rotation::{NO_ROTATION, Quat, Yaw, between, conjugate, multiply, rotate, to_6d};
 pub use skeleton::{
     BONE_LENGTHS, CHAINS, CONTACT_JOINTS, JOINT_NAMES, L_HIP, L_SHOULDER, MIRROR_PARTNER, N_JOINTS,
     PARENTS, Pose, R_HIP, R_SHOULDER, RAW_OFFSETS,

@@ -74,17 +74,6 @@ pub fn to_6d([w, x, y, z]: Quat) -> [f32; 6] {
     columns.map(|c| c as f32)
 }
 
-/// The rotation matrix, as its three columns, by Gram-Schmidt on the two columns `six`.
-///
-/// The columns need not be of unit length nor at right angles, as a decoder gives them; if they
-/// are parallel or zero no rotation follows and the columns hold NaN.
-pub fn from_6d(six: [f32; 6]) -> [[f64; 3]; 3] {
-    let [a, b, c, d, e, f] = six.map(f64::from);
-    let x = normalised([a, b, c]);
-    let z = normalised(cross(x, [d, e, f]));
-    [x, cross(z, x), z]
-}
-
 /// A turn about the vertical: the quaternion `(w, 0, y, 0)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Yaw {
@@ -162,14 +151,10 @@ impl Yaw {
     }
 }
 
-fn normalised(v: [f64; 3]) -> [f64; 3] {
-    let length = dot(v, v).sqrt();
-    v.map(|c| c / length)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::fixtures::{from_6d, normalised};
     use proptest::prelude::*;
 
     const AXES: [[f64; 3]; 4] =

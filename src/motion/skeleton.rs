@@ -37,32 +37,6 @@ pub const R_HIP: usize = 2;
 pub const L_SHOULDER: usize = 16;
 pub const R_SHOULDER: usize = 17;
 
-/// Parent of each joint; only the pelvis has none.
-pub const PARENTS: [Option<usize>; N_JOINTS] = [
-    None,
-    Some(0),
-    Some(0),
-    Some(0),
-    Some(1),
-    Some(2),
-    Some(3),
-    Some(4),
-    Some(5),
-    Some(6),
-    Some(7),
-    Some(8),
-    Some(9),
-    Some(9),
-    Some(9),
-    Some(12),
-    Some(13),
-    Some(14),
-    Some(16),
-    Some(17),
-    Some(18),
-    Some(19),
-];
-
 /// Kinematic chains: right leg, left leg, spine and head, right arm, left arm.
 ///
 /// Each chain starts from the root's rotation, also the two arms, which hang from joint 9.
@@ -73,6 +47,21 @@ pub const CHAINS: [&[usize]; 5] = [
     &[9, 14, 17, 19, 21],
     &[9, 13, 16, 18, 20],
 ];
+
+/// Parent of each joint, which stands before it in its chain; only the pelvis has none.
+pub const PARENTS: [Option<usize>; N_JOINTS] = {
+    let mut parents = [None; N_JOINTS];
+    let mut chain = 0;
+    while chain < CHAINS.len() {
+        let mut bone = 1;
+        while bone < CHAINS[chain].len() {
+            parents[CHAINS[chain][bone]] = Some(CHAINS[chain][bone - 1]);
+            bone += 1;
+        }
+        chain += 1;
+    }
+    parents
+};
 
 const UP: [f32; 3] = [0.0, 1.0, 0.0];
 const DOWN: [f32; 3] = [0.0, -1.0, 0.0];
@@ -110,6 +99,9 @@ mod tests {
             assert_eq!(PARENTS[bone[1]], Some(bone[0]), "joint {}", JOINT_NAMES[bone[1]]);
             seen[bone[1]] += 1;
         }
+        let parents = [0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19];
+        assert_eq!(PARENTS[0], None);
+        assert_eq!(PARENTS[1..], parents.map(Some));
         assert_eq!(seen[0], 0);
         assert_eq!(seen[1..], [1; N_JOINTS - 1]);
     }

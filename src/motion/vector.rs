@@ -1,27 +1,32 @@
-//! Vectors in double precision, as little as kinematics needs.
+//! Vectors of three numbers, as little as kinematics needs.
 
-/// A place or a direction.
+use std::ops::{Add, Mul, Sub};
+
+/// A place or a direction in double precision.
 pub type Point = [f64; 3];
 
-pub fn add(a: Point, b: Point) -> Point {
+#[inline]
+pub fn add<T: Copy + Add<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-pub fn sub(a: Point, b: Point) -> Point {
+#[inline]
+pub fn sub<T: Copy + Sub<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-pub fn scale(a: Point, k: f64) -> Point {
+#[inline]
+pub fn scale<T: Copy + Mul<Output = T>>(a: [T; 3], k: T) -> [T; 3] {
     a.map(|c| c * k)
 }
 
 #[inline]
-pub fn dot(a: Point, b: Point) -> f64 {
+pub fn dot<T: Copy + Add<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline]
-pub fn cross(a: Point, b: Point) -> Point {
+pub fn cross<T: Copy + Sub<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
@@ -29,7 +34,7 @@ pub fn norm(a: Point) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// `a` with the given length; `None` where it has no direction.
+/// `a` with the given length; `None` if it has no direction.
 pub fn with_length(a: Point, length: f64) -> Option<Point> {
     let own = norm(a);
     (own > 1e-9).then(|| scale(a, length / own))

@@ -1,6 +1,6 @@
 //! A small source of motion for tests.
 
-use crate::data::{DataError, FeatureStats, MotionSource, Split};
+use crate::data::{DataError, FeatureStats, Metadata, MotionSource, Split};
 use crate::spec::{
     ArchitectureSpec, Codes, ConvolutionalSpec, LanguagePlace, LanguageSpec, PatchSpec,
     QuantizerSpec, TokenizerSpec, TokenizerTraining, TransformerSpec,
@@ -10,7 +10,7 @@ use crate::text::{HashedNgrams, TextStore, embed};
 /// Clips of sine waves, the same lengths in every split.
 pub struct Waves {
     lengths: Vec<usize>,
-    pub stats: FeatureStats,
+    pub metadata: Metadata,
     /// A clip that is full of NaN.
     pub spoiled: Option<(Split, usize)>,
 }
@@ -19,16 +19,19 @@ impl Waves {
     pub fn new(lengths: &[usize], n_features: usize) -> Self {
         let mean = (0..n_features).map(|f| f as f32 * 0.01).collect();
         let std = (0..n_features).map(|f| 0.5 + (f % 3) as f32).collect();
-        Self { lengths: lengths.to_vec(), stats: FeatureStats { mean, std }, spoiled: None }
+        let (stats, digest) = (FeatureStats { mean, std }, "waves".to_string());
+        let metadata = Metadata { stats, fps: 20.0, digest, warnings: Vec::new() };
+        Self { lengths: lengths.to_vec(), metadata, spoiled: None }
     }
 
     /// Features of clip `index`; another `phase` is another clip.
     pub fn clip(&self, phase: usize, index: usize) -> Vec<f32> {
-        let n_features = self.stats.mean.len();
+        let stats = self.stats();
+        let n_features = stats.mean.len();
         let value = |i: usize| {
             let (frame, feature) = ((i / n_features) as f32, i % n_features);
             let angle = frame * (0.1 + 0.05 * (index % 5) as f32) + (phase + feature % 4) as f32;
-            self.stats.mean[feature] + self.stats.std[feature] * 1.4 * angle.sin()
+            stats.mean[feature] + stats.std[feature] * 1.4 * angle.sin()
         };
         (0..self.lengths[index] * n_features).map(value).collect()
     }
@@ -37,10 +40,6 @@ impl Waves {
 impl MotionSource for Waves {
     fn n_clips(&self, _: Split) -> usize {
         self.lengths.len()
-    }
-
-    fn clip_id(&self, split: Split, index: usize) -> String {
-        format!("{}-{index}", split.name())
     }
 
     fn n_frames(&self, _: Split, index: usize) -> usize {
@@ -59,20 +58,8 @@ impl MotionSource for Waves {
         }
     }
 
-    fn stats(&self) -> &FeatureStats {
-        &self.stats
-    }
-
-    fn fps(&self) -> f32 {
-        20.0
-    }
-
-    fn digest(&self) -> &str {
-        "waves"
-    }
-
-    fn warnings(&self) -> &[String] {
-        &[]
+    fn metadata(&self) -> &Metadata {
+        &self.metadata
     }
 }
 

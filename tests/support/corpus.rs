@@ -1,7 +1,7 @@
 //! Made-up codes and captions in the files that a trainer reads, and a small run over them.
 
 use isoflop::codes::{Grid, SplitTokens, TokenStore, write_store};
-use isoflop::data::{DataError, FeatureStats, MotionSource, Split, UNIT_FRAMES};
+use isoflop::data::{DataError, Metadata, MotionSource, Split, UNIT_FRAMES};
 use isoflop::generator::Inputs;
 use isoflop::plan::RunSpec;
 use isoflop::spec::ModelShape;
@@ -36,8 +36,9 @@ impl Corpus {
             .each_ref()
             .map(|clips| SplitTokens::new(clips.iter().map(|clip| (&clip[..], frames(clip)))));
         write_store(&tokens, grid, &splits).expect("a writable folder");
-        let stats = FeatureStats { mean: Vec::new(), std: Vec::new() };
-        let source = Captioned { clips, captions, stats };
+        let digest = "made up".to_string();
+        let metadata = Metadata { fps: 20.0, digest, ..Metadata::default() };
+        let source = Captioned { clips, captions, metadata };
         embed(&HashedNgrams::new(D_TEXT, 6), &source, &text).expect("a writable folder");
         Self {
             tokens: TokenStore::open(&tokens).expect("just written"),
@@ -55,16 +56,12 @@ impl Corpus {
 struct Captioned {
     clips: [Clips; 3],
     captions: fn(usize) -> Vec<String>,
-    stats: FeatureStats,
+    metadata: Metadata,
 }
 
 impl MotionSource for Captioned {
     fn n_clips(&self, split: Split) -> usize {
         self.clips[split as usize].len()
-    }
-
-    fn clip_id(&self, split: Split, index: usize) -> String {
-        format!("{}-{index}", split.name())
     }
 
     fn n_frames(&self, split: Split, index: usize) -> usize {
@@ -80,20 +77,8 @@ impl MotionSource for Captioned {
         Err(DataError::Invalid { path, problem: "has codes and no motion".to_owned() })
     }
 
-    fn stats(&self) -> &FeatureStats {
-        &self.stats
-    }
-
-    fn fps(&self) -> f32 {
-        20.0
-    }
-
-    fn digest(&self) -> &str {
-        "made up"
-    }
-
-    fn warnings(&self) -> &[String] {
-        &[]
+    fn metadata(&self) -> &Metadata {
+        &self.metadata
     }
 }
 

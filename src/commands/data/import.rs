@@ -177,11 +177,6 @@ fn sheet(folder: &Path, fps: f64) -> Result<()> {
 
 fn document(imported: &Imported, args: &ImportArgs) -> Value {
     let [train, val, test] = imported.splits;
-    let skeleton = |skeleton: &Skeleton| {
-        let roles: serde_json::Map<String, Value> =
-            skeleton.roles.iter().map(|(role, name)| (role.to_string(), json!(name))).collect();
-        json!({ "files": skeleton.files, "up": skeleton.up, "neutral": skeleton.neutral_words(), "joints": roles })
-    };
     json!({
         "data": args.out,
         "fps": imported.fps,
@@ -190,7 +185,7 @@ fn document(imported: &Imported, args: &ImportArgs) -> Value {
         "captioned_by_name": imported.captioned_by_name,
         "uncaptioned": imported.uncaptioned,
         "problems": imported.problems,
-        "skeletons": imported.skeletons.iter().map(skeleton).collect::<Vec<_>>(),
+        "skeletons": imported.skeletons,
     })
 }
 
@@ -206,10 +201,11 @@ fn text(imported: &Imported, args: &ImportArgs) -> String {
     });
     text += &table(["<", "", "", "<"], rows);
     for skeleton in &imported.skeletons {
-        let Skeleton { joints, files, up, .. } = skeleton;
+        let Skeleton { joints, files, up, neutral, .. } = skeleton;
         let files = many(*files, "file");
-        let _ = writeln!(text, "\nskeleton of {} joints, {files}, {up} up", joints.len());
-        let _ = writeln!(text, "  upright in {}", skeleton.neutral_words());
+        let _ = writeln!(text, "
+skeleton of {} joints, {files}, {up} up", joints.len());
+        let _ = writeln!(text, "  upright in {neutral}");
     }
     if imported.too_short > 0 {
         let (n, shortest_s) = (imported.too_short, (SHORTEST - 1) as f64 / imported.fps);

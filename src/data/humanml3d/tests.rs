@@ -210,7 +210,8 @@ fn the_digest_follows_contents_and_rules_and_not_the_place() {
     assert_eq!(digest(&data, &skip()), base);
     assert_eq!(digest(&data, &options(false, BrokenFiles::Refuse)), base);
     assert_ne!(digest(&data, &options(true, BrokenFiles::Skip)), base);
-    assert_ne!(digest(&data, &HumanMl3dOptions { min_frames: 44, ..skip() }), base);
+    let lengths = LengthRule { min_frames: 44, ..LengthRule::default() };
+    assert_ne!(digest(&data, &HumanMl3dOptions { lengths, ..skip() }), base);
     data.write("texts/unlisted.txt", "no clip uses this");
     assert_eq!(digest(&data, &skip()), base);
     data.write("texts/000002.txt", "she turns left##0#0");

@@ -20,12 +20,6 @@ use crate::motion::{N_JOINTS, PARENTS};
 /// Joints and parents.
 type Key = Vec<(String, Option<usize>)>;
 
-/// A file read once.
-struct Read {
-    bvh: Bvh,
-    key: Key,
-}
-
 struct Surveyed {
     key: Key,
     zero: Vec<Placed>,
@@ -67,7 +61,7 @@ pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
     skeletons.sort_by_key(|(group, _)| &group.first.key);
     let skeletons = skeletons.into_iter().map(|(group, rig)| skeleton(group, rig)).collect();
     let draft = surveyed.iter().zip(files).find_map(|(found, file)| match found {
-        Err(_) => parsed(file).ok().and_then(|read| wanted_draft(&read, options)),
+        Err(_) => parsed(file).ok().and_then(|bvh| wanted_draft(&bvh, options)),
         Ok(_) => None,
     });
     Motions { motions: followed, skeletons, draft }
@@ -123,22 +117,20 @@ impl Surveyed {
 }
 
 /// A mapping file for a skeleton whose joints are not all found.
-fn wanted_draft(read: &Read, options: &ImportOptions) -> Option<String> {
-    let joints = &read.bvh.joints;
+fn wanted_draft(Bvh { joints, .. }: &Bvh, options: &ImportOptions) -> Option<String> {
     roles_of(joints, &options.map).is_err().then(|| draft(joints, &options.map))
 }
 
-fn parsed(file: &SourceFile) -> Result<Read, String> {
+fn parsed(file: &SourceFile) -> Result<Bvh, String> {
     let bytes =
         read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
     let text = std::str::from_utf8(&bytes).map_err(|_| "is not UTF-8".to_string())?;
-    let bvh = with_ends(Bvh::parse(text).map_err(|error| error.to_string())?);
-    let key = bvh.joints.iter().map(|joint| (joint.name.clone(), joint.parent)).collect();
-    Ok(Read { bvh, key })
+    Ok(with_ends(Bvh::parse(text).map_err(|error| error.to_string())?))
 }
 
 fn survey(file: &SourceFile, options: &ImportOptions) -> Result<Surveyed, String> {
-    let Read { bvh, key } = parsed(file)?;
+    let bvh = parsed(file)?;
+    let key = bvh.joints.iter().map(|joint| (joint.name.clone(), joint.parent)).collect();
     let roles = roles_of(&bvh.joints, &options.map).map_err(|error| error.to_string())?;
     if bvh.frames.len() < 2 {
         return Err("has too few frames: features want two".to_string());
@@ -159,7 +151,7 @@ fn handed(joints: Vec<Placed>, options: &ImportOptions) -> Vec<Placed> {
 }
 
 fn motion(file: &SourceFile, rig: &Rig, options: &ImportOptions) -> Result<Motion, String> {
-    let Read { bvh, .. } = parsed(file)?;
+    let bvh = parsed(file)?;
     let frames = frames(&bvh, options);
     let unit_m = unit_m(&frames, rig).ok_or("has legs without length")?;
     let poses: Vec<Pose64> = frames.iter().map(|joints| follow(joints, rig, unit_m)).collect();
@@ -219,7 +211,10 @@ fn skeleton(group: &Group, rig: &Rig) -> Skeleton {
         joints: key.iter().map(|(name, _)| name.clone()).collect(),
         files: group.files,
         up: rig.up.to_string(),
-        neutral: rig.neutral,
+        neutral: match rig.neutral {
+            Neutral::ZeroPose => "the pose of the OFFSETs".to_string(),
+            Neutral::Standing(frames) => format!("the mean of {frames} standing frames"),
+        },
         roles,
     }
 }

@@ -22,11 +22,7 @@ pub enum CaptionSource {
 
 impl CaptionSource {
     pub fn name(self) -> &'static str {
-        match self {
-            CaptionSource::File => "file",
-            CaptionSource::Name => "name",
-            CaptionSource::Given => "given",
-        }
+        ["file", "name", "given"][self as usize]
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use serde::Serialize;
+
 use super::captions::{CaptionSource, captions, within};
 use super::cut::{SHORTEST, cuts};
 use super::error::ImportError;
@@ -31,20 +33,23 @@ pub struct Clip {
     pub unit_m: Option<f64>,
 }
 
-/// The clips of all files, and what became of the others.
-#[derive(Default)]
+/// The clips of all files, and what became of the others. But for the clips it is `import.json`: what was
+/// imported, how, and what was left out.
+#[derive(Default, Serialize)]
 pub struct Clips {
-    /// What the files hold, as `import.json` says.
+    /// What the files hold.
     pub form: &'static str,
-    pub left_handed: bool,
     /// Frames a second.
     pub fps: f64,
+    pub left_handed: bool,
+    #[serde(skip)]
     pub clips: Vec<Clip>,
     pub skeletons: Vec<Skeleton>,
     /// A sentence for each file that cannot be used.
     pub problems: Vec<String>,
     /// Sentences about motions shorter than a clip.
-    pub short: Vec<String>,
+    pub too_short: Vec<String>,
+    #[serde(skip)]
     pub draft: Option<String>,
 }
 
@@ -66,14 +71,14 @@ impl Clips {
         for ((motion, file), group) in motions.into_iter().zip(&listing.files).zip(groups) {
             match motion.and_then(|motion| clips(motion, file, (group, fps), listing, options)) {
                 Ok(clips) if clips.is_empty() => {
-                    all.short.push(format!("{}: too short", file.name));
+                    all.too_short.push(format!("{}: too short", file.name));
                 }
                 Ok(clips) => all.clips.extend(clips),
                 Err(problem) => all.problems.push(format!("{}: {problem}", file.name)),
             }
         }
         if all.clips.is_empty() {
-            let problems = [all.problems, all.short].concat();
+            let problems = [all.problems, all.too_short].concat();
             return Err(ImportError::NothingUsable { problems, draft: all.draft });
         }
         all.split(listing.splits.as_ref())?;

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::captions::CaptionSource;
 use super::clips::{Clip, Clips};
 use super::error::ImportError;
-use super::manifest::{Import, manifest};
+use super::manifest::manifest;
 use super::motions::Skeleton;
 use crate::data::Split;
 use crate::data::npy_write::npy_bytes;
@@ -138,7 +138,7 @@ fn fill(clips: &Clips, to: &Path) -> Result<Vec<String>, FileError> {
     put("train_val.txt", ids(&[Split::Train, Split::Val]).as_bytes())?;
     put("all.txt", ids(&Split::ALL).as_bytes())?;
     put("manifest.csv", manifest(&clips.clips).as_bytes())?;
-    let document = serde_json::to_string_pretty(&Import::of(clips)).unwrap_or_default();
+    let document = serde_json::to_string_pretty(clips).unwrap_or_default();
     put(MARK, (document + "\n").as_bytes())?;
     Ok(told)
 }
@@ -173,7 +173,7 @@ fn imported(clips: Clips, told: Vec<String>) -> Imported {
         splits: Split::ALL.map(count),
         uncaptioned: by(CaptionSource::Given),
         captioned_by_name: by(CaptionSource::Name),
-        too_short: clips.short.len(),
+        too_short: clips.too_short.len(),
         problems: [clips.problems, told].concat(),
         skeletons: clips.skeletons,
         draft: clips.draft,

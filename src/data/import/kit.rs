@@ -4,6 +4,7 @@
 //! ankle, ball of the foot and toes likewise. Millimetres, 12.5 frames a second.
 
 use crate::motion::retarget::Pose64;
+use crate::motion::vector::{Point, add, scale, sub};
 use crate::motion::{N_JOINTS, feature_width, recover_body};
 
 /// Joints of KIT-ML's body.
@@ -12,9 +13,6 @@ pub const JOINTS: usize = 21;
 pub const FEATURES: usize = feature_width(JOINTS);
 /// Frames a second of KIT-ML's files.
 pub const FPS: f64 = 12.5;
-
-/// A place of a joint.
-type Point = [f64; 3];
 
 /// Which side the joints 5 to 7 and 11 to 15 are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,24 +38,21 @@ pub fn bodies(features: &[f32]) -> Vec<[Point; JOINTS]> {
 /// A pose of KIT-ML as one of HumanML3D's joints. Joints that it has not lie between those that it has.
 pub fn pose(joints: &[Point; JOINTS], first: First) -> Pose64 {
     let [chest, neck] = [joints[2], joints[3]];
+    let between = |a: Point, share: f64, b: Point| add(a, scale(sub(b, a), share));
     let mut pose = [[0.0; 3]; N_JOINTS];
-    let trunk = [(0, joints[0]), (3, joints[1]), (6, between(joints[1], chest, SPINE)), (9, chest)];
+    let trunk = [(0, joints[0]), (3, joints[1]), (6, between(joints[1], SPINE, chest)), (9, chest)];
     trunk.into_iter().chain([(12, neck), (15, joints[4])]).for_each(|(i, place)| pose[i] = place);
     // Of HumanML3D's joints those of the left come first.
     let sides = if first == First::Left { [0, 1] } else { [1, 0] };
     for (kit, side) in sides.into_iter().enumerate() {
         let (arm, leg) = (&joints[5 + 3 * kit..], &joints[11 + 5 * kit..]);
         let [out, down] = COLLAR;
-        let low = between(neck, chest, down);
-        pose[13 + side] = std::array::from_fn(|i| low[i] + out * (arm[0][i] - neck[i]));
+        let low = between(neck, down, chest);
+        pose[13 + side] = add(low, scale(sub(arm[0], neck), out));
         (0..3).for_each(|i| pose[16 + 2 * i + side] = arm[i]);
         (0..4).for_each(|i| pose[1 + 3 * i + side] = leg[i]);
     }
     pose
-}
-
-fn between(a: Point, b: Point, share: f64) -> Point {
-    std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
 }
 
 #[cfg(test)]

@@ -1,8 +1,6 @@
-//! `manifest.csv`: a row a clip. `import.json`: what was imported, how, and what was left out.
+//! `manifest.csv`: a row a clip.
 
-use serde::Serialize;
-
-use super::clips::{Clip, Clips};
+use super::clips::Clip;
 
 /// The head of `manifest.csv`.
 const COLUMNS: &str = "id,source_file,start,end,frames,source_fps,unit_m,captions,group,split";
@@ -35,42 +33,4 @@ fn quoted(field: &str) -> String {
         return format!("\"{}\"", field.replace('"', "\"\""));
     }
     field.to_string()
-}
-
-/// The document of `import.json`.
-#[derive(Serialize)]
-pub struct Import<'a> {
-    form: &'static str,
-    fps: f64,
-    left_handed: bool,
-    skeletons: Vec<SkeletonRow<'a>>,
-    problems: &'a [String],
-    too_short: &'a [String],
-}
-
-#[derive(Serialize)]
-struct SkeletonRow<'a> {
-    files: usize,
-    up: &'a str,
-    neutral: String,
-    joints: std::collections::BTreeMap<&'static str, &'a str>,
-}
-
-impl<'a> Import<'a> {
-    pub fn of(clips: &'a Clips) -> Self {
-        let skeletons = clips.skeletons.iter().map(|skeleton| SkeletonRow {
-            files: skeleton.files,
-            up: &skeleton.up,
-            neutral: skeleton.neutral_words(),
-            joints: skeleton.roles.iter().map(|(role, name)| (*role, name.as_str())).collect(),
-        });
-        Self {
-            form: clips.form,
-            fps: clips.fps,
-            left_handed: clips.left_handed,
-            skeletons: skeletons.collect(),
-            problems: &clips.problems,
-            too_short: &clips.short,
-        }
-    }
 }

@@ -1,6 +1,10 @@
 //! What files hold: motions on HumanML3D's skeleton, and the skeletons that they come from.
 
-use crate::motion::retarget::{Neutral, Pose64};
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::motion::retarget::Pose64;
 
 /// A file's motion.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,24 +26,17 @@ pub struct Motions {
 }
 
 /// What a skeleton of the files is taken for.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Skeleton {
     /// Names of its joints, in the order of the file.
+    #[serde(skip)]
     pub joints: Vec<String>,
     /// Files that have it.
     pub files: usize,
     pub up: String,
-    pub neutral: Neutral,
-    /// Joints that play the parts of the 22, as `pelvis: Hips`.
-    pub roles: Vec<(&'static str, String)>,
-}
-
-impl Skeleton {
     /// Where its neutral pose comes from.
-    pub fn neutral_words(&self) -> String {
-        match self.neutral {
-            Neutral::ZeroPose => "the pose of the OFFSETs".to_string(),
-            Neutral::Standing(frames) => format!("the mean of {frames} standing frames"),
-        }
-    }
+    pub neutral: String,
+    /// Joints that play the parts of the 22, as `pelvis: Hips`.
+    #[serde(rename = "joints")]
+    pub roles: BTreeMap<&'static str, String>,
 }

@@ -22,20 +22,12 @@ pub enum Form {
 
 impl Form {
     pub fn name(self) -> &'static str {
-        match self {
-            Form::Bvh => "bvh",
-            Form::Joints => "joints",
-            Form::SmplxJoints => "smplx-joints",
-            Form::Kit => "kit",
-        }
+        ["bvh", "joints", "smplx-joints", "kit"][self as usize]
     }
 
     /// How the names of its files end.
     pub fn ending(self) -> &'static str {
-        match self {
-            Form::Bvh => "bvh",
-            Form::Joints | Form::SmplxJoints | Form::Kit => "npy",
-        }
+        if self == Form::Bvh { "bvh" } else { "npy" }
     }
 }
 

@@ -21,8 +21,6 @@ pub fn write_procedural(
     overwrite: bool,
 ) -> Result<Imported, ImportError> {
     folder::check_place(to, overwrite)?;
-    let of = |split: Split| (0..source.n_clips(split)).map(move |index| (split, index));
-    let all: Vec<(Split, usize)> = Split::ALL.into_iter().flat_map(of).collect();
     let clip = |&(split, index): &(Split, usize)| {
         let id = source.clip_id(split, index);
         let poses = canonicalise(&source.poses(split, index));
@@ -39,6 +37,6 @@ pub fn write_procedural(
             id,
         }
     };
-    let clips = all.par_iter().map(clip).collect();
+    let clips = source.clips(&Split::ALL).par_iter().map(clip).collect();
     folder::write(Clips { form: "procedural", fps: FPS, clips, ..Clips::default() }, to)
 }

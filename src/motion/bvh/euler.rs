@@ -30,10 +30,10 @@ pub fn order_around(axis: Axis) -> Order {
 /// Where the outer turns share their axis, the first keeps its angle.
 pub fn angles(rotation: Quat, order: Order, before: [f64; 3]) -> [f64; 3] {
     let m = Turned::of(rotation, order);
-    let first = if m.at(1, 2).hypot(m.at(2, 2)) < LOCKED {
+    let first = if m.m[1][2].hypot(m.m[2][2]) < LOCKED {
         before[0]
     } else {
-        (-m.parity * m.at(1, 2)).atan2(m.at(2, 2))
+        (-m.parity * m.m[1][2]).atan2(m.m[2][2])
     };
     let [near, far] = [first, first + PI].map(|a| unwrapped(m.after(a), before));
     if distance(near, before) <= distance(far, before) { near } else { far }
@@ -54,16 +54,12 @@ impl Turned {
         Turned { m, parity: if forward { 1.0 } else { -1.0 } }
     }
 
-    fn at(&self, row: usize, column: usize) -> f64 {
-        self.m[row][column]
-    }
-
     /// All three angles, where the first is `a`: what is left are two turns.
     fn after(&self, a: f64) -> [f64; 3] {
         let (sin, cos) = (self.parity * a).sin_cos();
-        let second = |column: usize| cos * self.at(1, column) + sin * self.at(2, column);
-        let third = |column: usize| cos * self.at(2, column) - sin * self.at(1, column);
-        let b = (self.parity * self.at(0, 2)).atan2(third(2));
+        let second = |column: usize| cos * self.m[1][column] + sin * self.m[2][column];
+        let third = |column: usize| cos * self.m[2][column] - sin * self.m[1][column];
+        let b = (self.parity * self.m[0][2]).atan2(third(2));
         let c = (self.parity * second(0)).atan2(second(1));
         [a, b, c]
     }

@@ -5,7 +5,7 @@ use thiserror::Error;
 use super::euler::{Order, angles, order_around};
 use super::format::rounded;
 use super::hierarchy::{Axis, Bvh, BvhJoint, Channel};
-use super::kinematics::CM_PER_M;
+use super::kinematics::{CM_PER_M, Placed};
 use super::nodes::{Node, nodes, rest_axis};
 use super::rest::{Rest, rest_pose, weighted_align};
 use crate::motion::vector::{add, norm, scale, sub};
@@ -92,34 +92,28 @@ struct Turn {
 
 /// Turns the nodes from the frame before to `pose`.
 fn turn_to(state: &mut [Turn], pose: &Pose, nodes: &[Node], rest: &Rest, orders: &[Order]) {
-    let mut placed: Vec<(Quat, [f64; 3])> = Vec::with_capacity(nodes.len());
+    let mut placed: Vec<Placed> = Vec::with_capacity(nodes.len());
     for (index, node) in nodes.iter().enumerate() {
-        let (frame, at) = match node.parent {
-            None => (NO_ROTATION, pose[0].map(f64::from)),
-            Some(parent) => {
-                let (frame, at) = placed[parent];
-                (frame, add(at, rotate(frame, offset(nodes, node, rest))))
-            }
+        let mut at = match node.parent {
+            None => Placed { rotation: NO_ROTATION, position: pose[0].map(f64::from) },
+            Some(parent) => placed[parent],
         };
+        if node.parent.is_some() {
+            let offset = rotate(at.rotation, offset(nodes, node, rest));
+            at.position = add(at.position, offset);
+        }
         let before = state[index];
-        let rotation = rotation(node, pose, rest, frame, at, before.rotation);
+        let rotation = rotation(node, pose, rest, at, before.rotation);
         let angles = angles(rotation, orders[index], before.angles);
         state[index] = Turn { rotation, angles };
-        placed.push((multiply(frame, rotation), at));
+        placed.push(Placed { rotation: multiply(at.rotation, rotation), ..at });
     }
 }
 
-/// The node's rotation in the frame of its parent, `frame`, where the node lies at `at`.
-fn rotation(
-    node: &Node,
-    pose: &Pose,
-    rest: &Rest,
-    frame: Quat,
-    at: [f64; 3],
-    before: Quat,
-) -> Quat {
-    let back = conjugate(frame);
-    let present = |&aim: &usize| rotate(back, sub(pose[aim].map(f64::from), at));
+/// The node's rotation in the frame of its parent, which is that of `at`, where the node lies.
+fn rotation(node: &Node, pose: &Pose, rest: &Rest, at: Placed, before: Quat) -> Quat {
+    let back = conjugate(at.rotation);
+    let present = |&aim: &usize| rotate(back, sub(pose[aim].map(f64::from), at.position));
     let bones: Vec<[f64; 3]> = node.aims.iter().map(|&aim| rest[aim]).collect();
     let present: Vec<[f64; 3]> = node.aims.iter().map(present).collect();
     // One bone leaves its twist open, and the rotation nearest to none is the smallest.

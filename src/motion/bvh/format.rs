@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::hierarchy::{Bvh, BvhJoint};
+use super::hierarchy::{Bvh, BvhJoint, Channel};
 
 /// Decimals of offsets and channels: a micrometre, or a micrometre at a metre from the joint.
 pub const DECIMALS: usize = 4;
@@ -38,8 +38,10 @@ impl Bvh {
 }
 
 fn channels(joint: &BvhJoint) -> String {
-    let names = joint.channels.iter().map(|channel| format!(" {}", channel.name()));
-    format!("{}{}", joint.channels.len(), names.collect::<String>())
+    let names = Channel::NAMES;
+    let named = |own: &Channel| names.into_iter().find(|(channel, _)| channel == own);
+    let words = joint.channels.iter().filter_map(named).map(|(_, name)| format!(" {name}"));
+    format!("{}{}", joint.channels.len(), words.collect::<String>())
 }
 
 fn numbers(values: &[f64]) -> String {

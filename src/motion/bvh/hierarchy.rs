@@ -11,6 +11,12 @@ pub enum Axis {
 impl Axis {
     pub const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
 
+    /// The axis along which a direction lies, more or less.
+    pub fn along(direction: [f64; 3]) -> Axis {
+        let part = |axis: &Axis| direction[*axis as usize].abs();
+        Axis::ALL.into_iter().max_by(|a, b| part(a).total_cmp(&part(b))).unwrap_or(Axis::Y)
+    }
+
     /// The unit vector along the axis.
     pub fn unit(self) -> [f64; 3] {
         Axis::ALL.map(|axis| f64::from(u8::from(axis == self)))
@@ -28,26 +34,15 @@ pub enum Channel {
 }
 
 impl Channel {
-    pub const ALL: [Channel; 6] = [
-        Channel::Position(Axis::X),
-        Channel::Position(Axis::Y),
-        Channel::Position(Axis::Z),
-        Channel::Rotation(Axis::X),
-        Channel::Rotation(Axis::Y),
-        Channel::Rotation(Axis::Z),
+    /// Every channel, and its word in a file.
+    pub const NAMES: [(Channel, &str); 6] = [
+        (Channel::Position(Axis::X), "Xposition"),
+        (Channel::Position(Axis::Y), "Yposition"),
+        (Channel::Position(Axis::Z), "Zposition"),
+        (Channel::Rotation(Axis::X), "Xrotation"),
+        (Channel::Rotation(Axis::Y), "Yrotation"),
+        (Channel::Rotation(Axis::Z), "Zrotation"),
     ];
-
-    /// The word of the file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Channel::Position(Axis::X) => "Xposition",
-            Channel::Position(Axis::Y) => "Yposition",
-            Channel::Position(Axis::Z) => "Zposition",
-            Channel::Rotation(Axis::X) => "Xrotation",
-            Channel::Rotation(Axis::Y) => "Yrotation",
-            Channel::Rotation(Axis::Z) => "Zrotation",
-        }
-    }
 }
 
 /// A joint of the hierarchy.

@@ -30,9 +30,8 @@ impl Bvh {
     /// # Panics
     /// If a frame has another length than [`Bvh::n_channels`].
     pub fn positions(&self) -> Vec<Vec<[f64; 3]>> {
-        let points =
-            |frame: &Vec<f64>| self.place(frame).iter().map(|joint| joint.position).collect();
-        self.frames.iter().map(points).collect()
+        let points = |joints: Vec<Placed>| joints.iter().map(|joint| joint.position).collect();
+        self.placed().into_iter().map(points).collect()
     }
 
     /// Place and rotation of each joint in each frame; see [`Bvh::positions`].
@@ -40,17 +39,15 @@ impl Bvh {
     /// # Panics
     /// If a frame has another length than [`Bvh::n_channels`].
     pub fn placed(&self) -> Vec<Vec<Placed>> {
-        self.frames.iter().map(|frame| self.place(frame)).collect()
+        let whole = |frame: &&Vec<f64>| {
+            assert_eq!(frame.len(), self.n_channels(), "a number for each channel");
+        };
+        self.frames.iter().inspect(whole).map(|frame| self.place(frame)).collect()
     }
 
     /// The pose of the OFFSETs alone, without a turn.
     pub fn zero_pose(&self) -> Vec<Placed> {
-        let mut placed: Vec<Placed> = Vec::with_capacity(self.joints.len());
-        for joint in &self.joints {
-            let parent = joint.parent.map_or([0.0; 3], |parent| placed[parent].position);
-            placed.push(Placed { rotation: NO_ROTATION, position: add(parent, joint.offset) });
-        }
-        placed
+        self.place(&[])
     }
 
     /// The poses of a file that names its joints as [`JOINT_NAMES`] and is in centimetres, as
@@ -67,12 +64,12 @@ impl Bvh {
         Some(self.positions().iter().map(pose).collect())
     }
 
+    /// Joints with the channels of a frame, or, if that is empty, as their OFFSETs have them.
     fn place(&self, frame: &[f64]) -> Vec<Placed> {
-        assert_eq!(frame.len(), self.n_channels(), "a number for each channel");
         let mut placed: Vec<Placed> = Vec::with_capacity(self.joints.len());
         let mut left = frame;
         for joint in &self.joints {
-            let (values, rest) = left.split_at(joint.channels.len());
+            let (values, rest) = left.split_at(joint.channels.len().min(left.len()));
             left = rest;
             let (rotation, translation) = local(joint, values);
             placed.push(match joint.parent.map(|parent| placed[parent]) {

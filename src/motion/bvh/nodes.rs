@@ -81,7 +81,5 @@ pub fn rest_axis(node: &Node) -> Axis {
         // Turned about the vertical first, sideways next: a body that lies on its side is rare.
         _ => return Axis::Z,
     };
-    let along = |axis: &Axis| REST_DIRECTIONS[aim][*axis as usize].abs();
-    let longest = Axis::ALL.into_iter().max_by(|a, b| along(a).total_cmp(&along(b)));
-    longest.unwrap_or(Axis::Y)
+    Axis::along(REST_DIRECTIONS[aim])
 }

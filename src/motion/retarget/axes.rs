@@ -22,9 +22,7 @@ impl Up {
     /// The axis along which `direction` lies; `None` where it lies between two.
     pub fn along(direction: Point) -> Option<Up> {
         let length = norm(direction);
-        let axis = Axis::ALL
-            .into_iter()
-            .max_by(|a, b| direction[*a as usize].abs().total_cmp(&direction[*b as usize].abs()))?;
+        let axis = Axis::along(direction);
         let part = direction[axis as usize];
         (part.abs() > CLEAR * length).then_some(Up { axis, reversed: part < 0.0 })
     }

@@ -26,8 +26,9 @@ pub fn follow(joints: &[Placed], rig: &Rig, unit_m: f64) -> Pose64 {
     let turn = rig.up.turn();
     let bone = |joint: usize| -> Point {
         let parent = PARENTS[joint].unwrap_or(0);
-        let bone = match (REST[joint], carrier(&rig.roles, joint)) {
-            (Some(rest), Some(carrier)) => {
+        let rest = REST.iter().find(|(own, _)| *own == joint);
+        let bone = match (rest, carrier(&rig.roles, joint)) {
+            (Some(&(_, rest)), Some(carrier)) => {
                 rotate(multiply(joints[carrier].rotation, rig.rests[joint]), rest)
             }
             _ => sub(body.at(joint), body.at(parent)),

@@ -36,12 +36,8 @@ impl JointName {
 
     /// `lhand` read as the left `hand`, for names without capitals.
     pub fn with_letter_as_side(&self) -> Option<JointName> {
-        let side = match (self.side, self.part.chars().next()?) {
-            (None, 'l') => Side::Left,
-            (None, 'r') => Side::Right,
-            _ => return None,
-        };
-        Some(JointName { side: Some(side), part: self.part[1..].to_string() })
+        let (letter, part) = self.part.split_at_checked(1).filter(|_| self.side.is_none())?;
+        Some(JointName { side: Some(side(letter)?), part: part.to_string() })
     }
 }
 

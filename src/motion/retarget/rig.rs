@@ -69,7 +69,8 @@ impl Rig {
             return Err(RigError::Backwards);
         }
         if let Some(facing) = neutral_zero(&Body::of(zero, &roles)) {
-            let rests = std::array::from_fn(|joint| zero_rest(zero, &roles, joint, facing));
+            let back = |carrier: usize| multiply(conjugate(zero[carrier].rotation), facing);
+            let rests = std::array::from_fn(|joint| carrier(&roles, joint).map_or(facing, back));
             return Ok(Rig { roles, up, neutral: Neutral::ZeroPose, rests });
         }
         if survey.standing < STANDING {
@@ -89,9 +90,4 @@ fn neutral_zero(body: &Body) -> Option<Quat> {
     (toes && norm(body.height()) > 0.0 && body.stands(up, ASTRIDE))
         .then(|| body.facing(up))
         .flatten()
-}
-
-fn zero_rest(zero: &[Placed], roles: &Roles, joint: usize, facing: Quat) -> Quat {
-    carrier(roles, joint)
-        .map_or(facing, |carrier| multiply(conjugate(zero[carrier].rotation), facing))
 }

@@ -1,7 +1,5 @@
 //! Which joint of a file plays the part of each joint of HumanML3D's skeleton.
 
-use std::fmt::Write;
-
 use super::names::{JointName, Side};
 use super::tree;
 use crate::motion::bvh::BvhJoint;
@@ -67,15 +65,13 @@ pub fn draft(joints: &[BvhJoint], map: &NameMap) -> String {
          # but for hips, knees, ankles, shoulders, elbows, wrists and head.\n",
     );
     for (role, name) in JOINT_NAMES.iter().enumerate() {
-        let _ = match roles[role] {
-            Some(joint) => writeln!(text, "{name}: {:?}", joints[joint].name),
-            None => writeln!(text, "# {name}: "),
+        text += &match roles[role] {
+            Some(joint) => format!("{name}: {:?}\n", joints[joint].name),
+            None => format!("# {name}: \n"),
         };
     }
     text += "# The file's joints:\n";
-    joints.iter().for_each(|joint| {
-        let _ = writeln!(text, "#   {}", joint.name);
-    });
+    text.extend(joints.iter().map(|joint| format!("#   {}\n", joint.name)));
     text
 }
 

@@ -1,6 +1,6 @@
 //! An action in its place on the time line of a clip.
 
-use super::action::Action;
+use super::action::{Action, Choice};
 use super::blend::smooth;
 use super::drive::Drive;
 use super::manner::Manner;
@@ -16,6 +16,8 @@ pub const FOREVER: f32 = 12.0;
 /// An action with its time. A walk may have begun before the clip and go on after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Act {
+    /// The kind of the action.
+    pub choice: Choice,
     pub action: Action,
     /// Seconds from the clip's first frame.
     pub start: f32,
@@ -34,10 +36,10 @@ pub struct Act {
 
 impl Act {
     /// An act that begins and ends with its action.
-    pub fn new(action: Action, start: f32) -> Self {
+    pub fn new((choice, action): (Choice, Action), start: f32) -> Self {
         let late = if action.is_final() { FOREVER } else { 0.0 };
-        let (gathers, slows) = (true, true);
-        Self { action, start, early: 0.0, late, joins_next: false, gathers, slows, again: false }
+        let (gathers, slows, joins_next, again) = (true, true, false, false);
+        Self { choice, action, start, early: 0.0, late, joins_next, gathers, slows, again }
     }
 
     /// Seconds from the clip's first frame to the end of the action's own duration.

@@ -1,8 +1,10 @@
 //! The actions, and how one follows another.
 
+use super::blend::plateau;
 use super::drive::Drive;
 use super::floor::Side;
-use super::in_place::{InPlace, Kind};
+use super::hands::{Punch, Repeats, Wave};
+use super::in_place::{Kind, Sit, bow, clap, cycle, look, squat, stretch};
 use super::jump::Jump;
 use super::kick::Kick;
 use super::manner::Manner;
@@ -16,12 +18,28 @@ pub enum Action {
     Travel(Travel),
     Jump(Jump),
     Kick(Kick),
-    InPlace(InPlace),
+    Wave(Wave),
+    Punch(Punch),
+    /// Clapping, and its height: 0 before the chest, 1 above the head.
+    Clap(Repeats, f32),
+    /// Raising both arms; `out` 0 forward and up, 1 by the sides and up.
+    Stretch {
+        hold: f32,
+        out: f32,
+        raise: f32,
+    },
+    /// Bowing, and its depth, 1 the deepest.
+    Bow(Repeats, f32),
+    /// Squatting, and by how many metres.
+    Squat(Repeats, f32),
+    Sit(Sit),
+    /// Standing for some seconds, with a look to a side first and to the other then, or without.
+    Stand(f32, Option<Side>),
 }
 
 /// The kinds of actions, to draw from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Choice {
+pub enum Choice {
     Walk,
     Run,
     Back,
@@ -56,13 +74,16 @@ const WEIGHTS: [(Choice, f32); 16] = [
 impl Action {
     /// Draws an action that fits `budget` seconds, by preference one that often follows `last`.
     pub fn sample(
-        last: Option<&Action>,
+        last: Option<Choice>,
         m: &Manner,
         budget: f32,
         rng: &mut impl Draw,
-    ) -> Option<Self> {
+    ) -> Option<(Choice, Self)> {
         let table = WEIGHTS.map(|(choice, weight)| (choice, weight * affinity(last, choice)));
-        (0..4).find_map(|_| Self::of(rng.weighted(&table), m, budget, rng))
+        (0..4).find_map(|_| {
+            let choice = rng.weighted(&table);
+            Some((choice, Self::of(choice, m, budget, rng)?))
+        })
     }
 
     fn of(choice: Choice, m: &Manner, budget: f32, rng: &mut impl Draw) -> Option<Self> {
@@ -76,27 +97,9 @@ impl Action {
             Choice::Arc => Gait::Arc(side),
             Choice::Jump => return Jump::sample(m, budget, rng).map(Self::Jump),
             Choice::Kick => return Kick::sample(m, budget, rng).map(Self::Kick),
-            Choice::Still(kind) => {
-                return InPlace::sample(kind, m, budget, rng).map(Self::InPlace);
-            }
+            Choice::Still(kind) => return Self::in_place(kind, m, budget, rng),
         };
         Travel::sample(gait, m, budget, rng).map(Self::Travel)
-    }
-
-    fn choice(&self) -> Choice {
-        match self {
-            Self::Travel(travel) => match travel.gait {
-                Gait::Walk => Choice::Walk,
-                Gait::Run => Choice::Run,
-                Gait::Back => Choice::Back,
-                Gait::Sideways(_) => Choice::Sideways,
-                Gait::Turn(_) => Choice::Turn,
-                Gait::Arc(_) => Choice::Arc,
-            },
-            Self::Jump(_) => Choice::Jump,
-            Self::Kick(_) => Choice::Kick,
-            Self::InPlace(action) => Choice::Still(action.kind()),
-        }
     }
 
     /// Seconds of the action.
@@ -104,8 +107,14 @@ impl Action {
         match self {
             Self::Travel(travel) => travel.duration(),
             Self::Jump(jump) => jump.duration(),
-            Self::Kick(kick) => kick.duration(),
-            Self::InPlace(action) => action.duration(),
+            Self::Kick(kick) => kick.repeats.total(),
+            Self::Wave(wave) => wave.duration(),
+            Self::Punch(punch) => punch.duration(),
+            Self::Clap(repeats, _) => 1.0 + repeats.total(),
+            Self::Stretch { hold, raise, .. } => hold + 2.0 * raise,
+            Self::Bow(repeats, _) | Self::Squat(repeats, _) => repeats.total(),
+            Self::Sit(sit) => sit.duration(),
+            Self::Stand(hold, _) => *hold,
         }
     }
 
@@ -119,7 +128,7 @@ impl Action {
 
     /// Whether the body stays where the action leaves it: nothing can follow.
     pub fn is_final(&self) -> bool {
-        matches!(self, Self::InPlace(InPlace::Sit(sit)) if !sit.rises)
+        matches!(self, Self::Sit(sit) if !sit.rises)
     }
 
     /// The root's velocity `t` seconds after the start.
@@ -127,25 +136,37 @@ impl Action {
         match self {
             Self::Travel(travel) => travel.drive(),
             Self::Jump(jump) => jump.drive(t),
-            Self::Kick(_) | Self::InPlace(_) => Drive::default(),
+            _ => Drive::default(),
         }
     }
 
     /// The posture `t` seconds after the start.
     pub fn posture(&self, t: f32, m: &Manner) -> Posture {
+        let mut posture = Posture::idle(m);
+        let total = self.duration();
         match self {
-            Self::Travel(travel) => travel.posture(t, m),
-            Self::Jump(jump) => jump.posture(t, m),
-            Self::Kick(kick) => kick.posture(t, m),
-            Self::InPlace(action) => action.posture(t, m),
+            Self::Travel(travel) => travel.posture(&mut posture, t, m),
+            Self::Jump(jump) => jump.posture(&mut posture, t),
+            Self::Kick(kick) => kick.posture(&mut posture, t),
+            Self::Wave(wave) => wave.raise_arms(&mut posture, t),
+            Self::Punch(punch) => punch.strike(&mut posture, t),
+            Self::Clap(repeats, height) => clap(&mut posture, repeats, *height, t, total),
+            Self::Stretch { out, raise, .. } => {
+                stretch(&mut posture, *out, plateau(t, total, *raise));
+            }
+            Self::Bow(repeats, depth) => bow(&mut posture, depth * cycle(repeats, t)),
+            Self::Squat(repeats, depth) => squat(&mut posture, *depth, cycle(repeats, t)),
+            Self::Sit(sit) => sit.posture(&mut posture, t),
+            Self::Stand(_, looks) => look(&mut posture, *looks, t, total),
         }
+        posture
     }
 }
 
 /// How much likelier `next` is after `last` than at the start of a clip.
-fn affinity(last: Option<&Action>, next: Choice) -> f32 {
+fn affinity(last: Option<Choice>, next: Choice) -> f32 {
     use Choice::{Arc, Back, Jump, Kick, Run, Still, Turn, Walk};
-    let Some(last) = last.map(Action::choice) else { return 1.0 };
+    let Some(last) = last else { return 1.0 };
     match (last, next) {
         (last, next) if last == next => 0.1,
         (Walk | Arc, Turn) => 2.2,

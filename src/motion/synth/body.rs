@@ -5,8 +5,9 @@ use std::sync::LazyLock;
 
 use super::feet::Foot;
 use super::floor::{FloorPose, Side};
-use super::geometry::{Rotation, V3, add, cross, norm, scale, sub, unit};
+use super::geometry::{Rotation, V3, norm, unit};
 use super::posture::{Arm, Posture, Trunk};
+use crate::motion::vector::{add, cross, scale, sub};
 use crate::motion::{BONE_LENGTHS as BONES, N_JOINTS, Pose};
 
 /// Direction of the bones that keep theirs relative to the parent's frame, standing upright.
@@ -41,22 +42,19 @@ const REACH: f32 = 0.992;
 /// The joints of a body whose root stands at `root`.
 pub fn pose(root: FloorPose, posture: &Posture, feet: &[Foot; 2]) -> Pose {
     let trunk = &posture.trunk;
-    let pelvis_rotation = Rotation::y(root.yaw + trunk.pelvis_twist)
-        .after(Rotation::x(trunk.pelvis_pitch))
-        .after(Rotation::z(trunk.pelvis_roll));
+    let yaw = root.yaw + trunk.pelvis_twist;
+    let pelvis_rotation = Rotation::yxz(yaw, trunk.pelvis_pitch, trunk.pelvis_roll);
     let hips = [1, 2].map(|joint| pelvis_rotation.of(OFFSETS[joint]));
     let ground = root.offset(trunk.shift_left, trunk.shift_forward);
     let height = pelvis_height(ground, UPRIGHT + trunk.rise, &hips, feet);
     let mut joints = [[0.0; 3]; N_JOINTS];
     joints[0] = [ground.x, height, ground.z];
+    let chest = place_spine(&mut joints, trunk, pelvis_rotation);
     for side in Side::BOTH {
         let i = side.index();
         let hip = add(joints[0], hips[i]);
-        place_leg(&mut joints, side, hip, root.yaw + trunk.pelvis_twist, &feet[i]);
-    }
-    let chest = place_spine(&mut joints, trunk, pelvis_rotation);
-    for side in Side::BOTH {
-        place_arm(&mut joints, side, &posture.arms[side.index()], chest);
+        place_leg(&mut joints, side, hip, yaw, &feet[i]);
+        place_arm(&mut joints, side, &posture.arms[i], chest);
     }
     joints
 }
@@ -82,10 +80,7 @@ fn smooth_min(a: f32, b: f32) -> f32 {
 }
 
 fn leg_bones(side: Side) -> (f32, f32) {
-    match side {
-        Side::Left => (BONES[4], BONES[7]),
-        Side::Right => (BONES[5], BONES[8]),
-    }
+    (BONES[4 + side.index()], BONES[7 + side.index()])
 }
 
 /// Hip, knee, ankle and foot of one side; the knee bends about an axis half-way between the
@@ -115,9 +110,8 @@ fn bend(start: V3, target: V3, upper: f32, lower: f32, axis: V3) -> (V3, V3) {
 
 /// Spine, neck, head, collars and shoulders' frame; returns the chest's rotation.
 fn place_spine(joints: &mut Pose, trunk: &Trunk, pelvis: Rotation) -> Rotation {
-    let third = Rotation::y(trunk.spine_twist / 3.0)
-        .after(Rotation::x(trunk.spine_pitch / 3.0))
-        .after(Rotation::z(trunk.spine_roll / 3.0));
+    let third =
+        Rotation::yxz(trunk.spine_twist / 3.0, trunk.spine_pitch / 3.0, trunk.spine_roll / 3.0);
     let lower = pelvis.after(third);
     let middle = lower.after(third);
     let chest = middle.after(third);
@@ -125,9 +119,7 @@ fn place_spine(joints: &mut Pose, trunk: &Trunk, pelvis: Rotation) -> Rotation {
     joints[6] = add(joints[3], lower.of(OFFSETS[6]));
     joints[9] = add(joints[6], middle.of(OFFSETS[9]));
     joints[12] = add(joints[9], chest.of(OFFSETS[12]));
-    let head = Rotation::y(trunk.head_turn)
-        .after(Rotation::x(trunk.head_pitch))
-        .after(Rotation::z(trunk.head_roll));
+    let head = Rotation::yxz(trunk.head_turn, trunk.head_pitch, trunk.head_roll);
     joints[15] = add(joints[12], chest.after(head).of(OFFSETS[15]));
     chest
 }

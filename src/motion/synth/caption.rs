@@ -30,14 +30,9 @@ enum Telling {
 impl Script {
     /// Two or three captions, lower-case, which tell the actions in their order.
     pub fn captions(&self) -> Vec<String> {
-        captions(self)
+        let mut rng = ChaCha8Rng::seed_from_u64(self.wording);
+        (0..rng.int(2, 3)).map(|_| caption(self, &mut rng)).collect()
     }
-}
-
-/// Two or three paraphrases of a script.
-fn captions(script: &Script) -> Vec<String> {
-    let mut rng = ChaCha8Rng::seed_from_u64(script.wording);
-    (0..rng.int(2, 3)).map(|_| caption(script, &mut rng)).collect()
 }
 
 fn caption(script: &Script, rng: &mut ChaCha8Rng) -> String {
@@ -85,7 +80,8 @@ fn append(text: &mut String, i: usize, pronoun: &str, phrase: &Phrase, rng: &mut
     if link.starts_with(". after") || link == ", after which" {
         text.push_str(&format!(" {pronoun}"));
     }
-    let verb = if link == " before" { phrase.verb.gerund } else { phrase.verb.finite };
+    let (finite, gerund) = phrase.verb;
+    let verb = if link == " before" { gerund } else { finite };
     for words in std::iter::once(verb).chain(phrase.rest.iter().map(String::as_str)) {
         text.push_str(&format!(" {words}"));
     }
@@ -93,7 +89,7 @@ fn append(text: &mut String, i: usize, pronoun: &str, phrase: &Phrase, rng: &mut
 
 /// The adjective or adverb of the style, with a word for its strength.
 fn style_words(manner: &Manner, telling: Telling, rng: &mut ChaCha8Rng) -> Option<String> {
-    let pairs = manner.style.words();
+    let pairs = manner.style.words;
     if pairs.is_empty() || matches!(telling, Telling::Nowhere) {
         return None;
     }

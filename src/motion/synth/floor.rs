@@ -13,10 +13,7 @@ impl Side {
 
     /// The x axis points to the left: +1 for the left side, -1 for the right.
     pub fn sign(self) -> f32 {
-        match self {
-            Side::Left => 1.0,
-            Side::Right => -1.0,
-        }
+        [1.0, -1.0][self.index()]
     }
 
     /// 0 for the left side, 1 for the right.
@@ -26,18 +23,12 @@ impl Side {
 
     /// The opposite side.
     pub fn other(self) -> Self {
-        match self {
-            Side::Left => Side::Right,
-            Side::Right => Side::Left,
-        }
+        Side::BOTH[1 - self.index()]
     }
 
     /// The word in a caption.
     pub fn word(self) -> &'static str {
-        match self {
-            Side::Left => "left",
-            Side::Right => "right",
-        }
+        ["left", "right"][self.index()]
     }
 }
 

@@ -1,31 +1,13 @@
 //! Vectors and rotation matrices, as little as the body needs.
 
+use crate::motion::vector::{dot, scale};
+
 /// A vector or a point.
 pub type V3 = [f32; 3];
 
-/// `a + b`.
-pub fn add(a: V3, b: V3) -> V3 {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-/// `a - b`.
-pub fn sub(a: V3, b: V3) -> V3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-/// `k a`.
-pub fn scale(a: V3, k: f32) -> V3 {
-    [a[0] * k, a[1] * k, a[2] * k]
-}
-
-/// `a × b`.
-pub fn cross(a: V3, b: V3) -> V3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 /// Euclidean length.
 pub fn norm(a: V3) -> f32 {
-    (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt()
+    dot(a, a).sqrt()
 }
 
 /// `a` with length 1.
@@ -56,6 +38,11 @@ impl Rotation {
         Self([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     }
 
+    /// About z, then about x, then about y.
+    pub fn yxz(y: f32, x: f32, z: f32) -> Self {
+        Self::y(y).after(Self::x(x)).after(Self::z(z))
+    }
+
     /// First `other`, then `self`.
     pub fn after(self, other: Self) -> Self {
         let (a, b) = (self.0, other.0);
@@ -67,6 +54,6 @@ impl Rotation {
 
     /// The rotated vector.
     pub fn of(self, v: V3) -> V3 {
-        self.0.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+        self.0.map(|row| dot(row, v))
     }
 }

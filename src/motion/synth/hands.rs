@@ -39,6 +39,11 @@ impl Repeats {
     pub fn total(&self) -> f32 {
         self.count as f32 * self.period
     }
+
+    /// Seconds from the start of the repeat that goes on at `t`, the first before all and the last after.
+    pub fn since_start(&self, t: f32) -> f32 {
+        t.clamp(0.0, self.total() - 1e-4).rem_euclid(self.period)
+    }
 }
 
 /// Which hands act.
@@ -83,11 +88,6 @@ impl Wave {
         Some(Self { hands: Hands::sample(m, 0.13, rng), repeats, height, swing, raise })
     }
 
-    /// Draws a wave to be made while walking for `duration` seconds.
-    pub fn within(duration: f32, m: &Manner, rng: &mut impl Draw) -> Option<Self> {
-        Self::sample(m, duration - 0.3, rng)
-    }
-
     /// Seconds from the hand's rise to its rest.
     pub fn duration(&self) -> f32 {
         2.0 * self.raise + self.repeats.total()
@@ -103,9 +103,8 @@ impl Wave {
         let mut target = low.mix(high, self.height);
         target.elbow -= swing;
         target.abduct += 0.15 * swing;
-        for side in Side::BOTH.into_iter().filter(|&side| self.hands.uses(side)) {
-            posture.reach(side, target, up);
-        }
+        let hands = Side::BOTH.into_iter().filter(|&side| self.hands.uses(side));
+        posture.reach(hands, target, up);
     }
 }
 
@@ -145,7 +144,7 @@ impl Punch {
         let extended = Arm { flex: self.aim, abduct: 0.02, twist: -0.2, elbow: 0.12, shrug: 0.12 };
         for side in Side::BOTH {
             let reach = if side == striking { strike } else { 0.0 };
-            posture.reach(side, guard.mix(extended, reach), on);
+            posture.reach([side], guard.mix(extended, reach), on);
         }
         let (trunk, turn) = (&mut posture.trunk, striking.sign() * strike * on);
         trunk.spine_twist -= 0.5 * turn;

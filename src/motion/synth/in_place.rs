@@ -2,6 +2,7 @@
 
 use std::f32::consts::{PI, TAU};
 
+use super::action::Action;
 use super::blend::{plateau, smooth};
 use super::floor::Side;
 use super::hands::{Punch, Repeats, Wave};
@@ -35,11 +36,11 @@ impl Sit {
         if self.rises { down * smooth((self.duration() - t) / self.lowering) } else { down }
     }
 
-    fn duration(&self) -> f32 {
+    pub fn duration(&self) -> f32 {
         self.hold + if self.rises { 2.0 } else { 1.0 } * self.lowering
     }
 
-    fn posture(&self, t: f32, posture: &mut Posture) {
+    pub fn posture(&self, posture: &mut Posture, t: f32) {
         let seated = self.seated(t);
         // The trunk goes forward while the weight is between feet and seat.
         let between = (PI * seated).sin();
@@ -49,47 +50,13 @@ impl Sit {
         trunk.pelvis_pitch += 0.45 * between - 0.12 * seated;
         trunk.spine_pitch += 0.45 * between + 0.06 * seated;
         trunk.head_pitch -= 0.25 * between;
-        for side in Side::BOTH {
-            let lap = Arm { flex: 0.36, abduct: 0.1, twist: -0.3, elbow: 0.8, shrug: 0.0 };
-            posture.reach(side, lap, seated);
-            posture.arm(side).flex += 0.5 * between;
-        }
+        let lap = Arm { flex: 0.36, abduct: 0.1, twist: -0.3, elbow: 0.8, shrug: 0.0 };
+        posture.reach(Side::BOTH, lap, seated);
+        posture.arms.iter_mut().for_each(|arm| arm.flex += 0.5 * between);
     }
 }
 
-/// An action that leaves the feet where they are.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum InPlace {
-    Wave(Wave),
-    Punch(Punch),
-    /// Clapping; `height` 0 before the chest, 1 above the head.
-    Clap {
-        repeats: Repeats,
-        height: f32,
-    },
-    /// Raising both arms; `out` 0 forward and up, 1 by the sides and up.
-    Stretch {
-        hold: f32,
-        out: f32,
-        raise: f32,
-    },
-    Bow {
-        repeats: Repeats,
-        depth: f32,
-    },
-    Squat {
-        repeats: Repeats,
-        depth: f32,
-    },
-    Sit(Sit),
-    /// Standing; a look to one side and the other if `looks`.
-    Stand {
-        hold: f32,
-        looks: Option<Side>,
-    },
-}
-
-/// The kinds of [`InPlace`], to draw from.
+/// The kinds of actions that leave the feet where they are, to draw from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Wave,
@@ -102,9 +69,9 @@ pub enum Kind {
     Stand,
 }
 
-impl InPlace {
+impl Action {
     /// Draws an action of a kind that takes no longer than `budget` seconds, if there is one.
-    pub fn sample(kind: Kind, m: &Manner, budget: f32, rng: &mut impl Draw) -> Option<Self> {
+    pub fn in_place(kind: Kind, m: &Manner, budget: f32, rng: &mut impl Draw) -> Option<Self> {
         let energy = m.traits.energy;
         let action = match kind {
             Kind::Wave => Self::Wave(Wave::sample(m, budget, rng)?),
@@ -115,19 +82,18 @@ impl InPlace {
                 out: rng.unit(),
                 raise: rng.uniform(0.7, 1.1) / energy,
             },
-            Kind::Bow => Self::Bow {
-                repeats: Repeats::sample((1, 2), rng.uniform(1.6, 2.5) / energy, budget, rng)?,
-                depth: rng.uniform(0.35, 1.0),
-            },
-            Kind::Squat => Self::Squat {
-                repeats: Repeats::sample((1, 4), rng.uniform(1.4, 2.1) / energy, budget, rng)?,
-                depth: rng.uniform(0.2, 0.5),
-            },
+            Kind::Bow => Self::Bow(
+                Repeats::sample((1, 2), rng.uniform(1.6, 2.5) / energy, budget, rng)?,
+                rng.uniform(0.35, 1.0),
+            ),
+            Kind::Squat => Self::Squat(
+                Repeats::sample((1, 4), rng.uniform(1.4, 2.1) / energy, budget, rng)?,
+                rng.uniform(0.2, 0.5),
+            ),
             Kind::Sit => Self::Sit(Sit::sample(m, rng)),
-            Kind::Stand => Self::Stand {
-                hold: rng.uniform(1.0, 3.0),
-                looks: rng.chance(0.5).then(|| rng.one_of(&Side::BOTH)),
-            },
+            Kind::Stand => {
+                Self::Stand(rng.uniform(1.0, 3.0), rng.chance(0.5).then(|| rng.one_of(&Side::BOTH)))
+            }
         };
         (action.duration() <= budget).then_some(action)
     }
@@ -137,63 +103,16 @@ impl InPlace {
         let repeats = Repeats::sample((2, 8), period, budget - 1.0, rng)?;
         let overhead = rng.chance(0.25);
         let height = if overhead { rng.uniform(0.8, 1.0) } else { rng.uniform(0.0, 0.2) };
-        Some(Self::Clap { repeats, height })
-    }
-
-    /// The kind, without its numbers.
-    pub fn kind(&self) -> Kind {
-        match self {
-            Self::Wave(_) => Kind::Wave,
-            Self::Punch(_) => Kind::Punch,
-            Self::Clap { .. } => Kind::Clap,
-            Self::Stretch { .. } => Kind::Stretch,
-            Self::Bow { .. } => Kind::Bow,
-            Self::Squat { .. } => Kind::Squat,
-            Self::Sit(_) => Kind::Sit,
-            Self::Stand { .. } => Kind::Stand,
-        }
-    }
-
-    /// Seconds of the action.
-    pub fn duration(&self) -> f32 {
-        match self {
-            Self::Wave(wave) => wave.duration(),
-            Self::Punch(punch) => punch.duration(),
-            Self::Clap { repeats, .. } => 1.0 + repeats.total(),
-            Self::Stretch { hold, raise, .. } => hold + 2.0 * raise,
-            Self::Bow { repeats, .. } | Self::Squat { repeats, .. } => repeats.total(),
-            Self::Sit(sit) => sit.duration(),
-            Self::Stand { hold, .. } => *hold,
-        }
-    }
-
-    /// The posture `t` seconds after the start.
-    pub fn posture(&self, t: f32, m: &Manner) -> Posture {
-        let mut posture = Posture::idle(m);
-        let total = self.duration();
-        match self {
-            Self::Wave(wave) => wave.raise_arms(&mut posture, t),
-            Self::Punch(punch) => punch.strike(&mut posture, t),
-            Self::Clap { repeats, height } => clap(&mut posture, repeats, *height, t, total),
-            Self::Stretch { out, raise, .. } => {
-                stretch(&mut posture, *out, plateau(t, total, *raise));
-            }
-            Self::Bow { repeats, depth } => bow(&mut posture, depth * cycle(repeats, t)),
-            Self::Squat { repeats, depth } => squat(&mut posture, *depth, cycle(repeats, t)),
-            Self::Sit(sit) => sit.posture(t, &mut posture),
-            Self::Stand { looks, .. } => look(&mut posture, *looks, t, total),
-        }
-        posture
+        Some(Self::Clap(repeats, height))
     }
 }
 
 /// 0 at the ends of each repeat, 1 for a while in its middle.
-fn cycle(repeats: &Repeats, t: f32) -> f32 {
-    let t = t.clamp(0.0, repeats.total() - 1e-4).rem_euclid(repeats.period);
-    plateau(t, repeats.period, 0.42 * repeats.period)
+pub fn cycle(repeats: &Repeats, t: f32) -> f32 {
+    plateau(repeats.since_start(t), repeats.period, 0.42 * repeats.period)
 }
 
-fn clap(posture: &mut Posture, repeats: &Repeats, height: f32, t: f32, total: f32) {
+pub fn clap(posture: &mut Posture, repeats: &Repeats, height: f32, t: f32, total: f32) {
     let on = plateau(t, total, 0.5);
     let beat = TAU * (t - 0.5) / repeats.period;
     let open = (0.5 + 0.5 * beat.cos()) * on;
@@ -202,47 +121,39 @@ fn clap(posture: &mut Posture, repeats: &Repeats, height: f32, t: f32, total: f3
     let mut target = low.mix(high, height);
     target.abduct += (0.22 + 0.1 * height) * open;
     target.twist += (0.45 - 0.3 * height) * open;
-    for side in Side::BOTH {
-        posture.reach(side, target, on);
-    }
+    posture.reach(Side::BOTH, target, on);
 }
 
-fn stretch(posture: &mut Posture, out: f32, up: f32) {
+pub fn stretch(posture: &mut Posture, out: f32, up: f32) {
     let forward = Arm { flex: 2.85, abduct: 0.12, twist: 0.0, elbow: 0.15, shrug: 0.35 };
     let sideways = Arm { flex: 0.0, abduct: 2.75, twist: 0.6, elbow: 0.15, shrug: 0.35 };
-    for side in Side::BOTH {
-        posture.reach(side, forward.mix(sideways, out.round()), up);
-    }
+    posture.reach(Side::BOTH, forward.mix(sideways, out.round()), up);
     posture.trunk.spine_pitch -= (0.1 + 0.12 * out) * up;
     posture.trunk.head_pitch -= 0.3 * up;
 }
 
-fn bow(posture: &mut Posture, depth: f32) {
+pub fn bow(posture: &mut Posture, depth: f32) {
     let trunk = &mut posture.trunk;
     trunk.pelvis_pitch += 0.55 * depth;
     trunk.spine_pitch += 0.75 * depth;
     trunk.head_pitch += 0.25 * depth;
     trunk.shift_forward -= 0.13 * depth;
-    for arm in &mut posture.arms {
-        // Arms keep hanging by the legs.
-        arm.flex += 0.75 * depth;
-    }
+    // Arms keep hanging by the legs.
+    posture.arms.iter_mut().for_each(|arm| arm.flex += 0.75 * depth);
 }
 
-fn squat(posture: &mut Posture, depth: f32, down: f32) {
+pub fn squat(posture: &mut Posture, depth: f32, down: f32) {
     let trunk = &mut posture.trunk;
     trunk.rise -= depth * down;
     trunk.shift_forward -= 0.3 * depth * down;
     trunk.pelvis_pitch += 0.8 * depth * down;
     trunk.spine_pitch += 0.9 * depth * down;
     trunk.head_pitch -= 0.8 * depth * down;
-    for side in Side::BOTH {
-        let ahead = Arm { flex: 1.3, abduct: 0.1, twist: -0.2, elbow: 0.35, shrug: 0.05 };
-        posture.reach(side, ahead, 0.85 * down);
-    }
+    let ahead = Arm { flex: 1.3, abduct: 0.1, twist: -0.2, elbow: 0.35, shrug: 0.05 };
+    posture.reach(Side::BOTH, ahead, 0.85 * down);
 }
 
-fn look(posture: &mut Posture, first: Option<Side>, t: f32, total: f32) {
+pub fn look(posture: &mut Posture, first: Option<Side>, t: f32, total: f32) {
     let Some(first) = first else { return };
     let turn = first.sign() * (TAU * t / total).sin() * plateau(t, total, 0.2);
     posture.trunk.head_turn += 0.75 * turn;

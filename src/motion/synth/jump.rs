@@ -111,9 +111,8 @@ impl Jump {
         }
     }
 
-    /// The posture `t` seconds after the start.
-    pub fn posture(&self, t: f32, m: &Manner) -> Posture {
-        let mut posture = Posture::idle(m);
+    /// Takes the posture `t` seconds after the start.
+    pub fn posture(&self, posture: &mut Posture, t: f32) {
         let t = t.clamp(0.0, self.duration() - 1e-4).rem_euclid(self.period());
         let air = (t - self.wind_up) / self.flight();
         let landed = t - self.wind_up - self.flight();
@@ -127,8 +126,7 @@ impl Jump {
         trunk.pelvis_pitch += 1.2 * self.crouch * bend - 0.05 * lift;
         trunk.spine_pitch += 1.8 * self.crouch * bend - 0.12 * lift;
         trunk.head_pitch -= self.crouch * bend;
-        self.throw_arms(&mut posture, t, lift, bend);
-        posture
+        self.throw_arms(posture, t, lift, bend);
     }
 
     /// Down slowly, up fast: 1 at the bottom, 0 at the lift with the legs still stretching.

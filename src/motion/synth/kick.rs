@@ -3,6 +3,7 @@
 use super::blend::{plateau, smooth};
 use super::feet::{ANKLE, Flight, Key};
 use super::floor::{FloorPose, Side};
+use super::hands::Repeats;
 use super::manner::Manner;
 use super::posture::Posture;
 use super::random::Draw;
@@ -19,9 +20,7 @@ pub struct Kick {
     pub sideways: bool,
     /// Angle of the leg from straight down at the strike.
     pub angle: f32,
-    pub count: u32,
-    /// Seconds of one kick.
-    pub period: f32,
+    pub repeats: Repeats,
     /// How far the leg swings back, or the knee up, before the strike.
     pub wind_up: f32,
 }
@@ -37,18 +36,15 @@ impl Kick {
         let wind_up = rng.uniform(0.4, 1.0);
         let leg = m.preferred(rng);
         let angle = angle * m.traits.energy.clamp(0.8, 1.1);
-        (count > 0).then_some(Self { leg, sideways, angle, count, period, wind_up })
-    }
-
-    /// Seconds of all kicks.
-    pub fn duration(&self) -> f32 {
-        self.count as f32 * self.period
+        let repeats = Repeats { count, period };
+        (count > 0).then_some(Self { leg, sideways, angle, repeats, wind_up })
     }
 
     /// Lift and landing of kick `i`, seconds after the start.
     pub fn airtime(&self, i: u32) -> (f32, f32) {
-        let start = i as f32 * self.period;
-        (start + LIFT * self.period, start + LAND * self.period)
+        let period = self.repeats.period;
+        let start = i as f32 * period;
+        (start + LIFT * period, start + LAND * period)
     }
 
     /// The flight of the foot between two places beside `root`; `flat` is a resting foot's pitch.
@@ -78,12 +74,11 @@ impl Kick {
         Flight::Kick { root, keys }
     }
 
-    /// The posture `t` seconds after the start.
-    pub fn posture(&self, t: f32, m: &Manner) -> Posture {
-        let mut posture = Posture::idle(m);
-        let u = t.clamp(0.0, self.duration() - 1e-4).rem_euclid(self.period) / self.period;
+    /// Takes the posture `t` seconds after the start.
+    pub fn posture(&self, posture: &mut Posture, t: f32) {
+        let u = self.repeats.since_start(t) / self.repeats.period;
         let side = self.leg.sign();
-        let whole = plateau(t, self.duration(), 0.28);
+        let whole = plateau(t, self.repeats.total(), 0.28);
         let strike = smooth((u - 0.32) / 0.2) * smooth((0.8 - u) / 0.25) * self.angle;
         let trunk = &mut posture.trunk;
         trunk.shift_left -= side * 0.075 * whole;
@@ -96,8 +91,7 @@ impl Kick {
         trunk.pelvis_twist -= side * 0.16 * strike;
         trunk.spine_twist += side * 0.3 * strike;
         trunk.head_pitch += 0.6 * lean.0 * strike;
-        self.balance(&mut posture, whole, strike);
-        posture
+        self.balance(posture, whole, strike);
     }
 
     /// Arms out, the opposite one forward.

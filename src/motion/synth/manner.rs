@@ -2,12 +2,12 @@
 
 use super::floor::Side;
 use super::random::Draw;
-use super::style::{BETWEEN_PEOPLE, Style, Traits};
+use super::style::{BETWEEN_PEOPLE, PLAIN, STYLES, Style, Traits};
 
 /// Everything about the mover that lasts for the clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Manner {
-    pub style: Style,
+    pub style: &'static Style,
     /// How strongly the style shows: below 0.75 slight, above 1.1 strong.
     pub strength: f32,
     pub traits: Traits,
@@ -22,10 +22,10 @@ pub struct Manner {
 impl Manner {
     /// Draws a style and a person.
     pub fn sample(rng: &mut impl Draw) -> Self {
-        let style = Style::sample(rng);
+        let style = rng.weighted(STYLES);
         let strength = rng.uniform(0.5, 1.3);
         let own = BETWEEN_PEOPLE.zip(Traits::from_fn(|| rng.around(0.0, 1.0)), |sd, z| sd * z);
-        let traits = Style::Plain.traits().mix(style.traits(), strength).zip(own, |a, b| a + b);
+        let traits = PLAIN.mix(style.traits, strength).zip(own, |a, b| a + b);
         Self {
             style,
             strength,

@@ -12,22 +12,18 @@ use super::wander::Wander;
 use crate::motion::Pose;
 
 impl Script {
-    /// The joints, `n_frames + 1` poses at [`FPS`] frames per second, metres.
+    /// The joints, `n_frames + 1` poses at [`FPS`] frames per second, metres; the script's own noise
+    /// seed decides all.
     pub fn poses(&self) -> Vec<Pose> {
-        perform(self)
+        let mut rng = ChaCha8Rng::seed_from_u64(self.noise);
+        let path = Path::lay(self, &mut rng);
+        let mut feet = plan(self, &path, &mut rng);
+        let mut wander = Wander::new(&self.manner, &mut rng);
+        let frame_pose = |frame: usize| {
+            let t = frame as f32 / FPS;
+            let posture = wander.disturb(self.posture(t), &mut rng);
+            pose(path.at(t), &posture, &[feet[0].at(t), feet[1].at(t)])
+        };
+        (0..=self.n_frames()).map(frame_pose).collect()
     }
-}
-
-/// The poses of a script, one more than its frames of features; its own noise seed decides all.
-fn perform(script: &Script) -> Vec<Pose> {
-    let mut rng = ChaCha8Rng::seed_from_u64(script.noise);
-    let path = Path::lay(script, &mut rng);
-    let mut feet = plan(script, &path, &mut rng);
-    let mut wander = Wander::new(&script.manner, &mut rng);
-    let frame_pose = |frame: usize| {
-        let t = frame as f32 / FPS;
-        let posture = wander.disturb(script.posture(t), &mut rng);
-        pose(path.at(t), &posture, &[feet[0].at(t), feet[1].at(t)])
-    };
-    (0..=script.n_frames()).map(frame_pose).collect()
 }

@@ -4,15 +4,12 @@ use super::act::Act;
 use super::action::Action;
 use super::floor::Side;
 use super::hands::{Hands, Punch, Wave};
-use super::in_place::{InPlace, Sit};
+use super::in_place::Sit;
 use super::jump::{Aim, Jump};
 use super::kick::Kick;
 use super::random::Draw;
 use super::travel::{Gait, Travel};
-use super::verbs::{
-    BACK, HOP, JUMP, LOOK, PUNCH, RUN, SIDEWAYS, SIT, SPRINT, SQUAT, STAND, STRETCH, TURN, Verb,
-    WALK, verb,
-};
+use super::verbs::{self, Verb};
 
 /// A verb and what is said about it.
 #[derive(Clone, Debug)]
@@ -33,7 +30,27 @@ impl Phrase {
             Action::Travel(travel) => of_travel(travel, rng),
             Action::Jump(jump) => of_jump(jump, rng),
             Action::Kick(kick) => of_kick(kick, rng),
-            Action::InPlace(action) => of_in_place(action, rng),
+            Action::Wave(wave) => of_wave(wave, rng),
+            Action::Punch(punch) => of_punch(punch, rng),
+            Action::Clap(repeats, height) => {
+                let place = if *height > 0.5 { "above the head" } else { "" };
+                of_repeats(&[("claps", "clapping")], place, repeats.count, rng)
+            }
+            Action::Stretch { out, .. } => of_stretch(*out, rng),
+            Action::Bow(repeats, depth) => {
+                let depth = if *depth > 0.7 { "deeply" } else { "slightly" };
+                let told = if rng.chance(0.6) { depth } else { "" };
+                of_repeats(&[("bows", "bowing")], told, repeats.count, rng)
+            }
+            Action::Squat(repeats, depth) => {
+                let told = if *depth > 0.38 && rng.chance(0.6) { "low" } else { "" };
+                of_repeats(&verbs::SQUAT, told, repeats.count, rng)
+            }
+            Action::Sit(sit) => of_sit(sit, rng),
+            Action::Stand(hold, looks) => {
+                let told = if *hold > 2.0 && rng.chance(0.5) { "for a while" } else { "" };
+                of_repeats(if looks.is_some() { &verbs::LOOK } else { &verbs::STAND }, told, 0, rng)
+            }
         };
         if act.again {
             phrase.rest.push("again".to_owned());
@@ -47,6 +64,28 @@ impl Phrase {
 
     fn say(&mut self, words: impl Into<String>) {
         self.rest.push(words.into());
+    }
+
+    /// Says one of some words with a probability.
+    fn say_at_times(&mut self, probability: f32, words: &[&str], rng: &mut impl Draw) {
+        if rng.chance(probability) {
+            self.say(rng.one_of(words));
+        }
+    }
+
+    /// Says that a value is low or high: beyond this threshold, with this probability, this word.
+    fn say_extreme(
+        &mut self,
+        value: f32,
+        low: (f32, f32, &str),
+        high: (f32, f32, &str),
+        rng: &mut impl Draw,
+    ) {
+        if value > high.0 && rng.chance(high.1) {
+            self.say(high.2);
+        } else if value < low.0 && rng.chance(low.1) {
+            self.say(low.2);
+        }
     }
 
     fn say_times(&mut self, count: u32, rng: &mut impl Draw) {
@@ -66,12 +105,12 @@ fn number(count: u32) -> &'static str {
 
 fn of_travel(travel: &Travel, rng: &mut impl Draw) -> Phrase {
     let verbs: &[Verb] = match travel.gait {
-        Gait::Walk | Gait::Arc(_) => &WALK,
-        Gait::Run if travel.pace > 1.15 => &SPRINT,
-        Gait::Run => &RUN,
-        Gait::Back => &BACK,
-        Gait::Sideways(_) => &SIDEWAYS,
-        Gait::Turn(_) => &TURN,
+        Gait::Walk | Gait::Arc(_) => &verbs::WALK,
+        Gait::Run if travel.pace > 1.15 => &verbs::SPRINT,
+        Gait::Run => &verbs::RUN,
+        Gait::Back => &verbs::BACK,
+        Gait::Sideways(_) => &verbs::SIDEWAYS,
+        Gait::Turn(_) => &verbs::TURN,
     };
     let mut phrase = Phrase::new(verbs, rng);
     say_pace(&mut phrase, travel.pace, rng);
@@ -106,8 +145,9 @@ fn say_ahead(phrase: &mut Phrase, turn: f32, rng: &mut impl Draw) {
     if turn.abs() > 0.15 && rng.chance(0.6) {
         let side = if turn > 0.0 { Side::Left } else { Side::Right };
         phrase.say(format!("forward slightly to the {}", side.word()));
-    } else if rng.chance(0.75) {
-        phrase.say(rng.one_of(&["forward", "forward", "straight ahead", "straight forward"]));
+    } else {
+        let words = ["forward", "forward", "straight ahead", "straight forward"];
+        phrase.say_at_times(0.75, &words, rng);
     }
 }
 
@@ -121,9 +161,7 @@ fn say_turn(phrase: &mut Phrase, side: Side, degrees: f32, rng: &mut impl Draw) 
         d if d < 250.0 => &["all the way around", "by a half turn", "one hundred eighty degrees"],
         _ => &["in a full circle", "by a full turn", "three hundred sixty degrees"],
     };
-    if rng.chance(0.75) {
-        phrase.say(rng.one_of(amounts));
-    }
+    phrase.say_at_times(0.75, amounts, rng);
 }
 
 fn say_arc(phrase: &mut Phrase, side: Side, degrees: f32, rng: &mut impl Draw) {
@@ -141,13 +179,9 @@ fn say_arc(phrase: &mut Phrase, side: Side, degrees: f32, rng: &mut impl Draw) {
 }
 
 fn of_jump(jump: &Jump, rng: &mut impl Draw) -> Phrase {
-    let verbs: &[Verb] = if jump.height < 0.16 { &HOP } else { &JUMP };
+    let verbs: &[Verb] = if jump.height < 0.16 { &verbs::HOP } else { &verbs::JUMP };
     let mut phrase = Phrase::new(verbs, rng);
-    match jump.height {
-        h if h > 0.28 && rng.chance(0.6) => phrase.say("high"),
-        h if h < 0.14 && rng.chance(0.4) => phrase.say("a little"),
-        _ => {}
-    }
+    phrase.say_extreme(jump.height, (0.14, 0.4, "a little"), (0.28, 0.6, "high"), rng);
     match jump.aim {
         Aim::Up => phrase.say(rng.one_of(&["up", "up and down", "in place", "into the air"])),
         Aim::Forward if jump.distance > 0.6 => phrase.say("far forward"),
@@ -161,22 +195,18 @@ fn of_jump(jump: &Jump, rng: &mut impl Draw) -> Phrase {
 }
 
 fn of_kick(kick: &Kick, rng: &mut impl Draw) -> Phrase {
-    let mut phrase = Phrase::new(&[verb("kicks", "kicking")], rng);
-    match kick.angle {
-        a if a > 1.35 && rng.chance(0.8) => phrase.say("high"),
-        a if a < 0.85 && rng.chance(0.8) => phrase.say("low"),
-        _ => {}
-    }
+    let mut phrase = Phrase::new(&[("kicks", "kicking")], rng);
+    phrase.say_extreme(kick.angle, (0.85, 0.8, "low"), (1.35, 0.8, "high"), rng);
     if kick.sideways {
         phrase.say("to the side");
-    } else if rng.chance(0.4) {
-        phrase.say(rng.one_of(&["forward", "in front", "into the air"]));
+    } else {
+        phrase.say_at_times(0.4, &["forward", "in front", "into the air"], rng);
     }
     if rng.chance(0.85) {
         let part = rng.one_of(&["leg", "foot"]);
         phrase.say(format!("with the {} {part}", kick.leg.word()));
     }
-    phrase.say_times(kick.count, rng);
+    phrase.say_times(kick.repeats.count, rng);
     phrase
 }
 
@@ -186,32 +216,6 @@ fn hands(hands: Hands, rng: &mut impl Draw) -> String {
         Hands::Both => format!("both {part}s"),
         Hands::One(side) if rng.chance(0.85) => format!("the {} {part}", side.word()),
         Hands::One(_) => format!("one {part}"),
-    }
-}
-
-fn of_in_place(action: &InPlace, rng: &mut impl Draw) -> Phrase {
-    match action {
-        InPlace::Wave(wave) => of_wave(wave, rng),
-        InPlace::Punch(punch) => of_punch(punch, rng),
-        InPlace::Clap { repeats, height } => {
-            let place = if *height > 0.5 { "above the head" } else { "" };
-            of_repeats(&[verb("claps", "clapping")], place, repeats.count, rng)
-        }
-        InPlace::Stretch { out, .. } => of_stretch(*out, rng),
-        InPlace::Bow { repeats, depth } => {
-            let depth = if *depth > 0.7 { "deeply" } else { "slightly" };
-            let told = if rng.chance(0.6) { depth } else { "" };
-            of_repeats(&[verb("bows", "bowing")], told, repeats.count, rng)
-        }
-        InPlace::Squat { repeats, depth } => {
-            let told = if *depth > 0.38 && rng.chance(0.6) { "low" } else { "" };
-            of_repeats(&SQUAT, told, repeats.count, rng)
-        }
-        InPlace::Sit(sit) => of_sit(sit, rng),
-        InPlace::Stand { looks, hold } => {
-            let told = if *hold > 2.0 && rng.chance(0.5) { "for a while" } else { "" };
-            of_repeats(if looks.is_some() { &LOOK } else { &STAND }, told, 0, rng)
-        }
     }
 }
 
@@ -226,7 +230,7 @@ fn of_repeats(verbs: &[Verb], told: &str, count: u32, rng: &mut impl Draw) -> Ph
 }
 
 fn of_stretch(out: f32, rng: &mut impl Draw) -> Phrase {
-    let mut phrase = Phrase::new(&STRETCH, rng);
+    let mut phrase = Phrase::new(&verbs::STRETCH, rng);
     let sideways = ["out to the sides and up", "sideways above the head"];
     let forward = ["forward and up", "straight up above the head"];
     phrase.say(rng.one_of(if out.round() > 0.5 { &sideways } else { &forward }));
@@ -234,22 +238,19 @@ fn of_stretch(out: f32, rng: &mut impl Draw) -> Phrase {
 }
 
 fn of_wave(wave: &Wave, rng: &mut impl Draw) -> Phrase {
-    let mut phrase = Phrase::new(&[verb("waves", "waving")], rng);
+    let mut phrase = Phrase::new(&[("waves", "waving")], rng);
     if rng.chance(0.9) {
         let with = if rng.chance(0.3) { "with " } else { "" };
         phrase.say(format!("{with}{}", hands(wave.hands, rng)));
     }
-    match wave.height {
-        h if h > 0.7 && rng.chance(0.7) => phrase.say("above the head"),
-        h if h < 0.25 && rng.chance(0.5) => phrase.say("in front of the chest"),
-        _ => {}
-    }
+    let (low, high) = ((0.25, 0.5, "in front of the chest"), (0.7, 0.7, "above the head"));
+    phrase.say_extreme(wave.height, low, high, rng);
     phrase.say_times(wave.repeats.count, rng);
     phrase
 }
 
 fn of_punch(punch: &Punch, rng: &mut impl Draw) -> Phrase {
-    let mut phrase = Phrase::new(&PUNCH, rng);
+    let mut phrase = Phrase::new(&verbs::PUNCH, rng);
     if punch.alternates && punch.repeats.count > 1 {
         phrase.say("with both fists");
     } else if rng.chance(0.8) {
@@ -260,15 +261,13 @@ fn of_punch(punch: &Punch, rng: &mut impl Draw) -> Phrase {
 }
 
 fn of_sit(sit: &Sit, rng: &mut impl Draw) -> Phrase {
-    let mut phrase = Phrase::new(&SIT, rng);
-    if rng.chance(0.3) {
-        phrase.say(rng.one_of(&["on a chair", "on a stool", "on a bench"]));
-    }
+    let mut phrase = Phrase::new(&verbs::SIT, rng);
+    phrase.say_at_times(0.3, &["on a chair", "on a stool", "on a bench"], rng);
     if sit.hold > 2.0 && rng.chance(0.4) {
         phrase.say("for a while");
     }
-    if sit.rises && rng.chance(0.8) {
-        phrase.say(rng.one_of(&["and gets up", "and rises again", "and gets back up"]));
+    if sit.rises {
+        phrase.say_at_times(0.8, &["and gets up", "and rises again", "and gets back up"], rng);
     }
     phrase
 }

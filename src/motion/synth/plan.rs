@@ -27,7 +27,7 @@ pub fn plan(script: &Script, path: &Path, rng: &mut impl Draw) -> [FootTrack; 2]
             Action::Travel(travel) => planner.walk(act, travel, script.seconds()),
             Action::Jump(jump) => planner.jump(act, jump),
             Action::Kick(kick) => planner.kick(act, kick),
-            Action::InPlace(_) => {}
+            _ => {}
         }
     }
     planner.feet
@@ -64,17 +64,24 @@ impl<R: Draw> Planner<'_, R> {
         let middle = land + share * time * duty;
         // The good foot hurries while the bad leg carries the body.
         let limp = if side == self.manner.bad_leg { 0.0 } else { 0.2 * time * traits.limp };
-        let width = traits.width * stance(travel.gait);
+        let footwork = Footwork::of(travel);
+        let width = traits.width * footwork.stance;
         let swing = Swing {
             lift: lift + limp + self.rng.around(0.0, 0.012 * traits.wander.min(2.0)),
             land: land - 0.5 * limp,
             from: self.feet[side.index()].last_place(),
             to: self.unsteady(rest(self.path.at(middle), side, width, traits.toe_out)),
-            flight: Flight::Step { clearance: (clearance(travel) * traits.lift).min(0.28) },
-            roll_off: roll_off(travel) * traits.lift.clamp(0.6, 1.2),
-            strike: strike(travel),
+            flight: Flight::Step { clearance: (footwork.clearance * traits.lift).min(0.28) },
+            roll_off: footwork.roll_off * traits.lift.clamp(0.6, 1.2),
+            strike: footwork.strike,
         };
         self.feet[side.index()].push(swing);
+    }
+
+    /// Where a foot rests beside a root.
+    fn resting(&self, root: FloorPose, side: Side) -> FloorPose {
+        let traits = &self.manner.traits;
+        rest(root, side, traits.width, traits.toe_out)
     }
 
     /// A place that a living foot meets.
@@ -85,8 +92,6 @@ impl<R: Draw> Planner<'_, R> {
     }
 
     fn jump(&mut self, act: &Act, jump: &Jump) {
-        let traits = &self.manner.traits;
-        let (width, toe_out) = (traits.width, traits.toe_out);
         for i in 0..jump.count {
             let (lift, land) = jump.airtime(i);
             let target = self.path.at(act.start + land + 0.3);
@@ -95,7 +100,7 @@ impl<R: Draw> Planner<'_, R> {
                     lift: act.start + lift + self.rng.around(0.0, 0.012),
                     land: act.start + land,
                     from: self.feet[side.index()].last_place(),
-                    to: self.unsteady(rest(target, side, width, toe_out)),
+                    to: self.unsteady(self.resting(target, side)),
                     flight: Flight::Leap { height: jump.height },
                     roll_off: 0.6 + 0.5 * jump.height,
                     strike: 0.0,
@@ -106,13 +111,12 @@ impl<R: Draw> Planner<'_, R> {
     }
 
     fn kick(&mut self, act: &Act, kick: &Kick) {
-        let (traits, leg) = (&self.manner.traits, kick.leg.index());
-        let (width, toe_out) = (traits.width, traits.toe_out);
-        for i in 0..kick.count {
+        let leg = kick.leg.index();
+        for i in 0..kick.repeats.count {
             let (lift, land) = kick.airtime(i);
             let root = self.path.at(act.start + lift);
             let from = self.feet[leg].last_place();
-            let to = self.unsteady(rest(root, kick.leg, width, toe_out));
+            let to = self.unsteady(self.resting(root, kick.leg));
             let flight = kick.flight(root, from, to, self.feet[leg].flat());
             let (lift, land) = (act.start + lift, act.start + land);
             self.feet[leg].push(Swing { lift, land, from, to, flight, roll_off: 0.0, strike: 0.0 });
@@ -120,36 +124,33 @@ impl<R: Draw> Planner<'_, R> {
     }
 }
 
-/// Width of the stance against standing: narrow in a run, wide when feet must not meet.
-fn stance(gait: Gait) -> f32 {
-    match gait {
-        Gait::Run => 0.5,
-        Gait::Sideways(_) => 1.35,
-        Gait::Turn(_) => 1.1,
-        _ => 0.85,
-    }
+/// How the feet of a gait leave the floor and meet it.
+struct Footwork {
+    /// Width of the stance against standing: narrow in a run, wide when feet must not meet.
+    stance: f32,
+    clearance: f32,
+    roll_off: f32,
+    strike: f32,
 }
 
-fn clearance(travel: &Travel) -> f32 {
-    match travel.gait {
-        Gait::Run => 0.08 + 0.07 * travel.speed(),
-        Gait::Walk | Gait::Arc(_) => 0.03 + 0.03 * travel.speed(),
-        _ => 0.05,
-    }
-}
-
-fn roll_off(travel: &Travel) -> f32 {
-    match travel.gait {
-        Gait::Run => 0.95,
-        Gait::Walk | Gait::Arc(_) => (0.15 + 0.45 * travel.speed()).min(0.8),
-        _ => 0.15,
-    }
-}
-
-fn strike(travel: &Travel) -> f32 {
-    match travel.gait {
-        Gait::Walk | Gait::Arc(_) => (0.3 * travel.speed()).min(0.42),
-        Gait::Run => 0.12,
-        _ => 0.0,
+impl Footwork {
+    fn of(travel: &Travel) -> Self {
+        let speed = travel.speed();
+        let flat = |stance| Self { stance, clearance: 0.05, roll_off: 0.15, strike: 0.0 };
+        match travel.gait {
+            Gait::Run => {
+                let clearance = 0.08 + 0.07 * speed;
+                Self { stance: 0.5, clearance, roll_off: 0.95, strike: 0.12 }
+            }
+            Gait::Walk | Gait::Arc(_) => Self {
+                stance: 0.85,
+                clearance: 0.03 + 0.03 * speed,
+                roll_off: (0.15 + 0.45 * speed).min(0.8),
+                strike: (0.3 * speed).min(0.42),
+            },
+            Gait::Back => flat(0.85),
+            Gait::Sideways(_) => flat(1.35),
+            Gait::Turn(_) => flat(1.1),
+        }
     }
 }

@@ -65,13 +65,22 @@ impl Posture {
         Self { trunk, arms: [arm; 2] }
     }
 
+    /// Fills trunk, left arm and right arm.
+    pub fn from_fn(mut value: impl FnMut() -> f32) -> Self {
+        let trunk = Trunk::from_fn(&mut value);
+        Self { trunk, arms: [Arm::from_fn(&mut value), Arm::from_fn(&mut value)] }
+    }
+
+    /// Combines two postures number by number.
+    pub fn zip(self, other: Self, combine: impl Fn(f32, f32) -> f32) -> Self {
+        let arms = [0, 1].map(|i| self.arms[i].zip(other.arms[i], &combine));
+        Self { trunk: self.trunk.zip(other.trunk, &combine), arms }
+    }
+
     /// `self` at weight 0, `other` at weight 1.
     pub fn mix(self, other: Self, weight: f32) -> Self {
-        let [left, right] = self.arms;
-        Self {
-            trunk: self.trunk.mix(other.trunk, weight),
-            arms: [left.mix(other.arms[0], weight), right.mix(other.arms[1], weight)],
-        }
+        let arms = [0, 1].map(|i| self.arms[i].mix(other.arms[i], weight));
+        Self { trunk: self.trunk.mix(other.trunk, weight), arms }
     }
 
     /// The arm of a side, to change.
@@ -79,9 +88,11 @@ impl Posture {
         &mut self.arms[side.index()]
     }
 
-    /// Moves one arm towards a target.
-    pub fn reach(&mut self, side: Side, target: Arm, weight: f32) {
-        let arm = self.arm(side);
-        *arm = arm.mix(target, weight);
+    /// Moves the arms of some sides towards a target.
+    pub fn reach(&mut self, sides: impl IntoIterator<Item = Side>, target: Arm, weight: f32) {
+        for side in sides {
+            let arm = self.arm(side);
+            *arm = arm.mix(target, weight);
+        }
     }
 }

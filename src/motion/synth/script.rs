@@ -88,14 +88,14 @@ impl Script {
 /// after steps join them at once.
 fn next_act(acts: &mut [Act], now: f32, m: &Manner, rng: &mut ChaCha8Rng) -> Option<Act> {
     let budget = |start: f32| LONGEST as f32 / FPS - 0.1 - start;
-    let repeated = acts.len().checked_sub(2).map(|i| acts[i].action);
-    let repeated = repeated.filter(|a| rng.chance(0.3) && a.duration() <= budget(now));
+    let repeated = acts.len().checked_sub(2).map(|i| (acts[i].choice, acts[i].action));
+    let repeated = repeated.filter(|(_, a)| rng.chance(0.3) && a.duration() <= budget(now));
     let last = acts.last_mut();
-    let action = match repeated {
-        Some(action) => action,
-        None => Action::sample(last.as_ref().map(|act| &act.action), m, budget(now), rng)?,
+    let drawn = match repeated {
+        Some(drawn) => drawn,
+        None => Action::sample(last.as_ref().map(|act| act.choice), m, budget(now), rng)?,
     };
-    let mut act = Act { again: repeated.is_some(), ..Act::new(action, now) };
+    let mut act = Act { again: repeated.is_some(), ..Act::new(drawn, now) };
     if let Some(last) = last {
         join_steps(last, &mut act);
     }

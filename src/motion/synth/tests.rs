@@ -5,7 +5,6 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::action::Action;
 use super::floor::Side;
-use super::in_place::Kind;
 use super::jump::Aim;
 use super::script::Script;
 use super::travel::{Gait, Travel};
@@ -163,16 +162,14 @@ fn verbs(action: &Action) -> &'static [&'static str] {
         },
         Action::Jump(_) => &[" jump", " leap", " hop"],
         Action::Kick(_) => &[" kick"],
-        Action::InPlace(action) => match action.kind() {
-            Kind::Wave => &[" waves", " waving"],
-            Kind::Punch => &[" punch", " throw"],
-            Kind::Clap => &[" clap"],
-            Kind::Stretch => &[" rais", " lift", " stretch"],
-            Kind::Bow => &[" bow"],
-            Kind::Squat => &[" squat", " crouch"],
-            Kind::Sit => &[" sit", " takes a seat", " taking a seat"],
-            Kind::Stand => &[" stand", " wait", " look"],
-        },
+        Action::Wave(_) => &[" waves", " waving"],
+        Action::Punch(_) => &[" punch", " throw"],
+        Action::Clap(..) => &[" clap"],
+        Action::Stretch { .. } => &[" rais", " lift", " stretch"],
+        Action::Bow(..) => &[" bow"],
+        Action::Squat(..) => &[" squat", " crouch"],
+        Action::Sit(_) => &[" sit", " takes a seat", " taking a seat"],
+        Action::Stand(..) => &[" stand", " wait", " look"],
     }
 }
 

@@ -86,7 +86,7 @@ impl Travel {
         let first = first_foot(gait, m, rng);
         let mut travel = Self { gait, steps, step_time, step_len, turn, pace, first, wave: None };
         if gait == Gait::Walk && rng.chance(0.12) {
-            travel.wave = Wave::within(travel.duration(), m, rng);
+            travel.wave = Wave::sample(m, travel.duration() - 0.3, rng);
         }
         Some(travel)
     }
@@ -147,17 +147,15 @@ impl Travel {
         }
     }
 
-    /// The posture `t` seconds after the first lift, which may be negative.
-    pub fn posture(&self, t: f32, m: &Manner) -> Posture {
+    /// Takes the posture `t` seconds after the first lift, which may be negative.
+    pub fn posture(&self, posture: &mut Posture, t: f32, m: &Manner) {
         let phase = PI * t / self.step_time + if self.first == Side::Left { 0.0 } else { PI };
-        let mut posture = Posture::idle(m);
-        self.move_trunk(&mut posture, phase, m);
-        self.swing_arms(&mut posture, phase, m);
-        limp(&mut posture, phase, m);
+        self.move_trunk(posture, phase, m);
+        self.swing_arms(posture, phase, m);
+        limp(posture, phase, m);
         if let Some(wave) = &self.wave {
-            wave.raise_arms(&mut posture, t - 0.2);
+            wave.raise_arms(posture, t - 0.2);
         }
-        posture
     }
 
     /// How far the left leg is ahead of the right, -1 to 1.

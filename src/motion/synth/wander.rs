@@ -10,36 +10,34 @@ const SLOW: f32 = 0.939;
 const FAST: f32 = 0.43;
 
 /// One deviation of the slow noise, at wander 1.
-const SLOW_TRUNK: Trunk = Trunk {
-    shift_left: 0.009,
-    rise: 0.003,
-    shift_forward: 0.007,
-    pelvis_pitch: 0.018,
-    pelvis_roll: 0.014,
-    pelvis_twist: 0.03,
-    spine_pitch: 0.03,
-    spine_roll: 0.025,
-    spine_twist: 0.035,
-    head_pitch: 0.05,
-    head_roll: 0.03,
-    head_turn: 0.11,
+const DEVIATION: Posture = {
+    let trunk = Trunk {
+        shift_left: 0.009,
+        rise: 0.003,
+        shift_forward: 0.007,
+        pelvis_pitch: 0.018,
+        pelvis_roll: 0.014,
+        pelvis_twist: 0.03,
+        spine_pitch: 0.03,
+        spine_roll: 0.025,
+        spine_twist: 0.035,
+        head_pitch: 0.05,
+        head_roll: 0.03,
+        head_turn: 0.11,
+    };
+    let arm = Arm { flex: 0.05, abduct: 0.035, twist: 0.09, elbow: 0.07, shrug: 0.015 };
+    Posture { trunk, arms: [arm; 2] }
 };
-const SLOW_ARM: Arm = Arm { flex: 0.05, abduct: 0.035, twist: 0.09, elbow: 0.07, shrug: 0.015 };
 
 /// The fast noise against the slow one, at wander and tremor 1.
 const FAST_SHARE: f32 = 0.07;
 
-/// First- and second-order autoregressive states of every channel, all of unit variance.
-#[derive(Clone, Copy)]
-struct Channels {
+/// A stream of small departures from a posture.
+pub struct Wander {
+    /// First- and second-order autoregressive states of every channel, all of unit variance.
     drive: Posture,
     slow: Posture,
     fast: Posture,
-}
-
-/// A stream of small departures from a posture.
-pub struct Wander {
-    channels: Channels,
     wander: f32,
     tremor: f32,
     /// Radians per frame, and now.
@@ -50,9 +48,10 @@ pub struct Wander {
 impl Wander {
     /// Starts in the stationary distribution.
     pub fn new(manner: &Manner, rng: &mut impl Draw) -> Self {
-        let channels = Channels { drive: white(rng), slow: white(rng), fast: white(rng) };
         Self {
-            channels,
+            drive: white(rng),
+            slow: white(rng),
+            fast: white(rng),
             wander: manner.traits.wander,
             tremor: manner.traits.tremor,
             breath_step: std::f32::consts::TAU * manner.breath_rate / FPS,
@@ -63,28 +62,20 @@ impl Wander {
     /// The posture of the next frame with its noise.
     pub fn disturb(&mut self, posture: Posture, rng: &mut impl Draw) -> Posture {
         self.advance(rng);
-        let (slow, fast) = (self.channels.slow, self.channels.fast);
         let (wander, tremor) = (self.wander, FAST_SHARE * self.tremor);
-        let noise = combine(slow, fast, |s, f| wander * s + tremor * f);
-        let mut noisy = Posture {
-            trunk: posture.trunk.zip(noise.trunk.zip(SLOW_TRUNK, |n, a| n * a), |p, n| p + n),
-            arms: [0, 1].map(|i| {
-                posture.arms[i].zip(noise.arms[i].zip(SLOW_ARM, |n, a| n * a), |p, n| p + n)
-            }),
-        };
+        let noise = self.slow.zip(self.fast, |s, f| wander * s + tremor * f);
+        let mut noisy = posture.zip(noise.zip(DEVIATION, |n, a| n * a), |p, n| p + n);
         self.breathe(&mut noisy);
         noisy
     }
 
     fn advance(&mut self, rng: &mut impl Draw) {
-        let c = self.channels;
         let (innovation, echo) = ((1.0 - SLOW * SLOW).sqrt(), (1.0 - FAST * FAST).sqrt());
         // A cascade of two equal filters has this gain from the first's output.
         let gain = (1.0 - SLOW * SLOW) / (1.0 + SLOW * SLOW).sqrt();
-        let drive = combine(c.drive, white(rng), |x, w| SLOW * x + innovation * w);
-        let slow = combine(c.slow, drive, |x, d| SLOW * x + gain * d);
-        let fast = combine(c.fast, white(rng), |x, w| FAST * x + echo * w);
-        self.channels = Channels { drive, slow, fast };
+        self.drive = self.drive.zip(white(rng), |x, w| SLOW * x + innovation * w);
+        self.slow = self.slow.zip(self.drive, |x, d| SLOW * x + gain * d);
+        self.fast = self.fast.zip(white(rng), |x, w| FAST * x + echo * w);
     }
 
     fn breathe(&mut self, posture: &mut Posture) {
@@ -99,15 +90,5 @@ impl Wander {
 }
 
 fn white(rng: &mut impl Draw) -> Posture {
-    Posture {
-        trunk: Trunk::from_fn(|| rng.white()),
-        arms: [Arm::from_fn(|| rng.white()), Arm::from_fn(|| rng.white())],
-    }
-}
-
-fn combine(a: Posture, b: Posture, f: impl Fn(f32, f32) -> f32 + Copy) -> Posture {
-    Posture {
-        trunk: a.trunk.zip(b.trunk, f),
-        arms: [a.arms[0].zip(b.arms[0], f), a.arms[1].zip(b.arms[1], f)],
-    }
+    Posture::from_fn(|| rng.white())
 }

@@ -13,7 +13,7 @@ use crate::tokenizer::{Corpus, train};
 fn untrained(kind: QuantizerSpec) -> Tokenizer {
     let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(3));
     let spec = TokenizerSpec { quantizer: kind, ..small_spec() };
-    let stats = Waves::new(&[8], 5).stats;
+    let stats = Waves::new(&[8], 5).metadata.stats;
     let module = TokenizerModule::new(&spec, 5, &mut rng, &device);
     Tokenizer::new(module, spec, stats, 29.97, device)
 }
@@ -93,7 +93,7 @@ fn with_language() -> Tokenizer {
     let (device, mut rng) = (Device::flex(), ChaCha8Rng::seed_from_u64(3));
     let places = [LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
     let spec = transformer_spec(&places, QuantizerSpec::Fsq { levels: vec![5, 5, 5] }, 1);
-    let stats = Waves::new(&[8], N_FEATURES).stats;
+    let stats = Waves::new(&[8], N_FEATURES).metadata.stats;
     let module = TokenizerModule::new(&spec, N_FEATURES, &mut rng, &device);
     Tokenizer::new(module, spec, stats, 29.97, device)
 }

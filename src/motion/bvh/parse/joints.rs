@@ -96,7 +96,7 @@ impl Hierarchy<'_> {
     fn channel(&mut self) -> Result<Channel, BvhError> {
         const NAME: &str = "a channel such as Xrotation or Yposition";
         let word = self.words.take(NAME)?;
-        let found = Channel::ALL.into_iter().find(|channel| word.is(channel.name()));
-        found.ok_or_else(|| word.instead_of(NAME))
+        let found = Channel::NAMES.into_iter().find(|(_, name)| word.is(name));
+        found.map(|(channel, _)| channel).ok_or_else(|| word.instead_of(NAME))
     }
 }
