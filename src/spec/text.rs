@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::KeyProblem;
-use crate::units::number;
+use crate::units::section;
 
 /// How captions become vectors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -53,36 +53,20 @@ impl TextStates {
     }
 }
 
-/// The `text` section: how captions become vectors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct TextSpec {
-    pub encoder: TextEncoderKind,
-    /// The file of `file`, or the folder with `config.json`, `tokenizer.json` and `model.safetensors` of an
-    /// encoder with weights, from the working folder. Ids hold their content instead.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub path: Option<PathBuf>,
-    /// One vector a word, or one a caption, as the baseline without a word-level prefix has it (ScaMo, Table
-    /// 2); of encoders with weights.
-    #[serde(skip_serializing_if = "TextStates::is_words")]
-    pub states: TextStates,
-    /// Width of a vector; that of the file or of the model, where there is one.
-    #[serde(deserialize_with = "number::count")]
-    pub dim: usize,
-    /// Longer captions are cut here; part of n_ctx in the FLOP rule.
-    #[serde(deserialize_with = "number::count")]
-    pub max_tokens: usize,
-}
-
-impl Default for TextSpec {
-    fn default() -> Self {
-        Self {
-            encoder: TextEncoderKind::default(),
-            path: None,
-            states: TextStates::default(),
-            dim: 64,
-            max_tokens: 32,
-        }
+section! {
+    /// The `text` section: how captions become vectors.
+    pub struct TextSpec {
+        encoder: TextEncoderKind = TextEncoderKind::default();
+        /// The file of `file`, or the folder with `config.json`, `tokenizer.json` and `model.safetensors` of an
+        /// encoder with weights, from the working folder. Ids hold their content instead.
+        path: Option<PathBuf> = None, unless "Option::is_none";
+        /// One vector a word, or one a caption, as the baseline without a word-level prefix has it (ScaMo, Table
+        /// 2); of encoders with weights.
+        states: TextStates = TextStates::default(), unless "TextStates::is_words";
+        /// Width of a vector; that of the file or of the model, where there is one.
+        dim: usize = 64;
+        /// Longer captions are cut here; part of n_ctx in the FLOP rule.
+        max_tokens: usize = 32;
     }
 }
 

@@ -8,7 +8,11 @@
 
 mod bytes;
 pub mod number;
+mod section;
 mod shell;
+mod ways;
 
 pub use bytes::parse_bytes;
+pub(crate) use section::section;
 pub use shell::quoted;
+pub use ways::Ways;

@@ -42,11 +42,11 @@ pub struct QuantizerSection {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inner: Option<CodebookKind>,
     /// Residual: codebooks, 6.
-    #[serde(default, deserialize_with = "number::optional_count")]
+    #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layers: Option<usize>,
     /// Residual: how often a training step uses only the first layers, a random number of them: 0.2.
-    #[serde(default, deserialize_with = "number::optional_number")]
+    #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dropout: Option<f64>,
     /// Multi-scale: codes of each scale, as a list or by name: `full`.
@@ -57,12 +57,12 @@ pub struct QuantizerSection {
     pub cosine: Option<bool>,
     /// Multi-scale: weight of the term that draws latents to their codes, beside the one that draws
     /// codes to latents: 1.
-    #[serde(default, deserialize_with = "number::optional_number")]
+    #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beta: Option<f64>,
     /// Multi-scale: share of a convolution in what a scale adds (VAR). 0 stands for LG-Tok's two
     /// convolutions with ReLU, after which a scale adds nothing below 0: 0, for patches 0.5.
-    #[serde(default, deserialize_with = "number::optional_number")]
+    #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mix: Option<f64>,
 }

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::KeyProblem;
-use crate::units::number;
+use crate::units::{number, section};
 
 /// Where motion comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -53,7 +53,7 @@ pub struct MemberSection {
     /// The terms of its use; the plan tells them.
     pub licence: Option<String>,
     /// Frames a second of its files, where not those of `data.fps`.
-    #[serde(default, deserialize_with = "number::optional_number")]
+    #[serde(default, deserialize_with = "number::read")]
     pub fps: Option<f64>,
 }
 
@@ -75,49 +75,29 @@ pub enum Origin<'a> {
     None,
 }
 
-/// The `data` section: the motion and the captions that are learned.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct DataSection {
-    pub source: DataSource,
-    /// The folder of `humanml3d`, from the working folder.
-    pub path: Option<PathBuf>,
-    /// Several such folders in place of one: their clips together, each in its own split.
-    pub union: Vec<MemberSection>,
-    /// `humanml3d`: frames a second of the files. By default what `isoflop data import` wrote down, or that of the
-    /// layout: 20, and 30 of Motion-X's `vector_263`.
-    #[serde(deserialize_with = "number::optional_number")]
-    pub fps: Option<f64>,
-    /// `humanml3d`: every training clip also left-right mirrored.
-    pub mirror: bool,
-    /// `humanml3d`: what to do about files that are not what they should be.
-    pub broken: BrokenFiles,
-    /// `procedural`: the generator's seed.
-    pub seed: u64,
-    /// `procedural`: clips to train on, or `auto`.
-    pub clips: Clips,
-    /// `procedural`: clips to validate on.
-    #[serde(deserialize_with = "number::count")]
-    pub val_clips: usize,
-    /// `procedural`: clips to test on.
-    #[serde(deserialize_with = "number::count")]
-    pub test_clips: usize,
-}
-
-impl Default for DataSection {
-    fn default() -> Self {
-        Self {
-            source: DataSource::default(),
-            path: None,
-            union: Vec::new(),
-            fps: None,
-            mirror: true,
-            broken: BrokenFiles::default(),
-            seed: 0,
-            clips: Clips::default(),
-            val_clips: 128,
-            test_clips: 512,
-        }
+section! {
+    /// The `data` section: the motion and the captions that are learned.
+    pub struct DataSection {
+        source: DataSource = DataSource::default();
+        /// The folder of `humanml3d`, from the working folder.
+        path: Option<PathBuf> = None;
+        /// Several such folders in place of one: their clips together, each in its own split.
+        union: Vec<MemberSection> = Vec::new();
+        /// `humanml3d`: frames a second of the files. By default what `isoflop data import` wrote down, or that of the
+        /// layout: 20, and 30 of Motion-X's `vector_263`.
+        fps: Option<f64> = None;
+        /// `humanml3d`: every training clip also left-right mirrored.
+        mirror: bool = true;
+        /// `humanml3d`: what to do about files that are not what they should be.
+        broken: BrokenFiles = BrokenFiles::default();
+        /// `procedural`: the generator's seed.
+        seed: u64 = 0;
+        /// `procedural`: clips to train on, or `auto`.
+        clips: Clips = Clips::default();
+        /// `procedural`: clips to validate on.
+        val_clips: usize = 128;
+        /// `procedural`: clips to test on.
+        test_clips: usize = 512;
     }
 }
 
