@@ -33,7 +33,6 @@ mod tokenizer;
 mod tokenizer_trainer;
 mod tokenizer_training;
 mod transformer;
-mod transformer_section;
 
 use crate::units::number::plain;
 

@@ -1,6 +1,6 @@
 //! [`ScoresSpec`]: how motions of runs are made and scored.
 
-use super::error::KeyProblem;
+use super::error::{KeyProblem, failed};
 use crate::units::section;
 
 section! {
@@ -48,7 +48,7 @@ impl ScoresSpec {
     pub fn problems(&self) -> Vec<KeyProblem> {
         let multimodal = self.multimodal_captions == 0 || self.multimodal_motions > 1;
         let share = self.top_p.is_none_or(|share| share > 0.0 && share <= 1.0);
-        let checks = [
+        failed([
             (self.repeats > 0, "repeats", "must be at least 1"),
             (self.rounds > 0, "rounds", "must be at least 1"),
             (self.guidance >= 0.0, "guidance", "must not be negative"),
@@ -57,8 +57,6 @@ impl ScoresSpec {
             (self.top_k != Some(0), "top_k", "must be at least 1"),
             (share, "top_p", "lies in (0, 1]"),
             (multimodal, "multimodal_motions", "two motions of a caption differ: at least 2"),
-        ];
-        let failed = checks.into_iter().filter(|(holds, ..)| !holds);
-        failed.map(|(_, field, problem)| KeyProblem { field, problem, help: None }).collect()
+        ])
     }
 }

@@ -77,46 +77,37 @@ const MOST_TOKENS: usize = 16_384;
 impl TextSpec {
     /// What no encoder can use.
     pub fn problems(&self) -> Vec<KeyProblem> {
-        let sizes = (self.max_tokens == 0 || self.dim == 0).then_some(KeyProblem {
-            field: "",
-            problem: "`dim` and `max_tokens` must be at least 1",
-            help: None,
-        });
-        let large = (self.max_tokens > MOST_TOKENS || self.dim > WIDEST).then_some(KeyProblem {
-            field: "",
-            problem: "`dim` is at most 65536 and `max_tokens` at most 16384",
-            help: None,
-        });
-        let path = match (self.encoder, &self.path) {
-            (TextEncoderKind::File, None) => Some(KeyProblem {
-                field: "",
-                problem: "`encoder: file` needs a `path`",
-                help: Some("path: a file that experiments/embed_captions.py made"),
-            }),
-            (TextEncoderKind::HashedNgrams, Some(_)) => Some(KeyProblem {
-                field: "path",
-                problem: "`encoder: hashed-ngrams` reads no file",
-                help: Some("take `path` out, or set `encoder: file`"),
-            }),
-            (encoder, None) if encoder.has_weights() => Some(KeyProblem {
-                field: "",
-                problem: "an encoder with weights needs a `path`",
-                help: Some("path: a folder with config.json, tokenizer.json, model.safetensors"),
-            }),
-            _ => None,
-        };
-        let built = cfg!(feature = "encoders") || !self.encoder.has_weights();
-        let built = (!built).then_some(KeyProblem {
-            field: "encoder",
-            problem: "this isoflop was built without encoders that have weights",
-            help: Some("build it with `--features encoders`, or make a file for `encoder: file`"),
-        });
-        let states = self.states == TextStates::Sentence && !self.encoder.has_weights();
-        let states = states.then_some(KeyProblem {
-            field: "states",
-            problem: "`states: sentence` is of encoders with weights",
-            help: Some("a file may hold one vector a caption"),
-        });
-        sizes.into_iter().chain(large).chain(path).chain(built).chain(states).collect()
+        let Self { encoder, path, dim, max_tokens, .. } = self;
+        let (file, has_weights) = (*encoder == TextEncoderKind::File, encoder.has_weights());
+        let hashed = *encoder == TextEncoderKind::HashedNgrams;
+        let built = cfg!(feature = "encoders") || !has_weights;
+        let in_file = "path: a file that experiments/embed_captions.py made";
+        let in_folder = "path: a folder with config.json, tokenizer.json, model.safetensors";
+        let no_path = "take `path` out, or set `encoder: file`";
+        let other = "build it with `--features encoders`, or make a file for `encoder: file`";
+        let small = "`dim` and `max_tokens` must be at least 1";
+        let large = "`dim` is at most 65536 and `max_tokens` at most 16384";
+        let unbuilt = "this isoflop was built without encoders that have weights";
+        let sentence = "`states: sentence` is of encoders with weights";
+        let needs_path = "an encoder with weights needs a `path`";
+        KeyProblem::failed([
+            (*max_tokens > 0 && *dim > 0, "", small, None),
+            (*max_tokens <= MOST_TOKENS && *dim <= WIDEST, "", large, None),
+            (!file || path.is_some(), "", "`encoder: file` needs a `path`", Some(in_file)),
+            (
+                !hashed || path.is_none(),
+                "path",
+                "`encoder: hashed-ngrams` reads no file",
+                Some(no_path),
+            ),
+            (!has_weights || path.is_some(), "", needs_path, Some(in_folder)),
+            (built, "encoder", unbuilt, Some(other)),
+            (
+                self.states.is_words() || has_weights,
+                "states",
+                sentence,
+                Some("a file may hold one vector a caption"),
+            ),
+        ])
     }
 }

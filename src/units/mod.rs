@@ -13,6 +13,6 @@ mod shell;
 mod ways;
 
 pub use bytes::parse_bytes;
-pub(crate) use section::section;
+pub(crate) use section::{or_default, section};
 pub use shell::quoted;
 pub use ways::Ways;

@@ -32,3 +32,13 @@ macro_rules! section {
     };
 }
 pub(crate) use section;
+
+/// A spec with the keys that a section has written, and its defaults for those that it has not.
+macro_rules! or_default {
+    ($section:expr, $default:expr, $($key:ident),*) => {{
+        let mut spec = $default;
+        $(spec.$key = $section.$key.unwrap_or(spec.$key);)*
+        spec
+    }};
+}
+pub(crate) use or_default;

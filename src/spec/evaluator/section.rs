@@ -3,10 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::networks::{MatchingSpec, Mismatches, MotionClipSpec, NetworksSpec, failed};
-use crate::spec::error::KeyProblem;
+use super::networks::{MatchingSpec, Mismatches, MotionClipSpec, NetworksSpec};
+use crate::spec::error::{KeyProblem, failed};
 use crate::spec::representation::Representation;
-use crate::units::section;
+use crate::units::{or_default, section};
 
 /// Which networks, as it is written in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -123,21 +123,13 @@ impl EvaluatorSection {
         match self.kind {
             EvaluatorKind::MotionClip => {
                 let default = MotionClipSpec::default();
-                NetworksSpec::MotionClip(MotionClipSpec {
-                    width: self.width.unwrap_or(default.width),
-                    layers: self.layers.unwrap_or(default.layers),
-                    heads: self.heads.unwrap_or(default.heads),
-                    frames: self.frames.unwrap_or(default.frames),
-                })
+                let own = or_default!(self, default, width, layers, heads, frames);
+                NetworksSpec::MotionClip(own)
             }
             EvaluatorKind::Matching => {
                 let default = MatchingSpec::default();
-                NetworksSpec::Matching(MatchingSpec {
-                    width: self.width.unwrap_or(default.width),
-                    margin: self.margin.unwrap_or(default.margin),
-                    mismatches: self.mismatches.unwrap_or_default(),
-                    dropout: self.dropout.unwrap_or(default.dropout),
-                })
+                let own = or_default!(self, default, width, margin, mismatches, dropout);
+                NetworksSpec::Matching(own)
             }
         }
     }

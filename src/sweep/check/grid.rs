@@ -17,7 +17,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         cells(sweep),
         zip(sweep),
         repeated::check(sweep),
-        exclude(sweep),
+        conditions("grid.exclude", &sweep.grid.exclude),
         also(sweep),
     ]
     .concat()
@@ -168,12 +168,11 @@ fn zip(sweep: &Sweep) -> Vec<Problem> {
     problems
 }
 
-fn exclude(sweep: &Sweep) -> Vec<Problem> {
-    let parsed = sweep.grid.exclude.iter().enumerate();
-    parsed
-        .filter_map(|(i, text)| {
-            let message = Condition::parse(text).err()?;
-            Some(Problem::value(format!("grid.exclude[{i}]"), message))
-        })
-        .collect()
+/// Conditions at a path that are none.
+pub(super) fn conditions(path: &str, texts: &[String]) -> Vec<Problem> {
+    let problem = |(i, text): (usize, &String)| {
+        let message = Condition::parse(text).err()?;
+        Some(Problem::value(format!("{path}[{i}]"), message))
+    };
+    texts.iter().enumerate().filter_map(problem).collect()
 }

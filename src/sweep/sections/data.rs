@@ -119,42 +119,26 @@ impl DataSection {
 
     /// What no source can use.
     pub fn problems(&self) -> Vec<KeyProblem> {
-        let problem = |field, problem, help| KeyProblem { field, problem, help };
-        let mut problems = Vec::new();
-        if self.source == DataSource::HumanMl3d && self.path.is_none() && self.union.is_empty() {
-            let help = "path: the folder that holds new_joint_vecs, vector_263 or new_joints, texts and \
-                        train.txt; or union: a list of such folders";
-            problems.push(problem("", "`source: humanml3d` needs a `path`", Some(help)));
-        }
-        if !self.union.is_empty() && (self.path.is_some() || self.source == DataSource::None) {
-            let help = "leave `path` out, and `source` too, or make it humanml3d";
-            problems.push(problem("union", "a union is all the data there is", Some(help)));
-        }
-        problems.extend(self.of_files_alone());
-        let rates = self.union.iter().map(|member| member.fps).chain([self.fps]).flatten();
-        if rates.into_iter().any(|fps| fps <= 0.0) {
-            problems.push(problem("fps", "a second has more than 0 frames", None));
-        }
-        if self.clips == Clips::Count(0) {
-            problems.push(problem("clips", "no clip to train on", None));
-        }
-        if self.val_clips == 0 || self.test_clips == 0 {
-            problems.push(problem("", "`val_clips` and `test_clips` must be at least 1", None));
-        }
-        problems
-    }
-
-    /// Keys of files, where no file is read.
-    fn of_files_alone(&self) -> Vec<KeyProblem> {
-        if self.source == DataSource::HumanMl3d || !self.union.is_empty() {
-            return Vec::new();
-        }
-        let keys = [
-            (self.path.is_some(), "path", "a folder, where `source` reads none"),
-            (self.fps.is_some(), "fps", "the rate of files, where `source` reads none"),
-        ];
-        let given = keys.into_iter().filter(|(given, ..)| *given);
-        let help = Some("source: humanml3d");
-        given.map(|(_, field, problem)| KeyProblem { field, problem, help }).collect()
+        let united = !self.union.is_empty();
+        let folder = "path: the folder that holds new_joint_vecs, vector_263 or new_joints, texts and \
+                      train.txt; or union: a list of such folders";
+        let alone = "leave `path` out, and `source` too, or make it humanml3d";
+        let no_files = self.source != DataSource::HumanMl3d && !united;
+        let no_path = "a folder, where `source` reads none";
+        let no_fps = "the rate of files, where `source` reads none";
+        let source = Some("source: humanml3d");
+        let splits = "`val_clips` and `test_clips` must be at least 1";
+        let other = united && (self.path.is_some() || self.source == DataSource::None);
+        let read = self.source != DataSource::HumanMl3d || self.path.is_some() || united;
+        let mut rates = self.union.iter().map(|member| member.fps).chain([self.fps]).flatten();
+        KeyProblem::failed([
+            (read, "", "`source: humanml3d` needs a `path`", Some(folder)),
+            (!other, "union", "a union is all the data there is", Some(alone)),
+            (!no_files || self.path.is_none(), "path", no_path, source),
+            (!no_files || self.fps.is_none(), "fps", no_fps, source),
+            (rates.all(|fps| fps > 0.0), "fps", "a second has more than 0 frames", None),
+            (self.clips != Clips::Count(0), "clips", "no clip to train on", None),
+            (self.val_clips > 0 && self.test_clips > 0, "", splits, None),
+        ])
     }
 }
