@@ -85,21 +85,11 @@ impl GridCell {
 
 /// Index triples (model, vocabulary, budget): groups of zipped axes advance together.
 fn indices(lengths: [usize; 3], zip: &[Vec<Axis>]) -> Vec<[usize; 3]> {
-    let position = |axis: &Axis| match axis {
-        Axis::Models => 0,
-        Axis::Vocab => 1,
-        Axis::Budgets => 2,
-    };
-    let mut groups: Vec<Vec<usize>> =
-        zip.iter().map(|group| group.iter().map(position).collect()).collect();
-    for axis in 0..3 {
-        if !groups.iter().any(|group| group.contains(&axis)) {
-            groups.push(vec![axis]);
-        }
-    }
+    let positions = |group: Vec<Axis>| group.into_iter().map(|axis| axis as usize).collect();
+    let mut groups: Vec<Vec<usize>> = Axis::groups(zip).into_iter().map(positions).collect();
     groups.sort();
     groups.iter().fold(vec![[0; 3]], |found, group| {
-        let length = group.first().map_or(1, |&axis| lengths[axis]);
+        let length = lengths[group[0]];
         let grown = found.iter().flat_map(|triple| {
             (0..length).map(|i| {
                 let mut triple = *triple;

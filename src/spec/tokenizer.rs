@@ -96,9 +96,7 @@ impl TokenizerSection {
             training.mix_arm = self.mix_arm.unwrap_or(0.0);
         }
         let architecture = self.architecture(training.window, text);
-        let representation = self.representation;
-        let plateau = self.plateau;
-        let trainer = self.trainer;
+        let Self { representation, plateau, trainer, .. } = *self;
         TokenizerSpec { architecture, quantizer, representation, training, plateau, trainer }
     }
 
@@ -271,16 +269,16 @@ impl TokenizerSpec {
     /// No window is parted from its caption.
     fn check_captions(&self) -> Result<(), SpecError> {
         let TokenizerTraining { mirror, mix_body, mix_arm, .. } = self.training;
-        let read = self.architecture.language().is_some();
+        let unread = self.architecture.language().is_none();
         let mirrored = "shows mirrored clips the captions of their originals where `language` is set: \
                         leave it out, or set data.mirror";
-        require(!read || !mirror, "mirror", mirrored)?;
-        for (field, share) in [("mix_body", mix_body), ("mix_arm", mix_arm)] {
-            let mixed =
-                "shows parts of other clips under a caption where `language` is set: leave it out";
-            require(!read || share == 0.0, field, mixed)?;
-        }
-        Ok(())
+        let mixed =
+            "shows parts of other clips under a caption where `language` is set: leave it out";
+        require_all([
+            (unread || !mirror, "mirror", mirrored),
+            (unread || mix_body == 0.0, "mix_body", mixed),
+            (unread || mix_arm == 0.0, "mix_arm", mixed),
+        ])
     }
 
     fn check_window(&self) -> Result<(), SpecError> {

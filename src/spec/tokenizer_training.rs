@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::architecture::Codes;
-use super::error::{SpecError, require};
+use super::error::{SpecError, require_all};
 use super::language::LanguageSection;
 use super::plateau::Plateau;
 use super::quantizer::QuantizerSection;
@@ -227,40 +227,35 @@ impl TokenizerTraining {
 
     /// The first field that no training can use.
     pub(super) fn check(&self) -> Result<(), SpecError> {
-        let counts =
-            [("batch", self.batch), ("steps", self.steps), ("pool_clips", self.pool_clips)];
-        for (field, value) in counts {
-            require(value > 0, field, "must be at least 1")?;
-        }
-        let weights = [
-            ("lr", self.lr),
-            ("decay_at", self.decay_at),
-            ("decay_factor", self.decay_factor),
-            ("position_weight", self.position_weight),
-            ("feature_weight", self.feature_weight),
-            ("velocity_weight", self.velocity_weight),
-            ("commitment", self.commitment),
-            ("weight_decay", self.weight_decay),
-            ("clip_norm", self.clip_norm),
-        ];
-        for (field, value) in weights {
-            require(value.is_finite() && value >= 0.0, field, "must not be negative")?;
-        }
-        require(self.lr > 0.0, "lr", "a rate is above 0")?;
-        let decays = [
-            ("beta_1", self.beta_1),
-            ("beta_2", self.beta_2),
-            ("average", self.average),
-            ("reset_share", self.reset_share),
-        ];
-        for (field, value) in decays {
-            require((0.0..1.0).contains(&value), field, "lies in [0, 1)")?;
-        }
-        for (field, value) in [("mix_body", self.mix_body), ("mix_arm", self.mix_arm)] {
-            require((0.0..=1.0).contains(&value), field, "lies between 0 and 1")?;
-            let joints = self.loss == TokenizerLoss::Joints;
-            require(joints || value == 0.0, field, "belongs to `loss: joints`")?;
-        }
-        Ok(())
+        let whole = "must be at least 1";
+        let positive = |x: f64| x.is_finite() && x >= 0.0;
+        let negative = "must not be negative";
+        let decays = |x: f64| (0.0..1.0).contains(&x);
+        let share = |x: f64| (0.0..=1.0).contains(&x);
+        let joints = self.loss == TokenizerLoss::Joints;
+        let of_joints = "belongs to `loss: joints`";
+        require_all([
+            (self.batch > 0, "batch", whole),
+            (self.steps > 0, "steps", whole),
+            (self.pool_clips > 0, "pool_clips", whole),
+            (positive(self.lr), "lr", negative),
+            (positive(self.decay_at), "decay_at", negative),
+            (positive(self.decay_factor), "decay_factor", negative),
+            (positive(self.position_weight), "position_weight", negative),
+            (positive(self.feature_weight), "feature_weight", negative),
+            (positive(self.velocity_weight), "velocity_weight", negative),
+            (positive(self.commitment), "commitment", negative),
+            (positive(self.weight_decay), "weight_decay", negative),
+            (positive(self.clip_norm), "clip_norm", negative),
+            (self.lr > 0.0, "lr", "a rate is above 0"),
+            (decays(self.beta_1), "beta_1", "lies in [0, 1)"),
+            (decays(self.beta_2), "beta_2", "lies in [0, 1)"),
+            (decays(self.average), "average", "lies in [0, 1)"),
+            (decays(self.reset_share), "reset_share", "lies in [0, 1)"),
+            (share(self.mix_body), "mix_body", "lies between 0 and 1"),
+            (joints || self.mix_body == 0.0, "mix_body", of_joints),
+            (share(self.mix_arm), "mix_arm", "lies between 0 and 1"),
+            (joints || self.mix_arm == 0.0, "mix_arm", of_joints),
+        ])
     }
 }

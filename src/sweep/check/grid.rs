@@ -133,14 +133,11 @@ fn length(grid: &GridSection, axis: &Axis) -> usize {
 
 /// More runs than a plan can hold, axes that are zipped counted as one.
 fn cells(sweep: &Sweep) -> Vec<Problem> {
-    let grid = &sweep.grid;
     let length = |axis: &Axis| length(&sweep.grid, axis);
-    let zipped: Vec<Axis> = grid.zip.iter().flatten().copied().collect();
-    let alone = [Axis::Models, Axis::Vocab, Axis::Budgets].into_iter();
-    let alone = alone.filter(|axis| !zipped.contains(axis)).map(|axis| length(&axis));
-    let groups = grid.zip.iter().filter_map(|group| group.iter().map(length).max());
+    let groups = Axis::groups(&sweep.grid.zip).into_iter();
+    let lengths = groups.filter_map(|group| group.iter().map(length).max());
     let seeds = [sweep.seeds.len(), sweep.tokenizer.seeds.len(), sweep.generator.0.len()];
-    let runs: f64 = alone.chain(groups).chain(seeds).map(|n| n.max(1) as f64).product();
+    let runs: f64 = lengths.chain(seeds).map(|n| n.max(1) as f64).product();
     let problem = || {
         Problem::value("grid", format!("makes {runs:e} runs"))
             .with_help(format!("at most {MOST_RUNS:e}; list fewer values"))

@@ -24,8 +24,8 @@ pub struct GridSection {
     /// worth.
     #[serde(
         default = "whole",
-        deserialize_with = "number::read",
-        skip_serializing_if = "is_whole"
+        skip_serializing_if = "is_whole",
+        deserialize_with = "number::read"
     )]
     pub shares: Vec<f64>,
     /// Groups of axes that advance together, as `[[models, budgets]]`; of one length each.
@@ -92,6 +92,16 @@ pub enum Axis {
     Vocab,
     /// `grid.budgets`.
     Budgets,
+}
+
+impl Axis {
+    /// Axes that advance together; each of the others is a group of its own.
+    pub fn groups(zip: &[Vec<Self>]) -> Vec<Vec<Self>> {
+        let is_alone = |axis: &Self| !zip.iter().flatten().any(|other| other == axis);
+        let alone = [Self::Models, Self::Vocab, Self::Budgets].into_iter().filter(is_alone);
+        let zipped = zip.iter().filter(|group| !group.is_empty()).cloned();
+        alone.map(|axis| vec![axis]).chain(zipped).collect()
+    }
 }
 
 /// Models in full, by name, or by a rule over d_model.
