@@ -46,13 +46,6 @@ pub enum TextStates {
     Sentence,
 }
 
-impl TextStates {
-    /// Whether it is what every encoder gives.
-    pub fn is_words(&self) -> bool {
-        *self == Self::Words
-    }
-}
-
 section! {
     /// The `text` section: how captions become vectors.
     pub struct TextSpec {
@@ -62,7 +55,7 @@ section! {
         path: Option<PathBuf> = None, unless "Option::is_none";
         /// One vector a word, or one a caption, as the baseline without a word-level prefix has it (ScaMo, Table
         /// 2); of encoders with weights.
-        states: TextStates = TextStates::default(), unless "TextStates::is_words";
+        states: TextStates = TextStates::default(), unless "crate::units::is_default";
         /// Width of a vector; that of the file or of the model, where there is one.
         dim: usize = 64;
         /// Longer captions are cut here; part of n_ctx in the FLOP rule.
@@ -103,7 +96,7 @@ impl TextSpec {
             (!has_weights || path.is_some(), "", needs_path, Some(in_folder)),
             (built, "encoder", unbuilt, Some(other)),
             (
-                self.states.is_words() || has_weights,
+                self.states == TextStates::Words || has_weights,
                 "states",
                 sentence,
                 Some("a file may hold one vector a caption"),

@@ -25,7 +25,7 @@ pub struct TokenizerSpec {
     pub architecture: ArchitectureSpec,
     /// By default FSQ with levels 8, 6, 5 (240 codes).
     pub quantizer: QuantizerSpec,
-    #[serde(skip_serializing_if = "Representation::is_full")]
+    #[serde(skip_serializing_if = "crate::units::is_default")]
     pub representation: Representation,
     pub training: TokenizerTraining,
     /// None where all steps are taken and the last weights kept.

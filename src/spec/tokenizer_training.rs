@@ -94,7 +94,7 @@ macro_rules! keys {
                 /// Which quantizer: FSQ by default, VQ for patches.
                 quantizer: Option<QuantizerSection> = None, unless "Option::is_none";
                 /// The features of a frame that are read and made.
-                representation: Representation = Representation::default(), unless "Representation::is_full";
+                representation: Representation = Representation::default(), unless "crate::units::is_default";
                 /// Channels of the layers: 64, for patches 128; ScaMo has 512, LG-Tok 256.
                 width: Option<usize> = None, unless "Option::is_none";
                 /// Convolutional: residual blocks at each resolution, 3.

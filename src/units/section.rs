@@ -42,3 +42,8 @@ macro_rules! or_default {
     }};
 }
 pub(crate) use or_default;
+
+/// Whether a key has its default, which is then not written.
+pub fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
