@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 
 use crate::spec::{GeneratorKind, QuantizerSpec, Share};
-use crate::sweep::condition::Condition;
-use crate::sweep::{Axis, GridSection, ModelEntry, Sweep, VocabSpec, models};
+use crate::sweep::condition::{Condition, FIELDS};
+use crate::sweep::{Axis, GridSection, ModelEntry, Sweep, models};
 
 /// One cell: a generator with its sizes, a quantizer and a budget.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,7 +23,7 @@ pub fn cells(sweep: &Sweep) -> (Vec<GridCell>, Vec<(GridCell, String)>) {
         exclude.iter().filter_map(|text| Some((Condition::parse(text).ok()?, text))).collect();
     let (mut kept, mut excluded) = (Vec::new(), Vec::new());
     for cell in all_parts(sweep) {
-        match conditions.iter().find(|(condition, _)| condition.holds(|f| field(&cell, f))) {
+        match conditions.iter().find(|(condition, _)| condition.holds(cell.values())) {
             None => kept.push(cell),
             Some((_, text)) => excluded.push((cell, format!("excluded by `{text}`"))),
         }
@@ -48,7 +48,8 @@ fn all_parts(sweep: &Sweep) -> Vec<GridCell> {
 /// The cells of one grid, generator after generator.
 fn crossed(sweep: &Sweep, grid: &GridSection) -> Vec<GridCell> {
     let models = models(&grid.models);
-    let quantizers: Vec<_> = grid.vocab.iter().map(|entry| quantizer(entry, sweep)).collect();
+    let quantizer = |entry| sweep.quantizer(entry).expect("checked when the sweep was read");
+    let quantizers: Vec<QuantizerSpec> = grid.vocab.iter().map(quantizer).collect();
     let lengths = [models.len(), quantizers.len(), grid.budgets.len()];
     let triples = indices(lengths, &grid.zip);
     let shares: Vec<Share> = grid.shares.iter().filter_map(|share| Share::new(*share)).collect();
@@ -72,41 +73,23 @@ impl GridCell {
     fn key(&self) -> String {
         format!("{self:?}")
     }
-}
 
-fn field(cell: &GridCell, name: &str) -> f64 {
-    match name {
-        "n_layer" => cell.model.n_layer as f64,
-        "n_head" => cell.model.n_head as f64,
-        "d_model" => cell.model.d_model as f64,
-        "n_vocab" => cell.quantizer.n_vocab() as f64,
-        "share" => cell.share.value(),
-        _ => cell.budget_flops,
+    /// What conditions compare.
+    fn values(&self) -> [f64; FIELDS.len()] {
+        let ModelEntry { n_layer, n_head, d_model, .. } = self.model;
+        let sizes = [n_layer, n_head, d_model, self.quantizer.n_vocab()];
+        let [n_layer, n_head, d_model, n_vocab] = sizes.map(|n| n as f64);
+        [n_layer, n_head, d_model, n_vocab, self.budget_flops, self.share.value()]
     }
-}
-
-/// The quantizer of a vocabulary entry that the check has let pass.
-fn quantizer(entry: &VocabSpec, sweep: &Sweep) -> QuantizerSpec {
-    sweep.quantizer(entry).expect("checked when the sweep was read")
 }
 
 /// Index triples (model, vocabulary, budget): groups of zipped axes advance together.
 fn indices(lengths: [usize; 3], zip: &[Vec<Axis>]) -> Vec<[usize; 3]> {
-    let position = |axis: &Axis| match axis {
-        Axis::Models => 0,
-        Axis::Vocab => 1,
-        Axis::Budgets => 2,
-    };
-    let mut groups: Vec<Vec<usize>> =
-        zip.iter().map(|group| group.iter().map(position).collect()).collect();
-    for axis in 0..3 {
-        if !groups.iter().any(|group| group.contains(&axis)) {
-            groups.push(vec![axis]);
-        }
-    }
+    let positions = |group: Vec<Axis>| group.into_iter().map(|axis| axis as usize).collect();
+    let mut groups: Vec<Vec<usize>> = Axis::groups(zip).into_iter().map(positions).collect();
     groups.sort();
     groups.iter().fold(vec![[0; 3]], |found, group| {
-        let length = group.first().map_or(1, |&axis| lengths[axis]);
+        let length = lengths[group[0]];
         let grown = found.iter().flat_map(|triple| {
             (0..length).map(|i| {
                 let mut triple = *triple;

@@ -26,8 +26,8 @@ pub(super) fn tokenizers(
     let mut jobs: Vec<TokenizerJob> = Vec::new();
     let mut own = Vec::with_capacity(cells.len());
     for cell in cells {
-        let known = jobs.iter().position(|job| job.spec.quantizer == cell.quantizer);
-        let specs = sweep.tokenizer.specs(&cell.quantizer, &sweep.text);
+        let known = jobs.iter().position(|job| job.spec.quantizer == cell.grid_cell.quantizer);
+        let specs = sweep.tokenizer.specs(&cell.grid_cell.quantizer, &sweep.text);
         let first = known.unwrap_or(jobs.len());
         own.push(first..first + specs.len());
         if known.is_none() {
@@ -105,8 +105,8 @@ fn run_spec(
         seed,
         generator: cell.generator.clone(),
         codes: cell.codes.clone(),
-        budget_flops: cell.budget_flops,
-        share: cell.share,
+        budget_flops: cell.grid_cell.budget_flops,
+        share: cell.grid_cell.share,
         batch_tokens: cell.spending.batch_tokens,
         steps,
         lr: cell.pace.lr,

@@ -50,8 +50,7 @@ fn price_cell(
     };
     let shape = shape(&cell.model, &sweep.model, &sweep.text);
     let generator = cell.generator.of(shape, &codes, &context);
-    let budget_flops = cell.budget_flops;
-    let price = Price { sweep, clips, generator: &generator, codes: &codes, budget_flops };
+    let price = Price { sweep, clips, generator: &generator, codes: &codes, cell };
     let (spending, flops_per_token) = price.spend()?;
     let params = generator.params(&codes);
     Ok(PricedCell {
@@ -59,10 +58,8 @@ fn price_cell(
         pace: pace(&params, spending.tokens(), spending, &sweep.train),
         params,
         generator,
-        quantizer: cell.quantizer.clone(),
+        grid_cell: cell.clone(),
         codes,
-        budget_flops,
-        share: cell.share,
         flops_per_token,
         spending,
     })
@@ -74,13 +71,13 @@ struct Price<'a> {
     clips: &'a BTreeMap<ClipShape, f64>,
     generator: &'a GeneratorSpec,
     codes: &'a Grid,
-    budget_flops: f64,
+    cell: &'a GridCell,
 }
 
 impl<'a> Price<'a> {
     fn of(sweep: &'a Sweep, clips: &'a BTreeMap<ClipShape, f64>, cell: &'a PricedCell) -> Self {
-        let PricedCell { generator, codes, budget_flops, .. } = cell;
-        Self { sweep, clips, generator, codes, budget_flops: *budget_flops }
+        let PricedCell { generator, codes, grid_cell, .. } = cell;
+        Self { sweep, clips, generator, codes, cell: grid_cell }
     }
 
     /// Forward FLOPs a token in steps of a batch. By the exact count a clip costs what its own length and
@@ -97,7 +94,7 @@ impl<'a> Price<'a> {
     /// The same, and D that the budget buys.
     fn buys(&self, batch_tokens: usize) -> (FlopsPerToken, f64) {
         let per_token = self.per_token(batch_tokens);
-        (per_token, tokens_bought(self.budget_flops, per_token.by(self.sweep.flops.rule)))
+        (per_token, tokens_bought(self.cell.budget_flops, per_token.by(self.sweep.flops.rule)))
     }
 
     /// Steps, and the largest batch that its rule gives for the tokens that it buys itself.

@@ -4,17 +4,15 @@ use serde::Serialize;
 
 use super::cells::GridCell;
 use super::steps::{Pace, Spending};
-use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, QuantizerSpec, Share};
+use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, Share};
 
 /// A cell that can be trained.
 #[derive(Clone, Debug)]
 pub struct PricedCell {
+    pub grid_cell: GridCell,
     pub generator: GeneratorSpec,
-    pub quantizer: QuantizerSpec,
     /// The codes that the quantizer's tokenizer gives clips.
     pub codes: Grid,
-    pub budget_flops: f64,
-    pub share: Share,
     pub params: ParamCounts,
     pub flops_per_token: FlopsPerToken,
     pub spending: Spending,
@@ -27,19 +25,6 @@ impl PricedCell {
     /// D that the budget buys, before whole steps are made of it.
     pub fn tokens_bought(&self) -> f64 {
         self.spending.tokens() as f64 / self.spending.achieved_ratio
-    }
-
-    /// The cell as one that is left out.
-    pub fn dropped(&self, reason: String) -> Dropped {
-        Dropped {
-            n_layer: self.generator.shape().n_layer,
-            n_head: self.generator.shape().n_head,
-            d_model: self.generator.shape().d_model,
-            n_vocab: self.codes.n_vocab(),
-            budget_flops: self.budget_flops,
-            share: self.share,
-            reason,
-        }
     }
 }
 
@@ -56,7 +41,7 @@ pub struct Dropped {
 }
 
 impl Dropped {
-    /// A cell that has no price.
+    /// A cell of the grid.
     pub fn new(cell: &GridCell, reason: String) -> Self {
         Self {
             n_layer: cell.model.n_layer,

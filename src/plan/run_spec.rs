@@ -34,7 +34,7 @@ pub struct RunSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decay_steps: Option<usize>,
     /// Left out where it is `f32`.
-    #[serde(default, skip_serializing_if = "Precision::is_single")]
+    #[serde(default, skip_serializing_if = "crate::units::is_default")]
     pub precision: Precision,
     pub weight_decay: f64,
     pub betas: [f64; 2],

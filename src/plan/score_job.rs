@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::planned_run::PlannedRun;
 use super::run_spec::TRAINING_REVISION;
-use crate::spec::{ScoresSpec, content_id};
+use crate::spec::{ModelShape, ScoresSpec, content_id};
 use crate::sweep::condition::Condition;
 
 /// One run to score.
@@ -45,12 +45,8 @@ impl ScoreJob {
 }
 
 fn holds(condition: &Condition, PlannedRun { spec, .. }: &PlannedRun) -> bool {
-    let shape = spec.shape();
-    condition.holds(|field| match field {
-        "n_layer" => shape.n_layer as f64,
-        "n_head" => shape.n_head as f64,
-        "d_model" => shape.d_model as f64,
-        "n_vocab" => spec.n_vocab() as f64,
-        _ => spec.budget_flops,
-    })
+    let ModelShape { n_layer, n_head, d_model, .. } = *spec.shape();
+    let [n_layer, n_head, d_model, v] =
+        [n_layer, n_head, d_model, spec.n_vocab()].map(|n| n as f64);
+    condition.holds([n_layer, n_head, d_model, v, spec.budget_flops, spec.share.value()])
 }

@@ -57,7 +57,7 @@ pub fn in_step(
                 let group = Some(group);
                 kept.push(PricedCell { spending, pace, group, flops_per_token, ..cell });
             }
-            Err(reason) => dropped.push(cell.dropped(reason)),
+            Err(reason) => dropped.push(Dropped::new(&cell.grid_cell, reason)),
         }
     }
     (kept, dropped)
@@ -77,7 +77,7 @@ fn common(cells: &[PricedCell], train: &TrainSection) -> (usize, Pace) {
 
 /// What cells must agree in to share a trunk.
 fn group_name(cell: &PricedCell) -> String {
-    format!("{:?} {:?} {:?}", cell.generator, cell.quantizer, cell.share)
+    format!("{:?} {:?} {:?}", cell.generator, cell.grid_cell.quantizer, cell.grid_cell.share)
 }
 
 /// Notes in each run which trunk it branches off; returns the trunks, each once, every one after

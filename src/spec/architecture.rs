@@ -47,7 +47,7 @@ pub struct PatchSpec {
     pub decoder_blocks: usize,
     /// Patches that k-means begins a code from, on average.
     pub patches_per_code: usize,
-    #[serde(skip_serializing_if = "Codes::are_learned")]
+    #[serde(skip_serializing_if = "crate::units::is_default")]
     pub codes: Codes,
 }
 
@@ -62,12 +62,6 @@ pub enum Codes {
     /// is trained. A code is made of its own frames alone, and a vocabulary differs from another by
     /// its size alone, however long training takes.
     Fixed,
-}
-
-impl Codes {
-    fn are_learned(&self) -> bool {
-        *self == Self::Learned
-    }
 }
 
 /// Patches of training clips that weights begin from, and learned codes at least.
@@ -142,28 +136,21 @@ impl ArchitectureSpec {
 
     /// Whether its codes move after they are placed.
     pub fn codes(&self) -> Codes {
-        match self {
-            Self::Patch(sizes) => sizes.codes,
-            Self::Convolutional(_) | Self::Transformer(_) => Codes::Learned,
-        }
+        let Self::Patch(sizes) = self else { return Codes::Learned };
+        sizes.codes
     }
 
     /// Which halves see a caption; `None` where neither does.
     pub fn language(&self) -> Option<&LanguageSpec> {
-        match self {
-            Self::Transformer(sizes) => sizes.language.as_ref(),
-            Self::Convolutional(_) | Self::Patch(_) => None,
-        }
+        let Self::Transformer(sizes) = self else { return None };
+        sizes.language.as_ref()
     }
 
     /// The shortest training windows, as a share of the longest: those of a step are of one length,
     /// drawn anew for each.
     pub fn shortest_window(&self) -> f64 {
-        match self {
-            // Clips of any length are met at use, and attention has to know them.
-            Self::Transformer(_) => 0.25,
-            Self::Convolutional(_) | Self::Patch(_) => 1.0,
-        }
+        // Clips of any length are met at use, and attention has to know them.
+        if matches!(self, Self::Transformer(_)) { 0.25 } else { 1.0 }
     }
 
     /// FLOPs that training on a frame counts for, beside the budgets of runs.
@@ -222,7 +209,7 @@ impl PatchSpec {
     /// has as many.
     pub(super) fn begun_from(&self, n_codes: usize) -> BegunFrom {
         let wanted = self.patches_per_code * n_codes;
-        let codes = if self.codes.are_learned() { wanted.max(BEGUN_FROM) } else { wanted };
+        let codes = if self.codes == Codes::Learned { wanted.max(BEGUN_FROM) } else { wanted };
         BegunFrom { weights: BEGUN_FROM, codes }
     }
 

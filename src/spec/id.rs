@@ -14,15 +14,13 @@ pub fn changed_fields<T: Serialize>(ours: &T, theirs: &T) -> Vec<String> {
 fn differences(path: &str, ours: &Value, theirs: &Value, changed: &mut Vec<String>) {
     match (ours, theirs) {
         (Value::Object(ours), Value::Object(theirs)) => {
-            for (name, value) in ours {
-                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
-                differences(&path, value, theirs.get(name).unwrap_or(&Value::Null), changed);
-            }
             let only_theirs = theirs.keys().filter(|name| !ours.contains_key(*name));
-            changed.extend(only_theirs.map(|name| match path {
-                "" => name.clone(),
-                path => format!("{path}.{name}"),
-            }));
+            for name in ours.keys().chain(only_theirs) {
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                let [ours, theirs] =
+                    [ours, theirs].map(|keys| keys.get(name).unwrap_or(&Value::Null));
+                differences(&path, ours, theirs, changed);
+            }
         }
         _ if ours != theirs => changed.push(path.to_string()),
         _ => {}

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::{SpecError, require};
 use super::text::TextSpec;
-use crate::units::number;
+use crate::units::section;
 
 /// A half of a tokenizer that may see a caption.
 #[derive(
@@ -19,20 +19,13 @@ pub enum LanguagePlace {
     Detokenizer,
 }
 
-/// The `tokenizer.language` section: the clip's caption beside its motion (LG-Tok).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct LanguageSection {
-    /// The halves that see it: both, one, or none.
-    pub at: Vec<LanguagePlace>,
-    /// How often a training step leaves a clip's caption out.
-    #[serde(deserialize_with = "number::number")]
-    pub drop: f64,
-}
-
-impl Default for LanguageSection {
-    fn default() -> Self {
-        Self { at: vec![LanguagePlace::Tokenizer, LanguagePlace::Detokenizer], drop: 0.1 }
+section! {
+    /// The `tokenizer.language` section: the clip's caption beside its motion (LG-Tok).
+    pub struct LanguageSection {
+        /// The halves that see it: both, one, or none.
+        at: Vec<LanguagePlace> = vec![LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
+        /// How often a training step leaves a clip's caption out.
+        drop: f64 = 0.1;
     }
 }
 

@@ -33,7 +33,8 @@ mod tokenizer;
 mod tokenizer_trainer;
 mod tokenizer_training;
 mod transformer;
-mod transformer_section;
+
+use crate::units::number::plain;
 
 pub use architecture::{ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, PatchSpec};
 pub use error::{KeyProblem, SpecError};
@@ -67,3 +68,8 @@ pub use tokenizer_training::{
     TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };
 pub use transformer::{Detokenizer, NormPlacement, Positions, SWIGLU_RATIO, TransformerSpec};
+
+plain!(Representation, Precision, TextEncoderKind, TextStates, Ffn, FlopsRule);
+plain!(EvaluatorKind, Mismatches, LanguagePlace, LanguageSection, Plateau, QuantizerSection);
+plain!(TokenizerKind, TokenizerTrainer, TokenizerLoss, TokenizerSchedule, Codes);
+plain!(NormPlacement, Positions, Detokenizer);

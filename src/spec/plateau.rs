@@ -1,27 +1,17 @@
 //! The end of a tokenizer's training at the plateau of the validation split.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::error::{SpecError, require};
-use crate::units::number;
+use crate::units::section;
 
-/// The `tokenizer.plateau` section: the validation split is measured while a tokenizer is trained, the
-/// weights that were best on it are kept, and training ends where measurements bring nothing new.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Plateau {
-    /// Times that the validation split is measured, spread evenly over the steps.
-    #[serde(deserialize_with = "number::count")]
-    pub evaluations: usize,
-    /// Measurements in a row without a new best after which training ends.
-    #[serde(deserialize_with = "number::count")]
-    pub patience: usize,
-}
-
-impl Default for Plateau {
-    fn default() -> Self {
-        Self { evaluations: 20, patience: 5 }
+section! {
+    /// The `tokenizer.plateau` section: the validation split is measured while a tokenizer is trained, the
+    /// weights that were best on it are kept, and training ends where measurements bring nothing new.
+    #[derive(Copy, Eq)]
+    pub struct Plateau {
+        /// Times that the validation split is measured, spread evenly over the steps.
+        evaluations: usize = 20;
+        /// Measurements in a row without a new best after which training ends.
+        patience: usize = 5;
     }
 }
 

@@ -29,11 +29,6 @@ impl Precision {
         }
     }
 
-    /// Whether this is the precision of specs that do not tell.
-    pub fn is_single(&self) -> bool {
-        *self == Self::F32
-    }
-
     /// What the mean loss of so many targets is multiplied by before its gradients are taken, and
     /// they are divided by after: in `f16` about as many, so that a target's own share is not lost
     /// below 6e-8. A power of two, which rounds nothing.

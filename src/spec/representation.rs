@@ -23,9 +23,4 @@ impl Representation {
             Self::Meng67 => all.min(67),
         }
     }
-
-    /// Whether it is HumanML3D's.
-    pub fn is_full(&self) -> bool {
-        *self == Self::Full
-    }
 }

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::KeyProblem;
-use crate::units::number;
+use crate::units::section;
 
 /// How captions become vectors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -46,43 +46,20 @@ pub enum TextStates {
     Sentence,
 }
 
-impl TextStates {
-    /// Whether it is what every encoder gives.
-    pub fn is_words(&self) -> bool {
-        *self == Self::Words
-    }
-}
-
-/// The `text` section: how captions become vectors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct TextSpec {
-    pub encoder: TextEncoderKind,
-    /// The file of `file`, or the folder with `config.json`, `tokenizer.json` and `model.safetensors` of an
-    /// encoder with weights, from the working folder. Ids hold their content instead.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub path: Option<PathBuf>,
-    /// One vector a word, or one a caption, as the baseline without a word-level prefix has it (ScaMo, Table
-    /// 2); of encoders with weights.
-    #[serde(skip_serializing_if = "TextStates::is_words")]
-    pub states: TextStates,
-    /// Width of a vector; that of the file or of the model, where there is one.
-    #[serde(deserialize_with = "number::count")]
-    pub dim: usize,
-    /// Longer captions are cut here; part of n_ctx in the FLOP rule.
-    #[serde(deserialize_with = "number::count")]
-    pub max_tokens: usize,
-}
-
-impl Default for TextSpec {
-    fn default() -> Self {
-        Self {
-            encoder: TextEncoderKind::default(),
-            path: None,
-            states: TextStates::default(),
-            dim: 64,
-            max_tokens: 32,
-        }
+section! {
+    /// The `text` section: how captions become vectors.
+    pub struct TextSpec {
+        encoder: TextEncoderKind = TextEncoderKind::default();
+        /// The file of `file`, or the folder with `config.json`, `tokenizer.json` and `model.safetensors` of an
+        /// encoder with weights, from the working folder. Ids hold their content instead.
+        path: Option<PathBuf> = None, unless "Option::is_none";
+        /// One vector a word, or one a caption, as the baseline without a word-level prefix has it (ScaMo, Table
+        /// 2); of encoders with weights.
+        states: TextStates = TextStates::default(), unless "crate::units::is_default";
+        /// Width of a vector; that of the file or of the model, where there is one.
+        dim: usize = 64;
+        /// Longer captions are cut here; part of n_ctx in the FLOP rule.
+        max_tokens: usize = 32;
     }
 }
 
@@ -93,46 +70,37 @@ const MOST_TOKENS: usize = 16_384;
 impl TextSpec {
     /// What no encoder can use.
     pub fn problems(&self) -> Vec<KeyProblem> {
-        let sizes = (self.max_tokens == 0 || self.dim == 0).then_some(KeyProblem {
-            field: "",
-            problem: "`dim` and `max_tokens` must be at least 1",
-            help: None,
-        });
-        let large = (self.max_tokens > MOST_TOKENS || self.dim > WIDEST).then_some(KeyProblem {
-            field: "",
-            problem: "`dim` is at most 65536 and `max_tokens` at most 16384",
-            help: None,
-        });
-        let path = match (self.encoder, &self.path) {
-            (TextEncoderKind::File, None) => Some(KeyProblem {
-                field: "",
-                problem: "`encoder: file` needs a `path`",
-                help: Some("path: a file that experiments/embed_captions.py made"),
-            }),
-            (TextEncoderKind::HashedNgrams, Some(_)) => Some(KeyProblem {
-                field: "path",
-                problem: "`encoder: hashed-ngrams` reads no file",
-                help: Some("take `path` out, or set `encoder: file`"),
-            }),
-            (encoder, None) if encoder.has_weights() => Some(KeyProblem {
-                field: "",
-                problem: "an encoder with weights needs a `path`",
-                help: Some("path: a folder with config.json, tokenizer.json, model.safetensors"),
-            }),
-            _ => None,
-        };
-        let built = cfg!(feature = "encoders") || !self.encoder.has_weights();
-        let built = (!built).then_some(KeyProblem {
-            field: "encoder",
-            problem: "this isoflop was built without encoders that have weights",
-            help: Some("build it with `--features encoders`, or make a file for `encoder: file`"),
-        });
-        let states = self.states == TextStates::Sentence && !self.encoder.has_weights();
-        let states = states.then_some(KeyProblem {
-            field: "states",
-            problem: "`states: sentence` is of encoders with weights",
-            help: Some("a file may hold one vector a caption"),
-        });
-        sizes.into_iter().chain(large).chain(path).chain(built).chain(states).collect()
+        let Self { encoder, path, dim, max_tokens, .. } = self;
+        let (file, has_weights) = (*encoder == TextEncoderKind::File, encoder.has_weights());
+        let hashed = *encoder == TextEncoderKind::HashedNgrams;
+        let built = cfg!(feature = "encoders") || !has_weights;
+        let in_file = "path: a file that experiments/embed_captions.py made";
+        let in_folder = "path: a folder with config.json, tokenizer.json, model.safetensors";
+        let no_path = "take `path` out, or set `encoder: file`";
+        let other = "build it with `--features encoders`, or make a file for `encoder: file`";
+        let small = "`dim` and `max_tokens` must be at least 1";
+        let large = "`dim` is at most 65536 and `max_tokens` at most 16384";
+        let unbuilt = "this isoflop was built without encoders that have weights";
+        let sentence = "`states: sentence` is of encoders with weights";
+        let needs_path = "an encoder with weights needs a `path`";
+        KeyProblem::failed([
+            (*max_tokens > 0 && *dim > 0, "", small, None),
+            (*max_tokens <= MOST_TOKENS && *dim <= WIDEST, "", large, None),
+            (!file || path.is_some(), "", "`encoder: file` needs a `path`", Some(in_file)),
+            (
+                !hashed || path.is_none(),
+                "path",
+                "`encoder: hashed-ngrams` reads no file",
+                Some(no_path),
+            ),
+            (!has_weights || path.is_some(), "", needs_path, Some(in_folder)),
+            (built, "encoder", unbuilt, Some(other)),
+            (
+                self.states == TextStates::Words || has_weights,
+                "states",
+                sentence,
+                Some("a file may hold one vector a caption"),
+            ),
+        ])
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::architecture::{ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, PatchSpec};
-use super::error::{SpecError, require};
+use super::error::{SpecError, require, require_all};
 use super::grid::Grid;
 use super::plateau::Plateau;
 use super::quantizer::{
@@ -15,6 +15,8 @@ use super::tokenizer_trainer::TokenizerTrainer;
 use super::tokenizer_training::{
     TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
 };
+use super::transformer::TransformerSpec;
+use crate::units::or_default;
 
 /// A tokenizer, resolved: what is hashed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -23,7 +25,7 @@ pub struct TokenizerSpec {
     pub architecture: ArchitectureSpec,
     /// By default FSQ with levels 8, 6, 5 (240 codes).
     pub quantizer: QuantizerSpec,
-    #[serde(skip_serializing_if = "Representation::is_full")]
+    #[serde(skip_serializing_if = "crate::units::is_default")]
     pub representation: Representation,
     pub training: TokenizerTraining,
     /// None where all steps are taken and the last weights kept.
@@ -94,38 +96,33 @@ impl TokenizerSection {
             training.mix_arm = self.mix_arm.unwrap_or(0.0);
         }
         let architecture = self.architecture(training.window, text);
-        let representation = self.representation;
-        let plateau = self.plateau;
-        let trainer = self.trainer;
+        let Self { representation, plateau, trainer, .. } = *self;
         TokenizerSpec { architecture, quantizer, representation, training, plateau, trainer }
     }
 
     fn architecture(&self, window: usize, text: &TextSpec) -> ArchitectureSpec {
-        if self.kind == TokenizerKind::Transformer {
-            return ArchitectureSpec::Transformer(self.transformer(window, text));
-        }
-        if self.kind == TokenizerKind::Patch {
-            let mut default = PatchSpec::default();
-            let codes = self.codes.unwrap_or_default();
-            if codes == Codes::Fixed {
-                default.encoder_blocks = 0;
+        match self.kind {
+            TokenizerKind::Transformer => {
+                let language = self.language.as_ref().and_then(|language| language.over(text));
+                let own = TransformerSpec { span: window, language, ..TransformerSpec::default() };
+                let own = or_default!(self, own, width, layers, heads, frames, latent, dropout);
+                let own = or_default!(self, own, norm, positions, detokenizer);
+                ArchitectureSpec::Transformer(own)
             }
-            return ArchitectureSpec::Patch(PatchSpec {
-                width: self.width.unwrap_or(default.width),
-                frames: self.frames.unwrap_or(default.frames),
-                latent: self.latent.unwrap_or(default.latent),
-                encoder_blocks: self.encoder_blocks.unwrap_or(default.encoder_blocks),
-                decoder_blocks: self.decoder_blocks.unwrap_or(default.decoder_blocks),
-                patches_per_code: self.patches_per_code.unwrap_or(default.patches_per_code),
-                codes,
-            });
+            TokenizerKind::Patch => {
+                let codes = self.codes.unwrap_or_default();
+                let mut own = PatchSpec { codes, ..PatchSpec::default() };
+                if codes == Codes::Fixed {
+                    own.encoder_blocks = 0;
+                }
+                let own = or_default!(self, own, width, frames, latent, patches_per_code);
+                ArchitectureSpec::Patch(or_default!(self, own, encoder_blocks, decoder_blocks))
+            }
+            _ => {
+                let default = ConvolutionalSpec::default();
+                ArchitectureSpec::Convolutional(or_default!(self, default, width, depth, down))
+            }
         }
-        let default = ConvolutionalSpec::default();
-        ArchitectureSpec::Convolutional(ConvolutionalSpec {
-            width: self.width.unwrap_or(default.width),
-            depth: self.depth.unwrap_or(default.depth),
-            down: self.down.unwrap_or(default.down),
-        })
     }
 
     /// The first setting that no training can use.
@@ -148,70 +145,59 @@ impl TokenizerSection {
     }
 
     /// No key is written that nothing reads.
+    ///
+    /// Codes are fixed where k-means places them, and then nothing before them is learned.
     fn check_use(&self, training: &TokenizerTraining) -> Result<(), SpecError> {
         let joints = training.loss == TokenizerLoss::Joints;
         let step = training.schedule == TokenizerSchedule::Step;
         let quantizer = self.quantizer();
         let vq = quantizer.codebook_kind() == CodebookKind::Vq;
-        let learned = vq || quantizer.kind == QuantizerKind::Multiscale;
-        let written = [
-            ("decay_at", self.decay_at, step, "belongs to `schedule: step`"),
-            ("position_weight", self.position_weight, !joints, "belongs to `loss: features`"),
-            ("feature_weight", self.feature_weight, joints, "belongs to `loss: joints`"),
-            ("velocity_weight", self.velocity_weight, joints, "belongs to `loss: joints`"),
-            ("commitment", self.commitment, learned, "belongs to VQ"),
-            ("reset_share", self.reset_share, vq, "belongs to VQ"),
-        ];
-        require(vq || self.patches_per_code.is_none(), "patches_per_code", "belongs to VQ")?;
-        self.check_codes(vq)?;
-        for (field, value, is_read, problem) in written {
-            require(is_read || value.is_none(), field, problem)?;
-        }
-        Ok(())
-    }
-
-    /// Codes are fixed where k-means places them, and then nothing before them is learned.
-    fn check_codes(&self, vq: bool) -> Result<(), SpecError> {
-        if self.codes != Some(Codes::Fixed) {
-            return Ok(());
-        }
-        let patch = self.kind == TokenizerKind::Patch;
-        require(patch && vq, "codes", "`fixed` belongs to `kind: patch` with VQ")?;
-        let learning = [
-            ("encoder_blocks", self.encoder_blocks.is_some()),
-            ("commitment", self.commitment.is_some()),
-            ("reset_share", self.reset_share.is_some()),
-        ];
-        for (field, written) in learning {
-            require(!written, field, "belongs to `codes: learned`")?;
-        }
-        Ok(())
+        let scales_or_vq = vq || quantizer.kind == QuantizerKind::Multiscale;
+        let may_be_fixed = self.kind == TokenizerKind::Patch && vq;
+        let (of_vq, of_learned) = ("belongs to VQ", "belongs to `codes: learned`");
+        let (of_features, of_joints) = ("belongs to `loss: features`", "belongs to `loss: joints`");
+        let of_patches = "`fixed` belongs to `kind: patch` with VQ";
+        let learned = self.codes != Some(Codes::Fixed);
+        require_all([
+            (vq || self.patches_per_code.is_none(), "patches_per_code", of_vq),
+            (learned || may_be_fixed, "codes", of_patches),
+            (learned || self.encoder_blocks.is_none(), "encoder_blocks", of_learned),
+            (learned || self.commitment.is_none(), "commitment", of_learned),
+            (learned || self.reset_share.is_none(), "reset_share", of_learned),
+            (step || self.decay_at.is_none(), "decay_at", "belongs to `schedule: step`"),
+            (!joints || self.position_weight.is_none(), "position_weight", of_features),
+            (joints || self.feature_weight.is_none(), "feature_weight", of_joints),
+            (joints || self.velocity_weight.is_none(), "velocity_weight", of_joints),
+            (scales_or_vq || self.commitment.is_none(), "commitment", of_vq),
+            (vq || self.reset_share.is_none(), "reset_share", of_vq),
+        ])
     }
 
     /// No key of one kind is written for the other.
     fn check_kind(&self) -> Result<(), SpecError> {
         let patch = self.kind == TokenizerKind::Patch;
         let transformer = self.kind == TokenizerKind::Transformer;
-        let kind = if patch { "is not of `kind: patch`" } else { "is not of `kind: transformer`" };
-        for (field, written) in [("depth", self.depth), ("down", self.down)] {
-            require(!(patch || transformer) || written.is_none(), field, kind)?;
-        }
-        for (field, written) in [("frames", self.frames), ("latent", self.latent)] {
-            let belongs = "belongs to `kind: patch` and `kind: transformer`";
-            require(patch || transformer || written.is_none(), field, belongs)?;
-        }
-        let of_patches = [
-            ("encoder_blocks", self.encoder_blocks),
-            ("decoder_blocks", self.decoder_blocks),
-            ("patches_per_code", self.patches_per_code),
-        ];
-        for (field, written) in of_patches {
-            require(patch || written.is_none(), field, "belongs to `kind: patch`")?;
-        }
-        for (field, is_written) in self.of_transformers() {
-            require(transformer || !is_written, field, "belongs to `kind: transformer`")?;
-        }
-        Ok(())
+        let either = patch || transformer;
+        let not = if patch { "is not of `kind: patch`" } else { "is not of `kind: transformer`" };
+        let of_either = "belongs to `kind: patch` and `kind: transformer`";
+        let (of_patch, of_transformer) =
+            ("belongs to `kind: patch`", "belongs to `kind: transformer`");
+        require_all([
+            (!either || self.depth.is_none(), "depth", not),
+            (!either || self.down.is_none(), "down", not),
+            (either || self.frames.is_none(), "frames", of_either),
+            (either || self.latent.is_none(), "latent", of_either),
+            (patch || self.encoder_blocks.is_none(), "encoder_blocks", of_patch),
+            (patch || self.decoder_blocks.is_none(), "decoder_blocks", of_patch),
+            (patch || self.patches_per_code.is_none(), "patches_per_code", of_patch),
+            (transformer || self.layers.is_none(), "layers", of_transformer),
+            (transformer || self.heads.is_none(), "heads", of_transformer),
+            (transformer || self.norm.is_none(), "norm", of_transformer),
+            (transformer || self.positions.is_none(), "positions", of_transformer),
+            (transformer || self.detokenizer.is_none(), "detokenizer", of_transformer),
+            (transformer || self.dropout.is_none(), "dropout", of_transformer),
+            (transformer || self.language.is_none(), "language", of_transformer),
+        ])
     }
 }
 
@@ -283,16 +269,16 @@ impl TokenizerSpec {
     /// No window is parted from its caption.
     fn check_captions(&self) -> Result<(), SpecError> {
         let TokenizerTraining { mirror, mix_body, mix_arm, .. } = self.training;
-        let read = self.architecture.language().is_some();
+        let unread = self.architecture.language().is_none();
         let mirrored = "shows mirrored clips the captions of their originals where `language` is set: \
                         leave it out, or set data.mirror";
-        require(!read || !mirror, "mirror", mirrored)?;
-        for (field, share) in [("mix_body", mix_body), ("mix_arm", mix_arm)] {
-            let mixed =
-                "shows parts of other clips under a caption where `language` is set: leave it out";
-            require(!read || share == 0.0, field, mixed)?;
-        }
-        Ok(())
+        let mixed =
+            "shows parts of other clips under a caption where `language` is set: leave it out";
+        require_all([
+            (unread || !mirror, "mirror", mirrored),
+            (unread || mix_body == 0.0, "mix_body", mixed),
+            (unread || mix_arm == 0.0, "mix_arm", mixed),
+        ])
     }
 
     fn check_window(&self) -> Result<(), SpecError> {

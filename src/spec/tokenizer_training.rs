@@ -1,17 +1,17 @@
 //! How a tokenizer is trained, and the `tokenizer` section of a sweep file, which has the same keys.
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use super::architecture::Codes;
-use super::error::{SpecError, require};
+use super::error::{SpecError, require_all};
 use super::language::LanguageSection;
 use super::plateau::Plateau;
 use super::quantizer::QuantizerSection;
 use super::representation::Representation;
 use super::tokenizer_trainer::TokenizerTrainer;
 use super::transformer::{Detokenizer, NormPlacement, Positions};
-use crate::units::number;
+use crate::units::section;
 
 /// Which tokenizer, as it is written in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -59,7 +59,7 @@ pub enum TokenizerSchedule {
 /// The training of a tokenizer and the section of a sweep file, from one list of keys, each with its
 /// default for the convolutional autoencoder and for patches.
 macro_rules! keys {
-    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr, $patch:expr, $read:literal;)*) => {
+    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr, $patch:expr;)*) => {
         /// How a tokenizer is trained.
         ///
         /// The defaults of the convolutional autoencoder suit small widths on a CPU: T2M-GPT's recipe
@@ -85,95 +85,58 @@ macro_rules! keys {
             }
         }
 
-        /// The `tokenizer` section: a tokenizer of this kind is trained for each vocabulary and seed.
-        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-        #[serde(deny_unknown_fields, default)]
-        pub struct TokenizerSection {
-            pub kind: TokenizerKind,
-            /// Who trains the tokenizers.
-            #[serde(skip_serializing_if = "TokenizerTrainer::is_built_in")]
-            pub trainer: TokenizerTrainer,
-            /// Which quantizer: FSQ by default, VQ for patches.
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub quantizer: Option<QuantizerSection>,
-            /// The features of a frame that are read and made.
-            #[serde(skip_serializing_if = "Representation::is_full")]
-            pub representation: Representation,
-            /// Channels of the layers: 64, for patches 128; ScaMo has 512, LG-Tok 256.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub width: Option<usize>,
-            /// Convolutional: residual blocks at each resolution, 3.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub depth: Option<usize>,
-            /// Convolutional: halvings of the frame rate, 2; they make 4 frames a code.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub down: Option<usize>,
-            /// Patches and transformers: frames a code, 4.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub frames: Option<usize>,
-            /// Patches and transformers: channels of a latent, 32; 512 in LG-Tok.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub latent: Option<usize>,
-            /// Patches: residual blocks of the encoder, 3; without any, a code is made of its own
-            /// frames alone.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub encoder_blocks: Option<usize>,
-            /// Patches: residual blocks of the decoder, 4.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub decoder_blocks: Option<usize>,
-            /// VQ of patches: patches that k-means begins a code from, on average: 48, and where codes
-            /// are learned 32,768 in all at least.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub patches_per_code: Option<usize>,
-            /// VQ of patches: whether codes move after k-means, `learned`.
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub codes: Option<Codes>,
-            /// Transformers: layers of each half, an odd number: 3; 9 in LG-Tok.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub layers: Option<usize>,
-            /// Transformers: heads of attention, 4.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub heads: Option<usize>,
-            /// Transformers: where RMSNorm stands, `post`.
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub norm: Option<NormPlacement>,
-            /// Transformers: how a row knows its place, `learned`.
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub positions: Option<Positions>,
-            /// Transformers: how the detokenizer's frames see latents and text, `cross`.
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub detokenizer: Option<Detokenizer>,
-            /// Transformers: share of what each part of a layer adds that training drops: 0; 0.1 in
-            /// LG-Tok.
-            #[serde(deserialize_with = "number::optional_number")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub dropout: Option<f64>,
-            /// Transformers: which halves see the clip's caption; none where it is left out.
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub language: Option<LanguageSection>,
-            /// Ends training at the plateau of the validation split; left out, all steps are taken and the
-            /// last weights kept.
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub plateau: Option<Plateau>,
-            /// Seeds of several tokenizers a vocabulary: every cell is trained with each of them.
-            #[serde(skip_serializing_if = "Vec::is_empty")]
-            pub seeds: Vec<u64>,
-            $(
-                $(#[$about])*
-                #[serde(deserialize_with = $read)]
-                #[serde(skip_serializing_if = "Option::is_none")]
-                pub $key: Option<$type>,
-            )*
+        section! {
+            /// The `tokenizer` section: a tokenizer of this kind is trained for each vocabulary and seed.
+            pub struct TokenizerSection {
+                kind: TokenizerKind = TokenizerKind::default();
+                /// Who trains the tokenizers.
+                trainer: TokenizerTrainer = TokenizerTrainer::default(), unless "TokenizerTrainer::is_built_in";
+                /// Which quantizer: FSQ by default, VQ for patches.
+                quantizer: Option<QuantizerSection> = None, unless "Option::is_none";
+                /// The features of a frame that are read and made.
+                representation: Representation = Representation::default(), unless "crate::units::is_default";
+                /// Channels of the layers: 64, for patches 128; ScaMo has 512, LG-Tok 256.
+                width: Option<usize> = None, unless "Option::is_none";
+                /// Convolutional: residual blocks at each resolution, 3.
+                depth: Option<usize> = None, unless "Option::is_none";
+                /// Convolutional: halvings of the frame rate, 2; they make 4 frames a code.
+                down: Option<usize> = None, unless "Option::is_none";
+                /// Patches and transformers: frames a code, 4.
+                frames: Option<usize> = None, unless "Option::is_none";
+                /// Patches and transformers: channels of a latent, 32; 512 in LG-Tok.
+                latent: Option<usize> = None, unless "Option::is_none";
+                /// Patches: residual blocks of the encoder, 3; without any, a code is made of its own
+                /// frames alone.
+                encoder_blocks: Option<usize> = None, unless "Option::is_none";
+                /// Patches: residual blocks of the decoder, 4.
+                decoder_blocks: Option<usize> = None, unless "Option::is_none";
+                /// VQ of patches: patches that k-means begins a code from, on average: 48, and where codes
+                /// are learned 32,768 in all at least.
+                patches_per_code: Option<usize> = None, unless "Option::is_none";
+                /// VQ of patches: whether codes move after k-means, `learned`.
+                codes: Option<Codes> = None, unless "Option::is_none";
+                /// Transformers: layers of each half, an odd number: 3; 9 in LG-Tok.
+                layers: Option<usize> = None, unless "Option::is_none";
+                /// Transformers: heads of attention, 4.
+                heads: Option<usize> = None, unless "Option::is_none";
+                /// Transformers: where RMSNorm stands, `post`.
+                norm: Option<NormPlacement> = None, unless "Option::is_none";
+                /// Transformers: how a row knows its place, `learned`.
+                positions: Option<Positions> = None, unless "Option::is_none";
+                /// Transformers: how the detokenizer's frames see latents and text, `cross`.
+                detokenizer: Option<Detokenizer> = None, unless "Option::is_none";
+                /// Transformers: share of what each part of a layer adds that training drops: 0; 0.1 in
+                /// LG-Tok.
+                dropout: Option<f64> = None, unless "Option::is_none";
+                /// Transformers: which halves see the clip's caption; none where it is left out.
+                language: Option<LanguageSection> = None, unless "Option::is_none";
+                /// Ends training at the plateau of the validation split; left out, all steps are taken and the
+                /// last weights kept.
+                plateau: Option<Plateau> = None, unless "Option::is_none";
+                /// Seeds of several tokenizers a vocabulary: every cell is trained with each of them.
+                seeds: Vec<u64> = Vec::new(), unless "Vec::is_empty";
+                $($(#[$about])* $key: Option<$type> = None, unless "Option::is_none";)*
+            }
         }
 
         impl TokenizerSection {
@@ -188,59 +151,54 @@ macro_rules! keys {
 keys! {
     /// Frames of a training window, whole latents: 64, for patches 96; more where a scale has more codes
     /// than that has latents.
-    window: usize = 64, 96, "number::optional_count";
+    window: usize = 64, 96;
     /// Windows a step: 32, for patches 24.
-    batch: usize = 32, 24, "number::optional_count";
+    batch: usize = 32, 24;
     /// Training steps: 600, for patches 4000.
-    steps: usize = 600, 4000, "number::optional_count";
+    steps: usize = 600, 4000;
     /// Learning rate after the warm-up: 1e-3.
-    lr: f64 = 1e-3, 1e-3, "number::optional_number";
+    lr: f64 = 1e-3, 1e-3;
     /// Steps over which the rate rises linearly: 50, for patches 100.
-    warmup_steps: usize = 50, 100, "number::optional_count";
+    warmup_steps: usize = 50, 100;
     /// How the rate falls: `step`, for patches `cosine`.
-    schedule: TokenizerSchedule = TokenizerSchedule::Step, TokenizerSchedule::Cosine, "given";
+    schedule: TokenizerSchedule = TokenizerSchedule::Step, TokenizerSchedule::Cosine;
     /// Share of the steps after which a rate falls at once: 0.8; 0.6 in ScaMo.
-    decay_at: f64 = 0.8, 0.8, "number::optional_number";
+    decay_at: f64 = 0.8, 0.8;
     /// What the rate is multiplied by in the end: 0.05, for patches 0.02.
-    decay_factor: f64 = 0.05, 0.02, "number::optional_number";
+    decay_factor: f64 = 0.05, 0.02;
     /// What training makes small: `features`, for patches `joints`.
-    loss: TokenizerLoss = TokenizerLoss::Features, TokenizerLoss::Joints, "given";
+    loss: TokenizerLoss = TokenizerLoss::Features, TokenizerLoss::Joints;
     /// Weight of the joints' positions in the loss of features: 0.5.
-    position_weight: f64 = 0.5, 0.5, "number::optional_number";
+    position_weight: f64 = 0.5, 0.5;
     /// Weight of the features in the loss of joints: 0.25.
-    feature_weight: f64 = 0.25, 0.25, "number::optional_number";
+    feature_weight: f64 = 0.25, 0.25;
     /// Weight of the joints' velocities in the loss of joints: 0.05.
-    velocity_weight: f64 = 0.05, 0.05, "number::optional_number";
+    velocity_weight: f64 = 0.05, 0.05;
     /// VQ and scales: weight of the squared distance from latents to their codes: 0.02, for patches 1.
-    commitment: f64 = 0.02, 1.0, "number::optional_number";
+    commitment: f64 = 0.02, 1.0;
     /// VQ: a code that is met less often than this share of the mean is placed anew: 0.025 for patches.
     /// 0 stands for T2M-GPT's rule, less than one latent a step.
-    reset_share: f64 = 0.0, 0.025, "number::optional_number";
+    reset_share: f64 = 0.0, 0.025;
     /// Decay of the moving average of the weights that is kept in the end: none, for patches 0.998.
-    average: f64 = 0.0, 0.998, "number::optional_number";
+    average: f64 = 0.0, 0.998;
     /// Mirrored clips are trained on too: `false`, for patches `true`.
-    mirror: bool = false, true, "given";
+    mirror: bool = false, true;
     /// With the loss of joints: how often a window gets the upper body of another clip: 0.7.
-    mix_body: f64 = 0.0, 0.7, "number::optional_number";
+    mix_body: f64 = 0.0, 0.7;
     /// With the loss of joints: how often a window gets an arm of another clip, for each arm: 0.3.
-    mix_arm: f64 = 0.0, 0.3, "number::optional_number";
+    mix_arm: f64 = 0.0, 0.3;
     /// AdamW's β₁: 0.9.
-    beta_1: f64 = 0.9, 0.9, "number::optional_number";
+    beta_1: f64 = 0.9, 0.9;
     /// AdamW's β₂: 0.99.
-    beta_2: f64 = 0.99, 0.99, "number::optional_number";
+    beta_2: f64 = 0.99, 0.99;
     /// AdamW's decoupled weight decay: 0, for patches 0.01.
-    weight_decay: f64 = 0.0, 0.01, "number::optional_number";
+    weight_decay: f64 = 0.0, 0.01;
     /// Norm that gradients are scaled down to: none, for patches 1; 0 for none.
-    clip_norm: f64 = 0.0, 1.0, "number::optional_number";
+    clip_norm: f64 = 0.0, 1.0;
     /// Clips of the training split that are held in memory and trained on: 2048.
-    pool_clips: usize = 2048, 2048, "number::optional_count";
+    pool_clips: usize = 2048, 2048;
     /// Seed of the weights, the pool and the windows: 0.
-    seed: u64 = 0, 0, "number::optional_seed";
-}
-
-/// Any value that may be left out.
-fn given<'de, T: Deserialize<'de>, D: Deserializer<'de>>(d: D) -> Result<Option<T>, D::Error> {
-    Option::<T>::deserialize(d)
+    seed: u64 = 0, 0;
 }
 
 impl TokenizerTraining {
@@ -269,40 +227,35 @@ impl TokenizerTraining {
 
     /// The first field that no training can use.
     pub(super) fn check(&self) -> Result<(), SpecError> {
-        let counts =
-            [("batch", self.batch), ("steps", self.steps), ("pool_clips", self.pool_clips)];
-        for (field, value) in counts {
-            require(value > 0, field, "must be at least 1")?;
-        }
-        let weights = [
-            ("lr", self.lr),
-            ("decay_at", self.decay_at),
-            ("decay_factor", self.decay_factor),
-            ("position_weight", self.position_weight),
-            ("feature_weight", self.feature_weight),
-            ("velocity_weight", self.velocity_weight),
-            ("commitment", self.commitment),
-            ("weight_decay", self.weight_decay),
-            ("clip_norm", self.clip_norm),
-        ];
-        for (field, value) in weights {
-            require(value.is_finite() && value >= 0.0, field, "must not be negative")?;
-        }
-        require(self.lr > 0.0, "lr", "a rate is above 0")?;
-        let decays = [
-            ("beta_1", self.beta_1),
-            ("beta_2", self.beta_2),
-            ("average", self.average),
-            ("reset_share", self.reset_share),
-        ];
-        for (field, value) in decays {
-            require((0.0..1.0).contains(&value), field, "lies in [0, 1)")?;
-        }
-        for (field, value) in [("mix_body", self.mix_body), ("mix_arm", self.mix_arm)] {
-            require((0.0..=1.0).contains(&value), field, "lies between 0 and 1")?;
-            let joints = self.loss == TokenizerLoss::Joints;
-            require(joints || value == 0.0, field, "belongs to `loss: joints`")?;
-        }
-        Ok(())
+        let whole = "must be at least 1";
+        let positive = |x: f64| x.is_finite() && x >= 0.0;
+        let negative = "must not be negative";
+        let decays = |x: f64| (0.0..1.0).contains(&x);
+        let share = |x: f64| (0.0..=1.0).contains(&x);
+        let joints = self.loss == TokenizerLoss::Joints;
+        let of_joints = "belongs to `loss: joints`";
+        require_all([
+            (self.batch > 0, "batch", whole),
+            (self.steps > 0, "steps", whole),
+            (self.pool_clips > 0, "pool_clips", whole),
+            (positive(self.lr), "lr", negative),
+            (positive(self.decay_at), "decay_at", negative),
+            (positive(self.decay_factor), "decay_factor", negative),
+            (positive(self.position_weight), "position_weight", negative),
+            (positive(self.feature_weight), "feature_weight", negative),
+            (positive(self.velocity_weight), "velocity_weight", negative),
+            (positive(self.commitment), "commitment", negative),
+            (positive(self.weight_decay), "weight_decay", negative),
+            (positive(self.clip_norm), "clip_norm", negative),
+            (self.lr > 0.0, "lr", "a rate is above 0"),
+            (decays(self.beta_1), "beta_1", "lies in [0, 1)"),
+            (decays(self.beta_2), "beta_2", "lies in [0, 1)"),
+            (decays(self.average), "average", "lies in [0, 1)"),
+            (decays(self.reset_share), "reset_share", "lies in [0, 1)"),
+            (share(self.mix_body), "mix_body", "lies between 0 and 1"),
+            (joints || self.mix_body == 0.0, "mix_body", of_joints),
+            (share(self.mix_arm), "mix_arm", "lies between 0 and 1"),
+            (joints || self.mix_arm == 0.0, "mix_arm", of_joints),
+        ])
     }
 }

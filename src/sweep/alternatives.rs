@@ -1,132 +1,83 @@
-//! Entries that may be written in more than one way, told apart by their YAML kind.
-//!
-//! serde's untagged enums would do the same, but forget where in the file they stand and what was
-//! wrong with each way; these keep both.
+//! Entries that may be written in more than one way.
 
 use std::borrow::Cow;
-use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{
-    Deserialize, Deserializer, Error, IntoDeserializer, MapAccess, SeqAccess, Visitor,
-};
+use serde::de::{Deserialize, DeserializeOwned, Deserializer, Error};
 use serde::ser::{Serialize, Serializer};
+use serde_yaml::Value;
 
-use crate::spec::{GeneratorKind, ScaleName, ScaleSpec};
+use crate::spec::{GeneratorKind, ScaleSpec};
 use crate::sweep::sections::{Clips, Generators, LevelsSpec, ModelList, ModelRule, VocabSpec};
-use crate::units::number;
+use crate::units::{Ways, number};
 
-impl<'de> Deserialize<'de> for ModelList {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Models)
+macro_rules! read_in_ways {
+    ($($type:ty),*) => {$(
+        impl<'de> Deserialize<'de> for $type {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                Ways::read(deserializer)
+            }
+        }
+    )*};
+}
+read_in_ways!(ModelList, VocabSpec, ScaleSpec, Generators);
+
+impl Ways for ModelList {
+    const EXPECTED: &'static str = "a list of models, the name of a list, or a rule over d_model";
+
+    fn of_scalar(name: &Value) -> Option<Result<Self, String>> {
+        name.as_str().map(|name| Ok(Self::Named(name.to_string())))
+    }
+
+    fn of_list<'de, D: Deserializer<'de>>(list: D) -> Option<Result<Self, D::Error>> {
+        Some(Vec::deserialize(list).map(Self::List))
+    }
+
+    fn of_section<'de, D: Deserializer<'de>>(rule: D) -> Option<Result<Self, D::Error>> {
+        Some(ModelRule::deserialize(rule).map(Self::Rule))
     }
 }
 
-struct Models;
+impl Ways for VocabSpec {
+    const EXPECTED: &'static str = "a number of codes, or `{levels: [8, 5, 5, 5]}`";
 
-impl<'de> Visitor<'de> for Models {
-    type Value = ModelList;
-
-    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a list of models, the name of a list, or a rule over d_model")
+    fn of_scalar(size: &Value) -> Option<Result<Self, String>> {
+        Some(number::whole(size).map(Self::Size))
     }
 
-    fn visit_str<E: Error>(self, name: &str) -> Result<ModelList, E> {
-        Ok(ModelList::Named(name.to_string()))
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<ModelList, A::Error> {
-        Vec::deserialize(SeqAccessDeserializer::new(list)).map(ModelList::List)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, rule: A) -> Result<ModelList, A::Error> {
-        ModelRule::deserialize(MapAccessDeserializer::new(rule)).map(ModelList::Rule)
+    fn of_section<'de, D: Deserializer<'de>>(levels: D) -> Option<Result<Self, D::Error>> {
+        Some(LevelsSpec::deserialize(levels).map(Self::Levels))
     }
 }
 
-impl<'de> Deserialize<'de> for VocabSpec {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Vocab)
+impl Ways for ScaleSpec {
+    const EXPECTED: &'static str = "`mini`, `mid`, `full`, or a list of the codes of each scale";
+
+    fn of_scalar(name: &Value) -> Option<Result<Self, String>> {
+        named(name).map(|name| name.map(Self::Named))
+    }
+
+    fn of_list<'de, D: Deserializer<'de>>(list: D) -> Option<Result<Self, D::Error>> {
+        Some(number::read(list).map(Self::List))
     }
 }
 
-struct Vocab;
+impl Ways for Generators {
+    const EXPECTED: &'static str = "a kind of generator, or a list of kinds";
 
-impl<'de> Visitor<'de> for Vocab {
-    type Value = VocabSpec;
-
-    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a number of codes, or `{levels: [8, 5, 5, 5]}`")
+    fn of_scalar(kind: &Value) -> Option<Result<Self, String>> {
+        named(kind).map(|kind| Ok(Self(vec![kind?])))
     }
 
-    fn visit_u64<E: Error>(self, n: u64) -> Result<VocabSpec, E> {
-        number::whole(n.into()).map(VocabSpec::Size).map_err(E::custom)
-    }
-
-    fn visit_i64<E: Error>(self, n: i64) -> Result<VocabSpec, E> {
-        number::whole(n.into()).map(VocabSpec::Size).map_err(E::custom)
-    }
-
-    fn visit_f64<E: Error>(self, n: f64) -> Result<VocabSpec, E> {
-        number::whole(n.into()).map(VocabSpec::Size).map_err(E::custom)
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<VocabSpec, E> {
-        number::whole(text.into()).map(VocabSpec::Size).map_err(E::custom)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, levels: A) -> Result<VocabSpec, A::Error> {
-        LevelsSpec::deserialize(MapAccessDeserializer::new(levels)).map(VocabSpec::Levels)
+    fn of_list<'de, D: Deserializer<'de>>(list: D) -> Option<Result<Self, D::Error>> {
+        Some(Vec::deserialize(list).map(Self))
     }
 }
 
-impl<'de> Deserialize<'de> for ScaleSpec {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(Scales)
-    }
-}
-
-struct Scales;
-
-impl<'de> Visitor<'de> for Scales {
-    type Value = ScaleSpec;
-
-    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("`mini`, `mid`, `full`, or a list of the codes of each scale")
-    }
-
-    fn visit_str<E: Error>(self, name: &str) -> Result<ScaleSpec, E> {
-        ScaleName::deserialize(name.into_deserializer()).map(ScaleSpec::Named)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<ScaleSpec, A::Error> {
-        number::counts(SeqAccessDeserializer::new(list)).map(ScaleSpec::List)
-    }
-}
-
-impl<'de> Deserialize<'de> for Generators {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(OneOrMore)
-    }
-}
-
-struct OneOrMore;
-
-impl<'de> Visitor<'de> for OneOrMore {
-    type Value = Generators;
-
-    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a kind of generator, or a list of kinds")
-    }
-
-    fn visit_str<E: Error>(self, name: &str) -> Result<Generators, E> {
-        GeneratorKind::deserialize(name.into_deserializer()).map(|kind| Generators(vec![kind]))
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Generators, A::Error> {
-        Vec::deserialize(SeqAccessDeserializer::new(list)).map(Generators)
-    }
+/// What a word stands for; `None` for a number.
+fn named<T: DeserializeOwned>(word: &Value) -> Option<Result<T, String>> {
+    let read = || serde_yaml::from_value(word.clone()).map_err(|error| error.to_string());
+    word.is_string().then(read)
 }
 
 impl JsonSchema for Generators {
@@ -142,10 +93,10 @@ impl JsonSchema for Generators {
 
 impl<'de> Deserialize<'de> for Clips {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = serde_yaml::Value::deserialize(deserializer)?;
+        let value = Value::deserialize(deserializer)?;
         match value.as_str() {
             Some("auto") => Ok(Clips::Auto),
-            _ => number::whole(value)
+            _ => number::whole(&value)
                 .map(Clips::Count)
                 .map_err(|error| D::Error::custom(format!("{error}; or write `auto`"))),
         }
@@ -180,6 +131,7 @@ impl Serialize for Clips {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spec::ScaleName;
 
     #[test]
     fn every_way_of_writing_an_entry_reads_back() {

@@ -73,7 +73,7 @@ pub fn is_torch(command: &str) -> bool {
 }
 
 /// In one pass, so that braces in a path are left as they are.
-fn filled(word: &str, value: &impl Fn(&str) -> String) -> String {
+fn filled<'a>(word: &'a str, mut value: impl FnMut(&'a str) -> String) -> String {
     let (mut text, mut rest) = (String::new(), word);
     while let Some((before, name, after)) = next_placeholder(rest) {
         text += before;
@@ -84,11 +84,11 @@ fn filled(word: &str, value: &impl Fn(&str) -> String) -> String {
 }
 
 fn placeholders(word: &str) -> Vec<&str> {
-    let (mut names, mut rest) = (Vec::new(), word);
-    while let Some((_, name, after)) = next_placeholder(rest) {
+    let mut names = Vec::new();
+    filled(word, |name| {
         names.push(name);
-        rest = after;
-    }
+        String::new()
+    });
     names
 }
 

@@ -1,21 +1,29 @@
 //! Conditions of `grid.exclude`: `n_vocab > 1000 and d_model < 64`.
 
-/// Names that a condition may compare.
+/// Names that a condition may compare, in the order of [`Condition::holds`].
 pub const FIELDS: [&str; 6] = ["n_layer", "n_head", "d_model", "n_vocab", "budget", "share"];
 
 /// Comparisons that must all hold.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Condition(Vec<Comparison>);
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 struct Comparison {
-    field: String,
-    operator: &'static str,
+    /// Index of one of [`FIELDS`].
+    field: usize,
+    holds: fn(&f64, &f64) -> bool,
     value: f64,
 }
 
 /// Longer operators first, so that `<=` is not read as `<`.
-const OPERATORS: [&str; 6] = ["<=", ">=", "==", "!=", "<", ">"];
+const OPERATORS: [(&str, fn(&f64, &f64) -> bool); 6] = [
+    ("<=", f64::le),
+    (">=", f64::ge),
+    ("==", f64::eq),
+    ("!=", f64::ne),
+    ("<", f64::lt),
+    (">", f64::gt),
+];
 
 impl Condition {
     /// Reads a condition; the error says what was not understood.
@@ -23,34 +31,21 @@ impl Condition {
         text.split(" and ").map(comparison).collect::<Result<_, _>>().map(Self)
     }
 
-    /// Whether every comparison holds for the cell whose fields `value_of` gives.
-    pub fn holds(&self, value_of: impl Fn(&str) -> f64) -> bool {
-        self.0.iter().all(|c| compare(value_of(&c.field), c.operator, c.value))
+    /// Whether every comparison holds for the cell with these values of [`FIELDS`].
+    pub fn holds(&self, values: [f64; FIELDS.len()]) -> bool {
+        self.0.iter().all(|Comparison { field, holds, value }| holds(&values[*field], value))
     }
 }
 
 fn comparison(text: &str) -> Result<Comparison, String> {
-    let operator = OPERATORS.into_iter().find(|operator| text.contains(operator));
-    let operator = operator.ok_or(format!("no comparison in `{}`", text.trim()))?;
-    let (field, value) = text.split_once(operator).expect("the operator was found");
-    let field = field.trim().to_string();
-    if !FIELDS.contains(&field.as_str()) {
-        return Err(format!("unknown name `{field}`; valid: {}", FIELDS.join(", ")));
-    }
-    let value = value.trim();
+    let split = |(operator, holds)| Some((text.split_once(operator)?, holds));
+    let found = OPERATORS.into_iter().find_map(split);
+    let ((field, value), holds) = found.ok_or(format!("no comparison in `{}`", text.trim()))?;
+    let (field, value) = (field.trim(), value.trim());
+    let unknown = || format!("unknown name `{field}`; valid: {}", FIELDS.join(", "));
+    let field = FIELDS.iter().position(|name| *name == field).ok_or_else(unknown)?;
     let value = value.parse().map_err(|_| format!("`{value}` is not a number"))?;
-    Ok(Comparison { field, operator, value })
-}
-
-fn compare(left: f64, operator: &str, right: f64) -> bool {
-    match operator {
-        "<=" => left <= right,
-        ">=" => left >= right,
-        "==" => left == right,
-        "!=" => left != right,
-        "<" => left < right,
-        _ => left > right,
-    }
+    Ok(Comparison { field, holds, value })
 }
 
 #[cfg(test)]
@@ -60,7 +55,7 @@ mod tests {
     #[test]
     fn every_comparison_must_hold() {
         let condition = Condition::parse("n_vocab >= 1e3 and d_model < 64").unwrap();
-        let cell = |v: f64, d: f64| move |field: &str| if field == "n_vocab" { v } else { d };
+        let cell = |v: f64, d: f64| [d, d, d, v, d, d];
         assert!(condition.holds(cell(1000.0, 32.0)));
         assert!(!condition.holds(cell(999.0, 32.0)));
         assert!(!condition.holds(cell(1000.0, 64.0)));

@@ -19,10 +19,10 @@ pub fn source_of(path: &Path) -> Result<Source, SweepErrors> {
     let file = path.display().to_string();
     match crate::files::read_text(path) {
         Ok(text) => Ok(Source::new(file, text)),
-        Err(error) => Err(SweepErrors {
-            problems: vec![Problem::value("", format!("cannot read {file}: {error}"))],
-            sources: vec![Source::new(file, "")],
-        }),
+        Err(error) => {
+            let problem = Problem::value("", format!("cannot read {file}: {error}"));
+            Err(SweepErrors::of(problem, Source::new(file, "")))
+        }
     }
 }
 

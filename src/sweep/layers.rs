@@ -50,10 +50,7 @@ impl Layers {
         by: &Source,
         above: &[PathBuf],
     ) -> Result<Self, SweepErrors> {
-        let wrong = |message: String| SweepErrors {
-            problems: vec![Problem::value(INCLUDE, message)],
-            sources: vec![by.clone()],
-        };
+        let wrong = |message: String| SweepErrors::of(Problem::value(INCLUDE, message), by.clone());
         let name = file.as_str().ok_or_else(|| wrong("expected the path of a file".into()))?;
         let including = PathBuf::from(&by.name);
         let path = including.parent().unwrap_or(Path::new("")).join(name);
@@ -64,10 +61,8 @@ impl Layers {
         let source = source_of(&path).map_err(|errors| {
             wrong(errors.problems.into_iter().map(|problem| problem.message).collect())
         })?;
-        let mut keys = mapping(&source.text, SWEEP_FILE).map_err(|problem| SweepErrors {
-            problems: vec![problem],
-            sources: vec![source.clone()],
-        })?;
+        let mut keys = mapping(&source.text, SWEEP_FILE)
+            .map_err(|problem| SweepErrors::of(problem, source.clone()))?;
         keys.extend(preset.map(|name| (PRESET.into(), name.clone())));
         Self::of(keys, source, &above)
     }
@@ -75,7 +70,7 @@ impl Layers {
     fn of_preset(name: &Value, by: &Source) -> Result<Self, SweepErrors> {
         match name.as_str().and_then(presets::find) {
             Some(preset) => Self::of(preset.keys(), Source::new(preset.title(), preset.text), &[]),
-            None => Err(SweepErrors { problems: vec![unknown(name)], sources: vec![by.clone()] }),
+            None => Err(SweepErrors::of(unknown(name), by.clone())),
         }
     }
 }

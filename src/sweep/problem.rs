@@ -8,7 +8,7 @@ use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use super::source::{Places, Source};
 
 /// One thing wrong with a sweep file.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Problem {
     /// The entry, as `grid.models[1].n_head`; empty for the file as a whole.
     pub path: String,
@@ -26,14 +26,7 @@ pub struct Problem {
 impl Problem {
     /// A value that will not do.
     pub fn value(path: impl Into<String>, message: impl Into<String>) -> Self {
-        Self {
-            path: path.into(),
-            message: message.into(),
-            help: None,
-            at_key: false,
-            setting: None,
-            byte: None,
-        }
+        Self { path: path.into(), message: message.into(), ..Self::default() }
     }
 
     /// The same with advice.
@@ -56,6 +49,11 @@ pub struct SweepErrors {
 type Place = (usize, Range<usize>);
 
 impl SweepErrors {
+    /// One problem of one text.
+    pub fn of(problem: Problem, source: Source) -> Self {
+        Self { sources: vec![source], problems: vec![problem] }
+    }
+
     /// The problems with file, line and caret; coloured where `colour` says so.
     pub fn render(&self, colour: bool) -> String {
         let places = Places::of(&self.sources);

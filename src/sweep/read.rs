@@ -50,7 +50,7 @@ pub fn parse(file: &str, text: &str, settings: &[String]) -> Result<Sweep, Sweep
     let source = Source::new(file, text);
     match mapping(text, SWEEP_FILE) {
         Ok(keys) => gather(keys, source, settings),
-        Err(problem) => Err(SweepErrors { sources: vec![source], problems: vec![problem] }),
+        Err(problem) => Err(SweepErrors::of(problem, source)),
     }
 }
 

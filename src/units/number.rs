@@ -1,82 +1,89 @@
 //! Numbers as people write them in a sweep file: `1e18` is a whole number too.
 
-use serde::de::{Deserialize, Deserializer, Error};
+use serde::de::{Deserialize, DeserializeOwned, Deserializer, Error};
+use serde_yaml::Value;
 
-/// A whole number, written `512`, `1e6` or `1_000`.
-pub fn count<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> {
-    Count::deserialize(deserializer).map(|count| count.0)
-}
-
-/// A seed, written as a whole number.
-pub fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
-    count(deserializer).map(|seed| seed as u64)
-}
-
-/// A list of whole numbers.
-pub fn counts<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<usize>, D::Error> {
-    Ok(Vec::<Count>::deserialize(deserializer)?.into_iter().map(|count| count.0).collect())
-}
-
-/// A whole number that may be left out.
-pub fn optional_count<'de, D: Deserializer<'de>>(d: D) -> Result<Option<usize>, D::Error> {
-    Ok(Option::<Count>::deserialize(d)?.map(|count| count.0))
-}
-
-/// A number, written `1e18`, `0.1` or `1_000`.
-pub fn number<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
-    Number::deserialize(deserializer).map(|number| number.0)
-}
-
-/// A number that may be left out.
-pub fn optional_number<'de, D: Deserializer<'de>>(d: D) -> Result<Option<f64>, D::Error> {
-    Ok(Option::<Number>::deserialize(d)?.map(|number| number.0))
-}
-
-/// A seed that may be left out.
-pub fn optional_seed<'de, D: Deserializer<'de>>(d: D) -> Result<Option<u64>, D::Error> {
-    Ok(Option::<Count>::deserialize(d)?.map(|count| count.0 as u64))
-}
-
-/// A list of numbers.
-pub fn numbers<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
-    Ok(Vec::<Number>::deserialize(deserializer)?.into_iter().map(|number| number.0).collect())
-}
-
-/// A number as one value of a list, so that an error has the value's place and not the list's.
-struct Number(f64);
-
-impl<'de> Deserialize<'de> for Number {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = serde_yaml::Value::deserialize(deserializer)?;
-        of_value(&value).map(Self).map_err(D::Error::custom)
+/// A value that is read as people write it: numbers as `512`, `1e6` or `1_000`, all else as serde has it.
+pub trait Written: DeserializeOwned {
+    /// Reads it.
+    ///
+    /// # Errors
+    /// What stands there in its place.
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        <Self as Deserialize<'de>>::deserialize(deserializer)
     }
 }
 
-/// A whole number as one value of a list.
-struct Count(usize);
+/// [`Written::written`] as serde's attribute `deserialize_with` asks for it.
+pub fn read<'de, T: Written, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
+    T::written(deserializer)
+}
 
-impl<'de> Deserialize<'de> for Count {
+/// Types that are read as serde has them.
+macro_rules! plain {
+    ($($type:ty),* $(,)?) => { $(impl $crate::units::number::Written for $type {})* };
+}
+pub(crate) use plain;
+
+plain!(bool, String, std::path::PathBuf);
+
+impl Written for f64 {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        of_value(&Value::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
+}
+
+impl Written for usize {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        whole(&Value::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
+}
+
+/// A seed: any whole number.
+impl Written for u64 {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = Value::deserialize(deserializer)?;
+        let large = value.as_u64();
+        large.map_or_else(|| whole(&value).map(|seed| seed as u64), Ok).map_err(D::Error::custom)
+    }
+}
+
+/// A value of a list, so that an error has its place and not the list's.
+struct One<T>(T);
+
+impl<'de, T: Written> Deserialize<'de> for One<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = serde_yaml::Value::deserialize(deserializer)?;
-        whole(value).map(Self).map_err(D::Error::custom)
+        T::written(deserializer).map(Self)
+    }
+}
+
+impl<T: Written> Written for Option<T> {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Ok(Option::<One<T>>::deserialize(deserializer)?.map(|one| one.0))
+    }
+}
+
+impl<T: Written> Written for Vec<T> {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Ok(Vec::<One<T>>::deserialize(deserializer)?.into_iter().map(|one| one.0).collect())
     }
 }
 
 /// The whole number that a value holds; the error says what it holds instead.
-pub fn whole(value: serde_yaml::Value) -> Result<usize, String> {
-    let number = of_value(&value)?;
+pub fn whole(value: &Value) -> Result<usize, String> {
+    let number = of_value(value)?;
     if number.fract() == 0.0 && (0.0..9e15).contains(&number) {
         Ok(number as usize)
     } else {
-        Err(format!("expected a whole number, found {}", shown(&value)))
+        Err(format!("expected a whole number, found {}", shown(value)))
     }
 }
 
 /// The number that a value holds, as YAML or as text; the error says what it holds instead.
-pub fn of_value(value: &serde_yaml::Value) -> Result<f64, String> {
+pub fn of_value(value: &Value) -> Result<f64, String> {
     let number = match value {
-        serde_yaml::Value::Number(number) => number.as_f64(),
-        serde_yaml::Value::String(text) => text.replace('_', "").parse().ok(),
+        Value::Number(number) => number.as_f64(),
+        Value::String(text) => text.replace('_', "").parse().ok(),
         _ => None,
     };
     match number {
@@ -85,7 +92,7 @@ pub fn of_value(value: &serde_yaml::Value) -> Result<f64, String> {
     }
 }
 
-fn shown(value: &serde_yaml::Value) -> String {
+fn shown(value: &Value) -> String {
     match serde_yaml::to_string(value) {
         Ok(text) => format!("`{}`", text.trim()),
         Err(_) => "something else".to_string(),
@@ -98,9 +105,9 @@ mod tests {
 
     #[derive(Deserialize)]
     struct Row {
-        #[serde(deserialize_with = "crate::units::number::count")]
+        #[serde(deserialize_with = "crate::units::number::read")]
         n: usize,
-        #[serde(deserialize_with = "crate::units::number::numbers")]
+        #[serde(deserialize_with = "crate::units::number::read")]
         c: Vec<f64>,
     }
 

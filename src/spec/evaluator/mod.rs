@@ -8,9 +8,7 @@ pub use section::{EvaluatorKind, EvaluatorSection, EvaluatorSpec};
 
 use std::f64::consts::PI;
 
-use networks::failed;
-
-use super::error::KeyProblem;
+use super::error::{KeyProblem, failed};
 
 impl EvaluatorSpec {
     /// What no training can use.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::spec::error::KeyProblem;
+use crate::spec::error::{KeyProblem, failed};
 
 /// The networks of an evaluator, resolved: what is hashed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -137,12 +137,4 @@ impl MatchingSpec {
             ((0.0..1.0).contains(&self.dropout), "dropout", "lies in [0, 1)"),
         ])
     }
-}
-
-/// The checks that do not hold.
-pub(super) fn failed<const N: usize>(
-    checks: [(bool, &'static str, &'static str); N],
-) -> Vec<KeyProblem> {
-    let failed = checks.into_iter().filter(|(holds, ..)| !holds);
-    failed.map(|(_, field, problem)| KeyProblem { field, problem, help: None }).collect()
 }

@@ -3,10 +3,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::networks::{MatchingSpec, Mismatches, MotionClipSpec, NetworksSpec, failed};
-use crate::spec::error::KeyProblem;
+use super::networks::{MatchingSpec, Mismatches, MotionClipSpec, NetworksSpec};
+use crate::spec::error::{KeyProblem, failed};
 use crate::spec::representation::Representation;
-use crate::units::number;
+use crate::units::{or_default, section};
 
 /// Which networks, as it is written in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -25,52 +25,37 @@ pub enum EvaluatorKind {
 /// The keys that mean the same for every kind, each with its default: those of the section, and of what
 /// follows from it.
 macro_rules! shared {
-    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr, $read:literal;)*) => {
-        /// The `evaluator` section: networks of motions and of captions, whose vectors are near each
-        /// other where they belong together.
-        ///
-        /// The defaults train in a minute or two on a core.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-        #[serde(deny_unknown_fields, default)]
-        pub struct EvaluatorSection {
-            /// Which networks they are.
-            pub kind: EvaluatorKind,
-            /// Channels of a row in both towers (128); for `kind: matching`, of the convolutions and of
-            /// the GRUs over captions (64), which is half of those over motions.
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub width: Option<usize>,
-            /// `kind: motionclip`: layers of each tower (2).
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub layers: Option<usize>,
-            /// `kind: motionclip`: heads of attention (4).
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub heads: Option<usize>,
-            /// `kind: motionclip`: frames of a row (4).
-            #[serde(deserialize_with = "number::optional_count")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub frames: Option<usize>,
-            /// `kind: matching`: the distance that pairs which do not match are pushed to (10).
-            #[serde(deserialize_with = "number::optional_number")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub margin: Option<f64>,
-            /// `kind: matching`: which pairs are pushed apart (`all`).
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub mismatches: Option<Mismatches>,
-            /// `kind: matching`: share of the channels after a convolution that is left out in training
-            /// (0.2).
-            #[serde(deserialize_with = "number::optional_number")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub dropout: Option<f64>,
-            /// Features of a frame that it sees.
-            pub representation: Representation,
-            /// The highest learning rate: 5e-4, for `kind: matching` 2e-3.
-            #[serde(deserialize_with = "number::optional_number")]
-            #[serde(skip_serializing_if = "Option::is_none")]
-            pub lr: Option<f64>,
-            $($(#[$about])* #[serde(deserialize_with = $read)] pub $key: $type,)*
+    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr;)*) => {
+        section! {
+            /// The `evaluator` section: networks of motions and of captions, whose vectors are near each
+            /// other where they belong together.
+            ///
+            /// The defaults train in a minute or two on a core.
+            pub struct EvaluatorSection {
+                /// Which networks they are.
+                kind: EvaluatorKind = EvaluatorKind::default();
+                /// Channels of a row in both towers (128); for `kind: matching`, of the convolutions and of
+                /// the GRUs over captions (64), which is half of those over motions.
+                width: Option<usize> = None, unless "Option::is_none";
+                /// `kind: motionclip`: layers of each tower (2).
+                layers: Option<usize> = None, unless "Option::is_none";
+                /// `kind: motionclip`: heads of attention (4).
+                heads: Option<usize> = None, unless "Option::is_none";
+                /// `kind: motionclip`: frames of a row (4).
+                frames: Option<usize> = None, unless "Option::is_none";
+                /// `kind: matching`: the distance that pairs which do not match are pushed to (10).
+                margin: Option<f64> = None, unless "Option::is_none";
+                /// `kind: matching`: which pairs are pushed apart (`all`).
+                mismatches: Option<Mismatches> = None, unless "Option::is_none";
+                /// `kind: matching`: share of the channels after a convolution that is left out in training
+                /// (0.2).
+                dropout: Option<f64> = None, unless "Option::is_none";
+                /// Features of a frame that it sees.
+                representation: Representation = Representation::Meng67;
+                /// The highest learning rate: 5e-4, for `kind: matching` 2e-3.
+                lr: Option<f64> = None, unless "Option::is_none";
+                $($(#[$about])* $key: $type = $default;)*
+            }
         }
 
         /// An evaluator, resolved: what is hashed.
@@ -81,24 +66,6 @@ macro_rules! shared {
             pub representation: Representation,
             pub lr: f64,
             $($(#[$about])* pub $key: $type,)*
-        }
-
-        impl Default for EvaluatorSection {
-            fn default() -> Self {
-                Self {
-                    kind: EvaluatorKind::default(),
-                    width: None,
-                    layers: None,
-                    heads: None,
-                    frames: None,
-                    margin: None,
-                    mismatches: None,
-                    dropout: None,
-                    representation: Representation::Meng67,
-                    lr: None,
-                    $($key: $default,)*
-                }
-            }
         }
 
         impl EvaluatorSection {
@@ -117,29 +84,29 @@ macro_rules! shared {
 
 shared! {
     /// Numbers of an embedding.
-    dim: usize = 64, "number::count";
+    dim: usize = 64;
     /// Frames that are seen of a clip: a random window in training, else the first.
-    window: usize = 196, "number::count";
+    window: usize = 196;
     /// Words are hashed n-grams of this width, whatever the text encoder of the runs.
-    word_dim: usize = 128, "number::count";
+    word_dim: usize = 128;
     /// Words that are seen of a caption.
-    max_words: usize = 32, "number::count";
+    max_words: usize = 32;
     /// Share of the words of a caption that are left out in training.
-    word_drop: f64 = 0.3, "number::number";
+    word_drop: f64 = 0.3;
     /// Clips of a step: each is told from others.
-    batch: usize = 64, "number::count";
+    batch: usize = 64;
     /// Steps of training.
-    steps: usize = 800, "number::count";
+    steps: usize = 800;
     /// Steps over which the learning rate rises; it falls along a cosine after them.
-    warmup_steps: usize = 100, "number::count";
+    warmup_steps: usize = 100;
     /// Decoupled, of AdamW.
-    weight_decay: f64 = 0.1, "number::number";
+    weight_decay: f64 = 0.1;
     /// How often it is measured on the validation split; the best of these is kept.
-    evaluations: usize = 16, "number::count";
+    evaluations: usize = 16;
     /// Training clips that are held in memory, at most.
-    pool_clips: usize = 8192, "number::count";
+    pool_clips: usize = 8192;
     /// Of weights, batches and windows.
-    seed: u64 = 0, "number::seed";
+    seed: u64 = 0;
 }
 
 impl EvaluatorKind {
@@ -156,21 +123,13 @@ impl EvaluatorSection {
         match self.kind {
             EvaluatorKind::MotionClip => {
                 let default = MotionClipSpec::default();
-                NetworksSpec::MotionClip(MotionClipSpec {
-                    width: self.width.unwrap_or(default.width),
-                    layers: self.layers.unwrap_or(default.layers),
-                    heads: self.heads.unwrap_or(default.heads),
-                    frames: self.frames.unwrap_or(default.frames),
-                })
+                let own = or_default!(self, default, width, layers, heads, frames);
+                NetworksSpec::MotionClip(own)
             }
             EvaluatorKind::Matching => {
                 let default = MatchingSpec::default();
-                NetworksSpec::Matching(MatchingSpec {
-                    width: self.width.unwrap_or(default.width),
-                    margin: self.margin.unwrap_or(default.margin),
-                    mismatches: self.mismatches.unwrap_or_default(),
-                    dropout: self.dropout.unwrap_or(default.dropout),
-                })
+                let own = or_default!(self, default, width, margin, mismatches, dropout);
+                NetworksSpec::Matching(own)
             }
         }
     }

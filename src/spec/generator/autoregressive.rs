@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use super::flops::{FlopsPerToken, exact_of_sequence, openai_per_token, six_nd_per_token};
-use super::memory::peak_bytes;
 use super::pricing::{ClipShape, Pricing};
 use super::shape::{ModelShape, ParamCounts};
 use crate::spec::grid::Grid;
@@ -37,9 +36,5 @@ impl Pricing for ModelShape {
         let (prefix, n_vocab, end) = (clip.n_text as f64, codes.n_vocab(), supervised.end as f64);
         let head = 2.0 * (self.d_model * (n_vocab + 1)) as f64;
         exact_of_sequence(self, n_vocab, prefix, end) - supervised.start as f64 * head
-    }
-
-    fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64 {
-        peak_bytes(self, codes.n_vocab(), self.params(codes), batch_tokens)
     }
 }

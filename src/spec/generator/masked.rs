@@ -6,7 +6,6 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::flops::{FlopsPerToken, exact_whole, openai_per_token, six_nd_per_token};
-use super::memory::peak_bytes;
 use super::pricing::{ClipShape, Context, Places, Pricing};
 use super::shape::{ModelShape, ParamCounts};
 use super::two_stages;
@@ -109,9 +108,5 @@ impl Pricing for MaskedSpec {
     /// Both stages see a code a place.
     fn positions(&self, codes: &Grid, n_frames: usize) -> usize {
         codes.lengths(n_frames).next().unwrap_or(0)
-    }
-
-    fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64 {
-        peak_bytes(&self.shape, codes.n_vocab(), self.params(codes), batch_tokens)
     }
 }

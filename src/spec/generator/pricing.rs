@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::flops::FlopsPerToken;
+use super::memory::peak_bytes;
 use super::shape::{ModelShape, ParamCounts};
 use crate::spec::grid::Grid;
 
@@ -88,5 +89,7 @@ pub trait Pricing {
     }
 
     /// Peak bytes that a training process has to itself.
-    fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64;
+    fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64 {
+        peak_bytes(self.shape(), codes.n_vocab(), self.params(codes), batch_tokens)
+    }
 }

@@ -5,7 +5,6 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::flops::{FlopsPerToken, openai_per_token};
-use super::memory::peak_bytes;
 use super::pricing::{ClipShape, Context, Pricing};
 use super::shape::{ModelShape, ParamCounts};
 use crate::spec::grid::Grid;
@@ -102,10 +101,6 @@ impl Pricing for ScalewiseSpec {
         let own: Vec<usize> = own.collect();
         let of = |prefix| exact_of_clip(self, codes, prefix, &lengths, &own);
         clip.mean_over_texts(self.text_drop, of)
-    }
-
-    fn peak_bytes(&self, codes: &Grid, batch_tokens: usize) -> u64 {
-        peak_bytes(&self.shape, codes.n_vocab(), self.params(codes), batch_tokens)
     }
 }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::codebook::{CodebookKind, CodebookSpec, VocabularyError};
 use super::scales::{ScaleSpec, are_increasing, codebook_sizes};
 use super::{MultiscaleSpec, QuantizerSpec, ResidualSpec};
-use crate::spec::error::{SpecError, require};
+use crate::spec::error::{SpecError, require_all};
 use crate::units::number;
 
 /// MoMask's layers, and how often it drops the last of them.
@@ -42,11 +42,11 @@ pub struct QuantizerSection {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inner: Option<CodebookKind>,
     /// Residual: codebooks, 6.
-    #[serde(default, deserialize_with = "number::optional_count")]
+    #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub layers: Option<usize>,
     /// Residual: how often a training step uses only the first layers, a random number of them: 0.2.
-    #[serde(default, deserialize_with = "number::optional_number")]
+    #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dropout: Option<f64>,
     /// Multi-scale: codes of each scale, as a list or by name: `full`.
@@ -57,12 +57,12 @@ pub struct QuantizerSection {
     pub cosine: Option<bool>,
     /// Multi-scale: weight of the term that draws latents to their codes, beside the one that draws
     /// codes to latents: 1.
-    #[serde(default, deserialize_with = "number::optional_number")]
+    #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beta: Option<f64>,
     /// Multi-scale: share of a convolution in what a scale adds (VAR). 0 stands for LG-Tok's two
     /// convolutions with ReLU, after which a scale adds nothing below 0: 0, for patches 0.5.
-    #[serde(default, deserialize_with = "number::optional_number")]
+    #[serde(default, deserialize_with = "number::read")]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mix: Option<f64>,
 }
@@ -166,20 +166,6 @@ impl QuantizerSection {
     /// # Errors
     /// [`SpecError`].
     pub fn check(&self) -> Result<(), SpecError> {
-        self.check_keys()?;
-        let layers = (1..=MOST_LAYERS).contains(&self.n_codebooks()) || self.layers.is_none();
-        require(layers, "quantizer.layers", &format!("must be 1 to {MOST_LAYERS}"))?;
-        let share = |value: Option<f64>| value.is_none_or(|value| (0.0..=1.0).contains(&value));
-        require(share(self.dropout), "quantizer.dropout", "lies between 0 and 1")?;
-        require(share(self.mix), "quantizer.mix", "lies between 0 and 1")?;
-        let beta = self.beta.is_none_or(|beta| beta.is_finite() && beta >= 0.0);
-        require(beta, "quantizer.beta", "must not be negative")?;
-        let increasing = self.scales.is_none() || are_increasing(&self.scale_lengths());
-        let problem = "must be one or more numbers above 0, each larger than the one before it";
-        require(increasing, "quantizer.scales", problem)
-    }
-
-    fn check_keys(&self) -> Result<(), SpecError> {
         let residual = self.kind == QuantizerKind::Residual;
         let multiscale = self.kind == QuantizerKind::Multiscale;
         let several = residual || multiscale;
@@ -188,17 +174,26 @@ impl QuantizerSection {
         let (of_layers, of_scales) =
             ("belongs to `kind: residual`", "belongs to `kind: multiscale`");
         let directions = "belongs to `kind: multiscale` with `inner: vq`";
-        let written = [
-            ("quantizer.inner", self.inner.is_some(), several, inner),
-            ("quantizer.layers", self.layers.is_some(), residual, of_layers),
-            ("quantizer.dropout", self.dropout.is_some(), residual, of_layers),
-            ("quantizer.scales", self.scales.is_some(), multiscale, of_scales),
-            ("quantizer.cosine", self.cosine.is_some(), compared, directions),
-            ("quantizer.beta", self.beta.is_some(), multiscale, of_scales),
-            ("quantizer.mix", self.mix.is_some(), multiscale, of_scales),
-        ];
-        let mut unread =
-            written.into_iter().filter(|(_, written, is_read, _)| *written && !is_read);
-        unread.try_for_each(|(field, _, _, problem)| require(false, field, problem))
+        let layers = (1..=MOST_LAYERS).contains(&self.n_codebooks()) || self.layers.is_none();
+        let share = |value: Option<f64>| value.is_none_or(|value| (0.0..=1.0).contains(&value));
+        let beta = self.beta.is_none_or(|beta| beta.is_finite() && beta >= 0.0);
+        let increasing = self.scales.is_none() || are_increasing(&self.scale_lengths());
+        let not_increasing =
+            "must be one or more numbers above 0, each larger than the one before it";
+        let most = format!("must be 1 to {MOST_LAYERS}");
+        require_all([
+            (several || self.inner.is_none(), "quantizer.inner", inner),
+            (residual || self.layers.is_none(), "quantizer.layers", of_layers),
+            (residual || self.dropout.is_none(), "quantizer.dropout", of_layers),
+            (multiscale || self.scales.is_none(), "quantizer.scales", of_scales),
+            (compared || self.cosine.is_none(), "quantizer.cosine", directions),
+            (multiscale || self.beta.is_none(), "quantizer.beta", of_scales),
+            (multiscale || self.mix.is_none(), "quantizer.mix", of_scales),
+            (layers, "quantizer.layers", &most),
+            (share(self.dropout), "quantizer.dropout", "lies between 0 and 1"),
+            (share(self.mix), "quantizer.mix", "lies between 0 and 1"),
+            (beta, "quantizer.beta", "must not be negative"),
+            (increasing, "quantizer.scales", not_increasing),
+        ])
     }
 }

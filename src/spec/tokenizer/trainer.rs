@@ -2,7 +2,7 @@
 
 use super::TokenizerSpec;
 use crate::spec::architecture::ArchitectureSpec;
-use crate::spec::error::{SpecError, require};
+use crate::spec::error::{SpecError, require_all};
 use crate::spec::quantizer::QuantizerSpec;
 
 impl TokenizerSpec {
@@ -14,14 +14,15 @@ impl TokenizerSpec {
         let patches = matches!(self.architecture, ArchitectureSpec::Patch(_));
         let residual = matches!(self.quantizer, QuantizerSpec::Residual(_));
         let mixes = self.training.mix_body > 0.0 || self.training.mix_arm > 0.0;
-        let refused = [
-            (patches, "`torch` trains no patches: leave `trainer` out"),
-            (residual, "`torch` trains no residual quantizers: leave `trainer` out"),
-            (mixes, "`torch` mixes no bodies: set mix_body and mix_arm to 0"),
-            (self.plateau.is_some(), "`torch` takes all steps: leave tokenizer.plateau out"),
-        ];
-        refused
-            .into_iter()
-            .try_for_each(|(is_refused, problem)| require(!is_refused, "trainer", problem))
+        require_all([
+            (!patches, "trainer", "`torch` trains no patches: leave `trainer` out"),
+            (!residual, "trainer", "`torch` trains no residual quantizers: leave `trainer` out"),
+            (!mixes, "trainer", "`torch` mixes no bodies: set mix_body and mix_arm to 0"),
+            (
+                self.plateau.is_none(),
+                "trainer",
+                "`torch` takes all steps: leave tokenizer.plateau out",
+            ),
+        ])
     }
 }

@@ -7,22 +7,8 @@ use crate::sweep::sections::{Amount, Count, EngineSection, Resources, SlurmSecti
 use crate::sweep::time_limit::minutes;
 
 /// Arguments of `sbatch` that isoflop gives itself.
-const OURS: [&str; 14] = [
-    "--array",
-    "-a",
-    "--dependency",
-    "-d",
-    "--parsable",
-    "--output",
-    "-o",
-    "--open-mode",
-    "--wrap",
-    "--comment",
-    "--chdir",
-    "-D",
-    "--signal",
-    "--kill-on-invalid-dep",
-];
+const OURS: &str = "--array -a --dependency -d --parsable --output -o --open-mode --wrap --comment \
+                    --chdir -D --signal --kill-on-invalid-dep";
 
 /// Problems of a sweep's section.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
@@ -96,7 +82,7 @@ fn time(of: &Resources, section: &SlurmSection, stage: Stage, prefix: &str) -> O
 fn extra(of: &Resources, prefix: &str) -> Vec<Problem> {
     let ours = |word: &String| {
         let name = word.split('=').next().unwrap_or(word);
-        OURS.into_iter().find(|ours| *ours == name)
+        OURS.split(' ').find(|ours| *ours == name)
     };
     let words = of.extra.iter().flatten().enumerate();
     let named = words.filter_map(|(i, word)| {
@@ -121,21 +107,19 @@ fn env(of: &Resources, prefix: &str) -> Vec<Problem> {
 }
 
 fn counts(section: &SlurmSection, prefix: &str) -> Vec<Problem> {
-    let counts = [
-        ("array_parallel", section.array_parallel),
-        ("max_array", section.max_array),
-        ("max_submit", section.max_submit),
+    let SlurmSection { array_parallel, max_array, max_submit, .. } = section;
+    let counts = [array_parallel, max_array, max_submit].map(|n| *n != Some(Count(0)));
+    let amounts = [section.target_chunk_minutes, section.flops_per_second];
+    let amounts = amounts.map(|n| n.is_none_or(|Amount(n)| n > 0.0));
+    let checks = [
+        ("array_parallel", counts[0], "must be at least 1"),
+        ("max_array", counts[1], "must be at least 1"),
+        ("max_submit", counts[2], "must be at least 1"),
+        ("target_chunk_minutes", amounts[0], "must be above 0"),
+        ("flops_per_second", amounts[1], "must be above 0"),
     ];
-    let amounts = [
-        ("target_chunk_minutes", section.target_chunk_minutes),
-        ("flops_per_second", section.flops_per_second),
-    ];
-    let zero = counts.iter().filter(|(_, count)| *count == Some(Count(0)));
-    let none = amounts.iter().filter(|(_, n)| n.is_some_and(|Amount(n)| n <= 0.0));
-    let wrong = |key: &str, message: &str| Problem::value(format!("{prefix}{key}"), message);
-    zero.map(|(key, _)| wrong(key, "must be at least 1"))
-        .chain(none.map(|(key, _)| wrong(key, "must be above 0")))
-        .collect()
+    let wrong = checks.into_iter().filter(|(_, holds, _)| !holds);
+    wrong.map(|(key, _, message)| Problem::value(format!("{prefix}{key}"), message)).collect()
 }
 
 fn programs(section: &SlurmSection, prefix: &str) -> Vec<Problem> {

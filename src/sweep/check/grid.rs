@@ -17,7 +17,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
         cells(sweep),
         zip(sweep),
         repeated::check(sweep),
-        exclude(sweep),
+        conditions("grid.exclude", &sweep.grid.exclude),
         also(sweep),
     ]
     .concat()
@@ -133,14 +133,11 @@ fn length(grid: &GridSection, axis: &Axis) -> usize {
 
 /// More runs than a plan can hold, axes that are zipped counted as one.
 fn cells(sweep: &Sweep) -> Vec<Problem> {
-    let grid = &sweep.grid;
     let length = |axis: &Axis| length(&sweep.grid, axis);
-    let zipped: Vec<Axis> = grid.zip.iter().flatten().copied().collect();
-    let alone = [Axis::Models, Axis::Vocab, Axis::Budgets].into_iter();
-    let alone = alone.filter(|axis| !zipped.contains(axis)).map(|axis| length(&axis));
-    let groups = grid.zip.iter().filter_map(|group| group.iter().map(length).max());
+    let groups = Axis::groups(&sweep.grid.zip).into_iter();
+    let lengths = groups.filter_map(|group| group.iter().map(length).max());
     let seeds = [sweep.seeds.len(), sweep.tokenizer.seeds.len(), sweep.generator.0.len()];
-    let runs: f64 = alone.chain(groups).chain(seeds).map(|n| n.max(1) as f64).product();
+    let runs: f64 = lengths.chain(seeds).map(|n| n.max(1) as f64).product();
     let problem = || {
         Problem::value("grid", format!("makes {runs:e} runs"))
             .with_help(format!("at most {MOST_RUNS:e}; list fewer values"))
@@ -168,12 +165,11 @@ fn zip(sweep: &Sweep) -> Vec<Problem> {
     problems
 }
 
-fn exclude(sweep: &Sweep) -> Vec<Problem> {
-    let parsed = sweep.grid.exclude.iter().enumerate();
-    parsed
-        .filter_map(|(i, text)| {
-            let message = Condition::parse(text).err()?;
-            Some(Problem::value(format!("grid.exclude[{i}]"), message))
-        })
-        .collect()
+/// Conditions at a path that are none.
+pub(super) fn conditions(path: &str, texts: &[String]) -> Vec<Problem> {
+    let problem = |(i, text): (usize, &String)| {
+        let message = Condition::parse(text).err()?;
+        Some(Problem::value(format!("{path}[{i}]"), message))
+    };
+    texts.iter().enumerate().filter_map(problem).collect()
 }

@@ -8,7 +8,6 @@ mod train;
 mod vary;
 
 use super::command::{CommandError, PLACEHOLDERS, TrainerCommand, is_torch};
-use super::condition::Condition;
 use super::nearest::nearest;
 use crate::spec::{GeneratorKind, KeyProblem, Precision, Scales, SpecError};
 use crate::sweep::problem::Problem;
@@ -27,7 +26,7 @@ fn of_one_variant(sweep: &Sweep) -> Vec<Problem> {
         name(sweep),
         generators(sweep),
         data(sweep),
-        text(sweep),
+        of_section("text", sweep.text.problems()),
         grid::check(sweep),
         shares::check(sweep),
         train::check(sweep),
@@ -48,10 +47,8 @@ fn name(sweep: &Sweep) -> Vec<Problem> {
         !sweep.name.is_empty() && sweep.name.chars().all(allowed) && !sweep.name.starts_with('.');
     let mut problems = Vec::new();
     if !good {
-        problems.push(
-            Problem::value("name", format!("`{}` cannot name a folder", sweep.name))
-                .with_help("use letters, digits, `-`, `_` and `.`"),
-        );
+        let problem = Problem::value("name", format!("`{}` cannot name a folder", sweep.name));
+        problems.push(problem.with_help("use letters, digits, `-`, `_` and `.`"));
     }
     if sweep.seeds.is_empty() {
         problems.push(Problem::value("seeds", "no seed, so no run").with_help("seeds: [0]"));
@@ -88,27 +85,18 @@ fn generators(sweep: &Sweep) -> Vec<Problem> {
 fn data(sweep: &Sweep) -> Vec<Problem> {
     let mut problems = of_section("data", sweep.data.problems());
     if sweep.data.source == DataSource::None && sweep.trainer.is_none() {
-        problems.push(
-            Problem::value("data.source", "without motion the built-in trainer has nothing to do")
-                .with_help("name a `trainer`, or another source"),
-        );
+        let problem = "without motion the built-in trainer has nothing to do";
+        let problem = Problem::value("data.source", problem);
+        problems.push(problem.with_help("name a `trainer`, or another source"));
     }
     problems
-}
-
-fn text(sweep: &Sweep) -> Vec<Problem> {
-    of_section("text", sweep.text.problems())
 }
 
 fn of_section(section: &str, problems: Vec<KeyProblem>) -> Vec<Problem> {
     let problem = |KeyProblem { field, problem, help }| {
         let path =
             if field.is_empty() { section.to_string() } else { format!("{section}.{field}") };
-        let problem = Problem::value(path, problem);
-        match help {
-            Some(help) => problem.with_help(help),
-            None => problem,
-        }
+        Problem { help: help.map(Into::into), ..Problem::value(path, problem) }
     };
     problems.into_iter().map(problem).collect()
 }
@@ -140,11 +128,7 @@ fn scores(sweep: &Sweep) -> Vec<Problem> {
         let problem = Problem::value("scores", "no evaluator to score by");
         problems.push(problem.with_help("evaluator: {}"));
     }
-    let conditions = scores.only.iter().enumerate();
-    problems.extend(conditions.filter_map(|(i, text)| {
-        let message = Condition::parse(text).err()?;
-        Some(Problem::value(format!("scores.only[{i}]"), message))
-    }));
+    problems.extend(grid::conditions("scores.only", &scores.only));
     problems
 }
 

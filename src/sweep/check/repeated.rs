@@ -11,17 +11,8 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
     let tokenizer = second(&sweep.tokenizer.seeds).map(|i| format!("tokenizer.seeds[{i}]"));
     let of_group = |group: Vec<Axis>| Some(path(sweep, group[0], second(&rows(sweep, &group))?));
     let lists = [seed, kind, tokenizer].into_iter().flatten();
-    let paths = lists.chain(groups(sweep).into_iter().filter_map(of_group));
+    let paths = lists.chain(Axis::groups(&sweep.grid.zip).into_iter().filter_map(of_group));
     paths.map(|path| Problem::value(path, "stands in the list a second time")).collect()
-}
-
-/// Axes that advance together; each of the others is a group of its own.
-fn groups(sweep: &Sweep) -> Vec<Vec<Axis>> {
-    let zip = &sweep.grid.zip;
-    let zipped = |axis: &Axis| zip.iter().flatten().any(|other| other == axis);
-    let alone = [Axis::Models, Axis::Vocab, Axis::Budgets].into_iter();
-    let alone = alone.filter(|axis| !zipped(axis)).map(|axis| vec![axis]);
-    alone.chain(zip.iter().filter(|group| !group.is_empty()).cloned()).collect()
 }
 
 /// What a group of axes holds at each index, up to the end of its shortest axis.

@@ -3,16 +3,15 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::laws::MinimumMethod;
-
+use crate::laws::MinimumMethod::{self, Argmin, Cubic, Parabola, Surface};
 use crate::spec::FlopsRule;
-use crate::units::number;
+use crate::units::section;
 
-/// The `flops` section: how FLOPs are counted.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct FlopsSection {
-    pub rule: FlopsRule,
+section! {
+    /// The `flops` section: how FLOPs are counted.
+    pub struct FlopsSection {
+        rule: FlopsRule = FlopsRule::default();
+    }
 }
 
 /// Which budget takes no part in the fit.
@@ -26,35 +25,22 @@ pub enum HoldOutSpec {
     None,
 }
 
-/// The `fit` section: how laws are fitted to the runs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct FitSection {
-    /// How the minimum of each budget is found: the laws go through the parabolas, or through the
-    /// best runs where too few parabolas can be trusted, and the others stand beside them.
-    pub minima: Vec<MinimumMethod>,
-    pub hold_out: HoldOutSpec,
-    /// Bootstrap replicates for the intervals.
-    #[serde(deserialize_with = "number::count")]
-    pub bootstrap: usize,
-}
-
-impl Default for FitSection {
-    fn default() -> Self {
-        use MinimumMethod::{Argmin, Cubic, Parabola, Surface};
-        Self {
-            minima: vec![Parabola, Argmin, Cubic, Surface],
-            hold_out: HoldOutSpec::default(),
-            bootstrap: 1000,
-        }
+section! {
+    /// The `fit` section: how laws are fitted to the runs.
+    pub struct FitSection {
+        /// How the minimum of each budget is found: the laws go through the parabolas, or through the
+        /// best runs where too few parabolas can be trusted, and the others stand beside them.
+        minima: Vec<MinimumMethod> = vec![Parabola, Argmin, Cubic, Surface];
+        hold_out: HoldOutSpec = HoldOutSpec::default();
+        /// Bootstrap replicates for the intervals.
+        bootstrap: usize = 1000;
     }
 }
 
-/// The `predict` section: what the laws are asked at the end.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct PredictSection {
-    /// Budgets, in FLOPs, of which the best configuration is given.
-    #[serde(deserialize_with = "number::numbers")]
-    pub budgets: Vec<f64>,
+section! {
+    /// The `predict` section: what the laws are asked at the end.
+    pub struct PredictSection {
+        /// Budgets, in FLOPs, of which the best configuration is given.
+        budgets: Vec<f64> = Vec::new();
+    }
 }

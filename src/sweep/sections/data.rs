@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::KeyProblem;
-use crate::units::number;
+use crate::units::{number, section};
 
 /// Where motion comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -53,7 +53,7 @@ pub struct MemberSection {
     /// The terms of its use; the plan tells them.
     pub licence: Option<String>,
     /// Frames a second of its files, where not those of `data.fps`.
-    #[serde(default, deserialize_with = "number::optional_number")]
+    #[serde(default, deserialize_with = "number::read")]
     pub fps: Option<f64>,
 }
 
@@ -75,49 +75,29 @@ pub enum Origin<'a> {
     None,
 }
 
-/// The `data` section: the motion and the captions that are learned.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct DataSection {
-    pub source: DataSource,
-    /// The folder of `humanml3d`, from the working folder.
-    pub path: Option<PathBuf>,
-    /// Several such folders in place of one: their clips together, each in its own split.
-    pub union: Vec<MemberSection>,
-    /// `humanml3d`: frames a second of the files. By default what `isoflop data import` wrote down, or that of the
-    /// layout: 20, and 30 of Motion-X's `vector_263`.
-    #[serde(deserialize_with = "number::optional_number")]
-    pub fps: Option<f64>,
-    /// `humanml3d`: every training clip also left-right mirrored.
-    pub mirror: bool,
-    /// `humanml3d`: what to do about files that are not what they should be.
-    pub broken: BrokenFiles,
-    /// `procedural`: the generator's seed.
-    pub seed: u64,
-    /// `procedural`: clips to train on, or `auto`.
-    pub clips: Clips,
-    /// `procedural`: clips to validate on.
-    #[serde(deserialize_with = "number::count")]
-    pub val_clips: usize,
-    /// `procedural`: clips to test on.
-    #[serde(deserialize_with = "number::count")]
-    pub test_clips: usize,
-}
-
-impl Default for DataSection {
-    fn default() -> Self {
-        Self {
-            source: DataSource::default(),
-            path: None,
-            union: Vec::new(),
-            fps: None,
-            mirror: true,
-            broken: BrokenFiles::default(),
-            seed: 0,
-            clips: Clips::default(),
-            val_clips: 128,
-            test_clips: 512,
-        }
+section! {
+    /// The `data` section: the motion and the captions that are learned.
+    pub struct DataSection {
+        source: DataSource = DataSource::default();
+        /// The folder of `humanml3d`, from the working folder.
+        path: Option<PathBuf> = None;
+        /// Several such folders in place of one: their clips together, each in its own split.
+        union: Vec<MemberSection> = Vec::new();
+        /// `humanml3d`: frames a second of the files. By default what `isoflop data import` wrote down, or that of the
+        /// layout: 20, and 30 of Motion-X's `vector_263`.
+        fps: Option<f64> = None;
+        /// `humanml3d`: every training clip also left-right mirrored.
+        mirror: bool = true;
+        /// `humanml3d`: what to do about files that are not what they should be.
+        broken: BrokenFiles = BrokenFiles::default();
+        /// `procedural`: the generator's seed.
+        seed: u64 = 0;
+        /// `procedural`: clips to train on, or `auto`.
+        clips: Clips = Clips::default();
+        /// `procedural`: clips to validate on.
+        val_clips: usize = 128;
+        /// `procedural`: clips to test on.
+        test_clips: usize = 512;
     }
 }
 
@@ -139,42 +119,26 @@ impl DataSection {
 
     /// What no source can use.
     pub fn problems(&self) -> Vec<KeyProblem> {
-        let problem = |field, problem, help| KeyProblem { field, problem, help };
-        let mut problems = Vec::new();
-        if self.source == DataSource::HumanMl3d && self.path.is_none() && self.union.is_empty() {
-            let help = "path: the folder that holds new_joint_vecs, vector_263 or new_joints, texts and \
-                        train.txt; or union: a list of such folders";
-            problems.push(problem("", "`source: humanml3d` needs a `path`", Some(help)));
-        }
-        if !self.union.is_empty() && (self.path.is_some() || self.source == DataSource::None) {
-            let help = "leave `path` out, and `source` too, or make it humanml3d";
-            problems.push(problem("union", "a union is all the data there is", Some(help)));
-        }
-        problems.extend(self.of_files_alone());
-        let rates = self.union.iter().map(|member| member.fps).chain([self.fps]).flatten();
-        if rates.into_iter().any(|fps| fps <= 0.0) {
-            problems.push(problem("fps", "a second has more than 0 frames", None));
-        }
-        if self.clips == Clips::Count(0) {
-            problems.push(problem("clips", "no clip to train on", None));
-        }
-        if self.val_clips == 0 || self.test_clips == 0 {
-            problems.push(problem("", "`val_clips` and `test_clips` must be at least 1", None));
-        }
-        problems
-    }
-
-    /// Keys of files, where no file is read.
-    fn of_files_alone(&self) -> Vec<KeyProblem> {
-        if self.source == DataSource::HumanMl3d || !self.union.is_empty() {
-            return Vec::new();
-        }
-        let keys = [
-            (self.path.is_some(), "path", "a folder, where `source` reads none"),
-            (self.fps.is_some(), "fps", "the rate of files, where `source` reads none"),
-        ];
-        let given = keys.into_iter().filter(|(given, ..)| *given);
-        let help = Some("source: humanml3d");
-        given.map(|(_, field, problem)| KeyProblem { field, problem, help }).collect()
+        let united = !self.union.is_empty();
+        let folder = "path: the folder that holds new_joint_vecs, vector_263 or new_joints, texts and \
+                      train.txt; or union: a list of such folders";
+        let alone = "leave `path` out, and `source` too, or make it humanml3d";
+        let no_files = self.source != DataSource::HumanMl3d && !united;
+        let no_path = "a folder, where `source` reads none";
+        let no_fps = "the rate of files, where `source` reads none";
+        let source = Some("source: humanml3d");
+        let splits = "`val_clips` and `test_clips` must be at least 1";
+        let other = united && (self.path.is_some() || self.source == DataSource::None);
+        let read = self.source != DataSource::HumanMl3d || self.path.is_some() || united;
+        let mut rates = self.union.iter().map(|member| member.fps).chain([self.fps]).flatten();
+        KeyProblem::failed([
+            (read, "", "`source: humanml3d` needs a `path`", Some(folder)),
+            (!other, "union", "a union is all the data there is", Some(alone)),
+            (!no_files || self.path.is_none(), "path", no_path, source),
+            (!no_files || self.fps.is_none(), "fps", no_fps, source),
+            (rates.all(|fps| fps > 0.0), "fps", "a second has more than 0 frames", None),
+            (self.clips != Clips::Count(0), "clips", "no clip to train on", None),
+            (self.val_clips > 0 && self.test_clips > 0, "", splits, None),
+        ])
     }
 }

@@ -65,7 +65,7 @@ pub struct Amount(pub f64);
 
 impl<'de> Deserialize<'de> for Amount {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        number::number(deserializer).map(Self)
+        number::read(deserializer).map(Self)
     }
 }
 
@@ -76,7 +76,7 @@ pub struct Count(pub usize);
 
 impl<'de> Deserialize<'de> for Count {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        number::count(deserializer).map(Self)
+        number::read(deserializer).map(Self)
     }
 }
 

@@ -17,15 +17,15 @@ pub struct GridSection {
     /// codebooks, the size is that of one; `n_vocab` of a run counts the codes of all.
     pub vocab: Vec<VocabSpec>,
     /// Training budgets of a run, in FLOPs.
-    #[serde(deserialize_with = "number::numbers")]
+    #[serde(deserialize_with = "number::read")]
     pub budgets: Vec<f64>,
     /// Shares of the training split that runs see, as `[0.25, 0.5, 1]`, crossed with the grid. Laws of the
     /// minimum take the largest alone; the joint law takes all, and learns from them what repeated data is
     /// worth.
     #[serde(
         default = "whole",
-        deserialize_with = "number::numbers",
-        skip_serializing_if = "is_whole"
+        skip_serializing_if = "is_whole",
+        deserialize_with = "number::read"
     )]
     pub shares: Vec<f64>,
     /// Groups of axes that advance together, as `[[models, budgets]]`; of one length each.
@@ -52,7 +52,7 @@ pub struct GridPart {
     /// Vocabularies, as in `grid.vocab`.
     pub vocab: Vec<VocabSpec>,
     /// Training budgets, in FLOPs.
-    #[serde(deserialize_with = "number::numbers")]
+    #[serde(deserialize_with = "number::read")]
     pub budgets: Vec<f64>,
 }
 
@@ -94,6 +94,16 @@ pub enum Axis {
     Budgets,
 }
 
+impl Axis {
+    /// Axes that advance together; each of the others is a group of its own.
+    pub fn groups(zip: &[Vec<Self>]) -> Vec<Vec<Self>> {
+        let is_alone = |axis: &Self| !zip.iter().flatten().any(|other| other == axis);
+        let alone = [Self::Models, Self::Vocab, Self::Budgets].into_iter().filter(is_alone);
+        let zipped = zip.iter().filter(|group| !group.is_empty()).cloned();
+        alone.map(|axis| vec![axis]).chain(zipped).collect()
+    }
+}
+
 /// Models in full, by name, or by a rule over d_model.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
@@ -111,17 +121,17 @@ pub enum ModelList {
 #[serde(deny_unknown_fields)]
 pub struct ModelEntry {
     /// Blocks.
-    #[serde(deserialize_with = "number::count")]
+    #[serde(deserialize_with = "number::read")]
     pub n_layer: usize,
     /// Heads of attention; `d_model` is divided among them.
-    #[serde(deserialize_with = "number::count")]
+    #[serde(deserialize_with = "number::read")]
     pub n_head: usize,
     /// Width of the model.
-    #[serde(deserialize_with = "number::count")]
+    #[serde(deserialize_with = "number::read")]
     pub d_model: usize,
     /// Width of the feed-forward layer; where left out, 8d/3 (`swiglu`) or 4d (`gelu`), up to a
     /// multiple of `model.ffn_multiple`.
-    #[serde(default, deserialize_with = "number::optional_count")]
+    #[serde(default, deserialize_with = "number::read")]
     pub d_ff: Option<usize>,
 }
 
@@ -130,13 +140,13 @@ pub struct ModelEntry {
 #[serde(deny_unknown_fields)]
 pub struct ModelRule {
     /// Widths: one model of each.
-    #[serde(deserialize_with = "number::counts")]
+    #[serde(deserialize_with = "number::read")]
     pub d_model: Vec<usize>,
     /// n_layer = max(1, round(d_model / `width_per_layer`)).
-    #[serde(deserialize_with = "number::count")]
+    #[serde(deserialize_with = "number::read")]
     pub width_per_layer: usize,
     /// n_head = max(1, d_model / `head_dim`).
-    #[serde(deserialize_with = "number::count")]
+    #[serde(deserialize_with = "number::read")]
     pub head_dim: usize,
 }
 
@@ -168,6 +178,6 @@ impl VocabSpec {
 #[serde(deny_unknown_fields)]
 pub struct LevelsSpec {
     /// Values in each dimension; their product is the size of the vocabulary.
-    #[serde(deserialize_with = "number::counts")]
+    #[serde(deserialize_with = "number::read")]
     pub levels: Vec<usize>,
 }

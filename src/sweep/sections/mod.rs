@@ -18,12 +18,30 @@ pub use training::*;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::laws::MinimumMethod;
 use crate::spec::{
     EvaluatorSection, GeneratorKind, QuantizerSpec, ScoresSpec, TextSpec, TokenizerSection,
     VocabularyError,
 };
+use crate::units::number::{self, Written};
+use crate::units::{Ways, number::plain};
+
+plain!(ScheduleKind, ScheduleSection, RateParams);
+plain!(DataSource, MemberSection, BrokenFiles, Clips, HoldOutSpec, MinimumMethod);
+
+/// Sections that a number or a command may stand for.
+macro_rules! short {
+    ($($type:ty),*) => {$(
+        impl Written for $type {
+            fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                Ways::read(deserializer)
+            }
+        }
+    )*};
+}
+short!(LrRule, BatchRule, TrainerSection);
 
 /// A study: a grid of models, vocabularies and budgets, and how each cell is trained and judged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -59,11 +77,7 @@ pub struct Sweep {
     #[serde(default)]
     pub train: TrainSection,
     /// Trains the runs in place of the built-in trainer.
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "section_or_command"
-    )]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "number::read")]
     #[schemars(schema_with = "section_or_command_schema")]
     pub trainer: Option<TrainerSection>,
     /// What motions are scored by; where it is not there, none is trained.

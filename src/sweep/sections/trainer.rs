@@ -1,16 +1,13 @@
 //! Who trains: the `trainer` section.
 
-use std::fmt;
 use std::path::PathBuf;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_yaml::Value;
 
 use super::Word;
-use crate::units::number;
+use crate::units::{Ways, number};
 
 /// A program that trains each run in place of the built-in trainer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -31,11 +28,7 @@ pub struct TrainerSection {
     #[serde(default = "yes", skip_serializing_if = "is_yes")]
     pub canary: bool,
     /// GPUs that runs side by side share: each run sees its own by `CUDA_VISIBLE_DEVICES`.
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "number::optional_count"
-    )]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "number::read")]
     #[schemars(with = "Option<usize>")]
     pub gpus: Option<usize>,
 }
@@ -48,31 +41,16 @@ impl TrainerSection {
     }
 }
 
-/// Reads a section, or the command that stands for it: `trainer: torch`.
-pub fn section_or_command<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<Option<TrainerSection>, D::Error> {
-    struct Either;
-    impl<'de> Visitor<'de> for Either {
-        type Value = Option<TrainerSection>;
+impl Ways for TrainerSection {
+    const EXPECTED: &'static str = "a section, or a command";
 
-        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-            f.write_str("a section, or a command")
-        }
-
-        fn visit_unit<E: Error>(self) -> Result<Self::Value, E> {
-            Ok(None)
-        }
-
-        fn visit_str<E: Error>(self, command: &str) -> Result<Self::Value, E> {
-            Ok(Some(TrainerSection::of_command(command)))
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, section: A) -> Result<Self::Value, A::Error> {
-            TrainerSection::deserialize(MapAccessDeserializer::new(section)).map(Some)
-        }
+    fn of_scalar(command: &Value) -> Option<Result<Self, String>> {
+        command.as_str().map(|command| Ok(Self::of_command(command)))
     }
-    deserializer.deserialize_any(Either)
+
+    fn of_section<'de, D: Deserializer<'de>>(section: D) -> Option<Result<Self, D::Error>> {
+        Some(Self::deserialize(section))
+    }
 }
 
 /// Both ways of writing it.
@@ -94,10 +72,5 @@ fn is_yes(flag: &bool) -> bool {
 
 /// A word or a number, as text.
 fn scalar<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
-    match Value::deserialize(deserializer)? {
-        Value::Null => Ok(None),
-        Value::String(text) => Ok(Some(text)),
-        Value::Number(number) => Ok(Some(number.to_string())),
-        _ => Err(Error::custom("expected a word or a number")),
-    }
+    Ok(Option::<Word>::deserialize(deserializer)?.map(|word| word.0))
 }

@@ -5,48 +5,29 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::short_form::{self, ShortForm, section_or_number};
+use super::short_form::{self, ShortForm};
 use crate::spec::{Ffn, Precision};
-use crate::units::number;
+use crate::units::{number, section};
 
-/// The `model` section: what all models of the sweep share.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct ModelSection {
-    pub ffn: Ffn,
-    /// d_ff is rounded up to a multiple of this; ScaMo has 256, which only large models can afford.
-    #[serde(deserialize_with = "number::count")]
-    pub ffn_multiple: usize,
-    /// One matrix for the embedding and the head.
-    pub tie_embeddings: bool,
-    /// Base of the rotary positions' wavelengths.
-    #[serde(deserialize_with = "number::number")]
-    pub rope_base: f64,
-    /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo. Where a clip has
-    /// codes on several scales, n_ctx has room for those of as many latents; `masked` takes one slot a
-    /// latent, however many layers it has.
-    #[serde(deserialize_with = "number::count")]
-    pub motion_slots: usize,
-    /// `scalewise`: share of the codes that training shows as random ones, none; 0.5 in MoSa and
-    /// LG-Tok. `masked`: the same of the hidden codes; 0.1 in MoMask.
-    #[serde(deserialize_with = "number::number")]
-    pub corruption: f64,
-    /// `scalewise` and `masked`: share of the captions that training leaves out, 0.1, so that motions can be guided.
-    #[serde(deserialize_with = "number::number")]
-    pub text_drop: f64,
-}
-
-impl Default for ModelSection {
-    fn default() -> Self {
-        Self {
-            ffn: Ffn::default(),
-            ffn_multiple: 8,
-            tie_embeddings: false,
-            rope_base: 10_000.0,
-            motion_slots: 51,
-            corruption: 0.0,
-            text_drop: 0.1,
-        }
+section! {
+    /// The `model` section: what all models of the sweep share.
+    pub struct ModelSection {
+        ffn: Ffn = Ffn::default();
+        /// d_ff is rounded up to a multiple of this; ScaMo has 256, which only large models can afford.
+        ffn_multiple: usize = 8;
+        /// One matrix for the embedding and the head.
+        tie_embeddings: bool = false;
+        /// Base of the rotary positions' wavelengths.
+        rope_base: f64 = 10_000.0;
+        /// Motion slots of n_ctx: 49 codes, the end token and one to spare, as in ScaMo. Where a clip has
+        /// codes on several scales, n_ctx has room for those of as many latents; `masked` takes one slot a
+        /// latent, however many layers it has.
+        motion_slots: usize = 51;
+        /// `scalewise`: share of the codes that training shows as random ones, none; 0.5 in MoSa and
+        /// LG-Tok. `masked`: the same of the hidden codes; 0.1 in MoMask.
+        corruption: f64 = 0.0;
+        /// `scalewise` and `masked`: share of the captions that training leaves out, 0.1, so that motions can be guided.
+        text_drop: f64 = 0.1;
     }
 }
 
@@ -62,36 +43,26 @@ pub enum ScheduleKind {
     Wsd,
 }
 
-/// The `train.schedule` section: the learning rate over a run, as a share of its peak.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct ScheduleSection {
-    pub kind: ScheduleKind,
-    /// Share of the run spent warming up, at most; and at most one token a parameter.
-    #[serde(deserialize_with = "number::number")]
-    pub warmup: f64,
-    /// The last learning rate as a share of the peak.
-    #[serde(deserialize_with = "number::number")]
-    pub final_share: f64,
-    /// Of `wsd`: the share of the run that decays.
-    #[serde(deserialize_with = "number::number")]
-    pub decay: f64,
-    /// Of `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
-    /// with one batch, rate and warm-up.
-    pub share: bool,
+section! {
+    /// The `train.schedule` section: the learning rate over a run, as a share of its peak.
+    pub struct ScheduleSection {
+        kind: ScheduleKind = ScheduleKind::default();
+        /// Share of the run spent warming up, at most; and at most one token a parameter.
+        warmup: f64 = 0.1;
+        /// The last learning rate as a share of the peak.
+        final_share: f64 = 0.0;
+        /// Of `wsd`: the share of the run that decays.
+        decay: f64 = 0.2;
+        /// Of `wsd`: runs of one model, vocabulary and seed are trained together up to their decays,
+        /// with one batch, rate and warm-up.
+        share: bool = false;
+    }
 }
 
 impl ScheduleSection {
     /// Whether runs branch off common trunks.
     pub fn shares(&self) -> bool {
         self.kind == ScheduleKind::Wsd && self.share
-    }
-}
-
-impl Default for ScheduleSection {
-    fn default() -> Self {
-        let kind = ScheduleKind::default();
-        Self { kind, warmup: 0.1, final_share: 0.0, decay: 0.2, share: false }
     }
 }
 
@@ -106,35 +77,19 @@ pub enum RateParams {
     Total,
 }
 
-/// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct LrRule {
-    /// The rate where both exponents are 0.
-    #[serde(deserialize_with = "number::number")]
-    pub coefficient: f64,
-    /// Which parameters N counts: `nonvocab` or `total`.
-    pub params: RateParams,
-    /// How the rate goes with the parameters.
-    #[serde(deserialize_with = "number::number")]
-    pub params_exponent: f64,
-    /// How the rate goes with the tokens of the run.
-    #[serde(deserialize_with = "number::number")]
-    pub tokens_exponent: f64,
-    /// The rule's value is held under this.
-    #[serde(deserialize_with = "number::number")]
-    pub max: f64,
-}
-
-impl Default for LrRule {
-    fn default() -> Self {
-        Self {
-            coefficient: 0.5,
-            params: RateParams::Nonvocab,
-            params_exponent: -0.4,
-            tokens_exponent: 0.0,
-            max: 5e-2,
-        }
+section! {
+    /// The peak of the learning rate = `coefficient` · N^`params_exponent` · D^`tokens_exponent`.
+    pub struct LrRule {
+        /// The rate where both exponents are 0.
+        coefficient: f64 = 0.5;
+        /// Which parameters N counts: `nonvocab` or `total`.
+        params: RateParams = RateParams::Nonvocab;
+        /// How the rate goes with the parameters.
+        params_exponent: f64 = -0.4;
+        /// How the rate goes with the tokens of the run.
+        tokens_exponent: f64 = 0.0;
+        /// The rule's value is held under this.
+        max: f64 = 5e-2;
     }
 }
 
@@ -160,32 +115,20 @@ impl ShortForm for LrRule {
     }
 }
 
-/// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded within bounds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct BatchRule {
-    /// Tokens a step where the exponent is 0.
-    #[serde(deserialize_with = "number::number")]
-    pub coefficient: f64,
-    /// How the batch goes with the tokens of the run.
-    #[serde(deserialize_with = "number::number")]
-    pub tokens_exponent: f64,
-    /// Fewest tokens a step.
-    #[serde(deserialize_with = "number::count")]
-    pub min: usize,
-    /// Most tokens a step.
-    #[serde(deserialize_with = "number::count")]
-    pub max: usize,
-    /// Tokens a step are a multiple of it; where left out, a power of two, which leaves a factor of 1.4
-    /// to either side of the rule.
-    #[serde(deserialize_with = "number::optional_count")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub multiple_of: Option<usize>,
-}
-
-impl Default for BatchRule {
-    fn default() -> Self {
-        Self { coefficient: 0.35, tokens_exponent: 0.5, min: 64, max: 4096, multiple_of: None }
+section! {
+    /// Tokens a step = `coefficient` · D^`tokens_exponent`, rounded within bounds.
+    pub struct BatchRule {
+        /// Tokens a step where the exponent is 0.
+        coefficient: f64 = 0.35;
+        /// How the batch goes with the tokens of the run.
+        tokens_exponent: f64 = 0.5;
+        /// Fewest tokens a step.
+        min: usize = 64;
+        /// Most tokens a step.
+        max: usize = 4096;
+        /// Tokens a step are a multiple of it; where left out, a power of two, which leaves a factor of 1.4
+        /// to either side of the rule.
+        multiple_of: Option<usize> = None, unless "Option::is_none";
     }
 }
 
@@ -194,52 +137,42 @@ impl ShortForm for BatchRule {
     const TYPE: &'static str = "integer";
 
     fn of_number(tokens: f64) -> Result<Self, String> {
-        let whole = number::whole(tokens.into())?;
+        let whole = number::whole(&tokens.into())?;
         let rule = Self { coefficient: tokens, tokens_exponent: 0.0, ..Self::default() };
         Ok(Self { min: whole, max: whole, ..rule })
     }
 }
 
-/// The `train` section: how every run is trained.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct TrainSection {
-    pub schedule: ScheduleSection,
-    /// The highest learning rate of each run: one number, or a rule.
-    #[serde(deserialize_with = "section_or_number")]
-    #[schemars(schema_with = "short_form::schema::<LrRule>")]
-    pub lr: LrRule,
-    /// Tokens a step: one number, or a rule.
-    #[serde(deserialize_with = "section_or_number")]
-    #[schemars(schema_with = "short_form::schema::<BatchRule>")]
-    pub batch: BatchRule,
-    /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
-    pub precision: Precision,
-    /// A cell whose budget buys fewer steps is dropped: it would show its warm-up, not its size.
-    #[serde(deserialize_with = "number::count")]
-    pub min_steps: usize,
-    /// AdamW's decoupled weight decay.
-    #[serde(deserialize_with = "number::number")]
-    pub weight_decay: f64,
-    /// AdamW's β₁ and β₂.
-    #[serde(deserialize_with = "number::numbers")]
-    pub betas: Vec<f64>,
-    /// What AdamW adds to the root of the second moment.
-    #[serde(deserialize_with = "number::number")]
-    pub epsilon: f64,
-    /// Global norm to which gradients are clipped; 0 for none.
-    #[serde(deserialize_with = "number::number")]
-    pub clip_norm: f64,
-    /// Times a run that it is measured on the validation split.
-    #[serde(deserialize_with = "number::count")]
-    pub evaluations: usize,
-    /// Seconds between checkpoints; never changes a result.
-    #[serde(deserialize_with = "number::number")]
-    pub checkpoint_s: f64,
-    /// Seconds without progress after which a worker is taken for hung, ended and started again; 0
-    /// for never. Longer than the longest step; never changes a result.
-    #[serde(deserialize_with = "number::number")]
-    pub hang_s: f64,
+section! {
+    /// The `train` section: how every run is trained.
+    pub struct TrainSection {
+        schedule: ScheduleSection = ScheduleSection::default();
+        /// The highest learning rate of each run: one number, or a rule.
+        #[schemars(schema_with = "short_form::schema::<LrRule>")]
+        lr: LrRule = LrRule::default();
+        /// Tokens a step: one number, or a rule.
+        #[schemars(schema_with = "short_form::schema::<BatchRule>")]
+        batch: BatchRule = BatchRule::default();
+        /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
+        precision: Precision = Precision::default();
+        /// A cell whose budget buys fewer steps is dropped: it would show its warm-up, not its size.
+        min_steps: usize = 200;
+        /// AdamW's decoupled weight decay.
+        weight_decay: f64 = 1e-6;
+        /// AdamW's β₁ and β₂.
+        betas: Vec<f64> = vec![0.9, 0.95];
+        /// What AdamW adds to the root of the second moment.
+        epsilon: f64 = 1e-8;
+        /// Global norm to which gradients are clipped; 0 for none.
+        clip_norm: f64 = 1.0;
+        /// Times a run that it is measured on the validation split.
+        evaluations: usize = 4;
+        /// Seconds between checkpoints; never changes a result.
+        checkpoint_s: f64 = 20.0;
+        /// Seconds without progress after which a worker is taken for hung, ended and started again; 0
+        /// for never. Longer than the longest step; never changes a result.
+        hang_s: f64 = 600.0;
+    }
 }
 
 impl TrainSection {
@@ -251,24 +184,5 @@ impl TrainSection {
     /// How long a worker may make no progress; `None` where it may for ever.
     pub fn hang(&self) -> Option<Duration> {
         (self.hang_s > 0.0).then(|| Duration::from_secs_f64(self.hang_s))
-    }
-}
-
-impl Default for TrainSection {
-    fn default() -> Self {
-        Self {
-            schedule: ScheduleSection::default(),
-            lr: LrRule::default(),
-            batch: BatchRule::default(),
-            precision: Precision::default(),
-            min_steps: 200,
-            weight_decay: 1e-6,
-            betas: vec![0.9, 0.95],
-            epsilon: 1e-8,
-            clip_norm: 1.0,
-            evaluations: 4,
-            checkpoint_s: 20.0,
-            hang_s: 600.0,
-        }
     }
 }
