@@ -23,7 +23,6 @@ mod feet;
 mod floor;
 mod geometry;
 mod hands;
-mod in_place;
 mod jump;
 mod kick;
 mod manner;

@@ -1,10 +1,10 @@
 //! What one action is called: a verb and its circumstances, now with more of them, now with less.
 
 use super::act::Act;
-use super::action::Action;
+use super::action::{Action, Sit};
 use super::floor::Side;
 use super::hands::{Hands, Punch, Wave};
-use super::in_place::Sit;
+
 use super::jump::{Aim, Jump};
 use super::kick::Kick;
 use super::random::Draw;
