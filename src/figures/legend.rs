@@ -2,8 +2,7 @@
 
 use super::colour::Rgb;
 use super::font::{Weight, measure};
-use super::panel::plain_text;
-use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text};
+use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text, plain_text};
 
 const EM: f64 = 12.0;
 const ROW: f64 = 20.0;

@@ -26,13 +26,15 @@ pub fn draw(sources: &Sources) -> Drawing {
     Ok(page(sources, laws, &answer).panels(vec![plot]))
 }
 
+type About<'a> = Box<dyn Fn([&str; 2]) -> String + 'a>;
+
 /// A law beside the one to believe.
 struct Other<'a> {
     name: &'static str,
     stroke: Stroke,
     loss: Box<dyn Fn(f64) -> f64 + 'a>,
     /// In words, given the symbol of the loss and its unit.
-    about: Box<dyn Fn([&str; 2]) -> String + 'a>,
+    about: About<'a>,
 }
 
 /// The log law and the law with a floor, if they are not the law to believe.

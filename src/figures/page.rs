@@ -3,7 +3,8 @@
 use super::colour::MUTED;
 use super::font::{Weight, wrap};
 use super::legend::Legend;
-use super::panel::{Panel, Plot, Rect, plain_text};
+use super::panel::{Panel, Plot, Rect};
+use super::scene::plain_text;
 use super::scene::{Anchor, Scene, Text};
 
 const MARGIN: f64 = 18.0;

@@ -3,9 +3,9 @@
 use crate::laws::Coefficient;
 
 use super::axis::{Axis, Direction, TICK_EM};
-use super::colour::{FRAME, GRID, INK, Rgb};
+use super::colour::{FRAME, GRID, Rgb};
 use super::font::Weight;
-use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text};
+use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text, plain_text};
 use super::series::{Look, law_stroke};
 
 const TICK_LENGTH: f64 = 5.0;
@@ -42,6 +42,9 @@ impl Rect {
     }
 }
 
+/// Both sides of a band along x.
+type Band = Vec<(f64, [f64; 2])>;
+
 /// What a panel shows, in the values of its axes: bands below the grid, lines and marks above it.
 #[derive(Clone, Debug)]
 pub struct Plot {
@@ -49,7 +52,7 @@ pub struct Plot {
     pub title: Vec<String>,
     pub x: Axis,
     pub y: Axis,
-    bands: Vec<(Vec<(f64, [f64; 2])>, Rgb)>,
+    bands: Vec<(Band, Rgb)>,
     items: Vec<Item>,
 }
 
@@ -221,12 +224,6 @@ impl Panel {
             scene.text(Text { weight, ..text });
         }
     }
-}
-
-/// Upright text in ink.
-pub fn plain_text(content: &str, at: Point, anchor: Anchor, em: f64) -> Text {
-    let (content, weight, colour) = (content.to_owned(), Weight::Normal, INK);
-    Text { content, at, anchor, em, weight, colour, upward: false }
 }
 
 /// The pieces of a polyline inside a rectangle; points that are not finite break it.

@@ -2,7 +2,7 @@
 //!
 //! The page's origin is its upper left corner; y grows downwards.
 
-use super::colour::{Rgb, WHITE};
+use super::colour::{INK, Rgb, WHITE};
 use super::font::Weight;
 
 /// (x, y) in page pixels.
@@ -38,6 +38,12 @@ pub struct Text {
     pub colour: Rgb,
     /// Reads from bottom to top.
     pub upward: bool,
+}
+
+/// Upright text in ink.
+pub fn plain_text(content: &str, at: Point, anchor: Anchor, em: f64) -> Text {
+    let (content, weight, colour) = (content.to_owned(), Weight::Normal, INK);
+    Text { content, at, anchor, em, weight, colour, upward: false }
 }
 
 #[derive(Clone, Debug, PartialEq)]

@@ -11,12 +11,14 @@ pub struct Condition(Vec<Comparison>);
 struct Comparison {
     /// Index of one of [`FIELDS`].
     field: usize,
-    holds: fn(&f64, &f64) -> bool,
+    holds: Holds,
     value: f64,
 }
 
+type Holds = fn(&f64, &f64) -> bool;
+
 /// Longer operators first, so that `<=` is not read as `<`.
-const OPERATORS: [(&str, fn(&f64, &f64) -> bool); 6] = [
+const OPERATORS: [(&str, Holds); 6] = [
     ("<=", f64::le),
     (">=", f64::ge),
     ("==", f64::eq),

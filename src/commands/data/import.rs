@@ -203,8 +203,12 @@ fn text(imported: &Imported, args: &ImportArgs) -> String {
     for skeleton in &imported.skeletons {
         let Skeleton { joints, files, up, neutral, .. } = skeleton;
         let files = many(*files, "file");
-        let _ = writeln!(text, "
-skeleton of {} joints, {files}, {up} up", joints.len());
+        let _ = writeln!(
+            text,
+            "
+skeleton of {} joints, {files}, {up} up",
+            joints.len()
+        );
         let _ = writeln!(text, "  upright in {neutral}");
     }
     if imported.too_short > 0 {

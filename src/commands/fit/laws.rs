@@ -3,8 +3,8 @@
 use isoflop::laws;
 use isoflop::laws::MinimumMethod;
 use isoflop::laws::{
-    FitError, FitOptions, Form, Judgement, LawKind, Laws, Parameters,
-    ParametricOptions, Space, fit_parametric, parametric_laws,
+    FitError, FitOptions, Form, Judgement, LawKind, Laws, Parameters, ParametricOptions, Space,
+    fit_parametric, parametric_laws,
 };
 
 use super::args::FitArgs;

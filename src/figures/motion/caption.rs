@@ -1,7 +1,7 @@
 //! A caption as the lines of a title.
 
 use crate::figures::font::{Weight, measure, wrap};
-use crate::figures::panel::plain_text;
+use crate::figures::scene::plain_text;
 use crate::figures::scene::{Anchor, Point, Scene, Text};
 
 /// `caption` on one line of plain text: characters that no SVG may hold are blanks.

@@ -2,7 +2,7 @@
 
 use crate::figures::colour::{LEFT_SIDE, RIGHT_SIDE};
 use crate::figures::font::{Weight, measure};
-use crate::figures::panel::plain_text;
+use crate::figures::scene::plain_text;
 use crate::figures::scene::{Anchor, Point, Scene, Text};
 
 /// Page pixels between the words.

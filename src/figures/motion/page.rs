@@ -8,7 +8,7 @@ use super::ground;
 use super::legend;
 use crate::figures::colour::{GRID, MUTED};
 use crate::figures::font::{Weight, measure};
-use crate::figures::panel::plain_text;
+use crate::figures::scene::plain_text;
 use crate::figures::scene::{Anchor, Scene, Stroke, Text};
 use crate::figures::svg::{self, escaped};
 use crate::motion::Pose;

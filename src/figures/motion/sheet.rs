@@ -10,8 +10,8 @@ use super::legend;
 use super::page::facts;
 use crate::figures::colour::{GRID, INK, MUTED, WHITE};
 use crate::figures::font::{Weight, measure};
-use crate::figures::panel::plain_text;
 use crate::figures::render::{self, DrawError};
+use crate::figures::scene::plain_text;
 use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, Text};
 use crate::motion::Pose;
 

@@ -201,7 +201,7 @@ fn intervals(
         None => laws.bootstrap.iter().filter_map(on_budget).collect(),
     };
     let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&Deviations) -> f64| {
-        interval95(&spread.of_logs(replicates.iter().filter_map(value), of))
+        interval95(spread.of_logs(replicates.iter().filter_map(value), of))
     };
     let floor = spread.of(floor_losses(laws, budget), |e| e.loss);
     let loss_floor = interval95(&floor);
@@ -218,14 +218,14 @@ fn intervals(
     };
     let on_other_clips = |noise: &TestNoise| {
         let place = [best.on_budget.params_nonvocab, best.n_vocab(options)?, budget];
-        interval95(&noise.moved(&losses, place.map(f64::ln)))
+        interval95(noise.moved(&losses, place.map(f64::ln)))
     };
     let by_law = vocabulary == Vocabulary::Law;
     let by_width =
         |a: &Allocation| Some(a.params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?);
     let n_vocab = || match &joint {
         Some(optima) => {
-            interval95(&spread.of_logs(optima.iter().filter_map(|o| o.n_vocab), |e| e.ln_vocab))
+            interval95(spread.of_logs(optima.iter().filter_map(|o| o.n_vocab), |e| e.ln_vocab))
         }
         None => interval(&by_width, |e| e.ln_vocab),
     };

@@ -41,7 +41,7 @@ fn of_joint(laws: &Laws, joint: &JointLaw, budgets: [f64; STEPS]) -> Vec<Optimum
         };
         let loss = own
             .as_ref()
-            .map(|own| Coefficient { value: own.loss, ci95: interval95(&joint.losses_at(own)) });
+            .map(|own| Coefficient { value: own.loss, ci95: interval95(joint.losses_at(own)) });
         let at = PerQuantity {
             params_nonvocab: told(|o| o.params_nonvocab),
             params_vocab: told(|o| o.params_vocab),

@@ -35,9 +35,9 @@ impl JointLaw {
                 |i: usize| self.bootstrap.iter().map(|values| values[at + i]).collect::<Vec<_>>();
             Repetition {
                 r: self.loss.values[at].exp(),
-                r_ci95: interval95(&all(0)).map(|ends| ends.map(f64::exp)),
+                r_ci95: interval95(all(0)).map(|ends| ends.map(f64::exp)),
                 rho: self.loss.values[at + 1],
-                rho_ci95: interval95(&all(1)),
+                rho_ci95: interval95(all(1)),
                 params_nonvocab: self.loss.centre[0].exp(),
             }
         })
