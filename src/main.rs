@@ -13,7 +13,7 @@ use clap::Parser;
 use commands::Cli;
 
 #[global_allocator]
-static ALLOCATOR: isoflop::machine::allocator::Allocator = isoflop::machine::allocator::Allocator;
+static ALLOCATOR: isoflop::machine::Allocator = isoflop::machine::Allocator;
 
 fn main() -> ExitCode {
     ignore_file_size_signal();

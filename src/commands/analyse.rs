@@ -9,11 +9,11 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::analysis::{analysed, forget};
 use super::by_generator::parted;
 use super::exit::Exit;
 use super::generators;
 use super::output::Output;
+use super::plot::{analysed, forget};
 use super::quality::Scored;
 
 /// Table, laws, figures, predictions: all from the records of finished runs.

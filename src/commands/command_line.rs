@@ -9,7 +9,7 @@ use isoflop::jobs::ResultsFolder;
 use isoflop::units::quoted;
 use serde::{Deserialize, Serialize};
 
-use super::args::SweepArgs;
+use super::exit::SweepArgs;
 use super::run::RunArgs;
 
 /// Width of a terminal that shows a command whole.

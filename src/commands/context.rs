@@ -12,7 +12,7 @@ use isoflop::spec::FlopsRule;
 use isoflop::sweep::{self, Clips, DataSource, Origin, Sweep};
 use isoflop::text::{self, TextEncoder};
 
-use super::args::SweepArgs;
+use super::exit::SweepArgs;
 
 /// A sweep and its plan over its data.
 #[derive(Clone)]

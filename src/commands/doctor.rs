@@ -5,14 +5,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use burn::tensor::{Device, Distribution, Tensor};
-use isoflop::machine::memory;
+use isoflop::machine;
 use isoflop::ops::{DeviceName, check_products};
 use serde::Serialize;
 use serde_json::json;
 
-use super::exit::Exit;
+use super::exit::{Exit, table};
 use super::output::Output;
-use super::screen::table;
 
 /// Rows and columns of the matrices that are multiplied.
 const SIZE: usize = 512;
@@ -33,7 +32,7 @@ struct Finding {
 }
 
 pub fn doctor(output: &Output) -> Result<Exit> {
-    let mut findings = vec![build(), cores(), memory()];
+    let mut findings = vec![build(), cores(), machine()];
     findings.extend(DeviceName::ALL.map(|(name, ..)| device(name)));
     findings.extend([speed(), slurm(), encoders()]);
     let fine = findings.iter().all(|finding| finding.good != Some(false));
@@ -70,8 +69,8 @@ fn cores() -> Finding {
     Finding { what: "cores", good: Some(cores.is_ok()), found }
 }
 
-fn memory() -> Finding {
-    let found = memory::available().map_or_else(
+fn machine() -> Finding {
+    let found = machine::available().map_or_else(
         || "the system does not tell; --memory sets what jobs may take".to_string(),
         |bytes| format!("{:.1} GB to be had", bytes as f64 / 1e9),
     );

@@ -11,10 +11,10 @@ use isoflop::record::RunRecord;
 use isoflop::sweep::Sweep;
 use serde_json::{Value, json};
 
-use super::analysis::{analysed, forget};
 use super::by_generator::draw;
+use super::exit::{dash, table};
 use super::output::Output;
-use super::screen::{dash, table};
+use super::plot::{analysed, forget};
 
 /// Laws for each generator: those of one would say nothing of another. Gives what there is to say.
 pub fn finish(

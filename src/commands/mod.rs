@@ -1,11 +1,7 @@
 //! The commands: one file each, each telling its whole story.
 
 mod analyse;
-mod analysis;
-mod args;
-mod buildable;
 mod by_generator;
-mod cancel;
 mod command_line;
 mod compare;
 mod completions;
@@ -19,11 +15,9 @@ mod evaluator;
 mod exit;
 mod expected;
 mod export;
-mod finished;
 mod fit;
 mod generate;
 mod generators;
-mod gpu_cost;
 mod init;
 mod output;
 mod plan;
@@ -35,10 +29,7 @@ mod quality;
 mod report;
 mod run;
 mod schema;
-mod screen;
-mod stale;
 mod status;
-mod status_text;
 mod tokenize;
 mod tokenizer;
 mod tune;
@@ -55,7 +46,7 @@ pub use exit::{Exit, refuse, report};
 #[command(version, about)]
 pub struct Cli {
     #[command(flatten)]
-    common: args::Common,
+    common: exit::Common,
     #[command(subcommand)]
     command: Command,
 }
@@ -69,9 +60,9 @@ enum Command {
     /// Run what is missing of a sweep, then fit, plot and predict
     Run(run::RunArgs),
     /// How far a sweep is, what runs, what failed and how to try it again
-    Status(args::FolderArg),
+    Status(exit::FolderArg),
     /// End a sweep cleanly, wherever it runs; what is finished stays
-    Cancel(args::FolderArg),
+    Cancel(exit::FolderArg),
     /// Fit laws to a sweep, or to any table of runs
     Fit(fit::FitArgs),
     /// Draw every figure of a sweep again, from its table alone
@@ -152,7 +143,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Plan(args) => plan::plan(&args, &output),
         Command::Run(args) => run::run(&args, &output),
         Command::Status(args) => status::status(&args, &output),
-        Command::Cancel(args) => cancel::cancel(&args, &output),
+        Command::Cancel(args) => status::cancel(&args, &output),
         Command::Fit(args) => fit::fit(&args, &output),
         Command::Plot(args) => plot::plot(&args, &output),
         Command::Predict(args) => predict::predict(&args, &output),

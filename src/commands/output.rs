@@ -9,9 +9,7 @@ use isoflop::words::fit_to_terminal;
 use serde_json::Value;
 use tracing_subscriber::EnvFilter;
 
-use super::args::Common;
-use super::exit::Exit;
-use super::screen::{is_coloured, say};
+use super::exit::{Common, Exit, is_coloured, say};
 
 /// The three ways to speak: for people, `--json`, quiet.
 pub struct Output {

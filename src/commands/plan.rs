@@ -1,26 +1,24 @@
 //! `isoflop plan`: what a sweep will do and cost.
 
-use std::collections::BTreeMap;
-
+use super::context::{OpenSweep, plan_sweep};
+use super::doubts::doubts;
+use super::exit::{Exit, SweepArgs, a_card, dash, many, not_negative, table};
+use super::output::Output;
+use super::plan_text;
+use super::plan_text::{bytes, exponent, flops, stale};
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use clap::Args;
-use isoflop::jobs::gpu::{Gpu, MfuSource};
+use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
 use isoflop::jobs::history::{Finished, known};
 use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs, probe};
-use isoflop::machine::cards::Card;
-use isoflop::plan::{Plan, PlannedRun, TokenizerJob};
+use isoflop::machine::Card;
+use isoflop::plan::{Plan, PlannedRun, TokenizerJob, bytes_on_card};
+use isoflop::spec::Precision;
+use isoflop::words::wrap;
 use rayon::prelude::*;
 use serde_json::{Value, json};
-
-use super::args::{SweepArgs, a_card, not_negative};
-use super::context::{OpenSweep, plan_sweep};
-use super::doubts::doubts;
-use super::exit::Exit;
-use super::gpu_cost::GpuCost;
-use super::output::Output;
-use super::plan_text;
-use super::stale::stale;
+use std::collections::BTreeMap;
 
 #[derive(Args)]
 pub struct PlanArgs {
@@ -191,4 +189,174 @@ fn tokenizer_json(job: &TokenizerJob, folder: &ResultsFolder) -> Value {
         "steps": job.spec.training.steps,
         "state": folder.state(&JobId::new(JobKind::Tokenizer, &id)),
     })
+}
+
+// [`GpuCost`]: what a plan's runs cost on a GPU: hours, dollars, memory.
+
+/// The cost of a plan on one GPU, on which its runs follow one another.
+pub struct GpuCost<'a> {
+    gpu: &'a Gpu,
+    plan: &'a Plan,
+    /// Dollars an hour.
+    price: Option<f64>,
+    runs: Vec<RunCost<'a>>,
+    /// Hours of the trunks that runs share.
+    trunk_hours: f64,
+    /// Hours of the jobs that are missing.
+    pub hours_to_go: f64,
+}
+
+struct RunCost<'a> {
+    run: &'a PlannedRun,
+    hours: f64,
+    /// `None` for a user's program.
+    bytes: Option<u64>,
+    mfu: f64,
+}
+
+impl<'a> GpuCost<'a> {
+    pub fn new(gpu: &'a Gpu, price: Option<f64>, plan: &'a Plan, missing: &[Job]) -> Self {
+        let cost = |run: &'a PlannedRun| RunCost {
+            run,
+            hours: gpu.run_hours(run),
+            bytes: (!run.spec.is_users_own()).then(|| bytes_on_card(&run.spec)),
+            mfu: gpu.mfu(run.params.nonvocab),
+        };
+        Self {
+            gpu,
+            plan,
+            price,
+            runs: plan.runs.iter().map(cost).collect(),
+            // The sum of nothing is −0.
+            trunk_hours: 0.0 + plan.trunks.iter().map(|trunk| gpu.trunk_hours(trunk)).sum::<f64>(),
+            hours_to_go: gpu.hours(plan, missing),
+        }
+    }
+
+    /// Hours of all runs and trunks, finished ones too.
+    fn hours(&self) -> f64 {
+        self.trunk_hours + self.runs.iter().map(|cost| cost.hours).sum::<f64>()
+    }
+
+    fn peak_bytes(&self) -> Option<u64> {
+        self.runs.iter().filter_map(|cost| cost.bytes).max()
+    }
+
+    /// Adds `gpu_hours` and `gpu_bytes` to each run of a plan's document, and the totals as `gpu`.
+    pub fn add_to(&self, document: &mut Value) {
+        let is_too_large =
+            |cost: &&RunCost| cost.bytes.is_some_and(|n| n as f64 > self.gpu.card.memory_bytes);
+        let runs = document["runs"].as_array_mut().into_iter().flatten();
+        for (run, cost) in runs.zip(&self.runs) {
+            run["gpu_hours"] = json!(cost.hours);
+            run["gpu_bytes"] = json!(cost.bytes);
+        }
+        let (card, hours) = (self.gpu.card, self.hours());
+        let mut mfu = json!(self.gpu.source);
+        let [least, most] = range(&self.runs);
+        (mfu["least"], mfu["most"]) = (json!(least), json!(most));
+        document["gpu"] = json!({
+            "name": card.name,
+            "peak_flops": card.peak_flops,
+            "memory_bytes": card.memory_bytes,
+            "bytes_per_s": card.bytes_per_s,
+            "hours": hours,
+            "hours_to_go": self.hours_to_go,
+            "trunk_hours": self.trunk_hours,
+            "dollars_per_hour": self.price,
+            "dollars": self.price.map(|price| price * hours),
+            "peak_bytes": self.peak_bytes(),
+            "too_large": self.runs.iter().filter(is_too_large).count(),
+            "mfu": mfu,
+        });
+    }
+
+    /// A line for each budget: runs, the largest model and memory, MFU, hours, dollars.
+    pub fn table(&self) -> String {
+        let mut by_budget: BTreeMap<u64, Vec<&RunCost>> = BTreeMap::new();
+        for cost in &self.runs {
+            // Numbers above 0 are in the order of their bits.
+            by_budget.entry(cost.run.spec.budget_flops.to_bits()).or_default().push(cost);
+        }
+        let dollars = |hours: f64| self.price.map(|price| format!("{:.2}", price * hours));
+        let row = |name: &str, runs: usize, [size, memory, mfu]: [String; 3], hours: f64| {
+            let dollars = dollars(hours).unwrap_or_default();
+            [name.to_string(), runs.to_string(), size, memory, mfu, format!("{hours:.2}"), dollars]
+        };
+        let of_budget = |(budget, costs): (&u64, &Vec<&RunCost>)| {
+            let hours: f64 = costs.iter().map(|cost| cost.hours).sum();
+            let most = costs.iter().map(|cost| cost.run.params.nonvocab).max().unwrap_or(0);
+            let memory = costs.iter().filter_map(|cost| cost.bytes).max();
+            let mfu = percent(range(costs.iter().copied()));
+            let facts = [format!("{:.2e}", most as f64), dash(memory, bytes), mfu];
+            row(&exponent(f64::from_bits(*budget)), costs.len(), facts, hours)
+        };
+        let n_trunks = self.plan.trunks.len();
+        let trunks =
+            (n_trunks > 0).then(|| row("trunks", n_trunks, Default::default(), self.trunk_hours));
+        let all = row("all", self.runs.len(), Default::default(), self.hours());
+        let dollars = if self.price.is_some() { "dollars" } else { "" };
+        let heads = ["C", "runs", "max N_nv", "max memory", "MFU", "GPU hours", dollars];
+        table(heads, by_budget.iter().map(of_budget).chain(trunks).chain([all]))
+    }
+
+    /// What the plan costs and what that rests on, and whether its runs fit.
+    pub fn sentences(&self) -> String {
+        let Self { gpu, plan, price, .. } = self;
+        let (card, hours) = (gpu.card, self.hours());
+        let dollars =
+            price.map(|price| format!(" = {:.2} dollars at {price} an hour", price * hours));
+        let to_go = format!(" ({:.1} to go)", self.hours_to_go);
+        let memory = self.peak_bytes().map(|peak| {
+            let all = bytes(card.memory_bytes as u64);
+            format!("; {} of its {all} for the largest run", bytes(peak))
+        });
+        let cost = format!(
+            "{}; {hours:.1} hours of one {}{}{}, one run at a time{}; MFU {}, {}",
+            flops(plan),
+            card.name,
+            dollars.unwrap_or_default(),
+            // Sums in another order differ in their last digits.
+            if self.hours_to_go < 0.999999 * hours { to_go.as_str() } else { "" },
+            memory.unwrap_or_default(),
+            percent(range(&self.runs)),
+            source(gpu.source),
+        );
+        let is_f32 = plan.runs.iter().any(|run| run.spec.precision == Precision::F32);
+        let of_bf16 = is_f32.then_some(
+            "hours are those of train.precision: bf16, memory is that of f32, which the sweep has",
+        );
+        let apart = !plan.tokenizers.is_empty();
+        let apart = apart.then_some("tokenizers are trained on processors and not counted");
+        let large = too_large(card, &plan.runs);
+        let notes: Vec<&str> = of_bf16.into_iter().chain(apart).collect();
+        let notes = (!notes.is_empty()).then(|| notes.join("; "));
+        [Some(cost), notes, large].into_iter().flatten().map(|said| wrap("", &said)).collect()
+    }
+}
+
+/// The least and the largest MFU.
+fn range<'a>(runs: impl IntoIterator<Item = &'a RunCost<'a>>) -> [f64; 2] {
+    let of = |[least, most]: [f64; 2], cost: &RunCost| [least.min(cost.mfu), most.max(cost.mfu)];
+    let [least, most] = runs.into_iter().fold([f64::INFINITY, 0.0], of);
+    [least.min(most), most]
+}
+
+/// `30 to 45 %`, or `0.5 %`.
+fn percent([least, most]: [f64; 2]) -> String {
+    let digits = |share: f64| {
+        let share = 100.0 * share;
+        if share < 9.95 { format!("{share:.1}") } else { format!("{share:.0}") }
+    };
+    let (least, most) = (digits(least), digits(most));
+    if least == most { format!("{most} %") } else { format!("{least} to {most} %") }
+}
+
+/// `measured by 12 finished runs`.
+fn source(source: MfuSource) -> String {
+    match source {
+        MfuSource::Reference => "as on an H200 from 0.1M to 731M".to_string(),
+        MfuSource::Told => "as engine.mfu says".to_string(),
+        MfuSource::Measured { runs } => format!("measured by {}", many(runs, "finished run")),
+    }
 }

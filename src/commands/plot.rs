@@ -1,9 +1,13 @@
 //! `isoflop plot`: every figure of a sweep again, from its table and laws alone; those of a table made
 //! elsewhere or of a `laws.json`, as far as it holds what they show.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
+use super::by_generator::{draw as draw_side_by_side, home, parted};
+use super::exit::{Exit, one_of};
+use super::fit::{TableArgs, TableStudy, beside};
+use super::output::Output;
+use super::predict::not_of_groups;
+use super::validate::gathered;
+use super::{fit, predict};
 use anyhow::{Result, bail};
 use clap::Args;
 use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
@@ -11,16 +15,13 @@ use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::{ResultsFolder, frozen_sweep};
 use isoflop::laws::Laws;
 use isoflop::record::{RunRecord, Tuned, sliced, table};
-use isoflop::spec::FlopsRule;
-use isoflop::tokenizer::TokenizerMetrics;
-use serde_json::json;
-
-use super::args::one_of;
-use super::by_generator::{draw as draw_side_by_side, home, parted};
-use super::exit::Exit;
-use super::fit::{TableArgs, TableStudy, beside};
-use super::output::Output;
-use super::predict::not_of_groups;
+use isoflop::spec::{FlopsRule, content_id};
+use isoflop::sweep::Sweep;
+use isoflop::tokenizer::{TokenizerMetrics, remarks};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct PlotArgs {
@@ -191,4 +192,144 @@ fn draw_into(
         }
     }
     Ok(drawn)
+}
+
+// What follows from records: table, laws, figures, predictions.
+
+/// What follows from records, made or found in the folder; the tokenizers of the runs lie in `home`.
+pub fn analysed(
+    sweep: &Sweep,
+    (folder, home): (&ResultsFolder, &ResultsFolder),
+    records: &[RunRecord],
+    output: &Output,
+) -> Result<Finished> {
+    let stamp = stamp(sweep, folder, records);
+    if let Some(finished) = Finished::again(folder, &stamp, output)? {
+        return Ok(finished);
+    }
+    let n_warned = output.warned().len();
+    table::write(folder.root(), records)?;
+    let tuned = Tuned::of(records);
+    tuned.told.iter().for_each(|told| output.warn(told));
+    let laws = write_laws(sweep, folder, &tuned.records, output)?;
+    let laws = laws.as_ref();
+    let tokenizers = tokenizers(home, output)?;
+    let wanted = Wanted::default();
+    let drawn = draw(folder, &tuned.records, laws, &tokenizers, &wanted, output)?;
+    remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
+    let predictions = match laws {
+        Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,
+        None => Vec::new(),
+    };
+    let document = json!({
+        "results": folder.root(),
+        "runs": records.len(),
+        "laws": laws,
+        "predictions": predictions,
+        "figures": drawn.paths,
+    });
+    let files = format!(
+        "{}: {} finished runs{}, {} figures",
+        folder.root().display(),
+        records.len(),
+        if laws.is_some() { ", laws.json" } else { "" },
+        drawn.paths.len() / Format::ALL.len()
+    );
+    let story = |full| laws.map(|laws| fit::text(laws, &predictions, full)).unwrap_or_default();
+    let texts = [false, true].map(|full| story(full) + &files);
+    Finished::write(folder, stamp, document, texts, output.warned().split_off(n_warned))
+}
+
+/// Removes what an earlier state of the sweep had: it would be taken for this one's own.
+pub fn forget(folder: &ResultsFolder) -> Result<()> {
+    for file in ["laws.json", "prediction.json", "finished.json"] {
+        atomic::remove(&folder.file(file))?;
+    }
+    Ok(())
+}
+
+fn write_laws(
+    sweep: &Sweep,
+    folder: &ResultsFolder,
+    records: &[RunRecord],
+    output: &Output,
+) -> Result<Option<Laws>> {
+    match fit::fit_records(records, &fit::options(sweep)) {
+        Ok(mut laws) => {
+            laws.judgement.validations = gathered(folder, output);
+            atomic::write_json(&folder.file("laws.json"), &laws)?;
+            Ok(Some(laws))
+        }
+        Err(error) => {
+            output.warn(&format!("no laws: {error:#}"));
+            forget(folder)?;
+            Ok(None)
+        }
+    }
+}
+
+// `finished.json`: what `isoflop run` made of its records, so that it is not made again.
+
+const FILES: [&str; 4] = ["runs.parquet", "runs.csv", "laws.json", "prediction.json"];
+
+/// What `run` said when it last made something of its records, and what it wrote.
+#[derive(Serialize, Deserialize)]
+pub struct Finished {
+    /// Hash of the records, the sweep, the folder's name and the revision of the program.
+    stamp: String,
+    /// Digest of each file, by its name in the folder.
+    files: BTreeMap<String, String>,
+    pub document: Value,
+    /// One screen.
+    pub text: String,
+    /// Everything.
+    pub full: String,
+    warnings: Vec<String>,
+}
+
+impl Finished {
+    /// Notes what was just said and written.
+    pub fn write(
+        folder: &ResultsFolder,
+        stamp: String,
+        document: Value,
+        [text, full]: [String; 2],
+        warnings: Vec<String>,
+    ) -> Result<Self> {
+        let files = digests(folder)?;
+        let finished = Self { stamp, files, document, text, full, warnings };
+        atomic::write_json(&folder.file("finished.json"), &finished)?;
+        Ok(finished)
+    }
+
+    /// What was said of the same records, with its warnings; `None` where anything has changed
+    /// since: the records, the sweep, or a file that was written.
+    pub fn again(folder: &ResultsFolder, stamp: &str, output: &Output) -> Result<Option<Self>> {
+        let Ok(Some(finished)) = read_if_there::<Self>(&folder.file("finished.json")) else {
+            return Ok(None);
+        };
+        if finished.stamp != stamp || finished.files != digests(folder)? {
+            return Ok(None);
+        }
+        finished.warnings.iter().for_each(|line| output.warn(line));
+        Ok(Some(finished))
+    }
+}
+
+/// Changes whenever something else would be said or written.
+pub fn stamp(sweep: &Sweep, folder: &ResultsFolder, records: &[RunRecord]) -> String {
+    content_id(&(records, sweep, folder.root(), env!("ISOFLOP_GIT_REVISION")))
+}
+
+/// Digests of the tables, the laws, the prediction and every figure that is there.
+fn digests(folder: &ResultsFolder) -> Result<BTreeMap<String, String>> {
+    let mut names: Vec<String> = FILES.map(String::from).to_vec();
+    if let Ok(figures) = std::fs::read_dir(folder.file("figures")) {
+        for figure in figures {
+            names.push(format!("figures/{}", figure?.file_name().to_string_lossy()));
+        }
+    }
+    let digest = |path: &Path| std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex());
+    let found = |name: String| Some((name.clone(), digest(&folder.file(&name))?.to_string()));
+    Ok(names.into_iter().filter_map(found).collect())
 }

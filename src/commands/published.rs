@@ -10,9 +10,8 @@ use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
 use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
 use serde_json::json;
 
-use super::exit::Exit;
+use super::exit::{Exit, table};
 use super::output::Output;
-use super::screen::table;
 
 #[derive(Args)]
 pub struct PublishedArgs {

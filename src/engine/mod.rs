@@ -12,19 +12,13 @@
 //! assert_eq!(ENGINES[0].name(), "local");
 //! ```
 
-mod contract;
-mod engine_state;
 pub mod local;
-mod request;
 mod runner;
 pub mod slurm;
-mod track;
-
-pub use contract::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
-pub use engine_state::{Cancelled, EngineState};
-pub use request::{SweepRequest, Tell};
-pub use runner::{JobEnd, JobReport, Runner};
-pub use track::Track;
+pub use runner::{
+    Brought, Cancelled, Engine, EngineState, FitTerms, JobEnd, JobReport, Preview, Previewed,
+    Runner, Session, SweepRequest, Task, Tell, Track,
+};
 
 /// Every engine, the default first.
 pub static ENGINES: [&dyn Engine; 2] = [&local::Local, &slurm::Slurm];

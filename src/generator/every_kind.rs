@@ -6,12 +6,12 @@ use burn::tensor::Device;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::error::GeneratorError;
-use super::kind::{Kind, Network, Probe, Training};
-use super::learner::{learn, trained, weights_rng};
+use super::kind::{Kind, Network, Probe, Training, learn, trained, weights_rng};
+use super::trained::{GeneratorError, Trained};
+
 use super::probed::probed;
 use super::sampling::Sampler;
-use super::trained::Trained;
+
 use crate::learn::LearnError;
 use crate::learn::weights::{self, Sources, Weights};
 use crate::plan::RunSpec;

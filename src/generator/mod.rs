@@ -46,32 +46,24 @@
 //! ```
 
 pub mod autoregressive;
-mod blocks;
-mod error;
 mod every_kind;
-mod fitness;
 mod kind;
-mod learner;
 pub mod masked;
-mod passes;
 mod probed;
 mod sampling;
 pub mod scalewise;
-mod schedule;
 pub(crate) mod stack;
-mod sums;
 mod trained;
 
 use std::path::Path;
 
-pub use blocks::losses_by_block;
-pub use error::GeneratorError;
+pub use trained::{
+    GeneratorError, Inputs, LogLine, ScaleInputs, SplitLoss, Sums, Trained, losses_by_block,
+};
+
 pub use every_kind::Generator;
-pub use kind::{Kind, MOST_PROBED_PARAMS, Network, Objective, Probe, Training};
+pub use kind::{Kind, MOST_PROBED_PARAMS, Network, Objective, Probe, Training, learning_rate};
 pub use sampling::{Choices, Draw, Edit, Prompt, Sampled, Sampler, Sampling, StreamForm};
-pub use schedule::learning_rate;
-pub use sums::{SplitLoss, Sums};
-pub use trained::{Inputs, LogLine, ScaleInputs, Trained};
 
 use crate::plan::RunSpec;
 use crate::progress::Progress;

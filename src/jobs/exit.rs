@@ -5,7 +5,7 @@ use std::time::Duration;
 use nix::sys::signal::Signal;
 
 use crate::failure::FailureKind;
-use crate::machine::oom::Kills;
+use crate::machine::Kills;
 
 /// Exit code of a worker whose job failed. It said why, and where it would fail again it wrote that
 /// to `failure.json`.

@@ -11,7 +11,7 @@ use super::folder::ResultsFolder;
 use super::history::rates;
 use super::job::Job;
 use super::speed::{Rate, rate_at};
-use crate::machine::cards::Card;
+use crate::machine::Card;
 use crate::plan::{Plan, PlannedRun, RunSpec, Trunk, bytes_on_card};
 use crate::record::RunRecord;
 
@@ -172,8 +172,7 @@ mod tests {
     use crate::data::DataFacts;
     use crate::files::atomic::write_json;
     use crate::jobs::{JobId, all_jobs};
-    use crate::machine::cards;
-    use crate::sweep;
+    use crate::{machine, sweep};
 
     fn plan(precision: &str) -> Plan {
         let text = format!(
@@ -185,7 +184,7 @@ mod tests {
     }
 
     fn gpu(told: Option<f64>, plan: &Plan) -> Gpu {
-        let card = cards::find("h100").unwrap();
+        let card = machine::find("h100").unwrap();
         Gpu::new(card, told, plan, &ResultsFolder::new("/no/such/folder"))
     }
 
@@ -216,7 +215,7 @@ mod tests {
     #[test]
     fn hours_of_the_table_are_those_that_were_measured() {
         let plan = plan("bf16");
-        let h200 = cards::find("h200").unwrap();
+        let h200 = machine::find("h200").unwrap();
         let gpu = Gpu::new(h200, None, &plan, &ResultsFolder::new("/no/such/folder"));
         for (at, measured) in [(0, 8.66), (2, 55.06)] {
             let run = &plan.runs[at];
@@ -244,7 +243,7 @@ mod tests {
             write_json(&folder.product(&job), &record).unwrap();
         };
         written(0, "NVIDIA L40S", 0.9);
-        let gpu = || Gpu::new(cards::find("h100").unwrap(), Some(0.5), &plan, &folder);
+        let gpu = || Gpu::new(machine::find("h100").unwrap(), Some(0.5), &plan, &folder);
         assert_eq!(gpu().source, MfuSource::Told, "another card");
         written(1, "NVIDIA H100 80GB HBM3", 0.2);
         assert_eq!(gpu().source, MfuSource::Measured { runs: 1 });
@@ -262,8 +261,8 @@ mod tests {
         assert!((3.5e9..4.5e9).contains(&(bytes as f64)), "{bytes}");
         let bytes = bytes_on_card(&large.spec);
         assert!((85e9..100e9).contains(&(bytes as f64)), "{bytes}");
-        let said = too_large(cards::find("h100").unwrap(), &plan.runs).unwrap();
+        let said = too_large(machine::find("h100").unwrap(), &plan.runs).unwrap();
         assert!(said.starts_with("1 of 6 runs do not fit on one h100"), "{said}");
-        assert_eq!(too_large(cards::find("h200").unwrap(), &plan.runs), None);
+        assert_eq!(too_large(machine::find("h200").unwrap(), &plan.runs), None);
     }
 }

@@ -1,7 +1,7 @@
 //! What a person should know of a plan's training before it runs.
 
-use super::planned_run::PlannedRun;
-use super::run_spec::TokenizerJob;
+use super::run_spec::{PlannedRun, TokenizerJob};
+
 use crate::data::DataFacts;
 use crate::spec::QuantizerSpec;
 use crate::sweep::Sweep;

@@ -1,24 +1,23 @@
 //! `isoflop compare`: the laws of several studies side by side, and what differs in their sweeps.
 
-mod quantities;
-mod study;
-mod sweeps;
-mod text;
-
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, Result};
+use super::exit::{Exit, budget, dash, more, table};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::figures::{self, Format, draw_alone};
-use isoflop::laws::{LawKind, Laws};
+use isoflop::laws::{Difference, Estimate, Exponent, LawKind, Laws, PerQuantity};
 use serde_json::json;
+use std::path::{Path, PathBuf};
 
-use super::args::budget;
-use super::exit::Exit;
 use super::output::Output;
-use quantities::Quantity;
-use study::Study;
-use sweeps::SweepDifference;
+use std::fmt::Write;
+
+use super::predict::{laws_named, predict_one};
+use isoflop::files::{FileError, read_text_if_there};
+use isoflop::jobs::ResultsFolder;
+use isoflop::predict::{PredictError, Prediction};
+use serde::Serialize;
+use serde_yaml::Value;
+use std::collections::BTreeMap;
 
 #[derive(Args)]
 pub struct CompareArgs {
@@ -52,7 +51,7 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
         "studies": studies.iter().map(|study| &study.name).collect::<Vec<_>>(),
         "budget_flops": budget, "quantities": quantities, "sweeps": sweeps, "figures": figures,
     });
-    output.result(&document, &text::text(&studies, budget, &quantities, &sweeps, output.full))?;
+    output.result(&document, &text(&studies, budget, &quantities, &sweeps, output.full))?;
     figures.iter().flatten().for_each(|path| output.note(&path.display().to_string()));
     Ok(Exit::Done)
 }
@@ -61,4 +60,301 @@ fn draw(studies: &[Study], out: &Path) -> Result<Vec<PathBuf>> {
     let named: Vec<(&str, &Laws)> =
         studies.iter().map(|study| (&*study.name, &study.laws)).collect();
     Ok(draw_alone("compare", figures::compare(&named), out, &Format::ALL)?)
+}
+
+// What a person reads of a comparison.
+
+/// Keys of sweeps that are told, at most.
+const KEYS: usize = 12;
+/// Characters of a study's name that are shown.
+const WIDEST: usize = 24;
+
+/// Characters of a value that are shown.
+const SHOWN: usize = 22;
+
+fn text(
+    studies: &[Study],
+    budget: f64,
+    quantities: &[Quantity],
+    sweeps: &[SweepDifference],
+    full: bool,
+) -> String {
+    let mut text = String::new();
+    for quantity in quantities {
+        let at = if quantity.is_ratio { format!(" at {budget:.3e} FLOPs") } else { String::new() };
+        let _ = writeln!(text, "{}{at}", quantity.name);
+        let rows = studies.iter().zip(&quantity.estimates).zip(&quantity.differences);
+        let row = |((study, estimate), difference): (
+            (&Study, &Option<Estimate>),
+            &Option<Difference>,
+        )| {
+            let name: String = study.name.chars().take(WIDEST).collect();
+            let difference = difference.map(|found| against(found, quantity.is_ratio));
+            let estimate = dash(*estimate, |found| said(found, quantity));
+            [format!("  {name}"), estimate, difference.unwrap_or_default()]
+        };
+        text += &table(["<", "<", "<"], rows.map(row));
+    }
+    text += &of_sweeps(studies, sweeps, full);
+    text
+}
+
+fn said(Estimate { value, ci95 }: Estimate, quantity: &Quantity) -> String {
+    let number = |x: f64| match (quantity.name, quantity.is_ratio) {
+        ("V", _) => format!("{x:.0}"),
+        (_, true) => format!("{x:.2e}"),
+        (_, false) => format!("{x:.3}"),
+    };
+    let interval = ci95.map(|[low, high]| format!(" {}..{}", number(low), number(high)));
+    format!("{}{}", number(value), interval.unwrap_or_default())
+}
+
+/// A difference, and whether it is one.
+fn against(Difference { value, ci95, differs }: Difference, is_ratio: bool) -> String {
+    let number = |x: f64| if is_ratio { format!("x{:.2}", x.exp()) } else { format!("{x:+.3}") };
+    let Some([low, high]) = ci95 else { return number(value) };
+    let verdict = if differs == Some(true) { "differs" } else { "" };
+    format!("{} ({}..{}) {verdict}", number(value), number(low), number(high))
+}
+
+/// Characters with which all values begin.
+fn alike(values: &[&str]) -> usize {
+    let same = |i: usize| {
+        let letter = values[0].chars().nth(i);
+        letter.is_some() && values.iter().all(|value| value.chars().nth(i) == letter)
+    };
+    (0..).take_while(|i| same(*i)).count()
+}
+
+/// A long value from a little before where values begin to differ.
+fn cut(value: &str, alike: usize) -> String {
+    let n = value.chars().count();
+    if n <= SHOWN {
+        return value.to_string();
+    }
+    let first = alike.saturating_sub(SHOWN / 4);
+    let shown: String = value.chars().skip(first).take(SHOWN).collect();
+    let before = if first > 0 { "…" } else { "" };
+    let after = if first + SHOWN < n { "…" } else { "" };
+    format!("{before}{shown}{after}")
+}
+
+fn of_sweeps(studies: &[Study], sweeps: &[SweepDifference], full: bool) -> String {
+    if sweeps.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from("\nsweeps differ in\n");
+    let limit = if full { usize::MAX } else { KEYS };
+    for SweepDifference { key, values } in sweeps.iter().take(limit) {
+        let values: Vec<&str> =
+            values.iter().map(|value| value.as_deref().unwrap_or("-")).collect();
+        let alike = if full { 0 } else { alike(&values) };
+        let shown = |value: &&str| if full { value.to_string() } else { cut(value, alike) };
+        let values: Vec<String> = values.iter().map(shown).collect();
+        let _ = writeln!(text, "  {key}: {}", values.join(" | "));
+    }
+    text += &more(sweeps.len(), limit, ": --full");
+    let codes = sweeps.iter().any(|each| {
+        ["data", "tokenizer"].contains(&each.key.split('.').next().unwrap_or_default())
+    });
+    if codes && studies.len() > 1 {
+        text +=
+            "Data or tokenizers differ: L_u is of each study's own codes, and is not compared.\n";
+    }
+    text
+}
+
+// What differs between the sweeps of studies.
+
+/// A key whose values differ: one a study, `None` where it has none.
+#[derive(Debug, PartialEq, Eq, Serialize)]
+struct SweepDifference {
+    pub key: String,
+    pub values: Vec<Option<String>>,
+}
+
+impl SweepDifference {
+    /// Of the frozen sweeps in folders; nothing where one has none.
+    pub fn of(folders: &[&Path]) -> Result<Vec<Self>> {
+        let mut all: Vec<BTreeMap<String, String>> = Vec::new();
+        for folder in folders {
+            // A laws.json stands for no folder.
+            if !folder.is_dir() {
+                return Ok(Vec::new());
+            }
+            let path = folder.join("sweep.yaml");
+            let Some(text) = read_text_if_there(&path)? else { return Ok(Vec::new()) };
+            let value = serde_yaml::from_str(&text).map_err(|e| FileError::damaged(&path, e))?;
+            let mut keys = BTreeMap::new();
+            flatten("", &value, &mut keys);
+            all.push(keys);
+        }
+        Ok(differences(&all))
+    }
+}
+
+fn differences(all: &[BTreeMap<String, String>]) -> Vec<SweepDifference> {
+    let keys: std::collections::BTreeSet<&String> = all.iter().flat_map(BTreeMap::keys).collect();
+    let difference = |key: &String| {
+        let values: Vec<Option<String>> = all.iter().map(|keys| keys.get(key).cloned()).collect();
+        let differs = values.iter().any(|value| *value != values[0]);
+        differs.then(|| SweepDifference { key: key.clone(), values })
+    };
+    keys.into_iter().filter_map(difference).collect()
+}
+
+/// Keys with dots; a list is one value.
+fn flatten(key: &str, value: &Value, keys: &mut BTreeMap<String, String>) {
+    let Value::Mapping(mapping) = value else {
+        let text = serde_json::to_string(value).unwrap_or_default();
+        keys.insert(key.to_string(), text);
+        return;
+    };
+    for (name, value) in mapping {
+        let name = name.as_str().unwrap_or_default();
+        let key = if key.is_empty() { name.to_string() } else { format!("{key}.{name}") };
+        flatten(&key, value, keys);
+    }
+}
+
+// What is compared: exponents, and optima at a budget.
+
+/// A quantity of every study.
+#[derive(Serialize)]
+struct Quantity {
+    pub name: &'static str,
+    /// Whether differences are ratios.
+    pub is_ratio: bool,
+    /// `None` where a study does not have it.
+    pub estimates: Vec<Option<Estimate>>,
+    /// Each study less the first, or divided by it, in logarithms; `None` for the first.
+    pub differences: Vec<Option<Difference>>,
+}
+
+/// Exponents that `isoflop fit` prints, and their symbols: of the law to believe.
+const EXPONENTS: [(&str, &str); 4] = [
+    ("exponent of N_nv in C", "N_nv"),
+    ("exponent of N_v in C", "N_v"),
+    ("exponent of N in C", "N"),
+    ("exponent of D in C", "D"),
+];
+/// What is compared of an optimum.
+const OPTIMA: [&str; 5] = ["N_nv", "N_v", "N", "V", "D"];
+
+impl Quantity {
+    /// All that some study has.
+    pub fn all(studies: &[Study], budget: f64) -> Result<Vec<Self>> {
+        let optima = studies.iter().map(|study| predict_one(&study.laws, budget));
+        let told = optima.map(|optimum| match optimum {
+            Err(PredictError::NoOptimum { .. }) => Ok(None),
+            other => other.map(Some),
+        });
+        let optima: Vec<Option<Prediction>> = told.collect::<Result<_, PredictError>>()?;
+        let own: Vec<PerQuantity<Exponent>> =
+            studies.iter().map(|study| study.laws.answer().exponents).collect();
+        let of_laws = EXPONENTS.iter().map(|(name, symbol)| {
+            Self::new(name, false, own.iter().map(|own| exponent(own.of(symbol)?)).collect())
+        });
+        let vocabularies = studies.iter().zip(&own);
+        let vocabularies = vocabularies.map(|(study, own)| of_vocabulary(&study.laws, own));
+        let of_laws =
+            of_laws.chain([Self::new("exponent of N_v in N_nv", false, vocabularies.collect())]);
+        let of_optima = OPTIMA.iter().map(|symbol| {
+            let of = |found: &Prediction| {
+                let ci95 = found.ci95.at.of(symbol).copied();
+                Some(Estimate { value: *found.at.of(symbol)?, ci95 })
+            };
+            let estimates = optima.iter().map(|optimum| of(optimum.as_ref()?)).collect();
+            Self::new(symbol, true, estimates)
+        });
+        let all = of_laws.chain(of_optima);
+        Ok(all.filter(|quantity| quantity.estimates.iter().any(Option::is_some)).collect())
+    }
+
+    fn new(name: &'static str, is_ratio: bool, estimates: Vec<Option<Estimate>>) -> Self {
+        let scaled = |estimate: Estimate| if is_ratio { estimate.ln() } else { estimate };
+        let first = estimates[0].map(scaled);
+        let less =
+            |estimate: &Option<Estimate>| Some(Difference::of(estimate.map(scaled)?, first?));
+        let others = estimates[1..].iter().map(less);
+        let differences = [None].into_iter().chain(others).collect();
+        Self { name, is_ratio, estimates, differences }
+    }
+}
+
+/// Of a joint law the ratio of its two exponents; of others that of their own law.
+fn of_vocabulary(laws: &Laws, own: &PerQuantity<Exponent>) -> Option<Estimate> {
+    if laws.recommended_law().is_joint() {
+        let [vocab, size] =
+            [&own.params_vocab, &own.params_nonvocab].map(|own| own.as_ref()?.value);
+        return Some(Estimate { value: vocab? / size?, ci95: None });
+    }
+    let law = laws.vocab_from_nonvocab.as_ref()?;
+    Some(Estimate { value: law.exponent, ci95: law.exponent_ci95 })
+}
+
+/// `None` where it is not determined.
+fn exponent(own: &Exponent) -> Option<Estimate> {
+    Some(Estimate { value: own.value?, ci95: own.ci95 })
+}
+
+// [`Study`]: laws by a name.
+
+/// A study by its name.
+struct Study {
+    pub name: String,
+    /// Through all budgets.
+    pub laws: Laws,
+    pub path: PathBuf,
+}
+
+impl Study {
+    /// Of a folder, a file, or `scamo`.
+    pub fn of(given: &str) -> Result<Self> {
+        let path = PathBuf::from(given);
+        let laws = laws_named(given)?.clone();
+        if laws.power_laws.tokens.is_none() {
+            bail!("{given} holds no power laws to compare");
+        }
+        Ok(Self { name: name(&path), laws, path })
+    }
+}
+
+/// A folder's name, or a file's without its ending; that of the folder for a `laws.json`.
+fn name(path: &Path) -> String {
+    if path.is_dir() {
+        return ResultsFolder::new(path).name();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let folder = path.parent().and_then(Path::file_name).filter(|_| stem == "laws");
+    folder.map_or(stem, |folder| folder.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_that_differ_are_told_with_their_values() {
+        let keys = |text: &str| {
+            let mut keys = BTreeMap::new();
+            flatten("", &serde_yaml::from_str(text).unwrap(), &mut keys);
+            keys
+        };
+        let found = differences(&[
+            keys("name: a\ngrid: {vocab: [1, 2], budgets: [1e9]}\ntrain: {lr: 1}"),
+            keys("name: b\ngrid: {vocab: [1, 2], budgets: [2e9]}"),
+        ]);
+        let found: Vec<(&str, &Option<String>)> =
+            found.iter().map(|each| (each.key.as_str(), &each.values[1])).collect();
+        let value = |text: &str| Some(text.to_string());
+        assert_eq!(
+            found,
+            [
+                ("grid.budgets", &value("[2000000000.0]")),
+                ("name", &value("\"b\"")),
+                ("train.lr", &None)
+            ]
+        );
+    }
 }

@@ -1,11 +1,8 @@
 //! `isoflop detokenize`: codes back into motions, and how far they are from the originals.
 
-mod args;
-mod made;
-mod text;
-
-use std::path::{Path, PathBuf};
-
+use super::exit::{Exit, TokenizerChoice, dash, many, more, not_negative, table};
+use super::output::Output;
+use super::tokenize::motion_name;
 use anyhow::{Context, Result, bail};
 use isoflop::codes::ClipCodes;
 use isoflop::data::read_motion;
@@ -14,13 +11,10 @@ use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::{N_FEATURES, mpjpe_mm, recover_joints};
 use rayon::prelude::*;
 use serde_json::json;
+use std::path::{Path, PathBuf};
 
-pub use args::DetokenizeArgs;
-use made::Made;
-
-use super::exit::Exit;
-use super::output::Output;
-use super::tokenize::motion_name;
+use clap::Args;
+use serde::Serialize;
 
 pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     let tokenizer = args.tokenizer.open()?;
@@ -39,7 +33,7 @@ pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     let document = json!({
         "tokenizer": tokenizer.id, "folder": args.out, "motions": made, "mpjpe_mm": mean,
     });
-    output.result(&document, &text::text(&tokenizer, &made, mean, args))
+    output.result(&document, &text(&tokenizer, &made, mean, args))
 }
 
 /// The name of each motion, of which the folder holds no file yet, or none that is to stay.
@@ -131,4 +125,72 @@ fn mean_mpjpe(made: &[Made]) -> Option<f64> {
     let (sum, frames) =
         known.fold((0.0, 0.0), |(sum, n), (mm, frames)| (sum + mm * frames, n + frames));
     (frames > 0.0).then_some(sum / frames)
+}
+
+// What a person reads of motions that were made of codes: a screen.
+
+/// Motions that are listed, at most.
+const LISTED: usize = 12;
+
+/// What a person reads: a screen.
+fn text(
+    tokenizer: &TrainedTokenizer,
+    made: &[Made],
+    mean: Option<f64>,
+    args: &DetokenizeArgs,
+) -> String {
+    let heading = many(made.len(), "motion");
+    let row = |Made { motion, frames, mpjpe_mm, .. }: &Made| {
+        let off = dash(*mpjpe_mm, |mm| format!("{mm:.1}"));
+        [format!("  {frames} frames"), format!("{off} mm"), motion.clone()]
+    };
+    let rows = table(["", "", "<"], made.iter().take(LISTED).map(row));
+    let unsaid = more(made.len(), LISTED, "");
+    let mut text = format!("{heading} by tokenizer {}\n\n{rows}{unsaid}", tokenizer.id);
+    text += &match mean {
+        Some(mean) => format!("\nMPJPE     {mean:.1} mm from the originals, over their frames\n"),
+        None => "\nMPJPE     unknown: no original lies beside the codes; name it by --truth\n"
+            .to_string(),
+    };
+    let out = args.out.display();
+    text + &format!("files     {out}/<motion>.svg .bvh .joints.npy .features.npy\n")
+}
+
+// [`Made`]: what is said of a motion that was made of codes.
+
+/// A motion that was made.
+#[derive(Serialize)]
+struct Made {
+    /// Its name: that of its files.
+    pub motion: String,
+    pub frames: usize,
+    /// From the original, where that was found.
+    pub mpjpe_mm: Option<f64>,
+    /// How far the rigid body of the BVH is from the joints, at most and on the mean.
+    pub bvh_largest_mm: f64,
+    pub bvh_mean_mm: f64,
+}
+
+// What `isoflop detokenize` takes.
+
+#[derive(Args)]
+pub struct DetokenizeArgs {
+    /// Codes that `isoflop tokenize` wrote
+    #[arg(value_name = "FILE", required = true)]
+    pub files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub tokenizer: TokenizerChoice,
+    /// The original of a single file, or a folder that holds originals under their names; by default
+    /// the codes' own folder
+    #[arg(long, value_name = "PATH")]
+    pub truth: Option<PathBuf>,
+    /// How far a tokenizer with language follows the caption
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = not_negative)]
+    pub detokenizer_guidance: f64,
+    /// The folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Write over motions that the folder holds
+    #[arg(long)]
+    pub overwrite: bool,
 }

@@ -1,6 +1,10 @@
 //! [`Doubt`]: something that will be in doubt.
 
+use crate::commands::expected::Expected;
+use isoflop::laws::WIDEST_STEP;
+use isoflop::plan::{Plan, PlannedRun};
 use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Something that will be in doubt: what, and what to change.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -30,4 +34,242 @@ pub fn at(budgets: &[f64], all: usize) -> String {
         [most @ .., last] if most.len() < 3 => format!("at {} and {last} FLOPs", most.join(", ")),
         _ => format!("at {} of {all} budgets", budgets.len()),
     }
+}
+
+// Sizes that are too few, too far apart or of different depth for a minimum between them.
+
+/// Pairs of sizes that are named, at most.
+const SHOWN: usize = 3;
+/// Sizes that a parabola needs.
+const FEWEST: usize = 3;
+
+pub fn doubts(budgets: &[Tried]) -> Vec<Doubt> {
+    [gaps(budgets), depth_changes(budgets), few(budgets)].into_iter().flatten().collect()
+}
+
+fn gaps(budgets: &[Tried]) -> Option<Doubt> {
+    let step = |[left, right]: [Size; 2]| right.params_nonvocab / left.params_nonvocab;
+    let (pairs, budgets_flops) = pairs(budgets, |pair| step(pair) > WIDEST_STEP);
+    let named = named(&pairs, |pair| {
+        format!("{} and {} ({:.1})", name(pair[0]), name(pair[1]), step(pair))
+    })?;
+    let what = format!(
+        "neighbouring sizes are more than a factor {WIDEST_STEP} apart in N_nv {}: {named}",
+        at(&budgets_flops, budgets.len())
+    );
+    let mend = "add a width between them, or a minimum that falls there is flagged";
+    Some(Doubt { kind: "gap", what, mend: mend.to_string(), budgets_flops })
+}
+
+fn depth_changes(budgets: &[Tried]) -> Option<Doubt> {
+    let (pairs, budgets_flops) = pairs(budgets, |[left, right]| left.n_layer != right.n_layer);
+    let named = named(&pairs, |[left, right]| format!("{} and {}", name(left), name(right)))?;
+    let what = format!(
+        "neighbouring sizes differ in depth {}: {named}",
+        at(&budgets_flops, budgets.len())
+    );
+    let mend = "list models of one n_layer (width_per_layer changes it), or a minimum that falls there \
+                is flagged";
+    Some(Doubt { kind: "depth-change", what, mend: mend.to_string(), budgets_flops })
+}
+
+fn few(budgets: &[Tried]) -> Option<Doubt> {
+    let few = budgets.iter().filter(|budget| budget.sizes.len() < FEWEST);
+    let budgets_flops: Vec<f64> = few.map(|budget| budget.budget_flops).collect();
+    if budgets_flops.is_empty() {
+        return None;
+    }
+    let what =
+        format!("fewer than {FEWEST} sizes {}: no minimum", at(&budgets_flops, budgets.len()));
+    let mend = "add models there, or look at what is dropped";
+    Some(Doubt { kind: "few-levels", what, mend: mend.to_string(), budgets_flops })
+}
+
+/// The neighbouring sizes of which something holds, each pair once, and the budgets where it does.
+fn pairs(budgets: &[Tried], holds: impl Fn([Size; 2]) -> bool) -> (Vec<[Size; 2]>, Vec<f64>) {
+    let (mut pairs, mut budgets_flops) = (Vec::new(), Vec::new());
+    for budget in budgets {
+        let next = budget.sizes.windows(2).map(|pair| [pair[0], pair[1]]);
+        let found: Vec<[Size; 2]> = next.filter(|pair| holds(*pair)).collect();
+        if !found.is_empty() {
+            budgets_flops.push(budget.budget_flops);
+        }
+        for pair in found {
+            if !pairs.contains(&pair) {
+                pairs.push(pair);
+            }
+        }
+    }
+    (pairs, budgets_flops)
+}
+
+/// The first pairs, and how many there are besides; `None` without any.
+fn named(pairs: &[[Size; 2]], one: impl Fn([Size; 2]) -> String) -> Option<String> {
+    let shown: Vec<String> = pairs.iter().take(SHOWN).map(|pair| one(*pair)).collect();
+    let more = pairs.len().saturating_sub(SHOWN);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    (!shown.is_empty()).then(|| shown.join(", ") + &more)
+}
+
+fn name(size: Size) -> String {
+    format!("L{} d{}", size.n_layer, size.d_model)
+}
+
+// [`Tried`]: what a plan tries at a budget.
+
+/// A size of model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Size {
+    pub params_nonvocab: f64,
+    pub n_layer: usize,
+    pub d_model: usize,
+}
+
+/// The sizes and vocabularies of a generator at a budget, ascending.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tried {
+    pub budget_flops: f64,
+    pub sizes: Vec<Size>,
+    pub vocab: Vec<usize>,
+    /// Whether the laws that are known say something of such runs: of codes of one codebook that this program
+    /// makes of motion, one after another.
+    pub has_law: bool,
+}
+
+/// Those of each generator, by budget.
+pub fn tried(plan: &Plan) -> Vec<Vec<Tried>> {
+    let mut runs: BTreeMap<&str, BTreeMap<u64, Vec<&PlannedRun>>> = BTreeMap::new();
+    for run in &plan.runs {
+        let of_generator = runs.entry(run.spec.generator.name()).or_default();
+        // Budgets are above 0, so their bits are in their order.
+        of_generator.entry(run.spec.budget_flops.to_bits()).or_default().push(run);
+    }
+    let of_budgets = |budgets: BTreeMap<u64, Vec<&PlannedRun>>| {
+        let at =
+            |(bits, runs): (u64, Vec<&PlannedRun>)| at_tried(f64::from_bits(bits), &runs, plan);
+        budgets.into_iter().map(at).collect()
+    };
+    runs.into_values().map(of_budgets).collect()
+}
+
+fn at_tried(budget_flops: f64, runs: &[&PlannedRun], plan: &Plan) -> Tried {
+    let sizes: BTreeMap<usize, Size> = runs.iter().map(|run| size(run)).collect();
+    let vocab: BTreeSet<usize> = runs.iter().map(|run| run.spec.n_vocab()).collect();
+    let is_known = |run: &&PlannedRun| {
+        run.spec.generator.name() == "autoregressive" && run.spec.codes.scales.len() == 1
+    };
+    Tried {
+        budget_flops,
+        sizes: sizes.into_values().collect(),
+        vocab: vocab.into_iter().collect(),
+        has_law: !plan.tokenizers.is_empty() && runs.iter().all(is_known),
+    }
+}
+
+fn size(run: &PlannedRun) -> (usize, Size) {
+    let (n, shape) = (run.params.nonvocab, run.spec.shape());
+    (n, Size { params_nonvocab: n as f64, n_layer: shape.n_layer, d_model: shape.d_model })
+}
+
+// Budgets whose expected optimum lies outside what is tried.
+
+/// What is tried in sizes, or in vocabularies.
+struct Axis {
+    /// The flag of a minimum at an end of it.
+    kind: &'static str,
+    noun: &'static str,
+    symbol: &'static str,
+    /// What to change, with `{}` for smaller or larger.
+    mend: &'static str,
+    outside: fn(&Tried, &Expected) -> Option<Outside>,
+}
+
+static AXES: [Axis; 2] = [
+    Axis {
+        kind: "not-bracketed",
+        noun: "size",
+        symbol: "N_nv",
+        mend: "add {} models there",
+        outside: size_outside,
+    },
+    Axis {
+        kind: "edge-vocab",
+        noun: "vocabulary",
+        symbol: "V",
+        mend: "add {} vocabularies, or the minima there are flagged",
+        outside: vocab_outside,
+    },
+];
+
+/// An optimum outside: on which side, where it is expected, and what ends before it.
+struct Outside {
+    is_below: bool,
+    budget_flops: f64,
+    expected: f64,
+    end: f64,
+    by: &'static str,
+}
+
+pub fn doubts_bracket(budgets: &[Tried]) -> Vec<Doubt> {
+    let known = budgets.iter().filter(|budget| budget.has_law);
+    let known: Vec<(&Tried, Expected)> =
+        known.filter_map(|budget| Some((budget, Expected::of(budget.budget_flops)?))).collect();
+    let sides =
+        [true, false].into_iter().flat_map(|side| AXES.iter().map(move |axis| (side, axis)));
+    let told = |(is_below, axis): (bool, &Axis)| {
+        let outside =
+            known.iter().filter_map(|(budget, expected)| (axis.outside)(budget, expected));
+        let found: Vec<Outside> = outside.filter(|found| found.is_below == is_below).collect();
+        told(axis, &found, budgets.len())
+    };
+    sides.filter_map(told).collect()
+}
+
+/// The sizes of a budget end before its expected optimum.
+fn size_outside(tried: &Tried, expected: &Expected) -> Option<Outside> {
+    let [first, .., last] = &tried.sizes[..] else { return None };
+    let ends = [first.params_nonvocab, last.params_nonvocab];
+    outside(tried, expected, (expected.params_nonvocab, 1.0), ends)
+}
+
+/// Its vocabularies do. V follows from N_v at the width of the size nearest to the optimum.
+fn vocab_outside(tried: &Tried, expected: &Expected) -> Option<Outside> {
+    let [first, .., last] = tried.vocab[..] else { return None };
+    let off = |n: f64| (n / expected.params_nonvocab).ln().abs();
+    let nearest = tried
+        .sizes
+        .iter()
+        .min_by(|a, b| off(a.params_nonvocab).total_cmp(&off(b.params_nonvocab)))?;
+    let n_vocab = expected.params_vocab / nearest.d_model as f64;
+    outside(tried, expected, (n_vocab, expected.vocab_within), [first as f64, last as f64])
+}
+
+/// An optimum that lies outside the ends, by however much within a factor it may be otherwise.
+fn outside(
+    tried: &Tried,
+    law: &Expected,
+    (expected, within): (f64, f64),
+    [first, last]: [f64; 2],
+) -> Option<Outside> {
+    let is_below = expected * within <= first;
+    let end = if is_below { first } else { last };
+    let found = Outside { is_below, budget_flops: tried.budget_flops, expected, end, by: law.by };
+    (is_below || expected / within >= last).then_some(found)
+}
+
+fn told(axis: &Axis, found: &[Outside], all: usize) -> Option<Doubt> {
+    // The one furthest out stands for all.
+    let off = |outside: &Outside| (outside.expected / outside.end).ln().abs();
+    let worst = found.iter().max_by(|a, b| off(a).total_cmp(&off(b)))?;
+    let budgets_flops: Vec<f64> = found.iter().map(|outside| outside.budget_flops).collect();
+    let Outside { is_below, budget_flops, expected, end, by } = worst;
+    let [most, more] = if *is_below { ["smallest", "smaller"] } else { ["largest", "larger"] };
+    let there = if found.len() > 1 { format!(" at {budget_flops:e}") } else { String::new() };
+    let Axis { noun, symbol, mend, .. } = axis;
+    let what = format!(
+        "by {by} the optimum lies at or beyond the {most} {noun} tried {}: {symbol} = {expected:.2e}{there}, \
+         and {end:.2e} is the {most}",
+        at(&budgets_flops, all)
+    );
+    Some(Doubt { kind: axis.kind, what, mend: mend.replace("{}", more), budgets_flops })
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use isoflop::ops::DeviceName;
 use isoflop::spec::ScoresSpec;
 
-use crate::commands::args::{device, not_negative, share};
+use crate::commands::exit::{device, not_negative, share};
 
 #[derive(Args)]
 pub struct EvaluateArgs {

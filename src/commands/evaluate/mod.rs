@@ -1,22 +1,25 @@
 //! `isoflop evaluate`: motions scored by a trained evaluator, those of a run or those in files.
 
 mod args;
-mod files;
 mod motions;
-mod text;
-
-use std::path::Path;
-
-use anyhow::Result;
-use isoflop::evaluator::OneScore;
-use isoflop::jobs::{RunScores, Scoring, TrainedRun, TrustedEvaluator};
 
 pub use args::EvaluateArgs;
-use files::FileScores;
-use motions::named_motions;
 
-use super::exit::Exit;
+use super::exit::{Exit, dash, many, table};
 use super::output::Output;
+use anyhow::Result;
+use isoflop::evaluator::{Embedded, EvaluatorError, MotionScores, OneScore};
+use isoflop::jobs::{RunScores, ScoredPhysics, Scoring, TrainedRun, TrustedEvaluator};
+use isoflop::learn::params::distinct;
+use isoflop::scores::{
+    Embeddings, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
+};
+use motions::{NamedMotion, named_motions};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::Path;
 
 pub fn evaluate(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     match &args.run {
@@ -41,7 +44,7 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
         output.note(&format!("[{done}/{all}] FID {fid:.4}, R@1 {first:.3}"));
     }
     let scores: RunScores = scoring.finish(&repeats, &trusted.id)?;
-    output.result(&serde_json::to_value(&scores)?, &text::of_run(&run.spec.label(), &scores))
+    output.result(&serde_json::to_value(&scores)?, &of_run_files(&run.spec.label(), &scores))
 }
 
 fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
@@ -49,5 +52,229 @@ fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     let trusted = TrustedEvaluator::open(place, &args.device.open()?)?;
     let motions = named_motions(args, trusted.evaluator.fps())?;
     let scores = FileScores::of(&motions, &trusted, args)?;
-    output.result(&serde_json::to_value(&scores)?, &text::of_files(&scores))
+    output.result(&serde_json::to_value(&scores)?, &of_files_files(&scores))
+}
+
+// [`FileScores`]: what motions of files score, each score or the reason why there is none.
+
+/// What motions of files score.
+#[derive(Serialize)]
+struct FileScores {
+    pub evaluator_id: String,
+    pub n_motions: usize,
+    /// Motions that have a caption.
+    pub n_captions: usize,
+    /// True clips of the evaluator's data.
+    pub n_truth: usize,
+    pub scores: Vec<FileScore>,
+    pub physics: ScoredPhysics,
+    pub truth_physics: ScoredPhysics,
+}
+
+/// One score of motions, and of true ones beside it.
+#[derive(Serialize)]
+struct FileScore {
+    pub name: &'static str,
+    pub found: Option<Repeated>,
+    pub truth: Option<Repeated>,
+    /// Why there is none.
+    pub reason: Option<String>,
+}
+
+impl FileScore {
+    fn new(
+        name: &'static str,
+        found: Result<Repeated, EvaluatorError>,
+        truth: Result<Repeated, EvaluatorError>,
+    ) -> Self {
+        let reason = found.as_ref().err().map(ToString::to_string);
+        Self { name, found: found.ok(), truth: truth.ok(), reason }
+    }
+}
+
+impl FileScores {
+    /// True motions whose FID from the others stands beside that of `n_made` motions: as many, and half
+    /// of all at most, since FID falls as sets grow.
+    pub fn true_motions(n_made: usize, n_truth: usize) -> usize {
+        n_made.min(n_truth / 2)
+    }
+
+    /// Scores motions beside the test split of the evaluator's data.
+    pub fn of(
+        motions: &[NamedMotion],
+        trusted: &TrustedEvaluator,
+        args: &EvaluateArgs,
+    ) -> Result<Self> {
+        let truth = trusted.truth()?;
+        let evaluator = &trusted.evaluator;
+        let all = evaluator.motions(motions.iter().map(|motion| motion.features.as_slice()))?;
+        let captioned: Vec<(&str, usize)> = motions
+            .iter()
+            .enumerate()
+            .filter_map(|(index, motion)| Some((motion.caption.as_deref()?, index)))
+            .collect();
+        let own: Vec<usize> = captioned.iter().map(|(_, index)| *index).collect();
+        let pairs = Embedded {
+            motions: all.select(&own),
+            captions: evaluator.captions(captioned.iter().map(|(caption, _)| *caption))?,
+        };
+        let fps = evaluator.fps();
+        let features = motions.iter().map(|motion| motion.features.as_slice());
+        Ok(Self {
+            evaluator_id: trusted.id.clone(),
+            n_motions: motions.len(),
+            n_captions: captioned.len(),
+            n_truth: truth.n_clips(),
+            scores: args.scores(
+                &Side { motions: &all, pairs: &pairs },
+                &Side { motions: &truth.embedded.motions, pairs: &truth.embedded },
+            ),
+            physics: ScoredPhysics::of(features, fps),
+            truth_physics: ScoredPhysics::of(truth.features.iter().map(Vec::as_slice), fps),
+        })
+    }
+}
+
+/// Motions of one side: all, and those that have a caption.
+struct Side<'a> {
+    motions: &'a Embeddings,
+    pairs: &'a Embedded,
+}
+
+/// How often, and by which seed, pools and pairs are drawn.
+impl EvaluateArgs {
+    /// Of these motions, and of true ones.
+    fn scores(&self, made: &Side, truth: &Side) -> Vec<FileScore> {
+        let both = [made, truth];
+        let precision = |k: usize| {
+            move |side: &Side, rng: &mut ChaCha8Rng| {
+                let n = side.pairs.motions.len();
+                let Embedded { motions, captions } = side.pairs.select(&distinct(n, n, rng));
+                Ok(retrieval(&captions, &motions, POOL)?.precision[k])
+            }
+        };
+        vec![
+            self.fid(made.motions, truth.motions),
+            self.score("R@1", both, precision(0)),
+            self.score("R@2", both, precision(1)),
+            self.score("R@3", both, precision(2)),
+            self.score("cosine", both, |Side { pairs, .. }, _| {
+                Ok(cosine_score(&pairs.captions, &pairs.motions)?)
+            }),
+            self.score("diversity", both, |side, rng| Ok(diversity(side.motions, rng)?)),
+        ]
+    }
+
+    /// FID from true motions; beside it that of as many true motions from the others.
+    fn fid(&self, made: &Embeddings, truth: &Embeddings) -> FileScore {
+        let n = FileScores::true_motions(made.len(), truth.len());
+        let of_truth = |rng: &mut ChaCha8Rng| {
+            let order = distinct(truth.len(), truth.len(), rng);
+            let [some, others] = [&order[..n], &order[n..]].map(|part| truth.select(part));
+            Ok(frechet_distance(&others, &some)?)
+        };
+        let found = self.repeated(|_| Ok(frechet_distance(truth, made)?));
+        FileScore::new("FID", found, self.repeated(of_truth))
+    }
+
+    fn score(
+        &self,
+        name: &'static str,
+        sides: [&Side; 2],
+        of: impl Fn(&Side, &mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
+    ) -> FileScore {
+        let [found, truth] = sides.map(|side| self.repeated(|rng| of(side, rng)));
+        FileScore::new(name, found, truth)
+    }
+
+    fn repeated(
+        &self,
+        of: impl Fn(&mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
+    ) -> Result<Repeated, EvaluatorError> {
+        let draw = |index: usize| {
+            let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+            rng.set_stream(index as u64);
+            of(&mut rng)
+        };
+        let drawn = (0..self.repeats.into()).map(draw).collect::<Result<Vec<f64>, _>>()?;
+        Ok(Repeated::of(&drawn)?)
+    }
+}
+
+// What a person reads of scores: a screen.
+
+/// The scores of a run's motions, beside those of motions that are known to be better or worse.
+fn of_run_files(label: &str, scores: &RunScores) -> String {
+    let RunScores { made, shuffled, truth, reconstructed, .. } = scores;
+    let row = |(name, scores): (&str, &MotionScores)| {
+        let MotionScores { fid, precision: [first, _, third], cosine, .. } = scores;
+        let [fid, cosine] = [fid.shown(4), cosine.shown(2)];
+        [name.to_string(), fid, first.shown(3), third.shown(3), cosine]
+    };
+    let rows = [
+        ("made", made),
+        ("made, captions mixed", shuffled),
+        ("true", truth),
+        ("true, reconstructed", reconstructed),
+    ];
+    let mut text = format!(
+        "motions of {label} ({})\n{} captions of the test split, {} times\n\n{}",
+        scores.run_id,
+        scores.n_clips,
+        made.fid.repeats,
+        table(["<", "<FID", "<R@1", "<R@3", "<cosine"], rows.map(row))
+    );
+    let _ = writeln!(
+        text,
+        "\nFID of one half of the true motions from the other: {}\ndiversity {}, of true motions {}",
+        scores.halves_fid.shown(4),
+        made.diversity.shown(3),
+        truth.diversity.shown(3)
+    );
+    if let Some(multimodality) = scores.multimodality {
+        let spread = multimodality.shown(3);
+        let _ = writeln!(text, "MultiModality {spread}: distance of motions of one caption");
+    }
+    text += &bodies(&scores.made_physics, &scores.truth_physics);
+    text + &comparable(&scores.evaluator_id)
+}
+
+/// The scores of motions of files.
+fn of_files_files(scores: &FileScores) -> String {
+    let FileScores { n_motions, n_captions, n_truth, .. } = scores;
+    let shown = |score: Option<Repeated>| dash(score, |score| score.shown(3));
+    let row = |score: &FileScore| [score.name.to_string(), shown(score.found), shown(score.truth)];
+    let mut text = format!(
+        "{}, {n_captions} with a caption, beside {n_truth} true ones\n\n{}",
+        many(*n_motions, "motion"),
+        table(["<", "<these", "<true"], scores.scores.iter().map(row))
+    );
+    text.push('\n');
+    let mut reasons: Vec<&String> =
+        scores.scores.iter().filter_map(|score| score.reason.as_ref()).collect();
+    reasons.dedup();
+    reasons.iter().for_each(|reason| text += &format!("{reason}\n"));
+    let n = FileScores::true_motions(*n_motions, *n_truth);
+    text += &format!("FID of true motions: {n} from the {} others\n", n_truth - n);
+    text += &bodies(&scores.physics, &scores.truth_physics);
+    text + &comparable(&scores.evaluator_id)
+}
+
+fn bodies(made: &ScoredPhysics, truth: &ScoredPhysics) -> String {
+    let [made, truth] = [made.mean, truth.mean];
+    format!(
+        "a foot slides in {:.1} % of the steps (true: {:.1}), jerk {:.0} m/s³ (true: {:.0})\n\
+         bones vary by {:.1} mm (true: {:.1}), the lowest joint is {:.1} mm under the floor\n",
+        100.0 * made.foot_skate,
+        100.0 * truth.foot_skate,
+        made.jerk,
+        truth.jerk,
+        made.bone_spread_mm,
+        truth.bone_spread_mm,
+        made.penetration_mm + 0.0,
+    )
+}
+
+fn comparable(evaluator_id: &str) -> String {
+    format!("means and 95 % intervals of repeats; comparable only with evaluator\n{evaluator_id}")
 }

@@ -1,38 +1,42 @@
 //! `isoflop fit`: laws from a sweep, or from any table of runs.
 
 mod args;
-mod by;
-mod fitted;
-mod laws;
 mod next;
-mod request;
-mod slow;
 mod source;
 mod study;
 mod sweep;
-mod table;
-
-use std::path::PathBuf;
-
-use anyhow::{Result, bail};
-use isoflop::laws::{LawKind, Laws};
-
-use super::exit::Exit;
-use super::output::Output;
-use fitted::Fitted;
-use source::Source;
 
 pub use args::{FitArgs, TableArgs};
-pub use fitted::text;
 pub use study::{TableStudy, beside};
 pub use sweep::{fit_records, options, points};
+
+use super::exit::{Exit, say, sentence};
+use super::output::Output;
+use super::predict::each;
+use super::validate::gathered;
+use anyhow::{Context, Result, bail};
+use isoflop::files::atomic;
+use isoflop::laws::{FitError, LawKind, Laws};
+use isoflop::predict::Prediction;
+use isoflop::words::fit::{brief, summary};
+use isoflop::words::prediction::said;
+use serde_json::{Map, Value, json};
+use source::{RunTable, Source, laws};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::thread;
+use std::time::Duration;
+
+use isoflop::table::{Group, TableRequest};
+use std::collections::HashSet;
 
 pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     let request = args.resolved();
     if let Some(column) = &args.by {
-        return by::fit(column, &request, output);
+        return fit_fitted(column, &request, output);
     }
-    let source = table::open(&args.source, &request)?;
+    let source = source::open(&args.source, &request)?;
     source.tell(output);
     let fitted = Fitted::of(&source, &request, output)?;
     if let (Some(path), Some(own)) = (&args.next, &source.sweep) {
@@ -57,4 +61,218 @@ fn own_file(source: &Source, laws: &Laws) -> Option<PathBuf> {
         LawKind::Isoflop | LawKind::Published => folder.file("laws.json"),
         other => folder.file(format!("laws-{}.json", other.name())),
     })
+}
+
+// [`Fitted`]: what a fit prints and keeps.
+
+/// What a fit prints and keeps.
+struct Fitted {
+    pub laws: Laws,
+    pub document: Value,
+    pub text: String,
+}
+
+impl Fitted {
+    pub fn of(source: &Source, request: &FitArgs, output: &Output) -> Result<Self> {
+        let runs = source.rows.points.len();
+        let line = format!("fitting {runs} runs of {} and their bootstrap …", source.name);
+        let _slow = Slow::watch(output, line);
+        let mut laws = laws(source, request)?;
+        if let Some(own) = &source.sweep {
+            laws.judgement.validations = gathered(&own.folder, output);
+            if !laws.judgement.validations.is_empty() {
+                laws = laws.answered();
+            }
+        }
+        request.raw_note(&source.rows.points).iter().for_each(|note| output.note(note));
+        let predictions = predictions(&laws, source, request, output);
+        Ok(Self {
+            document: document(&laws, &predictions, source)?,
+            text: text(&laws, &predictions, output.full),
+            laws,
+        })
+    }
+
+    pub fn write(&self, path: &Path) -> Result<()> {
+        Ok(atomic::write_json(path, &self.laws)?)
+    }
+}
+
+/// The optimum of each budget asked for; one that the laws cannot give is a warning.
+fn predictions(
+    laws: &Laws,
+    source: &Source,
+    request: &FitArgs,
+    output: &Output,
+) -> Vec<Prediction> {
+    // A sweep has a list of its own, for `isoflop predict`.
+    let budgets = source.rows.points.iter().map(|point| point.budget_flops);
+    let largest = budgets.reduce(f64::max).filter(|_| source.sweep.is_none());
+    each(laws, &request.budgets(largest), output)
+}
+
+/// What `laws.json` holds; beside it the optima asked for, and what became of a table's rows.
+fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<Value> {
+    let mut document = serde_json::to_value(laws)?;
+    document["verdict"] = json!(brief(laws));
+    if source.sweep.is_none() {
+        document["dropped"] = json!(source.rows.dropped);
+        document["notes"] = json!(source.rows.notes);
+    }
+    if !predictions.is_empty() {
+        document["predictions"] = serde_json::to_value(predictions)?;
+    }
+    Ok(document)
+}
+
+/// The laws and the optima asked for: everything, or one screen.
+pub fn text(laws: &Laws, predictions: &[Prediction], full: bool) -> String {
+    let own = if full { summary(laws) } else { brief(laws) };
+    let optima = (!predictions.is_empty()).then(|| said(predictions, full));
+    [own].into_iter().chain(optima).collect::<Vec<_>>().join("\n")
+}
+
+// A line on a terminal where a fit takes long.
+
+/// How long a fit takes without a word.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Says `line` on standard error once a fit takes longer than two seconds, until it is dropped.
+struct Slow {
+    /// Dropped with it, which ends the thread.
+    _ends: Option<Sender<()>>,
+}
+
+impl Slow {
+    /// Waits beside the fit, if standard error is a terminal and notes are wanted.
+    pub fn watch(output: &Output, line: String) -> Self {
+        let wanted = !output.quiet && std::io::stderr().is_terminal();
+        Self { _ends: wanted.then(|| said_after(PATIENCE, move || say(&line))) }
+    }
+}
+
+/// Calls `then` after a time, unless what this gives is dropped before.
+fn said_after(time: Duration, then: impl FnOnce() + Send + 'static) -> Sender<()> {
+    let (sender, receiver) = channel();
+    thread::spawn(move || {
+        if receiver.recv_timeout(time) == Err(RecvTimeoutError::Timeout) {
+            then();
+        }
+    });
+    sender
+}
+
+// `--by COLUMN`: the groups of a column, fitted side by side.
+
+/// A group, and what came of fitting it.
+struct Done {
+    group: Group,
+    runs: usize,
+    fitted: Result<Fitted>,
+}
+
+/// Fits each group by its own rows; one that cannot be fitted says why and stops no other.
+///
+/// # Errors
+/// Where no group can be fitted, the first one's error unless it is that of its runs.
+fn fit_fitted(column: &str, request: &FitArgs, output: &Output) -> Result<Exit> {
+    let table = RunTable::open(&request.source, request.flops)?;
+    let groups = table.groups(&request.rows(), column)?;
+    let files = request.out.as_deref().map(|folder| files(folder, &groups)).transpose()?;
+    let each = groups.into_iter().map(|group| one(&table, group, request, output));
+    let mut done: Vec<Done> = each.collect();
+    let count = done.iter().filter(|one| one.fitted.is_ok()).count();
+    if count == 0 && !done[0].fitted.as_ref().is_err_and(is_of_the_runs) {
+        let first = done.swap_remove(0);
+        let group = format!("{column} = {}", first.group.value);
+        return first.fitted.map(|_| Exit::Done).context(group);
+    }
+    for (file, one) in files.iter().flatten().zip(&done) {
+        one.fitted.as_ref().ok().map(|fitted| fitted.write(file)).transpose()?;
+    }
+    output.result(&document_by(column, &done), &text_by(&done))?;
+    if count == 0 {
+        output.warn(&format!("none of the {} groups could be fitted", done.len()));
+        return Ok(Exit::NotIdentifiable);
+    }
+    Ok(Exit::Done)
+}
+
+fn is_of_the_runs(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<FitError>().is_some_and(FitError::is_unidentifiable)
+}
+
+fn one(table: &RunTable, group: Group, request: &FitArgs, output: &Output) -> Done {
+    let own = TableRequest { group: Some(group.clone()), ..request.rows() };
+    let mut source = match table.source(&own) {
+        Ok(source) => source,
+        Err(error) => return Done { group, runs: 0, fitted: Err(error) },
+    };
+    source.name = format!("{} {}", table.name, group.value);
+    let told = source.rows.notes.iter().cloned().chain(source.lost());
+    told.for_each(|line| output.note(&format!("{}: {line}", group.value)));
+    let fitted = Fitted::of(&source, request, output);
+    Done { group, runs: source.rows.points.len(), fitted }
+}
+
+fn document_by(column: &str, done: &[Done]) -> Value {
+    let mut groups = Map::new();
+    let mut failed = Map::new();
+    for Done { group, fitted, .. } in done {
+        match fitted {
+            Ok(fitted) => groups.insert(group.value.clone(), fitted.document.clone()),
+            Err(error) => failed.insert(group.value.clone(), json!(sentence(error))),
+        };
+    }
+    json!({ "by": column, "groups": groups, "failed": failed })
+}
+
+/// One block a group, under its name.
+fn text_by(done: &[Done]) -> String {
+    let block = |Done { group, runs, fitted }: &Done| {
+        let runs = if *runs > 0 { format!(", {runs} runs") } else { String::new() };
+        let head = format!("{} = {}{runs}", group.column, group.value);
+        let line = "-".repeat(head.chars().count().min(80));
+        let body = match fitted {
+            Ok(fitted) => fitted.text.clone(),
+            Err(error) => format!("cannot be fitted: {}\n", sentence(error)),
+        };
+        format!("{head}\n{line}\n{body}")
+    };
+    done.iter().map(block).collect::<Vec<_>>().join("\n")
+}
+
+/// The file of each group in a folder.
+///
+/// # Errors
+/// Where two groups would have one file.
+fn files(folder: &Path, groups: &[Group]) -> Result<Vec<PathBuf>> {
+    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    let kept = |c: char| if c.is_alphanumeric() || "._-".contains(c) { c } else { '_' };
+    let name = |group: &Group| group.value.chars().map(kept).collect::<String>();
+    let names: Vec<String> = groups.iter().map(name).collect();
+    let mut seen = HashSet::new();
+    if let Some(twice) = names.iter().find(|name| !seen.insert(*name)) {
+        bail!("two groups would be written to {twice}.json in {}", folder.display());
+    }
+    Ok(names.into_iter().map(|name| folder.join(name + ".json")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_said_after_a_while_and_not_if_all_is_done_before() {
+        let (tell, told) = channel();
+        let quick = tell.clone();
+        drop(said_after(Duration::from_millis(200), move || quick.send("quick").unwrap()));
+        let kept = said_after(Duration::from_millis(1), move || tell.send("slow").unwrap());
+        assert_eq!(told.recv_timeout(Duration::from_secs(10)), Ok("slow"));
+        drop(kept);
+        assert_eq!(
+            told.recv_timeout(Duration::from_millis(400)),
+            Err(RecvTimeoutError::Disconnected)
+        );
+    }
 }

@@ -9,8 +9,8 @@ use isoflop::sweep::{GridPart, ModelEntry, ModelList, Sweep, VocabSpec, models};
 use isoflop::words::wrap;
 
 use super::source::OwnSweep;
-use crate::commands::buildable::{codes, distinct, model, nonvocab};
-use crate::commands::by_generator::home;
+use crate::commands::by_generator::{codes, distinct, home, model, nonvocab};
+
 use crate::commands::export::way;
 
 /// How far a size may be from one of the sweep's for that one to be taken.

@@ -1,19 +1,21 @@
 //! Where the points of a fit come from: a sweep's folder, or a table made elsewhere.
 
-use std::path::Path;
-
-use anyhow::{Result, bail};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::Parameters;
-use isoflop::record::{RunRecord, Tuned, table as runs};
-use isoflop::spec::FlopsRule;
-use isoflop::sweep::Sweep;
-use isoflop::table::{Dropped, Loaded};
-
 use super::args::FitArgs;
+use super::sweep;
 use crate::commands::by_generator::{of_one, sweep_of};
 use crate::commands::output::Output;
 use crate::commands::validate::validation_folders;
+use anyhow::{Result, bail};
+use isoflop::jobs::ResultsFolder;
+use isoflop::laws::{
+    self, FitError, FitOptions, Form, Judgement, LawKind, Laws, MinimumMethod, Parameters,
+    ParametricOptions, Space, fit_parametric, parametric_laws,
+};
+use isoflop::record::{RunRecord, Tuned, table as runs};
+use isoflop::spec::FlopsRule;
+use isoflop::sweep::Sweep;
+use isoflop::table::{self, Dropped, Group, Loaded, Table, TableRequest};
+use std::path::Path;
 
 /// Points, and what they were made of.
 pub struct Source {
@@ -62,7 +64,7 @@ pub fn of_sweep(path: &Path, request: &FitArgs) -> Result<Source> {
     }
     let Tuned { records, told } = Tuned::of(&records);
     let rule = request.flops.unwrap_or(sweep.flops.rule);
-    let (points, left_out) = super::sweep::points(&records, rule);
+    let (points, left_out) = sweep::points(&records, rule);
     let rows = Loaded {
         points,
         parameters: Parameters::Split,
@@ -85,4 +87,163 @@ fn of_validations(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
     }
     runs::sort(&mut all);
     Ok(all)
+}
+
+// A table of runs made elsewhere, or a sweep's own table taken as one.
+
+/// The points of a sweep's folder, or of a table.
+pub fn open(path: &Path, request: &FitArgs) -> Result<Source> {
+    match path.is_dir() && !request.is_of_rows() {
+        true => of_sweep(path, request),
+        false => RunTable::open(path, request.flops)?.source(&request.rows()),
+    }
+}
+
+/// A table that was read, under a name.
+pub struct RunTable {
+    pub name: String,
+    rule: FlopsRule,
+    table: Table,
+}
+
+impl RunTable {
+    /// Reads a file, or the table in a sweep's folder, whose rule of FLOPs it then has unless another
+    /// is asked for.
+    pub fn open(path: &Path, rule: Option<FlopsRule>) -> Result<Self> {
+        if path.is_dir() {
+            let sweep = sweep_of(&ResultsFolder::new(path))?;
+            let rule = rule.unwrap_or(sweep.flops.rule);
+            let table = table::read(&path.join("runs.parquet"))?;
+            return Ok(Self { name: sweep.name, rule, table });
+        }
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let name = stem.unwrap_or_else(|| "table".into());
+        Ok(Self { name, rule: rule.unwrap_or(FlopsRule::SixNd), table: table::read(path)? })
+    }
+
+    /// The groups of a column that rows pass the filters in.
+    pub fn groups(&self, request: &TableRequest, column: &str) -> Result<Vec<Group>> {
+        Ok(table::groups(&self.table, request, column)?)
+    }
+
+    /// Its points.
+    pub fn source(&self, request: &TableRequest) -> Result<Source> {
+        let columns = self.with_flops(request.columns.as_deref())?;
+        let rows = table::load(&self.table, &TableRequest { columns, ..request.clone() })?;
+        if rows.points.is_empty() {
+            return Err(FitError::NoPoints.into());
+        }
+        Ok(Source { name: self.name.clone(), rule: self.rule, rows, sweep: None })
+    }
+
+    /// `--columns` with what a run spent by the rule: 6ND follows from the rest, the others need a
+    /// column of their own, as a sweep's table has it.
+    fn with_flops(&self, columns: Option<&str>) -> Result<Option<String>> {
+        let own = format!("flops_{}", self.rule.name());
+        let is_flops = |column: &str| column.trim().starts_with("flops=");
+        let given = columns.is_some_and(|text| text.split(',').any(is_flops));
+        let has_own = self.table.column(&own).is_some();
+        if given || (self.rule == FlopsRule::SixNd && !has_own) {
+            return Ok(columns.map(String::from));
+        }
+        if !has_own {
+            bail!(
+                "--flops {} needs a column {own}, or flops=… in --columns: only 6nd follows from N and D",
+                self.rule.name()
+            );
+        }
+        let flops = format!("flops={own}");
+        Ok(Some(columns.map_or(flops.clone(), |text| format!("{text},{flops}"))))
+    }
+}
+
+// The laws of the points, by the law that was asked for.
+
+/// Replicates where neither the command line nor a sweep's file asks for a number.
+const BOOTSTRAP: usize = 1000;
+
+/// Fits the law that was asked for.
+pub fn laws(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
+    let laws = match (request.law(), &source.sweep) {
+        (LawKind::Isoflop, Some(own)) => of_sweep_laws(own, request),
+        (LawKind::Isoflop, None) => of_budgets(source, request),
+        (LawKind::Approach1, _) => approach1(source, request),
+        (LawKind::Parametric(form), _) => parametric(source, request, form),
+        (LawKind::Published, _) => unreachable!("no law that can be asked for"),
+    }?;
+    let laws = match (&source.sweep, request.law()) {
+        // The laws of a sweep's own kind know its models already.
+        (Some(own), law) if law != LawKind::Isoflop => sweep::of_own_models(laws, &own.records),
+        _ => laws,
+    };
+    Ok(match &source.rows.doubts[..] {
+        [] => laws,
+        doubts => {
+            let judgement =
+                Judgement { rows: [doubts, &laws.judgement.rows].concat(), ..laws.judgement };
+            Laws { judgement, ..laws }.answered()
+        }
+    })
+}
+
+fn of_sweep_laws(own: &OwnSweep, request: &FitArgs) -> Result<Laws, FitError> {
+    sweep::fit_records(&own.records, &sweep::overridden(sweep::options(&own.sweep), request))
+}
+
+fn of_budgets(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
+    if !source.rows.budget_declared {
+        return Err(FitError::NoBudgets);
+    }
+    let mut methods = vec![
+        MinimumMethod::Argmin,
+        MinimumMethod::Parabola,
+        MinimumMethod::Cubic,
+        MinimumMethod::Akima,
+    ];
+    if source.rows.parameters == Parameters::Split {
+        methods.push(MinimumMethod::Surface);
+    }
+    let options = sweep::asked(FitOptions { methods, ..named(source) }, request);
+    laws::fit(&source.rows.points, &options)
+}
+
+fn named(source: &Source) -> FitOptions {
+    FitOptions {
+        name: source.name.clone(),
+        flops_rule: source.rule.name().to_string(),
+        parameters: source.rows.parameters,
+        ..FitOptions::default()
+    }
+}
+
+fn approach1(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
+    let options = FitOptions {
+        huber: request.huber_mads(),
+        bootstrap: request.bootstrap.unwrap_or(BOOTSTRAP),
+        seed: request.seed.unwrap_or(0),
+        ..named(source)
+    };
+    laws::approach1(&laws::of_largest_share(&source.rows.points), &options)
+}
+
+fn parametric(source: &Source, request: &FitArgs, form: Form) -> Result<Laws, FitError> {
+    if form.parameters() == Parameters::Split && source.rows.parameters == Parameters::Total {
+        return Err(FitError::NotIdentified(format!(
+            "{} needs N_nv and N_v apart: name params_nonvocab, and params_vocab or n_vocab and \
+             d_model, in --columns",
+            form.name()
+        )));
+    }
+    let points = laws::of_largest_share(&source.rows.points);
+    let budgets = points.iter().map(|point| point.budget_flops).reduce(f64::max);
+    let influence_at = request.budgets(budgets).into_iter().reduce(f64::max);
+    let mut options = ParametricOptions { influence_at, ..request.parametric(form) };
+    let raw_note = request.raw_note(&source.rows.points);
+    if raw_note.is_some() {
+        options.space = Space::Raw;
+    }
+    let parametric = fit_parametric(&points, &options)?;
+    let mut laws = parametric_laws(&points, parametric, &source.name, source.rule.name());
+    laws.warnings.extend(raw_note);
+    Ok(laws)
 }

@@ -8,8 +8,7 @@ use isoflop::laws::{LOSS_NORMALISED, Laws};
 use isoflop::record::RunRecord;
 
 use super::args::{FitArgs, TableArgs};
-use super::laws::laws;
-use super::table::RunTable;
+use super::source::{RunTable, laws};
 
 use crate::commands::exit::sentence;
 use crate::commands::output::Output;

@@ -1,29 +1,26 @@
 //! `isoflop generate`: motions of captions, from a trained run, in files.
 
 mod args;
-mod edit;
-mod motion;
-mod text;
 mod times;
 
-use std::path::{Path, PathBuf};
-use std::time::Instant;
+pub use args::GenerateArgs;
 
+use super::exit::{Exit, clip, many, more, table};
+use super::output::Output;
 use anyhow::{Context, Result, bail};
+use args::Source;
 use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
 use isoflop::files::atomic;
 use isoflop::generator::Prompt;
 use isoflop::jobs::{MadeMotion, TrainedRun};
 use isoflop::motion::recover_joints;
-use isoflop::scores::physics;
+use isoflop::scores::{Physics, physics};
 use serde_json::json;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-pub use args::GenerateArgs;
-use edit::Source;
-use motion::Motion;
-
-use super::exit::Exit;
-use super::output::Output;
+use serde::Serialize;
 
 /// Motions that are made side by side.
 const BATCH: usize = 64;
@@ -60,7 +57,7 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
     let made_s = started.elapsed().as_secs_f64();
     let motions = write(args, &run, &orders, &made, &out)?;
     let document = json!({ "run": run.run_id, "folder": out, "motions": motions });
-    output.result(&document, &text::text(&run, &motions, &out, made_s))
+    output.result(&document, &text(&run, &motions, &out, made_s))
 }
 
 /// The folder that motions are written to, which holds none yet, or none that are to stay.
@@ -158,4 +155,88 @@ fn write(
     write_sheet(&out.join("sheet.png"), &all[..all.len().min(ON_SHEET)])?;
     atomic::write_json(&out.join(MOTIONS), &motions)?;
     Ok(motions)
+}
+
+// What a person reads of motions that were made: a screen.
+
+/// Motions that are listed, at most.
+const LISTED: usize = 12;
+
+/// Characters of a caption that are shown.
+const CAPTION: usize = 56;
+
+/// The run, the motions, which took so many seconds to make, files apart, and where they are.
+fn text(run: &TrainedRun, motions: &[Motion], out: &Path, made_s: f64) -> String {
+    let n = motions.len();
+    let row = |(index, motion): (usize, &Motion)| {
+        let cut = if motion.ended { "" } else { "  cut" };
+        let caption = clip(&motion.caption, CAPTION) + cut;
+        [format!("  {index}"), format!("{:.1} s", motion.seconds), caption]
+    };
+    let rows = motions.iter().enumerate().take(LISTED).map(row);
+    let mut text = format!(
+        "{} in {:.2} s, {:.0} a minute, by\n{} ({})\n\n{}{}",
+        many(n, "motion"),
+        made_s,
+        60.0 * n as f64 / made_s,
+        run.spec.label(),
+        run.run_id,
+        table(["", "", "<"], rows),
+        more(n, LISTED, "")
+    );
+    if motions.iter().any(|motion| !motion.ended) {
+        text += "  cut: the model's context had no room for more\n";
+    }
+    let largest = motions.iter().map(|m| m.bvh_largest_mm).fold(0.0, f64::max);
+    let out = out.display();
+    let _ = writeln!(text, "\nfiles     {out}/<n>.svg .bvh .joints.npy .features.npy");
+    let _ = writeln!(text, "          {out}/sheet.png, motions.json");
+    let _ = writeln!(
+        text,
+        "BVH       bones have one length; joints are off by {largest:.0} mm at most"
+    );
+    text += &bodies(motions);
+    text
+}
+
+/// What the motions of four frames and more show without an evaluator, on the mean.
+fn bodies(motions: &[Motion]) -> String {
+    let seen: Vec<&Physics> = motions.iter().filter_map(|m| m.physics.as_ref()).collect();
+    if seen.is_empty() {
+        return String::new();
+    }
+    let mean = |of: fn(&Physics) -> f64| {
+        seen.iter().map(|physics| of(physics)).sum::<f64>() / seen.len() as f64
+    };
+    format!(
+        "bodies    a foot slides in {:.0} % of the steps from frame to frame\n          \
+             bones vary by {:.0} mm, the lowest joint is {:.0} mm under the floor\n",
+        100.0 * mean(|physics| physics.foot_skate),
+        mean(|physics| physics.bone_spread_mm),
+        mean(|physics| physics.penetration_mm),
+    )
+}
+
+// [`Motion`]: what `motions.json` says of a motion.
+
+/// An element of `motions.json`.
+#[derive(Serialize)]
+struct Motion {
+    pub caption: String,
+    pub seed: u64,
+    /// Frames.
+    pub length: usize,
+    /// Frames a second.
+    pub fps: f64,
+    pub seconds: f64,
+    /// Scale after scale.
+    pub codes: Vec<u32>,
+    /// Whether the model ended the motion, or had a length to meet.
+    pub ended: bool,
+    /// How far the rigid body of the BVH is from the joints, at most and on the mean.
+    pub bvh_largest_mm: f64,
+    pub bvh_mean_mm: f64,
+    /// What can be seen of it without an evaluator; `None` below four frames.
+    pub physics: Option<Physics>,
+    pub run: String,
 }

@@ -20,7 +20,7 @@ fn with_terms<T>(
     unique_tokens: Option<usize>,
     then: impl Fn(&Terms) -> T,
 ) -> T {
-    let price = |design: &Design| price(&text::text("a", None, design), speed, *slots);
+    let price = |design: &Design| price(&design::text("a", None, design), speed, *slots);
     then(&Terms { hours, unique_tokens, epochs: EPOCHS, price: &price })
 }
 

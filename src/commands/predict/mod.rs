@@ -1,25 +1,22 @@
 //! `isoflop predict`: the optimal configuration for a budget, and the loss of a given model.
 
-mod count;
-mod law;
-mod sized;
-
-use anyhow::{Context, Result};
+use super::exit::{Exit, budget};
+use anyhow::{Context, Result, bail};
 use clap::Args;
-use isoflop::files::atomic;
+use isoflop::files::{atomic, read_if_there};
 use isoflop::jobs::ResultsFolder;
-use isoflop::laws::Laws;
-use isoflop::predict::{self, FlopCount, PredictError, PredictOptions, Prediction};
-use isoflop::words::prediction::said;
+use isoflop::laws::{Laws, scamo};
+use isoflop::predict::{
+    self, FlopCount, ModelSize, PredictError, PredictOptions, Prediction, predict_sized,
+};
+use isoflop::words::prediction::{said, sized_text};
 
-use super::args::budget;
-use super::exit::Exit;
 use super::output::Output;
-pub use count::openai_blocks;
-use count::openai_count;
-use sized::SizedArgs;
-
-pub use law::{laws_named, laws_of, not_of_groups};
+use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
+use isoflop::spec::{Ffn, ModelShape};
+use isoflop::table::number;
+use serde_json::json;
+use std::path::Path;
 
 /// Shown below the options.
 const EXAMPLES: &str = "\
@@ -55,11 +52,11 @@ pub struct PredictArgs {
 }
 
 pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
-    let own = laws_named(args.law.as_deref().ok_or_else(law::missing)?)?;
+    let own = laws_named(args.law.as_deref().ok_or_else(missing)?)?;
     let asked = args.unique_tokens.map(|unique| on_data(&own, unique)).transpose()?;
     let laws = asked.as_ref().unwrap_or(&own);
     if let Some(model) = args.sized.model() {
-        return sized::predict(laws, &model, output);
+        return said_sized(laws, &model, output);
     }
     let predictions = args
         .budgets
@@ -129,4 +126,165 @@ pub fn write(
     let predictions = each(laws, budgets, output);
     atomic::write_json(&folder.file("prediction.json"), &predictions)?;
     Ok(predictions)
+}
+
+// `isoflop predict --params N --tokens D`: the loss of a model that need not be the optimum.
+
+#[derive(Args)]
+#[command(next_help_heading = "Loss of a given model")]
+struct SizedArgs {
+    /// N of a model whose loss is asked for, in place of an optimum; N_nv if the law tells N_v apart
+    #[arg(long, value_name = "N", value_parser = amount, requires = "tokens")]
+    params: Option<f64>,
+    /// D, the tokens that it is trained on
+    #[arg(long, value_name = "D", value_parser = amount, requires = "params")]
+    tokens: Option<f64>,
+    /// V, for the laws of a sweep of several vocabularies
+    #[arg(long, value_name = "V", value_parser = amount, requires = "params")]
+    vocab: Option<f64>,
+    /// N_v in place of V
+    #[arg(long, value_name = "N_v", value_parser = amount, requires = "params", conflicts_with = "vocab")]
+    params_vocab: Option<f64>,
+}
+
+impl SizedArgs {
+    /// The model, if one is asked for.
+    pub fn model(&self) -> Option<ModelSize> {
+        Some(ModelSize {
+            params: self.params?,
+            n_vocab: self.vocab,
+            params_vocab: self.params_vocab,
+            tokens: self.tokens?,
+        })
+    }
+}
+
+/// A count of parameters or tokens.
+fn amount(text: &str) -> Result<f64, String> {
+    match number(&text.replace('_', "")) {
+        Some(amount) if amount > 0.0 && amount.is_finite() => Ok(amount),
+        _ => Err(format!("{text} is not a number above 0, as 7e9 or 7B")),
+    }
+}
+
+fn said_sized(laws: &Laws, model: &ModelSize, output: &Output) -> Result<Exit> {
+    let said = predict_sized(laws, model)?;
+    output.result(&json!([said]), &sized_text(&said))
+}
+
+// The count of FLOPs by which a sweep's prediction is brought onto its budget.
+
+/// Training FLOPs by ScaMo's Code 1 along a ladder of shapes: what a token costs beside
+/// its vocabulary is interpolated between rungs, in logarithms of N_nv; a code is chosen among
+/// `head_share` of the vocabulary.
+fn openai_count(
+    n_ctx: usize,
+    head_share: f64,
+    ladder: &[predict::Shape],
+) -> impl Fn(f64, f64, f64) -> f64 + Sync {
+    let rungs: Vec<(f64, f64)> = ladder
+        .iter()
+        .map(|rung| {
+            let flops = openai_blocks(rung.n_layer as usize, rung.d_model as usize, n_ctx);
+            ((rung.params_nonvocab() as f64).ln(), flops.ln())
+        })
+        .collect();
+    move |nonvocab: f64, vocab: f64, tokens: f64| {
+        let per_token = interpolate(&rungs, nonvocab.ln()).exp() + 2.0 * head_share * vocab;
+        TRAINING_PER_FORWARD * per_token * tokens
+    }
+}
+
+/// Forward FLOPs a token by the OpenAI rule beside the head, which depend on these numbers alone.
+pub fn openai_blocks(n_layer: usize, d_model: usize, n_ctx: usize) -> f64 {
+    let shape = ModelShape {
+        n_layer,
+        n_head: 1,
+        d_model,
+        d_ff: 0,
+        n_ctx,
+        d_text: 0,
+        ffn: Ffn::SwiGlu,
+        tie_embeddings: false,
+        rope_base: 10_000.0,
+    };
+    openai_per_token(&shape, 0) as f64
+}
+
+/// Linear between the two nearest of at least two rising points, and beyond the ends.
+fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
+    let above = points.partition_point(|(at, _)| *at < x).clamp(1, points.len() - 1);
+    let ((x0, y0), (x1, y1)) = (points[above - 1], points[above]);
+    y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+}
+
+// The laws that a command line names.
+
+/// Laws at hand that are named where none was chosen.
+const MOST_NAMED: usize = 3;
+
+/// The published law, or those of a sweep's folder or of a file.
+pub fn laws_named(law: &str) -> Result<Laws> {
+    if law == "scamo" { Ok(scamo()) } else { laws_of(Path::new(law)) }
+}
+
+/// The laws of a sweep's folder or of a file.
+pub fn laws_of(path: &Path) -> Result<Laws> {
+    let several = ResultsFolder::new(path).generators();
+    if several.is_dir() && !path.join("laws.json").exists() {
+        bail!(
+            "{} has laws for each of its generators; name the folder of one in {}",
+            path.display(),
+            several.display()
+        );
+    }
+    not_of_groups(path)?;
+    let path = if path.is_dir() { path.join("laws.json") } else { path.to_path_buf() };
+    match read_if_there(&path)? {
+        Some(laws) => Ok(laws),
+        None => bail!(
+            "{} does not exist; laws are those of a sweep's folder, a laws.json or scamo",
+            path.display()
+        ),
+    }
+}
+
+/// Refuses a folder of laws alone, as `isoflop fit TABLE --by COLUMN --out FOLDER` writes it.
+pub fn not_of_groups(folder: &Path) -> Result<()> {
+    let of_sweep = ["sweep.yaml", "runs.parquet", "runs.csv", "laws.json", "generators"];
+    if of_sweep.iter().any(|name| folder.join(name).exists()) {
+        return Ok(());
+    }
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let laws = files.filter(|path| path.extension().is_some_and(|end| end == "json"));
+    match laws.min() {
+        Some(one) => {
+            bail!("{} holds laws of groups: name one, as {}", folder.display(), one.display())
+        }
+        None => Ok(()),
+    }
+}
+
+/// The error where no law is named: the choices, with the laws that lie where the program was started.
+fn missing() -> anyhow::Error {
+    let found = at_hand();
+    let here = match &found[..] {
+        [] => String::new(),
+        all => format!("; here: --law {}", all.join(", --law ")),
+    };
+    anyhow::anyhow!(
+        "no law to predict by: give --law results/NAME for a sweep's, --law FILE for one that \
+         isoflop fit saved by --out, or --law scamo for the published one{here}"
+    )
+}
+
+/// Where laws lie below the working directory, sorted: sweeps in `results`, and `laws.json`.
+fn at_hand() -> Vec<String> {
+    let entries = std::fs::read_dir("results").into_iter().flatten().flatten();
+    let folders = entries.map(|entry| entry.path()).filter(|path| path.join("laws.json").exists());
+    let mut found: Vec<String> = folders.map(|path| path.display().to_string()).collect();
+    found.sort();
+    found.extend(Path::new("laws.json").exists().then(|| "laws.json".to_string()));
+    found.truncate(MOST_NAMED);
+    found
 }

@@ -1,26 +1,21 @@
 //! What the scored runs of a sweep say: their table, their figure, and whether loss predicts quality.
 
-mod agreement;
-mod best;
-mod fid_law;
-mod ranks;
 mod rows;
-mod text;
 
+use super::exit::{dash, more, table};
+use super::output::Output;
 use anyhow::Result;
 use isoflop::figures::{self, Format, draw_alone};
 use isoflop::jobs::ResultsFolder;
-use isoflop::record::{RunRecord, write_scores};
+use isoflop::laws::{floor_law, power_law};
+use isoflop::record::{Quality, RunRecord, write_scores};
+use isoflop::scores::{RankCorrelation, rank_correlation};
 use isoflop::sweep::Sweep;
-use serde_json::{Value, json};
-
-use super::output::Output;
-use agreement::Agreement;
-use best::best;
-use fid_law::fid_laws;
-use ranks::LossRanks;
 use rows::Rows;
-use text::text;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write;
 
 /// What is said of scored runs.
 pub struct Scored {
@@ -58,3 +53,307 @@ impl Scored {
         Ok(Some(Self { document, text }))
     }
 }
+
+// [`Ranks`]: whether runs are ordered alike by two measures.
+
+/// How far two measures order runs alike, of FID and of R@1; `None` below five runs.
+#[derive(Serialize)]
+struct Ranks {
+    pub fid: Option<RankCorrelation>,
+    pub r_precision_1: Option<RankCorrelation>,
+}
+
+impl Ranks {
+    /// Of the pairs of values that runs have by the name of a score.
+    pub fn of(pairs: impl Fn(&str) -> Vec<(f64, f64)>) -> Self {
+        let rank = |name: &str| rank_correlation(&pairs(name)).ok();
+        Self { fid: rank("fid"), r_precision_1: rank("r_precision_1") }
+    }
+}
+
+/// How far the loss orders the runs of a generator as their motions do. Losses of different generators
+/// are not put beside one another: that of a masked one is a bound.
+#[derive(Serialize)]
+struct LossRanks {
+    pub generator: String,
+    #[serde(flatten)]
+    pub ranks: Ranks,
+}
+
+impl LossRanks {
+    /// Those of each generator.
+    pub fn of(rows: &[Quality]) -> Vec<Self> {
+        let mut by_generator: BTreeMap<&str, Vec<&Quality>> = BTreeMap::new();
+        rows.iter().for_each(|row| by_generator.entry(row.generator()).or_default().push(row));
+        let ranks = |(generator, own): (&str, Vec<&Quality>)| {
+            let pair = |row: &Quality, name: &str| {
+                Some((row.run.loss_normalised().ok()?, row.mean(name)?))
+            };
+            let pairs = |name: &str| own.iter().filter_map(|row| pair(row, name)).collect();
+            Self { generator: generator.to_string(), ranks: Ranks::of(pairs) }
+        };
+        by_generator.into_iter().map(ranks).collect()
+    }
+}
+
+// [`Agreement`]: whether another evaluator orders runs as the sweep's does.
+
+/// How far two evaluators order the runs alike that both scored.
+#[derive(Serialize)]
+struct Agreement {
+    pub evaluator_id: String,
+    #[serde(flatten)]
+    pub ranks: Ranks,
+}
+
+impl Agreement {
+    /// With each other evaluator that scored five of the runs or more.
+    pub fn of(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Self> {
+        by_others.iter().filter_map(|others| Self::with(own, others)).collect()
+    }
+
+    fn with(own: &[Quality], others: &[Quality]) -> Option<Self> {
+        let evaluator_id = others.first()?.evaluator_id.clone();
+        let by_run: HashMap<&str, &Quality> =
+            others.iter().map(|row| (row.run.planned.run_id.as_str(), row)).collect();
+        let pair = |row: &Quality, name: &str| {
+            let other = by_run.get(row.run.planned.run_id.as_str())?;
+            Some((row.mean(name)?, other.mean(name)?))
+        };
+        let ranks = Ranks::of(|name| own.iter().filter_map(|row| pair(row, name)).collect());
+        let is_known = ranks.fid.is_some() && ranks.r_precision_1.is_some();
+        is_known.then_some(Self { evaluator_id, ranks })
+    }
+}
+
+// What a person reads of scored runs: a screen.
+
+/// Runs, and budgets, that are listed, at most.
+const LISTED: usize = 12;
+
+/// Runs by FID, the best of each budget, laws and rank correlations.
+fn text(
+    folder: &ResultsFolder,
+    rows: &[Quality],
+    (ranks, agreements): (&[LossRanks], &[Agreement]),
+    (best, laws): (&[Best], &[FidLaw]),
+) -> String {
+    let row = |row: &Quality| {
+        let planned = &row.run.planned;
+        let [codes, size] = [planned.n_vocab, planned.params_nonvocab].map(|n| n.to_string());
+        let budget = format!("{:.1e}", planned.budget_flops);
+        let loss = dash(row.run.loss_normalised().ok(), |loss| format!("{loss:.3}"));
+        let [fid, first] = [with_interval(row, "fid", 4), with_interval(row, "r_precision_1", 3)];
+        [row.generator().to_string(), codes, size, budget, loss, fid, first]
+    };
+    let heads = ["<scored runs", "V", "N_nv", "C", "L_u", "<FID", "<R@1"];
+    let mut text = table(heads, rows.iter().take(LISTED).map(row));
+    text += &more(rows.len(), LISTED, "");
+    let truth = with_interval(&rows[0], "truth_r_precision_1", 3);
+    let _ = writeln!(text, "true motions: R@1 {truth}; means and 95 % intervals of repeats");
+    text += &of_budgets(best);
+    laws.iter().for_each(|law| text += &of_law(law));
+    // Nothing of generators that have too few runs.
+    let ranks = ranks.iter().filter(|own| own.ranks.fid.is_some());
+    let ranks = ranks.map(|own| (&own.generator, &own.ranks)).collect();
+    text += &of_ranks("<rank correlation with L_u", ranks);
+    let agreements = agreements.iter().map(|own| (&own.evaluator_id, &own.ranks)).collect();
+    text += &of_ranks("<with those by evaluator", agreements);
+    let root = folder.root().display();
+    let evaluator = &rows[0].evaluator_id;
+    let _ = writeln!(text, "{root}/scores.parquet, {root}/figures/quality.svg");
+    text + &format!("comparable only with scores of the same evaluator, {evaluator}")
+}
+
+/// A law, and what becomes of it as budgets are left out, one at a time.
+fn of_law(law: &FidLaw) -> String {
+    let FidLaw { generator, reference_flops, curve, floor_range, exponent_range, budgets } = law;
+    let Curve { floor, coefficient, exponent } = curve;
+    let ([least, most], [slowest, fastest]) = (floor_range, exponent_range);
+    let curve = format!("{floor:.3} + {coefficient:.3} (C / {reference_flops:.0e})^-{exponent:.2}");
+    format!(
+        "FID of {generator}: {curve}, {budgets} budgets;\n  one left out: floor {least:.3} to {most:.3}, \
+         exponent {slowest:.2} to {fastest:.2}\n"
+    )
+}
+
+/// Whether runs are ordered alike by what the title says, one after another; nothing of nobody.
+fn of_ranks(title: &str, all: Vec<(&String, &Ranks)>) -> String {
+    if all.is_empty() {
+        return String::new();
+    }
+    let shown = |rank: Option<RankCorrelation>| {
+        dash(rank, |RankCorrelation { value, interval: [low, high], .. }| {
+            format!("{value:.2} ({low:.2} to {high:.2})")
+        })
+    };
+    let row = |(name, ranks): (&String, &Ranks)| {
+        [name.clone(), shown(ranks.fid), shown(ranks.r_precision_1)]
+    };
+    table([title, "<FID", "<R@1"], all.into_iter().map(row))
+}
+
+/// The best run of each budget by loss, and by FID.
+fn of_budgets(best: &[Best]) -> String {
+    let cell = |Cell { params_nonvocab, n_vocab, fid, .. }: &Cell| {
+        [params_nonvocab.to_string(), n_vocab.to_string(), format!("{fid:.4}")]
+    };
+    let row = |Best { generator, budget_flops, by_loss, by_fid }: &Best| {
+        let ([size, codes, fid], [size_by, codes_by, fid_by]) = (cell(by_loss), cell(by_fid));
+        let budget = format!("{budget_flops:.1e}");
+        [generator.clone(), budget, size, codes, fid, size_by, codes_by, fid_by]
+    };
+    let heads = ["<best", "C", "L_u:N_nv", "V", "FID", "FID:N_nv", "V", "FID"];
+    let rows = table(heads, best.iter().take(LISTED).map(row));
+    format!("\n{rows}{}\n", more(best.len(), LISTED, ""))
+}
+
+fn with_interval(row: &Quality, name: &str, digits: usize) -> String {
+    let score = row.scores.iter().find(|(own, _)| *own == name).and_then(|(_, score)| *score);
+    dash(score, |score| score.shown(digits))
+}
+
+// How the best FID of a generator falls with compute.
+
+/// Budgets that a law with three numbers needs at least, so that one is left to misfit.
+const LEAST_BUDGETS: usize = 4;
+
+/// FID = floor + coefficient (C / C0)^−exponent, and how far it hangs on single budgets.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct FidLaw {
+    pub generator: String,
+    /// C0.
+    pub reference_flops: f64,
+    #[serde(flatten)]
+    pub curve: Curve,
+    /// Least and largest floor of the laws that leave one budget out.
+    pub floor_range: [f64; 2],
+    /// The same of the exponent.
+    pub exponent_range: [f64; 2],
+    pub budgets: usize,
+}
+
+/// The three numbers of a law.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct Curve {
+    /// No distance is below 0, so that neither is the floor.
+    pub floor: f64,
+    pub coefficient: f64,
+    pub exponent: f64,
+}
+
+/// Of each generator that has four budgets or more and whose best FID falls with C.
+fn fid_laws(best: &[Best]) -> Vec<FidLaw> {
+    let mut by_generator: BTreeMap<&str, Vec<(f64, f64)>> = BTreeMap::new();
+    for best in best {
+        let point = (best.budget_flops, best.by_fid.fid);
+        by_generator.entry(&best.generator).or_default().push(point);
+    }
+    let law = |(generator, points): (&str, Vec<(f64, f64)>)| FidLaw::of(generator, &points);
+    by_generator.into_iter().filter_map(law).collect()
+}
+
+impl FidLaw {
+    fn of(generator: &str, points: &[(f64, f64)]) -> Option<Self> {
+        let reference_flops = points.first().filter(|_| points.len() >= LEAST_BUDGETS)?.0;
+        let curve = Curve::of(points, reference_flops)?;
+        let without = |left_out: usize| {
+            let rest = points.iter().enumerate().filter(|(i, _)| *i != left_out);
+            Curve::of(&rest.map(|(_, point)| *point).collect::<Vec<_>>(), reference_flops)
+        };
+        let others: Vec<Curve> = (0..points.len()).filter_map(without).collect();
+        let range = |of: fn(&Curve) -> f64| {
+            let values = others.iter().map(of);
+            let least = values.clone().fold(of(&curve), f64::min);
+            [least, values.fold(of(&curve), f64::max)]
+        };
+        Some(Self {
+            generator: generator.to_string(),
+            reference_flops,
+            curve,
+            floor_range: range(|curve| curve.floor),
+            exponent_range: range(|curve| curve.exponent),
+            budgets: points.len(),
+        })
+    }
+}
+
+impl Curve {
+    /// By least squares; where that puts the floor below 0 or shows none, the power law without a floor.
+    fn of(points: &[(f64, f64)], reference: f64) -> Option<Self> {
+        let (compute, fid): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
+        if let Some(law) =
+            floor_law(&compute, &fid, reference).filter(|law| law.floor > 0.0 && !law.is_at_bound())
+        {
+            let (floor, coefficient) = (law.floor, law.coefficient);
+            return Some(Self { floor, coefficient, exponent: law.exponent });
+        }
+        if fid.iter().any(|fid| *fid <= 0.0) {
+            return None;
+        }
+        let law = power_law(&compute, &fid, reference, &vec![1.0; fid.len()], None)?;
+        let falls = law.exponent < 0.0;
+        falls.then(|| Self {
+            floor: 0.0,
+            coefficient: law.ln_at_reference.exp(),
+            exponent: -law.exponent,
+        })
+    }
+}
+
+// The best run of each budget, by loss and by the motions that it makes.
+
+/// The best runs of a generator at a budget.
+#[derive(Clone, Debug, Serialize)]
+struct Best {
+    pub generator: String,
+    pub budget_flops: f64,
+    pub by_loss: Cell,
+    pub by_fid: Cell,
+}
+
+/// A scored run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Cell {
+    pub params_nonvocab: usize,
+    pub n_vocab: usize,
+    pub loss_normalised: f64,
+    pub fid: f64,
+}
+
+/// Of each generator and budget, by generator, then budget.
+fn best(rows: &[Quality]) -> Vec<Best> {
+    let mut cells: BTreeMap<(&str, u64), Vec<Cell>> = BTreeMap::new();
+    for row in rows {
+        let budget = row.run.planned.budget_flops;
+        if let Some(cell) = Cell::of(row) {
+            // Budgets are positive: their bits are ordered as they are.
+            cells.entry((row.generator(), budget.to_bits())).or_default().push(cell);
+        }
+    }
+    let least = |cells: &[Cell], of: fn(&Cell) -> f64| {
+        cells.iter().min_by(|a, b| of(a).total_cmp(&of(b))).expect("a cell of each").clone()
+    };
+    let best = |((generator, budget), cells): ((&str, u64), Vec<Cell>)| Best {
+        generator: generator.to_string(),
+        budget_flops: f64::from_bits(budget),
+        by_loss: least(&cells, |cell| cell.loss_normalised),
+        by_fid: least(&cells, |cell| cell.fid),
+    };
+    cells.into_iter().map(best).collect()
+}
+
+impl Cell {
+    fn of(row: &Quality) -> Option<Self> {
+        let planned = &row.run.planned;
+        Some(Self {
+            params_nonvocab: planned.params_nonvocab,
+            n_vocab: planned.n_vocab,
+            loss_normalised: row.run.loss_normalised().ok()?,
+            fid: row.mean("fid")?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,30 +1,29 @@
 //! `isoflop report`: results as one page that opens without a network: a sweep's, or those of a table
 //! made elsewhere or of a `laws.json`, as far as it holds what the page shows.
 
-mod generator;
-mod kept;
-mod samples;
-mod table;
-
-use std::path::PathBuf;
-
-use anyhow::{Result, bail};
-use clap::Args;
-use isoflop::files::atomic;
-use isoflop::jobs::ResultsFolder;
-use isoflop::record::table as runs;
-use isoflop::report::{ReportInput, page};
-use serde_json::json;
-
-use super::by_generator::home;
+use super::by_generator::{home, parted};
 use super::exit::Exit;
-use super::fit::{TableArgs, beside};
+use super::fit::{TableArgs, TableStudy, beside};
 use super::output::Output;
-use super::plot;
 use super::predict::not_of_groups;
-use generator::{GeneratorResults, of_each};
-use kept::{dropped, figures, text};
-use samples::samples;
+use super::{fit, plot, predict};
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use isoflop::data::{self, Split, read_motion};
+use isoflop::figures::{Format, draw_all};
+use isoflop::files::{atomic, read_if_there, read_text_if_there};
+use isoflop::jobs::{ResultsFolder, frozen_sweep};
+use isoflop::laws::Laws;
+use isoflop::motion::{Pose, recover_joints};
+use isoflop::plan::demand;
+use isoflop::predict::Prediction;
+use isoflop::record::{RunRecord, Tuned, table as runs};
+use isoflop::report::{Figure, ReportInput, Sample, Study, page};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::collections::{BTreeSet, HashMap};
+use std::fs;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct ReportArgs {
@@ -40,7 +39,7 @@ pub struct ReportArgs {
 
 pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
     if args.results.is_file() {
-        let html = table::page_of(&args.results, &args.table, output)?;
+        let html = page_of(&args.results, &args.table, output)?;
         return written(args, beside(&args.results, ".html"), &html, output);
     }
     if args.table != TableArgs::default() {
@@ -57,7 +56,7 @@ pub fn report(args: &ReportArgs, output: &Output) -> Result<Exit> {
         studies: &generators.iter().map(GeneratorResults::study).collect::<Vec<_>>(),
         samples: &samples(&home, &records)?,
         tokenizers: &plot::tokenizers(&home, output)?,
-        figures: &if several { figures(&folder.file("figures"))? } else { Vec::new() },
+        figures: &if several { kept_figures(&folder.file("figures"))? } else { Vec::new() },
         sweep: &text(&home.file("sweep.yaml"))?,
         dropped: &dropped(&home)?,
     });
@@ -70,4 +69,234 @@ fn written(args: &ReportArgs, usual: PathBuf, html: &str, output: &Output) -> Re
     atomic::write_bytes(&path, html.as_bytes())?;
     let said = format!("{}, {:.1} MB", path.display(), html.len() as f64 / 1e6);
     output.result(&json!({ "report": path, "bytes": html.len() }), &said)
+}
+
+// The page of a table made elsewhere, or of a `laws.json`.
+
+/// The page as HTML; what cannot be drawn is a note.
+fn page_of(path: &Path, args: &TableArgs, output: &Output) -> Result<String> {
+    let study = TableStudy::open(path, args, output)?;
+    let folder = tempfile::tempdir().context("making a folder for the figures")?;
+    let drawn = draw_all(&study.figures(), folder.path(), |_| true, &[Format::Svg])?;
+    for left_out in &drawn.left_out {
+        output.note(&format!("{} is left out: {}", left_out.name, left_out.reason));
+    }
+    let loss_name = study.loss_name().map(String::from);
+    let mut own = GeneratorResults::new(study.laws, &[], study.records, folder.path())?;
+    own.loss_name = loss_name;
+    Ok(page(&ReportInput {
+        name: &study.name,
+        studies: &[own.study()],
+        samples: &[],
+        tokenizers: &[],
+        figures: &[],
+        sweep: "",
+        dropped: &[],
+    }))
+}
+
+// The results of one generator of a sweep, for its page.
+
+/// The slider ends at so many times the largest budget that laws were fitted to.
+const FARTHEST: f64 = 1000.0;
+
+/// Budgets of a decade: rounded, ten of about the same ratio.
+const STEPS: [f64; 10] = [1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0, 5.0, 6.3, 8.0];
+
+/// The runs of one generator, and what its folder says of them.
+struct GeneratorResults {
+    generator: Option<String>,
+    /// What the loss is called, if it is not L_u.
+    pub loss_name: Option<String>,
+    verdict: String,
+    laws: Option<Laws>,
+    predictions: Vec<Prediction>,
+    records: Vec<RunRecord>,
+    figures: Vec<Figure>,
+}
+
+impl GeneratorResults {
+    /// Runs that bear `laws`, or none, with predictions for the slider and for the budgets that were `told`.
+    pub fn new(
+        laws: Option<Laws>,
+        told: &[Prediction],
+        records: Vec<RunRecord>,
+        figures: &Path,
+    ) -> Result<Self> {
+        let verdict = laws.as_ref().map_or_else(
+            || "The runs bear no laws; `isoflop fit` says why.".to_string(),
+            |laws| fit::text(laws, &[], false),
+        );
+        let predictions = laws.as_ref().map(|laws| along(laws, told)).unwrap_or_default();
+        let (generator, loss_name, figures) = (None, None, kept_figures(figures)?);
+        Ok(Self { generator, loss_name, verdict, laws, predictions, records, figures })
+    }
+
+    fn read(
+        folder: &ResultsFolder,
+        generator: Option<String>,
+        records: &[RunRecord],
+    ) -> Result<Self> {
+        let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
+        let told: Option<Vec<Prediction>> = read_if_there(&folder.file("prediction.json"))?;
+        let (told, records) = (told.unwrap_or_default(), Tuned::of(records).records);
+        Ok(Self { generator, ..Self::new(laws, &told, records, &folder.file("figures"))? })
+    }
+
+    /// What the page shows of it.
+    pub fn study(&self) -> Study<'_> {
+        Study {
+            generator: self.generator.as_deref(),
+            loss_name: self.loss_name.as_deref(),
+            verdict: &self.verdict,
+            laws: self.laws.as_ref(),
+            predictions: &self.predictions,
+            records: &self.records,
+            figures: &self.figures,
+        }
+    }
+}
+
+/// One of a sweep with one generator, and else one for each, of its own folder.
+fn of_each(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<GeneratorResults>> {
+    let parted = parted(records);
+    if parted.len() < 2 {
+        return Ok(vec![GeneratorResults::read(folder, None, records)?]);
+    }
+    let own = |(name, records): (String, Vec<RunRecord>)| {
+        GeneratorResults::read(&folder.of_generator(&name), Some(name), &records)
+    };
+    parted.into_iter().map(own).collect()
+}
+
+/// Predictions for the slider: rounded budgets from the first fitted one on, and those of the sweep.
+fn along(laws: &Laws, told: &[Prediction]) -> Vec<Prediction> {
+    let [first, last] = laws.range();
+    if first >= last {
+        return told.to_vec();
+    }
+    let powers = first.log10().floor() as i32..=(last * FARTHEST).log10().ceil() as i32;
+    let rounded = powers.flat_map(|power| STEPS.map(|step| format!("{step}e{power}")));
+    let rounded = rounded.filter_map(|budget| budget.parse().ok());
+    let within = rounded.filter(|budget| (first..=last * FARTHEST).contains(budget));
+    let mut budgets: Vec<f64> =
+        within.chain(told.iter().map(|prediction| prediction.budget_flops)).collect();
+    budgets.sort_by(f64::total_cmp);
+    budgets.dedup();
+    budgets.into_iter().filter_map(|budget| predict::predict_one(laws, budget).ok()).collect()
+}
+
+// What a folder of results keeps, for its page.
+
+/// The figures of a folder, by name; none where there is no folder.
+fn kept_figures(folder: &Path) -> Result<Vec<Figure>> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_drawing = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "svg");
+    let paths: BTreeSet<PathBuf> = entries.map(|entry| entry.path()).filter(is_drawing).collect();
+    let read = |path: &PathBuf| {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Figure { name, svg: text(path)? })
+    };
+    paths.iter().map(read).collect()
+}
+
+/// A file's text; empty where there is none.
+fn text(path: &Path) -> Result<String> {
+    Ok(read_text_if_there(path)?.unwrap_or_default())
+}
+
+/// The cells that were not run, each in a line; none where no plan is kept.
+fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
+    let plan: Option<Value> = read_if_there(&folder.file("plan.json"))?;
+    let cells = plan.as_ref().and_then(|plan| plan["dropped"].as_array());
+    Ok(cells.into_iter().flatten().map(dropped_line).collect())
+}
+
+fn dropped_line(cell: &Value) -> String {
+    let reason = cell["reason"].as_str().unwrap_or_default();
+    let facts = cell.as_object().into_iter().flatten();
+    let facts = facts.filter(|(key, value)| *key != "reason" && !value.is_null());
+    let facts: Vec<String> = facts.map(|(key, value)| format!("{key} {value}")).collect();
+    format!("{}: {reason}", facts.join(", "))
+}
+
+// Motions of a sweep's folder, for its page.
+
+/// Motions that a page shows.
+const SHOWN: usize = 6;
+
+/// What is read of `motions.json`.
+#[derive(Deserialize)]
+struct Made {
+    caption: String,
+    fps: f64,
+}
+
+/// The first motions of the run of the lowest L_u that made some; none where no run did.
+fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Sample>> {
+    let mut by_loss: Vec<(&RunRecord, f64)> = records
+        .iter()
+        .filter_map(|record| Some((record, record.loss_normalised().ok()?)))
+        .collect();
+    by_loss.sort_by(|a, b| a.1.total_cmp(&b.1));
+    for (record, _) in by_loss {
+        let run_id = &record.planned.run_id;
+        let place = folder.file("samples").join(run_id);
+        for place in [place.join("scored"), place] {
+            let made: Option<Vec<Made>> = read_if_there(&place.join("motions.json"))?;
+            if let Some(made) = made {
+                return of_run(folder, run_id, &place, &made);
+            }
+        }
+    }
+    Ok(Vec::new())
+}
+
+fn of_run(
+    folder: &ResultsFolder,
+    run_id: &str,
+    place: &Path,
+    made: &[Made],
+) -> Result<Vec<Sample>> {
+    let file = |n: usize| place.join(format!("{n}.features.npy"));
+    let kept: Vec<(PathBuf, &Made)> =
+        made.iter().enumerate().map(|(n, made)| (file(n), made)).collect();
+    let kept = kept.into_iter().filter(|(path, _)| fs::exists(path).unwrap_or(false));
+    let kept: Vec<(PathBuf, &Made)> = kept.take(SHOWN).collect();
+    let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
+    let mut truth = truth(folder, &captions);
+    let read = |(path, made): (PathBuf, &Made)| {
+        let features =
+            read_motion(&path, made.fps).with_context(|| format!("reading {}", path.display()))?;
+        Ok(Sample {
+            caption: made.caption.clone(),
+            run_id: run_id.to_string(),
+            fps: made.fps,
+            poses: recover_joints(&features),
+            truth: truth.remove(&made.caption),
+        })
+    };
+    kept.into_iter().map(read).collect()
+}
+
+/// The true motion of each caption, of the first clip of the test split that has it; none where the data are not
+/// at hand.
+fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>> {
+    let Ok(sweep) = frozen_sweep(folder) else { return HashMap::new() };
+    let Ok(data) = data::open(&sweep.data, demand(&sweep).as_ref()) else {
+        return HashMap::new();
+    };
+    let mut found = HashMap::new();
+    for clip in 0..data.n_clips(Split::Test) {
+        let own = data.captions(Split::Test, clip);
+        let Some(caption) = own.iter().find(|own| captions.contains(&own.as_str())) else {
+            continue;
+        };
+        if let (false, Ok(features)) =
+            (found.contains_key(caption), data.features(Split::Test, clip))
+        {
+            found.insert(caption.clone(), recover_joints(&features));
+        }
+    }
+    found
 }

@@ -8,7 +8,7 @@ use isoflop::engine::{ENGINES, Engine, Preview, Track};
 use isoflop::sweep::Sweep;
 use isoflop::units::parse_bytes;
 
-use crate::commands::args::{SweepArgs, a_track, an_engine, share};
+use crate::commands::exit::{SweepArgs, a_track, an_engine, share};
 
 #[derive(Args)]
 pub struct RunArgs {

@@ -1,24 +1,28 @@
 //! A sweep's missing jobs, brought to their end by an engine.
 
-use std::collections::HashSet;
-use std::ops::ControlFlow;
-
-use anyhow::{Context, Result, bail};
-use isoflop::engine::{
-    Brought, Engine, JobEnd, JobReport, Preview, Previewed, Session, SweepRequest,
-};
-use isoflop::failure::Failure;
-use isoflop::jobs::presence::Held;
-use isoflop::jobs::{Job, gpu, missing_jobs, with_needs};
-use isoflop::sweep::EngineSection;
-
 use super::args::RunArgs;
-use super::prepare::prepare;
 use super::summary::Summary;
 use crate::commands::command_line::CommandLine;
 use crate::commands::context::{OpenSweep, open_sweep};
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
+use crate::commands::plan;
+use anyhow::{Context, Result, bail};
+use isoflop::engine::{
+    Brought, Engine, JobEnd, JobReport, Preview, Previewed, Session, SweepRequest,
+};
+use isoflop::failure::Failure;
+use isoflop::files::damaged::set_aside;
+use isoflop::files::{FileError, atomic};
+use isoflop::jobs::presence::Held;
+use isoflop::jobs::{
+    Job, JobId, ResultsFolder, all_jobs, gpu, missing_jobs, with_needs, write_specs,
+};
+use isoflop::plan::Plan;
+use isoflop::sweep::EngineSection;
+use rayon::prelude::*;
+use std::collections::HashSet;
+use std::ops::ControlFlow;
 
 /// Brings the missing jobs that are wanted, and what they need, to their end. Where that is all there
 /// is to do, it has told of them, and breaks off with how to exit.
@@ -156,4 +160,68 @@ fn interrupted(reports: &[JobReport], fail_fast: bool) -> bool {
     let failed = |report: &JobReport| report.end.failure().is_some();
     let stopped = reports.iter().any(|report| report.end == JobEnd::Stopped);
     stopped && !(fail_fast && reports.iter().any(failed))
+}
+
+// What `isoflop run` puts in order before it trains: the folder's files, and what is damaged.
+
+/// Writes down what workers read: the resolved sweep, the plan, what each job is to make.
+pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> {
+    let OpenSweep { sweep, plan, folder } = open;
+    for place in [folder.root(), &folder.file("figures")] {
+        atomic::remove_partial(place)?;
+    }
+    mend(plan, folder, output)?;
+    atomic::write_bytes(&folder.file("sweep.yaml"), serde_yaml::to_string(sweep)?.as_bytes())?;
+    let document = plan::json(plan, folder, &folder.run_states());
+    atomic::write_json(&folder.file("plan.json"), &document)?;
+    write_specs(plan, folder, &mut |line| output.warn(&line))?;
+    forget_failures(args, plan, folder)
+}
+
+/// Results that cannot be read are set aside, so that they are made again; each is a warning.
+fn mend(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
+    let jobs: Vec<Job> = all_jobs(plan).collect();
+    let damaged = |job: &Job| match folder.inspect(&job.id) {
+        Err(error @ FileError::Damaged { .. }) => Some((folder.product(&job.id), error)),
+        _ => None,
+    };
+    let damaged: Vec<_> = jobs.par_iter().filter_map(damaged).collect();
+    for (path, problem) in damaged {
+        set_aside(&path)?;
+        output.warn(&format!("{problem}: done"));
+    }
+    Ok(())
+}
+
+/// Takes back the failures that should be tried again.
+fn forget_failures(args: &RunArgs, plan: &Plan, folder: &ResultsFolder) -> Result<()> {
+    if !args.options.retry_failed && args.options.retry.is_empty() {
+        return Ok(());
+    }
+    let jobs: Vec<Job> = all_jobs(plan).collect();
+    let forgotten: HashSet<&JobId> = match args.options.retry_failed {
+        true => jobs.iter().map(|job| &job.id).collect(),
+        false => with_needs_prepare(&jobs, &args.options.retry)?,
+    };
+    for job in forgotten {
+        atomic::remove(&folder.job(job).join("failure.json"))?;
+    }
+    Ok(())
+}
+
+/// The jobs of these ids and all that they need; each stands after what it needs.
+fn with_needs_prepare<'a>(jobs: &'a [Job], ids: &[String]) -> Result<HashSet<&'a JobId>> {
+    if let Some(id) = ids.iter().find(|id| jobs.iter().all(|job| job.id.id != **id)) {
+        bail!(
+            "--retry {id}: the sweep has no job of this id; `isoflop status` names those that failed"
+        );
+    }
+    let mut wanted = HashSet::new();
+    for job in jobs.iter().rev() {
+        if ids.contains(&job.id.id) || wanted.contains(&job.id) {
+            wanted.insert(&job.id);
+            wanted.extend(&job.needs);
+        }
+    }
+    Ok(wanted)
 }

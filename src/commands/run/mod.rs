@@ -2,7 +2,6 @@
 
 mod args;
 mod bring;
-mod prepare;
 mod rounds;
 mod summary;
 

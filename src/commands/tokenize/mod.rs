@@ -1,26 +1,19 @@
 //! `isoflop tokenize`: motions into codes, a file each.
 
-mod args;
-mod caption;
-
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-
+use super::exit::{Exit, TokenizerChoice, many, more, table};
+use super::output::Output;
 use anyhow::{Context, Result, bail};
 use isoflop::codes::{ClipCodes, ClipScale};
-use isoflop::data::{FAR, read_motion};
+use isoflop::data::{Annotation, FAR, parse_annotation, read_motion};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
 use serde_json::json;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
-pub use args::{TokenizeArgs, motion_name};
-use caption::captions;
-pub use caption::{caption_beside, captions_of_lines, lines_of};
-
-use super::exit::Exit;
-use super::output::Output;
-use super::screen::{many, more, table};
+use clap::Args;
+use std::fs;
 
 pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
     let tokenizer = args.tokenizer.open()?;
@@ -109,4 +102,92 @@ fn text(tokenizer: &TrainedTokenizer, clips: &[ClipCodes], args: &TokenizeArgs) 
     let heading = format!("{} by tokenizer {} ({kind}, V {v})", many(n, "motion"), tokenizer.id);
     let text = format!("{heading}\n\n{rows}{}", more(n, LISTED, ""));
     text + &format!("\nfiles     {}/<motion>.json\n", args.out.display())
+}
+
+// The captions of motions: given, a line each, or beside them.
+
+/// The caption of each motion, where it has one.
+fn captions(args: &TokenizeArgs) -> Result<Vec<Option<String>>> {
+    let n = args.files.len();
+    match (&args.caption, &args.texts) {
+        (Some(caption), _) if caption.trim().is_empty() => bail!("--caption is empty"),
+        (Some(caption), _) => Ok(vec![Some(caption.clone()); n]),
+        (None, Some(path)) => captions_of_lines(path, n),
+        (None, None) => args.files.iter().map(|path| caption_beside(path)).collect(),
+    }
+}
+
+/// A caption a line, as many as there are motions.
+pub fn captions_of_lines(path: &Path, n: usize) -> Result<Vec<Option<String>>> {
+    let captions: Vec<Option<String>> = lines_of(path)?.into_iter().map(Some).collect();
+    if captions.len() != n {
+        let found = captions.len();
+        bail!("{} has {found} captions for {n} motions; write one a line", path.display());
+    }
+    Ok(captions)
+}
+
+/// The lines of a file that are not blank.
+pub fn lines_of(path: &Path) -> Result<Vec<String>> {
+    let text = fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    Ok(lines.map(String::from).collect())
+}
+
+/// The first caption of the whole clip in the `.txt` beside a motion, plain or as HumanML3D has them.
+pub fn caption_beside(motion: &Path) -> Result<Option<String>> {
+    let path = motion.with_file_name(format!("{}.txt", motion_name(motion)));
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = fs::read_to_string(&path).with_context(|| format!("reading {}", path.display()))?;
+    let lines = text.trim_start_matches('\u{feff}').lines().filter(|line| !line.trim().is_empty());
+    let read: Result<Vec<Annotation>, _> = lines.map(parse_annotation).collect();
+    let read = read.with_context(|| format!("a line of {}", path.display()))?;
+    match read.into_iter().find(|annotation| annotation.span_s.is_none()) {
+        Some(annotation) => Ok(Some(annotation.caption)),
+        None => bail!("{} has no caption of the whole motion", path.display()),
+    }
+}
+
+// What `isoflop tokenize` takes.
+
+#[derive(Args)]
+pub struct TokenizeArgs {
+    /// Motions: .npy of features, T × 263, or of joints, T × 22 × 3; or .bvh with the 22 joints
+    #[arg(value_name = "FILE", required = true)]
+    pub files: Vec<PathBuf>,
+    #[command(flatten)]
+    pub tokenizer: TokenizerChoice,
+    /// The caption of every motion, for a tokenizer with language; by default that of a .txt beside it
+    #[arg(long, value_name = "TEXT", conflicts_with = "texts")]
+    pub caption: Option<String>,
+    /// A file with a caption a line, in the order of the motions
+    #[arg(long, value_name = "FILE")]
+    pub texts: Option<PathBuf>,
+    /// The folder to write to: a .json of codes for each motion
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Write over codes that the folder holds
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+/// The name of a motion: `walk` of `a/walk.npy`, of `walk.features.npy` and of `walk.joints.npy`.
+pub fn motion_name(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let bare = stem.strip_suffix(".features").or(stem.strip_suffix(".joints"));
+    bare.unwrap_or(&stem).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_files_of_a_motion_have_one_name() {
+        for path in ["a/walk.npy", "walk.features.npy", "b/walk.joints.npy", "walk.bvh"] {
+            assert_eq!(motion_name(Path::new(path)), "walk");
+        }
+    }
 }

@@ -7,10 +7,9 @@ use isoflop::figures::{self, Format, draw_alone};
 use isoflop::tokenizer::{CodeMap, ScaleUse};
 use serde_json::json;
 
-use crate::commands::args::TokenizerChoice;
-use crate::commands::exit::Exit;
+use crate::commands::exit::{Exit, TokenizerChoice, more, table};
+
 use crate::commands::output::Output;
-use crate::commands::screen::{more, table};
 
 /// Scales that are listed, at most.
 const LISTED: usize = 16;

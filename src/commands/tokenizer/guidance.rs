@@ -8,10 +8,9 @@ use isoflop::spec::LanguageSpec;
 use isoflop::tokenizer::Reconstruction;
 use serde_json::json;
 
-use crate::commands::args::{TokenizerChoice, not_negative};
-use crate::commands::exit::Exit;
+use crate::commands::exit::{Exit, TokenizerChoice, not_negative, table};
+
 use crate::commands::output::Output;
-use crate::commands::screen::table;
 
 #[derive(Args)]
 pub struct GuidanceArgs {

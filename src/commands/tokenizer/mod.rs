@@ -9,8 +9,8 @@ use isoflop::jobs::JobKind;
 use isoflop::tokenizer::{TokenizerMetrics, remarks, table};
 use serde_json::json;
 
-use super::args::FolderArgs;
-use super::exit::Exit;
+use super::exit::{Exit, FolderArgs};
+
 use super::output::Output;
 use super::plot;
 use super::run::{RunArgs, run_only};

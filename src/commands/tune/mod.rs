@@ -1,25 +1,23 @@
 //! `isoflop tune`: the rule of learning rate and batch, by trials at a few cells of a sweep's grid.
 
-mod text;
-mod trials;
-
-use std::ops::ControlFlow;
-
+use super::context::OpenSweep;
+use super::exit::{Exit, SweepArgs, an_engine, dash, table};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::engine::{ENGINES, Engine};
 use isoflop::files::atomic;
 use isoflop::jobs::presence::Held;
-use isoflop::jobs::{ResultsFolder, adopt};
-use isoflop::rates::{Trial, fit_rule, next};
+use isoflop::jobs::{JobId, JobState, ResultsFolder, adopt};
+use isoflop::rates::{CellRate, Place, Rule, Setting, Trial, choose, fit_rule, next};
 use serde_json::json;
+use std::ops::ControlFlow;
 
-use super::args::{SweepArgs, an_engine};
-use super::context::OpenSweep;
-use super::exit::Exit;
 use super::output::Output;
 use super::run::{RunArgs, bring, hold, open};
-use trials::{Asked, Cells};
+use isoflop::sweep::{LrRule, ScheduleKind, Sweep};
+use isoflop::words::wrap;
+
+use isoflop::plan::{Plan, PlannedRun};
 
 #[derive(Args)]
 pub struct TuneArgs {
@@ -57,9 +55,9 @@ pub fn tune(args: &TuneArgs, output: &Output) -> Result<Exit> {
         .context("fewer than two cells have a rate at which a run ends")?;
     let document = json!({ "rule": rule, "trials": trials });
     atomic::write_json(&part.folder.file("rates.json"), &document)?;
-    let yaml = text::yaml(&rule, &part.sweep)?;
+    let yaml = yaml(&rule, &part.sweep)?;
     atomic::write_bytes(&part.folder.file("rates.yaml"), yaml.as_bytes())?;
-    output.result(&document, &text::text(&rule, trials.len(), &part.folder))
+    output.result(&document, &text(&rule, trials.len(), &part.folder))
 }
 
 /// Every trial until there is nothing more to try. Those that ended before are read, not trained.
@@ -80,7 +78,7 @@ fn search(
         let asked = cells.asked(&part.sweep, &part.plan, wanted);
         all.extend(asked.iter().cloned());
         if asked.iter().any(|asked| asked.is_open(&part.folder)) {
-            output.note(&text::price(&asked, all.len()));
+            output.note(&price(&asked, all.len()));
             let runs = all.iter().filter_map(|asked| asked.run.clone());
             let plan = part.plan.with_runs(runs.collect());
             let open = OpenSweep { plan, ..part.clone() };
@@ -91,5 +89,202 @@ fn search(
         for asked in &asked {
             trials.push(asked.trial(&part.folder)?);
         }
+    }
+}
+
+// What `isoflop tune` says.
+
+/// What the next trials cost.
+fn price(asked: &[Asked], so_far: usize) -> String {
+    let runs = || asked.iter().filter_map(|asked| asked.run.as_ref());
+    let flops: f64 = runs().map(|run| run.spec.budget_flops).sum();
+    format!("{} trials, {flops:.2e} FLOPs; {so_far} so far", runs().count())
+}
+
+/// The best rate of each cell, the rule, and what it is worth.
+fn text(rule: &Rule, n_trials: usize, folder: &ResultsFolder) -> String {
+    let heads = ["C", "N_nv", "V", "D", "own lr", "best lr", "L_u", "gain"];
+    let mut out = table(heads, rule.cells.iter().map(row));
+    out += "\n";
+    sentences(rule, n_trials).iter().for_each(|sentence| out += &wrap("- ", sentence));
+    out + &format!("\n{}: the rule, as a sweep takes it\n", folder.file("rates.yaml").display())
+}
+
+fn row(cell: &CellRate) -> [String; 8] {
+    let CellRate { place, optimal_lr, best_loss, own_loss, .. } = cell;
+    [
+        format!("{:e}", place.budget_flops),
+        format!("{:.3e}", place.params_nonvocab),
+        place.n_vocab.to_string(),
+        format!("{:.2e}", place.tokens),
+        format!("{:.4}", place.lr),
+        format!("{optimal_lr:.4}"),
+        format!("{best_loss:.3}"),
+        dash(*own_loss, |own| format!("{:.3}", own - best_loss)),
+    ]
+}
+
+fn sentences(rule: &Rule, n_trials: usize) -> Vec<String> {
+    let nats = |regret: Option<f64>| dash(regret, |x| format!("{x:.3}"));
+    let [exponent, error] = rule.vocab_exponent;
+    let known = if exponent.abs() > 2.0 * error { "which the rule leaves out" } else { "none" };
+    let mut all = vec![
+        format!(
+            "{n_trials} trials: lr = {}, {} nats above each cell's own best ({} where the cell took no \
+             part in the fit); the sweep's own rule is {} above.",
+            formula(&rule.lr),
+            nats(rule.regret),
+            nats(rule.regret_left_out),
+            nats(rule.regret_own)
+        ),
+        format!(
+            "At one N_nv and D the best rate goes as V^{exponent:.2} (standard error {error:.2}): {known}."
+        ),
+    ];
+    all.push(match rule.batch_gain {
+        Some([gain, error]) => format!(
+            "A batch of {} times the sweep's changes L_u by {gain:+.3} nats (standard error {error:.3}).",
+            2f64.powi(rule.batch_doublings)
+        ),
+        None => "No other batch is better than the sweep's.".into(),
+    });
+    if let Some([gain, error]) = rule.schedule_gain {
+        all.push(format!(
+            "The other schedule changes L_u by {gain:+.3} nats (standard error {error:.3}): {} is taken.",
+            match rule.schedule {
+                ScheduleKind::Cosine => "the cosine",
+                ScheduleKind::Wsd => "wsd",
+            }
+        ));
+    }
+    all
+}
+
+fn formula(lr: &LrRule) -> String {
+    let tokens = if lr.tokens_exponent == 0.0 {
+        String::new()
+    } else {
+        format!(" D^{}", lr.tokens_exponent)
+    };
+    format!("{} N_nv^{}{tokens}", lr.coefficient, lr.params_exponent)
+}
+
+/// The rule as the `train` section of a sweep.
+fn yaml(rule: &Rule, sweep: &Sweep) -> Result<String> {
+    let mut schedule = sweep.train.schedule.clone();
+    schedule.kind = rule.schedule;
+    let section = json!({ "train": { "schedule": schedule, "lr": rule.lr, "batch": rule.batch } });
+    let head =
+        format!("# Found by `isoflop tune` at {} cells of {}.\n", rule.cells.len(), sweep.name);
+    Ok(head + &serde_yaml::to_string(&section)?)
+}
+
+// Cells of a plan, and the runs that try settings at them.
+
+/// The cells that rates are tried at.
+struct Cells {
+    runs: Vec<PlannedRun>,
+    pub places: Vec<Place>,
+}
+
+impl Cells {
+    /// At most `count` cells of a sweep, each with its first seed and tokenizer.
+    ///
+    /// # Errors
+    /// The sweep's trainer is a program of its own, which the settings of `train` do not reach.
+    pub fn of(open: &OpenSweep, count: usize) -> Result<Self> {
+        if open.sweep.trainer.is_some() {
+            bail!("`tune` knows the built-in trainer's rates; {} has its own", open.sweep.name);
+        }
+        let mut runs: Vec<PlannedRun> = Vec::new();
+        for run in &open.plan.runs {
+            if !runs.iter().rev().any(|other| is_same_cell(other, run)) {
+                runs.push(run.clone());
+            }
+        }
+        let places: Vec<Place> = runs.iter().map(|run| place(run, &open.sweep)).collect();
+        let chosen = choose(&places, count);
+        Ok(Self {
+            places: chosen.iter().map(|i| places[*i]).collect(),
+            runs: chosen.into_iter().map(|i| runs[i].clone()).collect(),
+        })
+    }
+
+    /// The runs of some trials, (cell, setting).
+    pub fn asked(&self, sweep: &Sweep, plan: &Plan, wanted: Vec<(usize, Setting)>) -> Vec<Asked> {
+        // Many cells try one setting, and a large sweep takes a second to plan.
+        let mut plans: Vec<(Setting, Plan)> = Vec::new();
+        for (_, setting) in &wanted {
+            if !plans.iter().any(|(planned, _)| planned == setting) {
+                let train = setting.of(&sweep.train);
+                let own = Sweep { train, ..sweep.clone() };
+                plans.push((*setting, Plan::new(&own, plan.data.clone())));
+            }
+        }
+        let of = |(cell, setting): (usize, Setting)| {
+            let mut runs = plans.iter().filter(|(planned, _)| *planned == setting);
+            let cell_run = &self.runs[cell];
+            let is_it = |run: &&PlannedRun| {
+                is_same_cell(run, cell_run)
+                    && run.spec.seed == cell_run.spec.seed
+                    && run.spec.tokenizer_id == cell_run.spec.tokenizer_id
+            };
+            Asked {
+                cell,
+                setting,
+                run: runs.find_map(|(_, plan)| plan.runs.iter().find(is_it)).cloned(),
+            }
+        };
+        wanted.into_iter().map(of).collect()
+    }
+}
+
+fn is_same_cell(a: &PlannedRun, b: &PlannedRun) -> bool {
+    let (a, b) = (&a.spec, &b.spec);
+    (a.budget_flops, a.share) == (b.budget_flops, b.share)
+        && (&a.generator, &a.codes) == (&b.generator, &b.codes)
+}
+
+fn place(run: &PlannedRun, sweep: &Sweep) -> Place {
+    let unbounded = Setting::own(sweep.train.schedule.kind).of(&sweep.train);
+    Place {
+        budget_flops: run.spec.budget_flops,
+        params_nonvocab: run.params.nonvocab as f64,
+        n_vocab: run.spec.n_vocab() as f64,
+        tokens: run.spec.tokens() as f64,
+        lr: isoflop::plan::learning_rate(&run.params, run.spec.tokens(), &unbounded.lr),
+    }
+}
+
+/// A trial that is to be made.
+#[derive(Clone)]
+struct Asked {
+    pub cell: usize,
+    pub setting: Setting,
+    /// None where the budget does not bear the setting: too few steps of its batch.
+    pub run: Option<PlannedRun>,
+}
+
+impl Asked {
+    /// Whether it is still to be trained.
+    pub fn is_open(&self, folder: &ResultsFolder) -> bool {
+        let state = self.run.as_ref().map(|run| folder.state(&JobId::run(&run.run_id)));
+        matches!(state, Some(JobState::Missing | JobState::Started))
+    }
+
+    /// What came of it.
+    ///
+    /// # Errors
+    /// It has no result, and did not fail either: what it needs is lost.
+    pub fn trial(&self, folder: &ResultsFolder) -> Result<Trial> {
+        let Self { cell, setting, run } = self;
+        let mut trial = Trial { cell: *cell, setting: *setting, loss: None };
+        let Some(run) = run else { return Ok(trial) };
+        match folder.record(&run.run_id)? {
+            Some(record) => trial.loss = Some(record.loss_normalised()?),
+            None if folder.state(&JobId::run(&run.run_id)) == JobState::Failed => {}
+            None => bail!("{} has no result: what it needs failed", run.spec.label()),
+        }
+        Ok(trial)
     }
 }

@@ -1,34 +1,31 @@
 //! `isoflop worker`: one job of a sweep, in a process of its own.
 
-mod args;
-mod task;
-
-use std::process::exit;
-
+use super::exit::{Exit, an_engine, device, say};
+use super::output::Output;
 use anyhow::{Result, bail};
 use burn::tensor::Device;
-use isoflop::jobs::program;
 use isoflop::jobs::worker::{
     FAILED, REFUSED_MEMORY, STOPPED, claim, failure_of, report_failure, stop_with_parent, work,
 };
-use isoflop::jobs::{Assignment, Outcome};
-use isoflop::jobs::{JobId, ResultsFolder};
-use isoflop::machine::allocator::exit_when_refused;
+use isoflop::jobs::{
+    Assignment, FailedJob, JobId, JobKind, Outcome, ResultsFolder, SweepState, program,
+};
+use isoflop::machine::exit_when_refused;
 use isoflop::ops::{DeviceName, check_products};
-use isoflop::progress::stop_on_signals;
-use isoflop::progress::{forget_progress, tell_of_pieces};
+use isoflop::progress::{forget_progress, stop_on_signals, tell_of_pieces};
+use std::process::exit;
 
-use crate::commands::exit::Exit;
-use crate::commands::output::Output;
-use crate::commands::screen::say;
-
-pub use args::{GuardArgs, WorkerArgs};
+use super::{analyse, status};
+use clap::Args;
+use isoflop::engine::{ENGINES, Engine, FitTerms, Task};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 pub fn worker(args: &WorkerArgs, output: &Output) -> Result<Exit> {
     match (args.kind, &args.id) {
         (Some(kind), Some(id)) => one_job(args, &JobId::new(kind, id.as_str())),
-        _ if args.fit => task::fit(args, output),
-        _ if args.chunk.is_some() => task::chunk(args),
+        _ if args.fit => fit(args, output),
+        _ if args.chunk.is_some() => chunk(args),
         _ => bail!("a worker wants a kind of job and an id, or a chunk"),
     }
 }
@@ -81,4 +78,95 @@ fn checked(name: DeviceName, device: &Device) -> Result<()> {
 pub fn guard(args: &GuardArgs) -> Result<Exit> {
     program::guard(&args.lock, &args.mark)?;
     Ok(Exit::Done)
+}
+
+// What a cluster's tasks call: `isoflop worker RESULTS --engine E --generation G --stage S --chunk I`,
+// and `--fit` in the end.
+
+/// Does a chunk, and exits with the code that says how it ended.
+fn chunk(args: &WorkerArgs) -> Result<Exit> {
+    let (Some(submission), Some(array), Some(index)) = (args.generation, &args.stage, args.chunk)
+    else {
+        bail!("a chunk is named by --generation, --stage and --chunk");
+    };
+    let task = Task { submission, array: array.clone(), index };
+    let code = args.engine.task(&ResultsFolder::new(&args.results), &task, &say)?;
+    exit(code)
+}
+
+/// Fits the laws, if every run is there, or the sweep may be fitted without.
+fn fit(args: &WorkerArgs, output: &Output) -> Result<Exit> {
+    let folder = ResultsFolder::new(&args.results);
+    let FitTerms { grace, allow_missing } = args.engine.fit_terms(&folder, args.generation)?;
+    let state = wait(&folder, grace)?;
+    let missing = state.runs.total() - state.runs.done;
+    if missing > 0 {
+        output.warn(&incomplete(&folder, &state, missing));
+        if !allow_missing || state.runs.done == 0 {
+            return Ok(Exit::NotIdentifiable);
+        }
+    }
+    analyse::finish(&folder, output)?;
+    Ok(if missing > 0 { Exit::SomeRunsFailed } else { Exit::Done })
+}
+
+/// The state once every run is there that can come, or the time is up: what other machines wrote may
+/// take a moment to appear.
+fn wait(folder: &ResultsFolder, grace: Duration) -> Result<SweepState> {
+    let started = Instant::now();
+    loop {
+        let state = status::state_of(folder)?;
+        let runs = &state.runs;
+        let to_come = runs.started + runs.missing + runs.running > runs.blocked;
+        if !to_come || started.elapsed() >= grace {
+            return Ok(state);
+        }
+        std::thread::sleep(Duration::from_secs(1).min(grace));
+    }
+}
+
+fn incomplete(folder: &ResultsFolder, state: &SweepState, missing: usize) -> String {
+    let runs = &state.runs;
+    let reason = |job: &FailedJob| format!("{} ({})", job.label, job.reason);
+    let mut text = format!("incomplete: {missing} of {} runs are missing", runs.total());
+    let first: Vec<String> = state.failures.iter().take(3).map(reason).collect();
+    if !first.is_empty() {
+        text += &format!("; failed: {}", first.join("; "));
+    }
+    text + &format!("; isoflop status {} says more", folder.root().display())
+}
+
+// The command lines of `isoflop worker` and `isoflop guard`, which other commands give.
+
+#[derive(Args)]
+pub struct WorkerArgs {
+    pub results: PathBuf,
+    #[arg(required_unless_present_any = ["chunk", "fit"], requires = "id")]
+    pub kind: Option<JobKind>,
+    pub id: Option<String>,
+    /// The engine of a submission
+    #[arg(long, value_parser = an_engine(), default_value = ENGINES[0].name())]
+    pub engine: &'static dyn Engine,
+    /// A submission, for --chunk and --fit
+    #[arg(long)]
+    pub generation: Option<u32>,
+    /// An array of it
+    #[arg(long)]
+    pub stage: Option<String>,
+    /// A task of the array: do its jobs
+    #[arg(long, conflicts_with = "kind", requires_all = ["generation", "stage"])]
+    pub chunk: Option<usize>,
+    /// Fit the laws
+    #[arg(long, conflicts_with_all = ["kind", "chunk"])]
+    pub fit: bool,
+    #[arg(long, value_parser = device(), default_value = "flex")]
+    pub device: DeviceName,
+}
+
+#[derive(Args)]
+pub struct GuardArgs {
+    /// Held for as long as a program of the run may live
+    pub lock: PathBuf,
+    /// What the program's environment says
+    pub mark: String,
 }

@@ -5,12 +5,8 @@ mod display;
 mod gpus;
 mod pool;
 mod processes;
-mod retry;
 mod session;
 mod timeline;
-mod waiting;
-mod watch;
-
 pub use display::{Display, left};
 pub use gpus::Gpus;
 pub use pool::LocalPool;

@@ -12,12 +12,12 @@ use super::gpus::Gpus;
 use super::pool::LocalPool;
 use super::processes::LocalProcesses;
 use super::timeline::{Spent, Timeline};
-use crate::engine::contract::{Brought, Engine, Session};
+use crate::engine::runner::{Brought, Engine, Session};
 use crate::engine::{Cancelled, SweepRequest, Tell};
 use crate::jobs::history::{self, Finished, known};
 use crate::jobs::presence::{ask_no_more, ask_to_end, is_held, stop_when_asked};
 use crate::jobs::{Job, JobId, JobState, ResultsFolder, probe, time_left};
-use crate::machine::memory;
+use crate::machine;
 use crate::plan::PlannedRun;
 use crate::progress::stop_on_signals;
 
@@ -141,7 +141,7 @@ impl Here<'_> {
 
     /// Memory for all jobs together; a job that wants more than that is named.
     fn memory_bytes(&self, jobs: &[Job]) -> Option<u64> {
-        let bytes = self.0.memory_bytes.or_else(memory::available)?;
+        let bytes = self.0.memory_bytes.or_else(machine::available)?;
         let largest = jobs.iter().max_by_key(|job| job.peak_bytes)?;
         if largest.peak_bytes > bytes {
             self.0.tell.warn(&format!(

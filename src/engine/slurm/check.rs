@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use crate::engine::slurm::command::{Answer, QUERY, Shell};
-use crate::engine::slurm::error::SlurmError;
+use super::command::{Answer, QUERY, Shell, SlurmError};
+
 use crate::engine::slurm::stages::Array;
 use crate::engine::slurm::submission::Submission;
 use crate::sweep::minutes;

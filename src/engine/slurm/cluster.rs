@@ -1,17 +1,18 @@
 //! [`Cluster`]: a request to be met by Slurm, and what was submitted before.
 
+use super::command::{Settings, System};
+use super::files::{Entry, Generation, Queue, QueuedTask, SlurmFolder, TaskState};
+use super::submission::SubmissionTerms;
+use crate::engine::{EngineState, SweepRequest};
+use crate::files::read_if_there;
+use crate::jobs::{JobKind, JobState, ResultsFolder, SweepState};
+use anyhow::Result;
+use serde::Serialize;
+use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::absolute;
 
-use anyhow::Result;
-
-use super::files::{Generation, SlurmFolder};
-use super::ledger::Entry;
-use super::queue::Queue;
-use super::settings::Settings;
-use super::submission::SubmissionTerms;
-use crate::engine::SweepRequest;
-use crate::files::read_if_there;
-use crate::jobs::ResultsFolder;
+use crate::words::wrap;
 
 /// A request to be met by a cluster.
 pub(super) struct Cluster<'a> {
@@ -43,4 +44,199 @@ pub fn settings_of(files: &SlurmFolder, submission: Option<Generation>) -> Resul
         None => None,
     };
     Ok(written.map(|written| written.settings).unwrap_or_default())
+}
+
+// Slurm's word on a sweep, beside the folder's.
+
+/// What Slurm says, in numbers.
+#[derive(Clone, Debug, Default, Serialize)]
+struct QueueState {
+    /// Whether Slurm answered. Where it did not, nothing below is known.
+    pub known: bool,
+    /// Why it did not.
+    pub error: Option<String>,
+    /// Number of the last submission.
+    pub submission: u32,
+    pub tasks_running: usize,
+    pub tasks_waiting: usize,
+    /// Starting, completing, being put back into the queue.
+    pub tasks_busy: usize,
+    pub waiting: Vec<Waiting>,
+    /// Runs that are missing and in no task: interrupted or lost.
+    pub runs_lost: usize,
+}
+
+/// Tasks that wait for one reason.
+#[derive(Clone, Debug, Serialize)]
+struct Waiting {
+    pub reason: String,
+    /// In words.
+    pub meaning: String,
+    /// Whether they wait for ever.
+    pub never: bool,
+    pub tasks: usize,
+    /// One of them, by the name that Slurm's programs take.
+    pub example: String,
+}
+
+/// Asks Slurm once; `None` where the sweep was never submitted to it.
+///
+/// # Errors
+/// Files of the submission cannot be read.
+pub fn status(folder: &ResultsFolder, state: &SweepState) -> Result<Option<EngineState>> {
+    let Some(queue) = look(folder, state)? else { return Ok(None) };
+    let (document, text, wants_more) = (json!(queue), queue.text(), queue.wants_more());
+    Ok(Some(EngineState { document, text, wants_more }))
+}
+
+fn look(folder: &ResultsFolder, state: &SweepState) -> Result<Option<QueueState>> {
+    let Some((settings, entries)) = of_folder(folder)? else { return Ok(None) };
+    let files = SlurmFolder::of(folder);
+    let submission = files.latest()?.unwrap_or(0);
+    let queue = match Queue::ask(&System, &settings, &entries) {
+        Ok(queue) => queue,
+        Err(error) => {
+            let error = Some(error.to_string());
+            return Ok(Some(QueueState { error, submission, ..QueueState::default() }));
+        }
+    };
+    let open = |state| matches!(state, JobState::Missing | JobState::Started);
+    let held = queue.held(&entries, &files)?;
+    let held = held.keys().filter(|id| id.kind == JobKind::Run && open(folder.state(id))).count();
+    let runs = &state.runs;
+    let count = |state| queue.tasks.iter().filter(|task| task.state == state).count();
+    Ok(Some(QueueState {
+        known: true,
+        error: None,
+        submission,
+        tasks_running: count(TaskState::Running),
+        tasks_waiting: count(TaskState::Waiting),
+        tasks_busy: count(TaskState::Busy),
+        waiting: waiting(&queue.tasks),
+        runs_lost: (runs.started + runs.missing + runs.running).saturating_sub(runs.blocked + held),
+    }))
+}
+
+fn waiting(tasks: &[QueuedTask]) -> Vec<Waiting> {
+    let mut reasons: BTreeMap<&str, Vec<&QueuedTask>> = BTreeMap::new();
+    for task in tasks.iter().filter(|task| task.state == TaskState::Waiting) {
+        reasons.entry(&task.reason).or_default().push(task);
+    }
+    let waiting = reasons.into_iter().map(|(reason, tasks)| {
+        let (meaning, never) = outlook(reason);
+        let (tasks, example) = (tasks.len(), tasks[0].name());
+        Waiting { reason: reason.to_string(), meaning, never, tasks, example }
+    });
+    waiting.collect()
+}
+
+impl QueueState {
+    /// Whether Slurm has something of the sweep that may still happen, or may have.
+    pub fn is_active(&self) -> bool {
+        !self.known || self.tasks_running + self.tasks_waiting + self.tasks_busy > 0
+    }
+
+    /// Whether runs are left that a new submission would take up.
+    pub fn wants_more(&self) -> bool {
+        self.known && (self.runs_lost > 0 || !self.is_active())
+    }
+
+    /// Lines for a person.
+    pub fn text(&self) -> String {
+        if let Some(error) = &self.error {
+            return wrap("on Slurm: ", &format!("not known; {error}"));
+        }
+        if !self.is_active() {
+            return "on Slurm: nothing in the queue\n".to_string();
+        }
+        let counts = [
+            (self.tasks_running, "running"),
+            (self.tasks_waiting, "waiting"),
+            (self.tasks_busy, "on the way"),
+        ];
+        let counts = counts.into_iter().filter(|(count, _)| *count > 0);
+        let counts: Vec<String> = counts.map(|(count, word)| format!("{count} {word}")).collect();
+        let mut text = format!("on Slurm: tasks {}\n", counts.join(", "));
+        text += &self.waiting.iter().map(Waiting::text).collect::<String>();
+        if self.runs_lost > 0 {
+            let lost = format!("{} missing runs are in no task of Slurm's", self.runs_lost);
+            text += &format!("{lost}: they were interrupted or lost\n");
+        }
+        text
+    }
+}
+
+impl Waiting {
+    fn text(&self) -> String {
+        let Self { tasks, meaning, example, .. } = self;
+        let who = if *tasks == 1 { "1 waits".to_string() } else { format!("{tasks} wait") };
+        match self.never {
+            false => wrap("  ", &format!("{who}: {meaning}")),
+            true => wrap("  ", &format!("{tasks} will never run (such as {example}): {meaning}")),
+        }
+    }
+}
+
+// Slurm's reasons, in words, and which of them will not pass.
+
+/// The meaning of a reason that `squeue` gives, such as `Resources`: words that end the sentence "they wait: …", and
+/// whether a task that waits for it waits for ever, unless somebody does something.
+pub fn outlook(reason: &str) -> (String, bool) {
+    let (words, never) = match reason {
+        "None" | "" => ("Slurm has not looked at them yet", false),
+        "Priority" => ("others come first", false),
+        "Resources" => ("for free nodes", false),
+        "Dependency" => ("for the jobs they depend on", false),
+        "BeginTime" => ("for a moment after they were put back into the queue", false),
+        "JobArrayTaskLimit" => ("as many run as array_parallel allows", false),
+        "ReqNodeNotAvail" => ("for nodes that are down, drained or reserved", false),
+        "NodeDown" => ("for a node that is down", false),
+        "Reservation" => ("for their reservation to begin", false),
+        "Licenses" => ("for licences", false),
+        "DependencyNeverSatisfied" => ("for something that failed", true),
+        "PartitionTimeLimit" => ("`time` is longer than the partition allows", true),
+        "PartitionNodeLimit" => ("the partition has no such nodes", true),
+        "PartitionConfig" => ("the partition cannot give what they ask for", true),
+        "PartitionDown" => ("the partition is down", false),
+        "PartitionInactive" => ("the partition is inactive", false),
+        "BadConstraints" => ("no node has what they ask for", true),
+        "InvalidAccount" => ("their account is not valid", true),
+        "InvalidQOS" => ("their QOS is not valid", true),
+        "AccountNotAllowed" => ("the account may not use this partition", true),
+        "QOSNotAllowed" => ("the QOS may not be used in this partition", true),
+        "JobHeldUser" | "JobHeldAdmin" => ("they are held; `scontrol release` lets them go", true),
+        _ => return other(reason),
+    };
+    (words.to_string(), never)
+}
+
+/// Families of reasons; of the rest, Slurm's own word must do.
+fn other(reason: &str) -> (String, bool) {
+    let never = reason.contains("held") || reason.starts_with("launch_failed");
+    let limit = ["QOSMax", "QOSGrp", "AssocMax", "AssocGrp", "MaxCpu", "MaxMem"];
+    let words = if never {
+        format!("they are held ({reason}); `scontrol release` lets them go")
+    } else if limit.iter().any(|family| reason.starts_with(family)) {
+        format!("a limit of the account or QOS is reached ({reason})")
+    } else {
+        reason.to_string()
+    };
+    (words, never)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::outlook;
+
+    #[test]
+    fn reasons_that_do_not_pass_are_told_from_those_that_do() {
+        for reason in ["DependencyNeverSatisfied", "PartitionTimeLimit", "JobHeldUser"] {
+            assert!(outlook(reason).1, "{reason}");
+        }
+        assert!(outlook("launch failed requeued held").1);
+        for reason in ["Priority", "QOSMaxJobsPerUserLimit", "SomethingNew"] {
+            assert!(!outlook(reason).1, "{reason}");
+        }
+        assert_eq!(outlook("SomethingNew").0, "SomethingNew");
+    }
 }

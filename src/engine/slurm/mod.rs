@@ -7,31 +7,15 @@
 //! inputs (a task a tokenizer) --afterok--> train (arrays of packed runs) --afterany--> fit
 //! ```
 
-mod cancel;
 mod check;
-mod chunks;
 mod cluster;
 mod command;
-mod error;
-mod estimate;
 mod files;
-mod guard;
-mod ledger;
 mod packing;
-mod preview;
-mod queue;
-mod reasons;
-mod requeue;
-mod script;
 mod session;
-mod settings;
-mod signals;
 mod stages;
-mod status;
 mod submission;
-mod submit;
-mod walltime;
 mod worker;
 
-pub use error::SlurmError;
+pub use command::SlurmError;
 pub use session::Slurm;

@@ -1,28 +1,25 @@
 //! [`Slurm`]: jobs of a cluster, submitted at once and done some time.
 
+use super::cluster::{Cluster, of_folder, settings_of, status};
+use super::command::{QUERY, Settings, Shell, SlurmError, System};
+use super::files::{Entry, Queue, QueuedTask, SlurmFolder};
+use super::packing::Packed;
+use anyhow::{Context, Result, bail};
+use serde_json::json;
 use std::collections::HashMap;
 use std::path::absolute;
 
-use anyhow::{Context, Result, bail};
-use serde_json::json;
-
-use super::cancel::cancel;
-use super::cluster::{Cluster, of_folder, settings_of};
-use super::command::{QUERY, Shell, System};
-use super::error::SlurmError;
-use super::files::SlurmFolder;
-use super::ledger::Entry;
-use super::packing::Packed;
-use super::preview;
-use super::queue::{Queue, QueuedTask};
-use super::settings::Settings;
-use super::status::status;
+use super::check;
+use super::check::Verdict;
+use super::stages::{After, Array};
 use super::worker::ChunkWorker;
-use crate::engine::contract::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
+use crate::engine::runner::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
 use crate::engine::{Cancelled, EngineState, SweepRequest, Tell};
-use crate::jobs::{Job, ResultsFolder, SweepState};
+use crate::jobs::presence::{ask_no_more, ask_to_end};
+use crate::jobs::{Job, JobKind, ResultsFolder, SweepState};
 use crate::sweep::read_profile;
 use crate::units::quoted;
+use std::time::{Duration, Instant};
 
 /// Jobs of a cluster: submits them and returns at once.
 pub struct Slurm;
@@ -131,8 +128,8 @@ impl Session for Cluster<'_> {
         }
         let packed = Packed { jobs: &jobs, queued: &HashMap::new() };
         match preview {
-            Preview::DryRun => preview::dry_run(self, &packed),
-            Preview::Check => preview::check(self, &packed, &System),
+            Preview::DryRun => dry_run(self, &packed),
+            Preview::Check => check(self, &packed, &System),
         }
     }
 }
@@ -203,5 +200,143 @@ impl Cluster<'_> {
             self.how_far()
         );
         Brought::HandedOver { document, text }
+    }
+}
+
+// What would be submitted (`--dry-run`), and what Slurm says to it (`--check`).
+
+/// What would be submitted if the queue were empty: scripts, and the calls with what Slurm and chance
+/// will say left open.
+///
+/// # Errors
+/// The jobs cannot be packed.
+pub fn dry_run(cluster: &Cluster, packed: &Packed) -> Result<Previewed> {
+    let submission = cluster.packed(packed)?;
+    let steps = &submission.steps;
+    let ids: Vec<String> = steps.iter().map(|step| format!("ID_OF_{}", step.name)).collect();
+    let (mut text, mut documents) = (String::new(), Vec::new());
+    for (at, step) in steps.iter().enumerate() {
+        let words = submission.words(step, "TOKEN", &ids[..at]);
+        let path = submission.files().script(submission.generation, &step.name);
+        let (jobs, script) = (counts(step), submission.script(step));
+        text += &format!("# {}{jobs}\n", step.name);
+        text += &format!("{}\n\n# {}\n{script}\n", shown(&words), path.display());
+        documents.push(json!({"name": step.name, "sbatch": words, "script": script}));
+    }
+    let document = json!({"jobs": packed.jobs.len(), "submissions": documents});
+    Ok(Previewed { document, text, taken: true })
+}
+
+/// `: 2 tasks, 12 × run`; nothing of the fit.
+fn counts(array: &Array) -> String {
+    let Some(tasks) = array.tasks() else { return String::new() };
+    let jobs = || array.chunks.iter().flat_map(|chunk| &chunk.jobs);
+    let of = |kind| jobs().filter(|timed| timed.job.id.kind == kind).count();
+    let kinds =
+        JobKind::ALL.into_iter().map(|kind| (kind, of(kind))).filter(|(_, count)| *count > 0);
+    let named: Vec<String> = kinds.map(|(kind, n)| format!("{n} × {}", kind.word())).collect();
+    let waits = array.after.iter().any(|after| matches!(after, After::Queued(_)));
+    let waits = if waits { ", after jobs in the queue" } else { "" };
+    format!(": {tasks} tasks, {}{waits}", named.join(", "))
+}
+
+/// A call over several lines, as a shell reads it.
+fn shown(words: &[String]) -> String {
+    let words: Vec<String> = words.iter().map(|word| quoted(word)).collect();
+    words.join(" \\\n  ")
+}
+
+/// Asks Slurm whether it would take each step if the queue were empty; changes nothing.
+///
+/// # Errors
+/// Slurm gave no answer.
+pub fn check(cluster: &Cluster, packed: &Packed, shell: &dyn Shell) -> Result<Previewed> {
+    let submission = cluster.packed(packed)?;
+    let verdicts = check::check(&submission, shell).context("asking Slurm")?;
+    let line = |verdict: &Verdict| {
+        let word = if verdict.taken { "taken" } else { "REFUSED" };
+        format!("  {:<9} {word:<8} {}\n", verdict.name, verdict.said)
+    };
+    let taken = verdicts.iter().all(|verdict| verdict.taken);
+    let end = match taken {
+        true => "Slurm would take it; whether its nodes see this folder only a job can tell",
+        false => "Slurm would not take it so; docs/cluster.md lists the keys of the profile",
+    };
+    let text = format!(
+        "{}: nothing is submitted\n{}{end}",
+        cluster.request.sweep.name,
+        verdicts.iter().map(line).collect::<String>()
+    );
+    Ok(Previewed { document: json!({"taken": taken, "steps": verdicts}), text, taken })
+}
+
+// Ends what Slurm does for a sweep: first what waits, then, with time for checkpoints, what runs.
+
+const POLL: Duration = Duration::from_millis(500);
+
+/// How long what was killed may take to go.
+const KILLED: Duration = Duration::from_secs(60);
+
+/// Ends the jobs of the entries, by their numbers alone.
+///
+/// # Errors
+/// Slurm gave no answer: then nothing is known, and the sweep may go on.
+pub fn cancel(
+    folder: &ResultsFolder,
+    settings: &Settings,
+    entries: &[Entry],
+    shell: &dyn Shell,
+) -> Result<Cancelled, SlurmError> {
+    let look = || Queue::ask(shell, settings, entries);
+    if !look()?.is_active() {
+        return Ok(Cancelled::NothingRan);
+    }
+    // Tasks look for this too: one may be starting just now.
+    ask_to_end(folder)?;
+    let call = |arguments: &[&str], ids: Vec<String>| {
+        let words = [settings.program("scancel", arguments), ids].concat();
+        // A job that has ended meanwhile is no error.
+        shell.call(&words, QUERY)
+    };
+    let mut asked = false;
+    let gone = until(settings.cancel_grace(), || {
+        let queue = look()?;
+        let ids = queue.active_jobs();
+        if ids.is_empty() {
+            return Ok(true);
+        }
+        // What waits first: the fit would begin at the end of what it waits for.
+        call(&["--state=PENDING"], ids.clone())?;
+        if !asked {
+            call(&["--batch", "--signal=TERM"], ids)?;
+            asked = true;
+        }
+        Ok(false)
+    })?;
+    let killed = !gone && {
+        call(&[], look()?.active_jobs())?;
+        until(KILLED, || Ok(!look()?.is_active()))?
+    };
+    ask_no_more(folder)?;
+    Ok(match (gone, killed) {
+        (true, _) => Cancelled::Ended,
+        (false, true) => Cancelled::Killed,
+        (false, false) => Cancelled::StillAtWork,
+    })
+}
+
+fn until(
+    limit: Duration,
+    mut look: impl FnMut() -> Result<bool, SlurmError>,
+) -> Result<bool, SlurmError> {
+    let started = Instant::now();
+    loop {
+        if look()? {
+            return Ok(true);
+        }
+        if started.elapsed() > limit {
+            return Ok(false);
+        }
+        std::thread::sleep(POLL);
     }
 }

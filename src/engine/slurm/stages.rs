@@ -1,13 +1,15 @@
 //! The jobs of a plan as arrays of chunks, each after what it needs.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
-
-use crate::engine::slurm::chunks;
-use crate::engine::slurm::estimate::Estimates;
-use crate::engine::slurm::files::{ChunkFile, Timed};
-use crate::engine::slurm::settings::Settings;
-use crate::jobs::{Job, JobId, JobKind};
+use super::command::Settings;
+use super::files::{ChunkFile, Timed};
+use crate::files::FileError;
+use crate::jobs::gpu::Gpu;
+use crate::jobs::{Job, JobId, JobKind, JobState, ResultsFolder, probe};
+use crate::plan::{Plan, PlannedRun};
+use crate::record::flops_per_second;
 use crate::sweep::Stage;
+use burn::tensor::Device;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// A task that must have succeeded first.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -100,14 +102,14 @@ fn pack(groups: Vec<Vec<Unit>>, layout: &Layout, max_tasks: usize) -> Vec<Vec<Ve
         .collect();
     let all: f64 = seconds.iter().flatten().sum();
     let (target, parallel) = (layout.settings.target_s(), layout.settings.array_parallel());
-    let mut length = chunks::length_s(all, target, parallel);
-    let tasks = |length| seconds.iter().map(|group| chunks::count(group, length)).sum::<usize>();
+    let mut length = length_s(all, target, parallel);
+    let tasks = |length| seconds.iter().map(|group| count(group, length)).sum::<usize>();
     while tasks(length) > max_tasks.max(groups.len()) {
         length *= 1.25;
     }
     let packed = groups.into_iter().zip(&seconds).map(|(group, seconds)| {
         let units = group.into_iter().map(|unit| (unit.seconds, unit)).collect();
-        chunks::pack(units, chunks::count(seconds, length))
+        pack_chunks(units, count(seconds, length))
     });
     packed.collect()
 }
@@ -222,3 +224,103 @@ impl Arrays<'_> {
 
 #[cfg(test)]
 mod tests;
+
+// Many short jobs into few tasks of about the same length.
+
+/// Seconds below which a task is not worth its place in the queue.
+const LEAST_S: f64 = 60.0;
+
+/// Tasks that a cluster is taken to run at once, where nothing says how many.
+const ASSUMED_PARALLEL: usize = 16;
+
+/// Tasks a slot, so that the last to end does not hold up the rest for long.
+const TASKS_PER_SLOT: usize = 3;
+
+/// How long a task should be, given all the work in seconds: `target_s` at most, and so short that
+/// each of `parallel` slots gets three, but not below a minute.
+pub fn length_s(all_s: f64, target_s: f64, parallel: Option<usize>) -> f64 {
+    let tasks = TASKS_PER_SLOT * parallel.unwrap_or(ASSUMED_PARALLEL);
+    (all_s / tasks as f64).max(LEAST_S).min(target_s)
+}
+
+/// How many tasks of a length hold the work of some units, each of which stays whole.
+pub fn count(units_s: &[f64], length_s: f64) -> usize {
+    let all: f64 = units_s.iter().sum();
+    ((all / length_s).ceil() as usize).clamp(1, units_s.len().max(1))
+}
+
+/// Packs units with their seconds into `count` bins, the longest unit first, each into the bin that
+/// has least: the fullest bin holds at most 4/3 of what the best packing would (Graham 1969).
+///
+/// Bins come in the order of their work, the most first; so do the units of a bin.
+pub fn pack_chunks<T>(units: Vec<(f64, T)>, count: usize) -> Vec<Vec<T>> {
+    let mut units = units;
+    units.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut bins: Vec<(f64, Vec<T>)> = (0..count).map(|_| (0.0, Vec::new())).collect();
+    for (seconds, unit) in units {
+        let Some(least) = bins.iter_mut().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        least.0 += seconds;
+        least.1.push(unit);
+    }
+    bins.sort_by(|a, b| b.0.total_cmp(&a.0));
+    bins.into_iter().map(|(_, units)| units).filter(|units| !units.is_empty()).collect()
+}
+
+// [`Estimates`]: how long jobs take, before they have been done.
+
+/// Seconds of a job that does nothing: a process is started, and files are opened.
+const START_S: f64 = 1.0;
+
+/// Records that are read for the rate: as many tell it as well as all.
+const SAMPLE: usize = 200;
+
+/// One rate for all jobs, and where it comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimates {
+    pub flops_per_second: f64,
+    /// For a person: `as the section says`.
+    pub source: &'static str,
+}
+
+impl Estimates {
+    /// The rate that the section gives.
+    pub fn given(flops_per_second: f64) -> Self {
+        Self { flops_per_second, source: "as flops_per_second says" }
+    }
+
+    /// The rate of the finished runs of a folder; `None` where there is none.
+    ///
+    /// # Errors
+    /// A record is damaged.
+    pub fn of_records(plan: &Plan, folder: &ResultsFolder) -> Result<Option<Self>, FileError> {
+        let done = |run: &&PlannedRun| folder.state(&JobId::run(&run.run_id)) == JobState::Done;
+        let sample = plan.runs.iter().filter(done).take(SAMPLE);
+        let records: Result<Vec<_>, FileError> =
+            sample.map(|run| folder.record(&run.run_id)).collect();
+        let source = "measured by finished runs";
+        let rate = flops_per_second(records?.into_iter().flatten());
+        Ok(rate.map(|flops_per_second| Self { flops_per_second, source }))
+    }
+
+    /// The rate of a few training steps on this machine.
+    pub fn of_probe(plan: &Plan, device: &Device) -> Self {
+        let jobs = JobKind::Run.jobs(plan);
+        let flops: f64 = jobs.iter().map(|job| job.cost).sum();
+        let seconds = 3600.0 * probe::speed_of(&jobs, plan, device, 1).hours(&jobs, plan, 1);
+        let flops_per_second = if seconds > 0.0 { flops / seconds } else { f64::INFINITY };
+        Self { flops_per_second, source: "measured here by a few steps" }
+    }
+
+    /// The mean rate of a plan's runs on a card.
+    pub fn of_card(plan: &Plan, gpu: &Gpu) -> Self {
+        let jobs = JobKind::Run.jobs(plan);
+        let flops: f64 = jobs.iter().map(|job| job.cost).sum();
+        let flops_per_second = flops / (3600.0 * gpu.hours(plan, &jobs));
+        Self { flops_per_second, source: "by the MFU of engine.gpu" }
+    }
+
+    /// Seconds that a job takes on a slot of its own.
+    pub fn seconds(&self, job: &Job) -> f64 {
+        START_S + job.cost / self.flops_per_second
+    }
+}

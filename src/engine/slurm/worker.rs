@@ -1,5 +1,10 @@
 //! What a task of Slurm's does: the jobs of its chunk, as `isoflop run` would on one machine.
 
+use super::command::{QUERY, Settings, Shell};
+use super::files::{ChunkFile, SlurmFolder, token};
+use crate::engine::local::{Display, Gpus, LocalPool, LocalProcesses};
+use crate::engine::runner::Task;
+use crate::engine::{JobEnd, Runner};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -7,21 +12,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use std::{fs, io};
 
-use crate::engine::JobEnd;
-use crate::engine::contract::Task;
-use crate::engine::local::{Display, Gpus, LocalPool, LocalProcesses};
-use crate::engine::slurm::command::Shell;
-use crate::engine::slurm::files::{ChunkFile, SlurmFolder};
-use crate::engine::slurm::guard::Guarded;
-use crate::engine::slurm::settings::Settings;
-use crate::engine::slurm::submission::SubmissionTerms;
-use crate::engine::slurm::{requeue, signals, walltime};
-use crate::files::read_if_there;
+use super::submission::SubmissionTerms;
+use crate::files::{atomic, read_if_there};
 use crate::jobs::presence::is_asked_to_end;
 use crate::jobs::{Job, JobId, JobState, ResultsFolder};
-use crate::machine::memory;
-use crate::progress::Stop;
-use crate::sweep::{self, Stage};
+use crate::progress::{Beat, Stop};
+use crate::{machine, sweep};
+
+use crate::failure::Failure;
+use crate::sweep::{Stage, minutes};
 
 /// How a task ended; its exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,7 +61,7 @@ impl ChunkWorker {
         shell: &dyn Shell,
         say: &dyn Fn(&str),
     ) -> io::Result<Ended> {
-        signals::listen()?;
+        listen()?;
         let files = SlurmFolder::of(&self.folder);
         let SubmissionTerms { settings, device, track, .. } =
             appear(&files.written(self.task.submission), FIRST_FILES)?;
@@ -85,17 +84,15 @@ impl ChunkWorker {
                 track,
                 untracked: OnceLock::new(),
             },
-            end: walltime::end(&settings, shell),
+            end: end(&settings, shell),
             chunk: &chunk,
             worked: AtomicBool::new(false),
             out_of_time: &out_of_time,
         };
         let ended = self.pool(&chunk, &guarded, self.slots(&settings), &stop);
         guarded.processes.untracked().iter().for_each(|line| say(&format!("warning: {line}")));
-        if ended == Ended::Interrupted
-            && (out_of_time.load(Ordering::SeqCst) || signals::time_is_up())
-        {
-            say(&requeue::requeue(
+        if ended == Ended::Interrupted && (out_of_time.load(Ordering::SeqCst) || time_is_up()) {
+            say(&requeue(
                 &files.requeues(self.task.submission, &self.task.array, self.task.index),
                 &settings,
                 shell,
@@ -122,7 +119,7 @@ impl ChunkWorker {
                 stop,
                 fail_fast: false,
                 display: &display,
-                memory_bytes: memory::available(),
+                memory_bytes: machine::available(),
                 timeline: None,
             };
             let reports = pool.execute(jobs);
@@ -151,7 +148,7 @@ impl ChunkWorker {
             if due {
                 looked = Some(Instant::now());
             }
-            if signals::time_is_up() || signals::to_end() || cancelled {
+            if time_is_up() || to_end() || cancelled {
                 stop.raise();
             }
             std::thread::sleep(LOOK);
@@ -226,9 +223,135 @@ fn patiently(grace: Duration, mut look: impl FnMut() -> bool) -> bool {
         if look() {
             return true;
         }
-        if started.elapsed() >= grace || signals::to_end() {
+        if started.elapsed() >= grace || to_end() {
             return false;
         }
         std::thread::sleep(RELIST.min(grace));
+    }
+}
+
+// What Slurm tells a task by signals: its time is nearly up (USR2), or it is to end (TERM).
+
+static TIME_IS_UP: AtomicBool = AtomicBool::new(false);
+static TO_END: AtomicBool = AtomicBool::new(false);
+
+/// Whether the warning before the time limit has come.
+pub fn time_is_up() -> bool {
+    TIME_IS_UP.load(Ordering::SeqCst)
+}
+
+/// Whether the task was asked to end: cancelled, preempted, or beyond its time.
+pub fn to_end() -> bool {
+    TO_END.load(Ordering::SeqCst)
+}
+
+/// Notes signals from here on. However often they come, the task ends in good order.
+///
+/// # Errors
+/// The system takes no handlers.
+pub fn listen() -> io::Result<()> {
+    use nix::sys::signal::{SaFlags, SigAction, SigHandler, SigSet, Signal, sigaction};
+
+    extern "C" fn note(signal: i32) {
+        let flag = if signal == Signal::SIGUSR2 as i32 { &TIME_IS_UP } else { &TO_END };
+        flag.store(true, Ordering::SeqCst);
+    }
+    let action = SigAction::new(SigHandler::Handler(note), SaFlags::SA_RESTART, SigSet::empty());
+    for signal in [Signal::SIGUSR2, Signal::SIGTERM, Signal::SIGINT, Signal::SIGHUP] {
+        // SAFETY: the handler does nothing but store to an atomic, which a handler may.
+        unsafe { sigaction(signal, &action) }.map_err(io::Error::from)?;
+    }
+    Ok(())
+}
+
+// How long a task may still run.
+
+/// When the task of this process is over; `None` where it has no limit, or Slurm does not say.
+pub fn end(settings: &Settings, shell: &dyn Shell) -> Option<Instant> {
+    let id = std::env::var("SLURM_JOB_ID").ok()?;
+    let words = settings.program("squeue", &["-h", "-j", &id, "-o", "%L"]);
+    let said = shell.ask(&words, QUERY).ok()?;
+    let left = minutes(said.lines().next()?)?;
+    Instant::now().checked_add(Duration::from_secs_f64(60.0 * left))
+}
+
+// A task whose time is over puts itself back into the queue, a limited number of times.
+
+/// Asks Slurm to start this task again, and says so in a sentence; or says why not. Times are counted
+/// by files in `folder`, since Slurm's own count is of restarts for every reason.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub fn requeue(folder: &Path, settings: &Settings, shell: &dyn Shell) -> io::Result<String> {
+    let most = settings.max_requeues();
+    let times = fs::read_dir(folder).map_or(0, Iterator::count);
+    if times >= most {
+        return Ok(format!(
+            "the time limit is reached; this task has put itself back into the queue {times} times of {most} \
+             that it may, so the rest waits for `isoflop run`"
+        ));
+    }
+    let Some(name) = name() else {
+        return Ok("the time limit is reached, and this task does not know its number".to_string());
+    };
+    atomic::write_json(&folder.join(token()?), &name)?;
+    let words = settings.program("scontrol", &["requeue", &name]);
+    Ok(match shell.ask(&words, QUERY) {
+        Ok(_) => "the time limit is reached; this task is back in the queue and goes on later"
+            .to_string(),
+        Err(error) => {
+            format!("the time limit is reached, and the task could not be requeued: {error}")
+        }
+    })
+}
+
+/// This task, as Slurm names it.
+fn name() -> Option<String> {
+    let of = |name| std::env::var(name).ok();
+    match (of("SLURM_ARRAY_JOB_ID"), of("SLURM_ARRAY_TASK_ID")) {
+        (Some(job), Some(index)) => Some(format!("{job}_{index}")),
+        _ => of("SLURM_JOB_ID"),
+    }
+}
+
+// [`Guarded`]: starts no job that the task's time would not do for.
+
+/// Worker processes within a time limit.
+pub struct Guarded<'a> {
+    pub processes: LocalProcesses,
+    /// When the task is over; `None` where it has no limit.
+    pub end: Option<Instant>,
+    /// How long each job takes.
+    pub chunk: &'a ChunkFile,
+    /// Whether a job ended since this task began. One that is longer than any limit must be begun
+    /// all the same: it goes on from checkpoints, task after task.
+    pub worked: AtomicBool,
+    /// Raised when a job was not begun.
+    pub out_of_time: &'a AtomicBool,
+}
+
+impl Guarded<'_> {
+    fn is_too_late(&self, job: &Job) -> bool {
+        let timed = self.chunk.jobs.iter().find(|timed| timed.job.id == job.id);
+        let left = self.end.map(|end| end.saturating_duration_since(Instant::now()).as_secs_f64());
+        let short = timed.zip(left).is_some_and(|(timed, left)| left < timed.seconds);
+        short && self.worked.load(Ordering::SeqCst)
+    }
+}
+
+impl Runner for Guarded<'_> {
+    fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
+        if self.is_too_late(job) {
+            self.out_of_time.store(true, Ordering::SeqCst);
+            stop.raise();
+            return JobEnd::Stopped;
+        }
+        let end = self.processes.run(job, stop, beat);
+        self.worked.fetch_or(end == JobEnd::Done, Ordering::SeqCst);
+        end
+    }
+
+    fn give_up(&self, job: &Job, failure: Failure) -> Failure {
+        self.processes.give_up(job, failure)
     }
 }

@@ -8,8 +8,8 @@ use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::batch::Batch;
-use super::places::Places;
+use super::batch::{Batch, Places};
+
 use crate::codes::Grid;
 use crate::generator::Network;
 use crate::generator::stack::{Backbone, Block, EPSILON, heads_loss, heads_nll, kernels_of};

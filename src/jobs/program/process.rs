@@ -13,7 +13,7 @@ use crate::failure::{Failure, FailureKind};
 use crate::jobs::exit::killed_by;
 use crate::jobs::program::guard::{DONE, LOCK, MARK, READY};
 use crate::jobs::program::log::bound;
-use crate::machine::oom::Kills;
+use crate::machine::Kills;
 use crate::progress::{Beat, Said, Stop};
 
 /// How often the program and the stop flag are looked at.

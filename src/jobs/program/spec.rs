@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::codes::TokenStore;
 use crate::jobs::folder::CHECKPOINT;
 use crate::jobs::{ResultsFolder, frozen_sweep};
-use crate::machine::cards::CARDS;
+use crate::machine::CARDS;
 use crate::plan::{RunSpec, bytes_on_card};
 use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, TARGETS_PER_PASS};
 

@@ -1,6 +1,6 @@
 //! What types alone cannot say of the `engine` section and of a profile file.
 
-use crate::machine::cards::CARDS;
+use crate::machine::CARDS;
 use crate::sweep::nearest::nearest;
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::{Amount, Count, EngineSection, Resources, SlurmSection, Stage, Sweep};

@@ -7,7 +7,8 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_yaml::Value;
 
-use crate::machine::cards::{self, Card};
+use crate::machine;
+use crate::machine::Card;
 use crate::units::number;
 
 /// The `engine` section: how an engine is to be used, not which: that is `--engine`.
@@ -29,7 +30,7 @@ pub struct EngineSection {
 impl EngineSection {
     /// The card of `gpu`; `None` if it is left out or not known.
     pub fn card(&self) -> Option<&'static Card> {
-        self.gpu.as_deref().and_then(cards::find)
+        self.gpu.as_deref().and_then(machine::find)
     }
 }
 

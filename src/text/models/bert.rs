@@ -3,9 +3,9 @@
 use candle_core::Tensor;
 use candle_transformers::models::bert::{BertModel, Config};
 
-use super::folder::ModelFolder;
-use super::network::Network;
-use crate::text::error::TextError;
+use super::folder::{ModelFolder, Network};
+
+use crate::text::store::TextError;
 
 /// The network and the width of its states.
 pub fn load(folder: &ModelFolder) -> Result<(Box<dyn Network>, usize), TextError> {

@@ -1,16 +1,20 @@
 //! [`ModelFolder`]: the files of a model, read and checked.
 
+use crate::files::FileError;
+use crate::spec::TextStates;
+use crate::text::store::TextError;
+use candle_core::{D, DType, Device, IndexOp, Tensor};
+use candle_nn::VarBuilder;
+use candle_transformers::models::clip::text_model::{
+    Activation, ClipTextConfig, ClipTextTransformer,
+};
+use candle_transformers::models::llama::{Cache, Config, Llama, LlamaConfig};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-
-use candle_core::{DType, Device, Tensor};
-use candle_nn::VarBuilder;
-use serde::de::DeserializeOwned;
 use tokenizers::{Tokenizer, TruncationParams};
-
-use crate::files::FileError;
-use crate::text::error::TextError;
 
 const CONFIG: &str = "config.json";
 const TOKENIZER: &str = "tokenizer.json";
@@ -112,4 +116,169 @@ impl ModelFolder {
 /// What an error says, without the stack that candle adds where `RUST_BACKTRACE` is set.
 pub fn first_line(error: &candle_core::Error) -> String {
     error.to_string().lines().next().unwrap_or_default().to_string()
+}
+
+// [`Network`]: what every model is to its encoder.
+
+/// What a model makes of captions.
+pub trait Network: Send + Sync {
+    /// States of the tokens of captions of one length, `[n, tokens]` to `[n, tokens, dim]`.
+    fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor>;
+
+    /// One vector a caption, `[n, dim]`, of its tokens and their states; by default the mean of these.
+    fn sentence(&self, _ids: &Tensor, states: &Tensor) -> candle_core::Result<Tensor> {
+        states.mean(1)
+    }
+}
+
+// LLaMA: the states of its last layer, which LG-Tok reads.
+
+/// candle's LLaMA gives logits of the last position alone. Its head is replaced by the identity, so that
+/// logits are states, and tokens go through one after another, each seeing those before it.
+struct States {
+    model: Llama,
+    config: Config,
+}
+
+const HEAD: &str = "lm_head.weight";
+const BODY: &str = "model.";
+
+/// The network and the width of its states.
+pub fn load(folder: &ModelFolder) -> Result<(Box<dyn Network>, usize), TextError> {
+    let config: LlamaConfig = folder.config()?;
+    let config = Config { tie_word_embeddings: false, ..config.into_config(false) };
+    let width = config.hidden_size;
+    let mut weights = prefixed(folder.weights()?);
+    let head =
+        identity(config.vocab_size, width).map_err(|error| folder.failed(first_line(&error)))?;
+    weights.insert(HEAD.to_string(), head);
+    let model = folder.network(weights, |weights| Llama::load(weights, &config))?;
+    Ok((Box::new(States { model, config }), width))
+}
+
+/// Weights by the names of a whole model, those of a body without its head too.
+fn prefixed(weights: HashMap<String, Tensor>) -> HashMap<String, Tensor> {
+    if weights.keys().any(|name| name.starts_with(BODY)) {
+        return weights;
+    }
+    weights.into_iter().map(|(name, tensor)| (format!("{BODY}{name}"), tensor)).collect()
+}
+
+/// `[rows, width]`: a row a channel, then rows of zeros.
+fn identity(rows: usize, width: usize) -> candle_core::Result<Tensor> {
+    let own = Tensor::eye(width, DType::F32, &Device::Cpu)?;
+    if rows <= width {
+        return own.narrow(0, 0, rows);
+    }
+    let rest = Tensor::zeros((rows - width, width), DType::F32, &Device::Cpu)?;
+    Tensor::cat(&[own, rest], 0)
+}
+
+impl Network for States {
+    fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor> {
+        let (_, n_tokens) = ids.dims2()?;
+        let mut cache = Cache::new(true, DType::F32, &self.config, &Device::Cpu)?;
+        let state = |place: usize| {
+            let token = ids.i((.., place..place + 1))?;
+            let logits = self.model.forward(&token, place, &mut cache)?;
+            logits.narrow(1, 0, self.config.hidden_size)
+        };
+        let states = (0..n_tokens).map(state).collect::<candle_core::Result<Vec<_>>>()?;
+        Tensor::stack(&states, 1)
+    }
+}
+
+// CLIP's text tower: states of the words, or the vector of the sentence.
+
+/// What is read of `config.json`: of a text tower alone, or of the tower in a whole model.
+#[derive(Deserialize)]
+struct ClipConfig {
+    text_config: Option<TextConfig>,
+    #[serde(flatten)]
+    own: Option<TextConfig>,
+}
+
+#[derive(Clone, Deserialize)]
+struct TextConfig {
+    vocab_size: usize,
+    hidden_size: usize,
+    intermediate_size: usize,
+    max_position_embeddings: usize,
+    num_hidden_layers: usize,
+    num_attention_heads: usize,
+    #[serde(default = "quick_gelu")]
+    hidden_act: String,
+}
+
+fn quick_gelu() -> String {
+    "quick_gelu".to_string()
+}
+
+struct Clip {
+    tower: ClipTextTransformer,
+    /// `[projected, dim]`, of the sentence.
+    projection: Option<Tensor>,
+}
+
+/// The network and the width of its vectors.
+pub fn load_clip(
+    folder: &ModelFolder,
+    states: TextStates,
+) -> Result<(Box<dyn Network>, usize), TextError> {
+    let config: ClipConfig = folder.config()?;
+    let own = config.text_config.or(config.own);
+    let own = own.ok_or_else(|| folder.failed("config.json: it describes no text tower"))?;
+    if own.hidden_act != quick_gelu() {
+        return Err(folder.failed(format!(
+            "config.json: its activation is {}, and only quick_gelu, that of OpenAI's CLIP, is built",
+            own.hidden_act
+        )));
+    }
+    let weights = folder.weights()?;
+    let projection = weights.get("text_projection.weight").cloned();
+    let width = match (states, &projection) {
+        (TextStates::Words, _) => own.hidden_size,
+        (TextStates::Sentence, Some(projection)) => projection.dims()[0],
+        (TextStates::Sentence, None) => {
+            return Err(folder.failed("it has no text_projection, which makes a sentence's vector"));
+        }
+    };
+    let shape = shape(&own);
+    let load = |weights: candle_nn::VarBuilder<'_>| {
+        ClipTextTransformer::new(weights.pp("text_model"), &shape)
+    };
+    let tower = folder.network(weights, load)?;
+    Ok((Box::new(Clip { tower, projection }), width))
+}
+
+fn shape(config: &TextConfig) -> ClipTextConfig {
+    ClipTextConfig {
+        vocab_size: config.vocab_size,
+        embed_dim: config.hidden_size,
+        activation: Activation::QuickGelu,
+        intermediate_size: config.intermediate_size,
+        max_position_embeddings: config.max_position_embeddings,
+        pad_with: None,
+        num_hidden_layers: config.num_hidden_layers,
+        num_attention_heads: config.num_attention_heads,
+        projection_dim: config.hidden_size,
+    }
+}
+
+impl Network for Clip {
+    fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor> {
+        self.tower.forward_with_mask(ids, usize::MAX)
+    }
+
+    /// The state of the end token, which has the largest id, projected.
+    fn sentence(&self, ids: &Tensor, states: &Tensor) -> candle_core::Result<Tensor> {
+        let ends: Vec<u32> = ids.argmax(D::Minus1)?.to_vec1()?;
+        let of = |(caption, end): (usize, &u32)| states.i((caption, *end as usize));
+        let ends = ends.iter().enumerate().map(of).collect::<candle_core::Result<Vec<_>>>()?;
+        let ends = Tensor::stack(&ends, 0)?;
+        match &self.projection {
+            Some(projection) => ends.matmul(&projection.t()?),
+            None => Ok(ends),
+        }
+    }
 }

@@ -5,10 +5,7 @@
 //! of tokens go through the model together, so that none is padded.
 
 mod bert;
-mod clip;
 mod folder;
-mod llama;
-mod network;
 mod t5;
 
 use std::collections::BTreeMap;
@@ -17,11 +14,10 @@ use std::path::{Path, PathBuf};
 use candle_core::{DType, Device, Tensor};
 use tokenizers::Tokenizer;
 
-use super::encoder::TextEncoder;
-use super::error::TextError;
+use super::store::{TextEncoder, TextError};
+
 use crate::spec::{TextEncoderKind, TextSpec, TextStates};
-use folder::{ModelFolder, first_line};
-use network::Network;
+use folder::{ModelFolder, Network, first_line};
 
 /// Captions that go through a model together.
 const BATCH: usize = 32;
@@ -46,8 +42,8 @@ impl LocalModel {
         let folder = ModelFolder::open(path)?;
         let (network, found): (Box<dyn Network>, usize) = match spec.encoder {
             TextEncoderKind::T5 => t5::load(&folder)?,
-            TextEncoderKind::Clip => clip::load(&folder, spec.states)?,
-            TextEncoderKind::Llama => llama::load(&folder)?,
+            TextEncoderKind::Clip => folder::load_clip(&folder, spec.states)?,
+            TextEncoderKind::Llama => folder::load(&folder)?,
             _ => bert::load(&folder)?,
         };
         if found != spec.dim {

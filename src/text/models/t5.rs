@@ -5,9 +5,9 @@ use std::sync::{Mutex, PoisonError};
 use candle_core::Tensor;
 use candle_transformers::models::t5::{Config, T5EncoderModel};
 
-use super::folder::ModelFolder;
-use super::network::Network;
-use crate::text::error::TextError;
+use super::folder::{ModelFolder, Network};
+
+use crate::text::store::TextError;
 
 /// The network and the width of its states.
 pub fn load(folder: &ModelFolder) -> Result<(Box<dyn Network>, usize), TextError> {

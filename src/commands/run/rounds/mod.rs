@@ -1,27 +1,23 @@
 //! `isoflop run --rounds`: a part of the grid at a time, until a prediction is sharp enough.
 
-mod history;
-mod next;
-mod words;
-
-use std::collections::HashSet;
-use std::ops::ControlFlow;
-
-use anyhow::{Context, Result, bail};
-use isoflop::plan::Plan;
-use isoflop::record::{RunRecord, table};
-
 use super::args::RunArgs;
 use super::bring::{bring, hold, open};
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;
-use crate::commands::fit::{fit_records, options};
+use crate::commands::fit::{fit_records, options, points};
 use crate::commands::output::Output;
+use crate::commands::plan_text::time;
 use crate::commands::predict::predict_one;
-use history::{AfterRound, History, Round};
-use next::next;
-use words::{price, said};
+use anyhow::{Context, Result, bail};
+use isoflop::files::{atomic, read_if_there};
+use isoflop::jobs::{JobState, ResultsFolder};
+use isoflop::laws::{DesignGoal, OpenRun, next_runs};
+use isoflop::plan::{Plan, PlannedRun};
+use isoflop::record::{RunRecord, flops_per_second, table};
+use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
+use std::ops::ControlFlow;
 
 /// Rounds of runs until the interval is as narrow as asked, the rounds are over or the grid is.
 ///
@@ -135,12 +131,192 @@ fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> AfterRound {
 
 /// Why the rounds are over.
 fn conclude(args: &RunArgs, plan: &Plan, history: &History, output: &Output) {
-    let taken = words::taken(plan, history);
+    let taken = taken(plan, history);
     let met = history.known().is_some_and(|known| is_met(known, args.options.until));
     match args.options.until {
         Some(until) if !met => {
             output.warn(&format!("{taken}; the interval is wider than --until {until}"));
         }
         _ => output.note(&taken),
+    }
+}
+
+// What is said before and after a round.
+
+/// What a round is about to cost.
+fn price(plan: &Plan, history: &History, records: Vec<RunRecord>) -> String {
+    let (number, total) = (history.rounds.len(), plan.total_flops());
+    let Some(round) = history.rounds.last() else { return String::new() };
+    let rate = flops_per_second(records);
+    let hours = rate.map_or_else(String::new, |rate| {
+        format!(", {} of a core", time(round.flops / rate / 3600.0))
+    });
+    format!(
+        "round {number}: {} runs, {:.2e} FLOPs{hours}; {:.0} % of the grid so far",
+        round.runs.len(),
+        round.flops,
+        100.0 * history.flops() / total
+    )
+}
+
+/// What is known after a round.
+fn said(number: usize, known: &AfterRound) -> String {
+    let (Some(loss), Some([low, high])) = (known.loss_normalised, known.loss_ci95) else {
+        return format!("round {number}: no prediction yet");
+    };
+    let budget = known.budget_flops;
+    let width = known.half_width().map(|width| format!("±{:.1} %", 100.0 * width));
+    let width = width.unwrap_or_else(|| "no forecast tested yet".to_string());
+    format!("round {number}: L_u at {budget:e} is {loss:.3} ({low:.3} to {high:.3}), {width}")
+}
+
+/// How much of the grid the rounds took.
+fn taken(plan: &Plan, history: &History) -> String {
+    format!(
+        "{} rounds took {} of {} runs and {:.0} % of the grid's FLOPs",
+        history.rounds.len(),
+        history.runs().count(),
+        plan.runs.len(),
+        100.0 * history.flops() / plan.total_flops()
+    )
+}
+
+// The runs of the next round, out of the grid's.
+
+/// The share of the grid's FLOPs that a round spends at least, where windows grow.
+const SHARE: f64 = 0.03;
+
+/// The runs of the next round, by id, after `records` of those before; none where the grid is trained.
+fn next(
+    whole: &OpenSweep,
+    records: &[RunRecord],
+    history: &History,
+    budget_flops: f64,
+) -> Vec<String> {
+    let (points, _) = points(records, whole.sweep.flops.rule);
+    let (taken, states): (HashSet<&str>, _) = (history.runs().collect(), whole.folder.run_states());
+    let is_open = |run: &&PlannedRun| {
+        !taken.contains(run.run_id.as_str()) && states.of(&run.run_id) != JobState::Failed
+    };
+    let open: Vec<&PlannedRun> = whole.plan.runs.iter().filter(is_open).collect();
+    let offered: Vec<OpenRun> = open.iter().map(|run| open_run(&whole.plan, run)).collect();
+    let spend_flops = SHARE * whole.plan.total_flops();
+    let chosen = next_runs(&points, &offered, DesignGoal { budget_flops, spend_flops });
+    chosen.into_iter().map(|i| open[i].run_id.clone()).collect()
+}
+
+fn open_run(plan: &Plan, run: &PlannedRun) -> OpenRun {
+    let unique_tokens = plan.data.unique_tokens(&run.spec.codes);
+    OpenRun {
+        budget_flops: run.spec.budget_flops,
+        flops: run.spec.budget_flops,
+        params_nonvocab: run.params.nonvocab as f64,
+        n_vocab: run.spec.n_vocab() as f64,
+        tokens: run.spec.tokens() as f64,
+        unique_tokens: (unique_tokens > 0).then_some(unique_tokens as f64),
+    }
+}
+
+// `rounds.json`: which runs each round took, and what was known after it.
+
+const FILE: &str = "rounds.json";
+
+/// The rounds of a sweep so far.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+struct History {
+    pub rounds: Vec<Round>,
+}
+
+/// Some runs of the grid, trained together.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+struct Round {
+    pub runs: Vec<String>,
+    /// What they cost, in FLOPs of their budgets.
+    pub flops: f64,
+    /// After them; absent before they are trained.
+    pub known: Option<AfterRound>,
+}
+
+/// The prediction that rounds sharpen.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+struct AfterRound {
+    /// The budget that is predicted.
+    pub budget_flops: f64,
+    /// L_u and its 95 % interval; absent where the runs tell no laws yet.
+    pub loss_normalised: Option<f64>,
+    pub loss_ci95: Option<[f64; 2]>,
+    /// Whether forecasts of the laws were tested by larger budgets of the sweep. Before that an
+    /// interval rests on the noise of the runs and on what is expected of any law.
+    pub is_tested: bool,
+}
+
+impl AfterRound {
+    /// Half the interval over the loss; none before it is tested.
+    pub fn half_width(&self) -> Option<f64> {
+        let ([low, high], loss) = (self.loss_ci95?, self.loss_normalised?);
+        self.is_tested.then(|| 0.5 * (high - low) / loss.abs())
+    }
+}
+
+impl History {
+    /// What a folder holds. Where it holds runs and no rounds, those runs are the first.
+    ///
+    /// # Errors
+    /// A damaged file, and rounds of another grid.
+    pub fn read(folder: &ResultsFolder, plan: &Plan) -> Result<Self> {
+        let path = folder.file(FILE);
+        let Some(history) = read_if_there::<Self>(&path)? else {
+            let states = folder.run_states();
+            let is_done = |id: &&String| states.of(id) == JobState::Done;
+            let done: Vec<String> =
+                plan.runs.iter().map(|run| &run.run_id).filter(is_done).cloned().collect();
+            let rounds = if done.is_empty() { Vec::new() } else { vec![Round::of(done, plan)] };
+            return Ok(Self { rounds });
+        };
+        let planned: HashSet<&str> = plan.runs.iter().map(|run| run.run_id.as_str()).collect();
+        let strange = history.runs().filter(|id| !planned.contains(id)).count();
+        if strange > 0 {
+            bail!(
+                "{} has {strange} runs that this sweep does not plan: its grid, data or training were \
+                 changed since; remove the file, and what is trained already counts as the first round",
+                path.display()
+            );
+        }
+        Ok(history)
+    }
+
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, folder: &ResultsFolder) -> Result<()> {
+        Ok(atomic::write_json(&folder.file(FILE), self)?)
+    }
+
+    /// The runs of all rounds, by id.
+    pub fn runs(&self) -> impl Iterator<Item = &str> {
+        self.rounds.iter().flat_map(|round| &round.runs).map(String::as_str)
+    }
+
+    /// What was known after the last round, if that is over.
+    pub fn known(&self) -> Option<&AfterRound> {
+        self.rounds.last()?.known.as_ref()
+    }
+
+    /// Whether a round is begun and not over.
+    pub fn is_open(&self) -> bool {
+        self.rounds.last().is_some_and(|round| round.known.is_none())
+    }
+
+    pub fn flops(&self) -> f64 {
+        self.rounds.iter().map(|round| round.flops).sum()
+    }
+}
+
+impl Round {
+    /// A round that is not over.
+    pub fn of(runs: Vec<String>, plan: &Plan) -> Self {
+        let own: HashSet<&str> = runs.iter().map(String::as_str).collect();
+        let planned = plan.runs.iter().filter(|run| own.contains(run.run_id.as_str()));
+        let flops = planned.map(|run| run.spec.budget_flops).sum();
+        Self { flops, runs, known: None }
     }
 }

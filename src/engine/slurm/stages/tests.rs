@@ -1,6 +1,7 @@
 //! Arrays of made-up jobs.
 
 use super::*;
+use proptest::prelude::*;
 
 fn kind(word: &str) -> JobKind {
     word.parse().expect("a kind of job")
@@ -131,4 +132,39 @@ fn what_is_in_the_queue_is_waited_for_and_not_submitted_again() {
 #[test]
 fn nothing_to_do_makes_no_array() {
     assert!(lay_out(&[], "{}", &[], 1001).is_empty());
+}
+
+#[test]
+fn the_longest_come_first_and_bins_are_level() {
+    let units = [3.0, 5.0, 2.0, 4.0, 2.0].map(|s| (s, s));
+    assert_eq!(pack_chunks(units.to_vec(), 2), [vec![5.0, 2.0, 2.0], vec![4.0, 3.0]]);
+}
+
+#[test]
+fn a_small_sweep_is_spread_and_a_large_one_fills_its_tasks() {
+    assert_eq!(length_s(600.0, 1800.0, None), 60.0);
+    assert_eq!(length_s(6.0 * 3600.0, 1800.0, None), 450.0);
+    assert_eq!(length_s(6.0 * 3600.0, 1800.0, Some(2)), 1800.0);
+    assert_eq!(length_s(600.0, 3.0, None), 3.0);
+    assert_eq!(count(&[50.0, 50.0, 50.0], 60.0), 3);
+    assert_eq!(count(&[1.0; 100], 60.0), 2);
+    assert_eq!(count(&[500.0], 60.0), 1);
+}
+
+proptest! {
+    #[test]
+    fn every_unit_is_in_one_bin_and_no_bin_is_far_too_full(
+        seconds in prop::collection::vec(0.1f64..100.0, 1..60), bins in 1usize..12,
+    ) {
+        let units: Vec<(f64, usize)> = seconds.iter().copied().zip(0..).collect();
+        let packed = pack_chunks(units, bins);
+        let mut all: Vec<usize> = packed.iter().flatten().copied().collect();
+        all.sort_unstable();
+        prop_assert_eq!(all, (0..seconds.len()).collect::<Vec<_>>());
+        let load = |bin: &Vec<usize>| bin.iter().map(|i| seconds[*i]).sum::<f64>();
+        let fullest = packed.iter().map(load).fold(0.0, f64::max);
+        let longest = seconds.iter().copied().fold(0.0, f64::max);
+        let fair = seconds.iter().sum::<f64>() / bins as f64;
+        prop_assert!(fullest <= fair + longest + 1e-9);
+    }
 }

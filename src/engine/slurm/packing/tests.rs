@@ -1,15 +1,14 @@
-//! Submissions to a Slurm that is made up.
+//! Tests of the module above.
 
+use super::super::command::{Answer, Settings};
+use super::super::files::{ChunkFile, SlurmFolder};
+use super::*;
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use super::*;
-use crate::engine::slurm::command::Answer;
-use crate::engine::slurm::files::{ChunkFile, SlurmFolder};
-use crate::engine::slurm::settings::Settings;
-use crate::engine::slurm::stages::{After, Array};
-use crate::engine::slurm::submission::SubmissionTerms;
+use super::super::stages::{After, Array};
+use super::super::submission::SubmissionTerms;
 use crate::jobs::ResultsFolder;
 use crate::sweep::Stage;
 

@@ -1,12 +1,31 @@
-//! Tests on files of a few captions, sound and damaged.
-
-use std::fs;
-
-use safetensors::tensor::{Dtype, TensorView, serialize};
-use tempfile::TempDir;
+//! Tests of the module above.
 
 use super::*;
 use crate::failure::FailureKind;
+use safetensors::tensor::{Dtype, TensorView, serialize};
+use std::fs;
+use tempfile::TempDir;
+
+fn missing(n: usize) -> String {
+    let captions = (0..n).map(|i| format!("he sits {i}")).collect();
+    TextError::Missing { captions, file: "a/b".into() }.to_string()
+}
+
+#[test]
+fn missing_captions_are_counted_and_the_first_are_named() {
+    assert!(missing(1).starts_with("a/b has no vectors for the caption `he sits 0`;"));
+    assert!(missing(2).contains("for 2 captions: `he sits 0`, `he sits 1`;"));
+    assert!(missing(9).contains("for 9 captions, among them `he sits 0`, `he sits 1`, `he"));
+    assert!(!missing(9).contains("he sits 3"));
+}
+
+#[test]
+fn what_is_wrong_with_the_data_is_told_from_what_is_wrong_with_a_file() {
+    let width = TextError::Width { found: 384, wanted: 64, file: "a".into() };
+    assert_eq!(width.failure_kind(), FailureKind::BadData);
+    let full = FileError::write("a".as_ref())(std::io::Error::from_raw_os_error(28));
+    assert_eq!(TextError::from(full).failure_kind(), FailureKind::DiskFull);
+}
 
 /// A file of vectors of width 2: one for "he sits", three for "she runs".
 struct Sample {
