@@ -13,6 +13,10 @@ lint:
 doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --release --no-deps --document-private-items
 
+# Lines of code, comments and tests by room
+count:
+    python3 tests/count.py
+
 # All tests
 test:
     cargo test --release
