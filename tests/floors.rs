@@ -19,7 +19,13 @@ use allowed::ALLOWED;
 use circles::circles;
 use tree::{Edge, Tree};
 
-const LIBRARIES: [&str; 2] = ["src/lib.rs", "crates/laws/src/lib.rs"];
+const LIBRARIES: [&str; 5] = [
+    "src/lib.rs",
+    "crates/laws/src/lib.rs",
+    "crates/model/src/lib.rs",
+    "crates/motion/src/lib.rs",
+    "crates/spec/src/lib.rs",
+];
 const PROGRAM: &str = "src/main.rs";
 
 /// A line of the table.

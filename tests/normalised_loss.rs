@@ -18,8 +18,8 @@ use isoflop::learn::Checkpoints;
 use isoflop::learn::params::{below, unit};
 use isoflop::learn::weights;
 use isoflop::ops::Kernels;
-use isoflop::plan::RunSpec;
 use isoflop::progress::Step;
+use isoflop::spec::RunSpec;
 use isoflop::spec::{GeneratorSpec, ModelShape};
 
 /// An index drawn with these probabilities.

@@ -17,8 +17,8 @@ use isoflop::generator::{self, GeneratorError, Trained, Training};
 use isoflop::learn::params::below;
 use isoflop::learn::weights;
 use isoflop::learn::{Branch, Checkpoints, LearnError};
-use isoflop::plan::RunSpec;
 use isoflop::progress::{Progress, Step};
+use isoflop::spec::RunSpec;
 
 const N_VOCAB: usize = 9;
 const STEPS: usize = 13;

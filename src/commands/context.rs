@@ -9,7 +9,8 @@ use isoflop::data::{self, DataFacts, MotionSource};
 use isoflop::jobs::ResultsFolder;
 use isoflop::plan::{Plan, demand};
 use isoflop::spec::FlopsRule;
-use isoflop::sweep::{self, Clips, DataSource, Origin, Sweep};
+use isoflop::spec::{Clips, DataSource, Origin};
+use isoflop::sweep::{self, Sweep};
 use isoflop::text::{self, TextEncoder};
 
 use super::exit::SweepArgs;

@@ -12,8 +12,9 @@ use super::history::rates;
 use super::job::Job;
 use super::speed::{Rate, rate_at};
 use crate::machine::Card;
-use crate::plan::{Plan, PlannedRun, RunSpec, Trunk, bytes_on_card};
+use crate::plan::{Plan, PlannedRun, Trunk, bytes_on_card};
 use crate::record::RunRecord;
+use crate::spec::RunSpec;
 
 /// N_nv of a model and its MFU in bf16, without the optimiser's part of a step.
 ///

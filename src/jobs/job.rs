@@ -8,10 +8,11 @@ use serde::{Deserialize, Serialize};
 use super::id::JobId;
 use super::kind::JobKind;
 use crate::plan::{
-    EvaluatorJob, Plan, PlannedRun, ScoreJob, TextJob, TokenizerJob, Trunk, evaluator_peak_bytes,
+    EvaluatorJob, Plan, PlannedRun, ScoreJob, TextJob, Trunk, evaluator_peak_bytes,
     text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes,
 };
 use crate::spec::ModelShape;
+use crate::spec::TokenizerJob;
 
 /// One thing to do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -36,7 +36,6 @@ pub mod probe;
 pub mod program;
 mod record;
 mod run;
-mod scales;
 mod score;
 mod spec_file;
 pub mod speed;

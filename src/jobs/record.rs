@@ -7,10 +7,10 @@ use super::program::TrainerResult;
 use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::generator::{Sums, losses_by_block};
-use crate::plan::{RunSpec, TokenizerJob};
 use crate::record::facts::{LOSS_NATS, LOSS_NORMALISED, NATS_PER_FRAME, NATS_PER_SECOND};
 use crate::record::{Measured, Metrics, Planned, RunRecord, block_metric};
 use crate::spec::flops::TRAINING_PER_FORWARD;
+use crate::spec::{RunSpec, TokenizerJob};
 
 /// Frames of a code that stands for no fixed number of them.
 const FRAMES_PER_CODE: f64 = 4.0;

@@ -11,8 +11,8 @@ use crate::files::atomic::{write_json, write_json_lines};
 use crate::generator::{self, Trained};
 use crate::learn::weights;
 use crate::machine::peak::peak_bytes;
-use crate::plan::RunSpec;
 use crate::progress::beats;
+use crate::spec::RunSpec;
 
 /// Trains a run from where it stands, or has a program of somebody's own do so; its record is
 /// written whole, after everything else.

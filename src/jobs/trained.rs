@@ -16,7 +16,7 @@ use crate::data::Split;
 use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::params::below;
 use crate::learn::weights;
-use crate::plan::RunSpec;
+use crate::spec::RunSpec;
 use crate::text::{self, TextEncoder, as_in_data};
 use crate::tokenizer::Tokenizer;
 

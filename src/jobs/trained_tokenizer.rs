@@ -12,7 +12,7 @@ use super::kind::JobKind;
 use super::trained::find;
 use crate::codes::TokenStore;
 use crate::data::{self, Split};
-use crate::plan::{RunSpec, TokenizerJob};
+use crate::spec::{RunSpec, TokenizerJob};
 use crate::text::{self, TextEncoder, TextStore, as_in_data};
 use crate::tokenizer::{Corpus, Reconstruction, Tokenizer, reconstruct};
 

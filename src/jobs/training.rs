@@ -14,7 +14,8 @@ use super::{text, tokens};
 use crate::codes::TokenStore;
 use crate::generator::{self, GeneratorError, Inputs, ScaleInputs, Training};
 use crate::learn::{Branch, Checkpoints};
-use crate::plan::{RunSpec, Trunk};
+use crate::plan::Trunk;
+use crate::spec::RunSpec;
 use crate::text::TextStore;
 use crate::tokenizer::Tokenizer;
 

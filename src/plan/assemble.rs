@@ -1,15 +1,15 @@
 //! [`Plan`]: every job of a sweep with its id and its price.
 
+use super::planned::{EvaluatorJob, PlannedRun, ScoreJob};
 use super::price::price;
 use super::remarks::remarks;
-use super::run_spec::{
-    EvaluatorJob, PlannedRun, RunSpec, ScoreJob, TRAINING_REVISION, TokenizerJob, TrainerProgram,
-};
 use super::trunk::{Dropped, PricedCell, Trunk, branch};
 use super::vocabulary::{Renamed, renamed};
 use crate::data::{DataFacts, Demand};
+use crate::spec::Origin;
+use crate::spec::{RunSpec, TRAINING_REVISION, TokenizerJob, TrainerProgram};
 use crate::spec::{TextSpec, TokenizerSpec, content_id};
-use crate::sweep::{Origin, ScheduleKind, ScheduleSection, Sweep, Variant};
+use crate::sweep::{ScheduleKind, ScheduleSection, Sweep, Variant};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashSet};

@@ -18,17 +18,18 @@
 
 mod assemble;
 mod cells;
+mod memory;
+mod planned;
 mod price;
 mod remarks;
-mod run_spec;
 mod trunk;
 mod vocabulary;
 
 pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, TextJob, demand};
-pub use run_spec::{
-    EvaluatorJob, PlannedRun, RunSpec, ScoreJob, TRAINING_REVISION, TokenizerJob, TrainerProgram,
+pub use memory::{
     bytes_on_card, evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes,
 };
+pub use planned::{EvaluatorJob, PlannedRun, ScoreJob};
 
 pub use trunk::{Dropped, Trunk, learning_rate};
 

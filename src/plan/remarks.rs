@@ -1,6 +1,7 @@
 //! What a person should know of a plan's training before it runs.
 
-use super::run_spec::{PlannedRun, TokenizerJob};
+use super::planned::PlannedRun;
+use crate::spec::TokenizerJob;
 
 use crate::data::DataFacts;
 use crate::spec::QuantizerSpec;

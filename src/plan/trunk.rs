@@ -1,7 +1,8 @@
 //! Trunks: what runs of one model, vocabulary and seed have in common before their learning rates
 //! decay, trained once.
 
-use super::run_spec::{PlannedRun, RunSpec};
+use super::planned::PlannedRun;
+use crate::spec::RunSpec;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};

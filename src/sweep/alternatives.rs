@@ -3,13 +3,12 @@
 use std::borrow::Cow;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Deserialize, DeserializeOwned, Deserializer, Error};
-use serde::ser::{Serialize, Serializer};
+use serde::de::{Deserialize, Deserializer};
 use serde_yaml::Value;
 
-use crate::spec::{GeneratorKind, ScaleSpec};
-use crate::sweep::sections::{Clips, Generators, LevelsSpec, ModelList, ModelRule, VocabSpec};
-use crate::units::{Ways, number};
+use crate::spec::GeneratorKind;
+use crate::sweep::sections::{Generators, LevelsSpec, ModelList, ModelRule, VocabSpec};
+use crate::units::{Ways, named, number};
 
 macro_rules! read_in_ways {
     ($($type:ty),*) => {$(
@@ -20,7 +19,7 @@ macro_rules! read_in_ways {
         }
     )*};
 }
-read_in_ways!(ModelList, VocabSpec, ScaleSpec, Generators);
+read_in_ways!(ModelList, VocabSpec, Generators);
 
 impl Ways for ModelList {
     const EXPECTED: &'static str = "a list of models, the name of a list, or a rule over d_model";
@@ -50,18 +49,6 @@ impl Ways for VocabSpec {
     }
 }
 
-impl Ways for ScaleSpec {
-    const EXPECTED: &'static str = "`mini`, `mid`, `full`, or a list of the codes of each scale";
-
-    fn of_scalar(name: &Value) -> Option<Result<Self, String>> {
-        named(name).map(|name| name.map(Self::Named))
-    }
-
-    fn of_list<'de, D: Deserializer<'de>>(list: D) -> Option<Result<Self, D::Error>> {
-        Some(number::read(list).map(Self::List))
-    }
-}
-
 impl Ways for Generators {
     const EXPECTED: &'static str = "a kind of generator, or a list of kinds";
 
@@ -72,12 +59,6 @@ impl Ways for Generators {
     fn of_list<'de, D: Deserializer<'de>>(list: D) -> Option<Result<Self, D::Error>> {
         Some(Vec::deserialize(list).map(Self))
     }
-}
-
-/// What a word stands for; `None` for a number.
-fn named<T: DeserializeOwned>(word: &Value) -> Option<Result<T, String>> {
-    let read = || serde_yaml::from_value(word.clone()).map_err(|error| error.to_string());
-    word.is_string().then(read)
 }
 
 impl JsonSchema for Generators {
@@ -91,47 +72,10 @@ impl JsonSchema for Generators {
     }
 }
 
-impl<'de> Deserialize<'de> for Clips {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = Value::deserialize(deserializer)?;
-        match value.as_str() {
-            Some("auto") => Ok(Clips::Auto),
-            _ => number::whole(&value)
-                .map(Clips::Count)
-                .map_err(|error| D::Error::custom(format!("{error}; or write `auto`"))),
-        }
-    }
-}
-
-impl JsonSchema for Clips {
-    fn schema_name() -> Cow<'static, str> {
-        "Clips".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({"anyOf": [
-            {"type": "integer", "description": "A number of clips."},
-            {
-                "const": "auto",
-                "description": "As many as the longest run needs, rounded up to a power of two.",
-            },
-        ]})
-    }
-}
-
-impl Serialize for Clips {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Clips::Auto => serializer.serialize_str("auto"),
-            Clips::Count(n) => serializer.serialize_u64(*n as u64),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::ScaleName;
+    use crate::spec::{Clips, ScaleName, ScaleSpec};
 
     #[test]
     fn every_way_of_writing_an_entry_reads_back() {

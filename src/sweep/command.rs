@@ -1,13 +1,12 @@
 //! [`TrainerCommand`]: the command of a trainer of one's own, split into words without a shell.
 
+use crate::spec::is_torch;
+
 /// What a command may ask for.
 pub const PLACEHOLDERS: [&str; 4] = ["spec", "out", "checkpoint", "init"];
 
 /// Without these a trainer would not know what to train, or isoflop how it went.
 const NEEDED: [&str; 2] = ["spec", "out"];
-
-/// The word that stands for the trainer in PyTorch that comes with isoflop; words behind it are its options.
-const TORCH: &str = "torch";
 
 /// How it is started; `{python}` is an interpreter.
 const TORCH_COMMAND: &str = "{python} -m isoflop.torch --spec {spec} --out {out} \
@@ -65,11 +64,6 @@ impl TrainerCommand {
     pub fn fill(&self, value: impl Fn(&str) -> String) -> Vec<String> {
         self.0.iter().map(|word| filled(word, &value)).collect()
     }
-}
-
-/// Whether a command is that of the trainer in PyTorch that comes with isoflop.
-pub fn is_torch(command: &str) -> bool {
-    command.split_whitespace().next() == Some(TORCH)
 }
 
 /// In one pass, so that braces in a path are left as they are.

@@ -38,7 +38,7 @@ mod source;
 mod time_limit;
 mod variants;
 
-pub use command::{CommandError, TrainerCommand, is_torch};
+pub use command::{CommandError, TrainerCommand};
 pub use models::{models, shape};
 pub use problem::{Problem, SweepErrors};
 pub use read::{parse, read, read_profile};

@@ -14,7 +14,7 @@ use isoflop::generator::masked::{Hidden, pack};
 use isoflop::generator::{self, Draw, Network, Prompt, Sampling};
 use isoflop::learn::weights::HostTensor;
 use isoflop::ops::Kernels;
-use isoflop::plan::RunSpec;
+use isoflop::spec::RunSpec;
 use isoflop::spec::{GeneratorSpec, MaskedSpec, ModelShape};
 
 #[derive(Deserialize)]

@@ -3,8 +3,8 @@
 use isoflop::codes::{Grid, SplitTokens, TokenStore, write_store};
 use isoflop::data::{DataError, Metadata, MotionSource, Split, UNIT_FRAMES};
 use isoflop::generator::Inputs;
-use isoflop::plan::RunSpec;
 use isoflop::spec::ModelShape;
+use isoflop::spec::RunSpec;
 use isoflop::spec::{Ffn, GeneratorSpec, Precision, Share};
 use isoflop::text::{HashedNgrams, TextStore, embed};
 
@@ -85,7 +85,7 @@ impl MotionSource for Captioned {
 /// A run of a few steps of a model of two layers.
 pub fn small_run(n_vocab: usize) -> RunSpec {
     RunSpec {
-        revision: isoflop::plan::TRAINING_REVISION,
+        revision: isoflop::spec::TRAINING_REVISION,
         seed: 3,
         generator: GeneratorSpec::Autoregressive(ModelShape {
             n_layer: 2,

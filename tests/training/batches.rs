@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use isoflop::generator::autoregressive::{Batch, TokenStream};
 use isoflop::generator::learning_rate;
-use isoflop::plan::RunSpec;
+use isoflop::spec::RunSpec;
 use isoflop::spec::Share;
 
 use super::corpus::{Corpus, small_run};

@@ -11,7 +11,7 @@ use isoflop::codes::Grid;
 use isoflop::generator::masked::Hidden;
 use isoflop::generator::{self, Edit, GeneratorError, Prompt, Sampled, Sampling};
 use isoflop::learn::weights;
-use isoflop::plan::RunSpec;
+use isoflop::spec::RunSpec;
 use isoflop::spec::{GeneratorSpec, MaskedSpec};
 
 /// Codes.

@@ -9,7 +9,7 @@ use crate::trained::{train, train_from};
 use crate::{masked, scalewise};
 use isoflop::generator::{GeneratorError, Inputs, Trained};
 use isoflop::learn::{LearnError, weights};
-use isoflop::plan::RunSpec;
+use isoflop::spec::RunSpec;
 
 /// Trains from the checkpoint, where there is one, until a step.
 fn stop_at(

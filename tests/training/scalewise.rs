@@ -10,7 +10,7 @@ use isoflop::codes::{Grid, Length, Scale};
 use isoflop::generator::scalewise::{Batch, Clip, Model};
 use isoflop::generator::{self, Draw, Edit, Inputs, Prompt, Sampling, ScaleInputs};
 use isoflop::learn::weights::{self, Weights};
-use isoflop::plan::RunSpec;
+use isoflop::spec::RunSpec;
 use isoflop::spec::{GeneratorSpec, Precision, ScalewiseSpec};
 
 /// Codes of each scale, and scales.

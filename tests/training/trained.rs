@@ -8,8 +8,8 @@ use burn::tensor::Device;
 
 use isoflop::generator::{self, GeneratorError, Inputs, Trained, Training};
 use isoflop::learn::Checkpoints;
-use isoflop::plan::RunSpec;
 use isoflop::progress::Step;
+use isoflop::spec::RunSpec;
 
 /// Trains from the first step to the end.
 pub fn train(spec: &RunSpec, inputs: &Inputs) -> Result<Trained, GeneratorError> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use clap::Args;
 use isoflop::data::{self, Split, check_folder};
-use isoflop::sweep::{DataSection, DataSource};
+use isoflop::spec::{DataSection, DataSource};
 use serde_json::json;
 
 use crate::commands::doubts::too_few;

@@ -21,9 +21,8 @@ use super::output::Output;
 use super::plan_text::time;
 use super::predict::{laws_of, predict_one};
 use super::run::{RunArgs, run_then};
-use isoflop::sweep::{
-    Clips, GridSection, HoldOutSpec, ModelEntry, ModelList, Origin, Sweep, VocabSpec,
-};
+use isoflop::spec::{Clips, Origin};
+use isoflop::sweep::{GridSection, HoldOutSpec, ModelEntry, ModelList, Sweep, VocabSpec};
 use std::collections::BTreeMap;
 
 /// Shown below the options.

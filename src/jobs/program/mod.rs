@@ -33,8 +33,9 @@ use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::{remove, write_json, write_json_lines};
 use crate::generator;
 use crate::learn::weights::{self, Source};
-use crate::plan::{RunSpec, TokenizerJob, TrainerProgram};
-use crate::sweep::{TrainerCommand, is_torch};
+use crate::spec::is_torch;
+use crate::spec::{RunSpec, TokenizerJob, TrainerProgram};
+use crate::sweep::TrainerCommand;
 
 /// How long the worker of a job takes for an orderly end, once a stop is asked for: longer than a program of its own may.
 pub fn grace(folder: &ResultsFolder, job: &JobId) -> Duration {

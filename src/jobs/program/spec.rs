@@ -10,7 +10,8 @@ use crate::codes::TokenStore;
 use crate::jobs::folder::CHECKPOINT;
 use crate::jobs::{ResultsFolder, frozen_sweep};
 use crate::machine::CARDS;
-use crate::plan::{RunSpec, bytes_on_card};
+use crate::plan::bytes_on_card;
+use crate::spec::RunSpec;
 use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, TARGETS_PER_PASS};
 
 /// Raised when a key changes its meaning or goes.

@@ -17,7 +17,7 @@ use crate::files::atomic::{remove, write_json};
 use crate::files::read_if_there;
 use crate::jobs::assignment::{Assignment, Outcome};
 use crate::jobs::folder::CHECKPOINT;
-use crate::plan::TokenizerJob;
+use crate::spec::TokenizerJob;
 use crate::tokenizer::{Corpus, Handover, HandoverFiles, Tokenizer, taken_back};
 
 /// The module that trains tokenizers.

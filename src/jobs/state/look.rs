@@ -11,8 +11,8 @@ use crate::jobs::history::{Finished, known};
 use crate::jobs::presence::{self, is_locked};
 use crate::jobs::speed::{Speed, seconds_left};
 use crate::jobs::{Job, JobId, JobKind, JobState, ResultsFolder};
-use crate::plan::RunSpec;
 use crate::progress::{Beat, progress};
+use crate::spec::RunSpec;
 use crate::sweep::Stage;
 
 /// What is read of `plan.json`.

@@ -7,8 +7,9 @@ use crate::jobs::score::repeats_file;
 use crate::jobs::training::trunk_state;
 use crate::jobs::{JobId, JobKind, ResultsFolder};
 use crate::learn::step_of;
-use crate::plan::{EvaluatorJob, RunSpec, ScoreJob, TokenizerJob, Trunk};
+use crate::plan::{EvaluatorJob, ScoreJob, Trunk};
 use crate::progress::progress;
+use crate::spec::{RunSpec, TokenizerJob};
 use crate::tokenizer::share_kept;
 
 /// The share of its steps that a job's checkpoint holds; `None` if that cannot be told.

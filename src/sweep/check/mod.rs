@@ -7,11 +7,12 @@ mod shares;
 mod train;
 mod vary;
 
-use super::command::{CommandError, PLACEHOLDERS, TrainerCommand, is_torch};
+use super::command::{CommandError, PLACEHOLDERS, TrainerCommand};
 use super::nearest::nearest;
+use crate::spec::{DataSource, is_torch};
 use crate::spec::{GeneratorKind, KeyProblem, Precision, Scales, SpecError};
 use crate::sweep::problem::Problem;
-use crate::sweep::sections::{DataSource, Sweep};
+use crate::sweep::sections::Sweep;
 
 /// All problems of a sweep whose types are right.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {

@@ -1,7 +1,7 @@
 //! Impossible shares of the training split.
 
 use crate::spec::Share;
-use crate::sweep::command::is_torch;
+use crate::spec::is_torch;
 use crate::sweep::problem::Problem;
 use crate::sweep::sections::Sweep;
 

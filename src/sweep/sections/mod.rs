@@ -1,15 +1,12 @@
 //! [`Sweep`]: what a sweep file says, with every default filled in.
 
 mod analysis;
-mod data;
 mod engine;
 mod grid;
-mod short_form;
 mod trainer;
 mod training;
 
 pub use analysis::*;
-pub use data::*;
 pub use engine::*;
 pub use grid::*;
 pub use trainer::*;
@@ -20,16 +17,15 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::laws::MinimumMethod;
 use crate::spec::{
-    EvaluatorSection, GeneratorKind, QuantizerSpec, ScoresSpec, TextSpec, TokenizerSection,
-    VocabularyError,
+    DataSection, DataSource, EvaluatorSection, GeneratorKind, QuantizerSpec, ScoresSpec, TextSpec,
+    TokenizerSection, VocabularyError,
 };
 use crate::units::number::{self, Written};
 use crate::units::{Ways, number::plain};
 
 plain!(ScheduleKind, ScheduleSection, RateParams);
-plain!(DataSource, MemberSection, BrokenFiles, Clips, HoldOutSpec, MinimumMethod);
+plain!(HoldOutSpec);
 
 /// Sections that a number or a command may stand for.
 macro_rules! short {

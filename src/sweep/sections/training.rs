@@ -5,8 +5,8 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::short_form::{self, ShortForm};
 use crate::spec::{Ffn, Precision};
+use crate::units::short_form::{self, ShortForm};
 use crate::units::{number, section};
 
 section! {

@@ -8,7 +8,7 @@ use crate::corpus::{Clips, Corpus};
 use crate::trained::train;
 use isoflop::data::Split;
 use isoflop::learn::weights;
-use isoflop::plan::RunSpec;
+use isoflop::spec::RunSpec;
 
 /// A source of three layers: of the first a code mostly repeats the one before it, of the second mostly
 /// the first layer's next, and of the third the sum of both layers below. With each clip −ln p of the

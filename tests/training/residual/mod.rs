@@ -12,7 +12,7 @@ use crate::corpus::{D_TEXT, small_run};
 use isoflop::codes::{Grid, Length, Scale};
 use isoflop::generator::Network;
 use isoflop::generator::masked::residual::{Asked, LayerBatch, Stages};
-use isoflop::plan::RunSpec;
+use isoflop::spec::RunSpec;
 use isoflop::spec::{GeneratorSpec, MaskedSpec, Precision};
 
 /// Codes of each layer, and layers.

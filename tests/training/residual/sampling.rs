@@ -10,7 +10,7 @@ use crate::no_scales::NoScales;
 use isoflop::generator::masked::{Hidden, pack};
 use isoflop::generator::{self, Draw, Network, Prompt, Sampled, Sampling};
 use isoflop::learn::weights;
-use isoflop::plan::RunSpec;
+use isoflop::spec::RunSpec;
 
 /// Motions of a model that was never trained: of several lengths, with texts of one word and of two.
 fn sampled(spec: &RunSpec, sampling: &Sampling, seed: u64) -> Vec<Sampled> {

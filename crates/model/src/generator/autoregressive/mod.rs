@@ -1,0 +1,208 @@
+//! ScaMo's text-prefix autoregressive transformer: model, batches, training, loss, sampling.
+//!
+//! Codes of several scales are one sequence, scale after scale, and the codebooks one vocabulary: V is
+//! the sum of theirs. Such clips have no end token, since the lengths of the scales tell where they end;
+//! its row and its logit stand unused, so that a model has the same shape for every grid.
+
+mod stream;
+mod transformer;
+
+pub use stream::{Part, TokenStream};
+pub use transformer::{Batch, Model, Sequence, Transformer, end_token};
+
+use super::probed::{MOST_TOKENS, made_up_clip, passes};
+use super::{
+    Choices, Draw, GeneratorError, Inputs, Kind, Objective, Prompt, Sampled, Sampler, Sampling,
+    ScaleInputs, SplitLoss, StreamForm,
+};
+use crate::data::Split;
+use crate::spec::RunSpec;
+use crate::spec::flops::exact_of_sequence;
+use std::borrow::Cow;
+
+use super::sampling::{check_length, rows};
+use super::trained::SplitSums;
+use crate::codes::Grid;
+use crate::progress::moved;
+use burn::tensor::Tensor;
+use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
+use transformer::Decoder;
+
+/// Logits of a measured step, at most.
+const MOST_LOGITS: usize = 1 << 24;
+
+/// Tokens of a measured step, a few more apart.
+pub fn probed_tokens(spec: &RunSpec) -> usize {
+    spec.batch_tokens.min(MOST_TOKENS).min(MOST_LOGITS / spec.n_vocab())
+}
+
+/// The text-prefix autoregressive transformer as a kind of generator.
+pub struct Autoregressive;
+
+impl Kind for Autoregressive {
+    type Network = Model;
+    type Objective<'a> = NextCode<'a>;
+
+    fn sampler(spec: &RunSpec, model: Model) -> Box<dyn Sampler> {
+        Box::new(AutoregressiveSampler { model, grid: spec.codes.clone() })
+    }
+
+    fn made_up(spec: &RunSpec, model: &Model) -> (Batch, usize) {
+        let (shape, n_vocab) = (model.shape(), spec.n_vocab());
+        let (text, codes) = made_up_clip(shape, n_vocab);
+        let to = codes.len() + 1;
+        let clips = probed_tokens(spec).div_ceil(to);
+        let sequence = Sequence { text: &text, codes: &codes, from: 0, to };
+        let batch = Batch::pack(&vec![sequence; clips], shape.d_text, end_token(n_vocab));
+        (batch, clips * to)
+    }
+}
+
+// [`NextCode`]: the batches of a run of the transformer.
+
+/// The cross-entropy of each next code.
+pub struct NextCode<'a> {
+    spec: &'a RunSpec,
+    inputs: &'a Inputs<'a>,
+    stream: TokenStream<'a>,
+}
+
+impl<'a> Objective<'a> for NextCode<'a> {
+    type Network = Model;
+
+    fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
+        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
+        Self { spec, inputs, stream }
+    }
+
+    fn batch(&mut self, _: &Model, step: usize) -> (Batch, f64) {
+        let n = self.spec.batch_tokens;
+        let batch = self.stream.batch(step * n, n);
+        let forward_flops = forward_flops(self.spec, &batch);
+        (batch, forward_flops)
+    }
+
+    fn split_loss(&self, model: &Model, split: Split) -> SplitLoss {
+        split_loss(&model.frozen(), self.inputs, split)
+    }
+
+    fn uniform_nats(&self) -> f64 {
+        ((self.spec.n_vocab() + 1) as f64).ln()
+    }
+}
+
+/// Multiply-adds of a batch, times two: each sequence at its own length, the head per target.
+fn forward_flops(spec: &RunSpec, batch: &Batch) -> f64 {
+    let layout = &batch.layout;
+    let head = 2.0 * (spec.shape().d_model * (spec.n_vocab() + 1)) as f64;
+    let blocks = (0..layout.n_sequences()).map(|i| {
+        let prefix = layout.prefix(i) as f64;
+        let targets = layout.len(i) as f64 - prefix + 1.0;
+        exact_of_sequence(spec.shape(), spec.n_vocab(), prefix, targets) - targets * head
+    });
+    blocks.sum::<f64>() + batch.targets.len() as f64 * head
+}
+
+// The loss on a split: cross-entropy, and its normalised form.
+
+/// Measures a model, each clip once with one of its captions.
+pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
+    let Inputs { tokens, text, .. } = *inputs;
+    let mut sums = SplitSums::new(tokens, split, vec![tokens.stream_log_probs()]);
+    for clips in passes(tokens, split) {
+        let streams: Vec<Cow<[u32]>> =
+            clips.clone().map(|clip| tokens.stream(split, clip)).collect();
+        let to = |clip| tokens.n_targets_of_clip(split, clip);
+        let sequences = clips.clone().zip(&streams).map(|(clip, codes)| Sequence {
+            text: text.shown(split, clip),
+            codes,
+            from: 0,
+            to: to(clip),
+        });
+        let sequences: Vec<Sequence> = sequences.collect();
+        let batch = Batch::pack(&sequences, text.dim(), end_token(tokens.n_vocab()));
+        let nats = model.nll(&batch);
+        sums.add(0, (&nats, &batch.targets), clips.map(|clip| (clip, to(clip))));
+        moved();
+    }
+    sums.loss()
+}
+
+// Motions from the transformer: a code at a time, by what the model says of the next one.
+
+/// A trained transformer.
+struct AutoregressiveSampler {
+    pub model: Model,
+    pub grid: Grid,
+}
+
+/// A motion that is being made.
+struct Growing<'a> {
+    form: StreamForm<'a>,
+    rng: ChaCha8Rng,
+}
+
+impl AutoregressiveSampler {
+    fn check(&self, prompt: &Prompt) -> Result<(), GeneratorError> {
+        let Some(n_frames) = prompt.n_frames else { return Ok(()) };
+        let shape = self.model.shape();
+        let n_text = prompt.text.len() / shape.d_text;
+        check_length(n_frames, shape.n_ctx, |frames| self.grid.n_codes(frames) + n_text)
+    }
+
+    /// A motion without a code, and as much room as its text leaves.
+    fn begin(&self, prompt: &Prompt) -> Growing<'_> {
+        let shape = self.model.shape();
+        let room = shape.n_ctx.saturating_sub(prompt.text.len() / shape.d_text);
+        Growing { form: StreamForm::new(&self.grid, prompt.n_frames, room), rng: prompt.rng() }
+    }
+}
+
+impl Sampler for AutoregressiveSampler {
+    /// Codes of fixed numbers do not tell a length.
+    fn wants_length(&self) -> bool {
+        self.grid.frames_per_code().is_none()
+    }
+
+    fn takes_guidance(&self) -> bool {
+        false
+    }
+
+    fn sample(
+        &self,
+        prompts: &[Prompt],
+        _: &dyn ScaleInputs,
+        sampling: &Sampling,
+    ) -> Result<Vec<Sampled>, GeneratorError> {
+        sampling.check_guidance(0.0)?;
+        if prompts.iter().any(|prompt| prompt.edit.is_some()) {
+            return Err(GeneratorError::Edit);
+        }
+        prompts.iter().try_for_each(|prompt| self.check(prompt))?;
+        let mut growing: Vec<Growing> = prompts.iter().map(|prompt| self.begin(prompt)).collect();
+        let texts: Vec<&[f32]> = prompts.iter().map(|prompt| prompt.text).collect();
+        let (mut decoder, mut logits) = Decoder::new(&self.model, &texts);
+        while grow_by_one(&mut growing, logits, &sampling.draw) {
+            let last = growing.iter().map(|motion| motion.form.last().unwrap_or(0));
+            logits = decoder.push(&Arc::from_iter(last));
+        }
+        Ok(growing.into_iter().map(sampled).collect())
+    }
+}
+
+/// A code joins each motion that is not whole, by its row of `[b, V + 1]`; whether any is still to grow.
+fn grow_by_one(growing: &mut [Growing], logits: Tensor<2>, draw: &Draw) -> bool {
+    for (motion, row) in growing.iter_mut().zip(rows(logits)) {
+        if let Choices::Ids(allowed) = motion.form.choices() {
+            motion.form.push(draw.code(&row, &allowed, &mut motion.rng));
+        }
+    }
+    growing.iter().any(|motion| matches!(motion.form.choices(), Choices::Ids(_)))
+}
+
+fn sampled(motion: Growing) -> Sampled {
+    let ended = motion.form.choices() == Choices::Whole;
+    let (codes, n_frames) = motion.form.into_codes();
+    Sampled { codes, n_frames, ended }
+}

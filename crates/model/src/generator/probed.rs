@@ -1,0 +1,139 @@
+//! [`probed`]: a model on made-up clips that stay the same, whose steps can be timed.
+
+use super::kind::{Kind, MOST_PROBED_PARAMS, Network, Probe, course};
+use super::trained::check_precision;
+use crate::codes::TokenStore;
+use crate::data::Split;
+use crate::learn::{Course, LearnError, Learner, Learning};
+use crate::spec::RunSpec;
+use crate::spec::{ModelShape, Precision, TARGETS_PER_PASS};
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use std::ops::Range;
+
+/// Tokens of a measured step at most, for kinds whose clips are short.
+pub const MOST_TOKENS: usize = 1024;
+
+/// A caption's words at most, and a clip's codes.
+pub const WORDS: usize = 12;
+const CODES: usize = 36;
+
+/// A text and codes of an average clip's length, as far as they fit the context.
+pub fn made_up_clip(shape: &ModelShape, n_vocab: usize) -> (Vec<f32>, Vec<u32>) {
+    let text = vec![0.5f32; shape.d_text * WORDS.min(shape.n_ctx / 2)];
+    let codes = (0..CODES.min(shape.n_ctx / 2)).map(|i| (i * 7 % n_vocab) as u32);
+    (text, codes.collect())
+}
+
+/// A run of a kind, or a small one, on a batch that it is shown again and again; in single precision where
+/// the device has no other.
+pub fn probed<K: Kind>(spec: &RunSpec, device: &Device) -> impl Probe + use<K> {
+    let small = measurable(spec);
+    let precision =
+        check_precision(spec.precision, device).map_or(Precision::F32, |()| spec.precision);
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let network = K::Network::drawn(&small, precision, &mut rng, &device.clone().autodiff());
+    let (batch, tokens) = K::made_up(&small, &network);
+    let price = |run: &RunSpec| run.generator.flops_per_token(&run.codes, 0).openai as f64;
+    let of_token = price(&small) / price(spec) * spec.budget_flops / spec.tokens() as f64;
+    let course = Course { steps: usize::MAX, ..course(spec) };
+    Probed {
+        learning: Learning::new(Resting { network, batch }, &course),
+        flops: of_token * tokens as f64,
+    }
+}
+
+/// A run, or one of its kind with fewer layers, then codes, then heads.
+///
+/// Nothing above the limit is built, so that a plan of billions of parameters can be priced on a
+/// machine that could not hold them. Products of such widths run at one rate; what a smaller
+/// vocabulary leaves out is of that kind too.
+fn measurable(spec: &RunSpec) -> RunSpec {
+    let mut small = spec.clone();
+    let is_large = |run: &RunSpec| run.generator.params(&run.codes).total() > MOST_PROBED_PARAMS;
+    while is_large(&small) && small.shape().n_layer > 1 {
+        let shape = small.generator.shape_mut();
+        shape.n_layer = shape.n_layer.div_ceil(2);
+    }
+    while is_large(&small) && small.n_vocab() > 1024 {
+        small.codes.scales.iter_mut().for_each(|scale| scale.n_vocab = scale.n_vocab.div_ceil(2));
+    }
+    while is_large(&small) && small.shape().n_head > 1 {
+        halve_heads(small.generator.shape_mut());
+    }
+    small
+}
+
+/// Half of the heads, of the same width each, and as much less of the feed-forward width.
+fn halve_heads(shape: &mut ModelShape) {
+    let head_dim = shape.d_model / shape.n_head;
+    let n_head = shape.n_head / 2;
+    shape.d_ff = (shape.d_ff * n_head / shape.n_head).max(1);
+    (shape.n_head, shape.d_model) = (n_head, n_head * head_dim);
+}
+
+/// A small run of a spec's kind, at a rate of 0.
+struct Probed<N: Network> {
+    learning: Learning<Resting<N>>,
+    flops: f64,
+}
+
+impl<N: Network> Probe for Probed<N> {
+    fn step(&mut self) -> Result<(), LearnError> {
+        self.learning.step().map(|_| ())
+    }
+
+    fn flops(&self) -> f64 {
+        self.flops
+    }
+}
+
+/// A learner whose steps change nothing.
+struct Resting<N: Network> {
+    network: N,
+    batch: N::Batch,
+}
+
+impl<N: Network> Learner for Resting<N> {
+    type Weights = N::Weights;
+
+    fn weights(&self) -> &N::Weights {
+        self.network.weights()
+    }
+
+    fn set_weights(&mut self, weights: N::Weights) {
+        self.network.set_weights(weights);
+    }
+
+    fn loss(&mut self, _: usize) -> Tensor<1> {
+        self.network.loss(&self.batch)
+    }
+
+    fn learning_rate(&self, _: usize) -> f64 {
+        0.0
+    }
+
+    fn advice(&self) -> &'static str {
+        "the device gives wrong numbers"
+    }
+}
+
+// Which clips are measured together.
+
+/// Ranges of clips with at most the targets of a pass, or one clip.
+pub fn passes(tokens: &TokenStore, split: Split) -> Vec<Range<usize>> {
+    let mut passes: Vec<Range<usize>> = Vec::new();
+    let mut targets = 0;
+    for clip in 0..tokens.n_clips(split) {
+        targets += tokens.n_targets_of_clip(split, clip);
+        match passes.last_mut() {
+            Some(pass) if targets <= TARGETS_PER_PASS => pass.end = clip + 1,
+            _ => {
+                passes.push(clip..clip + 1);
+                targets = tokens.n_targets_of_clip(split, clip);
+            }
+        }
+    }
+    passes
+}

@@ -1,0 +1,60 @@
+//! The operations of the models that burn composes slowly on the CPU, each in two versions.
+//!
+//! [`Kernels::Own`] are hand-written for the device `flex`, with hand-written gradients;
+//! [`Kernels::Plain`] are composed of burn's operations and run everywhere. The tests hold each
+//! to the other and both to finite differences.
+//!
+//! Activations are two-dimensional and packed without padding: the rows of a batch are the
+//! positions of its sequences, one sequence after another, as a [`SequenceLayout`] says. Tensors
+//! carry their shape as a suffix: n rows, s rows that a loss is taken on, m rows to pick from,
+//! d features, f hidden features of the feed-forward layer, u columns before its activation,
+//! v codes; of convolutions, k taps and c channels that become o. A gradient by x is written ∂x, and g is the one by the output.
+//!
+//! RMSNorm (Zhang and Sennrich 2019) stands at the start of each part of the model:
+//! RMSNorm(x) = x r γ with r = 1 / √(mean(x²) + ε) in each row;
+//! ∂x = r (g γ − x r² mean(g γ x)), ∂γ = Σ over rows of g x r.
+//!
+//! # Example
+//!
+//! ```
+//! use burn::tensor::Device;
+//! use isoflop_model::ops;
+//!
+//! // Whether products of this build are right on this device, before any training.
+//! ops::check_products(&Device::flex())?;
+//! # Ok::<(), isoflop_model::ops::WrongProduct>(())
+//! ```
+
+mod apart;
+mod check;
+mod convolution;
+mod crossing;
+mod device;
+mod joining;
+mod kernels;
+mod layout;
+mod nearest;
+mod operands;
+mod own;
+mod parts;
+mod plain;
+mod rope;
+mod shapes;
+#[cfg(test)]
+mod tests;
+mod updates;
+
+pub use check::{WrongProduct, check_products};
+pub use convolution::{Convolution, Taps};
+pub use crossing::{CrossLayout, CrossOptions};
+pub use device::{DeviceName, NoDevice};
+pub use joining::{Joining, KeyValues};
+pub use kernels::{HalfFloat, Kernels};
+pub use layout::{BlockSequence, LayoutError, SequenceLayout};
+pub use nearest::nearest;
+pub use operands::{
+    Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights,
+};
+pub use own::AdamWStep;
+pub use rope::Rope;
+pub use updates::{adamw, sum_of_squares};

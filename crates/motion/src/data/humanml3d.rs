@@ -1,0 +1,252 @@
+//! [`HumanMl3d`]: a folder in the HumanML3D layout as a [`MotionSource`].
+//!
+//! The folder holds `new_joint_vecs/<id>.npy` or else `new_joints/<id>.npy`, `texts/<id>.txt`,
+//! `train.txt`, `val.txt`, `test.txt`, and may hold `Mean.npy` and `Std.npy`, and a `manifest.csv` that
+//! says which clips were recorded together. Motion-X has `vector_263/<id>.npy` and
+//! `texts/semantic_labels/<id>.txt`, whose ids have folders in them.
+
+use std::collections::HashSet;
+use std::io;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::clip_file::{ClipFile, load_clip};
+use super::digest::{UsedFile, digest};
+use super::frame_rate::{FPS, frame_rate};
+use super::groups::Groups;
+use super::items::{Item, LengthRule, items_of};
+use super::motion_files::MotionFiles;
+use super::source::{DataError, FeatureStats, Metadata, MotionSource, Split};
+use super::splits::read_splits;
+use super::stats::{StatsAccumulator, read_stats};
+use crate::motion::N_FEATURES;
+use crate::motion::mirror_features;
+use crate::spec::BrokenFiles;
+
+/// How clips are made from the files; by default not mirrored, broken files skipped.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HumanMl3dOptions {
+    /// Whether each training clip `<id>` is joined by its mirror image `M<id>`: from the data
+    /// set's own files if it has them, listed or not; by [`mirror_features`] if not.
+    pub mirror: bool,
+    /// What to do about broken files and lines.
+    pub broken: BrokenFiles,
+    /// Which lengths are used.
+    pub lengths: LengthRule,
+    /// Frames a second, where the folder does not say it.
+    pub fps: Option<f64>,
+}
+
+/// A data set in memory: each clip's features once, in single precision.
+pub struct HumanMl3d {
+    library: Library,
+    groups: Groups,
+    metadata: Metadata,
+}
+
+impl HumanMl3d {
+    /// Reads the data set in the folder `path`.
+    ///
+    /// Files are read in parallel; what comes out does not depend on how many threads there are.
+    /// `Mean.npy` and `Std.npy` are taken as they are, or computed from the training items if
+    /// neither is there.
+    ///
+    /// # Errors
+    /// [`DataError`] if a split file or a folder is missing, if `Mean.npy` or `Std.npy` is wrong,
+    /// if a split has no usable clip, and for broken files if `options` refuses them.
+    pub fn open(path: &Path, options: &HumanMl3dOptions) -> Result<HumanMl3d, DataError> {
+        let motion = check_folders(path)?;
+        let fps = frame_rate(path, motion, options.fps)?;
+        let lists = read_splits(path, motion.in_folders())?;
+        let is_there = |id: &str| path.join(motion.name(id)).exists();
+        let wanted = wanted_clips(&lists.clips, options.mirror, is_there);
+        let loaded = wanted.par_iter().map(|wanted| load_clip(path, motion, &wanted.id)).collect();
+        let library = Library::of(&wanted, loaded, options, fps);
+        let broken = [&lists.problems[..], &library.broken].concat();
+        refuse(path, options, &broken)?;
+        check_splits(path, &library)?;
+        let (stats, stats_files) = library.stats(path)?;
+        let files = [&lists.files[..], &library.files, &stats_files].concat();
+        let digest = digest(&rules(options, motion, fps), &files);
+        let (groups, problems) = match Groups::read(path) {
+            Ok(groups) => (groups, Vec::new()),
+            Err(problem) => (Groups::default(), vec![problem]),
+        };
+        let warnings = [&broken[..], &library.skipped, &problems].concat();
+        let metadata = Metadata { stats, fps: fps as f32, digest, warnings };
+        Ok(HumanMl3d { library, groups, metadata })
+    }
+}
+
+impl MotionSource for HumanMl3d {
+    fn n_clips(&self, split: Split) -> usize {
+        self.library.items[split as usize].len()
+    }
+
+    fn clip_id(&self, split: Split, index: usize) -> String {
+        self.library.items[split as usize][index].id()
+    }
+
+    fn group(&self, split: Split, index: usize) -> String {
+        self.groups.of(&self.library.items[split as usize][index].stem)
+    }
+
+    fn n_frames(&self, split: Split, index: usize) -> usize {
+        self.library.items[split as usize][index].n_frames
+    }
+
+    fn captions(&self, split: Split, index: usize) -> Vec<String> {
+        self.library.items[split as usize][index].captions.clone()
+    }
+
+    fn features(&self, split: Split, index: usize) -> Result<Vec<f32>, DataError> {
+        Ok(self.library.features(&self.library.items[split as usize][index]))
+    }
+
+    fn metadata(&self) -> &Metadata {
+        &self.metadata
+    }
+}
+
+/// What became of the clips that were read: those that are used, and the items made of them.
+#[derive(Default)]
+struct Library {
+    /// Features of each clip that some item refers to, `[T, 263]`.
+    clips: Vec<Vec<f32>>,
+    /// Items of train, val and test.
+    items: [Vec<Item>; 3],
+    /// Files of the clips.
+    files: Vec<UsedFile>,
+    /// Sentences about broken files and lines.
+    broken: Vec<String>,
+    /// Sentences about sound clips whose length rules them out.
+    skipped: Vec<String>,
+}
+
+impl Library {
+    fn of(
+        wanted: &[Wanted],
+        loaded: Vec<(Option<ClipFile>, Vec<String>)>,
+        options: &HumanMl3dOptions,
+        fps: f64,
+    ) -> Self {
+        let mut library = Self::default();
+        for (wanted, (clip, problems)) in wanted.iter().zip(loaded) {
+            library.broken.extend(problems);
+            if let Some(clip) = clip {
+                library.add(clip, wanted, options.lengths, fps);
+            }
+        }
+        library
+    }
+
+    fn add(&mut self, clip: ClipFile, wanted: &Wanted, rule: LengthRule, fps: f64) {
+        let (items, skipped) = items_of(&clip, self.clips.len(), rule, fps);
+        self.skipped.extend(skipped);
+        if items.is_empty() {
+            return;
+        }
+        let twins: Vec<Item> =
+            if wanted.twin { items.iter().map(Item::mirrored).collect() } else { Vec::new() };
+        self.items[wanted.split as usize].extend(items.into_iter().chain(twins));
+        self.clips.push(clip.features);
+        self.files.extend(clip.files);
+    }
+
+    fn features(&self, item: &Item) -> Vec<f32> {
+        let end = item.first_frame + item.n_frames;
+        let rows = &self.clips[item.clip][item.first_frame * N_FEATURES..end * N_FEATURES];
+        if item.mirrored { mirror_features(rows) } else { rows.to_vec() }
+    }
+
+    /// The folder's statistics with their files, or those of the training items.
+    fn stats(&self, path: &Path) -> Result<(FeatureStats, Vec<UsedFile>), DataError> {
+        if let Some((stats, files)) = read_stats(path)? {
+            return Ok((stats, files.to_vec()));
+        }
+        let mut accumulator = StatsAccumulator::default();
+        for item in &self.items[Split::Train as usize] {
+            accumulator.add(&self.features(item));
+        }
+        let problem = "a group of features is constant over the training clips, so that its \
+                       deviation is zero; add other clips, or Mean.npy and Std.npy";
+        let stats = accumulator.finish();
+        Ok((stats.ok_or_else(|| DataError::invalid(path.display(), problem))?, Vec::new()))
+    }
+}
+
+/// A clip to read.
+struct Wanted {
+    split: Split,
+    id: String,
+    /// Whether a mirrored twin of each item is made.
+    twin: bool,
+}
+
+/// The listed clips; with `mirror`, each training clip's twin too, read or made.
+fn wanted_clips(
+    listed: &[(Split, String)],
+    mirror: bool,
+    is_there: impl Fn(&str) -> bool,
+) -> Vec<Wanted> {
+    let names: HashSet<&str> = listed.iter().map(|(_, id)| id.as_str()).collect();
+    let mut wanted = Vec::with_capacity(listed.len());
+    for (split, id) in listed {
+        let (folder, name) = id
+            .rsplit_once('/')
+            .map_or(("", &id[..]), |(_, name)| id.split_at(id.len() - name.len()));
+        let twin_id = format!("{folder}M{name}");
+        let has_twin = names.contains(twin_id.as_str())
+            || name.strip_prefix('M').is_some_and(|own| names.contains(&*format!("{folder}{own}")));
+        let needs_twin = mirror && *split == Split::Train && !has_twin;
+        let on_disk = needs_twin && is_there(&twin_id);
+        wanted.push(Wanted { split: *split, id: id.clone(), twin: needs_twin && !on_disk });
+        if on_disk {
+            wanted.push(Wanted { split: *split, id: twin_id, twin: false });
+        }
+    }
+    wanted
+}
+
+/// What the items follow from beside the files; its first word changes when the rules do.
+///
+/// What is done about broken files is left out: if nothing is broken it changes no item, and if
+/// something is, no data set comes of refusing it.
+fn rules(options: &HumanMl3dOptions, motion: MotionFiles, fps: f64) -> String {
+    let HumanMl3dOptions { mirror, lengths, broken: _, fps: _ } = options;
+    let LengthRule { min_frames, max_frames } = lengths;
+    let rule = motion.rule;
+    let rate = if fps == FPS { String::new() } else { format!(" fps={fps}") };
+    format!(
+        "humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}{rule}{rate}"
+    )
+}
+
+/// How the folder holds its motion.
+fn check_folders(path: &Path) -> Result<MotionFiles, DataError> {
+    let advice = "a data set in the HumanML3D layout has its features in new_joint_vecs, or its \
+                  joints in new_joints, and its captions in texts";
+    let missing = |folder: &str| {
+        DataError::read(&path.join(folder), advice)(io::Error::other("no such folder"))
+    };
+    let motion = MotionFiles::of(path).ok_or_else(|| missing("new_joint_vecs"))?;
+    if path.join("texts").is_dir() { Ok(motion) } else { Err(missing("texts")) }
+}
+
+fn refuse(path: &Path, options: &HumanMl3dOptions, broken: &[String]) -> Result<(), DataError> {
+    if options.broken == BrokenFiles::Skip || broken.is_empty() {
+        return Ok(());
+    }
+    Err(DataError::Broken { path: path.display().to_string(), problems: broken.to_vec() })
+}
+
+fn check_splits(path: &Path, library: &Library) -> Result<(), DataError> {
+    let empty = Split::ALL.into_iter().find(|&split| library.items[split as usize].is_empty());
+    empty.map_or(Ok(()), |split| {
+        Err(DataError::EmptySplit { path: path.display().to_string(), split: split.name() })
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,111 @@
+//! Clips with captions, from a folder in the HumanML3D layout or from the procedural generator.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop_motion::data::{self, Split};
+//! use isoflop_motion::motion::N_FEATURES;
+//! use isoflop_spec::spec::{Clips, DataSection};
+//!
+//! // The built-in procedural motion: eight clips to train on.
+//! let section = DataSection { clips: Clips::Count(8), ..DataSection::default() };
+//! let source = data::open(&section, None)?;
+//! assert_eq!(source.n_clips(Split::Train), 8);
+//! let features = source.features(Split::Train, 0)?;
+//! assert_eq!(features.len(), source.n_frames(Split::Train, 0) * N_FEATURES);
+//! println!("{}", source.captions(Split::Train, 0)[0]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod captions;
+mod check;
+mod clip_file;
+mod count;
+mod digest;
+mod facts;
+#[cfg(test)]
+mod fixtures;
+mod frame_rate;
+mod groups;
+mod humanml3d;
+pub mod import;
+mod items;
+mod motion_file;
+mod motion_files;
+mod no_motion;
+mod npy;
+mod npy_write;
+mod procedural;
+mod source;
+mod splits;
+mod stats;
+mod union;
+
+pub use captions::{Annotation, CaptionProblem, parse_annotation};
+pub use check::{Checked, check_folder};
+pub use count::{Counted, LENGTH_BIN, Tally, WORDS_BIN, count};
+pub use facts::{DataFacts, Demand, MemberFacts, test_groups};
+pub use frame_rate::FPS;
+pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
+pub use items::LengthRule;
+pub use motion_file::read_motion;
+pub use npy::{NpyArray, NpyProblem, parse_npy};
+pub use npy_write::write_npy;
+pub use procedural::{Procedural, ProceduralOptions};
+pub use source::{DataError, FeatureStats, Member, Metadata, MotionSource, Split, UNIT_FRAMES};
+pub use stats::{FAR, FEATURE_GROUPS, StatsAccumulator};
+pub use union::Union;
+
+use std::path::Path;
+
+use crate::spec::{Clips, DataSection, MemberSection, Origin};
+use no_motion::NoMotion;
+
+/// Clips looked at to estimate the tokens of an average one.
+const SAMPLE: usize = 256;
+
+/// Opens what a sweep asks for; `demand` is that of its longest run, for `clips: auto`.
+///
+/// # Errors
+/// The data cannot be read, or cannot be used.
+pub fn open(
+    spec: &DataSection,
+    demand: Option<&Demand>,
+) -> Result<Box<dyn MotionSource>, DataError> {
+    match spec.origin() {
+        Origin::Procedural => Ok(Box::new(procedural(spec, demand))),
+        Origin::None => Ok(Box::new(NoMotion::default())),
+        Origin::Folder(path) => Ok(Box::new(folder(spec, path, spec.fps)?)),
+        Origin::Union(members) => {
+            let member = |section: &MemberSection| {
+                let source = Box::new(folder(spec, &section.path, section.fps.or(spec.fps))?);
+                Ok(Member { name: section.name(), licence: section.licence.clone(), source })
+            };
+            let members = members.iter().map(member).collect::<Result<_, DataError>>()?;
+            Ok(Box::new(Union::new(members)?))
+        }
+    }
+}
+
+fn folder(spec: &DataSection, path: &Path, fps: Option<f64>) -> Result<HumanMl3d, DataError> {
+    let DataSection { mirror, broken, .. } = *spec;
+    HumanMl3d::open(path, &HumanMl3dOptions { mirror, broken, fps, ..HumanMl3dOptions::default() })
+}
+
+fn procedural(spec: &DataSection, demand: Option<&Demand>) -> Procedural {
+    let DataSection { seed, val_clips, test_clips, .. } = *spec;
+    let with = |train_clips| {
+        Procedural::new(ProceduralOptions { seed, train_clips, val_clips, test_clips })
+    };
+    match spec.clips {
+        Clips::Count(train_clips) => with(train_clips),
+        Clips::Auto => with(demand.map_or(SAMPLE, |demand| clips_for(&with(SAMPLE), demand))),
+    }
+}
+
+/// A power of two, so that small changes of a sweep leave its data as they are.
+fn clips_for(sample: &dyn MotionSource, Demand { targets, codes }: &Demand) -> usize {
+    let n = sample.n_clips(Split::Train);
+    let sampled: usize = (0..n).map(|i| codes.n_targets(sample.n_frames(Split::Train, i))).sum();
+    (targets * n).div_ceil(sampled.max(1)).next_power_of_two().max(SAMPLE)
+}

@@ -1,0 +1,150 @@
+//! [`Failure`]: why a job has no result, in a word, a sentence and the last lines of its log.
+//!
+//! # Example
+//!
+//! ```
+//! use isoflop_spec::failure::FailureKind;
+//!
+//! // What a person can do about it, where that is known.
+//! assert!(FailureKind::DiskFull.advice().is_some());
+//! ```
+
+use std::io;
+
+use serde::{Deserialize, Serialize};
+
+/// What went wrong, in a word that scripts can tell apart.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum FailureKind {
+    /// The loss is no number any more, or far above that of knowing nothing.
+    Diverged,
+    /// The data cannot be used as the sweep asks.
+    BadData,
+    /// Nothing more can be written: the disk, a quota or a limit on file sizes.
+    DiskFull,
+    /// The folder may not be written to.
+    ReadOnly,
+    /// A file is not what was written there, and could not be made again.
+    Damaged,
+    /// No progress for longer than `train.hang_s`.
+    Hung,
+    /// Somebody, or the system, ended the process.
+    Killed,
+    /// The process asked for more memory than there was.
+    OutOfMemory,
+    /// The process died of a fault of its own.
+    Crashed,
+    /// The program of a sweep's `trainer` failed.
+    Trainer,
+    /// Anything else.
+    #[default]
+    Other,
+}
+
+/// What follows from a failure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Consequence {
+    /// It would end so again.
+    Final,
+    /// It may go well another time.
+    MayPass,
+    /// Every other job would end so too.
+    StopsAll,
+}
+
+impl FailureKind {
+    /// The word in files, what follows, and what to do about it where the sentence alone does not say.
+    const fn facts(self) -> (&'static str, Consequence, Option<&'static str>) {
+        use Consequence::{Final, MayPass, StopsAll};
+        match self {
+            Self::Diverged => ("diverged", Final, None),
+            Self::BadData => ("bad-data", Final, None),
+            Self::DiskFull => {
+                ("disk-full", StopsAll, Some("free some space, or raise the quota or limit"))
+            }
+            Self::ReadOnly => {
+                let advice = "make the folder writable, or name another with --out";
+                ("read-only", StopsAll, Some(advice))
+            }
+            Self::Damaged => ("damaged", Final, None),
+            Self::Hung => ("hung", MayPass, Some("raise train.hang_s where it only was slow")),
+            Self::Killed => ("killed", MayPass, None),
+            Self::OutOfMemory => {
+                ("out-of-memory", MayPass, Some("give it more memory, or fewer --jobs"))
+            }
+            Self::Crashed => ("crashed", MayPass, None),
+            Self::Trainer => ("trainer", Final, None),
+            Self::Other => ("other", Final, None),
+        }
+    }
+
+    /// Whether trying again, or going on with other jobs, makes sense.
+    pub fn consequence(self) -> Consequence {
+        self.facts().1
+    }
+
+    /// The word as it stands in `failure.json`.
+    pub fn word(self) -> &'static str {
+        self.facts().0
+    }
+
+    /// What to do about it, if the sentence alone does not say.
+    pub fn advice(self) -> Option<&'static str> {
+        self.facts().2
+    }
+
+    /// What the system's refusal means; `None` where it is none of those that are told apart.
+    pub fn of_io(error: &io::Error) -> Option<Self> {
+        match error.raw_os_error()? {
+            // EFBIG, ENOSPC, EDQUOT.
+            27 | 28 | 122 => Some(Self::DiskFull),
+            // EROFS.
+            30 => Some(Self::ReadOnly),
+            // ENOMEM.
+            12 => Some(Self::OutOfMemory),
+            _ => None,
+        }
+    }
+}
+
+/// Why a job has no result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Failure {
+    /// [`FailureKind::Other`] in files of older builds.
+    #[serde(default)]
+    pub kind: FailureKind,
+    /// One sentence.
+    pub reason: String,
+    /// The last lines that the worker wrote.
+    pub last_lines: Vec<String>,
+}
+
+impl Failure {
+    /// A failure whose log is still to be read.
+    pub fn new(kind: FailureKind, reason: impl Into<String>) -> Self {
+        Self { kind, reason: reason.into(), last_lines: Vec::new() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failures_of_older_builds_are_read() {
+        let text = r#"{"reason": "lower train.lr", "last_lines": []}"#;
+        let failure: Failure = serde_json::from_str(text).unwrap();
+        assert_eq!(failure.kind, FailureKind::Other);
+    }
+
+    #[test]
+    fn words_are_those_of_the_file() {
+        let kinds = [FailureKind::OutOfMemory, FailureKind::BadData, FailureKind::Diverged];
+        for kind in kinds {
+            assert_eq!(serde_json::to_value(kind).unwrap(), kind.word());
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! What a sweep trains on: the `data` section.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_yaml::Value;
+
+use crate::spec::KeyProblem;
+use crate::units::{number, section};
+
+/// Where motion comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum DataSource {
+    /// The built-in seeded generator: never ends, needs no file.
+    #[default]
+    Procedural,
+    /// A folder in the HumanML3D layout.
+    HumanMl3d,
+    /// No motion and no tokenizers: a trainer of one's own brings its data.
+    None,
+}
+
+/// The number of training clips of the procedural source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Clips {
+    /// A given number.
+    Count(usize),
+    /// As many as the longest run needs, rounded up to a power of two.
+    #[default]
+    Auto,
+}
+
+/// What to do about files that are not what they should be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum BrokenFiles {
+    /// Leave them out, with a warning each.
+    #[default]
+    Skip,
+    /// Stop with an error that lists them all.
+    Refuse,
+}
+
+/// A data set of a union.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MemberSection {
+    /// A folder in the HumanML3D layout, from the working folder.
+    pub path: PathBuf,
+    /// Its name in messages; else that of the folder.
+    pub name: Option<String>,
+    /// The terms of its use; the plan tells them.
+    pub licence: Option<String>,
+    /// Frames a second of its files, where not those of `data.fps`.
+    #[serde(default, deserialize_with = "number::read")]
+    pub fps: Option<f64>,
+}
+
+impl MemberSection {
+    /// Its name in messages.
+    pub fn name(&self) -> String {
+        let folder = || self.path.file_name().unwrap_or(self.path.as_os_str());
+        self.name.clone().unwrap_or_else(|| folder().to_string_lossy().into_owned())
+    }
+}
+
+/// What the `data` section asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Origin<'a> {
+    Procedural,
+    /// A folder in the HumanML3D layout.
+    Folder(&'a Path),
+    Union(&'a [MemberSection]),
+    None,
+}
+
+section! {
+    /// The `data` section: the motion and the captions that are learned.
+    pub struct DataSection {
+        source: DataSource = DataSource::default();
+        /// The folder of `humanml3d`, from the working folder.
+        path: Option<PathBuf> = None;
+        /// Several such folders in place of one: their clips together, each in its own split.
+        union: Vec<MemberSection> = Vec::new();
+        /// `humanml3d`: frames a second of the files. By default what `isoflop data import` wrote down, or that of the
+        /// layout: 20, and 30 of Motion-X's `vector_263`.
+        fps: Option<f64> = None;
+        /// `humanml3d`: every training clip also left-right mirrored.
+        mirror: bool = true;
+        /// `humanml3d`: what to do about files that are not what they should be.
+        broken: BrokenFiles = BrokenFiles::default();
+        /// `procedural`: the generator's seed.
+        seed: u64 = 0;
+        /// `procedural`: clips to train on, or `auto`.
+        clips: Clips = Clips::default();
+        /// `procedural`: clips to validate on.
+        val_clips: usize = 128;
+        /// `procedural`: clips to test on.
+        test_clips: usize = 512;
+    }
+}
+
+impl DataSection {
+    /// What it asks for. A union needs no `source`.
+    ///
+    /// # Panics
+    /// For `humanml3d` without a path, which [`DataSection::problems`] refuses.
+    pub fn origin(&self) -> Origin<'_> {
+        match self.source {
+            _ if !self.union.is_empty() => Origin::Union(&self.union),
+            DataSource::Procedural => Origin::Procedural,
+            DataSource::HumanMl3d => {
+                Origin::Folder(self.path.as_deref().expect("checked when the sweep was read"))
+            }
+            DataSource::None => Origin::None,
+        }
+    }
+
+    /// What no source can use.
+    pub fn problems(&self) -> Vec<KeyProblem> {
+        let united = !self.union.is_empty();
+        let folder = "path: the folder that holds new_joint_vecs, vector_263 or new_joints, texts and \
+                      train.txt; or union: a list of such folders";
+        let alone = "leave `path` out, and `source` too, or make it humanml3d";
+        let no_files = self.source != DataSource::HumanMl3d && !united;
+        let no_path = "a folder, where `source` reads none";
+        let no_fps = "the rate of files, where `source` reads none";
+        let source = Some("source: humanml3d");
+        let splits = "`val_clips` and `test_clips` must be at least 1";
+        let other = united && (self.path.is_some() || self.source == DataSource::None);
+        let read = self.source != DataSource::HumanMl3d || self.path.is_some() || united;
+        let mut rates = self.union.iter().map(|member| member.fps).chain([self.fps]).flatten();
+        KeyProblem::failed([
+            (read, "", "`source: humanml3d` needs a `path`", Some(folder)),
+            (!other, "union", "a union is all the data there is", Some(alone)),
+            (!no_files || self.path.is_none(), "path", no_path, source),
+            (!no_files || self.fps.is_none(), "fps", no_fps, source),
+            (rates.all(|fps| fps > 0.0), "fps", "a second has more than 0 frames", None),
+            (self.clips != Clips::Count(0), "clips", "no clip to train on", None),
+            (self.val_clips > 0 && self.test_clips > 0, "", splits, None),
+        ])
+    }
+}
+
+impl<'de> Deserialize<'de> for Clips {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = Value::deserialize(deserializer)?;
+        match value.as_str() {
+            Some("auto") => Ok(Clips::Auto),
+            _ => number::whole(&value)
+                .map(Clips::Count)
+                .map_err(|error| D::Error::custom(format!("{error}; or write `auto`"))),
+        }
+    }
+}
+
+impl JsonSchema for Clips {
+    fn schema_name() -> Cow<'static, str> {
+        "Clips".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({"anyOf": [
+            {"type": "integer", "description": "A number of clips."},
+            {
+                "const": "auto",
+                "description": "As many as the longest run needs, rounded up to a power of two.",
+            },
+        ]})
+    }
+}
+
+impl Serialize for Clips {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Clips::Auto => serializer.serialize_str("auto"),
+            Clips::Count(n) => serializer.serialize_u64(*n as u64),
+        }
+    }
+}

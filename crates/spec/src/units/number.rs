@@ -1,0 +1,126 @@
+//! Numbers as people write them in a sweep file: `1e18` is a whole number too.
+
+use serde::de::{Deserialize, DeserializeOwned, Deserializer, Error};
+use serde_yaml::Value;
+
+/// A value that is read as people write it: numbers as `512`, `1e6` or `1_000`, all else as serde has it.
+pub trait Written: DeserializeOwned {
+    /// Reads it.
+    ///
+    /// # Errors
+    /// What stands there in its place.
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        <Self as Deserialize<'de>>::deserialize(deserializer)
+    }
+}
+
+/// [`Written::written`] as serde's attribute `deserialize_with` asks for it.
+pub fn read<'de, T: Written, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
+    T::written(deserializer)
+}
+
+/// Types that are read as serde has them.
+#[macro_export]
+macro_rules! plain {
+    ($($type:ty),* $(,)?) => { $(impl $crate::units::number::Written for $type {})* };
+}
+pub use plain;
+
+plain!(bool, String, std::path::PathBuf, isoflop_laws::laws::MinimumMethod);
+
+impl Written for f64 {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        of_value(&Value::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
+}
+
+impl Written for usize {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        whole(&Value::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
+}
+
+/// A seed: any whole number.
+impl Written for u64 {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let value = Value::deserialize(deserializer)?;
+        let large = value.as_u64();
+        large.map_or_else(|| whole(&value).map(|seed| seed as u64), Ok).map_err(D::Error::custom)
+    }
+}
+
+/// A value of a list, so that an error has its place and not the list's.
+struct One<T>(T);
+
+impl<'de, T: Written> Deserialize<'de> for One<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        T::written(deserializer).map(Self)
+    }
+}
+
+impl<T: Written> Written for Option<T> {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Ok(Option::<One<T>>::deserialize(deserializer)?.map(|one| one.0))
+    }
+}
+
+impl<T: Written> Written for Vec<T> {
+    fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Ok(Vec::<One<T>>::deserialize(deserializer)?.into_iter().map(|one| one.0).collect())
+    }
+}
+
+/// The whole number that a value holds; the error says what it holds instead.
+pub fn whole(value: &Value) -> Result<usize, String> {
+    let number = of_value(value)?;
+    if number.fract() == 0.0 && (0.0..9e15).contains(&number) {
+        Ok(number as usize)
+    } else {
+        Err(format!("expected a whole number, found {}", shown(value)))
+    }
+}
+
+/// The number that a value holds, as YAML or as text; the error says what it holds instead.
+pub fn of_value(value: &Value) -> Result<f64, String> {
+    let number = match value {
+        Value::Number(number) => number.as_f64(),
+        Value::String(text) => text.replace('_', "").parse().ok(),
+        _ => None,
+    };
+    match number {
+        Some(number) if number.is_finite() => Ok(number),
+        _ => Err(format!("expected a number, found {}", shown(value))),
+    }
+}
+
+fn shown(value: &Value) -> String {
+    match serde_yaml::to_string(value) {
+        Ok(text) => format!("`{}`", text.trim()),
+        Err(_) => "something else".to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    #[derive(Deserialize)]
+    struct Row {
+        #[serde(deserialize_with = "crate::units::number::read")]
+        n: usize,
+        #[serde(deserialize_with = "crate::units::number::read")]
+        c: Vec<f64>,
+    }
+
+    #[test]
+    fn exponents_and_underscores_are_numbers() {
+        let row: Row = serde_yaml::from_str("{n: 1e3, c: [1e18, 3E10, 1_000, 0.5]}").unwrap();
+        assert_eq!((row.n, row.c), (1000, vec![1e18, 3e10, 1000.0, 0.5]));
+    }
+
+    #[test]
+    fn half_a_layer_is_refused() {
+        let error = serde_yaml::from_str::<Row>("{n: 1.5, c: []}").err().unwrap();
+        assert!(error.to_string().contains("whole number"), "{error}");
+    }
+}
