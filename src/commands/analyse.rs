@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::by_generator::parted;
 use super::exit::Exit;
 use super::generators;
+use super::generators::parted;
 use super::output::Output;
 use super::plot::{analysed, forget};
 use super::quality::Scored;

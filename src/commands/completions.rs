@@ -1,10 +1,11 @@
-//! `isoflop completions` and `isoflop man`: what shells and manuals are told of the commands.
+//! `isoflop completions`, `man` and `schema`: what shells, manuals and editors are told of the commands and of sweep files.
 
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::{Args, Command};
 use clap_complete::Shell;
+use isoflop::sweep;
 use serde_json::json;
 
 use super::exit::Exit;
@@ -37,4 +38,9 @@ pub fn man(args: &ManArgs, cli: Command, output: &Output) -> Result<Exit> {
     clap_mangen::generate_to(cli, &args.out).with_context(place)?;
     let said = format!("{}: isoflop.1 and a page for each command", args.out.display());
     output.result(&json!({ "man": args.out }), &said)
+}
+
+pub fn schema(output: &Output) -> Result<Exit> {
+    let schema = sweep::schema();
+    output.result(&schema, &serde_json::to_string_pretty(&schema)?)
 }

@@ -1,19 +1,113 @@
-//! What several commands begin with: the sweep, its data, its plan and its folder.
+//! What commands that train begin with: a sweep with its data, plan and folder; a device; a trained tokenizer.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use clap::builder::TypedValueParser;
 use isoflop::data::{self, DataFacts, MotionSource};
-use isoflop::jobs::ResultsFolder;
+use isoflop::engine::{ENGINES, Engine, Track};
+use isoflop::jobs::{ResultsFolder, TrainedTokenizer};
+use isoflop::ops::DeviceName;
 use isoflop::plan::{Plan, demand};
 use isoflop::spec::FlopsRule;
 use isoflop::spec::{Clips, DataSource, Origin};
+use isoflop::sweep::presets::NAMES;
 use isoflop::sweep::{self, Sweep};
 use isoflop::text::{self, TextEncoder};
 
-use super::exit::SweepArgs;
+use super::args::one_of;
+
+/// A sweep file and what is laid over it.
+#[derive(Args, Clone)]
+pub struct SweepArgs {
+    #[arg(help = sweep_help())]
+    pub sweep: PathBuf,
+    /// Override a setting of the file, as in train.min_steps=100; may be repeated
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub settings: Vec<String>,
+    /// The folder in which the sweep's own folder lies
+    #[arg(long, default_value = "results", value_name = "DIR")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub work: WorkArgs,
+}
+
+/// What may stand in the place of a sweep file.
+fn sweep_help() -> String {
+    format!("The sweep file, or a preset: {}", NAMES.join(", "))
+}
+
+/// What computes, and how much of it side by side.
+#[derive(Args, Clone)]
+pub struct WorkArgs {
+    /// Jobs that run side by side, one thread each; by default one per core, or one on a GPU
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub jobs: Option<u16>,
+    /// The backend that computes
+    #[arg(long, value_parser = device(), default_value = "flex")]
+    pub device: DeviceName,
+}
+
+impl WorkArgs {
+    /// Jobs side by side: by default one a core, and one on a GPU, whose memory is not known here.
+    pub fn slots(&self) -> usize {
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        let default = || if self.device.is_processor() { cores() } else { 1 };
+        self.jobs.map_or_else(default, usize::from)
+    }
+}
+
+/// A trained tokenizer, and what it runs on.
+#[derive(Args)]
+pub struct TokenizerChoice {
+    #[command(flatten)]
+    place: TokenizerPlace,
+    /// The backend that computes
+    #[arg(long, value_parser = device(), default_value = "flex")]
+    device: DeviceName,
+}
+
+/// Which trained tokenizer: one of the two.
+#[derive(Args)]
+#[group(required = true, multiple = false)]
+struct TokenizerPlace {
+    /// A run's folder, or a sweep's, whose run with the lowest loss is taken
+    #[arg(long, value_name = "RUN")]
+    run: Option<PathBuf>,
+    /// A tokenizer's own folder: `tokenizers/<id>` of a sweep's
+    #[arg(long, value_name = "FOLDER")]
+    tokenizer: Option<PathBuf>,
+}
+
+impl TokenizerChoice {
+    /// Opens it.
+    pub fn open(&self) -> Result<TrainedTokenizer> {
+        let device = self.device.open()?;
+        match (&self.place.run, &self.place.tokenizer) {
+            (Some(run), _) => TrainedTokenizer::of_run(run, &device),
+            (None, Some(folder)) => TrainedTokenizer::open(folder, &device),
+            (None, None) => bail!("give a tokenizer by --run or --tokenizer"),
+        }
+    }
+}
+
+/// The parser of a device's name.
+pub fn device() -> impl TypedValueParser<Value = DeviceName> {
+    one_of(DeviceName::ALL.map(|(device, name, about)| (name, about, device)))
+}
+
+/// The parser of an engine's name.
+pub fn an_engine() -> impl TypedValueParser<Value = &'static dyn Engine> {
+    one_of(ENGINES.map(|engine| (engine.name(), engine.about(), engine)))
+}
+
+/// The parser of a tracker's name.
+pub fn a_track() -> impl TypedValueParser<Value = Track> {
+    one_of(Track::ALL.map(|(track, about)| (track.name(), about, track)))
+}
 
 /// A sweep and its plan over its data.
 #[derive(Clone)]

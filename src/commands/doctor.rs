@@ -10,8 +10,8 @@ use isoflop::ops::{DeviceName, check_products};
 use serde::Serialize;
 use serde_json::json;
 
-use super::exit::{Exit, table};
-use super::output::Output;
+use super::exit::Exit;
+use super::output::{Output, table};
 
 /// Rows and columns of the matrices that are multiplied.
 const SIZE: usize = 512;

@@ -1,8 +1,7 @@
 //! The commands: one file each, each telling its whole story.
 
 mod analyse;
-mod by_generator;
-mod command_line;
+mod args;
 mod compare;
 mod completions;
 mod context;
@@ -13,7 +12,6 @@ mod doubts;
 mod evaluate;
 mod evaluator;
 mod exit;
-mod expected;
 mod export;
 mod fit;
 mod generate;
@@ -28,7 +26,7 @@ mod published;
 mod quality;
 mod report;
 mod run;
-mod schema;
+mod sizes;
 mod status;
 mod tokenize;
 mod tokenizer;
@@ -46,7 +44,7 @@ pub use exit::{Exit, refuse, report};
 #[command(version, about)]
 pub struct Cli {
     #[command(flatten)]
-    common: exit::Common,
+    common: args::Common,
     #[command(subcommand)]
     command: Command,
 }
@@ -60,9 +58,9 @@ enum Command {
     /// Run what is missing of a sweep, then fit, plot and predict
     Run(run::RunArgs),
     /// How far a sweep is, what runs, what failed and how to try it again
-    Status(exit::FolderArg),
+    Status(args::FolderArg),
     /// End a sweep cleanly, wherever it runs; what is finished stays
-    Cancel(exit::FolderArg),
+    Cancel(args::FolderArg),
     /// Fit laws to a sweep, or to any table of runs
     Fit(fit::FitArgs),
     /// Draw every figure of a sweep again, from its table alone
@@ -161,7 +159,7 @@ pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
         Command::Report(args) => report::report(&args, &output),
         Command::Export(args) => export::export(&args, &output),
         Command::Doctor => doctor::doctor(&output),
-        Command::Schema => schema::schema(&output),
+        Command::Schema => completions::schema(&output),
         Command::Completions(args) => completions::completions(&args, Cli::command(), &output),
         Command::Man(args) => completions::man(&args, Cli::command(), &output),
         Command::Worker(args) => worker::worker(&args, &output),

@@ -1,9 +1,10 @@
 //! `isoflop plan`: what a sweep will do and cost.
 
-use super::context::{OpenSweep, plan_sweep};
+use super::args::{a_card, not_negative};
+use super::context::{OpenSweep, SweepArgs, plan_sweep};
 use super::doubts::doubts;
-use super::exit::{Exit, SweepArgs, a_card, dash, many, not_negative, table};
-use super::output::Output;
+use super::exit::Exit;
+use super::output::{Output, dash, many, table};
 use super::plan_text;
 use super::plan_text::{bytes, exponent, flops, stale};
 use anyhow::{Result, bail};

@@ -1,6 +1,6 @@
 //! The plan as a person reads it.
 
-use super::exit::{dash, more, table};
+use super::output::{dash, more, table};
 use isoflop::data::MemberFacts;
 use isoflop::files::read_if_there;
 use isoflop::jobs::{JobState, ResultsFolder, RunStates};

@@ -1,9 +1,10 @@
 //! `isoflop plot`: every figure of a sweep again, from its table and laws alone; those of a table made
 //! elsewhere or of a `laws.json`, as far as it holds what they show.
 
-use super::by_generator::{draw as draw_side_by_side, home, parted};
-use super::exit::{Exit, one_of};
+use super::args::one_of;
+use super::exit::Exit;
 use super::fit::{TableArgs, TableStudy, beside};
+use super::generators::{draw as draw_side_by_side, home, parted};
 use super::output::Output;
 use super::predict::not_of_groups;
 use super::validate::gathered;

@@ -10,8 +10,8 @@ use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
 use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
 use serde_json::json;
 
-use super::exit::{Exit, table};
-use super::output::Output;
+use super::exit::Exit;
+use super::output::{Output, table};
 
 #[derive(Args)]
 pub struct PublishedArgs {

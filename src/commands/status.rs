@@ -1,8 +1,9 @@
 //! `isoflop status`: how far a sweep is, from its folder, and from the engines that have some of it.
 
-use super::command_line::CommandLine;
-use super::exit::{Exit, FolderArg, clip, more, table};
-use super::output::Output;
+use super::args::FolderArg;
+use super::exit::Exit;
+use super::output::{Output, clip, more, table};
+use super::run::CommandLine;
 use anyhow::{Context, Result, bail};
 use isoflop::engine::local::left;
 use isoflop::engine::{Cancelled, ENGINES, EngineState};

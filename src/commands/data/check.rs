@@ -9,8 +9,8 @@ use isoflop::spec::{DataSection, DataSource};
 use serde_json::json;
 
 use crate::commands::doubts::too_few;
-use crate::commands::exit::{Exit, many, more};
-use crate::commands::output::Output;
+use crate::commands::exit::Exit;
+use crate::commands::output::{Output, many, more};
 
 #[derive(Args)]
 pub struct CheckArgs {

@@ -2,8 +2,9 @@
 
 mod check;
 
-use super::exit::{Exit, many, more, number, one_of, table};
-use super::output::Output;
+use super::args::{number, one_of};
+use super::exit::Exit;
+use super::output::{Output, many, more, table};
 use anyhow::{Context, Result};
 use clap::{Args, Subcommand};
 use isoflop::data::import::{

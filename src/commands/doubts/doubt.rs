@@ -1,6 +1,6 @@
 //! [`Doubt`]: something that will be in doubt.
 
-use crate::commands::expected::Expected;
+use crate::commands::sizes::Expected;
 use isoflop::laws::WIDEST_STEP;
 use isoflop::plan::{Plan, PlannedRun};
 use serde::Serialize;

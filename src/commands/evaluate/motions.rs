@@ -11,7 +11,7 @@ use isoflop::text::as_in_data;
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use super::args::EvaluateArgs;
+use super::EvaluateArgs;
 use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
 
 /// Problems that are listed, at most.

@@ -1,6 +1,6 @@
 //! The command line of `isoflop fit`, as it is typed.
 
-use crate::commands::exit::{budget, number, one_of};
+use crate::commands::args::{budget, number, one_of};
 use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use isoflop::laws::{

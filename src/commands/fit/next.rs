@@ -9,7 +9,8 @@ use isoflop::sweep::{GridPart, ModelEntry, ModelList, Sweep, VocabSpec, models};
 use isoflop::words::wrap;
 
 use super::source::OwnSweep;
-use crate::commands::by_generator::{codes, distinct, home, model, nonvocab};
+use crate::commands::generators::home;
+use crate::commands::sizes::{codes, distinct, model, nonvocab};
 
 use crate::commands::export::way;
 

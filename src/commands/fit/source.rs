@@ -2,7 +2,7 @@
 
 use super::args::FitArgs;
 use super::sweep;
-use crate::commands::by_generator::{of_one, sweep_of};
+use crate::commands::generators::{of_one, sweep_of};
 use crate::commands::output::Output;
 use crate::commands::validate::validation_folders;
 use anyhow::{Result, bail};

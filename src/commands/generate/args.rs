@@ -1,6 +1,7 @@
 //! What `isoflop generate` takes, and the motions that follow from it.
 
-use crate::commands::exit::{device, not_negative, number, share};
+use crate::commands::args::{not_negative, number, share};
+use crate::commands::context::device;
 use crate::commands::tokenize::lines_of;
 use anyhow::{Result, bail};
 use clap::Args;

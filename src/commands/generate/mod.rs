@@ -5,8 +5,8 @@ mod times;
 
 pub use args::GenerateArgs;
 
-use super::exit::{Exit, clip, many, more, table};
-use super::output::Output;
+use super::exit::Exit;
+use super::output::{Output, clip, many, more, table};
 use anyhow::{Context, Result, bail};
 use args::Source;
 use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};

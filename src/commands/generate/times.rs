@@ -9,8 +9,8 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::args::GenerateArgs;
-use crate::commands::exit::{Exit, table};
-use crate::commands::output::Output;
+use crate::commands::exit::Exit;
+use crate::commands::output::{Output, table};
 
 /// Motions that are made side by side.
 const BATCHES: [usize; 4] = [1, 4, 16, 64];

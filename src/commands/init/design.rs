@@ -1,6 +1,6 @@
 //! [`Design`]: a grid round where the optimum is expected.
 
-use crate::commands::expected;
+use crate::commands::sizes;
 use std::path::Path;
 
 /// Budgets of a study, each twice the one before.
@@ -103,7 +103,7 @@ struct Expected {
 
 impl Expected {
     fn at(budget: f64) -> Self {
-        let law = expected::Expected::by_own_studies(budget);
+        let law = sizes::Expected::by_own_studies(budget);
         let (params_nonvocab, params_vocab) = (law.params_nonvocab, law.params_vocab);
         let width = (params_nonvocab / (12 * LAYERS) as f64).sqrt();
         let tokens = budget / (6.0 * (params_nonvocab + params_vocab));

@@ -1,8 +1,10 @@
 //! `isoflop init`: a sweep file for one's data, sized to a time.
 
 mod design;
+use super::args::number;
+use super::context::WorkArgs;
 use super::doubts::{Doubt, doubts};
-use super::exit::{Exit, WorkArgs, number};
+use super::exit::Exit;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::data::{self, DataFacts};

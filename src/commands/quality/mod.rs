@@ -2,8 +2,7 @@
 
 mod rows;
 
-use super::exit::{dash, more, table};
-use super::output::Output;
+use super::output::{Output, dash, more, table};
 use anyhow::Result;
 use isoflop::figures::{self, Format, draw_alone};
 use isoflop::jobs::ResultsFolder;

@@ -1,8 +1,8 @@
 //! A sweep's missing jobs, brought to their end by an engine.
 
-use super::args::RunArgs;
+use super::command_line::CommandLine;
+use super::command_line::RunArgs;
 use super::summary::Summary;
-use crate::commands::command_line::CommandLine;
 use crate::commands::context::{OpenSweep, open_sweep};
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;

@@ -1,7 +1,7 @@
 //! `isoflop run`: what is missing of a sweep, then laws, figures and predictions.
 
-mod args;
 mod bring;
+mod command_line;
 mod rounds;
 mod summary;
 
@@ -18,8 +18,8 @@ use crate::commands::output::Output;
 use rounds::run_in_rounds;
 use summary::Summary;
 
-pub use args::RunArgs;
 pub use bring::{bring, hold, open};
+pub use command_line::{CommandLine, RunArgs};
 
 pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
     if let Some(most) = args.options.rounds {

@@ -8,7 +8,7 @@ use isoflop::failure::Failure;
 use isoflop::jobs::{Job, JobId, JobKind, JobState, all_jobs};
 use isoflop::plan::PlannedRun;
 
-use crate::commands::command_line::CommandLine;
+use super::command_line::CommandLine;
 use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;

@@ -14,9 +14,8 @@ use isoflop::predict::Prediction;
 use isoflop::record::{RunRecord, table as runs};
 use isoflop::spec::FlopsRule;
 
-use crate::commands::exit::{dash, table};
 use crate::commands::fit::points;
-use crate::commands::output::Output;
+use crate::commands::output::{Output, dash, table};
 
 /// The forecast of some laws and the best cell of the validation's folder.
 pub fn compare(

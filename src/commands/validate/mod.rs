@@ -4,8 +4,11 @@ mod compare;
 
 pub use compare::{gathered, validation_folders};
 
-use super::by_generator::{codes, distinct, model, sweep_of};
-use super::exit::{Exit, SweepArgs, WorkArgs, an_engine, budget};
+use super::args::budget;
+use super::context::{SweepArgs, WorkArgs, an_engine};
+use super::exit::Exit;
+use super::generators::sweep_of;
+use super::sizes::{codes, distinct, model};
 use anyhow::{Result, bail};
 use clap::Args;
 use isoflop::engine::{ENGINES, Engine};

@@ -1,6 +1,8 @@
 //! `isoflop compare`: the laws of several studies side by side, and what differs in their sweeps.
 
-use super::exit::{Exit, budget, dash, more, table};
+use super::args::budget;
+use super::exit::Exit;
+use super::output::{Output, dash, more, table};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::figures::{self, Format, draw_alone};
@@ -8,7 +10,6 @@ use isoflop::laws::{Difference, Estimate, Exponent, LawKind, Laws, PerQuantity};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-use super::output::Output;
 use std::fmt::Write;
 
 use super::predict::{laws_named, predict_one};

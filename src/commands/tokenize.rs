@@ -1,7 +1,8 @@
 //! `isoflop tokenize`: motions into codes, a file each.
 
-use super::exit::{Exit, TokenizerChoice, many, more, table};
-use super::output::Output;
+use super::context::TokenizerChoice;
+use super::exit::Exit;
+use super::output::{Output, many, more, table};
 use anyhow::{Context, Result, bail};
 use isoflop::codes::{ClipCodes, ClipScale};
 use isoflop::data::{Annotation, FAR, parse_annotation, read_motion};

@@ -1,7 +1,8 @@
 //! `isoflop worker`: one job of a sweep, in a process of its own.
 
-use super::exit::{Exit, an_engine, device, say};
-use super::output::Output;
+use super::context::{an_engine, device};
+use super::exit::Exit;
+use super::output::{Output, say};
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use isoflop::jobs::worker::{

@@ -1,7 +1,7 @@
 //! `isoflop run --rounds`: a part of the grid at a time, until a prediction is sharp enough.
 
-use super::args::RunArgs;
 use super::bring::{bring, hold, open};
+use super::command_line::RunArgs;
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
 use crate::commands::exit::Exit;

@@ -1,7 +1,9 @@
 //! `isoflop detokenize`: codes back into motions, and how far they are from the originals.
 
-use super::exit::{Exit, TokenizerChoice, dash, many, more, not_negative, table};
-use super::output::Output;
+use super::args::not_negative;
+use super::context::TokenizerChoice;
+use super::exit::Exit;
+use super::output::{Output, dash, many, more, table};
 use super::tokenize::motion_name;
 use anyhow::{Context, Result, bail};
 use isoflop::codes::ClipCodes;

@@ -1,9 +1,9 @@
 //! `isoflop report`: results as one page that opens without a network: a sweep's, or those of a table
 //! made elsewhere or of a `laws.json`, as far as it holds what the page shows.
 
-use super::by_generator::{home, parted};
 use super::exit::Exit;
 use super::fit::{TableArgs, TableStudy, beside};
+use super::generators::{home, parted};
 use super::output::Output;
 use super::predict::not_of_groups;
 use super::{fit, plot, predict};

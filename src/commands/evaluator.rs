@@ -7,8 +7,9 @@ use isoflop::jobs::JobKind;
 use isoflop::plan::EvaluatorJob;
 use serde_json::json;
 
+use super::args::FolderArgs;
 use super::context::{OpenSweep, read_sweep};
-use super::exit::{Exit, FolderArgs};
+use super::exit::Exit;
 
 use super::output::Output;
 use super::run::{RunArgs, run_only};

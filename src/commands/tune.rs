@@ -1,7 +1,8 @@
 //! `isoflop tune`: the rule of learning rate and batch, by trials at a few cells of a sweep's grid.
 
-use super::context::OpenSweep;
-use super::exit::{Exit, SweepArgs, an_engine, dash, table};
+use super::context::{OpenSweep, SweepArgs, an_engine};
+use super::exit::Exit;
+use super::output::{Output, dash, table};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::engine::{ENGINES, Engine};
@@ -12,7 +13,6 @@ use isoflop::rates::{CellRate, Place, Rule, Setting, Trial, choose, fit_rule, ne
 use serde_json::json;
 use std::ops::ControlFlow;
 
-use super::output::Output;
 use super::run::{RunArgs, bring, hold, open};
 use isoflop::sweep::{LrRule, ScheduleKind, Sweep};
 use isoflop::words::wrap;

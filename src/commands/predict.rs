@@ -1,6 +1,7 @@
 //! `isoflop predict`: the optimal configuration for a budget, and the loss of a given model.
 
-use super::exit::{Exit, budget};
+use super::args::budget;
+use super::exit::Exit;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use isoflop::files::{atomic, read_if_there};

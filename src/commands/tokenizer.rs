@@ -1,0 +1,144 @@
+//! `isoflop tokenizer`: the tokenizers of a sweep on their own, several beside one another, how often the codes of one
+//! are met, and what guidance of its detokenizer is worth (LG-Tok, Fig. 5).
+
+use anyhow::{Result, bail};
+use clap::{Args, Subcommand};
+use isoflop::data::Split;
+use isoflop::figures::{self, Format, draw_alone};
+use isoflop::jobs::JobKind;
+use isoflop::spec::LanguageSpec;
+use isoflop::tokenizer::{
+    CodeMap, Reconstruction, ScaleUse, TokenizerMetrics, remarks, table as compared,
+};
+use serde_json::json;
+
+use super::args::{FolderArgs, not_negative};
+use super::context::TokenizerChoice;
+use super::exit::Exit;
+use super::output::{Output, more, table};
+use super::plot;
+use super::run::{RunArgs, run_only};
+
+/// Scales that are listed, at most.
+const LISTED: usize = 16;
+
+#[derive(Args)]
+pub struct TokenizerArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Train the tokenizers of a sweep, and nothing else of it
+    Train(RunArgs),
+    /// Compare the tokenizers of sweeps with one another and with k-means
+    Eval(FolderArgs),
+    /// Draw how often the codes of a tokenizer are met, scale by scale, and where they lie
+    Codes(CodesArgs),
+    /// Measure reconstruction as the detokenizer follows the caption the more
+    Guidance(GuidanceArgs),
+}
+
+pub fn tokenizer(args: &TokenizerArgs, output: &Output) -> Result<Exit> {
+    match &args.what {
+        What::Train(args) => train(args, output),
+        What::Eval(args) => eval(args, output),
+        What::Codes(args) => codes(args, output),
+        What::Guidance(args) => guidance(args, output),
+    }
+}
+
+/// Trains what is missing; then all of the folder's are compared, if any is there.
+fn train(args: &RunArgs, output: &Output) -> Result<Exit> {
+    run_only(args, JobKind::Tokenizer, output, |open| {
+        let tokenizers = plot::tokenizers(&open.folder, output)?;
+        if !tokenizers.is_empty() {
+            compare(&tokenizers, output)?;
+        }
+        Ok(())
+    })
+}
+
+fn eval(args: &FolderArgs, output: &Output) -> Result<Exit> {
+    let tokenizers = args.read(|folder| plot::tokenizers(folder, output))?;
+    if tokenizers.is_empty() {
+        bail!("no tokenizer is trained yet; `isoflop tokenizer train` trains those of a sweep");
+    }
+    compare(&tokenizers, output)
+}
+
+fn compare(tokenizers: &[TokenizerMetrics], output: &Output) -> Result<Exit> {
+    let exit = output.result(&json!({ "tokenizers": tokenizers }), &compared(tokenizers))?;
+    remarks(tokenizers).iter().for_each(|remark| output.warn(remark));
+    Ok(exit)
+}
+
+#[derive(Args)]
+struct CodesArgs {
+    #[command(flatten)]
+    tokenizer: TokenizerChoice,
+}
+
+fn codes(args: &CodesArgs, output: &Output) -> Result<Exit> {
+    let trained = args.tokenizer.open()?;
+    let map = CodeMap::of(&trained.tokenizer, &trained.tokens()?, Split::Test);
+    let scales: Vec<ScaleUse> = map.scales.iter().map(|scale| ScaleUse::of(&scale.met)).collect();
+    let name = format!("codes-{}", trained.id);
+    let title = format!("{}: codes of tokenizer {}", trained.folder.name(), trained.id);
+    let folder = trained.folder.file("figures");
+    let paths = draw_alone(&name, figures::codes(&title, &map), &folder, &Format::ALL)?;
+    let document = json!({
+        "tokenizer": trained.id, "scales": scales, "explained": map.explained, "figures": paths,
+    });
+    output.result(&document, &codes_text(&trained.id, &scales, &paths[0].display().to_string()))
+}
+
+/// A line a scale.
+fn codes_text(id: &str, scales: &[ScaleUse], figure: &str) -> String {
+    let row = |(i, own): (usize, &ScaleUse)| {
+        let ScaleUse { n_vocab, utilisation, exponential_entropy } = own;
+        let used = format!("{:.1}", 100.0 * utilisation);
+        [(i + 1).to_string(), n_vocab.to_string(), used, format!("{exponential_entropy:.1}")]
+    };
+    let rows = scales.iter().enumerate().take(LISTED).map(row);
+    let rows = table(["scale", "codes", "in use, %", "effective"], rows);
+    let unsaid = more(scales.len(), LISTED, "");
+    format!("codes of tokenizer {id} on the test split\n\n{rows}{unsaid}\nfigure    {figure}")
+}
+
+#[derive(Args)]
+struct GuidanceArgs {
+    #[command(flatten)]
+    tokenizer: TokenizerChoice,
+    /// Strengths of language-free guidance
+    #[arg(long, value_name = "STRENGTHS", value_delimiter = ',', value_parser = not_negative,
+          default_value = "0,0.5,1,2,4")]
+    at: Vec<f64>,
+}
+
+fn guidance(args: &GuidanceArgs, output: &Output) -> Result<Exit> {
+    let trained = args.tokenizer.open()?;
+    let language = trained.tokenizer.spec().architecture.language();
+    if !language.is_some_and(|language| LanguageSpec::places(language)[1]) {
+        bail!("the detokenizer reads no captions: there is nothing that guidance could follow");
+    }
+    let found = trained.reconstruct(Split::Test, &args.at)?;
+    let row = |(at, made): (&f64, &Reconstruction)| json!({ "guidance": at, "made": made });
+    let rows: Vec<_> = args.at.iter().zip(&found).map(row).collect();
+    let document = json!({ "tokenizer": trained.id, "guidances": rows });
+    output.result(&document, &guidance_text(&trained.id, &args.at, &found))
+}
+
+/// A line a strength.
+fn guidance_text(id: &str, at: &[f64], found: &[Reconstruction]) -> String {
+    let row = |(guidance, made): (&f64, &Reconstruction)| {
+        let Reconstruction { mpjpe_mm: own, mpjpe_heading_mm: given, reconstruction_l1: l1 } = made;
+        [guidance.to_string(), format!("{own:.1}"), format!("{given:.1}"), format!("{l1:.4}")]
+    };
+    let rows = table(["guidance", "MPJPE, mm: own", "given", "L1"], at.iter().zip(found).map(row));
+    format!(
+        "reconstruction of the test split by tokenizer {id}\n\n{rows}\
+         MPJPE by the tokenizer's own heading and by the true one; L1 of normalised features"
+    )
+}
