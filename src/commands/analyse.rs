@@ -1,18 +1,21 @@
 //! The records of a sweep, and what follows from them.
 
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
 use anyhow::{Context, Result};
+use isoflop::figures::Format;
 use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::{RunRecord, table};
-use isoflop::sweep;
+use isoflop::sweep::{self, Sweep};
 use rayon::prelude::*;
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::exit::Exit;
-use super::generators;
-use super::generators::parted;
-use super::output::Output;
+use super::generators::{draw, parted};
+use super::output::{Output, dash, table as columns};
 use super::plot::{analysed, forget};
 use super::quality::Scored;
 
@@ -32,7 +35,7 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
     let scored = Scored::of(&sweep, folder, &records, output)?;
     let (mut document, mut text) = if by_generator.len() > 1 {
         table::write(folder.root(), &records)?;
-        generators::finish(&sweep, folder, &by_generator, output)?
+        of_several(&sweep, folder, &by_generator, output)?
     } else {
         let finished = analysed(&sweep, (folder, folder), &records, output)?;
         (finished.document, if output.full { finished.full } else { finished.text })
@@ -42,6 +45,60 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
         text = format!("{}\n\n{}", text.trim_end(), scored.text);
     }
     output.result(&document, &text)
+}
+
+/// Laws for each generator: those of one would say nothing of another. Gives what there is to say.
+fn of_several(
+    sweep: &Sweep,
+    folder: &ResultsFolder,
+    by_generator: &BTreeMap<String, Vec<RunRecord>>,
+    output: &Output,
+) -> Result<(Value, String)> {
+    forget(folder)?;
+    let figure = draw(sweep, folder, by_generator, &Format::ALL)?;
+    let mut documents = BTreeMap::new();
+    for (name, records) in by_generator {
+        let own = folder.of_generator(name);
+        std::fs::create_dir_all(own.root())?;
+        let titled = Sweep { name: format!("{} {name}", sweep.name), ..sweep.clone() };
+        output.note(&format!("laws of {name}, from {} runs:", records.len()));
+        documents
+            .insert(name.clone(), analysed(&titled, (&own, folder), records, output)?.document);
+    }
+    let text = side_by_side(folder, &documents, by_generator);
+    let document = json!({
+        "results": folder.root(),
+        "runs": by_generator.values().map(Vec::len).sum::<usize>(),
+        "generators": documents,
+        "figures": figure,
+    });
+    Ok((document, text))
+}
+
+/// A line a generator: its exponents, and what it predicts for the first budget that is asked about.
+fn side_by_side(
+    folder: &ResultsFolder,
+    documents: &BTreeMap<String, Value>,
+    by_generator: &BTreeMap<String, Vec<RunRecord>>,
+) -> String {
+    let number = |value: &Value, digits: usize| dash(value.as_f64(), |x| format!("{x:.digits$}"));
+    let row = |(name, document): (&String, &Value)| {
+        let exponent = |of: &str| number(&document["laws"]["power_laws"][of]["exponent"], 3);
+        let prediction = &document["predictions"][0];
+        let at = prediction["budget_flops"].as_f64();
+        let at = at.map_or_else(String::new, |budget| format!(" at {budget:e}"));
+        let [size, vocab, tokens] = ["params_nonvocab", "params_vocab", "tokens"].map(exponent);
+        let predicted = number(&prediction["loss_normalised"], 3) + &at;
+        [name.clone(), by_generator[name].len().to_string(), size, vocab, tokens, predicted]
+    };
+    let heads = ["<generator", "runs", "N_nv in C", "N_v in C", "D in C", "<L_u predicted"];
+    let mut text = columns(heads, documents.iter().map(row));
+    let root = folder.root().display();
+    let _ = writeln!(text, "\ntable     {root}/runs.parquet");
+    let _ = writeln!(text, "figure    {root}/figures/generators.svg");
+    let _ = writeln!(text, "each      {root}/generators/<generator>: laws.json, figures");
+    let _ = writeln!(text, "          isoflop predict C --law {root}/generators/<generator>");
+    text
 }
 
 /// What there is before the first run is done: an empty table, and no word of laws and figures.

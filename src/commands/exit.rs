@@ -1,4 +1,4 @@
-//! Exit codes, and how an error that ends the program is shown.
+//! Exit codes, lines on standard error, and how an error that ends the program is shown.
 
 use isoflop::failure::Consequence;
 use isoflop::files::failure_kind;
@@ -6,10 +6,8 @@ use isoflop::laws::FitError;
 use isoflop::predict::PredictError;
 use isoflop::sweep::SweepErrors;
 use serde_json::json;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
-
-use super::output::{is_coloured, say};
 
 /// What the program tells its caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,4 +82,14 @@ fn told(error: &anyhow::Error) -> Exit {
     let unidentifiable = error.downcast_ref::<FitError>().is_some_and(FitError::is_unidentifiable)
         || matches!(error.downcast_ref(), Some(PredictError::NoOptimum { .. }));
     if unidentifiable { Exit::NotIdentifiable } else { Exit::Usage }
+}
+
+/// A line on standard error; that nobody reads it any more is no error.
+pub fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Whether standard error is a terminal that colours are wanted on.
+pub fn is_coloured() -> bool {
+    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }

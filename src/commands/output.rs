@@ -3,7 +3,7 @@
 
 use std::array::from_fn;
 use std::cell::RefCell;
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::{ErrorKind, Write};
 
 use anyhow::Result;
 use isoflop::engine::Tell;
@@ -12,7 +12,7 @@ use serde_json::Value;
 use tracing_subscriber::EnvFilter;
 
 use super::args::Common;
-use super::exit::Exit;
+use super::exit::{Exit, is_coloured, say};
 
 /// The three ways to speak: for people, `--json`, quiet.
 pub struct Output {
@@ -149,16 +149,6 @@ pub fn clip(line: &str, most: usize) -> String {
         return line.to_string();
     }
     line.chars().take(most - 1).chain(['…']).collect()
-}
-
-/// A line on standard error; that nobody reads it any more is no error.
-pub fn say(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
-}
-
-/// Whether standard error is a terminal that colours are wanted on.
-pub fn is_coloured() -> bool {
-    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! `isoflop worker`: one job of a sweep, in a process of its own.
 
 use super::context::{an_engine, device};
-use super::exit::Exit;
-use super::output::{Output, say};
+use super::exit::{Exit, say};
+use super::output::Output;
 use anyhow::{Result, bail};
 use burn::tensor::Device;
 use isoflop::jobs::worker::{

@@ -1,10 +1,10 @@
 //! [`Plan`]: every job of a sweep with its id and its price.
 
+use super::cells::{Renamed, renamed};
 use super::planned::{EvaluatorJob, PlannedRun, ScoreJob};
 use super::price::price;
 use super::remarks::remarks;
 use super::trunk::{Dropped, PricedCell, Trunk, branch};
-use super::vocabulary::{Renamed, renamed};
 use crate::data::{DataFacts, Demand};
 use crate::spec::Origin;
 use crate::spec::{RunSpec, TRAINING_REVISION, TokenizerJob, TrainerProgram};

@@ -23,14 +23,12 @@ mod planned;
 mod price;
 mod remarks;
 mod trunk;
-mod vocabulary;
 
 pub use assemble::{MOST_USEFUL_EPOCHS, NO_TOKENIZER, Plan, TextJob, demand};
+pub use cells::Renamed;
 pub use memory::{
     bytes_on_card, evaluator_peak_bytes, text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes,
 };
 pub use planned::{EvaluatorJob, PlannedRun, ScoreJob};
 
 pub use trunk::{Dropped, Trunk, learning_rate};
-
-pub use vocabulary::Renamed;

@@ -117,7 +117,7 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
 fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     let place = args.evaluator.as_deref().expect("asked for beside files");
     let trusted = TrustedEvaluator::open(place, &args.device.open()?)?;
-    let motions = named_motions(args, trusted.evaluator.fps())?;
+    let motions = named_motions(&args.motions, args.texts.as_deref(), trusted.evaluator.fps())?;
     let scores = FileScores::of(&motions, &trusted, args)?;
     output.result(&serde_json::to_value(&scores)?, &of_files_files(&scores))
 }

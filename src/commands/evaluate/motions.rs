@@ -11,7 +11,6 @@ use isoflop::text::as_in_data;
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use super::EvaluateArgs;
 use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
 
 /// Problems that are listed, at most.
@@ -28,15 +27,19 @@ pub struct NamedMotion {
 /// Reads every motion.
 ///
 /// Every file that cannot be read is named, and none is left out.
-pub fn named_motions(args: &EvaluateArgs, fps: f64) -> Result<Vec<NamedMotion>> {
+pub fn named_motions(
+    motions: &[PathBuf],
+    texts: Option<&Path>,
+    fps: f64,
+) -> Result<Vec<NamedMotion>> {
     let mut files: Vec<(PathBuf, Option<String>)> = Vec::new();
-    for path in &args.motions {
+    for path in motions {
         match path.is_dir() {
             true => files.extend(of_folder(path)?),
             false => files.push((path.clone(), None)),
         }
     }
-    let captions = captions(args, &files)?;
+    let captions = captions(texts, &files)?;
     let paths: Vec<&PathBuf> = files.iter().map(|(path, _)| path).collect();
     let read: Vec<_> = paths.par_iter().map(|path| read_motion(path, fps)).collect();
     let problems: Vec<String> =
@@ -99,10 +102,10 @@ fn captions_of_made(folder: &Path) -> Result<Vec<String>> {
 /// The caption of each motion, where it has one: a line of `--texts`, else that of its folder, else that
 /// of the .txt beside it.
 fn captions(
-    args: &EvaluateArgs,
+    texts: Option<&Path>,
     files: &[(PathBuf, Option<String>)],
 ) -> Result<Vec<Option<String>>> {
-    let captions = match &args.texts {
+    let captions = match texts {
         Some(path) => captions_of_lines(path, files.len())?,
         None => {
             let own = |(path, made): &(PathBuf, Option<String>)| match made {

@@ -10,8 +10,8 @@ pub use args::{FitArgs, TableArgs};
 pub use study::{TableStudy, beside};
 pub use sweep::{fit_records, options, points};
 
-use super::exit::{Exit, sentence};
-use super::output::{Output, say};
+use super::exit::{Exit, say, sentence};
+use super::output::Output;
 use super::predict::each;
 use super::validate::gathered;
 use anyhow::{Context, Result, bail};

@@ -7,7 +7,6 @@
 //! inputs (a task a tokenizer) --afterok--> train (arrays of packed runs) --afterany--> fit
 //! ```
 
-mod check;
 mod cluster;
 mod command;
 mod files;

@@ -9,9 +9,8 @@ use serde_json::json;
 use std::collections::HashMap;
 use std::path::absolute;
 
-use super::check;
-use super::check::Verdict;
 use super::stages::{After, Array};
+use super::submission::{Verdict, verdicts};
 use super::worker::ChunkWorker;
 use crate::engine::runner::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
 use crate::engine::{Cancelled, EngineState, SweepRequest, Tell};
@@ -252,7 +251,7 @@ fn shown(words: &[String]) -> String {
 /// Slurm gave no answer.
 pub fn check(cluster: &Cluster, packed: &Packed, shell: &dyn Shell) -> Result<Previewed> {
     let submission = cluster.packed(packed)?;
-    let verdicts = check::check(&submission, shell).context("asking Slurm")?;
+    let verdicts = verdicts(&submission, shell).context("asking Slurm")?;
     let line = |verdict: &Verdict| {
         let word = if verdict.taken { "taken" } else { "REFUSED" };
         format!("  {:<9} {word:<8} {}\n", verdict.name, verdict.said)
