@@ -6,6 +6,8 @@ mod allowed;
 mod circles;
 #[path = "floors/imports.rs"]
 mod imports;
+#[path = "floors/picture.rs"]
+mod picture;
 #[path = "floors/tokens.rs"]
 mod tokens;
 #[path = "floors/tree.rs"]
@@ -196,6 +198,17 @@ fn lie_together(files: &BTreeSet<&Path>) -> bool {
         file.starts_with(folder) || file.with_extension("") == *folder
     };
     folders.collect::<BTreeSet<_>>().iter().any(|folder| files.iter().all(|f| within(f, folder)))
+}
+
+#[test]
+fn the_picture_shows_the_modules_and_their_imports() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/architecture.svg");
+    let drawn = picture::picture();
+    if std::env::var_os("ISOFLOP_BLESS").is_some() {
+        fs::write(&path, &drawn).unwrap();
+    }
+    let kept = fs::read_to_string(&path).unwrap_or_default();
+    assert!(kept == drawn, "draw it again: ISOFLOP_BLESS=1 cargo test --release --test floors");
 }
 
 #[test]
