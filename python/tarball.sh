@@ -15,5 +15,8 @@ for shell in bash zsh fish; do
 done
 "$program" man --out "$place/$name/man"
 cp README.md CHANGELOG.md LICENSE-APACHE LICENSE-MIT "$place/$name"
-tar -C "$place" --sort=name --owner=0 --group=0 --numeric-owner -czf "dist/$name.tar.gz" "$name"
+# The same bytes of the same files, where tar is GNU's.
+same=()
+if tar --version | grep -q GNU; then same=(--sort=name --owner=0 --group=0 --numeric-owner); fi
+tar -C "$place" ${same[@]+"${same[@]}"} -czf "dist/$name.tar.gz" "$name"
 ls -l "dist/$name.tar.gz"
