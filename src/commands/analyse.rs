@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use anyhow::{Context, Result};
 use isoflop::figures::Format;
-use isoflop::files::read_if_there;
+use isoflop::files::{FileError, read_if_there};
 use isoflop::jobs::ResultsFolder;
 use isoflop::record::{RunRecord, table};
 use isoflop::sweep::{self, Sweep};
@@ -129,11 +129,20 @@ struct PlannedRun {
     run_id: String,
 }
 
+/// The ids of the runs in the plan that a folder holds; `None` if it holds none.
+///
+/// # Errors
+/// The plan cannot be read.
+pub fn planned_runs(folder: &ResultsFolder) -> Result<Option<Vec<String>>, FileError> {
+    let plan: Option<Planned> = read_if_there(&folder.file("plan.json"))?;
+    Ok(plan.map(|plan| plan.runs.into_iter().map(|run| run.run_id).collect()))
+}
+
 /// The records of the plan's runs; one that is damaged is left out with a warning.
 fn gather(folder: &ResultsFolder, output: &Output) -> Result<Vec<RunRecord>> {
-    let plan: Option<Planned> = read_if_there(&folder.file("plan.json"))?;
-    let plan = plan.with_context(|| format!("{} has no plan", folder.root().display()))?;
-    let read: Vec<_> = plan.runs.par_iter().map(|run| folder.record(&run.run_id)).collect();
+    let runs = planned_runs(folder)?;
+    let runs = runs.with_context(|| format!("{} has no plan", folder.root().display()))?;
+    let read: Vec<_> = runs.par_iter().map(|run_id| folder.record(run_id)).collect();
     let mut records: Vec<RunRecord> = Vec::new();
     for record in read {
         match record {

@@ -159,15 +159,21 @@ fn one_worker_gives_the_same_bits_as_three() {
 fn a_changed_setting_makes_new_runs_and_leaves_the_old_ones_alone() {
     let place = finished_mini();
     let before = records::bytes(&place.path("results/mini"));
+    let laws = place.read("results/mini/laws.json");
     let cell = ["--set", "grid.vocab=[16]", "--set", "grid.budgets=[1e9]"];
     let change = ["--set", "train.lr.coefficient=0.01"];
     let args = [&["run", "mini.yaml"], &cell[..], &change].concat();
-    place.isoflop(&args).exits(0).says("2 jobs to do, 0 of 2 runs have ended already");
+    let ended = place.isoflop(&args).exits(0).says("2 jobs to do, 0 of 2 runs have ended already");
+    ended.says("held laws of 8 runs, of which this sweep does not have 8: they are kept in");
+    assert_eq!(place.read("results/mini/earlier-1/laws.json"), laws);
+    assert_eq!(place.json("results/mini/earlier-1/plan.json")["runs"].as_array().unwrap().len(), 8);
+    place.isoflop(&["compare", "results/mini", "results/mini/earlier-1"]).exits(0);
     let after = records::bytes(&place.path("results/mini"));
     assert_eq!(after.len(), 8 + 2);
     assert!(before.iter().all(|(id, bytes)| after.get(id) == Some(bytes)));
     let rates = records::column(&place.path("results/mini"), "lr");
     assert_eq!(rates.len(), 2, "the table holds the runs of the sweep as it is now");
+    place.isoflop(&args).exits(0).does_not_say("they are kept in");
 }
 
 #[test]

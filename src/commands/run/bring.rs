@@ -1,8 +1,8 @@
 //! A sweep's missing jobs, brought to their end by an engine.
 
-use super::command_line::CommandLine;
-use super::command_line::RunArgs;
+use super::command_line::{CommandLine, RunArgs};
 use super::summary::Summary;
+use crate::commands::analyse::planned_runs;
 use crate::commands::context::{OpenSweep, open_sweep};
 use crate::commands::exit::Exit;
 use crate::commands::output::Output;
@@ -16,12 +16,14 @@ use isoflop::files::damaged::set_aside;
 use isoflop::files::{FileError, atomic};
 use isoflop::jobs::presence::Held;
 use isoflop::jobs::{
-    Job, JobId, ResultsFolder, all_jobs, gpu, missing_jobs, with_needs, write_specs,
+    Job, JobId, JobState, ResultsFolder, all_jobs, gpu, missing_jobs, with_needs, write_specs,
 };
 use isoflop::plan::Plan;
 use isoflop::sweep::EngineSection;
 use rayon::prelude::*;
 use std::collections::HashSet;
+use std::fs;
+use std::io::ErrorKind;
 use std::ops::ControlFlow;
 
 /// Brings the missing jobs that are wanted, and what they need, to their end. Where that is all there
@@ -171,11 +173,59 @@ pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> 
         atomic::remove_partial(place)?;
     }
     mend(plan, folder, output)?;
+    keep_former(plan, folder, output)?;
     atomic::write_bytes(&folder.file("sweep.yaml"), serde_yaml::to_string(sweep)?.as_bytes())?;
     let document = plan::json(plan, folder, &folder.run_states());
     atomic::write_json(&folder.file("plan.json"), &document)?;
     write_specs(plan, folder, &mut |line| output.warn(&line))?;
     forget_failures(args, plan, folder)
+}
+
+/// What a sweep's folder has of its runs together.
+const OF_ALL_RUNS: [&str; 8] = [
+    "sweep.yaml",
+    "plan.json",
+    "runs.parquet",
+    "runs.csv",
+    "prediction.json",
+    "figures",
+    "generators",
+    "laws.json",
+];
+
+/// Laws of finished runs that this sweep does not have, as those of another grid under the same name, are kept in a
+/// folder of their own, with table, figures and sweep; the runs stay where they are.
+fn keep_former(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
+    let has_laws = folder.file("laws.json").exists() || folder.generators().exists();
+    let Some(former) = planned_runs(folder).ok().flatten().filter(|_| has_laws) else {
+        return Ok(());
+    };
+    let (own, states) = (plan.runs.iter().map(|run| &run.run_id), folder.run_states());
+    let own: HashSet<&String> = own.collect();
+    let finished: Vec<String> =
+        former.into_iter().filter(|id| states.of(id) == JobState::Done).collect();
+    let gone = finished.iter().filter(|id| !own.contains(id)).count();
+    if gone == 0 {
+        return Ok(());
+    }
+    let free = |n: &usize| !folder.file(format!("earlier-{n}")).join("laws.json").exists();
+    let kept = folder.file(format!("earlier-{}", (1..).find(free).expect("some number is free")));
+    fs::create_dir_all(&kept).with_context(|| format!("making {}", kept.display()))?;
+    for name in OF_ALL_RUNS {
+        match fs::rename(folder.file(name), kept.join(name)) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(error).with_context(|| format!("moving {name} to {}", kept.display()));
+            }
+            _ => {}
+        }
+    }
+    output.warn(&format!(
+        "{} held laws of {} runs, of which this sweep does not have {gone}: they are kept in {}",
+        folder.root().display(),
+        finished.len(),
+        kept.display()
+    ));
+    Ok(())
 }
 
 /// Results that cannot be read are set aside, so that they are made again; each is a warning.
