@@ -26,6 +26,27 @@ fn twelve_kills_change_no_record_and_no_loss() {
     assert_eq!(leftovers(&victim.results), Vec::<PathBuf>::new());
 }
 
+#[test]
+fn a_folder_that_is_renamed_under_a_sweep_fails_no_run() {
+    let victim = Victim::new();
+    let mut scheduler = victim.start();
+    victim.new_checkpoint(&mut scheduler).expect("a sweep of some seconds");
+    let moved = victim.place.path("moved");
+    std::fs::rename(&victim.results, &moved).unwrap();
+    let status = end_within(PATIENCE, &mut scheduler);
+    assert_eq!(status.code(), Some(1));
+    let failures = |kind: &str| {
+        let jobs = std::fs::read_dir(moved.join(kind)).into_iter().flatten().flatten();
+        jobs.filter(|job| job.path().join("failure.json").exists()).count()
+    };
+    assert_eq!(["tokenizers", "runs"].map(failures), [0, 0]);
+    // A worker may have written to the old place meanwhile.
+    let _ = std::fs::remove_dir_all(&victim.results);
+    std::fs::rename(&moved, &victim.results).unwrap();
+    victim.finish();
+    victim.assert_undisturbed();
+}
+
 /// Tokenizers with language, codes of several scales, two kinds of generators; and the masked one.
 #[test]
 fn kills_change_nothing_whatever_is_trained() {

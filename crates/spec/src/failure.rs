@@ -27,6 +27,8 @@ pub enum FailureKind {
     DiskFull,
     /// The folder may not be written to.
     ReadOnly,
+    /// The sweep's folder was removed or renamed.
+    FolderGone,
     /// A file is not what was written there, and could not be made again.
     Damaged,
     /// No progress for longer than `train.hang_s`.
@@ -68,6 +70,9 @@ impl FailureKind {
             Self::ReadOnly => {
                 let advice = "make the folder writable, or name another with --out";
                 ("read-only", StopsAll, Some(advice))
+            }
+            Self::FolderGone => {
+                ("folder-gone", StopsAll, Some("give the folder its place and name again"))
             }
             Self::Damaged => ("damaged", Final, None),
             Self::Hung => ("hung", MayPass, Some("raise train.hang_s where it only was slow")),

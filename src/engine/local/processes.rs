@@ -38,6 +38,9 @@ pub struct LocalProcesses {
 
 impl Runner for LocalProcesses {
     fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
+        if let Some(gone) = self.gone() {
+            return gone;
+        }
         let place = self.folder.job(&job.id);
         let gpus = self.gpus.as_ref().filter(|_| job.id.kind == JobKind::Run).map(Gpus::lend);
         let mut curve = self.curve(job);
@@ -61,7 +64,10 @@ impl Runner for LocalProcesses {
                 let _ = self.untracked.set(problem);
             }
         }
-        with_last_lines(end, &place)
+        match end.failure().and_then(|_| self.gone()) {
+            Some(gone) => gone,
+            None => with_last_lines(end, &place),
+        }
     }
 
     fn give_up(&self, job: &Job, failure: Failure) -> Failure {
@@ -74,6 +80,13 @@ impl Runner for LocalProcesses {
 }
 
 impl LocalProcesses {
+    /// The end of every job of a sweep whose folder is not there any more.
+    fn gone(&self) -> Option<JobEnd> {
+        let sentence = || format!("{} was removed or renamed", self.folder.root().display());
+        let is_gone = !self.folder.file("sweep.yaml").exists();
+        is_gone.then(|| JobEnd::of(Failure::new(FailureKind::FolderGone, sentence())))
+    }
+
     /// Where the losses of a run are written, or of a trunk, if TensorBoard is to follow them.
     fn curve<'a>(&'a self, job: &'a Job) -> Option<Curve<'a>> {
         let is_written = self.track == Some(Track::Tensorboard);
