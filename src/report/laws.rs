@@ -7,7 +7,7 @@ use super::table::{interval, table};
 use super::words::Words;
 use crate::laws::text::count;
 use crate::laws::{Exponent, IntervalPart, Laws, Minimum, PowerLaw, flags_text};
-use crate::words::number::thousandths;
+use crate::words::thousandths;
 
 /// Laws, minima and what was said of them.
 pub fn section(study: &Study, laws: &Laws) -> Markup {

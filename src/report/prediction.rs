@@ -9,7 +9,7 @@ use super::words::Words;
 use crate::laws::Minimum;
 use crate::laws::text::count;
 use crate::predict::Prediction;
-use crate::words::prediction::{all_together, cells, standing};
+use crate::words::prediction::{all_together, buildable, cells, standing};
 
 /// The section; `None` where nothing is predicted.
 pub fn section(study: &Study) -> Option<Markup> {
@@ -66,12 +66,8 @@ fn start(study: &Study) -> usize {
 
 /// What the script shows of a prediction: all of it written here.
 fn shown(prediction: &Prediction) -> Value {
-    let shape = prediction.shape.as_ref().map(|shape| {
-        format!(
-            "Nearest that can be built: {} layers, {} heads, width {}, {} codes",
-            shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab
-        )
-    });
+    let shape = prediction.shape.as_ref();
+    let shape = shape.map(|shape| format!("Nearest that can be built: {}", buildable(shape)));
     json!({
         "budget_flops": prediction.budget_flops,
         "flops": count(prediction.budget_flops),

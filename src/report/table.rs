@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::words::number::from_to;
+use crate::words::from_to;
 
 /// A table whose first column names its rows; it scrolls by itself where it is wider than the page.
 pub fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> Markup {
