@@ -1,8 +1,40 @@
-//! [`Tuned`]: of runs that differ in a varied key, each cell's best.
+//! The runs that laws are fitted to: of the largest share, at equal FLOPs, and of a varied key the best.
 
 use std::collections::BTreeMap;
 
+use super::facts::LOSS_NORMALISED;
 use super::run_record::RunRecord;
+use crate::laws::{FitError, IsoFlopPoint, Metric, slices};
+use crate::spec::FlopsRule;
+
+/// The runs that saw as much of the data as any.
+pub fn of_largest_share(records: &[RunRecord]) -> impl Iterator<Item = &RunRecord> {
+    let most = records.iter().map(RunRecord::share).fold(0.0, f64::max);
+    records.iter().filter(move |record| record.share() == most)
+}
+
+/// The runs moved to equal FLOPs by a rule, with the budgets, tokens and L_u that they have there: see
+/// [`slices`]. Those that lack the count, saw a smaller share of the data than others or cannot be moved are
+/// left out.
+///
+/// # Errors
+/// A run has a value that no law can use.
+pub fn sliced(records: &[RunRecord], rule: FlopsRule) -> Result<Vec<RunRecord>, FitError> {
+    let point = |record| Some((record, RunRecord::point(record, rule, &Metric::default()).ok()?));
+    let (records, points): (Vec<&RunRecord>, Vec<IsoFlopPoint>) =
+        of_largest_share(records).filter_map(point).unzip();
+    let moved = records.into_iter().zip(slices(&points)?.points);
+    Ok(moved.filter_map(|(record, point)| Some(at_equal_flops(record, rule, &point?))).collect())
+}
+
+fn at_equal_flops(record: &RunRecord, rule: FlopsRule, point: &IsoFlopPoint) -> RunRecord {
+    let mut moved = record.clone();
+    moved.planned.budget_flops = point.budget_flops;
+    moved.measured.tokens = point.tokens.round() as usize;
+    *moved.measured.flops_mut(rule) = Some(point.flops);
+    moved.metrics.set(LOSS_NORMALISED, point.loss);
+    moved
+}
 
 /// The runs that stand for their cells.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,7 +123,7 @@ mod tests {
             varied: varied.map(str::to_string),
             ..Planned::default()
         };
-        let metrics: Metrics = [(crate::laws::LOSS_NORMALISED, loss)].into_iter().collect();
+        let metrics: Metrics = [(LOSS_NORMALISED, loss)].into_iter().collect();
         RunRecord::new(planned, Measured::default(), metrics)
     }
 
