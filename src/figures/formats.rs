@@ -1,4 +1,5 @@
-//! From a `Scene` to the bytes of a PNG, through plotters' bitmap backend.
+//! From a page to the bytes of a file: SVG, whose text a reader can select and search; PNG, through plotters'
+//! bitmap backend; PDF in [`pdf`].
 //!
 //! plotters counts in whole pixels, so a PNG is drawn at `SUPERSAMPLE` times its size and averaged down.
 
@@ -8,19 +9,139 @@ use image::{ImageOutputFormat, RgbImage, imageops};
 use plotters::backend::{BitMapBackend, DrawingBackend};
 use plotters::style::{Color, RGBColor};
 
-use super::colour::Rgb;
-use super::font::{font, measure, side_bearing};
-use super::scene::{Point, Scene, Shape, Text};
+use super::colour::{Rgb, WHITE};
+use super::font::{FAMILY, Weight, font, measure, side_bearing};
+use super::pdf::pdf;
+use super::scene::{Anchor, Point, Scene, Shape, Text};
+
+/// A backend's complaint.
+pub type DrawError = Box<dyn std::error::Error + Send + Sync>;
+
+/// A kind of file that a figure is written as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Text that can be selected, lines of any size: for pages.
+    Svg,
+    /// Pixels, twice those of the page: for slides and chats.
+    Png,
+    /// Text and lines with the typeface within: for papers.
+    Pdf,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Format; 3] = [Format::Svg, Format::Png, Format::Pdf];
+
+    /// How the names of its files end.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Format::Svg => "svg",
+            Format::Png => "png",
+            Format::Pdf => "pdf",
+        }
+    }
+
+    pub(super) fn bytes(self, scene: &Scene) -> Result<Vec<u8>, DrawError> {
+        match self {
+            Format::Svg => Ok(svg(scene, "", "").into_bytes()),
+            Format::Png => png(&raster(scene)?),
+            Format::Pdf => Ok(pdf(scene)?),
+        }
+    }
+}
+
+// SVG.
+
+/// Coordinates are whole numbers of this fraction of a page pixel.
+const SVG_UNITS: f64 = 10.0;
+/// A text's point is this many ems above its baseline.
+const HANG_EM: f64 = 0.76;
+
+/// The whole document, with elements of one's own before and after those of the page.
+pub fn svg(scene: &Scene, before: &str, after: &str) -> String {
+    let (w, h) = (scene.width, scene.height);
+    let mut document = format!(
+        "<svg width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {} {}\" \
+         stroke-linejoin=\"round\" xmlns=\"http://www.w3.org/2000/svg\">\n{before}",
+        w * SVG_UNITS,
+        h * SVG_UNITS
+    );
+    document += &area(&scene.corners(), WHITE);
+    document.extend(scene.shapes.iter().map(element));
+    document + after + "</svg>\n"
+}
+
+fn element(shape: &Shape) -> String {
+    match shape {
+        Shape::Line { points, width, colour } => format!(
+            "<polyline fill=\"none\" opacity=\"1\" stroke=\"{colour}\" stroke-width=\"{}\" \
+             points=\"{}\"/>\n",
+            unit(*width),
+            corners(points)
+        ),
+        Shape::Area { points, colour } => area(points, *colour),
+        Shape::Disc { centre: (x, y), radius, colour } => format!(
+            "<circle cx=\"{}\" cy=\"{}\" r=\"{}\" opacity=\"1\" fill=\"{colour}\" \
+             stroke=\"none\" stroke-width=\"1\"/>\n",
+            unit(*x),
+            unit(*y),
+            unit(*radius)
+        ),
+        Shape::Text(text) => line_of_text(text),
+    }
+}
+
+fn area(points: &[Point], colour: Rgb) -> String {
+    let corners = corners(points);
+    format!("<polygon opacity=\"1\" fill=\"{colour}\" points=\"{corners}\"/>\n")
+}
+
+fn corners(points: &[Point]) -> String {
+    points.iter().map(|(x, y)| format!("{},{} ", unit(*x), unit(*y))).collect()
+}
+
+fn line_of_text(text: &Text) -> String {
+    let hang = HANG_EM * text.em;
+    let (x, y) = text.at;
+    let (x, y) = if text.upward { (unit(x - hang), unit(y)) } else { (unit(x), unit(y - hang)) };
+    let anchor = match text.anchor {
+        Anchor::Start => "start",
+        Anchor::Middle => "middle",
+        Anchor::End => "end",
+    };
+    // Rounded as in the figures that papers already show.
+    let size = text.em * SVG_UNITS * 1.24 / 1.24;
+    let weight = if text.weight == Weight::Bold { " font-weight=\"bold\"" } else { "" };
+    let turn = format!(" transform=\"rotate(270, {x}, {y})\"");
+    let turn = if text.upward { turn.as_str() } else { "" };
+    format!(
+        "<text x=\"{x}\" y=\"{y}\" dy=\"{HANG_EM}em\" text-anchor=\"{anchor}\" \
+         font-family=\"{FAMILY}\" font-size=\"{size}\" opacity=\"1\" fill=\"{}\"{weight}{turn}>\n\
+         {}\n</text>\n",
+        text.colour,
+        escaped(&text.content)
+    )
+}
+
+/// Page pixels in whole units of the view box.
+pub fn unit(pixels: f64) -> i64 {
+    (pixels * SVG_UNITS).round() as i64
+}
+
+/// Text between the tags of an XML document.
+pub fn escaped(text: &str) -> String {
+    let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    text.replace('"', "&quot;").replace('\'', "&apos;")
+}
+
+// PNG.
 
 /// A PNG has this many pixels for one of the page.
 const PNG_SCALE: u32 = 2;
 /// Samples along each side of a PNG's pixel.
 const SUPERSAMPLE: u32 = 3;
 /// Samples along a page pixel.
-const SCALE: f64 = (PNG_SCALE * SUPERSAMPLE) as f64;
-
-/// A backend's complaint.
-pub type DrawError = Box<dyn std::error::Error + Send + Sync>;
+const SAMPLES: f64 = (PNG_SCALE * SUPERSAMPLE) as f64;
 
 /// The whole PNG.
 pub fn png(picture: &RgbImage) -> Result<Vec<u8>, DrawError> {
@@ -47,11 +168,11 @@ pub fn raster(scene: &Scene) -> Result<RgbImage, DrawError> {
 }
 
 fn pixels(length: f64) -> u32 {
-    (length * SCALE).round() as u32
+    (length * SAMPLES).round() as u32
 }
 
 fn place((x, y): Point) -> (i32, i32) {
-    ((x * SCALE).round() as i32, (y * SCALE).round() as i32)
+    ((x * SAMPLES).round() as i32, (y * SAMPLES).round() as i32)
 }
 
 /// A plotters backend that is told page pixels.
@@ -95,7 +216,7 @@ impl Pen<'_> {
 
     /// Text as pixels, glyph by glyph, each at its kerned place and side bearing.
     fn text(&mut self, text: &Text) -> Result<(), DrawError> {
-        let em = text.em * SCALE;
+        let em = text.em * SAMPLES;
         let start = -text.anchor.share() * measure(&text.content, text.weight, em);
         for (begin, glyph) in text.content.char_indices() {
             let end = begin + glyph.len_utf8();
@@ -108,7 +229,7 @@ impl Pen<'_> {
 
     /// One glyph, its left edge `along` device pixels from the text's point.
     fn glyph(&mut self, text: &Text, glyph: &str, along: f64) -> Result<(), DrawError> {
-        let font = font(text.weight, text.em * SCALE);
+        let font = font(text.weight, text.em * SAMPLES);
         // plotters puts the baseline at half the size; an even size keeps that a whole pixel.
         let half = (font.get_size() / 2.0).round();
         let origin = place(text.at);
