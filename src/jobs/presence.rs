@@ -8,9 +8,8 @@ use std::time::Duration;
 use anyhow::{Context, Result as AnyResult};
 use serde::{Deserialize, Serialize};
 
+use super::folder::{CHECKPOINT, ResultsFolder};
 use crate::files::{FileError, atomic, read_if_there};
-use crate::jobs::ResultsFolder;
-use crate::jobs::folder::CHECKPOINT;
 use crate::progress::{Stop, forget_progress};
 
 const LOCK: &str = ".lock";

@@ -3,8 +3,7 @@
 use std::collections::HashSet;
 
 use crate::spec::{GeneratorKind, QuantizerSpec, Share};
-use crate::sweep::condition::{Condition, FIELDS};
-use crate::sweep::{Axis, GridSection, ModelEntry, Sweep, models};
+use crate::sweep::{Axis, Condition, GridSection, ModelEntry, Sweep, models};
 
 /// One cell: a generator with its sizes, a quantizer and a budget.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,7 +74,7 @@ impl GridCell {
     }
 
     /// What conditions compare.
-    fn values(&self) -> [f64; FIELDS.len()] {
+    fn values(&self) -> [f64; Condition::FIELDS.len()] {
         let ModelEntry { n_layer, n_head, d_model, .. } = self.model;
         let sizes = [n_layer, n_head, d_model, self.quantizer.n_vocab()];
         let [n_layer, n_head, d_model, n_vocab] = sizes.map(|n| n as f64);

@@ -1,12 +1,11 @@
 //! [`RunScores`]: what the motions of a run score.
 
-use serde::{Deserialize, Serialize};
-
 use crate::evaluator::MotionScores;
 use crate::motion::recover_joints;
 use crate::record::{Quality, RunRecord};
 use crate::scores::{Physics, Repeated, physics};
 use crate::spec::ScoresSpec;
+use serde::{Deserialize, Serialize};
 
 /// What the motions of a run score, beside true motions and beside what no motion can be worse than.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

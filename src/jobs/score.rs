@@ -1,18 +1,68 @@
-//! [`Scoring`]: a run's motions beside the truth, a repeat at a time.
+//! The motions of a run, scored: [`Scoring`] has them beside the truth, a repeat at a time.
 
-use anyhow::Result;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use serde::Serialize;
 
-use super::made::{Made, decoded, guidance, make};
+use super::assignment::{Assignment, Outcome};
+use super::folder::{CHECKPOINT, ResultsFolder};
+use super::job::JobId;
 use super::run_scores::{RunScores, ScoredPhysics};
+use super::trained::{TrainedRun, TrustedEvaluator};
+use crate::data::write_npy;
 use crate::evaluator::{Embedded, Evaluator, MotionScores, OneScore, Truth, halves_fid, swapped};
-use crate::generator::Prompt;
-use crate::jobs::trained::TrainedRun;
-use crate::motion::N_FEATURES;
-use crate::progress::moved;
-use crate::scores::{Embeddings, Repeated, multimodality};
+use crate::files::atomic::write_json;
+use crate::files::read_if_there;
+use crate::generator::{Draw, Prompt, Sampling};
+use crate::motion::{N_FEATURES, recover_joints};
+use crate::plan::ScoreJob;
+use crate::progress::{Step, beats, moved};
+use crate::scores::{Embeddings, Repeated, multimodality, physics};
 use crate::spec::ScoresSpec;
+
+/// Makes motions of a run and scores them; the scores are written last.
+pub fn score(assignment: &Assignment) -> Result<Outcome> {
+    let job: ScoreJob = assignment.spec()?;
+    let trusted = TrustedEvaluator::of(assignment.folder, &job.evaluator_id, assignment.device)?;
+    let (evaluator, truth) = (&trusted.evaluator, trusted.truth()?);
+    let run = TrainedRun::open(&assignment.folder.run(&job.run_id), assignment.device)
+        .context("opening the run")?;
+    let scoring = Scoring::new(&run, evaluator, &truth, &job.spec)?;
+    let path = repeats_file(assignment.folder, assignment.job);
+    let mut done: Vec<OneScore> = read_if_there(&path).ok().flatten().unwrap_or_default();
+    let place = assignment.place();
+    let mut beats = beats(&place, assignment.stop);
+    while done.len() < job.spec.repeats {
+        let began = std::time::Instant::now();
+        done.push(scoring.repeat(done.len())?);
+        write_json(&path, &done)?;
+        let (step, steps) = (done.len(), job.spec.repeats);
+        let (loss, seconds) = (done[step - 1].fid, began.elapsed().as_secs_f64());
+        if beats(Step { step, steps, loss, seconds }).is_break() && step < steps {
+            return Ok(Outcome::Stopped);
+        }
+    }
+    write_samples(&scoring)?;
+    write_json(&assignment.product(), &scoring.finish(&done, &job.evaluator_id)?)?;
+    assignment.done()
+}
+
+/// The repeats that are done of a job that is not.
+pub fn repeats_file(folder: &ResultsFolder, job: &JobId) -> PathBuf {
+    folder.job(job).join(CHECKPOINT).join("repeats.json")
+}
+
+/// Motions that are made side by side.
+const BATCH: usize = 64;
+
+/// Motions that were made.
+pub struct Made {
+    pub motions: Embeddings,
+    pub physics: ScoredPhysics,
+}
 
 /// Pools and pairs take their ChaCha streams from here on, one a repeat, far above those of motions.
 const POOLS_STREAM: u64 = 1 << 41;
@@ -68,7 +118,7 @@ impl<'a> Scoring<'a> {
             run_id: self.run.run_id.clone(),
             evaluator_id: evaluator_id.to_string(),
             spec: self.spec.clone(),
-            guidance: guidance(self.run, self.spec),
+            guidance: self.guidance(),
             n_clips: self.truth.n_clips(),
             made: MotionScores::of(repeats)?,
             shuffled: self.several(&shuffled)?,
@@ -77,7 +127,10 @@ impl<'a> Scoring<'a> {
             reconstructed: several(&self.reconstructed()?)?,
             multimodality: self.multimodality()?,
             made_physics: first.physics,
-            truth_physics: ScoredPhysics::of(self.truth_motions(), self.run.spec.fps),
+            truth_physics: ScoredPhysics::of(
+                self.truth.features.iter().map(Vec::as_slice),
+                self.run.spec.fps,
+            ),
         })
     }
 
@@ -102,16 +155,12 @@ impl<'a> Scoring<'a> {
 
     /// A motion of each true clip's caption.
     fn made(&self, index: usize) -> Result<Made> {
-        let prompts = self.prompts(self.truth.n_clips(), index);
-        make(self.run, self.evaluator, self.spec, &prompts)
+        self.make(&self.prompts(self.truth.n_clips(), index))
     }
 
     /// Features of the first motions of the first repeat.
-    ///
-    /// # Errors
-    /// A motion cannot be made.
-    pub fn first_motions(&self, n: usize) -> Result<Vec<Vec<f32>>> {
-        decoded(self.run, self.spec, &self.prompts(n, 0))
+    fn first_motions(&self, n: usize) -> Result<Vec<Vec<f32>>> {
+        self.decoded(&self.prompts(n, 0))
     }
 
     /// A motion of each of the first captions, in a repeat.
@@ -137,7 +186,7 @@ impl<'a> Scoring<'a> {
         let seed = self.spec.seed.wrapping_add(MULTIMODAL_SEED);
         let prompt = |index: usize| self.prompt(index / n_motions, seed, index);
         let prompts: Vec<Prompt> = (0..n_captions * n_motions).map(prompt).collect();
-        let made = make(self.run, self.evaluator, self.spec, &prompts)?;
+        let made = self.make(&prompts)?;
         let one = |index: usize| multimodality(&made.motions, n_motions, &mut self.pools(index));
         let drawn = (0..self.spec.repeats).map(one).collect::<Result<Vec<f64>, _>>()?;
         Ok(Some(Repeated::of(&drawn)?))
@@ -156,8 +205,68 @@ impl<'a> Scoring<'a> {
         let motions = motions.collect::<Result<Vec<_>, _>>()?;
         Ok(self.evaluator.motions(motions.iter().map(Vec::as_slice))?)
     }
-
-    fn truth_motions(&self) -> impl Iterator<Item = &[f32]> {
-        self.truth.features.iter().map(Vec::as_slice)
+    /// Makes motions and embeds them.
+    fn make(&self, prompts: &[Prompt]) -> Result<Made> {
+        let (mut values, mut bodies) = (Vec::new(), Vec::new());
+        for batch in prompts.chunks(BATCH) {
+            let motions = self.decoded(batch)?;
+            let embedded = self.evaluator.motions(motions.iter().map(Vec::as_slice))?;
+            values.extend(embedded.rows().flatten());
+            let body = |motion: &Vec<f32>| physics(&recover_joints(motion), self.run.spec.fps).ok();
+            bodies.extend(motions.iter().filter_map(body));
+            moved();
+        }
+        let motions = Embeddings::new(values, self.evaluator.spec().dim)?;
+        Ok(Made { motions, physics: ScoredPhysics::mean(&bodies) })
     }
+
+    /// Features of motions that are made side by side.
+    fn decoded(&self, prompts: &[Prompt]) -> Result<Vec<Vec<f32>>> {
+        let ScoresSpec { temperature, top_k, top_p, rounds, .. } = *self.spec;
+        let draw = Draw { temperature, top_k, top_p };
+        let sampling = Sampling { draw, guidance: self.guidance(), rounds };
+        let made = self.run.motions(prompts, &sampling, self.spec.detokenizer_guidance)?;
+        Ok(made.into_iter().map(|motion| motion.features).collect())
+    }
+
+    /// The guidance that the run's generator is given: those that know none are given none.
+    fn guidance(&self) -> f64 {
+        if self.run.takes_guidance() { self.spec.guidance } else { 0.0 }
+    }
+}
+
+// What a person looks at beside the scores.
+
+/// An element of `motions.json`.
+#[derive(Serialize)]
+struct Sample<'a> {
+    caption: &'a str,
+    /// Frames.
+    length: usize,
+    /// Frames a second.
+    fps: f64,
+    run: &'a str,
+}
+
+/// Writes the first motions of the first repeat as `samples/<run>/scored/<n>.features.npy`, and last
+/// `motions.json`, which lists them.
+///
+/// # Errors
+/// A motion cannot be made, or a file cannot be written.
+fn write_samples(scoring: &Scoring) -> Result<()> {
+    let (run, truth) = (scoring.run, scoring.truth);
+    let motions = scoring.first_motions(scoring.spec.samples.min(truth.n_clips()))?;
+    if motions.is_empty() {
+        return Ok(());
+    }
+    let folder = run.folder.file("samples").join(&run.run_id).join("scored");
+    std::fs::create_dir_all(&folder)?;
+    let mut listed = Vec::with_capacity(motions.len());
+    for (index, (motion, caption)) in motions.iter().zip(&truth.captions).enumerate() {
+        let length = motion.len() / N_FEATURES;
+        let path = folder.join(format!("{index}.features.npy"));
+        write_npy(&path, &[length, N_FEATURES], motion)?;
+        listed.push(Sample { caption, length, fps: run.spec.fps, run: &run.run_id });
+    }
+    Ok(write_json(&folder.join("motions.json"), &listed)?)
 }

@@ -2,11 +2,48 @@
 
 use std::cell::Cell;
 use std::fmt;
+use std::path::Path;
 
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, EnumAccess, Error, MapAccess, SeqAccess, VariantAccess, Visitor};
 use serde_yaml::value::{Tag, TaggedValue};
 use serde_yaml::{Mapping, Value};
+
+use super::problem::{Problem, Source, SweepErrors};
+use crate::files::read_text;
+
+/// What a sweep file is, for an error.
+pub const SWEEP_FILE: &str = "a sweep file is a mapping with at least `name` and `grid`";
+
+/// A file as it stands.
+///
+/// # Errors
+/// It cannot be read.
+pub fn source(path: &Path) -> Result<Source, SweepErrors> {
+    let file = path.display().to_string();
+    match read_text(path) {
+        Ok(text) => Ok(Source::new(file, text)),
+        Err(error) => {
+            let problem = Problem::value("", format!("cannot read {file}: {error}"));
+            Err(SweepErrors::of(problem, Source::new(file, "")))
+        }
+    }
+}
+
+/// The mapping that a text holds; `otherwise` says what it should hold.
+///
+/// # Errors
+/// It is not YAML, or no mapping.
+pub fn mapping(text: &str, otherwise: &str) -> Result<Mapping, Problem> {
+    let value = value(text).map_err(|error| Problem {
+        byte: error.location().map(|location| location.index()),
+        ..Problem::value("", format!("not valid YAML: {error}"))
+    })?;
+    match value {
+        Value::Mapping(keys) => Ok(keys),
+        _ => Err(Problem::value("", otherwise)),
+    }
+}
 
 /// Bytes of a text.
 const MOST_BYTES: usize = 1 << 20;
@@ -19,7 +56,7 @@ const MOST_VALUES: usize = 200_000;
 ///
 /// # Errors
 /// It is not YAML; it is too long, too deep, or holds too many values.
-pub fn value(text: &str) -> Result<Value, serde_yaml::Error> {
+fn value(text: &str) -> Result<Value, serde_yaml::Error> {
     if text.len() > MOST_BYTES {
         return Err(Error::custom(format!("it is longer than {MOST_BYTES} bytes")));
     }
@@ -62,6 +99,15 @@ impl<'de> DeserializeSeed<'de> for Counted<'_> {
     }
 }
 
+/// Visits of what is a value as it stands.
+macro_rules! plain {
+    ($($visit:ident: $type:ty),*) => {
+        $(fn $visit<E>(self, value: $type) -> Result<Value, E> {
+            Ok(value.into())
+        })*
+    };
+}
+
 impl<'de> Visitor<'de> for Counted<'_> {
     type Value = Value;
 
@@ -69,25 +115,7 @@ impl<'de> Visitor<'de> for Counted<'_> {
         f.write_str("any YAML value")
     }
 
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
-        Ok(value.into())
-    }
+    plain! { visit_bool: bool, visit_i64: i64, visit_u64: u64, visit_f64: f64, visit_str: &str }
 
     fn visit_unit<E>(self) -> Result<Value, E> {
         Ok(Value::Null)
