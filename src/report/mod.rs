@@ -1,6 +1,6 @@
 //! A sweep's results as one page that opens without a network: `report.html`.
 //!
-//! [`ReportInput`] is all that the page shows; a file a section makes its markup of that. The script
+//! [`ReportInput`] is all that the page shows; a function a section makes its markup of that. The script
 //! only moves, sorts and filters what is there: every number is written here.
 //!
 //! # Example
