@@ -163,10 +163,9 @@ pub fn ask_no_more(folder: &ResultsFolder) -> Result<(), FileError> {
 }
 
 fn host() -> String {
-    let named = ["/proc/sys/kernel/hostname", "/etc/hostname"]
-        .iter()
-        .find_map(|path| fs::read_to_string(path).ok());
-    let named = named.or_else(|| std::env::var("HOSTNAME").ok()).unwrap_or_default();
+    let files = ["/proc/sys/kernel/hostname", "/etc/hostname"];
+    let noted = files.iter().find_map(|path| fs::read_to_string(path).ok());
+    let named = noted.or_else(|| std::env::var("HOSTNAME").ok()).unwrap_or_default();
     let name = named.trim();
     if name.is_empty() { "this machine".to_string() } else { name.to_string() }
 }

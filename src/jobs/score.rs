@@ -14,8 +14,7 @@ use super::run_scores::{RunScores, ScoredPhysics};
 use super::trained::{TrainedRun, TrustedEvaluator};
 use crate::data::write_npy;
 use crate::evaluator::{Embedded, Evaluator, MotionScores, OneScore, Truth, halves_fid, swapped};
-use crate::files::atomic::write_json;
-use crate::files::read_if_there;
+use crate::files::{atomic::write_json, read_if_there};
 use crate::generator::{Draw, Prompt, Sampling};
 use crate::motion::{N_FEATURES, recover_joints};
 use crate::plan::ScoreJob;
@@ -58,11 +57,8 @@ pub fn repeats_file(folder: &ResultsFolder, job: &JobId) -> PathBuf {
 /// Motions that are made side by side.
 const BATCH: usize = 64;
 
-/// Motions that were made.
-pub struct Made {
-    pub motions: Embeddings,
-    pub physics: ScoredPhysics,
-}
+/// Motions that were made, and their bodies.
+type Made = (Embeddings, ScoredPhysics);
 
 /// Pools and pairs take their ChaCha streams from here on, one a repeat, far above those of motions.
 const POOLS_STREAM: u64 = 1 << 41;
@@ -100,7 +96,9 @@ impl<'a> Scoring<'a> {
     /// # Errors
     /// A motion can be neither made nor embedded.
     pub fn repeat(&self, index: usize) -> Result<OneScore> {
-        self.score(&self.made(index)?.motions, index)
+        let truth = &self.truth.embedded;
+        let made = truth.with_motions(self.made(index)?.0);
+        Ok(OneScore::of(&truth.motions, &made, &mut self.pools(index))?)
     }
 
     /// What repeats make together, and what is scored but once.
@@ -108,12 +106,12 @@ impl<'a> Scoring<'a> {
     /// # Errors
     /// As [`Scoring::repeat`].
     pub fn finish(&self, repeats: &[OneScore], evaluator_id: &str) -> Result<RunScores> {
-        let first = self.made(0)?;
+        let (motions, made_physics) = self.made(0)?;
         let truth = &self.truth.embedded;
         let several = |motions: &Embeddings| self.several(&truth.with_motions(motions.clone()));
         let mut rng = self.pools(0);
         let others = swapped(self.truth.n_clips(), 1.0, &mut rng);
-        let shuffled = truth.with_motions(first.motions).recaptioned(&others);
+        let shuffled = truth.with_motions(motions).recaptioned(&others);
         Ok(RunScores {
             run_id: self.run.run_id.clone(),
             evaluator_id: evaluator_id.to_string(),
@@ -126,17 +124,12 @@ impl<'a> Scoring<'a> {
             halves_fid: halves_fid(&truth.motions)?,
             reconstructed: several(&self.reconstructed()?)?,
             multimodality: self.multimodality()?,
-            made_physics: first.physics,
+            made_physics,
             truth_physics: ScoredPhysics::of(
                 self.truth.features.iter().map(Vec::as_slice),
                 self.run.spec.fps,
             ),
         })
-    }
-
-    fn score(&self, motions: &Embeddings, index: usize) -> Result<OneScore> {
-        let made = self.truth.embedded.with_motions(motions.clone());
-        Ok(OneScore::of(&self.truth.embedded.motions, &made, &mut self.pools(index))?)
     }
 
     /// The same motions over draws of pools and pairs.
@@ -156,11 +149,6 @@ impl<'a> Scoring<'a> {
     /// A motion of each true clip's caption.
     fn made(&self, index: usize) -> Result<Made> {
         self.make(&self.prompts(self.truth.n_clips(), index))
-    }
-
-    /// Features of the first motions of the first repeat.
-    fn first_motions(&self, n: usize) -> Result<Vec<Vec<f32>>> {
-        self.decoded(&self.prompts(n, 0))
     }
 
     /// A motion of each of the first captions, in a repeat.
@@ -186,8 +174,8 @@ impl<'a> Scoring<'a> {
         let seed = self.spec.seed.wrapping_add(MULTIMODAL_SEED);
         let prompt = |index: usize| self.prompt(index / n_motions, seed, index);
         let prompts: Vec<Prompt> = (0..n_captions * n_motions).map(prompt).collect();
-        let made = self.make(&prompts)?;
-        let one = |index: usize| multimodality(&made.motions, n_motions, &mut self.pools(index));
+        let (made, _) = self.make(&prompts)?;
+        let one = |index: usize| multimodality(&made, n_motions, &mut self.pools(index));
         let drawn = (0..self.spec.repeats).map(one).collect::<Result<Vec<f64>, _>>()?;
         Ok(Some(Repeated::of(&drawn)?))
     }
@@ -217,7 +205,7 @@ impl<'a> Scoring<'a> {
             moved();
         }
         let motions = Embeddings::new(values, self.evaluator.spec().dim)?;
-        Ok(Made { motions, physics: ScoredPhysics::mean(&bodies) })
+        Ok((motions, ScoredPhysics::mean(&bodies)))
     }
 
     /// Features of motions that are made side by side.
@@ -255,7 +243,8 @@ struct Sample<'a> {
 /// A motion cannot be made, or a file cannot be written.
 fn write_samples(scoring: &Scoring) -> Result<()> {
     let (run, truth) = (scoring.run, scoring.truth);
-    let motions = scoring.first_motions(scoring.spec.samples.min(truth.n_clips()))?;
+    let prompts = scoring.prompts(scoring.spec.samples.min(truth.n_clips()), 0);
+    let motions = scoring.decoded(&prompts)?;
     if motions.is_empty() {
         return Ok(());
     }

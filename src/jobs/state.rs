@@ -83,7 +83,11 @@ pub fn time_left(
     wanted: &dyn Fn(&JobId) -> bool,
 ) -> Result<Option<f64>, FileError> {
     let plan: Option<Planned> = read_if_there(&folder.file("plan.json"))?;
-    Ok(plan.and_then(|plan| Look::at(folder, &plan).time_left(slots, wanted)))
+    Ok(plan.and_then(|plan| {
+        let look = Look::at(folder, &plan);
+        let speed = known(folder, &look.finished().0)?;
+        Some(look.seconds_left(&speed, slots, wanted))
+    }))
 }
 
 /// Reads how far a sweep is; `None` where the folder is no sweep's.
@@ -183,7 +187,10 @@ impl<'a> Look<'a> {
         let speed = known(self.folder, &finished);
         let left = |slots| speed.as_ref().map(|speed| self.seconds_left(speed, slots, &|_| true));
         let (failures, running) = (self.failures(&mut warnings), self.running());
-        let mut inputs = self.counts();
+        let mut inputs: BTreeMap<JobKind, Counts> = BTreeMap::new();
+        for job in &self.jobs {
+            inputs.entry(job.id.kind).or_default().add(job.seen, job.is_lost);
+        }
         SweepState {
             at_work: presence::is_held(self.folder),
             scheduler: presence::scheduler(self.folder),
@@ -199,24 +206,10 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// Seconds until what is wanted and can still be done is done on `slots` slots; `None` if it is not known how
-    /// fast runs are.
-    fn time_left(&self, slots: usize, wanted: &dyn Fn(&JobId) -> bool) -> Option<f64> {
-        let speed = known(self.folder, &self.finished().0)?;
-        Some(self.seconds_left(&speed, slots, wanted))
-    }
-
+    /// Seconds until what is wanted and can still be done is done on `slots` slots.
     fn seconds_left(&self, speed: &Speed, slots: usize, wanted: &dyn Fn(&JobId) -> bool) -> f64 {
         let to_do = self.jobs.iter().filter(|job| wanted(&job.id) && !job.is_lost);
         seconds_left(to_do.map(|job| speed.seconds(job.cost * job.seen.left(), job.params)), slots)
-    }
-
-    fn counts(&self) -> BTreeMap<JobKind, Counts> {
-        let mut counts: BTreeMap<JobKind, Counts> = BTreeMap::new();
-        for job in &self.jobs {
-            counts.entry(job.id.kind).or_default().add(job.seen, job.is_lost);
-        }
-        counts
     }
 
     /// FLOPs of runs and trunks, each weighed by how far it is.

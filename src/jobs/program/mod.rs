@@ -38,16 +38,14 @@ use result::refusal;
 
 /// How long the worker of a job takes for an orderly end, once a stop is asked for: longer than a program of its own may.
 pub fn grace(folder: &ResultsFolder, job: &JobId) -> Duration {
-    let run = || folder.known_spec::<RunSpec>(job).is_some_and(|spec| spec.trainer.is_some());
-    let tokenizer = || {
-        let job = folder.known_spec::<TokenizerJob>(job);
-        job.is_some_and(|job| !job.spec.trainer.is_built_in())
+    let of_run = |spec: RunSpec| spec.trainer.is_some();
+    let of_tokenizer = |job: TokenizerJob| !job.spec.trainer.is_built_in();
+    let has_program = match job.kind {
+        JobKind::Run => folder.known_spec(job).is_some_and(of_run),
+        JobKind::Tokenizer => folder.known_spec(job).is_some_and(of_tokenizer),
+        _ => false,
     };
-    match job.kind {
-        JobKind::Run if run() => GRACE + 2 * worker::GRACE,
-        JobKind::Tokenizer if tokenizer() => GRACE + 2 * worker::GRACE,
-        _ => worker::GRACE,
-    }
+    if has_program { GRACE + 2 * worker::GRACE } else { worker::GRACE }
 }
 
 /// Has a program train a run, and writes the record from what it leaves.
@@ -247,14 +245,11 @@ fn handed_over(
 /// The trainer's command.
 fn tokenizer_words(place: &Path, handover: &Handover) -> Vec<String> {
     let (python, spec) = (python(), place.join("trainer.json"));
+    let HandoverFiles { out, checkpoint, .. } = &handover.files;
     let path = |path: &Path| path.display().to_string();
-    let options = [
-        ("--spec", path(&spec)),
-        ("--out", path(&handover.files.out)),
-        ("--checkpoint", path(&handover.files.checkpoint)),
-    ];
     let module = [path(&python), "-m".to_string(), MODULE.to_string()];
-    let options = options.into_iter().flat_map(|(name, value)| [name.to_string(), value]);
+    let options = [("--spec", &spec), ("--out", out), ("--checkpoint", checkpoint)];
+    let options = options.into_iter().flat_map(|(name, value)| [name.to_string(), path(value)]);
     module.into_iter().chain(options).collect()
 }
 

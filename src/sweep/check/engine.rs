@@ -91,8 +91,8 @@ fn extra(of: &Resources, prefix: &str) -> Vec<Problem> {
 
 fn env(of: &Resources, prefix: &str) -> Vec<Problem> {
     let good = |name: &str| {
-        let first = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || c == '_');
-        first && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        let letters = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        letters && !name.is_empty() && !name.starts_with(|c: char| c.is_ascii_digit())
     };
     let names = of.env.iter().flat_map(|env| env.keys());
     let wrong = names.filter(|name| !good(name));

@@ -35,25 +35,24 @@ fn also(sweep: &Sweep) -> Vec<Problem> {
 }
 
 fn model_list(sweep: &Sweep) -> Vec<Problem> {
-    match &sweep.grid.models {
+    let problem = match &sweep.grid.models {
         ModelList::Named(name) if named_models(name).is_none() => {
-            vec![
-                Problem::value("grid.models", format!("no list of models is named `{name}`"))
-                    .with_help(nearest(name, &MODEL_LISTS)),
-            ]
+            Problem::value("grid.models", format!("no list of models is named `{name}`"))
+                .with_help(nearest(name, &MODEL_LISTS))
         }
-        ModelList::Named(_) => Vec::new(),
         ModelList::Rule(rule) if rule.d_model.is_empty() || rule.head_dim == 0 => {
-            vec![Problem::value("grid.models", "the rule makes no model")]
+            Problem::value("grid.models", "the rule makes no model")
         }
         ModelList::Rule(rule) if rule.width_per_layer == 0 => {
-            vec![Problem::value("grid.models.width_per_layer", "must be at least 1")]
+            Problem::value("grid.models.width_per_layer", "must be at least 1")
         }
         ModelList::List(list) if list.is_empty() => {
-            vec![Problem::value("grid.models", "no model, so no run")]
+            Problem::value("grid.models", "no model, so no run")
         }
-        _ => every_model(sweep),
-    }
+        ModelList::Named(_) => return Vec::new(),
+        _ => return every_model(sweep),
+    };
+    vec![problem]
 }
 
 fn every_model(sweep: &Sweep) -> Vec<Problem> {
@@ -102,19 +101,16 @@ fn budgets(sweep: &Sweep) -> Vec<Problem> {
     if sweep.grid.budgets.is_empty() {
         return vec![Problem::value("grid.budgets", "no budget, so no run")];
     }
-    let listed = |path: &'static str, budgets: &[f64]| -> Vec<Problem> {
-        let possible = |budget: f64| budget > 0.0 && budget <= LARGEST_BUDGET;
-        let wrong = budgets.iter().enumerate().filter(|(_, budget)| !possible(**budget));
-        wrong
-            .map(|(i, budget)| {
-                Problem::value(format!("{path}[{i}]"), format!("a budget of {budget:e} FLOPs"))
-                    .with_help(format!("above 0 and at most {LARGEST_BUDGET:e}"))
-            })
-            .collect()
+    let [grid, predict] =
+        [&sweep.grid.budgets, &sweep.predict.budgets].map(|of| of.iter().enumerate());
+    let listed = grid.map(|(i, budget)| (format!("grid.budgets[{i}]"), *budget));
+    let asked = predict.map(|(i, budget)| (format!("predict.budgets[{i}]"), *budget));
+    let is_possible = |budget: f64| budget > 0.0 && budget <= LARGEST_BUDGET;
+    let problem = |(path, budget): (String, f64)| {
+        Problem::value(path, format!("a budget of {budget:e} FLOPs"))
+            .with_help(format!("above 0 and at most {LARGEST_BUDGET:e}"))
     };
-    let mut problems = listed("grid.budgets", &sweep.grid.budgets);
-    problems.extend(listed("predict.budgets", &sweep.predict.budgets));
-    problems
+    listed.chain(asked).filter(|(_, budget)| !is_possible(*budget)).map(problem).collect()
 }
 
 /// Runs of a grid at most: a plan holds each of them.

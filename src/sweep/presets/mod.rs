@@ -130,24 +130,21 @@ impl Layers {
     }
 
     fn of_preset(name: &Value, by: &Source) -> Result<Self, SweepErrors> {
-        match name.as_str().and_then(find) {
-            Some(preset) => Self::of(preset.keys(), Source::new(preset.title(), preset.text), &[]),
-            None => Err(SweepErrors::of(unknown_preset(name), by.clone())),
-        }
+        let wrong = |message: String, help: String| {
+            SweepErrors::of(Problem::value(PRESET, message).with_help(help), by.clone())
+        };
+        let name = name.as_str().ok_or_else(|| {
+            wrong("expected the name of a preset".into(), format!("one of {}", NAMES.join(", ")))
+        })?;
+        let preset = find(name)
+            .ok_or_else(|| wrong(format!("no preset is named `{name}`"), nearest(name, &NAMES)))?;
+        Self::of(preset.keys(), Source::new(preset.title(), preset.text), &[])
     }
 }
 
 /// Whether two paths lead to one file.
 fn is_same(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
-}
-
-fn unknown_preset(name: &Value) -> Problem {
-    let Some(name) = name.as_str() else {
-        return Problem::value(PRESET, "expected the name of a preset")
-            .with_help(format!("one of {}", NAMES.join(", ")));
-    };
-    Problem::value(PRESET, format!("no preset is named `{name}`")).with_help(nearest(name, &NAMES))
 }
 
 #[cfg(test)]

@@ -34,19 +34,12 @@ pub struct TrainerSection {
     pub gpus: Option<usize>,
 }
 
-impl TrainerSection {
-    /// A program by its command alone.
-    fn of_command(command: &str) -> Self {
-        let command = command.to_string();
-        Self { command, revision: None, inputs: Vec::new(), canary: true, gpus: None }
-    }
-}
-
 impl Ways for TrainerSection {
     const EXPECTED: &'static str = "a section, or a command";
 
     fn of_scalar(command: &Value) -> Option<Result<Self, String>> {
-        command.as_str().map(|command| Ok(Self::of_command(command)))
+        let command = command.as_str()?.to_string();
+        Some(Ok(Self { command, revision: None, inputs: Vec::new(), canary: true, gpus: None }))
     }
 
     fn of_section<'de, D: Deserializer<'de>>(section: D) -> Option<Result<Self, D::Error>> {
