@@ -12,7 +12,8 @@ use burn::tensor::Device;
 use clap::Args;
 use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
 use isoflop::jobs::history::{Finished, known};
-use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs, probe};
+use isoflop::jobs::speed::Speed;
+use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs};
 use isoflop::machine::Card;
 use isoflop::plan::{Plan, PlannedRun, bytes_on_card};
 use isoflop::spec::Precision;
@@ -114,7 +115,7 @@ fn hours(
 ) -> Option<f64> {
     let known = known(folder, &Finished::of(plan, folder));
     let is_built_in = plan.runs.iter().all(|run| run.spec.trainer.is_none());
-    let probed = || is_built_in.then(|| probe::speed_of(jobs, plan, device, slots));
+    let probed = || is_built_in.then(|| Speed::measured_of(jobs, plan, device, slots));
     Some(known.or_else(probed)?.hours(jobs, plan, slots))
 }
 

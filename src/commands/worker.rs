@@ -5,11 +5,12 @@ use super::exit::{Exit, say};
 use super::output::Output;
 use anyhow::{Result, bail};
 use burn::tensor::Device;
+use isoflop::jobs::presence::claim;
 use isoflop::jobs::worker::{
-    FAILED, REFUSED_MEMORY, STOPPED, claim, failure_of, report_failure, stop_with_parent, work,
+    FAILED, REFUSED_MEMORY, STOPPED, failure_of, report_failure, stop_with_parent,
 };
 use isoflop::jobs::{
-    Assignment, FailedJob, JobId, JobKind, Outcome, ResultsFolder, SweepState, program,
+    Assignment, FailedJob, JobId, JobKind, Outcome, ResultsFolder, SweepState, program, work,
 };
 use isoflop::machine::exit_when_refused;
 use isoflop::ops::{DeviceName, check_products};

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::Point;
-use super::ticks::count;
+use super::axis::count;
+use super::scene::Point;
 use crate::record::{Planned, RunRecord, of_largest_share};
 use crate::spec::FlopsRule;
 
@@ -73,6 +73,16 @@ impl CellMean {
     pub fn at_its_flops(&self) -> Point {
         (self.flops, self.loss_normalised)
     }
+
+    /// Its loss at its N_nv.
+    pub fn at_its_size(&self) -> Point {
+        (self.model.params_nonvocab as f64, self.loss_normalised)
+    }
+
+    /// Its loss at its V.
+    pub fn at_its_vocab(&self) -> Point {
+        (self.n_vocab as f64, self.loss_normalised)
+    }
 }
 
 /// Every cell of a sweep, with the sorted values of each axis of the grid.
@@ -94,10 +104,7 @@ impl Cells {
             let key = (ModelSize::of(shown.run), n_vocab, budget_flops.to_bits());
             groups.entry(key).or_default().push(shown);
         }
-        Cells::gather(groups.into_values().map(|runs| cell(&runs)).collect())
-    }
-
-    fn gather(cells: Vec<CellMean>) -> Cells {
+        let cells: Vec<_> = groups.into_values().map(|runs| cell(&runs)).collect();
         let models = sorted(cells.iter().map(|cell| cell.model));
         let vocabs = sorted(cells.iter().map(|cell| cell.n_vocab));
         // The bits of positive numbers sort as the numbers do.
@@ -124,20 +131,13 @@ impl Cells {
         self.cells.iter().map(|cell| cell.loss_normalised)
     }
 
-    /// The same for a figure with a bar at each point.
-    pub fn bars_remark(&self) -> &'static str {
-        let barred = self.cells.iter().any(|cell| cell.standard_error.is_some());
-        if barred {
-            "Points are means over seeds, bars one standard error."
-        } else {
-            self.seeds_remark()
+    /// How the points came about, for a figure's remarks, with a bar at each point or without.
+    pub fn seeds_remark(&self, has_bars: bool) -> &'static str {
+        match self.cells.iter().any(|cell| cell.seeds > 1) {
+            true if has_bars => "Points are means over seeds, bars one standard error.",
+            true => "Points are means over seeds.",
+            false => "One point a run.",
         }
-    }
-
-    /// How the points came about, for a figure's remarks.
-    pub fn seeds_remark(&self) -> &'static str {
-        let averaged = self.cells.iter().any(|cell| cell.seeds > 1);
-        if averaged { "Points are means over seeds." } else { "One point a run." }
     }
 }
 

@@ -1,8 +1,11 @@
-//! The parts of `Laws` that figures draw: minima by kind, laws as functions, their bands.
+//! The parts of laws that figures draw: minima by kind, and the quantities of the optimum.
 
 use super::colour::{HELD_OUT, INK, Rgb};
-use super::{Legend, Mark, Marker, Sample};
-use crate::laws::{LawKind, Laws, Minimum, MinimumMethod};
+use super::legend::{Legend, Sample};
+use super::scene::{Mark, Marker};
+use crate::laws::{
+    Answer, Coefficient, Exponent, LawKind, Laws, Minimum, MinimumMethod, OptimumAt,
+};
 
 /// What a minimum is to the laws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +16,7 @@ pub enum Role {
 }
 
 impl Role {
-    pub fn of(minimum: &Minimum, laws: &Laws) -> Role {
+    fn of(minimum: &Minimum, laws: &Laws) -> Role {
         if laws.held_out.as_ref().is_some_and(|h| h.budget_flops == minimum.budget_flops) {
             Role::HeldOut
         } else if minimum.flags.is_empty() {
@@ -32,14 +35,6 @@ impl Role {
     /// The colour of the role where colour stands for nothing else.
     pub fn colour(self) -> Rgb {
         if self == Role::HeldOut { HELD_OUT } else { INK }
-    }
-
-    fn label(self) -> &'static str {
-        match self {
-            Role::Fitted => "fitted",
-            Role::Flagged => "flagged",
-            Role::HeldOut => "tested on",
-        }
     }
 }
 
@@ -70,13 +65,11 @@ pub fn explain_marks(
 /// Explains the marks of those roles that occur, in the colours that `colour` gives them.
 pub fn explain_roles(legend: &mut Legend, laws: &Laws, colour: fn(Role) -> Rgb) {
     let minima = minima(laws);
-    let roles = [Role::Fitted, Role::Flagged, Role::HeldOut].into_iter();
-    let met = roles.filter(|role| minima.iter().any(|(_, of)| of == role));
-    explain_marks(
-        legend,
-        laws.minima_method,
-        met.map(|role| (role.mark(colour(role)), role.label())),
-    );
+    let roles =
+        [(Role::Fitted, "fitted"), (Role::Flagged, "flagged"), (Role::HeldOut, "tested on")];
+    let met = roles.into_iter().filter(|(role, _)| minima.iter().any(|(_, of)| of == role));
+    let marks = met.map(|(role, text)| (role.mark(colour(role)), text));
+    explain_marks(legend, laws.minima_method, marks);
 }
 
 /// Values that an axis must hold: those of trusted points, and flagged ones within a decade.
@@ -105,6 +98,70 @@ pub fn law_name(laws: &Laws) -> String {
     match laws.law {
         LawKind::Isoflop => laws.recommended_law().about().trim_start_matches("the ").to_owned(),
         other => other.name().to_owned(),
+    }
+}
+
+// The quantities of the optimum.
+
+/// One of the three quantities of ScaMo Eq. 9, or N, where the vocabulary's parameters are not told apart.
+pub struct Quantity {
+    pub label: &'static str,
+    /// The law with its symbols.
+    pub form: &'static str,
+    /// The exponent's symbol.
+    pub exponent: &'static str,
+    pub of: fn(&Minimum) -> f64,
+    /// Its symbol in what the law to believe says.
+    symbol: &'static str,
+}
+
+const NONVOCAB: Quantity = Quantity {
+    label: "Non-vocabulary parameters Nₙᵥ",
+    form: "Nₙᵥ ∝ Cᵇ",
+    exponent: "b",
+    of: |minimum| minimum.params_nonvocab,
+    symbol: "N_nv",
+};
+const VOCAB: Quantity = Quantity {
+    label: "Vocabulary parameters Nᵥ",
+    form: "Nᵥ ∝ Cᵃ",
+    exponent: "a",
+    of: |minimum| minimum.params_vocab,
+    symbol: "N_v",
+};
+const TOKENS: Quantity = Quantity {
+    label: "Training tokens D",
+    form: "D ∝ Cᶜ",
+    exponent: "c",
+    of: |minimum| minimum.tokens,
+    symbol: "D",
+};
+const SIZE: Quantity = Quantity {
+    label: "Model size N (parameters)",
+    form: "N ∝ Cᵃ",
+    exponent: "a",
+    of: |minimum| minimum.params_nonvocab,
+    symbol: "N",
+};
+
+/// The quantities of the optimum, the model's size first: N and D where the vocabulary's parameters are not told
+/// apart.
+pub fn quantities(size_alone: bool) -> &'static [Quantity] {
+    if size_alone { &[SIZE, TOKENS] } else { &[NONVOCAB, VOCAB, TOKENS] }
+}
+
+impl Quantity {
+    /// Its exponent, where it is determined.
+    pub fn exponent_of<'a>(&self, answer: &'a Answer) -> Option<&'a Exponent> {
+        answer.exponents.of(self.symbol).filter(|own| own.value.is_some())
+    }
+
+    /// C, the value there and its 95 % interval along the fitted budgets; empty where the exponent is not
+    /// determined.
+    pub fn path(&self, answer: &Answer) -> Vec<(f64, Coefficient)> {
+        let told = self.exponent_of(answer).is_some();
+        let at = |optimum: &OptimumAt| Some((optimum.budget_flops, *optimum.at.of(self.symbol)?));
+        answer.path.iter().filter(|_| told).filter_map(at).collect()
     }
 }
 

@@ -1,12 +1,60 @@
-//! What marks and lines mean, in a column right of the data.
+//! Looks of the series of a figure; and what they mean, in a column right of the data.
 
-use super::colour::Rgb;
+use super::axis::scientific;
+use super::cells::ModelSize;
+use super::colour::{MUTED, Rgb, categories, ordered};
 use super::font::{Weight, measure};
-use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text, plain_text};
+use super::scene::{Anchor, Mark, Marker, Point, Scene, Stroke, Text, plain_text};
 
 const EM: f64 = 12.0;
 const ROW: f64 = 20.0;
 const SWATCH: f64 = 30.0;
+
+/// Colour and marker of one series.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    pub colour: Rgb,
+    pub marker: Marker,
+}
+
+impl Look {
+    pub fn stroke(self) -> Stroke {
+        Stroke::solid(self.colour, 1.6)
+    }
+
+    pub fn mark(self) -> Mark {
+        Mark { marker: self.marker, colour: self.colour, radius: 4.0, hollow: false }
+    }
+
+    pub fn sample(self) -> Sample {
+        Sample::MarkedLine(self.stroke(), self.mark())
+    }
+}
+
+/// Looks for `n` things without an order, such as models or kinds of tokenizer.
+pub fn category_looks(n: usize) -> Vec<Look> {
+    looks(categories(n))
+}
+
+/// Looks for `n` things with an order, such as budgets.
+pub fn ordered_looks(n: usize) -> Vec<Look> {
+    looks(ordered(n))
+}
+
+fn looks(colours: Vec<Rgb>) -> Vec<Look> {
+    let look = |(i, colour)| Look { colour, marker: Marker::nth(i) };
+    colours.into_iter().enumerate().map(look).collect()
+}
+
+/// The line of a bound.
+pub fn bound_stroke() -> Stroke {
+    Stroke::solid(MUTED, 1.3).dashed()
+}
+
+/// The line of a law.
+pub fn law_stroke(colour: Rgb) -> Stroke {
+    Stroke::solid(colour, 2.0)
+}
 
 /// The sample beside a legend's text.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +86,29 @@ impl Legend {
         self.rows.push(Row::Entry(sample, text.into()));
     }
 
+    /// Lists the models by their sizes, which have a symbol.
+    pub fn models(&mut self, symbol: &str, models: &[ModelSize], looks: &[Look]) {
+        self.heading(&format!("Model, by {symbol}"));
+        for (model, look) in models.iter().zip(looks) {
+            self.entry(look.sample(), model.label());
+        }
+    }
+
+    /// Lists the budgets, marking the one that the laws did not see.
+    pub fn budgets(
+        &mut self,
+        budgets: &[f64],
+        looks: &[Look],
+        held_out: Option<f64>,
+        sample: fn(Look) -> Sample,
+    ) {
+        self.heading("Budget C (FLOPs)");
+        for (&budget, &look) in budgets.iter().zip(looks) {
+            let held = if held_out == Some(budget) { ", held out" } else { "" };
+            self.entry(sample(look), format!("{}{held}", scientific(budget)));
+        }
+    }
+
     /// The column's width in pixels, 0 when it is empty.
     pub fn width(&self) -> f64 {
         let row = |row: &Row| match row {
@@ -57,7 +128,10 @@ impl Legend {
         for (i, row) in self.rows.iter().enumerate() {
             y += advance(i, row);
             match row {
-                Row::Heading(text) => heading(scene, text, (left, y)),
+                Row::Heading(text) => {
+                    let text = plain_text(text, (left, y), Anchor::Start, EM);
+                    scene.text(Text { weight: Weight::Bold, ..text });
+                }
                 Row::Entry(sample, text) => entry(scene, *sample, text, (left, y)),
             }
         }
@@ -72,25 +146,18 @@ fn advance(i: usize, row: &Row) -> f64 {
     }
 }
 
-fn heading(scene: &mut Scene, text: &str, at: Point) {
-    scene.text(Text { weight: Weight::Bold, ..plain_text(text, at, Anchor::Start, EM) });
-}
-
 fn entry(scene: &mut Scene, sample: Sample, text: &str, (left, baseline): Point) {
     let y = baseline - 0.36 * EM;
-    let (from, to) = ((left, y), (left + SWATCH, y));
-    let middle = (left + SWATCH / 2.0, y);
-    match sample {
-        Sample::Line(stroke) => scene.line(&[from, to], stroke),
-        Sample::Mark(mark) => scene.mark(middle, mark),
-        Sample::MarkedLine(stroke, mark) => {
-            scene.line(&[from, to], stroke);
-            scene.mark(middle, mark);
-        }
-        Sample::Band(colour) => {
-            let (top, bottom) = (y - 6.0, y + 6.0);
-            scene.area(vec![(left, top), (to.0, top), (to.0, bottom), (left, bottom)], colour);
-        }
+    let right = left + SWATCH;
+    if let Sample::Line(stroke) | Sample::MarkedLine(stroke, _) = sample {
+        scene.line(&[(left, y), (right, y)], stroke);
     }
-    scene.text(plain_text(text, (left + SWATCH + 8.0, baseline), Anchor::Start, EM));
+    if let Sample::Mark(mark) | Sample::MarkedLine(_, mark) = sample {
+        scene.mark((left + SWATCH / 2.0, y), mark);
+    }
+    if let Sample::Band(colour) = sample {
+        let (top, bottom) = (y - 6.0, y + 6.0);
+        scene.area(vec![(left, top), (right, top), (right, bottom), (left, bottom)], colour);
+    }
+    scene.text(plain_text(text, (right + 8.0, baseline), Anchor::Start, EM));
 }

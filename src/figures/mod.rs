@@ -1,14 +1,14 @@
 //! From a table of runs and its laws to the figures of a paper, as SVG, PNG and PDF.
 //!
-//! Each figure is a file of its own: a function from `Sources` to a page (`scene::Scene`) or
-//! to the reason why there is none. To add one, write such a function and name it in
-//! `FIGURES`.
+//! Each figure is a function from `Sources` to a page (`scene::Scene`) or to the reason why there is
+//! none. To add one, write such a function and name it in `FIGURES`.
 //!
 //! | layer | files |
 //! | --- | --- |
-//! | what is shown | `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
-//! | how a page is laid out | `page`, `panel`, `axis`, `ticks`, `legend`, `series` |
-//! | shapes and files | `scene`, `colour`, `font`, `svg`, `render` (PNG), `pdf`, `write` |
+//! | the figures | `runs`, `best_loss`, `optima`, `tokenizers`, `quality` |
+//! | what is shown | `sources`, `cells` (runs by model × vocabulary × budget), `fitted` (minima and laws) |
+//! | how a page is laid out | `page`, `panel`, `axis`, `legend` |
+//! | shapes and files | `scene`, `colour`, `font`, `formats` (SVG, PNG), `pdf` |
 //!
 //! Motions have pages of their own in [`motion`].
 //!
@@ -37,70 +37,37 @@
 //! ```
 
 mod axis;
+mod best_loss;
 mod cells;
 mod colour;
 mod fitted;
 mod font;
+mod formats;
 mod legend;
+pub mod motion;
+mod optima;
 mod page;
 mod panel;
 mod pdf;
-mod quantity;
-mod render;
-mod scene;
-mod series;
-mod svg;
-mod ticks;
-mod words;
-mod write;
-
-mod codes;
-mod compare;
-mod generators;
-mod isoflop_parabolas;
-mod loss_vs_budget;
-mod loss_vs_data;
-mod loss_vs_flops;
-mod loss_vs_vocab;
-pub mod motion;
-mod power_laws;
 mod quality;
+mod runs;
+mod scene;
+mod sources;
 mod tokenizers;
-mod vocab_vs_nonvocab;
 
 use std::path::{Path, PathBuf};
 
-use thiserror::Error;
+pub use best_loss::{GeneratorRuns, generators};
+pub use formats::Format;
+pub use optima::compare;
+pub use quality::quality;
+pub use sources::{Drawing, FigureError, FigureInput};
+pub use tokenizers::codes;
 
-use crate::files::FileError;
-use crate::laws::Laws;
-use crate::record::RunRecord;
-use crate::spec::FlopsRule;
-use crate::tokenizer::TokenizerMetrics;
-use axis::{Axis, COMPUTE, Scale};
-use cells::{Cells, Shown};
-pub use codes::draw as codes;
-pub use compare::draw as compare;
-pub use generators::{GeneratorRuns, draw as generators};
-use legend::{Legend, Sample};
-use page::Page;
-use panel::Plot;
-pub use quality::draw as quality;
-use scene::{Mark, Marker, Point, Scene, Stroke};
-use series::{Look, bound_stroke, category_looks, law_stroke, ordered_looks};
-pub use write::Format;
-
-/// What the figures of a sweep are drawn from.
-#[derive(Clone, Copy, Debug)]
-pub struct FigureInput<'a> {
-    /// The sweep's name, at the head of each figure.
-    pub title: &'a str,
-    /// What the loss is called, if it is not L_u: the column or expression of a table.
-    pub loss_name: Option<&'a str>,
-    pub records: &'a [RunRecord],
-    pub laws: Option<&'a Laws>,
-    pub tokenizers: &'a [TokenizerMetrics],
-}
+use crate::files::{FileError, atomic};
+use cells::Shown;
+use scene::Scene;
+use sources::Sources;
 
 /// What [`draw_all`] wrote, and what it could not show.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -119,44 +86,27 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// Why figures could not be written.
-#[derive(Debug, Error)]
-pub enum FigureError {
-    #[error(transparent)]
-    File(#[from] FileError),
-    #[error("cannot draw the figure {name}: {message}")]
-    Draw { name: String, message: String },
-    #[error(
-        "the laws count FLOPs by {rule:?}, which no run records; \
-         fit them again with --flops openai, 6nd or exact"
-    )]
-    UnknownRule { rule: String },
-}
-
-/// What a figure is drawn from: the input, and its runs in cells.
-struct Sources<'a> {
-    input: &'a FigureInput<'a>,
-    cells: Cells,
-    /// The rule by which `cells` count FLOPs.
-    rule: FlopsRule,
-}
-
-/// A page, or the reason why there is none.
-pub type Drawing = Result<Scene, String>;
-
 /// A figure: the name of its files, and how it is drawn.
 type Figure = (&'static str, fn(&Sources) -> Drawing);
 
+const LOSS_VS_DATA: &str = "loss_vs_data";
+
 const FIGURES: [Figure; 8] = [
-    ("loss_vs_flops", loss_vs_flops::draw),
-    ("isoflop_parabolas", isoflop_parabolas::draw),
-    ("loss_vs_vocab", loss_vs_vocab::draw),
-    ("vocab_vs_nonvocab", vocab_vs_nonvocab::draw),
-    ("loss_vs_budget", loss_vs_budget::draw),
-    (loss_vs_data::NAME, loss_vs_data::draw),
-    ("power_laws", power_laws::draw),
-    ("tokenizers", tokenizers::draw),
+    ("loss_vs_flops", runs::loss_vs_flops),
+    ("isoflop_parabolas", runs::isoflop_parabolas),
+    ("loss_vs_vocab", runs::loss_vs_vocab),
+    ("vocab_vs_nonvocab", optima::vocab_vs_nonvocab),
+    ("loss_vs_budget", best_loss::loss_vs_budget),
+    (LOSS_VS_DATA, best_loss::loss_vs_data),
+    ("power_laws", optima::power_laws),
+    ("tokenizers", tokenizers::tokenizers),
 ];
+
+/// The figures that a sweep may have: one on one data set has no figure of data, and is not told so.
+fn figures(input: &FigureInput) -> impl Iterator<Item = Figure> {
+    let has_shares = best_loss::has_shares(input.records);
+    FIGURES.into_iter().filter(move |(name, _)| *name != LOSS_VS_DATA || has_shares)
+}
 
 /// The names of the figures of [`draw_all`].
 pub fn names() -> [&'static str; FIGURES.len()] {
@@ -180,21 +130,22 @@ pub fn draw_all(
 ) -> Result<Drawn, FigureError> {
     let sources = Sources::of(input)?;
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
-    let left_out = runs_without_a_place(input.records, sources.rule);
-    let mut drawn = Drawn { paths: Vec::new(), left_out };
-    // A sweep on one data set has no figure of data, and is not told so.
-    let is_meant = |name: &str| name != loss_vs_data::NAME || loss_vs_data::is_there(input.records);
-    for (name, draw) in FIGURES.into_iter().filter(|(name, _)| is_wanted(name) && is_meant(name)) {
+    let runs = input.records.iter().filter_map(|run| {
+        let reason = Shown::of(run, sources.rule).err()?;
+        Some(LeftOut { name: format!("run {}", run.planned.run_id), reason })
+    });
+    let mut drawn = Drawn { paths: Vec::new(), left_out: runs.collect() };
+    for (name, draw) in figures(input).filter(|(name, _)| is_wanted(name)) {
         match draw(&sources) {
-            Ok(scene) => drawn.paths.extend(write::figure(&scene, folder, name, formats)?),
+            Ok(scene) => drawn.paths.extend(write(&scene, folder, name, formats)?),
             Err(reason) => drawn.left_out.push(LeftOut { name: name.to_owned(), reason }),
         }
     }
     Ok(drawn)
 }
 
-/// Writes a figure that stands by itself as `<name>.svg` and its kin: [`codes`](codes()),
-/// [`compare`](compare()), [`generators`](generators()) or [`quality`](quality()). Gives their paths.
+/// Writes a figure that stands by itself as `<name>.svg` and its kin: [`codes`], [`compare`], [`generators`] or
+/// [`quality`](quality()). Gives their paths.
 ///
 /// # Errors
 ///
@@ -208,46 +159,26 @@ pub fn draw_alone(
     let failed = |message| FigureError::Draw { name: name.to_owned(), message };
     let scene = drawing.map_err(failed)?;
     std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
-    write::figure(&scene, folder, name, formats)
+    write(&scene, folder, name, formats)
 }
 
-impl<'a> Sources<'a> {
-    /// Counts FLOPs by the rule of the laws; without laws by one that the runs are counted by.
-    fn of(input: &'a FigureInput<'a>) -> Result<Sources<'a>, FigureError> {
-        let name = input.laws.map_or(counted(input.records).name(), |laws| &laws.flops_rule);
-        let rule = FlopsRule::named(name);
-        let rule = rule.ok_or_else(|| FigureError::UnknownRule { rule: name.to_owned() })?;
-        Ok(Sources { input, cells: Cells::of(input.records, rule), rule })
-    }
-
-    /// The figure's title after the sweep's.
-    fn title(&self, figure: &str) -> String {
-        format!("{}: {figure}", self.input.title)
-    }
-
-    fn laws(&self) -> Result<&'a Laws, String> {
-        self.input.laws.ok_or_else(|| "there are no laws".to_owned())
-    }
-
-    fn held_out_budget(&self) -> Option<f64> {
-        self.input.laws?.held_out.as_ref().map(|held_out| held_out.budget_flops)
-    }
-}
-
-/// The rule of a sweep by default, or that of a table which counts by one rule alone.
-fn counted(records: &[RunRecord]) -> FlopsRule {
-    let usual = FlopsRule::default();
-    let others = [FlopsRule::SixNd, FlopsRule::OpenAi, FlopsRule::Exact];
-    let has = |rule: &FlopsRule| records.iter().any(|run| run.flops(*rule).is_ok());
-    [usual].into_iter().chain(others).find(has).unwrap_or(usual)
-}
-
-fn runs_without_a_place(records: &[RunRecord], rule: FlopsRule) -> Vec<LeftOut> {
-    let left_out = |run: &RunRecord| {
-        let reason = Shown::of(run, rule).err()?;
-        Some(LeftOut { name: format!("run {}", run.planned.run_id), reason })
+/// Writes `<name>.svg` and its kin, each whole, by rename; gives their paths.
+fn write(
+    scene: &Scene,
+    folder: &Path,
+    name: &str,
+    formats: &[Format],
+) -> Result<Vec<PathBuf>, FigureError> {
+    let one = |format: &Format| {
+        let bytes = format.bytes(scene).map_err(|error| FigureError::Draw {
+            name: name.to_owned(),
+            message: error.to_string(),
+        })?;
+        let path = folder.join(format!("{name}.{}", format.extension()));
+        atomic::write_bytes(&path, &bytes)?;
+        Ok(path)
     };
-    records.iter().filter_map(left_out).collect()
+    formats.iter().map(one).collect()
 }
 
 #[cfg(test)]

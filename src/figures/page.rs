@@ -4,8 +4,7 @@ use super::colour::MUTED;
 use super::font::{Weight, wrap};
 use super::legend::Legend;
 use super::panel::{Panel, Plot, Rect};
-use super::scene::plain_text;
-use super::scene::{Anchor, Scene, Text};
+use super::scene::{Anchor, Scene, Text, plain_text};
 
 const MARGIN: f64 = 18.0;
 const TITLE_EM: f64 = 17.0;

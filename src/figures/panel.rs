@@ -5,8 +5,8 @@ use crate::laws::Coefficient;
 use super::axis::{Axis, Direction, TICK_EM};
 use super::colour::{FRAME, GRID, Rgb};
 use super::font::Weight;
+use super::legend::{Look, law_stroke};
 use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text, plain_text};
-use super::series::{Look, law_stroke};
 
 const TICK_LENGTH: f64 = 5.0;
 /// How strongly an interval is tinted with its law's colour.

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::{
-    Axis, COMPUTE, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, bound_stroke,
-    category_looks,
-};
+use super::axis::{Axis, COMPUTE, Scale};
+use super::legend::{Legend, Sample, bound_stroke, category_looks};
+use super::page::Page;
+use super::panel::Plot;
+use super::scene::Point;
+use super::sources::Drawing;
 use crate::record::Quality;
 use crate::scores::rank_correlation;
 
@@ -15,43 +17,47 @@ struct Quantity {
     scale: Scale,
     of: fn(&Quality) -> Option<f64>,
     /// The same of true motions.
-    of_truth: Option<fn(&Quality) -> Option<f64>>,
+    of_truth: fn(&Quality) -> Option<f64>,
 }
 
 const LOSS: Quantity = Quantity {
     label: "Normalised loss Lᵤ (nats)",
     scale: Scale::Linear,
     of: |row| row.run.loss_normalised().ok(),
-    of_truth: None,
+    of_truth: |_| None,
 };
 
 const BUDGET: Quantity = Quantity {
     label: COMPUTE,
     scale: Scale::Log,
     of: |row| Some(row.run.planned.budget_flops),
-    of_truth: None,
+    of_truth: |_| None,
 };
 
 const FID: Quantity =
-    Quantity { label: "FID", scale: Scale::Log, of: |row| row.mean("fid"), of_truth: None };
+    Quantity { label: "FID", scale: Scale::Log, of: |row| row.mean("fid"), of_truth: |_| None };
 
 const PRECISION: Quantity = Quantity {
     label: "R@1 in pools of 32",
     scale: Scale::Linear,
     of: |row| row.mean("r_precision_1"),
-    of_truth: Some(|row| row.mean("truth_r_precision_1")),
+    of_truth: |row| row.mean("truth_r_precision_1"),
 };
 
 /// What each panel shows, along and up.
 const PANELS: [[Quantity; 2]; 4] =
     [[LOSS, FID], [BUDGET, FID], [LOSS, PRECISION], [BUDGET, PRECISION]];
 
-/// The page, or the reason why there is none.
-pub fn draw(sweep: &str, rows: &[Quality]) -> Drawing {
+/// FID and R@1 against L_u and compute; or the reason why there is no page.
+pub fn quality(sweep: &str, rows: &[Quality]) -> Drawing {
     if rows.len() < 2 {
         return Err(format!("it needs two scored runs, there are {}", rows.len()));
     }
-    let series = series(rows);
+    // Runs by generator and vocabulary.
+    let mut series: BTreeMap<_, Vec<&Quality>> = BTreeMap::new();
+    for row in rows {
+        series.entry((row.generator(), row.run.planned.n_vocab)).or_default().push(row);
+    }
     let looks = category_looks(series.len());
     let plot = |[along, up]: &[Quantity; 2]| {
         let mut plot = plot([along, up], rows)?;
@@ -62,16 +68,20 @@ pub fn draw(sweep: &str, rows: &[Quality]) -> Drawing {
         Ok(plot)
     };
     let plots = PANELS.iter().map(plot).collect::<Result<Vec<_>, String>>()?;
-    Ok(page(sweep, rows, &series, &looks).panels(plots))
-}
-
-/// Runs by generator and vocabulary.
-fn series(rows: &[Quality]) -> BTreeMap<(&str, usize), Vec<&Quality>> {
-    let mut series: BTreeMap<_, Vec<&Quality>> = BTreeMap::new();
-    for row in rows {
-        series.entry((row.generator(), row.run.planned.n_vocab)).or_default().push(row);
+    let mut legend = Legend::default();
+    legend.heading("Generator, V");
+    for ((generator, n_vocab), look) in series.keys().zip(&looks) {
+        legend.entry(Sample::Mark(look.mark()), format!("{generator} {n_vocab}"));
     }
-    series
+    legend.heading("Bound");
+    legend.entry(Sample::Line(bound_stroke()), "true motions");
+    let remarks = format!(
+        "{} runs, scored by evaluator {}; comparable only with scores of the same evaluator.",
+        rows.len(),
+        rows[0].evaluator_id
+    );
+    let title = format!("{sweep}: quality of motions against loss and compute");
+    Ok(Page { width: 1000.0, height: 760.0, title, remarks, legend }.panels(plots))
 }
 
 fn point(along: &Quantity, up: &Quantity, row: &Quality) -> Option<Point> {
@@ -81,8 +91,7 @@ fn point(along: &Quantity, up: &Quantity, row: &Quality) -> Option<Point> {
 fn plot([along, up]: [&Quantity; 2], rows: &[Quality]) -> Result<Plot, String> {
     let values = |quantity: &Quantity| rows.iter().filter_map(quantity.of).collect::<Vec<f64>>();
     // What true motions score.
-    let truth = up.of_truth.map(|of| rows.iter().filter_map(of).collect::<Vec<f64>>());
-    let truth = truth.unwrap_or_default();
+    let truth: Vec<f64> = rows.iter().filter_map(up.of_truth).collect();
     let x = Axis::new(along.label, along.scale, values(along))?;
     let y = Axis::new(up.label, up.scale, values(up).into_iter().chain(truth.iter().copied()))?;
     let pairs: Vec<Point> = rows.iter().filter_map(|row| point(along, up, row)).collect();
@@ -96,26 +105,4 @@ fn plot([along, up]: [&Quantity; 2], rows: &[Quality]) -> Result<Plot, String> {
         plot.curve(plot.x.ends(), |_| *truth, bound_stroke());
     }
     Ok(plot)
-}
-
-fn page(
-    sweep: &str,
-    rows: &[Quality],
-    series: &BTreeMap<(&str, usize), Vec<&Quality>>,
-    looks: &[Look],
-) -> Page {
-    let mut legend = Legend::default();
-    legend.heading("Generator, V");
-    for ((generator, n_vocab), look) in series.keys().zip(looks) {
-        legend.entry(Sample::Mark(look.mark()), format!("{generator} {n_vocab}"));
-    }
-    legend.heading("Bound");
-    legend.entry(Sample::Line(bound_stroke()), "true motions");
-    let remarks = format!(
-        "{} runs, scored by evaluator {}; comparable only with scores of the same evaluator.",
-        rows.len(),
-        rows[0].evaluator_id
-    );
-    let title = format!("{sweep}: quality of motions against loss and compute");
-    Page { width: 1000.0, height: 760.0, title, remarks, legend }
 }

@@ -6,6 +6,7 @@ pub mod simulated;
 
 use super::*;
 use crate::laws::MinimumFlag;
+use crate::record::RunRecord;
 use crate::record::facts::LOSS_NORMALISED;
 use simulated::Simulated;
 
@@ -24,7 +25,7 @@ fn every_figure_of_a_whole_sweep_is_drawn_in_every_format() {
     let sweep = simulated::sweep();
     let (folder, drawn) = drawn(&sweep.input());
     assert_eq!(drawn.left_out, []);
-    for (name, _) in FIGURES.into_iter().filter(|(name, _)| *name != loss_vs_data::NAME) {
+    for (name, _) in figures(&sweep.input()) {
         let svg = fs::read_to_string(folder.path().join(format!("{name}.svg"))).unwrap();
         assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"), "{name}");
         assert!(svg.contains("quickstart") && svg.contains(font::FAMILY), "{name}");
@@ -169,8 +170,7 @@ fn every_text_of_every_page_lies_on_the_page() {
     for records in [&sweep.records, &many, &shared] {
         let input = FigureInput { records, ..sweep.input() };
         let sources = Sources::of(&input).unwrap();
-        let is_meant = |name: &str| name != loss_vs_data::NAME || loss_vs_data::is_there(records);
-        for (name, draw) in FIGURES.into_iter().filter(|(name, _)| is_meant(name)) {
+        for (name, draw) in figures(&input) {
             every_text_lies_on(&draw(&sources).unwrap(), name);
         }
     }

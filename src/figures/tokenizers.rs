@@ -1,14 +1,16 @@
-//! Reconstruction and codebook use of the tokenizers against V (ScaMo Fig. 6).
+//! The tokenizers of a sweep beside one another, and the codes of one.
 
 use std::collections::BTreeMap;
 
+use super::axis::{Axis, Scale};
 use super::cells::sorted;
 use super::colour::MUTED;
-use super::{
-    Axis, Drawing, Legend, Look, Page, Plot, Point, Sample, Scale, Sources, Stroke, bound_stroke,
-    category_looks,
-};
-use crate::tokenizer::TokenizerMetrics;
+use super::legend::{Legend, Look, Sample, bound_stroke, category_looks, ordered_looks};
+use super::page::Page;
+use super::panel::Plot;
+use super::scene::{Mark, Marker, Point, Stroke};
+use super::sources::{Drawing, Sources};
+use crate::tokenizer::{CodeMap, ScaleCodes, TokenizerMetrics};
 
 /// One panel: its title, the name of its axis, its values.
 struct Metric {
@@ -51,7 +53,8 @@ const METRICS: [Metric; 4] = [
     },
 ];
 
-pub fn draw(sources: &Sources) -> Drawing {
+/// Reconstruction and codebook use of the tokenizers against V (ScaMo Fig. 6).
+pub fn tokenizers(sources: &Sources) -> Drawing {
     let tokenizers = sources.input.tokenizers;
     let vocabs = sorted(tokenizers.iter().map(|t| t.n_vocab));
     if vocabs.len() < 2 {
@@ -62,23 +65,19 @@ pub fn draw(sources: &Sources) -> Drawing {
     let looks = category_looks(kinds.len());
     let plots = METRICS.iter().map(|metric| metric.plot(tokenizers, &vocabs, (&kinds, &looks)));
     let plots = plots.collect::<Result<Vec<_>, _>>()?;
-    Ok(page(sources, &kinds, &looks).panels(plots))
-}
-
-fn page(sources: &Sources, kinds: &[String], looks: &[Look]) -> Page {
     let mut legend = Legend::default();
     legend.heading("Tokenizer");
-    for (kind, look) in kinds.iter().zip(looks) {
+    for (kind, look) in kinds.iter().zip(&looks) {
         legend.entry(look.sample(), in_capitals(kind));
     }
-    if sources.input.tokenizers.iter().any(|metrics| metrics.k_means.is_some()) {
+    if tokenizers.iter().any(|metrics| metrics.k_means.is_some()) {
         legend.entry(Sample::Line(k_means()), "k-means");
     }
     legend.heading("Bound");
     legend.entry(Sample::Line(bound_stroke()), "all codes equal");
     let remarks = "Over the whole test split; a line joins the means at each V.".to_owned();
     let title = sources.title("tokenizers");
-    Page { width: 1000.0, height: 700.0, title, remarks, legend }
+    Ok(Page { width: 1000.0, height: 700.0, title, remarks, legend }.panels(plots))
 }
 
 impl Metric {
@@ -134,4 +133,70 @@ fn in_capitals(name: &str) -> String {
 /// What any tokenizer has to beat.
 fn k_means() -> Stroke {
     Stroke::solid(MUTED, 1.6)
+}
+
+// The codes of one.
+
+/// The codes of a tokenizer, scale by scale: how often each is met, and where they lie (LG-Tok, Figs. 6 and 7);
+/// or the reason why there is no page.
+pub fn codes(title: &str, map: &CodeMap) -> Drawing {
+    // Scales are many and overlap: circles, dark to light.
+    let circle = |look| Look { marker: Marker::Circle, ..look };
+    let looks: Vec<_> = ordered_looks(map.scales.len()).into_iter().map(circle).collect();
+    let plots = vec![use_plot(map, &looks)?, map_plot(map, &looks)?];
+    let mut legend = Legend::default();
+    legend.heading("Scale: codes in use");
+    for (i, (scale, look)) in map.scales.iter().zip(&looks).enumerate() {
+        let (all, used) = (scale.places.len(), scale.met.utilisation());
+        let sample = Sample::MarkedLine(look.stroke(), look.mark());
+        legend.entry(sample, format!("{}: {:.0} % of {all}", i + 1, 100.0 * used));
+    }
+    legend.heading("Bound");
+    legend.entry(Sample::Line(bound_stroke()), "all codes alike");
+    let remarks = "Codes of the test split. Left: a code's share of its scale's, times the size of the \
+                   codebook. Right: the embeddings of the codes that were met, a mark the larger the \
+                   more often."
+        .to_owned();
+    let title = title.to_owned();
+    Ok(Page { width: 1100.0, height: 560.0, title, remarks, legend }.panels(plots))
+}
+
+fn use_plot(map: &CodeMap, looks: &[Look]) -> Result<Plot, String> {
+    let lines: Vec<Vec<Point>> = map.scales.iter().map(by_rank).collect();
+    let label = "Codes of a scale, the most frequent first (%)";
+    let x = Axis::new(label, Scale::Linear, [0.0, 100.0])?;
+    let frequencies = lines.iter().flatten().map(|point| point.1);
+    let y = Axis::new("Frequency (1: all alike)", Scale::Log, frequencies.chain([1.0]))?;
+    let mut plot = Plot::new(["Use".to_owned()], x, y);
+    plot.line([(0.0, 1.0), (100.0, 1.0)], bound_stroke());
+    lines.into_iter().zip(looks).for_each(|(line, look)| plot.line(line, look.stroke()));
+    Ok(plot)
+}
+
+fn map_plot(map: &CodeMap, looks: &[Look]) -> Result<Plot, String> {
+    let axis = |i: usize| {
+        let met = map.scales.iter().flat_map(ScaleCodes::that_were_met);
+        let order = ["First", "Second"][i];
+        let label = format!("{order} component ({:.0} % of variance)", 100.0 * map.explained[i]);
+        Axis::new(&label, Scale::Linear, met.map(|(place, _)| place[i]))
+    };
+    let mut plot = Plot::new(["Embeddings".to_owned()], axis(0)?, axis(1)?);
+    for (scale, look) in map.scales.iter().zip(looks) {
+        for ([x, y], frequency) in scale.that_were_met() {
+            // 2.4 of a code that is met as often as it would be if all were alike.
+            let radius = (2.4 * frequency.sqrt()).clamp(0.8, 9.0);
+            plot.mark((x, y), Mark { radius, ..look.mark() });
+        }
+    }
+    Ok(plot)
+}
+
+/// Frequencies of the codes that were met, falling, in units of that which all would have if they were
+/// alike, against the share of the codebook.
+fn by_rank(scale: &ScaleCodes) -> Vec<Point> {
+    let mut frequencies: Vec<f64> = scale.that_were_met().map(|(_, frequency)| frequency).collect();
+    frequencies.sort_unstable_by(|a, b| b.total_cmp(a));
+    let all = scale.places.len() as f64;
+    let point = |(rank, frequency)| (100.0 * (rank as f64 + 0.5) / all, frequency);
+    frequencies.into_iter().enumerate().map(point).collect()
 }

@@ -7,9 +7,8 @@ use std::{fs, io};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::id::JobId;
-use super::kind::JobKind;
-use super::score::RunScores;
+use super::job::{JobId, JobKind};
+use super::run_scores::RunScores;
 use crate::evaluator::EvaluatorReport;
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
@@ -224,9 +223,8 @@ impl ResultsFolder {
     /// # Errors
     /// The folder cannot be listed.
     pub fn all_metrics(&self, warn: impl FnMut(String)) -> io::Result<Vec<TokenizerMetrics>> {
-        let mut metrics: Vec<TokenizerMetrics> = self.products(JobKind::Tokenizer, warn)?;
-        metrics.sort_by_key(|m| (m.n_vocab, m.tokenizer_id.clone()));
-        Ok(metrics)
+        let key = |m: &TokenizerMetrics| (m.n_vocab, m.tokenizer_id.clone());
+        self.products(JobKind::Tokenizer, key, warn)
     }
 
     /// What every finished evaluator that lies here is worth, as [`ResultsFolder::all_metrics`].
@@ -234,9 +232,7 @@ impl ResultsFolder {
     /// # Errors
     /// The folder cannot be listed.
     pub fn all_gates(&self, warn: impl FnMut(String)) -> io::Result<Vec<EvaluatorReport>> {
-        let mut reports: Vec<EvaluatorReport> = self.products(JobKind::Evaluator, warn)?;
-        reports.sort_by(|a, b| a.evaluator_id.cmp(&b.evaluator_id));
-        Ok(reports)
+        self.products(JobKind::Evaluator, |r: &EvaluatorReport| r.evaluator_id.clone(), warn)
     }
 
     /// Those of [`ResultsFolder::all_gates`] that a section describes.
@@ -257,15 +253,14 @@ impl ResultsFolder {
     /// # Errors
     /// The folder cannot be listed.
     pub fn all_scores(&self, warn: impl FnMut(String)) -> io::Result<Vec<RunScores>> {
-        let mut scores: Vec<RunScores> = self.products(JobKind::Score, warn)?;
-        scores.sort_by(|a, b| a.run_id.cmp(&b.run_id));
-        Ok(scores)
+        self.products(JobKind::Score, |scores: &RunScores| scores.run_id.clone(), warn)
     }
 
-    /// The products of all finished jobs of a kind; each that is damaged is left out.
-    fn products<T: DeserializeOwned>(
+    /// The products of all finished jobs of a kind, by a key; each that is damaged is left out.
+    fn products<T: DeserializeOwned, K: Ord>(
         &self,
         kind: JobKind,
+        key: impl FnMut(&T) -> K,
         mut warn: impl FnMut(String),
     ) -> io::Result<Vec<T>> {
         let folder = self.file(kind.folder(""));
@@ -279,6 +274,7 @@ impl ResultsFolder {
                 Err(error) => warn(error.to_string()),
             }
         }
+        products.sort_by_key(key);
         Ok(products)
     }
 }

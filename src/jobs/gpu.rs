@@ -3,10 +3,6 @@
 //! MFU (model FLOPs utilisation) is counted in FLOPs of the budgets, by the rule of the sweep: rows of captions,
 //! which that rule may leave out, cost time and add nothing to it.
 
-use std::collections::HashSet;
-
-use serde::Serialize;
-
 use super::folder::ResultsFolder;
 use super::history::rates;
 use super::job::Job;
@@ -15,6 +11,8 @@ use crate::machine::Card;
 use crate::plan::{Plan, PlannedRun, Trunk, bytes_on_card};
 use crate::record::RunRecord;
 use crate::spec::RunSpec;
+use serde::Serialize;
+use std::collections::HashSet;
 
 /// N_nv of a model and its MFU in bf16, without the optimiser's part of a step.
 ///

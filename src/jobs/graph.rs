@@ -3,9 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::folder::{JobState, ResultsFolder};
-use super::id::JobId;
-use super::job::Job;
-use super::kind::JobKind;
+use super::job::{Job, JobId, JobKind};
 use crate::plan::Plan;
 
 /// All but the runs of a plan: what they need, each after what it needs itself, and what needs them.

@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::folder::{JobState, ResultsFolder};
 use super::graph::inputs;
-use super::id::JobId;
-use super::job::Job;
+use super::job::{Job, JobId};
 use super::speed::{Rate, Speed};
 use crate::files::{FileError, atomic, read_if_there};
 use crate::plan::{Plan, PlannedRun};

@@ -1,18 +1,152 @@
-//! [`Job`]: one thing to do, and what it waits for.
+//! [`JobKind`], [`JobId`] and [`Job`]: one thing to do, by its kind and what it makes, and what it waits for.
 
 use std::collections::HashMap;
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::id::JobId;
-use super::kind::JobKind;
 use crate::plan::{
     EvaluatorJob, Plan, PlannedRun, ScoreJob, TextJob, Trunk, evaluator_peak_bytes,
     text_peak_bytes, tokenizer_peak_bytes, tokens_peak_bytes,
 };
-use crate::spec::ModelShape;
-use crate::spec::TokenizerJob;
+use crate::spec::{ModelShape, TokenizerJob};
+use crate::sweep::Stage;
+
+/// A kind of job, in the order in which they are needed: each needs only what stands before it, or its own kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JobKind {
+    /// Embeds every caption of the data once.
+    Text,
+    /// Trains a tokenizer and measures it.
+    Tokenizer,
+    /// Turns every clip of the data into codes.
+    Tokens,
+    /// Trains a trunk, from the one that it goes on from, up to where runs branch off.
+    Trunk,
+    /// Trains a run: what a sweep is for. What follows is done beside it or after it.
+    Run,
+    /// Trains an evaluator and measures its gates.
+    Evaluator,
+    /// Makes motions of a run and scores them.
+    Score,
+}
+
+impl JobKind {
+    /// Every kind, in its order.
+    pub const ALL: [Self; 7] = [
+        Self::Text,
+        Self::Tokenizer,
+        Self::Tokens,
+        Self::Trunk,
+        Self::Run,
+        Self::Evaluator,
+        Self::Score,
+    ];
+
+    /// Its word, the name of many of them, its role for a run, and the file that it writes last.
+    fn facts(self) -> [&'static str; 4] {
+        match self {
+            Self::Text => ["text", "text", "the embedding of captions", "vectors.safetensors"],
+            Self::Tokenizer => ["tokenizer", "tokenizers", "its tokenizer", "metrics.json"],
+            Self::Tokens => ["tokens", "tokens", "tokenising", "codes.safetensors"],
+            Self::Trunk => ["trunk", "trunks", "its trunk", "state.safetensors"],
+            Self::Run => ["run", "runs", "the run", "record.json"],
+            Self::Evaluator => ["evaluator", "evaluators", "its evaluator", "gates.json"],
+            Self::Score => ["score", "scores", "its score", "scores.json"],
+        }
+    }
+
+    /// The word in files and on a worker's command line.
+    pub fn word(self) -> &'static str {
+        self.facts()[0]
+    }
+
+    /// The name of many of them, for tables and folders.
+    pub fn plural(self) -> &'static str {
+        self.facts()[1]
+    }
+
+    /// What a failure of one such job means for a run: `its tokenizer`.
+    pub fn role(self) -> &'static str {
+        self.facts()[2]
+    }
+
+    /// The file in a job's folder that is written when all else is there.
+    pub fn product(self) -> &'static str {
+        self.facts()[3]
+    }
+
+    /// The folder of the job of an id, in a sweep's folder.
+    pub fn folder(self, id: &str) -> PathBuf {
+        match self {
+            Self::Tokens => Self::Tokenizer.folder(id).join(self.plural()),
+            _ => PathBuf::from(self.plural()).join(id),
+        }
+    }
+
+    /// The file in a sweep's folder that says what the job of an id is to make.
+    pub fn spec(self, id: &str) -> PathBuf {
+        match self {
+            Self::Text => PathBuf::from("sweep.yaml"),
+            Self::Tokens => Self::Tokenizer.spec(id),
+            Self::Run => self.folder(id).join("spec.json"),
+            _ => self.folder(id).join("job.json"),
+        }
+    }
+
+    /// The part of a sweep that it belongs to.
+    pub fn stage(self) -> Stage {
+        match self {
+            Self::Trunk | Self::Run | Self::Score => Stage::Train,
+            _ => Stage::Inputs,
+        }
+    }
+
+    /// Whether its product is shown by itself, so that it is made again where it is gone although
+    /// nothing that needs it is missing.
+    pub fn is_result(self) -> bool {
+        matches!(self, Self::Tokenizer | Self::Evaluator | Self::Score)
+    }
+}
+
+impl FromStr for JobKind {
+    type Err = String;
+
+    fn from_str(word: &str) -> Result<Self, String> {
+        let kind = Self::ALL.into_iter().find(|kind| kind.word() == word);
+        kind.ok_or_else(|| format!("no kind of job is named `{word}`"))
+    }
+}
+
+/// One thing to do. Its id is the hash of all that its result depends on; jobs of different kinds
+/// may have the same, as a tokenizer and its codes do.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct JobId {
+    pub kind: JobKind,
+    pub id: String,
+}
+
+impl JobId {
+    /// The job of a kind that makes what `id` names.
+    pub fn new(kind: JobKind, id: impl Into<String>) -> Self {
+        Self { kind, id: id.into() }
+    }
+
+    /// The run of an id.
+    pub fn run(id: impl Into<String>) -> Self {
+        Self::new(JobKind::Run, id)
+    }
+}
+
+impl fmt::Display for JobId {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{} {}", self.kind.word(), self.id)
+    }
+}
 
 /// One thing to do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

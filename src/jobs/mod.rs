@@ -1,7 +1,6 @@
-//! What there is to do for a sweep: a file a kind of job.
+//! What there is to do for a sweep.
 //!
-//! A [`JobKind`] says what it makes, where, from what and at what cost; [`worker::work`] does it. [`JobKind::ALL`]
-//! lists them.
+//! A [`JobKind`] says what it makes, where, from what and at what cost; [`work`] does it. [`JobKind::ALL`] lists them.
 //!
 //! # Example
 //!
@@ -19,47 +18,140 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod adopt;
 mod assignment;
-mod evaluator;
-mod exit;
 mod folder;
 pub mod gpu;
 mod graph;
 pub mod history;
-mod id;
 mod job;
-mod kind;
-mod mend;
 pub mod presence;
-pub mod probe;
 pub mod program;
-mod record;
-mod run;
+mod run_scores;
 mod score;
-mod spec_file;
+mod seen;
 pub mod speed;
 mod state;
-mod text;
 mod tokenizer;
-mod tokens;
 mod trained;
-mod trained_tokenizer;
 mod training;
-mod trunk;
-mod trusted_evaluator;
 pub mod worker;
 
-pub use adopt::adopt;
 pub use assignment::{Assignment, Outcome, frozen_sweep};
 pub use folder::{JobState, ResultsFolder, RunStates};
 pub use graph::{all_jobs, inputs, missing_jobs, with_needs};
-pub use id::JobId;
-pub use job::Job;
-pub use kind::JobKind;
-pub use score::{RunScores, ScoredPhysics, Scoring};
-pub use spec_file::write_specs;
-pub use state::{Counts, FailedJob, Running, SweepState, sweep_state, time_left};
-pub use trained::{MadeMotion, TrainedRun};
-pub use trained_tokenizer::TrainedTokenizer;
-pub use trusted_evaluator::TrustedEvaluator;
+pub use job::{Job, JobId, JobKind};
+pub use run_scores::{RunScores, ScoredPhysics};
+pub use score::Scoring;
+pub use seen::Counts;
+pub use state::{FailedJob, Running, SweepState, sweep_state, time_left};
+pub use tokenizer::TrainedTokenizer;
+pub use trained::{MadeMotion, TrainedRun, TrustedEvaluator};
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::Result;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::files::{FileError, atomic, read_if_there};
+use crate::plan::Plan;
+
+/// Does a job in the process of a worker, unless it is done already.
+///
+/// # Errors
+/// Why it has no result.
+pub fn work(assignment: &Assignment) -> Result<Outcome> {
+    if assignment.folder.state(assignment.job) == JobState::Done {
+        return Ok(Outcome::Done);
+    }
+    match assignment.job.kind {
+        JobKind::Text => tokenizer::embed_captions(assignment),
+        JobKind::Tokenizer => tokenizer::train(assignment),
+        JobKind::Tokens => tokenizer::make_codes(assignment),
+        JobKind::Trunk => training::train_trunk(assignment),
+        JobKind::Run => training::train_run(assignment),
+        JobKind::Evaluator => training::train_evaluator(assignment),
+        JobKind::Score => score::score(assignment),
+    }
+}
+
+// What lies in a folder before its jobs are done.
+
+/// Writes the specs of a plan's jobs into its folder; `warn` is told of each that was not as planned.
+///
+/// Which trunk a trunk goes on from depends on the sweep's budgets; its result does not. So those specs are written
+/// again each time.
+///
+/// # Errors
+/// The folder cannot be written to.
+pub fn write_specs(
+    plan: &Plan,
+    folder: &ResultsFolder,
+    warn: &mut dyn FnMut(String),
+) -> Result<(), FileError> {
+    let path = |kind: JobKind, id: &str| folder.file(kind.spec(id));
+    for job in &plan.tokenizers {
+        write_once(&path(JobKind::Tokenizer, &job.id()), job, warn)?;
+    }
+    for trunk in &plan.trunks {
+        atomic::write_json(&path(JobKind::Trunk, &trunk.trunk_id), trunk)?;
+    }
+    for run in &plan.runs {
+        let path = path(JobKind::Run, &run.run_id);
+        let is_done = folder.product(&JobId::run(&run.run_id)).exists();
+        if !is_done || !path.exists() {
+            write_once(&path, &run.spec, warn)?;
+        }
+    }
+    if let Some(job) = &plan.evaluator {
+        write_once(&path(JobKind::Evaluator, &job.id()), job, warn)?;
+    }
+    for job in &plan.scores {
+        write_once(&path(JobKind::Score, &job.id()), job, warn)?;
+    }
+    Ok(())
+}
+
+/// Writes a spec, unless it is there: one that is there is right unless it is damaged, and then it
+/// is written again, so there is no need to wait for the disk.
+fn write_once<T>(path: &Path, value: &T, warn: &mut dyn FnMut(String)) -> Result<(), FileError>
+where
+    T: Serialize + DeserializeOwned + PartialEq,
+{
+    match read_if_there::<T>(path) {
+        Ok(Some(there)) if there == *value => return Ok(()),
+        Ok(None) => {}
+        Ok(Some(_)) => warn(format!("{} differs from the plan; rewritten", path.display())),
+        Err(error) => warn(format!("{error}: done")),
+    }
+    atomic::write_json_unflushed(path, value)
+}
+
+/// Copies the captions, tokenizers and codes of a plan that are done in `from` and not in `to`. Ids are
+/// by content, so what has the same id is the same.
+///
+/// # Errors
+/// A file cannot be read or written.
+pub fn adopt(plan: &Plan, from: &ResultsFolder, to: &ResultsFolder) -> Result<(), FileError> {
+    let is_new =
+        |id: &JobId| from.state(id) == JobState::Done && matches!(to.state(id), JobState::Missing);
+    let jobs = inputs(plan).into_iter().map(|job| job.id);
+    jobs.filter(is_new).try_for_each(|id| copy(&id, from, to))
+}
+
+/// The product last: a job is done from then on.
+fn copy(id: &JobId, from: &ResultsFolder, to: &ResultsFolder) -> Result<(), FileError> {
+    let (source, product) = (from.job(id), from.product(id));
+    let entries = fs::read_dir(&source).map_err(FileError::read(&source))?;
+    let paths = entries.flatten().map(|entry| entry.path());
+    for path in paths.filter(|path| path.is_file() && *path != product) {
+        copy_whole(&path, &to.job(id))?;
+    }
+    copy_whole(&product, &to.job(id))
+}
+
+fn copy_whole(file: &Path, folder: &Path) -> Result<(), FileError> {
+    let bytes = fs::read(file).map_err(FileError::read(file))?;
+    atomic::write_bytes(&folder.join(file.file_name().unwrap_or_default()), &bytes)
+}

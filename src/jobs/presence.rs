@@ -8,9 +8,8 @@ use std::time::Duration;
 use anyhow::{Context, Result as AnyResult};
 use serde::{Deserialize, Serialize};
 
+use super::folder::{CHECKPOINT, ResultsFolder};
 use crate::files::{FileError, atomic, read_if_there};
-use crate::jobs::ResultsFolder;
-use crate::jobs::folder::CHECKPOINT;
 use crate::progress::{Stop, forget_progress};
 
 const LOCK: &str = ".lock";
@@ -164,10 +163,9 @@ pub fn ask_no_more(folder: &ResultsFolder) -> Result<(), FileError> {
 }
 
 fn host() -> String {
-    let named = ["/proc/sys/kernel/hostname", "/etc/hostname"]
-        .iter()
-        .find_map(|path| fs::read_to_string(path).ok());
-    let named = named.or_else(|| std::env::var("HOSTNAME").ok()).unwrap_or_default();
+    let files = ["/proc/sys/kernel/hostname", "/etc/hostname"];
+    let noted = files.iter().find_map(|path| fs::read_to_string(path).ok());
+    let named = noted.or_else(|| std::env::var("HOSTNAME").ok()).unwrap_or_default();
     let name = named.trim();
     if name.is_empty() { "this machine".to_string() } else { name.to_string() }
 }

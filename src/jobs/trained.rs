@@ -1,4 +1,4 @@
-//! [`TrainedRun`]: a finished run, opened to make motions.
+//! [`TrainedRun`] and [`TrustedEvaluator`]: what makes motions and what scores them, opened.
 
 use std::path::{Path, PathBuf};
 
@@ -10,12 +10,12 @@ use rayon::prelude::*;
 
 use super::assignment::frozen_sweep;
 use super::folder::{JobState, MODEL, ResultsFolder};
-use super::id::JobId;
+use super::job::JobId;
 use crate::codes::TokenStore;
-use crate::data::Split;
+use crate::data::{self, Split};
+use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
 use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling};
-use crate::learn::params::below;
-use crate::learn::weights;
+use crate::learn::{params::below, weights};
 use crate::spec::RunSpec;
 use crate::text::{self, TextEncoder, as_in_data};
 use crate::tokenizer::Tokenizer;
@@ -48,7 +48,7 @@ impl TrainedRun {
     /// There is no such run, it has not ended, its trainer left no weights, or a file that
     /// it needs is missing or damaged.
     pub fn open(path: &Path, device: &Device) -> Result<Self> {
-        let (folder, run_id) = find(path)?;
+        let (folder, run_id) = find_run(path)?;
         let place = folder.run(&run_id);
         let spec: Option<RunSpec> = folder.read_spec(&JobId::run(&run_id))?;
         let spec = spec.with_context(|| format!("{} has no spec.json", place.display()))?;
@@ -141,7 +141,7 @@ impl TrainedRun {
 }
 
 /// The sweep's folder and the run that a path names.
-pub(super) fn find(path: &Path) -> Result<(ResultsFolder, String)> {
+pub fn find_run(path: &Path) -> Result<(ResultsFolder, String)> {
     if !path.is_dir() {
         bail!("{} does not exist; give a run's folder, or a sweep's", path.display());
     }
@@ -185,4 +185,93 @@ fn best_run(folder: &ResultsFolder) -> Result<String> {
     }
     let none = || format!("{} has no finished run with weights", folder.root().display());
     Ok(best.with_context(none)?.1)
+}
+
+/// An evaluator that passes its gates, and the sweep that it was trained for.
+pub struct TrustedEvaluator {
+    pub id: String,
+    /// The sweep's folder.
+    pub folder: ResultsFolder,
+    pub evaluator: Evaluator,
+}
+
+impl TrustedEvaluator {
+    /// Opens `…/evaluators/<id>`, or the evaluator of a sweep's folder that has one.
+    ///
+    /// # Errors
+    /// There is none, there are several, it does not pass its gates, or a file is missing or damaged.
+    pub fn open(path: &Path, device: &Device) -> Result<Self> {
+        let (folder, id) = folder_and_id(&evaluator_of(path)?)?;
+        Self::of(&folder, &id, device)
+    }
+
+    /// Opens the evaluator of an id.
+    ///
+    /// # Errors
+    /// It is not trained, does not pass its gates, or a file is missing or damaged.
+    pub fn of(folder: &ResultsFolder, id: &str, device: &Device) -> Result<Self> {
+        let report = folder.gates(id)?.with_context(|| format!("evaluator {id} is not trained"))?;
+        if !report.passes {
+            let failed: Vec<&str> = report.failed().map(|verdict| verdict.gate.as_str()).collect();
+            bail!("evaluator {id} scores nothing: it fails {}", failed.join(", "));
+        }
+        let evaluator = Evaluator::load(&folder.evaluator(id), device)
+            .with_context(|| format!("opening evaluator {id}"))?;
+        Ok(Self { id: id.to_string(), folder: folder.clone(), evaluator })
+    }
+
+    /// True clips of the data that it was trained on.
+    ///
+    /// # Errors
+    /// The data cannot be opened, or holds too few clips.
+    pub fn truth(&self) -> Result<Truth> {
+        let data = frozen_sweep(&self.folder)?.data;
+        let source = data::open(&data, None).context("opening the data of the evaluator")?;
+        Ok(Truth::load(&self.evaluator, &*source)?)
+    }
+}
+
+/// The folder of an evaluator that a path names: of several in a sweep's folder, that which the sweep
+/// describes.
+fn evaluator_of(path: &Path) -> Result<PathBuf> {
+    if path.join("gates.json").is_file() {
+        return Ok(path.to_path_buf());
+    }
+    let folder = ResultsFolder::new(path);
+    let place = |report: &EvaluatorReport| folder.evaluator(&report.evaluator_id);
+    let trained = folder.all_gates(|_| ()).unwrap_or_default();
+    match trained.as_slice() {
+        [one] => Ok(place(one)),
+        [] => bail!(
+            "{} has no trained evaluator; `isoflop evaluator train` trains that of a sweep",
+            path.display()
+        ),
+        [first, ..] => match described(&folder)?.as_slice() {
+            [one] => Ok(place(one)),
+            _ => bail!(
+                "{} has {} evaluators; name one, as {}",
+                path.display(),
+                trained.len(),
+                place(first).display()
+            ),
+        },
+    }
+}
+
+/// The evaluators that the frozen sweep of a folder describes.
+fn described(folder: &ResultsFolder) -> Result<Vec<EvaluatorReport>> {
+    let sweep = frozen_sweep(folder)?;
+    let section = sweep.evaluator.as_ref();
+    Ok(section.map_or(Ok(Vec::new()), |section| folder.gates_of(section, |_| ()))?)
+}
+
+/// The sweep's folder and the id of a job's folder, `…/evaluators/<id>`.
+///
+/// # Errors
+/// The folder is not there.
+pub fn folder_and_id(place: &Path) -> Result<(ResultsFolder, String)> {
+    let full = place.canonicalize().with_context(|| format!("finding {}", place.display()))?;
+    let id = full.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let root = full.parent().and_then(Path::parent).map(Path::to_path_buf);
+    Ok((ResultsFolder::new(root.unwrap_or_default()), id))
 }

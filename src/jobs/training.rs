@@ -1,23 +1,129 @@
-//! What runs and trunks have in common: what they read, and from where they go on.
+//! Runs, trunks and evaluators, trained by a worker.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 
-use super::assignment::Assignment;
-use super::folder::ResultsFolder;
-use super::id::JobId;
-use super::kind::JobKind;
-use super::mend::{open_or_remake, train_past_damage};
-use super::{text, tokens};
+use super::assignment::{Assignment, Outcome, open_or_remake, train_past_damage};
+use super::folder::{LOG, MODEL, ResultsFolder, TEST_CLIPS};
+use super::job::{JobId, JobKind};
+use super::program::{self, FinishedRun, TrainerResult};
+use super::tokenizer::{embed_captions, make_codes};
 use crate::codes::TokenStore;
-use crate::generator::{self, GeneratorError, Inputs, ScaleInputs, Training};
-use crate::learn::{Branch, Checkpoints};
-use crate::plan::Trunk;
+use crate::evaluator::{self, EvaluatorError, EvaluatorReport, TrainedEvaluator};
+use crate::files::atomic::{write_json, write_json_lines};
+use crate::generator::{self, GeneratorError, Inputs, ScaleInputs, Trained, Training};
+use crate::learn::{Branch, Checkpoints, weights};
+use crate::machine::peak::peak_bytes;
+use crate::plan::{EvaluatorJob, Trunk};
+use crate::progress::beats;
 use crate::spec::RunSpec;
 use crate::text::TextStore;
 use crate::tokenizer::Tokenizer;
+
+/// Trains a run from where it stands, or has a program of somebody's own do so; its record is
+/// written whole, after everything else.
+pub fn train_run(assignment: &Assignment) -> Result<Outcome> {
+    let spec: RunSpec = assignment.spec()?;
+    if let Some(trainer) = &spec.trainer {
+        if assignment.folder.tokens(&spec.tokenizer_id).exists() {
+            Opened::new(assignment, &spec, None)?;
+        }
+        return program::run_program(assignment, &spec, trainer);
+    }
+    let trunk = spec.trunk().and_then(|trunk| trunk_state(assignment.folder, &trunk.id()));
+    let opened = Opened::new(assignment, &spec, trunk)?;
+    let place = assignment.place();
+    let mut beats = beats(&place, assignment.stop);
+    let trained = opened.train(|training| generator::train(training, &mut beats))?;
+    let Some(trained) = trained else { return Ok(Outcome::Stopped) };
+    write_results(assignment, &spec, &opened, trained)?;
+    assignment.done()
+}
+
+fn write_results(
+    assignment: &Assignment,
+    spec: &RunSpec,
+    opened: &Opened,
+    trained: Trained,
+) -> Result<()> {
+    let place = assignment.place();
+    weights::save(&place.join(MODEL), &trained.weights, HashMap::new())?;
+    write_json_lines(&place.join(LOG), &trained.log)?;
+    write_json_lines(&place.join(TEST_CLIPS), &trained.test.clips)?;
+    let result = TrainerResult {
+        device: Some(assignment.device_name.to_string()),
+        loss_nats: trained.test.loss_nats,
+        loss_normalised: Some(trained.test.loss_normalised),
+        normalised_by_scale: trained.test.normalised_by_scale,
+        clips: trained.test.clips,
+        nats_per_frame: Some(trained.test.nats_per_frame),
+        flops_exact: Some(trained.flops_exact),
+        peak_bytes: Some(peak_bytes() as f64),
+        ..TrainerResult::default()
+    };
+    let run = FinishedRun {
+        folder: assignment.folder,
+        id: &assignment.job.id,
+        spec,
+        tokens: Some(opened.inputs().tokens),
+        max_text_tokens: 0,
+        ran_s: trained.wall_s,
+    };
+    Ok(write_json(&assignment.product(), &run.record(&result))?)
+}
+
+/// Trains a trunk, from the one that it goes on from, up to where runs branch off.
+pub fn train_trunk(assignment: &Assignment) -> Result<Outcome> {
+    let Trunk { spec, from, .. } = assignment.spec()?;
+    let state_of = |id: &String| {
+        trunk_state(assignment.folder, id)
+            .with_context(|| format!("the spec of trunk {id} is missing"))
+    };
+    let opened = Opened::new(assignment, &spec, from.as_ref().map(state_of).transpose()?)?;
+    let state = assignment.product();
+    let place = assignment.place();
+    let mut beats = beats(&place, assignment.stop);
+    let trained = opened.train(|training| generator::train_trunk(training, &state, &mut beats))?;
+    if trained.is_none() {
+        return Ok(Outcome::Stopped);
+    }
+    assignment.done()
+}
+
+/// Trains an evaluator, from the checkpoint if that is whole, and measures its gates; they are written last.
+pub fn train_evaluator(assignment: &Assignment) -> Result<Outcome> {
+    let source = assignment.source()?;
+    let EvaluatorJob { spec, data_digest, .. } = assignment.spec()?;
+    let (path, every) = (assignment.checkpoint(), assignment.checkpoint_every()?);
+    let checkpoints = Checkpoints { path: &path, every, branch: None };
+    let place = assignment.place();
+    let mut beats = beats(&place, assignment.stop);
+    let trained = train_past_damage(&[&path], EvaluatorError::learn_error, || {
+        evaluator::train(&spec, &*source, assignment.device, Some(&checkpoints), &mut beats)
+    })?;
+    let Some(TrainedEvaluator { evaluator, course }) = trained else {
+        return Ok(Outcome::Stopped);
+    };
+    evaluator.save(&place)?;
+    let gates = evaluator::measure(&evaluator, &*source)?;
+    let report = EvaluatorReport {
+        evaluator_id: assignment.job.id.clone(),
+        n_parameters: evaluator.n_parameters(),
+        verdicts: gates.verdicts(),
+        passes: gates.pass(),
+        spec,
+        data_digest,
+        course,
+        gates,
+    };
+    write_json(&assignment.product(), &report)?;
+    assignment.done()
+}
+
+// What runs and trunks have in common: what they read, and from where they go on.
 
 /// What a run reads, opened, and where its state lies.
 pub struct Opened<'a> {
@@ -49,8 +155,8 @@ impl<'a> Opened<'a> {
         let tokenizer = assignment.folder.tokenizer(&spec.tokenizer_id);
         let load = || Tokenizer::load(&tokenizer, assignment.device);
         Ok(Self {
-            tokens: open_or_remake(assignment, &tokens, TokenStore::open, tokens::work)?,
-            text: open_or_remake(assignment, &text, TextStore::open, text::work)?,
+            tokens: open_or_remake(assignment, &tokens, TokenStore::open, make_codes)?,
+            text: open_or_remake(assignment, &text, TextStore::open, embed_captions)?,
             tokenizer: wants_scales.then(load).transpose().context("opening its tokenizer")?,
             checkpoint: assignment.checkpoint(),
             every: assignment.checkpoint_every()?,

@@ -1,28 +1,42 @@
-//! The other side of a job: what a worker process does.
+//! The process of a worker: how it ends, its log, and the failure that it tells of.
 
-use std::fs;
-use std::io::Read;
+use std::fs::{self, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Error, Result};
+use nix::sys::signal::Signal;
 
-use super::assignment::{Assignment, Outcome};
-use super::folder::JobState;
-use super::kind::JobKind;
-use super::{evaluator, run, score, text, tokenizer, tokens, trunk};
 use crate::data::DataError;
 use crate::evaluator::EvaluatorError;
 use crate::failure::{Consequence, Failure, FailureKind};
-use crate::files::atomic::write_json;
-use crate::files::{self, FileError};
+use crate::files::{self, FileError, atomic::write_json};
 use crate::generator::GeneratorError;
+use crate::machine::Kills;
 use crate::progress::{Said, Stop};
 use crate::text::TextError;
 use crate::tokenizer::TokenizerError;
 
-pub use super::exit::{FAILED, GRACE, REFUSED_MEMORY, STOPPED, killed_by};
-pub use super::presence::claim;
+/// Exit code of a worker whose job failed. It said why, and where it would fail again it wrote that
+/// to `failure.json`.
+pub const FAILED: i32 = 1;
+/// Exit code of a worker that was asked to stop.
+pub const STOPPED: i32 = 130;
+/// Exit code of a worker that was refused memory.
+pub const REFUSED_MEMORY: i32 = 12;
+
+/// Time to reach the end of a step and write a checkpoint, once a stop is asked for.
+pub const GRACE: Duration = Duration::from_secs(2);
+
+/// Whether a process that a signal ended was ended by others; `None` if it was its own fault. `kills` are those before.
+pub fn killed_by(signal: Option<i32>, kills: &Kills) -> Option<FailureKind> {
+    const OTHERS: [Signal; 4] = [Signal::SIGKILL, Signal::SIGTERM, Signal::SIGHUP, Signal::SIGINT];
+    match OTHERS.into_iter().find(|other| Some(*other as i32) == signal)? {
+        Signal::SIGKILL if kills.have_risen() => Some(FailureKind::OutOfMemory),
+        _ => Some(FailureKind::Killed),
+    }
+}
 
 /// Raises `stop` when standard input ends: the scheduler holds it open for as long as it lives.
 ///
@@ -31,12 +45,14 @@ pub use super::presence::claim;
 pub fn stop_with_parent(stop: &Stop, grace: Duration) {
     let stop = stop.clone();
     std::thread::spawn(move || {
-        let _ = std::io::stdin().read_to_end(&mut Vec::new());
+        let _ = io::stdin().read_to_end(&mut Vec::new());
         stop.raise();
         std::thread::sleep(grace);
         std::process::exit(STOPPED);
     });
 }
+
+// The log of its job.
 
 /// Lines of a log that a failure keeps.
 const LAST_LINES: usize = 10;
@@ -81,6 +97,64 @@ fn skip_escape(letters: &mut std::str::Chars) {
     }
 }
 
+/// Bytes of a log at most; then its middle is cut out.
+const LONGEST_LOG: usize = 16 << 20;
+/// Bytes that a cut leaves of its beginning, and of its end.
+const KEPT: usize = 4 << 20;
+/// What stands in the place of the middle, before the number of bytes.
+const LEFT_OUT: &[u8] = b"\n[isoflop left out ";
+const BYTES: &str = " bytes here]\n";
+
+/// Cuts the middle out of the log of a job's folder, if it is too long. A program appends to it by itself, so that
+/// what it says survives its worker.
+pub fn bound_log(place: &Path) {
+    let path = place.join("log.txt");
+    if fs::metadata(&path).is_ok_and(|file| file.len() as usize > LONGEST_LOG) {
+        // Looked at again soon: a log that cannot be cut stops no work.
+        let _ = cut(&path, KEPT);
+    }
+}
+
+/// Cuts the middle out of a file that is appended to; its new length.
+fn cut(path: &Path, kept: usize) -> io::Result<usize> {
+    let bytes = fs::read(path)?;
+    if bytes.len() <= 3 * kept {
+        return Ok(bytes.len());
+    }
+    let (head, left_out, tail) = parts(&bytes, kept);
+    let mut file = OpenOptions::new().read(true).append(true).open(path)?;
+    let mark = format!("{}{left_out}{BYTES}", String::from_utf8_lossy(LEFT_OUT));
+    // What was said since it was read; what is said between here and the cut goes with the middle.
+    let mut since = Vec::new();
+    file.seek(SeekFrom::Start(bytes.len() as u64))?;
+    io::copy(&mut file, &mut since)?;
+    file.set_len(head.len() as u64)?;
+    let rest = [mark.as_bytes(), tail, &since].concat();
+    (&file).write_all(&rest)?;
+    Ok(head.len() + rest.len())
+}
+
+/// The head and the tail that a cut leaves, and between them the number of bytes left out, those of earlier cuts
+/// included.
+fn parts(bytes: &[u8], kept: usize) -> (&[u8], usize, &[u8]) {
+    let (_, tail) = bytes.split_at(bytes.len() - kept);
+    let end_of_line = |bytes: &[u8]| bytes.iter().position(|byte| *byte == b'\n');
+    let tail = &tail[end_of_line(tail).map_or(0, |end| end + 1)..];
+    let (head, said, before) = earlier(&bytes[..bytes.len() - kept]).unwrap_or((kept, 0, 0));
+    (&bytes[..head], before + bytes.len() - tail.len() - head - said, tail)
+}
+
+/// Where an earlier cut stands, the length of its sentence, and the bytes that it left out.
+fn earlier(bytes: &[u8]) -> Option<(usize, usize, usize)> {
+    let at = bytes.windows(LEFT_OUT.len()).position(|window| window == LEFT_OUT)?;
+    let rest = &bytes[at + LEFT_OUT.len()..];
+    let digits = rest.iter().take_while(|byte| byte.is_ascii_digit()).count();
+    let n = std::str::from_utf8(&rest[..digits]).ok()?.parse().ok()?;
+    Some((at, LEFT_OUT.len() + digits + BYTES.len(), n))
+}
+
+// Failures.
+
 /// Notes a failure in the job's folder: the job is not tried again unasked.
 ///
 /// # Errors
@@ -120,29 +194,8 @@ fn kind_of(cause: &(dyn std::error::Error + 'static)) -> Option<FailureKind> {
     generator().or_else(tokenizer).or_else(evaluator).or_else(data).or_else(text)
 }
 
-/// Does a job, unless it is done already.
-///
-/// # Errors
-/// Why it has no result.
-pub fn work(assignment: &Assignment) -> Result<Outcome> {
-    if assignment.folder.state(assignment.job) == JobState::Done {
-        return Ok(Outcome::Done);
-    }
-    match assignment.job.kind {
-        JobKind::Text => text::work(assignment),
-        JobKind::Tokenizer => tokenizer::work(assignment),
-        JobKind::Tokens => tokens::work(assignment),
-        JobKind::Trunk => trunk::work(assignment),
-        JobKind::Run => run::work(assignment),
-        JobKind::Evaluator => evaluator::work(assignment),
-        JobKind::Score => score::work(assignment),
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use std::io;
-
     use super::*;
     use crate::learn::LearnError;
 
@@ -174,5 +227,33 @@ mod tests {
         assert_eq!(failure.kind, FailureKind::DiskFull);
         assert!(failure.reason.contains("tokenising: cannot write codes: No space"), "{failure:?}");
         assert_eq!(failure_of(&Error::msg("what is this")).kind, FailureKind::Other);
+    }
+
+    #[test]
+    fn a_cut_keeps_the_head_and_the_tail_and_counts_what_all_cuts_left_out() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("log.txt");
+        let line = |i: usize| format!("line {i:05}\n");
+        let mut said = 0;
+        let mut say = |lines: usize| {
+            let more: String = (said..said + lines).map(line).collect();
+            said += lines;
+            let mut file = OpenOptions::new().create(true).append(true).open(&path).unwrap();
+            file.write_all(more.as_bytes()).unwrap();
+        };
+        for (lines, left_out) in [(100, 0), (400, 5500 - 770 - 770), (200, 7700 - 770 - 770)] {
+            say(lines);
+            let length = cut(&path, if lines == 100 { 1100 } else { 775 }).unwrap();
+            let text = fs::read_to_string(&path).unwrap();
+            assert_eq!(length, text.len());
+            assert!(text.starts_with(&line(0)), "{text}");
+            assert_eq!(text.contains("left out"), left_out > 0);
+            assert_eq!(text.matches("left out").count(), usize::from(left_out > 0));
+            if let Some(n) = earlier(text.as_bytes()).map(|(.., n)| n) {
+                assert!(n.abs_diff(left_out) <= 11, "{n} and not {left_out}");
+            }
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.ends_with(&line(699)) && text.len() < 1700, "{text}");
     }
 }

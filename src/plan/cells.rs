@@ -5,8 +5,7 @@ use std::collections::HashSet;
 use serde::Serialize;
 
 use crate::spec::{GeneratorKind, QuantizerSpec, Share};
-use crate::sweep::condition::{Condition, FIELDS};
-use crate::sweep::{Axis, GridSection, ModelEntry, Sweep, VocabSpec, models};
+use crate::sweep::{Axis, Condition, GridSection, ModelEntry, Sweep, VocabSpec, models};
 
 /// One cell: a generator with its sizes, a quantizer and a budget.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,7 +76,7 @@ impl GridCell {
     }
 
     /// What conditions compare.
-    fn values(&self) -> [f64; FIELDS.len()] {
+    fn values(&self) -> [f64; Condition::FIELDS.len()] {
         let ModelEntry { n_layer, n_head, d_model, .. } = self.model;
         let sizes = [n_layer, n_head, d_model, self.quantizer.n_vocab()];
         let [n_layer, n_head, d_model, n_vocab] = sizes.map(|n| n as f64);

@@ -8,7 +8,7 @@ use crate::spec::{
     EvaluatorSpec, FlopsPerToken, ModelShape, ParamCounts, RunSpec, ScoresSpec, TRAINING_REVISION,
     content_id,
 };
-use crate::sweep::condition::Condition;
+use crate::sweep::Condition;
 
 /// One run of the plan.
 #[derive(Clone, Debug)]

@@ -1,10 +1,13 @@
 //! [`RunRecord`]: everything a finished run knows about itself, one row of `runs.parquet`.
 
-use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
-use super::facts::{LOSS_NORMALISED, Measured, Planned, block_metric};
-use super::metrics::Metrics;
+use super::facts::{LOSS_NORMALISED, LOSSES, Measured, Planned, block_metric};
 use crate::laws::{IsoFlopPoint, Metric, RunFacts};
 use crate::spec::FlopsRule;
 
@@ -138,12 +141,6 @@ impl RunRecord {
     }
 }
 
-/// The runs that saw as much of the data as any.
-pub fn of_largest_share(records: &[RunRecord]) -> impl Iterator<Item = &RunRecord> {
-    let most = records.iter().map(RunRecord::share).fold(0.0, f64::max);
-    records.iter().filter(move |record| record.share() == most)
-}
-
 /// FLOPs of their budgets that runs spent a second, one at a time; `None` where that is no rate. Runs
 /// whose time is not known are left out.
 pub fn flops_per_second(records: impl IntoIterator<Item = RunRecord>) -> Option<f64> {
@@ -154,4 +151,81 @@ pub fn flops_per_second(records: impl IntoIterator<Item = RunRecord>) -> Option<
         seconds += wall_s;
     }
     Some(flops / seconds).filter(|rate| rate.is_finite() && *rate > 0.0)
+}
+
+/// How well a run did: values by name. A metric that nobody declared is kept like the others.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Metrics(BTreeMap<Cow<'static, str>, f64>);
+
+impl Metrics {
+    /// The value of a metric; `None` where the run was not measured so.
+    pub fn get(&self, name: &str) -> Option<f64> {
+        self.0.get(name).copied()
+    }
+
+    /// Adds a metric, or replaces it.
+    pub fn set(&mut self, name: impl Into<Cow<'static, str>>, value: f64) {
+        self.0.insert(name.into(), value);
+    }
+
+    /// Every metric, by name.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.0.iter().map(|(name, value)| (name.as_ref(), *value))
+    }
+
+    /// Whether a loss is among them.
+    pub(super) fn have_a_loss(&self) -> bool {
+        LOSSES.iter().any(|name| self.0.contains_key(*name))
+    }
+}
+
+impl<N: Into<Cow<'static, str>>> FromIterator<(N, f64)> for Metrics {
+    fn from_iter<I: IntoIterator<Item = (N, f64)>>(metrics: I) -> Self {
+        Self(metrics.into_iter().map(|(name, value)| (name.into(), value)).collect())
+    }
+}
+
+impl<'de> Deserialize<'de> for Metrics {
+    /// A null is a metric that was not measured.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let metrics = BTreeMap::<String, Option<f64>>::deserialize(deserializer)?;
+        Ok(metrics.into_iter().filter_map(|(name, value)| Some((name, value?))).collect())
+    }
+}
+
+/// `record.json` as it may lie on the disk: in the format of today, or in an older one.
+///
+/// | format | layout |
+/// | --- | --- |
+/// | 1 | every fact and metric side by side, no `format` |
+/// | 2 | `format`, `planned`, `measured`, `metrics` |
+///
+/// A key that nobody knows is passed over, so a newer build's record is read too.
+impl TryFrom<Map<String, Value>> for RunRecord {
+    type Error = serde_json::Error;
+
+    fn try_from(file: Map<String, Value>) -> Result<Self, Self::Error> {
+        let record = match file.get("format").and_then(Value::as_u64) {
+            None | Some(0 | 1) => flat(&file)?,
+            Some(_) => nested(&file)?,
+        };
+        if !record.metrics.have_a_loss() {
+            return Err(Self::Error::custom(format!("none of the losses {}", LOSSES.join(", "))));
+        }
+        Ok(record)
+    }
+}
+
+/// The record of facts and losses side by side, as a row of the table has them.
+pub(super) fn flat(facts: &Map<String, Value>) -> Result<RunRecord, serde_json::Error> {
+    let loss = |name: &&'static str| Some((*name, facts.get(*name)?.as_f64()?));
+    let metrics = LOSSES.iter().filter_map(loss).collect();
+    Ok(RunRecord::new(Planned::deserialize(facts)?, Measured::deserialize(facts)?, metrics))
+}
+
+fn nested(file: &Map<String, Value>) -> Result<RunRecord, serde_json::Error> {
+    let group = |name| file.get(name).ok_or_else(|| serde_json::Error::missing_field(name));
+    let planned = Planned::deserialize(group("planned")?)?;
+    let measured = Measured::deserialize(group("measured")?)?;
+    Ok(RunRecord::new(planned, measured, Metrics::deserialize(group("metrics")?)?))
 }

@@ -1,11 +1,14 @@
-//! [`ReportInput`]: all that a page shows, and of it a [`Study`] for each generator.
+//! [`ReportInput`]: all that a page shows, and of it a [`Study`] for each generator: its runs, and what its
+//! quantities are called.
 
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
+use serde_json::Value;
 
-use crate::laws::Laws;
+use crate::laws::text::count;
+use crate::laws::{Laws, Parameters};
 use crate::motion::Pose;
 use crate::predict::Prediction;
-use crate::record::RunRecord;
+use crate::record::{RunRecord, of_largest_share};
 use crate::tokenizer::TokenizerMetrics;
 
 /// All that a page shows.
@@ -39,6 +42,24 @@ pub struct Study<'a> {
     pub figures: &'a [Figure],
 }
 
+/// A figure of the sweep's folder.
+pub struct Figure {
+    pub name: String,
+    pub svg: String,
+}
+
+/// A motion of the study.
+pub struct Sample {
+    pub caption: String,
+    /// The run that made it.
+    pub run_id: String,
+    pub fps: f64,
+    /// Metres.
+    pub poses: Vec<Pose>,
+    /// The true motion of that caption, where the data are at hand.
+    pub truth: Option<Vec<Pose>>,
+}
+
 impl ReportInput<'_> {
     /// The runs of all generators.
     pub(super) fn records(&self) -> Vec<&RunRecord> {
@@ -61,6 +82,19 @@ impl Study<'_> {
     pub(super) fn section(&self, name: &str, heading: &str, within: &Markup) -> Markup {
         section(&self.id(name), &self.own(heading), within)
     }
+
+    /// What its quantities are called.
+    pub(super) fn words(&self) -> Words {
+        let total = self.laws.is_some_and(|laws| laws.parameters == Parameters::Total);
+        let has_vocab = !total && self.records.iter().any(|run| run.planned.n_vocab > 0);
+        let size = match self.laws {
+            Some(_) if total => "N",
+            None if !has_vocab && !self.records.is_empty() => "N",
+            _ => "N_nv",
+        };
+        let (loss, loss_axis) = self.loss_name.map_or(("L_u", "L_u, nats"), |name| ("loss", name));
+        Words { size, loss, loss_axis: loss_axis.to_string(), has_vocab }
+    }
 }
 
 /// A section of the page with its heading.
@@ -68,20 +102,47 @@ pub(super) fn section(id: &str, heading: &str, within: &Markup) -> Markup {
     html! { section aria-labelledby=(id) { h2 id=(id) { (heading) } (within) } }
 }
 
-/// A figure of the sweep's folder.
-pub struct Figure {
-    pub name: String,
-    pub svg: String,
+/// JSON that ends no script element.
+pub(super) fn json_text(data: &Value) -> PreEscaped<String> {
+    PreEscaped(data.to_string().replace('<', "\\u003c"))
 }
 
-/// A motion of the study.
-pub struct Sample {
-    pub caption: String,
-    /// The run that made it.
-    pub run_id: String,
-    pub fps: f64,
-    /// Metres.
-    pub poses: Vec<Pose>,
-    /// The true motion of that caption, where the data are at hand.
-    pub truth: Option<Vec<Pose>>,
+/// What a page calls the loss and the size of a model: in a sweep, and in a table made elsewhere.
+pub(super) struct Words {
+    /// The size of a model: N_nv, or N where the vocabulary's parameters are not told apart.
+    pub size: &'static str,
+    /// The loss in a sentence.
+    pub loss: &'static str,
+    /// The loss with its unit, at an axis.
+    pub loss_axis: String,
+    /// Whether models have a vocabulary.
+    pub has_vocab: bool,
+}
+
+/// The runs of a study in a sentence.
+pub(super) fn extent(records: &[&RunRecord]) -> String {
+    let budgets = budgets(records.iter().copied());
+    let span = match (budgets.first(), budgets.last()) {
+        (Some(first), Some(last)) => format!(" at {} to {} FLOPs", count(*first), count(*last)),
+        _ => String::new(),
+    };
+    let seconds: f64 = records.iter().filter_map(|record| record.measured.wall_s).sum();
+    // A table made elsewhere knows no times.
+    let hours =
+        if seconds > 0.0 { format!(", {:.1} core-hours", seconds / 3600.0) } else { String::new() };
+    format!("{} runs{span}{hours}", records.len())
+}
+
+/// The budgets of runs, ascending.
+pub(super) fn budgets<'a>(records: impl IntoIterator<Item = &'a RunRecord>) -> Vec<f64> {
+    let records = records.into_iter();
+    let mut budgets: Vec<f64> = records.map(|record| record.planned.budget_flops).collect();
+    budgets.sort_by(f64::total_cmp);
+    budgets.dedup();
+    budgets
+}
+
+/// The runs of a budget on the largest share of the data.
+pub(super) fn of_budget(records: &[RunRecord], budget: f64) -> impl Iterator<Item = &RunRecord> {
+    of_largest_share(records).filter(move |record| record.planned.budget_flops == budget)
 }

@@ -1,13 +1,136 @@
-//! The laws: what they say, with what certainty, and the minima that they stand on.
+//! The laws: what they predict, what they say, with what certainty, and the minima that they stand on.
 
 use maud::{Markup, html};
+use serde_json::{Value, json};
 
-use super::input::Study;
-use super::table::{interval, table};
-use super::words::Words;
+use super::curves::{Chart, px};
+use super::input::{Study, Words, json_text};
+use super::tables::{interval, table};
 use crate::laws::text::count;
 use crate::laws::{Exponent, IntervalPart, Laws, Minimum, PowerLaw, flags_text};
-use crate::words::number::thousandths;
+use crate::predict::Prediction;
+use crate::words::prediction::{all_together, buildable, cells, standing};
+use crate::words::thousandths;
+
+/// A slider over budgets, the configuration and the loss over budgets; `None` where nothing is predicted.
+pub fn prediction(study: &Study) -> Option<Markup> {
+    let last = study.predictions.len().checked_sub(1)?;
+    // The first budget beyond the runs, or the last.
+    let beyond = study.predictions.iter().position(|one| one.extrapolation_factor > 1.5);
+    let first = beyond.unwrap_or(last);
+    let data: Value = study.predictions.iter().map(shown).collect();
+    let [budget, far] = ["budget", "far"].map(|name| study.id(name));
+    let within = html! {
+        label for=(budget) { "Budget: " output.flops for=(budget) {} " FLOPs" }
+        input.budget id=(budget) type="range" min="0" max=(last) value=(first) step="1"
+            aria-describedby=(far);
+        p.far id=(far) {}
+        div.wide tabindex="0" role="region" aria-label=(study.own("Predicted configuration")) {
+            table {
+                caption { "The optimal configuration, with 95 % intervals" }
+                thead { tr { th scope="col" { "quantity" } th scope="col" { "value" }
+                    th scope="col" { "95 %" } } }
+                tbody.configuration {}
+            }
+        }
+        p.build {}
+        p.together {}
+        ul.cautions {}
+        p.faint { (explained(study)) }
+        (losses(study).unwrap_or_default())
+        p { "The same numbers: " code {
+            "isoflop predict C --law RESULTS" @if let Some(generator) = study.generator { "/generators/" (generator) }
+        } }
+    };
+    Some(html! {
+        (study.section("prediction", "Prediction", &within))
+        script.predictions type="application/json" { (json_text(&data)) }
+    })
+}
+
+/// The symbols in words.
+fn explained(study: &Study) -> String {
+    match (study.loss_name, study.words().size) {
+        (None, _) => "N_nv: parameters beside those of the vocabulary. V: codes. D: tokens of training. \
+                      loss: L_u, nats a token below a model that knows only how often each code is met."
+            .to_string(),
+        (Some(name), "N") => format!("N: model size. D: tokens of training. loss: {name}."),
+        (Some(name), _) => format!(
+            "N_nv: parameters beside those of the vocabulary. D: tokens of training. loss: {name}."
+        ),
+    }
+}
+
+/// What the script shows of a prediction: all of it written here.
+fn shown(prediction: &Prediction) -> Value {
+    let shape = prediction.shape.as_ref();
+    let shape = shape.map(|shape| format!("Nearest that can be built: {}", buildable(shape)));
+    json!({
+        "budget_flops": prediction.budget_flops,
+        "flops": count(prediction.budget_flops),
+        "far": standing(prediction),
+        "rows": cells(prediction),
+        "shape": shape,
+        "together": prediction.together.as_ref().map(all_together),
+        "warnings": prediction.warnings,
+    })
+}
+
+/// Predicted L_u over budgets with its interval, the minima, and a mark that the slider moves.
+fn losses(study: &Study) -> Option<Markup> {
+    let at = |one: &Prediction| Some((one.budget_flops, one.loss_normalised?));
+    let line: Vec<(f64, f64)> = study.predictions.iter().filter_map(at).collect();
+    let side = |side: usize| {
+        let of = move |one: &Prediction| Some((one.budget_flops, one.ci95.loss_normalised?[side]));
+        study.predictions.iter().filter_map(of).collect::<Vec<_>>()
+    };
+    let [low, high] = [side(0), side(1)];
+    let minima = study.laws.into_iter().flat_map(own_minima);
+    let minima: Vec<_> = minima.filter(|minimum| minimum.loss_normalised.is_finite()).collect();
+    let measured = minima.iter().map(|minimum| (minimum.flops, minimum.loss_normalised));
+    let certain = line.iter().chain(&low).chain(&high).copied();
+    let chart = Chart::around(certain.chain(measured))?;
+    let around = low.iter().copied().chain(high.iter().rev().copied());
+    let marks: Vec<String> =
+        line.iter().map(|(x, y)| format!("{} {}", px(chart.x(*x)), px(chart.y(*y)))).collect();
+    let words = study.words();
+    let drawn = html! {
+        path.band d=(chart.path(around)) {}
+        path.law d=(chart.path(line.iter().copied())) {}
+        @for minimum in minima {
+            circle.minimum.doubtful[!minimum.trusted]
+                cx=(px(chart.x(minimum.flops))) cy=(px(chart.y(minimum.loss_normalised))) r="4.5"
+                data-label=(told(minimum, &words)) {}
+        }
+        circle.mark r="6" data-places=(marks.join(",")) {}
+    };
+    let about = format!(
+        "Predicted {} against budgets with its 95 % interval, and the minima of the runs",
+        words.loss
+    );
+    let axes = ["FLOPs", &words.loss_axis];
+    Some(chart.drawing(&study.id("losses"), &study.own(&about), axes, &drawn))
+}
+
+/// The minima that the laws stand on, and the one held out.
+fn own_minima(laws: &Laws) -> impl Iterator<Item = &Minimum> {
+    laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method)
+}
+
+fn told(minimum: &Minimum, words: &Words) -> String {
+    let word = if minimum.trusted { "trusted minimum" } else { "minimum in doubt" };
+    let vocab = if words.has_vocab { format!(", V {:.0}", minimum.n_vocab) } else { String::new() };
+    format!(
+        "{word} at {}: {} {:.4}, {} {}{vocab}",
+        count(minimum.budget_flops),
+        words.loss,
+        minimum.loss_normalised,
+        words.size,
+        count(minimum.params_nonvocab)
+    )
+}
+
+// What they say.
 
 /// Laws, minima and what was said of them.
 pub fn section(study: &Study, laws: &Laws) -> Markup {
@@ -26,7 +149,7 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
         (table(
             &study.own("Laws of the loss through the minima; the error is that of laws without the held-out budget"),
             &["law", if study.loss_name.is_none() { "held-out error, nats" } else { "held-out error" }, "parameters"],
-            &losses(laws)
+            &loss_laws(laws)
         ))
         (parts(study, laws))
         (minima(study, laws))
@@ -92,19 +215,21 @@ fn powers(laws: &Laws) -> Vec<Vec<String>> {
     laws.power_laws.named().map(row).collect()
 }
 
-fn losses(laws: &Laws) -> Vec<Vec<String>> {
-    let error = |error: Option<f64>| error.map(thousandths).unwrap_or_default();
+fn loss_laws(laws: &Laws) -> Vec<Vec<String>> {
     let log = laws.loss.log.as_ref().map(|law| {
         let ci95 = interval(law.slope_ci95, thousandths);
         let said = format!("{:.4} per decade ({ci95})", law.slope_per_decade);
-        vec!["log".to_string(), error(law.held_out_error), said]
+        ("log", law.held_out_error, said)
     });
     let floor = laws.loss.floor.as_ref().map(|law| {
         let ci95 = interval(law.floor_ci95, thousandths);
         let said = format!("floor {:.3} ({ci95}), exponent {:.3}", law.floor, law.exponent);
-        vec!["with a floor".to_string(), error(law.held_out_error), said]
+        ("with a floor", law.held_out_error, said)
     });
-    log.into_iter().chain(floor).collect()
+    let row = |(name, error, said): (&str, Option<f64>, String)| {
+        vec![name.to_string(), error.map(thousandths).unwrap_or_default(), said]
+    };
+    log.into_iter().chain(floor).map(row).collect()
 }
 
 /// What the intervals are made of.
@@ -130,8 +255,7 @@ fn minima(study: &Study, laws: &Laws) -> Markup {
             if minimum.trusted { "trusted".to_string() } else { flags_text(&minimum.flags) },
         ]
     };
-    let own = laws.minima.iter().filter(|minimum| minimum.method == laws.minima_method);
-    let rows: Vec<Vec<String>> = own.map(row).collect();
+    let rows: Vec<Vec<String>> = own_minima(laws).map(row).collect();
     let Words { size, loss, .. } = study.words();
     let head = ["C", size, "V", "D", loss, "flags"];
     html! { @if !rows.is_empty() { (table(&study.own("Minima"), &head, &rows)) } }

@@ -1,6 +1,6 @@
 //! A sweep's results as one page that opens without a network: `report.html`.
 //!
-//! [`ReportInput`] is all that the page shows; a file a section makes its markup of that. The script
+//! [`ReportInput`] is all that the page shows; a function a section makes its markup of that. The script
 //! only moves, sorts and filters what is there: every number is written here.
 //!
 //! # Example
@@ -34,20 +34,138 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod about;
-mod beside;
-mod chart;
 mod curves;
 mod input;
 mod laws;
-mod page;
-mod prediction;
-mod runs;
-mod samples;
-mod scaling;
-mod table;
-mod tokenizers;
-mod words;
+mod tables;
 
 pub use input::{Figure, ReportInput, Sample, Study};
-pub use page::page;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde_json::{Value, json};
+
+use crate::motion::{PARENTS, Pose};
+use input::{extent, json_text, section};
+
+/// The page, in HTML.
+pub fn page(input: &ReportInput) -> String {
+    let records = input.records();
+    let sections = [
+        tables::generators(input.studies),
+        Some(html! { @for study in input.studies { (of_study(study)) } }),
+        samples(input.samples),
+        input.studies.first().and_then(|study| tables::runs(&records, &study.words())),
+        tables::tokenizers(input.tokenizers),
+        Some(figures(input)),
+        Some(tables::provenance(input)),
+    ];
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (input.name) " · isoflop" }
+                style { (PreEscaped(include_str!("style.css"))) }
+            }
+            body {
+                header { h1 { (input.name) } p { (extent(&records)) } }
+                main { @for section in sections.into_iter().flatten() { (section) } }
+                script { (PreEscaped(include_str!("script.js"))) }
+            }
+        }
+    };
+    page.into_string()
+}
+
+/// What the runs of one generator say.
+fn of_study(study: &Study) -> Markup {
+    let sections = [
+        Some(verdict(study)),
+        laws::prediction(study),
+        curves::isoflop(study),
+        study.laws.map(|laws| laws::section(study, laws)),
+    ];
+    html! { div.study { @for section in sections.into_iter().flatten() { (section) } } }
+}
+
+fn verdict(study: &Study) -> Markup {
+    let within = html! {
+        pre tabindex="0" role="region" aria-label=(study.own("The verdict in full")) { (study.verdict.trim()) }
+    };
+    study.section("verdict", "Verdict", &within)
+}
+
+/// The figures of all generators together, then those of each.
+fn figures(input: &ReportInput) -> Markup {
+    let has_any = |study: &&Study| !study.figures.is_empty();
+    html! {
+        @if !input.figures.is_empty() { (section("all-figures", "Figures", &drawn(input.figures))) }
+        @for study in input.studies.iter().filter(has_any) {
+            (study.section("figures", "Figures", &drawn(study.figures)))
+        }
+    }
+}
+
+fn drawn(figures: &[Figure]) -> Markup {
+    html! {
+        @for Figure { name, svg } in figures {
+            figure {
+                // Without what stands before the root of the file.
+                div.paper role="img" aria-label=(name.replace('_', " ")) {
+                    (PreEscaped(svg.find("<svg").map_or("", |start| &svg[start..])))
+                }
+                figcaption { (name.replace('_', " ")) }
+            }
+        }
+    }
+}
+
+// Motions that were made, as skeletons that play, turn and can be stopped.
+
+/// The viewer; `None` where there is no motion.
+fn samples(samples: &[Sample]) -> Option<Markup> {
+    let data =
+        json!({ "parents": PARENTS, "samples": samples.iter().map(shown).collect::<Vec<_>>() });
+    let within = html! {
+        p {
+            "Motions that a run made of captions of the test split"
+            @if samples.iter().any(|sample| sample.truth.is_some()) {
+                ", and beside each the true motion of its caption"
+            }
+            ". Drag to turn them."
+        }
+        label for="sample" { "Caption " }
+        select id="sample" {
+            @for (place, sample) in samples.iter().enumerate() {
+                option value=(place) { (sample.caption) }
+            }
+        }
+        canvas id="stage" width="760" height="420" tabindex="0" role="img"
+            aria-label="The skeleton of the chosen motion; arrow keys turn it" {}
+        div.controls {
+            button id="play" type="button" { "Pause" }
+            label for="frame" { "Frame " }
+            input id="frame" type="range" min="0" max="0" value="0" step="1";
+        }
+        p { "Run " code id="maker" {} }
+    };
+    (!samples.is_empty()).then(|| {
+        html! {
+            (section("samples", "Samples", &within))
+            script id="motions" type="application/json" { (json_text(&data)) }
+            script { (PreEscaped(include_str!("samples.js"))) }
+        }
+    })
+}
+
+/// Positions in millimetres, frame after frame.
+fn shown(sample: &Sample) -> Value {
+    let millimetres = |x: &f32| (x * 1000.0).round() as i32;
+    let flat = |poses: &Vec<Pose>| -> Vec<i32> {
+        poses.iter().flatten().flatten().map(millimetres).collect()
+    };
+    let truth = sample.truth.as_ref().map(flat);
+    json!({ "run": sample.run_id, "fps": sample.fps, "mm": flat(&sample.poses), "truth": truth })
+}

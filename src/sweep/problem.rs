@@ -1,11 +1,11 @@
 //! What is wrong with a sweep file, shown where it stands.
 
+use std::collections::HashMap;
 use std::fmt::Write;
 use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
-
-use super::source::{Places, Source};
+use saphyr_parser::{Event, Parser, Span};
 
 /// One thing wrong with a sweep file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -113,5 +113,177 @@ impl SweepErrors {
             (None, "") => format!("in {}", self.file()),
             (None, path) => format!("at {path} in {}", self.file()),
         }
+    }
+}
+
+/// Advice for a name that is not known: `did you mean …?`, or the list of what may stand there.
+pub fn nearest(wrong: &str, valid: &[&str]) -> String {
+    let best = valid
+        .iter()
+        .map(|name| (strsim::jaro_winkler(wrong, name), name))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    match best {
+        Some((score, name)) if score > 0.75 => format!("did you mean `{name}`?"),
+        _ => format!("valid here: {}", valid.join(", ")),
+    }
+}
+
+// Where in the texts of a sweep an entry such as `grid.models[1].n_head` stands.
+
+/// A text with keys of a sweep: a file, or a preset.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Source {
+    /// In messages: the file's path, or `preset NAME`.
+    pub name: String,
+    pub text: String,
+    /// Paths at which it stands whole in place of the sources below it.
+    pub replaces: Vec<String>,
+}
+
+impl Source {
+    /// A text that stands in place of nothing.
+    pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
+        Self { name: name.into(), text: text.into(), replaces: Vec::new() }
+    }
+
+    /// Whether what stands at a path comes from here, or from nowhere below.
+    fn hides(&self, path: &str) -> bool {
+        self.replaces.iter().any(|whole| {
+            path.strip_prefix(whole.as_str()).is_some_and(|rest| rest.starts_with(['.', '[']))
+        })
+    }
+}
+
+/// The entries of sources that lie over one another, the uppermost first.
+pub struct Places(Vec<HashMap<String, Location>>);
+
+impl Places {
+    /// Reads every source.
+    pub fn of(sources: &[Source]) -> Self {
+        Self(sources.iter().map(|source| locations(&source.text)).collect())
+    }
+
+    /// The index of the source that the entry at a path comes from, and its place there.
+    pub fn find(&self, sources: &[Source], path: &str) -> Option<(usize, &Location)> {
+        for (index, (source, places)) in sources.iter().zip(&self.0).enumerate() {
+            if let Some(place) = places.get(path) {
+                return Some((index, place));
+            }
+            if source.hides(path) {
+                return None;
+            }
+        }
+        None
+    }
+}
+
+/// Byte ranges of one entry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Location {
+    /// The key, or the value where the entry is an item of a list.
+    pub key: Range<usize>,
+    pub value: Range<usize>,
+}
+
+/// Byte ranges of every entry of a YAML text, by path; empty where the text is no YAML.
+pub fn locations(text: &str) -> HashMap<String, Location> {
+    let bytes: Vec<usize> = text.char_indices().map(|(byte, _)| byte).chain([text.len()]).collect();
+    let mut walk = Walk { bytes, stack: Vec::new(), locations: HashMap::new() };
+    for (event, span) in Parser::new_from_str(text).map_while(Result::ok) {
+        walk.take(&event, span);
+    }
+    walk.locations
+}
+
+/// A mapping or a list that is being read.
+struct Open {
+    path: String,
+    /// Items read, in a list; `None` in a mapping.
+    index: Option<usize>,
+    /// The key that waits for its value, in a mapping.
+    key: Option<(String, Range<usize>)>,
+}
+
+struct Walk {
+    /// Byte offset of each character.
+    bytes: Vec<usize>,
+    stack: Vec<Open>,
+    locations: HashMap<String, Location>,
+}
+
+impl Walk {
+    fn take(&mut self, event: &Event, span: Span) {
+        match event {
+            Event::Scalar(text, ..) => self.scalar(text, self.range(span)),
+            Event::Alias(_) => self.scalar("", self.range(span)),
+            Event::MappingStart(..) => self.open(None, self.range(span)),
+            Event::SequenceStart(..) => self.open(Some(0), self.range(span)),
+            Event::MappingEnd | Event::SequenceEnd => {
+                self.stack.pop();
+            }
+            _ => {}
+        }
+    }
+
+    fn scalar(&mut self, text: &str, range: Range<usize>) {
+        match self.stack.last_mut() {
+            Some(Open { index: None, key: key @ None, .. }) => *key = Some((text.into(), range)),
+            _ => {
+                self.place(range);
+            }
+        }
+    }
+
+    fn open(&mut self, index: Option<usize>, range: Range<usize>) {
+        let path = self.place(range);
+        self.stack.push(Open { path, index, key: None });
+    }
+
+    /// Notes the place of a value and returns its path.
+    fn place(&mut self, value: Range<usize>) -> String {
+        let Some(open) = self.stack.last_mut() else { return String::new() };
+        let (path, key) = match (&mut open.index, open.key.take()) {
+            (Some(index), _) => {
+                *index += 1;
+                (format!("{}[{}]", open.path, *index - 1), value.clone())
+            }
+            (None, Some((name, range))) if open.path.is_empty() => (name, range),
+            (None, Some((name, range))) => (format!("{}.{name}", open.path), range),
+            (None, None) => (open.path.clone(), value.clone()),
+        };
+        self.locations.insert(path.clone(), Location { key, value });
+        path
+    }
+
+    fn range(&self, span: Span) -> Range<usize> {
+        let byte = |index: usize| self.bytes[index.min(self.bytes.len() - 1)];
+        byte(span.start.index())..byte(span.end.index())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_entry_is_found_in_the_source_that_it_comes_from() {
+        let upper = Source { replaces: vec!["t".into()], ..Source::new("a", "t: {kind: x}\n") };
+        let sources = [upper, Source::new("preset b", "t: {layers: 1}\ng: {v: [1]}\n")];
+        let places = Places::of(&sources);
+        let found = |path| places.find(&sources, path).map(|(index, _)| index);
+        assert_eq!(found("t.kind"), Some(0));
+        assert_eq!(found("g.v[0]"), Some(1));
+        assert_eq!(found("t.layers"), None, "it was replaced");
+        assert_eq!(found("s"), None);
+    }
+
+    #[test]
+    fn nested_keys_and_items_are_found() {
+        let text = "name: ä\ngrid:\n  models:\n    - {n_head: 3}\n  vocab: [64, 256]\n";
+        let locations = locations(text);
+        let at = |path: &str| &text[locations[path].value.clone()];
+        assert_eq!(at("grid.models[0].n_head"), "3");
+        assert_eq!(at("grid.vocab[1]"), "256");
+        assert_eq!(&text[locations["grid.vocab"].key.clone()], "vocab");
     }
 }

@@ -10,7 +10,7 @@ use clap::Args;
 use isoflop::data::{self, DataFacts};
 use isoflop::files::atomic;
 use isoflop::jobs::speed::Speed;
-use isoflop::jobs::{Job, all_jobs, probe};
+use isoflop::jobs::{Job, all_jobs};
 use isoflop::plan::{Plan, PlannedRun};
 use isoflop::sweep;
 use isoflop::units::quoted;
@@ -156,7 +156,7 @@ impl<'a> Desk<'a> {
         let plan = |budget: f64| plan(&self.text(&Design::up_to(budget, None)));
         let plans = PROBED.into_iter().map(plan).collect::<Result<Vec<_>>>()?;
         let runs: Vec<&PlannedRun> = plans.iter().flat_map(|plan| &plan.runs).collect();
-        Ok(probe::speed(&runs, &self.args.work.device.open()?, slots, PROBES))
+        Ok(Speed::measured(&runs, &self.args.work.device.open()?, slots, PROBES))
     }
 }
 

@@ -16,7 +16,8 @@ use crate::engine::runner::{Brought, Engine, Session};
 use crate::engine::{Cancelled, SweepRequest, Tell};
 use crate::jobs::history::{self, Finished, known};
 use crate::jobs::presence::{ask_no_more, ask_to_end, is_held, stop_when_asked};
-use crate::jobs::{Job, JobId, JobState, ResultsFolder, probe, time_left};
+use crate::jobs::speed::Speed;
+use crate::jobs::{Job, JobId, JobState, ResultsFolder, time_left};
 use crate::machine;
 use crate::plan::PlannedRun;
 use crate::progress::stop_on_signals;
@@ -135,7 +136,7 @@ impl Here<'_> {
         if !is_long || !is_built_in || known(folder, &Finished::of(plan, folder)).is_some() {
             return Ok(());
         }
-        let speed = probe::speed_of(jobs, plan, &device.open()?, slots);
+        let speed = Speed::measured_of(jobs, plan, &device.open()?, slots);
         Ok(history::note(folder, &speed)?)
     }
 

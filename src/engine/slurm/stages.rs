@@ -4,7 +4,8 @@ use super::command::Settings;
 use super::files::{ChunkFile, Timed};
 use crate::files::FileError;
 use crate::jobs::gpu::Gpu;
-use crate::jobs::{Job, JobId, JobKind, JobState, ResultsFolder, probe};
+use crate::jobs::speed::Speed;
+use crate::jobs::{Job, JobId, JobKind, JobState, ResultsFolder};
 use crate::plan::{Plan, PlannedRun};
 use crate::record::flops_per_second;
 use crate::sweep::Stage;
@@ -306,7 +307,7 @@ impl Estimates {
     pub fn of_probe(plan: &Plan, device: &Device) -> Self {
         let jobs = JobKind::Run.jobs(plan);
         let flops: f64 = jobs.iter().map(|job| job.cost).sum();
-        let seconds = 3600.0 * probe::speed_of(&jobs, plan, device, 1).hours(&jobs, plan, 1);
+        let seconds = 3600.0 * Speed::measured_of(&jobs, plan, device, 1).hours(&jobs, plan, 1);
         let flops_per_second = if seconds > 0.0 { flops / seconds } else { f64::INFINITY };
         Self { flops_per_second, source: "measured here by a few steps" }
     }

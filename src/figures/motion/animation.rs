@@ -1,14 +1,80 @@
-//! Poses into SVG elements that move by themselves, by SMIL: browsers play them without a script.
+//! The animated page: caption, legend, ground, and the body that moves on it by SMIL, which browsers play
+//! without a script.
 
 use std::fmt::Write;
 
-use super::body::{HEAD_RADIUS, far_to_near, head};
-use super::camera::{Seen, View};
-use super::ground;
-use crate::figures::colour::{INK, Rgb, SHADOW};
-use crate::figures::scene::Point;
-use crate::figures::svg::unit;
+use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
+use super::caption::{self, cleaned, facts};
+use super::room::{Bounds, Seen, Segment, View, below, grid, path, see};
+use crate::figures::colour::{GRID, INK, MUTED, Rgb, SHADOW};
+use crate::figures::font::{Weight, measure};
+use crate::figures::formats::{self, escaped, unit};
+use crate::figures::scene::{Anchor, Point, Scene, Stroke, Text, plain_text};
 use crate::motion::{N_JOINTS, Pose};
+
+const WIDTH: f64 = 640.0;
+const MARGIN: f64 = 18.0;
+const TITLE_EM: f64 = 15.0;
+const REMARK_EM: f64 = 12.0;
+/// The tallest and the lowest picture, page pixels.
+const PICTURE_HEIGHT: (f64, f64) = (220.0, 420.0);
+/// The ground reaches this far beyond the root's path, metres.
+const GROUND_MARGIN: f64 = 0.6;
+/// Below the picture: the bar of progress.
+const FOOTER: f64 = 14.0;
+
+/// The SVG of a motion of at least one pose, which plays in a loop at `fps` poses a second.
+pub fn svg(poses: &[Pose], fps: f32, text: &str) -> String {
+    let mut scene = Scene::new(WIDTH, 0.0);
+    let path = path(poses);
+    let (lines, side) = grid(&path, GROUND_MARGIN);
+    let top = caption::write(&mut scene, text, TITLE_EM, (MARGIN, MARGIN), WIDTH - 2.0 * MARGIN);
+    let top = remarks(&mut scene, top, &facts(poses, fps), side) + MARGIN;
+    let bounds = bounds(poses, &lines);
+    let (view, height) = view(bounds, top);
+    for line in lines {
+        scene.line(&line.map(|end| view.point(end)), Stroke::solid(GRID, 1.0));
+    }
+    let path: Vec<_> = path.into_iter().map(|point| view.point(point)).collect();
+    scene.line(&path, Stroke::solid(MUTED, 1.0));
+    scene.height = (top + height + FOOTER + MARGIN).ceil();
+    let turn = Loop::of(poses, fps);
+    let bar = turn.progress((MARGIN, scene.height - MARGIN), WIDTH - 2.0 * MARGIN);
+    // For readers of the screen.
+    let title = format!("<title>{}</title>\n", escaped(&cleaned(text)));
+    formats::svg(&scene, &title, &(turn.elements(&view) + &bar))
+}
+
+/// Writes the facts and the legend below the caption; returns where they end.
+fn remarks(scene: &mut Scene, top: f64, facts: &str, side: f64) -> f64 {
+    let y = top + 1.3 * REMARK_EM;
+    let facts = format!("{facts}, squares of {side} m");
+    let text = plain_text(&facts, (MARGIN, y), Anchor::Start, REMARK_EM);
+    scene.text(Text { colour: MUTED, ..text });
+    let right = MARGIN + measure(&facts, Weight::Normal, REMARK_EM) + MARGIN;
+    caption::sides(scene, (right, y), REMARK_EM);
+    y
+}
+
+/// Everything that is seen of the motion at any time.
+fn bounds(poses: &[Pose], lines: &[Segment]) -> Bounds {
+    let joints = poses.as_flattened().iter().map(|joint| see(joint.map(f64::from)));
+    let ground = Bounds::of(lines.iter().flatten().map(|&end| see(end)));
+    Bounds::of(joints).wider(REACH).with(ground)
+}
+
+/// A view that holds `bounds` in the middle of the page below `top`, and its height.
+fn view(bounds: Bounds, top: f64) -> (View, f64) {
+    let (low, high) = PICTURE_HEIGHT;
+    let width = WIDTH - 2.0 * MARGIN;
+    let scale = (width / bounds.width()).min(high / bounds.height());
+    let height = (scale * bounds.height()).max(low);
+    let middle = [bounds.left + bounds.right, bounds.bottom + bounds.top].map(|sum| sum / 2.0);
+    let origin = (WIDTH / 2.0 - scale * middle[0], top + height / 2.0 + scale * middle[1]);
+    (View { scale, origin }, height)
+}
+
+// What moves.
 
 /// More poses than this are thinned; the browser draws straight lines between them.
 const MOST_POSES: usize = 240;
@@ -86,7 +152,7 @@ impl Loop {
 
     fn shadow(&self, view: &View) -> String {
         let [rx, ry] = SHADOW_RADII.map(|radius| unit(radius * view.scale));
-        let centre = |pose: &Pose| view.point(ground::below(pose));
+        let centre = |pose: &Pose| view.point(below(pose));
         self.moving_shape("ellipse", &format!("rx=\"{rx}\" ry=\"{ry}\""), SHADOW, centre)
     }
 

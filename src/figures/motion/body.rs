@@ -1,6 +1,6 @@
 //! The stick figure: limbs by side, a head, and a nose that shows where the body faces.
 
-use super::camera::{Seen, see};
+use super::room::{Seen, see};
 use crate::figures::colour::{INK, LEFT_SIDE, RIGHT_SIDE, Rgb};
 use crate::motion::{CHAINS, L_HIP, L_SHOULDER, Pose, R_HIP, R_SHOULDER};
 

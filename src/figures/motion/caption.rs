@@ -1,8 +1,10 @@
-//! A caption as the lines of a title.
+//! Words on the pages of motions: a caption as the lines of a title, facts, and which colour is which side.
 
+use super::room::{length, path};
+use crate::figures::colour::{LEFT_SIDE, RIGHT_SIDE};
 use crate::figures::font::{Weight, measure, wrap};
-use crate::figures::scene::plain_text;
-use crate::figures::scene::{Anchor, Point, Scene, Text};
+use crate::figures::scene::{Anchor, Point, Scene, Text, plain_text};
+use crate::motion::Pose;
 
 /// `caption` on one line of plain text: characters that no SVG may hold are blanks.
 pub fn cleaned(caption: &str) -> String {
@@ -44,10 +46,26 @@ pub fn write(scene: &mut Scene, caption: &str, em: f64, (left, top): Point, widt
     y
 }
 
+/// What one reads of a motion: "6.4 s, 20 frames a second, path 4.2 m".
+pub fn facts(poses: &[Pose], fps: f32) -> String {
+    let seconds = poses.len() as f64 / f64::from(fps);
+    let metres = length(&path(poses));
+    format!("{seconds:.1} s, {fps} frames a second, path {metres:.1} m")
+}
+
+/// Writes "left side" and "right side" in their colours, from `at` to the right.
+pub fn sides(scene: &mut Scene, (mut x, y): Point, em: f64) {
+    for (content, colour) in [("left side", LEFT_SIDE), ("right side", RIGHT_SIDE)] {
+        let text = plain_text(content, (x, y), Anchor::Start, em);
+        scene.text(Text { colour, weight: Weight::Bold, ..text });
+        x += measure(content, Weight::Bold, em) + 16.0;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figures::svg::escaped;
+    use crate::figures::formats::escaped;
 
     #[test]
     fn every_line_fits_even_of_a_word_that_does_not() {

@@ -3,16 +3,12 @@
 use image::RgbImage;
 
 use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
-use super::camera::{Bounds, View, see};
-use super::caption;
-use super::ground;
-use super::legend;
-use super::page::facts;
+use super::caption::{self, facts};
+use super::room::{Bounds, Segment, View, patch, path, see, within};
 use crate::figures::colour::{GRID, INK, MUTED, WHITE};
 use crate::figures::font::{Weight, measure};
-use crate::figures::render::{self, DrawError};
-use crate::figures::scene::plain_text;
-use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, Text};
+use crate::figures::formats::{self, DrawError, raster};
+use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, Text, plain_text};
 use crate::motion::Pose;
 
 /// Poses of a row.
@@ -40,21 +36,21 @@ pub struct Row<'a> {
 pub fn png(rows: &[Row]) -> Result<Vec<u8>, DrawError> {
     let bounds = rows.iter().map(cell_bounds).reduce(Bounds::with);
     let bounds = bounds.ok_or("a sheet needs a motion")?;
-    let mut sheet = render::raster(&header())?;
+    let mut sheet = raster(&header())?;
     // Row by row: a whole sheet in the renderer's fine pixels would fill the memory.
     for row in rows {
-        let row = render::raster(&row.scene(bounds))?;
+        let row = raster(&row.scene(bounds))?;
         let (width, height) = (sheet.width(), sheet.height() + row.height());
         let samples = [sheet.into_raw(), row.into_raw()].concat();
         sheet = RgbImage::from_raw(width, height, samples).ok_or("rows differ in width")?;
     }
-    render::png(&sheet)
+    formats::png(&sheet)
 }
 
 /// The legend above the rows.
 fn header() -> Scene {
     let mut scene = Scene::new(WIDTH, MARGIN + LABEL_EM);
-    legend::sides(&mut scene, (MARGIN, MARGIN), LABEL_EM);
+    caption::sides(&mut scene, (MARGIN, MARGIN), LABEL_EM);
     scene
 }
 
@@ -117,19 +113,19 @@ impl Row<'_> {
     /// A pose, the ground round it, and the path that led to it; the ground below the root is seen
     /// at `corner`.
     fn cell(&self, scene: &mut Scene, frame: usize, scale: f64, corner: Point) {
-        let path = ground::path(&self.poses[..=frame]);
+        let path = path(&self.poses[..=frame]);
         let root = path[frame];
         let seen = see(root);
         let origin = (corner.0 - scale * seen.right, corner.1 + scale * seen.up);
         let view = View { scale, origin };
-        let mut ground_line = |line: ground::Segment, stroke| {
+        let mut ground_line = |line: Segment, stroke| {
             scene.line(&line.map(|end| view.point(end)), stroke);
         };
-        for line in ground::patch(root, GROUND_RADIUS) {
+        for line in patch(root, GROUND_RADIUS) {
             ground_line(line, Stroke::solid(GRID, 1.0));
         }
         for step in path.windows(2) {
-            if let Some(step) = ground::within([step[0], step[1]], root, GROUND_RADIUS) {
+            if let Some(step) = within([step[0], step[1]], root, GROUND_RADIUS) {
                 ground_line(step, Stroke::solid(MUTED, 1.0));
             }
         }

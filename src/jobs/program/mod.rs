@@ -1,54 +1,51 @@
-//! A run that a program of somebody's own trains: `trainer: {command: …}`.
+//! Runs that a program of somebody's own trains, `trainer: {command: …}`, and tokenizers that the trainer in PyTorch
+//! trains, `tokenizer: {trainer: torch}`.
 //!
 //! The worker writes what is to be trained (`trainer.json`), starts the program beside a guard that
 //! outlives the worker, forwards its progress, and checks what it leaves (`result.json`).
 
-mod guard;
-mod log;
 mod process;
 mod result;
 mod spec;
-mod tokenizer;
+
+pub use process::{GRACE, guard, wake_guard};
+pub use result::{FinishedRun, TrainerResult};
+pub use spec::TrainerSpec;
 
 use std::collections::HashMap;
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf, absolute};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-
-pub use guard::{GRACE, guard, wake_guard};
-pub use result::TrainerResult;
-pub use spec::TrainerSpec;
-pub use tokenizer::train_tokenizer;
+use serde::Deserialize;
 
 use super::assignment::{Assignment, Outcome};
-use super::exit;
-use super::folder::{LOG, MODEL, ResultsFolder, TEST_CLIPS};
-use super::id::JobId;
-use super::kind::JobKind;
-use super::record::FinishedRun;
+use super::folder::{CHECKPOINT, LOG, MODEL, ResultsFolder, TEST_CLIPS};
+use super::job::{JobId, JobKind};
+use super::worker;
 use crate::codes::TokenStore;
 use crate::failure::{Failure, FailureKind};
 use crate::files::atomic::{remove, write_json, write_json_lines};
+use crate::files::read_if_there;
 use crate::generator;
 use crate::learn::weights::{self, Source};
-use crate::spec::is_torch;
-use crate::spec::{RunSpec, TokenizerJob, TrainerProgram};
+use crate::spec::{RunSpec, TokenizerJob, TrainerProgram, is_torch};
 use crate::sweep::TrainerCommand;
+use crate::tokenizer::{Corpus, Handover, HandoverFiles, Tokenizer, taken_back};
+use result::refusal;
 
 /// How long the worker of a job takes for an orderly end, once a stop is asked for: longer than a program of its own may.
 pub fn grace(folder: &ResultsFolder, job: &JobId) -> Duration {
-    let run = || folder.known_spec::<RunSpec>(job).is_some_and(|spec| spec.trainer.is_some());
-    let tokenizer = || {
-        let job = folder.known_spec::<TokenizerJob>(job);
-        job.is_some_and(|job| !job.spec.trainer.is_built_in())
+    let of_run = |spec: RunSpec| spec.trainer.is_some();
+    let of_tokenizer = |job: TokenizerJob| !job.spec.trainer.is_built_in();
+    let has_program = match job.kind {
+        JobKind::Run => folder.known_spec(job).is_some_and(of_run),
+        JobKind::Tokenizer => folder.known_spec(job).is_some_and(of_tokenizer),
+        _ => false,
     };
-    match job.kind {
-        JobKind::Run if run() => GRACE + 2 * exit::GRACE,
-        JobKind::Tokenizer if tokenizer() => GRACE + 2 * exit::GRACE,
-        _ => exit::GRACE,
-    }
+    if has_program { GRACE + 2 * worker::GRACE } else { worker::GRACE }
 }
 
 /// Has a program train a run, and writes the record from what it leaves.
@@ -71,7 +68,7 @@ pub fn run_program(
     let ran_s = started.elapsed().as_secs_f64();
     let unfit = |problem| Failure::new(FailureKind::Trainer, problem);
     let result = match problem {
-        Some(problem) => Err(result::refusal(&spec.out).unwrap_or_else(|| {
+        Some(problem) => Err(refusal(&spec.out).unwrap_or_else(|| {
             if is_torch(&trainer.command) { of_torch(problem) } else { problem }
         })),
         None => TrainerResult::read(&spec.out)
@@ -182,4 +179,95 @@ fn keep_weights(
         Ok(())
     };
     kept().map_err(|error| format!("the trainer's weights {}: {error:#}", path.display()))
+}
+
+// Tokenizers. The worker writes the clips and the first weights into the checkpoint's folder too, and takes the
+// weights back.
+
+/// The module that trains tokenizers.
+const MODULE: &str = "isoflop.torch.tokenizer";
+
+/// What the trainer leaves: losses and times are for people.
+#[derive(Deserialize)]
+struct TokenizerResult {
+    /// The weights, beside the result or by their whole path.
+    weights: PathBuf,
+}
+
+/// Has the trainer in PyTorch train a tokenizer; `Break` if there is none, and how it ended.
+///
+/// # Errors
+/// The clips or the first weights cannot be made or written, or the trainer's guard fails.
+pub fn train_tokenizer(
+    assignment: &Assignment,
+    job: &TokenizerJob,
+    corpus: &Corpus,
+    text: Option<PathBuf>,
+) -> Result<ControlFlow<Outcome, Tokenizer>> {
+    let place = absolute(assignment.place()).context("naming the tokenizer's folder")?;
+    let handover = handed_over(assignment, job, corpus, &place, text)?;
+    let words = tokenizer_words(&place, &handover);
+    let problem = process::attend(&words, &place, &assignment.job.id, assignment.stop)?;
+    let trained = match problem {
+        Some(problem) => Err(refusal(&handover.files.out).unwrap_or_else(|| of_torch(problem))),
+        None => read_tokenizer(&handover, corpus, assignment),
+    };
+    Ok(match trained {
+        Ok(tokenizer) => ControlFlow::Continue(tokenizer),
+        Err(_) if assignment.stop.is_raised() => ControlFlow::Break(Outcome::Stopped),
+        Err(failure) => ControlFlow::Break(Outcome::Failed(failure)),
+    })
+}
+
+/// Writes all that the trainer reads.
+fn handed_over(
+    assignment: &Assignment,
+    job: &TokenizerJob,
+    corpus: &Corpus,
+    place: &Path,
+    text: Option<PathBuf>,
+) -> Result<Handover> {
+    let checkpoint = place.join(CHECKPOINT);
+    fs::create_dir_all(&checkpoint).context("making the checkpoint's folder")?;
+    let out = place.join("result.json");
+    remove(&out)?;
+    let files = HandoverFiles {
+        out,
+        checkpoint,
+        text: text.map(absolute).transpose()?,
+        checkpoint_s: assignment.sweep()?.train.checkpoint_s,
+    };
+    let handover = Handover::write(&job.spec, corpus, assignment.device, files)?;
+    write_json(&place.join("trainer.json"), &handover).context("writing trainer.json")?;
+    Ok(handover)
+}
+
+/// The trainer's command.
+fn tokenizer_words(place: &Path, handover: &Handover) -> Vec<String> {
+    let (python, spec) = (python(), place.join("trainer.json"));
+    let HandoverFiles { out, checkpoint, .. } = &handover.files;
+    let path = |path: &Path| path.display().to_string();
+    let module = [path(&python), "-m".to_string(), MODULE.to_string()];
+    let options = [("--spec", &spec), ("--out", out), ("--checkpoint", checkpoint)];
+    let options = options.into_iter().flat_map(|(name, value)| [name.to_string(), path(value)]);
+    module.into_iter().chain(options).collect()
+}
+
+/// The tokenizer of the weights that the trainer has left.
+fn read_tokenizer(
+    handover: &Handover,
+    corpus: &Corpus,
+    assignment: &Assignment,
+) -> Result<Tokenizer, Failure> {
+    let out = &handover.files.out;
+    let unfit = |problem: String| {
+        let sentence = format!("the tokenizer's trainer: {}: {problem}", out.display());
+        Failure::new(FailureKind::Trainer, sentence)
+    };
+    let result = read_if_there::<TokenizerResult>(out).map_err(|error| unfit(error.to_string()))?;
+    let result =
+        result.ok_or_else(|| unfit("it ended well but left no result here".to_string()))?;
+    let path = out.with_file_name(result.weights);
+    let tokenizer = taken_back(&handover.spec, corpus, assignment.device, &path);
+    tokenizer.map_err(|error| unfit(format!("its weights {}: {error}", path.display())))
 }

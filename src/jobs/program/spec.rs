@@ -7,12 +7,11 @@ use anyhow::Result;
 use serde::Serialize;
 
 use crate::codes::TokenStore;
-use crate::jobs::folder::CHECKPOINT;
-use crate::jobs::{ResultsFolder, frozen_sweep};
+use crate::jobs::assignment::frozen_sweep;
+use crate::jobs::folder::{CHECKPOINT, ResultsFolder};
 use crate::machine::CARDS;
 use crate::plan::bytes_on_card;
-use crate::spec::RunSpec;
-use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, TARGETS_PER_PASS};
+use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, RunSpec, TARGETS_PER_PASS};
 
 /// Raised when a key changes its meaning or goes.
 const VERSION: u32 = 2;

@@ -1,10 +1,10 @@
 //! What types alone cannot say of the `engine` section and of a profile file.
 
 use crate::machine::CARDS;
-use crate::sweep::nearest::nearest;
-use crate::sweep::problem::Problem;
-use crate::sweep::sections::{Amount, Count, EngineSection, Resources, SlurmSection, Stage, Sweep};
-use crate::sweep::time_limit::minutes;
+use crate::sweep::problem::{Problem, nearest};
+use crate::sweep::sections::{
+    Amount, Count, EngineSection, Resources, SlurmSection, Stage, Sweep, minutes,
+};
 
 /// Arguments of `sbatch` that isoflop gives itself.
 const OURS: &str = "--array -a --dependency -d --parsable --output -o --open-mode --wrap --comment \
@@ -80,23 +80,19 @@ fn time(of: &Resources, section: &SlurmSection, stage: Stage, prefix: &str) -> O
 }
 
 fn extra(of: &Resources, prefix: &str) -> Vec<Problem> {
-    let ours = |word: &String| {
-        let name = word.split('=').next().unwrap_or(word);
-        OURS.split(' ').find(|ours| *ours == name)
-    };
-    let words = of.extra.iter().flatten().enumerate();
-    let named = words.filter_map(|(i, word)| {
-        let name = ours(word)?;
+    let problem = |(i, word): (usize, &String)| {
+        let given = word.split('=').next()?;
+        let name = OURS.split(' ').find(|ours| *ours == given)?;
         let message = format!("isoflop gives `{name}` itself");
         Some(Problem::value(format!("{prefix}extra[{i}]"), message).with_help("leave it out"))
-    });
-    named.collect()
+    };
+    of.extra.iter().flatten().enumerate().filter_map(problem).collect()
 }
 
 fn env(of: &Resources, prefix: &str) -> Vec<Problem> {
     let good = |name: &str| {
-        let first = name.chars().next().is_some_and(|c| c.is_ascii_alphabetic() || c == '_');
-        first && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        let letters = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        letters && !name.is_empty() && !name.starts_with(|c: char| c.is_ascii_digit())
     };
     let names = of.env.iter().flat_map(|env| env.keys());
     let wrong = names.filter(|name| !good(name));
@@ -107,19 +103,17 @@ fn env(of: &Resources, prefix: &str) -> Vec<Problem> {
 }
 
 fn counts(section: &SlurmSection, prefix: &str) -> Vec<Problem> {
-    let SlurmSection { array_parallel, max_array, max_submit, .. } = section;
-    let counts = [array_parallel, max_array, max_submit].map(|n| *n != Some(Count(0)));
-    let amounts = [section.target_chunk_minutes, section.flops_per_second];
-    let amounts = amounts.map(|n| n.is_none_or(|Amount(n)| n > 0.0));
+    let count = |n: Option<Count>| (n != Some(Count(0)), "must be at least 1");
+    let amount = |n: Option<Amount>| (n.is_none_or(|Amount(n)| n > 0.0), "must be above 0");
     let checks = [
-        ("array_parallel", counts[0], "must be at least 1"),
-        ("max_array", counts[1], "must be at least 1"),
-        ("max_submit", counts[2], "must be at least 1"),
-        ("target_chunk_minutes", amounts[0], "must be above 0"),
-        ("flops_per_second", amounts[1], "must be above 0"),
+        ("array_parallel", count(section.array_parallel)),
+        ("max_array", count(section.max_array)),
+        ("max_submit", count(section.max_submit)),
+        ("target_chunk_minutes", amount(section.target_chunk_minutes)),
+        ("flops_per_second", amount(section.flops_per_second)),
     ];
-    let wrong = checks.into_iter().filter(|(_, holds, _)| !holds);
-    wrong.map(|(key, _, message)| Problem::value(format!("{prefix}{key}"), message)).collect()
+    let wrong = checks.into_iter().filter(|(_, (holds, _))| !holds);
+    wrong.map(|(key, (_, message))| Problem::value(format!("{prefix}{key}"), message)).collect()
 }
 
 fn programs(section: &SlurmSection, prefix: &str) -> Vec<Problem> {

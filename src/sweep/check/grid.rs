@@ -1,24 +1,22 @@
 //! Impossible settings of the grid: models, vocabularies, budgets and how they are combined.
 
-use super::repeated::{self, model_path};
-use crate::spec::VocabularyError;
-use crate::sweep::condition::Condition;
-use crate::sweep::model_lists;
-use crate::sweep::nearest::nearest;
-use crate::sweep::problem::Problem;
+use crate::spec::{QuantizerSection, Share, VocabularyError, is_torch};
+use crate::sweep::cells::{Condition, MODEL_LISTS, models, named_models};
+use crate::sweep::problem::{Problem, nearest};
 use crate::sweep::sections::{Axis, GridPart, GridSection, ModelList, Sweep, VocabSpec};
 
 /// What is wrong with the grid.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
     [
-        models(sweep),
+        model_list(sweep),
         vocab(sweep),
         budgets(sweep),
         cells(sweep),
         zip(sweep),
-        repeated::check(sweep),
+        repeated(sweep),
         conditions("grid.exclude", &sweep.grid.exclude),
         also(sweep),
+        shares(sweep),
     ]
     .concat()
 }
@@ -36,30 +34,29 @@ fn also(sweep: &Sweep) -> Vec<Problem> {
     sweep.grid.also.iter().enumerate().flat_map(of_part).collect()
 }
 
-fn models(sweep: &Sweep) -> Vec<Problem> {
-    match &sweep.grid.models {
-        ModelList::Named(name) if model_lists::models(name).is_none() => {
-            vec![
-                Problem::value("grid.models", format!("no list of models is named `{name}`"))
-                    .with_help(nearest(name, &model_lists::NAMES)),
-            ]
+fn model_list(sweep: &Sweep) -> Vec<Problem> {
+    let problem = match &sweep.grid.models {
+        ModelList::Named(name) if named_models(name).is_none() => {
+            Problem::value("grid.models", format!("no list of models is named `{name}`"))
+                .with_help(nearest(name, &MODEL_LISTS))
         }
-        ModelList::Named(_) => Vec::new(),
         ModelList::Rule(rule) if rule.d_model.is_empty() || rule.head_dim == 0 => {
-            vec![Problem::value("grid.models", "the rule makes no model")]
+            Problem::value("grid.models", "the rule makes no model")
         }
         ModelList::Rule(rule) if rule.width_per_layer == 0 => {
-            vec![Problem::value("grid.models.width_per_layer", "must be at least 1")]
+            Problem::value("grid.models.width_per_layer", "must be at least 1")
         }
         ModelList::List(list) if list.is_empty() => {
-            vec![Problem::value("grid.models", "no model, so no run")]
+            Problem::value("grid.models", "no model, so no run")
         }
-        _ => every_model(sweep),
-    }
+        ModelList::Named(_) => return Vec::new(),
+        _ => return every_model(sweep),
+    };
+    vec![problem]
 }
 
 fn every_model(sweep: &Sweep) -> Vec<Problem> {
-    let models = crate::sweep::models(&sweep.grid.models);
+    let models = models(&sweep.grid.models);
     models
         .iter()
         .enumerate()
@@ -104,19 +101,16 @@ fn budgets(sweep: &Sweep) -> Vec<Problem> {
     if sweep.grid.budgets.is_empty() {
         return vec![Problem::value("grid.budgets", "no budget, so no run")];
     }
-    let listed = |path: &'static str, budgets: &[f64]| -> Vec<Problem> {
-        let possible = |budget: f64| budget > 0.0 && budget <= LARGEST_BUDGET;
-        let wrong = budgets.iter().enumerate().filter(|(_, budget)| !possible(**budget));
-        wrong
-            .map(|(i, budget)| {
-                Problem::value(format!("{path}[{i}]"), format!("a budget of {budget:e} FLOPs"))
-                    .with_help(format!("above 0 and at most {LARGEST_BUDGET:e}"))
-            })
-            .collect()
+    let [grid, predict] =
+        [&sweep.grid.budgets, &sweep.predict.budgets].map(|of| of.iter().enumerate());
+    let listed = grid.map(|(i, budget)| (format!("grid.budgets[{i}]"), *budget));
+    let asked = predict.map(|(i, budget)| (format!("predict.budgets[{i}]"), *budget));
+    let is_possible = |budget: f64| budget > 0.0 && budget <= LARGEST_BUDGET;
+    let problem = |(path, budget): (String, f64)| {
+        Problem::value(path, format!("a budget of {budget:e} FLOPs"))
+            .with_help(format!("above 0 and at most {LARGEST_BUDGET:e}"))
     };
-    let mut problems = listed("grid.budgets", &sweep.grid.budgets);
-    problems.extend(listed("predict.budgets", &sweep.predict.budgets));
-    problems
+    listed.chain(asked).filter(|(_, budget)| !is_possible(*budget)).map(problem).collect()
 }
 
 /// Runs of a grid at most: a plan holds each of them.
@@ -125,7 +119,7 @@ const MOST_RUNS: f64 = 1e6;
 /// Values of an axis.
 fn length(grid: &GridSection, axis: &Axis) -> usize {
     match axis {
-        Axis::Models => crate::sweep::models(&grid.models).len(),
+        Axis::Models => models(&grid.models).len(),
         Axis::Vocab => grid.vocab.len(),
         Axis::Budgets => grid.budgets.len(),
     }
@@ -172,4 +166,129 @@ pub(super) fn conditions(path: &str, texts: &[String]) -> Vec<Problem> {
         Some(Problem::value(format!("{path}[{i}]"), message))
     };
     texts.iter().enumerate().filter_map(problem).collect()
+}
+
+/// What is wrong with `grid.shares`.
+fn shares(sweep: &Sweep) -> Vec<Problem> {
+    const PATH: &str = "grid.shares";
+    let shares = &sweep.grid.shares;
+    if shares.is_empty() {
+        return vec![Problem::value(PATH, "no share, so no run").with_help("shares: [1]")];
+    }
+    let problem = |i: usize, message: String| Problem::value(format!("{PATH}[{i}]"), message);
+    let wrong = |(i, share): (usize, &f64)| match Share::new(*share) {
+        None => {
+            let message = format!("{share} is no share of the data");
+            Some(problem(i, message).with_help("above 0 and up to 1"))
+        }
+        Some(_) => {
+            let twice = || problem(i, "stands in the list a second time".into());
+            shares[..i].contains(share).then(twice)
+        }
+    };
+    let mut problems: Vec<Problem> = shares.iter().enumerate().filter_map(wrong).collect();
+    let may_not_know = sweep.trainer.as_ref().is_some_and(|trainer| !is_torch(&trainer.command));
+    if may_not_know && shares.iter().any(|share| *share != 1.0) {
+        let problem = Problem::value(PATH, "a trainer of your own sees all of the training split");
+        problems.push(problem.with_help("leave it out, and make a data set of each share"));
+    }
+    problems
+}
+
+// Entries that stand twice: each would train the same runs twice, side by side in one folder.
+
+/// The second of each pair of equal seeds, and of equal entries of an axis or a group of axes.
+fn repeated(sweep: &Sweep) -> Vec<Problem> {
+    let seed = second(&sweep.seeds).map(|i| format!("seeds[{i}]"));
+    let kind = second(&sweep.generator.0).map(|i| format!("generator[{i}]"));
+    let tokenizer = second(&sweep.tokenizer.seeds).map(|i| format!("tokenizer.seeds[{i}]"));
+    let of_group = |group: Vec<Axis>| Some(path(sweep, group[0], second(&rows(sweep, &group))?));
+    let lists = [seed, kind, tokenizer].into_iter().flatten();
+    let paths = lists.chain(Axis::groups(&sweep.grid.zip).into_iter().filter_map(of_group));
+    paths.map(|path| Problem::value(path, "stands in the list a second time")).collect()
+}
+
+/// What a group of axes holds at each index, up to the end of its shortest axis.
+fn rows(sweep: &Sweep, group: &[Axis]) -> Vec<Vec<String>> {
+    let columns: Vec<Vec<String>> = group.iter().map(|axis| entries(sweep, *axis)).collect();
+    let length = columns.iter().map(Vec::len).min().unwrap_or(0);
+    (0..length).map(|i| columns.iter().map(|column| column[i].clone()).collect()).collect()
+}
+
+fn entries(sweep: &Sweep, axis: Axis) -> Vec<String> {
+    let grid = &sweep.grid;
+    match axis {
+        Axis::Models => models(&grid.models).iter().map(|model| format!("{model:?}")).collect(),
+        Axis::Vocab => {
+            grid.vocab.iter().map(|entry| vocabulary(entry, &sweep.tokenizer.quantizer())).collect()
+        }
+        Axis::Budgets => grid.budgets.iter().map(f64::to_string).collect(),
+    }
+}
+
+fn path(sweep: &Sweep, axis: Axis, i: usize) -> String {
+    match axis {
+        Axis::Models => model_path(&sweep.grid.models, i),
+        Axis::Vocab => format!("grid.vocab[{i}]"),
+        Axis::Budgets => format!("grid.budgets[{i}]"),
+    }
+}
+
+/// By its quantizer, where it has one: 256 and `{levels: [8, 6, 5]}` are the same.
+fn vocabulary(entry: &VocabSpec, section: &QuantizerSection) -> String {
+    entry
+        .quantizer(section)
+        .map_or_else(|_| format!("{entry:?}"), |quantizer| format!("{quantizer:?}"))
+}
+
+/// The first index whose value stood before it.
+fn second<T: PartialEq>(values: &[T]) -> Option<usize> {
+    (1..values.len()).find(|&i| values[..i].contains(&values[i]))
+}
+
+/// Where the model of an index stands: in a list, or as a width of a rule.
+fn model_path(models: &ModelList, i: usize) -> String {
+    match models {
+        ModelList::Rule(_) => format!("grid.models.d_model[{i}]"),
+        _ => format!("grid.models[{i}]"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::sweep::parse;
+
+    fn problems(text: &str) -> Vec<String> {
+        match parse("sweep.yaml", text, &[]) {
+            Ok(_) => Vec::new(),
+            Err(errors) => errors.problems.into_iter().map(|problem| problem.path).collect(),
+        }
+    }
+
+    const MODELS: &str =
+        "[{n_layer: 1, n_head: 1, d_model: 8}, {n_layer: 1, n_head: 1, d_model: 8}]";
+
+    #[test]
+    fn what_stands_twice_is_named_by_its_second_place() {
+        let text = format!(
+            "{{name: a, seeds: [3, 4, 3], tokenizer: {{seeds: [1, 1]}}, grid: {{models: {MODELS}, vocab: [64, 240, \
+             {{levels: [8, 6, 5]}}], budgets: [1e9, 10e8]}}}}"
+        );
+        let lists = ["seeds[2]", "tokenizer.seeds[1]"];
+        let axes = ["grid.models[1]", "grid.vocab[2]", "grid.budgets[1]"];
+        let paths: Vec<&str> = lists.into_iter().chain(axes).collect();
+        assert_eq!(problems(&text), paths);
+    }
+
+    #[test]
+    fn a_zipped_axis_may_repeat_what_its_partner_tells_apart() {
+        let grid = |budgets: &str| {
+            format!(
+                "{{name: a, grid: {{models: {MODELS}, vocab: [64], budgets: {budgets}, \
+                 zip: [[models, budgets]]}}}}"
+            )
+        };
+        assert_eq!(problems(&grid("[1e9, 2e9]")), [""; 0]);
+        assert_eq!(problems(&grid("[1e9, 1e9]")), ["grid.models[1]"]);
+    }
 }

@@ -1,4 +1,4 @@
-//! Where the jobs of a sweep are done: the `engine` section.
+//! Where the jobs of a sweep are done: the `engine` section, and time limits as Slurm writes them.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -7,8 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_yaml::Value;
 
-use crate::machine;
-use crate::machine::Card;
+use crate::machine::{self, Card};
 use crate::units::number;
 
 /// The `engine` section: how an engine is to be used, not which: that is `--engine`.
@@ -60,26 +59,16 @@ impl JsonSchema for Word {
 }
 
 /// A number of seconds, minutes, tasks or FLOPs, written `30`, `0.5` or `1e9`.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
-pub struct Amount(pub f64);
-
-impl<'de> Deserialize<'de> for Amount {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        number::read(deserializer).map(Self)
-    }
-}
+pub struct Amount(#[serde(deserialize_with = "number::read")] pub f64);
 
 /// A whole number, written `8` or `1e3`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(transparent)]
-pub struct Count(pub usize);
-
-impl<'de> Deserialize<'de> for Count {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        number::read(deserializer).map(Self)
-    }
-}
+pub struct Count(#[serde(deserialize_with = "number::read")] pub usize);
 
 /// Two sections from one list of keys: what a stage may say of its own, and the whole.
 macro_rules! sections {
@@ -234,6 +223,54 @@ impl Stage {
             Self::Inputs => "inputs",
             Self::Train => "train",
             Self::Fit => "fit",
+        }
+    }
+}
+
+/// Minutes of a time limit as Slurm writes it: `90`, `90:30`, `4:00:00`, `2-12`, `2-12:00`, `2-12:00:00`; `None` where
+/// it is none, or has no end.
+pub fn minutes(text: &str) -> Option<f64> {
+    let (days, rest) = match text.trim().split_once('-') {
+        Some((days, rest)) => (Some(digits(days)?), rest),
+        None => (None, text.trim()),
+    };
+    let parts: Vec<f64> = rest.split(':').map(digits).collect::<Option<_>>()?;
+    let (hours, minutes, seconds) = match (days, parts[..].as_ref()) {
+        (None, [minutes]) => (0.0, *minutes, 0.0),
+        (None, [minutes, seconds]) => (0.0, *minutes, *seconds),
+        (Some(_), [hours]) => (*hours, 0.0, 0.0),
+        (Some(_), [hours, minutes]) => (*hours, *minutes, 0.0),
+        (_, [hours, minutes, seconds]) => (*hours, *minutes, *seconds),
+        _ => return None,
+    };
+    let minutes = (days.unwrap_or(0.0) * 24.0 + hours) * 60.0 + minutes + seconds / 60.0;
+    (minutes > 0.0).then_some(minutes)
+}
+
+fn digits(text: &str) -> Option<f64> {
+    let all = !text.is_empty() && text.chars().all(|c| c.is_ascii_digit());
+    all.then(|| text.parse().ok()).flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::minutes;
+
+    #[test]
+    fn every_form_that_slurm_takes_is_read_and_no_other() {
+        let good = [
+            ("90", 90.0),
+            ("1:30", 1.5),
+            ("4:00:00", 240.0),
+            ("1-02", 1560.0),
+            ("1-02:03", 1563.0),
+            ("1-02:03:30", 1563.5),
+        ];
+        for (text, expected) in good {
+            assert_eq!(minutes(text), Some(expected), "{text}");
+        }
+        for text in ["", "0", "4h", "1:2:3:4", "-1", "UNLIMITED", "1-", "1e2"] {
+            assert_eq!(minutes(text), None, "{text}");
         }
     }
 }

@@ -1,12 +1,10 @@
 //! [`Sweep`]: what a sweep file says, with every default filled in.
 
-mod analysis;
 mod engine;
 mod grid;
 mod trainer;
 mod training;
 
-pub use analysis::*;
 pub use engine::*;
 pub use grid::*;
 pub use trainer::*;
@@ -17,15 +15,15 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::laws::MinimumMethod::{self, Argmin, Cubic, Parabola, Surface};
 use crate::spec::{
-    DataSection, DataSource, EvaluatorSection, GeneratorKind, QuantizerSpec, ScoresSpec, TextSpec,
+    DataSection, DataSource, EvaluatorSection, FlopsRule, QuantizerSpec, ScoresSpec, TextSpec,
     TokenizerSection, VocabularyError,
 };
-use crate::units::number::{self, Written};
-use crate::units::{Ways, number::plain};
+use crate::units::number::{self, Written, plain};
+use crate::units::{Ways, section};
 
-plain!(ScheduleKind, ScheduleSection, RateParams);
-plain!(HoldOutSpec);
+plain!(ScheduleKind, ScheduleSection, RateParams, HoldOutSpec);
 
 /// Sections that a number or a command may stand for.
 macro_rules! short {
@@ -91,17 +89,6 @@ pub struct Sweep {
     pub engine: Option<EngineSection>,
 }
 
-/// Kinds of generators: one, or a list.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[serde(transparent)]
-pub struct Generators(pub Vec<GeneratorKind>);
-
-impl Default for Generators {
-    fn default() -> Self {
-        Self(vec![GeneratorKind::default()])
-    }
-}
-
 impl Sweep {
     /// The quantizer of a vocabulary of the grid. Where no tokenizer is trained (`data: {source: none}`), a size
     /// is taken as it is written.
@@ -124,4 +111,44 @@ impl Sweep {
 
 fn default_seeds() -> Vec<u64> {
     vec![0]
+}
+
+// What is made of the runs.
+
+section! {
+    /// The `flops` section: how FLOPs are counted.
+    pub struct FlopsSection {
+        rule: FlopsRule = FlopsRule::default();
+    }
+}
+
+/// Which budget takes no part in the fit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum HoldOutSpec {
+    /// The largest. The laws of the others are tested on it.
+    #[default]
+    LargestBudget,
+    /// All are fitted, and none is left to test the laws on.
+    None,
+}
+
+section! {
+    /// The `fit` section: how laws are fitted to the runs.
+    pub struct FitSection {
+        /// How the minimum of each budget is found: the laws go through the parabolas, or through the
+        /// best runs where too few parabolas can be trusted, and the others stand beside them.
+        minima: Vec<MinimumMethod> = vec![Parabola, Argmin, Cubic, Surface];
+        hold_out: HoldOutSpec = HoldOutSpec::default();
+        /// Bootstrap replicates for the intervals.
+        bootstrap: usize = 1000;
+    }
+}
+
+section! {
+    /// The `predict` section: what the laws are asked at the end.
+    pub struct PredictSection {
+        /// Budgets, in FLOPs, of which the best configuration is given.
+        budgets: Vec<f64> = Vec::new();
+    }
 }

@@ -1,17 +1,13 @@
-//! The fit as a table for a terminal.
+//! The fit in full, as tables: coefficients, laws, minima, and the laws under other choices.
 
-use super::brief::brief;
-use super::checks::{advice, unseen_budgets};
-use super::parametric::parametric_text;
-use super::verdict::verdict;
+use super::brief;
+use super::verdict::{advice, unseen_budgets, verdict};
 use crate::laws::text::{count, short};
 use crate::laws::{
-    FloorLaw, HeldOut, JointLaw, Laws, LogLaw, Minimum, NoiseSource, Parameters, PowerLaw,
-    RunNoise, Sensitivity, flags_text,
+    FloorLaw, JointLaw, Laws, LogLaw, Minimum, NoiseSource, Parameters, Parametric, PowerLaw,
+    RunNoise, Sensitivity, Space, flags_text,
 };
-use crate::words::number::{four, known, span};
-use crate::words::wrap::COLUMNS;
-use crate::words::{listed, wrap};
+use crate::words::{COLUMNS, four, known, listed, span, wrap};
 
 /// The first screen, then the coefficients of a parametric loss, laws with intervals, minima with flags, loss
 /// laws with their held-out errors, what unseen budgets say of the laws, the sensitivity table, what
@@ -25,7 +21,7 @@ pub fn summary(laws: &Laws) -> String {
     [
         brief(laws) + "\n",
         verdict(laws).iter().map(|sentence| wrap("- ", sentence)).collect(),
-        laws.parametric.as_ref().map_or_else(String::new, parametric_text) + "\n",
+        laws.parametric.as_ref().map_or_else(String::new, parametric) + "\n",
         wrap("", &reference),
         power_laws(laws),
         loss_laws(laws),
@@ -49,6 +45,56 @@ fn noise(laws: &Laws) -> String {
         NoiseSource::Surface { degree } => format!("a surface of degree {degree}"),
     };
     format!("; one run scatters by {} nats ({dof} degrees of freedom, {source})", short(sd, 2))
+}
+
+/// The coefficients of a parametric law with errors and intervals, and how well the search for them ended.
+fn parametric(parametric: &Parametric) -> String {
+    let head = format!(
+        "\n{:<14}{:>14}{:>14}{:>28}\n",
+        "coefficient", "estimate", "std. error", "95 % interval"
+    );
+    let (names, values) = (parametric.coefficients.form.names(), parametric.coefficients.values());
+    let row = |(i, name)| {
+        let error = known(parametric.se.get(i).copied(), six);
+        let interval = span(parametric.ci95.get(i).copied(), six);
+        format!("{name:<14}{:>14}{error:>14}{interval:>28}\n", six(values[i]))
+    };
+    let rows: String = names.iter().enumerate().map(row).collect();
+    head + &rows + "\n" + &wrap("", &how(parametric))
+}
+
+/// Six significant digits.
+fn six(x: f64) -> String {
+    if x != 0.0 && !(1e-3..1e6).contains(&x.abs()) {
+        return short(x, 4);
+    }
+    let whole = if x == 0.0 { 1.0 } else { x.abs().log10().floor().max(0.0) + 1.0 };
+    format!("{x:.*}", (6.0 - whole).max(0.0) as usize)
+}
+
+fn how(p: &Parametric) -> String {
+    let loss = match p.space {
+        Space::Log => "ln L",
+        Space::Raw => "L",
+    };
+    let what = match p.huber_delta {
+        Some(delta) => format!("Huber's function with delta = {} of", short(delta, 3)),
+        None => "half the squares of".into(),
+    };
+    let tied = if p.tied { "; the exponents of model and data are kept equal" } else { "" };
+    let replicates = match p.bootstrap.len() {
+        0 => String::new(),
+        all => format!("; {} of {all} bootstrap replicates converged", p.replicates_converged),
+    };
+    format!(
+        "{} is the least sum of {what} the residuals of {loss} over {} runs{tied}. The gradient's \
+         norm there is {}; {} of {} starts end there{replicates}.",
+        short(p.objective_sum, 10),
+        p.n,
+        short(p.gradient_norm, 1),
+        p.starts_at_optimum,
+        p.starts
+    )
 }
 
 fn power_laws(laws: &Laws) -> String {
@@ -75,8 +121,7 @@ fn power_laws(laws: &Laws) -> String {
 
 fn power(name: &str, law: &PowerLaw, laws: &Laws) -> String {
     // A law that follows from a parametric loss goes through no points of its own.
-    let r2 = law.told_r2().filter(|_| laws.parametric.is_none());
-    let r2 = known(r2, four);
+    let r2 = known(law.told_r2().filter(|_| laws.parametric.is_none()), four);
     format!(
         "{name:<14}{:>10.4}{:>18}{:>14.4}{:>12}{r2:>8}{:>4}\n",
         law.exponent,
@@ -115,43 +160,32 @@ fn loss_laws(laws: &Laws) -> String {
             text += &wrap("    ", &told);
         }
     }
-    text + &about_aic(laws)
+    let aic = laws.loss.log.as_ref().and_then(LogLaw::goodness);
+    if aic.and(laws.loss.floor.as_ref().and_then(FloorLaw::goodness)).is_some() {
+        text += "AIC: lower is better; a difference of 2 says little\n";
+    }
+    text
 }
-
-/// Passes that a sentence names.
-const PASSES: [f64; 2] = [4.0, 16.0];
 
 /// What repeated data is worth, where that is known.
 fn repetition(laws: &Laws) -> String {
     let joint = laws.judgement.joint.as_ref();
     let own = joint.filter(|law| law.tells_repetition()).and_then(JointLaw::repetition);
     let Some(own) = own else { return String::new() };
-    let [few, many] = PASSES.map(|passes| own.worth(passes));
+    let [few, many] = [4.0, 16.0].map(|passes| own.worth(passes));
     let r = own.r_ci95.map_or(String::new(), |[l, h]| format!(", by noise {l:.1} to {h:.1}"));
     let rho =
         own.rho_ci95.map_or(String::new(), |[l, h]| format!(", by noise {:+.2} to {:+.2}", -h, -l));
     wrap(
         "",
         &format!(
-            "Repeated data, at N_nv = {}: {} passes are worth {few:.1} fresh ones, {} are worth {many:.1} \
+            "Repeated data, at N_nv = {}: 4 passes are worth {few:.1} fresh ones, 16 are worth {many:.1} \
              (R = {:.1}{r}; R goes as N^{:+.2}{rho}).",
             count(own.params_nonvocab),
-            PASSES[0],
-            PASSES[1],
             own.r,
             -own.rho,
         ),
     )
-}
-
-/// What the column AIC is, where it says something.
-fn about_aic(laws: &Laws) -> String {
-    let of_log = laws.loss.log.as_ref().and_then(LogLaw::goodness);
-    let of_floor = laws.loss.floor.as_ref().and_then(FloorLaw::goodness);
-    match of_log.and(of_floor) {
-        Some(_) => "AIC: lower is better; a difference of 2 says little\n".to_string(),
-        None => String::new(),
-    }
 }
 
 /// Four decimals, or scientific where that would be wide.
@@ -181,12 +215,14 @@ fn minima(laws: &Laws) -> String {
         laws.loss_symbol(),
         "flags"
     );
-    head + &laws.minima.iter().map(|m| minimum(m, laws.held_out.as_ref())).collect::<String>()
+    let is_held_out = |m: &Minimum| {
+        laws.held_out.as_ref().is_some_and(|held_out| held_out.budget_flops == m.budget_flops)
+    };
+    head + &laws.minima.iter().map(|m| minimum(m, is_held_out(m))).collect::<String>()
 }
 
 /// One line, and the flags below it where there is more than one.
-fn minimum(m: &Minimum, held_out: Option<&HeldOut>) -> String {
-    let is_held_out = held_out.is_some_and(|h| h.budget_flops == m.budget_flops);
+fn minimum(m: &Minimum, is_held_out: bool) -> String {
     let mut marks: Vec<String> = is_held_out.then(|| "held out once".into()).into_iter().collect();
     marks.extend((!m.flags.is_empty()).then(|| flags_text(&m.flags)));
     // A 0 stands for what is not known.
@@ -203,9 +239,7 @@ fn minimum(m: &Minimum, held_out: Option<&HeldOut>) -> String {
     );
     match marks.join(", ") {
         marks if marks.is_empty() => line + "\n",
-        marks if line.len() + 2 + marks.len() <= COLUMNS => {
-            format!("{line}  {marks}\n")
-        }
+        marks if line.len() + 2 + marks.len() <= COLUMNS => format!("{line}  {marks}\n"),
         marks => format!("{line}\n{}", wrap("            ", &marks)),
     }
 }

@@ -1,8 +1,11 @@
-//! What the laws through minima say of themselves, in sentences.
+//! What the laws say of themselves, what unseen budgets say of them, and what to run next.
 
 use crate::laws::text::count;
-use crate::laws::{Laws, MinimumFlag, Parameters, PowerLaw, Sensitivity, flags_text};
-use crate::words::number::{from_to, thousandths};
+use crate::laws::{
+    Advice, AdviceKind, Laws, MinimumFlag, PowerLaw, Sensitivity, Validation, ValidationKind,
+    flags_text,
+};
+use crate::words::{from_to, known, listed, thousandths, wrap};
 
 /// Two values of γ, or of an exponent by two methods, that differ by more than this disagree.
 const DISAGREEMENT: f64 = 0.1;
@@ -15,7 +18,7 @@ pub fn verdict(laws: &Laws) -> Vec<String> {
 }
 
 /// An exponent with its interval.
-pub(super) fn exponent(law: &PowerLaw) -> String {
+pub fn exponent(law: &PowerLaw) -> String {
     let interval = law.exponent_ci95.map(|ends| format!(" ({})", from_to(ends, thousandths)));
     thousandths(law.exponent) + &interval.unwrap_or_default()
 }
@@ -41,25 +44,18 @@ fn gamma(laws: &Laws) -> Option<String> {
 
 /// The two kinds of minimum whose exponents of N_nv lie furthest apart, where that is far.
 fn methods_disagree(laws: &Laws) -> Option<String> {
+    let of_size = |r: &Sensitivity| r.exponent_nonvocab.or(r.exponent_params);
     let rows = laws.sensitivity.iter();
-    let size = laws.parameters.size();
-    let known = || rows.clone().filter_map(|r| Some((own_exponent(laws, r)?, r.variant.as_str())));
+    let known = || rows.clone().filter_map(|r| Some((of_size(r)?, r.variant.as_str())));
     let (low, low_name) = known().min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (high, high_name) = known().max_by(|a, b| a.0.total_cmp(&b.0))?;
     (high - low > DISAGREEMENT).then(|| {
         format!(
-            "The exponent of {size} depends on a choice: {low:.3} ({low_name}) against {high:.3} \
-             ({high_name})."
+            "The exponent of {} depends on a choice: {low:.3} ({low_name}) against {high:.3} \
+             ({high_name}).",
+            laws.parameters.size()
         )
     })
-}
-
-/// The exponent of what the laws take for the size.
-fn own_exponent(laws: &Laws, row: &Sensitivity) -> Option<f64> {
-    match laws.parameters {
-        Parameters::Split => row.exponent_nonvocab,
-        Parameters::Total => row.exponent_params,
-    }
 }
 
 fn flagged(laws: &Laws) -> impl Iterator<Item = String> {
@@ -98,6 +94,78 @@ fn reason(flag: MinimumFlag) -> &'static str {
         MinimumFlag::Gap => "the sizes on either side are more than a factor 2.5 apart",
         MinimumFlag::DepthChange => "the models on either side differ in depth",
     }
+}
+
+/// The errors on budgets that the laws had not seen; empty where there are none.
+pub fn unseen_budgets(laws: &Laws) -> String {
+    if laws.validation.is_empty() {
+        return String::new();
+    }
+    let head = format!(
+        "\n{:<27}{:>8}{:>9}{:>9}{:>9}{:>9}{:>9}\n",
+        "unseen budgets, pred./meas.",
+        "n",
+        "log err",
+        "floor",
+        laws.parameters.size(),
+        "N_v",
+        "D"
+    );
+    head + &laws.validation.iter().map(unseen).collect::<String>()
+}
+
+fn unseen(row: &Validation) -> String {
+    let kind = match row.kind {
+        ValidationKind::LeaveOneOut => "left out",
+        ValidationKind::RollForward => "from smaller",
+    };
+    let ratio = |x: Option<f64>| known(x, thousandths);
+    format!(
+        "{kind:<16}{:>11}{:>8}{:>+9.4}{:>9}{:>9}{:>9}{:>9}\n",
+        count(row.budget_flops),
+        row.n_fitted,
+        row.log_error,
+        known(row.floor_error, |x| format!("{x:+.4}")),
+        ratio(row.params_nonvocab_ratio.or(row.params_ratio)),
+        ratio(row.params_vocab_ratio),
+        ratio(Some(row.tokens_ratio)),
+    )
+}
+
+/// What to run next, one item an advice; empty where there is none.
+pub fn advice(laws: &Laws) -> String {
+    let mut text = listed("what to run next", laws.advice.iter().map(advised));
+    if laws.from_sweep && !text.is_empty() {
+        let file =
+            "--next FILE writes this as a sweep, with models and codebooks that can be built.";
+        text += &wrap("  ", file);
+    }
+    text
+}
+
+fn advised(advice: &Advice) -> String {
+    let what = match advice.kind {
+        AdviceKind::AddSizes => "add sizes",
+        AdviceKind::AddVocabularies => "add vocabularies",
+        AdviceKind::AddSeeds => "add seeds",
+        AdviceKind::LargerBudget => "add this budget",
+        AdviceKind::NextBudget => "the next budget, if any",
+    };
+    let list = |values: &[f64], number: fn(f64) -> String| {
+        values.iter().map(|x| number(*x)).collect::<Vec<_>>().join(", ")
+    };
+    let vocabularies = match &advice.n_vocab[..] {
+        [] => String::new(),
+        tried => format!("; V {}", list(tried, |x| format!("{x:.0}"))),
+    };
+    format!(
+        "{} FLOPs, {what}: {}. Sizes {}{vocabularies}: {} runs, {} FLOPs.",
+        count(advice.budget_flops),
+        advice.why,
+        list(&advice.params_nonvocab, count),
+        advice.runs,
+        count(advice.flops),
+    )
 }
 
 #[cfg(test)]

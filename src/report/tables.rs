@@ -1,0 +1,223 @@
+//! The tables of the page: generators side by side, runs, tokenizers, and where the results come from.
+
+use std::collections::BTreeSet;
+
+use maud::{Markup, html};
+
+use super::input::{ReportInput, Study, Words, budgets, of_budget, section};
+use crate::laws::text::count;
+use crate::laws::{Exponent, Laws};
+use crate::record::RunRecord;
+use crate::tokenizer::TokenizerMetrics;
+use crate::words::from_to;
+
+/// A table whose first column names its rows; it scrolls by itself where it is wider than the page.
+pub fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> Markup {
+    html! {
+        div.wide tabindex="0" role="region" aria-label=(caption) {
+            table {
+                caption { (caption) }
+                thead { tr { @for name in head { th scope="col" { (name) } } } }
+                tbody {
+                    @for row in rows {
+                        tr {
+                            @for (column, cell) in row.iter().enumerate() {
+                                @if column == 0 { th scope="row" { (cell) } } @else { td { (cell) } }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// An interval in words; empty if there is none.
+pub fn interval(interval: Option<[f64; 2]>, number: fn(f64) -> String) -> String {
+    interval.map_or_else(String::new, |ends| from_to(ends, number))
+}
+
+/// The generators of a sweep side by side; `None` where it has one.
+pub fn generators(studies: &[Study]) -> Option<Markup> {
+    let head =
+        ["generator", "runs", "C", "lowest L_u", "N_nv", "V", "exponent of N_nv", "of N_v", "of D"];
+    let rows: Vec<Vec<String>> = studies.iter().filter_map(of_generator).collect();
+    let within = html! {
+        (table("The best run at the largest budget, and exponents of C with 95 % intervals", &head, &rows))
+        nav aria-label="Generators" {
+            ul.legend {
+                @for study in studies {
+                    li { a href={ "#" (study.id("verdict")) } { (study.generator.unwrap_or_default()) } }
+                }
+            }
+        }
+        p.faint { "L_u is in nats a token. Losses of generators with other kinds of tokens do not compare; \
+                   the scores of their motions do." }
+    };
+    (!rows.is_empty()).then(|| section("generators", "Generators", &within))
+}
+
+/// A generator that has a name.
+fn of_generator(study: &Study) -> Option<Vec<String>> {
+    let mut cells = vec![study.generator?.to_string(), study.records.len().to_string()];
+    let largest = budgets(study.records).last().copied();
+    let best = largest.and_then(|budget| best(study.records, budget));
+    cells.extend(match best {
+        Some((record, loss)) => [
+            count(record.planned.budget_flops),
+            format!("{loss:.4}"),
+            count(record.planned.params_nonvocab as f64),
+            record.planned.n_vocab.to_string(),
+        ],
+        None => Default::default(),
+    });
+    let answer = study.laws.map(Laws::answer);
+    let own = answer.as_ref().map(|answer| &answer.exponents);
+    let exponent = |own: Option<&Exponent>| {
+        let exponent = hundredths(own?.value?);
+        let certain = interval(own?.ci95, hundredths);
+        Some(if certain.is_empty() { exponent } else { format!("{exponent} ({certain})") })
+    };
+    let of = |symbol| exponent(own.and_then(|own| own.of(symbol))).unwrap_or_default();
+    cells.extend(["N_nv", "N_v", "D"].map(of));
+    Some(cells)
+}
+
+/// Two decimals: a row has room for three intervals.
+fn hundredths(x: f64) -> String {
+    format!("{x:.2}")
+}
+
+/// The run of the lowest L_u at a budget.
+fn best(records: &[RunRecord], budget: f64) -> Option<(&RunRecord, f64)> {
+    let measured = of_budget(records, budget)
+        .filter_map(|record| Some((record, record.loss_normalised().ok()?)));
+    measured.min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// The runs, in a table that sorts and filters; `None` where there is none.
+pub fn runs(records: &[&RunRecord], words: &Words) -> Option<Markup> {
+    let (size, loss) = (words.size, words.loss);
+    let columns = [
+        "generator",
+        size,
+        "layers",
+        "width",
+        "V",
+        "C",
+        "share",
+        "seed",
+        "D",
+        "epochs",
+        loss,
+        "seconds",
+    ];
+    let within = html! {
+        label for="filter" { "Show runs with " }
+        input id="filter" type="search" placeholder="masked 1e11 V=128";
+        " " span id="shown" aria-live="polite" {}
+        div.wide.tall tabindex="0" role="region" aria-label="Table of runs" {
+            table id="table" {
+                caption { "Finished runs" }
+                thead { tr {
+                    @for name in columns { th scope="col" { button type="button" { (name) } } }
+                } }
+                tbody { @for record in records {
+                    tr { @for (text, value) in of_run(record) { td data-value=[value] { (text) } } }
+                } }
+            }
+        }
+    };
+    (!records.is_empty()).then(|| section("runs", "Runs", &within))
+}
+
+/// What is read in the cells of a run, and what each is sorted by.
+fn of_run(record: &RunRecord) -> [(String, Option<f64>); 12] {
+    let (planned, measured) = (&record.planned, &record.measured);
+    let number =
+        |value: Option<f64>, text: fn(f64) -> String| (value.map(text).unwrap_or_default(), value);
+    let whole = |value: Option<f64>| number(value, |x| format!("{x}"));
+    let many = |value: f64| number(Some(value), count);
+    let of = |value: Option<usize>| whole(value.map(|value| value as f64));
+    [
+        (planned.generator.clone().unwrap_or_default(), None),
+        many(planned.params_nonvocab as f64),
+        of(planned.n_layer),
+        of(planned.d_model),
+        of(Some(planned.n_vocab)),
+        many(planned.budget_flops),
+        whole(Some(record.share())),
+        whole(planned.seed.map(|seed| seed as f64)),
+        many(measured.tokens as f64),
+        number(measured.epochs, |x| format!("{x:.2}")),
+        number(record.loss_normalised().ok(), |x| format!("{x:.4}")),
+        number(measured.wall_s, |x| format!("{x:.0}")),
+    ]
+}
+
+/// The tokenizers beside k-means; `None` where the study has none.
+pub fn tokenizers(tokenizers: &[TokenizerMetrics]) -> Option<Markup> {
+    let head = [
+        "V",
+        "kind",
+        "seed",
+        "MPJPE, mm",
+        "heading given",
+        "k-means so",
+        "codes used",
+        "effective codes",
+    ];
+    let rows: Vec<Vec<String>> = tokenizers.iter().map(of_tokenizer).collect();
+    let caption = "Error of the joints on the test split, beside k-means of as many codes";
+    let table = table(caption, &head, &rows);
+    (!rows.is_empty()).then(|| section("tokenizers", "Tokenizers", &table))
+}
+
+fn of_tokenizer(metrics: &TokenizerMetrics) -> Vec<String> {
+    let mm = |value: Option<f64>| value.map(|mm| format!("{mm:.1}")).unwrap_or_default();
+    let architecture = metrics.architecture.as_deref().unwrap_or_default();
+    vec![
+        metrics.n_vocab.to_string(),
+        format!("{architecture} {}", metrics.kind).trim().to_string(),
+        metrics.seed.map(|seed| seed.to_string()).unwrap_or_default(),
+        mm(Some(metrics.mpjpe_mm)),
+        mm(metrics.mpjpe_heading_mm),
+        mm(metrics.k_means.as_ref().map(|baseline| baseline.mpjpe_heading_mm)),
+        format!("{:.0} %", 100.0 * metrics.utilisation),
+        format!("{:.0}", metrics.exponential_entropy),
+    ]
+}
+
+/// Where the results come from: versions, machines, the resolved sweep, and what was not run.
+pub fn provenance(input: &ReportInput) -> Markup {
+    let records = input.records();
+    let rows = [
+        ("isoflop, for this page", env!("CARGO_PKG_VERSION").to_string()),
+        ("revisions that trained", each(&records, |run| run.measured.git_revision.clone())),
+        ("devices", each(&records, |run| run.measured.device.clone())),
+        ("seeds", each(&records, |run| run.planned.seed.map(|seed| seed.to_string()))),
+    ];
+    let rows = rows.map(|(name, value)| vec![name.to_string(), value]);
+    let within = html! {
+        (table("Versions and machines", &["what", "which"], &rows))
+        @if !input.dropped.is_empty() {
+            details {
+                summary { "Cells of the grid that were not run: " (input.dropped.len()) }
+                ul { @for cell in input.dropped { li { (cell) } } }
+            }
+        }
+        @if !input.sweep.is_empty() {
+            details {
+                summary { "The resolved sweep" }
+                pre tabindex="0" role="region" aria-label="The resolved sweep" { (input.sweep.trim()) }
+            }
+        }
+    };
+    section("about", "Provenance", &within)
+}
+
+/// The values that runs have, each once.
+fn each(records: &[&RunRecord], of: fn(&RunRecord) -> Option<String>) -> String {
+    let values: BTreeSet<String> = records.iter().copied().filter_map(of).collect();
+    values.into_iter().collect::<Vec<_>>().join(", ")
+}

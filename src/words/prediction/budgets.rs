@@ -1,0 +1,184 @@
+//! Predictions for budgets: one or several on a screen, or all that is known of each.
+
+use super::{
+    QUANTITIES, buildable, cells, distance, number, of_loss, on_other_clips, standing, values,
+};
+use crate::laws::text::{count, short};
+use crate::predict::{Prediction, Raw, Together};
+use crate::words::{four, known, listed, span, thousandths, wrap};
+
+/// Predictions in some ten lines of at most 80 columns, or all that is known of each.
+pub fn said(predictions: &[Prediction], full: bool) -> String {
+    match predictions {
+        _ if full => predictions.iter().map(text).collect::<Vec<_>>().join("\n"),
+        [] => String::new(),
+        [one] => of_one(one),
+        several => of_several(several),
+    }
+}
+
+// One budget on a screen: values with intervals, what to build, other laws, warnings.
+
+fn of_one(prediction: &Prediction) -> String {
+    // The first two warnings are said, the rest only counted.
+    let (said, left) = prediction.warnings.split_at(2.min(prediction.warnings.len()));
+    let (budget, loss) = (count(prediction.budget_flops), of_loss(prediction.loss_name.as_deref()));
+    let build = prediction.shape.as_ref().map(|shape| format!("  build: {}\n", buildable(shape)));
+    wrap("", &format!("For {budget} FLOPs, {}{loss}:", standing(prediction)))
+        + &rows(prediction)
+        + &build.unwrap_or_default()
+        + &other_laws(prediction)
+        + &cautions(said, left.len())
+}
+
+fn rows(prediction: &Prediction) -> String {
+    let interval = |text: &str, to: &str| {
+        if to.is_empty() { String::new() } else { format!("   {text}: {to}") }
+    };
+    let others = on_other_clips(prediction).unwrap_or_default();
+    let row = |[name, value, to]: [String; 3]| {
+        // The loss on other clips has no value of its own, and stands beside the loss.
+        let line = format!("  {name:<5}{value:>11}{}", interval("95 %", &to));
+        let others = if name == "loss" { interval("other clips", &others) } else { String::new() };
+        (!value.is_empty()).then(|| line + &others + "\n")
+    };
+    cells(prediction).into_iter().filter_map(row).collect()
+}
+
+/// The loss by each law, and by all of them together.
+fn other_laws(prediction: &Prediction) -> String {
+    let Raw { loss_log, loss_floor, loss_joint, .. } = prediction.raw;
+    let laws = [("log", loss_log), ("floor", loss_floor), ("joint", loss_joint)];
+    let named = |(name, loss): (&str, Option<f64>)| Some(format!("{name} {:.4}", loss?));
+    let all: Vec<String> = laws.into_iter().filter_map(named).collect();
+    let together = prediction.together.as_ref();
+    let together = together.map(|together| format!("; together {:.4}", together.loss_normalised));
+    match all.len() {
+        0 | 1 => String::new(),
+        _ => format!("  loss by law: {}{}\n", all.join(", "), together.unwrap_or_default()),
+    }
+}
+
+/// Sentences, and how many are left for `--full`.
+fn cautions(said: &[String], left: usize) -> String {
+    let said: String = said.iter().map(|sentence| wrap("- ", sentence)).collect();
+    if left == 0 { said } else { format!("{said}- {left} more: --full\n") }
+}
+
+// Several budgets on a screen: a table, and what the farthest is warned of.
+
+fn of_several(predictions: &[Prediction]) -> String {
+    let first = &predictions[0];
+    let by = first.recommended.map_or_else(String::new, |law| format!(" by {}", law.about()));
+    let loss = of_loss(first.loss_name.as_deref());
+    let told = QUANTITIES.into_iter().zip(values(first));
+    wrap("", &format!("Optima{by}, and how far beyond the fit they lie{loss}:"))
+        + &line("FLOPs", told.map(|((name, _), (value, _))| value.map(|_| name.to_string())))
+        + &predictions.iter().map(two_lines).collect::<String>()
+        + &weightiest(predictions)
+}
+
+/// The values of a budget, and below them their intervals.
+fn two_lines(prediction: &Prediction) -> String {
+    let [_, _, (_, vocab), _, _] = QUANTITIES;
+    let narrow = |x| short(x, 2);
+    let numbers: [fn(f64) -> String; 5] = [narrow, narrow, vocab, narrow, thousandths];
+    let told = numbers.into_iter().zip(values(prediction));
+    let own = told.clone().map(|(number, (value, _))| value.map(number));
+    let intervals = told.map(|(number, (value, ends))| value.map(|_| span(ends, number)));
+    let far = distance(prediction.extrapolation_factor, prediction.below_fit);
+    let far = format!("  {}", far.trim_end_matches(" beyond"));
+    line(&count(prediction.budget_flops), own) + &line(&far, intervals)
+}
+
+/// A label and a column for each quantity that there is.
+fn line(label: &str, cells: impl Iterator<Item = Option<String>>) -> String {
+    let cells: String = cells.flatten().map(|cell| format!(" {cell:>15}")).collect();
+    format!("{label:<16}{cells}").trim_end().to_string() + "\n"
+}
+
+/// The weightiest warning of the farthest budget, and how many there are besides.
+fn weightiest(predictions: &[Prediction]) -> String {
+    let all: usize = predictions.iter().map(|prediction| prediction.warnings.len()).sum();
+    let farthest = predictions.iter().max_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
+    let said = farthest
+        .and_then(|one| Some(format!("{}: {}", count(one.budget_flops), one.warnings.first()?)));
+    let said: Vec<String> = said.into_iter().collect();
+    cautions(&said, all - said.len())
+}
+
+// All that is known of a prediction.
+
+/// The prediction in at most 80 columns and without colour.
+fn text(prediction: &Prediction) -> String {
+    let title = format!(
+        "Optimum for {} FLOPs by {}{}: each law by itself, they would spend {:.3} of it; extrapolation factor {:.3}.",
+        count(prediction.budget_flops),
+        prediction.law,
+        of_loss(prediction.loss_name.as_deref()),
+        prediction.budget_ratio,
+        prediction.extrapolation_factor
+    );
+    let Prediction { at, ci95, raw, .. } = prediction;
+    let row = |(name, value): (&str, &f64)| {
+        let number = number(name);
+        let interval = span(ci95.at.of(name).copied(), number);
+        let raw = known(raw.at.of(name).copied(), count);
+        format!("{name:<8}{:>14}{interval:>28}{raw:>14}\n", number(*value))
+    };
+    let together = prediction.together.as_ref().map(|own| wrap("- ", &all_together(own)));
+    wrap("", &title)
+        + &format!("\n{:<8}{:>14}{:>28}{:>14}\n", "", "on budget", "95 % interval", "by itself")
+        + &at.named().map(row).collect::<String>()
+        + &loss(prediction)
+        + &shape(prediction)
+        + &together.unwrap_or_default()
+        + &listed("warnings", prediction.warnings.iter().cloned())
+}
+
+fn loss(prediction: &Prediction) -> String {
+    let Prediction { ci95, raw, .. } = prediction;
+    let Some(loss) = prediction.loss_normalised else {
+        return String::new();
+    };
+    // Where there is no log law, the loss is the floor law's already.
+    let floor = raw.loss_log.and(raw.loss_floor).map_or_else(String::new, |floor| {
+        let interval = span(ci95.loss_floor, four);
+        format!("{:<8}{:>14}{interval:>28}   by the law with a floor\n", "", four(floor))
+    });
+    let others = ci95.loss_on_other_clips.map_or_else(String::new, |ends| {
+        format!("{:<22}{:>28}\n", "on other clips", span(Some(ends), four))
+    });
+    let interval = span(ci95.loss_normalised, four);
+    format!("{:<8}{:>14}{interval:>28}\n{others}{floor}", "loss", four(loss))
+}
+
+fn shape(prediction: &Prediction) -> String {
+    let Some(shape) = &prediction.shape else {
+        return String::new();
+    };
+    let levels = match &shape.levels[..] {
+        [] => String::new(),
+        levels => format!(" (FSQ levels {levels:?})"),
+    };
+    let sentence = format!(
+        "nearest shape: {} layers, {} heads, width {}, vocabulary {}{levels}",
+        shape.n_layer, shape.n_head, shape.d_model, shape.n_vocab
+    );
+    format!("\n{}", wrap("", &sentence))
+}
+
+/// What all laws say together, in a sentence.
+pub fn all_together(together: &Together) -> String {
+    let Together { laws, loss_normalised, at } = together;
+    let said = QUANTITIES.into_iter().filter_map(|(name, number)| {
+        let value = if name == "loss" { *loss_normalised } else { *at.of(name)? };
+        Some(format!("{name} {}", number(value)))
+    });
+    let weights = laws.iter().map(|one| format!("{} {:.2}", one.law.name(), one.weight));
+    format!(
+        "The laws together, weighed by how little they missed ({}): {}.",
+        weights.collect::<Vec<_>>().join(", "),
+        said.collect::<Vec<_>>().join(", ")
+    )
+}
