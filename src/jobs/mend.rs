@@ -8,7 +8,7 @@ use super::assignment::{Assignment, Outcome};
 use super::id::JobId;
 use super::presence::claim;
 use crate::files::FileError;
-use crate::files::damaged::set_aside;
+use crate::files::set_aside;
 use crate::learn::LearnError;
 
 /// Sets aside a file that is damaged, and says so in the log.

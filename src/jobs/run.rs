@@ -10,7 +10,7 @@ use super::training::{Opened, trunk_state};
 use crate::files::atomic::{write_json, write_json_lines};
 use crate::generator::{self, Trained};
 use crate::learn::weights;
-use crate::machine::peak::peak_bytes;
+use crate::machine::peak_bytes;
 use crate::progress::beats;
 use crate::spec::RunSpec;
 

@@ -6,8 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::{Ffn, Precision};
-use crate::units::short_form::{self, ShortForm};
-use crate::units::{number, section};
+use crate::units::{ShortForm, number, section, short_form_schema};
 
 section! {
     /// The `model` section: what all models of the sweep share.
