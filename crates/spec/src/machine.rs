@@ -226,25 +226,20 @@ impl Card {
 /// From the vendors' data sheets, without sparsity: NVIDIA A100 (SXM), H100 (SXM), H200 (SXM), L4 and L40S
 /// data sheets; the Ada and GA102 whitepapers for the RTX 4090 and 3090; AMD Instinct MI300X data sheet.
 pub static CARDS: [Card; 10] = [
-    card("a100", "A100", 312e12, 80e9, 2.039e12),
-    card("a100-40", "A100", 312e12, 40e9, 1.555e12),
-    card("a100-80", "A100", 312e12, 80e9, 2.039e12),
-    card("h100", "H100", 989e12, 80e9, 3.35e12),
-    card("h200", "H200", 989e12, 141e9, 4.8e12),
-    card("l4", "L4", 121e12, 24e9, 0.3e12),
-    card("l40s", "L40S", 362e12, 48e9, 0.864e12),
-    card("rtx3090", "3090", 71e12, 24e9, 0.936e12),
-    card("rtx4090", "4090", 165e12, 24e9, 1.008e12),
-    card("mi300x", "MI300X", 1307e12, 192e9, 5.3e12),
+    card("a100", "A100", [312e12, 80e9, 2.039e12]),
+    card("a100-40", "A100", [312e12, 40e9, 1.555e12]),
+    card("a100-80", "A100", [312e12, 80e9, 2.039e12]),
+    card("h100", "H100", [989e12, 80e9, 3.35e12]),
+    card("h200", "H200", [989e12, 141e9, 4.8e12]),
+    card("l4", "L4", [121e12, 24e9, 0.3e12]),
+    card("l40s", "L40S", [362e12, 48e9, 0.864e12]),
+    card("rtx3090", "3090", [71e12, 24e9, 0.936e12]),
+    card("rtx4090", "4090", [165e12, 24e9, 1.008e12]),
+    card("mi300x", "MI300X", [1307e12, 192e9, 5.3e12]),
 ];
 
-const fn card(
-    name: &'static str,
-    word: &'static str,
-    peak_flops: f64,
-    memory_bytes: f64,
-    bytes_per_s: f64,
-) -> Card {
+const fn card(name: &'static str, word: &'static str, numbers: [f64; 3]) -> Card {
+    let [peak_flops, memory_bytes, bytes_per_s] = numbers;
     Card { name, word, peak_flops, memory_bytes, bytes_per_s }
 }
 

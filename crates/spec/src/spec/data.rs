@@ -275,12 +275,14 @@ const MOST_TOKENS: usize = 16_384;
 impl TextSpec {
     /// What no encoder can use.
     pub fn problems(&self) -> Vec<KeyProblem> {
-        let Self { encoder, path, dim, max_tokens, .. } = self;
+        let Self { encoder, path, states, dim, max_tokens } = self;
         let (file, has_weights) = (*encoder == TextEncoderKind::File, encoder.has_weights());
         let hashed = *encoder == TextEncoderKind::HashedNgrams;
+        let words = *states == TextStates::Words;
         let built = cfg!(feature = "encoders") || !has_weights;
         let in_file = "path: a file that experiments/embed_captions.py made";
         let in_folder = "path: a folder with config.json, tokenizer.json, model.safetensors";
+        let no_file = "`encoder: hashed-ngrams` reads no file";
         let no_path = "take `path` out, or set `encoder: file`";
         let other = "build it with `--features encoders`, or make a file for `encoder: file`";
         let small = "`dim` and `max_tokens` must be at least 1";
@@ -292,16 +294,11 @@ impl TextSpec {
             (*max_tokens > 0 && *dim > 0, "", small, None),
             (*max_tokens <= MOST_TOKENS && *dim <= WIDEST, "", large, None),
             (!file || path.is_some(), "", "`encoder: file` needs a `path`", Some(in_file)),
-            (
-                !hashed || path.is_none(),
-                "path",
-                "`encoder: hashed-ngrams` reads no file",
-                Some(no_path),
-            ),
+            (!hashed || path.is_none(), "path", no_file, Some(no_path)),
             (!has_weights || path.is_some(), "", needs_path, Some(in_folder)),
             (built, "encoder", unbuilt, Some(other)),
             (
-                self.states == TextStates::Words || has_weights,
+                words || has_weights,
                 "states",
                 sentence,
                 Some("a file may hold one vector a caption"),

@@ -78,7 +78,10 @@ macro_rules! shared {
                 EvaluatorSpec {
                     networks: self.networks(),
                     representation: self.representation,
-                    lr: self.lr.unwrap_or(self.kind.learning_rate()),
+                    lr: self.lr.unwrap_or(match self.kind {
+                        EvaluatorKind::MotionClip => 5e-4,
+                        EvaluatorKind::Matching => 2e-3,
+                    }),
                     $($key: self.$key,)*
                 }
             }
@@ -113,27 +116,16 @@ shared! {
     seed: u64 = 0;
 }
 
-impl EvaluatorKind {
-    fn learning_rate(self) -> f64 {
-        match self {
-            Self::MotionClip => 5e-4,
-            Self::Matching => 2e-3,
-        }
-    }
-}
-
 impl EvaluatorSection {
     fn networks(&self) -> NetworksSpec {
         match self.kind {
             EvaluatorKind::MotionClip => {
-                let default = MotionClipSpec::default();
-                let own = or_default!(self, default, width, layers, heads, frames);
-                NetworksSpec::MotionClip(own)
+                let own = MotionClipSpec::default();
+                NetworksSpec::MotionClip(or_default!(self, own, width, layers, heads, frames))
             }
             EvaluatorKind::Matching => {
-                let default = MatchingSpec::default();
-                let own = or_default!(self, default, width, margin, mismatches, dropout);
-                NetworksSpec::Matching(own)
+                let own = MatchingSpec::default();
+                NetworksSpec::Matching(or_default!(self, own, width, margin, mismatches, dropout))
             }
         }
     }

@@ -237,7 +237,7 @@ impl PatchSpec {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::tokenizer::training::tests::with;
+    use crate::spec::tokenizer::training::with;
     use crate::spec::{CodebookSpec, QuantizerSpec, TextSpec, TokenizerKind, TokenizerSection};
 
     #[test]

@@ -40,6 +40,9 @@ pub struct TokenizerSpec {
     pub trainer: TokenizerTrainer,
 }
 
+/// Clips that the centres of [`TokenizerSpec::k_means_beside`] are placed by, and their mirror images.
+const K_MEANS_CLIPS: usize = 512;
+
 impl TokenizerSpec {
     /// Codes (V).
     pub fn n_vocab(&self) -> usize {
@@ -98,9 +101,7 @@ impl TokenizerSpec {
         quantizer.map_err(|error| SpecError { field: "quantizer", problem: error.problem })?;
         self.check_window()?;
         self.check_captions()?;
-        if let Some(plateau) = &self.plateau {
-            plateau.check(self.training.steps)?;
-        }
+        self.plateau.map_or(Ok(()), |plateau| plateau.check(self.training.steps))?;
         self.check_trainer()?;
         self.training.check()
     }
@@ -132,46 +133,32 @@ impl TokenizerSpec {
         );
         require(scale <= latents, "window", &problem)
     }
-}
 
-impl TokenizerSpec {
     /// The first setting that the trainer of the spec cannot follow.
-    pub(super) fn check_trainer(&self) -> Result<(), SpecError> {
+    fn check_trainer(&self) -> Result<(), SpecError> {
         if self.trainer.is_built_in() {
             return Ok(());
         }
         let patches = matches!(self.architecture, ArchitectureSpec::Patch(_));
         let residual = matches!(self.quantizer, QuantizerSpec::Residual(_));
         let mixes = self.training.mix_body > 0.0 || self.training.mix_arm > 0.0;
+        let all_steps = self.plateau.is_none();
         require_all([
             (!patches, "trainer", "`torch` trains no patches: leave `trainer` out"),
             (!residual, "trainer", "`torch` trains no residual quantizers: leave `trainer` out"),
             (!mixes, "trainer", "`torch` mixes no bodies: set mix_body and mix_arm to 0"),
-            (
-                self.plateau.is_none(),
-                "trainer",
-                "`torch` takes all steps: leave tokenizer.plateau out",
-            ),
+            (all_steps, "trainer", "`torch` takes all steps: leave tokenizer.plateau out"),
         ])
     }
-}
 
-// The k-means that a tokenizer is measured beside, as a tokenizer of its own.
-
-/// Clips that its centres are placed by, and their mirror images.
-const CLIPS: usize = 512;
-
-impl TokenizerSpec {
-    /// k-means of patches as long as what a code stands for, four frames at most, since principal
+    /// The k-means that it is measured beside, as a tokenizer of its own: of patches as long as what a code stands for, four frames at most, since principal
     /// components of longer ones take minutes and gigabytes; with as many codebooks of as many codes as
     /// this tokenizer has. None for scales of several lengths, which it cannot place.
     pub fn k_means_beside(&self) -> Option<Self> {
         let n_vocab = self.quantizer.codebooks().first()?.n_vocab();
         let codebook = CodebookSpec::Vq { n_vocab };
         let quantizer = match &self.quantizer {
-            QuantizerSpec::Fsq { .. } | QuantizerSpec::Vq { .. } => {
-                QuantizerSpec::of_codebook(codebook)
-            }
+            QuantizerSpec::Fsq { .. } | QuantizerSpec::Vq { .. } => QuantizerSpec::Vq { n_vocab },
             QuantizerSpec::Residual(own) => {
                 QuantizerSpec::Residual(ResidualSpec { codebook, ..own.clone() })
             }
@@ -182,7 +169,10 @@ impl TokenizerSpec {
         Some(Self {
             architecture: ArchitectureSpec::Patch(PatchSpec { frames, ..longest }),
             quantizer,
-            training: TokenizerTraining { pool_clips: CLIPS, ..TokenizerTraining::of_patches() },
+            training: TokenizerTraining {
+                pool_clips: K_MEANS_CLIPS,
+                ..TokenizerTraining::of_patches()
+            },
             ..Self::default()
         })
     }
@@ -219,10 +209,9 @@ impl TokenizerSection {
     /// The tokenizers with a quantizer, one a seed; `text` says how wide captions are.
     pub fn specs(&self, quantizer: &QuantizerSpec, text: &TextSpec) -> Vec<TokenizerSpec> {
         let own = self.spec(quantizer.clone(), text);
-        let seeded = |seed: &u64| {
-            let mut spec = own.clone();
-            spec.training.seed = *seed;
-            spec
+        let seeded = |&seed: &u64| {
+            let training = TokenizerTraining { seed, ..own.training.clone() };
+            TokenizerSpec { training, ..own.clone() }
         };
         if self.seeds.is_empty() { vec![own] } else { self.seeds.iter().map(seeded).collect() }
     }
@@ -235,8 +224,7 @@ impl TokenizerSection {
             _ => TokenizerTraining::default(),
         };
         let frames = self.architecture(defaults.window, text).frames_per_latent();
-        let longest_scale = quantizer.longest_scale() * frames;
-        let window = defaults.window.max(longest_scale);
+        let window = defaults.window.max(quantizer.longest_scale() * frames);
         let mut training = self.training_over(TokenizerTraining { window, ..defaults });
         if training.loss == TokenizerLoss::Features {
             // Bodies are mixed for the loss of joints alone, unless somebody writes otherwise.
@@ -335,7 +323,7 @@ impl TokenizerSection {
 
 #[cfg(test)]
 mod tests {
-    use super::training::tests::with;
+    use super::training::with;
     use super::*;
 
     #[test]

@@ -285,16 +285,18 @@ impl Plateau {
     }
 }
 
+/// A section that is like the default but for a change.
 #[cfg(test)]
-pub(super) mod tests {
+pub(super) fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSection {
+    let mut section = TokenizerSection::default();
+    change(&mut section);
+    section
+}
+
+#[cfg(test)]
+mod tests {
     use super::*;
     use crate::spec::{QuantizerSpec, TextSpec};
-
-    pub fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSection {
-        let mut section = TokenizerSection::default();
-        change(&mut section);
-        section
-    }
 
     #[test]
     fn the_rate_rises_stays_and_falls_once() {

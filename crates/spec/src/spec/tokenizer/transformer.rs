@@ -108,11 +108,8 @@ impl TransformerSpec {
         let Self { width, layers, heads, frames, latent, span, dropout, .. } = self;
         require(*width > 0, "width", "at least one channel")?;
         require(*latent > 0, "latent", "at least one channel")?;
-        require(
-            layers % 2 == 1,
-            "layers",
-            "must be odd: as many before the middle one as after it",
-        )?;
+        let odd = "must be odd: as many before the middle one as after it";
+        require(layers % 2 == 1, "layers", odd)?;
         let divides = *heads > 0 && width.is_multiple_of(*heads);
         require(divides, "heads", &format!("{heads} heads do not divide a width of {width}"))?;
         let even = (width / heads).is_multiple_of(2);
@@ -241,7 +238,7 @@ impl LanguageSpec {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::tokenizer::training::tests::with;
+    use crate::spec::tokenizer::training::with;
     use crate::spec::{QuantizerSpec, TokenizerKind, TokenizerSection};
 
     #[test]
