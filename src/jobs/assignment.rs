@@ -13,7 +13,7 @@ use super::job::JobId;
 use super::presence::claim;
 use crate::data::{self, MotionSource};
 use crate::failure::Failure;
-use crate::files::{FileError, damaged::set_aside};
+use crate::files::{FileError, set_aside};
 use crate::learn::LearnError;
 use crate::progress::Stop;
 use crate::sweep::{self, Sweep};

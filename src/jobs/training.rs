@@ -16,7 +16,7 @@ use crate::evaluator::{self, EvaluatorError, EvaluatorReport, TrainedEvaluator};
 use crate::files::atomic::{write_json, write_json_lines};
 use crate::generator::{self, GeneratorError, Inputs, ScaleInputs, Trained, Training};
 use crate::learn::{Branch, Checkpoints, weights};
-use crate::machine::peak::peak_bytes;
+use crate::machine::peak_bytes;
 use crate::plan::{EvaluatorJob, Trunk};
 use crate::progress::beats;
 use crate::spec::RunSpec;

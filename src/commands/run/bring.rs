@@ -12,7 +12,7 @@ use isoflop::engine::{
     Brought, Engine, JobEnd, JobReport, Preview, Previewed, Session, SweepRequest,
 };
 use isoflop::failure::Failure;
-use isoflop::files::damaged::set_aside;
+use isoflop::files::set_aside;
 use isoflop::files::{FileError, atomic};
 use isoflop::jobs::presence::Held;
 use isoflop::jobs::{

@@ -6,8 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::spec::{Ffn, Precision};
-use crate::units::short_form::{self, ShortForm};
-use crate::units::{number, section};
+use crate::units::{ShortForm, number, section, short_form_schema};
 
 section! {
     /// The `model` section: what all models of the sweep share.
@@ -148,10 +147,10 @@ section! {
     pub struct TrainSection {
         schedule: ScheduleSection = ScheduleSection::default();
         /// The highest learning rate of each run: one number, or a rule.
-        #[schemars(schema_with = "short_form::schema::<LrRule>")]
+        #[schemars(schema_with = "short_form_schema::<LrRule>")]
         lr: LrRule = LrRule::default();
         /// Tokens a step: one number, or a rule.
-        #[schemars(schema_with = "short_form::schema::<BatchRule>")]
+        #[schemars(schema_with = "short_form_schema::<BatchRule>")]
         batch: BatchRule = BatchRule::default();
         /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
         precision: Precision = Precision::default();

@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 
-use super::error::FileError;
+use super::FileError;
 
 /// How the name of a file that is not whole yet begins.
 pub const PARTIAL: &str = ".partial-";
@@ -89,26 +89,26 @@ fn write(
 ) -> io::Result<()> {
     let path = &match Standing::at(path)? {
         Standing::Replaced(path) => path,
-        Standing::Through(mut file) => {
-            let mut writer = BufWriter::new(&file);
-            fill(&mut writer)?;
-            writer.flush()?;
-            drop(writer);
-            return file.flush();
-        }
+        Standing::Through(file) => return filled(&file, fill),
     };
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
     let temporary = tempfile::Builder::new().prefix(PARTIAL).tempfile_in(folder)?;
-    let mut writer = BufWriter::new(temporary.as_file());
-    fill(&mut writer)?;
-    writer.flush()?;
-    drop(writer);
+    filled(temporary.as_file(), fill)?;
     make_readable(temporary.as_file())?;
     flush(temporary.as_file())?;
     temporary.persist(path)?;
     tracing::debug!(path = %path.display(), "written");
     Ok(())
+}
+
+fn filled(
+    file: &File,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut writer = BufWriter::new(file);
+    fill(&mut writer)?;
+    writer.flush()
 }
 
 /// [`write_whole`] for bytes at hand.

@@ -12,8 +12,8 @@ use bytemuck::Pod;
 use memmap2::Mmap;
 use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, TensorView, serialize};
 
+use super::FileError;
 use super::atomic::write_whole;
-use super::error::FileError;
 
 /// A number that a column can hold.
 pub trait Number: Pod {

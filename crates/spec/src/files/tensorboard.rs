@@ -24,33 +24,23 @@ pub fn events(scalars: &[Scalar]) -> Vec<u8> {
 
 /// The beginning of an event file.
 pub fn header() -> Vec<u8> {
-    let mut version = double(1, 0.0);
-    version.extend(bytes(3, b"brain.Event:2"));
-    let mut file = Vec::new();
-    record(&mut file, &version);
-    file
+    record(&[double(1, 0.0), bytes(3, b"brain.Event:2")].concat())
 }
 
 /// A record that makes earlier ones of this step and later steps void: training began again before them.
 pub fn restart(time_s: f64, step: usize) -> Vec<u8> {
     // session_log (7) with status (1) START.
-    let event = [at(time_s, step), bytes(7, &[1 << 3, 1])].concat();
-    let mut file = Vec::new();
-    record(&mut file, &event);
-    file
+    record(&[at(time_s, step), bytes(7, &[1 << 3, 1])].concat())
 }
 
 /// The records of scalars, to be appended to a file.
 pub fn records(scalars: &[Scalar]) -> Vec<u8> {
-    let mut file = Vec::new();
-    for scalar in scalars {
-        let mut value = bytes(1, scalar.tag.as_bytes());
-        value.push(2 << 3 | 5);
-        value.extend((scalar.value as f32).to_le_bytes());
-        let event = [at(scalar.time_s, scalar.step), bytes(5, &bytes(1, &value))].concat();
-        record(&mut file, &event);
-    }
-    file
+    let of = |scalar: &Scalar| {
+        let value = (scalar.value as f32).to_le_bytes();
+        let value = [&bytes(1, scalar.tag.as_bytes())[..], &[2 << 3 | 5], &value].concat();
+        record(&[at(scalar.time_s, scalar.step), bytes(5, &bytes(1, &value))].concat())
+    };
+    scalars.iter().flat_map(of).collect()
 }
 
 /// The time and the step of an event.
@@ -58,12 +48,10 @@ fn at(time_s: f64, step: usize) -> Vec<u8> {
     [&double(1, time_s)[..], &[2 << 3], &varint(step as u64)].concat()
 }
 
-fn record(file: &mut Vec<u8>, data: &[u8]) {
+fn record(data: &[u8]) -> Vec<u8> {
     let length = (data.len() as u64).to_le_bytes();
-    file.extend(length);
-    file.extend(masked_crc(&length).to_le_bytes());
-    file.extend(data);
-    file.extend(masked_crc(data).to_le_bytes());
+    let [of_length, of_data] = [&length, data].map(|of| masked_crc(of).to_le_bytes());
+    [&length[..], &of_length, data, &of_data].concat()
 }
 
 /// A field of eight bytes.

@@ -14,33 +14,38 @@
 //! assert_eq!((levels, n_codes(levels)), (&[8, 6, 5][..], 240));
 //! ```
 
-mod architecture;
+/// Checks that keys of a section stand there only where what they belong to holds.
+macro_rules! belonging {
+    ($section:expr, $prefix:literal; $($holds:expr, $problem:expr => $($key:ident),*;)*) => {
+        [$($((
+            $holds || $section.$key.is_none(),
+            concat!($prefix, stringify!($key)),
+            $problem,
+        ),)*)*]
+    };
+}
+
+/// Checks of the values of keys.
+macro_rules! each {
+    ($section:expr; $($holds:expr, $problem:expr => $($key:ident),*;)*) => {
+        [$($(($holds($section.$key), stringify!($key), $problem),)*)*]
+    };
+}
+
 mod data;
-mod error;
 mod evaluator;
 pub mod generator;
-mod grid;
-mod id;
-mod language;
-mod levels;
-mod plateau;
-mod precision;
 mod quantizer;
-mod representation;
 mod run;
-mod scores;
-mod share;
-mod text;
 mod tokenizer;
-mod tokenizer_trainer;
-mod tokenizer_training;
-mod transformer;
 
-use crate::units::number::plain;
+use serde::Serialize;
+use serde_json::Value;
 
-pub use architecture::{ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, PatchSpec};
-pub use data::{BrokenFiles, Clips, DataSection, DataSource, MemberSection, Origin};
-pub use error::{KeyProblem, SpecError};
+pub use data::{
+    BrokenFiles, Clips, DataSection, DataSource, MemberSection, Origin, Representation,
+    TextEncoderKind, TextSpec, TextStates,
+};
 pub use evaluator::{
     EvaluatorKind, EvaluatorSection, EvaluatorSpec, MatchingSpec, Mismatches, MotionClipSpec,
     NetworksSpec,
@@ -51,30 +56,93 @@ pub use generator::{
     ModelShape, ParamCounts, Places, Pricing, Scales, ScalewiseSpec, TARGETS_PER_PASS,
     exact_of_clip,
 };
-pub use grid::{Grid, Length, Scale};
-pub use id::{changed_fields, content_id};
-pub use language::{LanguagePlace, LanguageSection, LanguageSpec};
-pub use levels::{digits_of_index, index_of_digits, levels_for, n_codes, nominal_sizes};
-pub use plateau::Plateau;
-pub use precision::Precision;
 pub use quantizer::{
-    CodebookKind, CodebookSpec, MultiscaleSpec, QuantizerKind, QuantizerSection, QuantizerSpec,
-    ResidualSpec, ScaleName, ScaleSpec, VocabularyError,
+    CodebookKind, CodebookSpec, Grid, Length, MultiscaleSpec, QuantizerKind, QuantizerSection,
+    QuantizerSpec, ResidualSpec, Scale, ScaleName, ScaleSpec, VocabularyError, digits_of_index,
+    index_of_digits, levels_for, n_codes, nominal_sizes,
 };
-pub use representation::Representation;
-pub use run::{RunSpec, TRAINING_REVISION, TokenizerJob, TrainerProgram, is_torch};
-pub use scores::ScoresSpec;
-pub use share::Share;
-pub use text::{TextEncoderKind, TextSpec, TextStates};
-pub use tokenizer::TokenizerSpec;
-pub use tokenizer_trainer::TokenizerTrainer;
-pub use tokenizer_training::{
-    TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTraining,
+pub use run::{
+    Precision, RunSpec, ScoresSpec, Share, TRAINING_REVISION, TokenizerJob, TrainerProgram,
+    is_torch,
 };
-pub use transformer::{Detokenizer, NormPlacement, Positions, SWIGLU_RATIO, TransformerSpec};
+pub use tokenizer::{
+    ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, Detokenizer, LanguagePlace,
+    LanguageSection, LanguageSpec, NormPlacement, PatchSpec, Plateau, Positions, SWIGLU_RATIO,
+    TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerSpec,
+    TokenizerTrainer, TokenizerTraining, TransformerSpec,
+};
 
-plain!(DataSource, MemberSection, BrokenFiles, Clips);
-plain!(Representation, Precision, TextEncoderKind, TextStates, Ffn, FlopsRule);
-plain!(EvaluatorKind, Mismatches, LanguagePlace, LanguageSection, Plateau, QuantizerSection);
-plain!(TokenizerKind, TokenizerTrainer, TokenizerLoss, TokenizerSchedule, Codes);
-plain!(NormPlacement, Positions, Detokenizer);
+// What will not do.
+
+/// A field of a description has a value that no training can use.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("tokenizer.{field}: {problem}")]
+pub struct SpecError {
+    pub field: &'static str,
+    pub problem: String,
+}
+
+/// A key of a section that will not do, and how to mend it; an empty field is the section itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeyProblem {
+    pub field: &'static str,
+    pub problem: &'static str,
+    pub help: Option<&'static str>,
+}
+
+impl KeyProblem {
+    /// The checks that do not hold.
+    pub fn failed(
+        checks: impl IntoIterator<Item = (bool, &'static str, &'static str, Option<&'static str>)>,
+    ) -> Vec<Self> {
+        let failed = checks.into_iter().filter(|(holds, ..)| !holds);
+        failed.map(|(_, field, problem, help)| Self { field, problem, help }).collect()
+    }
+}
+
+/// The checks that do not hold, of such that need no help.
+fn failed<const N: usize>(checks: [(bool, &'static str, &'static str); N]) -> Vec<KeyProblem> {
+    KeyProblem::failed(checks.map(|(holds, field, problem)| (holds, field, problem, None)))
+}
+
+/// An error unless a condition holds.
+fn require(holds: bool, field: &'static str, problem: &str) -> Result<(), SpecError> {
+    if holds { Ok(()) } else { Err(SpecError { field, problem: problem.to_string() }) }
+}
+
+/// The first check that does not hold.
+fn require_all<const N: usize>(checks: [(bool, &'static str, &str); N]) -> Result<(), SpecError> {
+    checks.into_iter().try_for_each(|(holds, field, problem)| require(holds, field, problem))
+}
+
+// Ids by content, and what differs between two specs.
+
+/// The fields of two specs of a kind that differ, by path: `lr`, `model.d_ff`.
+pub fn changed_fields<T: Serialize>(ours: &T, theirs: &T) -> Vec<String> {
+    let value = |spec: &T| serde_json::to_value(spec).expect("specs are plain values");
+    let mut changed = Vec::new();
+    differences("", &value(ours), &value(theirs), &mut changed);
+    changed
+}
+
+fn differences(path: &str, ours: &Value, theirs: &Value, changed: &mut Vec<String>) {
+    match (ours, theirs) {
+        (Value::Object(ours), Value::Object(theirs)) => {
+            let only_theirs = theirs.keys().filter(|name| !ours.contains_key(*name));
+            for name in ours.keys().chain(only_theirs) {
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                let [ours, theirs] =
+                    [ours, theirs].map(|keys| keys.get(name).unwrap_or(&Value::Null));
+                differences(&path, ours, theirs, changed);
+            }
+        }
+        _ if ours != theirs => changed.push(path.to_string()),
+        _ => {}
+    }
+}
+
+/// Sixteen hex digits of the blake3 hash of a value's JSON, whose fields stand in a fixed order.
+pub fn content_id(value: &impl Serialize) -> String {
+    let json = serde_json::to_string(value).expect("specs are plain values");
+    blake3::hash(json.as_bytes()).to_hex()[..16].to_string()
+}

@@ -1,12 +1,18 @@
-//! [`RunSpec`] and [`TokenizerJob`]: all that a worker needs to know, and the ids that follow.
+//! [`RunSpec`] and [`TokenizerJob`]: all that a worker needs to know, and the ids that follow; [`ScoresSpec`]: how
+//! motions of runs are made and scored.
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    GeneratorSpec, Grid, ModelShape, ParamCounts, Precision, Share, TokenizerSpec, content_id,
+    GeneratorSpec, Grid, KeyProblem, ModelShape, ParamCounts, TokenizerSpec, content_id, failed,
 };
+use crate::units::number::plain;
+use crate::units::section;
+
+plain!(Precision);
 
 /// The word that stands for the trainer in PyTorch that comes with isoflop; words behind it are its options.
 const TORCH: &str = "torch";
@@ -139,5 +145,161 @@ impl TokenizerJob {
     /// Content id: the hash of every field.
     pub fn id(&self) -> String {
         content_id(self)
+    }
+}
+
+/// A share of the training split's clips, above 0 and at most 1.
+///
+/// The tokenizer and the unigram model of L_u are those of the whole split, so that losses of different
+/// shares can be compared.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Share(f64);
+
+impl Share {
+    /// All of it.
+    pub const WHOLE: Self = Self(1.0);
+
+    /// None for what is no share.
+    pub fn new(share: f64) -> Option<Self> {
+        (share > 0.0 && share <= 1.0).then_some(Self(share))
+    }
+
+    /// As a number.
+    pub fn value(self) -> f64 {
+        self.0
+    }
+
+    /// Whether it is all of the split.
+    pub fn is_whole(&self) -> bool {
+        self.0 == 1.0
+    }
+
+    /// ` share 0.25`, and nothing where it is all.
+    pub fn said(self) -> String {
+        if self.is_whole() { String::new() } else { format!(" share {}", self.0) }
+    }
+
+    /// So many of `n` things, one at least where there are any.
+    pub fn of(self, n: usize) -> usize {
+        ((self.0 * n as f64).round() as usize).clamp(n.min(1), n)
+    }
+}
+
+impl Default for Share {
+    fn default() -> Self {
+        Self::WHOLE
+    }
+}
+
+/// The numbers that large products are computed in.
+///
+/// Weights, moments, sums of squares, softmax and losses are in `f32` always, and so is every measure
+/// on a split (mixed precision, Micikevicius et al. 2018).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// Single precision: what processors compute in.
+    #[default]
+    F32,
+    /// 5 bits of exponent, 10 of fraction: losses are scaled up on the way back.
+    F16,
+    /// 8 bits of exponent, 7 of fraction.
+    Bf16,
+}
+
+impl Precision {
+    /// The word in a sweep.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F32 => "f32",
+            Self::F16 => "f16",
+            Self::Bf16 => "bf16",
+        }
+    }
+
+    /// What the mean loss of so many targets is multiplied by before its gradients are taken, and
+    /// they are divided by after: in `f16` about as many, so that a target's own share is not lost
+    /// below 6e-8. A power of two, which rounds nothing.
+    pub fn loss_scale(self, targets: usize) -> f64 {
+        match self {
+            Self::F16 => targets.next_power_of_two().min(MOST_SCALED) as f64,
+            Self::F32 | Self::Bf16 => 1.0,
+        }
+    }
+}
+
+/// Above it, gradients by weights would come near the largest number of `f16`.
+const MOST_SCALED: usize = 4096;
+
+section! {
+    /// The `scores` section: how the motions of a run are made and scored by the sweep's evaluator.
+    ///
+    /// The numbers of repeats, texts and motions are those of the published tables.
+    pub struct ScoresSpec {
+        /// Conditions, as `n_vocab == 512 and budget >= 1e12`; runs that meet one of them are scored, and
+        /// all where there is none.
+        only: Vec<String> = Vec::new(), unless "Vec::is_empty";
+        /// How often a motion of every test clip's caption is made.
+        repeats: usize = 20;
+        /// How far motions are moved away from those without text; `autoregressive` knows no guidance and is
+        /// scored without.
+        guidance: f64 = 0.0;
+        /// How far a tokenizer with language follows the caption when it decodes.
+        detokenizer_guidance: f64 = 0.0;
+        /// What logits are divided by; 0 takes the likeliest code.
+        temperature: f64 = 1.0;
+        /// Codes are drawn among the likeliest so many.
+        top_k: Option<usize> = None, unless "Option::is_none";
+        /// Codes are drawn among the likeliest that together hold this share.
+        top_p: Option<f64> = None, unless "Option::is_none";
+        /// `masked`: rounds in which codes are shown.
+        rounds: usize = 10;
+        /// Captions that MultiModality is measured on; 0 leaves it out.
+        multimodal_captions: usize = 96;
+        /// Motions of each of them.
+        multimodal_motions: usize = 30;
+        /// Motions of a run that are kept as files, in `samples/<run>/scored`; those of the first repeat.
+        samples: usize = 16;
+        /// Of motions, pools and pairs.
+        seed: u64 = 0;
+    }
+}
+
+impl ScoresSpec {
+    /// How a run is scored, whichever runs are: without the conditions, which change no score.
+    #[must_use]
+    pub fn of_a_run(&self) -> Self {
+        Self { only: Vec::new(), ..self.clone() }
+    }
+
+    /// What nothing can be scored by.
+    pub fn problems(&self) -> Vec<KeyProblem> {
+        let several = |n| self.multimodal_captions == 0 || n > 1;
+        let share = |p: Option<f64>| p.is_none_or(|share| share > 0.0 && share <= 1.0);
+        failed(each! {
+            self;
+            |n| n > 0, "must be at least 1" => repeats, rounds;
+            |x| x >= 0.0, "must not be negative" => guidance, detokenizer_guidance, temperature;
+            |k| k != Some(0), "must be at least 1" => top_k;
+            share, "lies in (0, 1]" => top_p;
+            several, "two motions of a caption differ: at least 2" => multimodal_motions;
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_lie_above_0_and_up_to_1() {
+        let is_share = |share| Share::new(share).is_some();
+        assert_eq!(
+            [0.0, 0.25, 1.0, 1.5, f64::NAN].map(is_share),
+            [false, true, true, false, false]
+        );
+        let of = |share, n| Share::new(share).unwrap().of(n);
+        assert_eq!([of(0.25, 10), of(0.01, 10), of(0.5, 0), of(1.0, 7)], [3, 1, 0, 7]);
     }
 }

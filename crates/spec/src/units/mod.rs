@@ -7,16 +7,15 @@
 //! ```
 
 pub mod number;
-mod section;
-pub mod short_form;
 
-pub use section::{is_default, or_default, section};
+use std::fmt;
+use std::marker::PhantomData;
 
+pub use number::{is_default, or_default, section};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{DeserializeOwned, Deserializer, Error, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde_yaml::Value;
-use std::fmt;
-use std::marker::PhantomData;
 
 // Amounts of memory.
 
@@ -141,6 +140,40 @@ impl<'de, T: Ways> Visitor<'de> for Either<T> {
     fn visit_map<A: MapAccess<'de>>(self, section: A) -> Result<T, A::Error> {
         T::of_section(MapAccessDeserializer::new(section))
             .unwrap_or_else(|| Err(A::Error::invalid_type(Unexpected::Map, &self)))
+    }
+}
+
+// [`ShortForm`]: sections that may be written as one number: `lr: 3e-4`.
+
+/// A section that a number may stand for.
+pub trait ShortForm: DeserializeOwned + JsonSchema {
+    /// What the number is, as a sentence of the reference page.
+    const NUMBER: &'static str;
+    /// Its type in a JSON schema.
+    const TYPE: &'static str;
+
+    /// The section that the number stands for.
+    ///
+    /// # Errors
+    /// A sentence on why it stands for none.
+    fn of_number(number: f64) -> Result<Self, String>;
+}
+
+/// Both ways of writing it.
+pub fn short_form_schema<T: ShortForm>(generator: &mut SchemaGenerator) -> Schema {
+    let section = generator.subschema_for::<T>();
+    json_schema!({"anyOf": [{"type": T::TYPE, "description": T::NUMBER}, section]})
+}
+
+impl<T: ShortForm> Ways for T {
+    const EXPECTED: &'static str = "a number, or a section";
+
+    fn of_scalar(value: &Value) -> Option<Result<Self, String>> {
+        Some(number::of_value(value).and_then(T::of_number))
+    }
+
+    fn of_section<'de, D: Deserializer<'de>>(section: D) -> Option<Result<Self, D::Error>> {
+        Some(T::deserialize(section))
     }
 }
 

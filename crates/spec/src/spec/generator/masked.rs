@@ -1,15 +1,15 @@
-//! What the masked transformer takes.
+//! What the masked transformer takes, and its two stages on codes of several layers.
 
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::flops::{FlopsPerToken, exact_whole, openai_per_token, six_nd_per_token};
-use super::pricing::{ClipShape, Context, Places, Pricing};
-use super::shape::{ModelShape, ParamCounts};
-use super::two_stages;
-use crate::spec::grid::Grid;
+use super::flops::{
+    ClipShape, Context, FlopsPerToken, ModelShape, ParamCounts, Places, Pricing, exact_whole,
+    openai_per_token,
+};
+use crate::spec::Grid;
 
 /// MoMask's generator, resolved: hidden codes from the text and the codes that are not hidden. It is
 /// the autoregressive transformer, parameter for parameter, in which every position sees every other;
@@ -63,7 +63,7 @@ impl Pricing for MaskedSpec {
 
     fn params(&self, codes: &Grid) -> ParamCounts {
         match has_second_stage(codes) {
-            true => two_stages::params(&self.shape, codes),
+            true => params_of_two(&self.shape, codes),
             false => self.shape.params_of(codes.n_vocab()),
         }
     }
@@ -73,13 +73,13 @@ impl Pricing for MaskedSpec {
     /// every code.
     fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken {
         if has_second_stage(codes) {
-            return two_stages::flops_per_token(&self.shape, codes, prefix);
+            return flops_of_two(&self.shape, codes, prefix);
         }
         let (shape, n_vocab) = (&self.shape, codes.n_vocab());
         let n_codes = shape.n_ctx - prefix - 1;
         FlopsPerToken {
             openai: openai_per_token(shape, n_vocab),
-            six_nd: six_nd_per_token(shape, n_vocab),
+            six_nd: shape.params_of(n_vocab).six_nd_per_token(),
             exact: exact_whole(shape, n_vocab, prefix, n_codes, n_codes) / n_codes as f64,
         }
     }
@@ -95,11 +95,10 @@ impl Pricing for MaskedSpec {
         let (shape, n) = (&self.shape, self.positions(codes, clip.n_frames));
         let blocks = |prefix| exact_whole(shape, 0, prefix, n, 0);
         let hidden = mean_hidden(n, supervised.len());
-        let first = hidden * (codes.scales[0].n_vocab + 1) as f64;
-        let mut heads = first;
+        let mut heads = hidden * (codes.scales[0].n_vocab + 1) as f64;
         let mut stages = 1.0;
         if has_second_stage(codes) {
-            heads += supervised.len() as f64 * two_stages::mean_later_vocab(codes);
+            heads += supervised.len() as f64 * mean_later_vocab(codes);
             stages = 2.0;
         }
         stages * clip.mean_over_texts(self.text_drop, blocks) + 2.0 * shape.d_model as f64 * heads
@@ -108,5 +107,94 @@ impl Pricing for MaskedSpec {
     /// Both stages see a code a place.
     fn positions(&self, codes: &Grid, n_frames: usize) -> usize {
         codes.lengths(n_frames).next().unwrap_or(0)
+    }
+}
+
+// What the two stages of a masked generator take together, on codes of several layers.
+//
+// A place of a clip is two tokens of a step: its code of the first layer, which goes through the first
+// stage, and its code of the layer that is asked for, which goes through the second. So a token goes
+// through one of two transformers of one shape, and C = 6ND holds with N_nv that of one.
+
+/// Parameters by group. N_v is V·d with the codes of all layers.
+///
+/// The second stage embeds the layers but the last, and each layer that it is asked for; it has a head
+/// for each layer but the first. Where embeddings are tied, the last layer's alone is a matrix of its own.
+fn params_of_two(shape: &ModelShape, codes: &Grid) -> ParamCounts {
+    let d = shape.d_model;
+    let first = shape.params_of(codes.scales[0].n_vocab);
+    let (all, last) = (codes.n_vocab(), codes.scales[codes.scales.len() - 1].n_vocab);
+    let asked = codes.scales.len() - 1;
+    let heads = if shape.tie_embeddings { last } else { all - codes.scales[0].n_vocab };
+    ParamCounts {
+        vocab: all * d,
+        other_stages: first.nonvocab,
+        text: 2 * first.text,
+        embedding: first.embedding + (all - last + asked) * d,
+        head: first.head + heads * d,
+        ..first
+    }
+}
+
+/// Forward FLOPs a token: the mean of both stages. By the OpenAI rule a code is chosen from its own
+/// layer's alone; the exact count is that of the longest clip, with a head for every code.
+fn flops_of_two(shape: &ModelShape, codes: &Grid, prefix: usize) -> FlopsPerToken {
+    let d = shape.d_model as f64;
+    let n_places = shape.n_ctx - prefix;
+    let first = codes.scales[0].n_vocab as f64;
+    let later = mean_later_vocab(codes);
+    let body = exact_whole(shape, 0, prefix, n_places, 0) / n_places as f64;
+    FlopsPerToken {
+        openai: openai_per_token(shape, 0) + (d * (first + later)).round() as u64,
+        six_nd: params_of_two(shape, codes).six_nd_per_token(),
+        // Half of the tokens have the head of the first stage, which has a column for the end token.
+        exact: body + d * (first + 1.0 + later),
+    }
+}
+
+/// V of a layer after the first; those of a residual quantizer are all alike.
+fn mean_later_vocab(codes: &Grid) -> f64 {
+    let later = &codes.scales[1..];
+    later.iter().map(|scale| scale.n_vocab).sum::<usize>() as f64 / later.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::generator::flops::TINY;
+    use crate::spec::{GeneratorKind, Length, Scale};
+
+    /// Three layers of 6 codes.
+    fn codes() -> Grid {
+        let scale = Scale { n_vocab: 6, length: Length::FramesPerCode(4) };
+        Grid { scales: vec![scale; 3], end_token: false }
+    }
+
+    /// Four places after one text position: counted by hand.
+    #[test]
+    fn counts_of_a_tiny_model() {
+        let context = Context {
+            max_text: 1,
+            d_latent: 7,
+            frames_per_latent: 4,
+            corruption: 0.0,
+            text_drop: 0.1,
+        };
+        let spec = GeneratorKind::Masked.of(TINY, &codes(), &context);
+        assert_eq!(spec.shape().n_ctx, 5, "a place is one position, not one a layer");
+        assert_eq!(spec.positions(&codes(), 17), 4);
+        // Blocks 5 positions of 4·4 + 3·6 = 34; pairs 5·5 of 2·2; text 10. Heads of 7 and 6 columns.
+        let body = 5 * 34 + 25 * 4 + 10;
+        let multiply_adds = 2 * body + 4 * 2 * (7 + 6);
+        let counted = spec.flops_per_token(&codes(), 1);
+        assert_eq!(counted.exact, 2.0 * f64::from(multiply_adds) / 8.0);
+        assert_eq!(counted.openai, openai_per_token(&TINY, 6));
+        let params = spec.params(&codes());
+        // A block of 34 and two norms, and the last norm.
+        let trunk = 34 + 4 + 2;
+        assert_eq!((params.nonvocab, params.other_stages, params.vocab), (trunk, trunk, 18 * 2));
+        // Codes, end and pad; two layers of codes and two that are asked for.
+        assert_eq!((params.embedding, params.head), ((8 + 12 + 2) * 2, (7 + 12) * 2));
+        assert_eq!(counted.six_nd, 2.0 * (trunk + 36) as f64);
     }
 }

@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
-use super::flops::{FlopsPerToken, openai_per_token};
-use super::pricing::{ClipShape, Context, Pricing};
-use super::shape::{ModelShape, ParamCounts};
-use crate::spec::grid::Grid;
+use super::flops::{
+    ClipShape, Context, FlopsPerToken, ModelShape, ParamCounts, Pricing, openai_per_token,
+};
+use crate::spec::Grid;
 
 /// LG-Tok's generator (after MoSa and VAR), resolved: the codes of a scale all at once, given the text
 /// and the scales before it.
@@ -80,10 +80,9 @@ impl Pricing for ScalewiseSpec {
     fn flops_per_token(&self, codes: &Grid, prefix: usize) -> FlopsPerToken {
         let (shape, lengths) = (&self.shape, self.longest(codes));
         let head = 2.0 * shape.d_model as f64 * self.mean_vocab(codes);
-        let params = self.params(codes);
         FlopsPerToken {
             openai: openai_per_token(shape, 0) + head.round() as u64,
-            six_nd: 2.0 * (params.nonvocab + params.vocab) as f64,
+            six_nd: self.params(codes).six_nd_per_token(),
             exact: exact_of_clip(self, codes, prefix, &lengths, &lengths)
                 / lengths.iter().sum::<usize>() as f64,
         }
@@ -133,21 +132,8 @@ pub fn exact_of_clip(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spec::{Ffn, Length, Scale};
-
-    fn shape() -> ModelShape {
-        ModelShape {
-            n_layer: 1,
-            n_head: 1,
-            d_model: 2,
-            d_ff: 3,
-            n_ctx: 1 + 4,
-            d_text: 5,
-            ffn: Ffn::SwiGlu,
-            tie_embeddings: false,
-            rope_base: 1e4,
-        }
-    }
+    use crate::spec::generator::flops::TINY;
+    use crate::spec::{Length, Scale};
 
     /// Two scales of 1 and 3 codes out of 4 and 6, one text position, 7 channels: counted by hand.
     #[test]
@@ -161,7 +147,7 @@ mod tests {
             corruption: 0.5,
             text_drop: 0.1,
         };
-        let spec = ScalewiseSpec::new(shape(), &codes, &context);
+        let spec = ScalewiseSpec::new(TINY, &codes, &context);
         assert_eq!((spec.shape.n_ctx, spec.most_latents), (5, 4));
         // Blocks 5 positions of 4·4 + 3·6 = 34; pairs 1 + 1·2 + 3·5 of 2·2; text 10; inputs 3·7·2;
         // heads 2·4 + 3·2·6.

@@ -1,17 +1,17 @@
-//! [`QuantizerSpec`]: which quantizer, and its codebooks. What a sweep file says of it is
-//! [`QuantizerSection`].
+//! [`QuantizerSpec`]: which quantizer, and its codebooks; [`Grid`]: the codes that it makes, between a tokenizer and
+//! a generator. What a sweep file says of it is [`QuantizerSection`].
 
 mod codebook;
-mod scales;
 mod section;
 
 use serde::{Deserialize, Serialize};
 
-pub use codebook::{CodebookKind, CodebookSpec, VocabularyError};
-pub use scales::{ScaleName, ScaleSpec};
+use codebook::are_increasing;
+pub use codebook::{
+    CodebookKind, CodebookSpec, ScaleName, ScaleSpec, VocabularyError, digits_of_index,
+    index_of_digits, levels_for, n_codes, nominal_sizes,
+};
 pub use section::{QuantizerKind, QuantizerSection};
-
-use super::grid::{Grid, Length, Scale};
 
 /// A quantizer, resolved: what is hashed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,6 +55,12 @@ pub struct MultiscaleSpec {
     pub mix: Option<f64>,
 }
 
+impl Default for QuantizerSpec {
+    fn default() -> Self {
+        Self::Fsq { levels: vec![8, 6, 5] }
+    }
+}
+
 impl QuantizerSpec {
     /// The quantizer of one codebook.
     pub fn of_codebook(codebook: CodebookSpec) -> Self {
@@ -86,14 +92,13 @@ impl QuantizerSpec {
 
     /// The codes that it makes of latents that stand for so many frames each.
     pub fn grid(&self, frames_per_latent: usize) -> Grid {
-        let every = |_| Length::FramesPerCode(frames_per_latent);
+        let codebooks = self.codebooks();
+        let lengths = match self {
+            Self::Multiscale(own) => own.scales.iter().copied().map(Length::Codes).collect(),
+            _ => vec![Length::FramesPerCode(frames_per_latent); codebooks.len()],
+        };
         let scale =
             |(codebook, length): (CodebookSpec, _)| Scale { n_vocab: codebook.n_vocab(), length };
-        let codebooks = self.codebooks();
-        let lengths: Vec<Length> = match self {
-            Self::Multiscale(own) => own.scales.iter().copied().map(Length::Codes).collect(),
-            _ => (0..codebooks.len()).map(every).collect(),
-        };
         Grid {
             scales: codebooks.into_iter().zip(lengths).map(scale).collect(),
             end_token: matches!(self, Self::Fsq { .. } | Self::Vq { .. }),
@@ -140,7 +145,7 @@ impl QuantizerSpec {
                 return Err(VocabularyError::new("no layer, so no code"));
             }
             Self::Residual(own) => own.codebook.check()?,
-            Self::Multiscale(own) if !scales::are_increasing(&own.scales) => {
+            Self::Multiscale(own) if !are_increasing(&own.scales) => {
                 return Err(VocabularyError::new(
                     "scales are one or more, each longer than the last",
                 ));
@@ -154,5 +159,127 @@ impl QuantizerSpec {
     }
 }
 
+// [`Grid`]: the codes between a tokenizer and a generator.
+
+/// The codes that a tokenizer gives a clip: one or more scales, and whether an end token follows.
+///
+/// Codes of a clip stand scale after scale. ScaMo's stream is one scale with an end token; residual
+/// codes are several scales of one length; multi-scale codes are several scales of fixed lengths.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Grid {
+    /// At least one.
+    pub scales: Vec<Scale>,
+    /// Whether a clip ends with an end token, which a generator predicts after its last code.
+    pub end_token: bool,
+}
+
+/// Codes of one codebook.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Scale {
+    /// Codes of the codebook, without special tokens (V).
+    pub n_vocab: usize,
+    pub length: Length,
+}
+
+/// How many codes a clip has on a scale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Length {
+    /// One for so many frames; frames that are left over are not encoded.
+    FramesPerCode(usize),
+    /// So many, however long the clip is.
+    Codes(usize),
+}
+
+impl Grid {
+    /// One scale with an end token.
+    pub fn stream(n_vocab: usize, frames_per_code: usize) -> Self {
+        let length = Length::FramesPerCode(frames_per_code);
+        Self { scales: vec![Scale { n_vocab, length }], end_token: true }
+    }
+
+    /// V, the codes of all codebooks together.
+    pub fn n_vocab(&self) -> usize {
+        self.scales.iter().map(|scale| scale.n_vocab).sum()
+    }
+
+    /// The codes of the codebooks before each scale's own: what an id of a scale is moved by where all
+    /// codebooks stand in one vocabulary.
+    pub fn offsets(&self) -> impl Iterator<Item = usize> {
+        self.scales.iter().scan(0, |before, scale| {
+            let own = *before;
+            *before += scale.n_vocab;
+            Some(own)
+        })
+    }
+
+    /// The codes of each scale of a clip of so many frames.
+    pub fn lengths(&self, n_frames: usize) -> impl Iterator<Item = usize> {
+        self.scales.iter().map(move |scale| scale.length.codes(n_frames))
+    }
+
+    /// The codes of a clip of so many frames.
+    pub fn n_codes(&self, n_frames: usize) -> usize {
+        self.lengths(n_frames).sum()
+    }
+
+    /// What a generator predicts of a clip of so many frames: its codes and the end token.
+    pub fn n_targets(&self, n_frames: usize) -> usize {
+        self.n_codes(n_frames) + usize::from(self.end_token)
+    }
+
+    /// The frames that so many codes of the first scale stand for; `None` where that depends on the clip.
+    pub fn frames_of(&self, n_first: usize) -> Option<usize> {
+        match self.scales.first()?.length {
+            Length::FramesPerCode(frames) => Some(frames * n_first),
+            Length::Codes(_) => None,
+        }
+    }
+
+    /// The frames that a code stands for, over all scales; `None` where that depends on the clip.
+    pub fn frames_per_code(&self) -> Option<f64> {
+        let per_frame = self.scales.iter().map(|scale| match scale.length {
+            Length::FramesPerCode(frames) => Some(1.0 / frames as f64),
+            Length::Codes(_) => None,
+        });
+        Some(1.0 / per_frame.sum::<Option<f64>>()?)
+    }
+}
+
+impl Length {
+    fn codes(self, n_frames: usize) -> usize {
+        match self {
+            Self::FramesPerCode(frames) => n_frames / frames,
+            Self::Codes(codes) => codes,
+        }
+    }
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    fn scales(scales: &[(usize, Length)], end_token: bool) -> Grid {
+        let scales = scales.iter().map(|&(n_vocab, length)| Scale { n_vocab, length }).collect();
+        Grid { scales, end_token }
+    }
+
+    #[test]
+    fn a_stream_has_a_code_for_four_frames_and_an_end_token() {
+        let stream = Grid::stream(240, 4);
+        assert_eq!((stream.n_codes(199), stream.n_targets(199)), (49, 50));
+        assert_eq!((stream.n_vocab(), stream.frames_per_code()), (240, Some(4.0)));
+    }
+
+    #[test]
+    fn residual_scales_have_one_length_and_multiple_scales_their_own() {
+        let residual = scales(&[(512, Length::FramesPerCode(4)); 6], false);
+        assert_eq!((residual.n_codes(196), residual.n_targets(196)), (294, 294));
+        assert_eq!((residual.n_vocab(), residual.frames_per_code()), (3072, Some(4.0 / 6.0)));
+        let full = [3, 6, 10, 15, 20, 25, 30, 36, 42, 49].map(|codes| (256, Length::Codes(codes)));
+        let multiple = scales(&full, false);
+        assert_eq!([40, 196].map(|frames| multiple.n_codes(frames)), [236, 236]);
+        assert_eq!(multiple.frames_per_code(), None);
+        assert_eq!(multiple.offsets().collect::<Vec<_>>()[..3], [0, 256, 512]);
+    }
+}

@@ -3,11 +3,14 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::codebook::{CodebookKind, CodebookSpec, VocabularyError};
-use super::scales::{ScaleSpec, are_increasing, codebook_sizes};
+use super::codebook::{
+    CodebookKind, CodebookSpec, ScaleSpec, VocabularyError, are_increasing, codebook_sizes,
+};
 use super::{MultiscaleSpec, QuantizerSpec, ResidualSpec};
-use crate::spec::error::{SpecError, require_all};
-use crate::units::number;
+use crate::spec::{SpecError, require_all};
+use crate::units::number::{self, plain};
+
+plain!(QuantizerSection);
 
 /// MoMask's layers, and how often it drops the last of them.
 const LAYERS: usize = 6;
@@ -171,8 +174,8 @@ impl QuantizerSection {
         let several = residual || multiscale;
         let compared = multiscale && self.codebook_kind() == CodebookKind::Vq;
         let inner = "belongs to `kind: residual` and `kind: multiscale`";
-        let (of_layers, of_scales) =
-            ("belongs to `kind: residual`", "belongs to `kind: multiscale`");
+        let of_layers = "belongs to `kind: residual`";
+        let of_scales = "belongs to `kind: multiscale`";
         let directions = "belongs to `kind: multiscale` with `inner: vq`";
         let layers = (1..=MOST_LAYERS).contains(&self.n_codebooks()) || self.layers.is_none();
         let share = |value: Option<f64>| value.is_none_or(|value| (0.0..=1.0).contains(&value));
@@ -181,19 +184,116 @@ impl QuantizerSection {
         let not_increasing =
             "must be one or more numbers above 0, each larger than the one before it";
         let most = format!("must be 1 to {MOST_LAYERS}");
+        require_all(belonging! {
+            self, "quantizer.";
+            several, inner => inner;
+            residual, of_layers => layers, dropout;
+            multiscale, of_scales => scales;
+            compared, directions => cosine;
+            multiscale, of_scales => beta, mix;
+        })?;
         require_all([
-            (several || self.inner.is_none(), "quantizer.inner", inner),
-            (residual || self.layers.is_none(), "quantizer.layers", of_layers),
-            (residual || self.dropout.is_none(), "quantizer.dropout", of_layers),
-            (multiscale || self.scales.is_none(), "quantizer.scales", of_scales),
-            (compared || self.cosine.is_none(), "quantizer.cosine", directions),
-            (multiscale || self.beta.is_none(), "quantizer.beta", of_scales),
-            (multiscale || self.mix.is_none(), "quantizer.mix", of_scales),
             (layers, "quantizer.layers", &most),
             (share(self.dropout), "quantizer.dropout", "lies between 0 and 1"),
             (share(self.mix), "quantizer.mix", "lies between 0 and 1"),
             (beta, "quantizer.beta", "must not be negative"),
             (increasing, "quantizer.scales", not_increasing),
         ])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::ScaleName;
+
+    fn section(
+        change: impl FnOnce(&mut QuantizerSection),
+        kind: QuantizerKind,
+    ) -> QuantizerSection {
+        let mut section = kind.section();
+        change(&mut section);
+        section
+    }
+
+    fn sizes(spec: &QuantizerSpec) -> Vec<usize> {
+        spec.codebooks().iter().map(CodebookSpec::n_vocab).collect()
+    }
+
+    #[test]
+    fn a_multi_scale_vocabulary_of_512_has_the_ten_codebooks_of_lg_tok() {
+        let spec = QuantizerKind::Multiscale.section().of_size(512).unwrap();
+        assert_eq!(sizes(&spec), [256, 313, 370, 427, 484, 540, 597, 654, 711, 768]);
+        let grid = spec.grid(4);
+        assert_eq!((grid.n_codes(40), grid.n_codes(196), grid.end_token), (236, 236, false));
+        assert_eq!((spec.n_vocab(), grid.n_vocab()), (5120, 5120));
+    }
+
+    #[test]
+    fn named_scales_have_the_published_sums() {
+        let sums = [ScaleName::Mini, ScaleName::Mid, ScaleName::Full].map(|name| {
+            assert!(are_increasing(&name.lengths()));
+            name.lengths().iter().sum::<usize>()
+        });
+        assert_eq!(sums, [104, 160, 236]);
+    }
+
+    #[test]
+    fn residual_layers_have_one_code_a_latent_each() {
+        let spec = QuantizerKind::Residual.section().of_size(512).unwrap();
+        let grid = spec.grid(4);
+        assert_eq!((grid.n_codes(196), grid.n_vocab(), grid.end_token), (294, 3072, false));
+        let fsq = section(|s| s.inner = Some(CodebookKind::Fsq), QuantizerKind::Residual);
+        let spec = fsq.of_size(256).unwrap();
+        assert_eq!((sizes(&spec), spec.levels()), (vec![240; 6], Some(&[8, 6, 5][..])));
+        assert!(QuantizerKind::Residual.section().of_levels(&[8, 6, 5]).is_err());
+    }
+
+    #[test]
+    fn a_spec_of_several_scales_reads_back() {
+        let multiscale =
+            section(|s| s.scales = Some(ScaleSpec::List(vec![1, 3])), QuantizerKind::Multiscale);
+        let specs = [multiscale.of_size(64), QuantizerKind::Residual.section().of_size(64)];
+        for spec in specs.map(Result::unwrap) {
+            let text = serde_json::to_string(&spec).unwrap();
+            assert_eq!(serde_json::from_str::<QuantizerSpec>(&text).unwrap(), spec, "{text}");
+            let other = text.replacen("\"kind\"", "\"knid\": 1, \"kind\"", 1);
+            assert!(serde_json::from_str::<QuantizerSpec>(&other).is_err(), "{other}");
+        }
+    }
+
+    #[test]
+    fn keys_of_another_kind_and_impossible_values_are_named() {
+        use QuantizerKind::{Fsq, Multiscale, Residual, Vq};
+        let scales = |list: &[usize]| Some(ScaleSpec::List(list.to_vec()));
+        let bad = [
+            (section(|s| s.layers = Some(2), Vq), "layers: belongs to `kind: residual`"),
+            (section(|s| s.inner = Some(CodebookKind::Vq), Fsq), "inner: belongs to"),
+            (
+                section(|s| s.scales = scales(&[1, 2]), Residual),
+                "scales: belongs to `kind: multiscale`",
+            ),
+            (
+                section(|s| s.dropout = Some(0.1), Multiscale),
+                "dropout: belongs to `kind: residual`",
+            ),
+            (section(|s| s.layers = Some(0), Residual), "layers: must be 1 to 64"),
+            (section(|s| s.dropout = Some(1.5), Residual), "dropout: lies between"),
+            (section(|s| s.scales = scales(&[]), Multiscale), "scales: must be one or more"),
+            (section(|s| s.scales = scales(&[3, 3]), Multiscale), "scales: must be one or more"),
+            (section(|s| s.scales = scales(&[0, 3]), Multiscale), "scales: must be one or more"),
+            (
+                section(
+                    |s| (s.inner, s.cosine) = (Some(CodebookKind::Fsq), Some(true)),
+                    Multiscale,
+                ),
+                "cosine: belongs to `kind: multiscale` with `inner: vq`",
+            ),
+        ];
+        for (section, sentence) in bad {
+            let error = section.check().unwrap_err().to_string();
+            assert!(error.starts_with(&format!("tokenizer.quantizer.{sentence}")), "{error}");
+        }
+        assert!([Fsq, Vq, Residual, Multiscale].iter().all(|kind| kind.section().check().is_ok()));
     }
 }

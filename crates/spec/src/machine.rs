@@ -3,21 +3,20 @@
 //! # Example
 //!
 //! ```
-//! use isoflop_spec::machine::{available, peak};
+//! use isoflop_spec::machine::{available, peak_bytes};
 //!
 //! let free = available().unwrap_or(u64::MAX);
-//! assert!(free > 0 && peak::peak_bytes() > 0);
+//! assert!(free > 0 && peak_bytes() > 0);
 //! ```
 
-pub mod peak;
-
-use mimalloc::MiMalloc;
-use nix::libc;
-use nix::sys::signal::{SigHandler, Signal, signal};
 use std::alloc::{GlobalAlloc, Layout};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+
+use mimalloc::MiMalloc;
+use nix::libc;
+use nix::sys::signal::{SigHandler, Signal, signal};
 
 // [`Allocator`]: mimalloc, and an exit code of its own for a process that dies of a refusal.
 
@@ -123,8 +122,12 @@ fn available_under(root: &Path) -> Option<u64> {
 }
 
 fn mem_available(root: &Path) -> Option<u64> {
-    let text = fs::read_to_string(root.join("proc/meminfo")).ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    kibibytes(&fs::read_to_string(root.join("proc/meminfo")).ok()?, "MemAvailable:")
+}
+
+/// Bytes, as the kernel writes them: `MemAvailable:    8000 kB`.
+fn kibibytes(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     Some(1024 * line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()?)
 }
 
@@ -167,6 +170,33 @@ fn left_in(group: &Path) -> Option<u64> {
     Some(u64::saturating_sub(limit, u64::saturating_sub(used, cached.unwrap_or(0))))
 }
 
+// How much memory a worker took.
+
+/// The most memory that this process had to itself, in bytes; 0 where the system does not tell.
+///
+/// Files that it maps are left out: the processes beside it share them, and the kernel drops their
+/// pages when memory is short.
+#[cfg(target_os = "linux")]
+pub fn peak_bytes() -> u64 {
+    own_peak(&fs::read_to_string("/proc/self/status").unwrap_or_default())
+}
+
+/// Unknown here: systems count it in different units.
+#[cfg(not(target_os = "linux"))]
+pub fn peak_bytes() -> u64 {
+    0
+}
+
+/// From the kernel's high-water mark, which counts mapped files too: those are at their most at the
+/// end. (`getrusage` would give the scheduler's mark where that is larger, since it outlives the start
+/// of another program.)
+#[cfg(target_os = "linux")]
+fn own_peak(status: &str) -> u64 {
+    let bytes = |name: &str| kibibytes(status, name).unwrap_or(0);
+    let shared = bytes("RssFile:") + bytes("RssShmem:");
+    bytes("VmHWM:").saturating_sub(shared).max(bytes("RssAnon:"))
+}
+
 // [`Card`]: a GPU by name, with the numbers of its data sheet.
 
 /// A GPU.
@@ -196,25 +226,20 @@ impl Card {
 /// From the vendors' data sheets, without sparsity: NVIDIA A100 (SXM), H100 (SXM), H200 (SXM), L4 and L40S
 /// data sheets; the Ada and GA102 whitepapers for the RTX 4090 and 3090; AMD Instinct MI300X data sheet.
 pub static CARDS: [Card; 10] = [
-    card("a100", "A100", 312e12, 80e9, 2.039e12),
-    card("a100-40", "A100", 312e12, 40e9, 1.555e12),
-    card("a100-80", "A100", 312e12, 80e9, 2.039e12),
-    card("h100", "H100", 989e12, 80e9, 3.35e12),
-    card("h200", "H200", 989e12, 141e9, 4.8e12),
-    card("l4", "L4", 121e12, 24e9, 0.3e12),
-    card("l40s", "L40S", 362e12, 48e9, 0.864e12),
-    card("rtx3090", "3090", 71e12, 24e9, 0.936e12),
-    card("rtx4090", "4090", 165e12, 24e9, 1.008e12),
-    card("mi300x", "MI300X", 1307e12, 192e9, 5.3e12),
+    card("a100", "A100", [312e12, 80e9, 2.039e12]),
+    card("a100-40", "A100", [312e12, 40e9, 1.555e12]),
+    card("a100-80", "A100", [312e12, 80e9, 2.039e12]),
+    card("h100", "H100", [989e12, 80e9, 3.35e12]),
+    card("h200", "H200", [989e12, 141e9, 4.8e12]),
+    card("l4", "L4", [121e12, 24e9, 0.3e12]),
+    card("l40s", "L40S", [362e12, 48e9, 0.864e12]),
+    card("rtx3090", "3090", [71e12, 24e9, 0.936e12]),
+    card("rtx4090", "4090", [165e12, 24e9, 1.008e12]),
+    card("mi300x", "MI300X", [1307e12, 192e9, 5.3e12]),
 ];
 
-const fn card(
-    name: &'static str,
-    word: &'static str,
-    peak_flops: f64,
-    memory_bytes: f64,
-    bytes_per_s: f64,
-) -> Card {
+const fn card(name: &'static str, word: &'static str, numbers: [f64; 3]) -> Card {
+    let [peak_flops, memory_bytes, bytes_per_s] = numbers;
     Card { name, word, peak_flops, memory_bytes, bytes_per_s }
 }
 
@@ -262,5 +287,21 @@ mod tests {
         assert!(!named("l4", "NVIDIA L40S") && !named("h100", "NVIDIA H200"));
         assert!(!named("h100", "torch cpu") && !named("h100", "custom"));
         assert_eq!(find("h1000"), None);
+    }
+
+    #[test]
+    fn mapped_files_are_not_a_workers_own() {
+        let status = "VmHWM:\t  900 kB\nRssAnon:\t 300 kB\nRssFile:\t 200 kB\nRssShmem:\t 0 kB\n";
+        assert_eq!(own_peak(status), 700 * 1024);
+        assert_eq!(own_peak("VmHWM: 9 kB\nRssAnon: 8 kB\nRssFile: 4 kB\n"), 8 * 1024);
+        assert_eq!(own_peak(""), 0);
+    }
+
+    #[test]
+    fn memory_that_is_given_back_stays_in_the_peak() {
+        let before = peak_bytes();
+        let n = before as usize + (1 << 24);
+        assert!(std::hint::black_box(vec![1u8; n]).iter().all(|byte| *byte == 1));
+        assert!(peak_bytes() as usize >= n);
     }
 }

@@ -4,14 +4,31 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::architecture::Codes;
-use super::error::{SpecError, require_all};
-use super::language::LanguageSection;
-use super::plateau::Plateau;
-use super::quantizer::QuantizerSection;
-use super::representation::Representation;
-use super::tokenizer_trainer::TokenizerTrainer;
-use super::transformer::{Detokenizer, NormPlacement, Positions};
+use super::transformer::{Detokenizer, LanguageSection, NormPlacement, Positions};
+use crate::spec::{QuantizerSection, Representation, SpecError, require, require_all};
+use crate::units::number::plain;
 use crate::units::section;
+
+plain!(Plateau, TokenizerKind, TokenizerTrainer, TokenizerLoss, TokenizerSchedule);
+
+/// Who trains the tokenizers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TokenizerTrainer {
+    /// The trainer inside isoflop.
+    #[default]
+    BuiltIn,
+    /// The trainer in PyTorch that comes with isoflop, on a GPU if PyTorch sees one. It trains
+    /// convolutional and transformer tokenizers with FSQ, VQ or several scales.
+    Torch,
+}
+
+impl TokenizerTrainer {
+    /// Whether it is the default, which specs and ids leave out.
+    pub fn is_built_in(&self) -> bool {
+        *self == Self::BuiltIn
+    }
+}
 
 /// Which tokenizer, as it is written in a sweep file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -227,35 +244,65 @@ impl TokenizerTraining {
 
     /// The first field that no training can use.
     pub(super) fn check(&self) -> Result<(), SpecError> {
-        let whole = "must be at least 1";
-        let positive = |x: f64| x.is_finite() && x >= 0.0;
-        let negative = "must not be negative";
-        let decays = |x: f64| (0.0..1.0).contains(&x);
+        let at_least_0 = |x: f64| x.is_finite() && x >= 0.0;
+        let below_1 = |x: f64| (0.0..1.0).contains(&x);
         let share = |x: f64| (0.0..=1.0).contains(&x);
-        let joints = self.loss == TokenizerLoss::Joints;
-        let of_joints = "belongs to `loss: joints`";
-        require_all([
-            (self.batch > 0, "batch", whole),
-            (self.steps > 0, "steps", whole),
-            (self.pool_clips > 0, "pool_clips", whole),
-            (positive(self.lr), "lr", negative),
-            (positive(self.decay_at), "decay_at", negative),
-            (positive(self.decay_factor), "decay_factor", negative),
-            (positive(self.position_weight), "position_weight", negative),
-            (positive(self.feature_weight), "feature_weight", negative),
-            (positive(self.velocity_weight), "velocity_weight", negative),
-            (positive(self.commitment), "commitment", negative),
-            (positive(self.weight_decay), "weight_decay", negative),
-            (positive(self.clip_norm), "clip_norm", negative),
-            (self.lr > 0.0, "lr", "a rate is above 0"),
-            (decays(self.beta_1), "beta_1", "lies in [0, 1)"),
-            (decays(self.beta_2), "beta_2", "lies in [0, 1)"),
-            (decays(self.average), "average", "lies in [0, 1)"),
-            (decays(self.reset_share), "reset_share", "lies in [0, 1)"),
-            (share(self.mix_body), "mix_body", "lies between 0 and 1"),
-            (joints || self.mix_body == 0.0, "mix_body", of_joints),
-            (share(self.mix_arm), "mix_arm", "lies between 0 and 1"),
-            (joints || self.mix_arm == 0.0, "mix_arm", of_joints),
-        ])
+        let joints = |x: f64| x == 0.0 || self.loss == TokenizerLoss::Joints;
+        let (between, of_joints) = ("lies between 0 and 1", "belongs to `loss: joints`");
+        require_all(each! {
+            self;
+            |n| n > 0, "must be at least 1" => batch, steps, pool_clips;
+            at_least_0, "must not be negative" => lr, decay_at, decay_factor, position_weight,
+                feature_weight, velocity_weight, commitment, weight_decay, clip_norm;
+            |rate| rate > 0.0, "a rate is above 0" => lr;
+            below_1, "lies in [0, 1)" => beta_1, beta_2, average, reset_share;
+            share, between => mix_body;
+            joints, of_joints => mix_body;
+            share, between => mix_arm;
+            joints, of_joints => mix_arm;
+        })
+    }
+}
+
+section! {
+    /// The `tokenizer.plateau` section: the validation split is measured while a tokenizer is trained, the
+    /// weights that were best on it are kept, and training ends where measurements bring nothing new.
+    #[derive(Copy, Eq)]
+    pub struct Plateau {
+        /// Times that the validation split is measured, spread evenly over the steps.
+        evaluations: usize = 20;
+        /// Measurements in a row without a new best after which training ends.
+        patience: usize = 5;
+    }
+}
+
+impl Plateau {
+    /// The first setting that no training of so many steps can use.
+    pub(super) fn check(&self, steps: usize) -> Result<(), SpecError> {
+        let evaluated = (1..=steps).contains(&self.evaluations);
+        require(evaluated, "plateau.evaluations", "lies between 1 and the steps")?;
+        require(self.patience > 0, "plateau.patience", "must be at least 1")
+    }
+}
+
+/// A section that is like the default but for a change.
+#[cfg(test)]
+pub(super) fn with(change: impl FnOnce(&mut TokenizerSection)) -> TokenizerSection {
+    let mut section = TokenizerSection::default();
+    change(&mut section);
+    section
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::{QuantizerSpec, TextSpec};
+
+    #[test]
+    fn the_rate_rises_stays_and_falls_once() {
+        let section = with(|s| (s.steps, s.lr, s.warmup_steps) = (Some(10), Some(1.0), Some(3)));
+        let spec = section.spec(QuantizerSpec::default(), &TextSpec::default());
+        let rates: Vec<f64> = (0..10).map(|step| spec.learning_rate(step)).collect();
+        assert_eq!(rates, [0.25, 0.5, 0.75, 1.0, 1.0, 1.0, 1.0, 1.0, 0.05, 0.05]);
     }
 }

@@ -3,9 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{SpecError, require};
-use super::language::LanguageSpec;
-use super::transformer::TransformerSpec;
+use super::transformer::{LanguageSpec, TransformerSpec};
+use crate::spec::{SpecError, require};
+use crate::units::number::plain;
+
+plain!(Codes);
 
 /// An architecture of a tokenizer, resolved: what is hashed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -229,5 +231,50 @@ impl PatchSpec {
     fn training_bytes_per_frame(&self) -> f64 {
         let blocks = (self.encoder_blocks + self.decoder_blocks) as f64;
         4.0 * (12.0 * 263.0 + blocks * 14.0 * self.width as f64 / self.frames as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::tokenizer::training::with;
+    use crate::spec::{CodebookSpec, QuantizerSpec, TextSpec, TokenizerKind, TokenizerSection};
+
+    #[test]
+    fn codes_of_a_large_vocabulary_begin_from_as_many_patches_as_those_of_a_small_one() {
+        let begun = |kind, codes, codebook| {
+            let section = with(|s| (s.kind, s.codes) = (kind, codes));
+            let quantizer = QuantizerSpec::of_codebook(codebook);
+            let spec = section.spec(quantizer, &TextSpec::default());
+            spec.begun_from().map(|begun| begun.codes)
+        };
+        let vq = |n_vocab| CodebookSpec::Vq { n_vocab };
+        let of_vq = |codes| [64, 1024, 40_000].map(|n| begun(TokenizerKind::Patch, codes, vq(n)));
+        assert_eq!(of_vq(None), [1 << 15, 48 * 1024, 48 * 40_000].map(Some));
+        assert_eq!(of_vq(Some(Codes::Fixed)), [48 * 64, 48 * 1024, 48 * 40_000].map(Some));
+        // FSQ places no codes, and a convolutional one begins from no data.
+        let fsq = CodebookSpec::Fsq { levels: vec![8, 8, 8, 8] };
+        assert_eq!(begun(TokenizerKind::Patch, None, fsq), Some(1 << 15));
+        assert_eq!(begun(TokenizerKind::Vq, None, vq(1024)), None);
+    }
+
+    #[test]
+    fn what_learns_codes_is_no_key_of_fixed_ones() {
+        let fixed = |change: fn(&mut TokenizerSection)| {
+            let mut section =
+                with(|s| (s.kind, s.codes) = (TokenizerKind::Patch, Some(Codes::Fixed)));
+            change(&mut section);
+            section.check().map_err(|error| error.to_string())
+        };
+        assert_eq!(fixed(|_| ()), Ok(()));
+        let changes: [fn(&mut TokenizerSection); 3] = [
+            |s| s.encoder_blocks = Some(1),
+            |s| s.commitment = Some(1.0),
+            |s| s.reset_share = Some(0.1),
+        ];
+        for change in changes {
+            assert!(fixed(change).unwrap_err().contains("belongs to `codes: learned`"));
+        }
+        assert!(fixed(|s| s.kind = TokenizerKind::Vq).unwrap_err().contains("`kind: patch`"));
     }
 }

@@ -1,10 +1,14 @@
-//! [`TransformerSpec`]: the language-guided transformer tokenizer of LG-Tok.
+//! [`TransformerSpec`]: the language-guided transformer tokenizer of LG-Tok; [`LanguageSpec`]: which of its halves see
+//! a caption.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::error::{SpecError, require};
-use super::language::LanguageSpec;
+use crate::spec::{SpecError, TextSpec, require};
+use crate::units::number::plain;
+use crate::units::section;
+
+plain!(LanguagePlace, LanguageSection, NormPlacement, Positions, Detokenizer);
 
 /// Hidden features of SwiGLU as a multiple of the width.
 pub const SWIGLU_RATIO: usize = 4;
@@ -104,11 +108,8 @@ impl TransformerSpec {
         let Self { width, layers, heads, frames, latent, span, dropout, .. } = self;
         require(*width > 0, "width", "at least one channel")?;
         require(*latent > 0, "latent", "at least one channel")?;
-        require(
-            layers % 2 == 1,
-            "layers",
-            "must be odd: as many before the middle one as after it",
-        )?;
+        let odd = "must be odd: as many before the middle one as after it";
+        require(layers % 2 == 1, "layers", odd)?;
         let divides = *heads > 0 && width.is_multiple_of(*heads);
         require(divides, "heads", &format!("{heads} heads do not divide a width of {width}"))?;
         let even = (width / heads).is_multiple_of(2);
@@ -173,3 +174,100 @@ const ROWS_KEPT: f64 = 25.0;
 
 /// Rows of the width that a layer holds at once on the way forward.
 const ROWS_AT_ONCE: f64 = 30.0;
+
+// Captions.
+
+/// A half of a tokenizer that may see a caption.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum LanguagePlace {
+    /// The half that turns motion into codes.
+    Tokenizer,
+    /// The half that turns codes into motion.
+    Detokenizer,
+}
+
+section! {
+    /// The `tokenizer.language` section: the clip's caption beside its motion (LG-Tok).
+    pub struct LanguageSection {
+        /// The halves that see it: both, one, or none.
+        at: Vec<LanguagePlace> = vec![LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
+        /// How often a training step leaves a clip's caption out.
+        drop: f64 = 0.1;
+    }
+}
+
+/// Which halves see a caption, and how wide it is: what is hashed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LanguageSpec {
+    /// At least one, in the order of [`LanguagePlace`].
+    pub at: Vec<LanguagePlace>,
+    pub drop: f64,
+    /// Width of a word's vector.
+    pub dim: usize,
+    /// Words of the longest caption.
+    pub max_tokens: usize,
+}
+
+impl LanguageSection {
+    /// The same over the vectors of a text encoder; `None` where no half sees them.
+    pub(super) fn over(&self, text: &TextSpec) -> Option<LanguageSpec> {
+        let mut at = self.at.clone();
+        at.sort_unstable();
+        let TextSpec { dim, max_tokens, .. } = *text;
+        (!at.is_empty()).then_some(LanguageSpec { at, drop: self.drop, dim, max_tokens })
+    }
+}
+
+impl LanguageSpec {
+    /// Whether the tokenizer and the detokenizer see a caption.
+    pub fn places(&self) -> [bool; 2] {
+        [LanguagePlace::Tokenizer, LanguagePlace::Detokenizer].map(|place| self.at.contains(&place))
+    }
+
+    pub(super) fn check(&self) -> Result<(), SpecError> {
+        let twice = self.at.windows(2).any(|pair| pair[0] == pair[1]);
+        require(!twice, "language", "a half stands in `at` twice")?;
+        require((0.0..1.0).contains(&self.drop), "language", "`drop` lies in [0, 1)")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spec::tokenizer::training::with;
+    use crate::spec::{QuantizerSpec, TokenizerKind, TokenizerSection};
+
+    #[test]
+    fn captions_are_read_by_transformers_alone_and_stay_with_their_clips() {
+        let language = Some(LanguageSection::default());
+        let transformer = |change: fn(&mut TokenizerSection)| {
+            let language = language.clone();
+            with(|s| {
+                (s.kind, s.language) = (TokenizerKind::Transformer, language);
+                change(s);
+            })
+        };
+        let text = TextSpec { dim: 7, max_tokens: 9, ..TextSpec::default() };
+        let spec = transformer(|_| {}).spec(QuantizerSpec::default(), &text);
+        let read = spec.architecture.language().unwrap();
+        assert_eq!((read.dim, read.max_tokens, read.places()), (7, 9, [true; 2]));
+        let none = transformer(|s| s.language = Some(LanguageSection { at: vec![], drop: 0.1 }));
+        assert_eq!(none.spec(QuantizerSpec::default(), &text).architecture.language(), None);
+        let bad = [
+            (with(|s| s.language = language.clone()), "tokenizer.language: belongs to"),
+            (transformer(|s| s.mirror = Some(true)), "tokenizer.mirror: shows mirrored clips"),
+            (transformer(|s| s.mix_arm = Some(0.1)), "tokenizer.mix_arm: shows parts of other"),
+            (transformer(|s| s.layers = Some(2)), "tokenizer.layers: must be odd"),
+            (transformer(|s| s.heads = Some(3)), "tokenizer.heads: 3 heads do not divide"),
+            (transformer(|s| s.depth = Some(3)), "tokenizer.depth: is not of `kind: transformer`"),
+        ];
+        for (section, expected) in bad {
+            let error = section.check().unwrap_err().to_string();
+            assert!(error.starts_with(expected), "{error}");
+        }
+    }
+}

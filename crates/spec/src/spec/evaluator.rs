@@ -1,0 +1,349 @@
+//! [`EvaluatorSpec`]: the networks whose embeddings motions are scored by, and the `evaluator` section of a sweep
+//! file ([`EvaluatorSection`]), which it follows from.
+
+use std::f64::consts::PI;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{KeyProblem, Representation, failed};
+use crate::units::number::plain;
+use crate::units::{or_default, section};
+
+plain!(EvaluatorKind, Mismatches);
+
+/// Which networks, as it is written in a sweep file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EvaluatorKind {
+    /// Two small transformers, whose unit vectors are brought together by symmetric InfoNCE (MARDM's
+    /// MotionCLIP, without its pretrained text). MARDM's has `width: 512, layers: 8, heads: 8, dim: 512`.
+    #[default]
+    MotionClip,
+    /// Convolutions and bidirectional GRUs, whose vectors are pulled together, or pushed apart up to a
+    /// margin (Guo et al. 2022), trained in one stage. Theirs has `width: 512, dim: 512, mismatches:
+    /// shifted`.
+    Matching,
+}
+
+/// The keys that mean the same for every kind, each with its default: those of the section, and of what
+/// follows from it.
+macro_rules! shared {
+    ($($(#[$about:meta])* $key:ident: $type:ty = $default:expr;)*) => {
+        section! {
+            /// The `evaluator` section: networks of motions and of captions, whose vectors are near each
+            /// other where they belong together.
+            ///
+            /// The defaults train in a minute or two on a core.
+            pub struct EvaluatorSection {
+                /// Which networks they are.
+                kind: EvaluatorKind = EvaluatorKind::default();
+                /// Channels of a row in both towers (128); for `kind: matching`, of the convolutions and of
+                /// the GRUs over captions (64), which is half of those over motions.
+                width: Option<usize> = None, unless "Option::is_none";
+                /// `kind: motionclip`: layers of each tower (2).
+                layers: Option<usize> = None, unless "Option::is_none";
+                /// `kind: motionclip`: heads of attention (4).
+                heads: Option<usize> = None, unless "Option::is_none";
+                /// `kind: motionclip`: frames of a row (4).
+                frames: Option<usize> = None, unless "Option::is_none";
+                /// `kind: matching`: the distance that pairs which do not match are pushed to (10).
+                margin: Option<f64> = None, unless "Option::is_none";
+                /// `kind: matching`: which pairs are pushed apart (`all`).
+                mismatches: Option<Mismatches> = None, unless "Option::is_none";
+                /// `kind: matching`: share of the channels after a convolution that is left out in training
+                /// (0.2).
+                dropout: Option<f64> = None, unless "Option::is_none";
+                /// Features of a frame that it sees.
+                representation: Representation = Representation::Meng67;
+                /// The highest learning rate: 5e-4, for `kind: matching` 2e-3.
+                lr: Option<f64> = None, unless "Option::is_none";
+                $($(#[$about])* $key: $type = $default;)*
+            }
+        }
+
+        /// An evaluator, resolved: what is hashed.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct EvaluatorSpec {
+            pub networks: NetworksSpec,
+            pub representation: Representation,
+            pub lr: f64,
+            $($(#[$about])* pub $key: $type,)*
+        }
+
+        impl EvaluatorSection {
+            /// The evaluator that it describes.
+            pub fn spec(&self) -> EvaluatorSpec {
+                EvaluatorSpec {
+                    networks: self.networks(),
+                    representation: self.representation,
+                    lr: self.lr.unwrap_or(match self.kind {
+                        EvaluatorKind::MotionClip => 5e-4,
+                        EvaluatorKind::Matching => 2e-3,
+                    }),
+                    $($key: self.$key,)*
+                }
+            }
+        }
+    };
+}
+
+shared! {
+    /// Numbers of an embedding.
+    dim: usize = 64;
+    /// Frames that are seen of a clip: a random window in training, else the first.
+    window: usize = 196;
+    /// Words are hashed n-grams of this width, whatever the text encoder of the runs.
+    word_dim: usize = 128;
+    /// Words that are seen of a caption.
+    max_words: usize = 32;
+    /// Share of the words of a caption that are left out in training.
+    word_drop: f64 = 0.3;
+    /// Clips of a step: each is told from others.
+    batch: usize = 64;
+    /// Steps of training.
+    steps: usize = 800;
+    /// Steps over which the learning rate rises; it falls along a cosine after them.
+    warmup_steps: usize = 100;
+    /// Decoupled, of AdamW.
+    weight_decay: f64 = 0.1;
+    /// How often it is measured on the validation split; the best of these is kept.
+    evaluations: usize = 16;
+    /// Training clips that are held in memory, at most.
+    pool_clips: usize = 8192;
+    /// Of weights, batches and windows.
+    seed: u64 = 0;
+}
+
+impl EvaluatorSection {
+    fn networks(&self) -> NetworksSpec {
+        match self.kind {
+            EvaluatorKind::MotionClip => {
+                let own = MotionClipSpec::default();
+                NetworksSpec::MotionClip(or_default!(self, own, width, layers, heads, frames))
+            }
+            EvaluatorKind::Matching => {
+                let own = MatchingSpec::default();
+                NetworksSpec::Matching(or_default!(self, own, width, margin, mismatches, dropout))
+            }
+        }
+    }
+
+    /// What no evaluator can use.
+    pub fn problems(&self) -> Vec<KeyProblem> {
+        let clip = self.kind == EvaluatorKind::MotionClip;
+        let mut found = failed(belonging! {
+            self, "";
+            clip, "belongs to `kind: motionclip`" => layers, heads, frames;
+            !clip, "belongs to `kind: matching`" => margin, mismatches, dropout;
+        });
+        found.extend(self.spec().problems());
+        found
+    }
+}
+
+impl EvaluatorSpec {
+    /// What no training can use.
+    fn problems(&self) -> Vec<KeyProblem> {
+        let mut found = self.networks.problems();
+        found.extend(failed(each! {
+            self;
+            |n| n > 0, "must be at least 1" => dim, word_dim, max_words, steps, evaluations;
+            |n| n >= self.frames(), "holds at least the frames of one row" => window;
+            |n| n > 1, "a clip is told from the others of its batch: at least 2" => batch;
+            |n| n >= self.batch, "holds at least one `batch`" => pool_clips;
+            |share| (0.0..1.0).contains(&share), "lies in [0, 1)" => word_drop;
+            |rate| rate > 0.0, "must be above 0" => lr;
+            |decay| decay >= 0.0, "must not be negative" => weight_decay;
+        }));
+        found
+    }
+
+    /// Frames of a row.
+    pub fn frames(&self) -> usize {
+        self.networks.frames()
+    }
+
+    /// The rate of a step, counted from 0: a linear rise, then half a cosine to 0.
+    pub fn learning_rate(&self, step: usize) -> f64 {
+        if step < self.warmup_steps {
+            return self.lr * (step + 1) as f64 / (self.warmup_steps + 1) as f64;
+        }
+        let (done, all) = (step - self.warmup_steps, self.steps.saturating_sub(self.warmup_steps));
+        self.lr * 0.5 * (1.0 + (PI * done as f64 / all.max(1) as f64).cos())
+    }
+
+    /// FLOPs that training counts for.
+    pub fn training_flops(&self) -> f64 {
+        let rows = self.window.div_ceil(self.frames().max(1)) + self.max_words;
+        3.0 * (self.steps * self.batch * rows) as f64 * self.networks.flops_per_row(rows)
+    }
+}
+
+// [`NetworksSpec`]: which networks embed motions and captions.
+
+/// The networks of an evaluator, resolved: what is hashed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum NetworksSpec {
+    MotionClip(MotionClipSpec),
+    Matching(MatchingSpec),
+}
+
+/// The sizes of two transformers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotionClipSpec {
+    /// Channels of a row, in both towers.
+    pub width: usize,
+    /// Layers of each tower.
+    pub layers: usize,
+    pub heads: usize,
+    /// Frames of a row.
+    pub frames: usize,
+}
+
+/// The sizes of the matching networks, and how they learn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MatchingSpec {
+    /// Channels of the convolutions and of the GRUs over captions; those over motions have twice as
+    /// many.
+    pub width: usize,
+    /// Distance that pairs which do not match are pushed to.
+    pub margin: f64,
+    pub mismatches: Mismatches,
+    /// Share of the channels after a convolution that is left out in training.
+    pub dropout: f64,
+}
+
+/// Which pairs of a batch are pushed apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Mismatches {
+    /// Each motion and the caption of one other, as Guo et al. do.
+    Shifted,
+    /// Each motion and all captions but its own.
+    #[default]
+    All,
+}
+
+impl Default for MotionClipSpec {
+    fn default() -> Self {
+        Self { width: 128, layers: 2, heads: 4, frames: 4 }
+    }
+}
+
+impl Default for MatchingSpec {
+    fn default() -> Self {
+        Self { width: 64, margin: 10.0, mismatches: Mismatches::default(), dropout: 0.2 }
+    }
+}
+
+/// Frames that two halvings of the rate make one.
+const FRAMES_OF_TWO_HALVINGS: usize = 4;
+
+impl NetworksSpec {
+    /// Frames of a row.
+    pub fn frames(&self) -> usize {
+        match self {
+            Self::MotionClip(sizes) => sizes.frames,
+            Self::Matching(_) => FRAMES_OF_TWO_HALVINGS,
+        }
+    }
+
+    /// What no training can use.
+    fn problems(&self) -> Vec<KeyProblem> {
+        match self {
+            &Self::MotionClip(MotionClipSpec { width, heads, layers, frames }) => {
+                let divides = heads > 0 && width > 0 && width.is_multiple_of(2 * heads);
+                let turned = "width / heads must be an even whole number: RoPE turns pairs";
+                failed([
+                    (layers > 0, "layers", "must be at least 1"),
+                    (divides, "heads", turned),
+                    (frames > 0, "frames", "must be at least 1"),
+                ])
+            }
+            Self::Matching(MatchingSpec { width, margin, dropout, .. }) => failed([
+                (*width > 0, "width", "must be at least 1"),
+                (*margin > 0.0, "margin", "must be above 0"),
+                ((0.0..1.0).contains(dropout), "dropout", "lies in [0, 1)"),
+            ]),
+        }
+    }
+
+    /// FLOPs of a row forward, of motions and captions alike.
+    fn flops_per_row(&self, rows: usize) -> f64 {
+        match self {
+            Self::MotionClip(MotionClipSpec { width, layers, .. }) => {
+                let d = *width as f64;
+                2.0 * *layers as f64 * (12.0 * d * d + 2.0 * rows as f64 * d)
+            }
+            // Two directions of three gates from input and state each, of twice the width.
+            Self::Matching(MatchingSpec { width, .. }) => {
+                let d = 2.0 * *width as f64;
+                2.0 * 2.0 * 6.0 * d * d
+            }
+        }
+    }
+
+    /// Bytes that the backward pass keeps of a row.
+    pub fn training_bytes_per_row(&self) -> f64 {
+        4.0 * match self {
+            Self::MotionClip(MotionClipSpec { width, layers, .. }) => {
+                ROWS_KEPT * (layers * width) as f64
+            }
+            Self::Matching(MatchingSpec { width, .. }) => GATES_KEPT * (4 * width) as f64,
+        }
+    }
+}
+
+/// Rows of the width that a layer of a transformer keeps for the way back: measured at 64 to 512 clips
+/// a step and widths 64 and 128.
+const ROWS_KEPT: f64 = 13.0;
+
+/// Rows of the states of both directions that a step of a GRU keeps for the way back, what fills up
+/// shorter motions among them: measured at 64 to 512 clips a step.
+const GATES_KEPT: f64 = 33.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rate_rises_and_falls_to_nothing() {
+        let section =
+            EvaluatorSection { steps: 300, warmup_steps: 100, ..EvaluatorSection::default() };
+        let spec = section.spec();
+        let rates: Vec<f64> = (0..=300).map(|step| spec.learning_rate(step)).collect();
+        assert!(rates[..100].is_sorted() && rates[100..].iter().rev().is_sorted());
+        assert!((rates[100] - spec.lr).abs() < 1e-12 && rates[300].abs() < 1e-12);
+    }
+
+    fn fields(yaml: &str) -> Vec<&'static str> {
+        let section: EvaluatorSection = serde_yaml::from_str(yaml).unwrap();
+        section.problems().into_iter().map(|problem| problem.field).collect()
+    }
+
+    #[test]
+    fn every_impossible_value_is_named() {
+        for kind in ["{}", "{kind: matching}", "{kind: motionclip}"] {
+            assert_eq!(fields(kind), Vec::<&str>::new());
+        }
+        assert_eq!(fields("{heads: 3}"), ["heads"]);
+        assert_eq!(fields("{heads: 0, dim: 0}"), ["heads", "dim"]);
+        assert_eq!(fields("{window: 3}"), ["window"]);
+        assert_eq!(fields("{batch: 1, word_drop: 1}"), ["batch", "word_drop"]);
+        assert_eq!(fields("{pool_clips: 8}"), ["pool_clips"]);
+        assert_eq!(fields("{kind: matching, margin: 0, dropout: 1}"), ["margin", "dropout"]);
+    }
+
+    #[test]
+    fn no_key_of_one_kind_is_written_for_the_other() {
+        let clip = "{kind: matching, layers: 2, heads: 4, frames: 4}";
+        assert_eq!(fields(clip), ["layers", "heads", "frames"]);
+        let matching = "{margin: 10, mismatches: all, dropout: 0.2}";
+        assert_eq!(fields(matching), ["margin", "mismatches", "dropout"]);
+    }
+}

@@ -1,0 +1,393 @@
+//! [`TokenizerSpec`]: everything that a tokenizer follows from, beside its data.
+
+mod architecture;
+mod training;
+mod transformer;
+
+use serde::{Deserialize, Serialize};
+
+pub use architecture::{ArchitectureSpec, BegunFrom, Codes, ConvolutionalSpec, PatchSpec};
+pub use training::{
+    Plateau, TokenizerKind, TokenizerLoss, TokenizerSchedule, TokenizerSection, TokenizerTrainer,
+    TokenizerTraining,
+};
+pub use transformer::{
+    Detokenizer, LanguagePlace, LanguageSection, LanguageSpec, NormPlacement, Positions,
+    SWIGLU_RATIO, TransformerSpec,
+};
+
+use super::{
+    CodebookKind, CodebookSpec, Grid, QuantizerKind, QuantizerSection, QuantizerSpec,
+    Representation, ResidualSpec, SpecError, TextSpec, require, require_all,
+};
+use crate::units::or_default;
+
+/// A tokenizer, resolved: what is hashed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TokenizerSpec {
+    pub architecture: ArchitectureSpec,
+    /// By default FSQ with levels 8, 6, 5 (240 codes).
+    pub quantizer: QuantizerSpec,
+    #[serde(skip_serializing_if = "crate::units::is_default")]
+    pub representation: Representation,
+    pub training: TokenizerTraining,
+    /// None where all steps are taken and the last weights kept.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plateau: Option<Plateau>,
+    /// Left out of ids and files for the built-in trainer.
+    #[serde(skip_serializing_if = "TokenizerTrainer::is_built_in")]
+    pub trainer: TokenizerTrainer,
+}
+
+/// Clips that the centres of [`TokenizerSpec::k_means_beside`] are placed by, and their mirror images.
+const K_MEANS_CLIPS: usize = 512;
+
+impl TokenizerSpec {
+    /// Codes (V).
+    pub fn n_vocab(&self) -> usize {
+        self.quantizer.n_vocab()
+    }
+
+    /// Patches of training clips that it begins from, where the pool has as many; none where it begins
+    /// from no data.
+    pub fn begun_from(&self) -> Option<BegunFrom> {
+        let ArchitectureSpec::Patch(patch) = &self.architecture else { return None };
+        let learned = |codebook: &CodebookSpec| match codebook {
+            CodebookSpec::Vq { n_vocab } => *n_vocab,
+            CodebookSpec::Fsq { .. } => 0,
+        };
+        let n_codes = self.quantizer.codebooks().iter().map(learned).max().unwrap_or(0);
+        Some(patch.begun_from(n_codes))
+    }
+
+    /// The codes that it gives clips.
+    pub fn grid(&self) -> Grid {
+        self.quantizer.grid(self.frames_per_latent())
+    }
+
+    /// Frames that one latent stands for; a clip is encoded in whole latents.
+    pub fn frames_per_latent(&self) -> usize {
+        self.architecture.frames_per_latent()
+    }
+
+    /// FLOPs that training on a frame counts for, beside the budgets of runs.
+    pub fn flops_per_frame(&self) -> f64 {
+        let products = self.quantizer.products_per_latent(self.architecture.code_dim());
+        self.architecture.flops_per_frame() + 6.0 * products / self.frames_per_latent() as f64
+    }
+
+    /// Bytes that the backward pass keeps of a frame of a step: those of the architecture, and of each
+    /// convolution of a quantizer's scales its taps, what it gives, and what is added up.
+    pub fn training_bytes_per_frame(&self) -> f64 {
+        let c = self.architecture.code_dim();
+        let floats = 2.0 * self.quantizer.products_per_latent(c) / c as f64;
+        self.architecture.training_bytes_per_frame()
+            + 4.0 * floats / self.frames_per_latent() as f64
+    }
+
+    /// The rate of a step, counted from 0.
+    pub fn learning_rate(&self, step: usize) -> f64 {
+        self.training.learning_rate(step)
+    }
+
+    /// The first field that no training can use.
+    ///
+    /// # Errors
+    /// [`SpecError`].
+    pub fn check(&self) -> Result<(), SpecError> {
+        self.architecture.check()?;
+        let quantizer = self.quantizer.clone().checked();
+        quantizer.map_err(|error| SpecError { field: "quantizer", problem: error.problem })?;
+        self.check_window()?;
+        self.check_captions()?;
+        self.plateau.map_or(Ok(()), |plateau| plateau.check(self.training.steps))?;
+        self.check_trainer()?;
+        self.training.check()
+    }
+
+    /// No window is parted from its caption.
+    fn check_captions(&self) -> Result<(), SpecError> {
+        let TokenizerTraining { mirror, mix_body, mix_arm, .. } = self.training;
+        let unread = self.architecture.language().is_none();
+        let mirrored = "shows mirrored clips the captions of their originals where `language` is set: \
+                        leave it out, or set data.mirror";
+        let mixed =
+            "shows parts of other clips under a caption where `language` is set: leave it out";
+        require_all([
+            (unread || !mirror, "mirror", mirrored),
+            (unread || mix_body == 0.0, "mix_body", mixed),
+            (unread || mix_arm == 0.0, "mix_arm", mixed),
+        ])
+    }
+
+    fn check_window(&self) -> Result<(), SpecError> {
+        let (stride, window) = (self.frames_per_latent(), self.training.window);
+        let whole = window > 0 && window.is_multiple_of(stride);
+        require(whole, "window", &format!("must be a multiple of the {stride} frames of a code"))?;
+        let (scale, latents) = (self.quantizer.longest_scale(), window / stride);
+        let problem = format!(
+            "a scale of {scale} codes is longer than a window, which has {latents} latents: set it to \
+             {} or more, or shorten tokenizer.quantizer.scales",
+            scale * stride
+        );
+        require(scale <= latents, "window", &problem)
+    }
+
+    /// The first setting that the trainer of the spec cannot follow.
+    fn check_trainer(&self) -> Result<(), SpecError> {
+        if self.trainer.is_built_in() {
+            return Ok(());
+        }
+        let patches = matches!(self.architecture, ArchitectureSpec::Patch(_));
+        let residual = matches!(self.quantizer, QuantizerSpec::Residual(_));
+        let mixes = self.training.mix_body > 0.0 || self.training.mix_arm > 0.0;
+        let all_steps = self.plateau.is_none();
+        require_all([
+            (!patches, "trainer", "`torch` trains no patches: leave `trainer` out"),
+            (!residual, "trainer", "`torch` trains no residual quantizers: leave `trainer` out"),
+            (!mixes, "trainer", "`torch` mixes no bodies: set mix_body and mix_arm to 0"),
+            (all_steps, "trainer", "`torch` takes all steps: leave tokenizer.plateau out"),
+        ])
+    }
+
+    /// The k-means that it is measured beside, as a tokenizer of its own: of patches as long as what a code stands for, four frames at most, since principal
+    /// components of longer ones take minutes and gigabytes; with as many codebooks of as many codes as
+    /// this tokenizer has. None for scales of several lengths, which it cannot place.
+    pub fn k_means_beside(&self) -> Option<Self> {
+        let n_vocab = self.quantizer.codebooks().first()?.n_vocab();
+        let codebook = CodebookSpec::Vq { n_vocab };
+        let quantizer = match &self.quantizer {
+            QuantizerSpec::Fsq { .. } | QuantizerSpec::Vq { .. } => QuantizerSpec::Vq { n_vocab },
+            QuantizerSpec::Residual(own) => {
+                QuantizerSpec::Residual(ResidualSpec { codebook, ..own.clone() })
+            }
+            QuantizerSpec::Multiscale(_) => return None,
+        };
+        let longest = PatchSpec::default();
+        let frames = self.frames_per_latent().min(longest.frames);
+        Some(Self {
+            architecture: ArchitectureSpec::Patch(PatchSpec { frames, ..longest }),
+            quantizer,
+            training: TokenizerTraining {
+                pool_clips: K_MEANS_CLIPS,
+                ..TokenizerTraining::of_patches()
+            },
+            ..Self::default()
+        })
+    }
+}
+
+// The tokenizers of a [`TokenizerSection`].
+
+/// VAR's mix, which leaves the signs that latents of patches begin with.
+const PATCH_MIX: f64 = 0.5;
+
+/// A quantizer with the defaults of patches.
+fn of_patches(section: QuantizerSection) -> QuantizerSection {
+    let mixes = section.kind == QuantizerKind::Multiscale;
+    let mix = section.mix.or(mixes.then_some(PATCH_MIX));
+    QuantizerSection { mix, ..section }
+}
+
+/// A size that every kind of codebook has: what a section is checked with.
+const ANY_SIZE: usize = 64;
+
+impl TokenizerSection {
+    /// Its quantizer, as it is written or by default.
+    pub fn quantizer(&self) -> QuantizerSection {
+        let written = self.quantizer.clone();
+        match self.kind {
+            TokenizerKind::Fsq => QuantizerKind::Fsq.section(),
+            TokenizerKind::Vq => QuantizerKind::Vq.section(),
+            TokenizerKind::Convolutional => written.unwrap_or_default(),
+            TokenizerKind::Patch => of_patches(written.unwrap_or(QuantizerKind::Vq.section())),
+            TokenizerKind::Transformer => written.unwrap_or(QuantizerKind::Vq.section()),
+        }
+    }
+
+    /// The tokenizers with a quantizer, one a seed; `text` says how wide captions are.
+    pub fn specs(&self, quantizer: &QuantizerSpec, text: &TextSpec) -> Vec<TokenizerSpec> {
+        let own = self.spec(quantizer.clone(), text);
+        let seeded = |&seed: &u64| {
+            let training = TokenizerTraining { seed, ..own.training.clone() };
+            TokenizerSpec { training, ..own.clone() }
+        };
+        if self.seeds.is_empty() { vec![own] } else { self.seeds.iter().map(seeded).collect() }
+    }
+
+    /// The tokenizer with a quantizer and the first seed.
+    pub fn spec(&self, quantizer: QuantizerSpec, text: &TextSpec) -> TokenizerSpec {
+        let defaults = match self.kind {
+            TokenizerKind::Patch => TokenizerTraining::of_patches(),
+            TokenizerKind::Transformer => TokenizerTraining::of_transformers(),
+            _ => TokenizerTraining::default(),
+        };
+        let frames = self.architecture(defaults.window, text).frames_per_latent();
+        let window = defaults.window.max(quantizer.longest_scale() * frames);
+        let mut training = self.training_over(TokenizerTraining { window, ..defaults });
+        if training.loss == TokenizerLoss::Features {
+            // Bodies are mixed for the loss of joints alone, unless somebody writes otherwise.
+            training.mix_body = self.mix_body.unwrap_or(0.0);
+            training.mix_arm = self.mix_arm.unwrap_or(0.0);
+        }
+        let architecture = self.architecture(training.window, text);
+        let Self { representation, plateau, trainer, .. } = *self;
+        TokenizerSpec { architecture, quantizer, representation, training, plateau, trainer }
+    }
+
+    fn architecture(&self, window: usize, text: &TextSpec) -> ArchitectureSpec {
+        match self.kind {
+            TokenizerKind::Transformer => {
+                let language = self.language.as_ref().and_then(|language| language.over(text));
+                let own = TransformerSpec { span: window, language, ..TransformerSpec::default() };
+                let own = or_default!(self, own, width, layers, heads, frames, latent, dropout);
+                let own = or_default!(self, own, norm, positions, detokenizer);
+                ArchitectureSpec::Transformer(own)
+            }
+            TokenizerKind::Patch => {
+                let codes = self.codes.unwrap_or_default();
+                let mut own = PatchSpec { codes, ..PatchSpec::default() };
+                if codes == Codes::Fixed {
+                    own.encoder_blocks = 0;
+                }
+                let own = or_default!(self, own, width, frames, latent, patches_per_code);
+                ArchitectureSpec::Patch(or_default!(self, own, encoder_blocks, decoder_blocks))
+            }
+            _ => {
+                let default = ConvolutionalSpec::default();
+                ArchitectureSpec::Convolutional(or_default!(self, default, width, depth, down))
+            }
+        }
+    }
+
+    /// The first setting that no training can use.
+    ///
+    /// # Errors
+    /// [`SpecError`].
+    pub fn check(&self) -> Result<(), SpecError> {
+        let short = matches!(self.kind, TokenizerKind::Fsq | TokenizerKind::Vq);
+        let both = short && self.quantizer.is_some();
+        require(!both, "quantizer", "`kind: fsq` and `kind: vq` name one already")?;
+        let twice = self.seed.is_some() && !self.seeds.is_empty();
+        require(!twice, "seed", "is one of `seeds`: leave one of the two out")?;
+        self.check_kind()?;
+        let section = self.quantizer();
+        section.check()?;
+        let quantizer = section.of_size(ANY_SIZE).unwrap_or_default();
+        let spec = self.spec(quantizer, &TextSpec::default());
+        self.check_use(&spec.training)?;
+        spec.check()
+    }
+
+    /// No key is written that nothing reads.
+    ///
+    /// Codes are fixed where k-means places them, and then nothing before them is learned.
+    fn check_use(&self, training: &TokenizerTraining) -> Result<(), SpecError> {
+        let joints = training.loss == TokenizerLoss::Joints;
+        let step = training.schedule == TokenizerSchedule::Step;
+        let quantizer = self.quantizer();
+        let vq = quantizer.codebook_kind() == CodebookKind::Vq;
+        let scales_or_vq = vq || quantizer.kind == QuantizerKind::Multiscale;
+        let may_be_fixed = self.kind == TokenizerKind::Patch && vq;
+        let learned = self.codes != Some(Codes::Fixed);
+        require_all(belonging! {
+            self, "";
+            vq, "belongs to VQ" => patches_per_code;
+            learned || may_be_fixed, "`fixed` belongs to `kind: patch` with VQ" => codes;
+            learned, "belongs to `codes: learned`" => encoder_blocks, commitment, reset_share;
+            step, "belongs to `schedule: step`" => decay_at;
+            !joints, "belongs to `loss: features`" => position_weight;
+            joints, "belongs to `loss: joints`" => feature_weight, velocity_weight;
+            scales_or_vq, "belongs to VQ" => commitment;
+            vq, "belongs to VQ" => reset_share;
+        })
+    }
+
+    /// No key of one kind is written for the other.
+    fn check_kind(&self) -> Result<(), SpecError> {
+        let patch = self.kind == TokenizerKind::Patch;
+        let transformer = self.kind == TokenizerKind::Transformer;
+        let either = patch || transformer;
+        let not = if patch { "is not of `kind: patch`" } else { "is not of `kind: transformer`" };
+        require_all(belonging! {
+            self, "";
+            !either, not => depth, down;
+            either, "belongs to `kind: patch` and `kind: transformer`" => frames, latent;
+            patch, "belongs to `kind: patch`" => encoder_blocks, decoder_blocks, patches_per_code;
+            transformer, "belongs to `kind: transformer`" => layers, heads, norm, positions,
+                detokenizer, dropout, language;
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::training::with;
+    use super::*;
+
+    #[test]
+    fn a_written_spec_reads_back_and_unknown_fields_are_refused() {
+        let spec =
+            TokenizerSpec { quantizer: QuantizerSpec::Vq { n_vocab: 32 }, ..Default::default() };
+        let text = serde_json::to_string(&spec).unwrap();
+        assert_eq!(serde_json::from_str::<TokenizerSpec>(&text).unwrap(), spec);
+        let text = r#"{"training": {"widht": 8}}"#;
+        let error = serde_json::from_str::<TokenizerSpec>(text).unwrap_err();
+        assert!(error.to_string().contains("widht"), "{error}");
+    }
+
+    #[test]
+    fn a_bad_field_is_named() {
+        assert!(TokenizerSection::default().check().is_ok());
+        let section = QuantizerKind::Vq.section();
+        let bad = [
+            (with(|s| s.window = Some(30)), "window"),
+            (with(|s| s.lr = Some(f64::NAN)), "lr"),
+            (with(|s| s.lr = Some(0.0)), "lr"),
+            (with(|s| s.down = Some(0)), "down"),
+            (with(|s| s.beta_2 = Some(1.0)), "beta_2"),
+            (with(|s| s.quantizer = Some(section)), "quantizer"),
+        ];
+        for (section, field) in bad {
+            let error = section.check().unwrap_err().to_string();
+            assert!(error.starts_with(&format!("tokenizer.{field}: ")), "{error}");
+        }
+        let levels = |levels: &[usize]| QuantizerSpec::Fsq { levels: levels.to_vec() };
+        for quantizer in [levels(&[8, 1]), levels(&[usize::MAX, 9]), levels(&[])] {
+            let spec = TokenizerSpec { quantizer, ..TokenizerSpec::default() };
+            assert_eq!(spec.check().unwrap_err().field, "quantizer");
+        }
+    }
+
+    #[test]
+    fn the_short_form_and_the_long_one_are_the_same() {
+        let quantizer = Some(QuantizerKind::Vq.section());
+        let long = with(|s| (s.kind, s.quantizer) = (TokenizerKind::Convolutional, quantizer));
+        let short = with(|s| s.kind = TokenizerKind::Vq);
+        assert_eq!(long.quantizer(), short.quantizer());
+        let text = TextSpec::default();
+        let spec = |section: &TokenizerSection| section.spec(QuantizerSpec::default(), &text);
+        assert_eq!(spec(&long), spec(&short));
+    }
+
+    #[test]
+    fn a_window_holds_the_longest_scale_and_patches_mix() {
+        let mut section = with(|s| s.kind = TokenizerKind::Patch);
+        section.quantizer = Some(QuantizerKind::Multiscale.section());
+        let quantizer = section.quantizer().of_size(64).unwrap();
+        assert_eq!(section.spec(quantizer, &TextSpec::default()).training.window, 196);
+        assert!(section.check().is_ok());
+        let mix = |section: &TokenizerSection| match section.quantizer().of_size(64).unwrap() {
+            QuantizerSpec::Multiscale(own) => own.mix,
+            other => panic!("{other:?}"),
+        };
+        let mut plain = section.quantizer.clone().unwrap();
+        plain.mix = Some(0.0);
+        assert_eq!(mix(&section), Some(0.5));
+        assert_eq!(mix(&TokenizerSection { quantizer: Some(plain), ..section.clone() }), None);
+        section.window = Some(96);
+        let error = section.check().unwrap_err().to_string();
+        assert!(error.contains("a scale of 49 codes") && error.contains("196 or more"), "{error}");
+    }
+}
