@@ -151,9 +151,10 @@ impl TokenizerSpec {
         ])
     }
 
-    /// The k-means that it is measured beside, as a tokenizer of its own: of patches as long as what a code stands for, four frames at most, since principal
-    /// components of longer ones take minutes and gigabytes; with as many codebooks of as many codes as
-    /// this tokenizer has. None for scales of several lengths, which it cannot place.
+    /// The k-means that it is measured beside, as a tokenizer of its own: of patches as long as what a code
+    /// stands for, four frames at most, since principal components of longer ones take minutes and
+    /// gigabytes; with as many codebooks of as many codes as this tokenizer has. None for scales of
+    /// several lengths, which it cannot place.
     pub fn k_means_beside(&self) -> Option<Self> {
         let n_vocab = self.quantizer.codebooks().first()?.n_vocab();
         let codebook = CodebookSpec::Vq { n_vocab };
