@@ -7,13 +7,12 @@ use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{draw as draw_side_by_side, home, parted};
 use super::output::Output;
 use super::predict::not_of_groups;
-use super::validate::gathered;
 use super::{fit, predict};
 use anyhow::{Result, bail};
 use clap::Args;
 use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
 use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::{ResultsFolder, frozen_sweep};
+use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::record::{RunRecord, Tuned, sliced, table};
 use isoflop::spec::{FlopsRule, content_id};
@@ -133,7 +132,7 @@ fn as_laws_count(
     laws: Option<&Laws>,
 ) -> Result<Vec<RunRecord>> {
     // A table and its laws are drawn without the sweep too.
-    let planned = frozen_sweep(home).ok().map(|sweep| sweep.flops.rule);
+    let planned = home.sweep().ok().map(|sweep| sweep.flops.rule);
     let counted = laws.and_then(|laws| FlopsRule::named(&laws.flops_rule));
     match (planned, counted) {
         (Some(planned), Some(counted)) if counted != planned => Ok(sliced(&records, counted)?),
@@ -148,7 +147,7 @@ fn of_several_generators(
     wanted: &Wanted,
     output: &Output,
 ) -> Result<Vec<PathBuf>> {
-    let sweep = frozen_sweep(folder)?;
+    let sweep = folder.sweep()?;
     let mut paths = match wanted.has(SIDE_BY_SIDE) {
         true => draw_side_by_side(&sweep, folder, by_generator, wanted.formats())?,
         false => Vec::new(),
@@ -257,7 +256,7 @@ fn write_laws(
 ) -> Result<Option<Laws>> {
     match fit::fit_records(records, &fit::options(sweep)) {
         Ok(mut laws) => {
-            laws.judgement.validations = gathered(folder, output);
+            laws.judgement.validations = folder.validations(|line| output.warn(&line));
             atomic::write_json(&folder.file("laws.json"), &laws)?;
             Ok(Some(laws))
         }

@@ -12,7 +12,7 @@ use clap::Args;
 use isoflop::data::{self, Split, read_motion};
 use isoflop::figures::{Format, draw_all};
 use isoflop::files::{atomic, read_if_there, read_text_if_there};
-use isoflop::jobs::{ResultsFolder, frozen_sweep};
+use isoflop::jobs::ResultsFolder;
 use isoflop::laws::Laws;
 use isoflop::motion::{Pose, recover_joints};
 use isoflop::plan::demand;
@@ -282,7 +282,7 @@ fn of_run(
 /// The true motion of each caption, of the first clip of the test split that has it; none where the data are not
 /// at hand.
 fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>> {
-    let Ok(sweep) = frozen_sweep(folder) else { return HashMap::new() };
+    let Ok(sweep) = folder.sweep() else { return HashMap::new() };
     let Ok(data) = data::open(&sweep.data, demand(&sweep).as_ref()) else {
         return HashMap::new();
     };

@@ -16,7 +16,7 @@ use crate::failure::Failure;
 use crate::files::{FileError, set_aside};
 use crate::learn::LearnError;
 use crate::progress::Stop;
-use crate::sweep::{self, Sweep};
+use crate::sweep::Sweep;
 
 /// How a job ended, seen from inside.
 pub enum Outcome {
@@ -73,7 +73,7 @@ impl<'a> Assignment<'a> {
     /// # Errors
     /// The file is missing or damaged.
     pub fn sweep(&self) -> Result<Sweep> {
-        frozen_sweep(self.folder)
+        Ok(self.folder.sweep()?)
     }
 
     /// The motion of the sweep.
@@ -112,14 +112,6 @@ impl<'a> Assignment<'a> {
 pub fn spec_of<T: DeserializeOwned>(folder: &ResultsFolder, job: &JobId) -> Result<T> {
     let missing = || format!("{} is missing", folder.spec(job).display());
     folder.read_spec(job)?.with_context(missing)
-}
-
-/// The sweep of a folder, as it was resolved when the folder was made.
-///
-/// # Errors
-/// The file is missing or damaged.
-pub fn frozen_sweep(folder: &ResultsFolder) -> Result<Sweep> {
-    Ok(sweep::read(&folder.file("sweep.yaml"), &[])?)
 }
 
 // Files that are damaged are made again: results depend on neither.

@@ -12,8 +12,10 @@ use super::run_scores::RunScores;
 use crate::evaluator::EvaluatorReport;
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
+use crate::laws::Validated;
 use crate::record::RunRecord;
 use crate::spec::EvaluatorSection;
+use crate::sweep::{self, Sweep, SweepErrors};
 use crate::tokenizer::TokenizerMetrics;
 
 /// Where a job keeps its checkpoint, in its folder.
@@ -72,6 +74,14 @@ impl ResultsFolder {
     pub fn name(&self) -> String {
         let full = fs::canonicalize(&self.root).unwrap_or_else(|_| self.root.clone());
         full.file_name().map_or_else(|| "sweep".into(), |name| name.to_string_lossy().into_owned())
+    }
+
+    /// The sweep as it was resolved when its runs were planned.
+    ///
+    /// # Errors
+    /// The file is missing or damaged.
+    pub fn sweep(&self) -> Result<Sweep, SweepErrors> {
+        sweep::read(&self.file("sweep.yaml"), &[])
     }
 
     /// `name` in the folder: `laws.json`, `runs.parquet`, `figures`.
@@ -254,6 +264,25 @@ impl ResultsFolder {
     /// The folder cannot be listed.
     pub fn all_scores(&self, warn: impl FnMut(String)) -> io::Result<Vec<RunScores>> {
         self.products(JobKind::Score, |scores: &RunScores| scores.run_id.clone(), warn)
+    }
+
+    /// The folder of each validation.
+    pub fn validation_folders(&self) -> impl Iterator<Item = PathBuf> {
+        let entries = fs::read_dir(self.file("validations")).into_iter().flatten().flatten();
+        entries.map(|entry| entry.path()).filter(|path| path.is_dir())
+    }
+
+    /// Every validation that has ended, by budget; `warn` is told of each file that is damaged, which is left out.
+    pub fn validations(&self, mut warn: impl FnMut(String)) -> Vec<Validated> {
+        let mut all: Vec<Validated> = Vec::new();
+        for path in self.validation_folders().map(|path| path.join("validation.json")) {
+            match read_if_there::<Validated>(&path) {
+                Ok(found) => all.extend(found),
+                Err(error) => warn(error.to_string()),
+            }
+        }
+        all.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
+        all
     }
 
     /// The products of all finished jobs of a kind, by a key; each that is damaged is left out.

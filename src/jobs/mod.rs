@@ -36,7 +36,7 @@ mod trained;
 mod training;
 pub mod worker;
 
-pub use assignment::{Assignment, Outcome, frozen_sweep};
+pub use assignment::{Assignment, Outcome};
 pub use folder::{JobState, ResultsFolder, RunStates};
 pub use graph::{all_jobs, inputs, missing_jobs, with_needs};
 pub use job::{Job, JobId, JobKind};

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 
 use super::assignment::{
-    Assignment, Outcome, frozen_sweep, open_or_remake, put_away, spec_of, train_past_damage,
+    Assignment, Outcome, open_or_remake, put_away, spec_of, train_past_damage,
 };
 use super::folder::{CHECKPOINT, ResultsFolder};
 use super::job::{JobId, JobKind, captions};
@@ -200,7 +200,7 @@ impl TrainedTokenizer {
     /// # Errors
     /// The data or the vectors of their captions are missing or damaged.
     pub fn reconstruct(&self, split: Split, guidances: &[f64]) -> Result<Vec<Reconstruction>> {
-        let source = data::open(&frozen_sweep(&self.folder)?.data, None)?;
+        let source = data::open(&self.folder.sweep()?.data, None)?;
         let id = JobId::new(JobKind::Tokenizer, &self.id);
         let job: TokenizerJob = spec_of(&self.folder, &id)?;
         let text = job.text_id.map(|id| TextStore::open(&self.folder.text(&id))).transpose();
@@ -225,7 +225,6 @@ impl TrainedTokenizer {
 
 /// What the captions of a sweep become vectors by.
 fn encoder_of(folder: &ResultsFolder) -> Result<Box<dyn TextEncoder>> {
-    let sweep =
-        frozen_sweep(folder).context("reading how its sweep turns captions into vectors")?;
+    let sweep = folder.sweep().context("reading how its sweep turns captions into vectors")?;
     text::encoder(&sweep.text).context("opening the vectors of captions")
 }

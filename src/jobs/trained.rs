@@ -8,7 +8,6 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use super::assignment::frozen_sweep;
 use super::folder::{JobState, MODEL, ResultsFolder};
 use super::job::JobId;
 use crate::codes::TokenStore;
@@ -63,8 +62,8 @@ impl TrainedRun {
         let sampler = generator::of(&spec).sampler(&spec, loaded, device)?;
         let tokenizer = Tokenizer::load(&folder.tokenizer(&spec.tokenizer_id), device)
             .context("opening its tokenizer")?;
-        let encoder = text::encoder(&frozen_sweep(&folder)?.text)
-            .context("opening the vectors of captions")?;
+        let encoder =
+            text::encoder(&folder.sweep()?.text).context("opening the vectors of captions")?;
         Ok(Self { folder, run_id, spec, tokenizer, encoder, sampler })
     }
 
@@ -225,7 +224,7 @@ impl TrustedEvaluator {
     /// # Errors
     /// The data cannot be opened, or holds too few clips.
     pub fn truth(&self) -> Result<Truth> {
-        let data = frozen_sweep(&self.folder)?.data;
+        let data = self.folder.sweep()?.data;
         let source = data::open(&data, None).context("opening the data of the evaluator")?;
         Ok(Truth::load(&self.evaluator, &*source)?)
     }
@@ -260,7 +259,7 @@ fn evaluator_of(path: &Path) -> Result<PathBuf> {
 
 /// The evaluators that the frozen sweep of a folder describes.
 fn described(folder: &ResultsFolder) -> Result<Vec<EvaluatorReport>> {
-    let sweep = frozen_sweep(folder)?;
+    let sweep = folder.sweep()?;
     let section = sweep.evaluator.as_ref();
     Ok(section.map_or(Ok(Vec::new()), |section| folder.gates_of(section, |_| ()))?)
 }

@@ -2,6 +2,8 @@
 
 mod check;
 
+pub use check::too_few;
+
 use super::args::{number, one_of};
 use super::exit::Exit;
 use super::output::{Output, many, more, table};

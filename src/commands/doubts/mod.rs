@@ -3,6 +3,7 @@
 mod doubt;
 pub use doubt::Doubt;
 
+use super::data::too_few;
 use doubt::tried;
 use isoflop::plan::Plan;
 use isoflop::sweep::Sweep;
@@ -28,18 +29,6 @@ pub fn doubts(sweep: &Sweep, plan: &Plan) -> Vec<Doubt> {
 }
 
 // Losses that are measured too roughly: on too few codes, or once.
-
-/// Codes of the test split below which its mean loss is too rough to tell sizes apart.
-const FEWEST_CODES: f64 = 2000.0;
-/// Standard error of the mean loss times the square root of the number of codes, in nats: 3.3 to 4.4 on 512 clips of
-/// procedural motion, whose codes go together within a clip.
-const ERROR_OF_A_CODE: f64 = 3.5;
-
-/// Standard deviation of the mean loss of what was recorded together, in nats: 3.3 over nine performers of CMU's
-/// motion, 2.4 over 27 sessions of Bandai's.
-const ERROR_OF_A_GROUP: f64 = 3.0;
-/// Groups below which that is worth a word.
-const FEWEST_GROUPS: usize = 36;
 
 /// A grid of one budget has no law in C.
 fn one_budget(plan: &Plan) -> Option<Doubt> {
@@ -69,34 +58,6 @@ fn small_test(plan: &Plan) -> Option<Doubt> {
 
 fn of_study(kind: &'static str, [what, mend]: [String; 2]) -> Doubt {
     Doubt { kind, what, mend, budgets_flops: Vec::new() }
-}
-
-/// What is wrong with a test split of so many codes in clips of so many groups that were recorded together, and
-/// what to change; `None` if it measures a loss.
-pub fn too_few(codes: f64, clips: usize, groups: usize) -> Option<[String; 2]> {
-    let error = |codes: f64| ERROR_OF_A_CODE / codes.sqrt();
-    if groups < clips.min(FEWEST_GROUPS) {
-        let of_groups = ERROR_OF_A_GROUP / (groups.max(1) as f64).sqrt();
-        return Some([
-            format!(
-                "the test split holds {groups} groups of clips that were recorded together: all losses move \
-                 by about ±{of_groups:.1} nats on others"
-            ),
-            "give test clips of more performers or sessions".to_string(),
-        ]);
-    }
-    (codes < FEWEST_CODES).then(|| {
-        [
-            format!(
-                "the test split holds about {codes:.0} codes: the mean loss is known to ±{:.2} nats",
-                error(codes)
-            ),
-            format!(
-                "{FEWEST_CODES} codes bring that to {:.2}: give more test clips",
-                error(FEWEST_CODES)
-            ),
-        ]
-    })
 }
 
 /// Supervised codes of the test split, if its clips are as long as those of the training split; `None` without

@@ -13,7 +13,6 @@ pub use sweep::{fit_records, options, points};
 use super::exit::{Exit, say, sentence};
 use super::output::Output;
 use super::predict::each;
-use super::validate::gathered;
 use anyhow::{Context, Result, bail};
 use isoflop::files::atomic;
 use isoflop::laws::{FitError, LawKind, Laws};
@@ -79,7 +78,7 @@ impl Fitted {
         let _slow = Slow::watch(output, line);
         let mut laws = laws(source, request)?;
         if let Some(own) = &source.sweep {
-            laws.judgement.validations = gathered(&own.folder, output);
+            laws.judgement.validations = own.folder.validations(|line| output.warn(&line));
             if !laws.judgement.validations.is_empty() {
                 laws = laws.answered();
             }

@@ -4,7 +4,6 @@ use super::args::FitArgs;
 use super::sweep;
 use crate::commands::generators::{of_one, sweep_of};
 use crate::commands::output::Output;
-use crate::commands::validate::validation_folders;
 use anyhow::{Result, bail};
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{
@@ -80,7 +79,7 @@ pub fn of_sweep(path: &Path, request: &FitArgs) -> Result<Source> {
 /// The runs of every validation that has a table, by budget.
 fn of_validations(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
     let mut all = Vec::new();
-    for place in validation_folders(folder) {
+    for place in folder.validation_folders() {
         if ["runs.parquet", "runs.csv"].iter().any(|name| place.join(name).exists()) {
             all.extend(runs::read(&place)?);
         }

@@ -1,10 +1,8 @@
 //! A forecast beside the runs that test it.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use isoflop::files::read_if_there;
 use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{
     Inside, IsoFlopPoint, Laws, Measured, MinimumMethod, NoiseSource, Predicted, RunNoise,
@@ -15,7 +13,7 @@ use isoflop::record::{RunRecord, table as runs};
 use isoflop::spec::FlopsRule;
 
 use crate::commands::fit::points;
-use crate::commands::output::{Output, dash, table};
+use crate::commands::output::{dash, table};
 
 /// The forecast of some laws and the best cell of the validation's folder.
 pub fn compare(
@@ -89,26 +87,6 @@ fn best(points: &[IsoFlopPoint], of_a_run: Option<f64>) -> Option<Measured> {
 fn range(points: &[IsoFlopPoint], of: fn(&IsoFlopPoint) -> f64) -> [f64; 2] {
     let values = || points.iter().map(of);
     [values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max)]
-}
-
-/// The folder of each validation of a sweep.
-pub fn validation_folders(folder: &ResultsFolder) -> impl Iterator<Item = PathBuf> {
-    let entries = std::fs::read_dir(folder.file("validations"));
-    let entries = entries.into_iter().flatten().flatten().map(|entry| entry.path());
-    entries.filter(|path| path.is_dir())
-}
-
-/// Every validation in a sweep's folder, by budget; a damaged one is a warning.
-pub fn gathered(folder: &ResultsFolder, output: &Output) -> Vec<Validated> {
-    let mut all: Vec<Validated> = Vec::new();
-    for path in validation_folders(folder).map(|path| path.join("validation.json")) {
-        match read_if_there::<Validated>(&path) {
-            Ok(found) => all.extend(found),
-            Err(error) => output.warn(&error.to_string()),
-        }
-    }
-    all.sort_by(|a, b| a.budget_flops.total_cmp(&b.budget_flops));
-    all
 }
 
 /// The comparison, a line a quantity.

@@ -2,8 +2,6 @@
 
 mod compare;
 
-pub use compare::{gathered, validation_folders};
-
 use super::args::budget;
 use super::context::{SweepArgs, WorkArgs, an_engine};
 use super::exit::Exit;
@@ -131,7 +129,7 @@ fn forecast(args: &ValidateArgs, name: &str, output: &Output) -> Result<Predicti
 fn keep(args: &ValidateArgs, output: &Output) -> Result<()> {
     let folder = ResultsFolder::new(&args.results);
     let mut laws = laws_of(&args.results)?;
-    laws.judgement.validations = gathered(&folder, output);
+    laws.judgement.validations = folder.validations(|line| output.warn(&line));
     let laws = laws.answered();
     Ok(atomic::write_json(&folder.file("laws.json"), &laws)?)
 }

@@ -7,7 +7,6 @@ use anyhow::Result;
 use serde::Serialize;
 
 use crate::codes::TokenStore;
-use crate::jobs::assignment::frozen_sweep;
 use crate::jobs::folder::{CHECKPOINT, ResultsFolder};
 use crate::machine::CARDS;
 use crate::plan::bytes_on_card;
@@ -100,7 +99,7 @@ impl TrainerSpec {
         let there = |path: &Path| path.exists().then(|| absolute(path)).transpose();
         let place = absolute(folder.run(id))?;
         let params = run.params();
-        let sweep = frozen_sweep(folder)?;
+        let sweep = folder.sweep()?;
         let is_part = !run.share.is_whole();
         Ok(Self {
             version: VERSION,
