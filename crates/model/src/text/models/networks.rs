@@ -1,20 +1,25 @@
-//! [`ModelFolder`]: the files of a model, read and checked.
+//! What computes states from a model's folder: BERT, T5, LLaMA, CLIP.
 
-use crate::files::FileError;
-use crate::spec::TextStates;
-use crate::text::store::TextError;
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
 use candle_core::{D, DType, Device, IndexOp, Tensor};
 use candle_nn::VarBuilder;
+use candle_transformers::models::bert::{self, BertModel};
 use candle_transformers::models::clip::text_model::{
     Activation, ClipTextConfig, ClipTextTransformer,
 };
 use candle_transformers::models::llama::{Cache, Config, Llama, LlamaConfig};
+use candle_transformers::models::t5::{self, T5EncoderModel};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use std::collections::HashMap;
-use std::fs;
-use std::path::{Path, PathBuf};
 use tokenizers::{Tokenizer, TruncationParams};
+
+use crate::files::FileError;
+use crate::spec::TextStates;
+use crate::text::TextError;
 
 const CONFIG: &str = "config.json";
 const TOKENIZER: &str = "tokenizer.json";
@@ -56,10 +61,7 @@ impl ModelFolder {
     }
 
     /// What `config.json` says.
-    ///
-    /// # Errors
-    /// It is not of such a model.
-    pub fn config<T: DeserializeOwned>(&self) -> Result<T, TextError> {
+    fn config<T: DeserializeOwned>(&self) -> Result<T, TextError> {
         serde_json::from_slice(&self.config)
             .map_err(|error| self.failed(format!("{CONFIG}: {error}")))
     }
@@ -78,10 +80,7 @@ impl ModelFolder {
     }
 
     /// The weights in single precision.
-    ///
-    /// # Errors
-    /// `model.safetensors` is damaged.
-    pub fn weights(&self) -> Result<HashMap<String, Tensor>, TextError> {
+    fn weights(&self) -> Result<HashMap<String, Tensor>, TextError> {
         let failed =
             |error: candle_core::Error| self.failed(format!("{WEIGHTS}: {}", first_line(&error)));
         let loaded = candle_core::safetensors::load_buffer(&self.weights, &Device::Cpu);
@@ -95,10 +94,7 @@ impl ModelFolder {
     }
 
     /// A network of weights.
-    ///
-    /// # Errors
-    /// A weight is missing or of another shape.
-    pub fn network<T>(
+    fn network<T>(
         &self,
         weights: HashMap<String, Tensor>,
         load: impl FnOnce(VarBuilder<'static>) -> candle_core::Result<T>,
@@ -108,7 +104,7 @@ impl ModelFolder {
     }
 
     /// Why the model cannot be used.
-    pub fn failed(&self, reason: impl Into<String>) -> TextError {
+    fn failed(&self, reason: impl Into<String>) -> TextError {
         TextError::Model { folder: self.path.clone(), reason: reason.into() }
     }
 }
@@ -118,8 +114,6 @@ pub fn first_line(error: &candle_core::Error) -> String {
     error.to_string().lines().next().unwrap_or_default().to_string()
 }
 
-// [`Network`]: what every model is to its encoder.
-
 /// What a model makes of captions.
 pub trait Network: Send + Sync {
     /// States of the tokens of captions of one length, `[n, tokens]` to `[n, tokens, dim]`.
@@ -128,6 +122,39 @@ pub trait Network: Send + Sync {
     /// One vector a caption, `[n, dim]`, of its tokens and their states; by default the mean of these.
     fn sentence(&self, _ids: &Tensor, states: &Tensor) -> candle_core::Result<Tensor> {
         states.mean(1)
+    }
+}
+
+/// A network, and the width of its vectors.
+type Loaded = Result<(Box<dyn Network>, usize), TextError>;
+
+// The BERT family: MiniLM, BERT, and what else has its layers.
+
+pub fn load_bert(folder: &ModelFolder) -> Loaded {
+    let config: bert::Config = folder.config()?;
+    let model = folder.network(folder.weights()?, |weights| BertModel::load(weights, &config))?;
+    Ok((Box::new(model), config.hidden_size))
+}
+
+impl Network for BertModel {
+    fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor> {
+        self.forward(ids, &ids.zeros_like()?, None)
+    }
+}
+
+// The encoder of T5.
+
+pub fn load_t5(folder: &ModelFolder) -> Loaded {
+    let config: t5::Config = folder.config()?;
+    let model =
+        folder.network(folder.weights()?, |weights| T5EncoderModel::load(weights, &config))?;
+    Ok((Box::new(Mutex::new(model)), config.d_model))
+}
+
+/// Its forward pass wants it for itself, though an encoder keeps nothing.
+impl Network for Mutex<T5EncoderModel> {
+    fn states(&self, ids: &Tensor) -> candle_core::Result<Tensor> {
+        self.lock().unwrap_or_else(PoisonError::into_inner).forward(ids)
     }
 }
 
@@ -143,8 +170,7 @@ struct States {
 const HEAD: &str = "lm_head.weight";
 const BODY: &str = "model.";
 
-/// The network and the width of its states.
-pub fn load(folder: &ModelFolder) -> Result<(Box<dyn Network>, usize), TextError> {
+pub fn load_llama(folder: &ModelFolder) -> Loaded {
     let config: LlamaConfig = folder.config()?;
     let config = Config { tie_word_embeddings: false, ..config.into_config(false) };
     let width = config.hidden_size;
@@ -220,11 +246,7 @@ struct Clip {
     projection: Option<Tensor>,
 }
 
-/// The network and the width of its vectors.
-pub fn load_clip(
-    folder: &ModelFolder,
-    states: TextStates,
-) -> Result<(Box<dyn Network>, usize), TextError> {
+pub fn load_clip(folder: &ModelFolder, states: TextStates) -> Loaded {
     let config: ClipConfig = folder.config()?;
     let own = config.text_config.or(config.own);
     let own = own.ok_or_else(|| folder.failed("config.json: it describes no text tower"))?;
@@ -244,9 +266,7 @@ pub fn load_clip(
         }
     };
     let shape = shape(&own);
-    let load = |weights: candle_nn::VarBuilder<'_>| {
-        ClipTextTransformer::new(weights.pp("text_model"), &shape)
-    };
+    let load = |weights: VarBuilder<'_>| ClipTextTransformer::new(weights.pp("text_model"), &shape);
     let tower = folder.network(weights, load)?;
     Ok((Box::new(Clip { tower, projection }), width))
 }
