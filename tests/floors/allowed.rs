@@ -22,7 +22,6 @@ pub const ALLOWED: [(&[&str], &str); 4] = [
         &[
             "crates/model/src/ops/own/lanes.rs",
             "crates/model/src/ops/own/x86.rs",
-            "crates/model/src/ops/own/x86/transpose.rs",
         ],
         "a macro that chooses among instruction sets, each of which has lanes",
     ),

@@ -3,9 +3,12 @@
 
 use std::ops::Range;
 
-use super::buffers::Buffer;
-use super::feed_forward::{chunks, part, part_mut};
-use super::matmul::{Panels, Target, View, add_transposed, multiply};
+use burn_flex::FlexTensor;
+
+use super::buffers::{Buffer, chunks, dims, elements, part, part_mut, recycle};
+use super::matmul::{Target, add_transposed, multiply};
+use super::panels::{Panels, View};
+use super::{Above, Gradients, Operation};
 use crate::ops::{Convolution, Taps};
 
 /// Rows of a chunk.
@@ -13,11 +16,11 @@ const CHUNK: usize = 128;
 
 /// The parameters, row-major.
 #[derive(Clone, Copy)]
-pub struct Weights<'a> {
+struct Weights<'a> {
     /// `[k c, o]`.
-    pub weight: &'a [f32],
+    weight: &'a [f32],
     /// `[o]`.
-    pub bias: &'a [f32],
+    bias: &'a [f32],
 }
 
 impl Weights<'_> {
@@ -33,10 +36,10 @@ impl Weights<'_> {
 }
 
 /// Gradients; by x where it is wanted.
-pub struct Gradients {
-    pub x: Option<Buffer>,
-    pub weight: Buffer,
-    pub bias: Buffer,
+struct Changes {
+    x: Option<Buffer>,
+    weight: Buffer,
+    bias: Buffer,
 }
 
 /// What each row made reads of x `[n, c]`: for every row, k places.
@@ -101,7 +104,7 @@ impl<'a> Reading<'a> {
 }
 
 /// The output for `x` `[n, c]`.
-pub fn forward(convolution: Convolution, x: &[f32], weights: Weights<'_>) -> Buffer {
+fn forward(convolution: Convolution, x: &[f32], weights: Weights<'_>) -> Buffer {
     let (kc, o) = (weights.kc(), weights.o());
     let reading = Reading::new(convolution, x, kc / convolution.taps.count());
     let panels = Panels::of(View::new(weights.weight, o), kc, o);
@@ -117,17 +120,17 @@ pub fn forward(convolution: Convolution, x: &[f32], weights: Weights<'_>) -> Buf
 }
 
 /// Gradients from that by the output, `[n_out, o]`.
-pub fn backward(
+fn backward(
     convolution: Convolution,
     gradient: &[f32],
     x: &[f32],
     weights: Weights<'_>,
     wants_x: bool,
-) -> Gradients {
+) -> Changes {
     let (kc, o) = (weights.kc(), weights.o());
     let reading = Reading::new(convolution, x, kc / convolution.taps.count());
     let back = Panels::of(View::new(weights.weight, o).transposed(), o, kc);
-    let mut by = Gradients {
+    let mut by = Changes {
         x: wants_x.then(|| match convolution.taps {
             Taps::Point => Buffer::new(x.len()),
             _ => Buffer::zeros(x.len()),
@@ -161,4 +164,27 @@ pub fn backward(
 /// max(x, 0), but what is no number stays none: `f32::max` would hide it.
 fn rectified(x: f32) -> f32 {
     if x < 0.0 { 0.0 } else { x }
+}
+
+/// A convolution, of x, W and b; see [`Kernels::convolve`](crate::ops::Kernels::convolve).
+impl Operation<3> for Convolution {
+    type Kept = [FlexTensor; 3];
+
+    fn forward(&self, inputs: &[FlexTensor; 3], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
+        let [x, weight, bias] = inputs.each_ref().map(elements);
+        let y = forward(*self, x, Weights { weight, bias });
+        let shape = [self.rows_out(dims(&inputs[0])[0]), bias.len()];
+        (y.into_tensor(shape), keep.then(|| inputs.clone()))
+    }
+
+    fn backward(&self, inputs: Self::Kept, (gradient, [wants_x, ..]): Above<3>) -> Gradients<3> {
+        let [x, weight, bias] = inputs.each_ref().map(elements);
+        let (weights, change) = (Weights { weight, bias }, elements(&gradient));
+        let by = backward(*self, change, x, weights, wants_x);
+        let (of_x, of_weight) = (dims(&inputs[0]), dims(&inputs[1]));
+        inputs.into_iter().chain([gradient]).for_each(recycle);
+        let (weight, bias) =
+            (by.weight.into_tensor(of_weight), by.bias.into_tensor([of_weight[1]]));
+        [by.x.map(|x| x.into_tensor(of_x)), Some(weight), Some(bias)]
+    }
 }

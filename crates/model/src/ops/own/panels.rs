@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::ops::own::buffers::Buffer;
-use crate::ops::own::lanes::{LANES, vectorised};
+use super::buffers::Buffer;
+use super::lanes::{LANES, vectorised};
 
 /// Columns of a panel.
 pub const PANEL: usize = 2 * LANES;
