@@ -292,7 +292,8 @@ fn check_targets([n, n_vocab]: [usize; 2], targets: &[u32]) {
 
 // What stands outside autodiff.
 
-/// The nearest of codes `[v, c]` for each of latents `[n, c]`: argmin over codes of |code|² − 2 latent · code for each latent, the first of equals.
+/// The nearest of codes `[v, c]` for each of latents `[n, c]`: argmin over codes of
+/// |code|² − 2 latent · code, the first of equals.
 ///
 /// # Panics
 ///
@@ -304,10 +305,10 @@ pub fn nearest(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
     if n == 0 {
         return Vec::new();
     }
-    if Kernels::for_device(&latents_nc.device()) != Kernels::Own {
-        return plain::nearest(latents_nc, codes_vc);
+    match Kernels::for_device(&latents_nc.device()) {
+        Kernels::Own => own::nearest(latents_nc, codes_vc),
+        _ => plain::nearest(latents_nc, codes_vc),
     }
-    own::nearest(latents_nc, codes_vc)
 }
 
 /// As many as `f32` counts without a gap.

@@ -35,13 +35,6 @@ impl Weights<'_> {
     }
 }
 
-/// Gradients; by x where it is wanted.
-struct Changes {
-    x: Option<Buffer>,
-    weight: Buffer,
-    bias: Buffer,
-}
-
 /// What each row made reads of x `[n, c]`: for every row, k places.
 struct Reading<'a> {
     convolution: Convolution,
@@ -119,34 +112,31 @@ fn forward(convolution: Convolution, x: &[f32], weights: Weights<'_>) -> Buffer 
     output
 }
 
-/// Gradients from that by the output, `[n_out, o]`.
+/// Gradients from that by the output, `[n_out, o]`: by x where it is wanted, and by W and b.
 fn backward(
     convolution: Convolution,
     gradient: &[f32],
     x: &[f32],
     weights: Weights<'_>,
     wants_x: bool,
-) -> Changes {
+) -> (Option<Buffer>, [Buffer; 2]) {
     let (kc, o) = (weights.kc(), weights.o());
     let reading = Reading::new(convolution, x, kc / convolution.taps.count());
     let back = Panels::of(View::new(weights.weight, o).transposed(), o, kc);
-    let mut by = Changes {
-        x: wants_x.then(|| match convolution.taps {
-            Taps::Point => Buffer::new(x.len()),
-            _ => Buffer::zeros(x.len()),
-        }),
-        weight: Buffer::zeros(kc * o),
-        bias: Buffer::zeros(o),
-    };
+    let mut by_x = wants_x.then(|| match convolution.taps {
+        Taps::Point => Buffer::new(x.len()),
+        _ => Buffer::zeros(x.len()),
+    });
+    let [mut by_weight, mut by_bias] = [kc * o, o].map(Buffer::zeros);
     let (mut room, mut panels) = (Buffer::new(CHUNK * kc), Panels::default());
     for rows in chunks(reading.rows_out(), CHUNK) {
         let (count, change) = (rows.len(), part(gradient, &rows, o));
         for row in change.chunks_exact(o) {
-            by.bias.iter_mut().zip(row).for_each(|(to, from)| *to += from);
+            by_bias.iter_mut().zip(row).for_each(|(to, from)| *to += from);
         }
         let (taps, change) = (View::new(reading.of(&rows, &mut room), kc), View::new(change, o));
-        add_transposed(Target::new(&mut by.weight, o), (kc, o), taps, change, count, &mut panels);
-        let Some(by_x) = &mut by.x else { continue };
+        add_transposed(Target::new(&mut by_weight, o), (kc, o), taps, change, count, &mut panels);
+        let Some(by_x) = &mut by_x else { continue };
         if convolution.taps == Taps::Point {
             let by_x = part_mut(by_x, &rows, kc);
             multiply(Target::new(by_x, kc), count, change, &back, false);
@@ -155,10 +145,10 @@ fn backward(
             reading.give_back(&rows, &room, by_x);
         }
     }
-    if let (true, Some(by_x)) = (convolution.rectify, &mut by.x) {
+    if let (true, Some(by_x)) = (convolution.rectify, &mut by_x) {
         by_x.iter_mut().zip(x).for_each(|(by, x)| *by = if *x <= 0.0 { 0.0 } else { *by });
     }
-    by
+    (by_x, [by_weight, by_bias])
 }
 
 /// max(x, 0), but what is no number stays none: `f32::max` would hide it.
@@ -180,11 +170,11 @@ impl Operation<3> for Convolution {
     fn backward(&self, inputs: Self::Kept, (gradient, [wants_x, ..]): Above<3>) -> Gradients<3> {
         let [x, weight, bias] = inputs.each_ref().map(elements);
         let (weights, change) = (Weights { weight, bias }, elements(&gradient));
-        let by = backward(*self, change, x, weights, wants_x);
+        let (by_x, [by_weight, by_bias]) = backward(*self, change, x, weights, wants_x);
         let (of_x, of_weight) = (dims(&inputs[0]), dims(&inputs[1]));
         inputs.into_iter().chain([gradient]).for_each(recycle);
         let (weight, bias) =
-            (by.weight.into_tensor(of_weight), by.bias.into_tensor([of_weight[1]]));
-        [by.x.map(|x| x.into_tensor(of_x)), Some(weight), Some(bias)]
+            (by_weight.into_tensor(of_weight), by_bias.into_tensor([of_weight[1]]));
+        [by_x.map(|x| x.into_tensor(of_x)), Some(weight), Some(bias)]
     }
 }

@@ -1,19 +1,20 @@
-//! [`LayerBatch`]: clips packed row after row, each asked for the codes of one layer.
+//! [`ResidualModel`]: the second stage, and [`LayerBatch`]: clips packed row after row, each asked for the
+//! codes of one layer.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
 
 use crate::codes::Grid;
-use crate::generator::Sampling;
-use crate::generator::sampling::{Making, guided, rows};
 use crate::generator::stack::{
-    Backbone, Block, EPSILON, Supervised, heads_loss, heads_nll, kernels_of, n_supervised,
+    Backbone, Block, EPSILON, Supervised, heads_loss, heads_nll, kernels_of, n_supervised, packed,
 };
 use crate::learn::params::{constant, normal};
 use crate::ops::{HeadWeights, SequenceLayout};
 use crate::spec::{ModelShape, Precision};
-use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor};
-use rand_chacha::ChaCha8Rng;
-use std::ops::Range;
-use std::sync::Arc;
 
 /// A clip that is asked for the codes of a layer.
 #[derive(Clone, Debug)]
@@ -71,28 +72,26 @@ pub struct LayerBatch {
 impl LayerBatch {
     /// Packs clips.
     pub fn pack(clips: &[Asked], grid: &Grid, d_text: usize) -> Self {
-        let n_text_rows: usize = clips.iter().map(|clip| clip.text.len() / d_text).sum();
-        let (mut order, mut lengths, mut layers) = (Vec::new(), Vec::new(), Vec::new());
+        let size = |clip: &Asked| [clip.text.len() / d_text, clip.n_places()];
+        let sizes: Vec<[usize; 2]> = clips.iter().map(size).collect();
         let mut targets = vec![<(Vec<u32>, Vec<u32>)>::default(); grid.scales.len() - 1];
-        let (mut next_text, mut next_place) = (0, n_text_rows);
-        for clip in clips {
-            let (n_text, n_places) = (clip.text.len() / d_text, clip.n_places());
-            let first = order.len() + n_text;
-            order.extend((next_text..next_text + n_text).map(|row| row as u32));
-            order.extend((next_place..next_place + n_places).map(|row| row as u32));
-            layers.extend(std::iter::repeat_n(clip.layer as u32 - 1, n_places));
+        let mut start = 0;
+        for (clip, [n_text, n_places]) in clips.iter().zip(&sizes) {
             let (rows, codes) = &mut targets[clip.layer - 1];
-            rows.extend(clip.places.clone().map(|place| (first + place) as u32));
+            rows.extend(clip.places.clone().map(|place| (start + n_text + place) as u32));
             codes.extend(clip.targets);
-            (next_text, next_place) = (next_text + n_text, next_place + n_places);
-            lengths.push(n_text + n_places);
+            start += n_text + n_places;
         }
+        let layers = clips.iter().zip(&sizes).flat_map(|(clip, [_, n_places])| {
+            std::iter::repeat_n(clip.layer as u32 - 1, *n_places)
+        });
+        let (order, lengths) = packed(&sizes);
         Self {
             layout: Arc::new(SequenceLayout::new(&lengths, &lengths).expect("clips have text")),
             text: clips.iter().flat_map(|clip| clip.text).copied().collect(),
             shown: shown(clips, grid),
-            layers: layers.into(),
-            order: order.into(),
+            layers: layers.collect(),
+            order,
             targets: targets.into_iter().map(Supervised::from).collect(),
             n_places: clips.iter().map(Asked::n_places).collect(),
         }
@@ -255,57 +254,6 @@ impl ResidualModel {
         let rows = self.weights.embedding.val().narrow(0, offset, self.grid.scales[layer].n_vocab);
         rows.transpose()
     }
-}
-
-// Motions from the second stage: a layer at a time, its codes all at once.
-
-/// The codes of the layers after the first join motions that have those of the first; `no_text` is the
-/// text of a caption that is left out, `[d_text]`.
-pub fn draw_layers(
-    model: &ResidualModel,
-    grid: &Grid,
-    making: &mut [Making],
-    no_text: &[f32],
-    sampling: &Sampling,
-) {
-    for layer in 1..grid.scales.len() {
-        let pass = |text| logits(model, grid, making, layer, text, no_text.len());
-        let mut rows = guided(pass, no_text, sampling.guidance).into_iter();
-        for motion in &mut *making {
-            for kept in motion.kept(motion.codes.len(), n_places(motion, layer)) {
-                let row = rows.next().expect("a row a place");
-                let drawn = || sampling.draw.any_code(&row, &mut motion.rng);
-                motion.codes.push(kept.unwrap_or_else(drawn));
-            }
-        }
-    }
-}
-
-/// Places of a motion that has the codes of so many layers.
-fn n_places(motion: &Making, layers: usize) -> usize {
-    motion.codes.len() / layers
-}
-
-/// Logits of the codes of a layer, a row a place of all motions; with their texts, or all with one.
-fn logits(
-    model: &ResidualModel,
-    grid: &Grid,
-    making: &[Making],
-    layer: usize,
-    text: Option<&[f32]>,
-    d_text: usize,
-) -> Vec<Vec<f32>> {
-    let most = making.iter().map(|motion| n_places(motion, layer)).max().unwrap_or(0);
-    let unknown = vec![0; most];
-    let asked = making.iter().map(|motion| Asked {
-        text: text.unwrap_or(motion.text),
-        below: &motion.codes,
-        layer,
-        places: 0..n_places(motion, layer),
-        targets: &unknown[..n_places(motion, layer)],
-    });
-    let asked: Vec<Asked> = asked.collect();
-    rows(model.logits(&LayerBatch::pack(&asked, grid, d_text), layer))
 }
 
 #[cfg(test)]

@@ -1,15 +1,17 @@
 //! The blocks that generators are made of, over whole sequences and over such that grow.
 
+use std::sync::Arc;
+
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor, TensorData};
+use rand_chacha::ChaCha8Rng;
+
 use crate::learn::params::{constant, normal};
 use crate::ops::{
     Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HalfFloat, HeadWeights,
     Joining, Kernels, KeyValues, Rope, SequenceLayout,
 };
 use crate::spec::{Ffn, ModelShape, Precision};
-use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, TensorData};
-use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
 
 // [`Block`]: the parameters of a layer.
 
@@ -292,4 +294,21 @@ pub fn padded(rows: &[&[f32]], width: usize) -> Vec<f32> {
         to[..from.len()].copy_from_slice(from);
     }
     values
+}
+
+/// Where the rows of packed sequences come from, by how many rows of each sort each sequence has, in their
+/// order: the rows of one sort of all sequences follow those of the sort before it. And their lengths.
+pub fn packed<const N: usize>(sizes: &[[usize; N]]) -> (Arc<[u32]>, Vec<usize>) {
+    let mut next = [0; N];
+    for sort in 1..N {
+        next[sort] = next[sort - 1] + sizes.iter().map(|own| own[sort - 1]).sum::<usize>();
+    }
+    let mut order = Vec::new();
+    for own in sizes {
+        for (next, n) in next.iter_mut().zip(own) {
+            order.extend((*next..*next + n).map(|row| row as u32));
+            *next += n;
+        }
+    }
+    (order.into(), sizes.iter().map(|own| own.iter().sum()).collect())
 }
