@@ -21,7 +21,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{TextEncoder, TextError};
+use super::store::{TextEncoder, TextError};
 use crate::files::FileError;
 use crate::files::columns::{Column, MappedFile};
 

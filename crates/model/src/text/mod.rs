@@ -13,274 +13,160 @@
 //! ```
 
 mod embedding_file;
-mod encoders;
 #[cfg(feature = "encoders")]
 mod models;
+mod store;
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-
-use crate::data::{MotionSource, Split};
-use crate::failure::FailureKind;
-use crate::files::FileError;
-use crate::files::columns::{self, Column, MappedFile, NewColumn};
-use crate::progress::moved;
+use crate::spec::{TextEncoderKind, TextSpec};
 
 pub use embedding_file::{EmbeddingFile, caption_key};
-pub use encoders::{HashedNgrams, as_in_data, encoder};
+pub use store::{TextEncoder, TextError, TextStore, embed};
 
-/// A frozen encoder of captions.
-pub trait TextEncoder: Sync {
-    /// Width of a vector.
-    fn dim(&self) -> usize;
-
-    /// One vector a text token, `[n_tokens, dim]` row-major, at least one and at most the limit
-    /// that the encoder was made with.
-    ///
-    /// # Errors
-    /// The encoder has no vectors for this caption.
-    fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError>;
-
-    /// How many vectors [`encode`](Self::encode) gives, without making them.
-    ///
-    /// # Errors
-    /// As there.
-    fn n_tokens(&self, caption: &str) -> Result<usize, TextError>;
-
-    /// The same of several captions, in their order.
-    fn encode_all(&self, captions: &[String]) -> Vec<Result<Vec<f32>, TextError>> {
-        captions.iter().map(|caption| self.encode(caption)).collect()
-    }
-
-    /// Hex digest of what the vectors follow from beside the spec; `None` where nothing is.
-    fn digest(&self) -> Option<String> {
-        None
-    }
-}
-
-/// Captions that a message names.
-const NAMED: usize = 3;
-
-/// Why captions have no vectors.
-#[derive(Debug, thiserror::Error)]
-pub enum TextError {
-    /// The file knows nothing of captions that the data has.
-    #[error("{} has no vectors for {}; make it again from this data", file.display(), named(captions))]
-    Missing { captions: Vec<String>, file: PathBuf },
-    /// The file's vectors are not as wide as the models expect.
-    #[error(
-        "{} holds vectors of width {found}, and text.dim is {wanted}: set text.dim to {found}",
-        file.display()
-    )]
-    Width { found: usize, wanted: usize, file: PathBuf },
-    /// A model whose weights cannot be used.
-    #[error("the text encoder in {} cannot be used: {reason}", folder.display())]
-    Model { folder: PathBuf, reason: String },
-    /// What would be made is not what the sweep was planned with.
-    #[error(
-        "{}, or the data, has changed since the sweep was planned; `isoflop run` plans it again",
-        file.display()
-    )]
-    Changed { file: PathBuf },
-    /// A file.
-    #[error(transparent)]
-    File(#[from] FileError),
-}
-
-impl TextError {
-    /// The failure of a job that ends with it.
-    pub fn failure_kind(&self) -> FailureKind {
-        match self {
-            Self::File(error) => error.failure_kind(),
-            _ => FailureKind::BadData,
-        }
-    }
-}
-
-/// The first few captions, and how many there are.
-fn named(captions: &[String]) -> String {
-    let quoted: Vec<String> = captions.iter().take(NAMED).map(|c| format!("`{c}`")).collect();
-    let first = quoted.join(", ");
-    match captions.len() {
-        1 => format!("the caption {first}"),
-        n if n <= NAMED => format!("{n} captions: {first}"),
-        n => format!("{n} captions, among them {first}"),
-    }
-}
-
-// The captions of a data set as vectors, in one file that many processes share.
-//
-// Columns: `embeddings` (f32), `words` (u64, where each distinct caption starts, in words, and the
-// end), and for each split `<split>.captions` (u32, distinct captions, clip after clip) and
-// `<split>.offsets` (u64, where each clip's captions start, and the end); `dim` among the notes.
-
-/// Captions that an encoder is given at once.
-const AT_ONCE: usize = 1024;
-
-/// Embeds each distinct caption of `source` once and writes the store at `path`.
+/// The encoder that a sweep asks for.
 ///
 /// # Errors
-/// Captions without vectors, all in one [`TextError::Missing`]; the file cannot be written.
-pub fn embed(
-    encoder: &dyn TextEncoder,
-    source: &dyn MotionSource,
-    path: &Path,
-) -> Result<(), TextError> {
-    let (distinct, splits) = captions_of(source);
-    let (embeddings, words) = vectors_of(encoder, &distinct)?;
-    let mut all = vec![NewColumn::new("embeddings", &embeddings), NewColumn::new("words", &words)];
-    for (split, (captions, offsets)) in Split::ALL.iter().zip(&splits) {
-        all.push(NewColumn::new(format!("{}.captions", split.name()), captions));
-        all.push(NewColumn::new(format!("{}.offsets", split.name()), offsets));
-    }
-    let notes = HashMap::from([("dim".to_string(), encoder.dim().to_string())]);
-    Ok(columns::write(path, &all, notes)?)
-}
-
-/// The distinct captions, in the order in which they first appear; those of each split, clip after clip,
-/// and where each clip's begin, with the end.
-fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [(Vec<u32>, Vec<u64>); 3]) {
-    let mut ids: HashMap<String, u32> = HashMap::new();
-    let splits = Split::ALL.map(|split| {
-        let (mut captions, mut offsets) = (Vec::new(), vec![0]);
-        for clip in 0..source.n_clips(split) {
-            moved();
-            for caption in source.captions(split, clip) {
-                let next = ids.len() as u32;
-                captions.push(*ids.entry(caption).or_insert(next));
-            }
-            offsets.push(captions.len() as u64);
+/// Its file cannot be used.
+pub fn encoder(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
+    let TextSpec { dim, max_tokens, .. } = *spec;
+    Ok(match spec.encoder {
+        TextEncoderKind::HashedNgrams => Box::new(HashedNgrams::new(dim, max_tokens)),
+        TextEncoderKind::File => {
+            let path = spec.path.as_deref().expect("checked when the sweep was read");
+            Box::new(EmbeddingFile::open(path, dim, max_tokens)?)
         }
-        (captions, offsets)
-    });
-    let mut distinct = vec![String::new(); ids.len()];
-    ids.into_iter().for_each(|(caption, id)| distinct[id as usize] = caption);
-    (distinct, splits)
+        TextEncoderKind::T5
+        | TextEncoderKind::Clip
+        | TextEncoderKind::Bert
+        | TextEncoderKind::Llama => return with_weights(spec),
+    })
 }
 
-/// The vectors of all captions, and where each caption's begin, in words, with the end.
-fn vectors_of(
-    encoder: &dyn TextEncoder,
-    captions: &[String],
-) -> Result<(Vec<f32>, Vec<u64>), TextError> {
-    let (mut embeddings, mut words) = (Vec::new(), vec![0]);
-    let mut missing: Option<(Vec<String>, PathBuf)> = None;
-    for several in captions.chunks(AT_ONCE) {
-        for vectors in encoder.encode_all(several) {
-            moved();
-            match vectors {
-                Err(TextError::Missing { captions, file }) => {
-                    missing.get_or_insert((Vec::new(), file)).0.extend(captions);
-                }
-                vectors => embeddings.extend(vectors?),
-            }
-            words.push((embeddings.len() / encoder.dim()) as u64);
-        }
-    }
-    match missing {
-        Some((captions, file)) => Err(TextError::Missing { captions, file }),
-        None => Ok((embeddings, words)),
-    }
+/// An encoder from a folder with its weights.
+#[cfg(feature = "encoders")]
+fn with_weights(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
+    let path = spec.path.as_deref().expect("checked when the sweep was read");
+    Ok(Box::new(models::LocalModel::open(path, spec)?))
 }
 
-/// The embedded captions of a data set, opened for reading.
-#[derive(Debug)]
-pub struct TextStore {
+/// Such encoders are not built in.
+#[cfg(not(feature = "encoders"))]
+fn with_weights(spec: &TextSpec) -> Result<Box<dyn TextEncoder>, TextError> {
+    let folder = spec.path.clone().unwrap_or_default();
+    let reason = "this isoflop was built without `--features encoders`".to_string();
+    Err(TextError::Model { folder, reason })
+}
+
+/// A caption as captions of data are read: lower-case, with single spaces.
+pub fn as_in_data(caption: &str) -> String {
+    let words: Vec<String> = caption.split_whitespace().map(str::to_lowercase).collect();
+    words.join(" ")
+}
+
+// Word vectors from hashed character n-grams: deterministic, without weights, without meaning.
+
+/// Lengths of the n-grams of a word, its boundary marks counted.
+const LENGTHS: std::ops::RangeInclusive<usize> = 3..=5;
+
+/// Closes every caption, as T5's end token does; an empty caption is this alone.
+const END: &str = "</s>";
+
+/// Word-level embeddings by the hashing trick (Weinberger et al. 2009) on fastText's subwords.
+///
+/// Each n-gram of `<word>` adds ±1 to one coordinate, both given by its hash; the sum is scaled to
+/// unit mean square. Words that share a stem are near each other, synonyms are not: what a caption
+/// tells the model is which words stand in it.
+#[derive(Clone, Debug)]
+pub struct HashedNgrams {
     dim: usize,
-    embeddings: Column<f32>,
-    words: Column<u64>,
-    /// Captions and offsets, in [`Split::ALL`]'s order.
-    splits: Vec<(Column<u32>, Column<u64>)>,
+    max_tokens: usize,
 }
 
-impl TextStore {
-    /// Maps the file into memory and checks that it is whole.
-    ///
-    /// # Errors
-    /// [`FileError::Read`] and [`FileError::Damaged`].
-    pub fn open(path: &Path) -> Result<Self, FileError> {
-        let file = MappedFile::open(path)?.verified()?;
-        let split = |split: Split| {
-            let name = split.name();
-            let captions = file.column(&format!("{name}.captions"))?;
-            Ok((captions, file.column(&format!("{name}.offsets"))?))
-        };
-        let store = Self {
-            dim: file.number("dim")?,
-            embeddings: file.column("embeddings")?,
-            words: file.column("words")?,
-            splits: Split::ALL.into_iter().map(split).collect::<Result<_, FileError>>()?,
-        };
-        if store.is_sound() { Ok(store) } else { Err(file.damaged("its columns disagree")) }
+impl HashedNgrams {
+    /// Vectors of width `dim`, at most `max_tokens` a caption, both at least 1.
+    pub fn new(dim: usize, max_tokens: usize) -> Self {
+        assert!(dim > 0 && max_tokens > 0, "checked when the sweep was read");
+        Self { dim, max_tokens }
     }
 
-    fn is_sound(&self) -> bool {
-        let words = self.words.values();
-        let n_words = self.embeddings.values().len() / self.dim;
-        let split_is_sound = |(captions, offsets): &(Column<u32>, Column<u64>)| {
-            let (captions, offsets) = (captions.values(), offsets.values());
-            offsets.is_sorted()
-                && offsets.last() == Some(&(captions.len() as u64))
-                && captions.iter().all(|&id| (id as usize) + 1 < words.len())
-        };
-        words.is_sorted()
-            && words.last() == Some(&(n_words as u64))
-            && self.splits.iter().all(split_is_sound)
+    /// The words of a caption, cut to the limit, and the end.
+    fn words<'a>(&self, caption: &'a str) -> impl Iterator<Item = &'a str> {
+        let words = caption.split(|c: char| !c.is_alphanumeric() && c != '\'');
+        words.filter(|word| !word.is_empty()).take(self.max_tokens - 1).chain([END])
     }
 
-    /// Width of a vector.
-    pub fn dim(&self) -> usize {
+    fn word(&self, word: &str) -> Vec<f32> {
+        let marked: Vec<char> = format!("<{word}>").chars().collect();
+        let mut vector = vec![0f32; self.dim];
+        let grams = LENGTHS.flat_map(|n| marked.windows(n)).chain([&marked[..]]);
+        for gram in grams {
+            let hash = fnv1a(gram);
+            let sign = if hash >> 63 == 0 { 1.0 } else { -1.0 };
+            vector[(hash % self.dim as u64) as usize] += sign;
+        }
+        scale_to_unit_mean_square(&mut vector);
+        vector
+    }
+}
+
+impl TextEncoder for HashedNgrams {
+    fn dim(&self) -> usize {
         self.dim
     }
 
-    /// Clips of a split.
-    pub fn n_clips(&self, split: Split) -> usize {
-        self.splits[split as usize].1.values().len() - 1
+    fn encode(&self, caption: &str) -> Result<Vec<f32>, TextError> {
+        Ok(self.words(caption).flat_map(|word| self.word(&word.to_lowercase())).collect())
     }
 
-    /// Distinct captions of a clip, by id.
-    pub fn captions(&self, split: Split, clip: usize) -> &[u32] {
-        let (captions, offsets) = &self.splits[split as usize];
-        let offsets = offsets.values();
-        &captions.values()[offsets[clip] as usize..offsets[clip + 1] as usize]
+    fn n_tokens(&self, caption: &str) -> Result<usize, TextError> {
+        Ok(self.words(caption).count())
     }
+}
 
-    /// The vectors of the caption that a clip shows where it is measured: clip i shows caption i mod n.
-    pub fn shown(&self, split: Split, clip: usize) -> &[f32] {
-        let captions = self.captions(split, clip);
-        self.embedding(captions[clip % captions.len()])
+/// Signs may cancel to nothing; such a word stays the zero vector.
+fn scale_to_unit_mean_square(vector: &mut [f32]) {
+    let square: f32 = vector.iter().map(|x| x * x).sum();
+    if square > 0.0 {
+        let scale = (vector.len() as f32 / square).sqrt();
+        vector.iter_mut().for_each(|x| *x *= scale);
     }
+}
 
-    /// The vectors of a caption, `[n_words, dim]` row-major.
-    pub fn embedding(&self, caption: u32) -> &[f32] {
-        let words = self.words.values();
-        let [from, to] = [0, 1].map(|i| words[caption as usize + i] as usize * self.dim);
-        &self.embeddings.values()[from..to]
-    }
+/// FNV-1a over the characters: small, stable for ever, spread well enough for a few hundred words.
+fn fnv1a(text: &[char]) -> u64 {
+    text.iter().fold(0xcbf2_9ce4_8422_2325, |hash, c| {
+        (hash ^ u64::from(*c as u32)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn missing(n: usize) -> String {
-        let captions = (0..n).map(|i| format!("he sits {i}")).collect();
-        TextError::Missing { captions, file: "a/b".into() }.to_string()
+    fn similarity(a: &str, b: &str) -> f32 {
+        let encoder = HashedNgrams::new(128, 8);
+        let [a, b] = [a, b].map(|word| encoder.word(word));
+        a.iter().zip(&b).map(|(x, y)| x * y).sum::<f32>() / 128.0
     }
 
     #[test]
-    fn missing_captions_are_counted_and_the_first_are_named() {
-        assert!(missing(1).starts_with("a/b has no vectors for the caption `he sits 0`;"));
-        assert!(missing(2).contains("for 2 captions: `he sits 0`, `he sits 1`;"));
-        assert!(missing(9).contains("for 9 captions, among them `he sits 0`, `he sits 1`, `he"));
-        assert!(!missing(9).contains("he sits 3"));
+    fn words_of_one_stem_are_nearer_than_strangers() {
+        assert!(similarity("walking", "walks") > 0.3);
+        assert!(similarity("walking", "kick").abs() < 0.3);
+        assert!((similarity("jump", "jump") - 1.0).abs() < 1e-5);
     }
 
     #[test]
-    fn what_is_wrong_with_the_data_is_told_from_what_is_wrong_with_a_file() {
-        let width = TextError::Width { found: 384, wanted: 64, file: "a".into() };
-        assert_eq!(width.failure_kind(), FailureKind::BadData);
-        let full = FileError::write("a".as_ref())(std::io::Error::from_raw_os_error(28));
-        assert_eq!(TextError::from(full).failure_kind(), FailureKind::DiskFull);
+    fn captions_are_words_and_an_end_cut_to_the_limit() {
+        let encoder = HashedNgrams::new(16, 4);
+        let encode = |caption| encoder.encode(caption).expect("it has vectors for every caption");
+        assert_eq!(encode("").len(), 16);
+        assert_eq!(
+            ["", "a man", "a man walks and"].map(|text| encoder.n_tokens(text).unwrap()),
+            [1, 3, 4]
+        );
+        assert_eq!(encode("a man, walks.").len(), 4 * 16);
+        let long = encode("a man walks and then runs");
+        assert_eq!(long.len(), 4 * 16);
+        assert_eq!(long[48..], encode("")[..], "the end token stays");
     }
 }

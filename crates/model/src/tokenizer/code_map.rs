@@ -2,8 +2,9 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::axes::{host, leading};
 use super::codec::Tokenizer;
+use super::halves::host;
+use super::patch::leading;
 use crate::codes::{CodeHistogram, TokenStore};
 use crate::data::Split;
 

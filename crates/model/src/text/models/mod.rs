@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use candle_core::{DType, Device, Tensor};
 use tokenizers::Tokenizer;
 
-use super::{TextEncoder, TextError};
+use super::store::{TextEncoder, TextError};
 use crate::progress::moved;
 use crate::spec::{TextEncoderKind, TextSpec, TextStates};
 use networks::{ModelFolder, Network, first_line};

@@ -19,7 +19,7 @@ use tokenizers::{Tokenizer, TruncationParams};
 
 use crate::files::FileError;
 use crate::spec::TextStates;
-use crate::text::TextError;
+use crate::text::store::TextError;
 
 const CONFIG: &str = "config.json";
 const TOKENIZER: &str = "tokenizer.json";

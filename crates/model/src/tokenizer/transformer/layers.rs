@@ -1,17 +1,122 @@
-//! [`Layer`] and [`Layers`]: the U that both halves are made of.
+//! [`Layers`]: the U that both halves are made of.
+//!
+//! Shapes: n rows of all clips, d width, c channels.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
-use super::attention::{CrossAttention, Memory, SelfAttention};
-use super::config::deviation;
-use super::linear::Linear;
 use super::packing::EPSILON;
-use crate::learn::params::constant;
-use crate::ops::{AttentionOptions, Kernels};
+use crate::learn::params::{constant, normal};
+use crate::ops::{AttentionOptions, Convolution, CrossOptions, Kernels, Taps};
 use crate::spec::{NormPlacement, SWIGLU_RATIO, TransformerSpec};
-use crate::tokenizer::pass::Pass;
+use crate::tokenizer::halves::Pass;
+
+/// The deviation of a layer's weights at the beginning: LG-Tok's 0.02 at its width of 256, with
+/// which rows stay of one size at any other.
+pub fn deviation(width: usize) -> f64 {
+    0.02 * (256.0 / width as f64).sqrt()
+}
+
+/// Learned rows, as large as those of LG-Tok at the beginning: N(0, 1/d).
+pub fn learned_rows(
+    [n, width]: [usize; 2],
+    rng: &mut ChaCha8Rng,
+    device: &Device,
+) -> Param<Tensor<2>> {
+    normal([n, width], (width as f64).sqrt().recip(), rng, device)
+}
+
+/// x W + b.
+#[derive(Module, Debug)]
+pub struct Linear {
+    /// `[c_in, c_out]`.
+    weight: Param<Tensor<2>>,
+    /// `[c_out]`.
+    bias: Param<Tensor<1>>,
+}
+
+impl Linear {
+    /// Weights N(0, std²) and no bias, as LG-Tok begins.
+    pub fn new(channels: [usize; 2], std: f64, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        let bias = constant([channels[1]], 0.0, device);
+        Self { weight: normal(channels, std, rng, device), bias }
+    }
+
+    /// Where the weights are.
+    pub fn device(&self) -> Device {
+        self.weight.device()
+    }
+
+    /// `[n, c_in]` to `[n, c_out]`.
+    pub fn forward(&self, x_nc: Tensor<2>) -> Tensor<2> {
+        let alone = Convolution { n_clips: 1, taps: Taps::Point, rectify: false };
+        let kernels = Kernels::for_device(&x_nc.device());
+        kernels.convolve(x_nc, self.weight.val(), self.bias.val(), alone)
+    }
+}
+
+/// Multi-head attention with rotary positions, with biases: Attention(x W_qkv + b) W_o + b.
+#[derive(Module, Debug)]
+struct SelfAttention {
+    /// `[d, 3d]`: queries, keys, values.
+    qkv: Linear,
+    output: Linear,
+}
+
+impl SelfAttention {
+    /// Weights of deviation `std`.
+    pub fn new(width: usize, std: f64, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        Self {
+            qkv: Linear::new([width, 3 * width], std, rng, device),
+            output: Linear::new([width, width], std, rng, device),
+        }
+    }
+
+    /// `[n, d]` to the same.
+    pub fn forward(&self, x_nd: Tensor<2>, options: &AttentionOptions) -> Tensor<2> {
+        let qkv_n3d = self.qkv.forward(x_nd);
+        let kernels = Kernels::for_device(&qkv_n3d.device());
+        self.output.forward(kernels.attend(qkv_n3d, options))
+    }
+}
+
+/// Rows that frames attend to, those of each clip together.
+#[derive(Clone, Debug)]
+pub struct Memory {
+    /// `[m, d]`.
+    pub rows_md: Tensor<2>,
+    /// Which frames attend to which rows.
+    pub options: CrossOptions,
+}
+
+/// Multi-head attention from frames to a memory, without causality.
+#[derive(Module, Debug)]
+struct CrossAttention {
+    query: Linear,
+    /// `[d, 2d]`: keys, values.
+    key_value: Linear,
+    output: Linear,
+}
+
+impl CrossAttention {
+    /// Weights of deviation `std`.
+    pub fn new(width: usize, std: f64, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        Self {
+            query: Linear::new([width, width], std, rng, device),
+            key_value: Linear::new([width, 2 * width], std, rng, device),
+            output: Linear::new([width, width], std, rng, device),
+        }
+    }
+
+    /// `[b·f, d]` to the same.
+    pub fn forward(&self, x_nd: Tensor<2>, memory: &Memory) -> Tensor<2> {
+        let kernels = Kernels::for_device(&x_nd.device());
+        let key_values = self.key_value.forward(memory.rows_md.clone());
+        let queries_nd = self.query.forward(x_nd);
+        self.output.forward(kernels.cross_attend(queries_nd, key_values, &memory.options))
+    }
+}
 
 /// What the rows of a half see beside themselves.
 pub struct Seen {
@@ -70,7 +175,7 @@ struct Cross {
 /// Attention of the rows to one another, to the latents, to the text, then SwiGLU; each part with
 /// its RMSNorm, after the sum x + part(x) or before the part.
 #[derive(Module, Debug)]
-pub struct Layer {
+struct Layer {
     norm_attention: Norm,
     attention: SelfAttention,
     latents: Option<Cross>,

@@ -1,4 +1,7 @@
-//! The loss in joints: how far they are off, in metres, as a person would see it.
+//! What the training of a tokenizer makes small: the error of features, or of joints in metres, as a person
+//! would see it.
+//!
+//! # The loss in joints
 //!
 //! With p the true and p̂ the predicted positions of the joints about the root, m the visible frames
 //! and e the error of the root's half turns, summed over the frames before,
@@ -10,11 +13,54 @@
 //!
 //! The gradient is written out and computed on the host in one pass: composed of tensor operations the
 //! loss would take longer than the network.
+//!
+//! Shapes: b clips, t frames, f features.
 
+use burn::tensor::{Tensor, TensorData};
+
+use super::corpus::Normaliser;
+use super::windows::Windows;
 use crate::motion::{POSITIONS, ROOT_YAW};
 use crate::spec::TokenizerTraining;
-use crate::tokenizer::normalise::Normaliser;
-use crate::tokenizer::windows::Windows;
+
+/// Smooth L1 over all features, plus `position_weight` times smooth L1 over the positions, each a
+/// mean over its own values (T2M-GPT's loss; it calls the positions "velocity"). `[1]`.
+///
+/// With d = prediction − target and g = clamp(d, −1, 1) one value's loss is g (d − g/2). Its
+/// derivative in d is g even where g is held fixed, so g stays out of the graph.
+pub fn reconstruction_loss(
+    prediction_btf: Tensor<3>,
+    target_btf: Tensor<3>,
+    position_weight: f64,
+) -> Tensor<1> {
+    let apart_btf = prediction_btf - target_btf;
+    let clamped_btf = apart_btf.clone().inner().clamp(-1.0, 1.0);
+    let weights = feature_weights(&clamped_btf, position_weight);
+    let weighted_btf = Tensor::from_inner(clamped_btf.clone() * weights);
+    ((apart_btf - Tensor::from_inner(clamped_btf * 0.5)) * weighted_btf).sum()
+}
+
+/// What each feature counts for in a sum over all values, `[1, 1, f]`.
+fn feature_weights(like_btf: &Tensor<3>, position_weight: f64) -> Tensor<3> {
+    let [b, t, n_features] = like_btf.dims();
+    let frames = (b * t) as f64;
+    let positions = POSITIONS.start.min(n_features)..POSITIONS.end.min(n_features);
+    let mut weights = vec![(1.0 / (frames * n_features as f64)) as f32; n_features];
+    let extra = position_weight / (frames * positions.len().max(1) as f64);
+    weights[positions].iter_mut().for_each(|weight| *weight += extra as f32);
+    Tensor::from_data(TensorData::new(weights, [1, 1, n_features]), &like_btf.device())
+}
+
+/// A loss as a tensor: its value, and its gradient by the prediction, both of which were computed on
+/// the host.
+pub fn of_gradient(prediction_btf: Tensor<3>, value: f64, gradient: Vec<f32>) -> Tensor<1> {
+    let data = TensorData::new(gradient, prediction_btf.dims());
+    let gradient_btf = Tensor::from_data(data, &prediction_btf.device());
+    let linear = (prediction_btf * gradient_btf).sum();
+    let constant = linear.clone().detach();
+    // The difference is exactly 0: the value is the loss's, the gradient the one given.
+    (linear - constant) + value
+}
 
 const JOINTS: usize = (POSITIONS.end - POSITIONS.start) / 3;
 /// Metres that count as one.
@@ -216,9 +262,43 @@ fn length(apart: &Point) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use burn::tensor::Device;
+
     use crate::data::FeatureStats;
     use crate::motion::N_FEATURES;
     use crate::spec::{ArchitectureSpec, PatchSpec, TokenizerSpec};
+    use crate::tokenizer::halves::host;
+
+    /// One frame of 70 features, all 0 but a few.
+    fn frame(set: &[(usize, f32)]) -> Tensor<3> {
+        let mut values = vec![0.0f32; 70];
+        set.iter().for_each(|&(feature, value)| values[feature] = value);
+        let device = Device::flex().autodiff();
+        Tensor::from_data(TensorData::new(values, [1, 1, 70]), &device)
+    }
+
+    #[test]
+    fn small_errors_count_by_their_square_and_large_ones_by_their_size() {
+        let loss = |error| reconstruction_loss(frame(&[(0, error)]), frame(&[]), 0.5);
+        assert!((loss(0.4).into_scalar::<f32>() - 0.08 / 70.0).abs() < 1e-7);
+        assert!((loss(-3.0).into_scalar::<f32>() - 2.5 / 70.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn positions_count_more() {
+        let loss = |feature| reconstruction_loss(frame(&[(feature, 2.0)]), frame(&[]), 0.5);
+        let extra = loss(66).into_scalar::<f32>() - loss(67).into_scalar::<f32>();
+        assert!((extra - 0.5 * 1.5 / 63.0).abs() < 1e-7, "{extra}");
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_smooth_l1() {
+        let prediction = frame(&[(0, 0.4), (1, -3.0)]).require_grad();
+        let loss = reconstruction_loss(prediction.clone(), frame(&[]), 0.5);
+        let grad = host(prediction.grad(&loss.backward()).unwrap());
+        let expected = [0.4 / 70.0, -1.0 / 70.0, 0.0];
+        assert!(grad.iter().zip(expected).all(|(g, e)| (g - e).abs() < 1e-7), "{grad:?}");
+    }
 
     const FRAMES: usize = 5;
 
@@ -233,6 +313,11 @@ mod tests {
         JointLoss::new(normaliser, &TokenizerTraining::of_patches())
     }
 
+    /// Two windows.
+    fn windows(values: &[f32], visible: Vec<bool>) -> Windows {
+        Windows { values: values.to_vec(), visible, n_frames: FRAMES, clips: vec![0; 2] }
+    }
+
     fn values(phase: f32) -> Vec<f32> {
         (0..2 * FRAMES * N_FEATURES).map(|i| (i as f32 * 0.37 + phase).sin()).collect()
     }
@@ -242,12 +327,7 @@ mod tests {
         let (loss, truth) = (loss(), values(0.0));
         let mut visible = vec![true; 2 * FRAMES];
         (visible[FRAMES - 1], visible[FRAMES + 3]) = (false, false);
-        let windows = Windows {
-            values: truth.clone(),
-            visible: visible.clone(),
-            n_frames: FRAMES,
-            clips: vec![0; 2],
-        };
+        let windows = windows(&truth, visible);
         let made = values(1.3);
         let (_, gradient) = loss.of(&made, &windows);
         let columns = [ROOT_YAW, 1, 3, 4, 5, 6, 30, 66, 70, 262];
@@ -274,13 +354,7 @@ mod tests {
         made[4 * N_FEATURES..5 * N_FEATURES].fill(9.0);
         let mut visible = vec![true; 2 * FRAMES];
         visible[4] = false;
-        let windows = Windows {
-            values: truth.clone(),
-            visible: visible.clone(),
-            n_frames: FRAMES,
-            clips: vec![0; 2],
-        };
-        let (value, gradient) = loss.of(&made, &windows);
+        let (value, gradient) = loss.of(&made, &windows(&truth, visible));
         // A distance of 0 counts as 1 mm, softened so that it has a slope.
         assert!((value - 0.01).abs() < 1e-6, "{value}");
         assert!(gradient.iter().all(|slope| slope.abs() < 1e-6));
@@ -292,13 +366,7 @@ mod tests {
         let mut made = truth.clone();
         made[ROOT_YAW] = 1.0;
         let visible = vec![true; 2 * FRAMES];
-        let windows = Windows {
-            values: truth.clone(),
-            visible: visible.clone(),
-            n_frames: FRAMES,
-            clips: vec![0; 2],
-        };
-        let (value, gradient) = loss.of(&made, &windows);
+        let (value, gradient) = loss.of(&made, &windows(&truth, visible));
         assert!(value > 0.02 && gradient[ROOT_YAW] > 0.0, "{value} {}", gradient[ROOT_YAW]);
         let last = (FRAMES - 1) * N_FEATURES + ROOT_YAW;
         assert!(gradient[last].abs() < 1e-6, "no frame comes after it");

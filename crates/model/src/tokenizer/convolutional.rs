@@ -8,10 +8,9 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
+use super::halves::{Decode, Encode, Pass};
 use crate::learn::layers::Conv1d;
 use crate::spec::ConvolutionalSpec;
-use crate::tokenizer::architecture::{Decode, Encode};
-use crate::tokenizer::pass::Pass;
 
 /// A block's dilation over the next one's: 9, 3, 1.
 const DILATION_GROWTH: usize = 3;
