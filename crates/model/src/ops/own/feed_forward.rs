@@ -16,17 +16,12 @@ use crate::ops::Activation;
 /// Rows of a chunk.
 const CHUNK: usize = 128;
 
-/// The parameters, row-major.
-#[derive(Clone, Copy)]
-struct Weights<'a> {
-    /// `[d]`.
-    gamma: &'a [f32],
-    /// `[d, u]`, where u is 2 f or f, as the activation wants.
-    up: &'a [f32],
-    /// `[f, d]`.
-    down: &'a [f32],
-    activation: Activation,
-    epsilon: f32,
+/// The feed-forward half of a block, of x `[n, d]`, γ, W_up `[d, u]` and W_down `[f, d]`, where u is 2 f
+/// or f, as the activation wants; see [`Kernels::feed_forward`](crate::ops::Kernels::feed_forward).
+#[derive(Clone, Copy, Debug)]
+pub struct FeedForward {
+    pub activation: Activation,
+    pub epsilon: f32,
 }
 
 /// What the way back needs beside the input.
@@ -38,113 +33,67 @@ pub struct Intermediates {
     before: Buffer,
 }
 
-impl Weights<'_> {
-    fn d(&self) -> usize {
-        self.gamma.len()
-    }
-
-    fn f(&self) -> usize {
-        self.down.len() / self.d()
-    }
-
-    /// Columns of W_up.
-    fn u(&self) -> usize {
-        self.up.len() / self.d()
-    }
-}
-
-/// The output `[n, d]` for `x` `[n, d]`, and what to keep if `keep` asks for it.
-fn forward(x: &[f32], weights: Weights<'_>, keep: bool) -> (Buffer, Option<Intermediates>) {
-    let (d, f, u) = (weights.d(), weights.f(), weights.u());
-    let n = x.len() / d;
-    let up = Panels::of(View::new(weights.up, u), d, u);
-    let down = Panels::of(View::new(weights.down, d), f, d);
-    let mut output = Buffer::new(n * d);
-    let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
-    let mut inverses = Buffer::new(n);
-    let mut before = Buffer::new(if keep { n } else { CHUNK } * u);
-    for rows in chunks(n, CHUNK) {
-        let count = rows.len();
-        let inverses = &mut inverses[rows.clone()];
-        rms_norm(part(x, &rows, d), weights.gamma, weights.epsilon, &mut normed, inverses);
-        let kept = if keep { rows.clone() } else { 0..count };
-        let before = part_mut(&mut before, &kept, u);
-        multiply(Target::new(before, u), count, View::new(&normed, d), &up, false);
-        match weights.activation {
-            Activation::SwiGlu => swiglu(before, f, &mut hidden),
-            Activation::Gelu => gelu(before, &mut hidden),
-        }
-        let output = part_mut(&mut output, &rows, d);
-        output.copy_from_slice(part(x, &rows, d));
-        multiply(Target::new(output, d), count, View::new(&hidden, f), &down, true);
-    }
-    (output, keep.then_some(Intermediates { inverses, before }))
-}
-
-/// Turns the gradient by the output into that by `x`; gives those by γ, W_up and W_down.
-fn backward(
-    gradient: &mut [f32],
-    x: &[f32],
-    weights: Weights<'_>,
-    kept: Intermediates,
-) -> [Buffer; 3] {
-    let (d, f, u) = (weights.d(), weights.f(), weights.u());
-    let up = Panels::of(View::new(weights.up, u).transposed(), u, d);
-    let down = Panels::of(View::new(weights.down, d).transposed(), d, f);
-    let [mut by_gamma, mut by_up, mut by_down] = [d, d * u, f * d].map(Buffer::zeros);
-    let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
-    let (mut by_before, mut panels) = (Buffer::new(CHUNK * u), Panels::default());
-    for rows in chunks(x.len() / d, CHUNK) {
-        let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
-        let (x, gradient) = (part(x, &rows, d), part_mut(gradient, &rows, d));
-        let before = part(&kept.before, &rows, u);
-        multiply(Target::new(&mut hidden, f), count, View::new(gradient, d), &down, false);
-        match weights.activation {
-            Activation::SwiGlu => swiglu_back(before, f, &mut by_before, &mut hidden),
-            Activation::Gelu => gelu_back(before, &mut by_before, &mut hidden),
-        }
-        let (hidden, change) = (View::new(&hidden, f), View::new(gradient, d));
-        add_transposed(Target::new(&mut by_down, d), (f, d), hidden, change, count, &mut panels);
-        rms_norm_again(x, weights.gamma, inverses, &mut normed);
-        let (input, change) = (View::new(&normed, d), View::new(&by_before, u));
-        add_transposed(Target::new(&mut by_up, d), (u, d), change, input, count, &mut panels);
-        multiply(Target::new(&mut normed, d), count, change, &up, false);
-        rms_norm_back(&mut normed, x, weights.gamma, inverses, &mut by_gamma, gradient);
-    }
-    [by_gamma, transposed(&by_up, d), by_down]
-}
-
-/// The feed-forward half of a block, of x, γ, W_up and W_down; see
-/// [`Kernels::feed_forward`](crate::ops::Kernels::feed_forward).
-#[derive(Clone, Copy, Debug)]
-pub struct FeedForward {
-    pub activation: Activation,
-    pub epsilon: f32,
-}
-
-impl FeedForward {
-    fn weights<'a>(&self, [_, gamma, up, down]: [&'a [f32]; 4]) -> Weights<'a> {
-        let &Self { activation, epsilon } = self;
-        Weights { gamma, up, down, activation, epsilon }
-    }
-}
-
 impl Operation<4> for FeedForward {
     type Kept = ([FlexTensor; 4], Intermediates);
 
     fn forward(&self, inputs: &[FlexTensor; 4], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
-        let operands = inputs.each_ref().map(elements);
-        let (y, kept) = forward(operands[0], self.weights(operands), keep);
-        (y.into_tensor(dims(&inputs[0])), kept.map(|kept| (inputs.clone(), kept)))
+        let [x, gamma, w_up, w_down] = inputs.each_ref().map(elements);
+        let ([n, d], u, f) = (dims(&inputs[0]), dims(&inputs[2])[1], dims(&inputs[3])[0]);
+        let up = Panels::of(View::new(w_up, u), d, u);
+        let down = Panels::of(View::new(w_down, d), f, d);
+        let mut output = Buffer::new(n * d);
+        let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
+        let mut inverses = Buffer::new(n);
+        let mut before = Buffer::new(if keep { n } else { CHUNK } * u);
+        for rows in chunks(n, CHUNK) {
+            let count = rows.len();
+            let inverses = &mut inverses[rows.clone()];
+            rms_norm(part(x, &rows, d), gamma, self.epsilon, &mut normed, inverses);
+            let kept = if keep { rows.clone() } else { 0..count };
+            let before = part_mut(&mut before, &kept, u);
+            multiply(Target::new(before, u), count, View::new(&normed, d), &up, false);
+            match self.activation {
+                Activation::SwiGlu => swiglu(before, f, &mut hidden),
+                Activation::Gelu => gelu(before, &mut hidden),
+            }
+            let output = part_mut(&mut output, &rows, d);
+            output.copy_from_slice(part(x, &rows, d));
+            multiply(Target::new(output, d), count, View::new(&hidden, f), &down, true);
+        }
+        let kept = || (inputs.clone(), Intermediates { inverses, before });
+        (output.into_tensor([n, d]), keep.then(kept))
     }
 
     fn backward(&self, (inputs, kept): Self::Kept, (mut gradient, _): Above<4>) -> Gradients<4> {
-        let (operands, change) = (inputs.each_ref().map(elements), elements_mut(&mut gradient));
-        let by = backward(change, operands[0], self.weights(operands), kept);
-        let ([gamma, up, down], of_up, of_down) = (by, dims(&inputs[2]), dims(&inputs[3]));
+        let [x, gamma, w_up, w_down] = inputs.each_ref().map(elements);
+        let ([n, d], u, f) = (dims(&inputs[0]), dims(&inputs[2])[1], dims(&inputs[3])[0]);
+        let by_x = elements_mut(&mut gradient);
+        let up = Panels::of(View::new(w_up, u).transposed(), u, d);
+        let down = Panels::of(View::new(w_down, d).transposed(), d, f);
+        let [mut by_gamma, mut by_up, mut by_down] = [d, d * u, f * d].map(Buffer::zeros);
+        let (mut normed, mut hidden) = (Buffer::new(CHUNK * d), Buffer::new(CHUNK * f));
+        let (mut by_before, mut panels) = (Buffer::new(CHUNK * u), Panels::default());
+        for rows in chunks(n, CHUNK) {
+            let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
+            let (x, by_x) = (part(x, &rows, d), part_mut(by_x, &rows, d));
+            let before = part(&kept.before, &rows, u);
+            multiply(Target::new(&mut hidden, f), count, View::new(by_x, d), &down, false);
+            match self.activation {
+                Activation::SwiGlu => swiglu_back(before, f, &mut by_before, &mut hidden),
+                Activation::Gelu => gelu_back(before, &mut by_before, &mut hidden),
+            }
+            let (hidden, change) = (View::new(&hidden, f), View::new(by_x, d));
+            let target = Target::new(&mut by_down, d);
+            add_transposed(target, (f, d), hidden, change, count, &mut panels);
+            rms_norm_again(x, gamma, inverses, &mut normed);
+            let (input, change) = (View::new(&normed, d), View::new(&by_before, u));
+            add_transposed(Target::new(&mut by_up, d), (u, d), change, input, count, &mut panels);
+            multiply(Target::new(&mut normed, d), count, change, &up, false);
+            rms_norm_back(&mut normed, x, gamma, inverses, &mut by_gamma, by_x);
+        }
         inputs.into_iter().for_each(recycle);
-        let gamma = gamma.into_tensor([of_up[0]]);
-        [gradient, gamma, up.into_tensor(of_up), down.into_tensor(of_down)].map(Some)
+        let (by_gamma, by_up) = (by_gamma.into_tensor([d]), transposed(&by_up, d));
+        [gradient, by_gamma, by_up.into_tensor([d, u]), by_down.into_tensor([f, d])].map(Some)
     }
 }
 

@@ -136,43 +136,8 @@ impl Operation<1> for AttentionOptions {
 // Sequences do not see each other, so a chunk of them goes through the whole half while what it
 // makes is still in the cache.
 
-/// The attention half of a block, of x, γ, W_qkv and W_output; see
-/// [`Kernels::attention`](crate::ops::Kernels::attention).
-impl Operation<4> for AttentionOptions {
-    type Kept = ([FlexTensor; 4], Intermediates);
-
-    fn forward(&self, inputs: &[FlexTensor; 4], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
-        let [x, gamma, qkv, output] = inputs.each_ref().map(elements);
-        let weights = Weights { gamma, qkv, output, epsilon: self.epsilon };
-        let (y, kept) = half(x, weights, self.heads(), keep);
-        (y.into_tensor(dims(&inputs[0])), kept.map(|kept| (inputs.clone(), kept)))
-    }
-
-    fn backward(&self, (inputs, kept): Self::Kept, (mut gradient, _): Above<4>) -> Gradients<4> {
-        let [x, gamma, qkv, output] = inputs.each_ref().map(elements);
-        let (d, change) = (gamma.len(), elements_mut(&mut gradient));
-        let weights = Weights { gamma, qkv, output, epsilon: self.epsilon };
-        let [gamma, qkv, output] = half_back(change, x, weights, self.heads(), kept);
-        inputs.into_iter().for_each(recycle);
-        let qkv = qkv.into_tensor([d, 3 * d]);
-        [gradient, gamma.into_tensor([d]), qkv, output.into_tensor([d, d])].map(Some)
-    }
-}
-
 /// Rows of a chunk, but for a longer sequence.
 const CHUNK: usize = 128;
-
-/// The parameters, row-major.
-#[derive(Clone, Copy)]
-struct Weights<'a> {
-    /// `[d]`.
-    gamma: &'a [f32],
-    /// `[d, 3 d]`.
-    qkv: &'a [f32],
-    /// `[d, d]`.
-    output: &'a [f32],
-    epsilon: f32,
-}
 
 /// What the way back needs beside the input.
 #[derive(Clone, Debug)]
@@ -187,72 +152,71 @@ pub struct Intermediates {
     mixed: Buffer,
 }
 
-/// The output `[n, d]` for `x` `[n, d]`, and what to keep if `keep` asks for it.
-fn half(
-    x: &[f32],
-    weights: Weights<'_>,
-    heads: Heads<'_>,
-    keep: bool,
-) -> (Buffer, Option<Intermediates>) {
-    let (n, d) = (heads.layout.n_rows(), heads.d_model());
-    let into_qkv = Panels::of(View::new(weights.qkv, 3 * d), d, 3 * d);
-    let out_of = Panels::of(View::new(weights.output, d), d, d);
-    let mut output = Buffer::new(n * d);
-    let (mut qkv, mut mixed) = (Buffer::new(n * 3 * d), Buffer::new(n * d));
-    let mut inverses = Buffer::new(n);
-    let mut kept = Buffer::new(if keep { n_kept(heads) } else { 0 });
-    let mut normed = Buffer::new(longest_chunk(heads.layout) * d);
-    let (mut room, mut work) = (&mut kept[..], Workspace::default());
-    for (sequences, rows) in chunks(heads.layout) {
-        let inverses = &mut inverses[rows.clone()];
-        rms_norm(part(x, &rows, d), weights.gamma, weights.epsilon, &mut normed, inverses);
-        let target = Target::new(part_mut(&mut qkv, &rows, 3 * d), 3 * d);
-        multiply(target, rows.len(), View::new(&normed, d), &into_qkv, false);
-        attend(&qkv, heads, sequences, &mut mixed, keep, &mut room, &mut work);
-        let (output, mixed) = (part_mut(&mut output, &rows, d), part(&mixed, &rows, d));
-        output.copy_from_slice(part(x, &rows, d));
-        multiply(Target::new(output, d), rows.len(), View::new(mixed, d), &out_of, true);
-    }
-    (output, keep.then_some(Intermediates { inverses, qkv, statistics: kept, mixed }))
-}
+/// The attention half of a block, of x `[n, d]`, γ, W_qkv `[d, 3 d]` and W_output `[d, d]`; see
+/// [`Kernels::attention`](crate::ops::Kernels::attention).
+impl Operation<4> for AttentionOptions {
+    type Kept = ([FlexTensor; 4], Intermediates);
 
-/// Turns the gradient by the output into that by `x`; gives those by γ, W_qkv and W_output.
-fn half_back(
-    gradient: &mut [f32],
-    x: &[f32],
-    weights: Weights<'_>,
-    heads: Heads<'_>,
-    kept: Intermediates,
-) -> [Buffer; 3] {
-    let d = heads.d_model();
-    let into_qkv = Panels::of(View::new(weights.qkv, 3 * d).transposed(), 3 * d, d);
-    let out_of = Panels::of(View::new(weights.output, d).transposed(), d, d);
-    let (mut by_gamma, mut by_output) = (Buffer::zeros(d), Buffer::zeros(d * d));
-    // Transposed until the end, so that the narrower operand is the one that is copied.
-    let mut by_weight = Buffer::zeros(3 * d * d);
-    let longest = longest_chunk(heads.layout);
-    let (mut normed, mut by_qkv) = (Buffer::new(longest * d), Buffer::new(longest * 3 * d));
-    let (mut panels, mut work) = (Panels::default(), Workspace::default());
-    let mut attended = &kept.statistics[..];
-    for (sequences, rows) in chunks(heads.layout) {
-        let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
-        let (x, gradient) = (part(x, &rows, d), part_mut(gradient, &rows, d));
-        let (mixed, change) = (View::new(part(&kept.mixed, &rows, d), d), View::new(gradient, d));
-        add_transposed(Target::new(&mut by_output, d), (d, d), mixed, change, count, &mut panels);
-        multiply(Target::new(&mut normed, d), count, change, &out_of, false);
-        // Read in one go here, and never written: it has long left the cache.
-        let by_qkv = &mut by_qkv[..count * 3 * d];
-        by_qkv.copy_from_slice(part(&kept.qkv, &rows, 3 * d));
-        let heads = Heads { first_row: rows.start, ..heads };
-        attend_back(by_qkv, heads, sequences, &mut attended, &normed, &mut work);
-        rms_norm_again(x, weights.gamma, inverses, &mut normed);
-        let change = View::new(by_qkv, 3 * d);
-        let (target, input) = (Target::new(&mut by_weight, d), View::new(&normed, d));
-        add_transposed(target, (3 * d, d), change, input, count, &mut panels);
-        multiply(Target::new(&mut normed, d), count, change, &into_qkv, false);
-        rms_norm_back(&mut normed, x, weights.gamma, inverses, &mut by_gamma, gradient);
+    fn forward(&self, inputs: &[FlexTensor; 4], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
+        let [x, gamma, w_qkv, w_output] = inputs.each_ref().map(elements);
+        let ([n, d], heads) = (dims(&inputs[0]), self.heads());
+        let into_qkv = Panels::of(View::new(w_qkv, 3 * d), d, 3 * d);
+        let out_of = Panels::of(View::new(w_output, d), d, d);
+        let mut output = Buffer::new(n * d);
+        let (mut qkv, mut mixed) = (Buffer::new(n * 3 * d), Buffer::new(n * d));
+        let mut inverses = Buffer::new(n);
+        let mut statistics = Buffer::new(if keep { n_kept(heads) } else { 0 });
+        let mut normed = Buffer::new(longest_chunk(heads.layout) * d);
+        let (mut room, mut work) = (&mut statistics[..], Workspace::default());
+        for (sequences, rows) in chunks(heads.layout) {
+            let inverses = &mut inverses[rows.clone()];
+            rms_norm(part(x, &rows, d), gamma, self.epsilon, &mut normed, inverses);
+            let target = Target::new(part_mut(&mut qkv, &rows, 3 * d), 3 * d);
+            multiply(target, rows.len(), View::new(&normed, d), &into_qkv, false);
+            attend(&qkv, heads, sequences, &mut mixed, keep, &mut room, &mut work);
+            let (output, mixed) = (part_mut(&mut output, &rows, d), part(&mixed, &rows, d));
+            output.copy_from_slice(part(x, &rows, d));
+            multiply(Target::new(output, d), rows.len(), View::new(mixed, d), &out_of, true);
+        }
+        let kept = || (inputs.clone(), Intermediates { inverses, qkv, statistics, mixed });
+        (output.into_tensor([n, d]), keep.then(kept))
     }
-    [by_gamma, transposed(&by_weight, d), by_output]
+
+    fn backward(&self, (inputs, kept): Self::Kept, (mut gradient, _): Above<4>) -> Gradients<4> {
+        let [x, gamma, w_qkv, w_output] = inputs.each_ref().map(elements);
+        let (heads, d, by_x) = (self.heads(), gamma.len(), elements_mut(&mut gradient));
+        let into_qkv = Panels::of(View::new(w_qkv, 3 * d).transposed(), 3 * d, d);
+        let out_of = Panels::of(View::new(w_output, d).transposed(), d, d);
+        let (mut by_gamma, mut by_output) = (Buffer::zeros(d), Buffer::zeros(d * d));
+        // Transposed until the end, so that the narrower operand is the one that is copied.
+        let mut by_weight = Buffer::zeros(3 * d * d);
+        let longest = longest_chunk(heads.layout);
+        let (mut normed, mut by_qkv) = (Buffer::new(longest * d), Buffer::new(longest * 3 * d));
+        let (mut panels, mut work) = (Panels::default(), Workspace::default());
+        let mut attended = &kept.statistics[..];
+        for (sequences, rows) in chunks(heads.layout) {
+            let (count, inverses) = (rows.len(), &kept.inverses[rows.clone()]);
+            let (x, by_x) = (part(x, &rows, d), part_mut(by_x, &rows, d));
+            let (mixed, change) = (View::new(part(&kept.mixed, &rows, d), d), View::new(by_x, d));
+            let target = Target::new(&mut by_output, d);
+            add_transposed(target, (d, d), mixed, change, count, &mut panels);
+            multiply(Target::new(&mut normed, d), count, change, &out_of, false);
+            // Read in one go here, and never written: it has long left the cache.
+            let by_qkv = &mut by_qkv[..count * 3 * d];
+            by_qkv.copy_from_slice(part(&kept.qkv, &rows, 3 * d));
+            let heads = Heads { first_row: rows.start, ..heads };
+            attend_back(by_qkv, heads, sequences, &mut attended, &normed, &mut work);
+            rms_norm_again(x, gamma, inverses, &mut normed);
+            let change = View::new(by_qkv, 3 * d);
+            let (target, input) = (Target::new(&mut by_weight, d), View::new(&normed, d));
+            add_transposed(target, (3 * d, d), change, input, count, &mut panels);
+            multiply(Target::new(&mut normed, d), count, change, &into_qkv, false);
+            rms_norm_back(&mut normed, x, gamma, inverses, &mut by_gamma, by_x);
+        }
+        inputs.into_iter().for_each(recycle);
+        let by_qkv = transposed(&by_weight, d).into_tensor([d, 3 * d]);
+        [gradient, by_gamma.into_tensor([d]), by_qkv, by_output.into_tensor([d, d])].map(Some)
+    }
 }
 
 /// Sequences, with their rows, in pieces of about [`CHUNK`] rows.
