@@ -190,7 +190,7 @@ impl<L: Learner> Learning<L> {
     /// [`FileError::Write`].
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
         let LearnerState { note, tensors: own } = self.learner.keep();
-        let (_, mut tensors) = self.optimiser.state();
+        let mut tensors = self.optimiser.state();
         tensors.extend(prefixed(WEIGHTS, weights::of_module(self.learner.weights())));
         tensors.extend(prefixed(LEARNER, own));
         let header = Header { step: self.step, wall_s: self.wall_s(), learner: note };

@@ -33,25 +33,17 @@ impl HeadLoss {
 
     /// The rows' losses, outside autodiff.
     pub fn rows_losses(&self, inputs: [FlexTensor; 3]) -> Vec<f64> {
-        self.head(&inputs.map(contiguous)).losses()
+        self.head(&inputs.map(contiguous)).losses(false).0
     }
-}
-
-/// Mean cross-entropy from the rows' losses, in nats.
-fn mean(losses: &[f64]) -> FlexTensor {
-    tensor(vec![(losses.iter().sum::<f64>() / losses.len() as f64) as f32], [1])
 }
 
 impl Operation<3> for HeadLoss {
     type Kept = [Buffer; 3];
 
     fn forward(&self, inputs: &[FlexTensor; 3], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
-        let head = self.head(inputs);
-        if !keep {
-            return (mean(&head.losses()), None);
-        }
-        let (losses, gradients) = head.losses_and_gradients();
-        (mean(&losses), Some(gradients))
+        let (losses, gradients) = self.head(inputs).losses(keep);
+        let mean = losses.iter().sum::<f64>() / losses.len() as f64;
+        (tensor(vec![mean as f32], [1]), gradients)
     }
 
     fn backward(&self, by: Self::Kept, (gradient, _): Above<3>) -> Gradients<3> {
@@ -100,6 +92,16 @@ struct Room {
     sums: Vec<LogSum>,
 }
 
+/// What gradients are made with.
+struct Learning {
+    /// W, for the way back.
+    back: Panels,
+    /// Room for the right operand of a product.
+    panels: Panels,
+    /// Those by x, γ and W so far.
+    by: [Buffer; 3],
+}
+
 impl Head<'_> {
     fn d(&self) -> usize {
         self.gamma.len()
@@ -116,43 +118,34 @@ impl Head<'_> {
         chunks(n, width)
     }
 
-    fn room(&self, columns: usize) -> Room {
-        let rows = CHUNK.min(self.targets.len());
-        Room {
-            normed: Buffer::new(rows * self.d()),
+    /// −ln p of each row's target, in nats, and, if they are wanted, the gradients of their mean by x, γ
+    /// and W.
+    fn losses(&self, wants_gradients: bool) -> (Vec<f64>, Option<[Buffer; 3]>) {
+        let (n, d, v) = (self.targets.len(), self.d(), self.n_vocab());
+        let there = Panels::of(View::new(self.weight, v), d, v);
+        let columns = self.blocks().map(|block| stride(&block));
+        let columns = if wants_gradients { columns.sum() } else { columns.max().unwrap_or(0) };
+        let rows = CHUNK.min(n);
+        let mut room = Room {
+            normed: Buffer::new(rows * d),
             logits: Buffer::new(rows * columns),
             inverses: Buffer::new(rows),
             sums: Vec::with_capacity(rows),
-        }
-    }
-
-    /// −ln p of each row's target, in nats.
-    fn losses(&self) -> Vec<f64> {
-        let panels = Panels::of(View::new(self.weight, self.n_vocab()), self.d(), self.n_vocab());
-        let mut room = self.room(self.blocks().map(|block| stride(&block)).max().unwrap_or(0));
-        let mut losses = Vec::with_capacity(self.targets.len());
-        for rows in chunks(self.targets.len(), CHUNK) {
-            self.look(&rows, &panels, &mut room, false);
+        };
+        let mut learning = wants_gradients.then(|| Learning {
+            back: Panels::of(View::new(self.weight, v).transposed(), v, d),
+            panels: Panels::default(),
+            by: [self.x.len(), d, d * v].map(Buffer::zeros),
+        });
+        let mut losses = Vec::with_capacity(n);
+        for rows in chunks(n, CHUNK) {
+            self.look(&rows, &there, &mut room, wants_gradients);
             losses.extend(room.sums.iter().map(LogSum::loss));
+            if let Some(learning) = &mut learning {
+                self.learn(&rows, &mut room, learning);
+            }
         }
-        losses
-    }
-
-    /// −ln p of each row's target, in nats, and the gradients of their mean by x, γ and W.
-    fn losses_and_gradients(&self) -> (Vec<f64>, [Buffer; 3]) {
-        let (d, v) = (self.d(), self.n_vocab());
-        let there = Panels::of(View::new(self.weight, v), d, v);
-        let back = Panels::of(View::new(self.weight, v).transposed(), v, d);
-        let mut by = [self.x.len(), d, d * v].map(Buffer::zeros);
-        let columns = self.blocks().map(|block| stride(&block)).sum();
-        let (mut room, mut panels) = (self.room(columns), Panels::default());
-        let mut losses = Vec::with_capacity(self.targets.len());
-        for rows in chunks(self.targets.len(), CHUNK) {
-            self.look(&rows, &there, &mut room, true);
-            losses.extend(room.sums.iter().map(LogSum::loss));
-            self.learn(&rows, &back, &mut room, &mut by, &mut panels);
-        }
-        (losses, by)
+        (losses, learning.map(|learning| learning.by))
     }
 
     /// Normalises a chunk and sums its softmax; keeps its logits if `keep` asks for it.
@@ -172,14 +165,8 @@ impl Head<'_> {
     }
 
     /// Adds a chunk's share to the gradients.
-    fn learn(
-        &self,
-        rows: &Range<usize>,
-        back: &Panels,
-        room: &mut Room,
-        [by_x, by_gamma, by_weight]: &mut [Buffer; 3],
-        panels: &mut Panels,
-    ) {
+    fn learn(&self, rows: &Range<usize>, room: &mut Room, learning: &mut Learning) {
+        let Learning { back, panels, by: [by_x, by_gamma, by_weight] } = learning;
         let (d, v, count) = (self.d(), self.n_vocab(), rows.len());
         let Room { normed, logits, inverses, sums } = room;
         let scale = 1.0 / self.targets.len() as f32;

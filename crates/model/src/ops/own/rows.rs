@@ -200,28 +200,8 @@ impl Operation<2> for RmsNorm {
 
 // Picking rows, for embeddings and for the rows that a loss is taken on.
 
-/// Rows `rows` of `x` `[m, d]`, in their order: `[n, d]`.
-fn pick(x: &[f32], rows: &[u32], d: usize) -> Buffer {
-    let mut output = Buffer::new(rows.len() * d);
-    for (&row, to) in rows.iter().zip(output.chunks_exact_mut(d)) {
-        to.copy_from_slice(&x[row as usize * d..][..d]);
-    }
-    output
-}
-
-/// Gradient by `x` `[m, d]`: each row of the gradient by the output is added to the row it came
-/// from, in the order of the output.
-fn pick_back(grad_output: &[f32], rows: &[u32], m: usize, d: usize) -> Buffer {
-    let mut gradient = Buffer::zeros(m * d);
-    for (&row, from) in rows.iter().zip(grad_output.chunks_exact(d)) {
-        for (to, from) in gradient[row as usize * d..][..d].iter_mut().zip(from) {
-            *to += from;
-        }
-    }
-    gradient
-}
-
-/// Picking rows; keeps the shape. See [`Kernels::select_rows`](crate::ops::Kernels::select_rows).
+/// Picking rows, in their order; keeps the shape. See
+/// [`Kernels::select_rows`](crate::ops::Kernels::select_rows).
 #[derive(Clone, Debug)]
 pub struct SelectRows(pub Arc<[u32]>);
 
@@ -229,13 +209,23 @@ impl Operation<1> for SelectRows {
     type Kept = [usize; 2];
 
     fn forward(&self, [x]: &[FlexTensor; 1], _: bool) -> (FlexTensor, Option<Self::Kept>) {
-        let [m, d] = dims(x);
-        let picked = pick(elements(x), &self.0, d);
-        (picked.into_tensor([self.0.len(), d]), Some([m, d]))
+        let ([m, d], x) = (dims(x), elements(x));
+        let mut output = Buffer::new(self.0.len() * d);
+        for (&row, to) in self.0.iter().zip(output.chunks_exact_mut(d)) {
+            to.copy_from_slice(&x[row as usize * d..][..d]);
+        }
+        (output.into_tensor([self.0.len(), d]), Some([m, d]))
     }
 
+    /// Each row of the gradient by the output is added to the row it came from, in the order of the
+    /// output.
     fn backward(&self, [m, d]: Self::Kept, (gradient, _): Above<1>) -> Gradients<1> {
-        let by_x = pick_back(elements(&gradient), &self.0, m, d);
+        let mut by_x = Buffer::zeros(m * d);
+        for (&row, from) in self.0.iter().zip(elements(&gradient).chunks_exact(d)) {
+            for (to, from) in by_x[row as usize * d..][..d].iter_mut().zip(from) {
+                *to += from;
+            }
+        }
         recycle(gradient);
         [Some(by_x.into_tensor([m, d]))]
     }

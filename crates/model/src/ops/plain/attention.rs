@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use burn::tensor::activation::softmax;
-use burn::tensor::{Bool, Device, Tensor, TensorData};
+use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
 
 use super::{Product, integers, rms_norm};
 use crate::ops::{AttentionOptions, AttentionWeights, CrossOptions, Rope, SequenceLayout};
@@ -38,7 +38,7 @@ pub fn attend(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Product) 
     let (b, t, c) = (layout.n_sequences(), layout.max_len(), rope.head_dim());
     let d = n_head * c;
     let sequences: Vec<_> = (0..b).map(|i| layout.rows(i)).collect();
-    let padded = qkv_n3d.select(0, integers(rows_of_padded(&sequences, t), &device));
+    let padded = qkv_n3d.select(0, rows_of_padded(&sequences, &device));
     let part_bhtc = |part: usize| {
         let columns = padded.clone().slice([0..b * t, part * d..(part + 1) * d]);
         columns.reshape([b, t, n_head, c]).swap_dims(1, 2)
@@ -49,7 +49,7 @@ pub fn attend(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Product) 
     let hidden_bhtt = hidden(layout, &device).expand([b, n_head, t, t]);
     let weights_bhtt = softmax(scores_bhtt.mask_fill(hidden_bhtt, MASKED), 3);
     let output = product.of(weights_bhtt, part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
-    output.select(0, integers(padded_of_rows(&sequences, t), &device))
+    output.select(0, padded_of_rows(&sequences, &device))
 }
 
 /// Cosines and sines of the angles of each position of the padded batch, `[b, 1, t, c / 2, 1]`, or of
@@ -95,19 +95,24 @@ fn hidden(layout: &SequenceLayout, device: &Device) -> Tensor<4, Bool> {
     keys_111t.expand([b, 1, t, t]).greater_equal(visible_b1t1.expand([b, 1, t, t]))
 }
 
-/// The row of each position of sequences that are padded to `t` rows; a sequence's first for padding.
-fn rows_of_padded(sequences: &[Range<usize>], t: usize) -> impl Iterator<Item = u32> {
-    let row =
-        move |rows: &Range<usize>, q| if q < rows.len() { rows.start + q } else { rows.start };
-    sequences.iter().flat_map(move |rows| (0..t).map(move |q| row(rows, q) as u32))
+/// The row of each position of sequences that are padded to one length; a sequence's first for padding.
+fn rows_of_padded(sequences: &[Range<usize>], device: &Device) -> Tensor<1, Int> {
+    let t = longest(sequences);
+    let row = |rows: &Range<usize>, q| if q < rows.len() { rows.start + q } else { rows.start };
+    integers(sequences.iter().flat_map(|rows| (0..t).map(move |q| row(rows, q) as u32)), device)
 }
 
 /// The position in the padded batch of each row.
-fn padded_of_rows(sequences: &[Range<usize>], t: usize) -> impl Iterator<Item = u32> {
-    let own = move |(i, rows): (usize, &Range<usize>)| {
-        (i * t..i * t + rows.len()).map(|position| position as u32)
+fn padded_of_rows(sequences: &[Range<usize>], device: &Device) -> Tensor<1, Int> {
+    let starts = (0..).step_by(longest(sequences));
+    let own = |(start, rows): (usize, &Range<usize>)| {
+        (start..start + rows.len()).map(|position| position as u32)
     };
-    sequences.iter().enumerate().flat_map(own)
+    integers(starts.zip(sequences).flat_map(own), device)
+}
+
+fn longest(sequences: &[Range<usize>]) -> usize {
+    sequences.iter().map(Range::len).max().unwrap_or(0)
 }
 
 // Attention to a memory.
@@ -145,10 +150,6 @@ pub fn cross_attend(
     unpad(mixed.reshape([b * t, d]), &of_queries)
 }
 
-fn longest(sequences: &[Range<usize>]) -> usize {
-    sequences.iter().map(Range::len).max().unwrap_or(0)
-}
-
 fn is_even(sequences: &[Range<usize>]) -> bool {
     sequences.iter().all(|rows| rows.len() == sequences[0].len())
 }
@@ -158,7 +159,7 @@ fn pad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     if is_even(sequences) {
         return x_nd;
     }
-    let rows = integers(rows_of_padded(sequences, longest(sequences)), &x_nd.device());
+    let rows = rows_of_padded(sequences, &x_nd.device());
     x_nd.select(0, rows)
 }
 
@@ -167,8 +168,8 @@ fn unpad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
     if is_even(sequences) {
         return x_nd;
     }
-    let rows = integers(padded_of_rows(sequences, longest(sequences)), &x_nd.device());
-    x_nd.select(0, rows)
+    let positions = padded_of_rows(sequences, &x_nd.device());
+    x_nd.select(0, positions)
 }
 
 /// True where a row of a memory is padding, `[b, 1, 1, t]`; `None` where none is.
