@@ -1,25 +1,80 @@
-//! [`Gru`]: a recurrence over rows, in one direction.
+//! [`Reader`]: rows of a sequence into one vector, read from both ends by a [`Gru`] each, in an [`Order`].
 //!
-//! Shapes: n sequences, m rows of all sequences, t steps, c channels, h numbers of a state.
+//! Shapes: n sequences, m rows of all sequences, t steps, c channels, h numbers of a state, e numbers of an embedding.
 
 use std::sync::Arc;
 
 use burn::module::{Module, Param};
-use burn::tensor::activation::sigmoid;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::activation::{leaky_relu, sigmoid};
+use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 
-use super::order::Order;
 use crate::learn::layers::Affine;
-use crate::learn::params::normal;
+use crate::learn::params::{constant, normal};
 use crate::ops::Kernels;
+
+/// Slope of the rectifiers below 0.
+pub const SLOPE: f64 = 0.2;
+
+/// What a variance is raised by before it divides.
+const EPSILON: f64 = 1e-5;
+
+/// A layer, a GRU from either end, and a head over their last states.
+#[derive(Module, Debug)]
+pub struct Reader {
+    input: Affine,
+    forwards: Gru,
+    backwards: Gru,
+    hidden: Affine,
+    /// Of a layer normalisation, `[h]` each.
+    scale: Param<Tensor<1>>,
+    shift: Param<Tensor<1>>,
+    output: Affine,
+}
+
+impl Reader {
+    /// A reader of rows of `channels`, with states of `width` numbers, into `dim`.
+    pub fn init([channels, width, dim]: [usize; 3], rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        Self {
+            input: Affine::new(channels, width, rng, device),
+            forwards: Gru::init(width, width, rng, device),
+            backwards: Gru::init(width, width, rng, device),
+            hidden: Affine::new(2 * width, width, rng, device),
+            scale: constant([width], 1.0, device),
+            shift: constant([width], 0.0, device),
+            output: Affine::new(width, dim, rng, device),
+        }
+    }
+
+    /// Where the parameters are.
+    pub fn device(&self) -> Device {
+        self.output.device()
+    }
+
+    /// A vector of each sequence, `[n, e]`.
+    pub fn read(&self, x_mc: Tensor<2>, order: &Order) -> Tensor<2> {
+        let x_mh = self.input.forward(x_mc);
+        let forwards = self.forwards.last(&x_mh, order, &order.forwards());
+        let backwards = self.backwards.last(&x_mh, order, &order.backwards());
+        let hidden = self.hidden.forward(Tensor::cat(vec![forwards, backwards], 1));
+        self.output.forward(leaky_relu(self.normalised(hidden), SLOPE))
+    }
+
+    fn normalised(&self, x_nh: Tensor<2>) -> Tensor<2> {
+        let centred = x_nh.clone() - x_nh.mean_dim(1);
+        let deviation = centred.clone().powi_scalar(2).mean_dim(1).add_scalar(EPSILON).sqrt();
+        centred / deviation * self.scale.val().unsqueeze() + self.shift.val().unsqueeze()
+    }
+}
+
+// [`Gru`]: a recurrence over rows, in one direction.
 
 /// A gated recurrent unit (Cho et al. 2014) with PyTorch's gates, whose first state is learned:
 ///
 /// r = σ(W_r x + U_r h), z = σ(W_z x + U_z h), ĥ = tanh(W x + r ⊙ U h), h ← z ⊙ h + (1 − z) ⊙ ĥ,
 /// each product with its bias.
 #[derive(Module, Debug)]
-pub struct Gru {
+struct Gru {
     /// `[c, 3h]`: W_r, W_z and W.
     input: Affine,
     /// `[h, 3h]`: U_r, U_z and U.
@@ -30,7 +85,7 @@ pub struct Gru {
 
 impl Gru {
     /// A recurrence over rows of `channels` with a state of `width` numbers.
-    pub fn init(channels: usize, width: usize, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+    fn init(channels: usize, width: usize, rng: &mut ChaCha8Rng, device: &Device) -> Self {
         Self {
             input: Affine::new(channels, 3 * width, rng, device),
             state: Affine::new(width, 3 * width, rng, device),
@@ -40,7 +95,7 @@ impl Gru {
 
     /// The state after the last row of each sequence, `[n, h]`: `rows` are the rows of `x_mc` in the
     /// order in which they are read, as of [`Order::forwards`].
-    pub fn last(&self, x_mc: &Tensor<2>, order: &Order, rows: &Arc<[u32]>) -> Tensor<2> {
+    fn last(&self, x_mc: &Tensor<2>, order: &Order, rows: &Arc<[u32]>) -> Tensor<2> {
         let device = x_mc.device();
         let kernels = Kernels::for_device(&device);
         let gates = kernels.select_rows(self.input.forward(x_mc.clone()), rows);
@@ -83,10 +138,71 @@ fn steps(rows: Tensor<2>, n_steps: usize) -> Vec<Tensor<2>> {
     parts
 }
 
+// [`Order`]: sequences side by side, row after row, for a recurrence.
+
+/// Sequences of different lengths, of which a recurrence reads the t-th rows together.
+#[derive(Clone, Debug)]
+pub struct Order {
+    /// The first row of each sequence, and how many it has.
+    sequences: Vec<(usize, usize)>,
+}
+
+impl Order {
+    /// Sequences that stand one after another.
+    pub fn packed(lengths: &[usize]) -> Self {
+        let start = |end: &mut usize, length: &usize| {
+            let start = *end;
+            *end += length;
+            Some((start, *length))
+        };
+        Self { sequences: lengths.iter().scan(0, start).collect() }
+    }
+
+    /// Sequences that stand `stride` rows apart.
+    pub fn padded(lengths: &[usize], stride: usize) -> Self {
+        let at = |(i, length): (usize, &usize)| (i * stride, *length);
+        Self { sequences: lengths.iter().enumerate().map(at).collect() }
+    }
+
+    /// Sequences.
+    fn len(&self) -> usize {
+        self.sequences.len()
+    }
+
+    /// Rows of the longest sequence.
+    fn steps(&self) -> usize {
+        self.sequences.iter().map(|(_, length)| *length).max().unwrap_or(0)
+    }
+
+    /// The rows of all first steps, then of all second ones, and so on: what stands behind the end of a
+    /// sequence is its last row.
+    fn forwards(&self) -> Arc<[u32]> {
+        self.rows(|step, start, length| start + step.min(length - 1))
+    }
+
+    /// The same from the end of each sequence to its start.
+    fn backwards(&self) -> Arc<[u32]> {
+        self.rows(|step, start, length| start + (length - 1).saturating_sub(step))
+    }
+
+    fn rows(&self, row: impl Fn(usize, usize, usize) -> usize) -> Arc<[u32]> {
+        let of = |step| self.sequences.iter().map(move |(start, length)| (step, *start, *length));
+        let all = (0..self.steps()).flat_map(of);
+        all.map(|(step, start, length)| row(step, start, length) as u32).collect()
+    }
+
+    /// Which sequences go on at a step, 1 or 0, `[n, 1]`; `None` where all do.
+    fn going_on(&self, step: usize, device: &Device) -> Option<Tensor<2>> {
+        let goes = |(_, length): &(usize, usize)| f32::from(u8::from(step < *length));
+        let values: Vec<f32> = self.sequences.iter().map(goes).collect();
+        let ended = values.contains(&0.0);
+        ended.then(|| Tensor::from_data(TensorData::new(values, [self.len(), 1]), device))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use burn::tensor::TensorData;
     use rand_chacha::rand_core::SeedableRng;
 
     fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
@@ -158,5 +274,19 @@ mod tests {
             let expected = (moved(1e-2) - moved(-1e-2)) / 2e-2;
             assert!((slope - expected).abs() < 2e-3, "{i}: {slope} and {expected}");
         }
+    }
+
+    #[test]
+    fn each_sequence_is_read_from_either_end() {
+        let packed = Order::packed(&[3, 1]);
+        assert_eq!((packed.len(), packed.steps()), (2, 3));
+        assert_eq!(packed.forwards()[..], [0, 3, 1, 3, 2, 3]);
+        assert_eq!(packed.backwards()[..], [2, 3, 1, 3, 0, 3]);
+        let padded = Order::padded(&[3, 1], 4);
+        assert_eq!(padded.backwards()[..], [2, 4, 1, 4, 0, 4]);
+        let device = Device::flex();
+        assert!(packed.going_on(0, &device).is_none());
+        let second: Vec<f32> = packed.going_on(1, &device).unwrap().into_data().iter().collect();
+        assert_eq!(second, [1.0, 0.0]);
     }
 }
