@@ -64,11 +64,14 @@ impl EmbeddingFile {
             return Err(file.damaged("`embeddings` is not a matrix"));
         };
         let offsets = file.column("offsets")?;
-        check_offsets(offsets.values(), keys.values().len(), n_vectors)
-            .map_err(|reason| file.damaged(reason))?;
+        let n = keys.values().len();
+        if !every_caption_has_vectors(offsets.values(), n, n_vectors) {
+            let wanted = format!("to {n_vectors} in {n} steps");
+            return Err(file.damaged(format!("`offsets` does not rise from 0 {wanted}")));
+        }
         let places = keys.values().iter().enumerate().map(|(place, key)| (*key, place));
         let places: HashMap<u64, usize> = places.collect();
-        if places.len() < keys.values().len() {
+        if places.len() < n {
             return Err(file.damaged("a caption stands in `keys` twice"));
         }
         let path = path.to_path_buf();
@@ -86,14 +89,12 @@ impl EmbeddingFile {
     }
 }
 
-/// Every caption has vectors, and every vector a caption.
-fn check_offsets(offsets: &[u64], n_captions: usize, n_vectors: usize) -> Result<(), String> {
-    let sound = offsets.len() == n_captions + 1
+/// Every vector has a caption, too.
+fn every_caption_has_vectors(offsets: &[u64], n_captions: usize, n_vectors: usize) -> bool {
+    offsets.len() == n_captions + 1
         && offsets.first() == Some(&0)
         && offsets.last() == Some(&(n_vectors as u64))
-        && offsets.is_sorted_by(|from, to| from < to);
-    let wanted = "`offsets` does not rise from 0";
-    sound.then_some(()).ok_or_else(|| format!("{wanted} to {n_vectors} in {n_captions} steps"))
+        && offsets.is_sorted_by(|from, to| from < to)
 }
 
 impl TextEncoder for EmbeddingFile {

@@ -134,28 +134,22 @@ impl Tokenizer {
         if found != wanted {
             return Err(TokenizerError::CodeCount { found, wanted, n_frames });
         }
-        self.check_ids(ids, n_frames)?;
         if n_latents == 0 {
             return Ok(Vec::new());
+        }
+        let grid = self.spec.grid();
+        let sizes = grid.scales.iter().zip(grid.lengths(n_frames));
+        let sizes = sizes.flat_map(|(scale, length)| std::iter::repeat_n(scale.n_vocab, length));
+        if let Some((&id, n_vocab)) = ids.iter().zip(sizes).find(|(id, n)| **id as usize >= *n) {
+            return Err(TokenizerError::UnknownCode { id, n_vocab });
         }
         let extent = Extent { n_clips: 1, n_latents };
         Ok(self.decode_stack(ids, extent, captions.as_ref(), guidance))
     }
 
-    fn check_ids(&self, ids: &[u32], n_frames: usize) -> Result<(), TokenizerError> {
-        let grid = self.spec.grid();
-        let lengths = grid.lengths(n_frames);
-        let sizes = grid.scales.iter().zip(lengths);
-        let sizes = sizes.flat_map(|(scale, length)| std::iter::repeat_n(scale.n_vocab, length));
-        match ids.iter().zip(sizes).find(|(id, n_vocab)| **id as usize >= *n_vocab) {
-            Some((&id, n_vocab)) => Err(TokenizerError::UnknownCode { id, n_vocab }),
-            None => Ok(()),
-        }
-    }
-
     /// The quantizer, for a generator that makes codes scale after scale.
     pub fn quantizer(&self) -> &dyn Quantizer {
-        self.module.quantizer()
+        &*self.module.quantizer
     }
 
     /// Codes, clip after clip, of the raw features of `n_clips` clips of one length in whole latents.
@@ -232,8 +226,10 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
 
     use crate::motion::N_FEATURES;
-    use crate::spec::{CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec};
-    use crate::spec::{LanguagePlace, Representation};
+    use crate::spec::{
+        CodebookKind, LanguagePlace, QuantizerKind, QuantizerSection, QuantizerSpec,
+        Representation, ScaleSpec,
+    };
     use crate::tokenizer::testing::{D_TEXT, Waves, patch_spec, small_spec, transformer_spec};
     use crate::tokenizer::{Corpus, train};
 

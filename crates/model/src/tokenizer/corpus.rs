@@ -7,7 +7,7 @@ use super::halves::Captions;
 use crate::data::{DataError, FeatureStats, MotionSource, Split};
 use crate::learn::params::{below, unit};
 use crate::motion::{POSITIONS, ROOT_HEIGHT, complete_features};
-use crate::spec::{LanguageSpec, TokenizerSpec};
+use crate::spec::TokenizerSpec;
 use crate::text::TextStore;
 
 /// Clips, and their captions as vectors for tokenizers that have language.
@@ -37,7 +37,7 @@ impl<'a> Corpus<'a> {
             let (found, wanted) = (store.dim(), language.dim);
             return Err(TokenizerError::TextWidth { found, wanted });
         }
-        Ok(Some(ReadCaptions { store, language: language.clone() }))
+        Ok(Some(ReadCaptions { store, drop: language.drop }))
     }
 }
 
@@ -45,7 +45,8 @@ impl<'a> Corpus<'a> {
 #[derive(Clone, Debug)]
 pub struct ReadCaptions<'a> {
     store: &'a TextStore,
-    language: LanguageSpec,
+    /// How often a clip in training loses its caption.
+    drop: f64,
 }
 
 impl ReadCaptions<'_> {
@@ -60,7 +61,7 @@ impl ReadCaptions<'_> {
         let drawn = |&clip: &usize| -> &[f32] {
             let captions = self.store.captions(Split::Train, clip);
             let caption = captions[below(rng, captions.len())];
-            let is_dropped = unit(rng) < self.language.drop;
+            let is_dropped = unit(rng) < self.drop;
             if is_dropped { &[] } else { self.store.embedding(caption) }
         };
         Captions::of(clips.iter().map(drawn), self.store.dim())

@@ -16,7 +16,7 @@ use super::metrics::{Baseline, ScaleUse, TokenizerMetrics};
 use super::module::TokenizerModule;
 use super::pool::WindowPool;
 use super::quantizer::{Extent, by_scale};
-use crate::codes::{CodeHistogram, Grid, Length, Scale};
+use crate::codes::{CodeHistogram, Length, Scale};
 use crate::data::{DataError, MotionSource, Split};
 use crate::motion::{ROOT_YAW, mpjpe_mm, recover_joints};
 use crate::progress::moved;
@@ -37,13 +37,16 @@ pub fn evaluate(
 ) -> Result<TokenizerMetrics, TokenizerError> {
     let test = scores(tokenizer, corpus, Split::Test, 0.0)?;
     let made = Reconstruction::of(&test);
-    let val = match corpus.source.n_clips(Split::Val) {
-        0 => None,
-        _ => Some(reconstruct(tokenizer, corpus, Split::Val, 0.0)?),
+    let has_val = corpus.source.n_clips(Split::Val) > 0;
+    let val = has_val.then(|| reconstruct(tokenizer, corpus, Split::Val, 0.0)).transpose()?;
+    let (spec, grid) = (tokenizer.spec(), tokenizer.spec().grid());
+    let histogram = |(i, scale): (usize, &Scale)| {
+        CodeHistogram::new(scale.n_vocab, test.iter().flat_map(move |score| &score.scales[i]))
     };
-    let spec = tokenizer.spec();
-    let scales = histograms(&spec.grid(), &test);
+    let scales: Vec<_> = grid.scales.iter().enumerate().map(histogram).collect();
     let used = CodeHistogram::together(&scales);
+    let mut lengths = grid.scales.iter().map(|scale| scale.length);
+    let has_frames = lengths.all(|length| matches!(length, Length::FramesPerCode(_)));
     Ok(TokenizerMetrics {
         tokenizer_id: tokenizer_id.to_string(),
         architecture: Some(spec.architecture.name().to_string()),
@@ -61,7 +64,7 @@ pub fn evaluate(
         train_steps: spec.training.steps,
         wall_s,
         scales: Some(scales.iter().map(ScaleUse::of).collect()),
-        frames_per_code: has_frames(&spec.grid()).then(|| spec.frames_per_latent()),
+        frames_per_code: has_frames.then(|| spec.frames_per_latent()),
         seed: Some(spec.training.seed),
         k_means: None,
     })
@@ -102,19 +105,6 @@ impl Reconstruction {
             mpjpe_heading_mm: sum(|score| score.given_heading_mm) / n_frames,
         }
     }
-}
-
-/// How often the codes of each scale were met.
-fn histograms(grid: &Grid, scores: &[Score]) -> Vec<CodeHistogram> {
-    let of = |(i, scale): (usize, &Scale)| {
-        CodeHistogram::new(scale.n_vocab, scores.iter().flat_map(move |score| &score.scales[i]))
-    };
-    grid.scales.iter().enumerate().map(of).collect()
-}
-
-/// Whether a code stands for a number of frames.
-fn has_frames(grid: &Grid) -> bool {
-    grid.scales.iter().all(|scale| matches!(scale.length, Length::FramesPerCode(_)))
 }
 
 /// Sums over one batch.

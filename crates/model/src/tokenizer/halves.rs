@@ -151,4 +151,14 @@ mod tests {
             assert!(dropped(&mut pass, rate).iter().all(|x| *x == 1.0));
         }
     }
+
+    #[test]
+    fn a_batch_of_data_is_row_major() {
+        let data = TensorData::new(vec![1.0f32; 6], [1, 6]);
+        let caption: Vec<f32> = data.try_into_vec().unwrap();
+        let captions = Captions::of([&caption[..], &[]], 6);
+        assert_eq!(captions.words(), [1, 0]);
+        assert_eq!(captions.tensor(&Device::flex()).unwrap().dims(), [1, 6]);
+        assert!(Captions::none(3).tensor(&Device::flex()).is_none());
+    }
 }

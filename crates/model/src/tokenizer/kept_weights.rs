@@ -18,7 +18,8 @@ use crate::spec::{Plateau, TokenizerSpec};
 /// The moving average of the weights: p̄ ← d p̄ + (1 − d) p with d = min(decay, t / (t + 9)) after step
 /// t. What no gradient moves, as a codebook, is taken as it is.
 pub struct Average {
-    module: TokenizerModule,
+    /// The averaged weights.
+    pub module: TokenizerModule,
     decay: f64,
 }
 
@@ -36,11 +37,6 @@ impl Average {
         now.0.reverse();
         let average = std::mem::replace(&mut self.module, module.valid());
         self.module = average.map(&mut Follow { now: now.0, decay });
-    }
-
-    /// The averaged weights.
-    pub fn module(&self) -> &TokenizerModule {
-        &self.module
     }
 
     /// The weights, to be written.
@@ -138,15 +134,13 @@ impl<'a> Watch<'a> {
         let tokenizer =
             Tokenizer::of_clips(module.clone(), self.spec, self.corpus.source, &self.device);
         match reconstruct(&tokenizer, &self.corpus, Split::Val, 0.0) {
-            Ok(made) => self.take_in(module, Validated { step, val_mpjpe_mm: made.mpjpe_mm }),
             Err(error) => self.failed = Some(error),
-        }
-    }
-
-    fn take_in(&mut self, module: &TokenizerModule, line: Validated) {
-        self.log.push(line);
-        if best(&self.log) == Some(&line) {
-            self.best = module.clone();
+            Ok(made) => {
+                self.log.push(Validated { step, val_mpjpe_mm: made.mpjpe_mm });
+                if best(&self.log) == self.log.last() {
+                    self.best = module.clone();
+                }
+            }
         }
     }
 

@@ -119,16 +119,11 @@ impl TokenizerError {
         match self {
             Self::Learn(error) => error.failure_kind(),
             Self::Data(error) => Some(error.failure_kind()),
-            Self::File(error) => Some(error.failure_kind()),
-            Self::Weights(WeightsError::File(error)) => Some(error.failure_kind()),
+            Self::File(error) | Self::Weights(WeightsError::File(error)) => {
+                Some(error.failure_kind())
+            }
             Self::Weights(WeightsError::Mismatch { .. }) => Some(FailureKind::Damaged),
-            Self::Spec(_)
-            | Self::NoWindow { .. }
-            | Self::ShortClip { .. }
-            | Self::NoText
-            | Self::TextWidth { .. }
-            | Self::UnknownCode { .. }
-            | Self::CodeCount { .. } => Some(FailureKind::BadData),
+            _ => Some(FailureKind::BadData),
         }
     }
 

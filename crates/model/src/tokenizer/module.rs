@@ -116,7 +116,8 @@ const PATCHES_AT_ONCE: usize = 1 << 14;
 #[derive(Module, Debug)]
 pub struct TokenizerModule {
     encoder: AnyEncoder,
-    quantizer: AnyQuantizer,
+    /// It may learn beside the weights.
+    pub quantizer: AnyQuantizer,
     decoder: AnyDecoder,
     /// Whether the decoder alone is trained.
     #[module(skip)]
@@ -213,16 +214,6 @@ impl TokenizerModule {
         Quantized { quantized_btc, auxiliary_loss: None }
     }
 
-    /// The quantizer, which may learn beside the weights.
-    pub(super) fn quantizer(&self) -> &dyn Quantizer {
-        &*self.quantizer
-    }
-
-    /// The same, to be changed.
-    pub(super) fn quantizer_mut(&mut self) -> &mut dyn Quantizer {
-        &mut *self.quantizer
-    }
-
     /// Codes of `[b, t, f]`, clip after clip.
     pub fn ids(&self, x_btf: Tensor<3>, captions: Option<&Captions>) -> Vec<u32> {
         self.quantizer.ids(self.encoder.forward(x_btf, &mut Pass::reading(captions)))
@@ -240,18 +231,14 @@ impl TokenizerModule {
         guidance: f64,
     ) -> Tensor<3> {
         let latents_btc = self.quantizer.embed(ids, extent);
-        let made = |captions, latents_btc| {
-            self.decoder.forward(latents_btc, &mut Pass::reading(Some(captions)))
-        };
-        match captions {
-            None => self.decoder.forward(latents_btc, &mut Pass::default()),
-            Some(captions) if guidance == 0.0 => made(captions, latents_btc),
-            Some(captions) => {
-                let none = Captions::none(extent.n_clips);
-                let without = made(&none, latents_btc.clone());
-                made(captions, latents_btc) * (1.0 + guidance) - without * guidance
-            }
+        let none = Captions::none(extent.n_clips);
+        let made =
+            |captions| self.decoder.forward(latents_btc.clone(), &mut Pass::reading(captions));
+        if captions.is_none() || guidance == 0.0 {
+            return made(captions);
         }
+        let without = made(Some(&none));
+        made(captions) * (1.0 + guidance) - without * guidance
     }
 }
 

@@ -73,7 +73,7 @@ impl Encode for PatchEncoder {
     fn begin(&mut self, patches_np: &Tensor<2>) {
         let f = patches_np.dims()[1] / self.frames;
         let k = self.components.channels_out();
-        let Components { weight, bias } = components(patches_np, f, k);
+        let (weight, bias) = components(patches_np, f, k);
         self.components.set(weight, bias);
     }
 }
@@ -119,7 +119,7 @@ impl Decode for PatchDecoder {
     }
 
     fn begin(&mut self, latents_nk: &Tensor<2>, patches_np: &Tensor<2>) {
-        let Line { weight, bias } = line(latents_nk, patches_np);
+        let (weight, bias) = line(latents_nk, patches_np);
         self.line.set(weight, bias);
     }
 }
@@ -190,24 +190,9 @@ const RIDGE: f64 = 1e-3;
 /// Rows that are computed with at a time.
 const PART: usize = 2048;
 
-/// z = x·weight + bias of a patch x, with unit mean square over patches and components.
-struct Components {
-    /// `[p, k]`, row-major.
-    weight: Vec<f32>,
-    /// `[k]`.
-    bias: Vec<f32>,
-}
-
-/// x = z·weight + bias, the least squares.
-struct Line {
-    /// `[k, p]`, row-major.
-    weight: Vec<f32>,
-    /// `[p]`.
-    bias: Vec<f32>,
-}
-
-/// The first `k` weighted principal components of patches, the largest first.
-fn components(patches_np: &Tensor<2>, n_features: usize, k: usize) -> Components {
+/// The first `k` weighted principal components of patches, the largest first: the weight, `[p, k]`, and the
+/// bias of z = x·weight + bias of a patch x, with unit mean square over patches and components.
+fn components(patches_np: &Tensor<2>, n_features: usize, k: usize) -> (Vec<f32>, Vec<f32>) {
     let [n, p] = patches_np.dims();
     let device = patches_np.device();
     let roots: Vec<f32> = (0..p).map(|i| feature_weight(i % n_features).sqrt()).collect();
@@ -226,11 +211,12 @@ fn components(patches_np: &Tensor<2>, n_features: usize, k: usize) -> Components
     for (row, root) in weight.chunks_exact_mut(k).zip(&roots) {
         row.iter_mut().for_each(|x| *x *= root);
     }
-    Components { weight, bias }
+    (weight, bias)
 }
 
-/// What gives patches back from their latents with the least squared error.
-fn line(latents_nk: &Tensor<2>, patches_np: &Tensor<2>) -> Line {
+/// What gives patches back from their latents with the least squared error: the weight, `[k, p]`, and the
+/// bias of x = z·weight + bias.
+fn line(latents_nk: &Tensor<2>, patches_np: &Tensor<2>) -> (Vec<f32>, Vec<f32>) {
     let [n, k] = latents_nk.dims();
     let mean_1p = patches_np.clone().mean_dim(0);
     let bias = host(mean_1p.clone());
@@ -241,8 +227,7 @@ fn line(latents_nk: &Tensor<2>, patches_np: &Tensor<2>) -> Line {
     let moments = host(latents_nk.clone().transpose().matmul(latents_nk.clone()));
     let mut moments: Vec<f64> = moments.into_iter().map(f64::from).collect();
     (0..k).for_each(|i| moments[i * k + i] += RIDGE * n as f64);
-    let weight = solve(moments, host(products_kp), k);
-    Line { weight, bias }
+    (solve(moments, host(products_kp), k), bias)
 }
 
 /// Rows at a time, so that no second copy of all patches is held.
@@ -366,11 +351,11 @@ mod tests {
         };
         let rows = (0..n).flat_map(|i| (0..p).map(move |j| value(i, j))).collect();
         let patches = tensor(rows, [n, p]);
-        let Components { weight, bias } = components(&patches, p, 2);
+        let (weight, bias) = components(&patches, p, 2);
         let latents = patches.clone().matmul(tensor(weight, [p, 2])) + tensor(bias, [1, 2]);
         let size = latents.clone().powf_scalar(2.0).mean().into_scalar::<f32>();
         assert!((size - 1.0).abs() < 1e-2, "{size}");
-        let Line { weight, bias } = line(&latents, &patches);
+        let (weight, bias) = line(&latents, &patches);
         let back = latents.matmul(tensor(weight, [2, p])) + tensor(bias, [1, p]);
         let off = (back - patches.clone()).powf_scalar(2.0).mean().into_scalar::<f32>();
         let all = patches.powf_scalar(2.0).mean().into_scalar::<f32>();

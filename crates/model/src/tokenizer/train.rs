@@ -61,7 +61,9 @@ pub fn train_watched(
     spec.check()?;
     let learner = Reconstructing::new(spec, corpus, &device.clone().autodiff())?;
     let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
-    let (module, log) = learning.into_learner().end()?;
+    let learner = learning.into_learner();
+    let last = learner.kept();
+    let (module, log) = learner.watch.map_or(Ok((last, Vec::new())), Watch::end)?;
     Ok((Tokenizer::of_clips(module, spec, corpus.source, device), log))
 }
 
@@ -137,14 +139,8 @@ impl<'a> Reconstructing<'a> {
 
     /// The weights as they would be kept now.
     fn kept(&self) -> TokenizerModule {
-        let average = self.average.as_ref().map(|average| average.module().clone());
+        let average = self.average.as_ref().map(|average| average.module.clone());
         average.unwrap_or_else(|| self.module.valid())
-    }
-
-    /// The weights that are kept, and what the validation split said of them.
-    fn end(self) -> Result<(TokenizerModule, Vec<Validated>), TokenizerError> {
-        let last = self.kept();
-        self.watch.map_or(Ok((last, Vec::new())), Watch::end)
     }
 }
 
@@ -162,11 +158,11 @@ impl Learner for Reconstructing<'_> {
     fn loss(&mut self, step: usize) -> Tensor<1> {
         let windows = self.windows();
         // Streams of a step's own: a checkpoint need not hold how far they have come.
-        let seed = self.spec.training.seed;
-        let of_step = |first: u64| stream(seed, first + step as u64);
-        let captions = self.captions.as_ref();
-        let captions =
-            captions.map(|read| read.drawn(&windows.clips, &mut of_step(CAPTIONS_STREAMS)));
+        let training = &self.spec.training;
+        let of_step = |first: u64| stream(training.seed, first + step as u64);
+        let drawn =
+            |read: &ReadCaptions| read.drawn(&windows.clips, &mut of_step(CAPTIONS_STREAMS));
+        let captions = self.captions.as_ref().map(drawn);
         let noise = Some(of_step(NOISE_STREAMS));
         let mut pass = Pass { captions: captions.as_ref(), noise };
         let shape = [windows.len(), windows.n_frames, self.normaliser.n_features()];
@@ -174,10 +170,7 @@ impl Learner for Reconstructing<'_> {
         let target_btf = Tensor::<3>::from_data(data, &self.device);
         let (features_btf, auxiliary_loss) = self.module.reconstruct(target_btf.clone(), &mut pass);
         let loss = match &self.joints {
-            None => {
-                let position_weight = self.spec.training.position_weight;
-                reconstruction_loss(features_btf, target_btf, position_weight)
-            }
+            None => reconstruction_loss(features_btf, target_btf, training.position_weight),
             Some(joints) => {
                 let (value, gradient) = joints.of(&host(features_btf.clone()), &windows);
                 of_gradient(features_btf, value, gradient)
@@ -215,7 +208,7 @@ impl Learner for Reconstructing<'_> {
     /// Numbers drawn for windows, as text, since they have 68 bits; what the quantizer keeps; the averaged
     /// weights, and the best ones.
     fn keep(&self) -> LearnerState {
-        let LearnerState { note, mut tensors } = self.module.quantizer().keep();
+        let LearnerState { note, mut tensors } = self.module.quantizer.keep();
         let mut note = json!({ DRAWN: self.draws.get_word_pos().to_string(), QUANTIZER: note });
         tensors.extend(self.average.iter().flat_map(|average| named(AVERAGE, average.keep())));
         if let Some(watch) = &self.watch {
@@ -235,7 +228,7 @@ impl Learner for Reconstructing<'_> {
             watch.resume(saved.note[LOG].take(), taken(BEST, &mut saved.tensors))?;
         }
         let (note, tensors) = (saved.note[QUANTIZER].take(), saved.tensors);
-        self.module.quantizer_mut().resume(LoadedState { note, tensors })
+        self.module.quantizer.resume(LoadedState { note, tensors })
     }
 }
 
@@ -342,7 +335,7 @@ impl Handover {
             pool: clips,
             init,
             drawn: (draws.get_word_pos() / WORDS_PER_NUMBER) as u64,
-            codebook_keys: module.quantizer().keys().into_iter().map(words).collect(),
+            codebook_keys: module.quantizer.keys().into_iter().map(words).collect(),
             files,
         })
     }

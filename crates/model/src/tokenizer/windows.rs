@@ -77,30 +77,22 @@ impl Mixing {
     /// Gives some windows parts of others. `std` are the deviations that values were divided by.
     pub fn apply(self, windows: &mut Windows, std: &[f32], rng: &mut ChaCha8Rng) {
         let parts = [(UPPER_BODY, self.body), (LEFT_ARM, self.arm), (RIGHT_ARM, self.arm)];
-        for (part, chance) in parts {
-            if chance > 0.0 {
-                mix(windows, std, &part, chance, rng);
+        for (part, chance) in parts.into_iter().filter(|(_, chance)| *chance > 0.0) {
+            let others = permutation(windows.len(), rng);
+            let before = windows.clone();
+            let (frames, size) = (windows.n_frames, windows.n_frames * std.len());
+            for (window, other) in others.into_iter().enumerate() {
+                if unit(rng) >= chance {
+                    continue;
+                }
+                let to = windows.values[window * size..][..size].chunks_exact_mut(std.len());
+                let from = before.values[other * size..][..size].chunks_exact(std.len());
+                to.zip(from).for_each(|(to, from)| part.graft(to, from, std));
+                let visible = &mut windows.visible[window * frames..][..frames];
+                let of_other = &before.visible[other * frames..][..frames];
+                visible.iter_mut().zip(of_other).for_each(|(visible, other)| *visible &= other);
             }
         }
-    }
-}
-
-fn mix(windows: &mut Windows, std: &[f32], part: &Part, chance: f64, rng: &mut ChaCha8Rng) {
-    let others = permutation(windows.len(), rng);
-    let before = windows.clone();
-    let size = windows.n_frames * std.len();
-    for (window, other) in others.into_iter().enumerate() {
-        if unit(rng) >= chance {
-            continue;
-        }
-        let to = &mut windows.values[window * size..][..size];
-        let from = &before.values[other * size..][..size];
-        for (to, from) in to.chunks_exact_mut(std.len()).zip(from.chunks_exact(std.len())) {
-            part.graft(to, from, std);
-        }
-        let visible = &mut windows.visible[window * windows.n_frames..][..windows.n_frames];
-        let of_other = &before.visible[other * windows.n_frames..][..windows.n_frames];
-        visible.iter_mut().zip(of_other).for_each(|(visible, other)| *visible &= other);
     }
 }
 

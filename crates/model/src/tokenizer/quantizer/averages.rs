@@ -42,9 +42,9 @@ const DRAWN: &str = "drawn";
 
 impl Averages {
     /// Those of codes that nothing has placed yet.
-    pub fn new(n_vocab: usize, code_dim: usize, rng: ChaCha8Rng) -> Self {
+    pub fn new(n_vocab: usize, code_dim: usize, reset_share: f32, rng: ChaCha8Rng) -> Self {
         let (sums, counts) = (Vec::new(), vec![1.0; n_vocab]);
-        Self { sums, counts, n_vocab, code_dim, reset_share: 0.0, rng }
+        Self { sums, counts, n_vocab, code_dim, reset_share, rng }
     }
 
     /// The codebook of the first batch: its first latents.
@@ -185,7 +185,7 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
 
     fn averages(n_vocab: usize) -> Averages {
-        Averages::new(n_vocab, 1, ChaCha8Rng::seed_from_u64(0))
+        Averages::new(n_vocab, 1, 0.0, ChaCha8Rng::seed_from_u64(0))
     }
 
     #[test]

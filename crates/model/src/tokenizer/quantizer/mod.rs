@@ -97,7 +97,7 @@ pub struct Extent {
     pub n_latents: usize,
 }
 
-// Codes in their order: scale after scale within a clip, or clip after clip within a scale.
+// Codes in order: scale after scale within a clip, or clip after clip within a scale.
 
 /// Codes clip after clip, those of a clip scale after scale, from those of each scale, clip after clip.
 fn by_clip<'a>(scales: &'a [Vec<u32>], n_clips: usize) -> Vec<u32> {
@@ -116,8 +116,7 @@ fn by_clip<'a>(scales: &'a [Vec<u32>], n_clips: usize) -> Vec<u32> {
 /// If the codes are those of no whole number of scales.
 pub fn by_scale(ids: &[u32], lengths: &[usize], n_clips: usize) -> Vec<Vec<u32>> {
     let per_clip = ids.len() / n_clips;
-    let mut scales = Vec::new();
-    let mut from = 0;
+    let (mut scales, mut from) = (Vec::new(), 0);
     for length in lengths {
         if from + length > per_clip {
             break;
@@ -181,19 +180,19 @@ fn linear_weights(to: usize, from: usize) -> Vec<f32> {
 
 const PARTS: &str = "parts";
 const OWN: &str = "own";
+
 /// The states of `parts` as one, with `note` beside theirs.
 fn keep_parts<'a>(
     parts: impl Iterator<Item = &'a (dyn Quantizer + 'static)>,
     note: Value,
 ) -> LearnerState {
-    let mut all = LearnerState::default();
-    let mut notes = Vec::new();
+    let (mut all, mut notes) = (LearnerState::default(), Vec::new());
     for (i, part) in parts.enumerate() {
         let LearnerState { note, tensors } = part.keep();
         notes.push(note);
         all.tensors.extend(tensors.into_iter().map(|(name, x)| (format!("{i}.{name}"), x)));
     }
-    all.note = serde_json::json!({ PARTS: notes, OWN: note });
+    all.note = json!({ PARTS: notes, OWN: note });
     all
 }
 
@@ -213,6 +212,8 @@ fn resume_parts<'a>(
     }
     Some(saved.note[OWN].take())
 }
+
+// What residual kinds, and the formulas of several kinds, have in common.
 
 /// Draws how many layers a training step uses, so that the first of them carry what they can alone.
 #[derive(Clone, Debug)]
@@ -244,8 +245,6 @@ impl Dropout {
         Some(())
     }
 }
-
-// What the formulas of several kinds have in common.
 
 /// The sums of the first, the first two, and so on. The first is added to zeros, so that a code of −0
 /// has the bits that it has in training.

@@ -80,7 +80,7 @@ impl Vq {
             codebook: codebook.set_require_grad(false),
             commitment: training.commitment,
             cosine: false,
-            averages: Averages { reset_share, ..Averages::new(n_vocab, code_dim, rng) },
+            averages: Averages::new(n_vocab, code_dim, reset_share, rng),
         }
     }
 

@@ -125,13 +125,6 @@ pub struct Seen {
     pub text: Option<Memory>,
 }
 
-/// Which cross-attentions a half's layers have.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Crossing {
-    pub latents: bool,
-    pub text: bool,
-}
-
 /// RMSNorm's gain.
 #[derive(Module, Debug)]
 struct Norm {
@@ -191,7 +184,7 @@ struct Layer {
 impl Layer {
     fn new(
         sizes: &TransformerSpec,
-        crossing: Crossing,
+        crosses: [bool; 2],
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
@@ -201,7 +194,7 @@ impl Layer {
             let attention = is_there.then(|| CrossAttention::new(width, std, rng, device));
             attention.map(|attention| Cross { norm: Norm::new(width, device), attention })
         };
-        let (latents, text) = (cross(crossing.latents), cross(crossing.text));
+        let [latents, text] = crosses.map(&mut cross);
         Self {
             norm_attention: Norm::new(width, device),
             attention: SelfAttention::new(width, std, rng, device),
@@ -260,10 +253,10 @@ pub struct Layers {
 }
 
 impl Layers {
-    /// The layers of one half.
+    /// The layers of one half; `crosses` says whether these attend to latents, and to text.
     pub fn new(
         sizes: &TransformerSpec,
-        crossing: Crossing,
+        crosses: [bool; 2],
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
@@ -271,7 +264,7 @@ impl Layers {
         let join = |rng: &mut _| Linear::new([2 * width, width], deviation(width), rng, device);
         Self {
             first_norm: Norm::new(width, device),
-            layers: (0..layers).map(|_| Layer::new(sizes, crossing, rng, device)).collect(),
+            layers: (0..layers).map(|_| Layer::new(sizes, crosses, rng, device)).collect(),
             joins: (0..layers / 2).map(|_| join(rng)).collect(),
             last_norm: Norm::new(width, device),
         }

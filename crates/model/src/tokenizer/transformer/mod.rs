@@ -28,8 +28,8 @@ use crate::learn::layers::Conv1d;
 use crate::learn::params::constant;
 use crate::motion::POSITIONS;
 use crate::ops::{CrossLayout, CrossOptions, Kernels, Rope};
-use crate::spec::{Detokenizer, LanguageSpec, Positions, TransformerSpec};
-use layers::{Crossing, Layers, Linear, Memory, Seen, deviation, learned_rows};
+use crate::spec::{Detokenizer, Positions, TransformerSpec};
+use layers::{Layers, Linear, Memory, Seen, deviation, learned_rows};
 use packing::{Packing, Places, by_pieces};
 
 /// Learned latents that look at frames and words.
@@ -58,13 +58,14 @@ impl TransformerEncoder {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let ([language, _], n_seen) = (languages(sizes), POSITIONS.end.min(n_features));
+        let language = sizes.language.as_ref().filter(|own| own.places()[0]);
+        let n_seen = POSITIONS.end.min(n_features);
         let (width, std) = (sizes.width, deviation(sizes.width));
         Self {
             motion: Linear::new([n_seen, width], std, rng, device),
             latents: learned_rows([sizes.most_latents(), width], rng, device),
             text: language.map(|read| Linear::new([read.dim, width], std, rng, device)),
-            layers: Layers::new(sizes, Crossing::default(), rng, device),
+            layers: Layers::new(sizes, [false; 2], rng, device),
             output: Conv1d::same([width, sizes.latent], 1, rng, device),
             n_seen,
             places: Places::of(sizes, language.is_some()),
@@ -136,20 +137,20 @@ impl TransformerDecoder {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let [_, language] = languages(sizes);
+        let language = sizes.language.as_ref().filter(|own| own.places()[1]);
         let (width, std) = (sizes.width, deviation(sizes.width));
         let kind = sizes.detokenizer;
         let crosses = kind == Detokenizer::Cross;
-        let crossing = Crossing { latents: crosses, text: crosses && language.is_some() };
+        let crosses = [crosses, crosses && language.is_some()];
         let learned = sizes.positions == Positions::Learned;
-        let positions = |n: usize| learned.then(|| constant([n, width], 0.0, device));
+        let latent_positions = || constant([sizes.most_latents(), width], 0.0, device);
         Self {
             input: Conv1d::same([sizes.latent, width], 1, rng, device),
             mask: learned_rows([1, width], rng, device),
             frame_positions: learned.then(|| learned_rows([sizes.span, width], rng, device)),
-            latent_positions: positions(sizes.most_latents()),
+            latent_positions: learned.then(latent_positions),
             text: language.map(|read| Linear::new([read.dim, width], std, rng, device)),
-            layers: Layers::new(sizes, crossing, rng, device),
+            layers: Layers::new(sizes, crosses, rng, device),
             output: Linear::new([width, n_features], std, rng, device),
             kind,
             places: Places::of(sizes, language.is_some()),
@@ -227,14 +228,11 @@ impl TransformerDecoder {
         let vectors = captions.tensor(&device).map(|vectors| text.forward(vectors));
         let n_words: usize = captions.words().iter().sum();
         let mut next = 0..;
-        let rows: Vec<u32> = captions
-            .words()
-            .iter()
-            .flat_map(|&words| match words {
-                0 => vec![n_words as u32],
-                words => next.by_ref().take(words).collect(),
-            })
-            .collect();
+        let of_clip = |&words: &usize| match words {
+            0 => vec![n_words as u32],
+            words => next.by_ref().take(words).collect(),
+        };
+        let rows: Vec<u32> = captions.words().iter().flat_map(of_clip).collect();
         let all = Tensor::cat(vectors.into_iter().chain([self.mask.val()]).collect(), 0);
         let rows_nd = Kernels::for_device(&device).select_rows(all, &rows.into());
         (captions.words().iter().map(|&words| words.max(1)).collect(), Some(rows_nd))
@@ -256,17 +254,9 @@ impl Decode for TransformerDecoder {
     }
 }
 
-/// The language of the tokenizer and that of the detokenizer.
-pub fn languages(sizes: &TransformerSpec) -> [Option<&LanguageSpec>; 2] {
-    let language = sizes.language.as_ref();
-    let places = language.map_or([false; 2], LanguageSpec::places);
-    places.map(|sees| language.filter(|_| sees))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use burn::tensor::TensorData;
     use rand_chacha::rand_core::SeedableRng;
 
     use crate::learn::params::normal;
@@ -398,15 +388,5 @@ mod tests {
         // 10.4 and 15.2 million, to which the latents' learned positions add 49 x 256.
         assert!((10_350_000..10_450_000).contains(&encoder), "{encoder}");
         assert!((15_150_000..15_265_000).contains(&decoder), "{decoder}");
-    }
-
-    #[test]
-    fn a_batch_of_data_is_row_major() {
-        let data = TensorData::new(vec![1.0f32; D_TEXT], [1, D_TEXT]);
-        let caption: Vec<f32> = data.try_into_vec().unwrap();
-        let captions = Captions::of([&caption[..], &[]], D_TEXT);
-        assert_eq!(captions.words(), [1, 0]);
-        assert_eq!(captions.tensor(&Device::flex()).unwrap().dims(), [1, D_TEXT]);
-        assert!(Captions::none(3).tensor(&Device::flex()).is_none());
     }
 }
