@@ -1,4 +1,4 @@
-//! The blocks that generators are made of, over whole sequences and over such that grow.
+//! The blocks that generators are made of, over whole sequences, packed row after row, and over such that grow.
 
 use std::sync::Arc;
 

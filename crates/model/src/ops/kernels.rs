@@ -79,13 +79,11 @@ impl Kernels {
     ) -> Tensor<2> {
         options.check(x_nd.dims(), weights.qkv_d3d.dims());
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::attention_half(x_nd, weights, options, self.product())
-            }
             Kernels::Own => {
                 let AttentionWeights { gamma_d, qkv_d3d, output_dd } = weights;
                 own::of_four(options.clone(), x_nd, gamma_d, qkv_d3d, output_dd)
             }
+            _ => plain::attention_half(x_nd, weights, options, self.product()),
         }
     }
 
@@ -103,13 +101,11 @@ impl Kernels {
     ) -> Tensor<2> {
         activation.check(x_nd.dims(), weights.up_du.dims(), weights.down_fd.dims());
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::feed_forward_half(x_nd, weights, activation, epsilon, self.product())
-            }
             Kernels::Own => {
                 let FeedForwardWeights { gamma_d, up_du, down_fd } = weights;
                 own::of_four(FeedForward { activation, epsilon }, x_nd, gamma_d, up_du, down_fd)
             }
+            _ => plain::feed_forward_half(x_nd, weights, activation, epsilon, self.product()),
         }
     }
 
@@ -131,13 +127,13 @@ impl Kernels {
     ) -> Tensor<1> {
         check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                let logits_sv = plain::logits(x_sd, weights, epsilon, self.product());
-                plain::cross_entropy(logits_sv, targets)
-            }
             Kernels::Own => {
                 let head = HeadLoss { targets: targets.clone(), epsilon };
                 own::of_three(head, x_sd, weights.gamma_d, weights.weight_dv)
+            }
+            _ => {
+                let logits_sv = plain::logits(x_sd, weights, epsilon, self.product());
+                plain::cross_entropy(logits_sv, targets)
             }
         }
     }
@@ -156,12 +152,10 @@ impl Kernels {
     ) -> Vec<f64> {
         check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::nll(plain::logits(x_sd, weights, epsilon, self.product()), targets)
-            }
             Kernels::Own => {
                 own::head_nll(HeadLoss { targets: targets.clone(), epsilon }, x_sd, weights)
             }
+            _ => plain::nll(plain::logits(x_sd, weights, epsilon, self.product()), targets),
         }
     }
 
@@ -185,10 +179,8 @@ impl Kernels {
     ) -> Tensor<2> {
         convolution.check(x_nc.dims(), weight.dims(), bias_o.dims());
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::convolve(x_nc, weight, bias_o, convolution, self.product())
-            }
             Kernels::Own => own::of_three(convolution, x_nc, weight, bias_o),
+            _ => plain::convolve(x_nc, weight, bias_o, convolution, self.product()),
         }
     }
 
@@ -210,8 +202,8 @@ impl Kernels {
         let last = rows.iter().max().map_or(0, |&last| last as usize);
         assert!(last < m, "select_rows: row {last} of a matrix of {m}");
         match self {
-            Kernels::Plain | Kernels::Half(_) => plain::select_rows(x_md, rows),
             Kernels::Own => own::of_one(SelectRows(rows.clone()), x_md),
+            _ => plain::select_rows(x_md, rows),
         }
     }
 
@@ -228,8 +220,8 @@ impl Kernels {
         let [n, columns] = qkv_n3d.dims();
         options.check([n, columns / 3], [columns / 3, columns]);
         match self {
-            Kernels::Plain | Kernels::Half(_) => plain::attend(qkv_n3d, options, self.product()),
             Kernels::Own => own::of_one(options.clone(), qkv_n3d),
+            _ => plain::attend(qkv_n3d, options, self.product()),
         }
     }
 
@@ -248,10 +240,8 @@ impl Kernels {
     ) -> Tensor<2> {
         options.check(queries_nd.dims(), key_values_m2d.dims());
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::cross_attend(queries_nd, key_values_m2d, options, self.product())
-            }
             Kernels::Own => own::of_two(options.clone(), queries_nd, key_values_m2d),
+            _ => plain::cross_attend(queries_nd, key_values_m2d, options, self.product()),
         }
     }
 
@@ -263,8 +253,8 @@ impl Kernels {
     pub fn rms_norm(self, x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
         assert_eq!([x_nd.dims()[1]], gamma_d.dims(), "rms_norm: rows and gains of one width");
         match self {
-            Kernels::Plain | Kernels::Half(_) => plain::rms_norm(x_nd, gamma_d, epsilon),
             Kernels::Own => own::of_two(RmsNorm { epsilon }, x_nd, gamma_d),
+            _ => plain::rms_norm(x_nd, gamma_d, epsilon),
         }
     }
 
@@ -276,8 +266,8 @@ impl Kernels {
     pub fn swi_glu(self, gate_up_n2f: Tensor<2>) -> Tensor<2> {
         assert!(gate_up_n2f.dims()[1].is_multiple_of(2), "swi_glu: as many gates as values");
         match self {
-            Kernels::Plain | Kernels::Half(_) => plain::swiglu(gate_up_n2f),
             Kernels::Own => own::of_one(SwiGlu, gate_up_n2f),
+            _ => plain::swiglu(gate_up_n2f),
         }
     }
 }

@@ -131,7 +131,8 @@ fn tracked<S: CheckpointStrategy, O: Operation<N>, const N: usize>(
     operation: O,
     inputs: [FloatTensor<Autodiff<Flex, S>>; N],
 ) -> FloatTensor<Autodiff<Flex, S>> {
-    let (inputs, nodes) = split(inputs.map(|input| input.into_parts()));
+    let nodes = inputs.each_ref().map(|input| input.node());
+    let inputs = inputs.map(|input| input.into_primitive());
     match WayBack(PhantomData::<O>).prepare::<S>(nodes).compute_bound().stateful() {
         OpsKind::UnTracked(prep) => prep.finish(forward(&operation, inputs, false).0),
         OpsKind::Tracked(prep) => {
@@ -139,16 +140,6 @@ fn tracked<S: CheckpointStrategy, O: Operation<N>, const N: usize>(
             prep.finish((operation, kept.expect("asked for")), output)
         }
     }
-}
-
-/// Pairs into a pair.
-fn split<A, B, const N: usize>(pairs: [(A, B); N]) -> ([A; N], [B; N]) {
-    let mut nodes = Vec::with_capacity(N);
-    let tensors = pairs.map(|(tensor, node)| {
-        nodes.push(node);
-        tensor
-    });
-    (tensors, nodes.try_into().ok().expect("as many as there were"))
 }
 
 /// The way back of an operation.
