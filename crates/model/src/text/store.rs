@@ -118,9 +118,11 @@ pub fn embed(
     Ok(columns::write(path, &all, notes)?)
 }
 
-/// The distinct captions, in the order in which they first appear; those of each split, clip after clip,
-/// and where each clip's begin, with the end.
-fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [(Vec<u32>, Vec<u64>); 3]) {
+/// Captions of a split, clip after clip, and where each clip's begin, with the end.
+type SplitCaptions = (Vec<u32>, Vec<u64>);
+
+/// The distinct captions, in the order in which they first appear, and those of each split.
+fn captions_of(source: &dyn MotionSource) -> (Vec<String>, [SplitCaptions; 3]) {
     let mut ids: HashMap<String, u32> = HashMap::new();
     let splits = Split::ALL.map(|split| {
         let (mut captions, mut offsets) = (Vec::new(), vec![0]);

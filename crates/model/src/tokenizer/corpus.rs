@@ -1,4 +1,5 @@
-//! The clips that a tokenizer reads and their captions: in batches, and normalised as an architecture sees them.
+//! The clips that a tokenizer reads and their captions: in batches, and normalised as an architecture sees
+//! them.
 
 use rand_chacha::ChaCha8Rng;
 

@@ -1,5 +1,5 @@
-//! Tokenising a whole data set, once, into a [`TokenStore`](crate::codes::TokenStore)'s file; what is made so far
-//! is kept in [`Parts`], so that a killed process loses little.
+//! Tokenising a whole data set, once, into a [`TokenStore`](crate::codes::TokenStore)'s file; what is made
+//! so far is kept in [`Parts`], so that a killed process loses little.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! The architecture of patches: whole frames into latents, each begun as the principal components of
 //! its own frames and mended by residual convolutions; and back.
 //!
-//! Shapes: b clips, t frames, f features, s frames of a patch, p = s·f values of a patch, k channels of a latent,
-//! n = b·t/s patches.
+//! Shapes: b clips, t frames, f features, s frames of a patch, p = s·f values of a patch, k channels of a
+//! latent, n = b·t/s patches.
 
 use burn::module::{Module, Param};
 use burn::tensor::activation::gelu;

@@ -35,8 +35,9 @@ const NOISE_STREAMS: u64 = 2 << 40;
 /// Trains a tokenizer on the training split of `corpus`, from its checkpoint where there is one.
 ///
 /// # Errors
-/// If the spec is unusable, the captions that it wants are missing, no clip holds a window, a clip cannot be read, the loss stops being a
-/// number, a checkpoint is damaged or cannot be written, or `progress` asks for an end.
+/// If the spec is unusable, the captions that it wants are missing, no clip holds a window, a clip cannot
+/// be read, the loss stops being a number, a checkpoint is damaged or cannot be written, or `progress` asks
+/// for an end.
 pub fn train(
     spec: &TokenizerSpec,
     corpus: &Corpus,
