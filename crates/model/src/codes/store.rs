@@ -10,11 +10,11 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::Grid;
-use super::histogram::CodeHistogram;
+use super::{CodeHistogram, Grid};
 use crate::data::Split;
 use crate::files::FileError;
 use crate::files::columns::{self, Column, MappedFile, NewColumn};
+use crate::spec::Share;
 
 /// The codes of one split.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -61,14 +61,14 @@ pub fn write_store(path: &Path, codes: &Grid, splits: &[SplitTokens]) -> Result<
     columns::write(path, &all, HashMap::from([(GRID.to_string(), grid)]))
 }
 
-fn columns_of<'a>((split, tokens): (&Split, &'a SplitTokens)) -> Vec<NewColumn<'a>> {
+fn columns_of<'a>((&split, tokens): (&Split, &'a SplitTokens)) -> Vec<NewColumn<'a>> {
     let mut columns = vec![
-        NewColumn::new(name(*split, CODES), &tokens.codes),
-        NewColumn::new(name(*split, OFFSETS), &tokens.offsets),
-        NewColumn::new(name(*split, FRAMES), &tokens.frames),
+        NewColumn::new(name(split, CODES), &tokens.codes),
+        NewColumn::new(name(split, OFFSETS), &tokens.offsets),
+        NewColumn::new(name(split, FRAMES), &tokens.frames),
     ];
     if !tokens.groups.is_empty() {
-        columns.push(NewColumn::new(name(*split, GROUPS), &tokens.groups));
+        columns.push(NewColumn::new(name(split, GROUPS), &tokens.groups));
     }
     columns
 }
@@ -231,6 +231,27 @@ impl TokenStore {
         probs
     }
 
+    /// The clips of a share of the training split, in their order.
+    ///
+    /// Each clip is drawn by itself, so that what a run meets in its first pass over a share is as various as
+    /// what it would meet of the whole split: shares then differ in repetition alone. A smaller share is a
+    /// part of a larger one, and every seed has the same.
+    pub fn training_clips(&self, share: Share) -> Vec<usize> {
+        let mut clips: Vec<usize> = (0..self.n_clips(Split::Train)).collect();
+        if !share.is_whole() {
+            clips.sort_by_cached_key(|clip| *blake3::hash(&clip.to_le_bytes()).as_bytes());
+            clips.truncate(share.of(clips.len()));
+            clips.sort_unstable();
+        }
+        clips
+    }
+
+    /// What a generator predicts of a share of the training split, end tokens included.
+    pub fn training_targets(&self, share: Share) -> usize {
+        let clips = self.training_clips(share).into_iter();
+        clips.map(|clip| self.n_targets_of_clip(Split::Train, clip)).sum()
+    }
+
     fn split(&self, split: Split) -> &StoredSplit {
         &self.splits[split as usize]
     }
@@ -244,11 +265,8 @@ impl StoredSplit {
         let groups = name(split, GROUPS);
         let groups = file.has(&groups).then(|| file.column(&groups)).transpose()?;
         let split = Self { codes, offsets, frames: file.column(&name(split, FRAMES))?, groups };
-        if split.is_sound(grid) {
-            Ok(split)
-        } else {
-            Err(file.damaged("its codes and offsets disagree"))
-        }
+        let damaged = || file.damaged("its codes and offsets disagree");
+        split.is_sound(grid).then_some(split).ok_or_else(damaged)
     }
 
     fn is_sound(&self, grid: &Grid) -> bool {
@@ -278,4 +296,89 @@ impl StoredSplit {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    fn tokens(clips: &[&[u32]]) -> SplitTokens {
+        SplitTokens::new(clips.iter().map(|clip| (*clip, 4 * clip.len())))
+    }
+
+    fn store(n_vocab: usize, train: &[&[u32]]) -> Result<TokenStore, FileError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens.safetensors");
+        let splits = [tokens(train), tokens(&[]), tokens(&[&[2]])];
+        write_store(&path, &Grid::stream(n_vocab, 4), &splits).unwrap();
+        TokenStore::open(&path)
+    }
+
+    #[test]
+    fn clips_come_back_as_they_were_written() {
+        let store = store(4, &[&[0, 3, 1], &[], &[2]]).unwrap();
+        let clips: Vec<_> = (0..3).map(|index| store.clip(Split::Train, index)).collect();
+        assert_eq!(clips, [vec![0, 3, 1], vec![], vec![2]]);
+        assert_eq!(Split::ALL.map(|split| store.n_clips(split)), [3, 0, 1]);
+        assert_eq!(Split::ALL.map(|split| store.n_tokens(split)), [4, 0, 1]);
+        assert_eq!(store.clip(Split::Test, 0), [2]);
+    }
+
+    #[test]
+    fn unigram_probabilities_count_one_end_token_a_clip_and_sum_to_one() {
+        let store = store(4, &[&[0, 0, 1], &[0]]).unwrap();
+        let probs: Vec<f64> = store.unigram_log_probs(0).iter().map(|p| p.exp()).collect();
+        let expected = [4.0, 2.0, 1.0, 1.0, 3.0].map(|count| count / 11.0);
+        assert!(probs.iter().zip(expected).all(|(p, e)| (p - e).abs() < 1e-12), "{probs:?}");
+        assert_eq!(probs.len(), 5);
+    }
+
+    #[test]
+    fn a_code_beyond_the_codebook_is_refused() {
+        let error = store(3, &[&[0, 3]]).unwrap_err().to_string();
+        assert!(error.contains("is damaged"), "{error}");
+    }
+
+    #[test]
+    fn a_cut_file_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens.safetensors");
+        let split = tokens(&[&[1, 2, 3]]);
+        write_store(&path, &Grid::stream(4, 4), &[split.clone(), split.clone(), split]).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() - 4]).unwrap();
+        assert!(TokenStore::open(&path).is_err());
+    }
+
+    #[test]
+    fn scales_have_their_own_codes_and_unigrams() {
+        use crate::spec::{Length, Scale};
+        let scale = |n_vocab, codes| Scale { n_vocab, length: Length::Codes(codes) };
+        let grid = Grid { scales: vec![scale(2, 1), scale(3, 2)], end_token: false };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens.safetensors");
+        let train = SplitTokens::new([(&[1, 2, 0][..], 40), (&[1, 2, 2][..], 60)]);
+        let none = SplitTokens::new([]);
+        write_store(&path, &grid, &[train, none.clone(), none]).unwrap();
+        let store = TokenStore::open(&path).unwrap();
+        assert_eq!(store.scale(Split::Train, 0, 0), [1]);
+        assert_eq!(store.scale(Split::Train, 1, 1), [2, 2]);
+        assert_eq!((store.n_targets(Split::Train), store.n_frames(Split::Train)), (6, 100));
+        assert_eq!(*store.stream(Split::Train, 0), [1, 4, 2]);
+        let probs = store.stream_log_probs();
+        assert_eq!(probs[..2], store.unigram_log_probs(0)[..2]);
+        assert_eq!(probs[2..], store.unigram_log_probs(1));
+        let of = |scale: usize| -> Vec<f64> {
+            store.unigram_log_probs(scale).iter().map(|p| p.exp()).collect()
+        };
+        let near = |found: Vec<f64>, counts: &[f64]| {
+            let total: f64 = counts.iter().sum();
+            found.iter().zip(counts).all(|(p, count)| (p - count / total).abs() < 1e-12)
+        };
+        assert!(near(of(0), &[1.0, 3.0, 1.0]), "{:?}", of(0));
+        assert!(near(of(1), &[2.0, 1.0, 4.0, 1.0]), "{:?}", of(1));
+        let (seen, unseen) = (SplitTokens::new([(&[1, 0, 0][..], 40)]), [(&[1, 2, 0][..], 40)]);
+        write_store(&path, &grid, &[seen.clone(), seen, SplitTokens::new(unseen)]).unwrap();
+        assert_eq!(TokenStore::open(&path).unwrap().zero_count_targets(), 1);
+        let wrong = SplitTokens::new([(&[1, 3, 0][..], 40)]);
+        write_store(&path, &grid, &[wrong.clone(), wrong.clone(), wrong]).unwrap();
+        assert!(TokenStore::open(&path).unwrap_err().is_damage());
+    }
+}

@@ -1,6 +1,8 @@
-//! [`Evaluator`]: trained networks with the statistics that motions are normalised by.
+//! [`Evaluator`]: trained networks with the statistics that motions are normalised by; [`AnyNetworks`]: networks of any
+//! kind.
 
 use std::io;
+use std::ops::Deref;
 use std::path::Path;
 
 use burn::module::Module;
@@ -9,17 +11,16 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
-use super::caption::words;
-use super::error::EvaluatorError;
-use super::networks::AnyNetworks;
-use super::rows::Rows;
-use super::seen::Seen;
+use super::EvaluatorError;
+use super::matching::MatchingNetworks;
+use super::motion_clip::Towers;
+use super::seen::{Networks, Rows, Seen, words};
 use crate::data::FeatureStats;
 use crate::files::atomic::write_json;
 use crate::files::{FileError, read_if_there};
 use crate::learn::weights;
 use crate::scores::Embeddings;
-use crate::spec::EvaluatorSpec;
+use crate::spec::{EvaluatorSpec, NetworksSpec};
 
 /// Motions and captions that are embedded at once.
 const BATCH: usize = 64;
@@ -121,9 +122,9 @@ impl Evaluator {
         let missing = || FileError::read(&path)(io::ErrorKind::NotFound.into());
         let Saved { spec, fps } = read_if_there(&path)?.ok_or_else(missing)?;
         let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
-        let seen = Seen::new(&spec, &weights::take_stats(&mut tensors)?);
+        let seen = Seen { spec, stats: weights::take_stats(&mut tensors)? };
         let mut unused = ChaCha8Rng::seed_from_u64(0);
-        let networks = AnyNetworks::init(&spec, seen.n_features(), &mut unused, device);
+        let networks = AnyNetworks::init(&seen.spec, seen.n_features(), &mut unused, device);
         Ok(Self::new(weights::into_module(networks, tensors)?, seen, fps))
     }
 }
@@ -137,3 +138,43 @@ struct Saved {
 
 const WEIGHTS: &str = "weights.safetensors";
 const SPEC: &str = "evaluator.json";
+
+// [`AnyNetworks::init`] is the one place that tells kinds apart.
+
+/// Networks of any kind, as a module.
+#[derive(Module, Debug)]
+#[expect(clippy::large_enum_variant, reason = "an evaluator holds one, and never many in a row")]
+pub enum AnyNetworks {
+    MotionClip(Towers),
+    Matching(MatchingNetworks),
+}
+
+impl AnyNetworks {
+    /// Draws parameters, for motions of `n_features` features a frame.
+    pub fn init(
+        spec: &EvaluatorSpec,
+        n_features: usize,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        match &spec.networks {
+            NetworksSpec::MotionClip(sizes) => {
+                Self::MotionClip(Towers::init(spec, sizes, n_features, rng, device))
+            }
+            NetworksSpec::Matching(sizes) => {
+                Self::Matching(MatchingNetworks::init(spec, sizes, n_features, rng, device))
+            }
+        }
+    }
+}
+
+impl Deref for AnyNetworks {
+    type Target = dyn Networks;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::MotionClip(towers) => towers,
+            Self::Matching(networks) => networks,
+        }
+    }
+}

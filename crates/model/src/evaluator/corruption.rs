@@ -5,8 +5,9 @@ use std::ops::Range;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::truth::swapped;
 use crate::data::FeatureStats;
-use crate::learn::params::{distinct, normal_pair};
+use crate::learn::params::normal_pair;
 use crate::motion::{N_FEATURES, VELOCITIES};
 
 /// The column of the root's velocity along the facing direction, in metres a frame.
@@ -73,14 +74,9 @@ fn noisy(motion: &Motion, deviations: f64, rng: &mut ChaCha8Rng) -> Vec<f32> {
 
 /// The frames that are drawn take one another's places, in a circle.
 fn shuffled(motion: &Motion, share: f64, rng: &mut ChaCha8Rng) -> Vec<f32> {
-    let frame = |index: usize| index * N_FEATURES..(index + 1) * N_FEATURES;
-    let n_frames = motion.features.len() / N_FEATURES;
-    let drawn = distinct(n_frames, (share * n_frames as f64).round() as usize, rng);
-    let mut made = motion.features.to_vec();
-    for (to, from) in drawn.iter().zip(drawn.iter().cycle().skip(1)) {
-        made[frame(*to)].copy_from_slice(&motion.features[frame(*from)]);
-    }
-    made
+    let frames: Vec<&[f32]> = motion.features.chunks_exact(N_FEATURES).collect();
+    let places = swapped(frames.len(), share, rng);
+    places.into_iter().flat_map(|from| frames[from]).copied().collect()
 }
 
 fn sliding(motion: &Motion, metres_a_second: f64) -> Vec<f32> {

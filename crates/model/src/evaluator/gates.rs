@@ -6,9 +6,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
+use super::EvaluatorError;
 use super::codec::Evaluator;
 use super::corruption::{Corruption, Motion};
-use super::error::EvaluatorError;
 use super::truth::{Embedded, Truth, orders, swapped};
 use crate::data::MotionSource;
 use crate::progress::moved;

@@ -1,12 +1,13 @@
-//! [`EvaluatorReport`]: an evaluator's training and gates, for files and for people.
+//! [`EvaluatorReport`]: an evaluator's training and gates, for files and for people; [`Verdict`]: whether it passes one.
 
 use std::fmt::Write;
 
 use serde::{Deserialize, Serialize};
 
-use super::gates::Gates;
+use super::corruption::Corruption;
+use super::gates::{Corrupted, Gates};
 use super::train::Course;
-use super::verdict::Verdict;
+use crate::scores::POOL;
 use crate::spec::EvaluatorSpec;
 
 /// Stands beside every score.
@@ -57,4 +58,158 @@ pub fn table(report: &EvaluatorReport) -> String {
         false => "gates are failed: it scores nothing",
     };
     out + &format!("\n{verdict}; {COMPARABLE}")
+}
+
+// Gates.
+
+/// R@1 of true motions over that of chance, at least.
+const TIMES_CHANCE: f64 = 8.0;
+
+/// R@1 with every caption swapped over that of chance, at most.
+const SWAPPED_TIMES_CHANCE: f64 = 2.0;
+
+/// Distance of motions of one caption over that of any two, at most.
+const SAME_CAPTION_SHARE: f64 = 0.9;
+
+/// Whether an evaluator passes a gate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    pub gate: String,
+    pub found: String,
+    pub wanted: String,
+    pub passes: bool,
+}
+
+impl Verdict {
+    fn new(
+        gate: impl Into<String>,
+        found: String,
+        wanted: impl Into<String>,
+        passes: bool,
+    ) -> Self {
+        Self { gate: gate.into(), found, wanted: wanted.into(), passes }
+    }
+}
+
+impl Gates {
+    /// One verdict a gate.
+    pub fn verdicts(&self) -> Vec<Verdict> {
+        let rising = Corruption::ALL.map(|corruption| self.rising(corruption));
+        let first = [self.retrieval(), self.halves()].into_iter();
+        let last = [Some(self.swapping()), self.spread()].into_iter().flatten();
+        first.chain(rising).chain(last).collect()
+    }
+
+    /// Whether scores by this evaluator mean something.
+    pub fn pass(&self) -> bool {
+        self.verdicts().iter().all(|verdict| verdict.passes)
+    }
+
+    /// Captions find their true motions.
+    fn retrieval(&self) -> Verdict {
+        let [found, ..] = self.truth;
+        let least = TIMES_CHANCE / POOL as f64;
+        let passes = found.mean - found.half_width >= least;
+        let wanted = format!("≥ {least:.3}, {TIMES_CHANCE} × chance");
+        Verdict::new("R@1 of true motions", found.shown(3), wanted, passes)
+    }
+
+    /// True motions are nearer to other true motions than these are once they are made worse.
+    fn halves(&self) -> Verdict {
+        let strongest = Corruption::ALL.map(|corruption| self.of(corruption).last());
+        let strongest = strongest.into_iter().flatten().map(|corrupted| corrupted.halves_fid);
+        let least = strongest.min_by(|a, b| a.mean.total_cmp(&b.mean));
+        let passes = least.is_some_and(|least| least.is_above(&self.halves_fid));
+        let wanted = format!("below {}", least.map(|least| least.shown(4)).unwrap_or_default());
+        Verdict::new("FID of halves of truth", self.halves_fid.shown(4), wanted, passes)
+    }
+
+    /// FID rises the more motions are made worse.
+    fn rising(&self, corruption: Corruption) -> Verdict {
+        let fids: Vec<f64> = self.of(corruption).map(|corrupted| corrupted.fid).collect();
+        let words: Vec<String> = fids.iter().map(|fid| format!("{fid:.4}")).collect();
+        let passes = fids.len() > 1 && fids[0] > 0.0 && fids.is_sorted_by(|a, b| a < b);
+        let gate = format!("FID under {}", corruption.name());
+        Verdict::new(gate, words.join(" < "), "rises from 0", passes)
+    }
+
+    /// From little to much.
+    fn of(&self, wanted: Corruption) -> impl Iterator<Item = &Corrupted> {
+        self.corrupted.iter().filter(move |corrupted| corrupted.corruption == wanted)
+    }
+
+    /// Captions of other motions find nothing.
+    fn swapping(&self) -> Verdict {
+        let means: Vec<f64> = self.swapped.iter().map(|swapped| swapped.precision.mean).collect();
+        let words: Vec<String> = means.iter().map(|mean| format!("{mean:.3}")).collect();
+        let chance = 1.0 / POOL as f64;
+        let falls = means.is_sorted_by(|a, b| a > b);
+        let most = SWAPPED_TIMES_CHANCE * chance;
+        let passes = falls && means.last().is_some_and(|last| *last <= most);
+        let wanted = format!("≤ {most:.3} at last");
+        Verdict::new("R@1 with swapped captions", words.join(" > "), wanted, passes)
+    }
+
+    /// Motions of one caption are nearer to one another than to others.
+    fn spread(&self) -> Option<Verdict> {
+        let same = self.same_caption?;
+        let share = same.distance / same.any_distance;
+        let (found, passes) = (format!("{share:.2} of any two"), share <= SAME_CAPTION_SHARE);
+        let wanted = format!("≤ {SAME_CAPTION_SHARE}");
+        Some(Verdict::new("spread within a caption", found, wanted, passes))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluator::gates::{SameCaption, Swapped};
+    use crate::scores::Repeated;
+
+    fn of(mean: f64) -> Repeated {
+        Repeated { mean, half_width: 0.01, repeats: 20 }
+    }
+
+    fn good() -> Gates {
+        let corrupted = |corruption: Corruption| {
+            let at = move |(strength, fid)| {
+                let (halves_fid, precision) = (of(fid), of(0.1));
+                Corrupted { corruption, strength, fid, halves_fid, precision }
+            };
+            corruption.strengths().into_iter().zip([0.1, 0.2, 0.3]).map(at)
+        };
+        let swapped = |(share, mean)| Swapped { share, precision: of(mean) };
+        Gates {
+            n_clips: 100,
+            truth: [0.5, 0.6, 0.7].map(of),
+            halves_fid: of(0.01),
+            corrupted: Corruption::ALL.into_iter().flat_map(corrupted).collect(),
+            swapped: [(0.1, 0.4), (0.3, 0.3), (1.0, 0.03)].map(swapped).to_vec(),
+            same_caption: Some(SameCaption { n_pairs: 9, distance: 0.5, any_distance: 1.0 }),
+            duplicates: of(2.0),
+            fid_by_n: Vec::new(),
+        }
+    }
+
+    /// The gates that fail once something is spoilt.
+    fn failing(spoil: impl Fn(&mut Gates)) -> Vec<String> {
+        let mut gates = good();
+        spoil(&mut gates);
+        let failing = gates.verdicts().into_iter().filter(|verdict| !verdict.passes);
+        failing.map(|verdict| verdict.gate).collect()
+    }
+
+    #[test]
+    fn each_gate_fails_by_what_it_is_for() {
+        assert!(good().pass());
+        assert_eq!(failing(|gates| gates.truth[0] = of(0.255)), ["R@1 of true motions"]);
+        assert_eq!(failing(|gates| gates.halves_fid = of(0.285)), ["FID of halves of truth"]);
+        assert_eq!(failing(|gates| gates.corrupted[1].fid = 0.4), ["FID under noise"]);
+        assert_eq!(failing(|gates| gates.corrupted[6].fid = 0.0), ["FID under sliding"]);
+        let same = |gates: &mut Gates| gates.swapped[2].precision = of(0.07);
+        assert_eq!(failing(same), ["R@1 with swapped captions"]);
+        let wide = SameCaption { n_pairs: 9, distance: 0.95, any_distance: 1.0 };
+        assert_eq!(failing(|gates| gates.same_caption = Some(wide)), ["spread within a caption"]);
+        assert!(failing(|gates| gates.same_caption = None).is_empty());
+    }
 }

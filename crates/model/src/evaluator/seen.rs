@@ -1,13 +1,76 @@
-//! [`Seen`]: how an evaluator sees motions.
+//! What an evaluator sees of motions and captions: [`Rows`], by a [`Seen`], in [`Pairs`] of a [`Pool`]; and
+//! [`Networks`]: what a kind of evaluator makes of them.
 
-use super::error::EvaluatorError;
-use crate::data::FeatureStats;
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+use burn::tensor::Tensor;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::EvaluatorError;
+use crate::data::{FeatureStats, MotionSource, Split};
+use crate::learn::params::{below, distinct, unit};
+use crate::ops::SequenceLayout;
+use crate::progress::moved;
 use crate::spec::EvaluatorSpec;
+use crate::text::{HashedNgrams, TextEncoder};
+
+// [`Rows`]: sequences of vectors, one after another.
+
+/// Sequences, each of one vector or more.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rows {
+    /// `[rows of all sequences, channels]`, row-major.
+    pub values: Vec<f32>,
+    /// Rows of each sequence.
+    pub lengths: Vec<usize>,
+}
+
+impl Rows {
+    /// Sequences of vectors of so many channels.
+    pub fn of<'a>(sequences: impl IntoIterator<Item = &'a [f32]>, channels: usize) -> Self {
+        let mut rows = Self::default();
+        for sequence in sequences {
+            rows.values.extend_from_slice(sequence);
+            rows.lengths.push(sequence.len() / channels);
+        }
+        rows
+    }
+
+    /// Sequences in which every row sees every other, with one more before the first.
+    pub fn summarised(&self) -> Arc<SequenceLayout> {
+        let lengths: Vec<usize> = self.lengths.iter().map(|length| length + 1).collect();
+        Arc::new(SequenceLayout::new(&lengths, &lengths).expect("each has its summary"))
+    }
+
+    /// The rows of each sequence behind row `summary`, in the order of [`Rows::summarised`].
+    pub fn order(&self, summary: u32) -> Arc<[u32]> {
+        let of = |range: Range<u32>| std::iter::once(summary).chain(range);
+        self.ranges().flat_map(of).collect()
+    }
+
+    /// Where each sequence's summary stands among those rows.
+    pub fn summaries(&self) -> Arc<[u32]> {
+        self.ranges().zip(0..).map(|(range, before)| range.start + before).collect()
+    }
+
+    fn ranges(&self) -> impl Iterator<Item = Range<u32>> {
+        self.lengths.iter().scan(0, |end, length| {
+            let start = *end;
+            *end += *length as u32;
+            Some(start..*end)
+        })
+    }
+}
+
+// Motions and captions as rows.
 
 /// Normalised values lie within ± this.
 const BOUND: f32 = 10.0;
 
-/// How an evaluator sees motions.
+/// How an evaluator sees motions: by its spec and the statistics of its training split.
 #[derive(Clone, Debug)]
 pub struct Seen {
     pub spec: EvaluatorSpec,
@@ -16,11 +79,6 @@ pub struct Seen {
 }
 
 impl Seen {
-    /// That of a spec, with the statistics of its training split.
-    pub fn new(spec: &EvaluatorSpec, stats: &FeatureStats) -> Self {
-        Self { spec: spec.clone(), stats: stats.clone() }
-    }
-
     /// Features of a frame that are seen.
     pub fn n_features(&self) -> usize {
         self.spec.representation.n_features(self.stats.mean.len())
@@ -62,5 +120,185 @@ impl Seen {
         let frames = features.chunks_exact(all).take(whole);
         let values = frames.flat_map(|frame| frame[..seen].iter().zip(mean).zip(std).map(standard));
         Ok(values.collect())
+    }
+}
+
+/// Vectors of the words of a caption, `[n_words, word_dim]` row-major, at least one.
+pub fn words(caption: &str, spec: &EvaluatorSpec) -> Vec<f32> {
+    let encoder = HashedNgrams::new(spec.word_dim, spec.max_words);
+    encoder.encode(caption).expect("hashed n-grams have vectors of every caption")
+}
+
+// [`Pool`]: clips and their captions, held in memory as an evaluator sees them.
+
+/// Motions and captions of a batch, side by side.
+#[derive(Clone, Debug)]
+pub struct Pairs {
+    pub motions: Rows,
+    pub captions: Rows,
+    /// Equal where captions are.
+    pub caption_ids: Vec<u32>,
+}
+
+/// Clips of a split.
+pub struct Pool<'a> {
+    seen: &'a Seen,
+    /// Normalised, in whole rows.
+    clips: Vec<Vec<f32>>,
+    /// The captions of each clip, by id.
+    captions: Vec<Vec<u32>>,
+    /// The words of each caption.
+    words: Vec<Vec<f32>>,
+}
+
+impl<'a> Pool<'a> {
+    /// `most` clips of a split at most, drawn without replacement, in a random order.
+    ///
+    /// # Errors
+    /// There are fewer than two that hold a row, or one cannot be read.
+    pub fn load(
+        source: &dyn MotionSource,
+        split: Split,
+        seen: &'a Seen,
+        most: usize,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Self, EvaluatorError> {
+        let usable = usable(source, split, &seen.spec, 2)?;
+        let chosen = distinct(usable.len(), most, rng).into_iter().map(|i| usable[i]);
+        let chosen: Vec<usize> = chosen.collect();
+        let load = |&clip: &usize| {
+            moved();
+            seen.rows(&source.features(split, clip)?)
+        };
+        let clips = chosen.par_iter().map(load).collect::<Result<_, _>>()?;
+        let (captions, words) = captions_of(source, split, &chosen, &seen.spec);
+        Ok(Self { seen, clips, captions, words })
+    }
+
+    /// A batch of different clips: a random window of each, and a random caption, of which some words
+    /// are left out.
+    pub fn drawn(&self, rng: &mut ChaCha8Rng) -> Pairs {
+        let spec = &self.seen.spec;
+        let clips = distinct(self.clips.len(), spec.batch, rng);
+        let windows: Vec<&[f32]> = clips.iter().map(|&clip| self.window(clip, rng)).collect();
+        let pick = |&clip: &usize| self.captions[clip][below(rng, self.captions[clip].len())];
+        let caption_ids: Vec<u32> = clips.iter().map(pick).collect();
+        let thinned = |&id: &u32| thinned(&self.words[id as usize], spec, rng);
+        let captions: Vec<Vec<f32>> = caption_ids.iter().map(thinned).collect();
+        self.pairs(windows, captions.iter().map(Vec::as_slice), caption_ids)
+    }
+
+    fn pairs<'b>(
+        &self,
+        motions: impl IntoIterator<Item = &'b [f32]>,
+        captions: impl IntoIterator<Item = &'b [f32]>,
+        caption_ids: Vec<u32>,
+    ) -> Pairs {
+        Pairs {
+            motions: Rows::of(motions, self.seen.channels()),
+            captions: Rows::of(captions, self.seen.spec.word_dim),
+            caption_ids,
+        }
+    }
+
+    /// All clips, a batch after another: the first window of each, and one caption. What fills no batch
+    /// is one too where it has two clips.
+    pub fn batches(&self) -> Vec<Pairs> {
+        let clips: Vec<usize> = (0..self.clips.len()).collect();
+        let batches = clips.chunks(self.seen.spec.batch).filter(|batch| batch.len() > 1);
+        let own = |&clip: &usize| self.captions[clip][clip % self.captions[clip].len()];
+        let plain = |clips: &[usize]| {
+            let ids: Vec<u32> = clips.iter().map(own).collect();
+            let motions = clips.iter().map(|&clip| self.seen.first_window(&self.clips[clip]));
+            self.pairs(motions, ids.iter().map(|&id| &self.words[id as usize][..]), ids.clone())
+        };
+        batches.map(plain).collect()
+    }
+
+    /// A random window of a clip, in whole rows; all of a shorter one.
+    fn window(&self, clip: usize, rng: &mut ChaCha8Rng) -> &[f32] {
+        let (own, channels) = (&self.clips[clip], self.seen.channels());
+        let rows = own.len() / channels;
+        let taken = self.seen.window_rows().min(rows);
+        let start = below(rng, rows - taken + 1);
+        &own[start * channels..(start + taken) * channels]
+    }
+}
+
+/// The clips of a split that hold a row.
+///
+/// # Errors
+/// There are fewer than `least`.
+pub fn usable(
+    source: &dyn MotionSource,
+    split: Split,
+    spec: &EvaluatorSpec,
+    least: usize,
+) -> Result<Vec<usize>, EvaluatorError> {
+    let mut usable: Vec<usize> = (0..source.n_clips(split)).collect();
+    usable.retain(|&clip| source.n_frames(split, clip) >= spec.frames());
+    let (split, found) = (split.name(), usable.len());
+    if found >= least {
+        Ok(usable)
+    } else {
+        Err(EvaluatorError::TooFewClips { split, least, found })
+    }
+}
+
+/// The ids of the captions of clips, and the words of each id.
+fn captions_of(
+    source: &dyn MotionSource,
+    split: Split,
+    clips: &[usize],
+    spec: &EvaluatorSpec,
+) -> (Vec<Vec<u32>>, Vec<Vec<f32>>) {
+    let mut ids: HashMap<String, u32> = HashMap::new();
+    let mut all = Vec::new();
+    let mut id_of = |caption| {
+        *ids.entry(caption).or_insert_with_key(|caption| {
+            all.push(words(caption, spec));
+            all.len() as u32 - 1
+        })
+    };
+    let captions = clips.iter().map(|&clip| {
+        moved();
+        source.captions(split, clip).into_iter().map(&mut id_of).collect()
+    });
+    (captions.collect(), all)
+}
+
+/// A caption without some of its words, but for its end.
+fn thinned(caption: &[f32], spec: &EvaluatorSpec, rng: &mut ChaCha8Rng) -> Vec<f32> {
+    let n = caption.len() / spec.word_dim;
+    let words = caption.chunks_exact(spec.word_dim).enumerate();
+    let kept = words.filter(|(place, _)| unit(rng) >= spec.word_drop || place + 1 == n);
+    kept.flat_map(|(_, word)| word).copied().collect()
+}
+
+/// Motions and captions into vectors that are near each other where they belong together.
+pub trait Networks {
+    /// A vector of each motion, `[n, e]`.
+    fn motions(&self, rows: &Rows) -> Tensor<2>;
+
+    /// A vector of each caption, `[n, e]`.
+    fn captions(&self, rows: &Rows) -> Tensor<2>;
+
+    /// How badly motions and captions of a batch find one another, `[1]`: in training, with what is left
+    /// out drawn from `rng`.
+    fn loss(&self, pairs: &Pairs, rng: Option<&mut ChaCha8Rng>) -> Tensor<1>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_sequence_stands_behind_its_summary() {
+        let rows = Rows::of([&[1.0, 2.0][..], &[3.0, 4.0, 5.0, 6.0]], 2);
+        assert_eq!(rows.lengths, [1, 2]);
+        assert_eq!(rows.order(3)[..], [3, 0, 3, 1, 2]);
+        assert_eq!(rows.summaries()[..], [0, 2]);
+        let layout = rows.summarised();
+        assert_eq!((layout.n_rows(), layout.visible(1, 0)), (5, 3));
     }
 }

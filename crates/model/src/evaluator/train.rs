@@ -4,11 +4,9 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
-use super::codec::Evaluator;
-use super::error::EvaluatorError;
-use super::networks::AnyNetworks;
-use super::pool::{Pairs, Pool};
-use super::seen::Seen;
+use super::EvaluatorError;
+use super::codec::{AnyNetworks, Evaluator};
+use super::seen::{Pairs, Pool, Seen};
 use crate::data::{MotionSource, Split};
 use crate::learn::adamw::AdamWConfig;
 use crate::learn::params::stream;
@@ -69,7 +67,7 @@ pub fn train(
     checkpoints: Option<&Checkpoints>,
     progress: &mut Progress,
 ) -> Result<TrainedEvaluator, EvaluatorError> {
-    let seen = Seen::new(spec, source.stats());
+    let seen = Seen { spec: spec.clone(), stats: source.stats().clone() };
     let pool = |split, most, of| Pool::load(source, split, &seen, most, &mut stream(spec.seed, of));
     let learner = Contrasting {
         spec,
@@ -133,11 +131,6 @@ impl Contrasting<'_> {
         };
         self.val.iter().map(of).sum::<f64>() / n as f64
     }
-
-    /// The line of the log whose weights are the best.
-    fn best_line(&self) -> Option<&ValidationLine> {
-        self.totals.log.iter().min_by(|a, b| a.val_loss.total_cmp(&b.val_loss))
-    }
 }
 
 impl Learner for Contrasting<'_> {
@@ -196,7 +189,8 @@ impl Learner for Contrasting<'_> {
 
     fn resume(&mut self, saved: LoadedState) -> Option<()> {
         self.totals = serde_json::from_value(saved.note).ok()?;
-        if let Some(line) = self.best_line().copied() {
+        let best = self.totals.log.iter().min_by(|a, b| a.val_loss.total_cmp(&b.val_loss));
+        if let Some(line) = best.copied() {
             let networks = weights::into_module(self.networks.valid(), saved.tensors).ok()?;
             self.best = Some((line, networks));
         }

@@ -1,24 +1,25 @@
-//! [`Kind`]: what a kind of generator says of itself.
+//! [`Kind`]: what a kind of generator says of itself, and a run of any kind as a learner.
 
-use super::sampling::Sampler;
-use super::trained::{
-    GeneratorError, Inputs, LogLine, SplitLoss, Trained, check_inputs, check_precision,
-};
-use crate::data::Split;
-use crate::learn::adamw::AdamWConfig;
-use crate::learn::params::stream;
-use crate::learn::{
-    Checkpoints, Course, LearnError, Learner, LearnerState, Learning, LoadedState, is_due, weights,
-};
-use crate::progress::Progress;
-use crate::spec::Precision;
-use crate::spec::RunSpec;
-use crate::spec::flops::TRAINING_PER_FORWARD;
+use std::f64::consts::PI;
+
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::PI;
+
+use super::inputs::{GeneratorError, Inputs, check_inputs, check_precision};
+use super::losses::SplitLoss;
+use super::sampling::Sampler;
+use crate::data::Split;
+use crate::learn::adamw::AdamWConfig;
+use crate::learn::params::stream;
+use crate::learn::weights::{self, Sources};
+use crate::learn::{
+    Checkpoints, Course, LearnError, Learner, LearnerState, Learning, LoadedState, is_due,
+};
+use crate::progress::Progress;
+use crate::spec::flops::TRAINING_PER_FORWARD;
+use crate::spec::{Precision, RunSpec};
 
 /// What is trained, on what, and where its state lies.
 #[derive(Clone, Copy)]
@@ -89,19 +90,29 @@ pub trait Kind: Sync + 'static {
     fn made_up(spec: &RunSpec, network: &Self::Network) -> (BatchOf<Self::Network>, usize);
 }
 
-/// Parameters of a model that a probe builds, at most.
-pub const MOST_PROBED_PARAMS: usize = 4_000_000;
+/// A finished run.
+pub struct Trained {
+    pub weights: Sources,
+    /// On the test split.
+    pub test: SplitLoss,
+    pub log: Vec<LogLine>,
+    /// Training FLOPs by the exact count.
+    pub flops_exact: f64,
+    /// Seconds, those of earlier processes included.
+    pub wall_s: f64,
+}
 
-/// A run on made-up codes.
-pub trait Probe {
-    /// Takes a step that changes nothing.
-    ///
-    /// # Errors
-    /// The device gives no number.
-    fn step(&mut self) -> Result<(), LearnError>;
-
-    /// FLOPs of a step, in the measure of the run's budget.
-    fn flops(&self) -> f64;
+/// A line of `log.jsonl`: a run measured on the validation split.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LogLine {
+    pub step: usize,
+    /// Supervised tokens so far.
+    pub tokens: usize,
+    pub lr: f64,
+    /// Mean cross-entropy of the steps since the last line, in nats.
+    pub train_loss_nats: f64,
+    /// L_u on the validation split.
+    pub val_loss_normalised: f64,
 }
 
 // [`RunLearner`]: a run of any kind of generator as a learner; [`Objective`] is what kinds differ in.

@@ -1,16 +1,28 @@
-//! [`probed`]: a model on made-up clips that stay the same, whose steps can be timed.
+//! [`Probe`]: a model on made-up clips that stay the same, whose steps can be timed.
 
-use super::kind::{Kind, MOST_PROBED_PARAMS, Network, Probe, course};
-use super::trained::check_precision;
-use crate::codes::TokenStore;
-use crate::data::Split;
-use crate::learn::{Course, LearnError, Learner, Learning};
-use crate::spec::RunSpec;
-use crate::spec::{ModelShape, Precision, TARGETS_PER_PASS};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use std::ops::Range;
+
+use super::inputs::check_precision;
+use super::kind::{Kind, Network, course};
+use crate::learn::{Course, LearnError, Learner, Learning};
+use crate::spec::{ModelShape, Precision, RunSpec};
+
+/// Parameters of a model that a probe builds, at most.
+pub const MOST_PROBED_PARAMS: usize = 4_000_000;
+
+/// A run on made-up codes.
+pub trait Probe {
+    /// Takes a step that changes nothing.
+    ///
+    /// # Errors
+    /// The device gives no number.
+    fn step(&mut self) -> Result<(), LearnError>;
+
+    /// FLOPs of a step, in the measure of the run's budget.
+    fn flops(&self) -> f64;
+}
 
 /// Tokens of a measured step at most, for kinds whose clips are short.
 pub const MOST_TOKENS: usize = 1024;
@@ -117,23 +129,4 @@ impl<N: Network> Learner for Resting<N> {
     fn advice(&self) -> &'static str {
         "the device gives wrong numbers"
     }
-}
-
-// Which clips are measured together.
-
-/// Ranges of clips with at most the targets of a pass, or one clip.
-pub fn passes(tokens: &TokenStore, split: Split) -> Vec<Range<usize>> {
-    let mut passes: Vec<Range<usize>> = Vec::new();
-    let mut targets = 0;
-    for clip in 0..tokens.n_clips(split) {
-        targets += tokens.n_targets_of_clip(split, clip);
-        match passes.last_mut() {
-            Some(pass) if targets <= TARGETS_PER_PASS => pass.end = clip + 1,
-            _ => {
-                passes.push(clip..clip + 1);
-                targets = tokens.n_targets_of_clip(split, clip);
-            }
-        }
-    }
-    passes
 }

@@ -61,16 +61,15 @@ impl AdamW {
         (module.map(&mut update), norm)
     }
 
-    /// The state as named tensors: `moment_1.0`, `moment_2.0`, …; the step count is apart.
-    pub fn state(&self) -> (i32, Sources) {
+    /// The state as named tensors, `moment_1.0`, `moment_2.0`, …, but for the number of steps.
+    pub fn state(&self) -> Sources {
         let named = self.moments.iter().flat_map(|(i, [first, second])| {
             [(format!("{FIRST}{i}"), first), (format!("{SECOND}{i}"), second)]
         });
-        let tensors = named.map(|(name, tensor)| (name, Source::of(tensor.clone())));
-        (self.steps, tensors.collect())
+        named.map(|(name, tensor)| (name, Source::of(tensor.clone()))).collect()
     }
 
-    /// Takes up the state that [`AdamW::state`] gave; `None` where it is not such a state.
+    /// Takes up the state that [`AdamW::state`] gave after so many steps; `None` where it is not such a state.
     pub fn with_state(mut self, steps: i32, state: Weights, device: &Device) -> Option<Self> {
         let tensor = |HostTensor { values, .. }| {
             let n = values.len();

@@ -52,8 +52,8 @@ impl Affine {
 
     /// The same with a weight of another size.
     fn scaled(mut self, factor: f32) -> Self {
-        let times = |values: Vec<f32>| values.into_iter().map(|x| x * factor).collect();
-        self.weight = replaced(&self.weight, times(host(self.weight.val())));
+        let values = self.weight.val().into_data().try_into_vec::<f32>().expect("weights are f32");
+        self.weight = replaced(&self.weight, values.into_iter().map(|x| x * factor).collect());
         self
     }
 
@@ -71,10 +71,6 @@ impl Affine {
     pub fn forward(&self, x_nc: Tensor<2>) -> Tensor<2> {
         x_nc.matmul(self.weight.val()) + self.bias.val().unsqueeze()
     }
-}
-
-fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().try_into_vec().expect("weights are f32")
 }
 
 /// A parameter of the same shape and place with other values.

@@ -1,16 +1,42 @@
-//! [`Learning`]: the one loop.
+//! [`Learning`]: the one loop, and its checkpoints: all that learning needs to go on with the same bits, in
+//! one file.
 
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use burn::module::Module;
 use burn::optim::GradientsParams;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::adamw::AdamW;
-use super::checkpoint::{self, Branch, Checkpoints, Header, Loaded};
-use super::error::LearnError;
-use super::learner::{Course, Learner};
+use super::weights::{self, Sources, Weights};
+use super::{Course, LearnError, Learner, LearnerState, LoadedState};
 use crate::files::FileError;
 use crate::progress::{Progress, Step};
+
+/// Where the state of something that learns lies.
+#[derive(Clone, Copy, Debug)]
+pub struct Checkpoints<'a> {
+    /// Written now and then; where it is there, learning goes on from it. The caller removes it,
+    /// after the result is whole.
+    pub path: &'a Path,
+    /// Never changes the result.
+    pub every: Duration,
+    /// What learning begins with that has no checkpoint yet.
+    pub branch: Option<Branch<'a>>,
+}
+
+/// The end of a trunk, from which runs go on.
+#[derive(Clone, Copy, Debug)]
+pub struct Branch<'a> {
+    pub state: &'a Path,
+    /// The steps that are done there.
+    pub steps: usize,
+}
 
 /// A learner on its course: after how many steps, with which moments.
 pub struct Learning<L> {
@@ -61,14 +87,26 @@ impl<L: Learner> Learning<L> {
         }
     }
 
+    /// Takes up a checkpoint.
+    ///
+    /// # Errors
+    /// [`FileError::Read`]; [`FileError::Damaged`] also where it belongs to something else.
     fn load(mut self, path: &Path) -> Result<Self, FileError> {
-        let module = self.learner.weights().clone();
-        let Loaded { module, optimiser, saved, header } =
-            checkpoint::load(path, module, self.optimiser)?;
+        let damaged = |reason: &str| FileError::damaged(path, reason);
+        let (mut tensors, notes) = weights::load(path)?;
+        let header = notes.get(HEADER).ok_or_else(|| damaged("no header in it"))?;
+        let header = serde_json::from_str(header).map_err(|error| damaged(&error.to_string()))?;
+        let Header { step, wall_s: spent_s, learner: note } = header;
+        let (parameters, own) = (take(&mut tensors, WEIGHTS), take(&mut tensors, LEARNER));
+        let module = weights::into_module(self.learner.weights().clone(), parameters)
+            .map_err(|error| damaged(&error.to_string()))?;
+        let steps = i32::try_from(step).map_err(|_| damaged("an impossible step"))?;
+        let device = module.devices().swap_remove(0).inner();
+        let optimiser = self.optimiser.with_state(steps, tensors, &device);
+        let optimiser = optimiser.ok_or_else(|| damaged("moments are missing"))?;
         self.learner.set_weights(module);
-        let taken_up = self.learner.resume(saved);
-        taken_up.ok_or_else(|| FileError::damaged(path, "the learner's own state is missing"))?;
-        let Header { step, wall_s: spent_s, .. } = header;
+        let taken_up = self.learner.resume(LoadedState { note, tensors: own });
+        taken_up.ok_or_else(|| damaged("the learner's own state is missing"))?;
         tracing::info!(path = %path.display(), step, "resumed");
         Ok(Self { optimiser, step, spent_s, ..self })
     }
@@ -146,14 +184,18 @@ impl<L: Learner> Learning<L> {
         }
     }
 
-    /// Writes all that learning needs to go on from here.
+    /// Writes all that learning needs to go on from here, whole, by rename, in place of what was there.
     ///
     /// # Errors
     /// [`FileError::Write`].
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
-        let header = Header { step: self.step, wall_s: self.wall_s(), ..Default::default() };
-        let (weights, kept) = (self.learner.weights(), self.learner.keep());
-        checkpoint::save(path, weights, &self.optimiser, kept, header)
+        let LearnerState { note, tensors: own } = self.learner.keep();
+        let mut tensors = self.optimiser.state();
+        tensors.extend(prefixed(WEIGHTS, weights::of_module(self.learner.weights())));
+        tensors.extend(prefixed(LEARNER, own));
+        let header = Header { step: self.step, wall_s: self.wall_s(), learner: note };
+        let header = serde_json::to_string(&header).expect("plain values");
+        weights::save(path, &tensors, HashMap::from([(HEADER.to_string(), header)]))
     }
 
     /// Seconds spent, those of earlier processes included.
@@ -170,4 +212,47 @@ impl<L: Learner> Learning<L> {
     pub fn into_learner(self) -> L {
         self.learner
     }
+}
+
+// A checkpoint as a file.
+
+/// What is no tensor.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    /// Steps done.
+    step: usize,
+    /// Seconds spent before this process.
+    wall_s: f64,
+    /// The learner's own note.
+    #[serde(default)]
+    learner: Value,
+}
+
+const HEADER: &str = "header";
+const WEIGHTS: &str = "weights.";
+const LEARNER: &str = "learner.";
+
+fn prefixed(prefix: &str, sources: Sources) -> impl Iterator<Item = (String, weights::Source)> {
+    sources.into_iter().map(move |(name, tensor)| (format!("{prefix}{name}"), tensor))
+}
+
+/// The tensors whose names begin with a prefix, without it.
+fn take(tensors: &mut Weights, prefix: &str) -> Weights {
+    let all = std::mem::take(tensors);
+    let (wanted, others): (Weights, Weights) =
+        all.into_iter().partition(|(name, _)| name.starts_with(prefix));
+    *tensors = others;
+    wanted.into_iter().map(|(name, tensor)| (name[prefix.len()..].to_string(), tensor)).collect()
+}
+
+/// The step of a checkpoint, from the head of its file alone; `None` where that cannot be told.
+pub fn step_of(path: &Path) -> Option<usize> {
+    let mut file = File::open(path).ok()?;
+    let mut length = [0; 8];
+    file.read_exact(&mut length).ok()?;
+    let mut head = Vec::new();
+    file.take(u64::from_le_bytes(length)).read_to_end(&mut head).ok()?;
+    let head: Value = serde_json::from_slice(&head).ok()?;
+    let header: Header = serde_json::from_str(head["__metadata__"][HEADER].as_str()?).ok()?;
+    Some(header.step)
 }

@@ -1,8 +1,8 @@
-//! [`DeviceName`]: a device that burn can compute on, by the name on the command line.
+//! [`DeviceName`]: a device that burn can compute on, by the name on the command line; and whether it multiplies.
 
 use std::str::FromStr;
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor, TensorData};
 
 /// A device that burn can compute on, in the order of [`DeviceName::ALL`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,5 +79,66 @@ impl FromStr for DeviceName {
     fn from_str(name: &str) -> Result<Self, String> {
         let found = Self::ALL.into_iter().find(|(_, own, _)| *own == name);
         found.map(|(device, ..)| device).ok_or_else(|| format!("no device is named `{name}`"))
+    }
+}
+
+// Whether a device multiplies: drivers are met that load every kernel and give zeros.
+
+/// What a device gave that cannot multiply.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the device multiplies matrices wrongly ({found} where {right} is right): its driver cannot be \
+     used; take another device"
+)]
+pub struct WrongProduct {
+    found: f32,
+    right: f32,
+}
+
+const ROWS: usize = 33;
+const INNER: usize = 17;
+const COLUMNS: usize = 29;
+
+/// Small whole numbers, of which products and sums are exact in every order.
+fn number(i: usize) -> f32 {
+    (i * 7 % 11) as f32 - 5.0
+}
+
+/// Multiplies two matrices and looks at every element.
+///
+/// # Errors
+/// The first element that is wrong.
+pub fn check_products(device: &Device) -> Result<(), WrongProduct> {
+    let matrix = |[rows, columns]: [usize; 2]| {
+        let values: Vec<f32> = (0..rows * columns).map(number).collect();
+        Tensor::<2>::from_data(TensorData::new(values, [rows, columns]), device)
+    };
+    let found = matrix([ROWS, INNER]).matmul(matrix([INNER, COLUMNS])).into_data();
+    first_wrong(found.iter::<f32>()).map_or(Ok(()), Err)
+}
+
+fn first_wrong(found: impl Iterator<Item = f32>) -> Option<WrongProduct> {
+    let right = (0..ROWS * COLUMNS).map(|i| {
+        let (row, column) = (i / COLUMNS, i % COLUMNS);
+        let term = |k| number(row * INNER + k) * number(k * COLUMNS + column);
+        (0..INNER).map(term).sum::<f32>()
+    });
+    let wrong = found.zip(right).find(|(found, right)| found != right);
+    wrong.map(|(found, right)| WrongProduct { found, right })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn devices_that_multiply_pass_and_zeros_do_not() {
+        check_products(&Device::flex()).unwrap();
+        #[expect(deprecated, reason = "the only other device that every build has")]
+        check_products(&Device::ndarray()).unwrap();
+        let error = first_wrong(std::iter::repeat_n(0.0, ROWS * COLUMNS)).unwrap();
+        assert!(error.to_string().contains("(0 where"), "{error}");
+        let gone = first_wrong(std::iter::repeat_n(f32::NAN, ROWS * COLUMNS));
+        assert!(gone.is_some());
     }
 }

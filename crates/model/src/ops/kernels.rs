@@ -2,14 +2,12 @@
 
 use std::sync::Arc;
 
-use burn::backend::Dispatch;
 use burn::tensor::{Device, FloatDType, Tensor};
 
-use super::own::{self, FeedForward, HeadLoss, OwnUpdates, SelectRows};
-use super::parts::sums_of_parts;
+use super::own::{self, AdamWStep, FeedForward, HeadLoss, RmsNorm, SelectRows, SwiGlu};
 use super::{
-    Activation, AttentionOptions, AttentionWeights, Convolution, FeedForwardWeights, HeadWeights,
-    plain, shapes,
+    Activation, AttentionOptions, AttentionWeights, Convolution, CrossOptions, FeedForwardWeights,
+    HeadWeights, plain,
 };
 
 /// Which implementation of the operations to use.
@@ -49,7 +47,7 @@ impl Kernels {
     }
 
     /// What burn's products of matrices are computed by.
-    pub(super) fn product(self) -> plain::Product {
+    fn product(self) -> plain::Product {
         match self {
             Kernels::Half(half) => plain::Product::In(half.dtype()),
             Kernels::Own | Kernels::Plain => plain::Product::Single,
@@ -79,15 +77,13 @@ impl Kernels {
         weights: AttentionWeights,
         options: &AttentionOptions,
     ) -> Tensor<2> {
-        shapes::attention(x_nd.dims(), weights.qkv_d3d.dims(), options);
+        options.check(x_nd.dims(), weights.qkv_d3d.dims());
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::attention_half(x_nd, weights, options, self.product())
-            }
             Kernels::Own => {
                 let AttentionWeights { gamma_d, qkv_d3d, output_dd } = weights;
                 own::of_four(options.clone(), x_nd, gamma_d, qkv_d3d, output_dd)
             }
+            _ => plain::attention_half(x_nd, weights, options, self.product()),
         }
     }
 
@@ -103,15 +99,13 @@ impl Kernels {
         activation: Activation,
         epsilon: f32,
     ) -> Tensor<2> {
-        shapes::feed_forward(x_nd.dims(), weights.up_du.dims(), weights.down_fd.dims(), activation);
+        activation.check(x_nd.dims(), weights.up_du.dims(), weights.down_fd.dims());
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::feed_forward_half(x_nd, weights, activation, epsilon, self.product())
-            }
             Kernels::Own => {
                 let FeedForwardWeights { gamma_d, up_du, down_fd } = weights;
                 own::of_four(FeedForward { activation, epsilon }, x_nd, gamma_d, up_du, down_fd)
             }
+            _ => plain::feed_forward_half(x_nd, weights, activation, epsilon, self.product()),
         }
     }
 
@@ -131,15 +125,15 @@ impl Kernels {
         targets: &Arc<[u32]>,
         epsilon: f32,
     ) -> Tensor<1> {
-        shapes::targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
+        check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                let logits_sv = plain::logits(x_sd, weights, epsilon, self.product());
-                plain::cross_entropy(logits_sv, targets)
-            }
             Kernels::Own => {
                 let head = HeadLoss { targets: targets.clone(), epsilon };
                 own::of_three(head, x_sd, weights.gamma_d, weights.weight_dv)
+            }
+            _ => {
+                let logits_sv = plain::logits(x_sd, weights, epsilon, self.product());
+                plain::cross_entropy(logits_sv, targets)
             }
         }
     }
@@ -156,17 +150,12 @@ impl Kernels {
         targets: &Arc<[u32]>,
         epsilon: f32,
     ) -> Vec<f64> {
-        shapes::targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
+        check_targets([x_sd.dims()[0], weights.weight_dv.dims()[1]], targets);
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::nll(plain::logits(x_sd, weights, epsilon, self.product()), targets)
+            Kernels::Own => {
+                own::head_nll(HeadLoss { targets: targets.clone(), epsilon }, x_sd, weights)
             }
-            Kernels::Own => sums_of_parts(Tensor::<2>::from_dispatch(Dispatch::own_head_nll(
-                HeadLoss { targets: targets.clone(), epsilon },
-                x_sd.without_autodiff().into_dispatch(),
-                weights.gamma_d.without_autodiff().into_dispatch(),
-                weights.weight_dv.without_autodiff().into_dispatch(),
-            ))),
+            _ => plain::nll(plain::logits(x_sd, weights, epsilon, self.product()), targets),
         }
     }
 
@@ -188,12 +177,10 @@ impl Kernels {
         bias_o: Tensor<1>,
         convolution: Convolution,
     ) -> Tensor<2> {
-        shapes::convolution(x_nc.dims(), weight.dims(), bias_o.dims(), convolution);
+        convolution.check(x_nc.dims(), weight.dims(), bias_o.dims());
         match self {
-            Kernels::Plain | Kernels::Half(_) => {
-                plain::convolve(x_nc, weight, bias_o, convolution, self.product())
-            }
             Kernels::Own => own::of_three(convolution, x_nc, weight, bias_o),
+            _ => plain::convolve(x_nc, weight, bias_o, convolution, self.product()),
         }
     }
 
@@ -215,8 +202,128 @@ impl Kernels {
         let last = rows.iter().max().map_or(0, |&last| last as usize);
         assert!(last < m, "select_rows: row {last} of a matrix of {m}");
         match self {
-            Kernels::Plain | Kernels::Half(_) => plain::select_rows(x_md, rows),
             Kernels::Own => own::of_one(SelectRows(rows.clone()), x_md),
+            _ => plain::select_rows(x_md, rows),
         }
+    }
+
+    // The parts of a block by themselves, for blocks that are put together otherwise: what stands around
+    // them is the caller's, such as biases, other norms, or no residual.
+
+    /// Attention alone, of the columns `[q | k | v]` of [`Kernels::attention`]: a of its equations,
+    /// `[n, d]`. What stands around it is the caller's: other norms, biases, no residual.
+    ///
+    /// # Panics
+    ///
+    /// As [`Kernels::attention`].
+    pub fn attend(self, qkv_n3d: Tensor<2>, options: &AttentionOptions) -> Tensor<2> {
+        let [n, columns] = qkv_n3d.dims();
+        options.check([n, columns / 3], [columns / 3, columns]);
+        match self {
+            Kernels::Own => own::of_one(options.clone(), qkv_n3d),
+            _ => plain::attend(qkv_n3d, options, self.product()),
+        }
+    }
+
+    /// Attention from queries to a memory, `[k | v]`: a = softmax(q̂ k̂ᵀ / √head_dim) v, over all rows
+    /// of the memory of the query's sequence, with gradients as those of [`Kernels::attention`];
+    /// `[n, d]`.
+    ///
+    /// # Panics
+    ///
+    /// If the shapes are not those of the layout, heads and angles.
+    pub fn cross_attend(
+        self,
+        queries_nd: Tensor<2>,
+        key_values_m2d: Tensor<2>,
+        options: &CrossOptions,
+    ) -> Tensor<2> {
+        options.check(queries_nd.dims(), key_values_m2d.dims());
+        match self {
+            Kernels::Own => own::of_two(options.clone(), queries_nd, key_values_m2d),
+            _ => plain::cross_attend(queries_nd, key_values_m2d, options, self.product()),
+        }
+    }
+
+    /// RMSNorm alone, x r γ with r = 1 / √(mean(x²) + ε) in each row, `[n, d]`.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one γ for each column.
+    pub fn rms_norm(self, x_nd: Tensor<2>, gamma_d: Tensor<1>, epsilon: f32) -> Tensor<2> {
+        assert_eq!([x_nd.dims()[1]], gamma_d.dims(), "rms_norm: rows and gains of one width");
+        match self {
+            Kernels::Own => own::of_two(RmsNorm { epsilon }, x_nd, gamma_d),
+            _ => plain::rms_norm(x_nd, gamma_d, epsilon),
+        }
+    }
+
+    /// [`Activation::SwiGlu`] alone, of columns `[gate | up]`, `[n, f]`.
+    ///
+    /// # Panics
+    ///
+    /// If the number of columns is odd.
+    pub fn swi_glu(self, gate_up_n2f: Tensor<2>) -> Tensor<2> {
+        assert!(gate_up_n2f.dims()[1].is_multiple_of(2), "swi_glu: as many gates as values");
+        match self {
+            Kernels::Own => own::of_one(SwiGlu, gate_up_n2f),
+            _ => plain::swiglu(gate_up_n2f),
+        }
+    }
+}
+
+/// Sees that there are rows, and a target within the vocabulary for each.
+fn check_targets([n, n_vocab]: [usize; 2], targets: &[u32]) {
+    assert!(n > 0, "cross_entropy: no rows to average over");
+    assert_eq!(n, targets.len(), "cross_entropy: {} targets for {n} rows", targets.len());
+    let largest = targets.iter().max().map_or(0, |&target| target as usize);
+    assert!(largest < n_vocab, "cross_entropy: target {largest} in a vocabulary of {n_vocab}");
+}
+
+// What stands outside autodiff.
+
+/// The nearest of codes `[v, c]` for each of latents `[n, c]`: argmin over codes of
+/// |code|² − 2 latent · code, the first of equals.
+///
+/// # Panics
+///
+/// If latents and codes differ in their channels, there is no code, or there are more than 2²⁴.
+pub fn nearest(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
+    let ([n, c], [v, channels]) = (latents_nc.dims(), codes_vc.dims());
+    assert_eq!(c, channels, "nearest: latents of {c} channels, codes of {channels}");
+    assert!((1..=MOST_CODES).contains(&v), "nearest: {v} codes");
+    if n == 0 {
+        return Vec::new();
+    }
+    match Kernels::for_device(&latents_nc.device()) {
+        Kernels::Own => own::nearest(latents_nc, codes_vc),
+        _ => plain::nearest(latents_nc, codes_vc),
+    }
+}
+
+/// As many as `f32` counts without a gap.
+const MOST_CODES: usize = 1 << 24;
+
+/// Σ x² over tensors of one device, outside autodiff. A device other than the processor's default is waited
+/// for once, not once a tensor.
+pub fn sum_of_squares(tensors: Vec<Tensor<1>>) -> f64 {
+    let Some(first) = tensors.first() else { return 0.0 };
+    if Kernels::for_device(&first.device()) == Kernels::Own {
+        return tensors.into_iter().map(own::sum_of_squares).sum();
+    }
+    let sums: Vec<Tensor<1>> = tensors.into_iter().map(|x| (x.clone() * x).sum()).collect();
+    f64::from(Tensor::cat(sums, 0).sum().into_scalar::<f32>())
+}
+
+/// A parameter and both its moments after a step of AdamW, all of one length and outside autodiff.
+pub fn adamw(
+    value: Tensor<1>,
+    gradient: Tensor<1>,
+    moments: [Tensor<1>; 2],
+    step: AdamWStep,
+) -> (Tensor<1>, [Tensor<1>; 2]) {
+    match Kernels::for_device(&value.device()) {
+        Kernels::Own => own::adamw(value, gradient, moments, step),
+        _ => plain::adamw(value, gradient, moments, step),
     }
 }

@@ -1,9 +1,7 @@
-//! [`SequenceLayout`]: where the sequences of a packed batch lie, and who may see whom.
+//! [`SequenceLayout`] and [`CrossLayout`]: where the sequences of a packed batch lie, and who may see whom.
 
 use std::ops::Range;
 use std::sync::Arc;
-
-use super::crossing::offsets;
 
 /// Why lengths and prefixes do not make a layout.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -73,7 +71,12 @@ impl SequenceLayout {
             return Err(LayoutError::NoSequences);
         }
         for (sequence, (&length, &prefix)) in lengths.iter().zip(prefixes).enumerate() {
-            check_sequence(sequence, length, prefix)?;
+            if length == 0 {
+                return Err(LayoutError::EmptySequence { sequence });
+            }
+            if prefix > length {
+                return Err(LayoutError::PrefixTooLong { sequence, prefix, length });
+            }
         }
         let (offsets, blocks) = (offsets(lengths), vec![Arc::from([]); lengths.len()]);
         Ok(Self { offsets, prefixes: prefixes.to_vec(), blocks, angles: Vec::new() })
@@ -187,14 +190,76 @@ impl SequenceLayout {
     }
 }
 
-fn check_sequence(sequence: usize, length: usize, prefix: usize) -> Result<(), LayoutError> {
-    if length == 0 {
-        return Err(LayoutError::EmptySequence { sequence });
+/// A batch of sequences, each with queries and with a memory that all of them see whole; both are packed
+/// without padding, sequence after sequence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CrossLayout {
+    /// First query of each sequence, then the number of queries.
+    queries: Vec<usize>,
+    /// First row of each sequence's memory, then the number of rows.
+    memory: Vec<usize>,
+}
+
+impl CrossLayout {
+    /// Packs sequences of so many queries, and of so many rows of memory.
+    ///
+    /// # Panics
+    ///
+    /// If the lists differ in length or are empty, or a sequence has no query or no memory.
+    pub fn new(queries: &[usize], memory: &[usize]) -> Self {
+        assert_eq!(queries.len(), memory.len(), "cross_attend: a memory for each sequence");
+        assert!(!queries.is_empty(), "cross_attend: no sequences");
+        let all = queries.iter().chain(memory);
+        assert!(all.clone().all(|&n| n > 0), "cross_attend: a sequence is empty");
+        Self { queries: offsets(queries), memory: offsets(memory) }
     }
-    if prefix > length {
-        return Err(LayoutError::PrefixTooLong { sequence, prefix, length });
+
+    /// Number of sequences.
+    #[inline]
+    pub fn n_sequences(&self) -> usize {
+        self.queries.len() - 1
     }
-    Ok(())
+
+    /// Number of queries.
+    pub fn n_queries(&self) -> usize {
+        self.queries[self.n_sequences()]
+    }
+
+    /// Rows of the memory.
+    pub fn n_memory(&self) -> usize {
+        self.memory[self.n_sequences()]
+    }
+
+    /// Queries of sequence `i`.
+    #[inline]
+    pub fn queries(&self, i: usize) -> Range<usize> {
+        self.queries[i]..self.queries[i + 1]
+    }
+
+    /// The memory of sequence `i`.
+    #[inline]
+    pub fn memory(&self, i: usize) -> Range<usize> {
+        self.memory[i]..self.memory[i + 1]
+    }
+
+    /// Queries of each sequence.
+    pub fn query_rows(&self) -> impl ExactSizeIterator<Item = Range<usize>> + Clone {
+        (0..self.n_sequences()).map(|i| self.queries(i))
+    }
+
+    /// The memory of each sequence.
+    pub fn memory_rows(&self) -> impl ExactSizeIterator<Item = Range<usize>> + Clone {
+        (0..self.n_sequences()).map(|i| self.memory(i))
+    }
+}
+
+/// Where each of so many begins, then their sum.
+fn offsets(counts: &[usize]) -> Vec<usize> {
+    let ends = counts.iter().scan(0, |end, count| {
+        *end += count;
+        Some(*end)
+    });
+    std::iter::once(0).chain(ends).collect()
 }
 
 #[cfg(test)]

@@ -25,36 +25,23 @@
 //! # Ok::<(), isoflop_model::ops::WrongProduct>(())
 //! ```
 
-mod apart;
-mod check;
-mod convolution;
-mod crossing;
 mod device;
-mod joining;
 mod kernels;
 mod layout;
-mod nearest;
 mod operands;
 mod own;
-mod parts;
 mod plain;
 mod rope;
-mod shapes;
 #[cfg(test)]
 mod tests;
-mod updates;
 
-pub use check::{WrongProduct, check_products};
-pub use convolution::{Convolution, Taps};
-pub use crossing::{CrossLayout, CrossOptions};
-pub use device::{DeviceName, NoDevice};
-pub use joining::{Joining, KeyValues};
-pub use kernels::{HalfFloat, Kernels};
-pub use layout::{BlockSequence, LayoutError, SequenceLayout};
-pub use nearest::nearest;
+pub use device::{DeviceName, NoDevice, WrongProduct, check_products};
+pub use kernels::{HalfFloat, Kernels, adamw, nearest, sum_of_squares};
+pub use layout::{BlockSequence, CrossLayout, LayoutError, SequenceLayout};
 pub use operands::{
-    Activation, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights,
+    Activation, AttentionOptions, AttentionWeights, Convolution, CrossOptions, FeedForwardWeights,
+    HeadWeights, Taps,
 };
 pub use own::AdamWStep;
+pub use plain::{Joining, KeyValues};
 pub use rope::Rope;
-pub use updates::{adamw, sum_of_squares};

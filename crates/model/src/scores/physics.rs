@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::ScoreError;
+use super::ScoreError;
 use crate::motion::{CONTACT_JOINTS, PARENTS, Pose};
 
 /// A foot below this height, in metres, in two frames stands on the floor.
@@ -95,7 +95,7 @@ fn penetration_mm(poses: &[Pose]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::{N_JOINTS, recover_joints, synth::Script};
+    use crate::motion::{N_JOINTS, build_features, recover_joints, synth::Script};
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
 
@@ -149,7 +149,7 @@ mod tests {
         let found = physics(&script.poses(), 20.0).unwrap();
         assert!(found.bone_spread_mm < 1.0 && found.penetration_mm < 20.0, "{found:?}");
         assert!(found.foot_skate < 0.2, "{found:?}");
-        let features = crate::motion::build_features(&script.poses());
+        let features = build_features(&script.poses());
         let again = physics(&recover_joints(&features), 20.0).unwrap();
         assert!((again.jerk - found.jerk).abs() < 0.1 * found.jerk, "{again:?} {found:?}");
     }

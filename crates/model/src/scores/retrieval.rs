@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::embeddings::{Embeddings, distance};
-use super::error::ScoreError;
+use super::{Embeddings, ScoreError, distance};
 
 /// Motions that a text chooses among, in every published table.
 pub const POOL: usize = 32;

@@ -1,4 +1,4 @@
-//! Frozen text embeddings: made once for a data set, shared by every run. A file an encoder.
+//! Frozen text embeddings: made once for a data set, shared by every run.
 //!
 //! # Example
 //!
@@ -12,13 +12,15 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod embedding_file;
 #[cfg(feature = "encoders")]
 mod models;
 mod store;
 
-pub use store::{EmbeddingFile, TextEncoder, TextError, TextStore, caption_key, embed};
-
 use crate::spec::{TextEncoderKind, TextSpec};
+
+pub use embedding_file::{EmbeddingFile, caption_key};
+pub use store::{TextEncoder, TextError, TextStore, embed};
 
 /// The encoder that a sweep asks for.
 ///
@@ -101,7 +103,12 @@ impl HashedNgrams {
             let sign = if hash >> 63 == 0 { 1.0 } else { -1.0 };
             vector[(hash % self.dim as u64) as usize] += sign;
         }
-        scale_to_unit_mean_square(&mut vector);
+        let square: f32 = vector.iter().map(|x| x * x).sum();
+        // Signs may cancel to nothing; such a word stays the zero vector.
+        if square > 0.0 {
+            let scale = (vector.len() as f32 / square).sqrt();
+            vector.iter_mut().for_each(|x| *x *= scale);
+        }
         vector
     }
 }
@@ -117,15 +124,6 @@ impl TextEncoder for HashedNgrams {
 
     fn n_tokens(&self, caption: &str) -> Result<usize, TextError> {
         Ok(self.words(caption).count())
-    }
-}
-
-/// Signs may cancel to nothing; such a word stays the zero vector.
-fn scale_to_unit_mean_square(vector: &mut [f32]) {
-    let square: f32 = vector.iter().map(|x| x * x).sum();
-    if square > 0.0 {
-        let scale = (vector.len() as f32 / square).sqrt();
-        vector.iter_mut().for_each(|x| *x *= scale);
     }
 }
 

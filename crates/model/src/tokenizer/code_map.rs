@@ -2,8 +2,9 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::axes::{host, leading};
 use super::codec::Tokenizer;
+use super::halves::host;
+use super::patch::leading;
 use crate::codes::{CodeHistogram, TokenStore};
 use crate::data::Split;
 
@@ -37,7 +38,12 @@ impl CodeMap {
     /// Counts the codes of a split and lays out their embeddings.
     pub fn of(tokenizer: &Tokenizer, tokens: &TokenStore, split: Split) -> Self {
         let codebooks = tokenizer.quantizer().codebooks();
-        let histograms = histograms(tokens, split);
+        let histogram = |(i, n_vocab): (usize, usize)| {
+            let clips = (0..tokens.n_clips(split)).map(move |clip| tokens.scale(split, clip, i));
+            CodeHistogram::new(n_vocab, clips.flatten())
+        };
+        let sizes = tokens.grid().scales.iter().map(|scale| scale.n_vocab).enumerate();
+        let histograms: Vec<_> = sizes.map(histogram).collect();
         let rows =
             codebooks.into_iter().zip(&histograms).map(|(book_vc, met)| Codes::of(book_vc, met));
         let scales: Vec<Codes> = rows.collect();
@@ -48,15 +54,6 @@ impl CodeMap {
         });
         Self { scales: placed.collect(), explained }
     }
-}
-
-/// How often the codes of each scale were met.
-fn histograms(tokens: &TokenStore, split: Split) -> Vec<CodeHistogram> {
-    let of = |(i, n_vocab): (usize, usize)| {
-        let clips = (0..tokens.n_clips(split)).map(move |clip| tokens.scale(split, clip, i));
-        CodeHistogram::new(n_vocab, clips.flatten())
-    };
-    tokens.grid().scales.iter().map(|scale| scale.n_vocab).enumerate().map(of).collect()
 }
 
 /// The embeddings of a codebook, and which of them were met.

@@ -1,19 +1,26 @@
-//! Measuring a tokenizer on the whole test split.
+//! Measuring a tokenizer on the whole test split, and what any has to beat: k-means of patches, without context
+//! and without learning.
 
+use burn::module::Module;
+use burn::tensor::Device;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::batches::{ClipBatch, equal_length_batches};
-use super::captions::Captions;
+use super::TokenizerError;
 use super::codec::Tokenizer;
-use super::corpus::Corpus;
-use super::error::TokenizerError;
-use super::metrics::{ScaleUse, TokenizerMetrics};
+use super::corpus::{ClipBatch, Corpus, equal_length_batches};
+use super::halves::Captions;
+use super::metrics::{Baseline, ScaleUse, TokenizerMetrics};
+use super::module::TokenizerModule;
+use super::pool::WindowPool;
 use super::quantizer::{Extent, by_scale};
-use crate::codes::{CodeHistogram, Grid, Length, Scale};
-use crate::data::{DataError, Split};
+use crate::codes::{CodeHistogram, Length, Scale};
+use crate::data::{DataError, MotionSource, Split};
 use crate::motion::{ROOT_YAW, mpjpe_mm, recover_joints};
 use crate::progress::moved;
+use crate::spec::{CodebookSpec, TokenizerSpec};
 
 /// Reconstruction, and use of the codebook, over every clip of the test split.
 ///
@@ -30,13 +37,16 @@ pub fn evaluate(
 ) -> Result<TokenizerMetrics, TokenizerError> {
     let test = scores(tokenizer, corpus, Split::Test, 0.0)?;
     let made = Reconstruction::of(&test);
-    let val = match corpus.source.n_clips(Split::Val) {
-        0 => None,
-        _ => Some(reconstruct(tokenizer, corpus, Split::Val, 0.0)?),
+    let has_val = corpus.source.n_clips(Split::Val) > 0;
+    let val = has_val.then(|| reconstruct(tokenizer, corpus, Split::Val, 0.0)).transpose()?;
+    let (spec, grid) = (tokenizer.spec(), tokenizer.spec().grid());
+    let histogram = |(i, scale): (usize, &Scale)| {
+        CodeHistogram::new(scale.n_vocab, test.iter().flat_map(move |score| &score.scales[i]))
     };
-    let spec = tokenizer.spec();
-    let scales = histograms(&spec.grid(), &test);
+    let scales: Vec<_> = grid.scales.iter().enumerate().map(histogram).collect();
     let used = CodeHistogram::together(&scales);
+    let mut lengths = grid.scales.iter().map(|scale| scale.length);
+    let has_frames = lengths.all(|length| matches!(length, Length::FramesPerCode(_)));
     Ok(TokenizerMetrics {
         tokenizer_id: tokenizer_id.to_string(),
         architecture: Some(spec.architecture.name().to_string()),
@@ -54,7 +64,7 @@ pub fn evaluate(
         train_steps: spec.training.steps,
         wall_s,
         scales: Some(scales.iter().map(ScaleUse::of).collect()),
-        frames_per_code: has_frames(&spec.grid()).then(|| spec.frames_per_latent()),
+        frames_per_code: has_frames.then(|| spec.frames_per_latent()),
         seed: Some(spec.training.seed),
         k_means: None,
     })
@@ -95,19 +105,6 @@ impl Reconstruction {
             mpjpe_heading_mm: sum(|score| score.given_heading_mm) / n_frames,
         }
     }
-}
-
-/// How often the codes of each scale were met.
-fn histograms(grid: &Grid, scores: &[Score]) -> Vec<CodeHistogram> {
-    let of = |(i, scale): (usize, &Scale)| {
-        CodeHistogram::new(scale.n_vocab, scores.iter().flat_map(move |score| &score.scales[i]))
-    };
-    grid.scales.iter().enumerate().map(of).collect()
-}
-
-/// Whether a code stands for a number of frames.
-fn has_frames(grid: &Grid) -> bool {
-    grid.scales.iter().all(|scale| matches!(scale.length, Length::FramesPerCode(_)))
 }
 
 /// Sums over one batch.
@@ -180,14 +177,44 @@ fn mpjpe(truth: &[f32], made: &[f32], n_frames: usize, n_features: usize) -> f64
     each.sum::<f64>() * n_frames as f64
 }
 
+// k-means of patches.
+
+/// Codes are placed by so many patches each, or more.
+const FEWEST_PER_CODE: usize = 4;
+
+/// k-means with the codebooks and the frames a code of `beside`, as [`Baseline`] has it; `None` for a
+/// multi-scale quantizer, and where the training split has too few frames to place the codes.
+///
+/// # Errors
+/// A clip cannot be read.
+pub fn k_means_baseline(
+    beside: &TokenizerSpec,
+    source: &dyn MotionSource,
+    device: &Device,
+) -> Result<Option<Baseline>, TokenizerError> {
+    let Some(spec) = beside.k_means_beside() else { return Ok(None) };
+    let pool = WindowPool::load(source, &spec, &mut ChaCha8Rng::seed_from_u64(0))?;
+    let n_features = source.stats().mean.len();
+    let n_patches = pool.n_patches(spec.frames_per_latent());
+    let n_codes = spec.quantizer.codebooks().first().map_or(0, CodebookSpec::n_vocab);
+    if n_patches < FEWEST_PER_CODE * n_codes {
+        return Ok(None);
+    }
+    let module = TokenizerModule::begun(&spec, &pool, n_features, device).valid();
+    let tokenizer = Tokenizer::of_clips(module, &spec, source, device);
+    let made = reconstruct(&tokenizer, &Corpus::wordless(source), Split::Test, 0.0)?;
+    let Reconstruction { mpjpe_mm, mpjpe_heading_mm, .. } = made;
+    Ok(Some(Baseline { mpjpe_mm, mpjpe_heading_mm }))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data::{Procedural, ProceduralOptions};
     use crate::motion::N_FEATURES;
-    use crate::spec::TokenizerSpec;
+    use crate::spec::{ArchitectureSpec, PatchSpec, QuantizerKind, QuantizerSpec};
     use crate::tokenizer::testing::{Waves, small_spec, spec_of};
     use crate::tokenizer::train;
-    use burn::tensor::Device;
     use std::ops::ControlFlow;
 
     fn metrics(spec: &TokenizerSpec) -> TokenizerMetrics {
@@ -206,5 +233,45 @@ mod tests {
         assert!(long.mpjpe_mm < short.mpjpe_mm, "{short:?} {long:?}");
         assert_eq!((long.n_vocab, long.train_steps, long.wall_s), (15, 60, 1.5));
         assert!(long.exponential_entropy <= 15.0 * long.utilisation + 1e-9, "{long:?}");
+    }
+
+    fn baseline(frames: usize, quantizer: QuantizerSpec) -> Option<Baseline> {
+        let options = ProceduralOptions { seed: 3, train_clips: 24, val_clips: 2, test_clips: 6 };
+        let architecture = ArchitectureSpec::Patch(PatchSpec { frames, ..PatchSpec::default() });
+        let beside = TokenizerSpec { architecture, quantizer, ..TokenizerSpec::default() };
+        k_means_baseline(&beside, &Procedural::new(options), &Device::flex()).unwrap()
+    }
+
+    fn of(n_vocab: usize) -> Option<Baseline> {
+        baseline(4, QuantizerSpec::Vq { n_vocab })
+    }
+
+    fn given(baseline: &Baseline) -> f64 {
+        baseline.mpjpe_heading_mm
+    }
+
+    #[test]
+    fn more_centres_are_nearer_and_too_many_have_no_baseline() {
+        let (few, many) = (of(4).unwrap(), of(64).unwrap());
+        assert!(given(&many) < 0.8 * given(&few), "{few:?} {many:?}");
+        assert!(given(&many) <= many.mpjpe_mm, "{many:?}");
+        assert_eq!(of(1 << 14), None);
+    }
+
+    #[test]
+    fn several_codebooks_are_nearer_and_scales_have_no_baseline() {
+        let several = |kind: QuantizerKind| baseline(4, kind.section().of_size(16).unwrap());
+        let residual = several(QuantizerKind::Residual).unwrap();
+        assert!(given(&residual) < given(&of(16).unwrap()), "{residual:?}");
+        assert_eq!(several(QuantizerKind::Multiscale), None);
+    }
+
+    #[test]
+    fn codes_are_measured_beside_centres_of_as_many_frames_up_to_four() {
+        let two = baseline(2, QuantizerSpec::Vq { n_vocab: 64 }).unwrap();
+        let eight = baseline(8, QuantizerSpec::Vq { n_vocab: 64 }).unwrap();
+        let four = of(64).unwrap();
+        assert!(given(&two) < given(&four), "{two:?} {four:?}");
+        assert_eq!(four, eight);
     }
 }

@@ -24,56 +24,122 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod architecture;
-mod average;
-mod axes;
-mod baseline;
-mod batches;
-mod begin;
-mod captions;
 mod code_map;
 mod codec;
 mod convolutional;
 mod corpus;
 mod encode;
-mod error;
 mod evaluate;
-mod handover;
+mod halves;
+mod kept_weights;
 mod loss;
 mod metrics;
-mod mix;
 mod module;
-mod normalise;
-mod parts;
-mod pass;
 mod patch;
 mod pool;
 mod quantizer;
-mod report;
 #[cfg(test)]
 mod testing;
 mod train;
 mod transformer;
-mod watch;
 mod windows;
 
-pub use architecture::{AnyDecoder, AnyEncoder, Decode, Encode};
-pub use baseline::k_means_baseline;
-pub use captions::Captions;
+use crate::data::DataError;
+use crate::failure::FailureKind;
+use crate::files::FileError;
+use crate::learn::LearnError;
+use crate::learn::weights::WeightsError;
+use crate::spec::SpecError;
+
 pub use code_map::{CodeMap, ScaleCodes};
 pub use codec::Tokenizer;
 pub use corpus::Corpus;
-pub use encode::tokenize;
-pub use error::TokenizerError;
-pub use evaluate::{Reconstruction, evaluate, reconstruct};
-pub use handover::{Handover, HandoverFiles, taken_back};
-pub use metrics::{Baseline, ScaleUse, TokenizerMetrics};
-pub use parts::{Parts, share_kept};
-pub use pass::Pass;
+pub use encode::{Parts, share_kept, tokenize};
+pub use evaluate::{Reconstruction, evaluate, k_means_baseline, reconstruct};
+pub use halves::{Captions, Decode, Encode, Pass};
+pub use kept_weights::{Validated, best};
+pub use metrics::{Baseline, ScaleUse, TokenizerMetrics, remarks, table};
+pub use module::{AnyDecoder, AnyEncoder, AnyQuantizer};
 pub use quantizer::{
-    AnyQuantizer, Extent, Fsq, Multiscale, Quantized, Quantizer, ResidualFsq, ResidualVq, Vq,
-    area_down, linear_up,
+    Extent, Fsq, Multiscale, Quantized, Quantizer, ResidualFsq, ResidualVq, Vq, area_down,
+    linear_up,
 };
-pub use report::{remarks, table};
-pub use train::{train, train_watched};
-pub use watch::{Validated, best};
+pub use train::{Handover, HandoverFiles, taken_back, train, train_watched};
+
+/// Why a tokenizer could not be trained, saved, loaded or used.
+#[derive(Debug, thiserror::Error)]
+pub enum TokenizerError {
+    /// A field of the specification has a value that no training can use.
+    #[error(transparent)]
+    Spec(#[from] SpecError),
+    /// No clip of the training split is long enough.
+    #[error(
+        "none of the {n_clips} training clips has {window} frames, the longest has {longest}: \
+         set tokenizer.window to {longest} or less"
+    )]
+    NoWindow { window: usize, n_clips: usize, longest: usize },
+    /// A clip is too short to make one token.
+    #[error("clip {clip} of the {split} split has {n_frames} frames, a token takes {stride}")]
+    ShortClip { clip: String, split: &'static str, n_frames: usize, stride: usize },
+    /// An id that no code has, such as the end token's.
+    #[error("{id} is no code: a tokenizer of {n_vocab} codes decodes ids from 0 to {n_vocab} - 1")]
+    UnknownCode { id: u32, n_vocab: usize },
+    /// More or fewer codes than a clip of such a length has.
+    #[error("{found} codes are given, clips of {n_frames} frames have {wanted}")]
+    CodeCount { found: usize, wanted: usize, n_frames: usize },
+    /// A tokenizer with language was given no captions.
+    #[error(
+        "the tokenizer sees captions (`tokenizer.language`) and was given none: give the vectors of the \
+         clip's caption, as the sweep's text encoder makes them"
+    )]
+    NoText,
+    /// Captions of another text encoder.
+    #[error(
+        "the tokenizer sees words as vectors of {wanted} numbers, the caption has {found}: use the text \
+         encoder of the sweep that trained it"
+    )]
+    TextWidth { found: usize, wanted: usize },
+    /// Learning ended before its end.
+    #[error(transparent)]
+    Learn(#[from] LearnError),
+    /// The data set.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// Weights of another tokenizer, or their file.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// A file.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+impl TokenizerError {
+    /// The failure of a job that ends with it; `None` for a stop, which is no failure.
+    pub fn failure_kind(&self) -> Option<FailureKind> {
+        match self {
+            Self::Learn(error) => error.failure_kind(),
+            Self::Data(error) => Some(error.failure_kind()),
+            Self::File(error) | Self::Weights(WeightsError::File(error)) => {
+                Some(error.failure_kind())
+            }
+            Self::Weights(WeightsError::Mismatch { .. }) => Some(FailureKind::Damaged),
+            _ => Some(FailureKind::BadData),
+        }
+    }
+
+    /// Why learning ended, if that is the reason.
+    pub fn learn_error(&self) -> Option<&LearnError> {
+        if let Self::Learn(error) = self { Some(error) } else { None }
+    }
+
+    /// The file that is to blame, where it is damaged or gone.
+    pub fn damaged_file(&self) -> Option<&FileError> {
+        let file = match self {
+            Self::File(error)
+            | Self::Weights(WeightsError::File(error))
+            | Self::Learn(LearnError::File(error)) => Some(error),
+            _ => None,
+        };
+        file.filter(|error| error.is_damage())
+    }
+}

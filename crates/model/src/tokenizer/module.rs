@@ -1,25 +1,123 @@
-//! [`TokenizerModule`]: encoder, quantizer and decoder as one trainable module.
+//! [`TokenizerModule`]: encoder, quantizer and decoder as one trainable module; the one place that tells kinds
+//! of them apart.
 //!
 //! Shapes: b clips, t frames, f features, c latent channels, n = b·t/s latents.
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::architecture::{AnyDecoder, AnyEncoder};
-use super::captions::Captions;
-use super::pass::Pass;
-use super::quantizer::{self, AnyQuantizer, Extent, Quantized, Quantizer};
+use super::convolutional::{Decoder, Encoder};
+use super::halves::{Captions, Decode, Encode, Pass, stands_for};
+use super::patch::{PatchDecoder, PatchEncoder};
+use super::pool::WindowPool;
+use super::quantizer::{
+    Extent, Fsq, Multiscale, Quantized, Quantizer, ResidualFsq, ResidualVq, Vq,
+};
+use super::transformer::{TransformerDecoder, TransformerEncoder};
 use crate::data::FeatureStats;
+use crate::learn::params::stream;
 use crate::learn::weights::{self, Weights, WeightsError};
-use crate::spec::{Codes, TokenizerSpec};
+use crate::spec::{ArchitectureSpec, BegunFrom, CodebookSpec, Codes, QuantizerSpec, TokenizerSpec};
+
+/// An encoder of any kind, as part of a module.
+#[derive(Module, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a tokenizer holds one, and never many in a row")]
+pub enum AnyEncoder {
+    Convolutional(Encoder),
+    Patch(PatchEncoder),
+    Transformer(TransformerEncoder),
+}
+
+/// A decoder of any kind, as part of a module.
+#[derive(Module, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a tokenizer holds one, and never many in a row")]
+pub enum AnyDecoder {
+    Convolutional(Decoder),
+    Patch(PatchDecoder),
+    Transformer(TransformerDecoder),
+}
+
+/// Has a half begin with fresh weights.
+macro_rules! begins {
+    ($any:ident, $part:ident: $($kind:ident $half:ident),*) => {
+        impl $any {
+            /// Fresh weights of an architecture, for frames of `n_features`.
+            pub fn new(
+                spec: &ArchitectureSpec,
+                n_features: usize,
+                rng: &mut ChaCha8Rng,
+                device: &Device,
+            ) -> Self {
+                match spec {
+                    $(ArchitectureSpec::$kind(sizes) => {
+                        Self::$kind($half::new(sizes, n_features, rng, device))
+                    })*
+                }
+            }
+        }
+
+        stands_for!($any, $part: $($kind),*);
+    };
+}
+
+begins!(AnyEncoder, Encode: Convolutional Encoder, Patch PatchEncoder, Transformer TransformerEncoder);
+begins!(AnyDecoder, Decode: Convolutional Decoder, Patch PatchDecoder, Transformer TransformerDecoder);
+
+/// A quantizer of any kind, as part of a module.
+#[derive(Module, Debug)]
+pub enum AnyQuantizer {
+    Fsq(Fsq),
+    Vq(Vq),
+    ResidualFsq(ResidualFsq),
+    ResidualVq(ResidualVq),
+    Multiscale(Multiscale),
+}
+
+impl AnyQuantizer {
+    /// The quantizer of a tokenizer, for latents with `code_dim` channels.
+    pub fn new(
+        spec: &TokenizerSpec,
+        code_dim: usize,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        let training = &spec.training;
+        match &spec.quantizer {
+            QuantizerSpec::Fsq { levels } => Self::Fsq(Fsq::new(levels, code_dim, rng, device)),
+            QuantizerSpec::Vq { n_vocab } => {
+                Self::Vq(Vq::new(*n_vocab, code_dim, training, rng, device))
+            }
+            QuantizerSpec::Residual(own) => match &own.codebook {
+                CodebookSpec::Fsq { levels } => {
+                    Self::ResidualFsq(ResidualFsq::new(own, levels, code_dim, rng, device))
+                }
+                CodebookSpec::Vq { n_vocab: n } => {
+                    Self::ResidualVq(ResidualVq::new(own, *n, code_dim, training, rng, device))
+                }
+            },
+            QuantizerSpec::Multiscale(own) => {
+                Self::Multiscale(Multiscale::new(own, code_dim, training, rng, device))
+            }
+        }
+    }
+}
+
+stands_for!(AnyQuantizer, Quantizer: Fsq, Vq, ResidualFsq, ResidualVq, Multiscale);
+
+/// The stream of a seed from which weights are drawn.
+const WEIGHTS_STREAM: u64 = 0;
+
+/// Patches whose latents are made at a time.
+const PATCHES_AT_ONCE: usize = 1 << 14;
 
 /// What is trained and saved; it works on normalised features.
 #[derive(Module, Debug)]
 pub struct TokenizerModule {
     encoder: AnyEncoder,
-    quantizer: AnyQuantizer,
+    /// It may learn beside the weights.
+    pub quantizer: AnyQuantizer,
     decoder: AnyDecoder,
     /// Whether the decoder alone is trained.
     #[module(skip)]
@@ -37,7 +135,7 @@ impl TokenizerModule {
         let kind = &spec.architecture;
         Self {
             encoder: AnyEncoder::new(kind, n_features, rng, device),
-            quantizer: quantizer::init(spec, kind.code_dim(), rng, device),
+            quantizer: AnyQuantizer::new(spec, kind.code_dim(), rng, device),
             decoder: AnyDecoder::new(kind, n_features, rng, device),
             codes_are_fixed: kind.codes() == Codes::Fixed,
         }
@@ -58,20 +156,33 @@ impl TokenizerModule {
         weights::into_module(Self::new(spec, n_features, &mut unused, device), saved)
     }
 
-    /// Begins the encoder and the decoder from patches of training clips, `[n, s·f]`.
-    pub fn begin_weights(&mut self, patches_np: &Tensor<2>, n_features: usize) {
-        self.encoder.begin(patches_np);
-        let latents_nc = self.latents(patches_np.clone(), n_features);
-        self.decoder.begin(&latents_nc, patches_np);
-    }
-
-    /// Begins the quantizer from latents, `[n, c]`.
-    pub fn begin_codes(&mut self, latents_nc: &Tensor<2>) {
-        self.quantizer.begin(latents_nc);
+    /// Weights before the first step: fresh; where the architecture begins from data, from patches of the
+    /// pool, encoder and decoder first, the quantizer from the latents that these give.
+    pub fn begun(
+        spec: &TokenizerSpec,
+        pool: &WindowPool,
+        n_features: usize,
+        device: &Device,
+    ) -> Self {
+        let mut rng = stream(spec.training.seed, WEIGHTS_STREAM);
+        let mut module = Self::new(spec, n_features, &mut rng, device);
+        if let Some(BegunFrom { weights, codes }) = spec.begun_from() {
+            let plain = device.clone().inner();
+            let frames = spec.architecture.frames_per_latent();
+            let patches_np = rows(&Vec::from_iter(pool.patches(frames, weights)), &plain);
+            module.encoder.begin(&patches_np);
+            let latents_nc = module.latents(patches_np.clone(), n_features);
+            module.decoder.begin(&latents_nc, &patches_np);
+            let of_codes = Vec::from_iter(pool.patches(frames, codes));
+            let latents_of = |part: &[_]| module.latents(rows(part, &plain), n_features);
+            let latents = of_codes.chunks(PATCHES_AT_ONCE).map(latents_of).collect();
+            module.quantizer.begin(&Tensor::cat(latents, 0));
+        }
+        module
     }
 
     /// The latent of each patch, `[n, c]`, without gradient.
-    pub fn latents(&self, patches_np: Tensor<2>, n_features: usize) -> Tensor<2> {
+    fn latents(&self, patches_np: Tensor<2>, n_features: usize) -> Tensor<2> {
         let [n, p] = patches_np.dims();
         let clips_btf = patches_np.reshape([n, p / n_features, n_features]);
         let latents_btc = self.encoder.valid().forward(clips_btf, &mut Pass::default());
@@ -103,16 +214,6 @@ impl TokenizerModule {
         Quantized { quantized_btc, auxiliary_loss: None }
     }
 
-    /// The quantizer, which may learn beside the weights.
-    pub(super) fn quantizer(&self) -> &dyn Quantizer {
-        &*self.quantizer
-    }
-
-    /// The same, to be changed.
-    pub(super) fn quantizer_mut(&mut self) -> &mut dyn Quantizer {
-        &mut *self.quantizer
-    }
-
     /// Codes of `[b, t, f]`, clip after clip.
     pub fn ids(&self, x_btf: Tensor<3>, captions: Option<&Captions>) -> Vec<u32> {
         self.quantizer.ids(self.encoder.forward(x_btf, &mut Pass::reading(captions)))
@@ -130,17 +231,19 @@ impl TokenizerModule {
         guidance: f64,
     ) -> Tensor<3> {
         let latents_btc = self.quantizer.embed(ids, extent);
-        let made = |captions, latents_btc| {
-            self.decoder.forward(latents_btc, &mut Pass::reading(Some(captions)))
-        };
-        match captions {
-            None => self.decoder.forward(latents_btc, &mut Pass::default()),
-            Some(captions) if guidance == 0.0 => made(captions, latents_btc),
-            Some(captions) => {
-                let none = Captions::none(extent.n_clips);
-                let without = made(&none, latents_btc.clone());
-                made(captions, latents_btc) * (1.0 + guidance) - without * guidance
-            }
+        let none = Captions::none(extent.n_clips);
+        let made =
+            |captions| self.decoder.forward(latents_btc.clone(), &mut Pass::reading(captions));
+        if captions.is_none() || guidance == 0.0 {
+            return made(captions);
         }
+        let without = made(Some(&none));
+        made(captions) * (1.0 + guidance) - without * guidance
     }
+}
+
+/// `[n, p]` of n patches of p values.
+fn rows(patches: &[&[f32]], device: &Device) -> Tensor<2> {
+    let shape = [patches.len(), patches[0].len()];
+    Tensor::from_data(TensorData::new(patches.concat(), shape), device)
 }

@@ -6,8 +6,8 @@ use std::path::Path;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::error::TokenizerError;
-use super::normalise::Normaliser;
+use super::TokenizerError;
+use super::corpus::Normaliser;
 use super::windows::Windows;
 use crate::data::{MotionSource, Split};
 use crate::files::FileError;

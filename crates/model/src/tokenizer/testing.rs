@@ -78,17 +78,11 @@ pub const D_TEXT: usize = 6;
 pub fn small_spec() -> TokenizerSpec {
     let sizes = ConvolutionalSpec { width: 8, depth: 2, ..Default::default() };
     let (window, batch, steps, lr, warmup_steps) = (16, 8, 5, 5e-3, 2);
+    let defaults = TokenizerTraining::default();
     TokenizerSpec {
         architecture: ArchitectureSpec::Convolutional(sizes),
         quantizer: QuantizerSpec::Fsq { levels: vec![5, 3] },
-        training: TokenizerTraining {
-            window,
-            batch,
-            steps,
-            lr,
-            warmup_steps,
-            ..Default::default()
-        },
+        training: TokenizerTraining { window, batch, steps, lr, warmup_steps, ..defaults },
         ..TokenizerSpec::default()
     }
 }
@@ -99,17 +93,11 @@ pub fn patch_spec(quantizer: QuantizerSpec, steps: usize) -> TokenizerSpec {
     let sizes =
         PatchSpec { width: 8, latent: 4, encoder_blocks, decoder_blocks, ..Default::default() };
     let (window, batch, lr, warmup_steps) = (32, 4, 1e-2, 2);
+    let defaults = TokenizerTraining::of_patches();
     TokenizerSpec {
         architecture: ArchitectureSpec::Patch(sizes),
         quantizer,
-        training: TokenizerTraining {
-            window,
-            batch,
-            steps,
-            lr,
-            warmup_steps,
-            ..TokenizerTraining::of_patches()
-        },
+        training: TokenizerTraining { window, batch, steps, lr, warmup_steps, ..defaults },
         ..TokenizerSpec::default()
     }
 }

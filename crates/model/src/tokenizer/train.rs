@@ -1,32 +1,32 @@
-//! Training a tokenizer: the same spec and data give the same bits each time, straight or resumed.
+//! Training a tokenizer: the same spec and data give the same bits each time, straight or resumed, here or by a
+//! trainer in another process.
+
+use std::path::{Path, PathBuf};
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 use serde_json::json;
 
-use super::average::Average;
-use super::begin::{begun, stream};
+use super::TokenizerError;
 use super::codec::Tokenizer;
-use super::corpus::{Corpus, ReadCaptions};
-use super::error::TokenizerError;
+use super::corpus::{Corpus, Normaliser, ReadCaptions};
+use super::halves::{Pass, host};
+use super::kept_weights::{Average, Validated, Watch};
 use super::loss::{JointLoss, of_gradient, reconstruction_loss};
-use super::mix::Mixing;
 use super::module::TokenizerModule;
-use super::normalise::Normaliser;
-use super::pass::Pass;
 use super::pool::WindowPool;
-use super::watch::{Validated, Watch};
-use super::windows::Windows;
+use super::windows::{Mixing, Windows};
 use crate::learn::adamw::AdamWConfig;
-use crate::learn::params::below;
-use crate::learn::weights::{Source, Sources, Weights};
+use crate::learn::params::{below, stream};
+use crate::learn::weights::{self, Source, Sources, Weights};
 use crate::learn::{Checkpoints, Course, LearnError, Learner, LearnerState, Learning, LoadedState};
 use crate::progress::Progress;
 use crate::spec::{TokenizerLoss, TokenizerSpec, TokenizerTraining};
 
 /// The stream of a seed from which windows are drawn.
-pub const WINDOWS_STREAM: u64 = 1;
+const WINDOWS_STREAM: u64 = 1;
 
 /// The streams of a seed from which captions, and what is dropped, are drawn: one a step.
 const CAPTIONS_STREAMS: u64 = 1 << 40;
@@ -35,8 +35,9 @@ const NOISE_STREAMS: u64 = 2 << 40;
 /// Trains a tokenizer on the training split of `corpus`, from its checkpoint where there is one.
 ///
 /// # Errors
-/// If the spec is unusable, the captions that it wants are missing, no clip holds a window, a clip cannot be read, the loss stops being a
-/// number, a checkpoint is damaged or cannot be written, or `progress` asks for an end.
+/// If the spec is unusable, the captions that it wants are missing, no clip holds a window, a clip cannot
+/// be read, the loss stops being a number, a checkpoint is damaged or cannot be written, or `progress` asks
+/// for an end.
 pub fn train(
     spec: &TokenizerSpec,
     corpus: &Corpus,
@@ -61,7 +62,9 @@ pub fn train_watched(
     spec.check()?;
     let learner = Reconstructing::new(spec, corpus, &device.clone().autodiff())?;
     let learning = Learning::run(learner, &course(spec), checkpoints, progress)?;
-    let (module, log) = learning.into_learner().end()?;
+    let learner = learning.into_learner();
+    let last = learner.kept();
+    let (module, log) = learner.watch.map_or(Ok((last, Vec::new())), Watch::end)?;
     Ok((Tokenizer::of_clips(module, spec, corpus.source, device), log))
 }
 
@@ -94,7 +97,7 @@ impl<'a> Reconstructing<'a> {
         let normaliser = Normaliser::new(spec, source.stats());
         let mut draws = stream(seed, WINDOWS_STREAM);
         let pool = WindowPool::load(source, spec, &mut draws)?;
-        let module = begun(spec, &pool, normaliser.n_features(), device);
+        let module = TokenizerModule::begun(spec, &pool, normaliser.n_features(), device);
         let watch =
             |plateau| Watch::new(plateau, (spec, *corpus), &module.valid(), device.clone().inner());
         Ok(Self {
@@ -137,14 +140,8 @@ impl<'a> Reconstructing<'a> {
 
     /// The weights as they would be kept now.
     fn kept(&self) -> TokenizerModule {
-        let average = self.average.as_ref().map(|average| average.module().clone());
+        let average = self.average.as_ref().map(|average| average.module.clone());
         average.unwrap_or_else(|| self.module.valid())
-    }
-
-    /// The weights that are kept, and what the validation split said of them.
-    fn end(self) -> Result<(TokenizerModule, Vec<Validated>), TokenizerError> {
-        let last = self.kept();
-        self.watch.map_or(Ok((last, Vec::new())), Watch::end)
     }
 }
 
@@ -162,11 +159,11 @@ impl Learner for Reconstructing<'_> {
     fn loss(&mut self, step: usize) -> Tensor<1> {
         let windows = self.windows();
         // Streams of a step's own: a checkpoint need not hold how far they have come.
-        let seed = self.spec.training.seed;
-        let of_step = |first: u64| stream(seed, first + step as u64);
-        let captions = self.captions.as_ref();
-        let captions =
-            captions.map(|read| read.drawn(&windows.clips, &mut of_step(CAPTIONS_STREAMS)));
+        let training = &self.spec.training;
+        let of_step = |first: u64| stream(training.seed, first + step as u64);
+        let drawn =
+            |read: &ReadCaptions| read.drawn(&windows.clips, &mut of_step(CAPTIONS_STREAMS));
+        let captions = self.captions.as_ref().map(drawn);
         let noise = Some(of_step(NOISE_STREAMS));
         let mut pass = Pass { captions: captions.as_ref(), noise };
         let shape = [windows.len(), windows.n_frames, self.normaliser.n_features()];
@@ -174,13 +171,9 @@ impl Learner for Reconstructing<'_> {
         let target_btf = Tensor::<3>::from_data(data, &self.device);
         let (features_btf, auxiliary_loss) = self.module.reconstruct(target_btf.clone(), &mut pass);
         let loss = match &self.joints {
-            None => {
-                let position_weight = self.spec.training.position_weight;
-                reconstruction_loss(features_btf, target_btf, position_weight)
-            }
+            None => reconstruction_loss(features_btf, target_btf, training.position_weight),
             Some(joints) => {
-                let made = features_btf.clone().into_data().try_into_vec();
-                let (value, gradient) = joints.of(&made.expect("features are f32"), &windows);
+                let (value, gradient) = joints.of(&host(features_btf.clone()), &windows);
                 of_gradient(features_btf, value, gradient)
             }
         };
@@ -216,7 +209,7 @@ impl Learner for Reconstructing<'_> {
     /// Numbers drawn for windows, as text, since they have 68 bits; what the quantizer keeps; the averaged
     /// weights, and the best ones.
     fn keep(&self) -> LearnerState {
-        let LearnerState { note, mut tensors } = self.module.quantizer().keep();
+        let LearnerState { note, mut tensors } = self.module.quantizer.keep();
         let mut note = json!({ DRAWN: self.draws.get_word_pos().to_string(), QUANTIZER: note });
         tensors.extend(self.average.iter().flat_map(|average| named(AVERAGE, average.keep())));
         if let Some(watch) = &self.watch {
@@ -236,7 +229,7 @@ impl Learner for Reconstructing<'_> {
             watch.resume(saved.note[LOG].take(), taken(BEST, &mut saved.tensors))?;
         }
         let (note, tensors) = (saved.note[QUANTIZER].take(), saved.tensors);
-        self.module.quantizer_mut().resume(LoadedState { note, tensors })
+        self.module.quantizer.resume(LoadedState { note, tensors })
     }
 }
 
@@ -268,6 +261,106 @@ fn course(spec: &TokenizerSpec) -> Course {
         clip_norm: (spec.training.clip_norm > 0.0).then_some(spec.training.clip_norm),
     };
     Course { steps: spec.training.steps, optimiser }
+}
+
+// Training in another process.
+
+/// Raised when a key changes its meaning or goes.
+const VERSION: u32 = 1;
+
+/// Numbers of 32 bits that a generator counts in one of 64.
+const WORDS_PER_NUMBER: u128 = 2;
+
+/// One tokenizer as its trainer reads it: complete, with absolute paths.
+///
+/// The trainer begins with the same weights as the built-in one and draws the same numbers, so it
+/// takes the same steps. A batch is a pure function of the spec: from the stream `WINDOWS_STREAM` of
+/// the seed, of which the first `drawn` numbers chose the clips, each step takes one number for the
+/// length of its windows (transformers alone), then for each window one for its clip and one for its
+/// first frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct Handover {
+    pub version: u32,
+    pub spec: TokenizerSpec,
+    /// Normalised clips, mirrored ones too: `values` (f32, frame after frame), `offsets` (u64, the
+    /// first frame of each clip, and the end), `origins` (u64, the clip of the training split that
+    /// each is made of), and `mean` and `std` (f32) that undo the normalisation.
+    pub pool: PathBuf,
+    /// The first weights by their names in the tokenizer.
+    pub init: PathBuf,
+    /// Numbers of the windows' stream that are used up.
+    pub drawn: u64,
+    /// Keys of the generators that the codebooks of VQ draw from, a codebook each.
+    pub codebook_keys: Vec<[u32; 8]>,
+    #[serde(flatten)]
+    pub files: HandoverFiles,
+}
+
+/// Where a trainer leaves and finds what is not a part of the spec.
+#[derive(Clone, Debug, Serialize)]
+pub struct HandoverFiles {
+    /// The embedded captions; `null` if the tokenizer has no language.
+    pub text: Option<PathBuf>,
+    /// Seconds between two checkpoints.
+    pub checkpoint_s: f64,
+    /// Its result.
+    pub out: PathBuf,
+    /// A folder that outlives a kill; the clips and the first weights are put there.
+    pub checkpoint: PathBuf,
+}
+
+impl Handover {
+    /// Writes the clips and the first weights of a tokenizer; the checkpoint's folder is there.
+    ///
+    /// # Errors
+    /// As [`train`] before its first step.
+    pub fn write(
+        spec: &TokenizerSpec,
+        corpus: &Corpus,
+        device: &Device,
+        files: HandoverFiles,
+    ) -> Result<Self, TokenizerError> {
+        spec.check()?;
+        corpus.read_by(spec)?;
+        let normaliser = Normaliser::new(spec, corpus.source.stats());
+        let mut draws = stream(spec.training.seed, WINDOWS_STREAM);
+        let pool = WindowPool::load(corpus.source, spec, &mut draws)?;
+        let module = TokenizerModule::begun(spec, &pool, normaliser.n_features(), device);
+        let [clips, init] =
+            ["pool.safetensors", "init.safetensors"].map(|name| files.checkpoint.join(name));
+        pool.write(&clips, &normaliser)?;
+        weights::save(&init, &weights::of_module(&module), Default::default())?;
+        Ok(Self {
+            version: VERSION,
+            spec: spec.clone(),
+            pool: clips,
+            init,
+            drawn: (draws.get_word_pos() / WORDS_PER_NUMBER) as u64,
+            codebook_keys: module.quantizer.keys().into_iter().map(words).collect(),
+            files,
+        })
+    }
+}
+
+/// A key as the numbers of 32 bits that it is made of.
+fn words(key: [u8; 32]) -> [u32; 8] {
+    let (words, _) = key.as_chunks();
+    std::array::from_fn(|i| u32::from_le_bytes(words[i]))
+}
+
+/// The tokenizer of weights that a trainer in another process has left.
+///
+/// # Errors
+/// The file cannot be read, or does not hold the weights of such a tokenizer.
+pub fn taken_back(
+    spec: &TokenizerSpec,
+    corpus: &Corpus,
+    device: &Device,
+    path: &Path,
+) -> Result<Tokenizer, TokenizerError> {
+    let (found, _) = weights::load(path)?;
+    let module = TokenizerModule::of_weights(spec, corpus.source.stats(), found, device)?;
+    Ok(Tokenizer::of_clips(module, spec, corpus.source, device))
 }
 
 #[cfg(test)]

@@ -7,27 +7,29 @@
 mod stream;
 mod transformer;
 
-pub use stream::{Part, TokenStream};
-pub use transformer::{Batch, Model, Sequence, Transformer, end_token};
-
-use super::probed::{MOST_TOKENS, made_up_clip, passes};
-use super::{
-    Choices, Draw, GeneratorError, Inputs, Kind, Objective, Prompt, Sampled, Sampler, Sampling,
-    ScaleInputs, SplitLoss, StreamForm,
-};
-use crate::data::Split;
-use crate::spec::RunSpec;
-use crate::spec::flops::exact_of_sequence;
 use std::borrow::Cow;
+use std::sync::Arc;
 
-use super::sampling::{check_length, rows};
-use super::trained::SplitSums;
-use crate::codes::Grid;
-use crate::progress::moved;
 use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
+
+use super::losses::{SplitSums, passes};
+use super::probed::{MOST_TOKENS, made_up_clip};
+use super::sampling::{check_length, rows};
+use super::{
+    Draw, GeneratorError, Inputs, Kind, Objective, Prompt, Sampled, Sampler, Sampling, ScaleInputs,
+    SplitLoss,
+};
+use crate::codes::Grid;
+use crate::data::Split;
+use crate::progress::moved;
+use crate::spec::RunSpec;
+use crate::spec::flops::exact_of_sequence;
+use stream::{Choices, StreamForm};
 use transformer::Decoder;
+
+pub use stream::{Part, TokenStream};
+pub use transformer::{Batch, Model, Sequence, Transformer, end_token};
 
 /// Logits of a measured step, at most.
 const MOST_LOGITS: usize = 1 << 24;
@@ -133,8 +135,8 @@ pub fn split_loss(model: &Model, inputs: &Inputs, split: Split) -> SplitLoss {
 
 /// A trained transformer.
 struct AutoregressiveSampler {
-    pub model: Model,
-    pub grid: Grid,
+    model: Model,
+    grid: Grid,
 }
 
 /// A motion that is being made.

@@ -2,16 +2,17 @@
 //!
 //! Shapes: n rows of the batch, d width, f feed-forward width, V codes, s supervised rows.
 
-use crate::generator::Network;
-use crate::generator::stack::{Backbone, Block, EPSILON, Growing, kernels_of, padded};
-use crate::learn::params::{constant, normal};
-use crate::ops::{HeadWeights, Kernels, SequenceLayout};
-use crate::spec::RunSpec;
-use crate::spec::{ModelShape, Precision};
+use std::sync::Arc;
+
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
+
+use crate::generator::Network;
+use crate::generator::stack::{Backbone, Block, EPSILON, Growing, kernels_of, packed, padded};
+use crate::learn::params::{constant, normal};
+use crate::ops::{HeadWeights, Kernels, SequenceLayout};
+use crate::spec::{ModelShape, Precision, RunSpec};
 
 /// The id of the end token, after the codes; the pad token is one more.
 pub fn end_token(n_vocab: usize) -> u32 {
@@ -207,33 +208,24 @@ pub struct Batch {
 impl Batch {
     /// Packs sequences; `end` is the id of the end token, V.
     pub fn pack(sequences: &[Sequence], d_text: usize, end: u32) -> Self {
-        let n_text_rows: usize = sequences.iter().map(|s| s.text.len() / d_text).sum();
-        let (mut text, mut codes) = (Vec::with_capacity(n_text_rows * d_text), Vec::new());
-        let (mut order, mut target_rows, mut targets) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut lengths, mut prefixes) = (Vec::new(), Vec::new());
-        for sequence in sequences {
-            let start = order.len();
-            let prefix = sequence.text.len() / d_text;
-            let inputs = &sequence.codes[..sequence.to - 1];
-            let first_text = (text.len() / d_text) as u32;
-            order.extend(first_text..first_text + prefix as u32);
-            let first_code = (n_text_rows + codes.len()) as u32;
-            order.extend(first_code..first_code + inputs.len() as u32);
-            text.extend_from_slice(sequence.text);
-            codes.extend_from_slice(inputs);
-            lengths.push(prefix + inputs.len());
-            prefixes.push(prefix);
+        let size = |sequence: &Sequence| [sequence.text.len() / d_text, sequence.to - 1];
+        let sizes: Vec<[usize; 2]> = sequences.iter().map(size).collect();
+        let (mut target_rows, mut targets, mut start) = (Vec::new(), Vec::new(), 0);
+        for (sequence, [prefix, n_codes]) in sequences.iter().zip(&sizes) {
             for target in sequence.from..sequence.to {
                 target_rows.push((start + prefix - 1 + target) as u32);
                 targets.push(sequence.codes.get(target).copied().unwrap_or(end));
             }
+            start += prefix + n_codes;
         }
+        let (order, lengths) = packed(&sizes);
+        let prefixes: Vec<usize> = sizes.iter().map(|own| own[0]).collect();
         let layout = SequenceLayout::new(&lengths, &prefixes).expect("prefixes are not empty");
         Self {
             layout: Arc::new(layout),
-            text,
-            codes: codes.into(),
-            order: order.into(),
+            text: sequences.iter().map(|own| own.text).collect::<Vec<_>>().concat(),
+            codes: sequences.iter().flat_map(|own| &own.codes[..own.to - 1]).copied().collect(),
+            order,
             target_rows: target_rows.into(),
             targets: targets.into(),
         }
@@ -285,13 +277,10 @@ impl<'a> Decoder<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Batch, Sequence};
-    use super::*;
-    use crate::ops::Kernels;
-    use crate::spec::{Ffn, ModelShape};
-    use burn::tensor::Device;
-    use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
+
+    use super::*;
+    use crate::spec::Ffn;
 
     #[test]
     fn rows_and_targets_of_two_sequences() {

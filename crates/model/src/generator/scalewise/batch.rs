@@ -1,13 +1,14 @@
 //! [`Batch`]: clips packed row after row, text first, then scale after scale.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use crate::codes::{Grid, Length};
 use crate::data::Split;
 use crate::generator::Inputs;
-use crate::generator::stack::{Supervised, n_supervised};
+use crate::generator::stack::{Supervised, n_supervised, packed};
 use crate::ops::{BlockSequence, Rope, SequenceLayout};
 use crate::spec::ScalewiseSpec;
-use std::ops::Range;
-use std::sync::Arc;
 
 /// One clip as the model is shown it.
 #[derive(Clone, Debug)]
@@ -42,6 +43,12 @@ impl<'a> Clip<'a> {
         let n_latents = scales.n_latents(n_frames);
         Self { text, codes, lengths, inputs, n_latents, supervised }
     }
+
+    /// Its rows of text, of the first scale, and of the others.
+    fn rows(&self, d_text: usize) -> [usize; 3] {
+        let first = self.lengths[0];
+        [self.text.len() / d_text, first, self.lengths.iter().sum::<usize>() - first]
+    }
 }
 
 /// A batch as the model takes it.
@@ -69,26 +76,32 @@ pub struct Batch {
 impl Batch {
     /// Packs clips.
     pub fn pack(clips: &[Clip], grid: &Grid, d_text: usize, places: &Places) -> Self {
-        let n_text_rows = clips.iter().map(|clip| clip.text.len() / d_text).sum::<usize>();
-        let n_starts = clips.iter().map(|clip| clip.lengths[0]).sum::<usize>();
-        let mut packing = Packing {
-            next: [0, n_text_rows, n_text_rows + n_starts],
-            targets: vec![Default::default(); grid.scales.len()],
-            ..Packing::default()
+        let sizes: Vec<[usize; 3]> = clips.iter().map(|clip| clip.rows(d_text)).collect();
+        let sequence = |(clip, [n_text, ..]): (&Clip, &[usize; 3])| {
+            let scales = clip.lengths.iter().enumerate();
+            let codes = scales.flat_map(|(scale, &n)| places.scale(scale, n));
+            let angles = places.text(*n_text).chain(codes).map(|angle| angle as u32).collect();
+            BlockSequence { prefix: *n_text, blocks: clip.lengths.clone().into(), angles }
         };
-        clips.iter().for_each(|clip| packing.add(clip, clip.text.len() / d_text, places));
+        let sequences: Vec<BlockSequence> = clips.iter().zip(&sizes).map(sequence).collect();
+        let lengths = |sort: usize| {
+            let lengths = clips.iter().map(|clip| clip.n_latents as u32).zip(&sizes);
+            lengths.flat_map(move |(length, own)| std::iter::repeat_n(length, own[sort])).collect()
+        };
+        let levels = clips.iter().flat_map(|clip| {
+            let later = clip.lengths.iter().enumerate().skip(1);
+            later.flat_map(|(scale, &n)| std::iter::repeat_n(scale as u32, n))
+        });
         Self {
-            layout: Arc::new(
-                SequenceLayout::in_blocks(&packing.sequences).expect("clips have rows"),
-            ),
+            layout: Arc::new(SequenceLayout::in_blocks(&sequences).expect("clips have rows")),
             text: clips.iter().flat_map(|clip| clip.text).copied().collect(),
-            text_lengths: packing.text_lengths.into(),
-            starts: packing.starts.into(),
-            start_lengths: packing.start_lengths.into(),
+            text_lengths: lengths(0),
+            starts: sizes.iter().flat_map(|own| 0..own[1] as u32).collect(),
+            start_lengths: lengths(1),
             inputs: clips.iter().flat_map(|clip| clip.inputs.iter().flatten()).copied().collect(),
-            levels: packing.levels.into(),
-            order: packing.order.into(),
-            targets: packing.targets.into_iter().map(Supervised::from).collect(),
+            levels: levels.collect(),
+            order: packed(&sizes).0,
+            targets: supervised(clips, &sizes, grid.scales.len()),
         }
     }
 
@@ -98,59 +111,20 @@ impl Batch {
     }
 }
 
-/// A batch that is being packed.
-#[derive(Default)]
-struct Packing {
-    sequences: Vec<BlockSequence>,
-    text_lengths: Vec<u32>,
-    starts: Vec<u32>,
-    start_lengths: Vec<u32>,
-    levels: Vec<u32>,
-    order: Vec<u32>,
-    /// Rows and codes of each scale.
-    targets: Vec<(Vec<u32>, Vec<u32>)>,
-    /// The next rows of text, of the first scale, and of the others.
-    next: [usize; 3],
-}
-
-impl Packing {
-    fn add(&mut self, clip: &Clip, n_text: usize, places: &Places) {
-        let length = clip.n_latents as u32;
-        let first = self.order.len() + n_text;
-        self.take(0, n_text);
-        self.text_lengths.extend(std::iter::repeat_n(length, n_text));
-        let mut angles: Vec<u32> = places.text(n_text).map(|angle| angle as u32).collect();
-        for (scale, &n) in clip.lengths.iter().enumerate() {
-            self.take(if scale == 0 { 1 } else { 2 }, n);
-            angles.extend(places.scale(scale, n).map(|angle| angle as u32));
-            if scale == 0 {
-                self.starts.extend(0..n as u32);
-                self.start_lengths.extend(std::iter::repeat_n(length, n));
-            } else {
-                self.levels.extend(std::iter::repeat_n(scale as u32, n));
-            }
-        }
-        self.supervise(clip, first);
-        let blocks = clip.lengths.clone().into();
-        self.sequences.push(BlockSequence { prefix: n_text, blocks, angles });
-    }
-
-    /// The next `n` rows of a kind join the batch.
-    fn take(&mut self, kind: usize, n: usize) {
-        let from = self.next[kind];
-        self.order.extend((from..from + n).map(|row| row as u32));
-        self.next[kind] += n;
-    }
-
-    fn supervise(&mut self, clip: &Clip, first: usize) {
-        let mut start = 0;
-        for ((rows, codes), n) in self.targets.iter_mut().zip(&clip.lengths) {
+/// What is supervised of each scale of clips that have so many rows.
+fn supervised(clips: &[Clip], sizes: &[[usize; 3]], n_scales: usize) -> Vec<Supervised> {
+    let (mut first, mut targets) = (0, vec![<(Vec<u32>, Vec<u32>)>::default(); n_scales]);
+    for (clip, size) in clips.iter().zip(sizes) {
+        let (first_code, mut start) = (first + size[0], 0);
+        for ((rows, codes), n) in targets.iter_mut().zip(&clip.lengths) {
             let own = clip.supervised.start.max(start)..clip.supervised.end.min(start + n);
-            rows.extend(own.clone().map(|i| (first + i) as u32));
+            rows.extend(own.clone().map(|i| (first_code + i) as u32));
             codes.extend(own.map(|i| clip.codes[i]));
             start += n;
         }
+        first += size.iter().sum::<usize>();
     }
+    targets.into_iter().map(Supervised::from).collect()
 }
 
 // [`Places`]: where text and codes stand in time, for the angles of attention.

@@ -9,30 +9,31 @@
 
 mod batch;
 mod model;
-pub use batch::{Batch, Clip};
-pub use model::{Model, ScalewiseTransformer};
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use rand_chacha::ChaCha8Rng;
 
 use super::autoregressive::{Part, TokenStream};
 use super::kind::step_rng;
-use super::probed::{WORDS, passes};
+use super::losses::{SplitSums, passes};
+use super::probed::WORDS;
+use super::sampling::{Making, guide, rows};
+use super::stack::{Growing, padded};
 use super::{
     GeneratorError, Inputs, Kind, Objective, Prompt, Sampled, Sampler, Sampling, ScaleInputs,
     SplitLoss,
 };
+use crate::codes::Grid;
 use crate::data::Split;
 use crate::learn::params::{below, unit};
-use crate::spec::RunSpec;
-use crate::spec::exact_of_clip;
-use model::own;
-use rand_chacha::ChaCha8Rng;
-
-use super::sampling::{Making, guide, rows};
-use super::stack::{Growing, padded};
-use super::trained::SplitSums;
-use crate::codes::Grid;
 use crate::progress::moved;
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use crate::spec::{RunSpec, exact_of_clip};
+use model::own;
+
+pub use batch::{Batch, Clip};
+pub use model::{Model, ScalewiseTransformer};
 
 /// The scale-by-scale transformer as a kind of generator.
 pub struct Scalewise;
@@ -44,7 +45,8 @@ impl Kind for Scalewise {
     const WANTS_SCALES: bool = true;
 
     fn sampler(spec: &RunSpec, model: Model) -> Box<dyn Sampler> {
-        Box::new(ScalewiseSampler::new(spec, model))
+        let no_text = vec![0.0; spec.shape().d_text];
+        Box::new(ScalewiseSampler { model, grid: spec.codes.clone(), no_text })
     }
 
     /// Clips as long as the longest.
@@ -181,11 +183,6 @@ struct ScalewiseSampler {
 }
 
 impl ScalewiseSampler {
-    /// The transformer of a run.
-    pub fn new(spec: &RunSpec, model: Model) -> Self {
-        Self { model, grid: spec.codes.clone(), no_text: vec![0.0; spec.shape().d_text] }
-    }
-
     /// A motion without a code, of whole latents.
     fn begin<'a>(&self, prompt: &Prompt<'a>) -> Result<Making<'a>, GeneratorError> {
         let spec = self.model.spec();

@@ -9,14 +9,12 @@ use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
 use super::batch::{Batch, Places};
-
 use crate::codes::Grid;
 use crate::generator::Network;
 use crate::generator::stack::{Backbone, Block, EPSILON, heads_loss, heads_nll, kernels_of};
 use crate::learn::params::{constant, normal};
 use crate::ops::HeadWeights;
-use crate::spec::RunSpec;
-use crate::spec::{GeneratorSpec, Precision, ScalewiseSpec};
+use crate::spec::{GeneratorSpec, Precision, RunSpec, ScalewiseSpec};
 
 /// All parameters of the model.
 #[derive(Module, Debug)]

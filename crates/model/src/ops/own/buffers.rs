@@ -1,4 +1,4 @@
-//! [`Buffer`]: memory that is handed from step to step.
+//! [`Buffer`]: memory that is handed from step to step; flex's tensors and their elements.
 //!
 //! Fresh memory costs a page fault and the clearing of a page for every four kilobytes, which at
 //! the sizes of a training step takes as long as many of its kernels. So what a step lets go of
@@ -6,11 +6,10 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::ops::{Deref, DerefMut};
+use std::ops::{Deref, DerefMut, Range};
 
+use burn::tensor::{DType, TensorData};
 use burn_flex::FlexTensor;
-
-use super::elements::tensor;
 
 /// Vectors of one length.
 #[derive(Default)]
@@ -140,6 +139,54 @@ impl DerefMut for Buffer {
     fn deref_mut(&mut self) -> &mut [f32] {
         &mut self.values
     }
+}
+
+// The elements of flex's tensors.
+
+/// A tensor with its elements in order from the start of its storage, without a copy if it is
+/// one already.
+pub fn contiguous(x: FlexTensor) -> FlexTensor {
+    assert_eq!(x.dtype(), DType::F32, "the own operations compute in f32");
+    let whole = x.bytes().len() == x.layout().num_elements() * size_of::<f32>();
+    if whole && x.is_contiguous() && x.layout().start_offset() == 0 { x } else { x.to_contiguous() }
+}
+
+/// The elements of a contiguous tensor.
+pub fn elements(x: &FlexTensor) -> &[f32] {
+    x.as_slice().expect("contiguous() has put the elements in order")
+}
+
+/// The elements of a contiguous tensor for writing; copied first if another tensor shares them.
+pub fn elements_mut(x: &mut FlexTensor) -> &mut [f32] {
+    x.storage_mut()
+}
+
+/// A tensor of these elements.
+pub fn tensor<const D: usize>(elements: Vec<f32>, shape: [usize; D]) -> FlexTensor {
+    FlexTensor::from_data(TensorData::new(elements, shape))
+}
+
+/// Rows and columns.
+pub fn dims(x: &FlexTensor) -> [usize; 2] {
+    let shape = x.layout().shape();
+    [shape[0], shape[1]]
+}
+
+// Rows of a matrix, a few at a time.
+
+/// `0..n` in pieces of `size`.
+pub fn chunks(n: usize, size: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..n).step_by(size).map(move |first| first..n.min(first + size))
+}
+
+/// Rows of a matrix of `columns` columns.
+pub fn part<'a>(matrix: &'a [f32], rows: &Range<usize>, columns: usize) -> &'a [f32] {
+    &matrix[rows.start * columns..rows.end * columns]
+}
+
+/// Rows of a matrix of `columns` columns, for writing.
+pub fn part_mut<'a>(matrix: &'a mut [f32], rows: &Range<usize>, columns: usize) -> &'a mut [f32] {
+    &mut matrix[rows.start * columns..rows.end * columns]
 }
 
 #[cfg(test)]

@@ -3,41 +3,16 @@
 
 use std::ops::Range;
 
-use super::buffers::Buffer;
-use super::feed_forward::{chunks, part, part_mut};
-use super::matmul::{Panels, Target, View, add_transposed, multiply};
+use burn_flex::FlexTensor;
+
+use super::buffers::{Buffer, chunks, dims, elements, part, part_mut, recycle};
+use super::matmul::{Target, add_transposed, multiply};
+use super::panels::{Panels, View};
+use super::{Above, Gradients, Operation};
 use crate::ops::{Convolution, Taps};
 
 /// Rows of a chunk.
 const CHUNK: usize = 128;
-
-/// The parameters, row-major.
-#[derive(Clone, Copy)]
-pub struct Weights<'a> {
-    /// `[k c, o]`.
-    pub weight: &'a [f32],
-    /// `[o]`.
-    pub bias: &'a [f32],
-}
-
-impl Weights<'_> {
-    /// Columns made.
-    fn o(&self) -> usize {
-        self.bias.len()
-    }
-
-    /// Columns read, k c.
-    fn kc(&self) -> usize {
-        self.weight.len() / self.o()
-    }
-}
-
-/// Gradients; by x where it is wanted.
-pub struct Gradients {
-    pub x: Option<Buffer>,
-    pub weight: Buffer,
-    pub bias: Buffer,
-}
 
 /// What each row made reads of x `[n, c]`: for every row, k places.
 struct Reading<'a> {
@@ -100,62 +75,61 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// The output for `x` `[n, c]`.
-pub fn forward(convolution: Convolution, x: &[f32], weights: Weights<'_>) -> Buffer {
-    let (kc, o) = (weights.kc(), weights.o());
-    let reading = Reading::new(convolution, x, kc / convolution.taps.count());
-    let panels = Panels::of(View::new(weights.weight, o), kc, o);
-    let n = reading.rows_out();
-    let (mut output, mut room) = (Buffer::new(n * o), Buffer::new(CHUNK * kc));
-    for rows in chunks(n, CHUNK) {
-        let taps = reading.of(&rows, &mut room);
-        let output = part_mut(&mut output, &rows, o);
-        output.chunks_exact_mut(o).for_each(|row| row.copy_from_slice(weights.bias));
-        multiply(Target::new(output, o), rows.len(), View::new(taps, kc), &panels, true);
-    }
-    output
-}
+/// A convolution, of x `[n, c]`, W `[k c, o]` and b; see
+/// [`Kernels::convolve`](crate::ops::Kernels::convolve).
+impl Operation<3> for Convolution {
+    type Kept = [FlexTensor; 3];
 
-/// Gradients from that by the output, `[n_out, o]`.
-pub fn backward(
-    convolution: Convolution,
-    gradient: &[f32],
-    x: &[f32],
-    weights: Weights<'_>,
-    wants_x: bool,
-) -> Gradients {
-    let (kc, o) = (weights.kc(), weights.o());
-    let reading = Reading::new(convolution, x, kc / convolution.taps.count());
-    let back = Panels::of(View::new(weights.weight, o).transposed(), o, kc);
-    let mut by = Gradients {
-        x: wants_x.then(|| match convolution.taps {
+    fn forward(&self, inputs: &[FlexTensor; 3], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
+        let ([x, weight, bias], [kc, o]) = (inputs.each_ref().map(elements), dims(&inputs[1]));
+        let reading = Reading::new(*self, x, kc / self.taps.count());
+        let panels = Panels::of(View::new(weight, o), kc, o);
+        let n = reading.rows_out();
+        let (mut output, mut room) = (Buffer::new(n * o), Buffer::new(CHUNK * kc));
+        for rows in chunks(n, CHUNK) {
+            let taps = reading.of(&rows, &mut room);
+            let output = part_mut(&mut output, &rows, o);
+            output.chunks_exact_mut(o).for_each(|row| row.copy_from_slice(bias));
+            multiply(Target::new(output, o), rows.len(), View::new(taps, kc), &panels, true);
+        }
+        (output.into_tensor([n, o]), keep.then(|| inputs.clone()))
+    }
+
+    fn backward(&self, inputs: Self::Kept, (gradient, [wants_x, ..]): Above<3>) -> Gradients<3> {
+        let ([x, weight, _], [kc, o]) = (inputs.each_ref().map(elements), dims(&inputs[1]));
+        let reading = Reading::new(*self, x, kc / self.taps.count());
+        let back = Panels::of(View::new(weight, o).transposed(), o, kc);
+        let mut by_x = wants_x.then(|| match self.taps {
             Taps::Point => Buffer::new(x.len()),
             _ => Buffer::zeros(x.len()),
-        }),
-        weight: Buffer::zeros(kc * o),
-        bias: Buffer::zeros(o),
-    };
-    let (mut room, mut panels) = (Buffer::new(CHUNK * kc), Panels::default());
-    for rows in chunks(reading.rows_out(), CHUNK) {
-        let (count, change) = (rows.len(), part(gradient, &rows, o));
-        for row in change.chunks_exact(o) {
-            by.bias.iter_mut().zip(row).for_each(|(to, from)| *to += from);
+        });
+        let [mut by_weight, mut by_bias] = [kc * o, o].map(Buffer::zeros);
+        let (mut room, mut panels) = (Buffer::new(CHUNK * kc), Panels::default());
+        for rows in chunks(reading.rows_out(), CHUNK) {
+            let (count, change) = (rows.len(), part(elements(&gradient), &rows, o));
+            for row in change.chunks_exact(o) {
+                by_bias.iter_mut().zip(row).for_each(|(to, from)| *to += from);
+            }
+            let (taps, change) =
+                (View::new(reading.of(&rows, &mut room), kc), View::new(change, o));
+            let target = Target::new(&mut by_weight, o);
+            add_transposed(target, (kc, o), taps, change, count, &mut panels);
+            let Some(by_x) = &mut by_x else { continue };
+            if self.taps == Taps::Point {
+                let by_x = part_mut(by_x, &rows, kc);
+                multiply(Target::new(by_x, kc), count, change, &back, false);
+            } else {
+                multiply(Target::new(&mut room, kc), count, change, &back, false);
+                reading.give_back(&rows, &room, by_x);
+            }
         }
-        let (taps, change) = (View::new(reading.of(&rows, &mut room), kc), View::new(change, o));
-        add_transposed(Target::new(&mut by.weight, o), (kc, o), taps, change, count, &mut panels);
-        let Some(by_x) = &mut by.x else { continue };
-        if convolution.taps == Taps::Point {
-            let by_x = part_mut(by_x, &rows, kc);
-            multiply(Target::new(by_x, kc), count, change, &back, false);
-        } else {
-            multiply(Target::new(&mut room, kc), count, change, &back, false);
-            reading.give_back(&rows, &room, by_x);
+        if let (true, Some(by_x)) = (self.rectify, &mut by_x) {
+            by_x.iter_mut().zip(x).for_each(|(by, x)| *by = if *x <= 0.0 { 0.0 } else { *by });
         }
+        let by_x = by_x.map(|by_x| by_x.into_tensor(dims(&inputs[0])));
+        inputs.into_iter().chain([gradient]).for_each(recycle);
+        [by_x, Some(by_weight.into_tensor([kc, o])), Some(by_bias.into_tensor([o]))]
     }
-    if let (true, Some(by_x)) = (convolution.rectify, &mut by.x) {
-        by_x.iter_mut().zip(x).for_each(|(by, x)| *by = if *x <= 0.0 { 0.0 } else { *by });
-    }
-    by
 }
 
 /// max(x, 0), but what is no number stays none: `f32::max` would hide it.

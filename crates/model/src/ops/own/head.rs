@@ -6,13 +6,62 @@
 //! are ready as soon as the loss is, and the way back only hands them out.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use super::buffers::Buffer;
-use super::cross_entropy::{LogSum, add_block, gradient_block};
-use super::feed_forward::{chunks, part, part_mut};
-use super::lanes::LANES;
-use super::matmul::{Panels, Target, View, add_transposed, multiply_part};
-use super::rms_norm;
+use burn_flex::FlexTensor;
+
+use super::buffers::{Buffer, chunks, contiguous, elements, part, part_mut, tensor};
+use super::lanes::{LANES, Lanes, vectorised};
+use super::matmul::{Target, add_transposed, multiply_part};
+use super::panels::{Panels, View};
+use super::rows::{exp, max, rms_norm, rms_norm_back, sum_of_exp};
+use super::{Above, Gradients, Operation};
+
+/// The head's loss, of x, γ and W; keeps the gradients, which are made on the way forward. See
+/// [`Kernels::head_loss`](crate::ops::Kernels::head_loss).
+#[derive(Clone, Debug)]
+pub struct HeadLoss {
+    pub targets: Arc<[u32]>,
+    pub epsilon: f32,
+}
+
+impl HeadLoss {
+    fn head<'a>(&'a self, inputs: &'a [FlexTensor; 3]) -> Head<'a> {
+        let [x, gamma, weight] = inputs.each_ref().map(elements);
+        Head { x, gamma, weight, epsilon: self.epsilon, targets: &self.targets }
+    }
+
+    /// The rows' losses, outside autodiff.
+    pub fn rows_losses(&self, inputs: [FlexTensor; 3]) -> Vec<f64> {
+        self.head(&inputs.map(contiguous)).losses(false).0
+    }
+}
+
+impl Operation<3> for HeadLoss {
+    type Kept = [Buffer; 3];
+
+    fn forward(&self, inputs: &[FlexTensor; 3], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
+        let (losses, gradients) = self.head(inputs).losses(keep);
+        let mean = losses.iter().sum::<f64>() / losses.len() as f64;
+        (tensor(vec![mean as f32], [1]), gradients)
+    }
+
+    fn backward(&self, by: Self::Kept, (gradient, _): Above<3>) -> Gradients<3> {
+        let above = elements(&gradient)[0];
+        let [x, gamma, weight] = by.map(|by| scaled(by, above));
+        let d = gamma.len();
+        let (of_x, of_weight) = ([x.len() / d, d], [d, weight.len() / d]);
+        [x.into_tensor(of_x), gamma.into_tensor([d]), weight.into_tensor(of_weight)].map(Some)
+    }
+}
+
+/// Multiplies a gradient by the one that comes from above, which is 1 for the loss itself.
+fn scaled(mut gradient: Buffer, by: f32) -> Buffer {
+    if by != 1.0 {
+        gradient.iter_mut().for_each(|x| *x *= by);
+    }
+    gradient
+}
 
 /// Rows of a chunk.
 const CHUNK: usize = 256;
@@ -22,16 +71,16 @@ const BLOCK: usize = 512;
 
 /// The input and the parameters, row-major.
 #[derive(Clone, Copy)]
-pub struct Head<'a> {
+struct Head<'a> {
     /// `[s, d]`.
-    pub x: &'a [f32],
+    x: &'a [f32],
     /// `[d]`.
-    pub gamma: &'a [f32],
+    gamma: &'a [f32],
     /// `[d, v]`.
-    pub weight: &'a [f32],
-    pub epsilon: f32,
+    weight: &'a [f32],
+    epsilon: f32,
     /// `[s]`.
-    pub targets: &'a [u32],
+    targets: &'a [u32],
 }
 
 /// Room for one chunk.
@@ -41,6 +90,16 @@ struct Room {
     logits: Buffer,
     inverses: Buffer,
     sums: Vec<LogSum>,
+}
+
+/// What gradients are made with.
+struct Learning {
+    /// W, for the way back.
+    back: Panels,
+    /// Room for the right operand of a product.
+    panels: Panels,
+    /// Those by x, γ and W so far.
+    by: [Buffer; 3],
 }
 
 impl Head<'_> {
@@ -59,50 +118,41 @@ impl Head<'_> {
         chunks(n, width)
     }
 
-    fn room(&self, columns: usize) -> Room {
-        let rows = CHUNK.min(self.targets.len());
-        Room {
-            normed: Buffer::new(rows * self.d()),
+    /// −ln p of each row's target, in nats, and, if they are wanted, the gradients of their mean by x, γ
+    /// and W.
+    fn losses(&self, wants_gradients: bool) -> (Vec<f64>, Option<[Buffer; 3]>) {
+        let (n, d, v) = (self.targets.len(), self.d(), self.n_vocab());
+        let there = Panels::of(View::new(self.weight, v), d, v);
+        let columns = self.blocks().map(|block| stride(&block));
+        let columns = if wants_gradients { columns.sum() } else { columns.max().unwrap_or(0) };
+        let rows = CHUNK.min(n);
+        let mut room = Room {
+            normed: Buffer::new(rows * d),
             logits: Buffer::new(rows * columns),
             inverses: Buffer::new(rows),
             sums: Vec::with_capacity(rows),
-        }
-    }
-
-    /// −ln p of each row's target, in nats.
-    pub fn losses(&self) -> Vec<f64> {
-        let panels = Panels::of(View::new(self.weight, self.n_vocab()), self.d(), self.n_vocab());
-        let mut room = self.room(self.blocks().map(|block| stride(&block)).max().unwrap_or(0));
-        let mut losses = Vec::with_capacity(self.targets.len());
-        for rows in chunks(self.targets.len(), CHUNK) {
-            self.look(&rows, &panels, &mut room, false);
+        };
+        let mut learning = wants_gradients.then(|| Learning {
+            back: Panels::of(View::new(self.weight, v).transposed(), v, d),
+            panels: Panels::default(),
+            by: [self.x.len(), d, d * v].map(Buffer::zeros),
+        });
+        let mut losses = Vec::with_capacity(n);
+        for rows in chunks(n, CHUNK) {
+            self.look(&rows, &there, &mut room, wants_gradients);
             losses.extend(room.sums.iter().map(LogSum::loss));
+            if let Some(learning) = &mut learning {
+                self.learn(&rows, &mut room, learning);
+            }
         }
-        losses
-    }
-
-    /// −ln p of each row's target, in nats, and the gradients of their mean by x, γ and W.
-    pub fn losses_and_gradients(&self) -> (Vec<f64>, [Buffer; 3]) {
-        let (d, v) = (self.d(), self.n_vocab());
-        let there = Panels::of(View::new(self.weight, v), d, v);
-        let back = Panels::of(View::new(self.weight, v).transposed(), v, d);
-        let mut by = [self.x.len(), d, d * v].map(Buffer::zeros);
-        let columns = self.blocks().map(|block| stride(&block)).sum();
-        let (mut room, mut panels) = (self.room(columns), Panels::default());
-        let mut losses = Vec::with_capacity(self.targets.len());
-        for rows in chunks(self.targets.len(), CHUNK) {
-            self.look(&rows, &there, &mut room, true);
-            losses.extend(room.sums.iter().map(LogSum::loss));
-            self.learn(&rows, &back, &mut room, &mut by, &mut panels);
-        }
-        (losses, by)
+        (losses, learning.map(|learning| learning.by))
     }
 
     /// Normalises a chunk and sums its softmax; keeps its logits if `keep` asks for it.
     fn look(&self, rows: &Range<usize>, panels: &Panels, room: &mut Room, keep: bool) {
         let (d, count) = (self.d(), rows.len());
         let Room { normed, logits, inverses, sums } = room;
-        rms_norm::forward(part(self.x, rows, d), self.gamma, self.epsilon, normed, inverses);
+        rms_norm(part(self.x, rows, d), self.gamma, self.epsilon, normed, inverses);
         sums.clear();
         sums.resize(count, LogSum::default());
         for block in self.blocks() {
@@ -115,14 +165,8 @@ impl Head<'_> {
     }
 
     /// Adds a chunk's share to the gradients.
-    fn learn(
-        &self,
-        rows: &Range<usize>,
-        back: &Panels,
-        room: &mut Room,
-        [by_x, by_gamma, by_weight]: &mut [Buffer; 3],
-        panels: &mut Panels,
-    ) {
+    fn learn(&self, rows: &Range<usize>, room: &mut Room, learning: &mut Learning) {
+        let Learning { back, panels, by: [by_x, by_gamma, by_weight] } = learning;
         let (d, v, count) = (self.d(), self.n_vocab(), rows.len());
         let Room { normed, logits, inverses, sums } = room;
         let scale = 1.0 / self.targets.len() as f32;
@@ -138,11 +182,99 @@ impl Head<'_> {
             add_transposed(target, size, normed, by_logits, count, panels);
         }
         let (x, to) = (part(self.x, rows, d), part_mut(by_x, rows, d));
-        rms_norm::backward(&mut change, x, self.gamma, inverses, by_gamma, to);
+        rms_norm_back(&mut change, x, self.gamma, inverses, by_gamma, to);
     }
 }
 
 /// Elements from row to row of a block: whole vectors.
 fn stride(block: &Range<usize>) -> usize {
     block.len().next_multiple_of(LANES)
+}
+
+// Cross-entropy from blocks of logits, without a tensor of log-probabilities.
+
+/// The softmax of a row as far as it has been seen.
+#[derive(Clone, Copy, Debug)]
+struct LogSum {
+    /// The largest logit so far.
+    largest: f32,
+    /// Σ e^(logit − largest).
+    sum: f64,
+    /// The logit of the target, once seen.
+    target: f32,
+}
+
+impl Default for LogSum {
+    fn default() -> Self {
+        Self { largest: f32::MIN, sum: 0.0, target: f32::NAN }
+    }
+}
+
+impl LogSum {
+    /// ln Σ e^logit.
+    fn normaliser(&self) -> f64 {
+        f64::from(self.largest) + self.sum.ln()
+    }
+
+    /// −ln p of the target, in nats.
+    fn loss(&self) -> f64 {
+        self.normaliser() - f64::from(self.target)
+    }
+
+    /// Takes the next logits of the row.
+    #[inline(always)]
+    fn add<L: Lanes>(&mut self, logits: &[f32]) {
+        let largest = max::<L>(logits);
+        if largest > self.largest {
+            self.sum *= (f64::from(self.largest) - f64::from(largest)).exp();
+            self.largest = largest;
+        }
+        self.sum += f64::from(sum_of_exp::<L>(logits, self.largest));
+    }
+}
+
+vectorised! {
+    /// Adds a block of columns, of as many rows as there are sums, with or without padding.
+    fn add_block(
+        logits: &[f32],
+        columns: Range<usize>,
+        targets: &[u32],
+        sums: &mut [LogSum],
+    ) {
+        let stride = logits.len() / targets.len();
+        let rows = logits.chunks_exact(stride).zip(targets).zip(sums);
+        for ((row, &target), sum) in rows {
+            let row = &row[..columns.len()];
+            sum.add::<L>(row);
+            let within = (target as usize).checked_sub(columns.start);
+            if let Some(&logit) = within.and_then(|i| row.get(i)) {
+                sum.target = logit;
+            }
+        }
+    }
+}
+
+vectorised! {
+    /// Turns such a block into the gradient by it of `scale` times the sum of the rows' losses.
+    fn gradient_block(
+        logits: &mut [f32],
+        columns: Range<usize>,
+        targets: &[u32],
+        sums: &[LogSum],
+        scale: f32,
+    ) {
+        let stride = logits.len() / targets.len();
+        let rows = logits.chunks_exact_mut(stride).zip(targets).zip(sums);
+        for ((row, &target), sum) in rows {
+            let row = &mut row[..columns.len()];
+            let normaliser = L::splat(sum.normaliser() as f32);
+            for x in row.chunks_mut(LANES) {
+                exp(L::read(x).sub(normaliser)).mul(L::splat(scale)).write(x);
+            }
+            let within = (target as usize).checked_sub(columns.start);
+            if let Some(x) = within.and_then(|i| row.get_mut(i)) {
+                *x -= scale;
+            }
+        }
+    }
 }

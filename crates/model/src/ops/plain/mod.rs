@@ -4,27 +4,14 @@
 //! Shapes: n rows, d features, f hidden features, v vocabulary, b sequences, h heads, t positions
 //! of the longest sequence, c features of a head.
 
-use std::ops::Range;
+mod attention;
 
-use burn::tensor::activation::{log_softmax, silu, softmax};
-use burn::tensor::{Bool, Device, FloatDType, Int, Tensor, TensorData};
+use burn::tensor::activation::{log_softmax, relu, silu};
+use burn::tensor::{Device, FloatDType, Int, Tensor, TensorData};
 
-use super::{
-    Activation, AdamWStep, AttentionOptions, AttentionWeights, FeedForwardWeights, HeadWeights,
-    Rope, SequenceLayout,
-};
+use super::{Activation, AdamWStep, Convolution, FeedForwardWeights, HeadWeights, Taps};
 
-mod convolution;
-mod cross;
-mod nearest;
-
-pub use convolution::convolve;
-pub use cross::cross_attention;
-pub use nearest::nearest;
-
-/// Stands for minus infinity in masked scores: e to it is zero, and it is an ordinary number on
-/// devices whose arithmetic has no infinities.
-pub const MASKED: f32 = -1e30;
+pub use attention::{Joining, KeyValues, attend, attention_half, cross_attend};
 
 /// How matrices are multiplied.
 #[derive(Clone, Copy)]
@@ -41,19 +28,6 @@ impl Product {
             Product::In(dtype) => left.cast(dtype).matmul(right.cast(dtype)).cast(FloatDType::F32),
         }
     }
-}
-
-/// See [`Kernels::attention`](super::Kernels::attention).
-pub fn attention_half(
-    x_nd: Tensor<2>,
-    weights: AttentionWeights,
-    options: &AttentionOptions,
-    product: Product,
-) -> Tensor<2> {
-    let normed_nd = rms_norm(x_nd.clone(), weights.gamma_d, options.epsilon);
-    let qkv_n3d = product.of(normed_nd, weights.qkv_d3d);
-    let mixed_nd = attention(qkv_n3d, options, product);
-    x_nd + product.of(mixed_nd, weights.output_dd)
 }
 
 /// See [`Kernels::feed_forward`](super::Kernels::feed_forward).
@@ -138,89 +112,80 @@ fn log_likelihoods(logits_nv: Tensor<2>, targets: &[u32]) -> Tensor<2> {
     log_softmax(logits_nv, 1).gather(1, targets_n.unsqueeze_dim(1))
 }
 
-/// Attention of `[q | k | v]`, before the projection: pads the sequences to one length,
-/// attends densely under a mask, and takes the padding out again.
-pub fn attention(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Product) -> Tensor<2> {
-    let AttentionOptions { n_head, layout, rope, .. } = options;
-    let n_head = *n_head;
-    let device = qkv_n3d.device();
-    let (b, t, c) = (layout.n_sequences(), layout.max_len(), rope.head_dim());
-    let d = n_head * c;
-    let sequences: Vec<_> = (0..b).map(|i| layout.rows(i)).collect();
-    let padded = qkv_n3d.select(0, integers(rows_of_padded(&sequences, t), &device));
-    let part_bhtc = |part: usize| {
-        let columns = padded.clone().slice([0..b * t, part * d..(part + 1) * d]);
-        columns.reshape([b, t, n_head, c]).swap_dims(1, 2)
-    };
-    let turns = turns(rope, layout, &device);
-    let queries_bhtc = turn(part_bhtc(0), &turns).div_scalar((c as f64).sqrt());
-    let scores_bhtt = product.of(queries_bhtc, turn(part_bhtc(1), &turns).swap_dims(2, 3));
-    let hidden_bhtt = hidden(layout, &device).expand([b, n_head, t, t]);
-    let weights_bhtt = softmax(scores_bhtt.mask_fill(hidden_bhtt, MASKED), 3);
-    let output = product.of(weights_bhtt, part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
-    output.select(0, integers(padded_of_rows(&sequences, t), &device))
-}
-
-/// Cosines and sines of the angles of each position of the padded batch, `[b, 1, t, c / 2, 1]`, or of
-/// the first t, `[1, 1, t, c / 2, 1]`, where sequences have no others.
-fn turns(rope: &Rope, layout: &SequenceLayout, device: &Device) -> [Tensor<5>; 2] {
-    let (b, t) = (layout.n_sequences(), layout.max_len());
-    if layout.angles(0).is_none() {
-        return rope.turns(1, &Vec::from_iter(0..t), device);
-    }
-    let place = |(i, q): (usize, usize)| {
-        let angles = layout.angles(i).expect("all sequences have them, or none");
-        angles.get(q).map_or(0, |&angle| angle as usize)
-    };
-    let places: Vec<usize> = (0..b).flat_map(|i| (0..t).map(move |q| (i, q))).map(place).collect();
-    rope.turns(b, &places, device)
-}
-
-/// Turns the pairs of features of the first positions by their rows of `rope`, `[b, h, t, c]`.
-pub fn rotate(x_bhtc: Tensor<4>, rope: &Rope) -> Tensor<4> {
-    let (places, device) = (Vec::from_iter(0..x_bhtc.dims()[2]), x_bhtc.device());
-    turn(x_bhtc, &rope.turns(1, &places, &device))
-}
-
-/// Turns the pairs of features by angles whose cosines and sines are `[b or 1, 1, t, c / 2, 1]`.
-pub fn turn(x_bhtc: Tensor<4>, [cos, sin]: &[Tensor<5>; 2]) -> Tensor<4> {
-    let [b, h, t, c] = x_bhtc.dims();
-    let pairs = x_bhtc.reshape([b, h, t, c / 2, 2]);
-    let even = pairs.clone().slice([0..b, 0..h, 0..t, 0..c / 2, 0..1]);
-    let odd = pairs.slice([0..b, 0..h, 0..t, 0..c / 2, 1..2]);
-    let turned_even = even.clone().mul(cos.clone()).sub(odd.clone().mul(sin.clone()));
-    let turned_odd = even.mul(sin.clone()).add(odd.mul(cos.clone()));
-    Tensor::cat(vec![turned_even, turned_odd], 4).reshape([b, h, t, c])
-}
-
-/// True where a position of the padded batch does not see another: `[b, 1, t, t]`.
-fn hidden(layout: &SequenceLayout, device: &Device) -> Tensor<4, Bool> {
-    let (b, t) = (layout.n_sequences(), layout.max_len());
-    // A position of the padding, which nobody sees, sees the first: no row may be all hidden.
-    let visible = |i: usize, q: usize| if q < layout.len(i) { layout.visible(i, q) } else { 1 };
-    let visible = (0..b).flat_map(|i| (0..t).map(move |q| visible(i, q) as u32));
-    let visible_b1t1 = integers(visible, device).reshape([b, 1, t, 1]);
-    let keys_111t = integers(0..t as u32, device).reshape([1, 1, 1, t]);
-    keys_111t.expand([b, 1, t, t]).greater_equal(visible_b1t1.expand([b, 1, t, t]))
-}
-
-/// The row of each position of sequences that are padded to `t` rows; a sequence's first for padding.
-fn rows_of_padded(sequences: &[Range<usize>], t: usize) -> impl Iterator<Item = u32> {
-    let row =
-        move |rows: &Range<usize>, q| if q < rows.len() { rows.start + q } else { rows.start };
-    sequences.iter().flat_map(move |rows| (0..t).map(move |q| row(rows, q) as u32))
-}
-
-/// The position in the padded batch of each row.
-fn padded_of_rows(sequences: &[Range<usize>], t: usize) -> impl Iterator<Item = u32> {
-    let own = move |(i, rows): (usize, &Range<usize>)| {
-        (i * t..i * t + rows.len()).map(|position| position as u32)
-    };
-    sequences.iter().enumerate().flat_map(own)
-}
-
 fn integers(values: impl Iterator<Item = u32>, device: &Device) -> Tensor<1, Int> {
     let values: Vec<i64> = values.map(i64::from).collect();
     let n = values.len();
     Tensor::from_data(TensorData::new(values, [n]), device)
+}
+
+// Convolutions over frames: what their taps read is laid side by side, and multiplied once.
+
+/// See [`Kernels::convolve`](super::Kernels::convolve).
+pub fn convolve(
+    x_nc: Tensor<2>,
+    weight: Tensor<2>,
+    bias_o: Tensor<1>,
+    Convolution { n_clips, taps, rectify }: Convolution,
+    product: Product,
+) -> Tensor<2> {
+    let [n, c] = x_nc.dims();
+    let x_btc = if rectify { relu(x_nc) } else { x_nc }.reshape([n_clips, n / n_clips, c]);
+    let read_btk = match taps {
+        Taps::Point => x_btc,
+        Taps::Neighbours(dilation) => neighbours(x_btc, dilation),
+        Taps::Halving => fours(x_btc),
+        Taps::Doubling => neighbours(upsample(x_btc), 1),
+    };
+    let [b, t, kc] = read_btk.dims();
+    product.of(read_btk.reshape([b * t, kc]), weight) + bias_o.unsqueeze()
+}
+
+/// Each frame twice: nearest upsampling, `[b, t, c]` to `[b, 2t, c]`.
+fn upsample(x_btc: Tensor<3>) -> Tensor<3> {
+    let [b, t, c] = x_btc.dims();
+    Tensor::cat(vec![x_btc.clone(), x_btc], 2).reshape([b, 2 * t, c])
+}
+
+/// `[b, t, 3c]`: the frames at −dilation, 0 and +dilation.
+fn neighbours(x_btc: Tensor<3>, dilation: usize) -> Tensor<3> {
+    let t = x_btc.dims()[1];
+    let padded = pad_frames(x_btc, dilation);
+    let taps = (0..3).map(|tap| padded.clone().narrow(1, tap * dilation, t)).collect();
+    Tensor::cat(taps, 2)
+}
+
+/// `[b, t/2, 4c]`: the frames 2i − 1 to 2i + 2, as two neighbouring pairs of frames.
+fn fours(x_btc: Tensor<3>) -> Tensor<3> {
+    let [b, t, c] = x_btc.dims();
+    let pairs = pad_frames(x_btc, 1).reshape([b, t / 2 + 1, 2 * c]);
+    let second = pairs.clone().narrow(1, 1, t / 2);
+    Tensor::cat(vec![pairs.narrow(1, 0, t / 2), second], 2)
+}
+
+/// `n` frames of zeros at either end.
+fn pad_frames(x_btc: Tensor<3>, n: usize) -> Tensor<3> {
+    let [b, _, c] = x_btc.dims();
+    let zeros = Tensor::zeros([b, n, c], &x_btc.device());
+    Tensor::cat(vec![zeros.clone(), x_btc, zeros], 1)
+}
+
+// The nearest code of each latent, from a matrix of distances.
+
+/// Entries of the distance matrix that are held at a time.
+const DISTANCES_AT_ONCE: usize = 1 << 22;
+
+/// See [`nearest`](super::nearest()).
+pub fn nearest(latents_nc: &Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
+    let (n, n_codes) = (latents_nc.dims()[0], codes_vc.dims()[0]);
+    let rows = (DISTANCES_AT_ONCE / n_codes).max(1);
+    let part = |start: usize| latents_nc.clone().narrow(0, start, rows.min(n - start));
+    (0..n).step_by(rows).flat_map(|start| nearest_of_part(part(start), codes_vc)).collect()
+}
+
+fn nearest_of_part(latents_nc: Tensor<2>, codes_vc: &Tensor<2>) -> Vec<u32> {
+    let codes_cv = codes_vc.clone().transpose();
+    let norms_1v = (codes_cv.clone() * codes_cv.clone()).sum_dim(0);
+    let distances_nv = norms_1v - latents_nc.matmul(codes_cv) * 2.0;
+    let ids = distances_nv.argmin(1).into_data();
+    ids.iter::<i64>().map(|id| id as u32).collect()
 }

@@ -4,9 +4,7 @@
 //! hub. States are those of the last layer, after its norm, in single precision. Captions of one number
 //! of tokens go through the model together, so that none is padded.
 
-mod bert;
-mod folder;
-mod t5;
+mod networks;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,9 +13,9 @@ use candle_core::{DType, Device, Tensor};
 use tokenizers::Tokenizer;
 
 use super::store::{TextEncoder, TextError};
-
+use crate::progress::moved;
 use crate::spec::{TextEncoderKind, TextSpec, TextStates};
-use folder::{ModelFolder, Network, first_line};
+use networks::{ModelFolder, Network, first_line};
 
 /// Captions that go through a model together.
 const BATCH: usize = 32;
@@ -40,11 +38,11 @@ impl LocalModel {
     /// A file is missing, is not of such a model, or its states have another width than `spec.dim`.
     pub fn open(path: &Path, spec: &TextSpec) -> Result<Self, TextError> {
         let folder = ModelFolder::open(path)?;
-        let (network, found): (Box<dyn Network>, usize) = match spec.encoder {
-            TextEncoderKind::T5 => t5::load(&folder)?,
-            TextEncoderKind::Clip => folder::load_clip(&folder, spec.states)?,
-            TextEncoderKind::Llama => folder::load(&folder)?,
-            _ => bert::load(&folder)?,
+        let (network, found) = match spec.encoder {
+            TextEncoderKind::T5 => networks::load_t5(&folder)?,
+            TextEncoderKind::Clip => networks::load_clip(&folder, spec.states)?,
+            TextEncoderKind::Llama => networks::load_llama(&folder)?,
+            _ => networks::load_bert(&folder)?,
         };
         if found != spec.dim {
             return Err(TextError::Width { found, wanted: spec.dim, file: path.to_path_buf() });
@@ -99,7 +97,7 @@ impl LocalModel {
             for ((place, _), vector) in batch.iter().zip(vectors) {
                 all[*place] = vector;
             }
-            crate::progress::moved();
+            moved();
         }
         Ok(all)
     }

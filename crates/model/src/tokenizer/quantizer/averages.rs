@@ -1,13 +1,18 @@
-//! [`Averages`]: how the codes of a learned codebook move, on the host.
+//! Where the codes of a learned codebook lie: placed by k-means (Lloyd 1982) or the first batch, and moved by
+//! [`Averages`], on the host.
 //!
-//! Shapes: n latents, c channels, v codes.
+//! Shapes: n latents, c channels, v codes or centres.
 
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
+use crate::learn::params::{self, below, distinct};
 use crate::learn::weights::{HostTensor, Source};
-use crate::learn::{LearnerState, LoadedState, params};
+use crate::learn::{LearnerState, LoadedState};
+use crate::ops::nearest;
+use crate::progress::moved;
+use crate::tokenizer::halves::host;
 
 /// μ.
 const DECAY: f32 = 0.99;
@@ -37,9 +42,9 @@ const DRAWN: &str = "drawn";
 
 impl Averages {
     /// Those of codes that nothing has placed yet.
-    pub fn new(n_vocab: usize, code_dim: usize, rng: ChaCha8Rng) -> Self {
+    pub fn new(n_vocab: usize, code_dim: usize, reset_share: f32, rng: ChaCha8Rng) -> Self {
         let (sums, counts) = (Vec::new(), vec![1.0; n_vocab]);
-        Self { sums, counts, n_vocab, code_dim, reset_share: 0.0, rng }
+        Self { sums, counts, n_vocab, code_dim, reset_share, rng }
     }
 
     /// The codebook of the first batch: its first latents.
@@ -72,7 +77,7 @@ impl Averages {
         let mean = n as f32 / self.n_vocab as f32;
         for (id, count) in self.counts.iter_mut().enumerate() {
             if *count < self.reset_share * mean {
-                let latent = &latents[params::below(&mut self.rng, n) * c..][..c];
+                let latent = &latents[below(&mut self.rng, n) * c..][..c];
                 let sum = &mut self.sums[id * c..][..c];
                 sum.iter_mut().zip(latent).for_each(|(sum, x)| *sum = x * mean);
                 *count = mean;
@@ -102,8 +107,7 @@ impl Averages {
         }
         let deviation = 0.01 / (self.code_dim as f64).sqrt();
         let noise = params::normal([wanted], deviation, &mut self.rng, &Device::flex()).val();
-        let noise = noise.into_data().try_into_vec::<f32>().expect("noise is f32");
-        taken.zip(noise).map(|(latent, noise)| latent + noise).collect()
+        taken.zip(host(noise)).map(|(latent, noise)| latent + noise).collect()
     }
 
     /// Those of codes that k-means has placed.
@@ -133,5 +137,104 @@ impl Averages {
         self.counts = saved.tensors.remove(COUNTS)?.values;
         self.rng.set_word_pos(drawn);
         Some(())
+    }
+}
+
+/// Rounds after which the centres are taken.
+const ROUNDS: usize = 15;
+
+/// `n_centres` centres, row-major `[v, c]`, from latents drawn at random; a centre that no latent is
+/// nearest to becomes another latent.
+pub fn k_means(latents_nc: &Tensor<2>, n_centres: usize, rng: &mut ChaCha8Rng) -> Vec<f32> {
+    let [n, c] = latents_nc.dims();
+    let latents = host(latents_nc.clone());
+    let latent = |i: usize| &latents[i * c..][..c];
+    let first = distinct(n, n_centres, rng);
+    let mut centres: Vec<f32> =
+        first.iter().cycle().take(n_centres).flat_map(|i| latent(*i)).copied().collect();
+    for _ in 0..ROUNDS {
+        let data = TensorData::new(centres.clone(), [n_centres, c]);
+        let ids = nearest(latents_nc, &Tensor::from_data(data, &latents_nc.device()));
+        let (mut sums, mut counts) = (vec![0.0; n_centres * c], vec![0usize; n_centres]);
+        for (latent, &id) in latents.chunks_exact(c).zip(&ids) {
+            counts[id as usize] += 1;
+            let sum = &mut sums[id as usize * c..][..c];
+            sum.iter_mut().zip(latent).for_each(|(sum, x)| *sum += f64::from(*x));
+        }
+        for (v, count) in counts.into_iter().enumerate() {
+            let centre = &mut centres[v * c..][..c];
+            match count {
+                0 => centre.copy_from_slice(latent(below(rng, n))),
+                _ => {
+                    let sums = sums[v * c..].iter();
+                    centre
+                        .iter_mut()
+                        .zip(sums)
+                        .for_each(|(x, sum)| *x = (sum / count as f64) as f32);
+                }
+            }
+        }
+        moved();
+    }
+    centres
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_chacha::rand_core::SeedableRng;
+
+    fn averages(n_vocab: usize) -> Averages {
+        Averages::new(n_vocab, 1, 0.0, ChaCha8Rng::seed_from_u64(0))
+    }
+
+    #[test]
+    fn a_code_that_falls_out_of_use_is_replaced_by_a_latent_of_the_batch() {
+        let mut averages = averages(2);
+        assert_eq!(averages.start(&[5.0, -5.0, 6.0]), [5.0, -5.0]);
+        // Code 1 is not met: its count falls to 0.99, so it is reset. Code 0 is met three times.
+        let codes = averages.follow(&[7.0, 8.0, 9.0], &[0, 0, 0]);
+        assert_eq!(codes[1], 8.0);
+        let expected = (0.99 * 5.0 + 0.01 * 24.0) / (0.99 + 0.03);
+        assert!((codes[0] - expected).abs() < 1e-5, "{codes:?}");
+    }
+
+    #[test]
+    fn by_the_rule_of_shares_a_rare_code_counts_as_the_mean_from_then_on() {
+        let mut averages = Averages { reset_share: 0.5, ..averages(2) };
+        (averages.sums, averages.counts) = (vec![50.0, -0.1], vec![10.0, 0.1]);
+        // Two latents a step, so the mean is 1: code 1 is below half of it.
+        let codes = averages.follow(&[7.0, 7.0], &[0, 0]);
+        assert_eq!((codes[1], averages.counts[1]), (7.0, 1.0));
+        let expected = (0.99 * 50.0 + 0.01 * 14.0) / (0.99 * 10.0 + 0.02);
+        assert!((codes[0] - expected).abs() < 1e-4, "{codes:?}");
+    }
+
+    #[test]
+    fn a_small_batch_fills_a_large_codebook_with_noisy_copies() {
+        let codes = averages(7).start(&[1.0, 2.0, 3.0]);
+        let distance = |(i, code): (usize, &f32)| (code - [1.0, 2.0, 3.0][i % 3]).abs();
+        assert!(codes.iter().enumerate().map(distance).all(|d| d > 0.0 && d < 0.1), "{codes:?}");
+        assert_ne!(codes[0], codes[3]);
+    }
+
+    #[test]
+    fn clusters_are_found() {
+        let values: Vec<f32> = (0..300).map(|i| (i % 3) as f32 * 10.0 + (i as f32).sin()).collect();
+        let latents = Tensor::from_data(TensorData::new(values, [300, 1]), &Device::flex());
+        // A start with two centres in one cluster may stay there; one of these does not.
+        let found = (0..4).any(|seed| {
+            let mut centres = k_means(&latents, 3, &mut ChaCha8Rng::seed_from_u64(seed));
+            centres.sort_by(f32::total_cmp);
+            let mut pairs = centres.iter().zip([0.0, 10.0, 20.0]);
+            pairs.all(|(found, centre)| (found - centre).abs() < 0.3)
+        });
+        assert!(found);
+    }
+
+    #[test]
+    fn more_centres_than_latents_repeat_them() {
+        let latents = Tensor::from_data([[1.0], [2.0]], &Device::flex());
+        assert_eq!(k_means(&latents, 5, &mut ChaCha8Rng::seed_from_u64(0)).len(), 5);
     }
 }

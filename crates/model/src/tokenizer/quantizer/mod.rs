@@ -1,40 +1,28 @@
-//! What lies between the halves of a tokenizer: latents to codes and back. A file a kind.
-//!
-//! [`init`] is the one place that tells kinds apart.
+//! What lies between the halves of a tokenizer: latents to codes and back. A file a kind, alone and
+//! residual.
 //!
 //! Shapes: b clips, t latents of a clip, s codes of a clip on a scale, c channels.
 
 mod averages;
-mod codebook;
-mod dropout;
 mod fsq;
-mod k_means;
 mod multiscale;
-mod nearest;
-mod order;
-mod resample;
-mod residual_fsq;
-mod residual_vq;
-mod smoothing;
-mod states;
+#[cfg(test)]
+mod tests;
 mod vq;
 
-use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde_json::{Value, json};
 
-pub use fsq::Fsq;
-pub use multiscale::Multiscale;
-pub use order::{Extent, by_scale};
-pub use resample::{area_down, linear_up};
-pub use residual_fsq::ResidualFsq;
-pub use residual_vq::ResidualVq;
-pub use vq::Vq;
-
+use super::halves::host;
 use crate::learn::layers::Affine;
+use crate::learn::params::{below, unit};
 use crate::learn::{LearnerState, LoadedState};
-use crate::spec::{CodebookSpec, QuantizerSpec, TokenizerSpec};
-use crate::tokenizer::architecture::stands_for;
+
+pub use fsq::{Fsq, ResidualFsq};
+pub use multiscale::Multiscale;
+pub use vq::{ResidualVq, Vq};
 
 /// A map from the latents of clips to the codes of a [`Grid`](crate::codes::Grid).
 ///
@@ -101,45 +89,162 @@ pub struct Quantized {
     pub auxiliary_loss: Option<Tensor<1>>,
 }
 
-/// A quantizer of any kind, as part of a module.
-#[derive(Module, Debug)]
-pub enum AnyQuantizer {
-    Fsq(Fsq),
-    Vq(Vq),
-    ResidualFsq(ResidualFsq),
-    ResidualVq(ResidualVq),
-    Multiscale(Multiscale),
+/// Clips of one length, whose latents are quantized together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    pub n_clips: usize,
+    /// Latents of each clip.
+    pub n_latents: usize,
 }
 
-/// The quantizer of a tokenizer, for latents with `code_dim` channels.
-pub fn init(
-    spec: &TokenizerSpec,
-    code_dim: usize,
-    rng: &mut ChaCha8Rng,
-    device: &Device,
-) -> AnyQuantizer {
-    let training = &spec.training;
-    match &spec.quantizer {
-        QuantizerSpec::Fsq { levels } => AnyQuantizer::Fsq(Fsq::new(levels, code_dim, rng, device)),
-        QuantizerSpec::Vq { n_vocab } => {
-            AnyQuantizer::Vq(Vq::new(*n_vocab, code_dim, training, rng, device))
+// Codes in order: scale after scale within a clip, or clip after clip within a scale.
+
+/// Codes clip after clip, those of a clip scale after scale, from those of each scale, clip after clip.
+fn by_clip<'a>(scales: &'a [Vec<u32>], n_clips: usize) -> Vec<u32> {
+    let parts = (0..n_clips).flat_map(|clip| scales.iter().map(move |own| (clip, own)));
+    let part = |(clip, own): (usize, &'a Vec<u32>)| {
+        let length = own.len() / n_clips;
+        &own[clip * length..][..length]
+    };
+    parts.flat_map(part).copied().collect()
+}
+
+/// The inverse of [`by_clip`] for clips that have `lengths` codes on their scales, or the codes of
+/// their first scales alone: as many scales come back as there are codes of.
+///
+/// # Panics
+/// If the codes are those of no whole number of scales.
+pub fn by_scale(ids: &[u32], lengths: &[usize], n_clips: usize) -> Vec<Vec<u32>> {
+    let per_clip = ids.len() / n_clips;
+    let (mut scales, mut from) = (Vec::new(), 0);
+    for length in lengths {
+        if from + length > per_clip {
+            break;
         }
-        QuantizerSpec::Residual(own) => match &own.codebook {
-            CodebookSpec::Fsq { levels } => {
-                AnyQuantizer::ResidualFsq(ResidualFsq::new(own, levels, code_dim, rng, device))
-            }
-            CodebookSpec::Vq { n_vocab } => {
-                let layers = ResidualVq::new(own, *n_vocab, code_dim, training, rng, device);
-                AnyQuantizer::ResidualVq(layers)
-            }
-        },
-        QuantizerSpec::Multiscale(own) => {
-            AnyQuantizer::Multiscale(Multiscale::new(own, code_dim, training, rng, device))
-        }
+        let own = ids.chunks_exact(per_clip).flat_map(|clip| &clip[from..from + length]);
+        scales.push(own.copied().collect());
+        from += length;
+    }
+    assert_eq!(from * n_clips, ids.len(), "codes of {n_clips} clips with {lengths:?} codes each");
+    scales
+}
+
+// Latents of a clip at another length: linear maps along time, the same for every clip and channel.
+
+/// `[b, t, c]` to `[b, s, c]`: latent i is the mean of ⌊iT/s⌋..⌈(i+1)T/s⌉ (adaptive average pooling, as
+/// LG-Tok's code has it). Bins overlap where s does not divide t, and repeat where s is larger.
+pub fn area_down(x_btc: Tensor<3>, s: usize) -> Tensor<3> {
+    along_time(x_btc, s, area_weights)
+}
+
+/// `[b, s, c]` to `[b, t, c]`: latent i lies at (i + ½)·s/t − ½ on the line through the latents around
+/// it, at least at 0 (linear interpolation with `align_corners=False`).
+pub fn linear_up(x_bsc: Tensor<3>, t: usize) -> Tensor<3> {
+    along_time(x_bsc, t, linear_weights)
+}
+
+/// The map with `weights`, `[to, from]`; where both are of one length, it changes nothing.
+fn along_time(x_btc: Tensor<3>, to: usize, weights: fn(usize, usize) -> Vec<f32>) -> Tensor<3> {
+    let [_, from, _] = x_btc.dims();
+    if from == to {
+        return x_btc;
+    }
+    let data = TensorData::new(weights(to, from), [1, to, from]);
+    Tensor::<3>::from_data(data, &x_btc.device()).matmul(x_btc)
+}
+
+fn area_weights(to: usize, from: usize) -> Vec<f32> {
+    let mut weights = vec![0.0; to * from];
+    for (i, row) in weights.chunks_exact_mut(from).enumerate() {
+        let bin = i * from / to..((i + 1) * from).div_ceil(to);
+        let share = 1.0 / bin.len() as f32;
+        row[bin].fill(share);
+    }
+    weights
+}
+
+fn linear_weights(to: usize, from: usize) -> Vec<f32> {
+    let mut weights = vec![0.0; to * from];
+    for (i, row) in weights.chunks_exact_mut(from).enumerate() {
+        let place = ((i as f64 + 0.5) * from as f64 / to as f64 - 0.5).max(0.0);
+        let left = place as usize;
+        let right = (left + 1).min(from - 1);
+        let share = (place - left as f64) as f32;
+        row[left] += 1.0 - share;
+        row[right] += share;
+    }
+    weights
+}
+
+// What several codebooks keep, as the state of one quantizer: each under its number.
+
+const PARTS: &str = "parts";
+const OWN: &str = "own";
+
+/// The states of `parts` as one, with `note` beside theirs.
+fn keep_parts<'a>(
+    parts: impl Iterator<Item = &'a (dyn Quantizer + 'static)>,
+    note: Value,
+) -> LearnerState {
+    let (mut all, mut notes) = (LearnerState::default(), Vec::new());
+    for (i, part) in parts.enumerate() {
+        let LearnerState { note, tensors } = part.keep();
+        notes.push(note);
+        all.tensors.extend(tensors.into_iter().map(|(name, x)| (format!("{i}.{name}"), x)));
+    }
+    all.note = json!({ PARTS: notes, OWN: note });
+    all
+}
+
+/// Gives each part its own of what [`keep_parts`] gave, and returns the note; `None` where it is not that.
+fn resume_parts<'a>(
+    parts: impl Iterator<Item = &'a mut (dyn Quantizer + 'static)>,
+    mut saved: LoadedState,
+) -> Option<Value> {
+    for (i, part) in parts.enumerate() {
+        let prefix = format!("{i}.");
+        let own = saved.tensors.iter().filter_map(|(name, tensor)| {
+            Some((name.strip_prefix(&prefix)?.to_string(), tensor.clone()))
+        });
+        let tensors = own.collect();
+        let note = saved.note[PARTS].get_mut(i)?.take();
+        part.resume(LoadedState { note, tensors })?;
+    }
+    Some(saved.note[OWN].take())
+}
+
+// What residual kinds, and the formulas of several kinds, have in common.
+
+/// Draws how many layers a training step uses, so that the first of them carry what they can alone.
+#[derive(Clone, Debug)]
+struct Dropout {
+    /// How often layers are dropped.
+    share: f64,
+    rng: ChaCha8Rng,
+}
+
+impl Dropout {
+    /// One with its own stream of numbers.
+    fn new(share: f64, rng: &mut ChaCha8Rng) -> Self {
+        Self { share, rng: ChaCha8Rng::seed_from_u64(rng.next_u64()) }
+    }
+
+    /// All `n` layers, or with the share's probability a number from 1 to `n`, each as likely.
+    fn layers(&mut self, n: usize) -> usize {
+        if unit(&mut self.rng) < self.share { 1 + below(&mut self.rng, n) } else { n }
+    }
+
+    /// How far its generator has come: as text, since that has 68 bits.
+    fn keep(&self) -> Value {
+        json!(self.rng.get_word_pos().to_string())
+    }
+
+    /// Takes up what [`Dropout::keep`] gave; `None` where it is not that.
+    fn resume(&mut self, saved: &Value) -> Option<()> {
+        self.rng.set_word_pos(saved.as_str()?.parse().ok()?);
+        Some(())
     }
 }
-
-stands_for!(AnyQuantizer, Quantizer: Fsq, Vq, ResidualFsq, ResidualVq, Multiscale);
 
 /// The sums of the first, the first two, and so on. The first is added to zeros, so that a code of −0
 /// has the bits that it has in training.
@@ -162,9 +267,8 @@ fn begin_projections(
     let [n, c] = latents_nc.dims();
     let d = project_in.channels_out();
     let squares = (latents_nc.clone() * latents_nc.clone()).sum_dim(0) / n as f64;
-    let deviations: Vec<f32> = squares.sqrt().into_data().try_into_vec().expect("f32");
     let (mut inward, mut outward) = (vec![0.0; c * d], vec![0.0; d * c]);
-    for (i, deviation) in deviations.into_iter().take(d).enumerate() {
+    for (i, deviation) in host(squares.sqrt()).into_iter().take(d).enumerate() {
         [inward[i * d + i], outward[i * c + i]] = factors(deviation);
     }
     project_in.set(inward, vec![0.0; d]);
@@ -193,6 +297,3 @@ fn mean_square<const D: usize>(a: Tensor<D>, b: Tensor<D>) -> Tensor<1> {
     let apart = a - b;
     (apart.clone() * apart).mean()
 }
-
-#[cfg(test)]
-mod tests;

@@ -17,18 +17,19 @@
 //! Shapes: b clips, t latents, c channels, s codes of a clip on a scale.
 
 use burn::module::Module;
+use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
 
-use super::codebook::Codebook;
-use super::order::{by_clip, by_scale};
-use super::smoothing::Smoothing;
 use super::{
-    Extent, Quantized, Quantizer, area_down, clips, linear_up, mean_square, rows, running_sums,
-    states, straight_through,
+    Extent, Fsq, Quantized, Quantizer, Vq, area_down, by_clip, by_scale, clips, keep_parts,
+    linear_up, mean_square, resume_parts, rows, running_sums, straight_through,
 };
+use crate::learn::layers::Conv1d;
 use crate::learn::{LearnerState, LoadedState};
-use crate::spec::{MultiscaleSpec, TokenizerTraining};
+use crate::spec::{CodebookSpec, MultiscaleSpec, TokenizerTraining};
+use crate::tokenizer::halves::stands_for;
 
 /// Codebooks of several lengths.
 #[derive(Module, Debug)]
@@ -53,14 +54,12 @@ impl Multiscale {
         rng: &mut ChaCha8Rng,
         device: &Device,
     ) -> Self {
-        let codebooks = spec.codebooks.iter();
-        let codebooks = codebooks
-            .map(|own| Codebook::new(own, spec.cosine, code_dim, training, rng, device))
-            .collect();
-        let smoothing = |_: &usize| Smoothing::new(spec.mix, code_dim, rng, device);
+        let mut codebook = |own| Codebook::new(own, spec.cosine, code_dim, training, rng, device);
         Self {
-            codebooks,
-            smoothings: spec.scales.iter().map(smoothing).collect(),
+            codebooks: spec.codebooks.iter().map(&mut codebook).collect(),
+            smoothings: (0..spec.scales.len())
+                .map(|_| Smoothing::new(spec.mix, code_dim, rng, device))
+                .collect(),
             scales: spec.scales.clone(),
             commitment: training.commitment,
             beta: spec.beta,
@@ -138,10 +137,113 @@ impl Quantizer for Multiscale {
     }
 
     fn keep(&self) -> LearnerState {
-        states::keep(self.codebooks.iter().map(|codebook| &**codebook), serde_json::Value::Null)
+        keep_parts(self.codebooks.iter().map(|codebook| &**codebook), Value::Null)
     }
 
     fn resume(&mut self, saved: LoadedState) -> Option<()> {
-        states::resume(self.codebooks.iter_mut().map(|codebook| &mut **codebook), saved).map(|_| ())
+        resume_parts(self.codebooks.iter_mut().map(|codebook| &mut **codebook), saved).map(|_| ())
+    }
+}
+
+// The codes of one scale.
+
+/// A codebook of either kind.
+#[derive(Module, Debug)]
+enum Codebook {
+    Fsq(Fsq),
+    Vq(Vq),
+}
+
+impl Codebook {
+    /// A fresh codebook; `cosine` has VQ compare directions.
+    fn new(
+        spec: &CodebookSpec,
+        cosine: bool,
+        code_dim: usize,
+        training: &TokenizerTraining,
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        match spec {
+            CodebookSpec::Fsq { levels } => Self::Fsq(Fsq::new(levels, code_dim, rng, device)),
+            CodebookSpec::Vq { n_vocab } => {
+                let mut vq = Vq::new(*n_vocab, code_dim, training, rng, device);
+                vq.cosine = cosine;
+                Self::Vq(vq)
+            }
+        }
+    }
+
+    /// Places VQ's codes at the first latents of a batch, unless they have been placed.
+    fn place(&mut self, latents_nc: &Tensor<2>) {
+        if let Self::Vq(vq) = self {
+            vq.place(latents_nc);
+        }
+    }
+
+    /// The code of each latent.
+    fn codes_of(&self, latents_nc: &Tensor<2>) -> Vec<u32> {
+        match self {
+            Self::Fsq(fsq) => fsq.codes_of(latents_nc.clone()),
+            Self::Vq(vq) => vq.codes_of(latents_nc),
+        }
+    }
+
+    /// The embedding of each code, `[n, c]`.
+    fn rows_of(&self, ids: &[u32]) -> Tensor<2> {
+        match self {
+            Self::Fsq(fsq) => fsq.rows_of(ids),
+            Self::Vq(vq) => vq.rows_of(ids),
+        }
+    }
+
+    /// The embedding of each latent's code, `[n, c]`, with a gradient to FSQ's projections.
+    fn embedded(&self, latents_nc: &Tensor<2>) -> Tensor<2> {
+        match self {
+            Self::Fsq(fsq) => fsq.embedded(latents_nc.clone()),
+            Self::Vq(vq) => vq.rows_of(&vq.codes_of(latents_nc)),
+        }
+    }
+
+    /// Moves VQ's codes after a batch of latents, each with the code that it takes.
+    fn follow(&mut self, latents_nc: &Tensor<2>) {
+        if let Self::Vq(vq) = self {
+            let ids = vq.codes_of(latents_nc);
+            vq.follow(latents_nc, &ids);
+        }
+    }
+}
+
+stands_for!(Codebook, Quantizer: Fsq, Vq);
+
+// What a scale makes of its codes.
+
+/// φ(h) = relu(conv₃(relu(conv₃(h)))), as LG-Tok's code has it, so that what a scale adds is never below
+/// 0; or with VAR's residual mix m (Tian et al. 2024) φ(h) = (1 − m)·h + m·conv₃(h).
+#[derive(Module, Debug)]
+struct Smoothing {
+    convolutions: Vec<Conv1d>,
+    #[module(skip)]
+    mix: Option<f64>,
+}
+
+impl Smoothing {
+    /// φ for `code_dim` channels, drawn as PyTorch draws convolutions.
+    fn new(mix: Option<f64>, code_dim: usize, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        let mut convolution = || Conv1d::same([code_dim; 2], 1, rng, device);
+        let convolutions = match mix {
+            None => vec![convolution(), convolution().rectified()],
+            Some(_) => vec![convolution()],
+        };
+        Self { convolutions, mix }
+    }
+
+    /// `[b, t, c]` to the same.
+    fn forward(&self, x_btc: Tensor<3>) -> Tensor<3> {
+        let y_btc = self.convolutions.iter().fold(x_btc.clone(), |x, conv| conv.forward(x));
+        match self.mix {
+            None => relu(y_btc),
+            Some(mix) => x_btc * (1.0 - mix) + y_btc * mix,
+        }
     }
 }

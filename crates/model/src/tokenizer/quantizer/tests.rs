@@ -1,13 +1,18 @@
 //! What quantizers of several scales have in common: training sees what decoding sees, sums and inputs
-//! of scales, gradients, and states that go on.
+//! of scales, gradients, and states that go on; orders and lengths.
 
-use burn::tensor::TensorData;
+use burn::module::Module;
+use burn::tensor::Device;
+use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::*;
 use crate::learn::params::normal;
 use crate::learn::weights::on_host;
-use crate::spec::{CodebookKind, QuantizerKind, QuantizerSection, ScaleSpec};
+use crate::spec::{
+    CodebookKind, QuantizerKind, QuantizerSection, QuantizerSpec, ScaleSpec, TokenizerSpec,
+};
+use crate::tokenizer::module::AnyQuantizer;
 use crate::tokenizer::testing::spec_of;
 
 const DIM: usize = 6;
@@ -34,16 +39,12 @@ fn specs() -> Vec<TokenizerSpec> {
 }
 
 fn quantizer(spec: &TokenizerSpec, device: &Device) -> AnyQuantizer {
-    init(spec, DIM, &mut ChaCha8Rng::seed_from_u64(0), device)
+    AnyQuantizer::new(spec, DIM, &mut ChaCha8Rng::seed_from_u64(0), device)
 }
 
 fn latents(seed: u64, device: &Device) -> Tensor<3> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     normal([EXTENT.n_clips, EXTENT.n_latents, DIM], 1.0, &mut rng, device).val()
-}
-
-fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
-    tensor.into_data().try_into_vec().unwrap()
 }
 
 /// A quantizer after some steps, without autodiff.
@@ -84,7 +85,7 @@ fn sums_of_the_first_scales_need_the_codes_of_the_first_scales_alone() {
         let inputs = plain.inputs(&ids, EXTENT);
         assert_eq!((sums.len(), inputs.len()), (3, 2));
         for n in 1..=3 {
-            let first = order::by_clip(&scales[..n], EXTENT.n_clips);
+            let first = by_clip(&scales[..n], EXTENT.n_clips);
             let own = plain.sums(&first, EXTENT);
             assert_eq!(own.len(), n);
             assert_eq!(host(own[n - 1].clone()), host(sums[n - 1].clone()));
@@ -155,7 +156,7 @@ fn each_layer_of_digits_halves_what_is_left_by_its_levels() {
     let quantizer_spec = section(QuantizerKind::Residual, CodebookKind::Fsq).of_levels(&[5, 4]);
     let spec = spec_of(quantizer_spec.unwrap(), 1);
     let AnyQuantizer::ResidualFsq(mut own) =
-        init(&spec, 2, &mut ChaCha8Rng::seed_from_u64(0), &Device::flex())
+        AnyQuantizer::new(&spec, 2, &mut ChaCha8Rng::seed_from_u64(0), &Device::flex())
     else {
         panic!("residual FSQ");
     };
@@ -181,4 +182,59 @@ fn each_layer_of_digits_halves_what_is_left_by_its_levels() {
             assert!(off < most + 1e-5 && off > 0.8 * most, "{off} of {most}");
         }
     }
+}
+
+#[test]
+fn codes_come_back_by_scale_all_of_them_and_the_first() {
+    let scales = vec![vec![1, 2], vec![3, 4, 5, 6]];
+    let ids = by_clip(&scales, 2);
+    assert_eq!(ids, [1, 3, 4, 2, 5, 6]);
+    assert_eq!(by_scale(&ids, &[1, 2], 2), scales);
+    assert_eq!(by_scale(&[7, 8], &[1, 2], 2), [[7, 8]]);
+}
+
+/// One clip of one channel.
+fn clip(values: &[f32]) -> Tensor<3> {
+    let data = TensorData::new(values.to_vec(), [1, values.len(), 1]);
+    Tensor::from_data(data, &Device::flex())
+}
+
+#[test]
+fn three_bins_of_49_latents_overlap_by_one() {
+    let weights = area_weights(3, 49);
+    let bin = |row: &[f32]| {
+        let first = row.iter().position(|w| *w > 0.0).unwrap();
+        let last = row.iter().rposition(|w| *w > 0.0).unwrap();
+        (first, last + 1)
+    };
+    let bins: Vec<_> = weights.chunks_exact(49).map(bin).collect();
+    assert_eq!(bins, [(0, 17), (16, 33), (32, 49)]);
+    assert!(weights.chunks_exact(49).all(|row| (row.iter().sum::<f32>() - 1.0).abs() < 1e-6));
+}
+
+#[test]
+fn a_line_through_three_latents_is_met_at_seven_places() {
+    let places: Vec<f32> = host(linear_up(clip(&[0.0, 1.0, 2.0]), 7));
+    let expected = [0.0, 0.1429, 0.5714, 1.0, 1.4286, 1.8571, 2.0];
+    assert!(places.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4), "{places:?}");
+}
+
+#[test]
+fn a_longer_length_repeats_and_the_same_length_changes_nothing() {
+    assert_eq!(host(area_down(clip(&[1.0, 3.0]), 4)), [1.0, 1.0, 3.0, 3.0]);
+    assert_eq!(host(area_down(clip(&[1.0, 3.0, 8.0]), 2)), [2.0, 5.5]);
+    let same = clip(&[0.1, -0.7, f32::MIN_POSITIVE]);
+    assert_eq!(host(linear_up(area_down(same.clone(), 3), 3)), host(same));
+    assert_eq!(host(linear_up(clip(&[4.0]), 3)), [4.0; 3]);
+}
+
+#[test]
+fn every_number_of_layers_is_drawn_and_all_of_them_most_often() {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    let mut dropout = Dropout::new(0.2, &mut rng);
+    let mut drawn = [0; 7];
+    (0..6000).for_each(|_| drawn[dropout.layers(6)] += 1);
+    assert!(drawn[0] == 0 && drawn[1..6].iter().all(|n| (120..280).contains(n)), "{drawn:?}");
+    let mut never = Dropout::new(0.0, &mut rng);
+    assert!((0..100).all(|_| never.layers(3) == 3));
 }

@@ -1,3 +1,5 @@
+//! Losses, bits, resumed trainings, and what a training is refused for.
+
 use std::ops::ControlFlow;
 
 use super::*;
@@ -238,13 +240,8 @@ fn a_damaged_checkpoint_is_an_error_that_names_it() {
     let checkpoints = Some(&Checkpoints { path: &path, every, branch: None });
     let mut progress = |_| ControlFlow::Continue(());
     let source = Waves::new(&[40], 3);
-    let ended = train(
-        &small_spec(),
-        &Corpus::wordless(&source),
-        &Device::flex(),
-        checkpoints,
-        &mut progress,
-    );
+    let corpus = Corpus::wordless(&source);
+    let ended = train(&small_spec(), &corpus, &Device::flex(), checkpoints, &mut progress);
     let message = ended.err().unwrap().to_string();
     assert!(message.contains("checkpoint.safetensors") && message.contains("remove it"));
 }
@@ -253,9 +250,7 @@ fn a_damaged_checkpoint_is_an_error_that_names_it() {
 fn features_that_are_not_finite_are_an_error() {
     let mut source = Waves::new(&[40], 3);
     source.spoiled = Some((Split::Train, 0));
-    let result =
-        train(&small_spec(), &Corpus::wordless(&source), &Device::flex(), None, &mut |_| {
-            ControlFlow::Continue(())
-        });
+    let keep_on = &mut |_| ControlFlow::Continue(());
+    let result = train(&small_spec(), &Corpus::wordless(&source), &Device::flex(), None, keep_on);
     assert!(matches!(result, Err(TokenizerError::Learn(LearnError::NonFinite { step: 1, .. }))));
 }

@@ -12,7 +12,7 @@ use crate::spec::{Positions, TransformerSpec};
 pub const EPSILON: f32 = 1e-5;
 
 /// The base of rotary angles, LG-Tok's.
-pub const ROPE_BASE: f64 = 100.0;
+const ROPE_BASE: f64 = 100.0;
 
 /// Where rows stand on the rotary index.
 ///
@@ -65,17 +65,12 @@ impl Places {
     }
 
     /// Angles of latents, of frames, then of words.
-    fn rope(&self, latents: usize, frames: usize, words: usize) -> Rope {
+    pub fn rope(&self, latents: usize, frames: usize, words: usize) -> Rope {
         let latents = (0..latents).map(|j| self.latent(j));
         let frames = (0..frames).map(|i| self.frame(i));
         let positions: Vec<f64> =
             latents.chain(frames).chain((0..words).map(|w| w as f64)).collect();
         Rope::at_positions(&positions, self.head_dim, ROPE_BASE)
-    }
-
-    /// Angles of frames alone, and of latents alone.
-    pub fn apart(&self, latents: usize, frames: usize) -> [Rope; 2] {
-        [self.rope(0, frames, 0), self.rope(latents, 0, 0)]
     }
 }
 
@@ -166,6 +161,8 @@ mod tests {
     use super::*;
     use burn::tensor::{Device, TensorData};
 
+    use crate::tokenizer::halves::host;
+
     fn sizes(positions: Positions) -> TransformerSpec {
         TransformerSpec { width: 8, heads: 2, span: 16, positions, ..Default::default() }
     }
@@ -178,12 +175,11 @@ mod tests {
             let values: Vec<f32> = (from..from + n).map(|x| x as f32).collect();
             Tensor::<2>::from_data(TensorData::new(values, [n, 1]), &Device::flex())
         };
-        let values = |x: Tensor<2>| x.into_data().try_into_vec::<f32>().unwrap();
         let packed = packing.pack(vec![rows(0, 6), rows(10, 9), rows(100, 3)]);
         let first = [0.0, 1.0, 10.0, 11.0, 12.0, 100.0, 2.0, 3.0, 13.0, 14.0, 15.0, 4.0];
-        assert_eq!(values(packed.clone())[..12], first);
-        assert_eq!(values(packing.latents(packed.clone())), values(rows(0, 6)));
-        assert_eq!(values(packing.frames(packed)), values(rows(10, 9)));
+        assert_eq!(host(packed.clone())[..12], first);
+        assert_eq!(host(packing.latents(packed.clone())), host(rows(0, 6)));
+        assert_eq!(host(packing.frames(packed)), host(rows(10, 9)));
     }
 
     #[test]

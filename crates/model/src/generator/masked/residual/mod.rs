@@ -8,31 +8,26 @@
 //! as the scales of the scale-by-scale transformer have, but where `model.tie_embeddings` asks for
 //! MoMask's.
 
-pub mod batch;
+mod model;
 
-pub(super) use batch::draw_layers;
-pub use batch::{Asked, LayerBatch, ResidualModel, ResidualTransformer};
-
-use super::batch::{
-    Hidden, MaskedSampler, Shown, bound, drawn_layer, forward_flops, hidden_clip, pack,
-};
-
-use crate::data::Split;
-use crate::generator::autoregressive::{Batch, Model, Part, TokenStream, Transformer};
-use crate::generator::kind::step_rng;
-use crate::generator::probed::{MOST_TOKENS, made_up_clip, passes};
-use crate::generator::{Inputs, Kind, Network, Objective, Sampler, SplitLoss};
-use crate::spec::RunSpec;
-
-use crate::codes::Grid;
-use crate::generator::trained::SplitSums;
-use crate::spec::flops::exact_whole;
-use crate::spec::{ModelShape, Precision};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha8Rng;
 
+use super::MaskedSampler;
+use super::hidden::{Hidden, Shown, bound, drawn_layer, forward_flops, hidden_clip, pack};
+use crate::codes::Grid;
+use crate::data::Split;
+use crate::generator::autoregressive::{Batch, Model, Part, TokenStream, Transformer};
+use crate::generator::kind::step_rng;
+use crate::generator::losses::{SplitSums, passes};
+use crate::generator::probed::{MOST_TOKENS, made_up_clip};
+use crate::generator::{Inputs, Kind, Network, Objective, Sampler, SplitLoss};
 use crate::progress::moved;
+use crate::spec::flops::exact_whole;
+use crate::spec::{ModelShape, Precision, RunSpec};
+
+pub use model::{Asked, LayerBatch, ResidualModel, ResidualTransformer};
 
 /// Both masked transformers, for codes of several layers, as a kind of generator.
 pub struct MaskedResidual;

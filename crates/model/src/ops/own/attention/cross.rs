@@ -1,25 +1,26 @@
 //! Attention from queries to a memory: every query of a sequence sees all rows of its memory.
 
-use super::backward::{differentiate, load_gradient, sum_by_keys_and_values};
-use super::forward::mix;
-use super::head_rows::HeadRows;
-use super::rotation::{Angles, rotate, rotate_back};
-use super::sight::Sight;
-use super::softmax::Statistics;
-use super::{Buffer, Workspace};
+use burn_flex::FlexTensor;
+
+use super::heads::{Angles, HeadRows, Sight, rotate, rotate_back};
+use super::tiles::{
+    Statistics, Workspace, differentiate, load_gradient, mix, sum_by_keys_and_values,
+};
+use crate::ops::own::buffers::{Buffer, dims, elements, recycle};
 use crate::ops::own::lanes::{Lanes, vectorised};
-use crate::ops::own::scratch::ROWS;
-use crate::ops::{CrossLayout, Rope};
+use crate::ops::own::small_matrices::ROWS;
+use crate::ops::own::{Above, Gradients, Operation};
+use crate::ops::{CrossLayout, CrossOptions, Rope};
 
 /// Where the heads of the sequences lie in rows of queries `[n, d]` and of a memory `[k | v]`,
 /// `[m, 2 d]`.
 #[derive(Clone, Copy)]
-pub struct CrossHeads<'a> {
-    pub layout: &'a CrossLayout,
-    pub n_head: usize,
-    pub head_dim: usize,
+struct CrossHeads<'a> {
+    layout: &'a CrossLayout,
+    n_head: usize,
+    head_dim: usize,
     /// Of the queries, and of the memory.
-    pub ropes: Option<[&'a Rope; 2]>,
+    ropes: Option<[&'a Rope; 2]>,
 }
 
 /// One head of one sequence.
@@ -98,32 +99,39 @@ impl Sight for CrossHead<'_> {
     }
 }
 
-/// Attention of all queries, `[n, d]`, and, if `keep` asks for it, what makes its weights again.
-pub fn cross(
-    queries: &[f32],
-    memory: &[f32],
-    heads: CrossHeads<'_>,
-    keep: bool,
-) -> (Buffer, Buffer) {
-    let mut output = Buffer::new(queries.len());
-    let n_kept = Statistics::PER_ROW * heads.n_head * heads.layout.n_queries();
-    let mut kept = Buffer::new(if keep { n_kept } else { 0 });
-    forward(queries, memory, heads, &mut output, keep, &mut kept);
-    (output, kept)
+impl CrossOptions {
+    /// The heads that they speak of, of `d` columns.
+    fn heads(&self, d: usize) -> CrossHeads<'_> {
+        let ropes = self.ropes.as_ref().map(|ropes| ropes.each_ref().map(|rope| &**rope));
+        let Self { n_head, layout, .. } = self;
+        CrossHeads { layout, n_head: *n_head, head_dim: d / n_head, ropes }
+    }
 }
 
-/// The gradients by queries and by `[k | v]`, given the gradient by the output and what [`cross`] kept.
-pub fn cross_back(
-    queries: &[f32],
-    memory: &[f32],
-    heads: CrossHeads<'_>,
-    kept: &[f32],
-    gradient: &[f32],
-) -> [Buffer; 2] {
-    let mut by_queries = Buffer::new(queries.len());
-    let mut by_memory = Buffer::new(memory.len());
-    backward(queries, memory, heads, kept, gradient, &mut by_queries, &mut by_memory);
-    [by_queries, by_memory]
+/// Attention to a memory, of queries and `[k | v]`; keeps its inputs and what makes its weights again.
+/// See [`Kernels::cross_attend`](crate::ops::Kernels::cross_attend).
+impl Operation<2> for CrossOptions {
+    type Kept = ([FlexTensor; 2], Buffer);
+
+    fn forward(&self, inputs: &[FlexTensor; 2], keep: bool) -> (FlexTensor, Option<Self::Kept>) {
+        let [queries, memory] = inputs.each_ref().map(elements);
+        let shape = dims(&inputs[0]);
+        let mut mixed = Buffer::new(queries.len());
+        let n_kept = Statistics::PER_ROW * self.n_head * self.layout.n_queries();
+        let mut statistics = Buffer::new(if keep { n_kept } else { 0 });
+        forward(queries, memory, self.heads(shape[1]), &mut mixed, keep, &mut statistics);
+        (mixed.into_tensor(shape), keep.then(|| (inputs.clone(), statistics)))
+    }
+
+    fn backward(&self, (inputs, statistics): Self::Kept, (gradient, _): Above<2>) -> Gradients<2> {
+        let [queries, memory] = inputs.each_ref().map(elements);
+        let ([of_queries, of_memory], change) = (inputs.each_ref().map(dims), elements(&gradient));
+        let [mut by_queries, mut by_memory] = [queries, memory].map(|x| Buffer::new(x.len()));
+        let heads = self.heads(of_queries[1]);
+        backward(queries, memory, heads, &statistics, change, &mut by_queries, &mut by_memory);
+        inputs.into_iter().chain([gradient]).for_each(recycle);
+        [by_queries.into_tensor(of_queries), by_memory.into_tensor(of_memory)].map(Some)
+    }
 }
 
 vectorised! {

@@ -1,0 +1,138 @@
+//! [`Inputs`]: what every kind of generator reads; whether it suits a run; and why a run ends without a result.
+
+use burn::tensor::{Device, FloatDType};
+
+use crate::codes::TokenStore;
+use crate::data::Split;
+use crate::failure::FailureKind;
+use crate::learn::LearnError;
+use crate::learn::weights::WeightsError;
+use crate::spec::{Precision, RunSpec};
+use crate::text::TextStore;
+
+/// What a run reads, mapped and shared with the runs beside it.
+#[derive(Clone, Copy)]
+pub struct Inputs<'a> {
+    pub tokens: &'a TokenStore,
+    pub text: &'a TextStore,
+    /// What turns codes into the inputs of scales, where the generator asks for it.
+    pub scales: Option<&'a dyn ScaleInputs>,
+}
+
+/// A tokenizer, for generators that make codes scale after scale.
+pub trait ScaleInputs {
+    /// What such a generator is shown before each scale but the first, `[b, s, c]` row-major: the sum of
+    /// what the scales before it add to the latents, at its own length. The codes are those of
+    /// `n_clips` clips of `n_frames` frames, clip after clip, scale after scale; they may end after any
+    /// scale, and give as many inputs as they have scales, as far as there are such.
+    fn inputs(&self, codes: &[u32], n_clips: usize, n_frames: usize) -> Vec<Vec<f32>>;
+
+    /// Latents of a clip of so many frames.
+    fn n_latents(&self, n_frames: usize) -> usize;
+}
+
+// [`GeneratorError`]: why a run ends without a result.
+
+/// Why a run ended without a result.
+#[derive(Debug, thiserror::Error)]
+pub enum GeneratorError {
+    /// Learning ended before its end.
+    #[error(transparent)]
+    Learn(#[from] LearnError),
+    /// Codes and spec do not belong together.
+    #[error("the tokens have {found} codes, the run wants {wanted}")]
+    Vocabulary { found: usize, wanted: usize },
+    /// A clip is longer than the model's context.
+    #[error(
+        "clip {clip} of the {split} split takes {positions} positions with its text, the model \
+         has {n_ctx}: raise model.motion_slots by {}",
+        positions - n_ctx
+    )]
+    Context { split: &'static str, clip: usize, positions: usize, n_ctx: usize },
+    /// A motion that was asked for is longer than the model's context.
+    #[error(
+        "a motion of {n_frames} frames takes {positions} positions with its text, the model has \
+         {n_ctx}: ask for at most {most} frames"
+    )]
+    Length { n_frames: usize, positions: usize, n_ctx: usize, most: usize },
+    /// A motion that was asked for is shorter than a code.
+    #[error("a motion of {n_frames} frames has no code: ask for at least {least} frames")]
+    NoCode { n_frames: usize, least: usize },
+    /// Guidance by a model that was trained with every caption.
+    #[error(
+        "the run was trained with every caption, so that guidance has nothing to move away from: \
+         leave guidance at 0, or train with model.text_drop above 0"
+    )]
+    Guidance,
+    /// An edit by a model that sees nothing of what comes later.
+    #[error(
+        "an autoregressive generator sees no code that comes later, so it cannot fill a part of a \
+         motion: edit with a scalewise or a masked one"
+    )]
+    Edit,
+    /// Weights that are not those of the run.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// The device does not compute in the run's precision.
+    #[error("the device does not compute in {0}: set train.precision to {other}", other = others(.0))]
+    Precision(&'static str),
+}
+
+impl GeneratorError {
+    /// Why learning ended, if that is the reason.
+    pub fn learn_error(&self) -> Option<&LearnError> {
+        if let Self::Learn(error) = self { Some(error) } else { None }
+    }
+
+    /// The failure of a job that ends with it; `None` for a stop, which is no failure.
+    pub fn failure_kind(&self) -> Option<FailureKind> {
+        match self {
+            Self::Learn(error) => error.failure_kind(),
+            Self::Weights(_) => Some(FailureKind::Damaged),
+            Self::Precision(_) => Some(FailureKind::Other),
+            _ => Some(FailureKind::BadData),
+        }
+    }
+}
+
+/// What to try in place of a precision.
+fn others(precision: &str) -> &'static str {
+    if precision == "f16" { "bf16 or f32" } else { "f16 or f32" }
+}
+
+// Whether a run can be trained at all, before its first step.
+
+/// Tokens must have the codes that the model has, and their sequences fit its context.
+pub fn check_inputs(spec: &RunSpec, inputs: &Inputs) -> Result<(), GeneratorError> {
+    let (found, wanted) = (inputs.tokens.n_vocab(), spec.n_vocab());
+    if found != wanted {
+        return Err(GeneratorError::Vocabulary { found, wanted });
+    }
+    Split::ALL.into_iter().try_for_each(|split| check_lengths(spec, inputs, split))
+}
+
+/// Devices differ in the numbers that they compute in.
+pub fn check_precision(precision: Precision, device: &Device) -> Result<(), GeneratorError> {
+    let dtype = match precision {
+        Precision::F32 => return Ok(()),
+        Precision::F16 => FloatDType::F16,
+        Precision::Bf16 => FloatDType::BF16,
+    };
+    let supported = device.supports_dtype(dtype);
+    supported.then_some(()).ok_or(GeneratorError::Precision(precision.name()))
+}
+
+/// Each clip must fit the context after the longest of its captions.
+fn check_lengths(spec: &RunSpec, inputs: &Inputs, split: Split) -> Result<(), GeneratorError> {
+    let (Inputs { tokens, text, .. }, n_ctx) = (inputs, spec.shape().n_ctx);
+    let n_text = |&caption: &u32| text.embedding(caption).len() / text.dim();
+    for clip in 0..tokens.n_clips(split) {
+        let longest_text = text.captions(split, clip).iter().map(n_text).max().unwrap_or(0);
+        let n_frames = tokens.clip_frames(split, clip);
+        let positions = longest_text + spec.generator.positions(tokens.grid(), n_frames);
+        if positions > n_ctx {
+            return Err(GeneratorError::Context { split: split.name(), clip, positions, n_ctx });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,257 @@
+//! [`Scratch`]: matrices of a few dozen rows, and their products, for one head of one sequence at a time.
+//!
+//! A general product packs its operands first, which at these sizes costs as much as the product
+//! itself, and cannot leave out what the mask rules out. This one computes tiles of [`ROWS`] rows
+//! and one or two vectors of columns in registers, straight from scratch matrices whose rows are
+//! padded to whole vectors.
+
+use std::ops::Range;
+
+use super::lanes::{LANES, Lanes};
+
+/// Rows of a tile; scratch matrices hold a multiple of these.
+pub const ROWS: usize = 8;
+
+/// A row-major matrix padded to whole tiles; what lies in the padding is unspecified.
+#[derive(Default)]
+pub struct Scratch {
+    values: Vec<f32>,
+    /// Distance between rows.
+    stride: usize,
+}
+
+impl Scratch {
+    /// Makes room for `rows` x `columns`, keeping the allocation and whatever it holds.
+    pub fn resize(&mut self, rows: usize, columns: usize) {
+        self.stride = columns.next_multiple_of(LANES);
+        let needed = rows.next_multiple_of(ROWS) * self.stride;
+        if self.values.len() < needed {
+            self.values.resize(needed, 0.0);
+        }
+    }
+
+    /// Row `i`, its padding included.
+    #[inline(always)]
+    pub fn row(&self, i: usize) -> &[f32] {
+        &self.values[i * self.stride..][..self.stride]
+    }
+
+    /// Row `i`, its padding included.
+    #[inline(always)]
+    pub fn row_mut(&mut self, i: usize) -> &mut [f32] {
+        &mut self.values[i * self.stride..][..self.stride]
+    }
+
+    /// Rows from row `i` on, their padding included.
+    #[inline(always)]
+    pub fn rows_mut(&mut self, i: usize) -> impl Iterator<Item = &mut [f32]> {
+        self.values[i * self.stride..].chunks_mut(self.stride)
+    }
+
+    /// This matrix as the left operand of a product.
+    #[inline(always)]
+    pub fn plain(&self) -> Left<'_, false> {
+        Left::new(&self.values, self.stride)
+    }
+
+    /// The transpose of this matrix as the left operand of a product.
+    #[inline(always)]
+    pub fn transposed(&self) -> Left<'_, true> {
+        Left::new(&self.values, self.stride)
+    }
+
+    /// Becomes the transpose of the `rows` x `columns` matrix `other`, with zeros in its padding.
+    #[inline(always)]
+    pub fn set_transposed<L: Lanes>(&mut self, other: &Scratch, rows: usize, columns: usize) {
+        self.resize(columns.next_multiple_of(LANES), rows);
+        for first in (0..rows).step_by(LANES) {
+            for column in (0..columns).step_by(LANES) {
+                let mut block = [L::splat(0.0); LANES];
+                for (i, row) in (first..rows.min(first + LANES)).enumerate() {
+                    block[i] = L::read(&other.row(row)[column..column + LANES]);
+                }
+                let to = &mut self.values[column * self.stride + first..];
+                for (row, vector) in to.chunks_mut(self.stride).zip(L::transpose(block)) {
+                    vector.write(&mut row[..LANES]);
+                }
+            }
+        }
+    }
+
+    /// Sees that there are so many rows and columns, which [`Scratch::vector`] relies on.
+    #[inline(always)]
+    fn check(&self, rows: usize, columns: usize) {
+        let last = (rows.max(1) - 1) * self.stride + columns.next_multiple_of(LANES);
+        assert!(last <= self.values.len(), "a product reads beyond its right operand");
+    }
+
+    /// The vector that starts at column `j` of row `i`.
+    ///
+    /// # Safety
+    ///
+    /// There must be such a vector: see [`Scratch::check`].
+    #[inline(always)]
+    unsafe fn vector<L: Lanes>(&self, i: usize, j: usize) -> L {
+        // SAFETY: the caller's promise.
+        L::load(unsafe { &*self.values.as_ptr().add(i * self.stride + j).cast() })
+    }
+}
+
+/// The left operand of a product: a matrix, or the transpose of one.
+#[derive(Clone, Copy)]
+pub struct Left<'a, const TRANSPOSED: bool> {
+    values: &'a [f32],
+    stride: usize,
+}
+
+impl<'a, const TRANSPOSED: bool> Left<'a, TRANSPOSED> {
+    /// A matrix of rows `stride` elements apart, or its transpose.
+    #[inline(always)]
+    fn new(values: &'a [f32], stride: usize) -> Self {
+        Self { values, stride }
+    }
+
+    /// The operand from row `i` on.
+    #[inline(always)]
+    pub fn skip_rows(self, i: usize) -> Self {
+        Self { values: &self.values[self.place(i, 0)..], ..self }
+    }
+
+    #[inline(always)]
+    fn place(&self, row: usize, inner: usize) -> usize {
+        if TRANSPOSED { inner * self.stride + row } else { row * self.stride + inner }
+    }
+
+    /// Sees that there are so many rows and inner elements, which [`Left::at`] relies on.
+    #[inline(always)]
+    fn check(&self, rows: usize, inner: usize) {
+        let last = self.place(rows.max(1) - 1, inner.max(1) - 1);
+        assert!(last < self.values.len(), "a product reads beyond its left operand");
+    }
+
+    /// # Safety
+    ///
+    /// There must be such a row and inner element: see [`Left::check`].
+    #[inline(always)]
+    unsafe fn at(&self, row: usize, inner: usize) -> f32 {
+        // SAFETY: the caller's promise.
+        unsafe { *self.values.get_unchecked(self.place(row, inner)) }
+    }
+}
+
+/// Rows of a tile where registers are few.
+const HALF: usize = ROWS / 2;
+
+/// What a block of [`ROWS`] rows of a product takes: part of the inner dimension, and how many
+/// columns of the result are wanted.
+pub struct Span {
+    pub inner: Range<usize>,
+    pub columns: usize,
+}
+
+/// `out = left right` for the first `rows` rows, each block of rows within its span.
+///
+/// Columns are computed to the end of a vector, and rows to the end of a tile.
+#[inline(always)]
+pub fn product<L: Lanes, const TRANSPOSED: bool>(
+    out: &mut Scratch,
+    rows: usize,
+    left: Left<'_, TRANSPOSED>,
+    right: &Scratch,
+    span: impl Fn(usize) -> Span,
+) {
+    for first in (0..rows).step_by(ROWS) {
+        block::<L, _>(out, first, left.skip_rows(first), right, span(first));
+    }
+}
+
+/// The block of [`ROWS`] rows of `out` that starts at `row`: the first ones of `left`, times
+/// `right`.
+#[inline(always)]
+pub fn block<L: Lanes, const TRANSPOSED: bool>(
+    out: &mut Scratch,
+    row: usize,
+    left: Left<'_, TRANSPOSED>,
+    right: &Scratch,
+    span: Span,
+) {
+    let Span { inner, columns } = span;
+    left.check(ROWS, inner.end);
+    right.check(inner.end, columns);
+    let mut column = 0;
+    while L::MANY && column + LANES < columns {
+        tile::<L, ROWS, 2, _>(out, (row, column), left, right, inner.clone());
+        column += 2 * LANES;
+    }
+    while column < columns {
+        if L::MANY {
+            tile::<L, ROWS, 1, _>(out, (row, column), left, right, inner.clone());
+        } else {
+            let rest = left.skip_rows(HALF);
+            tile::<L, HALF, 1, _>(out, (row, column), left, right, inner.clone());
+            tile::<L, HALF, 1, _>(out, (row + HALF, column), rest, right, inner.clone());
+        }
+        column += LANES;
+    }
+}
+
+/// One tile of the result at `(row, column)`, of the first `R` rows of `left` and `V` vectors.
+#[inline(always)]
+fn tile<L: Lanes, const R: usize, const V: usize, const TRANSPOSED: bool>(
+    out: &mut Scratch,
+    (row, column): (usize, usize),
+    left: Left<'_, TRANSPOSED>,
+    right: &Scratch,
+    inner: Range<usize>,
+) {
+    let mut sums = [[L::splat(0.0); V]; R];
+    for k in inner {
+        let mut vectors = [L::splat(0.0); V];
+        for (v, vector) in vectors.iter_mut().enumerate() {
+            // SAFETY: `block` has checked.
+            *vector = unsafe { right.vector(k, column + v * LANES) };
+        }
+        for (r, sums) in sums.iter_mut().enumerate() {
+            // SAFETY: `block` has checked.
+            let left = L::splat(unsafe { left.at(r, k) });
+            for (sum, right) in sums.iter_mut().zip(vectors) {
+                *sum = left.mul_add(right, *sum);
+            }
+        }
+    }
+    for (row, sums) in out.rows_mut(row).zip(sums) {
+        let row = &mut row[column..column + V * LANES];
+        for (v, sum) in sums.into_iter().enumerate() {
+            sum.write(&mut row[v * LANES..(v + 1) * LANES]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lanes::vectorised;
+    use super::*;
+
+    vectorised! {
+        fn transpose(from: &Scratch, rows: usize, columns: usize, to: &mut Scratch) {
+            to.set_transposed::<L>(from, rows, columns);
+        }
+    }
+
+    #[test]
+    fn a_transpose_has_rows_for_columns_and_zeros_around_them() {
+        let (mut from, mut to) = (Scratch::default(), Scratch::default());
+        for (rows, columns) in [(40, 33), (1, 1), (16, 16), (17, 5), (5, 17)] {
+            from.resize(rows, columns);
+            let numbers = 1..;
+            from.values.iter_mut().zip(numbers).for_each(|(x, n)| *x = n as f32);
+            transpose(&from, rows, columns, &mut to);
+            for j in 0..columns {
+                let column = (0..rows).map(|i| from.row(i)[j]);
+                let padding = std::iter::repeat(0.0);
+                let expected = column.chain(padding).take(rows.next_multiple_of(LANES));
+                assert!(expected.eq(to.row(j).iter().copied()), "{rows} x {columns}, column {j}");
+            }
+        }
+    }
+}

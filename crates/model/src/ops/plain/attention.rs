@@ -1,0 +1,322 @@
+//! Attention composed of burn's operations: of sequences, to a memory, and of positions that join
+//! sequences piece by piece, as in sampling.
+//!
+//! Shapes: n rows, d features, b sequences, h heads, t positions of the longest sequence, c features of a
+//! head.
+
+use std::ops::Range;
+
+use burn::tensor::activation::softmax;
+use burn::tensor::{Bool, Device, Int, Tensor, TensorData};
+
+use super::{Product, integers, rms_norm};
+use crate::ops::{AttentionOptions, AttentionWeights, CrossOptions, Rope, SequenceLayout};
+
+/// Stands for minus infinity in masked scores: e to it is zero, and it is an ordinary number on
+/// devices whose arithmetic has no infinities.
+const MASKED: f32 = -1e30;
+
+/// See [`Kernels::attention`](crate::ops::Kernels::attention).
+pub fn attention_half(
+    x_nd: Tensor<2>,
+    weights: AttentionWeights,
+    options: &AttentionOptions,
+    product: Product,
+) -> Tensor<2> {
+    let normed_nd = rms_norm(x_nd.clone(), weights.gamma_d, options.epsilon);
+    let qkv_n3d = product.of(normed_nd, weights.qkv_d3d);
+    let mixed_nd = attend(qkv_n3d, options, product);
+    x_nd + product.of(mixed_nd, weights.output_dd)
+}
+
+/// Attention of `[q | k | v]`, before the projection: pads the sequences to one length,
+/// attends densely under a mask, and takes the padding out again.
+pub fn attend(qkv_n3d: Tensor<2>, options: &AttentionOptions, product: Product) -> Tensor<2> {
+    let AttentionOptions { n_head, layout, rope, .. } = options;
+    let n_head = *n_head;
+    let device = qkv_n3d.device();
+    let (b, t, c) = (layout.n_sequences(), layout.max_len(), rope.head_dim());
+    let d = n_head * c;
+    let sequences: Vec<_> = (0..b).map(|i| layout.rows(i)).collect();
+    let padded = qkv_n3d.select(0, rows_of_padded(&sequences, &device));
+    let part_bhtc = |part: usize| {
+        let columns = padded.clone().slice([0..b * t, part * d..(part + 1) * d]);
+        columns.reshape([b, t, n_head, c]).swap_dims(1, 2)
+    };
+    let turns = turns(rope, layout, &device);
+    let queries_bhtc = turn(part_bhtc(0), &turns).div_scalar((c as f64).sqrt());
+    let scores_bhtt = product.of(queries_bhtc, turn(part_bhtc(1), &turns).swap_dims(2, 3));
+    let hidden_bhtt = hidden(layout, &device).expand([b, n_head, t, t]);
+    let weights_bhtt = softmax(scores_bhtt.mask_fill(hidden_bhtt, MASKED), 3);
+    let output = product.of(weights_bhtt, part_bhtc(2)).swap_dims(1, 2).reshape([b * t, d]);
+    output.select(0, padded_of_rows(&sequences, &device))
+}
+
+/// Cosines and sines of the angles of each position of the padded batch, `[b, 1, t, c / 2, 1]`, or of
+/// the first t, `[1, 1, t, c / 2, 1]`, where sequences have no others.
+fn turns(rope: &Rope, layout: &SequenceLayout, device: &Device) -> [Tensor<5>; 2] {
+    let (b, t) = (layout.n_sequences(), layout.max_len());
+    if layout.angles(0).is_none() {
+        return rope.turns(1, &Vec::from_iter(0..t), device);
+    }
+    let place = |(i, q): (usize, usize)| {
+        let angles = layout.angles(i).expect("all sequences have them, or none");
+        angles.get(q).map_or(0, |&angle| angle as usize)
+    };
+    let places: Vec<usize> = (0..b).flat_map(|i| (0..t).map(move |q| (i, q))).map(place).collect();
+    rope.turns(b, &places, device)
+}
+
+/// Turns the pairs of features of the first positions by their rows of `rope`, `[b, h, t, c]`.
+fn rotate(x_bhtc: Tensor<4>, rope: &Rope) -> Tensor<4> {
+    let (places, device) = (Vec::from_iter(0..x_bhtc.dims()[2]), x_bhtc.device());
+    turn(x_bhtc, &rope.turns(1, &places, &device))
+}
+
+/// Turns the pairs of features by angles whose cosines and sines are `[b or 1, 1, t, c / 2, 1]`.
+fn turn(x_bhtc: Tensor<4>, [cos, sin]: &[Tensor<5>; 2]) -> Tensor<4> {
+    let [b, h, t, c] = x_bhtc.dims();
+    let pairs = x_bhtc.reshape([b, h, t, c / 2, 2]);
+    let even = pairs.clone().slice([0..b, 0..h, 0..t, 0..c / 2, 0..1]);
+    let odd = pairs.slice([0..b, 0..h, 0..t, 0..c / 2, 1..2]);
+    let turned_even = even.clone().mul(cos.clone()).sub(odd.clone().mul(sin.clone()));
+    let turned_odd = even.mul(sin.clone()).add(odd.mul(cos.clone()));
+    Tensor::cat(vec![turned_even, turned_odd], 4).reshape([b, h, t, c])
+}
+
+/// True where a position of the padded batch does not see another: `[b, 1, t, t]`.
+fn hidden(layout: &SequenceLayout, device: &Device) -> Tensor<4, Bool> {
+    let (b, t) = (layout.n_sequences(), layout.max_len());
+    // A position of the padding, which nobody sees, sees the first: no row may be all hidden.
+    let visible = |i: usize, q: usize| if q < layout.len(i) { layout.visible(i, q) } else { 1 };
+    let visible = (0..b).flat_map(|i| (0..t).map(move |q| visible(i, q) as u32));
+    let visible_b1t1 = integers(visible, device).reshape([b, 1, t, 1]);
+    let keys_111t = integers(0..t as u32, device).reshape([1, 1, 1, t]);
+    keys_111t.expand([b, 1, t, t]).greater_equal(visible_b1t1.expand([b, 1, t, t]))
+}
+
+/// The row of each position of sequences that are padded to one length; a sequence's first for padding.
+fn rows_of_padded(sequences: &[Range<usize>], device: &Device) -> Tensor<1, Int> {
+    let t = longest(sequences);
+    let row = |rows: &Range<usize>, q| if q < rows.len() { rows.start + q } else { rows.start };
+    integers(sequences.iter().flat_map(|rows| (0..t).map(move |q| row(rows, q) as u32)), device)
+}
+
+/// The position in the padded batch of each row.
+fn padded_of_rows(sequences: &[Range<usize>], device: &Device) -> Tensor<1, Int> {
+    let starts = (0..).step_by(longest(sequences));
+    let own = |(start, rows): (usize, &Range<usize>)| {
+        (start..start + rows.len()).map(|position| position as u32)
+    };
+    integers(starts.zip(sequences).flat_map(own), device)
+}
+
+fn longest(sequences: &[Range<usize>]) -> usize {
+    sequences.iter().map(Range::len).max().unwrap_or(0)
+}
+
+// Attention to a memory.
+
+/// See [`Kernels::cross_attend`](crate::ops::Kernels::cross_attend): pads queries and memories to one
+/// length where they differ.
+pub fn cross_attend(
+    queries_nd: Tensor<2>,
+    key_values_m2d: Tensor<2>,
+    options: &CrossOptions,
+    product: Product,
+) -> Tensor<2> {
+    let CrossOptions { n_head, layout, ropes } = options;
+    let ([_, d], device) = (queries_nd.dims(), queries_nd.device());
+    let (b, c) = (layout.n_sequences(), d / n_head);
+    let [of_queries, of_memory] =
+        [layout.query_rows().collect::<Vec<_>>(), layout.memory_rows().collect()];
+    let padded_md = pad(key_values_m2d, &of_memory);
+    let by_head = |x_nd: Tensor<2>| {
+        let t = x_nd.dims()[0] / b;
+        x_nd.reshape([b, t, *n_head, c]).swap_dims(1, 2)
+    };
+    let part = |part: usize| by_head(padded_md.clone().narrow(1, part * d, d));
+    let (mut queries, mut keys) = (by_head(pad(queries_nd, &of_queries)), part(0));
+    if let Some([at_queries, at_memory]) = ropes {
+        (queries, keys) = (rotate(queries, at_queries), rotate(keys, at_memory));
+    }
+    let scores = product.of(queries.div_scalar((c as f64).sqrt()), keys.swap_dims(2, 3));
+    let scores = match padding(&of_memory, &device) {
+        Some(hidden) => scores.clone().mask_fill(hidden.expand(scores.dims()), MASKED),
+        None => scores,
+    };
+    let mixed = product.of(softmax(scores, 3), part(1)).swap_dims(1, 2);
+    let [_, t, ..] = mixed.dims();
+    unpad(mixed.reshape([b * t, d]), &of_queries)
+}
+
+fn is_even(sequences: &[Range<usize>]) -> bool {
+    sequences.iter().all(|rows| rows.len() == sequences[0].len())
+}
+
+/// Rows of sequences of one length, those that are too short filled up with their first row.
+fn pad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
+    if is_even(sequences) {
+        return x_nd;
+    }
+    let rows = rows_of_padded(sequences, &x_nd.device());
+    x_nd.select(0, rows)
+}
+
+/// Takes out again what [`pad`] has put in.
+fn unpad(x_nd: Tensor<2>, sequences: &[Range<usize>]) -> Tensor<2> {
+    if is_even(sequences) {
+        return x_nd;
+    }
+    let positions = padded_of_rows(sequences, &x_nd.device());
+    x_nd.select(0, positions)
+}
+
+/// True where a row of a memory is padding, `[b, 1, 1, t]`; `None` where none is.
+fn padding(sequences: &[Range<usize>], device: &Device) -> Option<Tensor<4, Bool>> {
+    let t = longest(sequences);
+    let hidden = |rows: &Range<usize>| (0..t).map(|i| i >= rows.len()).collect::<Vec<_>>();
+    let hidden: Vec<bool> = sequences.iter().flat_map(hidden).collect();
+    let data = TensorData::new(hidden, [sequences.len(), 1, 1, t]);
+    (!is_even(sequences)).then(|| Tensor::from_data(data, device))
+}
+
+// Positions that join sequences piece by piece: the keys and values of those before them are kept.
+//
+// Shapes: m positions that join each sequence, t positions of each with those that join, n = b m rows.
+
+/// The keys, turned by their positions, and the values of one block, each `[b, h, t, c]`.
+#[derive(Clone, Debug, Default)]
+pub struct KeyValues(Option<[Tensor<4>; 2]>);
+
+impl KeyValues {
+    /// Adds those of the positions that join, and gives all.
+    fn join(&mut self, new: [Tensor<4>; 2]) -> [Tensor<4>; 2] {
+        let all = match self.0.take() {
+            None => new,
+            Some([keys, values]) => {
+                let [new_keys, new_values] = new;
+                [Tensor::cat(vec![keys, new_keys], 2), Tensor::cat(vec![values, new_values], 2)]
+            }
+        };
+        self.0.insert(all).clone()
+    }
+}
+
+/// Positions that join every sequence of a batch at once. Each sees all positions before it, its own,
+/// and those that join beside it, but for those that are hidden from it.
+#[derive(Clone, Debug)]
+pub struct Joining {
+    n_head: usize,
+    /// Cosines and sines of their angles, `[b, 1, m, c / 2, 1]`.
+    turns: [Tensor<5>; 2],
+    /// True where a position is hidden, `[b, 1, 1, t]`, or `[b, 1, m, t]` where it is from some.
+    hidden: Tensor<4, Bool>,
+}
+
+impl Joining {
+    /// Positions by their rows of `rope`, `[b, m]`, and which of all positions so far, these
+    /// included, are hidden from all that join, as padding is, `[b, t]`; both row-major.
+    ///
+    /// # Panics
+    /// If a list is no multiple of the number of sequences, or a position has no angle.
+    pub fn new(
+        rope: &Rope,
+        n_head: usize,
+        n_sequences: usize,
+        positions: &[usize],
+        hidden: &[bool],
+        device: &Device,
+    ) -> Self {
+        let b = n_sequences;
+        let (m, t) = (positions.len() / b, hidden.len() / b);
+        assert!(b * m == positions.len() && b * t == hidden.len(), "a row a sequence");
+        let hidden = Tensor::from_data(TensorData::new(hidden.to_vec(), [b, 1, 1, t]), device);
+        Self { n_head, turns: rope.turns(b, positions, device), hidden }
+    }
+
+    /// Hides the first `n` positions of every sequence from some of those that join, `[b, m]` row-major.
+    pub fn hiding(self, n: usize, from: &[bool]) -> Self {
+        let [b, .., t] = self.hidden.dims();
+        let m = from.len() / b;
+        let hide =
+            from.iter().flat_map(|&is_hidden| (0..t).map(move |place| is_hidden && place < n));
+        let data = TensorData::new(hide.collect::<Vec<bool>>(), [b, 1, m, t]);
+        let hide = Tensor::from_data(data, &self.hidden.device());
+        Self { hidden: self.hidden.expand([b, 1, m, t]).bool_or(hide), ..self }
+    }
+
+    /// The attention half of a block for the rows of the positions that join, sequence after
+    /// sequence: y = x + Attention(RMSNorm(x) W_qkv) W_output, `[n, d]`. Outside autodiff.
+    pub fn attention(
+        &self,
+        x_nd: Tensor<2>,
+        weights: AttentionWeights,
+        kept: &mut KeyValues,
+        epsilon: f32,
+    ) -> Tensor<2> {
+        let [n, d] = x_nd.dims();
+        let qkv_n3d = rms_norm(x_nd.clone(), weights.gamma_d, epsilon).matmul(weights.qkv_d3d);
+        let [queries, keys, values] = [0, 1, 2].map(|part| self.heads(&qkv_n3d, part));
+        let [keys, values] = kept.join([turn(keys, &self.turns), values]);
+        let c = d / self.n_head;
+        let queries = turn(queries, &self.turns).div_scalar((c as f64).sqrt());
+        let scores_bhmt = queries.matmul(keys.swap_dims(2, 3));
+        let hidden_bhmt = self.hidden.clone().expand(scores_bhmt.dims());
+        let weights_bhmt = softmax(scores_bhmt.mask_fill(hidden_bhmt, MASKED), 3);
+        let mixed_nd = weights_bhmt.matmul(values).swap_dims(1, 2).reshape([n, d]);
+        x_nd + mixed_nd.matmul(weights.output_dd)
+    }
+
+    /// Queries, keys or values by head, `[b, h, m, c]`.
+    fn heads(&self, qkv_n3d: &Tensor<2>, part: usize) -> Tensor<4> {
+        let [n, columns] = qkv_n3d.dims();
+        let [b, _, m, ..] = self.turns[0].dims();
+        let d = columns / 3;
+        let part_nd = qkv_n3d.clone().slice([0..n, part * d..(part + 1) * d]);
+        part_nd.reshape([b, m, self.n_head, d / self.n_head]).swap_dims(1, 2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two positions that join two others: the values of the first two are `before`; the first that
+    /// joins sees nothing of them.
+    fn joined(before: [f32; 2]) -> Vec<f32> {
+        let device = Device::flex();
+        let rope = Rope::new(4, 2, 10_000.0);
+        let matrix = |values: &[f32], shape| {
+            Tensor::<2>::from_data(TensorData::new(values.to_vec(), shape), &device)
+        };
+        let weights = || AttentionWeights {
+            gamma_d: Tensor::ones([2], &device),
+            qkv_d3d: matrix(
+                &[0.3, 1.0, -0.4, 0.6, 0.9, 0.1, 0.7, -0.2, 0.5, 1.1, -0.8, 0.4],
+                [2, 6],
+            ),
+            output_dd: matrix(&[1.0, 0.5, -0.5, 1.0], [2, 2]),
+        };
+        let mut kept = KeyValues::default();
+        let first = Joining::new(&rope, 1, 1, &[0, 1], &[false; 2], &device);
+        first.attention(
+            matrix(&[before[0], 1.0, before[1], -1.0], [2, 2]),
+            weights(),
+            &mut kept,
+            1e-5,
+        );
+        let second = Joining::new(&rope, 1, 1, &[2, 3], &[false; 4], &device);
+        let second = second.hiding(2, &[true, false]);
+        let x_nd = matrix(&[0.2, 0.9, -1.3, 0.4], [2, 2]);
+        let y_nd = second.attention(x_nd, weights(), &mut kept, 1e-5);
+        y_nd.into_data().try_into_vec().expect("f32")
+    }
+
+    #[test]
+    fn what_is_hidden_from_a_position_does_not_reach_it() {
+        let (a, b) = (joined([0.5, -0.7]), joined([-2.0, 1.4]));
+        assert_eq!(a[..2], b[..2]);
+        assert!(a[2] != b[2] && a[3] != b[3], "{a:?} {b:?}");
+    }
+}

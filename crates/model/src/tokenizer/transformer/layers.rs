@@ -1,0 +1,290 @@
+//! [`Layers`]: the U that both halves are made of.
+//!
+//! Shapes: n rows of all clips, d width, c channels.
+
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha8Rng;
+
+use super::packing::EPSILON;
+use crate::learn::params::{constant, normal};
+use crate::ops::{AttentionOptions, Convolution, CrossOptions, Kernels, Taps};
+use crate::spec::{NormPlacement, SWIGLU_RATIO, TransformerSpec};
+use crate::tokenizer::halves::Pass;
+
+/// The deviation of a layer's weights at the beginning: LG-Tok's 0.02 at its width of 256, with
+/// which rows stay of one size at any other.
+pub fn deviation(width: usize) -> f64 {
+    0.02 * (256.0 / width as f64).sqrt()
+}
+
+/// Learned rows, as large as those of LG-Tok at the beginning: N(0, 1/d).
+pub fn learned_rows(
+    [n, width]: [usize; 2],
+    rng: &mut ChaCha8Rng,
+    device: &Device,
+) -> Param<Tensor<2>> {
+    normal([n, width], (width as f64).sqrt().recip(), rng, device)
+}
+
+/// x W + b.
+#[derive(Module, Debug)]
+pub struct Linear {
+    /// `[c_in, c_out]`.
+    weight: Param<Tensor<2>>,
+    /// `[c_out]`.
+    bias: Param<Tensor<1>>,
+}
+
+impl Linear {
+    /// Weights N(0, std²) and no bias, as LG-Tok begins.
+    pub fn new(channels: [usize; 2], std: f64, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        let bias = constant([channels[1]], 0.0, device);
+        Self { weight: normal(channels, std, rng, device), bias }
+    }
+
+    /// Where the weights are.
+    pub fn device(&self) -> Device {
+        self.weight.device()
+    }
+
+    /// `[n, c_in]` to `[n, c_out]`.
+    pub fn forward(&self, x_nc: Tensor<2>) -> Tensor<2> {
+        let alone = Convolution { n_clips: 1, taps: Taps::Point, rectify: false };
+        let kernels = Kernels::for_device(&x_nc.device());
+        kernels.convolve(x_nc, self.weight.val(), self.bias.val(), alone)
+    }
+}
+
+/// Multi-head attention with rotary positions, with biases: Attention(x W_qkv + b) W_o + b.
+#[derive(Module, Debug)]
+struct SelfAttention {
+    /// `[d, 3d]`: queries, keys, values.
+    qkv: Linear,
+    output: Linear,
+}
+
+impl SelfAttention {
+    /// Weights of deviation `std`.
+    pub fn new(width: usize, std: f64, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        Self {
+            qkv: Linear::new([width, 3 * width], std, rng, device),
+            output: Linear::new([width, width], std, rng, device),
+        }
+    }
+
+    /// `[n, d]` to the same.
+    pub fn forward(&self, x_nd: Tensor<2>, options: &AttentionOptions) -> Tensor<2> {
+        let qkv_n3d = self.qkv.forward(x_nd);
+        let kernels = Kernels::for_device(&qkv_n3d.device());
+        self.output.forward(kernels.attend(qkv_n3d, options))
+    }
+}
+
+/// Rows that frames attend to, those of each clip together.
+#[derive(Clone, Debug)]
+pub struct Memory {
+    /// `[m, d]`.
+    pub rows_md: Tensor<2>,
+    /// Which frames attend to which rows.
+    pub options: CrossOptions,
+}
+
+/// Multi-head attention from frames to a memory, without causality.
+#[derive(Module, Debug)]
+struct CrossAttention {
+    query: Linear,
+    /// `[d, 2d]`: keys, values.
+    key_value: Linear,
+    output: Linear,
+}
+
+impl CrossAttention {
+    /// Weights of deviation `std`.
+    pub fn new(width: usize, std: f64, rng: &mut ChaCha8Rng, device: &Device) -> Self {
+        Self {
+            query: Linear::new([width, width], std, rng, device),
+            key_value: Linear::new([width, 2 * width], std, rng, device),
+            output: Linear::new([width, width], std, rng, device),
+        }
+    }
+
+    /// `[b·f, d]` to the same.
+    pub fn forward(&self, x_nd: Tensor<2>, memory: &Memory) -> Tensor<2> {
+        let kernels = Kernels::for_device(&x_nd.device());
+        let key_values = self.key_value.forward(memory.rows_md.clone());
+        let queries_nd = self.query.forward(x_nd);
+        self.output.forward(kernels.cross_attend(queries_nd, key_values, &memory.options))
+    }
+}
+
+/// What the rows of a half see beside themselves.
+pub struct Seen {
+    pub options: AttentionOptions,
+    pub latents: Option<Memory>,
+    pub text: Option<Memory>,
+}
+
+/// RMSNorm's gain.
+#[derive(Module, Debug)]
+struct Norm {
+    /// `[d]`.
+    gain: Param<Tensor<1>>,
+}
+
+impl Norm {
+    fn new(width: usize, device: &Device) -> Self {
+        Self { gain: constant([width], 1.0, device) }
+    }
+
+    fn forward(&self, x_nd: Tensor<2>) -> Tensor<2> {
+        Kernels::for_device(&x_nd.device()).rms_norm(x_nd, self.gain.val(), EPSILON)
+    }
+}
+
+/// SwiGLU with biases: (silu(x W_gate + b) ∘ (x W_up + b)) W_down + b.
+#[derive(Module, Debug)]
+struct FeedForward {
+    /// `[d, 2f]`: gate, up.
+    up: Linear,
+    down: Linear,
+}
+
+impl FeedForward {
+    fn forward(&self, x_nd: Tensor<2>) -> Tensor<2> {
+        let gate_up = self.up.forward(x_nd);
+        let kernels = Kernels::for_device(&gate_up.device());
+        self.down.forward(kernels.swi_glu(gate_up))
+    }
+}
+
+/// A cross-attention and its norm.
+#[derive(Module, Debug)]
+struct Cross {
+    norm: Norm,
+    attention: CrossAttention,
+}
+
+/// Attention of the rows to one another, to the latents, to the text, then SwiGLU; each part with
+/// its RMSNorm, after the sum x + part(x) or before the part.
+#[derive(Module, Debug)]
+struct Layer {
+    norm_attention: Norm,
+    attention: SelfAttention,
+    latents: Option<Cross>,
+    text: Option<Cross>,
+    norm_ffn: Norm,
+    ffn: FeedForward,
+    #[module(skip)]
+    placement: NormPlacement,
+    #[module(skip)]
+    dropout: f64,
+}
+
+impl Layer {
+    fn new(
+        sizes: &TransformerSpec,
+        crosses: [bool; 2],
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        let &TransformerSpec { width, norm: placement, dropout, .. } = sizes;
+        let (std, f) = (deviation(width), SWIGLU_RATIO * width);
+        let mut cross = |is_there: bool| {
+            let attention = is_there.then(|| CrossAttention::new(width, std, rng, device));
+            attention.map(|attention| Cross { norm: Norm::new(width, device), attention })
+        };
+        let [latents, text] = crosses.map(&mut cross);
+        Self {
+            norm_attention: Norm::new(width, device),
+            attention: SelfAttention::new(width, std, rng, device),
+            latents,
+            text,
+            norm_ffn: Norm::new(width, device),
+            ffn: FeedForward {
+                up: Linear::new([width, 2 * f], std, rng, device),
+                down: Linear::new([f, width], std, rng, device),
+            },
+            placement,
+            dropout,
+        }
+    }
+
+    fn forward(&self, x_nd: Tensor<2>, seen: &Seen, pass: &mut Pass) -> Tensor<2> {
+        let attend = |x| self.attention.forward(x, &seen.options);
+        let mut x_nd = self.add(x_nd, &self.norm_attention, attend, pass);
+        for (cross, memory) in [(&self.latents, &seen.latents), (&self.text, &seen.text)] {
+            if let (Some(Cross { norm, attention }), Some(memory)) = (cross, memory) {
+                x_nd = self.add(x_nd, norm, |x| attention.forward(x, memory), pass);
+            }
+        }
+        self.add(x_nd, &self.norm_ffn, |x| self.ffn.forward(x), pass)
+    }
+
+    fn add(
+        &self,
+        x_nd: Tensor<2>,
+        norm: &Norm,
+        part: impl FnOnce(Tensor<2>) -> Tensor<2>,
+        pass: &mut Pass,
+    ) -> Tensor<2> {
+        match self.placement {
+            NormPlacement::Post => {
+                let added = pass.drop(part(x_nd.clone()), self.dropout);
+                norm.forward(x_nd + added)
+            }
+            NormPlacement::Pre => {
+                let added = part(norm.forward(x_nd.clone()));
+                x_nd + pass.drop(added, self.dropout)
+            }
+        }
+    }
+}
+
+/// The layers of a half between two norms. What the layers before the middle one give goes into those
+/// after it: [x | that] W + b, the last first.
+#[derive(Module, Debug)]
+pub struct Layers {
+    first_norm: Norm,
+    layers: Vec<Layer>,
+    /// `[2d, d]`, one for each layer after the middle one.
+    joins: Vec<Linear>,
+    last_norm: Norm,
+}
+
+impl Layers {
+    /// The layers of one half; `crosses` says whether these attend to latents, and to text.
+    pub fn new(
+        sizes: &TransformerSpec,
+        crosses: [bool; 2],
+        rng: &mut ChaCha8Rng,
+        device: &Device,
+    ) -> Self {
+        let &TransformerSpec { width, layers, .. } = sizes;
+        let join = |rng: &mut _| Linear::new([2 * width, width], deviation(width), rng, device);
+        Self {
+            first_norm: Norm::new(width, device),
+            layers: (0..layers).map(|_| Layer::new(sizes, crosses, rng, device)).collect(),
+            joins: (0..layers / 2).map(|_| join(rng)).collect(),
+            last_norm: Norm::new(width, device),
+        }
+    }
+
+    /// `[n, d]` to the same.
+    pub fn forward(&self, x_nd: Tensor<2>, seen: &Seen, pass: &mut Pass) -> Tensor<2> {
+        let half = self.joins.len();
+        let mut x_nd = self.first_norm.forward(x_nd);
+        let mut given = Vec::with_capacity(half);
+        for (i, layer) in self.layers.iter().enumerate() {
+            if i > half {
+                let earlier = given.pop().expect("as many as there are joins");
+                x_nd = self.joins[i - half - 1].forward(Tensor::cat(vec![x_nd, earlier], 1));
+            }
+            x_nd = layer.forward(x_nd, seen, pass);
+            if i < half {
+                given.push(x_nd.clone());
+            }
+        }
+        self.last_norm.forward(x_nd)
+    }
+}
