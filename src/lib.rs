@@ -35,6 +35,7 @@ compile_error!(
     "isoflop needs a Unix: it ends what hangs, and outlives what is killed, by signals and process groups"
 );
 
+#[cfg(feature = "train")]
 pub mod engine;
 pub mod export;
 pub mod figures;
@@ -47,6 +48,8 @@ pub mod sweep;
 pub mod words;
 
 pub use isoflop_laws::{laws, predict, table};
-pub use isoflop_model::{codes, evaluator, generator, learn, ops, scores, text, tokenizer};
+pub use isoflop_model::{codes, draws, scores};
+#[cfg(feature = "train")]
+pub use isoflop_model::{evaluator, generator, learn, ops, text, tokenizer};
 pub use isoflop_motion::{data, motion};
 pub use isoflop_spec::{failure, files, machine, progress, spec, units};

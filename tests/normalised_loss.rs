@@ -12,10 +12,10 @@ use rand_chacha::rand_core::SeedableRng;
 
 use corpus::{Clips, Corpus, small_run};
 use isoflop::data::{Split, UNIT_FRAMES};
+use isoflop::draws::{below, unit};
 use isoflop::generator::autoregressive::{Model, Transformer, split_loss};
 use isoflop::generator::{self, Training};
 use isoflop::learn::Checkpoints;
-use isoflop::learn::params::{below, unit};
 use isoflop::learn::weights;
 use isoflop::ops::Kernels;
 use isoflop::progress::Step;

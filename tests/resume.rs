@@ -13,8 +13,8 @@ use rand_chacha::rand_core::SeedableRng;
 use tempfile::TempDir;
 
 use corpus::{Clips, Corpus, small_run};
+use isoflop::draws::below;
 use isoflop::generator::{self, GeneratorError, Trained, Training};
-use isoflop::learn::params::below;
 use isoflop::learn::weights;
 use isoflop::learn::{Branch, Checkpoints, LearnError};
 use isoflop::progress::{Progress, Step};

@@ -3,13 +3,12 @@
 
 use anyhow::{Result, bail};
 use clap::{Args, Subcommand};
+use isoflop::codes::{CodeMap, ScaleUse, TokenizerMetrics, remarks, table as compared};
 use isoflop::data::Split;
 use isoflop::figures::{self, Format, draw_alone};
 use isoflop::jobs::JobKind;
 use isoflop::spec::LanguageSpec;
-use isoflop::tokenizer::{
-    CodeMap, Reconstruction, ScaleUse, TokenizerMetrics, remarks, table as compared,
-};
+use isoflop::tokenizer::Reconstruction;
 use serde_json::json;
 
 use super::args::{FolderArgs, not_negative};

@@ -5,11 +5,11 @@ use thiserror::Error;
 
 use super::cells::Cells;
 use super::scene::Scene;
+use crate::codes::TokenizerMetrics;
 use crate::files::FileError;
 use crate::laws::{Laws, Parameters};
 use crate::record::RunRecord;
 use crate::spec::FlopsRule;
-use crate::tokenizer::TokenizerMetrics;
 
 /// What the figures of a sweep are drawn from.
 #[derive(Clone, Copy, Debug)]

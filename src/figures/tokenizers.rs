@@ -10,7 +10,7 @@ use super::page::Page;
 use super::panel::Plot;
 use super::scene::{Mark, Marker, Point, Stroke};
 use super::sources::{Drawing, Sources};
-use crate::tokenizer::{CodeMap, ScaleCodes, TokenizerMetrics};
+use crate::codes::{CodeMap, ScaleCodes, TokenizerMetrics};
 
 /// One panel: its title, the name of its axis, its values.
 struct Metric {

@@ -18,6 +18,13 @@ use crate::learn::LearnError;
 use crate::progress::Stop;
 use crate::sweep::Sweep;
 
+/// The weights of a finished run, in its folder.
+pub const MODEL: &str = "model.safetensors";
+/// The validation curve of a finished run, a line a measurement, in its folder.
+pub const LOG: &str = "log.jsonl";
+/// What a finished run has on each clip of the test split, a line a clip, in its folder.
+pub const TEST_CLIPS: &str = "test.jsonl";
+
 /// How a job ended, seen from inside.
 pub enum Outcome {
     Done,

@@ -9,24 +9,15 @@ use serde::de::DeserializeOwned;
 
 use super::job::{JobId, JobKind};
 use super::run_scores::RunScores;
-use crate::evaluator::EvaluatorReport;
+use crate::codes::TokenizerMetrics;
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
 use crate::laws::Validated;
 use crate::record::RunRecord;
-use crate::spec::EvaluatorSection;
 use crate::sweep::{self, Sweep, SweepErrors};
-use crate::tokenizer::TokenizerMetrics;
 
 /// Where a job keeps its checkpoint, in its folder.
 pub const CHECKPOINT: &str = "checkpoint";
-
-/// The weights of a finished run, in its folder.
-pub const MODEL: &str = "model.safetensors";
-/// The validation curve of a finished run, a line a measurement, in its folder.
-pub const LOG: &str = "log.jsonl";
-/// What a finished run has on each clip of the test split, a line a clip, in its folder.
-pub const TEST_CLIPS: &str = "test.jsonl";
 
 /// How far a job is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -132,20 +123,6 @@ impl ResultsFolder {
         self.read_spec(job).ok().flatten()
     }
 
-    /// Whether the product of a finished job can be read, where that is quickly seen.
-    ///
-    /// # Errors
-    /// [`FileError::Damaged`].
-    pub fn inspect(&self, JobId { kind, id }: &JobId) -> Result<(), FileError> {
-        match kind {
-            JobKind::Text | JobKind::Tokens | JobKind::Trunk => Ok(()),
-            JobKind::Tokenizer => self.metrics(id).map(drop),
-            JobKind::Run => self.record(id).map(drop),
-            JobKind::Evaluator => self.gates(id).map(drop),
-            JobKind::Score => self.scores(id).map(drop),
-        }
-    }
-
     /// How far a job is.
     pub fn state(&self, job: &JobId) -> JobState {
         let folder = self.job(job);
@@ -217,11 +194,6 @@ impl ResultsFolder {
         self.job(&JobId::new(JobKind::Evaluator, evaluator_id))
     }
 
-    /// What a finished evaluator is worth.
-    pub fn gates(&self, evaluator_id: &str) -> Result<Option<EvaluatorReport>, FileError> {
-        read_if_there(&self.product(&JobId::new(JobKind::Evaluator, evaluator_id)))
-    }
-
     /// What the motions of a run score.
     pub fn scores(&self, score_id: &str) -> Result<Option<RunScores>, FileError> {
         read_if_there(&self.product(&JobId::new(JobKind::Score, score_id)))
@@ -235,27 +207,6 @@ impl ResultsFolder {
     pub fn all_metrics(&self, warn: impl FnMut(String)) -> io::Result<Vec<TokenizerMetrics>> {
         let key = |m: &TokenizerMetrics| (m.n_vocab, m.tokenizer_id.clone());
         self.products(JobKind::Tokenizer, key, warn)
-    }
-
-    /// What every finished evaluator that lies here is worth, as [`ResultsFolder::all_metrics`].
-    ///
-    /// # Errors
-    /// The folder cannot be listed.
-    pub fn all_gates(&self, warn: impl FnMut(String)) -> io::Result<Vec<EvaluatorReport>> {
-        self.products(JobKind::Evaluator, |r: &EvaluatorReport| r.evaluator_id.clone(), warn)
-    }
-
-    /// Those of [`ResultsFolder::all_gates`] that a section describes.
-    ///
-    /// # Errors
-    /// The folder cannot be listed.
-    pub fn gates_of(
-        &self,
-        section: &EvaluatorSection,
-        warn: impl FnMut(String),
-    ) -> io::Result<Vec<EvaluatorReport>> {
-        let spec = section.spec();
-        Ok(self.all_gates(warn)?.into_iter().filter(|report| report.spec == spec).collect())
     }
 
     /// All scores that lie here, as [`ResultsFolder::all_metrics`].
@@ -286,7 +237,7 @@ impl ResultsFolder {
     }
 
     /// The products of all finished jobs of a kind, by a key; each that is damaged is left out.
-    fn products<T: DeserializeOwned, K: Ord>(
+    pub(super) fn products<T: DeserializeOwned, K: Ord>(
         &self,
         kind: JobKind,
         key: impl FnMut(&T) -> K,

@@ -18,33 +18,52 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(feature = "train")]
 mod assignment;
 mod folder;
+#[cfg(feature = "train")]
 pub mod gpu;
 mod graph;
+#[cfg(feature = "train")]
 pub mod history;
 mod job;
+#[cfg(feature = "train")]
 pub mod presence;
+#[cfg(feature = "train")]
 pub mod program;
 mod run_scores;
+#[cfg(feature = "train")]
 mod score;
+#[cfg(feature = "train")]
 mod seen;
+#[cfg(feature = "train")]
 pub mod speed;
+#[cfg(feature = "train")]
 mod state;
+#[cfg(feature = "train")]
 mod tokenizer;
+#[cfg(feature = "train")]
 mod trained;
+#[cfg(feature = "train")]
 mod training;
+#[cfg(feature = "train")]
 pub mod worker;
 
+#[cfg(feature = "train")]
 pub use assignment::{Assignment, Outcome};
 pub use folder::{JobState, ResultsFolder, RunStates};
 pub use graph::{all_jobs, inputs, missing_jobs, with_needs};
 pub use job::{Job, JobId, JobKind};
 pub use run_scores::{RunScores, ScoredPhysics};
+#[cfg(feature = "train")]
 pub use score::Scoring;
+#[cfg(feature = "train")]
 pub use seen::Counts;
+#[cfg(feature = "train")]
 pub use state::{FailedJob, Running, SweepState, sweep_state, time_left};
+#[cfg(feature = "train")]
 pub use tokenizer::TrainedTokenizer;
+#[cfg(feature = "train")]
 pub use trained::{MadeMotion, TrainedRun, TrustedEvaluator};
 
 use std::fs;
@@ -61,6 +80,7 @@ use crate::plan::Plan;
 ///
 /// # Errors
 /// Why it has no result.
+#[cfg(feature = "train")]
 pub fn work(assignment: &Assignment) -> Result<Outcome> {
     if assignment.folder.state(assignment.job) == JobState::Done {
         return Ok(Outcome::Done);

@@ -1,8 +1,8 @@
 //! [`RunScores`]: what the motions of a run score.
 
-use crate::evaluator::MotionScores;
 use crate::motion::recover_joints;
 use crate::record::{Quality, RunRecord};
+use crate::scores::MotionScores;
 use crate::scores::{Physics, Repeated, physics};
 use crate::spec::ScoresSpec;
 use serde::{Deserialize, Serialize};

@@ -13,12 +13,13 @@ use super::job::JobId;
 use super::run_scores::{RunScores, ScoredPhysics};
 use super::trained::{TrainedRun, TrustedEvaluator};
 use crate::data::write_npy;
-use crate::evaluator::{Embedded, Evaluator, MotionScores, OneScore, Truth, halves_fid, swapped};
+use crate::evaluator::{Embedded, Evaluator, OneScore, Truth, halves_fid, swapped};
 use crate::files::{atomic::write_json, read_if_there};
 use crate::generator::{Draw, Prompt, Sampling};
 use crate::motion::{N_FEATURES, recover_joints};
 use crate::plan::ScoreJob;
 use crate::progress::{Step, beats, moved};
+use crate::scores::MotionScores;
 use crate::scores::{Embeddings, Repeated, multimodality, physics};
 use crate::spec::ScoresSpec;
 

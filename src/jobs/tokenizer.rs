@@ -16,6 +16,7 @@ use super::job::{JobId, JobKind, captions};
 use super::program;
 use super::trained::{find_run, folder_and_id};
 use crate::codes::TokenStore;
+use crate::codes::TokenizerMetrics;
 use crate::data::{self, Split};
 use crate::files::atomic::{write_json, write_json_lines};
 use crate::learn::Checkpoints;
@@ -23,9 +24,7 @@ use crate::plan::TextJob;
 use crate::progress::beats;
 use crate::spec::{RunSpec, TokenizerJob, TokenizerSpec};
 use crate::text::{self, TextEncoder, TextError, TextStore, as_in_data};
-use crate::tokenizer::{
-    self, Corpus, Parts, Reconstruction, Tokenizer, TokenizerError, TokenizerMetrics, Validated,
-};
+use crate::tokenizer::{self, Corpus, Parts, Reconstruction, Tokenizer, TokenizerError, Validated};
 
 /// Embeds every caption of the data once.
 pub fn embed_captions(assignment: &Assignment) -> Result<Outcome> {

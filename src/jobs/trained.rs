@@ -1,5 +1,6 @@
 //! [`TrainedRun`] and [`TrustedEvaluator`]: what makes motions and what scores them, opened.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -8,14 +9,17 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use super::folder::{JobState, MODEL, ResultsFolder};
-use super::job::JobId;
+use super::assignment::MODEL;
+use super::folder::{JobState, ResultsFolder};
+use super::job::{JobId, JobKind};
 use crate::codes::TokenStore;
 use crate::data::{self, Split};
+use crate::draws::below;
 use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
+use crate::files::{FileError, read_if_there};
 use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling};
-use crate::learn::{params::below, weights};
-use crate::spec::RunSpec;
+use crate::learn::weights;
+use crate::spec::{EvaluatorSection, RunSpec};
 use crate::text::{self, TextEncoder, as_in_data};
 use crate::tokenizer::Tokenizer;
 
@@ -273,4 +277,48 @@ pub fn folder_and_id(place: &Path) -> Result<(ResultsFolder, String)> {
     let id = full.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let root = full.parent().and_then(Path::parent).map(Path::to_path_buf);
     Ok((ResultsFolder::new(root.unwrap_or_default()), id))
+}
+
+// What a folder has of evaluators, and whether products can be read.
+
+impl ResultsFolder {
+    /// Whether the product of a finished job can be read, where that is quickly seen.
+    ///
+    /// # Errors
+    /// [`FileError::Damaged`].
+    pub fn inspect(&self, JobId { kind, id }: &JobId) -> Result<(), FileError> {
+        match kind {
+            JobKind::Text | JobKind::Tokens | JobKind::Trunk => Ok(()),
+            JobKind::Tokenizer => self.metrics(id).map(drop),
+            JobKind::Run => self.record(id).map(drop),
+            JobKind::Evaluator => self.gates(id).map(drop),
+            JobKind::Score => self.scores(id).map(drop),
+        }
+    }
+
+    /// What a finished evaluator is worth.
+    pub fn gates(&self, evaluator_id: &str) -> Result<Option<EvaluatorReport>, FileError> {
+        read_if_there(&self.product(&JobId::new(JobKind::Evaluator, evaluator_id)))
+    }
+
+    /// What every finished evaluator that lies here is worth, as [`ResultsFolder::all_metrics`].
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn all_gates(&self, warn: impl FnMut(String)) -> io::Result<Vec<EvaluatorReport>> {
+        self.products(JobKind::Evaluator, |r: &EvaluatorReport| r.evaluator_id.clone(), warn)
+    }
+
+    /// Those of [`ResultsFolder::all_gates`] that a section describes.
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn gates_of(
+        &self,
+        section: &EvaluatorSection,
+        warn: impl FnMut(String),
+    ) -> io::Result<Vec<EvaluatorReport>> {
+        let spec = section.spec();
+        Ok(self.all_gates(warn)?.into_iter().filter(|report| report.spec == spec).collect())
+    }
 }

@@ -7,7 +7,8 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 
 use super::assignment::{Assignment, Outcome, open_or_remake, train_past_damage};
-use super::folder::{LOG, MODEL, ResultsFolder, TEST_CLIPS};
+use super::assignment::{LOG, MODEL, TEST_CLIPS};
+use super::folder::ResultsFolder;
 use super::job::{JobId, JobKind};
 use super::program::{self, FinishedRun, TrainerResult};
 use super::tokenizer::{embed_captions, make_codes};

@@ -4,12 +4,12 @@
 use maud::{Markup, PreEscaped, html};
 use serde_json::Value;
 
+use crate::codes::TokenizerMetrics;
 use crate::laws::text::count;
 use crate::laws::{Laws, Parameters};
 use crate::motion::Pose;
 use crate::predict::Prediction;
 use crate::record::{RunRecord, of_largest_share};
-use crate::tokenizer::TokenizerMetrics;
 
 /// All that a page shows.
 pub struct ReportInput<'a> {

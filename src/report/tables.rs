@@ -5,10 +5,10 @@ use std::collections::BTreeSet;
 use maud::{Markup, html};
 
 use super::input::{ReportInput, Study, Words, budgets, of_budget, section};
+use crate::codes::TokenizerMetrics;
 use crate::laws::text::count;
 use crate::laws::{Exponent, Laws};
 use crate::record::RunRecord;
-use crate::tokenizer::TokenizerMetrics;
 use crate::words::from_to;
 
 /// A table whose first column names its rows; it scrolls by itself where it is wider than the page.

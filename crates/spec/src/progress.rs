@@ -198,3 +198,16 @@ pub fn stop_on_signals() -> Result<Stop, ctrlc::Error> {
     })?;
     Ok(STOP.get_or_init(|| stop).clone())
 }
+
+/// A line of `log.jsonl`: a run measured on the validation split.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LogLine {
+    pub step: usize,
+    /// Supervised tokens so far.
+    pub tokens: usize,
+    pub lr: f64,
+    /// Mean cross-entropy of the steps since the last line, in nats.
+    pub train_loss_nats: f64,
+    /// L_u on the validation split.
+    pub val_loss_normalised: f64,
+}

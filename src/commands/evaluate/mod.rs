@@ -8,10 +8,11 @@ use super::exit::Exit;
 use super::output::{Output, dash, many, table};
 use anyhow::Result;
 use clap::Args;
-use isoflop::evaluator::{Embedded, EvaluatorError, MotionScores, OneScore};
+use isoflop::draws::distinct;
+use isoflop::evaluator::{Embedded, EvaluatorError, OneScore};
 use isoflop::jobs::{RunScores, ScoredPhysics, Scoring, TrainedRun, TrustedEvaluator};
-use isoflop::learn::params::distinct;
 use isoflop::ops::DeviceName;
+use isoflop::scores::MotionScores;
 use isoflop::scores::{
     Embeddings, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
 };

@@ -7,9 +7,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::files::read_text_if_there;
 use crate::files::tensorboard::{NAME, Scalar, header, records, restart};
-use crate::generator::LogLine;
 use crate::jobs::{Job, ResultsFolder};
 use crate::progress::Beat;
+use crate::progress::LogLine;
 
 /// The event files of a job: `tensorboard/<label>-<id>/`, a new one each time that the job is started.
 pub struct Curve<'a> {

@@ -2,11 +2,11 @@
 //!
 //! L_u = −E + A1/N_nv^α1 + A2/N_v^α2 + B/D^β (Tao et al. 2024, approach 3) with noise.
 
+use crate::codes::TokenizerMetrics;
 use crate::figures::FigureInput;
 use crate::laws::*;
 use crate::record::facts::LOSS_NORMALISED;
 use crate::record::{Measured, Planned, RunRecord};
-use crate::tokenizer::TokenizerMetrics;
 
 const SHAPES: [(usize, usize, usize); 5] =
     [(2, 2, 32), (2, 4, 64), (4, 4, 64), (4, 4, 128), (6, 6, 192)];

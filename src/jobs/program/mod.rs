@@ -22,7 +22,8 @@ use anyhow::{Context, Result};
 use serde::Deserialize;
 
 use super::assignment::{Assignment, Outcome};
-use super::folder::{CHECKPOINT, LOG, MODEL, ResultsFolder, TEST_CLIPS};
+use super::assignment::{LOG, MODEL, TEST_CLIPS};
+use super::folder::{CHECKPOINT, ResultsFolder};
 use super::job::{JobId, JobKind};
 use super::worker;
 use crate::codes::TokenStore;

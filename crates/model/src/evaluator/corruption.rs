@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::truth::swapped;
 use crate::data::FeatureStats;
-use crate::learn::params::normal_pair;
+use crate::draws::normal_pair;
 use crate::motion::{N_FEATURES, VELOCITIES};
 
 /// The column of the root's velocity along the facing direction, in metres a frame.

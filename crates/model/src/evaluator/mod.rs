@@ -42,7 +42,7 @@ pub use corruption::Corruption;
 pub use gates::{Corrupted, Gates, SameCaption, Swapped, halves_fid, measure};
 pub use report::{EvaluatorReport, Verdict, table};
 pub use train::{Course, TrainedEvaluator, ValidationLine, train};
-pub use truth::{Embedded, MotionScores, OneScore, Truth, swapped};
+pub use truth::{Embedded, OneScore, Truth, swapped};
 
 use crate::data::DataError;
 use crate::failure::FailureKind;

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::EvaluatorError;
 use crate::data::{FeatureStats, MotionSource, Split};
-use crate::learn::params::{below, distinct, unit};
+use crate::draws::{below, distinct, unit};
 use crate::ops::SequenceLayout;
 use crate::progress::moved;
 use crate::spec::EvaluatorSpec;

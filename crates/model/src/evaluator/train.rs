@@ -8,8 +8,8 @@ use super::EvaluatorError;
 use super::codec::{AnyNetworks, Evaluator};
 use super::seen::{Pairs, Pool, Seen};
 use crate::data::{MotionSource, Split};
+use crate::draws::stream;
 use crate::learn::adamw::AdamWConfig;
-use crate::learn::params::stream;
 use crate::learn::weights;
 use crate::learn::{
     Checkpoints, Course as LearningCourse, LearnError, Learner, LearnerState, Learning,

@@ -9,10 +9,11 @@ use super::EvaluatorError;
 use super::codec::Evaluator;
 use super::seen::usable;
 use crate::data::{MotionSource, Split};
-use crate::learn::params::distinct;
+use crate::draws::distinct;
 use crate::progress::moved;
 use crate::scores::{
-    Embeddings, POOL, Repeated, Retrieval, cosine_score, diversity, frechet_distance, retrieval,
+    Embeddings, MotionScores, POOL, Repeated, Retrieval, cosine_score, diversity, frechet_distance,
+    retrieval,
 };
 
 /// Test clips that are taken, at most.
@@ -109,20 +110,6 @@ pub fn swapped(n: usize, share: f64, rng: &mut ChaCha8Rng) -> Vec<usize> {
 }
 
 // Scores of motions that were made.
-
-/// What motions score, over repeats.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MotionScores {
-    /// From the true motions.
-    pub fid: Repeated,
-    /// R@1, R@2 and R@3, in pools of 32.
-    pub precision: [Repeated; 3],
-    /// MM-Dist.
-    pub matching_distance: Repeated,
-    /// Mean cosine of a motion and its caption: CLIP-score.
-    pub cosine: Repeated,
-    pub diversity: Repeated,
-}
 
 /// What one set of motions scores.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

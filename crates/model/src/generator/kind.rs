@@ -11,13 +11,13 @@ use super::inputs::{GeneratorError, Inputs, check_inputs, check_precision};
 use super::losses::SplitLoss;
 use super::sampling::Sampler;
 use crate::data::Split;
+use crate::draws::stream;
 use crate::learn::adamw::AdamWConfig;
-use crate::learn::params::stream;
 use crate::learn::weights::{self, Sources};
 use crate::learn::{
     Checkpoints, Course, LearnError, Learner, LearnerState, Learning, LoadedState, is_due,
 };
-use crate::progress::Progress;
+use crate::progress::{LogLine, Progress};
 use crate::spec::flops::TRAINING_PER_FORWARD;
 use crate::spec::{Precision, RunSpec};
 
@@ -100,19 +100,6 @@ pub struct Trained {
     pub flops_exact: f64,
     /// Seconds, those of earlier processes included.
     pub wall_s: f64,
-}
-
-/// A line of `log.jsonl`: a run measured on the validation split.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LogLine {
-    pub step: usize,
-    /// Supervised tokens so far.
-    pub tokens: usize,
-    pub lr: f64,
-    /// Mean cross-entropy of the steps since the last line, in nats.
-    pub train_loss_nats: f64,
-    /// L_u on the validation split.
-    pub val_loss_normalised: f64,
 }
 
 // [`RunLearner`]: a run of any kind of generator as a learner; [`Objective`] is what kinds differ in.

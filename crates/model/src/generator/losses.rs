@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::stack::Supervised;
 use crate::codes::TokenStore;
 use crate::data::Split;
-use crate::learn::params::distinct;
+use crate::draws::distinct;
 use crate::spec::TARGETS_PER_PASS;
 
 /// Ranges of clips with at most the targets of a pass, or one clip.
@@ -231,7 +231,7 @@ pub fn losses_by_block(clips: &[Sums], groups: &[u32], frames: &[usize]) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::learn::params::below;
+    use crate::draws::below;
 
     /// A clip of `targets` codes with L_u = `loss`.
     fn clip(loss: f64, targets: usize) -> Sums {

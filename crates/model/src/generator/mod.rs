@@ -69,7 +69,7 @@ use kind::{learn, trained, weights_rng};
 use probed::probed;
 
 pub use inputs::{GeneratorError, Inputs, ScaleInputs};
-pub use kind::{Kind, LogLine, Network, Objective, Trained, Training, learning_rate};
+pub use kind::{Kind, Network, Objective, Trained, Training, learning_rate};
 pub use losses::{SplitLoss, Sums, losses_by_block};
 pub use probed::{MOST_PROBED_PARAMS, Probe};
 pub use sampling::{Draw, Edit, Prompt, Sampled, Sampler, Sampling};

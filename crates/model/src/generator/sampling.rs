@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::{GeneratorError, ScaleInputs};
-use crate::learn::params::{stream, unit};
+use crate::draws::{stream, unit};
 
 /// What a motion is made from.
 #[derive(Clone, Copy, Debug)]

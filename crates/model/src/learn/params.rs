@@ -3,7 +3,8 @@
 use burn::module::{Param, ParamId};
 use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use crate::draws::{normal_pair, unit};
 
 /// A parameter of independent normal values, mean 0, standard deviation `std`.
 pub fn normal<const D: usize>(
@@ -54,44 +55,10 @@ pub fn from_values<const D: usize>(
     Param::initialized(ParamId::new(), tensor)
 }
 
-/// The numbers of one of a seed's independent streams.
-pub fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(stream);
-    rng
-}
-
-/// Uniform in [0, 1) with 53 random bits.
-pub fn unit(rng: &mut ChaCha8Rng) -> f64 {
-    (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
-}
-
-/// Uniform in 0..n; the bias of at most n / 2^64 is far below what any run could show.
-pub fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
-    ((u128::from(rng.next_u64()) * n as u128) >> 64) as usize
-}
-
-/// `k` of the numbers below `n`, each once, in the order drawn; all of them where there are fewer.
-pub fn distinct(n: usize, k: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
-    let mut numbers: Vec<usize> = (0..n).collect();
-    let k = k.min(n);
-    for i in 0..k {
-        let j = i + below(rng, n - i);
-        numbers.swap(i, j);
-    }
-    numbers.truncate(k);
-    numbers
-}
-
-/// Two independent standard normal values (Box and Muller).
-pub fn normal_pair(rng: &mut ChaCha8Rng) -> (f64, f64) {
-    let radius = (-2.0 * (1.0 - unit(rng)).ln()).sqrt();
-    let (sin, cos) = (std::f64::consts::TAU * unit(rng)).sin_cos();
-    (radius * cos, radius * sin)
-}
-
 #[cfg(test)]
 mod tests {
+    use rand_chacha::rand_core::SeedableRng;
+
     use super::*;
 
     #[test]

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand_chacha::ChaCha8Rng;
 
 use super::{Embeddings, ScoreError, distance};
-use crate::learn::params::distinct;
+use crate::draws::distinct;
 
 // The Fréchet distance of two sets of embeddings (FID).
 

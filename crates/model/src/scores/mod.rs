@@ -25,7 +25,7 @@ mod statistics;
 pub use distances::{Gaussian, diversity, frechet_distance, multimodality};
 pub use physics::{Physics, physics};
 pub use retrieval::{POOL, Retrieval, cosine_score, retrieval};
-pub use statistics::{RankCorrelation, Repeated, rank_correlation};
+pub use statistics::{MotionScores, RankCorrelation, Repeated, rank_correlation};
 
 /// Vectors of one width, `[n, dim]` row-major, all finite.
 #[derive(Clone, Debug, PartialEq)]

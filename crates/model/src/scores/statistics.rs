@@ -6,7 +6,7 @@ use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
 use super::ScoreError;
-use crate::learn::params::below;
+use crate::draws::below;
 
 /// The mean of a score over repeats, and half the width of its 95 % interval.
 ///
@@ -96,6 +96,20 @@ fn ranks(values: &[f64]) -> Vec<f64> {
         below as f64 + (level + 1) as f64 / 2.0
     };
     values.iter().map(rank).collect()
+}
+
+/// What motions score, over repeats.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MotionScores {
+    /// From the true motions.
+    pub fid: Repeated,
+    /// R@1, R@2 and R@3, in pools of 32.
+    pub precision: [Repeated; 3],
+    /// MM-Dist.
+    pub matching_distance: Repeated,
+    /// Mean cosine of a motion and its caption: CLIP-score.
+    pub cosine: Repeated,
+    pub diversity: Repeated,
 }
 
 #[cfg(test)]

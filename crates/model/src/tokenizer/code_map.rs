@@ -5,34 +5,8 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::codec::Tokenizer;
 use super::halves::host;
 use super::patch::leading;
-use crate::codes::{CodeHistogram, TokenStore};
+use crate::codes::{CodeHistogram, CodeMap, ScaleCodes, TokenStore};
 use crate::data::Split;
-
-/// The codes of a tokenizer on a split.
-pub struct CodeMap {
-    pub scales: Vec<ScaleCodes>,
-    /// Share of the variance of the codes that were met that lies along each axis of the map.
-    pub explained: [f64; 2],
-}
-
-/// The codes of one scale.
-pub struct ScaleCodes {
-    pub met: CodeHistogram,
-    /// Where the embedding of each code lies along the two first principal components of all codes that
-    /// were met, of all scales together, `[v]`.
-    pub places: Vec<[f64; 2]>,
-}
-
-impl ScaleCodes {
-    /// The place of each code that was met, and how often it was, in units of how often it would have
-    /// been if all codes were alike.
-    pub fn that_were_met(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
-        let counts = self.met.counts();
-        let mean = counts.iter().sum::<u64>() as f64 / counts.len() as f64;
-        let of = self.places.iter().zip(counts).filter(|(_, count)| **count > 0);
-        of.map(move |(place, count)| (*place, *count as f64 / mean))
-    }
-}
 
 impl CodeMap {
     /// Counts the codes of a split and lays out their embeddings.

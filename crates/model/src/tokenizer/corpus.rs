@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::TokenizerError;
 use super::halves::Captions;
 use crate::data::{DataError, FeatureStats, MotionSource, Split};
-use crate::learn::params::{below, unit};
+use crate::draws::{below, unit};
 use crate::motion::{POSITIONS, ROOT_HEIGHT, complete_features};
 use crate::spec::TokenizerSpec;
 use crate::text::TextStore;

@@ -33,7 +33,6 @@ mod evaluate;
 mod halves;
 mod kept_weights;
 mod loss;
-mod metrics;
 mod module;
 mod patch;
 mod pool;
@@ -51,14 +50,12 @@ use crate::learn::LearnError;
 use crate::learn::weights::WeightsError;
 use crate::spec::SpecError;
 
-pub use code_map::{CodeMap, ScaleCodes};
 pub use codec::Tokenizer;
 pub use corpus::Corpus;
 pub use encode::{Parts, share_kept, tokenize};
 pub use evaluate::{Reconstruction, evaluate, k_means_baseline, reconstruct};
 pub use halves::{Captions, Decode, Encode, Pass};
 pub use kept_weights::{Validated, best};
-pub use metrics::{Baseline, ScaleUse, TokenizerMetrics, remarks, table};
 pub use module::{AnyDecoder, AnyEncoder, AnyQuantizer};
 pub use quantizer::{
     Extent, Fsq, Multiscale, Quantized, Quantizer, ResidualFsq, ResidualVq, Vq, area_down,

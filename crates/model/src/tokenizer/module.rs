@@ -17,7 +17,7 @@ use super::quantizer::{
 };
 use super::transformer::{TransformerDecoder, TransformerEncoder};
 use crate::data::FeatureStats;
-use crate::learn::params::stream;
+use crate::draws::stream;
 use crate::learn::weights::{self, Weights, WeightsError};
 use crate::spec::{ArchitectureSpec, BegunFrom, CodebookSpec, Codes, QuantizerSpec, TokenizerSpec};
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::learn::params::{below, unit};
+use crate::draws::{below, unit};
 use crate::motion::{POSITIONS, ROTATIONS, VELOCITIES};
 
 /// Windows of one length.

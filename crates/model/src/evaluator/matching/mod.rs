@@ -14,8 +14,8 @@ use rand_chacha::ChaCha8Rng;
 use recurrence::{Order, Reader, SLOPE};
 
 use super::seen::{Networks, Pairs, Rows};
+use crate::draws::unit;
 use crate::learn::layers::{Affine, Conv1d};
-use crate::learn::params::unit;
 use crate::spec::{EvaluatorSpec, MatchingSpec, Mismatches};
 
 /// All parameters of an evaluator of this kind.

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::{Batch, Sequence, end_token};
 use crate::codes::{Grid, Length, TokenStore};
 use crate::data::Split;
-use crate::learn::params::{below, stream};
+use crate::draws::{below, stream};
 use crate::spec::Share;
 use crate::text::TextStore;
 

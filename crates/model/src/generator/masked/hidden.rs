@@ -9,11 +9,11 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::residual::Asked;
 use crate::data::Split;
+use crate::draws::{below, distinct, unit};
 use crate::generator::Inputs;
 use crate::generator::autoregressive::{Batch, Model, Part, end_token};
 use crate::generator::losses::{SplitSums, passes};
 use crate::generator::stack::packed;
-use crate::learn::params::{below, distinct, unit};
 use crate::ops::SequenceLayout;
 use crate::progress::moved;
 use crate::spec::flops::exact_whole;

@@ -27,7 +27,7 @@ use super::{
 };
 use crate::codes::Grid;
 use crate::data::Split;
-use crate::learn::params::{below, unit};
+use crate::draws::{below, unit};
 use crate::progress::moved;
 use crate::spec::{RunSpec, exact_of_clip};
 use model::own;

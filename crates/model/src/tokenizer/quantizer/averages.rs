@@ -7,7 +7,8 @@ use burn::tensor::{Device, Tensor, TensorData};
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
-use crate::learn::params::{self, below, distinct};
+use crate::draws::{below, distinct};
+use crate::learn::params;
 use crate::learn::weights::{HostTensor, Source};
 use crate::learn::{LearnerState, LoadedState};
 use crate::ops::nearest;

@@ -16,8 +16,8 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::{Value, json};
 
 use super::halves::host;
+use crate::draws::{below, unit};
 use crate::learn::layers::Affine;
-use crate::learn::params::{below, unit};
 use crate::learn::{LearnerState, LoadedState};
 
 pub use fsq::{Fsq, ResidualFsq};

@@ -1,0 +1,40 @@
+//! Random numbers on the host: streams of a seed, and what is drawn from them.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// The numbers of one of a seed's independent streams.
+pub fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream);
+    rng
+}
+
+/// Uniform in [0, 1) with 53 random bits.
+pub fn unit(rng: &mut ChaCha8Rng) -> f64 {
+    (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// Uniform in 0..n; the bias of at most n / 2^64 is far below what any run could show.
+pub fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
+    ((u128::from(rng.next_u64()) * n as u128) >> 64) as usize
+}
+
+/// `k` of the numbers below `n`, each once, in the order drawn; all of them where there are fewer.
+pub fn distinct(n: usize, k: usize, rng: &mut ChaCha8Rng) -> Vec<usize> {
+    let mut numbers: Vec<usize> = (0..n).collect();
+    let k = k.min(n);
+    for i in 0..k {
+        let j = i + below(rng, n - i);
+        numbers.swap(i, j);
+    }
+    numbers.truncate(k);
+    numbers
+}
+
+/// Two independent standard normal values (Box and Muller).
+pub fn normal_pair(rng: &mut ChaCha8Rng) -> (f64, f64) {
+    let radius = (-2.0 * (1.0 - unit(rng)).ln()).sqrt();
+    let (sin, cos) = (std::f64::consts::TAU * unit(rng)).sin_cos();
+    (radius * cos, radius * sin)
+}
