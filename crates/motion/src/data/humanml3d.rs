@@ -11,17 +11,14 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::clip_file::{ClipFile, load_clip};
-use super::digest::{UsedFile, digest};
-use super::frame_rate::{FPS, frame_rate};
-use super::groups::Groups;
-use super::items::{Item, LengthRule, items_of};
-use super::motion_files::MotionFiles;
-use super::source::{DataError, FeatureStats, Metadata, MotionSource, Split};
-use super::splits::read_splits;
-use super::stats::{StatsAccumulator, read_stats};
-use crate::motion::N_FEATURES;
-use crate::motion::mirror_features;
+use super::clips::{ClipFile, Item, LengthRule, items_of, load_clip};
+use super::motion_files::{FPS, MotionFiles, frame_rate};
+use super::source::{
+    DataError, FeatureStats, Metadata, MotionSource, Split, StatsAccumulator, UsedFile, digest,
+    read_stats,
+};
+use super::texts::{Groups, read_splits};
+use crate::motion::{N_FEATURES, mirror_features};
 use crate::spec::BrokenFiles;
 
 /// How clips are made from the files; by default not mirrored, broken files skipped.

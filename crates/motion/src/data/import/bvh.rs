@@ -6,16 +6,15 @@
 use rayon::prelude::*;
 
 use super::listing::SourceFile;
-use super::motions::{Motion, Motions, Skeleton};
-use super::options::ImportOptions;
+use super::options::{ImportOptions, Motion, Motions, Skeleton};
 use crate::files::{LARGE, read_regular};
 use crate::motion::bvh::{Bvh, Placed};
+use crate::motion::geometry::{Point, dot, norm, sub, with_length};
 use crate::motion::retarget::{
     Neutral, Pose64, Rig, Roles, Survey, draft, follow, reflected_joint, roles_of, unit_m,
     with_ends,
 };
-use crate::motion::vector::{Point, dot, norm, sub, with_length};
-use crate::motion::{N_JOINTS, PARENTS};
+use crate::motion::{JOINT_NAMES, N_JOINTS, PARENTS};
 
 /// Joints and parents.
 type Key = Vec<(String, Option<usize>)>;
@@ -204,7 +203,7 @@ fn is_near(pose: &Pose64) -> bool {
 fn skeleton(group: &Group, rig: &Rig) -> Skeleton {
     let key = &group.first.key;
     let name = |joint: usize| key[joint].0.clone();
-    let roles = (crate::motion::JOINT_NAMES.iter().zip(rig.roles))
+    let roles = (JOINT_NAMES.iter().zip(rig.roles))
         .filter_map(|(role, joint)| Some((*role, name(joint?))))
         .collect();
     Skeleton {

@@ -2,12 +2,9 @@
 
 use std::f32::consts::{PI, TAU};
 
-use super::drive::Drive;
-use super::floor::Side;
-use super::hands::Wave;
-use super::manner::Manner;
-use super::posture::Posture;
-use super::random::Draw;
+use super::in_place::Wave;
+use super::manner::{Manner, Posture};
+use super::maths::{Draw, Drive, Side};
 
 /// What kind of steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,343 @@
+//! [`Bvh`] as the text of a file, written and read.
+
+use std::fmt::{self, Display, Formatter};
+use std::vec::IntoIter;
+
+use thiserror::Error;
+
+use super::hierarchy::{Bvh, BvhJoint, Channel};
+use crate::motion::geometry::Point;
+
+/// Decimals of offsets and channels: a micrometre, or a micrometre at a metre from the joint.
+const DECIMALS: usize = 4;
+
+impl Display for Bvh {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(f, "HIERARCHY")?;
+        let mut roots = (0..self.joints.len()).filter(|&j| self.joints[j].parent.is_none());
+        roots.try_for_each(|root| self.joint(f, root, 0))?;
+        writeln!(f, "MOTION\nFrames: {}", self.frames.len())?;
+        writeln!(f, "Frame Time: {:.8}", self.frame_time_s)?;
+        self.frames.iter().try_for_each(|frame| writeln!(f, "{}", numbers(frame)))
+    }
+}
+
+impl Bvh {
+    /// A joint with all below it.
+    fn joint(&self, f: &mut Formatter<'_>, index: usize, depth: usize) -> fmt::Result {
+        let (joint, indent) = (&self.joints[index], "  ".repeat(depth));
+        let word = if joint.parent.is_none() { "ROOT" } else { "JOINT" };
+        writeln!(f, "{indent}{word} {}\n{indent}{{", joint.name)?;
+        writeln!(f, "{indent}  OFFSET {}", numbers(&joint.offset))?;
+        writeln!(f, "{indent}  CHANNELS {}", channels(joint))?;
+        for end in &joint.end_sites {
+            let offset = numbers(end);
+            writeln!(f, "{indent}  End Site\n{indent}  {{\n{indent}    OFFSET {offset}")?;
+            writeln!(f, "{indent}  }}")?;
+        }
+        let mut children = (0..self.joints.len()).filter(|&j| self.joints[j].parent == Some(index));
+        children.try_for_each(|child| self.joint(f, child, depth + 1))?;
+        writeln!(f, "{indent}}}")
+    }
+}
+
+fn channels(joint: &BvhJoint) -> String {
+    let names = Channel::NAMES;
+    let named = |own: &Channel| names.into_iter().find(|(channel, _)| channel == own);
+    let words = joint.channels.iter().filter_map(named).map(|(_, name)| format!(" {name}"));
+    format!("{}{}", joint.channels.len(), words.collect::<String>())
+}
+
+fn numbers(values: &[f64]) -> String {
+    let texts: Vec<String> =
+        values.iter().map(|&value| format!("{:.DECIMALS$}", rounded(value))).collect();
+    texts.join(" ")
+}
+
+/// The number that the file holds for `value`; never a zero with a sign.
+pub fn rounded(value: f64) -> f64 {
+    let scale = 10f64.powi(DECIMALS as i32);
+    (value * scale).round() / scale + 0.0
+}
+
+// Reading.
+
+/// Where and why a text is no BVH file; reads on after the file's name and a colon.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum BvhError {
+    /// Another word stands where the format has its own.
+    #[error("line {line}: {expected} is expected, here is {found:?}")]
+    Word { line: usize, expected: String, found: String },
+    /// The text ends too early.
+    #[error("the file ends at line {line}, where {expected} is expected: it is cut short")]
+    End { line: usize, expected: String },
+    /// A frame has another count of numbers than the hierarchy has channels.
+    #[error("line {line}: a frame of this hierarchy has {expected} numbers, here are {found}")]
+    FrameLength { line: usize, expected: usize, found: usize },
+    /// There are more or fewer frames than the file says.
+    #[error(
+        "line {line} announces {said} frames, {found} follow; correct the number or the frames"
+    )]
+    FrameCount { line: usize, said: usize, found: usize },
+}
+
+impl BvhError {
+    /// Another word, of which a long one is shown in part.
+    fn word(line: usize, expected: &str, found: &str) -> BvhError {
+        let mut found = found.to_owned();
+        if let Some((cut, _)) = found.char_indices().nth(60) {
+            found.truncate(cut);
+            found.push('…');
+        }
+        BvhError::Word { line, expected: expected.to_owned(), found }
+    }
+
+    fn end(line: usize, expected: &str) -> BvhError {
+        BvhError::End { line, expected: expected.to_owned() }
+    }
+}
+
+impl Bvh {
+    /// The file that `text` is.
+    ///
+    /// Any hierarchy is read: several roots, joints with any channels in any order or with none,
+    /// several End Sites, names of several words, keywords in any case. A frame is a line.
+    ///
+    /// # Errors
+    /// [`BvhError`] names the line and what is expected there.
+    pub fn parse(text: &str) -> Result<Bvh, BvhError> {
+        let text = text.trim_start_matches('\u{feff}');
+        let lines: Vec<&str> = text.lines().collect();
+        let is_motion = |line: &&str| line.trim().eq_ignore_ascii_case("MOTION");
+        let Some(motion) = lines.iter().position(is_motion) else {
+            return Err(BvhError::end(lines.len(), "the line MOTION"));
+        };
+        let joints = hierarchy(&lines[..motion])?;
+        let n_channels = joints.iter().map(|joint| joint.channels.len()).sum();
+        let (frame_time_s, frames) = frames(&lines, motion + 1, n_channels)?;
+        Ok(Bvh { joints, frame_time_s, frames })
+    }
+}
+
+/// What a brace was opened for.
+#[derive(Clone, Copy)]
+enum Open {
+    Joint(usize),
+    EndSite(usize),
+}
+
+/// The joints of a hierarchy, in the order of the text.
+fn hierarchy(lines: &[&str]) -> Result<Vec<BvhJoint>, BvhError> {
+    let mut hierarchy = Hierarchy { words: Words::of(lines), joints: Vec::new(), open: Vec::new() };
+    hierarchy.words.keyword("HIERARCHY")?;
+    while !hierarchy.words.is_empty() {
+        hierarchy.statement()?;
+    }
+    let missing = match (hierarchy.open.is_empty(), hierarchy.joints.is_empty()) {
+        (false, _) => "}",
+        (true, true) => "ROOT",
+        (true, false) => return Ok(hierarchy.joints),
+    };
+    Err(BvhError::end(lines.len(), missing))
+}
+
+struct Hierarchy<'a> {
+    words: Words<'a>,
+    joints: Vec<BvhJoint>,
+    /// Open braces, the outermost first.
+    open: Vec<Open>,
+}
+
+impl Hierarchy<'_> {
+    fn statement(&mut self) -> Result<(), BvhError> {
+        let word = self.words.take("a statement")?;
+        match self.open.last().copied() {
+            None if word.is("ROOT") => self.begin_joint(word, None),
+            None => Err(word.instead_of("ROOT or MOTION")),
+            Some(Open::Joint(joint)) => self.in_joint(word, joint),
+            Some(Open::EndSite(joint)) => self.in_end_site(word, joint),
+        }
+    }
+
+    fn in_joint(&mut self, word: Word, joint: usize) -> Result<(), BvhError> {
+        if word.is("OFFSET") {
+            self.joints[joint].offset = self.words.triple()?;
+        } else if word.is("CHANNELS") {
+            self.joints[joint].channels = self.channels()?;
+        } else if word.is("JOINT") {
+            return self.begin_joint(word, Some(joint));
+        } else if word.is("End") {
+            self.words.keyword("Site")?;
+            self.words.name()?;
+            self.open.push(Open::EndSite(joint));
+        } else if word.text == "}" {
+            self.open.pop();
+        } else {
+            return Err(word.instead_of("OFFSET, CHANNELS, JOINT, End Site or }"));
+        }
+        Ok(())
+    }
+
+    fn in_end_site(&mut self, word: Word, joint: usize) -> Result<(), BvhError> {
+        if word.is("OFFSET") {
+            let offset = self.words.triple()?;
+            self.joints[joint].end_sites.push(offset);
+        } else if word.text == "}" {
+            self.open.pop();
+        } else {
+            return Err(word.instead_of("OFFSET or }"));
+        }
+        Ok(())
+    }
+
+    fn begin_joint(&mut self, word: Word, parent: Option<usize>) -> Result<(), BvhError> {
+        let name = self.words.name()?;
+        if name.is_empty() {
+            return Err(BvhError::word(word.line, "a name", "{"));
+        }
+        let (offset, channels, end_sites) = ([0.0; 3], Vec::new(), Vec::new());
+        self.open.push(Open::Joint(self.joints.len()));
+        self.joints.push(BvhJoint { name, parent, offset, channels, end_sites });
+        Ok(())
+    }
+
+    fn channels(&mut self) -> Result<Vec<Channel>, BvhError> {
+        const COUNT: &str = "a number of channels";
+        let count = self.words.take(COUNT)?;
+        let n: usize = count.text.parse().map_err(|_| count.instead_of(COUNT))?;
+        (0..n).map(|_| self.channel()).collect()
+    }
+
+    fn channel(&mut self) -> Result<Channel, BvhError> {
+        const NAME: &str = "a channel such as Xrotation or Yposition";
+        let word = self.words.take(NAME)?;
+        let found = Channel::NAMES.into_iter().find(|(_, name)| word.is(name));
+        found.map(|(channel, _)| channel).ok_or_else(|| word.instead_of(NAME))
+    }
+}
+
+/// A word and its line, counted from 1.
+#[derive(Clone, Copy, Debug)]
+struct Word<'a> {
+    line: usize,
+    text: &'a str,
+}
+
+impl Word<'_> {
+    /// Whether it is a word of the format, in any case.
+    fn is(self, keyword: &str) -> bool {
+        self.text.eq_ignore_ascii_case(keyword)
+    }
+
+    /// The error that something else was expected.
+    fn instead_of(self, expected: &str) -> BvhError {
+        BvhError::word(self.line, expected, self.text)
+    }
+}
+
+/// The words that are left.
+struct Words<'a> {
+    words: IntoIter<Word<'a>>,
+    n_lines: usize,
+}
+
+impl<'a> Words<'a> {
+    fn of(lines: &[&'a str]) -> Words<'a> {
+        let on = |(index, line): (usize, &&'a str)| {
+            line.split_whitespace().map(move |text| Word { line: index + 1, text })
+        };
+        let words: Vec<Word> = lines.iter().enumerate().flat_map(on).collect();
+        Words { words: words.into_iter(), n_lines: lines.len() }
+    }
+
+    /// The next word; `expected` says what is looked for.
+    fn take(&mut self, expected: &str) -> Result<Word<'a>, BvhError> {
+        self.words.next().ok_or_else(|| BvhError::end(self.n_lines, expected))
+    }
+
+    fn is_empty(&self) -> bool {
+        self.words.as_slice().is_empty()
+    }
+
+    fn keyword(&mut self, keyword: &str) -> Result<(), BvhError> {
+        let word = self.take(keyword)?;
+        if word.is(keyword) { Ok(()) } else { Err(word.instead_of(keyword)) }
+    }
+
+    /// All words up to an opening brace, joined by blanks; the brace is taken too.
+    fn name(&mut self) -> Result<String, BvhError> {
+        let mut name = Vec::new();
+        loop {
+            let word = self.take("a name and {")?;
+            if word.text == "{" {
+                return Ok(name.join(" "));
+            }
+            name.push(word.text);
+        }
+    }
+
+    /// Three finite numbers.
+    fn triple(&mut self) -> Result<Point, BvhError> {
+        Ok([self.number()?, self.number()?, self.number()?])
+    }
+
+    fn number(&mut self) -> Result<f64, BvhError> {
+        const EXPECTED: &str = "a number of the OFFSET";
+        let word = self.take(EXPECTED)?;
+        finite(word.text).ok_or_else(|| word.instead_of(EXPECTED))
+    }
+}
+
+/// A number that is neither NaN nor infinite.
+fn finite(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+/// Seconds from frame to frame, and the frames' numbers, from the line with index `first` on.
+fn frames(
+    lines: &[&str],
+    first: usize,
+    n_channels: usize,
+) -> Result<(f64, Vec<Vec<f64>>), BvhError> {
+    let numbered = lines.iter().enumerate().skip(first).map(|(index, &line)| (index + 1, line));
+    let mut left = numbered.filter(|(_, line)| !line.trim().is_empty());
+    let mut next = |expected| left.next().ok_or_else(|| BvhError::end(lines.len(), expected));
+    let (line, text) = next(FRAMES)?;
+    let said: usize = value(text, "Frames", FRAMES, line, |text| text.parse().ok())?;
+    let (time_line, text) = next(TIME)?;
+    let positive = |text: &str| finite(text).filter(|&seconds| seconds > 0.0);
+    let frame_time_s = value(text, "Frame Time", TIME, time_line, positive)?;
+    let frames: Vec<Vec<f64>> =
+        left.map(|(line, text)| frame(text, line, n_channels)).collect::<Result<_, _>>()?;
+    if frames.len() != said {
+        return Err(BvhError::FrameCount { line, said, found: frames.len() });
+    }
+    Ok((frame_time_s, frames))
+}
+
+const FRAMES: &str = "\"Frames:\" and a count";
+const TIME: &str = "\"Frame Time:\" and seconds above zero";
+
+/// The value after a key and a colon.
+fn value<T>(
+    text: &str,
+    key: &str,
+    expected: &str,
+    line: usize,
+    parse: impl Fn(&str) -> Option<T>,
+) -> Result<T, BvhError> {
+    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    text.split_once(':')
+        .filter(|(name, _)| words(name).eq_ignore_ascii_case(key))
+        .and_then(|(_, value)| parse(value.trim()))
+        .ok_or_else(|| BvhError::word(line, expected, text.trim()))
+}
+
+fn frame(text: &str, line: usize, n_channels: usize) -> Result<Vec<f64>, BvhError> {
+    let number = |word: &str| finite(word).ok_or_else(|| BvhError::word(line, "a number", word));
+    let frame: Vec<f64> = text.split_whitespace().map(number).collect::<Result<_, _>>()?;
+    if frame.len() != n_channels {
+        return Err(BvhError::FrameLength { line, expected: n_channels, found: frame.len() });
+    }
+    Ok(frame)
+}
