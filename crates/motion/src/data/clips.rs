@@ -170,16 +170,13 @@ pub(super) fn items_of(
         first_frame: 0,
         n_frames,
         mirrored: false,
-        captions: whole_captions(clip),
+        captions: (clip.annotations.iter().filter(|own| own.span_s.is_none()))
+            .map(|own| own.caption.clone())
+            .collect(),
     };
     let (parts, skipped) = parts_of(clip, &whole, rule, fps);
     let whole = (!whole.captions.is_empty()).then_some(whole);
     (whole.into_iter().chain(parts).collect(), skipped)
-}
-
-fn whole_captions(clip: &ClipFile) -> Vec<String> {
-    let whole = clip.annotations.iter().filter(|annotation| annotation.span_s.is_none());
-    whole.map(|annotation| annotation.caption.clone()).collect()
 }
 
 fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule, fps: f64) -> (Vec<Item>, Vec<String>) {

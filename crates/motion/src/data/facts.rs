@@ -53,14 +53,13 @@ pub struct MemberFacts {
 
 impl MemberFacts {
     fn of(Member { name, licence, source }: &Member) -> Self {
-        let clips = Split::ALL.map(|split| source.n_clips(split));
         let frames = |split| (0..source.n_clips(split)).map(|i| source.n_frames(split, i)).sum();
         Self {
             name: name.clone(),
             licence: licence.clone(),
             digest: source.digest().to_string(),
             fps: source.fps(),
-            clips,
+            clips: Split::ALL.map(|split| source.n_clips(split)),
             frames: Split::ALL.map(frames),
         }
     }
@@ -78,6 +77,10 @@ pub struct Demand {
 impl DataFacts {
     /// Looks at a source.
     pub fn of(source: &dyn MotionSource) -> Self {
+        let mut lengths = BTreeMap::new();
+        for clip in 0..source.n_clips(Split::Train).min(SAMPLED) {
+            *lengths.entry(source.n_frames(Split::Train, clip)).or_default() += 1;
+        }
         Self {
             digest: source.digest().to_string(),
             clips: Split::ALL.map(|split| source.n_clips(split)),
@@ -85,7 +88,7 @@ impl DataFacts {
             fps: f64::from(source.fps()),
             warnings: source.warnings().to_vec(),
             members: source.members().iter().map(MemberFacts::of).collect(),
-            lengths: lengths(source),
+            lengths,
             ..Self::default()
         }
     }
@@ -147,17 +150,10 @@ impl DataFacts {
 /// Clips whose captions are looked at, spread over the split.
 const CAPTIONED: usize = 1 << 12;
 
-/// Clips that are looked at one by one; larger splits are estimated from as many.
+/// Clips that are looked at one by one; larger splits are estimated from as many. A generated clip must be
+/// sketched to know its length: a hundred million would take minutes.
 const SAMPLED: usize = 1 << 18;
 
-/// A generated clip must be sketched to know its length: a hundred million would take minutes.
-fn lengths(source: &dyn MotionSource) -> BTreeMap<usize, usize> {
-    let mut lengths = BTreeMap::new();
-    for clip in 0..source.n_clips(Split::Train).min(SAMPLED) {
-        *lengths.entry(source.n_frames(Split::Train, clip)).or_default() += 1;
-    }
-    lengths
-}
 /// Groups of the test split.
 pub fn test_groups(source: &dyn MotionSource) -> usize {
     let groups = (0..source.n_clips(Split::Test)).map(|clip| source.group(Split::Test, clip));

@@ -1,6 +1,7 @@
 //! Motion from files: how a folder holds it and at how many frames a second, and one motion from one file.
 
 use std::io::ErrorKind;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -195,27 +196,21 @@ fn frames_a_frame(fps: f64, wanted: f64) -> Result<usize, String> {
 
 /// Joints that lie on one another have no direction, and features of them no value.
 fn finite(features: Vec<f32>) -> Result<Vec<f32>, String> {
-    match features.iter().position(|value| !value.is_finite()) {
-        None => Ok(features),
-        Some(at) => {
-            let (frame, column) = (at / N_FEATURES, at % N_FEATURES);
-            Err(format!("makes a feature that is not finite, number {column} of frame {frame}"))
-        }
-    }
+    let Some(at) = features.iter().position(|value| !value.is_finite()) else {
+        return Ok(features);
+    };
+    let (frame, column) = (at / N_FEATURES, at % N_FEATURES);
+    Err(format!("makes a feature that is not finite, number {column} of frame {frame}"))
 }
 
 /// Legs shorter or longer by these factors are of another unit of length.
-const LEGS: [f64; 2] = [0.2, 5.0];
+const LEGS: RangeInclusive<f64> = 0.2..=5.0;
 
 /// A body whose legs are a hundredth or a hundred times as long is one in another unit.
 fn of_a_body(features: Vec<f32>) -> Result<Vec<f32>, String> {
     let factor = leg_ratio(&recover_joints(&features));
     // Numbers that are not finite have an error of their own.
-    if !factor.is_finite() {
-        return Ok(features);
-    }
-    let [shortest, longest] = LEGS;
-    if (shortest..=longest).contains(&factor) {
+    if !factor.is_finite() || LEGS.contains(&factor) {
         return Ok(features);
     }
     Err(format!(

@@ -117,7 +117,16 @@ impl Union {
     /// # Panics
     /// Without a member.
     pub fn new(members: Vec<Member>) -> Result<Self, DataError> {
-        check_fps(&members)?;
+        let first = &members[0];
+        let differs = |member: &&Member| member.source.fps() != first.source.fps();
+        if let Some(other) = members.iter().find(differs) {
+            let [fps, others] = [first, other].map(|member| member.source.fps());
+            let problem = format!(
+                "has {others} frames a second where {} has {fps}; a union needs one rate",
+                first.name
+            );
+            return Err(DataError::invalid(&other.name, problem));
+        }
         let part = |(i, member): (usize, &Member)| {
             UsedFile::new(&i.to_string(), member.source.digest().as_bytes())
         };
@@ -129,7 +138,7 @@ impl Union {
         let warnings = members.iter().flat_map(told).collect();
         let metadata = Metadata {
             stats: stats(&members)?,
-            fps: members[0].source.fps(),
+            fps: first.source.fps(),
             digest: digest("union-1", &parts),
             warnings,
         };
@@ -140,16 +149,13 @@ impl Union {
     ///
     /// # Panics
     /// The split has fewer clips.
-    fn place(&self, split: Split, index: usize) -> (&dyn MotionSource, &str, usize) {
-        let mut first = 0;
-        let mut places = self.members.iter().map(|member| {
-            let at = first;
-            first += member.source.n_clips(split);
-            (member, at, first)
-        });
-        let (member, first, _) =
-            places.find(|(_, _, end)| index < *end).expect("the split has so many clips");
-        (&*member.source, &member.name, index - first)
+    fn place(&self, split: Split, mut index: usize) -> (&dyn MotionSource, &str, usize) {
+        let has = |member: &&Member| {
+            let n = member.source.n_clips(split);
+            index.checked_sub(n).map(|left| index = left).is_none()
+        };
+        let member = self.members.iter().find(has).expect("the split has so many clips");
+        (&*member.source, &member.name, index)
     }
 }
 
@@ -190,21 +196,6 @@ impl MotionSource for Union {
     fn members(&self) -> &[Member] {
         &self.members
     }
-}
-
-fn check_fps(members: &[Member]) -> Result<(), DataError> {
-    let first = &members[0];
-    let Some(other) = members.iter().find(|member| member.source.fps() != first.source.fps())
-    else {
-        return Ok(());
-    };
-    let problem = format!(
-        "has {} frames a second where {} has {}; a union needs one rate",
-        other.source.fps(),
-        first.name,
-        first.source.fps()
-    );
-    Err(DataError::invalid(&other.name, problem))
 }
 
 /// Of the training clips of all members.

@@ -208,16 +208,12 @@ impl StatsAccumulator {
                 (self.sums, self.squares) = (vec![0.0; N_FEATURES], vec![0.0; N_FEATURES]);
             }
             self.n_frames += 1;
-            self.add_row(row);
-        }
-    }
-
-    fn add_row(&mut self, row: &[f32]) {
-        let sums = self.sums.iter_mut().zip(&mut self.squares);
-        for ((&value, origin), (sum, square)) in row.iter().zip(&self.origin).zip(sums) {
-            let difference = f64::from(value) - origin;
-            *sum += difference;
-            *square += difference * difference;
+            let sums = self.sums.iter_mut().zip(&mut self.squares);
+            for ((&value, origin), (sum, square)) in row.iter().zip(&self.origin).zip(sums) {
+                let difference = f64::from(value) - origin;
+                *sum += difference;
+                *square += difference * difference;
+            }
         }
     }
 
@@ -232,19 +228,13 @@ impl StatsAccumulator {
         let deviations: Vec<f64> = (self.sums.iter().zip(&self.squares))
             .map(|(sum, square)| (square / n - (sum / n).powi(2)).max(0.0).sqrt())
             .collect();
-        let std = grouped(&deviations)?;
-        Some(FeatureStats { mean, std })
+        let mut std = vec![0.0; N_FEATURES];
+        for group in FEATURE_GROUPS {
+            let columns = deviations.get(group.clone())?;
+            std[group].fill((columns.iter().sum::<f64>() / columns.len() as f64) as f32);
+        }
+        std.iter().all(|&value| value > 0.0).then_some(FeatureStats { mean, std })
     }
-}
-
-/// Each group's mean in place of its values; `None` if one is zero.
-fn grouped(deviations: &[f64]) -> Option<Vec<f32>> {
-    let mut std = vec![0.0; N_FEATURES];
-    for group in FEATURE_GROUPS {
-        let columns = deviations.get(group.clone())?;
-        std[group].fill((columns.iter().sum::<f64>() / columns.len() as f64) as f32);
-    }
-    std.iter().all(|&value| value > 0.0).then_some(std)
 }
 
 /// `Mean.npy` and `Std.npy` in `root`, or `None` if neither is there.

@@ -6,6 +6,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use super::source::{DataError, Split, UsedFile};
+use crate::files::read_text;
 
 // Lines of a caption file: `caption#tokens#from#to`.
 
@@ -93,6 +94,7 @@ fn time_s(field: &str) -> Result<f64, CaptionProblem> {
 // Splits: `train.txt`, `val.txt`, `test.txt`, a name a line.
 
 /// The names in a data set's split files.
+#[derive(Default)]
 pub(super) struct SplitLists {
     /// Every name once, with its split; train first, each split in its file's order.
     pub clips: Vec<(Split, String)>,
@@ -110,59 +112,44 @@ pub(super) struct SplitLists {
 /// [`DataError::Read`] if one of the files is not there or not UTF-8. Lines that are no names,
 /// and names that stand twice, are not errors: they are listed in `problems`.
 pub(super) fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, DataError> {
-    let mut lists = SplitLists { clips: Vec::new(), problems: Vec::new(), files: Vec::new() };
-    let mut owners = HashMap::new();
+    let advice = "a data set needs train.txt, val.txt and test.txt";
+    let (mut lists, mut owners) = (SplitLists::default(), HashMap::new());
     for split in [Split::Test, Split::Val, Split::Train] {
         let name = format!("{}.txt", split.name());
-        let content = read_text(root, &name)?;
+        let path = root.join(&name);
+        let content = read_text(&path).map_err(DataError::read(&path, advice))?;
         lists.files.push(UsedFile::new(&name, content.as_bytes()));
-        let (ids, problems) = claim_lines(&content, split, in_folders, &mut owners);
-        lists.clips.splice(0..0, ids.into_iter().map(|id| (split, id)));
+        let (mut clips, mut problems) = (Vec::new(), Vec::new());
+        let lines = content.trim_start_matches('\u{feff}').lines().map(str::trim).enumerate();
+        for (index, id) in lines.filter(|(_, line)| !line.is_empty()) {
+            match claim(id, split, in_folders, &mut owners) {
+                Ok(()) => clips.push((split, id.to_owned())),
+                Err(reason) => problems.push(format!("{name}: line {} {reason}", index + 1)),
+            }
+        }
+        lists.clips.splice(0..0, clips);
         lists.problems.splice(0..0, problems);
     }
     Ok(lists)
 }
 
-fn read_text(root: &Path, name: &str) -> Result<String, DataError> {
-    let path = root.join(name);
-    let advice = "a data set needs train.txt, val.txt and test.txt";
-    crate::files::read_text(&path).map_err(DataError::read(&path, advice))
-}
-
-/// The names in `content` that no split owns yet, and a sentence for each other line.
-fn claim_lines(
-    content: &str,
+/// Makes `split` the owner of the name `id`, or says why not.
+fn claim(
+    id: &str,
     split: Split,
     in_folders: bool,
     owners: &mut HashMap<String, Split>,
-) -> (Vec<String>, Vec<String>) {
-    let (mut ids, mut problems) = (Vec::new(), Vec::new());
-    let unwanted = if in_folders { "ending" } else { "folder and ending" };
-    for (index, line) in content.trim_start_matches('\u{feff}').lines().enumerate() {
-        let id = line.trim();
-        let claimed = match is_name(id, in_folders) {
-            true => claim(id, split, owners),
-            false => Some(format!("is `{id}`; write one clip's name, without {unwanted}")),
-        };
-        match claimed {
-            _ if id.is_empty() => {}
-            None => ids.push(id.to_owned()),
-            Some(reason) => {
-                problems.push(format!("{}.txt: line {} {reason}", split.name(), index + 1));
-            }
-        }
+) -> Result<(), String> {
+    if !is_name(id, in_folders) {
+        let unwanted = if in_folders { "ending" } else { "folder and ending" };
+        return Err(format!("is `{id}`; write one clip's name, without {unwanted}"));
     }
-    (ids, problems)
-}
-
-/// Makes `split` the owner of `id`, or says why not.
-fn claim(id: &str, split: Split, owners: &mut HashMap<String, Split>) -> Option<String> {
-    match owners.insert(id.to_owned(), split) {
-        None => None,
-        Some(owner) if owner == split => Some(format!("repeats {id}")),
-        Some(owner) => {
-            owners.insert(id.to_owned(), owner);
-            Some(format!("lists {id}, which is in {}.txt too", owner.name()))
+    match owners.get(id) {
+        Some(owner) if *owner == split => Err(format!("repeats {id}")),
+        Some(owner) => Err(format!("lists {id}, which is in {}.txt too", owner.name())),
+        None => {
+            owners.insert(id.to_owned(), split);
+            Ok(())
         }
     }
 }
@@ -188,7 +175,7 @@ impl Groups {
     /// # Errors
     /// A sentence: there is a manifest that cannot be read.
     pub fn read(path: &Path) -> Result<Self, String> {
-        match crate::files::read_text(&path.join("manifest.csv")) {
+        match read_text(&path.join("manifest.csv")) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(Self::default()),
             Err(error) => Err(problem(&error)),
             Ok(text) => Self::parse(&text).map_err(|error| problem(&error)),
@@ -209,15 +196,10 @@ impl Groups {
     /// The group of the clip of a stem; its own where the folder says none. A mirrored clip, `M000012`, is of
     /// the group of the clip that it is the image of.
     pub fn of(&self, stem: &str) -> String {
-        let (folder, name) =
-            stem.rsplit_once('/').map_or(("", stem), |(folder, name)| (folder, name));
+        let (folder, name) = stem.split_at(stem.rfind('/').map_or(0, |at| at + 1));
         let twin =
             name.strip_prefix('M').filter(|own| own.starts_with(|c: char| c.is_ascii_digit()));
-        let own = match (twin, folder) {
-            (Some(own), "") => own.to_string(),
-            (Some(own), folder) => format!("{folder}/{own}"),
-            (None, _) => stem.to_string(),
-        };
+        let own = twin.map_or(stem.to_string(), |own| format!("{folder}{own}"));
         self.0.get(stem).or_else(|| self.0.get(&own)).cloned().unwrap_or(own)
     }
 }

@@ -163,7 +163,7 @@ const NEAR: usize = 20;
 
 /// The clips of a motion: all of it up to 200 poses; of a longer one even parts of at most 196, parted where
 /// the body is calmest near the even division. Parts too short for a clip do not come about.
-pub fn cuts(poses: &[Pose]) -> Vec<Range<usize>> {
+fn cuts(poses: &[Pose]) -> Vec<Range<usize>> {
     let n = poses.len();
     if n <= LONGEST {
         return std::iter::once(0..n).collect();
@@ -210,22 +210,19 @@ impl CaptionSource {
     }
 }
 
-/// Lines of a motion, in HumanML3D's grammar, and where they come from.
-pub type Captions = (Vec<String>, CaptionSource);
-
 /// Words of names that say nothing of a motion.
 const EMPTY: [&str; 10] =
     ["dataset", "take", "clip", "motion", "mocap", "anim", "animation", "capture", "final", "bvh"];
 
-/// The captions of a file's motion.
+/// The captions of a file's motion, in HumanML3D's grammar, and where they come from.
 ///
 /// # Errors
 /// A sentence: the file of captions cannot be read, or a line is none.
-pub fn captions(
+fn captions(
     file: &SourceFile,
     listing: &Listing,
     options: &ImportOptions,
-) -> Result<Captions, String> {
+) -> Result<(Vec<String>, CaptionSource), String> {
     let folder = options.texts.as_deref().or(listing.texts.as_deref());
     let beside = match folder {
         Some(folder) => {
@@ -286,7 +283,7 @@ fn words_of(id: &str) -> Option<String> {
 
 /// The lines that hold for some poses of a motion of `fps` a second: captions of the whole as they are, those of a
 /// part moved to where it is now. Parts of which less than a clip is left go.
-pub fn within(lines: &[String], frames: &Range<usize>, fps: f64) -> Vec<String> {
+fn within(lines: &[String], frames: &Range<usize>, fps: f64) -> Vec<String> {
     let [from, to] = [frames.start, frames.end].map(|frame| frame as f64 / fps);
     let moved = |line: &String| {
         let Some((begin, stop)) = parse_annotation(line).ok()?.span_s else {

@@ -6,7 +6,6 @@ use super::listing::{Listing, SourceFile};
 use super::options::{Form, ImportError, ImportOptions, Motion, Motions};
 use crate::data::FPS;
 use crate::data::npy::{NpyArray, NpyProblem, parse_npy};
-use crate::files::{LARGE, read_regular};
 use crate::motion::geometry::{Point, add, scale, sub};
 use crate::motion::retarget::{PointsError, Pose64, Settled, reflected, settled};
 use crate::motion::{N_JOINTS, feature_width, recover_body};
@@ -27,68 +26,55 @@ pub fn read(listing: &Listing, options: &ImportOptions) -> Result<Motions, Impor
 }
 
 fn motion(file: &SourceFile, fps: f64, options: &ImportOptions) -> Result<Motion, String> {
-    let bytes =
-        read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
-    let array = parse_npy(&bytes).map_err(|problem| problem.to_string())?;
+    let array = parse_npy(&file.read()?).map_err(|problem| problem.to_string())?;
     let settle = |poses: Result<Vec<Pose64>, NpyProblem>| {
         let poses = poses.map_err(|problem| problem.to_string())?;
         let hand = |pose: Pose64| if options.left_handed { pose.map(reflected) } else { pose };
         let poses: Vec<Pose64> = poses.into_iter().map(hand).collect();
         Ok::<_, String>(settled(&poses, options.up))
     };
-    let Settled { poses, unit_m, .. } = match options.form {
-        Form::Kit => of_either_side(|first| settle(of_kit(&array, first)))?,
-        form => settle(of_humanml3d(&array, form))?.map_err(|error| error.to_string())?,
+    let found = match options.form {
+        // Sides are told apart by the toes: sources do not agree on which comes first.
+        Form::Kit => match settle(of_kit(&array, RIGHT_FIRST))? {
+            Err(PointsError::Backwards) => settle(of_kit(&array, LEFT_FIRST))?,
+            found => found,
+        },
+        form => settle(of_humanml3d(&array, form))?,
     };
+    let Settled { poses, unit_m, .. } = found.map_err(|error| error.to_string())?;
     Ok(Motion { poses: options.rate.of(&poses, fps), fps, unit_m })
 }
 
-/// KIT-ML's sides are told apart by the toes: sources do not agree on which comes first.
-fn of_either_side(
-    settle: impl Fn(First) -> Result<Result<Settled, PointsError>, String>,
-) -> Result<Settled, String> {
-    let found = match settle(First::Right)? {
-        Err(PointsError::Backwards) => settle(First::Left)?,
-        found => found,
-    };
-    found.map_err(|error| error.to_string())
-}
-
 fn of_humanml3d(array: &NpyArray, form: Form) -> Result<Vec<Pose64>, NpyProblem> {
-    let n_joints = match (form, &array.shape[..]) {
-        (Form::SmplxJoints, &[t, n, 3]) if t > 1 && n >= N_JOINTS => n,
-        (Form::Joints, &[t, N_JOINTS, 3]) if t > 1 => N_JOINTS,
-        _ => {
-            let expected = match form {
-                Form::SmplxJoints => "[frames, 22 or more, 3], two frames or more,",
-                _ => "[frames, 22, 3], two frames or more,",
-            };
-            return Err(NpyProblem::Shape { found: array.shape.clone(), expected });
-        }
+    let (expected, most) = match form {
+        Form::SmplxJoints => ("[frames, 22 or more, 3], two frames or more,", usize::MAX),
+        _ => ("[frames, 22, 3], two frames or more,", N_JOINTS),
     };
-    let pose = |frame: &[f32]| std::array::from_fn(|joint| place(frame, joint));
-    Ok(array.values.chunks_exact(3 * n_joints).map(pose).collect())
+    match array.shape[..] {
+        [t, n, 3] if t > 1 && (N_JOINTS..=most).contains(&n) => Ok(bodies(&array.values, n)),
+        _ => Err(NpyProblem::Shape { found: array.shape.clone(), expected }),
+    }
 }
 
 /// The joints of KIT-ML, given as they are or as the features made of them.
-fn of_kit(array: &NpyArray, first: First) -> Result<Vec<Pose64>, NpyProblem> {
-    let values = array.values.as_slice();
+fn of_kit(array: &NpyArray, sides: [usize; 2]) -> Result<Vec<Pose64>, NpyProblem> {
+    let wide = |body: [[f32; 3]; JOINTS]| body.map(|place| place.map(f64::from));
     let bodies = match array.shape[..] {
-        [t, JOINTS, 3] if t > 1 => {
-            let body = |frame: &[f32]| std::array::from_fn(|joint| place(frame, joint));
-            values.chunks_exact(3 * JOINTS).map(body).collect()
-        }
-        [t, FEATURES] if t > 1 => bodies(values),
+        [t, JOINTS, 3] if t > 1 => bodies(&array.values, JOINTS),
+        [t, FEATURES] if t > 1 => recover_body(&array.values).into_iter().map(wide).collect(),
         _ => {
             let expected = "[frames, 21, 3] or [frames, 251], two frames or more,";
             return Err(NpyProblem::Shape { found: array.shape.clone(), expected });
         }
     };
-    Ok(bodies.iter().map(|body| pose_of(body, first)).collect())
+    Ok(bodies.iter().map(|body| pose_of(body, sides)).collect())
 }
 
-fn place(frame: &[f32], joint: usize) -> [f64; 3] {
-    std::array::from_fn(|i| f64::from(frame[3 * joint + i]))
+/// The first `J` joints of bodies that have `n_joints`.
+fn bodies<const J: usize>(values: &[f32], n_joints: usize) -> Vec<[Point; J]> {
+    let place = |frame: &[f32], at: usize| std::array::from_fn(|i| f64::from(frame[3 * at + i]));
+    let body = |frame: &[f32]| std::array::from_fn(|joint| place(frame, joint));
+    values.chunks_exact(3 * n_joints).map(body).collect()
 }
 
 // KIT-ML's 21 joints (Plappert et al. 2016), in the order of text-to-motion, as the 22 of HumanML3D.
@@ -103,14 +89,10 @@ const FEATURES: usize = feature_width(JOINTS);
 /// Frames a second of KIT-ML's files.
 const KIT_FPS: f64 = 12.5;
 
-/// Which side the joints 5 to 7 and 11 to 15 are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum First {
-    /// As text-to-motion reads them.
-    Right,
-    /// As the order of their names has them.
-    Left,
-}
+/// The sides, 0 the left, of the joints 5 to 7 and 11 to 15 and of those after them: as text-to-motion reads them.
+const RIGHT_FIRST: [usize; 2] = [1, 0];
+/// The same as the order of their names has them.
+const LEFT_FIRST: [usize; 2] = [0, 1];
 
 /// How far from the neck to the shoulder, and to the chest, a collar of HumanML3D's is: by least squares over
 /// moving bodies, 6 mm off an axis.
@@ -118,21 +100,14 @@ const COLLAR: [f64; 2] = [0.37, 0.28];
 /// How far from the first joint of the spine to the third the second is, likewise.
 const SPINE: f64 = 0.73;
 
-/// The joints that rows of [`FEATURES`] describe, from the origin on.
-fn bodies(features: &[f32]) -> Vec<[Point; JOINTS]> {
-    let body = |body: [[f32; 3]; JOINTS]| body.map(|place| place.map(f64::from));
-    recover_body(features).into_iter().map(body).collect()
-}
-
 /// A pose of KIT-ML as one of HumanML3D's joints. Joints that it has not lie between those that it has.
-fn pose_of(joints: &[Point; JOINTS], first: First) -> Pose64 {
+fn pose_of(joints: &[Point; JOINTS], sides: [usize; 2]) -> Pose64 {
     let [chest, neck] = [joints[2], joints[3]];
     let between = |a: Point, share: f64, b: Point| add(a, scale(sub(b, a), share));
     let mut pose = [[0.0; 3]; N_JOINTS];
     let trunk = [(0, joints[0]), (3, joints[1]), (6, between(joints[1], SPINE, chest)), (9, chest)];
     trunk.into_iter().chain([(12, neck), (15, joints[4])]).for_each(|(i, place)| pose[i] = place);
     // Of HumanML3D's joints those of the left come first.
-    let sides = if first == First::Left { [0, 1] } else { [1, 0] };
     for (kit, side) in sides.into_iter().enumerate() {
         let (arm, leg) = (&joints[5 + 3 * kit..], &joints[11 + 5 * kit..]);
         let [out, down] = COLLAR;
@@ -158,16 +133,16 @@ mod tests {
     fn every_joint_has_its_place() {
         // Joint i of KIT-ML lies at x = i.
         let joints: [Point; JOINTS] = std::array::from_fn(|i| [i as f64, 0.0, 0.0]);
-        let named = |first| {
-            let pose = pose_of(&joints, first);
+        let named = |sides| {
+            let pose = pose_of(&joints, sides);
             JOINT_NAMES.into_iter().zip(pose.map(|place| place[0])).collect::<Vec<_>>()
         };
-        let right = named(First::Right);
+        let right = named(RIGHT_FIRST);
         let at = |name: &str| right.iter().find(|(own, _)| *own == name).unwrap().1;
         assert_eq!(["right_wrist", "left_wrist", "head"].map(at), [7.0, 10.0, 4.0]);
         assert_eq!(["right_hip", "right_ankle", "right_foot"].map(at), [11.0, 13.0, 14.0]);
         assert_eq!(["left_hip", "left_knee", "spine2"].map(at), [16.0, 17.0, 1.73]);
-        let left = named(First::Left);
+        let left = named(LEFT_FIRST);
         assert!(left.contains(&("left_wrist", 7.0)) && left.contains(&("right_foot", 19.0)));
     }
 

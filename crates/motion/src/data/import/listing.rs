@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::options::{Form, GroupBy, ImportError};
 use crate::data::Split;
 use crate::data::texts::read_splits;
-use crate::files::FileError;
+use crate::files::{FileError, LARGE, read_regular};
 
 /// A motion's file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,6 +18,13 @@ pub struct SourceFile {
     pub stem: Option<String>,
     /// Name of its clips: the stem, with the folders before it where two files have one stem.
     pub id: String,
+}
+
+impl SourceFile {
+    /// The content, or why there is none.
+    pub fn read(&self) -> Result<Vec<u8>, String> {
+        read_regular(&self.path, LARGE).map_err(|error| format!("cannot be read: {error}"))
+    }
 }
 
 /// The motions of a folder.
@@ -47,11 +54,10 @@ pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
     }
     paths.sort();
     let texts = Some(root.join("texts")).filter(|folder| humanml3d && folder.is_dir());
-    let splits = if humanml3d && root.join("train.txt").exists() {
-        Some(read_splits(root, false)?.clips.into_iter().map(|(split, id)| (id, split)).collect())
-    } else {
-        None
-    };
+    let are_listed = humanml3d && root.join("train.txt").exists();
+    let lists = are_listed.then(|| read_splits(root, false)).transpose()?;
+    let splits =
+        lists.map(|lists| lists.clips.into_iter().map(|(split, id)| (id, split)).collect());
     Ok(Listing { files: named(&base, paths), splits, texts, humanml3d })
 }
 
@@ -102,19 +108,19 @@ fn walk(
 }
 
 fn named(base: &Path, paths: Vec<PathBuf>) -> Vec<SourceFile> {
-    let stem = |path: &Path| clean(&path.file_stem().unwrap_or_default().to_string_lossy());
-    let raw = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut stems: HashMap<String, usize> = HashMap::new();
-    paths.iter().for_each(|path| *stems.entry(raw(path)).or_default() += 1);
-    let mut count: HashMap<String, usize> = HashMap::new();
-    paths.iter().for_each(|path| *count.entry(stem(path)).or_default() += 1);
+    let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let (mut stems, mut ids): (HashMap<String, usize>, HashMap<String, usize>) = Default::default();
+    for path in &paths {
+        *stems.entry(stem(path)).or_default() += 1;
+        *ids.entry(clean(&stem(path))).or_default() += 1;
+    }
     let named = paths.into_iter().map(|path| {
         let relative = path.strip_prefix(base).unwrap_or(&path);
         let name = relative.to_string_lossy().replace('\\', "/");
-        let short = stem(&path);
+        let short = clean(&stem(&path));
         let long = clean(&relative.with_extension("").to_string_lossy());
-        let own = Some(raw(&path)).filter(|stem| stems[stem] == 1);
-        SourceFile { stem: own, id: if count[&short] == 1 { short } else { long }, name, path }
+        let own = Some(stem(&path)).filter(|stem| stems[stem] == 1);
+        SourceFile { stem: own, id: if ids[&short] == 1 { short } else { long }, name, path }
     });
     distinct(named.collect())
 }
@@ -128,7 +134,6 @@ fn distinct(mut files: Vec<SourceFile>) -> Vec<SourceFile> {
             let numbered = (2..).map(|n| format!("{}-{n}", file.id)).find(|id| !taken.contains(id));
             file.id = numbered.expect("numbers have no end");
             taken.insert(file.id.clone());
-            met.insert(file.id.clone());
         }
     }
     files

@@ -83,13 +83,10 @@ pub fn read_map(path: &Path) -> Result<NameMap, ImportError> {
     let lines: BTreeMap<String, String> =
         serde_yaml::from_str(&text).map_err(|error| invalid(error.to_string()))?;
     let entry = |(role, name): (String, String)| {
-        let joint = JOINT_NAMES.iter().position(|joint| *joint == role);
-        let joint = joint.ok_or_else(|| {
-            invalid(format!(
-                "the skeleton has no {role:?}; its joints are {}",
-                JOINT_NAMES.join(", ")
-            ))
-        })?;
+        let Some(joint) = JOINT_NAMES.iter().position(|joint| *joint == role) else {
+            let joints = JOINT_NAMES.join(", ");
+            return Err(invalid(format!("the skeleton has no {role:?}; its joints are {joints}")));
+        };
         Ok((joint, name))
     };
     lines.into_iter().map(entry).collect()
@@ -166,8 +163,6 @@ impl Rate {
         }
     }
 }
-
-// Why nothing is imported.
 
 /// Why nothing is imported.
 #[derive(Debug, thiserror::Error)]

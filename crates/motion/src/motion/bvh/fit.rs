@@ -55,14 +55,13 @@ pub fn fit_bvh(poses: &[Pose], fps: f32) -> Result<FittedBvh, FitBvhError> {
     check(poses, fps)?;
     let nodes = nodes();
     let rest = rest_pose(poses, &nodes);
-    let orders: Vec<Order> = nodes.iter().map(|node| order_around(rest_axis(node))).collect();
     let mut state = vec![Turn { rotation: NO_ROTATION, angles: [0.0; 3] }; nodes.len()];
     let frame = |pose| {
-        turn_to(&mut state, pose, &nodes, &rest, &orders);
+        turn_to(&mut state, pose, &nodes, &rest);
         channels(pose, &state)
     };
     let frames = poses.iter().map(frame).collect();
-    let joints = joints(&nodes, &rest, &orders);
+    let joints = joints(&nodes, &rest);
     let bvh = Bvh { joints, frame_time_s: 1.0 / f64::from(fps), frames };
     let deviation = deviation(poses, &bvh);
     Ok(FittedBvh { bvh, deviation })
@@ -91,20 +90,19 @@ struct Turn {
 }
 
 /// Turns the nodes from the frame before to `pose`.
-fn turn_to(state: &mut [Turn], pose: &Pose, nodes: &[Node], rest: &Rest, orders: &[Order]) {
+fn turn_to(state: &mut [Turn], pose: &Pose, nodes: &[Node], rest: &Rest) {
     let mut placed: Vec<Placed> = Vec::with_capacity(nodes.len());
     for (index, node) in nodes.iter().enumerate() {
-        let mut at = match node.parent {
+        let at = match node.parent.map(|parent| placed[parent]) {
             None => Placed { rotation: NO_ROTATION, position: pose[0].map(f64::from) },
-            Some(parent) => placed[parent],
+            Some(at) => {
+                let offset = rotate(at.rotation, offset(nodes, node, rest));
+                Placed { position: add(at.position, offset), ..at }
+            }
         };
-        if node.parent.is_some() {
-            let offset = rotate(at.rotation, offset(nodes, node, rest));
-            at.position = add(at.position, offset);
-        }
         let before = state[index];
         let rotation = rotation(node, pose, rest, at, before.rotation);
-        let angles = angles(rotation, orders[index], before.angles);
+        let angles = angles(rotation, node.order, before.angles);
         state[index] = Turn { rotation, angles };
         placed.push(Placed { rotation: multiply(at.rotation, rotation), ..at });
     }
@@ -134,9 +132,9 @@ fn channels(pose: &Pose, state: &[Turn]) -> Vec<f64> {
     place.chain(turns).map(rounded).collect()
 }
 
-fn joints(nodes: &[Node], rest: &Rest, orders: &[Order]) -> Vec<BvhJoint> {
+fn joints(nodes: &[Node], rest: &Rest) -> Vec<BvhJoint> {
     let centimetres = |v: Point| scale(v, CM_PER_M).map(rounded);
-    let joint = |(node, order): (&Node, &Order)| {
+    let joint = |node: &Node| {
         let positions = Axis::ALL.into_iter().map(Channel::Position);
         let positions = positions.filter(|_| node.parent.is_none());
         let end = node.aims.is_empty().then(|| centimetres(scale(rest[node.joint], END_SHARE)));
@@ -144,11 +142,11 @@ fn joints(nodes: &[Node], rest: &Rest, orders: &[Order]) -> Vec<BvhJoint> {
             name: node.name.clone(),
             parent: node.parent,
             offset: centimetres(offset(nodes, node, rest)),
-            channels: positions.chain(order.map(Channel::Rotation)).collect(),
+            channels: positions.chain(node.order.map(Channel::Rotation)).collect(),
             end_sites: end.into_iter().collect(),
         }
     };
-    nodes.iter().zip(orders).map(joint).collect()
+    nodes.iter().map(joint).collect()
 }
 
 fn deviation(poses: &[Pose], bvh: &Bvh) -> Deviation {
@@ -162,8 +160,6 @@ fn deviation(poses: &[Pose], bvh: &Bvh) -> Deviation {
 
 // The hierarchy that is written: the 22 joints, and a base below the chest for each collar.
 
-/// The joint below which collars get bases.
-const CHEST: usize = 9;
 const NECK: usize = 12;
 /// Left collar, right collar.
 const COLLARS: [usize; 2] = [13, 14];
@@ -177,6 +173,21 @@ struct Node {
     joint: usize,
     /// Joints of the skeleton that the node's rotation brings to their places.
     aims: Vec<usize>,
+    order: Order,
+}
+
+impl Node {
+    fn new(name: String, parent: Option<usize>, joint: usize, aims: Vec<usize>) -> Node {
+        // The axis along which the bones that leave the node lie in the rest pose, more or less; that of
+        // the bone before it where none leaves.
+        let axis = match aims[..] {
+            [aim] => Axis::along(REST_DIRECTIONS[aim]),
+            [] => Axis::along(REST_DIRECTIONS[joint]),
+            // Turned about the vertical first, sideways next: a body that lies on its side is rare.
+            _ => Axis::Z,
+        };
+        Node { name, parent, joint, aims, order: order_around(axis) }
+    }
 }
 
 /// Nodes depth first, each after its parent.
@@ -193,24 +204,15 @@ fn nodes() -> Vec<Node> {
 fn add_node(nodes: &mut Vec<Node>, joint: usize, parent: Option<usize>) {
     let aims: Vec<usize> = (0..N_JOINTS).filter(|&child| PARENTS[child] == Some(joint)).collect();
     let own = nodes.len();
-    let name = JOINT_NAMES[joint].to_owned();
-    nodes.push(Node { name, parent, joint, aims: aims.clone() });
+    nodes.push(Node::new(JOINT_NAMES[joint].to_owned(), parent, joint, aims.clone()));
     for aim in aims {
-        let below = if COLLARS.contains(&aim) { add_base(nodes, aim, own) } else { own };
+        if COLLARS.contains(&aim) {
+            let name = format!("{}_base", JOINT_NAMES[aim]);
+            nodes.push(Node::new(name, Some(own), joint, vec![aim]));
+        }
+        let below = if COLLARS.contains(&aim) { nodes.len() - 1 } else { own };
         add_node(nodes, aim, Some(below));
     }
-}
-
-fn add_base(nodes: &mut Vec<Node>, aim: usize, parent: usize) -> usize {
-    let name = format!("{}_base", JOINT_NAMES[aim]);
-    nodes.push(Node { name, parent: Some(parent), joint: CHEST, aims: vec![aim] });
-    nodes.len() - 1
-}
-
-/// How much the place of a joint counts among those that one rotation serves: the neck for the
-/// chest above all, because the collars have bases.
-fn weight(joint: usize) -> f64 {
-    if joint == NECK { 1e4 } else { 1.0 }
 }
 
 /// Direction from its parent to each joint in the rest pose: a T, palms down, facing +z.
@@ -231,18 +233,6 @@ const REST_DIRECTIONS: [Point; N_JOINTS] = {
     ]
 };
 
-/// The axis along which the bones that leave a node lie in the rest pose, more or less; that of
-/// the bone before it where none leaves.
-fn rest_axis(node: &Node) -> Axis {
-    let aim = match node.aims[..] {
-        [aim] => aim,
-        [] => node.joint,
-        // Turned about the vertical first, sideways next: a body that lies on its side is rare.
-        _ => return Axis::Z,
-    };
-    Axis::along(REST_DIRECTIONS[aim])
-}
-
 // The rest pose of a clip: mean bone lengths, and the angles between bones that turn together.
 
 /// One is exact for a rigid body; later ones settle the mean of a body that is not.
@@ -257,9 +247,10 @@ type Rest = [Point; N_JOINTS];
 /// joint together have the mean of their directions over the frames, each frame turned on the mean
 /// (generalised Procrustes analysis, Gower 1975), and that mean is turned upright.
 fn rest_pose(poses: &[Pose], nodes: &[Node]) -> Rest {
-    let lengths: [f64; N_JOINTS] = std::array::from_fn(|joint| mean_length(poses, joint));
     let mut rest: Rest = std::array::from_fn(|joint| {
-        with_length(REST_DIRECTIONS[joint], lengths[joint]).unwrap_or([0.0; 3])
+        let lengths = poses.iter().map(|pose| norm(bone(pose, joint)));
+        let mean = lengths.sum::<f64>() / poses.len() as f64;
+        with_length(REST_DIRECTIONS[joint], mean).unwrap_or_default()
     });
     for node in nodes.iter().filter(|node| node.aims.len() > 1) {
         let upright: Vec<Point> = node.aims.iter().map(|&aim| rest[aim]).collect();
@@ -267,10 +258,6 @@ fn rest_pose(poses: &[Pose], nodes: &[Node]) -> Rest {
         node.aims.iter().zip(shape).for_each(|(&aim, bone)| rest[aim] = bone);
     }
     rest
-}
-
-fn mean_length(poses: &[Pose], joint: usize) -> f64 {
-    poses.iter().map(|pose| norm(bone(pose, joint))).sum::<f64>() / poses.len() as f64
 }
 
 /// From a joint's parent to the joint, metres.
@@ -302,8 +289,10 @@ fn mean_turned_on(poses: &[Pose], aims: &[usize], shape: &[Point]) -> Vec<Point>
     sums.iter().zip(shape).map(|pair| of_length(pair).unwrap_or(*pair.1)).collect()
 }
 
-/// [`align`] with the joints' [`weight`]s.
+/// [`align`] where among the joints that one rotation serves the neck counts for the chest above all, because the
+/// collars have bases.
 fn weighted_align(aims: &[usize], from: &[Point], to: &[Point], prior: Quat) -> Quat {
+    let weight = |aim: usize| if aim == NECK { 1e4 } else { 1.0 };
     let weighted = aims.iter().zip(from).map(|(&aim, &bone)| scale(bone, weight(aim)));
     align(&weighted.collect::<Vec<_>>(), to, prior)
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::motion::geometry::{Point, add};
-use crate::motion::{JOINT_NAMES, N_JOINTS, NO_ROTATION, Pose, Quat, multiply, rotate};
+use crate::motion::{JOINT_NAMES, NO_ROTATION, Pose, Quat, multiply, rotate};
 
 /// An axis of a joint's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,13 +74,6 @@ pub struct Bvh {
     pub frames: Vec<Vec<f64>>,
 }
 
-impl Bvh {
-    /// Numbers in a frame.
-    pub fn n_channels(&self) -> usize {
-        self.joints.iter().map(|joint| joint.channels.len()).sum()
-    }
-}
-
 // Forward kinematics: channels into positions.
 
 /// Centimetres in a metre: files are written in centimetres.
@@ -96,6 +89,11 @@ pub struct Placed {
 }
 
 impl Bvh {
+    /// Numbers in a frame.
+    pub fn n_channels(&self) -> usize {
+        self.joints.iter().map(|joint| joint.channels.len()).sum()
+    }
+
     /// The place of each joint in each frame, in the file's unit of length.
     ///
     /// `p = p_parent + R_parent t` and `R = R_parent R_1 R_2 R_3` with the joint's rotations in the
@@ -118,10 +116,9 @@ impl Bvh {
     /// # Panics
     /// If a frame has another length than [`Bvh::n_channels`].
     pub fn placed(&self) -> Vec<Vec<Placed>> {
-        let whole = |frame: &&Vec<f64>| {
-            assert_eq!(frame.len(), self.n_channels(), "a number for each channel");
-        };
-        self.frames.iter().inspect(whole).map(|frame| self.place(frame)).collect()
+        let n = self.n_channels();
+        assert!(self.frames.iter().all(|frame| frame.len() == n), "a number for each channel");
+        self.frames.iter().map(|frame| self.place(frame)).collect()
     }
 
     /// The pose of the OFFSETs alone, without a turn.
@@ -137,9 +134,7 @@ impl Bvh {
         let find = |name: &&str| self.joints.iter().position(|joint| joint.name == **name);
         let joints: Vec<usize> = JOINT_NAMES.iter().map(find).collect::<Option<_>>()?;
         let metres = |point: Point| point.map(|c| (c / CM_PER_M) as f32);
-        let pose = |points: &Vec<Point>| -> Pose {
-            std::array::from_fn::<_, N_JOINTS, _>(|joint| metres(points[joints[joint]]))
-        };
+        let pose = |points: &Vec<Point>| std::array::from_fn(|i| metres(points[joints[i]]));
         Some(self.positions().iter().map(pose).collect())
     }
 

@@ -119,6 +119,40 @@ impl Bvh {
     }
 }
 
+/// The joints of a hierarchy, in the order of the text.
+fn hierarchy<'a>(lines: &[&'a str]) -> Result<Vec<BvhJoint>, BvhError> {
+    let on = |(index, line): (usize, &&'a str)| {
+        line.split_whitespace().map(move |text| Word { line: index + 1, text })
+    };
+    let words: Vec<Word> = lines.iter().enumerate().flat_map(on).collect();
+    let (words, n_lines) = (words.into_iter(), lines.len());
+    let mut reader = Reader { words, n_lines, joints: Vec::new(), open: Vec::new() };
+    reader.keyword("HIERARCHY")?;
+    while !reader.words.as_slice().is_empty() {
+        reader.statement()?;
+    }
+    let missing = match (reader.open.is_empty(), reader.joints.is_empty()) {
+        (false, _) => "}",
+        (true, true) => "ROOT",
+        (true, false) => return Ok(reader.joints),
+    };
+    Err(BvhError::end(n_lines, missing))
+}
+
+/// A word and its line, counted from 1.
+#[derive(Clone, Copy)]
+struct Word<'a> {
+    line: usize,
+    text: &'a str,
+}
+
+impl Word<'_> {
+    /// The error that something else was expected.
+    fn instead_of(self, expected: &str) -> BvhError {
+        BvhError::word(self.line, expected, self.text)
+    }
+}
+
 /// What a brace was opened for.
 #[derive(Clone, Copy)]
 enum Open {
@@ -126,72 +160,46 @@ enum Open {
     EndSite(usize),
 }
 
-/// The joints of a hierarchy, in the order of the text.
-fn hierarchy(lines: &[&str]) -> Result<Vec<BvhJoint>, BvhError> {
-    let mut hierarchy = Hierarchy { words: Words::of(lines), joints: Vec::new(), open: Vec::new() };
-    hierarchy.words.keyword("HIERARCHY")?;
-    while !hierarchy.words.is_empty() {
-        hierarchy.statement()?;
-    }
-    let missing = match (hierarchy.open.is_empty(), hierarchy.joints.is_empty()) {
-        (false, _) => "}",
-        (true, true) => "ROOT",
-        (true, false) => return Ok(hierarchy.joints),
-    };
-    Err(BvhError::end(lines.len(), missing))
-}
-
-struct Hierarchy<'a> {
-    words: Words<'a>,
+struct Reader<'a> {
+    /// The words that are left.
+    words: IntoIter<Word<'a>>,
+    n_lines: usize,
     joints: Vec<BvhJoint>,
     /// Open braces, the outermost first.
     open: Vec<Open>,
 }
 
-impl Hierarchy<'_> {
+impl<'a> Reader<'a> {
     fn statement(&mut self) -> Result<(), BvhError> {
-        let word = self.words.take("a statement")?;
-        match self.open.last().copied() {
-            None if word.is("ROOT") => self.begin_joint(word, None),
-            None => Err(word.instead_of("ROOT or MOTION")),
-            Some(Open::Joint(joint)) => self.in_joint(word, joint),
-            Some(Open::EndSite(joint)) => self.in_end_site(word, joint),
-        }
-    }
-
-    fn in_joint(&mut self, word: Word, joint: usize) -> Result<(), BvhError> {
-        if word.is("OFFSET") {
-            self.joints[joint].offset = self.words.triple()?;
-        } else if word.is("CHANNELS") {
-            self.joints[joint].channels = self.channels()?;
-        } else if word.is("JOINT") {
-            return self.begin_joint(word, Some(joint));
-        } else if word.is("End") {
-            self.words.keyword("Site")?;
-            self.words.name()?;
-            self.open.push(Open::EndSite(joint));
-        } else if word.text == "}" {
-            self.open.pop();
-        } else {
-            return Err(word.instead_of("OFFSET, CHANNELS, JOINT, End Site or }"));
-        }
-        Ok(())
-    }
-
-    fn in_end_site(&mut self, word: Word, joint: usize) -> Result<(), BvhError> {
-        if word.is("OFFSET") {
-            let offset = self.words.triple()?;
-            self.joints[joint].end_sites.push(offset);
-        } else if word.text == "}" {
-            self.open.pop();
-        } else {
-            return Err(word.instead_of("OFFSET or }"));
+        let word = self.take("a statement")?;
+        match (self.open.last().copied(), &*word.text.to_ascii_uppercase()) {
+            (None, "ROOT") => self.begin_joint(word, None)?,
+            (None, _) => return Err(word.instead_of("ROOT or MOTION")),
+            (Some(_), "}") => drop(self.open.pop()),
+            (Some(Open::Joint(joint)), "OFFSET") => self.joints[joint].offset = self.offset()?,
+            (Some(Open::Joint(joint)), "CHANNELS") => {
+                self.joints[joint].channels = self.channels()?
+            }
+            (Some(Open::Joint(joint)), "JOINT") => self.begin_joint(word, Some(joint))?,
+            (Some(Open::Joint(joint)), "END") => {
+                self.keyword("Site")?;
+                self.name()?;
+                self.open.push(Open::EndSite(joint));
+            }
+            (Some(Open::Joint(_)), _) => {
+                return Err(word.instead_of("OFFSET, CHANNELS, JOINT, End Site or }"));
+            }
+            (Some(Open::EndSite(joint)), "OFFSET") => {
+                let offset = self.offset()?;
+                self.joints[joint].end_sites.push(offset);
+            }
+            (Some(Open::EndSite(_)), _) => return Err(word.instead_of("OFFSET or }")),
         }
         Ok(())
     }
 
     fn begin_joint(&mut self, word: Word, parent: Option<usize>) -> Result<(), BvhError> {
-        let name = self.words.name()?;
+        let name = self.name()?;
         if name.is_empty() {
             return Err(BvhError::word(word.line, "a name", "{"));
         }
@@ -202,89 +210,47 @@ impl Hierarchy<'_> {
     }
 
     fn channels(&mut self) -> Result<Vec<Channel>, BvhError> {
-        const COUNT: &str = "a number of channels";
-        let count = self.words.take(COUNT)?;
-        let n: usize = count.text.parse().map_err(|_| count.instead_of(COUNT))?;
-        (0..n).map(|_| self.channel()).collect()
-    }
-
-    fn channel(&mut self) -> Result<Channel, BvhError> {
-        const NAME: &str = "a channel such as Xrotation or Yposition";
-        let word = self.words.take(NAME)?;
-        let found = Channel::NAMES.into_iter().find(|(_, name)| word.is(name));
-        found.map(|(channel, _)| channel).ok_or_else(|| word.instead_of(NAME))
-    }
-}
-
-/// A word and its line, counted from 1.
-#[derive(Clone, Copy, Debug)]
-struct Word<'a> {
-    line: usize,
-    text: &'a str,
-}
-
-impl Word<'_> {
-    /// Whether it is a word of the format, in any case.
-    fn is(self, keyword: &str) -> bool {
-        self.text.eq_ignore_ascii_case(keyword)
-    }
-
-    /// The error that something else was expected.
-    fn instead_of(self, expected: &str) -> BvhError {
-        BvhError::word(self.line, expected, self.text)
-    }
-}
-
-/// The words that are left.
-struct Words<'a> {
-    words: IntoIter<Word<'a>>,
-    n_lines: usize,
-}
-
-impl<'a> Words<'a> {
-    fn of(lines: &[&'a str]) -> Words<'a> {
-        let on = |(index, line): (usize, &&'a str)| {
-            line.split_whitespace().map(move |text| Word { line: index + 1, text })
+        let n: usize = self.parsed("a number of channels", |text| text.parse().ok())?;
+        let named = |text: &str| {
+            let mut names = Channel::NAMES.into_iter();
+            Some(names.find(|(_, name)| text.eq_ignore_ascii_case(name))?.0)
         };
-        let words: Vec<Word> = lines.iter().enumerate().flat_map(on).collect();
-        Words { words: words.into_iter(), n_lines: lines.len() }
+        (0..n).map(|_| self.parsed("a channel such as Xrotation or Yposition", named)).collect()
     }
 
-    /// The next word; `expected` says what is looked for.
-    fn take(&mut self, expected: &str) -> Result<Word<'a>, BvhError> {
-        self.words.next().ok_or_else(|| BvhError::end(self.n_lines, expected))
-    }
-
-    fn is_empty(&self) -> bool {
-        self.words.as_slice().is_empty()
-    }
-
-    fn keyword(&mut self, keyword: &str) -> Result<(), BvhError> {
-        let word = self.take(keyword)?;
-        if word.is(keyword) { Ok(()) } else { Err(word.instead_of(keyword)) }
+    fn offset(&mut self) -> Result<Point, BvhError> {
+        let mut number = || self.parsed("a number of the OFFSET", finite);
+        Ok([number()?, number()?, number()?])
     }
 
     /// All words up to an opening brace, joined by blanks; the brace is taken too.
     fn name(&mut self) -> Result<String, BvhError> {
         let mut name = Vec::new();
         loop {
-            let word = self.take("a name and {")?;
-            if word.text == "{" {
-                return Ok(name.join(" "));
+            match self.take("a name and {")?.text {
+                "{" => return Ok(name.join(" ")),
+                word => name.push(word),
             }
-            name.push(word.text);
         }
     }
 
-    /// Three finite numbers.
-    fn triple(&mut self) -> Result<Point, BvhError> {
-        Ok([self.number()?, self.number()?, self.number()?])
+    fn keyword(&mut self, keyword: &str) -> Result<(), BvhError> {
+        self.parsed(keyword, |text| text.eq_ignore_ascii_case(keyword).then_some(()))
     }
 
-    fn number(&mut self) -> Result<f64, BvhError> {
-        const EXPECTED: &str = "a number of the OFFSET";
-        let word = self.take(EXPECTED)?;
-        finite(word.text).ok_or_else(|| word.instead_of(EXPECTED))
+    /// What the next word says.
+    fn parsed<T>(
+        &mut self,
+        expected: &str,
+        parse: impl Fn(&str) -> Option<T>,
+    ) -> Result<T, BvhError> {
+        let word = self.take(expected)?;
+        parse(word.text).ok_or_else(|| word.instead_of(expected))
+    }
+
+    /// The next word; `expected` says what is looked for.
+    fn take(&mut self, expected: &str) -> Result<Word<'a>, BvhError> {
+        self.words.next().ok_or_else(|| BvhError::end(self.n_lines, expected))
     }
 }
 

@@ -59,14 +59,13 @@ impl Survey {
         }
     }
 
-    /// The sums of both.
-    pub fn and(mut self, other: &Survey) -> Survey {
+    /// Takes in the sums of another file.
+    pub fn add(&mut self, other: &Survey) {
         self.height = add(self.height, other.height);
         self.toes = (self.toes.0 + other.toes.0, self.toes.1 + other.toes.1);
         self.standing += other.standing;
         let sums = self.upright.iter_mut().flatten().zip(other.upright.iter().flatten());
         sums.for_each(|(sum, more)| *sum = add(*sum, *more));
-        self
     }
 }
 

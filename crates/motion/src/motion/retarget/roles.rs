@@ -21,16 +21,18 @@ pub enum RoleError {
     NoSuchJoint { name: String, role: &'static str },
 }
 
-/// Names of a part in the conventions that are known, the surest first.
-const THIGH: &[&str] = &["thigh", "upleg", "upperleg", "hip"];
-const KNEE: &[&str] = &["knee", "shin", "calf", "lowerleg", "lowleg", "leg"];
-const ANKLE: &[&str] = &["ankle", "foot"];
-const TOE: &[&str] = &["toebase", "toes", "toe", "toe0", "ball"];
-const SHOULDER: &[&str] = &["upperarm", "uparm", "shldr", "arm", "shoulder"];
-const COLLAR: &[&str] = &["collar", "collarbone", "clavicle"];
-const ELBOW: &[&str] = &["elbow", "forearm", "lowerarm", "lowarm"];
-const WRIST: &[&str] = &["wrist", "hand"];
-const HEAD: &[&str] = &["head", "face"];
+/// Names of the parts of a side in the conventions that are known, the surest first, by the left joint's index.
+const PARTS: [(usize, &[&str]); 8] = [
+    (1, &["thigh", "upleg", "upperleg", "hip"]),
+    (4, &["knee", "shin", "calf", "lowerleg", "lowleg", "leg"]),
+    (7, &["ankle", "foot"]),
+    (10, &["toebase", "toes", "toe", "toe0", "ball"]),
+    (13, &["collar", "collarbone", "clavicle"]),
+    (16, &["upperarm", "uparm", "shldr", "arm", "shoulder"]),
+    (18, &["elbow", "forearm", "lowerarm", "lowarm"]),
+    (20, &["wrist", "hand"]),
+];
+const HEAD: [&str; 2] = ["head", "face"];
 
 /// Joints that a body cannot do without.
 const NEEDED: [usize; 14] = [0, 1, 2, 4, 5, 7, 8, 15, 16, 17, 18, 19, 20, 21];
@@ -45,11 +47,8 @@ const NEEDED: [usize; 14] = [0, 1, 2, 4, 5, 7, 8, 15, 16, 17, 18, 19, 20, 21];
 /// [`RoleError`].
 pub fn roles_of(joints: &[BvhJoint], map: &NameMap) -> Result<Roles, RoleError> {
     let roles = suggested(joints, map)?;
-    let missing: Vec<&str> = NEEDED
-        .iter()
-        .filter(|&&role| roles[role].is_none())
-        .map(|&role| JOINT_NAMES[role])
-        .collect();
+    let missing = NEEDED.into_iter().filter(|role| roles[*role].is_none());
+    let missing: Vec<&str> = missing.map(|role| JOINT_NAMES[role]).collect();
     if missing.is_empty() {
         return Ok(roles);
     }
@@ -89,25 +88,22 @@ fn suggested(joints: &[BvhJoint], map: &NameMap) -> Result<Roles, RoleError> {
 fn by_name(joints: &[BvhJoint]) -> Roles {
     let names: Vec<JointName> = joints.iter().map(|joint| JointName::of(&joint.name)).collect();
     let mut roles = [None; N_JOINTS];
-    for (side, first) in [(Side::Left, 0), (Side::Right, 1)] {
-        let find = |parts: &[&str]| parts.iter().find_map(|part| find(&names, Some(side), part));
-        for (role, parts) in
-            [(1, THIGH), (4, KNEE), (7, ANKLE), (10, TOE), (13, COLLAR), (16, SHOULDER)]
-        {
-            roles[role + first] = find(parts);
+    for side in [0, 1] {
+        let find = |part: &&str| find(&names, Some(side), part);
+        for (role, parts) in PARTS {
+            roles[role + side] = parts.iter().find_map(find);
         }
-        (roles[18 + first], roles[20 + first]) = (find(ELBOW), find(WRIST));
         // `foot` beside an `ankle` is the toe, `shoulder` beside an `arm` the collar bone.
-        roles[10 + first] =
-            roles[10 + first].or(find(&["foot"]).filter(|&j| Some(j) != roles[7 + first]));
-        let collar = find(&["shoulder"]).filter(|&j| Some(j) != roles[16 + first]);
-        roles[13 + first] = roles[13 + first].or(collar);
+        for (role, part, beside) in [(10, "foot", 7), (13, "shoulder", 16)] {
+            let other = find(&part).filter(|&joint| Some(joint) != roles[beside + side]);
+            roles[role + side] = roles[role + side].or(other);
+        }
     }
     roles[15] = HEAD.iter().find_map(|part| find(&names, None, part));
     roles
 }
 
-fn find(names: &[JointName], side: Option<Side>, part: &str) -> Option<usize> {
+fn find(names: &[JointName], side: Option<usize>, part: &str) -> Option<usize> {
     let is = |name: &JointName| name.side == side && name.part == part;
     let short = |name: &JointName| name.with_letter_as_side().is_some_and(|name| is(&name));
     names.iter().position(is).or_else(|| names.iter().position(short))
@@ -123,13 +119,11 @@ fn by_place(joints: &[BvhJoint], roles: &mut Roles, told: &[usize]) {
     };
     let pelvis = shared(roles[1], roles[2]);
     set(roles, 0, pelvis);
-    for side in [0, 1] {
-        let end = roles[18 + side].and_then(|elbow| end_site(joints, elbow));
-        let wrist = roles[20 + side].or(end);
-        set(roles, 20 + side, wrist);
-        let end = roles[7 + side].and_then(|ankle| end_site(joints, ankle));
-        let toe = roles[10 + side].or(end);
-        set(roles, 10 + side, toe);
+    // Wrists are ends of forearms, toes of feet.
+    for (role, before) in [(20, 18), (21, 19), (10, 7), (11, 8)] {
+        let end = roles[before].and_then(|joint| end_site(joints, joint));
+        let joint = roles[role].or(end);
+        set(roles, role, joint);
     }
     let chest = shared(roles[16], roles[17]);
     let (Some(pelvis), Some(chest)) = (roles[0], chest) else { return };
@@ -140,10 +134,10 @@ fn by_place(joints: &[BvhJoint], roles: &mut Roles, told: &[usize]) {
     set(roles, 9, at(spine.len().saturating_sub(1)));
     if let Some(head) = roles[15] {
         let neck = path(joints, chest, head).first().copied();
-        let (neck, end) =
-            if neck == Some(head) { (neck, end_site(joints, head)) } else { (neck, None) };
         set(roles, 12, neck);
-        set(roles, 15, end);
+        if neck == Some(head) {
+            set(roles, 15, end_site(joints, head));
+        }
     }
 }
 
@@ -182,35 +176,23 @@ fn end_site(joints: &[BvhJoint], joint: usize) -> Option<usize> {
 
 /// The hierarchy with a joint for each End Site, named after the joint that it ends.
 pub fn with_ends(mut bvh: Bvh) -> Bvh {
-    let ends: Vec<BvhJoint> = (bvh.joints.iter().enumerate())
-        .flat_map(|(parent, joint)| {
-            joint.end_sites.iter().map(move |offset| (parent, joint, *offset))
-        })
-        .map(|(parent, joint, offset)| BvhJoint {
-            name: format!("{}{}", joint.name, END),
-            parent: Some(parent),
-            offset,
-            channels: Vec::new(),
-            end_sites: Vec::new(),
-        })
-        .collect();
-    bvh.joints.extend(ends);
+    for parent in 0..bvh.joints.len() {
+        for offset in bvh.joints[parent].end_sites.clone() {
+            let name = format!("{}{END}", bvh.joints[parent].name);
+            let (parent, channels, end_sites) = (Some(parent), Vec::new(), Vec::new());
+            bvh.joints.push(BvhJoint { name, parent, offset, channels, end_sites });
+        }
+    }
     bvh
 }
 
 // What the name of a joint says: a side of the body, and a part of it.
 
-/// A side of the body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
-    Left,
-    Right,
-}
-
 /// A joint's name, taken apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct JointName {
-    side: Option<Side>,
+    /// 0 for the left, 1 for the right.
+    side: Option<usize>,
     /// The part of the body: lower-case letters and digits, without side and prefix.
     part: String,
 }
@@ -222,16 +204,13 @@ impl JointName {
     /// the part.
     fn of(name: &str) -> JointName {
         let words = words(name.rsplit(':').next().unwrap_or(name));
-        match words.iter().position(|word| side(word).is_some()) {
-            Some(at) if at + 1 < words.len() => {
-                JointName { side: side(&words[at]), part: words[at + 1..].concat() }
-            }
-            Some(at) => JointName { side: side(&words[at]), part: words[..at].concat() },
-            None => {
-                let part = words.last().cloned().unwrap_or_default();
-                JointName { side: None, part }
-            }
-        }
+        let at = words.iter().position(|word| side(word).is_some());
+        let part = match at {
+            Some(at) if at + 1 < words.len() => words[at + 1..].concat(),
+            Some(at) => words[..at].concat(),
+            None => words.last().cloned().unwrap_or_default(),
+        };
+        JointName { side: at.and_then(|at| side(&words[at])), part }
     }
 
     /// `lhand` read as the left `hand`, for names without capitals.
@@ -241,10 +220,10 @@ impl JointName {
     }
 }
 
-fn side(word: &str) -> Option<Side> {
+fn side(word: &str) -> Option<usize> {
     match word {
-        "left" | "l" => Some(Side::Left),
-        "right" | "r" => Some(Side::Right),
+        "left" | "l" => Some(0),
+        "right" | "r" => Some(1),
         _ => None,
     }
 }
@@ -276,17 +255,18 @@ mod tests {
 
     #[test]
     fn names_of_seven_conventions_are_read() {
-        use Side::{Left, Right};
+        const LEFT: Option<usize> = Some(0);
+        const RIGHT: Option<usize> = Some(1);
         let cases = [
-            ("mixamorig:LeftUpLeg", Some(Left), "upleg"),
-            ("Bip01 L Thigh", Some(Left), "thigh"),
-            ("upper_arm.R", Some(Right), "upperarm"),
-            ("lShldr", Some(Left), "shldr"),
-            ("RHipJoint", Some(Right), "hipjoint"),
-            ("UpperArm_L", Some(Left), "upperarm"),
-            ("right_wrist", Some(Right), "wrist"),
-            ("Character1_RightForeArm", Some(Right), "forearm"),
-            ("LeftHandIndex1", Some(Left), "handindex1"),
+            ("mixamorig:LeftUpLeg", LEFT, "upleg"),
+            ("Bip01 L Thigh", LEFT, "thigh"),
+            ("upper_arm.R", RIGHT, "upperarm"),
+            ("lShldr", LEFT, "shldr"),
+            ("RHipJoint", RIGHT, "hipjoint"),
+            ("UpperArm_L", LEFT, "upperarm"),
+            ("right_wrist", RIGHT, "wrist"),
+            ("Character1_RightForeArm", RIGHT, "forearm"),
+            ("LeftHandIndex1", LEFT, "handindex1"),
             ("mixamorig_Head", None, "head"),
             ("joint_Root", None, "root"),
             ("lowerneck", None, "lowerneck"),
@@ -295,7 +275,7 @@ mod tests {
             assert_eq!(JointName::of(name), JointName { side, part: part.to_string() }, "{name}");
         }
         let hand = JointName::of("rhand").with_letter_as_side();
-        assert_eq!(hand, Some(JointName { side: Some(Right), part: "hand".to_string() }));
+        assert_eq!(hand, Some(JointName { side: RIGHT, part: "hand".to_string() }));
         assert_eq!(JointName::of("LeftHand").with_letter_as_side(), None);
         assert_eq!(JointName::of("").with_letter_as_side(), None);
     }

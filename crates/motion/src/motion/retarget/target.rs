@@ -81,12 +81,11 @@ fn toes_forward(poses: &[Pose64]) -> f64 {
     poses.iter().filter_map(forward).sum::<f64>() / poses.len().max(1) as f64
 }
 
-fn bone(pose: &Pose64, joint: usize) -> f64 {
-    PARENTS[joint].map_or(0.0, |parent| norm(sub(pose[joint], pose[parent])))
-}
-
 fn has_target_bones(pose: &Pose64) -> bool {
-    (0..N_JOINTS).all(|joint| (bone(pose, joint) - f64::from(BONE_LENGTHS[joint])).abs() < SAME)
+    (1..N_JOINTS).all(|joint| {
+        let bone = norm(sub(pose[joint], pose[PARENTS[joint].unwrap_or(0)]));
+        (bone - f64::from(BONE_LENGTHS[joint])).abs() < SAME
+    })
 }
 
 fn mean_leg(poses: &[Pose64]) -> f64 {

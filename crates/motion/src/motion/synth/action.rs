@@ -3,7 +3,7 @@
 use super::airborne::{Jump, Kick};
 use super::in_place::{Punch, Repeats, Sit, Wave, bow, clap, cycle, look, squat, stretch};
 use super::manner::{Manner, Posture};
-use super::maths::{Draw, Drive, Side, plateau, smooth};
+use super::maths::{Blend, Draw, Drive, Side, plateau, smooth};
 use super::travel::{Gait, Travel};
 
 /// One thing that a body does.

@@ -9,7 +9,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::feet::Foot;
 use super::manner::{Arm, Manner, Posture, Trunk};
-use super::maths::{Draw, FPS, FloorPose, Rotation, Side, V3, norm, unit};
+use super::maths::{Blend, Draw, FPS, FloorPose, Rotation, Side, V3, norm, unit};
 use super::path::{Path, footsteps};
 use super::script::Script;
 use crate::motion::geometry::{add, cross, scale, sub};

@@ -3,7 +3,7 @@
 use std::f32::consts::{PI, TAU};
 
 use super::manner::{Arm, Manner, Posture};
-use super::maths::{Draw, Side, plateau, smooth};
+use super::maths::{Blend, Draw, Side, plateau, smooth};
 
 /// Seconds in which an arm is raised or lowered, at energy 1.
 const RAISE: f32 = 0.55;

@@ -1,7 +1,7 @@
 //! Who moves and how: styles of moving with the words for them, a person's own habits, and the posture of a body
 //! that stands at ease so.
 
-use super::maths::{Draw, Side};
+use super::maths::{Blend, Draw, Side};
 
 /// Everything about the mover that lasts for the clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -246,29 +246,11 @@ impl Posture {
             spine_pitch: m.lean,
             head_pitch: m.head,
             shift_forward: -0.12 * m.lean,
-            ..Trunk::from_fn(|| 0.0)
+            ..Trunk::default()
         };
         let flex = 0.06 - 0.5 * m.lean;
         let arm = Arm { flex, abduct: m.abduct, twist: -0.3, elbow: m.elbow, shrug: m.shrug };
         Self { trunk, arms: [arm; 2] }
-    }
-
-    /// Fills trunk, left arm and right arm.
-    pub fn from_fn(mut value: impl FnMut() -> f32) -> Self {
-        let trunk = Trunk::from_fn(&mut value);
-        Self { trunk, arms: [Arm::from_fn(&mut value), Arm::from_fn(&mut value)] }
-    }
-
-    /// Combines two postures number by number.
-    pub fn zip(self, other: Self, combine: impl Fn(f32, f32) -> f32) -> Self {
-        let arms = [0, 1].map(|i| self.arms[i].zip(other.arms[i], &combine));
-        Self { trunk: self.trunk.zip(other.trunk, &combine), arms }
-    }
-
-    /// `self` at weight 0, `other` at weight 1.
-    pub fn mix(self, other: Self, weight: f32) -> Self {
-        let arms = [0, 1].map(|i| self.arms[i].mix(other.arms[i], weight));
-        Self { trunk: self.trunk.mix(other.trunk, weight), arms }
     }
 
     /// The arm of a side, to change.
@@ -282,5 +264,17 @@ impl Posture {
             let arm = self.arm(side);
             *arm = arm.mix(target, weight);
         }
+    }
+}
+
+impl Blend for Posture {
+    fn from_fn(mut value: impl FnMut() -> f32) -> Self {
+        let trunk = Trunk::from_fn(&mut value);
+        Self { trunk, arms: [Arm::from_fn(&mut value), Arm::from_fn(&mut value)] }
+    }
+
+    fn zip(self, other: Self, combine: impl Fn(f32, f32) -> f32) -> Self {
+        let arms = [0, 1].map(|i| self.arms[i].zip(other.arms[i], &combine));
+        Self { trunk: self.trunk.zip(other.trunk, &combine), arms }
     }
 }

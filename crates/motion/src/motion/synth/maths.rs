@@ -69,27 +69,34 @@ impl<R: Rng + ?Sized> Draw for R {}
 
 // Structs of numbers that blend, and the curves that they blend along.
 
-/// Declares a struct of `f32` fields with element-wise operations.
+/// Several numbers with element-wise operations.
+pub trait Blend: Sized {
+    /// Fills the numbers in their order.
+    fn from_fn(value: impl FnMut() -> f32) -> Self;
+
+    /// Combines two values number by number.
+    fn zip(self, other: Self, combine: impl Fn(f32, f32) -> f32) -> Self;
+
+    /// `self` at weight 0, `other` at weight 1.
+    fn mix(self, other: Self, weight: f32) -> Self {
+        self.zip(other, |a, b| a + (b - a) * weight)
+    }
+}
+
+/// Declares a struct of `f32` fields that blend.
 macro_rules! blendable {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$field_meta:meta])* $field:ident,)* }) => {
         $(#[$meta])*
-        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
         pub struct $name { $($(#[$field_meta])* pub $field: f32,)* }
 
-        impl $name {
-            /// Fills the fields in their order.
-            pub fn from_fn(mut value: impl FnMut() -> f32) -> Self {
+        impl $crate::motion::synth::maths::Blend for $name {
+            fn from_fn(mut value: impl FnMut() -> f32) -> Self {
                 Self { $($field: value(),)* }
             }
 
-            /// Combines two values field by field.
-            pub fn zip(self, other: Self, combine: impl Fn(f32, f32) -> f32) -> Self {
+            fn zip(self, other: Self, combine: impl Fn(f32, f32) -> f32) -> Self {
                 Self { $($field: combine(self.$field, other.$field),)* }
-            }
-
-            /// `self` at weight 0, `other` at weight 1.
-            pub fn mix(self, other: Self, weight: f32) -> Self {
-                self.zip(other, |a, b| a + (b - a) * weight)
             }
         }
     };
@@ -145,12 +152,13 @@ impl Side {
     }
 }
 
-/// A point of the floor and a direction: `yaw` turns +z towards +x.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FloorPose {
-    pub x: f32,
-    pub z: f32,
-    pub yaw: f32,
+blendable! {
+    /// A point of the floor and a direction: `yaw` turns +z towards +x.
+    pub struct FloorPose {
+        x,
+        z,
+        yaw,
+    }
 }
 
 impl FloorPose {
@@ -171,21 +179,16 @@ impl FloorPose {
     pub fn turned(self, angle: f32) -> Self {
         Self { yaw: self.yaw + angle, ..self }
     }
-
-    /// `self` at weight 0, `other` at weight 1.
-    pub fn mix(self, other: Self, weight: f32) -> Self {
-        let mix = |a: f32, b: f32| a + (b - a) * weight;
-        Self { x: mix(self.x, other.x), z: mix(self.z, other.z), yaw: mix(self.yaw, other.yaw) }
-    }
 }
 
-/// Velocity in the body's frame, per second.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Drive {
-    pub left: f32,
-    pub forward: f32,
-    /// Radians to the left.
-    pub yaw: f32,
+blendable! {
+    /// Velocity in the body's frame, per second.
+    pub struct Drive {
+        left,
+        forward,
+        /// Radians to the left.
+        yaw,
+    }
 }
 
 // Vectors and rotation matrices.

@@ -4,7 +4,7 @@ use super::action::{Act, Action};
 use super::airborne::{Jump, Kick};
 use super::feet::{Flight, FootTrack, Swing, rest};
 use super::manner::Manner;
-use super::maths::{Draw, Drive, FPS, FloorPose, Side};
+use super::maths::{Blend, Draw, Drive, FPS, FloorPose, Side};
 use super::script::Script;
 use super::travel::{Gait, Travel};
 use crate::motion::BONE_LENGTHS;
@@ -43,12 +43,8 @@ fn running_mean(drives: &[Drive]) -> Vec<Drive> {
     let share = 1.0 / (2 * HALF_WIDTH + 1) as f32;
     let mean = |frame: usize| {
         let window = &drives[frame.saturating_sub(HALF_WIDTH)..=(frame + HALF_WIDTH).min(last)];
-        let sum = window.iter().fold(Drive::default(), |sum, d| Drive {
-            left: sum.left + d.left,
-            forward: sum.forward + d.forward,
-            yaw: sum.yaw + d.yaw,
-        });
-        Drive { left: sum.left * share, forward: sum.forward * share, yaw: sum.yaw * share }
+        let sum = window.iter().fold(Drive::default(), |sum, next| sum.zip(*next, |a, b| a + b));
+        sum.zip(sum, |a, _| a * share)
     };
     (0..drives.len()).map(mean).collect()
 }

@@ -127,12 +127,10 @@ fn of_travel(travel: &Travel, rng: &mut impl Draw) -> Phrase {
 }
 
 fn say_pace(phrase: &mut Phrase, pace: f32, rng: &mut impl Draw) {
-    let fast = ["quickly", "briskly", "at a fast pace", "fast"];
-    let slow = ["slowly", "at a slow pace", "leisurely"];
-    match pace {
-        p if p > 1.15 && rng.chance(0.75) => phrase.say(rng.one_of(&fast)),
-        p if p < 0.86 && rng.chance(0.75) => phrase.say(rng.one_of(&slow)),
-        _ => {}
+    if pace > 1.15 {
+        phrase.say_at_times(0.75, &["quickly", "briskly", "at a fast pace", "fast"], rng);
+    } else if pace < 0.86 {
+        phrase.say_at_times(0.75, &["slowly", "at a slow pace", "leisurely"], rng);
     }
 }
 

@@ -71,7 +71,8 @@ impl Travel {
         let turn = total_turn(gait, rng);
         let wanted = match gait {
             Gait::Turn(_) => fewest.max((turn.abs() / rng.uniform(0.6, 0.9)).ceil() as u32),
-            _ => few_often(fewest, most, rng),
+            // Few steps more often than many.
+            _ => fewest + (rng.unit().powf(1.25) * (most - fewest + 1) as f32) as u32,
         };
         let affordable = (budget / step_time) as u32;
         // A turn of some angle takes the steps it takes; a walk may be shorter.
@@ -80,7 +81,10 @@ impl Travel {
         if affordable < steps || steps < fewest {
             return None;
         }
-        let first = first_foot(gait, m, rng);
+        let first = match gait {
+            Gait::Sideways(side) | Gait::Turn(side) => side,
+            _ => m.preferred(rng),
+        };
         let mut travel = Self { gait, steps, step_time, step_len, turn, pace, first, wave: None };
         if gait == Gait::Walk && rng.chance(0.12) {
             travel.wave = Wave::sample(m, travel.duration() - 0.3, rng);
@@ -211,12 +215,6 @@ fn limp(posture: &mut Posture, phase: f32, m: &Manner) {
     posture.trunk.head_pitch += 0.06 * on_bad_leg;
 }
 
-/// Few steps more often than many.
-fn few_often(fewest: u32, most: u32, rng: &mut impl Draw) -> u32 {
-    let u = rng.unit();
-    fewest + (u.powf(1.25) * (most - fewest + 1) as f32) as u32
-}
-
 fn total_turn(gait: Gait, rng: &mut impl Draw) -> f32 {
     let degrees = match gait {
         Gait::Turn(side) => {
@@ -231,11 +229,4 @@ fn total_turn(gait: Gait, rng: &mut impl Draw) -> f32 {
         _ => rng.around(0.0, 7.0),
     };
     degrees.to_radians()
-}
-
-fn first_foot(gait: Gait, m: &Manner, rng: &mut impl Draw) -> Side {
-    match gait {
-        Gait::Sideways(side) | Gait::Turn(side) => side,
-        _ => m.preferred(rng),
-    }
 }
