@@ -282,12 +282,9 @@ pub fn check_folder(path: &Path) -> Checked {
 
 /// Motions that no split lists.
 fn unlisted(path: &Path) -> Option<String> {
-    let files = MotionFiles::of(path)?;
-    if files.in_folders() {
-        return None;
-    }
+    let files = MotionFiles::of(path).filter(|files| !files.in_folders())?;
     let listed: HashSet<String> =
-        read_splits(path, files.in_folders()).ok()?.clips.into_iter().map(|(_, id)| id).collect();
+        read_splits(path, false).ok()?.clips.into_iter().map(|(_, id)| id).collect();
     let entries = std::fs::read_dir(path.join(files.folder)).ok()?.flatten();
     let mut names: Vec<String> = entries
         .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".npy")?.to_string()))

@@ -37,7 +37,7 @@ pub const VELOCITIES: Range<usize> = 193..259;
 pub const CONTACTS: Range<usize> = 259..263;
 
 /// A foot is in contact while the square of its step stays below this, in square metres.
-pub const CONTACT_THRESHOLD_M2: f32 = 0.002;
+const CONTACT_THRESHOLD_M2: f32 = 0.002;
 
 /// Features of `T + 1` poses that stand anywhere and face anywhere: [`canonicalise`], then
 /// [`features_of_canonical`].

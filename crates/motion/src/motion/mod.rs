@@ -32,8 +32,8 @@ pub const N_FEATURES: usize = 263;
 
 pub(crate) use features::lowest;
 pub use features::{
-    CONTACT_THRESHOLD_M2, CONTACTS, POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW, ROTATIONS,
-    VELOCITIES, build_features, canonicalise, features_of_canonical, is_canonical,
+    CONTACTS, POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW, ROTATIONS, VELOCITIES,
+    build_features, canonicalise, features_of_canonical, is_canonical,
 };
 pub use geometry::{NO_ROTATION, Quat, Yaw, between, conjugate, multiply, rotate, to_6d};
 pub use mirror::{mirror_caption, mirror_features};
@@ -46,6 +46,8 @@ pub use skeleton::{
 /// Made-up motions for tests.
 #[cfg(test)]
 pub(crate) mod fixtures {
+    use std::path::{Path, PathBuf};
+
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
 
@@ -57,6 +59,17 @@ pub(crate) mod fixtures {
     /// Poses of a procedural clip.
     pub fn procedural(seed: u64) -> Vec<Pose> {
         Script::sample(&mut ChaCha8Rng::seed_from_u64(seed)).poses()
+    }
+
+    /// A folder of real motion; none, with a word, where it is not at hand.
+    pub fn real(name: &str) -> Option<PathBuf> {
+        let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+        let path = data.join(name);
+        if !path.is_dir() {
+            eprintln!("skipped: {} is not there", path.display());
+            return None;
+        }
+        Some(path)
     }
 
     /// `n` frames of a body that walks a curve and swings every joint at its own pace.

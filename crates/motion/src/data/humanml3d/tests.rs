@@ -2,13 +2,13 @@
 
 use std::fs;
 use std::ops::Range;
-use std::path::PathBuf;
 
 use tempfile::TempDir;
 
 use super::*;
 use crate::data::npy::npy_bytes;
 use crate::data::{FEATURE_GROUPS, parse_npy};
+use crate::motion::fixtures::real;
 use crate::motion::{mpjpe_mm, recover_joints};
 
 /// Rows that differ in every column and from clip to clip; `[n_frames, 263]`.
@@ -150,18 +150,8 @@ fn parts_refer_to_their_frames_and_are_mirrored_too() {
 /// A set in which everything that can be broken is, once, beside one sound clip a split.
 fn broken_set() -> DataSet {
     let data = DataSet::sound();
-    let ids = [
-        "000000",
-        "shape",
-        "nan",
-        "type",
-        "cut",
-        "no_text",
-        "no_caption",
-        "latin1",
-        "bad_line",
-        "absent",
-    ];
+    let ids = "000000 shape nan type cut no_text no_caption latin1 bad_line absent";
+    let ids: Vec<&str> = ids.split(' ').collect();
     for id in &ids[1..9] {
         data.clip(id, 60, 1, "he stands##0#0\n");
     }
@@ -323,19 +313,9 @@ fn motion_x_has_its_own_folders_and_rate() {
 
 // Real motion; the tests say so where it is not at hand.
 
-/// A folder of real motion, or `None` with a word on it.
-fn real_motion(name: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
-    if !path.is_dir() {
-        eprintln!("skipped: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
-}
-
 #[test]
 fn real_motion_opens_whole_and_recovers_finite_bodies() {
-    let Some(path) = real_motion("cmu-motion") else { return };
+    let Some(path) = real("cmu-motion") else { return };
     let set = HumanMl3d::open(&path, &options(true, BrokenFiles::Refuse)).expect("sound data");
     let counts = Split::ALL.map(|split| set.n_clips(split));
     assert_eq!((counts, set.warnings()), ([2 * 463, 33, 61], &[][..]));
@@ -352,7 +332,7 @@ fn real_motion_opens_whole_and_recovers_finite_bodies() {
 
 #[test]
 fn statistics_of_real_motion_agree_with_its_files() {
-    let Some(path) = real_motion("cmu-motion") else { return };
+    let Some(path) = real("cmu-motion") else { return };
     let set = HumanMl3d::open(&path, &skip()).expect("sound data");
     let mut computed = StatsAccumulator::default();
     (0..set.n_clips(Split::Train))
@@ -369,7 +349,7 @@ fn statistics_of_real_motion_agree_with_its_files() {
 
 #[test]
 fn the_digest_of_real_motion_is_the_same_each_time() {
-    let Some(path) = real_motion("cmu-motion") else { return };
+    let Some(path) = real("cmu-motion") else { return };
     let digest = || HumanMl3d::open(&path, &skip()).expect("sound data").digest().to_owned();
     let first = digest();
     assert_eq!((first.len(), &first), (64, &digest()));
@@ -377,7 +357,7 @@ fn the_digest_of_real_motion_is_the_same_each_time() {
 
 #[test]
 fn features_of_joints_are_those_that_others_made_of_them() {
-    let Some(path) = real_motion("bandai-motion") else { return };
+    let Some(path) = real("bandai-motion") else { return };
     let set = HumanMl3d::open(&path, &options(true, BrokenFiles::Refuse)).expect("sound data");
     assert_eq!(Split::ALL.map(|split| set.n_clips(split)), [2 * 2106, 122, 409]);
     let mut compared = 0;

@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -186,19 +187,11 @@ fn manifest(clips: &[Clip]) -> String {
     let mut text = format!("{COLUMNS}\n");
     for clip in clips {
         let unit_m = clip.unit_m.map_or(String::new(), |unit_m| format!("{unit_m:.6}"));
-        let fields = [
-            clip.id.clone(),
-            clip.source.clone(),
-            clip.frames.start.to_string(),
-            clip.frames.end.to_string(),
-            clip.poses.len().to_string(),
-            clip.source_fps.to_string(),
-            unit_m,
-            clip.captioned_by.name().to_string(),
-            clip.group.clone(),
-            clip.split.name().to_string(),
-        ];
-        text += &(fields.map(|field| quoted(&field)).join(",") + "\n");
+        let [id, source, group] = [&clip.id, &clip.source, &clip.group].map(|field| quoted(field));
+        let Range { start, end } = &clip.frames;
+        let (n, fps) = (clip.poses.len(), clip.source_fps);
+        let (by, split) = (clip.captioned_by.name(), clip.split.name());
+        text += &format!("{id},{source},{start},{end},{n},{fps},{unit_m},{by},{group},{split}\n");
     }
     text
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::data::{HumanMl3d, HumanMl3dOptions, MotionSource, Split, check_folder, parse_npy};
 use crate::motion::bvh::{Axis, Bvh, Channel, fit_bvh};
-use crate::motion::fixtures::procedural;
+use crate::motion::fixtures::{procedural, real};
 use crate::motion::{N_FEATURES, Pose, features_of_canonical, mpjpe_mm, recover_joints};
 
 pub fn options(from: &Path, form: Form) -> ImportOptions {
@@ -272,16 +272,6 @@ fn a_rate_or_a_place_that_no_motion_has_is_refused_by_name() {
     let [far, slow] = &imported.problems[..] else { panic!("{:?}", imported.problems) };
     assert!(far.starts_with("far.bvh: has a body farther than"), "{far}");
     assert!(slow.starts_with("slow.bvh: has a Frame Time of"), "{slow}");
-}
-
-/// A folder of real motion; none, with a word, without it.
-fn real(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
-    if !path.is_dir() {
-        eprintln!("skipped: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
 }
 
 fn array(path: &Path) -> Vec<f32> {

@@ -20,13 +20,13 @@ pub use text::BvhError;
 #[cfg(test)]
 mod tests {
     use std::fs;
-    use std::path::{Path, PathBuf};
+    use std::path::PathBuf;
 
     use proptest::prelude::*;
 
     use super::*;
     use crate::data::parse_npy;
-    use crate::motion::fixtures::{dance, moved, procedural};
+    use crate::motion::fixtures::{dance, moved, procedural, real};
     use crate::motion::{BONE_LENGTHS, JOINT_NAMES, N_JOINTS, Pose, recover_joints};
 
     /// The largest distance in millimetres between `poses` and the text of their file, read again.
@@ -298,15 +298,10 @@ Frame Time: .05
 
     // Real captures, which say so where they are not at hand.
 
-    /// The files below a folder of real motion whose names end so; none, with a word, without it.
+    /// The files below a folder of real motion whose names end so.
     fn files_below(folder: &str, ending: &str) -> Vec<PathBuf> {
-        let folder =
-            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(folder);
-        let Ok(listed) = fs::read_dir(&folder) else {
-            eprintln!("skipped: {} is not there", folder.display());
-            return Vec::new();
-        };
-        let paths = listed.map(|entry| entry.expect("a readable folder").path());
+        let Some(folder) = real(folder) else { return Vec::new() };
+        let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
         let mut paths: Vec<PathBuf> =
             paths.filter(|path| path.to_string_lossy().ends_with(ending)).collect();
         paths.sort();

@@ -176,22 +176,20 @@ impl<'a> Reader<'a> {
             (None, "ROOT") => self.begin_joint(word, None)?,
             (None, _) => return Err(word.instead_of("ROOT or MOTION")),
             (Some(_), "}") => drop(self.open.pop()),
-            (Some(Open::Joint(joint)), "OFFSET") => self.joints[joint].offset = self.offset()?,
-            (Some(Open::Joint(joint)), "CHANNELS") => {
-                self.joints[joint].channels = self.channels()?
-            }
-            (Some(Open::Joint(joint)), "JOINT") => self.begin_joint(word, Some(joint))?,
-            (Some(Open::Joint(joint)), "END") => {
+            (Some(Open::Joint(at)), "OFFSET") => self.joints[at].offset = self.offset()?,
+            (Some(Open::Joint(at)), "CHANNELS") => self.joints[at].channels = self.channels()?,
+            (Some(Open::Joint(at)), "JOINT") => self.begin_joint(word, Some(at))?,
+            (Some(Open::Joint(at)), "END") => {
                 self.keyword("Site")?;
                 self.name()?;
-                self.open.push(Open::EndSite(joint));
+                self.open.push(Open::EndSite(at));
             }
             (Some(Open::Joint(_)), _) => {
                 return Err(word.instead_of("OFFSET, CHANNELS, JOINT, End Site or }"));
             }
-            (Some(Open::EndSite(joint)), "OFFSET") => {
+            (Some(Open::EndSite(at)), "OFFSET") => {
                 let offset = self.offset()?;
-                self.joints[joint].end_sites.push(offset);
+                self.joints[at].end_sites.push(offset);
             }
             (Some(Open::EndSite(_)), _) => return Err(word.instead_of("OFFSET or }")),
         }

@@ -195,7 +195,7 @@ impl Action {
 
 /// How much likelier `next` is after `last` than at the start of a clip.
 fn affinity(last: Option<Choice>, next: Choice) -> f32 {
-    use Choice::*;
+    use Choice::{Arc, Back, Bow, Clap, Jump, Kick, Punch, Run, Sit, Turn, Walk, Wave};
     let Some(last) = last else { return 1.0 };
     match (last, next) {
         (last, next) if last == next => 0.1,
