@@ -85,22 +85,19 @@ fn walk(
     if !is_new(folder)? {
         return Ok(());
     }
-    let entries: Result<Vec<PathBuf>, FileError> = std::fs::read_dir(folder)
-        .map_err(FileError::read(folder))?
-        .map(|entry| Ok(entry.map_err(FileError::read(folder))?.path()))
-        .collect();
-    let mut entries = entries?;
+    let listed = std::fs::read_dir(folder).and_then(|listed| {
+        listed.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<PathBuf>, _>>()
+    });
+    let mut entries = listed.map_err(FileError::read(folder))?;
     // A file stands before the links to it, whatever their names.
     entries.sort_by_key(|path| (path.is_symlink(), path.clone()));
     let mut folders = Vec::new();
     for path in entries {
         let hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        let is_motion = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
         if path.is_dir() && !hidden {
             folders.push(path);
-        } else if path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
-            && !hidden
-            && is_new(&path)?
-        {
+        } else if is_motion && !hidden && is_new(&path)? {
             found.push(path);
         }
     }

@@ -264,7 +264,7 @@ impl Kick {
     fn balance(&self, posture: &mut Posture, whole: f32, strike: f32) {
         for side in Side::BOTH {
             let forward = if side == self.leg { -0.35 } else { 0.4 };
-            let arm = posture.arm(side);
+            let arm = &mut posture.arms[side.index()];
             arm.abduct += 0.3 * whole + 0.15 * strike;
             arm.flex += forward * strike;
             arm.elbow += 0.5 * whole;

@@ -253,15 +253,10 @@ impl Posture {
         Self { trunk, arms: [arm; 2] }
     }
 
-    /// The arm of a side, to change.
-    pub fn arm(&mut self, side: Side) -> &mut Arm {
-        &mut self.arms[side.index()]
-    }
-
     /// Moves the arms of some sides towards a target.
     pub fn reach(&mut self, sides: impl IntoIterator<Item = Side>, target: Arm, weight: f32) {
         for side in sides {
-            let arm = self.arm(side);
+            let arm = &mut self.arms[side.index()];
             *arm = arm.mix(target, weight);
         }
     }

@@ -193,7 +193,7 @@ impl Travel {
         let amplitude = (self.vigour() * m.traits.arm_swing).min(if running { 0.75 } else { 0.95 });
         for side in Side::BOTH {
             let forward = -side.sign() * self.left_ahead(phase);
-            let arm = posture.arm(side);
+            let arm = &mut posture.arms[side.index()];
             arm.flex += amplitude * (forward + 0.12);
             arm.elbow += amplitude * 0.45 * (forward + 0.6).max(0.0);
             if running {
