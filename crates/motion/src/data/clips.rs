@@ -10,7 +10,7 @@ use crate::files::{LARGE, read_regular};
 use crate::motion::{N_FEATURES, mirror_caption};
 
 /// A clip whose two files are sound.
-pub(super) struct ClipFile {
+pub struct ClipFile {
     /// The stem of its files.
     pub id: String,
     /// `[T, 263]` row-major, T ≥ 1.
@@ -21,7 +21,7 @@ pub(super) struct ClipFile {
 }
 
 impl ClipFile {
-    pub(super) fn n_frames(&self) -> usize {
+    pub fn n_frames(&self) -> usize {
         self.features.len() / N_FEATURES
     }
 }
@@ -34,11 +34,7 @@ type Held<T> = Result<(T, UsedFile), String>;
 ///
 /// Both are always read, so that all that is wrong is told at once. A bad line among good captions
 /// is a problem, and the clip can still be used.
-pub(super) fn load_clip(
-    root: &Path,
-    files: MotionFiles,
-    id: &str,
-) -> (Option<ClipFile>, Vec<String>) {
+pub fn load_clip(root: &Path, files: MotionFiles, id: &str) -> (Option<ClipFile>, Vec<String>) {
     crate::progress::moved();
     let mut problems = Vec::new();
     let features = read_features(root, files, id).map_err(|problem| problems.push(problem)).ok();
@@ -120,7 +116,7 @@ impl LengthRule {
 
 /// A range of frames of one clip, with captions.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Item {
+pub struct Item {
     /// Index of the clip among those kept in memory.
     pub clip: usize,
     /// The stem of the clip's files.
@@ -136,13 +132,13 @@ pub(super) struct Item {
 
 impl Item {
     /// The name for messages: `000012`, `A_000012` for a part, with `M` before the stem if mirrored.
-    pub(super) fn id(&self) -> String {
+    pub fn id(&self) -> String {
         let part = self.letter.map(|letter| format!("{letter}_")).unwrap_or_default();
         format!("{part}{}{}", if self.mirrored { "M" } else { "" }, self.stem)
     }
 
     /// The item with left and right exchanged.
-    pub(super) fn mirrored(&self) -> Item {
+    pub fn mirrored(&self) -> Item {
         let captions = self.captions.iter().map(|caption| mirror_caption(caption)).collect();
         Item { mirrored: true, captions, ..self.clone() }
     }
@@ -153,7 +149,7 @@ impl Item {
 /// The whole clip with the captions that describe it all, if there are any; then, for each caption
 /// of a part, that part. A clip whose own length is ruled out gives no parts either, as in
 /// text-to-motion's loader.
-pub(super) fn items_of(
+pub fn items_of(
     clip: &ClipFile,
     index: usize,
     rule: LengthRule,

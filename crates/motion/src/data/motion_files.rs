@@ -15,7 +15,7 @@ use crate::motion::{JOINT_NAMES, N_FEATURES, N_JOINTS, Pose, build_features, rec
 
 /// What the motion files of a folder hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct MotionFiles {
+pub struct MotionFiles {
     pub folder: &'static str,
     /// The shape of each, in words.
     shape: &'static str,
@@ -25,38 +25,37 @@ pub(super) struct MotionFiles {
 
 impl MotionFiles {
     /// `[T, 263]`.
-    pub(super) const FEATURES: Self =
-        Self { folder: "new_joint_vecs", shape: "[frames, 263]", rule: "" };
+    pub const FEATURES: Self = Self { folder: "new_joint_vecs", shape: "[frames, 263]", rule: "" };
     /// The same, as Motion-X has it.
-    pub(super) const MOTION_X: Self = Self { folder: "vector_263", ..Self::FEATURES };
+    pub const MOTION_X: Self = Self { folder: "vector_263", ..Self::FEATURES };
     /// `[T + 1, 22, 3]`, metres, y up.
-    pub(super) const JOINTS: Self = Self {
+    pub const JOINTS: Self = Self {
         folder: "new_joints",
         shape: "[frames, 22, 3], two frames or more,",
         rule: " joints-1",
     };
 
     /// Those of the folder `root`; features where it has both.
-    pub(super) fn of(root: &Path) -> Option<Self> {
+    pub fn of(root: &Path) -> Option<Self> {
         [Self::FEATURES, Self::MOTION_X, Self::JOINTS]
             .into_iter()
             .find(|files| root.join(files.folder).is_dir())
     }
 
     /// Whether clips lie in folders below, so that their names have `/` in them.
-    pub(super) fn in_folders(self) -> bool {
+    pub fn in_folders(self) -> bool {
         self == Self::MOTION_X
     }
 
     /// The folder of captions in the folder `root`.
-    pub(super) fn texts(self, root: &Path) -> &'static str {
+    pub fn texts(self, root: &Path) -> &'static str {
         const LABELS: &str = "texts/semantic_labels";
         let has_labels = self == Self::MOTION_X && root.join(LABELS).is_dir();
         if has_labels { LABELS } else { "texts" }
     }
 
     /// Name within the data set of the motion of clip `id`.
-    pub(super) fn name(self, id: &str) -> String {
+    pub fn name(self, id: &str) -> String {
         format!("{}/{id}.npy", self.folder)
     }
 
@@ -64,7 +63,7 @@ impl MotionFiles {
     ///
     /// # Errors
     /// The array has another shape.
-    pub(super) fn features(self, array: NpyArray) -> Result<Vec<f32>, NpyProblem> {
+    pub fn features(self, array: NpyArray) -> Result<Vec<f32>, NpyProblem> {
         match (self, &array.shape[..]) {
             (Self::FEATURES | Self::MOTION_X, &[t, N_FEATURES]) if t > 0 => Ok(array.values),
             (Self::JOINTS, &[t, N_JOINTS, 3]) if t > 1 => Ok(build_features(&poses(&array.values))),
@@ -98,11 +97,7 @@ struct Import {
 ///
 /// # Errors
 /// The import's words cannot be read, or say something else than is told.
-pub(super) fn frame_rate(
-    root: &Path,
-    files: MotionFiles,
-    told: Option<f64>,
-) -> Result<f64, DataError> {
+pub fn frame_rate(root: &Path, files: MotionFiles, told: Option<f64>) -> Result<f64, DataError> {
     let by_layout = if files == MotionFiles::MOTION_X { MOTION_X } else { FPS };
     match (imported(root)?, told) {
         (Some(fps), Some(told)) if fps != told => Err(DataError::invalid(

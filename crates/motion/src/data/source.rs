@@ -241,7 +241,7 @@ impl StatsAccumulator {
 ///
 /// # Errors
 /// [`DataError`] if only one is there, or one is not 263 finite numbers, positive in `Std.npy`.
-pub(super) fn read_stats(root: &Path) -> Result<Option<(FeatureStats, [UsedFile; 2])>, DataError> {
+pub fn read_stats(root: &Path) -> Result<Option<(FeatureStats, [UsedFile; 2])>, DataError> {
     let names = ["Mean.npy", "Std.npy"];
     if names.iter().all(|name| !root.join(name).exists()) {
         return Ok(None);
@@ -271,7 +271,7 @@ fn read_row(root: &Path, name: &str) -> Result<(Vec<f32>, UsedFile), DataError> 
 
 /// A file that took part in making the clips.
 #[derive(Clone, Debug)]
-pub(super) struct UsedFile {
+pub struct UsedFile {
     /// Name within the data set, with `/` between folders.
     pub name: String,
     /// Blake3 of its content.
@@ -279,13 +279,13 @@ pub(super) struct UsedFile {
 }
 
 impl UsedFile {
-    pub(super) fn new(name: &str, content: &[u8]) -> UsedFile {
+    pub fn new(name: &str, content: &[u8]) -> UsedFile {
         UsedFile { name: name.to_owned(), hash: blake3::hash(content) }
     }
 }
 
 /// Hex digest of `rules`, which says how clips follow from files, and of `files` in any order.
-pub(super) fn digest(rules: &str, files: &[UsedFile]) -> String {
+pub fn digest(rules: &str, files: &[UsedFile]) -> String {
     let mut sorted: Vec<&UsedFile> = files.iter().collect();
     sorted.sort_by(|a, b| a.name.cmp(&b.name));
     let mut hasher = Hasher::new();

@@ -62,7 +62,7 @@ pub fn parse_annotation(line: &str) -> Result<Annotation, CaptionProblem> {
 /// The annotations of a whole file, and a sentence for each line that holds none.
 ///
 /// Empty lines are passed over, also the mark of byte order with which some editors begin a file.
-pub(super) fn parse_annotations(content: &str) -> (Vec<Annotation>, Vec<String>) {
+pub fn parse_annotations(content: &str) -> (Vec<Annotation>, Vec<String>) {
     let (mut annotations, mut problems) = (Vec::new(), Vec::new());
     let lines = content.trim_start_matches('\u{feff}').lines().enumerate();
     for (index, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
@@ -95,7 +95,7 @@ fn time_s(field: &str) -> Result<f64, CaptionProblem> {
 
 /// The names in a data set's split files.
 #[derive(Default)]
-pub(super) struct SplitLists {
+pub struct SplitLists {
     /// Every name once, with its split; train first, each split in its file's order.
     pub clips: Vec<(Split, String)>,
     /// Sentences about lines that were left out.
@@ -111,8 +111,9 @@ pub(super) struct SplitLists {
 /// # Errors
 /// [`DataError::Read`] if one of the files is not there or not UTF-8. Lines that are no names,
 /// and names that stand twice, are not errors: they are listed in `problems`.
-pub(super) fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, DataError> {
+pub fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, DataError> {
     let advice = "a data set needs train.txt, val.txt and test.txt";
+    let unwanted = if in_folders { "ending" } else { "folder and ending" };
     let (mut lists, mut owners) = (SplitLists::default(), HashMap::new());
     for split in [Split::Test, Split::Val, Split::Train] {
         let name = format!("{}.txt", split.name());
@@ -122,7 +123,11 @@ pub(super) fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, D
         let (mut clips, mut problems) = (Vec::new(), Vec::new());
         let lines = content.trim_start_matches('\u{feff}').lines().map(str::trim).enumerate();
         for (index, id) in lines.filter(|(_, line)| !line.is_empty()) {
-            match claim(id, split, in_folders, &mut owners) {
+            let claimed = match is_name(id, in_folders) {
+                true => claim(id, split, &mut owners),
+                false => Err(format!("is `{id}`; write one clip's name, without {unwanted}")),
+            };
+            match claimed {
                 Ok(()) => clips.push((split, id.to_owned())),
                 Err(reason) => problems.push(format!("{name}: line {} {reason}", index + 1)),
             }
@@ -134,24 +139,13 @@ pub(super) fn read_splits(root: &Path, in_folders: bool) -> Result<SplitLists, D
 }
 
 /// Makes `split` the owner of the name `id`, or says why not.
-fn claim(
-    id: &str,
-    split: Split,
-    in_folders: bool,
-    owners: &mut HashMap<String, Split>,
-) -> Result<(), String> {
-    if !is_name(id, in_folders) {
-        let unwanted = if in_folders { "ending" } else { "folder and ending" };
-        return Err(format!("is `{id}`; write one clip's name, without {unwanted}"));
-    }
+fn claim(id: &str, split: Split, owners: &mut HashMap<String, Split>) -> Result<(), String> {
     match owners.get(id) {
-        Some(owner) if *owner == split => Err(format!("repeats {id}")),
-        Some(owner) => Err(format!("lists {id}, which is in {}.txt too", owner.name())),
-        None => {
-            owners.insert(id.to_owned(), split);
-            Ok(())
-        }
-    }
+        Some(owner) if *owner == split => return Err(format!("repeats {id}")),
+        Some(owner) => return Err(format!("lists {id}, which is in {}.txt too", owner.name())),
+        None => owners.insert(id.to_owned(), split),
+    };
+    Ok(())
 }
 
 /// Whether a line can be the name of a clip, or of one in a folder below.
@@ -167,7 +161,7 @@ fn is_name(line: &str, in_folders: bool) -> bool {
 
 /// The group of each clip that the folder says one of. Groups change no clip and are no part of a digest.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Groups(HashMap<String, String>);
+pub struct Groups(HashMap<String, String>);
 
 impl Groups {
     /// Of the folder `path`; none without a manifest, or without its column `group`.

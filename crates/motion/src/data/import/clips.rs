@@ -223,8 +223,7 @@ fn captions(
     listing: &Listing,
     options: &ImportOptions,
 ) -> Result<(Vec<String>, CaptionSource), String> {
-    let folder = options.texts.as_deref().or(listing.texts.as_deref());
-    let beside = match folder {
+    let beside = match &listing.texts {
         Some(folder) => {
             // Under the file's own name, which may hold blanks, or under the name of the clip.
             let named = |name: &String| folder.join(format!("{name}.txt"));
@@ -236,7 +235,7 @@ fn captions(
     if beside.exists() {
         return Ok((lines(&beside)?, CaptionSource::File));
     }
-    if listing.texts.is_some() || options.texts.is_some() {
+    if listing.texts.is_some() {
         return Err(format!("has no captions: there is no {}", beside.display()));
     }
     Ok(match words_of(&file.id) {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::options::{Form, GroupBy, ImportError};
+use super::options::{Form, GroupBy, ImportError, ImportOptions};
 use crate::data::Split;
 use crate::data::texts::read_splits;
 use crate::files::{FileError, LARGE, read_regular};
@@ -32,21 +32,22 @@ pub struct Listing {
     pub files: Vec<SourceFile>,
     /// Where the folder has HumanML3D's layout: the splits of its clips.
     pub splits: Option<HashMap<String, Split>>,
-    /// Where it has that layout: its captions.
+    /// Its captions, where they do not lie beside the motions: those that are told, or those of that layout.
     pub texts: Option<PathBuf>,
     /// Whether it has that layout, so that its frames a second are known.
     pub humanml3d: bool,
 }
 
-/// Every file below `root` with the ending of `form`, by name; of a folder in the HumanML3D layout those in
+/// Every file below `from` with the ending of its form, by name; of a folder in the HumanML3D layout those in
 /// `new_joints`, or of KIT-ML's where it has features alone, in `new_joint_vecs`.
 ///
 /// # Errors
 /// The folder cannot be read, or holds none.
-pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
-    let own = layout(root, form);
+pub fn list(options: &ImportOptions) -> Result<Listing, ImportError> {
+    let ImportOptions { from: root, form, .. } = options;
+    let own = layout(root, *form);
     let humanml3d = own.is_some();
-    let base = own.unwrap_or_else(|| root.to_path_buf());
+    let base = own.unwrap_or_else(|| root.clone());
     let mut paths = Vec::new();
     walk(&base, form.ending(), &mut HashSet::new(), &mut paths)?;
     if paths.is_empty() {
@@ -54,6 +55,7 @@ pub fn list(root: &Path, form: Form) -> Result<Listing, ImportError> {
     }
     paths.sort();
     let texts = Some(root.join("texts")).filter(|folder| humanml3d && folder.is_dir());
+    let texts = options.texts.clone().or(texts);
     let are_listed = humanml3d && root.join("train.txt").exists();
     let lists = are_listed.then(|| read_splits(root, false)).transpose()?;
     let splits =

@@ -32,7 +32,7 @@ use clips::Clips;
 /// written. Files that cannot be used while others can are [`Imported::problems`].
 pub fn import(options: &ImportOptions, to: &Path) -> Result<Imported, ImportError> {
     folder::check_place(to, options.overwrite)?;
-    let listing = listing::list(&options.from, options.form)?;
+    let listing = listing::list(options)?;
     let motions = match options.form {
         Form::Bvh => bvh::read(&listing.files, options),
         Form::Joints | Form::SmplxJoints | Form::Kit => joints::read(&listing, options)?,

@@ -258,11 +258,7 @@ fn finite(text: &str) -> Option<f64> {
 }
 
 /// Seconds from frame to frame, and the frames' numbers, from the line with index `first` on.
-fn frames(
-    lines: &[&str],
-    first: usize,
-    n_channels: usize,
-) -> Result<(f64, Vec<Vec<f64>>), BvhError> {
+fn frames(lines: &[&str], first: usize, width: usize) -> Result<(f64, Vec<Vec<f64>>), BvhError> {
     let numbered = lines.iter().enumerate().skip(first).map(|(index, &line)| (index + 1, line));
     let mut left = numbered.filter(|(_, line)| !line.trim().is_empty());
     let mut next = |expected| left.next().ok_or_else(|| BvhError::end(lines.len(), expected));
@@ -272,7 +268,7 @@ fn frames(
     let positive = |text: &str| finite(text).filter(|&seconds| seconds > 0.0);
     let frame_time_s = value(text, "Frame Time", TIME, time_line, positive)?;
     let frames: Vec<Vec<f64>> =
-        left.map(|(line, text)| frame(text, line, n_channels)).collect::<Result<_, _>>()?;
+        left.map(|(line, text)| frame(text, line, width)).collect::<Result<_, _>>()?;
     if frames.len() != said {
         return Err(BvhError::FrameCount { line, said, found: frames.len() });
     }
@@ -297,11 +293,11 @@ fn value<T>(
         .ok_or_else(|| BvhError::word(line, expected, text.trim()))
 }
 
-fn frame(text: &str, line: usize, n_channels: usize) -> Result<Vec<f64>, BvhError> {
+fn frame(text: &str, line: usize, width: usize) -> Result<Vec<f64>, BvhError> {
     let number = |word: &str| finite(word).ok_or_else(|| BvhError::word(line, "a number", word));
     let frame: Vec<f64> = text.split_whitespace().map(number).collect::<Result<_, _>>()?;
-    if frame.len() != n_channels {
-        return Err(BvhError::FrameLength { line, expected: n_channels, found: frame.len() });
+    if frame.len() != width {
+        return Err(BvhError::FrameLength { line, expected: width, found: frame.len() });
     }
     Ok(frame)
 }
