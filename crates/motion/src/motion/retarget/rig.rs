@@ -190,7 +190,7 @@ pub fn follow(joints: &[Placed], rig: &Rig, unit_m: f64) -> Pose64 {
 /// From its parent to each joint that keeps its place in the parent's frame, metres: x to the left, y up.
 ///
 /// The means over 16,202 standing frames of CMU's captures on HumanML3D's skeleton, each turned to face +z;
-/// the middle of the body is at x = 0. Lengths follow from [`BONE_LENGTHS`](crate::motion::BONE_LENGTHS).
+/// the middle of the body is at x = 0. Lengths follow from [`BONE_LENGTHS`].
 /// Thighs, shins and arms are not among them: they lie as the file's own.
 const REST: [(usize, Point); 13] = [
     (1, [0.0599, -0.0836, -0.0052]),

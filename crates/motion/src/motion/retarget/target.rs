@@ -30,7 +30,6 @@ const SAME: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
     pub poses: Vec<Pose64>,
-    pub up: Up,
     /// Metres of the target in one of the file's units; `None` where the bones are the target's already, and
     /// the places stay as they are.
     pub unit_m: Option<f64>,
@@ -64,7 +63,7 @@ pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsErro
         return Err(PointsError::Backwards);
     }
     if poses.iter().all(has_target_bones) {
-        return Ok(Settled { poses, up, unit_m: None });
+        return Ok(Settled { poses, unit_m: None });
     }
     let mean = mean_leg(&poses);
     if mean <= 0.0 {
@@ -72,7 +71,7 @@ pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsErro
     }
     let unit_m = leg() / mean;
     let moved = poses.iter().map(|pose| with_lengths(&pose.map(|joint| scale(joint, unit_m))));
-    Ok(Settled { poses: moved.collect(), up, unit_m: Some(unit_m) })
+    Ok(Settled { poses: moved.collect(), unit_m: Some(unit_m) })
 }
 
 /// How far the toes point to where the body faces, from −1 to 1, on the mean.
