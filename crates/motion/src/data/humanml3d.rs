@@ -11,17 +11,14 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::clip_file::{ClipFile, load_clip};
-use super::digest::{UsedFile, digest};
-use super::frame_rate::{FPS, frame_rate};
-use super::groups::Groups;
-use super::items::{Item, LengthRule, items_of};
-use super::motion_files::MotionFiles;
-use super::source::{DataError, FeatureStats, Metadata, MotionSource, Split};
-use super::splits::read_splits;
-use super::stats::{StatsAccumulator, read_stats};
-use crate::motion::N_FEATURES;
-use crate::motion::mirror_features;
+use super::clips::{ClipFile, Item, LengthRule, items_of, load_clip};
+use super::motion_files::{FPS, MotionFiles, frame_rate};
+use super::source::{
+    DataError, FeatureStats, Metadata, MotionSource, Split, StatsAccumulator, UsedFile, digest,
+    read_stats,
+};
+use super::texts::{Groups, read_splits};
+use crate::motion::{N_FEATURES, mirror_features};
 use crate::spec::BrokenFiles;
 
 /// How clips are made from the files; by default not mirrored, broken files skipped.
@@ -61,19 +58,29 @@ impl HumanMl3d {
         let lists = read_splits(path, motion.in_folders())?;
         let is_there = |id: &str| path.join(motion.name(id)).exists();
         let wanted = wanted_clips(&lists.clips, options.mirror, is_there);
-        let loaded = wanted.par_iter().map(|wanted| load_clip(path, motion, &wanted.id)).collect();
-        let library = Library::of(&wanted, loaded, options, fps);
-        let broken = [&lists.problems[..], &library.broken].concat();
-        refuse(path, options, &broken)?;
-        check_splits(path, &library)?;
+        let load = |wanted: &Wanted| load_clip(path, motion, &wanted.id);
+        let loaded: Vec<(Option<ClipFile>, Vec<String>)> = wanted.par_iter().map(load).collect();
+        let (mut library, mut broken) = (Library::default(), lists.problems);
+        for (wanted, (clip, problems)) in wanted.iter().zip(loaded) {
+            broken.extend(problems);
+            if let Some(clip) = clip {
+                library.add(clip, wanted, options.lengths, fps);
+            }
+        }
+        let shown = path.display().to_string();
+        if options.broken != BrokenFiles::Skip && !broken.is_empty() {
+            return Err(DataError::Broken { path: shown, problems: broken });
+        }
+        let is_empty = |split: &Split| library.items[*split as usize].is_empty();
+        if let Some(split) = Split::ALL.into_iter().find(is_empty) {
+            return Err(DataError::EmptySplit { path: shown, split: split.name() });
+        }
         let (stats, stats_files) = library.stats(path)?;
         let files = [&lists.files[..], &library.files, &stats_files].concat();
         let digest = digest(&rules(options, motion, fps), &files);
-        let (groups, problems) = match Groups::read(path) {
-            Ok(groups) => (groups, Vec::new()),
-            Err(problem) => (Groups::default(), vec![problem]),
-        };
-        let warnings = [&broken[..], &library.skipped, &problems].concat();
+        let mut warnings = [&broken[..], &library.skipped].concat();
+        let groups = Groups::read(path).map_err(|problem| warnings.push(problem));
+        let groups = groups.unwrap_or_default();
         let metadata = Metadata { stats, fps: fps as f32, digest, warnings };
         Ok(HumanMl3d { library, groups, metadata })
     }
@@ -118,29 +125,11 @@ struct Library {
     items: [Vec<Item>; 3],
     /// Files of the clips.
     files: Vec<UsedFile>,
-    /// Sentences about broken files and lines.
-    broken: Vec<String>,
     /// Sentences about sound clips whose length rules them out.
     skipped: Vec<String>,
 }
 
 impl Library {
-    fn of(
-        wanted: &[Wanted],
-        loaded: Vec<(Option<ClipFile>, Vec<String>)>,
-        options: &HumanMl3dOptions,
-        fps: f64,
-    ) -> Self {
-        let mut library = Self::default();
-        for (wanted, (clip, problems)) in wanted.iter().zip(loaded) {
-            library.broken.extend(problems);
-            if let Some(clip) = clip {
-                library.add(clip, wanted, options.lengths, fps);
-            }
-        }
-        library
-    }
-
     fn add(&mut self, clip: ClipFile, wanted: &Wanted, rule: LengthRule, fps: f64) {
         let (items, skipped) = items_of(&clip, self.clips.len(), rule, fps);
         self.skipped.extend(skipped);
@@ -193,9 +182,7 @@ fn wanted_clips(
     let names: HashSet<&str> = listed.iter().map(|(_, id)| id.as_str()).collect();
     let mut wanted = Vec::with_capacity(listed.len());
     for (split, id) in listed {
-        let (folder, name) = id
-            .rsplit_once('/')
-            .map_or(("", &id[..]), |(_, name)| id.split_at(id.len() - name.len()));
+        let (folder, name) = id.split_at(id.rfind('/').map_or(0, |at| at + 1));
         let twin_id = format!("{folder}M{name}");
         let has_twin = names.contains(twin_id.as_str())
             || name.strip_prefix('M').is_some_and(|own| names.contains(&*format!("{folder}{own}")));
@@ -232,20 +219,6 @@ fn check_folders(path: &Path) -> Result<MotionFiles, DataError> {
     };
     let motion = MotionFiles::of(path).ok_or_else(|| missing("new_joint_vecs"))?;
     if path.join("texts").is_dir() { Ok(motion) } else { Err(missing("texts")) }
-}
-
-fn refuse(path: &Path, options: &HumanMl3dOptions, broken: &[String]) -> Result<(), DataError> {
-    if options.broken == BrokenFiles::Skip || broken.is_empty() {
-        return Ok(());
-    }
-    Err(DataError::Broken { path: path.display().to_string(), problems: broken.to_vec() })
-}
-
-fn check_splits(path: &Path, library: &Library) -> Result<(), DataError> {
-    let empty = Split::ALL.into_iter().find(|&split| library.items[split as usize].is_empty());
-    empty.map_or(Ok(()), |split| {
-        Err(DataError::EmptySplit { path: path.display().to_string(), split: split.name() })
-    })
 }
 
 #[cfg(test)]

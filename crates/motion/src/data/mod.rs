@@ -17,49 +17,35 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod captions;
-mod check;
-mod clip_file;
-mod count;
-mod digest;
+mod clips;
 mod facts;
-#[cfg(test)]
-mod fixtures;
-mod frame_rate;
-mod groups;
 mod humanml3d;
 pub mod import;
-mod items;
-mod motion_file;
 mod motion_files;
-mod no_motion;
 mod npy;
-mod npy_write;
-mod procedural;
+mod other_sources;
 mod source;
-mod splits;
-mod stats;
-mod union;
+mod texts;
 
-pub use captions::{Annotation, CaptionProblem, parse_annotation};
-pub use check::{Checked, check_folder};
-pub use count::{Counted, LENGTH_BIN, Tally, WORDS_BIN, count};
-pub use facts::{DataFacts, Demand, MemberFacts, test_groups};
-pub use frame_rate::FPS;
+pub use clips::LengthRule;
+pub use facts::{
+    Checked, Counted, DataFacts, Demand, LENGTH_BIN, MemberFacts, Tally, WORDS_BIN, check_folder,
+    count, test_groups,
+};
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
-pub use items::LengthRule;
-pub use motion_file::read_motion;
-pub use npy::{NpyArray, NpyProblem, parse_npy};
-pub use npy_write::write_npy;
-pub use procedural::{Procedural, ProceduralOptions};
-pub use source::{DataError, FeatureStats, Member, Metadata, MotionSource, Split, UNIT_FRAMES};
-pub use stats::{FAR, FEATURE_GROUPS, StatsAccumulator};
-pub use union::Union;
+pub use motion_files::{FPS, read_motion};
+pub use npy::{NpyArray, NpyProblem, parse_npy, write_npy};
+pub use other_sources::{Procedural, ProceduralOptions, Union};
+pub use source::{
+    DataError, FAR, FEATURE_GROUPS, FeatureStats, Member, Metadata, MotionSource, Split,
+    StatsAccumulator, UNIT_FRAMES,
+};
+pub use texts::{Annotation, CaptionProblem, parse_annotation};
 
 use std::path::Path;
 
 use crate::spec::{Clips, DataSection, MemberSection, Origin};
-use no_motion::NoMotion;
+use other_sources::NoMotion;
 
 /// Clips looked at to estimate the tokens of an average one.
 const SAMPLE: usize = 256;

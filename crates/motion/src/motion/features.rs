@@ -15,10 +15,10 @@
 
 use std::ops::Range;
 
-use super::heading::{facing_turn, root_headings};
-use super::rotation::{Yaw, between, conjugate, multiply, to_6d};
-use super::skeleton::{CHAINS, CONTACT_JOINTS, Pose, RAW_OFFSETS};
-use super::vector::sub;
+use super::geometry::{Yaw, between, conjugate, dot, multiply, norm, sub, to_6d};
+use super::skeleton::{
+    CHAINS, CONTACT_JOINTS, L_HIP, L_SHOULDER, Pose, R_HIP, R_SHOULDER, RAW_OFFSETS,
+};
 use crate::motion::N_FEATURES;
 
 /// Column of the root's half turn to the next frame, radians.
@@ -37,7 +37,7 @@ pub const VELOCITIES: Range<usize> = 193..259;
 pub const CONTACTS: Range<usize> = 259..263;
 
 /// A foot is in contact while the square of its step stays below this, in square metres.
-pub const CONTACT_THRESHOLD_M2: f32 = 0.002;
+const CONTACT_THRESHOLD_M2: f32 = 0.002;
 
 /// Features of `T + 1` poses that stand anywhere and face anywhere: [`canonicalise`], then
 /// [`features_of_canonical`].
@@ -52,11 +52,16 @@ pub fn build_features(poses: &[Pose]) -> Vec<f32> {
 /// of the first frame stands at the origin and faces +z.
 pub fn canonicalise(poses: &[Pose]) -> Vec<Pose> {
     let Some(first) = poses.first() else { return Vec::new() };
-    let floor = poses.iter().flatten().map(|joint| joint[1]).fold(f32::INFINITY, f32::min);
+    let floor = lowest(poses);
     let [root_x, _, root_z] = first[0];
     let turn = facing_turn(first);
     let place = |[x, y, z]: [f32; 3]| turn.rotate([x - root_x, y - floor, z - root_z]);
     poses.iter().map(|pose| pose.map(place)).collect()
+}
+
+/// Height of the lowest joint of some poses.
+pub(crate) fn lowest(poses: &[Pose]) -> f32 {
+    poses.iter().flatten().map(|joint| joint[1]).fold(f32::INFINITY, f32::min)
 }
 
 /// Metres that a canonical clip may be off the origin and the floor.
@@ -68,8 +73,7 @@ const FACING: f64 = 1e-3;
 /// rounded are not turned again.
 pub fn is_canonical(poses: &[Pose]) -> bool {
     let Some(first) = poses.first() else { return true };
-    let floor = poses.iter().flatten().map(|joint| joint[1]).fold(f32::INFINITY, f32::min);
-    let off = [first[0][0], first[0][2], floor];
+    let off = [first[0][0], first[0][2], lowest(poses)];
     let turn = facing_turn(first);
     off.iter().all(|metres| metres.abs() < AT_ORIGIN) && turn.w > 0.0 && turn.y.abs() < FACING / 2.0
 }
@@ -133,27 +137,98 @@ fn write_steps(row: &mut [f32], pose: &Pose, next: &Pose, heading: Yaw) {
         column.copy_from_slice(&heading.rotate(sub(*to, *from)));
     }
     for (column, joint) in row[CONTACTS].iter_mut().zip(CONTACT_JOINTS) {
-        let squared: f32 = sub(next[joint], pose[joint]).iter().map(|c| c * c).sum();
-        *column = f32::from(u8::from(squared < CONTACT_THRESHOLD_M2));
+        let step = sub(next[joint], pose[joint]);
+        *column = f32::from(u8::from(dot(step, step) < CONTACT_THRESHOLD_M2));
     }
+}
+
+// Where a body faces: the direction of the first frame, and the smoothed heading of the root.
+
+/// Deviation in frames of the Gaussian that smooths the heading: one second at 20 frames a second.
+const SIGMA: f64 = 20.0;
+/// Frames on either side that the Gaussian sees: four deviations.
+const RADIUS: usize = 80;
+
+/// The turn that makes the body of `pose` face +z.
+///
+/// The body faces along `up × across`, where `across` leads from the left hip and shoulder to the
+/// right ones. A pose in which that vector is vertical or zero faces nowhere and is not turned.
+fn facing_turn(pose: &Pose) -> Yaw {
+    forward(pose, [L_HIP, R_HIP]).and_then(|[x, z]| Yaw::to_face_z(x, z)).unwrap_or(Yaw::IDENTITY)
+}
+
+/// The root's rotation in each frame, from the smoothed heading; the first is the identity.
+///
+/// HumanML3D's inverse kinematics names the hips the other way round than its shoulders, so that
+/// the hips' vector is *subtracted* from the shoulders'. All its files are made so, and we follow.
+/// The quaternions' signs are chosen so that neighbours lie in one half-space: a step of feature 0
+/// is then never taken the long way round. A frame that faces nowhere keeps the heading before it.
+fn root_headings(poses: &[Pose]) -> Vec<Yaw> {
+    let (x, z) = (poses.iter())
+        .scan([0.0, 1.0], |last, pose| {
+            *last = forward(pose, [R_HIP, L_HIP]).unwrap_or(*last);
+            Some((last[0], last[1]))
+        })
+        .unzip();
+    let (x, z): (Vec<f64>, Vec<f64>) = (smoothed(x), smoothed(z));
+    (x.iter().zip(&z).enumerate())
+        .scan(Yaw::IDENTITY, |last, (t, (&x, &z))| {
+            let yaw = if t == 0 { None } else { Yaw::to_face_z(x, z) }.unwrap_or(*last);
+            *last = if yaw.dot(*last) < 0.0 { yaw.negated() } else { yaw };
+            Some(*last)
+        })
+        .collect()
+}
+
+/// Horizontal part `[x, z]` of `up × across` for the unit vector `across`; shorter than 1 where
+/// the body leans sideways.
+fn forward(pose: &Pose, [hip_from, hip_to]: [usize; 2]) -> Option<[f64; 2]> {
+    let across: [f64; 3] = std::array::from_fn(|c| {
+        let at = |joint: usize| f64::from(pose[joint][c]);
+        at(hip_to) - at(hip_from) + at(R_SHOULDER) - at(L_SHOULDER)
+    });
+    let length = norm(across);
+    (length > 0.0).then(|| [across[2] / length, -across[0] / length])
+}
+
+/// `values` under the Gaussian, with the first and the last value repeated beyond the ends.
+fn smoothed(values: Vec<f64>) -> Vec<f64> {
+    let (Some(&first), Some(&last)) = (values.first(), values.last()) else { return values };
+    let padded = [vec![first; RADIUS], values.clone(), vec![last; RADIUS]].concat();
+    let mut sums = vec![0.0; values.len()];
+    // Weight by weight, not value by value: the inner loop then has no sum to carry.
+    for (k, weight) in gaussian().into_iter().enumerate() {
+        for (sum, value) in sums.iter_mut().zip(&padded[k..]) {
+            *sum += weight * value;
+        }
+    }
+    sums
+}
+
+/// Weights of the Gaussian from `-RADIUS` to `RADIUS`, with sum 1.
+fn gaussian() -> [f64; 2 * RADIUS + 1] {
+    let weights: [f64; 2 * RADIUS + 1] = std::array::from_fn(|k| {
+        let distance = (k as f64 - RADIUS as f64) / SIGMA;
+        (-0.5 * distance * distance).exp()
+    });
+    let sum: f64 = weights.iter().sum();
+    weights.map(|weight| weight / sum)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::motion::fixtures::{dance, from_6d, largest_difference, moved};
-    use crate::motion::rotation::rotate;
-    use crate::motion::{L_HIP, L_SHOULDER, N_JOINTS, R_HIP, R_SHOULDER};
+    use crate::motion::{N_JOINTS, rotate};
 
     #[test]
     fn canonical_poses_touch_the_floor_at_the_origin_and_face_z() {
         let poses = canonicalise(&moved(&dance(50), 2.0, [3.0, -4.0, 5.0]));
-        let lowest = poses.iter().flatten().map(|joint| joint[1]).fold(f32::INFINITY, f32::min);
         let across: [f32; 3] = std::array::from_fn(|c| {
             let pose = &poses[0];
             pose[R_HIP][c] - pose[L_HIP][c] + pose[R_SHOULDER][c] - pose[L_SHOULDER][c]
         });
-        assert_eq!((lowest, poses[0][0][0], poses[0][0][2]), (0.0, 0.0, 0.0));
+        assert_eq!((lowest(&poses), poses[0][0][0], poses[0][0][2]), (0.0, 0.0, 0.0));
         assert!(across[2].abs() < 1e-6 && across[0] < -0.1, "{across:?}");
     }
 
@@ -212,8 +287,8 @@ mod tests {
                 let local = from_6d(std::array::from_fn(|i| row[at + i]));
                 global = local.map(|column| apply(&global, column));
                 let step = sub(pose[bone[1]], pose[bone[0]]).map(f64::from);
-                let length = step.iter().map(|c| c * c).sum::<f64>().sqrt();
-                let turned = apply(&global, RAW_OFFSETS[bone[1]].map(|c| f64::from(c) * length));
+                let turned =
+                    apply(&global, RAW_OFFSETS[bone[1]].map(|c| f64::from(c) * norm(step)));
                 placed[bone[1]] = std::array::from_fn(|c| placed[bone[0]][c] + turned[c]);
             }
         }
@@ -236,5 +311,46 @@ mod tests {
         let features = build_features(&[[[1.0; 3]; N_JOINTS]; 4]);
         assert_eq!(features.len(), 3 * N_FEATURES);
         assert!(features.iter().all(|value| value.is_finite()));
+    }
+
+    /// A pose with its left side towards `(x, z)` of its right.
+    fn turned(x: f32, z: f32) -> Pose {
+        let mut pose = [[0.0; 3]; N_JOINTS];
+        (pose[L_HIP], pose[R_HIP]) = ([0.1 * x, 1.0, 0.1 * z], [-0.1 * x, 1.0, -0.1 * z]);
+        (pose[L_SHOULDER], pose[R_SHOULDER]) = ([0.2 * x, 1.4, 0.2 * z], [-0.2 * x, 1.4, -0.2 * z]);
+        pose
+    }
+
+    #[test]
+    fn a_body_with_its_left_towards_x_faces_z_already() {
+        assert_eq!(facing_turn(&turned(1.0, 0.0)), Yaw::IDENTITY);
+        let (x, z) = facing_turn(&turned(0.0, -1.0)).rotate_xz(1.0, 0.0);
+        assert!(x.abs() < 1e-7 && (z - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn smoothing_keeps_a_constant_and_halves_a_step() {
+        assert!(smoothed(vec![3.0; 10]).iter().all(|v| (v - 3.0).abs() < 1e-12));
+        let step = smoothed([vec![-1.0; 200], vec![1.0; 200]].concat());
+        assert!((step[199] + step[200]).abs() < 1e-12);
+        // One deviation from the step: erf(1/√2), less the tails that the window cuts off.
+        assert!((step[219] - 0.6827).abs() < 0.02, "{}", step[219]);
+        assert!((step[0] + 1.0).abs() < 1e-12 && (step[399] - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_heading_of_a_spinning_body_never_changes_sign() {
+        let spin = |t: usize| turned((t as f32 * 0.05).cos(), (t as f32 * 0.05).sin());
+        let headings = root_headings(&(0..400).map(spin).collect::<Vec<_>>());
+        assert_eq!(headings[0], Yaw::IDENTITY);
+        assert!(headings.windows(2).skip(1).all(|pair| pair[0].dot(pair[1]) > 0.99));
+        assert!(headings.iter().any(|heading| heading.w < -0.9), "it went round");
+    }
+
+    #[test]
+    fn a_body_that_faces_nowhere_keeps_its_heading() {
+        let shapeless = [[0.0; 3]; N_JOINTS];
+        assert_eq!(facing_turn(&shapeless), Yaw::IDENTITY);
+        assert_eq!(root_headings(&[shapeless; 5]), [Yaw::IDENTITY; 5]);
     }
 }

@@ -8,7 +8,18 @@ use super::skeleton::MIRROR_PARTNER;
 use crate::motion::N_FEATURES;
 
 /// For each column of the mirrored row: the column it comes from, and its sign.
-static COLUMNS: LazyLock<[(usize, f32); N_FEATURES]> = LazyLock::new(mirrored_columns);
+static COLUMNS: LazyLock<[(usize, f32); N_FEATURES]> = LazyLock::new(|| {
+    let mut columns = std::array::from_fn(|column| (column, 1.0));
+    columns[ROOT_YAW].1 = -1.0;
+    columns[ROOT_VELOCITY.start].1 = -1.0;
+    exchange(&mut columns[POSITIONS], POSITIONS.start, 1, &POINT_SIGNS);
+    exchange(&mut columns[ROTATIONS], ROTATIONS.start, 1, &ROTATION_SIGNS);
+    exchange(&mut columns[VELOCITIES], VELOCITIES.start, 0, &POINT_SIGNS);
+    for foot in 0..4 {
+        columns[CONTACTS.start + foot].0 = CONTACTS.start + (foot + 2) % 4;
+    }
+    columns
+});
 
 /// Signs of a point and of the two columns of a rotation under `x → -x`; with `M = diag(-1, 1, 1)`
 /// the point `p` becomes `M p`, the matrix `R` becomes `M R M`.
@@ -54,16 +65,12 @@ pub fn mirror_caption(caption: &str) -> String {
     while !rest.is_empty() {
         let (word, after) = word(rest);
         let next = after.strip_prefix(['-', ' ']).map(self::word);
-        match next {
-            Some(("clockwise", after)) if AGAINST.contains(&word) => {
-                mirrored.push_str("clockwise");
-                rest = after;
-            }
-            _ => {
-                mirrored.push_str(&mirrored_word(word));
-                rest = after;
-            }
-        }
+        let (other, after) = match next {
+            Some(("clockwise", after)) if AGAINST.contains(&word) => ("clockwise".into(), after),
+            _ => (mirrored_word(word), after),
+        };
+        mirrored += &other;
+        rest = after;
     }
     mirrored
 }
@@ -85,19 +92,6 @@ fn mirrored_word(word: &str) -> Cow<'_, str> {
         Some(against) if AGAINST.contains(&against) => Cow::Borrowed("clockwise"),
         _ => Cow::Borrowed(word),
     }
-}
-
-fn mirrored_columns() -> [(usize, f32); N_FEATURES] {
-    let mut columns = std::array::from_fn(|column| (column, 1.0));
-    columns[ROOT_YAW].1 = -1.0;
-    columns[ROOT_VELOCITY.start].1 = -1.0;
-    exchange(&mut columns[POSITIONS], POSITIONS.start, 1, &POINT_SIGNS);
-    exchange(&mut columns[ROTATIONS], ROTATIONS.start, 1, &ROTATION_SIGNS);
-    exchange(&mut columns[VELOCITIES], VELOCITIES.start, 0, &POINT_SIGNS);
-    for foot in 0..4 {
-        columns[CONTACTS.start + foot].0 = CONTACTS.start + (foot + 2) % 4;
-    }
-    columns
 }
 
 /// Gives the `columns` of each joint from `first_joint` on, `signs.len()` a joint, the other side's columns

@@ -1,8 +1,9 @@
-//! Features into joints: HumanML3D's `recover_from_ric`.
+//! Features into joints, HumanML3D's `recover_from_ric`, and all features from those that tell the joints.
 
-use super::features::{POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW};
-use super::rotation::Yaw;
+use super::features::{POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW, features_with_headings};
+use super::geometry::Yaw;
 use super::skeleton::{N_JOINTS, Pose};
+use crate::motion::N_FEATURES;
 
 /// The poses that `features` describe, from the root's steps and the joints' local positions.
 ///
@@ -24,19 +25,19 @@ pub fn recover_joints(features: &[f32]) -> Vec<Pose> {
 ///
 /// The root has 4 of them and the contacts 4; each joint but the root has a place (3) and a rotation (6), and
 /// every joint a velocity (3).
-pub const fn width(joints: usize) -> usize {
+pub const fn feature_width(joints: usize) -> usize {
     4 + 9 * (joints - 1) + 3 * joints + 4
 }
 
 /// [`recover_joints`] of a body with `J` joints.
 ///
 /// # Shapes
-/// Row-major `[T, width(J)]`, not normalised, to `[T]` bodies.
+/// Row-major `[T, feature_width(J)]`, not normalised, to `[T]` bodies.
 ///
 /// # Panics
 /// If `features` does not consist of whole rows.
 pub fn recover_body<const J: usize>(features: &[f32]) -> Vec<[[f32; 3]; J]> {
-    let width = width(J);
+    let width = feature_width(J);
     assert!(features.len().is_multiple_of(width), "features come in rows of {width}");
     let mut root = Root { half_angle: 0.0, x: 0.0, z: 0.0 };
     (features.chunks_exact(width))
@@ -78,12 +79,42 @@ fn place<const J: usize>(row: &[f32], root: &Root) -> [[f32; 3]; J] {
     pose
 }
 
+/// All features of a motion of which the root and the joints' positions are known: these as they are,
+/// and rotations, velocities and contacts of the poses that they describe. Where the last frame leads,
+/// the body is as in that frame.
+///
+/// # Shapes
+/// Row-major `[T, 67]`, not normalised, to `[T, 263]`.
+///
+/// # Panics
+/// If `known` does not consist of whole rows.
+pub fn complete_features(known: &[f32]) -> Vec<f32> {
+    let width = POSITIONS.end;
+    assert!(known.len().is_multiple_of(width), "the known features come in rows of {width}");
+    let last = known.len().saturating_sub(width);
+    let mut rows = Vec::with_capacity(known.len() / width * N_FEATURES + N_FEATURES);
+    for row in known.chunks_exact(width).chain([&known[last..]]) {
+        rows.extend_from_slice(row);
+        rows.resize(rows.len() + N_FEATURES - row.len(), 0.0);
+    }
+    let turns = rows.chunks_exact(N_FEATURES).scan(0.0, |half_angle, row| {
+        let heading = Yaw::from_half_angle(*half_angle);
+        *half_angle += f64::from(row[ROOT_YAW]);
+        Some(heading)
+    });
+    let headings: Vec<Yaw> = turns.collect();
+    let mut features = features_with_headings(&recover_joints(&rows), &headings);
+    for (row, known) in features.chunks_exact_mut(N_FEATURES).zip(known.chunks_exact(width)) {
+        row[..width].copy_from_slice(known);
+    }
+    features
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::N_FEATURES;
     use crate::motion::fixtures::{dance, largest_difference, moved};
-    use crate::motion::{build_features, canonicalise};
+    use crate::motion::{CONTACTS, VELOCITIES, build_features, canonicalise};
 
     #[test]
     fn recovery_gives_the_canonical_poses_back() {
@@ -100,9 +131,9 @@ mod tests {
 
     #[test]
     fn bodies_of_other_joints_have_features_of_other_widths() {
-        assert_eq!([width(N_JOINTS), width(21)], [N_FEATURES, 251]);
+        assert_eq!([feature_width(N_JOINTS), feature_width(21)], [N_FEATURES, 251]);
         // A body of two joints, the second a metre before the first, that turns by 90° and steps ahead.
-        let mut rows = [[0.0; width(2)]; 2];
+        let mut rows = [[0.0; feature_width(2)]; 2];
         rows[0][ROOT_YAW] = std::f32::consts::FRAC_PI_4;
         rows[0][ROOT_VELOCITY].copy_from_slice(&[0.0, 1.0]);
         rows.iter_mut().for_each(|row| row[POSITIONS.start + 2] = 1.0);
@@ -129,5 +160,26 @@ mod tests {
         // The body has turned by -90°, so its own z is -x of the room.
         let second = recover_joints(rows.as_flattened())[1];
         assert!((second[0][0] + 1.0).abs() < 1e-6 && second[0][2].abs() < 1e-6, "{:?}", second[0]);
+    }
+
+    #[test]
+    fn what_follows_from_the_positions_comes_back() {
+        let features = build_features(&dance(40));
+        let known: Vec<f32> =
+            features.chunks_exact(N_FEATURES).flat_map(|row| &row[..67]).copied().collect();
+        let found = complete_features(&known);
+        assert_eq!(found.len(), features.len());
+        // Where the last frame leads, its pose is not known.
+        let before_last = features.len() - N_FEATURES;
+        let off = largest_difference(&found[..before_last], &features[..before_last]);
+        assert!(off < 1e-3, "{off}");
+        let last = |x: &[f32]| x[before_last..][..VELOCITIES.start].to_vec();
+        assert!(largest_difference(&last(&found), &last(&features)) < 1e-3);
+        assert!(found[before_last..][CONTACTS].iter().all(|x| [0.0, 1.0].contains(x)));
+    }
+
+    #[test]
+    fn no_frames_stay_none() {
+        assert_eq!(complete_features(&[]), Vec::<f32>::new());
     }
 }

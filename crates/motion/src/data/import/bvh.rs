@@ -6,16 +6,14 @@
 use rayon::prelude::*;
 
 use super::listing::SourceFile;
-use super::motions::{Motion, Motions, Skeleton};
-use super::options::ImportOptions;
-use crate::files::{LARGE, read_regular};
+use super::options::{ImportOptions, Motion, Motions, Skeleton};
 use crate::motion::bvh::{Bvh, Placed};
+use crate::motion::geometry::{Point, dot, norm, sub, with_length};
 use crate::motion::retarget::{
     Neutral, Pose64, Rig, Roles, Survey, draft, follow, reflected_joint, roles_of, unit_m,
     with_ends,
 };
-use crate::motion::vector::{Point, dot, norm, sub, with_length};
-use crate::motion::{N_JOINTS, PARENTS};
+use crate::motion::{JOINT_NAMES, N_JOINTS, PARENTS};
 
 /// Joints and parents.
 type Key = Vec<(String, Option<usize>)>;
@@ -60,35 +58,31 @@ pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
         groups.iter().zip(&rigs).filter_map(|(own, rig)| Some((own, rig.as_ref().ok()?))).collect();
     skeletons.sort_by_key(|(group, _)| &group.first.key);
     let skeletons = skeletons.into_iter().map(|(group, rig)| skeleton(group, rig)).collect();
-    let draft = surveyed.iter().zip(files).find_map(|(found, file)| match found {
-        Err(_) => parsed(file).ok().and_then(|bvh| wanted_draft(&bvh, options)),
-        Ok(_) => None,
-    });
+    let broken = surveyed.iter().zip(files).filter(|(found, _)| found.is_err());
+    // A mapping file for a skeleton whose joints are not all found.
+    let draft =
+        broken.filter_map(|(_, file)| parsed(file).ok()).find_map(|Bvh { joints, .. }| {
+            roles_of(&joints, &options.map).is_err().then(|| draft(&joints, &options.map))
+        });
     Motions { motions: followed, skeletons, draft }
 }
 
 /// The skeletons of some files, and which is each file's, or why it has none.
 fn groups(surveyed: &[Result<Surveyed, String>]) -> (Vec<Group<'_>>, Vec<Result<usize, String>>) {
     let mut groups: Vec<Group> = Vec::new();
-    let mut of_files = Vec::new();
-    for found in surveyed {
-        let own = match found {
-            Err(problem) => Err(problem.clone()),
-            Ok(found) => {
-                let place = groups.iter().position(|group| group.first.is_of_one_skeleton(found));
-                let place = place.unwrap_or(groups.len());
-                if place == groups.len() {
-                    groups.push(Group { first: found, survey: Survey::default(), files: 0 });
-                }
-                let group = &mut groups[place];
-                group.survey = std::mem::take(&mut group.survey).and(&found.survey);
-                group.files += 1;
-                Ok(place)
-            }
-        };
-        of_files.push(own);
-    }
-    (groups, of_files)
+    let mut join = |found| {
+        let place = groups.iter().position(|group| group.first.is_of_one_skeleton(found));
+        let place = place.unwrap_or(groups.len());
+        if place == groups.len() {
+            groups.push(Group { first: found, survey: Survey::default(), files: 0 });
+        }
+        groups[place].survey.add(&found.survey);
+        groups[place].files += 1;
+        place
+    };
+    let joined = surveyed.iter().map(|found| found.as_ref().map(&mut join).map_err(String::clone));
+    let joined = joined.collect();
+    (groups, joined)
 }
 
 /// Cosine within which a bone of the OFFSETs lies as another file's: 45°, since performers differ.
@@ -116,14 +110,8 @@ impl Surveyed {
     }
 }
 
-/// A mapping file for a skeleton whose joints are not all found.
-fn wanted_draft(Bvh { joints, .. }: &Bvh, options: &ImportOptions) -> Option<String> {
-    roles_of(joints, &options.map).is_err().then(|| draft(joints, &options.map))
-}
-
 fn parsed(file: &SourceFile) -> Result<Bvh, String> {
-    let bytes =
-        read_regular(&file.path, LARGE).map_err(|error| format!("cannot be read: {error}"))?;
+    let bytes = file.read()?;
     let text = std::str::from_utf8(&bytes).map_err(|_| "is not UTF-8".to_string())?;
     Ok(with_ends(Bvh::parse(text).map_err(|error| error.to_string())?))
 }
@@ -155,7 +143,7 @@ fn motion(file: &SourceFile, rig: &Rig, options: &ImportOptions) -> Result<Motio
     let frames = frames(&bvh, options);
     let unit_m = unit_m(&frames, rig).ok_or("has legs without length")?;
     let poses: Vec<Pose64> = frames.iter().map(|joints| follow(joints, rig, unit_m)).collect();
-    if !poses.iter().all(is_near) {
+    if !poses.as_flattened().as_flattened().iter().all(|x| x.abs() < FARTHEST_M) {
         return Err(format!("has a body farther than {FARTHEST_M} m from the origin"));
     }
     let fps = frames_a_second(bvh.frame_time_s)?;
@@ -193,18 +181,13 @@ fn frames_a_second(frame_time_s: f64) -> Result<f64, String> {
     Ok(if let [one] = meant[..] { one } else { fps })
 }
 
-/// How far from the origin a body may be, in metres.
+/// How far from the origin a body may be for numbers of four bytes, in metres.
 const FARTHEST_M: f64 = 1e4;
-
-/// Whether a pose is near enough to the origin for numbers of four bytes.
-fn is_near(pose: &Pose64) -> bool {
-    pose.iter().flatten().all(|x| x.abs() < FARTHEST_M)
-}
 
 fn skeleton(group: &Group, rig: &Rig) -> Skeleton {
     let key = &group.first.key;
     let name = |joint: usize| key[joint].0.clone();
-    let roles = (crate::motion::JOINT_NAMES.iter().zip(rig.roles))
+    let roles = (JOINT_NAMES.iter().zip(rig.roles))
         .filter_map(|(role, joint)| Some((*role, name(joint?))))
         .collect();
     Skeleton {

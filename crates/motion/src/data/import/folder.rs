@@ -1,21 +1,19 @@
-//! The folder of an imported data set, written beside its place and renamed.
+//! The folder of an imported data set, written beside its place and renamed; also the procedural motion as one.
 
+use std::collections::HashSet;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::captions::CaptionSource;
-use super::clips::{Clip, Clips};
-use super::error::ImportError;
-use super::manifest::manifest;
-use super::motions::Skeleton;
-use crate::data::Split;
-use crate::data::npy_write::npy_bytes;
-use crate::data::stats::StatsAccumulator;
+use super::clips::{CaptionSource, Clip, Clips, line};
+use super::options::{ImportError, Skeleton};
+use crate::data::npy::npy_bytes;
+use crate::data::{FPS, MotionSource, Procedural, Split, StatsAccumulator};
 use crate::files::{FileError, atomic::PARTIAL};
-use crate::motion::{N_FEATURES, N_JOINTS, features_of_canonical};
+use crate::motion::{N_FEATURES, N_JOINTS, canonicalise, features_of_canonical};
 
 /// What a folder of this command holds and no other.
 const MARK: &str = "import.json";
@@ -162,8 +160,7 @@ fn write_clip(
 fn imported(clips: Clips, told: Vec<String>) -> Imported {
     let count = |split: Split| {
         let own: Vec<&Clip> = clips.clips.iter().filter(|clip| clip.split == split).collect();
-        let groups: std::collections::HashSet<&String> =
-            own.iter().map(|clip| &clip.group).collect();
+        let groups: HashSet<&String> = own.iter().map(|clip| &clip.group).collect();
         let frames = own.iter().map(|clip| clip.poses.len() - 1).sum();
         SplitCount { clips: own.len(), frames, groups: groups.len() }
     };
@@ -178,4 +175,63 @@ fn imported(clips: Clips, told: Vec<String>) -> Imported {
         skeletons: clips.skeletons,
         draft: clips.draft,
     }
+}
+
+// `manifest.csv`: a row a clip.
+
+/// The head of `manifest.csv`.
+const COLUMNS: &str = "id,source_file,start,end,frames,source_fps,unit_m,captions,group,split";
+
+/// The rows of all clips.
+fn manifest(clips: &[Clip]) -> String {
+    let mut text = format!("{COLUMNS}\n");
+    for clip in clips {
+        let unit_m = clip.unit_m.map_or(String::new(), |unit_m| format!("{unit_m:.6}"));
+        let [id, source, group] = [&clip.id, &clip.source, &clip.group].map(|field| quoted(field));
+        let Range { start, end } = &clip.frames;
+        let (n, fps) = (clip.poses.len(), clip.source_fps);
+        let (by, split) = (clip.captioned_by.name(), clip.split.name());
+        text += &format!("{id},{source},{start},{end},{n},{fps},{unit_m},{by},{group},{split}\n");
+    }
+    text
+}
+
+/// A field as RFC 4180 writes it.
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n', '\r']) {
+        return format!("\"{}\"", field.replace('"', "\"\""));
+    }
+    field.to_string()
+}
+
+// The procedural motion as a folder.
+
+/// Writes every clip of `source` as the data set `to`; train, val and test are its own.
+///
+/// # Errors
+/// [`ImportError`]: the folder is there already or cannot be written.
+pub fn write_procedural(
+    source: &Procedural,
+    to: &Path,
+    overwrite: bool,
+) -> Result<Imported, ImportError> {
+    check_place(to, overwrite)?;
+    let clip = |&(split, index): &(Split, usize)| {
+        let id = source.clip_id(split, index);
+        let poses = canonicalise(&source.poses(split, index));
+        Clip {
+            source: String::new(),
+            frames: 0..poses.len(),
+            poses,
+            captions: source.captions(split, index).iter().map(|caption| line(caption)).collect(),
+            captioned_by: CaptionSource::File,
+            group: id.clone(),
+            split,
+            source_fps: FPS,
+            unit_m: None,
+            id,
+        }
+    };
+    let clips = source.clips(&Split::ALL).par_iter().map(clip).collect();
+    write(Clips { form: "procedural", fps: FPS, clips, ..Clips::default() }, to)
 }

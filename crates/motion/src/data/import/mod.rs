@@ -9,30 +9,17 @@
 //! appears whole, by rename, and the same files give the same bytes.
 
 mod bvh;
-mod captions;
 mod clips;
-mod cut;
-mod error;
 mod folder;
-mod group;
 mod joints;
-mod kit;
 mod listing;
-mod manifest;
-mod motions;
 mod options;
-mod rate;
-mod synthetic;
 #[cfg(test)]
 mod tests;
 
-pub use cut::SHORTEST;
-pub use error::ImportError;
-pub use folder::{Imported, SplitCount};
-pub use motions::Skeleton;
-pub use options::{Form, GroupBy, ImportOptions, read_map};
-pub use rate::Rate;
-pub use synthetic::write_procedural;
+pub use clips::SHORTEST;
+pub use folder::{Imported, SplitCount, write_procedural};
+pub use options::{Form, GroupBy, ImportError, ImportOptions, Rate, Skeleton, read_map};
 
 use std::path::Path;
 
@@ -45,7 +32,7 @@ use clips::Clips;
 /// written. Files that cannot be used while others can are [`Imported::problems`].
 pub fn import(options: &ImportOptions, to: &Path) -> Result<Imported, ImportError> {
     folder::check_place(to, options.overwrite)?;
-    let listing = listing::list(&options.from, options.form)?;
+    let listing = listing::list(options)?;
     let motions = match options.form {
         Form::Bvh => bvh::read(&listing.files, options),
         Form::Joints | Form::SmplxJoints | Form::Kit => joints::read(&listing, options)?,

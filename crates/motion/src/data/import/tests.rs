@@ -1,17 +1,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
-
 use super::*;
-use crate::data::npy_write::npy_bytes;
 use crate::data::{HumanMl3d, HumanMl3dOptions, MotionSource, Split, check_folder, parse_npy};
 use crate::motion::bvh::{Axis, Bvh, Channel, fit_bvh};
-use crate::motion::synth::Script;
+use crate::motion::fixtures::{procedural, real};
 use crate::motion::{N_FEATURES, Pose, features_of_canonical, mpjpe_mm, recover_joints};
 
-fn options(from: &Path, form: Form) -> ImportOptions {
+pub fn options(from: &Path, form: Form) -> ImportOptions {
     ImportOptions {
         from: from.to_path_buf(),
         form,
@@ -28,9 +24,8 @@ fn options(from: &Path, form: Form) -> ImportOptions {
 }
 
 /// The first frames of a motion that has as many.
-fn motion(seed: u64, n: usize) -> Vec<Pose> {
-    let scripts = (seed..).map(|seed| Script::sample(&mut ChaCha8Rng::seed_from_u64(1000 * seed)));
-    let mut long = scripts.map(|script| script.poses()).filter(|poses| poses.len() >= n);
+pub fn motion(seed: u64, n: usize) -> Vec<Pose> {
+    let mut long = (seed..).map(|seed| procedural(1000 * seed)).filter(|poses| poses.len() >= n);
     long.next().unwrap()[..n].to_vec()
 }
 
@@ -279,16 +274,6 @@ fn a_rate_or_a_place_that_no_motion_has_is_refused_by_name() {
     assert!(slow.starts_with("slow.bvh: has a Frame Time of"), "{slow}");
 }
 
-/// A folder of real motion; none, with a word, without it.
-fn real(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
-    if !path.is_dir() {
-        eprintln!("skipped: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
-}
-
 fn array(path: &Path) -> Vec<f32> {
     parse_npy(&fs::read(path).unwrap()).unwrap().values
 }
@@ -402,93 +387,4 @@ fn samples_of_four_skeletons_are_imported() {
             );
         }
     }
-}
-
-/// The 21 joints that KIT-ML would have of a pose, in millimetres, one side or the other first.
-fn as_kit(pose: &Pose, sides: [usize; 2]) -> Vec<f32> {
-    let mut joints = vec![pose[0], pose[3], pose[9], pose[12], pose[15]];
-    for side in sides {
-        joints.extend([16, 18, 20].map(|joint| pose[joint + side]));
-    }
-    for side in sides {
-        joints.extend([1, 4, 7, 10].map(|joint| pose[joint + side]));
-        let (ankle, ball) = (pose[7 + side], pose[10 + side]);
-        joints.push(std::array::from_fn(|i| ball[i] + 0.4 * (ball[i] - ankle[i])));
-    }
-    joints.into_flattened().into_iter().map(|metres| 1000.0 * metres).collect()
-}
-
-/// A folder in KIT-ML's layout, a clip a split; `array` makes a file of its poses.
-fn kit_folder(place: &str, array: impl Fn(&[Pose]) -> Vec<u8>) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    fs::create_dir_all(folder.path().join(place)).unwrap();
-    fs::create_dir_all(folder.path().join("texts")).unwrap();
-    for (i, split) in ["train", "val", "test"].into_iter().enumerate() {
-        fs::write(folder.path().join(format!("{place}/0000{i}.npy")), array(&motion(i as u64, 80)))
-            .unwrap();
-        fs::write(folder.path().join(format!("texts/0000{i}.txt")), "he moves##0.0#0.0\n").unwrap();
-        fs::write(folder.path().join(format!("{split}.txt")), format!("0000{i}\n")).unwrap();
-    }
-    folder
-}
-
-fn kit_joints(sides: [usize; 2]) -> tempfile::TempDir {
-    kit_folder("new_joints", |poses| {
-        let values: Vec<f32> = poses.iter().flat_map(|pose| as_kit(pose, sides)).collect();
-        npy_bytes(&[80, 21, 3], &values)
-    })
-}
-
-/// What KIT-ML's features say of joints: steps and places, of which those of HumanML3D are one.
-fn kit_features() -> tempfile::TempDir {
-    kit_folder("new_joint_vecs", |poses| {
-        let row = |row: &[f32]| {
-            let mut local = [[0.0, row[3], 0.0]; 22];
-            let places = local[1..].iter_mut().zip(row[4..67].chunks(3));
-            places.for_each(|(joint, place)| joint.copy_from_slice(place));
-            let mut own = vec![row[0], 1000.0 * row[1], 1000.0 * row[2], 1000.0 * row[3]];
-            own.extend(&as_kit(&local, [1, 0])[3..]);
-            own.resize(251, 0.0);
-            own
-        };
-        let features = crate::motion::build_features(poses);
-        let values: Vec<f32> = features.chunks(263).flat_map(row).collect();
-        npy_bytes(&[79, 251], &values)
-    })
-}
-
-/// The features of a data set's clip.
-fn features(set: &Path, clip: &str) -> Vec<f32> {
-    let bytes = fs::read(set.join(format!("new_joint_vecs/{clip}.npy"))).unwrap();
-    parse_npy(&bytes).unwrap().values
-}
-
-#[test]
-fn kit_ml_is_imported_whichever_side_comes_first() {
-    let (right, left, to) = (kit_joints([1, 0]), kit_joints([0, 1]), tempfile::tempdir().unwrap());
-    let kept = |from: &Path| ImportOptions { rate: Rate::Kept, ..options(from, Form::Kit) };
-    let imported = import(&kept(right.path()), &to.path().join("right")).unwrap();
-    let clips = imported.splits.map(|split| split.clips);
-    assert_eq!((imported.fps, clips), (12.5, [1, 1, 1]));
-    import(&kept(left.path()), &to.path().join("left")).unwrap();
-    let of = |name: &str| features(&to.path().join(name), "00000");
-    assert!(of("right") == of("left"), "sides are told by the toes");
-    let truth = recover_joints(&crate::motion::build_features(&motion(0, 80)));
-    let off = mpjpe_mm(&recover_joints(&of("right")), &truth);
-    assert!(off < 10.0, "{off} mm: collars and spine are guessed, limbs are not");
-    let faster = import(&options(right.path(), Form::Kit), &to.path().join("faster")).unwrap();
-    assert_eq!((faster.fps, faster.splits[0].frames), (20.0, 126));
-}
-
-#[test]
-fn features_of_kit_ml_give_the_motions_of_its_joints() {
-    let (joints, vectors, to) = (kit_joints([1, 0]), kit_features(), tempfile::tempdir().unwrap());
-    let kept = |from: &Path| ImportOptions { rate: Rate::Kept, ..options(from, Form::Kit) };
-    import(&kept(joints.path()), &to.path().join("joints")).unwrap();
-    import(&kept(vectors.path()), &to.path().join("vectors")).unwrap();
-    let [given, told] =
-        ["joints", "vectors"].map(|set| recover_joints(&features(&to.path().join(set), "00001")));
-    assert_eq!((given.len(), told.len()), (79, 78), "features are of one frame less");
-    let off = mpjpe_mm(&told, &given[..78]);
-    assert!(off < 0.1, "{off} mm");
 }

@@ -2,14 +2,14 @@
 
 use thiserror::Error;
 
-use super::euler::{Order, angles, order_around};
-use super::format::rounded;
-use super::hierarchy::{Axis, Bvh, BvhJoint, Channel};
-use super::kinematics::{CM_PER_M, Placed};
-use super::nodes::{Node, nodes, rest_axis};
-use super::rest::{Rest, rest_pose, weighted_align};
-use crate::motion::vector::{add, norm, scale, sub};
-use crate::motion::{JOINT_NAMES, NO_ROTATION, Pose, Quat, conjugate, multiply, rotate};
+use super::hierarchy::{
+    Axis, Bvh, BvhJoint, CM_PER_M, Channel, Order, Placed, angles, order_around,
+};
+use super::text::rounded;
+use crate::motion::geometry::{Point, add, align, norm, scale, sub, with_length};
+use crate::motion::{
+    JOINT_NAMES, N_JOINTS, NO_ROTATION, PARENTS, Pose, Quat, conjugate, multiply, rotate,
+};
 
 /// An End Site lies this share of the last bone beyond it: no motion says where hands end.
 const END_SHARE: f64 = 0.5;
@@ -55,14 +55,13 @@ pub fn fit_bvh(poses: &[Pose], fps: f32) -> Result<FittedBvh, FitBvhError> {
     check(poses, fps)?;
     let nodes = nodes();
     let rest = rest_pose(poses, &nodes);
-    let orders: Vec<Order> = nodes.iter().map(|node| order_around(rest_axis(node))).collect();
     let mut state = vec![Turn { rotation: NO_ROTATION, angles: [0.0; 3] }; nodes.len()];
     let frame = |pose| {
-        turn_to(&mut state, pose, &nodes, &rest, &orders);
+        turn_to(&mut state, pose, &nodes, &rest);
         channels(pose, &state)
     };
     let frames = poses.iter().map(frame).collect();
-    let joints = joints(&nodes, &rest, &orders);
+    let joints = joints(&nodes, &rest);
     let bvh = Bvh { joints, frame_time_s: 1.0 / f64::from(fps), frames };
     let deviation = deviation(poses, &bvh);
     Ok(FittedBvh { bvh, deviation })
@@ -87,24 +86,23 @@ fn check(poses: &[Pose], fps: f32) -> Result<(), FitBvhError> {
 struct Turn {
     rotation: Quat,
     /// The same as angles in radians; within half a turn of those of the frame before.
-    angles: [f64; 3],
+    angles: Point,
 }
 
 /// Turns the nodes from the frame before to `pose`.
-fn turn_to(state: &mut [Turn], pose: &Pose, nodes: &[Node], rest: &Rest, orders: &[Order]) {
+fn turn_to(state: &mut [Turn], pose: &Pose, nodes: &[Node], rest: &Rest) {
     let mut placed: Vec<Placed> = Vec::with_capacity(nodes.len());
     for (index, node) in nodes.iter().enumerate() {
-        let mut at = match node.parent {
+        let at = match node.parent.map(|parent| placed[parent]) {
             None => Placed { rotation: NO_ROTATION, position: pose[0].map(f64::from) },
-            Some(parent) => placed[parent],
+            Some(at) => {
+                let offset = rotate(at.rotation, offset(nodes, node, rest));
+                Placed { position: add(at.position, offset), ..at }
+            }
         };
-        if node.parent.is_some() {
-            let offset = rotate(at.rotation, offset(nodes, node, rest));
-            at.position = add(at.position, offset);
-        }
         let before = state[index];
         let rotation = rotation(node, pose, rest, at, before.rotation);
-        let angles = angles(rotation, orders[index], before.angles);
+        let angles = angles(rotation, node.order, before.angles);
         state[index] = Turn { rotation, angles };
         placed.push(Placed { rotation: multiply(at.rotation, rotation), ..at });
     }
@@ -114,15 +112,15 @@ fn turn_to(state: &mut [Turn], pose: &Pose, nodes: &[Node], rest: &Rest, orders:
 fn rotation(node: &Node, pose: &Pose, rest: &Rest, at: Placed, before: Quat) -> Quat {
     let back = conjugate(at.rotation);
     let present = |&aim: &usize| rotate(back, sub(pose[aim].map(f64::from), at.position));
-    let bones: Vec<[f64; 3]> = node.aims.iter().map(|&aim| rest[aim]).collect();
-    let present: Vec<[f64; 3]> = node.aims.iter().map(present).collect();
+    let bones: Vec<Point> = node.aims.iter().map(|&aim| rest[aim]).collect();
+    let present: Vec<Point> = node.aims.iter().map(present).collect();
     // One bone leaves its twist open, and the rotation nearest to none is the smallest.
     let prior = if node.aims.len() > 1 { before } else { NO_ROTATION };
     weighted_align(&node.aims, &bones, &present, prior)
 }
 
 /// Place of a node in its parent's frame: none for a base, which lies where its parent lies.
-fn offset(nodes: &[Node], node: &Node, rest: &Rest) -> [f64; 3] {
+fn offset(nodes: &[Node], node: &Node, rest: &Rest) -> Point {
     let parent = node.parent.map(|parent| nodes[parent].joint);
     if parent == Some(node.joint) { [0.0; 3] } else { rest[node.joint] }
 }
@@ -134,9 +132,9 @@ fn channels(pose: &Pose, state: &[Turn]) -> Vec<f64> {
     place.chain(turns).map(rounded).collect()
 }
 
-fn joints(nodes: &[Node], rest: &Rest, orders: &[Order]) -> Vec<BvhJoint> {
-    let centimetres = |v: [f64; 3]| scale(v, CM_PER_M).map(rounded);
-    let joint = |(node, order): (&Node, &Order)| {
+fn joints(nodes: &[Node], rest: &Rest) -> Vec<BvhJoint> {
+    let centimetres = |v: Point| scale(v, CM_PER_M).map(rounded);
+    let joint = |node: &Node| {
         let positions = Axis::ALL.into_iter().map(Channel::Position);
         let positions = positions.filter(|_| node.parent.is_none());
         let end = node.aims.is_empty().then(|| centimetres(scale(rest[node.joint], END_SHARE)));
@@ -144,11 +142,11 @@ fn joints(nodes: &[Node], rest: &Rest, orders: &[Order]) -> Vec<BvhJoint> {
             name: node.name.clone(),
             parent: node.parent,
             offset: centimetres(offset(nodes, node, rest)),
-            channels: positions.chain(order.map(Channel::Rotation)).collect(),
+            channels: positions.chain(node.order.map(Channel::Rotation)).collect(),
             end_sites: end.into_iter().collect(),
         }
     };
-    nodes.iter().zip(orders).map(joint).collect()
+    nodes.iter().map(joint).collect()
 }
 
 fn deviation(poses: &[Pose], bvh: &Bvh) -> Deviation {
@@ -158,4 +156,143 @@ fn deviation(poses: &[Pose], bvh: &Bvh) -> Deviation {
     let mm: Vec<f64> = given.zip(said.as_flattened()).map(|pair| 1000.0 * distance(pair)).collect();
     let largest_mm = mm.iter().copied().fold(0.0, f64::max);
     Deviation { largest_mm, mean_mm: mm.iter().sum::<f64>() / mm.len() as f64 }
+}
+
+// The hierarchy that is written: the 22 joints, and a base below the chest for each collar.
+
+const NECK: usize = 12;
+/// Left collar, right collar.
+const COLLARS: [usize; 2] = [13, 14];
+
+/// A joint of the hierarchy.
+#[derive(Clone, Debug, PartialEq)]
+struct Node {
+    name: String,
+    parent: Option<usize>,
+    /// The joint of the skeleton where the node lies.
+    joint: usize,
+    /// Joints of the skeleton that the node's rotation brings to their places.
+    aims: Vec<usize>,
+    order: Order,
+}
+
+impl Node {
+    fn new(name: String, parent: Option<usize>, joint: usize, aims: Vec<usize>) -> Node {
+        // The axis along which the bones that leave the node lie in the rest pose, more or less; that of
+        // the bone before it where none leaves.
+        let axis = match aims[..] {
+            [aim] => Axis::along(REST_DIRECTIONS[aim]),
+            [] => Axis::along(REST_DIRECTIONS[joint]),
+            // Turned about the vertical first, sideways next: a body that lies on its side is rare.
+            _ => Axis::Z,
+        };
+        Node { name, parent, joint, aims, order: order_around(axis) }
+    }
+}
+
+/// Nodes depth first, each after its parent.
+///
+/// A joint with one child turns that child to its place. Pelvis and chest turn three at once, as
+/// rigid bodies. Shoulders rise against the neck, so each collar has a base of its own on the
+/// chest's place, without length, that turns it: CMU's skeletons do the same.
+fn nodes() -> Vec<Node> {
+    let mut nodes = Vec::with_capacity(N_JOINTS + COLLARS.len());
+    add_node(&mut nodes, 0, None);
+    nodes
+}
+
+fn add_node(nodes: &mut Vec<Node>, joint: usize, parent: Option<usize>) {
+    let aims: Vec<usize> = (0..N_JOINTS).filter(|&child| PARENTS[child] == Some(joint)).collect();
+    let own = nodes.len();
+    nodes.push(Node::new(JOINT_NAMES[joint].to_owned(), parent, joint, aims.clone()));
+    for aim in aims {
+        if COLLARS.contains(&aim) {
+            let name = format!("{}_base", JOINT_NAMES[aim]);
+            nodes.push(Node::new(name, Some(own), joint, vec![aim]));
+        }
+        let below = if COLLARS.contains(&aim) { nodes.len() - 1 } else { own };
+        add_node(nodes, aim, Some(below));
+    }
+}
+
+/// Direction from its parent to each joint in the rest pose: a T, palms down, facing +z.
+///
+/// Lengths play no part. The three of the pelvis and the three of the chest are where the search
+/// for a clip's own angles begins.
+const REST_DIRECTIONS: [Point; N_JOINTS] = {
+    const UP: Point = [0.0, 1.0, 0.0];
+    const DOWN: Point = [0.0, -1.0, 0.0];
+    const LEFT: Point = [1.0, 0.0, 0.0];
+    const RIGHT: Point = [-1.0, 0.0, 0.0];
+    const FRONT: Point = [0.0, 0.0, 1.0];
+    const HIPS: [Point; 2] = [[0.6, -0.8, 0.0], [-0.6, -0.8, 0.0]];
+    const COLLARS: [Point; 2] = [[0.6, 0.8, 0.0], [-0.6, 0.8, 0.0]];
+    [
+        [0.0; 3], HIPS[0], HIPS[1], UP, DOWN, DOWN, UP, DOWN, DOWN, UP, FRONT, FRONT, UP,
+        COLLARS[0], COLLARS[1], UP, LEFT, RIGHT, LEFT, RIGHT, LEFT, RIGHT,
+    ]
+};
+
+// The rest pose of a clip: mean bone lengths, and the angles between bones that turn together.
+
+/// One is exact for a rigid body; later ones settle the mean of a body that is not.
+const ROUNDS: usize = 4;
+
+/// Place in its parent's frame of each joint in the rest pose, metres; the pelvis lies at zero.
+type Rest = [Point; N_JOINTS];
+
+/// The rest pose of `poses`: bones as long as they are in the mean over the frames.
+///
+/// A bone that leaves its joint alone has the direction of [`REST_DIRECTIONS`]. Bones that leave a
+/// joint together have the mean of their directions over the frames, each frame turned on the mean
+/// (generalised Procrustes analysis, Gower 1975), and that mean is turned upright.
+fn rest_pose(poses: &[Pose], nodes: &[Node]) -> Rest {
+    let mut rest: Rest = std::array::from_fn(|joint| {
+        let lengths = poses.iter().map(|pose| norm(bone(pose, joint)));
+        let mean = lengths.sum::<f64>() / poses.len() as f64;
+        with_length(REST_DIRECTIONS[joint], mean).unwrap_or_default()
+    });
+    for node in nodes.iter().filter(|node| node.aims.len() > 1) {
+        let upright: Vec<Point> = node.aims.iter().map(|&aim| rest[aim]).collect();
+        let shape = mean_shape(poses, &node.aims, upright);
+        node.aims.iter().zip(shape).for_each(|(&aim, bone)| rest[aim] = bone);
+    }
+    rest
+}
+
+/// From a joint's parent to the joint, metres.
+fn bone(pose: &Pose, joint: usize) -> Point {
+    let parent = PARENTS[joint].unwrap_or(joint);
+    sub(pose[joint].map(f64::from), pose[parent].map(f64::from))
+}
+
+fn mean_shape(poses: &[Pose], aims: &[usize], upright: Vec<Point>) -> Vec<Point> {
+    let mut shape = upright.clone();
+    for _ in 0..ROUNDS {
+        shape = mean_turned_on(poses, aims, &shape);
+    }
+    let turn = weighted_align(aims, &shape, &upright, NO_ROTATION);
+    shape.into_iter().map(|bone| rotate(turn, bone)).collect()
+}
+
+/// The mean of the frames' bones, each frame turned on `shape`; lengths are those of `shape`.
+fn mean_turned_on(poses: &[Pose], aims: &[usize], shape: &[Point]) -> Vec<Point> {
+    let mut sums = vec![[0.0; 3]; aims.len()];
+    let mut turn = NO_ROTATION;
+    for pose in poses {
+        let present: Vec<Point> = aims.iter().map(|&aim| bone(pose, aim)).collect();
+        turn = weighted_align(aims, shape, &present, turn);
+        let back = conjugate(turn);
+        sums.iter_mut().zip(present).for_each(|(sum, bone)| *sum = add(*sum, rotate(back, bone)));
+    }
+    let of_length = |(sum, bone): (&Point, &Point)| with_length(*sum, norm(*bone));
+    sums.iter().zip(shape).map(|pair| of_length(pair).unwrap_or(*pair.1)).collect()
+}
+
+/// [`align`] where among the joints that one rotation serves the neck counts for the chest above all, because the
+/// collars have bases.
+fn weighted_align(aims: &[usize], from: &[Point], to: &[Point], prior: Quat) -> Quat {
+    let weight = |aim: usize| if aim == NECK { 1e4 } else { 1.0 };
+    let weighted = aims.iter().zip(from).map(|(&aim, &bone)| scale(bone, weight(aim)));
+    align(&weighted.collect::<Vec<_>>(), to, prior)
 }

@@ -1,16 +1,10 @@
-//! The actions, and how one follows another.
+//! The actions, how one follows another, and their places on the time line of a clip.
 
-use super::blend::{plateau, smooth};
-use super::drive::Drive;
-use super::floor::Side;
-use super::hands::{Punch, Repeats, Wave};
-use super::jump::Jump;
-use super::kick::Kick;
-use super::manner::Manner;
-use super::posture::{Arm, Posture};
-use super::random::Draw;
+use super::airborne::{Jump, Kick};
+use super::in_place::{Punch, Repeats, Sit, Wave, bow, clap, cycle, look, squat, stretch};
+use super::manner::{Manner, Posture};
+use super::maths::{Blend, Draw, Drive, Side, plateau, smooth};
 use super::travel::{Gait, Travel};
-use std::f32::consts::{PI, TAU};
 
 /// One thing that a body does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +42,14 @@ pub enum Choice {
     Arc,
     Jump,
     Kick,
-    Still(Kind),
+    Wave,
+    Punch,
+    Clap,
+    Stretch,
+    Bow,
+    Squat,
+    Sit,
+    Stand,
 }
 
 /// Roughly Zipf's law: the first kinds make most of the clips, the last ones are rare.
@@ -56,19 +57,19 @@ const WEIGHTS: [(Choice, f32); 16] = [
     (Choice::Walk, 27.0),
     (Choice::Turn, 13.0),
     (Choice::Run, 9.0),
-    (Choice::Still(Kind::Wave), 8.0),
+    (Choice::Wave, 8.0),
     (Choice::Jump, 7.0),
     (Choice::Kick, 6.0),
-    (Choice::Still(Kind::Sit), 5.0),
+    (Choice::Sit, 5.0),
     (Choice::Arc, 4.5),
     (Choice::Back, 4.0),
     (Choice::Sideways, 3.5),
-    (Choice::Still(Kind::Stand), 3.0),
-    (Choice::Still(Kind::Punch), 2.4),
-    (Choice::Still(Kind::Clap), 2.0),
-    (Choice::Still(Kind::Stretch), 1.6),
-    (Choice::Still(Kind::Squat), 1.2),
-    (Choice::Still(Kind::Bow), 1.0),
+    (Choice::Stand, 3.0),
+    (Choice::Punch, 2.4),
+    (Choice::Clap, 2.0),
+    (Choice::Stretch, 1.6),
+    (Choice::Squat, 1.2),
+    (Choice::Bow, 1.0),
 ];
 
 impl Action {
@@ -86,20 +87,49 @@ impl Action {
         })
     }
 
-    fn of(choice: Choice, m: &Manner, budget: f32, rng: &mut impl Draw) -> Option<Self> {
+    fn of<R: Draw>(choice: Choice, m: &Manner, budget: f32, rng: &mut R) -> Option<Self> {
         let side = rng.one_of(&Side::BOTH);
-        let gait = match choice {
-            Choice::Walk => Gait::Walk,
-            Choice::Run => Gait::Run,
-            Choice::Back => Gait::Back,
-            Choice::Sideways => Gait::Sideways(side),
-            Choice::Turn => Gait::Turn(side),
-            Choice::Arc => Gait::Arc(side),
+        let steps = |gait, rng: &mut R| Travel::sample(gait, m, budget, rng).map(Self::Travel);
+        let energy = m.traits.energy;
+        let action = match choice {
+            Choice::Walk => return steps(Gait::Walk, rng),
+            Choice::Run => return steps(Gait::Run, rng),
+            Choice::Back => return steps(Gait::Back, rng),
+            Choice::Sideways => return steps(Gait::Sideways(side), rng),
+            Choice::Turn => return steps(Gait::Turn(side), rng),
+            Choice::Arc => return steps(Gait::Arc(side), rng),
             Choice::Jump => return Jump::sample(m, budget, rng).map(Self::Jump),
             Choice::Kick => return Kick::sample(m, budget, rng).map(Self::Kick),
-            Choice::Still(kind) => return Self::in_place(kind, m, budget, rng),
+            Choice::Wave => Self::Wave(Wave::sample(m, budget, rng)?),
+            Choice::Punch => Self::Punch(Punch::sample(m, budget, rng)?),
+            Choice::Clap => Self::sample_clap(energy, budget, rng)?,
+            Choice::Stretch => Self::Stretch {
+                hold: rng.uniform(0.3, 1.6),
+                out: rng.unit(),
+                raise: rng.uniform(0.7, 1.1) / energy,
+            },
+            Choice::Bow => Self::Bow(
+                Repeats::sample((1, 2), rng.uniform(1.6, 2.5) / energy, budget, rng)?,
+                rng.uniform(0.35, 1.0),
+            ),
+            Choice::Squat => Self::Squat(
+                Repeats::sample((1, 4), rng.uniform(1.4, 2.1) / energy, budget, rng)?,
+                rng.uniform(0.2, 0.5),
+            ),
+            Choice::Sit => Self::Sit(Sit::sample(m, rng)),
+            Choice::Stand => {
+                Self::Stand(rng.uniform(1.0, 3.0), rng.chance(0.5).then(|| rng.one_of(&Side::BOTH)))
+            }
         };
-        Travel::sample(gait, m, budget, rng).map(Self::Travel)
+        (action.duration() <= budget).then_some(action)
+    }
+
+    fn sample_clap(energy: f32, budget: f32, rng: &mut impl Draw) -> Option<Self> {
+        let period = rng.uniform(0.36, 0.6) / energy;
+        let repeats = Repeats::sample((2, 8), period, budget - 1.0, rng)?;
+        let overhead = rng.chance(0.25);
+        let height = if overhead { rng.uniform(0.8, 1.0) } else { rng.uniform(0.0, 0.2) };
+        Some(Self::Clap(repeats, height))
     }
 
     /// Seconds of the action.
@@ -165,7 +195,7 @@ impl Action {
 
 /// How much likelier `next` is after `last` than at the start of a clip.
 fn affinity(last: Option<Choice>, next: Choice) -> f32 {
-    use Choice::{Arc, Back, Jump, Kick, Run, Still, Turn, Walk};
+    use Choice::{Arc, Back, Bow, Clap, Jump, Kick, Punch, Run, Sit, Turn, Walk, Wave};
     let Some(last) = last else { return 1.0 };
     match (last, next) {
         (last, next) if last == next => 0.1,
@@ -173,161 +203,89 @@ fn affinity(last: Option<Choice>, next: Choice) -> f32 {
         (Turn, Walk | Run) => 2.5,
         (Walk, Run) | (Run, Jump) | (Back, Walk) => 2.0,
         (Run, Walk) => 1.5,
-        (Kick, Still(Kind::Punch)) | (Still(Kind::Punch), Kick) => 6.0,
-        (Jump, Still(Kind::Clap)) | (Still(Kind::Wave), Still(Kind::Bow)) => 4.0,
-        (Walk | Turn, Still(Kind::Sit | Kind::Wave)) => 1.5,
+        (Kick, Punch) | (Punch, Kick) => 6.0,
+        (Jump, Clap) | (Wave, Bow) => 4.0,
+        (Walk | Turn, Sit | Wave) => 1.5,
         _ => 1.0,
     }
 }
 
-// Actions on planted feet: those of the hands, stretching, bowing, squatting, sitting, standing.
+// An action in its place on the time line of a clip.
 
-/// Sitting down on a seat behind, and standing up again or not.
+/// Half of the seconds in which one posture gives way to the next.
+const FADE: f32 = 0.28;
+
+/// Longer than any clip: for what does not end within it.
+pub const FOREVER: f32 = 12.0;
+
+/// An action with its time. A walk may have begun before the clip and go on after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sit {
-    /// Metres by which the pelvis goes down.
-    pub depth: f32,
-    /// Seconds down, and of sitting.
-    pub lowering: f32,
-    pub hold: f32,
-    pub rises: bool,
+pub struct Act {
+    /// The kind of the action.
+    pub choice: Choice,
+    pub action: Action,
+    /// Seconds from the clip's first frame.
+    pub start: f32,
+    /// Seconds during which the action was already going on before `start`.
+    pub early: f32,
+    /// Seconds for which it goes on after its own duration.
+    pub late: f32,
+    /// The next act begins where this one ends.
+    pub joins_next: bool,
+    /// Steps gather speed at the start, or lose it at the end.
+    pub gathers: bool,
+    pub slows: bool,
+    /// The same action, with the same numbers, stands earlier in the clip.
+    pub again: bool,
 }
 
-impl Sit {
-    fn sample(m: &Manner, rng: &mut impl Draw) -> Self {
-        Self {
-            depth: rng.uniform(0.4, 0.48) - m.traits.crouch,
-            lowering: rng.uniform(1.1, 1.6) / m.traits.energy,
-            hold: rng.uniform(0.6, 3.0),
-            rises: rng.chance(0.55),
+impl Act {
+    /// An act that begins and ends with its action.
+    pub fn new((choice, action): (Choice, Action), start: f32) -> Self {
+        let late = if action.is_final() { FOREVER } else { 0.0 };
+        let (gathers, slows, joins_next, again) = (true, true, false, false);
+        Self { choice, action, start, early: 0.0, late, joins_next, gathers, slows, again }
+    }
+
+    /// Seconds from the clip's first frame to the end of the action's own duration.
+    pub fn end(&self) -> f32 {
+        self.start + self.action.duration()
+    }
+
+    /// The root's velocity, if it is this act that drives it at `t`.
+    pub fn drive(&self, t: f32) -> Option<Drive> {
+        let active = (self.start - self.early..self.end() + self.late).contains(&t);
+        active.then(|| {
+            let drive = self.action.drive(t - self.start);
+            let share = self.action.travel().map_or(1.0, |travel| self.speed_share(travel, t));
+            Drive { left: share * drive.left, forward: share * drive.forward, ..drive }
+        })
+    }
+
+    /// Share of the full speed: no leg can follow a body that runs at once.
+    fn speed_share(&self, travel: &Travel, t: f32) -> f32 {
+        let gather = |since: f32| 0.25 + 0.75 * smooth(since / travel.run_up());
+        let start = if self.gathers { gather(t - self.start) } else { 1.0 };
+        let end = if self.slows { gather(self.end() - t) } else { 1.0 };
+        start.min(end)
+    }
+
+    /// `before`, given way to this act's posture as far as `t` asks for it.
+    pub fn over(&self, before: Posture, t: f32, m: &Manner) -> Posture {
+        let weight = self.weight(t);
+        if weight <= 0.0 {
+            return before;
         }
+        before.mix(self.action.posture(t - self.start, m), weight)
     }
 
-    fn seated(&self, t: f32) -> f32 {
-        let down = smooth(t / self.lowering);
-        if self.rises { down * smooth((self.duration() - t) / self.lowering) } else { down }
+    fn weight(&self, t: f32) -> f32 {
+        let fade_in = smooth((t - self.start + self.early + FADE) / (2.0 * FADE));
+        let left = self.end() + self.late - t;
+        if !self.joins_next {
+            return fade_in * smooth((left + FADE) / (2.0 * FADE));
+        }
+        // The next act has taken over in full when this one stops.
+        if left > -FADE { fade_in } else { 0.0 }
     }
-
-    pub fn duration(&self) -> f32 {
-        self.hold + if self.rises { 2.0 } else { 1.0 } * self.lowering
-    }
-
-    pub fn posture(&self, posture: &mut Posture, t: f32) {
-        let seated = self.seated(t);
-        // The trunk goes forward while the weight is between feet and seat.
-        let between = (PI * seated).sin();
-        let trunk = &mut posture.trunk;
-        trunk.rise -= self.depth * seated;
-        trunk.shift_forward -= 0.4 * seated;
-        trunk.pelvis_pitch += 0.45 * between - 0.12 * seated;
-        trunk.spine_pitch += 0.45 * between + 0.06 * seated;
-        trunk.head_pitch -= 0.25 * between;
-        let lap = Arm { flex: 0.36, abduct: 0.1, twist: -0.3, elbow: 0.8, shrug: 0.0 };
-        posture.reach(Side::BOTH, lap, seated);
-        posture.arms.iter_mut().for_each(|arm| arm.flex += 0.5 * between);
-    }
-}
-
-/// The kinds of actions that leave the feet where they are, to draw from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    Wave,
-    Punch,
-    Clap,
-    Stretch,
-    Bow,
-    Squat,
-    Sit,
-    Stand,
-}
-
-impl Action {
-    /// Draws an action of a kind that takes no longer than `budget` seconds, if there is one.
-    pub fn in_place(kind: Kind, m: &Manner, budget: f32, rng: &mut impl Draw) -> Option<Self> {
-        let energy = m.traits.energy;
-        let action = match kind {
-            Kind::Wave => Self::Wave(Wave::sample(m, budget, rng)?),
-            Kind::Punch => Self::Punch(Punch::sample(m, budget, rng)?),
-            Kind::Clap => Self::sample_clap(energy, budget, rng)?,
-            Kind::Stretch => Self::Stretch {
-                hold: rng.uniform(0.3, 1.6),
-                out: rng.unit(),
-                raise: rng.uniform(0.7, 1.1) / energy,
-            },
-            Kind::Bow => Self::Bow(
-                Repeats::sample((1, 2), rng.uniform(1.6, 2.5) / energy, budget, rng)?,
-                rng.uniform(0.35, 1.0),
-            ),
-            Kind::Squat => Self::Squat(
-                Repeats::sample((1, 4), rng.uniform(1.4, 2.1) / energy, budget, rng)?,
-                rng.uniform(0.2, 0.5),
-            ),
-            Kind::Sit => Self::Sit(Sit::sample(m, rng)),
-            Kind::Stand => {
-                Self::Stand(rng.uniform(1.0, 3.0), rng.chance(0.5).then(|| rng.one_of(&Side::BOTH)))
-            }
-        };
-        (action.duration() <= budget).then_some(action)
-    }
-
-    fn sample_clap(energy: f32, budget: f32, rng: &mut impl Draw) -> Option<Self> {
-        let period = rng.uniform(0.36, 0.6) / energy;
-        let repeats = Repeats::sample((2, 8), period, budget - 1.0, rng)?;
-        let overhead = rng.chance(0.25);
-        let height = if overhead { rng.uniform(0.8, 1.0) } else { rng.uniform(0.0, 0.2) };
-        Some(Self::Clap(repeats, height))
-    }
-}
-
-/// 0 at the ends of each repeat, 1 for a while in its middle.
-pub fn cycle(repeats: &Repeats, t: f32) -> f32 {
-    plateau(repeats.since_start(t), repeats.period, 0.42 * repeats.period)
-}
-
-pub fn clap(posture: &mut Posture, repeats: &Repeats, height: f32, t: f32, total: f32) {
-    let on = plateau(t, total, 0.5);
-    let beat = TAU * (t - 0.5) / repeats.period;
-    let open = (0.5 + 0.5 * beat.cos()) * on;
-    let low = Arm { flex: 0.75, abduct: -0.03, twist: -0.72, elbow: 1.25, shrug: 0.03 };
-    let high = Arm { flex: 2.7, abduct: -0.1, twist: -1.35, elbow: 0.66, shrug: 0.25 };
-    let mut target = low.mix(high, height);
-    target.abduct += (0.22 + 0.1 * height) * open;
-    target.twist += (0.45 - 0.3 * height) * open;
-    posture.reach(Side::BOTH, target, on);
-}
-
-pub fn stretch(posture: &mut Posture, out: f32, up: f32) {
-    let forward = Arm { flex: 2.85, abduct: 0.12, twist: 0.0, elbow: 0.15, shrug: 0.35 };
-    let sideways = Arm { flex: 0.0, abduct: 2.75, twist: 0.6, elbow: 0.15, shrug: 0.35 };
-    posture.reach(Side::BOTH, forward.mix(sideways, out.round()), up);
-    posture.trunk.spine_pitch -= (0.1 + 0.12 * out) * up;
-    posture.trunk.head_pitch -= 0.3 * up;
-}
-
-pub fn bow(posture: &mut Posture, depth: f32) {
-    let trunk = &mut posture.trunk;
-    trunk.pelvis_pitch += 0.55 * depth;
-    trunk.spine_pitch += 0.75 * depth;
-    trunk.head_pitch += 0.25 * depth;
-    trunk.shift_forward -= 0.13 * depth;
-    // Arms keep hanging by the legs.
-    posture.arms.iter_mut().for_each(|arm| arm.flex += 0.75 * depth);
-}
-
-pub fn squat(posture: &mut Posture, depth: f32, down: f32) {
-    let trunk = &mut posture.trunk;
-    trunk.rise -= depth * down;
-    trunk.shift_forward -= 0.3 * depth * down;
-    trunk.pelvis_pitch += 0.8 * depth * down;
-    trunk.spine_pitch += 0.9 * depth * down;
-    trunk.head_pitch -= 0.8 * depth * down;
-    let ahead = Arm { flex: 1.3, abduct: 0.1, twist: -0.2, elbow: 0.35, shrug: 0.05 };
-    posture.reach(Side::BOTH, ahead, 0.85 * down);
-}
-
-pub fn look(posture: &mut Posture, first: Option<Side>, t: f32, total: f32) {
-    let Some(first) = first else { return };
-    let turn = first.sign() * (TAU * t / total).sin() * plateau(t, total, 0.2);
-    posture.trunk.head_turn += 0.75 * turn;
-    posture.trunk.spine_twist += 0.25 * turn;
 }

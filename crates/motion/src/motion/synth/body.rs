@@ -1,14 +1,38 @@
-//! Joints from a root, a posture and two feet: forward kinematics for the trunk and the arms,
-//! two-bone inverse kinematics for the legs.
+//! A script into joints: forward kinematics for the trunk and the arms, two-bone inverse kinematics for the
+//! legs, and the noise of a living body.
 
+use std::f32::consts::TAU;
 use std::sync::LazyLock;
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
 use super::feet::Foot;
-use super::floor::{FloorPose, Side};
-use super::geometry::{Rotation, V3, norm, unit};
-use super::posture::{Arm, Posture, Trunk};
-use crate::motion::vector::{add, cross, scale, sub};
+use super::manner::{Arm, Manner, Posture, Trunk};
+use super::maths::{Blend, Draw, FPS, FloorPose, Rotation, Side, V3, norm, unit};
+use super::path::{Path, footsteps};
+use super::script::Script;
+use crate::motion::geometry::{add, cross, scale, sub};
 use crate::motion::{BONE_LENGTHS as BONES, N_JOINTS, Pose};
+
+impl Script {
+    /// The joints, `n_frames + 1` poses at [`FPS`] frames per second, metres; the script's own noise
+    /// seed decides all.
+    pub fn poses(&self) -> Vec<Pose> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.noise);
+        let path = Path::lay(self, &mut rng);
+        let mut feet = footsteps(self, &path, &mut rng);
+        let mut wander = Wander::new(&self.manner, &mut rng);
+        let frame_pose = |frame: usize| {
+            let t = frame as f32 / FPS;
+            let posture = wander.disturb(self.posture(t), &mut rng);
+            pose(path.at(t), &posture, &[feet[0].at(t), feet[1].at(t)])
+        };
+        (0..=self.n_frames()).map(frame_pose).collect()
+    }
+}
+
+// Joints from a root, a posture and two feet.
 
 /// Direction of the bones that keep theirs relative to the parent's frame, standing upright.
 const DIRECTIONS: [(usize, V3); 11] = [
@@ -141,4 +165,94 @@ fn place_arm(joints: &mut Pose, side: Side, arm: &Arm, chest: Rotation) {
     joints[16 + i] = shoulder;
     joints[18 + i] = elbow;
     joints[20 + i] = add(elbow, forearm);
+}
+
+// Noise: breath, slow wandering, and a tremor.
+
+/// Persistence per frame of the slow noise (0.8 s) and of the fast one (0.06 s).
+const SLOW: f32 = 0.939;
+const FAST: f32 = 0.43;
+
+/// One deviation of the slow noise, at wander 1.
+const DEVIATION: Posture = {
+    let trunk = Trunk {
+        shift_left: 0.009,
+        rise: 0.003,
+        shift_forward: 0.007,
+        pelvis_pitch: 0.018,
+        pelvis_roll: 0.014,
+        pelvis_twist: 0.03,
+        spine_pitch: 0.03,
+        spine_roll: 0.025,
+        spine_twist: 0.035,
+        head_pitch: 0.05,
+        head_roll: 0.03,
+        head_turn: 0.11,
+    };
+    let arm = Arm { flex: 0.05, abduct: 0.035, twist: 0.09, elbow: 0.07, shrug: 0.015 };
+    Posture { trunk, arms: [arm; 2] }
+};
+
+/// The fast noise against the slow one, at wander and tremor 1.
+const FAST_SHARE: f32 = 0.07;
+
+/// A stream of small departures from a posture.
+pub struct Wander {
+    /// First- and second-order autoregressive states of every channel, all of unit variance.
+    drive: Posture,
+    slow: Posture,
+    fast: Posture,
+    wander: f32,
+    tremor: f32,
+    /// Radians per frame, and now.
+    breath_step: f32,
+    breath: f32,
+}
+
+impl Wander {
+    /// Starts in the stationary distribution.
+    pub fn new(manner: &Manner, rng: &mut impl Draw) -> Self {
+        Self {
+            drive: white(rng),
+            slow: white(rng),
+            fast: white(rng),
+            wander: manner.traits.wander,
+            tremor: manner.traits.tremor,
+            breath_step: TAU * manner.breath_rate / FPS,
+            breath: rng.uniform(0.0, TAU),
+        }
+    }
+
+    /// The posture of the next frame with its noise.
+    pub fn disturb(&mut self, posture: Posture, rng: &mut impl Draw) -> Posture {
+        self.advance(rng);
+        let (wander, tremor) = (self.wander, FAST_SHARE * self.tremor);
+        let noise = self.slow.zip(self.fast, |s, f| wander * s + tremor * f);
+        let mut noisy = posture.zip(noise.zip(DEVIATION, |n, a| n * a), |p, n| p + n);
+        self.breathe(&mut noisy);
+        noisy
+    }
+
+    fn advance(&mut self, rng: &mut impl Draw) {
+        let (innovation, echo) = ((1.0 - SLOW * SLOW).sqrt(), (1.0 - FAST * FAST).sqrt());
+        // A cascade of two equal filters has this gain from the first's output.
+        let gain = (1.0 - SLOW * SLOW) / (1.0 + SLOW * SLOW).sqrt();
+        self.drive = self.drive.zip(white(rng), |x, w| SLOW * x + innovation * w);
+        self.slow = self.slow.zip(self.drive, |x, d| SLOW * x + gain * d);
+        self.fast = self.fast.zip(white(rng), |x, w| FAST * x + echo * w);
+    }
+
+    fn breathe(&mut self, posture: &mut Posture) {
+        self.breath += self.breath_step;
+        let breath = self.breath.sin();
+        posture.trunk.spine_pitch -= 0.012 * breath;
+        for arm in &mut posture.arms {
+            arm.shrug += 0.015 * breath;
+            arm.elbow = arm.elbow.max(0.03);
+        }
+    }
+}
+
+fn white(rng: &mut impl Draw) -> Posture {
+    Posture::from_fn(|| rng.white())
 }

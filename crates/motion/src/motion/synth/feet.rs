@@ -1,8 +1,6 @@
 //! Where a foot is: planted, rolling off its toe, or in one of its swings.
 
-use super::blend::{arch, smooth};
-use super::floor::{FloorPose, Side};
-use super::geometry::V3;
+use super::maths::{Blend, FloorPose, Side, V3, arch, smooth};
 
 /// Heights of the ankle and of the ball of the foot on a flat foot, metres.
 pub const ANKLE: f32 = 0.075;

@@ -1,15 +1,10 @@
 //! What one action is called: a verb and its circumstances, now with more of them, now with less.
 
-use super::act::Act;
-use super::action::{Action, Sit};
-use super::floor::Side;
-use super::hands::{Hands, Punch, Wave};
-
-use super::jump::{Aim, Jump};
-use super::kick::Kick;
-use super::random::Draw;
+use super::action::{Act, Action};
+use super::airborne::{Aim, Jump, Kick};
+use super::in_place::{Hands, Punch, Sit, Wave};
+use super::maths::{Draw, Side};
 use super::travel::{Gait, Travel};
-use super::verbs::{self, Verb};
 
 /// A verb and what is said about it.
 #[derive(Clone, Debug)]
@@ -44,12 +39,12 @@ impl Phrase {
             }
             Action::Squat(repeats, depth) => {
                 let told = if *depth > 0.38 && rng.chance(0.6) { "low" } else { "" };
-                of_repeats(&verbs::SQUAT, told, repeats.count, rng)
+                of_repeats(&SQUAT, told, repeats.count, rng)
             }
             Action::Sit(sit) => of_sit(sit, rng),
             Action::Stand(hold, looks) => {
                 let told = if *hold > 2.0 && rng.chance(0.5) { "for a while" } else { "" };
-                of_repeats(if looks.is_some() { &verbs::LOOK } else { &verbs::STAND }, told, 0, rng)
+                of_repeats(if looks.is_some() { &LOOK } else { &STAND }, told, 0, rng)
             }
         };
         if act.again {
@@ -105,12 +100,12 @@ fn number(count: u32) -> &'static str {
 
 fn of_travel(travel: &Travel, rng: &mut impl Draw) -> Phrase {
     let verbs: &[Verb] = match travel.gait {
-        Gait::Walk | Gait::Arc(_) => &verbs::WALK,
-        Gait::Run if travel.pace > 1.15 => &verbs::SPRINT,
-        Gait::Run => &verbs::RUN,
-        Gait::Back => &verbs::BACK,
-        Gait::Sideways(_) => &verbs::SIDEWAYS,
-        Gait::Turn(_) => &verbs::TURN,
+        Gait::Walk | Gait::Arc(_) => &WALK,
+        Gait::Run if travel.pace > 1.15 => &SPRINT,
+        Gait::Run => &RUN,
+        Gait::Back => &BACK,
+        Gait::Sideways(_) => &SIDEWAYS,
+        Gait::Turn(_) => &TURN,
     };
     let mut phrase = Phrase::new(verbs, rng);
     say_pace(&mut phrase, travel.pace, rng);
@@ -132,12 +127,10 @@ fn of_travel(travel: &Travel, rng: &mut impl Draw) -> Phrase {
 }
 
 fn say_pace(phrase: &mut Phrase, pace: f32, rng: &mut impl Draw) {
-    let fast = ["quickly", "briskly", "at a fast pace", "fast"];
-    let slow = ["slowly", "at a slow pace", "leisurely"];
-    match pace {
-        p if p > 1.15 && rng.chance(0.75) => phrase.say(rng.one_of(&fast)),
-        p if p < 0.86 && rng.chance(0.75) => phrase.say(rng.one_of(&slow)),
-        _ => {}
+    if pace > 1.15 {
+        phrase.say_at_times(0.75, &["quickly", "briskly", "at a fast pace", "fast"], rng);
+    } else if pace < 0.86 {
+        phrase.say_at_times(0.75, &["slowly", "at a slow pace", "leisurely"], rng);
     }
 }
 
@@ -179,7 +172,7 @@ fn say_arc(phrase: &mut Phrase, side: Side, degrees: f32, rng: &mut impl Draw) {
 }
 
 fn of_jump(jump: &Jump, rng: &mut impl Draw) -> Phrase {
-    let verbs: &[Verb] = if jump.height < 0.16 { &verbs::HOP } else { &verbs::JUMP };
+    let verbs: &[Verb] = if jump.height < 0.16 { &HOP } else { &JUMP };
     let mut phrase = Phrase::new(verbs, rng);
     phrase.say_extreme(jump.height, (0.14, 0.4, "a little"), (0.28, 0.6, "high"), rng);
     match jump.aim {
@@ -230,7 +223,7 @@ fn of_repeats(verbs: &[Verb], told: &str, count: u32, rng: &mut impl Draw) -> Ph
 }
 
 fn of_stretch(out: f32, rng: &mut impl Draw) -> Phrase {
-    let mut phrase = Phrase::new(&verbs::STRETCH, rng);
+    let mut phrase = Phrase::new(&STRETCH, rng);
     let sideways = ["out to the sides and up", "sideways above the head"];
     let forward = ["forward and up", "straight up above the head"];
     phrase.say(rng.one_of(if out.round() > 0.5 { &sideways } else { &forward }));
@@ -250,7 +243,7 @@ fn of_wave(wave: &Wave, rng: &mut impl Draw) -> Phrase {
 }
 
 fn of_punch(punch: &Punch, rng: &mut impl Draw) -> Phrase {
-    let mut phrase = Phrase::new(&verbs::PUNCH, rng);
+    let mut phrase = Phrase::new(&PUNCH, rng);
     if punch.alternates && punch.repeats.count > 1 {
         phrase.say("with both fists");
     } else if rng.chance(0.8) {
@@ -261,7 +254,7 @@ fn of_punch(punch: &Punch, rng: &mut impl Draw) -> Phrase {
 }
 
 fn of_sit(sit: &Sit, rng: &mut impl Draw) -> Phrase {
-    let mut phrase = Phrase::new(&verbs::SIT, rng);
+    let mut phrase = Phrase::new(&SIT, rng);
     phrase.say_at_times(0.3, &["on a chair", "on a stool", "on a bench"], rng);
     if sit.hold > 2.0 && rng.chance(0.4) {
         phrase.say("for a while");
@@ -271,3 +264,40 @@ fn of_sit(sit: &Sit, rng: &mut impl Draw) -> Phrase {
     }
     phrase
 }
+
+// What actions are called.
+
+/// A verb as in "she walks" and as in "before walking".
+pub type Verb = (&'static str, &'static str);
+
+const WALK: [Verb; 4] =
+    [("walks", "walking"), ("walks", "walking"), ("strolls", "strolling"), ("paces", "pacing")];
+const RUN: [Verb; 3] = [("runs", "running"), ("runs", "running"), ("jogs", "jogging")];
+const SPRINT: [Verb; 2] = [("runs", "running"), ("sprints", "sprinting")];
+const BACK: [Verb; 3] = [
+    ("walks backward", "walking backward"),
+    ("walks backwards", "walking backwards"),
+    ("backs up", "backing up"),
+];
+const SIDEWAYS: [Verb; 3] = [
+    ("sidesteps", "sidestepping"),
+    ("steps sideways", "stepping sideways"),
+    ("shuffles sideways", "shuffling sideways"),
+];
+const TURN: [Verb; 3] = [("turns", "turning"), ("turns", "turning"), ("rotates", "rotating")];
+const JUMP: [Verb; 3] = [("jumps", "jumping"), ("jumps", "jumping"), ("leaps", "leaping")];
+const HOP: [Verb; 2] = [("jumps", "jumping"), ("hops", "hopping")];
+const STAND: [Verb; 3] = [
+    ("stands still", "standing still"),
+    ("waits", "waiting"),
+    ("stands in place", "standing in place"),
+];
+const LOOK: [Verb; 2] = [("looks around", "looking around"), ("looks about", "looking about")];
+const STRETCH: [Verb; 3] = [
+    ("raises both arms", "raising both arms"),
+    ("lifts the arms", "lifting the arms"),
+    ("stretches the arms", "stretching the arms"),
+];
+const SQUAT: [Verb; 2] = [("squats", "squatting"), ("crouches down", "crouching down")];
+const SIT: [Verb; 2] = [("sits down", "sitting down"), ("takes a seat", "taking a seat")];
+const PUNCH: [Verb; 2] = [("punches", "punching"), ("throws punches", "throwing punches")];

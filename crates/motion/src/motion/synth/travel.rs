@@ -2,12 +2,9 @@
 
 use std::f32::consts::{PI, TAU};
 
-use super::drive::Drive;
-use super::floor::Side;
-use super::hands::Wave;
-use super::manner::Manner;
-use super::posture::Posture;
-use super::random::Draw;
+use super::in_place::Wave;
+use super::manner::{Manner, Posture};
+use super::maths::{Draw, Drive, Side};
 
 /// What kind of steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,7 +71,8 @@ impl Travel {
         let turn = total_turn(gait, rng);
         let wanted = match gait {
             Gait::Turn(_) => fewest.max((turn.abs() / rng.uniform(0.6, 0.9)).ceil() as u32),
-            _ => few_often(fewest, most, rng),
+            // Few steps more often than many.
+            _ => fewest + (rng.unit().powf(1.25) * (most - fewest + 1) as f32) as u32,
         };
         let affordable = (budget / step_time) as u32;
         // A turn of some angle takes the steps it takes; a walk may be shorter.
@@ -83,7 +81,10 @@ impl Travel {
         if affordable < steps || steps < fewest {
             return None;
         }
-        let first = first_foot(gait, m, rng);
+        let first = match gait {
+            Gait::Sideways(side) | Gait::Turn(side) => side,
+            _ => m.preferred(rng),
+        };
         let mut travel = Self { gait, steps, step_time, step_len, turn, pace, first, wave: None };
         if gait == Gait::Walk && rng.chance(0.12) {
             travel.wave = Wave::sample(m, travel.duration() - 0.3, rng);
@@ -192,7 +193,7 @@ impl Travel {
         let amplitude = (self.vigour() * m.traits.arm_swing).min(if running { 0.75 } else { 0.95 });
         for side in Side::BOTH {
             let forward = -side.sign() * self.left_ahead(phase);
-            let arm = posture.arm(side);
+            let arm = &mut posture.arms[side.index()];
             arm.flex += amplitude * (forward + 0.12);
             arm.elbow += amplitude * 0.45 * (forward + 0.6).max(0.0);
             if running {
@@ -214,12 +215,6 @@ fn limp(posture: &mut Posture, phase: f32, m: &Manner) {
     posture.trunk.head_pitch += 0.06 * on_bad_leg;
 }
 
-/// Few steps more often than many.
-fn few_often(fewest: u32, most: u32, rng: &mut impl Draw) -> u32 {
-    let u = rng.unit();
-    fewest + (u.powf(1.25) * (most - fewest + 1) as f32) as u32
-}
-
 fn total_turn(gait: Gait, rng: &mut impl Draw) -> f32 {
     let degrees = match gait {
         Gait::Turn(side) => {
@@ -234,11 +229,4 @@ fn total_turn(gait: Gait, rng: &mut impl Draw) -> f32 {
         _ => rng.around(0.0, 7.0),
     };
     degrees.to_radians()
-}
-
-fn first_foot(gait: Gait, m: &Manner, rng: &mut impl Draw) -> Side {
-    match gait {
-        Gait::Sideways(side) | Gait::Turn(side) => side,
-        _ => m.preferred(rng),
-    }
 }

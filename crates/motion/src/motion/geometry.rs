@@ -1,6 +1,47 @@
-//! Unit quaternions `[w, x, y, z]`, turns about the vertical, and the 6-D form of rotations.
+//! Vectors of three numbers, unit quaternions `[w, x, y, z]` and turns about the vertical, as little as
+//! kinematics needs.
 
-use super::vector::{cross, dot};
+use std::ops::{Add, Mul, Sub};
+
+/// A place or a direction in double precision.
+pub type Point = [f64; 3];
+
+#[inline]
+pub fn add<T: Copy + Add<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+#[inline]
+pub fn sub<T: Copy + Sub<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline]
+pub fn scale<T: Copy + Mul<Output = T>>(a: [T; 3], k: T) -> [T; 3] {
+    a.map(|c| c * k)
+}
+
+#[inline]
+pub fn dot<T: Copy + Add<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline]
+pub fn cross<T: Copy + Sub<Output = T> + Mul<Output = T>>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub fn norm(a: Point) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// `a` with the given length; `None` if it has no direction.
+pub fn with_length(a: Point, length: f64) -> Option<Point> {
+    let own = norm(a);
+    (own > 1e-9).then(|| scale(a, length / own))
+}
+
+// Rotations.
 
 /// A unit quaternion `[w, x, y, z]`.
 pub type Quat = [f64; 4];
@@ -30,7 +71,7 @@ pub fn conjugate([w, x, y, z]: Quat) -> Quat {
 }
 
 /// `v` turned by `q`: `v + 2w(u × v) + 2u × (u × v)` with `q = (w, u)`.
-pub fn rotate(q: Quat, v: [f64; 3]) -> [f64; 3] {
+pub fn rotate(q: Quat, v: Point) -> Point {
     let u = [q[1], q[2], q[3]];
     let c = cross(u, v);
     let cc = cross(u, c);
@@ -43,7 +84,7 @@ pub fn rotate(q: Quat, v: [f64; 3]) -> [f64; 3] {
 /// axis would do, the half-turn is about x, or about y if `from` lies along x: mirroring the
 /// vectors then mirrors the rotation. A `to` without length gives `None`.
 #[inline]
-pub fn between(from: [f64; 3], to: [f64; 3]) -> Option<Quat> {
+pub fn between(from: Point, to: Point) -> Option<Quat> {
     let squared = dot(to, to);
     if squared < TINY {
         return None;
@@ -151,22 +192,94 @@ impl Yaw {
     }
 }
 
+// The rotation that lays one set of vectors on another: least squares by quaternions.
+
+/// A symmetric matrix of quaternion products.
+type Quadratic = [[f64; 4]; 4];
+
+/// Squarings after which an eigenvalue a millionth below the largest is gone.
+const SQUARINGS: usize = 24;
+
+/// The rotation `R` with the least `Σ ‖R from_i − to_i‖²`, the one nearest to `prior` among equals.
+///
+/// The quaternion is an eigenvector to the largest eigenvalue of a 4 × 4 matrix of the vectors'
+/// products (Horn 1987, "Closed-form solution of absolute orientation using unit quaternions").
+/// `prior` is projected onto the space of those eigenvectors: where the vectors leave the rotation
+/// open, as vectors on one line or without length do, the open part is that of `prior`. The sign is
+/// that of `prior` too, so that rotations of neighbouring frames are neighbours.
+///
+/// # Panics
+/// If the slices differ in length.
+pub fn align(from: &[Point], to: &[Point], prior: Quat) -> Quat {
+    assert_eq!(from.len(), to.len(), "every vector has its partner");
+    let projector = dominant(shifted(products(from, to)));
+    let projected = apply(&projector, prior);
+    // A prior at right angles to the solution says nothing: any column of the projector does.
+    let columns = projector.into_iter().chain([prior]);
+    let mut solutions = [projected].into_iter().chain(columns);
+    solutions.find_map(normalised).unwrap_or(prior)
+}
+
+/// Horn's matrix: `qᵀ N q = Σ to_i · R(q) from_i`.
+fn products(from: &[Point], to: &[Point]) -> Quadratic {
+    let s = |a: usize, b: usize| from.iter().zip(to).map(|(p, q)| p[a] * q[b]).sum::<f64>();
+    let (xx, yy, zz) = (s(0, 0), s(1, 1), s(2, 2));
+    let (x, y, z) = (s(1, 2) - s(2, 1), s(2, 0) - s(0, 2), s(0, 1) - s(1, 0));
+    let (xy, yz, zx) = (s(0, 1) + s(1, 0), s(1, 2) + s(2, 1), s(2, 0) + s(0, 2));
+    [
+        [xx + yy + zz, x, y, z],
+        [x, xx - yy - zz, xy, zx],
+        [y, xy, yy - xx - zz, yz],
+        [z, zx, yz, zz - xx - yy],
+    ]
+}
+
+/// The same eigenvectors, with eigenvalues from 0 on.
+fn shifted(mut n: Quadratic) -> Quadratic {
+    let norm = n.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();
+    (0..4).for_each(|i| n[i][i] += norm);
+    n
+}
+
+/// The projector onto the eigenvectors to the largest eigenvalue, but for a factor.
+fn dominant(mut n: Quadratic) -> Quadratic {
+    for _ in 0..SQUARINGS {
+        let trace: f64 = (0..4).map(|i| n[i][i]).sum();
+        if trace <= f64::MIN_POSITIVE {
+            // Vectors without length leave everything open.
+            return std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+        }
+        let scaled = n.map(|row| row.map(|c| c / trace));
+        n = scaled.map(|row| apply(&scaled, row));
+    }
+    n
+}
+
+/// A symmetric matrix times a vector.
+fn apply(n: &Quadratic, v: Quat) -> Quat {
+    n.map(|row| (0..4).map(|i| row[i] * v[i]).sum())
+}
+
+fn normalised(q: Quat) -> Option<Quat> {
+    let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+    (length > 1e-6).then(|| q.map(|c| c / length))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::fixtures::{from_6d, normalised};
+    use crate::motion::fixtures::from_6d;
     use proptest::prelude::*;
 
-    const AXES: [[f64; 3]; 4] =
-        [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
+    const AXES: [Point; 4] = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
 
-    fn assert_close(a: [f64; 3], b: [f64; 3]) {
+    fn assert_close(a: Point, b: Point) {
         for i in 0..3 {
             assert!((a[i] - b[i]).abs() < 1e-6, "{a:?} is not {b:?}");
         }
     }
 
-    fn direction() -> impl Strategy<Value = [f64; 3]> {
+    fn direction() -> impl Strategy<Value = Point> {
         prop::array::uniform3(-1.0..1.0f64).prop_filter("has a length", |v| dot(*v, *v) > 1e-3)
     }
 
@@ -208,7 +321,7 @@ mod tests {
         #[test]
         fn between_takes_the_axis_to_the_direction(axis in 0usize..4, to in direction()) {
             let q = between(AXES[axis], to).expect("a direction");
-            assert_close(rotate(q, AXES[axis]), normalised(to));
+            assert_close(rotate(q, AXES[axis]), with_length(to, 1.0).unwrap());
         }
 
         #[test]
@@ -228,5 +341,46 @@ mod tests {
                 assert_close(columns[i], rotate(q, axis));
             }
         }
+    }
+
+    const X: Point = [1.0, 0.0, 0.0];
+
+    fn quat() -> impl Strategy<Value = Quat> {
+        prop::array::uniform4(-1.0..1.0f64).prop_filter_map("has a length", normalised)
+    }
+
+    fn cosine(a: Quat, b: Quat) -> f64 {
+        a.iter().zip(b).map(|(a, b)| a * b).sum()
+    }
+
+    proptest! {
+        #[test]
+        fn the_rotation_of_a_body_is_found_with_the_sign_of_the_prior(q in quat(), prior in quat()) {
+            let body = [[0.1, -0.08, 0.0], [-0.11, -0.07, 0.01], [0.0, 0.12, -0.02]];
+            let found = align(&body, &body.map(|bone| rotate(q, bone)), prior);
+            prop_assert!(cosine(found, q).abs() > 1.0 - 1e-9, "{found:?} is not {q:?}");
+            prop_assert!(cosine(found, prior) > -1e-6);
+        }
+
+        #[test]
+        fn one_bone_takes_the_smallest_rotation(q in quat()) {
+            let found = align(&[X], &[rotate(q, X)], NO_ROTATION);
+            let to = rotate(found, X);
+            prop_assert!((0..3).all(|c| (to[c] - rotate(q, X)[c]).abs() < 1e-9));
+            // The axis of the smallest rotation is at right angles to the bone.
+            prop_assert!(found[1].abs() < 1e-6, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_bone_turned_right_round_is_laid_on_its_opposite() {
+        let found = align(&[X], &[[-2.0, 0.0, 0.0]], NO_ROTATION);
+        assert!((rotate(found, X)[0] + 1.0).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn bones_without_length_keep_the_prior() {
+        let prior = [0.6, 0.0, 0.8, 0.0];
+        assert_eq!(align(&[[0.0; 3]; 3], &[X; 3], prior), prior);
     }
 }

@@ -1,12 +1,9 @@
-//! What hands do: waving and punching, a number of times.
+//! Actions on planted feet: those of the hands, stretching, bowing, squatting, sitting, standing.
 
-use std::f32::consts::TAU;
+use std::f32::consts::{PI, TAU};
 
-use super::blend::{plateau, smooth};
-use super::floor::Side;
-use super::manner::Manner;
-use super::posture::{Arm, Posture};
-use super::random::Draw;
+use super::manner::{Arm, Manner, Posture};
+use super::maths::{Blend, Draw, Side, plateau, smooth};
 
 /// Seconds in which an arm is raised or lowered, at energy 1.
 const RAISE: f32 = 0.55;
@@ -162,4 +159,105 @@ impl Punch {
         let side = if odd { self.first.other() } else { self.first };
         (side, smooth((u - 0.2) / 0.25) * smooth((0.85 - u) / 0.3))
     }
+}
+
+// Of the whole body.
+
+/// Sitting down on a seat behind, and standing up again or not.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sit {
+    /// Metres by which the pelvis goes down.
+    pub depth: f32,
+    /// Seconds down, and of sitting.
+    pub lowering: f32,
+    pub hold: f32,
+    pub rises: bool,
+}
+
+impl Sit {
+    pub fn sample(m: &Manner, rng: &mut impl Draw) -> Self {
+        Self {
+            depth: rng.uniform(0.4, 0.48) - m.traits.crouch,
+            lowering: rng.uniform(1.1, 1.6) / m.traits.energy,
+            hold: rng.uniform(0.6, 3.0),
+            rises: rng.chance(0.55),
+        }
+    }
+
+    fn seated(&self, t: f32) -> f32 {
+        let down = smooth(t / self.lowering);
+        if self.rises { down * smooth((self.duration() - t) / self.lowering) } else { down }
+    }
+
+    pub fn duration(&self) -> f32 {
+        self.hold + if self.rises { 2.0 } else { 1.0 } * self.lowering
+    }
+
+    pub fn posture(&self, posture: &mut Posture, t: f32) {
+        let seated = self.seated(t);
+        // The trunk goes forward while the weight is between feet and seat.
+        let between = (PI * seated).sin();
+        let trunk = &mut posture.trunk;
+        trunk.rise -= self.depth * seated;
+        trunk.shift_forward -= 0.4 * seated;
+        trunk.pelvis_pitch += 0.45 * between - 0.12 * seated;
+        trunk.spine_pitch += 0.45 * between + 0.06 * seated;
+        trunk.head_pitch -= 0.25 * between;
+        let lap = Arm { flex: 0.36, abduct: 0.1, twist: -0.3, elbow: 0.8, shrug: 0.0 };
+        posture.reach(Side::BOTH, lap, seated);
+        posture.arms.iter_mut().for_each(|arm| arm.flex += 0.5 * between);
+    }
+}
+
+/// 0 at the ends of each repeat, 1 for a while in its middle.
+pub fn cycle(repeats: &Repeats, t: f32) -> f32 {
+    plateau(repeats.since_start(t), repeats.period, 0.42 * repeats.period)
+}
+
+pub fn clap(posture: &mut Posture, repeats: &Repeats, height: f32, t: f32, total: f32) {
+    let on = plateau(t, total, 0.5);
+    let beat = TAU * (t - 0.5) / repeats.period;
+    let open = (0.5 + 0.5 * beat.cos()) * on;
+    let low = Arm { flex: 0.75, abduct: -0.03, twist: -0.72, elbow: 1.25, shrug: 0.03 };
+    let high = Arm { flex: 2.7, abduct: -0.1, twist: -1.35, elbow: 0.66, shrug: 0.25 };
+    let mut target = low.mix(high, height);
+    target.abduct += (0.22 + 0.1 * height) * open;
+    target.twist += (0.45 - 0.3 * height) * open;
+    posture.reach(Side::BOTH, target, on);
+}
+
+pub fn stretch(posture: &mut Posture, out: f32, up: f32) {
+    let forward = Arm { flex: 2.85, abduct: 0.12, twist: 0.0, elbow: 0.15, shrug: 0.35 };
+    let sideways = Arm { flex: 0.0, abduct: 2.75, twist: 0.6, elbow: 0.15, shrug: 0.35 };
+    posture.reach(Side::BOTH, forward.mix(sideways, out.round()), up);
+    posture.trunk.spine_pitch -= (0.1 + 0.12 * out) * up;
+    posture.trunk.head_pitch -= 0.3 * up;
+}
+
+pub fn bow(posture: &mut Posture, depth: f32) {
+    let trunk = &mut posture.trunk;
+    trunk.pelvis_pitch += 0.55 * depth;
+    trunk.spine_pitch += 0.75 * depth;
+    trunk.head_pitch += 0.25 * depth;
+    trunk.shift_forward -= 0.13 * depth;
+    // Arms keep hanging by the legs.
+    posture.arms.iter_mut().for_each(|arm| arm.flex += 0.75 * depth);
+}
+
+pub fn squat(posture: &mut Posture, depth: f32, down: f32) {
+    let trunk = &mut posture.trunk;
+    trunk.rise -= depth * down;
+    trunk.shift_forward -= 0.3 * depth * down;
+    trunk.pelvis_pitch += 0.8 * depth * down;
+    trunk.spine_pitch += 0.9 * depth * down;
+    trunk.head_pitch -= 0.8 * depth * down;
+    let ahead = Arm { flex: 1.3, abduct: 0.1, twist: -0.2, elbow: 0.35, shrug: 0.05 };
+    posture.reach(Side::BOTH, ahead, 0.85 * down);
+}
+
+pub fn look(posture: &mut Posture, first: Option<Side>, t: f32, total: f32) {
+    let Some(first) = first else { return };
+    let turn = first.sign() * (TAU * t / total).sin() * plateau(t, total, 0.2);
+    posture.trunk.head_turn += 0.75 * turn;
+    posture.trunk.spine_twist += 0.25 * turn;
 }

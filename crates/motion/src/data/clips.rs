@@ -1,10 +1,83 @@
-//! From clips on disk to items: cropping, sub-captions, mirroring.
+//! Clips as they lie on disk, and the items made of them: cropping, sub-captions, mirroring.
 
-use super::clip_file::ClipFile;
-use crate::motion::mirror_caption;
+use std::path::Path;
 
-/// Items are whole numbers of this many frames: one token's worth.
-const UNIT_FRAMES: usize = 4;
+use super::motion_files::MotionFiles;
+use super::npy::parse_npy;
+use super::source::{UNIT_FRAMES, UsedFile};
+use super::texts::{Annotation, parse_annotations};
+use crate::files::{LARGE, read_regular};
+use crate::motion::{N_FEATURES, mirror_caption};
+
+/// A clip whose two files are sound.
+pub struct ClipFile {
+    /// The stem of its files.
+    pub id: String,
+    /// `[T, 263]` row-major, T ≥ 1.
+    pub features: Vec<f32>,
+    /// At least one.
+    pub annotations: Vec<Annotation>,
+    pub files: [UsedFile; 2],
+}
+
+impl ClipFile {
+    pub fn n_frames(&self) -> usize {
+        self.features.len() / N_FEATURES
+    }
+}
+
+/// What one file of a clip holds.
+type Held<T> = Result<(T, UsedFile), String>;
+
+/// Reads the motion of a clip and `texts/<id>.txt` in `root`: the clip if it can be used at all, and a sentence
+/// for each thing that is wrong with it.
+///
+/// Both are always read, so that all that is wrong is told at once. A bad line among good captions
+/// is a problem, and the clip can still be used.
+pub fn load_clip(root: &Path, files: MotionFiles, id: &str) -> (Option<ClipFile>, Vec<String>) {
+    crate::progress::moved();
+    let mut problems = Vec::new();
+    let features = read_features(root, files, id).map_err(|problem| problems.push(problem)).ok();
+    let texts = format!("{}/{id}.txt", files.texts(root));
+    let annotations = read_annotations(root, &texts, &mut problems);
+    let annotations = annotations.map_err(|problem| problems.push(problem)).ok();
+    let clip = features.zip(annotations).map(
+        |((features, features_file), (annotations, captions_file))| ClipFile {
+            id: id.to_owned(),
+            features,
+            annotations,
+            files: [features_file, captions_file],
+        },
+    );
+    (clip, problems)
+}
+
+fn read_features(root: &Path, files: MotionFiles, id: &str) -> Held<Vec<f32>> {
+    let name = files.name(id);
+    let bytes = read(root, &name)?;
+    let features = parse_npy(&bytes).and_then(|array| files.features(array));
+    let features = features.map_err(|problem| format!("{name}: {problem}"))?;
+    Ok((features, UsedFile::new(&name, &bytes)))
+}
+
+/// The annotations of a file; `problems` are of lines that hold none.
+fn read_annotations(root: &Path, name: &str, problems: &mut Vec<String>) -> Held<Vec<Annotation>> {
+    let bytes = read(root, name)?;
+    let content = std::str::from_utf8(&bytes).map_err(|_| format!("{name}: is not UTF-8"))?;
+    let (annotations, lines) = parse_annotations(content);
+    problems.extend(lines.iter().map(|line| format!("{name}: {line}")));
+    if annotations.is_empty() {
+        return Err(format!("{name}: holds no caption"));
+    }
+    Ok((annotations, UsedFile::new(name, &bytes)))
+}
+
+fn read(root: &Path, name: &str) -> Result<Vec<u8>, String> {
+    read_regular(&root.join(name), LARGE)
+        .map_err(|error| format!("{name}: cannot be read: {error}"))
+}
+
+// Items.
 
 /// Which lengths are used.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +116,7 @@ impl LengthRule {
 
 /// A range of frames of one clip, with captions.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Item {
+pub struct Item {
     /// Index of the clip among those kept in memory.
     pub clip: usize,
     /// The stem of the clip's files.
@@ -59,13 +132,13 @@ pub(super) struct Item {
 
 impl Item {
     /// The name for messages: `000012`, `A_000012` for a part, with `M` before the stem if mirrored.
-    pub(super) fn id(&self) -> String {
+    pub fn id(&self) -> String {
         let part = self.letter.map(|letter| format!("{letter}_")).unwrap_or_default();
         format!("{part}{}{}", if self.mirrored { "M" } else { "" }, self.stem)
     }
 
     /// The item with left and right exchanged.
-    pub(super) fn mirrored(&self) -> Item {
+    pub fn mirrored(&self) -> Item {
         let captions = self.captions.iter().map(|caption| mirror_caption(caption)).collect();
         Item { mirrored: true, captions, ..self.clone() }
     }
@@ -76,7 +149,7 @@ impl Item {
 /// The whole clip with the captions that describe it all, if there are any; then, for each caption
 /// of a part, that part. A clip whose own length is ruled out gives no parts either, as in
 /// text-to-motion's loader.
-pub(super) fn items_of(
+pub fn items_of(
     clip: &ClipFile,
     index: usize,
     rule: LengthRule,
@@ -93,16 +166,13 @@ pub(super) fn items_of(
         first_frame: 0,
         n_frames,
         mirrored: false,
-        captions: whole_captions(clip),
+        captions: (clip.annotations.iter().filter(|own| own.span_s.is_none()))
+            .map(|own| own.caption.clone())
+            .collect(),
     };
     let (parts, skipped) = parts_of(clip, &whole, rule, fps);
     let whole = (!whole.captions.is_empty()).then_some(whole);
     (whole.into_iter().chain(parts).collect(), skipped)
-}
-
-fn whole_captions(clip: &ClipFile) -> Vec<String> {
-    let whole = clip.annotations.iter().filter(|annotation| annotation.span_s.is_none());
-    whole.map(|annotation| annotation.caption.clone()).collect()
 }
 
 fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule, fps: f64) -> (Vec<Item>, Vec<String>) {
@@ -130,9 +200,7 @@ fn parts_of(clip: &ClipFile, whole: &Item, rule: LengthRule, fps: f64) -> (Vec<I
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::captions::parse_annotation;
-    use crate::data::digest::UsedFile;
-    use crate::motion::N_FEATURES;
+    use crate::data::parse_annotation;
 
     const RULE: LengthRule = LengthRule { min_frames: 40, max_frames: 196 };
 
