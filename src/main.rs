@@ -4,6 +4,10 @@
     not(test),
     warn(clippy::panic, clippy::print_stderr, clippy::print_stdout, clippy::unwrap_used)
 )]
+#![cfg_attr(
+    not(feature = "train"),
+    expect(dead_code, unused_imports, reason = "commands that train use more of the others")
+)]
 
 mod commands;
 

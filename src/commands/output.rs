@@ -6,6 +6,7 @@ use std::cell::RefCell;
 use std::io::{ErrorKind, Write};
 
 use anyhow::Result;
+#[cfg(feature = "train")]
 use isoflop::engine::Tell;
 use isoflop::words::fit_to_terminal;
 use serde_json::Value;
@@ -93,6 +94,7 @@ impl Output {
     }
 }
 
+#[cfg(feature = "train")]
 impl Tell for Output {
     fn note(&self, line: &str) {
         self.note(line);
