@@ -61,6 +61,12 @@ pub use exit::{Exit, refuse, report};
 /// its figures, predict the best configuration for a budget.
 #[derive(Parser)]
 #[command(version, about)]
+#[cfg_attr(
+    not(feature = "train"),
+    command(
+        after_help = "This build has no training: `cargo install isoflop` builds all commands."
+    )
+)]
 pub struct Cli {
     #[command(flatten)]
     common: args::Common,
