@@ -7,8 +7,11 @@ import os
 import shutil
 import subprocess
 import sysconfig
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Sequence
+from typing import Any, Callable, Iterator, Sequence, TypeVar
+
+Read = TypeVar("Read")
 
 
 class IsoflopError(Exception):
@@ -34,19 +37,33 @@ def program() -> str:
     return found
 
 
+@contextmanager
+def refusing(what: str) -> Iterator[None]:
+    """What Python raises within is an ``IsoflopError`` that begins with ``what``; its cause is kept."""
+    try:
+        yield
+    except IsoflopError:
+        raise
+    except Exception as error:
+        raise IsoflopError(f"{what}: {type(error).__name__}: {error}", 2) from error
+
+
 def ask(words: Sequence[str]) -> Any:
     """The document that ``isoflop WORDS --json`` prints.
 
-    Raises ``IsoflopError`` where the program ends in an error.
+    Raises ``IsoflopError`` where the program ends in an error, cannot be started, or prints something else.
     """
-    done = subprocess.run(
-        [program(), *words, "--json", "--quiet"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-        check=False,
-    )
+    command = [program(), *words, "--json", "--quiet"]
+    with refusing(f"{command[0]} cannot be started"):
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, check=False)
     if done.returncode != 0:
-        message = done.stderr.strip()
+        message = done.stderr.decode("utf-8", "replace").strip()
         raise IsoflopError(message.removeprefix("error: ") if message else "isoflop failed", done.returncode)
-    return json.loads(done.stdout)
+    with refusing(f"{command[0]} printed no document"):
+        return json.loads(done.stdout.decode("utf-8"))
+
+
+def made_of(read: Callable[[Any], Read], document: Any, place: object) -> Read:
+    """``document`` by ``read``, or an error that names its place."""
+    with refusing(f"{place} is of another version, or damaged"):
+        return read(document)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
 
-from ._program import IsoflopError, ask
+from ._program import IsoflopError, ask, made_of, refusing
 from ._types import Laws, LossPrediction, Prediction
 
 PathLike = Union[str, "os.PathLike[str]"]
@@ -46,15 +46,21 @@ def read(results: PathLike) -> Results:
 
     Raises ``IsoflopError`` where it is none.
     """
-    folder = Path(results)
+    with refusing("a sweep's folder is a path"):
+        folder = Path(results)
     if not (folder / "runs.csv").exists():
         raise IsoflopError(f"{folder} holds no runs.csv; give a sweep's folder with finished runs", 2)
     laws = _document(folder / "laws.json")
+    predictions = _document(folder / "prediction.json") or ()
     return Results(
         folder=folder,
-        laws=laws and Laws._of(laws),
-        predictions=tuple(Prediction._of(each) for each in _document(folder / "prediction.json") or ()),
+        laws=laws and made_of(Laws._of, laws, folder / "laws.json"),
+        predictions=made_of(_predictions, predictions, folder / "prediction.json"),
     )
+
+
+def _predictions(documents: Any) -> Tuple[Prediction, ...]:
+    return tuple(Prediction._of(each) for each in documents)
 
 
 def fit(
@@ -74,13 +80,14 @@ def fit(
 
     Raises ``IsoflopError``; its ``code`` is 3 where the laws are not identifiable.
     """
-    words = ["--law", law, *options]
+    words = ["--law", _word(law, "law"), *_words(options, "options")]
     if columns:
-        words += ["--columns", ",".join(f"{name}={column}" for name, column in columns.items())]
-    for condition in where:
+        with refusing("columns are a mapping from meanings to columns"):
+            words += ["--columns", ",".join(f"{name}={column}" for name, column in columns.items())]
+    for condition in _words(where, "where"):
         words += ["--where", condition]
     with _table(runs) as path:
-        return Laws._of(ask(["fit", str(path), *words]))
+        return made_of(Laws._of, ask(["fit", str(path), *words]), "what isoflop fit printed")
 
 
 def predict(*budgets: float, law: Union[Laws, PathLike]) -> List[Prediction]:
@@ -90,8 +97,8 @@ def predict(*budgets: float, law: Union[Laws, PathLike]) -> List[Prediction]:
     """
     if not budgets:
         raise IsoflopError("give a budget in FLOPs", 2)
-    asked = [repr(float(budget)) for budget in budgets]
-    return [Prediction._of(each) for each in _by(law, asked)]
+    asked = [_number(budget, "a budget in FLOPs") for budget in budgets]
+    return list(made_of(_predictions, _by(law, asked), "what isoflop predict printed"))
 
 
 def predict_loss(
@@ -111,15 +118,33 @@ def predict_loss(
     Raises ``IsoflopError`` where the law knows the loss of optimal models only.
     """
     amounts = {"params": params, "tokens": tokens, "vocab": vocab, "params-vocab": params_vocab}
-    asked = [f"--{name}={float(amount)!r}" for name, amount in amounts.items() if amount is not None]
-    [found] = _by(law, asked)
-    return LossPrediction._of(found)
+    asked = [f"--{name}={_number(amount, name)}" for name, amount in amounts.items() if amount is not None]
+    return made_of(lambda found: LossPrediction._of(found[0]), _by(law, asked), "what isoflop predict printed")
+
+
+def _number(value: Any, what: str) -> str:
+    with refusing(f"{what} is a number"):
+        return repr(float(value))
+
+
+def _word(value: Any, what: str) -> str:
+    if not isinstance(value, str):
+        raise IsoflopError(f"{what} is a text, not {value!r}", 2)
+    return value
+
+
+def _words(values: Union[str, Sequence[str]], what: str) -> List[str]:
+    """Texts; one that stands alone is one of them, and not its letters."""
+    with refusing(f"{what} are texts"):
+        return [_word(value, what) for value in ([values] if isinstance(values, str) else values)]
 
 
 def _by(law: Union[Laws, PathLike], asked: Sequence[str]) -> Any:
     """What ``isoflop predict`` prints by some law."""
     if not isinstance(law, Laws):
-        return ask(["predict", *asked, "--law", str(law)])
+        with refusing("a law is a name, laws of fit, or a path"):
+            place = os.fspath(law)
+        return ask(["predict", *asked, "--law", place])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "laws.json"
         path.write_text(json.dumps(law.document), encoding="utf-8")
@@ -127,21 +152,26 @@ def _by(law: Union[Laws, PathLike], asked: Sequence[str]) -> Any:
 
 
 def _document(path: Path) -> Any:
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+    with refusing(f"{path} cannot be read"):
+        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
 def _frame(stem: Path) -> Any:
+    if not stem.with_suffix(".csv").exists():
+        raise IsoflopError(f"{stem}.csv is not there", 2)
     try:
         import polars
-
-        return polars.read_parquet(stem.with_suffix(".parquet"))
     except ImportError:
         pass
+    else:
+        with refusing(f"{stem}.parquet cannot be read"):
+            return polars.read_parquet(stem.with_suffix(".parquet"))
     try:
         import pandas
     except ImportError:
         raise IsoflopError("a frame needs polars or pandas; pip install isoflop[polars]", 2) from None
-    return pandas.read_csv(stem.with_suffix(".csv"))
+    with refusing(f"{stem}.csv cannot be read"):
+        return pandas.read_csv(stem.with_suffix(".csv"))
 
 
 @contextmanager
@@ -152,14 +182,15 @@ def _table(runs: Any) -> Iterator[Path]:
         return
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "runs.csv"
-        if hasattr(runs, "write_csv"):
-            runs.write_csv(path)
-        elif hasattr(runs, "to_csv"):
-            runs.to_csv(path, index=False)
-        elif isinstance(runs, Mapping):
-            _write_csv(path, runs)
-        else:
-            raise IsoflopError("runs are a frame, a mapping of columns, or a path", 2)
+        with refusing("the runs cannot be written as a table"):
+            if hasattr(runs, "write_csv"):
+                runs.write_csv(path)
+            elif hasattr(runs, "to_csv"):
+                runs.to_csv(path, index=False)
+            elif isinstance(runs, Mapping):
+                _write_csv(path, runs)
+            else:
+                raise IsoflopError("runs are a frame, a mapping of columns, or a path", 2)
         yield path
 
 

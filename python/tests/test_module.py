@@ -5,8 +5,10 @@
 
 import importlib.util
 import math
+import tempfile
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import isoflop
 
@@ -72,6 +74,54 @@ class Module(unittest.TestCase):
         else:
             with self.assertRaisesRegex(isoflop.IsoflopError, "polars or pandas"):
                 results.runs
+
+    def test_whatever_is_wrong_is_an_error_of_isoflop(self):
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place)
+            (folder / "runs.csv").write_text("run_id\n")
+            plain, script = folder / "plain", folder / "script"
+            plain.write_text("no program")
+            script.write_text("#!/bin/sh\necho words\n")
+            script.chmod(0o755)
+            damaged = {"laws.json": b"{", "prediction.json": b"[{}]"}
+
+            def read_with(name):
+                (folder / name).write_bytes(damaged[name])
+                try:
+                    isoflop.read(folder)
+                finally:
+                    (folder / name).unlink()
+
+            def by(program):
+                with mock.patch.dict("os.environ", {"ISOFLOP_PROGRAM": str(program)}):
+                    isoflop.predict(1e18, law="scamo")
+
+            wrong = {
+                "a budget that is a word": lambda: isoflop.predict("much", law="scamo"),
+                "no budget": lambda: isoflop.predict(None, law="scamo"),
+                "a law that is a number": lambda: isoflop.predict(1e18, law=7),
+                "a path with a null byte": lambda: isoflop.predict(1e18, law="a\0b"),
+                "parameters that are a list": lambda: isoflop.predict_loss(params=[1], tokens=1, law="scamo"),
+                "columns that are a list": lambda: isoflop.fit(_table(), columns=["N"]),
+                "a law of fit that is none": lambda: isoflop.fit(_table(), law=None),
+                "options that are numbers": lambda: isoflop.fit(_table(), options=[1]),
+                "columns of scalars": lambda: isoflop.fit({"N": 1, "D": 2}),
+                "runs that are a number": lambda: isoflop.fit(7),
+                "a folder that is a number": lambda: isoflop.read(7),
+                "scores that are not there": lambda: isoflop.read(folder).scores,
+                "laws that are cut": lambda: read_with("laws.json"),
+                "a prediction of nothing": lambda: read_with("prediction.json"),
+                "a program that is not there": lambda: by(folder / "none"),
+                "a program that is none": lambda: by(plain),
+                "a program that says something else": lambda: by(script),
+            }
+            for what, call in wrong.items():
+                with self.subTest(what), self.assertRaises(isoflop.IsoflopError):
+                    call()
+
+    def test_a_condition_alone_is_one_condition(self):
+        some = isoflop.fit(_table(), columns=COLUMNS, law="approach3", where="N > 2e7")
+        self.assertEqual(some.parametric["n"], 16)
 
     def test_errors_are_the_programs_sentences(self):
         with self.assertRaisesRegex(isoflop.IsoflopError, "no/such") as caught:
