@@ -9,10 +9,9 @@
 //!
 //! A slice lies at the geometric mean of what the runs of its budget spent by the other rule.
 
-use crate::laws::input::budget::{Budget, group_budgets, is_same_budget};
-use crate::laws::input::cell::{Cell, cells};
-use crate::laws::input::error::FitError;
-use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::input::{
+    Budget, Cell, FitError, IsoFlopPoint, cells, group_budgets, is_same_budget,
+};
 use crate::laws::maths::stats::geometric_mean;
 
 /// Steps to the neighbouring budget by which a cell is carried on beyond the budgets that it has.
@@ -39,7 +38,7 @@ impl Slices {
 }
 
 /// Moves runs to equal FLOPs by the rule that [`IsoFlopPoint::flops`] was counted by; all of them saw as much
-/// of the data ([`of_largest_share`](crate::laws::input::budget::of_largest_share)).
+/// of the data ([`of_largest_share`](crate::laws::input::of_largest_share)).
 ///
 /// # Errors
 /// As [`group_budgets`].

@@ -1,10 +1,9 @@
-//! Points as the columns of a parametric fit.
+//! What is minimised: points as the columns of a fit under a form, and the way downhill.
 
-use super::form::Form;
-use super::objective::{Columns, Constant, Space};
-use crate::laws::input::check::{loss, metric};
-use crate::laws::input::error::FitError;
-use crate::laws::input::point::IsoFlopPoint;
+use super::form::{Coefficients, Constant, Form, Slots, Space, Vector};
+use super::newton::{Minimised, Problem, minimise};
+use super::objective::{Columns, Curvature, Objective};
+use crate::laws::input::{FitError, IsoFlopPoint, metric_of};
 use crate::laws::maths::stats::dot;
 
 /// Spread of a logarithm below which a quantity counts as constant.
@@ -33,7 +32,7 @@ impl Data {
     /// [`FitError::Metrics`]; [`FitError::NotIdentified`] for too few rows, or quantities that do not
     /// vary or vary together.
     pub fn new(points: &[IsoFlopPoint], form: Form, space: Space) -> Result<Self, FitError> {
-        metric(points)?;
+        metric_of(points)?;
         points.iter().try_for_each(|p| check(p, form, space))?;
         if points.len() <= form.n_params() {
             return Err(FitError::NotIdentified(format!(
@@ -58,9 +57,7 @@ impl Data {
         let constant = form.constant(&losses);
         Ok(Self { columns, weights, means, losses, constant })
     }
-}
 
-impl Data {
     /// Some rows, in the order given and as often as given, around the same means.
     pub fn rows(&self, rows: &[usize]) -> Self {
         let pick = |column: &Vec<f64>| rows.iter().map(|row| column[*row]).collect::<Vec<f64>>();
@@ -85,11 +82,11 @@ fn check(p: &IsoFlopPoint, form: Form, space: Space) -> Result<(), FitError> {
         return bad("weight", p.weight, "finite and not below 0");
     }
     match space {
-        Space::Log if !(p.loss.is_finite() && p.loss > 0.0) => Err(loss(
+        Space::Log if !(p.loss.is_finite() && p.loss > 0.0) => Err(FitError::bad_loss(
             p,
             "finite and above 0 where its logarithm is fitted (--space raw fits the loss itself)",
         )),
-        Space::Raw if !p.loss.is_finite() => Err(loss(p, "finite")),
+        Space::Raw if !p.loss.is_finite() => Err(FitError::bad_loss(p, "finite")),
         _ => Ok(()),
     }
 }
@@ -135,4 +132,81 @@ fn identified(x: &[Vec<f64>], form: Form) -> Result<(), FitError> {
         }
     }
     Ok(())
+}
+
+/// What is minimised.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target<'a> {
+    pub data: &'a Data,
+    pub form: Form,
+    pub space: Space,
+    pub delta: f64,
+    /// Whether the first exponent equals the last.
+    pub tied: bool,
+    /// Least and largest exponent.
+    pub bounds: [f64; 2],
+}
+
+/// Where a descent ended.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct End {
+    /// All parameters, centred.
+    pub theta: Vector,
+    pub minimised: Minimised,
+}
+
+impl<'a> Target<'a> {
+    /// The coefficients in the units of the table's columns.
+    pub fn coefficients(&self, theta: &Vector) -> Coefficients {
+        Coefficients::from_centred(self.form, self.data.constant, theta, &self.data.means)
+    }
+
+    pub fn problem(
+        &self,
+        (delta, curvature): (f64, Curvature),
+        slots: Slots,
+        base: Vector,
+        weights: &'a [f64],
+    ) -> Problem<'a> {
+        let (columns, constant) = (&self.data.columns, self.data.constant);
+        let objective =
+            Objective { columns, weights, space: self.space, constant, delta, curvature };
+        Problem::new(objective, slots, base)
+    }
+
+    /// Downhill from anywhere: least squares by Gauss and Newton, then Huber's function at ten
+    /// times δ, then at δ. Each stage hands the next a start within its reach.
+    pub fn descend(&self, start: &Vector) -> Option<End> {
+        let (weights, slots) = (&self.data.weights, self.form.slots(self.tied));
+        let stage = |how, start: &Vector, tolerance| {
+            let problem = self.problem(how, slots, *start, weights);
+            Some(problem.full(&minimise(problem, problem.free(start), tolerance)?.free))
+        };
+        let at = stage((f64::INFINITY, Curvature::GaussNewton), start, 1e-12)?;
+        let at = stage((10.0 * self.delta, Curvature::Exact), &at, 1e-6)?;
+        self.settle(&at, weights, 1e-12)
+    }
+
+    /// Downhill from near an optimum. An exponent that leaves its bounds is set to the nearer one
+    /// and stays there while the others go on.
+    pub fn settle(&self, start: &Vector, weights: &[f64], tolerance: f64) -> Option<End> {
+        let (k, [least, most]) = (self.form.n_terms(), self.bounds);
+        let mut slots = self.form.slots(self.tied);
+        let mut theta = *start;
+        loop {
+            let target = Target { data: self.data, ..*self };
+            let problem = target.problem((self.delta, Curvature::Exact), slots, theta, weights);
+            let minimised = minimise(problem, problem.free(&theta), tolerance)?;
+            theta = problem.full(&minimised.free);
+            let outside = |p: &usize| slots[*p].is_some() && !(least..=most).contains(&theta[*p]);
+            let Some(stray) = (k + 1..=2 * k).find(outside) else {
+                return Some(End { theta, minimised });
+            };
+            let slot = slots[stray];
+            for p in (k + 1..=2 * k).filter(|p| slots[*p] == slot) {
+                theta[p] = theta[p].clamp(least, most);
+            }
+            slots = slots.map(|s| if s == slot { None } else { s });
+        }
+    }
 }

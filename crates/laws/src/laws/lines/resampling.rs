@@ -1,4 +1,4 @@
-//! Replicates of a sweep, for intervals.
+//! How sure laws are: replicates of a sweep, for intervals, and budgets that laws have not seen.
 //!
 //! A replicate keeps every cell of the sweep and adds to its mean loss a normal draw of the runs'
 //! own noise, σ/√S for a cell of S runs; minima and laws are then found anew. σ is estimated
@@ -29,18 +29,15 @@
 //! Replicate i draws from ChaCha8's stream i of the seed, so the samples do not depend on the
 //! number of threads.
 
-use super::law_set::{Columns, law_set};
-use super::sample::LawSample;
-use crate::laws::input::method::MinimumMethod;
-use crate::laws::input::options::FitOptions;
-use crate::laws::maths::random::Normals;
-use crate::laws::minima;
-use crate::laws::minima::grid::Grid;
-use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
-use crate::laws::minima::types::Minimum;
-use crate::laws::noise::test_noise::{OtherClips, TestNoise};
-use crate::laws::noise::tokenizer_noise::TokenizerNoise;
+use super::{Columns, LawSet, PowerLaw, ReplicateLaws, law_set};
+use crate::laws::input::{FitOptions, MinimumMethod, Parameters};
+use crate::laws::maths::stats::{Normals, interval95};
+use crate::laws::minima::{
+    Grid, Minimum, MinimumIntervals, NoiseSource, RunNoise, n_vocabularies, of_grid,
+};
+use crate::laws::noise::{OtherClips, TestNoise, TokenizerNoise};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// What the replicates are made of.
 #[derive(Clone)]
@@ -90,13 +87,6 @@ pub(in crate::laws) struct Replicate {
     pub minima: Vec<[f64; 3]>,
 }
 
-/// One replicate's coefficients, and the exponent of Eq. 10 where N_nv varied.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::laws) struct ReplicateLaws {
-    pub sample: LawSample,
-    pub vocab_from_nonvocab: Option<f64>,
-}
-
 impl Bootstrap<'_> {
     /// The replicates in order, as many as the options ask for.
     pub fn replicates(&self) -> Vec<Replicate> {
@@ -118,7 +108,7 @@ impl Bootstrap<'_> {
             })
         };
         let drawn: Vec<Grid> = grids.map(noisy).collect();
-        let of = |method| drawn.iter().map(move |grid| minima::of_grid(method, grid));
+        let of = |method| drawn.iter().map(move |grid| of_grid(method, grid));
         let minima: Vec<Minimum> = self.methods.iter().copied().flat_map(of).collect();
         let fitted = self.method_of(stream).map(|own| match &clips {
             Some(clips) => self.on_other_clips(clips, self.methods[own], &drawn),
@@ -143,7 +133,7 @@ impl Bootstrap<'_> {
         let moved =
             |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell, grid.best()));
         let fitted = drawn[..self.grids.len()].iter();
-        fitted.map(|grid| minima::of_grid(method, &moved(grid))).collect()
+        fitted.map(|grid| of_grid(method, &moved(grid))).collect()
     }
 
     /// Which kind of minimum a replicate's laws go through.
@@ -190,4 +180,163 @@ fn of_budget(grid: &Grid, pooled: RunNoise) -> f64 {
     let dof: usize = grid.cells.iter().map(|cell| cell.dof).sum();
     let spread: f64 = grid.cells.iter().map(|cell| cell.spread).sum();
     ((spread + POOLED_DOF * pooled.sd.powi(2)) / (dof as f64 + POOLED_DOF)).sqrt()
+}
+
+/// Minima in the order of [`Replicate::minima`] with their intervals. One has none where the best run stands in
+/// for a minimum, whose interval would be that of another thing.
+pub(in crate::laws) fn minima_with_intervals(
+    minima: impl Iterator<Item = Minimum>,
+    replicates: &[Replicate],
+) -> Vec<Minimum> {
+    let with = |(index, minimum): (usize, Minimum)| {
+        if minimum.is_best_run_instead() {
+            return minimum;
+        }
+        let interval = |i: usize| interval95(replicates.iter().map(|r| r.minima[index][i]));
+        let intervals = MinimumIntervals {
+            params_nonvocab: interval(0),
+            params_vocab: interval(1).filter(|_| minimum.params_vocab > 0.0),
+            loss_normalised: interval(2),
+        };
+        Minimum { ci95: intervals.loss_normalised.map(|_| intervals), ..minimum }
+    };
+    minima.enumerate().map(with).collect()
+}
+
+// Budgets that laws have not seen.
+
+/// How a budget was kept from the laws that predict it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ValidationKind {
+    /// The laws are fitted to all other fitted budgets.
+    LeaveOneOut,
+    /// The laws are fitted to the smaller budgets.
+    RollForward,
+}
+
+/// What laws that had not seen a budget say of it, against its measured minimum.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    pub kind: ValidationKind,
+    pub budget_flops: f64,
+    /// How many budgets the laws were fitted to.
+    pub n_fitted: usize,
+    /// Predicted less measured loss by the log law, in nats.
+    pub log_error: f64,
+    /// The same by the floor law, where three budgets or more give one.
+    pub floor_error: Option<f64>,
+    /// Predicted over measured N, where N_nv and N_v are not told apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub params_ratio: Option<f64>,
+    /// Predicted over measured N_nv.
+    pub params_nonvocab_ratio: Option<f64>,
+    /// Predicted over measured N_v, where several vocabularies were tried.
+    pub params_vocab_ratio: Option<f64>,
+    /// Predicted over measured D.
+    pub tokens_ratio: f64,
+}
+
+/// Fewest budgets that laws are fitted to; the floor law needs one more.
+const FEWEST: usize = 2;
+
+/// Every fitted budget predicted from all the others, and every budget but the smallest two
+/// predicted from the smaller ones.
+pub(in crate::laws) fn validate(
+    used: &[Minimum],
+    grids: &[Grid],
+    options: &FitOptions,
+) -> Vec<Validation> {
+    let has_vocab_law = n_vocabularies(grids) > 1;
+    let error = |kind, measured: &Minimum, from: &[Minimum]| {
+        let mut row = predicted(kind, measured, from, grids, options)?;
+        row.params_vocab_ratio = row.params_vocab_ratio.filter(|_| has_vocab_law);
+        Some(row)
+    };
+    let left_out = used.iter().filter_map(|measured| {
+        let others = used.iter().filter(|m| m.budget_flops != measured.budget_flops);
+        let others: Vec<Minimum> = others.cloned().collect();
+        error(ValidationKind::LeaveOneOut, measured, &others)
+    });
+    let rolled = (FEWEST..used.len())
+        .filter_map(|i| error(ValidationKind::RollForward, &used[i], &used[..i]));
+    left_out.chain(rolled).collect()
+}
+
+/// What the laws through `from` say of a budget, against what was measured there.
+fn predicted(
+    kind: ValidationKind,
+    measured: &Minimum,
+    from: &[Minimum],
+    grids: &[Grid],
+    options: &FitOptions,
+) -> Option<Validation> {
+    if from.len() < FEWEST {
+        return None;
+    }
+    let laws = LawSet::through(from, grids, options)?;
+    let floor = laws.floor.as_ref();
+    let at = measured.budget_flops;
+    let ratio = |law: &PowerLaw, measured: f64| law.value_at(at) / measured;
+    let size = ratio(&laws.params_nonvocab, measured.params_nonvocab);
+    let is_total = options.parameters == Parameters::Total;
+    Some(Validation {
+        kind,
+        budget_flops: measured.budget_flops,
+        n_fitted: from.len(),
+        log_error: laws.log.loss_at(at) - measured.loss_normalised,
+        floor_error: floor.map(|law| law.loss_at(at, laws.reference) - measured.loss_normalised),
+        params_ratio: is_total.then_some(size),
+        params_nonvocab_ratio: (!is_total).then_some(size),
+        params_vocab_ratio: laws.params_vocab.as_ref().map(|l| ratio(l, measured.params_vocab)),
+        tokens_ratio: ratio(&laws.tokens, measured.tokens),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::file::Laws;
+    use crate::laws::fit::fit;
+    use crate::laws::simulated::{SWEEP, Simulated};
+
+    fn laws(sweep: Simulated) -> Laws {
+        let options = FitOptions { bootstrap: 0, ..FitOptions::default() };
+        fit(&sweep.points(), &options).unwrap()
+    }
+
+    fn of(laws: &Laws, kind: ValidationKind) -> Vec<&Validation> {
+        laws.validation.iter().filter(|row| row.kind == kind).collect()
+    }
+
+    #[test]
+    fn the_last_step_forward_is_the_held_out_budget() {
+        let laws = laws(SWEEP);
+        let rolled = of(&laws, ValidationKind::RollForward);
+        let budgets: Vec<f64> = rolled.iter().map(|row| row.budget_flops).collect();
+        assert_eq!(budgets, [1e16, 3e16, 1e17]);
+        assert_eq!(rolled.iter().map(|row| row.n_fitted).collect::<Vec<_>>(), [2, 3, 4]);
+        let last = rolled[2];
+        assert_eq!(Some(last.log_error), laws.loss.log.as_ref().unwrap().held_out_error);
+        assert_eq!(last.floor_error, laws.loss.floor.as_ref().unwrap().held_out_error);
+        assert!(rolled[0].floor_error.is_none() && rolled[1].floor_error.is_some());
+    }
+
+    #[test]
+    fn every_fitted_budget_is_left_out_once_and_predicted_well() {
+        let laws = laws(SWEEP);
+        let left_out = of(&laws, ValidationKind::LeaveOneOut);
+        let budgets: Vec<f64> = left_out.iter().map(|row| row.budget_flops).collect();
+        assert_eq!(budgets, laws.fitted_budgets);
+        for row in left_out {
+            assert!((row.params_nonvocab_ratio.unwrap() - 1.0).abs() < 0.05, "{row:?}");
+            assert!((row.tokens_ratio - 1.0).abs() < 0.05, "{row:?}");
+            assert!(row.log_error.abs() < 0.15, "{row:?}");
+        }
+    }
+
+    #[test]
+    fn two_budgets_leave_nothing_to_validate() {
+        assert_eq!(laws(Simulated { budgets: &[1e15, 1e16], ..SWEEP }).validation, []);
+    }
 }

@@ -1,14 +1,130 @@
-//! The loss as a power law with a floor, E + k (C/C0)^−g.
-//!
-//! Variable projection: at each g the best E and k ≥ 0 are linear least squares, solved exactly, so
-//! one dimension is left. A scan over g brackets the best, and the zero of the projected
-//! objective's derivative is found there: a zero is known to machine precision, a minimum only to
-//! its square root.
+//! The loss in C: a straight line in log10 C (ScaMo Eq. 14), and a power law with a floor, E + k (C/C0)^−g.
 
-use super::types::FloorLaw;
-use crate::laws::maths::stats::{aic, dot, r2};
+use crate::laws::maths::engine::least_squares_line;
+use crate::laws::maths::stats::{aic, dot, interval95, r2};
 use argmin::core::{CostFunction, Error, Executor, State};
 use argmin::solver::brent::BrentRoot;
+use serde::{Deserialize, Serialize};
+
+/// The two loss laws, always side by side.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LossLaws {
+    pub log: Option<LogLaw>,
+    pub floor: Option<FloorLaw>,
+}
+
+/// L_u = `slope_per_decade` · log10 C + `intercept` (ScaMo Eq. 14).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LogLaw {
+    pub slope_per_decade: f64,
+    pub intercept: f64,
+    pub r2: f64,
+    pub aic: f64,
+    /// Predicted minus measured at the held-out budget, in nats.
+    pub held_out_error: Option<f64>,
+    pub slope_ci95: Option<[f64; 2]>,
+    pub intercept_ci95: Option<[f64; 2]>,
+    pub n: usize,
+}
+
+impl LogLaw {
+    /// L_u at C, in nats.
+    pub fn loss_at(&self, compute: f64) -> f64 {
+        self.slope_per_decade * compute.log10() + self.intercept
+    }
+
+    /// R² and AIC, where they say something: a line goes through any two points.
+    pub fn goodness(&self) -> Option<[f64; 2]> {
+        (self.n > 2).then_some([self.r2, self.aic])
+    }
+}
+
+/// L_u = `floor` + `coefficient` · (C / C0)^(−`exponent`), C0 = [`Laws::reference_flops`](crate::laws::Laws::reference_flops).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FloorLaw {
+    pub floor: f64,
+    pub coefficient: f64,
+    pub exponent: f64,
+    pub r2: f64,
+    pub aic: f64,
+    /// Predicted minus measured at the held-out budget, in nats.
+    pub held_out_error: Option<f64>,
+    pub floor_ci95: Option<[f64; 2]>,
+    pub coefficient_ci95: Option<[f64; 2]>,
+    pub exponent_ci95: Option<[f64; 2]>,
+    pub n: usize,
+}
+
+impl FloorLaw {
+    /// L_u at C, in nats; `reference` is the C0 the law was fitted around.
+    pub fn loss_at(&self, compute: f64, reference: f64) -> f64 {
+        self.sample().loss_at(compute, reference)
+    }
+
+    /// Whether the exponent stopped at an end of its range, so that the data show no floor.
+    pub fn is_at_bound(&self) -> bool {
+        EXPONENT_RANGE.contains(&self.exponent)
+    }
+
+    /// R² and AIC, where they say something: some such law goes through almost any three points.
+    pub fn goodness(&self) -> Option<[f64; 2]> {
+        (self.n > 3).then_some([self.r2, self.aic])
+    }
+
+    /// What a replicate keeps of it.
+    pub(super) fn sample(&self) -> FloorSample {
+        FloorSample { floor: self.floor, coefficient: self.coefficient, exponent: self.exponent }
+    }
+
+    /// The law with the interval of each coefficient, over the replicates that had one.
+    pub(in crate::laws) fn with_intervals(self, samples: &[FloorSample]) -> Self {
+        let interval = |value: fn(&FloorSample) -> f64| interval95(samples.iter().map(value));
+        Self {
+            floor_ci95: interval(|s| s.floor),
+            coefficient_ci95: interval(|s| s.coefficient),
+            exponent_ci95: interval(|s| s.exponent),
+            ..self
+        }
+    }
+}
+
+/// The floor law of one bootstrap replicate, around the C0 of the fit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FloorSample {
+    pub floor: f64,
+    pub coefficient: f64,
+    pub exponent: f64,
+}
+
+impl FloorSample {
+    /// L_u at C, in nats; `reference` is C0.
+    pub fn loss_at(&self, compute: f64, reference: f64) -> f64 {
+        self.floor + self.coefficient * (compute / reference).powf(-self.exponent)
+    }
+}
+
+/// L_u = s log10 C + i by least squares; none where C does not vary.
+pub fn log_law(compute: &[f64], loss: &[f64]) -> Option<LogLaw> {
+    let x: Vec<f64> = compute.iter().map(|c| c.log10()).collect();
+    let weights = vec![1.0; x.len()];
+    let line = least_squares_line(&x, loss, &weights)?;
+    let fitted: Vec<f64> = x.iter().map(|x| line.at(*x)).collect();
+    Some(LogLaw {
+        slope_per_decade: line.slope,
+        intercept: line.at(0.0),
+        r2: r2(loss, &fitted, &weights),
+        aic: aic(loss, &fitted, 2),
+        n: x.len(),
+        ..LogLaw::default()
+    })
+}
+
+// The law with a floor.
+//
+// Variable projection: at each g the best E and k ≥ 0 are linear least squares, solved exactly, so
+// one dimension is left. A scan over g brackets the best, and the zero of the projected
+// objective's derivative is found there: a zero is known to machine precision, a minimum only to
+// its square root.
 
 /// The exponents searched. At the lower end the law is the log law to within a thousandth; at the
 /// upper the loss reaches its floor within one decade.
@@ -35,18 +151,6 @@ pub fn floor_law(compute: &[f64], loss: &[f64], reference: f64) -> Option<FloorL
         n: loss.len(),
         ..FloorLaw::default()
     })
-}
-
-impl FloorLaw {
-    /// L_u at C, in nats; `reference` is the C0 the law was fitted around.
-    pub fn loss_at(&self, compute: f64, reference: f64) -> f64 {
-        self.floor + self.coefficient * (compute / reference).powf(-self.exponent)
-    }
-
-    /// Whether the exponent stopped at an end of its range, so that the data show no floor.
-    pub fn is_at_bound(&self) -> bool {
-        EXPONENT_RANGE.contains(&self.exponent)
-    }
 }
 
 /// The objective of g alone.
@@ -107,13 +211,8 @@ impl<'a> Projected<'a> {
             .collect();
         let falling = scan.iter().enumerate().filter_map(|(i, g)| Some((i, g, self.rss(*g)?)));
         let (best, g, _) = falling.min_by(|(.., a), (.., b)| a.total_cmp(b))?;
-        let bracket = (best.checked_sub(1).map(|i| scan[i]), scan.get(best + 1));
-        match bracket {
-            (Some(left), Some(right)) => Some(self.zero(left, *right).unwrap_or(*g)),
-            (None, Some(right)) => Some(self.zero(*g, *right).unwrap_or(*g)),
-            (Some(left), None) => Some(self.zero(left, *g).unwrap_or(*g)),
-            (None, None) => Some(*g),
-        }
+        let (left, right) = (scan[best.saturating_sub(1)], scan.get(best + 1).unwrap_or(g));
+        Some(self.zero(left, *right).unwrap_or(*g))
     }
 
     /// The zero of the slope between two exponents; none where the slope does not change sign.
@@ -122,20 +221,17 @@ impl<'a> Projected<'a> {
             return None;
         }
         let solver = BrentRoot::new(left, right, 0.0);
-        let run = Executor::new(Slope(self), solver).configure(|s| s.max_iters(200)).run().ok()?;
+        let run = Executor::new(self, solver).configure(|s| s.max_iters(200)).run().ok()?;
         run.state().get_best_param().copied()
     }
 }
 
-/// [`Projected::slope`] as argmin sees it.
-struct Slope<'a, 'b>(&'a Projected<'b>);
-
-impl CostFunction for Slope<'_, '_> {
+impl CostFunction for &Projected<'_> {
     type Param = f64;
     type Output = f64;
 
     fn cost(&self, g: &f64) -> Result<f64, Error> {
-        Ok(self.0.slope(*g))
+        Ok(self.slope(*g))
     }
 }
 
@@ -149,6 +245,16 @@ fn minus_mean(mut v: Vec<f64>) -> Vec<f64> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn the_published_line_is_recovered_from_its_own_points() {
+        let c = [1e14, 1e15, 1e16, 1e18];
+        let law = log_law(&c, &c.map(|c: f64| -1.062 * c.log10() + 13.839)).unwrap();
+        assert!((law.slope_per_decade + 1.062).abs() < 1e-12);
+        assert!((law.intercept - 13.839).abs() < 1e-11);
+        assert!((law.loss_at(1e18) + 5.277).abs() < 1e-12);
+        assert!(law.r2 > 1.0 - 1e-12 && law.aic.is_finite());
+    }
 
     const C: [f64; 6] = [1e14, 3e14, 1e15, 3e15, 1e16, 1e17];
 

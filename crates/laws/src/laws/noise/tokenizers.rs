@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use crate::laws::input::budget::Budget;
-use crate::laws::maths::random::Normals;
-use crate::laws::minima::run_noise::{NoiseSource, RunNoise};
+use crate::laws::input::Budget;
+use crate::laws::maths::stats::Normals;
+use crate::laws::minima::{NoiseSource, RunNoise};
 
 /// The scatter of tokenizers: it moves all runs of a tokenizer together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -142,9 +142,7 @@ fn mean(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::laws::input::budget::group_budgets;
-    use crate::laws::input::point::{IsoFlopPoint, RunFacts};
-    use crate::laws::maths::random::Normals;
+    use crate::laws::input::{IsoFlopPoint, RunFacts, group_budgets};
     use crate::laws::simulated::{SWEEP, Simulated};
 
     /// A sweep of three tokenizers a vocabulary that scatter by `sd`.
