@@ -1,10 +1,5 @@
 //! The prediction itself.
 
-use super::at_budget::{Vocabulary, fitted_at, sample_at, shape_for, width_for};
-use super::codebook::Codebook;
-use super::opinion::opinions;
-use super::spread::Spread;
-use super::together::together;
 use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
@@ -13,6 +8,9 @@ use crate::laws::{
     Candidate, Deviations, LOSS_NORMALISED, LawKind, LawSample, Laws, Optimum, PerQuantity,
     TestNoise, around, interval95,
 };
+use crate::predict::allocation::{Vocabulary, fitted_at, sample_at, shape_for, width_for};
+use crate::predict::several::{Spread, opinions, together};
+use crate::predict::shapes::Codebook;
 
 /// The optimal configuration for `budget` FLOPs.
 ///
@@ -255,6 +253,3 @@ fn floor_losses(laws: &Laws, budget: f64) -> impl Iterator<Item = f64> {
     let floors = laws.bootstrap.iter().filter_map(|sample| sample.floor);
     floors.map(move |floor| floor.loss_at(budget, laws.reference_flops))
 }
-
-#[cfg(test)]
-mod tests;

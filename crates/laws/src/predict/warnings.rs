@@ -1,9 +1,9 @@
 //! The sentences a prediction owes its reader.
 
-use super::at_budget::{Vocabulary, shape_for};
 use super::{Intervals, PredictOptions, Prediction};
 use crate::laws::text::count;
 use crate::laws::{Candidate, Laws, MinimumFlag, Validated};
+use crate::predict::allocation::{Vocabulary, shape_for};
 
 /// Laws that spend a budget to within this share count as consistent.
 const RATIO_TOLERANCE: f64 = 0.05;

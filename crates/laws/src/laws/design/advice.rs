@@ -4,17 +4,12 @@
 //! are too few, seeds where a curve is flat within its noise. Beyond the sweep there is always one
 //! further budget, whose grid is centred where the laws put its optimum.
 
-use super::advice_grid::{Spacing, around, beyond, median_ratio};
-use crate::laws::file::advice::{Advice, AdviceKind};
-use crate::laws::file::laws::Laws;
-use crate::laws::input::method::MinimumMethod;
-use crate::laws::input::point::Parameters;
-use crate::laws::lines::power::power_law;
-use crate::laws::lines::types::PowerLaw;
-use crate::laws::maths::stats::geometric_mean;
-use crate::laws::minima::grid::Grid;
-use crate::laws::minima::types::{Minimum, MinimumFlag};
-use crate::laws::say::advice::Why;
+use crate::laws::file::{Advice, AdviceKind, Laws};
+use crate::laws::input::{MinimumMethod, Parameters};
+use crate::laws::lines::{PowerLaw, power_law};
+use crate::laws::maths::stats::{distinct, geometric_mean};
+use crate::laws::minima::{Grid, Minimum, MinimumFlag, WIDEST_STEP};
+use crate::laws::say::Why;
 
 /// An exponent whose 95 % interval is wider than this wants another budget.
 const WIDE: f64 = 0.2;
@@ -202,5 +197,168 @@ impl Advice {
     }
 }
 
+// Levels of a grid, continued by the grid's own ratio.
+
+/// The ratio of neighbouring levels where a sweep shows none.
+const DEFAULT_RATIO: f64 = 2.0;
+/// Models that can be built lie off the sizes that are asked for.
+const MARGIN: f64 = 0.88;
+
+/// The sweep's own ratios of neighbouring levels, where it has them.
+struct Spacing {
+    size: Option<f64>,
+    vocab: Option<f64>,
+}
+
+impl Spacing {
+    /// The first ratios that any budget shows.
+    pub fn of(grids: &[Grid]) -> Self {
+        Self {
+            size: grids.iter().find_map(|grid| median_ratio(&grid.size_levels())),
+            vocab: grids.iter().find_map(|grid| median_ratio(&grid.vocabularies())),
+        }
+    }
+
+    /// The ratio of these sizes; else the sweep's; else 2; no wider than a minimum between two may have.
+    pub fn size_ratio(&self, sizes: &[f64]) -> f64 {
+        median_ratio(sizes).or(self.size).unwrap_or(DEFAULT_RATIO).min(MARGIN * WIDEST_STEP)
+    }
+
+    /// The ratio of these vocabularies; else the sweep's; else 2.
+    pub fn vocab_ratio(&self, vocabularies: &[f64]) -> f64 {
+        median_ratio(vocabularies).or(self.vocab).unwrap_or(DEFAULT_RATIO)
+    }
+}
+
+/// The median ratio of neighbours, the upper one of an even number; none for fewer than two levels.
+fn median_ratio(levels: &[f64]) -> Option<f64> {
+    let sorted = distinct(levels.iter().copied());
+    let mut ratios: Vec<f64> = sorted.windows(2).map(|pair| pair[1] / pair[0]).collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios.get(ratios.len() / 2).copied()
+}
+
+/// `n` levels past the highest or the lowest of rising ones, in rising order.
+fn beyond(levels: &[f64], upwards: bool, ratio: f64, n: usize) -> Vec<f64> {
+    let step = if upwards { ratio } else { 1.0 / ratio };
+    let end = if upwards { levels.last() } else { levels.first() };
+    let new = end.map(|end| (1..=n).map(move |i| end * step.powi(i as i32)));
+    distinct(new.into_iter().flatten())
+}
+
+/// Rising levels filled up to `n` by turns above and below; one level so becomes the centre.
+fn around(levels: &[f64], ratio: f64, n: usize) -> Vec<f64> {
+    let mut all = levels.to_vec();
+    while let (Some(first), Some(last)) = (all.first(), all.last())
+        && all.len() < n
+    {
+        let upwards = (all.len() - levels.len()).is_multiple_of(2);
+        let (at, new) = if upwards { (all.len(), last * ratio) } else { (0, first / ratio) };
+        all.insert(at, new);
+    }
+    all
+}
+
+impl Grid {
+    /// The sizes tried, rising.
+    pub fn size_levels(&self) -> Vec<f64> {
+        distinct(self.sizes.iter().map(|size| size.best.params_nonvocab))
+    }
+
+    /// The vocabularies tried, rising; none where no cell has one.
+    pub fn vocabularies(&self) -> Vec<f64> {
+        distinct(self.cells.iter().map(|cell| cell.n_vocab).filter(|v| *v > 0.0))
+    }
+
+    /// Runs of a cell, rounded.
+    pub fn runs_per_cell(&self) -> usize {
+        (self.n_runs as f64 / self.cells.len() as f64).round().max(1.0) as usize
+    }
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::laws::fit::fit;
+    use crate::laws::input::{FitOptions, IsoFlopPoint};
+    use crate::laws::simulated::{SWEEP, Simulated};
+
+    #[test]
+    fn levels_continue_by_their_own_ratio() {
+        let ratio = median_ratio(&[1.0, 2.0, 4.0, 9.0]).unwrap();
+        assert_eq!(ratio, 2.0);
+        assert_eq!(beyond(&[1.0, 2.0], true, ratio, 2), [4.0, 8.0]);
+        assert_eq!(beyond(&[1.0, 2.0], false, ratio, 2), [0.25, 0.5]);
+        assert_eq!(around(&[8.0], ratio, 3), [4.0, 8.0, 16.0]);
+        assert_eq!(around(&[4.0, 8.0], ratio, 5), [2.0, 4.0, 8.0, 16.0, 32.0]);
+        assert_eq!(median_ratio(&[3.0]), None);
+        assert!(around(&[], ratio, 3).is_empty());
+    }
+
+    fn laws(points: &[IsoFlopPoint]) -> Laws {
+        fit(points, &FitOptions { bootstrap: 100, ..FitOptions::default() }).unwrap()
+    }
+
+    fn at(laws: &Laws, budget: f64) -> Vec<&Advice> {
+        laws.advice.iter().filter(|advice| advice.budget_flops == budget).collect()
+    }
+
+    #[test]
+    fn a_sound_sweep_is_told_where_its_next_budget_lies_and_what_it_costs() {
+        let laws = laws(&SWEEP.points());
+        let [next] = &laws.advice[..] else { panic!("{:?}", laws.advice) };
+        assert_eq!(next.kind, AdviceKind::NextBudget);
+        assert!((next.budget_flops / (1e17 * 1e17 / 3e16) - 1.0).abs() < 1e-9, "{next:?}");
+        assert_eq!((next.params_nonvocab.len(), next.n_vocab.len(), next.runs), (7, 5, 35));
+        assert_eq!(next.flops, 35.0 * next.budget_flops);
+        let centre = laws.power_laws.params_nonvocab.as_ref().unwrap().value_at(next.budget_flops);
+        assert!((next.params_nonvocab[3] / centre - 1.0).abs() < 1e-12);
+        assert!((next.params_nonvocab[4] / centre - 1.8).abs() < 1e-6);
+    }
+
+    #[test]
+    fn sizes_are_added_beyond_the_edge_that_the_minimum_is_on() {
+        let mut points = SWEEP.points();
+        points.retain(|p| p.budget_flops != 3e15 || p.params_nonvocab > 2.5e7);
+        let laws = laws(&points);
+        let [mend] = at(&laws, 3e15)[..] else { panic!("{:?}", laws.advice) };
+        let smallest = points.iter().filter(|p| p.budget_flops == 3e15);
+        let smallest = smallest.map(|p| p.params_nonvocab).fold(f64::INFINITY, f64::min);
+        assert_eq!(mend.kind, AdviceKind::AddSizes);
+        assert!((mend.params_nonvocab[1] * 1.8 / smallest - 1.0).abs() < 1e-6, "{mend:?}");
+        assert_eq!((mend.params_nonvocab.len(), mend.runs), (2, 2 * mend.n_vocab.len()));
+        assert!(mend.why.contains("smallest"), "{}", mend.why);
+    }
+
+    #[test]
+    fn vocabularies_are_added_beyond_the_edge_that_the_best_run_is_on() {
+        let mut points = SWEEP.points();
+        points.retain(|p| p.budget_flops != 1e16 || p.n_vocab > 3e4);
+        let laws = laws(&points);
+        let [mend] = at(&laws, 1e16)[..] else { panic!("{:?}", laws.advice) };
+        assert_eq!(
+            (mend.kind, &mend.n_vocab[..]),
+            (AdviceKind::AddVocabularies, &[7500.0, 22500.0][..])
+        );
+    }
+
+    #[test]
+    fn too_few_sizes_are_filled_up_to_five() {
+        let mut points = SWEEP.points();
+        let kept: Vec<f64> = points.iter().map(|p| p.params_nonvocab).collect();
+        points.retain(|p| p.budget_flops != 1e15 || kept[..10].contains(&p.params_nonvocab));
+        let laws = laws(&points);
+        let [mend] = at(&laws, 1e15)[..] else { panic!("{:?}", laws.advice) };
+        assert_eq!((mend.kind, mend.params_nonvocab.len()), (AdviceKind::AddSizes, 3));
+    }
+
+    #[test]
+    fn a_wide_interval_asks_for_a_larger_budget() {
+        let laws = laws(
+            &Simulated { budgets: &[1e16, 2e16, 4e16], noise: 0.03, n_seeds: 2, ..SWEEP }.points(),
+        );
+        let next = laws.advice.last().unwrap();
+        assert_eq!(next.kind, AdviceKind::LargerBudget);
+        assert!(next.why.contains("wide") && next.runs == 70, "{next:?}");
+    }
+}

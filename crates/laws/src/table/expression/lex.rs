@@ -6,11 +6,8 @@
 
 use std::ops::Range;
 
-use super::ExpressionProblem as Problem;
 use super::tree::{Fault, Function, Operator};
-use crate::table::nearest::hint;
-use crate::table::types::Reads;
-use crate::table::{Column, Table};
+use crate::table::{Column, ExpressionProblem as Problem, Reads, Table, hint};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token {

@@ -1,10 +1,10 @@
-//! The published law.
+//! Laws of papers.
 
-use crate::laws::file::kind::LawKind;
-use crate::laws::file::laws::Laws;
-use crate::laws::input::point::Parameters;
-use crate::laws::lines::types::{LogLaw, LossLaws, PowerLaw, PowerLaws};
 use std::f64::consts::LN_10;
+
+use crate::laws::file::{LawKind, Laws};
+use crate::laws::input::Parameters;
+use crate::laws::lines::{LogLaw, LossLaws, PowerLaw, PowerLaws};
 
 /// The FLOPs of ScaMo's validating run, around which its laws are read.
 const REFERENCE_FLOPS: f64 = 1e18;

@@ -1,13 +1,11 @@
 //! Whole tables: the order of the steps, what is said of each row, and the published tables.
 
+use proptest::prelude::*;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use proptest::prelude::*;
-
 use super::*;
-use crate::laws::{Metric, RunFacts};
-use crate::table::{Column, read};
+use crate::laws::{IsoFlopPoint, Metric, Parameters, RunFacts, simulated};
 
 fn table(columns: &[(&str, &[f64])]) -> Table {
     let n_rows = columns[0].1.len();
@@ -204,7 +202,120 @@ fn every_stage_runs_on_a_published_table_and_names_what_it_drops() {
     }
 }
 
-fn point() -> impl Strategy<Value = IsoFlopPoint> {
+#[test]
+fn a_slip_of_the_pen_finds_its_name_and_nonsense_finds_none() {
+    let names = ["Model Size", "Training FLOP", "loss"];
+    assert_eq!(nearest("modle size", names.into_iter()), Some("Model Size"));
+    assert_eq!(nearest("qqq", names.into_iter()), None);
+    assert_eq!(hint("los", names.into_iter()), "did you mean `loss`? ");
+}
+
+// Rows that cannot be trusted.
+
+/// A run of a budget with one N and loss.
+fn run(budget_flops: f64, params_nonvocab: f64, loss: f64) -> IsoFlopPoint {
+    IsoFlopPoint {
+        run_id: format!("{budget_flops:e} {params_nonvocab:e}"),
+        budget_flops,
+        flops: budget_flops,
+        tokens: budget_flops / 6.0 / params_nonvocab,
+        ..simulated::point(params_nonvocab, 0.0, loss, 0)
+    }
+}
+
+/// Sizes from 1e6 to 1e6·2^(count − 1) on a parabola in ln N with its vertex at 1e6·2^vertex.
+fn parabola(budget_flops: f64, count: usize, vertex: f64) -> Vec<IsoFlopPoint> {
+    let loss = |z: f64| 3.0 + 0.05 * (z - vertex).powi(2);
+    let sizes = (0..count).map(|i| i as f64);
+    sizes.map(|z| run(budget_flops, 1e6 * z.exp2(), loss(z))).collect()
+}
+
+#[test]
+fn a_stage_is_read_by_the_name_it_prints() {
+    for (name, stage) in OutlierStage::ALL {
+        assert_eq!((name.parse(), stage.to_string().as_str()), (Ok(stage), name));
+    }
+    let error = "off-center".parse::<OutlierStage>().unwrap_err().to_string();
+    assert!(error.contains("did you mean `off-centre`?"), "{error}");
+}
+
+#[test]
+fn the_first_of_two_runs_within_one_per_cent_stays() {
+    let runs = [(1e18, 1.009e6, 3.0), (1e18, 1.0e6, 3.1), (1e18, 2.0e6, 2.9), (1e19, 1.0e6, 2.8)];
+    let points = runs.map(|(budget, n, loss)| run(budget, n, loss)).to_vec();
+    let (kept, dropped) = OutlierStage::Duplicates.split(points.clone());
+    assert_eq!(kept, [points[0].clone(), points[2].clone(), points[3].clone()]);
+    assert_eq!(dropped[0].0, points[1]);
+    assert!(dropped[0].1.contains("1e18 1.009e6"), "{}", dropped[0].1);
+}
+
+#[test]
+fn another_seed_or_vocabulary_is_no_duplicate() {
+    let one = run(1e18, 1e6, 3.0);
+    let points = vec![
+        one.clone(),
+        IsoFlopPoint { seed: 1, ..one.clone() },
+        IsoFlopPoint { n_vocab: 64.0, ..one },
+    ];
+    assert!(OutlierStage::Duplicates.split(points).1.is_empty());
+}
+
+#[test]
+fn repeats_of_a_size_are_one_level() {
+    let twice = vec![run(1e18, 1e6, 3.0), run(1e18, 2e6, 3.0), run(1e18, 2e6, 3.1)];
+    let enough = parabola(1e19, 3, 1.0);
+    let (kept, dropped) = OutlierStage::FewLevels.split([twice, enough.clone()].concat());
+    assert_eq!(kept, enough);
+    assert_eq!(dropped.len(), 3);
+    assert!(dropped[0].1.contains("1e18 has 2 distinct N"), "{}", dropped[0].1);
+}
+
+#[test]
+fn a_vertex_near_the_edge_drops_its_budget_and_the_reason_says_where() {
+    let centred = parabola(1e18, 11, 5.0);
+    let (kept, dropped) = OutlierStage::OffCentre.split([centred.clone(), parabola(1e19, 11, 9.5)].concat());
+    assert_eq!(kept, centred);
+    assert_eq!(dropped.len(), 11);
+    assert!(dropped[0].1.contains("N = 7.241e8, 95 % of the way"), "{}", dropped[0].1);
+}
+
+#[test]
+fn a_budget_that_bends_downwards_is_dropped_and_two_sizes_are_not_judged() {
+    let down = [1e6, 2e6, 4e6].map(|n| run(1e18, n, -(n / 2e6f64).ln().powi(2)));
+    let two = [1e6, 2e6].map(|n| run(1e19, n, 1.0));
+    let (kept, dropped) = OutlierStage::OffCentre.split([&down[..], &two].concat());
+    assert_eq!((kept.len(), dropped.len()), (2, 3));
+    assert!(dropped[0].1.contains("does not open upwards"));
+}
+
+#[test]
+fn one_wild_run_is_dropped_and_its_neighbours_stay() {
+    let mut points: Vec<IsoFlopPoint> =
+        [1e18, 1e19, 1e20].iter().flat_map(|c| parabola(*c, 11, 5.3)).collect();
+    let noise = [0.3, -0.8, 0.5, 1.0, -0.6, -0.2, 0.7];
+    for (i, point) in points.iter_mut().enumerate() {
+        point.loss += 0.002 * noise[i % 7];
+    }
+    points[16].loss += 0.2;
+    let (kept, dropped) = OutlierStage::Spline.split(points.clone());
+    assert_eq!(kept.len(), 32);
+    assert_eq!(dropped[0].0, points[16]);
+    assert!(dropped[0].1.contains("by 0.195"), "{}", dropped[0].1);
+}
+
+#[test]
+fn the_ends_are_not_judged_and_a_smooth_curve_loses_nothing() {
+    let mut points = parabola(1e18, 9, 4.0);
+    assert!(OutlierStage::Spline.split(points.clone()).1.is_empty());
+    points[0].loss += 5.0;
+    points[8].loss -= 5.0;
+    let dropped = OutlierStage::Spline.split(points).1;
+    assert!(dropped.iter().all(|(point, _)| point.params_nonvocab != 1e6), "{dropped:?}");
+}
+
+// Points that come back from a file.
+
+fn any_point() -> impl Strategy<Value = IsoFlopPoint> {
     let sizes = (1e5..1e12f64, 1e3..1e10f64, 16.0..1e6f64);
     (sizes, 1e6..1e13f64, -9.0..9.0f64, 0..1000u64, 0.01..9.0f64, 0.5..2.0f64).prop_map(
         |((nonvocab, vocab, n_vocab), tokens, loss, seed, weight, ratio)| {
@@ -263,7 +374,7 @@ fn numbers(p: &IsoFlopPoint) -> [f64; 8] {
 
 proptest! {
     #[test]
-    fn points_written_as_csv_come_back_equal(points in prop::collection::vec(point(), 1..8)) {
+    fn points_written_as_csv_come_back_equal(points in prop::collection::vec(any_point(), 1..8)) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("runs.csv");
         std::fs::write(&path, csv(&points)).unwrap();
