@@ -28,7 +28,7 @@ pub fn approach1(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, 
     let candidates = Candidates::new(points, true);
     let front = candidates.lowest(&vec![true; candidates.n_curves]);
     let reference = geometric_mean(front.iter().map(|p| p.flops));
-    let sizes = sizes(&front);
+    let sizes = distinct(front.iter().map(|p| p.params_nonvocab)).len();
     let fitted = through(&front, reference, options).filter(|_| sizes >= LEAST_SIZES);
     let fitted = fitted.ok_or_else(|| {
         FitError::NotIdentified(format!(
@@ -42,10 +42,6 @@ pub fn approach1(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, 
 
 /// Sizes on a frontier below which a law of N in C would be that of a grid of one or two.
 const LEAST_SIZES: usize = 3;
-
-fn sizes(front: &[FrontierPoint]) -> usize {
-    distinct(front.iter().map(|p| p.params_nonvocab)).len()
-}
 
 /// Curves drawn with replacement, each time fitted anew; of a curve drawn twice one is enough.
 fn replicates(candidates: &Candidates, reference: f64, options: &FitOptions) -> Vec<LawSet> {

@@ -14,7 +14,7 @@ use self::judge::{admissible, interval_parts, judge, sensitivity};
 use crate::laws::design::advise;
 use crate::laws::file::{HeldOut, IntervalPart, LawKind, Laws};
 use crate::laws::input::{
-    Cell, FitError, FitOptions, HoldOut, IsoFlopPoint, MinimumMethod, Parameters, group_checked,
+    FitError, FitOptions, HoldOut, IsoFlopPoint, MinimumMethod, Parameters, group_checked,
     lost_shares, metric_of, repeats,
 };
 use crate::laws::lines::{
@@ -28,6 +28,9 @@ use crate::laws::minima::{
 };
 use crate::laws::noise::{Scatter, run_noise, runs_beside_tokenizers, test_noise, tokenizer_noise};
 use crate::laws::say::{flagged, warnings};
+
+/// Cells times replicates that a fit computes at most: some ten seconds on one core.
+const MOST_WORK: usize = 50_000_000;
 
 /// Fits every law to a table of finished runs.
 ///
@@ -53,12 +56,17 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     }
     let held_out = hold_out(&budgets, options.hold_out)?;
     let grids: Vec<Grid> = budgets.iter().filter_map(Grid::new).collect();
-    let (asked, cells) = (options.bootstrap, n_cells(&grids));
-    let options = &affordable(options, cells);
+    let (asked, cells) =
+        (options.bootstrap, grids.iter().flat_map(Grid::of_all_shares).flatten().count());
+    // No more replicates than a table of so many cells can afford.
+    let bootstrap = asked.min((MOST_WORK / cells.max(1)).max(2 * MIN_REPLICATES));
+    let options = &FitOptions { bootstrap, ..options.clone() };
     let noise = run_noise(&grids, runs_beside_tokenizers(&budgets));
     let per_method = minima_by_method(&grids, options, noise);
     let method = law_method(&per_method, options);
-    let used = usable(minima_of(&per_method, method), options);
+    let own = per_method.iter().find(|(m, _)| *m == method);
+    let all = own.map(|(_, minima)| &minima[..]).expect("the laws' method is always computed");
+    let used = usable(all, options);
 
     let tokenizers = tokenizer_noise(&budgets);
     let test = test_noise(&grids, noise);
@@ -76,10 +84,9 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     laws.advice = advise(&laws, &grids);
     laws.judgement = judge(&laws, &grids, &per_method, replicas.parts, scatter, options);
     if laws.power_laws.tokens.is_none() && laws.judgement.joint.is_none() {
-        let flagged = flagged(minima_of(&per_method, method));
+        let flagged = flagged(all);
         return Err(FitError::TooFewMinima { method, usable: used.len(), flagged });
     }
-    let all = minima_of(&per_method, method);
     let none_held_out = held_out.is_none() && options.hold_out == HoldOut::LargestBudget;
     let first = [
         repeats(points).map(warnings::of_repeats),
@@ -93,21 +100,6 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     let of_minima = warnings::of_minima(all, &used, &grids, method, options);
     laws.warnings.splice(0..0, first.chain(of_minima));
     Ok(laws.answered())
-}
-
-/// Cells times replicates that a fit computes at most: some ten seconds on one core.
-const MOST_WORK: usize = 50_000_000;
-
-/// The cells of all shares of the data.
-fn n_cells(grids: &[Grid]) -> usize {
-    let of_grid = |grid: &Grid| grid.of_all_shares().map(<[Cell]>::len).sum::<usize>();
-    grids.iter().map(of_grid).sum()
-}
-
-/// The options with no more replicates than a table of so many cells can afford.
-fn affordable(options: &FitOptions, cells: usize) -> FitOptions {
-    let bootstrap = options.bootstrap.min((MOST_WORK / cells.max(1)).max(2 * MIN_REPLICATES));
-    FitOptions { bootstrap, ..options.clone() }
 }
 
 /// The noise of the runs, and the bootstrap that it drives.
@@ -147,12 +139,6 @@ fn replicas(
     let parts = bootstrap.filter(|_| options.recommend && options.bootstrap > 0);
     let parts = parts.as_ref().map(interval_parts).unwrap_or_default();
     Replicas { noise, replicates, parts }
-}
-
-/// The minima of one method.
-fn minima_of(per_method: &ByMethod, method: MinimumMethod) -> &[Minimum] {
-    let found = per_method.iter().find(|(m, _)| *m == method);
-    found.map(|(_, minima)| minima.as_slice()).expect("the laws' method is always computed")
 }
 
 /// C0: the middle of the budgets whose minima are used, or of all where none is.

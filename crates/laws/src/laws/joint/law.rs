@@ -37,8 +37,9 @@ impl<'de> Deserialize<'de> for JointLaw {
     fn deserialize<D: Deserializer<'de>>(file: D) -> Result<Self, D::Error> {
         let law = Self::deserialize(file)?;
         let count = law.loss.terms.count();
-        let mut lengths = [&law.loss.values].into_iter().chain(&law.bootstrap).map(Vec::len);
-        match lengths.find(|len| *len != count) {
+        let all = || [&law.loss.values].into_iter().chain(&law.bootstrap);
+        let other = all().map(Vec::len).find(|len| *len != count);
+        match other {
             None => Ok(law),
             Some(other) => Err(D::Error::custom(format!(
                 "the joint law has {other} coefficients, and its terms ask for {count}"

@@ -189,22 +189,21 @@ impl Columns {
     /// `grids` holds the grid of every minimum, in any order and among others.
     pub fn new(minima: &[Minimum], grids: &[Grid], options: &FitOptions) -> Self {
         let column = |value: &dyn Fn(&Minimum) -> f64| minima.iter().map(value).collect();
+        let grid_of = |m: &Minimum| {
+            grids.iter().find(|grid| is_same_budget(grid.budget_flops, m.budget_flops))
+        };
+        let weight = |m: &Minimum| match options.weights {
+            Weights::Equal => 1.0,
+            Weights::Runs => grid_of(m).map_or(1.0, |grid| grid.n_runs as f64),
+        };
         Self {
             compute: column(&|m| m.budget_flops),
             params_vocab: column(&|m| m.params_vocab),
             params_nonvocab: column(&|m| m.params_nonvocab),
             tokens: column(&|m| m.tokens),
             loss: column(&|m| m.loss_normalised),
-            weights: column(&|m| weight(m, grids, options.weights)),
+            weights: column(&weight),
         }
-    }
-}
-
-fn weight(minimum: &Minimum, grids: &[Grid], weights: Weights) -> f64 {
-    let same = |g: &&Grid| is_same_budget(g.budget_flops, minimum.budget_flops);
-    match weights {
-        Weights::Equal => 1.0,
-        Weights::Runs => grids.iter().find(same).map_or(1.0, |grid| grid.n_runs as f64),
     }
 }
 

@@ -100,19 +100,18 @@ impl Bootstrap<'_> {
         let tokenizers = self.tokenizers.filter(|_| self.sources.tokenizers);
         let shifts = tokenizers.map(|noise| noise.shifts(&mut normals)).unwrap_or_default();
         let clips = self.test.filter(|_| self.sources.test).map(|noise| noise.draw(&mut normals));
-        let grids = self.grids.iter();
         let noisy = |grid: &Grid| {
             let sd = drawn_sd * self.sd_of_runs(grid);
             grid.with_losses(|cell| {
                 cell.loss + shifts.of(cell.n_vocab) + sd / cell.runs.sqrt() * normals.draw()
             })
         };
-        let drawn: Vec<Grid> = grids.map(noisy).collect();
+        let drawn: Vec<Grid> = self.grids.iter().map(noisy).collect();
         let of = |method| drawn.iter().map(move |grid| of_grid(method, grid));
         let minima: Vec<Minimum> = self.methods.iter().copied().flat_map(of).collect();
         let fitted = self.method_of(stream).map(|own| match &clips {
-            Some(clips) => self.on_other_clips(clips, self.methods[own], &drawn),
-            None => minima[own * drawn.len()..][..self.grids.len()].to_vec(),
+            Some(clips) => on_other_clips(clips, self.methods[own], &drawn),
+            None => minima[own * drawn.len()..][..drawn.len()].to_vec(),
         });
         Replicate {
             laws: fitted.and_then(|fitted| self.laws(&fitted)),
@@ -121,19 +120,6 @@ impl Bootstrap<'_> {
                 .map(|m| [m.params_nonvocab, m.params_vocab, m.loss_normalised])
                 .collect(),
         }
-    }
-
-    /// The minima of the fitted budgets on another test split.
-    fn on_other_clips(
-        &self,
-        clips: &OtherClips,
-        method: MinimumMethod,
-        drawn: &[Grid],
-    ) -> Vec<Minimum> {
-        let moved =
-            |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell, grid.best()));
-        let fitted = drawn[..self.grids.len()].iter();
-        fitted.map(|grid| of_grid(method, &moved(grid))).collect()
     }
 
     /// Which kind of minimum a replicate's laws go through.
@@ -166,6 +152,12 @@ impl Bootstrap<'_> {
             vocab_from_nonvocab: laws.vocab_from_nonvocab.map(|law| law.exponent),
         })
     }
+}
+
+/// The minima of some budgets on another test split.
+fn on_other_clips(clips: &OtherClips, method: MinimumMethod, grids: &[Grid]) -> Vec<Minimum> {
+    let moved = |grid: &Grid| grid.with_losses(|cell| cell.loss + clips.shift(cell, grid.best()));
+    grids.iter().map(|grid| of_grid(method, &moved(grid))).collect()
 }
 
 /// Degrees of freedom that the scatter over all budgets counts as, beside a budget's own.
@@ -248,49 +240,35 @@ pub(in crate::laws) fn validate(
     options: &FitOptions,
 ) -> Vec<Validation> {
     let has_vocab_law = n_vocabularies(grids) > 1;
-    let error = |kind, measured: &Minimum, from: &[Minimum]| {
-        let mut row = predicted(kind, measured, from, grids, options)?;
-        row.params_vocab_ratio = row.params_vocab_ratio.filter(|_| has_vocab_law);
-        Some(row)
+    let is_total = options.parameters == Parameters::Total;
+    // What the laws through `from` say of a budget, against what was measured there.
+    let predicted = |kind, measured: &Minimum, from: &[Minimum]| {
+        let laws = LawSet::through(from, grids, options).filter(|_| from.len() >= FEWEST)?;
+        let at = measured.budget_flops;
+        let off = |loss: f64| loss - measured.loss_normalised;
+        let ratio = |law: &PowerLaw, measured: f64| law.value_at(at) / measured;
+        let size = ratio(&laws.params_nonvocab, measured.params_nonvocab);
+        let vocab = laws.params_vocab.as_ref().filter(|_| has_vocab_law);
+        Some(Validation {
+            kind,
+            budget_flops: at,
+            n_fitted: from.len(),
+            log_error: off(laws.log.loss_at(at)),
+            floor_error: laws.floor.as_ref().map(|law| off(law.loss_at(at, laws.reference))),
+            params_ratio: is_total.then_some(size),
+            params_nonvocab_ratio: (!is_total).then_some(size),
+            params_vocab_ratio: vocab.map(|law| ratio(law, measured.params_vocab)),
+            tokens_ratio: ratio(&laws.tokens, measured.tokens),
+        })
     };
     let left_out = used.iter().filter_map(|measured| {
         let others = used.iter().filter(|m| m.budget_flops != measured.budget_flops);
         let others: Vec<Minimum> = others.cloned().collect();
-        error(ValidationKind::LeaveOneOut, measured, &others)
+        predicted(ValidationKind::LeaveOneOut, measured, &others)
     });
     let rolled = (FEWEST..used.len())
-        .filter_map(|i| error(ValidationKind::RollForward, &used[i], &used[..i]));
+        .filter_map(|i| predicted(ValidationKind::RollForward, &used[i], &used[..i]));
     left_out.chain(rolled).collect()
-}
-
-/// What the laws through `from` say of a budget, against what was measured there.
-fn predicted(
-    kind: ValidationKind,
-    measured: &Minimum,
-    from: &[Minimum],
-    grids: &[Grid],
-    options: &FitOptions,
-) -> Option<Validation> {
-    if from.len() < FEWEST {
-        return None;
-    }
-    let laws = LawSet::through(from, grids, options)?;
-    let floor = laws.floor.as_ref();
-    let at = measured.budget_flops;
-    let ratio = |law: &PowerLaw, measured: f64| law.value_at(at) / measured;
-    let size = ratio(&laws.params_nonvocab, measured.params_nonvocab);
-    let is_total = options.parameters == Parameters::Total;
-    Some(Validation {
-        kind,
-        budget_flops: measured.budget_flops,
-        n_fitted: from.len(),
-        log_error: laws.log.loss_at(at) - measured.loss_normalised,
-        floor_error: floor.map(|law| law.loss_at(at, laws.reference) - measured.loss_normalised),
-        params_ratio: is_total.then_some(size),
-        params_nonvocab_ratio: (!is_total).then_some(size),
-        params_vocab_ratio: laws.params_vocab.as_ref().map(|l| ratio(l, measured.params_vocab)),
-        tokens_ratio: ratio(&laws.tokens, measured.tokens),
-    })
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! One budget's grid, ready for every method.
 
 use super::minimum::{Minimum, MinimumFlag, raised};
-use crate::laws::input::{Budget, Cell, MinimumMethod, Size, best_index, cells, sizes};
+use crate::laws::input::budget::Budget;
+use crate::laws::input::{Cell, MinimumMethod, Size, best_index, cells, sizes};
 use crate::laws::maths::stats::{distinct, extent};
 
 /// The cells of one budget, their sizes and the best of them.
@@ -171,10 +172,7 @@ impl Grid {
     }
 
     pub fn best_is_outermost_size(&self) -> bool {
-        let outermost = |size: Option<&Size>| {
-            size.is_some_and(|size| size.best.params_nonvocab == self.best().params_nonvocab)
-        };
-        outermost(self.sizes.first()) || outermost(self.sizes.last())
+        [0, self.sizes.len() - 1].contains(&self.best_size())
     }
 
     /// The flag where several vocabularies were tried and the best run's is the smallest or the

@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::laws::input::{Budget, FitError, FitOptions, HoldOut, MinimumMethod, is_same_budget};
+use crate::laws::input::budget::Budget;
+use crate::laws::input::{FitError, FitOptions, HoldOut, MinimumMethod, is_same_budget};
 use crate::laws::maths::stats::distinct;
 
 /// Why a minimum should not be trusted.
@@ -226,20 +227,19 @@ pub(in crate::laws) fn hold_out(
     match wanted {
         HoldOut::None => Ok(None),
         HoldOut::LargestBudget => Ok((budgets.len() > 2).then_some(budgets.len() - 1)),
-        HoldOut::Budget(asked) => held_out_at(budgets, asked).map(Some),
+        HoldOut::Budget(asked) => {
+            let same = |b: &Budget| is_same_budget(b.budget_flops, asked);
+            let absent = || {
+                let budgets = budgets.iter().map(|b| b.budget_flops).collect();
+                FitError::HoldOutAbsent { asked, budgets }
+            };
+            let index = budgets.iter().position(same).ok_or_else(absent)?;
+            if budgets.len() == 2 {
+                return Err(FitError::TooFewBudgets { found: 1 });
+            }
+            Ok(Some(index))
+        }
     }
-}
-
-fn held_out_at(budgets: &[Budget], asked: f64) -> Result<usize, FitError> {
-    let same = |b: &Budget| is_same_budget(b.budget_flops, asked);
-    let Some(index) = budgets.iter().position(same) else {
-        let budgets = budgets.iter().map(|b| b.budget_flops).collect();
-        return Err(FitError::HoldOutAbsent { asked, budgets });
-    };
-    if budgets.len() == 2 {
-        return Err(FitError::TooFewBudgets { found: 1 });
-    }
-    Ok(index)
 }
 
 /// The minima of all budgets by each method.

@@ -18,8 +18,9 @@ pub use minimum::{
 };
 pub use surface::{CrossOptimum, TiedCells, TriedCells, cross_optimum, tied_cells};
 
-use self::minimum::Located;
-use crate::laws::input::{Budget, FitOptions, IsoFlopPoint, MinimumMethod};
+use self::minimum::{Located, raised};
+use crate::laws::input::budget::Budget;
+use crate::laws::input::{FitOptions, IsoFlopPoint, MinimumMethod};
 use crate::laws::maths::stats::{chi_square_tail, student_t95};
 
 /// The minimum of every budget by one method, in the order of `budgets`.
@@ -41,21 +42,24 @@ pub(super) fn of_grids(
 ) -> Vec<Minimum> {
     let located: Vec<_> = grids.iter().map(|grid| locate(method, grid)).collect();
     let noise = Noise::pooled(&located);
-    let judged = |one: Located| {
-        let misfits =
-            scatter.and_then(|scatter| one.lack_of_fit(scatter)).is_some_and(|l| l.is_misfit());
-        let mut minimum = flag_weak(one, noise);
-        let has_curve = !minimum.is_best_run_instead();
-        minimum.flag((misfits && has_curve).then_some(MinimumFlag::LackOfFit));
-        minimum
-    };
     let sd = scatter.map(|noise| noise.sd).or(noise.map(|noise| noise.sd)).unwrap_or_default();
-    let deep = |(mut minimum, grid): (Minimum, &Grid)| {
-        let below = grid.best().loss - minimum.loss_normalised;
-        minimum.flag((below > grid.most_below_best(sd)).then_some(MinimumFlag::BelowRuns));
+    let judged = |(one, grid): (Located, &Grid)| {
+        let curvature = one.curvature.as_ref().zip(noise);
+        let is_weak = curvature.is_some_and(|(curvature, noise)| {
+            curvature.value <= student_t95(noise.dof) * noise.sd * curvature.unit_error
+        });
+        let lack = scatter.and_then(|scatter| one.lack_of_fit(scatter));
+        let has_curve = !one.minimum.is_best_run_instead();
+        let below = grid.best().loss - one.minimum.loss_normalised;
+        let mut minimum = one.minimum;
+        minimum.flag(raised([
+            (is_weak, MinimumFlag::WeakCurvature),
+            (has_curve && lack.is_some_and(|lack| lack.is_misfit()), MinimumFlag::LackOfFit),
+            (below > grid.most_below_best(sd), MinimumFlag::BelowRuns),
+        ]));
         minimum
     };
-    located.into_iter().map(judged).zip(grids).map(deep).collect()
+    located.into_iter().zip(grids).map(judged).collect()
 }
 
 /// The minima by each method asked for; without a method for the laws, the two that it may fall on too.
@@ -133,8 +137,10 @@ fn locate(method: MinimumMethod, grid: &Grid) -> Located {
 /// ScaMo's way: the best run, after the mean over seeds.
 fn argmin(grid: &Grid) -> Located {
     let mut minimum = grid.best_run(MinimumMethod::Argmin, None);
-    minimum.flag((grid.sizes.len() < 3).then_some(MinimumFlag::FewLevels));
-    minimum.flag(grid.best_is_outermost_size().then_some(MinimumFlag::NotBracketed));
+    minimum.flag(raised([
+        (grid.sizes.len() < 3, MinimumFlag::FewLevels),
+        (grid.best_is_outermost_size(), MinimumFlag::NotBracketed),
+    ]));
     minimum.flag(grid.doubts_of_best());
     Located { minimum, curvature: None }
 }
@@ -153,17 +159,6 @@ impl Noise {
         let rss: f64 = curvatures().map(|c| c.rss).sum();
         (dof > 0).then(|| Self { sd: (rss / dof as f64).sqrt(), dof })
     }
-}
-
-fn flag_weak(located: Located, noise: Option<Noise>) -> Minimum {
-    let Located { mut minimum, curvature } = located;
-    if let (Some(curvature), Some(noise)) = (curvature, noise) {
-        let margin = student_t95(noise.dof) * noise.sd * curvature.unit_error;
-        if curvature.value <= margin {
-            minimum.flag([MinimumFlag::WeakCurvature]);
-        }
-    }
-    minimum
 }
 
 #[cfg(test)]

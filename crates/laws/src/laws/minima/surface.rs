@@ -46,7 +46,8 @@ pub(super) fn locate(grid: &Grid) -> Located {
     let cells = &grid.cells_of_valley()[..];
     let few = cells.len() < 6 || grid.sizes.len() < 3 || grid.n_vocabularies() < 3;
     let axes = Axes::over(cells);
-    let Some(fit) = (if few { None } else { quadratic(cells, axes) }) else {
+    let Some(fit) = (if few { None } else { through(cells, axes, quadratic, |cell| cell.loss) })
+    else {
         return unfit(&[MinimumFlag::FewLevels], None);
     };
     let Some((u, v)) = stationary(&fit.coefficients) else {
@@ -61,14 +62,20 @@ pub(super) fn locate(grid: &Grid) -> Located {
     unfit(&outside, curvature)
 }
 
-fn quadratic(cells: &[Cell], axes: Axes) -> Option<LeastSquares> {
-    let rows: Vec<_> = cells.iter().map(|cell| terms(axes.of(cell)).to_vec()).collect();
-    let losses: Vec<_> = cells.iter().map(|cell| cell.loss).collect();
-    least_squares(&rows, &losses)
+/// Least squares of a value of the cells in terms of their places.
+fn through(
+    cells: &[Cell],
+    axes: Axes,
+    terms: fn((f64, f64)) -> Vec<f64>,
+    value: fn(&Cell) -> f64,
+) -> Option<LeastSquares> {
+    let rows: Vec<_> = cells.iter().map(|cell| terms(axes.of(cell))).collect();
+    let values: Vec<_> = cells.iter().map(value).collect();
+    least_squares(&rows, &values)
 }
 
-fn terms((u, v): (f64, f64)) -> [f64; 6] {
-    [1.0, u, v, u * u, u * v, v * v]
+fn quadratic((u, v): (f64, f64)) -> Vec<f64> {
+    vec![1.0, u, v, u * u, u * v, v * v]
 }
 
 /// Where the gradient vanishes; none unless the surface is convex.
@@ -102,9 +109,15 @@ fn interpolate(
     (axes, (u, v)): (Axes, (f64, f64)),
     fit: &LeastSquares,
 ) -> Minimum {
-    let plane = |value: fn(&Cell) -> f64| plane_at(cells, axes, (u, v), value);
+    let plane = |value: fn(&Cell) -> f64| -> f64 {
+        let plane = through(cells, axes, |(u, v)| vec![1.0, u, v], value);
+        let plane = plane.expect("cells that fix a quadratic fix a plane");
+        [1.0, u, v].iter().zip(&plane.coefficients).map(|(x, c)| x * c).sum()
+    };
     let params_nonvocab = axes.nonvocab.value_at(u).exp();
     let params_vocab = axes.vocab.value_at(v).exp();
+    // The best vocabulary of a size beside the minimum is not what a surface leans on.
+    let doubts = grid.doubts_at(params_nonvocab.ln()).into_iter();
     Minimum {
         method: MinimumMethod::Surface,
         budget_flops: grid.budget_flops,
@@ -113,25 +126,11 @@ fn interpolate(
         params_vocab,
         n_vocab: params_vocab / plane(Cell::ln_width).exp(),
         tokens: plane(Cell::ln_work).exp() / (params_nonvocab + params_vocab),
-        loss_normalised: terms((u, v)).iter().zip(&fit.coefficients).map(|(t, c)| t * c).sum(),
+        loss_normalised: quadratic((u, v)).iter().zip(&fit.coefficients).map(|(t, c)| t * c).sum(),
         ci95: None,
-        flags: doubts(grid, params_nonvocab),
+        flags: doubts.filter(|flag| *flag != MinimumFlag::EdgeVocab).collect(),
         trusted: false,
     }
-}
-
-/// The best vocabulary of a size beside the minimum is not what a surface leans on.
-fn doubts(grid: &Grid, params_nonvocab: f64) -> Vec<MinimumFlag> {
-    let all = grid.doubts_at(params_nonvocab.ln()).into_iter();
-    all.filter(|flag| *flag != MinimumFlag::EdgeVocab).collect()
-}
-
-fn plane_at(cells: &[Cell], axes: Axes, at: (f64, f64), value: fn(&Cell) -> f64) -> f64 {
-    let row = |(u, v): (f64, f64)| vec![1.0, u, v];
-    let rows: Vec<_> = cells.iter().map(|cell| row(axes.of(cell))).collect();
-    let values: Vec<_> = cells.iter().map(value).collect();
-    let plane = least_squares(&rows, &values).expect("cells that fix a quadratic fix a plane");
-    row(at).iter().zip(&plane.coefficients).map(|(x, c)| x * c).sum()
 }
 
 /// Which edges of the grid a minimum lies at or beyond.

@@ -103,58 +103,49 @@ pub(in crate::laws) fn test_noise(grids: &[Grid], noise: Option<RunNoise>) -> Op
     let largest = grids.last()?;
     let (best, n_blocks) = (largest.best(), largest.best().by_block.len());
     let centre = place(best, largest.budget_flops);
-    let mut rows = Rows::default();
+    let mut rows = Vec::new();
     for grid in grids {
         for cells in grid.of_all_shares() {
             let least = cells.iter().map(|cell| cell.loss).fold(f64::INFINITY, f64::min);
-            for cell in cells {
+            rows.extend(cells.iter().map(|cell| {
                 let count = cell.runs * valley(cell.loss - least, RunNoise::sd_or_guess(noise));
                 let place = place(cell, grid.budget_flops);
                 let away = std::array::from_fn(|i| place[i] - centre[i]);
-                rows.add(cell, away, count.sqrt());
-            }
+                Row { away, weight: count.sqrt(), by_block: &cell.by_block }
+            }));
         }
     }
-    let is_known = n_blocks >= FEWEST && rows.cells.iter().all(|own| own.len() == n_blocks);
-    let effects = is_known.then(|| (0..n_blocks).map(|block| rows.effect(block)).collect());
+    let is_known = n_blocks >= FEWEST && rows.iter().all(|row| row.by_block.len() == n_blocks);
+    let effects = is_known.then(|| (0..n_blocks).map(|block| effect(&rows, block)).collect());
     Some(TestNoise::new(centre, effects.flatten()?))
+}
+
+/// A cell with what it counts.
+struct Row<'a> {
+    /// Its place from the centre.
+    away: [f64; 3],
+    weight: f64,
+    by_block: &'a [f64],
+}
+
+/// a_b and s_b of a block; a slope is 0 where all cells lie at one place.
+fn effect(rows: &[Row], block: usize) -> Option<[f64; 4]> {
+    let varies = |axis: &usize| rows.iter().any(|row| row.away[*axis] != rows[0].away[*axis]);
+    let axes: Vec<usize> = (0..3).filter(varies).collect();
+    let terms = |row: &Row| {
+        let terms = axes.iter().map(|axis| row.away[*axis]);
+        [1.0].into_iter().chain(terms).map(|term| row.weight * term).collect()
+    };
+    let losses: Vec<f64> = rows.iter().map(|row| row.weight * row.by_block[block]).collect();
+    let rows: Vec<Vec<f64>> = rows.iter().map(terms).collect();
+    let found = least_squares(&rows, &losses)?.coefficients;
+    let mut effect = [found[0], 0.0, 0.0, 0.0];
+    axes.iter().zip(&found[1..]).for_each(|(axis, slope)| effect[axis + 1] = *slope);
+    Some(effect)
 }
 
 fn place(cell: &Cell, budget_flops: f64) -> [f64; 3] {
     [cell.params_nonvocab.ln(), cell.n_vocab.max(1.0).ln(), budget_flops.ln()]
-}
-
-/// Cells with what each counts.
-#[derive(Default)]
-struct Rows<'a> {
-    places: Vec<[f64; 3]>,
-    weights: Vec<f64>,
-    cells: Vec<&'a [f64]>,
-}
-
-impl<'a> Rows<'a> {
-    fn add(&mut self, cell: &'a Cell, place: [f64; 3], weight: f64) {
-        self.places.push(place);
-        self.weights.push(weight);
-        self.cells.push(&cell.by_block);
-    }
-
-    /// a_b and s_b of a block; a slope is 0 where all cells lie at one place.
-    fn effect(&self, block: usize) -> Option<[f64; 4]> {
-        let varies =
-            |axis: &usize| self.places.iter().any(|own| own[*axis] != self.places[0][*axis]);
-        let axes: Vec<usize> = (0..3).filter(varies).collect();
-        let row = |(place, weight): (&[f64; 3], &f64)| {
-            let terms = axes.iter().map(|axis| place[*axis]);
-            [1.0].into_iter().chain(terms).map(|term| weight * term).collect()
-        };
-        let rows: Vec<Vec<f64>> = self.places.iter().zip(&self.weights).map(row).collect();
-        let losses = self.cells.iter().zip(&self.weights).map(|(own, weight)| weight * own[block]);
-        let found = least_squares(&rows, &losses.collect::<Vec<_>>())?.coefficients;
-        let mut effect = [found[0], 0.0, 0.0, 0.0];
-        axes.iter().zip(&found[1..]).for_each(|(axis, slope)| effect[axis + 1] = *slope);
-        Some(effect)
-    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use crate::laws::input::Budget;
+use crate::laws::input::budget::Budget;
 use crate::laws::maths::stats::Normals;
 use crate::laws::minima::{NoiseSource, RunNoise};
 

@@ -23,6 +23,16 @@ pub enum Space {
     Raw,
 }
 
+impl Space {
+    /// A loss as the residuals are taken of it.
+    pub(super) fn of(self, loss: f64) -> f64 {
+        match self {
+            Self::Log => loss.ln(),
+            Self::Raw => loss,
+        }
+    }
+}
+
 /// How the constant of a law is parametrised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Constant {
@@ -87,10 +97,7 @@ impl Form {
 
     /// Terms that fall with a quantity.
     pub(super) fn n_terms(self) -> usize {
-        match self {
-            Self::Approach3 => 2,
-            Self::Approach3Vocab => 3,
-        }
+        self.quantities().len()
     }
 
     pub(super) fn n_params(self) -> usize {

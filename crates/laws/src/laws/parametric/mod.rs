@@ -156,11 +156,7 @@ fn residuals(target: &Target, coefficients: &Coefficients) -> Vec<f64> {
             columns.x.iter().zip(means).map(|(x, mean)| (x[i] + mean).exp()).collect();
         coefficients.loss(&quantities)
     };
-    let predicted = |i| match target.space {
-        Space::Log => loss(i).ln(),
-        Space::Raw => loss(i),
-    };
-    (0..columns.n).map(|i| columns.y[i] - predicted(i)).collect()
+    (0..columns.n).map(|i| columns.y[i] - target.space.of(loss(i))).collect()
 }
 
 fn summarised(

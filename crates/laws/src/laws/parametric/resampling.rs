@@ -83,13 +83,10 @@ fn clusters(points: &[IsoFlopPoint]) -> Vec<Vec<usize>> {
 }
 
 impl Replicates {
-    fn column(&self, i: usize) -> Vec<f64> {
-        self.coefficients.iter().map(|c| c.values()[i]).collect()
-    }
-
     fn each<T>(&self, of: impl Fn(&[f64]) -> Option<T>) -> Vec<T> {
         let n = self.coefficients.first().map_or(0, |c| c.values().len());
-        (0..n).filter_map(|i| of(&self.column(i))).collect()
+        let column = |i: usize| self.coefficients.iter().map(|c| c.values()[i]).collect::<Vec<_>>();
+        (0..n).filter_map(|i| of(&column(i))).collect()
     }
 
     /// Standard deviations over the replicates, in the order of the form's names; empty where there
@@ -124,8 +121,8 @@ impl Draws {
         if replicates * size > MOST_LISTED {
             return Self::Streams { seed, size, n };
         }
-        let mut numpy = Numpy::new(seed as u32);
-        let all = (0..replicates * size).map(|_| numpy.below(n as u32)).collect();
+        let mut twister = Mt::new(seed as u32);
+        let all = (0..replicates * size).map(|_| numpy_below(&mut twister, n as u32)).collect();
         Self::Listed { all, size }
     }
 
@@ -144,21 +141,13 @@ impl Draws {
     }
 }
 
-/// numpy's legacy generator: the Mersenne twister, and bounded numbers by masking and rejection.
-struct Numpy(Mt);
-
-impl Numpy {
-    fn new(seed: u32) -> Self {
-        Self(Mt::new(seed))
-    }
-
-    fn below(&mut self, n: u32) -> u32 {
-        let mask = n.next_power_of_two().wrapping_sub(1);
-        loop {
-            let value = self.0.next_u32() & mask;
-            if value < n {
-                return value;
-            }
+/// A number below `n` as numpy's legacy generator draws it, by masking and rejection.
+fn numpy_below(twister: &mut Mt, n: u32) -> u32 {
+    let mask = n.next_power_of_two().wrapping_sub(1);
+    loop {
+        let value = twister.next_u32() & mask;
+        if value < n {
+            return value;
         }
     }
 }

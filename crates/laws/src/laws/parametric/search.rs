@@ -1,9 +1,9 @@
 //! Where the optimum of a parametric law is looked for.
 //!
 //! By default by variable projection: over a grid of exponents the inner problem is solved exactly
-//! and improved under the objective itself; the lowest grid points
-//! are the starts of the full search. `Starts::Grid` takes instead the 4500 starts of Hoffmann et
-//! al. 2022 (approach 3), as Besiroglu et al. 2024 list them.
+//! and improved under the objective itself; the lowest grid points are the starts of the full search.
+//! `Starts::Grid` takes instead the 4500 starts of Hoffmann et al. 2022 (approach 3), as Besiroglu et
+//! al. 2024 list them.
 
 use super::form::{Coefficients, Constant, MAX_PARAMS, Matrix, Slots, Space, Vector};
 use super::newton::{EXACT, minimise, times};
@@ -121,27 +121,15 @@ fn thinned(data: &Data) -> Data {
 
 /// Hoffmann's 4500 starts; the vocabulary's term, where there is one, starts like the model's.
 fn hoffmann(target: &Target) -> Vec<Vector> {
-    let levels = |n: usize, from: f64, step: f64| (0..n).map(move |i| from + step * i as f64);
-    let mut starts = Vec::with_capacity(4500);
-    for ln_a in levels(6, 0.0, 5.0) {
-        for ln_b in levels(6, 0.0, 5.0) {
-            for ln_e in levels(5, -1.0, 0.5) {
-                for alpha in levels(5, 0.0, 0.5) {
-                    for beta in levels(5, 0.0, 0.5) {
-                        starts.push(start(target, [ln_a, ln_b, ln_e, alpha, beta]));
-                    }
-                }
-            }
-        }
-    }
-    starts
-}
-
-fn start(target: &Target, [ln_a, ln_b, ln_e, alpha, beta]: [f64; 5]) -> Vector {
-    let (a, b, e) = (ln_a.exp(), ln_b.exp(), ln_e.exp());
-    let values = target.form.start([a, b, e, alpha, beta]);
-    let coefficients = Coefficients::new(target.form, &values).expect("as many values as names");
-    coefficients.centred(target.data.constant, &target.data.means)
+    let start = |i: usize| {
+        let level = |place: usize, levels: usize| (i / place % levels) as f64;
+        let [a, b] = [5.0 * level(750, 6), 5.0 * level(125, 6)].map(f64::exp);
+        let e = (0.5 * level(25, 5) - 1.0).exp();
+        let values = target.form.start([a, b, e, 0.5 * level(5, 5), 0.5 * level(1, 5)]);
+        let own = Coefficients::new(target.form, &values).expect("as many values as names");
+        own.centred(target.data.constant, &target.data.means)
+    };
+    (0..6 * 6 * 5 * 5 * 5).map(start).collect()
 }
 
 // The inner problem of variable projection: constant and coefficients at fixed exponents.
@@ -151,16 +139,20 @@ fn start(target: &Target, [ln_a, ln_b, ln_e, alpha, beta]: [f64; 5]) -> Vector {
 // residuals are taken relative to the loss, which agrees with them to first order.
 
 /// Columns of the linear problem: one a term, and the constant last.
-pub(super) struct Basis {
+struct Basis {
     columns: Vec<Vec<f64>>,
     y: Vec<f64>,
 }
 
 impl Basis {
     /// e^(−α x) of each term at its exponent, divided by the loss in logarithms.
-    pub fn new(data: &Data, space: Space, exponents: &[f64]) -> Self {
-        let n = data.losses.len();
-        let scale: Vec<f64> = (0..n).map(|i| scale(data, space, i)).collect();
+    fn new(data: &Data, space: Space, exponents: &[f64]) -> Self {
+        // What a row's residual is multiplied by: its weight's root, over the loss in logarithms.
+        let scale = |(weight, loss): (&f64, &f64)| match space {
+            Space::Log => weight.sqrt() / loss,
+            Space::Raw => weight.sqrt(),
+        };
+        let scale: Vec<f64> = data.weights.iter().zip(&data.losses).map(scale).collect();
         let term = |(x, exponent): (&Vec<f64>, &f64)| {
             x.iter().zip(&scale).map(|(x, scale)| scale * (-exponent * x).exp()).collect()
         };
@@ -172,7 +164,7 @@ impl Basis {
 
     /// c_1 … c_K and the constant as parameters, by least squares under the signs; none where no
     /// set of columns can be solved.
-    pub fn solve(&self, constant: Constant) -> Option<Vector> {
+    fn solve(&self, constant: Constant) -> Option<Vector> {
         let (gram, moments) = self.normal();
         let n = self.columns.len();
         let signed = if constant == Constant::Positive { n } else { n - 1 };
@@ -228,15 +220,6 @@ impl Basis {
             theta[n - 1] = values[n - 1];
         }
         theta
-    }
-}
-
-/// What a row's residual is multiplied by: its weight's root, over the loss in logarithms.
-fn scale(data: &Data, space: Space, row: usize) -> f64 {
-    let root = data.weights[row].sqrt();
-    match space {
-        Space::Log => root / data.losses[row],
-        Space::Raw => root,
     }
 }
 

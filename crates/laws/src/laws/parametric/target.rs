@@ -48,11 +48,7 @@ impl Data {
             (0..form.n_terms()).map(quantity).map(centred).unzip();
         identified(&x, form)?;
         let losses: Vec<f64> = points.iter().map(|p| p.loss).collect();
-        let y = match space {
-            Space::Log => losses.iter().map(|l| l.ln()).collect(),
-            Space::Raw => losses.clone(),
-        };
-        let columns = Columns::new(x, y);
+        let columns = Columns::new(x, losses.iter().map(|loss| space.of(*loss)).collect());
         let weights = columns.weights(points.iter().map(|p| p.weight).collect());
         let constant = form.constant(&losses);
         Ok(Self { columns, weights, means, losses, constant })
@@ -106,28 +102,31 @@ fn levels(column: &[f64]) -> usize {
 
 fn identified(x: &[Vec<f64>], form: Form) -> Result<(), FitError> {
     let names = form.quantities();
+    let unknown = |reason| Err(FitError::NotIdentified(reason));
     for (i, column) in x.iter().enumerate() {
         if (dot(column, column) / column.len() as f64).sqrt() < CONSTANT {
-            let reason = format!("{} is the same in every row, so its term is unknown", names[i]);
-            return Err(FitError::NotIdentified(reason));
+            return unknown(format!(
+                "{} is the same in every row, so its term is unknown",
+                names[i]
+            ));
         }
         let levels = levels(column);
         if levels < LEVELS {
-            return Err(FitError::NotIdentified(format!(
+            return unknown(format!(
                 "{} has {levels} different values, but a coefficient, an exponent and the floor need \
                  {LEVELS}; add runs at another",
                 names[i]
-            )));
+            ));
         }
         for (j, other) in x[..i].iter().enumerate() {
             let cosine = dot(column, other) / (dot(column, column) * dot(other, other)).sqrt();
             if cosine.abs() > COLLINEAR {
-                return Err(FitError::NotIdentified(format!(
+                return unknown(format!(
                     "{} and {} rise and fall together in every row (correlation of their \
                      logarithms {cosine:.5}), so their terms cannot be told apart; add runs that \
                      vary one alone",
                     names[j], names[i]
-                )));
+                ));
             }
         }
     }

@@ -108,8 +108,7 @@ impl Recommended {
             let weight = (whole.sd.loss / EXPECTED.sd.loss).powi(-(whole.dof as i32));
             Belief { law: score.law, weight, error }
         };
-        let beliefs = self.scores.iter().map(of);
-        let mut beliefs: Vec<Belief> = beliefs.collect();
+        let mut beliefs: Vec<Belief> = self.scores.iter().map(of).collect();
         let sum: f64 = beliefs.iter().map(|belief| belief.weight).sum();
         beliefs.iter_mut().for_each(|belief| belief.weight /= sum);
         beliefs
@@ -244,6 +243,10 @@ mod tests {
         Miss { n_fitted, share: 1.0, budget_flops: 1.0, factor, loss, minimum: Some(minimum) }
     }
 
+    fn missed(budget_flops: f64, by: f64, measured_to: f64) -> Miss {
+        Miss { budget_flops, ..miss(3, 2.0, Off { by, measured_to }) }
+    }
+
     fn exactly(by: f64) -> Off {
         Off { by, measured_to: 0.0 }
     }
@@ -313,9 +316,5 @@ mod tests {
         let log = score(Candidate::Log, vec![missed(1e10, 0.05, 0.0)]);
         assert_eq!(weights(vec![joint.clone(), log]), [0.5, 0.5]);
         assert_eq!(weights(vec![joint]), [1.0]);
-    }
-
-    fn missed(budget_flops: f64, by: f64, measured_to: f64) -> Miss {
-        Miss { budget_flops, ..miss(3, 2.0, Off { by, measured_to }) }
     }
 }
