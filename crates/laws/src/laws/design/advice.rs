@@ -9,7 +9,9 @@ use crate::laws::input::{MinimumMethod, Parameters};
 use crate::laws::lines::{PowerLaw, power_law};
 use crate::laws::maths::stats::{distinct, geometric_mean};
 use crate::laws::minima::{Grid, Minimum, MinimumFlag, WIDEST_STEP};
-use crate::laws::say::Why;
+use crate::laws::say::{
+    why_few_sizes, why_gap, why_next, why_seeds, why_size_at_edge, why_vocabulary_at_edge,
+};
 
 /// An exponent whose 95 % interval is wider than this wants another budget.
 const WIDE: f64 = 0.2;
@@ -37,8 +39,8 @@ fn mend(grid: &Grid, minimum: &Minimum, spacing: &Spacing) -> Vec<Advice> {
         MinimumFlag::FewLevels => few_levels(grid, minimum.method, spacing),
         MinimumFlag::NotBracketed if !few => Some(beyond_sizes(grid, spacing)),
         MinimumFlag::VocabNotBracketed => Some(beyond_vocabularies(grid, spacing)),
-        MinimumFlag::WeakCurvature => Some(more_seeds(grid, Why::Flat)),
-        MinimumFlag::NotConvex => Some(more_seeds(grid, Why::NoMinimum)),
+        MinimumFlag::WeakCurvature => Some(more_seeds(grid, true)),
+        MinimumFlag::NotConvex => Some(more_seeds(grid, false)),
         MinimumFlag::Gap => between_sizes(grid, minimum),
         MinimumFlag::EdgeVocab if !flags.contains(&MinimumFlag::VocabNotBracketed) => {
             Some(beyond_vocabularies(grid, spacing))
@@ -54,43 +56,25 @@ fn beyond_sizes(grid: &Grid, spacing: &Spacing) -> Advice {
     let sizes = grid.size_levels();
     let place = sizes.iter().filter(|n| **n < grid.best().params_nonvocab).count();
     let upwards = 2 * place + 1 > sizes.len();
-    Advice {
-        params_nonvocab: beyond(&sizes, upwards, spacing.size_ratio(&sizes), BEYOND),
-        n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
-        why: Why::SizeAtEdge { largest: upwards }.phrase(),
-        ..Advice::at(AdviceKind::AddSizes, grid.budget_flops)
-    }
-    .costed(grid.runs_per_cell())
+    let new = beyond(&sizes, upwards, spacing.size_ratio(&sizes), BEYOND);
+    add_sizes(grid, new, why_size_at_edge(upwards))
 }
 
 /// A size in the middle of the gap that a minimum lies in.
 fn between_sizes(grid: &Grid, minimum: &Minimum) -> Option<Advice> {
     let sizes = grid.size_levels();
     let above = sizes.partition_point(|n| *n <= minimum.params_nonvocab);
-    let (left, right) = (sizes.get(above.checked_sub(1)?)?, sizes.get(above)?);
-    let advice = Advice {
-        params_nonvocab: vec![(left * right).sqrt()],
-        n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
-        why: Why::Gap(*left, *right).phrase(),
-        ..Advice::at(AdviceKind::AddSizes, grid.budget_flops)
-    };
-    Some(advice.costed(grid.runs_per_cell()))
+    let (left, right) = (*sizes.get(above.checked_sub(1)?)?, *sizes.get(above)?);
+    Some(add_sizes(grid, vec![(left * right).sqrt()], why_gap(left, right)))
 }
 
 fn few_levels(grid: &Grid, method: MinimumMethod, spacing: &Spacing) -> Option<Advice> {
     let sizes = grid.size_levels();
-    let missing = ENOUGH_SIZES.saturating_sub(sizes.len());
-    if missing == 0 {
-        return None;
-    }
-    let all = around(&sizes, spacing.size_ratio(&sizes), ENOUGH_SIZES);
-    let advice = Advice {
-        params_nonvocab: all.into_iter().filter(|n| !sizes.contains(n)).collect(),
-        n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
-        why: Why::FewSizes(sizes.len(), method).phrase(),
-        ..Advice::at(AdviceKind::AddSizes, grid.budget_flops)
-    };
-    Some(advice.costed(grid.runs_per_cell()))
+    (sizes.len() < ENOUGH_SIZES).then(|| {
+        let mut new = around(&sizes, spacing.size_ratio(&sizes), ENOUGH_SIZES);
+        new.retain(|n| !sizes.contains(n));
+        add_sizes(grid, new, why_few_sizes(sizes.len(), method))
+    })
 }
 
 /// Vocabularies past the edge that the best run is on.
@@ -98,25 +82,25 @@ fn beyond_vocabularies(grid: &Grid, spacing: &Spacing) -> Advice {
     let tried = grid.vocabularies();
     let at = grid.best().n_vocab;
     let upwards = tried.iter().filter(|v| **v < at).count() * 2 + 1 > tried.len();
-    let n_vocab = beyond(&tried, upwards, spacing.vocab_ratio(&tried), BEYOND);
-    Advice {
-        params_nonvocab: nearest(&grid.size_levels(), grid.best().params_nonvocab),
-        n_vocab: n_vocab.into_iter().map(f64::round).filter(|v| *v >= 2.0).collect(),
-        why: Why::VocabularyAtEdge { largest: upwards }.phrase(),
-        ..Advice::at(AdviceKind::AddVocabularies, grid.budget_flops)
-    }
-    .costed(grid.runs_per_cell())
+    let new = beyond(&tried, upwards, spacing.vocab_ratio(&tried), BEYOND);
+    let new = new.into_iter().map(f64::round).filter(|v| *v >= 2.0).collect();
+    let sizes = nearest(&grid.size_levels(), grid.best().params_nonvocab);
+    let why = why_vocabulary_at_edge(upwards);
+    Advice::new(AdviceKind::AddVocabularies, grid.budget_flops, [sizes, new], grid, why)
 }
 
 /// As many seeds again, at every size and its vocabularies nearest to the best.
-fn more_seeds(grid: &Grid, why: Why) -> Advice {
+fn more_seeds(grid: &Grid, has_minimum: bool) -> Advice {
     Advice {
-        params_nonvocab: grid.size_levels(),
-        n_vocab: nearest(&grid.vocabularies(), grid.best().n_vocab),
-        why: why.phrase(),
-        ..Advice::at(AdviceKind::AddSeeds, grid.budget_flops)
+        kind: AdviceKind::AddSeeds,
+        ..add_sizes(grid, grid.size_levels(), why_seeds(has_minimum))
     }
-    .costed(grid.runs_per_cell())
+}
+
+/// Sizes with the vocabularies nearest to the best.
+fn add_sizes(grid: &Grid, sizes: Vec<f64>, why: String) -> Advice {
+    let n_vocab = nearest(&grid.vocabularies(), grid.best().n_vocab);
+    Advice::new(AdviceKind::AddSizes, grid.budget_flops, [sizes, n_vocab], grid, why)
 }
 
 /// One budget further, by the sweep's own ratio of budgets.
@@ -136,14 +120,10 @@ fn next_budget(laws: &Laws, grids: &[Grid], spacing: &Spacing) -> Option<Advice>
     };
     let wide = wide_exponents(laws);
     let kind = if wide.is_empty() { AdviceKind::NextBudget } else { AdviceKind::LargerBudget };
-    let advice = Advice {
-        params_nonvocab: around(&[centre], spacing.size_ratio(&sizes), sizes.len()),
-        n_vocab,
-        why: Why::Next { wide, size: laws.parameters.size(), centre }.phrase(),
-        ..Advice::at(kind, budget)
-    };
-    let usable = advice.params_nonvocab.iter().all(|n| n.is_finite() && *n > 0.0);
-    usable.then(|| advice.costed(largest.runs_per_cell()))
+    let why = why_next(&wide, laws.parameters.size(), centre);
+    let sizes = around(&[centre], spacing.size_ratio(&sizes), sizes.len());
+    let usable = sizes.iter().all(|n| n.is_finite() && *n > 0.0);
+    usable.then(|| Advice::new(kind, budget, [sizes, n_vocab], largest, why))
 }
 
 /// The exponents that another budget would tell better, with the widths of their intervals.
@@ -177,23 +157,17 @@ fn nearest(levels: &[f64], at: f64) -> Vec<f64> {
 }
 
 impl Advice {
-    fn at(kind: AdviceKind, budget_flops: f64) -> Self {
-        let why = String::new();
-        Self {
-            kind,
-            budget_flops,
-            params_nonvocab: vec![],
-            n_vocab: vec![],
-            runs: 0,
-            flops: 0.0,
-            why,
-        }
-    }
-
-    /// Every size with every vocabulary, `per_cell` times, at the budget's cost each.
-    fn costed(self, per_cell: usize) -> Self {
-        let runs = self.params_nonvocab.len() * self.n_vocab.len().max(1) * per_cell;
-        Self { runs, flops: runs as f64 * self.budget_flops, ..self }
+    /// Every size with every vocabulary, as often as a cell of `like`, at the budget's cost each.
+    fn new(
+        kind: AdviceKind,
+        budget_flops: f64,
+        [params_nonvocab, n_vocab]: [Vec<f64>; 2],
+        like: &Grid,
+        why: String,
+    ) -> Self {
+        let runs = params_nonvocab.len() * n_vocab.len().max(1) * like.runs_per_cell();
+        let flops = runs as f64 * budget_flops;
+        Self { kind, budget_flops, params_nonvocab, n_vocab, runs, flops, why }
     }
 }
 
@@ -212,7 +186,7 @@ struct Spacing {
 
 impl Spacing {
     /// The first ratios that any budget shows.
-    pub fn of(grids: &[Grid]) -> Self {
+    fn of(grids: &[Grid]) -> Self {
         Self {
             size: grids.iter().find_map(|grid| median_ratio(&grid.size_levels())),
             vocab: grids.iter().find_map(|grid| median_ratio(&grid.vocabularies())),
@@ -220,12 +194,12 @@ impl Spacing {
     }
 
     /// The ratio of these sizes; else the sweep's; else 2; no wider than a minimum between two may have.
-    pub fn size_ratio(&self, sizes: &[f64]) -> f64 {
+    fn size_ratio(&self, sizes: &[f64]) -> f64 {
         median_ratio(sizes).or(self.size).unwrap_or(DEFAULT_RATIO).min(MARGIN * WIDEST_STEP)
     }
 
     /// The ratio of these vocabularies; else the sweep's; else 2.
-    pub fn vocab_ratio(&self, vocabularies: &[f64]) -> f64 {
+    fn vocab_ratio(&self, vocabularies: &[f64]) -> f64 {
         median_ratio(vocabularies).or(self.vocab).unwrap_or(DEFAULT_RATIO)
     }
 }
@@ -261,17 +235,17 @@ fn around(levels: &[f64], ratio: f64, n: usize) -> Vec<f64> {
 
 impl Grid {
     /// The sizes tried, rising.
-    pub fn size_levels(&self) -> Vec<f64> {
+    fn size_levels(&self) -> Vec<f64> {
         distinct(self.sizes.iter().map(|size| size.best.params_nonvocab))
     }
 
     /// The vocabularies tried, rising; none where no cell has one.
-    pub fn vocabularies(&self) -> Vec<f64> {
+    fn vocabularies(&self) -> Vec<f64> {
         distinct(self.cells.iter().map(|cell| cell.n_vocab).filter(|v| *v > 0.0))
     }
 
     /// Runs of a cell, rounded.
-    pub fn runs_per_cell(&self) -> usize {
+    fn runs_per_cell(&self) -> usize {
         (self.n_runs as f64 / self.cells.len() as f64).round().max(1.0) as usize
     }
 }

@@ -91,7 +91,7 @@ impl Known {
         };
         let mut known = Self {
             target: lowest(&law, &budgets, target)?,
-            belief: Belief::new(prior(&law, &budgets)),
+            belief: Belief(prior(&law, &budgets)),
             best: budgets.iter().map(best_of).collect(),
             noise: noise.map_or(RunNoise::GUESS, |noise| noise.sd).max(law.residual_sd),
             budgets,
@@ -191,15 +191,9 @@ fn prior(law: &JointLaw, budgets: &[f64]) -> Vec<Vec<f64>> {
 
 /// A normal belief: the covariance of the quantities.
 #[derive(Clone, Debug)]
-struct Belief {
-    covariance: Vec<Vec<f64>>,
-}
+struct Belief(Vec<Vec<f64>>);
 
 impl Belief {
-    fn new(covariance: Vec<Vec<f64>>) -> Self {
-        Self { covariance }
-    }
-
     /// Variance of the combination `row` of the quantities.
     fn variance(&self, row: &[f64]) -> f64 {
         dot(&self.with(row), row)
@@ -207,14 +201,14 @@ impl Belief {
 
     /// Covariance of the combination `row` with each of the quantities.
     fn with(&self, row: &[f64]) -> Vec<f64> {
-        self.covariance.iter().map(|own| dot(own, row)).collect()
+        self.0.iter().map(|own| dot(own, row)).collect()
     }
 
     /// The belief after an observation of `row`, itself of variance `noise`.
     fn observe(&mut self, row: &[f64], noise: f64) {
         let with = self.with(row);
         let total = noise + dot(&with, row);
-        for (own, a) in self.covariance.iter_mut().zip(&with) {
+        for (own, a) in self.0.iter_mut().zip(&with) {
             own.iter_mut().zip(&with).for_each(|(own, b)| *own -= a * b / total);
         }
     }
@@ -228,7 +222,7 @@ mod tests {
 
     #[test]
     fn observations_give_the_variance_of_least_squares() {
-        let mut belief = Belief::new(vec![vec![1e6, 0.0], vec![0.0, 1e6]]);
+        let mut belief = Belief(vec![vec![1e6, 0.0], vec![0.0, 1e6]]);
         let xs = [0.0, 1.0, 2.0, 4.0];
         let noise = 0.09;
         for x in xs {

@@ -112,12 +112,10 @@ impl OpenGrid {
     pub fn beyond_edges(&self) -> Vec<usize> {
         let Some(best) = self.best else { return Vec::new() };
         let tried = self.tried();
-        let short = self.sides().into_iter().filter(|(axis, at)| {
-            let (end, margin) = (
-                if *at < best[*axis] { *tried[*axis].start() } else { *tried[*axis].end() },
-                MARGIN[*axis],
-            );
-            end.abs_diff(best[*axis]) < margin
+        let short = self.sides().into_iter().filter(|&(axis, at)| {
+            let (low, high) = tried[axis].clone().into_inner();
+            let end = if at < best[axis] { low } else { high };
+            end.abs_diff(best[axis]) < MARGIN[axis]
         });
         short.flat_map(|side| self.line(side)).collect()
     }

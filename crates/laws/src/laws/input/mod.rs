@@ -3,11 +3,11 @@
 pub(super) mod budget;
 mod point;
 
-pub use budget::{group_budgets, of_largest_share};
 pub(super) use budget::{
     Cell, Size, best_index, cells, compare, group_checked, is_same_budget, lost_shares, repeats,
     sizes,
 };
+pub use budget::{group_budgets, of_largest_share};
 pub use point::{IsoFlopPoint, LOSS_NORMALISED, Metric, Parameters, PerQuantity, RunFacts};
 
 use schemars::JsonSchema;

@@ -199,9 +199,7 @@ impl Parser {
         let token = self.peek().cloned();
         self.at += 1;
         let form = match token {
-            Some(Token::Number(number)) => Form::Number(number),
-            Some(Token::Text(text)) => Form::Text(text),
-            Some(Token::Column { name, reads }) => Form::Column { name, reads },
+            Some(Token::Leaf(form)) => form,
             Some(Token::Operator(Operator::Minus)) => {
                 return self.prefixed(NEGATE, span, Form::Negate);
             }

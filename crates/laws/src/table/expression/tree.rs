@@ -3,13 +3,13 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::table::{Column, ExpressionProblem as Problem, Reads, Table, name_of};
+use crate::table::{Column, ExpressionProblem as Problem, Reads, Table};
 
 /// What is wrong, and in which bytes.
 pub(super) type Fault = (Range<usize>, Problem);
 
 /// A part of an expression.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Node {
     pub form: Form,
     pub span: Range<usize>,
@@ -17,7 +17,7 @@ pub(super) struct Node {
     pub depth: usize,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum Form {
     Number(f64),
     Text(String),
@@ -92,68 +92,46 @@ impl Operator {
 pub(super) const NOT: u8 = 5;
 pub(super) const NEGATE: u8 = 13;
 
+/// A function by its place in [`FUNCTIONS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Function {
-    Ln,
-    Log10,
-    Log2,
-    Exp,
-    Sqrt,
-    Abs,
-    Round,
-    Floor,
-    Ceil,
-    Min,
-    Max,
+pub(super) struct Function(usize);
+
+/// What a function takes: one argument, or two and more, of which each is joined with those before it.
+enum Takes {
+    One(fn(f64) -> f64),
+    Several(fn(f64, f64) -> f64),
 }
 
+const FUNCTIONS: [(&str, Takes); 11] = [
+    ("ln", Takes::One(f64::ln)),
+    ("log10", Takes::One(f64::log10)),
+    ("log2", Takes::One(f64::log2)),
+    ("exp", Takes::One(f64::exp)),
+    ("sqrt", Takes::One(f64::sqrt)),
+    ("abs", Takes::One(f64::abs)),
+    ("round", Takes::One(f64::round)),
+    ("floor", Takes::One(f64::floor)),
+    ("ceil", Takes::One(f64::ceil)),
+    ("min", Takes::Several(f64::min)),
+    ("max", Takes::Several(f64::max)),
+];
+
 impl Function {
-    pub const ALL: [(&'static str, Self); 11] = [
-        ("ln", Self::Ln),
-        ("log10", Self::Log10),
-        ("log2", Self::Log2),
-        ("exp", Self::Exp),
-        ("sqrt", Self::Sqrt),
-        ("abs", Self::Abs),
-        ("round", Self::Round),
-        ("floor", Self::Floor),
-        ("ceil", Self::Ceil),
-        ("min", Self::Min),
-        ("max", Self::Max),
-    ];
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        FUNCTIONS.iter().map(|(name, _)| *name)
+    }
 
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|(of, _)| *of == name).map(|(_, function)| function)
+        Self::names().position(|of| of == name).map(Self)
     }
 
     pub fn name(self) -> &'static str {
-        name_of(&self, &Self::ALL)
+        FUNCTIONS[self.0].0
     }
 
     /// Whether it takes two arguments or more; the others take one.
     pub fn is_variadic(self) -> bool {
-        matches!(self, Self::Min | Self::Max)
-    }
-
-    /// The value of one argument.
-    pub fn of(self, x: f64) -> f64 {
-        match self {
-            Self::Ln => x.ln(),
-            Self::Log10 => x.log10(),
-            Self::Log2 => x.log2(),
-            Self::Exp => x.exp(),
-            Self::Sqrt => x.sqrt(),
-            Self::Abs => x.abs(),
-            Self::Round => x.round(),
-            Self::Floor => x.floor(),
-            Self::Ceil => x.ceil(),
-            Self::Min | Self::Max => x,
-        }
-    }
-
-    /// The value of two arguments, neither of them missing.
-    pub fn pair(self, a: f64, b: f64) -> f64 {
-        if self == Self::Max { a.max(b) } else { a.min(b) }
+        matches!(FUNCTIONS[self.0].1, Takes::Several(_))
     }
 }
 
@@ -271,8 +249,11 @@ fn call<'a>(
     table: &'a Table,
 ) -> Result<Values<'a, f64>, Fault> {
     let mut values = arguments.iter().map(|argument| numbers(argument, table));
-    let first = values.next().unwrap_or(Ok(Values::One(f64::NAN)))?.map(|x| function.of(*x));
-    values.try_fold(first, |so_far, next| {
-        Ok(zip(&so_far, &next?, present(|a, b| function.pair(a, b))))
-    })
+    let first = values.next().unwrap_or(Ok(Values::One(f64::NAN)))?;
+    match FUNCTIONS[function.0].1 {
+        Takes::One(of) => Ok(first.map(|x| of(*x))),
+        Takes::Several(join) => {
+            values.try_fold(first, |so_far, next| Ok(zip(&so_far, &next?, present(join))))
+        }
+    }
 }
