@@ -181,7 +181,8 @@ fn row(variant: String, laws: &PowerLaws, slope_per_decade: Option<f64>) -> Sens
 }
 
 /// One row for each kind of minimum, one more with every flagged minimum of `law_method` kept, and one
-/// where a model's size is all its parameters. A row's numbers are absent where fewer than two budgets have a usable minimum of that kind.
+/// where a model's size is all its parameters. A row's numbers are absent where fewer than two budgets have a
+/// usable minimum of that kind.
 pub(super) fn sensitivity(
     per_method: &ByMethod,
     law_method: MinimumMethod,

@@ -207,11 +207,10 @@ impl Piece {
 //
 // The best vocabulary of each size is a staircase in ln N_nv, since only some vocabularies were
 // tried. Two things smooth it: each size's optimum is refined between its neighbouring
-// vocabularies (`Size::ln_vocab`), and a straight line in
-// ln N_nv is laid through the sizes, weighted towards the minimum by a Gaussian of a third of
-// their range. D follows from the budget: ln D(N_nv + N_v), which a budget leaves nearly constant,
-// is interpolated in the same way, and D solved from it, so that the minimum spends what its
-// neighbours spent.
+// vocabularies (`Size::ln_vocab`), and a straight line in ln N_nv is laid through the sizes, weighted
+// towards the minimum by a Gaussian of a third of their range. D follows from the budget:
+// ln D(N_nv + N_v), which a budget leaves nearly constant, is interpolated in the same way, and D
+// solved from it, so that the minimum spends what its neighbours spent.
 
 /// Width of the weights, as a share of the range of ln N_nv.
 const BANDWIDTH: f64 = 1.0 / 3.0;

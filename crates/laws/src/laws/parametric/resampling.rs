@@ -5,9 +5,8 @@
 //! Rows of one configuration are one cluster and are drawn together, whether a column tells their seeds or
 //! not: they share what the law misses there.
 //!
-//! Nothing depends on the number of threads. Tables of more than
-//! `MAX_CLUSTERS` clusters draw that many and shrink the deviations by the root of the ratio (m out
-//! of n; Bickel et al. 1997).
+//! Nothing depends on the number of threads. Tables of more than `MAX_CLUSTERS` clusters draw that
+//! many and shrink the deviations by the root of the ratio (m out of n; Bickel et al. 1997).
 
 use std::collections::HashMap;
 
@@ -101,10 +100,10 @@ impl Replicates {
     }
 }
 
-// Which rows a replicate draws: those those of `numpy.random.choice(n, n)` after `numpy.random.seed(S)`, one replicate
-// after the other, so that an analysis in Python can draw the same rows; with S = 42 they are those
-// of Besiroglu et al. 2024. Where they would fill much memory, each replicate has instead a stream
-// of ChaCha8 of its own.
+// Which rows a replicate draws: those of `numpy.random.choice(n, n)` after `numpy.random.seed(S)`,
+// one replicate after the other, so that an analysis in Python can draw the same rows; with S = 42
+// they are those of Besiroglu et al. 2024. Where they would fill much memory, each replicate has
+// instead a stream of ChaCha8 of its own.
 
 /// Numbers that are kept at once, 4 bytes each.
 const MOST_LISTED: usize = 20_000_000;
