@@ -41,6 +41,11 @@ impl Allocation {
         all.under(parameters)
     }
 
+    /// V of the shape nearest to N_nv.
+    pub(super) fn n_vocab(&self, shapes: &[Shape]) -> Option<f64> {
+        Some(self.params_vocab / width_for(self.params_nonvocab, shapes).ok()?)
+    }
+
     fn scaled(&self, factor: f64) -> Self {
         Self {
             params_nonvocab: factor * self.params_nonvocab,

@@ -156,11 +156,6 @@ impl<'a> Told<'a> {
         }
     }
 
-    /// Whether it tells N_nv and N_v apart.
-    fn is_split(&self) -> bool {
-        self.parameters() == Parameters::Split
-    }
-
     /// What its size is.
     pub fn parameters(&self) -> Parameters {
         match self {
@@ -174,36 +169,21 @@ impl<'a> Told<'a> {
     /// # Errors
     /// [`PredictError::NoVocabulary`], or [`PredictError::VocabularyUnknown`] where one is given to a law
     /// without.
-    pub fn at(&self, laws: &Laws, model: &ModelSize) -> Result<SizedLoss, PredictError> {
-        if !self.is_split() && (model.n_vocab.is_some() || model.params_vocab.is_some()) {
+    fn at(&self, laws: &Laws, model: &ModelSize) -> Result<SizedLoss, PredictError> {
+        let split = self.parameters() == Parameters::Split;
+        if !split && (model.n_vocab.is_some() || model.params_vocab.is_some()) {
             return Err(PredictError::VocabularyUnknown { laws: laws.name.clone() });
         }
-        match self {
-            Self::Parametric(law) => self.parametric(law, laws, model),
-            Self::Joint(law, _) => self.joint(law, laws, model),
-        }
-    }
-
-    /// The best model for `flops`; none where the law has none.
-    pub fn optimum(&self, flops: f64) -> Option<Optimum> {
-        match self {
-            Self::Parametric(law) => optimum(&law.coefficients, flops),
-            Self::Joint(law, _) => law.optimum(flops),
-        }
-    }
-
-    fn parametric(
-        &self,
-        law: &Parametric,
-        laws: &Laws,
-        model: &ModelSize,
-    ) -> Result<SizedLoss, PredictError> {
-        let params_vocab = match self.is_split() {
-            true => of_vocabulary(laws, model)?,
-            false => 0.0,
+        let law = match self {
+            Self::Parametric(law) => law,
+            Self::Joint(law, _) => {
+                let n_vocab = if split { Some(codes(law, laws, model)?) } else { None };
+                return Ok(law.sized(model.params, n_vocab, model.tokens));
+            }
         };
+        let params_vocab = if split { of_vocabulary(laws, model)? } else { 0.0 };
         let flops = (FlopCount::SIX_ND.flops)(model.params, params_vocab, model.tokens);
-        let loss = |coefficients: &Coefficients| match self.is_split() {
+        let loss = |coefficients: &Coefficients| match split {
             true => coefficients.loss(&[model.params, params_vocab, model.tokens]),
             false => coefficients.loss(&[model.params, model.tokens]),
         };
@@ -219,19 +199,17 @@ impl<'a> Told<'a> {
         })
     }
 
-    fn joint(
-        &self,
-        law: &JointLaw,
-        laws: &Laws,
-        model: &ModelSize,
-    ) -> Result<SizedLoss, PredictError> {
-        let n_vocab = if self.is_split() { Some(codes(law, laws, model)?) } else { None };
-        Ok(law.sized(model.params, n_vocab, model.tokens))
+    /// The best model for `flops`; none where the law has none.
+    pub fn optimum(&self, flops: f64) -> Option<Optimum> {
+        match self {
+            Self::Parametric(law) => optimum(&law.coefficients, flops),
+            Self::Joint(law, _) => law.optimum(flops),
+        }
     }
 
     /// The best model by the names of its quantities.
     pub fn named(&self, best: Optimum) -> SizedOptimum {
-        let n_vocab = best.n_vocab.filter(|_| self.is_split());
+        let n_vocab = best.n_vocab.filter(|_| self.parameters() == Parameters::Split);
         let at = PerQuantity { n_vocab, ..Allocation::from(best).named(self.parameters()) };
         SizedOptimum { at, loss_normalised: best.loss }
     }

@@ -4,8 +4,9 @@ use serde::Serialize;
 use std::cmp::Reverse;
 use std::collections::HashMap;
 
-use super::{DropStage, 
-    Column, Expression, Group, Key, OutlierStage, Quantity, Table, TableError, cell, distinct, hint,
+use super::{
+    Column, DropStage, Expression, Group, Key, OutlierStage, Quantity, Table, TableError, cell,
+    distinct, hint,
 };
 use crate::laws::{IsoFlopPoint, Parameters};
 use crate::table::columns::{Named, named};
@@ -143,13 +144,12 @@ fn kept(
 }
 
 fn something_left(stage: DropStage, nothing: bool, dropped: &[Dropped]) -> Result<(), TableError> {
-    let first = dropped.first().map(|row| format!("{}: {}", row.run_id, row.reason));
-    let first = first.unwrap_or_default();
-    if nothing {
-        Err(TableError::NothingLeft { stage, count: dropped.len(), first })
-    } else {
-        Ok(())
+    if !nothing {
+        return Ok(());
     }
+    let first = dropped.first().map(|row| format!("{}: {}", row.run_id, row.reason));
+    let (count, first) = (dropped.len(), first.unwrap_or_default());
+    Err(TableError::NothingLeft { stage, count, first })
 }
 
 /// For each of some rows the first of them that has the same cell in every column, where that is another.

@@ -70,7 +70,10 @@ impl Expression {
     pub fn numbers(&self, table: &Table) -> Result<Vec<f64>, ExpressionError> {
         match self.value(table)? {
             Value::Numbers(numbers) => Ok(numbers.spread(table.n_rows)),
-            Value::Texts(_) => Err(self.error(not_a_number(&self.root, table))),
+            Value::Texts(_) => {
+                let problem = with_cell(self.root.not_a_number(), table);
+                Err(self.error((self.root.span.clone(), problem)))
+            }
         }
     }
 
@@ -104,17 +107,6 @@ impl Expression {
     fn error(&self, (span, problem): Fault) -> ExpressionError {
         ExpressionError::new(&self.text, span, problem)
     }
-}
-
-/// Why a text will not do where a number is needed; of a column, its first cell that is none.
-fn not_a_number(node: &Node, table: &Table) -> Fault {
-    let problem = match &node.form {
-        Form::Column { name, .. } => {
-            Problem::TextColumn { name: name.clone(), cell: String::new() }
-        }
-        _ => Problem::Text,
-    };
-    (node.span.clone(), with_cell(problem, table))
 }
 
 /// The problem of a text column, with its first cell that is no number and why it is none.
@@ -287,18 +279,21 @@ impl Node {
         }
         self
     }
+
+    /// Why a text will not do where a number is needed; its cell is not known here.
+    fn not_a_number(&self) -> Problem {
+        match &self.form {
+            Form::Column { name, .. } => {
+                Problem::TextColumn { name: name.clone(), cell: String::new() }
+            }
+            _ => Problem::Text,
+        }
+    }
 }
 
 /// The node where it is a number.
 fn number(node: Node) -> Result<Node, Fault> {
-    let problem = match &node.form {
-        Form::Column { name, reads: Reads::Text } => {
-            Problem::TextColumn { name: name.clone(), cell: String::new() }
-        }
-        Form::Text(_) => Problem::Text,
-        _ => return Ok(node),
-    };
-    Err((node.span, problem))
+    if node.is_text() { Err((node.span.clone(), node.not_a_number())) } else { Ok(node) }
 }
 
 /// The node above parts of `depth` levels.
