@@ -155,19 +155,19 @@ fn texts(records: Records<'_>, columns: &[Numbers]) -> Result<Vec<Vec<String>>, 
 
 /// Walks through a text; a copy starts again from where it was taken.
 #[derive(Clone, Copy)]
-pub(super) struct Records<'a> {
+struct Records<'a> {
     text: &'a str,
     separator: u8,
     at: usize,
 }
 
 impl<'a> Records<'a> {
-    pub fn new(text: &'a str, separator: u8) -> Self {
+    fn new(text: &'a str, separator: u8) -> Self {
         Self { text, separator, at: 0 }
     }
 
     /// The 1-based line of the byte reached, or of `byte`.
-    pub fn line_of(&self, byte: usize) -> usize {
+    fn line_of(&self, byte: usize) -> usize {
         let before = &self.text.as_bytes()[..byte];
         let feeds = before.iter().filter(|b| **b == b'\n').count();
         let returns = || before.iter().filter(|b| **b == b'\r').count();
@@ -176,10 +176,7 @@ impl<'a> Records<'a> {
 
     /// Puts the next record into `cells` and returns its first byte; none at the end. Blank lines
     /// are no records.
-    pub fn next_into(
-        &mut self,
-        cells: &mut Vec<Cow<'a, str>>,
-    ) -> Result<Option<usize>, ReadProblem> {
+    fn next_into(&mut self, cells: &mut Vec<Cow<'a, str>>) -> Result<Option<usize>, ReadProblem> {
         cells.clear();
         while matches!(self.peek(), Some(b'\n' | b'\r')) {
             self.at += 1;

@@ -79,7 +79,7 @@ pub enum Column {
 
 /// What a column stands for in an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reads {
+enum Reads {
     Number,
     Text,
     /// A number, or a text where it is compared with one.
@@ -98,21 +98,21 @@ impl Table {
     }
 
     /// The names in backticks, for a message.
-    pub(super) fn listed(&self) -> String {
+    fn listed(&self) -> String {
         self.names().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
     }
 }
 
 /// A cell as it is compared with others of its column: the bits of a number, or a text.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Key<'a> {
+enum Key<'a> {
     Number(u64),
     Text(&'a str),
 }
 
 impl Column {
     /// The cell of a row.
-    pub(super) fn key(&self, row: usize) -> Key<'_> {
+    fn key(&self, row: usize) -> Key<'_> {
         match self {
             Self::Number(values) => Key::Number(values[row].to_bits()),
             Self::Text(cells) | Self::Written { cells, .. } => Key::Text(&cells[row]),
@@ -120,7 +120,7 @@ impl Column {
     }
 
     /// The first cell of a text column that is no number, with its 1-based row.
-    pub(super) fn first_text(&self) -> Option<(usize, &str)> {
+    fn first_text(&self) -> Option<(usize, &str)> {
         let Self::Text(cells) = self else { return None };
         let is_text = |cell: &str| !cell.is_empty() && cell.trim().parse::<f64>().is_err();
         let row = cells.iter().position(|cell| is_text(cell))?;
@@ -128,7 +128,7 @@ impl Column {
     }
 
     /// How it stands in an expression.
-    pub(super) fn reads(&self) -> Reads {
+    fn reads(&self) -> Reads {
         match self {
             Self::Number(_) => Reads::Number,
             Self::Text(_) => Reads::Text,
@@ -147,13 +147,13 @@ pub struct Group {
 
 impl Group {
     /// Whether a row is in it.
-    pub(super) fn has(&self, table: &Table, row: usize) -> bool {
+    fn has(&self, table: &Table, row: usize) -> bool {
         table.column(&self.column).is_some_and(|cells| cell(cells, row) == self.value)
     }
 }
 
 /// A cell as text; empty if it is missing.
-pub(super) fn cell(column: &Column, row: usize) -> String {
+fn cell(column: &Column, row: usize) -> String {
     match column {
         Column::Text(cells) | Column::Written { cells, .. } => cells[row].trim().to_string(),
         Column::Number(cells) if cells[row].is_nan() => String::new(),
@@ -162,7 +162,7 @@ pub(super) fn cell(column: &Column, row: usize) -> String {
 }
 
 /// The values of some rows, each once, without the empty one.
-pub(super) fn distinct(column: &Column, rows: &[usize]) -> Vec<String> {
+fn distinct(column: &Column, rows: &[usize]) -> Vec<String> {
     let mut seen = std::collections::HashSet::new();
     let cells = rows.iter().map(|row| cell(column, *row));
     cells.filter(|cell| !cell.is_empty() && seen.insert(cell.clone())).collect()
@@ -222,7 +222,7 @@ impl Quantity {
 
     /// The name of `--columns`.
     pub fn name(self) -> &'static str {
-        name_of(&self, &Self::ALL)
+        Self::ALL.iter().find(|(_, of)| *of == self).map_or("", |(name, _)| name)
     }
 }
 
@@ -246,7 +246,7 @@ impl FromStr for Quantity {
 const ALIKE: f64 = 0.7;
 
 /// The most similar of `names`, by Jaro and Winkler and without regard to case.
-pub(super) fn nearest<'a>(wrong: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+fn nearest<'a>(wrong: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let wrong = wrong.to_lowercase();
     names
         .map(|name| (strsim::jaro_winkler(&wrong, &name.to_lowercase()), name))
@@ -256,7 +256,7 @@ pub(super) fn nearest<'a>(wrong: &str, names: impl Iterator<Item = &'a str>) -> 
 }
 
 /// "did you mean `loss`? ", or nothing.
-pub(super) fn hint<'a>(wrong: &str, names: impl Iterator<Item = &'a str>) -> String {
+fn hint<'a>(wrong: &str, names: impl Iterator<Item = &'a str>) -> String {
     nearest(wrong, names).map(|name| format!("did you mean `{name}`? ")).unwrap_or_default()
 }
 
@@ -271,7 +271,7 @@ pub struct UnknownName {
 }
 
 /// What a name stands for among all of a kind.
-pub(super) fn named<T: Copy>(
+fn named<T: Copy>(
     kind: &'static str,
     name: &str,
     all: &[(&'static str, T)],
@@ -284,9 +284,4 @@ pub(super) fn named<T: Copy>(
         hint: hint(name, names()),
         valid: names().collect::<Vec<_>>().join(", "),
     })
-}
-
-/// The name of one among all of its kind.
-pub(super) fn name_of<T: PartialEq>(value: &T, all: &[(&'static str, T)]) -> &'static str {
-    all.iter().find(|(_, of)| of == value).map_or("", |(name, _)| name)
 }

@@ -91,7 +91,7 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
 }
 
 /// The rows of the group that pass every filter.
-pub(super) fn filtered(
+fn filtered(
     table: &Table,
     request: &TableRequest,
     notes: &mut Vec<String>,

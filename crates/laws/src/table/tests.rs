@@ -273,7 +273,8 @@ fn repeats_of_a_size_are_one_level() {
 #[test]
 fn a_vertex_near_the_edge_drops_its_budget_and_the_reason_says_where() {
     let centred = parabola(1e18, 11, 5.0);
-    let (kept, dropped) = OutlierStage::OffCentre.split([centred.clone(), parabola(1e19, 11, 9.5)].concat());
+    let (kept, dropped) =
+        OutlierStage::OffCentre.split([centred.clone(), parabola(1e19, 11, 9.5)].concat());
     assert_eq!(kept, centred);
     assert_eq!(dropped.len(), 11);
     assert!(dropped[0].1.contains("N = 7.241e8, 95 % of the way"), "{}", dropped[0].1);
