@@ -19,7 +19,6 @@
 //! ```
 
 mod allocation;
-
 mod optimum;
 mod several;
 mod shapes;

@@ -168,6 +168,8 @@ fn distinct(column: &Column, rows: &[usize]) -> Vec<String> {
     cells.filter(|cell| !cell.is_empty() && seen.insert(cell.clone())).collect()
 }
 
+// The quantities that a column can stand for.
+
 /// What a column of a table can be, by the names of `--columns`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Quantity {

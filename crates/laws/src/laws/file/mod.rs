@@ -291,6 +291,8 @@ pub struct OptimumAt {
     pub loss: Option<Coefficient>,
 }
 
+// What to run next.
+
 /// What running more would settle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

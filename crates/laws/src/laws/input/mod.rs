@@ -148,6 +148,8 @@ impl FitOptions {
     }
 }
 
+// Why a table of runs gives no laws.
+
 /// Why [`fit`](crate::laws::fit::fit()) gave no laws; every message says what is wrong, where, and the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {

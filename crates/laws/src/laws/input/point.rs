@@ -80,6 +80,8 @@ impl Parameters {
     }
 }
 
+// Which loss a point holds.
+
 /// L_u, the metric that laws are fitted to by default.
 pub const LOSS_NORMALISED: &str = "loss_normalised";
 
@@ -125,6 +127,8 @@ impl From<Metric> for String {
         metric.0.as_ref().to_string()
     }
 }
+
+// One value for each of N, N_nv, N_v, V and D.
 
 /// A value for each quantity of a configuration; absent where there is none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
