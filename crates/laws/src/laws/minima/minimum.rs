@@ -36,13 +36,6 @@ pub enum MinimumFlag {
     DepthChange,
 }
 
-impl MinimumFlag {
-    /// Whether there is no minimum to fit, rather than one in doubt.
-    pub fn excludes(self) -> bool {
-        !matches!(self, Self::EdgeVocab | Self::LackOfFit | Self::Gap | Self::DepthChange)
-    }
-}
-
 impl fmt::Display for MinimumFlag {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.serialize(f)
@@ -114,9 +107,10 @@ impl Minimum {
         self.trusted = self.flags.is_empty();
     }
 
-    /// Whether laws may be fitted to it, be it in doubt or not.
+    /// Whether laws may be fitted to it, be it in doubt or not: these flags alone do not say that there is none.
     pub fn is_usable(&self) -> bool {
-        !self.flags.iter().any(|flag| flag.excludes())
+        use MinimumFlag::{DepthChange, EdgeVocab, Gap, LackOfFit};
+        self.flags.iter().all(|flag| matches!(flag, EdgeVocab | LackOfFit | Gap | DepthChange))
     }
 
     /// Whether the values are those of the best run because there is no minimum inside the grid.

@@ -162,7 +162,7 @@ pub(super) struct OfBudget {
 
 impl OfShare {
     /// The minima that power laws through the first `n` budgets are fitted to; none where they are too few.
-    pub fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
+    fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
         let minima = self.budgets[..n].iter().flatten().filter_map(|own| own.minimum.clone());
         let used: Vec<Minimum> = minima.collect();
         tell_laws(&used).then_some(used)

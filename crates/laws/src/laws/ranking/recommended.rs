@@ -178,7 +178,7 @@ pub struct ForecastError {
 /// by a seventh in N_nv, N_v and D, beside what the noise of the runs does. It counts as ten budgets,
 /// since those of one sweep tell little. Chosen on simulated sweeps, so that intervals ten times beyond
 /// the fit hold what they should (`docs/coverage.md`).
-pub(in crate::laws) const EXPECTED: ForecastError = ForecastError {
+const EXPECTED: ForecastError = ForecastError {
     sd: Deviations { loss: 0.010, ln_size: 0.06, ln_vocab: 0.06, ln_tokens: 0.06 },
     dof: 10,
     tested: 0,
