@@ -5,7 +5,7 @@
 //! | floor | room | what it is for | beside it |
 //! | --- | --- | --- | --- |
 //! | 1 | `maths` | statistics, lines, least squares and draws, which know nothing of runs | |
-//! | 1 | `words` | numbers for a person | |
+//! | 1 | `text` | numbers for a person | |
 //! | 2 | `input` | what a fit is given: runs and how it is asked for; runs by budget and cell: [`group_budgets`] | |
 //! | 3 | `minima` | the best configuration of each budget: [`minima()`], [`minimum_at`]; of a few cells that test a forecast: [`cross_optimum`] | |
 //! | 4 | `noise` | the scatter of runs, of tokenizers and of test splits | |
@@ -56,8 +56,6 @@
 //! ```
 
 mod answer;
-#[cfg(test)]
-mod coverage;
 mod design;
 mod file;
 mod fit;
@@ -73,66 +71,42 @@ mod ranking;
 mod say;
 #[cfg(test)]
 pub mod simulated;
-mod words;
+pub mod text;
 
-pub use design::open_run::OpenRun;
-pub use design::{DesignGoal, next_runs};
-pub use file::advice::{Advice, AdviceKind};
-pub use file::answer::{Answer, Coefficient, Doubt, Exponent, HeldOutError, OptimumAt};
-pub use file::difference::{Difference, Estimate};
-pub use file::judgement::{IntervalPart, Judgement, Tried};
-pub use file::kind::LawKind;
-pub use file::laws::{HeldOut, Laws};
-pub use file::validated::{Inside, Measured, Predicted, Validated};
-pub use fit::approach1::approach1;
-pub use fit::approach1::frontier::{FrontierPoint, frontier};
-pub use fit::fit;
-pub use fit::parametric_laws::{around, fit_parametric, parametric_laws};
-pub use fit::sensitivity::sensitivity_row;
-pub use input::budget::{Budget, group_budgets, of_largest_share};
-pub use input::error::FitError;
-pub use input::method::MinimumMethod;
-pub use input::metric::{LOSS_NORMALISED, Metric};
-pub use input::options::{FitOptions, HoldOut, Weights};
-pub use input::point::{IsoFlopPoint, Parameters, RunFacts};
-pub use input::quantities::PerQuantity;
-pub use joint::above::Off;
-pub use joint::law::JointLaw;
-pub use joint::loss::{JointLoss, Terms};
-pub use joint::repetition::Repetition;
-pub use joint::sized::SizedLoss;
-pub use lines::floor_law::floor_law;
-pub use lines::log_law::log_law;
-pub use lines::power::power_law;
-pub use lines::sample::{FloorSample, LawSample};
-pub use lines::slices::{Slices, slices};
-pub use lines::types::{
-    Exponents, FloorLaw, LogLaw, LossLaws, PowerLaw, PowerLaws, Sensitivity, Validation,
-    ValidationKind,
+pub use design::{DesignGoal, OpenRun, next_runs};
+pub use file::{
+    Advice, AdviceKind, Answer, Coefficient, Doubt, Exponent, HeldOut, HeldOutError, Inside,
+    IntervalPart, Judgement, LawKind, Laws, Measured, OptimumAt, Predicted, Tried, Validated,
 };
-pub use maths::least_squares::{LeastSquares, least_squares};
-pub use maths::random::Normals;
-pub use maths::stats::{interval95, student_t95};
-pub(crate) use minima::akima::spline_at;
-pub use minima::cross::{CrossOptimum, TiedCells, TriedCells, cross_optimum, tied_cells};
-pub use minima::grid::WIDEST_STEP;
-pub use minima::run_noise::{NoiseSource, RunNoise};
-pub use minima::types::{LackOfFit, Minimum, MinimumFlag, MinimumIntervals, Optimum};
-pub use minima::{minima, minimum_at};
-pub use noise::test_noise::TestNoise;
-pub use noise::tokenizer_noise::TokenizerNoise;
-pub use parametric::form::{Coefficients, Form};
-pub use parametric::influence::Influence;
-pub use parametric::objective::Space;
-
-pub use parametric::optimum::{optimum, vocab_exponent};
-pub use parametric::options::{Huber, ParametricOptions};
-pub use parametric::search::Starts;
-pub use parametric::types::Parametric;
-pub use published::scamo::scamo;
-pub use ranking::forecast_error::ForecastError;
-pub use ranking::miss::{Deviations, Miss, MissedMinimum};
-pub use ranking::recommended::{Belief, Candidate, Recommended, Score};
-pub use say::flags::flags_text;
-pub use words::text;
-pub use words::text::times;
+pub use fit::{
+    FrontierPoint, approach1, around, fit, fit_parametric, frontier, parametric_laws,
+    sensitivity_row,
+};
+pub use input::budget::Budget;
+pub use input::{
+    FitError, FitOptions, HoldOut, IsoFlopPoint, LOSS_NORMALISED, Metric, MinimumMethod,
+    Parameters, PerQuantity, RunFacts, Weights, group_budgets, of_largest_share,
+};
+pub use joint::{JointLaw, JointLoss, Off, Repetition, SizedLoss, Terms};
+pub use lines::{
+    Exponents, FloorLaw, FloorSample, LawSample, LogLaw, LossLaws, PowerLaw, PowerLaws,
+    Sensitivity, Slices, Validation, ValidationKind, floor_law, log_law, power_law, slices,
+};
+pub use maths::stats::{Difference, Estimate, Normals, interval95, student_t95};
+pub use maths::{LeastSquares, least_squares};
+pub(crate) use minima::spline_at;
+pub use minima::{
+    CrossOptimum, LackOfFit, Minimum, MinimumFlag, MinimumIntervals, NoiseSource, Optimum,
+    RunNoise, TiedCells, TriedCells, WIDEST_STEP, cross_optimum, minima, minimum_at, tied_cells,
+};
+pub use noise::{TestNoise, TokenizerNoise};
+pub use parametric::{
+    Coefficients, Form, Huber, Influence, Parametric, ParametricOptions, Space, Starts, optimum,
+    vocab_exponent,
+};
+pub use published::scamo;
+pub use ranking::{
+    Belief, Candidate, Deviations, ForecastError, Miss, MissedMinimum, Recommended, Score,
+};
+pub use say::flags_text;
+pub use text::times;

@@ -1,10 +1,5 @@
 //! The prediction itself.
 
-use super::at_budget::{Vocabulary, fitted_at, sample_at, shape_for, width_for};
-use super::codebook::Codebook;
-use super::opinion::opinions;
-use super::spread::Spread;
-use super::together::together;
 use super::{
     Allocation, Intervals, PredictError, PredictOptions, PredictedShape, Prediction, Raw, project,
     warnings,
@@ -13,6 +8,9 @@ use crate::laws::{
     Candidate, Deviations, LOSS_NORMALISED, LawKind, LawSample, Laws, Optimum, PerQuantity,
     TestNoise, around, interval95,
 };
+use crate::predict::allocation::{Vocabulary, fitted_at, sample_at, shape_for};
+use crate::predict::several::{Spread, opinions, together};
+use crate::predict::shapes::Codebook;
 
 /// The optimal configuration for `budget` FLOPs.
 ///
@@ -43,7 +41,11 @@ pub fn predict(
         _ if !laws.from_sweep => (None, None),
         _ => shape(laws, &best, options).map(|(v, shape)| (Some(v), Some(shape)))?,
     };
-    let loss_normalised = loss(laws.recommended_law(), &raw);
+    let loss_normalised = match laws.recommended_law() {
+        Candidate::Log => raw.loss_log.or(raw.loss_floor),
+        Candidate::Floor => raw.loss_floor,
+        Candidate::Joint | Candidate::JointRepeats => raw.loss_joint,
+    };
     let own = (loss_normalised.unwrap_or(f64::NAN), on_budget);
     let opinions = opinions(laws, (vocabulary, options), own, budget);
     let factor = budget / laws.range()[1];
@@ -119,17 +121,8 @@ impl Best {
 
     /// V, where it is told apart.
     fn n_vocab(&self, options: &PredictOptions) -> Option<f64> {
-        let Allocation { params_nonvocab, params_vocab, .. } = self.on_budget;
-        let by_width = || Some(params_vocab / width_for(params_nonvocab, options.shapes).ok()?);
+        let by_width = || self.on_budget.n_vocab(options.shapes);
         self.joint.map_or_else(by_width, |joint| joint.n_vocab).filter(|v| *v > 0.0)
-    }
-}
-
-fn loss(law: Candidate, raw: &Raw) -> Option<f64> {
-    match law {
-        Candidate::Log => raw.loss_log.or(raw.loss_floor),
-        Candidate::Floor => raw.loss_floor,
-        Candidate::Joint | Candidate::JointRepeats => raw.loss_joint,
     }
 }
 
@@ -203,11 +196,14 @@ fn intervals(
     let interval = |value: &dyn Fn(&Allocation) -> Option<f64>, of: fn(&Deviations) -> f64| {
         interval95(spread.of_logs(replicates.iter().filter_map(value), of))
     };
-    let floor = spread.of(floor_losses(laws, budget), |e| e.loss);
+    let floors = laws.bootstrap.iter().filter_map(|sample| sample.floor);
+    let floors = floors.map(|floor| floor.loss_at(budget, laws.reference_flops));
+    let floor = spread.of(floors, |e| e.loss);
     let loss_floor = interval95(&floor);
     let losses = match laws.recommended_law() {
         Candidate::Log if laws.loss.log.is_some() => {
-            spread.of(log_losses(laws, budget), |e| e.loss)
+            let at = |s: &LawSample| s.loss_intercept + s.loss_slope_per_decade * budget.log10();
+            spread.of(laws.bootstrap.iter().map(at), |e| e.loss)
         }
         Candidate::Log | Candidate::Floor => floor,
         Candidate::Joint | Candidate::JointRepeats => {
@@ -221,8 +217,7 @@ fn intervals(
         interval95(noise.moved(&losses, place.map(f64::ln)))
     };
     let by_law = vocabulary == Vocabulary::Law;
-    let by_width =
-        |a: &Allocation| Some(a.params_vocab / width_for(a.params_nonvocab, options.shapes).ok()?);
+    let by_width = |a: &Allocation| a.n_vocab(options.shapes);
     let n_vocab = || match &joint {
         Some(optima) => {
             interval95(spread.of_logs(optima.iter().filter_map(|o| o.n_vocab), |e| e.ln_vocab))
@@ -243,18 +238,3 @@ fn intervals(
         loss_floor,
     }
 }
-
-/// The log law's loss by each replicate.
-fn log_losses(laws: &Laws, budget: f64) -> impl Iterator<Item = f64> {
-    let at = move |s: &LawSample| s.loss_intercept + s.loss_slope_per_decade * budget.log10();
-    laws.bootstrap.iter().map(at)
-}
-
-/// The floor law's loss by each replicate that had one.
-fn floor_losses(laws: &Laws, budget: f64) -> impl Iterator<Item = f64> {
-    let floors = laws.bootstrap.iter().filter_map(|sample| sample.floor);
-    floors.map(move |floor| floor.loss_at(budget, laws.reference_flops))
-}
-
-#[cfg(test)]
-mod tests;

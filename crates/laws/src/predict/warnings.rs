@@ -1,9 +1,9 @@
 //! The sentences a prediction owes its reader.
 
-use super::at_budget::{Vocabulary, shape_for};
 use super::{Intervals, PredictOptions, Prediction};
 use crate::laws::text::count;
 use crate::laws::{Candidate, Laws, MinimumFlag, Validated};
+use crate::predict::allocation::{Vocabulary, shape_for};
 
 /// Laws that spend a budget to within this share count as consistent.
 const RATIO_TOLERANCE: f64 = 0.05;
@@ -70,7 +70,7 @@ fn repetition(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let most = match law.is_joint() {
         true => laws.judgement.tried?.epochs?,
         // A law of minima knows no other runs.
-        false => most_tokens(laws) / unique,
+        false => laws.own_minima().map(|minimum| minimum.tokens).fold(0.0, f64::max) / unique,
     };
     let joint = laws.judgement.joint.as_ref().filter(|joint| joint.tells_repetition());
     let other = prediction.raw.loss_joint.filter(|_| joint.is_some() && !law.is_joint());
@@ -81,18 +81,14 @@ fn repetition(prediction: &Prediction, laws: &Laws) -> Option<String> {
         .then(|| format!("D is {epochs:.1} passes over the data (fit: {most:.1}){so}."))
 }
 
-/// The most tokens of a minimum that laws of minima are fitted to.
-fn most_tokens(laws: &Laws) -> f64 {
-    laws.own_minima().map(|minimum| minimum.tokens).fold(0.0, f64::max)
-}
-
 /// Where N_nv or V lies far beyond what was tried.
 fn sizes_tried(prediction: &Prediction, laws: &Laws) -> Option<String> {
     let tried = laws.judgement.tried?;
     let size = *prediction.at.size()?;
     let far_size = is_far(size, tried.sizes).then(|| {
         let [low, high] = tried.sizes.map(count);
-        format!("{} {} ({low} to {high})", size_name(prediction), count(size))
+        let name = if prediction.at.params.is_some() { "model size" } else { "N_nv =" };
+        format!("{name} {} ({low} to {high})", count(size))
     });
     let far_vocab = prediction.at.n_vocab.filter(|v| is_far(*v, tried.vocabularies)).map(|v| {
         let [low, high] = tried.vocabularies;
@@ -106,23 +102,17 @@ pub(super) fn is_far(value: f64, [low, high]: [f64; 2]) -> bool {
     high > 0.0 && !(low / BEYOND_TRIED..=high * BEYOND_TRIED).contains(&value)
 }
 
-/// What a prediction calls the size of the model.
-fn size_name(prediction: &Prediction) -> &'static str {
-    if prediction.at.params.is_some() { "model size" } else { "N_nv =" }
-}
-
 fn overspending(prediction: &Prediction) -> Option<String> {
     let ratio = prediction.budget_ratio;
     let scale = prediction.at.tokens? / prediction.raw.at.tokens?;
     let what = if ratio > 1.0 { "overspend" } else { "underspend" };
+    let (size, tokens) = match prediction.at.params {
+        Some(_) => ("model size", "tokens"),
+        None => ("N_nv, N_v", "D"),
+    };
     ((ratio - 1.0).abs() > RATIO_TOLERANCE).then(|| {
-        format!(
-            "The laws {what} by a factor {:.2}; {} and {} are scaled by {:.3} each.",
-            ratio.max(1.0 / ratio),
-            if prediction.at.params.is_some() { "model size" } else { "N_nv, N_v" },
-            if prediction.at.params.is_some() { "tokens" } else { "D" },
-            scale
-        )
+        let factor = ratio.max(1.0 / ratio);
+        format!("The laws {what} by a factor {factor:.2}; {size} and {tokens} are scaled by {scale:.3} each.")
     })
 }
 

@@ -18,7 +18,7 @@ pub(super) struct Named {
 
 /// Reads `--columns`, and takes the columns that are themselves named as a quantity.
 pub(super) fn named(columns: Option<&str>, table: &Table) -> Result<Named, TableError> {
-    let mut chosen = given(columns.unwrap_or(""), table)?;
+    let chosen = given(columns.unwrap_or(""), table)?;
     let run_ids = (1..=table.n_rows).map(|row| format!("row {row}")).collect();
     let mut named = Named { run_ids, ..Named::default() };
     let taken = implicit(&chosen, table);
@@ -26,7 +26,7 @@ pub(super) fn named(columns: Option<&str>, table: &Table) -> Result<Named, Table
         let taken: Vec<_> = taken.iter().map(|(quantity, e)| shown(*quantity, e.text())).collect();
         named.notes.push(format!("columns taken by their own names: {}", taken.join(", ")));
     }
-    for (quantity, expression) in std::mem::take(&mut chosen) {
+    for (quantity, expression) in chosen {
         let failed = |error| TableError::Column { quantity, error };
         evaluate(quantity, &expression, table, &mut named).map_err(failed)?;
     }

@@ -1,17 +1,16 @@
 //! A table's rows into the points that laws are fitted to.
 
+use serde::Serialize;
+use std::cmp::Reverse;
 use std::collections::HashMap;
 
-use serde::Serialize;
-
-use super::columns::{Named, named};
-use super::derive::{Derived, derive};
-use super::drop_stage::DropStage;
-use super::mixed::mixed;
-use super::point::source;
-use super::types::Key;
-use super::{Expression, Group, OutlierStage, Quantity, Table, TableError};
+use super::{
+    Column, DropStage, Expression, Group, Key, OutlierStage, Quantity, Table, TableError, cell,
+    distinct, hint,
+};
 use crate::laws::{IsoFlopPoint, Parameters};
+use crate::table::columns::{Named, named};
+use crate::table::derive::{Derived, derive, source};
 
 /// What to make of a table.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -92,7 +91,7 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
 }
 
 /// The rows of the group that pass every filter.
-pub(super) fn filtered(
+fn filtered(
     table: &Table,
     request: &TableRequest,
     notes: &mut Vec<String>,
@@ -145,13 +144,12 @@ fn kept(
 }
 
 fn something_left(stage: DropStage, nothing: bool, dropped: &[Dropped]) -> Result<(), TableError> {
-    let first = dropped.first().map(|row| format!("{}: {}", row.run_id, row.reason));
-    let first = first.unwrap_or_default();
-    if nothing {
-        Err(TableError::NothingLeft { stage, count: dropped.len(), first })
-    } else {
-        Ok(())
+    if !nothing {
+        return Ok(());
     }
+    let first = dropped.first().map(|row| format!("{}: {}", row.run_id, row.reason));
+    let (count, first) = (dropped.len(), first.unwrap_or_default());
+    Err(TableError::NothingLeft { stage, count, first })
 }
 
 /// For each of some rows the first of them that has the same cell in every column, where that is another.
@@ -206,5 +204,124 @@ fn without_outliers(
     Ok(kept)
 }
 
+// The groups of a column, whose rows are fitted apart.
+
+/// The groups of `column` among the rows that pass the filters, in the table's order. Rows whose
+/// cell is empty are in none.
+///
+/// # Errors
+/// [`TableError::NoColumn`] with the nearest name; a filter that does not fit the table.
+pub fn groups(
+    table: &Table,
+    request: &TableRequest,
+    column: &str,
+) -> Result<Vec<Group>, TableError> {
+    let cells = table.column(column).ok_or_else(|| TableError::NoColumn {
+        name: column.to_string(),
+        hint: hint(column, table.names()),
+        columns: table.listed(),
+    })?;
+    let rows = filtered(table, &TableRequest { group: None, ..request.clone() }, &mut Vec::new())?;
+    let values = distinct(cells, &rows);
+    if values.is_empty() {
+        return Err(TableError::NoGroups(column.to_string()));
+    }
+    Ok(values.into_iter().map(|value| Group { column: column.to_string(), value }).collect())
+}
+
+/// Words in the name of a column that tells where runs come from, the most telling first.
+const TELLING: [&str; 8] =
+    ["experiment", "dataset", "data_set", "corpus", "source", "group", "study", "family"];
+/// Rows of a value, at least, on average: a column of names has one.
+const ROWS_EACH: usize = 3;
+
+/// A note where rows of several experiments are fitted as one law: by the column of most values whose
+/// name tells where runs come from. `budgets` are those of the rows, if they were declared; rows that
+/// share no budget are not told of.
+fn mixed(table: &Table, rows: &[usize], budgets: Option<&[f64]>) -> Option<String> {
+    let rank = |name: &str| TELLING.iter().position(|word| name.to_lowercase().contains(word));
+    let texts = table.columns.iter().filter(|(name, _)| rank(name).is_some());
+    let texts = texts.filter(|(_, column)| !matches!(column, Column::Number(_)));
+    let counted = texts.map(|(name, column)| (distinct(column, rows).len(), name, column));
+    let enough = counted.filter(|(n, ..)| *n > 1 && n * ROWS_EACH <= rows.len());
+    let mixes = |column: &Column| budgets.is_none_or(|c| share_a_budget(column, rows, c));
+    let mixed: Vec<_> = enough.filter(|(.., column)| mixes(column)).collect();
+    let (n, name, _) = mixed.iter().max_by_key(|(n, name, _)| (*n, Reverse(rank(name))))?;
+    let is_word = name.chars().all(|c| c.is_alphanumeric() || c == '_');
+    let option = if is_word { (*name).clone() } else { format!("'{name}'") };
+    Some(format!(
+        "column `{name}` has {n} values; their rows are fitted as one law: --by {option} fits each"
+    ))
+}
+
+/// Whether two rows of one budget differ in the column.
+fn share_a_budget(column: &Column, rows: &[usize], budgets: &[f64]) -> bool {
+    let mut pairs: Vec<(f64, String)> =
+        rows.iter().zip(budgets).map(|(row, budget)| (*budget, cell(column, *row))).collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+    pairs.windows(2).any(|two| two[0].0 == two[1].0 && two[0].1 != two[1].1)
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    /// Two experiments of four rows at one budget.
+    fn table() -> Table {
+        let number = |name: &str, of: fn(usize) -> f64| {
+            (name.to_string(), Column::Number((0..8).map(of).collect()))
+        };
+        let text = |name: &str, of: fn(usize) -> String| {
+            (name.to_string(), Column::Text((0..8).map(of).collect()))
+        };
+        Table {
+            columns: vec![
+                number("params", |i| 1e6 * 2f64.powi(i as i32 % 4)),
+                number("budget_flops", |_| 1e15),
+                number("loss", |i| 3.0 + i as f64),
+                number("size", |i| (i % 2) as f64),
+                text("experiment", |i| ["ours", "theirs"][i / 4].to_string()),
+                text("run", |i| format!("run {i}")),
+            ],
+            n_rows: 8,
+            notes: vec![],
+        }
+    }
+
+    #[test]
+    fn rows_of_a_group_alone_are_loaded_under_their_own_numbers() {
+        let request = TableRequest { filters: vec!["loss > 3".into()], ..TableRequest::default() };
+        let all = groups(&table(), &request, "experiment").unwrap();
+        assert_eq!(all.iter().map(|group| &*group.value).collect::<Vec<_>>(), ["ours", "theirs"]);
+        let request = TableRequest { group: Some(all[1].clone()), ..request };
+        let loaded = load(&table(), &request).unwrap();
+        assert_eq!(loaded.points.len(), 4);
+        assert_eq!(loaded.points[0].run_id, "row 5");
+        let sizes = groups(&table(), &TableRequest::default(), "size").unwrap();
+        assert_eq!(sizes.iter().map(|group| &*group.value).collect::<Vec<_>>(), ["0", "1"]);
+    }
+
+    #[test]
+    fn a_column_that_is_not_there_is_told_with_the_nearest() {
+        let error = groups(&table(), &TableRequest::default(), "experimnet").unwrap_err();
+        assert!(error.to_string().contains("did you mean `experiment`?"), "{error}");
+    }
+
+    #[test]
+    fn experiments_that_share_a_budget_are_told_and_fitted_apart_they_are_not() {
+        let notes = |request: &TableRequest| load(&table(), request).unwrap().notes.join("\n");
+        let all = notes(&TableRequest::default());
+        assert!(
+            all.contains("`experiment` has 2 values") && all.contains("--by experiment fits each")
+        );
+        let one = Group { column: "experiment".into(), value: "ours".into() };
+        let one = notes(&TableRequest { group: Some(one), ..TableRequest::default() });
+        assert!(!one.contains("--by"), "{one}");
+        let columns = Some("budget_flops=10^(15+size)".to_string());
+        let mut apart = table();
+        apart.columns[3].1 = Column::Number((0..8).map(|i| (i / 4) as f64).collect());
+        let notes =
+            load(&apart, &TableRequest { columns, ..TableRequest::default() }).unwrap().notes;
+        assert!(!notes.join("\n").contains("--by"), "{notes:?}");
+    }
+}

@@ -3,8 +3,8 @@
 //! A comma before three digits may part thousands or begin decimals. What a column means shows in its
 //! other cells, or in another column of the file; a column that shows it nowhere stays text.
 
-use super::csv::is_missing;
 use super::{Column, Table};
+use crate::table::csv::is_missing;
 
 /// Letters after a number, and what they multiply it by.
 const SUFFIXES: [(char, f64); 5] = [('k', 1e3), ('m', 1e6), ('b', 1e9), ('g', 1e9), ('t', 1e12)];

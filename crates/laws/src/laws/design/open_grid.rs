@@ -1,11 +1,47 @@
-//! One budget's grid, of which a part is trained.
+//! [`OpenRun`], a run that could be trained, and one budget's grid of such, of which a part is trained.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-use super::open_run::OpenRun;
-use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::input::IsoFlopPoint;
+use crate::laws::joint::Place;
 use crate::laws::maths::stats::distinct;
+
+/// A run that could be trained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpenRun {
+    /// The declared budget.
+    pub budget_flops: f64,
+    /// What training it costs.
+    pub flops: f64,
+    pub params_nonvocab: f64,
+    pub n_vocab: f64,
+    pub tokens: f64,
+    /// Distinct tokens of the training split, where they are known.
+    pub unique_tokens: Option<f64>,
+}
+
+impl OpenRun {
+    /// A run that is trained, as it was before.
+    pub fn of(point: &IsoFlopPoint) -> Self {
+        Self {
+            budget_flops: point.budget_flops,
+            flops: point.flops,
+            params_nonvocab: point.params_nonvocab,
+            n_vocab: point.n_vocab,
+            tokens: point.tokens,
+            unique_tokens: point.about.unique_tokens,
+        }
+    }
+
+    pub(super) fn place(&self) -> Place {
+        Place::new([self.params_nonvocab, self.n_vocab, self.tokens], self.unique_tokens)
+    }
+
+    fn level(&self, axis: usize) -> f64 {
+        [self.params_nonvocab, self.n_vocab][axis]
+    }
+}
 
 /// Sizes and vocabularies of a first window: a curve through fewer sizes cannot be tested, and the
 /// best of fewer vocabularies has no neighbours.
@@ -76,12 +112,10 @@ impl OpenGrid {
     pub fn beyond_edges(&self) -> Vec<usize> {
         let Some(best) = self.best else { return Vec::new() };
         let tried = self.tried();
-        let short = self.sides().into_iter().filter(|(axis, at)| {
-            let (end, margin) = (
-                if *at < best[*axis] { *tried[*axis].start() } else { *tried[*axis].end() },
-                MARGIN[*axis],
-            );
-            end.abs_diff(best[*axis]) < margin
+        let short = self.sides().into_iter().filter(|&(axis, at)| {
+            let (low, high) = tried[axis].clone().into_inner();
+            let end = if at < best[axis] { low } else { high };
+            end.abs_diff(best[axis]) < MARGIN[axis]
         });
         short.flat_map(|side| self.line(side)).collect()
     }
@@ -147,12 +181,6 @@ fn best(measured: &[([usize; 2], f64)]) -> Option<[usize; 2]> {
     }
     let means = cells.into_iter().map(|(place, (sum, count))| (place, sum / count));
     means.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
-}
-
-impl OpenRun {
-    fn level(&self, axis: usize) -> f64 {
-        [self.params_nonvocab, self.n_vocab][axis]
-    }
 }
 
 /// The places of the `count` levels that lie nearest to `at`, as a ratio.

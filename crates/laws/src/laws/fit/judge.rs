@@ -1,27 +1,16 @@
-//! What a fit says of itself: how its runs scatter, what its curves miss, which law to believe.
+//! What a fit says of itself: how its runs scatter, what its curves miss, which law to believe, and the
+//! exponents under other choices.
 
-use crate::laws::file::judgement::{IntervalPart, Judgement, Tried};
-use crate::laws::file::laws::Laws;
-use crate::laws::input::cell::Cell;
-use crate::laws::input::method::MinimumMethod;
-use crate::laws::input::options::FitOptions;
-use crate::laws::joint::bootstrap::replicates;
-use crate::laws::joint::fit::fit_joint;
-use crate::laws::joint::law::JointLaw;
-use crate::laws::joint::weighed::repeat;
-use crate::laws::lines::bootstrap::{Bootstrap, Sources};
-use crate::laws::lines::sample::LawSample;
+use crate::laws::file::{IntervalPart, Judgement, Laws, Tried};
+use crate::laws::input::{Cell, FitOptions, MinimumMethod, Parameters};
+use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
+use crate::laws::lines::{Bootstrap, LawSample, LawSet, PowerLaws, Sensitivity, Sources};
 use crate::laws::maths::stats::{extent, interval95};
-use crate::laws::minima::grid::Grid;
-use crate::laws::minima::lack_of_fit;
-use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::types::Minimum;
+use crate::laws::minima::{ByMethod, Grid, Minimum, lack_of_fit, n_vocabularies, of_grids, usable};
 use crate::laws::noise::Scatter;
-use crate::laws::ranking::forecast_error::ForecastError;
-use crate::laws::ranking::recommended::{Candidate, Recommended};
-use crate::laws::ranking::{Rows, shares};
-use crate::laws::say::reasons::why_recommended;
+use crate::laws::ranking::{Candidate, ForecastError, Recommended, Rows, shares};
 use crate::laws::say::warnings::of_spend;
+use crate::laws::say::why_recommended;
 
 /// Replicates of the joint law at most: each is a fit of its own.
 const JOINT_REPLICATES: usize = 200;
@@ -32,7 +21,7 @@ const PART_REPLICATES: usize = 100;
 pub(super) fn judge(
     laws: &Laws,
     grids: &[Grid],
-    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    per_method: &ByMethod,
     interval_parts: Vec<IntervalPart>,
     scatter: Scatter,
     options: &FitOptions,
@@ -54,27 +43,26 @@ pub(super) fn judge(
     let minima: Vec<Minimum> = laws.own_minima().cloned().collect();
     let shares = shares(grids, (laws.minima_method, &minima), scatter.noise, options);
     let rows = Rows { grids, shares, noise: scatter.noise, options };
-    let joint = fit_joint(grids, scatter.noise, repeat(grids));
+    let mut joint = fit_joint(grids, scatter.noise, repeat(grids));
     let recommended = rank(&rows, laws, joint.as_ref());
     let misses = recommended.scores.first().map_or(&[][..], |best| &best.misses);
+    // It is asked of models that are not optimal and of repeated data also where another law is recommended.
+    if let Some(joint) = &mut joint {
+        let count = options.bootstrap.min(JOINT_REPLICATES);
+        joint.bootstrap = replicates(joint, grids, (scatter, options.seed), count);
+    }
     Judgement {
         forecast_error: Some(ForecastError::of(misses)),
-        joint: joint.map(|law| with_replicates(law, grids, scatter, options)),
+        joint,
         recommended: Some(recommended),
         ..own
     }
 }
 
-/// [`LackOfFit::variance_ratio`](crate::laws::minima::types::LackOfFit::variance_ratio) of the laws' method; 1 where no
-/// curve leaves residuals.
-pub(super) fn misfit(method: MinimumMethod, grids: &[Grid], noise: RunNoise) -> f64 {
-    lack_of_fit(method, grids, noise).map_or(1.0, |lack| lack.variance_ratio())
-}
-
 /// The curves whose minima may all be used where those of the laws' method are; that method alone
 /// where it is the best run.
 pub(super) fn admissible(
-    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    per_method: &ByMethod,
     own: MinimumMethod,
     used: &[Minimum],
     options: &FitOptions,
@@ -105,19 +93,6 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
     let law = scores.first().map_or(untested, |best| best.law);
     let why = why_recommended(&scores, rows.grids.len());
     Recommended { law, minima_method: laws.minima_method, why, scores }
-}
-
-/// The joint law of some budgets with its replicates: it is asked of models that are not optimal and of repeated
-/// data also where another law is recommended.
-fn with_replicates(
-    mut joint: JointLaw,
-    grids: &[Grid],
-    scatter: Scatter,
-    options: &FitOptions,
-) -> JointLaw {
-    let count = options.bootstrap.min(JOINT_REPLICATES);
-    joint.bootstrap = replicates(&joint, grids, (scatter, options.seed), count);
-    joint
 }
 
 /// What the intervals of the exponents would be for each reason alone.
@@ -178,5 +153,151 @@ fn tried(grids: &[Grid]) -> Tried {
         n_layer: n_layer.filter(|n| cells().all(|cell| cell.n_layer == Some(*n))),
         unique_tokens: unique.reduce(f64::max),
         epochs: epochs.reduce(f64::max),
+    }
+}
+
+// The exponents under other choices, one row a choice.
+
+/// The row of laws that were fitted under another convention.
+///
+/// A table of points carries one FLOP rule, so the rows for other rules come from refits: move the
+/// points to equal FLOPs by the other rule ([`slices`](crate::laws::slices())), fit without a bootstrap, and
+/// push this row onto [`Laws::sensitivity`] of the main fit.
+pub fn sensitivity_row(variant: &str, laws: &Laws) -> Sensitivity {
+    let slope = laws.loss.log.as_ref().map(|law| law.slope_per_decade);
+    row(variant.to_string(), &laws.power_laws, slope)
+}
+
+fn row(variant: String, laws: &PowerLaws, slope_per_decade: Option<f64>) -> Sensitivity {
+    let exponents = laws.map(|law| law.exponent);
+    Sensitivity {
+        variant,
+        exponent_vocab: exponents.params_vocab,
+        exponent_nonvocab: exponents.params_nonvocab,
+        exponent_params: exponents.params,
+        exponent_tokens: exponents.tokens,
+        slope_per_decade,
+    }
+}
+
+/// One row for each kind of minimum, one more with every flagged minimum of `law_method` kept, and one
+/// where a model's size is all its parameters. A row's numbers are absent where fewer than two budgets have a
+/// usable minimum of that kind.
+pub(super) fn sensitivity(
+    per_method: &ByMethod,
+    law_method: MinimumMethod,
+    grids: &[Grid],
+    options: &FitOptions,
+) -> Vec<Sensitivity> {
+    let has_vocab_law = n_vocabularies(grids) > 1;
+    let row = |variant: String, minima: &[Minimum]| {
+        through(variant, (minima, grids), has_vocab_law, options)
+    };
+    let mut rows: Vec<_> = per_method
+        .iter()
+        .map(|(method, minima)| row(format!("minima: {method}"), &usable(minima, options)))
+        .collect();
+    for (method, minima) in per_method.iter().filter(|(method, _)| *method == law_method) {
+        if !options.keep_flagged && minima.iter().any(|m| !m.flags.is_empty()) {
+            rows.push(row(format!("minima: {method}, flagged kept"), minima));
+        }
+    }
+    rows.extend(
+        other_methods(per_method, grids, options).into_iter().map(|(m, used)| row(m, &used)),
+    );
+    rows.extend(size_with_vocabulary(law_method, grids, options));
+    rows
+}
+
+/// Akima's spline and the surface where they were not asked for and two budgets have one.
+fn other_methods(
+    per_method: &ByMethod,
+    grids: &[Grid],
+    options: &FitOptions,
+) -> Vec<(String, Vec<Minimum>)> {
+    let asked = |method: &MinimumMethod| per_method.iter().any(|(asked, _)| asked == method);
+    let methods = [MinimumMethod::Akima, MinimumMethod::Surface];
+    let rows = methods.into_iter().filter(|method| !asked(method)).map(|method| {
+        let used = usable(&of_grids(method, grids, None), options);
+        let found: Vec<Minimum> = used.into_iter().filter(|m| !m.is_best_run_instead()).collect();
+        (format!("minima: {method}"), found)
+    });
+    rows.filter(|(_, found)| found.len() >= 2).collect()
+}
+
+/// The row of another convention of parameters: a model's size is N_nv + N_v, and N_v has no law of
+/// its own. None where the table tells no N_v apart, or has too few minima so counted.
+fn size_with_vocabulary(
+    method: MinimumMethod,
+    grids: &[Grid],
+    options: &FitOptions,
+) -> Option<Sensitivity> {
+    // The surface needs both parameters; the parabola is its nearest kin.
+    let method = if method == MinimumMethod::Surface { MinimumMethod::Parabola } else { method };
+    let grids: Vec<Grid> = grids.iter().filter_map(Grid::with_total_size).collect();
+    let used = usable(&of_grids(method, &grids, None), options);
+    let total = FitOptions { parameters: Parameters::Total, ..options.clone() };
+    let row = through("size: N = N_nv + N_v".into(), (&used, &grids), false, &total);
+    row.exponent_params.map(|_| row)
+}
+
+/// The row of the laws through some minima.
+fn through(
+    variant: String,
+    (minima, grids): (&[Minimum], &[Grid]),
+    several: bool,
+    options: &FitOptions,
+) -> Sensitivity {
+    let set = LawSet::through(minima, grids, options);
+    let laws = set.as_ref().map(|set| set.powers(several, options.parameters));
+    row(variant, &laws.unwrap_or_default(), set.map(|set| set.log.slope_per_decade))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::fit::fit;
+    use crate::laws::fit::tests::{options, simulated};
+    use crate::laws::input::IsoFlopPoint;
+    use crate::laws::ranking::Score;
+    use crate::laws::simulated::of_split;
+
+    fn tested(unique_tokens: f64) -> Vec<Candidate> {
+        let laws = fit(&of_split(unique_tokens, simulated().points()), &options()).unwrap();
+        laws.judgement.recommended.unwrap().scores.into_iter().map(|score| score.law).collect()
+    }
+
+    #[test]
+    fn a_sweep_that_repeats_its_data_is_judged_by_the_joint_law_that_knows_it() {
+        let most = simulated().points().iter().map(|point| point.tokens).fold(0.0, f64::max);
+        for (unique_tokens, expected) in
+            [(most / 2.0, Candidate::JointRepeats), (most, Candidate::Joint)]
+        {
+            let tested = tested(unique_tokens);
+            let joint: Vec<&Candidate> = tested.iter().filter(|law| law.is_joint()).collect();
+            assert_eq!(joint, [&expected], "{tested:?}");
+        }
+    }
+
+    #[test]
+    fn a_doubtful_minimum_takes_no_law_out_of_the_comparison() {
+        let all = simulated().points();
+        let smallest = all.iter().map(|point| point.budget_flops).fold(f64::INFINITY, f64::min);
+        let (optimum, _) = crate::laws::simulated::known_optimum(smallest);
+        // The smallest budget's sizes all lie above its optimum.
+        let is_kept = |point: &IsoFlopPoint| {
+            point.budget_flops > smallest || point.params_nonvocab.ln() > optimum + 0.3
+        };
+        let kept: Vec<IsoFlopPoint> = all.into_iter().filter(is_kept).collect();
+        let laws = fit(&kept, &options()).unwrap();
+        let doubtful = laws.minima.iter().find(|m| m.budget_flops == smallest).unwrap();
+        assert!(!doubtful.is_usable(), "{doubtful:?}");
+        let scores = laws.judgement.recommended.unwrap().scores;
+        let law = |law: Candidate| scores.iter().find(|score| score.law == law).unwrap();
+        let tested =
+            |score: &Score| score.misses.iter().filter(|miss| miss.minimum.is_some()).count();
+        assert_eq!(tested(law(Candidate::Log)), tested(law(Candidate::Joint)));
+        // The joint law is tested where the others cannot be fitted yet, too.
+        assert!(law(Candidate::Joint).misses.len() > law(Candidate::Log).misses.len());
     }
 }

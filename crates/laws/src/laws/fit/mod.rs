@@ -1,42 +1,36 @@
 //! The whole fit: points in, [`Laws`] out.
 
-pub(in crate::laws) mod approach1;
-pub(in crate::laws) mod parametric_laws;
-pub(in crate::laws) mod sensitivity;
-pub(in crate::laws) mod test_split;
-pub(in crate::laws) mod unfitted;
+mod approach1;
+mod judge;
+mod parametric_laws;
+#[cfg(test)]
+mod tests;
 
-use self::test_split::test_noise;
-use crate::laws::design::advice::advise;
-use crate::laws::file::judgement::IntervalPart;
-use crate::laws::file::kind::LawKind;
-use crate::laws::file::laws::{HeldOut, Laws};
-use crate::laws::input::budget::group_checked;
-use crate::laws::input::cell::Cell;
-use crate::laws::input::check;
-use crate::laws::input::error::FitError;
-use crate::laws::input::lost_shares::lost_shares;
-use crate::laws::input::method::MinimumMethod;
-use crate::laws::input::options::{FitOptions, HoldOut};
-use crate::laws::input::point::IsoFlopPoint;
-use crate::laws::lines::bootstrap::{Bootstrap, Replicate, Sources};
-use crate::laws::lines::intervals;
-use crate::laws::lines::law_set::{Columns, LawSet, law_set};
-use crate::laws::lines::types::{Exponents, LossLaws};
-use crate::laws::lines::validation::validate;
-use crate::laws::maths::stats::{MIN_REPLICATES, geometric_mean};
-use crate::laws::minima::grid::Grid;
-use crate::laws::minima::lost_runs::lost_runs;
-use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::select::{
-    hold_out, law_method, minima_by_method, n_vocabularies, tell_laws, usable,
+pub use approach1::{FrontierPoint, approach1, frontier};
+pub use judge::sensitivity_row;
+pub use parametric_laws::{around, fit_parametric, parametric_laws};
+
+use self::judge::{admissible, interval_parts, judge, sensitivity};
+use crate::laws::design::advise;
+use crate::laws::file::{HeldOut, IntervalPart, LawKind, Laws};
+use crate::laws::input::{
+    FitError, FitOptions, HoldOut, IsoFlopPoint, MinimumMethod, Parameters, group_checked,
+    lost_shares, metric_of, repeats,
 };
-use crate::laws::minima::types::Minimum;
-use crate::laws::noise::tokenizer_noise::{runs_beside_tokenizers, tokenizer_noise};
-use crate::laws::noise::{Scatter, run_noise};
-use crate::laws::say::flags::flagged;
-use crate::laws::say::warnings;
-use judge::{admissible, interval_parts, judge, misfit};
+use crate::laws::lines::{
+    Bootstrap, Columns, Exponents, LawSet, LossLaws, Replicate, ReplicateLaws, Sources, law_set,
+    minima_with_intervals, validate,
+};
+use crate::laws::maths::stats::{MIN_REPLICATES, extent, geometric_mean};
+use crate::laws::minima::{
+    ByMethod, Grid, Minimum, RunNoise, hold_out, lack_of_fit, law_method, lost_runs,
+    minima_by_method, n_vocabularies, tell_laws, usable,
+};
+use crate::laws::noise::{Scatter, run_noise, runs_beside_tokenizers, test_noise, tokenizer_noise};
+use crate::laws::say::{flagged, warnings};
+
+/// Cells times replicates that a fit computes at most: some ten seconds on one core.
+const MOST_WORK: usize = 50_000_000;
 
 /// Fits every law to a table of finished runs.
 ///
@@ -55,19 +49,24 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     if points.is_empty() {
         return Err(FitError::NoPoints);
     }
-    let metric = check::metric(points)?;
+    let metric = metric_of(points)?;
     let budgets = group_checked(points, options.parameters)?;
     if points.len() > 3 && 2 * budgets.len() > points.len() {
         return Err(FitError::ScatteredBudgets { rows: points.len(), budgets: budgets.len() });
     }
     let held_out = hold_out(&budgets, options.hold_out)?;
     let grids: Vec<Grid> = budgets.iter().filter_map(Grid::new).collect();
-    let (asked, cells) = (options.bootstrap, n_cells(&grids));
-    let options = &affordable(options, cells);
+    let (asked, cells) =
+        (options.bootstrap, grids.iter().flat_map(Grid::of_all_shares).flatten().count());
+    // No more replicates than a table of so many cells can afford.
+    let bootstrap = asked.min((MOST_WORK / cells.max(1)).max(2 * MIN_REPLICATES));
+    let options = &FitOptions { bootstrap, ..options.clone() };
     let noise = run_noise(&grids, runs_beside_tokenizers(&budgets));
     let per_method = minima_by_method(&grids, options, noise);
     let method = law_method(&per_method, options);
-    let used = usable(minima_of(&per_method, method), options);
+    let own = per_method.iter().find(|(m, _)| *m == method);
+    let all = own.map(|(_, minima)| &minima[..]).expect("the laws' method is always computed");
+    let used = usable(all, options);
 
     let tokenizers = tokenizer_noise(&budgets);
     let test = test_noise(&grids, noise);
@@ -75,22 +74,22 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     let replicas = replicas(&used, &grids, &per_method, method, scatter, options);
     let mut laws = laws_through(&used, &grids, method, &replicas, options);
     laws.metric = metric;
-    laws.minima = with_intervals(&per_method, &replicas);
+    let minima = per_method.iter().flat_map(|(_, minima)| minima.iter().cloned());
+    laws.minima = minima_with_intervals(minima, &replicas.replicates);
     if let Some(index) = held_out {
         test_on(&mut laws, grids[index].budget_flops, &used, &grids, options);
     }
-    laws.sensitivity = sensitivity::by_method(&per_method, method, &grids, options);
+    laws.sensitivity = sensitivity(&per_method, method, &grids, options);
     laws.validation = validate(&used, &grids, options);
     laws.advice = advise(&laws, &grids);
     laws.judgement = judge(&laws, &grids, &per_method, replicas.parts, scatter, options);
     if laws.power_laws.tokens.is_none() && laws.judgement.joint.is_none() {
-        let flagged = flagged(minima_of(&per_method, method));
+        let flagged = flagged(all);
         return Err(FitError::TooFewMinima { method, usable: used.len(), flagged });
     }
-    let all = minima_of(&per_method, method);
     let none_held_out = held_out.is_none() && options.hold_out == HoldOut::LargestBudget;
     let first = [
-        check::repeats(points).map(warnings::of_repeats),
+        repeats(points).map(warnings::of_repeats),
         warnings::of_lost_shares(&lost_shares(points, &budgets)),
         none_held_out.then(|| warnings::NOTHING_HELD_OUT.to_string()),
         warnings::of_method(method, &per_method, options),
@@ -103,21 +102,6 @@ pub fn fit(points: &[IsoFlopPoint], options: &FitOptions) -> Result<Laws, FitErr
     Ok(laws.answered())
 }
 
-/// Cells times replicates that a fit computes at most: some ten seconds on one core.
-const MOST_WORK: usize = 50_000_000;
-
-/// The cells of all shares of the data.
-fn n_cells(grids: &[Grid]) -> usize {
-    let of_grid = |grid: &Grid| grid.of_all_shares().map(<[Cell]>::len).sum::<usize>();
-    grids.iter().map(of_grid).sum()
-}
-
-/// The options with no more replicates than a table of so many cells can afford.
-fn affordable(options: &FitOptions, cells: usize) -> FitOptions {
-    let bootstrap = options.bootstrap.min((MOST_WORK / cells.max(1)).max(2 * MIN_REPLICATES));
-    FitOptions { bootstrap, ..options.clone() }
-}
-
 /// The noise of the runs, and the bootstrap that it drives.
 struct Replicas {
     noise: Option<RunNoise>,
@@ -128,7 +112,7 @@ struct Replicas {
 fn replicas(
     used: &[Minimum],
     grids: &[Grid],
-    per_method: &[(MinimumMethod, Vec<Minimum>)],
+    per_method: &ByMethod,
     method: MinimumMethod,
     Scatter { noise, tokenizers, test }: Scatter,
     options: &FitOptions,
@@ -145,7 +129,7 @@ fn replicas(
         noise,
         tokenizers,
         test,
-        misfit: misfit(method, grids, noise),
+        misfit: lack_of_fit(method, grids, noise).map_or(1.0, |lack| lack.variance_ratio()),
         admissible: admissible(per_method, method, used, options),
         sources: Sources::ALL,
         options,
@@ -155,12 +139,6 @@ fn replicas(
     let parts = bootstrap.filter(|_| options.recommend && options.bootstrap > 0);
     let parts = parts.as_ref().map(interval_parts).unwrap_or_default();
     Replicas { noise, replicates, parts }
-}
-
-/// The minima of one method.
-fn minima_of(per_method: &[(MinimumMethod, Vec<Minimum>)], method: MinimumMethod) -> &[Minimum] {
-    let found = per_method.iter().find(|(m, _)| *m == method);
-    found.map(|(_, minima)| minima.as_slice()).expect("the laws' method is always computed")
 }
 
 /// C0: the middle of the budgets whose minima are used, or of all where none is.
@@ -183,9 +161,10 @@ fn laws_through(
     let reference = reference_of(used, grids);
     // Who asks for flagged minima gets the laws through them; the answer does not rest on these.
     let told = tell_laws(used) || options.keep_flagged;
-    let replicates = intervals::laws(&replicas.replicates);
+    let replicates: Vec<ReplicateLaws> =
+        replicas.replicates.iter().filter_map(|replicate| replicate.laws).collect();
     let set = law_set(&columns, reference, options).filter(|_| told);
-    let set = set.map(|set| intervals::of_set(set, &replicates));
+    let set = set.map(|set| set.with_intervals(&replicates));
     let floor = set.as_ref().and_then(|set| set.floor.as_ref());
     let mut warnings: Vec<String> = warnings::of_floor(floor, used.len()).into_iter().collect();
     warnings.extend(warnings::of_bootstrap(replicas.noise, grids, replicates.len(), options));
@@ -232,17 +211,19 @@ fn test_on(laws: &mut Laws, budget: f64, used: &[Minimum], grids: &[Grid], optio
     laws.held_out = Some(HeldOut { budget_flops: budget, minimum, exponents });
 }
 
-/// Every minimum by every method with its intervals.
-fn with_intervals(
-    per_method: &[(MinimumMethod, Vec<Minimum>)],
-    replicas: &Replicas,
-) -> Vec<Minimum> {
-    let all = per_method.iter().flat_map(|(_, minima)| minima.iter().cloned()).enumerate();
-    all.map(|(i, minimum)| intervals::of_minimum(minimum, i, &replicas.replicates)).collect()
+/// The laws of a table before anything was fitted, around C0 = `reference_flops`; the budgets they
+/// speak of are the least and the greatest that the table holds.
+fn unfitted(
+    law: LawKind,
+    names: (&str, &str),
+    parameters: Parameters,
+    reference_flops: f64,
+    points: &[IsoFlopPoint],
+) -> Laws {
+    let [least, most] = extent(points.iter().map(|p| p.flops));
+    Laws {
+        metric: points.first().map(|point| point.metric.clone()).unwrap_or_default(),
+        fitted_budgets: if least < most { vec![least, most] } else { vec![most] },
+        ..Laws::unfitted(law, names, parameters, reference_flops)
+    }
 }
-
-#[cfg(test)]
-pub(in crate::laws) mod degenerate;
-pub(in crate::laws) mod judge;
-#[cfg(test)]
-mod tests;

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::laws::input::Cell;
 use crate::laws::maths::engine::{MOST, Row};
 
 /// Which terms a joint loss has beside e0, A, α, B and β.
@@ -87,6 +88,11 @@ impl Place {
     pub fn new([size, n_vocab, tokens]: [f64; 3], unique_tokens: Option<f64>) -> Self {
         let ln_vocab = if n_vocab > 0.0 { n_vocab.ln() } else { 0.0 };
         Self { ln_size: size.ln(), ln_vocab, ln_tokens: tokens.ln(), unique_tokens }
+    }
+
+    /// Of the runs of a cell.
+    pub fn of(cell: &Cell) -> Self {
+        Self::new([cell.params_nonvocab, cell.n_vocab, cell.tokens], cell.unique_tokens)
     }
 }
 
@@ -225,10 +231,33 @@ pub(super) fn told(v: f64, kappa_e: f64) -> f64 {
 }
 
 /// ln of what D tokens are worth where U of them are distinct.
-pub(super) fn worth(ln_tokens: f64, unique_tokens: Option<f64>, ln_r: f64) -> f64 {
+fn worth(ln_tokens: f64, unique_tokens: Option<f64>, ln_r: f64) -> f64 {
     let Some(unique) = unique_tokens.filter(|unique| ln_tokens > unique.ln()) else {
         return ln_tokens;
     };
     let (repeats, r) = (ln_tokens.exp() / unique - 1.0, ln_r.exp());
     (unique * (1.0 - r * (-repeats / r).exp_m1())).ln()
+}
+
+// What repeated data is worth.
+
+/// What passes over the data are worth to a model of the middle size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repetition {
+    /// R: what all passes after the first are worth together, in first passes.
+    pub r: f64,
+    /// Of the runs' noise and scatter about the law; another form of the law may well lie outside.
+    pub r_ci95: Option<[f64; 2]>,
+    /// R falls as N^−ρ.
+    pub rho: f64,
+    pub rho_ci95: Option<[f64; 2]>,
+    /// The middle N_nv of the cells, which R is that of.
+    pub params_nonvocab: f64,
+}
+
+impl Repetition {
+    /// First passes that so many passes are worth.
+    pub fn worth(&self, passes: f64) -> f64 {
+        worth(passes.ln(), Some(1.0), self.r.ln()).exp()
+    }
 }

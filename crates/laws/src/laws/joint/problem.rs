@@ -1,15 +1,87 @@
-//! What a fit of a joint law makes small.
+//! What a fit of a joint law makes small: the cells, what each counts, and how far they lie from the law.
 
 use super::loss::{ALPHA, BETA, JointLoss, Place, Terms, told};
-use super::weighed::{Cells, place};
+use crate::laws::input::{Cell, best_index};
 use crate::laws::maths::engine::{MOST, MOST_STEPS, Residuals, Row, minimise};
-use crate::laws::maths::least_squares::least_squares;
-use crate::laws::minima::run_noise::RunNoise;
+use crate::laws::maths::least_squares;
+use crate::laws::maths::stats::distinct;
+use crate::laws::minima::{Grid, RunNoise, valley};
+
+/// Cells beyond the coefficients, at least.
+const SPARE: usize = 4;
+/// Sizes, and losses, that tell a term of the size.
+const FEWEST_SIZES: usize = 3;
+/// Vocabularies that κe, κa and κb need.
+const SATURATING_LEVELS: usize = 4;
+/// Passes over the data from which a run repeats it.
+const REPEATED: f64 = 1.5;
+
+/// Whether runs repeat their data, so that a joint law has a term of repetition.
+pub(in crate::laws) fn repeat(grids: &[Grid]) -> bool {
+    let cells = grids.iter().flat_map(Grid::of_all_shares).flatten();
+    cells.filter_map(Cell::epochs).any(|epochs| epochs > REPEATED)
+}
+
+/// The cells of all budgets and shares.
+pub(super) struct Cells<'a> {
+    pub all: Vec<&'a Cell>,
+    /// How far each lies above the best of its budget and share, in nats.
+    above: Vec<f64>,
+}
+
+impl<'a> Cells<'a> {
+    pub fn new(grids: &'a [Grid]) -> Self {
+        let slices = || grids.iter().flat_map(Grid::of_all_shares);
+        let above = |cells: &'a [Cell]| {
+            let best = cells[best_index(cells)].loss;
+            cells.iter().map(move |cell| cell.loss - best)
+        };
+        Self { all: slices().flatten().collect(), above: slices().flat_map(above).collect() }
+    }
+
+    /// The terms that the cells can tell; none where even the fewest are too many, and where a term of
+    /// repetition is asked for and no cell knows its distinct tokens.
+    ///
+    /// Cells that do not repeat their data leave R at what is expected of it.
+    pub fn terms(&self, repeats: bool) -> Option<Terms> {
+        let levels = distinct(self.all.iter().map(|cell| cell.n_vocab)).len();
+        let sizes = distinct(self.all.iter().map(|cell| cell.params_nonvocab)).len();
+        let losses = distinct(self.all.iter().map(|cell| cell.loss)).len();
+        if sizes < FEWEST_SIZES || losses < FEWEST_SIZES {
+            return None;
+        }
+        if repeats && self.all.iter().all(|cell| cell.unique_tokens.is_none()) {
+            return None;
+        }
+        let wanted = [levels >= SATURATING_LEVELS, false].map(|saturating| Terms {
+            vocab: levels > 1,
+            saturating,
+            crossed: saturating,
+            repeats,
+        });
+        wanted.into_iter().find(|terms| self.all.len() >= terms.count() + SPARE)
+    }
+
+    /// The root of what each cell counts, one cell on average.
+    pub fn weights(&self, noise: f64) -> Vec<f64> {
+        let pairs = self.all.iter().zip(&self.above);
+        let counts: Vec<f64> =
+            pairs.map(|(cell, above)| cell.runs * valley(*above, noise)).collect();
+        let mean = counts.iter().sum::<f64>() / counts.len() as f64;
+        counts.iter().map(|count| (count / mean).sqrt()).collect()
+    }
+
+    fn centre(&self) -> [f64; 3] {
+        let places: Vec<Place> = self.all.iter().map(|cell| Place::of(cell)).collect();
+        let mean = |of: fn(&Place) -> f64| places.iter().map(of).sum::<f64>() / places.len() as f64;
+        [mean(|place| place.ln_size), mean(|place| place.ln_vocab), mean(|place| place.ln_tokens)]
+    }
+}
+
+// The residuals.
 
 /// The exponents that a search starts from.
 const STARTS: [f64; 3] = [0.2, 0.5, 1.0];
-/// Noise that the expectations are weighed with where it is not known, in nats.
-pub(in crate::laws) const UNKNOWN_NOISE: f64 = 0.02;
 /// The standard deviation of a coefficient of which nothing is expected.
 const UNEXPECTED: f64 = 10.0;
 /// Bounds of the exponents α and β.
@@ -67,11 +139,6 @@ pub(in crate::laws) fn expected_sds(law: &JointLoss) -> Vec<f64> {
     sds
 }
 
-/// The standard deviation of a run, in nats; a guess where it is not known.
-pub(in crate::laws) fn noise_of(noise: Option<RunNoise>) -> f64 {
-    noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0).unwrap_or(UNKNOWN_NOISE)
-}
-
 /// The residuals of every cell, and of every coefficient from what is expected of it.
 pub(super) struct Problem {
     /// Terms, centre and unique tokens, with coefficients that mean nothing.
@@ -85,7 +152,7 @@ pub(super) struct Problem {
 
 impl Problem {
     pub fn new(cells: &Cells, terms: Terms, noise: Option<RunNoise>) -> Self {
-        let noise = noise_of(noise);
+        let noise = RunNoise::sd_or_guess(noise);
         let all = &cells.all;
         let runs = all.iter().map(|cell| cell.runs).sum::<f64>() / all.len() as f64;
         let unique = all.iter().filter_map(|cell| cell.unique_tokens);
@@ -97,7 +164,7 @@ impl Problem {
                 values: vec![0.0; terms.count()],
                 unique_tokens,
             },
-            places: all.iter().map(|cell| place(cell)).collect(),
+            places: all.iter().map(|cell| Place::of(cell)).collect(),
             losses: all.iter().map(|cell| cell.loss).collect(),
             weights: cells.weights(noise),
             expected: expected(terms),
@@ -116,20 +183,18 @@ impl Problem {
         (1.0 - p as f64 / self.effective_cells()).max(0.2)
     }
 
-    pub fn law(&self, values: &[f64]) -> JointLoss {
-        self.frame.with(values)
-    }
-
     /// The weighed sum of squares of the cells alone.
     pub fn of_cells(&self, values: &[f64]) -> f64 {
-        let law = self.law(values);
+        let law = self.frame.with(values);
         let rows = self.places.iter().zip(&self.losses).zip(&self.weights);
         rows.map(|((place, loss), weight)| (weight * (loss - law.value(place))).powi(2)).sum()
     }
 
     /// The coefficients downhill from the most promising of some starts.
-    pub fn best(&self, starts: Vec<Vec<f64>>) -> Option<Vec<f64>> {
-        let near = starts.into_iter().map(|start| minimise(self, start, FIRST_STEPS));
+    pub fn best(&self) -> Option<Vec<f64>> {
+        let pairs = STARTS.iter().flat_map(|alpha| STARTS.map(|beta| (*alpha, beta)));
+        let starts = pairs.filter_map(|(alpha, beta)| self.start(alpha, beta));
+        let near = starts.map(|start| minimise(self, start, FIRST_STEPS));
         let mut near: Vec<(Vec<f64>, f64)> = near.collect();
         near.sort_by(|a, b| a.1.total_cmp(&b.1));
         let followed = near.into_iter().take(FOLLOWED);
@@ -149,12 +214,7 @@ impl Problem {
         })
     }
 
-    /// The linear coefficients at each pair of exponents to start from.
-    pub fn starts(&self) -> Vec<Vec<f64>> {
-        let pairs = STARTS.iter().flat_map(|alpha| STARTS.map(|beta| (*alpha, beta)));
-        pairs.filter_map(|(alpha, beta)| self.start(alpha, beta)).collect()
-    }
-
+    /// The linear coefficients at a pair of exponents to start from.
     fn start(&self, alpha: f64, beta: f64) -> Option<Vec<f64>> {
         let Terms { vocab, saturating, crossed, repeats } = self.frame.terms;
         let [n0, v0, d0] = self.frame.centre;
@@ -185,7 +245,7 @@ impl Residuals for Problem {
     }
 
     fn each(&self, values: &[f64], take: &mut dyn FnMut(f64, &Row)) {
-        let law = self.law(values);
+        let law = self.frame.with(values);
         for ((place, loss), weight) in self.places.iter().zip(&self.losses).zip(&self.weights) {
             let (value, slopes) = law.with_slopes(place);
             take(weight * (loss - value), &slopes.map(|slope| weight * slope));

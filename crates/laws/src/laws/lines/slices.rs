@@ -9,10 +9,8 @@
 //!
 //! A slice lies at the geometric mean of what the runs of its budget spent by the other rule.
 
-use crate::laws::input::budget::{Budget, group_budgets, is_same_budget};
-use crate::laws::input::cell::{Cell, cells};
-use crate::laws::input::error::FitError;
-use crate::laws::input::point::IsoFlopPoint;
+use crate::laws::input::budget::Budget;
+use crate::laws::input::{Cell, FitError, IsoFlopPoint, cells, group_budgets, is_same_budget};
 use crate::laws::maths::stats::geometric_mean;
 
 /// Steps to the neighbouring budget by which a cell is carried on beyond the budgets that it has.
@@ -39,12 +37,13 @@ impl Slices {
 }
 
 /// Moves runs to equal FLOPs by the rule that [`IsoFlopPoint::flops`] was counted by; all of them saw as much
-/// of the data ([`of_largest_share`](crate::laws::input::budget::of_largest_share)).
+/// of the data ([`of_largest_share`](crate::laws::input::of_largest_share)).
 ///
 /// # Errors
 /// As [`group_budgets`].
 pub fn slices(points: &[IsoFlopPoint]) -> Result<Slices, FitError> {
     let budgets = group_budgets(points)?;
+    let level = |budget: &Budget| geometric_mean(budget.points.iter().map(|point| point.flops));
     let levels: Vec<f64> = budgets.iter().map(level).collect();
     let grids: Vec<Vec<Cell>> = budgets.iter().map(|budget| cells(&budget.points)).collect();
     let moved = |point: &IsoFlopPoint| {
@@ -55,11 +54,6 @@ pub fn slices(points: &[IsoFlopPoint]) -> Result<Slices, FitError> {
     let points = points.iter().map(moved).collect();
     let declared = budgets.iter().map(|budget| budget.budget_flops);
     Ok(Slices { points, levels: declared.zip(levels.iter().copied()).collect() })
-}
-
-/// Where the slice of a budget lies.
-fn level(budget: &Budget) -> f64 {
-    geometric_mean(budget.points.iter().map(|point| point.flops))
 }
 
 /// A run at the level of its budget's slice.
@@ -74,7 +68,8 @@ fn at(
             && cell.params_vocab == point.params_vocab
             && cell.n_vocab == point.n_vocab
     };
-    let of = |budget: usize| grids.get(budget)?.iter().find(is_own).map(Mean::of);
+    let mean = |cell: &Cell| Mean { ln_flops: cell.flops.ln(), loss: cell.loss };
+    let of = |budget: usize| grids.get(budget)?.iter().find(is_own).map(mean);
     let (own, before, after) = (of(budget)?, budget.checked_sub(1).and_then(of), of(budget + 1));
     let near: Vec<Mean> = [before, Some(own), after].into_iter().flatten().collect();
     let (from, to) = (point.flops.ln(), flops.ln());
@@ -93,12 +88,6 @@ fn at(
 struct Mean {
     ln_flops: f64,
     loss: f64,
-}
-
-impl Mean {
-    fn of(cell: &Cell) -> Self {
-        Self { ln_flops: cell.flops.ln(), loss: cell.loss }
-    }
 }
 
 /// Whether a level lies among a cell's neighbouring budgets, or beyond the last by half a step at most.

@@ -1,8 +1,169 @@
-//! Statistics, lines, least squares and draws that know nothing of runs.
+//! Statistics, lines, least squares and draws that know nothing of runs; here systems of linear equations.
 
-pub(in crate::laws) mod cholesky;
 pub(in crate::laws) mod engine;
-pub(in crate::laws) mod least_squares;
-pub(in crate::laws) mod line;
-pub(in crate::laws) mod random;
 pub(in crate::laws) mod stats;
+
+// Least squares by Householder reflections.
+
+/// Relative size below which a pivot counts as zero.
+const RANK_TOLERANCE: f64 = 1e-10;
+
+/// The least-squares solution of X c ≈ y.
+#[derive(Clone, Debug)]
+pub struct LeastSquares {
+    pub coefficients: Vec<f64>,
+    /// Residual sum of squares.
+    pub rss: f64,
+    /// Rows minus coefficients.
+    pub dof: usize,
+    /// R of X = QR, column by column, `dof + p` values each; what is below its diagonal is not read.
+    r: Vec<f64>,
+}
+
+/// Solves X c ≈ y for the rows of X; none where the rows do not determine every coefficient.
+///
+/// Householder's QR works on X itself, so the error grows with the condition of X and not, as for
+/// the normal equations, with its square.
+pub fn least_squares(rows: &[Vec<f64>], y: &[f64]) -> Option<LeastSquares> {
+    assert_eq!(rows.len(), y.len(), "one value for each row");
+    let (n, p) = (rows.len(), rows.first()?.len());
+    if n < p {
+        return None;
+    }
+    // Columns of X, and y as a last one, which comes out as Qᵀy.
+    let mut columns: Vec<f64> = Vec::with_capacity(n * (p + 1));
+    (0..p).for_each(|j| columns.extend(rows.iter().map(|row| row[j])));
+    columns.extend(y);
+    (0..p).try_for_each(|j| reflect(&mut columns, n, j))?;
+    let y = &columns[n * p..];
+    let coefficients = back_substitute(&columns, y, p);
+    let rss = y[p..].iter().map(|y| y.powi(2)).sum();
+    columns.truncate(n * p);
+    Some(LeastSquares { coefficients, rss, dof: n - p, r: columns })
+}
+
+/// Clears column `j` of `n` values below the diagonal; none where it depends on those before it.
+fn reflect(columns: &mut [f64], n: usize, j: usize) -> Option<()> {
+    let (column, rest) = columns[n * j..].split_at_mut(n);
+    let size = |values: &[f64]| values.iter().map(|x| x.powi(2)).sum::<f64>().sqrt();
+    let norm = size(&column[j..]);
+    if norm <= RANK_TOLERANCE * size(column) || !norm.is_finite() {
+        return None;
+    }
+    let alpha = -norm.copysign(column[j]);
+    column[j] -= alpha;
+    let v = &column[j..];
+    let vv: f64 = v.iter().map(|v| v * v).sum();
+    for other in rest.chunks_exact_mut(n) {
+        let other = &mut other[j..];
+        let dot: f64 = v.iter().zip(&*other).map(|(v, x)| v * x).sum();
+        other.iter_mut().zip(v).for_each(|(x, v)| *x -= 2.0 * dot / vv * v);
+    }
+    column[j] = alpha;
+    Some(())
+}
+
+fn back_substitute(columns: &[f64], y: &[f64], p: usize) -> Vec<f64> {
+    let n = y.len();
+    let mut c = vec![0.0; p];
+    for j in (0..p).rev() {
+        let known: f64 = (j + 1..p).map(|k| columns[n * k + j] * c[k]).sum();
+        c[j] = (y[j] - known) / columns[n * j + j];
+    }
+    c
+}
+
+impl LeastSquares {
+    /// Standard error of gᵀc for noise of unit standard deviation: ‖R⁻ᵀg‖.
+    pub fn unit_error(&self, g: &[f64]) -> f64 {
+        let n = self.dof + g.len();
+        let mut w: Vec<f64> = Vec::with_capacity(g.len());
+        for (j, g) in g.iter().enumerate() {
+            let known: f64 = (0..j).map(|k| self.r[n * j + k] * w[k]).sum();
+            w.push((g - known) / self.r[n * j + j]);
+        }
+        w.iter().map(|w| w * w).sum::<f64>().sqrt()
+    }
+}
+
+// Systems of a handful of equations, on the stack.
+
+/// The first `n` entries of the solution of (M + `damping` I) s = b by Cholesky, from the lower half of M;
+/// none where that matrix is not positive definite.
+pub(in crate::laws) fn solve<const N: usize>(
+    m: &[[f64; N]; N],
+    damping: f64,
+    b: &[f64; N],
+    n: usize,
+) -> Option<[f64; N]> {
+    let factor = cholesky(m, damping, n)?;
+    let mut s = *b;
+    for i in 0..n {
+        let known: f64 = (0..i).map(|j| factor[i][j] * s[j]).sum();
+        s[i] = (s[i] - known) / factor[i][i];
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|j| factor[j][i] * s[j]).sum();
+        s[i] = (s[i] - known) / factor[i][i];
+    }
+    Some(s)
+}
+
+fn cholesky<const N: usize>(m: &[[f64; N]; N], damping: f64, n: usize) -> Option<[[f64; N]; N]> {
+    let mut factor = [[0.0; N]; N];
+    for i in 0..n {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
+            let rest = m[i][j] + if i == j { damping } else { 0.0 } - known;
+            if i == j {
+                let floor = 1e-14 * (m[i][i].abs() + damping);
+                if rest.is_nan() || rest <= floor {
+                    return None;
+                }
+                factor[i][i] = rest.sqrt();
+            } else {
+                factor[i][j] = rest / factor[j][j];
+            }
+        }
+    }
+    Some(factor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_worked_regression_is_reproduced() {
+        // x 1..=4, y 6, 5, 7, 10: y = 3.5 + 1.4 x, RSS 4.2, (XᵀX)⁻¹ of the slope 1/5.
+        let rows: Vec<_> = (1..=4).map(|x| vec![1.0, f64::from(x)]).collect();
+        let fit = least_squares(&rows, &[6.0, 5.0, 7.0, 10.0]).unwrap();
+        assert!((fit.coefficients[0] - 3.5).abs() < 1e-13);
+        assert!((fit.coefficients[1] - 1.4).abs() < 1e-13);
+        assert!((fit.rss - 4.2).abs() < 1e-12);
+        assert_eq!(fit.dof, 2);
+        assert!((fit.unit_error(&[0.0, 1.0]) - 0.2f64.sqrt()).abs() < 1e-13);
+    }
+
+    #[test]
+    fn dependent_columns_have_no_solution() {
+        let rows: Vec<_> = (1..=5).map(|x| vec![f64::from(x), 2.0 * f64::from(x)]).collect();
+        assert!(least_squares(&rows, &[1.0; 5]).is_none());
+        assert!(least_squares(&[vec![1.0, 2.0]], &[1.0]).is_none());
+        assert!(least_squares(&[], &[]).is_none());
+    }
+
+    #[test]
+    fn a_solution_solves_and_an_indefinite_matrix_is_refused() {
+        let mut m = [[0.0; 3]; 3];
+        (m[0][0], m[0][1], m[1][0], m[1][1]) = (4.0, 1.0, 1.0, 3.0);
+        let mut b = [0.0; 3];
+        (b[0], b[1]) = (1.0, 2.0);
+        let s = solve(&m, 0.0, &b, 2).unwrap();
+        let back = [0, 1].map(|i| m[i][0] * s[0] + m[i][1] * s[1]);
+        assert!((back[0] - 1.0).abs() < 1e-15 && (back[1] - 2.0).abs() < 1e-15);
+        m[1][1] = -3.0;
+        assert_eq!(solve(&m, 0.0, &b, 2), None);
+        assert!(solve(&m, 5.0, &b, 2).is_some());
+    }
+}

@@ -1,5 +1,8 @@
-//! Small statistics that several steps share.
+//! Small statistics and draws that several steps share.
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde::Serialize;
 use std::borrow::Borrow;
 
 /// The 97.5th percentile of the normal distribution.
@@ -122,6 +125,98 @@ pub fn chi_square_tail(chi2: f64, dof: usize, scale_dof: usize) -> f64 {
     0.5 * libm::erfc(z / std::f64::consts::SQRT_2)
 }
 
+// Whether two studies differ beyond their intervals.
+
+/// A value with its interval.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    pub value: f64,
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// One estimate less another of an independent study.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Difference {
+    pub value: f64,
+    /// `None` where one has no interval.
+    pub ci95: Option<[f64; 2]>,
+    /// Whether the interval leaves out zero.
+    pub differs: Option<bool>,
+}
+
+impl Difference {
+    /// `a − b`, with the interval that follows from theirs (Zou and Donner 2008, MOVER): each end takes the
+    /// root of the squared distances that point its way, so that intervals need not be symmetric.
+    pub fn of(a: Estimate, b: Estimate) -> Self {
+        let value = a.value - b.value;
+        let ci95 = a.ci95.zip(b.ci95).map(|([a_low, a_high], [b_low, b_high])| {
+            let down = (a.value - a_low).hypot(b_high - b.value);
+            let up = (a_high - a.value).hypot(b.value - b_low);
+            [value - down, value + up]
+        });
+        Self { value, ci95, differs: ci95.map(|[low, high]| low > 0.0 || high < 0.0) }
+    }
+}
+
+impl Estimate {
+    /// The same on a logarithmic scale, for ratios.
+    pub fn ln(self) -> Self {
+        Self { value: self.value.ln(), ci95: self.ci95.map(|ends| ends.map(f64::ln)) }
+    }
+}
+
+// Draws from ChaCha8, the same on every machine.
+
+/// Above this many degrees of freedom χ² is drawn by Wilson and Hilferty's approximation, whose
+/// quantiles are then right to three digits; up to it, as a sum of squares.
+const EXACT_DOF: usize = 30;
+
+/// A stream of normal numbers.
+pub struct Normals {
+    rng: ChaCha8Rng,
+    spare: Option<f64>,
+}
+
+impl Normals {
+    /// Stream `stream` of `seed`: streams do not overlap, so what a replicate draws does not depend
+    /// on the order or the thread it is drawn in.
+    pub fn of_stream(seed: u64, stream: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(stream);
+        Self { rng, spare: None }
+    }
+
+    /// A standard normal by Box and Muller, both of whose numbers are used.
+    pub fn draw(&mut self) -> f64 {
+        if let Some(spare) = self.spare.take() {
+            return spare;
+        }
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        let (sin, cos) = (std::f64::consts::TAU * self.uniform()).sin_cos();
+        self.spare = Some(radius * sin);
+        radius * cos
+    }
+
+    /// A χ² of `dof` degrees of freedom.
+    pub fn chi_square(&mut self, dof: usize) -> f64 {
+        if dof <= EXACT_DOF {
+            return (0..dof).map(|_| self.draw().powi(2)).sum();
+        }
+        let variance = 2.0 / (9.0 * dof as f64);
+        dof as f64 * (1.0 - variance + variance.sqrt() * self.draw()).powi(3)
+    }
+
+    /// A uniform number in [0, 1).
+    pub fn uniform(&mut self) -> f64 {
+        (self.rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// A uniform index below `n` by Lemire's multiplication; its bias, n/2⁶⁴, is below any rounding.
+pub(in crate::laws) fn below(rng: &mut ChaCha8Rng, n: usize) -> usize {
+    ((u128::from(rng.next_u64()) * n as u128) >> 64) as usize
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -167,5 +262,61 @@ mod tests {
     fn an_exact_fit_has_a_finite_criterion() {
         assert!(aic(&[-1.0, -2.0, -3.0], &[-1.0, -2.0, -3.0], 2).is_finite());
         assert!(aic(&[0.0, 0.0], &[0.0, 0.0], 2).is_finite());
+    }
+
+    fn estimate(value: f64, low: f64, high: f64) -> Estimate {
+        Estimate { value, ci95: Some([low, high]) }
+    }
+
+    #[test]
+    fn alike_intervals_give_the_root_of_two() {
+        let found = Difference::of(estimate(1.0, 0.9, 1.1), estimate(0.7, 0.6, 0.8));
+        let [low, high] = found.ci95.unwrap();
+        assert!((found.value - 0.3).abs() < 1e-12 && found.differs == Some(true));
+        assert!((low - (0.3 - 0.1 * 2f64.sqrt())).abs() < 1e-12);
+        assert!((high - (0.3 + 0.1 * 2f64.sqrt())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn each_end_sees_the_arms_that_point_its_way() {
+        let found = Difference::of(estimate(1.0, 1.0, 1.3), estimate(0.8, 0.4, 0.8));
+        assert_eq!(found.ci95.map(|[low, _]| low), Some(0.2_f64.min(found.value)));
+        assert!((found.ci95.unwrap()[1] - 0.7).abs() < 1e-12);
+        let apart = Difference::of(estimate(1.0, 0.5, 1.5), estimate(0.8, 0.7, 0.9));
+        assert_eq!(apart.differs, Some(false));
+    }
+
+    #[test]
+    fn without_an_interval_nothing_is_said() {
+        let bare = Estimate { value: 1.0, ci95: None };
+        let found = Difference::of(bare, estimate(0.8, 0.7, 0.9));
+        assert_eq!((found.ci95, found.differs), (None, None));
+    }
+
+    #[test]
+    fn normals_and_chi_squares_have_their_moments() {
+        let mut normals = Normals::of_stream(0, 0);
+        let moments = |draws: &[f64]| {
+            let mean = draws.iter().sum::<f64>() / draws.len() as f64;
+            let variance = draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
+            (mean, variance / draws.len() as f64)
+        };
+        let draws: Vec<f64> = (0..40_000).map(|_| normals.draw()).collect();
+        let (mean, variance) = moments(&draws);
+        assert!(mean.abs() < 0.02 && (variance - 1.0).abs() < 0.03, "{mean} {variance}");
+        for dof in [4, 60] {
+            let draws: Vec<f64> = (0..40_000).map(|_| normals.chi_square(dof)).collect();
+            let (mean, variance) = moments(&draws);
+            assert!((mean / dof as f64 - 1.0).abs() < 0.02, "{dof}: {mean}");
+            assert!((variance / (2.0 * dof as f64) - 1.0).abs() < 0.05, "{dof}: {variance}");
+        }
+    }
+
+    #[test]
+    fn a_stream_is_the_same_every_time_and_unlike_its_neighbour() {
+        let first = |seed, stream| Normals::of_stream(seed, stream).draw();
+        assert_eq!(first(1, 2), first(1, 2));
+        assert_ne!(first(1, 2), first(1, 3));
+        assert_ne!(first(1, 2), first(2, 2));
     }
 }

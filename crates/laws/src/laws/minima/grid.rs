@@ -1,9 +1,8 @@
 //! One budget's grid, ready for every method.
 
-use super::types::{Minimum, MinimumFlag};
+use super::minimum::{Minimum, MinimumFlag, raised};
 use crate::laws::input::budget::Budget;
-use crate::laws::input::cell::{Cell, Size, best_index, cells, sizes};
-use crate::laws::input::method::MinimumMethod;
+use crate::laws::input::{Cell, MinimumMethod, Size, best_index, cells, sizes};
 use crate::laws::maths::stats::{distinct, extent};
 
 /// The cells of one budget, their sizes and the best of them.
@@ -173,10 +172,7 @@ impl Grid {
     }
 
     pub fn best_is_outermost_size(&self) -> bool {
-        let outermost = |size: Option<&Size>| {
-            size.is_some_and(|size| size.best.params_nonvocab == self.best().params_nonvocab)
-        };
-        outermost(self.sizes.first()) || outermost(self.sizes.last())
+        [0, self.sizes.len() - 1].contains(&self.best_size())
     }
 
     /// The flag where several vocabularies were tried and the best run's is the smallest or the
@@ -189,15 +185,11 @@ impl Grid {
         let same_size = self.cells.iter().filter(|c| c.params_nonvocab == best.params_nonvocab);
         let [low, high] = extent(same_size.map(|c| c.n_vocab));
         let at_edge = best.n_vocab <= low || best.n_vocab >= high;
-        if at_edge {
-            vec![MinimumFlag::VocabNotBracketed, MinimumFlag::EdgeVocab]
-        } else {
-            Vec::new()
-        }
+        raised([(at_edge, MinimumFlag::VocabNotBracketed), (at_edge, MinimumFlag::EdgeVocab)])
     }
 
     pub fn n_vocabularies(&self) -> usize {
-        distinct(self.cells.iter().map(|cell| cell.n_vocab)).len()
+        n_vocabularies(std::slice::from_ref(self))
     }
 }
 
@@ -209,7 +201,7 @@ const FEWEST_APART: usize = 5;
 const SAME: f64 = 0.05;
 
 /// Sizes in groups that differ by next to nothing.
-pub(in crate::laws) fn apart(sizes: &[Size]) -> impl Iterator<Item = &[Size]> {
+pub(super) fn apart(sizes: &[Size]) -> impl Iterator<Item = &[Size]> {
     sizes.chunk_by(|a, b| (b.best.params_nonvocab / a.best.params_nonvocab).ln() < SAME)
 }
 
@@ -219,14 +211,20 @@ pub const WIDEST_STEP: f64 = 2.5;
 fn doubts_between(left: &Size, right: &Size) -> Vec<MinimumFlag> {
     let step = right.best.params_nonvocab / left.best.params_nonvocab;
     let depths = left.best.n_layer.zip(right.best.n_layer);
-    [
+    raised([
         (left.at_edge || right.at_edge, MinimumFlag::EdgeVocab),
         (step > WIDEST_STEP, MinimumFlag::Gap),
         (depths.is_some_and(|(left, right)| left != right), MinimumFlag::DepthChange),
-    ]
-    .into_iter()
-    .filter_map(|(is, flag)| is.then_some(flag))
-    .collect()
+    ])
+}
+
+/// How far above its budget's best a cell counts a half, in units of the noise of a run.
+const HALF_COUNTED: f64 = 5.0;
+
+/// How much a cell counts that lies `above` the best of its budget: no smooth form holds everywhere,
+/// and a law is asked of the valley.
+pub(in crate::laws) fn valley(above: f64, noise: f64) -> f64 {
+    1.0 / (1.0 + (above / (HALF_COUNTED * noise)).powi(2))
 }
 
 /// x in units of half its range, from −1 to 1: a polynomial's columns are then well conditioned.
@@ -250,4 +248,23 @@ impl Scale {
     pub fn value_at(self, z: f64) -> f64 {
         self.centre + self.half_range * z
     }
+}
+
+/// How many vocabularies were tried.
+pub(in crate::laws) fn n_vocabularies(grids: &[Grid]) -> usize {
+    distinct(grids.iter().flat_map(|grid| &grid.cells).map(|cell| cell.n_vocab)).len()
+}
+
+/// The cells that are the best of their size and have fewer runs than is usual at their budget, with it.
+pub(in crate::laws) fn lost_runs<'a>(
+    grids: impl Iterator<Item = &'a Grid>,
+) -> Vec<(f64, &'a Cell)> {
+    grids.flat_map(|grid| lost(grid).map(|cell| (grid.budget_flops, cell))).collect()
+}
+
+fn lost(grid: &Grid) -> impl Iterator<Item = &Cell> {
+    let mut runs: Vec<f64> = grid.cells.iter().map(|cell| cell.runs).collect();
+    runs.sort_by(f64::total_cmp);
+    let usual = runs[runs.len() / 2];
+    grid.sizes.iter().map(|size| &size.best).filter(move |cell| cell.runs < usual - 0.5)
 }

@@ -1,9 +1,6 @@
 //! The parametric forms of the loss.
 
-use super::objective::{Constant, Space};
-use super::problem::Slots;
-use super::vector::{MAX_PARAMS, Vector};
-use crate::laws::input::point::{IsoFlopPoint, Parameters};
+use crate::laws::input::{IsoFlopPoint, Parameters};
 use serde::{Deserialize, Serialize};
 
 /// A parametric form of the loss.
@@ -15,6 +12,44 @@ pub enum Form {
     /// L_u = −E + A1/N_nv^α1 + A2/N_v^α2 + B/D^β (Tao et al. 2024, approach 3).
     Approach3Vocab,
 }
+
+/// What the residuals are taken of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Space {
+    /// The logarithm of the loss.
+    Log,
+    /// The loss.
+    Raw,
+}
+
+impl Space {
+    /// A loss as the residuals are taken of it.
+    pub(super) fn of(self, loss: f64) -> f64 {
+        match self {
+            Self::Log => loss.ln(),
+            Self::Raw => loss,
+        }
+    }
+}
+
+/// How the constant of a law is parametrised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Constant {
+    /// E = e^θ, above zero.
+    Positive,
+    /// −E = θ, of either sign.
+    Free,
+}
+
+/// Most parameters of a form: three terms of two each, and the constant.
+pub(super) const MAX_PARAMS: usize = 7;
+
+pub(super) type Vector = [f64; MAX_PARAMS];
+pub(super) type Matrix = [[f64; MAX_PARAMS]; MAX_PARAMS];
+
+/// Which free parameter each parameter of a form follows; none where it is frozen.
+pub(super) type Slots = [Option<usize>; MAX_PARAMS];
 
 impl Form {
     /// Every form.
@@ -62,10 +97,7 @@ impl Form {
 
     /// Terms that fall with a quantity.
     pub(super) fn n_terms(self) -> usize {
-        match self {
-            Self::Approach3 => 2,
-            Self::Approach3Vocab => 3,
-        }
+        self.quantities().len()
     }
 
     pub(super) fn n_params(self) -> usize {

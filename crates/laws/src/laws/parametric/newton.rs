@@ -8,14 +8,69 @@
 //! It stops where the model promises less than one part in 10^15 of the objective: a criterion
 //! without a scale, which neither a small δ nor a mean over rows can trip early.
 
-use super::objective::Evaluation;
-use super::problem::Problem;
-use super::vector::{Matrix, Vector, dot, times};
-use crate::laws::maths::cholesky::solve;
+use super::form::{MAX_PARAMS, Matrix, Slots, Vector};
+use super::objective::{Evaluation, Objective};
+use crate::laws::maths::solve;
 use argmin::core::{
     Error, Executor, IterState, KV, Problem as Counted, Solver, State, TerminationReason,
     TerminationStatus,
 };
+
+/// An objective with some parameters frozen and some tied to move together.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Problem<'a> {
+    pub objective: Objective<'a>,
+    slots: Slots,
+    /// Values of the frozen ones.
+    base: Vector,
+    pub n_free: usize,
+}
+
+impl<'a> Problem<'a> {
+    /// Parameters of equal slots move together; the slots need not be consecutive.
+    pub fn new(objective: Objective<'a>, slots: Slots, base: Vector) -> Self {
+        let mut used: Vec<usize> = slots.iter().flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        let renumbered = slots.map(|slot| slot.and_then(|s| used.binary_search(&s).ok()));
+        Self { objective, slots: renumbered, base, n_free: used.len() }
+    }
+
+    /// All parameters, from the free ones.
+    pub fn full(&self, free: &Vector) -> Vector {
+        std::array::from_fn(|p| self.slots[p].map_or(self.base[p], |slot| free[slot]))
+    }
+
+    /// The free parameters at some values of all; tied ones should agree there.
+    pub fn free(&self, full: &Vector) -> Vector {
+        let mut free = [0.0; MAX_PARAMS];
+        for (slot, value) in self.slots.iter().zip(full) {
+            if let Some(slot) = slot {
+                free[*slot] = *value;
+            }
+        }
+        free
+    }
+
+    /// Value, gradient and Hessian in the free parameters.
+    pub fn evaluate(&self, free: &Vector) -> Evaluation {
+        let full = self.objective.evaluate(&self.full(free));
+        let mut reduced = Evaluation {
+            value: full.value,
+            gradient: [0.0; MAX_PARAMS],
+            hessian: [[0.0; MAX_PARAMS]; MAX_PARAMS],
+        };
+        for (p, row) in self.slots.iter().enumerate() {
+            let Some(row) = row else { continue };
+            reduced.gradient[*row] += full.gradient[p];
+            for (q, column) in self.slots.iter().enumerate() {
+                let Some(column) = column else { continue };
+                reduced.hessian[*row][*column] += full.hessian[p][q];
+            }
+        }
+        reduced
+    }
+}
 
 /// Relative decrease of the objective that is below its rounding, so not worth a step.
 pub(super) const EXACT: f64 = 1e-15;
@@ -165,4 +220,14 @@ fn shortened(step: Vector, n: usize) -> Vector {
 
 fn largest(hessian: &Matrix) -> f64 {
     hessian.iter().flatten().fold(0.0, |most: f64, h| most.max(h.abs()))
+}
+
+/// The scalar product of the first `n` entries.
+fn dot(a: &Vector, b: &Vector, n: usize) -> f64 {
+    (0..n).map(|i| a[i] * b[i]).sum()
+}
+
+/// The first `n` entries of M v.
+pub(super) fn times(m: &Matrix, v: &Vector, n: usize) -> Vector {
+    std::array::from_fn(|i| if i < n { dot(&m[i], v, n) } else { 0.0 })
 }

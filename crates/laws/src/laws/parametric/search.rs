@@ -1,17 +1,16 @@
 //! Where the optimum of a parametric law is looked for.
 //!
 //! By default by variable projection: over a grid of exponents the inner problem is solved exactly
-//! (see [`inner`](super::inner)) and improved under the objective itself; the lowest grid points
-//! are the starts of the full search. `Starts::Grid` takes instead the 4500 starts of Hoffmann et
-//! al. 2022 (approach 3), as Besiroglu et al. 2024 list them.
+//! and improved under the objective itself; the lowest grid points are the starts of the full search.
+//! `Starts::Grid` takes instead the 4500 starts of Hoffmann et al. 2022 (approach 3), as Besiroglu et
+//! al. 2024 list them.
 
-use super::data::Data;
-use super::form::{Coefficients, Form};
-use super::inner::Basis;
-use super::newton::{EXACT, Minimised, minimise};
-use super::objective::{Curvature, Objective, Space};
-use super::problem::{Problem, Slots};
-use super::vector::Vector;
+use super::form::{Coefficients, Constant, MAX_PARAMS, Matrix, Slots, Space, Vector};
+use super::newton::{EXACT, minimise, times};
+use super::objective::Curvature;
+use super::target::{Data, End, Target};
+use crate::laws::maths::solve;
+use crate::laws::maths::stats::dot;
 use rayon::prelude::*;
 
 /// Where a search begins.
@@ -36,89 +35,12 @@ const SAME: f64 = 1e-8;
 /// Share of a loss, or of its logarithm, that counts as rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// What is minimised.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Target<'a> {
-    pub data: &'a Data,
-    pub form: Form,
-    pub space: Space,
-    pub delta: f64,
-    /// Whether the first exponent equals the last.
-    pub tied: bool,
-    /// Least and largest exponent.
-    pub bounds: [f64; 2],
-}
-
-/// Where a descent ended.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct End {
-    /// All parameters, centred.
-    pub theta: Vector,
-    pub minimised: Minimised,
-}
-
 /// The best point found, and how the starts fared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
     pub end: End,
     pub starts: usize,
     pub starts_at_optimum: usize,
-}
-
-impl<'a> Target<'a> {
-    /// The coefficients in the units of the table's columns.
-    pub fn coefficients(&self, theta: &Vector) -> Coefficients {
-        Coefficients::from_centred(self.form, self.data.constant, theta, &self.data.means)
-    }
-
-    pub fn problem(
-        &self,
-        (delta, curvature): (f64, Curvature),
-        slots: Slots,
-        base: Vector,
-        weights: &'a [f64],
-    ) -> Problem<'a> {
-        let (columns, constant) = (&self.data.columns, self.data.constant);
-        let objective =
-            Objective { columns, weights, space: self.space, constant, delta, curvature };
-        Problem::new(objective, slots, base)
-    }
-
-    /// Downhill from anywhere: least squares by Gauss and Newton, then Huber's function at ten
-    /// times δ, then at δ. Each stage hands the next a start within its reach.
-    fn descend(&self, start: &Vector) -> Option<End> {
-        let (weights, slots) = (&self.data.weights, self.form.slots(self.tied));
-        let stage = |how, start: &Vector, tolerance| {
-            let problem = self.problem(how, slots, *start, weights);
-            Some(problem.full(&minimise(problem, problem.free(start), tolerance)?.free))
-        };
-        let at = stage((f64::INFINITY, Curvature::GaussNewton), start, 1e-12)?;
-        let at = stage((10.0 * self.delta, Curvature::Exact), &at, 1e-6)?;
-        self.settle(&at, weights, 1e-12)
-    }
-
-    /// Downhill from near an optimum. An exponent that leaves its bounds is set to the nearer one
-    /// and stays there while the others go on.
-    pub fn settle(&self, start: &Vector, weights: &[f64], tolerance: f64) -> Option<End> {
-        let (k, [least, most]) = (self.form.n_terms(), self.bounds);
-        let mut slots = self.form.slots(self.tied);
-        let mut theta = *start;
-        loop {
-            let target = Target { data: self.data, ..*self };
-            let problem = target.problem((self.delta, Curvature::Exact), slots, theta, weights);
-            let minimised = minimise(problem, problem.free(&theta), tolerance)?;
-            theta = problem.full(&minimised.free);
-            let outside = |p: &usize| slots[*p].is_some() && !(least..=most).contains(&theta[*p]);
-            let Some(stray) = (k + 1..=2 * k).find(outside) else {
-                return Some(End { theta, minimised });
-            };
-            let slot = slots[stray];
-            for p in (k + 1..=2 * k).filter(|p| slots[*p] == slot) {
-                theta[p] = theta[p].clamp(least, most);
-            }
-            slots = slots.map(|s| if s == slot { None } else { s });
-        }
-    }
 }
 
 /// The optimum; none where no start leads to one.
@@ -199,25 +121,110 @@ fn thinned(data: &Data) -> Data {
 
 /// Hoffmann's 4500 starts; the vocabulary's term, where there is one, starts like the model's.
 fn hoffmann(target: &Target) -> Vec<Vector> {
-    let levels = |n: usize, from: f64, step: f64| (0..n).map(move |i| from + step * i as f64);
-    let mut starts = Vec::with_capacity(4500);
-    for ln_a in levels(6, 0.0, 5.0) {
-        for ln_b in levels(6, 0.0, 5.0) {
-            for ln_e in levels(5, -1.0, 0.5) {
-                for alpha in levels(5, 0.0, 0.5) {
-                    for beta in levels(5, 0.0, 0.5) {
-                        starts.push(start(target, [ln_a, ln_b, ln_e, alpha, beta]));
-                    }
-                }
-            }
-        }
-    }
-    starts
+    let start = |i: usize| {
+        let level = |place: usize, levels: usize| (i / place % levels) as f64;
+        let [a, b] = [5.0 * level(750, 6), 5.0 * level(125, 6)].map(f64::exp);
+        let e = (0.5 * level(25, 5) - 1.0).exp();
+        let values = target.form.start([a, b, e, 0.5 * level(5, 5), 0.5 * level(1, 5)]);
+        let own = Coefficients::new(target.form, &values).expect("as many values as names");
+        own.centred(target.data.constant, &target.data.means)
+    };
+    (0..6 * 6 * 5 * 5 * 5).map(start).collect()
 }
 
-fn start(target: &Target, [ln_a, ln_b, ln_e, alpha, beta]: [f64; 5]) -> Vector {
-    let (a, b, e) = (ln_a.exp(), ln_b.exp(), ln_e.exp());
-    let values = target.form.start([a, b, e, alpha, beta]);
-    let coefficients = Coefficients::new(target.form, &values).expect("as many values as names");
-    coefficients.centred(target.data.constant, &target.data.means)
+// The inner problem of variable projection: constant and coefficients at fixed exponents.
+//
+// At fixed exponents the law is linear in E, A and B. Least squares with A, B ≥ 0 (and E ≥ 0
+// where it is a loss) is solved exactly, by trying which of them are zero; in logarithms the
+// residuals are taken relative to the loss, which agrees with them to first order.
+
+/// Columns of the linear problem: one a term, and the constant last.
+struct Basis {
+    columns: Vec<Vec<f64>>,
+    y: Vec<f64>,
+}
+
+impl Basis {
+    /// e^(−α x) of each term at its exponent, divided by the loss in logarithms.
+    fn new(data: &Data, space: Space, exponents: &[f64]) -> Self {
+        // What a row's residual is multiplied by: its weight's root, over the loss in logarithms.
+        let scale = |(weight, loss): (&f64, &f64)| match space {
+            Space::Log => weight.sqrt() / loss,
+            Space::Raw => weight.sqrt(),
+        };
+        let scale: Vec<f64> = data.weights.iter().zip(&data.losses).map(scale).collect();
+        let term = |(x, exponent): (&Vec<f64>, &f64)| {
+            x.iter().zip(&scale).map(|(x, scale)| scale * (-exponent * x).exp()).collect()
+        };
+        let mut columns: Vec<Vec<f64>> = data.columns.x.iter().zip(exponents).map(term).collect();
+        let y = data.losses.iter().zip(&scale).map(|(l, scale)| l * scale).collect();
+        columns.push(scale);
+        Self { columns, y }
+    }
+
+    /// c_1 … c_K and the constant as parameters, by least squares under the signs; none where no
+    /// set of columns can be solved.
+    fn solve(&self, constant: Constant) -> Option<Vector> {
+        let (gram, moments) = self.normal();
+        let n = self.columns.len();
+        let signed = if constant == Constant::Positive { n } else { n - 1 };
+        let best = (0..1usize << signed)
+            .filter_map(|zero| {
+                let kept: Vec<usize> = (0..n).filter(|i| zero >> i & 1 == 0).collect();
+                let values = self.on(&kept, &gram, &moments)?;
+                let feasible = (0..signed).all(|i| values[i] >= 0.0);
+                feasible.then(|| (gain(&gram, &moments, &values, n), values))
+            })
+            .max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(self.parameters(&best.1, constant))
+    }
+
+    fn normal(&self) -> (Matrix, Vector) {
+        let mut gram = [[0.0; MAX_PARAMS]; MAX_PARAMS];
+        let mut moments = [0.0; MAX_PARAMS];
+        for (i, column) in self.columns.iter().enumerate() {
+            moments[i] = dot(column, &self.y);
+            for (j, other) in self.columns[..=i].iter().enumerate() {
+                gram[i][j] = dot(column, other);
+                gram[j][i] = gram[i][j];
+            }
+        }
+        (gram, moments)
+    }
+
+    /// The solution on some columns, zero on the others.
+    fn on(&self, kept: &[usize], gram: &Matrix, moments: &Vector) -> Option<Vector> {
+        let mut part = [[0.0; MAX_PARAMS]; MAX_PARAMS];
+        let mut right = [0.0; MAX_PARAMS];
+        for (i, column) in kept.iter().enumerate() {
+            right[i] = moments[*column];
+            for (j, other) in kept.iter().enumerate() {
+                part[i][j] = gram[*column][*other];
+            }
+        }
+        let solution = solve(&part, 0.0, &right, kept.len())?;
+        let mut values = [0.0; MAX_PARAMS];
+        for (i, column) in kept.iter().enumerate() {
+            values[*column] = solution[i];
+        }
+        Some(values)
+    }
+
+    /// Logarithms of the positive ones; zero stands as a millionth of the mean loss.
+    fn parameters(&self, values: &Vector, constant: Constant) -> Vector {
+        let n = self.columns.len();
+        let typical = self.y.iter().map(|y| y.abs()).sum::<f64>() / self.y.len() as f64;
+        let least = 1e-6 * typical.max(f64::MIN_POSITIVE);
+        let mut theta = values.map(|v| v.max(least).ln());
+        if constant == Constant::Free {
+            theta[n - 1] = values[n - 1];
+        }
+        theta
+    }
+}
+
+/// How much the sum of squares falls from that of y: 2 b·m − b'Gb.
+fn gain(gram: &Matrix, moments: &Vector, values: &Vector, n: usize) -> f64 {
+    let bent = times(gram, values, n);
+    (0..n).map(|i| values[i] * (2.0 * moments[i] - bent[i])).sum()
 }

@@ -1,28 +1,18 @@
 //! Which law to believe: the one that predicts the sweep's own larger budgets from its smaller ones.
 
-pub(in crate::laws) mod fitted;
-pub(in crate::laws) mod forecast_error;
-pub(in crate::laws) mod miss;
-pub(in crate::laws) mod recommended;
-pub(in crate::laws) mod shares;
+mod recommended;
 
-use self::miss::{Miss, MissedMinimum};
-use self::recommended::{Candidate, Score};
-use crate::laws::input::options::FitOptions;
-use crate::laws::input::point::Parameters;
-use crate::laws::joint::above;
-use crate::laws::joint::above::Off;
-use crate::laws::joint::fit::fit_joint;
-use crate::laws::joint::weighed::repeat;
-use crate::laws::lines::law_set::LawSet;
-use crate::laws::maths::stats::NORMAL_97_5;
-use crate::laws::minima::grid::Grid;
-use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::types::Optimum;
-use crate::laws::minima::types::{Minimum, MinimumIntervals};
-use fitted::Fitted;
-pub(super) use shares::shares;
-use shares::{FEWEST, OfBudget, OfShare};
+pub use recommended::{
+    Belief, Candidate, Deviations, ForecastError, Miss, MissedMinimum, Recommended, Score,
+};
+
+use crate::laws::input::{FitOptions, MinimumMethod, Parameters};
+use crate::laws::joint::{JointLaw, Off, fit_joint, repeat};
+use crate::laws::lines::LawSet;
+use crate::laws::maths::stats::{NORMAL_97_5, distinct};
+use crate::laws::minima::{
+    Grid, Minimum, MinimumIntervals, Optimum, RunNoise, of_grids, tell_laws, usable,
+};
 
 /// All budgets of a sweep, ascending.
 pub(super) struct Rows<'a> {
@@ -110,7 +100,7 @@ impl Rows<'_> {
         let loss = match (fitted, minimum) {
             // A minimum is read off the best vocabulary of a grid, and lies above the optimum between two.
             (Fitted::Joint(joint), Some(minimum)) if !joint.loss.terms.vocab => at_minimum(minimum),
-            (Fitted::Joint(joint), _) => above(joint, grid, self.noise),
+            (Fitted::Joint(joint), _) => joint.above(grid, self.noise),
             (Fitted::Lines(..), minimum) => at_minimum(minimum?),
         };
         Some((loss, minimum))
@@ -145,4 +135,100 @@ impl Rows<'_> {
 /// The standard deviation of a normal quantity of this interval; 0 where there is none.
 fn deviation(interval: Option<[f64; 2]>, of: fn(f64) -> f64) -> f64 {
     interval.map_or(0.0, |[low, high]| (of(high) - of(low)) / (2.0 * NORMAL_97_5))
+}
+
+// What laws are tested by: the budgets of each share of the data, with their minima.
+
+/// Fewest budgets that a law is fitted to before it is tested.
+const FEWEST: usize = 3;
+
+/// Runs that saw one share of the data.
+///
+/// Laws of minima are of one share and are tested within it; a joint law is of all shares and is tested in
+/// each. Where a share is small its larger budgets repeat it as those do that the whole will be asked for.
+pub(super) struct OfShare {
+    /// 1 for the largest.
+    pub of_largest: f64,
+    /// Of each budget, in the order of the rows; none where it has no such run.
+    pub budgets: Vec<Option<OfBudget>>,
+}
+
+/// One budget's runs of a share.
+pub(super) struct OfBudget {
+    pub grid: Grid,
+    /// By the laws' method; none where it may not be used.
+    pub minimum: Option<Minimum>,
+}
+
+impl OfShare {
+    /// The minima that power laws through the first `n` budgets are fitted to; none where they are too few.
+    fn fitted_minima(&self, n: usize) -> Option<Vec<Minimum>> {
+        let minima = self.budgets[..n].iter().flatten().filter_map(|own| own.minimum.clone());
+        let used: Vec<Minimum> = minima.collect();
+        tell_laws(&used).then_some(used)
+    }
+}
+
+/// The runs of each share of the data with their minima by a method where these may be used, the largest
+/// share first; `own` are the minima of that one.
+pub(super) fn shares(
+    grids: &[Grid],
+    (method, own): (MinimumMethod, &[Minimum]),
+    noise: Option<RunNoise>,
+    options: &FitOptions,
+) -> Vec<OfShare> {
+    let largest = grids.first().map_or(1.0, |grid| grid.best().share);
+    let mut all = vec![of_share(1.0, grids.iter().cloned().map(Some), &usable(own, options))];
+    let smaller = grids.iter().flat_map(|grid| &grid.smaller).map(|cells| cells[0].share);
+    for share in distinct(smaller) {
+        let grids: Vec<Option<Grid>> = grids.iter().map(|grid| grid.of_share(share)).collect();
+        let known: Vec<Grid> = grids.iter().flatten().cloned().collect();
+        let minima = of_grids(method, &known, noise);
+        all.push(of_share(share / largest, grids.into_iter(), &usable(&minima, options)));
+    }
+    all
+}
+
+fn of_share(
+    of_largest: f64,
+    grids: impl Iterator<Item = Option<Grid>>,
+    usable: &[Minimum],
+) -> OfShare {
+    let budget = |grid: Grid| {
+        let minimum = usable.iter().find(|m| m.budget_flops == grid.budget_flops).cloned();
+        OfBudget { grid, minimum }
+    };
+    OfShare { of_largest, budgets: grids.map(|grid| grid.map(budget)).collect() }
+}
+
+// Laws through the first budgets.
+
+/// A law through the first budgets of a sweep.
+enum Fitted {
+    /// By the log law of the loss, or the law with a floor.
+    Lines(Box<LawSet>, Candidate),
+    Joint(Box<JointLaw>),
+}
+
+impl Fitted {
+    /// Of the budget of some runs; a joint law for the distinct tokens that they had. None if there is no
+    /// such law of the loss.
+    fn at(&self, grid: &Grid) -> Option<Optimum> {
+        let budget = grid.budget_flops;
+        let (set, law) = match self {
+            Self::Joint(joint) => {
+                let unique = grid.best().unique_tokens;
+                return unique.map_or_else(|| *joint.clone(), |u| joint.on_data(u)).optimum(budget);
+            }
+            Self::Lines(set, law) => (set, *law),
+        };
+        let by_floor = || Some(set.floor.as_ref()?.loss_at(budget, set.reference));
+        Some(Optimum {
+            loss: if law == Candidate::Log { set.log.loss_at(budget) } else { by_floor()? },
+            params_nonvocab: set.params_nonvocab.value_at(budget),
+            params_vocab: set.params_vocab.as_ref().map_or(0.0, |law| law.value_at(budget)),
+            n_vocab: None,
+            tokens: set.tokens.value_at(budget),
+        })
+    }
 }

@@ -1,19 +1,12 @@
 //! What a fit left out or rests on, in sentences.
 
-use super::flags::{flagged, flags_text};
-use crate::laws::input::cell::Cell;
-use crate::laws::input::method::MinimumMethod;
-use crate::laws::input::options::FitOptions;
-use crate::laws::input::point::Parameters;
-use crate::laws::lines::floor_law::EXPONENT_RANGE;
-use crate::laws::lines::types::FloorLaw;
+use super::{flagged, flags_text};
+use crate::laws::input::{Cell, FitOptions, MinimumMethod, Parameters};
+use crate::laws::lines::{EXPONENT_RANGE, FloorLaw};
 use crate::laws::maths::stats::MIN_REPLICATES;
-use crate::laws::minima::grid::Grid;
-use crate::laws::minima::has_residuals;
-use crate::laws::minima::run_noise::RunNoise;
-use crate::laws::minima::select::{PREFERRED, n_vocabularies};
-use crate::laws::minima::types::Minimum;
-use crate::laws::words::text::count;
+use crate::laws::minima::{Grid, Minimum, PREFERRED, RunNoise, has_residuals, n_vocabularies};
+use crate::laws::parametric::{Finding, Influence, LEAST_ROWS};
+use crate::laws::text::{count, times};
 
 /// A minimum may spend this share more or less than declared before a warning says so.
 const ACHIEVED_TOLERANCE: f64 = 0.05;
@@ -231,4 +224,54 @@ pub(in crate::laws) fn of_frontier(lowest: usize, runs: usize) -> String {
         "Approach 1 goes through the {lowest} lowest of {runs} runs, and the lowest of noisy runs is a lucky \
          one: its intervals come from drawing training curves anew and do not know that."
     )
+}
+
+// What speaks against a parametric fit.
+
+impl Finding {
+    pub fn sentence(&self) -> String {
+        match self {
+            Self::TermAbsent(quantity) => format!(
+                "The term of {quantity} is not identified: the best fit does without it, so its \
+                 exponent means nothing."
+            ),
+            Self::AtBound(quantity, bound) => format!(
+                "The exponent of {quantity} is not identified: it runs into its bound {bound}, \
+                 where it is held."
+            ),
+            Self::NoFloor => "The floor E is not identified: the best fit has none.".into(),
+            Self::FewStarts(reached, all) => format!(
+                "Only {reached} of {all} starts reach the best optimum found: there may be a better one."
+            ),
+            Self::Unfinished(missing, all) => format!(
+                "{missing} of {all} bootstrap replicates did not reach an optimum of their own."
+            ),
+            Self::TooFewRows(rows, coefficients) => format!(
+                "{rows} rows are fewer than {LEAST_ROWS} times the {coefficients} coefficients: the law \
+                 follows single rows, and its intervals are too narrow. Add runs."
+            ),
+            Self::FewRows(rows, coefficients) => format!(
+                "{rows} rows are few for {coefficients} coefficients: drawing among so few makes \
+                 intervals too narrow."
+            ),
+        }
+    }
+}
+
+impl Influence {
+    /// What of the optimal `size` hangs on which rows.
+    pub(in crate::laws) fn sentence(&self, size: &str) -> String {
+        let Self { budget_flops, rows, params, params_without } = self;
+        let factor = (params / params_without).max(params_without / params);
+        format!(
+            "{} row(s) move the optimal {size} at {} FLOPs by a factor {}: without {} it is {}, with \
+             them {}. Look at them, or leave them out by --where or --drop-highest.",
+            rows.len(),
+            count(*budget_flops),
+            times(factor),
+            rows.join(", "),
+            count(*params_without),
+            count(*params)
+        )
+    }
 }

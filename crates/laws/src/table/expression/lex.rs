@@ -6,17 +6,13 @@
 
 use std::ops::Range;
 
-use super::ExpressionProblem as Problem;
-use super::tree::{Fault, Function, Operator};
-use crate::table::nearest::hint;
-use crate::table::types::Reads;
-use crate::table::{Column, Table};
+use super::tree::{Fault, Form, Function, Operator};
+use crate::table::{Column, ExpressionProblem as Problem, Table, hint};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token {
-    Number(f64),
-    Text(String),
-    Column { name: String, reads: Reads },
+    /// A number, a text or a column.
+    Leaf(Form),
     Function(Function),
     Operator(Operator),
     Not,
@@ -28,7 +24,7 @@ pub(super) enum Token {
 impl Token {
     /// Whether an operator may follow.
     fn ends_operand(&self) -> bool {
-        matches!(self, Self::Number(_) | Self::Text(_) | Self::Column { .. } | Self::Close)
+        matches!(self, Self::Leaf(_) | Self::Close)
     }
 }
 
@@ -89,7 +85,7 @@ impl Lexer<'_> {
     fn token(&mut self, first: char) -> Result<Token, Fault> {
         match first {
             '0'..='9' | '.' => self.number(),
-            '"' | '\'' => Ok(Token::Text(self.quoted(first)?)),
+            '"' | '\'' => Ok(Token::Leaf(Form::Text(self.quoted(first)?))),
             '`' => self.backticked(),
             _ if is_word(first) => self.word(),
             _ => self.symbol(first),
@@ -122,7 +118,7 @@ impl Lexer<'_> {
         let fault = || (self.at..self.at + length, Problem::BadNumber(written.to_string()));
         let number = written.parse().map_err(|_| fault())?;
         self.at += length;
-        Ok(Token::Number(number))
+        Ok(Token::Leaf(Form::Number(number)))
     }
 
     /// What stands between two of `quote`, which within is written twice.
@@ -150,7 +146,7 @@ impl Lexer<'_> {
 
     fn column(&self, name: &str) -> Option<Token> {
         let reads = self.table.column(name)?.reads();
-        Some(Token::Column { name: name.to_string(), reads })
+        Some(Token::Leaf(Form::Column { name: name.to_string(), reads }))
     }
 
     /// A word by what is due; of column, keyword and function, the longest that fits.
@@ -171,8 +167,8 @@ impl Lexer<'_> {
         let is_call = self.rest()[word.len()..].trim_start().starts_with('(');
         match (self.operand_due, word) {
             (true, "not") => Some(Token::Not),
-            (true, "true") => Some(Token::Number(1.0)),
-            (true, "false") => Some(Token::Number(0.0)),
+            (true, "true") => Some(Token::Leaf(Form::Number(1.0))),
+            (true, "false") => Some(Token::Leaf(Form::Number(0.0))),
             (true, name) if is_call => Function::named(name).map(Token::Function),
             (false, "and") => Some(Token::Operator(Operator::And)),
             (false, "or") => Some(Token::Operator(Operator::Or)),
@@ -219,9 +215,9 @@ impl Lexer<'_> {
 }
 
 fn unknown_function(name: &str) -> Problem {
-    let names = || Function::ALL.into_iter().map(|(name, _)| name);
-    let functions = names().collect::<Vec<_>>().join(", ");
-    Problem::UnknownFunction { name: name.to_string(), hint: hint(name, names()), functions }
+    let functions = Function::names().collect::<Vec<_>>().join(", ");
+    let hint = hint(name, Function::names());
+    Problem::UnknownFunction { name: name.to_string(), hint, functions }
 }
 
 /// Whether a name may hold the character bare.

@@ -1,16 +1,15 @@
-//! The tree of an expression.
+//! The tree of an expression, and its value for all rows at once.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
-use super::ExpressionProblem;
-use crate::table::nearest::name_of;
-use crate::table::types::Reads;
+use crate::table::{Column, ExpressionProblem as Problem, Reads, Table};
 
 /// What is wrong, and in which bytes.
-pub(super) type Fault = (Range<usize>, ExpressionProblem);
+pub(super) type Fault = (Range<usize>, Problem);
 
 /// A part of an expression.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Node {
     pub form: Form,
     pub span: Range<usize>,
@@ -18,7 +17,7 @@ pub(super) struct Node {
     pub depth: usize,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) enum Form {
     Number(f64),
     Text(String),
@@ -93,67 +92,168 @@ impl Operator {
 pub(super) const NOT: u8 = 5;
 pub(super) const NEGATE: u8 = 13;
 
+/// A function by its place in [`FUNCTIONS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Function {
-    Ln,
-    Log10,
-    Log2,
-    Exp,
-    Sqrt,
-    Abs,
-    Round,
-    Floor,
-    Ceil,
-    Min,
-    Max,
+pub(super) struct Function(usize);
+
+/// What a function takes: one argument, or two and more, of which each is joined with those before it.
+enum Takes {
+    One(fn(f64) -> f64),
+    Several(fn(f64, f64) -> f64),
 }
 
+const FUNCTIONS: [(&str, Takes); 11] = [
+    ("ln", Takes::One(f64::ln)),
+    ("log10", Takes::One(f64::log10)),
+    ("log2", Takes::One(f64::log2)),
+    ("exp", Takes::One(f64::exp)),
+    ("sqrt", Takes::One(f64::sqrt)),
+    ("abs", Takes::One(f64::abs)),
+    ("round", Takes::One(f64::round)),
+    ("floor", Takes::One(f64::floor)),
+    ("ceil", Takes::One(f64::ceil)),
+    ("min", Takes::Several(f64::min)),
+    ("max", Takes::Several(f64::max)),
+];
+
 impl Function {
-    pub const ALL: [(&'static str, Self); 11] = [
-        ("ln", Self::Ln),
-        ("log10", Self::Log10),
-        ("log2", Self::Log2),
-        ("exp", Self::Exp),
-        ("sqrt", Self::Sqrt),
-        ("abs", Self::Abs),
-        ("round", Self::Round),
-        ("floor", Self::Floor),
-        ("ceil", Self::Ceil),
-        ("min", Self::Min),
-        ("max", Self::Max),
-    ];
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        FUNCTIONS.iter().map(|(name, _)| *name)
+    }
 
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|(of, _)| *of == name).map(|(_, function)| function)
+        Self::names().position(|of| of == name).map(Self)
     }
 
     pub fn name(self) -> &'static str {
-        name_of(&self, &Self::ALL)
+        FUNCTIONS[self.0].0
     }
 
     /// Whether it takes two arguments or more; the others take one.
     pub fn is_variadic(self) -> bool {
-        matches!(self, Self::Min | Self::Max)
+        matches!(FUNCTIONS[self.0].1, Takes::Several(_))
     }
+}
 
-    /// The value of one argument.
-    pub fn of(self, x: f64) -> f64 {
+// Values.
+
+/// One value for all rows, or one a row.
+pub(super) enum Values<'a, T: Clone> {
+    One(T),
+    Many(Cow<'a, [T]>),
+}
+
+pub(super) enum Value<'a> {
+    Numbers(Values<'a, f64>),
+    Texts(Values<'a, String>),
+}
+
+impl<T: Clone> Values<'_, T> {
+    /// The value of each of `n` rows.
+    pub fn spread(self, n: usize) -> Vec<T> {
         match self {
-            Self::Ln => x.ln(),
-            Self::Log10 => x.log10(),
-            Self::Log2 => x.log2(),
-            Self::Exp => x.exp(),
-            Self::Sqrt => x.sqrt(),
-            Self::Abs => x.abs(),
-            Self::Round => x.round(),
-            Self::Floor => x.floor(),
-            Self::Ceil => x.ceil(),
-            Self::Min | Self::Max => x,
+            Self::One(value) => vec![value; n],
+            Self::Many(values) => values.into_owned(),
         }
     }
 
-    /// The value of two arguments, neither of them missing.
-    pub fn pair(self, a: f64, b: f64) -> f64 {
-        if self == Self::Max { a.max(b) } else { a.min(b) }
+    fn map(self, of: impl Fn(&T) -> T) -> Self {
+        match self {
+            Self::One(value) => Self::One(of(&value)),
+            Self::Many(values) => Self::Many(values.iter().map(of).collect()),
+        }
+    }
+}
+
+/// Joins two values row by row.
+fn zip<'a, T: Clone>(
+    left: &Values<T>,
+    right: &Values<T>,
+    join: impl Fn(&T, &T) -> f64,
+) -> Values<'a, f64> {
+    use Values::{Many, One};
+    match (left, right) {
+        (One(a), One(b)) => One(join(a, b)),
+        (One(a), Many(b)) => Many(b.iter().map(|b| join(a, b)).collect()),
+        (Many(a), One(b)) => Many(a.iter().map(|a| join(a, b)).collect()),
+        (Many(a), Many(b)) => Many(a.iter().zip(b.iter()).map(|(a, b)| join(a, b)).collect()),
+    }
+}
+
+/// NaN where either is: the standard library's powf, min and max would hide what is missing.
+fn present(join: impl Fn(f64, f64) -> f64) -> impl Fn(&f64, &f64) -> f64 {
+    move |a, b| if a.is_nan() || b.is_nan() { f64::NAN } else { join(*a, *b) }
+}
+
+pub(super) fn value<'a>(node: &'a Node, table: &'a Table) -> Result<Value<'a>, Fault> {
+    Ok(Value::Numbers(match &node.form {
+        Form::Number(number) => Values::One(*number),
+        Form::Text(text) => return Ok(Value::Texts(Values::One(text.clone()))),
+        Form::Column { name, reads } => return column(node, name, *reads, table),
+        Form::Negate(of) => numbers(of, table)?.map(|x| -x),
+        Form::Not(of) => zip(&numbers(of, table)?, &Values::One(0.0), present(equal)),
+        Form::Binary(operator, sides) => return binary(*operator, sides, table),
+        Form::Call(function, arguments) => call(*function, arguments, table)?,
+    }))
+}
+
+fn equal(a: f64, b: f64) -> f64 {
+    Operator::Equal.apply(a, b)
+}
+
+fn column<'a>(node: &Node, name: &str, reads: Reads, table: &'a Table) -> Result<Value<'a>, Fault> {
+    let is_text = reads == Reads::Text;
+    match table.column(name) {
+        Some(Column::Number(cells) | Column::Written { numbers: cells, .. }) if !is_text => {
+            Ok(Value::Numbers(Values::Many(Cow::Borrowed(cells))))
+        }
+        Some(Column::Text(cells) | Column::Written { cells, .. }) if is_text => {
+            Ok(Value::Texts(Values::Many(Cow::Borrowed(cells))))
+        }
+        _ => Err((node.span.clone(), Problem::OtherTable(name.to_string()))),
+    }
+}
+
+fn numbers<'a>(node: &'a Node, table: &'a Table) -> Result<Values<'a, f64>, Fault> {
+    match value(node, table)? {
+        Value::Numbers(numbers) => Ok(numbers),
+        Value::Texts(_) => Err((node.span.clone(), Problem::Text)),
+    }
+}
+
+fn binary<'a>(
+    operator: Operator,
+    [left, right]: &'a [Node; 2],
+    table: &'a Table,
+) -> Result<Value<'a>, Fault> {
+    let joined = match (value(left, table)?, value(right, table)?) {
+        (Value::Numbers(a), Value::Numbers(b)) => zip(&a, &b, present(|a, b| operator.apply(a, b))),
+        (Value::Texts(a), Value::Texts(b)) => {
+            // A comparison with the empty text itself asks which cells are missing.
+            let asked =
+                [left, right].iter().any(|n| matches!(&n.form, Form::Text(t) if t.is_empty()));
+            let truth = |a: &String, b: &String| {
+                f64::from(u8::from((a == b) == (operator == Operator::Equal)))
+            };
+            let missing = |a: &String, b: &String| !asked && (a.is_empty() || b.is_empty());
+            zip(&a, &b, |a, b| if missing(a, b) { f64::NAN } else { truth(a, b) })
+        }
+        _ => return Err((left.span.clone(), Problem::MixedComparison)),
+    };
+    Ok(Value::Numbers(joined))
+}
+
+fn call<'a>(
+    function: Function,
+    arguments: &'a [Node],
+    table: &'a Table,
+) -> Result<Values<'a, f64>, Fault> {
+    let mut values = arguments.iter().map(|argument| numbers(argument, table));
+    let first = values.next().unwrap_or(Ok(Values::One(f64::NAN)))?;
+    match FUNCTIONS[function.0].1 {
+        Takes::One(of) => Ok(first.map(|x| of(*x))),
+        Takes::Several(join) => {
+            values.try_fold(first, |so_far, next| Ok(zip(&so_far, &next?, present(join))))
+        }
     }
 }

@@ -1,0 +1,226 @@
+//! What losses and optima would be on other test splits.
+//!
+//! All runs of a sweep are measured on the same clips, so a test split that happens to be hard moves all
+//! losses together, and no seed tells. What tells is the split itself, in blocks that have no recording in
+//! common. What a block is harder by is taken as a smooth function of the cell; what a cell's own runs
+//! scatter about it is the noise of the runs, and counted there.
+
+use serde::{Deserialize, Serialize};
+
+use crate::laws::input::Cell;
+use crate::laws::maths::least_squares;
+use crate::laws::maths::stats::Normals;
+use crate::laws::minima::{Grid, RunNoise, valley};
+
+/// Keeps the streams of other test splits apart from those of replicates.
+const STREAMS: u64 = 1 << 41;
+
+/// How losses differ between test splits like the one that runs were measured on.
+///
+/// The split is parted into B blocks that have no recording in common. By d_b = a_b + s_b · (ln N_nv, ln V,
+/// ln C) block b is harder than the mean of all, with the logarithms from those of the best cell of the
+/// largest budget; the loss of a cell then has the variance Σ d_b²/B(B − 1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TestNoise {
+    /// Standard deviation of the loss of that best cell, in nats.
+    pub sd: f64,
+    /// B.
+    pub blocks: usize,
+    centre: [f64; 3],
+    /// a_b and s_b of each block.
+    effects: Vec<[f64; 4]>,
+}
+
+impl TestNoise {
+    /// Of the effects of two blocks at least around a cell.
+    fn new(centre: [f64; 3], effects: Vec<[f64; 4]>) -> Self {
+        let own = Self { sd: 0.0, blocks: effects.len(), centre, effects };
+        Self { sd: own.sd_at(centre), ..own }
+    }
+
+    /// Standard deviation of the loss of a model (ln N_nv, ln V, ln C).
+    fn sd_at(&self, place: [f64; 3]) -> f64 {
+        let away: [f64; 3] = std::array::from_fn(|i| place[i] - self.centre[i]);
+        let harder = |[level, slopes @ ..]: &[f64; 4]| {
+            level + slopes.iter().zip(away).map(|(slope, x)| slope * x).sum::<f64>()
+        };
+        self.effects.iter().map(|own| harder(own).powi(2)).sum::<f64>().sqrt() * self.of_mean()
+    }
+
+    /// Losses of a model on this test split as ones on others.
+    pub fn moved(&self, losses: &[f64], place: [f64; 3]) -> Vec<f64> {
+        let sd = self.sd_at(place);
+        let moved = |(i, loss): (usize, &f64)| {
+            let mut normals = Normals::of_stream(STREAMS, i as u64);
+            loss + sd * self.student(&mut normals) * normals.draw()
+        };
+        losses.iter().enumerate().map(moved).collect()
+    }
+
+    /// What another test split moves the optima of budgets by.
+    pub(in crate::laws) fn draw(&self, normals: &mut Normals) -> OtherClips {
+        let scale = self.student(normals) * self.of_mean();
+        let mut slopes = [0.0; 2];
+        for [_, size, vocab, _] in &self.effects {
+            let weight = scale * normals.draw();
+            slopes[0] += weight * size;
+            slopes[1] += weight * vocab;
+        }
+        OtherClips(slopes)
+    }
+
+    /// The factor by which a deviation that so many blocks tell may be too small.
+    fn student(&self, normals: &mut Normals) -> f64 {
+        let dof = self.blocks - 1;
+        (dof as f64 / normals.chi_square(dof)).sqrt()
+    }
+
+    /// 1/√(B(B − 1)).
+    fn of_mean(&self) -> f64 {
+        1.0 / ((self.blocks * (self.blocks - 1)) as f64).sqrt()
+    }
+}
+
+/// How another test split is harder for larger models and vocabularies than for smaller ones. What it is
+/// harder by for all models of a budget moves no optimum.
+pub(in crate::laws) struct OtherClips([f64; 2]);
+
+impl OtherClips {
+    /// What the loss of a cell moves by beside that of the best of its budget.
+    pub fn shift(&self, cell: &Cell, best: &Cell) -> f64 {
+        let ln = |own: &Cell| [own.params_nonvocab.ln(), own.n_vocab.max(1.0).ln()];
+        let (own, best) = (ln(cell), ln(best));
+        (0..2).map(|axis| self.0[axis] * (own[axis] - best[axis])).sum()
+    }
+}
+
+/// Fewer blocks say nothing about a standard deviation.
+const FEWEST: usize = 5;
+
+/// Of some budgets, ascending; none where a cell does not know its blocks, there are few, or the cells do not
+/// tell how blocks differ over them.
+pub(in crate::laws) fn test_noise(grids: &[Grid], noise: Option<RunNoise>) -> Option<TestNoise> {
+    let largest = grids.last()?;
+    let (best, n_blocks) = (largest.best(), largest.best().by_block.len());
+    let centre = place(best, largest.budget_flops);
+    let mut rows = Vec::new();
+    for grid in grids {
+        for cells in grid.of_all_shares() {
+            let least = cells.iter().map(|cell| cell.loss).fold(f64::INFINITY, f64::min);
+            rows.extend(cells.iter().map(|cell| {
+                let count = cell.runs * valley(cell.loss - least, RunNoise::sd_or_guess(noise));
+                let place = place(cell, grid.budget_flops);
+                let away = std::array::from_fn(|i| place[i] - centre[i]);
+                Row { away, weight: count.sqrt(), by_block: &cell.by_block }
+            }));
+        }
+    }
+    let is_known = n_blocks >= FEWEST && rows.iter().all(|row| row.by_block.len() == n_blocks);
+    let effects = is_known.then(|| (0..n_blocks).map(|block| effect(&rows, block)).collect());
+    Some(TestNoise::new(centre, effects.flatten()?))
+}
+
+/// A cell with what it counts.
+struct Row<'a> {
+    /// Its place from the centre.
+    away: [f64; 3],
+    weight: f64,
+    by_block: &'a [f64],
+}
+
+/// a_b and s_b of a block; a slope is 0 where all cells lie at one place.
+fn effect(rows: &[Row], block: usize) -> Option<[f64; 4]> {
+    let varies = |axis: &usize| rows.iter().any(|row| row.away[*axis] != rows[0].away[*axis]);
+    let axes: Vec<usize> = (0..3).filter(varies).collect();
+    let terms = |row: &Row| {
+        let terms = axes.iter().map(|axis| row.away[*axis]);
+        [1.0].into_iter().chain(terms).map(|term| row.weight * term).collect()
+    };
+    let losses: Vec<f64> = rows.iter().map(|row| row.weight * row.by_block[block]).collect();
+    let rows: Vec<Vec<f64>> = rows.iter().map(terms).collect();
+    let found = least_squares(&rows, &losses)?.coefficients;
+    let mut effect = [found[0], 0.0, 0.0, 0.0];
+    axes.iter().zip(&found[1..]).for_each(|(axis, slope)| effect[axis + 1] = *slope);
+    Some(effect)
+}
+
+fn place(cell: &Cell, budget_flops: f64) -> [f64; 3] {
+    [cell.params_nonvocab.ln(), cell.n_vocab.max(1.0).ln(), budget_flops.ln()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::input::{IsoFlopPoint, RunFacts, group_budgets};
+    use crate::laws::simulated::SWEEP;
+
+    /// A sweep whose blocks differ by what `of` says of a run, a block's draw, and a draw of its own.
+    fn grids(of: impl Fn(&IsoFlopPoint, f64, f64) -> f64) -> Vec<Grid> {
+        let mut normals = Normals::of_stream(3, 0);
+        let blocks: Vec<f64> = (0..20).map(|_| normals.draw()).collect();
+        let mut known = |point: IsoFlopPoint| {
+            let by_block = blocks.iter().map(|draw| of(&point, *draw, normals.draw())).collect();
+            IsoFlopPoint { about: RunFacts { by_block, ..RunFacts::default() }, ..point }
+        };
+        let points: Vec<IsoFlopPoint> = SWEEP.points().into_iter().map(&mut known).collect();
+        group_budgets(&points).unwrap().iter().filter_map(Grid::new).collect()
+    }
+
+    fn noise(grids: &[Grid]) -> Option<TestNoise> {
+        test_noise(grids, None)
+    }
+
+    fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
+        let values: Vec<f64> = values.collect();
+        (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
+    }
+
+    /// The deviation of what the smallest model of a budget moves by on other splits, beside the best.
+    fn scatter(grids: &[Grid]) -> f64 {
+        let (grid, noise) = (&grids[0], noise(grids).unwrap());
+        let shift = |i| {
+            let clips = noise.draw(&mut Normals::of_stream(1, i));
+            clips.shift(&grid.cells[0], grid.best())
+        };
+        root_mean_square((0..2000).map(shift))
+    }
+
+    #[test]
+    fn what_all_losses_have_in_common_moves_no_optimum() {
+        let grids = grids(|point, draw, _| (0.4 + 0.1 * (point.budget_flops / 1e10).ln()) * draw);
+        let noise = noise(&grids).unwrap();
+        let (best, budget) = (grids[4].best(), grids[4].budget_flops);
+        let sd = |budget: f64| (0.4 + 0.1 * (budget / 1e10).ln()) / 20f64.sqrt();
+        assert!((noise.sd / sd(budget) - 1.0).abs() < 0.35, "{noise:?}");
+        assert!(scatter(&grids) < 1e-9);
+        // Student's t of 19 degrees of freedom has a variance of 19/17.
+        let moved = |budget| {
+            let moved = noise.moved(&[-3.0; 4000], place(best, budget));
+            root_mean_square(moved.iter().map(|loss| loss + 3.0)) / (19f64 / 17.0).sqrt()
+        };
+        assert!((moved(budget) / noise.sd - 1.0).abs() < 0.05);
+        let farther = sd(100.0 * budget) / sd(budget);
+        assert!((moved(100.0 * budget) / moved(budget) / farther - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn blocks_that_large_models_find_harder_move_an_optimum_and_noise_of_runs_does_not() {
+        let slope = |point: &IsoFlopPoint| 0.1 * (point.params_nonvocab / 1e4).ln();
+        let smooth = scatter(&grids(|point, draw, _| slope(point) * draw));
+        let noisy = scatter(&grids(|point, draw, own| slope(point) * draw + 0.1 * own));
+        assert!(smooth > 0.02 && (noisy / smooth - 1.0).abs() < 0.3, "{smooth}, {noisy}");
+        let noise = scatter(&grids(|_, _, own| 0.1 * own));
+        assert!(noise < 0.3 * smooth, "{noise}, {smooth}");
+    }
+
+    #[test]
+    fn few_blocks_or_a_run_without_them_tell_nothing() {
+        let points = SWEEP.points();
+        let plain = group_budgets(&points).unwrap();
+        let plain: Vec<Grid> = plain.iter().filter_map(Grid::new).collect();
+        assert_eq!(noise(&plain), None);
+        let mut known = grids(|_, draw, _| draw);
+        known[0].cells[0].by_block.clear();
+        assert_eq!(noise(&known), None);
+    }
+}

@@ -1,3 +1,0 @@
-//! Laws of papers.
-
-pub(in crate::laws) mod scamo;

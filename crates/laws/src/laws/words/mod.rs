@@ -1,3 +1,0 @@
-//! Numbers and sentences for a terminal.
-
-pub mod text;
