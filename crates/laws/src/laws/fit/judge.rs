@@ -6,7 +6,9 @@ use crate::laws::input::{Cell, FitOptions, MinimumMethod, Parameters};
 use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
 use crate::laws::lines::{Bootstrap, LawSample, LawSet, PowerLaws, Sensitivity, Sources};
 use crate::laws::maths::stats::{extent, interval95};
-use crate::laws::minima::{ByMethod, Grid, Minimum, lack_of_fit, n_vocabularies, of_grids, usable};
+use crate::laws::minima::{
+    ByMethod, Grid, Minimum, lack_of_fit, loss_unit, n_vocabularies, of_grids, usable,
+};
 use crate::laws::noise::Scatter;
 use crate::laws::ranking::{Candidate, ForecastError, Recommended, Rows, shares};
 use crate::laws::say::warnings::of_spend;
@@ -52,7 +54,7 @@ pub(super) fn judge(
         joint.bootstrap = replicates(joint, grids, (scatter, options.seed), count);
     }
     Judgement {
-        forecast_error: Some(ForecastError::of(misses)),
+        forecast_error: Some(ForecastError::of(misses, loss_unit(grids))),
         joint,
         recommended: Some(recommended),
         ..own
@@ -92,7 +94,8 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
     scores.retain(|score| score.law.is_joint() || laws.power_laws.tokens.is_some());
     let law = scores.first().map_or(untested, |best| best.law);
     let why = why_recommended(&scores, rows.grids.len());
-    Recommended { law, minima_method: laws.minima_method, why, scores }
+    let loss_unit = loss_unit(rows.grids);
+    Recommended { law, minima_method: laws.minima_method, why, scores, loss_unit }
 }
 
 /// What the intervals of the exponents would be for each reason alone.

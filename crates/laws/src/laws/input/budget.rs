@@ -4,7 +4,7 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-use super::{FitError, IsoFlopPoint, Parameters};
+use super::{FitError, IsoFlopPoint, Metric, Parameters};
 use crate::laws::maths::stats::distinct;
 
 /// Relative distance within which two declared budgets are one: they are written by people, so
@@ -84,6 +84,8 @@ pub(in crate::laws) struct Cell {
     pub flops: f64,
     /// Arithmetic mean over the runs.
     pub loss: f64,
+    /// Whether the loss is L_u, in nats; the unit of any other is not known.
+    pub in_nats: bool,
     /// How many runs of equal weight the mean is worth, (Σw)²/Σw²: with runs of standard deviation
     /// σ that of `loss` is σ/√`runs`.
     pub runs: f64,
@@ -166,6 +168,7 @@ fn mean(runs: &[&IsoFlopPoint]) -> Cell {
         tokens: over(|run| run.tokens.ln()).exp(),
         flops: over(|run| run.flops.ln()).exp(),
         loss: over(|run| run.loss),
+        in_nats: runs[0].metric == Metric::default(),
         runs: total.powi(2) / squares,
         spread,
         dof,

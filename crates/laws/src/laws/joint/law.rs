@@ -8,7 +8,7 @@ use super::loss::{JointLoss, Place, Repetition};
 use crate::laws::input::Cell;
 use crate::laws::maths::least_squares;
 use crate::laws::maths::stats::{extent, interval95};
-use crate::laws::minima::{Grid, Optimum, RunNoise, valley};
+use crate::laws::minima::{Grid, Optimum, valley};
 
 /// A joint law, and all that a prediction needs of the cells it was fitted to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -158,9 +158,8 @@ impl JointLaw {
     }
 
     /// How far it lies above the cells of a budget: the mean over its valley, and the standard deviation
-    /// that the noise of the runs gives this mean, in nats.
-    pub(in crate::laws) fn above(&self, grid: &Grid, noise: Option<RunNoise>) -> Off {
-        let noise = RunNoise::sd_or_guess(noise);
+    /// that the noise of the runs, of standard deviation `noise`, gives this mean.
+    pub(in crate::laws) fn above(&self, grid: &Grid, noise: f64) -> Off {
         let best = grid.best().loss;
         let [mut counts, mut sum, mut variance] = [0.0; 3];
         for cell in &grid.cells {

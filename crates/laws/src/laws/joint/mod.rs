@@ -47,7 +47,7 @@ pub(super) fn fit_joint(
 ) -> Option<JointLaw> {
     let cells = Cells::new(grids);
     let terms = cells.terms(repeats)?;
-    let problem = Problem::new(&cells, terms, noise);
+    let problem = Problem::new(&cells, terms, RunNoise::sd_or_guess(noise, grids));
     let values = problem.best()?;
     let rss = problem.of_cells(&values);
     let (n, p) = (cells.all.len(), terms.count());
@@ -131,8 +131,9 @@ fn refitted(
     noise: Option<RunNoise>,
 ) -> Vec<f64> {
     let cells = Cells::new(drawn);
+    let noise = RunNoise::sd_or_guess(noise, grids);
     let mut problem = Problem::new(&cells, law.loss.terms, noise);
-    problem.weights = Cells::new(grids).weights(RunNoise::sd_or_guess(noise));
+    problem.weights = Cells::new(grids).weights(noise);
     problem.frame = law.loss.clone();
     minimise(&problem, law.loss.values.clone(), MOST_STEPS).0
 }

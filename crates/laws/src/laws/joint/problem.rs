@@ -5,7 +5,7 @@ use crate::laws::input::{Cell, best_index};
 use crate::laws::maths::engine::{MOST, MOST_STEPS, Residuals, Row, minimise};
 use crate::laws::maths::least_squares;
 use crate::laws::maths::stats::distinct;
-use crate::laws::minima::{Grid, RunNoise, valley};
+use crate::laws::minima::{Grid, valley};
 
 /// Cells beyond the coefficients, at least.
 const SPARE: usize = 4;
@@ -151,8 +151,8 @@ pub(super) struct Problem {
 }
 
 impl Problem {
-    pub fn new(cells: &Cells, terms: Terms, noise: Option<RunNoise>) -> Self {
-        let noise = RunNoise::sd_or_guess(noise);
+    /// `noise` is the standard deviation of a run.
+    pub fn new(cells: &Cells, terms: Terms, noise: f64) -> Self {
         let all = &cells.all;
         let runs = all.iter().map(|cell| cell.runs).sum::<f64>() / all.len() as f64;
         let unique = all.iter().filter_map(|cell| cell.unique_tokens);

@@ -1,6 +1,6 @@
 //! One budget's grid, ready for every method.
 
-use super::minimum::{Minimum, MinimumFlag, raised};
+use super::minimum::{Minimum, MinimumFlag, RunNoise, raised};
 use crate::laws::input::budget::Budget;
 use crate::laws::input::{Cell, MinimumMethod, Size, best_index, cells, sizes};
 use crate::laws::maths::stats::{distinct, extent};
@@ -267,4 +267,35 @@ fn lost(grid: &Grid) -> impl Iterator<Item = &Cell> {
     runs.sort_by(f64::total_cmp);
     let usual = runs[runs.len() / 2];
     grid.sizes.iter().map(|size| &size.best).filter(move |cell| cell.runs < usual - 0.5)
+}
+
+// The unit of a loss.
+
+/// How much the best loss of tables of language models falls for each factor e of the budget, in nats.
+const FALL: f64 = 0.1;
+
+/// How much of the loss is worth a nat. L_u is in nats; any other loss may be in bits, or in bits a byte, and its
+/// own fall for each factor e of the budget stands for [`FALL`]. With one budget the range of its losses stands
+/// for two factors e.
+pub(in crate::laws) fn loss_unit(grids: &[Grid]) -> f64 {
+    let (Some(first), Some(last)) = (grids.first(), grids.last()) else { return 1.0 };
+    if first.best().in_nats {
+        return 1.0;
+    }
+    let fall = match (last.budget_flops / first.budget_flops).ln() {
+        distance if distance > 0.0 => (first.best().loss - last.best().loss) / distance,
+        _ => {
+            let losses = || first.cells.iter().map(|cell| cell.loss);
+            (losses().fold(f64::MIN, f64::max) - losses().fold(f64::MAX, f64::min)) / 2.0
+        }
+    };
+    if fall > 0.0 { fall / FALL } else { 1.0 }
+}
+
+impl RunNoise {
+    /// The standard deviation of a run of some grids; a guess where it is not known.
+    pub(in crate::laws) fn sd_or_guess(noise: Option<Self>, grids: &[Grid]) -> f64 {
+        let known = noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0);
+        known.unwrap_or_else(|| Self::GUESS * loss_unit(grids))
+    }
 }

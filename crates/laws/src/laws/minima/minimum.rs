@@ -187,11 +187,6 @@ pub struct RunNoise {
 impl RunNoise {
     /// The standard deviation of a run that is guessed where it is not known, in nats.
     pub(in crate::laws) const GUESS: f64 = 0.02;
-
-    /// The standard deviation of a run, in nats; a guess where it is not known.
-    pub(in crate::laws) fn sd_or_guess(noise: Option<Self>) -> f64 {
-        noise.map(|noise| noise.sd).filter(|sd| *sd > 0.0).unwrap_or(Self::GUESS)
-    }
 }
 
 // What laws are fitted to.

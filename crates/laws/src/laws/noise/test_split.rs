@@ -108,7 +108,8 @@ pub(in crate::laws) fn test_noise(grids: &[Grid], noise: Option<RunNoise>) -> Op
         for cells in grid.of_all_shares() {
             let least = cells.iter().map(|cell| cell.loss).fold(f64::INFINITY, f64::min);
             rows.extend(cells.iter().map(|cell| {
-                let count = cell.runs * valley(cell.loss - least, RunNoise::sd_or_guess(noise));
+                let count =
+                    cell.runs * valley(cell.loss - least, RunNoise::sd_or_guess(noise, grids));
                 let place = place(cell, grid.budget_flops);
                 let away = std::array::from_fn(|i| place[i] - centre[i]);
                 Row { away, weight: count.sqrt(), by_block: &cell.by_block }

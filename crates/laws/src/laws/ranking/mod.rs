@@ -100,7 +100,9 @@ impl Rows<'_> {
         let loss = match (fitted, minimum) {
             // A minimum is read off the best vocabulary of a grid, and lies above the optimum between two.
             (Fitted::Joint(joint), Some(minimum)) if !joint.loss.terms.vocab => at_minimum(minimum),
-            (Fitted::Joint(joint), _) => joint.above(grid, self.noise),
+            (Fitted::Joint(joint), _) => {
+                joint.above(grid, RunNoise::sd_or_guess(self.noise, self.grids))
+            }
             (Fitted::Lines(..), minimum) => at_minimum(minimum?),
         };
         Some((loss, minimum))

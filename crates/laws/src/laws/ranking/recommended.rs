@@ -84,6 +84,9 @@ pub struct Recommended {
     pub why: String,
     /// Every law that could be tested, the best first.
     pub scores: Vec<Score>,
+    /// How much of the loss is worth a nat, where it is not L_u.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub loss_unit: f64,
 }
 
 /// How far a law that was tested is believed.
@@ -103,9 +106,10 @@ impl Recommended {
     /// whose misses may all be noise of the minima is not the better for it.
     pub fn beliefs(&self) -> Vec<Belief> {
         let of = |score: &Score| {
-            let error = ForecastError::of(&score.misses);
-            let whole = ForecastError::whole(score.compared());
-            let weight = (whole.sd.loss / EXPECTED.sd.loss).powi(-(whole.dof as i32));
+            let error = ForecastError::of(&score.misses, self.loss_unit);
+            let whole = ForecastError::whole(score.compared(), self.loss_unit);
+            let expected = EXPECTED.sd.loss * self.loss_unit;
+            let weight = (whole.sd.loss / expected).powi(-(whole.dof as i32));
             Belief { law: score.law, weight, error }
         };
         let mut beliefs: Vec<Belief> = self.scores.iter().map(of).collect();
@@ -123,7 +127,7 @@ pub struct Miss {
     /// How many budgets the law was fitted to.
     pub n_fitted: usize,
     /// What the runs of the budget saw of the data, the largest share of the sweep being 1.
-    #[serde(default = "largest", skip_serializing_if = "is_largest")]
+    #[serde(default = "one", skip_serializing_if = "is_one")]
     pub share: f64,
     pub budget_flops: f64,
     /// The budget over the largest that was fitted.
@@ -136,12 +140,12 @@ pub struct Miss {
     pub minimum: Option<MissedMinimum>,
 }
 
-fn largest() -> f64 {
+fn one() -> f64 {
     1.0
 }
 
-fn is_largest(share: &f64) -> bool {
-    *share == 1.0
+fn is_one(value: &f64) -> bool {
+    *value == 1.0
 }
 
 /// A value for the loss, and one for the logarithm of each part of an allocation.
@@ -186,26 +190,29 @@ const EXPECTED: ForecastError = ForecastError {
 
 impl ForecastError {
     /// The deviation of the loss for each factor e, had it been measured without noise.
-    pub(in crate::laws) fn whole<'a>(misses: impl IntoIterator<Item = &'a Miss>) -> Self {
+    pub(in crate::laws) fn whole<'a>(
+        misses: impl IntoIterator<Item = &'a Miss>,
+        loss_unit: f64,
+    ) -> Self {
         let noiseless = |miss: &Miss| {
             let loss = Off { measured_to: 0.0, ..miss.loss };
             Miss { loss, ..*miss }
         };
-        Self::of(&misses.into_iter().map(noiseless).collect::<Vec<_>>())
+        Self::of(&misses.into_iter().map(noiseless).collect::<Vec<_>>(), loss_unit)
     }
 
-    /// Of some misses, drawn towards what is expected.
+    /// Of some misses, drawn towards what is expected; `loss_unit` of the loss is worth a nat.
     ///
     /// A miss of variance r² ln² f + s² holds the law's own, r for each factor e, and that of the measured
     /// loss, s², which does not grow with the distance f: r² is what the squares leave beside s².
-    pub(in crate::laws) fn of(misses: &[Miss]) -> Self {
+    pub(in crate::laws) fn of(misses: &[Miss], loss_unit: f64) -> Self {
         let of_minimum = |of: fn(&MissedMinimum) -> Off, expected: f64| {
             let off = |miss: &Miss| miss.minimum.as_ref().map(of);
             growth(misses, off, expected)
         };
         let expected = EXPECTED.sd;
         let sd = Deviations {
-            loss: growth(misses, |miss| Some(miss.loss), expected.loss),
+            loss: growth(misses, |miss| Some(miss.loss), expected.loss * loss_unit),
             ln_size: of_minimum(|minimum| minimum.ln_size, expected.ln_size),
             ln_vocab: of_minimum(|minimum| minimum.ln_vocab, expected.ln_vocab),
             ln_tokens: of_minimum(|minimum| minimum.ln_tokens, expected.ln_tokens),
@@ -259,14 +266,14 @@ mod tests {
 
     #[test]
     fn untested_laws_are_expected_to_miss() {
-        assert_eq!(ForecastError::of(&[]), EXPECTED);
+        assert_eq!(ForecastError::of(&[], 1.0), EXPECTED);
     }
 
     #[test]
     fn misses_are_weighed_against_what_is_expected() {
         let misses = [(2, E, 0.06), (2, E * E, 0.12), (3, E, 0.06)];
         let misses = misses.map(|(n, factor, by)| miss(n, factor, exactly(by)));
-        let found = ForecastError::of(&misses);
+        let found = ForecastError::of(&misses, 1.0);
         assert_eq!((found.tested, found.dof), (2, 2 + EXPECTED.dof));
         assert!((found.sd.loss - drawn(2, 0.06, EXPECTED.sd.loss)).abs() < 1e-12, "{found:?}");
         assert!((found.sd.ln_size - drawn(2, 0.0, EXPECTED.sd.ln_size)).abs() < 1e-12, "{found:?}");
@@ -275,14 +282,15 @@ mod tests {
     #[test]
     fn a_doubtful_minimum_tests_the_loss_alone() {
         let doubtful = Miss { minimum: None, ..miss(2, E, exactly(0.06)) };
-        let found = ForecastError::of(&[doubtful]);
+        let found = ForecastError::of(&[doubtful], 1.0);
         assert!((found.sd.loss - drawn(1, 0.06, EXPECTED.sd.loss)).abs() < 1e-12, "{found:?}");
         assert_eq!((found.sd.ln_size, found.tested), (EXPECTED.sd.ln_size, 1));
     }
 
     #[test]
     fn what_a_minimum_is_measured_to_is_not_the_laws_miss() {
-        let seen = |by| ForecastError::of(&[miss(2, E, Off { by, measured_to: 0.03 })]).sd.loss;
+        let seen =
+            |by| ForecastError::of(&[miss(2, E, Off { by, measured_to: 0.03 })], 1.0).sd.loss;
         let of = |own: f64| drawn(1, own, EXPECTED.sd.loss);
         assert!((seen(0.05) - of(0.04)).abs() < 1e-12, "{}", seen(0.05));
         assert!((seen(0.02) - of(0.0)).abs() < 1e-12, "{}", seen(0.02));
@@ -298,6 +306,7 @@ mod tests {
             minima_method: MinimumMethod::Parabola,
             why: String::new(),
             scores,
+            loss_unit: 1.0,
         };
         recommended.beliefs().iter().map(|belief| belief.weight).collect()
     }
