@@ -109,7 +109,7 @@ fn minima(laws: &Laws) -> Option<Doubt> {
     let every = if n == all {
         format!("All {all} minima are in doubt")
     } else {
-        format!("{n} of {all} minima are in doubt")
+        format!("{n} of {all} minima {} in doubt", if n == 1 { "is" } else { "are" })
     };
     let what = match n {
         1..=3 => format!("{every}: {}", flagged.iter().map(named).collect::<Vec<_>>().join(", ")),
