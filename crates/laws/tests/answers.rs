@@ -143,6 +143,9 @@ fn public() -> Vec<(&'static str, Vec<IsoFlopPoint>)> {
 #[test]
 #[ignore = "a measurement of minutes; with --nocapture it prints the counts"]
 fn intervals_hold_later_minima_of_public_tables() {
+    let options =
+        FitOptions { bootstrap: 200, parameters: Parameters::Total, ..FitOptions::default() };
+    let fitted = |runs: &[IsoFlopPoint]| fit(runs, &options).unwrap();
     for metric in ["loss", LOSS_NORMALISED] {
         let (mut held, mut all) = (0, 0);
         for (name, mut runs) in public() {
