@@ -24,6 +24,11 @@ impl Scale {
     }
 }
 
+/// The least and the largest of some values; of none, infinite and the wrong way round.
+pub fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+}
+
 /// Which way an axis runs; it decides how much room a tick's label takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
@@ -55,8 +60,7 @@ impl Axis {
         values: impl IntoIterator<Item = f64>,
     ) -> Result<Axis, String> {
         let placed = values.into_iter().map(|value| scale.place(value)).filter(|v| v.is_finite());
-        let (low, high) =
-            placed.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let [low, high] = span(placed);
         if low > high {
             return Err(format!("no value of {label} can be placed on an axis"));
         }

@@ -12,7 +12,7 @@ use plotters::style::{Color, RGBColor};
 use super::colour::{Rgb, WHITE};
 use super::font::{FAMILY, Weight, font, measure, side_bearing};
 use super::pdf::pdf;
-use super::scene::{Anchor, Point, Scene, Shape, Text};
+use super::scene::{Point, Scene, Shape, Text};
 
 /// A backend's complaint.
 pub type DrawError = Box<dyn std::error::Error + Send + Sync>;
@@ -34,11 +34,7 @@ impl Format {
 
     /// How the names of its files end.
     pub fn extension(self) -> &'static str {
-        match self {
-            Format::Svg => "svg",
-            Format::Png => "png",
-            Format::Pdf => "pdf",
-        }
+        ["svg", "png", "pdf"][self as usize]
     }
 
     pub(super) fn bytes(self, scene: &Scene) -> Result<Vec<u8>, DrawError> {
@@ -104,11 +100,7 @@ fn line_of_text(text: &Text) -> String {
     let hang = HANG_EM * text.em;
     let (x, y) = text.at;
     let (x, y) = if text.upward { (unit(x - hang), unit(y)) } else { (unit(x), unit(y - hang)) };
-    let anchor = match text.anchor {
-        Anchor::Start => "start",
-        Anchor::Middle => "middle",
-        Anchor::End => "end",
-    };
+    let anchor = ["start", "middle", "end"][text.anchor as usize];
     // Rounded as in the figures that papers already show.
     let size = text.em * SVG_UNITS * 1.24 / 1.24;
     let weight = if text.weight == Weight::Bold { " font-weight=\"bold\"" } else { "" };

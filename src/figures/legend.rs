@@ -4,7 +4,7 @@ use super::axis::scientific;
 use super::cells::ModelSize;
 use super::colour::{MUTED, Rgb, categories, ordered};
 use super::font::{Weight, measure};
-use super::scene::{Anchor, Mark, Marker, Point, Scene, Stroke, Text, plain_text};
+use super::scene::{Anchor, Mark, Marker, Point, Scene, Stroke, plain_text};
 
 const EM: f64 = 12.0;
 const ROW: f64 = 20.0;
@@ -78,6 +78,11 @@ pub struct Legend {
 }
 
 impl Legend {
+    /// One that begins with a heading.
+    pub fn headed(text: &str) -> Legend {
+        Legend { rows: vec![Row::Heading(text.to_owned())] }
+    }
+
     pub fn heading(&mut self, text: &str) {
         self.rows.push(Row::Heading(text.to_owned()));
     }
@@ -129,8 +134,7 @@ impl Legend {
             y += advance(i, row);
             match row {
                 Row::Heading(text) => {
-                    let text = plain_text(text, (left, y), Anchor::Start, EM);
-                    scene.text(Text { weight: Weight::Bold, ..text });
+                    scene.text(plain_text(text, (left, y), Anchor::Start, EM).bold());
                 }
                 Row::Entry(sample, text) => entry(scene, *sample, text, (left, y)),
             }

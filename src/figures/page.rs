@@ -33,7 +33,8 @@ impl Page {
         let grid = Grid::of(&plots);
         let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
         let inner = Rect { left: area.left + left, bottom: area.bottom - NAME_ROOM, ..area };
-        let ragged = if grid.is_ragged() { TICK_ROOM } else { 0.0 };
+        let is_even = grid.panels.is_multiple_of(grid.columns);
+        let ragged = if is_even { 0.0 } else { TICK_ROOM };
         let gaps = Gaps { across: 24.0, down: 8.0 + ragged, below: TICK_ROOM, left: 0.0 };
         x_name(&mut scene, &plots[0].x.label, &inner, area.bottom);
         y_name(&mut scene, &plots[0].y.label, &inner, area.left);
@@ -63,8 +64,15 @@ impl Page {
     /// Writes title, remarks and legend; returns what is left for the panels.
     fn begin(&self) -> (Scene, Rect) {
         let mut scene = Scene::new(self.width, self.height);
-        let below_title = self.lines(&mut scene, &self.title, MARGIN, TITLE_EM, Weight::Bold);
-        let top = self.lines(&mut scene, &self.remarks, below_title, REMARK_EM, Weight::Normal);
+        let mut lines = |text: &str, top, em, weight| {
+            let width = self.width - 2.0 * MARGIN;
+            let lines = text.lines().flat_map(|line| wrap(line, weight, em, width)).collect();
+            let text = plain_text("", (MARGIN, top), Anchor::Start, em);
+            let colour = if weight == Weight::Bold { text.colour } else { MUTED };
+            scene.lines(lines, 1.4 * em, &Text { weight, colour, ..text })
+        };
+        let below_title = lines(&self.title, MARGIN, TITLE_EM, Weight::Bold);
+        let top = lines(&self.remarks, below_title, REMARK_EM, Weight::Normal);
         let column = self.legend.width();
         let legend_left = self.width - MARGIN - column;
         let right = if column > 0.0 { legend_left - 20.0 } else { self.width - MARGIN };
@@ -73,19 +81,6 @@ impl Page {
         scene.height = scene.height.max(top + 12.0 + self.legend.height() + MARGIN).ceil();
         let (left, bottom) = (MARGIN, scene.height - MARGIN);
         (scene, Rect { left, top: top + 10.0, right, bottom })
-    }
-
-    /// Writes wrapped lines from `top` on; returns where they end.
-    fn lines(&self, scene: &mut Scene, text: &str, top: f64, em: f64, weight: Weight) -> f64 {
-        let mut y = top;
-        let width = self.width - 2.0 * MARGIN;
-        for line in text.lines().flat_map(|line| wrap(line, weight, em, width)) {
-            y += 1.4 * em;
-            let text = plain_text(&line, (MARGIN, y - 0.4 * em), Anchor::Start, em);
-            let colour = if weight == Weight::Bold { text.colour } else { MUTED };
-            scene.text(Text { weight, colour, ..text });
-        }
-        y
     }
 }
 
@@ -122,10 +117,6 @@ impl Grid {
         Grid { panels, columns, rows: panels.div_ceil(columns), title }
     }
 
-    fn is_ragged(self) -> bool {
-        !self.panels.is_multiple_of(self.columns)
-    }
-
     fn panels(self, plots: Vec<Plot>, area: &Rect, gaps: Gaps, shared: bool) -> Vec<Panel> {
         let panel = |(i, plot)| self.panel(i, plot, area, gaps, shared);
         plots.into_iter().enumerate().map(panel).collect()
@@ -140,12 +131,8 @@ impl Grid {
         let left = area.left + column as f64 * (width + gaps.across);
         let top = area.top + row as f64 * (height + gaps.down);
         let below = if shared { 0.0 } else { gaps.below };
-        let frame = Rect {
-            left: left + gaps.left,
-            top: top + self.title,
-            right: left + width,
-            bottom: top + height - below,
-        };
+        let (right, bottom) = (left + width, top + height - below);
+        let frame = Rect { left: left + gaps.left, top: top + self.title, right, bottom };
         let x_labels = !shared || i + self.columns >= self.panels;
         Panel { frame, plot, x_labels, y_labels: !shared || column == 0 }
     }

@@ -34,11 +34,10 @@ impl PlannedRun {
 
     /// FLOPs of the budget that the run's own job trains: all but what its trunk does.
     pub fn own_flops(&self) -> f64 {
-        match (&self.trunk_id, self.spec.decay_steps) {
-            (Some(_), Some(decay)) => {
-                self.spec.budget_flops * decay as f64 / self.spec.steps as f64
-            }
-            _ => self.spec.budget_flops,
+        let RunSpec { budget_flops, steps, decay_steps, .. } = self.spec;
+        match (&self.trunk_id, decay_steps) {
+            (Some(_), Some(decay)) => budget_flops * decay as f64 / steps as f64,
+            _ => budget_flops,
         }
     }
 }

@@ -85,7 +85,7 @@ impl LocalPool<'_> {
             };
             // It may have taken more memory than there was.
             let is_large = failure.kind == FailureKind::OutOfMemory;
-            if shared.tries(&job.id) >= RETRIES {
+            if shared.count_try(&job.id) > RETRIES {
                 return Some(self.give_up(job, failure));
             }
             let what = match is_large {
@@ -93,7 +93,6 @@ impl LocalPool<'_> {
                 false => "starting it again",
             };
             self.display.warn(&format!("{}: {sentence}; {what}", job.label));
-            shared.has_tried(&job.id);
             if is_large {
                 return None;
             }
@@ -134,7 +133,7 @@ struct State {
     waiting: Waiting,
     /// Peak bytes of the job of each slot that is at work.
     running: HashMap<usize, u64>,
-    /// Times that a job was started before.
+    /// Times that a job was started.
     tries: HashMap<JobId, usize>,
     reports: Vec<JobReport>,
 }
@@ -197,12 +196,12 @@ impl Shared {
         self.changed.notify_all();
     }
 
-    fn tries(&self, job: &JobId) -> usize {
-        self.lock().tries.get(job).copied().unwrap_or(0)
-    }
-
-    fn has_tried(&self, job: &JobId) {
-        *self.lock().tries.entry(job.clone()).or_default() += 1;
+    /// How often a job was tried, this time included.
+    fn count_try(&self, job: &JobId) -> usize {
+        let mut state = self.lock();
+        let tries = state.tries.entry(job.clone()).or_default();
+        *tries += 1;
+        *tries
     }
 }
 

@@ -2,11 +2,9 @@
 
 use super::curve::Curve;
 use super::gpus::{Gpus, VISIBLE};
-use crate::engine::Track;
-use crate::engine::runner::{JobEnd, Runner};
+use crate::engine::runner::{JobEnd, Runner, Track};
 use crate::failure::{Failure, FailureKind};
-use crate::files;
-use crate::files::FileError;
+use crate::files::{self, FileError};
 use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, killed_by, last_lines, write_failure};
 use crate::jobs::{Job, JobKind, ResultsFolder, program};
 use crate::machine::Kills;

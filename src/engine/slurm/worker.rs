@@ -3,8 +3,7 @@
 use super::command::{QUERY, Settings, Shell, System};
 use super::files::{ChunkFile, SlurmFolder, Timed, token};
 use crate::engine::local::{Display, Gpus, LocalPool, LocalProcesses};
-use crate::engine::runner::Task;
-use crate::engine::{JobEnd, Runner};
+use crate::engine::runner::{JobEnd, Runner, Task};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

@@ -8,7 +8,7 @@ use super::room::{Bounds, Segment, View, patch, path, see, within};
 use crate::figures::colour::{GRID, INK, MUTED, WHITE};
 use crate::figures::font::{Weight, measure};
 use crate::figures::formats::{self, DrawError, raster};
-use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, Text, plain_text};
+use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, plain_text};
 use crate::motion::Pose;
 
 /// Poses of a row.
@@ -87,7 +87,9 @@ impl Row<'_> {
             let centre = MARGIN + CELL_WIDTH * (column as f64 + 0.5);
             let corner = (centre - scale * middle, top + scale * bounds.top);
             self.cell(&mut scene, frame, scale, corner);
-            self.label(&mut scene, frame, (centre, top + height + 1.1 * LABEL_EM));
+            let seconds = format!("{:.1} s", frame as f64 / f64::from(self.fps));
+            let at = (centre, top + height + 1.1 * LABEL_EM);
+            scene.text(plain_text(&seconds, at, Anchor::Middle, LABEL_EM).coloured(MUTED));
         }
         scene.height = (top + height + 2.0 * LABEL_EM + MARGIN / 2.0).ceil();
         scene
@@ -100,14 +102,8 @@ impl Row<'_> {
         let (corner, width) = ((MARGIN, MARGIN / 2.0), WIDTH - 2.0 * MARGIN - room);
         let y = caption::write(scene, self.caption, TITLE_EM, corner, width);
         let at = (WIDTH - MARGIN, MARGIN / 2.0 + 0.95 * TITLE_EM);
-        scene.text(Text { colour: MUTED, ..plain_text(&facts, at, Anchor::End, LABEL_EM) });
+        scene.text(plain_text(&facts, at, Anchor::End, LABEL_EM).coloured(MUTED));
         y.max(MARGIN / 2.0 + 1.35 * TITLE_EM) + 4.0
-    }
-
-    fn label(&self, scene: &mut Scene, frame: usize, at: Point) {
-        let seconds = format!("{:.1} s", frame as f64 / f64::from(self.fps));
-        let text = plain_text(&seconds, at, Anchor::Middle, LABEL_EM);
-        scene.text(Text { colour: MUTED, ..text });
     }
 
     /// A pose, the ground round it, and the path that led to it; the ground below the root is seen
@@ -118,17 +114,13 @@ impl Row<'_> {
         let seen = see(root);
         let origin = (corner.0 - scale * seen.right, corner.1 + scale * seen.up);
         let view = View { scale, origin };
-        let mut ground_line = |line: Segment, stroke| {
-            scene.line(&line.map(|end| view.point(end)), stroke);
+        let mut ground_line = |line: Segment, colour| {
+            scene.line(&line.map(|end| view.point(end)), Stroke::solid(colour, 1.0));
         };
-        for line in patch(root, GROUND_RADIUS) {
-            ground_line(line, Stroke::solid(GRID, 1.0));
-        }
-        for step in path.windows(2) {
-            if let Some(step) = within([step[0], step[1]], root, GROUND_RADIUS) {
-                ground_line(step, Stroke::solid(MUTED, 1.0));
-            }
-        }
+        patch(root, GROUND_RADIUS).into_iter().for_each(|line| ground_line(line, GRID));
+        let steps = path.windows(2).map(|step| [step[0], step[1]]);
+        let steps = steps.filter_map(|step| within(step, root, GROUND_RADIUS));
+        steps.for_each(|step| ground_line(step, MUTED));
         body(scene, &self.poses[frame], &view);
     }
 }
