@@ -90,8 +90,8 @@ impl Axis {
     }
 
     /// The values at both ends.
-    pub fn ends(&self) -> (f64, f64) {
-        (self.value(0.0), self.value(1.0))
+    pub fn ends(&self) -> [f64; 2] {
+        [0.0, 1.0].map(|share| self.value(share))
     }
 
     pub fn holds(&self, value: f64) -> bool {
@@ -101,7 +101,7 @@ impl Axis {
     /// The ticks for an axis `length` pixels long, labelled as densely as the labels fit.
     pub fn ticks(&self, length: f64, direction: Direction) -> Vec<Tick> {
         let fits = |ticks: &[Tick]| self.labels_fit(ticks, length, direction);
-        let (low, high) = self.ends();
+        let [low, high] = self.ends();
         match (&self.at, self.scale) {
             (Some(values), _) => self.thinned(values, length, direction),
             (None, Scale::Linear) => linear_ticks(low, high, fits),

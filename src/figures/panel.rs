@@ -77,8 +77,8 @@ impl Plot {
     }
 
     /// A function of x between two values of x.
-    pub fn curve(&mut self, (from, to): (f64, f64), y_of_x: impl Fn(f64) -> f64, stroke: Stroke) {
-        let (first, last) = (self.x.share(from), self.x.share(to));
+    pub fn curve(&mut self, ends: [f64; 2], y_of_x: impl Fn(f64) -> f64, stroke: Stroke) {
+        let [first, last] = ends.map(|x| self.x.share(x));
         let step = (last - first) / CURVE_POINTS as f64;
         let xs = (0..=CURVE_POINTS).map(|i| self.x.value(first + step * i as f64));
         let points: Vec<Point> = xs.map(|x| (x, y_of_x(x))).collect();
@@ -90,10 +90,15 @@ impl Plot {
         self.items.push(Item::Mark(at, mark));
     }
 
+    /// Markers at data points, all in one look.
+    pub fn marks(&mut self, points: impl IntoIterator<Item = Point>, look: Look) {
+        self.items.extend(points.into_iter().map(|at| Item::Mark(at, look.mark())));
+    }
+
     /// Points joined by a line and marked, all in one look.
-    pub fn series(&mut self, points: &[Point], look: Look) {
-        self.line(points.iter().copied(), look.stroke());
-        points.iter().for_each(|at| self.mark(*at, look.mark()));
+    pub fn series(&mut self, points: impl Iterator<Item = Point> + Clone, look: Look) {
+        self.line(points.clone(), look.stroke());
+        self.marks(points, look);
     }
 
     /// A bar of one standard error to either side of a point, if it is known.

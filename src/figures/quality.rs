@@ -62,14 +62,12 @@ pub fn quality(sweep: &str, rows: &[Quality]) -> Drawing {
     let plot = |[along, up]: &[Quantity; 2]| {
         let mut plot = plot([along, up], rows)?;
         for (own, look) in series.values().zip(&looks) {
-            let points = own.iter().filter_map(|row| point(along, up, row));
-            points.for_each(|at| plot.mark(at, look.mark()));
+            plot.marks(own.iter().filter_map(|row| point(along, up, row)), *look);
         }
         Ok(plot)
     };
     let plots = PANELS.iter().map(plot).collect::<Result<Vec<_>, String>>()?;
-    let mut legend = Legend::default();
-    legend.heading("Generator, V");
+    let mut legend = Legend::headed("Generator, V");
     for ((generator, n_vocab), look) in series.keys().zip(&looks) {
         legend.entry(Sample::Mark(look.mark()), format!("{generator} {n_vocab}"));
     }
