@@ -75,14 +75,12 @@ pub fn explain_roles(legend: &mut Legend, laws: &Laws, colour: fn(Role) -> Rgb) 
 
 /// Values that an axis must hold: those of trusted points, and flagged ones within a decade.
 pub fn within_reach(points: &[(f64, Role)]) -> Vec<f64> {
-    let trusted: Vec<f64> =
-        points.iter().filter(|(_, role)| *role != Role::Flagged).map(|(value, _)| *value).collect();
-    if trusted.is_empty() {
-        return points.iter().map(|(value, _)| *value).collect();
-    }
-    let [low, high] = span(trusted.into_iter());
+    let values = points.iter().map(|(value, _)| *value);
+    let trusted = points.iter().filter(|(_, role)| *role != Role::Flagged);
+    let [low, high] = span(trusted.clone().map(|(value, _)| *value));
     let reach = low / 10.0..=high * 10.0;
-    points.iter().map(|(value, _)| *value).filter(|value| reach.contains(value)).collect()
+    let has_none = trusted.count() == 0;
+    values.filter(|value| has_none || reach.contains(value)).collect()
 }
 
 /// Says how many minima a figure's axes leave outside; empty where all are shown.

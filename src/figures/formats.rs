@@ -69,20 +69,21 @@ pub fn svg(scene: &Scene, before: &str, after: &str) -> String {
 
 fn element(shape: &Shape) -> String {
     match shape {
-        Shape::Line { points, width, colour } => format!(
-            "<polyline fill=\"none\" opacity=\"1\" stroke=\"{colour}\" stroke-width=\"{}\" \
-             points=\"{}\"/>\n",
-            unit(*width),
-            corners(points)
-        ),
+        Shape::Line { points, width, colour } => {
+            let (width, corners) = (unit(*width), corners(points));
+            format!(
+                "<polyline fill=\"none\" opacity=\"1\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+                 points=\"{corners}\"/>\n"
+            )
+        }
         Shape::Area { points, colour } => area(points, *colour),
-        Shape::Disc { centre: (x, y), radius, colour } => format!(
-            "<circle cx=\"{}\" cy=\"{}\" r=\"{}\" opacity=\"1\" fill=\"{colour}\" \
-             stroke=\"none\" stroke-width=\"1\"/>\n",
-            unit(*x),
-            unit(*y),
-            unit(*radius)
-        ),
+        Shape::Disc { centre: (x, y), radius, colour } => {
+            let [x, y, radius] = [x, y, radius].map(|length| unit(*length));
+            format!(
+                "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" opacity=\"1\" fill=\"{colour}\" \
+                 stroke=\"none\" stroke-width=\"1\"/>\n"
+            )
+        }
         Shape::Text(text) => line_of_text(text),
     }
 }
@@ -106,12 +107,11 @@ fn line_of_text(text: &Text) -> String {
     let weight = if text.weight == Weight::Bold { " font-weight=\"bold\"" } else { "" };
     let turn = format!(" transform=\"rotate(270, {x}, {y})\"");
     let turn = if text.upward { turn.as_str() } else { "" };
+    let (colour, content) = (text.colour, escaped(&text.content));
     format!(
         "<text x=\"{x}\" y=\"{y}\" dy=\"{HANG_EM}em\" text-anchor=\"{anchor}\" \
-         font-family=\"{FAMILY}\" font-size=\"{size}\" opacity=\"1\" fill=\"{}\"{weight}{turn}>\n\
-         {}\n</text>\n",
-        text.colour,
-        escaped(&text.content)
+         font-family=\"{FAMILY}\" font-size=\"{size}\" opacity=\"1\" fill=\"{colour}\"{weight}{turn}>\n\
+         {content}\n</text>\n"
     )
 }
 
@@ -202,8 +202,8 @@ impl Pen<'_> {
         }
         let half = width / 2.0 / dx.hypot(dy);
         let (nx, ny) = (-dy * half, dx * half);
-        let corners = [(a.0 + nx, a.1 + ny), (b.0 + nx, b.1 + ny), (b.0 - nx, b.1 - ny)];
-        self.area(&[corners[0], corners[1], corners[2], (a.0 - nx, a.1 - ny)], colour)
+        let [p, q] = [(a.0 + nx, a.1 + ny), (b.0 + nx, b.1 + ny)];
+        self.area(&[p, q, (b.0 - nx, b.1 - ny), (a.0 - nx, a.1 - ny)], colour)
     }
 
     /// Text as pixels, glyph by glyph, each at its kerned place and side bearing.

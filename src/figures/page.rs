@@ -117,24 +117,21 @@ impl Grid {
         Grid { panels, columns, rows: panels.div_ceil(columns), title }
     }
 
+    /// The panels in `area`; `shared` axes are valued on the outer sides only.
     fn panels(self, plots: Vec<Plot>, area: &Rect, gaps: Gaps, shared: bool) -> Vec<Panel> {
-        let panel = |(i, plot)| self.panel(i, plot, area, gaps, shared);
-        plots.into_iter().enumerate().map(panel).collect()
-    }
-
-    /// The i-th panel in `area`; `shared` axes are valued on the outer sides only.
-    fn panel(self, i: usize, plot: Plot, area: &Rect, gaps: Gaps, shared: bool) -> Panel {
-        let (row, column) = (i / self.columns, i % self.columns);
-        let last_below = if shared { gaps.below } else { 0.0 };
+        let (last_below, below) = if shared { (gaps.below, 0.0) } else { (0.0, gaps.below) };
         let width = share(area.width(), self.columns, gaps.across);
         let height = share(area.height() - last_below, self.rows, gaps.down);
-        let left = area.left + column as f64 * (width + gaps.across);
-        let top = area.top + row as f64 * (height + gaps.down);
-        let below = if shared { 0.0 } else { gaps.below };
-        let (right, bottom) = (left + width, top + height - below);
-        let frame = Rect { left: left + gaps.left, top: top + self.title, right, bottom };
-        let x_labels = !shared || i + self.columns >= self.panels;
-        Panel { frame, plot, x_labels, y_labels: !shared || column == 0 }
+        let panel = |(i, plot)| {
+            let (row, column) = (i / self.columns, i % self.columns);
+            let left = area.left + column as f64 * (width + gaps.across);
+            let top = area.top + row as f64 * (height + gaps.down);
+            let (right, bottom) = (left + width, top + height - below);
+            let frame = Rect { left: left + gaps.left, top: top + self.title, right, bottom };
+            let x_labels = !shared || i + self.columns >= self.panels;
+            Panel { frame, plot, x_labels, y_labels: !shared || column == 0 }
+        };
+        plots.into_iter().enumerate().map(panel).collect()
     }
 }
 

@@ -126,16 +126,12 @@ impl Loop {
 
     /// A bar below the motion that fills while it moves.
     pub fn progress(&self, (x, y): Point, width: f64) -> String {
+        let [x, y, full] = [x, y, width].map(unit);
+        let Self { seconds, moving, .. } = self;
         format!(
-            "<rect x=\"{}\" y=\"{}\" width=\"{full}\" height=\"30\" fill=\"{}\">\
-             <animate attributeName=\"width\" dur=\"{:.3}s\" repeatCount=\"indefinite\" \
-             values=\"0;{full};{full}\" keyTimes=\"0;{:.4};1\"/></rect>\n",
-            unit(x),
-            unit(y),
-            INK,
-            self.seconds,
-            self.moving,
-            full = unit(width),
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{full}\" height=\"30\" fill=\"{INK}\">\
+             <animate attributeName=\"width\" dur=\"{seconds:.3}s\" repeatCount=\"indefinite\" \
+             values=\"0;{full};{full}\" keyTimes=\"0;{moving:.4};1\"/></rect>\n"
         )
     }
 

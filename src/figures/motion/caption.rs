@@ -22,14 +22,12 @@ fn lines(caption: &str, em: f64, width: f64) -> Vec<String> {
 
 /// A word in pieces no wider than `width`.
 fn pieces(word: &str, em: f64, width: f64) -> Vec<String> {
-    let mut pieces = vec![String::new()];
+    let mut pieces: Vec<String> = Vec::new();
     for letter in word.chars() {
-        let last = pieces.len() - 1;
-        let longer = format!("{}{letter}", pieces[last]);
-        if pieces[last].is_empty() || measure(&longer, Weight::Bold, em) <= width {
-            pieces[last] = longer;
-        } else {
-            pieces.push(letter.to_string());
+        let fits = |piece: &String| measure(&format!("{piece}{letter}"), Weight::Bold, em) <= width;
+        match pieces.last_mut() {
+            Some(piece) if fits(piece) => piece.push(letter),
+            _ => pieces.push(letter.to_string()),
         }
     }
     pieces
