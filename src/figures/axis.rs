@@ -117,10 +117,9 @@ impl Axis {
     }
 
     fn labels_fit(&self, ticks: &[Tick], length: f64, direction: Direction) -> bool {
-        let labelled = ticks.iter().filter_map(|tick| Some((tick.value, tick.label.as_deref()?)));
-        let spans: Vec<_> = labelled
-            .map(|(value, label)| extent(self.share(value) * length, label, direction))
-            .collect();
+        let centre = |tick: &Tick| self.share(tick.value) * length;
+        let of = |tick| Some(extent(centre(tick), tick.label.as_deref()?, direction));
+        let spans: Vec<_> = ticks.iter().filter_map(of).collect();
         spans.windows(2).all(|pair| pair[0].1 <= pair[1].0)
     }
 
@@ -175,17 +174,14 @@ fn log_ticks(low: f64, high: f64, fits: impl Fn(&[Tick]) -> bool) -> Vec<Tick> {
     let fitting: Vec<_> = sets.into_iter().filter(|ticks| fits(ticks)).collect();
     let enough = fitting.iter().find(|ticks| ticks.len() >= ENOUGH);
     match enough.or(fitting.last()).cloned() {
-        None => strided(low, high, fits),
+        None => {
+            // Labels at every n-th decade, for the smallest n that fits.
+            let mut sparser = (2..=64).map(|stride| labelled(low, high, &[1], stride));
+            with_minor(low, high, sparser.find(|ticks| fits(ticks)).unwrap_or_default())
+        }
         Some(best) if best.len() < 2 && high / low < 10.0 => linear_ticks(low, high, fits),
         Some(best) => with_minor(low, high, best),
     }
-}
-
-/// Labels at every n-th decade, for the smallest n that fits.
-fn strided(low: f64, high: f64, fits: impl Fn(&[Tick]) -> bool) -> Vec<Tick> {
-    let sparser = (2..=64).map(|stride| labelled(low, high, &[1], stride));
-    let found = sparser.into_iter().find(|ticks| fits(ticks));
-    with_minor(low, high, found.unwrap_or_default())
 }
 
 fn decades(low: f64, high: f64) -> std::ops::RangeInclusive<i32> {
@@ -220,8 +216,8 @@ fn with_minor(low: f64, high: f64, mut ticks: Vec<Tick>) -> Vec<Tick> {
 
 /// Ticks at multiples of 1, 2 or 5 times a power of ten: at most eight, fewer where they must fit.
 fn linear_ticks(low: f64, high: f64, fits: impl Fn(&[Tick]) -> bool) -> Vec<Tick> {
-    let sets = (1..=8).rev().map(|intervals| evenly(low, high, intervals));
-    sets.into_iter().find(|ticks| fits(ticks)).unwrap_or_default()
+    let mut sets = (1..=8).rev().map(|intervals| evenly(low, high, intervals));
+    sets.find(|ticks| fits(ticks)).unwrap_or_default()
 }
 
 fn evenly(low: f64, high: f64, intervals: u32) -> Vec<Tick> {

@@ -110,8 +110,7 @@ fn show_laws(plot: &mut Plot, legend: &mut Legend, laws: &Laws) {
     let (fitted, implied) = (law_stroke(LAW), law_stroke(SECOND_LAW).dashed());
     legend.heading("Nᵥ ∝ Nₙᵥ to the power γ");
     if let Some(law) = &laws.vocab_from_nonvocab {
-        let text = format!("fitted: γ = {}", signed(law.exponent, 3));
-        legend.entry(Sample::Line(fitted), text);
+        legend.entry(Sample::Line(fitted), format!("fitted: γ = {}", signed(law.exponent, 3)));
     }
     if let (Some(vocab), Some(nonvocab)) =
         (&laws.power_laws.params_vocab, &laws.power_laws.params_nonvocab)
@@ -155,10 +154,8 @@ pub fn compare(studies: &[Study]) -> Drawing {
 }
 
 fn side_by_side(quantity: &Quantity, studies: &[Study], looks: &[Look]) -> Result<Plot, String> {
-    let points = |laws| -> Vec<Point> {
-        let at = |minimum: &Minimum| (minimum.budget_flops, (quantity.of)(minimum));
-        minima(laws).into_iter().map(|(minimum, _)| at(minimum)).collect()
-    };
+    let at = |(minimum, _): (&Minimum, Role)| (minimum.budget_flops, (quantity.of)(minimum));
+    let points = |laws| minima(laws).into_iter().map(at);
     let all: Vec<Point> = studies.iter().flat_map(|(_, laws)| points(laws)).collect();
     if all.is_empty() {
         return Err("no study holds a minimum".to_string());

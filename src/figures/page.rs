@@ -29,9 +29,7 @@ pub struct Page {
 impl Page {
     /// Small multiples: all panels have the same axes, named once, valued on the outer sides.
     pub fn multiples(&self, plots: Vec<Plot>) -> Scene {
-        let (mut scene, area) = self.begin();
-        let grid = Grid::of(&plots);
-        let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
+        let (mut scene, area, grid, left) = self.begin(&plots);
         let inner = Rect { left: area.left + left, bottom: area.bottom - NAME_ROOM, ..area };
         let is_even = grid.panels.is_multiple_of(grid.columns);
         let ragged = if is_even { 0.0 } else { TICK_ROOM };
@@ -46,9 +44,7 @@ impl Page {
 
     /// Panels side by side, each with axes of its own.
     pub fn panels(&self, plots: Vec<Plot>) -> Scene {
-        let (mut scene, area) = self.begin();
-        let grid = Grid::of(&plots);
-        let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
+        let (mut scene, area, grid, left) = self.begin(&plots);
         let below = TICK_ROOM + NAME_ROOM;
         let gaps = Gaps { across: 16.0, down: 12.0, below, left };
         let panels = grid.panels(plots, &area, gaps, false);
@@ -61,8 +57,9 @@ impl Page {
         scene
     }
 
-    /// Writes title, remarks and legend; returns what is left for the panels.
-    fn begin(&self) -> (Scene, Rect) {
+    /// Writes title, remarks and legend; returns what is left for the panels, how they stand in it, and the room
+    /// left of the outermost.
+    fn begin(&self, plots: &[Plot]) -> (Scene, Rect, Grid, f64) {
         let mut scene = Scene::new(self.width, self.height);
         let mut lines = |text: &str, top, em, weight| {
             let width = self.width - 2.0 * MARGIN;
@@ -79,8 +76,11 @@ impl Page {
         self.legend.draw(&mut scene, (legend_left, top + 12.0));
         // A long legend lengthens the page.
         scene.height = scene.height.max(top + 12.0 + self.legend.height() + MARGIN).ceil();
-        let (left, bottom) = (MARGIN, scene.height - MARGIN);
-        (scene, Rect { left, top: top + 10.0, right, bottom })
+        let bottom = scene.height - MARGIN;
+        let (area, grid) = (Rect { left: MARGIN, top: top + 10.0, right, bottom }, Grid::of(plots));
+        let height = area.height() / grid.rows as f64;
+        let widest = plots.iter().map(|plot| plot.y.label_width(height)).fold(0.0, f64::max);
+        (scene, area, grid, NAME_ROOM + (widest.ceil() + 10.0))
     }
 }
 
@@ -138,11 +138,6 @@ impl Grid {
 /// What each of `n` gets of a length with gaps between them.
 fn share(length: f64, n: usize, gap: f64) -> f64 {
     (length - gap * (n - 1) as f64) / n as f64
-}
-
-fn widest_label(plots: &[Plot], height: f64) -> f64 {
-    let widths = plots.iter().map(|plot| plot.y.label_width(height));
-    widths.fold(0.0, f64::max).ceil() + 10.0
 }
 
 fn x_name(scene: &mut Scene, name: &str, frame: &Rect, bottom: f64) {

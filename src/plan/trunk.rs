@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 
-use crate::sweep::{BatchRule, LrRule, RateParams, TrainSection};
+use crate::sweep::{BatchRule, LrRule, ModelEntry, RateParams, TrainSection};
 
 /// A stretch of training from one branching point to the next.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -146,15 +146,10 @@ pub struct Dropped {
 impl Dropped {
     /// A cell of the grid.
     pub fn new(cell: &GridCell, reason: String) -> Self {
-        Self {
-            n_layer: cell.model.n_layer,
-            n_head: cell.model.n_head,
-            d_model: cell.model.d_model,
-            n_vocab: cell.quantizer.n_vocab(),
-            budget_flops: cell.budget_flops,
-            share: cell.share,
-            reason,
-        }
+        let GridCell { model, quantizer, budget_flops, share, .. } = cell;
+        let ModelEntry { n_layer, n_head, d_model, .. } = *model;
+        let (n_vocab, budget_flops, share) = (quantizer.n_vocab(), *budget_flops, *share);
+        Self { n_layer, n_head, d_model, n_vocab, budget_flops, share, reason }
     }
 }
 

@@ -164,7 +164,11 @@ impl Shared {
                 let stopped = state.waiting.drain();
                 state.report(stopped, &JobEnd::Stopped);
             }
-            if let Some(job) = state.take(self.memory_bytes) {
+            // The most urgent that is ready and whose memory is left; with nothing at work, any.
+            let State { waiting, running, .. } = &mut *state;
+            let used = running.values().fold(0, |sum: u64, peak| sum.saturating_add(*peak));
+            let fits = |job: &Job| used.saturating_add(job.peak_bytes) <= self.memory_bytes;
+            if let Some(job) = waiting.take(|job| running.is_empty() || fits(job)) {
                 state.running.insert(slot, job.peak_bytes);
                 return Some(job);
             }
@@ -217,13 +221,6 @@ fn orphaned(need: &JobReport) -> JobEnd {
 }
 
 impl State {
-    /// The most urgent job that is ready and whose memory is left; with nothing at work, any.
-    fn take(&mut self, memory_bytes: u64) -> Option<Job> {
-        let used = self.running.values().fold(0, |sum: u64, peak| sum.saturating_add(*peak));
-        let alone = self.running.is_empty();
-        self.waiting.take(|job| alone || used.saturating_add(job.peak_bytes) <= memory_bytes)
-    }
-
     fn report(&mut self, jobs: Vec<Job>, end: &JobEnd) {
         self.reports.extend(jobs.into_iter().map(|job| JobReport { job, end: end.clone() }));
     }

@@ -139,12 +139,11 @@ impl Here<'_> {
         let bytes = self.0.memory_bytes.or_else(machine::available)?;
         let largest = jobs.iter().max_by_key(|job| job.peak_bytes)?;
         if largest.peak_bytes > bytes {
+            let [wanted, there] = [largest.peak_bytes, bytes].map(|bytes| bytes as f64 / 1e9);
             self.0.tell.warn(&format!(
-                "{} wants {:.1} GB of memory at its peak, and there are {:.1} GB: it runs alone, \
-                 and may be killed",
-                largest.label,
-                largest.peak_bytes as f64 / 1e9,
-                bytes as f64 / 1e9
+                "{} wants {wanted:.1} GB of memory at its peak, and there are {there:.1} GB: it runs \
+                 alone, and may be killed",
+                largest.label
             ));
         }
         Some(bytes)
@@ -164,8 +163,6 @@ fn time_spent(spent: &Spent, slots: usize) -> String {
 /// are of the same build even when the file has been replaced or removed since.
 fn own_program() -> Result<PathBuf> {
     let image = PathBuf::from(format!("/proc/{}/exe", std::process::id()));
-    if image.exists() {
-        return Ok(image);
-    }
-    std::env::current_exe().context("finding this program")
+    let this = || std::env::current_exe().context("finding this program");
+    if image.exists() { Ok(image) } else { this() }
 }

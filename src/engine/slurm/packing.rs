@@ -24,11 +24,8 @@ impl Cluster<'_> {
     /// Submits; in fewer and longer tasks, where Slurm takes no more.
     pub fn submit(&self, jobs: &[Job]) -> Result<(u32, Vec<Entry>)> {
         let tell = self.request.tell;
-        for name in site_defaults() {
-            tell.note(&format!(
-                "{name} is set in this shell and applies wherever the sweep is silent"
-            ));
-        }
+        let rest = "is set in this shell and applies wherever the sweep is silent";
+        site_defaults().iter().for_each(|name| tell.note(&format!("{name} {rest}")));
         let program = std::env::current_exe().context("finding this program")?;
         let bytes = fs::read(&program).with_context(|| format!("reading {}", program.display()))?;
         let digest = &blake3::hash(&bytes).to_hex().to_string()[..16];
@@ -63,9 +60,9 @@ impl Cluster<'_> {
         estimates: &Estimates,
         max_tasks: usize,
     ) -> Result<Submission> {
-        let (plan, folder) = (self.request.plan, &self.folder);
-        let reads: HashMap<JobId, Vec<JobId>> =
-            all_jobs(plan).map(|job| (job.id, job.needs)).collect();
+        let folder = &self.folder;
+        let reads = all_jobs(self.request.plan).map(|job| (job.id, job.needs));
+        let reads: HashMap<JobId, Vec<JobId>> = reads.collect();
         let layout = Layout {
             settings: &self.settings,
             estimates,
@@ -120,10 +117,9 @@ impl Cluster<'_> {
                 (None, _) => Estimates { flops_per_second: GPU, source: "guessed" },
             },
         };
-        let Estimates { flops_per_second, source } = &estimates;
-        self.request
-            .tell
-            .note(&format!("runs are packed by {flops_per_second:.2e} FLOPs a second, {source}"));
+        let Estimates { flops_per_second: rate, source } = &estimates;
+        let line = format!("runs are packed by {rate:.2e} FLOPs a second, {source}");
+        self.request.tell.note(&line);
         Ok(estimates)
     }
 }

@@ -86,7 +86,11 @@ pub fn arrays(jobs: &[Job], layout: &Layout) -> Vec<Array> {
     let is_first = |unit: &Unit| unit.jobs.iter().any(|timed| first.contains(&timed.job.id));
     let (tried, train): (Vec<Unit>, Vec<Unit>) = of(Stage::Train).into_iter().partition(is_first);
     out.add(Stage::Train, alone(tried));
-    for group in pack(out.groups(train), layout, spared) {
+    let mut groups: BTreeMap<BTreeSet<After>, Vec<Unit>> = BTreeMap::new();
+    for unit in train {
+        groups.entry(out.after(&unit)).or_default().push(unit);
+    }
+    for group in pack(groups.into_values().collect(), layout, spared) {
         out.add(Stage::Train, group);
     }
     out.named()
@@ -163,15 +167,6 @@ impl Arrays<'_> {
             None => self.makers.get(need).cloned(),
         };
         needs.filter_map(task).collect()
-    }
-
-    /// Units by what they wait for.
-    fn groups(&self, units: Vec<Unit>) -> Vec<Vec<Unit>> {
-        let mut groups: BTreeMap<BTreeSet<After>, Vec<Unit>> = BTreeMap::new();
-        for unit in units {
-            groups.entry(self.after(&unit)).or_default().push(unit);
-        }
-        groups.into_values().collect()
     }
 
     /// Adds an array of chunks, or several where one would be too long.

@@ -94,16 +94,15 @@ impl Submission {
 
     /// What a step waits for: an array for the success of certain tasks, the fit for the end of all.
     fn dependency(&self, step: &Array, ids: &[String]) -> Option<String> {
-        if step.stage == Stage::Fit {
-            let all: Vec<&str> = ids.iter().chain(&self.queued).map(String::as_str).collect();
-            return (!all.is_empty()).then(|| format!("afterany:{}", all.join(":")));
-        }
         let task = |after: &After| match after {
             After::Ours { array, index } => format!("{}_{index}", ids[*array]),
             After::Queued(task) => task.clone(),
         };
-        let tasks: Vec<String> = step.after.iter().map(task).collect();
-        (!tasks.is_empty()).then(|| format!("afterok:{}", tasks.join(":")))
+        let (how, jobs): (&str, Vec<String>) = match step.stage {
+            Stage::Fit => ("afterany", ids.iter().chain(&self.queued).cloned().collect()),
+            _ => ("afterok", step.after.iter().map(task).collect()),
+        };
+        (!jobs.is_empty()).then(|| format!("{how}:{}", jobs.join(":")))
     }
 
     /// Tasks of all arrays.

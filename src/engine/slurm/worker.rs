@@ -295,18 +295,12 @@ pub struct Guarded<'a> {
     pub out_of_time: AtomicBool,
 }
 
-impl Guarded<'_> {
-    fn is_too_late(&self, job: &Job) -> bool {
-        let timed = self.chunk.jobs.iter().find(|timed| timed.job.id == job.id);
-        let left = self.end.map(|end| end.saturating_duration_since(Instant::now()).as_secs_f64());
-        let short = timed.zip(left).is_some_and(|(timed, left)| left < timed.seconds);
-        short && is_raised(&self.worked)
-    }
-}
-
 impl Runner for Guarded<'_> {
     fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
-        if self.is_too_late(job) {
+        let timed = self.chunk.jobs.iter().find(|timed| timed.job.id == job.id);
+        let left = self.end.map(|end| end.saturating_duration_since(Instant::now()).as_secs_f64());
+        let is_short = timed.zip(left).is_some_and(|(timed, left)| left < timed.seconds);
+        if is_short && is_raised(&self.worked) {
             self.out_of_time.store(true, Ordering::SeqCst);
             stop.raise();
             return JobEnd::Stopped;
