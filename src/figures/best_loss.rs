@@ -228,10 +228,8 @@ pub fn generators(sweep: &str, generators: &[GeneratorRuns], rule: FlopsRule) ->
         legend.entry(look.sample(), own.name);
         plot.series(line.iter().copied(), look);
     }
-    let mut remarks = format!(
-        "The lowest loss that each generator reaches by a budget. FLOPs counted by the {} rule.",
-        rule.name()
-    );
+    let mut remarks = "The lowest loss that each generator reaches by a budget.".to_owned();
+    remarks += &format!(" FLOPs counted by the {} rule.", rule.name());
     if generators.iter().any(|own| own.name == "masked") {
         remarks += "\nThe loss of a masked generator is a bound: its likelihood may be better.";
     }

@@ -92,11 +92,11 @@ impl Legend {
     }
 
     /// Lists the models by their sizes, which have a symbol.
-    pub fn models(&mut self, symbol: &str, models: &[ModelSize], looks: &[Look]) {
-        self.heading(&format!("Model, by {symbol}"));
-        for (model, look) in models.iter().zip(looks) {
-            self.entry(look.sample(), model.label());
-        }
+    pub fn models(symbol: &str, models: &[ModelSize], looks: &[Look]) -> Legend {
+        let mut legend = Legend::headed(&format!("Model, by {symbol}"));
+        let both = models.iter().zip(looks);
+        both.for_each(|(model, look)| legend.entry(look.sample(), model.label()));
+        legend
     }
 
     /// Lists the budgets, marking the one that the laws did not see.

@@ -73,11 +73,9 @@ pub fn quality(sweep: &str, rows: &[Quality]) -> Drawing {
     }
     legend.heading("Bound");
     legend.entry(Sample::Line(bound_stroke()), "true motions");
-    let remarks = format!(
-        "{} runs, scored by evaluator {}; comparable only with scores of the same evaluator.",
-        rows.len(),
-        rows[0].evaluator_id
-    );
+    let (n, judge) = (rows.len(), &rows[0].evaluator_id);
+    let same = "comparable only with scores of the same evaluator";
+    let remarks = format!("{n} runs, scored by evaluator {judge}; {same}.");
     let title = format!("{sweep}: quality of motions against loss and compute");
     Ok(Page { width: 1000.0, height: 760.0, title, remarks, legend }.panels(plots))
 }

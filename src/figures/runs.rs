@@ -35,8 +35,7 @@ pub fn loss_vs_flops(sources: &Sources) -> Drawing {
         }
         plot
     };
-    let mut legend = Legend::default();
-    legend.models(sources.size_symbol(), &cells.models, &looks);
+    let mut legend = Legend::models(sources.size_symbol(), &cells.models, &looks);
     legend.heading(if sources.knows_size_alone() { "All models" } else { "All vocabularies" });
     legend.entry(Sample::Line(envelope), "lower envelope");
     let remarks = format!(
@@ -77,14 +76,11 @@ pub fn loss_vs_vocab(sources: &Sources) -> Drawing {
         }
         plot
     };
-    let mut legend = Legend::default();
-    legend.models(sources.size_symbol(), &cells.models, &looks);
+    let mut legend = Legend::models(sources.size_symbol(), &cells.models, &looks);
     legend.heading("Each budget");
     legend.entry(Sample::Mark(ring), "its best cell");
-    let remarks = format!(
-        "At each budget, a larger vocabulary leaves fewer tokens. {}",
-        cells.seeds_remark(true)
-    );
+    let seeds = cells.seeds_remark(true);
+    let remarks = format!("At each budget, a larger vocabulary leaves fewer tokens. {seeds}");
     let title = sources.title("loss against vocabulary size");
     let page = Page { width: 1000.0, height: 700.0, title, remarks, legend };
     Ok(page.multiples(cells.envelope().into_iter().map(plot).collect()))

@@ -81,10 +81,8 @@ impl Plan {
         let remarks = remarks(sweep, &tokenizers, &runs, &data);
         let evaluator = sweep.evaluator.as_ref();
         let evaluator = evaluator.map(|section| EvaluatorJob::new(section.spec(), &data));
-        let scores = match (&evaluator, &sweep.scores) {
-            (Some(evaluator), Some(spec)) => ScoreJob::of_runs(&runs, &evaluator.id(), spec),
-            _ => Vec::new(),
-        };
+        let judged = evaluator.as_ref().zip(sweep.scores.as_ref());
+        let scores = judged.map(|(judge, spec)| ScoreJob::of_runs(&runs, &judge.id(), spec));
         Self {
             canary: sweep.trainer.as_ref().is_some_and(|trainer| trainer.canary),
             runs,
@@ -93,7 +91,7 @@ impl Plan {
             trunks,
             text,
             evaluator,
-            scores,
+            scores: scores.unwrap_or_default(),
             data,
             renamed: renamed(sweep),
             n_variants: 1,
@@ -262,8 +260,8 @@ struct RunInputs {
 }
 
 fn decay_steps(schedule: &ScheduleSection, steps: usize) -> Option<usize> {
-    let share = |decay: f64| ((decay * steps as f64).round() as usize).clamp(1, steps);
-    (schedule.kind == ScheduleKind::Wsd).then(|| share(schedule.decay))
+    let decay = schedule.decay * steps as f64;
+    (schedule.kind == ScheduleKind::Wsd).then(|| (decay.round() as usize).clamp(1, steps))
 }
 
 fn planned_run(

@@ -116,13 +116,9 @@ pub(super) fn renamed(sweep: &Sweep) -> Vec<Renamed> {
         (codes != named).then_some(Renamed { named, codes, levels })
     };
     let parts = sweep.grid.also.iter().flat_map(|part| &part.vocab);
-    let mut renamed = Vec::new();
-    for entry in sweep.grid.vocab.iter().chain(parts).filter_map(of_entry) {
-        if !renamed.contains(&entry) {
-            renamed.push(entry);
-        }
-    }
-    renamed
+    let entries = sweep.grid.vocab.iter().chain(parts).filter_map(of_entry);
+    let mut seen = HashSet::new();
+    entries.filter(|entry| seen.insert((entry.named, entry.levels.clone()))).collect()
 }
 
 #[cfg(test)]

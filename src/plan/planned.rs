@@ -55,16 +55,6 @@ pub struct ScoreJob {
 }
 
 impl ScoreJob {
-    /// The score of a run by an evaluator.
-    pub fn new(run_id: &str, evaluator_id: &str, spec: &ScoresSpec) -> Self {
-        Self {
-            revision: TRAINING_REVISION,
-            run_id: run_id.to_string(),
-            evaluator_id: evaluator_id.to_string(),
-            spec: spec.of_a_run(),
-        }
-    }
-
     /// Content id: the hash of every field.
     pub fn id(&self) -> String {
         content_id(self)
@@ -77,7 +67,13 @@ impl ScoreJob {
         let chosen = |run: &&PlannedRun| {
             conditions.is_empty() || conditions.iter().any(|condition| holds(condition, run))
         };
-        runs.iter().filter(chosen).map(|run| Self::new(&run.run_id, evaluator_id, spec)).collect()
+        let score = |run: &PlannedRun| Self {
+            revision: TRAINING_REVISION,
+            run_id: run.run_id.clone(),
+            evaluator_id: evaluator_id.to_string(),
+            spec: spec.of_a_run(),
+        };
+        runs.iter().filter(chosen).map(score).collect()
     }
 }
 

@@ -248,11 +248,8 @@ fn batch_by_rule(tokens: f64, rule: &BatchRule) -> usize {
 
 /// lr = c·N^p·D^q, at most the rule's maximum.
 pub fn learning_rate(params: &ParamCounts, tokens: usize, rule: &LrRule) -> f64 {
-    let counted = match rule.params {
-        RateParams::Nonvocab => params.nonvocab,
-        RateParams::Total => params.nonvocab + params.vocab,
-    };
-    let by_params = (counted as f64).powf(rule.params_exponent);
+    let vocab = if rule.params == RateParams::Total { params.vocab } else { 0 };
+    let by_params = ((params.nonvocab + vocab) as f64).powf(rule.params_exponent);
     let by_tokens = (tokens as f64).powf(rule.tokens_exponent);
     (rule.coefficient * by_params * by_tokens).min(rule.max)
 }

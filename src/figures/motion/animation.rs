@@ -8,7 +8,7 @@ use crate::figures::colour::{GRID, INK, MUTED, Rgb, SHADOW};
 use crate::figures::font::{Weight, measure};
 use crate::figures::formats::{self, escaped, unit};
 use crate::figures::scene::{Anchor, Point, Scene, Stroke, plain_text};
-use crate::motion::{N_JOINTS, Pose};
+use crate::motion::Pose;
 
 const WIDTH: f64 = 640.0;
 const MARGIN: f64 = 18.0;
@@ -167,18 +167,17 @@ fn thinned(poses: &[Pose]) -> Vec<Pose> {
     if poses.len() <= MOST_POSES {
         return poses.to_vec();
     }
-    let step = (poses.len() - 1) as f64 / (MOST_POSES - 1) as f64;
-    (0..MOST_POSES).map(|i| pose_at(poses, step * i as f64)).collect()
-}
-
-/// The pose at a time in frames.
-fn pose_at(poses: &[Pose], time: f64) -> Pose {
-    let before = (time as usize).min(poses.len() - 1);
-    let after = (before + 1).min(poses.len() - 1);
-    let share = (time - before as f64) as f32;
-    let between = |a: f32, b: f32| a + share * (b - a);
-    let [a, b] = [before, after].map(|frame| &poses[frame]);
-    std::array::from_fn::<_, N_JOINTS, _>(|j| std::array::from_fn(|c| between(a[j][c], b[j][c])))
+    let last = poses.len() - 1;
+    let step = last as f64 / (MOST_POSES - 1) as f64;
+    let at = |i| {
+        let time = step * i as f64;
+        let before = (time as usize).min(last);
+        let (a, b) = (&poses[before], &poses[(before + 1).min(last)]);
+        let share = (time - before as f64) as f32;
+        let between = |a: f32, b: f32| a + share * (b - a);
+        std::array::from_fn(|j| std::array::from_fn(|c| between(a[j][c], b[j][c])))
+    };
+    (0..MOST_POSES).map(at).collect()
 }
 
 fn points(corners: Vec<Seen>, view: &View) -> String {
@@ -190,6 +189,7 @@ fn points(corners: Vec<Seen>, view: &View) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::N_JOINTS;
 
     fn rising(n: usize) -> Vec<Pose> {
         (0..n).map(|t| [[0.0, t as f32, 0.0]; N_JOINTS]).collect()
