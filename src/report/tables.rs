@@ -105,7 +105,9 @@ pub fn runs(records: &[&RunRecord], words: &Words) -> Option<Markup> {
             table id="table" {
                 caption { "Finished runs" }
                 thead { tr {
-                    @for name in iter::once("generator").chain(columns) { th scope="col" { button type="button" { (name) } } }
+                    @for name in iter::once("generator").chain(columns) {
+                        th scope="col" { button type="button" { (name) } }
+                    }
                 } }
                 tbody { @for record in records {
                     tr { @for (text, value) in of_run(record) { td data-value=[value] { (text) } } }

@@ -50,7 +50,7 @@ impl SlurmFolder {
     }
 
     /// The folder of a submission.
-    pub fn generation(&self, generation: Generation) -> PathBuf {
+    fn generation(&self, generation: Generation) -> PathBuf {
         self.0.join("gen").join(generation.to_string())
     }
 
@@ -75,7 +75,7 @@ impl SlurmFolder {
     }
 
     /// The folder of the ledger.
-    pub fn ledger(&self) -> PathBuf {
+    fn ledger(&self) -> PathBuf {
         self.0.join("ledger")
     }
 

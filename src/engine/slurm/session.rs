@@ -171,7 +171,8 @@ impl Cluster<'_> {
     }
 
     fn submitted(&self, generation: u32, entries: &[Entry], left: usize) -> Brought {
-        let taken = |Entry { array, job_id, tasks, .. }: &Entry| json!({"name": array, "job_id": job_id, "tasks": tasks});
+        let taken =
+            |own: &Entry| json!({"name": own.array, "job_id": own.job_id, "tasks": own.tasks});
         let submitted: Vec<_> = entries.iter().map(taken).collect();
         let results = self.folder.root();
         let document =
