@@ -36,6 +36,15 @@ impl JobEnd {
         }
     }
 
+    /// `done`, `stopped`, or the kind of what went wrong.
+    pub fn word(&self) -> &'static str {
+        match (self, self.failure()) {
+            (_, Some(failure)) => failure.kind.word(),
+            (Self::Done, None) => "done",
+            (_, None) => "stopped",
+        }
+    }
+
     /// What went wrong, where something did.
     pub fn failure(&self) -> Option<&Failure> {
         match self {

@@ -24,6 +24,11 @@ impl Scale {
     }
 }
 
+/// The least and the largest of some values; of none, infinite and the wrong way round.
+pub fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+}
+
 /// Which way an axis runs; it decides how much room a tick's label takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
@@ -55,8 +60,7 @@ impl Axis {
         values: impl IntoIterator<Item = f64>,
     ) -> Result<Axis, String> {
         let placed = values.into_iter().map(|value| scale.place(value)).filter(|v| v.is_finite());
-        let (low, high) =
-            placed.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let [low, high] = span(placed);
         if low > high {
             return Err(format!("no value of {label} can be placed on an axis"));
         }
@@ -86,8 +90,8 @@ impl Axis {
     }
 
     /// The values at both ends.
-    pub fn ends(&self) -> (f64, f64) {
-        (self.value(0.0), self.value(1.0))
+    pub fn ends(&self) -> [f64; 2] {
+        [0.0, 1.0].map(|share| self.value(share))
     }
 
     pub fn holds(&self, value: f64) -> bool {
@@ -97,7 +101,7 @@ impl Axis {
     /// The ticks for an axis `length` pixels long, labelled as densely as the labels fit.
     pub fn ticks(&self, length: f64, direction: Direction) -> Vec<Tick> {
         let fits = |ticks: &[Tick]| self.labels_fit(ticks, length, direction);
-        let (low, high) = self.ends();
+        let [low, high] = self.ends();
         match (&self.at, self.scale) {
             (Some(values), _) => self.thinned(values, length, direction),
             (None, Scale::Linear) => linear_ticks(low, high, fits),
@@ -113,10 +117,9 @@ impl Axis {
     }
 
     fn labels_fit(&self, ticks: &[Tick], length: f64, direction: Direction) -> bool {
-        let labelled = ticks.iter().filter_map(|tick| Some((tick.value, tick.label.as_deref()?)));
-        let spans: Vec<_> = labelled
-            .map(|(value, label)| extent(self.share(value) * length, label, direction))
-            .collect();
+        let centre = |tick: &Tick| self.share(tick.value) * length;
+        let of = |tick| Some(extent(centre(tick), tick.label.as_deref()?, direction));
+        let spans: Vec<_> = ticks.iter().filter_map(of).collect();
         spans.windows(2).all(|pair| pair[0].1 <= pair[1].0)
     }
 
@@ -171,17 +174,14 @@ fn log_ticks(low: f64, high: f64, fits: impl Fn(&[Tick]) -> bool) -> Vec<Tick> {
     let fitting: Vec<_> = sets.into_iter().filter(|ticks| fits(ticks)).collect();
     let enough = fitting.iter().find(|ticks| ticks.len() >= ENOUGH);
     match enough.or(fitting.last()).cloned() {
-        None => strided(low, high, fits),
+        None => {
+            // Labels at every n-th decade, for the smallest n that fits.
+            let mut sparser = (2..=64).map(|stride| labelled(low, high, &[1], stride));
+            with_minor(low, high, sparser.find(|ticks| fits(ticks)).unwrap_or_default())
+        }
         Some(best) if best.len() < 2 && high / low < 10.0 => linear_ticks(low, high, fits),
         Some(best) => with_minor(low, high, best),
     }
-}
-
-/// Labels at every n-th decade, for the smallest n that fits.
-fn strided(low: f64, high: f64, fits: impl Fn(&[Tick]) -> bool) -> Vec<Tick> {
-    let sparser = (2..=64).map(|stride| labelled(low, high, &[1], stride));
-    let found = sparser.into_iter().find(|ticks| fits(ticks));
-    with_minor(low, high, found.unwrap_or_default())
 }
 
 fn decades(low: f64, high: f64) -> std::ops::RangeInclusive<i32> {
@@ -216,8 +216,8 @@ fn with_minor(low: f64, high: f64, mut ticks: Vec<Tick>) -> Vec<Tick> {
 
 /// Ticks at multiples of 1, 2 or 5 times a power of ten: at most eight, fewer where they must fit.
 fn linear_ticks(low: f64, high: f64, fits: impl Fn(&[Tick]) -> bool) -> Vec<Tick> {
-    let sets = (1..=8).rev().map(|intervals| evenly(low, high, intervals));
-    sets.into_iter().find(|ticks| fits(ticks)).unwrap_or_default()
+    let mut sets = (1..=8).rev().map(|intervals| evenly(low, high, intervals));
+    sets.find(|ticks| fits(ticks)).unwrap_or_default()
 }
 
 fn evenly(low: f64, high: f64, intervals: u32) -> Vec<Tick> {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::axis::{Axis, COMPUTE, Scale, signed};
 use super::cells::Cells;
 use super::colour::{JOINT_LAW, LAW, SECOND_LAW};
-use super::fitted::{Role, explain_roles, known_minima, law_name};
+use super::fitted::{Role, explain_roles, interval95, known_minima, law_name};
 use super::legend::{Legend, Look, Sample, category_looks, law_stroke, ordered_looks};
 use super::page::Page;
 use super::panel::{BAND, Plot};
@@ -27,7 +27,12 @@ pub fn loss_vs_budget(sources: &Sources) -> Drawing {
     let path: Vec<_> = path.collect();
     let budgets = minima.iter().map(|(minimum, _)| minimum.budget_flops);
     let measured = minima.iter().map(|(minimum, _)| minimum.loss_normalised);
-    let predicted = budgets.clone().flat_map(|flops| predictions(laws, flops));
+    // What the laws say of each budget; the held-out one's errors should be seen.
+    let predicted = budgets.clone().flat_map(|flops| {
+        let log = laws.loss.log.as_ref().map(|law| law.loss_at(flops));
+        let floor = laws.loss.floor.as_ref().map(|law| law.loss_at(flops, laws.reference_flops));
+        log.into_iter().chain(floor)
+    });
     let x = Axis::new(COMPUTE, Scale::Log, budgets)?;
     let y = Axis::new(&sources.loss_axis(), Scale::Linear, measured.chain(predicted))?;
     let mut plot = Plot::new([], x, y);
@@ -49,10 +54,8 @@ pub fn loss_vs_budget(sources: &Sources) -> Drawing {
     for law in &others {
         legend.entry(Sample::Line(law.stroke), law.name);
     }
-    let title = sources.title(match sources.input.loss_name {
-        None => "best normalised loss at each budget",
-        Some(_) => "best loss at each budget",
-    });
+    let loss = if sources.input.loss_name.is_none() { "normalised loss" } else { "loss" };
+    let title = sources.title(&format!("best {loss} at each budget"));
     let remarks = remarks(laws, &answer.formula, &others, sources.loss_symbol()[1]);
     Ok(Page { width: 1000.0, height: 620.0, title, remarks, legend }.panels(vec![plot]))
 }
@@ -82,13 +85,6 @@ fn others<'a>(laws: &'a Laws, words: [&str; 2]) -> Vec<Other<'a>> {
         about: describe_floor(law, words),
     });
     log.into_iter().chain(floor).collect()
-}
-
-/// What the laws say of a budget; the held-out one's errors should be seen.
-fn predictions(laws: &Laws, flops: f64) -> impl Iterator<Item = f64> {
-    let log = laws.loss.log.as_ref().map(|law| law.loss_at(flops));
-    let floor = laws.loss.floor.as_ref().map(|law| law.loss_at(flops, laws.reference_flops));
-    log.into_iter().chain(floor)
 }
 
 /// The law to believe in numbers, and the others with their errors at the held-out budget.
@@ -121,9 +117,8 @@ fn describe_floor(law: &FloorLaw, [symbol, unit]: [&str; 2]) -> String {
 }
 
 fn describe_log(law: &LogLaw, [symbol, unit]: [&str; 2]) -> String {
-    let interval = law.slope_ci95.map_or(String::new(), |[low, high]| {
-        format!(" (95 % interval {} to {})", signed(low, 3), signed(high, 3))
-    });
+    let interval = law.slope_ci95.map(|ends| format!(" ({})", interval95(ends)));
+    let interval = interval.unwrap_or_default();
     format!(
         "Log law: {symbol} = {}·log₁₀ C + {}{interval}{}.",
         signed(law.slope_per_decade, 3),
@@ -133,12 +128,12 @@ fn describe_log(law: &LogLaw, [symbol, unit]: [&str; 2]) -> String {
 }
 
 fn quality(r2_and_aic: Option<[f64; 2]>, held_out_error: Option<f64>, unit: &str) -> String {
-    let r2 = r2_and_aic.map_or_else(String::new, |[r2, _]| format!(", R² = {r2:.3}"));
-    let sign = |error: f64| if error < 0.0 { "" } else { "+" };
-    let error = held_out_error.map_or(String::new(), |error| {
-        format!(", held-out error {}{}{unit}", sign(error), signed(error, 3))
+    let r2 = r2_and_aic.map(|[r2, _]| format!(", R² = {r2:.3}")).unwrap_or_default();
+    let error = held_out_error.map(|error| {
+        let sign = if error < 0.0 { "" } else { "+" };
+        format!(", held-out error {sign}{}{unit}", signed(error, 3))
     });
-    r2 + &error
+    r2 + &error.unwrap_or_default()
 }
 
 // Against the amount of data.
@@ -163,13 +158,11 @@ pub fn loss_vs_data(sources: &Sources) -> Drawing {
     let mut plot = Plot::new([], x, y);
     for ((budget, points), look) in best.iter().zip(&looks) {
         if let Some(law) = &law {
-            let loss = |distinct: f64| {
-                let best = law.on_data(distinct).optimum(f64::from_bits(*budget));
-                best.map_or(f64::NAN, |best| best.loss)
-            };
+            let best = |distinct| law.on_data(distinct).optimum(f64::from_bits(*budget));
+            let loss = |distinct| best(distinct).map_or(f64::NAN, |best| best.loss);
             plot.curve(plot.x.ends(), loss, law_stroke(look.colour));
         }
-        points.iter().for_each(|at| plot.mark(*at, look.mark()));
+        plot.marks(points.iter().copied(), *look);
     }
     let mut legend = Legend::default();
     let budgets: Vec<f64> = best.keys().map(|bits| f64::from_bits(*bits)).collect();
@@ -230,16 +223,13 @@ pub fn generators(sweep: &str, generators: &[GeneratorRuns], rule: FlopsRule) ->
     let points = || lines.iter().flatten();
     let x = Axis::new(COMPUTE, Scale::Log, points().map(|point| point.0))?;
     let y = Axis::new("Normalised loss Lᵤ (nats)", Scale::Linear, points().map(|point| point.1))?;
-    let (mut plot, mut legend) = (Plot::new([], x, y), Legend::default());
-    legend.heading("Generator");
+    let (mut plot, mut legend) = (Plot::new([], x, y), Legend::headed("Generator"));
     for ((own, line), look) in generators.iter().zip(&lines).zip(category_looks(lines.len())) {
         legend.entry(look.sample(), own.name);
-        plot.series(line, look);
+        plot.series(line.iter().copied(), look);
     }
-    let mut remarks = format!(
-        "The lowest loss that each generator reaches by a budget. FLOPs counted by the {} rule.",
-        rule.name()
-    );
+    let mut remarks = "The lowest loss that each generator reaches by a budget.".to_owned();
+    remarks += &format!(" FLOPs counted by the {} rule.", rule.name());
     if generators.iter().any(|own| own.name == "masked") {
         remarks += "\nThe loss of a masked generator is a bound: its likelihood may be better.";
     }

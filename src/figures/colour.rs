@@ -27,15 +27,8 @@ pub const RIGHT_SIDE: Rgb = LAW;
 pub const SHADOW: Rgb = Rgb(210, 210, 210);
 
 /// Okabe and Ito (2008) without yellow, which white paper swallows.
-const OKABE_ITO: [Rgb; 7] = [
-    Rgb(0, 114, 178),
-    Rgb(213, 94, 0),
-    Rgb(0, 158, 115),
-    Rgb(204, 121, 167),
-    Rgb(230, 159, 0),
-    Rgb(86, 180, 233),
-    Rgb(34, 34, 34),
-];
+const OKABE_ITO: [Rgb; 7] =
+    [LAW, HELD_OUT, SECOND_LAW, JOINT_LAW, Rgb(230, 159, 0), Rgb(86, 180, 233), INK];
 
 /// Viridis (Smith and van der Walt 2015) at tenths, up to the last that shows on white.
 const VIRIDIS: [Rgb; 10] = [

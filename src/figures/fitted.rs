@@ -1,5 +1,6 @@
 //! The parts of laws that figures draw: minima by kind, and the quantities of the optimum.
 
+use super::axis::{signed, span};
 use super::colour::{HELD_OUT, INK, Rgb};
 use super::legend::{Legend, Sample};
 use super::scene::{Mark, Marker};
@@ -74,14 +75,12 @@ pub fn explain_roles(legend: &mut Legend, laws: &Laws, colour: fn(Role) -> Rgb) 
 
 /// Values that an axis must hold: those of trusted points, and flagged ones within a decade.
 pub fn within_reach(points: &[(f64, Role)]) -> Vec<f64> {
-    let trusted: Vec<f64> =
-        points.iter().filter(|(_, role)| *role != Role::Flagged).map(|(value, _)| *value).collect();
-    if trusted.is_empty() {
-        return points.iter().map(|(value, _)| *value).collect();
-    }
-    let low = trusted.iter().copied().fold(f64::INFINITY, f64::min) / 10.0;
-    let high = trusted.iter().copied().fold(0.0, f64::max) * 10.0;
-    points.iter().map(|(value, _)| *value).filter(|v| (low..=high).contains(v)).collect()
+    let values = points.iter().map(|(value, _)| *value);
+    let trusted = points.iter().filter(|(_, role)| *role != Role::Flagged);
+    let [low, high] = span(trusted.clone().map(|(value, _)| *value));
+    let reach = low / 10.0..=high * 10.0;
+    let has_none = trusted.count() == 0;
+    values.filter(|value| has_none || reach.contains(value)).collect()
 }
 
 /// Says how many minima a figure's axes leave outside; empty where all are shown.
@@ -91,6 +90,11 @@ pub fn outside_remark(hidden: usize) -> String {
         1 => " One minimum lies outside the axes.".to_owned(),
         n => format!(" {n} minima lie outside the axes."),
     }
+}
+
+/// `95 % interval 0.4 to 0.5`.
+pub fn interval95([low, high]: [f64; 2]) -> String {
+    format!("95 % interval {} to {}", signed(low, 3), signed(high, 3))
 }
 
 /// The law that an answer is of, for a legend.

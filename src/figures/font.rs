@@ -23,10 +23,7 @@ pub enum Weight {
 
 impl Weight {
     pub fn style(self) -> FontStyle {
-        match self {
-            Weight::Normal => FontStyle::Normal,
-            Weight::Bold => FontStyle::Bold,
-        }
+        [FontStyle::Normal, FontStyle::Bold][self as usize]
     }
 
     pub fn face(self) -> &'static Face<'static> {
@@ -75,11 +72,9 @@ pub fn side_bearing(glyph: char, weight: Weight, em: f64) -> f64 {
 pub fn wrap(text: &str, weight: Weight, em: f64, width: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
+        let fits = |line: &String| measure(&format!("{line} {word}"), weight, em) <= width;
         match lines.last_mut() {
-            Some(line) if measure(&format!("{line} {word}"), weight, em) <= width => {
-                line.push(' ');
-                line.push_str(word);
-            }
+            Some(line) if fits(line) => line.extend([" ", word]),
             _ => lines.push(word.to_owned()),
         }
     }

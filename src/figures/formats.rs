@@ -12,7 +12,7 @@ use plotters::style::{Color, RGBColor};
 use super::colour::{Rgb, WHITE};
 use super::font::{FAMILY, Weight, font, measure, side_bearing};
 use super::pdf::pdf;
-use super::scene::{Anchor, Point, Scene, Shape, Text};
+use super::scene::{Point, Scene, Shape, Text};
 
 /// A backend's complaint.
 pub type DrawError = Box<dyn std::error::Error + Send + Sync>;
@@ -34,11 +34,7 @@ impl Format {
 
     /// How the names of its files end.
     pub fn extension(self) -> &'static str {
-        match self {
-            Format::Svg => "svg",
-            Format::Png => "png",
-            Format::Pdf => "pdf",
-        }
+        ["svg", "png", "pdf"][self as usize]
     }
 
     pub(super) fn bytes(self, scene: &Scene) -> Result<Vec<u8>, DrawError> {
@@ -73,20 +69,21 @@ pub fn svg(scene: &Scene, before: &str, after: &str) -> String {
 
 fn element(shape: &Shape) -> String {
     match shape {
-        Shape::Line { points, width, colour } => format!(
-            "<polyline fill=\"none\" opacity=\"1\" stroke=\"{colour}\" stroke-width=\"{}\" \
-             points=\"{}\"/>\n",
-            unit(*width),
-            corners(points)
-        ),
+        Shape::Line { points, width, colour } => {
+            let (width, corners) = (unit(*width), corners(points));
+            format!(
+                "<polyline fill=\"none\" opacity=\"1\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+                 points=\"{corners}\"/>\n"
+            )
+        }
         Shape::Area { points, colour } => area(points, *colour),
-        Shape::Disc { centre: (x, y), radius, colour } => format!(
-            "<circle cx=\"{}\" cy=\"{}\" r=\"{}\" opacity=\"1\" fill=\"{colour}\" \
-             stroke=\"none\" stroke-width=\"1\"/>\n",
-            unit(*x),
-            unit(*y),
-            unit(*radius)
-        ),
+        Shape::Disc { centre: (x, y), radius, colour } => {
+            let [x, y, radius] = [x, y, radius].map(|length| unit(*length));
+            format!(
+                "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\" opacity=\"1\" fill=\"{colour}\" \
+                 stroke=\"none\" stroke-width=\"1\"/>\n"
+            )
+        }
         Shape::Text(text) => line_of_text(text),
     }
 }
@@ -104,22 +101,17 @@ fn line_of_text(text: &Text) -> String {
     let hang = HANG_EM * text.em;
     let (x, y) = text.at;
     let (x, y) = if text.upward { (unit(x - hang), unit(y)) } else { (unit(x), unit(y - hang)) };
-    let anchor = match text.anchor {
-        Anchor::Start => "start",
-        Anchor::Middle => "middle",
-        Anchor::End => "end",
-    };
+    let anchor = ["start", "middle", "end"][text.anchor as usize];
     // Rounded as in the figures that papers already show.
     let size = text.em * SVG_UNITS * 1.24 / 1.24;
     let weight = if text.weight == Weight::Bold { " font-weight=\"bold\"" } else { "" };
     let turn = format!(" transform=\"rotate(270, {x}, {y})\"");
     let turn = if text.upward { turn.as_str() } else { "" };
+    let (colour, content) = (text.colour, escaped(&text.content));
     format!(
         "<text x=\"{x}\" y=\"{y}\" dy=\"{HANG_EM}em\" text-anchor=\"{anchor}\" \
-         font-family=\"{FAMILY}\" font-size=\"{size}\" opacity=\"1\" fill=\"{}\"{weight}{turn}>\n\
-         {}\n</text>\n",
-        text.colour,
-        escaped(&text.content)
+         font-family=\"{FAMILY}\" font-size=\"{size}\" opacity=\"1\" fill=\"{colour}\"{weight}{turn}>\n\
+         {content}\n</text>\n"
     )
 }
 
@@ -210,8 +202,8 @@ impl Pen<'_> {
         }
         let half = width / 2.0 / dx.hypot(dy);
         let (nx, ny) = (-dy * half, dx * half);
-        let corners = [(a.0 + nx, a.1 + ny), (b.0 + nx, b.1 + ny), (b.0 - nx, b.1 - ny)];
-        self.area(&[corners[0], corners[1], corners[2], (a.0 - nx, a.1 - ny)], colour)
+        let [p, q] = [(a.0 + nx, a.1 + ny), (b.0 + nx, b.1 + ny)];
+        self.area(&[p, q, (b.0 - nx, b.1 - ny), (a.0 - nx, a.1 - ny)], colour)
     }
 
     /// Text as pixels, glyph by glyph, each at its kerned place and side bearing.

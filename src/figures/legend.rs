@@ -4,7 +4,7 @@ use super::axis::scientific;
 use super::cells::ModelSize;
 use super::colour::{MUTED, Rgb, categories, ordered};
 use super::font::{Weight, measure};
-use super::scene::{Anchor, Mark, Marker, Point, Scene, Stroke, Text, plain_text};
+use super::scene::{Anchor, Mark, Marker, Point, Scene, Stroke, plain_text};
 
 const EM: f64 = 12.0;
 const ROW: f64 = 20.0;
@@ -78,6 +78,11 @@ pub struct Legend {
 }
 
 impl Legend {
+    /// One that begins with a heading.
+    pub fn headed(text: &str) -> Legend {
+        Legend { rows: vec![Row::Heading(text.to_owned())] }
+    }
+
     pub fn heading(&mut self, text: &str) {
         self.rows.push(Row::Heading(text.to_owned()));
     }
@@ -87,11 +92,11 @@ impl Legend {
     }
 
     /// Lists the models by their sizes, which have a symbol.
-    pub fn models(&mut self, symbol: &str, models: &[ModelSize], looks: &[Look]) {
-        self.heading(&format!("Model, by {symbol}"));
-        for (model, look) in models.iter().zip(looks) {
-            self.entry(look.sample(), model.label());
-        }
+    pub fn models(symbol: &str, models: &[ModelSize], looks: &[Look]) -> Legend {
+        let mut legend = Legend::headed(&format!("Model, by {symbol}"));
+        let both = models.iter().zip(looks);
+        both.for_each(|(model, look)| legend.entry(look.sample(), model.label()));
+        legend
     }
 
     /// Lists the budgets, marking the one that the laws did not see.
@@ -129,8 +134,7 @@ impl Legend {
             y += advance(i, row);
             match row {
                 Row::Heading(text) => {
-                    let text = plain_text(text, (left, y), Anchor::Start, EM);
-                    scene.text(Text { weight: Weight::Bold, ..text });
+                    scene.text(plain_text(text, (left, y), Anchor::Start, EM).bold());
                 }
                 Row::Entry(sample, text) => entry(scene, *sample, text, (left, y)),
             }

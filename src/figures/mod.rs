@@ -170,10 +170,8 @@ fn write(
     formats: &[Format],
 ) -> Result<Vec<PathBuf>, FigureError> {
     let one = |format: &Format| {
-        let bytes = format.bytes(scene).map_err(|error| FigureError::Draw {
-            name: name.to_owned(),
-            message: error.to_string(),
-        })?;
+        let failed = |message| FigureError::Draw { name: name.to_owned(), message };
+        let bytes = format.bytes(scene).map_err(|error| failed(error.to_string()))?;
         let path = folder.join(format!("{name}.{}", format.extension()));
         atomic::write_bytes(&path, &bytes)?;
         Ok(path)

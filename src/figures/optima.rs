@@ -1,10 +1,11 @@
 //! N_nv, N_v and D of the optimum, and of the optima of several studies.
 
 use super::axis::{Axis, COMPUTE, Scale, signed};
+use super::cells::sorted;
 use super::colour::{INK, LAW, SECOND_LAW};
 use super::fitted::{
-    Quantity, Role, explain_roles, known_minima, law_name, minima, outside_remark, quantities,
-    within_reach,
+    Quantity, Role, explain_roles, interval95, known_minima, law_name, minima, outside_remark,
+    quantities, within_reach,
 };
 use super::legend::{Legend, Look, Sample, category_looks, law_stroke, ordered_looks};
 use super::page::Page;
@@ -67,10 +68,7 @@ fn exponent(quantity: &Quantity, answer: &Answer) -> Vec<String> {
         return vec![quantity.form.to_owned(), "not determined".to_owned()];
     };
     let exponent = format!("{}, {} = {}", quantity.form, quantity.exponent, signed(value, 3));
-    let interval = ci95.map_or("no interval".to_owned(), |[low, high]| {
-        format!("95 % interval {} to {}", signed(low, 3), signed(high, 3))
-    });
-    vec![exponent, interval]
+    vec![exponent, ci95.map_or("no interval".to_owned(), interval95)]
 }
 
 // The vocabulary's parameters against the others.
@@ -80,9 +78,8 @@ pub fn vocab_vs_nonvocab(sources: &Sources) -> Drawing {
     sources.needs_vocabulary()?;
     let laws = sources.laws()?;
     let known = known_minima(laws)?;
-    let mut budgets: Vec<_> = known.iter().map(|(minimum, _)| minimum.budget_flops).collect();
-    budgets.sort_unstable_by(f64::total_cmp);
-    budgets.dedup();
+    let budgets = sorted(known.iter().map(|(minimum, _)| minimum.budget_flops.to_bits()));
+    let budgets: Vec<f64> = budgets.into_iter().map(f64::from_bits).collect();
     let looks = ordered_looks(budgets.len());
     let reach = |of: fn(&Minimum) -> f64| {
         within_reach(&known.iter().map(|(minimum, role)| (of(minimum), *role)).collect::<Vec<_>>())
@@ -101,9 +98,8 @@ pub fn vocab_vs_nonvocab(sources: &Sources) -> Drawing {
     explain_roles(&mut legend, laws, |_| INK);
     let patch = |look: Look| Sample::Band(look.colour);
     legend.budgets(&budgets, &looks, sources.held_out_budget(), patch);
-    let hidden = known.iter().filter(|(own, _)| !plot.holds(point(own))).count();
-    let remarks = "Nᵥ = V·d, of the best configuration at each budget.".to_owned();
-    let remarks = remarks + &outside_remark(hidden);
+    let outside = outside_remark(known.iter().filter(|(own, _)| !plot.holds(point(own))).count());
+    let remarks = format!("Nᵥ = V·d, of the best configuration at each budget.{outside}");
     let title = sources.title("optimal vocabulary and non-vocabulary parameters");
     Ok(Page { width: 1000.0, height: 620.0, title, remarks, legend }.panels(vec![plot]))
 }
@@ -114,8 +110,7 @@ fn show_laws(plot: &mut Plot, legend: &mut Legend, laws: &Laws) {
     let (fitted, implied) = (law_stroke(LAW), law_stroke(SECOND_LAW).dashed());
     legend.heading("Nᵥ ∝ Nₙᵥ to the power γ");
     if let Some(law) = &laws.vocab_from_nonvocab {
-        let text = format!("fitted: γ = {}", signed(law.exponent, 3));
-        legend.entry(Sample::Line(fitted), text);
+        legend.entry(Sample::Line(fitted), format!("fitted: γ = {}", signed(law.exponent, 3)));
     }
     if let (Some(vocab), Some(nonvocab)) =
         (&laws.power_laws.params_vocab, &laws.power_laws.params_nonvocab)
@@ -147,23 +142,20 @@ pub fn compare(studies: &[Study]) -> Drawing {
     let plots =
         quantities(size_alone).iter().map(|quantity| side_by_side(quantity, studies, &looks));
     let plots = plots.collect::<Result<_, _>>()?;
-    let mut legend = Legend::default();
-    legend.heading("Study");
+    let mut legend = Legend::headed("Study");
     for ((name, _), look) in studies.iter().zip(&looks) {
         legend.entry(Sample::MarkedLine(law_stroke(look.colour), look.mark()), *name);
     }
     legend.entry(Sample::Line(law_stroke(looks[0].colour).dashed()), "95 % interval");
-    let title = "Optimal configurations of several studies".to_string();
-    let remarks = "Lines are the optimum by the law that each study recommends, marks the minima."
-        .to_string();
+    let title = "Optimal configurations of several studies".to_owned();
+    let remarks = "Lines are the optimum by the law that each study recommends, marks the minima.";
+    let remarks = remarks.to_owned();
     Ok(Page { width: 1250.0, height: 440.0, title, remarks, legend }.panels(plots))
 }
 
 fn side_by_side(quantity: &Quantity, studies: &[Study], looks: &[Look]) -> Result<Plot, String> {
-    let points = |laws| -> Vec<Point> {
-        let at = |minimum: &Minimum| (minimum.budget_flops, (quantity.of)(minimum));
-        minima(laws).into_iter().map(|(minimum, _)| at(minimum)).collect()
-    };
+    let at = |(minimum, _): (&Minimum, Role)| (minimum.budget_flops, (quantity.of)(minimum));
+    let points = |laws| minima(laws).into_iter().map(at);
     let all: Vec<Point> = studies.iter().flat_map(|(_, laws)| points(laws)).collect();
     if all.is_empty() {
         return Err("no study holds a minimum".to_string());
@@ -180,7 +172,7 @@ fn side_by_side(quantity: &Quantity, studies: &[Study], looks: &[Look]) -> Resul
         plot.line(along(|own| Some(own.value)), stroke);
         plot.line(along(|own| Some(own.ci95?[0])), stroke.dashed());
         plot.line(along(|own| Some(own.ci95?[1])), stroke.dashed());
-        points(laws).into_iter().for_each(|at| plot.mark(at, look.mark()));
+        plot.marks(points(laws), *look);
     }
     Ok(plot)
 }

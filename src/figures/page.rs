@@ -29,11 +29,10 @@ pub struct Page {
 impl Page {
     /// Small multiples: all panels have the same axes, named once, valued on the outer sides.
     pub fn multiples(&self, plots: Vec<Plot>) -> Scene {
-        let (mut scene, area) = self.begin();
-        let grid = Grid::of(&plots);
-        let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
+        let (mut scene, area, grid, left) = self.begin(&plots);
         let inner = Rect { left: area.left + left, bottom: area.bottom - NAME_ROOM, ..area };
-        let ragged = if grid.is_ragged() { TICK_ROOM } else { 0.0 };
+        let is_even = grid.panels.is_multiple_of(grid.columns);
+        let ragged = if is_even { 0.0 } else { TICK_ROOM };
         let gaps = Gaps { across: 24.0, down: 8.0 + ragged, below: TICK_ROOM, left: 0.0 };
         x_name(&mut scene, &plots[0].x.label, &inner, area.bottom);
         y_name(&mut scene, &plots[0].y.label, &inner, area.left);
@@ -45,9 +44,7 @@ impl Page {
 
     /// Panels side by side, each with axes of its own.
     pub fn panels(&self, plots: Vec<Plot>) -> Scene {
-        let (mut scene, area) = self.begin();
-        let grid = Grid::of(&plots);
-        let left = NAME_ROOM + widest_label(&plots, area.height() / grid.rows as f64);
+        let (mut scene, area, grid, left) = self.begin(&plots);
         let below = TICK_ROOM + NAME_ROOM;
         let gaps = Gaps { across: 16.0, down: 12.0, below, left };
         let panels = grid.panels(plots, &area, gaps, false);
@@ -60,32 +57,30 @@ impl Page {
         scene
     }
 
-    /// Writes title, remarks and legend; returns what is left for the panels.
-    fn begin(&self) -> (Scene, Rect) {
+    /// Writes title, remarks and legend; returns what is left for the panels, how they stand in it, and the room
+    /// left of the outermost.
+    fn begin(&self, plots: &[Plot]) -> (Scene, Rect, Grid, f64) {
         let mut scene = Scene::new(self.width, self.height);
-        let below_title = self.lines(&mut scene, &self.title, MARGIN, TITLE_EM, Weight::Bold);
-        let top = self.lines(&mut scene, &self.remarks, below_title, REMARK_EM, Weight::Normal);
+        let mut lines = |text: &str, top, em, weight| {
+            let width = self.width - 2.0 * MARGIN;
+            let lines = text.lines().flat_map(|line| wrap(line, weight, em, width)).collect();
+            let text = plain_text("", (MARGIN, top), Anchor::Start, em);
+            let colour = if weight == Weight::Bold { text.colour } else { MUTED };
+            scene.lines(lines, 1.4 * em, &Text { weight, colour, ..text })
+        };
+        let below_title = lines(&self.title, MARGIN, TITLE_EM, Weight::Bold);
+        let top = lines(&self.remarks, below_title, REMARK_EM, Weight::Normal);
         let column = self.legend.width();
         let legend_left = self.width - MARGIN - column;
         let right = if column > 0.0 { legend_left - 20.0 } else { self.width - MARGIN };
         self.legend.draw(&mut scene, (legend_left, top + 12.0));
         // A long legend lengthens the page.
         scene.height = scene.height.max(top + 12.0 + self.legend.height() + MARGIN).ceil();
-        let (left, bottom) = (MARGIN, scene.height - MARGIN);
-        (scene, Rect { left, top: top + 10.0, right, bottom })
-    }
-
-    /// Writes wrapped lines from `top` on; returns where they end.
-    fn lines(&self, scene: &mut Scene, text: &str, top: f64, em: f64, weight: Weight) -> f64 {
-        let mut y = top;
-        let width = self.width - 2.0 * MARGIN;
-        for line in text.lines().flat_map(|line| wrap(line, weight, em, width)) {
-            y += 1.4 * em;
-            let text = plain_text(&line, (MARGIN, y - 0.4 * em), Anchor::Start, em);
-            let colour = if weight == Weight::Bold { text.colour } else { MUTED };
-            scene.text(Text { weight, colour, ..text });
-        }
-        y
+        let bottom = scene.height - MARGIN;
+        let (area, grid) = (Rect { left: MARGIN, top: top + 10.0, right, bottom }, Grid::of(plots));
+        let height = area.height() / grid.rows as f64;
+        let widest = plots.iter().map(|plot| plot.y.label_width(height)).fold(0.0, f64::max);
+        (scene, area, grid, NAME_ROOM + (widest.ceil() + 10.0))
     }
 }
 
@@ -122,43 +117,27 @@ impl Grid {
         Grid { panels, columns, rows: panels.div_ceil(columns), title }
     }
 
-    fn is_ragged(self) -> bool {
-        !self.panels.is_multiple_of(self.columns)
-    }
-
+    /// The panels in `area`; `shared` axes are valued on the outer sides only.
     fn panels(self, plots: Vec<Plot>, area: &Rect, gaps: Gaps, shared: bool) -> Vec<Panel> {
-        let panel = |(i, plot)| self.panel(i, plot, area, gaps, shared);
-        plots.into_iter().enumerate().map(panel).collect()
-    }
-
-    /// The i-th panel in `area`; `shared` axes are valued on the outer sides only.
-    fn panel(self, i: usize, plot: Plot, area: &Rect, gaps: Gaps, shared: bool) -> Panel {
-        let (row, column) = (i / self.columns, i % self.columns);
-        let last_below = if shared { gaps.below } else { 0.0 };
+        let (last_below, below) = if shared { (gaps.below, 0.0) } else { (0.0, gaps.below) };
         let width = share(area.width(), self.columns, gaps.across);
         let height = share(area.height() - last_below, self.rows, gaps.down);
-        let left = area.left + column as f64 * (width + gaps.across);
-        let top = area.top + row as f64 * (height + gaps.down);
-        let below = if shared { 0.0 } else { gaps.below };
-        let frame = Rect {
-            left: left + gaps.left,
-            top: top + self.title,
-            right: left + width,
-            bottom: top + height - below,
+        let panel = |(i, plot)| {
+            let (row, column) = (i / self.columns, i % self.columns);
+            let left = area.left + column as f64 * (width + gaps.across);
+            let top = area.top + row as f64 * (height + gaps.down);
+            let (right, bottom) = (left + width, top + height - below);
+            let frame = Rect { left: left + gaps.left, top: top + self.title, right, bottom };
+            let x_labels = !shared || i + self.columns >= self.panels;
+            Panel { frame, plot, x_labels, y_labels: !shared || column == 0 }
         };
-        let x_labels = !shared || i + self.columns >= self.panels;
-        Panel { frame, plot, x_labels, y_labels: !shared || column == 0 }
+        plots.into_iter().enumerate().map(panel).collect()
     }
 }
 
 /// What each of `n` gets of a length with gaps between them.
 fn share(length: f64, n: usize, gap: f64) -> f64 {
     (length - gap * (n - 1) as f64) / n as f64
-}
-
-fn widest_label(plots: &[Plot], height: f64) -> f64 {
-    let widths = plots.iter().map(|plot| plot.y.label_width(height));
-    widths.fold(0.0, f64::max).ceil() + 10.0
 }
 
 fn x_name(scene: &mut Scene, name: &str, frame: &Rect, bottom: f64) {

@@ -4,9 +4,8 @@ use crate::laws::Coefficient;
 
 use super::axis::{Axis, Direction, TICK_EM};
 use super::colour::{FRAME, GRID, Rgb};
-use super::font::Weight;
 use super::legend::{Look, law_stroke};
-use super::scene::{Anchor, Mark, Point, Scene, Stroke, Text, plain_text};
+use super::scene::{Anchor, Mark, Point, Scene, Stroke, plain_text};
 
 const TICK_LENGTH: f64 = 5.0;
 /// How strongly an interval is tinted with its law's colour.
@@ -78,8 +77,8 @@ impl Plot {
     }
 
     /// A function of x between two values of x.
-    pub fn curve(&mut self, (from, to): (f64, f64), y_of_x: impl Fn(f64) -> f64, stroke: Stroke) {
-        let (first, last) = (self.x.share(from), self.x.share(to));
+    pub fn curve(&mut self, ends: [f64; 2], y_of_x: impl Fn(f64) -> f64, stroke: Stroke) {
+        let [first, last] = ends.map(|x| self.x.share(x));
         let step = (last - first) / CURVE_POINTS as f64;
         let xs = (0..=CURVE_POINTS).map(|i| self.x.value(first + step * i as f64));
         let points: Vec<Point> = xs.map(|x| (x, y_of_x(x))).collect();
@@ -91,10 +90,15 @@ impl Plot {
         self.items.push(Item::Mark(at, mark));
     }
 
+    /// Markers at data points, all in one look.
+    pub fn marks(&mut self, points: impl IntoIterator<Item = Point>, look: Look) {
+        self.items.extend(points.into_iter().map(|at| Item::Mark(at, look.mark())));
+    }
+
     /// Points joined by a line and marked, all in one look.
-    pub fn series(&mut self, points: &[Point], look: Look) {
-        self.line(points.iter().copied(), look.stroke());
-        points.iter().for_each(|at| self.mark(*at, look.mark()));
+    pub fn series(&mut self, points: impl Iterator<Item = Point> + Clone, look: Look) {
+        self.line(points.clone(), look.stroke());
+        self.marks(points, look);
     }
 
     /// A bar of one standard error to either side of a point, if it is known.
@@ -125,9 +129,7 @@ pub struct Panel {
 impl Panel {
     /// Everything but title and names of axes.
     pub fn draw(&self, scene: &mut Scene) {
-        for (sides, colour) in &self.plot.bands {
-            self.band(scene, sides, *colour);
-        }
+        self.plot.bands.iter().for_each(|(sides, colour)| self.band(scene, sides, *colour));
         self.backdrop(scene);
         for item in &self.plot.items {
             match item {
@@ -168,18 +170,12 @@ impl Panel {
         }
         let end = (at.0 + length * out.0, at.1 + length * out.1);
         scene.line(&[at, end], Stroke::solid(FRAME, 1.0));
-        if let Some(label) = label {
-            self.tick_label(scene, at, out.1 > 0.0, label);
-        }
-    }
-
-    fn tick_label(&self, scene: &mut Scene, at: Point, below: bool, label: &str) {
-        let (shown, place, anchor) = if below {
+        let (shown, place, anchor) = if out.1 > 0.0 {
             (self.x_labels, (at.0, at.1 + TICK_LENGTH + 13.0), Anchor::Middle)
         } else {
             (self.y_labels, (at.0 - TICK_LENGTH - 4.0, at.1 + 0.36 * TICK_EM), Anchor::End)
         };
-        if shown {
+        if let Some(label) = label.filter(|_| shown) {
             scene.text(plain_text(label, place, anchor, TICK_EM));
         }
     }
@@ -187,9 +183,7 @@ impl Panel {
     /// A line through data points, cut at the frame.
     fn line(&self, scene: &mut Scene, points: &[Point], stroke: Stroke) {
         let placed: Vec<_> = points.iter().map(|&point| self.at(point)).collect();
-        for piece in clipped(&placed, &self.frame) {
-            scene.line(&piece, stroke);
-        }
+        clipped(&placed, &self.frame).iter().for_each(|piece| scene.line(piece, stroke));
     }
 
     /// The area between the two sides, cut at the frame.
@@ -219,9 +213,8 @@ impl Panel {
         for (i, line) in lines.iter().enumerate() {
             let above = 7.0 + 16.0 * (lines.len() - 1 - i) as f64;
             let at = (self.frame.left, self.frame.top - above);
-            let text = plain_text(line, at, Anchor::Start, if i == 0 { 13.0 } else { 12.0 });
-            let weight = if i == 0 { Weight::Bold } else { Weight::Normal };
-            scene.text(Text { weight, ..text });
+            let text = |em| plain_text(line, at, Anchor::Start, em);
+            scene.text(if i == 0 { text(13.0).bold() } else { text(12.0) });
         }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use miniz_oxide::deflate::compress_to_vec_zlib;
 use pdf_writer::types::{CidFontType, FontFlags, LineJoinStyle, SystemInfo, UnicodeCmap};
-use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str};
+use pdf_writer::{Content, Filter, Name, Pdf, Rect, Ref, Str};
 use subsetter::GlyphRemapper;
 
 use super::colour::{Rgb, WHITE};
@@ -20,8 +20,8 @@ const LAST: i32 = 4;
 
 /// The whole document; it holds no time, so that the same page has the same bytes.
 pub fn pdf(scene: &Scene) -> Result<Vec<u8>, subsetter::Error> {
-    let faces = [Weight::Normal, Weight::Bold].map(|weight| Subset::of(scene, weight));
-    let faces: Vec<Subset> = faces.into_iter().flatten().collect();
+    let weights = [Weight::Normal, Weight::Bold].into_iter();
+    let faces: Vec<Subset> = weights.filter_map(|weight| Subset::of(scene, weight)).collect();
     let mut pdf = Pdf::new();
     pdf.catalog(CATALOG).pages(PAGES);
     pdf.pages(PAGES).kids([PAGE]).count(1);
@@ -42,9 +42,6 @@ fn page(pdf: &mut Pdf, scene: &Scene, faces: &[Subset]) {
     for (i, face) in faces.iter().enumerate() {
         fonts.pair(Name(face.key()), objects(i)[0]);
     }
-    fonts.finish();
-    resources.finish();
-    page.finish();
 }
 
 /// The objects of the i-th face.
@@ -109,8 +106,8 @@ fn path(content: &mut Content, points: &[Point]) {
 fn disc(content: &mut Content, (x, y): Point, radius: f64, colour: Rgb) {
     fill(content, colour);
     let at = |right: f64, down: f64| ((x + radius * right) as f32, (y + radius * down) as f32);
-    let (start_x, start_y) = at(1.0, 0.0);
-    content.move_to(start_x, start_y);
+    let (x0, y0) = at(1.0, 0.0);
+    content.move_to(x0, y0);
     for (c, s) in [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)] {
         // From the direction (c, s) to (−s, c), a quarter further round.
         let (x1, y1) = at(c - QUARTER * s, s + QUARTER * c);
@@ -190,10 +187,7 @@ impl Subset {
 
     /// Its name among the page's fonts.
     fn key(&self) -> &'static [u8] {
-        match self.weight {
-            Weight::Normal => b"Normal",
-            Weight::Bold => b"Bold",
-        }
+        if self.weight == Weight::Bold { b"Bold" } else { b"Normal" }
     }
 
     /// The width of a text of its characters, in ems.
@@ -214,7 +208,7 @@ impl Subset {
         let [font, glyphs, descriptor, characters, file] = objects;
         let face = self.weight.face();
         let cut = subsetter::subset(face.raw_face().data, 0, &self.glyphs)?;
-        let name = self.name();
+        let name = &self.name();
         let name = Name(name.as_bytes());
         pdf.type0_font(font)
             .base_font(name)

@@ -62,24 +62,20 @@ pub fn quality(sweep: &str, rows: &[Quality]) -> Drawing {
     let plot = |[along, up]: &[Quantity; 2]| {
         let mut plot = plot([along, up], rows)?;
         for (own, look) in series.values().zip(&looks) {
-            let points = own.iter().filter_map(|row| point(along, up, row));
-            points.for_each(|at| plot.mark(at, look.mark()));
+            plot.marks(own.iter().filter_map(|row| point(along, up, row)), *look);
         }
         Ok(plot)
     };
     let plots = PANELS.iter().map(plot).collect::<Result<Vec<_>, String>>()?;
-    let mut legend = Legend::default();
-    legend.heading("Generator, V");
+    let mut legend = Legend::headed("Generator, V");
     for ((generator, n_vocab), look) in series.keys().zip(&looks) {
         legend.entry(Sample::Mark(look.mark()), format!("{generator} {n_vocab}"));
     }
     legend.heading("Bound");
     legend.entry(Sample::Line(bound_stroke()), "true motions");
-    let remarks = format!(
-        "{} runs, scored by evaluator {}; comparable only with scores of the same evaluator.",
-        rows.len(),
-        rows[0].evaluator_id
-    );
+    let (n, judge) = (rows.len(), &rows[0].evaluator_id);
+    let same = "comparable only with scores of the same evaluator";
+    let remarks = format!("{n} runs, scored by evaluator {judge}; {same}.");
     let title = format!("{sweep}: quality of motions against loss and compute");
     Ok(Page { width: 1000.0, height: 760.0, title, remarks, legend }.panels(plots))
 }

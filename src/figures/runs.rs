@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::axis::{Axis, COMPUTE, Scale, scientific};
+use super::axis::{Axis, COMPUTE, Scale, scientific, span};
 use super::cells::CellMean;
 use super::colour::{ENVELOPE, INK};
 use super::fitted::{explain_marks, outside_remark, quantities};
@@ -31,12 +31,11 @@ pub fn loss_vs_flops(sources: &Sources) -> Drawing {
         plot.line(cells.envelope().into_iter().map(CellMean::at_its_flops), envelope);
         for (model, look) in cells.models.iter().zip(&looks) {
             let own = cells.cells.iter().filter(|c| c.model == *model && c.n_vocab == n_vocab);
-            plot.series(&own.map(CellMean::at_its_flops).collect::<Vec<_>>(), *look);
+            plot.series(own.map(CellMean::at_its_flops), *look);
         }
         plot
     };
-    let mut legend = Legend::default();
-    legend.models(sources.size_symbol(), &cells.models, &looks);
+    let mut legend = Legend::models(sources.size_symbol(), &cells.models, &looks);
     legend.heading(if sources.knows_size_alone() { "All models" } else { "All vocabularies" });
     legend.entry(Sample::Line(envelope), "lower envelope");
     let remarks = format!(
@@ -71,20 +70,17 @@ pub fn loss_vs_vocab(sources: &Sources) -> Drawing {
         plot.mark(best.at_its_vocab(), ring);
         for (model, look) in cells.models.iter().zip(&looks) {
             let is_own = |c: &&CellMean| c.model == *model && c.budget_flops == budget;
-            let own: Vec<&CellMean> = cells.cells.iter().filter(is_own).collect();
-            own.iter().for_each(|c| plot.bar(c.at_its_vocab(), c.standard_error, look.colour));
-            plot.series(&own.into_iter().map(CellMean::at_its_vocab).collect::<Vec<_>>(), *look);
+            let own = cells.cells.iter().filter(is_own);
+            own.clone().for_each(|c| plot.bar(c.at_its_vocab(), c.standard_error, look.colour));
+            plot.series(own.map(CellMean::at_its_vocab), *look);
         }
         plot
     };
-    let mut legend = Legend::default();
-    legend.models(sources.size_symbol(), &cells.models, &looks);
+    let mut legend = Legend::models(sources.size_symbol(), &cells.models, &looks);
     legend.heading("Each budget");
     legend.entry(Sample::Mark(ring), "its best cell");
-    let remarks = format!(
-        "At each budget, a larger vocabulary leaves fewer tokens. {}",
-        cells.seeds_remark(true)
-    );
+    let seeds = cells.seeds_remark(true);
+    let remarks = format!("At each budget, a larger vocabulary leaves fewer tokens. {seeds}");
     let title = sources.title("loss against vocabulary size");
     let page = Page { width: 1000.0, height: 700.0, title, remarks, legend };
     Ok(page.multiples(cells.envelope().into_iter().map(plot).collect()))
@@ -112,10 +108,10 @@ pub fn isoflop_parabolas(sources: &Sources) -> Drawing {
     let mut legend = Legend::default();
     legend.budgets(&cells.budgets, &looks, sources.held_out_budget(), Look::sample);
     if let Some(first) = minima.first() {
-        let is_there = |flagged| minima.iter().any(|own| own.flags.is_empty() != flagged);
-        let marks = [(false, "trusted"), (true, "flagged")].into_iter();
-        let marks = marks.filter(|(flagged, _)| is_there(*flagged));
-        let marks = marks.map(|(flagged, text)| (minimum_mark(flagged), text));
+        let marks = [(false, "trusted"), (true, "flagged")].into_iter().filter_map(|(of, text)| {
+            let is_there = minima.iter().any(|own| own.flags.is_empty() != of);
+            is_there.then(|| (minimum_mark(of), text))
+        });
         explain_marks(&mut legend, first.method, marks);
     }
     let hidden = minima.iter().filter(|minimum| !plot.holds(point(minimum))).count();
@@ -129,9 +125,9 @@ pub fn isoflop_parabolas(sources: &Sources) -> Drawing {
 }
 
 fn isoflop_plot(sources: &Sources, minima: &[&Minimum]) -> Result<Plot, String> {
-    let all: Vec<Point> =
-        sources.cells.budgets.iter().flat_map(|&budget| points(sources, budget)).collect();
-    let (smallest, largest) = ends(&all);
+    let budgets = sources.cells.budgets.iter();
+    let all: Vec<Point> = budgets.flat_map(|&budget| points(sources, budget)).collect();
+    let [smallest, largest] = ends(&all);
     let inside = minima.iter().filter(|m| (smallest..=largest).contains(&m.params_nonvocab));
     let losses = inside.map(|minimum| minimum.loss_normalised);
     let size_alone = sources.knows_size_alone();
@@ -152,10 +148,10 @@ fn minima<'a>(sources: &Sources<'a>) -> Vec<&'a Minimum> {
 /// One budget: its points, and the parabola through them or, below three sizes, a line.
 fn isoflop(plot: &mut Plot, points: &[Point], look: Look) {
     match parabola(points) {
-        Some(fit) => plot.curve(ends(points), |params| fit.at(params), look.stroke()),
+        Some(fit) => plot.curve(ends(points), fit, look.stroke()),
         None => plot.line(points.iter().copied(), Stroke { width: 1.0, ..look.stroke() }),
     }
-    points.iter().for_each(|at| plot.mark(*at, look.mark()));
+    plot.marks(points.iter().copied(), look);
 }
 
 /// (N_nv, L_u) of each model at a budget, by size.
@@ -167,32 +163,16 @@ fn point(minimum: &Minimum) -> Point {
     (minimum.params_nonvocab, minimum.loss_normalised)
 }
 
-fn ends(points: &[Point]) -> (f64, f64) {
-    let sizes = points.iter().map(|point| point.0);
-    sizes.fold((f64::INFINITY, 0.0), |(low, high), size| (low.min(size), high.max(size)))
+fn ends(points: &[Point]) -> [f64; 2] {
+    span(points.iter().map(|point| point.0))
 }
 
 fn minimum_mark(flagged: bool) -> Mark {
     Mark { marker: Marker::Star, colour: INK, radius: 5.0, hollow: flagged }
 }
 
-/// y = a + b · u + c · u², u = ln x − `centre`.
-struct Quadratic {
-    centre: f64,
-    /// a, b and c.
-    coefficients: [f64; 3],
-}
-
-impl Quadratic {
-    fn at(&self, x: f64) -> f64 {
-        let u = x.ln() - self.centre;
-        let [a, b, c] = self.coefficients;
-        a + u * (b + u * c)
-    }
-}
-
-/// The least-squares quadratic in ln x; none below three different x.
-fn parabola(points: &[Point]) -> Option<Quadratic> {
+/// The least-squares quadratic in ln x, a + b · u + c · u² of u = ln x − centre; none below three different x.
+fn parabola(points: &[Point]) -> Option<impl Fn(f64) -> f64 + use<>> {
     let n = points.len() as f64;
     let centre = points.iter().map(|point| point.0.ln()).sum::<f64>() / n;
     let moment = |k: i32| points.iter().map(|p| (p.0.ln() - centre).powi(k)).sum::<f64>();
@@ -203,7 +183,11 @@ fn parabola(points: &[Point]) -> Option<Quadratic> {
     if points.len() < 3 || moments.determinant().abs() <= 1e-12 * scale {
         return None;
     }
-    Some(Quadratic { centre, coefficients: moments.lu().solve(&right)?.into() })
+    let [a, b, c]: [f64; 3] = moments.lu().solve(&right)?.into();
+    Some(move |x: f64| {
+        let u = x.ln() - centre;
+        a + u * (b + u * c)
+    })
 }
 
 #[cfg(test)]
@@ -215,7 +199,7 @@ mod tests {
         let loss = |params: f64| 0.3 * (params.ln() - 11.0).powi(2) - 1.7;
         let points: Vec<_> = [1e4, 3e4, 8e4, 5e5].map(|params| (params, loss(params))).to_vec();
         let fit = parabola(&points).expect("four sizes determine a parabola");
-        assert!([2e4, 1e5, 4e5].iter().all(|&x| (fit.at(x) - loss(x)).abs() < 1e-9));
+        assert!([2e4, 1e5, 4e5].iter().all(|&x| (fit(x) - loss(x)).abs() < 1e-9));
     }
 
     #[test]

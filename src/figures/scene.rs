@@ -19,11 +19,7 @@ pub enum Anchor {
 impl Anchor {
     /// The share of a text that lies before its point.
     pub fn share(self) -> f64 {
-        match self {
-            Anchor::Start => 0.0,
-            Anchor::Middle => 0.5,
-            Anchor::End => 1.0,
-        }
+        [0.0, 0.5, 1.0][self as usize]
     }
 }
 
@@ -38,6 +34,16 @@ pub struct Text {
     pub colour: Rgb,
     /// Reads from bottom to top.
     pub upward: bool,
+}
+
+impl Text {
+    pub fn coloured(self, colour: Rgb) -> Text {
+        Text { colour, ..self }
+    }
+
+    pub fn bold(self) -> Text {
+        Text { weight: Weight::Bold, ..self }
+    }
 }
 
 /// Upright text in ink.
@@ -173,6 +179,17 @@ impl Scene {
     pub fn text(&mut self, text: Text) {
         self.shapes.push(Shape::Text(text));
     }
+
+    /// Writes lines like `text`, `advance` pixels from each to the next, from its point downwards; returns where
+    /// they end.
+    pub fn lines(&mut self, lines: Vec<String>, advance: f64, text: &Text) -> f64 {
+        let (left, mut y) = text.at;
+        for content in lines {
+            y += advance;
+            self.text(Text { content, at: (left, y - 0.4 * text.em), ..text.clone() });
+        }
+        y
+    }
 }
 
 /// Cuts a polyline into strokes of length `on`, `off` apart along its arc.
@@ -180,36 +197,25 @@ fn dashes(points: &[Point], on: f64, off: f64) -> Vec<Vec<Point>> {
     let mut pieces: Vec<Vec<Point>> = Vec::new();
     let (mut drawing, mut left) = (false, 0.0);
     for pair in points.windows(2) {
-        let (length, mut done) = (distance(pair[0], pair[1]), 0.0);
+        let (a, b) = (pair[0], pair[1]);
+        let (length, mut done) = ((b.0 - a.0).hypot(b.1 - a.1), 0.0);
         while done + left < length {
             done += left;
-            let cut = between(pair[0], pair[1], done / length);
-            if drawing {
-                last(&mut pieces).push(cut);
-            } else {
-                pieces.push(vec![cut]);
+            let share = done / length;
+            let cut = (a.0 + (b.0 - a.0) * share, a.1 + (b.1 - a.1) * share);
+            match pieces.last_mut() {
+                Some(piece) if drawing => piece.push(cut),
+                _ => pieces.push(vec![cut]),
             }
             drawing = !drawing;
             left = if drawing { on } else { off };
         }
         left -= length - done;
-        if drawing {
-            last(&mut pieces).push(pair[1]);
+        if drawing && let Some(piece) = pieces.last_mut() {
+            piece.push(b);
         }
     }
     pieces
-}
-
-fn last(pieces: &mut [Vec<Point>]) -> &mut Vec<Point> {
-    pieces.last_mut().expect("a stroke was begun")
-}
-
-fn distance(a: Point, b: Point) -> f64 {
-    (b.0 - a.0).hypot(b.1 - a.1)
-}
-
-fn between(a: Point, b: Point, share: f64) -> Point {
-    (a.0 + (b.0 - a.0) * share, a.1 + (b.1 - a.1) * share)
 }
 
 #[cfg(test)]

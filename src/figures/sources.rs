@@ -96,10 +96,8 @@ impl<'a> Sources<'a> {
 
     /// An error where there is no vocabulary to show.
     pub fn needs_vocabulary(&self) -> Result<(), String> {
-        match self.knows_size_alone() && self.input.loss_name.is_some() {
-            true => Err("the vocabulary's parameters are not told apart".to_owned()),
-            false => Ok(()),
-        }
+        let is_known = !self.knows_size_alone() || self.input.loss_name.is_none();
+        is_known.then_some(()).ok_or("the vocabulary's parameters are not told apart".to_owned())
     }
 
     /// The symbol of a model's size.
@@ -118,8 +116,6 @@ fn counted(records: &[RunRecord]) -> FlopsRule {
 
 /// An error where there are more `things` than a legend can list.
 pub fn few_enough(count: usize, things: &str) -> Result<(), String> {
-    match count > 100 {
-        true => Err(format!("{count} {things} are too many to tell apart")),
-        false => Ok(()),
-    }
+    let is_few = count <= 100;
+    is_few.then_some(()).ok_or_else(|| format!("{count} {things} are too many to tell apart"))
 }

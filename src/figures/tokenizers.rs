@@ -65,8 +65,7 @@ pub fn tokenizers(sources: &Sources) -> Drawing {
     let looks = category_looks(kinds.len());
     let plots = METRICS.iter().map(|metric| metric.plot(tokenizers, &vocabs, (&kinds, &looks)));
     let plots = plots.collect::<Result<Vec<_>, _>>()?;
-    let mut legend = Legend::default();
-    legend.heading("Tokenizer");
+    let mut legend = Legend::headed("Tokenizer");
     for (kind, look) in kinds.iter().zip(&looks) {
         legend.entry(look.sample(), in_capitals(kind));
     }
@@ -101,9 +100,7 @@ impl Metric {
         for (kind, look) in kinds.iter().zip(looks) {
             let of_kind = tokenizers.iter().filter(|t| t.name() == *kind);
             plot.line(means(of_kind.clone(), |metrics| Some((self.of)(metrics))), look.stroke());
-            for metrics in of_kind {
-                plot.mark((metrics.n_vocab as f64, (self.of)(metrics)), look.mark());
-            }
+            plot.marks(of_kind.map(|own| (own.n_vocab as f64, (self.of)(own))), *look);
         }
         Ok(plot)
     }
@@ -144,12 +141,10 @@ pub fn codes(title: &str, map: &CodeMap) -> Drawing {
     let circle = |look| Look { marker: Marker::Circle, ..look };
     let looks: Vec<_> = ordered_looks(map.scales.len()).into_iter().map(circle).collect();
     let plots = vec![use_plot(map, &looks)?, map_plot(map, &looks)?];
-    let mut legend = Legend::default();
-    legend.heading("Scale: codes in use");
+    let mut legend = Legend::headed("Scale: codes in use");
     for (i, (scale, look)) in map.scales.iter().zip(&looks).enumerate() {
         let (all, used) = (scale.places.len(), scale.met.utilisation());
-        let sample = Sample::MarkedLine(look.stroke(), look.mark());
-        legend.entry(sample, format!("{}: {:.0} % of {all}", i + 1, 100.0 * used));
+        legend.entry(look.sample(), format!("{}: {:.0} % of {all}", i + 1, 100.0 * used));
     }
     legend.heading("Bound");
     legend.entry(Sample::Line(bound_stroke()), "all codes alike");

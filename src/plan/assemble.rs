@@ -6,9 +6,9 @@ use super::price::price;
 use super::remarks::remarks;
 use super::trunk::{Dropped, PricedCell, Trunk, branch};
 use crate::data::{DataFacts, Demand};
-use crate::spec::Origin;
-use crate::spec::{RunSpec, TRAINING_REVISION, TokenizerJob, TrainerProgram};
-use crate::spec::{TextSpec, TokenizerSpec, content_id};
+use crate::spec::{
+    Origin, RunSpec, TRAINING_REVISION, TextSpec, TokenizerJob, TrainerProgram, content_id,
+};
 use crate::sweep::{ScheduleKind, ScheduleSection, Sweep, Variant};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -58,12 +58,17 @@ impl Plan {
         let text_id = captions.id();
         let text = (sweep.data.origin() != Origin::None).then_some(captions);
         let (tokenizers, own) = tokenizers(sweep, &cells, &data, &text_id);
-        let inputs = match tokenizers.is_empty() {
-            false => tokenizers.iter().map(|job| RunInputs::of(job, &text_id, &data)).collect(),
-            true => vec![RunInputs::none(text_id)],
+        let of = |tokenizer_id, unique_tokens| {
+            let text_id = text_id.clone();
+            RunInputs { tokenizer_id, text_id, unique_tokens }
         };
+        let known = tokenizers.iter().map(|job| of(job.id(), data.unique_tokens(&job.spec.grid())));
+        let mut inputs: Vec<RunInputs> = known.collect();
+        if inputs.is_empty() {
+            inputs.push(of(NO_TOKENIZER.to_string(), 0));
+        }
         let runs_of = |(cell, own): (&PricedCell, &Range<usize>)| {
-            let run = |inputs, seed| planned_run(sweep, cell, seed, (inputs, label), &data);
+            let run = |inputs, seed| planned_run(sweep, label, cell, seed, inputs, &data);
             let with = |inputs| sweep.seeds.iter().map(move |seed| run(inputs, *seed));
             inputs[own.clone()].iter().flat_map(with).collect::<Vec<_>>()
         };
@@ -76,39 +81,29 @@ impl Plan {
         let remarks = remarks(sweep, &tokenizers, &runs, &data);
         let evaluator = sweep.evaluator.as_ref();
         let evaluator = evaluator.map(|section| EvaluatorJob::new(section.spec(), &data));
-        let scores = match (&evaluator, &sweep.scores) {
-            (Some(evaluator), Some(spec)) => ScoreJob::of_runs(&runs, &evaluator.id(), spec),
-            _ => Vec::new(),
-        };
-        let canary = sweep.trainer.as_ref().is_some_and(|trainer| trainer.canary);
+        let judged = evaluator.as_ref().zip(sweep.scores.as_ref());
+        let scores = judged.map(|(judge, spec)| ScoreJob::of_runs(&runs, &judge.id(), spec));
         Self {
+            canary: sweep.trainer.as_ref().is_some_and(|trainer| trainer.canary),
             runs,
             dropped,
             tokenizers,
             trunks,
             text,
             evaluator,
-            scores,
+            scores: scores.unwrap_or_default(),
             data,
             renamed: renamed(sweep),
             n_variants: 1,
-            canary,
             remarks,
         }
     }
 
     /// The plan with the jobs of another variant of its sweep.
     fn and(mut self, other: Self) -> Self {
-        let known: HashSet<String> = self.tokenizers.iter().map(TokenizerJob::id).collect();
-        self.tokenizers
-            .extend(other.tokenizers.into_iter().filter(|job| !known.contains(&job.id())));
-        let known: HashSet<String> =
-            self.trunks.iter().map(|trunk| trunk.trunk_id.clone()).collect();
-        self.trunks
-            .extend(other.trunks.into_iter().filter(|trunk| !known.contains(&trunk.trunk_id)));
-        let remarks = other.remarks.into_iter().filter(|remark| !self.remarks.contains(remark));
-        let remarks: Vec<String> = remarks.collect();
-        self.remarks.extend(remarks);
+        add_new(&mut self.tokenizers, other.tokenizers, TokenizerJob::id);
+        add_new(&mut self.trunks, other.trunks, |trunk| trunk.trunk_id.clone());
+        add_new(&mut self.remarks, other.remarks, String::clone);
         self.runs.extend(other.runs);
         self.dropped.extend(other.dropped);
         self.scores.extend(other.scores);
@@ -124,7 +119,7 @@ impl Plan {
 
     /// The plan of some of its runs, with what those need.
     pub fn only(&self, is_kept: impl Fn(&PlannedRun) -> bool) -> Self {
-        let runs: Vec<PlannedRun> = self.runs.iter().filter(|run| is_kept(run)).cloned().collect();
+        let runs = chosen(&self.runs, is_kept);
         let tokenizers: HashSet<&str> =
             runs.iter().map(|run| run.spec.tokenizer_id.as_str()).collect();
         let mut trunks: HashSet<&str> =
@@ -136,16 +131,13 @@ impl Plan {
             }
         }
         let kept: HashSet<&str> = runs.iter().map(|run| run.run_id.as_str()).collect();
-        let is_scored = |job: &&ScoreJob| kept.contains(job.run_id.as_str());
-        let is_used = |job: &&TokenizerJob| tokenizers.contains(job.id().as_str());
-        let is_stem = |trunk: &&Trunk| trunks.contains(trunk.trunk_id.as_str());
         Self {
             dropped: self.dropped.clone(),
-            tokenizers: self.tokenizers.iter().filter(is_used).cloned().collect(),
-            trunks: self.trunks.iter().filter(is_stem).cloned().collect(),
+            tokenizers: chosen(&self.tokenizers, |job| tokenizers.contains(job.id().as_str())),
+            trunks: chosen(&self.trunks, |trunk| trunks.contains(trunk.trunk_id.as_str())),
             text: self.text.clone(),
             evaluator: self.evaluator.clone(),
-            scores: self.scores.iter().filter(is_scored).cloned().collect(),
+            scores: chosen(&self.scores, |job| kept.contains(job.run_id.as_str())),
             data: self.data.clone(),
             renamed: self.renamed.clone(),
             n_variants: self.n_variants,
@@ -195,17 +187,25 @@ impl Plan {
         let repeated: Vec<f64> = epochs.filter(|epochs| *epochs > MOST_USEFUL_EPOCHS).collect();
         let mut warnings = self.data.warnings.clone();
         if let Some(most) = repeated.iter().copied().reduce(f64::max) {
+            let (n, of, tokens) = (repeated.len(), self.runs.len(), self.unique_tokens());
             warnings.push(format!(
-                "{} of {} runs see their data more than {MOST_USEFUL_EPOCHS} times, up to {most:.0}: \
-                 the training split holds {} tokens",
-                repeated.len(),
-                self.runs.len(),
-                self.unique_tokens()
+                "{n} of {of} runs see their data more than {MOST_USEFUL_EPOCHS} times, up to {most:.0}: \
+                 the training split holds {tokens} tokens"
             ));
         }
         warnings.extend(self.remarks.iter().cloned());
         warnings
     }
+}
+
+fn chosen<T: Clone>(all: &[T], is_kept: impl Fn(&T) -> bool) -> Vec<T> {
+    all.iter().filter(|one| is_kept(one)).cloned().collect()
+}
+
+/// Adds those of which none with the same key is known.
+fn add_new<T>(known: &mut Vec<T>, others: Vec<T>, key: impl Fn(&T) -> String) {
+    let keys: HashSet<String> = known.iter().map(&key).collect();
+    known.extend(others.into_iter().filter(|other| !keys.contains(&key(other))));
 }
 
 /// What the longest run of a sweep takes of a source without an end, priced before its clips are known.
@@ -223,7 +223,7 @@ pub const NO_TOKENIZER: &str = "none";
 
 /// The tokenizers of all cells, each once, and where each cell's own are, one a seed; none where the
 /// sweep has no data to train one on.
-pub(super) fn tokenizers(
+fn tokenizers(
     sweep: &Sweep,
     cells: &[PricedCell],
     data: &DataFacts,
@@ -240,76 +240,41 @@ pub(super) fn tokenizers(
         let first = known.unwrap_or(jobs.len());
         own.push(first..first + specs.len());
         if known.is_none() {
-            jobs.extend(specs.into_iter().map(|spec| tokenizer_job(spec, data, text_id)));
+            jobs.extend(specs.into_iter().map(|spec| TokenizerJob {
+                revision: TRAINING_REVISION,
+                data_digest: data.digest.clone(),
+                text_id: spec.architecture.language().map(|_| text_id.to_string()),
+                spec,
+            }));
         }
     }
     (jobs, own)
 }
 
-fn tokenizer_job(spec: TokenizerSpec, data: &DataFacts, text_id: &str) -> TokenizerJob {
-    let text_id = spec.architecture.language().map(|_| text_id.to_string());
-    TokenizerJob { revision: TRAINING_REVISION, spec, data_digest: data.digest.clone(), text_id }
-}
-
 /// What the runs of a tokenizer read.
-pub(super) struct RunInputs {
+struct RunInputs {
     tokenizer_id: String,
     text_id: String,
     /// Supervised tokens of the training split.
     unique_tokens: usize,
 }
 
-impl RunInputs {
-    pub(super) fn of(job: &TokenizerJob, text_id: &str, data: &DataFacts) -> Self {
-        Self {
-            tokenizer_id: job.id(),
-            text_id: text_id.to_string(),
-            unique_tokens: data.unique_tokens(&job.spec.grid()),
-        }
-    }
-
-    /// Those of a sweep without motion.
-    pub(super) fn none(text_id: String) -> Self {
-        Self { tokenizer_id: NO_TOKENIZER.to_string(), text_id, unique_tokens: 0 }
-    }
-}
-
 fn decay_steps(schedule: &ScheduleSection, steps: usize) -> Option<usize> {
-    let share = |decay: f64| ((decay * steps as f64).round() as usize).clamp(1, steps);
-    (schedule.kind == ScheduleKind::Wsd).then(|| share(schedule.decay))
+    let decay = schedule.decay * steps as f64;
+    (schedule.kind == ScheduleKind::Wsd).then(|| (decay.round() as usize).clamp(1, steps))
 }
 
-pub(super) fn planned_run(
+fn planned_run(
     sweep: &Sweep,
-    cell: &PricedCell,
-    seed: u64,
-    (inputs, varied): (&RunInputs, &Option<String>),
-    data: &DataFacts,
-) -> PlannedRun {
-    let spec = RunSpec { varied: varied.clone(), ..run_spec(sweep, cell, seed, inputs, data) };
-    let (tokens, unique_tokens) = (spec.tokens() as f64, spec.share.of(inputs.unique_tokens));
-    PlannedRun {
-        run_id: spec.id(),
-        params: cell.params,
-        flops_per_token: cell.flops_per_token,
-        achieved_ratio: cell.spending.achieved_ratio,
-        peak_bytes: cell.generator.peak_bytes(&cell.codes, spec.batch_tokens),
-        trunk_id: None,
-        epochs: (unique_tokens > 0).then(|| tokens / unique_tokens as f64),
-        spec,
-    }
-}
-
-fn run_spec(
-    sweep: &Sweep,
+    varied: &Option<String>,
     cell: &PricedCell,
     seed: u64,
     inputs: &RunInputs,
     data: &DataFacts,
-) -> RunSpec {
+) -> PlannedRun {
     let train = &sweep.train;
     let steps = cell.spending.steps;
-    RunSpec {
+    let spec = RunSpec {
         revision: TRAINING_REVISION,
         seed,
         generator: cell.generator.clone(),
@@ -337,7 +302,18 @@ fn run_spec(
             revision: section.revision.clone(),
             inputs: data.trainer_inputs.clone(),
         }),
-        varied: None,
+        varied: varied.clone(),
+    };
+    let (tokens, unique_tokens) = (spec.tokens() as f64, spec.share.of(inputs.unique_tokens));
+    PlannedRun {
+        run_id: spec.id(),
+        params: cell.params,
+        flops_per_token: cell.flops_per_token,
+        achieved_ratio: cell.spending.achieved_ratio,
+        peak_bytes: cell.generator.peak_bytes(&cell.codes, spec.batch_tokens),
+        trunk_id: None,
+        epochs: (unique_tokens > 0).then(|| tokens / unique_tokens as f64),
+        spec,
     }
 }
 

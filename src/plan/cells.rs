@@ -38,10 +38,11 @@ fn all_parts(sweep: &Sweep) -> Vec<GridCell> {
     if sweep.grid.also.is_empty() {
         return all;
     }
-    let mut seen: HashSet<String> = all.iter().map(GridCell::key).collect();
+    let key = |cell: &GridCell| format!("{cell:?}");
+    let mut seen: HashSet<String> = all.iter().map(key).collect();
     for part in &sweep.grid.also {
         let own = crossed(sweep, &part.alone());
-        all.extend(own.into_iter().filter(|cell| seen.insert(cell.key())));
+        all.extend(own.into_iter().filter(|cell| seen.insert(key(cell))));
     }
     all
 }
@@ -70,11 +71,6 @@ fn crossed(sweep: &Sweep, grid: &GridSection) -> Vec<GridCell> {
 }
 
 impl GridCell {
-    /// What tells it from all others.
-    fn key(&self) -> String {
-        format!("{self:?}")
-    }
-
     /// What conditions compare.
     fn values(&self) -> [f64; Condition::FIELDS.len()] {
         let ModelEntry { n_layer, n_head, d_model, .. } = self.model;
@@ -90,15 +86,11 @@ fn indices(lengths: [usize; 3], zip: &[Vec<Axis>]) -> Vec<[usize; 3]> {
     let mut groups: Vec<Vec<usize>> = Axis::groups(zip).into_iter().map(positions).collect();
     groups.sort();
     groups.iter().fold(vec![[0; 3]], |found, group| {
-        let length = lengths[group[0]];
-        let grown = found.iter().flat_map(|triple| {
-            (0..length).map(|i| {
-                let mut triple = *triple;
-                group.iter().for_each(|&axis| triple[axis] = i);
-                triple
-            })
-        });
-        grown.collect()
+        let at = |triple: [usize; 3], i| {
+            std::array::from_fn(|axis| if group.contains(&axis) { i } else { triple[axis] })
+        };
+        let grown = |triple| (0..lengths[group[0]]).map(move |i| at(triple, i));
+        found.into_iter().flat_map(grown).collect()
     })
 }
 
@@ -124,13 +116,9 @@ pub(super) fn renamed(sweep: &Sweep) -> Vec<Renamed> {
         (codes != named).then_some(Renamed { named, codes, levels })
     };
     let parts = sweep.grid.also.iter().flat_map(|part| &part.vocab);
-    let mut renamed = Vec::new();
-    for entry in sweep.grid.vocab.iter().chain(parts).filter_map(of_entry) {
-        if !renamed.contains(&entry) {
-            renamed.push(entry);
-        }
-    }
-    renamed
+    let entries = sweep.grid.vocab.iter().chain(parts).filter_map(of_entry);
+    let mut seen = HashSet::new();
+    entries.filter(|entry| seen.insert((entry.named, entry.levels.clone()))).collect()
 }
 
 #[cfg(test)]

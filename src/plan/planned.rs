@@ -34,11 +34,10 @@ impl PlannedRun {
 
     /// FLOPs of the budget that the run's own job trains: all but what its trunk does.
     pub fn own_flops(&self) -> f64 {
-        match (&self.trunk_id, self.spec.decay_steps) {
-            (Some(_), Some(decay)) => {
-                self.spec.budget_flops * decay as f64 / self.spec.steps as f64
-            }
-            _ => self.spec.budget_flops,
+        let RunSpec { budget_flops, steps, decay_steps, .. } = self.spec;
+        match (&self.trunk_id, decay_steps) {
+            (Some(_), Some(decay)) => budget_flops * decay as f64 / steps as f64,
+            _ => budget_flops,
         }
     }
 }
@@ -56,16 +55,6 @@ pub struct ScoreJob {
 }
 
 impl ScoreJob {
-    /// The score of a run by an evaluator.
-    pub fn new(run_id: &str, evaluator_id: &str, spec: &ScoresSpec) -> Self {
-        Self {
-            revision: TRAINING_REVISION,
-            run_id: run_id.to_string(),
-            evaluator_id: evaluator_id.to_string(),
-            spec: spec.of_a_run(),
-        }
-    }
-
     /// Content id: the hash of every field.
     pub fn id(&self) -> String {
         content_id(self)
@@ -78,7 +67,13 @@ impl ScoreJob {
         let chosen = |run: &&PlannedRun| {
             conditions.is_empty() || conditions.iter().any(|condition| holds(condition, run))
         };
-        runs.iter().filter(chosen).map(|run| Self::new(&run.run_id, evaluator_id, spec)).collect()
+        let score = |run: &PlannedRun| Self {
+            revision: TRAINING_REVISION,
+            run_id: run.run_id.clone(),
+            evaluator_id: evaluator_id.to_string(),
+            spec: spec.of_a_run(),
+        };
+        runs.iter().filter(chosen).map(score).collect()
     }
 }
 

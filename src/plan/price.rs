@@ -1,9 +1,9 @@
 //! Cells with their price: what each costs, or why it is dropped.
 
 use super::cells::{GridCell, cells};
-use super::trunk;
 use super::trunk::{
-    Dropped, MOST_TOKENS, PricedCell, Spending, pace, spend_with, tokens_bought, widest_batch,
+    Dropped, MOST_TOKENS, PricedCell, Spending, in_step, pace, spend_with, tokens_bought,
+    widest_batch,
 };
 use crate::spec::{ClipShape, Context, FlopsPerToken, FlopsRule, GeneratorSpec, Grid, Pricing};
 use crate::sweep::{Sweep, shape};
@@ -16,19 +16,19 @@ pub fn price(sweep: &Sweep, clips: &BTreeMap<ClipShape, f64>) -> (Vec<PricedCell
     let (kept, excluded) = cells(sweep);
     let mut dropped: Vec<Dropped> =
         excluded.into_iter().map(|(cell, reason)| Dropped::new(&cell, reason)).collect();
-    let mut priced = Vec::with_capacity(kept.len());
-    let prices: Vec<_> = kept.par_iter().map(|cell| price_cell(sweep, clips, cell)).collect();
-    for (cell, price) in kept.iter().zip(prices) {
-        match price {
-            Ok(cell) => priced.push(cell),
-            Err(reason) => dropped.push(Dropped::new(cell, reason)),
-        }
-    }
+    let price = |cell: &GridCell| {
+        price_cell(sweep, clips, cell).map_err(|reason| Dropped::new(cell, reason))
+    };
+    // Errors stand on the left.
+    let (unpriced, priced): (Vec<_>, Vec<_>) = kept.par_iter().map(price).partition_map(Into::into);
+    dropped.extend(unpriced);
     if sweep.train.schedule.shares() {
-        let price = |cell: &PricedCell, batch| Price::of(sweep, clips, cell).buys(batch);
-        let (in_step, out) = trunk::in_step(priced, &sweep.train, price);
+        let price = |PricedCell { generator, codes, grid_cell: cell, .. }: &PricedCell, batch| {
+            Price { sweep, clips, generator, codes, cell }.buys(batch)
+        };
+        let (kept, out) = in_step(priced, &sweep.train, price);
         dropped.extend(out);
-        return (in_step, dropped);
+        return (kept, dropped);
     }
     (priced, dropped)
 }
@@ -73,27 +73,17 @@ struct Price<'a> {
     cell: &'a GridCell,
 }
 
-impl<'a> Price<'a> {
-    fn of(sweep: &'a Sweep, clips: &'a BTreeMap<ClipShape, f64>, cell: &'a PricedCell) -> Self {
-        let PricedCell { generator, codes, grid_cell, .. } = cell;
-        Self { sweep, clips, generator, codes, cell: grid_cell }
-    }
-
-    /// Forward FLOPs a token in steps of a batch. By the exact count a clip costs what its own length and
-    /// text do; where the clips are not known, what the longest would.
-    fn per_token(&self, batch_tokens: usize) -> FlopsPerToken {
-        let Self { sweep, generator, codes, clips, .. } = *self;
-        let full = generator.flops_per_token(codes, sweep.text.max_tokens);
-        if sweep.flops.rule != FlopsRule::Exact || clips.is_empty() {
-            return full;
-        }
-        FlopsPerToken { exact: exact_per_token(&**generator, codes, clips, batch_tokens), ..full }
-    }
-
-    /// The same, and D that the budget buys.
+impl Price<'_> {
+    /// Forward FLOPs a token in steps of a batch, and D that the budget buys. By the exact count a clip costs
+    /// what its own length and text do; where the clips are not known, what the longest would.
     fn buys(&self, batch_tokens: usize) -> (FlopsPerToken, f64) {
-        let per_token = self.per_token(batch_tokens);
-        (per_token, tokens_bought(self.cell.budget_flops, per_token.by(self.sweep.flops.rule)))
+        let Self { sweep, generator, codes, clips, cell } = *self;
+        let rule = sweep.flops.rule;
+        let mut per_token = generator.flops_per_token(codes, sweep.text.max_tokens);
+        if rule == FlopsRule::Exact && !clips.is_empty() {
+            per_token.exact = exact_per_token(&**generator, codes, clips, batch_tokens);
+        }
+        (per_token, tokens_bought(cell.budget_flops, per_token.by(rule)))
     }
 
     /// Steps, and the largest batch that its rule gives for the tokens that it buys itself.
@@ -106,9 +96,8 @@ impl<'a> Price<'a> {
         loop {
             let (per_token, tokens) = self.buys(batch);
             if tokens > MOST_TOKENS {
-                return Err(format!(
-                    "the budget buys {tokens:.1e} tokens: more than can be counted"
-                ));
+                let reason = "more than can be counted";
+                return Err(format!("the budget buys {tokens:.1e} tokens: {reason}"));
             }
             let next = widest_batch(tokens, tokens, train);
             if next >= batch {
@@ -125,7 +114,7 @@ impl<'a> Price<'a> {
 // both. So the price of a token hangs on how long clips are beside a step.
 
 /// Forward FLOPs a supervised token, on the mean over the clips and over where steps part them.
-pub fn exact_per_token(
+fn exact_per_token(
     generator: &dyn Pricing,
     codes: &Grid,
     clips: &BTreeMap<ClipShape, f64>,

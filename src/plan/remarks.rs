@@ -1,10 +1,8 @@
 //! What a person should know of a plan's training before it runs.
 
 use super::planned::PlannedRun;
-use crate::spec::TokenizerJob;
-
 use crate::data::DataFacts;
-use crate::spec::QuantizerSpec;
+use crate::spec::{QuantizerSpec, TokenizerJob};
 use crate::sweep::Sweep;
 
 /// Steps of a tokenizer below which its codes are mostly those that it began with.
@@ -39,12 +37,10 @@ fn context(sweep: &Sweep, runs: &[PlannedRun], data: &DataFacts) -> Option<Strin
     let run = runs.iter().find(|run| has_clips && positions(run) > room(run))?;
     let tokenizer = sweep.tokenizer.spec(QuantizerSpec::default(), &sweep.text);
     let latents = frames / tokenizer.frames_per_latent();
+    let (taken, room, slots) = (positions(run), room(run), latents + 2);
     Some(format!(
-        "a clip of {frames} frames takes {} positions, the models have room for {}: a run fails at it \
-         unless its text is short; set model.motion_slots to {} or more",
-        positions(run),
-        room(run),
-        latents + 2
+        "a clip of {frames} frames takes {taken} positions, the models have room for {room}: a run fails \
+         at it unless its text is short; set model.motion_slots to {slots} or more"
     ))
 }
 
@@ -54,8 +50,8 @@ fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
     }
     let train = &sweep.train;
     let count = |is: &dyn Fn(&PlannedRun) -> bool| runs.iter().filter(|run| is(run)).count();
-    let memory = 1.0 / (1.0 - train.betas[1]);
-    let of_all = |n: usize| format!("{n} of {} runs", runs.len());
+    let beta2 = train.betas[1];
+    let memory = 1.0 / (1.0 - beta2);
     let chosen = train.batch.tokens_exponent == 0.0;
     let cases = [
         (
@@ -68,14 +64,11 @@ fn of_runs(sweep: &Sweep, runs: &[PlannedRun]) -> Vec<String> {
         ),
         (
             count(&|run| (run.spec.steps as f64) < memory),
-            format!(
-                "have fewer than {memory:.0} steps, which beta2 = {} remembers",
-                train.betas[1]
-            ),
+            format!("have fewer than {memory:.0} steps, which beta2 = {beta2} remembers"),
         ),
     ];
     let met = cases.into_iter().filter(|(n, _)| *n > 0);
-    met.map(|(n, what)| format!("{} {what}", of_all(n))).collect()
+    met.map(|(n, what)| format!("{n} of {} runs {what}", runs.len())).collect()
 }
 
 #[cfg(test)]

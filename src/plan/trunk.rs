@@ -1,16 +1,15 @@
 //! Trunks: what runs of one model, vocabulary and seed have in common before their learning rates
 //! decay, trained once.
 
+use super::cells::GridCell;
 use super::planned::PlannedRun;
-use crate::spec::RunSpec;
+use crate::spec::flops::TRAINING_PER_FORWARD;
+use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, RunSpec, Share};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 
-use super::cells::GridCell;
-use crate::spec::flops::TRAINING_PER_FORWARD;
-use crate::spec::{FlopsPerToken, GeneratorSpec, Grid, ParamCounts, Share};
-use crate::sweep::{BatchRule, LrRule, RateParams, TrainSection};
+use crate::sweep::{BatchRule, LrRule, ModelEntry, RateParams, TrainSection};
 
 /// A stretch of training from one branching point to the next.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -36,20 +35,21 @@ pub fn in_step(
     price: impl Fn(&PricedCell, usize) -> (FlopsPerToken, f64),
 ) -> (Vec<PricedCell>, Vec<Dropped>) {
     let mut groups: HashMap<String, usize> = HashMap::new();
-    let mut members: Vec<Vec<PricedCell>> = Vec::new();
-    let mut order = Vec::with_capacity(cells.len());
-    for cell in cells {
-        let group = *groups.entry(group_name(&cell)).or_insert(members.len());
-        if group == members.len() {
-            members.push(Vec::new());
-        }
-        order.push((group, members[group].len()));
+    let mut members: Vec<Vec<&PricedCell>> = Vec::new();
+    let mut group_of = Vec::with_capacity(cells.len());
+    for cell in &cells {
+        // What cells must agree in to share a trunk.
+        let GridCell { quantizer, share, .. } = &cell.grid_cell;
+        let name = format!("{:?} {quantizer:?} {share:?}", cell.generator);
+        let group = *groups.entry(name).or_insert(members.len());
+        members.resize_with(members.len().max(group + 1), Vec::new);
         members[group].push(cell);
+        group_of.push(group);
     }
     let common: Vec<(usize, Pace)> = members.iter().map(|cells| common(cells, train)).collect();
-    let (mut kept, mut dropped) = (Vec::with_capacity(order.len()), Vec::new());
-    for (group, member) in order {
-        let (cell, (batch_tokens, pace)) = (members[group][member].clone(), common[group]);
+    let (mut kept, mut dropped) = (Vec::with_capacity(cells.len()), Vec::new());
+    for (cell, group) in cells.into_iter().zip(group_of) {
+        let (batch_tokens, pace) = common[group];
         let (flops_per_token, tokens) = price(&cell, batch_tokens);
         match spend_with(tokens, batch_tokens, train) {
             Ok(spending) => {
@@ -63,20 +63,15 @@ pub fn in_step(
 }
 
 /// The batch in tokens and the pace of cells that differ in budget alone, of which there is one.
-fn common(cells: &[PricedCell], train: &TrainSection) -> (usize, Pace) {
-    let by_tokens =
-        |a: &&PricedCell, b: &&PricedCell| a.tokens_bought().total_cmp(&b.tokens_bought());
-    let smallest = cells.iter().min_by(by_tokens).expect("a group has a cell");
-    let most = cells.iter().map(PricedCell::tokens_bought).fold(0.0, f64::max);
-    let batch_tokens = widest_batch(most, smallest.tokens_bought(), train);
-    let steps = (smallest.tokens_bought() / batch_tokens as f64).round() as usize;
+fn common(cells: &[&PricedCell], train: &TrainSection) -> (usize, Pace) {
+    let bought = |cell: &PricedCell| cell.tokens_bought();
+    let smallest = cells.iter().min_by(|a, b| bought(a).total_cmp(&bought(b)));
+    let smallest = smallest.expect("a group has a cell");
+    let (fewest, most) = (bought(smallest), cells.iter().map(|c| bought(c)).fold(0.0, f64::max));
+    let batch_tokens = widest_batch(most, fewest, train);
+    let steps = (fewest / batch_tokens as f64).round() as usize;
     let shortest = Spending { batch_tokens, steps, ..smallest.spending };
     (batch_tokens, pace(&smallest.params, smallest.spending.tokens(), shortest, train))
-}
-
-/// What cells must agree in to share a trunk.
-fn group_name(cell: &PricedCell) -> String {
-    format!("{:?} {:?} {:?}", cell.generator, cell.grid_cell.quantizer, cell.grid_cell.share)
 }
 
 /// Notes in each run which trunk it branches off; returns the trunks, each once, every one after
@@ -99,16 +94,15 @@ pub fn branch(
 
 /// The trunks of one chain, of runs by their steps.
 fn chained<'a>(runs: impl Iterator<Item = &'a PlannedRun>) -> Vec<Trunk> {
-    let (mut chain, mut done, mut from): (Vec<Trunk>, usize, Option<String>) = Default::default();
+    let mut chain: Vec<Trunk> = Vec::new();
     for run in runs {
-        let (Some(spec), Some(trunk_id)) = (run.spec.trunk(), run.trunk_id.clone()) else {
-            continue;
-        };
+        let Some((spec, trunk_id)) = run.spec.trunk().zip(run.trunk_id.clone()) else { continue };
+        let before = chain.last();
+        let done = before.map_or(0, |before| before.spec.steps);
+        let from = before.map(|before| before.trunk_id.clone());
         let flops_per_step = run.spec.budget_flops / run.spec.steps as f64;
         let flops = (spec.steps - done) as f64 * flops_per_step;
-        done = spec.steps;
-        let before = from.replace(trunk_id.clone());
-        chain.push(Trunk { trunk_id, spec, from: before, flops });
+        chain.push(Trunk { trunk_id, spec, from, flops });
     }
     chain
 }
@@ -152,15 +146,10 @@ pub struct Dropped {
 impl Dropped {
     /// A cell of the grid.
     pub fn new(cell: &GridCell, reason: String) -> Self {
-        Self {
-            n_layer: cell.model.n_layer,
-            n_head: cell.model.n_head,
-            d_model: cell.model.d_model,
-            n_vocab: cell.quantizer.n_vocab(),
-            budget_flops: cell.budget_flops,
-            share: cell.share,
-            reason,
-        }
+        let GridCell { model, quantizer, budget_flops, share, .. } = cell;
+        let ModelEntry { n_layer, n_head, d_model, .. } = *model;
+        let (n_vocab, budget_flops, share) = (quantizer.n_vocab(), *budget_flops, *share);
+        Self { n_layer, n_head, d_model, n_vocab, budget_flops, share, reason }
     }
 }
 
@@ -212,19 +201,19 @@ pub fn spend_with(
     batch_tokens: usize,
     train: &TrainSection,
 ) -> Result<Spending, String> {
-    let steps = (tokens / batch_tokens as f64).round() as usize;
-    if steps < train.min_steps {
+    let (steps, least) = ((tokens / batch_tokens as f64).round() as usize, train.min_steps);
+    if steps < least {
         return Err(format!(
             "the budget buys {tokens:.0} tokens, {steps} steps of {batch_tokens}: fewer than \
-             train.min_steps = {}",
-            train.min_steps
+             train.min_steps = {least}"
         ));
     }
     let achieved_ratio = (steps * batch_tokens) as f64 / tokens;
-    if (achieved_ratio - 1.0).abs() > BUDGET_TOLERANCE {
+    let missed = achieved_ratio - 1.0;
+    if missed.abs() > BUDGET_TOLERANCE {
+        let percent = 100.0 * missed;
         return Err(format!(
-            "{steps} whole steps of {batch_tokens} tokens miss the budget by {:.1} %",
-            100.0 * (achieved_ratio - 1.0)
+            "{steps} whole steps of {batch_tokens} tokens miss the budget by {percent:.1} %"
         ));
     }
     Ok(Spending { batch_tokens, steps, achieved_ratio })
@@ -259,11 +248,8 @@ fn batch_by_rule(tokens: f64, rule: &BatchRule) -> usize {
 
 /// lr = c·N^p·D^q, at most the rule's maximum.
 pub fn learning_rate(params: &ParamCounts, tokens: usize, rule: &LrRule) -> f64 {
-    let counted = match rule.params {
-        RateParams::Nonvocab => params.nonvocab,
-        RateParams::Total => params.nonvocab + params.vocab,
-    };
-    let by_params = (counted as f64).powf(rule.params_exponent);
+    let vocab = if rule.params == RateParams::Total { params.vocab } else { 0 };
+    let by_params = ((params.nonvocab + vocab) as f64).powf(rule.params_exponent);
     let by_tokens = (tokens as f64).powf(rule.tokens_exponent);
     (rule.coefficient * by_params * by_tokens).min(rule.max)
 }

@@ -6,6 +6,7 @@ use maud::{Markup, html};
 
 use super::input::{Study, Words, budgets, of_budget};
 use crate::laws::text::count;
+use crate::predict::Prediction;
 use crate::record::RunRecord;
 
 /// Pixels of the whole, and of what stands beside the plot.
@@ -29,14 +30,12 @@ pub struct Chart {
 impl Chart {
     /// A chart that holds all points; `None` where there is none.
     pub fn around(points: impl IntoIterator<Item = (f64, f64)>) -> Option<Self> {
-        let mut chart: Option<Self> = None;
         let usable = points.into_iter().map(|(x, y)| (x.log10(), y));
-        for (x, y) in usable.filter(|(x, y)| x.is_finite() && y.is_finite()) {
-            let Self { x: old_x, y: old_y } = chart.unwrap_or(Self { x: [x, x], y: [y, y] });
-            let grown = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
-            chart = Some(Self { x: grown(old_x, x), y: grown(old_y, y) });
-        }
-        chart.map(|Self { x, y }| Self { x: roomy(x), y: roomy(y) })
+        let usable = usable.filter(|(x, y)| x.is_finite() && y.is_finite());
+        let joined = |[low, high]: [f64; 2], own: [f64; 2]| [low.min(own[0]), high.max(own[1])];
+        let all = usable.map(|(x, y)| [[x, x], [y, y]]);
+        let [x, y] = all.reduce(|[x, y], own| [joined(x, own[0]), joined(y, own[1])])?.map(roomy);
+        Some(Self { x, y })
     }
 
     /// Pixels from the left.
@@ -59,11 +58,6 @@ impl Chart {
     /// Whether a value lies within the y axis.
     pub fn holds(&self, value: f64) -> bool {
         (self.y[0]..=self.y[1]).contains(&value)
-    }
-
-    /// Where the plot begins and ends, from the top.
-    pub fn height(&self) -> [f64; 2] {
-        [TOP, HEIGHT - BOTTOM]
     }
 
     /// A line through values.
@@ -116,8 +110,8 @@ impl Chart {
         let [low, high] = self.y;
         let rough = (high - low) / 5.0;
         let power = 10f64.powf(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter();
-        let step = step.clone().find(|step| *step >= rough).unwrap_or(power);
+        let mut steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter();
+        let step = steps.find(|step| *step >= rough).unwrap_or(power);
         let digits = (-step.log10().floor()).max(0.0) as usize;
         let range = (low / step).ceil() as i64..=(high / step).floor() as i64;
         range.map(|i| (i as f64 * step, format!("{:.digits$}", i as f64 * step))).collect()
@@ -159,15 +153,14 @@ pub fn isoflop(study: &Study) -> Option<Markup> {
             (curve(&chart, study, *budget, &colour(place)))
         }
     };
-    let words = study.words();
+    let Words { size, loss, loss_axis, .. } = study.words();
     let about = format!(
-        "{} of runs against {}, with a line through the best of each size of a budget",
-        words.loss, words.size
+        "{loss} of runs against {size}, with a line through the best of each size of a budget"
     );
     let within = html! {
         p { "The lines go through the best run of each size; the other runs near them are faint. Point \
-             at a run, or tap it, to read it. The shaded band is the predicted " (words.size) " of the budget chosen above." }
-        (chart.drawing(&study.id("isoflop"), &study.own(&about), [words.size, &words.loss_axis], &drawn))
+             at a run, or tap it, to read it. The shaded band is the predicted " (size) " of the budget chosen above." }
+        (chart.drawing(&study.id("isoflop"), &study.own(&about), [size, &loss_axis], &drawn))
         p.pointed aria-live="polite" { "\u{a0}" }
         ul.legend {
             @for (place, budget) in budgets.iter().enumerate() {
@@ -198,16 +191,13 @@ fn curve(chart: &Chart, study: &Study, budget: f64, colour: &str) -> Markup {
 
 /// The band of the predicted N_nv, which the slider moves.
 fn optimum(chart: &Chart, study: &Study) -> Markup {
-    let [top, bottom] = chart.height();
-    let places: Vec<String> = study
-        .predictions
-        .iter()
-        .map(|prediction| {
-            let size = prediction.at.size().copied().unwrap_or(f64::NAN);
-            let [low, high] = prediction.ci95.at.size().copied().unwrap_or([size, size]);
-            [size, low, high].map(|x| px(chart.x_within(x))).join(" ")
-        })
-        .collect();
+    let (top, bottom) = (TOP, HEIGHT - BOTTOM);
+    let place = |prediction: &Prediction| {
+        let size = prediction.at.size().copied().unwrap_or(f64::NAN);
+        let [low, high] = prediction.ci95.at.size().copied().unwrap_or([size, size]);
+        [size, low, high].map(|x| px(chart.x_within(x))).join(" ")
+    };
+    let places: Vec<String> = study.predictions.iter().map(place).collect();
     html! {
         g.optimum data-places=(places.join(",")) {
             rect y=(top) height=(bottom - top) x="0" width="0" {}
@@ -237,19 +227,15 @@ fn best_of_sizes(records: &[RunRecord], budget: f64) -> Vec<&RunRecord> {
 /// A run in a line.
 fn label(record: &RunRecord, words: &Words) -> String {
     let planned = &record.planned;
-    let loss = record
-        .loss_normalised()
-        .map_or("no loss".to_string(), |loss| format!("{} {loss:.4}", words.loss));
-    let vocab = if words.has_vocab { format!(", V {}", planned.n_vocab) } else { String::new() };
+    let Words { size, loss, has_vocab, .. } = words;
+    let told = record.loss_normalised();
+    let told = told.map_or("no loss".to_string(), |own| format!("{loss} {own:.4}"));
+    let vocab = if *has_vocab { format!(", V {}", planned.n_vocab) } else { String::new() };
     let generator = planned.generator.as_deref().unwrap_or("run");
-    let seed = planned.seed.map_or_else(String::new, |seed| format!(", seed {seed}"));
-    format!(
-        "{generator}, {} {}{vocab}, C {}, D {}{seed}: {loss}",
-        words.size,
-        count(planned.params_nonvocab as f64),
-        count(planned.budget_flops),
-        count(record.measured.tokens as f64),
-    )
+    let seed = planned.seed.map(|seed| format!(", seed {seed}")).unwrap_or_default();
+    let [n, c] = [planned.params_nonvocab as f64, planned.budget_flops].map(count);
+    let d = count(record.measured.tokens as f64);
+    format!("{generator}, {size} {n}{vocab}, C {c}, D {d}{seed}: {told}")
 }
 
 #[cfg(test)]

@@ -80,11 +80,10 @@ fn shown(prediction: &Prediction) -> Value {
 fn losses(study: &Study) -> Option<Markup> {
     let at = |one: &Prediction| Some((one.budget_flops, one.loss_normalised?));
     let line: Vec<(f64, f64)> = study.predictions.iter().filter_map(at).collect();
-    let side = |side: usize| {
-        let of = move |one: &Prediction| Some((one.budget_flops, one.ci95.loss_normalised?[side]));
+    let [low, high] = [0, 1].map(|side| {
+        let of = |one: &Prediction| Some((one.budget_flops, one.ci95.loss_normalised?[side]));
         study.predictions.iter().filter_map(of).collect::<Vec<_>>()
-    };
-    let [low, high] = [side(0), side(1)];
+    });
     let minima = study.laws.into_iter().flat_map(own_minima);
     let minima: Vec<_> = minima.filter(|minimum| minimum.loss_normalised.is_finite()).collect();
     let measured = minima.iter().map(|minimum| (minimum.flops, minimum.loss_normalised));
@@ -104,10 +103,8 @@ fn losses(study: &Study) -> Option<Markup> {
         }
         circle.mark r="6" data-places=(marks.join(",")) {}
     };
-    let about = format!(
-        "Predicted {} against budgets with its 95 % interval, and the minima of the runs",
-        words.loss
-    );
+    let about = "against budgets with its 95 % interval, and the minima of the runs";
+    let about = format!("Predicted {} {about}", words.loss);
     let axes = ["FLOPs", &words.loss_axis];
     Some(chart.drawing(&study.id("losses"), &study.own(&about), axes, &drawn))
 }
@@ -120,14 +117,10 @@ fn own_minima(laws: &Laws) -> impl Iterator<Item = &Minimum> {
 fn told(minimum: &Minimum, words: &Words) -> String {
     let word = if minimum.trusted { "trusted minimum" } else { "minimum in doubt" };
     let vocab = if words.has_vocab { format!(", V {:.0}", minimum.n_vocab) } else { String::new() };
-    format!(
-        "{word} at {}: {} {:.4}, {} {}{vocab}",
-        count(minimum.budget_flops),
-        words.loss,
-        minimum.loss_normalised,
-        words.size,
-        count(minimum.params_nonvocab)
-    )
+    let Words { size, loss, .. } = words;
+    let (own, [c, n]) =
+        (minimum.loss_normalised, [minimum.budget_flops, minimum.params_nonvocab].map(count));
+    format!("{word} at {c}: {loss} {own:.4}, {size} {n}{vocab}")
 }
 
 // What they say.
@@ -167,14 +160,10 @@ pub fn section(study: &Study, laws: &Laws) -> Markup {
 fn own(study: &Study, laws: &Laws) -> Markup {
     let answer = laws.answer();
     let row = |(name, own): (&str, &Exponent)| {
-        let [value, ci95, reason] = match own.value {
-            Some(value) => [thousandths(value), interval(own.ci95, thousandths), String::new()],
-            None => {
-                let reason = own.reason.clone().unwrap_or_default();
-                ["not determined".to_string(), String::new(), reason]
-            }
-        };
-        vec![name.to_string(), value, ci95, reason]
+        let (reason, not) = (own.reason.clone().unwrap_or_default(), "not determined".to_string());
+        let told = |value| [thousandths(value), interval(own.ci95, thousandths), String::new()];
+        let cells = own.value.map_or([not, String::new(), reason], told);
+        [name.to_string()].into_iter().chain(cells).collect()
     };
     let rows: Vec<Vec<String>> = answer.exponents.named().map(row).collect();
     let [low, high] = laws.range().map(count);
@@ -200,13 +189,12 @@ fn powers(laws: &Laws) -> Vec<Vec<String>> {
             "D" => held_out.exponents.tokens,
             _ => held_out.exponents.size,
         });
-        let fit = law.told_r2().map(thousandths).unwrap_or_default();
         let mut cells = vec![
             name.to_string(),
             thousandths(law.exponent),
             interval(law.exponent_ci95, thousandths),
             count(law.ln_at_reference.exp()),
-            fit,
+            law.told_r2().map(thousandths).unwrap_or_default(),
             law.n.to_string(),
         ];
         cells.extend(before.map(|exponent| exponent.map(thousandths).unwrap_or_default()));

@@ -99,10 +99,9 @@ fn verdict(study: &Study) -> Markup {
 
 /// The figures of all generators together, then those of each.
 fn figures(input: &ReportInput) -> Markup {
-    let has_any = |study: &&Study| !study.figures.is_empty();
     html! {
         @if !input.figures.is_empty() { (section("all-figures", "Figures", &drawn(input.figures))) }
-        @for study in input.studies.iter().filter(has_any) {
+        @for study in input.studies.iter().filter(|study| !study.figures.is_empty()) {
             (study.section("figures", "Figures", &drawn(study.figures)))
         }
     }
@@ -126,8 +125,8 @@ fn drawn(figures: &[Figure]) -> Markup {
 
 /// The viewer; `None` where there is no motion.
 fn samples(samples: &[Sample]) -> Option<Markup> {
-    let data =
-        json!({ "parents": PARENTS, "samples": samples.iter().map(shown).collect::<Vec<_>>() });
+    let shown: Vec<Value> = samples.iter().map(shown).collect();
+    let data = json!({ "parents": PARENTS, "samples": shown });
     let within = html! {
         p {
             "Motions that a run made of captions of the test split"
@@ -162,9 +161,8 @@ fn samples(samples: &[Sample]) -> Option<Markup> {
 
 /// Positions in millimetres, frame after frame.
 fn shown(sample: &Sample) -> Value {
-    let millimetres = |x: &f32| (x * 1000.0).round() as i32;
     let flat = |poses: &Vec<Pose>| -> Vec<i32> {
-        poses.iter().flatten().flatten().map(millimetres).collect()
+        poses.iter().flatten().flatten().map(|x| (x * 1000.0).round() as i32).collect()
     };
     let truth = sample.truth.as_ref().map(flat);
     json!({ "run": sample.run_id, "fps": sample.fps, "mm": flat(&sample.poses), "truth": truth })

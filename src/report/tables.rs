@@ -1,6 +1,7 @@
 //! The tables of the page: generators side by side, runs, tokenizers, and where the results come from.
 
 use std::collections::BTreeSet;
+use std::iter;
 
 use maud::{Markup, html};
 
@@ -62,24 +63,19 @@ fn of_generator(study: &Study) -> Option<Vec<String>> {
     let mut cells = vec![study.generator?.to_string(), study.records.len().to_string()];
     let largest = budgets(study.records).last().copied();
     let best = largest.and_then(|budget| best(study.records, budget));
-    cells.extend(match best {
-        Some((record, loss)) => [
-            count(record.planned.budget_flops),
-            format!("{loss:.4}"),
-            count(record.planned.params_nonvocab as f64),
-            record.planned.n_vocab.to_string(),
-        ],
-        None => Default::default(),
+    let told = best.map(|(RunRecord { planned, .. }, loss)| {
+        let (flops, size) = (count(planned.budget_flops), count(planned.params_nonvocab as f64));
+        [flops, format!("{loss:.4}"), size, planned.n_vocab.to_string()]
     });
+    cells.extend(told.unwrap_or_default());
     let answer = study.laws.map(Laws::answer);
     let own = answer.as_ref().map(|answer| &answer.exponents);
-    let exponent = |own: Option<&Exponent>| {
-        let exponent = hundredths(own?.value?);
-        let certain = interval(own?.ci95, hundredths);
+    let of = |symbol| {
+        let Exponent { value, ci95, .. } = own?.of(symbol)?;
+        let (exponent, certain) = (hundredths((*value)?), interval(*ci95, hundredths));
         Some(if certain.is_empty() { exponent } else { format!("{exponent} ({certain})") })
     };
-    let of = |symbol| exponent(own.and_then(|own| own.of(symbol))).unwrap_or_default();
-    cells.extend(["N_nv", "N_v", "D"].map(of));
+    cells.extend(["N_nv", "N_v", "D"].map(|symbol| of(symbol).unwrap_or_default()));
     Some(cells)
 }
 
@@ -90,28 +86,17 @@ fn hundredths(x: f64) -> String {
 
 /// The run of the lowest L_u at a budget.
 fn best(records: &[RunRecord], budget: f64) -> Option<(&RunRecord, f64)> {
-    let measured = of_budget(records, budget)
-        .filter_map(|record| Some((record, record.loss_normalised().ok()?)));
+    let measured = of_budget(records, budget);
+    let measured = measured.filter_map(|record| Some((record, record.loss_normalised().ok()?)));
     measured.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// The runs, in a table that sorts and filters; `None` where there is none.
 pub fn runs(records: &[&RunRecord], words: &Words) -> Option<Markup> {
     let (size, loss) = (words.size, words.loss);
-    let columns = [
-        "generator",
-        size,
-        "layers",
-        "width",
-        "V",
-        "C",
-        "share",
-        "seed",
-        "D",
-        "epochs",
-        loss,
-        "seconds",
-    ];
+    // After the generator's.
+    let columns =
+        [size, "layers", "width", "V", "C", "share", "seed", "D", "epochs", loss, "seconds"];
     let within = html! {
         label for="filter" { "Show runs with " }
         input id="filter" type="search" placeholder="masked 1e11 V=128";
@@ -120,7 +105,9 @@ pub fn runs(records: &[&RunRecord], words: &Words) -> Option<Markup> {
             table id="table" {
                 caption { "Finished runs" }
                 thead { tr {
-                    @for name in columns { th scope="col" { button type="button" { (name) } } }
+                    @for name in iter::once("generator").chain(columns) {
+                        th scope="col" { button type="button" { (name) } }
+                    }
                 } }
                 tbody { @for record in records {
                     tr { @for (text, value) in of_run(record) { td data-value=[value] { (text) } } }

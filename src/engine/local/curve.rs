@@ -2,14 +2,13 @@
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::files::read_text_if_there;
 use crate::files::tensorboard::{NAME, Scalar, header, records, restart};
 use crate::jobs::{Job, ResultsFolder};
-use crate::progress::Beat;
-use crate::progress::LogLine;
+use crate::progress::{Beat, LogLine};
 
 /// The event files of a job: `tensorboard/<label>-<id>/`, a new one each time that the job is started.
 pub struct Curve<'a> {
@@ -17,7 +16,7 @@ pub struct Curve<'a> {
     job: &'a Job,
     file: Option<File>,
     /// Why nothing more is written.
-    problem: Option<String>,
+    pub problem: Option<String>,
 }
 
 impl<'a> Curve<'a> {
@@ -28,9 +27,9 @@ impl<'a> Curve<'a> {
 
     /// Writes the training loss of a step, and the tokens per second if they are told.
     pub fn beat(&mut self, beat: &Beat) {
-        let scalar = |tag, value| Scalar { tag, step: beat.step, time_s: now_s(), value };
-        let mut scalars = vec![scalar("train/loss_nats", beat.loss)];
-        scalars.extend(beat.tokens_per_s.map(|value| scalar("train/tokens_per_s", value)));
+        let mut scalars = vec![scalar("train/loss_nats", beat.step, beat.loss)];
+        let speed = beat.tokens_per_s;
+        scalars.extend(speed.map(|value| scalar("train/tokens_per_s", beat.step, value)));
         self.write(&scalars, Some(beat.step));
     }
 
@@ -39,7 +38,6 @@ impl<'a> Curve<'a> {
         let text = read_text_if_there(&self.folder.job(&self.job.id).join("log.jsonl"));
         let text = text.ok().flatten().unwrap_or_default();
         let lines = text.lines().filter_map(|line| serde_json::from_str::<LogLine>(line).ok());
-        let scalar = |tag, step, value| Scalar { tag, step, time_s: now_s(), value };
         let mut scalars: Vec<Scalar> = lines
             .map(|line| scalar("val/loss_normalised", line.step, line.val_loss_normalised))
             .collect();
@@ -51,18 +49,13 @@ impl<'a> Curve<'a> {
         self.write(&scalars, None);
     }
 
-    /// Why the files are not complete, if they are not.
-    pub fn problem(self) -> Option<String> {
-        self.problem
-    }
-
     /// Appends scalars; a file that is new then voids what was written of `first` and later steps before.
     fn write(&mut self, scalars: &[Scalar], first: Option<usize>) {
-        if scalars.is_empty() || self.problem.is_some() {
-            return;
-        }
         let place = self.folder.file("tensorboard").join(name(self.job));
-        if let Err(error) = self.append(&place, scalars, first) {
+        if !scalars.is_empty()
+            && self.problem.is_none()
+            && let Err(error) = self.append(&place, scalars, first)
+        {
             self.problem = Some(format!("{}: {error}", place.display()));
         }
     }
@@ -95,12 +88,15 @@ fn create(place: &Path) -> io::Result<File> {
     fs::create_dir_all(place)?;
     let mut second = now_s() as u64;
     loop {
-        let path: PathBuf = place.join(format!("{NAME}.{second:010}.isoflop"));
-        match File::create_new(path) {
+        match File::create_new(place.join(format!("{NAME}.{second:010}.isoflop"))) {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => second += 1,
             ended => return ended,
         }
     }
+}
+
+fn scalar(tag: &'static str, step: usize, value: f64) -> Scalar {
+    Scalar { tag, step, time_s: now_s(), value }
 }
 
 /// Seconds since 1970.

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::engine::runner::JobEnd;
-use crate::failure::Failure;
 use crate::jobs::Job;
 use crate::progress::Beat;
 
@@ -87,11 +86,6 @@ impl Display {
         }
     }
 
-    /// Shows nothing.
-    pub fn hidden() -> Self {
-        Self::new(&[], 1, true, || None)
-    }
-
     /// A slot takes up a job.
     pub fn started(&self, slot: usize, job: &Job) {
         if let How::Bars { slots, .. } = &self.how {
@@ -121,16 +115,14 @@ impl Display {
             progress.jobs_ended += 1;
             progress.jobs_ended
         };
-        let line = match (end, end.failure()) {
-            (_, Some(Failure { kind, reason, .. })) => {
-                format!("{} FAILED ({}): {reason}", job.label, kind.word())
-            }
-            (JobEnd::Done, None) => format!("{} done", job.label),
-            (_, None) => format!("{} stopped", job.label),
+        let failure = end.failure();
+        let line = match failure {
+            Some(failure) => format!("{} FAILED ({}): {}", job.label, end.word(), failure.reason),
+            None => format!("{} {}", job.label, end.word()),
         };
-        match (&self.how, end) {
-            (How::Lines, _) => say(&format!("[{number}/{}] {line}{}", self.jobs, self.eta())),
-            (How::Bars { whole, .. }, end) if end.failure().is_some() => whole.println(line),
+        match &self.how {
+            How::Lines => say(&format!("[{number}/{}] {line}{}", self.jobs, self.eta())),
+            How::Bars { whole, .. } if failure.is_some() => whole.println(line),
             _ => {}
         }
         self.draw_whole();
@@ -145,10 +137,8 @@ impl Display {
 
     /// A line that should not be missed.
     pub fn warn(&self, line: &str) {
-        match &self.how {
-            How::Bars { whole, .. } => whole.println(format!("warning: {line}")),
-            _ => say(&format!("warning: {line}")),
-        }
+        let line = format!("warning: {line}");
+        if let How::Bars { whole, .. } = &self.how { whole.println(line) } else { say(&line) }
     }
 
     /// Takes the bars away.
@@ -162,16 +152,14 @@ impl Display {
         self.progress.lock().expect("nothing panics while it holds this")
     }
 
-    fn share(&self) -> f64 {
-        let progress = self.lock();
-        let done = progress.ended + progress.running.values().sum::<f64>();
-        if self.total > 0.0 { done / self.total } else { 1.0 }
-    }
-
     fn draw_whole(&self) {
         if let How::Bars { whole, .. } = &self.how {
-            whole.set_position((1000.0 * self.share()) as u64);
-            let ended = self.lock().jobs_ended;
+            let (done, ended) = {
+                let progress = self.lock();
+                (progress.ended + progress.running.values().sum::<f64>(), progress.jobs_ended)
+            };
+            let share = if self.total > 0.0 { done / self.total } else { 1.0 };
+            whole.set_position((1000.0 * share) as u64);
             whole.set_message(format!("{ended}/{} jobs{}", self.jobs, self.eta()));
         }
     }
@@ -182,8 +170,8 @@ impl Display {
             return String::new();
         }
         let mut estimate = self.estimate.lock().expect("nothing panics while it holds this");
-        let seconds = estimate.seconds(&self.time_left);
-        seconds.filter(|s| *s > 0.0).map_or_else(String::new, |s| format!(", {}", left(s)))
+        let seconds = estimate.seconds(&self.time_left).filter(|seconds| *seconds > 0.0);
+        seconds.map(|seconds| format!(", {}", left(seconds))).unwrap_or_default()
     }
 }
 
@@ -203,12 +191,9 @@ fn say(line: &str) {
 
 fn bars(slots: usize) -> How {
     let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr_with_hz(8));
-    let style = |template: &str| {
-        ProgressStyle::with_template(template).expect("a valid template").progress_chars("━╸ ")
-    };
     let bar = |length, template| {
-        let bar = ProgressBar::new(length).with_style(style(template));
-        all.add(bar)
+        let style = ProgressStyle::with_template(template).expect("a valid template");
+        all.add(ProgressBar::new(length).with_style(style.progress_chars("━╸ ")))
     };
     let slots = (0..slots).map(|_| bar(1, "  {bar:16} {wide_msg}")).collect();
     How::Bars { slots, whole: bar(1000, "{bar:18} {percent:>3} % {wide_msg}") }

@@ -1,6 +1,5 @@
 //! [`Gpus`]: the GPUs of this machine, shared out among runs side by side.
 
-use std::ops::Deref;
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Result, bail};
@@ -19,7 +18,7 @@ pub struct Gpus {
 /// A slot's list, which comes back when it is dropped.
 pub struct Lent<'a> {
     gpus: &'a Gpus,
-    list: String,
+    pub list: String,
 }
 
 impl Gpus {
@@ -68,14 +67,6 @@ fn visible() -> Option<Vec<String>> {
     Some(told.split(',').map(|name| name.trim().to_string()).collect())
 }
 
-impl Deref for Lent<'_> {
-    type Target = str;
-
-    fn deref(&self) -> &str {
-        &self.list
-    }
-}
-
 impl Drop for Lent<'_> {
     fn drop(&mut self) {
         let mut free = self.gpus.free.lock().unwrap_or_else(PoisonError::into_inner);
@@ -91,7 +82,7 @@ mod tests {
         let names: Vec<String> = gpus.iter().map(|name| name.to_string()).collect();
         let gpus = Gpus::shared(&names, slots);
         let lent: Vec<Lent> = (0..slots).map(|_| gpus.lend()).collect();
-        lent.iter().map(|list| list.to_string()).collect()
+        lent.iter().map(|lent| lent.list.clone()).collect()
     }
 
     #[test]
@@ -106,8 +97,8 @@ mod tests {
     fn a_list_comes_back_when_its_run_has_ended() {
         let gpus = Gpus::shared(&["7".to_string()], 1);
         let first = gpus.lend();
-        assert_eq!(&*first, "7");
+        assert_eq!(first.list, "7");
         drop(first);
-        assert_eq!(&*gpus.lend(), "7");
+        assert_eq!(gpus.lend().list, "7");
     }
 }

@@ -12,4 +12,3 @@ pub use gpus::Gpus;
 pub use pool::LocalPool;
 pub use processes::LocalProcesses;
 pub use session::Local;
-pub use timeline::{Spent, Timeline};

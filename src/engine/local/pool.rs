@@ -9,6 +9,9 @@ use crate::progress::{Beat, Stop};
 use std::collections::{BTreeSet, HashMap};
 use std::sync::{Condvar, Mutex, MutexGuard};
 
+/// Times that a job whose process died is started again.
+const RETRIES: usize = 2;
+
 /// Slots that do jobs side by side, the most urgent first.
 pub struct LocalPool<'a> {
     pub runner: &'a dyn Runner,
@@ -70,19 +73,29 @@ impl LocalPool<'_> {
         loop {
             let end = self.once(job, slot);
             let sentence = end.failure().map(|failure| failure.reason.clone()).unwrap_or_default();
-            let warn =
-                |what: &str| self.display.warn(&format!("{}: {sentence}; {what}", job.label));
-            match next(end, shared.tries(&job.id), self.stop.is_raised()) {
-                Next::End(end) => return Some(end),
-                Next::GiveUp(failure) => return Some(self.give_up(job, failure)),
-                Next::Again => warn("starting it again"),
-                Next::Alone => {
-                    warn("it is started again when nothing runs beside it");
-                    shared.has_tried(&job.id);
-                    return None;
+            let failure = match end {
+                // A stop may reach a worker before it listens for one.
+                JobEnd::Crashed(_) if self.stop.is_raised() => return Some(JobEnd::Stopped),
+                JobEnd::Crashed(failure) => failure,
+                JobEnd::Stopped if !self.stop.is_raised() => {
+                    let sentence = "the worker was told to stop, and not by its scheduler";
+                    Failure::new(FailureKind::Killed, sentence)
                 }
+                end => return Some(end),
+            };
+            // It may have taken more memory than there was.
+            let is_large = failure.kind == FailureKind::OutOfMemory;
+            if shared.count_try(&job.id) > RETRIES {
+                return Some(self.give_up(job, failure));
             }
-            shared.has_tried(&job.id);
+            let what = match is_large {
+                true => "it is started again when nothing runs beside it",
+                false => "starting it again",
+            };
+            self.display.warn(&format!("{}: {sentence}; {what}", job.label));
+            if is_large {
+                return None;
+            }
         }
     }
 
@@ -102,9 +115,13 @@ impl LocalPool<'_> {
     }
 
     /// What died too often has failed, unless not even that can be written down.
-    fn give_up(&self, job: &Job, failure: Failure) -> JobEnd {
-        let kind = failure.kind;
-        let noted = self.runner.give_up(job, failure);
+    fn give_up(&self, job: &Job, Failure { kind, reason, last_lines }: Failure) -> JobEnd {
+        let how = match kind {
+            FailureKind::OutOfMemory => "; nothing ran beside it the last time",
+            _ => "",
+        };
+        let reason = format!("{reason} ({} times{how})", RETRIES + 1);
+        let noted = self.runner.give_up(job, Failure { kind, reason, last_lines });
         if noted.kind == kind { JobEnd::Failed(noted) } else { JobEnd::of(noted) }
     }
 }
@@ -116,7 +133,7 @@ struct State {
     waiting: Waiting,
     /// Peak bytes of the job of each slot that is at work.
     running: HashMap<usize, u64>,
-    /// Times that a job was started before.
+    /// Times that a job was started.
     tries: HashMap<JobId, usize>,
     reports: Vec<JobReport>,
 }
@@ -147,7 +164,11 @@ impl Shared {
                 let stopped = state.waiting.drain();
                 state.report(stopped, &JobEnd::Stopped);
             }
-            if let Some(job) = state.take(self.memory_bytes) {
+            // The most urgent that is ready and whose memory is left; with nothing at work, any.
+            let State { waiting, running, .. } = &mut *state;
+            let used = running.values().fold(0, |sum: u64, peak| sum.saturating_add(*peak));
+            let fits = |job: &Job| used.saturating_add(job.peak_bytes) <= self.memory_bytes;
+            if let Some(job) = waiting.take(|job| running.is_empty() || fits(job)) {
                 state.running.insert(slot, job.peak_bytes);
                 return Some(job);
             }
@@ -179,12 +200,12 @@ impl Shared {
         self.changed.notify_all();
     }
 
-    fn tries(&self, job: &JobId) -> usize {
-        self.lock().tries.get(job).copied().unwrap_or(0)
-    }
-
-    fn has_tried(&self, job: &JobId) {
-        *self.lock().tries.entry(job.clone()).or_default() += 1;
+    /// How often a job was tried, this time included.
+    fn count_try(&self, job: &JobId) -> usize {
+        let mut state = self.lock();
+        let tries = state.tries.entry(job.clone()).or_default();
+        *tries += 1;
+        *tries
     }
 }
 
@@ -200,13 +221,6 @@ fn orphaned(need: &JobReport) -> JobEnd {
 }
 
 impl State {
-    /// The most urgent job that is ready and whose memory is left; with nothing at work, any.
-    fn take(&mut self, memory_bytes: u64) -> Option<Job> {
-        let used = self.running.values().fold(0, |sum: u64, peak| sum.saturating_add(*peak));
-        let alone = self.running.is_empty();
-        self.waiting.take(|job| alone || used.saturating_add(job.peak_bytes) <= memory_bytes)
-    }
-
     fn report(&mut self, jobs: Vec<Job>, end: &JobEnd) {
         self.reports.extend(jobs.into_iter().map(|job| JobReport { job, end: end.clone() }));
     }
@@ -214,49 +228,6 @@ impl State {
 
 #[cfg(test)]
 mod tests;
-
-// Whether a job that ended is started again, and how.
-
-/// Times that a job whose process died is started again.
-pub const RETRIES: usize = 2;
-
-/// What becomes of a job whose process has ended.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Next {
-    End(JobEnd),
-    /// It is started again at once.
-    Again,
-    /// It is started again when nothing else runs: it took more memory than there was.
-    Alone,
-    /// It has died too often; this is the failure to note.
-    GiveUp(Failure),
-}
-
-/// After an end, with this many tries before it.
-pub fn next(end: JobEnd, tries: usize, stopping: bool) -> Next {
-    match end {
-        JobEnd::Stopped if !stopping => {
-            let sentence = "the worker was told to stop, and not by its scheduler";
-            let killed = Failure::new(FailureKind::Killed, sentence);
-            next(JobEnd::Crashed(killed), tries, stopping)
-        }
-        // A stop may reach a worker before it listens for one.
-        JobEnd::Crashed(_) if stopping => Next::End(JobEnd::Stopped),
-        JobEnd::Crashed(failure) if tries >= RETRIES => Next::GiveUp(too_often(failure)),
-        JobEnd::Crashed(failure) if failure.kind == FailureKind::OutOfMemory => Next::Alone,
-        JobEnd::Crashed(_) => Next::Again,
-        end => Next::End(end),
-    }
-}
-
-fn too_often(failure: Failure) -> Failure {
-    let times = RETRIES + 1;
-    let how = match failure.kind {
-        FailureKind::OutOfMemory => "; nothing ran beside it the last time",
-        _ => "",
-    };
-    Failure { reason: format!("{} ({times} times{how})", failure.reason), ..failure }
-}
 
 // [`Waiting`]: jobs that nobody has begun, and which of them could be.
 

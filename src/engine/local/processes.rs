@@ -2,11 +2,9 @@
 
 use super::curve::Curve;
 use super::gpus::{Gpus, VISIBLE};
-use crate::engine::Track;
-use crate::engine::runner::{JobEnd, Runner};
+use crate::engine::runner::{JobEnd, Runner, Track};
 use crate::failure::{Failure, FailureKind};
-use crate::files;
-use crate::files::FileError;
+use crate::files::{self, FileError};
 use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, killed_by, last_lines, write_failure};
 use crate::jobs::{Job, JobKind, ResultsFolder, program};
 use crate::machine::Kills;
@@ -48,7 +46,8 @@ impl Runner for LocalProcesses {
             curve.iter_mut().for_each(|curve| curve.beat(&one));
             beat(one);
         };
-        let end = match Attended::start(self, job, &place, gpus.as_deref()) {
+        let list = gpus.as_ref().map(|lent| lent.list.as_str());
+        let mut end = match Attended::start(self, job, &place, list) {
             Ok(worker) => worker.attend(stop, &mut beat),
             Err(error) => {
                 let kind = files::failure_kind(&error).unwrap_or(FailureKind::Crashed);
@@ -59,20 +58,25 @@ impl Runner for LocalProcesses {
             if end == JobEnd::Done {
                 curve.done();
             }
-            if let Some(problem) = curve.problem() {
+            if let Some(problem) = curve.problem {
                 // The first of all is told.
                 let _ = self.untracked.set(problem);
             }
         }
-        match end.failure().and_then(|_| self.gone()) {
-            Some(gone) => gone,
-            None => with_last_lines(end, &place),
+        if let Some(gone) = end.failure().and_then(|_| self.gone()) {
+            return gone;
         }
+        // What a worker that was killed could not say itself.
+        if let JobEnd::Crashed(failure) | JobEnd::Halted(failure) = &mut end
+            && failure.last_lines.is_empty()
+        {
+            failure.last_lines = last_lines(&place);
+        }
+        end
     }
 
     fn give_up(&self, job: &Job, failure: Failure) -> Failure {
-        let place = self.folder.job(&job.id);
-        match write_failure(&place, &failure) {
+        match write_failure(&self.folder.job(&job.id), &failure) {
             Ok(()) => failure,
             Err(error) => Failure::new(error.failure_kind(), error.to_string()),
         }
@@ -99,16 +103,6 @@ impl LocalProcesses {
         let problem = self.untracked.get()?;
         Some(format!("--track tensorboard: not all of the curves could be written: {problem}"))
     }
-}
-
-/// What a worker that was killed could not say itself.
-fn with_last_lines(mut end: JobEnd, place: &Path) -> JobEnd {
-    if let JobEnd::Crashed(failure) | JobEnd::Halted(failure) = &mut end
-        && failure.last_lines.is_empty()
-    {
-        failure.last_lines = last_lines(place);
-    }
-    end
 }
 
 /// A worker at work, and what is known of it.
@@ -167,29 +161,37 @@ impl<'a> Attended<'a> {
     /// when this process asks for a stop, or dies, the worker sees the end of it and stops.
     fn attend(mut self, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
         let mut watch = Watch::new(self.runner.hang, self.place.join("log.txt"));
-        let mut leash =
-            Leash::new(self.child.stdin.take(), program::grace(&self.runner.folder, &self.job.id));
+        let grace = program::grace(&self.runner.folder, &self.job.id);
+        let mut leash = Leash { held: self.child.stdin.take(), grace, since: None };
         let mut hung = None;
         loop {
             match self.said.recv_timeout(POLL) {
                 Ok(word) => {
-                    watch.moved();
-                    self.hear(word, beat);
+                    watch.since = Patience::new();
+                    match word {
+                        Said::Beat(one) => {
+                            self.last_beat = Some(one);
+                            beat(one);
+                        }
+                        Said::Failure(failure) => self.failure = Some(failure),
+                        Said::Moved { .. } => {}
+                    }
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
-            if hung.is_none() && watch.has_hung() {
-                hung = Some(self.hung(watch.limit()));
+            if hung.is_none() {
+                hung = watch.hung().map(|limit| self.hung(limit));
             }
             if stop.is_raised() || hung.is_some() {
                 leash.let_go();
             }
-            if leash.is_overdue() {
+            if leash.outlasts(MARGIN) {
                 let _ = self.child.kill();
                 program::wake_guard(self.place);
             }
-            if leash.is_given_up() {
+            // Not even killing helped.
+            if leash.outlasts(MARGIN + LAST) {
                 return hung.map_or(JobEnd::Stopped, JobEnd::of);
             }
         }
@@ -200,17 +202,6 @@ impl<'a> Attended<'a> {
                 self.end(status, hung, stop)
             }
             Err(error) => JobEnd::Crashed(Failure::new(FailureKind::Crashed, error.to_string())),
-        }
-    }
-
-    fn hear(&mut self, word: Said, beat: &mut dyn FnMut(Beat)) {
-        match word {
-            Said::Beat(one) => {
-                self.last_beat = Some(one);
-                beat(one);
-            }
-            Said::Failure(failure) => self.failure = Some(failure),
-            Said::Moved { .. } => {}
         }
     }
 
@@ -231,9 +222,9 @@ impl<'a> Attended<'a> {
             (Some(STOPPED), None) => JobEnd::Stopped,
             (Some(FAILED), None) => {
                 let written = || self.runner.folder.failure(&self.job.id).ok().flatten();
-                let silent =
-                    || Failure::new(FailureKind::Crashed, "the worker failed and left no reason");
-                JobEnd::of(self.failure.clone().or_else(written).unwrap_or_else(silent))
+                let silent = "the worker failed and left no reason";
+                let silent = || Failure::new(FailureKind::Crashed, silent);
+                JobEnd::of(self.failure.or_else(written).unwrap_or_else(silent))
             }
             // It was ended by this process, or did not listen yet.
             (None, None) if stop.is_raised() => JobEnd::Stopped,
@@ -280,7 +271,7 @@ fn read_words(child: &mut Child) -> io::Result<mpsc::Receiver<Said>> {
 // machine) none passes, so that nobody is blamed for it. No wall clock is read.
 
 /// How often a waiting slot looks at its worker.
-pub const POLL: Duration = Duration::from_millis(50);
+const POLL: Duration = Duration::from_millis(50);
 /// A longer pause between two looks is one of this process, not of the worker.
 const LOOK: Duration = Duration::from_secs(1);
 /// Time beyond a worker's own grace, on a machine that is busy.
@@ -307,7 +298,7 @@ impl Patience {
 }
 
 /// Whether a worker gets on: by what it says, or by what appears in its log.
-pub struct Watch {
+struct Watch {
     hang: Option<Duration>,
     since: Patience,
     log: PathBuf,
@@ -316,30 +307,20 @@ pub struct Watch {
 
 impl Watch {
     /// Looks at a worker with this log; without a limit nothing hangs.
-    pub fn new(hang: Option<Duration>, log: PathBuf) -> Self {
+    fn new(hang: Option<Duration>, log: PathBuf) -> Self {
         let log_length = length(&log);
         Self { hang, since: Patience::new(), log, log_length }
     }
 
-    /// The worker has said that it got on.
-    pub fn moved(&mut self) {
-        self.since = Patience::new();
-    }
-
-    /// Whether nothing has moved for the whole of the limit.
-    pub fn has_hung(&mut self) -> bool {
-        let Some(limit) = self.hang else { return false };
+    /// The limit, if nothing has moved for the whole of it.
+    fn hung(&mut self) -> Option<Duration> {
+        let limit = self.hang?;
         // A program of somebody's own may write to its log alone.
         let length = length(&self.log);
         if std::mem::replace(&mut self.log_length, length) != length {
-            self.moved();
+            self.since = Patience::new();
         }
-        self.since.spend() >= limit
-    }
-
-    /// The limit.
-    pub fn limit(&self) -> Duration {
-        self.hang.unwrap_or_default()
+        (self.since.spend() >= limit).then_some(limit)
     }
 }
 
@@ -348,34 +329,22 @@ fn length(path: &Path) -> u64 {
 }
 
 /// A worker's standard input, which tells it to go on for as long as it is open.
-pub struct Leash {
+struct Leash {
     held: Option<ChildStdin>,
+    /// The worker ends by itself within it, once it is let go.
     grace: Duration,
+    /// When it was let go.
     since: Option<Patience>,
 }
 
 impl Leash {
-    /// Holds a worker that ends by itself within `grace` once it is let go.
-    pub fn new(held: Option<ChildStdin>, grace: Duration) -> Self {
-        Self { held, grace, since: None }
-    }
-
     /// Asks the worker to end.
-    pub fn let_go(&mut self) {
+    fn let_go(&mut self) {
         self.held = None;
         self.since.get_or_insert_with(Patience::new);
     }
 
-    /// Whether the worker should have ended long ago: it is to be killed.
-    pub fn is_overdue(&mut self) -> bool {
-        self.outlasts(MARGIN)
-    }
-
-    /// Whether not even killing helped.
-    pub fn is_given_up(&mut self) -> bool {
-        self.outlasts(MARGIN + LAST)
-    }
-
+    /// Whether it goes on for so much longer than its grace.
     fn outlasts(&mut self, more: Duration) -> bool {
         let limit = self.grace + more;
         self.since.as_mut().is_some_and(|since| since.spend() > limit)

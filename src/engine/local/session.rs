@@ -12,14 +12,12 @@ use super::gpus::Gpus;
 use super::pool::LocalPool;
 use super::processes::LocalProcesses;
 use super::timeline::{Spent, Timeline};
-use crate::engine::runner::{Brought, Engine, Session};
-use crate::engine::{Cancelled, SweepRequest, Tell};
+use crate::engine::runner::{Brought, Cancelled, Engine, Session, SweepRequest, Tell};
 use crate::jobs::history::{self, Finished, known};
 use crate::jobs::presence::{ask_no_more, ask_to_end, is_held, stop_when_asked};
 use crate::jobs::speed::Speed;
 use crate::jobs::{Job, JobId, JobState, ResultsFolder, time_left};
 use crate::machine;
-use crate::plan::PlannedRun;
 use crate::progress::stop_on_signals;
 
 /// Processes of this machine, until all is done.
@@ -53,7 +51,12 @@ impl Engine for Local {
         }
         tell.note("asked for an end; waiting for checkpoints to be written");
         let asked = Instant::now();
-        while is_held_by_any(folder) {
+        // It may be held by another the moment after, which takes it over from the one that had it.
+        let is_held_again = || {
+            std::thread::sleep(POLL);
+            is_held(folder)
+        };
+        while is_held(folder) || is_held_again() {
             if asked.elapsed() > PATIENCE {
                 return Ok(Cancelled::StillAtWork);
             }
@@ -66,14 +69,6 @@ impl Engine for Local {
     }
 }
 
-/// Whether a scheduler has the folder, or takes it over from the one that had it.
-fn is_held_by_any(folder: &ResultsFolder) -> bool {
-    is_held(folder) || {
-        std::thread::sleep(POLL);
-        is_held(folder)
-    }
-}
-
 /// A request to be met by this machine.
 struct Here<'a>(&'a SweepRequest<'a>);
 
@@ -82,9 +77,8 @@ impl Session for Here<'_> {
         let SweepRequest { sweep, plan, folder, tell, .. } = *self.0;
         let all = plan.runs.len();
         let (n_jobs, states) = (jobs.len(), folder.run_states());
-        let has_ended =
-            |run: &&PlannedRun| matches!(states.of(&run.run_id), JobState::Done | JobState::Failed);
-        let ended = plan.runs.iter().filter(has_ended).count();
+        let state = plan.runs.iter().map(|run| states.of(&run.run_id));
+        let ended = state.filter(|of| matches!(of, JobState::Done | JobState::Failed)).count();
         if jobs.is_empty() {
             tell.note(&format!("{ended} of {all} runs have ended already; nothing to train"));
             return Ok(Brought::Ended(Vec::new()));
@@ -145,12 +139,11 @@ impl Here<'_> {
         let bytes = self.0.memory_bytes.or_else(machine::available)?;
         let largest = jobs.iter().max_by_key(|job| job.peak_bytes)?;
         if largest.peak_bytes > bytes {
+            let [wanted, there] = [largest.peak_bytes, bytes].map(|bytes| bytes as f64 / 1e9);
             self.0.tell.warn(&format!(
-                "{} wants {:.1} GB of memory at its peak, and there are {:.1} GB: it runs alone, \
-                 and may be killed",
-                largest.label,
-                largest.peak_bytes as f64 / 1e9,
-                bytes as f64 / 1e9
+                "{} wants {wanted:.1} GB of memory at its peak, and there are {there:.1} GB: it runs \
+                 alone, and may be killed",
+                largest.label
             ));
         }
         Some(bytes)
@@ -170,8 +163,6 @@ fn time_spent(spent: &Spent, slots: usize) -> String {
 /// are of the same build even when the file has been replaced or removed since.
 fn own_program() -> Result<PathBuf> {
     let image = PathBuf::from(format!("/proc/{}/exe", std::process::id()));
-    if image.exists() {
-        return Ok(image);
-    }
-    std::env::current_exe().context("finding this program")
+    let this = || std::env::current_exe().context("finding this program");
+    if image.exists() { Ok(image) } else { this() }
 }

@@ -20,11 +20,6 @@ pub struct Spent {
 }
 
 impl Spent {
-    fn add(&mut self, stretch: &Stretch) {
-        self.span_s = self.span_s.max(stretch.end_s);
-        self.train_s += stretch.train_s;
-    }
-
     /// The share of `slots` cores' time that went into training steps.
     pub fn training_share(&self, slots: usize) -> f64 {
         self.train_s / (slots as f64 * self.span_s)
@@ -45,17 +40,13 @@ impl Timeline {
     /// The folder cannot be written to.
     pub fn open(folder: &ResultsFolder) -> Result<Self, FileError> {
         let path = folder.file(SCHEDULE);
-        let sessions = std::fs::read_to_string(&path).map_or(0, |text| {
+        let session = std::fs::read_to_string(&path).map_or(0, |text| {
             let last = text.lines().rev().find_map(|line| serde_json::from_str(line).ok());
             last.map_or(0, |last: Stretch| last.session + 1)
         });
-        let file = OpenOptions::new()
-            .create(true)
-            .append(true)
-            .open(&path)
-            .map_err(FileError::write(&path))?;
-        let written = Mutex::new((file, Spent::default()));
-        Ok(Self { written, session: sessions, began: Instant::now() })
+        let file = OpenOptions::new().create(true).append(true).open(&path);
+        let written = Mutex::new((file.map_err(FileError::write(&path))?, Spent::default()));
+        Ok(Self { written, session, began: Instant::now() })
     }
 
     /// Seconds since it was opened.
@@ -74,25 +65,19 @@ impl Timeline {
             start_s,
             end_s: self.now_s(),
             train_s,
-            end: word(end).to_string(),
+            end: end.word().to_string(),
         };
         let line = serde_json::to_string(&stretch).expect("plain values") + "\n";
         let mut written = self.written.lock().expect("nothing panics while it holds this");
-        let _ = written.0.write_all(line.as_bytes());
-        written.1.add(&stretch);
+        let (file, spent) = &mut *written;
+        let _ = file.write_all(line.as_bytes());
+        spent.span_s = spent.span_s.max(stretch.end_s);
+        spent.train_s += train_s;
     }
 
     /// Where the time went so far.
     pub fn spent(&self) -> Spent {
         self.written.lock().expect("nothing panics while it holds this").1
-    }
-}
-
-fn word(end: &JobEnd) -> &'static str {
-    match (end, end.failure()) {
-        (_, Some(failure)) => failure.kind.word(),
-        (JobEnd::Done, None) => "done",
-        (_, None) => "stopped",
     }
 }
 

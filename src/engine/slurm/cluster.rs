@@ -5,11 +5,11 @@ use super::files::{Entry, Generation, Queue, QueuedTask, SlurmFolder, TaskState}
 use super::submission::SubmissionTerms;
 use crate::engine::{EngineState, SweepRequest};
 use crate::files::read_if_there;
-use crate::jobs::{JobKind, JobState, ResultsFolder, SweepState};
+use crate::jobs::{JobId, JobKind, JobState, ResultsFolder, SweepState};
 use anyhow::Result;
 use serde::Serialize;
 use serde_json::json;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::absolute;
 
 use crate::words::wrap;
@@ -23,6 +23,8 @@ pub(super) struct Cluster<'a> {
     /// What was submitted before.
     pub entries: Vec<Entry>,
     pub queue: Queue,
+    /// Jobs that are in the queue already, and their tasks.
+    pub held: HashMap<JobId, String>,
     /// MaxArraySize, as Slurm says.
     pub asked: Option<usize>,
 }
@@ -39,10 +41,8 @@ pub fn of_folder(folder: &ResultsFolder) -> Result<Option<(Settings, Vec<Entry>)
 
 /// The settings of a submission; the defaults where there is none.
 pub fn settings_of(files: &SlurmFolder, submission: Option<Generation>) -> Result<Settings> {
-    let written = match submission {
-        Some(generation) => read_if_there::<SubmissionTerms>(&files.written(generation))?,
-        None => None,
-    };
+    let Some(generation) = submission else { return Ok(Settings::default()) };
+    let written: Option<SubmissionTerms> = read_if_there(&files.written(generation))?;
     Ok(written.map(|written| written.settings).unwrap_or_default())
 }
 
@@ -84,37 +84,34 @@ struct Waiting {
 /// # Errors
 /// Files of the submission cannot be read.
 pub fn status(folder: &ResultsFolder, state: &SweepState) -> Result<Option<EngineState>> {
-    let Some(queue) = look(folder, state)? else { return Ok(None) };
-    let (document, text, wants_more) = (json!(queue), queue.text(), queue.wants_more());
-    Ok(Some(EngineState { document, text, wants_more }))
-}
-
-fn look(folder: &ResultsFolder, state: &SweepState) -> Result<Option<QueueState>> {
     let Some((settings, entries)) = of_folder(folder)? else { return Ok(None) };
     let files = SlurmFolder::of(folder);
     let submission = files.latest()?.unwrap_or(0);
-    let queue = match Queue::ask(&System, &settings, &entries) {
-        Ok(queue) => queue,
+    let told = match Queue::ask(&System, &settings, &entries) {
+        Ok(queue) => {
+            let open = |id| matches!(folder.state(id), JobState::Missing | JobState::Started);
+            let held = queue.held(&entries, &files)?;
+            let held = held.keys().filter(|id| id.kind == JobKind::Run && open(id)).count();
+            let runs = &state.runs;
+            let missing = runs.started + runs.missing + runs.running;
+            let count = |state| queue.tasks.iter().filter(|task| task.state == state).count();
+            QueueState {
+                known: true,
+                error: None,
+                submission,
+                tasks_running: count(TaskState::Running),
+                tasks_waiting: count(TaskState::Waiting),
+                tasks_busy: count(TaskState::Busy),
+                waiting: waiting(&queue.tasks),
+                runs_lost: missing.saturating_sub(runs.blocked + held),
+            }
+        }
         Err(error) => {
-            let error = Some(error.to_string());
-            return Ok(Some(QueueState { error, submission, ..QueueState::default() }));
+            QueueState { error: Some(error.to_string()), submission, ..QueueState::default() }
         }
     };
-    let open = |state| matches!(state, JobState::Missing | JobState::Started);
-    let held = queue.held(&entries, &files)?;
-    let held = held.keys().filter(|id| id.kind == JobKind::Run && open(folder.state(id))).count();
-    let runs = &state.runs;
-    let count = |state| queue.tasks.iter().filter(|task| task.state == state).count();
-    Ok(Some(QueueState {
-        known: true,
-        error: None,
-        submission,
-        tasks_running: count(TaskState::Running),
-        tasks_waiting: count(TaskState::Waiting),
-        tasks_busy: count(TaskState::Busy),
-        waiting: waiting(&queue.tasks),
-        runs_lost: (runs.started + runs.missing + runs.running).saturating_sub(runs.blocked + held),
-    }))
+    let (document, text, wants_more) = (json!(told), told.text(), told.wants_more());
+    Ok(Some(EngineState { document, text, wants_more }))
 }
 
 fn waiting(tasks: &[QueuedTask]) -> Vec<Waiting> {
@@ -157,7 +154,7 @@ impl QueueState {
         let counts = counts.into_iter().filter(|(count, _)| *count > 0);
         let counts: Vec<String> = counts.map(|(count, word)| format!("{count} {word}")).collect();
         let mut text = format!("on Slurm: tasks {}\n", counts.join(", "));
-        text += &self.waiting.iter().map(Waiting::text).collect::<String>();
+        text.extend(self.waiting.iter().map(Waiting::text));
         if self.runs_lost > 0 {
             let lost = format!("{} missing runs are in no task of Slurm's", self.runs_lost);
             text += &format!("{lost}: they were interrupted or lost\n");
@@ -169,11 +166,12 @@ impl QueueState {
 impl Waiting {
     fn text(&self) -> String {
         let Self { tasks, meaning, example, .. } = self;
-        let who = if *tasks == 1 { "1 waits".to_string() } else { format!("{tasks} wait") };
-        match self.never {
-            false => wrap("  ", &format!("{who}: {meaning}")),
-            true => wrap("  ", &format!("{tasks} will never run (such as {example}): {meaning}")),
-        }
+        let who = match (self.never, tasks) {
+            (true, _) => format!("{tasks} will never run (such as {example})"),
+            (false, 1) => "1 waits".to_string(),
+            (false, _) => format!("{tasks} wait"),
+        };
+        wrap("  ", &format!("{who}: {meaning}"))
     }
 }
 

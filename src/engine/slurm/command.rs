@@ -33,7 +33,7 @@ pub trait Shell {
             return Ok(answer.stdout);
         }
         let said = answer.stderr.lines().map(str::trim).collect::<Vec<_>>().join("; ");
-        Err(SlurmError::refused(&words[0], said))
+        Err(SlurmError::Refused { program: words[0].clone(), said })
     }
 }
 
@@ -79,17 +79,17 @@ impl Shell for System {
             command.env_remove(name);
         });
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let started = command.spawn();
+        let program = || words[0].clone();
+        let spawned = command.spawn();
         let mut child =
-            started.map_err(|error| SlurmError::NotThere { program: words[0].clone(), error })?;
+            spawned.map_err(|error| SlurmError::NotThere { program: program(), error })?;
         let (stdout, stderr) = (drain(child.stdout.take()), drain(child.stderr.take()));
         let Some(ok) = wait(&mut child, patience)? else {
-            let seconds = patience.as_secs();
-            return Err(SlurmError::Silent { program: words[0].clone(), seconds });
+            return Err(SlurmError::Silent { program: program(), seconds: patience.as_secs() });
         };
-        let text = |thread: std::thread::JoinHandle<String>| thread.join().unwrap_or_default();
         tracing::info!(call = %words.join(" "), ok, "answered");
-        Ok(Answer { ok, stdout: text(stdout), stderr: text(stderr) })
+        let [stdout, stderr] = [stdout, stderr].map(|thread| thread.join().unwrap_or_default());
+        Ok(Answer { ok, stdout, stderr })
     }
 }
 
@@ -130,7 +130,7 @@ pub enum SlurmError {
     #[error("`{program}` gave no answer within {seconds} s")]
     Silent { program: String, seconds: u64 },
     #[error("`{program}` said: {said}")]
-    Refused { program: String, said: String, reason: Refusal },
+    Refused { program: String, said: String },
     #[error("`sbatch` answered `{0}`, in which there is no job's number")]
     NoNumber(String),
     #[error("files of the submission: {0}")]
@@ -139,59 +139,40 @@ pub enum SlurmError {
     Io(#[from] io::Error),
 }
 
-/// Why a command of Slurm refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
-    /// Too many jobs of this user are in the queue.
-    SubmitLimit,
-    /// The controller is busy, restarting or out of reach: the same call may do in a moment.
-    Busy,
-    /// Something that a person has to mend.
-    Final,
-}
+// What Slurm's commands say of each refusal that is not for a person to mend. They have one exit code for
+// all, so that their words are all there is to read; they are read here and nowhere else.
 
-/// What Slurm's commands say of each refusal that is not final. They have one exit code for all, so
-/// that their words are all there is to read; they are read here and nowhere else.
-const WORDS: [(Refusal, &[&str]); 2] = [
-    (
-        Refusal::SubmitLimit,
-        &[
-            "AssocMaxSubmitJobLimit",
-            "QOSMaxSubmitJobPerUserLimit",
-            "MaxSubmitJobs",
-            "Job violates accounting/QOS policy",
-        ],
-    ),
-    (
-        Refusal::Busy,
-        &[
-            "Unable to contact slurm controller",
-            "Socket timed out",
-            "temporarily unable",
-            "Resource temporarily unavailable",
-            "Connection refused",
-            "Zero Bytes were transmitted",
-        ],
-    ),
+/// Too many jobs of this user are in the queue.
+const SUBMIT_LIMIT: [&str; 4] = [
+    "AssocMaxSubmitJobLimit",
+    "QOSMaxSubmitJobPerUserLimit",
+    "MaxSubmitJobs",
+    "Job violates accounting/QOS policy",
+];
+
+/// The controller is busy, restarting or out of reach.
+const BUSY: [&str; 6] = [
+    "Unable to contact slurm controller",
+    "Socket timed out",
+    "temporarily unable",
+    "Resource temporarily unavailable",
+    "Connection refused",
+    "Zero Bytes were transmitted",
 ];
 
 impl SlurmError {
-    /// What a program said that failed.
-    pub fn refused(program: &str, said: String) -> Self {
-        let is_said = |words: &&[&str]| words.iter().any(|words| said.contains(words));
-        let known = WORDS.iter().find(|(_, words)| is_said(words));
-        let reason = known.map_or(Refusal::Final, |(reason, _)| *reason);
-        Self::Refused { program: program.to_string(), said, reason }
+    fn says_any(&self, words: &[&str]) -> bool {
+        matches!(self, Self::Refused { said, .. } if words.iter().any(|word| said.contains(word)))
     }
 
     /// Whether Slurm holds back because too many jobs of this user are in its queue.
     pub fn is_submit_limit(&self) -> bool {
-        matches!(self, Self::Refused { reason: Refusal::SubmitLimit, .. })
+        self.says_any(&SUBMIT_LIMIT)
     }
 
     /// Whether the same call may do in a moment.
     pub fn may_pass(&self) -> bool {
-        matches!(self, Self::Silent { .. } | Self::Refused { reason: Refusal::Busy, .. })
+        matches!(self, Self::Silent { .. }) || self.says_any(&BUSY) && !self.is_submit_limit()
     }
 }
 
@@ -242,9 +223,8 @@ impl Settings {
 
     /// Jobs of a chunk side by side.
     pub fn slots(&self, stage: Stage) -> usize {
-        let resources = self.resources(stage);
-        let one = Count(1);
-        resources.runs_at_once.or(resources.cpus_per_task).unwrap_or(one).0
+        let Resources { runs_at_once, cpus_per_task, .. } = self.resources(stage);
+        runs_at_once.or(cpus_per_task).map_or(1, |count| count.0)
     }
 
     /// Seconds that a task of a stage may take, where that is said.

@@ -4,7 +4,7 @@ use super::command::{QUERY, Settings, Shell, SlurmError};
 use crate::files::{atomic, read_if_there};
 use crate::jobs::{Job, JobId, ResultsFolder};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::{fs, io};
 
@@ -50,7 +50,7 @@ impl SlurmFolder {
     }
 
     /// The folder of a submission.
-    pub fn generation(&self, generation: Generation) -> PathBuf {
+    fn generation(&self, generation: Generation) -> PathBuf {
         self.0.join("gen").join(generation.to_string())
     }
 
@@ -75,7 +75,7 @@ impl SlurmFolder {
     }
 
     /// The folder of the ledger.
-    pub fn ledger(&self) -> PathBuf {
+    fn ledger(&self) -> PathBuf {
         self.0.join("ledger")
     }
 
@@ -98,12 +98,9 @@ impl SlurmFolder {
         if !folder.exists() {
             return Ok(None);
         }
-        let mut latest = None;
-        for entry in fs::read_dir(folder)? {
-            let number = entry?.file_name().to_str().and_then(|name| name.parse().ok());
-            latest = latest.max(number);
-        }
-        Ok(latest)
+        fs::read_dir(folder)?.try_fold(None, |latest: Option<Generation>, entry| {
+            Ok(latest.max(entry?.file_name().to_str().and_then(|name| name.parse().ok())))
+        })
     }
 }
 
@@ -234,16 +231,13 @@ impl Queue {
         settings: &Settings,
         entries: &[Entry],
     ) -> Result<Self, SlurmError> {
-        let mut users: Vec<u32> = entries.iter().map(|entry| entry.user).collect();
-        users.sort_unstable();
-        users.dedup();
+        let users: BTreeSet<u32> = entries.iter().map(|entry| entry.user).collect();
         if users.is_empty() {
             return Ok(Self::default());
         }
         let users = users.iter().map(u32::to_string).collect::<Vec<_>>().join(",");
         let asked = ["-h", "-r", "-t", "all", "-u", &users, "-o", FORMAT];
-        let words = settings.program("squeue", &asked);
-        let lines = shell.ask(&words, QUERY)?;
+        let lines = shell.ask(&settings.program("squeue", &asked), QUERY)?;
         let ours = |task: &QueuedTask| entries.iter().any(|entry| entry.token == task.token);
         let tasks = lines.lines().filter_map(|line| parse(line, settings.requeue()));
         Ok(Self { tasks: tasks.filter(ours).collect() })
@@ -262,10 +256,8 @@ impl Queue {
     /// Numbers of the jobs with anything active in them.
     pub fn active_jobs(&self) -> Vec<String> {
         let active = self.tasks.iter().filter(|task| task.is_active());
-        let mut ids: Vec<String> = active.map(|task| task.job_id.clone()).collect();
-        ids.sort();
-        ids.dedup();
-        ids
+        let ids: BTreeSet<&String> = active.map(|task| &task.job_id).collect();
+        ids.into_iter().cloned().collect()
     }
 
     /// The task that each job of an active chunk is in.

@@ -1,17 +1,18 @@
 //! Missing jobs, cut into the arrays of a submission.
 
 use super::cluster::Cluster;
-use super::command::{QUERY, Shell, SlurmError, site_defaults};
+use super::command::{QUERY, Settings, Shell, SlurmError, System, site_defaults};
 use super::files::{Entry, Queue, SlurmFolder, token};
 use super::stages::{Array, Estimates, Layout, arrays};
 use anyhow::{Context, Result, bail};
 use std::collections::HashMap;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
 use std::{fs, io};
 
 use super::submission::{Submission, SubmissionTerms};
 use crate::jobs::gpu::Gpu;
-use crate::jobs::{Job, JobId, ResultsFolder, all_jobs};
+use crate::jobs::{Job, JobId, all_jobs};
 use std::time::Duration;
 
 use crate::files::atomic;
@@ -19,38 +20,29 @@ use crate::files::atomic;
 /// FLOPs a second that a GPU is taken to give, where no run has ended on it yet.
 const GPU: f64 = 1e12;
 
-/// What is to be submitted, before it is cut into arrays.
-pub struct Packed<'a> {
-    pub jobs: &'a [Job],
-    /// Jobs that are in the queue already, and their tasks.
-    pub queued: &'a HashMap<JobId, String>,
-}
-
 impl Cluster<'_> {
     /// Submits; in fewer and longer tasks, where Slurm takes no more.
-    pub fn submit(&self, packed: &Packed, shell: &dyn Shell) -> Result<(u32, Vec<Entry>)> {
+    pub fn submit(&self, jobs: &[Job]) -> Result<(u32, Vec<Entry>)> {
         let tell = self.request.tell;
-        for name in site_defaults() {
-            tell.note(&format!(
-                "{name} is set in this shell and applies wherever the sweep is silent"
-            ));
-        }
+        let rest = "is set in this shell and applies wherever the sweep is silent";
+        site_defaults().iter().for_each(|name| tell.note(&format!("{name} {rest}")));
         let program = std::env::current_exe().context("finding this program")?;
-        let digest = digest(&program)?;
+        let bytes = fs::read(&program).with_context(|| format!("reading {}", program.display()))?;
+        let digest = &blake3::hash(&bytes).to_hex().to_string()[..16];
         let files = SlurmFolder::of(&self.folder);
-        keep_program(&program, &files.program(&digest)).context("copying this program")?;
+        keep_program(&program, &files.program(digest)).context("copying this program")?;
         let estimates = self.estimates()?;
-        let user = user(&self.folder)?;
+        // Who writes to the folder, by number: whose jobs these will be.
+        let user = fs::metadata(self.folder.file("plan.json"))?.uid();
         let mut most = self.settings.max_submit();
         loop {
-            let submission = self.submission(packed, digest.clone(), &estimates, most)?;
-            let tasks = tasks(&submission.steps);
-            match submit(&submission, user, shell) {
+            let submission = self.submission(jobs, digest, &estimates, most)?;
+            let tasks = submission.tasks();
+            match submit(&submission, user, &System) {
                 Ok(submitted) => return Ok((submission.generation, submitted)),
                 Err(error) if error.is_submit_limit() && tasks > 2 => {
                     most = tasks / 2;
-                    let fewer = self.submission(packed, digest.clone(), &estimates, most)?;
-                    if tasks == self::tasks(&fewer.steps) {
+                    if tasks == self.submission(jobs, digest, &estimates, most)?.tasks() {
                         return Err(error).context("Slurm takes no more jobs of this user");
                     }
                     tell.note(&format!("{error}; trying again in {most} longer tasks at most"));
@@ -60,31 +52,26 @@ impl Cluster<'_> {
         }
     }
 
-    /// What would be submitted now, by a program that is not copied yet.
-    pub fn packed(&self, packed: &Packed) -> Result<Submission> {
-        let (estimates, most) = (self.estimates()?, self.settings.max_submit());
-        self.submission(packed, "PROGRAM".to_string(), &estimates, most)
-    }
-
-    fn submission(
+    /// What would be submitted, by the program of a digest.
+    pub fn submission(
         &self,
-        packed: &Packed,
-        program: String,
+        jobs: &[Job],
+        program: &str,
         estimates: &Estimates,
         max_tasks: usize,
     ) -> Result<Submission> {
-        let (plan, folder) = (self.request.plan, &self.folder);
-        let reads: HashMap<JobId, Vec<JobId>> =
-            all_jobs(plan).map(|job| (job.id, job.needs)).collect();
+        let folder = &self.folder;
+        let reads = all_jobs(self.request.plan).map(|job| (job.id, job.needs));
+        let reads: HashMap<JobId, Vec<JobId>> = reads.collect();
         let layout = Layout {
             settings: &self.settings,
             estimates,
             reads: &|id| reads.get(id).cloned().unwrap_or_default(),
-            queued: packed.queued,
+            queued: &self.held,
             max_array: self.settings.max_array(self.asked),
             max_tasks,
         };
-        let mut steps = arrays(packed.jobs, &layout);
+        let mut steps = arrays(jobs, &layout);
         steps.push(Array::fit());
         let submission = Submission {
             folder: folder.clone(),
@@ -93,7 +80,7 @@ impl Cluster<'_> {
             written: SubmissionTerms {
                 settings: self.settings.clone(),
                 device: self.request.device.name().to_string(),
-                program,
+                program: program.to_string(),
                 flops_per_second: estimates.flops_per_second,
                 track: self.request.track,
             },
@@ -107,7 +94,7 @@ impl Cluster<'_> {
     }
 
     /// How fast jobs are: as the section says, as runs were, as the card should be, or as a few steps here show.
-    fn estimates(&self) -> Result<Estimates> {
+    pub fn estimates(&self) -> Result<Estimates> {
         let (plan, folder) = (self.request.plan, &self.folder);
         let engine = self.request.sweep.engine.as_ref();
         let card = engine.and_then(|engine| Some((engine.card()?, engine.mfu.map(|mfu| mfu.0))));
@@ -130,31 +117,15 @@ impl Cluster<'_> {
                 (None, _) => Estimates { flops_per_second: GPU, source: "guessed" },
             },
         };
-        let Estimates { flops_per_second, source } = &estimates;
-        self.request
-            .tell
-            .note(&format!("runs are packed by {flops_per_second:.2e} FLOPs a second, {source}"));
+        let Estimates { flops_per_second: rate, source } = &estimates;
+        let line = format!("runs are packed by {rate:.2e} FLOPs a second, {source}");
+        self.request.tell.note(&line);
         Ok(estimates)
     }
 }
 
 /// The rate of a program that is not ours.
 const UNTIMED: &str = "guessed, since your trainer has not been timed: flops_per_second says it";
-
-fn tasks(arrays: &[Array]) -> usize {
-    arrays.iter().map(|array| array.chunks.len()).sum()
-}
-
-fn digest(program: &Path) -> Result<String> {
-    let bytes = fs::read(program).with_context(|| format!("reading {}", program.display()))?;
-    Ok(blake3::hash(&bytes).to_hex()[..16].to_string())
-}
-
-/// Who writes to the folder, by number: whose jobs these will be.
-fn user(folder: &ResultsFolder) -> Result<u32> {
-    use std::os::unix::fs::MetadataExt;
-    Ok(fs::metadata(folder.file("plan.json"))?.uid())
-}
 
 // Gives a submission to Slurm: whole, or not at all.
 
@@ -193,15 +164,15 @@ pub fn submit(
         ledger.write(&entry)?;
         let ids: Vec<String> = entries.iter().filter_map(|entry| entry.job_id.clone()).collect();
         let words = submission.words(step, &entry.token, &ids);
-        match call(&words, submission, &entry, shell) {
+        match call(&words, &submission.written.settings, &entry, shell) {
             Ok(id) => {
                 let entry = Entry { job_id: Some(id), ..entry };
                 ledger.write(&entry)?;
                 entries.push(entry);
             }
-            Err(Failed { error, certain }) => {
+            Err((error, is_certain)) => {
                 undo(submission, &entries, shell)?;
-                if certain {
+                if is_certain {
                     ledger.take_back(&entry)?;
                 }
                 return Err(error);
@@ -235,28 +206,17 @@ pub fn keep_program(from: &Path, to: &Path) -> io::Result<()> {
     }
     let mut program = fs::File::open(from)?;
     atomic::write_whole(to, |file| io::copy(&mut program, file).map(|_| ()))?;
-    make_executable(to)
-}
-
-fn make_executable(path: &Path) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    fs::set_permissions(path, fs::Permissions::from_mode(0o755))
-}
-
-/// A call that failed, and whether it is certain that no job came of it.
-struct Failed {
-    error: SlurmError,
-    certain: bool,
+    fs::set_permissions(to, fs::Permissions::from_mode(0o755))
 }
 
 /// Calls `sbatch`; again where the reason may pass, but never without looking whether the job came
-/// to be although the answer did not.
+/// to be although the answer did not. An error says too whether it is certain that no job came of it.
 fn call(
     words: &[String],
-    submission: &Submission,
+    settings: &Settings,
     entry: &Entry,
     shell: &dyn Shell,
-) -> Result<String, Failed> {
+) -> Result<String, (SlurmError, bool)> {
     let mut tries = 0;
     loop {
         let error = match shell.ask(words, QUERY).and_then(|said| number(&said)) {
@@ -264,15 +224,15 @@ fn call(
             Err(error) => error,
         };
         let known_nothing = matches!(error, SlurmError::NotThere { .. });
-        let queue = Queue::ask(shell, &submission.written.settings, std::slice::from_ref(entry));
-        match queue.map(|queue| queue.tasks.first().map(|task| task.job_id.clone())) {
-            Ok(Some(id)) => return Ok(id),
-            Ok(None) => {}
-            Err(_) => return Err(Failed { error, certain: known_nothing }),
+        let Ok(queue) = Queue::ask(shell, settings, std::slice::from_ref(entry)) else {
+            return Err((error, known_nothing));
+        };
+        if let Some(task) = queue.tasks.first() {
+            return Ok(task.job_id.clone());
         }
         tries += 1;
         if tries == TRIES || !error.may_pass() {
-            return Err(Failed { error, certain: true });
+            return Err((error, true));
         }
         std::thread::sleep(WAIT * tries);
     }
@@ -290,8 +250,7 @@ fn number(said: &str) -> Result<String, SlurmError> {
 /// Cancels what was submitted before a call failed.
 fn undo(submission: &Submission, entries: &[Entry], shell: &dyn Shell) -> Result<(), SlurmError> {
     // What waits for others first, lest it begin at their end.
-    let ids = entries.iter().rev().filter_map(|entry| entry.job_id.clone());
-    let ids: Vec<String> = ids.collect();
+    let ids: Vec<String> = entries.iter().rev().filter_map(|entry| entry.job_id.clone()).collect();
     if ids.is_empty() {
         return Ok(());
     }

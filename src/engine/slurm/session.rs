@@ -3,15 +3,13 @@
 use super::cluster::{Cluster, of_folder, settings_of, status};
 use super::command::{QUERY, Settings, Shell, SlurmError, System};
 use super::files::{Entry, Queue, QueuedTask, SlurmFolder};
-use super::packing::Packed;
+use super::stages::{After, Array};
+use super::submission::{Submission, Verdict};
+use super::worker;
 use anyhow::{Context, Result, bail};
 use serde_json::json;
-use std::collections::HashMap;
 use std::path::absolute;
 
-use super::stages::{After, Array};
-use super::submission::{Verdict, verdicts};
-use super::worker::ChunkWorker;
 use crate::engine::runner::{Brought, Engine, FitTerms, Preview, Previewed, Session, Task};
 use crate::engine::{Cancelled, EngineState, SweepRequest, Tell};
 use crate::jobs::presence::{ask_no_more, ask_to_end};
@@ -42,8 +40,8 @@ impl Engine for Slurm {
         }
         let folder = ResultsFolder::new(absolute(request.folder.root())?);
         let settings = settings(request)?;
-        let queue = Queue::default();
-        Ok(Box::new(Cluster { request, folder, settings, entries: Vec::new(), queue, asked: None }))
+        let (entries, queue, held, asked) = Default::default();
+        Ok(Box::new(Cluster { request, folder, settings, entries, queue, held, asked }))
     }
 
     fn status(&self, folder: &ResultsFolder, state: &SweepState) -> Result<Option<EngineState>> {
@@ -55,13 +53,12 @@ impl Engine for Slurm {
             return Ok(Cancelled::NothingRan);
         };
         tell.note("asking Slurm; where something runs, its checkpoints are waited for");
-        Ok(cancel(folder, &settings, &entries, &System)?)
+        Ok(cancel(folder, &settings, &entries)?)
     }
 
     fn task(&self, folder: &ResultsFolder, task: &Task, say: &dyn Fn(&str)) -> Result<i32> {
-        let worker = ChunkWorker { folder: folder.clone(), task: task.clone() };
         let program = std::env::current_exe().context("finding this program")?;
-        Ok(worker.work(program, &System, say)? as i32)
+        Ok(worker::work(folder, task, program, say)? as i32)
     }
 
     fn fit_terms(&self, folder: &ResultsFolder, submission: Option<u32>) -> Result<FitTerms> {
@@ -76,11 +73,10 @@ impl Engine for Slurm {
 fn settings(request: &SweepRequest) -> Result<Settings> {
     let engine = request.sweep.engine.clone().unwrap_or_default();
     let (has_card, of_sweep) = (engine.card().is_some(), engine.slurm);
-    let section = match request.profile {
+    let settings = Settings(match request.profile {
         Some(path) => read_profile(path)?.over(of_sweep),
         None => of_sweep,
-    };
-    let settings = Settings(section);
+    });
     let shared = request.sweep.trainer.as_ref().and_then(|trainer| trainer.gpus);
     Ok(match shared.or(has_card.then_some(1)) {
         Some(n) => settings.with_gpus(n),
@@ -89,8 +85,8 @@ fn settings(request: &SweepRequest) -> Result<Settings> {
 }
 
 /// MaxArraySize; also shows whether the controller answers.
-pub fn max_array(settings: &Settings, shell: &dyn Shell) -> Result<Option<usize>, SlurmError> {
-    let said = shell.ask(&settings.program("scontrol", &["show", "config"]), QUERY)?;
+fn max_array(settings: &Settings) -> Result<Option<usize>, SlurmError> {
+    let said = System.ask(&settings.program("scontrol", &["show", "config"]), QUERY)?;
     let line = said.lines().find(|line| line.starts_with("MaxArraySize"));
     Ok(line.and_then(|line| line.split('=').nth(1)?.trim().parse().ok()))
 }
@@ -98,23 +94,21 @@ pub fn max_array(settings: &Settings, shell: &dyn Shell) -> Result<Option<usize>
 impl Session for Cluster<'_> {
     /// Slurm must answer before anything is changed.
     fn begin(&mut self) -> Result<()> {
-        self.asked =
-            max_array(&self.settings, &System).context("nothing was submitted or changed")?;
-        self.look(&System)
+        self.asked = max_array(&self.settings).context("nothing was submitted or changed")?;
+        self.look()
             .context("what is in the queue is not known, so nothing was submitted or changed")
     }
 
-    fn bring(self: Box<Self>, jobs: Vec<Job>) -> Result<Brought> {
-        let held = self.queue.held(&self.entries, &SlurmFolder::of(&self.folder))?;
-        let left = jobs.iter().filter(|job| !held.contains_key(&job.id)).count();
+    fn bring(mut self: Box<Self>, jobs: Vec<Job>) -> Result<Brought> {
+        self.held = self.queue.held(&self.entries, &SlurmFolder::of(&self.folder))?;
+        let left = jobs.iter().filter(|job| !self.held.contains_key(&job.id)).count();
         if left == 0 && self.has_fit() {
             return Ok(self.in_the_queue());
         }
         if left == 0 && !self.queue.is_active() {
             return Ok(Brought::Ended(Vec::new()));
         }
-        let packed = Packed { jobs: &jobs, queued: &held };
-        let (generation, submitted) = self.submit(&packed, &System)?;
+        let (generation, submitted) = self.submit(&jobs)?;
         Ok(self.submitted(generation, &submitted, left))
     }
 
@@ -123,12 +117,14 @@ impl Session for Cluster<'_> {
             bail!("nothing is missing, so there is nothing to submit");
         }
         if preview == Preview::Check {
-            self.asked = max_array(&self.settings, &System)?;
+            self.asked = max_array(&self.settings)?;
         }
-        let packed = Packed { jobs: &jobs, queued: &HashMap::new() };
+        let (estimates, most) = (self.estimates()?, self.settings.max_submit());
+        // By a program that is not copied yet.
+        let submission = self.submission(&jobs, "PROGRAM", &estimates, most)?;
         match preview {
-            Preview::DryRun => dry_run(self, &packed),
-            Preview::Check => check(self, &packed, &System),
+            Preview::DryRun => Ok(dry_run(&submission, jobs.len())),
+            Preview::Check => check(&self.request.sweep.name, &submission),
         }
     }
 }
@@ -136,15 +132,14 @@ impl Session for Cluster<'_> {
 impl Cluster<'_> {
     /// The ledger and what Slurm says of it. An entry without a number is of a submission that was
     /// cut off: its job is looked for, and the entry settled.
-    fn look(&mut self, shell: &dyn Shell) -> Result<()> {
+    fn look(&mut self) -> Result<()> {
         let ledger = SlurmFolder::of(&self.folder);
         let entries = ledger.entries()?;
-        self.queue = Queue::ask(shell, &self.settings, &entries)?;
+        self.queue = Queue::ask(&System, &self.settings, &entries)?;
         for entry in entries.iter().filter(|entry| entry.job_id.is_none()) {
             match self.queue.of(entry).next() {
-                Some(task) => {
-                    let job_id = Some(task.job_id.clone());
-                    ledger.write(&Entry { job_id, ..entry.clone() })?;
+                Some(QueuedTask { job_id, .. }) => {
+                    ledger.write(&Entry { job_id: Some(job_id.clone()), ..entry.clone() })?;
                 }
                 None => ledger.take_back(entry)?,
             }
@@ -176,12 +171,10 @@ impl Cluster<'_> {
     }
 
     fn submitted(&self, generation: u32, entries: &[Entry], left: usize) -> Brought {
-        let taken = |entry: &Entry| {
-            let Entry { array, job_id, tasks, .. } = entry;
-            json!({"name": array, "job_id": job_id, "tasks": tasks})
-        };
-        let (results, submitted) =
-            (self.folder.root(), entries.iter().map(taken).collect::<Vec<_>>());
+        let taken =
+            |own: &Entry| json!({"name": own.array, "job_id": own.job_id, "tasks": own.tasks});
+        let submitted: Vec<_> = entries.iter().map(taken).collect();
+        let results = self.folder.root();
         let document =
             json!({"generation": generation, "submitted": submitted, "results": results});
         let line = |Entry { array, job_id, tasks, .. }: &Entry| {
@@ -206,11 +199,7 @@ impl Cluster<'_> {
 
 /// What would be submitted if the queue were empty: scripts, and the calls with what Slurm and chance
 /// will say left open.
-///
-/// # Errors
-/// The jobs cannot be packed.
-pub fn dry_run(cluster: &Cluster, packed: &Packed) -> Result<Previewed> {
-    let submission = cluster.packed(packed)?;
+fn dry_run(submission: &Submission, n_jobs: usize) -> Previewed {
     let steps = &submission.steps;
     let ids: Vec<String> = steps.iter().map(|step| format!("ID_OF_{}", step.name)).collect();
     let (mut text, mut documents) = (String::new(), Vec::new());
@@ -219,39 +208,35 @@ pub fn dry_run(cluster: &Cluster, packed: &Packed) -> Result<Previewed> {
         let path = submission.files().script(submission.generation, &step.name);
         let (jobs, script) = (counts(step), submission.script(step));
         text += &format!("# {}{jobs}\n", step.name);
-        text += &format!("{}\n\n# {}\n{script}\n", shown(&words), path.display());
+        // As a shell reads it, over several lines.
+        let call: Vec<String> = words.iter().map(|word| quoted(word)).collect();
+        text += &format!("{}\n\n# {}\n{script}\n", call.join(" \\\n  "), path.display());
         documents.push(json!({"name": step.name, "sbatch": words, "script": script}));
     }
-    let document = json!({"jobs": packed.jobs.len(), "submissions": documents});
-    Ok(Previewed { document, text, taken: true })
+    let document = json!({"jobs": n_jobs, "submissions": documents});
+    Previewed { document, text, taken: true }
 }
 
 /// `: 2 tasks, 12 × run`; nothing of the fit.
 fn counts(array: &Array) -> String {
     let Some(tasks) = array.tasks() else { return String::new() };
     let jobs = || array.chunks.iter().flat_map(|chunk| &chunk.jobs);
-    let of = |kind| jobs().filter(|timed| timed.job.id.kind == kind).count();
-    let kinds =
-        JobKind::ALL.into_iter().map(|kind| (kind, of(kind))).filter(|(_, count)| *count > 0);
-    let named: Vec<String> = kinds.map(|(kind, n)| format!("{n} × {}", kind.word())).collect();
+    let named = JobKind::ALL.into_iter().filter_map(|kind| {
+        let n = jobs().filter(|timed| timed.job.id.kind == kind).count();
+        (n > 0).then(|| format!("{n} × {}", kind.word()))
+    });
+    let named: Vec<String> = named.collect();
     let waits = array.after.iter().any(|after| matches!(after, After::Queued(_)));
     let waits = if waits { ", after jobs in the queue" } else { "" };
     format!(": {tasks} tasks, {}{waits}", named.join(", "))
-}
-
-/// A call over several lines, as a shell reads it.
-fn shown(words: &[String]) -> String {
-    let words: Vec<String> = words.iter().map(|word| quoted(word)).collect();
-    words.join(" \\\n  ")
 }
 
 /// Asks Slurm whether it would take each step if the queue were empty; changes nothing.
 ///
 /// # Errors
 /// Slurm gave no answer.
-pub fn check(cluster: &Cluster, packed: &Packed, shell: &dyn Shell) -> Result<Previewed> {
-    let submission = cluster.packed(packed)?;
-    let verdicts = verdicts(&submission, shell).context("asking Slurm")?;
+fn check(sweep: &str, submission: &Submission) -> Result<Previewed> {
+    let verdicts = submission.verdicts().context("asking Slurm")?;
     let line = |verdict: &Verdict| {
         let word = if verdict.taken { "taken" } else { "REFUSED" };
         format!("  {:<9} {word:<8} {}\n", verdict.name, verdict.said)
@@ -261,11 +246,8 @@ pub fn check(cluster: &Cluster, packed: &Packed, shell: &dyn Shell) -> Result<Pr
         true => "Slurm would take it; whether its nodes see this folder only a job can tell",
         false => "Slurm would not take it so; docs/cluster.md lists the keys of the profile",
     };
-    let text = format!(
-        "{}: nothing is submitted\n{}{end}",
-        cluster.request.sweep.name,
-        verdicts.iter().map(line).collect::<String>()
-    );
+    let lines: String = verdicts.iter().map(line).collect();
+    let text = format!("{sweep}: nothing is submitted\n{lines}{end}");
     Ok(Previewed { document: json!({"taken": taken, "steps": verdicts}), text, taken })
 }
 
@@ -280,22 +262,20 @@ const KILLED: Duration = Duration::from_secs(60);
 ///
 /// # Errors
 /// Slurm gave no answer: then nothing is known, and the sweep may go on.
-pub fn cancel(
+fn cancel(
     folder: &ResultsFolder,
     settings: &Settings,
     entries: &[Entry],
-    shell: &dyn Shell,
 ) -> Result<Cancelled, SlurmError> {
-    let look = || Queue::ask(shell, settings, entries);
+    let look = || Queue::ask(&System, settings, entries);
     if !look()?.is_active() {
         return Ok(Cancelled::NothingRan);
     }
     // Tasks look for this too: one may be starting just now.
     ask_to_end(folder)?;
     let call = |arguments: &[&str], ids: Vec<String>| {
-        let words = [settings.program("scancel", arguments), ids].concat();
         // A job that has ended meanwhile is no error.
-        shell.call(&words, QUERY)
+        System.call(&[settings.program("scancel", arguments), ids].concat(), QUERY)
     };
     let mut asked = false;
     let gone = until(settings.cancel_grace(), || {

@@ -72,23 +72,25 @@ struct Unit {
 pub fn arrays(jobs: &[Job], layout: &Layout) -> Vec<Array> {
     let open: Vec<&Job> = jobs.iter().filter(|job| !layout.queued.contains_key(&job.id)).collect();
     let of = |stage: Stage| {
-        let chosen = open.iter().filter(move |job| job.id.kind.stage() == stage);
-        units(chosen.copied().collect(), layout)
+        let chosen = open.iter().copied().filter(|job| job.id.kind.stage() == stage);
+        units(chosen.collect(), layout)
     };
+    let alone = |units: Vec<Unit>| units.into_iter().map(|unit| vec![unit]).collect();
     let mut out = Arrays { layout, made: Vec::new(), makers: HashMap::new() };
     let inputs = of(Stage::Inputs);
     let spared = layout.max_tasks.saturating_sub(inputs.len()).max(1);
-    out.add(Stage::Inputs, inputs.into_iter().map(|unit| vec![unit]).collect());
+    out.add(Stage::Inputs, alone(inputs));
     let first: BTreeSet<&JobId> = (open.iter())
         .flat_map(|job| job.needs.iter().filter(|need| goes_before(job, need)))
         .collect();
     let is_first = |unit: &Unit| unit.jobs.iter().any(|timed| first.contains(&timed.job.id));
     let (tried, train): (Vec<Unit>, Vec<Unit>) = of(Stage::Train).into_iter().partition(is_first);
-    if !tried.is_empty() {
-        out.add(Stage::Train, tried.into_iter().map(|unit| vec![unit]).collect());
+    out.add(Stage::Train, alone(tried));
+    let mut groups: BTreeMap<BTreeSet<After>, Vec<Unit>> = BTreeMap::new();
+    for unit in train {
+        groups.entry(out.after(&unit)).or_default().push(unit);
     }
-    let groups = out.groups(train);
-    for group in pack(groups, layout, spared) {
+    for group in pack(groups.into_values().collect(), layout, spared) {
         out.add(Stage::Train, group);
     }
     out.named()
@@ -97,10 +99,8 @@ pub fn arrays(jobs: &[Job], layout: &Layout) -> Vec<Array> {
 /// Packs each group into chunks; where they are too many, into longer ones.
 fn pack(groups: Vec<Vec<Unit>>, layout: &Layout, max_tasks: usize) -> Vec<Vec<Vec<Unit>>> {
     let slots = layout.settings.slots(Stage::Train) as f64;
-    let seconds: Vec<Vec<f64>> = groups
-        .iter()
-        .map(|group| group.iter().map(|unit| unit.seconds / slots).collect())
-        .collect();
+    let of_group = |group: &Vec<Unit>| group.iter().map(|unit| unit.seconds / slots).collect();
+    let seconds: Vec<Vec<f64>> = groups.iter().map(of_group).collect();
     let all: f64 = seconds.iter().flatten().sum();
     let (target, parallel) = (layout.settings.target_s(), layout.settings.array_parallel());
     let mut length = length_s(all, target, parallel);
@@ -169,15 +169,6 @@ impl Arrays<'_> {
         needs.filter_map(task).collect()
     }
 
-    /// Units by what they wait for.
-    fn groups(&self, units: Vec<Unit>) -> Vec<Vec<Unit>> {
-        let mut groups: BTreeMap<BTreeSet<After>, Vec<Unit>> = BTreeMap::new();
-        for unit in units {
-            groups.entry(self.after(&unit)).or_default().push(unit);
-        }
-        groups.into_values().collect()
-    }
-
     /// Adds an array of chunks, or several where one would be too long.
     fn add(&mut self, stage: Stage, chunks: Vec<Vec<Unit>>) {
         for part in chunks.chunks(self.layout.max_array) {
@@ -185,9 +176,8 @@ impl Arrays<'_> {
                 part.iter().flatten().flat_map(|unit| self.after(unit)).collect();
             let array = self.made.len();
             for (index, chunk) in part.iter().enumerate() {
-                let jobs = chunk.iter().flat_map(|unit| &unit.jobs);
-                let made = jobs.map(|timed| (timed.job.id.clone(), After::Ours { array, index }));
-                self.makers.extend(made);
+                let ids = chunk.iter().flat_map(|unit| &unit.jobs).map(|timed| &timed.job.id);
+                self.makers.extend(ids.map(|id| (id.clone(), After::Ours { array, index })));
             }
             self.made.push(Array {
                 name: String::new(),
@@ -254,8 +244,7 @@ pub fn count(units_s: &[f64], length_s: f64) -> usize {
 /// has least: the fullest bin holds at most 4/3 of what the best packing would (Graham 1969).
 ///
 /// Bins come in the order of their work, the most first; so do the units of a bin.
-pub fn pack_chunks<T>(units: Vec<(f64, T)>, count: usize) -> Vec<Vec<T>> {
-    let mut units = units;
+pub fn pack_chunks<T>(mut units: Vec<(f64, T)>, count: usize) -> Vec<Vec<T>> {
     units.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut bins: Vec<(f64, Vec<T>)> = (0..count).map(|_| (0.0, Vec::new())).collect();
     for (seconds, unit) in units {
@@ -296,28 +285,30 @@ impl Estimates {
     pub fn of_records(plan: &Plan, folder: &ResultsFolder) -> Result<Option<Self>, FileError> {
         let done = |run: &&PlannedRun| folder.state(&JobId::run(&run.run_id)) == JobState::Done;
         let sample = plan.runs.iter().filter(done).take(SAMPLE);
-        let records: Result<Vec<_>, FileError> =
-            sample.map(|run| folder.record(&run.run_id)).collect();
+        let records = sample.map(|run| folder.record(&run.run_id));
+        let records = records.collect::<Result<Vec<_>, FileError>>()?.into_iter().flatten();
         let source = "measured by finished runs";
-        let rate = flops_per_second(records?.into_iter().flatten());
-        Ok(rate.map(|flops_per_second| Self { flops_per_second, source }))
+        Ok(flops_per_second(records).map(|flops_per_second| Self { flops_per_second, source }))
     }
 
     /// The rate of a few training steps on this machine.
     pub fn of_probe(plan: &Plan, device: &Device) -> Self {
-        let jobs = JobKind::Run.jobs(plan);
-        let flops: f64 = jobs.iter().map(|job| job.cost).sum();
-        let seconds = 3600.0 * Speed::measured_of(&jobs, plan, device, 1).hours(&jobs, plan, 1);
-        let flops_per_second = if seconds > 0.0 { flops / seconds } else { f64::INFINITY };
-        Self { flops_per_second, source: "measured here by a few steps" }
+        Self::of_runs(plan, "measured here by a few steps", |jobs| {
+            Speed::measured_of(jobs, plan, device, 1).hours(jobs, plan, 1)
+        })
     }
 
     /// The mean rate of a plan's runs on a card.
     pub fn of_card(plan: &Plan, gpu: &Gpu) -> Self {
+        Self::of_runs(plan, "by the MFU of engine.gpu", |jobs| gpu.hours(plan, jobs))
+    }
+
+    fn of_runs(plan: &Plan, source: &'static str, hours: impl Fn(&[Job]) -> f64) -> Self {
         let jobs = JobKind::Run.jobs(plan);
         let flops: f64 = jobs.iter().map(|job| job.cost).sum();
-        let flops_per_second = flops / (3600.0 * gpu.hours(plan, &jobs));
-        Self { flops_per_second, source: "by the MFU of engine.gpu" }
+        let seconds = 3600.0 * hours(&jobs);
+        let flops_per_second = if seconds > 0.0 { flops / seconds } else { f64::INFINITY };
+        Self { flops_per_second, source }
     }
 
     /// Seconds that a job takes on a slot of its own.

@@ -1,13 +1,13 @@
 //! [`Submission`]: everything that is about to be given to Slurm, before anything is, and what Slurm would say to it.
 
-use super::command::{Answer, QUERY, Settings, Shell, SlurmError};
+use super::command::{Answer, QUERY, Settings, Shell, SlurmError, System};
 use super::files::{Generation, SlurmFolder};
 use super::stages::{After, Array};
 use crate::engine::Track;
 use crate::jobs::ResultsFolder;
 use crate::sweep::{Resources, Stage, Word, minutes};
 use serde::{Deserialize, Serialize};
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// What tasks read of their submission: `submit.json`.
@@ -46,11 +46,12 @@ impl Submission {
         let generation = self.generation.to_string();
         let program = self.files().program(&self.written.program).display().to_string();
         let results = self.folder.root().display().to_string();
-        let words =
-            [&program, "worker", &results, "--engine", "slurm", "--generation", &generation];
-        let of_array = ["--stage", &step.name, "--chunk", INDEX];
-        let what: &[&str] = if step.tasks().is_some() { &of_array[..] } else { &["--fit"] };
-        let words: Vec<String> = words.iter().chain(what).map(ToString::to_string).collect();
+        let mut words =
+            vec![&program, "worker", &results, "--engine", "slurm", "--generation", &generation];
+        match step.tasks() {
+            Some(_) => words.extend(["--stage", &step.name, "--chunk", INDEX]),
+            None => words.push("--fit"),
+        }
         script(&self.written.settings.resources(step.stage), &self.directory, &words)
     }
 
@@ -58,29 +59,13 @@ impl Submission {
     /// script, so that what is printed is all that there is; nothing of a site's is given that the section does not
     /// name.
     pub fn words(&self, step: &Array, token: &str, ids: &[String]) -> Vec<String> {
-        let settings = &self.written.settings;
-        let resources = settings.resources(step.stage);
-        let mut words = settings.program("sbatch", &[]);
-        words.extend(self.fixed(step, token));
-        // Without the B, the signal would reach steps alone, of which there are none. The fit has nothing
-        // to checkpoint.
-        let grace = settings.signal_grace_s(step.stage);
-        let warned = step.stage != Stage::Fit;
-        words.extend(warned.then(|| format!("--signal=B:USR2@{grace}")));
-        words.extend(step.tasks().map(|tasks| array(tasks, settings.array_parallel())));
-        words.extend(self.dependency(step, ids).map(|text| format!("--dependency={text}")));
-        words.extend(asked_for(&resources));
-        words.extend(resources.extra.into_iter().flatten());
-        words.push(self.files().script(self.generation, &step.name).display().to_string());
-        words
-    }
-
-    fn fixed(&self, step: &Array, token: &str) -> [String; 11] {
         let Self { written, folder, generation, directory, .. } = self;
         let (settings, name) = (&written.settings, &step.name);
+        let resources = settings.resources(step.stage);
         let patterns = if step.tasks().is_some() { "%A_%a" } else { "%A" };
         let logs = in_pattern(&self.files().logs());
-        [
+        let mut words = settings.program("sbatch", &[]);
+        words.extend([
             "--parsable".to_string(),
             format!("--job-name={}-{name}", folder.name()),
             format!("--comment={token}"),
@@ -93,21 +78,36 @@ impl Submission {
             "--nodes=1".to_string(),
             "--ntasks=1".to_string(),
             format!("--export={}", settings.export()),
-        ]
+        ]);
+        // Without the B, the signal would reach steps alone, of which there are none. The fit has nothing
+        // to checkpoint.
+        let grace = settings.signal_grace_s(step.stage);
+        let warned = step.stage != Stage::Fit;
+        words.extend(warned.then(|| format!("--signal=B:USR2@{grace}")));
+        words.extend(step.tasks().map(|tasks| array(tasks, settings.array_parallel())));
+        words.extend(self.dependency(step, ids).map(|text| format!("--dependency={text}")));
+        words.extend(asked_for(&resources));
+        words.extend(resources.extra.into_iter().flatten());
+        words.push(self.files().script(*generation, name).display().to_string());
+        words
     }
 
     /// What a step waits for: an array for the success of certain tasks, the fit for the end of all.
     fn dependency(&self, step: &Array, ids: &[String]) -> Option<String> {
-        if step.stage == Stage::Fit {
-            let all: Vec<&str> = ids.iter().chain(&self.queued).map(String::as_str).collect();
-            return (!all.is_empty()).then(|| format!("afterany:{}", all.join(":")));
-        }
         let task = |after: &After| match after {
             After::Ours { array, index } => format!("{}_{index}", ids[*array]),
             After::Queued(task) => task.clone(),
         };
-        let tasks: Vec<String> = step.after.iter().map(task).collect();
-        (!tasks.is_empty()).then(|| format!("afterok:{}", tasks.join(":")))
+        let (how, jobs): (&str, Vec<String>) = match step.stage {
+            Stage::Fit => ("afterany", ids.iter().chain(&self.queued).cloned().collect()),
+            _ => ("afterok", step.after.iter().map(task).collect()),
+        };
+        (!jobs.is_empty()).then(|| format!("{how}:{}", jobs.join(":")))
+    }
+
+    /// Tasks of all arrays.
+    pub fn tasks(&self) -> usize {
+        self.steps.iter().map(|array| array.chunks.len()).sum()
     }
 
     /// The folder of what is written for Slurm.
@@ -120,10 +120,9 @@ impl Submission {
         let bad = |path: &Path| path.display().to_string().contains(['\\', '\n']);
         let paths = [self.folder.root(), &self.directory];
         let found = paths.into_iter().find(|path| bad(path))?;
-        Some(format!(
-            "{} has a backslash or a new line in its name, which Slurm's log files cannot have",
-            found.display()
-        ))
+        let sentence =
+            "has a backslash or a new line in its name, which Slurm's log files cannot have";
+        Some(format!("{} {sentence}", found.display()))
     }
 }
 
@@ -165,7 +164,7 @@ pub fn asked_for(resources: &Resources) -> Vec<String> {
 
 /// The batch script: variables, the preamble, then the program in place of the shell. As a child of
 /// the shell it would get no warning, or outlive the job.
-pub fn script(resources: &Resources, directory: &Path, program: &[String]) -> String {
+pub fn script(resources: &Resources, directory: &Path, program: &[&str]) -> String {
     let mut text = "#!/bin/bash\nset -e\n".to_string();
     for (name, value) in resources.env.iter().flatten() {
         text += &format!("export {name}={}\n", quoted(&value.0));
@@ -175,8 +174,8 @@ pub fn script(resources: &Resources, directory: &Path, program: &[String]) -> St
     }
     // A node without this directory would run the job in its temporary folder.
     text += &format!("cd -- {}\n", quoted(&directory.display().to_string()));
-    let words = resources.launcher.iter().flatten().chain(program);
-    let words: Vec<String> = words.map(|word| quoted(word)).collect();
+    let launcher = resources.launcher.iter().flatten().map(String::as_str);
+    let words: Vec<String> = launcher.chain(program.iter().copied()).map(quoted).collect();
     text + &format!("exec {}\n", words.join(" "))
 }
 
@@ -208,56 +207,56 @@ pub struct Verdict {
     pub said: String,
 }
 
-/// Asks Slurm of every step whether it would take it (`sbatch --test-only`), and whether its time
-/// limit is one of the partition's: many a Slurm takes a longer one, and then lets it wait for ever.
-///
-/// # Errors
-/// Slurm gave no answer, or a script could not be written for it to read.
-pub fn verdicts(submission: &Submission, shell: &dyn Shell) -> Result<Vec<Verdict>, SlurmError> {
-    let verdict = |(at, step)| verdict(submission, at, step, shell);
-    submission.steps.iter().enumerate().map(verdict).collect()
-}
-
-fn verdict(
-    submission: &Submission,
-    at: usize,
-    step: &Array,
-    shell: &dyn Shell,
-) -> Result<Verdict, SlurmError> {
-    // Where the command was given, which the machine that submits must see anyhow.
-    let mut script =
-        tempfile::Builder::new().prefix(".isoflop-check-").tempfile_in(&submission.directory)?;
-    script.write_all(submission.script(step).as_bytes())?;
-    let words = tried(submission, at, step, &script.path().display().to_string())?;
-    let answer = shell.call(&words, QUERY)?;
-    let said = last_line(&answer);
-    let name = step.name.clone();
-    if answer.ok {
-        let too_long = too_long(submission, step, &said, shell)?;
-        let taken = too_long.is_none();
-        return Ok(Verdict { name, taken, said: too_long.unwrap_or_else(|| begin(&said)) });
+impl Submission {
+    /// Asks Slurm of every step whether it would take it (`sbatch --test-only`), and whether its time
+    /// limit is one of the partition's: many a Slurm takes a longer one, and then lets it wait for ever.
+    ///
+    /// # Errors
+    /// Slurm gave no answer, or a script could not be written for it to read.
+    pub fn verdicts(&self) -> Result<Vec<Verdict>, SlurmError> {
+        self.steps.iter().enumerate().map(|(at, step)| self.verdict(at, step)).collect()
     }
-    let refused = SlurmError::refused(&words[0], said.clone());
-    if refused.may_pass() { Err(refused) } else { Ok(Verdict { name, taken: false, said }) }
-}
 
-/// The words that submit a step, for trying only. What it waits for is left out: it has no number.
-fn tried(
-    submission: &Submission,
-    at: usize,
-    step: &Array,
-    script: &str,
-) -> io::Result<Vec<String>> {
-    let numbers = vec!["0".to_string(); at];
-    let mut words = submission.words(step, "check", &numbers);
-    words.retain(|word| !word.starts_with("--dependency="));
-    words.insert(
-        submission.written.settings.program("sbatch", &[]).len(),
-        "--test-only".to_string(),
-    );
-    words.pop();
-    words.push(script.to_string());
-    Ok(words)
+    fn verdict(&self, at: usize, step: &Array) -> Result<Verdict, SlurmError> {
+        // Where the command was given, which the machine that submits must see anyhow.
+        let mut script =
+            tempfile::Builder::new().prefix(".isoflop-check-").tempfile_in(&self.directory)?;
+        script.write_all(self.script(step).as_bytes())?;
+        // What it waits for is left out: it has no number.
+        let mut words = self.words(step, "check", &vec!["0".to_string(); at]);
+        words.retain(|word| !word.starts_with("--dependency="));
+        let options = self.written.settings.program("sbatch", &[]).len();
+        words.insert(options, "--test-only".to_string());
+        words.pop();
+        words.push(script.path().display().to_string());
+        let answer = System.call(&words, QUERY)?;
+        let (name, said) = (step.name.clone(), last_line(&answer));
+        if answer.ok {
+            let too_long = self.too_long(step, &said)?;
+            let taken = too_long.is_none();
+            return Ok(Verdict { name, taken, said: too_long.unwrap_or_else(|| begin(&said)) });
+        }
+        let refused = SlurmError::Refused { program: words.swap_remove(0), said: said.clone() };
+        if refused.may_pass() { Err(refused) } else { Ok(Verdict { name, taken: false, said }) }
+    }
+
+    /// A sentence on a time limit beyond that of the partition that Slurm chose.
+    fn too_long(&self, step: &Array, said: &str) -> Result<Option<String>, SlurmError> {
+        let settings = &self.written.settings;
+        let partition = between(said, " in partition ", " ");
+        let Some((partition, asked)) = partition.zip(settings.resources(step.stage).time) else {
+            return Ok(None);
+        };
+        let words = ["show", "partition", partition, "--oneliner"];
+        let shown = System.ask(&settings.program("scontrol", &words), QUERY)?;
+        let most = shown.split_whitespace().find_map(|word| word.strip_prefix("MaxTime="));
+        let beyond = most.filter(|most| {
+            minutes(&asked.0).zip(minutes(most)).is_some_and(|(asked, most)| asked > most)
+        });
+        Ok(beyond.map(|most| {
+            format!("time {} is beyond partition {partition}'s {most}: waits for ever", asked.0)
+        }))
+    }
 }
 
 /// The last thing that was said, without the name of the program.
@@ -271,13 +270,9 @@ fn last_line(answer: &Answer) -> String {
 /// `Job 9 to start at TIME using 1 processors on nodes NODES in partition PARTITION` without what says
 /// nothing of a job that is not to be.
 fn begin(said: &str) -> String {
-    let parts = (
-        between(said, " to start at ", " "),
-        between(said, " on nodes ", " "),
-        between(said, " in partition ", " "),
-    );
-    match parts {
-        (Some(time), Some(nodes), Some(partition)) => {
+    let parts = [" to start at ", " on nodes ", " in partition "];
+    match parts.map(|before| between(said, before, " ")) {
+        [Some(time), Some(nodes), Some(partition)] => {
             format!("from {time} on {nodes} in partition {partition}")
         }
         _ => said.to_string(),
@@ -286,26 +281,6 @@ fn begin(said: &str) -> String {
 
 fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
     text.split_once(before)?.1.split(after).next()
-}
-
-/// A sentence on a time limit beyond that of the partition that Slurm chose.
-fn too_long(
-    submission: &Submission,
-    step: &Array,
-    said: &str,
-    shell: &dyn Shell,
-) -> Result<Option<String>, SlurmError> {
-    let partition = between(said, " in partition ", " ");
-    let asked = submission.written.settings.resources(step.stage).time;
-    let (Some(partition), Some(asked)) = (partition, asked) else { return Ok(None) };
-    let words = ["show", "partition", partition, "--oneliner"];
-    let shown = shell.ask(&submission.written.settings.program("scontrol", &words), QUERY)?;
-    let most = shown.split_whitespace().find_map(|word| word.strip_prefix("MaxTime="));
-    let Some(most) = most else { return Ok(None) };
-    let beyond = minutes(&asked.0).zip(minutes(most)).is_some_and(|(asked, most)| asked > most);
-    let sentence =
-        format!("time {} is beyond partition {partition}'s {most}: waits for ever", asked.0);
-    Ok(beyond.then_some(sentence))
 }
 
 #[cfg(test)]
@@ -327,7 +302,7 @@ mod tests {
     #[test]
     fn the_program_takes_the_place_of_the_shell_and_odd_words_stay_whole() {
         let text = "{env: {A: it's}, preamble: [module load x], launcher: [apptainer, exec, a b]}";
-        let program = ["/p q/isoflop", "worker", "--chunk", INDEX].map(String::from);
+        let program = ["/p q/isoflop", "worker", "--chunk", INDEX];
         let script = script(&resources(text), Path::new("/my dir"), &program);
         let expected = "#!/bin/bash\nset -e\nexport A=\"it's\"\nmodule load x\ncd -- '/my dir'\n\
                         exec apptainer exec 'a b' '/p q/isoflop' worker --chunk \

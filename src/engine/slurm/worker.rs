@@ -1,10 +1,9 @@
 //! What a task of Slurm's does: the jobs of its chunk, as `isoflop run` would on one machine.
 
-use super::command::{QUERY, Settings, Shell};
-use super::files::{ChunkFile, SlurmFolder, token};
+use super::command::{QUERY, Settings, Shell, System};
+use super::files::{ChunkFile, SlurmFolder, Timed, token};
 use crate::engine::local::{Display, Gpus, LocalPool, LocalProcesses};
-use crate::engine::runner::Task;
-use crate::engine::{JobEnd, Runner};
+use crate::engine::runner::{JobEnd, Runner, Task};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -15,7 +14,7 @@ use std::{fs, io};
 use super::submission::SubmissionTerms;
 use crate::files::{atomic, read_if_there};
 use crate::jobs::presence::is_asked_to_end;
-use crate::jobs::{Job, JobId, JobState, ResultsFolder};
+use crate::jobs::{Job, JobState, ResultsFolder};
 use crate::progress::{Beat, Stop};
 use crate::{machine, sweep};
 
@@ -35,12 +34,6 @@ pub enum Ended {
     NoInputs = 78,
 }
 
-/// The process of a task.
-pub struct ChunkWorker {
-    pub folder: ResultsFolder,
-    pub task: Task,
-}
-
 /// How long the first files of a task may take to appear: what else may is in one of them.
 const FIRST_FILES: Duration = Duration::from_secs(90);
 
@@ -50,180 +43,158 @@ const LOOK: Duration = Duration::from_millis(50);
 /// How often it looks for files that have not appeared.
 const RELIST: Duration = Duration::from_secs(1);
 
-impl ChunkWorker {
-    /// Does the chunk. `program` is started for each job; `say` tells what a log should hold.
-    ///
-    /// # Errors
-    /// Files of the submission are damaged or do not appear.
-    pub fn work(
-        &self,
-        program: PathBuf,
-        shell: &dyn Shell,
-        say: &dyn Fn(&str),
-    ) -> io::Result<Ended> {
-        listen()?;
-        let files = SlurmFolder::of(&self.folder);
-        let SubmissionTerms { settings, device, track, .. } =
-            appear(&files.written(self.task.submission), FIRST_FILES)?;
-        let path = files.chunk(self.task.submission, &self.task.array, self.task.index);
-        let chunk: ChunkFile = appear(&path, settings.fs_grace())?;
-        if let Some(missing) = self.missing(&chunk, settings.fs_grace()) {
-            say(&format!("error: {missing}"));
-            return Ok(Ended::NoInputs);
-        }
-        let sweep = sweep::read(&self.folder.file("sweep.yaml"), &[]).map_err(io::Error::other)?;
-        let stop = Stop::default();
-        let out_of_time = AtomicBool::new(false);
-        let guarded = Guarded {
-            processes: LocalProcesses {
-                folder: self.folder.clone(),
-                device,
-                program,
-                gpus: Gpus::of_task(&sweep, self.slots(&settings)),
-                hang: sweep.train.hang(),
-                track,
-                untracked: OnceLock::new(),
-            },
-            end: end(&settings, shell),
-            chunk: &chunk,
-            worked: AtomicBool::new(false),
-            out_of_time: &out_of_time,
+/// Does the chunk of a task. `program` is started for each job; `say` tells what a log should hold.
+///
+/// # Errors
+/// Files of the submission are damaged or do not appear.
+pub fn work(
+    folder: &ResultsFolder,
+    Task { submission, array, index }: &Task,
+    program: PathBuf,
+    say: &dyn Fn(&str),
+) -> io::Result<Ended> {
+    listen()?;
+    let files = SlurmFolder::of(folder);
+    let SubmissionTerms { settings, device, track, .. } =
+        appear(&files.written(*submission), FIRST_FILES)?;
+    let path = files.chunk(*submission, array, *index);
+    let chunk: ChunkFile = appear(&path, settings.fs_grace())?;
+    if let Some(missing) = missing(folder, &chunk, settings.fs_grace()) {
+        say(&format!("error: {missing}"));
+        return Ok(Ended::NoInputs);
+    }
+    let sweep = sweep::read(&folder.file("sweep.yaml"), &[]).map_err(io::Error::other)?;
+    let is_input = array.starts_with(Stage::Inputs.word());
+    let slots = settings.slots(if is_input { Stage::Inputs } else { Stage::Train });
+    let guarded = Guarded {
+        processes: LocalProcesses {
+            folder: folder.clone(),
+            device,
+            program,
+            gpus: Gpus::of_task(&sweep, slots),
+            hang: sweep.train.hang(),
+            track,
+            untracked: OnceLock::new(),
+        },
+        end: end(&settings),
+        chunk: &chunk,
+        worked: AtomicBool::new(false),
+        out_of_time: AtomicBool::new(false),
+    };
+    let ended = pool(folder, &guarded, slots);
+    guarded.processes.untracked().iter().for_each(|line| say(&format!("warning: {line}")));
+    let is_over = is_raised(&guarded.out_of_time) || is_raised(&TIME_IS_UP);
+    if ended == Ended::Interrupted && is_over {
+        say(&requeue(&files.requeues(*submission, array, *index), &settings)?);
+    }
+    Ok(ended)
+}
+
+/// Does what is to do with several jobs side by side, watching for signals.
+fn pool(folder: &ResultsFolder, guarded: &Guarded, slots: usize) -> Ended {
+    let jobs = to_do(folder, guarded.chunk);
+    let display = Display::new(&jobs, slots, false, || None);
+    let (stop, over) = (Stop::default(), AtomicBool::new(false));
+    let reports = std::thread::scope(|scope| {
+        scope.spawn(|| watch(folder, &stop, &over));
+        let pool = LocalPool {
+            runner: guarded,
+            slots,
+            stop: &stop,
+            fail_fast: false,
+            display: &display,
+            memory_bytes: machine::available(),
+            timeline: None,
         };
-        let ended = self.pool(&chunk, &guarded, self.slots(&settings), &stop);
-        guarded.processes.untracked().iter().for_each(|line| say(&format!("warning: {line}")));
-        if ended == Ended::Interrupted && (out_of_time.load(Ordering::SeqCst) || time_is_up()) {
-            say(&requeue(
-                &files.requeues(self.task.submission, &self.task.array, self.task.index),
-                &settings,
-                shell,
-            )?);
+        let reports = pool.execute(jobs);
+        over.store(true, Ordering::SeqCst);
+        reports
+    });
+    let is_halted = reports.iter().any(|report| matches!(report.end, JobEnd::Halted(_)));
+    let is_stopped = reports.iter().any(|report| report.end == JobEnd::Stopped);
+    let is_done = |timed: &Timed| folder.state(&timed.job.id) == JobState::Done;
+    match guarded.chunk.jobs.iter().all(is_done) {
+        true => Ended::Done,
+        false if is_stopped && !is_halted => Ended::Interrupted,
+        false => Ended::SomeFailed,
+    }
+}
+
+/// Raises `stop` once anybody asks for an end, until all is over.
+fn watch(folder: &ResultsFolder, stop: &Stop, over: &AtomicBool) {
+    for look in 0.. {
+        if is_raised(over) {
+            return;
         }
-        Ok(ended)
-    }
-
-    fn slots(&self, settings: &Settings) -> usize {
-        let inputs = self.task.array.starts_with(Stage::Inputs.word());
-        settings.slots(if inputs { Stage::Inputs } else { Stage::Train })
-    }
-
-    /// Does what is to do with several jobs side by side, watching for signals.
-    fn pool(&self, chunk: &ChunkFile, guarded: &Guarded, slots: usize, stop: &Stop) -> Ended {
-        let jobs = self.to_do(chunk);
-        let display = Display::new(&jobs, slots, false, || None);
-        let over = AtomicBool::new(false);
-        let reports = std::thread::scope(|scope| {
-            scope.spawn(|| self.watch(stop, &over));
-            let pool = LocalPool {
-                runner: guarded,
-                slots,
-                stop,
-                fail_fast: false,
-                display: &display,
-                memory_bytes: machine::available(),
-                timeline: None,
-            };
-            let reports = pool.execute(jobs);
-            over.store(true, Ordering::SeqCst);
-            reports
-        });
-        let done = |job: &JobId| self.folder.state(job) == JobState::Done;
-        if chunk.jobs.iter().all(|timed| done(&timed.job.id)) {
-            Ended::Done
-        } else if reports.iter().any(|report| matches!(report.end, JobEnd::Halted(_))) {
-            Ended::SomeFailed
-        } else if reports.iter().any(|report| report.end == JobEnd::Stopped) {
-            Ended::Interrupted
-        } else {
-            Ended::SomeFailed
+        // The file may lie on another machine: it is looked for less often.
+        let is_cancelled = look % 10 == 0 && is_asked_to_end(folder);
+        if is_raised(&TIME_IS_UP) || is_raised(&TO_END) || is_cancelled {
+            stop.raise();
         }
+        std::thread::sleep(LOOK);
     }
+}
 
-    /// Raises `stop` once anybody asks for an end, until all is over.
-    fn watch(&self, stop: &Stop, over: &AtomicBool) {
-        let mut looked = None::<Instant>;
-        while !over.load(Ordering::SeqCst) {
-            // The file may lie on another machine: it is looked for less often.
-            let due = looked.is_none_or(|at| at.elapsed() > 10 * LOOK);
-            let cancelled = due && is_asked_to_end(&self.folder);
-            if due {
-                looked = Some(Instant::now());
-            }
-            if time_is_up() || to_end() || cancelled {
-                stop.raise();
-            }
-            std::thread::sleep(LOOK);
+/// The jobs that are neither done nor lost, each with the needs that are still to be made.
+fn to_do(folder: &ResultsFolder, chunk: &ChunkFile) -> Vec<Job> {
+    let (mut lost, mut open, mut jobs) = (HashSet::new(), HashSet::new(), Vec::new());
+    for timed in &chunk.jobs {
+        let mut job = timed.job.clone();
+        let state = folder.state(&job.id);
+        if state == JobState::Done {
+            continue;
         }
-    }
-
-    /// The jobs that are neither done nor lost, each with the needs that are still to be made.
-    fn to_do(&self, chunk: &ChunkFile) -> Vec<Job> {
-        let (mut lost, mut open, mut jobs) = (HashSet::new(), HashSet::new(), Vec::new());
-        for timed in &chunk.jobs {
-            let mut job = timed.job.clone();
-            let orphan = job.needs.iter().any(|need| lost.contains(need));
-            match self.folder.state(&job.id) {
-                JobState::Done => {}
-                JobState::Failed => drop(lost.insert(job.id)),
-                _ if orphan => drop(lost.insert(job.id)),
-                _ => {
-                    job.needs.retain(|need| open.contains(need));
-                    open.insert(job.id.clone());
-                    jobs.push(job);
-                }
-            }
+        if state == JobState::Failed || job.needs.iter().any(|need| lost.contains(need)) {
+            lost.insert(job.id);
+            continue;
         }
-        jobs
+        job.needs.retain(|need| open.contains(need));
+        open.insert(job.id.clone());
+        jobs.push(job);
     }
+    jobs
+}
 
-    /// A sentence on what the chunk needs and does not find, once there was time to appear.
-    fn missing(&self, chunk: &ChunkFile, grace: Duration) -> Option<String> {
-        let products = chunk.needs.iter().map(|need| (self.folder.product(need), Some(need)));
-        let own = chunk.jobs.iter().map(|timed| (self.folder.spec(&timed.job.id), None));
-        products.chain(own).find_map(|(path, need)| {
-            let failure = || self.folder.failure(need?).ok().flatten();
-            let seen = patiently(grace, || {
-                relist(&path);
-                path.exists() || failure().is_some()
-            });
-            let reason = match failure() {
-                Some(_) if path.exists() => return None,
-                Some(failure) => format!("{} failed: {}", need?, failure.reason),
-                None if seen => return None,
-                None => format!("{} did not appear within {} s", path.display(), grace.as_secs()),
-            };
-            Some(format!("an input of this task is missing: {reason}"))
-        })
-    }
+/// A sentence on what the chunk needs and does not find, once there was time to appear.
+fn missing(folder: &ResultsFolder, chunk: &ChunkFile, grace: Duration) -> Option<String> {
+    let products = chunk.needs.iter().map(|need| (folder.product(need), Some(need)));
+    let own = chunk.jobs.iter().map(|timed| (folder.spec(&timed.job.id), None));
+    products.chain(own).find_map(|(path, need)| {
+        let failure = || folder.failure(need?).ok().flatten();
+        let seen = patiently(&path, grace, || failure().is_some());
+        let reason = match failure() {
+            Some(_) if path.exists() => return None,
+            Some(failure) => format!("{} failed: {}", need?, failure.reason),
+            None if seen => return None,
+            None => absent(&path, grace),
+        };
+        Some(format!("an input of this task is missing: {reason}"))
+    })
 }
 
 /// Reads a file that another machine may have written a moment ago.
 fn appear<T: serde::de::DeserializeOwned>(path: &Path, grace: Duration) -> io::Result<T> {
-    patiently(grace, || {
-        relist(path);
-        path.exists()
-    });
-    let absent = || {
-        let words = format!("{} did not appear within {} s", path.display(), grace.as_secs());
-        io::Error::new(io::ErrorKind::NotFound, words)
-    };
+    patiently(path, grace, || false);
+    let absent = || io::Error::new(io::ErrorKind::NotFound, absent(path, grace));
     read_if_there(path)?.ok_or_else(absent)
 }
 
-/// Lists the folder of a path: a network's file system then forgets what it believed of it.
-fn relist(path: &Path) {
-    if let Some(entries) = path.parent().and_then(|folder| fs::read_dir(folder).ok()) {
-        entries.for_each(drop);
-    }
+fn absent(path: &Path, grace: Duration) -> String {
+    format!("{} did not appear within {} s", path.display(), grace.as_secs())
 }
 
-/// Looks until there is something to see, or the time is up.
-fn patiently(grace: Duration, mut look: impl FnMut() -> bool) -> bool {
+/// Looks until a file is there or it is in vain to wait for it, or the time is up. Its folder is listed: a
+/// network's file system then forgets what it believed of it.
+fn patiently(path: &Path, grace: Duration, is_in_vain: impl Fn() -> bool) -> bool {
     let started = Instant::now();
     loop {
-        if look() {
+        if let Some(entries) = path.parent().and_then(|folder| fs::read_dir(folder).ok()) {
+            entries.for_each(drop);
+        }
+        if path.exists() || is_in_vain() {
             return true;
         }
-        if started.elapsed() >= grace || to_end() {
+        if started.elapsed() >= grace || is_raised(&TO_END) {
             return false;
         }
         std::thread::sleep(RELIST.min(grace));
@@ -232,24 +203,20 @@ fn patiently(grace: Duration, mut look: impl FnMut() -> bool) -> bool {
 
 // What Slurm tells a task by signals: its time is nearly up (USR2), or it is to end (TERM).
 
+/// Whether the warning before the time limit has come.
 static TIME_IS_UP: AtomicBool = AtomicBool::new(false);
+/// Whether the task was asked to end: cancelled, preempted, or beyond its time.
 static TO_END: AtomicBool = AtomicBool::new(false);
 
-/// Whether the warning before the time limit has come.
-pub fn time_is_up() -> bool {
-    TIME_IS_UP.load(Ordering::SeqCst)
-}
-
-/// Whether the task was asked to end: cancelled, preempted, or beyond its time.
-pub fn to_end() -> bool {
-    TO_END.load(Ordering::SeqCst)
+fn is_raised(flag: &AtomicBool) -> bool {
+    flag.load(Ordering::SeqCst)
 }
 
 /// Notes signals from here on. However often they come, the task ends in good order.
 ///
 /// # Errors
 /// The system takes no handlers.
-pub fn listen() -> io::Result<()> {
+fn listen() -> io::Result<()> {
     use nix::sys::signal::{SaFlags, SigAction, SigHandler, SigSet, Signal, sigaction};
 
     extern "C" fn note(signal: i32) {
@@ -267,10 +234,10 @@ pub fn listen() -> io::Result<()> {
 // How long a task may still run.
 
 /// When the task of this process is over; `None` where it has no limit, or Slurm does not say.
-pub fn end(settings: &Settings, shell: &dyn Shell) -> Option<Instant> {
+fn end(settings: &Settings) -> Option<Instant> {
     let id = std::env::var("SLURM_JOB_ID").ok()?;
     let words = settings.program("squeue", &["-h", "-j", &id, "-o", "%L"]);
-    let said = shell.ask(&words, QUERY).ok()?;
+    let said = System.ask(&words, QUERY).ok()?;
     let left = minutes(said.lines().next()?)?;
     Instant::now().checked_add(Duration::from_secs_f64(60.0 * left))
 }
@@ -282,7 +249,7 @@ pub fn end(settings: &Settings, shell: &dyn Shell) -> Option<Instant> {
 ///
 /// # Errors
 /// The folder cannot be written to.
-pub fn requeue(folder: &Path, settings: &Settings, shell: &dyn Shell) -> io::Result<String> {
+fn requeue(folder: &Path, settings: &Settings) -> io::Result<String> {
     let most = settings.max_requeues();
     let times = fs::read_dir(folder).map_or(0, Iterator::count);
     if times >= most {
@@ -296,13 +263,11 @@ pub fn requeue(folder: &Path, settings: &Settings, shell: &dyn Shell) -> io::Res
     };
     atomic::write_json(&folder.join(token()?), &name)?;
     let words = settings.program("scontrol", &["requeue", &name]);
-    Ok(match shell.ask(&words, QUERY) {
-        Ok(_) => "the time limit is reached; this task is back in the queue and goes on later"
-            .to_string(),
-        Err(error) => {
-            format!("the time limit is reached, and the task could not be requeued: {error}")
-        }
-    })
+    let what = match System.ask(&words, QUERY) {
+        Ok(_) => "; this task is back in the queue and goes on later".to_string(),
+        Err(error) => format!(", and the task could not be requeued: {error}"),
+    };
+    Ok(format!("the time limit is reached{what}"))
 }
 
 /// This task, as Slurm names it.
@@ -327,21 +292,15 @@ pub struct Guarded<'a> {
     /// all the same: it goes on from checkpoints, task after task.
     pub worked: AtomicBool,
     /// Raised when a job was not begun.
-    pub out_of_time: &'a AtomicBool,
-}
-
-impl Guarded<'_> {
-    fn is_too_late(&self, job: &Job) -> bool {
-        let timed = self.chunk.jobs.iter().find(|timed| timed.job.id == job.id);
-        let left = self.end.map(|end| end.saturating_duration_since(Instant::now()).as_secs_f64());
-        let short = timed.zip(left).is_some_and(|(timed, left)| left < timed.seconds);
-        short && self.worked.load(Ordering::SeqCst)
-    }
+    pub out_of_time: AtomicBool,
 }
 
 impl Runner for Guarded<'_> {
     fn run(&self, job: &Job, stop: &Stop, beat: &mut dyn FnMut(Beat)) -> JobEnd {
-        if self.is_too_late(job) {
+        let timed = self.chunk.jobs.iter().find(|timed| timed.job.id == job.id);
+        let left = self.end.map(|end| end.saturating_duration_since(Instant::now()).as_secs_f64());
+        let is_short = timed.zip(left).is_some_and(|(timed, left)| left < timed.seconds);
+        if is_short && is_raised(&self.worked) {
             self.out_of_time.store(true, Ordering::SeqCst);
             stop.raise();
             return JobEnd::Stopped;

@@ -1,16 +1,14 @@
 //! The animated page: caption, legend, ground, and the body that moves on it by SMIL, which browsers play
 //! without a script.
 
-use std::fmt::Write;
-
 use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
 use super::caption::{self, cleaned, facts};
 use super::room::{Bounds, Seen, Segment, View, below, grid, path, see};
 use crate::figures::colour::{GRID, INK, MUTED, Rgb, SHADOW};
 use crate::figures::font::{Weight, measure};
 use crate::figures::formats::{self, escaped, unit};
-use crate::figures::scene::{Anchor, Point, Scene, Stroke, Text, plain_text};
-use crate::motion::{N_JOINTS, Pose};
+use crate::figures::scene::{Anchor, Point, Scene, Stroke, plain_text};
+use crate::motion::Pose;
 
 const WIDTH: f64 = 640.0;
 const MARGIN: f64 = 18.0;
@@ -49,8 +47,7 @@ pub fn svg(poses: &[Pose], fps: f32, text: &str) -> String {
 fn remarks(scene: &mut Scene, top: f64, facts: &str, side: f64) -> f64 {
     let y = top + 1.3 * REMARK_EM;
     let facts = format!("{facts}, squares of {side} m");
-    let text = plain_text(&facts, (MARGIN, y), Anchor::Start, REMARK_EM);
-    scene.text(Text { colour: MUTED, ..text });
+    scene.text(plain_text(&facts, (MARGIN, y), Anchor::Start, REMARK_EM).coloured(MUTED));
     let right = MARGIN + measure(&facts, Weight::Normal, REMARK_EM) + MARGIN;
     caption::sides(scene, (right, y), REMARK_EM);
     y
@@ -108,21 +105,19 @@ impl Loop {
 
     /// The body and its shadow.
     pub fn elements(&self, view: &View) -> String {
-        let mut svg = self.shadow(view);
+        let [rx, ry] = SHADOW_RADII.map(|radius| unit(radius * view.scale));
+        let size = format!("rx=\"{rx}\" ry=\"{ry}\"");
+        let mut svg = self.moving_shape("ellipse", &size, SHADOW, |pose| view.point(below(pose)));
         svg.push_str("<g fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n");
         for stroke in far_to_near(&self.poses) {
             let corners = |pose: &Pose| points(stroke.corners(pose), view);
-            let values = self.values(corners);
-            let _ = writeln!(
-                svg,
-                "<polyline stroke=\"{}\" stroke-width=\"{}\" points=\"{}\">{}</polyline>",
-                stroke.colour,
-                unit(stroke.width * view.scale),
-                corners(&self.poses[0]),
-                self.animate("points", &values)
-            );
+            let (colour, width) = (stroke.colour, unit(stroke.width * view.scale));
+            let (first, moving) = (corners(&self.poses[0]), self.animate("points", corners));
+            let size = format!("stroke-width=\"{width}\" points=\"{first}\"");
+            svg += &format!("<polyline stroke=\"{colour}\" {size}>{moving}</polyline>\n");
             if stroke.has_head() {
-                svg.push_str(&self.head(view));
+                let radius = format!("r=\"{}\"", unit(HEAD_RADIUS * view.scale));
+                svg += &self.moving_shape("circle", &radius, INK, |pose| view.place(head(pose)));
             }
         }
         svg.push_str("</g>\n");
@@ -131,29 +126,13 @@ impl Loop {
 
     /// A bar below the motion that fills while it moves.
     pub fn progress(&self, (x, y): Point, width: f64) -> String {
+        let [x, y, full] = [x, y, width].map(unit);
+        let Self { seconds, moving, .. } = self;
         format!(
-            "<rect x=\"{}\" y=\"{}\" width=\"{full}\" height=\"30\" fill=\"{}\">\
-             <animate attributeName=\"width\" dur=\"{:.3}s\" repeatCount=\"indefinite\" \
-             values=\"0;{full};{full}\" keyTimes=\"0;{:.4};1\"/></rect>\n",
-            unit(x),
-            unit(y),
-            INK,
-            self.seconds,
-            self.moving,
-            full = unit(width),
+            "<rect x=\"{x}\" y=\"{y}\" width=\"{full}\" height=\"30\" fill=\"{INK}\">\
+             <animate attributeName=\"width\" dur=\"{seconds:.3}s\" repeatCount=\"indefinite\" \
+             values=\"0;{full};{full}\" keyTimes=\"0;{moving:.4};1\"/></rect>\n"
         )
-    }
-
-    fn head(&self, view: &View) -> String {
-        let centre = |pose: &Pose| view.place(head(pose));
-        let radius = format!("r=\"{}\"", unit(HEAD_RADIUS * view.scale));
-        self.moving_shape("circle", &radius, INK, centre)
-    }
-
-    fn shadow(&self, view: &View) -> String {
-        let [rx, ry] = SHADOW_RADII.map(|radius| unit(radius * view.scale));
-        let centre = |pose: &Pose| view.point(below(pose));
-        self.moving_shape("ellipse", &format!("rx=\"{rx}\" ry=\"{ry}\""), SHADOW, centre)
     }
 
     /// A filled shape with a centre.
@@ -164,23 +143,17 @@ impl Loop {
         fill: Rgb,
         centre: impl Fn(&Pose) -> Point,
     ) -> String {
-        let xs = self.values(|pose| unit(centre(pose).0).to_string());
-        let ys = self.values(|pose| unit(centre(pose).1).to_string());
+        let xs = self.animate("cx", |pose| unit(centre(pose).0).to_string());
+        let ys = self.animate("cy", |pose| unit(centre(pose).1).to_string());
         let (x, y) = centre(&self.poses[0]);
+        let (x, y) = (unit(x), unit(y));
         format!(
-            "<{element} cx=\"{}\" cy=\"{}\" {size} fill=\"{fill}\" stroke=\"none\">{}{}</{element}>\n",
-            unit(x),
-            unit(y),
-            self.animate("cx", &xs),
-            self.animate("cy", &ys)
+            "<{element} cx=\"{x}\" cy=\"{y}\" {size} fill=\"{fill}\" stroke=\"none\">{xs}{ys}</{element}>\n"
         )
     }
 
-    fn values(&self, value: impl Fn(&Pose) -> String) -> String {
-        self.poses.iter().map(value).collect::<Vec<_>>().join(";")
-    }
-
-    fn animate(&self, attribute: &str, values: &str) -> String {
+    fn animate(&self, attribute: &str, value: impl Fn(&Pose) -> String) -> String {
+        let values = self.poses.iter().map(value).collect::<Vec<_>>().join(";");
         format!(
             "<animate attributeName=\"{attribute}\" dur=\"{:.3}s\" repeatCount=\"indefinite\" \
              values=\"{values}\"/>",
@@ -194,31 +167,29 @@ fn thinned(poses: &[Pose]) -> Vec<Pose> {
     if poses.len() <= MOST_POSES {
         return poses.to_vec();
     }
-    let step = (poses.len() - 1) as f64 / (MOST_POSES - 1) as f64;
-    (0..MOST_POSES).map(|i| pose_at(poses, step * i as f64)).collect()
-}
-
-/// The pose at a time in frames.
-fn pose_at(poses: &[Pose], time: f64) -> Pose {
-    let before = (time as usize).min(poses.len() - 1);
-    let after = (before + 1).min(poses.len() - 1);
-    let share = (time - before as f64) as f32;
-    let between = |a: f32, b: f32| a + share * (b - a);
-    let [a, b] = [before, after].map(|frame| &poses[frame]);
-    std::array::from_fn::<_, N_JOINTS, _>(|j| std::array::from_fn(|c| between(a[j][c], b[j][c])))
+    let last = poses.len() - 1;
+    let step = last as f64 / (MOST_POSES - 1) as f64;
+    let at = |i| {
+        let time = step * i as f64;
+        let before = (time as usize).min(last);
+        let (a, b) = (&poses[before], &poses[(before + 1).min(last)]);
+        let share = (time - before as f64) as f32;
+        let between = |a: f32, b: f32| a + share * (b - a);
+        std::array::from_fn(|j| std::array::from_fn(|c| between(a[j][c], b[j][c])))
+    };
+    (0..MOST_POSES).map(at).collect()
 }
 
 fn points(corners: Vec<Seen>, view: &View) -> String {
-    let pair = |seen| {
-        let (x, y) = view.place(seen);
-        format!("{},{}", unit(x), unit(y))
-    };
-    corners.into_iter().map(pair).collect::<Vec<_>>().join(" ")
+    let places = corners.into_iter().map(|seen| view.place(seen));
+    let pairs = places.map(|(x, y)| format!("{},{}", unit(x), unit(y)));
+    pairs.collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::N_JOINTS;
 
     fn rising(n: usize) -> Vec<Pose> {
         (0..n).map(|t| [[0.0, t as f32, 0.0]; N_JOINTS]).collect()

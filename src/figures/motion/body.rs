@@ -49,7 +49,10 @@ impl Stroke {
     pub fn corners(&self, pose: &Pose) -> Vec<Seen> {
         match self.part {
             Part::Limb(joints) => joints.iter().map(|&j| see(pose[j].map(f64::from))).collect(),
-            Part::Nose => vec![head(pose), nose(pose)],
+            Part::Nose => {
+                let (at, [x, z]) = (pose[HEAD].map(f64::from), front(pose));
+                vec![see(at), see([at[0] + NOSE * x, at[1], at[2] + NOSE * z])]
+            }
         }
     }
 
@@ -68,11 +71,6 @@ impl Stroke {
 /// The middle of the head.
 pub fn head(pose: &Pose) -> Seen {
     see(pose[HEAD].map(f64::from))
-}
-
-fn nose(pose: &Pose) -> Seen {
-    let (at, [x, z]) = (pose[HEAD].map(f64::from), front(pose));
-    see([at[0] + NOSE * x, at[1], at[2] + NOSE * z])
 }
 
 /// The horizontal direction `left × up` in which hips and shoulders face, of length 1; a body that

@@ -3,7 +3,7 @@
 use super::room::{length, path};
 use crate::figures::colour::{LEFT_SIDE, RIGHT_SIDE};
 use crate::figures::font::{Weight, measure, wrap};
-use crate::figures::scene::{Anchor, Point, Scene, Text, plain_text};
+use crate::figures::scene::{Anchor, Point, Scene, plain_text};
 use crate::motion::Pose;
 
 /// `caption` on one line of plain text: characters that no SVG may hold are blanks.
@@ -22,28 +22,21 @@ fn lines(caption: &str, em: f64, width: f64) -> Vec<String> {
 
 /// A word in pieces no wider than `width`.
 fn pieces(word: &str, em: f64, width: f64) -> Vec<String> {
-    let mut pieces = vec![String::new()];
+    let mut pieces: Vec<String> = Vec::new();
     for letter in word.chars() {
-        let last = pieces.len() - 1;
-        let longer = format!("{}{letter}", pieces[last]);
-        if pieces[last].is_empty() || measure(&longer, Weight::Bold, em) <= width {
-            pieces[last] = longer;
-        } else {
-            pieces.push(letter.to_string());
+        let fits = |piece: &String| measure(&format!("{piece}{letter}"), Weight::Bold, em) <= width;
+        match pieces.last_mut() {
+            Some(piece) if fits(piece) => piece.push(letter),
+            _ => pieces.push(letter.to_string()),
         }
     }
     pieces
 }
 
 /// Writes a caption from `at` downwards; returns where it ends.
-pub fn write(scene: &mut Scene, caption: &str, em: f64, (left, top): Point, width: f64) -> f64 {
-    let mut y = top;
-    for line in lines(caption, em, width) {
-        y += 1.35 * em;
-        let text = plain_text(&line, (left, y - 0.4 * em), Anchor::Start, em);
-        scene.text(Text { weight: Weight::Bold, ..text });
-    }
-    y
+pub fn write(scene: &mut Scene, caption: &str, em: f64, at: Point, width: f64) -> f64 {
+    let text = plain_text("", at, Anchor::Start, em).bold();
+    scene.lines(lines(caption, em, width), 1.35 * em, &text)
 }
 
 /// What one reads of a motion: "6.4 s, 20 frames a second, path 4.2 m".
@@ -56,8 +49,7 @@ pub fn facts(poses: &[Pose], fps: f32) -> String {
 /// Writes "left side" and "right side" in their colours, from `at` to the right.
 pub fn sides(scene: &mut Scene, (mut x, y): Point, em: f64) {
     for (content, colour) in [("left side", LEFT_SIDE), ("right side", RIGHT_SIDE)] {
-        let text = plain_text(content, (x, y), Anchor::Start, em);
-        scene.text(Text { colour, weight: Weight::Bold, ..text });
+        scene.text(plain_text(content, (x, y), Anchor::Start, em).bold().coloured(colour));
         x += measure(content, Weight::Bold, em) + 16.0;
     }
 }

@@ -78,8 +78,7 @@ pub fn write_motion(
     motion: &CaptionedMotion,
 ) -> Result<WrittenMotion, MotionFileError> {
     let file = |ending: &str| folder.join(format!("{stem}.{ending}"));
-    let (joints, features, bvh, svg) =
-        (file("joints.npy"), file("features.npy"), file("bvh"), file("svg"));
+    let [joints, features, bvh, svg] = ["joints.npy", "features.npy", "bvh", "svg"].map(file);
     let poses = motion.poses()?;
     let fitted = fit_bvh(&poses, motion.fps)?;
     let page = animation::svg(&poses, motion.fps, motion.caption);
@@ -109,8 +108,7 @@ pub fn write_sheet<'a>(
     };
     let rows: Vec<sheet::Row> = motions.iter().map(row).collect::<Result<_, _>>()?;
     let failed = |error| MotionFileError::Draw { path: path.to_path_buf(), error };
-    let pixels = sheet::png(&rows).map_err(failed)?;
-    Ok(atomic::write_bytes(path, &pixels)?)
+    Ok(atomic::write_bytes(path, &sheet::png(&rows).map_err(failed)?)?)
 }
 
 impl CaptionedMotion<'_> {
@@ -126,12 +124,11 @@ impl CaptionedMotion<'_> {
         if !(self.fps.is_finite() && self.fps > 0.0) {
             return Err(FitBvhError::Fps { fps: self.fps }.into());
         }
-        match self.features.iter().position(|value| !value.is_finite()) {
-            Some(at) => {
-                Err(MotionFileError::NotFinite { frame: at / N_FEATURES, column: at % N_FEATURES })
-            }
-            None => Ok(recover_joints(self.features)),
+        if let Some(at) = self.features.iter().position(|value| !value.is_finite()) {
+            let (frame, column) = (at / N_FEATURES, at % N_FEATURES);
+            return Err(MotionFileError::NotFinite { frame, column });
         }
+        Ok(recover_joints(self.features))
     }
 }
 

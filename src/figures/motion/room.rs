@@ -1,6 +1,7 @@
 //! The room: an orthographic camera, above and beside the body, and the ground at y = 0, with a grid that stands
 //! still and the root's path.
 
+use crate::figures::axis::span;
 use crate::figures::scene::Point;
 use crate::motion::Pose;
 
@@ -42,12 +43,8 @@ impl Bounds {
     pub fn of(points: impl Iterator<Item = Seen>) -> Bounds {
         let (low, high) = (f64::INFINITY, f64::NEG_INFINITY);
         let none = Bounds { left: low, right: high, bottom: low, top: high };
-        points.fold(none, |bounds, seen| Bounds {
-            left: bounds.left.min(seen.right),
-            right: bounds.right.max(seen.right),
-            bottom: bounds.bottom.min(seen.up),
-            top: bounds.top.max(seen.up),
-        })
+        let at = |Seen { right: x, up: y, .. }| Bounds { left: x, right: x, bottom: y, top: y };
+        points.map(at).fold(none, Bounds::with)
     }
 
     /// The same with `margin` metres more on each side.
@@ -128,7 +125,7 @@ pub fn length(path: &[[f64; 3]]) -> f64 {
 /// metres: [`SPACING`], or twice, four times … as much where the path is long.
 pub fn grid(path: &[[f64; 3]], margin: f64) -> (Vec<Segment>, f64) {
     let range = |c: usize| {
-        let (low, high) = extent(path, c);
+        let [low, high] = span(path.iter().map(|point| point[c]));
         (low - margin, high + margin)
     };
     let (x, z) = (range(0), range(2));
@@ -140,12 +137,6 @@ pub fn grid(path: &[[f64; 3]], margin: f64) -> (Vec<Segment>, f64) {
     let along_z = steps(x, side).map(|x| [[x, 0.0, z.0], [x, 0.0, z.1]]);
     let along_x = steps(z, side).map(|z| [[x.0, 0.0, z], [x.1, 0.0, z]]);
     (along_z.chain(along_x).collect(), side)
-}
-
-fn extent(path: &[[f64; 3]], c: usize) -> (f64, f64) {
-    path.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), point| {
-        (low.min(point[c]), high.max(point[c]))
-    })
 }
 
 fn steps((low, high): (f64, f64), side: f64) -> impl Iterator<Item = f64> {

@@ -5,10 +5,10 @@ use image::RgbImage;
 use super::body::{HEAD_RADIUS, REACH, far_to_near, head};
 use super::caption::{self, facts};
 use super::room::{Bounds, Segment, View, patch, path, see, within};
-use crate::figures::colour::{GRID, INK, MUTED, WHITE};
+use crate::figures::colour::{GRID, INK, MUTED, Rgb, WHITE};
 use crate::figures::font::{Weight, measure};
 use crate::figures::formats::{self, DrawError, raster};
-use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, Text, plain_text};
+use crate::figures::scene::{Anchor, Point, Scene, Shape, Stroke, plain_text};
 use crate::motion::Pose;
 
 /// Poses of a row.
@@ -36,7 +36,10 @@ pub struct Row<'a> {
 pub fn png(rows: &[Row]) -> Result<Vec<u8>, DrawError> {
     let bounds = rows.iter().map(cell_bounds).reduce(Bounds::with);
     let bounds = bounds.ok_or("a sheet needs a motion")?;
-    let mut sheet = raster(&header())?;
+    // The legend above the rows.
+    let mut header = Scene::new(WIDTH, MARGIN + LABEL_EM);
+    caption::sides(&mut header, (MARGIN, MARGIN), LABEL_EM);
+    let mut sheet = raster(&header)?;
     // Row by row: a whole sheet in the renderer's fine pixels would fill the memory.
     for row in rows {
         let row = raster(&row.scene(bounds))?;
@@ -45,13 +48,6 @@ pub fn png(rows: &[Row]) -> Result<Vec<u8>, DrawError> {
         sheet = RgbImage::from_raw(width, height, samples).ok_or("rows differ in width")?;
     }
     formats::png(&sheet)
-}
-
-/// The legend above the rows.
-fn header() -> Scene {
-    let mut scene = Scene::new(WIDTH, MARGIN + LABEL_EM);
-    caption::sides(&mut scene, (MARGIN, MARGIN), LABEL_EM);
-    scene
 }
 
 /// The poses that a row shows: the first, the last, and others at even times between them.
@@ -66,14 +62,12 @@ fn cell_bounds(row: &Row) -> Bounds {
     let poses = shown(row.poses.len()).into_iter().map(|frame| &row.poses[frame]);
     let joints = poses.flat_map(|pose| {
         let [x, _, z] = pose[0].map(f64::from);
-        pose.iter().map(move |joint| {
-            let joint = joint.map(f64::from);
-            see([joint[0] - x, joint[1], joint[2] - z])
-        })
+        let joints = pose.iter().map(|joint| joint.map(f64::from));
+        joints.map(move |joint| see([joint[0] - x, joint[1], joint[2] - z]))
     });
     let reach = GROUND_RADIUS;
-    let rim = [[reach, 0.0], [-reach, 0.0], [0.0, reach], [0.0, -reach]];
-    Bounds::of(joints).wider(REACH).with(Bounds::of(rim.into_iter().map(|[x, z]| see([x, 0.0, z]))))
+    let rim = [[reach, 0.0, 0.0], [-reach, 0.0, 0.0], [0.0, 0.0, reach], [0.0, 0.0, -reach]];
+    Bounds::of(joints).wider(REACH).with(Bounds::of(rim.into_iter().map(see)))
 }
 
 impl Row<'_> {
@@ -87,7 +81,9 @@ impl Row<'_> {
             let centre = MARGIN + CELL_WIDTH * (column as f64 + 0.5);
             let corner = (centre - scale * middle, top + scale * bounds.top);
             self.cell(&mut scene, frame, scale, corner);
-            self.label(&mut scene, frame, (centre, top + height + 1.1 * LABEL_EM));
+            let seconds = format!("{:.1} s", frame as f64 / f64::from(self.fps));
+            let at = (centre, top + height + 1.1 * LABEL_EM);
+            scene.text(plain_text(&seconds, at, Anchor::Middle, LABEL_EM).coloured(MUTED));
         }
         scene.height = (top + height + 2.0 * LABEL_EM + MARGIN / 2.0).ceil();
         scene
@@ -100,14 +96,8 @@ impl Row<'_> {
         let (corner, width) = ((MARGIN, MARGIN / 2.0), WIDTH - 2.0 * MARGIN - room);
         let y = caption::write(scene, self.caption, TITLE_EM, corner, width);
         let at = (WIDTH - MARGIN, MARGIN / 2.0 + 0.95 * TITLE_EM);
-        scene.text(Text { colour: MUTED, ..plain_text(&facts, at, Anchor::End, LABEL_EM) });
+        scene.text(plain_text(&facts, at, Anchor::End, LABEL_EM).coloured(MUTED));
         y.max(MARGIN / 2.0 + 1.35 * TITLE_EM) + 4.0
-    }
-
-    fn label(&self, scene: &mut Scene, frame: usize, at: Point) {
-        let seconds = format!("{:.1} s", frame as f64 / f64::from(self.fps));
-        let text = plain_text(&seconds, at, Anchor::Middle, LABEL_EM);
-        scene.text(Text { colour: MUTED, ..text });
     }
 
     /// A pose, the ground round it, and the path that led to it; the ground below the root is seen
@@ -118,17 +108,13 @@ impl Row<'_> {
         let seen = see(root);
         let origin = (corner.0 - scale * seen.right, corner.1 + scale * seen.up);
         let view = View { scale, origin };
-        let mut ground_line = |line: Segment, stroke| {
-            scene.line(&line.map(|end| view.point(end)), stroke);
+        let mut ground_line = |line: Segment, colour| {
+            scene.line(&line.map(|end| view.point(end)), Stroke::solid(colour, 1.0));
         };
-        for line in patch(root, GROUND_RADIUS) {
-            ground_line(line, Stroke::solid(GRID, 1.0));
-        }
-        for step in path.windows(2) {
-            if let Some(step) = within([step[0], step[1]], root, GROUND_RADIUS) {
-                ground_line(step, Stroke::solid(MUTED, 1.0));
-            }
-        }
+        patch(root, GROUND_RADIUS).into_iter().for_each(|line| ground_line(line, GRID));
+        let steps = path.windows(2).map(|step| [step[0], step[1]]);
+        let steps = steps.filter_map(|step| within(step, root, GROUND_RADIUS));
+        steps.for_each(|step| ground_line(step, MUTED));
         body(scene, &self.poses[frame], &view);
     }
 }
@@ -136,11 +122,10 @@ impl Row<'_> {
 /// The figure, the farthest line first.
 fn body(scene: &mut Scene, pose: &Pose, view: &View) {
     for stroke in far_to_near(std::slice::from_ref(pose)) {
-        let corners: Vec<Point> =
-            stroke.corners(pose).into_iter().map(|seen| view.place(seen)).collect();
-        let width = stroke.width * view.scale;
-        round_line(scene, &corners, Stroke::solid(WHITE, width + 2.0 * HALO));
-        round_line(scene, &corners, Stroke::solid(stroke.colour, width));
+        let corners = stroke.corners(pose).into_iter().map(|seen| view.place(seen));
+        let (corners, width) = (corners.collect::<Vec<Point>>(), stroke.width * view.scale);
+        round_line(scene, &corners, WHITE, width + 2.0 * HALO);
+        round_line(scene, &corners, stroke.colour, width);
         if stroke.has_head() {
             let (centre, radius) = (view.place(head(pose)), HEAD_RADIUS * view.scale);
             scene.shapes.push(Shape::Disc { centre, radius, colour: INK });
@@ -149,10 +134,9 @@ fn body(scene: &mut Scene, pose: &Pose, view: &View) {
 }
 
 /// A line with round ends.
-fn round_line(scene: &mut Scene, corners: &[Point], stroke: Stroke) {
-    scene.line(corners, stroke);
-    let (radius, colour) = (stroke.width / 2.0, stroke.colour);
-    let ends = [corners[0], corners[corners.len() - 1]];
+fn round_line(scene: &mut Scene, corners: &[Point], colour: Rgb, width: f64) {
+    scene.line(corners, Stroke::solid(colour, width));
+    let (radius, ends) = (width / 2.0, [corners[0], corners[corners.len() - 1]]);
     scene.shapes.extend(ends.map(|centre| Shape::Disc { centre, radius, colour }));
 }
 

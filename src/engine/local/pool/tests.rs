@@ -53,6 +53,10 @@ fn pool<'a>(
     LocalPool { runner, slots, stop, fail_fast: false, display, memory_bytes, timeline }
 }
 
+fn hidden() -> Display {
+    Display::new(&[], 1, true, || None)
+}
+
 fn diverged() -> Failure {
     Failure::new(FailureKind::Diverged, "the loss is NaN")
 }
@@ -62,7 +66,7 @@ fn killed() -> Failure {
 }
 
 fn go(jobs: Vec<Job>, slots: usize, fail_fast: bool) -> (Vec<String>, Vec<JobReport>) {
-    let (runner, stop, display) = (Mock::default(), Stop::default(), Display::hidden());
+    let (runner, stop, display) = (Mock::default(), Stop::default(), hidden());
     let pool = LocalPool { fail_fast, ..pool(&runner, slots, &stop, &display) };
     let reports = pool.execute(jobs);
     (runner.order.into_inner().unwrap(), reports)
@@ -176,7 +180,7 @@ impl Runner for Machine {
 }
 
 fn on(machine: &Machine, jobs: Vec<Job>) -> Vec<JobReport> {
-    let (stop, display) = (Stop::default(), Display::hidden());
+    let (stop, display) = (Stop::default(), hidden());
     let memory_bytes = Some(machine.bytes);
     LocalPool { memory_bytes, ..pool(machine, 4, &stop, &display) }.execute(jobs)
 }

@@ -1,6 +1,6 @@
 //! Tests of the module above.
 
-use super::super::command::{Answer, Settings};
+use super::super::command::Answer;
 use super::super::files::{ChunkFile, SlurmFolder};
 use super::*;
 use std::cell::RefCell;
