@@ -55,7 +55,7 @@ fn the_command_that_is_advised_is_the_one_that_was_given() {
     let output = command.output().expect("a POSIX shell");
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{stderr}");
-    assert!(stderr.contains("1 jobs to do, 1 of 2 runs have ended already"), "{stderr}");
+    assert!(stderr.contains("1 jobs to do, 1 of 2 runs finished or failed before"), "{stderr}");
 }
 
 #[test]

@@ -142,7 +142,7 @@ fn a_failure_is_told_with_its_last_lines_and_the_command_that_tries_it_again() {
         let command =
             command.replace("isoflop run", &format!("{} run", env!("CARGO_BIN_EXE_isoflop")));
         let ended = in_shell(&command, &elsewhere.path(""));
-        assert!(ended.contains("1 jobs to do, 1 of 2 runs have ended already"), "{ended}");
+        assert!(ended.contains("1 jobs to do, 1 of 2 runs finished or failed before"), "{ended}");
     }
 }
 

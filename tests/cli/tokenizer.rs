@@ -12,7 +12,7 @@ fn tokenizers_are_trained_alone_compared_and_not_trained_again_by_run() {
     let words = ["tokenizer", "train", "mini.yaml"];
     let patches = ["--set", "tokenizer={kind: patch, width: 8, steps: 3, batch: 2, pool_clips: 8}"];
     let train = [&words[..], &patches].concat();
-    let ended = place.isoflop(&train).exits(0).says("0 of 8 runs have ended already");
+    let ended = place.isoflop(&train).exits(0).says("0 of 8 runs finished or failed before");
     let table = ended.stdout();
     assert!(table.contains("k-means on test") && table.contains("patch vq"), "{table}");
     assert!(table.lines().all(|line| line.chars().count() <= 80), "{table}");
@@ -146,7 +146,7 @@ fn transformers_that_see_captions_run_to_laws_and_once() {
     let words = ["run", "mini.yaml", "--set", language];
     place.isoflop(&words).exits(0);
     assert!(place.path("results/mini/runs.parquet").exists());
-    place.isoflop(&words).exits(0).says("8 of 8 runs have ended already");
+    place.isoflop(&words).exits(0).says("8 of 8 runs finished or failed before");
     let folders = fs::read_dir(place.path("results/mini/tokenizers")).expect("trained");
     let text = fs::read_dir(place.path("results/mini/text")).expect("made").next();
     let text = text.expect("one").expect("listed").file_name();

@@ -72,7 +72,6 @@ impl LocalPool<'_> {
     fn attempt(&self, job: &Job, slot: usize, shared: &Shared) -> Option<JobEnd> {
         loop {
             let end = self.once(job, slot);
-            let sentence = end.failure().map(|failure| failure.reason.clone()).unwrap_or_default();
             let failure = match end {
                 // A stop may reach a worker before it listens for one.
                 JobEnd::Crashed(_) if self.stop.is_raised() => return Some(JobEnd::Stopped),
@@ -83,6 +82,7 @@ impl LocalPool<'_> {
                 }
                 end => return Some(end),
             };
+            let sentence = failure.reason.clone();
             // It may have taken more memory than there was.
             let is_large = failure.kind == FailureKind::OutOfMemory;
             if shared.count_try(&job.id) > RETRIES {

@@ -80,12 +80,12 @@ impl Session for Here<'_> {
         let state = plan.runs.iter().map(|run| states.of(&run.run_id));
         let ended = state.filter(|of| matches!(of, JobState::Done | JobState::Failed)).count();
         if jobs.is_empty() {
-            tell.note(&format!("{ended} of {all} runs have ended already; nothing to train"));
+            tell.note(&format!("{ended} of {all} runs finished or failed before; nothing to train"));
             return Ok(Brought::Ended(Vec::new()));
         }
         let slots = self.0.slots.min(n_jobs);
         tell.note(&format!(
-            "{n_jobs} jobs to do, {ended} of {all} runs have ended already; {slots} side by side"
+            "{n_jobs} jobs to do, {ended} of {all} runs finished or failed before; {slots} at a time"
         ));
         let runner = LocalProcesses {
             folder: folder.clone(),
@@ -155,7 +155,7 @@ fn time_spent(spent: &Spent, slots: usize) -> String {
     let minutes = spent.span_s / 60.0;
     match 100.0 * spent.training_share(slots) {
         0.0 => format!("{minutes:.1} min"),
-        share => format!("{minutes:.1} min, {share:.0} % of the core-seconds in training steps"),
+        share => format!("{minutes:.1} min; the cores trained for {share:.0} % of it"),
     }
 }
 

@@ -25,7 +25,7 @@ fn one_failure_of_several_is_tried_again_by_its_own_command() {
         assert_eq!(failure["failure"], "diverged");
         let again = follow_advice(&place, &failure["retry"]);
         let said = String::from_utf8_lossy(&again.stderr);
-        assert!(said.contains("1 jobs to do, 1 of 2 runs have ended already"), "{said}");
+        assert!(said.contains("1 jobs to do, 1 of 2 runs finished or failed before"), "{said}");
     }
     let unknown = [&["run", "mini.yaml", "--retry", "nobody"], &BOTH_DIVERGE[..]].concat();
     place.isoflop(&unknown).exits(2).says("--retry nobody: the sweep has no job of this id");
