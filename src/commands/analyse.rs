@@ -1,21 +1,15 @@
 //! The records of a sweep, and what follows from them.
 
+use super::prelude::*;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
-use anyhow::{Context, Result};
 use isoflop::figures::Format;
-use isoflop::files::{FileError, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::record::{RunRecord, table};
-use isoflop::sweep::{self, Sweep};
+use isoflop::record::table;
+use isoflop::sweep;
 use rayon::prelude::*;
-use serde::Deserialize;
-use serde_json::{Value, json};
 
-use super::exit::Exit;
 use super::generators::{draw, parted};
-use super::output::{Output, dash, table as columns};
+use super::output::table as columns;
 use super::plot::{analysed, forget};
 use super::quality::Scored;
 

@@ -1,22 +1,12 @@
 //! `isoflop compare`: the laws of several studies side by side, and what differs in their sweeps.
 
 use super::args::budget;
-use super::exit::Exit;
-use super::output::{Output, dash, more, table};
-use anyhow::{Context, Result, bail};
-use clap::Args;
+use super::prelude::*;
 use isoflop::figures::{self, Format, draw_alone};
-use isoflop::laws::{Difference, Estimate, Exponent, LawKind, Laws, PerQuantity};
-use serde_json::json;
-use std::path::{Path, PathBuf};
-
-use std::fmt::Write;
+use isoflop::laws::{Difference, Estimate, Exponent, LawKind, PerQuantity};
 
 use super::predict::{laws_named, predict_one};
-use isoflop::files::{FileError, read_text_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::predict::{PredictError, Prediction};
-use serde::Serialize;
+use isoflop::predict::PredictError;
 use serde_yaml::Value;
 use std::collections::BTreeMap;
 

@@ -1,21 +1,18 @@
 //! What commands that train begin with: a sweep with its data, plan and folder; a device; a trained tokenizer.
 
+use super::prelude::*;
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::PathBuf;
 
-use anyhow::{Context, Result, bail};
-use clap::Args;
 use clap::builder::TypedValueParser;
 use isoflop::data::{self, DataFacts, MotionSource};
 use isoflop::engine::{ENGINES, Engine, Track};
-use isoflop::jobs::{ResultsFolder, TrainedTokenizer};
+use isoflop::jobs::TrainedTokenizer;
 use isoflop::ops::DeviceName;
 use isoflop::plan::{Plan, demand};
-use isoflop::spec::FlopsRule;
 use isoflop::spec::{Clips, DataSource, Origin};
+use isoflop::sweep;
 use isoflop::sweep::presets::NAMES;
-use isoflop::sweep::{self, Sweep};
 use isoflop::text::{self, TextEncoder};
 
 use super::args::one_of;

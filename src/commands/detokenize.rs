@@ -2,21 +2,14 @@
 
 use super::args::not_negative;
 use super::context::TokenizerChoice;
-use super::exit::Exit;
-use super::output::{Output, dash, many, more, table};
+use super::prelude::*;
 use super::tokenize::motion_name;
-use anyhow::{Context, Result, bail};
 use isoflop::codes::ClipCodes;
 use isoflop::data::read_motion;
 use isoflop::figures::motion::{CaptionedMotion, write_motion};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::{N_FEATURES, mpjpe_mm, recover_joints};
 use rayon::prelude::*;
-use serde_json::json;
-use std::path::{Path, PathBuf};
-
-use clap::Args;
-use serde::Serialize;
 
 pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     let tokenizer = args.tokenizer.open()?;

@@ -1,17 +1,11 @@
 //! `isoflop doctor`: what this machine and this build can do.
 
-use std::path::{Path, PathBuf};
+use super::prelude::*;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
 use burn::tensor::{Device, Distribution, Tensor};
 use isoflop::machine;
 use isoflop::ops::{DeviceName, check_products};
-use serde::Serialize;
-use serde_json::json;
-
-use super::exit::Exit;
-use super::output::{Output, table};
 
 /// Rows and columns of the matrices that are multiplied.
 const SIZE: usize = 512;

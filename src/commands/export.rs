@@ -1,20 +1,14 @@
 //! `isoflop export`: a sweep's results in another form.
 
-use super::exit::Exit;
-use super::output::Output;
-use anyhow::{Context, Result, bail};
-use clap::{Args, ValueEnum};
+use super::prelude::*;
+use clap::ValueEnum;
 use isoflop::export::{NotebookInput, notebook};
 use isoflop::files::tensorboard::{NAME, Scalar, events};
-use isoflop::files::{atomic, read_if_there, read_text_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{Laws, Minimum};
+use isoflop::laws::Minimum;
 use isoflop::progress::LogLine;
-use isoflop::record::{RunRecord, table};
-use serde_json::json;
-use std::fmt::Write;
+use isoflop::record::table;
 use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::Component;
 
 #[derive(Args)]
 pub struct ExportArgs {

@@ -33,6 +33,7 @@ mod plan;
 mod plan_text;
 mod plot;
 mod predict;
+mod prelude;
 mod published;
 #[cfg(feature = "train")]
 mod quality;

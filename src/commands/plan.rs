@@ -3,24 +3,19 @@
 use super::args::{a_card, not_negative};
 use super::context::{OpenSweep, SweepArgs, plan_sweep};
 use super::doubts::doubts;
-use super::exit::Exit;
-use super::output::{Output, dash, many, table};
 use super::plan_text;
 use super::plan_text::{bytes, exponent, flops, stale};
-use anyhow::{Result, bail};
+use super::prelude::*;
 use burn::tensor::Device;
-use clap::Args;
 use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
 use isoflop::jobs::history::{Finished, known};
 use isoflop::jobs::speed::Speed;
-use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs};
+use isoflop::jobs::{Job, JobId, JobKind, RunStates, inputs, missing_jobs};
 use isoflop::machine::Card;
 use isoflop::plan::{Plan, PlannedRun, bytes_on_card};
 use isoflop::spec::Precision;
 use isoflop::spec::TokenizerJob;
-use isoflop::words::wrap;
 use rayon::prelude::*;
-use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 #[derive(Args)]

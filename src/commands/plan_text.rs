@@ -1,14 +1,11 @@
 //! The plan as a person reads it.
 
-use super::output::{dash, more, table};
+use super::prelude::*;
 use isoflop::data::MemberFacts;
-use isoflop::files::read_if_there;
-use isoflop::jobs::{JobState, ResultsFolder, RunStates};
+use isoflop::jobs::{JobState, RunStates};
 use isoflop::plan::{Dropped, Plan, PlannedRun, Renamed};
 use isoflop::spec::changed_fields;
 use isoflop::spec::{RunSpec, TokenizerJob};
-use isoflop::words::wrap;
-use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// Rows printed before a long table is cut.

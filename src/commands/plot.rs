@@ -2,26 +2,16 @@
 //! elsewhere or of a `laws.json`, as far as it holds what they show.
 
 use super::args::one_of;
-use super::exit::Exit;
 use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{draw as draw_side_by_side, home, parted};
-use super::output::Output;
 use super::predict::not_of_groups;
+use super::prelude::*;
 use super::{fit, predict};
-use anyhow::{Result, bail};
-use clap::Args;
 use isoflop::codes::{TokenizerMetrics, remarks};
 use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::Laws;
-use isoflop::record::{RunRecord, Tuned, sliced, table};
-use isoflop::spec::{FlopsRule, content_id};
-use isoflop::sweep::Sweep;
-use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use isoflop::record::{Tuned, sliced, table};
+use isoflop::spec::content_id;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct PlotArgs {

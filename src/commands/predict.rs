@@ -1,23 +1,14 @@
 //! `isoflop predict`: the optimal configuration for a budget, and the loss of a given model.
 
 use super::args::budget;
-use super::exit::Exit;
-use anyhow::{Context, Result, bail};
-use clap::Args;
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{Laws, scamo};
-use isoflop::predict::{
-    self, FlopCount, ModelSize, PredictError, PredictOptions, Prediction, predict_sized,
-};
+use super::prelude::*;
+use isoflop::laws::scamo;
+use isoflop::predict::{self, FlopCount, ModelSize, PredictError, PredictOptions, predict_sized};
 use isoflop::words::prediction::{said, sized_text};
 
-use super::output::Output;
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use isoflop::spec::{Ffn, ModelShape};
 use isoflop::table::number;
-use serde_json::json;
-use std::path::Path;
 
 /// Shown below the options.
 const EXAMPLES: &str = "\

@@ -1,17 +1,10 @@
 //! `isoflop published`: scores that papers print, with the best runs of sweeps beside them.
 
+use super::prelude::*;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
-use anyhow::{Context, Result};
-use clap::Args;
-use isoflop::jobs::ResultsFolder;
 use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
 use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
-use serde_json::json;
-
-use super::exit::Exit;
-use super::output::{Output, table};
 
 #[derive(Args)]
 pub struct PublishedArgs {

@@ -1,29 +1,19 @@
 //! `isoflop report`: results as one page that opens without a network: a sweep's, or those of a table
 //! made elsewhere or of a `laws.json`, as far as it holds what the page shows.
 
-use super::exit::Exit;
 use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{home, parted};
-use super::output::Output;
 use super::predict::not_of_groups;
+use super::prelude::*;
 use super::{fit, plot, predict};
-use anyhow::{Context, Result, bail};
-use clap::Args;
 use isoflop::data::{self, Split, read_motion};
 use isoflop::figures::{Format, draw_all};
-use isoflop::files::{atomic, read_if_there, read_text_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::Laws;
 use isoflop::motion::{Pose, recover_joints};
 use isoflop::plan::demand;
-use isoflop::predict::Prediction;
-use isoflop::record::{RunRecord, Tuned, table as runs};
+use isoflop::record::{Tuned, table as runs};
 use isoflop::report::{Figure, ReportInput, Sample, Study, page};
-use serde::Deserialize;
-use serde_json::{Value, json};
 use std::collections::{BTreeSet, HashMap};
 use std::fs;
-use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct ReportArgs {

@@ -1,15 +1,11 @@
 //! `isoflop status`: how far a sweep is, from its folder, and from the engines that have some of it.
 
 use super::args::FolderArg;
-use super::exit::Exit;
-use super::output::{Output, clip, more, table};
+use super::prelude::*;
 use super::run::CommandLine;
-use anyhow::{Context, Result, bail};
 use isoflop::engine::local::left;
 use isoflop::engine::{Cancelled, ENGINES, EngineState};
-use isoflop::jobs::{Counts, FailedJob, ResultsFolder, Running, SweepState, sweep_state};
-use isoflop::words::wrap;
-use serde_json::{Value, json};
+use isoflop::jobs::{Counts, FailedJob, Running, SweepState, sweep_state};
 
 pub fn status(args: &FolderArg, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);

@@ -1,19 +1,14 @@
 //! `isoflop tokenize`: motions into codes, a file each.
 
 use super::context::TokenizerChoice;
-use super::exit::Exit;
-use super::output::{Output, many, more, table};
-use anyhow::{Context, Result, bail};
+use super::prelude::*;
 use isoflop::codes::{ClipCodes, ClipScale};
 use isoflop::data::{Annotation, FAR, parse_annotation, read_motion};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
-use serde_json::json;
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
 
-use clap::Args;
 use std::fs;
 
 pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {

@@ -1,20 +1,17 @@
 //! `isoflop tokenizer`: the tokenizers of a sweep on their own, several beside one another, how often the codes of one
 //! are met, and what guidance of its detokenizer is worth (LG-Tok, Fig. 5).
 
-use anyhow::{Result, bail};
-use clap::{Args, Subcommand};
+use super::prelude::*;
+use clap::Subcommand;
 use isoflop::codes::{CodeMap, ScaleUse, TokenizerMetrics, remarks, table as compared};
 use isoflop::data::Split;
 use isoflop::figures::{self, Format, draw_alone};
 use isoflop::jobs::JobKind;
 use isoflop::spec::LanguageSpec;
 use isoflop::tokenizer::Reconstruction;
-use serde_json::json;
 
 use super::args::{FolderArgs, not_negative};
 use super::context::TokenizerChoice;
-use super::exit::Exit;
-use super::output::{Output, more, table};
 use super::plot;
 use super::run::{RunArgs, run_only};
 

@@ -1,21 +1,15 @@
 //! `isoflop tune`: the rule of learning rate and batch, by trials at a few cells of a sweep's grid.
 
 use super::context::{OpenSweep, SweepArgs, an_engine};
-use super::exit::Exit;
-use super::output::{Output, dash, table};
-use anyhow::{Context, Result, bail};
-use clap::Args;
+use super::prelude::*;
 use isoflop::engine::{ENGINES, Engine};
-use isoflop::files::atomic;
 use isoflop::jobs::presence::Held;
-use isoflop::jobs::{JobId, JobState, ResultsFolder, adopt};
+use isoflop::jobs::{JobId, JobState, adopt};
 use isoflop::rates::{CellRate, Place, Rule, Setting, Trial, choose, fit_rule, next};
-use serde_json::json;
 use std::ops::ControlFlow;
 
 use super::run::{RunArgs, bring, hold, open};
-use isoflop::sweep::{LrRule, ScheduleKind, Sweep};
-use isoflop::words::wrap;
+use isoflop::sweep::{LrRule, ScheduleKind};
 
 use isoflop::plan::{Plan, PlannedRun};
 

@@ -1,26 +1,21 @@
 //! `isoflop worker`: one job of a sweep, in a process of its own.
 
 use super::context::{an_engine, device};
-use super::exit::{Exit, say};
-use super::output::Output;
-use anyhow::{Result, bail};
+use super::exit::say;
+use super::prelude::*;
 use burn::tensor::Device;
 use isoflop::jobs::presence::claim;
 use isoflop::jobs::worker::{
     FAILED, REFUSED_MEMORY, STOPPED, failure_of, report_failure, stop_with_parent,
 };
-use isoflop::jobs::{
-    Assignment, FailedJob, JobId, JobKind, Outcome, ResultsFolder, SweepState, program, work,
-};
+use isoflop::jobs::{Assignment, FailedJob, JobId, JobKind, Outcome, SweepState, program, work};
 use isoflop::machine::exit_when_refused;
 use isoflop::ops::{DeviceName, check_products};
 use isoflop::progress::{forget_progress, stop_on_signals, tell_of_pieces};
 use std::process::exit;
 
 use super::{analyse, status};
-use clap::Args;
 use isoflop::engine::{ENGINES, Engine, FitTerms, Task};
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 pub fn worker(args: &WorkerArgs, output: &Output) -> Result<Exit> {

@@ -5,10 +5,8 @@ mod check;
 pub use check::too_few;
 
 use super::args::{number, one_of};
-use super::exit::Exit;
-use super::output::{Output, many, more, table};
-use anyhow::{Context, Result};
-use clap::{Args, Subcommand};
+use super::prelude::*;
+use clap::Subcommand;
 use isoflop::data::import::{
     self, Form, GroupBy, ImportError, ImportOptions, Imported, Rate, SHORTEST, Skeleton,
     write_procedural,
@@ -17,13 +15,9 @@ use isoflop::data::{
     Counted, HumanMl3d, HumanMl3dOptions, MotionSource, Procedural, ProceduralOptions, Split,
     Tally, count, parse_annotation, read_motion,
 };
-use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
 
 use isoflop::figures::motion::{CaptionedMotion, write_sheet};
-use isoflop::files::atomic;
 use isoflop::motion::retarget::Up;
 use isoflop::units::quoted;
 use std::fs;

@@ -1,9 +1,9 @@
 //! [`Doubt`]: something that will be in doubt.
 
+use crate::commands::prelude::*;
 use crate::commands::sizes::Expected;
 use isoflop::laws::WIDEST_STEP;
 use isoflop::plan::{Plan, PlannedRun};
-use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Something that will be in doubt: what, and what to change.

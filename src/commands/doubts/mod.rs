@@ -4,9 +4,9 @@ mod doubt;
 pub use doubt::Doubt;
 
 use super::data::too_few;
+use super::prelude::*;
 use doubt::tried;
 use isoflop::plan::Plan;
-use isoflop::sweep::Sweep;
 
 /// What is in doubt of a plan, one of each kind for each generator at most. A sweep of one size makes no law, so
 /// nothing of its grid is in doubt.

@@ -4,10 +4,7 @@ mod motions;
 
 use super::args::{not_negative, share};
 use super::context::device;
-use super::exit::Exit;
-use super::output::{Output, dash, many, table};
-use anyhow::Result;
-use clap::Args;
+use super::prelude::*;
 use isoflop::draws::distinct;
 use isoflop::evaluator::{Embedded, EvaluatorError, OneScore};
 use isoflop::jobs::{RunScores, ScoredPhysics, Scoring, TrainedRun, TrustedEvaluator};
@@ -20,9 +17,6 @@ use isoflop::spec::ScoresSpec;
 use motions::{NamedMotion, named_motions};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use serde::Serialize;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct EvaluateArgs {

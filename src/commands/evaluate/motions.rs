@@ -1,15 +1,12 @@
 //! The motions that are named on the command line, with their captions.
 
+use crate::commands::prelude::*;
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
 use isoflop::data::read_motion;
-use isoflop::files::read_if_there;
 use isoflop::text::as_in_data;
 use rayon::prelude::*;
-use serde::Deserialize;
 
 use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
 

@@ -1,14 +1,13 @@
 //! The command line of `isoflop fit`, as it is typed.
 
 use crate::commands::args::{budget, number, one_of};
+use crate::commands::prelude::*;
+use clap::ValueEnum;
 use clap::builder::TypedValueParser;
-use clap::{Args, ValueEnum};
 use isoflop::laws::{
     Form, HoldOut, Huber, IsoFlopPoint, LawKind, MinimumMethod, ParametricOptions, Space, Starts,
 };
-use isoflop::spec::FlopsRule;
 use isoflop::table::{OutlierStage, TableRequest};
-use std::path::PathBuf;
 
 /// Shown below the options.
 const EXAMPLES: &str = "\

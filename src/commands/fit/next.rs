@@ -1,12 +1,8 @@
 //! `--next`: what the laws advise to run, as a sweep file over the sweep's own.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, Result, bail};
-use isoflop::files::atomic;
-use isoflop::laws::{Advice, AdviceKind, Laws};
-use isoflop::sweep::{GridPart, ModelEntry, ModelList, Sweep, VocabSpec, models};
-use isoflop::words::wrap;
+use crate::commands::prelude::*;
+use isoflop::laws::{Advice, AdviceKind};
+use isoflop::sweep::{GridPart, ModelEntry, ModelList, VocabSpec, models};
 
 use super::source::OwnSweep;
 use crate::commands::generators::home;

@@ -3,18 +3,13 @@
 use super::args::FitArgs;
 use super::sweep;
 use crate::commands::generators::{of_one, sweep_of};
-use crate::commands::output::Output;
-use anyhow::{Result, bail};
-use isoflop::jobs::ResultsFolder;
+use crate::commands::prelude::*;
 use isoflop::laws::{
-    self, FitError, FitOptions, Form, Judgement, LawKind, Laws, MinimumMethod, Parameters,
+    self, FitError, FitOptions, Form, Judgement, LawKind, MinimumMethod, Parameters,
     ParametricOptions, Space, fit_parametric, parametric_laws,
 };
-use isoflop::record::{RunRecord, Tuned, table as runs};
-use isoflop::spec::FlopsRule;
-use isoflop::sweep::Sweep;
+use isoflop::record::{Tuned, table as runs};
 use isoflop::table::{self, Dropped, Group, Loaded, Table, TableRequest};
-use std::path::Path;
 
 /// Points, and what they were made of.
 pub struct Source {

@@ -1,17 +1,12 @@
 //! [`TableStudy`]: a table or a `laws.json` as what figures and pages are made of.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::{Result, bail};
+use crate::commands::prelude::*;
 use isoflop::figures::FigureInput;
-use isoflop::laws::{LOSS_NORMALISED, Laws};
-use isoflop::record::RunRecord;
+use isoflop::laws::LOSS_NORMALISED;
 
 use super::args::{FitArgs, TableArgs};
 use super::source::{RunTable, laws};
 
-use crate::commands::exit::sentence;
-use crate::commands::output::Output;
 use crate::commands::predict::laws_of;
 
 /// Runs and laws that lie in no sweep's folder.

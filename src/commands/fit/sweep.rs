@@ -1,13 +1,12 @@
 //! The laws of a sweep's own records.
 
+use crate::commands::prelude::*;
 use isoflop::laws::{
-    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity, of_largest_share,
+    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Metric, Sensitivity, of_largest_share,
     sensitivity_row, slices,
 };
-use isoflop::record::RunRecord;
-use isoflop::spec::FlopsRule;
 use isoflop::spec::flops::TRAINING_PER_FORWARD;
-use isoflop::sweep::{HoldOutSpec, Sweep};
+use isoflop::sweep::HoldOutSpec;
 
 use super::args::FitArgs;
 use crate::commands::predict::openai_blocks;

@@ -2,16 +2,14 @@
 
 use crate::commands::args::{not_negative, number, share};
 use crate::commands::context::device;
+use crate::commands::prelude::*;
 use crate::commands::tokenize::lines_of;
-use anyhow::{Result, bail};
-use clap::Args;
 use isoflop::data::read_motion;
 use isoflop::generator::{Draw, Edit, Sampling};
 use isoflop::jobs::TrainedRun;
 use isoflop::motion::N_FEATURES;
 use isoflop::ops::DeviceName;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct GenerateArgs {

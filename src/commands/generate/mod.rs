@@ -5,22 +5,14 @@ mod times;
 
 pub use args::GenerateArgs;
 
-use super::exit::Exit;
-use super::output::{Output, clip, many, more, table};
-use anyhow::{Context, Result, bail};
+use super::prelude::*;
 use args::Source;
 use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
-use isoflop::files::atomic;
 use isoflop::generator::Prompt;
 use isoflop::jobs::{MadeMotion, TrainedRun};
 use isoflop::motion::recover_joints;
 use isoflop::scores::{Physics, physics};
-use serde_json::json;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-use serde::Serialize;
 
 /// Motions that are made side by side.
 const BATCH: usize = 64;

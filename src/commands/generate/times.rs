@@ -1,16 +1,12 @@
 //! `isoflop generate --times`: how long a motion takes, by batch, with and without guidance.
 
+use crate::commands::prelude::*;
 use std::time::Instant;
 
-use anyhow::Result;
 use isoflop::generator::{Prompt, Sampling};
 use isoflop::jobs::TrainedRun;
-use serde::Serialize;
-use serde_json::json;
 
 use super::args::GenerateArgs;
-use crate::commands::exit::Exit;
-use crate::commands::output::{Output, table};
 
 /// Motions that are made side by side.
 const BATCHES: [usize; 4] = [1, 4, 16, 64];

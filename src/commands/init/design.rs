@@ -1,7 +1,7 @@
 //! [`Design`]: a grid round where the optimum is expected.
 
+use crate::commands::prelude::*;
 use crate::commands::sizes;
-use std::path::Path;
 
 /// Budgets of a study, each twice the one before.
 const BUDGETS: i32 = 5;

@@ -4,20 +4,14 @@ mod design;
 use super::args::number;
 use super::context::WorkArgs;
 use super::doubts::{Doubt, doubts};
-use super::exit::Exit;
-use anyhow::{Context, Result, bail};
-use clap::Args;
+use super::prelude::*;
 use isoflop::data::{self, DataFacts};
-use isoflop::files::atomic;
 use isoflop::jobs::speed::Speed;
 use isoflop::jobs::{Job, all_jobs};
 use isoflop::plan::{Plan, PlannedRun};
 use isoflop::sweep;
 use isoflop::units::quoted;
-use serde_json::json;
-use std::path::PathBuf;
 
-use super::output::Output;
 use design::Design;
 
 #[derive(Args)]

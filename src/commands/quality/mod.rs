@@ -2,19 +2,13 @@
 
 mod rows;
 
-use super::output::{Output, dash, more, table};
-use anyhow::Result;
+use super::prelude::*;
 use isoflop::figures::{self, Format, draw_alone};
-use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{floor_law, power_law};
-use isoflop::record::{Quality, RunRecord, write_scores};
+use isoflop::record::{Quality, write_scores};
 use isoflop::scores::{RankCorrelation, rank_correlation};
-use isoflop::sweep::Sweep;
 use rows::Rows;
-use serde::Serialize;
-use serde_json::{Value, json};
 use std::collections::{BTreeMap, HashMap};
-use std::fmt::Write;
 
 /// What is said of scored runs.
 pub struct Scored {

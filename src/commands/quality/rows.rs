@@ -1,14 +1,10 @@
 //! Scored runs, by the evaluator that scored them.
 
+use crate::commands::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
-use anyhow::Result;
-use isoflop::jobs::ResultsFolder;
-use isoflop::record::{Quality, RunRecord};
+use isoflop::record::Quality;
 use isoflop::spec::ScoresSpec;
-use isoflop::sweep::Sweep;
-
-use crate::commands::output::Output;
 
 /// Runs that are scored as the sweep says.
 pub struct Rows {

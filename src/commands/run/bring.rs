@@ -4,20 +4,15 @@ use super::command_line::{CommandLine, RunArgs};
 use super::summary::Summary;
 use crate::commands::analyse::planned_runs;
 use crate::commands::context::{OpenSweep, open_sweep};
-use crate::commands::exit::Exit;
-use crate::commands::output::Output;
 use crate::commands::plan;
-use anyhow::{Context, Result, bail};
+use crate::commands::prelude::*;
 use isoflop::engine::{
     Brought, Engine, JobEnd, JobReport, Preview, Previewed, Session, SweepRequest,
 };
 use isoflop::failure::Failure;
 use isoflop::files::set_aside;
-use isoflop::files::{FileError, atomic};
 use isoflop::jobs::presence::Held;
-use isoflop::jobs::{
-    Job, JobId, JobState, ResultsFolder, all_jobs, gpu, missing_jobs, with_needs, write_specs,
-};
+use isoflop::jobs::{Job, JobId, JobState, all_jobs, gpu, missing_jobs, with_needs, write_specs};
 use isoflop::plan::Plan;
 use isoflop::sweep::EngineSection;
 use rayon::prelude::*;

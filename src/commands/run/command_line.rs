@@ -1,16 +1,9 @@
 //! The command line of `isoflop run`, as it is typed ([`RunArgs`]), and as the folder that it made keeps it, so that it
 //! can be said again ([`CommandLine`]).
 
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, Result, bail};
-use clap::Args;
+use crate::commands::prelude::*;
 use isoflop::engine::{ENGINES, Engine, Preview, Track};
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::sweep::Sweep;
 use isoflop::units::{parse_bytes, quoted};
-use serde::{Deserialize, Serialize};
 
 use crate::commands::args::share;
 use crate::commands::context::{SweepArgs, a_track, an_engine};

@@ -5,16 +5,14 @@ mod command_line;
 mod rounds;
 mod summary;
 
+use super::prelude::*;
 use std::ops::ControlFlow;
 
-use anyhow::{Result, bail};
 use isoflop::engine::JobEnd;
-use isoflop::jobs::{Job, JobKind, ResultsFolder};
+use isoflop::jobs::{Job, JobKind};
 
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
-use crate::commands::exit::Exit;
-use crate::commands::output::Output;
 use rounds::run_in_rounds;
 use summary::Summary;
 

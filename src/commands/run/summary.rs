@@ -1,5 +1,6 @@
 //! What `isoflop run` says of the jobs and runs that have no result.
 
+use crate::commands::prelude::*;
 use std::collections::HashMap;
 use std::hash::Hash;
 
@@ -10,8 +11,6 @@ use isoflop::plan::PlannedRun;
 
 use super::command_line::CommandLine;
 use crate::commands::context::OpenSweep;
-use crate::commands::exit::Exit;
-use crate::commands::output::Output;
 
 /// The last lines of a log that are shown.
 const LAST_LINES: usize = 3;

@@ -1,19 +1,15 @@
 //! A forecast beside the runs that test it.
 
+use crate::commands::prelude::*;
 use std::collections::BTreeSet;
 
-use anyhow::{Context, Result};
-use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{
-    Inside, IsoFlopPoint, Laws, Measured, MinimumMethod, NoiseSource, Predicted, RunNoise,
-    TriedCells, Validated, cross_optimum, minimum_at, tied_cells, times,
+    Inside, IsoFlopPoint, Measured, MinimumMethod, NoiseSource, Predicted, RunNoise, TriedCells,
+    Validated, cross_optimum, minimum_at, tied_cells, times,
 };
-use isoflop::predict::Prediction;
-use isoflop::record::{RunRecord, table as runs};
-use isoflop::spec::FlopsRule;
+use isoflop::record::table as runs;
 
 use crate::commands::fit::points;
-use crate::commands::output::{dash, table};
 
 /// The forecast of some laws and the best cell of the validation's folder.
 pub fn compare(

@@ -4,26 +4,18 @@ mod compare;
 
 use super::args::budget;
 use super::context::{SweepArgs, WorkArgs, an_engine};
-use super::exit::Exit;
 use super::generators::sweep_of;
+use super::prelude::*;
 use super::sizes::{codes, distinct, model};
-use anyhow::{Result, bail};
-use clap::Args;
 use isoflop::engine::{ENGINES, Engine};
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::predict::Prediction;
 use isoflop::record::{flops_per_second, table};
 use isoflop::words::prediction::said;
-use serde_json::json;
-use std::path::PathBuf;
 
-use super::output::Output;
 use super::plan_text::time;
 use super::predict::{laws_of, predict_one};
 use super::run::{RunArgs, run_then};
 use isoflop::spec::{Clips, Origin};
-use isoflop::sweep::{GridSection, HoldOutSpec, ModelEntry, ModelList, Sweep, VocabSpec};
+use isoflop::sweep::{GridSection, HoldOutSpec, ModelEntry, ModelList, VocabSpec};
 use std::collections::BTreeMap;
 
 /// Shown below the options.
