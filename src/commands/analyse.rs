@@ -1,17 +1,14 @@
 //! The records of a sweep, and what follows from them.
 
+use super::generators::{draw, parted};
+use super::output::table as columns;
+use super::plot::{analysed, forget};
 use super::prelude::*;
-use std::collections::BTreeMap;
-
+use super::quality::Scored;
 use isoflop::figures::Format;
 use isoflop::record::table;
 use isoflop::sweep;
 use rayon::prelude::*;
-
-use super::generators::{draw, parted};
-use super::output::table as columns;
-use super::plot::{analysed, forget};
-use super::quality::Scored;
 
 /// Table, laws, figures, predictions: all from the records of finished runs.
 ///

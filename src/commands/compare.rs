@@ -1,14 +1,12 @@
 //! `isoflop compare`: the laws of several studies side by side, and what differs in their sweeps.
 
 use super::args::budget;
+use super::predict::{laws_named, predict_one};
 use super::prelude::*;
 use isoflop::figures::{self, Format, draw_alone};
 use isoflop::laws::{Difference, Estimate, Exponent, LawKind, PerQuantity};
-
-use super::predict::{laws_named, predict_one};
 use isoflop::predict::PredictError;
 use serde_yaml::Value;
-use std::collections::BTreeMap;
 
 #[derive(Args)]
 pub struct CompareArgs {

@@ -1,9 +1,7 @@
 //! What commands that train begin with: a sweep with its data, plan and folder; a device; a trained tokenizer.
 
+use super::args::one_of;
 use super::prelude::*;
-use std::collections::BTreeMap;
-use std::fs;
-
 use clap::builder::TypedValueParser;
 use isoflop::data::{self, DataFacts, MotionSource};
 use isoflop::engine::{ENGINES, Engine, Track};
@@ -14,8 +12,7 @@ use isoflop::spec::{Clips, DataSource, Origin};
 use isoflop::sweep;
 use isoflop::sweep::presets::NAMES;
 use isoflop::text::{self, TextEncoder};
-
-use super::args::one_of;
+use std::fs;
 
 /// A sweep file and what is laid over it.
 #[derive(Args, Clone)]

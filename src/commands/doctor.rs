@@ -1,11 +1,10 @@
 //! `isoflop doctor`: what this machine and this build can do.
 
 use super::prelude::*;
-use std::time::{Duration, Instant};
-
 use burn::tensor::{Device, Distribution, Tensor};
 use isoflop::machine;
 use isoflop::ops::{DeviceName, check_products};
+use std::time::{Duration, Instant};
 
 /// Rows and columns of the matrices that are multiplied.
 const SIZE: usize = 512;

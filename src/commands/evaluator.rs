@@ -1,15 +1,13 @@
 //! `isoflop evaluator`: what motions are scored by, and what it is worth.
 
+use super::args::FolderArgs;
+use super::context::{OpenSweep, read_sweep};
 use super::prelude::*;
+use super::run::{RunArgs, run_only};
 use clap::Subcommand;
 use isoflop::evaluator::{EvaluatorReport, table};
 use isoflop::jobs::JobKind;
 use isoflop::plan::EvaluatorJob;
-
-use super::args::FolderArgs;
-use super::context::{OpenSweep, read_sweep};
-
-use super::run::{RunArgs, run_only};
 
 #[derive(Args)]
 pub struct EvaluatorArgs {

@@ -1,10 +1,9 @@
 //! The runs of a sweep with several generators, kept apart: each generator has a folder of its own.
 
 use super::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
-
 use isoflop::figures::{self, Format, GeneratorRuns, draw_alone};
 use isoflop::sweep;
+use std::collections::BTreeSet;
 
 /// The runs of each generator, by its name.
 pub fn parted(records: &[RunRecord]) -> BTreeMap<String, Vec<RunRecord>> {

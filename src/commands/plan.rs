@@ -3,8 +3,7 @@
 use super::args::{a_card, not_negative};
 use super::context::{OpenSweep, SweepArgs, plan_sweep};
 use super::doubts::doubts;
-use super::plan_text;
-use super::plan_text::{bytes, exponent, flops, stale};
+use super::plan_text::{self, bytes, exponent, flops, stale};
 use super::prelude::*;
 use burn::tensor::Device;
 use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
@@ -13,10 +12,8 @@ use isoflop::jobs::speed::Speed;
 use isoflop::jobs::{Job, JobId, JobKind, RunStates, inputs, missing_jobs};
 use isoflop::machine::Card;
 use isoflop::plan::{Plan, PlannedRun, bytes_on_card};
-use isoflop::spec::Precision;
-use isoflop::spec::TokenizerJob;
+use isoflop::spec::{Precision, TokenizerJob};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 #[derive(Args)]
 pub struct PlanArgs {

@@ -4,9 +4,8 @@ use super::prelude::*;
 use isoflop::data::MemberFacts;
 use isoflop::jobs::{JobState, RunStates};
 use isoflop::plan::{Dropped, Plan, PlannedRun, Renamed};
-use isoflop::spec::changed_fields;
-use isoflop::spec::{RunSpec, TokenizerJob};
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use isoflop::spec::{RunSpec, TokenizerJob, changed_fields};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// Rows printed before a long table is cut.
 const MOST_ROWS: usize = 40;

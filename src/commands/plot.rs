@@ -11,7 +11,6 @@ use isoflop::codes::{TokenizerMetrics, remarks};
 use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
 use isoflop::record::{Tuned, sliced, table};
 use isoflop::spec::content_id;
-use std::collections::BTreeMap;
 
 #[derive(Args)]
 pub struct PlotArgs {

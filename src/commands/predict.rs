@@ -4,11 +4,10 @@ use super::args::budget;
 use super::prelude::*;
 use isoflop::laws::scamo;
 use isoflop::predict::{self, FlopCount, ModelSize, PredictError, PredictOptions, predict_sized};
-use isoflop::words::prediction::{said, sized_text};
-
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use isoflop::spec::{Ffn, ModelShape};
 use isoflop::table::number;
+use isoflop::words::prediction::{said, sized_text};
 
 /// Shown below the options.
 const EXAMPLES: &str = "\

@@ -1,5 +1,6 @@
 //! What nearly every command needs, imported at once by `use super::prelude::*`.
 
+pub use std::collections::BTreeMap;
 pub use std::fmt::Write as _;
 pub use std::path::{Path, PathBuf};
 

@@ -1,8 +1,6 @@
 //! `isoflop published`: scores that papers print, with the best runs of sweeps beside them.
 
 use super::prelude::*;
-use std::collections::BTreeMap;
-
 use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
 use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
 

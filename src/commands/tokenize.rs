@@ -8,7 +8,6 @@ use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
 use std::collections::HashMap;
-
 use std::fs;
 
 pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {

@@ -1,7 +1,11 @@
 //! `isoflop tokenizer`: the tokenizers of a sweep on their own, several beside one another, how often the codes of one
 //! are met, and what guidance of its detokenizer is worth (LG-Tok, Fig. 5).
 
+use super::args::{FolderArgs, not_negative};
+use super::context::TokenizerChoice;
+use super::plot;
 use super::prelude::*;
+use super::run::{RunArgs, run_only};
 use clap::Subcommand;
 use isoflop::codes::{CodeMap, ScaleUse, TokenizerMetrics, remarks, table as compared};
 use isoflop::data::Split;
@@ -9,11 +13,6 @@ use isoflop::figures::{self, Format, draw_alone};
 use isoflop::jobs::JobKind;
 use isoflop::spec::LanguageSpec;
 use isoflop::tokenizer::Reconstruction;
-
-use super::args::{FolderArgs, not_negative};
-use super::context::TokenizerChoice;
-use super::plot;
-use super::run::{RunArgs, run_only};
 
 /// Scales that are listed, at most.
 const LISTED: usize = 16;

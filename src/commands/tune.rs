@@ -2,16 +2,14 @@
 
 use super::context::{OpenSweep, SweepArgs, an_engine};
 use super::prelude::*;
+use super::run::{RunArgs, bring, hold, open};
 use isoflop::engine::{ENGINES, Engine};
 use isoflop::jobs::presence::Held;
 use isoflop::jobs::{JobId, JobState, adopt};
-use isoflop::rates::{CellRate, Place, Rule, Setting, Trial, choose, fit_rule, next};
-use std::ops::ControlFlow;
-
-use super::run::{RunArgs, bring, hold, open};
-use isoflop::sweep::{LrRule, ScheduleKind};
-
 use isoflop::plan::{Plan, PlannedRun};
+use isoflop::rates::{CellRate, Place, Rule, Setting, Trial, choose, fit_rule, next};
+use isoflop::sweep::{LrRule, ScheduleKind};
+use std::ops::ControlFlow;
 
 #[derive(Args)]
 pub struct TuneArgs {

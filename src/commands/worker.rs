@@ -3,7 +3,9 @@
 use super::context::{an_engine, device};
 use super::exit::say;
 use super::prelude::*;
+use super::{analyse, status};
 use burn::tensor::Device;
+use isoflop::engine::{ENGINES, Engine, FitTerms, Task};
 use isoflop::jobs::presence::claim;
 use isoflop::jobs::worker::{
     FAILED, REFUSED_MEMORY, STOPPED, failure_of, report_failure, stop_with_parent,
@@ -13,9 +15,6 @@ use isoflop::machine::exit_when_refused;
 use isoflop::ops::{DeviceName, check_products};
 use isoflop::progress::{forget_progress, stop_on_signals, tell_of_pieces};
 use std::process::exit;
-
-use super::{analyse, status};
-use isoflop::engine::{ENGINES, Engine, FitTerms, Task};
 use std::time::{Duration, Instant};
 
 pub fn worker(args: &WorkerArgs, output: &Output) -> Result<Exit> {

@@ -15,8 +15,6 @@ use isoflop::data::{
     Counted, HumanMl3d, HumanMl3dOptions, MotionSource, Procedural, ProceduralOptions, Split,
     Tally, count, parse_annotation, read_motion,
 };
-use std::collections::BTreeMap;
-
 use isoflop::figures::motion::{CaptionedMotion, write_sheet};
 use isoflop::motion::retarget::Up;
 use isoflop::units::quoted;

@@ -4,7 +4,7 @@ use crate::commands::prelude::*;
 use crate::commands::sizes::Expected;
 use isoflop::laws::WIDEST_STEP;
 use isoflop::plan::{Plan, PlannedRun};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// Something that will be in doubt: what, and what to change.
 #[derive(Clone, Debug, PartialEq, Serialize)]

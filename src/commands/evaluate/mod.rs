@@ -9,9 +9,8 @@ use isoflop::draws::distinct;
 use isoflop::evaluator::{Embedded, EvaluatorError, OneScore};
 use isoflop::jobs::{RunScores, ScoredPhysics, Scoring, TrainedRun, TrustedEvaluator};
 use isoflop::ops::DeviceName;
-use isoflop::scores::MotionScores;
 use isoflop::scores::{
-    Embeddings, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
+    Embeddings, MotionScores, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
 };
 use isoflop::spec::ScoresSpec;
 use motions::{NamedMotion, named_motions};

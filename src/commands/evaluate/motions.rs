@@ -1,14 +1,11 @@
 //! The motions that are named on the command line, with their captions.
 
 use crate::commands::prelude::*;
-use std::collections::BTreeMap;
-use std::fs;
-
+use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
 use isoflop::data::read_motion;
 use isoflop::text::as_in_data;
 use rayon::prelude::*;
-
-use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
+use std::fs;
 
 /// Problems that are listed, at most.
 const LISTED: usize = 10;

@@ -14,17 +14,16 @@ use super::exit::say;
 use super::predict::each;
 use super::prelude::*;
 use isoflop::laws::{FitError, LawKind};
+use isoflop::table::{Group, TableRequest};
 use isoflop::words::fit::{brief, summary};
 use isoflop::words::prediction::said;
 use serde_json::Map;
 use source::{RunTable, Source, laws};
+use std::collections::HashSet;
 use std::io::IsTerminal;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
-
-use isoflop::table::{Group, TableRequest};
-use std::collections::HashSet;
 
 pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     let request = args.resolved();

@@ -1,14 +1,12 @@
 //! `--next`: what the laws advise to run, as a sweep file over the sweep's own.
 
+use super::source::OwnSweep;
+use crate::commands::export::way;
+use crate::commands::generators::home;
 use crate::commands::prelude::*;
+use crate::commands::sizes::{codes, distinct, model, nonvocab};
 use isoflop::laws::{Advice, AdviceKind};
 use isoflop::sweep::{GridPart, ModelEntry, ModelList, VocabSpec, models};
-
-use super::source::OwnSweep;
-use crate::commands::generators::home;
-use crate::commands::sizes::{codes, distinct, model, nonvocab};
-
-use crate::commands::export::way;
 
 /// How far a size may be from one of the sweep's for that one to be taken.
 const SAME: f64 = 0.01;

@@ -1,13 +1,11 @@
 //! [`TableStudy`]: a table or a `laws.json` as what figures and pages are made of.
 
+use super::args::{FitArgs, TableArgs};
+use super::source::{RunTable, laws};
+use crate::commands::predict::laws_of;
 use crate::commands::prelude::*;
 use isoflop::figures::FigureInput;
 use isoflop::laws::LOSS_NORMALISED;
-
-use super::args::{FitArgs, TableArgs};
-use super::source::{RunTable, laws};
-
-use crate::commands::predict::laws_of;
 
 /// Runs and laws that lie in no sweep's folder.
 pub struct TableStudy {

@@ -1,5 +1,7 @@
 //! The laws of a sweep's own records.
 
+use super::args::FitArgs;
+use crate::commands::predict::openai_blocks;
 use crate::commands::prelude::*;
 use isoflop::laws::{
     self, FitError, FitOptions, HoldOut, IsoFlopPoint, Metric, Sensitivity, of_largest_share,
@@ -7,9 +9,6 @@ use isoflop::laws::{
 };
 use isoflop::spec::flops::TRAINING_PER_FORWARD;
 use isoflop::sweep::HoldOutSpec;
-
-use super::args::FitArgs;
-use crate::commands::predict::openai_blocks;
 
 /// What a fit needs beside the records.
 pub struct SweepFit {

@@ -1,12 +1,10 @@
 //! `isoflop generate --times`: how long a motion takes, by batch, with and without guidance.
 
+use super::args::GenerateArgs;
 use crate::commands::prelude::*;
-use std::time::Instant;
-
 use isoflop::generator::{Prompt, Sampling};
 use isoflop::jobs::TrainedRun;
-
-use super::args::GenerateArgs;
+use std::time::Instant;
 
 /// Motions that are made side by side.
 const BATCHES: [usize; 4] = [1, 4, 16, 64];

@@ -5,14 +5,13 @@ use super::args::number;
 use super::context::WorkArgs;
 use super::doubts::{Doubt, doubts};
 use super::prelude::*;
+use design::Design;
 use isoflop::data::{self, DataFacts};
 use isoflop::jobs::speed::Speed;
 use isoflop::jobs::{Job, all_jobs};
 use isoflop::plan::{Plan, PlannedRun};
 use isoflop::sweep;
 use isoflop::units::quoted;
-
-use design::Design;
 
 #[derive(Args)]
 pub struct InitArgs {

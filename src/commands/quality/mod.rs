@@ -8,7 +8,7 @@ use isoflop::laws::{floor_law, power_law};
 use isoflop::record::{Quality, write_scores};
 use isoflop::scores::{RankCorrelation, rank_correlation};
 use rows::Rows;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 /// What is said of scored runs.
 pub struct Scored {

@@ -1,10 +1,9 @@
 //! Scored runs, by the evaluator that scored them.
 
 use crate::commands::prelude::*;
-use std::collections::{BTreeMap, BTreeSet};
-
 use isoflop::record::Quality;
 use isoflop::spec::ScoresSpec;
+use std::collections::BTreeSet;
 
 /// Runs that are scored as the sweep says.
 pub struct Rows {

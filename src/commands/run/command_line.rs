@@ -1,12 +1,11 @@
 //! The command line of `isoflop run`, as it is typed ([`RunArgs`]), and as the folder that it made keeps it, so that it
 //! can be said again ([`CommandLine`]).
 
+use crate::commands::args::share;
+use crate::commands::context::{SweepArgs, a_track, an_engine};
 use crate::commands::prelude::*;
 use isoflop::engine::{ENGINES, Engine, Preview, Track};
 use isoflop::units::{parse_bytes, quoted};
-
-use crate::commands::args::share;
-use crate::commands::context::{SweepArgs, a_track, an_engine};
 
 /// Width of a terminal that shows a command whole.
 const WIDTH: usize = 80;

@@ -6,14 +6,12 @@ mod rounds;
 mod summary;
 
 use super::prelude::*;
-use std::ops::ControlFlow;
-
-use isoflop::engine::JobEnd;
-use isoflop::jobs::{Job, JobKind};
-
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
+use isoflop::engine::JobEnd;
+use isoflop::jobs::{Job, JobKind};
 use rounds::run_in_rounds;
+use std::ops::ControlFlow;
 use summary::Summary;
 
 pub use bring::{bring, hold, open};

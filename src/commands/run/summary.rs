@@ -1,16 +1,14 @@
 //! What `isoflop run` says of the jobs and runs that have no result.
 
+use super::command_line::CommandLine;
+use crate::commands::context::OpenSweep;
 use crate::commands::prelude::*;
-use std::collections::HashMap;
-use std::hash::Hash;
-
 use isoflop::engine::{JobEnd, JobReport};
 use isoflop::failure::Failure;
 use isoflop::jobs::{Job, JobId, JobKind, JobState, all_jobs};
 use isoflop::plan::PlannedRun;
-
-use super::command_line::CommandLine;
-use crate::commands::context::OpenSweep;
+use std::collections::HashMap;
+use std::hash::Hash;
 
 /// The last lines of a log that are shown.
 const LAST_LINES: usize = 3;

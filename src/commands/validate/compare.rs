@@ -1,15 +1,13 @@
 //! A forecast beside the runs that test it.
 
+use crate::commands::fit::points;
 use crate::commands::prelude::*;
-use std::collections::BTreeSet;
-
 use isoflop::laws::{
     Inside, IsoFlopPoint, Measured, MinimumMethod, NoiseSource, Predicted, RunNoise, TriedCells,
     Validated, cross_optimum, minimum_at, tied_cells, times,
 };
 use isoflop::record::table as runs;
-
-use crate::commands::fit::points;
+use std::collections::BTreeSet;
 
 /// The forecast of some laws and the best cell of the validation's folder.
 pub fn compare(

@@ -5,18 +5,16 @@ mod compare;
 use super::args::budget;
 use super::context::{SweepArgs, WorkArgs, an_engine};
 use super::generators::sweep_of;
+use super::plan_text::time;
+use super::predict::{laws_of, predict_one};
 use super::prelude::*;
+use super::run::{RunArgs, run_then};
 use super::sizes::{codes, distinct, model};
 use isoflop::engine::{ENGINES, Engine};
 use isoflop::record::{flops_per_second, table};
-use isoflop::words::prediction::said;
-
-use super::plan_text::time;
-use super::predict::{laws_of, predict_one};
-use super::run::{RunArgs, run_then};
 use isoflop::spec::{Clips, Origin};
 use isoflop::sweep::{GridSection, HoldOutSpec, ModelEntry, ModelList, VocabSpec};
-use std::collections::BTreeMap;
+use isoflop::words::prediction::said;
 
 /// Shown below the options.
 const EXAMPLES: &str = "\
