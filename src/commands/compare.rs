@@ -35,7 +35,12 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
     let quantities = Quantity::all(&studies, budget)?;
     let sweeps =
         SweepDifference::of(&studies.iter().map(|study| &*study.path).collect::<Vec<_>>())?;
-    let figures = args.out.as_deref().map(|out| draw(&studies, out)).transpose()?;
+    let draw = |out: &Path| {
+        let named: Vec<(&str, &Laws)> =
+            studies.iter().map(|study| (&*study.name, &study.laws)).collect();
+        draw_alone("compare", figures::compare(&named), out, &Format::ALL)
+    };
+    let figures = args.out.as_deref().map(draw).transpose()?;
     let document = json!({
         "studies": studies.iter().map(|study| &study.name).collect::<Vec<_>>(),
         "budget_flops": budget, "quantities": quantities, "sweeps": sweeps, "figures": figures,
@@ -43,12 +48,6 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
     output.result(&document, &text(&studies, budget, &quantities, &sweeps, output.full))?;
     figures.iter().flatten().for_each(|path| output.note(&path.display().to_string()));
     Ok(Exit::Done)
-}
-
-fn draw(studies: &[Study], out: &Path) -> Result<Vec<PathBuf>> {
-    let named: Vec<(&str, &Laws)> =
-        studies.iter().map(|study| (&*study.name, &study.laws)).collect();
-    Ok(draw_alone("compare", figures::compare(&named), out, &Format::ALL)?)
 }
 
 // What a person reads of a comparison.
@@ -241,6 +240,10 @@ impl Quantity {
         let optima: Vec<Option<Prediction>> = told.collect::<Result<_, PredictError>>()?;
         let own: Vec<PerQuantity<Exponent>> =
             studies.iter().map(|study| study.laws.answer().exponents).collect();
+        // `None` where it is not determined.
+        let exponent = |Exponent { value, ci95, .. }: &Exponent| {
+            Some(Estimate { value: (*value)?, ci95: *ci95 })
+        };
         let of_laws = EXPONENTS.iter().map(|(name, symbol)| {
             Self::new(name, false, own.iter().map(|own| exponent(own.of(symbol)?)).collect())
         });
@@ -282,11 +285,6 @@ fn of_vocabulary(laws: &Laws, own: &PerQuantity<Exponent>) -> Option<Estimate> {
     Some(Estimate { value: law.exponent, ci95: law.exponent_ci95 })
 }
 
-/// `None` where it is not determined.
-fn exponent(own: &Exponent) -> Option<Estimate> {
-    Some(Estimate { value: own.value?, ci95: own.ci95 })
-}
-
 // [`Study`]: laws by a name.
 
 /// A study by its name.
@@ -301,7 +299,7 @@ impl Study {
     /// Of a folder, a file, or `scamo`.
     pub fn of(given: &str) -> Result<Self> {
         let path = PathBuf::from(given);
-        let laws = laws_named(given)?.clone();
+        let laws = laws_named(given)?;
         if laws.power_laws.tokens.is_none() {
             bail!("{given} holds no power laws to compare");
         }

@@ -102,7 +102,7 @@ fn speed() -> Finding {
 }
 
 fn slurm() -> Finding {
-    let missing: Vec<&str> = SLURM.into_iter().filter(|name| on_path(name).is_none()).collect();
+    let missing: Vec<&str> = SLURM.into_iter().filter(|name| !is_on_path(name)).collect();
     let found = match missing.len() {
         0 => "found; `isoflop run --engine slurm`".to_string(),
         all if all == SLURM.len() => "not on this machine".to_string(),
@@ -111,9 +111,9 @@ fn slurm() -> Finding {
     Finding { what: "slurm", good: None, found }
 }
 
-fn on_path(name: &str) -> Option<PathBuf> {
-    let folders = std::env::var_os("PATH")?;
-    std::env::split_paths(&folders).map(|folder| folder.join(name)).find(|path| Path::is_file(path))
+fn is_on_path(name: &str) -> bool {
+    let has = |folders| std::env::split_paths(&folders).any(|folder| folder.join(name).is_file());
+    std::env::var_os("PATH").is_some_and(has)
 }
 
 fn encoders() -> Finding {

@@ -44,10 +44,20 @@ pub struct PredictArgs {
 
 pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
     let own = laws_named(args.law.as_deref().ok_or_else(missing)?)?;
-    let asked = args.unique_tokens.map(|unique| on_data(&own, unique)).transpose()?;
+    let on_data = |unique: f64| {
+        own.on_data(unique).with_context(|| {
+            format!(
+                "--unique-tokens asks what more data would be worth, which the laws of {} do not tell: it takes \
+                 a sweep whose runs repeat their data, and shares of it tell it best (grid.shares)",
+                own.name
+            )
+        })
+    };
+    let asked = args.unique_tokens.map(on_data).transpose()?;
     let laws = asked.as_ref().unwrap_or(&own);
     if let Some(model) = args.sized.model() {
-        return said_sized(laws, &model, output);
+        let said = predict_sized(laws, &model)?;
+        return output.result(&json!([said]), &sized_text(&said));
     }
     let predictions = args
         .budgets
@@ -56,17 +66,6 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
         .collect::<Result<Vec<Prediction>, PredictError>>()?;
     let text = said(&predictions, output.full);
     output.result(&serde_json::to_value(&predictions)?, &text)
-}
-
-/// The laws where other data is at hand.
-fn on_data(laws: &Laws, unique_tokens: f64) -> Result<Laws> {
-    laws.on_data(unique_tokens).with_context(|| {
-        format!(
-            "--unique-tokens asks what more data would be worth, which the laws of {} do not tell: it takes a \
-             sweep whose runs repeat their data, and shares of it tell it best (grid.shares)",
-            laws.name
-        )
-    })
 }
 
 /// The prediction, with a sentence where it is of other data than the sweep's.
@@ -156,11 +155,6 @@ fn amount(text: &str) -> Result<f64, String> {
         Some(amount) if amount > 0.0 && amount.is_finite() => Ok(amount),
         _ => Err(format!("{text} is not a number above 0, as 7e9 or 7B")),
     }
-}
-
-fn said_sized(laws: &Laws, model: &ModelSize, output: &Output) -> Result<Exit> {
-    let said = predict_sized(laws, model)?;
-    output.result(&json!([said]), &sized_text(&said))
 }
 
 // The count of FLOPs by which a sweep's prediction is brought onto its budget.
@@ -258,8 +252,7 @@ pub fn not_of_groups(folder: &Path) -> Result<()> {
 
 /// The error where no law is named: the choices, with the laws that lie where the program was started.
 fn missing() -> anyhow::Error {
-    let found = at_hand();
-    let here = match &found[..] {
+    let here: String = match &at_hand()[..] {
         [] => String::new(),
         all => format!("; here: --law {}", all.join(", --law ")),
     };

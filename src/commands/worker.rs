@@ -4,7 +4,6 @@ use super::context::{an_engine, device};
 use super::exit::say;
 use super::prelude::*;
 use super::{analyse, status};
-use burn::tensor::Device;
 use isoflop::engine::{ENGINES, Engine, FitTerms, Task};
 use isoflop::jobs::presence::claim;
 use isoflop::jobs::worker::{
@@ -39,7 +38,11 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
     let claimed = claim(&place, &stop);
     let outcome = match &claimed {
         Ok(None) => exit(STOPPED),
-        Ok(Some(_lock)) => checked(args.device, &device).and_then(|()| work(&assignment)),
+        // Processors multiply; of other devices it must be seen.
+        Ok(Some(_lock)) if args.device.is_processor() => work(&assignment),
+        Ok(Some(_lock)) => {
+            check_products(&device).map_err(Into::into).and_then(|()| work(&assignment))
+        }
         Err(error) => Ok(Outcome::Failed(failure_of(error))),
     };
     let failure = match outcome {
@@ -63,11 +66,6 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
         exit(FAILED)
     }
     Ok(Exit::Done)
-}
-
-/// Processors multiply; of other devices it must be seen.
-fn checked(name: DeviceName, device: &Device) -> Result<()> {
-    if name.is_processor() { Ok(()) } else { Ok(check_products(device)?) }
 }
 
 /// `isoflop guard`: ends a worker's program when the worker is gone.

@@ -9,7 +9,7 @@ use isoflop::laws::{
     ParametricOptions, Space, fit_parametric, parametric_laws,
 };
 use isoflop::record::{Tuned, table as runs};
-use isoflop::table::{self, Dropped, Group, Loaded, Table, TableRequest};
+use isoflop::table::{self, Dropped, Loaded, Table, TableRequest};
 
 /// Points, and what they were made of.
 pub struct Source {
@@ -30,16 +30,11 @@ pub struct OwnSweep {
 }
 
 impl Source {
-    /// Says what became of rows, and what was taken without being asked.
-    pub fn tell(&self, output: &Output) {
-        self.rows.notes.iter().cloned().chain(self.lost()).for_each(|line| output.note(&line));
-    }
-
-    /// A sentence for each row that was dropped.
-    pub fn lost(&self) -> impl Iterator<Item = String> {
+    /// What was taken without being asked, and a sentence for each row that was dropped.
+    pub fn told(&self) -> impl Iterator<Item = String> {
         let said =
             |row: &Dropped| format!("dropped {} ({}): {}", row.run_id, row.stage, row.reason);
-        self.rows.dropped.iter().map(said)
+        self.rows.notes.iter().cloned().chain(self.rows.dropped.iter().map(said))
     }
 }
 
@@ -73,12 +68,10 @@ pub fn of_sweep(path: &Path, request: &FitArgs) -> Result<Source> {
 
 /// The runs of every validation that has a table, by budget.
 fn of_validations(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
-    let mut all = Vec::new();
-    for place in folder.validation_folders() {
-        if ["runs.parquet", "runs.csv"].iter().any(|name| place.join(name).exists()) {
-            all.extend(runs::read(&place)?);
-        }
-    }
+    let has_table =
+        |place: &PathBuf| ["runs.parquet", "runs.csv"].iter().any(|name| place.join(name).exists());
+    let places = folder.validation_folders().filter(has_table);
+    let mut all = places.map(|place| runs::read(&place)).collect::<Result<Vec<_>, _>>()?.concat();
     runs::sort(&mut all);
     Ok(all)
 }
@@ -97,7 +90,7 @@ pub fn open(path: &Path, request: &FitArgs) -> Result<Source> {
 pub struct RunTable {
     pub name: String,
     rule: FlopsRule,
-    table: Table,
+    pub table: Table,
 }
 
 impl RunTable {
@@ -113,11 +106,6 @@ impl RunTable {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let name = stem.unwrap_or_else(|| "table".into());
         Ok(Self { name, rule: rule.unwrap_or(FlopsRule::SixNd), table: table::read(path)? })
-    }
-
-    /// The groups of a column that rows pass the filters in.
-    pub fn groups(&self, request: &TableRequest, column: &str) -> Result<Vec<Group>> {
-        Ok(table::groups(&self.table, request, column)?)
     }
 
     /// Its points.
@@ -159,7 +147,10 @@ const BOOTSTRAP: usize = 1000;
 /// Fits the law that was asked for.
 pub fn laws(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
     let laws = match (request.law(), &source.sweep) {
-        (LawKind::Isoflop, Some(own)) => of_sweep_laws(own, request),
+        (LawKind::Isoflop, Some(own)) => {
+            let fit = sweep::overridden(sweep::options(&own.sweep), request);
+            sweep::fit_records(&own.records, &fit)
+        }
         (LawKind::Isoflop, None) => of_budgets(source, request),
         (LawKind::Approach1, _) => approach1(source, request),
         (LawKind::Parametric(form), _) => parametric(source, request, form),
@@ -178,10 +169,6 @@ pub fn laws(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
             Laws { judgement, ..laws }.answered()
         }
     })
-}
-
-fn of_sweep_laws(own: &OwnSweep, request: &FitArgs) -> Result<Laws, FitError> {
-    sweep::fit_records(&own.records, &sweep::overridden(sweep::options(&own.sweep), request))
 }
 
 fn of_budgets(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {

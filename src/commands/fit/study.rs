@@ -25,7 +25,7 @@ impl TableStudy {
         }
         let request = FitArgs::of_table(args);
         let source = RunTable::open(path, request.flops)?.source(&request.rows())?;
-        source.tell(output);
+        source.told().for_each(|line| output.note(&line));
         let laws = laws(&source, &request);
         if let Err(error) = &laws {
             output.warn(&format!("no laws: {}", sentence(&anyhow::anyhow!(error.clone()))));

@@ -154,10 +154,9 @@ impl CommandLine {
             return Ok(kept);
         }
         let out = folder.root().parent().filter(|parent| !parent.as_os_str().is_empty());
-        let out = out.unwrap_or(Path::new("."));
-        let (sweep, out) = (folder.file("sweep.yaml"), out.display().to_string());
-        let words = ["isoflop", "run", &sweep.display().to_string(), "--out", &out];
-        let words = words.map(String::from).to_vec();
+        let [sweep, out] = [&*folder.file("sweep.yaml"), out.unwrap_or(Path::new("."))]
+            .map(|path| path.display().to_string());
+        let words = ["isoflop", "run", &sweep, "--out", &out].map(String::from).to_vec();
         let directory = std::env::current_dir().context("finding the current directory")?;
         Ok(Self { directory, words })
     }
@@ -195,11 +194,11 @@ impl CommandLine {
 /// The words of a command; spaces between quotes part nothing.
 fn split_quoted(command: &str) -> Vec<&str> {
     let mut inside = false;
-    let parts = command.split(move |c: char| {
+    let parts_here = |c: char| {
         inside ^= c == '\'';
         c == ' ' && !inside
-    });
-    parts.collect()
+    };
+    command.split(parts_here).collect()
 }
 
 #[cfg(test)]
