@@ -192,7 +192,8 @@ pub fn analysed(
     records: &[RunRecord],
     output: &Output,
 ) -> Result<Finished> {
-    let stamp = stamp(sweep, folder, records);
+    // Changes whenever something else would be said or written.
+    let stamp = content_id(&(records, sweep, folder.root(), env!("ISOFLOP_GIT_REVISION")));
     if let Some(finished) = Finished::again(folder, &stamp, output)? {
         return Ok(finished);
     }
@@ -225,8 +226,11 @@ pub fn analysed(
         drawn.paths.len() / Format::ALL.len()
     );
     let story = |full| laws.map(|laws| fit::text(laws, &predictions, full)).unwrap_or_default();
-    let texts = [false, true].map(|full| story(full) + &files);
-    Finished::write(folder, stamp, document, texts, output.warned().split_off(n_warned))
+    let [text, full] = [false, true].map(|full| story(full) + &files);
+    let (files, warnings) = (digests(folder)?, output.warned().split_off(n_warned));
+    let finished = Finished { stamp, files, document, text, full, warnings };
+    atomic::write_json(&folder.file("finished.json"), &finished)?;
+    Ok(finished)
 }
 
 /// Removes what an earlier state of the sweep had: it would be taken for this one's own.
@@ -277,20 +281,6 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// Notes what was just said and written.
-    pub fn write(
-        folder: &ResultsFolder,
-        stamp: String,
-        document: Value,
-        [text, full]: [String; 2],
-        warnings: Vec<String>,
-    ) -> Result<Self> {
-        let files = digests(folder)?;
-        let finished = Self { stamp, files, document, text, full, warnings };
-        atomic::write_json(&folder.file("finished.json"), &finished)?;
-        Ok(finished)
-    }
-
     /// What was said of the same records, with its warnings; `None` where anything has changed
     /// since: the records, the sweep, or a file that was written.
     pub fn again(folder: &ResultsFolder, stamp: &str, output: &Output) -> Result<Option<Self>> {
@@ -305,18 +295,11 @@ impl Finished {
     }
 }
 
-/// Changes whenever something else would be said or written.
-pub fn stamp(sweep: &Sweep, folder: &ResultsFolder, records: &[RunRecord]) -> String {
-    content_id(&(records, sweep, folder.root(), env!("ISOFLOP_GIT_REVISION")))
-}
-
 /// Digests of the tables, the laws, the prediction and every figure that is there.
 fn digests(folder: &ResultsFolder) -> Result<BTreeMap<String, String>> {
     let mut names: Vec<String> = FILES.map(String::from).to_vec();
-    if let Ok(figures) = std::fs::read_dir(folder.file("figures")) {
-        for figure in figures {
-            names.push(format!("figures/{}", figure?.file_name().to_string_lossy()));
-        }
+    for figure in std::fs::read_dir(folder.file("figures")).into_iter().flatten() {
+        names.push(format!("figures/{}", figure?.file_name().to_string_lossy()));
     }
     let digest = |path: &Path| std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex());
     let found = |name: String| Some((name.clone(), digest(&folder.file(&name))?.to_string()));

@@ -198,16 +198,14 @@ fn text(path: &Path) -> Result<String> {
 /// The cells that were not run, each in a line; none where no plan is kept.
 fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
     let plan: Option<Value> = read_if_there(&folder.file("plan.json"))?;
+    let line = |cell: &Value| {
+        let facts = cell.as_object().into_iter().flatten();
+        let facts = facts.filter(|(key, value)| *key != "reason" && !value.is_null());
+        let facts: Vec<String> = facts.map(|(key, value)| format!("{key} {value}")).collect();
+        format!("{}: {}", facts.join(", "), cell["reason"].as_str().unwrap_or_default())
+    };
     let cells = plan.as_ref().and_then(|plan| plan["dropped"].as_array());
-    Ok(cells.into_iter().flatten().map(dropped_line).collect())
-}
-
-fn dropped_line(cell: &Value) -> String {
-    let reason = cell["reason"].as_str().unwrap_or_default();
-    let facts = cell.as_object().into_iter().flatten();
-    let facts = facts.filter(|(key, value)| *key != "reason" && !value.is_null());
-    let facts: Vec<String> = facts.map(|(key, value)| format!("{key} {value}")).collect();
-    format!("{}: {reason}", facts.join(", "))
+    Ok(cells.into_iter().flatten().map(line).collect())
 }
 
 // Motions of a sweep's folder, for its page.
@@ -233,9 +231,8 @@ fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Sample>>
         let run_id = &record.planned.run_id;
         let place = folder.file("samples").join(run_id);
         for place in [place.join("scored"), place] {
-            let made: Option<Vec<Made>> = read_if_there(&place.join("motions.json"))?;
-            if let Some(made) = made {
-                return of_run(folder, run_id, &place, &made);
+            if let Some(made) = read_if_there(&place.join("motions.json"))? {
+                return of_run(folder, run_id, &place, made);
             }
         }
     }
@@ -246,25 +243,18 @@ fn of_run(
     folder: &ResultsFolder,
     run_id: &str,
     place: &Path,
-    made: &[Made],
+    made: Vec<Made>,
 ) -> Result<Vec<Sample>> {
-    let file = |n: usize| place.join(format!("{n}.features.npy"));
-    let kept: Vec<(PathBuf, &Made)> =
-        made.iter().enumerate().map(|(n, made)| (file(n), made)).collect();
-    let kept = kept.into_iter().filter(|(path, _)| fs::exists(path).unwrap_or(false));
-    let kept: Vec<(PathBuf, &Made)> = kept.take(SHOWN).collect();
+    let files = (0..).map(|n| place.join(format!("{n}.features.npy")));
+    let kept = files.zip(made).filter(|(path, _)| path.exists());
+    let kept: Vec<(PathBuf, Made)> = kept.take(SHOWN).collect();
     let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
     let mut truth = truth(folder, &captions);
-    let read = |(path, made): (PathBuf, &Made)| {
+    let read = |(path, Made { caption, fps }): (PathBuf, Made)| {
         let features =
-            read_motion(&path, made.fps).with_context(|| format!("reading {}", path.display()))?;
-        Ok(Sample {
-            caption: made.caption.clone(),
-            run_id: run_id.to_string(),
-            fps: made.fps,
-            poses: recover_joints(&features),
-            truth: truth.remove(&made.caption),
-        })
+            read_motion(&path, fps).with_context(|| format!("reading {}", path.display()))?;
+        let (poses, truth) = (recover_joints(&features), truth.remove(&caption));
+        Ok(Sample { caption, run_id: run_id.to_string(), fps, poses, truth })
     };
     kept.into_iter().map(read).collect()
 }
@@ -279,11 +269,9 @@ fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>
     let mut found = HashMap::new();
     for clip in 0..data.n_clips(Split::Test) {
         let own = data.captions(Split::Test, clip);
-        let Some(caption) = own.iter().find(|own| captions.contains(&own.as_str())) else {
-            continue;
-        };
-        if let (false, Ok(features)) =
-            (found.contains_key(caption), data.features(Split::Test, clip))
+        if let Some(caption) = own.iter().find(|own| captions.contains(&own.as_str()))
+            && !found.contains_key(caption)
+            && let Ok(features) = data.features(Split::Test, clip)
         {
             found.insert(caption.clone(), recover_joints(&features));
         }

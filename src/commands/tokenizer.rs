@@ -30,7 +30,7 @@ enum What {
     /// Compare the tokenizers of sweeps with one another and with k-means
     Eval(FolderArgs),
     /// Draw how often the codes of a tokenizer are met, scale by scale, and where they lie
-    Codes(CodesArgs),
+    Codes(TokenizerChoice),
     /// Measure reconstruction as the detokenizer follows the caption the more
     Guidance(GuidanceArgs),
 }
@@ -69,14 +69,8 @@ fn compare(tokenizers: &[TokenizerMetrics], output: &Output) -> Result<Exit> {
     Ok(exit)
 }
 
-#[derive(Args)]
-struct CodesArgs {
-    #[command(flatten)]
-    tokenizer: TokenizerChoice,
-}
-
-fn codes(args: &CodesArgs, output: &Output) -> Result<Exit> {
-    let trained = args.tokenizer.open()?;
+fn codes(tokenizer: &TokenizerChoice, output: &Output) -> Result<Exit> {
+    let trained = tokenizer.open()?;
     let map = CodeMap::of(&trained.tokenizer, &trained.tokens()?, Split::Test);
     let scales: Vec<ScaleUse> = map.scales.iter().map(|scale| ScaleUse::of(&scale.met)).collect();
     let name = format!("codes-{}", trained.id);

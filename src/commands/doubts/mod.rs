@@ -18,8 +18,8 @@ pub fn doubts(sweep: &Sweep, plan: &Plan) -> Vec<Doubt> {
         for budgets in &generators {
             let own = [doubt::doubts(budgets), doubt::doubts_bracket(budgets)].concat();
             // Generators that share their sizes share what is in doubt of them.
-            found
-                .extend(own.into_iter().filter(|doubt| !found.contains(doubt)).collect::<Vec<_>>());
+            let fresh: Vec<Doubt> = own.into_iter().filter(|own| !found.contains(own)).collect();
+            found.extend(fresh);
         }
         found.extend(one_budget(plan));
         found.extend(one_seed(sweep, plan));

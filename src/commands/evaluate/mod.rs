@@ -105,7 +105,7 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
         output.note(&format!("[{done}/{all}] FID {fid:.4}, R@1 {first:.3}"));
     }
     let scores: RunScores = scoring.finish(&repeats, &trusted.id)?;
-    output.result(&serde_json::to_value(&scores)?, &of_run_files(&run.spec.label(), &scores))
+    output.result(&serde_json::to_value(&scores)?, &text_of_run(&run.spec.label(), &scores))
 }
 
 fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
@@ -113,7 +113,7 @@ fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     let trusted = TrustedEvaluator::open(place, &args.device.open()?)?;
     let motions = named_motions(&args.motions, args.texts.as_deref(), trusted.evaluator.fps())?;
     let scores = FileScores::of(&motions, &trusted, args)?;
-    output.result(&serde_json::to_value(&scores)?, &of_files_files(&scores))
+    output.result(&serde_json::to_value(&scores)?, &text_of_files(&scores))
 }
 
 // [`FileScores`]: what motions of files score, each score or the reason why there is none.
@@ -186,10 +186,7 @@ impl FileScores {
             n_motions: motions.len(),
             n_captions: captioned.len(),
             n_truth: truth.n_clips(),
-            scores: args.scores(
-                &Side { motions: &all, pairs: &pairs },
-                &Side { motions: &truth.embedded.motions, pairs: &truth.embedded },
-            ),
+            scores: args.scores((&all, &pairs), (&truth.embedded.motions, &truth.embedded)),
             physics: ScoredPhysics::of(features, fps),
             truth_physics: ScoredPhysics::of(truth.features.iter().map(Vec::as_slice), fps),
         })
@@ -197,32 +194,29 @@ impl FileScores {
 }
 
 /// Motions of one side: all, and those that have a caption.
-struct Side<'a> {
-    motions: &'a Embeddings,
-    pairs: &'a Embedded,
-}
+type Side<'a> = (&'a Embeddings, &'a Embedded);
 
 /// How often, and by which seed, pools and pairs are drawn.
 impl EvaluateArgs {
     /// Of these motions, and of true ones.
-    fn scores(&self, made: &Side, truth: &Side) -> Vec<FileScore> {
+    fn scores(&self, made: Side, truth: Side) -> Vec<FileScore> {
         let both = [made, truth];
         let precision = |k: usize| {
-            move |side: &Side, rng: &mut ChaCha8Rng| {
-                let n = side.pairs.motions.len();
-                let Embedded { motions, captions } = side.pairs.select(&distinct(n, n, rng));
+            move |(_, pairs): Side, rng: &mut ChaCha8Rng| {
+                let n = pairs.motions.len();
+                let Embedded { motions, captions } = pairs.select(&distinct(n, n, rng));
                 Ok(retrieval(&captions, &motions, POOL)?.precision[k])
             }
         };
         vec![
-            self.fid(made.motions, truth.motions),
+            self.fid(made.0, truth.0),
             self.score("R@1", both, precision(0)),
             self.score("R@2", both, precision(1)),
             self.score("R@3", both, precision(2)),
-            self.score("cosine", both, |Side { pairs, .. }, _| {
-                Ok(cosine_score(&pairs.captions, &pairs.motions)?)
+            self.score("cosine", both, |(_, own), _| {
+                Ok(cosine_score(&own.captions, &own.motions)?)
             }),
-            self.score("diversity", both, |side, rng| Ok(diversity(side.motions, rng)?)),
+            self.score("diversity", both, |(motions, _), rng| Ok(diversity(motions, rng)?)),
         ]
     }
 
@@ -241,8 +235,8 @@ impl EvaluateArgs {
     fn score(
         &self,
         name: &'static str,
-        sides: [&Side; 2],
-        of: impl Fn(&Side, &mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
+        sides: [Side; 2],
+        of: impl Fn(Side, &mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
     ) -> FileScore {
         let [found, truth] = sides.map(|side| self.repeated(|rng| of(side, rng)));
         FileScore::new(name, found, truth)
@@ -265,7 +259,7 @@ impl EvaluateArgs {
 // What a person reads of scores: a screen.
 
 /// The scores of a run's motions, beside those of motions that are known to be better or worse.
-fn of_run_files(label: &str, scores: &RunScores) -> String {
+fn text_of_run(label: &str, scores: &RunScores) -> String {
     let RunScores { made, shuffled, truth, reconstructed, .. } = scores;
     let row = |(name, scores): (&str, &MotionScores)| {
         let MotionScores { fid, precision: [first, _, third], cosine, .. } = scores;
@@ -301,7 +295,7 @@ fn of_run_files(label: &str, scores: &RunScores) -> String {
 }
 
 /// The scores of motions of files.
-fn of_files_files(scores: &FileScores) -> String {
+fn text_of_files(scores: &FileScores) -> String {
     let FileScores { n_motions, n_captions, n_truth, .. } = scores;
     let shown = |score: Option<Repeated>| dash(score, |score| score.shown(3));
     let row = |score: &FileScore| [score.name.to_string(), shown(score.found), shown(score.truth)];

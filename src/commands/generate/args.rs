@@ -5,7 +5,7 @@ use crate::commands::context::device;
 use crate::commands::prelude::*;
 use crate::commands::tokenize::lines_of;
 use isoflop::data::read_motion;
-use isoflop::generator::{Draw, Edit, Sampling};
+use isoflop::generator::{Draw, Sampling};
 use isoflop::jobs::TrainedRun;
 use isoflop::motion::N_FEATURES;
 use isoflop::ops::DeviceName;
@@ -115,9 +115,9 @@ fn positive(text: &str) -> Result<f64, String> {
 /// A motion of a file, and the seconds of it that are made anew.
 pub struct Source {
     /// `[n_frames, 263]` row-major.
-    features: Vec<f32>,
+    pub features: Vec<f32>,
     /// Of each latent, whether it is made anew.
-    anew: Vec<bool>,
+    pub anew: Vec<bool>,
 }
 
 impl Source {
@@ -138,7 +138,8 @@ impl Source {
         if n_frames < own {
             bail!("{} has {own} frames; ask for no fewer than that", path.display());
         }
-        hold(&mut features, n_frames);
+        let last = features[features.len() - N_FEATURES..].to_vec();
+        features.extend(last.repeat(n_frames - own));
         let frames = run.tokenizer.spec().frames_per_latent();
         let is_anew = |latent: usize| {
             let middle = (latent as f64 + 0.5) * frames as f64;
@@ -155,27 +156,6 @@ impl Source {
     /// Its frames.
     pub fn n_frames(&self) -> usize {
         self.features.len() / N_FEATURES
-    }
-
-    /// Its codes, as a tokenizer with language sees them beside a caption.
-    ///
-    /// # Errors
-    /// As [`isoflop::tokenizer::Tokenizer::encode`].
-    pub fn codes(&self, run: &TrainedRun, text: &[f32]) -> Result<Vec<u32>> {
-        Ok(run.tokenizer.encode(&self.features, Some(text))?)
-    }
-
-    /// What stays of it.
-    pub fn edit<'a>(&'a self, codes: &'a [u32]) -> Edit<'a> {
-        Edit { codes, anew: &self.anew }
-    }
-}
-
-/// Repeats the last frame until there are `n_frames`.
-fn hold(features: &mut Vec<f32>, n_frames: usize) {
-    let last = features[features.len() - N_FEATURES..].to_vec();
-    while features.len() < n_frames * N_FEATURES {
-        features.extend(&last);
     }
 }
 

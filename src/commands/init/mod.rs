@@ -226,7 +226,8 @@ impl Terms<'_> {
     /// # Errors
     /// A sweep cannot be priced.
     pub fn largest(&self) -> Result<Offer> {
-        let fresh = (0..=LAST).rev().find(|step| self.is_fresh(*step)).unwrap_or(0);
+        let is_fresh = |step: &i32| self.bears(&self.design(*step));
+        let fresh = (0..=LAST).rev().find(is_fresh).unwrap_or(0);
         let seeds = if self.fits(0, MEASURED)? { MEASURED } else { SEEDS[0] };
         let step = self.search(0, fresh, seeds)?;
         if step < fresh {
@@ -259,10 +260,6 @@ impl Terms<'_> {
 
     fn design(&self, step: i32) -> Design {
         Design::up_to(LEAST * 2f64.powf(f64::from(step) / f64::from(STEPS)), self.unique_tokens)
-    }
-
-    fn is_fresh(&self, step: i32) -> bool {
-        self.bears(&self.design(step))
     }
 
     /// Whether the data bear the sweep.

@@ -79,7 +79,10 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
         let laws = laws_of(&args.results)?;
         let validated = compare::compare(folder, (&laws, &forecast), rule)?;
         atomic::write_json(&folder.file("validation.json"), &validated)?;
-        keep(args, output)?;
+        // Every validation of the sweep, in its laws.
+        let (own, mut laws) = (ResultsFolder::new(&args.results), laws_of(&args.results)?);
+        laws.judgement.validations = own.validations(|line| output.warn(&line));
+        atomic::write_json(&own.file("laws.json"), &laws.answered())?;
         output.result(&json!(validated), &compare::text(&validated))?;
         Ok(())
     })
@@ -113,15 +116,6 @@ fn forecast(args: &ValidateArgs, name: &str, output: &Output) -> Result<Predicti
     let forecast = predict_one(&laws_of(&args.results)?, args.budget)?;
     atomic::write_json(&path, &forecast)?;
     Ok(forecast)
-}
-
-/// Every validation of the sweep, in its laws.
-fn keep(args: &ValidateArgs, output: &Output) -> Result<()> {
-    let folder = ResultsFolder::new(&args.results);
-    let mut laws = laws_of(&args.results)?;
-    laws.judgement.validations = folder.validations(|line| output.warn(&line));
-    let laws = laws.answered();
-    Ok(atomic::write_json(&folder.file("laws.json"), &laws)?)
 }
 
 // The cells round a predicted optimum.
