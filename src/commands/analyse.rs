@@ -83,13 +83,13 @@ fn side_by_side(
         [name.clone(), by_generator[name].len().to_string(), size, vocab, tokens, predicted]
     };
     let heads = ["<generator", "runs", "N_nv in C", "N_v in C", "D in C", "<L_u predicted"];
-    let mut text = columns(heads, documents.iter().map(row));
+    let text = columns(heads, documents.iter().map(row));
     let root = folder.root().display();
-    let _ = writeln!(text, "\ntable     {root}/runs.parquet");
-    let _ = writeln!(text, "figure    {root}/figures/generators.svg");
-    let _ = writeln!(text, "each      {root}/generators/<generator>: laws.json, figures");
-    let _ = writeln!(text, "          isoflop predict C --law {root}/generators/<generator>");
-    text
+    text + &format!(
+        "\ntable     {root}/runs.parquet\nfigure    {root}/figures/generators.svg\n\
+         each      {root}/generators/<generator>: laws.json, figures\n          \
+         isoflop predict C --law {root}/generators/<generator>\n"
+    )
 }
 
 /// What there is before the first run is done: an empty table, and no word of laws and figures.

@@ -47,13 +47,8 @@ fn names(args: &DetokenizeArgs) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// A clip, its features and its distance from the original.
-struct Decoded {
-    clip: ClipCodes,
-    /// `[frames, 263]` row-major.
-    features: Vec<f32>,
-    mpjpe_mm: Option<f64>,
-}
+/// A clip, its features, `[frames, 263]` row-major, and its distance from the original.
+type Decoded = (ClipCodes, Vec<f32>, Option<f64>);
 
 fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> Result<Decoded> {
     let clip = ClipCodes::read(path)?;
@@ -67,7 +62,7 @@ fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> 
         tokenizer.tokenizer.decode(&clip.codes, clip.frames, caption.as_deref(), guidance)?;
     let truth = truth(args, path, &clip)?;
     let mpjpe_mm = truth.map(|truth| distance(&truth, &features, clip.fps)).transpose()?;
-    Ok(Decoded { clip, features, mpjpe_mm })
+    Ok((clip, features, mpjpe_mm))
 }
 
 /// The original's file, where there is one.
@@ -99,8 +94,7 @@ fn distance(truth: &Path, made: &[f32], fps: f64) -> Result<f64> {
     Ok(mpjpe_mm(&recover_joints(&features[..made.len()]), &recover_joints(made)))
 }
 
-fn write(args: &DetokenizeArgs, name: &str, decoded: &Decoded) -> Result<Made> {
-    let Decoded { clip, features, mpjpe_mm } = decoded;
+fn write(args: &DetokenizeArgs, name: &str, (clip, features, mpjpe_mm): &Decoded) -> Result<Made> {
     let caption = clip.caption.as_deref().unwrap_or(name);
     let motion = CaptionedMotion { features, fps: clip.fps as f32, caption };
     let written =
@@ -142,12 +136,12 @@ fn text(
     let rows = table(["", "", "<"], made.iter().take(LISTED).map(row));
     let unsaid = more(made.len(), LISTED, "");
     let mut text = format!("{heading} by tokenizer {}\n\n{rows}{unsaid}", tokenizer.id);
-    text += &match mean {
-        Some(mean) => format!("\nMPJPE     {mean:.1} mm from the originals, over their frames\n"),
-        None => "\nMPJPE     unknown: no original lies beside the codes; name it by --truth\n"
-            .to_string(),
-    };
+    let mean = mean.map_or_else(
+        || "unknown: no original lies beside the codes; name it by --truth".to_string(),
+        |mean| format!("{mean:.1} mm from the originals, over their frames"),
+    );
     let out = args.out.display();
+    text += &format!("\nMPJPE     {mean}\n");
     text + &format!("files     {out}/<motion>.svg .bvh .joints.npy .features.npy\n")
 }
 

@@ -5,7 +5,6 @@ use super::context::{OpenSweep, SweepArgs, plan_sweep};
 use super::doubts::doubts;
 use super::plan_text::{self, bytes, exponent, flops, stale};
 use super::prelude::*;
-use burn::tensor::Device;
 use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
 use isoflop::jobs::history::{Finished, known};
 use isoflop::jobs::speed::Speed;
@@ -67,9 +66,16 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let states = folder.run_states();
     let jobs = missing_jobs(&plan, &folder);
     let on_gpu = gpu.as_ref().map(|gpu| GpuCost::new(gpu, args.price, &plan, &jobs));
+    let slots = args.sweep.work.slots();
+    // At the speed of the folder's finished jobs, or else by a probe. How fast a user's trainer is, its finished runs
+    // alone can tell: `None` before there are any.
+    let is_built_in = plan.runs.iter().all(|run| run.spec.trainer.is_none());
+    let probed = || is_built_in.then(|| Speed::measured_of(&jobs, &plan, &device, slots));
     let hours = match &on_gpu {
         Some(cost) => Some(cost.hours_to_go),
-        None => hours(&jobs, &plan, &folder, &device, args.sweep.work.slots()),
+        None => known(&folder, &Finished::of(&plan, &folder))
+            .or_else(probed)
+            .map(|speed| speed.hours(&jobs, &plan, slots)),
     };
     let stale = stale(&plan, &folder);
     let document = || {
@@ -86,34 +92,21 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let text = || {
         let (table, cost) = match &on_gpu {
             Some(cost) => (cost.table(), cost.sentences()),
-            None => (
-                plan_text::runs(&plan, &states),
-                plan_text::cost(&plan, hours, args.sweep.work.slots()),
-            ),
+            None => (plan_text::runs(&plan, &states), plan_text::cost(&plan, hours, slots)),
         };
         plan_text::text(&plan, &states, &stale, &table, &cost)
     };
     output.result_of(document, text)
 }
 
-/// Hours that jobs take on `slots` slots: at the speed of the folder's finished jobs, or else by a probe. How fast a
-/// user's trainer is, its finished runs alone can tell: `None` before there are any.
-fn hours(
-    jobs: &[Job],
-    plan: &Plan,
-    folder: &ResultsFolder,
-    device: &Device,
-    slots: usize,
-) -> Option<f64> {
-    let known = known(folder, &Finished::of(plan, folder));
-    let is_built_in = plan.runs.iter().all(|run| run.spec.trainer.is_none());
-    let probed = || is_built_in.then(|| Speed::measured_of(jobs, plan, device, slots));
-    Some(known.or_else(probed)?.hours(jobs, plan, slots))
-}
-
 /// The plan as a JSON document, but for the hours, which are measured, and what is stale.
 pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
     let inputs = inputs(plan);
+    let mut jobs: BTreeMap<JobKind, usize> = JobKind::ALL.map(|kind| (kind, 0)).into();
+    jobs.insert(JobKind::Run, plan.runs.len());
+    for job in &inputs {
+        *jobs.entry(job.id.kind).or_default() += 1;
+    }
     let runs = plan.runs.par_iter().zip(JobKind::Run.jobs(plan));
     let runs: Vec<Value> = runs.map(|(run, job)| run_json(run, &job.needs, states)).collect();
     json!({
@@ -123,21 +116,11 @@ pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
         "vocabularies": plan.renamed,
         "data_sets": plan.data.members,
         "inputs": inputs,
-        "jobs": jobs(plan, &inputs),
+        "jobs": jobs,
         "total_flops": plan.total_flops(),
         "trained_flops": plan.trained_flops(),
         "disk_bytes": plan.disk_bytes(),
     })
-}
-
-/// Jobs by kind.
-fn jobs(plan: &Plan, inputs: &[Job]) -> BTreeMap<JobKind, usize> {
-    let mut jobs: BTreeMap<JobKind, usize> = JobKind::ALL.map(|kind| (kind, 0)).into();
-    jobs.insert(JobKind::Run, plan.runs.len());
-    for job in inputs {
-        *jobs.entry(job.id.kind).or_default() += 1;
-    }
-    jobs
 }
 
 fn run_json(run: &PlannedRun, needs: &[JobId], states: &RunStates) -> Value {

@@ -2,11 +2,11 @@
 //! elsewhere or of a `laws.json`, as far as it holds what they show.
 
 use super::args::one_of;
+use super::fit;
 use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{draw as draw_side_by_side, home, parted};
-use super::predict::not_of_groups;
+use super::predict::{each, not_of_groups};
 use super::prelude::*;
-use super::{fit, predict};
 use isoflop::codes::{TokenizerMetrics, remarks};
 use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
 use isoflop::record::{Tuned, sliced, table};
@@ -84,11 +84,20 @@ fn of_sweep(args: &PlotArgs, output: &Output) -> Result<Vec<PathBuf>> {
     not_of_groups(&args.results)?;
     let folder = ResultsFolder::new(&args.results);
     let records = table::read(folder.root())?;
-    let by_generator = parted(&records);
-    match by_generator.len() {
-        0 | 1 => of_one_generator(&folder, &records, &args.wanted, output),
-        _ => of_several_generators(&folder, &by_generator, &args.wanted, output),
+    let (by_generator, wanted) = (parted(&records), &args.wanted);
+    if by_generator.len() < 2 {
+        return of_one_generator(&folder, &records, wanted, output);
     }
+    // All of them side by side, then the figures of each.
+    let sweep = folder.sweep()?;
+    let mut paths = match wanted.has(SIDE_BY_SIDE) {
+        true => draw_side_by_side(&sweep, &folder, &by_generator, wanted.formats())?,
+        false => Vec::new(),
+    };
+    for (name, records) in &by_generator {
+        paths.extend(of_one_generator(&folder.of_generator(name), records, wanted, output)?);
+    }
+    Ok(paths)
 }
 
 /// The figures that a table or a `laws.json` allows.
@@ -109,42 +118,19 @@ fn of_one_generator(
     output: &Output,
 ) -> Result<Vec<PathBuf>> {
     let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
-    let tokenizers = tokenizers(&home(folder), output)?;
-    let records = as_laws_count(&home(folder), Tuned::of(records).records, laws.as_ref())?;
-    Ok(draw(folder, &records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
-}
-
-/// The runs at equal FLOPs by the rule of their laws, where the sweep was planned by another.
-fn as_laws_count(
-    home: &ResultsFolder,
-    records: Vec<RunRecord>,
-    laws: Option<&Laws>,
-) -> Result<Vec<RunRecord>> {
-    // A table and its laws are drawn without the sweep too.
+    let home = home(folder);
+    let tokenizers = tokenizers(&home, output)?;
+    let mut records = Tuned::of(records).records;
+    // At equal FLOPs by the rule of the laws, where the sweep was planned by another. A table and its laws are drawn
+    // without the sweep too.
     let planned = home.sweep().ok().map(|sweep| sweep.flops.rule);
-    let counted = laws.and_then(|laws| FlopsRule::named(&laws.flops_rule));
-    match (planned, counted) {
-        (Some(planned), Some(counted)) if counted != planned => Ok(sliced(&records, counted)?),
-        _ => Ok(records),
+    let counted = laws.as_ref().and_then(|laws| FlopsRule::named(&laws.flops_rule));
+    if let (Some(planned), Some(counted)) = (planned, counted)
+        && planned != counted
+    {
+        records = sliced(&records, counted)?;
     }
-}
-
-/// All of them side by side, then the figures of each.
-fn of_several_generators(
-    folder: &ResultsFolder,
-    by_generator: &BTreeMap<String, Vec<RunRecord>>,
-    wanted: &Wanted,
-    output: &Output,
-) -> Result<Vec<PathBuf>> {
-    let sweep = folder.sweep()?;
-    let mut paths = match wanted.has(SIDE_BY_SIDE) {
-        true => draw_side_by_side(&sweep, folder, by_generator, wanted.formats())?,
-        false => Vec::new(),
-    };
-    for (name, records) in by_generator {
-        paths.extend(of_one_generator(&folder.of_generator(name), records, wanted, output)?);
-    }
-    Ok(paths)
+    Ok(draw(folder, &records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
 }
 
 /// The metrics of every tokenizer in a folder; a damaged one is left out with a warning.
@@ -207,10 +193,11 @@ pub fn analysed(
     let wanted = Wanted::default();
     let drawn = draw(folder, &tuned.records, laws, &tokenizers, &wanted, output)?;
     remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
-    let predictions = match laws {
-        Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,
-        None => Vec::new(),
-    };
+    let mut predictions = Vec::new();
+    if let Some(laws) = laws {
+        predictions = each(laws, &sweep.predict.budgets, output);
+        atomic::write_json(&folder.file("prediction.json"), &predictions)?;
+    }
     let document = json!({
         "results": folder.root(),
         "runs": records.len(),

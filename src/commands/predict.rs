@@ -106,18 +106,6 @@ pub fn each(laws: &Laws, budgets: &[f64], output: &Output) -> Vec<Prediction> {
     budgets.iter().filter_map(predicted).collect()
 }
 
-/// Predicts a sweep's own budgets into `prediction.json`.
-pub fn write(
-    folder: &ResultsFolder,
-    laws: &Laws,
-    budgets: &[f64],
-    output: &Output,
-) -> Result<Vec<Prediction>> {
-    let predictions = each(laws, budgets, output);
-    atomic::write_json(&folder.file("prediction.json"), &predictions)?;
-    Ok(predictions)
-}
-
 // `isoflop predict --params N --tokens D`: the loss of a model that need not be the optimum.
 
 #[derive(Args)]

@@ -91,21 +91,13 @@ fn heading(name: &str, state: &SweepState, engines: &[(&str, EngineState)]) -> S
         let jobs = state.running.len();
         sentence += &format!(", {} with {jobs} at work", left(eta));
     }
-    let who = match engines {
-        [_, ..] if !state.at_work => {
-            engines.iter().map(|(_, said)| said.text.as_str()).collect::<String>()
-        }
-        _ => at_work(state) + "\n",
+    let who = match (engines, &state.scheduler) {
+        ([_, ..], _) if !state.at_work => engines.iter().map(|(_, said)| &*said.text).collect(),
+        (_, Some(one)) => format!("at work: process {} on {}\n", one.pid, one.host),
+        _ if state.at_work => "at work: a process that has just begun\n".to_string(),
+        _ => "no scheduler is at work here\n".to_string(),
     };
     wrap(&format!("{name}: "), &sentence) + &who
-}
-
-fn at_work(state: &SweepState) -> String {
-    match (&state.scheduler, state.at_work) {
-        (Some(one), _) => format!("at work: process {} on {}", one.pid, one.host),
-        (None, true) => "at work: a process that has just begun".to_string(),
-        (None, false) => "no scheduler is at work here".to_string(),
-    }
 }
 
 fn counts(state: &SweepState) -> String {

@@ -3,6 +3,7 @@
 use super::context::{OpenSweep, SweepArgs, an_engine};
 use super::prelude::*;
 use super::run::{RunArgs, bring, hold, open};
+use super::sizes::distinct;
 use isoflop::engine::{ENGINES, Engine};
 use isoflop::jobs::presence::Held;
 use isoflop::jobs::{JobId, JobState, adopt};
@@ -153,12 +154,9 @@ fn sentences(rule: &Rule, n_trials: usize) -> Vec<String> {
 }
 
 fn formula(lr: &LrRule) -> String {
-    let tokens = if lr.tokens_exponent == 0.0 {
-        String::new()
-    } else {
-        format!(" D^{}", lr.tokens_exponent)
-    };
-    format!("{} N_nv^{}{tokens}", lr.coefficient, lr.params_exponent)
+    let LrRule { coefficient, params_exponent, tokens_exponent: of_d, .. } = lr;
+    let tokens = if *of_d == 0.0 { String::new() } else { format!(" D^{of_d}") };
+    format!("{coefficient} N_nv^{params_exponent}{tokens}")
 }
 
 /// The rule as the `train` section of a sweep.
@@ -205,14 +203,12 @@ impl Cells {
     /// The runs of some trials, (cell, setting).
     pub fn asked(&self, sweep: &Sweep, plan: &Plan, wanted: Vec<(usize, Setting)>) -> Vec<Asked> {
         // Many cells try one setting, and a large sweep takes a second to plan.
-        let mut plans: Vec<(Setting, Plan)> = Vec::new();
-        for (_, setting) in &wanted {
-            if !plans.iter().any(|(planned, _)| planned == setting) {
-                let train = setting.of(&sweep.train);
-                let own = Sweep { train, ..sweep.clone() };
-                plans.push((*setting, Plan::new(&own, plan.data.clone())));
-            }
-        }
+        let settings = distinct(wanted.iter().map(|(_, setting)| *setting).collect());
+        let planned = |setting: Setting| {
+            let own = Sweep { train: setting.of(&sweep.train), ..sweep.clone() };
+            (setting, Plan::new(&own, plan.data.clone()))
+        };
+        let plans: Vec<(Setting, Plan)> = settings.into_iter().map(planned).collect();
         let of = |(cell, setting): (usize, Setting)| {
             let mut runs = plans.iter().filter(|(planned, _)| *planned == setting);
             let cell_run = &self.runs[cell];
@@ -221,11 +217,8 @@ impl Cells {
                     && run.spec.seed == cell_run.spec.seed
                     && run.spec.tokenizer_id == cell_run.spec.tokenizer_id
             };
-            Asked {
-                cell,
-                setting,
-                run: runs.find_map(|(_, plan)| plan.runs.iter().find(is_it)).cloned(),
-            }
+            let run = runs.find_map(|(_, plan)| plan.runs.iter().find(is_it)).cloned();
+            Asked { cell, setting, run }
         };
         wanted.into_iter().map(of).collect()
     }

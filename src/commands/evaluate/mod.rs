@@ -52,12 +52,8 @@ pub struct EvaluateArgs {
     /// Leave MultiModality out, which takes as many motions as six repeats
     #[arg(long, requires = "run")]
     pub no_multimodality: bool,
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 0,
-        help = "The same seed gives the same scores"
-    )]
+    /// The same seed gives the same scores
+    #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
     /// The backend that computes
     #[arg(long, value_parser = device(), default_value = "flex")]
