@@ -33,8 +33,7 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
     let budget = args.budget.or(Some(largest).filter(|budget| budget.is_finite()));
     let budget = budget.context("no study says which budgets it was fitted to; give --budget")?;
     let quantities = Quantity::all(&studies, budget)?;
-    let sweeps =
-        SweepDifference::of(&studies.iter().map(|study| &*study.path).collect::<Vec<_>>())?;
+    let sweeps = SweepDifference::of(&studies)?;
     let draw = |out: &Path| {
         let named: Vec<(&str, &Laws)> =
             studies.iter().map(|study| (&*study.name, &study.laws)).collect();
@@ -71,17 +70,13 @@ fn text(
     for quantity in quantities {
         let at = if quantity.is_ratio { format!(" at {budget:.3e} FLOPs") } else { String::new() };
         let _ = writeln!(text, "{}{at}", quantity.name);
-        let rows = studies.iter().zip(&quantity.estimates).zip(&quantity.differences);
-        let row = |((study, estimate), difference): (
-            (&Study, &Option<Estimate>),
-            &Option<Difference>,
-        )| {
-            let name: String = study.name.chars().take(WIDEST).collect();
-            let difference = difference.map(|found| against(found, quantity.is_ratio));
-            let estimate = dash(*estimate, |found| said(found, quantity));
+        let row = |i: usize| {
+            let name: String = studies[i].name.chars().take(WIDEST).collect();
+            let difference = quantity.differences[i].map(|own| against(own, quantity.is_ratio));
+            let estimate = dash(quantity.estimates[i], |found| said(found, quantity));
             [format!("  {name}"), estimate, difference.unwrap_or_default()]
         };
-        text += &table(["<", "<", "<"], rows.map(row));
+        text += &table(["<", "<", "<"], (0..studies.len()).map(row));
     }
     text += &of_sweeps(studies, sweeps, full);
     text
@@ -163,14 +158,14 @@ struct SweepDifference {
 
 impl SweepDifference {
     /// Of the frozen sweeps in folders; nothing where one has none.
-    pub fn of(folders: &[&Path]) -> Result<Vec<Self>> {
+    pub fn of(studies: &[Study]) -> Result<Vec<Self>> {
         let mut all: Vec<BTreeMap<String, String>> = Vec::new();
-        for folder in folders {
+        for study in studies {
             // A laws.json stands for no folder.
-            if !folder.is_dir() {
+            if !study.path.is_dir() {
                 return Ok(Vec::new());
             }
-            let path = folder.join("sweep.yaml");
+            let path = study.path.join("sweep.yaml");
             let Some(text) = read_text_if_there(&path)? else { return Ok(Vec::new()) };
             let value = serde_yaml::from_str(&text).map_err(|e| FileError::damaged(&path, e))?;
             let mut keys = BTreeMap::new();

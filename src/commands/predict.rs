@@ -55,15 +55,17 @@ pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
     };
     let asked = args.unique_tokens.map(on_data).transpose()?;
     let laws = asked.as_ref().unwrap_or(&own);
-    if let Some(model) = args.sized.model() {
+    let SizedArgs { params, tokens, vocab: n_vocab, params_vocab } = args.sized;
+    if let (Some(params), Some(tokens)) = (params, tokens) {
+        let model = ModelSize { params, n_vocab, params_vocab, tokens };
         let said = predict_sized(laws, &model)?;
         return output.result(&json!([said]), &sized_text(&said));
     }
-    let predictions = args
-        .budgets
-        .iter()
-        .map(|budget| Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens)))
-        .collect::<Result<Vec<Prediction>, PredictError>>()?;
+    let predicted = |budget: &f64| -> Result<Prediction, PredictError> {
+        Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens))
+    };
+    let predictions: Vec<Prediction> =
+        args.budgets.iter().map(predicted).collect::<Result<_, _>>()?;
     let text = said(&predictions, output.full);
     output.result(&serde_json::to_value(&predictions)?, &text)
 }
@@ -108,7 +110,7 @@ pub fn each(laws: &Laws, budgets: &[f64], output: &Output) -> Vec<Prediction> {
 
 // `isoflop predict --params N --tokens D`: the loss of a model that need not be the optimum.
 
-#[derive(Args)]
+#[derive(Args, Clone, Copy)]
 #[command(next_help_heading = "Loss of a given model")]
 struct SizedArgs {
     /// N of a model whose loss is asked for, in place of an optimum; N_nv if the law tells N_v apart
@@ -123,18 +125,6 @@ struct SizedArgs {
     /// N_v in place of V
     #[arg(long, value_name = "N_v", value_parser = amount, requires = "params", conflicts_with = "vocab")]
     params_vocab: Option<f64>,
-}
-
-impl SizedArgs {
-    /// The model, if one is asked for.
-    pub fn model(&self) -> Option<ModelSize> {
-        Some(ModelSize {
-            params: self.params?,
-            n_vocab: self.vocab,
-            params_vocab: self.params_vocab,
-            tokens: self.tokens?,
-        })
-    }
 }
 
 /// A count of parameters or tokens.
@@ -155,13 +145,11 @@ fn openai_count(
     head_share: f64,
     ladder: &[predict::Shape],
 ) -> impl Fn(f64, f64, f64) -> f64 + Sync {
-    let rungs: Vec<(f64, f64)> = ladder
-        .iter()
-        .map(|rung| {
-            let flops = openai_blocks(rung.n_layer as usize, rung.d_model as usize, n_ctx);
-            ((rung.params_nonvocab() as f64).ln(), flops.ln())
-        })
-        .collect();
+    let rung = |rung: &predict::Shape| {
+        let flops = openai_blocks(rung.n_layer as usize, rung.d_model as usize, n_ctx);
+        ((rung.params_nonvocab() as f64).ln(), flops.ln())
+    };
+    let rungs: Vec<(f64, f64)> = ladder.iter().map(rung).collect();
     move |nonvocab: f64, vocab: f64, tokens: f64| {
         let per_token = interpolate(&rungs, nonvocab.ln()).exp() + 2.0 * head_share * vocab;
         TRAINING_PER_FORWARD * per_token * tokens

@@ -222,10 +222,8 @@ struct Made {
 
 /// The first motions of the run of the lowest L_u that made some; none where no run did.
 fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Sample>> {
-    let mut by_loss: Vec<(&RunRecord, f64)> = records
-        .iter()
-        .filter_map(|record| Some((record, record.loss_normalised().ok()?)))
-        .collect();
+    let with_loss = |record| Some((record, RunRecord::loss_normalised(record).ok()?));
+    let mut by_loss: Vec<(&RunRecord, f64)> = records.iter().filter_map(with_loss).collect();
     by_loss.sort_by(|a, b| a.1.total_cmp(&b.1));
     for (record, _) in by_loss {
         let run_id = &record.planned.run_id;

@@ -164,23 +164,18 @@ impl FileScores {
     ) -> Result<Self> {
         let truth = trusted.truth()?;
         let evaluator = &trusted.evaluator;
-        let all = evaluator.motions(motions.iter().map(|motion| motion.features.as_slice()))?;
-        let captioned: Vec<(&str, usize)> = motions
-            .iter()
-            .enumerate()
-            .filter_map(|(index, motion)| Some((motion.caption.as_deref()?, index)))
-            .collect();
-        let own: Vec<usize> = captioned.iter().map(|(_, index)| *index).collect();
-        let pairs = Embedded {
-            motions: all.select(&own),
-            captions: evaluator.captions(captioned.iter().map(|(caption, _)| *caption))?,
-        };
+        let features = motions.iter().map(|(features, _)| features.as_slice());
+        let all = evaluator.motions(features.clone())?;
+        let (own, captions): (Vec<usize>, Vec<&str>) = (motions.iter().enumerate())
+            .filter_map(|(index, (_, caption))| Some((index, caption.as_deref()?)))
+            .unzip();
+        let n_captions = captions.len();
+        let pairs = Embedded { motions: all.select(&own), captions: evaluator.captions(captions)? };
         let fps = evaluator.fps();
-        let features = motions.iter().map(|motion| motion.features.as_slice());
         Ok(Self {
             evaluator_id: trusted.id.clone(),
             n_motions: motions.len(),
-            n_captions: captioned.len(),
+            n_captions,
             n_truth: truth.n_clips(),
             scores: args.scores((&all, &pairs), (&truth.embedded.motions, &truth.embedded)),
             physics: ScoredPhysics::of(features, fps),

@@ -10,13 +10,8 @@ use std::fs;
 /// Problems that are listed, at most.
 const LISTED: usize = 10;
 
-/// A motion of a file.
-pub struct NamedMotion {
-    /// `[T, 263]` row-major and raw.
-    pub features: Vec<f32>,
-    /// As captions of data are read.
-    pub caption: Option<String>,
-}
+/// A motion of a file: its features, `[T, 263]` row-major and raw, and its caption as captions of data are read.
+pub type NamedMotion = (Vec<f32>, Option<String>);
 
 /// Reads every motion.
 ///
@@ -34,16 +29,14 @@ pub fn named_motions(
         }
     }
     let captions = captions(texts, &files)?;
-    let paths: Vec<&PathBuf> = files.iter().map(|(path, _)| path).collect();
-    let read: Vec<_> = paths.par_iter().map(|path| read_motion(path, fps)).collect();
+    let read: Vec<_> = files.par_iter().map(|(path, _)| read_motion(path, fps)).collect();
     let problems: Vec<String> =
         read.iter().filter_map(|read| Some(read.as_ref().err()?.to_string())).collect();
     if !problems.is_empty() {
         let (n, all, shown) = (problems.len(), read.len(), problems.len().min(LISTED));
         bail!("{n} of {all} motions cannot be scored:\n  {}", problems[..shown].join("\n  "));
     }
-    let each = read.into_iter().flatten().zip(captions);
-    Ok(each.map(|(features, caption)| NamedMotion { features, caption }).collect())
+    Ok(read.into_iter().flatten().zip(captions).collect())
 }
 
 /// A file a motion: features where a motion has several files, then arrays, then BVH.

@@ -188,11 +188,6 @@ fn a_law() -> impl TypedValueParser<Value = LawKind> {
 // What a fit is asked for: the command line, over the defaults of the analysis it follows.
 
 impl FitArgs {
-    /// Of a table's rows and law alone.
-    pub fn of_table(table: &TableArgs) -> Self {
-        Self { table: table.clone(), ..Self::default() }
-    }
-
     /// With what the published analysis has that is not given.
     pub fn resolved(&self) -> Self {
         let mut own = self.clone();

@@ -23,7 +23,7 @@ impl TableStudy {
         if path.extension().is_some_and(|extension| extension == "json") {
             return Self::of_laws(path, args);
         }
-        let request = FitArgs::of_table(args);
+        let request = FitArgs { table: args.clone(), ..FitArgs::default() };
         let source = RunTable::open(path, request.flops)?.source(&request.rows())?;
         source.told().for_each(|line| output.note(&line));
         let laws = laws(&source, &request);
