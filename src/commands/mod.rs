@@ -18,7 +18,6 @@ mod doubts;
 mod evaluate;
 #[cfg(feature = "train")]
 mod evaluator;
-mod exit;
 mod export;
 mod fit;
 #[cfg(feature = "train")]
@@ -56,7 +55,7 @@ mod worker;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-pub use exit::{Exit, refuse, report};
+pub use output::{Exit, refuse, report};
 
 /// Scaling-law experiments for autoregressive motion generation: run an IsoFLOP sweep, regenerate
 /// its figures, predict the best configuration for a budget.

@@ -17,5 +17,4 @@ pub use isoflop::words::wrap;
 pub use serde::{Deserialize, Serialize};
 pub use serde_json::{Value, json};
 
-pub use super::exit::{Exit, sentence};
-pub use super::output::{Output, clip, dash, many, more, table};
+pub use super::output::{Exit, Output, clip, dash, many, more, sentence, table};

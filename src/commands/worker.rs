@@ -1,7 +1,7 @@
 //! `isoflop worker`: one job of a sweep, in a process of its own.
 
 use super::context::{an_engine, device};
-use super::exit::say;
+use super::output::say;
 use super::prelude::*;
 use super::{analyse, status};
 use isoflop::engine::{ENGINES, Engine, FitTerms, Task};

@@ -3,14 +3,13 @@
 mod args;
 mod next;
 mod source;
-mod study;
 mod sweep;
 
 pub use args::{FitArgs, TableArgs};
-pub use study::{TableStudy, beside};
+pub use source::{TableStudy, beside};
 pub use sweep::{fit_records, options, points};
 
-use super::exit::say;
+use super::output::say;
 use super::predict::each;
 use super::prelude::*;
 use isoflop::laws::{FitError, LawKind};
