@@ -19,7 +19,14 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
     let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
     let records = gather(folder, output)?;
     if records.is_empty() {
-        return nothing(folder, output);
+        // An empty table, and no word of laws and figures.
+        table::write(folder.root(), &[])?;
+        forget(folder)?;
+        let root = folder.root();
+        let document = json!({
+            "results": root, "runs": 0, "laws": null, "predictions": [], "figures": [],
+        });
+        return output.result(&document, &format!("{}: no run is done yet", root.display()));
     }
     let by_generator = parted(&records);
     // Before the laws: what they were made beside is compared by the figures that are there.
@@ -90,17 +97,6 @@ fn side_by_side(
          each      {root}/generators/<generator>: laws.json, figures\n          \
          isoflop predict C --law {root}/generators/<generator>\n"
     )
-}
-
-/// What there is before the first run is done: an empty table, and no word of laws and figures.
-fn nothing(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
-    table::write(folder.root(), &[])?;
-    forget(folder)?;
-    let root = folder.root();
-    let document = json!({
-        "results": root, "runs": 0, "laws": null, "predictions": [], "figures": [],
-    });
-    output.result(&document, &format!("{}: no run is done yet", root.display()))
 }
 
 /// The table alone.

@@ -298,18 +298,15 @@ impl Study {
         if laws.power_laws.tokens.is_none() {
             bail!("{given} holds no power laws to compare");
         }
-        Ok(Self { name: name(&path), laws, path })
+        // A folder's name, or a file's without its ending; that of the folder for a `laws.json`.
+        let stem = path.file_stem().unwrap_or_default();
+        let folder = path.parent().and_then(Path::file_name).filter(|_| stem == "laws");
+        let name = match path.is_dir() {
+            true => ResultsFolder::new(&path).name(),
+            false => folder.unwrap_or(stem).to_string_lossy().into_owned(),
+        };
+        Ok(Self { name, laws, path })
     }
-}
-
-/// A folder's name, or a file's without its ending; that of the folder for a `laws.json`.
-fn name(path: &Path) -> String {
-    if path.is_dir() {
-        return ResultsFolder::new(path).name();
-    }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let folder = path.parent().and_then(Path::file_name).filter(|_| stem == "laws");
-    folder.map_or(stem, |folder| folder.to_string_lossy().into_owned())
 }
 
 #[cfg(test)]

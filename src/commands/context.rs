@@ -17,7 +17,7 @@ use std::fs;
 /// A sweep file and what is laid over it.
 #[derive(Args, Clone)]
 pub struct SweepArgs {
-    #[arg(help = sweep_help())]
+    #[arg(help = format!("The sweep file, or a preset: {}", NAMES.join(", ")))]
     pub sweep: PathBuf,
     /// Override a setting of the file, as in train.min_steps=100; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -27,11 +27,6 @@ pub struct SweepArgs {
     pub out: PathBuf,
     #[command(flatten)]
     pub work: WorkArgs,
-}
-
-/// What may stand in the place of a sweep file.
-fn sweep_help() -> String {
-    format!("The sweep file, or a preset: {}", NAMES.join(", "))
 }
 
 /// What computes, and how much of it side by side.

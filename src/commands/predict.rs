@@ -228,7 +228,14 @@ pub fn not_of_groups(folder: &Path) -> Result<()> {
 
 /// The error where no law is named: the choices, with the laws that lie where the program was started.
 fn missing() -> anyhow::Error {
-    let here: String = match &at_hand()[..] {
+    // Where laws lie below the working directory, sorted: sweeps in `results`, and `laws.json`.
+    let entries = std::fs::read_dir("results").into_iter().flatten().flatten();
+    let folders = entries.map(|entry| entry.path()).filter(|path| path.join("laws.json").exists());
+    let mut found: Vec<String> = folders.map(|path| path.display().to_string()).collect();
+    found.sort();
+    found.extend(Path::new("laws.json").exists().then(|| "laws.json".to_string()));
+    found.truncate(MOST_NAMED);
+    let here = match &found[..] {
         [] => String::new(),
         all => format!("; here: --law {}", all.join(", --law ")),
     };
@@ -236,15 +243,4 @@ fn missing() -> anyhow::Error {
         "no law to predict by: give --law results/NAME for a sweep's, --law FILE for one that \
          isoflop fit saved by --out, or --law scamo for the published one{here}"
     )
-}
-
-/// Where laws lie below the working directory, sorted: sweeps in `results`, and `laws.json`.
-fn at_hand() -> Vec<String> {
-    let entries = std::fs::read_dir("results").into_iter().flatten().flatten();
-    let folders = entries.map(|entry| entry.path()).filter(|path| path.join("laws.json").exists());
-    let mut found: Vec<String> = folders.map(|path| path.display().to_string()).collect();
-    found.sort();
-    found.extend(Path::new("laws.json").exists().then(|| "laws.json".to_string()));
-    found.truncate(MOST_NAMED);
-    found
 }

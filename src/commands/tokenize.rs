@@ -20,7 +20,12 @@ pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
     };
     // All are read and encoded before the first is written.
     let encoded: Vec<(ClipCodes, f64)> = motions.map(encode).collect::<Result<_>>()?;
-    encoded.iter().filter(|(_, far)| *far > FAR).for_each(|clip| output.warn(&strange(clip)));
+    for (ClipCodes { motion, .. }, far) in encoded.iter().filter(|(_, far)| *far > FAR) {
+        output.warn(&format!(
+            "{motion} is like nothing that the tokenizer was trained on: its features are {far:.1} deviations \
+             from their mean; joints are in metres with y up, features are not normalised"
+        ));
+    }
     let clips: Vec<ClipCodes> = encoded.into_iter().map(|(clip, _)| clip).collect();
     places.iter().zip(&clips).try_for_each(|(place, clip)| clip.write(place))?;
     let document = json!({ "tokenizer": tokenizer.id, "files": places, "motions": clips });
@@ -43,14 +48,6 @@ fn places(args: &TokenizeArgs) -> Result<Vec<PathBuf>> {
         places.push(place);
     }
     Ok(places)
-}
-
-fn strange((clip, far): &(ClipCodes, f64)) -> String {
-    format!(
-        "{} is like nothing that the tokenizer was trained on: its features are {far:.1} deviations from \
-         their mean; joints are in metres with y up, features are not normalised",
-        clip.motion
-    )
 }
 
 /// The codes of a motion, and how strange it is; frames after its last whole latent are left out.

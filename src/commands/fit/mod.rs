@@ -146,6 +146,8 @@ fn fit_fitted(column: &str, request: &FitArgs, output: &Output) -> Result<Exit> 
     let each = groups.into_iter().map(|group| one(&table, group, request, output));
     let mut done: Vec<Done> = each.collect();
     let count = done.iter().filter(|one| one.fitted.is_ok()).count();
+    let is_of_the_runs =
+        |error: &anyhow::Error| error.downcast_ref().is_some_and(FitError::is_unidentifiable);
     if count == 0 && !done[0].fitted.as_ref().is_err_and(is_of_the_runs) {
         let first = done.swap_remove(0);
         let group = format!("{column} = {}", first.group.value);
@@ -162,10 +164,6 @@ fn fit_fitted(column: &str, request: &FitArgs, output: &Output) -> Result<Exit> 
         return Ok(Exit::NotIdentifiable);
     }
     Ok(Exit::Done)
-}
-
-fn is_of_the_runs(error: &anyhow::Error) -> bool {
-    error.downcast_ref::<FitError>().is_some_and(FitError::is_unidentifiable)
 }
 
 fn one(table: &RunTable, group: Group, request: &FitArgs, output: &Output) -> Done {

@@ -126,8 +126,8 @@ fn write(
     let all: Vec<CaptionedMotion> = captioned.collect();
     let mut motions = Vec::with_capacity(all.len());
     for (index, (motion, MadeMotion { sampled, .. })) in all.iter().zip(made).enumerate() {
-        let written = write_motion(out, &index.to_string(), motion)
-            .with_context(|| format!("writing motion {index}"))?;
+        let written = write_motion(out, &index.to_string(), motion);
+        let written = written.with_context(|| format!("writing motion {index}"))?;
         motions.push(Motion {
             caption: motion.caption.to_string(),
             seed: args.seed,

@@ -138,9 +138,8 @@ fn price(plan: &Plan, history: &History, records: Vec<RunRecord>) -> String {
     let (number, total) = (history.rounds.len(), plan.total_flops());
     let Some(round) = history.rounds.last() else { return String::new() };
     let rate = flops_per_second(records);
-    let hours = rate.map_or_else(String::new, |rate| {
-        format!(", {} of a core", time(round.flops / rate / 3600.0))
-    });
+    let of_a_core = |rate: f64| format!(", {} of a core", time(round.flops / rate / 3600.0));
+    let hours = rate.map_or_else(String::new, of_a_core);
     format!(
         "round {number}: {} runs, {:.2e} FLOPs{hours}; {:.0} % of the grid so far",
         round.runs.len(),
