@@ -28,7 +28,7 @@ pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     let document = json!({
         "tokenizer": tokenizer.id, "folder": args.out, "motions": made, "mpjpe_mm": mean,
     });
-    output.result(&document, &text(&tokenizer, &made, mean, args))
+    output.result(&document, &text(&tokenizer.id, &made, mean, &args.out))
 }
 
 /// The name of each motion, of which the folder holds no file yet, or none that is to stay.
@@ -122,12 +122,7 @@ fn mean_mpjpe(made: &[Made]) -> Option<f64> {
 const LISTED: usize = 12;
 
 /// What a person reads: a screen.
-fn text(
-    tokenizer: &TrainedTokenizer,
-    made: &[Made],
-    mean: Option<f64>,
-    args: &DetokenizeArgs,
-) -> String {
+fn text(id: &str, made: &[Made], mean: Option<f64>, out: &Path) -> String {
     let heading = many(made.len(), "motion");
     let row = |Made { motion, frames, mpjpe_mm, .. }: &Made| {
         let off = dash(*mpjpe_mm, |mm| format!("{mm:.1}"));
@@ -135,12 +130,12 @@ fn text(
     };
     let rows = table(["", "", "<"], made.iter().take(LISTED).map(row));
     let unsaid = more(made.len(), LISTED, "");
-    let mut text = format!("{heading} by tokenizer {}\n\n{rows}{unsaid}", tokenizer.id);
+    let mut text = format!("{heading} by tokenizer {id}\n\n{rows}{unsaid}");
     let mean = mean.map_or_else(
         || "unknown: no original lies beside the codes; name it by --truth".to_string(),
         |mean| format!("{mean:.1} mm from the originals, over their frames"),
     );
-    let out = args.out.display();
+    let out = out.display();
     text += &format!("\nMPJPE     {mean}\n");
     text + &format!("files     {out}/<motion>.svg .bvh .joints.npy .features.npy\n")
 }

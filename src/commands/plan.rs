@@ -28,11 +28,8 @@ pub struct PlanArgs {
 
 impl PlanArgs {
     /// The GPU that is named here or in the sweep.
-    fn gpu(
-        &self,
-        OpenSweep { sweep, plan, folder }: &OpenSweep,
-        output: &Output,
-    ) -> Result<Option<Gpu>> {
+    fn gpu(&self, open: &OpenSweep, output: &Output) -> Result<Option<Gpu>> {
+        let OpenSweep { sweep, plan, folder } = open;
         let engine = sweep.engine.as_ref();
         let Some(card) = self.gpu.or_else(|| engine?.card()) else {
             if self.price.is_some() {

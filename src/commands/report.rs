@@ -122,15 +122,11 @@ impl GeneratorResults {
         Ok(Self { generator, loss_name, verdict, laws, predictions, records, figures })
     }
 
-    fn read(
-        folder: &ResultsFolder,
-        generator: Option<String>,
-        records: &[RunRecord],
-    ) -> Result<Self> {
-        let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
+    fn read(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Self> {
+        let laws = read_if_there(&folder.file("laws.json"))?;
         let told: Option<Vec<Prediction>> = read_if_there(&folder.file("prediction.json"))?;
         let (told, records) = (told.unwrap_or_default(), Tuned::of(records).records);
-        Ok(Self { generator, ..Self::new(laws, &told, records, &folder.file("figures"))? })
+        Self::new(laws, &told, records, &folder.file("figures"))
     }
 
     /// What the page shows of it.
@@ -151,10 +147,11 @@ impl GeneratorResults {
 fn of_each(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<GeneratorResults>> {
     let parted = parted(records);
     if parted.len() < 2 {
-        return Ok(vec![GeneratorResults::read(folder, None, records)?]);
+        return Ok(vec![GeneratorResults::read(folder, records)?]);
     }
     let own = |(name, records): (String, Vec<RunRecord>)| {
-        GeneratorResults::read(&folder.of_generator(&name), Some(name), &records)
+        let own = GeneratorResults::read(&folder.of_generator(&name), &records)?;
+        Ok(GeneratorResults { generator: Some(name), ..own })
     };
     parted.into_iter().map(own).collect()
 }
@@ -237,22 +234,17 @@ fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Sample>>
     Ok(Vec::new())
 }
 
-fn of_run(
-    folder: &ResultsFolder,
-    run_id: &str,
-    place: &Path,
-    made: Vec<Made>,
-) -> Result<Vec<Sample>> {
+fn of_run(home: &ResultsFolder, id: &str, place: &Path, made: Vec<Made>) -> Result<Vec<Sample>> {
     let files = (0..).map(|n| place.join(format!("{n}.features.npy")));
     let kept = files.zip(made).filter(|(path, _)| path.exists());
     let kept: Vec<(PathBuf, Made)> = kept.take(SHOWN).collect();
     let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
-    let mut truth = truth(folder, &captions);
+    let mut truth = truth(home, &captions);
     let read = |(path, Made { caption, fps }): (PathBuf, Made)| {
         let features =
             read_motion(&path, fps).with_context(|| format!("reading {}", path.display()))?;
         let (poses, truth) = (recover_joints(&features), truth.remove(&caption));
-        Ok(Sample { caption, run_id: run_id.to_string(), fps, poses, truth })
+        Ok(Sample { caption, run_id: id.to_string(), fps, poses, truth })
     };
     kept.into_iter().map(read).collect()
 }

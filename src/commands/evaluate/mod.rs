@@ -138,12 +138,11 @@ struct FileScore {
     pub reason: Option<String>,
 }
 
+/// A score of several draws, or the reason why there is none.
+type Found<T = Repeated> = Result<T, EvaluatorError>;
+
 impl FileScore {
-    fn new(
-        name: &'static str,
-        found: Result<Repeated, EvaluatorError>,
-        truth: Result<Repeated, EvaluatorError>,
-    ) -> Self {
+    fn new(name: &'static str, found: Found, truth: Found) -> Self {
         let reason = found.as_ref().err().map(ToString::to_string);
         Self { name, found: found.ok(), truth: truth.ok(), reason }
     }
@@ -227,16 +226,13 @@ impl EvaluateArgs {
         &self,
         name: &'static str,
         sides: [Side; 2],
-        of: impl Fn(Side, &mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
+        of: impl Fn(Side, &mut ChaCha8Rng) -> Found<f64>,
     ) -> FileScore {
         let [found, truth] = sides.map(|side| self.repeated(|rng| of(side, rng)));
         FileScore::new(name, found, truth)
     }
 
-    fn repeated(
-        &self,
-        of: impl Fn(&mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
-    ) -> Result<Repeated, EvaluatorError> {
+    fn repeated(&self, of: impl Fn(&mut ChaCha8Rng) -> Found<f64>) -> Found {
         let draw = |index: usize| {
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
             rng.set_stream(index as u64);

@@ -93,9 +93,7 @@ impl GenerateArgs {
 
     /// The motion that is made anew in part.
     pub fn source(&self, run: &TrainedRun) -> Result<Option<Source>> {
-        let read =
-            |path: &PathBuf| Source::read(path, &self.anew, self.n_frames(run.spec.fps), run);
-        self.edit.as_ref().map(read).transpose()
+        self.edit.as_ref().map(|path| Source::read(path, self, run)).transpose()
     }
 
     /// How motions are made.
@@ -126,15 +124,10 @@ impl Source {
     ///
     /// # Errors
     /// The file is no motion, is longer than what is asked for, or nothing of it is made anew.
-    pub fn read(
-        path: &Path,
-        spans: &[Range<f64>],
-        asked: Option<usize>,
-        run: &TrainedRun,
-    ) -> Result<Self> {
+    fn read(path: &Path, args: &GenerateArgs, run: &TrainedRun) -> Result<Self> {
         let mut features = read_motion(path, run.spec.fps)?;
         let own = features.len() / N_FEATURES;
-        let n_frames = asked.unwrap_or(own);
+        let n_frames = args.n_frames(run.spec.fps).unwrap_or(own);
         if n_frames < own {
             bail!("{} has {own} frames; ask for no fewer than that", path.display());
         }
@@ -143,7 +136,7 @@ impl Source {
         let frames = run.tokenizer.spec().frames_per_latent();
         let is_anew = |latent: usize| {
             let middle = (latent as f64 + 0.5) * frames as f64;
-            middle >= own as f64 || spans.iter().any(|s| s.contains(&(middle / run.spec.fps)))
+            middle >= own as f64 || args.anew.iter().any(|s| s.contains(&(middle / run.spec.fps)))
         };
         let anew: Vec<bool> = (0..n_frames / frames).map(is_anew).collect();
         if !anew.contains(&true) {

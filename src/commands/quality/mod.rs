@@ -330,7 +330,18 @@ fn scored_rows(
     records: &[RunRecord],
     output: &Output,
 ) -> Result<(Vec<Quality>, Vec<Vec<Quality>>)> {
-    let mut by_evaluator = by_evaluator(sweep, folder, records, output)?;
+    // Scores by settings that the sweep had before lie there too.
+    let wanted = sweep.scores.as_ref().map(ScoresSpec::of_a_run);
+    let by_id: BTreeMap<&str, &RunRecord> =
+        records.iter().map(|record| (record.planned.run_id.as_str(), record)).collect();
+    let mut by_evaluator: BTreeMap<String, Vec<Quality>> = BTreeMap::new();
+    for scores in folder.all_scores(|line| output.warn(&line))? {
+        let record = by_id.get(scores.run_id.as_str());
+        if let Some(record) = record.filter(|_| wanted.as_ref() == Some(&scores.spec)) {
+            let row = scores.quality((*record).clone());
+            by_evaluator.entry(row.evaluator_id.clone()).or_default().push(row);
+        }
+    }
     // The evaluators that the sweep describes.
     let present = match &sweep.evaluator {
         Some(section) => folder.gates_of(section, |line| output.warn(&line))?,
@@ -343,27 +354,6 @@ fn scored_rows(
     let fid = |row: &Quality| row.mean("fid").unwrap_or(f64::INFINITY);
     own.sort_by(|a, b| fid(a).total_cmp(&fid(b)));
     Ok((own, by_evaluator.into_values().collect()))
-}
-
-/// All scores by the sweep's settings; such by settings that it had before lie there too.
-fn by_evaluator(
-    sweep: &Sweep,
-    folder: &ResultsFolder,
-    records: &[RunRecord],
-    output: &Output,
-) -> Result<BTreeMap<String, Vec<Quality>>> {
-    let wanted = sweep.scores.as_ref().map(ScoresSpec::of_a_run);
-    let by_id: BTreeMap<&str, &RunRecord> =
-        records.iter().map(|record| (record.planned.run_id.as_str(), record)).collect();
-    let mut by_evaluator: BTreeMap<String, Vec<Quality>> = BTreeMap::new();
-    for scores in folder.all_scores(|line| output.warn(&line))? {
-        let record = by_id.get(scores.run_id.as_str());
-        if let Some(record) = record.filter(|_| wanted.as_ref() == Some(&scores.spec)) {
-            let row = scores.quality((*record).clone());
-            by_evaluator.entry(row.evaluator_id.clone()).or_default().push(row);
-        }
-    }
-    Ok(by_evaluator)
 }
 
 #[cfg(test)]

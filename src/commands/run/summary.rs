@@ -88,21 +88,17 @@ impl Summary<'_> {
         for (_, failed) in together(failed) {
             let labels: Vec<String> = failed.iter().map(|(job, _)| job.label.clone()).collect();
             let (job, failure) = &failed[0];
-            self.failure(&job.id, &several(&labels), failure, output);
+            let (id, Failure { kind, reason, last_lines }) = (&job.id, failure);
+            output.warn(&format!("{} failed [{}]: {reason}", several(&labels), kind.word()));
+            for line in &last_lines[last_lines.len().saturating_sub(LAST_LINES)..] {
+                output.warn(&format!("  | {line}"));
+            }
+            if let Some(advice) = kind.advice() {
+                output.warn(&format!("  {advice}"));
+            }
+            output.warn(&format!("  see {}", self.open.folder.job(id).join("log.txt").display()));
+            output.warn(&format!("  again: {}", self.command.said(None, &["--retry", &id.id])));
         }
-    }
-
-    fn failure(&self, job: &JobId, labels: &str, failure: &Failure, output: &Output) {
-        let Failure { kind, reason, last_lines } = failure;
-        output.warn(&format!("{labels} failed [{}]: {reason}", kind.word()));
-        for line in &last_lines[last_lines.len().saturating_sub(LAST_LINES)..] {
-            output.warn(&format!("  | {line}"));
-        }
-        if let Some(advice) = kind.advice() {
-            output.warn(&format!("  {advice}"));
-        }
-        output.warn(&format!("  see {}", self.open.folder.job(job).join("log.txt").display()));
-        output.warn(&format!("  again: {}", self.command.said(None, &["--retry", &job.id])));
     }
 
     /// Why a run has no result whose failure was not told yet.
