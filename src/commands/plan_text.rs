@@ -78,20 +78,15 @@ fn head(plan: &Plan, states: &RunStates) -> String {
         let all: Vec<String> = shares.into_iter().collect();
         out += &wrap("", &format!("each cell on shares {} of the clips", all.join(", ")));
     }
-    if !plan.renamed.is_empty() {
-        out += &wrap("", &vocabularies(&plan.renamed));
-    }
-    out + "\n"
-}
-
-/// `256 codes are 240 (levels 8, 6, 5)`.
-fn vocabularies(renamed: &[Renamed]) -> String {
     let one = |Renamed { named, codes, levels }: &Renamed| {
         let levels: Vec<String> = levels.iter().map(ToString::to_string).collect();
         format!("{codes} for {named} (levels {})", levels.join(", "))
     };
-    let all: Vec<String> = renamed.iter().map(one).collect();
-    format!("V is the product of FSQ's levels: {}", all.join(", "))
+    let renamed: Vec<String> = plan.renamed.iter().map(one).collect();
+    if !renamed.is_empty() {
+        out += &wrap("", &format!("V is the product of FSQ's levels: {}", renamed.join(", ")));
+    }
+    out + "\n"
 }
 
 /// A data set of a union.

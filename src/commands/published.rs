@@ -55,8 +55,7 @@ fn text(rows: &[ScoreRow]) -> String {
 
 fn of_group(rows: &[ScoreRow]) -> String {
     let ScoreRow { evaluator, dataset, .. } = &rows[0];
-    let about = EVALUATORS.iter().find(|(name, _)| name == evaluator);
-    let about = about.map_or_else(
+    let about = EVALUATORS.iter().find(|(name, _)| name == evaluator).map_or_else(
         || format!("evaluator {evaluator}, trained by isoflop: not comparable with the rest"),
         |(_, about)| format!("evaluator: {about}"),
     );

@@ -71,7 +71,10 @@ fn search(
         let asked = cells.asked(&part.sweep, &part.plan, wanted);
         all.extend(asked.iter().cloned());
         if asked.iter().any(|asked| asked.is_open(&part.folder)) {
-            output.note(&price(&asked, all.len()));
+            let new = || asked.iter().filter_map(|asked| asked.run.as_ref());
+            let flops: f64 = new().map(|run| run.spec.budget_flops).sum();
+            let (n, so_far) = (new().count(), all.len());
+            output.note(&format!("{n} trials, {flops:.2e} FLOPs; {so_far} so far"));
             let runs = all.iter().filter_map(|asked| asked.run.clone());
             let plan = part.plan.with_runs(runs.collect());
             let open = OpenSweep { plan, ..part.clone() };
@@ -86,13 +89,6 @@ fn search(
 }
 
 // What `isoflop tune` says.
-
-/// What the next trials cost.
-fn price(asked: &[Asked], so_far: usize) -> String {
-    let runs = || asked.iter().filter_map(|asked| asked.run.as_ref());
-    let flops: f64 = runs().map(|run| run.spec.budget_flops).sum();
-    format!("{} trials, {flops:.2e} FLOPs; {so_far} so far", runs().count())
-}
 
 /// The best rate of each cell, the rule, and what it is worth.
 fn text(rule: &Rule, n_trials: usize, folder: &ResultsFolder) -> String {

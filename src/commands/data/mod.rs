@@ -118,16 +118,9 @@ fn text(counted: &Counted, left_out: usize) -> String {
         [name.to_string(), clips, frames, hours, one, two, four, captions, distinct, words]
     };
     let rows = [("train", train), ("val", val), ("test", test), ("all", all)];
+    let codes = "codes at 1";
     let heads = [
-        "<split",
-        "clips",
-        "frames",
-        "hours",
-        "codes at 1",
-        "2",
-        "4 frames",
-        "captions",
-        "distinct",
+        "<split", "clips", "frames", "hours", codes, "2", "4 frames", "captions", "distinct",
         "words",
     ];
     let mut text = table(heads, rows.map(row));

@@ -52,20 +52,18 @@ fn one_seed(sweep: &Sweep, plan: &Plan) -> Option<Doubt> {
 
 /// The test split has too few codes, or too few groups.
 fn small_test(plan: &Plan) -> Option<Doubt> {
-    let words = too_few(test_codes(plan)?, plan.data.clips[2], plan.data.test_groups)?;
+    // Supervised codes, if its clips are as long as those of the training split; none without data.
+    let [train, _, test] = plan.data.clips;
+    let per_clip = plan.unique_tokens() as f64 / train as f64;
+    if train == 0 || per_clip <= 0.0 {
+        return None;
+    }
+    let words = too_few(per_clip * test as f64, test, plan.data.test_groups)?;
     Some(of_study("small-test", words))
 }
 
 fn of_study(kind: &'static str, [what, mend]: [String; 2]) -> Doubt {
     Doubt { kind, what, mend, budgets_flops: Vec::new() }
-}
-
-/// Supervised codes of the test split, if its clips are as long as those of the training split; `None` without
-/// data.
-fn test_codes(plan: &Plan) -> Option<f64> {
-    let [train, _, test] = plan.data.clips;
-    let per_clip = plan.unique_tokens() as f64 / train as f64;
-    (train > 0 && per_clip > 0.0).then_some(per_clip * test as f64)
 }
 
 #[cfg(test)]

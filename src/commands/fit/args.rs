@@ -133,7 +133,8 @@ pub struct FitArgs {
     pub out: Option<PathBuf>,
 }
 
-const MINIMA: [(&str, &str, MinimumMethod); 5] = [
+/// The kinds of minimum, that in both sizes last.
+pub const MINIMA: [(&str, &str, MinimumMethod); 5] = [
     ("argmin", "", MinimumMethod::Argmin),
     ("parabola", "", MinimumMethod::Parabola),
     ("cubic", "", MinimumMethod::Cubic),

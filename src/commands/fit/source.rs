@@ -1,6 +1,6 @@
 //! Where the points of a fit come from: a sweep's folder, or a table made elsewhere.
 
-use super::args::{FitArgs, TableArgs};
+use super::args::{FitArgs, MINIMA, TableArgs};
 use super::sweep;
 use crate::commands::generators::{of_one, sweep_of};
 use crate::commands::predict::laws_of;
@@ -177,15 +177,9 @@ fn of_budgets(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
     if !source.rows.budget_declared {
         return Err(FitError::NoBudgets);
     }
-    let mut methods = vec![
-        MinimumMethod::Argmin,
-        MinimumMethod::Parabola,
-        MinimumMethod::Cubic,
-        MinimumMethod::Akima,
-    ];
-    if source.rows.parameters == Parameters::Split {
-        methods.push(MinimumMethod::Surface);
-    }
+    let is_split = source.rows.parameters == Parameters::Split;
+    let mut methods = MINIMA.map(|(.., method)| method).to_vec();
+    methods.retain(|method| is_split || *method != MinimumMethod::Surface);
     let options = sweep::asked(FitOptions { methods, ..named(source) }, request);
     laws::fit(&source.rows.points, &options)
 }

@@ -149,18 +149,14 @@ fn refit(
 /// The share of the vocabulary that a code is chosen among; `None` where it is all of it, or where the
 /// records do not tell.
 fn head_share(records: &[RunRecord]) -> Option<f64> {
-    let share = records.iter().find_map(share_of)?;
-    (share < 0.999).then_some(share)
-}
-
-/// What a token costs by the OpenAI rule beside the blocks, as a share of a head over all codes.
-fn share_of(record: &RunRecord) -> Option<f64> {
-    let RunRecord { planned, measured, .. } = record;
-    let (layers, width) = (planned.n_layer?, planned.d_model?);
-    let blocks = openai_blocks(layers, width, planned.n_ctx?);
-    let tokens = TRAINING_PER_FORWARD * measured.tokens as f64;
-    let head = measured.flops_openai? / tokens - blocks;
-    Some(head / (2 * planned.n_vocab * width) as f64)
+    // What a token costs by the OpenAI rule beside the blocks, as a share of a head over all codes.
+    let share_of = |RunRecord { planned, measured, .. }: &RunRecord| {
+        let (layers, width) = (planned.n_layer?, planned.d_model?);
+        let tokens = TRAINING_PER_FORWARD * measured.tokens as f64;
+        let head = measured.flops_openai? / tokens - openai_blocks(layers, width, planned.n_ctx?);
+        Some(head / (2 * planned.n_vocab * width) as f64)
+    };
+    records.iter().find_map(share_of).filter(|share| *share < 0.999)
 }
 
 /// The runs as the laws see them, and a sentence on those whose records lack what a point needs.

@@ -193,9 +193,8 @@ fn bodies(motions: &[Motion]) -> String {
     if seen.is_empty() {
         return String::new();
     }
-    let mean = |of: fn(&Physics) -> f64| {
-        seen.iter().map(|physics| of(physics)).sum::<f64>() / seen.len() as f64
-    };
+    let n = seen.len() as f64;
+    let mean = |of: fn(&Physics) -> f64| seen.iter().map(|own| of(own)).sum::<f64>() / n;
     format!(
         "bodies    a foot slides in {:.0} % of the steps from frame to frame\n          \
              bones vary by {:.0} mm, the lowest joint is {:.0} mm under the floor\n",

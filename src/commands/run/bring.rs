@@ -161,9 +161,7 @@ const OF_ALL_RUNS: [&str; 8] = [
 /// folder of their own, with table, figures and sweep; the runs stay where they are.
 fn keep_former(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
     let has_laws = folder.file("laws.json").exists() || folder.generators().exists();
-    let Some(former) = planned_runs(folder).ok().flatten().filter(|_| has_laws) else {
-        return Ok(());
-    };
+    let former = planned_runs(folder).ok().flatten().filter(|_| has_laws).unwrap_or_default();
     let states = folder.run_states();
     let own: HashSet<&String> = plan.runs.iter().map(|run| &run.run_id).collect();
     let finished: Vec<String> =

@@ -73,8 +73,7 @@ impl Summary<'_> {
             (count(JobState::Started), "begun and not finished"),
         ];
         let counts = counts.iter().filter(|(n, _)| *n > 0);
-        let said: Vec<String> = counts.map(|(n, what)| format!("{n} {what}")).collect();
-        said.join(", ")
+        counts.map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>().join(", ")
     }
 
     /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it; those

@@ -67,7 +67,8 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
     }
     let rule = sweep.flops.rule;
     let own = around(&sweep, &forecast, &name, &args.seeds)?;
-    output.note(&price(args, cells(&own))?);
+    let sizes = if let ModelList::List(models) = &own.grid.models { models.len() } else { 1 };
+    output.note(&price(args, sizes + own.grid.vocab.len() - 1)?);
     let sweep = SweepArgs {
         sweep: root(args).join(format!("{name}.yaml")),
         settings: args.settings.clone(),
@@ -166,15 +167,6 @@ fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -> Re
     own.fit.bootstrap = 0;
     own.predict.budgets = Vec::new();
     Ok(own)
-}
-
-/// Cells of a cross of such sizes and vocabularies.
-fn cells(cross: &Sweep) -> usize {
-    let sizes = match &cross.grid.models {
-        ModelList::List(models) => models.len(),
-        _ => 1,
-    };
-    sizes + cross.grid.vocab.len() - 1
 }
 
 /// The forecast's place among [`levels`].
