@@ -1,23 +1,14 @@
 //! The records of a sweep, and what follows from them.
 
-use std::collections::BTreeMap;
-use std::fmt::Write;
-
-use anyhow::{Context, Result};
-use isoflop::figures::Format;
-use isoflop::files::{FileError, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::record::{RunRecord, table};
-use isoflop::sweep::{self, Sweep};
-use rayon::prelude::*;
-use serde::Deserialize;
-use serde_json::{Value, json};
-
-use super::exit::Exit;
 use super::generators::{draw, parted};
-use super::output::{Output, dash, table as columns};
+use super::output::table as columns;
 use super::plot::{analysed, forget};
+use super::prelude::*;
 use super::quality::Scored;
+use isoflop::figures::Format;
+use isoflop::record::table;
+use isoflop::sweep;
+use rayon::prelude::*;
 
 /// Table, laws, figures, predictions: all from the records of finished runs.
 ///
@@ -28,7 +19,14 @@ pub fn finish(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
     let sweep = sweep::read(&folder.file("sweep.yaml"), &[])?;
     let records = gather(folder, output)?;
     if records.is_empty() {
-        return nothing(folder, output);
+        // An empty table, and no word of laws and figures.
+        table::write(folder.root(), &[])?;
+        forget(folder)?;
+        let root = folder.root();
+        let document = json!({
+            "results": root, "runs": 0, "laws": null, "predictions": [], "figures": [],
+        });
+        return output.result(&document, &format!("{}: no run is done yet", root.display()));
     }
     let by_generator = parted(&records);
     // Before the laws: what they were made beside is compared by the figures that are there.
@@ -92,24 +90,13 @@ fn side_by_side(
         [name.clone(), by_generator[name].len().to_string(), size, vocab, tokens, predicted]
     };
     let heads = ["<generator", "runs", "N_nv in C", "N_v in C", "D in C", "<L_u predicted"];
-    let mut text = columns(heads, documents.iter().map(row));
+    let text = columns(heads, documents.iter().map(row));
     let root = folder.root().display();
-    let _ = writeln!(text, "\ntable     {root}/runs.parquet");
-    let _ = writeln!(text, "figure    {root}/figures/generators.svg");
-    let _ = writeln!(text, "each      {root}/generators/<generator>: laws.json, figures");
-    let _ = writeln!(text, "          isoflop predict C --law {root}/generators/<generator>");
-    text
-}
-
-/// What there is before the first run is done: an empty table, and no word of laws and figures.
-fn nothing(folder: &ResultsFolder, output: &Output) -> Result<Exit> {
-    table::write(folder.root(), &[])?;
-    forget(folder)?;
-    let root = folder.root();
-    let document = json!({
-        "results": root, "runs": 0, "laws": null, "predictions": [], "figures": [],
-    });
-    output.result(&document, &format!("{}: no run is done yet", root.display()))
+    text + &format!(
+        "\ntable     {root}/runs.parquet\nfigure    {root}/figures/generators.svg\n\
+         each      {root}/generators/<generator>: laws.json, figures\n          \
+         isoflop predict C --law {root}/generators/<generator>\n"
+    )
 }
 
 /// The table alone.

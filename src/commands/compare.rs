@@ -1,24 +1,12 @@
 //! `isoflop compare`: the laws of several studies side by side, and what differs in their sweeps.
 
 use super::args::budget;
-use super::exit::Exit;
-use super::output::{Output, dash, more, table};
-use anyhow::{Context, Result, bail};
-use clap::Args;
-use isoflop::figures::{self, Format, draw_alone};
-use isoflop::laws::{Difference, Estimate, Exponent, LawKind, Laws, PerQuantity};
-use serde_json::json;
-use std::path::{Path, PathBuf};
-
-use std::fmt::Write;
-
 use super::predict::{laws_named, predict_one};
-use isoflop::files::{FileError, read_text_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::predict::{PredictError, Prediction};
-use serde::Serialize;
+use super::prelude::*;
+use isoflop::figures::{self, Format, draw_alone};
+use isoflop::laws::{Difference, Estimate, Exponent, LawKind, PerQuantity};
+use isoflop::predict::PredictError;
 use serde_yaml::Value;
-use std::collections::BTreeMap;
 
 #[derive(Args)]
 pub struct CompareArgs {
@@ -45,9 +33,13 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
     let budget = args.budget.or(Some(largest).filter(|budget| budget.is_finite()));
     let budget = budget.context("no study says which budgets it was fitted to; give --budget")?;
     let quantities = Quantity::all(&studies, budget)?;
-    let sweeps =
-        SweepDifference::of(&studies.iter().map(|study| &*study.path).collect::<Vec<_>>())?;
-    let figures = args.out.as_deref().map(|out| draw(&studies, out)).transpose()?;
+    let sweeps = SweepDifference::of(&studies)?;
+    let draw = |out: &Path| {
+        let named: Vec<(&str, &Laws)> =
+            studies.iter().map(|study| (&*study.name, &study.laws)).collect();
+        draw_alone("compare", figures::compare(&named), out, &Format::ALL)
+    };
+    let figures = args.out.as_deref().map(draw).transpose()?;
     let document = json!({
         "studies": studies.iter().map(|study| &study.name).collect::<Vec<_>>(),
         "budget_flops": budget, "quantities": quantities, "sweeps": sweeps, "figures": figures,
@@ -55,12 +47,6 @@ pub fn compare(args: &CompareArgs, output: &Output) -> Result<Exit> {
     output.result(&document, &text(&studies, budget, &quantities, &sweeps, output.full))?;
     figures.iter().flatten().for_each(|path| output.note(&path.display().to_string()));
     Ok(Exit::Done)
-}
-
-fn draw(studies: &[Study], out: &Path) -> Result<Vec<PathBuf>> {
-    let named: Vec<(&str, &Laws)> =
-        studies.iter().map(|study| (&*study.name, &study.laws)).collect();
-    Ok(draw_alone("compare", figures::compare(&named), out, &Format::ALL)?)
 }
 
 // What a person reads of a comparison.
@@ -84,17 +70,13 @@ fn text(
     for quantity in quantities {
         let at = if quantity.is_ratio { format!(" at {budget:.3e} FLOPs") } else { String::new() };
         let _ = writeln!(text, "{}{at}", quantity.name);
-        let rows = studies.iter().zip(&quantity.estimates).zip(&quantity.differences);
-        let row = |((study, estimate), difference): (
-            (&Study, &Option<Estimate>),
-            &Option<Difference>,
-        )| {
-            let name: String = study.name.chars().take(WIDEST).collect();
-            let difference = difference.map(|found| against(found, quantity.is_ratio));
-            let estimate = dash(*estimate, |found| said(found, quantity));
+        let row = |i: usize| {
+            let name: String = studies[i].name.chars().take(WIDEST).collect();
+            let difference = quantity.differences[i].map(|own| against(own, quantity.is_ratio));
+            let estimate = dash(quantity.estimates[i], |found| said(found, quantity));
             [format!("  {name}"), estimate, difference.unwrap_or_default()]
         };
-        text += &table(["<", "<", "<"], rows.map(row));
+        text += &table(["<", "<", "<"], (0..studies.len()).map(row));
     }
     text += &of_sweeps(studies, sweeps, full);
     text
@@ -176,14 +158,14 @@ struct SweepDifference {
 
 impl SweepDifference {
     /// Of the frozen sweeps in folders; nothing where one has none.
-    pub fn of(folders: &[&Path]) -> Result<Vec<Self>> {
+    pub fn of(studies: &[Study]) -> Result<Vec<Self>> {
         let mut all: Vec<BTreeMap<String, String>> = Vec::new();
-        for folder in folders {
+        for study in studies {
             // A laws.json stands for no folder.
-            if !folder.is_dir() {
+            if !study.path.is_dir() {
                 return Ok(Vec::new());
             }
-            let path = folder.join("sweep.yaml");
+            let path = study.path.join("sweep.yaml");
             let Some(text) = read_text_if_there(&path)? else { return Ok(Vec::new()) };
             let value = serde_yaml::from_str(&text).map_err(|e| FileError::damaged(&path, e))?;
             let mut keys = BTreeMap::new();
@@ -253,6 +235,10 @@ impl Quantity {
         let optima: Vec<Option<Prediction>> = told.collect::<Result<_, PredictError>>()?;
         let own: Vec<PerQuantity<Exponent>> =
             studies.iter().map(|study| study.laws.answer().exponents).collect();
+        // `None` where it is not determined.
+        let exponent = |Exponent { value, ci95, .. }: &Exponent| {
+            Some(Estimate { value: (*value)?, ci95: *ci95 })
+        };
         let of_laws = EXPONENTS.iter().map(|(name, symbol)| {
             Self::new(name, false, own.iter().map(|own| exponent(own.of(symbol)?)).collect())
         });
@@ -294,11 +280,6 @@ fn of_vocabulary(laws: &Laws, own: &PerQuantity<Exponent>) -> Option<Estimate> {
     Some(Estimate { value: law.exponent, ci95: law.exponent_ci95 })
 }
 
-/// `None` where it is not determined.
-fn exponent(own: &Exponent) -> Option<Estimate> {
-    Some(Estimate { value: own.value?, ci95: own.ci95 })
-}
-
 // [`Study`]: laws by a name.
 
 /// A study by its name.
@@ -313,22 +294,19 @@ impl Study {
     /// Of a folder, a file, or `scamo`.
     pub fn of(given: &str) -> Result<Self> {
         let path = PathBuf::from(given);
-        let laws = laws_named(given)?.clone();
+        let laws = laws_named(given)?;
         if laws.power_laws.tokens.is_none() {
             bail!("{given} holds no power laws to compare");
         }
-        Ok(Self { name: name(&path), laws, path })
+        // A folder's name, or a file's without its ending; that of the folder for a `laws.json`.
+        let stem = path.file_stem().unwrap_or_default();
+        let folder = path.parent().and_then(Path::file_name).filter(|_| stem == "laws");
+        let name = match path.is_dir() {
+            true => ResultsFolder::new(&path).name(),
+            false => folder.unwrap_or(stem).to_string_lossy().into_owned(),
+        };
+        Ok(Self { name, laws, path })
     }
-}
-
-/// A folder's name, or a file's without its ending; that of the folder for a `laws.json`.
-fn name(path: &Path) -> String {
-    if path.is_dir() {
-        return ResultsFolder::new(path).name();
-    }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let folder = path.parent().and_then(Path::file_name).filter(|_| stem == "laws");
-    folder.map_or(stem, |folder| folder.to_string_lossy().into_owned())
 }
 
 #[cfg(test)]

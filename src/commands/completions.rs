@@ -1,15 +1,9 @@
 //! `isoflop completions`, `man` and `schema`: what shells, manuals and editors are told of the commands and of sweep files.
 
-use std::path::PathBuf;
-
-use anyhow::{Context, Result};
-use clap::{Args, Command};
+use super::prelude::*;
+use clap::Command;
 use clap_complete::Shell;
 use isoflop::sweep;
-use serde_json::json;
-
-use super::exit::Exit;
-use super::output::Output;
 
 #[derive(Args)]
 pub struct CompletionsArgs {

@@ -1,29 +1,23 @@
 //! What commands that train begin with: a sweep with its data, plan and folder; a device; a trained tokenizer.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::path::PathBuf;
-
-use anyhow::{Context, Result, bail};
-use clap::Args;
+use super::args::one_of;
+use super::prelude::*;
 use clap::builder::TypedValueParser;
 use isoflop::data::{self, DataFacts, MotionSource};
 use isoflop::engine::{ENGINES, Engine, Track};
-use isoflop::jobs::{ResultsFolder, TrainedTokenizer};
+use isoflop::jobs::TrainedTokenizer;
 use isoflop::ops::DeviceName;
 use isoflop::plan::{Plan, demand};
-use isoflop::spec::FlopsRule;
 use isoflop::spec::{Clips, DataSource, Origin};
+use isoflop::sweep;
 use isoflop::sweep::presets::NAMES;
-use isoflop::sweep::{self, Sweep};
 use isoflop::text::{self, TextEncoder};
-
-use super::args::one_of;
+use std::fs;
 
 /// A sweep file and what is laid over it.
 #[derive(Args, Clone)]
 pub struct SweepArgs {
-    #[arg(help = sweep_help())]
+    #[arg(help = format!("The sweep file, or a preset: {}", NAMES.join(", ")))]
     pub sweep: PathBuf,
     /// Override a setting of the file, as in train.min_steps=100; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -33,11 +27,6 @@ pub struct SweepArgs {
     pub out: PathBuf,
     #[command(flatten)]
     pub work: WorkArgs,
-}
-
-/// What may stand in the place of a sweep file.
-fn sweep_help() -> String {
-    format!("The sweep file, or a preset: {}", NAMES.join(", "))
 }
 
 /// What computes, and how much of it side by side.

@@ -2,21 +2,14 @@
 
 use super::args::not_negative;
 use super::context::TokenizerChoice;
-use super::exit::Exit;
-use super::output::{Output, dash, many, more, table};
+use super::prelude::*;
 use super::tokenize::motion_name;
-use anyhow::{Context, Result, bail};
 use isoflop::codes::ClipCodes;
 use isoflop::data::read_motion;
 use isoflop::figures::motion::{CaptionedMotion, write_motion};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::{N_FEATURES, mpjpe_mm, recover_joints};
 use rayon::prelude::*;
-use serde_json::json;
-use std::path::{Path, PathBuf};
-
-use clap::Args;
-use serde::Serialize;
 
 pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     let tokenizer = args.tokenizer.open()?;
@@ -35,7 +28,7 @@ pub fn detokenize(args: &DetokenizeArgs, output: &Output) -> Result<Exit> {
     let document = json!({
         "tokenizer": tokenizer.id, "folder": args.out, "motions": made, "mpjpe_mm": mean,
     });
-    output.result(&document, &text(&tokenizer, &made, mean, args))
+    output.result(&document, &text(&tokenizer.id, &made, mean, &args.out))
 }
 
 /// The name of each motion, of which the folder holds no file yet, or none that is to stay.
@@ -54,13 +47,8 @@ fn names(args: &DetokenizeArgs) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// A clip, its features and its distance from the original.
-struct Decoded {
-    clip: ClipCodes,
-    /// `[frames, 263]` row-major.
-    features: Vec<f32>,
-    mpjpe_mm: Option<f64>,
-}
+/// A clip, its features, `[frames, 263]` row-major, and its distance from the original.
+type Decoded = (ClipCodes, Vec<f32>, Option<f64>);
 
 fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> Result<Decoded> {
     let clip = ClipCodes::read(path)?;
@@ -74,7 +62,7 @@ fn decoded(args: &DetokenizeArgs, tokenizer: &TrainedTokenizer, path: &Path) -> 
         tokenizer.tokenizer.decode(&clip.codes, clip.frames, caption.as_deref(), guidance)?;
     let truth = truth(args, path, &clip)?;
     let mpjpe_mm = truth.map(|truth| distance(&truth, &features, clip.fps)).transpose()?;
-    Ok(Decoded { clip, features, mpjpe_mm })
+    Ok((clip, features, mpjpe_mm))
 }
 
 /// The original's file, where there is one.
@@ -106,8 +94,7 @@ fn distance(truth: &Path, made: &[f32], fps: f64) -> Result<f64> {
     Ok(mpjpe_mm(&recover_joints(&features[..made.len()]), &recover_joints(made)))
 }
 
-fn write(args: &DetokenizeArgs, name: &str, decoded: &Decoded) -> Result<Made> {
-    let Decoded { clip, features, mpjpe_mm } = decoded;
+fn write(args: &DetokenizeArgs, name: &str, (clip, features, mpjpe_mm): &Decoded) -> Result<Made> {
     let caption = clip.caption.as_deref().unwrap_or(name);
     let motion = CaptionedMotion { features, fps: clip.fps as f32, caption };
     let written =
@@ -135,12 +122,7 @@ fn mean_mpjpe(made: &[Made]) -> Option<f64> {
 const LISTED: usize = 12;
 
 /// What a person reads: a screen.
-fn text(
-    tokenizer: &TrainedTokenizer,
-    made: &[Made],
-    mean: Option<f64>,
-    args: &DetokenizeArgs,
-) -> String {
+fn text(id: &str, made: &[Made], mean: Option<f64>, out: &Path) -> String {
     let heading = many(made.len(), "motion");
     let row = |Made { motion, frames, mpjpe_mm, .. }: &Made| {
         let off = dash(*mpjpe_mm, |mm| format!("{mm:.1}"));
@@ -148,13 +130,13 @@ fn text(
     };
     let rows = table(["", "", "<"], made.iter().take(LISTED).map(row));
     let unsaid = more(made.len(), LISTED, "");
-    let mut text = format!("{heading} by tokenizer {}\n\n{rows}{unsaid}", tokenizer.id);
-    text += &match mean {
-        Some(mean) => format!("\nMPJPE     {mean:.1} mm from the originals, over their frames\n"),
-        None => "\nMPJPE     unknown: no original lies beside the codes; name it by --truth\n"
-            .to_string(),
-    };
-    let out = args.out.display();
+    let mut text = format!("{heading} by tokenizer {id}\n\n{rows}{unsaid}");
+    let mean = mean.map_or_else(
+        || "unknown: no original lies beside the codes; name it by --truth".to_string(),
+        |mean| format!("{mean:.1} mm from the originals, over their frames"),
+    );
+    let out = out.display();
+    text += &format!("\nMPJPE     {mean}\n");
     text + &format!("files     {out}/<motion>.svg .bvh .joints.npy .features.npy\n")
 }
 

@@ -1,17 +1,10 @@
 //! `isoflop doctor`: what this machine and this build can do.
 
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-
-use anyhow::Result;
+use super::prelude::*;
 use burn::tensor::{Device, Distribution, Tensor};
 use isoflop::machine;
 use isoflop::ops::{DeviceName, check_products};
-use serde::Serialize;
-use serde_json::json;
-
-use super::exit::Exit;
-use super::output::{Output, table};
+use std::time::{Duration, Instant};
 
 /// Rows and columns of the matrices that are multiplied.
 const SIZE: usize = 512;
@@ -22,59 +15,45 @@ const WHILE: Duration = Duration::from_millis(500);
 /// What Slurm is used by.
 const SLURM: [&str; 4] = ["sbatch", "squeue", "sacct", "scancel"];
 
-/// Something that was looked at.
-#[derive(Serialize)]
-struct Finding {
-    what: &'static str,
-    /// Whether a sweep runs with it; `None` where a sweep can do without.
-    good: Option<bool>,
-    found: String,
-}
+/// Something that was looked at, whether a sweep runs with it, and what was found; `None` where it can do without.
+type Finding = (&'static str, Option<bool>, String);
 
 pub fn doctor(output: &Output) -> Result<Exit> {
-    let mut findings = vec![build(), cores(), machine()];
-    findings.extend(DeviceName::ALL.map(|(name, ..)| device(name)));
-    findings.extend([speed(), slurm(), encoders()]);
-    let fine = findings.iter().all(|finding| finding.good != Some(false));
-    let text = table(["<", "<", "<"], findings.iter().map(row));
-    output.result(&json!({ "good": fine, "findings": findings }), &text)?;
-    Ok(if fine { Exit::Done } else { Exit::SomeRunsFailed })
-}
-
-fn row(Finding { what, good, found }: &Finding) -> [String; 3] {
-    let word = match good {
-        Some(true) => "ok",
-        Some(false) => "FAILS",
-        None => "-",
-    };
-    [word.to_string(), (*what).to_string(), found.clone()]
-}
-
-fn build() -> Finding {
-    let found = format!(
-        "isoflop {}, {} {}",
-        env!("CARGO_PKG_VERSION"),
-        std::env::consts::OS,
-        std::env::consts::ARCH
-    );
-    Finding { what: "build", good: Some(true), found }
-}
-
-fn cores() -> Finding {
+    let build = [env!("CARGO_PKG_VERSION"), std::env::consts::OS, std::env::consts::ARCH];
+    let [version, os, architecture] = build;
     let cores = std::thread::available_parallelism();
-    let found = cores.as_ref().map_or_else(
+    let has_cores = cores.is_ok();
+    let cores = cores.map_or_else(
         |error| format!("not told: {error}"),
         |cores| format!("{cores}: as many runs side by side"),
     );
-    Finding { what: "cores", good: Some(cores.is_ok()), found }
-}
-
-fn machine() -> Finding {
-    let found = machine::available().map_or_else(
+    let memory = machine::available().map_or_else(
         || "the system does not tell; --memory sets what jobs may take".to_string(),
         |bytes| format!("{:.1} GB to be had", bytes as f64 / 1e9),
     );
-    Finding { what: "memory", good: None, found }
+    let encoders = match cfg!(feature = "encoders") {
+        true => "T5, CLIP, BERT and LLaMA from local weights",
+        false => "hashed n-grams, files of vectors; T5 by --features encoders",
+    };
+    let mut findings: Vec<Finding> = vec![
+        ("build", Some(true), format!("isoflop {version}, {os} {architecture}")),
+        ("cores", Some(has_cores), cores),
+        ("memory", None, memory),
+    ];
+    findings.extend(DeviceName::ALL.map(|(name, ..)| device(name)));
+    let rest = [("speed", speed()), ("slurm", slurm()), ("text", encoders.to_string())];
+    findings.extend(rest.map(|(what, found)| (what, None, found)));
+    let fine = findings.iter().all(|(_, good, _)| *good != Some(false));
+    let row = |(what, good, found): &Finding| {
+        let word = good.map_or("-", |good| if good { "ok" } else { "FAILS" });
+        [word.to_string(), (*what).to_string(), found.clone()]
+    };
+    let text = table(["<", "<", "<"], findings.iter().map(row));
+    let told = findings
+        .iter()
+        .map(|(what, good, found)| json!({ "what": what, "good": good, "found": found }));
+    output.result(&json!({ "good": fine, "findings": told.collect::<Vec<_>>() }), &text)?;
+    Ok(if fine { Exit::Done } else { Exit::SomeRunsFailed })
 }
 
 /// A device that is not in this build is nothing amiss; one that multiplies wrongly is.
@@ -86,11 +65,11 @@ fn device(name: DeviceName) -> Finding {
             Err(error) => (Some(false), error.to_string()),
         },
     };
-    Finding { what: name.name(), good, found }
+    (name.name(), good, found)
 }
 
 /// Products of matrices on one core of this processor.
-fn speed() -> Finding {
+fn speed() -> String {
     let device = Device::flex();
     let one = Tensor::<2>::random([SIZE, SIZE], Distribution::Default, &device);
     let flops = 2.0 * (SIZE as f64).powi(3);
@@ -101,32 +80,20 @@ fn speed() -> Finding {
         products += 1.0;
     }
     let rate = products * flops / began.elapsed().as_secs_f64();
-    let found = format!(
-        "{:.0} GFLOP/s in products of {SIZE} × {SIZE}; `isoflop plan` probes runs",
-        rate / 1e9
-    );
-    Finding { what: "speed", good: None, found }
+    let rate = rate / 1e9;
+    format!("{rate:.0} GFLOP/s in products of {SIZE} × {SIZE}; `isoflop plan` probes runs")
 }
 
-fn slurm() -> Finding {
-    let missing: Vec<&str> = SLURM.into_iter().filter(|name| on_path(name).is_none()).collect();
-    let found = match missing.len() {
+fn slurm() -> String {
+    let missing: Vec<&str> = SLURM.into_iter().filter(|name| !is_on_path(name)).collect();
+    match missing.len() {
         0 => "found; `isoflop run --engine slurm`".to_string(),
         all if all == SLURM.len() => "not on this machine".to_string(),
         _ => format!("without {}", missing.join(", ")),
-    };
-    Finding { what: "slurm", good: None, found }
+    }
 }
 
-fn on_path(name: &str) -> Option<PathBuf> {
-    let folders = std::env::var_os("PATH")?;
-    std::env::split_paths(&folders).map(|folder| folder.join(name)).find(|path| Path::is_file(path))
-}
-
-fn encoders() -> Finding {
-    let found = match cfg!(feature = "encoders") {
-        true => "T5, CLIP, BERT and LLaMA from local weights",
-        false => "hashed n-grams, files of vectors; T5 by --features encoders",
-    };
-    Finding { what: "text", good: None, found: found.to_string() }
+fn is_on_path(name: &str) -> bool {
+    let has = |folders| std::env::split_paths(&folders).any(|folder| folder.join(name).is_file());
+    std::env::var_os("PATH").is_some_and(has)
 }

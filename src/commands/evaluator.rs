@@ -1,18 +1,13 @@
 //! `isoflop evaluator`: what motions are scored by, and what it is worth.
 
-use anyhow::{Result, bail};
-use clap::{Args, Subcommand};
+use super::args::FolderArgs;
+use super::context::{OpenSweep, read_sweep};
+use super::prelude::*;
+use super::run::{RunArgs, run_only};
+use clap::Subcommand;
 use isoflop::evaluator::{EvaluatorReport, table};
 use isoflop::jobs::JobKind;
 use isoflop::plan::EvaluatorJob;
-use serde_json::json;
-
-use super::args::FolderArgs;
-use super::context::{OpenSweep, read_sweep};
-use super::exit::Exit;
-
-use super::output::Output;
-use super::run::{RunArgs, run_only};
 
 #[derive(Args)]
 pub struct EvaluatorArgs {

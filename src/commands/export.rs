@@ -1,20 +1,14 @@
 //! `isoflop export`: a sweep's results in another form.
 
-use super::exit::Exit;
-use super::output::Output;
-use anyhow::{Context, Result, bail};
-use clap::{Args, ValueEnum};
+use super::prelude::*;
+use clap::ValueEnum;
 use isoflop::export::{NotebookInput, notebook};
 use isoflop::files::tensorboard::{NAME, Scalar, events};
-use isoflop::files::{atomic, read_if_there, read_text_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{Laws, Minimum};
+use isoflop::laws::Minimum;
 use isoflop::progress::LogLine;
-use isoflop::record::{RunRecord, table};
-use serde_json::json;
-use std::fmt::Write;
+use isoflop::record::table;
 use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::Component;
 
 #[derive(Args)]
 pub struct ExportArgs {
@@ -42,28 +36,33 @@ enum ExportForm {
 
 pub fn export(args: &ExportArgs, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
-    let default = match args.to {
-        ExportForm::Notebook => PathBuf::from("notebooks-export"),
-        _ => PathBuf::from("export").join(folder.name()),
-    };
-    let exporter = Exporter { folder, out: args.out.clone().unwrap_or(default) };
+    let is_notebook = args.to == ExportForm::Notebook;
+    let own = || Path::new("export").join(folder.name());
+    let default = if is_notebook { PathBuf::from("notebooks-export") } else { own() };
+    let out = args.out.as_ref().unwrap_or(&default);
     let paths = match args.to {
-        ExportForm::Notebook => write_notebook(&exporter)?,
-        ExportForm::Csv => csv(&exporter)?,
-        ExportForm::Parquet => parquet(&exporter)?,
-        ExportForm::Tensorboard => write(&exporter)?,
+        ExportForm::Notebook => vec![write_notebook(&folder, out)?],
+        ExportForm::Csv => csv(&folder, out)?,
+        ExportForm::Parquet => copied(&folder, out, "parquet")?,
+        ExportForm::Tensorboard => tensorboard(&folder, out)?,
     };
     let text = match &paths[..] {
         [.., last] if paths.len() > SHOWN => {
-            format!("{} files in {}, as {}", paths.len(), exporter.out.display(), last.display())
+            format!("{} files in {}, as {}", paths.len(), out.display(), last.display())
         }
         _ => paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join("\n"),
     };
-    let document = match args.to {
-        ExportForm::Notebook => json!({ "notebook": paths[0] }),
-        _ => json!({ "files": paths }),
-    };
+    let document =
+        if is_notebook { json!({ "notebook": paths[0] }) } else { json!({ "files": paths }) };
     output.result(&document, &text)
+}
+
+/// Refuses a folder without files that a form is made of.
+fn needs(folder: &ResultsFolder, names: &[&str]) -> Result<()> {
+    match names.iter().map(|name| folder.file(name)).find(|path| !path.exists()) {
+        Some(path) => bail!("{} is missing; `isoflop run` writes it", path.display()),
+        None => Ok(()),
+    }
 }
 
 /// Files that are named one by one, at most.
@@ -72,31 +71,26 @@ const SHOWN: usize = 8;
 // Tables of a sweep, each a file.
 
 /// `runs.csv`, `scores.csv` where runs are scored, and `minima.csv` where there are laws.
-fn csv(exporter: &Exporter) -> Result<Vec<PathBuf>> {
-    exporter.needs(&["runs.csv"])?;
-    let mut paths = copied(exporter, "csv")?;
-    let laws: Option<Laws> = read_if_there(&exporter.folder.file("laws.json"))?;
-    if let Some(laws) = laws {
-        let path = exporter.out.join("minima.csv");
+fn csv(folder: &ResultsFolder, out: &Path) -> Result<Vec<PathBuf>> {
+    let mut paths = copied(folder, out, "csv")?;
+    if let Some(laws) = read_if_there(&folder.file("laws.json"))? {
+        let path = out.join("minima.csv");
         atomic::write_bytes(&path, minima(&laws).as_bytes())?;
         paths.push(path);
     }
     Ok(paths)
 }
 
-/// `runs.parquet`, and `scores.parquet` where runs are scored.
-fn parquet(exporter: &Exporter) -> Result<Vec<PathBuf>> {
-    exporter.needs(&["runs.parquet"])?;
-    copied(exporter, "parquet")
-}
-
-fn copied(exporter: &Exporter, ending: &str) -> Result<Vec<PathBuf>> {
+/// The table of runs, and that of scores where runs are scored.
+fn copied(folder: &ResultsFolder, out: &Path, ending: &str) -> Result<Vec<PathBuf>> {
+    let names = ["runs", "scores"].map(|name| format!("{name}.{ending}"));
+    needs(folder, &[&names[0]])?;
     let mut paths = Vec::new();
-    for name in ["runs", "scores"].map(|name| format!("{name}.{ending}")) {
-        let from = exporter.folder.file(&name);
+    for name in names {
+        let from = folder.file(&name);
         if from.exists() {
             let bytes = fs::read(&from).with_context(|| format!("reading {}", from.display()))?;
-            let path = exporter.out.join(&name);
+            let path = out.join(&name);
             atomic::write_bytes(&path, &bytes)?;
             paths.push(path);
         }
@@ -112,44 +106,40 @@ fn minima(laws: &Laws) -> String {
     for minimum in &laws.minima {
         let Minimum { budget_flops, params_nonvocab, params_vocab, n_vocab, tokens, .. } = minimum;
         let method = serde_json::to_value(minimum.method).unwrap_or_default();
+        // Their words, with blanks between.
+        let flags = serde_json::to_value(&minimum.flags).unwrap_or_default();
+        let flags = flags.as_array().into_iter().flatten().filter_map(Value::as_str);
         let _ = writeln!(
             text,
             "{},{budget_flops:?},{params_nonvocab:?},{params_vocab:?},{n_vocab:?},{tokens:?},{:?},{},{}",
             method.as_str().unwrap_or_default(),
             minimum.loss_normalised,
             minimum.trusted,
-            flags(minimum)
+            flags.collect::<Vec<_>>().join(" ")
         );
     }
     text
 }
 
-/// Their words, with blanks between.
-fn flags(minimum: &Minimum) -> String {
-    let flags = serde_json::to_value(&minimum.flags).unwrap_or_default();
-    let words = flags.as_array().into_iter().flatten().filter_map(|flag| flag.as_str());
-    words.collect::<Vec<_>>().join(" ")
-}
-
 // Runs as TensorBoard reads them: a folder a run.
 
 /// Loss and learning rate along the training of each run that is in the folder, and its result.
-fn write(exporter: &Exporter) -> Result<Vec<PathBuf>> {
-    exporter.needs(&["runs.parquet"])?;
+fn tensorboard(folder: &ResultsFolder, out: &Path) -> Result<Vec<PathBuf>> {
+    needs(folder, &["runs.parquet"])?;
     let mut paths = Vec::new();
-    for record in table::read(exporter.folder.root())? {
-        let log = exporter.folder.run(&record.planned.run_id).join("log.jsonl");
+    for record in table::read(folder.root())? {
+        let log = folder.run(&record.planned.run_id).join("log.jsonl");
         let Some(lines) = read_text_if_there(&log)? else { continue };
         let lines = lines.lines().map(|line| {
             serde_json::from_str(line).with_context(|| format!("{} is damaged", log.display()))
         });
         let lines: Vec<LogLine> = lines.collect::<Result<_>>()?;
-        let path = exporter.out.join(name(&record)).join(format!("{NAME}.0.isoflop"));
+        let path = out.join(name(&record)).join(format!("{NAME}.0.isoflop"));
         atomic::write_bytes(&path, &events(&scalars(&record, &lines)))?;
         paths.push(path);
     }
     if paths.is_empty() {
-        let runs = exporter.folder.file("runs");
+        let runs = folder.file("runs");
         bail!("{} holds no log of a run: only the table was kept", runs.display());
     }
     Ok(paths)
@@ -158,8 +148,8 @@ fn write(exporter: &Exporter) -> Result<Vec<PathBuf>> {
 /// `L2-d16-V240-C1e10-seed0`: what tells runs of a sweep apart, and their generator and tokenizer.
 fn name(record: &RunRecord) -> String {
     let planned = &record.planned;
-    let number = |value: Option<usize>| value.map_or("-".to_string(), |value| value.to_string());
-    let (layers, d, v) = (number(planned.n_layer), number(planned.d_model), planned.n_vocab);
+    let [layers, d] = [planned.n_layer, planned.d_model].map(|n| dash(n, |n| n.to_string()));
+    let v = planned.n_vocab;
     let seed = planned.seed.unwrap_or_default();
     let (budget, id) = (planned.budget_flops, &planned.run_id);
     let generator = planned.generator.as_deref().unwrap_or("run");
@@ -190,21 +180,16 @@ fn scalars(record: &RunRecord, lines: &[LogLine]) -> Vec<Scalar> {
 // A notebook that reads a sweep's table and laws.
 
 /// `<name>.ipynb` in the folder asked for.
-fn write_notebook(exporter: &Exporter) -> Result<Vec<PathBuf>> {
-    exporter.needs(&["runs.parquet", "laws.json"])?;
-    let name = exporter.folder.name();
-    let results = seen_from(exporter.folder.root(), &exporter.out)?;
-    let document = notebook(&NotebookInput { name: &name, results: &results });
-    let path = exporter.out.join(format!("{name}.ipynb"));
-    atomic::write_json(&path, &document)?;
-    Ok(vec![path])
-}
-
-/// The way to `target` from the folder `from`, which need not exist: `../results/quickstart`.
-fn seen_from(target: &Path, from: &Path) -> Result<String> {
+fn write_notebook(folder: &ResultsFolder, out: &Path) -> Result<PathBuf> {
+    needs(folder, &["runs.parquet", "laws.json"])?;
+    let name = folder.name();
+    // From a folder that need not exist: `../results/quickstart`.
     let here = std::env::current_dir().context("finding the working folder")?;
-    let [target, from] = [target, from].map(|path| normal(&here.join(path)));
-    Ok(way(&from, &target).to_string_lossy().replace('\\', "/"))
+    let [target, from] = [folder.root(), out].map(|path| normal(&here.join(path)));
+    let results = way(&from, &target).to_string_lossy().replace('\\', "/");
+    let path = out.join(format!("{name}.ipynb"));
+    atomic::write_json(&path, &notebook(&NotebookInput { name: &name, results: &results }))?;
+    Ok(path)
 }
 
 /// The way to `target` from the folder `from`, both from the root on.
@@ -226,23 +211,4 @@ fn normal(path: &Path) -> PathBuf {
         }
         done
     })
-}
-
-// [`Exporter`]: what every form needs to know.
-
-/// From where, and to where.
-struct Exporter {
-    pub folder: ResultsFolder,
-    pub out: PathBuf,
-}
-
-impl Exporter {
-    /// Refuses a folder without files that the form is made of.
-    pub fn needs(&self, names: &[&str]) -> Result<()> {
-        let missing = names.iter().map(|name| self.folder.file(name)).find(|path| !path.exists());
-        match missing {
-            Some(path) => bail!("{} is missing; `isoflop run` writes it", path.display()),
-            None => Ok(()),
-        }
-    }
 }

@@ -1,13 +1,9 @@
 //! The runs of a sweep with several generators, kept apart: each generator has a folder of its own.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
-
-use anyhow::{Result, bail};
+use super::prelude::*;
 use isoflop::figures::{self, Format, GeneratorRuns, draw_alone};
-use isoflop::jobs::ResultsFolder;
-use isoflop::record::RunRecord;
-use isoflop::sweep::{self, Sweep};
+use isoflop::sweep;
+use std::collections::BTreeSet;
 
 /// The runs of each generator, by its name.
 pub fn parted(records: &[RunRecord]) -> BTreeMap<String, Vec<RunRecord>> {

@@ -18,7 +18,6 @@ mod doubts;
 mod evaluate;
 #[cfg(feature = "train")]
 mod evaluator;
-mod exit;
 mod export;
 mod fit;
 #[cfg(feature = "train")]
@@ -33,6 +32,7 @@ mod plan;
 mod plan_text;
 mod plot;
 mod predict;
+mod prelude;
 mod published;
 #[cfg(feature = "train")]
 mod quality;
@@ -55,7 +55,7 @@ mod worker;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-pub use exit::{Exit, refuse, report};
+pub use output::{Exit, refuse, report};
 
 /// Scaling-law experiments for autoregressive motion generation: run an IsoFLOP sweep, regenerate
 /// its figures, predict the best configuration for a budget.
@@ -74,80 +74,83 @@ pub struct Cli {
     command: Command,
 }
 
-#[derive(Subcommand)]
-enum Command {
-    #[cfg(feature = "train")]
+/// The commands, each with what it takes and what it calls; `"train":` stands before those of a build that trains.
+macro_rules! commands {
+    (|$output:ident| $(
+        $(#[$about:meta])* $($feature:literal:)? $name:ident $(($args:ident: $takes:ty))? => $call:expr,
+    )*) => {
+        #[derive(Subcommand)]
+        enum Command {
+            $($(#[$about])* $(#[cfg(feature = $feature)])? $name $(($takes))?,)*
+        }
+
+        /// Calls the command that was asked for.
+        pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
+            let $output = &output::Output::new(&cli.common);
+            match cli.command {
+                $($(#[cfg(feature = $feature)])? Command::$name $(($args))? => $call,)*
+            }
+        }
+    };
+}
+
+commands! { |output|
     /// Write a sweep file with comments, sized to a time, for one's data
-    Init(init::InitArgs),
-    #[cfg(feature = "train")]
+    "train": Init(args: init::InitArgs) => init::init(&args, output),
     /// Expand and price a sweep; train nothing
-    Plan(plan::PlanArgs),
-    #[cfg(feature = "train")]
+    "train": Plan(args: plan::PlanArgs) => plan::plan(&args, output),
     /// Run what is missing of a sweep, then fit, plot and predict
-    Run(run::RunArgs),
-    #[cfg(feature = "train")]
+    "train": Run(args: run::RunArgs) => run::run(&args, output),
     /// How far a sweep is, what runs, what failed and how to try it again
-    Status(args::FolderArg),
-    #[cfg(feature = "train")]
+    "train": Status(args: args::FolderArg) => status::status(&args, output),
     /// End a sweep cleanly, wherever it runs; what is finished stays
-    Cancel(args::FolderArg),
+    "train": Cancel(args: args::FolderArg) => status::cancel(&args, output),
     /// Fit laws to a sweep, or to any table of runs
-    Fit(fit::FitArgs),
+    Fit(args: fit::FitArgs) => fit::fit(&args, output),
     /// Draw every figure of a sweep again, from its table alone
-    Plot(plot::PlotArgs),
+    Plot(args: plot::PlotArgs) => plot::plot(&args, output),
     /// The optimal configuration for a budget
-    Predict(predict::PredictArgs),
-    #[cfg(feature = "train")]
+    Predict(args: predict::PredictArgs) => predict::predict(&args, output),
     /// Test the laws: forecast a budget beyond the fit, train there, compare
-    Validate(validate::ValidateArgs),
-    #[cfg(feature = "train")]
+    "train": Validate(args: validate::ValidateArgs) => validate::validate(&args, output),
     /// Find the learning rate, batch and schedule of a sweep by trials, as a `train` section
-    Tune(tune::TuneArgs),
-    #[cfg(feature = "train")]
+    "train": Tune(args: tune::TuneArgs) => tune::tune(&args, output),
     /// Train the tokenizers of a sweep, or compare several
-    Tokenizer(tokenizer::TokenizerArgs),
-    #[cfg(feature = "train")]
+    "train": Tokenizer(args: tokenizer::TokenizerArgs) => tokenizer::tokenizer(&args, output),
     /// Train what motions are scored by, and see what it is worth
-    Evaluator(evaluator::EvaluatorArgs),
-    #[cfg(feature = "train")]
+    "train": Evaluator(args: evaluator::EvaluatorArgs) => evaluator::evaluator(&args, output),
     /// Score the motions of a run, or those of files
-    Evaluate(evaluate::EvaluateArgs),
+    "train": Evaluate(args: evaluate::EvaluateArgs) => evaluate::evaluate(&args, output),
     /// Scores that papers print, with the best runs of sweeps beside them
-    Published(published::PublishedArgs),
-    #[cfg(feature = "train")]
+    Published(args: published::PublishedArgs) => published::published(&args, output),
     /// Make motions of captions with a trained run
-    Generate(generate::GenerateArgs),
-    #[cfg(feature = "train")]
+    "train": Generate(args: generate::GenerateArgs) => generate::generate(&args, output),
     /// Turn motions into codes with a trained tokenizer
-    Tokenize(tokenize::TokenizeArgs),
-    #[cfg(feature = "train")]
+    "train": Tokenize(args: tokenize::TokenizeArgs) => tokenize::tokenize(&args, output),
     /// Turn codes back into motions
-    Detokenize(detokenize::DetokenizeArgs),
+    "train": Detokenize(args: detokenize::DetokenizeArgs) => detokenize::detokenize(&args, output),
     /// The laws of several studies side by side, and what differs in their sweeps
-    Compare(compare::CompareArgs),
+    Compare(args: compare::CompareArgs) => compare::compare(&args, output),
     /// Make, check and count data sets
-    Data(data::DataArgs),
+    Data(args: data::DataArgs) => data::data(&args, output),
     /// A sweep's results as one page that opens without a network
-    Report(report::ReportArgs),
+    Report(args: report::ReportArgs) => report::report(&args, output),
     /// Write a sweep's results in another form
-    Export(export::ExportArgs),
-    #[cfg(feature = "train")]
+    Export(args: export::ExportArgs) => export::export(&args, output),
     /// What this machine and this build can do
-    Doctor,
+    "train": Doctor => doctor::doctor(output),
     /// The JSON Schema of sweep files, for editors
-    Schema,
+    Schema => completions::schema(output),
     /// Print what completes commands in a shell
-    Completions(completions::CompletionsArgs),
+    Completions(args: completions::CompletionsArgs) =>
+        completions::completions(&args, Cli::command(), output),
     /// Write manual pages
-    Man(completions::ManArgs),
-    #[cfg(feature = "train")]
+    Man(args: completions::ManArgs) => completions::man(&args, Cli::command(), output),
     /// Do one job of a sweep; started by `run`
-    #[command(hide = true)]
-    Worker(worker::WorkerArgs),
-    #[cfg(feature = "train")]
+    #[command(hide = true)] "train": Worker(args: worker::WorkerArgs) =>
+        worker::worker(&args, output),
     /// Outlive a worker for as long as the program that it started; started by `worker`
-    #[command(hide = true)]
-    Guard(worker::GuardArgs),
+    #[command(hide = true)] "train": Guard(args: worker::GuardArgs) => worker::guard(&args),
 }
 
 impl Cli {
@@ -171,55 +174,5 @@ pub fn words_are_utf8() -> Result<(), clap::Error> {
                 word.display()
             ),
         )),
-    }
-}
-
-/// Calls the command that was asked for.
-pub fn dispatch(cli: Cli) -> anyhow::Result<Exit> {
-    let output = output::Output::new(&cli.common);
-    match cli.command {
-        #[cfg(feature = "train")]
-        Command::Init(args) => init::init(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Plan(args) => plan::plan(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Run(args) => run::run(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Status(args) => status::status(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Cancel(args) => status::cancel(&args, &output),
-        Command::Fit(args) => fit::fit(&args, &output),
-        Command::Plot(args) => plot::plot(&args, &output),
-        Command::Predict(args) => predict::predict(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Validate(args) => validate::validate(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Tune(args) => tune::tune(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Tokenizer(args) => tokenizer::tokenizer(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Evaluator(args) => evaluator::evaluator(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Evaluate(args) => evaluate::evaluate(&args, &output),
-        Command::Published(args) => published::published(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Generate(args) => generate::generate(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Tokenize(args) => tokenize::tokenize(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Detokenize(args) => detokenize::detokenize(&args, &output),
-        Command::Compare(args) => compare::compare(&args, &output),
-        Command::Data(args) => data::data(&args, &output),
-        Command::Report(args) => report::report(&args, &output),
-        Command::Export(args) => export::export(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Doctor => doctor::doctor(&output),
-        Command::Schema => completions::schema(&output),
-        Command::Completions(args) => completions::completions(&args, Cli::command(), &output),
-        Command::Man(args) => completions::man(&args, Cli::command(), &output),
-        #[cfg(feature = "train")]
-        Command::Worker(args) => worker::worker(&args, &output),
-        #[cfg(feature = "train")]
-        Command::Guard(args) => worker::guard(&args),
     }
 }

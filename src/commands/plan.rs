@@ -3,25 +3,16 @@
 use super::args::{a_card, not_negative};
 use super::context::{OpenSweep, SweepArgs, plan_sweep};
 use super::doubts::doubts;
-use super::exit::Exit;
-use super::output::{Output, dash, many, table};
-use super::plan_text;
-use super::plan_text::{bytes, exponent, flops, stale};
-use anyhow::{Result, bail};
-use burn::tensor::Device;
-use clap::Args;
+use super::plan_text::{self, bytes, exponent, flops, stale};
+use super::prelude::*;
 use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
 use isoflop::jobs::history::{Finished, known};
 use isoflop::jobs::speed::Speed;
-use isoflop::jobs::{Job, JobId, JobKind, ResultsFolder, RunStates, inputs, missing_jobs};
+use isoflop::jobs::{Job, JobId, JobKind, RunStates, inputs, missing_jobs};
 use isoflop::machine::Card;
 use isoflop::plan::{Plan, PlannedRun, bytes_on_card};
-use isoflop::spec::Precision;
-use isoflop::spec::TokenizerJob;
-use isoflop::words::wrap;
+use isoflop::spec::{Precision, TokenizerJob};
 use rayon::prelude::*;
-use serde_json::{Value, json};
-use std::collections::BTreeMap;
 
 #[derive(Args)]
 pub struct PlanArgs {
@@ -37,11 +28,8 @@ pub struct PlanArgs {
 
 impl PlanArgs {
     /// The GPU that is named here or in the sweep.
-    fn gpu(
-        &self,
-        OpenSweep { sweep, plan, folder }: &OpenSweep,
-        output: &Output,
-    ) -> Result<Option<Gpu>> {
+    fn gpu(&self, open: &OpenSweep, output: &Output) -> Result<Option<Gpu>> {
+        let OpenSweep { sweep, plan, folder } = open;
         let engine = sweep.engine.as_ref();
         let Some(card) = self.gpu.or_else(|| engine?.card()) else {
             if self.price.is_some() {
@@ -75,9 +63,16 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let states = folder.run_states();
     let jobs = missing_jobs(&plan, &folder);
     let on_gpu = gpu.as_ref().map(|gpu| GpuCost::new(gpu, args.price, &plan, &jobs));
+    let slots = args.sweep.work.slots();
+    // At the speed of the folder's finished jobs, or else by a probe. How fast a user's trainer is, its finished runs
+    // alone can tell: `None` before there are any.
+    let is_built_in = plan.runs.iter().all(|run| run.spec.trainer.is_none());
+    let probed = || is_built_in.then(|| Speed::measured_of(&jobs, &plan, &device, slots));
     let hours = match &on_gpu {
         Some(cost) => Some(cost.hours_to_go),
-        None => hours(&jobs, &plan, &folder, &device, args.sweep.work.slots()),
+        None => known(&folder, &Finished::of(&plan, &folder))
+            .or_else(probed)
+            .map(|speed| speed.hours(&jobs, &plan, slots)),
     };
     let stale = stale(&plan, &folder);
     let document = || {
@@ -94,34 +89,21 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let text = || {
         let (table, cost) = match &on_gpu {
             Some(cost) => (cost.table(), cost.sentences()),
-            None => (
-                plan_text::runs(&plan, &states),
-                plan_text::cost(&plan, hours, args.sweep.work.slots()),
-            ),
+            None => (plan_text::runs(&plan, &states), plan_text::cost(&plan, hours, slots)),
         };
         plan_text::text(&plan, &states, &stale, &table, &cost)
     };
     output.result_of(document, text)
 }
 
-/// Hours that jobs take on `slots` slots: at the speed of the folder's finished jobs, or else by a probe. How fast a
-/// user's trainer is, its finished runs alone can tell: `None` before there are any.
-fn hours(
-    jobs: &[Job],
-    plan: &Plan,
-    folder: &ResultsFolder,
-    device: &Device,
-    slots: usize,
-) -> Option<f64> {
-    let known = known(folder, &Finished::of(plan, folder));
-    let is_built_in = plan.runs.iter().all(|run| run.spec.trainer.is_none());
-    let probed = || is_built_in.then(|| Speed::measured_of(jobs, plan, device, slots));
-    Some(known.or_else(probed)?.hours(jobs, plan, slots))
-}
-
 /// The plan as a JSON document, but for the hours, which are measured, and what is stale.
 pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
     let inputs = inputs(plan);
+    let mut jobs: BTreeMap<JobKind, usize> = JobKind::ALL.map(|kind| (kind, 0)).into();
+    jobs.insert(JobKind::Run, plan.runs.len());
+    for job in &inputs {
+        *jobs.entry(job.id.kind).or_default() += 1;
+    }
     let runs = plan.runs.par_iter().zip(JobKind::Run.jobs(plan));
     let runs: Vec<Value> = runs.map(|(run, job)| run_json(run, &job.needs, states)).collect();
     json!({
@@ -131,21 +113,11 @@ pub fn json(plan: &Plan, folder: &ResultsFolder, states: &RunStates) -> Value {
         "vocabularies": plan.renamed,
         "data_sets": plan.data.members,
         "inputs": inputs,
-        "jobs": jobs(plan, &inputs),
+        "jobs": jobs,
         "total_flops": plan.total_flops(),
         "trained_flops": plan.trained_flops(),
         "disk_bytes": plan.disk_bytes(),
     })
-}
-
-/// Jobs by kind.
-fn jobs(plan: &Plan, inputs: &[Job]) -> BTreeMap<JobKind, usize> {
-    let mut jobs: BTreeMap<JobKind, usize> = JobKind::ALL.map(|kind| (kind, 0)).into();
-    jobs.insert(JobKind::Run, plan.runs.len());
-    for job in inputs {
-        *jobs.entry(job.id.kind).or_default() += 1;
-    }
-    jobs
 }
 
 fn run_json(run: &PlannedRun, needs: &[JobId], states: &RunStates) -> Value {
@@ -153,26 +125,19 @@ fn run_json(run: &PlannedRun, needs: &[JobId], states: &RunStates) -> Value {
     json!({
         "run_id": run.run_id,
         "generator": run.spec.generator.name(),
-        "n_layer": model.n_layer,
-        "n_head": model.n_head,
-        "d_model": model.d_model,
-        "d_ff": model.d_ff,
-        "n_ctx": model.n_ctx,
+        "n_layer": model.n_layer, "n_head": model.n_head, "d_model": model.d_model,
+        "d_ff": model.d_ff, "n_ctx": model.n_ctx,
         "n_vocab": run.spec.n_vocab(),
         "seed": run.spec.seed,
         "budget_flops": run.spec.budget_flops,
         "share": run.spec.share,
         "flops_per_token_forward": run.flops_per_token,
-        "params_nonvocab": run.params.nonvocab,
-        "params_vocab": run.params.vocab,
+        "params_nonvocab": run.params.nonvocab, "params_vocab": run.params.vocab,
         "params_text": run.params.text,
         "tokens": run.spec.tokens(),
         "epochs": run.epochs,
-        "steps": run.spec.steps,
-        "batch_tokens": run.spec.batch_tokens,
-        "lr": run.spec.lr,
-        "warmup_steps": run.spec.warmup_steps,
-        "decay_steps": run.spec.decay_steps,
+        "steps": run.spec.steps, "batch_tokens": run.spec.batch_tokens, "lr": run.spec.lr,
+        "warmup_steps": run.spec.warmup_steps, "decay_steps": run.spec.decay_steps,
         "achieved_ratio": run.achieved_ratio,
         "peak_bytes": run.known_peak_bytes(),
         "tokenizer_id": run.spec.tokenizer_id,
@@ -259,10 +224,8 @@ impl<'a> GpuCost<'a> {
         let [least, most] = range(&self.runs);
         (mfu["least"], mfu["most"]) = (json!(least), json!(most));
         document["gpu"] = json!({
-            "name": card.name,
-            "peak_flops": card.peak_flops,
-            "memory_bytes": card.memory_bytes,
-            "bytes_per_s": card.bytes_per_s,
+            "name": card.name, "peak_flops": card.peak_flops,
+            "memory_bytes": card.memory_bytes, "bytes_per_s": card.bytes_per_s,
             "hours": hours,
             "hours_to_go": self.hours_to_go,
             "trunk_hours": self.trunk_hours,

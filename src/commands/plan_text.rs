@@ -1,15 +1,11 @@
 //! The plan as a person reads it.
 
-use super::output::{dash, more, table};
+use super::prelude::*;
 use isoflop::data::MemberFacts;
-use isoflop::files::read_if_there;
-use isoflop::jobs::{JobState, ResultsFolder, RunStates};
+use isoflop::jobs::{JobState, RunStates};
 use isoflop::plan::{Dropped, Plan, PlannedRun, Renamed};
-use isoflop::spec::changed_fields;
-use isoflop::spec::{RunSpec, TokenizerJob};
-use isoflop::words::wrap;
-use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use isoflop::spec::{RunSpec, TokenizerJob, changed_fields};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// Rows printed before a long table is cut.
 const MOST_ROWS: usize = 40;
@@ -18,15 +14,11 @@ const MOST_ROWS: usize = 40;
 /// and `cost` its last sentences.
 pub fn text(plan: &Plan, states: &RunStates, stale: &[Stale], table: &str, cost: &str) -> String {
     let mut out = head(plan, states) + table;
-    told_stale(&mut out, stale);
-    out + "\n" + cost
-}
-
-fn told_stale(out: &mut String, stale: &[Stale]) {
     for Stale { runs, fields } in stale {
         let sentence = format!("{runs} finished runs differ in {}", fields.join(", "));
-        *out += &wrap("stale: ", &sentence);
+        out += &wrap("stale: ", &sentence);
     }
+    out + "\n" + cost
 }
 
 /// What the plan takes: FLOPs, time, memory, disk.
@@ -73,12 +65,8 @@ fn head(plan: &Plan, states: &RunStates) -> String {
     let [train, val, test] = plan.data.clips;
     let unique_tokens = plan.unique_tokens();
     if unique_tokens > 0 {
-        out += &wrap(
-            "",
-            &format!(
-                "data: {train} clips to train on ({unique_tokens} tokens), {val} to validate, {test} to test"
-            ),
-        );
+        let clips = format!("{train} clips to train on ({unique_tokens} tokens)");
+        out += &wrap("", &format!("data: {clips}, {val} to validate, {test} to test"));
         plan.data.members.iter().for_each(|member| out += &wrap("  ", &told(member)));
     }
     if plan.n_variants > 1 {
@@ -90,20 +78,15 @@ fn head(plan: &Plan, states: &RunStates) -> String {
         let all: Vec<String> = shares.into_iter().collect();
         out += &wrap("", &format!("each cell on shares {} of the clips", all.join(", ")));
     }
-    if !plan.renamed.is_empty() {
-        out += &wrap("", &vocabularies(&plan.renamed));
-    }
-    out + "\n"
-}
-
-/// `256 codes are 240 (levels 8, 6, 5)`.
-fn vocabularies(renamed: &[Renamed]) -> String {
     let one = |Renamed { named, codes, levels }: &Renamed| {
         let levels: Vec<String> = levels.iter().map(ToString::to_string).collect();
         format!("{codes} for {named} (levels {})", levels.join(", "))
     };
-    let all: Vec<String> = renamed.iter().map(one).collect();
-    format!("V is the product of FSQ's levels: {}", all.join(", "))
+    let renamed: Vec<String> = plan.renamed.iter().map(one).collect();
+    if !renamed.is_empty() {
+        out += &wrap("", &format!("V is the product of FSQ's levels: {}", renamed.join(", ")));
+    }
+    out + "\n"
 }
 
 /// A data set of a union.
@@ -144,7 +127,7 @@ fn row(run: &PlannedRun, states: &RunStates) -> [String; 10] {
         vocab,
         tokens,
         spec.steps.to_string(),
-        dash(run.epochs, epochs),
+        dash(run.epochs, |n| if n < 1e4 { format!("{n:.2}") } else { format!("{n:.1e}") }),
         format!("{:?}", states.of(&run.run_id)).to_lowercase(),
     ]
 }
@@ -153,10 +136,6 @@ fn row(run: &PlannedRun, states: &RunStates) -> [String; 10] {
 pub fn exponent(budget: f64) -> String {
     let shortest = format!("{budget:e}");
     if shortest.len() <= 8 { shortest } else { format!("{budget:.2e}") }
-}
-
-fn epochs(epochs: f64) -> String {
-    if epochs < 1e4 { format!("{epochs:.2}") } else { format!("{epochs:.1e}") }
 }
 
 pub fn time(hours: f64) -> String {
@@ -245,10 +224,7 @@ fn tokenizer_fields(folder: &ResultsFolder, new: &TokenizerJob, old_id: &str) ->
 }
 
 fn finished_specs(folder: &ResultsFolder) -> Vec<RunSpec> {
-    let Ok(entries) = std::fs::read_dir(folder.file("runs")) else { return Vec::new() };
-    let places = entries.filter_map(|entry| Some(entry.ok()?.path()));
-    places
-        .filter(|place| place.join("record.json").exists())
-        .filter_map(|place| read_if_there(&place.join("spec.json")).ok().flatten())
-        .collect()
+    let entries = std::fs::read_dir(folder.file("runs")).into_iter().flatten().flatten();
+    let done = entries.map(|entry| entry.path()).filter(|place| place.join("record.json").exists());
+    done.filter_map(|place| read_if_there(&place.join("spec.json")).ok().flatten()).collect()
 }

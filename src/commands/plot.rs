@@ -2,26 +2,15 @@
 //! elsewhere or of a `laws.json`, as far as it holds what they show.
 
 use super::args::one_of;
-use super::exit::Exit;
+use super::fit;
 use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{draw as draw_side_by_side, home, parted};
-use super::output::Output;
-use super::predict::not_of_groups;
-use super::{fit, predict};
-use anyhow::{Result, bail};
-use clap::Args;
+use super::predict::{each, not_of_groups};
+use super::prelude::*;
 use isoflop::codes::{TokenizerMetrics, remarks};
 use isoflop::figures::{self, Drawn, FigureInput, Format, LeftOut};
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::Laws;
-use isoflop::record::{RunRecord, Tuned, sliced, table};
-use isoflop::spec::{FlopsRule, content_id};
-use isoflop::sweep::Sweep;
-use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use isoflop::record::{Tuned, sliced, table};
+use isoflop::spec::content_id;
 
 #[derive(Args)]
 pub struct PlotArgs {
@@ -95,11 +84,20 @@ fn of_sweep(args: &PlotArgs, output: &Output) -> Result<Vec<PathBuf>> {
     not_of_groups(&args.results)?;
     let folder = ResultsFolder::new(&args.results);
     let records = table::read(folder.root())?;
-    let by_generator = parted(&records);
-    match by_generator.len() {
-        0 | 1 => of_one_generator(&folder, &records, &args.wanted, output),
-        _ => of_several_generators(&folder, &by_generator, &args.wanted, output),
+    let (by_generator, wanted) = (parted(&records), &args.wanted);
+    if by_generator.len() < 2 {
+        return of_one_generator(&folder, &records, wanted, output);
     }
+    // All of them side by side, then the figures of each.
+    let sweep = folder.sweep()?;
+    let mut paths = match wanted.has(SIDE_BY_SIDE) {
+        true => draw_side_by_side(&sweep, &folder, &by_generator, wanted.formats())?,
+        false => Vec::new(),
+    };
+    for (name, records) in &by_generator {
+        paths.extend(of_one_generator(&folder.of_generator(name), records, wanted, output)?);
+    }
+    Ok(paths)
 }
 
 /// The figures that a table or a `laws.json` allows.
@@ -120,42 +118,19 @@ fn of_one_generator(
     output: &Output,
 ) -> Result<Vec<PathBuf>> {
     let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
-    let tokenizers = tokenizers(&home(folder), output)?;
-    let records = as_laws_count(&home(folder), Tuned::of(records).records, laws.as_ref())?;
-    Ok(draw(folder, &records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
-}
-
-/// The runs at equal FLOPs by the rule of their laws, where the sweep was planned by another.
-fn as_laws_count(
-    home: &ResultsFolder,
-    records: Vec<RunRecord>,
-    laws: Option<&Laws>,
-) -> Result<Vec<RunRecord>> {
-    // A table and its laws are drawn without the sweep too.
+    let home = home(folder);
+    let tokenizers = tokenizers(&home, output)?;
+    let mut records = Tuned::of(records).records;
+    // At equal FLOPs by the rule of the laws, where the sweep was planned by another. A table and its laws are drawn
+    // without the sweep too.
     let planned = home.sweep().ok().map(|sweep| sweep.flops.rule);
-    let counted = laws.and_then(|laws| FlopsRule::named(&laws.flops_rule));
-    match (planned, counted) {
-        (Some(planned), Some(counted)) if counted != planned => Ok(sliced(&records, counted)?),
-        _ => Ok(records),
+    let counted = laws.as_ref().and_then(|laws| FlopsRule::named(&laws.flops_rule));
+    if let (Some(planned), Some(counted)) = (planned, counted)
+        && planned != counted
+    {
+        records = sliced(&records, counted)?;
     }
-}
-
-/// All of them side by side, then the figures of each.
-fn of_several_generators(
-    folder: &ResultsFolder,
-    by_generator: &BTreeMap<String, Vec<RunRecord>>,
-    wanted: &Wanted,
-    output: &Output,
-) -> Result<Vec<PathBuf>> {
-    let sweep = folder.sweep()?;
-    let mut paths = match wanted.has(SIDE_BY_SIDE) {
-        true => draw_side_by_side(&sweep, folder, by_generator, wanted.formats())?,
-        false => Vec::new(),
-    };
-    for (name, records) in by_generator {
-        paths.extend(of_one_generator(&folder.of_generator(name), records, wanted, output)?);
-    }
-    Ok(paths)
+    Ok(draw(folder, &records, laws.as_ref(), &tokenizers, wanted, output)?.paths)
 }
 
 /// The metrics of every tokenizer in a folder; a damaged one is left out with a warning.
@@ -203,7 +178,8 @@ pub fn analysed(
     records: &[RunRecord],
     output: &Output,
 ) -> Result<Finished> {
-    let stamp = stamp(sweep, folder, records);
+    // Changes whenever something else would be said or written.
+    let stamp = content_id(&(records, sweep, folder.root(), env!("ISOFLOP_GIT_REVISION")));
     if let Some(finished) = Finished::again(folder, &stamp, output)? {
         return Ok(finished);
     }
@@ -217,10 +193,11 @@ pub fn analysed(
     let wanted = Wanted::default();
     let drawn = draw(folder, &tuned.records, laws, &tokenizers, &wanted, output)?;
     remarks(&tokenizers).iter().for_each(|remark| output.warn(remark));
-    let predictions = match laws {
-        Some(laws) => predict::write(folder, laws, &sweep.predict.budgets, output)?,
-        None => Vec::new(),
-    };
+    let mut predictions = Vec::new();
+    if let Some(laws) = laws {
+        predictions = each(laws, &sweep.predict.budgets, output);
+        atomic::write_json(&folder.file("prediction.json"), &predictions)?;
+    }
     let document = json!({
         "results": folder.root(),
         "runs": records.len(),
@@ -236,8 +213,11 @@ pub fn analysed(
         drawn.paths.len() / Format::ALL.len()
     );
     let story = |full| laws.map(|laws| fit::text(laws, &predictions, full)).unwrap_or_default();
-    let texts = [false, true].map(|full| story(full) + &files);
-    Finished::write(folder, stamp, document, texts, output.warned().split_off(n_warned))
+    let [text, full] = [false, true].map(|full| story(full) + &files);
+    let (files, warnings) = (digests(folder)?, output.warned().split_off(n_warned));
+    let finished = Finished { stamp, files, document, text, full, warnings };
+    atomic::write_json(&folder.file("finished.json"), &finished)?;
+    Ok(finished)
 }
 
 /// Removes what an earlier state of the sweep had: it would be taken for this one's own.
@@ -288,20 +268,6 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// Notes what was just said and written.
-    pub fn write(
-        folder: &ResultsFolder,
-        stamp: String,
-        document: Value,
-        [text, full]: [String; 2],
-        warnings: Vec<String>,
-    ) -> Result<Self> {
-        let files = digests(folder)?;
-        let finished = Self { stamp, files, document, text, full, warnings };
-        atomic::write_json(&folder.file("finished.json"), &finished)?;
-        Ok(finished)
-    }
-
     /// What was said of the same records, with its warnings; `None` where anything has changed
     /// since: the records, the sweep, or a file that was written.
     pub fn again(folder: &ResultsFolder, stamp: &str, output: &Output) -> Result<Option<Self>> {
@@ -316,18 +282,11 @@ impl Finished {
     }
 }
 
-/// Changes whenever something else would be said or written.
-pub fn stamp(sweep: &Sweep, folder: &ResultsFolder, records: &[RunRecord]) -> String {
-    content_id(&(records, sweep, folder.root(), env!("ISOFLOP_GIT_REVISION")))
-}
-
 /// Digests of the tables, the laws, the prediction and every figure that is there.
 fn digests(folder: &ResultsFolder) -> Result<BTreeMap<String, String>> {
     let mut names: Vec<String> = FILES.map(String::from).to_vec();
-    if let Ok(figures) = std::fs::read_dir(folder.file("figures")) {
-        for figure in figures {
-            names.push(format!("figures/{}", figure?.file_name().to_string_lossy()));
-        }
+    for figure in std::fs::read_dir(folder.file("figures")).into_iter().flatten() {
+        names.push(format!("figures/{}", figure?.file_name().to_string_lossy()));
     }
     let digest = |path: &Path| std::fs::read(path).ok().map(|bytes| blake3::hash(&bytes).to_hex());
     let found = |name: String| Some((name.clone(), digest(&folder.file(&name))?.to_string()));

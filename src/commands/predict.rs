@@ -1,23 +1,13 @@
 //! `isoflop predict`: the optimal configuration for a budget, and the loss of a given model.
 
 use super::args::budget;
-use super::exit::Exit;
-use anyhow::{Context, Result, bail};
-use clap::Args;
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{Laws, scamo};
-use isoflop::predict::{
-    self, FlopCount, ModelSize, PredictError, PredictOptions, Prediction, predict_sized,
-};
-use isoflop::words::prediction::{said, sized_text};
-
-use super::output::Output;
+use super::prelude::*;
+use isoflop::laws::scamo;
+use isoflop::predict::{self, FlopCount, ModelSize, PredictError, PredictOptions, predict_sized};
 use isoflop::spec::flops::{TRAINING_PER_FORWARD, openai_per_token};
 use isoflop::spec::{Ffn, ModelShape};
 use isoflop::table::number;
-use serde_json::json;
-use std::path::Path;
+use isoflop::words::prediction::{said, sized_text};
 
 /// Shown below the options.
 const EXAMPLES: &str = "\
@@ -54,29 +44,30 @@ pub struct PredictArgs {
 
 pub fn predict(args: &PredictArgs, output: &Output) -> Result<Exit> {
     let own = laws_named(args.law.as_deref().ok_or_else(missing)?)?;
-    let asked = args.unique_tokens.map(|unique| on_data(&own, unique)).transpose()?;
+    let on_data = |unique: f64| {
+        own.on_data(unique).with_context(|| {
+            format!(
+                "--unique-tokens asks what more data would be worth, which the laws of {} do not tell: it takes \
+                 a sweep whose runs repeat their data, and shares of it tell it best (grid.shares)",
+                own.name
+            )
+        })
+    };
+    let asked = args.unique_tokens.map(on_data).transpose()?;
     let laws = asked.as_ref().unwrap_or(&own);
-    if let Some(model) = args.sized.model() {
-        return said_sized(laws, &model, output);
+    let SizedArgs { params, tokens, vocab: n_vocab, params_vocab } = args.sized;
+    if let (Some(params), Some(tokens)) = (params, tokens) {
+        let model = ModelSize { params, n_vocab, params_vocab, tokens };
+        let said = predict_sized(laws, &model)?;
+        return output.result(&json!([said]), &sized_text(&said));
     }
-    let predictions = args
-        .budgets
-        .iter()
-        .map(|budget| Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens)))
-        .collect::<Result<Vec<Prediction>, PredictError>>()?;
+    let predicted = |budget: &f64| -> Result<Prediction, PredictError> {
+        Ok(on_other_data(predict_one(laws, *budget)?, &own, args.unique_tokens))
+    };
+    let predictions: Vec<Prediction> =
+        args.budgets.iter().map(predicted).collect::<Result<_, _>>()?;
     let text = said(&predictions, output.full);
     output.result(&serde_json::to_value(&predictions)?, &text)
-}
-
-/// The laws where other data is at hand.
-fn on_data(laws: &Laws, unique_tokens: f64) -> Result<Laws> {
-    laws.on_data(unique_tokens).with_context(|| {
-        format!(
-            "--unique-tokens asks what more data would be worth, which the laws of {} do not tell: it takes a \
-             sweep whose runs repeat their data, and shares of it tell it best (grid.shares)",
-            laws.name
-        )
-    })
 }
 
 /// The prediction, with a sentence where it is of other data than the sweep's.
@@ -117,21 +108,9 @@ pub fn each(laws: &Laws, budgets: &[f64], output: &Output) -> Vec<Prediction> {
     budgets.iter().filter_map(predicted).collect()
 }
 
-/// Predicts a sweep's own budgets into `prediction.json`.
-pub fn write(
-    folder: &ResultsFolder,
-    laws: &Laws,
-    budgets: &[f64],
-    output: &Output,
-) -> Result<Vec<Prediction>> {
-    let predictions = each(laws, budgets, output);
-    atomic::write_json(&folder.file("prediction.json"), &predictions)?;
-    Ok(predictions)
-}
-
 // `isoflop predict --params N --tokens D`: the loss of a model that need not be the optimum.
 
-#[derive(Args)]
+#[derive(Args, Clone, Copy)]
 #[command(next_help_heading = "Loss of a given model")]
 struct SizedArgs {
     /// N of a model whose loss is asked for, in place of an optimum; N_nv if the law tells N_v apart
@@ -148,29 +127,12 @@ struct SizedArgs {
     params_vocab: Option<f64>,
 }
 
-impl SizedArgs {
-    /// The model, if one is asked for.
-    pub fn model(&self) -> Option<ModelSize> {
-        Some(ModelSize {
-            params: self.params?,
-            n_vocab: self.vocab,
-            params_vocab: self.params_vocab,
-            tokens: self.tokens?,
-        })
-    }
-}
-
 /// A count of parameters or tokens.
 fn amount(text: &str) -> Result<f64, String> {
     match number(&text.replace('_', "")) {
         Some(amount) if amount > 0.0 && amount.is_finite() => Ok(amount),
         _ => Err(format!("{text} is not a number above 0, as 7e9 or 7B")),
     }
-}
-
-fn said_sized(laws: &Laws, model: &ModelSize, output: &Output) -> Result<Exit> {
-    let said = predict_sized(laws, model)?;
-    output.result(&json!([said]), &sized_text(&said))
 }
 
 // The count of FLOPs by which a sweep's prediction is brought onto its budget.
@@ -183,13 +145,11 @@ fn openai_count(
     head_share: f64,
     ladder: &[predict::Shape],
 ) -> impl Fn(f64, f64, f64) -> f64 + Sync {
-    let rungs: Vec<(f64, f64)> = ladder
-        .iter()
-        .map(|rung| {
-            let flops = openai_blocks(rung.n_layer as usize, rung.d_model as usize, n_ctx);
-            ((rung.params_nonvocab() as f64).ln(), flops.ln())
-        })
-        .collect();
+    let rung = |rung: &predict::Shape| {
+        let flops = openai_blocks(rung.n_layer as usize, rung.d_model as usize, n_ctx);
+        ((rung.params_nonvocab() as f64).ln(), flops.ln())
+    };
+    let rungs: Vec<(f64, f64)> = ladder.iter().map(rung).collect();
     move |nonvocab: f64, vocab: f64, tokens: f64| {
         let per_token = interpolate(&rungs, nonvocab.ln()).exp() + 2.0 * head_share * vocab;
         TRAINING_PER_FORWARD * per_token * tokens
@@ -268,7 +228,13 @@ pub fn not_of_groups(folder: &Path) -> Result<()> {
 
 /// The error where no law is named: the choices, with the laws that lie where the program was started.
 fn missing() -> anyhow::Error {
-    let found = at_hand();
+    // Where laws lie below the working directory, sorted: sweeps in `results`, and `laws.json`.
+    let entries = std::fs::read_dir("results").into_iter().flatten().flatten();
+    let folders = entries.map(|entry| entry.path()).filter(|path| path.join("laws.json").exists());
+    let mut found: Vec<String> = folders.map(|path| path.display().to_string()).collect();
+    found.sort();
+    found.extend(Path::new("laws.json").exists().then(|| "laws.json".to_string()));
+    found.truncate(MOST_NAMED);
     let here = match &found[..] {
         [] => String::new(),
         all => format!("; here: --law {}", all.join(", --law ")),
@@ -277,15 +243,4 @@ fn missing() -> anyhow::Error {
         "no law to predict by: give --law results/NAME for a sweep's, --law FILE for one that \
          isoflop fit saved by --out, or --law scamo for the published one{here}"
     )
-}
-
-/// Where laws lie below the working directory, sorted: sweeps in `results`, and `laws.json`.
-fn at_hand() -> Vec<String> {
-    let entries = std::fs::read_dir("results").into_iter().flatten().flatten();
-    let folders = entries.map(|entry| entry.path()).filter(|path| path.join("laws.json").exists());
-    let mut found: Vec<String> = folders.map(|path| path.display().to_string()).collect();
-    found.sort();
-    found.extend(Path::new("laws.json").exists().then(|| "laws.json".to_string()));
-    found.truncate(MOST_NAMED);
-    found
 }

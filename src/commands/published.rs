@@ -1,17 +1,8 @@
 //! `isoflop published`: scores that papers print, with the best runs of sweeps beside them.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
-
-use anyhow::{Context, Result};
-use clap::Args;
-use isoflop::jobs::ResultsFolder;
+use super::prelude::*;
 use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
 use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
-use serde_json::json;
-
-use super::exit::Exit;
-use super::output::{Output, table};
 
 #[derive(Args)]
 pub struct PublishedArgs {
@@ -64,8 +55,7 @@ fn text(rows: &[ScoreRow]) -> String {
 
 fn of_group(rows: &[ScoreRow]) -> String {
     let ScoreRow { evaluator, dataset, .. } = &rows[0];
-    let about = EVALUATORS.iter().find(|(name, _)| name == evaluator);
-    let about = about.map_or_else(
+    let about = EVALUATORS.iter().find(|(name, _)| name == evaluator).map_or_else(
         || format!("evaluator {evaluator}, trained by isoflop: not comparable with the rest"),
         |(_, about)| format!("evaluator: {about}"),
     );

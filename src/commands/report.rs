@@ -1,29 +1,19 @@
 //! `isoflop report`: results as one page that opens without a network: a sweep's, or those of a table
 //! made elsewhere or of a `laws.json`, as far as it holds what the page shows.
 
-use super::exit::Exit;
 use super::fit::{TableArgs, TableStudy, beside};
 use super::generators::{home, parted};
-use super::output::Output;
 use super::predict::not_of_groups;
+use super::prelude::*;
 use super::{fit, plot, predict};
-use anyhow::{Context, Result, bail};
-use clap::Args;
 use isoflop::data::{self, Split, read_motion};
 use isoflop::figures::{Format, draw_all};
-use isoflop::files::{atomic, read_if_there, read_text_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::Laws;
 use isoflop::motion::{Pose, recover_joints};
 use isoflop::plan::demand;
-use isoflop::predict::Prediction;
-use isoflop::record::{RunRecord, Tuned, table as runs};
+use isoflop::record::{Tuned, table as runs};
 use isoflop::report::{Figure, ReportInput, Sample, Study, page};
-use serde::Deserialize;
-use serde_json::{Value, json};
 use std::collections::{BTreeSet, HashMap};
 use std::fs;
-use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct ReportArgs {
@@ -132,15 +122,11 @@ impl GeneratorResults {
         Ok(Self { generator, loss_name, verdict, laws, predictions, records, figures })
     }
 
-    fn read(
-        folder: &ResultsFolder,
-        generator: Option<String>,
-        records: &[RunRecord],
-    ) -> Result<Self> {
-        let laws: Option<Laws> = read_if_there(&folder.file("laws.json"))?;
+    fn read(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Self> {
+        let laws = read_if_there(&folder.file("laws.json"))?;
         let told: Option<Vec<Prediction>> = read_if_there(&folder.file("prediction.json"))?;
         let (told, records) = (told.unwrap_or_default(), Tuned::of(records).records);
-        Ok(Self { generator, ..Self::new(laws, &told, records, &folder.file("figures"))? })
+        Self::new(laws, &told, records, &folder.file("figures"))
     }
 
     /// What the page shows of it.
@@ -161,10 +147,11 @@ impl GeneratorResults {
 fn of_each(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<GeneratorResults>> {
     let parted = parted(records);
     if parted.len() < 2 {
-        return Ok(vec![GeneratorResults::read(folder, None, records)?]);
+        return Ok(vec![GeneratorResults::read(folder, records)?]);
     }
     let own = |(name, records): (String, Vec<RunRecord>)| {
-        GeneratorResults::read(&folder.of_generator(&name), Some(name), &records)
+        let own = GeneratorResults::read(&folder.of_generator(&name), &records)?;
+        Ok(GeneratorResults { generator: Some(name), ..own })
     };
     parted.into_iter().map(own).collect()
 }
@@ -208,16 +195,14 @@ fn text(path: &Path) -> Result<String> {
 /// The cells that were not run, each in a line; none where no plan is kept.
 fn dropped(folder: &ResultsFolder) -> Result<Vec<String>> {
     let plan: Option<Value> = read_if_there(&folder.file("plan.json"))?;
+    let line = |cell: &Value| {
+        let facts = cell.as_object().into_iter().flatten();
+        let facts = facts.filter(|(key, value)| *key != "reason" && !value.is_null());
+        let facts: Vec<String> = facts.map(|(key, value)| format!("{key} {value}")).collect();
+        format!("{}: {}", facts.join(", "), cell["reason"].as_str().unwrap_or_default())
+    };
     let cells = plan.as_ref().and_then(|plan| plan["dropped"].as_array());
-    Ok(cells.into_iter().flatten().map(dropped_line).collect())
-}
-
-fn dropped_line(cell: &Value) -> String {
-    let reason = cell["reason"].as_str().unwrap_or_default();
-    let facts = cell.as_object().into_iter().flatten();
-    let facts = facts.filter(|(key, value)| *key != "reason" && !value.is_null());
-    let facts: Vec<String> = facts.map(|(key, value)| format!("{key} {value}")).collect();
-    format!("{}: {reason}", facts.join(", "))
+    Ok(cells.into_iter().flatten().map(line).collect())
 }
 
 // Motions of a sweep's folder, for its page.
@@ -234,47 +219,32 @@ struct Made {
 
 /// The first motions of the run of the lowest L_u that made some; none where no run did.
 fn samples(folder: &ResultsFolder, records: &[RunRecord]) -> Result<Vec<Sample>> {
-    let mut by_loss: Vec<(&RunRecord, f64)> = records
-        .iter()
-        .filter_map(|record| Some((record, record.loss_normalised().ok()?)))
-        .collect();
+    let with_loss = |record| Some((record, RunRecord::loss_normalised(record).ok()?));
+    let mut by_loss: Vec<(&RunRecord, f64)> = records.iter().filter_map(with_loss).collect();
     by_loss.sort_by(|a, b| a.1.total_cmp(&b.1));
     for (record, _) in by_loss {
         let run_id = &record.planned.run_id;
         let place = folder.file("samples").join(run_id);
         for place in [place.join("scored"), place] {
-            let made: Option<Vec<Made>> = read_if_there(&place.join("motions.json"))?;
-            if let Some(made) = made {
-                return of_run(folder, run_id, &place, &made);
+            if let Some(made) = read_if_there(&place.join("motions.json"))? {
+                return of_run(folder, run_id, &place, made);
             }
         }
     }
     Ok(Vec::new())
 }
 
-fn of_run(
-    folder: &ResultsFolder,
-    run_id: &str,
-    place: &Path,
-    made: &[Made],
-) -> Result<Vec<Sample>> {
-    let file = |n: usize| place.join(format!("{n}.features.npy"));
-    let kept: Vec<(PathBuf, &Made)> =
-        made.iter().enumerate().map(|(n, made)| (file(n), made)).collect();
-    let kept = kept.into_iter().filter(|(path, _)| fs::exists(path).unwrap_or(false));
-    let kept: Vec<(PathBuf, &Made)> = kept.take(SHOWN).collect();
+fn of_run(home: &ResultsFolder, id: &str, place: &Path, made: Vec<Made>) -> Result<Vec<Sample>> {
+    let files = (0..).map(|n| place.join(format!("{n}.features.npy")));
+    let kept = files.zip(made).filter(|(path, _)| path.exists());
+    let kept: Vec<(PathBuf, Made)> = kept.take(SHOWN).collect();
     let captions: Vec<&str> = kept.iter().map(|(_, made)| made.caption.as_str()).collect();
-    let mut truth = truth(folder, &captions);
-    let read = |(path, made): (PathBuf, &Made)| {
+    let mut truth = truth(home, &captions);
+    let read = |(path, Made { caption, fps }): (PathBuf, Made)| {
         let features =
-            read_motion(&path, made.fps).with_context(|| format!("reading {}", path.display()))?;
-        Ok(Sample {
-            caption: made.caption.clone(),
-            run_id: run_id.to_string(),
-            fps: made.fps,
-            poses: recover_joints(&features),
-            truth: truth.remove(&made.caption),
-        })
+            read_motion(&path, fps).with_context(|| format!("reading {}", path.display()))?;
+        let (poses, truth) = (recover_joints(&features), truth.remove(&caption));
+        Ok(Sample { caption, run_id: id.to_string(), fps, poses, truth })
     };
     kept.into_iter().map(read).collect()
 }
@@ -289,11 +259,9 @@ fn truth(folder: &ResultsFolder, captions: &[&str]) -> HashMap<String, Vec<Pose>
     let mut found = HashMap::new();
     for clip in 0..data.n_clips(Split::Test) {
         let own = data.captions(Split::Test, clip);
-        let Some(caption) = own.iter().find(|own| captions.contains(&own.as_str())) else {
-            continue;
-        };
-        if let (false, Ok(features)) =
-            (found.contains_key(caption), data.features(Split::Test, clip))
+        if let Some(caption) = own.iter().find(|own| captions.contains(&own.as_str()))
+            && !found.contains_key(caption)
+            && let Ok(features) = data.features(Split::Test, clip)
         {
             found.insert(caption.clone(), recover_joints(&features));
         }

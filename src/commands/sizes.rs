@@ -1,11 +1,11 @@
 //! Where an optimum is expected before anything is trained ([`Expected`]), and the models and vocabularies that can be
 //! built nearest to sizes that a law asks for.
 
-use anyhow::{Context, Result};
+use super::prelude::*;
 use isoflop::laws::scamo;
 use isoflop::predict::Codebook;
 use isoflop::spec::CodebookKind;
-use isoflop::sweep::{LevelsSpec, ModelEntry, Sweep, VocabSpec, models, shape};
+use isoflop::sweep::{LevelsSpec, ModelEntry, VocabSpec, models, shape};
 
 /// N_nv and N_v of the optimum at 1e11 FLOPs and their exponents in C, as this program's own studies of motion
 /// found them (`results/procedural-law`, `results/cmu-motion`): where to look, and no more.

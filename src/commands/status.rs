@@ -1,15 +1,11 @@
 //! `isoflop status`: how far a sweep is, from its folder, and from the engines that have some of it.
 
 use super::args::FolderArg;
-use super::exit::Exit;
-use super::output::{Output, clip, more, table};
+use super::prelude::*;
 use super::run::CommandLine;
-use anyhow::{Context, Result, bail};
 use isoflop::engine::local::left;
 use isoflop::engine::{Cancelled, ENGINES, EngineState};
-use isoflop::jobs::{Counts, FailedJob, ResultsFolder, Running, SweepState, sweep_state};
-use isoflop::words::wrap;
-use serde_json::{Value, json};
+use isoflop::jobs::{Counts, FailedJob, Running, SweepState, sweep_state};
 
 pub fn status(args: &FolderArg, output: &Output) -> Result<Exit> {
     let folder = ResultsFolder::new(&args.results);
@@ -95,21 +91,13 @@ fn heading(name: &str, state: &SweepState, engines: &[(&str, EngineState)]) -> S
         let jobs = state.running.len();
         sentence += &format!(", {} with {jobs} at work", left(eta));
     }
-    let who = match engines {
-        [_, ..] if !state.at_work => {
-            engines.iter().map(|(_, said)| said.text.as_str()).collect::<String>()
-        }
-        _ => at_work(state) + "\n",
+    let who = match (engines, &state.scheduler) {
+        ([_, ..], _) if !state.at_work => engines.iter().map(|(_, said)| &*said.text).collect(),
+        (_, Some(one)) => format!("at work: process {} on {}\n", one.pid, one.host),
+        _ if state.at_work => "at work: a process that has just begun\n".to_string(),
+        _ => "no scheduler is at work here\n".to_string(),
     };
     wrap(&format!("{name}: "), &sentence) + &who
-}
-
-fn at_work(state: &SweepState) -> String {
-    match (&state.scheduler, state.at_work) {
-        (Some(one), _) => format!("at work: process {} on {}", one.pid, one.host),
-        (None, true) => "at work: a process that has just begun".to_string(),
-        (None, false) => "no scheduler is at work here".to_string(),
-    }
 }
 
 fn counts(state: &SweepState) -> String {

@@ -1,19 +1,13 @@
 //! `isoflop tokenize`: motions into codes, a file each.
 
 use super::context::TokenizerChoice;
-use super::exit::Exit;
-use super::output::{Output, many, more, table};
-use anyhow::{Context, Result, bail};
+use super::prelude::*;
 use isoflop::codes::{ClipCodes, ClipScale};
 use isoflop::data::{Annotation, FAR, parse_annotation, read_motion};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
-use serde_json::json;
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-
-use clap::Args;
 use std::fs;
 
 pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
@@ -26,7 +20,12 @@ pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
     };
     // All are read and encoded before the first is written.
     let encoded: Vec<(ClipCodes, f64)> = motions.map(encode).collect::<Result<_>>()?;
-    encoded.iter().filter(|(_, far)| *far > FAR).for_each(|clip| output.warn(&strange(clip)));
+    for (ClipCodes { motion, .. }, far) in encoded.iter().filter(|(_, far)| *far > FAR) {
+        output.warn(&format!(
+            "{motion} is like nothing that the tokenizer was trained on: its features are {far:.1} deviations \
+             from their mean; joints are in metres with y up, features are not normalised"
+        ));
+    }
     let clips: Vec<ClipCodes> = encoded.into_iter().map(|(clip, _)| clip).collect();
     places.iter().zip(&clips).try_for_each(|(place, clip)| clip.write(place))?;
     let document = json!({ "tokenizer": tokenizer.id, "files": places, "motions": clips });
@@ -49,14 +48,6 @@ fn places(args: &TokenizeArgs) -> Result<Vec<PathBuf>> {
         places.push(place);
     }
     Ok(places)
-}
-
-fn strange((clip, far): &(ClipCodes, f64)) -> String {
-    format!(
-        "{} is like nothing that the tokenizer was trained on: its features are {far:.1} deviations from \
-         their mean; joints are in metres with y up, features are not normalised",
-        clip.motion
-    )
 }
 
 /// The codes of a motion, and how strange it is; frames after its last whole latent are left out.

@@ -1,22 +1,18 @@
 //! `isoflop tokenizer`: the tokenizers of a sweep on their own, several beside one another, how often the codes of one
 //! are met, and what guidance of its detokenizer is worth (LG-Tok, Fig. 5).
 
-use anyhow::{Result, bail};
-use clap::{Args, Subcommand};
+use super::args::{FolderArgs, not_negative};
+use super::context::TokenizerChoice;
+use super::plot;
+use super::prelude::*;
+use super::run::{RunArgs, run_only};
+use clap::Subcommand;
 use isoflop::codes::{CodeMap, ScaleUse, TokenizerMetrics, remarks, table as compared};
 use isoflop::data::Split;
 use isoflop::figures::{self, Format, draw_alone};
 use isoflop::jobs::JobKind;
 use isoflop::spec::LanguageSpec;
 use isoflop::tokenizer::Reconstruction;
-use serde_json::json;
-
-use super::args::{FolderArgs, not_negative};
-use super::context::TokenizerChoice;
-use super::exit::Exit;
-use super::output::{Output, more, table};
-use super::plot;
-use super::run::{RunArgs, run_only};
 
 /// Scales that are listed, at most.
 const LISTED: usize = 16;
@@ -34,7 +30,7 @@ enum What {
     /// Compare the tokenizers of sweeps with one another and with k-means
     Eval(FolderArgs),
     /// Draw how often the codes of a tokenizer are met, scale by scale, and where they lie
-    Codes(CodesArgs),
+    Codes(TokenizerChoice),
     /// Measure reconstruction as the detokenizer follows the caption the more
     Guidance(GuidanceArgs),
 }
@@ -73,14 +69,8 @@ fn compare(tokenizers: &[TokenizerMetrics], output: &Output) -> Result<Exit> {
     Ok(exit)
 }
 
-#[derive(Args)]
-struct CodesArgs {
-    #[command(flatten)]
-    tokenizer: TokenizerChoice,
-}
-
-fn codes(args: &CodesArgs, output: &Output) -> Result<Exit> {
-    let trained = args.tokenizer.open()?;
+fn codes(tokenizer: &TokenizerChoice, output: &Output) -> Result<Exit> {
+    let trained = tokenizer.open()?;
     let map = CodeMap::of(&trained.tokenizer, &trained.tokens()?, Split::Test);
     let scales: Vec<ScaleUse> = map.scales.iter().map(|scale| ScaleUse::of(&scale.met)).collect();
     let name = format!("codes-{}", trained.id);

@@ -1,23 +1,16 @@
 //! `isoflop tune`: the rule of learning rate and batch, by trials at a few cells of a sweep's grid.
 
 use super::context::{OpenSweep, SweepArgs, an_engine};
-use super::exit::Exit;
-use super::output::{Output, dash, table};
-use anyhow::{Context, Result, bail};
-use clap::Args;
-use isoflop::engine::{ENGINES, Engine};
-use isoflop::files::atomic;
-use isoflop::jobs::presence::Held;
-use isoflop::jobs::{JobId, JobState, ResultsFolder, adopt};
-use isoflop::rates::{CellRate, Place, Rule, Setting, Trial, choose, fit_rule, next};
-use serde_json::json;
-use std::ops::ControlFlow;
-
+use super::prelude::*;
 use super::run::{RunArgs, bring, hold, open};
-use isoflop::sweep::{LrRule, ScheduleKind, Sweep};
-use isoflop::words::wrap;
-
+use super::sizes::distinct;
+use isoflop::engine::{ENGINES, Engine};
+use isoflop::jobs::presence::Held;
+use isoflop::jobs::{JobId, JobState, adopt};
 use isoflop::plan::{Plan, PlannedRun};
+use isoflop::rates::{CellRate, Place, Rule, Setting, Trial, choose, fit_rule, next};
+use isoflop::sweep::{LrRule, ScheduleKind};
+use std::ops::ControlFlow;
 
 #[derive(Args)]
 pub struct TuneArgs {
@@ -78,7 +71,10 @@ fn search(
         let asked = cells.asked(&part.sweep, &part.plan, wanted);
         all.extend(asked.iter().cloned());
         if asked.iter().any(|asked| asked.is_open(&part.folder)) {
-            output.note(&price(&asked, all.len()));
+            let new = || asked.iter().filter_map(|asked| asked.run.as_ref());
+            let flops: f64 = new().map(|run| run.spec.budget_flops).sum();
+            let (n, so_far) = (new().count(), all.len());
+            output.note(&format!("{n} trials, {flops:.2e} FLOPs; {so_far} so far"));
             let runs = all.iter().filter_map(|asked| asked.run.clone());
             let plan = part.plan.with_runs(runs.collect());
             let open = OpenSweep { plan, ..part.clone() };
@@ -93,13 +89,6 @@ fn search(
 }
 
 // What `isoflop tune` says.
-
-/// What the next trials cost.
-fn price(asked: &[Asked], so_far: usize) -> String {
-    let runs = || asked.iter().filter_map(|asked| asked.run.as_ref());
-    let flops: f64 = runs().map(|run| run.spec.budget_flops).sum();
-    format!("{} trials, {flops:.2e} FLOPs; {so_far} so far", runs().count())
-}
 
 /// The best rate of each cell, the rule, and what it is worth.
 fn text(rule: &Rule, n_trials: usize, folder: &ResultsFolder) -> String {
@@ -161,12 +150,9 @@ fn sentences(rule: &Rule, n_trials: usize) -> Vec<String> {
 }
 
 fn formula(lr: &LrRule) -> String {
-    let tokens = if lr.tokens_exponent == 0.0 {
-        String::new()
-    } else {
-        format!(" D^{}", lr.tokens_exponent)
-    };
-    format!("{} N_nv^{}{tokens}", lr.coefficient, lr.params_exponent)
+    let LrRule { coefficient, params_exponent, tokens_exponent: of_d, .. } = lr;
+    let tokens = if *of_d == 0.0 { String::new() } else { format!(" D^{of_d}") };
+    format!("{coefficient} N_nv^{params_exponent}{tokens}")
 }
 
 /// The rule as the `train` section of a sweep.
@@ -213,14 +199,12 @@ impl Cells {
     /// The runs of some trials, (cell, setting).
     pub fn asked(&self, sweep: &Sweep, plan: &Plan, wanted: Vec<(usize, Setting)>) -> Vec<Asked> {
         // Many cells try one setting, and a large sweep takes a second to plan.
-        let mut plans: Vec<(Setting, Plan)> = Vec::new();
-        for (_, setting) in &wanted {
-            if !plans.iter().any(|(planned, _)| planned == setting) {
-                let train = setting.of(&sweep.train);
-                let own = Sweep { train, ..sweep.clone() };
-                plans.push((*setting, Plan::new(&own, plan.data.clone())));
-            }
-        }
+        let settings = distinct(wanted.iter().map(|(_, setting)| *setting).collect());
+        let planned = |setting: Setting| {
+            let own = Sweep { train: setting.of(&sweep.train), ..sweep.clone() };
+            (setting, Plan::new(&own, plan.data.clone()))
+        };
+        let plans: Vec<(Setting, Plan)> = settings.into_iter().map(planned).collect();
         let of = |(cell, setting): (usize, Setting)| {
             let mut runs = plans.iter().filter(|(planned, _)| *planned == setting);
             let cell_run = &self.runs[cell];
@@ -229,11 +213,8 @@ impl Cells {
                     && run.spec.seed == cell_run.spec.seed
                     && run.spec.tokenizer_id == cell_run.spec.tokenizer_id
             };
-            Asked {
-                cell,
-                setting,
-                run: runs.find_map(|(_, plan)| plan.runs.iter().find(is_it)).cloned(),
-            }
+            let run = runs.find_map(|(_, plan)| plan.runs.iter().find(is_it)).cloned();
+            Asked { cell, setting, run }
         };
         wanted.into_iter().map(of).collect()
     }

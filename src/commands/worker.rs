@@ -1,26 +1,19 @@
 //! `isoflop worker`: one job of a sweep, in a process of its own.
 
 use super::context::{an_engine, device};
-use super::exit::{Exit, say};
-use super::output::Output;
-use anyhow::{Result, bail};
-use burn::tensor::Device;
+use super::output::say;
+use super::prelude::*;
+use super::{analyse, status};
+use isoflop::engine::{ENGINES, Engine, FitTerms, Task};
 use isoflop::jobs::presence::claim;
 use isoflop::jobs::worker::{
     FAILED, REFUSED_MEMORY, STOPPED, failure_of, report_failure, stop_with_parent,
 };
-use isoflop::jobs::{
-    Assignment, FailedJob, JobId, JobKind, Outcome, ResultsFolder, SweepState, program, work,
-};
+use isoflop::jobs::{Assignment, FailedJob, JobId, JobKind, Outcome, SweepState, program, work};
 use isoflop::machine::exit_when_refused;
 use isoflop::ops::{DeviceName, check_products};
 use isoflop::progress::{forget_progress, stop_on_signals, tell_of_pieces};
 use std::process::exit;
-
-use super::{analyse, status};
-use clap::Args;
-use isoflop::engine::{ENGINES, Engine, FitTerms, Task};
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 pub fn worker(args: &WorkerArgs, output: &Output) -> Result<Exit> {
@@ -45,7 +38,11 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
     let claimed = claim(&place, &stop);
     let outcome = match &claimed {
         Ok(None) => exit(STOPPED),
-        Ok(Some(_lock)) => checked(args.device, &device).and_then(|()| work(&assignment)),
+        // Processors multiply; of other devices it must be seen.
+        Ok(Some(_lock)) if args.device.is_processor() => work(&assignment),
+        Ok(Some(_lock)) => {
+            check_products(&device).map_err(Into::into).and_then(|()| work(&assignment))
+        }
         Err(error) => Ok(Outcome::Failed(failure_of(error))),
     };
     let failure = match outcome {
@@ -69,11 +66,6 @@ fn one_job(args: &WorkerArgs, job: &JobId) -> Result<Exit> {
         exit(FAILED)
     }
     Ok(Exit::Done)
-}
-
-/// Processors multiply; of other devices it must be seen.
-fn checked(name: DeviceName, device: &Device) -> Result<()> {
-    if name.is_processor() { Ok(()) } else { Ok(check_products(device)?) }
 }
 
 /// `isoflop guard`: ends a worker's program when the worker is gone.

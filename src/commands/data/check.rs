@@ -1,15 +1,8 @@
 //! `isoflop data check`: every file of a data set, and all that is wrong.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::Result;
-use clap::Args;
+use crate::commands::prelude::*;
 use isoflop::data::{self, Split, check_folder};
 use isoflop::spec::{DataSection, DataSource};
-use serde_json::json;
-
-use crate::commands::exit::Exit;
-use crate::commands::output::{Output, many, more};
 
 #[derive(Args)]
 pub struct CheckArgs {

@@ -5,10 +5,8 @@ mod check;
 pub use check::too_few;
 
 use super::args::{number, one_of};
-use super::exit::Exit;
-use super::output::{Output, many, more, table};
-use anyhow::{Context, Result};
-use clap::{Args, Subcommand};
+use super::prelude::*;
+use clap::Subcommand;
 use isoflop::data::import::{
     self, Form, GroupBy, ImportError, ImportOptions, Imported, Rate, SHORTEST, Skeleton,
     write_procedural,
@@ -17,13 +15,7 @@ use isoflop::data::{
     Counted, HumanMl3d, HumanMl3dOptions, MotionSource, Procedural, ProceduralOptions, Split,
     Tally, count, parse_annotation, read_motion,
 };
-use serde_json::{Value, json};
-use std::collections::BTreeMap;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
-
 use isoflop::figures::motion::{CaptionedMotion, write_sheet};
-use isoflop::files::atomic;
 use isoflop::motion::retarget::Up;
 use isoflop::units::quoted;
 use std::fs;
@@ -126,16 +118,9 @@ fn text(counted: &Counted, left_out: usize) -> String {
         [name.to_string(), clips, frames, hours, one, two, four, captions, distinct, words]
     };
     let rows = [("train", train), ("val", val), ("test", test), ("all", all)];
+    let codes = "codes at 1";
     let heads = [
-        "<split",
-        "clips",
-        "frames",
-        "hours",
-        "codes at 1",
-        "2",
-        "4 frames",
-        "captions",
-        "distinct",
+        "<split", "clips", "frames", "hours", codes, "2", "4 frames", "captions", "distinct",
         "words",
     ];
     let mut text = table(heads, rows.map(row));
@@ -242,7 +227,14 @@ fn import(args: &ImportArgs, output: &Output) -> Result<Exit> {
     })?;
     tell(&imported, args, output);
     sheet(&args.out, imported.fps).context("drawing the contact sheet")?;
-    output.result(&document(&imported, args), &text_import(&imported, args))?;
+    let [train, val, test] = imported.splits;
+    let document = json!({
+        "data": args.out, "fps": imported.fps, "train": train, "val": val, "test": test,
+        "too_short": imported.too_short, "captioned_by_name": imported.captioned_by_name,
+        "uncaptioned": imported.uncaptioned, "problems": imported.problems,
+        "skeletons": imported.skeletons,
+    });
+    output.result(&document, &text_import(&imported, args))?;
     Ok(if imported.problems.is_empty() { Exit::Done } else { Exit::SomeRunsFailed })
 }
 
@@ -318,20 +310,6 @@ fn sheet(folder: &Path, fps: f64) -> Result<()> {
     Ok(write_sheet(&folder.join(SHEET), &motions.collect::<Vec<_>>())?)
 }
 
-fn document(imported: &Imported, args: &ImportArgs) -> Value {
-    let [train, val, test] = imported.splits;
-    json!({
-        "data": args.out,
-        "fps": imported.fps,
-        "train": train, "val": val, "test": test,
-        "too_short": imported.too_short,
-        "captioned_by_name": imported.captioned_by_name,
-        "uncaptioned": imported.uncaptioned,
-        "problems": imported.problems,
-        "skeletons": imported.skeletons,
-    })
-}
-
 fn text_import(imported: &Imported, args: &ImportArgs) -> String {
     let mut text = String::new();
     let frames: usize = imported.splits.iter().map(|split| split.frames).sum();
@@ -346,22 +324,17 @@ fn text_import(imported: &Imported, args: &ImportArgs) -> String {
     for skeleton in &imported.skeletons {
         let Skeleton { joints, files, up, neutral, .. } = skeleton;
         let files = many(*files, "file");
-        let _ = writeln!(
-            text,
-            "
-skeleton of {} joints, {files}, {up} up",
-            joints.len()
-        );
-        let _ = writeln!(text, "  upright in {neutral}");
+        let n = joints.len();
+        let _ =
+            writeln!(text, "\nskeleton of {n} joints, {files}, {up} up\n  upright in {neutral}");
     }
     if imported.too_short > 0 {
         let (n, shortest_s) = (imported.too_short, (SHORTEST - 1) as f64 / imported.fps);
         let _ = writeln!(text, "\n{n} motions are shorter than {shortest_s:.1} s: left out");
     }
-    let out = args.out.display().to_string();
-    let _ = writeln!(text, "\nlook at  {}", args.out.join(SHEET).display());
-    let _ = writeln!(text, "next     isoflop run own-data --set data.path={}", quoted(&out));
-    text
+    let (sheet, out) = (args.out.join(SHEET), quoted(&args.out.display().to_string()));
+    let sheet = sheet.display();
+    text + &format!("\nlook at  {sheet}\nnext     isoflop run own-data --set data.path={out}\n")
 }
 
 fn hours(frames: usize, fps: f64) -> String {

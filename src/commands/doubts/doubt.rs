@@ -1,10 +1,10 @@
 //! [`Doubt`]: something that will be in doubt.
 
+use crate::commands::prelude::*;
 use crate::commands::sizes::Expected;
 use isoflop::laws::WIDEST_STEP;
 use isoflop::plan::{Plan, PlannedRun};
-use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// Something that will be in doubt: what, and what to change.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -145,15 +145,21 @@ pub fn tried(plan: &Plan) -> Vec<Vec<Tried>> {
         of_generator.entry(run.spec.budget_flops.to_bits()).or_default().push(run);
     }
     let of_budgets = |budgets: BTreeMap<u64, Vec<&PlannedRun>>| {
-        let at =
-            |(bits, runs): (u64, Vec<&PlannedRun>)| at_tried(f64::from_bits(bits), &runs, plan);
-        budgets.into_iter().map(at).collect()
+        budgets
+            .into_iter()
+            .map(|(bits, runs)| at_budget(f64::from_bits(bits), &runs, plan))
+            .collect()
     };
     runs.into_values().map(of_budgets).collect()
 }
 
-fn at_tried(budget_flops: f64, runs: &[&PlannedRun], plan: &Plan) -> Tried {
-    let sizes: BTreeMap<usize, Size> = runs.iter().map(|run| size(run)).collect();
+fn at_budget(budget_flops: f64, runs: &[&PlannedRun], plan: &Plan) -> Tried {
+    let size = |run: &&PlannedRun| {
+        let (n, shape) = (run.params.nonvocab, run.spec.shape());
+        let (n_layer, d_model) = (shape.n_layer, shape.d_model);
+        (n, Size { params_nonvocab: n as f64, n_layer, d_model })
+    };
+    let sizes: BTreeMap<usize, Size> = runs.iter().map(size).collect();
     let vocab: BTreeSet<usize> = runs.iter().map(|run| run.spec.n_vocab()).collect();
     let is_known = |run: &&PlannedRun| {
         run.spec.generator.name() == "autoregressive" && run.spec.codes.scales.len() == 1
@@ -166,40 +172,13 @@ fn at_tried(budget_flops: f64, runs: &[&PlannedRun], plan: &Plan) -> Tried {
     }
 }
 
-fn size(run: &PlannedRun) -> (usize, Size) {
-    let (n, shape) = (run.params.nonvocab, run.spec.shape());
-    (n, Size { params_nonvocab: n as f64, n_layer: shape.n_layer, d_model: shape.d_model })
-}
-
 // Budgets whose expected optimum lies outside what is tried.
 
-/// What is tried in sizes, or in vocabularies.
-struct Axis {
-    /// The flag of a minimum at an end of it.
-    kind: &'static str,
-    noun: &'static str,
-    symbol: &'static str,
-    /// What to change, with `{}` for smaller or larger.
-    mend: &'static str,
-    outside: fn(&Tried, &Expected) -> Option<Outside>,
-}
-
-static AXES: [Axis; 2] = [
-    Axis {
-        kind: "not-bracketed",
-        noun: "size",
-        symbol: "N_nv",
-        mend: "add {} models there",
-        outside: size_outside,
-    },
-    Axis {
-        kind: "edge-vocab",
-        noun: "vocabulary",
-        symbol: "V",
-        mend: "add {} vocabularies, or the minima there are flagged",
-        outside: vocab_outside,
-    },
-];
+/// What is tried in sizes, or in vocabularies: the flag of a minimum at an end of it, noun, symbol, and what to change,
+/// with `{}` for smaller or larger.
+const SIZES: [&str; 4] = ["not-bracketed", "size", "N_nv", "add {} models there"];
+const VOCABULARIES: [&str; 4] =
+    ["edge-vocab", "vocabulary", "V", "add {} vocabularies, or the minima there are flagged"];
 
 /// An optimum outside: on which side, where it is expected, and what ends before it.
 struct Outside {
@@ -214,50 +193,41 @@ pub fn doubts_bracket(budgets: &[Tried]) -> Vec<Doubt> {
     let known = budgets.iter().filter(|budget| budget.has_law);
     let known: Vec<(&Tried, Expected)> =
         known.filter_map(|budget| Some((budget, Expected::of(budget.budget_flops)?))).collect();
-    let sides =
-        [true, false].into_iter().flat_map(|side| AXES.iter().map(move |axis| (side, axis)));
-    let told = |(is_below, axis): (bool, &Axis)| {
-        let outside =
-            known.iter().filter_map(|(budget, expected)| (axis.outside)(budget, expected));
-        let found: Vec<Outside> = outside.filter(|found| found.is_below == is_below).collect();
-        told(axis, &found, budgets.len())
+    let mut doubts = Vec::new();
+    for is_below in [true, false] {
+        for axis in [SIZES, VOCABULARIES] {
+            let outside = known.iter().filter_map(|(tried, law)| outside(tried, law, axis));
+            let found: Vec<Outside> = outside.filter(|found| found.is_below == is_below).collect();
+            doubts.extend(told(axis, &found, budgets.len()));
+        }
+    }
+    doubts
+}
+
+/// Where the sizes of a budget, or its vocabularies, end before its expected optimum, by however much within a factor
+/// that may be otherwise. V follows from N_v at the width of the size nearest to the optimum.
+fn outside(tried: &Tried, law: &Expected, axis: [&str; 4]) -> Option<Outside> {
+    let (expected, within, [first, last]) = if axis == SIZES {
+        let [first, .., last] = &tried.sizes[..] else { return None };
+        (law.params_nonvocab, 1.0, [first.params_nonvocab, last.params_nonvocab])
+    } else {
+        let [first, .., last] = tried.vocab[..] else { return None };
+        let off = |size: &Size| (size.params_nonvocab / law.params_nonvocab).ln().abs();
+        let nearest = tried.sizes.iter().min_by(|a, b| off(a).total_cmp(&off(b)))?;
+        let n_vocab = law.params_vocab / nearest.d_model as f64;
+        (n_vocab, law.vocab_within, [first as f64, last as f64])
     };
-    sides.filter_map(told).collect()
-}
-
-/// The sizes of a budget end before its expected optimum.
-fn size_outside(tried: &Tried, expected: &Expected) -> Option<Outside> {
-    let [first, .., last] = &tried.sizes[..] else { return None };
-    let ends = [first.params_nonvocab, last.params_nonvocab];
-    outside(tried, expected, (expected.params_nonvocab, 1.0), ends)
-}
-
-/// Its vocabularies do. V follows from N_v at the width of the size nearest to the optimum.
-fn vocab_outside(tried: &Tried, expected: &Expected) -> Option<Outside> {
-    let [first, .., last] = tried.vocab[..] else { return None };
-    let off = |n: f64| (n / expected.params_nonvocab).ln().abs();
-    let nearest = tried
-        .sizes
-        .iter()
-        .min_by(|a, b| off(a.params_nonvocab).total_cmp(&off(b.params_nonvocab)))?;
-    let n_vocab = expected.params_vocab / nearest.d_model as f64;
-    outside(tried, expected, (n_vocab, expected.vocab_within), [first as f64, last as f64])
-}
-
-/// An optimum that lies outside the ends, by however much within a factor it may be otherwise.
-fn outside(
-    tried: &Tried,
-    law: &Expected,
-    (expected, within): (f64, f64),
-    [first, last]: [f64; 2],
-) -> Option<Outside> {
     let is_below = expected * within <= first;
     let end = if is_below { first } else { last };
     let found = Outside { is_below, budget_flops: tried.budget_flops, expected, end, by: law.by };
     (is_below || expected / within >= last).then_some(found)
 }
 
-fn told(axis: &Axis, found: &[Outside], all: usize) -> Option<Doubt> {
+fn told(
+    [kind, noun, symbol, mend]: [&'static str; 4],
+    found: &[Outside],
+    all: usize,
+) -> Option<Doubt> {
     // The one furthest out stands for all.
     let off = |outside: &Outside| (outside.expected / outside.end).ln().abs();
     let worst = found.iter().max_by(|a, b| off(a).total_cmp(&off(b)))?;
@@ -265,11 +235,10 @@ fn told(axis: &Axis, found: &[Outside], all: usize) -> Option<Doubt> {
     let Outside { is_below, budget_flops, expected, end, by } = worst;
     let [most, more] = if *is_below { ["smallest", "smaller"] } else { ["largest", "larger"] };
     let there = if found.len() > 1 { format!(" at {budget_flops:e}") } else { String::new() };
-    let Axis { noun, symbol, mend, .. } = axis;
     let what = format!(
         "by {by} the optimum lies at or beyond the {most} {noun} tried {}: {symbol} = {expected:.2e}{there}, \
          and {end:.2e} is the {most}",
         at(&budgets_flops, all)
     );
-    Some(Doubt { kind: axis.kind, what, mend: mend.replace("{}", more), budgets_flops })
+    Some(Doubt { kind, what, mend: mend.replace("{}", more), budgets_flops })
 }

@@ -4,9 +4,9 @@ mod doubt;
 pub use doubt::Doubt;
 
 use super::data::too_few;
+use super::prelude::*;
 use doubt::tried;
 use isoflop::plan::Plan;
-use isoflop::sweep::Sweep;
 
 /// What is in doubt of a plan, one of each kind for each generator at most. A sweep of one size makes no law, so
 /// nothing of its grid is in doubt.
@@ -18,8 +18,8 @@ pub fn doubts(sweep: &Sweep, plan: &Plan) -> Vec<Doubt> {
         for budgets in &generators {
             let own = [doubt::doubts(budgets), doubt::doubts_bracket(budgets)].concat();
             // Generators that share their sizes share what is in doubt of them.
-            found
-                .extend(own.into_iter().filter(|doubt| !found.contains(doubt)).collect::<Vec<_>>());
+            let fresh: Vec<Doubt> = own.into_iter().filter(|own| !found.contains(own)).collect();
+            found.extend(fresh);
         }
         found.extend(one_budget(plan));
         found.extend(one_seed(sweep, plan));
@@ -52,20 +52,18 @@ fn one_seed(sweep: &Sweep, plan: &Plan) -> Option<Doubt> {
 
 /// The test split has too few codes, or too few groups.
 fn small_test(plan: &Plan) -> Option<Doubt> {
-    let words = too_few(test_codes(plan)?, plan.data.clips[2], plan.data.test_groups)?;
+    // Supervised codes, if its clips are as long as those of the training split; none without data.
+    let [train, _, test] = plan.data.clips;
+    let per_clip = plan.unique_tokens() as f64 / train as f64;
+    if train == 0 || per_clip <= 0.0 {
+        return None;
+    }
+    let words = too_few(per_clip * test as f64, test, plan.data.test_groups)?;
     Some(of_study("small-test", words))
 }
 
 fn of_study(kind: &'static str, [what, mend]: [String; 2]) -> Doubt {
     Doubt { kind, what, mend, budgets_flops: Vec::new() }
-}
-
-/// Supervised codes of the test split, if its clips are as long as those of the training split; `None` without
-/// data.
-fn test_codes(plan: &Plan) -> Option<f64> {
-    let [train, _, test] = plan.data.clips;
-    let per_clip = plan.unique_tokens() as f64 / train as f64;
-    (train > 0 && per_clip > 0.0).then_some(per_clip * test as f64)
 }
 
 #[cfg(test)]

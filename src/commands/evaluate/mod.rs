@@ -4,25 +4,18 @@ mod motions;
 
 use super::args::{not_negative, share};
 use super::context::device;
-use super::exit::Exit;
-use super::output::{Output, dash, many, table};
-use anyhow::Result;
-use clap::Args;
+use super::prelude::*;
 use isoflop::draws::distinct;
 use isoflop::evaluator::{Embedded, EvaluatorError, OneScore};
 use isoflop::jobs::{RunScores, ScoredPhysics, Scoring, TrainedRun, TrustedEvaluator};
 use isoflop::ops::DeviceName;
-use isoflop::scores::MotionScores;
 use isoflop::scores::{
-    Embeddings, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
+    Embeddings, MotionScores, POOL, Repeated, cosine_score, diversity, frechet_distance, retrieval,
 };
 use isoflop::spec::ScoresSpec;
 use motions::{NamedMotion, named_motions};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use serde::Serialize;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct EvaluateArgs {
@@ -59,12 +52,8 @@ pub struct EvaluateArgs {
     /// Leave MultiModality out, which takes as many motions as six repeats
     #[arg(long, requires = "run")]
     pub no_multimodality: bool,
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 0,
-        help = "The same seed gives the same scores"
-    )]
+    /// The same seed gives the same scores
+    #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
     /// The backend that computes
     #[arg(long, value_parser = device(), default_value = "flex")]
@@ -112,7 +101,7 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
         output.note(&format!("[{done}/{all}] FID {fid:.4}, R@1 {first:.3}"));
     }
     let scores: RunScores = scoring.finish(&repeats, &trusted.id)?;
-    output.result(&serde_json::to_value(&scores)?, &of_run_files(&run.spec.label(), &scores))
+    output.result(&serde_json::to_value(&scores)?, &text_of_run(&run.spec.label(), &scores))
 }
 
 fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
@@ -120,7 +109,7 @@ fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     let trusted = TrustedEvaluator::open(place, &args.device.open()?)?;
     let motions = named_motions(&args.motions, args.texts.as_deref(), trusted.evaluator.fps())?;
     let scores = FileScores::of(&motions, &trusted, args)?;
-    output.result(&serde_json::to_value(&scores)?, &of_files_files(&scores))
+    output.result(&serde_json::to_value(&scores)?, &text_of_files(&scores))
 }
 
 // [`FileScores`]: what motions of files score, each score or the reason why there is none.
@@ -149,12 +138,11 @@ struct FileScore {
     pub reason: Option<String>,
 }
 
+/// A score of several draws, or the reason why there is none.
+type Found<T = Repeated> = Result<T, EvaluatorError>;
+
 impl FileScore {
-    fn new(
-        name: &'static str,
-        found: Result<Repeated, EvaluatorError>,
-        truth: Result<Repeated, EvaluatorError>,
-    ) -> Self {
+    fn new(name: &'static str, found: Found, truth: Found) -> Self {
         let reason = found.as_ref().err().map(ToString::to_string);
         Self { name, found: found.ok(), truth: truth.ok(), reason }
     }
@@ -175,28 +163,20 @@ impl FileScores {
     ) -> Result<Self> {
         let truth = trusted.truth()?;
         let evaluator = &trusted.evaluator;
-        let all = evaluator.motions(motions.iter().map(|motion| motion.features.as_slice()))?;
-        let captioned: Vec<(&str, usize)> = motions
-            .iter()
-            .enumerate()
-            .filter_map(|(index, motion)| Some((motion.caption.as_deref()?, index)))
-            .collect();
-        let own: Vec<usize> = captioned.iter().map(|(_, index)| *index).collect();
-        let pairs = Embedded {
-            motions: all.select(&own),
-            captions: evaluator.captions(captioned.iter().map(|(caption, _)| *caption))?,
-        };
+        let features = motions.iter().map(|(features, _)| features.as_slice());
+        let all = evaluator.motions(features.clone())?;
+        let (own, captions): (Vec<usize>, Vec<&str>) = (motions.iter().enumerate())
+            .filter_map(|(index, (_, caption))| Some((index, caption.as_deref()?)))
+            .unzip();
+        let n_captions = captions.len();
+        let pairs = Embedded { motions: all.select(&own), captions: evaluator.captions(captions)? };
         let fps = evaluator.fps();
-        let features = motions.iter().map(|motion| motion.features.as_slice());
         Ok(Self {
             evaluator_id: trusted.id.clone(),
             n_motions: motions.len(),
-            n_captions: captioned.len(),
+            n_captions,
             n_truth: truth.n_clips(),
-            scores: args.scores(
-                &Side { motions: &all, pairs: &pairs },
-                &Side { motions: &truth.embedded.motions, pairs: &truth.embedded },
-            ),
+            scores: args.scores((&all, &pairs), (&truth.embedded.motions, &truth.embedded)),
             physics: ScoredPhysics::of(features, fps),
             truth_physics: ScoredPhysics::of(truth.features.iter().map(Vec::as_slice), fps),
         })
@@ -204,32 +184,29 @@ impl FileScores {
 }
 
 /// Motions of one side: all, and those that have a caption.
-struct Side<'a> {
-    motions: &'a Embeddings,
-    pairs: &'a Embedded,
-}
+type Side<'a> = (&'a Embeddings, &'a Embedded);
 
 /// How often, and by which seed, pools and pairs are drawn.
 impl EvaluateArgs {
     /// Of these motions, and of true ones.
-    fn scores(&self, made: &Side, truth: &Side) -> Vec<FileScore> {
+    fn scores(&self, made: Side, truth: Side) -> Vec<FileScore> {
         let both = [made, truth];
         let precision = |k: usize| {
-            move |side: &Side, rng: &mut ChaCha8Rng| {
-                let n = side.pairs.motions.len();
-                let Embedded { motions, captions } = side.pairs.select(&distinct(n, n, rng));
+            move |(_, pairs): Side, rng: &mut ChaCha8Rng| {
+                let n = pairs.motions.len();
+                let Embedded { motions, captions } = pairs.select(&distinct(n, n, rng));
                 Ok(retrieval(&captions, &motions, POOL)?.precision[k])
             }
         };
         vec![
-            self.fid(made.motions, truth.motions),
+            self.fid(made.0, truth.0),
             self.score("R@1", both, precision(0)),
             self.score("R@2", both, precision(1)),
             self.score("R@3", both, precision(2)),
-            self.score("cosine", both, |Side { pairs, .. }, _| {
-                Ok(cosine_score(&pairs.captions, &pairs.motions)?)
+            self.score("cosine", both, |(_, own), _| {
+                Ok(cosine_score(&own.captions, &own.motions)?)
             }),
-            self.score("diversity", both, |side, rng| Ok(diversity(side.motions, rng)?)),
+            self.score("diversity", both, |(motions, _), rng| Ok(diversity(motions, rng)?)),
         ]
     }
 
@@ -248,17 +225,14 @@ impl EvaluateArgs {
     fn score(
         &self,
         name: &'static str,
-        sides: [&Side; 2],
-        of: impl Fn(&Side, &mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
+        sides: [Side; 2],
+        of: impl Fn(Side, &mut ChaCha8Rng) -> Found<f64>,
     ) -> FileScore {
         let [found, truth] = sides.map(|side| self.repeated(|rng| of(side, rng)));
         FileScore::new(name, found, truth)
     }
 
-    fn repeated(
-        &self,
-        of: impl Fn(&mut ChaCha8Rng) -> Result<f64, EvaluatorError>,
-    ) -> Result<Repeated, EvaluatorError> {
+    fn repeated(&self, of: impl Fn(&mut ChaCha8Rng) -> Found<f64>) -> Found {
         let draw = |index: usize| {
             let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
             rng.set_stream(index as u64);
@@ -272,7 +246,7 @@ impl EvaluateArgs {
 // What a person reads of scores: a screen.
 
 /// The scores of a run's motions, beside those of motions that are known to be better or worse.
-fn of_run_files(label: &str, scores: &RunScores) -> String {
+fn text_of_run(label: &str, scores: &RunScores) -> String {
     let RunScores { made, shuffled, truth, reconstructed, .. } = scores;
     let row = |(name, scores): (&str, &MotionScores)| {
         let MotionScores { fid, precision: [first, _, third], cosine, .. } = scores;
@@ -308,7 +282,7 @@ fn of_run_files(label: &str, scores: &RunScores) -> String {
 }
 
 /// The scores of motions of files.
-fn of_files_files(scores: &FileScores) -> String {
+fn text_of_files(scores: &FileScores) -> String {
     let FileScores { n_motions, n_captions, n_truth, .. } = scores;
     let shown = |score: Option<Repeated>| dash(score, |score| score.shown(3));
     let row = |score: &FileScore| [score.name.to_string(), shown(score.found), shown(score.truth)];

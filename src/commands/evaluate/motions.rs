@@ -1,28 +1,17 @@
 //! The motions that are named on the command line, with their captions.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, Result, bail};
+use crate::commands::prelude::*;
+use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
 use isoflop::data::read_motion;
-use isoflop::files::read_if_there;
 use isoflop::text::as_in_data;
 use rayon::prelude::*;
-use serde::Deserialize;
-
-use crate::commands::tokenize::{caption_beside, captions_of_lines, motion_name};
+use std::fs;
 
 /// Problems that are listed, at most.
 const LISTED: usize = 10;
 
-/// A motion of a file.
-pub struct NamedMotion {
-    /// `[T, 263]` row-major and raw.
-    pub features: Vec<f32>,
-    /// As captions of data are read.
-    pub caption: Option<String>,
-}
+/// A motion of a file: its features, `[T, 263]` row-major and raw, and its caption as captions of data are read.
+pub type NamedMotion = (Vec<f32>, Option<String>);
 
 /// Reads every motion.
 ///
@@ -40,16 +29,14 @@ pub fn named_motions(
         }
     }
     let captions = captions(texts, &files)?;
-    let paths: Vec<&PathBuf> = files.iter().map(|(path, _)| path).collect();
-    let read: Vec<_> = paths.par_iter().map(|path| read_motion(path, fps)).collect();
+    let read: Vec<_> = files.par_iter().map(|(path, _)| read_motion(path, fps)).collect();
     let problems: Vec<String> =
         read.iter().filter_map(|read| Some(read.as_ref().err()?.to_string())).collect();
     if !problems.is_empty() {
         let (n, all, shown) = (problems.len(), read.len(), problems.len().min(LISTED));
         bail!("{n} of {all} motions cannot be scored:\n  {}", problems[..shown].join("\n  "));
     }
-    let each = read.into_iter().flatten().zip(captions);
-    Ok(each.map(|(features, caption)| NamedMotion { features, caption }).collect())
+    Ok(read.into_iter().flatten().zip(captions).collect())
 }
 
 /// A file a motion: features where a motion has several files, then arrays, then BVH.
@@ -58,7 +45,10 @@ fn of_folder(folder: &Path) -> Result<Vec<(PathBuf, Option<String>)>> {
     let mut by_name: BTreeMap<String, PathBuf> = BTreeMap::new();
     for path in entries.flatten().map(|entry| entry.path()) {
         let Some(rank) = rank(&path) else { continue };
-        let name = in_order(&motion_name(&path));
+        // Numbers in the order of their values.
+        let name = motion_name(&path);
+        let is_number = name.chars().all(|c| c.is_ascii_digit());
+        let name = if is_number { format!("{name:0>20}") } else { name };
         if by_name.get(&name).and_then(|other| self::rank(other)).is_none_or(|held| rank < held) {
             by_name.insert(name, path);
         }
@@ -66,18 +56,14 @@ fn of_folder(folder: &Path) -> Result<Vec<(PathBuf, Option<String>)>> {
     if by_name.is_empty() {
         bail!("{} holds no .npy and no .bvh", folder.display());
     }
-    let made = captions_of_made(folder)?;
+    // Where `isoflop generate` filled the folder, in the order of its files' numbers.
+    let made: Vec<MadeMotion> = read_if_there(&folder.join("motions.json"))?.unwrap_or_default();
     let with_caption = |path: PathBuf| {
         let index: Option<usize> = motion_name(&path).parse().ok();
-        let caption = index.and_then(|index| made.get(index).cloned());
+        let caption = index.and_then(|index| Some(made.get(index)?.caption.clone()));
         (path, caption)
     };
     Ok(by_name.into_values().map(with_caption).collect())
-}
-
-/// Numbers in the order of their values.
-fn in_order(name: &str) -> String {
-    if name.chars().all(|c| c.is_ascii_digit()) { format!("{name:0>20}") } else { name.to_string() }
 }
 
 /// What is read first of a motion's files; `None` for other files.
@@ -91,12 +77,6 @@ fn rank(path: &Path) -> Option<usize> {
 #[derive(Deserialize)]
 struct MadeMotion {
     caption: String,
-}
-
-/// The captions of a folder that `isoflop generate` filled, in the order of its files' numbers.
-fn captions_of_made(folder: &Path) -> Result<Vec<String>> {
-    let made: Option<Vec<MadeMotion>> = read_if_there(&folder.join("motions.json"))?;
-    Ok(made.into_iter().flatten().map(|motion| motion.caption).collect())
 }
 
 /// The caption of each motion, where it has one: a line of `--texts`, else that of its folder, else that

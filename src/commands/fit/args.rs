@@ -1,14 +1,13 @@
 //! The command line of `isoflop fit`, as it is typed.
 
 use crate::commands::args::{budget, number, one_of};
+use crate::commands::prelude::*;
+use clap::ValueEnum;
 use clap::builder::TypedValueParser;
-use clap::{Args, ValueEnum};
 use isoflop::laws::{
     Form, HoldOut, Huber, IsoFlopPoint, LawKind, MinimumMethod, ParametricOptions, Space, Starts,
 };
-use isoflop::spec::FlopsRule;
 use isoflop::table::{OutlierStage, TableRequest};
-use std::path::PathBuf;
 
 /// Shown below the options.
 const EXAMPLES: &str = "\
@@ -134,7 +133,8 @@ pub struct FitArgs {
     pub out: Option<PathBuf>,
 }
 
-const MINIMA: [(&str, &str, MinimumMethod); 5] = [
+/// The kinds of minimum, that in both sizes last.
+pub const MINIMA: [(&str, &str, MinimumMethod); 5] = [
     ("argmin", "", MinimumMethod::Argmin),
     ("parabola", "", MinimumMethod::Parabola),
     ("cubic", "", MinimumMethod::Cubic),
@@ -189,11 +189,6 @@ fn a_law() -> impl TypedValueParser<Value = LawKind> {
 // What a fit is asked for: the command line, over the defaults of the analysis it follows.
 
 impl FitArgs {
-    /// Of a table's rows and law alone.
-    pub fn of_table(table: &TableArgs) -> Self {
-        Self { table: table.clone(), ..Self::default() }
-    }
-
     /// With what the published analysis has that is not given.
     pub fn resolved(&self) -> Self {
         let mut own = self.clone();

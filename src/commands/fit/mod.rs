@@ -3,32 +3,26 @@
 mod args;
 mod next;
 mod source;
-mod study;
 mod sweep;
 
 pub use args::{FitArgs, TableArgs};
-pub use study::{TableStudy, beside};
+pub use source::{TableStudy, beside};
 pub use sweep::{fit_records, options, points};
 
-use super::exit::{Exit, say, sentence};
-use super::output::Output;
+use super::output::say;
 use super::predict::each;
-use anyhow::{Context, Result, bail};
-use isoflop::files::atomic;
-use isoflop::laws::{FitError, LawKind, Laws};
-use isoflop::predict::Prediction;
+use super::prelude::*;
+use isoflop::laws::{FitError, LawKind};
+use isoflop::table::{self, Group, TableRequest};
 use isoflop::words::fit::{brief, summary};
 use isoflop::words::prediction::said;
-use serde_json::{Map, Value, json};
+use serde_json::Map;
 use source::{RunTable, Source, laws};
+use std::collections::HashSet;
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
-
-use isoflop::table::{Group, TableRequest};
-use std::collections::HashSet;
 
 pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     let request = args.resolved();
@@ -36,7 +30,7 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
         return fit_fitted(column, &request, output);
     }
     let source = source::open(&args.source, &request)?;
-    source.tell(output);
+    source.told().for_each(|line| output.note(&line));
     let fitted = Fitted::of(&source, &request, output)?;
     if let (Some(path), Some(own)) = (&args.next, &source.sweep) {
         next::write(path, own, &fitted.laws)?;
@@ -44,25 +38,18 @@ pub fn fit(args: &FitArgs, output: &Output) -> Result<Exit> {
     } else if args.next.is_some() {
         bail!("--next wants a sweep's folder: nothing is known of how {} was made", source.name);
     }
-    let own = own_file(&source, &fitted.laws);
+    // A sweep's folder holds its own laws; those of another law stand beside them.
+    let own = source.sweep.as_ref().map(|own| match fitted.laws.law {
+        LawKind::Isoflop | LawKind::Published => own.folder.file("laws.json"),
+        other => own.folder.file(format!("laws-{}.json", other.name())),
+    });
     if let Some(path) = args.out.clone().or_else(|| own.filter(|_| args.save)) {
-        fitted.write(&path)?;
+        atomic::write_json(&path, &fitted.laws)?;
     }
     output.result(&fitted.document, &fitted.text)?;
     let undetermined = fitted.laws.answer().exponents.is_undetermined();
     Ok(if undetermined { Exit::NotIdentifiable } else { Exit::Done })
 }
-
-/// A sweep's folder holds its own laws; those of another law stand beside them.
-fn own_file(source: &Source, laws: &Laws) -> Option<PathBuf> {
-    let folder = &source.sweep.as_ref()?.folder;
-    Some(match laws.law {
-        LawKind::Isoflop | LawKind::Published => folder.file("laws.json"),
-        other => folder.file(format!("laws-{}.json", other.name())),
-    })
-}
-
-// [`Fitted`]: what a fit prints and keeps.
 
 /// What a fit prints and keeps.
 struct Fitted {
@@ -75,7 +62,7 @@ impl Fitted {
     pub fn of(source: &Source, request: &FitArgs, output: &Output) -> Result<Self> {
         let runs = source.rows.points.len();
         let line = format!("fitting {runs} runs of {} and their bootstrap …", source.name);
-        let _slow = Slow::watch(output, line);
+        let _waits = said_if_slow(output, line);
         let mut laws = laws(source, request)?;
         if let Some(own) = &source.sweep {
             laws.judgement.validations = own.folder.validations(|line| output.warn(&line));
@@ -84,30 +71,16 @@ impl Fitted {
             }
         }
         request.raw_note(&source.rows.points).iter().for_each(|note| output.note(note));
-        let predictions = predictions(&laws, source, request, output);
+        // A sweep has a list of its own, for `isoflop predict`.
+        let budgets = source.rows.points.iter().map(|point| point.budget_flops);
+        let largest = budgets.reduce(f64::max).filter(|_| source.sweep.is_none());
+        let predictions = each(&laws, &request.budgets(largest), output);
         Ok(Self {
             document: document(&laws, &predictions, source)?,
             text: text(&laws, &predictions, output.full),
             laws,
         })
     }
-
-    pub fn write(&self, path: &Path) -> Result<()> {
-        Ok(atomic::write_json(path, &self.laws)?)
-    }
-}
-
-/// The optimum of each budget asked for; one that the laws cannot give is a warning.
-fn predictions(
-    laws: &Laws,
-    source: &Source,
-    request: &FitArgs,
-    output: &Output,
-) -> Vec<Prediction> {
-    // A sweep has a list of its own, for `isoflop predict`.
-    let budgets = source.rows.points.iter().map(|point| point.budget_flops);
-    let largest = budgets.reduce(f64::max).filter(|_| source.sweep.is_none());
-    each(laws, &request.budgets(largest), output)
 }
 
 /// What `laws.json` holds; beside it the optima asked for, and what became of a table's rows.
@@ -127,8 +100,7 @@ fn document(laws: &Laws, predictions: &[Prediction], source: &Source) -> Result<
 /// The laws and the optima asked for: everything, or one screen.
 pub fn text(laws: &Laws, predictions: &[Prediction], full: bool) -> String {
     let own = if full { summary(laws) } else { brief(laws) };
-    let optima = (!predictions.is_empty()).then(|| said(predictions, full));
-    [own].into_iter().chain(optima).collect::<Vec<_>>().join("\n")
+    if predictions.is_empty() { own } else { format!("{own}\n{}", said(predictions, full)) }
 }
 
 // A line on a terminal where a fit takes long.
@@ -136,18 +108,11 @@ pub fn text(laws: &Laws, predictions: &[Prediction], full: bool) -> String {
 /// How long a fit takes without a word.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Says `line` on standard error once a fit takes longer than two seconds, until it is dropped.
-struct Slow {
-    /// Dropped with it, which ends the thread.
-    _ends: Option<Sender<()>>,
-}
-
-impl Slow {
-    /// Waits beside the fit, if standard error is a terminal and notes are wanted.
-    pub fn watch(output: &Output, line: String) -> Self {
-        let wanted = !output.quiet && std::io::stderr().is_terminal();
-        Self { _ends: wanted.then(|| said_after(PATIENCE, move || say(&line))) }
-    }
+/// Says `line` on standard error, if that is a terminal and notes are wanted, once a fit takes longer than two seconds
+/// and what this gives is not dropped, which ends the thread.
+fn said_if_slow(output: &Output, line: String) -> Option<Sender<()>> {
+    let wanted = !output.quiet && std::io::stderr().is_terminal();
+    wanted.then(|| said_after(PATIENCE, move || say(&line)))
 }
 
 /// Calls `then` after a time, unless what this gives is dropped before.
@@ -176,18 +141,22 @@ struct Done {
 /// Where no group can be fitted, the first one's error unless it is that of its runs.
 fn fit_fitted(column: &str, request: &FitArgs, output: &Output) -> Result<Exit> {
     let table = RunTable::open(&request.source, request.flops)?;
-    let groups = table.groups(&request.rows(), column)?;
+    let groups = table::groups(&table.table, &request.rows(), column)?;
     let files = request.out.as_deref().map(|folder| files(folder, &groups)).transpose()?;
     let each = groups.into_iter().map(|group| one(&table, group, request, output));
     let mut done: Vec<Done> = each.collect();
     let count = done.iter().filter(|one| one.fitted.is_ok()).count();
+    let is_of_the_runs =
+        |error: &anyhow::Error| error.downcast_ref().is_some_and(FitError::is_unidentifiable);
     if count == 0 && !done[0].fitted.as_ref().is_err_and(is_of_the_runs) {
         let first = done.swap_remove(0);
         let group = format!("{column} = {}", first.group.value);
         return first.fitted.map(|_| Exit::Done).context(group);
     }
     for (file, one) in files.iter().flatten().zip(&done) {
-        one.fitted.as_ref().ok().map(|fitted| fitted.write(file)).transpose()?;
+        if let Ok(fitted) = &one.fitted {
+            atomic::write_json(file, &fitted.laws)?;
+        }
     }
     output.result(&document_by(column, &done), &text_by(&done))?;
     if count == 0 {
@@ -197,10 +166,6 @@ fn fit_fitted(column: &str, request: &FitArgs, output: &Output) -> Result<Exit> 
     Ok(Exit::Done)
 }
 
-fn is_of_the_runs(error: &anyhow::Error) -> bool {
-    error.downcast_ref::<FitError>().is_some_and(FitError::is_unidentifiable)
-}
-
 fn one(table: &RunTable, group: Group, request: &FitArgs, output: &Output) -> Done {
     let own = TableRequest { group: Some(group.clone()), ..request.rows() };
     let mut source = match table.source(&own) {
@@ -208,8 +173,7 @@ fn one(table: &RunTable, group: Group, request: &FitArgs, output: &Output) -> Do
         Err(error) => return Done { group, runs: 0, fitted: Err(error) },
     };
     source.name = format!("{} {}", table.name, group.value);
-    let told = source.rows.notes.iter().cloned().chain(source.lost());
-    told.for_each(|line| output.note(&format!("{}: {line}", group.value)));
+    source.told().for_each(|line| output.note(&format!("{}: {line}", group.value)));
     let fitted = Fitted::of(&source, request, output);
     Done { group, runs: source.rows.points.len(), fitted }
 }

@@ -1,18 +1,12 @@
 //! `--next`: what the laws advise to run, as a sweep file over the sweep's own.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, Result, bail};
-use isoflop::files::atomic;
-use isoflop::laws::{Advice, AdviceKind, Laws};
-use isoflop::sweep::{GridPart, ModelEntry, ModelList, Sweep, VocabSpec, models};
-use isoflop::words::wrap;
-
 use super::source::OwnSweep;
-use crate::commands::generators::home;
-use crate::commands::sizes::{codes, distinct, model, nonvocab};
-
 use crate::commands::export::way;
+use crate::commands::generators::home;
+use crate::commands::prelude::*;
+use crate::commands::sizes::{codes, distinct, model, nonvocab};
+use isoflop::laws::{Advice, AdviceKind};
+use isoflop::sweep::{GridPart, ModelEntry, ModelList, VocabSpec, models};
 
 /// How far a size may be from one of the sweep's for that one to be taken.
 const SAME: f64 = 0.01;
@@ -37,7 +31,7 @@ pub fn write(path: &Path, own: &OwnSweep, laws: &Laws) -> Result<()> {
         );
     }
     let base = own.folder.file("sweep.yaml");
-    let text = text(&own.sweep, &relative(path, &base)?, own.folder.root(), path, &parts);
+    let text = text(own, &relative(path, &base)?, path, &parts);
     Ok(atomic::write_bytes(path, text.as_bytes())?)
 }
 
@@ -69,16 +63,11 @@ fn budget(advice: &Advice) -> f64 {
     rounded.ok().filter(|_| is_new).unwrap_or(advice.budget_flops)
 }
 
-fn text(
-    sweep: &Sweep,
-    base: &Path,
-    folder: &Path,
-    path: &Path,
-    parts: &[(&Advice, GridPart)],
-) -> String {
+fn text(own: &OwnSweep, base: &Path, path: &Path, parts: &[(&Advice, GridPart)]) -> String {
+    let OwnSweep { folder, sweep, .. } = own;
     let runs: usize = parts.iter().map(|(advice, _)| advice.runs).sum();
     let flops: f64 = parts.iter().map(|(advice, _)| advice.flops).sum();
-    let out = folder.parent().unwrap_or(Path::new("")).display();
+    let out = folder.root().parent().unwrap_or(Path::new("")).display();
     let mut text = format!(
         "# What the laws of {} leave open: {runs} runs, {flops:.2e} FLOPs. They are trained beside the runs that are\n\
          # there, by\n#   isoflop run {} --out {out}\ninclude: {}\ngrid:\n  also:\n",
@@ -88,16 +77,11 @@ fn text(
     );
     sweep.grid.also.iter().for_each(|part| text += &yaml(part));
     for (advice, part) in parts {
-        let why = format!("{:e} FLOPs: {}", budget(advice), advice.why);
-        text += &comment(&why);
+        let why = wrap("", &format!("{:e} FLOPs: {}", budget(advice), advice.why));
+        why.lines().for_each(|line| text += &format!("    # {line}\n"));
         text += &yaml(part);
     }
     text
-}
-
-/// A sentence as lines of a comment.
-fn comment(sentence: &str) -> String {
-    wrap("", sentence).lines().map(|line| format!("    # {line}\n")).collect()
 }
 
 fn yaml(part: &GridPart) -> String {
@@ -107,6 +91,10 @@ fn yaml(part: &GridPart) -> String {
         format!("        - {{n_layer: {n_layer}, n_head: {n_head}, d_model: {d_model}{d_ff}}}\n")
     };
     let models: String = models(list).iter().map(model).collect();
+    let vocabulary = |entry: &VocabSpec| match entry {
+        VocabSpec::Size(n) => n.to_string(),
+        VocabSpec::Levels(spec) => format!("{{levels: {:?}}}", spec.levels),
+    };
     let vocab: Vec<String> = vocab.iter().map(vocabulary).collect();
     let budgets: Vec<String> = budgets.iter().map(|budget| format!("{budget:e}")).collect();
     format!(
@@ -116,19 +104,10 @@ fn yaml(part: &GridPart) -> String {
     )
 }
 
-fn vocabulary(entry: &VocabSpec) -> String {
-    match entry {
-        VocabSpec::Size(n) => n.to_string(),
-        VocabSpec::Levels(spec) => format!("{{levels: {:?}}}", spec.levels),
-    }
-}
-
 /// The path of `base` from the folder of `file`.
 fn relative(file: &Path, base: &Path) -> Result<PathBuf> {
-    let folder = match file.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
+    let folder = file.parent().filter(|folder| *folder != Path::new(""));
+    let folder = folder.unwrap_or(Path::new("."));
     let find =
         |path: &Path| path.canonicalize().with_context(|| format!("finding {}", path.display()));
     let (folder, base) = (find(folder)?, find(base)?);

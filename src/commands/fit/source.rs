@@ -1,20 +1,17 @@
 //! Where the points of a fit come from: a sweep's folder, or a table made elsewhere.
 
-use super::args::FitArgs;
+use super::args::{FitArgs, MINIMA, TableArgs};
 use super::sweep;
 use crate::commands::generators::{of_one, sweep_of};
-use crate::commands::output::Output;
-use anyhow::{Result, bail};
-use isoflop::jobs::ResultsFolder;
+use crate::commands::predict::laws_of;
+use crate::commands::prelude::*;
+use isoflop::figures::FigureInput;
 use isoflop::laws::{
-    self, FitError, FitOptions, Form, Judgement, LawKind, Laws, MinimumMethod, Parameters,
-    ParametricOptions, Space, fit_parametric, parametric_laws,
+    self, FitError, FitOptions, Form, Judgement, LOSS_NORMALISED, LawKind, MinimumMethod,
+    Parameters, ParametricOptions, Space, fit_parametric, parametric_laws,
 };
-use isoflop::record::{RunRecord, Tuned, table as runs};
-use isoflop::spec::FlopsRule;
-use isoflop::sweep::Sweep;
-use isoflop::table::{self, Dropped, Group, Loaded, Table, TableRequest};
-use std::path::Path;
+use isoflop::record::{Tuned, table as runs};
+use isoflop::table::{self, Dropped, Loaded, Table, TableRequest};
 
 /// Points, and what they were made of.
 pub struct Source {
@@ -35,16 +32,11 @@ pub struct OwnSweep {
 }
 
 impl Source {
-    /// Says what became of rows, and what was taken without being asked.
-    pub fn tell(&self, output: &Output) {
-        self.rows.notes.iter().cloned().chain(self.lost()).for_each(|line| output.note(&line));
-    }
-
-    /// A sentence for each row that was dropped.
-    pub fn lost(&self) -> impl Iterator<Item = String> {
+    /// What was taken without being asked, and a sentence for each row that was dropped.
+    pub fn told(&self) -> impl Iterator<Item = String> {
         let said =
             |row: &Dropped| format!("dropped {} ({}): {}", row.run_id, row.stage, row.reason);
-        self.rows.dropped.iter().map(said)
+        self.rows.notes.iter().cloned().chain(self.rows.dropped.iter().map(said))
     }
 }
 
@@ -78,12 +70,10 @@ pub fn of_sweep(path: &Path, request: &FitArgs) -> Result<Source> {
 
 /// The runs of every validation that has a table, by budget.
 fn of_validations(folder: &ResultsFolder) -> Result<Vec<RunRecord>> {
-    let mut all = Vec::new();
-    for place in folder.validation_folders() {
-        if ["runs.parquet", "runs.csv"].iter().any(|name| place.join(name).exists()) {
-            all.extend(runs::read(&place)?);
-        }
-    }
+    let has_table =
+        |place: &PathBuf| ["runs.parquet", "runs.csv"].iter().any(|name| place.join(name).exists());
+    let places = folder.validation_folders().filter(has_table);
+    let mut all = places.map(|place| runs::read(&place)).collect::<Result<Vec<_>, _>>()?.concat();
     runs::sort(&mut all);
     Ok(all)
 }
@@ -102,7 +92,7 @@ pub fn open(path: &Path, request: &FitArgs) -> Result<Source> {
 pub struct RunTable {
     pub name: String,
     rule: FlopsRule,
-    table: Table,
+    pub table: Table,
 }
 
 impl RunTable {
@@ -118,11 +108,6 @@ impl RunTable {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let name = stem.unwrap_or_else(|| "table".into());
         Ok(Self { name, rule: rule.unwrap_or(FlopsRule::SixNd), table: table::read(path)? })
-    }
-
-    /// The groups of a column that rows pass the filters in.
-    pub fn groups(&self, request: &TableRequest, column: &str) -> Result<Vec<Group>> {
-        Ok(table::groups(&self.table, request, column)?)
     }
 
     /// Its points.
@@ -164,7 +149,10 @@ const BOOTSTRAP: usize = 1000;
 /// Fits the law that was asked for.
 pub fn laws(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
     let laws = match (request.law(), &source.sweep) {
-        (LawKind::Isoflop, Some(own)) => of_sweep_laws(own, request),
+        (LawKind::Isoflop, Some(own)) => {
+            let fit = sweep::overridden(sweep::options(&own.sweep), request);
+            sweep::fit_records(&own.records, &fit)
+        }
         (LawKind::Isoflop, None) => of_budgets(source, request),
         (LawKind::Approach1, _) => approach1(source, request),
         (LawKind::Parametric(form), _) => parametric(source, request, form),
@@ -185,23 +173,13 @@ pub fn laws(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
     })
 }
 
-fn of_sweep_laws(own: &OwnSweep, request: &FitArgs) -> Result<Laws, FitError> {
-    sweep::fit_records(&own.records, &sweep::overridden(sweep::options(&own.sweep), request))
-}
-
 fn of_budgets(source: &Source, request: &FitArgs) -> Result<Laws, FitError> {
     if !source.rows.budget_declared {
         return Err(FitError::NoBudgets);
     }
-    let mut methods = vec![
-        MinimumMethod::Argmin,
-        MinimumMethod::Parabola,
-        MinimumMethod::Cubic,
-        MinimumMethod::Akima,
-    ];
-    if source.rows.parameters == Parameters::Split {
-        methods.push(MinimumMethod::Surface);
-    }
+    let is_split = source.rows.parameters == Parameters::Split;
+    let mut methods = MINIMA.map(|(.., method)| method).to_vec();
+    methods.retain(|method| is_split || *method != MinimumMethod::Surface);
     let options = sweep::asked(FitOptions { methods, ..named(source) }, request);
     laws::fit(&source.rows.points, &options)
 }
@@ -245,4 +223,74 @@ fn parametric(source: &Source, request: &FitArgs, form: Form) -> Result<Laws, Fi
     let mut laws = parametric_laws(&points, parametric, &source.name, source.rule.name());
     laws.warnings.extend(raw_note);
     Ok(laws)
+}
+
+// [`TableStudy`]: a table or a `laws.json` as what figures and pages are made of.
+
+/// Runs and laws that lie in no sweep's folder.
+pub struct TableStudy {
+    pub name: String,
+    /// Empty for a `laws.json`.
+    pub records: Vec<RunRecord>,
+    /// `None` if the table's runs bear none.
+    pub laws: Option<Laws>,
+    loss: String,
+}
+
+impl TableStudy {
+    /// Reads a `laws.json`, or a table whose runs are then fitted; that they bear no laws is a warning.
+    pub fn open(path: &Path, args: &TableArgs, output: &Output) -> Result<Self> {
+        if path.extension().is_some_and(|extension| extension == "json") {
+            return Self::of_laws(path, args);
+        }
+        let request = FitArgs { table: args.clone(), ..FitArgs::default() };
+        let source = RunTable::open(path, request.flops)?.source(&request.rows())?;
+        source.told().for_each(|line| output.note(&line));
+        let laws = laws(&source, &request);
+        if let Err(error) = &laws {
+            output.warn(&format!("no laws: {}", sentence(&anyhow::anyhow!(error.clone()))));
+        }
+        let records =
+            source.rows.points.iter().map(|point| RunRecord::of_point(point, source.rule));
+        Ok(Self {
+            records: records.collect(),
+            loss: source.rows.points[0].metric.name().to_string(),
+            name: source.name,
+            laws: laws.ok(),
+        })
+    }
+
+    fn of_laws(path: &Path, args: &TableArgs) -> Result<Self> {
+        if args.columns.is_some() || !args.filters.is_empty() || args.law.is_some() {
+            bail!(
+                "{} holds laws, not runs: --columns, --where and --law are of a table",
+                path.display()
+            );
+        }
+        let laws = laws_of(path)?;
+        let (name, loss) = (laws.name.clone(), laws.metric.name().to_string());
+        Ok(Self { name, records: Vec::new(), laws: Some(laws), loss })
+    }
+
+    /// What figures show of it.
+    pub fn figures(&self) -> FigureInput<'_> {
+        FigureInput {
+            title: &self.name,
+            loss_name: self.loss_name(),
+            records: &self.records,
+            laws: self.laws.as_ref(),
+            tokenizers: &[],
+        }
+    }
+
+    /// What the loss is called, if it is not L_u.
+    pub fn loss_name(&self) -> Option<&str> {
+        Some(&*self.loss).filter(|name| *name != LOSS_NORMALISED)
+    }
+}
+
+/// A path beside a file: its name without the ending, and `end`.
+pub fn beside(path: &Path, end: &str) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}{end}"))
 }

@@ -1,16 +1,14 @@
 //! The laws of a sweep's own records.
 
-use isoflop::laws::{
-    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Laws, Metric, Sensitivity, of_largest_share,
-    sensitivity_row, slices,
-};
-use isoflop::record::RunRecord;
-use isoflop::spec::FlopsRule;
-use isoflop::spec::flops::TRAINING_PER_FORWARD;
-use isoflop::sweep::{HoldOutSpec, Sweep};
-
 use super::args::FitArgs;
 use crate::commands::predict::openai_blocks;
+use crate::commands::prelude::*;
+use isoflop::laws::{
+    self, FitError, FitOptions, HoldOut, IsoFlopPoint, Metric, Sensitivity, of_largest_share,
+    sensitivity_row, slices,
+};
+use isoflop::spec::flops::TRAINING_PER_FORWARD;
+use isoflop::sweep::HoldOutSpec;
 
 /// What a fit needs beside the records.
 pub struct SweepFit {
@@ -40,9 +38,8 @@ pub fn options(sweep: &Sweep) -> SweepFit {
 
 /// The same with what the command line asks for instead.
 pub fn overridden(fit: SweepFit, request: &FitArgs) -> SweepFit {
-    let mut options = asked(fit.options, request);
     let rule = request.flops.unwrap_or(fit.rule);
-    options.flops_rule = rule.name().to_string();
+    let options = FitOptions { flops_rule: rule.name().to_string(), ..asked(fit.options, request) };
     SweepFit { rule, options, ..fit }
 }
 
@@ -63,7 +60,7 @@ pub fn asked(options: FitOptions, request: &FitArgs) -> FitOptions {
 pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitError> {
     let (counted, left_out) = points(records, fit.rule);
     let n_points = counted.len();
-    let InSlices { points, options, told } = in_slices(counted, fit)?;
+    let (points, options, told) = in_slices(counted, fit)?;
     let mut laws = fit_or_keep_flagged(&points, &options)?;
     laws.warnings.splice(0..0, left_out.into_iter().chain(told));
     let others = FlopsRule::ALL.into_iter().filter(|rule| *rule != fit.rule);
@@ -71,19 +68,15 @@ pub fn fit_records(records: &[RunRecord], fit: &SweepFit) -> Result<Laws, FitErr
     Ok(of_own_models(laws, records))
 }
 
-/// Points at equal FLOPs by the rule of a fit.
-struct InSlices {
+/// Points at equal FLOPs by the rule of a fit: the runs of a sweep that was planned by another rule are moved. Says what
+/// was done in a sentence; `None` where the sweep was planned by that rule.
+fn in_slices(
     points: Vec<IsoFlopPoint>,
-    options: FitOptions,
-    /// What was done, in a sentence; `None` where the sweep was planned by that rule.
-    told: Option<String>,
-}
-
-/// Moves the runs of a sweep that was planned by another rule.
-fn in_slices(points: Vec<IsoFlopPoint>, fit: &SweepFit) -> Result<InSlices, FitError> {
+    fit: &SweepFit,
+) -> Result<(Vec<IsoFlopPoint>, FitOptions, Option<String>), FitError> {
     let mut options = fit.options.clone();
     if fit.rule == fit.planned || points.is_empty() {
-        return Ok(InSlices { points, options, told: None });
+        return Ok((points, options, None));
     }
     let all = points.len();
     let points = of_largest_share(&points);
@@ -106,12 +99,13 @@ fn in_slices(points: Vec<IsoFlopPoint>, fit: &SweepFit) -> Result<InSlices, FitE
         fit.planned.name(),
         fit.rule.name(),
     );
-    Ok(InSlices { points: moved, options, told: Some(told) })
+    Ok((moved, options, Some(told)))
 }
 
 /// Marks laws as those of this project's own models.
 pub fn of_own_models(mut laws: Laws, records: &[RunRecord]) -> Laws {
-    (laws.from_sweep, laws.n_ctx) = (true, n_ctx(records));
+    laws.from_sweep = true;
+    laws.n_ctx = records.iter().filter_map(|record| record.planned.n_ctx).max();
     laws.head_share = head_share(records);
     // Data of its own names no tokenizer.
     let is_own = |record: &RunRecord| record.planned.tokenizer_id.as_deref() == Some("none");
@@ -146,32 +140,23 @@ fn refit(
     let (points, _) = points(records, rule);
     // Laws of other runs differ for another reason than the rule.
     let fit = SweepFit { planned: fit.planned, rule, options };
-    let InSlices { points, options, .. } =
+    let (points, options, _) =
         (points.len() == n_points).then(|| in_slices(points, &fit).ok())??;
     let laws = fit_or_keep_flagged(&points, &options).ok()?;
     Some(sensitivity_row(&format!("flops: {}", rule.name()), &laws))
 }
 
-/// The most positions that a model has.
-pub fn n_ctx(records: &[RunRecord]) -> Option<usize> {
-    records.iter().filter_map(|record| record.planned.n_ctx).max()
-}
-
 /// The share of the vocabulary that a code is chosen among; `None` where it is all of it, or where the
 /// records do not tell.
 fn head_share(records: &[RunRecord]) -> Option<f64> {
-    let share = records.iter().find_map(share_of)?;
-    (share < 0.999).then_some(share)
-}
-
-/// What a token costs by the OpenAI rule beside the blocks, as a share of a head over all codes.
-fn share_of(record: &RunRecord) -> Option<f64> {
-    let RunRecord { planned, measured, .. } = record;
-    let (layers, width) = (planned.n_layer?, planned.d_model?);
-    let blocks = openai_blocks(layers, width, planned.n_ctx?);
-    let tokens = TRAINING_PER_FORWARD * measured.tokens as f64;
-    let head = measured.flops_openai? / tokens - blocks;
-    Some(head / (2 * planned.n_vocab * width) as f64)
+    // What a token costs by the OpenAI rule beside the blocks, as a share of a head over all codes.
+    let share_of = |RunRecord { planned, measured, .. }: &RunRecord| {
+        let (layers, width) = (planned.n_layer?, planned.d_model?);
+        let tokens = TRAINING_PER_FORWARD * measured.tokens as f64;
+        let head = measured.flops_openai? / tokens - openai_blocks(layers, width, planned.n_ctx?);
+        Some(head / (2 * planned.n_vocab * width) as f64)
+    };
+    records.iter().find_map(share_of).filter(|share| *share < 0.999)
 }
 
 /// The runs as the laws see them, and a sentence on those whose records lack what a point needs.

@@ -2,16 +2,14 @@
 
 use crate::commands::args::{not_negative, number, share};
 use crate::commands::context::device;
+use crate::commands::prelude::*;
 use crate::commands::tokenize::lines_of;
-use anyhow::{Result, bail};
-use clap::Args;
 use isoflop::data::read_motion;
-use isoflop::generator::{Draw, Edit, Sampling};
+use isoflop::generator::{Draw, Sampling};
 use isoflop::jobs::TrainedRun;
 use isoflop::motion::N_FEATURES;
 use isoflop::ops::DeviceName;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct GenerateArgs {
@@ -95,9 +93,7 @@ impl GenerateArgs {
 
     /// The motion that is made anew in part.
     pub fn source(&self, run: &TrainedRun) -> Result<Option<Source>> {
-        let read =
-            |path: &PathBuf| Source::read(path, &self.anew, self.n_frames(run.spec.fps), run);
-        self.edit.as_ref().map(read).transpose()
+        self.edit.as_ref().map(|path| Source::read(path, self, run)).transpose()
     }
 
     /// How motions are made.
@@ -117,9 +113,9 @@ fn positive(text: &str) -> Result<f64, String> {
 /// A motion of a file, and the seconds of it that are made anew.
 pub struct Source {
     /// `[n_frames, 263]` row-major.
-    features: Vec<f32>,
+    pub features: Vec<f32>,
     /// Of each latent, whether it is made anew.
-    anew: Vec<bool>,
+    pub anew: Vec<bool>,
 }
 
 impl Source {
@@ -128,23 +124,19 @@ impl Source {
     ///
     /// # Errors
     /// The file is no motion, is longer than what is asked for, or nothing of it is made anew.
-    pub fn read(
-        path: &Path,
-        spans: &[Range<f64>],
-        asked: Option<usize>,
-        run: &TrainedRun,
-    ) -> Result<Self> {
+    fn read(path: &Path, args: &GenerateArgs, run: &TrainedRun) -> Result<Self> {
         let mut features = read_motion(path, run.spec.fps)?;
         let own = features.len() / N_FEATURES;
-        let n_frames = asked.unwrap_or(own);
+        let n_frames = args.n_frames(run.spec.fps).unwrap_or(own);
         if n_frames < own {
             bail!("{} has {own} frames; ask for no fewer than that", path.display());
         }
-        hold(&mut features, n_frames);
+        let last = features[features.len() - N_FEATURES..].to_vec();
+        features.extend(last.repeat(n_frames - own));
         let frames = run.tokenizer.spec().frames_per_latent();
         let is_anew = |latent: usize| {
             let middle = (latent as f64 + 0.5) * frames as f64;
-            middle >= own as f64 || spans.iter().any(|s| s.contains(&(middle / run.spec.fps)))
+            middle >= own as f64 || args.anew.iter().any(|s| s.contains(&(middle / run.spec.fps)))
         };
         let anew: Vec<bool> = (0..n_frames / frames).map(is_anew).collect();
         if !anew.contains(&true) {
@@ -157,27 +149,6 @@ impl Source {
     /// Its frames.
     pub fn n_frames(&self) -> usize {
         self.features.len() / N_FEATURES
-    }
-
-    /// Its codes, as a tokenizer with language sees them beside a caption.
-    ///
-    /// # Errors
-    /// As [`isoflop::tokenizer::Tokenizer::encode`].
-    pub fn codes(&self, run: &TrainedRun, text: &[f32]) -> Result<Vec<u32>> {
-        Ok(run.tokenizer.encode(&self.features, Some(text))?)
-    }
-
-    /// What stays of it.
-    pub fn edit<'a>(&'a self, codes: &'a [u32]) -> Edit<'a> {
-        Edit { codes, anew: &self.anew }
-    }
-}
-
-/// Repeats the last frame until there are `n_frames`.
-fn hold(features: &mut Vec<f32>, n_frames: usize) {
-    let last = features[features.len() - N_FEATURES..].to_vec();
-    while features.len() < n_frames * N_FEATURES {
-        features.extend(&last);
     }
 }
 

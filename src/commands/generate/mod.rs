@@ -5,22 +5,14 @@ mod times;
 
 pub use args::GenerateArgs;
 
-use super::exit::Exit;
-use super::output::{Output, clip, many, more, table};
-use anyhow::{Context, Result, bail};
+use super::prelude::*;
 use args::Source;
 use isoflop::figures::motion::{CaptionedMotion, write_motion, write_sheet};
-use isoflop::files::atomic;
-use isoflop::generator::Prompt;
+use isoflop::generator::{Edit, Prompt};
 use isoflop::jobs::{MadeMotion, TrainedRun};
 use isoflop::motion::recover_joints;
 use isoflop::scores::{Physics, physics};
-use serde_json::json;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-use serde::Serialize;
 
 /// Motions that are made side by side.
 const BATCH: usize = 64;
@@ -77,7 +69,9 @@ fn orders(args: &GenerateArgs, run: &TrainedRun, source: Option<&Source>) -> Res
     let mut orders = Vec::new();
     for caption in args.all_captions()? {
         let text = run.embed(&caption)?;
-        let codes = source.map(|source| source.codes(run, &text)).transpose()?;
+        // As a tokenizer with language sees them beside a caption.
+        let encode = |source: &Source| run.tokenizer.encode(&source.features, Some(&text));
+        let codes = source.map(encode).transpose()?;
         for _ in 0..args.samples {
             let index = orders.len();
             let asked = source.map(Source::n_frames).or(args.n_frames(run.spec.fps));
@@ -101,24 +95,18 @@ fn make(
 ) -> Result<Vec<MadeMotion>> {
     let mut made = Vec::with_capacity(orders.len());
     for batch in orders.chunks(BATCH) {
-        let prompts: Vec<Prompt> =
-            batch.iter().map(|order| order.prompt(args.seed, source)).collect();
+        let prompts = batch.iter().map(|order| Prompt {
+            text: &order.text,
+            n_frames: order.n_frames,
+            seed: args.seed,
+            index: order.index as u64,
+            edit: (source.zip(order.codes.as_ref()))
+                .map(|(Source { anew, .. }, codes)| Edit { codes, anew }),
+        });
+        let prompts: Vec<Prompt> = prompts.collect();
         made.extend(run.motions(&prompts, &args.sampling(), args.detokenizer_guidance)?);
     }
     Ok(made)
-}
-
-impl Order {
-    fn prompt<'a>(&'a self, seed: u64, source: Option<&'a Source>) -> Prompt<'a> {
-        let edited = source.zip(self.codes.as_ref());
-        Prompt {
-            text: &self.text,
-            n_frames: self.n_frames,
-            seed,
-            index: self.index as u64,
-            edit: edited.map(|(source, codes)| source.edit(codes)),
-        }
-    }
 }
 
 /// The files of every motion, the sheet, and last what lists them.
@@ -130,14 +118,16 @@ fn write(
     out: &Path,
 ) -> Result<Vec<Motion>> {
     let fps = run.spec.fps;
-    let mut all = Vec::with_capacity(made.len());
-    for (order, MadeMotion { features, .. }) in orders.iter().zip(made) {
-        all.push(CaptionedMotion { features, fps: fps as f32, caption: &order.caption });
-    }
+    let captioned = orders.iter().zip(made).map(|(Order { caption, .. }, made)| CaptionedMotion {
+        features: &made.features,
+        fps: fps as f32,
+        caption,
+    });
+    let all: Vec<CaptionedMotion> = captioned.collect();
     let mut motions = Vec::with_capacity(all.len());
     for (index, (motion, MadeMotion { sampled, .. })) in all.iter().zip(made).enumerate() {
-        let written = write_motion(out, &index.to_string(), motion)
-            .with_context(|| format!("writing motion {index}"))?;
+        let written = write_motion(out, &index.to_string(), motion);
+        let written = written.with_context(|| format!("writing motion {index}"))?;
         motions.push(Motion {
             caption: motion.caption.to_string(),
             seed: args.seed,
@@ -189,14 +179,12 @@ fn text(run: &TrainedRun, motions: &[Motion], out: &Path, made_s: f64) -> String
     }
     let largest = motions.iter().map(|m| m.bvh_largest_mm).fold(0.0, f64::max);
     let out = out.display();
-    let _ = writeln!(text, "\nfiles     {out}/<n>.svg .bvh .joints.npy .features.npy");
-    let _ = writeln!(text, "          {out}/sheet.png, motions.json");
-    let _ = writeln!(
+    let _ = write!(
         text,
-        "BVH       bones have one length; joints are off by {largest:.0} mm at most"
+        "\nfiles     {out}/<n>.svg .bvh .joints.npy .features.npy\n          {out}/sheet.png, motions.json\n\
+         BVH       bones have one length; joints are off by {largest:.0} mm at most\n"
     );
-    text += &bodies(motions);
-    text
+    text + &bodies(motions)
 }
 
 /// What the motions of four frames and more show without an evaluator, on the mean.
@@ -205,9 +193,8 @@ fn bodies(motions: &[Motion]) -> String {
     if seen.is_empty() {
         return String::new();
     }
-    let mean = |of: fn(&Physics) -> f64| {
-        seen.iter().map(|physics| of(physics)).sum::<f64>() / seen.len() as f64
-    };
+    let n = seen.len() as f64;
+    let mean = |of: fn(&Physics) -> f64| seen.iter().map(|own| of(own)).sum::<f64>() / n;
     format!(
         "bodies    a foot slides in {:.0} % of the steps from frame to frame\n          \
              bones vary by {:.0} mm, the lowest joint is {:.0} mm under the floor\n",

@@ -1,16 +1,10 @@
 //! `isoflop generate --times`: how long a motion takes, by batch, with and without guidance.
 
-use std::time::Instant;
-
-use anyhow::Result;
+use super::args::GenerateArgs;
+use crate::commands::prelude::*;
 use isoflop::generator::{Prompt, Sampling};
 use isoflop::jobs::TrainedRun;
-use serde::Serialize;
-use serde_json::json;
-
-use super::args::GenerateArgs;
-use crate::commands::exit::Exit;
-use crate::commands::output::{Output, table};
+use std::time::Instant;
 
 /// Motions that are made side by side.
 const BATCHES: [usize; 4] = [1, 4, 16, 64];
@@ -56,29 +50,21 @@ pub fn times(args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<E
     let mut all = Vec::new();
     for &guidance in &guidances {
         let sampling = Sampling { guidance, ..args.sampling() };
-        all.extend(of_batches(run, (&vectors, n_frames), &sampling)?);
+        let mut before_s = 0.0;
+        for batch in BATCHES {
+            if before_s * batch as f64 > LONGEST_S {
+                break;
+            }
+            let timed = timed(run, (&vectors, n_frames), batch, &sampling)?;
+            before_s = timed.seconds;
+            all.push(timed);
+        }
     }
     let seconds = n_frames as f64 / fps;
     let document = json!({
         "run": run.run_id, "device": args.device.name(), "seconds_of_motion": seconds, "times": all,
     });
     output.result(&document, &text(args, run, seconds, &all))
-}
-
-/// Batch after batch, until one would take too long.
-fn of_batches(
-    run: &TrainedRun,
-    motion: (&[f32], usize),
-    sampling: &Sampling,
-) -> Result<Vec<Timed>> {
-    let mut all: Vec<Timed> = Vec::new();
-    for batch in BATCHES {
-        if all.last().is_some_and(|before| before.seconds * batch as f64 > LONGEST_S) {
-            break;
-        }
-        all.push(timed(run, motion, batch, sampling)?);
-    }
-    Ok(all)
 }
 
 fn timed(

@@ -1,7 +1,7 @@
 //! [`Design`]: a grid round where the optimum is expected.
 
+use crate::commands::prelude::*;
 use crate::commands::sizes;
-use std::path::Path;
 
 /// Budgets of a study, each twice the one before.
 const BUDGETS: i32 = 5;
@@ -148,26 +148,22 @@ pub fn text(name: &str, data: Option<&Path>, design: &Design) -> String {
                  data: {source: procedural, clips: auto, val_clips: 64, test_clips: 256}\n"
             .to_string(),
     };
-    let list = |values: Vec<String>| values.join(", ");
-    let seeds = list(design.seeds.iter().map(u64::to_string).collect());
+    fn list<T: ToString>(values: impl IntoIterator<Item = T>) -> String {
+        values.into_iter().map(|value| value.to_string()).collect::<Vec<_>>().join(", ")
+    }
+    let seeds = list(&design.seeds);
     let of_tokenizers = match design.tokenizer_seeds[..] {
         [_] => String::new(),
-        _ => {
-            let seeds = design.tokenizer_seeds.iter().map(u64::to_string).collect();
-            format!(", seeds: [{}]", list(seeds))
-        }
+        _ => format!(", seeds: [{}]", list(&design.tokenizer_seeds)),
     };
-    let vocab = list(design.vocab.iter().map(usize::to_string).collect());
-    let budgets = list(design.budgets.iter().map(|budget| written(*budget)).collect());
+    let vocab = list(&design.vocab);
+    let budgets = list(design.budgets.iter().map(|budget| written(*budget)));
     let largest = design.budgets.last().copied().unwrap_or_default();
     let predict = written(10.0 * largest);
-    let exclude = match design.exclude.is_empty() {
-        true => String::new(),
-        false => {
-            let lines: String =
-                design.exclude.iter().map(|line| format!("    - {line}\n")).collect();
-            format!("  # At each budget the sizes near its optimum alone.\n  exclude:\n{lines}")
-        }
+    let lines: String = design.exclude.iter().map(|line| format!("    - {line}\n")).collect();
+    let exclude = match &lines[..] {
+        "" => String::new(),
+        _ => format!("  # At each budget the sizes near its optimum alone.\n  exclude:\n{lines}"),
     };
     let models = design.models();
     format!(

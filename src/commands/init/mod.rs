@@ -4,21 +4,14 @@ mod design;
 use super::args::number;
 use super::context::WorkArgs;
 use super::doubts::{Doubt, doubts};
-use super::exit::Exit;
-use anyhow::{Context, Result, bail};
-use clap::Args;
+use super::prelude::*;
+use design::Design;
 use isoflop::data::{self, DataFacts};
-use isoflop::files::atomic;
 use isoflop::jobs::speed::Speed;
 use isoflop::jobs::{Job, all_jobs};
 use isoflop::plan::{Plan, PlannedRun};
 use isoflop::sweep;
 use isoflop::units::quoted;
-use serde_json::json;
-use std::path::PathBuf;
-
-use super::output::Output;
-use design::Design;
 
 #[derive(Args)]
 pub struct InitArgs {
@@ -55,7 +48,7 @@ pub fn init(args: &InitArgs, output: &Output) -> Result<Exit> {
     let text = desk.text(&offer.design);
     atomic::write_bytes(&args.file, text.as_bytes())?;
     desk.warnings(&offer, fresh_hours)?.iter().for_each(|line| output.warn(line));
-    let Price { hours, runs } = offer.price;
+    let Offer { hours, runs, .. } = offer;
     let Design { budgets, widths, vocab, seeds, tokenizer_seeds, .. } = &offer.design;
     let bound_by = "larger budgets would take longer: --hours";
     let document = json!({
@@ -127,8 +120,8 @@ impl<'a> Desk<'a> {
                  little motion are laws of its repetition{less}"
             ));
         }
-        if offer.price.hours > self.args.hours {
-            let time = duration(offer.price.hours);
+        if offer.hours > self.args.hours {
+            let time = duration(offer.hours);
             warnings.push(format!("the smallest sweep that bears laws takes about {time}"));
         }
         Ok(warnings)
@@ -142,7 +135,6 @@ impl<'a> Desk<'a> {
         let terms = Terms {
             hours: self.args.hours,
             unique_tokens: self.facts.as_ref().map(unique_tokens),
-            epochs: EPOCHS,
             price: &price,
         };
         let offer = terms.largest()?;
@@ -172,10 +164,10 @@ fn plan(text: &str) -> Result<Plan> {
 }
 
 /// Hours and runs of a sweep at a speed.
-fn price(text: &str, speed: &Speed, slots: usize) -> Result<Price> {
+fn price(text: &str, speed: &Speed, slots: usize) -> Result<(f64, usize)> {
     let plan = plan(text)?;
     let jobs: Vec<Job> = all_jobs(&plan).collect();
-    Ok(Price { hours: speed.hours(&jobs, &plan, slots), runs: plan.runs.len() })
+    Ok((speed.hours(&jobs, &plan, slots), plan.runs.len()))
 }
 
 #[cfg(test)]
@@ -202,18 +194,12 @@ const FEWER: i32 = 30;
 /// Share of the hours that a sweep may take by the estimate, which is not exact.
 const SPENT: f64 = 0.93;
 
-/// What a sweep takes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Price {
-    pub hours: f64,
-    pub runs: usize,
-}
-
-/// A sweep that fits.
+/// A sweep that fits, and what it takes.
 #[derive(Debug)]
 struct Offer {
     pub design: Design,
-    pub price: Price,
+    pub hours: f64,
+    pub runs: usize,
 }
 
 /// What sweeps are made of and measured by.
@@ -221,9 +207,8 @@ struct Terms<'a> {
     pub hours: f64,
     /// Codes of the training split; `None` where they have no end.
     pub unique_tokens: Option<usize>,
-    /// Times that the expected optimum of the largest budget may see the data, while there is better to do.
-    pub epochs: f64,
-    pub price: &'a dyn Fn(&Design) -> Result<Price>,
+    /// Hours and runs.
+    pub price: &'a dyn Fn(&Design) -> Result<(f64, usize)>,
 }
 
 impl Terms<'_> {
@@ -233,7 +218,8 @@ impl Terms<'_> {
     /// # Errors
     /// A sweep cannot be priced.
     pub fn largest(&self) -> Result<Offer> {
-        let fresh = (0..=LAST).rev().find(|step| self.is_fresh(*step)).unwrap_or(0);
+        let is_fresh = |step: &i32| self.bears(&self.design(*step));
+        let fresh = (0..=LAST).rev().find(is_fresh).unwrap_or(0);
         let seeds = if self.fits(0, MEASURED)? { MEASURED } else { SEEDS[0] };
         let step = self.search(0, fresh, seeds)?;
         if step < fresh {
@@ -268,18 +254,14 @@ impl Terms<'_> {
         Design::up_to(LEAST * 2f64.powf(f64::from(step) / f64::from(STEPS)), self.unique_tokens)
     }
 
-    fn is_fresh(&self, step: i32) -> bool {
-        self.bears(&self.design(step))
-    }
-
     /// Whether the data bear the sweep.
     fn bears(&self, design: &Design) -> bool {
         let epochs = |unique: usize| design.most_tokens() / unique as f64;
-        self.unique_tokens.map(epochs).is_none_or(|epochs| epochs <= self.epochs)
+        self.unique_tokens.map(epochs).is_none_or(|epochs| epochs <= EPOCHS)
     }
 
     fn fits(&self, step: i32, seeds: [u64; 2]) -> Result<bool> {
-        Ok((self.price)(&self.design(step).with_seeds(seeds))?.hours <= SPENT * self.hours)
+        Ok((self.price)(&self.design(step).with_seeds(seeds))?.0 <= SPENT * self.hours)
     }
 
     /// The largest step that fits, between two of which the first does or is the least there is.
@@ -303,7 +285,7 @@ impl Terms<'_> {
 
     fn offer(&self, step: i32, seeds: [u64; 2]) -> Result<Offer> {
         let design = self.design(step).with_seeds(seeds);
-        let price = (self.price)(&design)?;
-        Ok(Offer { design, price })
+        let (hours, runs) = (self.price)(&design)?;
+        Ok(Offer { design, hours, runs })
     }
 }

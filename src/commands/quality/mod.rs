@@ -1,20 +1,12 @@
 //! What the scored runs of a sweep say: their table, their figure, and whether loss predicts quality.
 
-mod rows;
-
-use super::output::{Output, dash, more, table};
-use anyhow::Result;
+use super::prelude::*;
 use isoflop::figures::{self, Format, draw_alone};
-use isoflop::jobs::ResultsFolder;
 use isoflop::laws::{floor_law, power_law};
-use isoflop::record::{Quality, RunRecord, write_scores};
+use isoflop::record::{Quality, write_scores};
 use isoflop::scores::{RankCorrelation, rank_correlation};
-use isoflop::sweep::Sweep;
-use rows::Rows;
-use serde::Serialize;
-use serde_json::{Value, json};
-use std::collections::{BTreeMap, HashMap};
-use std::fmt::Write;
+use isoflop::spec::ScoresSpec;
+use std::collections::HashMap;
 
 /// What is said of scored runs.
 pub struct Scored {
@@ -30,7 +22,7 @@ impl Scored {
         records: &[RunRecord],
         output: &Output,
     ) -> Result<Option<Self>> {
-        let Rows { own: rows, by_others } = Rows::of(sweep, folder, records, output)?;
+        let (rows, by_others) = scored_rows(sweep, folder, records, output)?;
         if rows.is_empty() {
             return Ok(None);
         }
@@ -41,13 +33,19 @@ impl Scored {
             output.warn(&error.to_string());
             Vec::new()
         });
-        let (ranks, best) = (LossRanks::of(&rows), best(&rows));
+        let (ranks, best) = (loss_ranks(&rows), best(&rows));
         let laws = fid_laws(&best);
-        let agreements = Agreement::of(&rows, &by_others);
+        let agreements = agreements(&rows, &by_others);
         let text = text(folder, &rows, (&ranks, &agreements), (&best, &laws));
+        let named = |key: &str, all: &[Ranks]| -> Vec<Value> {
+            let one =
+                |own: &Ranks| json!({ key: own.of, "fid": own.fid, "r_precision_1": own.first });
+            all.iter().map(one).collect()
+        };
         let document = json!({
-            "runs": rows.len(), "evaluator_id": rows[0].evaluator_id, "ranks": ranks,
-            "agreement": agreements, "best": best, "fid_laws": laws, "figures": figures,
+            "runs": rows.len(), "evaluator_id": rows[0].evaluator_id,
+            "ranks": named("generator", &ranks), "agreement": named("evaluator_id", &agreements),
+            "best": best, "fid_laws": laws, "figures": figures,
         });
         Ok(Some(Self { document, text }))
     }
@@ -56,73 +54,46 @@ impl Scored {
 // [`Ranks`]: whether runs are ordered alike by two measures.
 
 /// How far two measures order runs alike, of FID and of R@1; `None` below five runs.
-#[derive(Serialize)]
 struct Ranks {
-    pub fid: Option<RankCorrelation>,
-    pub r_precision_1: Option<RankCorrelation>,
+    /// The generator of the runs, or the evaluator that is the other measure.
+    of: String,
+    fid: Option<RankCorrelation>,
+    first: Option<RankCorrelation>,
 }
 
 impl Ranks {
     /// Of the pairs of values that runs have by the name of a score.
-    pub fn of(pairs: impl Fn(&str) -> Vec<(f64, f64)>) -> Self {
-        let rank = |name: &str| rank_correlation(&pairs(name)).ok();
-        Self { fid: rank("fid"), r_precision_1: rank("r_precision_1") }
+    fn new(of: &str, pairs: impl Fn(&str) -> Vec<(f64, f64)>) -> Self {
+        let [fid, first] = ["fid", "r_precision_1"].map(|name| rank_correlation(&pairs(name)).ok());
+        Self { of: of.to_string(), fid, first }
     }
 }
 
-/// How far the loss orders the runs of a generator as their motions do. Losses of different generators
+/// How far the loss orders the runs of each generator as their motions do. Losses of different generators
 /// are not put beside one another: that of a masked one is a bound.
-#[derive(Serialize)]
-struct LossRanks {
-    pub generator: String,
-    #[serde(flatten)]
-    pub ranks: Ranks,
+fn loss_ranks(rows: &[Quality]) -> Vec<Ranks> {
+    let mut by_generator: BTreeMap<&str, Vec<&Quality>> = BTreeMap::new();
+    rows.iter().for_each(|row| by_generator.entry(row.generator()).or_default().push(row));
+    let ranks = |(generator, own): (&str, Vec<&Quality>)| {
+        let pair =
+            |row: &Quality, name: &str| Some((row.run.loss_normalised().ok()?, row.mean(name)?));
+        Ranks::new(generator, |name| own.iter().filter_map(|row| pair(row, name)).collect())
+    };
+    by_generator.into_iter().map(ranks).collect()
 }
 
-impl LossRanks {
-    /// Those of each generator.
-    pub fn of(rows: &[Quality]) -> Vec<Self> {
-        let mut by_generator: BTreeMap<&str, Vec<&Quality>> = BTreeMap::new();
-        rows.iter().for_each(|row| by_generator.entry(row.generator()).or_default().push(row));
-        let ranks = |(generator, own): (&str, Vec<&Quality>)| {
-            let pair = |row: &Quality, name: &str| {
-                Some((row.run.loss_normalised().ok()?, row.mean(name)?))
-            };
-            let pairs = |name: &str| own.iter().filter_map(|row| pair(row, name)).collect();
-            Self { generator: generator.to_string(), ranks: Ranks::of(pairs) }
-        };
-        by_generator.into_iter().map(ranks).collect()
-    }
-}
-
-// [`Agreement`]: whether another evaluator orders runs as the sweep's does.
-
-/// How far two evaluators order the runs alike that both scored.
-#[derive(Serialize)]
-struct Agreement {
-    pub evaluator_id: String,
-    #[serde(flatten)]
-    pub ranks: Ranks,
-}
-
-impl Agreement {
-    /// With each other evaluator that scored five of the runs or more.
-    pub fn of(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Self> {
-        by_others.iter().filter_map(|others| Self::with(own, others)).collect()
-    }
-
-    fn with(own: &[Quality], others: &[Quality]) -> Option<Self> {
-        let evaluator_id = others.first()?.evaluator_id.clone();
-        let by_run: HashMap<&str, &Quality> =
-            others.iter().map(|row| (row.run.planned.run_id.as_str(), row)).collect();
-        let pair = |row: &Quality, name: &str| {
-            let other = by_run.get(row.run.planned.run_id.as_str())?;
-            Some((row.mean(name)?, other.mean(name)?))
-        };
-        let ranks = Ranks::of(|name| own.iter().filter_map(|row| pair(row, name)).collect());
-        let is_known = ranks.fid.is_some() && ranks.r_precision_1.is_some();
-        is_known.then_some(Self { evaluator_id, ranks })
-    }
+/// How far each other evaluator that scored five of the runs or more orders them as the sweep's does.
+fn agreements(own: &[Quality], by_others: &[Vec<Quality>]) -> Vec<Ranks> {
+    let with = |others: &Vec<Quality>| {
+        let id = |row: &Quality| row.run.planned.run_id.clone();
+        let by_run: HashMap<String, &Quality> = others.iter().map(|row| (id(row), row)).collect();
+        let pair =
+            |row: &Quality, name: &str| Some((row.mean(name)?, by_run.get(&id(row))?.mean(name)?));
+        let pairs = |name: &str| own.iter().filter_map(|row| pair(row, name)).collect();
+        let ranks = Ranks::new(&others.first()?.evaluator_id, pairs);
+        (ranks.fid.is_some() && ranks.first.is_some()).then_some(ranks)
+    };
+    by_others.iter().filter_map(with).collect()
 }
 
 // What a person reads of scored runs: a screen.
@@ -134,7 +105,7 @@ const LISTED: usize = 12;
 fn text(
     folder: &ResultsFolder,
     rows: &[Quality],
-    (ranks, agreements): (&[LossRanks], &[Agreement]),
+    (ranks, agreements): (&[Ranks], &[Ranks]),
     (best, laws): (&[Best], &[FidLaw]),
 ) -> String {
     let row = |row: &Quality| {
@@ -152,11 +123,7 @@ fn text(
     let _ = writeln!(text, "true motions: R@1 {truth}; means and 95 % intervals of repeats");
     text += &of_budgets(best);
     laws.iter().for_each(|law| text += &of_law(law));
-    // Nothing of generators that have too few runs.
-    let ranks = ranks.iter().filter(|own| own.ranks.fid.is_some());
-    let ranks = ranks.map(|own| (&own.generator, &own.ranks)).collect();
     text += &of_ranks("<rank correlation with L_u", ranks);
-    let agreements = agreements.iter().map(|own| (&own.evaluator_id, &own.ranks)).collect();
     text += &of_ranks("<with those by evaluator", agreements);
     let root = folder.root().display();
     let evaluator = &rows[0].evaluator_id;
@@ -176,9 +143,10 @@ fn of_law(law: &FidLaw) -> String {
     )
 }
 
-/// Whether runs are ordered alike by what the title says, one after another; nothing of nobody.
-fn of_ranks(title: &str, all: Vec<(&String, &Ranks)>) -> String {
-    if all.is_empty() {
+/// Whether runs are ordered alike by what the title says, one after another; nothing of generators that have too few.
+fn of_ranks(title: &str, all: &[Ranks]) -> String {
+    let known: Vec<&Ranks> = all.iter().filter(|own| own.fid.is_some()).collect();
+    if known.is_empty() {
         return String::new();
     }
     let shown = |rank: Option<RankCorrelation>| {
@@ -186,10 +154,8 @@ fn of_ranks(title: &str, all: Vec<(&String, &Ranks)>) -> String {
             format!("{value:.2} ({low:.2} to {high:.2})")
         })
     };
-    let row = |(name, ranks): (&String, &Ranks)| {
-        [name.clone(), shown(ranks.fid), shown(ranks.r_precision_1)]
-    };
-    table([title, "<FID", "<R@1"], all.into_iter().map(row))
+    let row = |own: &Ranks| [own.of.clone(), shown(own.fid), shown(own.first)];
+    table([title, "<FID", "<R@1"], known.into_iter().map(row))
 }
 
 /// The best run of each budget by loss, and by FID.
@@ -352,6 +318,42 @@ impl Cell {
             fid: row.mean("fid")?,
         })
     }
+}
+
+// Scored runs, by the evaluator that scored them.
+
+/// Runs of a folder that are scored as the sweep says: by the sweep's evaluator, the best FID first, and by each
+/// evaluator that it had before.
+fn scored_rows(
+    sweep: &Sweep,
+    folder: &ResultsFolder,
+    records: &[RunRecord],
+    output: &Output,
+) -> Result<(Vec<Quality>, Vec<Vec<Quality>>)> {
+    // Scores by settings that the sweep had before lie there too.
+    let wanted = sweep.scores.as_ref().map(ScoresSpec::of_a_run);
+    let by_id: BTreeMap<&str, &RunRecord> =
+        records.iter().map(|record| (record.planned.run_id.as_str(), record)).collect();
+    let mut by_evaluator: BTreeMap<String, Vec<Quality>> = BTreeMap::new();
+    for scores in folder.all_scores(|line| output.warn(&line))? {
+        let record = by_id.get(scores.run_id.as_str());
+        if let Some(record) = record.filter(|_| wanted.as_ref() == Some(&scores.spec)) {
+            let row = scores.quality((*record).clone());
+            by_evaluator.entry(row.evaluator_id.clone()).or_default().push(row);
+        }
+    }
+    // The evaluators that the sweep describes.
+    let present = match &sweep.evaluator {
+        Some(section) => folder.gates_of(section, |line| output.warn(&line))?,
+        None => Vec::new(),
+    };
+    let is_present = |id: &String| present.iter().any(|report| report.evaluator_id == *id);
+    let candidates = by_evaluator.iter().filter(|(id, _)| is_present(id));
+    let most = candidates.max_by_key(|(_, rows)| rows.len()).map(|(id, _)| id.clone());
+    let mut own = most.and_then(|id| by_evaluator.remove(&id)).unwrap_or_default();
+    let fid = |row: &Quality| row.mean("fid").unwrap_or(f64::INFINITY);
+    own.sort_by(|a, b| fid(a).total_cmp(&fid(b)));
+    Ok((own, by_evaluator.into_values().collect()))
 }
 
 #[cfg(test)]

@@ -24,14 +24,14 @@ fn evaluators_agree_where_they_order_runs_alike() {
     let alike = rows("alike", &[10.0, 20.0, 30.0, 40.0, 50.0]);
     let contrary = rows("contrary", &[5.0, 4.0, 3.0, 2.0, 1.0]);
     let few = rows("few", &[1.0, 2.0, 3.0, 4.0]);
-    let found = Agreement::of(&own, &[alike, contrary, few]);
-    let told = |one: &Agreement| {
-        let fid = one.ranks.fid.expect("five runs");
-        (one.evaluator_id.clone(), fid.value, fid.n)
+    let found = agreements(&own, &[alike, contrary, few]);
+    let told = |one: &Ranks| {
+        let fid = one.fid.expect("five runs");
+        (one.of.clone(), fid.value, fid.n)
     };
     let told: Vec<(String, f64, usize)> = found.iter().map(told).collect();
     assert_eq!(told, [("alike".to_string(), 1.0, 5), ("contrary".to_string(), -1.0, 5)]);
-    assert_eq!(found[1].ranks.r_precision_1.map(|rank| rank.value), Some(-1.0));
+    assert_eq!(found[1].first.map(|rank| rank.value), Some(-1.0));
 }
 
 fn points(law: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {

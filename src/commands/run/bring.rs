@@ -4,20 +4,13 @@ use super::command_line::{CommandLine, RunArgs};
 use super::summary::Summary;
 use crate::commands::analyse::planned_runs;
 use crate::commands::context::{OpenSweep, open_sweep};
-use crate::commands::exit::Exit;
-use crate::commands::output::Output;
 use crate::commands::plan;
-use anyhow::{Context, Result, bail};
-use isoflop::engine::{
-    Brought, Engine, JobEnd, JobReport, Preview, Previewed, Session, SweepRequest,
-};
+use crate::commands::prelude::*;
+use isoflop::engine::{Brought, JobEnd, Previewed, SweepRequest};
 use isoflop::failure::Failure;
 use isoflop::files::set_aside;
-use isoflop::files::{FileError, atomic};
 use isoflop::jobs::presence::Held;
-use isoflop::jobs::{
-    Job, JobId, JobState, ResultsFolder, all_jobs, gpu, missing_jobs, with_needs, write_specs,
-};
+use isoflop::jobs::{Job, JobId, JobState, all_jobs, gpu, missing_jobs, with_needs, write_specs};
 use isoflop::plan::Plan;
 use isoflop::sweep::EngineSection;
 use rayon::prelude::*;
@@ -38,11 +31,25 @@ pub fn bring<'a>(
     output: &Output,
 ) -> Result<ControlFlow<Exit, Summary<'a>>> {
     check_card(open, &wanted)?;
-    let request = request(args, open, output);
-    let engine: &dyn Engine = args.engine;
-    let mut session = engine.session(&request)?;
+    let (work, options) = (&args.sweep.work, &args.options);
+    let request = SweepRequest {
+        sweep: &open.sweep,
+        plan: &open.plan,
+        folder: &open.folder,
+        device: work.device,
+        slots: work.slots(),
+        memory_bytes: options.memory,
+        fail_fast: options.fail_fast,
+        profile: options.profile.as_deref(),
+        track: options.track,
+        tell: output,
+    };
+    let mut session = args.engine.session(&request)?;
     if let Some(preview) = args.preview() {
-        return Ok(ControlFlow::Break(show(&mut *session, preview, open, output)?));
+        let jobs = missing_jobs(&open.plan, &open.folder);
+        let Previewed { document, text, taken } = session.preview(preview, jobs)?;
+        output.result(&document, &text)?;
+        return Ok(ControlFlow::Break(if taken { Exit::Done } else { Exit::Usage }));
     }
     session.begin()?;
     if held.is_none() {
@@ -60,10 +67,8 @@ pub fn bring<'a>(
         }
     };
     let summary = Summary { open, reports, command };
-    Ok(match interruption(args, &summary, output) {
-        Some(exit) => ControlFlow::Break(exit),
-        None => ControlFlow::Continue(summary),
-    })
+    let interrupted = interruption(args, &summary, output);
+    Ok(interrupted.map_or(ControlFlow::Continue(summary), ControlFlow::Break))
 }
 
 /// Reads, plans and warns.
@@ -88,33 +93,6 @@ fn check_card(open: &OpenSweep, wanted: impl Fn(&Job) -> bool) -> Result<()> {
     gpu::too_large(card, runs).map_or(Ok(()), |problem| bail!("nothing was run: {problem}"))
 }
 
-fn request<'a>(args: &'a RunArgs, open: &'a OpenSweep, output: &'a Output) -> SweepRequest<'a> {
-    SweepRequest {
-        sweep: &open.sweep,
-        plan: &open.plan,
-        folder: &open.folder,
-        device: args.sweep.work.device,
-        slots: args.sweep.work.slots(),
-        memory_bytes: args.options.memory,
-        fail_fast: args.options.fail_fast,
-        profile: args.options.profile.as_deref(),
-        track: args.options.track,
-        tell: output,
-    }
-}
-
-fn show(
-    session: &mut dyn Session,
-    preview: Preview,
-    open: &OpenSweep,
-    output: &Output,
-) -> Result<Exit> {
-    let jobs = missing_jobs(&open.plan, &open.folder);
-    let Previewed { document, text, taken } = session.preview(preview, jobs)?;
-    output.result(&document, &text)?;
-    Ok(if taken { Exit::Done } else { Exit::Usage })
-}
-
 /// One `run` at a time in a folder.
 pub fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
     let root = open.folder.root().display();
@@ -125,43 +103,29 @@ pub fn hold(open: &OpenSweep, output: &Output) -> Result<Held> {
 
 /// Tells why the jobs ended too early, if they did.
 fn interruption(args: &RunArgs, summary: &Summary, output: &Output) -> Option<Exit> {
-    if let Some(halt) = halt(&summary.reports) {
-        summary.failures(output);
-        output.warn(&halted(halt, &summary.command));
-        return Some(Exit::SomeRunsFailed);
-    }
-    if interrupted(&summary.reports, args.options.fail_fast) {
-        summary.failures(output);
-        output.note("interrupted; the same command goes on from here");
-        return Some(Exit::Interrupted);
-    }
-    None
-}
-
-/// What nothing could go on with.
-fn halt(reports: &[JobReport]) -> Option<&Failure> {
-    reports.iter().find_map(|report| match &report.end {
+    let mut ends = summary.reports.iter().map(|report| &report.end);
+    let halted = ends.clone().find_map(|end| match end {
         JobEnd::Halted(failure) => Some(failure),
         _ => None,
-    })
-}
-
-fn halted(failure: &Failure, command: &CommandLine) -> String {
-    let Failure { kind, reason, .. } = failure;
-    let advice = kind.advice().unwrap_or("mend that");
-    format!(
-        "stopped [{}]: {reason}. Nothing is half-written, and no run is marked as failed: {advice}, \
-         and this goes on: {}",
-        kind.word(),
-        command.said(None, &[])
-    )
-}
-
-/// Whether a signal stopped jobs, and not a failure under `--fail-fast`.
-fn interrupted(reports: &[JobReport], fail_fast: bool) -> bool {
-    let failed = |report: &JobReport| report.end.failure().is_some();
-    let stopped = reports.iter().any(|report| report.end == JobEnd::Stopped);
-    stopped && !(fail_fast && reports.iter().any(failed))
+    });
+    if let Some(Failure { kind, reason, .. }) = halted {
+        summary.failures(output);
+        output.warn(&format!(
+            "stopped [{}]: {reason}. Nothing is half-written, and no run is marked as failed: {}, and this goes \
+             on: {}",
+            kind.word(),
+            kind.advice().unwrap_or("mend that"),
+            summary.command.said(None, &[])
+        ));
+        return Some(Exit::SomeRunsFailed);
+    }
+    let by_failure = args.options.fail_fast && ends.clone().any(|end| end.failure().is_some());
+    if by_failure || !ends.any(|end| *end == JobEnd::Stopped) {
+        return None;
+    }
+    summary.failures(output);
+    output.note("interrupted; the same command goes on from here");
+    Some(Exit::Interrupted)
 }
 
 // What `isoflop run` puts in order before it trains: the folder's files, and what is damaged.
@@ -197,11 +161,9 @@ const OF_ALL_RUNS: [&str; 8] = [
 /// folder of their own, with table, figures and sweep; the runs stay where they are.
 fn keep_former(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
     let has_laws = folder.file("laws.json").exists() || folder.generators().exists();
-    let Some(former) = planned_runs(folder).ok().flatten().filter(|_| has_laws) else {
-        return Ok(());
-    };
-    let (own, states) = (plan.runs.iter().map(|run| &run.run_id), folder.run_states());
-    let own: HashSet<&String> = own.collect();
+    let former = planned_runs(folder).ok().flatten().filter(|_| has_laws).unwrap_or_default();
+    let states = folder.run_states();
+    let own: HashSet<&String> = plan.runs.iter().map(|run| &run.run_id).collect();
     let finished: Vec<String> =
         former.into_iter().filter(|id| states.of(id) == JobState::Done).collect();
     let gone = finished.iter().filter(|id| !own.contains(id)).count();
@@ -235,8 +197,7 @@ fn mend(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<()> {
         Err(error @ FileError::Damaged { .. }) => Some((folder.product(&job.id), error)),
         _ => None,
     };
-    let damaged: Vec<_> = jobs.par_iter().filter_map(damaged).collect();
-    for (path, problem) in damaged {
+    for (path, problem) in jobs.par_iter().filter_map(damaged).collect::<Vec<_>>() {
         set_aside(&path)?;
         output.warn(&format!("{problem}: done"));
     }
@@ -251,7 +212,7 @@ fn forget_failures(args: &RunArgs, plan: &Plan, folder: &ResultsFolder) -> Resul
     let jobs: Vec<Job> = all_jobs(plan).collect();
     let forgotten: HashSet<&JobId> = match args.options.retry_failed {
         true => jobs.iter().map(|job| &job.id).collect(),
-        false => with_needs_prepare(&jobs, &args.options.retry)?,
+        false => of_ids(&jobs, &args.options.retry)?,
     };
     for job in forgotten {
         atomic::remove(&folder.job(job).join("failure.json"))?;
@@ -260,7 +221,7 @@ fn forget_failures(args: &RunArgs, plan: &Plan, folder: &ResultsFolder) -> Resul
 }
 
 /// The jobs of these ids and all that they need; each stands after what it needs.
-fn with_needs_prepare<'a>(jobs: &'a [Job], ids: &[String]) -> Result<HashSet<&'a JobId>> {
+fn of_ids<'a>(jobs: &'a [Job], ids: &[String]) -> Result<HashSet<&'a JobId>> {
     if let Some(id) = ids.iter().find(|id| jobs.iter().all(|job| job.id.id != **id)) {
         bail!(
             "--retry {id}: the sweep has no job of this id; `isoflop status` names those that failed"

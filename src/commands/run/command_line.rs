@@ -1,19 +1,11 @@
 //! The command line of `isoflop run`, as it is typed ([`RunArgs`]), and as the folder that it made keeps it, so that it
 //! can be said again ([`CommandLine`]).
 
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, Result, bail};
-use clap::Args;
-use isoflop::engine::{ENGINES, Engine, Preview, Track};
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::sweep::Sweep;
-use isoflop::units::{parse_bytes, quoted};
-use serde::{Deserialize, Serialize};
-
 use crate::commands::args::share;
 use crate::commands::context::{SweepArgs, a_track, an_engine};
+use crate::commands::prelude::*;
+use isoflop::engine::{ENGINES, Engine, Preview, Track};
+use isoflop::units::{parse_bytes, quoted};
 
 /// Width of a terminal that shows a command whole.
 const WIDTH: usize = 80;
@@ -162,10 +154,9 @@ impl CommandLine {
             return Ok(kept);
         }
         let out = folder.root().parent().filter(|parent| !parent.as_os_str().is_empty());
-        let out = out.unwrap_or(Path::new("."));
-        let (sweep, out) = (folder.file("sweep.yaml"), out.display().to_string());
-        let words = ["isoflop", "run", &sweep.display().to_string(), "--out", &out];
-        let words = words.map(String::from).to_vec();
+        let [sweep, out] = [&*folder.file("sweep.yaml"), out.unwrap_or(Path::new("."))]
+            .map(|path| path.display().to_string());
+        let words = ["isoflop", "run", &sweep, "--out", &out].map(String::from).to_vec();
         let directory = std::env::current_dir().context("finding the current directory")?;
         Ok(Self { directory, words })
     }
@@ -203,11 +194,11 @@ impl CommandLine {
 /// The words of a command; spaces between quotes part nothing.
 fn split_quoted(command: &str) -> Vec<&str> {
     let mut inside = false;
-    let parts = command.split(move |c: char| {
+    let parts_here = |c: char| {
         inside ^= c == '\'';
         c == ' ' && !inside
-    });
-    parts.collect()
+    };
+    command.split(parts_here).collect()
 }
 
 #[cfg(test)]

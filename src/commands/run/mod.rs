@@ -5,17 +5,13 @@ mod command_line;
 mod rounds;
 mod summary;
 
-use std::ops::ControlFlow;
-
-use anyhow::{Result, bail};
-use isoflop::engine::JobEnd;
-use isoflop::jobs::{Job, JobKind, ResultsFolder};
-
+use super::prelude::*;
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
-use crate::commands::exit::Exit;
-use crate::commands::output::Output;
+use isoflop::engine::JobEnd;
+use isoflop::jobs::{Job, JobKind};
 use rounds::run_in_rounds;
+use std::ops::ControlFlow;
 use summary::Summary;
 
 pub use bring::{bring, hold, open};
@@ -25,17 +21,12 @@ pub fn run(args: &RunArgs, output: &Output) -> Result<Exit> {
     if let Some(most) = args.options.rounds {
         return run_in_rounds(args, most.into(), output);
     }
-    carry_out(
-        args,
-        output,
-        |_| true,
-        |summary| {
-            // Why there is nothing comes before all else.
-            let told = (!summary.has_results()).then(|| summary.tell(output));
-            analyse::finish(&summary.open.folder, output)?;
-            Ok(told.unwrap_or_else(|| summary.tell(output)))
-        },
-    )
+    carry_out(args, None, output, |summary| {
+        // Why there is nothing comes before all else.
+        let told = (!summary.has_results()).then(|| summary.tell(output));
+        analyse::finish(&summary.open.folder, output)?;
+        Ok(told.unwrap_or_else(|| summary.tell(output)))
+    })
 }
 
 /// Does all that is missing and its table, then has `then` tell of it.
@@ -44,17 +35,12 @@ pub fn run_then(
     output: &Output,
     then: impl FnOnce(&ResultsFolder) -> Result<()>,
 ) -> Result<Exit> {
-    carry_out(
-        args,
-        output,
-        |_| true,
-        |summary| {
-            analyse::tabulate(&summary.open.folder, output)?;
-            let exit = summary.tell(output);
-            then(&summary.open.folder)?;
-            Ok(exit)
-        },
-    )
+    carry_out(args, None, output, |summary| {
+        analyse::tabulate(&summary.open.folder, output)?;
+        let exit = summary.tell(output);
+        then(&summary.open.folder)?;
+        Ok(exit)
+    })
 }
 
 /// Does only the jobs of a kind that needs no other; `then` tells of them.
@@ -67,30 +53,26 @@ pub fn run_only(
     if args.engine.hands_over() {
         bail!("--engine {} does whole sweeps: use `isoflop run`", args.engine.name());
     }
-    carry_out(
-        args,
-        output,
-        |job| job.id.kind == kind,
-        |summary| {
-            summary.failures(output);
-            then(summary.open)?;
-            let ended_well = summary.reports.iter().all(|report| report.end == JobEnd::Done);
-            Ok(if ended_well { Exit::Done } else { Exit::SomeRunsFailed })
-        },
-    )
+    carry_out(args, Some(kind), output, |summary| {
+        summary.failures(output);
+        then(summary.open)?;
+        let ended_well = summary.reports.iter().all(|report| report.end == JobEnd::Done);
+        Ok(if ended_well { Exit::Done } else { Exit::SomeRunsFailed })
+    })
 }
 
-/// Brings the missing jobs that are wanted to their end, then has `then` tell of them.
+/// Brings the missing jobs, or those of a kind, to their end, then has `then` tell of them.
 fn carry_out(
     args: &RunArgs,
+    only: Option<JobKind>,
     output: &Output,
-    wanted: impl Fn(&Job) -> bool,
     then: impl FnOnce(&Summary) -> Result<Exit>,
 ) -> Result<Exit> {
     args.check_engine()?;
     let open = open(args, output)?;
     // Held to the end: another command tidies the folder up as soon as it has it.
     let mut held = None;
+    let wanted = |job: &Job| only.is_none_or(|kind| job.id.kind == kind);
     match bring(args, &open, &mut held, wanted, output)? {
         ControlFlow::Continue(summary) => then(&summary),
         ControlFlow::Break(exit) => Ok(exit),

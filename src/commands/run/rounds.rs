@@ -4,18 +4,14 @@ use super::bring::{bring, hold, open};
 use super::command_line::RunArgs;
 use crate::commands::analyse;
 use crate::commands::context::OpenSweep;
-use crate::commands::exit::Exit;
 use crate::commands::fit::{fit_records, options, points};
-use crate::commands::output::Output;
 use crate::commands::plan_text::time;
 use crate::commands::predict::predict_one;
-use anyhow::{Context, Result, bail};
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::{JobState, ResultsFolder};
+use crate::commands::prelude::*;
+use isoflop::jobs::JobState;
 use isoflop::laws::{DesignGoal, OpenRun, next_runs};
 use isoflop::plan::{Plan, PlannedRun};
-use isoflop::record::{RunRecord, flops_per_second, table};
-use serde::{Deserialize, Serialize};
+use isoflop::record::{flops_per_second, table};
 use std::collections::HashSet;
 use std::ops::ControlFlow;
 
@@ -33,7 +29,9 @@ pub fn run_in_rounds(args: &RunArgs, most: usize, output: &Output) -> Result<Exi
     if whole.sweep.grid.shares != [1.0] {
         bail!("--rounds chooses cells, and not among the values of grid.shares: run without it");
     }
-    let budget = budget(&whole)?;
+    let budget = whole.sweep.predict.budgets.iter().copied().reduce(f64::max).context(
+        "--rounds sharpens a prediction: name its budget, as in --set predict.budgets=[1e12]",
+    )?;
     let mut held = Some(hold(&whole, output)?);
     let mut history = History::read(&whole.folder, &whole.plan)?;
     let mut exit = Exit::Done;
@@ -65,8 +63,7 @@ fn begin(
     if history.is_open() {
         return Ok(true);
     }
-    let met = history.known().is_some_and(|known| is_met(known, args.options.until));
-    if met || history.rounds.len() >= most {
+    if history.is_met(args.options.until) || history.rounds.len() >= most {
         return Ok(false);
     }
     let runs = next(whole, &finished(&part(whole, history)), history, budget);
@@ -76,18 +73,6 @@ fn begin(
     history.rounds.push(Round::of(runs, &whole.plan));
     history.write(&whole.folder)?;
     Ok(true)
-}
-
-/// The largest budget that the sweep predicts.
-fn budget(open: &OpenSweep) -> Result<f64> {
-    let asked = open.sweep.predict.budgets.iter().copied().reduce(f64::max);
-    asked.context(
-        "--rounds sharpens a prediction: name its budget, as in --set predict.budgets=[1e12]",
-    )
-}
-
-fn is_met(known: &AfterRound, until: Option<f64>) -> bool {
-    until.zip(known.half_width()).is_some_and(|(until, width)| width <= until)
 }
 
 /// The sweep with the runs of the rounds alone.
@@ -131,10 +116,15 @@ fn known(part: &OpenSweep, budget_flops: f64, output: &Output) -> AfterRound {
 
 /// Why the rounds are over.
 fn conclude(args: &RunArgs, plan: &Plan, history: &History, output: &Output) {
-    let taken = taken(plan, history);
-    let met = history.known().is_some_and(|known| is_met(known, args.options.until));
+    let taken = format!(
+        "{} rounds took {} of {} runs and {:.0} % of the grid's FLOPs",
+        history.rounds.len(),
+        history.runs().count(),
+        plan.runs.len(),
+        100.0 * history.flops() / plan.total_flops()
+    );
     match args.options.until {
-        Some(until) if !met => {
+        Some(until) if !history.is_met(args.options.until) => {
             output.warn(&format!("{taken}; the interval is wider than --until {until}"));
         }
         _ => output.note(&taken),
@@ -148,9 +138,8 @@ fn price(plan: &Plan, history: &History, records: Vec<RunRecord>) -> String {
     let (number, total) = (history.rounds.len(), plan.total_flops());
     let Some(round) = history.rounds.last() else { return String::new() };
     let rate = flops_per_second(records);
-    let hours = rate.map_or_else(String::new, |rate| {
-        format!(", {} of a core", time(round.flops / rate / 3600.0))
-    });
+    let of_a_core = |rate: f64| format!(", {} of a core", time(round.flops / rate / 3600.0));
+    let hours = rate.map_or_else(String::new, of_a_core);
     format!(
         "round {number}: {} runs, {:.2e} FLOPs{hours}; {:.0} % of the grid so far",
         round.runs.len(),
@@ -168,17 +157,6 @@ fn said(number: usize, known: &AfterRound) -> String {
     let width = known.half_width().map(|width| format!("±{:.1} %", 100.0 * width));
     let width = width.unwrap_or_else(|| "no forecast tested yet".to_string());
     format!("round {number}: L_u at {budget:e} is {loss:.3} ({low:.3} to {high:.3}), {width}")
-}
-
-/// How much of the grid the rounds took.
-fn taken(plan: &Plan, history: &History) -> String {
-    format!(
-        "{} rounds took {} of {} runs and {:.0} % of the grid's FLOPs",
-        history.rounds.len(),
-        history.runs().count(),
-        plan.runs.len(),
-        100.0 * history.flops() / plan.total_flops()
-    )
 }
 
 // The runs of the next round, out of the grid's.
@@ -199,13 +177,13 @@ fn next(
         !taken.contains(run.run_id.as_str()) && states.of(&run.run_id) != JobState::Failed
     };
     let open: Vec<&PlannedRun> = whole.plan.runs.iter().filter(is_open).collect();
-    let offered: Vec<OpenRun> = open.iter().map(|run| open_run(&whole.plan, run)).collect();
+    let offered: Vec<OpenRun> = open.iter().map(|run| offer(&whole.plan, run)).collect();
     let spend_flops = SHARE * whole.plan.total_flops();
     let chosen = next_runs(&points, &offered, DesignGoal { budget_flops, spend_flops });
     chosen.into_iter().map(|i| open[i].run_id.clone()).collect()
 }
 
-fn open_run(plan: &Plan, run: &PlannedRun) -> OpenRun {
+fn offer(plan: &Plan, run: &PlannedRun) -> OpenRun {
     let unique_tokens = plan.data.unique_tokens(&run.spec.codes);
     OpenRun {
         budget_flops: run.spec.budget_flops,
@@ -285,8 +263,6 @@ impl History {
         Ok(history)
     }
 
-    /// # Errors
-    /// The file cannot be written.
     pub fn write(&self, folder: &ResultsFolder) -> Result<()> {
         Ok(atomic::write_json(&folder.file(FILE), self)?)
     }
@@ -296,9 +272,10 @@ impl History {
         self.rounds.iter().flat_map(|round| &round.runs).map(String::as_str)
     }
 
-    /// What was known after the last round, if that is over.
-    pub fn known(&self) -> Option<&AfterRound> {
-        self.rounds.last()?.known.as_ref()
+    /// Whether the last round is over and its interval as narrow as asked.
+    pub fn is_met(&self, until: Option<f64>) -> bool {
+        let width = self.rounds.last().and_then(|round| round.known?.half_width());
+        until.zip(width).is_some_and(|(until, width)| width <= until)
     }
 
     /// Whether a round is begun and not over.

@@ -1,17 +1,14 @@
 //! What `isoflop run` says of the jobs and runs that have no result.
 
-use std::collections::HashMap;
-use std::hash::Hash;
-
+use super::command_line::CommandLine;
+use crate::commands::context::OpenSweep;
+use crate::commands::prelude::*;
 use isoflop::engine::{JobEnd, JobReport};
 use isoflop::failure::Failure;
 use isoflop::jobs::{Job, JobId, JobKind, JobState, all_jobs};
 use isoflop::plan::PlannedRun;
-
-use super::command_line::CommandLine;
-use crate::commands::context::OpenSweep;
-use crate::commands::exit::Exit;
-use crate::commands::output::Output;
+use std::collections::HashMap;
+use std::hash::Hash;
 
 /// The last lines of a log that are shown.
 const LAST_LINES: usize = 3;
@@ -76,8 +73,7 @@ impl Summary<'_> {
             (count(JobState::Started), "begun and not finished"),
         ];
         let counts = counts.iter().filter(|(n, _)| *n > 0);
-        let said: Vec<String> = counts.map(|(n, what)| format!("{n} {what}")).collect();
-        said.join(", ")
+        counts.map(|(n, what)| format!("{n} {what}")).collect::<Vec<_>>().join(", ")
     }
 
     /// Each job that failed, with its kind, reason, last lines, log and the command to rerun it; those
@@ -91,21 +87,17 @@ impl Summary<'_> {
         for (_, failed) in together(failed) {
             let labels: Vec<String> = failed.iter().map(|(job, _)| job.label.clone()).collect();
             let (job, failure) = &failed[0];
-            self.failure(&job.id, &several(&labels), failure, output);
+            let (id, Failure { kind, reason, last_lines }) = (&job.id, failure);
+            output.warn(&format!("{} failed [{}]: {reason}", several(&labels), kind.word()));
+            for line in &last_lines[last_lines.len().saturating_sub(LAST_LINES)..] {
+                output.warn(&format!("  | {line}"));
+            }
+            if let Some(advice) = kind.advice() {
+                output.warn(&format!("  {advice}"));
+            }
+            output.warn(&format!("  see {}", self.open.folder.job(id).join("log.txt").display()));
+            output.warn(&format!("  again: {}", self.command.said(None, &["--retry", &id.id])));
         }
-    }
-
-    fn failure(&self, job: &JobId, labels: &str, failure: &Failure, output: &Output) {
-        let Failure { kind, reason, last_lines } = failure;
-        output.warn(&format!("{labels} failed [{}]: {reason}", kind.word()));
-        for line in &last_lines[last_lines.len().saturating_sub(LAST_LINES)..] {
-            output.warn(&format!("  | {line}"));
-        }
-        if let Some(advice) = kind.advice() {
-            output.warn(&format!("  {advice}"));
-        }
-        output.warn(&format!("  see {}", self.open.folder.job(job).join("log.txt").display()));
-        output.warn(&format!("  again: {}", self.command.said(None, &["--retry", &job.id])));
     }
 
     /// Why a run has no result whose failure was not told yet.

@@ -1,19 +1,13 @@
 //! A forecast beside the runs that test it.
 
-use std::collections::BTreeSet;
-
-use anyhow::{Context, Result};
-use isoflop::jobs::ResultsFolder;
-use isoflop::laws::{
-    Inside, IsoFlopPoint, Laws, Measured, MinimumMethod, NoiseSource, Predicted, RunNoise,
-    TriedCells, Validated, cross_optimum, minimum_at, tied_cells, times,
-};
-use isoflop::predict::Prediction;
-use isoflop::record::{RunRecord, table as runs};
-use isoflop::spec::FlopsRule;
-
 use crate::commands::fit::points;
-use crate::commands::output::{dash, table};
+use crate::commands::prelude::*;
+use isoflop::laws::{
+    Inside, IsoFlopPoint, Measured, MinimumMethod, NoiseSource, Predicted, RunNoise, TriedCells,
+    Validated, cross_optimum, minimum_at, tied_cells, times,
+};
+use isoflop::record::table as runs;
+use std::collections::BTreeSet;
 
 /// The forecast of some laws and the best cell of the validation's folder.
 pub fn compare(

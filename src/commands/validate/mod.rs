@@ -4,27 +4,17 @@ mod compare;
 
 use super::args::budget;
 use super::context::{SweepArgs, WorkArgs, an_engine};
-use super::exit::Exit;
 use super::generators::sweep_of;
-use super::sizes::{codes, distinct, model};
-use anyhow::{Result, bail};
-use clap::Args;
-use isoflop::engine::{ENGINES, Engine};
-use isoflop::files::{atomic, read_if_there};
-use isoflop::jobs::ResultsFolder;
-use isoflop::predict::Prediction;
-use isoflop::record::{flops_per_second, table};
-use isoflop::words::prediction::said;
-use serde_json::json;
-use std::path::PathBuf;
-
-use super::output::Output;
 use super::plan_text::time;
 use super::predict::{laws_of, predict_one};
+use super::prelude::*;
 use super::run::{RunArgs, run_then};
+use super::sizes::{codes, distinct, model};
+use isoflop::engine::{ENGINES, Engine};
+use isoflop::record::{flops_per_second, table};
 use isoflop::spec::{Clips, Origin};
-use isoflop::sweep::{GridSection, HoldOutSpec, ModelEntry, ModelList, Sweep, VocabSpec};
-use std::collections::BTreeMap;
+use isoflop::sweep::{GridSection, HoldOutSpec, ModelEntry, ModelList, VocabSpec};
+use isoflop::words::prediction::said;
 
 /// Shown below the options.
 const EXAMPLES: &str = "\
@@ -77,7 +67,8 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
     }
     let rule = sweep.flops.rule;
     let own = around(&sweep, &forecast, &name, &args.seeds)?;
-    output.note(&price(args, cells(&own))?);
+    let sizes = if let ModelList::List(models) = &own.grid.models { models.len() } else { 1 };
+    output.note(&price(args, sizes + own.grid.vocab.len() - 1)?);
     let sweep = SweepArgs {
         sweep: root(args).join(format!("{name}.yaml")),
         settings: args.settings.clone(),
@@ -89,7 +80,10 @@ pub fn validate(args: &ValidateArgs, output: &Output) -> Result<Exit> {
         let laws = laws_of(&args.results)?;
         let validated = compare::compare(folder, (&laws, &forecast), rule)?;
         atomic::write_json(&folder.file("validation.json"), &validated)?;
-        keep(args, output)?;
+        // Every validation of the sweep, in its laws.
+        let (own, mut laws) = (ResultsFolder::new(&args.results), laws_of(&args.results)?);
+        laws.judgement.validations = own.validations(|line| output.warn(&line));
+        atomic::write_json(&own.file("laws.json"), &laws.answered())?;
         output.result(&json!(validated), &compare::text(&validated))?;
         Ok(())
     })
@@ -123,15 +117,6 @@ fn forecast(args: &ValidateArgs, name: &str, output: &Output) -> Result<Predicti
     let forecast = predict_one(&laws_of(&args.results)?, args.budget)?;
     atomic::write_json(&path, &forecast)?;
     Ok(forecast)
-}
-
-/// Every validation of the sweep, in its laws.
-fn keep(args: &ValidateArgs, output: &Output) -> Result<()> {
-    let folder = ResultsFolder::new(&args.results);
-    let mut laws = laws_of(&args.results)?;
-    laws.judgement.validations = folder.validations(|line| output.warn(&line));
-    let laws = laws.answered();
-    Ok(atomic::write_json(&folder.file("laws.json"), &laws)?)
 }
 
 // The cells round a predicted optimum.
@@ -182,15 +167,6 @@ fn around(sweep: &Sweep, forecast: &Prediction, name: &str, seeds: &[u64]) -> Re
     own.fit.bootstrap = 0;
     own.predict.budgets = Vec::new();
     Ok(own)
-}
-
-/// Cells of a cross of such sizes and vocabularies.
-fn cells(cross: &Sweep) -> usize {
-    let sizes = match &cross.grid.models {
-        ModelList::List(models) => models.len(),
-        _ => 1,
-    };
-    sizes + cross.grid.vocab.len() - 1
 }
 
 /// The forecast's place among [`levels`].
