@@ -163,7 +163,8 @@ fn a_changed_setting_makes_new_runs_and_leaves_the_old_ones_alone() {
     let cell = ["--set", "grid.vocab=[16]", "--set", "grid.budgets=[1e9]"];
     let change = ["--set", "train.lr.coefficient=0.01"];
     let args = [&["run", "mini.yaml"], &cell[..], &change].concat();
-    let ended = place.isoflop(&args).exits(0).says("2 jobs to do, 0 of 2 runs finished or failed before");
+    let ended =
+        place.isoflop(&args).exits(0).says("2 jobs to do, 0 of 2 runs finished or failed before");
     ended.says("held laws of 8 runs, of which this sweep does not have 8: they are kept in");
     assert_eq!(place.read("results/mini/earlier-1/laws.json"), laws);
     assert_eq!(place.json("results/mini/earlier-1/plan.json")["runs"].as_array().unwrap().len(), 8);

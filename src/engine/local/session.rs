@@ -80,7 +80,9 @@ impl Session for Here<'_> {
         let state = plan.runs.iter().map(|run| states.of(&run.run_id));
         let ended = state.filter(|of| matches!(of, JobState::Done | JobState::Failed)).count();
         if jobs.is_empty() {
-            tell.note(&format!("{ended} of {all} runs finished or failed before; nothing to train"));
+            tell.note(&format!(
+                "{ended} of {all} runs finished or failed before; nothing to train"
+            ));
             return Ok(Brought::Ended(Vec::new()));
         }
         let slots = self.0.slots.min(n_jobs);
