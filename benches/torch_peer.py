@@ -1,6 +1,6 @@
 """Training steps of isoflop beside the same work in PyTorch, on one thread.
 
-The models are those of `src/generator`, written in PyTorch: text vectors through a linear layer, codes
+The models are those of `crates/model/src/generator`, written in PyTorch: text vectors through a linear layer, codes
 through an embedding, pre-RMSNorm blocks with RoPE, fused scaled-dot-product attention and SwiGLU,
 an untied head on the rows that predict motion, mean cross-entropy, gradient clipping, fused AdamW;
 the scale-by-scale transformer, of the same blocks, with a dense mask and a head a scale; and both

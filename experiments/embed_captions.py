@@ -3,7 +3,7 @@
 DATA are folders in the HumanML3D layout, MODEL the name or the folder of a Hugging Face model: BERT, an
 encoder and decoder such as T5, or CLIP. Each caption, and each with left and right exchanged, gets the
 last hidden state of its tokens (`--level word`) or their mean (`--level sentence`, max_tokens: 1).
-The format is described in src/text/embedding_file.rs.
+The format is described in crates/model/src/text/embedding_file.rs.
 
 pip install torch transformers safetensors blake3   (blake3: the hash that isoflop has; hashlib lacks it)
 """
