@@ -80,18 +80,18 @@ mod tests {
     }
 
     const GOOD: &str = "name: t
-    seeds: [0, 1]
-    data: {source: procedural, clips: 64}
-    tokenizer: {kind: patch}
-    grid:
-      models:
-        - {n_layer: 2, n_head: 1, d_model: 12}
-        - {n_layer: 2, n_head: 1, d_model: 16}
-        - {n_layer: 2, n_head: 1, d_model: 20}
-        - {n_layer: 2, n_head: 1, d_model: 28}
-      vocab: [256, 512, 1024, 2048, 4096]
-      budgets: [5e10, 1e11]
-    ";
+seeds: [0, 1]
+data: {source: procedural, clips: 64}
+tokenizer: {kind: patch}
+grid:
+  models:
+    - {n_layer: 2, n_head: 1, d_model: 12}
+    - {n_layer: 2, n_head: 1, d_model: 16}
+    - {n_layer: 2, n_head: 1, d_model: 20}
+    - {n_layer: 2, n_head: 1, d_model: 28}
+  vocab: [256, 512, 1024, 2048, 4096]
+  budgets: [5e10, 1e11]
+";
 
     fn absent() -> DataFacts {
         DataFacts::absent(String::new())
