@@ -9,7 +9,7 @@ use super::sections::Sweep;
 use words::{Kind, Node, Step, keys_at};
 
 const HEAD: &str = "\
-<!-- Made from src/sweep/sections and src/spec; written by
+<!-- Made from src/sweep/sections and crates/spec/src/spec; written by
      ISOFLOP_BLESS=1 cargo test --release --test reference_page -->
 
 # The sweep file
