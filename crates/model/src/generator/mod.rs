@@ -2,48 +2,7 @@
 //!
 //! [`of`] is the one place that tells kinds apart.
 //!
-//! # Example
-//!
-//! ```
-//! use std::ops::ControlFlow;
-//! use std::time::Duration;
-//!
-//! use burn::tensor::Device;
-//! use isoflop_model::codes::{SplitTokens, TokenStore, write_store};
-//! use isoflop_motion::data::{self, DataFacts, Split};
-//! use isoflop_model::generator::{Inputs, Training, train};
-//! use isoflop_model::learn::Checkpoints;
-//! use isoflop::plan::Plan;
-//! use isoflop_model::text::{self, TextStore, embed};
-//!
-//! let file = "name: first\ndata: {clips: 8, val_clips: 2, test_clips: 2}\ntokenizer: {kind: fsq}\n\
-//!             grid: {models: [{n_layer: 1, n_head: 1, d_model: 8}], vocab: [16], budgets: [3e8]}\n\
-//!             train: {min_steps: 1}\n";
-//! let sweep = isoflop::sweep::parse("first.yaml", file, &[])?;
-//! let source = data::open(&sweep.data, None)?;
-//! let plan = Plan::new(&sweep, DataFacts::of(&*source));
-//! let spec = &plan.runs[0].spec;
-//!
-//! // A tokenizer would make the codes; here every clip walks through all of them.
-//! let clips: [Vec<(Vec<u32>, usize)>; 3] = Split::ALL.map(|split| {
-//!     let frames = (0..source.n_clips(split)).map(|clip| source.n_frames(split, clip));
-//!     frames.map(|frames| ((0..frames as u32 / 4).map(|i| i % 15).collect(), frames)).collect()
-//! });
-//! let splits = clips.each_ref().map(|own| SplitTokens::new(own.iter().map(|(codes, n)| (&codes[..], *n))));
-//! let folder = tempfile::tempdir()?;
-//! let [tokens, texts, state] = ["tokens", "text", "state"].map(|name| folder.path().join(name));
-//! write_store(&tokens, &spec.codes, &splits)?;
-//! embed(&*text::encoder(&sweep.text)?, &*source, &texts)?;
-//!
-//! let (tokens, texts) = (TokenStore::open(&tokens)?, TextStore::open(&texts)?);
-//! let inputs = Inputs { tokens: &tokens, text: &texts, scales: None };
-//! let checkpoints = Checkpoints { path: &state, every: Duration::from_secs(60), branch: None };
-//! let training =
-//!     Training { spec, inputs: &inputs, device: &Device::flex(), checkpoints: &checkpoints };
-//! let trained = train(&training, &mut |_| ControlFlow::Continue(()))?;
-//! assert!(trained.flops_exact > 0.0 && !trained.log.is_empty());
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! The root of the program's crate, `isoflop`, has an example: from a sweep to a trained run in one process.
 
 pub mod autoregressive;
 mod inputs;
