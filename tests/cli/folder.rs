@@ -175,6 +175,9 @@ fn a_changed_setting_makes_new_runs_and_leaves_the_old_ones_alone() {
     let rates = records::column(&place.path("results/mini"), "lr");
     assert_eq!(rates.len(), 2, "the table holds the runs of the sweep as it is now");
     place.isoflop(&args).exits(0).does_not_say("they are kept in");
+    place.isoflop(&["run", "mini.yaml"]).exits(0).says("nothing to train");
+    place.isoflop(&args).exits(0).says("earlier-2");
+    assert_eq!(place.read("results/mini/earlier-1/laws.json"), laws);
 }
 
 #[test]

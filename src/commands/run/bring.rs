@@ -145,16 +145,16 @@ pub fn prepare(open: &OpenSweep, args: &RunArgs, output: &Output) -> Result<()> 
     forget_failures(args, plan, folder)
 }
 
-/// What a sweep's folder has of its runs together.
+/// Files of all runs together. Without `plan.json`, which goes last, nothing tells whose laws the others are.
 const OF_ALL_RUNS: [&str; 8] = [
     "sweep.yaml",
-    "plan.json",
     "runs.parquet",
     "runs.csv",
     "prediction.json",
     "figures",
     "generators",
     "laws.json",
+    "plan.json",
 ];
 
 /// Laws of finished runs that this sweep does not have, as those of another grid under the same name, are kept in a
@@ -170,7 +170,7 @@ fn keep_former(plan: &Plan, folder: &ResultsFolder, output: &Output) -> Result<(
     if gone == 0 {
         return Ok(());
     }
-    let free = |n: &usize| !folder.file(format!("earlier-{n}")).join("laws.json").exists();
+    let free = |n: &usize| !folder.file(format!("earlier-{n}")).exists();
     let kept = folder.file(format!("earlier-{}", (1..).find(free).expect("some number is free")));
     fs::create_dir_all(&kept).with_context(|| format!("making {}", kept.display()))?;
     for name in OF_ALL_RUNS {
