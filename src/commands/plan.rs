@@ -89,7 +89,9 @@ pub fn plan(args: &PlanArgs, output: &Output) -> Result<Exit> {
     let text = || {
         let (table, cost) = match &on_gpu {
             Some(cost) => (cost.table(), cost.sentences()),
-            None => (plan_text::runs(&plan, &states), plan_text::cost(&plan, hours, slots)),
+            None => {
+                (plan_text::runs(&plan, &states, output.full), plan_text::cost(&plan, hours, slots))
+            }
         };
         plan_text::text(&plan, &states, &stale, &table, &cost)
     };

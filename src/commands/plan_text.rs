@@ -7,11 +7,10 @@ use isoflop::plan::{Dropped, Plan, PlannedRun, Renamed};
 use isoflop::spec::{RunSpec, TokenizerJob, changed_fields};
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// Rows printed before a long table is cut.
-const MOST_ROWS: usize = 40;
+/// Dropped cells named on the first screen.
+const MOST_DROPPED: usize = 3;
 
-/// The plan, at most 80 columns wide: `table` is of its runs, or of its budgets where these cost hours of a GPU,
-/// and `cost` its last sentences.
+/// The plan, at most 80 columns wide: `table` has its runs or its budgets, `cost` its last sentences.
 pub fn text(plan: &Plan, states: &RunStates, stale: &[Stale], table: &str, cost: &str) -> String {
     let mut out = head(plan, states) + table;
     for Stale { runs, fields } in stale {
@@ -97,12 +96,58 @@ fn told(MemberFacts { name, licence, clips, frames, fps, .. }: &MemberFacts) -> 
     format!("{name}: {minutes:.0} min in {train}, {val} and {test} clips; {licence}")
 }
 
-/// The runs, and what is dropped of the grid.
-pub fn runs(plan: &Plan, states: &RunStates) -> String {
+/// One row a budget, and the number of dropped cells; every run and every dropped cell if `full`.
+pub fn runs(plan: &Plan, states: &RunStates, full: bool) -> String {
+    let table = if full { every_run(plan, states) } else { budgets(plan, states) };
+    table + &dropped(&plan.dropped, full)
+}
+
+fn budgets(plan: &Plan, states: &RunStates) -> String {
+    let mut by_budget: BTreeMap<u64, Vec<&PlannedRun>> = BTreeMap::new();
+    for run in &plan.runs {
+        by_budget.entry(run.spec.budget_flops.to_bits()).or_default().push(run);
+    }
+    let row = |(budget, runs): (&u64, &Vec<&PlannedRun>)| {
+        let range = |of: &dyn Fn(&PlannedRun) -> f64, digits: &dyn Fn(f64) -> String| {
+            let values = || runs.iter().map(|run| of(run));
+            let ends = [values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max)];
+            let [low, high] = ends.map(digits);
+            if low == high { low } else { format!("{low}..{high}") }
+        };
+        let (whole, two) = (|n: f64| n.to_string(), |n: f64| format!("{n:.1e}"));
+        let done = runs.iter().filter(|run| states.of(&run.run_id) == JobState::Done).count();
+        let epochs = runs.iter().filter_map(|run| run.epochs).reduce(f64::max);
+        [
+            exponent(f64::from_bits(*budget)),
+            runs.len().to_string(),
+            done.to_string(),
+            range(&|run| run.spec.shape().d_model as f64, &whole),
+            range(&|run| run.params.nonvocab as f64, &two),
+            range(&|run| run.spec.n_vocab() as f64, &whole),
+            range(&|run| run.spec.tokens() as f64, &two),
+            dash(epochs, few_digits),
+        ]
+    };
+    let heads = ["C", "runs", "done", "d", "N_nv", "V", "D", "max epochs"];
+    table(heads, by_budget.iter().map(row))
+}
+
+fn every_run(plan: &Plan, states: &RunStates) -> String {
     let heads = ["C", "L", "d", "V", "N_nv", "N_v", "D", "steps", "epochs", "state"];
-    let mut out = table(heads, plan.runs.iter().take(MOST_ROWS).map(|run| row(run, states)));
-    out += &more(plan.runs.len(), MOST_ROWS, "; --json lists all");
-    for cell in plan.dropped.iter().take(MOST_ROWS) {
+    table(heads, plan.runs.iter().map(|run| row(run, states)))
+}
+
+/// The cells that `grid.exclude` names are counted; the first of the others are named with their reasons.
+fn dropped(cells: &[Dropped], full: bool) -> String {
+    let is_named = |cell: &&Dropped| full || !cell.is_excluded;
+    let named: Vec<&Dropped> = cells.iter().filter(is_named).collect();
+    let most = if full { usize::MAX } else { MOST_DROPPED };
+    let mut out = String::new();
+    if named.len() < cells.len() {
+        let excluded = many(cells.len() - named.len(), "cell");
+        out += &wrap("dropped: ", &format!("{excluded} by grid.exclude; --full lists them"));
+    }
+    for cell in named.iter().take(most) {
         let Dropped { n_layer, d_model, n_vocab, budget_flops, share, reason, .. } = cell;
         let sentence = format!(
             "L{n_layer} d{d_model} V{n_vocab} C={}{}: {reason}",
@@ -111,7 +156,7 @@ pub fn runs(plan: &Plan, states: &RunStates) -> String {
         );
         out += &wrap("dropped: ", &sentence);
     }
-    out + &more(plan.dropped.len(), MOST_ROWS, " dropped; --json lists all")
+    out + &more(named.len(), most, " dropped; --full lists them")
 }
 
 fn row(run: &PlannedRun, states: &RunStates) -> [String; 10] {
@@ -127,9 +172,18 @@ fn row(run: &PlannedRun, states: &RunStates) -> [String; 10] {
         vocab,
         tokens,
         spec.steps.to_string(),
-        dash(run.epochs, |n| if n < 1e4 { format!("{n:.2}") } else { format!("{n:.1e}") }),
+        dash(run.epochs, few_digits),
         format!("{:?}", states.of(&run.run_id)).to_lowercase(),
     ]
+}
+
+/// Times that a run sees its data.
+fn few_digits(epochs: f64) -> String {
+    match epochs {
+        n if n < 100.0 => format!("{n:.2}"),
+        n if n < 1e4 => format!("{n:.0}"),
+        n => format!("{n:.1e}"),
+    }
 }
 
 /// A budget in at most four digits: `1.5e10`, `3e10`.

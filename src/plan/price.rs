@@ -15,7 +15,7 @@ use std::ops::Range;
 pub fn price(sweep: &Sweep, clips: &BTreeMap<ClipShape, f64>) -> (Vec<PricedCell>, Vec<Dropped>) {
     let (kept, excluded) = cells(sweep);
     let mut dropped: Vec<Dropped> =
-        excluded.into_iter().map(|(cell, reason)| Dropped::new(&cell, reason)).collect();
+        excluded.into_iter().map(|(cell, reason)| Dropped::excluded(&cell, reason)).collect();
     let price = |cell: &GridCell| {
         price_cell(sweep, clips, cell).map_err(|reason| Dropped::new(cell, reason))
     };

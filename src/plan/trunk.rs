@@ -141,6 +141,9 @@ pub struct Dropped {
     pub budget_flops: f64,
     pub share: Share,
     pub reason: String,
+    /// By a condition of `grid.exclude`.
+    #[serde(skip)]
+    pub is_excluded: bool,
 }
 
 impl Dropped {
@@ -149,7 +152,12 @@ impl Dropped {
         let GridCell { model, quantizer, budget_flops, share, .. } = cell;
         let ModelEntry { n_layer, n_head, d_model, .. } = *model;
         let (n_vocab, budget_flops, share) = (quantizer.n_vocab(), *budget_flops, *share);
-        Self { n_layer, n_head, d_model, n_vocab, budget_flops, share, reason }
+        Self { n_layer, n_head, d_model, n_vocab, budget_flops, share, reason, is_excluded: false }
+    }
+
+    /// A cell that a condition of `grid.exclude` leaves out.
+    pub fn excluded(cell: &GridCell, reason: String) -> Self {
+        Self { is_excluded: true, ..Self::new(cell, reason) }
     }
 }
 

@@ -115,6 +115,29 @@ fn a_dropped_cell_is_listed_with_its_reason() {
     assert_eq!(reasons.iter().filter(|reason| **reason == excluded).count(), 2);
     let short = reasons.iter().filter(|reason| reason.contains("train.min_steps = 100")).count();
     assert_eq!((short, reasons.len(), list(&plan, "runs").len()), (4, 6, 2));
+
+    let text = |words: &[&str]| {
+        let without_json = [&args[..2], &args[3..], words].concat();
+        place.isoflop(&without_json).exits(0).stdout().to_string()
+    };
+    let screen = text(&[]);
+    assert!(screen.contains("dropped: 2 cells by grid.exclude; --full lists them"), "{screen}");
+    assert!(screen.contains("  and 1 more dropped; --full lists them"), "{screen}");
+    assert_eq!(text(&["--full"]).matches("dropped: L").count(), 6);
+}
+
+#[test]
+fn a_plan_shows_a_line_a_budget_and_every_run_on_demand() {
+    let place = Place::with("mini.yaml");
+    let rows = |words: &[&str]| {
+        let asked = [&["plan", "mini.yaml", "--set", "seeds=[0, 1, 2]"], words].concat();
+        let text = place.isoflop(&asked).exits(0).stdout().to_string();
+        let budget = |line: &str| line.split_whitespace().next()?.parse::<f64>().ok();
+        let is_row =
+            |line: &&str| budget(line).is_some_and(|c| c >= 1e9) && !line.contains("FLOPs");
+        text.lines().filter(is_row).count()
+    };
+    assert_eq!((rows(&[]), rows(&["--full"])), (2, 24), "two budgets, eight cells, three seeds");
 }
 
 #[test]
