@@ -3,7 +3,7 @@
 use super::prelude::*;
 use burn::tensor::{Device, Distribution, Tensor};
 use isoflop::machine;
-use isoflop::ops::{DeviceName, check_products};
+use isoflop::ops::{DeviceName, NoDevice, check_products, vectors};
 use std::time::{Duration, Instant};
 
 /// Rows and columns of the matrices that are multiplied.
@@ -41,7 +41,12 @@ pub fn doctor(output: &Output) -> Result<Exit> {
         ("memory", None, memory),
     ];
     findings.extend(DeviceName::ALL.map(|(name, ..)| device(name)));
-    let rest = [("speed", speed()), ("slurm", slurm()), ("text", encoders.to_string())];
+    let rest = [
+        ("kernels", kernels()),
+        ("speed", speed()),
+        ("slurm", slurm()),
+        ("text", encoders.to_string()),
+    ];
     findings.extend(rest.map(|(what, found)| (what, None, found)));
     let fine = findings.iter().all(|(_, good, _)| *good != Some(false));
     let row = |(what, good, found): &Finding| {
@@ -59,6 +64,7 @@ pub fn doctor(output: &Output) -> Result<Exit> {
 /// A device that is not in this build is nothing amiss; one that multiplies wrongly is.
 fn device(name: DeviceName) -> Finding {
     let (good, found) = match name.open() {
+        Err(NoDevice::Vectors(error)) => (Some(false), error),
         Err(_) => (None, format!("not in this build; --features {}", name.name())),
         Ok(device) => match check_products(&device) {
             Ok(()) => (Some(true), "in this build, and multiplies rightly".to_string()),
@@ -66,6 +72,12 @@ fn device(name: DeviceName) -> Finding {
         },
     };
     (name.name(), good, found)
+}
+
+/// The instructions of the own kernels.
+fn kernels() -> String {
+    let used = vectors().unwrap_or("none");
+    format!("{used}; ISOFLOP_VECTORS=avx512, avx2 or portable takes others")
 }
 
 /// Products of matrices on one core of this processor.

@@ -87,3 +87,34 @@ fn the_quickstart_gives_the_losses_of_before() {
     place.isoflop(&[&["run", sweep][..], &RECIPE].concat()).exits(0);
     assert_as_before("quickstart", &place.path("results/quickstart"));
 }
+
+#[test]
+fn every_set_of_vectors_trains_to_the_same_bits() {
+    let trained_on = |vectors: &str| {
+        let place = Place::with("mini.yaml");
+        let mut program = place.program(&["run", "mini.yaml"]);
+        let output = program.env("ISOFLOP_VECTORS", vectors).output().expect("the program starts");
+        let lacks = String::from_utf8_lossy(&output.stderr).contains("which this processor lacks");
+        assert!(lacks || output.status.success(), "{output:?}");
+        (!lacks).then(|| losses(&place.path("results/mini")))
+    };
+    let [wide, narrow] = ["avx512", "avx2"].map(trained_on);
+    if wide.is_none() || narrow.is_none() {
+        return println!("NOT RUN: this processor lacks AVX-512 or AVX2");
+    }
+    assert_eq!(wide, narrow);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[test]
+fn vectors_that_nobody_has_are_refused() {
+    let place = Place::with("mini.yaml");
+    let output = place.program(&["run", "mini.yaml"]).env("ISOFLOP_VECTORS", "mmx").output();
+    let output = output.expect("the program starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        said.contains("ISOFLOP_VECTORS is `mmx`; it may be avx512, avx2 or portable"),
+        "{said}"
+    );
+    assert_eq!(output.status.code(), Some(2), "{said}");
+}

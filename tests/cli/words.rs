@@ -36,7 +36,8 @@ fn the_schema_is_that_of_the_documents() {
 fn the_doctor_says_what_the_machine_can_do() {
     let place = Place::new();
     let said = place.isoflop(&["doctor"]).exits(0).stdout();
-    for what in ["cores", "memory", "flex", "ndarray", "cuda", "speed", "slurm", "text"] {
+    for what in ["cores", "memory", "flex", "ndarray", "cuda", "kernels", "speed", "slurm", "text"]
+    {
         assert!(said.lines().any(|line| line.contains(what)), "{what}: {said}");
     }
     assert!(said.lines().all(|line| line.chars().count() <= 80), "{said}");

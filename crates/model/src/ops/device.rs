@@ -4,6 +4,8 @@ use std::str::FromStr;
 
 use burn::tensor::{Device, Tensor, TensorData};
 
+use super::own::vectors;
+
 /// A device that burn can compute on, in the order of [`DeviceName::ALL`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DeviceName {
@@ -19,10 +21,16 @@ pub enum DeviceName {
     Cuda,
 }
 
-/// This build does not have the device.
+/// A device that cannot be opened.
 #[derive(Debug, thiserror::Error)]
-#[error("this build has no {0} device; build it with `cargo build --release --features {0}`")]
-pub struct NoDevice(&'static str);
+pub enum NoDevice {
+    /// Another build has it.
+    #[error("this build has no {0} device; build it with `cargo build --release --features {0}`")]
+    NotInBuild(&'static str),
+    /// `ISOFLOP_VECTORS` names no vectors of this processor.
+    #[error("{0}")]
+    Vectors(String),
+}
 
 impl DeviceName {
     /// Every device with its name as it is typed and what it is, the default first.
@@ -55,10 +63,10 @@ impl DeviceName {
     /// The device.
     ///
     /// # Errors
-    /// This build does not have it.
+    /// This build does not have it, or `ISOFLOP_VECTORS` names no vectors of this processor.
     pub fn open(self) -> Result<Device, NoDevice> {
         match self {
-            Self::Flex => Ok(Device::flex()),
+            Self::Flex => vectors().map(|_| Device::flex()).map_err(NoDevice::Vectors),
             #[expect(deprecated, reason = "a check of our own kernels, as long as burn has it")]
             Self::Ndarray => Ok(Device::ndarray()),
             #[cfg(feature = "wgpu")]
@@ -68,7 +76,7 @@ impl DeviceName {
             #[cfg(feature = "cuda")]
             Self::Cuda => Ok(Device::cuda(0)),
             #[cfg(not(all(feature = "wgpu", feature = "vulkan", feature = "cuda")))]
-            missing => Err(NoDevice(missing.name())),
+            missing => Err(NoDevice::NotInBuild(missing.name())),
         }
     }
 }

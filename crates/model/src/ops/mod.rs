@@ -42,6 +42,6 @@ pub use operands::{
     Activation, AttentionOptions, AttentionWeights, Convolution, CrossOptions, FeedForwardWeights,
     HeadWeights, Taps,
 };
-pub use own::AdamWStep;
+pub use own::{AdamWStep, vectors};
 pub use plain::{Joining, KeyValues};
 pub use rope::Rope;

@@ -4,13 +4,43 @@
 //! for AVX2 and for the build's own target and picks one at run time. All three see sixteen lanes,
 //! so sums are added in the same order everywhere.
 
+/// The variable of the environment that names the vectors to use: `avx512`, `avx2` or `portable`.
+pub const VECTORS: &str = "ISOFLOP_VECTORS";
+
+/// The name of the vectors that kernels use, by the processor and [`VECTORS`].
+///
+/// # Errors
+/// [`VECTORS`] names no vectors of this processor.
+pub fn vectors() -> Result<&'static str, String> {
+    #[cfg(target_arch = "x86_64")]
+    return super::x86::Isa::asked().map(super::x86::Isa::name);
+    #[cfg(not(target_arch = "x86_64"))]
+    match std::env::var_os(VECTORS) {
+        Some(asked) if asked != "portable" => {
+            Err(format!("{VECTORS} is `{}`; on this processor it may be portable", asked.display()))
+        }
+        _ => Ok("portable"),
+    }
+}
+
 /// Lanes of a vector.
 pub const LANES: usize = 16;
 
+/// Rows of a tile of a product, and vectors of [`LANES`] a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tile {
+    /// For 32 registers of sixteen lanes.
+    EightByTwo,
+    /// For 16 registers of eight lanes, or 32 of four: twelve or 24 sums, and what they are made of.
+    SixByOne,
+    /// For fewer.
+    FourByOne,
+}
+
 /// Sixteen `f32`, element by element.
 pub trait Lanes: Copy {
-    /// Whether 32 registers of this type are there for the taking; if not, take 8.
-    const MANY: bool;
+    /// The largest tile of a product that stays in the registers.
+    const TILE: Tile;
 
     /// `x` in every lane.
     fn splat(x: f32) -> Self;
@@ -63,12 +93,19 @@ pub trait Lanes: Copy {
     /// Rows for columns of a square block.
     #[inline(always)]
     fn transpose(block: [Self; LANES]) -> [Self; LANES] {
-        let rows = block.map(|row| {
+        // Loops, since the compiler may leave closures as calls without vectors.
+        let (mut rows, mut columns) = ([[0.0; LANES]; LANES], [Self::splat(0.0); LANES]);
+        for (row, values) in block.into_iter().zip(&mut rows) {
+            row.store(values);
+        }
+        for (j, column) in columns.iter_mut().enumerate() {
             let mut values = [0.0; LANES];
-            row.store(&mut values);
-            values
-        });
-        std::array::from_fn(|j| Self::load(&std::array::from_fn(|i| rows[i][j])))
+            for (value, row) in values.iter_mut().zip(&rows) {
+                *value = row[j];
+            }
+            *column = Self::load(&values);
+        }
+        columns
     }
 
     /// Up to sixteen elements, with zeros after them.
@@ -157,7 +194,7 @@ macro_rules! lane_by_lane {
 
 /// The portable version, which the compiler may or may not turn into vectors.
 impl Lanes for [f32; LANES] {
-    const MANY: bool = false;
+    const TILE: Tile = if cfg!(target_arch = "aarch64") { Tile::SixByOne } else { Tile::FourByOne };
 
     #[inline(always)]
     fn splat(x: f32) -> Self {

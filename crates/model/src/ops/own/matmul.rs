@@ -1,27 +1,24 @@
 //! Products of large matrices: the linear layers, the head, and their gradients.
 //!
 //! The right operand is copied into [`Panels`] first, so that what a tile reads of it lies in one
-//! piece; the left operand is read where it lies. A tile of eight rows by a panel stays in
-//! registers for up to [`DEPTH`] multiply-adds an element. Every element is summed in the order of
-//! the inner dimension, cut at multiples of [`DEPTH`], whatever the vectors of the machine are.
+//! piece; the left operand is read where it lies, or from a copy in tiles. A [`Tile`] stays in registers
+//! for up to [`DEPTH`] multiply-adds an element. Every element is summed in the order of the inner
+//! dimension, whatever the tile, so the bits are those of every machine that multiplies and adds in one step.
 
 use std::ops::Range;
 
 use super::buffers::Buffer;
-use super::lanes::{LANES, Lanes, vectorised};
+use super::lanes::{LANES, Lanes, Tile, vectorised};
 use super::panels::{PANEL, Panels, Part, View};
-
-/// Rows of a tile.
-const ROWS: usize = 8;
-
-/// Rows of a tile where registers are few.
-const HALF: usize = ROWS / 2;
 
 /// Inner elements between two visits of the result: a panel of as many stays in the first cache.
 const DEPTH: usize = 256;
 
-/// Rows that meet a panel before the next panel comes: they stay in the second cache.
+/// Rows that meet a panel before the next panel comes: they stay in the second cache. Whole tiles of any kind.
 const BLOCK: usize = 192;
+
+/// Columns from which on a transposed left operand is copied into tiles where registers are few.
+const COPIED: usize = 256;
 
 /// The result of a product: a matrix of rows `stride` elements apart.
 pub struct Target<'a> {
@@ -46,27 +43,37 @@ impl<'a> Target<'a> {
         assert!(end <= self.values.len(), "a result of {rows} x {columns} has no room");
     }
 
-    /// A whole tile, its first row and column being given.
+    /// The first `rows` rows and `columns` columns of a tile, its first row and column being given; zeros beyond.
     #[inline(always)]
-    fn whole<L: Lanes, const R: usize, const V: usize>(&self, i: usize, j: usize) -> [[L; V]; R] {
-        std::array::from_fn(|r| {
-            let row = &self.values[(i + r) * self.stride + j..][..V * LANES];
-            std::array::from_fn(|v| L::read(&row[v * LANES..][..LANES]))
-        })
+    fn tile<L: Lanes, const R: usize, const V: usize>(
+        &mut self,
+        (i, j): (usize, usize),
+        (rows, columns): (usize, usize),
+    ) -> [[L; V]; R] {
+        let mut tile = [[L::splat(0.0); V]; R];
+        for (r, tile) in tile.iter_mut().enumerate() {
+            for (v, lanes) in tile.iter_mut().enumerate() {
+                if r < rows && v * LANES < columns {
+                    *lanes = L::read(self.lanes(i + r, j + v * LANES, columns - v * LANES));
+                }
+            }
+        }
+        tile
     }
 
-    /// Writes a whole tile.
+    /// Writes as much of a tile.
     #[inline(always)]
-    fn set_whole<L: Lanes, const R: usize, const V: usize>(
+    fn set_tile<L: Lanes, const R: usize, const V: usize>(
         &mut self,
-        i: usize,
-        j: usize,
-        tile: [[L; V]; R],
+        (i, j): (usize, usize),
+        (rows, columns): (usize, usize),
+        tile: &[[L; V]; R],
     ) {
-        for (r, lanes) in tile.into_iter().enumerate() {
-            let row = &mut self.values[(i + r) * self.stride + j..][..V * LANES];
-            for (v, lanes) in lanes.into_iter().enumerate() {
-                lanes.write(&mut row[v * LANES..][..LANES]);
+        for (r, tile) in tile.iter().enumerate() {
+            for (v, lanes) in tile.iter().enumerate() {
+                if r < rows && v * LANES < columns {
+                    lanes.write(self.lanes(i + r, j + v * LANES, columns - v * LANES));
+                }
             }
         }
     }
@@ -144,43 +151,56 @@ vectorised! {
         add: bool,
     ) {
         let mut target = target;
-        for block in (0..rows).step_by(BLOCK) {
-            let block = block..rows.min(block + BLOCK);
-            for first in inner.clone().step_by(DEPTH) {
-                let depth = first..inner.end.min(first + DEPTH);
-                let (add, left) = (add || first > inner.start, left.skip_columns(first - inner.start));
-                for column in columns.clone().step_by(PANEL) {
-                    let mut panel = right.part(column, depth.clone());
-                    panel.columns = panel.columns.min(columns.end - column);
-                    strip::<L>(&mut target, block.clone(), column - columns.start, left, panel, add);
-                }
-            }
+        let of = (&mut target, rows, left, right);
+        match L::TILE {
+            Tile::EightByTwo => tiles::<L, 8, 2>(of, columns, inner, add),
+            Tile::SixByOne => tiles::<L, 6, 1>(of, columns, inner, add),
+            Tile::FourByOne => tiles::<L, 4, 1>(of, columns, inner, add),
         }
     }
 }
 
-/// The rows of a block against one panel.
+/// A product by tiles of `R` rows and `V` vectors.
 #[inline(always)]
-fn strip<L: Lanes>(
-    target: &mut Target<'_>,
-    rows: Range<usize>,
-    column: usize,
-    left: View<'_>,
-    panel: Part<'_>,
+fn tiles<L: Lanes, const R: usize, const V: usize>(
+    (target, rows, left, right): (&mut Target<'_>, usize, View<'_>, &Panels),
+    columns: Range<usize>,
+    inner: Range<usize>,
     add: bool,
 ) {
-    for row in rows.clone().step_by(ROWS) {
-        let count = ROWS.min(rows.end - row);
-        let at = (row, column);
-        if !L::MANY {
-            tile::<L, HALF, 1>(target, at, count, left, panel, add);
-            if count > HALF {
-                tile::<L, HALF, 1>(target, (row + HALF, column), count - HALF, left, panel, add);
+    let copies = V == 1 && left.is_transposed() && columns.len() > COPIED;
+    let mut copy = if copies { Buffer::new(BLOCK * DEPTH) } else { Buffer::default() };
+    for block in (0..rows).step_by(BLOCK) {
+        let block = block..rows.min(block + BLOCK);
+        for first in inner.clone().step_by(DEPTH) {
+            let depth = first..inner.end.min(first + DEPTH);
+            let (add, left) = (add || first > inner.start, left.skip_columns(first - inner.start));
+            if copies {
+                left.copy_tiles::<R>(block.clone(), depth.len(), &mut copy);
             }
-        } else if panel.is_narrow() {
-            tile::<L, ROWS, 1>(target, at, count, left, panel, add);
-        } else {
-            tile::<L, ROWS, 2>(target, at, count, left, panel, add);
+            for column in columns.clone().step_by(PANEL) {
+                let mut panel = right.part(column, depth.clone());
+                panel.columns = panel.columns.min(columns.end - column);
+                for row in block.clone().step_by(R) {
+                    let count = R.min(block.end - row);
+                    let at = (row, column - columns.start);
+                    if copies {
+                        let copy = &copy[(row - block.start) * depth.len()..];
+                        tile::<L, R, V>(
+                            target,
+                            at,
+                            count,
+                            View::new(copy, R).transposed(),
+                            panel,
+                            add,
+                        );
+                    } else if panel.is_narrow() {
+                        tile::<L, R, 1>(target, at, count, left.skip_rows(row), panel, add);
+                    } else {
+                        tile::<L, R, V>(target, at, count, left.skip_rows(row), panel, add);
+                    }
+                }
+            }
         }
     }
 }
@@ -189,8 +209,8 @@ fn strip<L: Lanes>(
 
 /// The first `count` of `R` rows at `(row, column)`, against `V` vectors of a panel at a time.
 ///
-/// `left` starts at the first inner element and has been checked; rows after the last are computed
-/// from the last and thrown away.
+/// `left` starts at the first of them and at the first inner element, and has been checked; rows after the last are
+/// computed from the last and thrown away.
 #[inline(always)]
 fn tile<L: Lanes, const R: usize, const V: usize>(
     target: &mut Target<'_>,
@@ -200,49 +220,26 @@ fn tile<L: Lanes, const R: usize, const V: usize>(
     panel: Part<'_>,
     add: bool,
 ) {
-    let rows: [usize; R] = std::array::from_fn(|r| row + r.min(count.min(R) - 1));
+    let mut rows = [0; R];
+    for (r, row) in rows.iter_mut().enumerate() {
+        *row = r.min(count - 1);
+    }
     let mut from = 0;
     while from < panel.columns {
-        let columns = panel.columns - from;
-        let at = column + from;
-        if count >= R && columns >= V * LANES {
-            let sums = if add { target.whole::<L, R, V>(row, at) } else { zeros() };
+        let at = (row, column + from);
+        // The two are one to the reader; to the compiler the sizes of the first are known.
+        let whole = (R, V * LANES);
+        let size = (count, whole.1.min(panel.columns - from));
+        if size == whole {
+            let sums = if add { target.tile(at, whole) } else { [[L::splat(0.0); V]; R] };
             let sums = accumulate::<L, R, V>(sums, rows, left, panel, from);
-            target.set_whole(row, at, sums);
+            target.set_tile(at, whole, &sums);
         } else {
-            let mut sums = zeros();
-            if add {
-                for_each::<R, V>(count, columns, |r, v, columns| {
-                    sums[r][v] = L::read(target.lanes(rows[r], at + v * LANES, columns));
-                });
-            }
+            let sums = if add { target.tile(at, size) } else { [[L::splat(0.0); V]; R] };
             let sums = accumulate::<L, R, V>(sums, rows, left, panel, from);
-            for_each::<R, V>(count, columns, |r, v, columns| {
-                sums[r][v].write(target.lanes(rows[r], at + v * LANES, columns));
-            });
+            target.set_tile(at, size, &sums);
         }
         from += V * LANES;
-    }
-}
-
-#[inline(always)]
-fn zeros<L: Lanes, const R: usize, const V: usize>() -> [[L; V]; R] {
-    [[L::splat(0.0); V]; R]
-}
-
-/// Calls `with` for each row and vector that is wanted, with the columns left from there.
-#[inline(always)]
-fn for_each<const R: usize, const V: usize>(
-    count: usize,
-    columns: usize,
-    mut with: impl FnMut(usize, usize, usize),
-) {
-    for r in 0..R {
-        for v in 0..V {
-            if r < count && v * LANES < columns {
-                with(r, v, columns - v * LANES);
-            }
-        }
     }
 }
 

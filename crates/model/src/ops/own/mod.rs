@@ -46,6 +46,7 @@ use buffers::{contiguous, recycle};
 pub use detached::{AdamWStep, adamw, head_nll, nearest, sum_of_squares};
 pub use feed_forward::{FeedForward, SwiGlu};
 pub use head::HeadLoss;
+pub use lanes::vectors;
 pub use rows::{RmsNorm, SelectRows};
 
 /// What an operation on `N` contiguous tensors is told beside them, and what it does.

@@ -29,6 +29,26 @@ impl<'a> View<'a> {
         Self { values, row_stride: column_stride, column_stride: row_stride }
     }
 
+    /// Whether the elements of a column lie side by side, and those of a row far apart.
+    #[inline(always)]
+    pub fn is_transposed(&self) -> bool {
+        self.row_stride == 1 && self.column_stride > 1
+    }
+
+    /// Writes `rows` rows of `depth` elements as tiles of `R` rows, column after column; the last tile is filled up
+    /// with its last row. The matrix must have as many: see [`View::check`].
+    #[inline(always)]
+    pub fn copy_tiles<const R: usize>(self, rows: Range<usize>, depth: usize, tiles: &mut [f32]) {
+        for (first, tile) in rows.clone().step_by(R).zip(tiles.chunks_mut(R * depth)) {
+            for (k, column) in tile.as_chunks_mut::<R>().0.iter_mut().enumerate() {
+                for (r, to) in column.iter_mut().enumerate() {
+                    // SAFETY: the caller has checked.
+                    *to = unsafe { self.at((first + r).min(rows.end - 1), k) };
+                }
+            }
+        }
+    }
+
     /// The matrix from row `i` on.
     #[inline(always)]
     pub fn skip_rows(self, i: usize) -> Self {

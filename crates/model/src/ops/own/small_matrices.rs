@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, Tile};
 
 /// Rows of a tile; scratch matrices hold a multiple of these.
 pub const ROWS: usize = 8;
@@ -179,12 +179,12 @@ pub fn block<L: Lanes, const TRANSPOSED: bool>(
     left.check(ROWS, inner.end);
     right.check(inner.end, columns);
     let mut column = 0;
-    while L::MANY && column + LANES < columns {
+    while L::TILE == Tile::EightByTwo && column + LANES < columns {
         tile::<L, ROWS, 2, _>(out, (row, column), left, right, inner.clone());
         column += 2 * LANES;
     }
     while column < columns {
-        if L::MANY {
+        if L::TILE == Tile::EightByTwo {
             tile::<L, ROWS, 1, _>(out, (row, column), left, right, inner.clone());
         } else {
             let rest = left.skip_rows(HALF);

@@ -4,8 +4,9 @@
 //! has picked after asking the processor: that is what every `unsafe` here rests on.
 
 use std::arch::x86_64::*;
+use std::sync::OnceLock;
 
-use super::lanes::{LANES, Lanes};
+use super::lanes::{LANES, Lanes, Tile, VECTORS};
 
 /// Which compiled version of a kernel the processor can run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -16,21 +17,55 @@ pub enum Isa {
 }
 
 impl Isa {
-    /// Asks the processor; the standard library remembers the answer.
+    /// Every set with its name in [`VECTORS`].
+    const ALL: [(&str, Self); 3] =
+        [("avx512", Self::Avx512), ("avx2", Self::Avx2), ("portable", Self::Baseline)];
+
+    /// The best set of the processor that [`VECTORS`] allows.
     pub fn of_this_machine() -> Self {
+        static ALLOWED: OnceLock<Isa> = OnceLock::new();
+        let allowed = *ALLOWED.get_or_init(|| Self::asked().unwrap_or(Self::Avx512));
+        let best = Self::of_the_processor().min(allowed);
+        #[cfg(test)]
+        let best = best.min(AT_MOST.get());
+        best
+    }
+
+    /// Asks the processor; the standard library remembers the answer.
+    fn of_the_processor() -> Self {
         let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
         let avx512 = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512vl")
             && is_x86_feature_detected!("avx512dq")
             && is_x86_feature_detected!("avx512bw");
-        let best = match (avx2, avx512) {
+        match (avx2, avx512) {
             (true, true) => Isa::Avx512,
             (true, false) => Isa::Avx2,
             _ => Isa::Baseline,
-        };
-        #[cfg(test)]
-        let best = best.min(AT_MOST.get());
-        best
+        }
+    }
+
+    /// The set that [`VECTORS`] names, or the processor's best without it.
+    ///
+    /// # Errors
+    /// There is no such set, or the processor lacks it.
+    pub fn asked() -> Result<Self, String> {
+        let best = Self::of_the_processor();
+        let Some(asked) = std::env::var_os(VECTORS) else { return Ok(best) };
+        let found = Self::ALL.into_iter().find(|(name, _)| asked == *name);
+        match found {
+            Some((_, isa)) if isa <= best => Ok(isa),
+            Some((name, _)) => Err(format!("{VECTORS} is {name}, which this processor lacks")),
+            None => Err(format!(
+                "{VECTORS} is `{}`; it may be avx512, avx2 or portable",
+                asked.display()
+            )),
+        }
+    }
+
+    /// The name in [`VECTORS`].
+    pub fn name(self) -> &'static str {
+        Self::ALL.into_iter().find(|(_, isa)| *isa == self).map_or("", |(name, _)| name)
     }
 }
 
@@ -115,7 +150,7 @@ macro_rules! on_this_processor {
 }
 
 impl Lanes for Wide {
-    const MANY: bool = true;
+    const TILE: Tile = Tile::EightByTwo;
 
     binary!(Wide add _mm512_add_ps, sub _mm512_sub_ps, mul _mm512_mul_ps, div _mm512_div_ps);
     binary!(Wide max _mm512_max_ps, min _mm512_min_ps);
@@ -168,7 +203,7 @@ impl Lanes for Wide {
 }
 
 impl Lanes for Pair {
-    const MANY: bool = false;
+    const TILE: Tile = Tile::SixByOne;
 
     binary!(Pair add _mm256_add_ps, sub _mm256_sub_ps, mul _mm256_mul_ps, div _mm256_div_ps);
     binary!(Pair max _mm256_max_ps, min _mm256_min_ps);
@@ -218,6 +253,58 @@ impl Lanes for Pair {
             };
             Pair(choose(self.0, rest.0, low), choose(self.1, rest.1, high))
         }
+
+        fn transpose(block: [Self; LANES]) -> [Self; LANES] {
+            let mut columns = block;
+            for half in [0, 8] {
+                let (mut low, mut high) = ([block[0].0; 8], [block[0].0; 8]);
+                for i in 0..8 {
+                    (low[i], high[i]) = (block[half + i].0, block[half + i].1);
+                }
+                let (low, high) = (transpose_eight(low), transpose_eight(high));
+                for i in 0..8 {
+                    let (left, right) = columns.split_at_mut(8);
+                    if half == 0 {
+                        (left[i].0, right[i].0) = (low[i], high[i]);
+                    } else {
+                        (left[i].1, right[i].1) = (low[i], high[i]);
+                    }
+                }
+            }
+            columns
+        }
+    }
+}
+
+/// Rows for columns of eight by eight: pairs of rows are merged to pairs, fours and eights of columns.
+///
+/// # Safety
+///
+/// The processor must have AVX.
+#[inline(always)]
+unsafe fn transpose_eight(rows: [__m256; 8]) -> [__m256; 8] {
+    // SAFETY: the caller's promise.
+    unsafe {
+        let mut pairs = rows;
+        for i in (0..8).step_by(2) {
+            pairs[i] = _mm256_unpacklo_ps(rows[i], rows[i + 1]);
+            pairs[i + 1] = _mm256_unpackhi_ps(rows[i], rows[i + 1]);
+        }
+        // Of each four rows and each half, its columns 0, 1, 2 and 3.
+        let mut fours = pairs;
+        for i in [0, 4] {
+            for j in 0..2 {
+                let (a, b) = (pairs[i + j], pairs[i + j + 2]);
+                fours[i + 2 * j] = _mm256_shuffle_ps::<0x44>(a, b);
+                fours[i + 2 * j + 1] = _mm256_shuffle_ps::<0xee>(a, b);
+            }
+        }
+        let mut columns = fours;
+        for j in 0..4 {
+            columns[j] = _mm256_permute2f128_ps::<0x20>(fours[j], fours[j + 4]);
+            columns[j + 4] = _mm256_permute2f128_ps::<0x31>(fours[j], fours[j + 4]);
+        }
+        columns
     }
 }
 
