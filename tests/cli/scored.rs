@@ -88,7 +88,7 @@ fn published_scores_stand_beside_ones_own_and_are_not_compared() {
     let table = place.isoflop(&["published", "--table", "scamo-1", "--out", "one"]).exits(0);
     assert!(table.stdout().starts_with("model,layers,heads,width\nScaMo-44M,8,8,512\n"));
     let csv = String::from_utf8(place.read("one/published.csv")).expect("text");
-    assert!(csv.contains("\nscamo-1,,,ScaMo-44M,,width,512.0,\n"), "{csv}");
+    assert!(csv.contains("\nscamo-1,\"\",\"\",ScaMo-44M,\"\",width,512.0,\n"), "{csv}");
     let unknown = place.isoflop(&["published", "--table", "scamo-9"]).exits(2);
     assert!(unknown.stderr().contains("scamo-"), "{}", unknown.stderr());
 }
