@@ -50,6 +50,9 @@ class Published(unittest.TestCase):
         stream = TokenStream(captions, targets, clips, published["seed"])
         for step, parts in enumerate(published["steps"]):
             np.testing.assert_array_equal(np.stack(stream.parts(step * n, n), 1), parts)
+        matched = TokenStream(captions, targets, clips, published["seed"], matched=True)
+        own = (offsets[:-1] + clips % counts)[matched.parts(0, 5 * n).clip]
+        np.testing.assert_array_equal(matched.parts(0, 5 * n).caption, own)
 
 
 class Checkpoints(unittest.TestCase):
@@ -278,7 +281,7 @@ def _spec(folder, kind, lengths, quantizer, tie_embeddings=False, batch_tokens=4
         shape["n_ctx"] = MAX_TEXT + MOST_LATENTS
     generator = {"kind": kind, "shape": shape, "d_latent": D_LATENT, "frames_per_latent": 4}
     generator |= {"most_latents": MOST_LATENTS, "corruption": 0.3, "text_drop": 0.3}
-    spec = {"generator": generator, "shape": shape, "grid": grid, "seed": 2, "clips": None}
+    spec = {"generator": generator, "shape": shape, "grid": grid, "seed": 2, "clips": None, "captions": "drawn"}
     spec |= {"batch_tokens": batch_tokens, "steps": 8, "precision": "f32", "clip_norm": 1.0}
     spec |= {"betas": [0.9, 0.99], "epsilon": 1e-8, "weight_decay": 0.1}
     spec |= {"targets_per_pass": 64, "tokenizer": folder}

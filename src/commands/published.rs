@@ -1,8 +1,9 @@
-//! `isoflop published`: scores that papers print, with the best runs of sweeps beside them.
+//! `isoflop published`: numbers that papers print, with the best runs of sweeps beside scores of motions.
 
 use super::prelude::*;
-use isoflop::record::{ScoreRow, ScoredRun, read_scores, write_published};
-use isoflop::scores::published::{self, EVALUATORS, Printed, Published};
+use clap::builder::PossibleValuesParser;
+use isoflop::record::{ScoredRun, read_scores, row_of_run, write_published};
+use isoflop::scores::published::{self, EVALUATORS, Printed, Row, TABLES};
 
 #[derive(Args)]
 pub struct PublishedArgs {
@@ -11,26 +12,40 @@ pub struct PublishedArgs {
     /// Only rows of this data set, as HumanML3D
     #[arg(long)]
     pub dataset: Option<String>,
-    /// The folder to write published.parquet and published.csv to
+    /// Only this table, as CSV
+    #[arg(
+        long,
+        value_name = "NAME",
+        conflicts_with_all = ["results", "dataset"],
+        value_parser = PossibleValuesParser::new(TABLES.iter().map(|table| table.name)),
+        hide_possible_values = true,
+    )]
+    pub table: Option<String>,
+    /// The folder to write published.parquet and published.csv to, a line a number
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
 pub fn published(args: &PublishedArgs, output: &Output) -> Result<Exit> {
-    let wanted = |row: &Published| {
-        args.dataset.as_ref().is_none_or(|dataset| dataset.eq_ignore_ascii_case(row.dataset))
+    let wanted = |row: &Row| {
+        let dataset = &args.dataset;
+        dataset.as_ref().is_none_or(|dataset| dataset.eq_ignore_ascii_case(&row.dataset))
+            && args.table.as_ref().is_none_or(|table| *table == row.table)
     };
-    let mut rows: Vec<ScoreRow> =
-        published::rows().iter().filter(|row| wanted(row)).map(ScoreRow::of_published).collect();
+    let mut rows: Vec<Row> = published::rows().into_iter().filter(wanted).collect();
     for path in &args.results {
         let folder = ResultsFolder::new(path);
         let runs = read_scores(folder.root()).context("its scores; `isoflop run` writes them")?;
-        rows.extend(best(&runs).map(|run| ScoreRow::of_run(&folder.name(), run)));
+        rows.extend(best(&runs).map(|run| row_of_run(&folder.name(), run)));
     }
     if let Some(out) = &args.out {
         write_published(out, &rows)?;
     }
-    output.result(&json!({ "rows": rows, "sources": published::SOURCES }), &text(&rows))
+    let text = match args.table.as_deref().and_then(published::named) {
+        Some(table) => table.csv.trim_end().to_string(),
+        None => text(&rows),
+    };
+    output.result(&json!({ "rows": rows, "sources": published::SOURCES }), &text)
 }
 
 /// The run of the lowest FID of each generator.
@@ -46,25 +61,48 @@ fn best(runs: &[ScoredRun]) -> impl Iterator<Item = &ScoredRun> {
     best.into_values()
 }
 
-/// A table an evaluator and data set.
-fn text(rows: &[ScoreRow]) -> String {
-    let groups = rows.chunk_by(|a, b| (&a.evaluator, &a.dataset) == (&b.evaluator, &b.dataset));
+/// Scores of motions, and which further tables there are.
+fn text(rows: &[Row]) -> String {
+    let title = |row: &Row| published::named(&row.table);
+    let groups = rows
+        .chunk_by(|a, b| {
+            (&a.table, &a.evaluator, &a.dataset) == (&b.table, &b.evaluator, &b.dataset)
+        })
+        .filter(|group| title(&group[0]).is_none_or(|table| table.is_of_motions()));
     let text: String = groups.map(of_group).collect();
-    text + "\nscores by different evaluators are not comparable; sources: docs/published.md"
+    let others = TABLES.iter().filter(|table| !table.is_of_motions());
+    let others = others.map(|table| [format!("  {}", table.name), table.title.to_string()]);
+    format!(
+        "{text}\nfurther tables, printed by `--table NAME`\n{}\nscores by different evaluators are not \
+         comparable; sources: docs/published.md",
+        table(["<", "<"], others)
+    )
 }
 
-fn of_group(rows: &[ScoreRow]) -> String {
-    let ScoreRow { evaluator, dataset, .. } = &rows[0];
+fn of_group(rows: &[Row]) -> String {
+    let Row { evaluator, dataset, table: name, .. } = &rows[0];
     let about = EVALUATORS.iter().find(|(name, _)| name == evaluator).map_or_else(
         || format!("evaluator {evaluator}, trained by isoflop: not comparable with the rest"),
         |(_, about)| format!("evaluator: {about}"),
     );
-    let row = |row: &ScoreRow| {
+    let title = published::named(name).map(|table| format!("{name}: {}\n", table.title));
+    let row = |row: &Row| {
         let score = |name| row.scores.get(name).map(Printed::to_string).unwrap_or_default();
         let names = ["r_precision_1", "fid", "matching_distance", "multimodality"];
         let [first, fid, distance, multimodality] = names.map(score);
-        [row.system.clone(), first, fid, distance, multimodality]
+        [label(row, rows), first, fid, distance, multimodality]
     };
     let heads = [&*format!("<{dataset}"), "<R@1", "<FID", "<MM-Dist", "<MultiModality"];
-    format!("\n{about}\n{}", table(heads, rows.iter().map(row)))
+    let title = title.unwrap_or_default();
+    format!("\n{title}{about}\n{}", table(heads, rows.iter().map(row)))
+}
+
+/// The system, with its setting where the rows have several of it.
+fn label(row: &Row, rows: &[Row]) -> String {
+    let Row { system, setting, .. } = row;
+    match rows.iter().filter(|other| other.system == *system).count() {
+        1 => system.clone(),
+        _ if system.is_empty() => setting.clone(),
+        _ => format!("{system}, {setting}"),
+    }
 }

@@ -14,7 +14,7 @@ use super::presence::claim;
 use crate::data::{self, MotionSource};
 use crate::failure::Failure;
 use crate::files::{FileError, set_aside};
-use crate::learn::LearnError;
+use crate::learn::{LearnError, TrainingError};
 use crate::progress::Stop;
 use crate::sweep::Sweep;
 
@@ -140,9 +140,8 @@ pub fn put_away(path: &Path, error: &FileError, instead: &str) -> Result<()> {
 ///
 /// # Errors
 /// Training failed, or the folder cannot be written to.
-pub fn train_past_damage<T, E: Into<anyhow::Error>>(
+pub fn train_past_damage<T, E: TrainingError + Into<anyhow::Error>>(
     states: &[&Path],
-    learn_error: fn(&E) -> Option<&LearnError>,
     mut train: impl FnMut() -> Result<T, E>,
 ) -> Result<Option<T>> {
     loop {
@@ -150,7 +149,7 @@ pub fn train_past_damage<T, E: Into<anyhow::Error>>(
             Ok(trained) => return Ok(Some(trained)),
             Err(error) => error,
         };
-        match learn_error(&error) {
+        match error.learn_error() {
             Some(LearnError::Stopped { .. }) => return Ok(None),
             Some(LearnError::File(file)) if file.is_damage() && states.contains(&file.path()) => {
                 put_away(file.path(), file, "training begins without it")?;

@@ -24,7 +24,7 @@ use crate::plan::TextJob;
 use crate::progress::beats;
 use crate::spec::{RunSpec, TokenizerJob, TokenizerSpec};
 use crate::text::{self, TextEncoder, TextError, TextStore, as_in_data};
-use crate::tokenizer::{self, Corpus, Parts, Reconstruction, Tokenizer, TokenizerError, Validated};
+use crate::tokenizer::{self, Corpus, Parts, Reconstruction, Tokenizer, Validated};
 
 /// Embeds every caption of the data once.
 pub fn embed_captions(assignment: &Assignment) -> Result<Outcome> {
@@ -97,7 +97,7 @@ fn trained_here(
     let checkpoints = Checkpoints { path: &path, every, branch: None };
     let place = assignment.place();
     let mut beats = beats(&place, assignment.stop);
-    let trained = train_past_damage(&[&path], TokenizerError::learn_error, || {
+    let trained = train_past_damage(&[&path], || {
         tokenizer::train_watched(spec, corpus, assignment.device, Some(&checkpoints), &mut beats)
     })?;
     Ok(trained.map_or(ControlFlow::Break(Outcome::Stopped), ControlFlow::Continue))

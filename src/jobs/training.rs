@@ -13,7 +13,7 @@ use super::job::{JobId, JobKind};
 use super::program::{self, FinishedRun, TrainerResult};
 use super::tokenizer::{embed_captions, make_codes};
 use crate::codes::TokenStore;
-use crate::evaluator::{self, EvaluatorError, EvaluatorReport, TrainedEvaluator};
+use crate::evaluator::{self, EvaluatorReport, TrainedEvaluator};
 use crate::files::atomic::{write_json, write_json_lines};
 use crate::generator::{self, GeneratorError, Inputs, ScaleInputs, Trained, Training};
 use crate::learn::{Branch, Checkpoints, weights};
@@ -102,7 +102,7 @@ pub fn train_evaluator(assignment: &Assignment) -> Result<Outcome> {
     let checkpoints = Checkpoints { path: &path, every, branch: None };
     let place = assignment.place();
     let mut beats = beats(&place, assignment.stop);
-    let trained = train_past_damage(&[&path], EvaluatorError::learn_error, || {
+    let trained = train_past_damage(&[&path], || {
         evaluator::train(&spec, &*source, assignment.device, Some(&checkpoints), &mut beats)
     })?;
     let Some(TrainedEvaluator { evaluator, course }) = trained else {
@@ -191,7 +191,7 @@ impl<'a> Opened<'a> {
     ) -> Result<Option<T>> {
         let trunk = self.trunk.iter().map(|(state, _)| state.as_path());
         let states: Vec<&Path> = trunk.chain([self.checkpoint.as_path()]).collect();
-        train_past_damage(&states, GeneratorError::learn_error, || {
+        train_past_damage(&states, || {
             let (inputs, checkpoints) = (self.inputs(), self.checkpoints());
             let (spec, device) = (self.spec, self.assignment.device);
             train(&Training { spec, inputs: &inputs, device, checkpoints: &checkpoints })

@@ -13,6 +13,7 @@ use crate::evaluator::EvaluatorError;
 use crate::failure::{Consequence, Failure, FailureKind};
 use crate::files::{self, FileError, atomic::write_json};
 use crate::generator::GeneratorError;
+use crate::learn::TrainingError;
 use crate::machine::Kills;
 use crate::progress::{Said, Stop};
 use crate::text::TextError;

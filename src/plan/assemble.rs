@@ -7,7 +7,8 @@ use super::remarks::remarks;
 use super::trunk::{Dropped, PricedCell, Trunk, branch};
 use crate::data::{DataFacts, Demand};
 use crate::spec::{
-    Origin, RunSpec, TRAINING_REVISION, TextSpec, TokenizerJob, TrainerProgram, content_id,
+    Origin, RunSpec, ShownCaptions, TRAINING_REVISION, TextSpec, TokenizerJob, TrainerProgram,
+    content_id,
 };
 use crate::sweep::{ScheduleKind, ScheduleSection, Sweep, Variant};
 use rayon::prelude::*;
@@ -58,14 +59,16 @@ impl Plan {
         let text_id = captions.id();
         let text = (sweep.data.origin() != Origin::None).then_some(captions);
         let (tokenizers, own) = tokenizers(sweep, &cells, &data, &text_id);
-        let of = |tokenizer_id, unique_tokens| {
+        let of = |tokenizer_id, unique_tokens, captions| {
             let text_id = text_id.clone();
-            RunInputs { tokenizer_id, text_id, unique_tokens }
+            RunInputs { tokenizer_id, text_id, unique_tokens, captions }
         };
-        let known = tokenizers.iter().map(|job| of(job.id(), data.unique_tokens(&job.spec.grid())));
+        let known = tokenizers.iter().map(|job| {
+            of(job.id(), data.unique_tokens(&job.spec.grid()), ShownCaptions::of(&job.spec))
+        });
         let mut inputs: Vec<RunInputs> = known.collect();
         if inputs.is_empty() {
-            inputs.push(of(NO_TOKENIZER.to_string(), 0));
+            inputs.push(of(NO_TOKENIZER.to_string(), 0, ShownCaptions::Drawn));
         }
         let runs_of = |(cell, own): (&PricedCell, &Range<usize>)| {
             let run = |inputs, seed| planned_run(sweep, label, cell, seed, inputs, &data);
@@ -257,6 +260,8 @@ struct RunInputs {
     text_id: String,
     /// Supervised tokens of the training split.
     unique_tokens: usize,
+    /// What clips show where the sweep does not say.
+    captions: ShownCaptions,
 }
 
 fn decay_steps(schedule: &ScheduleSection, steps: usize) -> Option<usize> {
@@ -281,6 +286,7 @@ fn planned_run(
         codes: cell.codes.clone(),
         budget_flops: cell.grid_cell.budget_flops,
         share: cell.grid_cell.share,
+        captions: train.captions.unwrap_or(inputs.captions),
         batch_tokens: cell.spending.batch_tokens,
         steps,
         lr: cell.pace.lr,

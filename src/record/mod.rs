@@ -24,7 +24,7 @@ pub mod table;
 
 pub use facts::{Measured, Planned, block_metric};
 pub use run_record::{FORMAT, Lacking, Metrics, RunRecord, flops_per_second};
-pub use scores::{Quality, ScoreRow, ScoredRun, read_scores, write_published, write_scores};
+pub use scores::{Quality, ScoredRun, read_scores, row_of_run, write_published, write_scores};
 pub use selection::{Tuned, of_largest_share, sliced};
 
 #[cfg(test)]

@@ -1,16 +1,14 @@
 //! What motions score: the tables `scores` of a sweep's runs, and `published` of systems beside one another.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
 use polars::prelude::*;
-use serde::Serialize;
 
 use super::run_record::RunRecord;
 use super::table::{TableError, write_frame};
 use crate::scores::Repeated;
-use crate::scores::published::{self, Printed, Published};
+use crate::scores::published::{Printed, Row, SCORES};
 
 /// What a column of half-widths is named after its score.
 const HALF: &str = "_half_width";
@@ -132,71 +130,47 @@ fn scored_runs(frame: &DataFrame) -> PolarsResult<Vec<ScoredRun>> {
     (0..frame.height()).map(one).collect()
 }
 
-/// A system on a data set.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ScoreRow {
-    pub system: String,
-    pub dataset: String,
-    /// Rows of different evaluators are not comparable.
-    pub evaluator: String,
-    pub source: String,
-    /// By name.
-    pub scores: BTreeMap<String, Printed>,
-}
-
-impl ScoreRow {
-    /// A published one.
-    pub fn of_published(row: &Published) -> Self {
-        Self {
-            system: row.system.to_string(),
-            dataset: row.dataset.to_string(),
-            evaluator: row.evaluator.to_string(),
-            source: row.source.to_string(),
-            scores: row.scores.iter().map(|(name, score)| (name.to_string(), *score)).collect(),
-        }
-    }
-
-    /// A run of a sweep.
-    pub fn of_run(sweep: &str, run: &ScoredRun) -> Self {
-        let ScoredRun { generator, n_vocab, budget_flops, .. } = run;
-        let score = |name: &str| {
-            let [mean, half_width] = run.score(name)?;
-            Some((name.to_string(), Printed { mean, half_width: Some(half_width) }))
-        };
-        Self {
-            system: format!("{generator} {budget_flops:.0e}"),
-            dataset: sweep.to_string(),
-            evaluator: run.evaluator_id.clone(),
-            source: format!("{sweep}: V = {n_vocab}, N_nv = {}", run.params_nonvocab),
-            scores: published::names().filter_map(score).collect(),
-        }
+/// A run of a sweep as a row beside published ones.
+pub fn row_of_run(sweep: &str, run: &ScoredRun) -> Row {
+    let ScoredRun { generator, n_vocab, budget_flops, .. } = run;
+    let score = |name: &str| {
+        let [mean, half_width] = run.score(name)?;
+        Some((name.to_string(), Printed { mean, half_width: Some(half_width) }))
+    };
+    Row {
+        table: sweep.to_string(),
+        dataset: sweep.to_string(),
+        evaluator: run.evaluator_id.clone(),
+        system: format!("{generator} {budget_flops:.0e}"),
+        setting: format!("V = {n_vocab}, N_nv = {}", run.params_nonvocab),
+        scores: SCORES.into_iter().filter_map(score).collect(),
     }
 }
 
-/// Writes `published.parquet` and `published.csv`, each whole, by rename.
+/// Writes `published.parquet` and `published.csv`, each whole, by rename: a line a number.
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write_published(folder: &Path, rows: &[ScoreRow]) -> Result<(), TableError> {
+pub fn write_published(folder: &Path, rows: &[Row]) -> Result<(), TableError> {
     write_frame(folder, "published", published_frame(rows))
 }
 
-fn published_frame(rows: &[ScoreRow]) -> PolarsResult<DataFrame> {
-    let mut columns = vec![
-        texts(rows, "system", |row| &row.system),
-        texts(rows, "dataset", |row| &row.dataset),
-        texts(rows, "evaluator", |row| &row.evaluator),
-        texts(rows, "source", |row| &row.source),
+fn published_frame(rows: &[Row]) -> PolarsResult<DataFrame> {
+    let numbers: Vec<(&Row, (&String, &Printed))> =
+        rows.iter().flat_map(|row| row.scores.iter().map(move |score| (row, score))).collect();
+    let (mean, half): (Vec<f64>, Vec<Option<f64>>) =
+        numbers.iter().map(|(_, (_, printed))| (printed.mean, printed.half_width)).unzip();
+    let columns = vec![
+        texts(&numbers, "table", |(row, _)| &row.table),
+        texts(&numbers, "dataset", |(row, _)| &row.dataset),
+        texts(&numbers, "evaluator", |(row, _)| &row.evaluator),
+        texts(&numbers, "system", |(row, _)| &row.system),
+        texts(&numbers, "setting", |(row, _)| &row.setting),
+        texts(&numbers, "metric", |(_, (name, _))| name),
+        Column::new("value".into(), mean),
+        Column::new("half_width".into(), half),
     ];
-    for name in published::names() {
-        let means: Vec<Option<f64>> =
-            rows.iter().map(|row| Some(row.scores.get(name)?.mean)).collect();
-        let halves: Vec<Option<f64>> =
-            rows.iter().map(|row| row.scores.get(name)?.half_width).collect();
-        columns.push(Column::new(name.into(), means));
-        columns.push(Column::new(format!("{name}{HALF}").into(), halves));
-    }
-    DataFrame::new(rows.len(), columns)
+    DataFrame::new(numbers.len(), columns)
 }
 
 fn texts<R>(rows: &[R], name: &str, of: fn(&R) -> &str) -> Column {

@@ -62,7 +62,7 @@ fn one_file_leads_from_a_sweep_to_scores() {
     assert!(beside.stdout().contains("trained by isoflop: not comparable"), "{}", beside.stdout());
     assert!(beside.stdout().lines().all(|line| line.chars().count() <= 80), "{}", beside.stdout());
     let csv = String::from_utf8(place.read("tables/published.csv")).expect("text");
-    assert!(csv.lines().last().is_some_and(|line| line.starts_with("autoregressive")), "{csv}");
+    assert!(csv.lines().last().is_some_and(|line| line.starts_with("scored,scored,")), "{csv}");
     assert!(place.path("tables/published.parquet").is_file());
     // By hand, the same motions score the same.
     let run = format!("results/scored/runs/{}", all[0]["run_id"].as_str().expect("an id"));
@@ -85,6 +85,12 @@ fn published_scores_stand_beside_ones_own_and_are_not_compared() {
     let kit = place.isoflop(&["published", "--dataset", "kit-ml", "--json"]).exits(0).json();
     let rows = kit["rows"].as_array().expect("rows");
     assert!(rows.len() > 10 && rows.iter().all(|row| row["dataset"] == "KIT-ML"));
+    let table = place.isoflop(&["published", "--table", "scamo-1", "--out", "one"]).exits(0);
+    assert!(table.stdout().starts_with("model,layers,heads,width\nScaMo-44M,8,8,512\n"));
+    let csv = String::from_utf8(place.read("one/published.csv")).expect("text");
+    assert!(csv.contains("\nscamo-1,\"\",\"\",ScaMo-44M,\"\",width,512.0,\n"), "{csv}");
+    let unknown = place.isoflop(&["published", "--table", "scamo-9"]).exits(2);
+    assert!(unknown.stderr().contains("scamo-"), "{}", unknown.stderr());
 }
 
 /// A sweep with an evaluator that was trained alone.

@@ -5,7 +5,7 @@ use isoflop::data::{DataError, Metadata, MotionSource, Split, UNIT_FRAMES};
 use isoflop::generator::Inputs;
 use isoflop::spec::ModelShape;
 use isoflop::spec::RunSpec;
-use isoflop::spec::{Ffn, GeneratorSpec, Precision, Share};
+use isoflop::spec::{Ffn, GeneratorSpec, Precision, Share, ShownCaptions};
 use isoflop::text::{HashedNgrams, TextStore, embed};
 
 /// Width of the text vectors.
@@ -119,5 +119,6 @@ pub fn small_run(n_vocab: usize) -> RunSpec {
         trainer: None,
         varied: None,
         share: Share::WHOLE,
+        captions: ShownCaptions::Drawn,
     }
 }

@@ -2,10 +2,10 @@
 
 use std::collections::{HashMap, HashSet};
 
-use isoflop::generator::autoregressive::{Batch, TokenStream};
+use isoflop::data::Split;
+use isoflop::generator::autoregressive::{Batch, Part, TokenStream};
 use isoflop::generator::learning_rate;
-use isoflop::spec::RunSpec;
-use isoflop::spec::Share;
+use isoflop::spec::{RunSpec, Share, ShownCaptions};
 
 use super::corpus::{Corpus, small_run};
 use super::numbered::{EPOCH_TOKENS, numbered_corpus};
@@ -26,7 +26,7 @@ fn targets(batch: &Batch) -> Vec<(Option<u32>, u32)> {
 fn counts_of_corpus(corpus: &Corpus) -> HashMap<(Option<u32>, u32), usize> {
     let mut counts = HashMap::new();
     for clip in 0..8 {
-        let codes = corpus.tokens.clip(isoflop::data::Split::Train, clip);
+        let codes = corpus.tokens.clip(Split::Train, clip);
         let before = std::iter::once(None).chain(codes.iter().copied().map(Some));
         let after = codes.iter().copied().chain([END]);
         before.zip(after).for_each(|pair| *counts.entry(pair).or_default() += 1);
@@ -176,4 +176,27 @@ fn batches_are_those_that_are_published() {
             .collect();
         assert_eq!(serde_json::json!(found), *parts, "step {step}");
     }
+}
+
+/// `tokenizer::encode` holds that codes are made with caption i mod n of clip i.
+#[test]
+fn matched_captions_are_those_that_codes_were_made_with_and_the_clips_are_the_same() {
+    let clips = vec![vec![1, 2, 3]; 8];
+    let captions = |clip| (0..CAPTIONS[clip]).map(|i| format!("{clip} {i}")).collect();
+    let corpus = Corpus::new(40, [clips.clone(), clips.clone(), clips], captions);
+    let text = &corpus.text;
+    let parts = |captions| {
+        let mut stream = TokenStream::new(&corpus.tokens, text, 9).showing(captions);
+        stream.parts(0, 5 * stream.epoch_tokens())
+    };
+    let (drawn, matched) = (parts(ShownCaptions::Drawn), parts(ShownCaptions::Matched));
+    let own = |clip: usize| text.captions(Split::Train, clip)[clip % CAPTIONS[clip]];
+    assert!(matched.iter().all(|part| part.caption == own(part.clip)));
+    assert!(drawn.iter().any(|part| part.caption != own(part.clip)));
+    let place = |parts: &[Part]| -> Vec<_> {
+        parts.iter().map(|part| (part.clip, part.targets.clone())).collect()
+    };
+    assert_eq!(place(&drawn), place(&matched));
+    let written = serde_json::to_string(&small_run(9)).expect("plain values");
+    assert!(!written.contains("captions"), "ids of runs that draw captions know no such field");
 }

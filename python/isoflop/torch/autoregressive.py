@@ -5,7 +5,7 @@ import torch
 
 from .network import Network, empty
 from .packing import Layout, Packed, n_words, on_device, spans, text_rows
-from .stream import Parts, TokenStream
+from .stream import Parts
 
 
 class Autoregressive(Network):
@@ -51,7 +51,7 @@ class NextCode:
         self.spec, self.codes, self.captions = spec, codes, captions
         self.model = Autoregressive(spec.shape, codes.n_vocab, captions.vectors)
         self.ids = {split: codes.stream(split) for split in codes.frames}
-        self.stream = TokenStream(captions, codes.n_targets("train"), spec.training_clips(codes), spec.seed)
+        self.stream = spec.stream(captions, codes.n_targets("train"), codes)
         self.uniform_nats = float(np.log(codes.n_vocab + 1))
         self.unigram = codes.unigram()
 

@@ -10,7 +10,7 @@ from .chacha import Stream
 from .draws import hidden, hidden_codes
 from .learning import passes
 from .packing import Layout, Packed, n_words, on_device, spans, text_rows
-from .stream import FIRST_STEP, Parts, TokenStream
+from .stream import FIRST_STEP, Parts
 
 # How often each clip is measured, and the seed of what is hidden then: the same for every model.
 MASKS, SEED = 4, 0
@@ -32,7 +32,7 @@ class HiddenCodes:
         self.own, self.n_vocab = spec.generator, codes.scales[0].n_vocab
         self.model = Autoregressive(spec.shape, self.n_vocab, captions.vectors)
         self.places = {split: codes.lengths(split)[:, 0] for split in codes.frames}
-        self.stream = TokenStream(captions, self.places["train"], spec.training_clips(codes), spec.seed)
+        self.stream = spec.stream(captions, self.places["train"], codes)
         self.uniform_nats = float(np.log(self.n_vocab + 1))
         self.unigram, self.masks = codes.unigram(), {}
 

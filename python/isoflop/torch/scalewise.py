@@ -11,7 +11,7 @@ from .heads import Headed, table_rows, targets_by_head
 from .network import empty, product
 from .packing import Layout, Packed, n_words, on_device, spans, text_rows
 from .scale_inputs import scale_inputs
-from .stream import FIRST_STEP, Parts, TokenStream
+from .stream import FIRST_STEP, Parts
 
 # The span of a clip in angles, whatever the length of a scale.
 SPAN = 64.0
@@ -85,7 +85,7 @@ class NextScale:
         self.ids = {split: codes.stream(split) for split in codes.frames}
         self.lengths = {split: codes.lengths(split) for split in codes.frames}
         self.n_vocab = np.array([scale.n_vocab for scale in codes.scales])
-        self.stream = TokenStream(captions, codes.n_targets("train"), spec.training_clips(codes), spec.seed)
+        self.stream = spec.stream(captions, codes.n_targets("train"), codes)
         self.uniform_nats = float(np.log(self.n_vocab.max()))
         self.unigram = codes.unigram()
 

@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 
+from .stream import TokenStream
+
 
 class RunSpec:
     """The keys of the specification as attributes, and what follows from them."""
@@ -18,6 +20,10 @@ class RunSpec:
     def training_clips(self, codes):
         """The clips of the training split that the run sees."""
         return np.arange(codes.n_clips("train")) if self.clips is None else np.array(self.clips)
+
+    def stream(self, captions, targets, codes):
+        """The training split as the run sees it; `targets` is how many of them each clip has."""
+        return TokenStream(captions, targets, self.training_clips(codes), self.seed, self.captions == "matched")
 
     def learning_rate(self, step):
         """The rate of a step, from 0: up in a line, then half a cosine, or level and down by 1 - sqrt."""

@@ -26,15 +26,17 @@ class TokenStream:
     """The training split as an endless stream of supervised tokens, shuffled anew each epoch.
 
     `targets` is how many of them each clip of the training split has, `clips` the clips that are used.
+    A clip shows one of its captions, drawn in each epoch, or if `matched` the one that its codes were made with.
     """
 
-    def __init__(self, captions, targets, clips, seed):
+    def __init__(self, captions, targets, clips, seed, matched=False):
         self.captions, self.targets, self.clips, self.seed = captions, targets, clips, seed
+        self.matched = matched
         self.epoch_tokens = int(targets[clips].sum())
         self.index = None
 
     def _shuffle(self, index):
-        """Fisher and Yates, then a caption for each clip, all from the epoch's own stream."""
+        """Fisher and Yates, then a caption for each clip that is shown a drawn one, all from the epoch's own stream."""
         random, order = Stream(self.seed, FIRST_EPOCH + index), self.clips.tolist()
         n = len(order)
         swaps = each_below(random.take(n - 1), np.arange(n, 1, -1)).tolist()
@@ -42,7 +44,8 @@ class TokenStream:
             order[i], order[j] = order[j], order[i]
         order, offsets = np.array(order), self.captions.offsets["train"]
         counts = np.diff(offsets)[order]
-        picked = offsets[:-1][order] + each_below(random.take(n), counts)
+        of_clip = order % counts if self.matched else each_below(random.take(n), counts)
+        picked = offsets[:-1][order] + of_clip
         self.index, self.order = index, order
         self.shown = self.captions.captions["train"][picked]
         self.starts = np.concatenate([[0], np.cumsum(self.targets[order])])

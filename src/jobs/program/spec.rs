@@ -10,7 +10,9 @@ use crate::codes::TokenStore;
 use crate::jobs::folder::{CHECKPOINT, ResultsFolder};
 use crate::machine::CARDS;
 use crate::plan::bytes_on_card;
-use crate::spec::{GeneratorSpec, Grid, ModelShape, Precision, RunSpec, TARGETS_PER_PASS};
+use crate::spec::{
+    GeneratorSpec, Grid, ModelShape, Precision, RunSpec, ShownCaptions, TARGETS_PER_PASS,
+};
 
 /// Raised when a key changes its meaning or goes.
 const VERSION: u32 = 2;
@@ -73,6 +75,8 @@ pub struct TrainerSpec {
     pub unique_tokens: usize,
     /// The clips of the training split that the run sees, by their place in it; `null` for all.
     pub clips: Option<Vec<usize>>,
+    /// Which of its captions a clip shows.
+    pub captions: ShownCaptions,
     /// What the run takes of a GPU, as the plan counts it.
     pub gpu_bytes: u64,
     /// Dense bf16 FLOP/s of cards, by a word of the driver's name of the device.
@@ -131,6 +135,7 @@ impl TrainerSpec {
             evaluations: run.evaluations,
             targets_per_pass: TARGETS_PER_PASS,
             checkpoint_s: sweep.train.checkpoint_s,
+            captions: run.captions,
             fps: run.fps,
             gpu_bytes: bytes_on_card(run),
             peak_flops: CARDS.iter().map(|card| (card.word, card.peak_flops)).collect(),

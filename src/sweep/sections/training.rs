@@ -5,7 +5,7 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::spec::{Ffn, Precision};
+use crate::spec::{Ffn, Precision, ShownCaptions};
 use crate::units::{ShortForm, number, section, short_form_schema};
 
 section! {
@@ -152,6 +152,9 @@ section! {
         /// Tokens a step: one number, or a rule.
         #[schemars(schema_with = "short_form_schema::<BatchRule>")]
         batch: BatchRule = BatchRule::default();
+        /// Which of its captions a clip shows: `matched`, the one that its codes were made with, or `drawn`. Where
+        /// left out, `matched` if the tokenizer reads captions (`tokenizer.language.at` has `tokenizer`).
+        captions: Option<ShownCaptions> = None, unless "Option::is_none";
         /// `f32`, or what a GPU is faster in: `f16`, `bf16`.
         precision: Precision = Precision::default();
         /// A cell whose budget buys fewer steps is dropped: it would show its warm-up, not its size.

@@ -47,8 +47,8 @@ pub use truth::{Embedded, OneScore, Truth, swapped};
 use crate::data::DataError;
 use crate::failure::FailureKind;
 use crate::files::FileError;
-use crate::learn::LearnError;
 use crate::learn::weights::WeightsError;
+use crate::learn::{Cause, LearnError, TrainingError};
 use crate::scores::ScoreError;
 
 /// Why an evaluator could not be trained, judged, saved, loaded or used.
@@ -80,23 +80,15 @@ pub enum EvaluatorError {
     File(#[from] FileError),
 }
 
-impl EvaluatorError {
-    /// The failure of a job that ends with it; `None` for a stop, which is no failure.
-    pub fn failure_kind(&self) -> Option<FailureKind> {
-        match self {
-            Self::Learn(error) => error.failure_kind(),
-            Self::Data(error) => Some(error.failure_kind()),
-            Self::File(error) | Self::Weights(WeightsError::File(error)) => {
-                Some(error.failure_kind())
-            }
-            Self::Weights(WeightsError::Mismatch { .. }) => Some(FailureKind::Damaged),
-            _ => Some(FailureKind::BadData),
-        }
-    }
-
-    /// Why learning ended, if that is the reason.
-    pub fn learn_error(&self) -> Option<&LearnError> {
-        if let Self::Learn(error) = self { Some(error) } else { None }
+impl TrainingError for EvaluatorError {
+    fn cause(&self) -> Cause<'_> {
+        Cause::Other(match self {
+            Self::Learn(error) => return Cause::Learn(error),
+            Self::Data(error) => error.failure_kind(),
+            Self::File(error) => error.failure_kind(),
+            Self::Weights(error) => error.failure_kind(),
+            _ => FailureKind::BadData,
+        })
     }
 }
 

@@ -5,8 +5,8 @@ use burn::tensor::{Device, FloatDType};
 use crate::codes::TokenStore;
 use crate::data::Split;
 use crate::failure::FailureKind;
-use crate::learn::LearnError;
 use crate::learn::weights::WeightsError;
+use crate::learn::{Cause, LearnError, TrainingError};
 use crate::spec::{Precision, RunSpec};
 use crate::text::TextStore;
 
@@ -78,20 +78,14 @@ pub enum GeneratorError {
     Precision(&'static str),
 }
 
-impl GeneratorError {
-    /// Why learning ended, if that is the reason.
-    pub fn learn_error(&self) -> Option<&LearnError> {
-        if let Self::Learn(error) = self { Some(error) } else { None }
-    }
-
-    /// The failure of a job that ends with it; `None` for a stop, which is no failure.
-    pub fn failure_kind(&self) -> Option<FailureKind> {
-        match self {
-            Self::Learn(error) => error.failure_kind(),
-            Self::Weights(_) => Some(FailureKind::Damaged),
-            Self::Precision(_) => Some(FailureKind::Other),
-            _ => Some(FailureKind::BadData),
-        }
+impl TrainingError for GeneratorError {
+    fn cause(&self) -> Cause<'_> {
+        Cause::Other(match self {
+            Self::Learn(error) => return Cause::Learn(error),
+            Self::Weights(error) => error.failure_kind(),
+            Self::Precision(_) => FailureKind::Other,
+            _ => FailureKind::BadData,
+        })
     }
 }
 

@@ -185,3 +185,31 @@ impl LearnError {
         }
     }
 }
+
+/// Why something that learns has no result.
+#[derive(Clone, Copy, Debug)]
+pub enum Cause<'a> {
+    /// Learning ended before its end.
+    Learn(&'a LearnError),
+    /// Anything else.
+    Other(FailureKind),
+}
+
+/// An error of something that learns.
+pub trait TrainingError {
+    /// What it is.
+    fn cause(&self) -> Cause<'_>;
+
+    /// Why learning ended, if that is the reason.
+    fn learn_error(&self) -> Option<&LearnError> {
+        if let Cause::Learn(error) = self.cause() { Some(error) } else { None }
+    }
+
+    /// The failure of a job that ends with it; `None` for a stop, which is no failure.
+    fn failure_kind(&self) -> Option<FailureKind> {
+        match self.cause() {
+            Cause::Learn(error) => error.failure_kind(),
+            Cause::Other(kind) => Some(kind),
+        }
+    }
+}

@@ -12,6 +12,7 @@ use memmap2::Mmap;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, View, serialize};
 
 use crate::data::FeatureStats;
+use crate::failure::FailureKind;
 use crate::files::FileError;
 use crate::files::atomic::write_whole;
 use crate::motion::N_FEATURES;
@@ -81,6 +82,16 @@ pub enum WeightsError {
     /// The module has a parameter that the weights lack, or of another shape.
     #[error("parameter {name} of shape {expected:?} is {found} in the weights")]
     Mismatch { name: String, expected: Vec<usize>, found: String },
+}
+
+impl WeightsError {
+    /// The failure of a job that ends with it.
+    pub fn failure_kind(&self) -> FailureKind {
+        match self {
+            Self::File(error) => error.failure_kind(),
+            Self::Mismatch { .. } => FailureKind::Damaged,
+        }
+    }
 }
 
 // Parameters out of a module, and into one of the same structure.

@@ -228,10 +228,15 @@ impl TextStore {
         &captions.values()[offsets[clip] as usize..offsets[clip + 1] as usize]
     }
 
-    /// The vectors of the caption that a clip shows where it is measured: clip i shows caption i mod n.
-    pub fn shown(&self, split: Split, clip: usize) -> &[f32] {
+    /// The caption that a clip shows where it is measured and tokenised, by id: clip i shows caption i mod n.
+    pub fn shown_id(&self, split: Split, clip: usize) -> u32 {
         let captions = self.captions(split, clip);
-        self.embedding(captions[clip % captions.len()])
+        captions[clip % captions.len()]
+    }
+
+    /// The vectors of that caption.
+    pub fn shown(&self, split: Split, clip: usize) -> &[f32] {
+        self.embedding(self.shown_id(split, clip))
     }
 
     /// The vectors of a caption, `[n_words, dim]` row-major.

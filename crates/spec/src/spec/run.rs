@@ -12,7 +12,7 @@ use super::{
 use crate::units::number::plain;
 use crate::units::section;
 
-plain!(Precision);
+plain!(Precision, ShownCaptions);
 
 /// The word that stands for the trainer in PyTorch that comes with isoflop; words behind it are its options.
 const TORCH: &str = "torch";
@@ -37,6 +37,9 @@ pub struct RunSpec {
     /// What it sees of the training split; left out where it is all of it.
     #[serde(default, skip_serializing_if = "Share::is_whole")]
     pub share: Share,
+    /// Left out where it is `drawn`.
+    #[serde(default, skip_serializing_if = "crate::units::is_default")]
+    pub captions: ShownCaptions,
     pub batch_tokens: usize,
     pub steps: usize,
     pub lr: f64,
@@ -192,6 +195,26 @@ impl Default for Share {
     }
 }
 
+/// Which of its captions a clip shows while a generator trains.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ShownCaptions {
+    /// One of its captions, drawn anew in each epoch.
+    #[default]
+    Drawn,
+    /// The caption that its codes were made with: clip i shows caption i mod n.
+    Matched,
+}
+
+impl ShownCaptions {
+    /// By default: those that the codes were made with, if the tokenizer reads captions to make codes.
+    pub fn of(tokenizer: &TokenizerSpec) -> Self {
+        let language = tokenizer.architecture.language();
+        let reads = language.is_some_and(|language| language.places()[0]);
+        if reads { Self::Matched } else { Self::Drawn }
+    }
+}
+
 /// The numbers that large products are computed in.
 ///
 /// Weights, moments, sums of squares, softmax and losses are in `f32` always, and so is every measure
@@ -291,6 +314,21 @@ impl ScoresSpec {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn captions_match_where_the_tokenizer_reads_them_to_make_codes() {
+        use crate::spec::{ArchitectureSpec, LanguagePlace, LanguageSpec, TransformerSpec};
+        let of = |at: &[LanguagePlace]| {
+            let language = LanguageSpec { at: at.to_vec(), drop: 0.1, dim: 4, max_tokens: 8 };
+            let own = TransformerSpec { language: Some(language), ..TransformerSpec::default() };
+            let architecture = ArchitectureSpec::Transformer(own);
+            ShownCaptions::of(&TokenizerSpec { architecture, ..TokenizerSpec::default() })
+        };
+        let [own, other] = [LanguagePlace::Tokenizer, LanguagePlace::Detokenizer];
+        assert_eq!([&[own][..], &[own, other]].map(of), [ShownCaptions::Matched; 2]);
+        assert_eq!(of(&[other]), ShownCaptions::Drawn);
+        assert_eq!(ShownCaptions::of(&TokenizerSpec::default()), ShownCaptions::Drawn);
+    }
 
     #[test]
     fn shares_lie_above_0_and_up_to_1() {

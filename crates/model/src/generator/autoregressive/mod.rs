@@ -74,7 +74,8 @@ impl<'a> Objective<'a> for NextCode<'a> {
     type Network = Model;
 
     fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
-        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
+        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed);
+        let stream = stream.over(spec.share).showing(spec.captions);
         Self { spec, inputs, stream }
     }
 

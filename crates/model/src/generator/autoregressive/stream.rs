@@ -7,7 +7,7 @@ use super::{Batch, Sequence, end_token};
 use crate::codes::{Grid, Length, TokenStore};
 use crate::data::Split;
 use crate::draws::{below, stream};
-use crate::spec::Share;
+use crate::spec::{Share, ShownCaptions};
 use crate::text::TextStore;
 
 /// The shuffle of an epoch takes its ChaCha stream from here on, one stream an epoch.
@@ -28,6 +28,7 @@ pub struct TokenStream<'a> {
     epoch_tokens: usize,
     /// How much of a clip of the training split is supervised.
     n_targets: fn(&TokenStore, usize) -> usize,
+    captions: ShownCaptions,
     epoch: Option<Epoch>,
 }
 
@@ -69,7 +70,9 @@ impl<'a> TokenStream<'a> {
         n_targets: fn(&TokenStore, usize) -> usize,
     ) -> Self {
         let (clips, epoch_tokens, epoch) = (Vec::new(), 0, None);
-        Self { tokens, text, seed, clips, epoch_tokens, n_targets, epoch }.over(Share::WHOLE)
+        let captions = ShownCaptions::Drawn;
+        Self { tokens, text, seed, clips, epoch_tokens, n_targets, captions, epoch }
+            .over(Share::WHOLE)
     }
 
     /// The same over a share of the training split.
@@ -77,6 +80,11 @@ impl<'a> TokenStream<'a> {
         let clips = self.tokens.training_clips(share);
         let epoch_tokens = clips.iter().map(|clip| (self.n_targets)(self.tokens, *clip)).sum();
         Self { clips, epoch_tokens, epoch: None, ..self }
+    }
+
+    /// The same with other captions.
+    pub fn showing(self, captions: ShownCaptions) -> Self {
+        Self { captions, epoch: None, ..self }
     }
 
     /// Supervised tokens of an epoch.
@@ -131,18 +139,22 @@ impl<'a> TokenStream<'a> {
         self.epoch.as_ref().expect("just set")
     }
 
-    /// Fisher and Yates, then a caption for each clip, all from the epoch's own stream.
+    /// Fisher and Yates, then a caption for each clip that is shown a drawn one, all from the epoch's own stream.
     fn shuffle(&self, index: usize) -> Epoch {
         let mut rng = stream(self.seed, FIRST_EPOCH_STREAM + index as u64);
         let mut order = self.clips.clone();
         for i in (1..order.len()).rev() {
             order.swap(i, below(&mut rng, i + 1));
         }
-        let caption = |clip: usize| {
+        let mut caption = |clip: usize| {
             let captions = self.text.captions(Split::Train, clip);
-            (clip, captions[below(&mut rng, captions.len())])
+            match self.captions {
+                ShownCaptions::Drawn => captions[below(&mut rng, captions.len())],
+                ShownCaptions::Matched => self.text.shown_id(Split::Train, clip),
+            }
         };
-        let clips: Vec<(usize, u32)> = order.into_iter().map(caption).collect();
+        let clips: Vec<(usize, u32)> =
+            order.into_iter().map(|clip| (clip, caption(clip))).collect();
         let mut starts = vec![0];
         for (clip, _) in &clips {
             let targets = (self.n_targets)(self.tokens, *clip);

@@ -111,7 +111,8 @@ impl<'a> Objective<'a> for EachScale<'a> {
     type Network = Model;
 
     fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
-        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed).over(spec.share);
+        let stream = TokenStream::new(inputs.tokens, inputs.text, spec.seed);
+        let stream = stream.over(spec.share).showing(spec.captions);
         Self { spec, inputs, stream, no_text: vec![0.0; spec.shape().d_text] }
     }
 
@@ -223,7 +224,8 @@ impl ScalewiseSampler {
             let angles: Vec<usize> = angles.collect();
             let kept = motions.iter().flat_map(|motion| motion.kept(motion.codes.len(), n));
             let kept: Vec<Option<u32>> = kept.collect();
-            // What stays reads no text, which is about what is made anew (LG-Tok, eq. 7).
+            // Codes that stay read no text, which is about the codes that are made anew. (LG-Tok's Eq. 7 hides
+            // the text in the detokenizer, from frames outside the edit.)
             let blind: Vec<bool> = kept.iter().map(Option::is_some).collect();
             let x_nd = growing.join(x_nd, &angles, &blind.repeat(each));
             let mut logits = rows(self.model.logits(scale, x_nd));

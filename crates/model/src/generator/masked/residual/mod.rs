@@ -88,7 +88,8 @@ impl<'a> Objective<'a> for TwoStages<'a> {
     type Network = Stages;
 
     fn new(spec: &'a RunSpec, inputs: &'a Inputs<'a>) -> Self {
-        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed).over(spec.share);
+        let stream = TokenStream::of_places(inputs.tokens, inputs.text, spec.seed);
+        let stream = stream.over(spec.share).showing(spec.captions);
         Self { spec, inputs, stream, shown: Shown::new(spec, inputs) }
     }
 
