@@ -320,8 +320,9 @@ mod tests {
 
     #[test]
     fn two_budgets_alone_are_told() {
-        let runs: Vec<IsoFlopPoint> =
-            curves().into_iter().filter(|p| p.flops < 3e12 && p.flops > 1.4e12).collect();
+        let two = [12, 30].map(|step| 1e12 * 1.5f64.powi(step));
+        let runs = curves().into_iter().filter(|p| two.contains(&p.flops));
+        let runs: Vec<IsoFlopPoint> = runs.collect();
         let laws = approach1(&runs, &options()).unwrap();
         let doubts = laws.answer().doubts;
         assert!(
