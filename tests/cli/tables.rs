@@ -206,7 +206,7 @@ fn rows_in_other_units_are_a_doubt_of_the_answer() {
     assert!(said.contains("budget_flops is 1.000e6 times 6 N D"), "{said}");
     assert!(!said.contains("No doubts"), "{said}");
     let laws = place.isoflop(&[&fit[..], &["--json"]].concat()).exits(0).json();
-    assert_eq!(laws["answer"]["doubts"][0]["kind"], "units");
+    assert_eq!(laws["answer"]["doubts"][0]["kind"], "rows");
 }
 
 #[test]

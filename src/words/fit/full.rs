@@ -44,7 +44,8 @@ fn noise(laws: &Laws) -> String {
         NoiseSource::Tokenizers => "tokenizers".to_string(),
         NoiseSource::Surface { degree } => format!("a surface of degree {degree}"),
     };
-    format!("; one run scatters by {} nats ({dof} degrees of freedom, {source})", short(sd, 2))
+    let sd = laws.metric.said(&short(sd, 2));
+    format!("; one run scatters by {sd} ({dof} degrees of freedom, {source})")
 }
 
 /// The coefficients of a parametric law with errors and intervals, and how well the search for them ended.
@@ -266,7 +267,7 @@ fn sensitivity(laws: &Laws) -> String {
         laws.parameters.size(),
         "N_v",
         "D",
-        "nats/decade"
+        format!("{}/decade", laws.metric.unit().unwrap_or("loss"))
     );
     head + &rows.iter().map(row).collect::<String>()
 }

@@ -53,7 +53,7 @@ impl Laws {
             why: self.judgement.recommended.as_ref().map_or_else(String::new, |r| r.why.clone()),
             formula: formula(self, symbol, &coefficients),
             coefficients,
-            loss_unit: if self.from_sweep { "nats" } else { "as given" }.to_string(),
+            loss_unit: self.metric.unit().unwrap_or("as given").to_string(),
             verdict: verdict(self, !exponents.is_undetermined(), &doubts),
             path: path(self),
             exponents,
@@ -247,7 +247,8 @@ fn path_of_lines(laws: &Laws, budget: f64) -> OptimumAt {
         let law = law?;
         let at = |(level, exponent): (f64, f64)| (level + exponent * step).exp();
         let all: Vec<f64> = laws.bootstrap.iter().map(|sample| at(of(sample))).collect();
-        Some(Coefficient { value: at((law.ln_at_reference, law.exponent)), ci95: interval95(&all) })
+        let value = at((law.ln_at_reference, law.exponent));
+        value.is_finite().then(|| Coefficient { value, ci95: interval95(&all) })
     };
     let powers = &laws.power_laws;
     let at = PerQuantity {
@@ -257,7 +258,8 @@ fn path_of_lines(laws: &Laws, budget: f64) -> OptimumAt {
         n_vocab: None,
         tokens: told(powers.tokens.as_ref(), LawSample::tokens),
     };
-    OptimumAt { budget_flops: budget, at, loss: loss_of_lines(laws, budget) }
+    let loss = loss_of_lines(laws, budget).filter(|loss| loss.value.is_finite());
+    OptimumAt { budget_flops: budget, at, loss }
 }
 
 /// By the floor law where it is the one to believe or the laws follow from a loss with a floor.

@@ -7,16 +7,18 @@
 //! | 1 | `maths` | statistics, lines, least squares and draws, which know nothing of runs | |
 //! | 1 | `text` | numbers for a person | |
 //! | 2 | `input` | what a fit is given: runs and how it is asked for; runs by budget and cell: [`group_budgets`] | |
+//! | 3 | `slices` | equal FLOPs by another count: [`slices()`] | |
 //! | 3 | `minima` | the best configuration of each budget: [`minima()`], [`minimum_at`]; of a few cells that test a forecast: [`cross_optimum`] | |
 //! | 4 | `noise` | the scatter of runs, of tokenizers and of test splits | |
-//! | 5 | `lines` | laws through minima: [`power_law`], [`log_law()`], [`floor_law()`], with intervals; equal FLOPs by another count: [`slices()`] | |
+//! | 5 | `lines` | laws through minima: [`power_law`], [`log_law()`], [`floor_law()`], with intervals | |
 //! | 5 | `joint` | one smooth loss over all cells, its optimum and its intervals: [`JointLaw`] | |
 //! | 5 | `parametric` | the loss in N and D of papers, by variable projection: [`fit_parametric`], [`optimum`] | |
 //! | 6 | `ranking` | which law predicts the larger budgets: [`Recommended`] | |
 //! | 7 | `file` | what `laws.json` holds: [`Laws`] | |
 //! | 8 | `say` | all of this in sentences | |
 //! | 9 | `answer` | what laws say, once, for screen, figures, report and files: [`Laws::answered`] | |
-//! | 9 | `design` | what to run next: [`next_runs`], [`Advice`] | |
+//! | 9 | `advice` | what a sweep leaves open: [`Advice`] | |
+//! | 9 | `design` | which runs of a round to train next: [`next_runs`] | |
 //! | 10 | `fit` | all of it: [`fit()`]; by the running minimum: [`approach1()`]; from a parametric loss: [`parametric_laws`] | |
 //! | 10 | `published` | laws of papers: [`scamo()`] | |
 //!
@@ -55,6 +57,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod advice;
 mod answer;
 mod design;
 mod file;
@@ -71,6 +74,7 @@ mod ranking;
 mod say;
 #[cfg(test)]
 pub mod simulated;
+mod slices;
 pub mod text;
 
 pub use design::{DesignGoal, OpenRun, next_runs};
@@ -90,11 +94,10 @@ pub use input::{
 pub use joint::{JointLaw, JointLoss, Off, Repetition, SizedLoss, Terms};
 pub use lines::{
     Exponents, FloorLaw, FloorSample, LawSample, LogLaw, LossLaws, PowerLaw, PowerLaws,
-    Sensitivity, Slices, Validation, ValidationKind, floor_law, log_law, power_law, slices,
+    Sensitivity, Validation, ValidationKind, floor_law, log_law, power_law,
 };
 pub use maths::stats::{Difference, Estimate, Normals, interval95, student_t95};
 pub use maths::{LeastSquares, least_squares};
-pub(crate) use minima::spline_at;
 pub use minima::{
     CrossOptimum, LackOfFit, Minimum, MinimumFlag, MinimumIntervals, NoiseSource, Optimum,
     RunNoise, TiedCells, TriedCells, WIDEST_STEP, cross_optimum, minima, minimum_at, tied_cells,
@@ -109,4 +112,5 @@ pub use ranking::{
     Belief, Candidate, Deviations, ForecastError, Miss, MissedMinimum, Recommended, Score,
 };
 pub use say::flags_text;
+pub use slices::{Slices, slices};
 pub use text::times;

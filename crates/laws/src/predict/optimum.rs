@@ -68,7 +68,7 @@ pub fn predict(
         raw,
     };
     prediction.together = together(&prediction, (vocabulary, &on_budget), &opinions, options)?;
-    let missed = warnings::missed(validations);
+    let missed = warnings::missed(validations, &laws.metric);
     let own = warnings::of(&prediction, laws, vocabulary, options);
     prediction.warnings = missed.into_iter().chain(own).collect();
     Ok(prediction)

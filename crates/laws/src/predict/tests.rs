@@ -130,6 +130,23 @@ fn one_vocabulary_is_kept_in_the_prediction() {
 }
 
 #[test]
+fn a_loss_outside_its_own_interval_is_told() {
+    let mut laws = sweep(&VOCABULARIES);
+    let said = |laws: &Laws| {
+        let warnings = predict(laws, 1e19, &PredictOptions::default()).unwrap().warnings;
+        warnings.iter().any(|warning| warning.contains("outside its own interval"))
+    };
+    assert!(!said(&laws));
+    laws.judgement.recommended = None;
+    laws.judgement.joint = None;
+    laws.bootstrap.iter_mut().for_each(|sample| {
+        sample.loss_intercept += 100.0;
+        sample.floor = None;
+    });
+    assert!(said(&laws));
+}
+
+#[test]
 fn the_only_vocabulary_is_itself_without_interval_and_built_as_it_is() {
     let laws = Laws { from_sweep: true, ..sweep(&[32000.0]) };
     let prediction = predict(&laws, 1e19, &PredictOptions::default()).unwrap();

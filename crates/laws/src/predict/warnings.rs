@@ -2,7 +2,7 @@
 
 use super::{Intervals, PredictOptions, Prediction};
 use crate::laws::text::count;
-use crate::laws::{Candidate, Laws, MinimumFlag, Validated};
+use crate::laws::{Candidate, Laws, Metric, MinimumFlag, Validated};
 use crate::predict::allocation::{Vocabulary, shape_for};
 
 /// Laws that spend a budget to within this share count as consistent.
@@ -28,6 +28,7 @@ pub(super) fn of(
         codebook(prediction),
         shape(prediction, options),
         loss_laws(prediction, laws),
+        outside(prediction),
         no_intervals(prediction, laws),
         no_vocabulary(laws, vocabulary),
     ];
@@ -35,11 +36,12 @@ pub(super) fn of(
 }
 
 /// Forecasts that runs have refuted.
-pub(super) fn missed(validations: &[Validated]) -> Option<String> {
+pub(super) fn missed(validations: &[Validated], metric: &Metric) -> Option<String> {
     let missed = validations.iter().filter(|one| one.inside.loss == Some(false));
     let told = missed.filter_map(|one| {
         let off = one.predicted.loss? - one.measured.loss;
-        Some(format!("for {} FLOPs by {off:+.3} nats", count(one.budget_flops)))
+        let off = metric.said(&format!("{off:+.3}"));
+        Some(format!("for {} FLOPs by {off}", count(one.budget_flops)))
     });
     let told: Vec<String> = told.collect();
     (!told.is_empty()).then(|| {
@@ -199,6 +201,17 @@ fn loss_laws(prediction: &Prediction, laws: &Laws) -> Option<String> {
         format!(
             "The loss {log:.3} is the log law's; the floor law, which was nearer at the held-out \
              budget ({floor_error:+.3} against {log_error:+.3}), gives {floor:.3}."
+        )
+    })
+}
+
+/// A loss that the replicates of its own fit do not hold.
+fn outside(prediction: &Prediction) -> Option<String> {
+    let (loss, [low, high]) = (prediction.loss_normalised?, prediction.ci95.loss_normalised?);
+    (loss < low || loss > high).then(|| {
+        format!(
+            "The loss {loss:.3} lies outside its own interval, {low:.3} to {high:.3}: the replicates of this \
+             fit say otherwise. Look for runs that are far off (--outliers spline)."
         )
     })
 }

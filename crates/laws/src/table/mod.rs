@@ -41,11 +41,13 @@ mod read;
 mod rows;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod units;
 mod written;
 
 pub use error::{DropStage, ExpressionError, ExpressionProblem, ReadProblem, TableError};
 pub use expression::Expression;
-pub use outliers::OutlierStage;
+pub use outliers::{OutlierStage, Split};
 pub use read::{ReadError, read};
 pub use rows::{Dropped, Loaded, TableRequest, groups, load};
 pub use written::number;

@@ -5,8 +5,8 @@ use std::cmp::Reverse;
 use std::collections::HashMap;
 
 use super::{
-    Column, DropStage, Expression, Group, Key, OutlierStage, Quantity, Table, TableError, cell,
-    distinct, hint,
+    Column, DropStage, Expression, Group, Key, OutlierStage, Quantity, Split, Table, TableError,
+    cell, distinct, hint,
 };
 use crate::laws::{IsoFlopPoint, Parameters};
 use crate::table::columns::{Named, named};
@@ -39,7 +39,7 @@ pub struct Loaded {
     pub dropped: Vec<Dropped>,
     /// Sentences for a person: what was taken implicitly, what looks wrong.
     pub notes: Vec<String>,
-    /// Sentences on what is likely wrong with all rows; they are notes too.
+    /// Sentences on rows that are likely wrong; they are notes too.
     pub doubts: Vec<String>,
 }
 
@@ -83,10 +83,13 @@ pub fn load(table: &Table, request: &TableRequest) -> Result<Loaded, TableError>
     let rows = kept(DropStage::DropHighest, rows, &named, &mut dropped, reason)?;
     let points = rows.iter().map(|row| derived.checked(*row, &named));
     let mut points = points.collect::<Result<Vec<_>, _>>()?;
+    let Derived { parameters, budget_declared, mut doubts, .. } = derived;
     for stage in &request.outliers {
-        points = without_outliers(*stage, points, &mut dropped)?;
+        let split = without_outliers(*stage, points, &mut dropped)?;
+        points = split.kept;
+        notes.extend(split.doubts.iter().cloned());
+        doubts.extend(split.doubts);
     }
-    let Derived { parameters, budget_declared, doubts, .. } = derived;
     Ok(Loaded { points, parameters, budget_declared, dropped, notes, doubts })
 }
 
@@ -192,16 +195,16 @@ fn without_outliers(
     stage: OutlierStage,
     points: Vec<IsoFlopPoint>,
     dropped: &mut Vec<Dropped>,
-) -> Result<Vec<IsoFlopPoint>, TableError> {
-    let (kept, out) = stage.split(points);
+) -> Result<Split, TableError> {
+    let mut split = stage.split(points);
     let before = dropped.len();
-    dropped.extend(out.into_iter().map(|(point, reason)| Dropped {
+    dropped.extend(split.dropped.drain(..).map(|(point, reason)| Dropped {
         run_id: point.run_id,
         stage: DropStage::Outliers(stage),
         reason,
     }));
-    something_left(DropStage::Outliers(stage), kept.is_empty(), &dropped[before..])?;
-    Ok(kept)
+    something_left(DropStage::Outliers(stage), split.kept.is_empty(), &dropped[before..])?;
+    Ok(split)
 }
 
 // The groups of a column, whose rows are fitted apart.

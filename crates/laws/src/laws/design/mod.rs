@@ -9,16 +9,14 @@
 //! a cell would lower the variance of the loss that is predicted has a closed form, which needs no
 //! training (c-optimal design, Elfving 1952). Cells are taken by that gain per FLOP.
 
-mod advice;
 mod open_grid;
 
-pub(super) use advice::advise;
 pub use open_grid::OpenRun;
 
 use crate::laws::input::{IsoFlopPoint, Parameters, group_checked};
 use crate::laws::joint::{JointLaw, Place, expected_sds, fit_joint};
 use crate::laws::maths::stats::{distinct, dot};
-use crate::laws::minima::{Grid, RunNoise, valley};
+use crate::laws::minima::{Grid, RunNoise, loss_unit, valley};
 use crate::laws::noise::{run_noise, runs_beside_tokenizers};
 use open_grid::{OpenGrid, of_budgets};
 
@@ -52,7 +50,7 @@ fn cheapest(points: &[IsoFlopPoint], open: &[OpenRun]) -> Vec<usize> {
 
 // What the runs so far tell of the loss that is predicted, and what further ones would.
 
-/// How far a law strays between budgets a factor e apart, in nats.
+/// How far a law strays between budgets a factor e apart, in what is worth a nat.
 ///
 /// The errors of the laws' own forecasts are mostly the noise of minima, and would send all runs to
 /// the largest budget: in simulated sweeps (`docs/rounds.md`) a walk of this size takes fewer FLOPs.
@@ -68,7 +66,7 @@ struct Known {
     budgets: Vec<f64>,
     /// The lowest loss of each budget's grid by the law.
     best: Vec<f64>,
-    /// Standard deviation of a run around the law, in nats.
+    /// Standard deviation of a run around the law.
     noise: f64,
 }
 
@@ -91,9 +89,9 @@ impl Known {
         };
         let mut known = Self {
             target: lowest(&law, &budgets, target)?,
-            belief: Belief(prior(&law, &budgets)),
+            belief: Belief(prior(&law, &budgets, loss_unit(&grids))),
             best: budgets.iter().map(best_of).collect(),
-            noise: noise.map_or(RunNoise::GUESS, |noise| noise.sd).max(law.residual_sd),
+            noise: RunNoise::sd_or_guess(noise, &grids).max(law.residual_sd),
             budgets,
             law,
         };
@@ -174,16 +172,16 @@ fn lowest(law: &JointLaw, budgets: &[f64], budget: f64) -> Option<Vec<f64>> {
     Some(row(law, &Place::new(at, law.loss.unique_tokens), budgets, budget))
 }
 
-/// Coefficients as they are expected, and a walk in ln C from the smallest budget.
-fn prior(law: &JointLaw, budgets: &[f64]) -> Vec<Vec<f64>> {
-    let sds = expected_sds(&law.loss);
+/// Coefficients as they are expected, and a walk in ln C from the smallest budget; `unit` of the loss is worth a nat.
+fn prior(law: &JointLaw, budgets: &[f64], unit: f64) -> Vec<Vec<f64>> {
+    let (sds, drift) = (expected_sds(&law.loss, unit), DRIFT * unit);
     let n = sds.len() + budgets.len();
     let mut covariance = vec![vec![0.0; n]; n];
     sds.iter().enumerate().for_each(|(i, sd)| covariance[i][i] = sd * sd);
     let far = |i: usize| (budgets[i] / budgets[0]).ln();
     for i in 0..budgets.len() {
         for j in 0..budgets.len() {
-            covariance[sds.len() + i][sds.len() + j] = DRIFT * DRIFT * far(i.min(j));
+            covariance[sds.len() + i][sds.len() + j] = drift * drift * far(i.min(j));
         }
     }
     covariance

@@ -220,7 +220,7 @@ pub struct Answer {
     /// The loss, with numbers.
     pub formula: String,
     pub coefficients: BTreeMap<String, Coefficient>,
-    /// `nats`, or `as given` in a table of another's.
+    /// `nats`, or another unit that the name of the loss tells; else `as given`.
     pub loss_unit: String,
     /// Those in C of the optimum over the fitted budgets.
     pub exponents: PerQuantity<Exponent>,

@@ -7,7 +7,9 @@
 
 use super::{fill, unfitted};
 use crate::laws::file::{LawKind, Laws};
-use crate::laws::input::{FitError, FitOptions, IsoFlopPoint, Parameters, compare, metric_of};
+use crate::laws::input::{
+    FitError, FitOptions, IsoFlopPoint, Parameters, compare, is_same_budget, metric_of,
+};
 use crate::laws::lines::{Columns, LawSet, PowerLaw, law_set};
 use crate::laws::maths::stats::{below, distinct, extent, geometric_mean, interval95};
 use crate::laws::say::warnings;
@@ -103,11 +105,19 @@ fn laws(
     fill(&mut laws, set, true);
     laws.bootstrap = replicates.iter().filter_map(LawSet::sample).collect();
     laws.warnings = sentences(points, front, options);
+    laws.judgement.rows.extend(warnings::of_two_budgets(&distinct_budgets(points)));
     laws.answered()
 }
 
 fn interval(replicates: &[LawSet], of: impl Fn(&LawSet) -> Option<f64>) -> Option<[f64; 2]> {
     interval95(replicates.iter().filter_map(of))
+}
+
+/// What the runs spent, ascending, each once.
+fn distinct_budgets(points: &[IsoFlopPoint]) -> Vec<f64> {
+    let mut all = distinct(points.iter().map(|p| p.flops));
+    all.dedup_by(|b, a| is_same_budget(*a, *b));
+    all
 }
 
 fn sentences(
@@ -145,8 +155,8 @@ pub fn frontier(points: &[IsoFlopPoint], interpolate: bool) -> Vec<FrontierPoint
     candidates.lowest(&vec![true; candidates.n_curves])
 }
 
-/// Every point that may be on a frontier, ascending in C, with the curve it belongs to: sorted
-/// once, so that a frontier of some of the curves is one pass.
+/// Every point that may be on a frontier, ascending in C, and by loss where C is the same but for rounding, with
+/// the curve it belongs to: sorted once, so that a frontier of some of the curves is one pass.
 struct Candidates {
     points: Vec<(usize, FrontierPoint)>,
     n_curves: usize,
@@ -164,7 +174,9 @@ impl Candidates {
                 all.extend(between(curve, range).map(|p| (index, p)));
             }
         }
-        all.sort_by(|(_, a), (_, b)| a.flops.total_cmp(&b.flops).then(a.loss.total_cmp(&b.loss)));
+        all.sort_by(|(_, a), (_, b)| a.flops.total_cmp(&b.flops));
+        let of_one_budget = all.chunk_by_mut(|(_, a), (_, b)| is_same_budget(a.flops, b.flops));
+        of_one_budget.for_each(|runs| runs.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss)));
         Self { points: all, n_curves: curves.len() }
     }
 
@@ -268,6 +280,55 @@ mod tests {
         let [low, high] = size.exponent_ci95.unwrap();
         assert!(low <= size.exponent && size.exponent <= high, "{low} {high}");
         assert!((laws.power_laws.tokens.unwrap().exponent - 0.5).abs() < 0.02);
+    }
+
+    #[test]
+    fn budgets_that_differ_by_rounding_alone_give_one_frontier() {
+        let budgets = [1e18, 1e19, 1e20, 1e21];
+        let runs = |jitter: f64| -> Vec<IsoFlopPoint> {
+            let of = |(i, run): (usize, IsoFlopPoint)| {
+                let c = budgets[i % 4] * (1.0 + jitter * ((i * 7 % 5) as f64 - 2.0));
+                let off = (run.params_nonvocab / c.sqrt()).ln();
+                let loss = 2.0 + c.powf(-0.1) * (1.0 + 0.02 * off * off);
+                IsoFlopPoint { budget_flops: c, flops: c, loss, ..run }
+            };
+            curves().into_iter().enumerate().map(of).collect()
+        };
+        let sizes = |runs: &[IsoFlopPoint]| {
+            let front = frontier(runs, true);
+            front.iter().map(|point| point.params_nonvocab).collect::<Vec<f64>>()
+        };
+        assert_eq!(sizes(&runs(1e-14)), sizes(&runs(0.0)));
+    }
+
+    #[test]
+    fn an_exponent_that_no_optimum_has_is_a_doubt() {
+        let swapped = |run: IsoFlopPoint| IsoFlopPoint {
+            params_nonvocab: run.flops.powf(1.4) / run.params_nonvocab.sqrt(),
+            ..run
+        };
+        let runs: Vec<IsoFlopPoint> = curves().into_iter().map(swapped).collect();
+        let answer = approach1(&runs, &options()).unwrap().answer();
+        let value = answer.exponents.params.unwrap().value.unwrap();
+        assert!(value > 1.0, "{value}");
+        assert!(
+            answer.doubts.iter().any(|doubt| doubt.kind == "implausible"),
+            "{:?}",
+            answer.doubts
+        );
+    }
+
+    #[test]
+    fn two_budgets_alone_are_told() {
+        let two = [12, 30].map(|step| 1e12 * 1.5f64.powi(step));
+        let runs = curves().into_iter().filter(|p| two.contains(&p.flops));
+        let runs: Vec<IsoFlopPoint> = runs.collect();
+        let laws = approach1(&runs, &options()).unwrap();
+        let doubts = laws.answer().doubts;
+        assert!(
+            doubts.iter().any(|doubt| doubt.what.contains("two budgets fit any")),
+            "{doubts:?}"
+        );
     }
 
     #[test]

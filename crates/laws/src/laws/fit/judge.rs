@@ -5,13 +5,13 @@ use crate::laws::file::{IntervalPart, Judgement, Laws, Tried};
 use crate::laws::input::{Cell, FitOptions, MinimumMethod, Parameters};
 use crate::laws::joint::{JointLaw, fit_joint, repeat, replicates};
 use crate::laws::lines::{Bootstrap, LawSample, LawSet, PowerLaws, Sensitivity, Sources};
-use crate::laws::maths::stats::{extent, interval95};
+use crate::laws::maths::stats::{extent, interval95, standard_deviation};
 use crate::laws::minima::{
-    ByMethod, Grid, Minimum, lack_of_fit, loss_unit, n_vocabularies, of_grids, usable,
+    ByMethod, Grid, Minimum, RunNoise, lack_of_fit, loss_unit, n_vocabularies, of_grids, usable,
 };
 use crate::laws::noise::Scatter;
 use crate::laws::ranking::{Candidate, ForecastError, Recommended, Rows, shares};
-use crate::laws::say::warnings::of_spend;
+use crate::laws::say::warnings::{of_flat, of_spend};
 use crate::laws::say::why_recommended;
 
 /// Replicates of the joint law at most: each is a fit of its own.
@@ -36,7 +36,7 @@ pub(super) fn judge(
         test_noise: scatter.test.cloned(),
         interval_parts,
         tried: Some(tried(grids)),
-        rows: unequal_spend(grids).into_iter().collect(),
+        rows: unequal_spend(grids).into_iter().chain(flat(grids, scatter.noise)).collect(),
         ..Judgement::default()
     };
     if !options.recommend {
@@ -93,7 +93,7 @@ fn rank(rows: &Rows, laws: &Laws, joint: Option<&JointLaw>) -> Recommended {
     // A law of minima that all budgets together do not tell predicts nothing.
     scores.retain(|score| score.law.is_joint() || laws.power_laws.tokens.is_some());
     let law = scores.first().map_or(untested, |best| best.law);
-    let why = why_recommended(&scores, rows.grids.len());
+    let why = why_recommended(&scores, rows.grids.len(), &laws.metric);
     let loss_unit = loss_unit(rows.grids);
     Recommended { law, minima_method: laws.minima_method, why, scores, loss_unit }
 }
@@ -139,6 +139,16 @@ fn unequal_spend(grids: &[Grid]) -> Option<String> {
     let all = grids.iter().map(|grid| (grid.budget_flops, shares(grid)));
     let (budget, shares) = all.max_by(|a, b| spread(a.1).total_cmp(&spread(b.1)))?;
     (spread(shares) > EQUAL_SPEND).then(|| of_spend(shares, budget))
+}
+
+/// Times the noise of a run that the losses of all runs differ by, at least, where they tell anything.
+const TELLING: f64 = 2.0;
+
+/// A sentence where the losses are hardly more than noise.
+fn flat(grids: &[Grid], noise: Option<RunNoise>) -> Option<String> {
+    let losses: Vec<f64> = grids.iter().flat_map(|g| &g.cells).map(|cell| cell.loss).collect();
+    let (sd, noise) = (standard_deviation(&losses), noise?.sd);
+    (sd < TELLING * noise).then(|| of_flat(sd, noise))
 }
 
 /// The extent of some cells.

@@ -11,7 +11,7 @@ pub use judge::sensitivity_row;
 pub use parametric_laws::{around, fit_parametric, parametric_laws};
 
 use self::judge::{admissible, interval_parts, judge, sensitivity};
-use crate::laws::design::advise;
+use crate::laws::advice::advise;
 use crate::laws::file::{HeldOut, IntervalPart, LawKind, Laws};
 use crate::laws::input::{
     FitError, FitOptions, HoldOut, IsoFlopPoint, MinimumMethod, Parameters, group_checked,

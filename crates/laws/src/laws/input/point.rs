@@ -101,6 +101,21 @@ impl Metric {
     pub fn name(&self) -> &str {
         &self.0
     }
+
+    /// What it is in, if that is known.
+    pub fn unit(&self) -> Option<&'static str> {
+        match self.name() {
+            LOSS_NORMALISED | "loss_nats" => Some("nats"),
+            "nats_per_frame" => Some("nats a frame"),
+            "nats_per_second" => Some("nats a second"),
+            _ => None,
+        }
+    }
+
+    /// A number of it for a person: `0.012 nats`, or without a unit where none is known.
+    pub fn said(&self, number: &str) -> String {
+        self.unit().map_or_else(|| number.to_string(), |unit| format!("{number} {unit}"))
+    }
 }
 
 impl Default for Metric {

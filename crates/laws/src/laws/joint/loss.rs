@@ -57,6 +57,11 @@ impl Terms {
             .collect()
     }
 
+    /// Where the coefficients stand that are a loss: e0 and e1.
+    pub(super) fn of_the_loss(self) -> impl Iterator<Item = usize> {
+        [0].into_iter().chain(self.vocab.then_some(BASE))
+    }
+
     /// Where κe stands among the values.
     pub(super) fn kappa_e(self) -> usize {
         BASE + usize::from(self.vocab)

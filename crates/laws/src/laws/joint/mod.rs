@@ -29,7 +29,7 @@ use self::problem::{Cells, Problem};
 use crate::laws::input::Cell;
 use crate::laws::maths::engine::{MOST_STEPS, minimise};
 use crate::laws::maths::stats::Normals;
-use crate::laws::minima::{Grid, RunNoise};
+use crate::laws::minima::{Grid, RunNoise, loss_unit};
 use crate::laws::noise::Scatter;
 
 /// Degrees of freedom that the residuals are given, at least.
@@ -47,7 +47,8 @@ pub(super) fn fit_joint(
 ) -> Option<JointLaw> {
     let cells = Cells::new(grids);
     let terms = cells.terms(repeats)?;
-    let problem = Problem::new(&cells, terms, RunNoise::sd_or_guess(noise, grids));
+    let problem =
+        Problem::new(&cells, terms, RunNoise::sd_or_guess(noise, grids), loss_unit(grids));
     let values = problem.best()?;
     let rss = problem.of_cells(&values);
     let (n, p) = (cells.all.len(), terms.count());
@@ -132,7 +133,7 @@ fn refitted(
 ) -> Vec<f64> {
     let cells = Cells::new(drawn);
     let noise = RunNoise::sd_or_guess(noise, grids);
-    let mut problem = Problem::new(&cells, law.loss.terms, noise);
+    let mut problem = Problem::new(&cells, law.loss.terms, noise, loss_unit(grids));
     problem.weights = Cells::new(grids).weights(noise);
     problem.frame = law.loss.clone();
     minimise(&problem, law.loss.values.clone(), MOST_STEPS).0

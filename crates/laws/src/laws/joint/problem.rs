@@ -82,8 +82,11 @@ impl<'a> Cells<'a> {
 
 /// The exponents that a search starts from.
 const STARTS: [f64; 3] = [0.2, 0.5, 1.0];
-/// The standard deviation of a coefficient of which nothing is expected.
+/// The standard deviation of a coefficient of which nothing is expected: one of the loss in what is worth a nat, or a
+/// logarithm.
 const UNEXPECTED: f64 = 10.0;
+/// The least A and B that a search starts from, in what is worth a nat.
+const LEAST: f64 = 0.02;
 /// Bounds of the exponents α and β.
 const EXPONENTS: [f64; 2] = [0.02, 4.0];
 /// The rate at which the limit of the loss saturates in ln V: what is expected, within a factor e, and
@@ -130,9 +133,11 @@ fn expected(terms: Terms) -> Vec<Expectation> {
     all
 }
 
-/// How widely each coefficient of a law may lie before any cell is asked, as standard deviations.
-pub(in crate::laws) fn expected_sds(law: &JointLoss) -> Vec<f64> {
+/// How widely each coefficient of a law may lie before any cell is asked, as standard deviations; `unit` of the loss is
+/// worth a nat.
+pub(in crate::laws) fn expected_sds(law: &JointLoss, unit: f64) -> Vec<f64> {
     let mut sds = vec![UNEXPECTED; law.terms.count()];
+    law.terms.of_the_loss().for_each(|index| sds[index] *= unit);
     for Expectation { index, sd, in_logs, .. } in expected(law.terms) {
         sds[index] = sd * if in_logs { law.values[index] } else { 1.0 };
     }
@@ -148,11 +153,12 @@ pub(super) struct Problem {
     pub weights: Vec<f64>,
     expected: Vec<Expectation>,
     noise: f64,
+    least: f64,
 }
 
 impl Problem {
-    /// `noise` is the standard deviation of a run.
-    pub fn new(cells: &Cells, terms: Terms, noise: f64) -> Self {
+    /// `noise` is the standard deviation of a run; `unit` of the loss is worth a nat.
+    pub fn new(cells: &Cells, terms: Terms, noise: f64, unit: f64) -> Self {
         let all = &cells.all;
         let runs = all.iter().map(|cell| cell.runs).sum::<f64>() / all.len() as f64;
         let unique = all.iter().filter_map(|cell| cell.unique_tokens);
@@ -169,6 +175,7 @@ impl Problem {
             weights: cells.weights(noise),
             expected: expected(terms),
             noise: noise / runs.sqrt(),
+            least: LEAST * unit,
         }
     }
 
@@ -228,7 +235,7 @@ impl Problem {
         };
         let rows: Vec<Vec<f64>> = self.places.iter().map(row).collect();
         let c = least_squares(&rows, &self.losses)?.coefficients;
-        let positive = |x: f64| x.max(0.02).ln();
+        let positive = |x: f64| x.max(self.least).ln();
         let mut values = vec![c[0], positive(c[1]), alpha, positive(c[2]), beta];
         values.extend(c.get(3));
         values.extend([kappa_e, 0.0, 0.0].into_iter().filter(|_| saturating));

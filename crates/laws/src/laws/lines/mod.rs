@@ -3,14 +3,12 @@
 mod loss;
 mod power;
 mod resampling;
-mod slices;
 
 pub(super) use loss::EXPONENT_RANGE;
 pub use loss::{FloorLaw, FloorSample, LogLaw, LossLaws, floor_law, log_law};
 pub use power::{PowerLaw, power_law};
 pub(super) use resampling::{Bootstrap, Replicate, Sources, minima_with_intervals, validate};
 pub use resampling::{Validation, ValidationKind};
-pub use slices::{Slices, slices};
 
 use self::power::from_line;
 use crate::laws::input::{FitOptions, Parameters, PerQuantity, Weights, is_same_budget};

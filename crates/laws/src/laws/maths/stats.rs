@@ -54,7 +54,7 @@ pub fn quantile(values: &[f64], p: f64) -> Option<f64> {
     Some(at_rank(&sorted, p * sorted.len().checked_sub(1)? as f64))
 }
 
-/// The 95 % percentile interval; none from fewer than forty values.
+/// The 95 % percentile interval; none from fewer than forty values, or where an end is not finite.
 ///
 /// Its ends have rank p(n + 1) (R's type 6): a further value falls between them with a probability of
 /// 95 % for every n, where type 7 gives 94 % for 200 values.
@@ -65,7 +65,7 @@ pub fn interval95(values: impl IntoIterator<Item: Borrow<f64>>) -> Option<[f64; 
         return None;
     }
     let end = |p: f64| at_rank(&sorted, p * (sorted.len() + 1) as f64 - 1.0);
-    Some([end(0.025), end(0.975)])
+    Some([end(0.025), end(0.975)]).filter(|ends| ends.iter().all(|end| end.is_finite()))
 }
 
 /// The value at a rank counted from 0, between its neighbours where it is no integer.
@@ -235,6 +235,16 @@ mod tests {
         assert!((low - 5.0).abs() < 1e-9 && (high - 195.0).abs() < 1e-9, "{low}..{high}");
         assert_eq!(interval95(&ramp[..39]), None);
         assert!(interval95(&ramp[..40]).is_some());
+    }
+
+    #[test]
+    fn an_interval_has_finite_ends_or_there_is_none() {
+        let values: Vec<f64> = (0..100).map(f64::from).collect();
+        assert!(interval95(&values).is_some());
+        let mut endless = values;
+        endless[..9].fill(f64::NEG_INFINITY);
+        assert_eq!(interval95(&endless), None);
+        assert_eq!(interval95([f64::NAN; 60]), None);
     }
 
     #[test]

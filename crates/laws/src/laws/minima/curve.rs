@@ -146,13 +146,6 @@ fn lowest_inside(x: &[f64], y: &[f64]) -> Option<(f64, f64)> {
     inside.then_some((at, lowest))
 }
 
-/// The spline through two points or more of ascending x, at a place between two of them.
-pub(crate) fn spline_at(x: &[f64], y: &[f64], place: f64) -> f64 {
-    let i = x.iter().rposition(|x| *x <= place).unwrap_or(0).min(x.len() - 2);
-    let piece = Piece::between(i, x, y, &knot_slopes(x, y));
-    piece.at(place - piece.start)
-}
-
 /// Akima's slope at every knot: the mean of the slopes of the pieces before and after it, each
 /// weighted by the bend on the other side; two further pieces at each end continue the last bend.
 fn knot_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
@@ -288,7 +281,9 @@ mod tests {
 
     fn at(knots: &[(f64, f64)], place: f64) -> f64 {
         let (x, y): (Vec<f64>, Vec<f64>) = knots.iter().copied().unzip();
-        spline_at(&x, &y, place)
+        let i = x.iter().rposition(|x| *x <= place).unwrap_or(0).min(x.len() - 2);
+        let piece = Piece::between(i, &x, &y, &knot_slopes(&x, &y));
+        piece.at(place - piece.start)
     }
 
     #[test]

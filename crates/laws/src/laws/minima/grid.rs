@@ -275,21 +275,18 @@ fn lost(grid: &Grid) -> impl Iterator<Item = &Cell> {
 const FALL: f64 = 0.1;
 
 /// How much of the loss is worth a nat. L_u is in nats; any other loss may be in bits, or in bits a byte, and its
-/// own fall for each factor e of the budget stands for [`FALL`]. With one budget the range of its losses stands
-/// for two factors e.
+/// own fall for each factor e of the budget stands for [`FALL`]. With one budget, or if the loss does not fall, the range
+/// of all losses stands for two factors e.
 pub(in crate::laws) fn loss_unit(grids: &[Grid]) -> f64 {
     let (Some(first), Some(last)) = (grids.first(), grids.last()) else { return 1.0 };
     if first.best().in_nats {
         return 1.0;
     }
-    let fall = match (last.budget_flops / first.budget_flops).ln() {
-        distance if distance > 0.0 => (first.best().loss - last.best().loss) / distance,
-        _ => {
-            let losses = || first.cells.iter().map(|cell| cell.loss);
-            (losses().fold(f64::MIN, f64::max) - losses().fold(f64::MAX, f64::min)) / 2.0
-        }
-    };
-    if fall > 0.0 { fall / FALL } else { 1.0 }
+    let distance = (last.budget_flops / first.budget_flops).ln();
+    let fall = (first.best().loss - last.best().loss) / distance;
+    let [low, high] = extent(grids.iter().flat_map(|grid| &grid.cells).map(|cell| cell.loss));
+    let falls = [fall, (high - low) / 2.0].into_iter().find(|fall| fall.is_finite() && *fall > 0.0);
+    falls.map_or(1.0, |fall| fall / FALL)
 }
 
 impl RunNoise {

@@ -177,7 +177,7 @@ pub enum NoiseSource {
 /// The scatter of single runs, pooled over the fitted budgets.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunNoise {
-    /// Standard deviation of one run's loss, in nats.
+    /// Standard deviation of one run's loss.
     pub sd: f64,
     /// Degrees of freedom of its square.
     pub dof: usize,
@@ -185,7 +185,7 @@ pub struct RunNoise {
 }
 
 impl RunNoise {
-    /// The standard deviation of a run that is guessed where it is not known, in nats.
+    /// The standard deviation of a run that is guessed where it is not known, in what is worth a nat.
     pub(in crate::laws) const GUESS: f64 = 0.02;
 }
 

@@ -9,7 +9,6 @@ mod grid;
 mod minimum;
 mod surface;
 
-pub(crate) use curve::spline_at;
 pub use grid::WIDEST_STEP;
 pub(super) use grid::{Grid, Scale, loss_unit, lost_runs, n_vocabularies, valley};
 pub(super) use minimum::{ByMethod, PREFERRED, hold_out, law_method, tell_laws, usable};

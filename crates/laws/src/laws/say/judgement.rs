@@ -2,7 +2,7 @@
 
 use super::flags_text;
 use crate::laws::file::{Doubt, Exponent, Inside, LawKind, Laws, Validated};
-use crate::laws::input::PerQuantity;
+use crate::laws::input::{Metric, PerQuantity};
 use crate::laws::minima::Minimum;
 use crate::laws::ranking::{Recommended, Score};
 use crate::laws::text::{count, short};
@@ -17,6 +17,7 @@ pub(in crate::laws) fn doubts(
     rows(laws)
         .chain(missed)
         .chain(of_exponents(undetermined))
+        .chain(implausible(exponents))
         .chain(untested(laws))
         .chain(no_intervals(laws))
         .chain(disagreement(laws, exponents))
@@ -31,7 +32,7 @@ fn rows(laws: &Laws) -> impl Iterator<Item = Doubt> {
         move |said: &String| Doubt::new(kind, said.trim_end_matches('.').to_string(), "")
     };
     let parametric = laws.parametric.iter().flat_map(|own| &own.warnings);
-    laws.judgement.rows.iter().map(doubt("units")).chain(parametric.map(doubt("parametric")))
+    laws.judgement.rows.iter().map(doubt("rows")).chain(parametric.map(doubt("parametric")))
 }
 
 /// A forecast that did not hold.
@@ -50,6 +51,21 @@ fn of_exponents(all: &[(&str, Undetermined)]) -> Vec<Doubt> {
         Doubt::new("not-determined", what, why.remedy())
     };
     all.chunk_by(|a, b| a.1 == b.1).map(of).collect()
+}
+
+/// Exponents that no optimum has: N or D would fall as the budget grows.
+fn implausible(exponents: &PerQuantity<Exponent>) -> Option<Doubt> {
+    let is_out = |x: &f64| !(0.0..=1.0).contains(x);
+    let size_or_data = exponents.named().filter(|(name, _)| ["N", "N_nv", "D"].contains(name));
+    let told = size_or_data.filter_map(|(name, own)| Some((name, own.value.filter(is_out)?)));
+    let told: Vec<String> = told.map(|(name, value)| format!("{name} {value:.3}")).collect();
+    (!told.is_empty()).then(|| {
+        let what = format!(
+            "Exponents below 0 or above 1 are those of no optimum ({}): N or D would fall as C grows",
+            told.join(", ")
+        );
+        Doubt::new("implausible", what, "check --columns, and add budgets")
+    })
 }
 
 /// A law that no held-out budget has tested.
@@ -244,15 +260,19 @@ impl Beyond {
     }
 }
 
-/// Why the first of some scores is that of the law to believe, of `budgets` budgets.
-pub(in crate::laws) fn why_recommended(scores: &[Score], budgets: usize) -> String {
+/// Why the first of some scores is that of the law to believe, of `budgets` budgets and losses of a metric.
+pub(in crate::laws) fn why_recommended(
+    scores: &[Score],
+    budgets: usize,
+    metric: &Metric,
+) -> String {
     match scores {
         [] => format!("no law could be tested ({budgets} budgets)"),
         [_] => "no other law could be tested".to_string(),
         [best, .., worst] => format!(
-            "fitted to smaller budgets, it missed the losses of larger ones by {:.4} nats (root mean \
-             square of {}), {} by {:.4}",
-            best.rms,
+            "fitted to smaller budgets, it missed the losses of larger ones by {} (root mean square of {}), \
+             {} by {:.4}",
+            metric.said(&format!("{:.4}", best.rms)),
             best.compared().count(),
             worst.law.about(),
             worst.rms

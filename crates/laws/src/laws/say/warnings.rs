@@ -6,7 +6,7 @@ use crate::laws::lines::{EXPONENT_RANGE, FloorLaw};
 use crate::laws::maths::stats::MIN_REPLICATES;
 use crate::laws::minima::{Grid, Minimum, PREFERRED, RunNoise, has_residuals, n_vocabularies};
 use crate::laws::parametric::{Finding, Influence, LEAST_ROWS};
-use crate::laws::text::{count, times};
+use crate::laws::text::{count, short, times};
 
 /// A minimum may spend this share more or less than declared before a warning says so.
 const ACHIEVED_TOLERANCE: f64 = 0.05;
@@ -61,6 +61,26 @@ fn achieved(used: &[Minimum], options: &FitOptions) -> Option<String> {
         worst.flops / worst.budget_flops,
         options.flops_rule
     ))
+}
+
+/// Where a frontier goes over so few budgets that nearly all of it is interpolated.
+pub(in crate::laws) fn of_two_budgets(budgets: &[f64]) -> Option<String> {
+    let [low, high] = budgets else { return None };
+    Some(format!(
+        "All runs spend {} or {} FLOPs: between them the frontier is interpolated, and two budgets fit any power law.",
+        count(*low),
+        count(*high)
+    ))
+}
+
+/// Where losses differ by hardly more than runs scatter; both as standard deviations.
+pub(in crate::laws) fn of_flat(losses: f64, noise: f64) -> String {
+    format!(
+        "The losses of all runs differ by hardly more than one run scatters ({} against {}, standard deviations): \
+         they tell no optimum.",
+        short(losses, 2),
+        short(noise, 2)
+    )
 }
 
 /// Where the held-out minimum is itself doubtful.

@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::laws::file::AdviceKind;
+use crate::laws::maths::stats::Normals;
 
 #[test]
 fn an_empty_table_is_refused() {
@@ -214,6 +215,19 @@ fn losses_that_are_all_equal_identify_nothing() {
     let kept = laws(&points, &FitOptions { keep_flagged: true, ..with_replicates() });
     assert!(has_no_intervals(&kept) && kept.loss.floor.is_none());
     assert!(kept.answer().exponents.is_undetermined(), "{:?}", kept.answer());
+}
+
+#[test]
+fn losses_that_are_noise_alone_are_told_of_and_those_of_a_sweep_are_not() {
+    let mut points = simulated().points();
+    let said = |points: &[IsoFlopPoint]| {
+        let rows = fit(points, &options()).unwrap().judgement.rows;
+        rows.iter().any(|row| row.contains("they tell no optimum"))
+    };
+    assert!(!said(&points));
+    let mut normals = Normals::of_stream(3, 0);
+    points.iter_mut().for_each(|point| point.loss = 3.0 + 0.001 * normals.draw());
+    assert!(said(&points));
 }
 
 #[test]

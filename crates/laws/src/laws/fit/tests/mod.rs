@@ -4,9 +4,10 @@ mod degenerate;
 
 use super::*;
 use crate::laws::input::Weights;
-use crate::laws::lines::{PowerLaw, PowerLaws, power_law, slices};
+use crate::laws::lines::{PowerLaw, PowerLaws, power_law};
 use crate::laws::minima::MinimumFlag;
 use crate::laws::simulated::{SURFACE, Simulated, point};
+use crate::laws::slices;
 
 const BUDGETS: [f64; 6] = [1e15, 3e15, 1e16, 3e16, 1e17, 3e17];
 const VOCABULARIES: [f64; 9] =
