@@ -9,7 +9,7 @@ use isoflop::jobs::gpu::{Gpu, MfuSource, too_large};
 use isoflop::jobs::history::{Finished, known};
 use isoflop::jobs::speed::Speed;
 use isoflop::jobs::{Job, JobId, JobKind, RunStates, inputs, missing_jobs};
-use isoflop::machine::Card;
+use isoflop::machine::{self, Card};
 use isoflop::plan::{Plan, PlannedRun, bytes_on_card};
 use isoflop::spec::{Precision, TokenizerJob};
 use rayon::prelude::*;
@@ -31,7 +31,7 @@ impl PlanArgs {
     fn gpu(&self, open: &OpenSweep, output: &Output) -> Result<Option<Gpu>> {
         let OpenSweep { sweep, plan, folder } = open;
         let engine = sweep.engine.as_ref();
-        let Some(card) = self.gpu.or_else(|| engine?.card()) else {
+        let Some(card) = self.gpu.or_else(|| machine::find(engine?.gpu.as_deref()?)) else {
             if self.price.is_some() {
                 bail!("--price is that of a GPU: name one by --gpu or engine.gpu");
             }

@@ -17,6 +17,7 @@
 mod cells;
 mod check;
 mod overrides;
+mod path;
 pub mod presets;
 mod problem;
 mod reference;

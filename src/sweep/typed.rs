@@ -3,7 +3,7 @@
 use serde::de::DeserializeOwned;
 use serde_yaml::Value;
 
-use super::overrides;
+use super::path;
 use super::problem::{Problem, nearest};
 
 /// Deserialises; each entry that fails is noted and taken out, until the rest is right or stuck.
@@ -25,7 +25,7 @@ pub fn typed<T: DeserializeOwned>(
         if missed.is_none_or(|field| !removed.holds(&field)) {
             problems.push(explain(&in_the_file, &message));
         }
-        if path.is_empty() || !overrides::remove(&mut value, &path) {
+        if path.is_empty() || !path::remove(&mut value, &path) {
             return None;
         }
         removed.note(in_the_file);

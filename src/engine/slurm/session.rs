@@ -72,7 +72,7 @@ impl Engine for Slurm {
 /// out, or, with a card, one.
 fn settings(request: &SweepRequest) -> Result<Settings> {
     let engine = request.sweep.engine.clone().unwrap_or_default();
-    let (has_card, of_sweep) = (engine.card().is_some(), engine.slurm);
+    let (has_card, of_sweep) = (engine.gpu.is_some(), engine.slurm);
     let settings = Settings(match request.profile {
         Some(path) => read_profile(path)?.over(of_sweep),
         None => of_sweep,

@@ -1,6 +1,6 @@
 //! What types alone cannot say of the `engine` section and of a profile file.
 
-use crate::machine::CARDS;
+use crate::machine::{self, CARDS};
 use crate::sweep::problem::{Problem, nearest};
 use crate::sweep::sections::{
     Amount, Count, EngineSection, Resources, SlurmSection, Stage, Sweep, minutes,
@@ -18,7 +18,7 @@ pub fn check(sweep: &Sweep) -> Vec<Problem> {
 
 /// A card that is not known, and an MFU that is no share of its peak.
 fn gpu(section: &EngineSection) -> Vec<Problem> {
-    let unknown = section.gpu.as_ref().filter(|_| section.card().is_none());
+    let unknown = section.gpu.as_ref().filter(|name| machine::find(name).is_none());
     let unknown = unknown.map(|name| {
         let names = CARDS.each_ref().map(|card| card.name);
         Problem::value("engine.gpu", format!("no card is named `{name}`"))

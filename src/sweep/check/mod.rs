@@ -2,16 +2,16 @@
 
 pub mod engine;
 mod grid;
+mod vary;
 
 use super::problem::{Problem, nearest};
 use super::sections::{CommandError, PLACEHOLDERS, ScheduleKind, Sweep, TrainerCommand};
-use super::variants;
 use crate::spec::{DataSource, GeneratorKind, KeyProblem, Precision, Scales, SpecError, is_torch};
 
 /// All problems of a sweep whose types are right.
 pub fn check(sweep: &Sweep) -> Vec<Problem> {
     let mut problems = of_one_variant(sweep);
-    problems.extend(variants::problems(sweep, of_one_variant));
+    problems.extend(vary::problems(sweep, of_one_variant));
     problems
 }
 

@@ -23,7 +23,7 @@ use crate::spec::{
 use crate::units::number::{self, Written, plain};
 use crate::units::{Ways, section};
 
-plain!(ScheduleKind, ScheduleSection, RateParams, HoldOutSpec);
+plain!(ScheduleKind, ScheduleSection, RateParams);
 
 /// Sections that a number or a command may stand for.
 macro_rules! short {
@@ -133,15 +133,23 @@ pub enum HoldOutSpec {
     None,
 }
 
-section! {
-    /// The `fit` section: how laws are fitted to the runs.
-    pub struct FitSection {
-        /// How the minimum of each budget is found: the laws go through the parabolas, or through the
-        /// best runs where too few parabolas can be trusted, and the others stand beside them.
-        minima: Vec<MinimumMethod> = vec![Parabola, Argmin, Cubic, Surface];
-        hold_out: HoldOutSpec = HoldOutSpec::default();
-        /// Bootstrap replicates for the intervals.
-        bootstrap: usize = 1000;
+/// The `fit` section: how laws are fitted to the runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FitSection {
+    /// How the minimum of each budget is found: the laws go through the parabolas, or through the
+    /// best runs where too few parabolas can be trusted, and the others stand beside them.
+    pub minima: Vec<MinimumMethod>,
+    pub hold_out: HoldOutSpec,
+    /// Bootstrap replicates for the intervals.
+    #[serde(deserialize_with = "number::read")]
+    pub bootstrap: usize,
+}
+
+impl Default for FitSection {
+    fn default() -> Self {
+        let minima = vec![Parabola, Argmin, Cubic, Surface];
+        Self { minima, hold_out: HoldOutSpec::default(), bootstrap: 1000 }
     }
 }
 

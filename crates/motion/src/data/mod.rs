@@ -25,13 +25,11 @@ mod motion_files;
 mod npy;
 mod other_sources;
 mod source;
+mod summary;
 mod texts;
 
 pub use clips::LengthRule;
-pub use facts::{
-    Checked, Counted, DataFacts, Demand, LENGTH_BIN, MemberFacts, Tally, WORDS_BIN, check_folder,
-    count, test_groups,
-};
+pub use facts::{Checked, Counted, LENGTH_BIN, Tally, WORDS_BIN, check_folder, count, test_groups};
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
 pub use motion_files::{FPS, read_motion};
 pub use npy::{NpyArray, NpyProblem, parse_npy, write_npy};
@@ -40,6 +38,7 @@ pub use source::{
     DataError, FAR, FEATURE_GROUPS, FeatureStats, Member, Metadata, MotionSource, Split,
     StatsAccumulator, UNIT_FRAMES,
 };
+pub use summary::{DataFacts, Demand, MemberFacts};
 pub use texts::{Annotation, CaptionProblem, parse_annotation};
 
 use std::path::Path;

@@ -26,7 +26,7 @@ macro_rules! plain {
 }
 pub use plain;
 
-plain!(bool, String, std::path::PathBuf, isoflop_laws::laws::MinimumMethod);
+plain!(bool, String, std::path::PathBuf);
 
 impl Written for f64 {
     fn written<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
