@@ -21,6 +21,7 @@ mod clips;
 mod facts;
 mod humanml3d;
 pub mod import;
+mod look;
 mod motion_files;
 mod npy;
 mod other_sources;
@@ -33,6 +34,7 @@ pub use facts::{
     count, test_groups,
 };
 pub use humanml3d::{HumanMl3d, HumanMl3dOptions};
+pub use look::{Finding, Found, Held, Look, Seen, look};
 pub use motion_files::{FPS, read_motion};
 pub use npy::{NpyArray, NpyProblem, parse_npy, write_npy};
 pub use other_sources::{Procedural, ProceduralOptions, Union};
