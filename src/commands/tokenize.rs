@@ -22,8 +22,9 @@ pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
     };
     // All are read and encoded before the first is written.
     let encoded: Vec<(ClipCodes, Vec<f32>)> = motions.map(encode).collect::<Result<_>>()?;
-    let motions = args.files.iter().zip(encoded.iter().map(|(_, features)| features.as_slice()));
-    warn_of(motions, tokenizer.tokenizer.stats(), output);
+    let paths = args.files.iter().map(PathBuf::as_path);
+    let features = encoded.iter().map(|(_, features)| features.as_slice());
+    warn_of(paths.zip(features), tokenizer.tokenizer.stats(), output);
     let clips: Vec<ClipCodes> = encoded.into_iter().map(|(clip, _)| clip).collect();
     places.iter().zip(&clips).try_for_each(|(place, clip)| clip.write(place))?;
     let document = json!({ "tokenizer": tokenizer.id, "files": places, "motions": clips });
@@ -32,7 +33,7 @@ pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
 
 /// Warns of motions of files that may be no motion of a body, or not of the data that `stats` are of.
 pub fn warn_of<'a>(
-    motions: impl Iterator<Item = (&'a PathBuf, &'a [f32])>,
+    motions: impl Iterator<Item = (&'a Path, &'a [f32])>,
     stats: &FeatureStats,
     output: &Output,
 ) {

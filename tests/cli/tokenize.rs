@@ -203,7 +203,7 @@ fn a_motion_in_other_units_axes_or_sides_is_told_by_name() {
         ("inches", |place| place.map(|c| c / 2.54), "the legs are 0.39"),
         ("hundredths", |place| place.map(|c| c / 100.0), "the legs are 0.010 times"),
         ("child", |place| place.map(|c| 0.6 * c), "the legs are 0.6"),
-        ("z_up", |[x, y, z]| [x, -z, y], "the body lies along"),
+        ("z_up", |[x, y, z]| [x, -z, y], "the body lies "),
         ("mirrored", |[x, y, z]| [-x, y, z], "the toes are behind the ankles"),
     ];
     for (name, change, words) in cases {

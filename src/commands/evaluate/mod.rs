@@ -111,7 +111,7 @@ fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     let (paths, motions) =
         named_motions(&args.motions, args.texts.as_deref(), trusted.evaluator.fps())?;
     let features = motions.iter().map(|(features, _)| features.as_slice());
-    warn_of(paths.iter().zip(features), trusted.evaluator.stats(), output);
+    warn_of(paths.iter().map(PathBuf::as_path).zip(features), trusted.evaluator.stats(), output);
     let scores = FileScores::of(&motions, &trusted, args)?;
     output.result(&serde_json::to_value(&scores)?, &text_of_files(&scores))
 }

@@ -124,12 +124,7 @@ impl Source {
     ///
     /// # Errors
     /// The file is no motion, is longer than what is asked for, or nothing of it is made anew.
-    fn read(
-        path: &PathBuf,
-        args: &GenerateArgs,
-        run: &TrainedRun,
-        output: &Output,
-    ) -> Result<Self> {
+    fn read(path: &Path, args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<Self> {
         let mut features = read_motion(path, run.spec.fps)?;
         warn_of(std::iter::once((path, &*features)), run.tokenizer.stats(), output);
         let own = features.len() / N_FEATURES;

@@ -17,6 +17,7 @@ use std::ops::RangeInclusive;
 use rayon::prelude::*;
 
 use super::source::{FAR, FEATURE_GROUPS, FeatureStats, Split, StatsAccumulator};
+use crate::motion::geometry::norm;
 use crate::motion::retarget::{BACKWARDS, Stance, Up, has_target_bones};
 use crate::motion::{
     MIRROR_PARTNER, N_FEATURES, POSITIONS, Pose, ROOT_HEIGHT, lowest, mirror_features,
@@ -120,7 +121,7 @@ fn grouped(named: impl Iterator<Item = (Finding, String)>, of: usize) -> Vec<Fou
 
 /// Legs shorter or longer by these factors are of another unit of length, or of another body.
 const LEGS: RangeInclusive<f64> = 0.75..=1.33;
-/// Cosine between y and the direction from the ankles to the shoulders below which a body lies.
+/// Cosine between y and the mean direction from the ankles to the shoulders below which a body lies.
 const LYING: f64 = 0.5;
 /// Frames that one pose fills, at least, and their share of the motion.
 const STILL: (usize, f64) = (40, 0.5);
@@ -138,7 +139,7 @@ fn of_one(motion: Held, stats: Option<&FeatureStats>) -> Vec<Finding> {
     if !stance.legs.is_finite() {
         return Vec::new();
     }
-    let lies = stance.upright < LYING;
+    let lies = stance.height[1] < LYING * norm(stance.height);
     let gross = [
         (!LEGS.contains(&stance.legs)).then_some(Finding::Scale(stance.legs)),
         lies.then(|| Finding::Lies(Up::along(stance.height))),
@@ -237,7 +238,7 @@ fn mirrored(poses: &[Pose]) -> Vec<Pose> {
 
 /// Metres by which a clip's own mirror image may differ from the one in the data, on the mean: HumanML3D's bones
 /// differ from side to side.
-const IMAGE_M: f32 = 0.05;
+const IMAGE_M: f32 = 0.02;
 
 /// Whether features are those of another clip's mirror image.
 pub fn is_image(own: &[f32], other: &[f32]) -> bool {

@@ -102,8 +102,6 @@ pub struct Stance {
     pub legs: f64,
     /// The sum over frames of the directions from the ankles to the shoulders.
     pub height: Point,
-    /// How far that points up, from −1 to 1, on the mean.
-    pub upright: f64,
     /// How far the toes point to where the body faces, from −1 to 1, on the mean.
     pub toes: f64,
 }
@@ -113,9 +111,8 @@ impl Stance {
     pub fn of(poses: &[Pose]) -> Self {
         let wide = |pose: &Pose| pose.map(|place| place.map(f64::from));
         let poses: Vec<Pose64> = poses.iter().map(wide).collect();
-        let height = height(&poses);
-        let upright = height[1] / poses.len().max(1) as f64;
-        Self { legs: mean_leg(&poses) / leg(), height, upright, toes: toes_forward(&poses) }
+        let (legs, toes) = (mean_leg(&poses) / leg(), toes_forward(&poses));
+        Self { legs, height: height(&poses), toes }
     }
 }
 
