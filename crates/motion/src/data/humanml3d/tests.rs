@@ -1,5 +1,6 @@
 //! Tests on small data sets written for the purpose, and on real motion where it is at hand.
 
+mod bodies;
 mod mirrors;
 
 use std::fs;
