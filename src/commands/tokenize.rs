@@ -3,7 +3,9 @@
 use super::context::TokenizerChoice;
 use super::prelude::*;
 use isoflop::codes::{ClipCodes, ClipScale};
-use isoflop::data::{Annotation, FAR, parse_annotation, read_motion};
+use isoflop::data::{
+    Annotation, FeatureStats, Held, Look, Seen, look, parse_annotation, read_motion,
+};
 use isoflop::jobs::TrainedTokenizer;
 use isoflop::motion::N_FEATURES;
 use rayon::prelude::*;
@@ -19,17 +21,28 @@ pub fn tokenize(args: &TokenizeArgs, output: &Output) -> Result<Exit> {
         encoded(&tokenizer, path, caption).with_context(|| format!("tokenizing {}", path.display()))
     };
     // All are read and encoded before the first is written.
-    let encoded: Vec<(ClipCodes, f64)> = motions.map(encode).collect::<Result<_>>()?;
-    for (ClipCodes { motion, .. }, far) in encoded.iter().filter(|(_, far)| *far > FAR) {
-        output.warn(&format!(
-            "{motion} is like nothing that the tokenizer was trained on: its features are {far:.1} deviations \
-             from their mean; joints are in metres with y up, features are not normalised"
-        ));
-    }
+    let encoded: Vec<(ClipCodes, Vec<f32>)> = motions.map(encode).collect::<Result<_>>()?;
+    let paths = args.files.iter().map(PathBuf::as_path);
+    let features = encoded.iter().map(|(_, features)| features.as_slice());
+    warn_of(paths.zip(features), tokenizer.tokenizer.stats(), output);
     let clips: Vec<ClipCodes> = encoded.into_iter().map(|(clip, _)| clip).collect();
     places.iter().zip(&clips).try_for_each(|(place, clip)| clip.write(place))?;
     let document = json!({ "tokenizer": tokenizer.id, "files": places, "motions": clips });
     output.result(&document, &text(&tokenizer, &clips, args))
+}
+
+/// Warns of motions of files that may be no motion of a body, or not of the data that `stats` are of.
+pub fn warn_of<'a>(
+    motions: impl Iterator<Item = (&'a Path, &'a [f32])>,
+    stats: &FeatureStats,
+    output: &Output,
+) {
+    let seen =
+        motions.map(|(path, rows)| Seen::of(&path.to_string_lossy(), None, Held::Features(rows)));
+    let how = Look { stats: Some(stats), ..Look::ALL };
+    let found = look(&seen.collect::<Vec<_>>(), how);
+    let odd = found.iter().filter(|own| !own.finding.is_minor());
+    odd.for_each(|found| output.warn(&found.to_string()));
 }
 
 /// The file of each motion's codes.
@@ -50,12 +63,12 @@ fn places(args: &TokenizeArgs) -> Result<Vec<PathBuf>> {
     Ok(places)
 }
 
-/// The codes of a motion, and how strange it is; frames after its last whole latent are left out.
+/// The codes of a motion, and its features; frames after its last whole latent are left out.
 fn encoded(
     tokenizer: &TrainedTokenizer,
     path: &Path,
     caption: Option<String>,
-) -> Result<(ClipCodes, f64)> {
+) -> Result<(ClipCodes, Vec<f32>)> {
     let features = read_motion(path, tokenizer.tokenizer.fps())?;
     let (n_frames, spec) = (features.len() / N_FEATURES, tokenizer.tokenizer.spec());
     let stride = spec.frames_per_latent();
@@ -75,7 +88,7 @@ fn encoded(
         scales: ClipScale::of(&spec.grid(), frames),
         codes,
     };
-    Ok((clip, tokenizer.tokenizer.stats().deviations(&features)))
+    Ok((clip, features))
 }
 
 /// Motions that are listed, at most.

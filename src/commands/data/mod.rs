@@ -232,6 +232,7 @@ fn import(args: &ImportArgs, output: &Output) -> Result<Exit> {
         "data": args.out, "fps": imported.fps, "train": train, "val": val, "test": test,
         "too_short": imported.too_short, "captioned_by_name": imported.captioned_by_name,
         "uncaptioned": imported.uncaptioned, "problems": imported.problems,
+        "remarks": imported.remarks,
         "skeletons": imported.skeletons,
     });
     output.result(&document, &text_import(&imported, args))?;
@@ -260,10 +261,12 @@ const TOLD: usize = 12;
 
 fn tell(imported: &Imported, args: &ImportArgs, output: &Output) {
     let limit = if output.full { usize::MAX } else { TOLD };
-    imported.problems.iter().take(limit).for_each(|problem| output.warn(problem));
-    let unsaid = more(imported.problems.len(), limit, ": --full");
-    if !unsaid.is_empty() {
-        output.note(unsaid.trim());
+    for told in [&imported.problems, &imported.remarks] {
+        told.iter().take(limit).for_each(|line| output.warn(line));
+        let unsaid = more(told.len(), limit, ": --full");
+        if !unsaid.is_empty() {
+            output.note(unsaid.trim());
+        }
     }
     if let Some(draft) = &imported.draft {
         write_draft(draft, args, output);

@@ -5,6 +5,7 @@ mod motions;
 use super::args::{not_negative, share};
 use super::context::device;
 use super::prelude::*;
+use super::tokenize::warn_of;
 use isoflop::draws::distinct;
 use isoflop::evaluator::{Embedded, EvaluatorError, OneScore};
 use isoflop::jobs::{RunScores, ScoredPhysics, Scoring, TrainedRun, TrustedEvaluator};
@@ -107,7 +108,10 @@ fn of_run(args: &EvaluateArgs, run: &Path, output: &Output) -> Result<Exit> {
 fn of_files(args: &EvaluateArgs, output: &Output) -> Result<Exit> {
     let place = args.evaluator.as_deref().expect("asked for beside files");
     let trusted = TrustedEvaluator::open(place, &args.device.open()?)?;
-    let motions = named_motions(&args.motions, args.texts.as_deref(), trusted.evaluator.fps())?;
+    let (paths, motions) =
+        named_motions(&args.motions, args.texts.as_deref(), trusted.evaluator.fps())?;
+    let features = motions.iter().map(|(features, _)| features.as_slice());
+    warn_of(paths.iter().map(PathBuf::as_path).zip(features), trusted.evaluator.stats(), output);
     let scores = FileScores::of(&motions, &trusted, args)?;
     output.result(&serde_json::to_value(&scores)?, &text_of_files(&scores))
 }

@@ -12,15 +12,13 @@ const LISTED: usize = 10;
 
 /// A motion of a file: its features, `[T, 263]` row-major and raw, and its caption as captions of data are read.
 pub type NamedMotion = (Vec<f32>, Option<String>);
+/// The files of motions, and these.
+pub type Named = (Vec<PathBuf>, Vec<NamedMotion>);
 
 /// Reads every motion.
 ///
 /// Every file that cannot be read is named, and none is left out.
-pub fn named_motions(
-    motions: &[PathBuf],
-    texts: Option<&Path>,
-    fps: f64,
-) -> Result<Vec<NamedMotion>> {
+pub fn named_motions(motions: &[PathBuf], texts: Option<&Path>, fps: f64) -> Result<Named> {
     let mut files: Vec<(PathBuf, Option<String>)> = Vec::new();
     for path in motions {
         match path.is_dir() {
@@ -36,7 +34,8 @@ pub fn named_motions(
         let (n, all, shown) = (problems.len(), read.len(), problems.len().min(LISTED));
         bail!("{n} of {all} motions cannot be scored:\n  {}", problems[..shown].join("\n  "));
     }
-    Ok(read.into_iter().flatten().zip(captions).collect())
+    let paths = files.into_iter().map(|(path, _)| path).collect();
+    Ok((paths, read.into_iter().flatten().zip(captions).collect()))
 }
 
 /// A file a motion: features where a motion has several files, then arrays, then BVH.

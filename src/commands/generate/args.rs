@@ -3,7 +3,7 @@
 use crate::commands::args::{not_negative, number, share};
 use crate::commands::context::device;
 use crate::commands::prelude::*;
-use crate::commands::tokenize::lines_of;
+use crate::commands::tokenize::{lines_of, warn_of};
 use isoflop::data::read_motion;
 use isoflop::generator::{Draw, Sampling};
 use isoflop::jobs::TrainedRun;
@@ -92,8 +92,8 @@ impl GenerateArgs {
     }
 
     /// The motion that is made anew in part.
-    pub fn source(&self, run: &TrainedRun) -> Result<Option<Source>> {
-        self.edit.as_ref().map(|path| Source::read(path, self, run)).transpose()
+    pub fn source(&self, run: &TrainedRun, output: &Output) -> Result<Option<Source>> {
+        self.edit.as_ref().map(|path| Source::read(path, self, run, output)).transpose()
     }
 
     /// How motions are made.
@@ -124,8 +124,9 @@ impl Source {
     ///
     /// # Errors
     /// The file is no motion, is longer than what is asked for, or nothing of it is made anew.
-    fn read(path: &Path, args: &GenerateArgs, run: &TrainedRun) -> Result<Self> {
+    fn read(path: &Path, args: &GenerateArgs, run: &TrainedRun, output: &Output) -> Result<Self> {
         let mut features = read_motion(path, run.spec.fps)?;
+        warn_of(std::iter::once((path, &*features)), run.tokenizer.stats(), output);
         let own = features.len() / N_FEATURES;
         let n_frames = args.n_frames(run.spec.fps).unwrap_or(own);
         if n_frames < own {

@@ -42,7 +42,7 @@ pub fn generate(args: &GenerateArgs, output: &Output) -> Result<Exit> {
         bail!("the run's tokenizer has no language that --detokenizer-guidance could follow");
     }
     let out = folder(args, &run)?;
-    let source = args.source(&run)?;
+    let source = args.source(&run, output)?;
     let orders = orders(args, &run, source.as_ref())?;
     let started = Instant::now();
     let made = make(args, &run, &orders, source.as_ref())?;

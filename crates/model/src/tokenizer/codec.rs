@@ -175,7 +175,8 @@ impl Tokenizer {
         guidance: f64,
     ) -> Vec<f32> {
         let values = host(self.module.decode(ids, extent, captions, guidance));
-        self.normaliser.undo(values, extent.n_latents * self.spec.frames_per_latent())
+        let n_frames = extent.n_latents * self.spec.frames_per_latent();
+        self.normaliser.undo(values, n_frames, self.fps)
     }
 
     /// Writes `weights.safetensors`, then `tokenizer.json`, each whole, by rename.

@@ -187,8 +187,8 @@ impl Normaliser {
     }
 
     /// Inverse of [`Normaliser::apply`], but for what was beyond the bound; features that are not seen
-    /// are made of the others, clip after clip of `n_frames` frames.
-    pub fn undo(&self, mut values: Vec<f32>, n_frames: usize) -> Vec<f32> {
+    /// are made of the others, clip after clip of `n_frames` frames, `fps` a second.
+    pub fn undo(&self, mut values: Vec<f32>, n_frames: usize, fps: f64) -> Vec<f32> {
         for frame in values.chunks_exact_mut(self.n_features()) {
             for ((x, &mean), &std) in frame.iter_mut().zip(&self.mean).zip(&self.std) {
                 *x = *x * std + mean;
@@ -201,7 +201,8 @@ impl Normaliser {
         if self.n_features() == self.all {
             return values;
         }
-        values.chunks(n_frames * self.n_features()).flat_map(complete_features).collect()
+        let clips = values.chunks(n_frames * self.n_features());
+        clips.flat_map(|clip| complete_features(clip, fps)).collect()
     }
 }
 
@@ -247,7 +248,7 @@ mod tests {
         // Joint 1 is at 5 (height), the root at 3.
         let expected = ((frame[5] - frame[3]) - (0.05 - 0.03)) / 0.5;
         assert!((values[5] - expected).abs() < 1e-6);
-        let back = patch.undo(values, 1);
+        let back = patch.undo(values, 1, 20.0);
         assert!(back.iter().zip(&frame).all(|(a, b)| (a - b).abs() < 1e-5));
     }
 
@@ -257,7 +258,7 @@ mod tests {
         let frames: Vec<f32> = (0..4 * N_FEATURES).map(|i| (i as f32 * 0.7).sin()).collect();
         let values = narrow.apply(frames.clone());
         assert_eq!((values.len(), narrow.n_features()), (4 * 67, 67));
-        let back = narrow.undo(values, 2);
+        let back = narrow.undo(values, 2, 20.0);
         assert_eq!(back.len(), frames.len());
         for (back, frame) in back.chunks(N_FEATURES).zip(frames.chunks(N_FEATURES)) {
             assert!(back[..67].iter().zip(frame).all(|(a, b)| (a - b).abs() < 1e-5));
@@ -265,7 +266,7 @@ mod tests {
         // Clips do not see one another.
         let seen = |part: &[f32]| {
             let known = part.chunks(N_FEATURES).flat_map(|row| &row[..67]).copied();
-            complete_features(&known.collect::<Vec<f32>>())
+            complete_features(&known.collect::<Vec<f32>>(), 20.0)
         };
         let alone = seen(&back[2 * N_FEATURES..]);
         let off = back[2 * N_FEATURES..].iter().zip(&alone).map(|(a, b)| (a - b).abs());

@@ -20,7 +20,7 @@ impl Waves {
         let mean = (0..n_features).map(|f| f as f32 * 0.01).collect();
         let std = (0..n_features).map(|f| 0.5 + (f % 3) as f32).collect();
         let (stats, digest) = (FeatureStats { mean, std }, "waves".to_string());
-        let metadata = Metadata { stats, fps: 20.0, digest, warnings: Vec::new() };
+        let metadata = Metadata { stats, fps: 20.0, digest, ..Metadata::default() };
         Self { lengths: lengths.to_vec(), metadata, spoiled: None }
     }
 

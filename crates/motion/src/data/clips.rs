@@ -29,15 +29,20 @@ impl ClipFile {
 /// What one file of a clip holds.
 type Held<T> = Result<(T, UsedFile), String>;
 
-/// Reads the motion of a clip and `texts/<id>.txt` in `root`: the clip if it can be used at all, and a sentence
+/// Reads the motion of a clip of `fps` frames a second and `texts/<id>.txt` in `root`: the clip if it can be used at all, and a sentence
 /// for each thing that is wrong with it.
 ///
 /// Both are always read, so that all that is wrong is told at once. A bad line among good captions
 /// is a problem, and the clip can still be used.
-pub fn load_clip(root: &Path, files: MotionFiles, id: &str) -> (Option<ClipFile>, Vec<String>) {
+pub fn load_clip(
+    root: &Path,
+    (files, fps): (MotionFiles, f64),
+    id: &str,
+) -> (Option<ClipFile>, Vec<String>) {
     crate::progress::moved();
     let mut problems = Vec::new();
-    let features = read_features(root, files, id).map_err(|problem| problems.push(problem)).ok();
+    let features = read_features(root, (files, fps), id);
+    let features = features.map_err(|problem| problems.push(problem)).ok();
     let texts = format!("{}/{id}.txt", files.texts(root));
     let annotations = read_annotations(root, &texts, &mut problems);
     let annotations = annotations.map_err(|problem| problems.push(problem)).ok();
@@ -52,10 +57,10 @@ pub fn load_clip(root: &Path, files: MotionFiles, id: &str) -> (Option<ClipFile>
     (clip, problems)
 }
 
-fn read_features(root: &Path, files: MotionFiles, id: &str) -> Held<Vec<f32>> {
+fn read_features(root: &Path, (files, fps): (MotionFiles, f64), id: &str) -> Held<Vec<f32>> {
     let name = files.name(id);
     let bytes = read(root, &name)?;
-    let features = parse_npy(&bytes).and_then(|array| files.features(array));
+    let features = parse_npy(&bytes).and_then(|array| files.features(array, fps));
     let features = features.map_err(|problem| format!("{name}: {problem}"))?;
     Ok((features, UsedFile::new(&name, &bytes)))
 }

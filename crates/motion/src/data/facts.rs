@@ -3,15 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::humanml3d::{HumanMl3d, HumanMl3dOptions};
-use super::motion_files::MotionFiles;
-use super::source::{DataError, FAR, Member, MotionSource, Split};
+use super::look::is_image;
+use super::motion_files::{FPS, MotionFiles, read_motion};
+use super::source::{DataError, Member, MotionSource, Split};
 use super::summary::{DataFacts, MemberFacts};
 use super::texts::read_splits;
-use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, Pose, lowest, recover_joints};
 use crate::spec::{BrokenFiles, ClipShape};
 
 impl MemberFacts {
@@ -40,7 +39,7 @@ impl DataFacts {
             clips: Split::ALL.map(|split| source.n_clips(split)),
             test_groups: test_groups(source),
             fps: f64::from(source.fps()),
-            warnings: source.warnings().to_vec(),
+            warnings: [source.warnings(), source.remarks()].concat(),
             members: source.members().iter().map(MemberFacts::of).collect(),
             lengths,
             ..Self::default()
@@ -162,11 +161,6 @@ fn tally(data: &dyn MotionSource, splits: &[Split]) -> Tally {
 
 // All that is wrong with a folder, and what is odd about it.
 
-/// Metres that bones may differ from HumanML3D's.
-const BONES: f32 = 0.02;
-/// Metres below or above the floor at which the lowest joint of a clip may be.
-const FLOOR: f32 = 0.1;
-
 /// What a look at every file found.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Checked {
@@ -178,7 +172,8 @@ pub struct Checked {
 
 /// Looks at every file of a folder in the HumanML3D layout.
 pub fn check_folder(path: &Path) -> Checked {
-    let options = |broken| HumanMl3dOptions { broken, ..HumanMl3dOptions::default() };
+    let options =
+        |broken| HumanMl3dOptions { broken, look_at_all: true, ..HumanMl3dOptions::default() };
     let open = |broken| HumanMl3d::open(path, &options(broken));
     let (problems, data) = match open(BrokenFiles::Refuse) {
         // What is sound among broken files is looked at too.
@@ -192,11 +187,20 @@ pub fn check_folder(path: &Path) -> Checked {
             let odd = data.warnings().iter().filter(|line| !broken.contains(line));
             checked.remarks.extend(odd.cloned());
             checked.remarks.extend(unlisted(path));
-            checked.remarks.extend(odd_clips(&data));
+            checked.remarks.extend(data.remarks().iter().cloned());
         }
         Err(error) => checked.problems.push(error.to_string()),
     }
     checked
+}
+
+/// Whether the motion `M<id>` is the mirror image of a listed one.
+fn is_image_of_one(path: &Path, files: MotionFiles, name: &str, listed: &HashSet<String>) -> bool {
+    let Some(own) = name.strip_prefix('M').filter(|own| listed.contains(*own)) else {
+        return false;
+    };
+    let read = |id: &str| read_motion(&path.join(files.name(id)), FPS).ok();
+    read(own).zip(read(name)).is_some_and(|(own, image)| is_image(&own, &image))
 }
 
 /// Motions that no split lists.
@@ -207,46 +211,9 @@ fn unlisted(path: &Path) -> Option<String> {
     let entries = std::fs::read_dir(path.join(files.folder)).ok()?.flatten();
     let mut names: Vec<String> = entries
         .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".npy")?.to_string()))
-        .filter(|name| !listed.contains(name) && !listed.contains(name.trim_start_matches('M')))
+        .filter(|name| !listed.contains(name) && !is_image_of_one(path, files, name, &listed))
         .collect();
     names.sort();
     let first = names.first()?;
     Some(format!("{} motions are in no split, as {first}", names.len()))
-}
-
-/// A sentence for each way in which clips are odd.
-fn odd_clips(data: &HumanMl3d) -> Vec<String> {
-    let clips = data.clips(&Split::ALL);
-    let found: Vec<[bool; WAYS.len()]> =
-        clips.par_iter().map(|clip| oddities(data, *clip)).collect();
-    let sentence = |(way, words): (usize, &&str)| {
-        let mut odd = clips.iter().zip(&found).filter(|(_, odd)| odd[way]).map(|(clip, _)| *clip);
-        let (split, index) = odd.next()?;
-        Some(format!("{} clips {words}, as {}", odd.count() + 1, data.clip_id(split, index)))
-    };
-    WAYS.iter().enumerate().filter_map(sentence).collect()
-}
-
-const WAYS: [&str; 4] = [
-    "have bones that are not HumanML3D's",
-    "do not touch the floor, or go below it",
-    "have features far from their mean: Mean.npy and Std.npy are of other data, or the features are \
-     normalised already",
-    "repeat a frame through all their length",
-];
-
-fn oddities(data: &HumanMl3d, (split, index): (Split, usize)) -> [bool; WAYS.len()] {
-    let Ok(features) = data.features(split, index) else { return [false; WAYS.len()] };
-    let poses = recover_joints(&features);
-    let far = data.stats().deviations(&features);
-    let still = poses.windows(2).all(|pair| pair[0] == pair[1]);
-    [!poses.first().is_some_and(has_bones), lowest(&poses).abs() > FLOOR, far > FAR, still]
-}
-
-fn has_bones(pose: &Pose) -> bool {
-    (1..N_JOINTS).all(|joint| {
-        let parent = pose[PARENTS[joint].unwrap_or(0)];
-        let squares: f32 = (0..3).map(|c| (pose[joint][c] - parent[c]).powi(2)).sum();
-        (squares.sqrt() - BONE_LENGTHS[joint]).abs() < BONES
-    })
 }

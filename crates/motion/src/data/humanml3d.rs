@@ -5,13 +5,14 @@
 //! says which clips were recorded together. Motion-X has `vector_263/<id>.npy` and
 //! `texts/semantic_labels/<id>.txt`, whose ids have folders in them.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::Path;
 
 use rayon::prelude::*;
 
 use super::clips::{ClipFile, Item, LengthRule, items_of, load_clip};
+use super::look::{Found, Held, Look, Seen, is_image, look};
 use super::motion_files::{FPS, MotionFiles, frame_rate};
 use super::source::{
     DataError, FeatureStats, Metadata, MotionSource, Split, StatsAccumulator, UsedFile, digest,
@@ -33,7 +34,12 @@ pub struct HumanMl3dOptions {
     pub lengths: LengthRule,
     /// Frames a second, where the folder does not say it.
     pub fps: Option<f64>,
+    /// Whether every clip is looked at for what is odd, in place of a sample of them.
+    pub look_at_all: bool,
 }
+
+/// Clips that are looked at as a data set is opened.
+const LOOKED_AT: usize = 256;
 
 /// A data set in memory: each clip's features once, in single precision.
 pub struct HumanMl3d {
@@ -57,11 +63,15 @@ impl HumanMl3d {
         let fps = frame_rate(path, motion, options.fps)?;
         let lists = read_splits(path, motion.in_folders())?;
         let is_there = |id: &str| path.join(motion.name(id)).exists();
-        let wanted = wanted_clips(&lists.clips, options.mirror, is_there);
-        let load = |wanted: &Wanted| load_clip(path, motion, &wanted.id);
+        let mut wanted = wanted_clips(&lists.clips, options.mirror, is_there);
+        let load = |wanted: &Wanted| load_clip(path, (motion, fps), &wanted.id);
         let loaded: Vec<(Option<ClipFile>, Vec<String>)> = wanted.par_iter().map(load).collect();
         let (mut library, mut broken) = (Library::default(), lists.problems);
+        let strangers = twins(&mut wanted, &loaded);
         for (wanted, (clip, problems)) in wanted.iter().zip(loaded) {
+            if !wanted.is_used {
+                continue;
+            }
             broken.extend(problems);
             if let Some(clip) = clip {
                 library.add(clip, wanted, options.lengths, fps);
@@ -76,12 +86,17 @@ impl HumanMl3d {
             return Err(DataError::EmptySplit { path: shown, split: split.name() });
         }
         let (stats, stats_files) = library.stats(path)?;
+        let most = if options.look_at_all { usize::MAX } else { LOOKED_AT };
+        let of_these = !stats_files.is_empty();
+        let found = look(&library.seen(), Look { most, stats: Some(&stats), of_these });
+        let odd = found.iter().filter(|own| options.look_at_all || !own.finding.is_minor());
+        let remarks: Vec<String> = odd.map(Found::to_string).chain(strangers).collect();
         let files = [&lists.files[..], &library.files, &stats_files].concat();
         let digest = digest(&rules(options, motion, fps), &files);
         let mut warnings = [&broken[..], &library.skipped].concat();
         let groups = Groups::read(path).map_err(|problem| warnings.push(problem));
         let groups = groups.unwrap_or_default();
-        let metadata = Metadata { stats, fps: fps as f32, digest, warnings };
+        let metadata = Metadata { stats, fps: fps as f32, digest, warnings, remarks };
         Ok(HumanMl3d { library, groups, metadata })
     }
 }
@@ -121,6 +136,8 @@ impl MotionSource for HumanMl3d {
 struct Library {
     /// Features of each clip that some item refers to, `[T, 263]`.
     clips: Vec<Vec<f32>>,
+    /// Split and name of each.
+    names: Vec<(Split, String)>,
     /// Items of train, val and test.
     items: [Vec<Item>; 3],
     /// Files of the clips.
@@ -140,7 +157,14 @@ impl Library {
             if wanted.twin { items.iter().map(Item::mirrored).collect() } else { Vec::new() };
         self.items[wanted.split as usize].extend(items.into_iter().chain(twins));
         self.clips.push(clip.features);
+        self.names.push((wanted.split, clip.id));
         self.files.extend(clip.files);
+    }
+
+    /// The clips as they are looked at.
+    fn seen(&self) -> Vec<Seen<'_>> {
+        let clips = self.clips.iter().zip(&self.names);
+        clips.map(|(rows, (split, id))| Seen::of(id, Some(*split), Held::Features(rows))).collect()
     }
 
     fn features(&self, item: &Item) -> Vec<f32> {
@@ -169,8 +193,13 @@ impl Library {
 struct Wanted {
     split: Split,
     id: String,
+    /// The clip that its name says is its mirror image, `M<id>` of `<id>` or the other way round: its place.
+    image: Option<usize>,
     /// Whether a mirrored twin of each item is made.
     twin: bool,
+    /// Whether a split lists it; if not, it is read for its name.
+    is_listed: bool,
+    is_used: bool,
 }
 
 /// The listed clips; with `mirror`, each training clip's twin too, read or made.
@@ -182,18 +211,59 @@ fn wanted_clips(
     let names: HashSet<&str> = listed.iter().map(|(_, id)| id.as_str()).collect();
     let mut wanted = Vec::with_capacity(listed.len());
     for (split, id) in listed {
-        let (folder, name) = id.split_at(id.rfind('/').map_or(0, |at| at + 1));
-        let twin_id = format!("{folder}M{name}");
-        let has_twin = names.contains(twin_id.as_str())
-            || name.strip_prefix('M').is_some_and(|own| names.contains(&*format!("{folder}{own}")));
-        let needs_twin = mirror && *split == Split::Train && !has_twin;
-        let on_disk = needs_twin && is_there(&twin_id);
-        wanted.push(Wanted { split: *split, id: id.clone(), twin: needs_twin && !on_disk });
-        if on_disk {
-            wanted.push(Wanted { split: *split, id: twin_id, twin: false });
+        let mut want = |id: String, twin, is_listed| {
+            wanted.push(Wanted { split: *split, id, image: None, twin, is_listed, is_used: true });
+        };
+        let needs_twin = mirror && *split == Split::Train;
+        want(id.clone(), needs_twin, true);
+        let twin_id = image_id(id);
+        if needs_twin && !names.contains(&*twin_id) && is_there(&twin_id) {
+            want(twin_id, false, false);
+        }
+    }
+    let places: HashMap<String, usize> =
+        wanted.iter().enumerate().map(|(place, own)| (own.id.clone(), place)).collect();
+    for id in wanted.iter().map(|own| own.id.clone()).collect::<Vec<_>>() {
+        if let Some(&image) = places.get(&image_id(&id)) {
+            let own = places[&id];
+            (wanted[own].image, wanted[image].image) = (Some(image), Some(own));
         }
     }
     wanted
+}
+
+/// The name that HumanML3D gives a clip's mirror image.
+fn image_id(id: &str) -> String {
+    let (folder, name) = id.split_at(id.rfind('/').map_or(0, |at| at + 1));
+    format!("{folder}M{name}")
+}
+
+/// Decides by their motion which clips with such a name are mirror images: `March` is none of `arch`. The sentences
+/// are about the others.
+fn twins(wanted: &mut [Wanted], loaded: &[(Option<ClipFile>, Vec<String>)]) -> Vec<String> {
+    let mut told = Vec::new();
+    for own in 0..wanted.len() {
+        let Some(image) = wanted[own].image.filter(|_| wanted[own].twin) else { continue };
+        let features = |place: usize| loaded[place].0.as_ref().map(|clip| &clip.features);
+        let are_read = features(own).zip(features(image));
+        // Of a file that cannot be read the name is believed: it is told apart.
+        if are_read.is_none_or(|(own, image)| is_image(own, image)) {
+            wanted[own].twin = false;
+            continue;
+        }
+        wanted[image].is_used = wanted[image].is_listed;
+        let [id, other] = [own, image].map(|place| &wanted[place].id);
+        let is_numbered = id
+            .rsplit('/')
+            .next()
+            .is_some_and(|name| name.starts_with(|c: char| c.is_ascii_digit()));
+        if is_numbered && *other == image_id(id) {
+            told.push(format!(
+                "{other} is not the mirror image of {id}, which gets one of its own"
+            ));
+        }
+    }
+    told
 }
 
 /// What the items follow from beside the files; its first word changes when the rules do.
@@ -201,10 +271,12 @@ fn wanted_clips(
 /// What is done about broken files is left out: if nothing is broken it changes no item, and if
 /// something is, no data set comes of refusing it.
 fn rules(options: &HumanMl3dOptions, motion: MotionFiles, fps: f64) -> String {
-    let HumanMl3dOptions { mirror, lengths, broken: _, fps: _ } = options;
+    let HumanMl3dOptions { mirror, lengths, broken: _, fps: _, look_at_all: _ } = options;
     let LengthRule { min_frames, max_frames } = lengths;
     let rule = motion.rule;
-    let rate = if fps == FPS { String::new() } else { format!(" fps={fps}") };
+    // Features that are made of joints are others at another rate since contacts and headings know it.
+    let of_joints = if motion == MotionFiles::JOINTS { " contacts-2" } else { "" };
+    let rate = if fps == FPS { String::new() } else { format!(" fps={fps}{of_joints}") };
     format!(
         "humanml3d-1 mirror={mirror} min_frames={min_frames} max_frames={max_frames}{rule}{rate}"
     )

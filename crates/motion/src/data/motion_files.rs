@@ -6,12 +6,13 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::look::Finding;
 use super::npy::{NpyArray, NpyProblem, parse_npy};
 use super::source::DataError;
 use crate::files::{LARGE, read_regular};
 use crate::motion::bvh::Bvh;
-use crate::motion::retarget::leg_ratio;
-use crate::motion::{JOINT_NAMES, N_FEATURES, N_JOINTS, Pose, build_features, recover_joints};
+use crate::motion::retarget::Stance;
+use crate::motion::{JOINT_NAMES, N_FEATURES, N_JOINTS, Pose, build_features_at, recover_joints};
 
 /// What the motion files of a folder hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,14 +60,16 @@ impl MotionFiles {
         format!("{}/{id}.npy", self.folder)
     }
 
-    /// Features `[T, 263]`, row-major, T ≥ 1.
+    /// Features `[T, 263]`, row-major, T ≥ 1, of `fps` frames a second.
     ///
     /// # Errors
     /// The array has another shape.
-    pub fn features(self, array: NpyArray) -> Result<Vec<f32>, NpyProblem> {
+    pub fn features(self, array: NpyArray, fps: f64) -> Result<Vec<f32>, NpyProblem> {
         match (self, &array.shape[..]) {
             (Self::FEATURES | Self::MOTION_X, &[t, N_FEATURES]) if t > 0 => Ok(array.values),
-            (Self::JOINTS, &[t, N_JOINTS, 3]) if t > 1 => Ok(build_features(&poses(&array.values))),
+            (Self::JOINTS, &[t, N_JOINTS, 3]) if t > 1 => {
+                Ok(build_features_at(&poses(&array.values), fps))
+            }
             _ => Err(NpyProblem::Shape { found: array.shape, expected: self.shape }),
         }
     }
@@ -144,19 +147,19 @@ pub fn read_motion(path: &Path, fps: f64) -> Result<Vec<f32>, DataError> {
     let bytes = read_regular(path, LARGE).map_err(DataError::read(path, advice))?;
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     let features = match ending.to_str() {
-        Some("npy") => of_array(&bytes),
+        Some("npy") => of_array(&bytes, fps),
         Some("bvh") => of_bvh(&bytes, fps).and_then(of_a_body),
         _ => Err(format!("is no motion that can be read; {advice}")),
     };
     features.and_then(finite).map_err(|problem| DataError::invalid(path.display(), problem))
 }
 
-fn of_array(bytes: &[u8]) -> Result<Vec<f32>, String> {
+fn of_array(bytes: &[u8], fps: f64) -> Result<Vec<f32>, String> {
     let told = |problem: NpyProblem| problem.to_string();
     let array = parse_npy(bytes).map_err(told)?;
     match array.shape.len() {
-        2 => MotionFiles::FEATURES.features(array).map_err(told),
-        3 => MotionFiles::JOINTS.features(array).map_err(told).and_then(of_a_body),
+        2 => MotionFiles::FEATURES.features(array, fps).map_err(told),
+        3 => MotionFiles::JOINTS.features(array, fps).map_err(told).and_then(of_a_body),
         _ => {
             let expected = "[frames, 263] or [frames, 22, 3]";
             Err(told(NpyProblem::Shape { found: array.shape, expected }))
@@ -176,7 +179,7 @@ fn of_bvh(bytes: &[u8], fps: f64) -> Result<Vec<f32>, String> {
     let poses: Vec<_> = poses.into_iter().step_by(every).collect();
     match poses.len() {
         0 | 1 => Err("has too few frames: features want two".to_string()),
-        _ => Ok(build_features(&poses)),
+        _ => Ok(build_features_at(&poses, fps)),
     }
 }
 
@@ -198,26 +201,24 @@ fn finite(features: Vec<f32>) -> Result<Vec<f32>, String> {
     Err(format!("makes a feature that is not finite, number {column} of frame {frame}"))
 }
 
-/// Legs shorter or longer by these factors are of another unit of length.
-const LEGS: RangeInclusive<f64> = 0.2..=5.0;
+/// Legs shorter or longer by these factors are of another unit of length: inches for centimetres are among them.
+const LEGS: RangeInclusive<f64> = 0.5..=2.0;
 
-/// A body whose legs are a hundredth or a hundred times as long is one in another unit.
+/// A body whose legs are half or twice as long is one in another unit.
 fn of_a_body(features: Vec<f32>) -> Result<Vec<f32>, String> {
-    let factor = leg_ratio(&recover_joints(&features));
+    let Stance { legs, .. } = Stance::of(&recover_joints(&features));
     // Numbers that are not finite have an error of their own.
-    if !factor.is_finite() || LEGS.contains(&factor) {
+    if !legs.is_finite() || LEGS.contains(&legs) {
         return Ok(features);
     }
-    Err(format!(
-        "has legs {factor:.3} times as long as a body's: joints are in metres, BVH is in centimetres; `isoflop \
-         data import` reads other units"
-    ))
+    Err(format!("is in another unit: {}", Finding::Scale(legs)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::data::npy::npy_bytes;
+    use crate::motion::build_features;
     use crate::motion::bvh::fit_bvh;
     use crate::motion::fixtures::procedural;
     use crate::motion::mpjpe_mm;
@@ -290,9 +291,9 @@ mod tests {
             ]
         };
         assert!(in_unit(1.0).iter().chain(&in_unit(1.3)).all(Result::is_ok));
-        for told in in_unit(0.01).into_iter().chain(in_unit(100.0)) {
+        for told in [0.01, 1.0 / 2.54, 2.54, 100.0].into_iter().flat_map(in_unit) {
             let problem = told.unwrap_err();
-            assert!(problem.contains("times as long as a body's"), "{problem}");
+            assert!(problem.contains("times as long as those of HumanML3D"), "{problem}");
         }
     }
 

@@ -48,7 +48,7 @@ impl Procedural {
              {test_clips}"
         );
         let (stats, digest) = (estimate_stats(seed), digest(&rules, &[]));
-        Self { options, metadata: Metadata { stats, fps: FPS, digest, warnings: Vec::new() } }
+        Self { options, metadata: Metadata { stats, fps: FPS, digest, ..Metadata::default() } }
     }
 
     fn script(&self, split: Split, index: usize) -> Script {
@@ -131,16 +131,18 @@ impl Union {
             UsedFile::new(&i.to_string(), member.source.digest().as_bytes())
         };
         let parts: Vec<UsedFile> = members.iter().enumerate().map(part).collect();
-        let told = |member: &Member| {
-            let lines = member.source.warnings().iter();
-            lines.map(|line| format!("{}: {line}", member.name)).collect::<Vec<_>>()
+        let told = |of: fn(&Member) -> &[String]| {
+            let lines = members.iter().flat_map(|own| of(own).iter().map(move |line| (own, line)));
+            lines.map(|(Member { name, .. }, line)| format!("{name}: {line}")).collect()
         };
-        let warnings = members.iter().flat_map(told).collect();
+        let warnings = told(|member| member.source.warnings());
+        let remarks = told(|member| member.source.remarks());
         let metadata = Metadata {
             stats: stats(&members)?,
             fps: first.source.fps(),
             digest: digest("union-1", &parts),
             warnings,
+            remarks,
         };
         Ok(Self { metadata, members })
     }

@@ -52,6 +52,7 @@ pub struct Metadata {
     pub fps: f32,
     pub digest: String,
     pub warnings: Vec<String>,
+    pub remarks: Vec<String>,
 }
 
 /// What can be wrong with a data set.
@@ -150,6 +151,11 @@ pub trait MotionSource: Sync {
     /// Sentences about files that were skipped, one each, naming the file and the reason.
     fn warnings(&self) -> &[String] {
         &self.metadata().warnings
+    }
+
+    /// Sentences about clips that are used and may be wrong.
+    fn remarks(&self) -> &[String] {
+        &self.metadata().remarks
     }
 
     /// The data sets that it is put together from; none where it is one.

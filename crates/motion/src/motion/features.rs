@@ -15,10 +15,9 @@
 
 use std::ops::Range;
 
-use super::geometry::{Yaw, between, conjugate, dot, multiply, norm, sub, to_6d};
-use super::skeleton::{
-    CHAINS, CONTACT_JOINTS, L_HIP, L_SHOULDER, Pose, R_HIP, R_SHOULDER, RAW_OFFSETS,
-};
+use super::geometry::{Yaw, between, conjugate, dot, multiply, sub, to_6d};
+use super::heading::{facing_turn, root_headings};
+use super::skeleton::{CHAINS, CONTACT_JOINTS, Pose, RAW_OFFSETS};
 use crate::motion::N_FEATURES;
 
 /// Column of the root's half turn to the next frame, radians.
@@ -36,16 +35,23 @@ pub const VELOCITIES: Range<usize> = 193..259;
 /// Columns of the four contacts.
 pub const CONTACTS: Range<usize> = 259..263;
 
-/// A foot is in contact while the square of its step stays below this, in square metres.
-const CONTACT_THRESHOLD_M2: f32 = 0.002;
+/// Frames a second of HumanML3D, in which its threshold and its smoothing are told.
+const REFERENCE_FPS: f64 = 20.0;
+/// A foot is in contact while the square of its step stays below this, in square metres at that rate.
+const CONTACT_THRESHOLD_M2: f64 = 0.002;
 
-/// Features of `T + 1` poses that stand anywhere and face anywhere: [`canonicalise`], then
+/// Features of `T + 1` poses that stand anywhere and face anywhere, 20 frames a second: [`canonicalise`], then
 /// [`features_of_canonical`].
 ///
 /// # Shapes
 /// `[T + 1]` poses to row-major `[T, 263]`; fewer than two poses give no rows.
 pub fn build_features(poses: &[Pose]) -> Vec<f32> {
-    features_of_canonical(&canonicalise(poses))
+    build_features_at(poses, REFERENCE_FPS)
+}
+
+/// The same of poses of `fps` frames a second.
+pub fn build_features_at(poses: &[Pose], fps: f64) -> Vec<f32> {
+    features_of_canonical_at(&canonicalise(poses), fps)
 }
 
 /// `poses` moved so that the lowest joint of the clip touches `y = 0`, and turned so that the body
@@ -78,24 +84,32 @@ pub fn is_canonical(poses: &[Pose]) -> bool {
     off.iter().all(|metres| metres.abs() < AT_ORIGIN) && turn.w > 0.0 && turn.y.abs() < FACING / 2.0
 }
 
-/// Features of `T + 1` poses that are canonical already (see [`canonicalise`]).
+/// Features of `T + 1` canonical poses, 20 frames a second.
 ///
 /// A bone without length keeps the rotation of the bone before it.
 ///
 /// # Shapes
-/// `[T + 1]` poses to row-major `[T, 263]`; fewer than two poses give no rows.
+/// As of [`build_features`].
 pub fn features_of_canonical(poses: &[Pose]) -> Vec<f32> {
-    features_with_headings(poses, &root_headings(poses))
+    features_of_canonical_at(poses, REFERENCE_FPS)
+}
+
+/// The same of poses of `fps` frames a second: a foot is in contact below the same speed, and the heading is
+/// smoothed over the same time.
+pub fn features_of_canonical_at(poses: &[Pose], fps: f64) -> Vec<f32> {
+    features_with_headings(poses, &root_headings(poses, fps), fps)
 }
 
 /// The same where the heading of each pose is known.
-pub(super) fn features_with_headings(poses: &[Pose], headings: &[Yaw]) -> Vec<f32> {
+pub(super) fn features_with_headings(poses: &[Pose], headings: &[Yaw], fps: f64) -> Vec<f32> {
+    let still_m2 = (CONTACT_THRESHOLD_M2 * (REFERENCE_FPS / fps).powi(2)) as f32;
     let mut features = vec![0.0; poses.len().saturating_sub(1) * N_FEATURES];
     for (t, row) in features.chunks_exact_mut(N_FEATURES).enumerate() {
         write_root(row, &poses[t], &poses[t + 1], headings[t], headings[t + 1]);
         write_positions(&mut row[POSITIONS], &poses[t], headings[t]);
         write_rotations(&mut row[ROTATIONS], &poses[t], headings[t]);
         write_steps(row, &poses[t], &poses[t + 1], headings[t]);
+        write_contacts(&mut row[CONTACTS], &poses[t], &poses[t + 1], still_m2);
     }
     features
 }
@@ -136,90 +150,21 @@ fn write_steps(row: &mut [f32], pose: &Pose, next: &Pose, heading: Yaw) {
     for (column, (to, from)) in row[VELOCITIES].chunks_exact_mut(3).zip(next.iter().zip(pose)) {
         column.copy_from_slice(&heading.rotate(sub(*to, *from)));
     }
-    for (column, joint) in row[CONTACTS].iter_mut().zip(CONTACT_JOINTS) {
+}
+
+fn write_contacts(columns: &mut [f32], pose: &Pose, next: &Pose, still_m2: f32) {
+    for (column, joint) in columns.iter_mut().zip(CONTACT_JOINTS) {
         let step = sub(next[joint], pose[joint]);
-        *column = f32::from(u8::from(dot(step, step) < CONTACT_THRESHOLD_M2));
+        *column = f32::from(u8::from(dot(step, step) < still_m2));
     }
-}
-
-// Where a body faces: the direction of the first frame, and the smoothed heading of the root.
-
-/// Deviation in frames of the Gaussian that smooths the heading: one second at 20 frames a second.
-const SIGMA: f64 = 20.0;
-/// Frames on either side that the Gaussian sees: four deviations.
-const RADIUS: usize = 80;
-
-/// The turn that makes the body of `pose` face +z.
-///
-/// The body faces along `up × across`, where `across` leads from the left hip and shoulder to the
-/// right ones. A pose in which that vector is vertical or zero faces nowhere and is not turned.
-fn facing_turn(pose: &Pose) -> Yaw {
-    forward(pose, [L_HIP, R_HIP]).and_then(|[x, z]| Yaw::to_face_z(x, z)).unwrap_or(Yaw::IDENTITY)
-}
-
-/// The root's rotation in each frame, from the smoothed heading; the first is the identity.
-///
-/// HumanML3D's inverse kinematics names the hips the other way round than its shoulders, so that
-/// the hips' vector is *subtracted* from the shoulders'. All its files are made so, and we follow.
-/// The quaternions' signs are chosen so that neighbours lie in one half-space: a step of feature 0
-/// is then never taken the long way round. A frame that faces nowhere keeps the heading before it.
-fn root_headings(poses: &[Pose]) -> Vec<Yaw> {
-    let (x, z) = (poses.iter())
-        .scan([0.0, 1.0], |last, pose| {
-            *last = forward(pose, [R_HIP, L_HIP]).unwrap_or(*last);
-            Some((last[0], last[1]))
-        })
-        .unzip();
-    let (x, z): (Vec<f64>, Vec<f64>) = (smoothed(x), smoothed(z));
-    (x.iter().zip(&z).enumerate())
-        .scan(Yaw::IDENTITY, |last, (t, (&x, &z))| {
-            let yaw = if t == 0 { None } else { Yaw::to_face_z(x, z) }.unwrap_or(*last);
-            *last = if yaw.dot(*last) < 0.0 { yaw.negated() } else { yaw };
-            Some(*last)
-        })
-        .collect()
-}
-
-/// Horizontal part `[x, z]` of `up × across` for the unit vector `across`; shorter than 1 where
-/// the body leans sideways.
-fn forward(pose: &Pose, [hip_from, hip_to]: [usize; 2]) -> Option<[f64; 2]> {
-    let across: [f64; 3] = std::array::from_fn(|c| {
-        let at = |joint: usize| f64::from(pose[joint][c]);
-        at(hip_to) - at(hip_from) + at(R_SHOULDER) - at(L_SHOULDER)
-    });
-    let length = norm(across);
-    (length > 0.0).then(|| [across[2] / length, -across[0] / length])
-}
-
-/// `values` under the Gaussian, with the first and the last value repeated beyond the ends.
-fn smoothed(values: Vec<f64>) -> Vec<f64> {
-    let (Some(&first), Some(&last)) = (values.first(), values.last()) else { return values };
-    let padded = [vec![first; RADIUS], values.clone(), vec![last; RADIUS]].concat();
-    let mut sums = vec![0.0; values.len()];
-    // Weight by weight, not value by value: the inner loop then has no sum to carry.
-    for (k, weight) in gaussian().into_iter().enumerate() {
-        for (sum, value) in sums.iter_mut().zip(&padded[k..]) {
-            *sum += weight * value;
-        }
-    }
-    sums
-}
-
-/// Weights of the Gaussian from `-RADIUS` to `RADIUS`, with sum 1.
-fn gaussian() -> [f64; 2 * RADIUS + 1] {
-    let weights: [f64; 2 * RADIUS + 1] = std::array::from_fn(|k| {
-        let distance = (k as f64 - RADIUS as f64) / SIGMA;
-        (-0.5 * distance * distance).exp()
-    });
-    let sum: f64 = weights.iter().sum();
-    weights.map(|weight| weight / sum)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::fixtures::{dance, from_6d, largest_difference, moved};
-    use crate::motion::{N_JOINTS, rotate};
+    use crate::motion::fixtures::{dance, from_6d, largest_difference, moved, poses64, procedural};
+    use crate::motion::geometry::norm;
+    use crate::motion::{L_HIP, L_SHOULDER, N_JOINTS, R_HIP, R_SHOULDER, rotate};
 
     #[test]
     fn canonical_poses_touch_the_floor_at_the_origin_and_face_z() {
@@ -313,44 +258,28 @@ mod tests {
         assert!(features.iter().all(|value| value.is_finite()));
     }
 
-    /// A pose with its left side towards `(x, z)` of its right.
-    fn turned(x: f32, z: f32) -> Pose {
-        let mut pose = [[0.0; 3]; N_JOINTS];
-        (pose[L_HIP], pose[R_HIP]) = ([0.1 * x, 1.0, 0.1 * z], [-0.1 * x, 1.0, -0.1 * z]);
-        (pose[L_SHOULDER], pose[R_SHOULDER]) = ([0.2 * x, 1.4, 0.2 * z], [-0.2 * x, 1.4, -0.2 * z]);
-        pose
-    }
-
     #[test]
-    fn a_body_with_its_left_towards_x_faces_z_already() {
-        assert_eq!(facing_turn(&turned(1.0, 0.0)), Yaw::IDENTITY);
-        let (x, z) = facing_turn(&turned(0.0, -1.0)).rotate_xz(1.0, 0.0);
-        assert!(x.abs() < 1e-7 && (z - 1.0).abs() < 1e-7);
-    }
-
-    #[test]
-    fn smoothing_keeps_a_constant_and_halves_a_step() {
-        assert!(smoothed(vec![3.0; 10]).iter().all(|v| (v - 3.0).abs() < 1e-12));
-        let step = smoothed([vec![-1.0; 200], vec![1.0; 200]].concat());
-        assert!((step[199] + step[200]).abs() < 1e-12);
-        // One deviation from the step: erf(1/√2), less the tails that the window cuts off.
-        assert!((step[219] - 0.6827).abs() < 0.02, "{}", step[219]);
-        assert!((step[0] + 1.0).abs() < 1e-12 && (step[399] - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_heading_of_a_spinning_body_never_changes_sign() {
-        let spin = |t: usize| turned((t as f32 * 0.05).cos(), (t as f32 * 0.05).sin());
-        let headings = root_headings(&(0..400).map(spin).collect::<Vec<_>>());
-        assert_eq!(headings[0], Yaw::IDENTITY);
-        assert!(headings.windows(2).skip(1).all(|pair| pair[0].dot(pair[1]) > 0.99));
-        assert!(headings.iter().any(|heading| heading.w < -0.9), "it went round");
-    }
-
-    #[test]
-    fn a_body_that_faces_nowhere_keeps_its_heading() {
-        let shapeless = [[0.0; 3]; N_JOINTS];
-        assert_eq!(facing_turn(&shapeless), Yaw::IDENTITY);
-        assert_eq!(root_headings(&[shapeless; 5]), [Yaw::IDENTITY; 5]);
+    fn feet_and_headings_do_not_depend_on_the_rate() {
+        use crate::motion::retarget::resampled;
+        let slow = procedural(3);
+        let fast = resampled(&poses64(slow.len()), 20.0, 120.0);
+        let fast: Vec<Pose> = fast.iter().map(|pose| pose.map(|j| j.map(|c| c as f32))).collect();
+        let touching = |features: &[f32]| {
+            let rows = features.chunks_exact(N_FEATURES);
+            let (n, sum) = (rows.len() * 4, rows.flat_map(|row| &row[CONTACTS]).sum::<f32>());
+            sum / n as f32
+        };
+        let headings = |features: &[f32], step: usize| -> Vec<f32> {
+            let turns = features.chunks_exact(N_FEATURES).scan(0.0, |sum, row| {
+                *sum += row[ROOT_YAW];
+                Some(*sum)
+            });
+            turns.skip(step - 1).step_by(step).collect()
+        };
+        let (truth, found) = (build_features(&slow), build_features_at(&fast, 120.0));
+        let (few, all) = (touching(&truth), touching(&build_features(&fast)));
+        assert!((touching(&found) - few).abs() < 0.03 && all > few + 0.2, "{few} {all}");
+        let off = largest_difference(&headings(&truth, 1), &headings(&found, 6));
+        assert!(off < 0.02, "{off} rad");
     }
 }

@@ -21,6 +21,7 @@
 pub mod bvh;
 mod features;
 pub(crate) mod geometry;
+mod heading;
 mod mirror;
 mod recover;
 pub mod retarget;
@@ -33,7 +34,8 @@ pub const N_FEATURES: usize = 263;
 pub(crate) use features::lowest;
 pub use features::{
     CONTACTS, POSITIONS, ROOT_HEIGHT, ROOT_VELOCITY, ROOT_YAW, ROTATIONS, VELOCITIES,
-    build_features, canonicalise, features_of_canonical, is_canonical,
+    build_features, build_features_at, canonicalise, features_of_canonical,
+    features_of_canonical_at, is_canonical,
 };
 pub use geometry::{NO_ROTATION, Quat, Yaw, between, conjugate, multiply, rotate, to_6d};
 pub use mirror::{mirror_caption, mirror_features};

@@ -81,14 +81,14 @@ fn place<const J: usize>(row: &[f32], root: &Root) -> [[f32; 3]; J] {
 
 /// All features of a motion of which the root and the joints' positions are known: these as they are,
 /// and rotations, velocities and contacts of the poses that they describe. Where the last frame leads,
-/// the body is as in that frame.
+/// the body is as in that frame. There are `fps` frames a second.
 ///
 /// # Shapes
 /// Row-major `[T, 67]`, not normalised, to `[T, 263]`.
 ///
 /// # Panics
 /// If `known` does not consist of whole rows.
-pub fn complete_features(known: &[f32]) -> Vec<f32> {
+pub fn complete_features(known: &[f32], fps: f64) -> Vec<f32> {
     let width = POSITIONS.end;
     assert!(known.len().is_multiple_of(width), "the known features come in rows of {width}");
     let last = known.len().saturating_sub(width);
@@ -103,7 +103,7 @@ pub fn complete_features(known: &[f32]) -> Vec<f32> {
         Some(heading)
     });
     let headings: Vec<Yaw> = turns.collect();
-    let mut features = features_with_headings(&recover_joints(&rows), &headings);
+    let mut features = features_with_headings(&recover_joints(&rows), &headings, fps);
     for (row, known) in features.chunks_exact_mut(N_FEATURES).zip(known.chunks_exact(width)) {
         row[..width].copy_from_slice(known);
     }
@@ -167,7 +167,7 @@ mod tests {
         let features = build_features(&dance(40));
         let known: Vec<f32> =
             features.chunks_exact(N_FEATURES).flat_map(|row| &row[..67]).copied().collect();
-        let found = complete_features(&known);
+        let found = complete_features(&known, 20.0);
         assert_eq!(found.len(), features.len());
         // Where the last frame leads, its pose is not known.
         let before_last = features.len() - N_FEATURES;
@@ -180,6 +180,6 @@ mod tests {
 
     #[test]
     fn no_frames_stay_none() {
-        assert_eq!(complete_features(&[]), Vec::<f32>::new());
+        assert_eq!(complete_features(&[], 20.0), Vec::<f32>::new());
     }
 }

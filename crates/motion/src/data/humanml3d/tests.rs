@@ -1,5 +1,8 @@
 //! Tests on small data sets written for the purpose, and on real motion where it is at hand.
 
+mod bodies;
+mod mirrors;
+
 use std::fs;
 use std::ops::Range;
 
@@ -53,7 +56,11 @@ impl DataSet {
 
     /// Writes the two files of a clip.
     fn clip(&self, id: &str, n_frames: usize, seed: usize, text: &str) {
-        let bytes = npy_bytes(&[n_frames, N_FEATURES], &rows(n_frames, seed));
+        self.clip_of(id, &rows(n_frames, seed), text);
+    }
+
+    fn clip_of(&self, id: &str, rows: &[f32], text: &str) {
+        let bytes = npy_bytes(&[rows.len() / N_FEATURES, N_FEATURES], rows);
         self.write(&format!("new_joint_vecs/{id}.npy"), bytes);
         self.write(&format!("texts/{id}.txt"), text);
     }
@@ -105,34 +112,6 @@ fn statistics_are_computed_from_training_items_if_absent() {
     let given = open(&data, &skip());
     assert_eq!((given.stats().mean[7], given.stats().std[7]), (0.25, 2.0));
     assert_ne!(given.digest(), computed.digest());
-}
-
-#[test]
-fn each_training_clip_is_joined_by_its_mirror_image() {
-    let set = open(&DataSet::sound(), &options(true, BrokenFiles::Skip));
-    assert_eq!(
-        ids(&set, Split::Train),
-        ["000000", "M000000", "000001", "M000001", "000002", "M000002"]
-    );
-    assert_eq!((set.n_clips(Split::Val), set.n_clips(Split::Test)), (1, 1));
-    assert_eq!(set.features(Split::Train, 3).expect("in memory"), mirror_features(&rows(60, 1)));
-    assert_eq!(set.captions(Split::Train, 3), ["he turns right"]);
-}
-
-#[test]
-fn mirrored_files_of_the_set_are_taken_as_they_are() {
-    let data = DataSet::sound();
-    data.clip("M000000", 48, 9, "as it is##0#0");
-    data.clip("M000001", 52, 10, "as it is, listed##0#0");
-    data.write("train.txt", "000000\nM000001\n000001\n000002\n");
-    let set = open(&data, &options(true, BrokenFiles::Skip));
-    assert_eq!(
-        ids(&set, Split::Train),
-        ["000000", "M000000", "M000001", "000001", "000002", "M000002"]
-    );
-    assert_eq!(set.features(Split::Train, 1).expect("in memory"), rows(48, 9));
-    assert_eq!(set.captions(Split::Train, 2), ["as it is, listed"]);
-    assert_eq!(ids(&open(&data, &skip()), Split::Train), ["000000", "M000001", "000001", "000002"]);
 }
 
 #[test]
@@ -297,6 +276,8 @@ fn motion_x_has_its_own_folders_and_rate() {
         write(&format!("vector_263/{id}.npy"), &npy_bytes(&[120, 263], &rows(120, seed)));
         write(&format!("texts/semantic_labels/{id}.txt"), b"he turns left\nhe spins##1.0#3.0\n");
     }
+    let image = mirror_features(&rows(120, 2));
+    write("vector_263/kungfu/Mb.npy", &npy_bytes(&[120, 263], &image));
     write("train.txt", b"dance/a_1\nkungfu/b\n");
     write("val.txt", b"dance/a_2\n");
     write("test.txt", b"dance/a_2/../x\nkungfu/Mb\n");
@@ -319,6 +300,7 @@ fn real_motion_opens_whole_and_recovers_finite_bodies() {
     let set = HumanMl3d::open(&path, &options(true, BrokenFiles::Refuse)).expect("sound data");
     let counts = Split::ALL.map(|split| set.n_clips(split));
     assert_eq!((counts, set.warnings()), ([2 * 463, 33, 61], &[][..]));
+    assert_eq!(set.remarks(), [""; 0]);
     for split in Split::ALL {
         for index in 0..set.n_clips(split) {
             let features = set.features(split, index).expect("in memory");
@@ -390,4 +372,11 @@ fn most_apart(found: &[f32], expected: &[f32], columns: Range<usize>) -> f32 {
         columns.clone().map(|column| (a[column] - b[column]).abs()).fold(0.0, f32::max)
     };
     rows.map(apart).fold(0.0, f32::max)
+}
+
+#[test]
+fn real_joints_are_those_of_bodies() {
+    let Some(path) = real("bandai-motion") else { return };
+    let set = HumanMl3d::open(&path, &options(false, BrokenFiles::Refuse)).expect("sound data");
+    assert_eq!(set.remarks(), [""; 0]);
 }

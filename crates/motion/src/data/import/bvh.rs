@@ -1,4 +1,5 @@
-//! BVH files as poses of HumanML3D's skeleton, each skeleton read from all its files.
+//! BVH files as poses of HumanML3D's skeleton: each file with its own axes, the upright pose of its skeleton read
+//! from all its files.
 //!
 //! Files are of one skeleton where they have the same joints and their OFFSETs lie alike: one that was turned,
 //! laid down or mirrored with its OFFSETs is of a skeleton of its own.
@@ -10,8 +11,8 @@ use super::options::{ImportOptions, Motion, Motions, Skeleton};
 use crate::motion::bvh::{Bvh, Placed};
 use crate::motion::geometry::{Point, dot, norm, sub, with_length};
 use crate::motion::retarget::{
-    Neutral, Pose64, Rig, Roles, Survey, draft, follow, reflected_joint, roles_of, unit_m,
-    with_ends,
+    Differs, Neutral, Pose64, Rig, RigError, Roles, Survey, Up, draft, follow, reflected_joint,
+    roles_of, unit_m, with_ends,
 };
 use crate::motion::{JOINT_NAMES, N_JOINTS, PARENTS};
 
@@ -37,25 +38,27 @@ pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
     let surveyed: Vec<Result<Surveyed, String>> =
         files.par_iter().map(|file| survey(file, options)).collect();
     let (groups, of_files) = groups(&surveyed);
-    let rig = |zero: &[Placed], group: &Group| {
-        let Group { first, survey, .. } = group;
-        Rig::of(zero, first.roles, survey, options.up).map_err(|error| error.to_string())
-    };
-    let rigs: Vec<Result<Rig, String>> =
-        groups.iter().map(|group| rig(&group.first.zero, group)).collect();
-    let followed: Vec<Result<Motion, String>> = (files.par_iter().zip(&surveyed).zip(&of_files))
-        .map(|((file, found), group)| {
-            let group = group.as_ref().map_err(String::clone)?;
-            let shared = rigs[*group].as_ref().map_err(String::clone)?;
-            // Each file stands as its own OFFSETs do, where these are a standing body: performers differ.
-            let zero = &found.as_ref().map_err(String::clone)?.zero;
-            let own = rig(zero, &groups[*group]).ok();
-            let own = own.filter(|rig| rig.neutral == Neutral::ZeroPose);
-            motion(file, own.as_ref().unwrap_or(shared), options)
+    let rigs: Vec<Result<(Rig, Option<Differs>), String>> = (surveyed.iter().zip(&of_files))
+        .map(|(found, group)| {
+            let group = &groups[*group.as_ref().map_err(String::clone)?];
+            let found = found.as_ref().map_err(String::clone)?;
+            group.rig(found, options.up).map_err(|error| error.to_string())
         })
         .collect();
-    let mut skeletons: Vec<(&Group, &Rig)> =
-        groups.iter().zip(&rigs).filter_map(|(own, rig)| Some((own, rig.as_ref().ok()?))).collect();
+    let followed = files.par_iter().zip(&rigs).map(|(file, rig)| {
+        let (rig, differs) = rig.as_ref().map_err(String::clone)?;
+        let motion = motion(file, rig, options)?;
+        Ok(Motion { remark: differs.map(|differs| differs.to_string()), ..motion })
+    });
+    let followed: Vec<Result<Motion, String>> = followed.collect();
+    // Of a skeleton the first file that can be followed is told.
+    let told = |index: usize| {
+        let of_one = of_files.iter().zip(&rigs).filter(|(group, _)| **group == Ok(index));
+        let rig =
+            of_one.filter_map(|(_, rig)| rig.as_ref().ok()).min_by_key(|(_, odd)| odd.is_some());
+        Some((&groups[index], &rig?.0))
+    };
+    let mut skeletons: Vec<(&Group, &Rig)> = (0..groups.len()).filter_map(told).collect();
     skeletons.sort_by_key(|(group, _)| &group.first.key);
     let skeletons = skeletons.into_iter().map(|(group, rig)| skeleton(group, rig)).collect();
     let broken = surveyed.iter().zip(files).filter(|(found, _)| found.is_err());
@@ -65,6 +68,20 @@ pub fn read(files: &[SourceFile], options: &ImportOptions) -> Motions {
             roles_of(&joints, &options.map).is_err().then(|| draft(&joints, &options.map))
         });
     Motions { motions: followed, skeletons, draft }
+}
+
+impl Group<'_> {
+    /// How a file of the skeleton moves the target: by its own axes; upright as its own OFFSETs stand, since
+    /// performers differ, or as those of the first file, or as the standing frames of all.
+    fn rig(&self, own: &Surveyed, up: Option<Up>) -> Result<(Rig, Option<Differs>), RigError> {
+        let (survey, differs) = self.survey.with_axes_of(&own.survey);
+        let of = |zero: &[Placed]| Rig::of(zero, own.roles, &survey, up);
+        let rig = match of(&own.zero) {
+            Ok(rig) if rig.neutral == Neutral::ZeroPose => rig,
+            _ => of(&self.first.zero)?,
+        };
+        Ok((rig, differs.filter(|_| up.is_none())))
+    }
 }
 
 /// The skeletons of some files, and which is each file's, or why it has none.
@@ -147,7 +164,7 @@ fn motion(file: &SourceFile, rig: &Rig, options: &ImportOptions) -> Result<Motio
         return Err(format!("has a body farther than {FARTHEST_M} m from the origin"));
     }
     let fps = frames_a_second(bvh.frame_time_s)?;
-    Ok(Motion { poses: options.rate.of(&poses, fps), fps, unit_m: Some(unit_m) })
+    Ok(Motion { poses: options.rate.of(&poses, fps), fps, unit_m: Some(unit_m), remark: None })
 }
 
 /// Shares of a frame a second that a rounded frame time may be off.

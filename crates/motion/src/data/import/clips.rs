@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::listing::{Listing, SourceFile, groups, splits};
 use super::options::{ImportError, ImportOptions, Motion, Motions, Skeleton};
-use crate::data::Split;
 use crate::data::texts::{parse_annotation, parse_annotations};
+use crate::data::{Found, Held, Look, Seen, Split, look};
 use crate::files::read_text;
 use crate::motion::retarget::words;
 use crate::motion::{Pose, canonicalise, is_canonical};
@@ -47,6 +47,9 @@ pub struct Clips {
     pub skeletons: Vec<Skeleton>,
     /// A sentence for each file that cannot be used.
     pub problems: Vec<String>,
+    /// Sentences about files and clips that are used and may be wrong.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
     /// Sentences about motions shorter than a clip.
     pub too_short: Vec<String>,
     #[serde(skip)]
@@ -69,6 +72,8 @@ impl Clips {
         let (form, left_handed) = (options.form.name(), options.left_handed);
         let mut all = Self { form, left_handed, fps, skeletons, draft, ..Self::default() };
         for ((motion, file), group) in motions.into_iter().zip(&listing.files).zip(groups) {
+            let remark = motion.as_ref().ok().and_then(|motion| motion.remark.as_ref());
+            all.remarks.extend(remark.map(|remark| format!("{}: {remark}", file.name)));
             match motion.and_then(|motion| clips(motion, file, (group, fps), listing, options)) {
                 Ok(clips) if clips.is_empty() => {
                     all.too_short.push(format!("{}: too short", file.name));
@@ -82,6 +87,11 @@ impl Clips {
             return Err(ImportError::NothingUsable { problems, draft: all.draft });
         }
         all.split(listing.splits.as_ref())?;
+        let seen = all.clips.iter();
+        let seen = seen.map(|c| Seen::of(&c.id, Some(c.split), Held::Poses(&c.poses)));
+        let found = look(&seen.collect::<Vec<_>>(), Look::ALL);
+        let odd = found.iter().filter(|own| !own.finding.is_minor());
+        all.remarks.extend(odd.map(Found::to_string));
         Ok(all)
     }
 

@@ -13,7 +13,7 @@ use super::options::{ImportError, Skeleton};
 use crate::data::npy::npy_bytes;
 use crate::data::{FPS, MotionSource, Procedural, Split, StatsAccumulator};
 use crate::files::{FileError, atomic::PARTIAL};
-use crate::motion::{N_FEATURES, N_JOINTS, canonicalise, features_of_canonical};
+use crate::motion::{N_FEATURES, N_JOINTS, canonicalise, features_of_canonical_at};
 
 /// What a folder of this command holds and no other.
 const MARK: &str = "import.json";
@@ -35,6 +35,8 @@ pub struct Imported {
     pub captioned_by_name: usize,
     /// Sentences about files that cannot be used, and about the whole.
     pub problems: Vec<String>,
+    /// Sentences about files and clips that are used and may be wrong.
+    pub remarks: Vec<String>,
     /// Motions left out because they are shorter than a clip.
     pub too_short: usize,
     /// A mapping file to fill in, where a skeleton's joints are not all known.
@@ -109,7 +111,7 @@ fn fill(clips: &Clips, to: &Path) -> Result<Vec<String>, FileError> {
     };
     let mut sums = StatsAccumulator::default();
     for chunk in clips.clips.chunks(AT_ONCE) {
-        let features = chunk.par_iter().map(|clip| write_clip(clip, &put));
+        let features = chunk.par_iter().map(|clip| write_clip(clip, clips.fps, &put));
         let features: Vec<Vec<f32>> = features.collect::<Result<_, _>>()?;
         let train = chunk.iter().zip(&features).filter(|(clip, _)| clip.split == Split::Train);
         train.for_each(|(_, rows)| sums.add(rows));
@@ -141,15 +143,16 @@ fn fill(clips: &Clips, to: &Path) -> Result<Vec<String>, FileError> {
     Ok(told)
 }
 
-/// Writes the files of a clip and returns its features.
+/// Writes the files of a clip of `fps` frames a second and returns its features.
 fn write_clip(
     clip: &Clip,
+    fps: f64,
     put: &impl Fn(&str, &[u8]) -> Result<(), FileError>,
 ) -> Result<Vec<f32>, FileError> {
     crate::progress::moved();
     let id = &clip.id;
     let joints = clip.poses.as_flattened().as_flattened();
-    let features = features_of_canonical(&clip.poses);
+    let features = features_of_canonical_at(&clip.poses, fps);
     let rows = features.len() / N_FEATURES;
     put(&format!("new_joints/{id}.npy"), &npy_bytes(&[clip.poses.len(), N_JOINTS, 3], joints))?;
     put(&format!("new_joint_vecs/{id}.npy"), &npy_bytes(&[rows, N_FEATURES], &features))?;
@@ -172,6 +175,7 @@ fn imported(clips: Clips, told: Vec<String>) -> Imported {
         captioned_by_name: by(CaptionSource::Name),
         too_short: clips.too_short.len(),
         problems: [clips.problems, told].concat(),
+        remarks: clips.remarks,
         skeletons: clips.skeletons,
         draft: clips.draft,
     }

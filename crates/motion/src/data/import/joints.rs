@@ -42,7 +42,7 @@ fn motion(file: &SourceFile, fps: f64, options: &ImportOptions) -> Result<Motion
         form => settle(of_humanml3d(&array, form))?,
     };
     let Settled { poses, unit_m } = found.map_err(|error| error.to_string())?;
-    Ok(Motion { poses: options.rate.of(&poses, fps), fps, unit_m })
+    Ok(Motion { poses: options.rate.of(&poses, fps), fps, unit_m, remark: None })
 }
 
 fn of_humanml3d(array: &NpyArray, form: Form) -> Result<Vec<Pose64>, NpyProblem> {

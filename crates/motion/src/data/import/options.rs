@@ -103,6 +103,8 @@ pub struct Motion {
     pub fps: f64,
     /// Metres of the target in one of the file's units, where it was changed.
     pub unit_m: Option<f64>,
+    /// A sentence on how the file was read, where that may be wrong.
+    pub remark: Option<String>,
 }
 
 /// The motions of files, in their order, each or a sentence.
@@ -223,7 +225,7 @@ mod tests {
 
     #[test]
     fn files_of_one_rate_keep_it_and_others_are_refused() {
-        let motion = |fps| Ok(Motion { poses: Vec::new(), fps, unit_m: None });
+        let motion = |fps| Ok(Motion { poses: Vec::new(), fps, unit_m: None, remark: None });
         let broken = || Err("is broken".to_string());
         assert_eq!(Rate::Kept.of_all(&[broken(), motion(30.0), motion(30.0)]).unwrap(), 30.0);
         assert_eq!(Rate::Fixed(25.0).of_all(&[motion(30.0), motion(60.0)]).unwrap(), 25.0);

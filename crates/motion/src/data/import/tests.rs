@@ -1,9 +1,11 @@
+mod axes;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::data::{HumanMl3d, HumanMl3dOptions, MotionSource, Split, check_folder, parse_npy};
-use crate::motion::bvh::{Axis, Bvh, Channel, fit_bvh};
+use crate::motion::bvh::{Bvh, fit_bvh};
 use crate::motion::fixtures::{procedural, real};
 use crate::motion::{N_FEATURES, Pose, features_of_canonical, mpjpe_mm, recover_joints};
 
@@ -157,80 +159,9 @@ fn a_folder_without_motions_or_groups_is_refused() {
     assert!(!data.exists());
 }
 
-/// The same motion from a file whose OFFSETs are turned by 180° about y, and its channels with them.
-fn turned(bvh: &Bvh) -> Bvh {
-    let mut turned = bvh.clone();
-    let flip = |[x, y, z]: [f64; 3]| [-x, y, -z];
-    let mut column = 0;
-    for (index, joint) in bvh.joints.iter().enumerate() {
-        let own = &mut turned.joints[index];
-        own.offset = flip(own.offset);
-        own.end_sites.iter_mut().for_each(|end| *end = flip(*end));
-        let first =
-            joint.channels.iter().position(|channel| matches!(channel, Channel::Rotation(_)));
-        for (place, channel) in joint.channels.iter().enumerate() {
-            let of = column + place;
-            for frame in &mut turned.frames {
-                match channel {
-                    Channel::Rotation(Axis::Y) if joint.parent.is_none() => {
-                        assert_eq!(Some(place), first, "the root turns about y first");
-                        frame[of] -= 180.0;
-                    }
-                    Channel::Rotation(Axis::X | Axis::Z) => frame[of] = -frame[of],
-                    _ => {}
-                }
-            }
-        }
-        column += joint.channels.len();
-    }
-    turned
-}
-
 /// Places of all joints of a clip of the data set, in metres.
 fn places(data: &Path, id: &str) -> Vec<f32> {
     array(&data.join(format!("new_joints/{id}.npy")))
-}
-
-#[test]
-fn a_file_with_other_offsets_is_of_a_skeleton_of_its_own() {
-    let from = folder_of_bvh();
-    let to = tempfile::tempdir().unwrap();
-    let [plain, mixed, mirrored] = ["plain", "mixed", "mirrored"].map(|name| to.path().join(name));
-    import(&options(from.path(), Form::Bvh), &plain).unwrap();
-    // Sorts first, so that it would serve all.
-    let path = from.path().join("bow_01.bvh");
-    let bow = Bvh::parse(&fs::read_to_string(&path).unwrap()).unwrap();
-    fs::write(&path, turned(&bow).to_string()).unwrap();
-    let imported = import(&options(from.path(), Form::Bvh), &mixed).unwrap();
-    assert_eq!(imported.problems, [""; 0]);
-    for id in ["bow_01", "run_01", "turn_01", "walk_01", "walk_02"] {
-        let off = largest(&places(&plain, id), &places(&mixed, id));
-        assert!(off < 1e-4, "{id}: {off} m");
-    }
-    // One that is mirrored with its names kept is refused by name, and the others are as they were.
-    let mut other = bow.clone();
-    let mirror = |[x, y, z]: [f64; 3]| [-x, y, z];
-    let mut column = 0;
-    for joint in &mut other.joints {
-        joint.offset = mirror(joint.offset);
-        joint.end_sites.iter_mut().for_each(|end| *end = mirror(*end));
-        for channel in &joint.channels {
-            let flipped = [
-                Channel::Position(Axis::X),
-                Channel::Rotation(Axis::Y),
-                Channel::Rotation(Axis::Z),
-            ];
-            if flipped.contains(channel) {
-                other.frames.iter_mut().for_each(|frame| frame[column] = -frame[column]);
-            }
-            column += 1;
-        }
-    }
-    fs::write(&path, other.to_string()).unwrap();
-    let imported = import(&options(from.path(), Form::Bvh), &mirrored).unwrap();
-    let [problem] = &imported.problems[..] else { panic!("{:?}", imported.problems) };
-    assert!(problem.starts_with("bow_01.bvh: has its toes behind"), "{problem}");
-    assert!(largest(&places(&plain, "run_01"), &places(&mirrored, "run_01")) < 1e-4);
 }
 
 #[test]

@@ -59,6 +59,28 @@ impl Survey {
         }
     }
 
+    /// The sums of a skeleton with the axes and the toes of one of its files, which is followed by them; and how the
+    /// file differs from the others.
+    ///
+    /// A file that stands along an axis of its own has that axis up, also among others. One that lies along
+    /// another axis than others stand, or along none, is taken to lie as they stand.
+    pub fn with_axes_of(&self, own: &Survey) -> (Survey, Option<Differs>) {
+        let (file, others) = (Up::along(own.height), Up::along(self.height));
+        let differs = match (file, others) {
+            (Some(own), Some(others)) if own != others => Some((own, others)),
+            _ => None,
+        };
+        let is_own = file.is_some() && (differs.is_none() || own.standing >= STANDING_FRAMES);
+        let Survey { height, toes, .. } = if is_own { own } else { self };
+        let shown = if toes.1 > 0 { toes } else { &self.toes };
+        let survey = Survey { height: *height, toes: *shown, ..self.clone() };
+        let differs = differs.map(|(own, others)| match is_own {
+            true => Differs::Stands { own, others },
+            false => Differs::Lies { own, others },
+        });
+        (survey, differs)
+    }
+
     /// Takes in the sums of another file.
     pub fn add(&mut self, other: &Survey) {
         self.height = add(self.height, other.height);
@@ -67,6 +89,21 @@ impl Survey {
         let sums = self.upright.iter_mut().flatten().zip(other.upright.iter().flatten());
         sums.for_each(|(sum, more)| *sum = add(*sum, *more));
     }
+}
+
+/// How a file lies otherwise than the others of its skeleton.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Differs {
+    #[error(
+        "stands along {own}, where the others of its skeleton stand along {others}: it is read with {own} up; \
+         if its body lies down, give --up {others}"
+    )]
+    Stands { own: Up, others: Up },
+    #[error(
+        "lies along {own} in most frames, and the others of its skeleton stand along {others}: it is read with \
+         {others} up; if its own axis is {own}, import it by itself with --up {own}"
+    )]
+    Lies { own: Up, others: Up },
 }
 
 /// Frames of standing bodies from which a neutral pose is taken, at least.

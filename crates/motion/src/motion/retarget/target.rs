@@ -2,7 +2,7 @@
 
 use super::body::{BACKWARDS, Body, Pose64, Up};
 use crate::motion::bvh::Axis;
-use crate::motion::geometry::{add, norm, scale, sub, with_length};
+use crate::motion::geometry::{Point, add, norm, scale, sub, with_length};
 use crate::motion::{BONE_LENGTHS, N_JOINTS, PARENTS, Pose, rotate};
 
 /// Length of the target's leg, hip to knee to ankle, the mean of both sides; metres.
@@ -55,14 +55,13 @@ pub enum PointsError {
 /// # Errors
 /// [`PointsError`].
 pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsError> {
-    let height = poses.iter().map(|pose| Body::from(pose).height()).fold([0.0; 3], add);
-    let up = told.or(Up::along(height)).ok_or(PointsError::Up)?;
+    let up = told.or(Up::along(height(poses))).ok_or(PointsError::Up)?;
     let poses: Vec<Pose64> =
         poses.iter().map(|pose| pose.map(|joint| rotate(up.turn(), joint))).collect();
     if toes_forward(&poses) < BACKWARDS {
         return Err(PointsError::Backwards);
     }
-    if poses.iter().all(has_target_bones) {
+    if poses.iter().all(|pose| has_target_bones(pose, SAME)) {
         return Ok(Settled { poses, unit_m: None });
     }
     let mean = mean_leg(&poses);
@@ -74,16 +73,22 @@ pub fn settled(poses: &[Pose64], told: Option<Up>) -> Result<Settled, PointsErro
     Ok(Settled { poses: moved.collect(), unit_m: Some(unit_m) })
 }
 
-/// How far the toes point to where the body faces, from −1 to 1, on the mean.
+/// The sum over frames of the directions from the ankles to the shoulders.
+fn height(poses: &[Pose64]) -> Point {
+    poses.iter().map(|pose| Body::from(pose).height()).fold([0.0; 3], add)
+}
+
+/// How far the toes point to where the body faces, y up, from −1 to 1, on the mean.
 fn toes_forward(poses: &[Pose64]) -> f64 {
     let forward = |pose: &Pose64| Body::from(pose).toes_forward(Axis::Y.unit());
     poses.iter().filter_map(forward).sum::<f64>() / poses.len().max(1) as f64
 }
 
-fn has_target_bones(pose: &Pose64) -> bool {
+/// Whether each bone is as long as the target's, to so many metres.
+pub fn has_target_bones(pose: &Pose64, metres: f64) -> bool {
     (1..N_JOINTS).all(|joint| {
         let bone = norm(sub(pose[joint], pose[PARENTS[joint].unwrap_or(0)]));
-        (bone - f64::from(BONE_LENGTHS[joint])).abs() < SAME
+        (bone - f64::from(BONE_LENGTHS[joint])).abs() < metres
     })
 }
 
@@ -91,10 +96,24 @@ fn mean_leg(poses: &[Pose64]) -> f64 {
     poses.iter().map(|pose| Body::from(pose).leg()).sum::<f64>() / poses.len() as f64
 }
 
-/// Mean length of the legs of poses in metres, as a multiple of the target's.
-pub fn leg_ratio(poses: &[Pose]) -> f64 {
-    let wide = |pose: &Pose| pose.map(|place| place.map(f64::from));
-    mean_leg(&poses.iter().map(wide).collect::<Vec<Pose64>>()) / leg()
+/// What poses that should be in metres with y up say of their unit, their axes and their sides.
+pub struct Stance {
+    /// Mean length of the legs, as a multiple of the target's.
+    pub legs: f64,
+    /// The sum over frames of the directions from the ankles to the shoulders.
+    pub height: Point,
+    /// How far the toes point to where the body faces, from −1 to 1, on the mean.
+    pub toes: f64,
+}
+
+impl Stance {
+    /// Of a motion; its numbers are NaN without frames.
+    pub fn of(poses: &[Pose]) -> Self {
+        let wide = |pose: &Pose| pose.map(|place| place.map(f64::from));
+        let poses: Vec<Pose64> = poses.iter().map(wide).collect();
+        let (legs, toes) = (mean_leg(&poses) / leg(), toes_forward(&poses));
+        Self { legs, height: height(&poses), toes }
+    }
 }
 
 // Poses at another rate.
