@@ -89,7 +89,7 @@ impl Output {
 
     /// Something that may be wrong.
     pub fn warn(&self, line: &str) {
-        say(&format!("warning: {line}"));
+        say(&format!("warning: {}", plain(line)));
         self.warned.borrow_mut().push(line.to_string());
     }
 
@@ -215,7 +215,16 @@ pub fn sentence(error: &anyhow::Error) -> String {
             said = format!("{said}: {cause}");
         }
     }
-    said
+    plain(&said)
+}
+
+/// Characters of an error, at most: a name in a damaged file may have no end.
+const LONGEST: usize = 2000;
+
+/// Words that may come of a file as a terminal may show them: without its control characters, and cut.
+fn plain(words: &str) -> String {
+    let blank = |c: char| if c.is_control() && !"\n\t".contains(c) { ' ' } else { c };
+    clip(&words.chars().map(blank).collect::<String>(), LONGEST)
 }
 
 fn told(error: &anyhow::Error) -> Exit {
@@ -257,6 +266,15 @@ mod tests {
         assert_eq!(table(["<name", "n", "<word"], rows.clone()), lines);
         let bare = lines.split_once('\n').expect("a head").1;
         assert_eq!(table(["<", "", "<"], rows), bare);
+    }
+
+    #[test]
+    fn words_of_a_damaged_file_do_not_reach_the_terminal_as_they_are() {
+        let error =
+            anyhow::anyhow!("no key `\u{1b}[31m{}`", "x".repeat(3000)).context("a.json:\nline 2");
+        let told = sentence(&error);
+        assert!(told.starts_with("a.json:\nline 2: no key ` [31mxx"), "{told}");
+        assert_eq!((told.chars().count(), told.chars().last()), (LONGEST, Some('…')));
     }
 
     #[test]

@@ -15,6 +15,7 @@ use serde_json::{Map, Value, json};
 use super::facts::{COLUMNS, CellKind, FactColumn, LOSSES, Planned};
 use super::run_record::{RunRecord, flat};
 use crate::files::atomic::write_whole;
+use crate::table::parquet_frame;
 
 /// Why a table could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -74,8 +75,14 @@ pub fn read(folder: &Path) -> Result<Vec<RunRecord>, TableError> {
     let [parquet, csv] = ["runs.parquet", "runs.csv"].map(|name| folder.join(name));
     let is_csv = !parquet.exists() && csv.exists();
     let path = if is_csv { csv } else { parquet };
-    let file = File::open(&path).map_err(|error| TableError::new(&path, error))?;
-    let frame = if is_csv { csv_frame(file) } else { ParquetReader::new(file).finish() };
+    let frame = if is_csv {
+        let file = File::open(&path).map_err(|error| TableError::new(&path, error))?;
+        csv_frame(file)
+    } else {
+        let bytes = std::fs::read(&path).map_err(|error| TableError::new(&path, error))?;
+        let read = parquet_frame(bytes).map_err(|error| TableError::new(&path, error))?;
+        Ok(read.0)
+    };
     frame.and_then(|frame| rows(&frame)).map_err(|error| TableError::new(&path, error))
 }
 
@@ -185,8 +192,10 @@ fn read_metrics(frame: &DataFrame, to: &mut [RunRecord]) -> PolarsResult<()> {
         let name = column.name().as_str();
         let is_other = !is_declared(name) && column.dtype() == &DataType::Float64;
         if is_other || LOSSES.contains(&name) {
-            for (record, value) in to.iter_mut().zip(column.f64()?.iter()) {
-                value.into_iter().for_each(|x| record.metrics.set(name.to_string(), x));
+            for (row, (record, value)) in to.iter_mut().zip(column.f64()?.iter()).enumerate() {
+                let Some(x) = value else { continue };
+                polars_ensure!(x.is_finite(), ComputeError: "row {} has {x} for {name}", row + 1);
+                record.metrics.set(name.to_string(), x);
             }
         }
     }
@@ -227,6 +236,21 @@ mod tests {
         // The CSV stands in for it where it alone was kept.
         std::fs::remove_file(place.path().join("runs.parquet")).unwrap();
         assert_eq!(read(place.path()).unwrap(), records);
+    }
+
+    #[test]
+    fn a_table_without_rows_reads_as_none() {
+        let place = tempfile::tempdir().unwrap();
+        write(place.path(), &[]).unwrap();
+        assert_eq!(read(place.path()).unwrap(), []);
+    }
+
+    #[test]
+    fn a_loss_that_is_not_finite_is_refused_with_its_row() {
+        let mut record = whole();
+        record.metrics.set("loss_nats", f64::INFINITY);
+        let error = rewritten(&[whole(), record], |_| ()).unwrap_err();
+        assert!(error.contains("row 2 has inf for loss_nats"), "{error}");
     }
 
     #[test]

@@ -175,6 +175,14 @@ mod tests {
     }
 
     #[test]
+    fn of_many_wrong_keys_the_first_are_told() {
+        let keys: String = (0..99).map(|i| format!("k{i}: 1\n")).collect();
+        let errors = errors(&keys, &[]);
+        assert_eq!(errors.problems.len(), 21);
+        assert!(errors.problems[20].message.contains("mend these first"));
+    }
+
+    #[test]
     fn a_text_that_is_not_yaml_is_shown_where_it_breaks() {
         let text = errors("name: a\ngrid: {models: scamo\nseeds: ä\n", &[]).render(false);
         assert!(text.contains("not valid YAML") && text.contains("sweep.yaml:3"), "{text}");

@@ -6,6 +6,9 @@ use serde_yaml::Value;
 use super::path;
 use super::problem::{Problem, nearest};
 
+/// Entries that are told at once: each is looked for in the whole file again.
+const MOST_TOLD: usize = 20;
+
 /// Deserialises; each entry that fails is noted and taken out, until the rest is right or stuck.
 pub fn typed<T: DeserializeOwned>(
     mut value: Value,
@@ -24,6 +27,10 @@ pub fn typed<T: DeserializeOwned>(
         let missed = missing_field(&in_the_file, &message);
         if missed.is_none_or(|field| !removed.holds(&field)) {
             problems.push(explain(&in_the_file, &message));
+        }
+        if problems.len() >= MOST_TOLD {
+            problems.push(Problem::value("", "there may be more: mend these first"));
+            return None;
         }
         if path.is_empty() || !path::remove(&mut value, &path) {
             return None;

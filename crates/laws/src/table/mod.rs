@@ -48,6 +48,8 @@ mod written;
 pub use error::{DropStage, ExpressionError, ExpressionProblem, ReadProblem, TableError};
 pub use expression::Expression;
 pub use outliers::{OutlierStage, Split};
+#[cfg(feature = "parquet")]
+pub use parquet::parquet_frame;
 pub use read::{ReadError, read};
 pub use rows::{Dropped, Loaded, TableRequest, groups, load};
 pub use written::number;

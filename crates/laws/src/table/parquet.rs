@@ -12,10 +12,23 @@ use super::{Column, ReadProblem, Table};
 /// A Parquet file can claim any number of rows in a few bytes; a table of runs has fewer.
 const MAX_ROWS: usize = 100_000_000;
 
-/// A Parquet file's columns, with a panic of the reader turned into an error.
-///
-/// Polars trusts a file's metadata and panics where a damaged one breaks that trust; see [`quietly`].
+/// A Parquet file's columns.
 pub(super) fn table(bytes: Vec<u8>) -> Result<Table, ReadProblem> {
+    let (frame, notes) = parquet_frame(bytes)?;
+    let columns = frame.columns().iter().map(|c| Ok((c.name().to_string(), column(c)?)));
+    let columns = columns.collect::<PolarsResult<_>>();
+    let columns = columns.map_err(|error| ReadProblem::Parquet(error.to_string()))?;
+    Ok(Table { columns, n_rows: frame.height(), notes })
+}
+
+/// A Parquet file as polars has it, and a sentence for each column that is left out; a panic of the reader is
+/// turned into an error.
+///
+/// # Errors
+/// [`ReadProblem`]: it is no such file, or a damaged one.
+///
+/// Polars trusts a file's metadata and panics where a damaged one breaks that trust.
+pub fn parquet_frame(bytes: Vec<u8>) -> Result<(DataFrame, Vec<String>), ReadProblem> {
     const MAGIC: &[u8] = b"PAR1";
     if bytes.is_empty() {
         return Err(ReadProblem::Empty);
@@ -25,12 +38,12 @@ pub(super) fn table(bytes: Vec<u8>) -> Result<Table, ReadProblem> {
         return Err(ReadProblem::Parquet(reason));
     }
     match quietly(AssertUnwindSafe(|| frame(bytes))) {
-        Some(table) => table.map_err(|error| ReadProblem::Parquet(error.to_string())),
+        Some(frame) => frame.map_err(|error| ReadProblem::Parquet(error.to_string())),
         None => Err(ReadProblem::Parquet("its contents contradict each other".to_string())),
     }
 }
 
-fn frame(bytes: Vec<u8>) -> PolarsResult<Table> {
+fn frame(bytes: Vec<u8>) -> PolarsResult<(DataFrame, Vec<String>)> {
     check_footer(&bytes).map_err(|reason| polars_err!(ComputeError: "{reason}"))?;
     let mut reader = ParquetReader::new(Cursor::new(&bytes));
     check_counts(&mut reader, &bytes)?;
@@ -47,8 +60,11 @@ fn frame(bytes: Vec<u8>) -> PolarsResult<Table> {
         }
     }
     let frame = reader.with_projection(Some(read)).finish()?;
-    let columns = frame.columns().iter().map(|c| Ok((c.name().to_string(), column(c)?)));
-    Ok(Table { columns: columns.collect::<PolarsResult<_>>()?, n_rows: frame.height(), notes })
+    if let Some(cut) = frame.columns().iter().find(|column| column.len() != frame.height()) {
+        let (name, found, rows) = (cut.name(), cut.len(), frame.height());
+        polars_bail!(ComputeError: "column {name} has {found} cells, and the table {rows} rows");
+    }
+    Ok((frame, notes))
 }
 
 /// Refuses counts in the metadata that no file of this size can hold; see the checks below.

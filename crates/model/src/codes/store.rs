@@ -108,6 +108,9 @@ impl TokenStore {
         let file = MappedFile::open(path)?.verified()?;
         let grid = file.note(GRID).and_then(|text| serde_json::from_str(text).ok());
         let grid: Grid = grid.ok_or_else(|| file.damaged("the grid of its codes is missing"))?;
+        if grid.scales.is_empty() || grid.scales.iter().any(|scale| !scale.is_sound()) {
+            return Err(file.damaged("the grid of its codes has a scale without codes"));
+        }
         let [train, val, test] = Split::ALL.map(|split| StoredSplit::read(&file, split, &grid));
         Ok(Self { splits: [train?, val?, test?], grid })
     }

@@ -122,6 +122,14 @@ impl Evaluator {
         let missing = || FileError::read(&path)(io::ErrorKind::NotFound.into());
         let Saved { spec, fps } = read_if_there(&path)?.ok_or_else(missing)?;
         let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
+        let problem = spec.problems().first().map(|key| format!("{} {}", key.field, key.problem));
+        let sizes = serde_json::json!({
+            "networks": spec.networks, "dim": spec.dim, "word_dim": spec.word_dim
+        });
+        let problem = problem.or_else(|| weights::beyond(&sizes, &tensors));
+        if let Some(problem) = problem.or_else(|| weights::no_rate(fps)) {
+            return Err(FileError::damaged(&path, problem).into());
+        }
         let seen = Seen { spec, stats: weights::take_stats(&mut tensors)? };
         let mut unused = ChaCha8Rng::seed_from_u64(0);
         let networks = AnyNetworks::init(&seen.spec, seen.n_features(), &mut unused, device);

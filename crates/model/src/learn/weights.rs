@@ -10,6 +10,8 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
 use memmap2::Mmap;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, View, serialize};
+use serde::Serialize;
+use serde_json::Value;
 
 use crate::data::FeatureStats;
 use crate::failure::FailureKind;
@@ -284,17 +286,45 @@ fn insert(tensors: &mut Sources, name: &str, values: Vec<f32>) {
 /// Takes them out of weights that were read.
 ///
 /// # Errors
-/// [`WeightsError::Mismatch`] where they are not there.
+/// [`WeightsError::Mismatch`] if they are missing, or features cannot be normalised by them.
 pub fn take_stats(tensors: &mut Weights) -> Result<FeatureStats, WeightsError> {
-    let mut vector = |name: &str| {
-        let missing = || WeightsError::Mismatch {
-            name: name.to_string(),
-            expected: vec![N_FEATURES],
-            found: "missing".to_string(),
-        };
-        tensors.remove(name).map(|tensor| tensor.values).ok_or_else(missing)
+    let mismatch = |name: &str, found: &str| WeightsError::Mismatch {
+        name: name.to_string(),
+        expected: vec![N_FEATURES],
+        found: found.to_string(),
     };
-    Ok(FeatureStats { mean: vector(MEAN)?, std: vector(STD)? })
+    let mut vector = |name: &str| {
+        let tensor = tensors.remove(name).ok_or_else(|| mismatch(name, "missing"))?;
+        let sound = !tensor.values.is_empty() && tensor.values.iter().all(|x| x.is_finite());
+        sound.then_some(tensor.values).ok_or_else(|| mismatch(name, "not of finite numbers"))
+    };
+    let (mean, std) = (vector(MEAN)?, vector(STD)?);
+    if mean.len() != std.len() || std.iter().any(|x| *x <= 0.0) {
+        return Err(mismatch(STD, "not a number above 0 for each mean"));
+    }
+    Ok(FeatureStats { mean, std })
+}
+
+/// Why a number is no rate of frames; `None` if it is one.
+pub fn no_rate(fps: f64) -> Option<String> {
+    let is_rate = fps.is_finite() && fps > 0.0;
+    (!is_rate).then(|| format!("{fps} frames a second are no rate"))
+}
+
+/// The first whole number of a description, with its key, that is larger than every dimension of the weights:
+/// a model of such a size has other weights, and may not fit into memory.
+pub fn beyond(description: &impl Serialize, tensors: &Weights) -> Option<String> {
+    let most = tensors.values().flat_map(|tensor| &tensor.shape).max().copied().unwrap_or(0);
+    let found = larger("", &serde_json::to_value(description).ok()?, most as u64);
+    found.map(|(key, n)| format!("its {key} of {n} is larger than any of its weights"))
+}
+
+fn larger(key: &str, value: &Value, most: u64) -> Option<(String, u64)> {
+    match value {
+        Value::Object(entries) => entries.iter().find_map(|(key, value)| larger(key, value, most)),
+        Value::Array(items) => items.iter().find_map(|item| larger(key, item, most)),
+        _ => value.as_u64().filter(|n| *n > most).map(|n| (key.to_string(), n)),
+    }
 }
 
 /// Puts a number among the tensors, in single precision.

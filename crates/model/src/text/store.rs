@@ -188,8 +188,12 @@ impl TextStore {
             let captions = file.column(&format!("{name}.captions"))?;
             Ok((captions, file.column(&format!("{name}.offsets"))?))
         };
+        let dim = file.number("dim")?;
+        if dim == 0 {
+            return Err(file.damaged("its vectors have no numbers"));
+        }
         let store = Self {
-            dim: file.number("dim")?,
+            dim,
             embeddings: file.column("embeddings")?,
             words: file.column("words")?,
             splits: Split::ALL.into_iter().map(split).collect::<Result<_, FileError>>()?,
@@ -202,7 +206,8 @@ impl TextStore {
         let n_words = self.embeddings.values().len() / self.dim;
         let split_is_sound = |(captions, offsets): &(Column<u32>, Column<u64>)| {
             let (captions, offsets) = (captions.values(), offsets.values());
-            offsets.is_sorted()
+            // Each clip has a caption.
+            offsets.is_sorted_by(|from, to| from < to)
                 && offsets.last() == Some(&(captions.len() as u64))
                 && captions.iter().all(|&id| (id as usize) + 1 < words.len())
         };

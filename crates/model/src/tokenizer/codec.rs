@@ -197,6 +197,10 @@ impl Tokenizer {
         spec.check()?;
         let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
         let fps = weights::take_number(&mut tensors, FPS).unwrap_or(data::FPS);
+        let beyond = weights::beyond(&(&spec.architecture, &spec.quantizer), &tensors);
+        if let Some(problem) = beyond.or_else(|| weights::no_rate(fps)) {
+            return Err(FileError::damaged(&path, problem).into());
+        }
         let stats = weights::take_stats(&mut tensors)?;
         let module = TokenizerModule::of_weights(&spec, &stats, tensors, device)?;
         Ok(Self::new(module, spec, stats, fps, device.clone()))

@@ -120,7 +120,8 @@ fn imported(root: &Path) -> Result<Option<f64>, DataError> {
     };
     let import: Import = serde_json::from_str(&text).map_err(|error| invalid(error.to_string()))?;
     match import.fps {
-        Some(fps) if !(fps.is_finite() && fps > 0.0) => {
+        // Numbers that single precision holds.
+        Some(fps) if !(1e-6..=1e6).contains(&fps) => {
             Err(invalid(format!("{fps} frames a second are no rate")))
         }
         fps => Ok(fps),

@@ -143,14 +143,18 @@ impl EvaluatorSection {
     }
 }
 
+/// Frames of a window, and words of a caption, for which there are places.
+const LONGEST: usize = 100_000;
+
 impl EvaluatorSpec {
     /// What no training can use.
-    fn problems(&self) -> Vec<KeyProblem> {
+    pub fn problems(&self) -> Vec<KeyProblem> {
         let mut found = self.networks.problems();
         found.extend(failed(each! {
             self;
             |n| n > 0, "must be at least 1" => dim, word_dim, max_words, steps, evaluations;
             |n| n >= self.frames(), "holds at least the frames of one row" => window;
+            |n| n <= LONGEST, "must be at most 100000" => window, max_words;
             |n| n > 1, "a clip is told from the others of its batch: at least 2" => batch;
             |n| n >= self.batch, "holds at least one `batch`" => pool_clips;
             |share| (0.0..1.0).contains(&share), "lies in [0, 1)" => word_drop;

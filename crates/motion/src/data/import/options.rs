@@ -73,6 +73,9 @@ pub struct ImportOptions {
     pub overwrite: bool,
 }
 
+/// Bytes of a mapping file: 22 names. YAML of 64 KiB of brackets takes seconds.
+const LONGEST_MAP: usize = 1 << 14;
+
 /// A mapping file: `joint of the skeleton: name of the file's joint`, YAML.
 ///
 /// # Errors
@@ -80,6 +83,9 @@ pub struct ImportOptions {
 pub fn read_map(path: &Path) -> Result<NameMap, ImportError> {
     let invalid = |problem: String| ImportError::Map { path: path.to_path_buf(), problem };
     let text = read_text(path).map_err(|error| invalid(error.to_string()))?;
+    if text.len() > LONGEST_MAP {
+        return Err(invalid(format!("it is longer than {LONGEST_MAP} bytes")));
+    }
     let lines: BTreeMap<String, String> =
         serde_yaml::from_str(&text).map_err(|error| invalid(error.to_string()))?;
     let entry = |(role, name): (String, String)| {

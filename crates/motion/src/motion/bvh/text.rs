@@ -57,7 +57,9 @@ fn numbers(values: &[f64]) -> String {
 /// The number that the file holds for `value`; never a zero with a sign.
 pub fn rounded(value: f64) -> f64 {
     let scale = 10f64.powi(DECIMALS as i32);
-    (value * scale).round() / scale + 0.0
+    let rounded = (value * scale).round() / scale + 0.0;
+    // A number near the end of the range has no decimals.
+    if rounded.is_finite() { rounded } else { value }
 }
 
 // Reading.
@@ -265,7 +267,7 @@ fn frames(lines: &[&str], first: usize, width: usize) -> Result<(f64, Vec<Vec<f6
     let (line, text) = next(FRAMES)?;
     let said: usize = value(text, "Frames", FRAMES, line, |text| text.parse().ok())?;
     let (time_line, text) = next(TIME)?;
-    let positive = |text: &str| finite(text).filter(|&seconds| seconds > 0.0);
+    let positive = |text: &str| finite(text).filter(|&seconds| seconds >= SHORTEST_S);
     let frame_time_s = value(text, "Frame Time", TIME, time_line, positive)?;
     let frames: Vec<Vec<f64>> =
         left.map(|(line, text)| frame(text, line, width)).collect::<Result<_, _>>()?;
@@ -276,6 +278,8 @@ fn frames(lines: &[&str], first: usize, width: usize) -> Result<(f64, Vec<Vec<f6
 }
 
 const FRAMES: &str = "\"Frames:\" and a count";
+/// Seconds of a frame that the decimals of a file can tell from zero.
+const SHORTEST_S: f64 = 1e-8;
 const TIME: &str = "\"Frame Time:\" and seconds above zero";
 
 /// The value after a key and a colon.

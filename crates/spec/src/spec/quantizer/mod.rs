@@ -246,6 +246,18 @@ impl Grid {
     }
 }
 
+impl Scale {
+    /// Whether it has codes that can be counted, and one stands for a frame or more.
+    pub fn is_sound(&self) -> bool {
+        let most = u32::MAX as usize;
+        let is_length = match self.length {
+            Length::FramesPerCode(frames) => frames > 0,
+            Length::Codes(codes) => codes <= most,
+        };
+        is_length && (1..=most).contains(&self.n_vocab)
+    }
+}
+
 impl Length {
     fn codes(self, n_frames: usize) -> usize {
         match self {
