@@ -9,6 +9,7 @@ use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, killed_by, last_lines
 use crate::jobs::{Job, JobKind, ResultsFolder, program};
 use crate::machine::Kills;
 use crate::progress::{Beat, Said, Stop};
+use nix::sys::signal::Signal;
 use std::fs::{self, OpenOptions};
 use std::io::{self, BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
@@ -237,12 +238,20 @@ impl<'a> Attended<'a> {
         if status.code() == Some(REFUSED_MEMORY) {
             return Failure::new(FailureKind::OutOfMemory, "the worker was refused memory");
         }
-        let kind = killed_by(status.signal(), &self.kills).unwrap_or(FailureKind::Crashed);
+        let kind = match status.signal() {
+            Some(signal) if signal == Signal::SIGBUS as i32 => FailureKind::FilesChanged,
+            signal => killed_by(signal, &self.kills).unwrap_or(FailureKind::Crashed),
+        };
         let sentence = match kind {
             FailureKind::OutOfMemory => {
                 "the system was out of memory and killed the worker".to_string()
             }
             FailureKind::Killed => format!("the worker was killed: {status}"),
+            FailureKind::FilesChanged => {
+                format!(
+                    "a file was cut short while the worker read it, which ended it with {status}"
+                )
+            }
             _ => format!("the worker ended with {status}"),
         };
         Failure::new(kind, sentence)
