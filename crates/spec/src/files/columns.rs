@@ -79,8 +79,9 @@ pub fn write(
     write_whole(path, |file| file.write_all(&bytes))
 }
 
-/// Bytes of a file that is read. What happens to it later changes no number of it.
-const READ: u64 = 32 << 20;
+/// Bytes of a file that is read, at most: few beside those of any process, which shares none of them. What happens
+/// to the file later changes no number of it.
+const READ: u64 = 4 << 20;
 
 /// The bytes of a file.
 #[derive(Debug)]
