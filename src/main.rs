@@ -21,6 +21,7 @@ static ALLOCATOR: isoflop::machine::Allocator = isoflop::machine::Allocator;
 
 fn main() -> ExitCode {
     ignore_file_size_signal();
+    isoflop::machine::tell_of_cut_files();
     let cli = commands::words_are_utf8().and_then(|()| Cli::try_parse());
     let cli = cli.unwrap_or_else(|error| commands::refuse(&error));
     let json = cli.is_json();

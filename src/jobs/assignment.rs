@@ -1,5 +1,6 @@
 //! [`Assignment`]: a job in the hands of a worker, and files that the worker finds damaged.
 
+use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -20,6 +21,14 @@ use crate::sweep::Sweep;
 
 /// The weights of a finished run, in its folder.
 pub const MODEL: &str = "model.safetensors";
+/// The note in that file that names the run.
+pub const OF_RUN: &str = "run";
+
+/// Its notes.
+pub fn weights_notes(run_id: &str) -> HashMap<String, String> {
+    HashMap::from([(OF_RUN.to_string(), run_id.to_string())])
+}
+
 /// The validation curve of a finished run, a line a measurement, in its folder.
 pub const LOG: &str = "log.jsonl";
 /// What a finished run has on each clip of the test split, a line a clip, in its folder.

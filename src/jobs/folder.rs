@@ -13,6 +13,7 @@ use crate::codes::TokenizerMetrics;
 use crate::failure::{Failure, FailureKind};
 use crate::files::{FileError, read_if_there};
 use crate::laws::Validated;
+use crate::plan::ScoreJob;
 use crate::record::RunRecord;
 use crate::sweep::{self, Sweep, SweepErrors};
 
@@ -168,7 +169,7 @@ impl ResultsFolder {
 
     /// The record of a finished run; `None` where it has none.
     pub fn record(&self, run_id: &str) -> Result<Option<RunRecord>, FileError> {
-        read_if_there(&self.run(run_id).join("record.json"))
+        self.own_product(&JobId::run(run_id))
     }
 
     /// The failure of a job that ended with one. One that is damaged is a failure all the same.
@@ -186,7 +187,7 @@ impl ResultsFolder {
 
     /// The metrics of a finished tokenizer.
     pub fn metrics(&self, tokenizer_id: &str) -> Result<Option<TokenizerMetrics>, FileError> {
-        read_if_there(&self.tokenizer(tokenizer_id).join("metrics.json"))
+        self.own_product(&JobId::new(JobKind::Tokenizer, tokenizer_id))
     }
 
     /// The folder of an evaluator.
@@ -196,7 +197,7 @@ impl ResultsFolder {
 
     /// What the motions of a run score.
     pub fn scores(&self, score_id: &str) -> Result<Option<RunScores>, FileError> {
-        read_if_there(&self.product(&JobId::new(JobKind::Score, score_id)))
+        self.own_product(&JobId::new(JobKind::Score, score_id))
     }
 
     /// Metrics of every finished tokenizer that lies here, by vocabulary; `warn` is told of each
@@ -236,8 +237,19 @@ impl ResultsFolder {
         all
     }
 
+    /// What a finished job has made, if it is its own: a copy of another's is damaged.
+    pub(super) fn own_product<T: Product>(&self, job: &JobId) -> Result<Option<T>, FileError> {
+        let path = self.product(job);
+        match read_if_there::<T>(&path)? {
+            Some(product) if !product.is_of(job, self) => {
+                Err(FileError::damaged(&path, "it is a copy of another job's"))
+            }
+            product => Ok(product),
+        }
+    }
+
     /// The products of all finished jobs of a kind, by a key; each that is damaged is left out.
-    pub(super) fn products<T: DeserializeOwned, K: Ord>(
+    pub(super) fn products<T: Product, K: Ord>(
         &self,
         kind: JobKind,
         key: impl FnMut(&T) -> K,
@@ -249,12 +261,65 @@ impl ResultsFolder {
         }
         let mut products: Vec<T> = Vec::new();
         for entry in fs::read_dir(folder)? {
-            match read_if_there::<T>(&entry?.path().join(kind.product())) {
+            match self.own_product(&JobId::new(kind, entry?.file_name().to_string_lossy())) {
                 Ok(found) => products.extend(found),
                 Err(error) => warn(error.to_string()),
             }
         }
         products.sort_by_key(key);
         Ok(products)
+    }
+}
+
+/// What the last file of a job holds.
+pub(super) trait Product: DeserializeOwned {
+    /// Whether it says that this job made it.
+    fn is_of(&self, job: &JobId, folder: &ResultsFolder) -> bool;
+}
+
+impl Product for RunRecord {
+    fn is_of(&self, job: &JobId, _: &ResultsFolder) -> bool {
+        self.planned.run_id == job.id
+    }
+}
+
+impl Product for TokenizerMetrics {
+    fn is_of(&self, job: &JobId, _: &ResultsFolder) -> bool {
+        self.tokenizer_id == job.id
+    }
+}
+
+impl Product for RunScores {
+    /// Scores name their run alone.
+    fn is_of(&self, job: &JobId, folder: &ResultsFolder) -> bool {
+        let spec = folder.known_spec::<ScoreJob>(job);
+        spec.is_none_or(|spec| spec.run_id == self.run_id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::atomic::write_json;
+
+    #[test]
+    fn a_copy_of_another_runs_record_is_damaged() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = ResultsFolder::new(place.path());
+        let record = include_str!("../../tests/fixtures/record-format-1.json");
+        let record: RunRecord = serde_json::from_str(record).unwrap();
+        let own = record.planned.run_id.as_str();
+        for id in [own, "another"] {
+            write_json(&folder.run(id).join("record.json"), &record).unwrap();
+        }
+        assert_eq!(folder.record(own).unwrap().as_ref(), Some(&record));
+        let error = folder.record("another").unwrap_err();
+        assert!(error.is_damage(), "{error}");
+        let told = error.to_string();
+        assert!(told.contains("a copy of another job's") && told.contains("trains the run again"));
+        let mut warnings = Vec::new();
+        let key = |record: &RunRecord| record.planned.run_id.clone();
+        let all = folder.products(JobKind::Run, key, |line| warnings.push(line)).unwrap();
+        assert_eq!((all, warnings.len()), (vec![record], 1));
     }
 }

@@ -48,6 +48,7 @@ pub fn train(assignment: &Assignment) -> Result<Outcome> {
         ControlFlow::Continue(trained) => trained,
         ControlFlow::Break(ended) => return Ok(ended),
     };
+    text.as_ref().map_or(Ok(()), TextStore::unchanged)?;
     tokenizer.save(&place)?;
     if !log.is_empty() {
         write_json_lines(&place.join("log.jsonl"), &log)?;

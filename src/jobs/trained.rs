@@ -9,14 +9,14 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
-use super::assignment::MODEL;
-use super::folder::{JobState, ResultsFolder};
+use super::assignment::{MODEL, OF_RUN};
+use super::folder::{JobState, Product, ResultsFolder};
 use super::job::{JobId, JobKind};
 use crate::codes::TokenStore;
 use crate::data::{self, Split};
 use crate::draws::below;
 use crate::evaluator::{Evaluator, EvaluatorReport, Truth};
-use crate::files::{FileError, read_if_there};
+use crate::files::FileError;
 use crate::generator::{self, GeneratorError, Prompt, Sampled, Sampler, Sampling};
 use crate::learn::weights;
 use crate::spec::{EvaluatorSection, RunSpec};
@@ -62,7 +62,11 @@ impl TrainedRun {
                 trainer.command
             );
         }
-        let (loaded, _) = weights::load(&place.join(MODEL))?;
+        let (loaded, notes) = weights::load(&place.join(MODEL))?;
+        if let Some(other) = notes.get(OF_RUN).filter(|id| **id != run_id) {
+            let reason = format!("its weights are those of run {other}");
+            return Err(FileError::damaged(&place.join(MODEL), reason).into());
+        }
         let sampler = generator::of(&spec).sampler(&spec, loaded, device)?;
         let tokenizer = Tokenizer::load(&folder.tokenizer(&spec.tokenizer_id), device)
             .context("opening its tokenizer")?;
@@ -281,6 +285,12 @@ pub fn folder_and_id(place: &Path) -> Result<(ResultsFolder, String)> {
 
 // What a folder has of evaluators, and whether products can be read.
 
+impl Product for EvaluatorReport {
+    fn is_of(&self, job: &JobId, _: &ResultsFolder) -> bool {
+        self.evaluator_id == job.id
+    }
+}
+
 impl ResultsFolder {
     /// Whether the product of a finished job can be read, where that is quickly seen.
     ///
@@ -298,7 +308,7 @@ impl ResultsFolder {
 
     /// What a finished evaluator is worth.
     pub fn gates(&self, evaluator_id: &str) -> Result<Option<EvaluatorReport>, FileError> {
-        read_if_there(&self.product(&JobId::new(JobKind::Evaluator, evaluator_id)))
+        self.own_product(&JobId::new(JobKind::Evaluator, evaluator_id))
     }
 
     /// What every finished evaluator that lies here is worth, as [`ResultsFolder::all_metrics`].

@@ -1,13 +1,12 @@
 //! Runs, trunks and evaluators, trained by a worker.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
 
 use super::assignment::{Assignment, Outcome, open_or_remake, train_past_damage};
-use super::assignment::{LOG, MODEL, TEST_CLIPS};
+use super::assignment::{LOG, MODEL, TEST_CLIPS, weights_notes};
 use super::folder::ResultsFolder;
 use super::job::{JobId, JobKind};
 use super::program::{self, FinishedRun, TrainerResult};
@@ -51,7 +50,7 @@ fn write_results(
     trained: Trained,
 ) -> Result<()> {
     let place = assignment.place();
-    weights::save(&place.join(MODEL), &trained.weights, HashMap::new())?;
+    weights::save(&place.join(MODEL), &trained.weights, weights_notes(&assignment.job.id))?;
     write_json_lines(&place.join(LOG), &trained.log)?;
     write_json_lines(&place.join(TEST_CLIPS), &trained.test.clips)?;
     let result = TrainerResult {
@@ -184,18 +183,21 @@ impl<'a> Opened<'a> {
     /// `None`: stopped.
     ///
     /// # Errors
-    /// Training failed.
+    /// Training failed, or what it read changed meanwhile.
     pub fn train<T>(
         &self,
         mut train: impl FnMut(&Training) -> Result<T, GeneratorError>,
     ) -> Result<Option<T>> {
         let trunk = self.trunk.iter().map(|(state, _)| state.as_path());
         let states: Vec<&Path> = trunk.chain([self.checkpoint.as_path()]).collect();
-        train_past_damage(&states, || {
+        let trained = train_past_damage(&states, || {
             let (inputs, checkpoints) = (self.inputs(), self.checkpoints());
             let (spec, device) = (self.spec, self.assignment.device);
             train(&Training { spec, inputs: &inputs, device, checkpoints: &checkpoints })
-        })
+        })?;
+        self.tokens.unchanged()?;
+        self.text.unchanged()?;
+        Ok(trained)
     }
 }
 

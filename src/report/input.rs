@@ -4,6 +4,7 @@
 use maud::{Markup, PreEscaped, html};
 use serde_json::Value;
 
+use super::figure::Figure;
 use crate::codes::TokenizerMetrics;
 use crate::laws::text::count;
 use crate::laws::{Laws, Parameters};
@@ -17,6 +18,8 @@ pub struct ReportInput<'a> {
     /// One for each generator.
     pub studies: &'a [Study<'a>],
     pub samples: &'a [Sample],
+    /// Motions that cannot be shown, a sentence each.
+    pub not_shown: &'a [String],
     pub tokenizers: &'a [TokenizerMetrics],
     /// Those of all generators together.
     pub figures: &'a [Figure],
@@ -40,12 +43,6 @@ pub struct Study<'a> {
     pub predictions: &'a [Prediction],
     pub records: &'a [RunRecord],
     pub figures: &'a [Figure],
-}
-
-/// A figure of the sweep's folder.
-pub struct Figure {
-    pub name: String,
-    pub svg: String,
 }
 
 /// A motion of the study.

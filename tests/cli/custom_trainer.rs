@@ -241,6 +241,16 @@ echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#,
 }
 
 #[test]
+fn a_trainer_that_takes_its_checkpoints_away_is_done() {
+    let script = r#"rm -r "$3"; echo '{"loss_nats": 1, "loss_normalised": 1}' > "$2""#;
+    let place = Place::trained_by(script);
+    place.isoflop(&["run", "own.yaml"]).exits(0).does_not_say("warning: the run is done");
+    let folder = run_folder(&place);
+    assert!(!place.path(&format!("{folder}/failure.json")).exists());
+    place.isoflop(&["run", "own.yaml"]).exits(0).says("nothing to train");
+}
+
+#[test]
 fn commands_that_cannot_work_are_shown_where_they_stand() {
     for (command, words) in [
         ("''", "an empty command trains nothing"),

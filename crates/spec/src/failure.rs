@@ -31,6 +31,8 @@ pub enum FailureKind {
     FolderGone,
     /// A file is not what was written there, and could not be made again.
     Damaged,
+    /// Another program changed files of the sweep while a job used them.
+    FilesChanged,
     /// No progress for longer than `train.hang_s`.
     Hung,
     /// Somebody, or the system, ended the process.
@@ -75,6 +77,9 @@ impl FailureKind {
                 ("folder-gone", StopsAll, Some("give the folder its place and name again"))
             }
             Self::Damaged => ("damaged", Final, None),
+            Self::FilesChanged => {
+                ("files-changed", MayPass, Some("let no other program write into the folder"))
+            }
             Self::Hung => ("hung", MayPass, Some("raise train.hang_s where it only was slow")),
             Self::Killed => ("killed", MayPass, None),
             Self::OutOfMemory => {

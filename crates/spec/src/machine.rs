@@ -80,6 +80,24 @@ extern "C" fn on_abort(_: libc::c_int) {
     }
 }
 
+// A file that is mapped, and cut short by another program: to read beyond its new end is a bus error.
+
+const CUT: &str = "error: a file that is mapped into memory was cut short while it was read\n";
+
+/// From here on, a process that dies of a bus error says why first.
+pub fn tell_of_cut_files() {
+    // SAFETY: the handler calls `write` and `signal`; both are safe in a signal handler.
+    let _ = unsafe { signal(Signal::SIGBUS, SigHandler::Handler(on_bus_error)) };
+}
+
+extern "C" fn on_bus_error(_: libc::c_int) {
+    // SAFETY: both are safe in a signal handler; the fault comes again when the handler returns, and ends the process.
+    unsafe {
+        libc::write(libc::STDERR_FILENO, CUT.as_ptr().cast(), CUT.len());
+        libc::signal(libc::SIGBUS, libc::SIG_DFL);
+    }
+}
+
 // [`Kills`]: how many processes the system has killed because it was out of memory.
 
 /// Counts of kills for memory: of the machine, and of each control group that this process is in.

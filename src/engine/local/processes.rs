@@ -9,6 +9,7 @@ use crate::jobs::worker::{FAILED, REFUSED_MEMORY, STOPPED, killed_by, last_lines
 use crate::jobs::{Job, JobKind, ResultsFolder, program};
 use crate::machine::Kills;
 use crate::progress::{Beat, Said, Stop};
+use nix::sys::signal::Signal;
 use std::fs::{self, OpenOptions};
 use std::io::{self, BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
@@ -228,25 +229,31 @@ impl<'a> Attended<'a> {
             }
             // It was ended by this process, or did not listen yet.
             (None, None) if stop.is_raised() => JobEnd::Stopped,
-            (_, None) => JobEnd::of(self.death(status)),
+            (_, None) => JobEnd::of(death(status, &self.kills)),
         }
     }
+}
 
-    /// Why a worker died that said nothing.
-    fn death(&self, status: ExitStatus) -> Failure {
-        if status.code() == Some(REFUSED_MEMORY) {
-            return Failure::new(FailureKind::OutOfMemory, "the worker was refused memory");
-        }
-        let kind = killed_by(status.signal(), &self.kills).unwrap_or(FailureKind::Crashed);
-        let sentence = match kind {
-            FailureKind::OutOfMemory => {
-                "the system was out of memory and killed the worker".to_string()
-            }
-            FailureKind::Killed => format!("the worker was killed: {status}"),
-            _ => format!("the worker ended with {status}"),
-        };
-        Failure::new(kind, sentence)
+/// Why a worker died that said nothing; `kills` are those before it began.
+fn death(status: ExitStatus, kills: &Kills) -> Failure {
+    if status.code() == Some(REFUSED_MEMORY) {
+        return Failure::new(FailureKind::OutOfMemory, "the worker was refused memory");
     }
+    let kind = match status.signal() {
+        Some(signal) if signal == Signal::SIGBUS as i32 => FailureKind::FilesChanged,
+        signal => killed_by(signal, kills).unwrap_or(FailureKind::Crashed),
+    };
+    let sentence = match kind {
+        FailureKind::OutOfMemory => {
+            "the system was out of memory and killed the worker".to_string()
+        }
+        FailureKind::Killed => format!("the worker was killed: {status}"),
+        FailureKind::FilesChanged => {
+            format!("a file was cut short while the worker read it, which ended it with {status}")
+        }
+        _ => format!("the worker ended with {status}"),
+    };
+    Failure::new(kind, sentence)
 }
 
 /// What a worker prints, as it comes; the channel closes when the worker ends.
@@ -348,5 +355,20 @@ impl Leash {
     fn outlasts(&mut self, more: Duration) -> bool {
         let limit = self.grace + more;
         self.since.as_mut().is_some_and(|since| since.spend() > limit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_worker_whose_file_was_cut_starts_again_and_says_why() {
+        let failure = death(ExitStatus::from_raw(Signal::SIGBUS as i32), &Kills::so_far());
+        assert!(failure.reason.contains("a file was cut short while the worker read it"));
+        assert!(matches!(JobEnd::of(failure), JobEnd::Crashed(Failure { kind, .. })
+            if kind == FailureKind::FilesChanged));
+        let failure = death(ExitStatus::from_raw(Signal::SIGSEGV as i32), &Kills::so_far());
+        assert_eq!(failure.kind, FailureKind::Crashed);
     }
 }

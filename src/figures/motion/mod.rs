@@ -19,6 +19,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+pub use room::not_drawn;
+
 use super::formats::DrawError;
 use crate::data::write_npy;
 use crate::files::{FileError, atomic};
@@ -217,6 +219,31 @@ mod tests {
 
     fn number(text: &str) -> f64 {
         text.parse().unwrap()
+    }
+
+    #[test]
+    fn a_motion_that_leaves_the_room_is_told_in_place_of_its_picture() {
+        let (folder, mut far) = (tempfile::tempdir().unwrap(), clip(3));
+        // The speed of the root.
+        far.0[5 * N_FEATURES + 1] = 1e30;
+        let written = write_motion(folder.path(), "0", &motion(&far)).unwrap();
+        let svg = fs::read_to_string(written.svg).unwrap();
+        assert!(svg.contains(" m off the origin") && !svg.contains("<animate"), "{svg}");
+        assert!(svg.len() < 4000, "{} bytes", svg.len());
+        let sheet = |name: &str, clips: &[&(Vec<f32>, String)]| {
+            let motions: Vec<CaptionedMotion> = clips.iter().map(|clip| motion(clip)).collect();
+            write_sheet(&folder.path().join(name), &motions).unwrap();
+            image::open(folder.path().join(name)).unwrap().to_rgb8()
+        };
+        let (near, both) = (sheet("near.png", &[&clip(4)]), sheet("both.png", &[&clip(4), &far]));
+        let rows = near.rows().zip(both.rows());
+        assert!(rows.into_iter().all(|(a, b)| a.eq(b)), "the near one looks as it does alone");
+        assert!(sheet("far.png", &[&far]).height() < near.height());
+        assert_eq!(
+            not_drawn(&[[[f32::NAN; 3]; N_JOINTS]]).unwrap(),
+            "in frame 0 a joint is at no finite place"
+        );
+        assert_eq!(not_drawn(&recover_joints(&clip(4).0)), None);
     }
 
     #[test]

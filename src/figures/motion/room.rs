@@ -96,6 +96,24 @@ impl View {
     }
 }
 
+/// Nobody gets farther in a motion that is drawn, metres: a model that made such a place has diverged.
+const FARTHEST_M: f32 = 1000.0;
+
+/// Why a motion is not drawn, as a clause; `None` if it can be.
+pub fn not_drawn(poses: &[Pose]) -> Option<String> {
+    let is_beyond = |place: &&f32| place.is_nan() || place.abs() > FARTHEST_M;
+    let beyond = |pose: &Pose| pose.as_flattened().iter().find(is_beyond).copied();
+    let mut places = poses.iter().enumerate();
+    let (frame, place) = places.find_map(|(frame, pose)| Some((frame, beyond(pose)?)))?;
+    Some(match place.is_finite() {
+        true => format!(
+            "in frame {frame} a joint is {:.0e} m off the origin, beyond the {FARTHEST_M} m that are drawn",
+            place.abs()
+        ),
+        false => format!("in frame {frame} a joint is at no finite place"),
+    })
+}
+
 // The ground.
 
 /// Metres from line to line.

@@ -22,7 +22,7 @@ use anyhow::{Context, Result};
 use serde::Deserialize;
 
 use super::assignment::{Assignment, Outcome};
-use super::assignment::{LOG, MODEL, TEST_CLIPS};
+use super::assignment::{LOG, MODEL, TEST_CLIPS, weights_notes};
 use super::folder::{CHECKPOINT, ResultsFolder};
 use super::job::{JobId, JobKind};
 use super::worker;
@@ -91,12 +91,23 @@ pub fn run_program(
             let run = FinishedRun { folder, id, spec: run, tokens, max_text_tokens, ran_s };
             let record = run.record(&result);
             write_json(&place.join("record.json"), &record).context("writing record.json")?;
-            spec.init.iter().try_for_each(|init| remove(init))?;
-            fs::remove_dir_all(&spec.checkpoint).context("removing the checkpoint")?;
+            tidy(&spec);
             Ok(Outcome::Done)
         }
         Err(_) if stop.is_raised() => Ok(Outcome::Stopped),
         Err(failure) => Ok(Outcome::Failed(failure)),
+    }
+}
+
+/// Removes what a finished run needs no more. The program may have removed it, and the run is done either way.
+#[expect(clippy::print_stderr, reason = "what a worker writes there is the log of its job")]
+fn tidy(spec: &TrainerSpec) {
+    let removed = fs::remove_dir_all(&spec.checkpoint);
+    let removed = removed.map_err(|error| format!("{}: {error}", spec.checkpoint.display()));
+    let left = removed.err().filter(|_| spec.checkpoint.exists());
+    let init = spec.init.iter().filter_map(|init| Some(remove(init).err()?.to_string()));
+    for reason in left.into_iter().chain(init) {
+        eprintln!("warning: the run is done, and a file that it needs no more is left: {reason}");
     }
 }
 
@@ -173,7 +184,7 @@ fn keep_weights(
         let sources = sources.collect();
         // Whoever makes motions of them will ask for the same.
         generator::of(run).sampler(run, found, assignment.device)?;
-        weights::save(&place.join(MODEL), &sources, HashMap::new())?;
+        weights::save(&place.join(MODEL), &sources, weights_notes(&assignment.job.id))?;
         if path != place.join(MODEL) {
             remove(&path)?;
         }

@@ -10,6 +10,7 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
@@ -27,7 +28,7 @@ const POLL: Duration = Duration::from_millis(10);
 /// Between two forwarded beats.
 const BEAT: Duration = Duration::from_millis(100);
 /// Bytes of its output that are copied at once.
-const AT_ONCE: u64 = 1 << 16;
+const AT_ONCE: usize = 1 << 16;
 /// Time for the last lines to arrive after the program's end.
 const LAST_OUTPUT: Duration = Duration::from_secs(2);
 
@@ -45,13 +46,15 @@ pub fn attend(words: &[String], place: &Path, id: &str, stop: &Stop) -> Result<O
             return Ok(Some(Failure::new(FailureKind::Trainer, sentence)));
         }
     };
-    let lines = forward(child.stdout.take().expect("stdout is piped"));
-    let ended = follow(&mut child, &mut guard, place, stop);
+    let (sender, beats) = mpsc::channel();
+    let lines = forward(child.stdout.take().expect("stdout is piped"), sender);
+    let ended = follow(&mut child, &mut guard, place, stop, &beats);
     guard.finish()?;
     let waited = Instant::now();
     while !lines.is_finished() && waited.elapsed() < LAST_OUTPUT {
         sleep(POLL);
     }
+    say_last(&beats);
     bound_log(place);
     let status = ended?;
     let sentence = || format!("the trainer `{}` ended with {status}", words[0]);
@@ -75,9 +78,20 @@ fn start(words: &[String], guard: &Guard) -> io::Result<Child> {
     command.process_group(guard.child.id() as i32).spawn()
 }
 
-/// Waits for the program's end and keeps its log in bounds; a stop makes the guard end it.
-fn follow(child: &mut Child, guard: &mut Guard, place: &Path, stop: &Stop) -> Result<ExitStatus> {
+/// Waits for the program's end, tells of its progress and keeps its log in bounds; a stop makes the guard end it.
+fn follow(
+    child: &mut Child,
+    guard: &mut Guard,
+    place: &Path,
+    stop: &Stop,
+    beats: &Receiver<Beat>,
+) -> Result<ExitStatus> {
+    let mut said = Instant::now();
     loop {
+        if said.elapsed() > BEAT {
+            said = Instant::now();
+            say_last(beats);
+        }
         bound_log(place);
         if let Some(status) = child.try_wait().context("waiting for the trainer")? {
             return Ok(status);
@@ -93,21 +107,43 @@ fn follow(child: &mut Child, guard: &mut Guard, place: &Path, stop: &Stop) -> Re
     }
 }
 
-/// Copies lines to the log, and prints those that are beats. A line without an end is copied in parts.
-fn forward(output: impl Read + Send + 'static) -> JoinHandle<()> {
+/// Prints the last of the beats that have come.
+fn say_last(beats: &Receiver<Beat>) {
+    beats.try_iter().last().map(Said::Beat).iter().for_each(Said::say);
+}
+
+/// Copies lines to the log, and sends those that are beats.
+fn forward(output: impl Read + Send + 'static, beats: Sender<Beat>) -> JoinHandle<()> {
     spawn(move || {
-        let (mut reader, mut line, mut last) =
-            (BufReader::new(output), Vec::new(), None::<Instant>);
-        while (&mut reader).take(AT_ONCE).read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
-            let _ = io::stderr().write_all(&line);
-            let due = last.is_none_or(|last| last.elapsed() > BEAT);
-            if let (true, Ok(beat)) = (due, serde_json::from_slice::<Beat>(&line)) {
-                last = Some(Instant::now());
-                Said::Beat(beat).say();
+        in_lines(BufReader::new(output), |line| {
+            let _ = io::stderr().write_all(line);
+            if let Ok(beat) = serde_json::from_slice(line) {
+                let _ = beats.send(beat);
             }
+        });
+    })
+}
+
+/// Hands over line after line with its end, `\n` or the `\r` after which a line is written over; one of more than
+/// [`AT_ONCE`] bytes in parts.
+fn in_lines(mut output: impl BufRead, mut take: impl FnMut(&[u8])) {
+    let mut line = Vec::new();
+    while let Ok(bytes) = output.fill_buf()
+        && !bytes.is_empty()
+    {
+        let room = &bytes[..bytes.len().min(AT_ONCE - line.len())];
+        let end = room.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+        let used = end.map_or(room.len(), |end| end + 1);
+        line.extend_from_slice(&room[..used]);
+        output.consume(used);
+        if end.is_some() || line.len() == AT_ONCE {
+            take(&line);
             line.clear();
         }
-    })
+    }
+    if !line.is_empty() {
+        take(&line);
+    }
 }
 
 /// This side of a guard process.
@@ -258,4 +294,21 @@ fn alive_in(pid: Pid) -> Option<Pid> {
 #[cfg(not(target_os = "linux"))]
 fn members(_: &str) -> Vec<Pid> {
     vec![getpid()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn states_of_a_line_are_told_apart_and_an_endless_line_comes_in_parts() {
+        let text = [b"{1}\r{2}\r\n{3}\n".to_vec(), vec![b'x'; 2 * AT_ONCE + 5]].concat();
+        let mut parts = Vec::new();
+        // A pipe gives what it has at the time.
+        in_lines(BufReader::with_capacity(7, &text[..]), |line| parts.push(line.to_vec()));
+        assert_eq!(parts.concat(), text);
+        assert_eq!(parts[..4], [&b"{1}\r"[..], b"{2}\r", b"\n", b"{3}\n"]);
+        let lengths: Vec<usize> = parts[4..].iter().map(Vec::len).collect();
+        assert_eq!(lengths, [AT_ONCE, AT_ONCE, 5]);
+    }
 }

@@ -1,4 +1,4 @@
-//! [`TokenStore`]: the codes of a data set in one memory-mapped file that many processes share.
+//! [`TokenStore`]: the codes of a data set in one file that many processes read.
 //!
 //! The file is safetensors: for each split `<split>.codes` (u32, clip after clip, those of a clip
 //! scale after scale), `<split>.offsets` (u64, where each clip starts, and the end) and
@@ -13,7 +13,7 @@ use std::path::Path;
 use super::{CodeHistogram, Grid};
 use crate::data::Split;
 use crate::files::FileError;
-use crate::files::columns::{self, Column, MappedFile, NewColumn};
+use crate::files::columns::{self, Column, ColumnFile, NewColumn};
 use crate::spec::Share;
 
 /// The codes of one split.
@@ -86,6 +86,7 @@ fn name(split: Split, part: &str) -> String {
 /// A tokenised data set, opened for reading.
 #[derive(Debug)]
 pub struct TokenStore {
+    file: ColumnFile,
     grid: Grid,
     /// In [`Split::ALL`]'s order.
     splits: [StoredSplit; 3],
@@ -100,19 +101,27 @@ struct StoredSplit {
 }
 
 impl TokenStore {
-    /// Maps the file into memory and checks that it is whole.
+    /// Opens the file and checks that it is whole.
     ///
     /// # Errors
     /// [`FileError::Read`] and [`FileError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let file = MappedFile::open(path)?.verified()?;
+        let file = ColumnFile::open(path)?.verified()?;
         let grid = file.note(GRID).and_then(|text| serde_json::from_str(text).ok());
         let grid: Grid = grid.ok_or_else(|| file.damaged("the grid of its codes is missing"))?;
         if grid.scales.is_empty() || grid.scales.iter().any(|scale| !scale.is_sound()) {
             return Err(file.damaged("the grid of its codes has a scale without codes"));
         }
         let [train, val, test] = Split::ALL.map(|split| StoredSplit::read(&file, split, &grid));
-        Ok(Self { splits: [train?, val?, test?], grid })
+        Ok(Self { splits: [train?, val?, test?], grid, file })
+    }
+
+    /// Whether the codes are still those that were opened.
+    ///
+    /// # Errors
+    /// [`FileError::Changed`].
+    pub fn unchanged(&self) -> Result<(), FileError> {
+        self.file.unchanged()
     }
 
     /// The grid of the codes.
@@ -262,7 +271,7 @@ impl TokenStore {
 
 impl StoredSplit {
     /// The columns of a split, checked.
-    fn read(file: &MappedFile, split: Split, grid: &Grid) -> Result<Self, FileError> {
+    fn read(file: &ColumnFile, split: Split, grid: &Grid) -> Result<Self, FileError> {
         let codes = file.column(&name(split, CODES))?;
         let offsets = file.column(&name(split, OFFSETS))?;
         let groups = name(split, GROUPS);

@@ -57,6 +57,7 @@
 //! ```
 
 pub mod adamw;
+pub mod described;
 pub mod layers;
 mod learning;
 pub mod params;

@@ -2,21 +2,19 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Tensor, TensorData};
-use memmap2::Mmap;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, View, serialize};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::data::FeatureStats;
 use crate::failure::FailureKind;
-use crate::files::FileError;
 use crate::files::atomic::write_whole;
+use crate::files::{ANY, FileError, read_regular};
 use crate::motion::N_FEATURES;
 
 /// A tensor on the host, row-major.
@@ -182,6 +180,16 @@ impl ModuleMapper for Writer {
 
 /// The note that tells whether the numbers are those that were written.
 const DIGEST: &str = "digest";
+/// The same of all other notes.
+const NOTES_DIGEST: &str = "notes_digest";
+
+fn digest_of_notes(notes: &HashMap<String, String>) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for (name, note) in notes.iter().collect::<BTreeMap<_, _>>() {
+        hasher.update(name.as_bytes()).update(&[0]).update(note.as_bytes()).update(&[0]);
+    }
+    hasher.finalize().to_hex().to_string()
+}
 
 fn digest<'a>(tensors: impl Iterator<Item = (&'a String, Cow<'a, [f32]>)>) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -201,7 +209,9 @@ pub fn save(
     mut notes: HashMap<String, String>,
 ) -> Result<(), FileError> {
     let values = || sources.iter().map(|(name, source)| (name, source.values()));
+    let of_notes = digest_of_notes(&notes);
     notes.insert(DIGEST.to_string(), digest(values()));
+    notes.insert(NOTES_DIGEST.to_string(), of_notes);
     let lengths = sources.iter().map(|(name, source)| (name, Length(source)));
     let head = serialize(lengths, Some(notes))
         .map_err(|error| FileError::write(path)(io::Error::other(error)))?;
@@ -238,10 +248,7 @@ impl View for Length<'_> {
 /// # Errors
 /// [`FileError::Read`] and [`FileError::Damaged`].
 pub fn load(path: &Path) -> Result<(Weights, HashMap<String, String>), FileError> {
-    let file = File::open(path).map_err(FileError::read(path))?;
-    // SAFETY: such files are put in place by rename and never written again, so the mapped bytes do
-    // not change while they are read.
-    let bytes = unsafe { Mmap::map(&file) }.map_err(FileError::read(path))?;
+    let bytes = read_regular(path, ANY).map_err(FileError::read(path))?;
     read(&bytes).map_err(|reason| FileError::damaged(path, reason))
 }
 
@@ -255,6 +262,9 @@ fn read(bytes: &[u8]) -> Result<(Weights, HashMap<String, String>), String> {
     // Files of other programs have no digest.
     if notes.remove(DIGEST).is_some_and(|written| written != digest(numbers)) {
         return Err("its numbers are not those that were written".to_string());
+    }
+    if notes.remove(NOTES_DIGEST).is_some_and(|written| written != digest_of_notes(&notes)) {
+        return Err("its notes are not those that were written".to_string());
     }
     Ok((weights, notes))
 }
@@ -368,13 +378,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("w.safetensors");
         let tensor = HostTensor { shape: vec![2], values: vec![1.0, 2.0] };
-        save(&path, &Sources::from([("gain".into(), Source::Host(tensor))]), HashMap::new())
-            .unwrap();
-        let mut bytes = std::fs::read(&path).unwrap();
-        *bytes.last_mut().unwrap() ^= 1;
-        std::fs::write(&path, bytes).unwrap();
-        let error = load(&path).unwrap_err().to_string();
-        assert!(error.contains("(its numbers are not"), "{error}");
+        let notes = HashMap::from([("step".into(), "12".into())]);
+        save(&path, &Sources::from([("gain".into(), Source::Host(tensor))]), notes).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let note = bytes.windows(4).position(|four| four == b"\"12\"").unwrap() + 1;
+        for (place, what) in [(bytes.len() - 1, "numbers"), (note, "notes")] {
+            let mut flipped = bytes.clone();
+            flipped[place] ^= 1;
+            std::fs::write(&path, flipped).unwrap();
+            let error = load(&path).unwrap_err().to_string();
+            assert!(error.contains(&format!("(its {what} are not")), "{error}");
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use crate::data::{MotionSource, Split};
 use crate::failure::FailureKind;
 use crate::files::FileError;
-use crate::files::columns::{self, Column, MappedFile, NewColumn};
+use crate::files::columns::{self, Column, ColumnFile, NewColumn};
 use crate::progress::moved;
 
 /// A frozen encoder of captions.
@@ -40,6 +40,14 @@ pub trait TextEncoder: Sync {
     /// Hex digest of what the vectors follow from beside the spec; `None` where nothing is.
     fn digest(&self) -> Option<String> {
         None
+    }
+
+    /// Whether what the vectors follow from is still what it was when the digest was taken.
+    ///
+    /// # Errors
+    /// [`FileError::Changed`].
+    fn unchanged(&self) -> Result<(), FileError> {
+        Ok(())
     }
 }
 
@@ -109,6 +117,7 @@ pub fn embed(
 ) -> Result<(), TextError> {
     let (distinct, splits) = captions_of(source);
     let (embeddings, words) = vectors_of(encoder, &distinct)?;
+    encoder.unchanged()?;
     let mut all = vec![NewColumn::new("embeddings", &embeddings), NewColumn::new("words", &words)];
     for (split, (captions, offsets)) in Split::ALL.iter().zip(&splits) {
         all.push(NewColumn::new(format!("{}.captions", split.name()), captions));
@@ -169,6 +178,7 @@ fn vectors_of(
 /// The embedded captions of a data set, opened for reading.
 #[derive(Debug)]
 pub struct TextStore {
+    file: ColumnFile,
     dim: usize,
     embeddings: Column<f32>,
     words: Column<u64>,
@@ -177,12 +187,12 @@ pub struct TextStore {
 }
 
 impl TextStore {
-    /// Maps the file into memory and checks that it is whole.
+    /// Opens the file and checks that it is whole.
     ///
     /// # Errors
     /// [`FileError::Read`] and [`FileError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let file = MappedFile::open(path)?.verified()?;
+        let file = ColumnFile::open(path)?.verified()?;
         let split = |split: Split| {
             let name = split.name();
             let captions = file.column(&format!("{name}.captions"))?;
@@ -197,8 +207,17 @@ impl TextStore {
             embeddings: file.column("embeddings")?,
             words: file.column("words")?,
             splits: Split::ALL.into_iter().map(split).collect::<Result<_, FileError>>()?,
+            file,
         };
-        if store.is_sound() { Ok(store) } else { Err(file.damaged("its columns disagree")) }
+        if store.is_sound() { Ok(store) } else { Err(store.file.damaged("its columns disagree")) }
+    }
+
+    /// Whether the vectors are still those that were opened.
+    ///
+    /// # Errors
+    /// [`FileError::Changed`].
+    pub fn unchanged(&self) -> Result<(), FileError> {
+        self.file.unchanged()
     }
 
     fn is_sound(&self) -> bool {

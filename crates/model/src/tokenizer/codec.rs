@@ -1,6 +1,5 @@
 //! [`Tokenizer`]: a trained module with the statistics its features are normalised by.
 
-use std::io;
 use std::path::Path;
 
 use burn::module::Module;
@@ -12,10 +11,8 @@ use super::halves::{Captions, host};
 use super::module::TokenizerModule;
 use super::quantizer::{Extent, Quantizer};
 use crate::data::{self, FeatureStats, MotionSource};
-use crate::files::atomic::write_json;
-use crate::files::{FileError, read_if_there};
 use crate::generator::ScaleInputs;
-use crate::learn::weights;
+use crate::learn::{described, weights};
 use crate::spec::TokenizerSpec;
 
 /// Raw features to codes and back.
@@ -184,18 +181,13 @@ impl Tokenizer {
         let mut tensors = weights::of_module(&self.module);
         weights::insert_stats(&mut tensors, &self.stats);
         weights::insert_number(&mut tensors, FPS, self.fps);
-        weights::save(&folder.join(WEIGHTS), &tensors, Default::default())?;
-        Ok(write_json(&folder.join(SPEC), &self.spec)?)
+        Ok(described::save(folder, SPEC, &self.spec, &tensors)?)
     }
 
     /// Reads what [`Tokenizer::save`] wrote, for use on `device`.
     pub fn load(folder: &Path, device: &Device) -> Result<Self, TokenizerError> {
-        let path = folder.join(SPEC);
-        let spec: Option<TokenizerSpec> = read_if_there(&path)?;
-        let missing = || FileError::read(&path)(io::ErrorKind::NotFound.into());
-        let spec = spec.ok_or_else(missing)?;
+        let (spec, mut tensors): (TokenizerSpec, _) = described::load(folder, SPEC)?;
         spec.check()?;
-        let (mut tensors, _) = weights::load(&folder.join(WEIGHTS))?;
         let fps = weights::take_number(&mut tensors, FPS).unwrap_or(data::FPS);
         let beyond = weights::beyond(&(&spec.architecture, &spec.quantizer), &tensors);
         if let Some(problem) = beyond.or_else(|| weights::no_rate(fps)) {
@@ -207,7 +199,6 @@ impl Tokenizer {
     }
 }
 
-const WEIGHTS: &str = "weights.safetensors";
 const SPEC: &str = "tokenizer.json";
 /// The rate of the motion, among the tensors.
 const FPS: &str = "fps";

@@ -12,8 +12,9 @@ use super::corpus::{ClipBatch, Corpus, equal_length_batches};
 use crate::codes::{SplitTokens, write_store};
 use crate::data::Split;
 use crate::files::FileError;
-use crate::files::columns::{MappedFile, NewColumn, write};
+use crate::files::columns::{ColumnFile, NewColumn, write};
 use crate::progress::{Stop, moved};
+use crate::text::TextStore;
 
 /// Tokenises every clip of every split into one file at `path`, written whole, by rename. What it has made so
 /// far it keeps in `parts`, and goes on from there.
@@ -21,7 +22,7 @@ use crate::progress::{Stop, moved};
 /// `None`: stopped between two parts.
 ///
 /// # Errors
-/// A clip cannot be read or is shorter than a token, or a file cannot be written.
+/// A clip cannot be read or is shorter than a token, a file cannot be written, or the captions changed meanwhile.
 pub fn tokenize(
     tokenizer: &Tokenizer,
     corpus: &Corpus,
@@ -30,6 +31,11 @@ pub fn tokenize(
 ) -> Result<Option<()>, TokenizerError> {
     let splits = Split::ALL.iter().map(|&split| tokenize_split(tokenizer, corpus, split, parts));
     let Some(splits) = splits.collect::<Result<Option<Vec<_>>, _>>()? else { return Ok(None) };
+    if let Err(changed) = corpus.text.map_or(Ok(()), TextStore::unchanged) {
+        // Made of the changed captions, too.
+        std::fs::remove_dir_all(parts.folder).map_err(FileError::write(parts.folder))?;
+        return Err(changed.into());
+    }
     Ok(Some(write_store(path, &tokenizer.spec().grid(), &splits)?))
 }
 
@@ -134,7 +140,7 @@ fn keep(path: &Path, batches: &[Vec<u32>]) -> Result<(), FileError> {
 
 /// The codes of a part's batches; `None` where they are not kept, or not whole.
 fn kept(path: &Path) -> Option<Vec<Vec<u32>>> {
-    let file = MappedFile::open(path).ok()?;
+    let file = ColumnFile::open(path).and_then(ColumnFile::verified).ok()?;
     let (codes, lengths) = (file.column::<u32>(CODES).ok()?, file.column::<u64>(LENGTHS).ok()?);
     let mut rest = codes.values();
     let batch = |length: &u64| {

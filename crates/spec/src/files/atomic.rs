@@ -137,7 +137,8 @@ pub fn write_json_unflushed(path: &Path, value: &impl serde::Serialize) -> Resul
     write(path, |file| file.write_all(text.as_bytes()), |_| Ok(())).map_err(failed)
 }
 
-fn json(value: &impl serde::Serialize) -> io::Result<String> {
+/// A value as [`write_json`] writes it.
+pub fn json(value: &impl serde::Serialize) -> io::Result<String> {
     let mut text = serde_json::to_string_pretty(value)?;
     text.push('\n');
     Ok(text)

@@ -1,4 +1,4 @@
-//! Files: written whole, by rename; mapped; read as JSON; set aside where they are damaged; TensorBoard's events.
+//! Files: written whole, by rename; of columns; read as JSON; set aside where they are damaged; TensorBoard's events.
 //!
 //! # Example
 //!
@@ -40,10 +40,10 @@ pub enum FileError {
     /// It was read, and is not what was written there.
     #[error("{} is damaged ({reason}); {advice}", path.display())]
     Damaged { path: PathBuf, reason: String, advice: &'static str },
+    /// It was what was written there, and another program changed it since.
+    #[error("{} changed while it was used, so nothing that followed from it counts", path.display())]
+    Changed { path: PathBuf },
 }
-
-/// How most files are mended.
-const REMOVE: &str = "remove it to have it made again";
 
 impl FileError {
     /// A write that the system refused.
@@ -58,8 +58,8 @@ impl FileError {
 
     /// A file that is not what was written there.
     pub fn damaged(path: &Path, reason: impl ToString) -> Self {
-        let (path, reason) = (path.to_path_buf(), reason.to_string());
-        Self::Damaged { path, reason, advice: REMOVE }
+        let advice = mended_by(path);
+        Self::Damaged { path: path.to_path_buf(), reason: reason.to_string(), advice }
     }
 
     /// The same for a damaged file that is mended in another way.
@@ -73,7 +73,10 @@ impl FileError {
     /// The file.
     pub fn path(&self) -> &Path {
         match self {
-            Self::Write { path, .. } | Self::Read { path, .. } | Self::Damaged { path, .. } => path,
+            Self::Write { path, .. }
+            | Self::Read { path, .. }
+            | Self::Damaged { path, .. }
+            | Self::Changed { path } => path,
         }
     }
 
@@ -86,7 +89,7 @@ impl FileError {
             Self::Read { source, .. } => {
                 source.kind() == io::ErrorKind::NotFound || source.raw_os_error().is_none()
             }
-            Self::Write { .. } => false,
+            Self::Write { .. } | Self::Changed { .. } => false,
         }
     }
 
@@ -94,6 +97,7 @@ impl FileError {
     pub fn failure_kind(&self) -> FailureKind {
         match self {
             Self::Damaged { .. } => FailureKind::Damaged,
+            Self::Changed { .. } => FailureKind::FilesChanged,
             Self::Write { source, .. } => match source.raw_os_error() {
                 // EPERM, EACCES.
                 Some(1 | 13) => FailureKind::ReadOnly,
@@ -118,7 +122,7 @@ impl From<FileError> for io::Error {
     fn from(error: FileError) -> Self {
         let kind = match &error {
             FileError::Write { source, .. } | FileError::Read { source, .. } => source.kind(),
-            FileError::Damaged { .. } => io::ErrorKind::InvalidData,
+            FileError::Damaged { .. } | FileError::Changed { .. } => io::ErrorKind::InvalidData,
         };
         io::Error::new(kind, error)
     }
@@ -148,6 +152,8 @@ fn chain<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn 
 pub const SMALL: u64 = 64 << 20;
 /// Bytes of a motion or of a result.
 pub const LARGE: u64 = 2 << 30;
+/// Bytes of weights, which may be of any size.
+pub const ANY: u64 = u64::MAX - 1;
 
 /// The bytes of a regular file of `most` bytes at most; a link is followed.
 ///
@@ -163,6 +169,9 @@ pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
         return Err(too_large());
     }
     let mut bytes = Vec::new();
+    // ENOMEM.
+    let refused = |_| io::Error::from_raw_os_error(12);
+    bytes.try_reserve_exact(about.len() as usize).map_err(refused)?;
     File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most { Err(too_large()) } else { Ok(bytes) }
 }
@@ -183,7 +192,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 /// # Errors
 /// [`FileError::Read`] and [`FileError::Damaged`].
 pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, FileError> {
-    let damaged = |error| FileError::damaged(path, error).with_advice(mended_by(path));
+    let damaged = |error| FileError::damaged(path, error);
     let bytes = if_there(path, read_regular(path, LARGE))?;
     bytes.map(|bytes| serde_json::from_slice(&bytes).map_err(damaged)).transpose()
 }
@@ -210,7 +219,7 @@ fn mended_by(path: &Path) -> &'static str {
         "metrics.json" => "`isoflop run` sets it aside and trains the tokenizer again",
         "failure.json" => "`isoflop run` with --retry-failed tries the job again",
         "plan.json" | "spec.json" | "job.json" | "laws.json" => "`isoflop run` writes it again",
-        _ => REMOVE,
+        _ => "remove it to have it made again",
     }
 }
 
