@@ -15,6 +15,7 @@ use super::matching::MatchingNetworks;
 use super::motion_clip::Towers;
 use super::seen::{Networks, Rows, Seen, words};
 use crate::data::FeatureStats;
+use crate::files::FileError;
 use crate::learn::{described, weights};
 use crate::scores::Embeddings;
 use crate::spec::{EvaluatorSpec, NetworksSpec};

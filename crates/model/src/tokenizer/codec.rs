@@ -11,6 +11,7 @@ use super::halves::{Captions, host};
 use super::module::TokenizerModule;
 use super::quantizer::{Extent, Quantizer};
 use crate::data::{self, FeatureStats, MotionSource};
+use crate::files::FileError;
 use crate::generator::ScaleInputs;
 use crate::learn::{described, weights};
 use crate::spec::TokenizerSpec;
@@ -191,7 +192,7 @@ impl Tokenizer {
         let fps = weights::take_number(&mut tensors, FPS).unwrap_or(data::FPS);
         let beyond = weights::beyond(&(&spec.architecture, &spec.quantizer), &tensors);
         if let Some(problem) = beyond.or_else(|| weights::no_rate(fps)) {
-            return Err(FileError::damaged(&path, problem).into());
+            return Err(FileError::damaged(&folder.join(SPEC), problem).into());
         }
         let stats = weights::take_stats(&mut tensors)?;
         let module = TokenizerModule::of_weights(&spec, &stats, tensors, device)?;
